@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+#ifndef HDOOCPT_BRIDGE_SESSION_H
+#define HDOOCPT_BRIDGE_SESSION_H
+
+#include "pxr/base/gf/matrix4d.h"
+#include "pxr/base/gf/range2f.h"
+#include "pxr/base/gf/rect2i.h"
+#include "pxr/base/tf/token.h"
+#include "pxr/base/vt/dictionary.h"
+#include "pxr/base/vt/value.h"
+#include "pxr/imaging/hd/sceneIndex.h"
+#include "pxr/pxr.h"
+#include "pxr/usd/sdf/path.h"
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+/// One AOV that the host bound, by its Hydra name ("color", "depth", "primId"…).
+struct HdOocPTAovRequest {
+    TfToken name;
+    /// As the host gave it: any scalar or vector of float, double or int; empty takes the AOV's own default.
+    VtValue clearValue;
+};
+
+/// Everything one image needs from the render pass state. Matrices are Gf's (row vectors), exactly as Hydra hands them out.
+struct HdOocPTRenderRequest {
+    /// Size of the render buffers in pixels.
+    int width = 0;
+    int height = 0;
+    /// The camera prim, for its lens (fStop, focalLength, focusDistance); empty means a pinhole.
+    SdfPath cameraPath;
+    /// HdRenderPassState::GetWorldToViewMatrix() and GetProjectionMatrix(): GL clip space, window policy applied.
+    GfMatrix4d worldToView{1.0};
+    GfMatrix4d projection{1.0};
+    /// CameraUtilFraming's windows, y down, data window with inclusive maximum, as Hydra hands them out.
+    /// An empty data window means the whole buffer with the display window equal to it.
+    GfRange2f displayWindow;
+    GfRect2i dataWindow;
+    std::vector<HdOocPTAovRequest> aovs;
+    /// Render tags of the pass ("geometry" = default purpose, "render", "proxy", "guide"); empty means all.
+    TfTokenVector renderTags;
+};
+
+/// One setting for HdRenderDelegate::GetRenderSettingDescriptors(). The default holds bool, int, float or std::string.
+/// It is the environment's value where an OOCPT_* variable is set.
+struct HdOocPTSettingDescriptor {
+    TfToken key;
+    std::string name;
+    VtValue defaultValue;
+};
+
+/// The renderer as Hydra sees it: owns the Rust session, the scene observer and the chain of scene indices in front of it.
+///
+/// One per render delegate. Nothing thrown by Rust leaves this class: every failure becomes a message that DrainMessages()
+/// posts. No function blocks for longer than a wave, but for Stop(true) and the destructor, which wait for the render thread.
+///
+/// Threads: unless said otherwise, call from the thread that drives Hydra (one at a time). IsConverged, ReadAov, GetStats,
+/// Pause, Resume and IsPaused/IsStopped may be called from any thread.
+class HdOocPTSession {
+public:
+    HdOocPTSession();
+    ~HdOocPTSession();
+    HdOocPTSession(const HdOocPTSession&) = delete;
+    HdOocPTSession& operator=(const HdOocPTSession&) = delete;
+
+    // ---- scene ----
+
+    /// Takes the host's terminal scene index; implicit shapes and ext computations are resolved on the way to the observer.
+    /// A second call drops the scene of the first. A null pointer drops the scene.
+    void SetTerminalSceneIndex(const HdSceneIndexBaseRefPtr& terminal);
+
+    /// How a mesh's Hydra prim id is found (HdRprim::GetPrimId by path, -1 when unknown). Called from several threads
+    /// during CommitScene(), never afterwards. Meshes read before the lookup is set have id -1.
+    void SetPrimIdLookup(std::function<int32_t(const SdfPath&)> lookup);
+
+    /// Reads what was added, removed or dirtied since the last call and forwards it. Call it from
+    /// HdRenderDelegate::CommitResources. Cheap when nothing is pending. Posts the reader's warnings through Tf itself.
+    void CommitScene();
+
+    // ---- settings ----
+
+    /// Forwards one setting that the host sets explicitly: it wins over OOCPT_* variables, which win over defaults.
+    /// An empty value takes the explicit one back. Keys that OocPT does not know are ignored; a value of the wrong type or out
+    /// of range warns and changes nothing.
+    void SetSetting(const TfToken& key, const VtValue& value);
+
+    std::vector<HdOocPTSettingDescriptor> GetSettingDescriptors() const;
+
+    // ---- rendering ----
+
+    /// Asks for this image. Returns at once; restarts only if scene, camera, AOVs or settings changed since the last request.
+    void Render(const HdOocPTRenderRequest& request);
+
+    /// True when the latest image is final and resolved, or when rendering ended for good (error, stop).
+    bool IsConverged() const;
+
+    void Pause();
+    void Resume();
+    void Stop(bool blocking);
+    void Restart();
+    bool IsPaused() const;
+    bool IsStopped() const;
+
+    /// Copies the newest resolved image of an AOV into destination: tightly packed, bottom row first, in the AOV's own format
+    /// (color f32x4; depth, cameraDepth f32; primId, instanceId, elementId i32; normal, Neye, albedo f32x3).
+    /// False, destination untouched, if there is none yet, the name is unknown or the size differs.
+    bool ReadAov(const TfToken& name, void* destination, size_t byteCount) const;
+
+    /// GetRenderStats() of the delegate, with the keys that hosts read.
+    VtDictionary GetStats() const;
+
+    /// Posts what the renderer has to say as TF_WARN and TF_RUNTIME_ERROR. Call it on the host's thread: errors posted on
+    /// another one are lost to the host.
+    void DrainMessages();
+
+private:
+    class _Impl;
+    std::unique_ptr<_Impl> _impl;
+};
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif
