@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What a pass is given: the push constants of the wavefront passes, the frame block they point to, and how to launch.
+//!
+//! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
+
+use bitflags::bitflags;
+use bytemuck::{Pod, Zeroable};
+
+/// Threads in every workgroup of every pass, along x.
+pub const WORKGROUP_SIZE: u32 = 64;
+
+/// Largest workgroup count along x that [`groups`] and `prepare_dispatch` ask for; more go along y.
+/// 2^15 keeps below the 65535 that every device grants.
+pub const MAX_DIRECT_GROUPS: u32 = 1 << 15;
+
+/// Specialisation constant: instance records on the longest chain from the root to a mesh (`Snapshot::max_levels`), 1..=16.
+pub const SPEC_MAX_LEVELS: u32 = 0;
+/// Specialisation constant: traversal stack entries: the sum, over the levels of the deepest chain, of the depth of the
+/// deepest instance tree at that level, plus the depth of the deepest mesh tree, plus `MAX_LEVELS` + 1.
+pub const SPEC_STACK_SIZE: u32 = 1;
+/// Specialisation constant: bits of [`Features`].
+pub const SPEC_FEATURES: u32 = 2;
+
+/// `arg0` of `prepare_dispatch`: queues for `intersect_closest` and `intersect_shadow`.
+pub const PREPARE_TRACE: u32 = 0;
+/// `arg0` of `prepare_dispatch`: queues for `shade_surface` and `shade_background`.
+pub const PREPARE_SHADE: u32 = 1;
+
+bitflags! {
+    /// What the scene and the frame need; the passes are compiled without the rest (specialisation constant 2).
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+    pub struct Features: u32 {
+        /// A constant dome light: `Frame::dome_radiance` counts.
+        const DOME = 1;
+        /// At least one distant light: `Frame::lights` and `Frame::light_count` count.
+        const DISTANT = 2;
+        /// Some mesh has opacities: traversal decides per hit, stochastically.
+        const OPACITY = 4;
+        /// Some mesh has normals to interpolate; without it all shading is flat.
+        const NORMALS = 8;
+        /// Some mesh has colours; without it every surface is `Frame::default_albedo`.
+        const COLORS = 16;
+        /// The camera has an open lens: `lens_u`, `lens_v`, `focus` count.
+        const LENS = 32;
+        /// Some instance record points to an assembly (needed when `MAX_LEVELS` > 1).
+        const INSTANCING = 64;
+        /// Shadow rays towards the dome at every bounce, joined to the escaping rays by MIS. Without it only the last
+        /// bounce sends them. Either way the estimate is unbiased: this is a choice of rays per path against noise.
+        const DOME_SHADOW_RAYS = 128;
+    }
+}
+
+bitflags! {
+    /// Switches of a frame that do not need another pipeline (`Frame::flags`).
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+    pub struct FrameFlags: u32 {
+        /// A camera ray that escapes sees `Frame::dome_background` with alpha 1; else it leaves (0, 0, 0, 0).
+        const DOME_CAMERA_VISIBLE = 1;
+    }
+}
+
+/// Push constants of every wavefront pass, 32 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct Push {
+    /// Device address of a [`Frame`].
+    pub frame: u64,
+    /// First path of the wave: index of its pixel in trace order (`first_path % (width * height)`).
+    pub first_pixel: u32,
+    /// First path of the wave: its sample number (`first_path / (width * height)`).
+    pub first_sample: u32,
+    /// Paths in the wave. `width * height + path_count` must stay below 2^32.
+    pub path_count: u32,
+    /// Bounce: 0 = camera rays.
+    pub bounce: u32,
+    /// Meaning depends on the pass; 0 where none is told.
+    pub arg0: u32,
+    /// Unused, 0.
+    pub arg1: u32,
+}
+
+impl Push {
+    /// The push constants of the wave that traces `first_path .. first_path + path_count` of an image of `pixels` pixels,
+    /// at bounce 0 with `arg0` 0. `pixels` of 0 counts as 1. Sample numbers wrap at 2^32.
+    #[must_use]
+    pub fn wave(frame: u64, first_path: u64, path_count: u32, pixels: u32) -> Self {
+        let pixels = u64::from(pixels.max(1));
+        let low = |value: u64| u32::try_from(value & u64::from(u32::MAX)).unwrap_or_default();
+        Self {
+            frame,
+            first_pixel: low(first_path % pixels),
+            first_sample: low(first_path / pixels),
+            path_count,
+            bounce: 0,
+            arg0: 0,
+            arg1: 0,
+        }
+    }
+
+    /// The same wave at another bounce and with another `arg0`.
+    #[must_use]
+    pub fn with(self, bounce: u32, arg0: u32) -> Self {
+        Self { bounce, arg0, ..self }
+    }
+}
+
+/// Where `trace_aovs` writes: device addresses of tightly packed planes, pixel `y * width + x`, row 0 at the bottom.
+/// 0 = not wanted. [`crate::aov_bytes`] gives bytes per pixel.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct AovTargets {
+    /// f32, clip z/w mapped from [-1, 1] to [0, 1].
+    pub depth: u64,
+    /// f32, distance along the view axis, positive in front.
+    pub camera_depth: u64,
+    /// i32, `GpuInstance::prim_id` of the record that holds the mesh.
+    pub prim_id: u64,
+    /// i32, instances numbered through all instancer levels, outer to inner.
+    pub instance_id: u64,
+    /// i32, `GpuTriangle::face`.
+    pub element_id: u64,
+    /// f32x3, world normal, unit, on the authored side of the surface.
+    pub normal: u64,
+    /// f32x3, the same in view space.
+    pub neye: u64,
+    /// f32x3, diffuse albedo, linear.
+    pub albedo: u64,
+}
+
+/// What `trace_aovs` writes where nothing is hit, plane by plane.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct AovClear {
+    /// Clear value of the plane of this name.
+    pub depth: f32,
+    /// Clear value of the plane of this name.
+    pub camera_depth: f32,
+    /// Clear value of the plane of this name.
+    pub prim_id: i32,
+    /// Clear value of the plane of this name.
+    pub instance_id: i32,
+    /// Clear value of the plane of this name.
+    pub element_id: i32,
+    /// Clear value of the plane of this name.
+    pub normal: [f32; 3],
+    /// Clear value of the plane of this name.
+    pub neye: [f32; 3],
+    /// Clear value of the plane of this name.
+    pub albedo: [f32; 3],
+}
+
+/// Everything about a frame that all passes share; lives in device memory, written by the host before the first wave.
+/// World means: relative to `Snapshot::origin`, the frame of the root assembly.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Frame {
+    /// [`crate::GpuNode`] array of the root assembly, 16-byte aligned (all node, triangle and instance arrays are).
+    pub root_nodes: u64,
+    /// [`crate::GpuInstance`] array of the root assembly.
+    pub root_instances: u64,
+    /// [`crate::GpuAssembly`] by assembly index. May be 0 without `Features::INSTANCING`.
+    pub assemblies: u64,
+    /// [`crate::GpuMesh`] by mesh index.
+    pub meshes: u64,
+    /// [`crate::GpuLight`] array: the distant lights. May be 0 without `Features::DISTANT`.
+    pub lights: u64,
+    /// Two [`crate::Ray`] arrays of wave size, used in turn: bounce `b` reads `rays[b & 1]`.
+    pub rays: [u64; 2],
+    /// Hit records, `hit_stride(MAX_LEVELS)` bytes per slot, wave size; slot = slot of the ray. 16-byte aligned.
+    pub hits: u64,
+    /// [`crate::PathState`] per path slot, wave size. 16-byte aligned, as are `rays` and `radiance`.
+    pub paths: u64,
+    /// f32x4 (rgb, alpha) per path slot, wave size.
+    pub radiance: u64,
+    /// Queue of u32 ray slots, wave size.
+    pub surface_hits: u64,
+    /// Queue of u32 ray slots, wave size.
+    pub escaped_rays: u64,
+    /// Queue of [`crate::ShadowRay`], wave size. 16-byte aligned.
+    pub shadow_rays: u64,
+    /// One [`crate::Counters`].
+    pub counters: u64,
+    /// [`crate::FilmPixel`] per pixel `y * width + x`. Zero before the first wave. 16-byte aligned.
+    pub film: u64,
+    /// f32x4 per pixel `y * width + x`, row 0 at the bottom: what `resolve` writes. 16-byte aligned.
+    pub color: u64,
+    /// What `trace_aovs` writes.
+    pub aov: AovTargets,
+    /// What `trace_aovs` writes where nothing is hit.
+    pub aov_clear: AovClear,
+    /// What `resolve` puts under the picture: `color = premultiplied + clear_color * (1 - alpha)`.
+    pub clear_color: [f32; 4],
+    /// Camera ray of image point (px, py), pixel centres at + 0.5: origin `ray_o + px * ray_o_x + py * ray_o_y`.
+    pub ray_o: [f32; 3],
+    /// See `ray_o`.
+    pub ray_o_x: [f32; 3],
+    /// See `ray_o`.
+    pub ray_o_y: [f32; 3],
+    /// Direction `ray_d + px * ray_d_x + py * ray_d_y`, of length 1 along the view axis, normalised by the pass.
+    pub ray_d: [f32; 3],
+    /// See `ray_d`.
+    pub ray_d_x: [f32; 3],
+    /// See `ray_d`.
+    pub ray_d_y: [f32; 3],
+    /// Lens axes, world, times the lens radius.
+    pub lens_u: [f32; 3],
+    /// See `lens_u`.
+    pub lens_v: [f32; 3],
+    /// Distance of the plane in focus along the view axis.
+    pub focus: f32,
+    /// Row z of clip-from-world.
+    pub clip_z: [f32; 4],
+    /// Row w of clip-from-world.
+    pub clip_w: [f32; 4],
+    /// Rows of view-from-world.
+    pub view: [[f32; 4]; 3],
+    /// Sum over the dome lights, linear radiance.
+    pub dome_radiance: [f32; 3],
+    /// Sum over the dome lights that the camera may see.
+    pub dome_background: [f32; 3],
+    /// Probability of choosing the dome for a shadow ray, in [0, 1]; 1 without distant lights, 0 without a dome, else
+    /// strictly between. Used only where dome shadow rays are sent.
+    pub dome_select: f32,
+    /// Albedo of a surface without a colour (UsdPreviewSurface and displayColor fall back to 0.18).
+    pub default_albedo: [f32; 3],
+    /// Upper bound on the largest component of an indirect contribution; 0 = off.
+    pub clamp: f32,
+    /// Image width in pixels.
+    pub width: u32,
+    /// Image height in pixels.
+    pub height: u32,
+    /// Seed of the render.
+    pub seed: u32,
+    /// Indirect bounces; 0 = direct light only.
+    pub max_bounces: u32,
+    /// Elements of `lights`.
+    pub light_count: u32,
+    /// Bits of [`FrameFlags`].
+    pub flags: u32,
+    /// 0.
+    pub reserved: [u32; 2],
+}
+
+/// Workgroup counts that give at least `threads` threads; the passes find their thread as
+/// `(group.y * group_count.x + group.x) * 64 + local`. Zero threads give one group.
+#[must_use]
+pub fn groups(threads: u64) -> [u32; 3] {
+    let needed = threads.div_ceil(u64::from(WORKGROUP_SIZE)).max(1);
+    let x = needed.min(u64::from(MAX_DIRECT_GROUPS));
+    let y = needed.div_ceil(x);
+    [u32::try_from(x).unwrap_or(u32::MAX), u32::try_from(y).unwrap_or(u32::MAX), 1]
+}

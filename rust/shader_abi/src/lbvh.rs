@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The plan of a GPU build of an instance tree: Morton keys, radix sort, Karras hierarchy, refit.
+//!
+//! Guarantees: [`steps`] is a pure function; the tree it makes depends only on the bounds (ties by index), not on timing.
+//! Any thread. Sources: Karras 2012, "Maximizing Parallelism in the Construction of BVHs, Octrees, and k-d Trees".
+
+use crate::{Module, groups, passes};
+use bytemuck::{Pod, Zeroable};
+
+/// Most items of one tree.
+pub const MAX_ITEMS: u32 = 1 << 26;
+
+/// Items that one workgroup sorts: 64 threads x 16.
+const TILE: u32 = 1024;
+/// Digits of a radix pass.
+const DIGITS: u32 = 256;
+
+/// Conservative box of one item, 24 B, in the frame of the assembly: what the build reads.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Bounds {
+    /// Lower corner.
+    pub min: [f32; 3],
+    /// Upper corner.
+    pub max: [f32; 3],
+}
+
+/// Push constants of every LBVH pass, 120 B; made by [`steps`].
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct LbvhPush {
+    /// [`Bounds`] per item.
+    pub bounds: u64,
+    /// u64 Morton keys to read.
+    pub keys_in: u64,
+    /// u64 Morton keys to write.
+    pub keys_out: u64,
+    /// u32 item indices to read.
+    pub items_in: u64,
+    /// u32 item indices to write.
+    pub items_out: u64,
+    /// u32 digit counts: `[digit][group]`, then the total per digit.
+    pub histogram: u64,
+    /// [`crate::GpuNode`] array to write.
+    pub nodes: u64,
+    /// u32 per inner node, then per leaf: parent, bit 31 = second child.
+    pub parents: u64,
+    /// u32 per inner node: 0, or 1 + height of the child that arrived first.
+    pub visits: u64,
+    /// One u32: levels of nodes of the finished tree.
+    pub depth: u64,
+    /// Lower corner of all centroids (or of anything around them).
+    pub origin: [f32; 3],
+    /// 2^21 / extent per axis, 0 for an axis without extent.
+    pub scale: [f32; 3],
+    /// Items.
+    pub count: u32,
+    /// Lowest bit of the digit of this radix pass.
+    pub shift: u32,
+    /// Workgroups of the sort (tiles).
+    pub groups: u32,
+    /// 0.
+    pub pad: u32,
+}
+
+/// A tree to build. Addresses are device addresses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Job {
+    /// [`Bounds`] per item, 4-byte aligned.
+    pub bounds: u64,
+    /// Room for `max(count - 1, 1)` [`crate::GpuNode`], 16-byte aligned. The root will be node 0; leaves have count 1 and
+    /// the item index as child.
+    pub nodes: u64,
+    /// Room for [`scratch_bytes`]`(count)`, 16-byte aligned; contents do not matter before, and are garbage after.
+    pub scratch: u64,
+    /// Room for one u32: the number of node levels (1 for up to two items) = stack entries traversal may need.
+    pub depth: u64,
+    /// Items, at most [`MAX_ITEMS`]. 0 is allowed: one node with two empty children.
+    pub count: u32,
+    /// Box around all items, in the same frame. Items outside of it only cost quality.
+    pub around: Bounds,
+}
+
+/// One step of a build. Steps run in order with a full compute memory barrier between them.
+#[derive(Debug, Clone, Copy)]
+pub struct Step {
+    /// The pass.
+    pub module: &'static Module,
+    /// Its push constants.
+    pub push: LbvhPush,
+    /// Workgroups.
+    pub groups: [u32; 3],
+}
+
+/// Bytes of scratch memory to build a tree over `count` items.
+#[must_use]
+pub fn scratch_bytes(count: u32) -> u64 {
+    Layout::new(count).bytes
+}
+
+/// Offsets in the scratch memory. After the sort the second key buffer holds the parents and the second item buffer the
+/// visits.
+struct Layout {
+    keys: [u64; 2],
+    items: [u64; 2],
+    histogram: u64,
+    bytes: u64,
+}
+
+impl Layout {
+    fn new(count: u32) -> Self {
+        let count = u64::from(count.max(2));
+        let tiles = count.div_ceil(u64::from(TILE));
+        let keys = (8 * count).next_multiple_of(16);
+        let items = (4 * count).next_multiple_of(16);
+        let histogram = 2 * keys + 2 * items;
+        let bytes = histogram + 4 * u64::from(DIGITS) * (tiles + 1);
+        Self { keys: [0, keys], items: [2 * keys, 2 * keys + items], histogram, bytes }
+    }
+}
+
+/// The dispatches that build the tree of `job`, in order.
+#[must_use]
+pub fn steps(job: &Job) -> Vec<Step> {
+    let layout = Layout::new(job.count);
+    let at = |offset: u64| job.scratch + offset;
+    let tiles = job.count.div_ceil(TILE);
+    let (origin, scale) = quantisation(&job.around);
+    let mut push = LbvhPush {
+        bounds: job.bounds,
+        keys_in: at(layout.keys[0]),
+        keys_out: at(layout.keys[1]),
+        items_in: at(layout.items[0]),
+        items_out: at(layout.items[1]),
+        histogram: at(layout.histogram),
+        nodes: job.nodes,
+        parents: at(layout.keys[1]),
+        visits: at(layout.items[1]),
+        depth: job.depth,
+        origin,
+        scale,
+        count: job.count,
+        shift: 0,
+        groups: tiles,
+        pad: 0,
+    };
+    let items = groups(u64::from(job.count));
+    let mut steps = Vec::new();
+    if job.count > 1 {
+        steps.push(Step { module: &passes::LBVH_MORTON, push, groups: items });
+        for pass in 0..8 {
+            push.shift = 8 * pass;
+            let tile_groups = groups(u64::from(tiles) * u64::from(crate::WORKGROUP_SIZE));
+            steps.push(Step { module: &passes::LBVH_SORT_COUNT, push, groups: tile_groups });
+            steps.push(Step { module: &passes::LBVH_SORT_SCAN, push, groups: [DIGITS, 1, 1] });
+            steps.push(Step { module: &passes::LBVH_SORT_SCATTER, push, groups: tile_groups });
+            core::mem::swap(&mut push.keys_in, &mut push.keys_out);
+            core::mem::swap(&mut push.items_in, &mut push.items_out);
+        }
+        steps.push(Step { module: &passes::LBVH_HIERARCHY, push, groups: items });
+    }
+    steps.push(Step { module: &passes::LBVH_REFIT, push, groups: items });
+    steps
+}
+
+/// Origin and scale that map a box to [0, 2^21) per axis.
+fn quantisation(around: &Bounds) -> ([f32; 3], [f32; 3]) {
+    let mut scale = [0.0; 3];
+    for axis in 0..3 {
+        let extent = around.max[axis] - around.min[axis];
+        if extent > 0.0 && extent.is_finite() {
+            let candidate = 2_097_152.0 / extent;
+            scale[axis] = if candidate.is_finite() { candidate } else { 0.0 };
+        }
+    }
+    (around.min, scale)
+}

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The bytes that host and compute shaders agree on: every struct that crosses, and the compiled shaders.
+//!
+//! Guarantees: each struct here has the same member offsets as the GLSL struct of the same name in
+//! `shaders/include/abi.glsl`; `build.rs` compares them in the SPIR-V of every pass and fails the build on a difference.
+//! No Vulkan, no state, no threads: plain data, usable from anywhere.
+//!
+//! # One wave
+//! A wave traces paths `first_path .. first_path + path_count` without a word from the host. `q` is the one [`Push`] of the
+//! wave (made by [`Push::wave`]); a line is a step, and there is a full memory barrier between steps. Steps that share a
+//! line are independent and may overlap.
+//! ```text
+//! generate_camera_rays   [groups(path_count)]                 q
+//! prepare_dispatch       [1]                                  q.with(0, PREPARE_TRACE)
+//! for b in 0..=max_bounces:
+//!   intersect_closest    indirect Counters::RAY_ARGS          q.with(b, 0)      | of b-1: intersect_shadow, see below
+//!   prepare_dispatch     [1]                                  q.with(b, PREPARE_SHADE)
+//!   shade_background     indirect Counters::ESCAPED_ARGS      q.with(b, 0)      | shade_surface indirect Counters::SURFACE_ARGS
+//!   prepare_dispatch     [1]                                  q.with(b + 1, PREPARE_TRACE)
+//!   intersect_shadow     indirect Counters::SHADOW_ARGS       q.with(b, 0)      | of b+1: intersect_closest
+//! accumulate             [groups(min(path_count, width*height))]  q
+//! resolve                [groups(width*height)]               q                 (only when an image is wanted)
+//! ```
+//! `shaders/README.md` has the table of what each pass reads and writes.
+
+#![forbid(unsafe_code)]
+
+mod film;
+mod frame;
+mod lbvh;
+mod modules;
+mod path;
+mod scene;
+
+pub use film::{FilmPixel, aov_bytes};
+pub use frame::{
+    AovClear, AovTargets, Features, Frame, FrameFlags, MAX_DIRECT_GROUPS, PREPARE_SHADE, PREPARE_TRACE, Push,
+    SPEC_FEATURES, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
+};
+pub use lbvh::{Job as LbvhJob, LbvhPush, MAX_ITEMS as LBVH_MAX_ITEMS, Step as LbvhStep, scratch_bytes as lbvh_scratch_bytes};
+pub use lbvh::{Bounds as LbvhBounds, steps as lbvh_steps};
+pub use modules::{ALL, Module, passes};
+pub use path::{Counters, IndirectArgs, PathState, Ray, ShadowRay, hit_stride};
+pub use scene::{
+    AttributeRate, GpuAssembly, GpuInstance, GpuLight, GpuMesh, GpuNode, GpuTriangle, MAX_LEAF_ITEMS, MeshFlags,
+    TARGET_ASSEMBLY,
+};

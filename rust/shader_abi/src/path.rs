@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Path state and queues of the wavefront.
+//!
+//! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
+
+use bytemuck::{Pod, Zeroable};
+use core::mem::offset_of;
+
+/// A ray to find the closest hit of, 32 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Ray {
+    /// Origin, world.
+    pub o: [f32; 3],
+    /// Path slot in the wave.
+    pub path: u32,
+    /// Direction, world, unit up to rounding.
+    pub d: [f32; 3],
+    /// Hits must lie nearer than this; +inf.
+    pub t_max: f32,
+}
+
+/// State of a path between bounces, 16 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct PathState {
+    /// Product of BSDF weights and roulette so far.
+    pub throughput: [f32; 3],
+    /// Density, per solid angle, with which the last bounce chose the ray's direction.
+    pub pdf: f32,
+}
+
+/// A ray that adds `contribution` to its path's radiance unless something is in the way, 48 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct ShadowRay {
+    /// Origin, world.
+    pub o: [f32; 3],
+    /// Path slot in the wave.
+    pub path: u32,
+    /// Direction, world, unit up to rounding.
+    pub d: [f32; 3],
+    /// Blockers must lie nearer than this; +inf for lights at infinity.
+    pub t_max: f32,
+    /// What the path gains, linear rgb.
+    pub contribution: [f32; 3],
+    /// 0.
+    pub pad: u32,
+}
+
+/// Bytes per slot of the hit array: f32 u, f32 v, u32 triangle, then `max_levels` u32 instance indices, root first,
+/// rounded up to 16. Barycentrics: `p = (1 - u - v) v0 + u v1 + v v2`.
+#[must_use]
+pub const fn hit_stride(max_levels: u32) -> u32 {
+    (12 + 4 * max_levels).next_multiple_of(16)
+}
+
+/// Arguments of an indirect dispatch.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct IndirectArgs {
+    /// Workgroups along x.
+    pub x: u32,
+    /// Workgroups along y.
+    pub y: u32,
+    /// Workgroups along z, 1.
+    pub z: u32,
+}
+
+/// Queue lengths, what `prepare_dispatch` makes of them, and totals.
+///
+/// The host zeroes all of it once before the first wave of a render; between waves nothing needs zeroing. The totals grow
+/// until the host zeroes them again (between waves, at the offsets up to [`Counters::TOTALS_BYTES`]).
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct Counters {
+    /// Total: closest-hit rays traced by waves (`trace_aovs` adds none).
+    pub closest_rays: u64,
+    /// Total: shadow rays traced.
+    pub shadow_rays: u64,
+    /// Total: contributions that were NaN or infinite and were dropped.
+    pub nonfinite: u32,
+    /// Total: rays for which traversal ran out of stack and left nodes out; must stay 0, else `STACK_SIZE` is too small.
+    pub stack_overflows: u32,
+    /// Rays in `Frame::rays[i]`.
+    pub ray_count: [u32; 2],
+    /// Slots in `Frame::surface_hits`.
+    pub surface_count: u32,
+    /// Slots in `Frame::escaped_rays`.
+    pub escaped_count: u32,
+    /// Rays in `Frame::shadow_rays`.
+    pub shadow_count: u32,
+    /// 0.
+    pub pad: u32,
+    /// For `intersect_closest`.
+    pub ray_args: IndirectArgs,
+    /// For `shade_surface`.
+    pub surface_args: IndirectArgs,
+    /// For `shade_background`.
+    pub escaped_args: IndirectArgs,
+    /// For `intersect_shadow`.
+    pub shadow_args: IndirectArgs,
+}
+
+impl Counters {
+    /// Bytes of the totals, at the start of the struct.
+    pub const TOTALS_BYTES: u64 = offset_of!(Self, ray_count) as u64;
+    /// Byte offset of the indirect arguments of `intersect_closest`.
+    pub const RAY_ARGS: u64 = offset_of!(Self, ray_args) as u64;
+    /// Byte offset of the indirect arguments of `shade_surface`.
+    pub const SURFACE_ARGS: u64 = offset_of!(Self, surface_args) as u64;
+    /// Byte offset of the indirect arguments of `shade_background`.
+    pub const ESCAPED_ARGS: u64 = offset_of!(Self, escaped_args) as u64;
+    /// Byte offset of the indirect arguments of `intersect_shadow`.
+    pub const SHADOW_ARGS: u64 = offset_of!(Self, shadow_args) as u64;
+}

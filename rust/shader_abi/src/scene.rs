@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Scene data as the shaders read it: nodes, triangles, meshes, instance records, assemblies, distant lights.
+//!
+//! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
+
+use bitflags::bitflags;
+use bytemuck::{Pod, Zeroable};
+
+/// Set in `GpuInstance::target` when it names an assembly, else it names a mesh.
+pub const TARGET_ASSEMBLY: u32 = 1 << 31;
+
+/// Most triangles a leaf may hold. First triangle of a leaf, node and instance index must be below 2^28.
+pub const MAX_LEAF_ITEMS: u32 = 8;
+
+/// BVH2 node, 64 B, with the boxes of both children; the layout of `oocpt_core::BvhNode`.
+/// The root is node 0. An absent child has the empty box (+inf, -inf).
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuNode {
+    /// Lower corners of the children's boxes.
+    pub min: [[f32; 3]; 2],
+    /// Upper corners of the children's boxes.
+    pub max: [[f32; 3]; 2],
+    /// `count == 0`: index of the child node; else first triangle, or the instance index.
+    pub child: [u32; 2],
+    /// Triangles in the leaf child (1..=8), 1 for an instance, 0 for an inner child.
+    pub count: [u32; 2],
+}
+
+/// Triangle in its mesh's frame, in BVH order, 48 B, authored winding.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuTriangle {
+    /// First vertex.
+    pub v0: [f32; 3],
+    /// Authored face index: the element id.
+    pub face: u32,
+    /// Second vertex.
+    pub v1: [f32; 3],
+    /// 0.
+    pub pad1: u32,
+    /// Third vertex.
+    pub v2: [f32; 3],
+    /// 0.
+    pub pad2: u32,
+}
+
+/// Placement of a mesh or of an assembly, 64 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuInstance {
+    /// Rows of the affine map from the parent's frame into the target's.
+    pub object_from_parent: [[f32; 4]; 3],
+    /// Mesh index, or assembly index with [`TARGET_ASSEMBLY`].
+    pub target: u32,
+    /// Prim id of the mesh prim; counts when the target is a mesh.
+    pub prim_id: i32,
+    /// Index among the instances of the instancer's prototype; 0 if this is no instancer placement.
+    pub index_in_prototype: u32,
+    /// Instances of that prototype; 1 if this is no instancer placement. Bit 31 may say that the map flips handedness
+    /// (the shaders mask it off and do not need it: normals are mapped as covectors).
+    pub prototype_count: u32,
+}
+
+/// How values of an attribute are found; `triangle` is the index in BVH order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[repr(u32)]
+pub enum AttributeRate {
+    /// `values[0]`.
+    Constant = 0,
+    /// `values[triangle]`.
+    Uniform = 1,
+    /// `values[corner_indices[triangle * 3 + corner]]`, interpolated.
+    Vertex = 2,
+    /// `values[triangle * 3 + corner]`, interpolated.
+    FaceVarying = 3,
+}
+
+bitflags! {
+    /// `GpuMesh::flags` above the three attribute rates (bits 0-1 normals, 2-3 colours, 4-5 opacities).
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+    pub struct MeshFlags: u32 {
+        /// Authored double sided (both sides are always shaded).
+        const DOUBLE_SIDED = 1 << 8;
+        /// Authored left-handed: the normal of the winding points the other way.
+        const LEFT_HANDED = 1 << 9;
+        /// `normals` counts.
+        const HAS_NORMALS = 1 << 10;
+        /// `colors` counts.
+        const HAS_COLORS = 1 << 11;
+        /// `opacities` counts.
+        const HAS_OPACITIES = 1 << 12;
+    }
+}
+
+impl MeshFlags {
+    /// The word for `GpuMesh::flags`: these flags and the rate of each attribute.
+    #[must_use]
+    pub const fn with_rates(self, normals: AttributeRate, colors: AttributeRate, opacities: AttributeRate) -> u32 {
+        self.bits() | normals as u32 | (colors as u32) << 2 | (opacities as u32) << 4
+    }
+}
+
+/// Where the parts of a mesh are, 56 B. Addresses are device addresses; absent parts are 0.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct GpuMesh {
+    /// [`GpuNode`] array, 16-byte aligned.
+    pub nodes: u64,
+    /// [`GpuTriangle`] array, 16-byte aligned.
+    pub triangles: u64,
+    /// u32x3 per triangle; needed when an attribute has rate `Vertex`. 4-byte aligned, as all below.
+    pub corner_indices: u64,
+    /// f32x3 values, in the mesh's frame.
+    pub normals: u64,
+    /// f32x3 values, linear.
+    pub colors: u64,
+    /// f32 values in [0, 1].
+    pub opacities: u64,
+    /// [`MeshFlags::with_rates`].
+    pub flags: u32,
+    /// Triangles.
+    pub triangle_count: u32,
+}
+
+/// Where the parts of an assembly are, 16 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct GpuAssembly {
+    /// [`GpuNode`] array over the instances, 16-byte aligned.
+    pub nodes: u64,
+    /// [`GpuInstance`] array, 16-byte aligned.
+    pub instances: u64,
+}
+
+/// A distant light, 36 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuLight {
+    /// Unit vector from the scene towards the light, world.
+    pub direction: [f32; 3],
+    /// 1 - cos(half angle) = 2 sin^2(half angle / 2), in [0, 2]; 0 = all light comes from `direction`. Kept apart from
+    /// the cosine because a sun of half a degree loses 0.3 % of its solid angle when 1 - cos is formed in f32.
+    pub one_minus_cos: f32,
+    /// Radiance inside the cone; irradiance when `one_minus_cos` is 0.
+    pub radiance: [f32; 3],
+    /// Probability of this light among the distant lights (sum 1, each > 0).
+    pub probability: f32,
+    /// Sum of the probabilities up to and including this light; exactly 1 for the last one.
+    pub cumulative: f32,
+}
