@@ -1,0 +1,414 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Typed views over arrays that somebody else owns (a `VtArray` held by the bridge, or a `Vec`).
+//!
+//! Guarantees: nothing is copied; every access is bounds-checked and gives `None` past the end or when the element type
+//! does not fit; any alignment is accepted. Any thread may read.
+
+use std::fmt;
+use std::sync::Arc;
+
+use bytemuck::Pod;
+use glam::{DMat4, DQuat, DVec3, DVec4};
+use half::f16;
+
+/// Bytes that stay where they are and as they are for as long as the source lives.
+pub trait ArraySource: Send + Sync + fmt::Debug {
+    /// The whole array, tightly packed, in native byte order. Must give the same slice on every call.
+    fn bytes(&self) -> &[u8];
+}
+
+/// What one element of a [`TypedArray`] is. Names follow Gf (`h` = half, `f` = float, `d` = double).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ElementType {
+    /// One byte, zero is false.
+    Bool,
+    /// 32-bit signed integer.
+    I32,
+    /// 16-bit float.
+    F16,
+    /// 32-bit float.
+    F32,
+    /// 64-bit float.
+    F64,
+    /// Two halves.
+    Vec2h,
+    /// Two floats.
+    Vec2f,
+    /// Two doubles.
+    Vec2d,
+    /// Three halves.
+    Vec3h,
+    /// Three floats.
+    Vec3f,
+    /// Three doubles.
+    Vec3d,
+    /// Four halves.
+    Vec4h,
+    /// Four floats.
+    Vec4f,
+    /// Four doubles.
+    Vec4d,
+    /// Quaternion of halves: imaginary x, y, z, then the real part, as Gf stores it.
+    Quath,
+    /// Quaternion of floats, imaginary part first.
+    Quatf,
+    /// Quaternion of doubles, imaginary part first.
+    Quatd,
+    /// 4x4 floats, row-major for row vectors (`GfMatrix4f`).
+    Matrix4f,
+    /// 4x4 doubles, row-major for row vectors (`GfMatrix4d`).
+    Matrix4d,
+}
+
+/// The number type inside an element.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Component {
+    U8,
+    I32,
+    F16,
+    F32,
+    F64,
+}
+
+impl Component {
+    const fn size(self) -> usize {
+        match self {
+            Self::U8 => 1,
+            Self::F16 => 2,
+            Self::I32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+}
+
+impl ElementType {
+    const fn layout(self) -> (Component, usize) {
+        match self {
+            Self::Bool => (Component::U8, 1),
+            Self::I32 => (Component::I32, 1),
+            Self::F16 => (Component::F16, 1),
+            Self::F32 => (Component::F32, 1),
+            Self::F64 => (Component::F64, 1),
+            Self::Vec2h => (Component::F16, 2),
+            Self::Vec2f => (Component::F32, 2),
+            Self::Vec2d => (Component::F64, 2),
+            Self::Vec3h => (Component::F16, 3),
+            Self::Vec3f => (Component::F32, 3),
+            Self::Vec3d => (Component::F64, 3),
+            Self::Vec4h | Self::Quath => (Component::F16, 4),
+            Self::Vec4f | Self::Quatf => (Component::F32, 4),
+            Self::Vec4d | Self::Quatd => (Component::F64, 4),
+            Self::Matrix4f => (Component::F32, 16),
+            Self::Matrix4d => (Component::F64, 16),
+        }
+    }
+
+    /// Bytes of one element.
+    #[must_use]
+    pub const fn size(self) -> usize {
+        let (component, count) = self.layout();
+        component.size() * count
+    }
+
+    /// True for the three quaternion types.
+    #[must_use]
+    pub const fn is_quat(self) -> bool {
+        matches!(self, Self::Quath | Self::Quatf | Self::Quatd)
+    }
+}
+
+/// Rust types that know their [`ElementType`]. Quaternions share memory with four-vectors: use
+/// [`TypedArray::from_vec`] for them.
+pub trait Element: Pod + Send + Sync {
+    /// The element type of a `Vec<Self>`.
+    const TYPE: ElementType;
+}
+
+macro_rules! elements {
+    ($($rust:ty => $element:ident),* $(,)?) => { $(impl Element for $rust { const TYPE: ElementType = ElementType::$element; })* };
+}
+elements! {
+    i32 => I32, f16 => F16, f32 => F32, f64 => F64,
+    [f16; 2] => Vec2h, [f32; 2] => Vec2f, [f64; 2] => Vec2d,
+    [f16; 3] => Vec3h, [f32; 3] => Vec3f, [f64; 3] => Vec3d,
+    [f16; 4] => Vec4h, [f32; 4] => Vec4f, [f64; 4] => Vec4d,
+    [f32; 16] => Matrix4f, [f64; 16] => Matrix4d,
+    [[f32; 4]; 4] => Matrix4f, [[f64; 4]; 4] => Matrix4d,
+}
+
+/// Why bytes are not an array of the wanted type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ArrayError {
+    /// The byte length is not a whole number of elements.
+    #[error("{bytes} bytes are not a whole number of {element:?} elements of {size} bytes")]
+    Length {
+        /// Wanted element type.
+        element: ElementType,
+        /// Its size in bytes.
+        size: usize,
+        /// Length of the source in bytes.
+        bytes: usize,
+    },
+}
+
+#[derive(Debug)]
+struct OwnedVec<T>(Vec<T>);
+
+impl<T: Pod + Send + Sync + fmt::Debug> ArraySource for OwnedVec<T> {
+    fn bytes(&self) -> &[u8] {
+        bytemuck::cast_slice(&self.0)
+    }
+}
+
+#[derive(Debug)]
+struct OwnedBools(Vec<u8>);
+
+impl ArraySource for OwnedBools {
+    fn bytes(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+/// An array of known element type, kept alive by a shared pointer to its owner. Cloning is cheap.
+#[derive(Clone)]
+pub struct TypedArray {
+    element: ElementType,
+    source: Arc<dyn ArraySource>,
+}
+
+impl fmt::Debug for TypedArray {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "TypedArray({:?} x {})", self.element, self.len())
+    }
+}
+
+impl TypedArray {
+    /// Wraps `source` without copying.
+    ///
+    /// # Errors
+    /// [`ArrayError::Length`] when the byte length is not a multiple of the element size.
+    pub fn new(element: ElementType, source: Arc<dyn ArraySource>) -> Result<Self, ArrayError> {
+        let bytes = source.bytes().len();
+        let size = element.size();
+        if bytes.is_multiple_of(size) {
+            Ok(Self { element, source })
+        } else {
+            Err(ArrayError::Length { element, size, bytes })
+        }
+    }
+
+    /// Takes over a vector as an array of `element`, e.g. `[f32; 4]` as `Quatf`.
+    ///
+    /// # Errors
+    /// As [`TypedArray::new`].
+    pub fn from_vec<T: Pod + Send + Sync + fmt::Debug>(
+        element: ElementType,
+        values: Vec<T>,
+    ) -> Result<Self, ArrayError> {
+        Self::new(element, Arc::new(OwnedVec(values)))
+    }
+
+    /// Takes over a vector whose Rust type says the element type.
+    #[must_use]
+    pub fn of<T: Element + fmt::Debug>(values: Vec<T>) -> Self {
+        Self { element: T::TYPE, source: Arc::new(OwnedVec(values)) }
+    }
+
+    /// An array of booleans (copied into bytes).
+    #[must_use]
+    pub fn from_bools(values: &[bool]) -> Self {
+        Self { element: ElementType::Bool, source: Arc::new(OwnedBools(values.iter().map(|&b| u8::from(b)).collect())) }
+    }
+
+    /// What one element is.
+    #[must_use]
+    pub fn element(&self) -> ElementType {
+        self.element
+    }
+
+    /// Number of elements.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.source.bytes().len() / self.element.size()
+    }
+
+    /// True when there is no element.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.source.bytes().is_empty()
+    }
+
+    /// Address and length in bytes. Two arrays that are both alive and have the same identity hold the same data.
+    #[must_use]
+    pub fn identity(&self) -> (usize, usize) {
+        let bytes = self.source.bytes();
+        (bytes.as_ptr() as usize, bytes.len())
+    }
+
+    /// Same element type and same bytes; O(1) when the identity is the same.
+    #[must_use]
+    pub fn same_contents(&self, other: &Self) -> bool {
+        self.element == other.element
+            && (self.identity() == other.identity() || self.source.bytes() == other.source.bytes())
+    }
+
+    /// The bytes and the element type, for loops that read many elements.
+    #[must_use]
+    pub fn view(&self) -> ArrayView<'_> {
+        ArrayView::new(self.element, self.source.bytes())
+    }
+
+    /// See [`ArrayView::scalar`].
+    #[must_use]
+    pub fn scalar(&self, i: usize) -> Option<f64> {
+        self.view().scalar(i)
+    }
+
+    /// See [`ArrayView::vec3`].
+    #[must_use]
+    pub fn vec3(&self, i: usize) -> Option<DVec3> {
+        self.view().vec3(i)
+    }
+
+    /// See [`ArrayView::vec4`].
+    #[must_use]
+    pub fn vec4(&self, i: usize) -> Option<DVec4> {
+        self.view().vec4(i)
+    }
+
+    /// See [`ArrayView::quat`].
+    #[must_use]
+    pub fn quat(&self, i: usize) -> Option<DQuat> {
+        self.view().quat(i)
+    }
+
+    /// See [`ArrayView::matrix`].
+    #[must_use]
+    pub fn matrix(&self, i: usize) -> Option<DMat4> {
+        self.view().matrix(i)
+    }
+
+    /// See [`ArrayView::index`].
+    #[must_use]
+    pub fn index(&self, i: usize) -> Option<i32> {
+        self.view().index(i)
+    }
+
+    /// See [`ArrayView::boolean`].
+    #[must_use]
+    pub fn boolean(&self, i: usize) -> Option<bool> {
+        self.view().boolean(i)
+    }
+}
+
+/// A borrowed [`TypedArray`]: the accessors without a virtual call.
+#[derive(Clone, Copy, Debug)]
+pub struct ArrayView<'a> {
+    element: ElementType,
+    component: Component,
+    components: usize,
+    bytes: &'a [u8],
+}
+
+impl<'a> ArrayView<'a> {
+    fn new(element: ElementType, bytes: &'a [u8]) -> Self {
+        let (component, components) = element.layout();
+        Self { element, component, components, bytes }
+    }
+
+    /// Number of elements.
+    #[must_use]
+    #[inline]
+    pub fn len(&self) -> usize {
+        self.bytes.len() / (self.component.size() * self.components)
+    }
+
+    /// True when there is no element.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.bytes.is_empty()
+    }
+
+    /// What one element is.
+    #[must_use]
+    pub fn element(&self) -> ElementType {
+        self.element
+    }
+
+    #[inline]
+    fn read<T: Pod, const N: usize>(&self, i: usize) -> Option<[T; N]>
+    where
+        [T; N]: Pod,
+    {
+        let size = size_of::<[T; N]>();
+        let start = i.checked_mul(size)?;
+        self.bytes.get(start..start.checked_add(size)?).map(bytemuck::pod_read_unaligned)
+    }
+
+    #[inline]
+    fn floats<const N: usize>(&self, i: usize) -> Option<[f64; N]>
+    where
+        [f16; N]: Pod,
+        [f32; N]: Pod,
+        [f64; N]: Pod,
+    {
+        if self.components != N {
+            return None;
+        }
+        match self.component {
+            Component::F16 => self.read::<f16, N>(i).map(|v| v.map(f16::to_f64)),
+            Component::F32 => self.read::<f32, N>(i).map(|v| v.map(f64::from)),
+            Component::F64 => self.read::<f64, N>(i),
+            Component::U8 | Component::I32 => None,
+        }
+    }
+
+    /// Element `i` of a half, float or double array.
+    #[must_use]
+    #[inline]
+    pub fn scalar(&self, i: usize) -> Option<f64> {
+        self.floats::<1>(i).map(|[v]| v)
+    }
+
+    /// Element `i` of a three-vector array.
+    #[must_use]
+    #[inline]
+    pub fn vec3(&self, i: usize) -> Option<DVec3> {
+        self.floats::<3>(i).map(DVec3::from_array)
+    }
+
+    /// Element `i` of a four-vector array (not of quaternions).
+    #[must_use]
+    #[inline]
+    pub fn vec4(&self, i: usize) -> Option<DVec4> {
+        if self.element.is_quat() { None } else { self.floats::<4>(i).map(DVec4::from_array) }
+    }
+
+    /// Element `i` of a quaternion array, as stored: not normalised.
+    #[must_use]
+    #[inline]
+    pub fn quat(&self, i: usize) -> Option<DQuat> {
+        if self.element.is_quat() { self.floats::<4>(i).map(DQuat::from_array) } else { None }
+    }
+
+    /// Element `i` of a matrix array as the column-vector matrix (the transpose of what Gf means by it).
+    #[must_use]
+    #[inline]
+    pub fn matrix(&self, i: usize) -> Option<DMat4> {
+        self.floats::<16>(i).map(|m| DMat4::from_cols_array(&m))
+    }
+
+    /// Element `i` of an integer array.
+    #[must_use]
+    #[inline]
+    pub fn index(&self, i: usize) -> Option<i32> {
+        if self.component == Component::I32 { self.read::<i32, 1>(i).map(|[v]| v) } else { None }
+    }
+
+    /// Element `i` of a bool array.
+    #[must_use]
+    #[inline]
+    pub fn boolean(&self, i: usize) -> Option<bool> {
+        if self.component == Component::U8 { self.bytes.get(i).map(|&b| b != 0) } else { None }
+    }
+}

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+//! OocPT's decisions, free of Vulkan, clocks, threads of its own and files: the scene database (edits in, immutable
+//! snapshots out), mesh preparation (checking, triangulation, BVH2), camera rays, lights, settings and the sampler.
+//!
+//! Guarantees: nothing here panics on any input; everything is a pure function of its arguments; work is spread over
+//! the caller's rayon pool and the result does not depend on the number of its threads.
+
+#![forbid(unsafe_code)]
+
+pub mod array;
+pub mod camera;
+pub mod mesh;
+pub mod sampler;
+pub mod scene;
+pub mod settings;
+pub mod stats;
+
+pub use array::{ArrayError, ArraySource, ArrayView, Element, ElementType, TypedArray};
+pub use camera::{Camera, CameraError, CameraRays};
+pub use mesh::{Aabb, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, MeshAsset, Triangle};
+pub use sampler::{pixel_seed, sample_4d};
+pub use scene::{
+    Assembly, Commit, DroppedData, InstanceFlags, InstanceRecord, InstancedBy, InstancerDesc, InstancerPrototype,
+    Interpolation, Light, LightDesc, LightKind, MeshDesc, PrimDesc, Primvar, SceneCounts, SceneDb, SceneFeatures,
+    SceneWarning, Snapshot, SnapshotError, Subdivision, Target,
+};
+pub use settings::{Descriptor, SettingError, Settings, Value};
+pub use stats::Stats;

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Mesh assets: what a mesh becomes before it goes to the GPU. Immutable, shared by content.
+//!
+//! Stages: [`build`] runs `topology` (check, holes), `triangulate`, `primvar` and `normals`, and [`bvh`]; `key` is the
+//! content hash. Pure functions; called from rayon workers during a commit.
+
+mod attribute;
+pub mod bvh;
+
+use bytemuck::{Pod, Zeroable};
+
+pub use attribute::{Attribute, AttributeRate};
+pub use bvh::{Bvh2, BvhError, BvhNode};
+
+/// An axis-aligned box; empty when any `min > max`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aabb {
+    /// Lower corner.
+    pub min: [f32; 3],
+    /// Upper corner.
+    pub max: [f32; 3],
+}
+
+impl Aabb {
+    /// The box without points: `+inf .. -inf`.
+    pub const EMPTY: Self = Self { min: [f32::INFINITY; 3], max: [f32::NEG_INFINITY; 3] };
+
+    /// True when no point is inside.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        (0..3).any(|k| self.min[k] > self.max[k])
+    }
+
+    /// The smallest box around both.
+    #[must_use]
+    pub fn union(&self, other: &Self) -> Self {
+        let mut out = *self;
+        for k in 0..3 {
+            out.min[k] = out.min[k].min(other.min[k]);
+            out.max[k] = out.max[k].max(other.max[k]);
+        }
+        out
+    }
+
+    /// The smallest box around `self` and a point.
+    #[must_use]
+    pub fn with_point(&self, p: [f32; 3]) -> Self {
+        self.union(&Self { min: p, max: p })
+    }
+
+    /// True when `other` lies inside (an empty box lies inside every box).
+    #[must_use]
+    pub fn contains(&self, other: &Self) -> bool {
+        other.is_empty() || (0..3).all(|k| self.min[k] <= other.min[k] && other.max[k] <= self.max[k])
+    }
+}
+
+/// A triangle in object space, corners in authored order (a left-handed mesh flips the geometric normal, not the order).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Triangle {
+    /// Corner positions.
+    pub vertices: [[f32; 3]; 3],
+    /// Authored face index: the element id.
+    pub face: u32,
+}
+
+impl Triangle {
+    /// The box around the three corners.
+    #[must_use]
+    pub fn bounds(&self) -> Aabb {
+        self.vertices.iter().fold(Aabb::EMPTY, |b, &v| b.with_point(v))
+    }
+}
+
+/// A mesh ready for upload: at least one triangle, every number finite, every index in range.
+#[derive(Clone, Debug)]
+pub struct MeshAsset {
+    /// Content hash of the authored data and of the flags.
+    pub key: u128,
+    /// Box of all triangles.
+    pub bounds: Aabb,
+    /// Hierarchy over `triangles`.
+    pub bvh: Bvh2,
+    /// Triangles in BVH order.
+    pub triangles: Vec<Triangle>,
+    /// Point index of each corner, per triangle; empty unless an attribute has [`AttributeRate::Vertex`].
+    pub corner_indices: Vec<[u32; 3]>,
+    /// Unit shading normals in object space, on the outer side (orientation already applied); `None` = flat.
+    pub normals: Option<Attribute<[f32; 3]>>,
+    /// `displayColor`, not negative.
+    pub colors: Option<Attribute<[f32; 3]>>,
+    /// `displayOpacity` in `[0, 1]`; `None` = opaque everywhere.
+    pub opacities: Option<Attribute<f32>>,
+    /// False: seen from the front only.
+    pub double_sided: bool,
+    /// The geometric normal is minus the right-handed one.
+    pub left_handed: bool,
+}
+
+impl MeshAsset {
+    /// Bytes of host memory held.
+    #[must_use]
+    pub fn host_bytes(&self) -> u64 {
+        let attribute = |a: &Option<Attribute<[f32; 3]>>| a.as_ref().map_or(0, |a| size_of_val(&a.values[..]));
+        let bytes = size_of::<Self>()
+            + size_of_val(&self.bvh.nodes[..])
+            + size_of_val(&self.triangles[..])
+            + size_of_val(&self.corner_indices[..])
+            + attribute(&self.normals)
+            + attribute(&self.colors)
+            + self.opacities.as_ref().map_or(0, |a| size_of_val(&a.values[..]));
+        bytes as u64
+    }
+}
