@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#ifndef HDOOCPT_SCENE_DATA_SOURCE_H
+#define HDOOCPT_SCENE_DATA_SOURCE_H
+
+#include "pxr/base/gf/matrix4d.h"
+#include "pxr/base/gf/vec3f.h"
+#include "pxr/base/tf/token.h"
+#include "pxr/base/vt/value.h"
+#include "pxr/imaging/hd/dataSource.h"
+#include "pxr/pxr.h"
+
+#include <initializer_list>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+/// The data source reached from a container by a path of names; null when there is none (or when container is null).
+/// Safe on any thread, as the data sources themselves are.
+HdDataSourceBaseHandle HdOocPTFind(const HdContainerDataSourceHandle& container, std::initializer_list<TfToken> names);
+
+/// The same for a container below a container.
+HdContainerDataSourceHandle HdOocPTFindContainer(
+    const HdContainerDataSourceHandle& container, std::initializer_list<TfToken> names);
+
+/// The value of a sampled data source at the frame's own time; empty when there is none.
+VtValue HdOocPTSample(const HdDataSourceBaseHandle& source);
+VtValue HdOocPTRead(const HdContainerDataSourceHandle& container, std::initializer_list<TfToken> names);
+
+// Conversions from whatever number, vector or text type a value holds. False, and the result untouched, if it does not fit.
+bool HdOocPTConvert(const VtValue& value, bool* result);
+bool HdOocPTConvert(const VtValue& value, double* result);
+bool HdOocPTConvert(const VtValue& value, float* result);
+bool HdOocPTConvert(const VtValue& value, GfVec3f* result);
+bool HdOocPTConvert(const VtValue& value, GfMatrix4d* result);
+bool HdOocPTConvert(const VtValue& value, TfToken* result);
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "scene/sceneObserver.h"
+
+#include "scene/tokens.h"
+
+#include <utility>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+namespace {
+
+using _Row = std::pair<HdDataSourceLocator, uint32_t>;
+
+std::vector<_Row> _MakeTable()
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    const uint32_t computed = HdOocPTDirtyPoints | HdOocPTDirtyNormals | HdOocPTDirtyColor | HdOocPTDirtyOpacity;
+    return {
+        {HdDataSourceLocator(tokens.xform), HdOocPTDirtyTransform},
+        {HdDataSourceLocator(tokens.visibility), HdOocPTDirtyVisibility},
+        {HdDataSourceLocator(tokens.purpose), HdOocPTDirtyPurpose},
+        {HdDataSourceLocator(tokens.instancedBy), HdOocPTDirtyInstancedBy},
+        {HdDataSourceLocator(tokens.mesh), HdOocPTDirtyTopology},
+        {HdDataSourceLocator(tokens.primvars, tokens.points), HdOocPTDirtyPoints},
+        {HdDataSourceLocator(tokens.primvars, tokens.normals), HdOocPTDirtyNormals},
+        {HdDataSourceLocator(tokens.primvars, tokens.displayColor), HdOocPTDirtyColor},
+        {HdDataSourceLocator(tokens.primvars, tokens.displayOpacity), HdOocPTDirtyOpacity},
+        {HdDataSourceLocator(tokens.extComputationPrimvars), computed},
+        {HdDataSourceLocator(tokens.instancerTopology), HdOocPTDirtyInstances},
+        {HdDataSourceLocator(tokens.primvars, tokens.instanceTranslations), HdOocPTDirtyInstancePrimvars},
+        {HdDataSourceLocator(tokens.primvars, tokens.instanceRotations), HdOocPTDirtyInstancePrimvars},
+        {HdDataSourceLocator(tokens.primvars, tokens.instanceScales), HdOocPTDirtyInstancePrimvars},
+        {HdDataSourceLocator(tokens.primvars, tokens.instanceTransforms), HdOocPTDirtyInstancePrimvars},
+        {HdDataSourceLocator(tokens.light), HdOocPTDirtyLight},
+        {HdDataSourceLocator(tokens.material), HdOocPTDirtyLight},
+        {HdDataSourceLocator(tokens.renderSettings), HdOocPTDirtySettings},
+        {HdDataSourceLocator(tokens.sceneGlobals), HdOocPTDirtySettings},
+    };
+}
+
+} // namespace
+
+uint32_t HdOocPTDirtyBitsOf(const HdDataSourceLocatorSet& locators)
+{
+    static const std::vector<_Row> table = _MakeTable();
+    uint32_t bits = 0;
+    for (const _Row& row : table) {
+        if ((bits & row.second) != row.second && locators.Intersects(row.first)) {
+            bits |= row.second;
+        }
+    }
+    return bits;
+}
+
+void HdOocPTSceneObserver::_Add(const SdfPath& path, const TfToken& type)
+{
+    HdOocPTPrimChange& change = _changes.changes[path];
+    change.added = true;
+    change.type = type;
+    change.dirtyBits = HdOocPTDirtyAll;
+}
+
+void HdOocPTSceneObserver::_Remove(const SdfPath& path)
+{
+    _changes.changes.erase(path);
+    _changes.removed.push_back(path);
+}
+
+void HdOocPTSceneObserver::PrimsAdded(const HdSceneIndexBase&, const AddedPrimEntries& entries)
+{
+    const std::lock_guard<std::mutex> lock(_mutex);
+    for (const AddedPrimEntry& entry : entries) {
+        _Add(entry.primPath, entry.primType);
+    }
+}
+
+void HdOocPTSceneObserver::PrimsRemoved(const HdSceneIndexBase&, const RemovedPrimEntries& entries)
+{
+    const std::lock_guard<std::mutex> lock(_mutex);
+    for (const RemovedPrimEntry& entry : entries) {
+        _Remove(entry.primPath);
+    }
+}
+
+void HdOocPTSceneObserver::PrimsDirtied(const HdSceneIndexBase&, const DirtiedPrimEntries& entries)
+{
+    const std::lock_guard<std::mutex> lock(_mutex);
+    for (const DirtiedPrimEntry& entry : entries) {
+        if (const uint32_t bits = HdOocPTDirtyBitsOf(entry.dirtyLocators)) {
+            _changes.changes[entry.primPath].dirtyBits |= bits;
+        }
+    }
+}
+
+void HdOocPTSceneObserver::PrimsRenamed(const HdSceneIndexBase& sender, const RenamedPrimEntries& entries)
+{
+    for (const RenamedPrimEntry& entry : entries) {
+        {
+            const std::lock_guard<std::mutex> lock(_mutex);
+            _Remove(entry.oldPrimPath);
+        }
+        AddSubtree(sender, entry.newPrimPath);
+    }
+}
+
+void HdOocPTSceneObserver::AddSubtree(const HdSceneIndexBase& scene, const SdfPath& root)
+{
+    std::vector<SdfPath> open {root};
+    while (!open.empty()) {
+        const SdfPath path = open.back();
+        open.pop_back();
+        const TfToken type = scene.GetPrim(path).primType;
+        {
+            const std::lock_guard<std::mutex> lock(_mutex);
+            _Add(path, type);
+        }
+        const SdfPathVector children = scene.GetChildPrimPaths(path);
+        open.insert(open.end(), children.begin(), children.end());
+    }
+}
+
+HdOocPTSceneChanges HdOocPTSceneObserver::Take()
+{
+    const std::lock_guard<std::mutex> lock(_mutex);
+    HdOocPTSceneChanges changes;
+    std::swap(changes.removed, _changes.removed);
+    changes.changes.swap(_changes.changes);
+    return changes;
+}
+
+bool HdOocPTSceneObserver::IsEmpty() const
+{
+    const std::lock_guard<std::mutex> lock(_mutex);
+    return _changes.removed.empty() && _changes.changes.empty();
+}
+
+PXR_NAMESPACE_CLOSE_SCOPE

@@ -1,0 +1,8 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "scene/tokens.h"
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+TF_DEFINE_PUBLIC_TOKENS(HdOocPTSceneTokens, HDOOCPT_SCENE_TOKENS);
+
+PXR_NAMESPACE_CLOSE_SCOPE

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Generates and compiles the C++ half of the bridge. It needs no USD header: `HeldArray` is an abstract class here.
+
+use std::path::PathBuf;
+
+fn main() {
+    let cpp = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../cpp");
+    cxx_build::bridge("src/lib.rs")
+        .std("c++17")
+        .include(&cpp)
+        .flag_if_supported("-fvisibility=hidden")
+        .flag_if_supported("-fvisibility-inlines-hidden")
+        .compile("oocpt_bridge_cxx");
+    println!("cargo:rerun-if-changed=src/lib.rs");
+    println!("cargo:rerun-if-changed={}", cpp.join("bridge/heldArray.h").display());
+}

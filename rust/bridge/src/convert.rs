@@ -1,0 +1,286 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Turns the plain structs that cross the boundary into the core's descriptions.
+//!
+//! Pure; any thread. A part whose bytes make no sense is left out and named in [`Complaints`]; the rest of the prim lives.
+
+use crate::ffi;
+use crate::held::typed_array;
+use cxx::UniquePtr;
+use glam::DMat4;
+use oocpt_core::array::TypedArray;
+use oocpt_core::scene::{
+    InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, LightDesc, LightKind, MeshDesc, PrimDesc, Primvar,
+    Subdivision,
+};
+use std::sync::Arc;
+
+/// What was left out, one line each: "path: part: reason".
+#[derive(Debug, Default)]
+pub(crate) struct Complaints(pub(crate) Vec<String>);
+
+impl Complaints {
+    fn add(&mut self, path: &str, part: &str, reason: &str) {
+        self.0.push(format!("{path}: {part}: {reason}"));
+    }
+
+    fn optional(&mut self, path: &str, part: &str, held: UniquePtr<ffi::HeldArray>) -> Option<TypedArray> {
+        match typed_array(held)? {
+            Ok(array) => Some(array),
+            Err(reason) => {
+                self.add(path, part, &reason);
+                None
+            }
+        }
+    }
+
+    /// An array that a prim cannot do without; an empty one of integers stands for a missing one.
+    fn required(&mut self, path: &str, part: &str, held: UniquePtr<ffi::HeldArray>) -> TypedArray {
+        self.optional(path, part, held).unwrap_or_else(|| TypedArray::from_vec(Vec::<i32>::new()))
+    }
+
+    fn primvar(&mut self, path: &str, part: &str, desc: ffi::PrimvarDesc) -> Option<Primvar> {
+        let values = self.optional(path, part, desc.values)?;
+        let indexed = !desc.indices.is_null();
+        let indices = self.optional(path, part, desc.indices);
+        if indexed && indices.is_none() {
+            return None;
+        }
+        let Some(interpolation) = interpolation(desc.interpolation) else {
+            self.add(path, part, "unknown interpolation");
+            return None;
+        };
+        Some(Primvar { interpolation, values, indices })
+    }
+}
+
+/// `GfMatrix4d` data, which lies row by row for row vectors, as the matrix for column vectors: read column by column, the
+/// same sixteen numbers are its transpose, and that is the one wanted.
+pub(crate) fn column_matrix(gf_data: &[f64; 16]) -> DMat4 {
+    DMat4::from_cols_array(gf_data)
+}
+
+fn interpolation(tag: ffi::InterpolationTag) -> Option<Interpolation> {
+    Some(match tag {
+        ffi::InterpolationTag::Constant => Interpolation::Constant,
+        ffi::InterpolationTag::Uniform => Interpolation::Uniform,
+        ffi::InterpolationTag::Varying => Interpolation::Varying,
+        ffi::InterpolationTag::Vertex => Interpolation::Vertex,
+        ffi::InterpolationTag::FaceVarying => Interpolation::FaceVarying,
+        ffi::InterpolationTag::Instance => Interpolation::Instance,
+        _ => return None,
+    })
+}
+
+fn subdivision(tag: ffi::SubdivisionTag) -> Subdivision {
+    match tag {
+        ffi::SubdivisionTag::Bilinear => Subdivision::Bilinear,
+        ffi::SubdivisionTag::CatmullClark => Subdivision::CatmullClark,
+        ffi::SubdivisionTag::Loop => Subdivision::Loop,
+        _ => Subdivision::None,
+    }
+}
+
+fn prim(desc: ffi::PrimDesc) -> PrimDesc {
+    PrimDesc {
+        path: Arc::from(desc.path),
+        transform: column_matrix(&desc.transform),
+        visible: desc.visible,
+        purpose: Arc::from(desc.purpose),
+        instanced_by: desc
+            .instanced_by
+            .into_iter()
+            .map(|by| InstancedBy {
+                instancer: Arc::from(by.instancer),
+                prototype_root: Arc::from(by.prototype_root),
+            })
+            .collect(),
+    }
+}
+
+/// The core's mesh. Missing topology or points become empty arrays, about which the core warns.
+pub(crate) fn mesh(desc: ffi::MeshDesc, complaints: &mut Complaints) -> MeshDesc {
+    let prim = prim(desc.prim);
+    let path = Arc::clone(&prim.path);
+    MeshDesc {
+        prim,
+        prim_id: desc.prim_id,
+        double_sided: desc.double_sided,
+        left_handed: desc.left_handed,
+        subdivision: subdivision(desc.subdivision),
+        face_vertex_counts: complaints.required(&path, "faceVertexCounts", desc.face_vertex_counts),
+        face_vertex_indices: complaints.required(&path, "faceVertexIndices", desc.face_vertex_indices),
+        hole_indices: complaints.optional(&path, "holeIndices", desc.hole_indices),
+        points: complaints.required(&path, "points", desc.points),
+        normals: complaints.primvar(&path, "normals", desc.normals),
+        display_color: complaints.primvar(&path, "displayColor", desc.display_color),
+        display_opacity: complaints.primvar(&path, "displayOpacity", desc.display_opacity),
+    }
+}
+
+/// The core's instancer. A prototype without usable indices stays, with no instances.
+pub(crate) fn instancer(desc: ffi::InstancerDesc, complaints: &mut Complaints) -> InstancerDesc {
+    let prim = prim(desc.prim);
+    let path = Arc::clone(&prim.path);
+    let prototypes = desc
+        .prototypes
+        .into_iter()
+        .map(|prototype| InstancerPrototype {
+            indices: complaints.required(&path, "instanceIndices", prototype.indices),
+            root: Arc::from(prototype.root),
+        })
+        .collect();
+    InstancerDesc {
+        prim,
+        prototypes,
+        mask: complaints.optional(&path, "mask", desc.mask),
+        translations: complaints.optional(&path, "instanceTranslations", desc.translations),
+        rotations: complaints.optional(&path, "instanceRotations", desc.rotations),
+        scales: complaints.optional(&path, "instanceScales", desc.scales),
+        transforms: complaints.optional(&path, "instanceTransforms", desc.transforms),
+    }
+}
+
+/// The core's light.
+pub(crate) fn light(desc: ffi::LightDesc) -> LightDesc {
+    LightDesc {
+        prim: prim(desc.prim),
+        kind: match desc.kind {
+            ffi::LightTag::Distant => LightKind::Distant { angle_degrees: desc.angle_degrees },
+            _ => LightKind::Dome,
+        },
+        color: desc.color,
+        intensity: desc.intensity,
+        exposure: desc.exposure,
+        color_temperature: desc.enable_color_temperature.then_some(desc.color_temperature),
+        normalize: desc.normalize,
+        camera_visible: desc.camera_visible,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    fn floats(values: &[f32]) -> UniquePtr<ffi::HeldArray> {
+        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_ne_bytes()).collect();
+        ffi::copy_array(ffi::ElementTag::Vec3f, &bytes)
+    }
+
+    fn ints(values: &[i32]) -> UniquePtr<ffi::HeldArray> {
+        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_ne_bytes()).collect();
+        ffi::copy_array(ffi::ElementTag::I32, &bytes)
+    }
+
+    fn no_primvar() -> ffi::PrimvarDesc {
+        ffi::PrimvarDesc {
+            interpolation: ffi::InterpolationTag::Constant,
+            values: UniquePtr::null(),
+            indices: UniquePtr::null(),
+        }
+    }
+
+    fn prim_desc() -> ffi::PrimDesc {
+        let mut transform = [0.0; 16];
+        for diagonal in 0..4 {
+            transform[5 * diagonal] = 1.0;
+        }
+        transform[12..15].copy_from_slice(&[10.0, 20.0, 30.0]);
+        ffi::PrimDesc {
+            path: "/World/mesh".into(),
+            transform,
+            visible: true,
+            purpose: "render".into(),
+            instanced_by: vec![ffi::InstancedByDesc { instancer: "/I".into(), prototype_root: "/I/P".into() }],
+        }
+    }
+
+    fn mesh_desc() -> ffi::MeshDesc {
+        ffi::MeshDesc {
+            prim: prim_desc(),
+            prim_id: 7,
+            double_sided: true,
+            left_handed: false,
+            subdivision: ffi::SubdivisionTag::Loop,
+            face_vertex_counts: ints(&[3]),
+            face_vertex_indices: ints(&[0, 1, 2]),
+            hole_indices: UniquePtr::null(),
+            points: floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.5, 0.0]),
+            normals: no_primvar(),
+            display_color: no_primvar(),
+            display_opacity: no_primvar(),
+        }
+    }
+
+    #[test]
+    fn a_mesh_arrives_in_place_and_complete() {
+        let desc = mesh_desc();
+        let address = desc.points.as_ref().expect("points are there").bytes().as_ptr() as usize;
+        let mut complaints = Complaints::default();
+        let mesh = mesh(desc, &mut complaints);
+        assert!(complaints.0.is_empty(), "nothing is wrong with this mesh: {:?}", complaints.0);
+        assert_eq!(mesh.points.identity().0, address, "the points must be borrowed, not copied");
+        assert_eq!(mesh.points.vec3(2), Some(DVec3::new(0.0, 1.5, 0.0)), "the third point");
+        assert_eq!(mesh.face_vertex_indices.index(2), Some(2), "the third index");
+        assert_eq!((mesh.prim_id, mesh.subdivision), (7, Subdivision::Loop), "plain members");
+        assert_eq!(&*mesh.prim.instanced_by[0].prototype_root, "/I/P", "the prototype root");
+        assert!(mesh.hole_indices.is_none() && mesh.normals.is_none(), "null means absent");
+    }
+
+    #[test]
+    fn a_gf_matrix_becomes_the_column_vector_matrix() {
+        let matrix = column_matrix(&prim_desc().transform);
+        let moved = matrix.transform_point3(DVec3::new(1.0, 0.0, 0.0));
+        assert_eq!(moved, DVec3::new(11.0, 20.0, 30.0), "the translation of a Gf matrix is its last row");
+    }
+
+    #[test]
+    fn bytes_that_do_not_divide_into_elements_drop_that_part_only() {
+        let mut desc = mesh_desc();
+        desc.display_color = ffi::PrimvarDesc {
+            interpolation: ffi::InterpolationTag::Vertex,
+            values: ffi::copy_array(ffi::ElementTag::Vec3f, &[0; 13]),
+            indices: UniquePtr::null(),
+        };
+        let mut complaints = Complaints::default();
+        let mesh = mesh(desc, &mut complaints);
+        assert!(mesh.display_color.is_none(), "13 bytes are not vectors");
+        assert_eq!(mesh.points.len(), 3, "the points must survive");
+        assert_eq!(complaints.0.len(), 1, "one complaint: {:?}", complaints.0);
+        assert!(complaints.0[0].starts_with("/World/mesh: displayColor: "), "{}", complaints.0[0]);
+    }
+
+    #[test]
+    fn an_indexed_primvar_keeps_its_indices_and_falls_with_them() {
+        let primvar = |indices| ffi::PrimvarDesc {
+            interpolation: ffi::InterpolationTag::FaceVarying,
+            values: floats(&[0.0, 0.0, 1.0]),
+            indices,
+        };
+        let mut complaints = Complaints::default();
+        let good = complaints.primvar("/m", "normals", primvar(ints(&[0, 0, 0]))).expect("a good primvar");
+        assert_eq!(good.indices.map(|indices| indices.len()), Some(3), "the indices");
+        let bad = complaints.primvar("/m", "normals", primvar(ffi::copy_array(ffi::ElementTag::I32, &[1, 2, 3])));
+        assert!(bad.is_none(), "values without their indices would be misread");
+        assert_eq!(complaints.0.len(), 1, "one complaint: {:?}", complaints.0);
+    }
+
+    #[test]
+    fn color_temperature_counts_only_when_enabled() {
+        let desc = |enable_color_temperature| ffi::LightDesc {
+            prim: prim_desc(),
+            kind: ffi::LightTag::Distant,
+            angle_degrees: 0.53,
+            color: [1.0; 3],
+            intensity: 2.0,
+            exposure: 1.0,
+            enable_color_temperature,
+            color_temperature: 3000.0,
+            normalize: false,
+            camera_visible: true,
+        };
+        assert_eq!(light(desc(false)).color_temperature, None, "disabled");
+        assert_eq!(light(desc(true)).color_temperature, Some(3000.0), "enabled");
+        assert_eq!(light(desc(true)).kind, LightKind::Distant { angle_degrees: 0.53 }, "the angle");
+    }
+}

@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The boundary between the Hydra shim (C++) and the renderer (Rust); the only `#[cxx::bridge]` of the project.
+//!
+//! Guarantees: no panic leaves it (every function goes through [`guard`] and returns `Result`, which C++ sees as
+//! `rust::Error`); arrays are read where USD holds them, never copied; matrices arrive as Gf's row-vector data, which read
+//! column by column are the column-vector matrices of the core.
+//!
+//! Threads: `Session` may be used from any thread. C++ owns the objects; Rust owns every [`HeldArray`] it was given.
+#![deny(unsafe_code)]
+
+mod convert;
+mod guard;
+#[allow(unsafe_code, reason = "Send and Sync of the C++ array type are promised here")]
+mod held;
+mod logging;
+mod session;
+mod settings;
+mod stats;
+
+use guard::BridgeError;
+use session::{Session, close_session, open_session, setting_descriptors};
+
+/// Declarations that cxx turns into both sides of the boundary.
+#[allow(
+    unsafe_code,
+    missing_docs,
+    missing_debug_implementations,
+    unreachable_pub,
+    clippy::multiple_unsafe_ops_per_block,
+    clippy::undocumented_unsafe_blocks,
+    clippy::use_self,
+    reason = "cxx expands this module into extern blocks and shims"
+)]
+#[cxx::bridge(namespace = "oocpt")]
+mod ffi {
+    /// Element type of an array.
+    #[repr(u8)]
+    #[derive(Debug)]
+    enum ElementTag {
+        Bool,
+        I32,
+        F16,
+        F32,
+        F64,
+        Vec2h,
+        Vec2f,
+        Vec2d,
+        Vec3h,
+        Vec3f,
+        Vec3d,
+        Vec4h,
+        Vec4f,
+        Vec4d,
+        Quath,
+        Quatf,
+        Quatd,
+        Matrix4f,
+        Matrix4d,
+    }
+
+    /// `HdInterpolation`.
+    #[repr(u8)]
+    #[derive(Debug)]
+    enum InterpolationTag {
+        Constant,
+        Uniform,
+        Varying,
+        Vertex,
+        FaceVarying,
+        Instance,
+    }
+
+    /// `subdivisionScheme`.
+    #[repr(u8)]
+    #[derive(Debug)]
+    enum SubdivisionTag {
+        None,
+        Bilinear,
+        CatmullClark,
+        Loop,
+    }
+
+    /// Kinds of light.
+    #[repr(u8)]
+    #[derive(Debug)]
+    enum LightTag {
+        Dome,
+        Distant,
+    }
+
+    /// What a [`ScalarValue`] holds.
+    #[repr(u8)]
+    #[derive(Debug)]
+    enum ScalarTag {
+        Bool,
+        Int,
+        Float,
+        Text,
+    }
+
+    /// What became of a setting.
+    #[repr(u8)]
+    #[derive(Debug)]
+    enum SettingOutcome {
+        Unchanged,
+        Changed,
+        Unknown,
+    }
+
+    /// One value of a setting or a statistic; only the member named by `tag` counts.
+    #[derive(Debug, Clone)]
+    struct ScalarValue {
+        tag: ScalarTag,
+        flag: bool,
+        integer: i64,
+        real: f64,
+        text: String,
+    }
+
+    /// A value with its name.
+    #[derive(Debug, Clone)]
+    struct NamedValue {
+        key: String,
+        value: ScalarValue,
+    }
+
+    /// One entry of the settings list that hosts show.
+    #[derive(Debug, Clone)]
+    struct SettingDescriptor {
+        key: String,
+        name: String,
+        default_value: ScalarValue,
+    }
+
+    /// One line for the user.
+    #[derive(Debug, Clone)]
+    struct UserMessage {
+        fatal: bool,
+        text: String,
+    }
+
+    /// A primvar; absent when `values` is null.
+    struct PrimvarDesc {
+        interpolation: InterpolationTag,
+        values: UniquePtr<HeldArray>,
+        indices: UniquePtr<HeldArray>,
+    }
+
+    /// Which instancer places a prim, and under which of its prototypes.
+    struct InstancedByDesc {
+        instancer: String,
+        prototype_root: String,
+    }
+
+    /// What every prim has. `transform` is `GfMatrix4d` data as it lies in memory.
+    struct PrimDesc {
+        path: String,
+        transform: [f64; 16],
+        visible: bool,
+        purpose: String,
+        instanced_by: Vec<InstancedByDesc>,
+    }
+
+    /// A mesh; null arrays are absent.
+    struct MeshDesc {
+        prim: PrimDesc,
+        prim_id: i32,
+        double_sided: bool,
+        left_handed: bool,
+        subdivision: SubdivisionTag,
+        face_vertex_counts: UniquePtr<HeldArray>,
+        face_vertex_indices: UniquePtr<HeldArray>,
+        hole_indices: UniquePtr<HeldArray>,
+        points: UniquePtr<HeldArray>,
+        normals: PrimvarDesc,
+        display_color: PrimvarDesc,
+        display_opacity: PrimvarDesc,
+    }
+
+    /// One prototype of an instancer and the instances that use it.
+    struct PrototypeDesc {
+        root: String,
+        indices: UniquePtr<HeldArray>,
+    }
+
+    /// A point instancer or the instancer of native instances; null arrays are absent.
+    struct InstancerDesc {
+        prim: PrimDesc,
+        prototypes: Vec<PrototypeDesc>,
+        mask: UniquePtr<HeldArray>,
+        translations: UniquePtr<HeldArray>,
+        rotations: UniquePtr<HeldArray>,
+        scales: UniquePtr<HeldArray>,
+        transforms: UniquePtr<HeldArray>,
+    }
+
+    /// A light in `UsdLux` terms.
+    struct LightDesc {
+        prim: PrimDesc,
+        kind: LightTag,
+        angle_degrees: f32,
+        color: [f32; 3],
+        intensity: f32,
+        exposure: f32,
+        enable_color_temperature: bool,
+        color_temperature: f32,
+        normalize: bool,
+        camera_visible: bool,
+    }
+
+    /// A batch of edits. Removals (each prim with all below it) come first, then the rest in any order.
+    struct SceneEdits {
+        removed: Vec<String>,
+        meshes: Vec<MeshDesc>,
+        instancers: Vec<InstancerDesc>,
+        lights: Vec<LightDesc>,
+    }
+
+    /// One image wanted.
+    struct AovDesc {
+        name: String,
+        has_clear: bool,
+        clear: [f32; 4],
+    }
+
+    /// What to render. Windows are x0, y0, x1, y1 in pixels with y down, maxima exclusive.
+    struct RenderDesc {
+        width: u32,
+        height: u32,
+        world_from_view: [f64; 16],
+        projection: [f64; 16],
+        display_window: [f32; 4],
+        data_window: [i32; 4],
+        lens_radius: f64,
+        focus_distance: f64,
+        aovs: Vec<AovDesc>,
+        purposes: Vec<String>,
+    }
+
+    unsafe extern "C++" {
+        include!("bridge/heldArray.h");
+
+        type HeldArray;
+
+        fn bytes(self: &HeldArray) -> &[u8];
+        fn element(self: &HeldArray) -> ElementTag;
+
+        /// A held array that owns a copy of `bytes`.
+        #[allow(dead_code, reason = "the tests make their arrays with it")]
+        fn copy_array(element: ElementTag, bytes: &[u8]) -> UniquePtr<HeldArray>;
+    }
+
+    extern "Rust" {
+        type Session;
+
+        fn open_session() -> Result<Box<Session>>;
+        fn close_session(session: Box<Session>) -> Result<()>;
+        fn setting_descriptors() -> Result<Vec<SettingDescriptor>>;
+
+        fn apply_edits(self: &Session, edits: SceneEdits) -> Result<()>;
+        fn clear_scene(self: &Session) -> Result<()>;
+
+        fn set_setting(self: &Session, key: &str, value: &ScalarValue) -> Result<SettingOutcome>;
+        fn clear_setting(self: &Session, key: &str) -> Result<SettingOutcome>;
+
+        fn render(self: &Session, request: RenderDesc) -> Result<()>;
+        fn is_converged(self: &Session) -> Result<bool>;
+        fn pause(self: &Session) -> Result<()>;
+        fn resume(self: &Session) -> Result<()>;
+        fn is_paused(self: &Session) -> Result<bool>;
+        fn stop(self: &Session, blocking: bool) -> Result<()>;
+        fn is_stopped(self: &Session) -> Result<bool>;
+        fn restart(self: &Session) -> Result<()>;
+        fn read_aov(self: &Session, name: &str, destination: &mut [u8]) -> Result<bool>;
+        fn stats(self: &Session) -> Result<Vec<NamedValue>>;
+        fn take_messages(self: &Session) -> Result<Vec<UserMessage>>;
+    }
+}

@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The object that C++ holds: a render session, its settings layers, and messages that arose at the boundary itself.
+//!
+//! Every method may be called from any thread; none panics out (see [`crate::guard`]).
+
+use crate::convert::{self, Complaints, column_matrix};
+use crate::ffi::{NamedValue, RenderDesc, ScalarValue, SceneEdits, SettingDescriptor, SettingOutcome, UserMessage};
+use crate::guard::{BridgeError, guard};
+use crate::settings::{self, Layers};
+use crate::{logging, stats};
+use oocpt_core::camera::Camera;
+use oocpt_core::scene::SceneDb;
+use oocpt_core::settings::Settings;
+use oocpt_render::{AovKind, AovRequest, RenderRequest, Severity};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// One renderer.
+pub(crate) struct Session {
+    inner: oocpt_render::Session,
+    layers: Mutex<Layers>,
+    /// Warnings of the boundary itself, handed out before the renderer's.
+    warnings: Mutex<Vec<String>>,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn environment(name: &str) -> Option<String> {
+    std::env::var(name).ok()
+}
+
+/// A new session with an empty scene; reads the `OOCPT_*` variables and sets up the log.
+pub(crate) fn open_session() -> Result<Box<Session>, BridgeError> {
+    guard("open_session", || {
+        logging::install();
+        let (layers, warnings) = Layers::new(environment);
+        let inner = oocpt_render::Session::new(layers.settings());
+        Ok(Box::new(Session { inner, layers: Mutex::new(layers), warnings: Mutex::new(warnings) }))
+    })
+}
+
+/// Ends a session: waits for its render thread and frees everything.
+#[allow(clippy::boxed_local, reason = "C++ hands over the box that it holds")]
+pub(crate) fn close_session(session: Box<Session>) -> Result<(), BridgeError> {
+    guard("close_session", move || {
+        drop(session);
+        Ok(())
+    })
+}
+
+/// What hosts list, without a session: the environment's values are the defaults.
+pub(crate) fn setting_descriptors() -> Result<Vec<SettingDescriptor>, BridgeError> {
+    guard("setting_descriptors", || Ok(Layers::new(environment).0.descriptors()))
+}
+
+impl Session {
+    /// Edits the scene; takes effect with the next render.
+    pub(crate) fn apply_edits(&self, edits: SceneEdits) -> Result<(), BridgeError> {
+        guard("apply_edits", || {
+            let mut complaints = Complaints::default();
+            self.inner.with_scene(|scene| {
+                for path in &edits.removed {
+                    scene.remove(path);
+                }
+                for mesh in edits.meshes {
+                    scene.upsert_mesh(convert::mesh(mesh, &mut complaints));
+                }
+                for instancer in edits.instancers {
+                    scene.upsert_instancer(convert::instancer(instancer, &mut complaints));
+                }
+                for light in edits.lights {
+                    scene.upsert_light(convert::light(light));
+                }
+            });
+            lock(&self.warnings).append(&mut complaints.0);
+            Ok(())
+        })
+    }
+
+    /// Starts again with an empty scene.
+    pub(crate) fn clear_scene(&self) -> Result<(), BridgeError> {
+        guard("clear_scene", || {
+            self.inner.with_scene(|scene: &mut SceneDb| scene.remove("/"));
+            Ok(())
+        })
+    }
+
+    /// Sets a value that the host wants explicitly.
+    pub(crate) fn set_setting(&self, key: &str, value: &ScalarValue) -> Result<SettingOutcome, BridgeError> {
+        guard("set_setting", || {
+            if !settings::is_known(key) {
+                return Ok(SettingOutcome::Unknown);
+            }
+            let Some(value) = settings::value(value) else { return Ok(SettingOutcome::Unknown) };
+            let changed = self.inner.set_setting(key, value.clone())?;
+            lock(&self.layers).set(key, value);
+            Ok(outcome(changed))
+        })
+    }
+
+    /// Takes an explicit value back: the environment's or the default counts again.
+    pub(crate) fn clear_setting(&self, key: &str) -> Result<SettingOutcome, BridgeError> {
+        guard("clear_setting", || {
+            if !settings::is_known(key) {
+                return Ok(SettingOutcome::Unknown);
+            }
+            let mut layers = lock(&self.layers);
+            if !layers.clear(key) {
+                return Ok(SettingOutcome::Unchanged);
+            }
+            let mut changed = false;
+            for (key, value) in layers.resolved() {
+                changed |= self.inner.set_setting(&key, value)?;
+            }
+            Ok(outcome(changed))
+        })
+    }
+
+    /// Commits the scene and renders in the background.
+    pub(crate) fn render(&self, request: RenderDesc) -> Result<(), BridgeError> {
+        guard("render", || {
+            let purposes: Vec<&str> = request.purposes.iter().map(String::as_str).collect();
+            self.inner.with_scene(|scene| scene.set_purposes(&purposes));
+            self.inner.render(render_request(&request));
+            Ok(())
+        })
+    }
+
+    /// Whether the images are final.
+    pub(crate) fn is_converged(&self) -> Result<bool, BridgeError> {
+        guard("is_converged", || Ok(self.inner.is_converged()))
+    }
+
+    /// No new wave starts.
+    pub(crate) fn pause(&self) -> Result<(), BridgeError> {
+        guard("pause", || {
+            self.inner.pause();
+            Ok(())
+        })
+    }
+
+    /// Ends a pause.
+    pub(crate) fn resume(&self) -> Result<(), BridgeError> {
+        guard("resume", || {
+            self.inner.resume();
+            Ok(())
+        })
+    }
+
+    /// Whether the session is paused.
+    pub(crate) fn is_paused(&self) -> Result<bool, BridgeError> {
+        guard("is_paused", || Ok(self.inner.is_paused()))
+    }
+
+    /// Gives the image up as it is.
+    pub(crate) fn stop(&self, blocking: bool) -> Result<(), BridgeError> {
+        guard("stop", || {
+            self.inner.stop(blocking);
+            Ok(())
+        })
+    }
+
+    /// Whether the session was stopped.
+    pub(crate) fn is_stopped(&self) -> Result<bool, BridgeError> {
+        guard("is_stopped", || Ok(self.inner.is_stopped()))
+    }
+
+    /// Renders the last request again from its first sample.
+    pub(crate) fn restart(&self) -> Result<(), BridgeError> {
+        guard("restart", || {
+            self.inner.restart();
+            Ok(())
+        })
+    }
+
+    /// Copies the newest image named by Hydra's token; false when there is none of that size.
+    pub(crate) fn read_aov(&self, name: &str, destination: &mut [u8]) -> Result<bool, BridgeError> {
+        guard("read_aov", || {
+            Ok(AovKind::from_token(name).is_some_and(|kind| self.inner.read_aov(kind, destination)))
+        })
+    }
+
+    /// Counters under the keys that hosts read.
+    pub(crate) fn stats(&self) -> Result<Vec<NamedValue>, BridgeError> {
+        guard("stats", || Ok(stats::named_values(&self.inner.stats())))
+    }
+
+    /// What the user should see since the last call.
+    pub(crate) fn take_messages(&self) -> Result<Vec<UserMessage>, BridgeError> {
+        guard("take_messages", || {
+            let warnings = std::mem::take(&mut *lock(&self.warnings));
+            let own = warnings.into_iter().map(|text| UserMessage { fatal: false, text });
+            let renderers = self.inner.take_messages().into_iter().map(|message| UserMessage {
+                fatal: message.severity == Severity::Error,
+                text: message.text,
+            });
+            Ok(own.chain(renderers).collect())
+        })
+    }
+}
+
+fn outcome(changed: bool) -> SettingOutcome {
+    if changed { SettingOutcome::Changed } else { SettingOutcome::Unchanged }
+}
+
+fn render_request(desc: &RenderDesc) -> RenderRequest {
+    RenderRequest {
+        width: desc.width,
+        height: desc.height,
+        camera: Camera {
+            world_from_view: column_matrix(&desc.world_from_view),
+            projection: column_matrix(&desc.projection),
+            display_window: desc.display_window,
+            data_window: desc.data_window,
+            lens_radius: desc.lens_radius,
+            focus_distance: desc.focus_distance,
+        },
+        aovs: desc
+            .aovs
+            .iter()
+            .filter_map(|aov| {
+                let kind = AovKind::from_token(&aov.name)?;
+                Some(AovRequest { kind, clear: if aov.has_clear { aov.clear } else { default_clear(kind) } })
+            })
+            .collect(),
+    }
+}
+
+/// Hydra's usual clear values.
+fn default_clear(kind: AovKind) -> [f32; 4] {
+    match kind {
+        AovKind::Depth => [1.0; 4],
+        AovKind::PrimId | AovKind::InstanceId | AovKind::ElementId => [-1.0; 4],
+        _ => [0.0; 4],
+    }
+}

@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Which value of a setting counts: what the host set explicitly, else the `OOCPT_*` variable, else the default.
+//!
+//! Pure but for the variables, which are read once through the function given to [`Layers::new`].
+
+use crate::ffi::{ScalarTag, ScalarValue, SettingDescriptor};
+use oocpt_core::settings::{Descriptor, Settings, Value, env_name};
+
+/// The explicit settings and the environment's, by key.
+#[derive(Debug, Default)]
+pub(crate) struct Layers {
+    environment: Vec<(String, Value)>,
+    /// In the order in which they were set: of two keys for the same thing the later one counts.
+    explicit: Vec<(String, Value)>,
+}
+
+impl Layers {
+    /// Reads the variable of every setting. Unreadable ones are skipped and named in the returned lines.
+    pub(crate) fn new(variable: impl Fn(&str) -> Option<String>) -> (Self, Vec<String>) {
+        let mut layers = Self::default();
+        let mut complaints = Vec::new();
+        let mut checked = Settings::default();
+        for descriptor in Settings::descriptors() {
+            let name = env_name(descriptor.key);
+            let Some(text) = variable(&name) else { continue };
+            let Some(value) = parse(&text, &descriptor.default) else {
+                complaints.push(format!("{name}: \"{text}\" is not {}; ignored", kind_of(&descriptor.default)));
+                continue;
+            };
+            match checked.set(descriptor.key, value.clone()) {
+                Ok(_) => layers.environment.push((descriptor.key.to_owned(), value)),
+                Err(error) => complaints.push(format!("{name}: {error}; ignored")),
+            }
+        }
+        (layers, complaints)
+    }
+
+    /// The settings as all layers give them.
+    pub(crate) fn settings(&self) -> Settings {
+        let mut settings = Settings::default();
+        for (key, value) in self.environment.iter().chain(&self.explicit) {
+            if let Err(error) = settings.set(key, value.clone()) {
+                tracing::warn!(key, %error, "a setting that was accepted before is refused now");
+            }
+        }
+        settings
+    }
+
+    /// Every key with the value that counts, in the order in which to set them.
+    pub(crate) fn resolved(&self) -> Vec<(String, Value)> {
+        let defaults = Settings::descriptors().iter().map(|entry| (entry.key.to_owned(), entry.default.clone()));
+        defaults.chain(self.environment.iter().chain(&self.explicit).cloned()).collect()
+    }
+
+    /// Notes an explicit value; the caller has checked it.
+    pub(crate) fn set(&mut self, key: &str, value: Value) {
+        self.explicit.retain(|(have, _)| have != key);
+        self.explicit.push((key.to_owned(), value));
+    }
+
+    /// Takes an explicit value back. True if there was one.
+    pub(crate) fn clear(&mut self, key: &str) -> bool {
+        let before = self.explicit.len();
+        self.explicit.retain(|(have, _)| have != key);
+        before != self.explicit.len()
+    }
+
+    /// What hosts list; the default shown is the environment's value where there is one.
+    pub(crate) fn descriptors(&self) -> Vec<SettingDescriptor> {
+        Settings::descriptors()
+            .iter()
+            .map(|descriptor| {
+                let environment = self.environment.iter().find(|(key, _)| key == descriptor.key);
+                SettingDescriptor {
+                    key: descriptor.key.to_owned(),
+                    name: descriptor.name.to_owned(),
+                    default_value: scalar(environment.map_or(&descriptor.default, |(_, value)| value)),
+                }
+            })
+            .collect()
+    }
+}
+
+/// Whether OocPT has a setting of that name.
+pub(crate) fn is_known(key: &str) -> bool {
+    Settings::descriptors().iter().any(|descriptor: &Descriptor| descriptor.key == key)
+}
+
+/// A value as it comes over the boundary; `None` for a tag that this version does not know.
+pub(crate) fn value(scalar: &ScalarValue) -> Option<Value> {
+    Some(match scalar.tag {
+        ScalarTag::Bool => Value::Bool(scalar.flag),
+        ScalarTag::Int => Value::Int(scalar.integer),
+        ScalarTag::Float => Value::Float(scalar.real),
+        ScalarTag::Text => Value::Text(scalar.text.clone()),
+        _ => return None,
+    })
+}
+
+/// A value as it goes over the boundary.
+pub(crate) fn scalar(value: &Value) -> ScalarValue {
+    let empty = ScalarValue { tag: ScalarTag::Bool, flag: false, integer: 0, real: 0.0, text: String::new() };
+    match value {
+        Value::Bool(flag) => ScalarValue { flag: *flag, ..empty },
+        Value::Int(integer) => ScalarValue { tag: ScalarTag::Int, integer: *integer, ..empty },
+        Value::Float(real) => ScalarValue { tag: ScalarTag::Float, real: *real, ..empty },
+        Value::Text(text) => ScalarValue { tag: ScalarTag::Text, text: text.clone(), ..empty },
+    }
+}
+
+fn parse(text: &str, like: &Value) -> Option<Value> {
+    let text = text.trim();
+    Some(match like {
+        Value::Bool(_) => Value::Bool(match text.to_ascii_lowercase().as_str() {
+            "1" | "true" | "on" | "yes" => true,
+            "0" | "false" | "off" | "no" => false,
+            _ => return None,
+        }),
+        Value::Int(_) => Value::Int(text.parse().ok()?),
+        Value::Float(_) => Value::Float(text.parse().ok()?),
+        Value::Text(_) => Value::Text(text.to_owned()),
+    })
+}
+
+fn kind_of(value: &Value) -> &'static str {
+    match value {
+        Value::Bool(_) => "a boolean",
+        Value::Int(_) => "a whole number",
+        Value::Float(_) => "a number",
+        Value::Text(_) => "a text",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SAMPLES: &str = "oocpt:samplesPerPixel";
+
+    fn with_variable(name: &'static str, text: &'static str) -> (Layers, Vec<String>) {
+        Layers::new(|wanted| (wanted == name).then(|| text.to_owned()))
+    }
+
+    #[test]
+    fn the_environment_beats_the_default_and_the_host_beats_both() {
+        let (mut layers, complaints) = with_variable("OOCPT_SAMPLES_PER_PIXEL", " 7 ");
+        assert!(complaints.is_empty(), "{complaints:?}");
+        assert_ne!(Settings::default().samples_per_pixel, 7, "the test needs another default");
+        assert_eq!(layers.settings().samples_per_pixel, 7, "environment over default");
+        layers.set(SAMPLES, Value::Int(9));
+        assert_eq!(layers.settings().samples_per_pixel, 9, "host over environment");
+        assert!(layers.clear(SAMPLES), "there was an explicit value");
+        assert_eq!(layers.settings().samples_per_pixel, 7, "the environment's value comes back");
+        assert!(!layers.clear(SAMPLES), "there is none any more");
+    }
+
+    #[test]
+    fn of_two_keys_for_the_same_thing_the_later_one_counts() {
+        let (mut layers, _) = Layers::new(|_| None);
+        layers.set("convergedSamplesPerPixel", Value::Int(3));
+        layers.set(SAMPLES, Value::Int(4));
+        assert_eq!(layers.settings().samples_per_pixel, 4, "the later key");
+        layers.set("convergedSamplesPerPixel", Value::Int(5));
+        assert_eq!(layers.settings().samples_per_pixel, 5, "setting a key again makes it the later one");
+    }
+
+    #[test]
+    fn an_unreadable_variable_is_named_and_skipped() {
+        let (layers, complaints) = with_variable("OOCPT_SAMPLES_PER_PIXEL", "many");
+        assert_eq!(layers.settings(), Settings::default(), "nothing may change");
+        assert_eq!(complaints, ["OOCPT_SAMPLES_PER_PIXEL: \"many\" is not a whole number; ignored"]);
+        let (layers, complaints) = with_variable("OOCPT_SAMPLES_PER_PIXEL", "-4");
+        assert_eq!(layers.settings(), Settings::default(), "a value out of range may not change anything");
+        assert!(complaints.len() == 1 && complaints[0].starts_with("OOCPT_SAMPLES_PER_PIXEL: "), "{complaints:?}");
+    }
+
+    #[test]
+    fn hosts_see_the_environment_as_the_default() {
+        let (layers, _) = with_variable("OOCPT_SAMPLES_PER_PIXEL", "7");
+        let list = layers.descriptors();
+        let samples = list.iter().find(|entry| entry.key == SAMPLES).expect("the setting is listed");
+        assert_eq!(samples.default_value.integer, 7, "the variable's value");
+        assert_eq!(list.len(), Settings::descriptors().len(), "every setting is listed");
+    }
+
+    #[test]
+    fn every_kind_of_value_survives_the_crossing() {
+        for original in [Value::Bool(true), Value::Int(-3), Value::Float(0.25), Value::Text("llvmpipe".into())] {
+            assert_eq!(value(&scalar(&original)), Some(original.clone()), "{original:?}");
+        }
+    }
+}

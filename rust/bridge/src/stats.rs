@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Renders the statistics as the key-value pairs that hosts look for in `GetRenderStats`.
+//!
+//! Keys without prefix are read by usdview, Houdini, husk and others (`numCompletedSamples`, `gpuMemoryUsed`,
+//! `percentDone`…); those under `oocpt:` are ours. Pure; any thread.
+
+use crate::ffi::{NamedValue, ScalarTag, ScalarValue};
+use oocpt_core::stats::Stats;
+
+/// The list of pairs, sorted as below. Memory in bytes, times in seconds.
+pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
+    let dropped = format!("{}", stats.dropped);
+    vec![
+        text("rendererName", "OocPT"),
+        text("rendererVersion", env!("CARGO_PKG_VERSION")),
+        real("percentDone", f64::from(stats.percent_done)),
+        real("fractionDone", f64::from(stats.percent_done) / 100.0),
+        real("totalClockTime", stats.seconds_total),
+        integer("numCompletedSamples", u64::from(stats.samples_completed)),
+        text("renderProgressAnnotation", &stats.annotation),
+        text("rendererStage", stage(stats)),
+        integer("gpuMemoryUsed", stats.gpu_bytes),
+        integer("totalMemory", stats.gpu_bytes.saturating_add(stats.host_bytes)),
+        integer("peakMemory", stats.gpu_peak_bytes.saturating_add(stats.host_bytes)),
+        integer("oocpt:samplesTarget", u64::from(stats.samples_target)),
+        integer("oocpt:gpuMemoryPeak", stats.gpu_peak_bytes),
+        integer("oocpt:gpuMemoryBudget", stats.gpu_budget_bytes),
+        integer("oocpt:hostMemory", stats.host_bytes),
+        integer("oocpt:raysTraced", stats.rays_traced),
+        real("oocpt:raysPerSecond", stats.rays_per_second),
+        integer("oocpt:nonFiniteSamples", stats.nonfinite_samples),
+        integer("oocpt:instances", stats.instances),
+        integer("oocpt:triangles", stats.triangles),
+        integer("oocpt:uniqueTriangles", stats.unique_triangles),
+        integer("oocpt:meshes", stats.meshes),
+        text("oocpt:featuresLeftOut", &stats.features_left_out.join(" ")),
+        text("oocpt:dropped", &dropped),
+    ]
+}
+
+fn stage(stats: &Stats) -> &'static str {
+    if stats.samples_target > 0 && stats.samples_completed >= stats.samples_target { "done" } else { "rendering" }
+}
+
+fn empty() -> ScalarValue {
+    ScalarValue { tag: ScalarTag::Bool, flag: false, integer: 0, real: 0.0, text: String::new() }
+}
+
+fn integer(key: &str, number: u64) -> NamedValue {
+    let integer = i64::try_from(number).unwrap_or(i64::MAX);
+    NamedValue { key: key.to_owned(), value: ScalarValue { tag: ScalarTag::Int, integer, ..empty() } }
+}
+
+fn real(key: &str, real: f64) -> NamedValue {
+    NamedValue { key: key.to_owned(), value: ScalarValue { tag: ScalarTag::Float, real, ..empty() } }
+}
+
+fn text(key: &str, text: &str) -> NamedValue {
+    NamedValue {
+        key: key.to_owned(),
+        value: ScalarValue { tag: ScalarTag::Text, text: text.to_owned(), ..empty() },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hosts_find_what_they_read() {
+        let stats = Stats {
+            percent_done: 25.0,
+            samples_completed: 16,
+            samples_target: 64,
+            gpu_bytes: 1 << 20,
+            annotation: "16 of 64 samples".into(),
+            ..Stats::default()
+        };
+        let values = named_values(&stats);
+        let find = |key: &str| &values.iter().find(|entry| entry.key == key).expect(key).value;
+        assert!((find("percentDone").real - 25.0).abs() < 1e-9, "percent");
+        assert!((find("fractionDone").real - 0.25).abs() < 1e-9, "fraction");
+        assert_eq!(find("numCompletedSamples").integer, 16, "samples");
+        assert_eq!(find("gpuMemoryUsed").integer, 1 << 20, "bytes");
+        assert_eq!(find("renderProgressAnnotation").text, "16 of 64 samples", "annotation");
+        assert_eq!(find("rendererName").text, "OocPT", "name");
+    }
+
+    #[test]
+    fn keys_are_distinct_and_huge_counts_saturate() {
+        let values = named_values(&Stats { rays_traced: u64::MAX, ..Stats::default() });
+        let mut keys: Vec<&str> = values.iter().map(|entry| entry.key.as_str()).collect();
+        keys.sort_unstable();
+        keys.dedup();
+        assert_eq!(keys.len(), values.len(), "a key appears twice");
+        let rays = values.iter().find(|entry| entry.key == "oocpt:raysTraced").expect("rays are listed");
+        assert_eq!(rays.value.integer, i64::MAX, "a count beyond i64 must not wrap");
+    }
+}
