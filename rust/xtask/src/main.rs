@@ -1,8 +1,228 @@
 // SPDX-License-Identifier: Apache-2.0
-//! tmp
-mod host; mod places; mod process;
-fn main() -> anyhow::Result<()> {
-    let places = places::Places::from_env()?;
-    let i = host::find_interpreter().unwrap();
-    host::prepare(&places, &i)
+//! `cargo xtask`: the one door of OocPT for people and CI.
+//!
+//! Each command sets up what it needs (system packages, wheel host, Python environments, build) and is quick when that is done. Answers go to
+//! stdout, everything else to stderr. Paths are in [`places`], the wheel host is described in [`host`].
+#![forbid(unsafe_code)]
+
+mod check;
+mod host;
+mod places;
+mod process;
+mod product;
+mod shell;
+mod system;
+mod verify;
+
+use std::ffi::OsString;
+use std::os::unix::process::CommandExt as _;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context as _, Result};
+use clap::{Parser, Subcommand};
+
+use crate::host::Interpreter;
+use crate::places::Places;
+use crate::process::say;
+
+#[derive(Debug, Parser)]
+#[command(
+    name = "cargo xtask",
+    about = "Set up, build, record, test and check OocPT",
+    disable_help_subcommand = true
+)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Task,
+}
+
+#[derive(Debug, Subcommand)]
+enum Task {
+    /// Install system packages (as root), put together the wheel host and the Python environments
+    Setup,
+    /// Build the plugin for the wheel host
+    Build,
+    /// Render a scene: `record [usdrecord flags] SCENE OUT`
+    #[command(disable_help_flag = true)]
+    Record {
+        /// Handed to usdrecord as they are; `--renderer OocPT` is added unless a renderer is named
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<OsString>,
+    },
+    /// Print shell exports: `eval "$(cargo xtask env)"`
+    Env,
+    /// Build against an OpenUSD SDK and install the plugin
+    Install {
+        /// Root of the SDK (the folder with `include/pxr/pxr.h`)
+        #[arg(long)]
+        usd: PathBuf,
+        /// Where to install
+        #[arg(long)]
+        prefix: PathBuf,
+    },
+    /// Run all tests, or those whose name contains FILTER
+    Test {
+        /// Part of a test's name
+        filter: Option<String>,
+    },
+    /// Formatting, lints, documentation, crate graph, words, file lengths, C++ formatting
+    Check,
+    /// What the Vulkan devices of this machine can do (the `oocpt doctor` of the clone)
+    #[command(disable_help_flag = true)]
+    Doctor {
+        /// Handed to `oocpt doctor` as they are
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<OsString>,
+    },
+}
+
+fn main() -> Result<()> {
+    let places = Places::from_env()?;
+    match Arguments::parse().command {
+        Task::Setup => set_up(&places).map(drop),
+        Task::Build => build(&places).map(drop),
+        Task::Record { arguments } => record(&places, &arguments),
+        Task::Env => print_env(&places),
+        Task::Install { usd, prefix } => install(&places, &usd, &prefix),
+        Task::Test { filter } => {
+            build(&places)?;
+            verify::run_tests(&places, filter.as_deref())
+        }
+        Task::Check => {
+            system::prepare(system::For::Check)?;
+            check::run_all(&places)
+        }
+        Task::Doctor { arguments } => doctor(&places, &arguments),
+    }
+}
+
+fn set_up(places: &Places) -> Result<Interpreter> {
+    system::prepare(system::For::Build)?;
+    let interpreter =
+        host::find_interpreter().context("no CPython 3.11 with headers and venv; name one in OOCPT_PYTHON")?;
+    host::prepare(places, &interpreter)?;
+    Ok(interpreter)
+}
+
+fn build(places: &Places) -> Result<Interpreter> {
+    let interpreter = set_up(places)?;
+    product::build_for_wheel(places, &interpreter)?;
+    Ok(interpreter)
+}
+
+/// Becomes `usdrecord`: returns only if that cannot be started.
+fn record(places: &Places, arguments: &[OsString]) -> Result<()> {
+    let (settings, sdk) = settings_for_recording(places)?;
+    let program = sdk
+        .as_ref()
+        .map_or_else(|| places.wheel_bin(), |usd| usd.join("bin"))
+        .join("usdrecord");
+    let mut usdrecord = Command::new(program);
+    shell::apply(&settings, &mut usdrecord);
+    if !names_one_of(arguments, &["--renderer", "-r"]) {
+        usdrecord.args(["--renderer", "OocPT"]);
+    }
+    // An SDK's usdrecord opens a GL window unless told not to; OocPT draws without one.
+    if sdk.is_some() && !names_one_of(arguments, &["--disableGpu"]) {
+        usdrecord.arg("--disableGpu");
+    }
+    let error = usdrecord.args(arguments).exec();
+    Err(error).with_context(|| format!("cannot start {}", usdrecord.get_program().display()))
+}
+
+fn names_one_of(arguments: &[OsString], flags: &[&str]) -> bool {
+    let is_named = |word: &str| {
+        flags
+            .iter()
+            .any(|flag| word == *flag || word.strip_prefix(flag).is_some_and(|rest| rest.starts_with('=')))
+    };
+    arguments.iter().any(|word| is_named(&word.to_string_lossy()))
+}
+
+/// Builds for the SDK that `OOCPT_USD_ROOT` names, else for the wheel host; returns how to reach its `usdrecord`.
+fn settings_for_recording(places: &Places) -> Result<(Vec<shell::Setting>, Option<PathBuf>)> {
+    let Some(usd) = shell::sdk_root()? else {
+        build(places)?;
+        return Ok((shell::for_wheel(places), None));
+    };
+    system::prepare(system::For::Build)?;
+    let prefix = product::install_for_sdk(places, &usd, &places.repo.join("build/sdk"))?;
+    Ok((shell::for_sdk(&usd, &prefix), Some(usd)))
+}
+
+#[expect(clippy::print_stdout, reason = "the answer is for the shell that evaluates it")]
+fn print_env(places: &Places) -> Result<()> {
+    let (settings, _) = settings_for_recording(places)?;
+    print!("{}", shell::exports(&settings));
+    Ok(())
+}
+
+fn install(places: &Places, usd: &Path, prefix: &Path) -> Result<()> {
+    system::prepare(system::For::Build)?;
+    let prefix = product::install_for_sdk(places, usd, prefix)?;
+    say(format_args!(
+        "installed; hosts find it with PXR_PLUGINPATH_NAME={}",
+        prefix.join(shell::INSTALLED_RESOURCES).display()
+    ));
+    Ok(())
+}
+
+/// Becomes `oocpt doctor`.
+fn doctor(places: &Places, arguments: &[OsString]) -> Result<()> {
+    system::prepare(system::For::Build)?;
+    let mut cargo = product::cargo(places, "run");
+    cargo.args([
+        "--quiet",
+        "--profile",
+        product::PROFILE,
+        "--package",
+        "oocpt-cli",
+        "--bin",
+        "oocpt",
+        "--",
+        "doctor",
+    ]);
+    Err(cargo.args(arguments).exec()).context("cannot start cargo")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        <Arguments as clap::CommandFactory>::command().debug_assert();
+    }
+
+    #[test]
+    fn usdrecord_flags_pass_untouched() {
+        let words = [
+            "xtask",
+            "record",
+            "--imageWidth",
+            "64",
+            "-r",
+            "Storm",
+            "--help",
+            "a.usda",
+            "b.exr",
+        ];
+        let Task::Record { arguments } = Arguments::parse_from(words).command else {
+            panic!("not a record task")
+        };
+        assert_eq!(arguments, words[2..], "order and dashes are kept");
+        assert!(names_one_of(&arguments, &["--renderer", "-r"]), "short flag");
+        assert!(
+            names_one_of(&["--renderer=GL".into()], &["--renderer", "-r"]),
+            "joined value"
+        );
+        assert!(
+            !names_one_of(
+                &["--renderSettingsPrimPath".into(), "-rs".into()],
+                &["--renderer", "-r"]
+            ),
+            "other flags"
+        );
+    }
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Every path the door uses, in one table.
 //!
-//! The clone holds `build/` (plugin, CMake trees) and cargo's target folder; everything downloaded lives in a cache outside of it,
+//! The clone holds `build/` (plugin, `CMake` trees) and cargo's target folder; everything downloaded lives in a cache outside of it,
 //! `$OOCPT_CACHE` or `~/.cache/oocpt`, so that clones share it. Nothing here touches the disk.
 
 use std::env;
@@ -58,11 +58,6 @@ impl Places {
         self.host().join("python/bpy/5.0/python/lib/python3.11/site-packages")
     }
 
-    /// Folder of the host that holds `libusd_ms.so`.
-    pub(crate) fn host_lib(&self) -> PathBuf {
-        self.host().join("python/bpy/lib")
-    }
-
     /// Build tree of the wheel host's plugin.
     pub(crate) fn wheel_build(&self) -> PathBuf {
         self.repo.join("build/wheel")
@@ -94,9 +89,21 @@ mod tests {
     #[test]
     fn the_cache_follows_its_variable_then_home() {
         let home = || Some(OsString::from("/home/someone"));
-        assert_eq!(cache_root(Some("/big/disk".into()), home()).unwrap(), Path::new("/big/disk"), "explicit");
-        assert_eq!(cache_root(None, home()).unwrap(), Path::new("/home/someone/.cache/oocpt"), "default");
-        assert_eq!(cache_root(Some("".into()), home()).unwrap(), Path::new("/home/someone/.cache/oocpt"), "empty");
+        assert_eq!(
+            cache_root(Some("/big/disk".into()), home()).unwrap(),
+            Path::new("/big/disk"),
+            "explicit"
+        );
+        assert_eq!(
+            cache_root(None, home()).unwrap(),
+            Path::new("/home/someone/.cache/oocpt"),
+            "default"
+        );
+        assert_eq!(
+            cache_root(Some("".into()), home()).unwrap(),
+            Path::new("/home/someone/.cache/oocpt"),
+            "empty"
+        );
         assert!(cache_root(None, None).is_err(), "without HOME there is no default");
     }
 }

@@ -11,6 +11,7 @@
 //!     include/pxr/{tf,gf,...}         symlinks into dev/, as the headers name each other
 //!     include/pxr/{base,usd}/...      symlinks into dev/, at OpenUSD's standard paths
 //!     include/pxr/external/boost      symlink to the headers of pxr_boost
+//!   venv-pip/                         pip to download with, made only when something must be downloaded
 //!   venv-host/                        Python 3.11 that imports `pxr` of the host; numpy, pytest
 //!   venv-usd/                         Python 3.11 with usd-core, to author scenes; numpy, pytest, OpenEXR, Pillow
 //! ```
@@ -95,7 +96,7 @@ fn unpack(places: &Places, interpreter: &Interpreter) -> Result<()> {
     if is_stamped(&places.host(), &stamp) {
         return Ok(());
     }
-    wheels::fetch(&interpreter.program, &places.downloads(), &pinned)?;
+    wheels::fetch(|| python::with_pip(places, interpreter), &places.downloads(), &pinned)?;
     say("unpacking the wheel host (OpenUSD 25.08)");
     let part = places.cache.join(format!("host-25.08.part-{}", std::process::id()));
     remove(&part)?;
@@ -110,7 +111,9 @@ fn unpack(places: &Places, interpreter: &Interpreter) -> Result<()> {
 
 fn unpack_wheel(places: &Places, interpreter: &Interpreter, wheel: &Wheel, part: &Path) -> Result<()> {
     let mut unpack = Command::new(&interpreter.program);
-    unpack.args(["-I", "-c", include_str!("unpack_wheel.py")]).arg(places.downloads().join(wheel.file));
+    unpack
+        .args(["-I", "-c", include_str!("unpack_wheel.py")])
+        .arg(places.downloads().join(wheel.file));
     if wheel.role == Role::Runtime {
         unpack.arg(part.join("python")).args(RUNTIME_PREFIXES);
     } else {
@@ -123,7 +126,10 @@ fn unpack_wheel(places: &Places, interpreter: &Interpreter, wheel: &Wheel, part:
 fn link_headers(host: &Path) -> Result<()> {
     for (library, folder) in HEADER_FOLDERS {
         let headers = format!("dev/pxr-{library}/include/pxr/{library}");
-        ensure!(host.join(&headers).is_dir(), "the wheel of pxr-{library}-dev holds no {headers}");
+        ensure!(
+            host.join(&headers).is_dir(),
+            "the wheel of pxr-{library}-dev holds no {headers}"
+        );
         let pxr = host.join("include/pxr");
         fs::create_dir_all(pxr.join(folder)).context("cannot create the include folder")?;
         link(&format!("../../{headers}"), &pxr.join(library))?;
@@ -147,7 +153,9 @@ fn check_imports(places: &Places) -> Result<()> {
     }
     run(Command::new(places.venv_python(HOST_VENV.name)).args(["-I", "-c", check]))
         .context("the wheel host does not load; the message above names what is missing")?;
-    File::create(checked).map(drop).context("cannot note that the host imports")
+    File::create(checked)
+        .map(drop)
+        .context("cannot note that the host imports")
 }
 
 fn is_stamped(folder: &Path, stamp: &str) -> bool {

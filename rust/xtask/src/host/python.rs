@@ -11,7 +11,7 @@ use anyhow::{Context as _, Result};
 use super::wheels::{self, Role};
 use super::{is_stamped, remove};
 use crate::places::{PYTHON_VERSION, Places};
-use crate::process::{run, say};
+use crate::process::{run, say, succeeds};
 
 /// A usable interpreter of the version that the wheels are made for.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -32,11 +32,18 @@ pub(crate) struct VenvPlan {
 }
 
 /// Imports the wheel host's `pxr`: runs `usdrecord` and the tests of the plugin.
-pub(crate) const HOST_VENV: VenvPlan = VenvPlan { name: "venv-host", roles: &[Role::Tools], sees_host: true };
+pub(crate) const HOST_VENV: VenvPlan = VenvPlan {
+    name: "venv-host",
+    roles: &[Role::Tools],
+    sees_host: true,
+};
 
 /// Imports usd-core's `pxr`: authors scenes, reads pictures.
-pub(crate) const USD_VENV: VenvPlan =
-    VenvPlan { name: "venv-usd", roles: &[Role::Tools, Role::UsdTools], sees_host: false };
+pub(crate) const USD_VENV: VenvPlan = VenvPlan {
+    name: "venv-usd",
+    roles: &[Role::Tools, Role::UsdTools],
+    sees_host: false,
+};
 
 /// Finds a Python 3.11 that has `venv` and its own headers: `OOCPT_PYTHON`, the system's, then whatever is in `PATH`.
 pub(crate) fn find_interpreter() -> Option<Interpreter> {
@@ -48,8 +55,12 @@ pub(crate) fn find_interpreter() -> Option<Interpreter> {
 fn ask(program: &Path) -> Option<Interpreter> {
     const QUESTION: &str = "import ensurepip, sys, sysconfig, venv; \
         print('%d.%d' % sys.version_info[:2]); print(sys.executable); print(sysconfig.get_path('include'))";
-    let output =
-        Command::new(program).args(["-I", "-c", QUESTION]).stdin(Stdio::null()).stderr(Stdio::null()).output().ok()?;
+    let output = Command::new(program)
+        .args(["-I", "-c", QUESTION])
+        .stdin(Stdio::null())
+        .stderr(Stdio::null())
+        .output()
+        .ok()?;
     let answer = parse_answer(&String::from_utf8(output.stdout).ok()?)?;
     answer.include.join("Python.h").is_file().then_some(answer)
 }
@@ -59,7 +70,10 @@ fn parse_answer(answer: &str) -> Option<Interpreter> {
     if lines.next()? != PYTHON_VERSION {
         return None;
     }
-    Some(Interpreter { program: lines.next()?.into(), include: lines.next()?.into() })
+    Some(Interpreter {
+        program: lines.next()?.into(),
+        include: lines.next()?.into(),
+    })
 }
 
 impl Places {
@@ -69,20 +83,43 @@ impl Places {
     }
 }
 
+/// A Python with pip, to download with: Debian's own has none, so it comes from an environment of its own, made on first use.
+pub(super) fn with_pip(places: &Places, interpreter: &Interpreter) -> Result<PathBuf> {
+    let python = places.venv_python("venv-pip");
+    if !succeeds(&python, ["-m", "pip", "--version"]) {
+        let folder = places.cache.join("venv-pip");
+        remove(&folder)?;
+        run(Command::new(&interpreter.program).args(["-m", "venv"]).arg(&folder))?;
+    }
+    Ok(python)
+}
+
 /// Makes sure that the environment holds exactly its pinned wheels. The caller holds the lock of the cache.
 pub(super) fn prepare_venv(places: &Places, interpreter: &Interpreter, plan: &VenvPlan) -> Result<()> {
     let pinned = wheels::with_role(plan.roles);
     let folder = places.cache.join(plan.name);
-    let stamp = format!("{}\n{}", interpreter.program.display(), wheels::stamp(super::LAYOUT, &pinned));
+    let stamp = format!(
+        "{}\n{}",
+        interpreter.program.display(),
+        wheels::stamp(super::LAYOUT, &pinned)
+    );
     if is_stamped(&folder, &stamp) {
         return Ok(());
     }
-    let files = wheels::fetch(&interpreter.program, &places.downloads(), &pinned)?;
+    let files = wheels::fetch(|| with_pip(places, interpreter), &places.downloads(), &pinned)?;
     say(format_args!("making the Python environment {}", plan.name));
     remove(&folder)?;
     run(Command::new(&interpreter.program).args(["-m", "venv"]).arg(&folder))?;
     let mut pip = Command::new(places.venv_python(plan.name));
-    pip.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-index", "--no-deps"]);
+    pip.args([
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--disable-pip-version-check",
+        "--no-index",
+        "--no-deps",
+    ]);
     run(pip.args(files))?;
     if plan.sees_host {
         let site = folder.join(format!("lib/python{PYTHON_VERSION}/site-packages/oocpt_host.pth"));
@@ -101,13 +138,23 @@ mod tests {
         let answer = "3.11\n/usr/bin/python3.11\n/usr/include/python3.11\n";
         let found = parse_answer(answer).unwrap();
         assert_eq!(found.include, Path::new("/usr/include/python3.11"), "include folder");
-        assert_eq!(parse_answer(&answer.replace("3.11\n/", "3.12\n/")), None, "another minor version");
+        assert_eq!(
+            parse_answer(&answer.replace("3.11\n/", "3.12\n/")),
+            None,
+            "another minor version"
+        );
         assert_eq!(parse_answer("3.11\n"), None, "a cut answer");
     }
 
     #[test]
     fn the_environments_never_mix_hosts() {
-        assert!(HOST_VENV.sees_host && !HOST_VENV.roles.contains(&Role::UsdTools), "the host has its own pxr");
-        assert!(!USD_VENV.sees_host && USD_VENV.roles.contains(&Role::UsdTools), "usd-core has its own pxr");
+        assert!(
+            HOST_VENV.sees_host && !HOST_VENV.roles.contains(&Role::UsdTools),
+            "the host has its own pxr"
+        );
+        assert!(
+            !USD_VENV.sees_host && USD_VENV.roles.contains(&Role::UsdTools),
+            "usd-core has its own pxr"
+        );
     }
 }

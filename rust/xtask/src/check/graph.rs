@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The crate graph: which crate may use which, and which outside crates are confined to one of ours.
+
+use std::collections::BTreeSet;
+
+use anyhow::{Context as _, Result, bail};
+use serde_json::Value;
+
+use crate::places::Places;
+use crate::process::capture;
+use crate::product::cargo;
+
+/// Arrows of the design: each crate, and what of ours it may use in shipped code.
+const ARROWS: &[(&str, &[&str])] = &[
+    ("oocpt-core", &[]),
+    ("oocpt-shader-abi", &[]),
+    ("oocpt-gpu", &[]),
+    ("oocpt-render", &["oocpt-core", "oocpt-shader-abi", "oocpt-gpu"]),
+    ("oocpt-bridge", &["oocpt-render", "oocpt-core"]),
+    ("oocpt-cli", &["oocpt-render", "oocpt-core", "oocpt-gpu"]),
+    ("oocpt-judge", &["oocpt-core"]),
+    ("xtask", &[]),
+];
+
+/// What tests may use beyond that.
+const TEST_ARROWS: &[&str] = &["oocpt-judge", "oocpt-shader-abi"];
+
+/// Outside crates that only one of ours may name.
+const CONFINED: &[(&str, &str)] = &[
+    ("ash", "oocpt-gpu"),
+    ("cxx", "oocpt-bridge"),
+    ("offset-allocator", "oocpt-gpu"),
+];
+
+pub(super) fn check(places: &Places) -> Result<()> {
+    let metadata = capture(cargo(places, "metadata").args(["--no-deps", "--format-version", "1"]))?;
+    let metadata = serde_json::from_str(&metadata).context("cargo metadata is no JSON")?;
+    let violations = violations(&metadata)?;
+    if !violations.is_empty() {
+        bail!("{}", violations.join("; "));
+    }
+    Ok(())
+}
+
+/// One line per arrow that the design does not have.
+fn violations(metadata: &Value) -> Result<Vec<String>> {
+    let packages = metadata["packages"]
+        .as_array()
+        .context("cargo metadata lists no packages")?;
+    let ours: BTreeSet<&str> = packages.iter().filter_map(|package| package["name"].as_str()).collect();
+    let mut found = Vec::new();
+    for package in packages {
+        let name = package["name"].as_str().context("a package without a name")?;
+        let Some((_, allowed)) = ARROWS.iter().find(|(known, _)| *known == name) else {
+            found.push(format!("{name} is not in the table of crates"));
+            continue;
+        };
+        for dependency in package["dependencies"].as_array().into_iter().flatten() {
+            let used = dependency["name"].as_str().context("a dependency without a name")?;
+            let for_tests = dependency["kind"] == "dev";
+            let is_allowed = if ours.contains(used) {
+                allowed.contains(&used) || (for_tests && TEST_ARROWS.contains(&used))
+            } else {
+                CONFINED.iter().all(|(outside, home)| *outside != used || *home == name)
+            };
+            if !is_allowed {
+                found.push(format!("{name} must not use {used}"));
+            }
+        }
+    }
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    fn package(name: &str, dependencies: &[(&str, Value)]) -> Value {
+        let listed: Vec<Value> = dependencies
+            .iter()
+            .map(|(used, kind)| json!({"name": used, "kind": kind}))
+            .collect();
+        json!({"name": name, "dependencies": listed})
+    }
+
+    fn found(packages: Vec<Value>) -> Vec<String> {
+        violations(&json!({"packages": packages})).unwrap()
+    }
+
+    #[test]
+    fn the_design_passes() {
+        let render = [
+            ("oocpt-core", Value::Null),
+            ("oocpt-gpu", Value::Null),
+            ("glam", Value::Null),
+        ];
+        let gpu = [("ash", Value::Null), ("oocpt-shader-abi", json!("dev"))];
+        let packages = vec![
+            package("oocpt-core", &[]),
+            package("oocpt-shader-abi", &[]),
+            package("oocpt-gpu", &gpu),
+            package("oocpt-render", &render),
+        ];
+        assert_eq!(found(packages), Vec::<String>::new(), "allowed arrows");
+    }
+
+    #[test]
+    fn arrows_against_the_design_are_named() {
+        let packages = vec![
+            package("oocpt-core", &[("oocpt-gpu", Value::Null), ("ash", Value::Null)]),
+            package("oocpt-gpu", &[("oocpt-shader-abi", Value::Null)]),
+            package("oocpt-shader-abi", &[]),
+            package("oocpt-new", &[]),
+        ];
+        let expected = [
+            "oocpt-core must not use oocpt-gpu",
+            "oocpt-core must not use ash",
+            "oocpt-gpu must not use oocpt-shader-abi",
+            "oocpt-new is not in the table of crates",
+        ];
+        assert_eq!(found(packages), expected, "each by name");
+    }
+}

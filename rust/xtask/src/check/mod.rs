@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Everything that can be judged without running the product. Shaders are compiled and validated by the build of `oocpt-shader-abi`, which clippy drives.
+
+mod graph;
+mod text;
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use anyhow::{Context as _, Result, bail};
+
+use crate::places::Places;
+use crate::process::{capture, run, say};
+use crate::product::cargo;
+
+/// The pinned formatter: other versions format differently.
+pub(crate) const CLANG_FORMAT: &str = "clang-format-14";
+
+/// A named judgement.
+type Step = (&'static str, fn(&Places) -> Result<()>);
+
+const STEPS: &[Step] = &[
+    ("words and lengths", text::check),
+    ("crate graph", graph::check),
+    ("rustfmt", rustfmt),
+    ("clang-format", clang_format),
+    ("clippy and shaders", clippy),
+    ("documentation", documentation),
+];
+
+/// Runs every step, even after a failure, and then fails if any did.
+///
+/// # Errors
+/// Names the steps that failed; their findings are on stderr.
+pub(crate) fn run_all(places: &Places) -> Result<()> {
+    let mut failed = Vec::new();
+    for (name, step) in STEPS {
+        say(format_args!("check: {name}"));
+        if let Err(error) = step(places) {
+            say(format_args!("check: {name} FAILED: {error:#}"));
+            failed.push(*name);
+        }
+    }
+    if !failed.is_empty() {
+        bail!("check failed: {}", failed.join(", "));
+    }
+    say("all checks passed");
+    Ok(())
+}
+
+fn rustfmt(places: &Places) -> Result<()> {
+    run(cargo(places, "fmt").args(["--all", "--check"]))
+}
+
+fn clippy(places: &Places) -> Result<()> {
+    run(cargo(places, "clippy").args(["--quiet", "--workspace", "--all-targets", "--", "-D", "warnings"]))
+}
+
+fn documentation(places: &Places) -> Result<()> {
+    let mut doc = cargo(places, "doc");
+    run(doc
+        .env("RUSTDOCFLAGS", "-Dwarnings")
+        .args(["--quiet", "--workspace", "--no-deps", "--document-private-items"]))
+}
+
+fn clang_format(places: &Places) -> Result<()> {
+    let files: Vec<String> = tracked_files(places)?.into_iter().filter(|file| is_cpp(file)).collect();
+    if files.is_empty() {
+        return Ok(());
+    }
+    run(Command::new(CLANG_FORMAT)
+        .current_dir(&places.repo)
+        .args(["--dry-run", "-Werror", "--style=file"])
+        .args(files))
+}
+
+fn is_cpp(file: &str) -> bool {
+    let extension = file.rsplit_once('.').map(|(_, extension)| extension);
+    file.starts_with("cpp/") && matches!(extension, Some("h" | "cpp"))
+}
+
+/// Files of the clone that git knows or would take, with forward slashes, relative to the root.
+fn tracked_files(places: &Places) -> Result<Vec<String>> {
+    let mut git = Command::new("git");
+    git.current_dir(&places.repo)
+        .args(["ls-files", "-z", "--cached", "--others", "--exclude-standard"]);
+    let listed = capture(&mut git).context("the checks need a git clone")?;
+    let mut files: Vec<String> = listed.split_terminator('\0').map(str::to_owned).collect();
+    files.sort();
+    files.dedup();
+    files.retain(|file| path(places, file).is_file());
+    Ok(files)
+}
+
+fn path(places: &Places, file: &str) -> PathBuf {
+    places.repo.join(file)
+}

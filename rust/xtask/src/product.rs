@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Builds the product: the Rust bridge with cargo, then the plugin with `CMake`; cargo and ninja decide what is out of date.
+
+use std::env;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context as _, Result, ensure};
+
+use crate::host::Interpreter;
+use crate::places::Places;
+use crate::process::{run, say, shell_word};
+
+/// cargo profile of everything that is built to be run from the clone.
+pub(crate) const PROFILE: &str = "fast";
+
+/// Builds the plugin for the wheel host into `build/wheel`, with a `usdrecord` beside it.
+///
+/// # Errors
+/// If cargo, `CMake` or the build fails.
+pub(crate) fn build_for_wheel(places: &Places, interpreter: &Interpreter) -> Result<()> {
+    let mut options = bridge(places, PROFILE)?;
+    options.push(("OOCPT_HOST".into(), "wheel".into()));
+    options.push(("OOCPT_HOST_ROOT".into(), path(&places.host())));
+    options.push(("OOCPT_PYTHON_INCLUDE".into(), path(&interpreter.include)));
+    let tree = places.wheel_build();
+    configure(places, &tree, &options)?;
+    run(Command::new("cmake").arg("--build").arg(&tree))?;
+    let resources = places.wheel_resources();
+    ensure!(
+        resources.join("plugInfo.json").is_file(),
+        "the build left no plugInfo.json in {}",
+        resources.display()
+    );
+    write_usdrecord(places)
+}
+
+/// Builds release code against the SDK at `usd` and installs the plugin below `prefix`.
+///
+/// # Errors
+/// If `usd` is no SDK, or the build or the installation fails.
+pub(crate) fn install_for_sdk(places: &Places, usd: &Path, prefix: &Path) -> Result<PathBuf> {
+    let usd = fs::canonicalize(usd).with_context(|| format!("no OpenUSD install at {}", usd.display()))?;
+    ensure!(
+        usd.join("include/pxr/pxr.h").is_file(),
+        "{} has no include/pxr/pxr.h",
+        usd.display()
+    );
+    fs::create_dir_all(prefix).with_context(|| format!("cannot create {}", prefix.display()))?;
+    let prefix = fs::canonicalize(prefix).context("cannot resolve the prefix")?;
+    let mut options = bridge(places, "release")?;
+    options.push(("OOCPT_HOST".into(), "sdk".into()));
+    options.push(("OOCPT_USD_ROOT".into(), path(&usd)));
+    options.push(("CMAKE_INSTALL_PREFIX".into(), path(&prefix)));
+    let tree = places.repo.join("build").join(sdk_tree_name(&usd));
+    configure(places, &tree, &options)?;
+    run(Command::new("cmake").arg("--build").arg(&tree))?;
+    run(Command::new("cmake").arg("--install").arg(&tree))?;
+    Ok(prefix)
+}
+
+/// Builds the bridge and returns the `CMake` options that name it.
+fn bridge(places: &Places, profile: &str) -> Result<Vec<(String, String)>> {
+    say("building the core");
+    run(cargo(places, "build").args(["--quiet", "--package", "oocpt-bridge", "--profile", profile]))?;
+    Ok(vec![
+        ("CMAKE_BUILD_TYPE".into(), "Release".into()),
+        (
+            "OOCPT_BRIDGE_LIB".into(),
+            path(&places.target.join(profile).join("liboocpt_bridge.a")),
+        ),
+        ("OOCPT_BRIDGE_INCLUDE".into(), path(&places.target.join("cxxbridge"))),
+    ])
+}
+
+/// A cargo subcommand in the clone, by the same cargo that runs this; in CI (`CI` is set) it may not change `Cargo.lock`.
+pub(crate) fn cargo(places: &Places, subcommand: &str) -> Command {
+    let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo
+        .current_dir(&places.repo)
+        .env("CARGO_TARGET_DIR", &places.target)
+        .arg(subcommand);
+    if env::var_os("CI").is_some() && subcommand != "fmt" {
+        cargo.arg("--locked");
+    }
+    cargo
+}
+
+/// Configures `tree` unless it was configured with the same options; `CMake` itself watches its own files.
+fn configure(places: &Places, tree: &Path, options: &[(String, String)]) -> Result<()> {
+    let wanted = options
+        .iter()
+        .map(|(name, value)| format!("-D{name}={value}\n"))
+        .collect::<String>();
+    let noted = tree.join("xtask-options.txt");
+    if tree.join("build.ninja").exists() && fs::read_to_string(&noted).is_ok_and(|found| found == wanted) {
+        return Ok(());
+    }
+    say(format_args!("configuring {}", tree.display()));
+    let mut cmake = Command::new("cmake");
+    cmake
+        .args(["-G", "Ninja", "-S"])
+        .arg(places.repo.join("cpp"))
+        .arg("-B")
+        .arg(tree);
+    if crate::system::find_program("ccache").is_some() {
+        cmake.arg("-DCMAKE_CXX_COMPILER_LAUNCHER=ccache");
+    }
+    run(cmake.args(wanted.lines()))?;
+    fs::write(noted, wanted).context("cannot note the CMake options")
+}
+
+/// A build tree per SDK, so that switching between two does not rebuild either.
+fn sdk_tree_name(usd: &Path) -> String {
+    let name = usd.to_string_lossy();
+    let name: String = name
+        .chars()
+        .map(|c| if c.is_ascii_alphanumeric() { c } else { '_' })
+        .collect();
+    format!("sdk{name}")
+}
+
+/// Writes `build/wheel/bin/usdrecord`, which starts the runner in the wheel host with the plugin in its path.
+fn write_usdrecord(places: &Places) -> Result<()> {
+    let script = places.wheel_bin().join("usdrecord");
+    let text = usdrecord_script(places);
+    if fs::read_to_string(&script).is_ok_and(|found| found == text) {
+        return Ok(());
+    }
+    fs::create_dir_all(places.wheel_bin()).context("cannot create the folder of usdrecord")?;
+    fs::write(&script, text).context("cannot write usdrecord")?;
+    let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+    fs::set_permissions(&script, mode).context("cannot make usdrecord executable")
+}
+
+fn usdrecord_script(places: &Places) -> String {
+    let python = shell_word(&path(&places.venv_python(crate::host::HOST_VENV.name)));
+    let runner = shell_word(&path(&places.repo.join("plugin/usdrecord")));
+    let resources = shell_word(&path(&places.wheel_resources()));
+    // -I: a PYTHONPATH that leads to another OpenUSD must not get into this process.
+    format!(
+        "#!/bin/sh\n# Written by `cargo xtask build`.\nPXR_PLUGINPATH_NAME={resources}${{PXR_PLUGINPATH_NAME:+:$PXR_PLUGINPATH_NAME}}\n\
+         export PXR_PLUGINPATH_NAME\nexec {python} -I {runner} \"$@\"\n"
+    )
+}
+
+fn path(path: &Path) -> String {
+    path.to_string_lossy().into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_sdk_has_its_own_tree() {
+        assert_eq!(
+            sdk_tree_name(Path::new("/opt/usd-24.11")),
+            "sdk_opt_usd_24_11",
+            "readable"
+        );
+        assert_ne!(
+            sdk_tree_name(Path::new("/opt/a")),
+            sdk_tree_name(Path::new("/opt/b")),
+            "distinct"
+        );
+    }
+
+    #[test]
+    fn usdrecord_keeps_the_users_plugins() {
+        let places = Places {
+            repo: "/r p".into(),
+            cache: "/c".into(),
+            target: "/t".into(),
+        };
+        let script = usdrecord_script(&places);
+        assert!(
+            script.contains("exec /c/venv-host/bin/python -I '/r p/plugin/usdrecord' \"$@\""),
+            "{script}"
+        );
+        assert!(
+            script.contains("${PXR_PLUGINPATH_NAME:+:$PXR_PLUGINPATH_NAME}"),
+            "{script}"
+        );
+    }
+}

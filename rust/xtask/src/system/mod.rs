@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What the machine itself must bring: tools, headers, libraries, a Vulkan driver; installed with apt when root, named in one line when not.
+
+mod apt;
+mod sources;
+
+use std::env;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Result, bail};
+
+use crate::host;
+
+/// How to find out that a package's content is already there, whoever put it there.
+#[derive(Clone, Copy, Debug)]
+enum Probe {
+    /// A program in `PATH`.
+    Program(&'static str),
+    /// A shared library that the loader finds, by soname.
+    Library(&'static str),
+    /// A header in the compiler's default folders.
+    Header(&'static str),
+    /// A manifest in one of Vulkan's folders of this name; a prefix of the file's name.
+    Vulkan(&'static str, &'static str),
+    /// A Python with its headers and `venv`.
+    Python,
+}
+
+/// Package names are Debian's; each is installed only if its probe fails.
+const NEEDS: &[(Probe, &str)] = &[
+    (Probe::Program("c++"), "g++"),
+    (Probe::Program("git"), "git"),
+    (Probe::Program("cmake"), "cmake"),
+    (Probe::Program("ninja"), "ninja-build"),
+    (Probe::Program("glslangValidator"), "glslang-tools"),
+    (Probe::Program("spirv-val"), "spirv-tools"),
+    (Probe::Header("tbb/tbb.h"), "libtbb-dev"),
+    (Probe::Python, "python3-dev"),
+    (Probe::Python, "python3-venv"),
+    (Probe::Library("libvulkan.so.1"), "libvulkan1"),
+    (
+        Probe::Vulkan("explicit_layer.d", "VkLayer_khronos_validation"),
+        "vulkan-validationlayers",
+    ),
+    (Probe::Vulkan("icd.d", ""), "mesa-vulkan-drivers"),
+    (Probe::Library("libGL.so.1"), "libgl1"),
+    (Probe::Library("libX11.so.6"), "libx11-6"),
+    (Probe::Library("libXext.so.6"), "libxext6"),
+    (Probe::Library("libSM.so.6"), "libsm6"),
+    (Probe::Library("libICE.so.6"), "libice6"),
+];
+
+/// Needed by `check` only.
+const CHECK_NEEDS: &[(Probe, &str)] = &[(Probe::Program(crate::check::CLANG_FORMAT), crate::check::CLANG_FORMAT)];
+
+/// Which of the needs a command has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum For {
+    /// Building and running.
+    Build,
+    /// Also the formatters that `check` runs.
+    Check,
+}
+
+/// Installs what is missing, or says in one line what to install.
+///
+/// # Errors
+/// If something is missing and the user is not root or apt-get is not there or fails.
+pub(crate) fn prepare(purpose: For) -> Result<()> {
+    let mut needs = NEEDS.to_vec();
+    if purpose == For::Check {
+        needs.extend(CHECK_NEEDS);
+    }
+    let missing = missing_packages(&needs);
+    if !missing.is_empty() {
+        if !apt::is_root() || !apt::is_there() {
+            bail!(
+                "not root, so please install: sudo apt-get install {}",
+                missing.join(" ")
+            );
+        }
+        apt::install(&missing, &[])?;
+        let still = missing_packages(&needs);
+        if still.contains(&"python3-dev") {
+            bail!(
+                "the wheel host needs CPython {} with headers and venv; name one in OOCPT_PYTHON",
+                crate::places::PYTHON_VERSION
+            );
+        }
+        if !still.is_empty() {
+            bail!("installed, but still not found: {}", still.join(" "));
+        }
+    }
+    if env::var("OOCPT_MESA").is_ok_and(|wanted| wanted == "backports") {
+        apt::install_backported_mesa()?;
+    }
+    Ok(())
+}
+
+fn missing_packages(needs: &[(Probe, &'static str)]) -> Vec<&'static str> {
+    let libraries = loader_cache();
+    needs
+        .iter()
+        .filter(|(probe, _)| !is_met(*probe, &libraries))
+        .map(|(_, package)| *package)
+        .collect()
+}
+
+fn is_met(probe: Probe, libraries: &str) -> bool {
+    match probe {
+        Probe::Program(name) => find_program(name).is_some(),
+        Probe::Library(soname) => libraries.contains(soname),
+        Probe::Header(header) => ["/usr/include", "/usr/local/include"]
+            .iter()
+            .any(|root| Path::new(root).join(header).is_file()),
+        Probe::Vulkan(folder, prefix) => has_vulkan_manifest(folder, prefix),
+        Probe::Python => host::find_interpreter().is_some(),
+    }
+}
+
+/// The first `name` in `PATH`.
+pub(crate) fn find_program(name: &str) -> Option<PathBuf> {
+    let path = env::var_os("PATH")?;
+    env::split_paths(&path)
+        .map(|folder| folder.join(name))
+        .find(|program| program.is_file())
+}
+
+fn loader_cache() -> String {
+    // ldconfig is not in the PATH of ordinary users.
+    let programs = ["ldconfig", "/sbin/ldconfig", "/usr/sbin/ldconfig"];
+    let listed = programs
+        .iter()
+        .find_map(|program| Command::new(program).arg("-p").output().ok());
+    listed
+        .map(|output| String::from_utf8_lossy(&output.stdout).into_owned())
+        .unwrap_or_default()
+}
+
+fn has_vulkan_manifest(folder: &str, prefix: &str) -> bool {
+    if folder == "icd.d"
+        && ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"]
+            .iter()
+            .any(|name| env::var_os(name).is_some())
+    {
+        return true;
+    }
+    let roots = ["/usr/share/vulkan", "/usr/local/share/vulkan", "/etc/vulkan"].map(PathBuf::from);
+    let user = env::var_os("HOME").map(|home| Path::new(&home).join(".local/share/vulkan"));
+    let listed = roots
+        .into_iter()
+        .chain(user)
+        .filter_map(|root| fs::read_dir(root.join(folder)).ok());
+    listed.flatten().flatten().any(|entry| {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        name.starts_with(prefix) && name.ends_with(".json")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_is_missing_is_named() {
+        let needs = [
+            (Probe::Program("sh"), "dash"),
+            (Probe::Program("no-such-program-xyz"), "absent-tool"),
+            (Probe::Library("libno-such.so.9"), "absent-library"),
+            (Probe::Header("no/such/header.h"), "absent-header"),
+            (Probe::Vulkan("no-such.d", ""), "absent-driver"),
+        ];
+        let missing = missing_packages(&needs);
+        assert_eq!(
+            missing,
+            ["absent-tool", "absent-library", "absent-header", "absent-driver"],
+            "sh is everywhere"
+        );
+    }
+}
