@@ -4,8 +4,7 @@
 //! Guarantees: [`steps`] is a pure function; the tree it makes depends only on the bounds (ties by index), not on timing.
 //! Any thread. Sources: Karras 2012, "Maximizing Parallelism in the Construction of BVHs, Octrees, and k-d Trees".
 
-use crate::{Module, groups, passes};
-use bytemuck::{Pod, Zeroable};
+use crate::{LbvhBounds, LbvhPush, Module, groups, passes};
 
 /// Most items of one tree.
 pub const MAX_ITEMS: u32 = 1 << 26;
@@ -15,58 +14,10 @@ const TILE: u32 = 1024;
 /// Digits of a radix pass.
 const DIGITS: u32 = 256;
 
-/// Conservative box of one item, 24 B, in the frame of the assembly: what the build reads.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct Bounds {
-    /// Lower corner.
-    pub min: [f32; 3],
-    /// Upper corner.
-    pub max: [f32; 3],
-}
-
-/// Push constants of every LBVH pass, 120 B; made by [`steps`].
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct LbvhPush {
-    /// [`Bounds`] per item.
-    pub bounds: u64,
-    /// u64 Morton keys to read.
-    pub keys_in: u64,
-    /// u64 Morton keys to write.
-    pub keys_out: u64,
-    /// u32 item indices to read.
-    pub items_in: u64,
-    /// u32 item indices to write.
-    pub items_out: u64,
-    /// u32 digit counts: `[digit][group]`, then the total per digit.
-    pub histogram: u64,
-    /// [`crate::GpuNode`] array to write.
-    pub nodes: u64,
-    /// u32 per inner node, then per leaf: parent, bit 31 = second child.
-    pub parents: u64,
-    /// u32 per inner node: 0, or 1 + height of the child that arrived first.
-    pub visits: u64,
-    /// One u32: levels of nodes of the finished tree.
-    pub depth: u64,
-    /// Lower corner of all centroids (or of anything around them).
-    pub origin: [f32; 3],
-    /// 2^21 / extent per axis, 0 for an axis without extent.
-    pub scale: [f32; 3],
-    /// Items.
-    pub count: u32,
-    /// Lowest bit of the digit of this radix pass.
-    pub shift: u32,
-    /// Workgroups of the sort (tiles).
-    pub groups: u32,
-    /// 0.
-    pub pad: u32,
-}
-
 /// A tree to build. Addresses are device addresses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Job {
-    /// [`Bounds`] per item, 4-byte aligned.
+    /// [`LbvhBounds`] per item, 4-byte aligned.
     pub bounds: u64,
     /// Room for `max(count - 1, 1)` [`crate::GpuNode`], 16-byte aligned. The root will be node 0; leaves have count 1 and
     /// the item index as child.
@@ -78,7 +29,7 @@ pub struct Job {
     /// Items, at most [`MAX_ITEMS`]. 0 is allowed: one node with two empty children.
     pub count: u32,
     /// Box around all items, in the same frame. Items outside of it only cost quality.
-    pub around: Bounds,
+    pub around: LbvhBounds,
 }
 
 /// One step of a build. Steps run in order with a full compute memory barrier between them.
@@ -115,7 +66,12 @@ impl Layout {
         let items = (4 * count).next_multiple_of(16);
         let histogram = 2 * keys + 2 * items;
         let bytes = histogram + 4 * u64::from(DIGITS) * (tiles + 1);
-        Self { keys: [0, keys], items: [2 * keys, 2 * keys + items], histogram, bytes }
+        Self {
+            keys: [0, keys],
+            items: [2 * keys, 2 * keys + items],
+            histogram,
+            bytes,
+        }
     }
 }
 
@@ -147,24 +103,48 @@ pub fn steps(job: &Job) -> Vec<Step> {
     let items = groups(u64::from(job.count));
     let mut steps = Vec::new();
     if job.count > 1 {
-        steps.push(Step { module: &passes::LBVH_MORTON, push, groups: items });
+        steps.push(Step {
+            module: &passes::LBVH_MORTON,
+            push,
+            groups: items,
+        });
         for pass in 0..8 {
             push.shift = 8 * pass;
             let tile_groups = groups(u64::from(tiles) * u64::from(crate::WORKGROUP_SIZE));
-            steps.push(Step { module: &passes::LBVH_SORT_COUNT, push, groups: tile_groups });
-            steps.push(Step { module: &passes::LBVH_SORT_SCAN, push, groups: [DIGITS, 1, 1] });
-            steps.push(Step { module: &passes::LBVH_SORT_SCATTER, push, groups: tile_groups });
+            steps.push(Step {
+                module: &passes::LBVH_SORT_COUNT,
+                push,
+                groups: tile_groups,
+            });
+            steps.push(Step {
+                module: &passes::LBVH_SORT_SCAN,
+                push,
+                groups: [DIGITS, 1, 1],
+            });
+            steps.push(Step {
+                module: &passes::LBVH_SORT_SCATTER,
+                push,
+                groups: tile_groups,
+            });
             core::mem::swap(&mut push.keys_in, &mut push.keys_out);
             core::mem::swap(&mut push.items_in, &mut push.items_out);
         }
-        steps.push(Step { module: &passes::LBVH_HIERARCHY, push, groups: items });
+        steps.push(Step {
+            module: &passes::LBVH_HIERARCHY,
+            push,
+            groups: items,
+        });
     }
-    steps.push(Step { module: &passes::LBVH_REFIT, push, groups: items });
+    steps.push(Step {
+        module: &passes::LBVH_REFIT,
+        push,
+        groups: items,
+    });
     steps
 }
 
 /// Origin and scale that map a box to [0, 2^21) per axis.
-fn quantisation(around: &Bounds) -> ([f32; 3], [f32; 3]) {
+fn quantisation(around: &LbvhBounds) -> ([f32; 3], [f32; 3]) {
     let mut scale = [0.0; 3];
     for axis in 0..3 {
         let extent = around.max[axis] - around.min[axis];

@@ -25,23 +25,11 @@
 
 #![forbid(unsafe_code)]
 
-mod film;
-mod frame;
+mod abi;
 mod lbvh;
 mod modules;
-mod path;
-mod scene;
 
-pub use film::{FilmPixel, aov_bytes};
-pub use frame::{
-    AovClear, AovTargets, Features, Frame, FrameFlags, MAX_DIRECT_GROUPS, PREPARE_SHADE, PREPARE_TRACE, Push,
-    SPEC_FEATURES, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
-};
-pub use lbvh::{Job as LbvhJob, LbvhPush, MAX_ITEMS as LBVH_MAX_ITEMS, Step as LbvhStep, scratch_bytes as lbvh_scratch_bytes};
-pub use lbvh::{Bounds as LbvhBounds, steps as lbvh_steps};
+pub use abi::*;
+pub use lbvh::{Job as LbvhJob, MAX_ITEMS as LBVH_MAX_ITEMS, Step as LbvhStep};
+pub use lbvh::{scratch_bytes as lbvh_scratch_bytes, steps as lbvh_steps};
 pub use modules::{ALL, Module, passes};
-pub use path::{Counters, IndirectArgs, PathState, Ray, ShadowRay, hit_stride};
-pub use scene::{
-    AttributeRate, GpuAssembly, GpuInstance, GpuLight, GpuMesh, GpuNode, GpuTriangle, MAX_LEAF_ITEMS, MeshFlags,
-    TARGET_ASSEMBLY,
-};

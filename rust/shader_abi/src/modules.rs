@@ -12,4 +12,26 @@ pub struct Module {
     pub words: &'static [u32],
 }
 
+/// The bytes of a file as words; a length that is no multiple of 4, or a file that is no SPIR-V, does not compile.
+const fn to_words<const WORDS: usize>(bytes: &[u8]) -> [u32; WORDS] {
+    assert!(bytes.len() == WORDS * 4, "length of a SPIR-V file");
+    let mut words = [0; WORDS];
+    let mut index = 0;
+    while index < WORDS {
+        let at = index * 4;
+        words[index] = u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
+        index += 1;
+    }
+    assert!(WORDS > 5 && words[0] == 0x0723_0203, "SPIR-V magic number");
+    words
+}
+
+macro_rules! words {
+    ($name:literal) => {{
+        const BYTES: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/", $name, ".spv"));
+        static WORDS: [u32; BYTES.len() / 4] = super::to_words(BYTES);
+        &WORDS
+    }};
+}
+
 include!(concat!(env!("OUT_DIR"), "/modules.rs"));

@@ -214,6 +214,8 @@ pub struct Frame {
     pub clip_w: [f32; 4],
     /// Rows of view-from-world.
     pub view: [[f32; 4]; 3],
+    /// Rows of the map of normals from world to view (inverse transpose of `view`).
+    pub view_normal: [[f32; 3]; 3],
     /// Sum over the dome lights, linear radiance.
     pub dome_radiance: [f32; 3],
     /// Sum over the dome lights that the camera may see.
@@ -238,7 +240,7 @@ pub struct Frame {
     /// Bits of [`FrameFlags`].
     pub flags: u32,
     /// 0.
-    pub reserved: [u32; 2],
+    pub reserved: u32,
 }
 
 /// Workgroup counts that give at least `threads` threads; the passes find their thread as
@@ -248,5 +250,9 @@ pub fn groups(threads: u64) -> [u32; 3] {
     let needed = threads.div_ceil(u64::from(WORKGROUP_SIZE)).max(1);
     let x = needed.min(u64::from(MAX_DIRECT_GROUPS));
     let y = needed.div_ceil(x);
-    [u32::try_from(x).unwrap_or(u32::MAX), u32::try_from(y).unwrap_or(u32::MAX), 1]
+    [
+        u32::try_from(x).unwrap_or(u32::MAX),
+        u32::try_from(y).unwrap_or(u32::MAX),
+        1,
+    ]
 }

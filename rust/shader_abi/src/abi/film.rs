@@ -3,7 +3,7 @@
 //!
 //! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
 
-use crate::AovTargets;
+use super::AovTargets;
 use bytemuck::{Pod, Zeroable};
 
 /// What the film knows of a pixel, 48 B. All zero = no sample yet.

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Compiles every `shaders/**/NAME.comp`, validates it, and compares the structs in it with the Rust structs.
+//!
+//! Needs `glslangValidator` (or what `GLSLANG_VALIDATOR` names) and `spirv-val` (`SPIRV_VAL`); fails with one clear
+//! message when one is missing, when a shader is wrong, or when GLSL and Rust disagree about a struct.
+
+#[path = "src/abi/mod.rs"]
+#[allow(dead_code, unused_imports, unreachable_pub, reason = "only the layout table is needed here")]
+mod abi;
+#[path = "build/check.rs"]
+mod check;
+
+use std::collections::BTreeSet;
+use std::env;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+fn main() -> ExitCode {
+    match build() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            for line in message.lines() {
+                println!("cargo::error={line}");
+            }
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn build() -> Result<(), String> {
+    for file in ["build.rs", "build/check.rs", "src/abi"] {
+        println!("cargo::rerun-if-changed={file}");
+    }
+    let manifest = PathBuf::from(variable("CARGO_MANIFEST_DIR")?);
+    let out = PathBuf::from(variable("OUT_DIR")?);
+    let shaders = manifest.join("../../shaders");
+    let mut sources = Vec::new();
+    collect(&shaders, &mut sources)?;
+    sources.sort();
+    let tools = Tools::from_env();
+    let layouts = layouts();
+    let mut seen = BTreeSet::new();
+    let mut passes = Vec::new();
+    for source in sources.iter().filter(|path| path.extension().is_some_and(|extension| extension == "comp")) {
+        let name = pass_name(source)?;
+        let words = tools.compile(source, &shaders, &out.join(format!("{name}.spv")))?;
+        seen.extend(check::check(&words, &layouts).map_err(|error| format!("{}:\n{error}", source.display()))?);
+        if !name.starts_with("check_") {
+            passes.push(name);
+        }
+    }
+    for layout in &layouts {
+        if !seen.contains(&layout.name) {
+            return Err(format!("{}: no shader has this struct in memory, so its layout is not checked", layout.name));
+        }
+    }
+    fs::write(out.join("modules.rs"), generated(&passes)).map_err(|error| format!("modules.rs: {error}"))
+}
+
+fn variable(name: &str) -> Result<String, String> {
+    env::var(name).map_err(|error| format!("{name}: {error}"))
+}
+
+/// Files below `folder`, each watched by cargo, and the folders too, so that new files are seen.
+fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), String> {
+    println!("cargo::rerun-if-changed={}", folder.display());
+    let entries = fs::read_dir(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    for entry in entries {
+        let path = entry.map_err(|error| format!("{}: {error}", folder.display()))?.path();
+        if path.is_dir() {
+            collect(&path, files)?;
+        } else {
+            println!("cargo::rerun-if-changed={}", path.display());
+            files.push(path);
+        }
+    }
+    Ok(())
+}
+
+/// `shaders/wavefront/NAME.comp` is NAME; a pass of another folder has the folder's name before its own.
+fn pass_name(source: &Path) -> Result<String, String> {
+    let part = |path: Option<&std::ffi::OsStr>| path.and_then(|name| name.to_str()).map(str::to_owned);
+    let stem = part(source.file_stem()).ok_or_else(|| format!("{}: odd name", source.display()))?;
+    let folder = part(source.parent().and_then(Path::file_name)).unwrap_or_default();
+    Ok(if folder == "wavefront" { stem } else { format!("{folder}_{stem}") })
+}
+
+struct Tools {
+    compiler: String,
+    validator: String,
+}
+
+impl Tools {
+    fn from_env() -> Self {
+        for name in ["GLSLANG_VALIDATOR", "SPIRV_VAL"] {
+            println!("cargo::rerun-if-env-changed={name}");
+        }
+        Self {
+            compiler: env::var("GLSLANG_VALIDATOR").unwrap_or_else(|_| "glslangValidator".to_owned()),
+            validator: env::var("SPIRV_VAL").unwrap_or_else(|_| "spirv-val".to_owned()),
+        }
+    }
+
+    fn compile(&self, source: &Path, include: &Path, output: &Path) -> Result<Vec<u32>, String> {
+        let mut compiler = Command::new(&self.compiler);
+        compiler.args(["--quiet", "--target-env", "vulkan1.2", "-o"]).arg(output);
+        compiler.arg(format!("-I{}", include.display())).arg(source);
+        run(compiler, "glslang-tools")?;
+        let mut validator = Command::new(&self.validator);
+        validator.args(["--target-env", "vulkan1.2", "--scalar-block-layout"]).arg(output);
+        run(validator, "spirv-tools").map_err(|error| format!("{}: {error}", source.display()))?;
+        let bytes = fs::read(output).map_err(|error| format!("{}: {error}", output.display()))?;
+        Ok(bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word)).collect())
+    }
+}
+
+/// Runs a tool; what it printed is the error.
+fn run(mut command: Command, debian_package: &str) -> Result<(), String> {
+    let program = command.get_program().to_string_lossy().into_owned();
+    let output = command.output().map_err(|error| {
+        format!("cannot run `{program}` ({error}): the shaders need it; on Debian: apt install {debian_package}")
+    })?;
+    if output.status.success() {
+        return Ok(());
+    }
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
+    Err(format!("{program} failed:\n{}\n{}", text(&output.stdout), text(&output.stderr)))
+}
+
+fn layouts() -> Vec<check::Layout> {
+    let member = |member: &abi::MemberLayout| check::Member {
+        name: member.name.to_owned(),
+        offset: member.offset as u64,
+        size: member.size as u64,
+    };
+    let layout = |layout: &abi::StructLayout| check::Layout {
+        name: layout.name.to_owned(),
+        size: layout.size as u64,
+        members: layout.members.iter().map(member).collect(),
+    };
+    abi::LAYOUTS.iter().map(layout).collect()
+}
+
+/// Rust source with the words of every pass.
+fn generated(passes: &[String]) -> String {
+    let mut text = String::from("/// Every compiled pass, under its own name.\npub mod passes {\n    use super::Module;\n");
+    for name in passes {
+        let _infallible = writeln!(
+            text,
+            "    /// Pass `{name}`.\n    pub static {}: Module = Module {{ name: \"{name}\", words: words!(\"{name}\") }};",
+            name.to_uppercase()
+        );
+    }
+    text.push_str("}\n\n/// Every compiled pass.\npub static ALL: &[&Module] = &[\n");
+    for name in passes {
+        let _infallible = writeln!(text, "    &passes::{},", name.to_uppercase());
+    }
+    text.push_str("];\n");
+    text
+}

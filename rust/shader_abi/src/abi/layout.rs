@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Offsets and sizes of every member of every shared struct, as the Rust compiler lays them out.
+//!
+//! Guarantees: the members are listed in full: a struct literal pattern without `..` fails to compile otherwise.
+
+use super::{
+    AovClear, AovTargets, Counters, FilmPixel, Frame, GpuAssembly, GpuInstance, GpuLight, GpuMesh, GpuNode,
+    GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush, PathState, Push, Ray, ShadowRay,
+};
+use core::mem::{offset_of, size_of};
+
+/// Where a member is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MemberLayout {
+    /// Name, equal in GLSL.
+    pub name: &'static str,
+    /// Bytes from the start of the struct.
+    pub offset: usize,
+    /// Bytes of the member.
+    pub size: usize,
+}
+
+/// How a struct is laid out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StructLayout {
+    /// Name, equal in GLSL.
+    pub name: &'static str,
+    /// Bytes of the struct, and distance of array elements.
+    pub size: usize,
+    /// Members in order.
+    pub members: &'static [MemberLayout],
+}
+
+/// The size of what a projection returns a reference to.
+const fn member_size<S, M>(_: fn(&S) -> &M) -> usize {
+    size_of::<M>()
+}
+
+macro_rules! layout {
+    ($name:ident { $($member:ident),+ $(,)? }) => {{
+        // Fails to compile when a member is missing from the list.
+        const fn complete(value: &$name) {
+            let $name { $($member: _),+ } = value;
+        }
+        const _: fn(&$name) = complete;
+        StructLayout {
+            name: stringify!($name),
+            size: size_of::<$name>(),
+            members: &[$(MemberLayout {
+                name: stringify!($member),
+                offset: offset_of!($name, $member),
+                size: member_size(|value: &$name| &value.$member),
+            }),+],
+        }
+    }};
+}
+
+/// Every struct that crosses.
+pub const LAYOUTS: &[StructLayout] = &[
+    layout!(Push {
+        frame,
+        first_pixel,
+        first_sample,
+        path_count,
+        bounce,
+        arg0,
+        arg1
+    }),
+    layout!(AovTargets {
+        depth,
+        camera_depth,
+        prim_id,
+        instance_id,
+        element_id,
+        normal,
+        neye,
+        albedo
+    }),
+    layout!(AovClear {
+        depth,
+        camera_depth,
+        prim_id,
+        instance_id,
+        element_id,
+        normal,
+        neye,
+        albedo
+    }),
+    layout!(Frame {
+        root_nodes,
+        root_instances,
+        assemblies,
+        meshes,
+        lights,
+        rays,
+        hits,
+        paths,
+        radiance,
+        surface_hits,
+        escaped_rays,
+        shadow_rays,
+        counters,
+        film,
+        color,
+        aov,
+        aov_clear,
+        clear_color,
+        ray_o,
+        ray_o_x,
+        ray_o_y,
+        ray_d,
+        ray_d_x,
+        ray_d_y,
+        lens_u,
+        lens_v,
+        focus,
+        clip_z,
+        clip_w,
+        view,
+        view_normal,
+        dome_radiance,
+        dome_background,
+        dome_select,
+        default_albedo,
+        clamp,
+        width,
+        height,
+        seed,
+        max_bounces,
+        light_count,
+        flags,
+        reserved
+    }),
+    layout!(GpuNode { min, max, child, count }),
+    layout!(GpuTriangle {
+        v0,
+        face,
+        v1,
+        pad1,
+        v2,
+        pad2
+    }),
+    layout!(GpuInstance {
+        object_from_parent,
+        target,
+        prim_id,
+        index_in_prototype,
+        prototype_count
+    }),
+    layout!(GpuMesh {
+        nodes,
+        triangles,
+        corner_indices,
+        normals,
+        colors,
+        opacities,
+        flags,
+        triangle_count
+    }),
+    layout!(GpuAssembly { nodes, instances }),
+    layout!(GpuLight {
+        direction,
+        one_minus_cos,
+        radiance,
+        probability,
+        cumulative
+    }),
+    layout!(Ray { o, path, d, t_max }),
+    layout!(PathState { throughput, pdf }),
+    layout!(ShadowRay {
+        o,
+        path,
+        d,
+        t_max,
+        contribution,
+        pad
+    }),
+    layout!(IndirectArgs { x, y, z }),
+    layout!(Counters {
+        closest_rays,
+        shadow_rays,
+        nonfinite,
+        stack_overflows,
+        ray_count,
+        surface_count,
+        escaped_count,
+        shadow_count,
+        pad,
+        ray_args,
+        surface_args,
+        escaped_args,
+        shadow_args
+    }),
+    layout!(FilmPixel {
+        sum,
+        compensation,
+        m2,
+        samples
+    }),
+    layout!(LbvhBounds { min, max }),
+    layout!(LbvhPush {
+        bounds,
+        keys_in,
+        keys_out,
+        items_in,
+        items_out,
+        histogram,
+        nodes,
+        parents,
+        visits,
+        depth,
+        origin,
+        scale,
+        count,
+        shift,
+        groups,
+        pad
+    }),
+];

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Every struct that crosses between host and shaders, and the table of their layouts.
+//!
+//! Guarantees: depends on nothing else of this crate, because `build.rs` includes it too. Any thread.
+
+mod film;
+mod frame;
+mod layout;
+mod lbvh;
+mod path;
+mod scene;
+
+pub use film::{FilmPixel, aov_bytes};
+pub use frame::{
+    AovClear, AovTargets, Features, Frame, FrameFlags, MAX_DIRECT_GROUPS, PREPARE_SHADE, PREPARE_TRACE, Push,
+    SPEC_FEATURES, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
+};
+pub use layout::{LAYOUTS, MemberLayout, StructLayout};
+pub use lbvh::{LbvhBounds, LbvhPush};
+pub use path::{Counters, IndirectArgs, PathState, Ray, ShadowRay, hit_stride};
+pub use scene::{
+    AttributeRate, GpuAssembly, GpuInstance, GpuLight, GpuMesh, GpuNode, GpuTriangle, MAX_LEAF_ITEMS, MeshFlags,
+    TARGET_ASSEMBLY,
+};

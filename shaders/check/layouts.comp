@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+// No pass: puts structs into memory that the passes read as vec4s, so that the build can check their layout.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "include/memory.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(push_constant, scalar) uniform Addresses { uint64_t address; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Triangles { GpuTriangle v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Rays { Ray v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Paths { PathState v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer ShadowRays { ShadowRay v[]; };
+
+void main() {
+    Triangles(address).v[0].face = 0u;
+    Rays(address).v[0].path = 0u;
+    Paths(address).v[0].pdf = 0.0;
+    ShadowRays(address).v[0].path = 0u;
+}

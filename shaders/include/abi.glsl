@@ -1,0 +1,242 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every struct that host and shaders share. The twin of rust/shader_abi/src/abi/*.rs, where the members are documented;
+// the build compares names, offsets and sizes in the SPIR-V with the Rust structs. Addresses are uint64_t; see memory.glsl.
+#ifndef OOCPT_ABI_GLSL
+#define OOCPT_ABI_GLSL
+
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference2 : require
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+#extension GL_EXT_control_flow_attributes : require
+
+layout(constant_id = 0) const uint MAX_LEVELS = 1u;
+layout(constant_id = 1) const uint STACK_SIZE = 64u;
+layout(constant_id = 2) const uint FEATURES = 0xffffffffu;
+
+const bool HAS_DOME = (FEATURES & 1u) != 0u;
+const bool HAS_DISTANT = (FEATURES & 2u) != 0u;
+const bool HAS_OPACITY = (FEATURES & 4u) != 0u;
+const bool HAS_NORMALS = (FEATURES & 8u) != 0u;
+const bool HAS_COLORS = (FEATURES & 16u) != 0u;
+const bool HAS_LENS = (FEATURES & 32u) != 0u;
+const bool HAS_INSTANCING = (FEATURES & 64u) != 0u && MAX_LEVELS > 1u;
+const bool HAS_DOME_SHADOW_RAYS = (FEATURES & 128u) != 0u && HAS_DOME;
+
+const uint FLAG_DOME_CAMERA_VISIBLE = 1u;
+const uint PREPARE_TRACE = 0u;
+const uint PREPARE_SHADE = 1u;
+const uint MAX_DIRECT_GROUPS = 1u << 15;
+const uint WORKGROUP_SIZE = 64u;
+
+const uint TARGET_ASSEMBLY = 1u << 31;
+const uint RATE_CONSTANT = 0u;
+const uint RATE_UNIFORM = 1u;
+const uint RATE_VERTEX = 2u;
+const uint RATE_FACE_VARYING = 3u;
+const uint MESH_LEFT_HANDED = 1u << 9;
+const uint MESH_HAS_NORMALS = 1u << 10;
+const uint MESH_HAS_COLORS = 1u << 11;
+const uint MESH_HAS_OPACITIES = 1u << 12;
+
+struct Push {
+    uint64_t frame;
+    uint first_pixel;
+    uint first_sample;
+    uint path_count;
+    uint bounce;
+    uint arg0;
+    uint arg1;
+};
+
+struct AovTargets {
+    uint64_t depth;
+    uint64_t camera_depth;
+    uint64_t prim_id;
+    uint64_t instance_id;
+    uint64_t element_id;
+    uint64_t normal;
+    uint64_t neye;
+    uint64_t albedo;
+};
+
+struct AovClear {
+    float depth;
+    float camera_depth;
+    int prim_id;
+    int instance_id;
+    int element_id;
+    vec3 normal;
+    vec3 neye;
+    vec3 albedo;
+};
+
+struct Frame {
+    uint64_t root_nodes;
+    uint64_t root_instances;
+    uint64_t assemblies;
+    uint64_t meshes;
+    uint64_t lights;
+    uint64_t rays[2];
+    uint64_t hits;
+    uint64_t paths;
+    uint64_t radiance;
+    uint64_t surface_hits;
+    uint64_t escaped_rays;
+    uint64_t shadow_rays;
+    uint64_t counters;
+    uint64_t film;
+    uint64_t color;
+    AovTargets aov;
+    AovClear aov_clear;
+    vec4 clear_color;
+    vec3 ray_o;
+    vec3 ray_o_x;
+    vec3 ray_o_y;
+    vec3 ray_d;
+    vec3 ray_d_x;
+    vec3 ray_d_y;
+    vec3 lens_u;
+    vec3 lens_v;
+    float focus;
+    vec4 clip_z;
+    vec4 clip_w;
+    vec4 view[3];
+    vec3 view_normal[3];
+    vec3 dome_radiance;
+    vec3 dome_background;
+    float dome_select;
+    vec3 default_albedo;
+    float clamp;
+    uint width;
+    uint height;
+    uint seed;
+    uint max_bounces;
+    uint light_count;
+    uint flags;
+    uint reserved;
+};
+
+struct GpuNode {
+    vec3 min[2];
+    vec3 max[2];
+    uint child[2];
+    uint count[2];
+};
+
+struct GpuTriangle {
+    vec3 v0;
+    uint face;
+    vec3 v1;
+    uint pad1;
+    vec3 v2;
+    uint pad2;
+};
+
+struct GpuInstance {
+    vec4 object_from_parent[3];
+    uint target;
+    int prim_id;
+    uint index_in_prototype;
+    uint prototype_count;
+};
+
+struct GpuMesh {
+    uint64_t nodes;
+    uint64_t triangles;
+    uint64_t corner_indices;
+    uint64_t normals;
+    uint64_t colors;
+    uint64_t opacities;
+    uint flags;
+    uint triangle_count;
+};
+
+struct GpuAssembly {
+    uint64_t nodes;
+    uint64_t instances;
+};
+
+struct GpuLight {
+    vec3 direction;
+    float one_minus_cos;
+    vec3 radiance;
+    float probability;
+    float cumulative;
+};
+
+struct Ray {
+    vec3 o;
+    uint path;
+    vec3 d;
+    float t_max;
+};
+
+struct PathState {
+    vec3 throughput;
+    float pdf;
+};
+
+struct ShadowRay {
+    vec3 o;
+    uint path;
+    vec3 d;
+    float t_max;
+    vec3 contribution;
+    uint pad;
+};
+
+struct IndirectArgs {
+    uint x;
+    uint y;
+    uint z;
+};
+
+struct Counters {
+    uint64_t closest_rays;
+    uint64_t shadow_rays;
+    uint nonfinite;
+    uint stack_overflows;
+    uint ray_count[2];
+    uint surface_count;
+    uint escaped_count;
+    uint shadow_count;
+    uint pad;
+    IndirectArgs ray_args;
+    IndirectArgs surface_args;
+    IndirectArgs escaped_args;
+    IndirectArgs shadow_args;
+};
+
+struct FilmPixel {
+    vec4 sum;
+    vec4 compensation;
+    vec3 m2;
+    uint samples;
+};
+
+struct LbvhBounds {
+    vec3 min;
+    vec3 max;
+};
+
+struct LbvhPush {
+    uint64_t bounds;
+    uint64_t keys_in;
+    uint64_t keys_out;
+    uint64_t items_in;
+    uint64_t items_out;
+    uint64_t histogram;
+    uint64_t nodes;
+    uint64_t parents;
+    uint64_t visits;
+    uint64_t depth;
+    vec3 origin;
+    vec3 scale;
+    uint count;
+    uint shift;
+    uint groups;
+    uint pad;
+};
+
+#endif

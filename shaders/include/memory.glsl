@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// Device addresses as typed arrays: `Vec4s(address).v[i]`. Each block has exactly one member.
+#ifndef OOCPT_MEMORY_GLSL
+#define OOCPT_MEMORY_GLSL
+
+#include "include/abi.glsl"
+
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer FrameBlock { Frame f; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) buffer CountersBlock { Counters c; };
+
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer ConstVec4s { vec4 v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Instances { GpuInstance v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Assemblies { GpuAssembly v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Meshes { GpuMesh v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Lights { GpuLight v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer ConstVec3s { vec3 v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer ConstFloats { float v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer ConstUints { uint v[]; };
+
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Vec4s { vec4 v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Film { FilmPixel v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Vec3s { vec3 v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Floats { float v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Ints { int v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Uints { uint v[]; };
+
+#endif

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+// The seed that decides, with the ids of a surface, whether a ray of a path meets it.
+#ifndef OOCPT_OPACITY_SEED_GLSL
+#define OOCPT_OPACITY_SEED_GLSL
+
+// `ray` numbers the rays of the path: 2 * bounce, + 1 for shadow rays.
+uint opacity_seed(uint path, uint ray) {
+    if (!HAS_OPACITY) return 0u;
+    return hash_combine(hash_combine(hash_combine(FRAME.seed, path_pixel(path)), path_sample(path)), ray);
+}
+
+#endif

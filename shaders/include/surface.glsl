@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+// A hit made into a surface point: position with an error bound, normals, albedo, ids.
+//
+// Self-intersection: a spawned ray is tested against the surface after its origin went through the same chain of maps as here,
+// so we run that chain forwards from the computed world position, carry a bound on its rounding, and see how far from the
+// triangle's plane it may land in the mesh's frame. The origin is moved along the normal by just that much. No scene epsilon.
+// (Ideas: Waechter and Binder, Ray Tracing Gems ch. 6; NVIDIA 2023, "Solving Self-Intersection Artifacts in DirectX
+// Raytracing".)
+#ifndef OOCPT_SURFACE_GLSL
+#define OOCPT_SURFACE_GLSL
+
+#include "include/affine.glsl"
+#include "include/attribute.glsl"
+
+struct Surface {
+    vec3 position; // world
+    float offset;  // how far along geometric_normal a spawned ray must start, either side
+    vec3 geometric_normal; // unit, authored side
+    vec3 shading_normal;   // unit, as authored or equal to geometric_normal
+    vec3 albedo;
+    int prim_id;
+    uint instance_id;
+    uint face;
+};
+
+const float UNIT_ROUNDOFF = 5.9604645e-8;
+
+uint surface_chain[MAX_LEVELS]; // instance records of the hit, root first: set before make_surface
+
+// Follows the chain: the whole map, the mesh, the ids.
+Affine follow_chain(out uint mesh, out int prim_id, out uint instance_id) {
+    uint64_t instances = FRAME.root_instances;
+    uint record = surface_chain[0];
+    Affine map = instance_map(instances, record);
+    uint target = Instances(instances).v[record].target;
+    instance_id = Instances(instances).v[record].index_in_prototype;
+    if (HAS_INSTANCING) {
+        for (uint level = 1u; level < MAX_LEVELS && (target & TARGET_ASSEMBLY) != 0u; ++level) {
+            instances = Assemblies(FRAME.assemblies).v[target & ~TARGET_ASSEMBLY].instances;
+            record = surface_chain[level];
+            map = compose(instance_map(instances, record), map);
+            target = Instances(instances).v[record].target;
+            const uint count = Instances(instances).v[record].prototype_count & 0x7fffffffu;
+            instance_id = instance_id * count + Instances(instances).v[record].index_in_prototype;
+        }
+    }
+    mesh = target;
+    prim_id = Instances(instances).v[record].prim_id;
+    return map;
+}
+
+vec3 abs_vector(Affine m, vec3 v) {
+    return vec3(dot(abs(m.x.xyz), v), dot(abs(m.y.xyz), v), dot(abs(m.z.xyz), v));
+}
+
+// Takes p from the world to the mesh's frame as traversal does, and `error`, a bound on its components' errors, along.
+vec3 forward_with_error(vec3 p, inout vec3 error) {
+    uint64_t instances = FRAME.root_instances;
+    for (uint level = 0u; level < MAX_LEVELS; ++level) {
+        const uint record = surface_chain[level];
+        const Affine m = instance_map(instances, record);
+        const vec3 magnitude = abs_vector(m, abs(p)) + abs(vec3(m.x.w, m.y.w, m.z.w));
+        error = abs_vector(m, error) + 4.0 * UNIT_ROUNDOFF * magnitude;
+        p = apply_point(m, p);
+        const uint target = Instances(instances).v[record].target;
+        if (!HAS_INSTANCING || (target & TARGET_ASSEMBLY) == 0u) break;
+        instances = Assemblies(FRAME.assemblies).v[target & ~TARGET_ASSEMBLY].instances;
+    }
+    return p;
+}
+
+vec3 normal_or(vec3 v, vec3 fallback) {
+    const float largest = max(abs(v.x), max(abs(v.y), abs(v.z)));
+    return largest > 0.0 && largest < 3.0e38 ? normalize(v / largest) : fallback;
+}
+
+Surface make_surface(uint triangle, vec2 uv) {
+    Surface s;
+    uint mesh;
+    const Affine map = follow_chain(mesh, s.prim_id, s.instance_id);
+    Meshes meshes = Meshes(FRAME.meshes);
+    const uint64_t triangles = meshes.v[mesh].triangles;
+    const uint flags = meshes.v[mesh].flags;
+    const vec4 first = ConstVec4s(triangles).v[triangle * 3u];
+    const vec3 v0 = first.xyz;
+    const vec3 v1 = ConstVec4s(triangles).v[triangle * 3u + 1u].xyz;
+    const vec3 v2 = ConstVec4s(triangles).v[triangle * 3u + 2u].xyz;
+    s.face = floatBitsToUint(first.w);
+    const vec3 weights = vec3(1.0 - uv.x - uv.y, uv);
+    const vec3 local = v0 * weights.x + v1 * weights.y + v2 * weights.z;
+
+    const vec3 winding = normal_or(cross(v1 - v0, v2 - v0), vec3(0.0, 0.0, 1.0));
+    const vec3 object_normal = (flags & MESH_LEFT_HANDED) != 0u ? -winding : winding;
+    const vec3 covector = apply_transposed(map, object_normal);
+    s.geometric_normal = normal_or(covector, vec3(0.0, 0.0, 1.0));
+
+    s.position = unapply_point(map, local);
+    vec3 error = 2.0 * UNIT_ROUNDOFF * abs(s.position);
+    const vec3 landed = forward_with_error(s.position, error);
+    error += 8.0 * UNIT_ROUNDOFF * max(abs(v0), max(abs(v1), abs(v2)));
+    const float distance = abs(dot(object_normal, landed - local)) + dot(abs(object_normal), error);
+    s.offset = distance / max(length(covector), 1.0e-30);
+
+    s.shading_normal = s.geometric_normal;
+    if (HAS_NORMALS && (flags & MESH_HAS_NORMALS) != 0u) {
+        const vec3 n = attribute_vec3(meshes.v[mesh].normals, meshes.v[mesh].corner_indices, flags & 3u, triangle, weights);
+        s.shading_normal = normal_or(apply_transposed(map, n), s.geometric_normal);
+    }
+    s.albedo = FRAME.default_albedo;
+    if (HAS_COLORS && (flags & MESH_HAS_COLORS) != 0u) {
+        s.albedo = attribute_vec3(meshes.v[mesh].colors, meshes.v[mesh].corner_indices, (flags >> 2) & 3u, triangle, weights);
+    }
+    s.albedo = clamp(s.albedo, vec3(0.0), vec3(1.0));
+    return s;
+}
+
+#endif

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+// What every wavefront pass starts with: push constants, thread index, path numbering, rays in memory.
+#ifndef OOCPT_WAVEFRONT_GLSL
+#define OOCPT_WAVEFRONT_GLSL
+
+#include "include/memory.glsl"
+
+layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform PushBlock { Push push; };
+
+#define FRAME FrameBlock(push.frame).f
+#define COUNTERS CountersBlock(FRAME.counters).c
+
+uint thread_index() {
+    return (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * WORKGROUP_SIZE + gl_LocalInvocationIndex;
+}
+
+// Pixel of a path slot, in trace order.
+uint path_pixel(uint path) {
+    return (push.first_pixel + path) % (FRAME.width * FRAME.height);
+}
+
+// Sample number of a path slot.
+uint path_sample(uint path) {
+    return push.first_sample + (push.first_pixel + path) / (FRAME.width * FRAME.height);
+}
+
+// Trace order to image position: strips of 8 rows, cut into tiles of 8 columns, row by row inside. A bijection for any size.
+uvec2 pixel_position(uint index) {
+    const uint width = FRAME.width;
+    const uint strip = index / (8u * width);
+    const uint rows = min(8u, FRAME.height - 8u * strip);
+    const uint in_strip = index - strip * 8u * width;
+    const uint tile = in_strip / (8u * rows);
+    const uint columns = min(8u, width - 8u * tile);
+    const uint in_tile = in_strip - tile * 8u * rows;
+    return uvec2(8u * tile + in_tile % columns, 8u * strip + in_tile / columns);
+}
+
+Ray load_ray(uint64_t rays, uint slot) {
+    const vec4 a = ConstVec4s(rays).v[2u * slot];
+    const vec4 b = ConstVec4s(rays).v[2u * slot + 1u];
+    return Ray(a.xyz, floatBitsToUint(a.w), b.xyz, b.w);
+}
+
+void store_ray(uint64_t rays, uint slot, Ray ray) {
+    Vec4s(rays).v[2u * slot] = vec4(ray.o, uintBitsToFloat(ray.path));
+    Vec4s(rays).v[2u * slot + 1u] = vec4(ray.d, ray.t_max);
+}
+
+PathState load_path(uint path) {
+    const vec4 a = ConstVec4s(FRAME.paths).v[path];
+    return PathState(a.xyz, a.w);
+}
+
+void store_path(uint path, PathState state) {
+    Vec4s(FRAME.paths).v[path] = vec4(state.throughput, state.pdf);
+}
+
+bool is_finite(vec3 v) {
+    const uvec3 bits = floatBitsToUint(v) & 0x7f800000u;
+    return bits.x != 0x7f800000u && bits.y != 0x7f800000u && bits.z != 0x7f800000u;
+}
+
+float max_component(vec3 v) {
+    return max(v.x, max(v.y, v.z));
+}
+
+// What may be added to the radiance of a path: zero, and counted, when not finite; bounded when indirect and a bound is set.
+vec3 admitted(vec3 contribution, bool indirect) {
+    if (!is_finite(contribution)) {
+        atomicAdd(COUNTERS.nonfinite, 1u);
+        return vec3(0.0);
+    }
+    const float bound = FRAME.clamp;
+    const float largest = max_component(contribution);
+    return indirect && bound > 0.0 && largest > bound ? contribution * (bound / largest) : contribution;
+}
+
+#endif

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// Turns queue lengths into indirect arguments and empties the queues that the next passes fill: one thread.
+// arg0 = PREPARE_TRACE, bounce b: for intersect_closest of bounce b and intersect_shadow of bounce b - 1.
+// arg0 = PREPARE_SHADE, bounce b: for shade_surface and shade_background of bounce b.
+// Reads and writes: Counters. Totals of rays are counted here.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "include/wavefront.glsl"
+
+IndirectArgs indirect(uint threads) {
+    const uint needed = (threads + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE;
+    const uint x = min(needed, MAX_DIRECT_GROUPS);
+    return IndirectArgs(x, x == 0u ? 0u : (needed + x - 1u) / x, 1u);
+}
+
+void main() {
+    if (thread_index() != 0u) return;
+    if (push.arg0 == PREPARE_TRACE) {
+        const uint rays = COUNTERS.ray_count[push.bounce & 1u];
+        if (push.bounce == 0u) COUNTERS.shadow_count = 0u;
+        const uint shadows = COUNTERS.shadow_count;
+        COUNTERS.ray_args = indirect(rays);
+        COUNTERS.shadow_args = indirect(shadows);
+        if (push.bounce <= FRAME.max_bounces) COUNTERS.closest_rays += uint64_t(rays);
+        COUNTERS.shadow_rays += uint64_t(shadows);
+        COUNTERS.surface_count = 0u;
+        COUNTERS.escaped_count = 0u;
+    } else {
+        COUNTERS.surface_args = indirect(COUNTERS.surface_count);
+        COUNTERS.escaped_args = indirect(COUNTERS.escaped_count);
+        COUNTERS.ray_count[(push.bounce + 1u) & 1u] = 0u;
+        COUNTERS.shadow_count = 0u;
+    }
+}

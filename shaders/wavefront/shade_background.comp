@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// What rays that leave the scene bring: dome and distant lights, weighted against the shadow rays of the bounce before.
+// One thread per escaped ray, Counters::escaped_args.
+// Reads: escaped_rays, rays[bounce & 1], paths, lights. Writes: radiance of the ray's path.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "include/wavefront.glsl"
+#include "include/lambert.glsl"
+#include "include/lights.glsl"
+
+// Camera rays see the domes that want to be seen, and no distant light.
+vec4 seen_by_camera() {
+    if (!HAS_DOME || (FRAME.flags & FLAG_DOME_CAMERA_VISIBLE) == 0u) return vec4(0.0);
+    return vec4(admitted(FRAME.dome_background, false), 1.0);
+}
+
+// Radiance along d, weighted by the balance heuristic; `pdf` is the density with which d was chosen.
+vec3 gathered(vec3 d, float pdf) {
+    vec3 sum = vec3(0.0);
+    if (HAS_DOME) {
+        // Shadow rays to the dome have the density of the BSDF itself, so their ratio is the probability of choosing it.
+        sum += FRAME.dome_radiance / (1.0 + (HAS_DOME_SHADOW_RAYS ? dome_probability() : 0.0));
+    }
+    if (HAS_DISTANT) {
+        const float chosen = HAS_DOME_SHADOW_RAYS ? 1.0 - dome_probability() : 1.0;
+        for (uint i = 0u; i < FRAME.light_count; ++i) {
+            const GpuLight light = load_light(i);
+            if (light.one_minus_cos <= 0.0 || one_minus_dot(d, light.direction) > light.one_minus_cos) continue;
+            const float other = chosen * light.probability * cone_density(light.one_minus_cos);
+            sum += light.radiance * (pdf / (pdf + other));
+        }
+    }
+    return sum;
+}
+
+void main() {
+    const uint at = thread_index();
+    if (at >= COUNTERS.escaped_count) return;
+    const uint slot = ConstUints(FRAME.escaped_rays).v[at];
+    const Ray ray = load_ray(FRAME.rays[push.bounce & 1u], slot);
+    if (push.bounce == 0u) {
+        Vec4s(FRAME.radiance).v[ray.path] = seen_by_camera();
+        return;
+    }
+    const PathState state = load_path(ray.path);
+    const vec3 contribution = admitted(state.throughput * gathered(ray.d, state.pdf), push.bounce > 1u);
+    const vec4 before = ConstVec4s(FRAME.radiance).v[ray.path];
+    Vec4s(FRAME.radiance).v[ray.path] = vec4(before.xyz + contribution, before.w);
+}

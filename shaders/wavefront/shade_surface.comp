@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// Shades every hit of a bounce: a shadow ray towards one light, and the ray of the next bounce. One thread per hit,
+// Counters::surface_args.
+// Reads: surface_hits, hits, rays[bounce & 1], paths, the scene. Writes: paths and, at bounce 0, radiance (alpha 1); pushes
+// to shadow_rays and rays[(bounce + 1) & 1].
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "include/wavefront.glsl"
+#include "include/queue.glsl"
+#include "include/hit.glsl"
+#include "include/sampler.glsl"
+#include "include/surface.glsl"
+#include "include/lambert.glsl"
+#include "include/lights.glsl"
+
+const uint ROULETTE_FROM = 3u;
+const float ROULETTE_CAP = 0.95;
+#define INFINITE uintBitsToFloat(0x7f800000u)
+
+// Chooses a light and a direction; `contribution` excludes throughput and albedo, and is 0 when there is nothing to ask.
+// `last`: no ray follows that could meet the lights, so shadow rays bring all of it.
+void sample_light(Lambert lambert, vec4 u, bool last, out vec3 direction, out vec3 contribution) {
+    direction = lambert.g;
+    contribution = vec3(0.0);
+    const float dome = last || HAS_DOME_SHADOW_RAYS ? dome_probability() : 0.0;
+    if (HAS_DOME && u.x < dome) {
+        direction = lambert_sample(lambert, u.yz);
+        contribution = FRAME.dome_radiance / (last ? dome : 1.0 + dome);
+        return;
+    }
+    if (!HAS_DISTANT || FRAME.light_count == 0u) return;
+    const GpuLight light = load_light(choose_distant(min((u.x - dome) / (1.0 - dome), 0.99999994)));
+    const float chosen = (1.0 - dome) * light.probability;
+    if (light.one_minus_cos <= 0.0) {
+        direction = light.direction;
+        contribution = light.radiance * (lambert_density(lambert, direction) / chosen);
+        return;
+    }
+    direction = sample_cone(light.direction, light.one_minus_cos, u.yz);
+    const float density = lambert_density(lambert, direction);
+    const float own = chosen * cone_density(light.one_minus_cos);
+    contribution = light.radiance * (density / (last ? own : own + density));
+}
+
+void main() {
+    const uint at = thread_index();
+    const bool in_range = at < COUNTERS.surface_count;
+    bool ask = false;
+    bool go_on = false;
+    ShadowRay shadow;
+    Ray next;
+    if (in_range) {
+        const uint slot = ConstUints(FRAME.surface_hits).v[at];
+        const Ray ray = load_ray(FRAME.rays[push.bounce & 1u], slot);
+        const uint path = ray.path;
+        const vec4 header = load_hit_header(slot);
+        surface_chain[0] = floatBitsToUint(header.w);
+        for (uint level = 1u; level < MAX_LEVELS; ++level) surface_chain[level] = load_hit_level(slot, level);
+        const Surface surface = make_surface(floatBitsToUint(header.z), header.xy);
+        const Lambert lambert = make_lambert(surface.geometric_normal, surface.shading_normal, ray.d);
+        const vec3 origin = surface.position + surface.offset * lambert.g;
+        const bool last = push.bounce >= FRAME.max_bounces;
+        if (push.bounce == 0u) Vec4s(FRAME.radiance).v[path] = vec4(0.0, 0.0, 0.0, 1.0);
+
+        const uvec2 pixel = pixel_position(path_pixel(path));
+        const uint seed = pixel_seed(pixel.x, pixel.y, FRAME.seed);
+        const uint index = path_sample(path);
+        const vec3 throughput = load_path(path).throughput * surface.albedo;
+
+        if (HAS_DISTANT || last || HAS_DOME_SHADOW_RAYS) {
+            vec3 direction, contribution;
+            sample_light(lambert, sample_4d(index, 2u + 2u * push.bounce, seed), last, direction, contribution);
+            contribution = admitted(throughput * contribution, push.bounce > 0u);
+            ask = max_component(contribution) > 0.0;
+            shadow = ShadowRay(origin, path, direction, INFINITE, contribution, 0u);
+        }
+        if (!last && max_component(throughput) > 0.0) {
+            const vec4 u = sample_4d(index, 1u + 2u * push.bounce, seed);
+            const float survival = push.bounce >= ROULETTE_FROM ? min(max_component(throughput), ROULETTE_CAP) : 1.0;
+            const vec3 direction = lambert_sample(lambert, u.xy);
+            const float density = lambert_density(lambert, direction);
+            go_on = u.z < survival && density > 0.0;
+            if (go_on) store_path(path, PathState(throughput / survival, density));
+            next = Ray(origin, path, direction, INFINITE);
+        }
+    }
+    uint to;
+    QUEUE_SLOT(to, shadow_count, ask);
+    if (ask) {
+        Vec4s(FRAME.shadow_rays).v[to * 3u] = vec4(shadow.o, uintBitsToFloat(shadow.path));
+        Vec4s(FRAME.shadow_rays).v[to * 3u + 1u] = vec4(shadow.d, shadow.t_max);
+        Vec4s(FRAME.shadow_rays).v[to * 3u + 2u] = vec4(shadow.contribution, 0.0);
+    }
+    QUEUE_SLOT(to, ray_count[(push.bounce + 1u) & 1u], go_on);
+    if (go_on) store_ray(FRAME.rays[(push.bounce + 1u) & 1u], to, next);
+}
