@@ -3,12 +3,14 @@
 #ifndef OOCPT_ABI_HD_RENDER_INDEX_H
 #define OOCPT_ABI_HD_RENDER_INDEX_H
 
+#include "pxr/base/tf/token.h"
 #include "pxr/imaging/hd/api.h"
 #include "pxr/pxr.h"
 #include "pxr/usd/sdf/path.h"
 
 PXR_NAMESPACE_OPEN_SCOPE
 
+class HdBprim;
 class HdRprim;
 
 class HD_API HdRenderIndex
@@ -18,6 +20,7 @@ public:
 
     /// Null when there is no such prim.
     HdRprim const* GetRprim(SdfPath const& id) const;
+    HdBprim* GetBprim(TfToken const& typeId, SdfPath const& bprimId) const;
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -32,6 +32,8 @@ public:
     virtual TfTokenVector const& GetBuiltinPrimvarNames() const = 0;
     virtual void UpdateRenderTag(HdSceneDelegate* delegate, HdRenderParam* renderParam);
 
+    SdfPath const& GetId() const { return _id; }
+
     /// The number that the primId output carries; given by the render index.
     int32_t GetPrimId() const { return _primId; }
 
@@ -42,7 +44,9 @@ protected:
 private:
     unsigned char _opaqueBeforePrimId[0x10];
     int32_t _primId;
-    unsigned char _opaqueAfterPrimId[0x1d0 - 0x1c];
+    unsigned char _opaqueBeforeId[0x178 - 0x1c];
+    SdfPath _id;
+    unsigned char _opaqueAfterId[0x1d0 - 0x180];
 };
 
 static_assert(sizeof(HdRprim) == 0x1d0);

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+/// The outputs that OocPT makes, and the conversion of their pixels to what a host's buffer holds.
+#ifndef HDOOCPT_AOV_H
+#define HDOOCPT_AOV_H
+
+#include "pxr/base/tf/token.h"
+#include "pxr/base/vt/value.h"
+#include "pxr/imaging/hd/aov.h"
+#include "pxr/imaging/hd/types.h"
+#include "pxr/pxr.h"
+
+#include <cstddef>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+/// One output as the renderer makes it.
+struct HdOocPTAov
+{
+    TfToken name;
+    HdFormat format;
+    VtValue clearValue;
+};
+
+/// Null when OocPT makes no output of that name.
+HdOocPTAov const* HdOocPTFindAov(TfToken const& name);
+
+/// True when HdOocPTConvertPixels can write this format.
+bool HdOocPTIsStorable(HdFormat format);
+
+/// Copies `pixelCount` tightly packed pixels. Components that the source lacks become 0; 8-bit formats clamp.
+/// False, nothing written, when one of the two formats is not storable. The arrays must not overlap.
+bool HdOocPTConvertPixels(
+    void const* source, HdFormat sourceFormat, void* target, HdFormat targetFormat, size_t pixelCount);
+
+/// Fills the target with a clear value: a scalar or a vector of float, double or int; anything else means zero.
+void HdOocPTFillPixels(VtValue const& clearValue, void* target, HdFormat targetFormat, size_t pixelCount);
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif

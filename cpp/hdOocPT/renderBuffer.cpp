@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "hdOocPT/renderBuffer.h"
+
+#include "bridge/session.h"
+#include "hdOocPT/guard.h"
+#include "pxr/base/tf/diagnostic.h"
+
+#include <cstdint>
+#include <utility>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+namespace {
+
+// Beyond any film format in use; keeps width * height * 16 bytes far from overflow.
+constexpr int _maxSide = 1 << 16;
+constexpr uint64_t _maxBytes = uint64_t(1) << 36;
+
+} // namespace
+
+HdOocPTRenderBuffer::HdOocPTRenderBuffer(SdfPath const& id, std::shared_ptr<HdOocPTSession> session)
+    : HdRenderBuffer(id)
+    , _session(std::move(session))
+{
+}
+
+HdOocPTRenderBuffer::~HdOocPTRenderBuffer() = default;
+
+void HdOocPTRenderBuffer::Bind(HdOocPTAov const* aov, VtValue const& clearValue)
+{
+    std::lock_guard<std::mutex> const lock(_mutex);
+    if (_isBound && _aov == aov && _holdsImage) {
+        return;
+    }
+    _isBound = true;
+    _aov = aov;
+    _holdsImage = false;
+    if (_mapCount == 0) {
+        HdOocPTFillPixels(clearValue, _pixels.data(), _format, _PixelCount());
+    }
+}
+
+bool HdOocPTRenderBuffer::Allocate(GfVec3i const& dimensions, HdFormat format, bool)
+{
+    return HdOocPTGuard("allocating a render buffer", false, [&] {
+        _Deallocate();
+        bool const isInRange = dimensions[0] >= 0 && dimensions[0] <= _maxSide && dimensions[1] >= 0
+            && dimensions[1] <= _maxSide && dimensions[2] == 1;
+        if (!isInRange || !HdOocPTIsStorable(format)) {
+            TF_RUNTIME_ERROR("OocPT: render buffer <%s> cannot be %d x %d x %d pixels of format %d", GetId().GetText(),
+                dimensions[0], dimensions[1], dimensions[2], static_cast<int>(format));
+            return false;
+        }
+        uint64_t const byteCount
+            = uint64_t(dimensions[0]) * uint64_t(dimensions[1]) * uint64_t(HdDataSizeOfFormat(format));
+        if (byteCount > _maxBytes) {
+            TF_RUNTIME_ERROR("OocPT: render buffer <%s> of %d x %d pixels is too large", GetId().GetText(),
+                dimensions[0], dimensions[1]);
+            return false;
+        }
+        std::lock_guard<std::mutex> const lock(_mutex);
+        _pixels.assign(static_cast<size_t>(byteCount), 0);
+        _width = static_cast<unsigned int>(dimensions[0]);
+        _height = static_cast<unsigned int>(dimensions[1]);
+        _format = format;
+        return true;
+    });
+}
+
+void HdOocPTRenderBuffer::_Deallocate()
+{
+    std::lock_guard<std::mutex> const lock(_mutex);
+    _width = 0;
+    _height = 0;
+    _format = HdFormatInvalid;
+    _holdsImage = false;
+    std::vector<unsigned char>().swap(_pixels);
+    std::vector<unsigned char>().swap(_unconverted);
+}
+
+unsigned int HdOocPTRenderBuffer::GetWidth() const
+{
+    std::lock_guard<std::mutex> const lock(_mutex);
+    return _width;
+}
+
+unsigned int HdOocPTRenderBuffer::GetHeight() const
+{
+    std::lock_guard<std::mutex> const lock(_mutex);
+    return _height;
+}
+
+HdFormat HdOocPTRenderBuffer::GetFormat() const
+{
+    std::lock_guard<std::mutex> const lock(_mutex);
+    return _format;
+}
+
+void* HdOocPTRenderBuffer::Map()
+{
+    std::lock_guard<std::mutex> const lock(_mutex);
+    ++_mapCount;
+    return _pixels.empty() ? nullptr : _pixels.data();
+}
+
+void HdOocPTRenderBuffer::Unmap()
+{
+    std::lock_guard<std::mutex> const lock(_mutex);
+    if (_mapCount > 0) {
+        --_mapCount;
+    }
+}
+
+bool HdOocPTRenderBuffer::IsMapped() const
+{
+    std::lock_guard<std::mutex> const lock(_mutex);
+    return _mapCount > 0;
+}
+
+void HdOocPTRenderBuffer::Resolve()
+{
+    HdOocPTGuard("resolving a render buffer", [this] {
+        _CopyLatest();
+        _session->DrainMessages();
+    });
+}
+
+bool HdOocPTRenderBuffer::IsConverged() const
+{
+    return HdOocPTGuard("asking a render buffer for convergence", true, [this] {
+        // The session is asked before its messages are: a fatal one is queued before the session says converged.
+        bool const isFinal = _session->IsConverged();
+        bool const isUpToDate = isFinal && _CopyLatest();
+        _session->DrainMessages();
+        return isUpToDate || !_IsBound();
+    });
+}
+
+bool HdOocPTRenderBuffer::_IsBound() const
+{
+    std::lock_guard<std::mutex> const lock(_mutex);
+    return _isBound;
+}
+
+bool HdOocPTRenderBuffer::_CopyLatest() const
+{
+    std::lock_guard<std::mutex> const lock(_mutex);
+    if (_mapCount > 0) {
+        return false;
+    }
+    if (_aov && !_pixels.empty() && _ReadFrom(*_aov)) {
+        _holdsImage = true;
+    }
+    return true;
+}
+
+bool HdOocPTRenderBuffer::_ReadFrom(HdOocPTAov const& aov) const
+{
+    if (aov.format == _format) {
+        return _session->ReadAov(aov.name, _pixels.data(), _pixels.size());
+    }
+    _unconverted.resize(_PixelCount() * HdDataSizeOfFormat(aov.format));
+    return _session->ReadAov(aov.name, _unconverted.data(), _unconverted.size())
+        && HdOocPTConvertPixels(_unconverted.data(), aov.format, _pixels.data(), _format, _PixelCount());
+}
+
+PXR_NAMESPACE_CLOSE_SCOPE

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Hydra bprim "renderBuffer": the pixels of one output in host memory.
+#ifndef HDOOCPT_RENDER_BUFFER_H
+#define HDOOCPT_RENDER_BUFFER_H
+
+#include "hdOocPT/aov.h"
+#include "pxr/base/gf/vec3i.h"
+#include "pxr/base/tf/token.h"
+#include "pxr/base/vt/value.h"
+#include "pxr/imaging/hd/renderBuffer.h"
+#include "pxr/pxr.h"
+#include "pxr/usd/sdf/path.h"
+
+#include <cstddef>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+class HdOocPTSession;
+
+/// Holds a copy of the renderer's newest image, taken by Resolve() and by IsConverged() before it answers true. The
+/// render thread never writes here, so the host may read a mapped buffer while rendering goes on.
+///
+/// Threads: Allocate, Bind and Finalize on the host's thread; the rest from any thread.
+class HdOocPTRenderBuffer final : public HdRenderBuffer
+{
+public:
+    HdOocPTRenderBuffer(SdfPath const& id, std::shared_ptr<HdOocPTSession> session);
+    ~HdOocPTRenderBuffer() override;
+
+    /// Says which output this buffer shows; null is an output that OocPT does not make: the buffer keeps the clear
+    /// value. The buffer is cleared when the output changes or nothing was copied since the last allocation.
+    void Bind(HdOocPTAov const* aov, VtValue const& clearValue);
+
+    /// Refuses, with an error and an empty buffer, sizes that are negative, deep, or beyond the limits of one image.
+    bool Allocate(GfVec3i const& dimensions, HdFormat format, bool multiSampled) override;
+
+    unsigned int GetWidth() const override;
+    unsigned int GetHeight() const override;
+    unsigned int GetDepth() const override { return 1; }
+    HdFormat GetFormat() const override;
+    bool IsMultiSampled() const override { return false; }
+
+    /// Null when nothing is allocated. Each Map needs an Unmap, also then.
+    void* Map() override;
+    void Unmap() override;
+    bool IsMapped() const override;
+
+    void Resolve() override;
+
+    /// True once the final image is in this buffer, or when no pass renders into it. While the buffer is mapped and not
+    /// yet final the answer is no.
+    bool IsConverged() const override;
+
+protected:
+    void _Deallocate() override;
+
+private:
+    /// Copies the newest image unless the buffer is mapped. True when the buffer then holds the newest state.
+    bool _CopyLatest() const;
+    bool _IsBound() const;
+    bool _ReadFrom(HdOocPTAov const& aov) const;
+    size_t _PixelCount() const { return static_cast<size_t>(_width) * _height; }
+
+    std::shared_ptr<HdOocPTSession> const _session;
+
+    mutable std::mutex _mutex;
+    mutable std::vector<unsigned char> _pixels;
+    mutable std::vector<unsigned char> _unconverted;
+    mutable bool _holdsImage = false;
+    HdOocPTAov const* _aov = nullptr;
+    bool _isBound = false;
+    unsigned int _width = 0;
+    unsigned int _height = 0;
+    HdFormat _format = HdFormatInvalid;
+    int _mapCount = 0;
+};
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "hdOocPT/renderPass.h"
+
+#include "hdOocPT/aov.h"
+#include "hdOocPT/guard.h"
+#include "hdOocPT/renderBuffer.h"
+#include "pxr/base/tf/token.h"
+#include "pxr/imaging/hd/camera.h"
+#include "pxr/imaging/hd/renderIndex.h"
+
+#include <utility>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+TF_DEFINE_PRIVATE_TOKENS(_tokens, (renderBuffer));
+
+HdOocPTRenderPass::HdOocPTRenderPass(
+    HdRenderIndex* index, HdRprimCollection const& collection, std::shared_ptr<HdOocPTSession> session)
+    : HdRenderPass(index, collection)
+    , _session(std::move(session))
+{
+}
+
+HdOocPTRenderPass::~HdOocPTRenderPass() = default;
+
+bool HdOocPTRenderPass::IsConverged() const
+{
+    return HdOocPTGuard("asking the render pass for convergence", true, [this] {
+        // Asked first: a fatal message is queued before the session says converged, so draining after it loses none.
+        bool const isConverged = !_hasRequest || _session->IsConverged();
+        _session->DrainMessages();
+        return isConverged;
+    });
+}
+
+void HdOocPTRenderPass::_Execute(HdRenderPassStateSharedPtr const& renderPassState, TfTokenVector const& renderTags)
+{
+    HdOocPTGuard("executing the render pass", [&] {
+        _session->CommitScene();
+        HdOocPTRenderRequest request;
+        _hasRequest = _BindAovs(renderPassState->GetAovBindings(), &request);
+        if (_hasRequest) {
+            CameraUtilFraming const& framing = renderPassState->GetFraming();
+            if (framing.IsValid()) {
+                request.displayWindow = framing.displayWindow;
+                request.dataWindow = framing.dataWindow;
+            }
+            HdCamera const* const camera = renderPassState->GetCamera();
+            request.cameraPath = camera ? camera->GetId() : SdfPath();
+            request.worldToView = renderPassState->GetWorldToViewMatrix();
+            request.projection = renderPassState->GetProjectionMatrix();
+            request.renderTags = renderTags;
+            _session->Render(request);
+        }
+        _session->DrainMessages();
+    });
+}
+
+bool HdOocPTRenderPass::_BindAovs(HdRenderPassAovBindingVector const& bindings, HdOocPTRenderRequest* request)
+{
+    for (HdRenderPassAovBinding const& binding : bindings) {
+        auto* const buffer = dynamic_cast<HdOocPTRenderBuffer*>(_FindBuffer(binding));
+        if (!buffer) {
+            continue;
+        }
+        HdOocPTAov const* const aov = HdOocPTFindAov(binding.aovName);
+        buffer->Bind(aov, binding.clearValue);
+        int const width = static_cast<int>(buffer->GetWidth());
+        int const height = static_cast<int>(buffer->GetHeight());
+        if (!aov || width == 0 || height == 0) {
+            continue;
+        }
+        if (request->aovs.empty()) {
+            request->width = width;
+            request->height = height;
+        }
+        request->aovs.push_back({ binding.aovName, binding.clearValue });
+    }
+    return !request->aovs.empty();
+}
+
+HdRenderBuffer* HdOocPTRenderPass::_FindBuffer(HdRenderPassAovBinding const& binding) const
+{
+    if (binding.renderBuffer || !GetRenderIndex()) {
+        return binding.renderBuffer;
+    }
+    HdBprim* const bprim = GetRenderIndex()->GetBprim(_tokens->renderBuffer, binding.renderBufferId);
+    return static_cast<HdRenderBuffer*>(bprim);
+}
+
+PXR_NAMESPACE_CLOSE_SCOPE

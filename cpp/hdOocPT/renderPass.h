@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Hydra render pass: turns the pass state into one request to the session.
+#ifndef HDOOCPT_RENDER_PASS_H
+#define HDOOCPT_RENDER_PASS_H
+
+#include "bridge/session.h"
+#include "pxr/imaging/hd/renderPass.h"
+#include "pxr/imaging/hd/renderPassState.h"
+#include "pxr/pxr.h"
+
+#include <memory>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+/// Executing is cheap and returns at once; the session restarts the image only when the request or the scene changed.
+/// Without bound outputs the pass does nothing and is converged. Threads: the host's only.
+class HdOocPTRenderPass final : public HdRenderPass
+{
+public:
+    HdOocPTRenderPass(
+        HdRenderIndex* index, HdRprimCollection const& collection, std::shared_ptr<HdOocPTSession> session);
+    ~HdOocPTRenderPass() override;
+
+    /// True once every bound buffer holds its final image, or when rendering has ended for good.
+    bool IsConverged() const override;
+
+protected:
+    void _Execute(HdRenderPassStateSharedPtr const& renderPassState, TfTokenVector const& renderTags) override;
+
+private:
+    /// Binds the buffers to their outputs and lists them in the request; false when there is nothing to render into.
+    bool _BindAovs(HdRenderPassAovBindingVector const& bindings, HdOocPTRenderRequest* request);
+    HdRenderBuffer* _FindBuffer(HdRenderPassAovBinding const& binding) const;
+
+    std::shared_ptr<HdOocPTSession> const _session;
+    bool _hasRequest = false;
+};
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif

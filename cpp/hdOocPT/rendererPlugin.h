@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Entry point of the plugin library: Hydra finds "OocPT" by this class.
+#ifndef HDOOCPT_RENDERER_PLUGIN_H
+#define HDOOCPT_RENDERER_PLUGIN_H
+
+#include "hdOocPT/compat.h"
+#include "pxr/imaging/hd/rendererPlugin.h"
+#include "pxr/pxr.h"
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+/// Stateless. Threads: the host's only.
+class HdOocPTRendererPlugin final : public HdRendererPlugin
+{
+public:
+    HdRenderDelegate* CreateRenderDelegate() override;
+    HdRenderDelegate* CreateRenderDelegate(HdRenderSettingsMap const& settingsMap) override;
+    void DeleteRenderDelegate(HdRenderDelegate* renderDelegate) override;
+
+    /// Always true: `gpuEnabled` is about the host's own drawing, and OocPT brings its own Vulkan device. A machine
+    /// without a usable device is told so, with the reason, when the first image is asked for.
+    bool IsSupported(bool gpuEnabled = true) const override;
+};
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif
