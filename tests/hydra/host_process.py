@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The program that renders: started by host.py in the wheel host's Python, it takes one JSON command a line and answers each.
+
+Holds named viewers, each a stage and a live UsdImagingGL.Engine with the OocPT delegate and no GPU of the host (`gpuEnabled=False`).
+Commands are the methods of `Commands`; answers are {"result": …, "log": …} or {"error": …, "log": …}, where log is everything that was
+written to standard error, by anyone in the process, while the command ran. Arrays come back in .npz files. One thread.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import tempfile
+import time
+import traceback
+
+import numpy as np
+from pxr import CameraUtil, Gf, Sdf, Tf, Usd, UsdAppUtils, UsdGeom, UsdImagingGL, UsdLux, Vt
+
+import aov_reader
+
+RENDERER = "HdOocPTRendererPlugin"
+
+
+class Viewer:
+    """A stage, an engine, and what the next picture is to be."""
+
+    def __init__(self, stage: Usd.Stage, size, camera: str, aovs: list[str], settings: dict, purposes: list[str]) -> None:
+        self.stage, self.size, self.camera, self.aovs = stage, tuple(size), camera, list(aovs)
+        parameters = UsdImagingGL.Engine.Parameters()
+        parameters.gpuEnabled = False
+        parameters.rendererPluginId = RENDERER
+        self.engine = UsdImagingGL.Engine(parameters)
+        if self.engine.GetCurrentRendererId() != RENDERER and not self.engine.SetRendererPlugin(RENDERER):
+            raise RuntimeError(f"the host cannot make {RENDERER}; it knows {UsdImagingGL.Engine.GetRendererPlugins()}")
+        for key, value in settings.items():
+            self.engine.SetRendererSetting(key, value)
+        self.params = UsdImagingGL.RenderParams()
+        self.params.complexity = 1.0
+        self.params.enableLighting = True
+        self.params.enableSceneMaterials = False
+        self.params.clearColor = Gf.Vec4f(0, 0, 0, 0)
+        self.params.showGuides = "guide" in purposes
+        self.params.showProxy = "proxy" in purposes
+        self.params.showRender = "render" in purposes
+
+    def prepare(self) -> None:
+        width, height = self.size
+        self.engine.SetRenderBufferSize(Gf.Vec2i(width, height))
+        self.engine.SetFraming(CameraUtil.Framing(Gf.Rect2i(Gf.Vec2i(0, 0), width, height)))
+        self.engine.SetCameraPath(Sdf.Path(self.camera))
+        if not aov_reader.set_aovs(self.engine, self.aovs):
+            raise RuntimeError(f"the engine refused the AOVs {self.aovs}")
+
+    def step(self) -> bool:
+        """One Hydra execution; whether the picture is finished."""
+        self.engine.Render(self.stage.GetPseudoRoot(), self.params)
+        return self.engine.IsConverged()
+
+    def finish(self, timeout: float) -> float:
+        self.prepare()
+        start = time.monotonic()
+        while not self.step():
+            if time.monotonic() - start > timeout:
+                raise TimeoutError(f"not converged after {timeout} s; stats {self.stats()}")
+            time.sleep(0.002)
+        return time.monotonic() - start
+
+    def stats(self) -> dict:
+        return {str(key): value for key, value in dict(self.engine.GetRenderStats()).items()}
+
+
+class Commands:
+    """What a test may ask for."""
+
+    def __init__(self, folder: str) -> None:
+        self._folder, self._viewers, self._files = folder, {}, 0
+
+    def open(self, viewer, stage, size, camera="/World/Camera", aovs=("color",), settings=None, purposes=("proxy",)):
+        """Opens a stage (a path, or the text of a layer) in a new engine."""
+        if stage.startswith("#usda"):
+            layer = Sdf.Layer.CreateAnonymous(".usda")
+            if not layer.ImportFromString(stage):
+                raise ValueError("the layer's text does not parse")
+            opened = Usd.Stage.Open(layer)
+        else:
+            opened = Usd.Stage.Open(stage)
+        self._viewers[viewer] = Viewer(opened, size, camera, list(aovs), settings or {}, list(purposes))
+
+    def close(self, viewer):
+        del self._viewers[viewer]
+
+    def render(self, viewer, timeout=120.0):
+        """Renders to convergence; returns where the arrays are, the seconds and the state of each buffer."""
+        view = self._viewers[viewer]
+        seconds = view.finish(timeout)
+        self._files += 1
+        path = os.path.join(self._folder, f"{os.getpid()}-{self._files}.npz")
+        arrays = {name: aov_reader.read(view.engine, name) for name in view.aovs}
+        np.savez(path, **{name: array for name, array in arrays.items() if array is not None})
+        return {"file": path, "seconds": seconds, "buffers": {name: aov_reader.buffer_state(view.engine, name) for name in view.aovs}}
+
+    def edit(self, viewer, code):
+        """Runs Python statements with `stage`, `engine`, `view` and the pxr modules in scope; returns what they leave in `result`."""
+        view = self._viewers[viewer]
+        scope = {"stage": view.stage, "engine": view.engine, "view": view, "result": None, "time": time}
+        scope.update(CameraUtil=CameraUtil, Gf=Gf, Sdf=Sdf, Tf=Tf, Usd=Usd, UsdGeom=UsdGeom, UsdImagingGL=UsdImagingGL, UsdLux=UsdLux, Vt=Vt, aov_reader=aov_reader)
+        exec(compile(code, "<edit>", "exec"), scope)  # noqa: S102  the tests' own code
+        return scope["result"]
+
+    def decode(self, viewer, pairs):
+        """Hydra's reading of (primId, instanceId) pairs."""
+        view = self._viewers[viewer]
+        return [aov_reader.decode(view.engine, *pair) for pair in pairs]
+
+    def stats(self, viewer):
+        return self._viewers[viewer].stats()
+
+    def record(self, stage, out, camera="/World/Camera", width=32, purposes=("default", "proxy"), render_settings=None, dome_visible=True):
+        """One frame by UsdAppUtils.FrameRecorder, the core of usdrecord."""
+        recorder = UsdAppUtils.FrameRecorder(RENDERER, False)
+        recorder.SetImageWidth(width)
+        recorder.SetComplexity(1.0)
+        recorder.SetColorCorrectionMode("disabled")
+        recorder.SetIncludedPurposes(list(purposes))
+        recorder.SetCameraLightEnabled(False)
+        recorder.SetDomeLightVisibility(dome_visible)
+        opened = Usd.Stage.Open(stage)
+        if render_settings:
+            recorder.SetActiveRenderSettingsPrimPath(Sdf.Path(render_settings))
+        if not recorder.Record(opened, UsdGeom.Camera.Get(opened, camera), Usd.TimeCode.EarliestTime(), out):
+            raise RuntimeError("Record returned False")
+
+    def cycles(self, stage, count, size=(8, 8), camera="/World/Camera", warm_up=100):
+        """`count` engines made, rendered once with 1 sample and destroyed; resident bytes after the warm-up, the middle and the end."""
+        opened = Usd.Stage.Open(stage)
+        settings = {"oocpt:samplesPerPixel": 1, "oocpt:maxBounces": 0}
+        resident = []
+        for cycle in range(count + 1):
+            if cycle in (warm_up, (count + warm_up) // 2, count):
+                resident.append(_resident_bytes())
+            view = Viewer(opened, size, camera, ["color"], settings, [])
+            view.finish(60.0)
+            del view
+        return resident
+
+
+def _resident_bytes() -> int:
+    with open("/proc/self/statm", encoding="ascii") as statm:
+        return int(statm.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+class StandardError:
+    """File descriptor 2 of the process, caught in a file; C++ and threads included."""
+
+    def __init__(self) -> None:
+        self._file = tempfile.TemporaryFile(mode="w+b")
+        os.dup2(self._file.fileno(), 2)
+
+    def take(self) -> str:
+        sys.stderr.flush()
+        self._file.seek(0)
+        text = self._file.read().decode(errors="replace")
+        self._file.seek(0)
+        self._file.truncate()
+        return text
+
+
+def main() -> None:
+    # Answers go to a private copy of standard output: what others print there must not mix with them.
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    errors = StandardError()
+    os.dup2(2, 1)
+    commands = Commands(sys.argv[1])
+    for line in sys.stdin:
+        request = json.loads(line)
+        answer = {}
+        try:
+            answer["result"] = getattr(commands, request.pop("command"))(**request)
+        except BaseException as error:  # noqa: BLE001  a Tf error must come back as an answer
+            answer["error"] = f"{type(error).__name__}: {error}"
+            answer["trace"] = traceback.format_exc()
+        answer["log"] = errors.take()
+        answers.write(json.dumps(answer, default=str) + "\n")
+        answers.flush()
+
+
+if __name__ == "__main__":
+    main()
