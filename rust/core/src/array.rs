@@ -335,6 +335,12 @@ impl<'a> ArrayView<'a> {
         self.element
     }
 
+    /// The bytes of all elements.
+    #[must_use]
+    pub fn bytes(&self) -> &'a [u8] {
+        self.bytes
+    }
+
     #[inline]
     fn read<T: Pod, const N: usize>(&self, i: usize) -> Option<[T; N]>
     where

@@ -2,7 +2,7 @@
 //! From camera matrices to rays that are affine in the pixel position, and to the rows that turn a hit point into
 //! depths. All in f64, rounded once at the end. Pure; any thread.
 
-use glam::{DAffine3, DMat4, DVec2, DVec3, DVec4};
+use glam::{DAffine3, DMat2, DMat3, DMat4, DVec2, DVec3, DVec4};
 
 /// A camera as Hydra resolves it for one image.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,12 +72,177 @@ pub enum CameraError {
     Unsupported,
 }
 
+/// View-space rays: affine in the normalised device coordinates.
+struct ViewRays {
+    origin: Affine2,
+    direction: Affine2,
+}
+
+/// `constant + x * per_x + y * per_y`.
+#[derive(Clone, Copy)]
+struct Affine2 {
+    constant: DVec3,
+    per_x: DVec3,
+    per_y: DVec3,
+}
+
+impl Affine2 {
+    fn map(self, f: impl Fn(DVec3) -> DVec3) -> Self {
+        Self { constant: f(self.constant), per_x: f(self.per_x), per_y: f(self.per_y) }
+    }
+
+    /// The same function of `q`, where `x = at.x + scale.x * q.x` and likewise y.
+    fn substitute(self, at: DVec2, scale: DVec2) -> Self {
+        Self {
+            constant: self.constant + self.per_x * at.x + self.per_y * at.y,
+            per_x: self.per_x * scale.x,
+            per_y: self.per_y * scale.y,
+        }
+    }
+}
+
 impl Camera {
     /// Rays and depth rows relative to the world point `origin`.
     ///
     /// # Errors
     /// See [`CameraError`].
     pub fn rays(&self, origin: DVec3) -> Result<CameraRays, CameraError> {
-        todo!("{origin} {:?} {:?} {:?}", DVec2::ZERO, DVec4::ZERO, DAffine3::IDENTITY)
+        let world = self.world_affine(origin)?;
+        let (at, scale) = self.ndc_of_pixel()?;
+        let view = view_rays(&self.projection)?;
+        let vector = |v: DVec3| world.matrix3 * v;
+        let mut o = view.origin.map(vector).substitute(at, scale);
+        o.constant += world.translation;
+        let d = view.direction.map(vector).substitute(at, scale);
+        let (radius, focus) = self.lens()?;
+        let view_from_world = world.inverse();
+        let clip = self.projection * DMat4::from(view_from_world);
+        let rays = CameraRays {
+            o: o.constant.as_vec3().to_array(),
+            o_x: o.per_x.as_vec3().to_array(),
+            o_y: o.per_y.as_vec3().to_array(),
+            d: d.constant.as_vec3().to_array(),
+            d_x: d.per_x.as_vec3().to_array(),
+            d_y: d.per_y.as_vec3().to_array(),
+            lens_u: (world.matrix3.x_axis * radius).as_vec3().to_array(),
+            lens_v: (world.matrix3.y_axis * radius).as_vec3().to_array(),
+            focus,
+            clip_z: clip.row(2).as_vec4().to_array(),
+            clip_w: clip.row(3).as_vec4().to_array(),
+            view_from_world: affine_rows(&view_from_world),
+            view_normal: matrix_rows(&world.matrix3.transpose()),
+        };
+        if rays.is_finite() { Ok(rays) } else { Err(CameraError::NotFinite("frustum in single precision")) }
     }
+
+    fn world_affine(&self, origin: DVec3) -> Result<DAffine3, CameraError> {
+        let m = self.world_from_view;
+        if !m.is_finite() || !origin.is_finite() {
+            return Err(CameraError::NotFinite("transform"));
+        }
+        if m.row(3) != DVec4::W || !is_invertible(&DMat3::from_mat4(m)) {
+            return Err(CameraError::Singular("transform"));
+        }
+        let mut world = DAffine3::from_mat4(m);
+        world.translation -= origin;
+        Ok(world)
+    }
+
+    /// NDC of the lower left corner of the data window, and NDC per pixel.
+    fn ndc_of_pixel(&self) -> Result<(DVec2, DVec2), CameraError> {
+        let [x0, y0, x1, y1] = self.display_window.map(f64::from);
+        let [left, _, _, bottom] = self.data_window.map(f64::from);
+        let size = DVec2::new(x1 - x0, y1 - y0);
+        if !size.is_finite() || !x0.is_finite() || !y0.is_finite() {
+            return Err(CameraError::NotFinite("display window"));
+        }
+        if size.x <= 0.0 || size.y <= 0.0 {
+            return Err(CameraError::Singular("display window"));
+        }
+        // Windows are y down and NDC is y up: pixel row 0 begins at the lower edge of the data window.
+        let at = DVec2::new(2.0 * (left - x0) / size.x - 1.0, 1.0 - 2.0 * (bottom - y0) / size.y);
+        Ok((at, 2.0 / size))
+    }
+
+    fn lens(&self) -> Result<(f64, f32), CameraError> {
+        if !self.lens_radius.is_finite() || !self.focus_distance.is_finite() {
+            return Err(CameraError::NotFinite("lens"));
+        }
+        if self.lens_radius <= 0.0 {
+            return Ok((0.0, 1.0));
+        }
+        if self.focus_distance <= 0.0 {
+            return Err(CameraError::Singular("focus distance"));
+        }
+        Ok((self.lens_radius, self.focus_distance.as_f32()))
+    }
+}
+
+impl CameraRays {
+    fn is_finite(&self) -> bool {
+        let vectors = [self.o, self.o_x, self.o_y, self.d, self.d_x, self.d_y, self.lens_u, self.lens_v];
+        let rows = [self.clip_z, self.clip_w];
+        vectors.iter().chain(&self.view_normal).flatten().all(|v| v.is_finite())
+            && rows.iter().chain(&self.view_from_world).flatten().all(|v| v.is_finite())
+            && self.focus.is_finite()
+    }
+}
+
+/// Rounding to f32, spelled out once.
+trait Round {
+    fn as_f32(self) -> f32;
+}
+
+impl Round for f64 {
+    #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
+    fn as_f32(self) -> f32 {
+        self as f32
+    }
+}
+
+/// False when the columns are (nearly) dependent.
+fn is_invertible(m: &DMat3) -> bool {
+    let volume = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
+    m.determinant().abs() > 1e-12 * volume
+}
+
+/// Solves `projection * (X, Y, Z, 1) ~ (x, y, ., 1)` for the points at view depth 1, as a function of (x, y).
+fn view_rays(projection: &DMat4) -> Result<ViewRays, CameraError> {
+    if !projection.is_finite() {
+        return Err(CameraError::NotFinite("projection"));
+    }
+    let [r0, r1, r3] = [projection.row(0), projection.row(1), projection.row(3)];
+    let scale = DMat2::from_cols(DVec2::new(r0.x, r1.x), DVec2::new(r0.y, r1.y));
+    if scale.determinant() == 0.0 || !scale.inverse().is_finite() {
+        return Err(CameraError::Singular("projection"));
+    }
+    let inverse = scale.inverse();
+    let lift = |v: DVec2, z: f64| DVec3::new(v.x, v.y, z);
+    let slope = |w: f64| (lift(inverse.x_axis * w, 0.0), lift(inverse.y_axis * w, 0.0));
+    let by_depth = DVec2::new(r0.z, r1.z);
+    let shift = DVec2::new(r0.w, r1.w);
+    let zero = Affine2 { constant: DVec3::ZERO, per_x: DVec3::ZERO, per_y: DVec3::ZERO };
+    if r3.x == 0.0 && r3.y == 0.0 && r3.w == 0.0 && r3.z < 0.0 && shift == DVec2::ZERO {
+        // Perspective: w = -r3.z at Z = -1, and scale * XY - by_depth = w * (x, y).
+        let (per_x, per_y) = slope(-r3.z);
+        let direction = Affine2 { constant: lift(inverse * by_depth, -1.0), per_x, per_y };
+        return Ok(ViewRays { origin: zero, direction });
+    }
+    if r3.x == 0.0 && r3.y == 0.0 && r3.z == 0.0 && r3.w > 0.0 {
+        // Orthographic (sheared when by_depth is not zero): scale * XY + by_depth * Z + shift = w * (x, y).
+        let (per_x, per_y) = slope(r3.w);
+        let origin = Affine2 { constant: lift(-(inverse * shift), 0.0), per_x, per_y };
+        let direction = Affine2 { constant: lift(inverse * by_depth, -1.0), ..zero };
+        return Ok(ViewRays { origin, direction });
+    }
+    Err(CameraError::Unsupported)
+}
+
+fn affine_rows(m: &DAffine3) -> [[f32; 4]; 3] {
+    let m = DMat4::from(*m);
+    [0, 1, 2].map(|k| m.row(k).as_vec4().to_array())
+}
+
+fn matrix_rows(m: &DMat3) -> [[f32; 3]; 3] {
+    [0, 1, 2].map(|k| m.row(k).as_vec3().to_array())
 }

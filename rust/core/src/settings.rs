@@ -102,26 +102,169 @@ impl Default for Settings {
     }
 }
 
+/// How a value is checked and stored.
+enum Field<'a> {
+    Bool(&'a mut bool),
+    Int(&'a mut u32, u32, u32),
+    Float(&'a mut f32, f32, f32),
+    Text(&'a mut String),
+}
+
+/// (key, environment variable, name, help), in the order hosts show them. Several keys may share a field.
+const TABLE: &[(&str, &str, &str, &str)] = &[
+    ("oocpt:samplesPerPixel", "OOCPT_SAMPLES_PER_PIXEL", "Samples per pixel", "Samples per pixel to converge at"),
+    ("oocpt:maxBounces", "OOCPT_MAX_BOUNCES", "Max bounces", "Indirect bounces; 0 = direct light only"),
+    ("oocpt:seed", "OOCPT_SEED", "Seed", "Seed of all random numbers"),
+    ("oocpt:clamp", "OOCPT_CLAMP", "Clamp", "Largest value of one sample; 0 = no limit"),
+    ("oocpt:timeLimit", "OOCPT_TIME_LIMIT", "Time limit", "Stop after this many seconds; 0 = no limit"),
+    ("oocpt:memoryBudget", "OOCPT_MEMORY_BUDGET", "Memory budget", "Hard limit of device memory in MiB; 0 = automatic"),
+    ("oocpt:device", "OOCPT_DEVICE", "Device", "Device by index or part of its name; empty = best"),
+    ("convergedSamplesPerPixel", "OOCPT_CONVERGED_SAMPLES_PER_PIXEL", "Converged samples", "As oocpt:samplesPerPixel"),
+    ("enableInteractive", "OOCPT_ENABLE_INTERACTIVE", "Interactive", "Show coarse images early"),
+    (
+        "domeLightCameraVisibility",
+        "OOCPT_DOME_LIGHT_CAMERA_VISIBILITY",
+        "Dome light camera visibility",
+        "Camera rays see the dome light",
+    ),
+    ("enableSceneLights", "OOCPT_ENABLE_SCENE_LIGHTS", "Scene lights", "Use the lights of the scene"),
+];
+
+/// Most samples per pixel: sample indices stay exact in f32.
+const MAX_SAMPLES: u32 = 1 << 24;
+
 impl Settings {
     /// Sets one value by its Hydra key. Gives whether it changed.
     ///
     /// # Errors
     /// See [`SettingError`]; the setting keeps its value.
     pub fn set(&mut self, key: &str, value: Value) -> Result<bool, SettingError> {
-        let _ = value;
-        Err(SettingError::Unknown(key.to_owned()))
+        let before = self.clone();
+        let wrong = |expected| SettingError::Type { key: key.to_owned(), expected, value: value.clone() };
+        let check = |value: f64, min: f64, max: f64| {
+            // NaN fails this as well.
+            if value >= min && value <= max {
+                Ok(value)
+            } else {
+                Err(SettingError::Range { key: key.to_owned(), value, min, max })
+            }
+        };
+        match self.field(key)? {
+            Field::Bool(field) => *field = value.as_bool().ok_or_else(|| wrong("a bool"))?,
+            Field::Int(field, min, max) => {
+                let number = value.as_integer().ok_or_else(|| wrong("an integer"))?;
+                *field = whole(check(number, f64::from(min), f64::from(max))?);
+            }
+            Field::Float(field, min, max) => {
+                let number = value.as_float().ok_or_else(|| wrong("a number"))?;
+                *field = narrow(check(number, f64::from(min), f64::from(max))?);
+            }
+            Field::Text(field) => *field = value.as_text().ok_or_else(|| wrong("text"))?,
+        }
+        Ok(*self != before)
     }
 
-    /// All settings for the host's user interface.
+    fn field(&mut self, key: &str) -> Result<Field<'_>, SettingError> {
+        Ok(match key {
+            "oocpt:samplesPerPixel" | "convergedSamplesPerPixel" => {
+                Field::Int(&mut self.samples_per_pixel, 1, MAX_SAMPLES)
+            }
+            "oocpt:maxBounces" => Field::Int(&mut self.max_bounces, 0, 1024),
+            "oocpt:seed" => Field::Int(&mut self.seed, 0, u32::MAX),
+            "oocpt:clamp" => Field::Float(&mut self.clamp, 0.0, 1e30),
+            "oocpt:timeLimit" => Field::Float(&mut self.time_limit_secs, 0.0, 1e9),
+            "oocpt:memoryBudget" => Field::Int(&mut self.memory_budget_mib, 0, 1 << 24),
+            "oocpt:device" => Field::Text(&mut self.device),
+            "enableInteractive" => Field::Bool(&mut self.interactive),
+            "domeLightCameraVisibility" => Field::Bool(&mut self.dome_light_camera_visible),
+            "enableSceneLights" => Field::Bool(&mut self.enable_scene_lights),
+            _ => return Err(SettingError::Unknown(key.to_owned())),
+        })
+    }
+
+    /// The value of `key` as hosts give it; `None` for an unknown key.
+    #[must_use]
+    pub fn get(&self, key: &str) -> Option<Value> {
+        let mut copy = self.clone();
+        Some(match copy.field(key).ok()? {
+            Field::Bool(v) => Value::Bool(*v),
+            Field::Int(v, ..) => Value::Int(i64::from(*v)),
+            Field::Float(v, ..) => Value::Float(f64::from(*v)),
+            Field::Text(v) => Value::Text(v.clone()),
+        })
+    }
+
+    /// All settings for the host's user interface, with their defaults.
     #[must_use]
     pub fn descriptors() -> Vec<Descriptor> {
-        Vec::new()
+        let defaults = Self::default();
+        TABLE
+            .iter()
+            .filter_map(|&(key, _, name, doc)| Some(Descriptor { key, name, default: defaults.get(key)?, doc }))
+            .collect()
     }
 
     /// The environment variable that sets `key`, e.g. `OOCPT_SAMPLES_PER_PIXEL`; `None` for an unknown key.
     #[must_use]
-    pub fn env_name(key: &str) -> Option<String> {
-        let _ = key;
-        None
+    pub fn env_name(key: &str) -> Option<&'static str> {
+        TABLE.iter().find(|row| row.0 == key).map(|row| row.1)
     }
+}
+
+impl Value {
+    fn as_bool(&self) -> Option<bool> {
+        match self {
+            Self::Bool(b) => Some(*b),
+            Self::Int(0) => Some(false),
+            Self::Int(1) => Some(true),
+            Self::Text(text) => match text.trim().to_ascii_lowercase().as_str() {
+                "1" | "true" | "on" | "yes" => Some(true),
+                "0" | "false" | "off" | "no" => Some(false),
+                _ => None,
+            },
+            Self::Int(_) | Self::Float(_) => None,
+        }
+    }
+
+    /// A whole number; every value that passes the bounds afterwards is exact.
+    fn as_integer(&self) -> Option<f64> {
+        let number = match self {
+            Self::Bool(_) => None,
+            #[expect(clippy::cast_precision_loss, reason = "all bounds are far below 2^53")]
+            Self::Int(i) => Some(*i as f64),
+            Self::Float(f) => Some(*f),
+            Self::Text(text) => text.trim().parse().ok(),
+        }?;
+        (number.fract() == 0.0).then_some(number)
+    }
+
+    fn as_float(&self) -> Option<f64> {
+        match self {
+            Self::Bool(_) => None,
+            #[expect(clippy::cast_precision_loss, reason = "the setting is a float")]
+            Self::Int(i) => Some(*i as f64),
+            Self::Float(f) => Some(*f),
+            Self::Text(text) => text.trim().parse().ok(),
+        }
+    }
+
+    fn as_text(&self) -> Option<String> {
+        match self {
+            Self::Text(text) => Some(text.clone()),
+            // A device index.
+            Self::Int(i) => Some(i.to_string()),
+            Self::Bool(_) | Self::Float(_) => None,
+        }
+    }
+}
+
+/// A checked whole number as u32.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked against bounds inside u32")]
+fn whole(value: f64) -> u32 {
+    value as u32
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounding to the setting's precision")]
+fn narrow(value: f64) -> f32 {
+    value as f32
 }

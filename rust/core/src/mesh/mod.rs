@@ -5,12 +5,21 @@
 //! content hash. Pure functions; called from rayon workers during a commit.
 
 mod attribute;
+pub mod build;
 pub mod bvh;
+mod key;
+mod normals;
+mod primvar;
+mod topology;
+mod triangulate;
 
 use bytemuck::{Pod, Zeroable};
 
 pub use attribute::{Attribute, AttributeRate};
+pub use build::{BuiltMesh, build_mesh};
 pub use bvh::{Bvh2, BvhError, BvhNode};
+pub(crate) use key::is_same_mesh;
+pub use key::mesh_key;
 
 /// An axis-aligned box; empty when any `min > max`.
 #[derive(Clone, Copy, Debug, PartialEq)]

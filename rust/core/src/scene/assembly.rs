@@ -2,9 +2,11 @@
 //! Assemblies: lists of instance records that are computed on demand from borrowed arrays, never stored.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use bitflags::bitflags;
 
+use super::run::Run;
 use crate::mesh::Aabb;
 
 /// What an instance record places.
@@ -59,17 +61,57 @@ impl Default for InstanceRecord {
     }
 }
 
-/// The content of the world or of a prototype.
+/// A run and what it places.
+#[derive(Clone, Debug)]
+pub(crate) struct Member {
+    /// The placements.
+    pub(crate) run: Arc<Run>,
+    /// What they place.
+    pub(crate) target: Target,
+    /// Prim id of the mesh prim, -1 for assemblies.
+    pub(crate) prim_id: i32,
+}
+
+impl Member {
+    fn is_same(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.run, &other.run) && self.target == other.target && self.prim_id == other.prim_id
+    }
+}
+
+/// The content of the world or of a prototype. Holds no records: they are computed from the borrowed arrays.
 #[derive(Debug)]
 pub struct Assembly {
     key: u64,
     bounds: Aabb,
-    len: usize,
+    members: Vec<Member>,
+    /// First record of each member, then the number of records.
+    starts: Vec<usize>,
 }
 
 impl Assembly {
-    /// A stamp that is new whenever the encoded content is (also when only a target's index moved), and unique in the
-    /// process's [`super::SceneDb`].
+    pub(crate) fn new(key: u64, members: Vec<Member>) -> Self {
+        let mut starts = Vec::with_capacity(members.len() + 1);
+        let mut len = 0_usize;
+        starts.push(0);
+        for member in &members {
+            len += member.run.len();
+            starts.push(len);
+        }
+        let bounds = members.iter().fold(Aabb::EMPTY, |b, m| b.union(&m.run.bounds()));
+        Self { key, bounds, members, starts }
+    }
+
+    pub(crate) fn members(&self) -> &[Member] {
+        &self.members
+    }
+
+    /// True when `members` would give the same records.
+    pub(crate) fn is_made_of(&self, members: &[Member]) -> bool {
+        self.members.len() == members.len() && self.members.iter().zip(members).all(|(a, b)| a.is_same(b))
+    }
+
+    /// A stamp, unique in its [`super::SceneDb`]: an assembly whose records differ in any bit has another key, one that
+    /// an edit did not touch keeps it. An edit that undoes itself may give a new key.
     #[must_use]
     pub fn key(&self) -> u64 {
         self.key
@@ -78,26 +120,54 @@ impl Assembly {
     /// Number of instance records.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.len
+        self.starts.last().copied().unwrap_or(0)
     }
 
     /// True when nothing is placed.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.len == 0
+        self.len() == 0
     }
 
-    /// Box of all records, in this assembly's frame.
+    /// Box of all records, in this assembly's frame; empty if there is none.
     #[must_use]
     pub fn bounds(&self) -> Aabb {
         self.bounds
     }
 
-    /// Computes records `range` into `out`. Pure; call it from many threads with disjoint outputs. Stops at the end of
-    /// `out`, of `range` or of the assembly, whichever comes first.
+    /// Computes records `range` into `out`: record `range.start + k` goes to `out[k]`. Pure; call it from many threads
+    /// with disjoint outputs. Stops at the end of `out`, of `range` or of the assembly, whichever comes first. About
+    /// 100 ns per record, no allocation.
     pub fn encode(&self, range: Range<usize>, out: &mut [InstanceRecord]) {
-        for (_, slot) in range.zip(out) {
-            *slot = InstanceRecord::default();
+        let end = range.end.min(self.len()).min(range.start.saturating_add(out.len()));
+        let mut at = range.start;
+        while at < end {
+            // The last member that begins at or before `at`; members may be empty.
+            let index = self.starts.partition_point(|&start| start <= at).saturating_sub(1);
+            let (Some(member), Some(&start)) = (self.members.get(index), self.starts.get(index)) else { return };
+            let stop = end.min(start + member.run.len());
+            let Some(slots) = out.get_mut(at - range.start..stop - range.start) else { return };
+            member.encode(at - start..stop - start, slots);
+            at = stop;
         }
+    }
+}
+
+impl Member {
+    fn encode(&self, places: Range<usize>, out: &mut [InstanceRecord]) {
+        let prototype_count = if self.run.is_instanced() { self.run.ranks() } else { 1 };
+        self.run.encode(places, |k, rank, placed| {
+            if let Some(slot) = out.get_mut(k) {
+                *slot = InstanceRecord {
+                    object_from_parent: placed.object_from_parent,
+                    target: self.target,
+                    prim_id: self.prim_id,
+                    index_in_prototype: rank,
+                    prototype_count,
+                    bounds: [placed.bounds.min, placed.bounds.max],
+                    flags: placed.flags,
+                };
+            }
+        });
     }
 }

@@ -61,7 +61,7 @@ pub struct InstancedBy {
 }
 
 /// What all prims have.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PrimDesc {
     /// Unique path.
     pub path: Arc<str>,
@@ -145,7 +145,7 @@ pub enum LightKind {
 }
 
 /// A light with the `UsdLux` inputs.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LightDesc {
     /// Path, placement, visibility.
     pub prim: PrimDesc,

@@ -1,24 +1,41 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The scene database: edits in, one commit, an immutable snapshot out.
 //!
-//! One thread owns a [`SceneDb`]; the snapshots it gives may be read anywhere.
+//! One thread owns a [`SceneDb`]; the snapshots it gives may be read anywhere. Follow a mesh: [`SceneDb::upsert_mesh`]
+//! (`entries`), [`SceneDb::commit`] (`commit`): built by [`crate::mesh`], put into a group by `resolve`, placed by a
+//! `run` of an [`Assembly`], whose records come from `placement`.
 
 mod assembly;
+mod commit;
 pub mod desc;
+mod entries;
 mod light;
+mod placement;
 mod report;
+mod resolve;
+mod run;
 pub mod snapshot;
+mod validate;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
+
+use glam::DVec3;
 
 pub use desc::{
     InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, LightDesc, LightKind, MeshDesc, PrimDesc, Primvar,
     Subdivision,
 };
+pub use resolve::MAX_LEVELS;
 pub use snapshot::{
     Aabb, Assembly, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, DroppedData, InstanceFlags, InstanceRecord,
-    Light, MeshAsset, SceneCounts, SceneFeatures, SceneWarning, Snapshot, SnapshotError, Target, Triangle,
+    Light, MeshAsset, SceneCounts, SceneFeatures, SceneWarning, Snapshot, SnapshotError, Target, Triangle, blackbody,
 };
+
+use commit::{AssemblyStore, Assets, shining};
+use entries::{InstancerEntry, MeshEntry, MeshStore};
+use report::Reports;
+use resolve::{Hierarchy, PlanGroup, PlanTarget, Prims, resolve};
 
 /// The result of [`SceneDb::commit`].
 #[derive(Clone, Debug)]
@@ -31,45 +48,195 @@ pub struct Commit {
     pub changed: bool,
 }
 
-/// The scene under edit.
-#[derive(Debug, Default)]
-pub struct SceneDb {}
+/// The scene under edit. Edits are cheap and only noted; [`SceneDb::commit`] does the work.
+#[derive(Debug)]
+pub struct SceneDb {
+    meshes: BTreeMap<Arc<str>, MeshEntry>,
+    instancers: BTreeMap<Arc<str>, InstancerEntry>,
+    lights: BTreeMap<Arc<str>, LightDesc>,
+    /// Normalised; empty = all.
+    purposes: Vec<String>,
+    /// True when something was edited since the last commit.
+    edited: bool,
+    mesh_store: MeshStore,
+    assembly_store: AssemblyStore,
+    /// Last message given for each prim.
+    warned: BTreeMap<Arc<str>, String>,
+    snapshot: Arc<Snapshot>,
+}
+
+impl Default for SceneDb {
+    fn default() -> Self {
+        Self::new()
+    }
+}
 
 impl SceneDb {
     /// An empty scene; purposes "default" and "render" are shown.
     #[must_use]
     pub fn new() -> Self {
-        Self::default()
+        Self {
+            meshes: BTreeMap::new(),
+            instancers: BTreeMap::new(),
+            lights: BTreeMap::new(),
+            purposes: vec!["default".to_owned(), "render".to_owned()],
+            edited: true,
+            mesh_store: MeshStore::default(),
+            assembly_store: AssemblyStore::default(),
+            warned: BTreeMap::new(),
+            snapshot: Arc::new(Snapshot::nothing()),
+        }
     }
 
-    /// Adds a mesh or replaces the one of the same path.
+    /// Adds a mesh or replaces the prim of the same path. Cheap when the arrays are the ones given before.
     pub fn upsert_mesh(&mut self, desc: MeshDesc) {
-        drop(desc);
+        let path = desc.prim.path.clone();
+        let others = self.instancers.remove(&path).is_some() | self.lights.remove(&path).is_some();
+        let (entry, changed) = MeshEntry::update(self.meshes.remove(&path), desc);
+        self.meshes.insert(path, entry);
+        self.edited |= changed | others;
     }
 
-    /// Adds an instancer or replaces the one of the same path.
+    /// Adds an instancer or replaces the prim of the same path. Arrays are compared with the ones given before (by
+    /// address, else by content).
     pub fn upsert_instancer(&mut self, desc: InstancerDesc) {
-        drop(desc);
+        let path = desc.prim.path.clone();
+        let others = self.meshes.remove(&path).is_some() | self.lights.remove(&path).is_some();
+        let (entry, changed) = InstancerEntry::update(self.instancers.remove(&path), desc);
+        self.instancers.insert(path, entry);
+        self.edited |= changed | others;
     }
 
-    /// Adds a light or replaces the one of the same path.
+    /// Adds a light or replaces the prim of the same path.
     pub fn upsert_light(&mut self, desc: LightDesc) {
-        drop(desc);
+        let path = desc.prim.path.clone();
+        let others = self.meshes.remove(&path).is_some() | self.instancers.remove(&path).is_some();
+        let changed = self.lights.get(&path) != Some(&desc);
+        self.lights.insert(path, desc);
+        self.edited |= changed | others;
     }
 
     /// Removes the prim at `path` and all below it.
     pub fn remove(&mut self, path: &str) {
-        let _ = path;
+        let removed = remove_below(&mut self.meshes, path)
+            | remove_below(&mut self.instancers, path)
+            | remove_below(&mut self.lights, path);
+        self.edited |= removed;
     }
 
-    /// Shows meshes of these purposes only; an empty list shows all.
+    /// Shows meshes of these purposes only; an empty list shows all. "", "geometry" and "default" are the same.
     pub fn set_purposes(&mut self, purposes: &[&str]) {
-        let _ = purposes;
+        let mut purposes: Vec<String> = purposes.iter().map(|p| plain_purpose(p).to_owned()).collect();
+        purposes.sort();
+        purposes.dedup();
+        self.edited |= purposes != self.purposes;
+        self.purposes = purposes;
+    }
+
+    /// The snapshot of the last commit; an empty scene before the first.
+    #[must_use]
+    pub fn snapshot(&self) -> &Arc<Snapshot> {
+        &self.snapshot
     }
 
     /// Works out the edits since the last commit. Builds what is new on the rayon pool; everything else is shared with
     /// the snapshot before.
     pub fn commit(&mut self) -> Commit {
-        todo!()
+        if !std::mem::take(&mut self.edited) {
+            return Commit { snapshot: self.snapshot.clone(), warnings: Vec::new(), changed: false };
+        }
+        let mut reports = Reports::default();
+        let (plan, assets) = self.plan(&mut reports);
+        let (assemblies, origin) = self.assembly_store.make(&plan, &assets);
+        for (group, assembly) in plan.iter().zip(&assemblies) {
+            for (planned, member) in group.members.iter().zip(assembly.members()) {
+                reports.add(&planned.path, member.run.dropped());
+            }
+        }
+        let lights = shining(&self.lights, &mut reports);
+        let dropped = reports.total();
+        let mut next = Snapshot { origin, meshes: assets.meshes, assemblies, lights, dropped, ..Snapshot::nothing() };
+        let changed = self.snapshot.version == 0 || !next.is_same(&self.snapshot);
+        if changed {
+            next.version = self.snapshot.version + 1;
+            next.sum_up();
+            self.snapshot = Arc::new(next);
+        }
+        self.mesh_store.forget_unused();
+        Commit { snapshot: self.snapshot.clone(), warnings: self.new_warnings(&reports), changed }
     }
+
+    /// Builds the missing meshes and sorts all prims into groups.
+    fn plan(&mut self, reports: &mut Reports) -> (Vec<PlanGroup>, Assets) {
+        let purposes = &self.purposes;
+        let shows = |p: &str| purposes.is_empty() || purposes.iter().any(|shown| shown == plain_purpose(p));
+        let prims = Prims { meshes: &self.meshes, instancers: &self.instancers };
+        let hierarchy = Hierarchy::new(prims, shows, reports);
+        let reachable = hierarchy.reachable(prims, reports);
+        self.mesh_store.build(&mut self.meshes, &reachable);
+        for (path, entry) in self.meshes.iter().filter(|(path, _)| reachable.contains(*path)) {
+            if let Some(built) = &entry.built {
+                reports.add(path, &built.dropped);
+            }
+        }
+        for (path, entry) in self.instancers.iter().filter(|(path, _)| reachable.contains(*path)) {
+            reports.add(path, &entry.dropped);
+        }
+        let prims = Prims { meshes: &self.meshes, instancers: &self.instancers };
+        let plan = resolve(prims, &hierarchy, reports);
+        let mut used = Vec::new();
+        for member in plan.iter().flat_map(|group| &group.members) {
+            if let PlanTarget::Mesh { key, .. } = member.target {
+                used.push(key);
+            }
+        }
+        let (meshes, indices) = self.mesh_store.assign(&used);
+        (plan, Assets { meshes, indices })
+    }
+
+    /// The messages that differ from the last one given for the same prim.
+    fn new_warnings(&mut self, reports: &Reports) -> Vec<SceneWarning> {
+        let messages = reports.messages();
+        let new = messages.iter().filter(|(path, message)| self.warned.get(*path) != Some(*message));
+        let warnings =
+            new.map(|(path, message)| SceneWarning { path: path.clone(), message: message.clone() }).collect();
+        self.warned = messages;
+        warnings
+    }
+}
+
+impl Snapshot {
+    /// The scene of nothing, before the first commit.
+    fn nothing() -> Self {
+        Self {
+            version: 0,
+            origin: DVec3::ZERO,
+            meshes: Vec::new(),
+            assemblies: vec![Arc::new(Assembly::new(0, Vec::new()))],
+            lights: Vec::new(),
+            features: SceneFeatures::empty(),
+            max_levels: 1,
+            counts: SceneCounts { assemblies: 1, ..SceneCounts::default() },
+            dropped: DroppedData::default(),
+        }
+    }
+}
+
+fn plain_purpose(purpose: &str) -> &str {
+    if matches!(purpose, "" | "geometry") { "default" } else { purpose }
+}
+
+/// Removes a path and all paths below it; true when there was one.
+fn remove_below<T>(prims: &mut BTreeMap<Arc<str>, T>, path: &str) -> bool {
+    let below = format!("{}/", path.trim_end_matches('/'));
+    let mut gone: Vec<Arc<str>> = prims
+        .range::<str, _>((std::ops::Bound::Included(below.as_str()), std::ops::Bound::Unbounded))
+        .take_while(|(candidate, _)| candidate.starts_with(&below))
+        .map(|(candidate, _)| candidate.clone())
+        .collect();
+    gone.extend(prims.get_key_value(path).map(|(key, _)| key.clone()));
+    for key in &gone {
+        prims.remove(key);
+    }
+    !gone.is_empty()
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What was dropped because it was bad: counters, and one line of warning per prim.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::sync::Arc;
 
@@ -50,6 +51,8 @@ dropped! {
     negative_counts: "faces with a negative vertex count",
     /// Faces with fewer than three corners.
     small_faces: "faces with fewer than 3 vertices",
+    /// Faces with more corners than we triangulate.
+    huge_faces: "faces with too many vertices",
     /// Faces whose corners run past the end of the index array.
     faces_past_end: "faces past the end of faceVertexIndices",
     /// Indices that belong to no face.
@@ -78,10 +81,14 @@ dropped! {
     short_masks: "masks shorter than the instances",
     /// Instancers that contain themselves.
     instancer_cycles: "instancers that contain themselves",
+    /// Instancers nested deeper than we go.
+    deep_instancers: "instancers nested too deeply",
     /// References to an instancer or prototype that does not exist.
     missing_instancers: "missing instancers or prototypes",
     /// Lights with unusable values.
     lights: "lights with unusable values",
+    /// Lights inside prototypes.
+    instanced_lights: "lights inside prototypes, which are not supported",
 }
 
 impl DroppedData {
@@ -103,5 +110,35 @@ impl DroppedData {
             }
         }
         (!line.is_empty()).then_some(line)
+    }
+}
+
+/// What was dropped, by prim, during one commit.
+#[derive(Debug, Default)]
+pub(crate) struct Reports(BTreeMap<Arc<str>, DroppedData>);
+
+impl Reports {
+    /// The counters of a prim.
+    pub(crate) fn of(&mut self, path: &Arc<str>) -> &mut DroppedData {
+        self.0.entry(path.clone()).or_default()
+    }
+
+    /// Adds to the counters of a prim.
+    pub(crate) fn add(&mut self, path: &Arc<str>, dropped: &DroppedData) {
+        if *dropped != DroppedData::default() {
+            self.of(path).add(dropped);
+        }
+    }
+
+    /// Sum over all prims.
+    pub(crate) fn total(&self) -> DroppedData {
+        let mut total = DroppedData::default();
+        self.0.values().for_each(|dropped| total.add(dropped));
+        total
+    }
+
+    /// The message of every prim that has one, in path order.
+    pub(crate) fn messages(&self) -> BTreeMap<Arc<str>, String> {
+        self.0.iter().filter_map(|(path, dropped)| Some((path.clone(), dropped.message()?))).collect()
     }
 }

@@ -7,7 +7,7 @@ use bitflags::bitflags;
 use glam::DVec3;
 
 pub use super::assembly::{Assembly, InstanceFlags, InstanceRecord, Target};
-pub use super::light::Light;
+pub use super::light::{Light, blackbody};
 pub use super::report::{DroppedData, SceneWarning};
 pub use crate::mesh::{Aabb, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, MeshAsset, Triangle};
 

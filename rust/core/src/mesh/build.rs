@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+//! One mesh description to one asset. Pure; a commit runs it for several meshes in parallel.
+
+use std::cell::OnceCell;
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::bvh::build_bvh;
+use super::normals::smooth_normals;
+use super::primvar::{Layout, Slot, Source, convert};
+use super::topology::{Topology, read_topology};
+use super::triangulate::Triangulator;
+use super::{Aabb, Attribute, AttributeRate, MeshAsset, Triangle};
+use crate::array::ArrayView;
+use crate::scene::{DroppedData, MeshDesc, Subdivision};
+
+/// Twice the smallest area of a triangle we keep: its normal can be normalised in single precision.
+pub const MIN_DOUBLE_AREA: f64 = 1e-18;
+
+/// An asset, or none if nothing was usable, and what was dropped on the way.
+#[derive(Clone, Debug)]
+pub struct BuiltMesh {
+    /// The asset.
+    pub asset: Option<Arc<MeshAsset>>,
+    /// What was dropped.
+    pub dropped: DroppedData,
+}
+
+/// Builds the asset of `desc`; `key` is its [`super::mesh_key`].
+#[must_use]
+pub fn build_mesh(desc: &MeshDesc, key: u128) -> BuiltMesh {
+    let mut dropped = DroppedData::default();
+    let asset = read_topology(desc, &mut dropped).and_then(|t| build_asset(desc, key, &t, &mut dropped)).map(Arc::new);
+    BuiltMesh { asset, dropped }
+}
+
+fn build_asset(desc: &MeshDesc, key: u128, topology: &Topology, dropped: &mut DroppedData) -> Option<MeshAsset> {
+    let (triangles, sources) = triangulate(topology, dropped);
+    if triangles.is_empty() {
+        dropped.empty_meshes += 1;
+        return None;
+    }
+    let (bvh, order) = build_bvh(&triangles);
+    let triangles: Vec<Triangle> = order.iter().filter_map(|&i| triangles.get(i as usize).copied()).collect();
+    let sources: Vec<Source> = order.iter().filter_map(|&i| sources.get(i as usize).copied()).collect();
+    let layout = Layout {
+        face_count: topology.face_count,
+        point_count: topology.points.len(),
+        corner_count: topology.corners.len(),
+        sources: &sources,
+    };
+    let normals = build_normals(desc, topology, layout, &triangles, dropped);
+    let colors = desc.display_color.as_ref().and_then(|p| convert(p, layout, dropped, read_color, |_| Some([0.18; 3])));
+    let opacities = desc.display_opacity.as_ref().and_then(|p| convert(p, layout, dropped, read_opacity, |_| Some(1.0)));
+    let opacities = opacities.filter(|o| o.values.iter().any(|&v| v < 1.0));
+    let rates = [rate(&normals), rate(&colors), rate(&opacities)];
+    let corner_points = |s: &Source| s.corners.map(|c| topology.corners.get(c as usize).copied().unwrap_or(0));
+    let by_point = rates.contains(&Some(AttributeRate::Vertex));
+    Some(MeshAsset {
+        key,
+        bounds: triangles.iter().fold(Aabb::EMPTY, |b, t| b.union(&t.bounds())),
+        bvh,
+        triangles,
+        corner_indices: if by_point { sources.iter().map(corner_points).collect() } else { Vec::new() },
+        normals,
+        colors,
+        opacities,
+        double_sided: desc.double_sided,
+        left_handed: desc.left_handed,
+    })
+}
+
+fn rate<T>(attribute: &Option<Attribute<T>>) -> Option<AttributeRate> {
+    attribute.as_ref().map(|a| a.rate)
+}
+
+/// All triangles with area, in authored order.
+fn triangulate(topology: &Topology, dropped: &mut DroppedData) -> (Vec<Triangle>, Vec<Source>) {
+    let mut triangulator = Triangulator::default();
+    let (mut points, mut ears) = (Vec::new(), Vec::new());
+    let (mut triangles, mut sources) = (Vec::new(), Vec::new());
+    for face in topology.faces.iter().filter(|face| !face.is_hole) {
+        let corners = topology.face_corners(face);
+        points.clear();
+        points.extend(corners.iter().map(|&c| topology.position(c)));
+        triangulator.triangulate(&points, topology.face_normal(face), &mut ears);
+        // Ears that a triangulator could not place (earcut drops corners on straight edges) have no area either.
+        dropped.zero_area_triangles += (corners.len() - 2).saturating_sub(ears.len()) as u64;
+        for ear in &ears {
+            let vertex = |k: u32| corners.get(k as usize).and_then(|&p| topology.points.get(p as usize));
+            let [Some(&a), Some(&b), Some(&c)] = ear.map(vertex) else { continue };
+            let triangle = Triangle { vertices: [a, b, c], face: face.index };
+            if has_area(&triangle) {
+                triangles.push(triangle);
+                sources.push(Source { face: face.index, corners: ear.map(|k| face.first + k) });
+            } else {
+                dropped.zero_area_triangles += 1;
+            }
+        }
+    }
+    (triangles, sources)
+}
+
+/// True when the normal is meaningful in double precision and not zero in single precision.
+fn has_area(triangle: &Triangle) -> bool {
+    let [a, b, c] = triangle.vertices.map(|v| Vec3::from(v).as_dvec3());
+    (b - a).cross(c - a).length() >= MIN_DOUBLE_AREA && geometric_normal(triangle, 1.0).is_some()
+}
+
+fn geometric_normal(triangle: &Triangle, side: f32) -> Option<[f32; 3]> {
+    let [a, b, c] = triangle.vertices.map(Vec3::from);
+    let (e, f) = (b - a, c - a);
+    // Scaled first: products of large edges would overflow.
+    let scale = 1.0 / e.abs().max(f.abs()).max_element();
+    Some(((e * scale).cross(f * scale).try_normalize()? * side).to_array())
+}
+
+fn build_normals(
+    desc: &MeshDesc,
+    topology: &Topology,
+    layout: Layout<'_>,
+    triangles: &[Triangle],
+    dropped: &mut DroppedData,
+) -> Option<Attribute<[f32; 3]>> {
+    let smooth = OnceCell::new();
+    let smooth = || smooth.get_or_init(|| smooth_normals(topology, desc.left_handed));
+    let side = if desc.left_handed { -1.0 } else { 1.0 };
+    let replacement = |slot| match slot {
+        Slot::Mesh => None,
+        Slot::Triangle(t) => triangles.get(t).and_then(|t| geometric_normal(t, side)),
+        Slot::Point(p) => smooth().get(p).copied(),
+    };
+    let authored = desc.normals.as_ref().and_then(|p| convert(p, layout, dropped, read_normal, replacement));
+    let is_smooth = matches!(desc.subdivision, Subdivision::CatmullClark | Subdivision::Loop);
+    authored.or_else(|| is_smooth.then(|| Attribute { rate: AttributeRate::Vertex, values: smooth().clone() }))
+}
+
+fn read_normal(values: &ArrayView<'_>, i: usize) -> Option<[f32; 3]> {
+    values.vec3(i)?.try_normalize().map(|n| n.as_vec3().to_array())
+}
+
+fn read_color(values: &ArrayView<'_>, i: usize) -> Option<[f32; 3]> {
+    let color = values.vec3(i)?.as_vec3();
+    color.is_finite().then(|| color.max(Vec3::ZERO).to_array())
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
+fn read_opacity(values: &ArrayView<'_>, i: usize) -> Option<f32> {
+    let opacity = values.scalar(i)?;
+    opacity.is_finite().then(|| opacity.clamp(0.0, 1.0) as f32)
+}

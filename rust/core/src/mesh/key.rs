@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Content hash of a mesh description: equal hashes mean equal assets (128 bits, xxh3). Pure.
+
+use xxhash_rust::xxh3::Xxh3;
+
+use crate::array::TypedArray;
+use crate::scene::{MeshDesc, Primvar};
+
+/// Hashes everything of `desc` that its asset depends on: arrays, orientation, sidedness, subdivision. Not the path, the
+/// transform, the prim id or the visibility.
+#[must_use]
+pub fn mesh_key(desc: &MeshDesc) -> u128 {
+    let mut hasher = Xxh3::new();
+    hasher.update(&[u8::from(desc.double_sided), u8::from(desc.left_handed), desc.subdivision as u8]);
+    add_array(&mut hasher, Some(&desc.face_vertex_counts));
+    add_array(&mut hasher, Some(&desc.face_vertex_indices));
+    add_array(&mut hasher, desc.hole_indices.as_ref());
+    add_array(&mut hasher, Some(&desc.points));
+    for primvar in [&desc.normals, &desc.display_color, &desc.display_opacity] {
+        add_primvar(&mut hasher, primvar.as_ref());
+    }
+    hasher.digest128()
+}
+
+fn add_primvar(hasher: &mut Xxh3, primvar: Option<&Primvar>) {
+    hasher.update(&[primvar.map_or(u8::MAX, |p| p.interpolation as u8)]);
+    add_array(hasher, primvar.map(|p| &p.values));
+    add_array(hasher, primvar.and_then(|p| p.indices.as_ref()));
+}
+
+/// Type and length go first, so that no two sequences of arrays give the same bytes.
+fn add_array(hasher: &mut Xxh3, array: Option<&TypedArray>) {
+    let Some(array) = array else { return hasher.update(&[u8::MAX]) };
+    hasher.update(&[array.element() as u8]);
+    hasher.update(&(array.len() as u64).to_le_bytes());
+    hasher.update(array.view().bytes());
+}
+
+/// True when both descriptions give the same asset, told from array identities alone: cheap, may say no wrongly.
+pub(crate) fn is_same_mesh(a: &MeshDesc, b: &MeshDesc) -> bool {
+    let array = |a: &TypedArray, b: &TypedArray| a.element() == b.element() && a.identity() == b.identity();
+    let optional = |a: &Option<TypedArray>, b: &Option<TypedArray>| match (a, b) {
+        (None, None) => true,
+        (Some(a), Some(b)) => array(a, b),
+        _ => false,
+    };
+    let primvar = |a: &Option<Primvar>, b: &Option<Primvar>| match (a, b) {
+        (None, None) => true,
+        (Some(a), Some(b)) => {
+            a.interpolation == b.interpolation && array(&a.values, &b.values) && optional(&a.indices, &b.indices)
+        }
+        _ => false,
+    };
+    (a.double_sided, a.left_handed, a.subdivision) == (b.double_sided, b.left_handed, b.subdivision)
+        && array(&a.face_vertex_counts, &b.face_vertex_counts)
+        && array(&a.face_vertex_indices, &b.face_vertex_indices)
+        && optional(&a.hole_indices, &b.hole_indices)
+        && array(&a.points, &b.points)
+        && primvar(&a.normals, &b.normals)
+        && primvar(&a.display_color, &b.display_color)
+        && primvar(&a.display_opacity, &b.display_opacity)
+}

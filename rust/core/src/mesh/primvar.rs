@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Authored primvars to attributes in BVH order: length checks, indices, replacement of unusable values. Pure.
+
+use super::{Attribute, AttributeRate};
+use crate::array::{ArrayView, ElementType};
+use crate::scene::{DroppedData, Interpolation, Primvar};
+
+/// A triangle of the finished mesh and where it came from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Source {
+    /// Authored face.
+    pub(crate) face: u32,
+    /// Authored corners (positions in `face_vertex_indices`).
+    pub(crate) corners: [u32; 3],
+}
+
+/// What primvars are spread over.
+#[derive(Clone, Copy)]
+pub(crate) struct Layout<'a> {
+    /// Authored faces.
+    pub(crate) face_count: usize,
+    /// Authored points.
+    pub(crate) point_count: usize,
+    /// Authored corners.
+    pub(crate) corner_count: usize,
+    /// Triangles in BVH order.
+    pub(crate) sources: &'a [Source],
+}
+
+/// Where a value of an attribute belongs, for replacements.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Slot {
+    /// The whole mesh.
+    Mesh,
+    /// A triangle in BVH order.
+    Triangle(usize),
+    /// A point.
+    Point(usize),
+}
+
+/// Elements of a primvar, looked up through its indices.
+struct Elements<'a> {
+    values: ArrayView<'a>,
+    indices: Option<ArrayView<'a>>,
+}
+
+impl Elements<'_> {
+    fn len(&self) -> usize {
+        self.indices.map_or(self.values.len(), |i| i.len())
+    }
+
+    /// Position of element `k` in the values; `None` when its index is unusable.
+    fn position(&self, k: usize) -> Option<usize> {
+        match self.indices {
+            Some(indices) => indices.index(k).and_then(|i| usize::try_from(i).ok()),
+            None => Some(k),
+        }
+    }
+}
+
+/// Converts one primvar.
+///
+/// `read` gives the usable value at a position or `None`; `replacement` gives the value of a slot whose own is unusable,
+/// `None` meaning that the whole attribute must go. `None` is returned (and counted) for primvars that cannot be used.
+pub(crate) fn convert<T: Copy>(
+    primvar: &Primvar,
+    layout: Layout<'_>,
+    dropped: &mut DroppedData,
+    read: impl Fn(&ArrayView<'_>, usize) -> Option<T>,
+    replacement: impl Fn(Slot) -> Option<T>,
+) -> Option<Attribute<T>> {
+    let elements = Elements { values: primvar.values.view(), indices: primvar.indices.as_ref().map(|i| i.view()) };
+    let (rate, wanted) = match primvar.interpolation {
+        Interpolation::Constant => (AttributeRate::Constant, 1),
+        Interpolation::Uniform => (AttributeRate::Uniform, layout.face_count),
+        Interpolation::Varying | Interpolation::Vertex => (AttributeRate::Vertex, layout.point_count),
+        Interpolation::FaceVarying => (AttributeRate::FaceVarying, layout.corner_count),
+        Interpolation::Instance => (AttributeRate::Constant, usize::MAX),
+    };
+    let indexed_by_ints = elements.indices.is_none_or(|i| i.is_empty() || i.element() == ElementType::I32);
+    if elements.len() < wanted || !indexed_by_ints {
+        dropped.primvars += 1;
+        return None;
+    }
+    if elements.len() > wanted && rate != AttributeRate::Constant {
+        dropped.long_primvars += 1;
+    }
+    let mut bad = 0_u64;
+    let mut get = |k: usize, slot: Slot| {
+        elements.position(k).and_then(|p| read(&elements.values, p)).or_else(|| {
+            bad += 1;
+            replacement(slot)
+        })
+    };
+    let triangles = || layout.sources.iter().enumerate();
+    let values: Option<Vec<T>> = match rate {
+        AttributeRate::Constant => get(0, Slot::Mesh).map(|v| vec![v]),
+        AttributeRate::Uniform => triangles().map(|(t, s)| get(s.face as usize, Slot::Triangle(t))).collect(),
+        AttributeRate::Vertex => (0..wanted).map(|p| get(p, Slot::Point(p))).collect(),
+        AttributeRate::FaceVarying => triangles()
+            .flat_map(|(t, s)| s.corners.map(|c| (t, c)))
+            .map(|(t, c)| get(c as usize, Slot::Triangle(t)))
+            .collect(),
+    };
+    dropped.primvar_values += bad;
+    if values.is_none() {
+        dropped.primvars += 1;
+    }
+    Some(Attribute { rate, values: values? })
+}

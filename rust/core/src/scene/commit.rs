@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The steps of a commit: build what is missing, plan the groups, make or reuse assemblies, sum up. Everything that did
+//! not change is shared with the snapshot before.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+
+use super::assembly::{Assembly, Member, Target};
+use super::desc::LightDesc;
+use super::light::Light;
+use super::report::Reports;
+use super::resolve::{GroupId, PlanGroup, PlanMember, PlanTarget};
+use super::run::{Run, RunSpec};
+use super::snapshot::{SceneCounts, SceneFeatures, Snapshot};
+use crate::mesh::{Aabb, MeshAsset};
+
+/// The origin moves when the scene's centre is farther from it than this many times the scene's half size.
+const FAR: f64 = 4.0;
+
+/// Assemblies of the last commit by group.
+#[derive(Debug, Default)]
+pub(crate) struct AssemblyStore {
+    groups: FxHashMap<GroupId, Known>,
+    next_key: u64,
+    origin: DVec3,
+}
+
+/// An assembly and which prim each of its members came from.
+#[derive(Debug)]
+struct Known {
+    assembly: Arc<Assembly>,
+    /// By path and slot, as the members.
+    ids: Vec<(Arc<str>, usize)>,
+}
+
+impl Known {
+    fn run_of(&self, member: &PlanMember) -> Option<&Arc<Run>> {
+        let id = (&member.path, member.slot);
+        let at = self.ids.binary_search_by(|(path, slot)| (path, *slot).cmp(&id)).ok()?;
+        self.assembly.members().get(at).map(|m| &m.run)
+    }
+}
+
+/// Assets by index, and the index of each content hash.
+pub(crate) struct Assets {
+    pub(crate) meshes: Vec<Arc<MeshAsset>>,
+    pub(crate) indices: FxHashMap<u128, u32>,
+}
+
+impl AssemblyStore {
+    /// Makes the assemblies of the plan, root last, and settles the origin.
+    pub(crate) fn make(&mut self, plan: &[PlanGroup], assets: &Assets) -> (Vec<Arc<Assembly>>, DVec3) {
+        let mut made: Vec<Arc<Assembly>> = Vec::with_capacity(plan.len());
+        let mut groups = FxHashMap::default();
+        for group in plan {
+            let mut assembly = self.make_one(group, assets, &made);
+            if group.id == GroupId::Root
+                && let Some(shift) = origin_shift(&assembly.bounds())
+            {
+                self.origin += shift;
+                assembly = self.make_one(group, assets, &made);
+            }
+            made.push(assembly.clone());
+            let ids = group.members.iter().map(|m| (m.path.clone(), m.slot)).collect();
+            groups.insert(group.id.clone(), Known { assembly, ids });
+        }
+        self.groups = groups;
+        (made, self.origin)
+    }
+
+    fn make_one(&mut self, group: &PlanGroup, assets: &Assets, made: &[Arc<Assembly>]) -> Arc<Assembly> {
+        let known = self.groups.get(&group.id);
+        let shift = if group.id == GroupId::Root { -self.origin } else { DVec3::ZERO };
+        let members: Vec<Member> = group
+            .members
+            .par_iter()
+            .filter_map(|plan| {
+                let (target, prim_id, target_bounds) = target_of(plan, assets, made)?;
+                let before = DAffine3::from_translation(shift) * plan.before;
+                let instances = plan.instances.clone();
+                let spec = RunSpec { before, after: plan.after, instances, target_bounds };
+                let run = Run::reuse_or_scan(known.and_then(|k| k.run_of(plan)), spec);
+                Some(Member { run, target, prim_id })
+            })
+            .collect();
+        match known {
+            Some(known) if known.assembly.is_made_of(&members) => known.assembly.clone(),
+            _ => {
+                self.next_key += 1;
+                Arc::new(Assembly::new(self.next_key, members))
+            }
+        }
+    }
+}
+
+/// Index, prim id and box of what a member places. An empty assembly keeps an empty box, and its run no placement.
+fn target_of(plan: &PlanMember, assets: &Assets, made: &[Arc<Assembly>]) -> Option<(Target, i32, Aabb)> {
+    match plan.target {
+        PlanTarget::Mesh { key, prim_id } => {
+            let index = *assets.indices.get(&key)?;
+            Some((Target::Mesh(index), prim_id, assets.meshes.get(index as usize)?.bounds))
+        }
+        PlanTarget::Group(group) => {
+            Some((Target::Assembly(u32::try_from(group).ok()?), -1, made.get(group)?.bounds()))
+        }
+    }
+}
+
+/// How far the origin must move for the scene not to be far from it.
+fn origin_shift(bounds: &Aabb) -> Option<DVec3> {
+    let min = DVec3::from(bounds.min.map(f64::from));
+    let max = DVec3::from(bounds.max.map(f64::from));
+    let center = 0.5 * (min + max);
+    let is_far = center.abs().max_element() > FAR * (0.5 * (max - min)).max_element();
+    (!bounds.is_empty() && is_far).then_some(center)
+}
+
+/// The lights that shine, by path.
+pub(crate) fn shining(lights: &BTreeMap<Arc<str>, LightDesc>, reports: &mut Reports) -> Vec<Light> {
+    let mut out = Vec::new();
+    for (path, desc) in lights.iter().filter(|(_, desc)| desc.prim.visible) {
+        if !desc.prim.instanced_by.is_empty() {
+            reports.of(path).instanced_lights += 1;
+            continue;
+        }
+        match Light::from_desc(desc) {
+            Some(light) => out.extend((!light.is_black()).then_some(light)),
+            None => reports.of(path).lights += 1,
+        }
+    }
+    out
+}
+
+impl Snapshot {
+    /// Fills features, levels and counts from the rest.
+    pub(crate) fn sum_up(&mut self) {
+        self.max_levels = self.find_levels();
+        self.features = self.find_features();
+        self.counts = self.count();
+    }
+
+    fn find_levels(&self) -> u32 {
+        let mut levels: Vec<u32> = Vec::with_capacity(self.assemblies.len());
+        for assembly in &self.assemblies {
+            let below = assembly.members().iter().filter(|m| m.run.len() > 0).map(|m| match m.target {
+                Target::Mesh(_) => 0,
+                Target::Assembly(a) => levels.get(a as usize).copied().unwrap_or(0),
+            });
+            levels.push(1 + below.max().unwrap_or(0));
+        }
+        levels.last().copied().unwrap_or(1)
+    }
+
+    fn find_features(&self) -> SceneFeatures {
+        let mut features = SceneFeatures::empty();
+        for light in &self.lights {
+            features |= match light {
+                Light::Dome { .. } => SceneFeatures::DOME,
+                Light::Distant { .. } => SceneFeatures::DISTANT,
+            };
+        }
+        for mesh in &self.meshes {
+            features.set(SceneFeatures::OPACITY, features.contains(SceneFeatures::OPACITY) || mesh.opacities.is_some());
+            features.set(SceneFeatures::NORMALS, features.contains(SceneFeatures::NORMALS) || mesh.normals.is_some());
+            features.set(SceneFeatures::COLORS, features.contains(SceneFeatures::COLORS) || mesh.colors.is_some());
+            features.set(
+                SceneFeatures::SINGLE_SIDED,
+                features.contains(SceneFeatures::SINGLE_SIDED) || !mesh.double_sided,
+            );
+        }
+        if self.assemblies.iter().any(|a| a.members().iter().any(|m| m.run.is_instanced())) {
+            features |= SceneFeatures::INSTANCING;
+        }
+        features
+    }
+
+    fn count(&self) -> SceneCounts {
+        // Placements and triangles of each assembly, multiplied out.
+        let mut totals: Vec<(u128, u128)> = Vec::with_capacity(self.assemblies.len());
+        let mut records = 0_u64;
+        for assembly in &self.assemblies {
+            let (mut instances, mut triangles) = (0_u128, 0_u128);
+            for member in assembly.members() {
+                let (i, t) = match member.target {
+                    Target::Mesh(m) => (1, self.meshes.get(m as usize).map_or(0, |m| m.triangles.len() as u128)),
+                    Target::Assembly(a) => totals.get(a as usize).copied().unwrap_or((0, 0)),
+                };
+                let times = member.run.len() as u128;
+                instances = instances.saturating_add(times.saturating_mul(i));
+                triangles = triangles.saturating_add(times.saturating_mul(t));
+            }
+            totals.push((instances, triangles));
+            records += assembly.len() as u64;
+        }
+        let (instances, instanced_triangles) = totals.last().copied().unwrap_or((0, 0));
+        SceneCounts {
+            instances,
+            instance_records: records,
+            unique_triangles: self.meshes.iter().map(|m| m.triangles.len() as u64).sum(),
+            instanced_triangles,
+            meshes: self.meshes.len() as u64,
+            assemblies: self.assemblies.len() as u64,
+        }
+    }
+
+    /// True when both describe the same scene, told from shared parts.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        fn shared<T>(a: &[Arc<T>], b: &[Arc<T>]) -> bool {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| Arc::ptr_eq(a, b))
+        }
+        shared(&self.meshes, &other.meshes)
+            && shared(&self.assemblies, &other.assemblies)
+            && self.lights == other.lights
+            && self.origin == other.origin
+            && self.dropped == other.dropped
+    }
+}

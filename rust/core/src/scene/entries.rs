@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What the database keeps per prim, and the store of mesh assets shared by content.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use super::desc::{InstancerDesc, MeshDesc};
+use super::placement::InstanceArrays;
+use super::report::DroppedData;
+use crate::mesh::{BuiltMesh, MeshAsset, build_mesh, is_same_mesh, mesh_key};
+
+/// A mesh prim.
+#[derive(Debug)]
+pub(crate) struct MeshEntry {
+    pub(crate) desc: MeshDesc,
+    /// The asset, once the prim was needed; none again when the arrays change.
+    pub(crate) built: Option<Arc<BuiltMesh>>,
+}
+
+impl MeshEntry {
+    /// A new entry, or `old` with what changed. Gives whether anything did.
+    pub(crate) fn update(old: Option<Self>, desc: MeshDesc) -> (Self, bool) {
+        match old {
+            Some(old) if is_same_mesh(&old.desc, &desc) => {
+                let changed = old.desc.prim != desc.prim || old.desc.prim_id != desc.prim_id;
+                (Self { desc, built: old.built }, changed)
+            }
+            _ => (Self { desc, built: None }, true),
+        }
+    }
+}
+
+/// An instancer prim.
+#[derive(Debug)]
+pub(crate) struct InstancerEntry {
+    /// Its arrays are the ones of `arrays` (kept while their contents are the same).
+    pub(crate) desc: InstancerDesc,
+    pub(crate) arrays: Arc<InstanceArrays>,
+    /// False when an array has the wrong type.
+    pub(crate) is_usable: bool,
+    pub(crate) dropped: DroppedData,
+}
+
+impl InstancerEntry {
+    /// A new entry; arrays whose contents did not change are taken over from `old`, so that what was made from them
+    /// stays valid. Gives whether anything changed.
+    pub(crate) fn update(old: Option<Self>, mut desc: InstancerDesc) -> (Self, bool) {
+        let mut dropped = DroppedData::default();
+        let mut arrays = InstanceArrays::of(&desc);
+        let is_usable = arrays.check_types(&mut dropped);
+        let mut arrays = Arc::new(arrays);
+        let Some(old) = old else { return (Self { desc, arrays, is_usable, dropped }, true) };
+        let mut changed = desc.prim != old.desc.prim || desc.prototypes.len() != old.desc.prototypes.len();
+        if old.arrays.same_contents(&arrays) {
+            arrays = old.arrays;
+        } else {
+            changed = true;
+        }
+        for (new, old) in desc.prototypes.iter_mut().zip(&old.desc.prototypes) {
+            changed |= new.root != old.root;
+            if new.indices.same_contents(&old.indices) {
+                new.indices = old.indices.clone();
+            } else {
+                changed = true;
+            }
+        }
+        changed |= dropped != old.dropped;
+        (Self { desc, arrays, is_usable, dropped }, changed)
+    }
+}
+
+/// Assets by content hash, and their indices in the snapshots.
+#[derive(Debug, Default)]
+pub(crate) struct MeshStore {
+    built: FxHashMap<u128, Arc<BuiltMesh>>,
+    /// Content hash at each mesh index of the last snapshot.
+    slots: Vec<u128>,
+}
+
+impl MeshStore {
+    /// Makes sure that every mesh of `wanted` is built, the missing ones in parallel.
+    pub(crate) fn build(&mut self, meshes: &mut BTreeMap<Arc<str>, MeshEntry>, wanted: &FxHashSet<Arc<str>>) {
+        let mut missing: Vec<&mut MeshEntry> =
+            meshes.iter_mut().filter(|(path, e)| e.built.is_none() && wanted.contains(*path)).map(|(_, e)| e).collect();
+        let keys: Vec<u128> = missing.par_iter().map(|e| mesh_key(&e.desc)).collect();
+        let mut begun: FxHashSet<u128> = FxHashSet::default();
+        let new: Vec<(u128, &MeshEntry)> = keys
+            .iter()
+            .zip(&missing)
+            .filter(|(key, _)| !self.built.contains_key(key) && begun.insert(**key))
+            .map(|(key, entry)| (*key, &**entry))
+            .collect();
+        let built: Vec<(u128, Arc<BuiltMesh>)> =
+            new.into_par_iter().with_max_len(1).map(|(key, e)| (key, Arc::new(build_mesh(&e.desc, key)))).collect();
+        self.built.extend(built);
+        for (key, entry) in keys.iter().zip(&mut missing) {
+            entry.built = self.built.get(key).cloned();
+        }
+    }
+
+    /// Assigns mesh indices to the assets in use, moving as few as possible: freed indices go to new assets first, then
+    /// to the last ones. Gives the assets by index, and the index of each content hash.
+    pub(crate) fn assign(&mut self, used: &[u128]) -> (Vec<Arc<MeshAsset>>, FxHashMap<u128, u32>) {
+        let in_use: FxHashSet<u128> = used.iter().copied().collect();
+        let known: FxHashSet<u128> = self.slots.iter().copied().filter(|k| in_use.contains(k)).collect();
+        let mut seen = known.clone();
+        let mut new = used.iter().copied().filter(|k| seen.insert(*k));
+        let mut at = 0;
+        while at < self.slots.len() {
+            if in_use.contains(&self.slots[at]) {
+                at += 1;
+            } else if let Some(key) = new.next() {
+                self.slots[at] = key;
+                at += 1;
+            } else {
+                self.slots.swap_remove(at);
+            }
+        }
+        self.slots.extend(new);
+        // Every used hash comes from a built asset, so no slot is lost here.
+        let assets: Vec<_> = self.slots.iter().filter_map(|k| self.built.get(k)?.asset.clone()).collect();
+        let indices = assets.iter().zip(0..).map(|(asset, index)| (asset.key, index)).collect();
+        (assets, indices)
+    }
+
+    /// Forgets assets that no prim has any more.
+    pub(crate) fn forget_unused(&mut self) {
+        self.built.retain(|_, built| Arc::strong_count(built) > 1);
+    }
+}

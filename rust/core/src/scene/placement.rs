@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Where one instance goes: the matrix from borrowed arrays in f64, its inverse, a conservative box. Pure and without
+//! allocation: this is the inner loop of scene encoding.
+
+use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4};
+
+use super::assembly::InstanceFlags;
+use super::desc::InstancerDesc;
+use super::report::DroppedData;
+use crate::array::{ArrayView, ElementType, TypedArray};
+use crate::mesh::Aabb;
+
+/// Columns are called dependent when `det^2` is below this times the product of their squared lengths.
+const SINGULAR: f64 = 1e-24;
+/// Rounding of the f32 matrix and of its evaluation, in units of the magnitudes involved: 4 x 2^-24.
+const MATRIX_ERROR: f64 = 4.0 / 16_777_216.0;
+
+/// The per-instance arrays of an instancer; absent and empty arrays are `None`.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct InstanceArrays {
+    pub(crate) mask: Option<TypedArray>,
+    pub(crate) translations: Option<TypedArray>,
+    pub(crate) rotations: Option<TypedArray>,
+    pub(crate) scales: Option<TypedArray>,
+    pub(crate) transforms: Option<TypedArray>,
+}
+
+impl InstanceArrays {
+    /// Takes the arrays of `desc`.
+    pub(crate) fn of(desc: &InstancerDesc) -> Self {
+        let present = |array: &Option<TypedArray>| array.clone().filter(|a| !a.is_empty());
+        Self {
+            mask: present(&desc.mask),
+            translations: present(&desc.translations),
+            rotations: present(&desc.rotations),
+            scales: present(&desc.scales),
+            transforms: present(&desc.transforms),
+        }
+    }
+
+    fn all(&self) -> [&Option<TypedArray>; 5] {
+        [&self.mask, &self.translations, &self.rotations, &self.scales, &self.transforms]
+    }
+
+    /// True when both hold the same data.
+    pub(crate) fn same_contents(&self, other: &Self) -> bool {
+        self.all().into_iter().zip(other.all()).all(|pair| match pair {
+            (None, None) => true,
+            (Some(a), Some(b)) => a.same_contents(b),
+            _ => false,
+        })
+    }
+
+    /// Checks the element types. A mask of the wrong type is ignored; any other wrong array leaves no instance whose
+    /// place is known, and gives false.
+    pub(crate) fn check_types(&mut self, dropped: &mut DroppedData) -> bool {
+        if self.mask.as_ref().is_some_and(|a| a.element() != ElementType::Bool) {
+            self.mask = None;
+            dropped.wrong_array_types += 1;
+        }
+        let reads = |array: &Option<TypedArray>, works: fn(&TypedArray) -> bool| array.as_ref().is_none_or(works);
+        let usable = [
+            reads(&self.translations, |a| a.vec3(0).is_some()),
+            reads(&self.rotations, |a| a.quat(0).is_some() || a.vec4(0).is_some()),
+            reads(&self.scales, |a| a.vec3(0).is_some()),
+            reads(&self.transforms, |a| a.matrix(0).is_some()),
+        ];
+        dropped.wrong_array_types += usable.iter().filter(|&&u| !u).count() as u64;
+        !usable.contains(&false)
+    }
+
+    /// Instances described: the shortest array, or no limit without arrays.
+    pub(crate) fn len(&self) -> usize {
+        let [_, rest @ ..] = self.all();
+        rest.into_iter().flatten().map(TypedArray::len).min().unwrap_or(usize::MAX)
+    }
+}
+
+/// An affine matrix with finite entries and independent columns, or `None`.
+pub(crate) fn usable_affine(m: &DMat4) -> Option<DAffine3> {
+    let affine = affine_of(m)?;
+    (affine.is_finite() && is_regular(&affine.matrix3, affine.matrix3.determinant())).then_some(affine)
+}
+
+fn affine_of(m: &DMat4) -> Option<DAffine3> {
+    ((m.row(3) - DVec4::W).abs().max_element() <= 1e-9).then(|| DAffine3::from_mat4(*m))
+}
+
+fn is_regular(m: &DMat3, determinant: f64) -> bool {
+    let volume = m.x_axis.length_squared() * m.y_axis.length_squared() * m.z_axis.length_squared();
+    determinant * determinant > SINGULAR * volume
+}
+
+/// A placed instance.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Placed {
+    /// Rows of the inverse matrix.
+    pub(crate) object_from_parent: [[f32; 4]; 3],
+    /// Box in the parent's frame, rounded outward.
+    pub(crate) bounds: Aabb,
+    /// Handedness.
+    pub(crate) flags: InstanceFlags,
+}
+
+/// Everything needed to place the instances of one run: `before * T * R * S * M * after`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Placer<'a> {
+    before: DAffine3,
+    after: DAffine3,
+    after_is_identity: bool,
+    center: DVec3,
+    half: DVec3,
+    translations: Option<ArrayView<'a>>,
+    rotations: Option<ArrayView<'a>>,
+    scales: Option<ArrayView<'a>>,
+    transforms: Option<ArrayView<'a>>,
+}
+
+impl<'a> Placer<'a> {
+    /// A placer of something with the box `bounds` (not empty).
+    pub(crate) fn new(before: DAffine3, after: DAffine3, arrays: Option<&'a InstanceArrays>, bounds: &Aabb) -> Self {
+        let min = DVec3::from(bounds.min.map(f64::from));
+        let max = DVec3::from(bounds.max.map(f64::from));
+        let view = |get: fn(&InstanceArrays) -> &Option<TypedArray>| {
+            arrays.and_then(|a| get(a).as_ref()).map(TypedArray::view)
+        };
+        Self {
+            before,
+            after,
+            after_is_identity: after == DAffine3::IDENTITY,
+            center: 0.5 * (min + max),
+            half: 0.5 * (max - min),
+            translations: view(|a| &a.translations),
+            rotations: view(|a| &a.rotations),
+            scales: view(|a| &a.scales),
+            transforms: view(|a| &a.transforms),
+        }
+    }
+
+    /// Local matrix of instance `number`; `None` when an array is too short.
+    #[inline]
+    fn local(&self, number: usize) -> Option<DAffine3> {
+        let mut m = DAffine3::IDENTITY;
+        if let Some(translations) = &self.translations {
+            m.translation = translations.vec3(number)?;
+        }
+        if let Some(rotations) = &self.rotations {
+            let q = rotations.quat(number);
+            m.matrix3 = rotation(q.or_else(|| rotations.vec4(number).map(DQuat::from_vec4))?);
+        }
+        if let Some(scales) = &self.scales {
+            let s = scales.vec3(number)?;
+            m.matrix3.x_axis *= s.x;
+            m.matrix3.y_axis *= s.y;
+            m.matrix3.z_axis *= s.z;
+        }
+        if let Some(transforms) = &self.transforms {
+            m *= affine_of(&transforms.matrix(number)?)?;
+        }
+        Some(m)
+    }
+
+    /// Places instance `number`; `None` when its matrix is not finite or singular, also in single precision.
+    #[inline]
+    pub(crate) fn place(&self, number: usize) -> Option<Placed> {
+        let mut m = self.before * self.local(number)?;
+        if !self.after_is_identity {
+            m *= self.after;
+        }
+        self.finish(&m)
+    }
+
+    /// Places the one thing of a run without instances.
+    pub(crate) fn place_single(&self) -> Option<Placed> {
+        self.finish(&(self.before * self.after))
+    }
+
+    #[inline]
+    fn finish(&self, m: &DAffine3) -> Option<Placed> {
+        let DMat3 { x_axis: x, y_axis: y, z_axis: z } = m.matrix3;
+        // Rows of the adjugate.
+        let (r0, r1, r2) = (y.cross(z), z.cross(x), x.cross(y));
+        let determinant = z.dot(r2);
+        if !is_regular(&m.matrix3, determinant) {
+            // Also where the test compared with NaN.
+            return None;
+        }
+        let inverse = 1.0 / determinant;
+        let (r0, r1, r2) = (r0 * inverse, r1 * inverse, r2 * inverse);
+        let offset = -DVec3::new(r0.dot(m.translation), r1.dot(m.translation), r2.dot(m.translation));
+        let row = |r: DVec3, w: f64| [r.x, r.y, r.z, w].map(nearest);
+        let object_from_parent = [row(r0, offset.x), row(r1, offset.y), row(r2, offset.z)];
+        let bounds = self.placed_box(m, [r0, r1, r2], offset);
+        let finite = object_from_parent.iter().flatten().chain(&bounds.min).chain(&bounds.max).all(|v| v.is_finite());
+        let flags = if determinant < 0.0 { InstanceFlags::FLIPS_HANDEDNESS } else { InstanceFlags::empty() };
+        finite.then_some(Placed { object_from_parent, bounds, flags })
+    }
+
+    /// Box of the target placed by `m`, and also where the f32 rounding `A + E` of the inverse `A = (rows, offset)` puts
+    /// it: a point x moves by `M E x`, with `|E| <= 2^-24 |A|`.
+    #[inline]
+    fn placed_box(&self, m: &DAffine3, rows: [DVec3; 3], offset: DVec3) -> Aabb {
+        let center = m.matrix3 * self.center + m.translation;
+        let (x, y, z) = (m.matrix3.x_axis.abs(), m.matrix3.y_axis.abs(), m.matrix3.z_axis.abs());
+        let half = x * self.half.x + y * self.half.y + z * self.half.z;
+        let reach = center.abs() + half;
+        let [a, b, c] = rows.map(|r| r.abs().dot(reach));
+        let error = (DVec3::new(a, b, c) + offset.abs()) * MATRIX_ERROR;
+        let half = half + x * error.x + y * error.y + z * error.z;
+        Aabb { min: (center - half).to_array().map(round_down), max: (center + half).to_array().map(round_up) }
+    }
+}
+
+/// Rotation matrix of a quaternion of any length; the identity for the zero quaternion.
+#[inline]
+fn rotation(q: DQuat) -> DMat3 {
+    let norm = q.length_squared();
+    if norm == 0.0 {
+        return DMat3::IDENTITY;
+    }
+    let s = 2.0 / norm;
+    let (xs, ys, zs) = (q.x * s, q.y * s, q.z * s);
+    let (wx, wy, wz) = (q.w * xs, q.w * ys, q.w * zs);
+    let (xx, xy, xz) = (q.x * xs, q.x * ys, q.x * zs);
+    let (yy, yz, zz) = (q.y * ys, q.y * zs, q.z * zs);
+    DMat3::from_cols(
+        DVec3::new(1.0 - (yy + zz), xy + wz, xz - wy),
+        DVec3::new(xy - wz, 1.0 - (xx + zz), yz + wx),
+        DVec3::new(xz + wy, yz - wx, 1.0 - (xx + yy)),
+    )
+}
+
+/// The nearest f32.
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
+fn nearest(v: f64) -> f32 {
+    v as f32
+}
+
+/// The largest f32 that is not above `v`.
+#[inline]
+pub(crate) fn round_down(v: f64) -> f32 {
+    let f = nearest(v);
+    if f64::from(f) > v { f.next_down() } else { f }
+}
+
+/// The smallest f32 that is not below `v`.
+#[inline]
+pub(crate) fn round_up(v: f64) -> f32 {
+    let f = nearest(v);
+    if f64::from(f) < v { f.next_up() } else { f }
+}

@@ -1,0 +1,300 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Who is placed where: the prims' `instanced_by` references turned into groups (the world and the prototypes with more
+//! than one member), children before parents. Keeps nesting, finds cycles, reads no array. Pure.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use glam::DAffine3;
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use super::desc::{InstancedBy, PrimDesc};
+use super::entries::{InstancerEntry, MeshEntry};
+use super::placement::usable_affine;
+use super::report::Reports;
+use super::run::Instances;
+
+/// Most levels of instance records.
+pub const MAX_LEVELS: u32 = 32;
+
+/// A group of prims with a common frame.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum GroupId {
+    /// The world.
+    Root,
+    /// A prototype.
+    Prototype(InstancedBy),
+}
+
+/// What a planned member places.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum PlanTarget {
+    /// The asset with this content hash.
+    Mesh { key: u128, prim_id: i32 },
+    /// A group before this one in the plan.
+    Group(usize),
+}
+
+/// One prim's contribution to a group.
+#[derive(Clone, Debug)]
+pub(crate) struct PlanMember {
+    /// The mesh, or the instancer.
+    pub(crate) path: Arc<str>,
+    /// Prototype of the instancer, 0 for meshes.
+    pub(crate) slot: usize,
+    /// Group frame from the prim's frame.
+    pub(crate) before: DAffine3,
+    /// Instance frame from the target's frame.
+    pub(crate) after: DAffine3,
+    /// `None`: placed once.
+    pub(crate) instances: Option<Instances>,
+    /// What is placed.
+    pub(crate) target: PlanTarget,
+}
+
+/// A group to be made into an assembly.
+#[derive(Clone, Debug)]
+pub(crate) struct PlanGroup {
+    pub(crate) id: GroupId,
+    /// By path and slot.
+    pub(crate) members: Vec<PlanMember>,
+    /// Longest chain of records down to a mesh.
+    pub(crate) levels: u32,
+}
+
+/// Prims of a group by path.
+#[derive(Debug, Default)]
+pub(crate) struct Content {
+    pub(crate) meshes: Vec<Arc<str>>,
+    pub(crate) instancers: Vec<Arc<str>>,
+}
+
+/// All groups that prims refer to, with their content. Hidden prims are left out.
+#[derive(Debug, Default)]
+pub(crate) struct Hierarchy {
+    groups: FxHashMap<GroupId, Content>,
+    nothing: Content,
+}
+
+/// The database's prims as the resolver sees them.
+#[derive(Clone, Copy)]
+pub(crate) struct Prims<'a> {
+    pub(crate) meshes: &'a BTreeMap<Arc<str>, MeshEntry>,
+    pub(crate) instancers: &'a BTreeMap<Arc<str>, InstancerEntry>,
+}
+
+impl Hierarchy {
+    /// Sorts the prims into groups. `shows` says which purposes are shown.
+    pub(crate) fn new(prims: Prims<'_>, shows: impl Fn(&str) -> bool, reports: &mut Reports) -> Self {
+        let mut hierarchy = Self::default();
+        for entry in prims.meshes.values().filter(|e| e.desc.prim.visible && shows(&e.desc.prim.purpose)) {
+            hierarchy.add(prims, &entry.desc.prim, reports, |content| &mut content.meshes);
+        }
+        for entry in prims.instancers.values().filter(|e| e.desc.prim.visible) {
+            hierarchy.add(prims, &entry.desc.prim, reports, |content| &mut content.instancers);
+        }
+        hierarchy
+    }
+
+    fn add(
+        &mut self,
+        prims: Prims<'_>,
+        prim: &PrimDesc,
+        reports: &mut Reports,
+        list: fn(&mut Content) -> &mut Vec<Arc<str>>,
+    ) {
+        if usable_affine(&prim.transform).is_none() {
+            reports.of(&prim.path).prim_transforms += 1;
+            return;
+        }
+        if prim.instanced_by.is_empty() {
+            list(self.groups.entry(GroupId::Root).or_default()).push(prim.path.clone());
+        }
+        for (k, parent) in prim.instanced_by.iter().enumerate() {
+            let instancer = prims.instancers.get(&parent.instancer);
+            if !instancer.is_some_and(|i| i.desc.prototypes.iter().any(|p| p.root == parent.prototype_root)) {
+                reports.of(&prim.path).missing_instancers += 1;
+            } else if !prim.instanced_by[..k].contains(parent) {
+                let id = GroupId::Prototype(parent.clone());
+                list(self.groups.entry(id).or_default()).push(prim.path.clone());
+            }
+        }
+    }
+
+    fn content(&self, id: &GroupId) -> &Content {
+        self.groups.get(id).unwrap_or(&self.nothing)
+    }
+
+    /// Paths of the meshes and instancers that can be reached from the world, and which instancers cannot because they
+    /// contain themselves.
+    pub(crate) fn reachable(&self, prims: Prims<'_>, reports: &mut Reports) -> FxHashSet<Arc<str>> {
+        let mut reached: FxHashSet<Arc<str>> = FxHashSet::default();
+        let mut open = vec![&GroupId::Root];
+        let mut ids: FxHashMap<&str, Vec<&GroupId>> = FxHashMap::default();
+        #[expect(clippy::iter_over_hash_type, reason = "the order inside a bucket does not matter here")]
+        for id in self.groups.keys() {
+            if let GroupId::Prototype(by) = id {
+                ids.entry(&by.instancer).or_default().push(id);
+            }
+        }
+        while let Some(id) = open.pop() {
+            let content = self.content(id);
+            reached.extend(content.meshes.iter().cloned());
+            for path in &content.instancers {
+                if reached.insert(path.clone()) {
+                    open.extend(ids.get(&**path).into_iter().flatten());
+                }
+            }
+        }
+        self.report_cycles(prims, &reached, reports);
+        reached
+    }
+
+    /// Peels off the unreached instancers whose parents are all reached, missing or peeled; what remains is on a cycle
+    /// or below one.
+    fn report_cycles(&self, prims: Prims<'_>, reached: &FxHashSet<Arc<str>>, reports: &mut Reports) {
+        let mut waits: BTreeMap<&Arc<str>, usize> = BTreeMap::new();
+        let mut children: FxHashMap<&Arc<str>, Vec<&Arc<str>>> = FxHashMap::default();
+        let unreached = |path: &Arc<str>| prims.instancers.contains_key(path) && !reached.contains(path);
+        for (path, entry) in prims.instancers.iter().filter(|(path, _)| !reached.contains(*path)) {
+            let parents = entry.desc.prim.instanced_by.iter().map(|by| &by.instancer).filter(|p| unreached(p));
+            let mut count = 0;
+            for parent in parents {
+                children.entry(parent).or_default().push(path);
+                count += 1;
+            }
+            waits.insert(path, count);
+        }
+        let mut free: Vec<&Arc<str>> = waits.iter().filter(|(_, n)| **n == 0).map(|(p, _)| *p).collect();
+        while let Some(path) = free.pop() {
+            waits.remove(path);
+            for child in children.get(path).into_iter().flatten() {
+                if let Some(count) = waits.get_mut(*child) {
+                    *count -= 1;
+                    if *count == 0 {
+                        free.push(child);
+                    }
+                }
+            }
+        }
+        for path in waits.keys() {
+            reports.of(path).instancer_cycles += 1;
+        }
+    }
+}
+
+/// What became of a group.
+#[derive(Clone, Debug)]
+enum Outcome {
+    /// Being resolved further up: meeting it again is a cycle.
+    Open,
+    /// Nothing to see.
+    Nothing,
+    /// Exactly one mesh, placed by the members of the parents directly.
+    OneMesh(Box<PlanMember>),
+    /// An assembly of its own.
+    Group(usize),
+}
+
+/// Makes the plan. All meshes of the content that have assets are placed.
+pub(crate) fn resolve(prims: Prims<'_>, hierarchy: &Hierarchy, reports: &mut Reports) -> Vec<PlanGroup> {
+    let mut resolver = Resolver { prims, hierarchy, reports, outcomes: FxHashMap::default(), plan: Vec::new() };
+    let members = resolver.members(&GroupId::Root, 0);
+    resolver.push(GroupId::Root, members);
+    resolver.plan
+}
+
+struct Resolver<'a> {
+    prims: Prims<'a>,
+    hierarchy: &'a Hierarchy,
+    reports: &'a mut Reports,
+    outcomes: FxHashMap<GroupId, Outcome>,
+    plan: Vec<PlanGroup>,
+}
+
+impl Resolver<'_> {
+    fn push(&mut self, id: GroupId, mut members: Vec<PlanMember>) -> usize {
+        members.sort_by(|a, b| (&a.path, a.slot).cmp(&(&b.path, b.slot)));
+        let below = members.iter().map(|m| self.levels_of(&m.target)).max().unwrap_or(0);
+        self.plan.push(PlanGroup { id, members, levels: below + 1 });
+        self.plan.len() - 1
+    }
+
+    fn levels_of(&self, target: &PlanTarget) -> u32 {
+        match target {
+            PlanTarget::Mesh { .. } => 0,
+            PlanTarget::Group(index) => self.plan.get(*index).map_or(0, |g| g.levels),
+        }
+    }
+
+    /// The members of a group at `depth` records below the root. Depth is bounded, so the recursion is.
+    fn members(&mut self, id: &GroupId, depth: u32) -> Vec<PlanMember> {
+        let (prims, content) = (self.prims, self.hierarchy.content(id));
+        let mut members: Vec<PlanMember> =
+            content.meshes.iter().filter_map(|path| mesh_member(prims.meshes.get(path)?)).collect();
+        for path in &content.instancers {
+            let Some(entry) = prims.instancers.get(path).filter(|e| e.is_usable) else { continue };
+            let Some(before) = usable_affine(&entry.desc.prim.transform) else { continue };
+            for (slot, prototype) in entry.desc.prototypes.iter().enumerate() {
+                let by = InstancedBy { instancer: path.clone(), prototype_root: prototype.root.clone() };
+                let (after, target) = match self.outcome(GroupId::Prototype(by), depth + 1) {
+                    Outcome::Open | Outcome::Nothing => continue,
+                    Outcome::OneMesh(mesh) => (mesh.before, mesh.target),
+                    Outcome::Group(index) => (DAffine3::IDENTITY, PlanTarget::Group(index)),
+                };
+                if depth + 1 + self.levels_of(&target) > MAX_LEVELS {
+                    self.reports.of(path).deep_instancers += 1;
+                    continue;
+                }
+                let instances = Instances { arrays: entry.arrays.clone(), indices: prototype.indices.clone() };
+                let instances = Some(instances);
+                members.push(PlanMember { path: path.clone(), slot, before, after, instances, target });
+            }
+        }
+        members
+    }
+
+    fn outcome(&mut self, id: GroupId, depth: u32) -> Outcome {
+        match self.outcomes.get(&id) {
+            Some(Outcome::Open) => {
+                if let GroupId::Prototype(by) = &id {
+                    self.reports.of(&by.instancer).instancer_cycles += 1;
+                }
+                return Outcome::Nothing;
+            }
+            Some(known) => return known.clone(),
+            None => {}
+        }
+        if depth >= MAX_LEVELS {
+            if let GroupId::Prototype(by) = &id {
+                self.reports.of(&by.instancer).deep_instancers += 1;
+            }
+            return Outcome::Nothing;
+        }
+        self.outcomes.insert(id.clone(), Outcome::Open);
+        let mut members = self.members(&id, depth);
+        let one_mesh = members.len() == 1 && members.iter().all(|m| m.instances.is_none());
+        let outcome = match members.pop() {
+            None => Outcome::Nothing,
+            Some(member) if one_mesh => Outcome::OneMesh(Box::new(member)),
+            Some(member) => {
+                members.push(member);
+                Outcome::Group(self.push(id.clone(), members))
+            }
+        };
+        self.outcomes.insert(id, outcome.clone());
+        outcome
+    }
+}
+
+fn mesh_member(entry: &MeshEntry) -> Option<PlanMember> {
+    let asset = entry.built.as_ref()?.asset.as_ref()?;
+    Some(PlanMember {
+        path: entry.desc.prim.path.clone(),
+        slot: 0,
+        before: usable_affine(&entry.desc.prim.transform)?,
+        after: DAffine3::IDENTITY,
+        instances: None,
+        target: PlanTarget::Mesh { key: asset.key, prim_id: entry.desc.prim_id },
+    })
+}

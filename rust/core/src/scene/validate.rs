@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Walks every invariant of a snapshot. For tests and for `doctor`; costs one encode of everything.
+
+use super::snapshot::{InstanceRecord, Snapshot, SnapshotError, Target};
+use crate::mesh::{Aabb, Attribute, AttributeRate, MeshAsset};
+
+/// Records encoded at a time.
+const BATCH: usize = 4096;
+
+impl Snapshot {
+    /// Checks that every index is in range, every number finite, every box conservative, children come before parents,
+    /// and levels and counts are right.
+    ///
+    /// # Errors
+    /// The first broken invariant.
+    pub fn validate(&self) -> Result<(), SnapshotError> {
+        for (index, mesh) in self.meshes.iter().enumerate() {
+            validate_mesh(mesh).map_err(|what| SnapshotError::Mesh { mesh: index, what })?;
+        }
+        let mut levels: Vec<u32> = Vec::new();
+        let mut placements: Vec<u128> = Vec::new();
+        for index in 0..self.assemblies.len() {
+            let (deepest, count) = self.validate_assembly(index, &levels, &placements)?;
+            levels.push(deepest + 1);
+            placements.push(count);
+        }
+        if levels.last().ok_or(SnapshotError::NoRoot)? != &self.max_levels {
+            return Err(SnapshotError::Count("max_levels"));
+        }
+        if placements.last() != Some(&self.counts.instances) {
+            return Err(SnapshotError::Count("the number of instances"));
+        }
+        Ok(())
+    }
+
+    /// Gives the levels below the records and the placements of meshes.
+    fn validate_assembly(&self, at: usize, levels: &[u32], placed: &[u128]) -> Result<(u32, u128), SnapshotError> {
+        let assembly = &self.assemblies[at];
+        let mut batch = vec![InstanceRecord::default(); BATCH.min(assembly.len())];
+        let (mut deepest, mut count) = (0, 0_u128);
+        let mut start = 0;
+        while start < assembly.len() {
+            let end = (start + BATCH).min(assembly.len());
+            let records = &mut batch[..end - start];
+            assembly.encode(start..end, records);
+            for (record, number) in records.iter().zip(start..) {
+                let (inside, below, leaves) = match record.target {
+                    Target::Mesh(m) => self.meshes.get(m as usize).map(|m| (m.bounds, 0, 1)),
+                    Target::Assembly(a) => {
+                        let child = self.assemblies.get(a as usize).map(|a| a.bounds());
+                        let known = levels.get(a as usize).zip(placed.get(a as usize));
+                        child.zip(known).map(|(bounds, (&levels, &count))| (bounds, levels, count))
+                    }
+                }
+                .ok_or(SnapshotError::Target { assembly: at, record: number })?;
+                deepest = deepest.max(below);
+                count = count.saturating_add(leaves);
+                validate_record(record, &inside, &assembly.bounds())
+                    .map_err(|what| SnapshotError::Record { assembly: at, record: number, what })?;
+            }
+            start = end;
+        }
+        Ok((deepest, count))
+    }
+}
+
+fn validate_record(record: &InstanceRecord, inside: &Aabb, around: &Aabb) -> Result<(), &'static str> {
+    let [min, max] = record.bounds;
+    let bounds = Aabb { min, max };
+    let rows = &record.object_from_parent;
+    if !rows.iter().flatten().chain(&min).chain(&max).all(|v| v.is_finite()) {
+        return Err("a number is not finite");
+    }
+    if bounds.is_empty() || !around.contains(&bounds) {
+        return Err("the box is empty or sticks out of the assembly's");
+    }
+    if record.index_in_prototype >= record.prototype_count {
+        return Err("the index is beyond the prototype's count");
+    }
+    if matches!(record.target, Target::Assembly(_)) && record.prim_id != -1 {
+        return Err("an assembly has a prim id");
+    }
+    // Every corner of the target, taken back into the parent's frame by the f32 matrix, lies in the box.
+    let row = |k: usize| glam::DVec4::from(rows[k].map(f64::from));
+    let back = glam::DMat4::from_cols(row(0), row(1), row(2), glam::DVec4::W).transpose().inverse();
+    for corner in 0..8_usize {
+        let pick = |k: usize| f64::from(if corner >> k & 1 == 0 { inside.min[k] } else { inside.max[k] });
+        let p = back.transform_point3(glam::DVec3::new(pick(0), pick(1), pick(2)));
+        if (0..3).any(|k| p[k] < f64::from(min[k]) || p[k] > f64::from(max[k])) {
+            return Err("the box does not hold the target");
+        }
+    }
+    Ok(())
+}
+
+fn validate_mesh(mesh: &MeshAsset) -> Result<(), String> {
+    mesh.bvh.validate(&mesh.triangles).map_err(|error| error.to_string())?;
+    let around = mesh.triangles.iter().fold(Aabb::EMPTY, |b, t| b.union(&t.bounds()));
+    if mesh.triangles.is_empty() || around != mesh.bounds {
+        return Err("the box is not that of the triangles".to_owned());
+    }
+    if !mesh.triangles.iter().flat_map(|t| t.vertices.as_flattened()).all(|v| v.is_finite()) {
+        return Err("a vertex is not finite".to_owned());
+    }
+    validate_attribute(mesh, mesh.normals.as_ref(), |n| (glam::Vec3::from(n).length() - 1.0).abs() < 1e-5)?;
+    validate_attribute(mesh, mesh.colors.as_ref(), |c| c.iter().all(|v| v.is_finite() && *v >= 0.0))?;
+    validate_attribute(mesh, mesh.opacities.as_ref(), |o| (0.0..=1.0).contains(&o))
+}
+
+fn validate_attribute<T: Copy>(
+    mesh: &MeshAsset,
+    attribute: Option<&Attribute<T>>,
+    is_valid: impl Fn(T) -> bool,
+) -> Result<(), String> {
+    let Some(attribute) = attribute else { return Ok(()) };
+    let triangles = mesh.triangles.len();
+    let fits = match attribute.rate {
+        AttributeRate::Constant => attribute.values.len() == 1,
+        AttributeRate::Uniform => attribute.values.len() == triangles,
+        AttributeRate::FaceVarying => attribute.values.len() == 3 * triangles,
+        AttributeRate::Vertex => {
+            let in_range = |&corner: &u32| (corner as usize) < attribute.values.len();
+            mesh.corner_indices.len() == triangles && mesh.corner_indices.as_flattened().iter().all(in_range)
+        }
+    };
+    if !fits {
+        return Err("an attribute does not fit its rate".to_owned());
+    }
+    if attribute.values.iter().all(|&v| is_valid(v)) { Ok(()) } else { Err("an attribute value is unusable".to_owned()) }
+}
