@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Counts bytes against the hard budget. Pure bookkeeping, no Vulkan.
+//!
+//! Guarantee: `used <= budget` after every successful `reserve`, whatever threads do; `reserve` comes before the driver is asked,
+//! `release` after the driver has freed. Any thread.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use crate::error::GpuError;
+
+/// Which count an allocation goes to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Account {
+    /// Device memory: bounded by the budget.
+    Device,
+    /// Memory of the host that the device reaches (staging, readback): counted, not bounded.
+    Host,
+}
+
+/// Memory held by one [`Gpu`](crate::Gpu), in bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct MemoryUse {
+    /// Device memory held now, including what is retired but still in use by the GPU.
+    pub used: u64,
+    /// Most device memory ever held.
+    pub peak: u64,
+    /// The hard budget for `used`.
+    pub budget: u64,
+    /// Host memory held for uploads and readbacks (also when it shares a heap with the device).
+    pub host_used: u64,
+    /// Number of driver allocations held now.
+    pub allocations: u64,
+}
+
+#[derive(Debug)]
+pub(crate) struct Budget {
+    state: Mutex<State>,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    counts: MemoryUse,
+    /// Requests that still succeed before one fails, when a test asked for it.
+    succeed_before_failure: Option<u64>,
+}
+
+impl Budget {
+    pub(crate) fn new(budget: u64) -> Self {
+        let counts = MemoryUse { budget, ..MemoryUse::default() };
+        Self { state: Mutex::new(State { counts, succeed_before_failure: None }) }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn counts(&self) -> MemoryUse {
+        self.lock().counts
+    }
+
+    /// Sets the bound for later reservations; what is held stays held.
+    pub(crate) fn set_budget(&self, budget: u64) {
+        self.lock().counts.budget = budget;
+    }
+
+    pub(crate) fn fail_after(&self, requests: u64) {
+        self.lock().succeed_before_failure = Some(requests);
+    }
+
+    /// Counts one request and fails it if a test planted a failure here.
+    pub(crate) fn injected_failure(&self, name: &str, bytes: u64) -> Result<(), GpuError> {
+        let mut state = self.lock();
+        match state.succeed_before_failure {
+            None => Ok(()),
+            Some(0) => {
+                state.succeed_before_failure = None;
+                Err(out_of_memory(name, bytes, &state.counts))
+            }
+            Some(left) => {
+                state.succeed_before_failure = Some(left - 1);
+                Ok(())
+            }
+        }
+    }
+
+    /// Counts `bytes` as held, or refuses and changes nothing.
+    pub(crate) fn reserve(&self, name: &str, bytes: u64, account: Account) -> Result<(), GpuError> {
+        let mut state = self.lock();
+        let counts = &mut state.counts;
+        match account {
+            Account::Device => match counts.used.checked_add(bytes).filter(|&total| total <= counts.budget) {
+                Some(total) => {
+                    counts.used = total;
+                    counts.peak = counts.peak.max(total);
+                }
+                None => return Err(out_of_memory(name, bytes, counts)),
+            },
+            Account::Host => counts.host_used = counts.host_used.saturating_add(bytes),
+        }
+        counts.allocations += 1;
+        Ok(())
+    }
+
+    /// Takes back a reservation of exactly `bytes`.
+    pub(crate) fn release(&self, bytes: u64, account: Account) {
+        let counts = &mut self.lock().counts;
+        match account {
+            Account::Device => counts.used = counts.used.saturating_sub(bytes),
+            Account::Host => counts.host_used = counts.host_used.saturating_sub(bytes),
+        }
+        counts.allocations = counts.allocations.saturating_sub(1);
+    }
+
+    /// The error for a request that the driver refused although the budget allowed it.
+    pub(crate) fn refused(&self, name: &str, bytes: u64) -> GpuError {
+        out_of_memory(name, bytes, &self.counts())
+    }
+}
+
+fn out_of_memory(name: &str, bytes: u64, counts: &MemoryUse) -> GpuError {
+    GpuError::OutOfMemory { name: name.to_owned(), bytes, used: counts.used, budget: counts.budget }
+}
+
+/// Nine tenths of what is free: the rest is for the driver, the display and other programs.
+pub(crate) fn automatic_budget(free_bytes: u64) -> u64 {
+    free_bytes - free_bytes / 10
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn never_above_the_budget() {
+        let budget = Budget::new(100);
+        assert!(budget.reserve("a", 60, Account::Device).is_ok(), "fits");
+        let refused = budget.reserve("b", 41, Account::Device);
+        let expected = GpuError::OutOfMemory { name: "b".into(), bytes: 41, used: 60, budget: 100 };
+        assert_eq!(refused, Err(expected), "one byte too many");
+        assert!(budget.reserve("c", 40, Account::Device).is_ok(), "exactly full is allowed");
+        assert!(budget.reserve("d", u64::MAX, Account::Device).is_err(), "no overflow");
+        budget.release(60, Account::Device);
+        let counts = budget.counts();
+        assert_eq!((counts.used, counts.peak, counts.allocations), (40, 100, 1), "peak stays");
+    }
+
+    #[test]
+    fn host_memory_is_counted_but_not_bounded() {
+        let budget = Budget::new(10);
+        assert!(budget.reserve("staging", 1000, Account::Host).is_ok(), "not bounded");
+        assert_eq!((budget.counts().used, budget.counts().host_used), (0, 1000), "counted apart");
+    }
+
+    #[test]
+    fn a_planted_failure_strikes_once_and_where_told() {
+        let budget = Budget::new(100);
+        budget.fail_after(2);
+        let results: Vec<_> = (0..4).map(|_| budget.injected_failure("x", 1).is_ok()).collect();
+        assert_eq!(results, [true, true, false, true], "third request fails, later ones do not");
+    }
+
+    #[test]
+    fn lowering_the_budget_below_use_refuses_until_freed() {
+        let budget = Budget::new(100);
+        assert!(budget.reserve("a", 80, Account::Device).is_ok(), "fits");
+        budget.set_budget(50);
+        assert!(budget.reserve("b", 1, Account::Device).is_err(), "over the new bound");
+        budget.release(80, Account::Device);
+        assert!(budget.reserve("b", 50, Account::Device).is_ok(), "fits again");
+    }
+}

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Buffers with memory of their own.
+//!
+//! For few, long-lived things: queues, staging, readback, film. What comes and goes by the thousand belongs in a
+//! [`Heap`](crate::Heap). All methods may be called from any thread.
+
+use std::sync::{Arc, PoisonError, RwLock};
+
+use crate::commands::Kept;
+use crate::error::GpuError;
+use crate::gpu::Gpu;
+use crate::memory::{Mapped, Patience, Usage};
+use crate::range::sealed::{Parts, RangeParts};
+use crate::range::{Block, DeviceRange};
+
+/// Device or host memory with a device address. Put it in an [`Arc`] to share it.
+///
+/// Dropping it does not wait: its memory goes back to the budget when the last submission made so far has finished. A command
+/// list that only knows the *address* must be submitted before the drop, or be told by [`Commands::keep`](crate::Commands::keep).
+#[derive(Debug)]
+pub struct Buffer {
+    block: Arc<Block>,
+    name: String,
+    size: u64,
+    usage: Usage,
+    /// Host threads take turns on the mapped bytes: many readers or one writer.
+    host: RwLock<()>,
+}
+
+impl Buffer {
+    /// Makes a buffer of `bytes` (0 is allowed and still has an address). New memory holds arbitrary bytes.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`] when the budget or the driver refuses even after waiting for retired memory,
+    /// [`GpuError::TooLarge`], [`GpuError::DeviceLost`].
+    pub fn new(gpu: &Arc<Gpu>, name: &str, bytes: u64, usage: Usage) -> Result<Self, GpuError> {
+        let device = gpu.device();
+        device.budget.injected_failure(name, bytes)?;
+        let raw = device.allocate(name, bytes, usage, Patience::WaitForRetired)?;
+        Ok(Self {
+            block: Arc::new(Block::new(device, raw)),
+            name: name.to_owned(),
+            size: bytes,
+            usage,
+            host: RwLock::new(()),
+        })
+    }
+
+    /// Device address of the first byte, a multiple of 16.
+    #[must_use]
+    pub fn address(&self) -> u64 {
+        self.block.raw.address
+    }
+
+    /// Size in bytes, as asked for.
+    #[must_use]
+    pub fn size(&self) -> u64 {
+        self.size
+    }
+
+    /// The name it was made with.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What it is for.
+    #[must_use]
+    pub fn usage(&self) -> Usage {
+        self.usage
+    }
+
+    /// Copies `bytes` to `offset`. Seen by every submission made after this returns. What a submission in flight sees of it is
+    /// unspecified.
+    ///
+    /// # Errors
+    /// [`GpuError::Usage`] when the buffer is not mapped or the range does not fit.
+    pub fn write(&self, offset: u64, bytes: &[u8]) -> Result<(), GpuError> {
+        let start = self.mapped_range(offset, bytes.len())?;
+        let _exclusive = self.host.write().unwrap_or_else(PoisonError::into_inner);
+        // SAFETY: `bytes.len()` bytes from `start` are mapped, the lock keeps other host threads away, and a mapping does not
+        // overlap Rust memory.
+        unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), start, bytes.len()) };
+        Ok(())
+    }
+
+    /// Copies from `offset` into `bytes`. Holds what submissions wrote that are known to be done
+    /// ([`Submission::wait`](crate::Submission::wait)); of others, unspecified bytes.
+    ///
+    /// # Errors
+    /// [`GpuError::Usage`] when the buffer is not mapped or the range does not fit.
+    pub fn read(&self, offset: u64, bytes: &mut [u8]) -> Result<(), GpuError> {
+        let start = self.mapped_range(offset, bytes.len())?;
+        let _shared = self.host.read().unwrap_or_else(PoisonError::into_inner);
+        // SAFETY: as in `write`; the lock keeps host writers away.
+        unsafe { std::ptr::copy_nonoverlapping(start, bytes.as_mut_ptr(), bytes.len()) };
+        Ok(())
+    }
+
+    /// Lends all mapped bytes to `f`, which may split them among threads. No other host thread uses the buffer meanwhile, and the
+    /// caller sees to it that no submission in flight does. Do not read from an `Upload` buffer: it may be very slow.
+    ///
+    /// # Errors
+    /// [`GpuError::Usage`] when the buffer is not mapped or larger than the host can address.
+    pub fn map<R>(&self, f: impl FnOnce(&mut [u8]) -> R) -> Result<R, GpuError> {
+        let length = usize::try_from(self.size).map_err(|_too_large| self.misuse("too large to map"))?;
+        let start = self.mapped_range(0, length)?;
+        let _exclusive = self.host.write().unwrap_or_else(PoisonError::into_inner);
+        // SAFETY: `length` bytes from `start` are mapped as long as `self` lives, and the lock makes this the only reference.
+        let bytes = unsafe { std::slice::from_raw_parts_mut(start, length) };
+        Ok(f(bytes))
+    }
+
+    /// The address of a mapped byte range that was checked to fit.
+    fn mapped_range(&self, offset: u64, length: usize) -> Result<*mut u8, GpuError> {
+        let mapped: Mapped = self.block.raw.mapped.ok_or_else(|| self.misuse("a Device buffer is not mapped"))?;
+        let fits = u64::try_from(length).ok().and_then(|n| offset.checked_add(n)).is_some_and(|end| end <= self.size);
+        let offset = usize::try_from(offset).ok().filter(|_| fits).ok_or_else(|| {
+            self.misuse(&format!("{length} bytes at {offset} do not fit in {} bytes", self.size))
+        })?;
+        // SAFETY: `offset` is within the mapped buffer, or one past its end when `length` is 0.
+        Ok(unsafe { mapped.as_ptr().add(offset) })
+    }
+
+    fn misuse(&self, message: &str) -> GpuError {
+        GpuError::Usage { name: self.name.clone(), message: message.to_owned() }
+    }
+}
+
+impl DeviceRange for Buffer {
+    fn address(&self) -> u64 {
+        Self::address(self)
+    }
+
+    fn size(&self) -> u64 {
+        self.size
+    }
+
+    fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+impl Parts for Buffer {
+    fn parts(&self) -> RangeParts {
+        RangeParts {
+            buffer: self.block.buffer(),
+            offset: 0,
+            device: Arc::as_ptr(&self.block.device),
+            kept: Kept::Block(Arc::clone(&self.block)),
+        }
+    }
+}
+
+impl Drop for Buffer {
+    fn drop(&mut self) {
+        self.block.released();
+    }
+}

@@ -1,0 +1,320 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Command lists: what the GPU is to do, in order.
+//!
+//! Every operation sees what all earlier ones wrote, in this list and in earlier submissions. A wrong argument is remembered and
+//! returned by [`Commands::submit`]; nothing of the list runs then. A list is recorded by one thread at a time; several threads may
+//! each record and submit their own.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use crate::device::Device;
+use crate::error::GpuError;
+use crate::gpu::Gpu;
+use crate::heap::RangeInner;
+use crate::pipeline::{Pipeline, PipelineInner};
+use crate::queue::{CommandSlot, InFlight};
+use crate::range::{Block, DeviceRange};
+use crate::recorder::Recorder;
+use crate::submission::Submission;
+
+/// Something that lives as long as the work that uses it. Held, never read.
+#[derive(Debug)]
+pub(crate) enum Kept {
+    Block(#[expect(dead_code, reason = "held to keep it alive")] Arc<Block>),
+    Range(#[expect(dead_code, reason = "held to keep it alive")] Arc<RangeInner>),
+    Pipeline(#[expect(dead_code, reason = "held to keep it alive")] Arc<PipelineInner>),
+}
+
+/// A command list. Dropping it without [`Commands::submit`] discards it.
+#[derive(Debug)]
+#[must_use = "a command list does nothing until it is submitted"]
+pub struct Commands {
+    gpu: Arc<Gpu>,
+    label: String,
+    recorder: Recorder,
+    slot: Option<CommandSlot>,
+    kept: Vec<Kept>,
+    /// The first mistake; nothing is recorded after it.
+    error: Option<GpuError>,
+}
+
+/// Most bytes that [`Commands::update`] takes (`vkCmdUpdateBuffer`).
+pub const MAX_UPDATE_BYTES: usize = 65_536;
+
+impl Commands {
+    pub(crate) fn new(gpu: &Arc<Gpu>, label: &str) -> Result<Self, GpuError> {
+        let device = gpu.device();
+        device.check_alive()?;
+        let slot = device.command_slot()?;
+        match Recorder::begin(device, slot.buffer, label) {
+            Ok(recorder) => Ok(Self {
+                gpu: Arc::clone(gpu),
+                label: label.to_owned(),
+                recorder,
+                slot: Some(slot),
+                kept: Vec::new(),
+                error: None,
+            }),
+            Err(error) => {
+                slot.destroy(&device.raw);
+                Err(error)
+            }
+        }
+    }
+
+    /// Writes the 32-bit `value` over `bytes` at `offset`; both multiples of 4.
+    pub fn fill(&mut self, target: &dyn DeviceRange, offset: u64, bytes: u64, value: u32) {
+        let Some((buffer, start)) = self.place(target, offset, bytes) else { return };
+        if (start | bytes) % 4 != 0 {
+            return self.misuse(target.name(), format!("fill of {bytes} bytes at {offset}: not multiples of 4"));
+        }
+        if bytes > 0 {
+            // SAFETY: the range lies in the buffer, which has TRANSFER_DST usage and is kept alive; 4-byte steps were checked.
+            self.operation("fill", |raw, commands| unsafe {
+                raw.cmd_fill_buffer(commands, buffer, start, bytes, value);
+            });
+        }
+    }
+
+    /// Copies `bytes` from one range to another. Within one buffer the two must not overlap.
+    pub fn copy(
+        &mut self,
+        source: &dyn DeviceRange,
+        source_offset: u64,
+        target: &dyn DeviceRange,
+        target_offset: u64,
+        bytes: u64,
+    ) {
+        let Some((from, src_offset)) = self.place(source, source_offset, bytes) else { return };
+        let Some((to, dst_offset)) = self.place(target, target_offset, bytes) else { return };
+        if from == to && src_offset.abs_diff(dst_offset) < bytes {
+            return self.misuse(target.name(), format!("copy of {bytes} bytes onto itself: the ranges overlap"));
+        }
+        if bytes > 0 {
+            let region = [vk::BufferCopy { src_offset, dst_offset, size: bytes }];
+            // SAFETY: both ranges lie in their buffers, do not overlap, and are kept alive; the usages are there.
+            self.operation("copy", |raw, commands| unsafe {
+                raw.cmd_copy_buffer(commands, from, to, &region);
+            });
+        }
+    }
+
+    /// Writes `bytes` (at most [`MAX_UPDATE_BYTES`]) at `offset`; length and offset are multiples of 4. The bytes are copied now.
+    pub fn update(&mut self, target: &dyn DeviceRange, offset: u64, bytes: &[u8]) {
+        let Some((buffer, start)) = self.place(target, offset, bytes.len() as u64) else { return };
+        if start % 4 != 0 || bytes.len() % 4 != 0 || bytes.len() > MAX_UPDATE_BYTES {
+            let message = format!(
+                "update of {} bytes at {offset}: multiples of 4 up to {MAX_UPDATE_BYTES} are allowed",
+                bytes.len()
+            );
+            return self.misuse(target.name(), message);
+        }
+        if !bytes.is_empty() {
+            // SAFETY: the range lies in the buffer, which has TRANSFER_DST usage and is kept alive; steps and size were checked.
+            self.operation("update", |raw, commands| unsafe {
+                raw.cmd_update_buffer(commands, buffer, start, bytes);
+            });
+        }
+    }
+
+    /// Runs `groups` workgroups. `push` has exactly the size that the pipeline was made with. No groups = no operation.
+    pub fn dispatch(&mut self, pipeline: &Pipeline, push: &[u8], groups: [u32; 3]) {
+        let limit = self.recorder.device.limits.max_workgroups;
+        if groups.iter().zip(limit).any(|(&n, most)| n > most) {
+            return self.misuse(pipeline.name(), format!("{groups:?} workgroups: {limit:?} are allowed"));
+        }
+        if !groups.contains(&0) && self.use_pipeline(pipeline, push) {
+            let bind = Bind::new(pipeline, push);
+            self.operation(pipeline.name(), |raw, commands| {
+                bind.record(raw, commands);
+                // SAFETY: a compute pipeline is bound, its push constants are set, and the counts are within the limits.
+                unsafe { raw.cmd_dispatch(commands, groups[0], groups[1], groups[2]) };
+            });
+        }
+    }
+
+    /// As [`Commands::dispatch`], with the three counts read by the GPU from `arguments` at `offset` (a multiple of 4). The counts
+    /// must be within the device's limits: nobody checks them.
+    pub fn dispatch_indirect(&mut self, pipeline: &Pipeline, push: &[u8], arguments: &dyn DeviceRange, offset: u64) {
+        let size = size_of::<vk::DispatchIndirectCommand>() as u64;
+        let Some((buffer, start)) = self.place(arguments, offset, size) else { return };
+        if start % 4 != 0 {
+            return self.misuse(arguments.name(), format!("dispatch arguments at {offset}: not a multiple of 4"));
+        }
+        if self.use_pipeline(pipeline, push) {
+            let bind = Bind::new(pipeline, push);
+            self.operation(pipeline.name(), |raw, commands| {
+                bind.record(raw, commands);
+                // SAFETY: a compute pipeline is bound, its push constants are set; the arguments lie in a buffer with
+                // INDIRECT_BUFFER usage that is kept alive.
+                unsafe { raw.cmd_dispatch_indirect(commands, buffer, start) };
+            });
+        }
+    }
+
+    /// Records what `f` records without barriers in between: those operations may overlap and must not depend on each other. What
+    /// follows waits for all of them.
+    pub fn concurrent(&mut self, f: impl FnOnce(&mut Self)) {
+        self.recorder.enter_concurrent();
+        f(self);
+        self.recorder.leave_concurrent();
+    }
+
+    /// Groups what `f` records under a name: a label for debuggers and, when profiling, one more timing around all of it.
+    pub fn span(&mut self, name: &str, f: impl FnOnce(&mut Self)) {
+        if self.error.is_some() {
+            return;
+        }
+        match self.recorder.enter_span(name) {
+            Err(error) => self.fail(error),
+            Ok(begin) => {
+                f(self);
+                if let Err(error) = self.recorder.leave_span(name, begin) {
+                    self.fail(error);
+                }
+            }
+        }
+    }
+
+    /// Keeps `range` alive until this work is done although no operation names it: for memory that shaders reach by address.
+    pub fn keep(&mut self, range: &dyn DeviceRange) {
+        let parts = range.parts();
+        if std::ptr::eq(parts.device, Arc::as_ptr(&self.recorder.device)) {
+            self.kept.push(parts.kept);
+        } else {
+            self.misuse(range.name(), "belongs to another Gpu".to_owned());
+        }
+    }
+
+    /// Switches timestamps around the operations that follow. Without timestamps on the device there are no timings.
+    pub fn profile(&mut self, on: bool) {
+        self.recorder.set_timing(on);
+    }
+
+    /// Hands the list to the GPU and returns at once.
+    ///
+    /// # Errors
+    /// The first mistake made while recording ([`GpuError::Usage`]), [`GpuError::DeviceLost`], or a failed call. Nothing runs then.
+    pub fn submit(mut self) -> Result<Submission, GpuError> {
+        if let Some(error) = self.error.take() {
+            return Err(error);
+        }
+        let device = Arc::clone(&self.recorder.device);
+        device.check_alive()?;
+        self.recorder.finish(&self.label)?;
+        let Some(slot) = self.slot.take() else {
+            return Err(GpuError::Usage { name: self.label.clone(), message: "submitted twice".to_owned() });
+        };
+        let timer = self.recorder.timer.take().map(Arc::new);
+        let work = InFlight {
+            value: 0,
+            label: self.label.clone(),
+            slot,
+            kept: std::mem::take(&mut self.kept),
+            timer: timer.clone(),
+            marks: std::mem::take(&mut self.recorder.marks),
+        };
+        match device.queue.submit(&device, work) {
+            Ok(value) => {
+                device.collect();
+                Ok(Submission::new(&self.gpu, value, self.label.clone(), timer))
+            }
+            Err((error, work)) => {
+                self.slot = Some(work.slot);
+                Err(error)
+            }
+        }
+    }
+
+    /// Records one operation unless a mistake was made before.
+    fn operation(&mut self, name: &str, record: impl FnOnce(&ash::Device, vk::CommandBuffer)) {
+        if self.error.is_none()
+            && let Err(error) = self.recorder.operation(name, record)
+        {
+            self.fail(error);
+        }
+    }
+
+    /// Checks that `bytes` at `offset` lie in `range`, keeps it alive, and says where in which buffer they are.
+    fn place(&mut self, range: &dyn DeviceRange, offset: u64, bytes: u64) -> Option<(vk::Buffer, u64)> {
+        if self.error.is_some() {
+            return None;
+        }
+        if offset.checked_add(bytes).is_none_or(|end| end > range.size()) {
+            let size = range.size();
+            self.misuse(range.name(), format!("{bytes} bytes at {offset} do not fit in {size} bytes"));
+            return None;
+        }
+        let parts = range.parts();
+        if !self.same_device(range.name(), parts.device) {
+            return None;
+        }
+        self.kept.push(parts.kept);
+        Some((parts.buffer, parts.offset + offset))
+    }
+
+    /// Checks a pipeline and its push constants, and keeps it alive.
+    fn use_pipeline(&mut self, pipeline: &Pipeline, push: &[u8]) -> bool {
+        let inner = &pipeline.inner;
+        if self.error.is_some() || !self.same_device(&inner.name, Arc::as_ptr(&inner.device)) {
+            return false;
+        }
+        if push.len() != inner.push_bytes as usize {
+            let message = format!("{} bytes of push constants, {} expected", push.len(), inner.push_bytes);
+            self.misuse(&inner.name, message);
+            return false;
+        }
+        self.kept.push(Kept::Pipeline(Arc::clone(inner)));
+        true
+    }
+
+    fn same_device(&mut self, name: &str, device: *const Device) -> bool {
+        let same = std::ptr::eq(device, Arc::as_ptr(&self.recorder.device));
+        if !same {
+            self.misuse(name, "belongs to another Gpu".to_owned());
+        }
+        same
+    }
+
+    fn misuse(&mut self, name: &str, message: String) {
+        let message = format!("{message} (in {})", self.label);
+        self.fail(GpuError::Usage { name: name.to_owned(), message });
+    }
+
+    fn fail(&mut self, error: GpuError) {
+        self.error.get_or_insert(error);
+    }
+}
+
+/// A pipeline with its push constants, to be recorded.
+struct Bind<'a> {
+    pipeline: vk::Pipeline,
+    layout: vk::PipelineLayout,
+    push: &'a [u8],
+}
+
+impl<'a> Bind<'a> {
+    fn new(pipeline: &Pipeline, push: &'a [u8]) -> Self {
+        Self { pipeline: pipeline.inner.raw, layout: pipeline.inner.layout, push }
+    }
+
+    fn record(&self, raw: &ash::Device, commands: vk::CommandBuffer) {
+        // SAFETY: the pipeline is of this device and is kept alive by the command list.
+        unsafe { raw.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, self.pipeline) };
+        if !self.push.is_empty() {
+            let stage = vk::ShaderStageFlags::COMPUTE;
+            // SAFETY: the layout's range for this stage has exactly this size, a multiple of 4.
+            unsafe { raw.cmd_push_constants(commands, self.layout, stage, 0, self.push) };
+        }
+    }
+}
+
+impl Drop for Commands {
+    fn drop(&mut self) {
+        if let Some(slot) = self.slot.take() {
+            self.recorder.device.recycle_slot(slot);
+        }
+    }
+}

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Compute pipelines from SPIR-V.
+//!
+//! Trust: shaders reach memory by address, so a wrong shader or a wrong address in a push constant can fault the device (reported
+//! as [`GpuError::DeviceLost`]; on a software renderer it can fault the process). Give this only SPIR-V that was validated when it
+//! was built. Any thread; several pipelines may be made at once and share one in-memory cache.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use crate::device::Device;
+use crate::error::GpuError;
+use crate::gpu::Gpu;
+
+/// A compute pipeline with its push constants.
+#[derive(Debug)]
+pub struct Pipeline {
+    pub(crate) inner: Arc<PipelineInner>,
+}
+
+/// The raw parts; command lists in flight hold it too, so it is destroyed as soon as the last holder drops it.
+#[derive(Debug)]
+pub(crate) struct PipelineInner {
+    pub(crate) device: Arc<Device>,
+    pub(crate) name: String,
+    pub(crate) raw: vk::Pipeline,
+    pub(crate) layout: vk::PipelineLayout,
+    pub(crate) push_bytes: u32,
+}
+
+const SPIRV_MAGIC: u32 = 0x0723_0203;
+const SPIRV_HEADER_WORDS: usize = 5;
+const OP_ENTRY_POINT: u32 = 15;
+const EXECUTION_MODEL_GL_COMPUTE: u32 = 5;
+
+impl Pipeline {
+    /// Compiles `words` for its compute entry point `main`, with 32-bit specialisation constants `(id, value)` and `push_bytes` of
+    /// push constants. May take seconds on a software renderer.
+    ///
+    /// # Errors
+    /// [`GpuError::Usage`] for words that are no compute shader or a push size that is no multiple of 4 or above the limit;
+    /// [`GpuError::Vulkan`] when the driver refuses; [`GpuError::DeviceLost`].
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        name: &str,
+        words: &[u32],
+        spec: &[(u32, u32)],
+        push_bytes: u32,
+    ) -> Result<Self, GpuError> {
+        let device = gpu.device();
+        device.check_alive()?;
+        let misuse = |message: String| GpuError::Usage { name: name.to_owned(), message };
+        if !has_compute_main(words) {
+            return Err(misuse("no SPIR-V with a compute entry point \"main\"".to_owned()));
+        }
+        if push_bytes % 4 != 0 || push_bytes > device.limits.max_push_bytes {
+            let limit = device.limits.max_push_bytes;
+            return Err(misuse(format!("{push_bytes} bytes of push constants; multiples of 4 up to {limit} are allowed")));
+        }
+        let info = vk::ShaderModuleCreateInfo::default().code(words);
+        // SAFETY: the words are SPIR-V with the magic number and an entry point; the caller vouches for their validity (see module).
+        let module = device.check("vkCreateShaderModule", unsafe { device.raw.create_shader_module(&info, None) })?;
+        let made = PipelineInner::new(device, name, module, spec, push_bytes);
+        // SAFETY: the module is needed only while the pipeline is made.
+        unsafe { device.raw.destroy_shader_module(module, None) };
+        Ok(Self { inner: Arc::new(made?) })
+    }
+
+    /// The name it was made with; the name of its dispatches in timings, labels and crash reports.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.inner.name
+    }
+
+    /// Size of its push constants in bytes.
+    #[must_use]
+    pub fn push_bytes(&self) -> u32 {
+        self.inner.push_bytes
+    }
+}
+
+impl PipelineInner {
+    fn new(
+        device: &Arc<Device>,
+        name: &str,
+        module: vk::ShaderModule,
+        spec: &[(u32, u32)],
+        push_bytes: u32,
+    ) -> Result<Self, GpuError> {
+        let range =
+            [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(push_bytes)];
+        let ranges = if push_bytes == 0 { &[][..] } else { &range[..] };
+        let info = vk::PipelineLayoutCreateInfo::default().push_constant_ranges(ranges);
+        // SAFETY: the range is within the limit and not empty.
+        let layout = unsafe { device.raw.create_pipeline_layout(&info, None) };
+        let layout = device.check("vkCreatePipelineLayout", layout)?;
+        // From here on Drop cleans up; destroying a null pipeline is allowed.
+        let mut inner =
+            Self { device: Arc::clone(device), name: name.to_owned(), raw: vk::Pipeline::null(), layout, push_bytes };
+        let entries: Vec<_> = (0_u32..)
+            .zip(spec)
+            .map(|(i, &(id, _))| vk::SpecializationMapEntry { constant_id: id, offset: i * 4, size: 4 })
+            .collect();
+        let values: Vec<u8> = spec.iter().flat_map(|(_, value)| value.to_ne_bytes()).collect();
+        let specialization = vk::SpecializationInfo::default().map_entries(&entries).data(&values);
+        let stage = vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(module)
+            .name(c"main")
+            .specialization_info(&specialization);
+        let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout)];
+        // SAFETY: module, layout and cache are alive and of this device; the cache synchronises itself (it was not made with
+        // EXTERNALLY_SYNCHRONIZED).
+        match unsafe { device.raw.create_compute_pipelines(device.pipeline_cache, &info, None) } {
+            Ok(made) => inner.raw = made.first().copied().unwrap_or_default(),
+            Err((_, code)) => return device.check("vkCreateComputePipelines", Err(code)),
+        }
+        device.names.set(inner.raw, name);
+        device.names.set(layout, name);
+        Ok(inner)
+    }
+}
+
+impl Drop for PipelineInner {
+    fn drop(&mut self) {
+        // SAFETY: command lists in flight hold an Arc of this, so no submission uses it. Null is allowed.
+        unsafe { self.device.raw.destroy_pipeline(self.raw, None) };
+        // SAFETY: as above.
+        unsafe { self.device.raw.destroy_pipeline_layout(self.layout, None) };
+    }
+}
+
+/// Whether the words start as SPIR-V and declare a compute entry point called `main`. Bounds are checked: words may be anything.
+fn has_compute_main(words: &[u32]) -> bool {
+    if words.first() != Some(&SPIRV_MAGIC) {
+        return false;
+    }
+    let mut rest = words.get(SPIRV_HEADER_WORDS..).unwrap_or_default();
+    while let Some(&first) = rest.first() {
+        let (length, code) = ((first >> 16) as usize, first & 0xFFFF);
+        let Some(instruction) = rest.get(..length).filter(|_| length > 0) else { return false };
+        if code == OP_ENTRY_POINT
+            && instruction.get(1) == Some(&EXECUTION_MODEL_GL_COMPUTE)
+            && instruction.get(3) == Some(&u32::from_le_bytes(*b"main"))
+            && instruction.get(4) == Some(&0)
+        {
+            return true;
+        }
+        rest = &rest[length..];
+    }
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_spirv_with_a_compute_main_is_taken() {
+        let header = [SPIRV_MAGIC, 0x1_0500, 0, 8, 0];
+        let entry = [(5 << 16) | OP_ENTRY_POINT, EXECUTION_MODEL_GL_COMPUTE, 4, u32::from_le_bytes(*b"main"), 0];
+        let good = [&header[..], &entry[..]].concat();
+        assert!(has_compute_main(&good), "the smallest module with main");
+        assert!(!has_compute_main(&[]), "empty");
+        assert!(!has_compute_main(&good[..7]), "cut inside an instruction");
+        assert!(!has_compute_main(&[&header[..], &[0]].concat()), "an instruction of no length must not loop");
+        let mut other = good.clone();
+        other[6] = 0;
+        assert!(!has_compute_main(&other), "a vertex shader");
+    }
+}

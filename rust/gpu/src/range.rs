@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What operations work on: a stretch of device memory with an owner that can be kept alive.
+//!
+//! [`DeviceRange`] is implemented by [`Buffer`](crate::Buffer) and [`HeapRange`](crate::HeapRange) only. Any thread.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use ash::vk;
+
+use crate::device::{Device, Retired};
+use crate::memory::RawBuffer;
+
+/// A stretch of device memory: a whole [`Buffer`](crate::Buffer) or a [`HeapRange`](crate::HeapRange). Sealed.
+pub trait DeviceRange: sealed::Parts {
+    /// Device address of the first byte, as shaders use it.
+    fn address(&self) -> u64;
+    /// Size in bytes.
+    fn size(&self) -> u64;
+    /// The name it was made with.
+    fn name(&self) -> &str;
+}
+
+pub(crate) mod sealed {
+    /// Where the range really is.
+    #[derive(Debug)]
+    pub struct RangeParts {
+        pub(crate) buffer: ash::vk::Buffer,
+        /// First byte of the range in `buffer`.
+        pub(crate) offset: u64,
+        pub(crate) device: *const crate::device::Device,
+        pub(crate) kept: crate::commands::Kept,
+    }
+
+    /// Implemented inside this crate only.
+    pub trait Parts {
+        #[doc(hidden)]
+        fn parts(&self) -> RangeParts;
+    }
+}
+
+/// When something may be destroyed: after the newest submission at the time its public handle was dropped.
+///
+/// Work recorded before that keeps the object itself, so the object outlives such work anyway; this bounds work that only knows
+/// the address.
+#[derive(Debug)]
+pub(crate) struct RetirePoint(AtomicU64);
+
+impl RetirePoint {
+    const UNSET: u64 = u64::MAX;
+
+    pub(crate) fn new() -> Self {
+        Self(AtomicU64::new(Self::UNSET))
+    }
+
+    /// Fixes the point.
+    pub(crate) fn set(&self, point: u64) {
+        self.0.store(point, Ordering::Release);
+    }
+
+    /// The fixed point, or the newest submission if none was fixed.
+    pub(crate) fn get(&self, device: &Device) -> u64 {
+        match self.0.load(Ordering::Acquire) {
+            Self::UNSET => device.queue.last_submitted(),
+            point => point,
+        }
+    }
+}
+
+/// A buffer with its memory, retired when the last holder drops it.
+#[derive(Debug)]
+pub(crate) struct Block {
+    pub(crate) device: Arc<Device>,
+    pub(crate) raw: RawBuffer,
+    pub(crate) retire_after: RetirePoint,
+}
+
+impl Block {
+    pub(crate) fn new(device: &Arc<Device>, raw: RawBuffer) -> Self {
+        Self { device: Arc::clone(device), raw, retire_after: RetirePoint::new() }
+    }
+
+    pub(crate) fn buffer(&self) -> vk::Buffer {
+        self.raw.buffer
+    }
+
+    /// Says that nothing submitted from now on uses this block by its address.
+    pub(crate) fn released(&self) {
+        self.retire_after.set(self.device.queue.last_submitted());
+    }
+}
+
+impl Drop for Block {
+    fn drop(&mut self) {
+        self.device.retire(self.retire_after.get(&self.device), Retired::Memory(self.raw));
+    }
+}

@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What devices there are, what each can do, which one is used and why: for `doctor`, logs and the choice itself.
+//!
+//! Reading a device changes nothing. Any thread; each [`enumerate`] loads its own instance.
+
+use ash::vk;
+
+use crate::capabilities::{Capabilities, probe_features};
+use crate::error::GpuError;
+use crate::instance::{Instance, Validation, vulkan_error};
+use crate::select;
+
+/// What kind of device it is, in the order of preference.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum DeviceKind {
+    /// A GPU with memory of its own.
+    Discrete,
+    /// A GPU that shares the host's memory.
+    Integrated,
+    /// A GPU seen through a virtual machine.
+    Virtual,
+    /// A software renderer on the CPU.
+    Cpu,
+    /// Anything else.
+    Other,
+}
+
+impl std::fmt::Display for DeviceKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Discrete => "discrete GPU",
+            Self::Integrated => "integrated GPU",
+            Self::Virtual => "virtual GPU",
+            Self::Cpu => "CPU",
+            Self::Other => "other device",
+        })
+    }
+}
+
+/// One memory heap of a device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HeapReport {
+    /// Size in bytes.
+    pub bytes: u64,
+    /// It is the device's own (or, on a unified device, the only) memory.
+    pub device_local: bool,
+    /// Bytes that the driver says are free to this process now; None without `VK_EXT_memory_budget`.
+    pub free: Option<u64>,
+}
+
+/// Everything `doctor` says about one device.
+#[derive(Clone, Debug)]
+pub struct DeviceReport {
+    /// Position in the driver's list; what a selector's number means.
+    pub index: usize,
+    /// Name as the driver gives it.
+    pub name: String,
+    /// What kind of device it is.
+    pub kind: DeviceKind,
+    /// Driver name and version.
+    pub driver: String,
+    /// Vulkan version of the device, as `major.minor.patch`.
+    pub api: String,
+    /// All memory heaps.
+    pub heaps: Vec<HeapReport>,
+    /// What it can do.
+    pub capabilities: Capabilities,
+    /// Names of the required capabilities it lacks; empty = usable.
+    pub missing: Vec<&'static str>,
+    /// It is the one to be used.
+    pub chosen: bool,
+    /// One sentence: why it is or is not the one.
+    pub why: String,
+}
+
+impl DeviceReport {
+    /// Bytes of the largest device-local heap.
+    #[must_use]
+    pub fn device_bytes(&self) -> u64 {
+        self.heaps.iter().filter(|heap| heap.device_local).map(|heap| heap.bytes).max().unwrap_or(0)
+    }
+}
+
+/// All devices, with `chosen` and `why` as if opened without a selector.
+///
+/// # Errors
+/// [`GpuError::NoDevice`] when there is no loader or no driver. An empty list of usable devices is not an error here.
+pub fn enumerate() -> Result<Vec<DeviceReport>, GpuError> {
+    enumerate_for(None)
+}
+
+/// All devices, with `chosen` and `why` as [`Gpu::open`](crate::Gpu::open) with this selector would decide.
+///
+/// # Errors
+/// As [`enumerate`]. A selector that names no device leaves all unchosen, and says so in each `why`.
+pub fn enumerate_for(selector: Option<&str>) -> Result<Vec<DeviceReport>, GpuError> {
+    let instance = Instance::new(Validation::Off)?;
+    let mut reports: Vec<_> = probe_all(&instance)?.into_iter().map(|probed| probed.report).collect();
+    match select::choose(&reports, selector) {
+        Ok(chosen) => select::explain(&mut reports, chosen, selector),
+        Err(error) => {
+            for report in &mut reports {
+                report.why = if report.missing.is_empty() {
+                    format!("not used: {error}")
+                } else {
+                    format!("cannot be used: it lacks {}", report.missing.join(", "))
+                };
+            }
+        }
+    }
+    Ok(reports)
+}
+
+/// A device with what is needed to open it.
+pub(crate) struct Probed {
+    pub(crate) physical: vk::PhysicalDevice,
+    pub(crate) report: DeviceReport,
+    pub(crate) properties: vk::PhysicalDeviceProperties,
+    pub(crate) max_allocation_bytes: u64,
+    pub(crate) subgroup_size: u32,
+    pub(crate) queue_family: u32,
+    pub(crate) timestamp_bits: u32,
+}
+
+/// Reads every device of the instance, in the driver's order.
+pub(crate) fn probe_all(instance: &Instance) -> Result<Vec<Probed>, GpuError> {
+    // SAFETY: no preconditions beyond a live instance.
+    let physicals = unsafe { instance.raw.enumerate_physical_devices() }
+        .map_err(|code| vulkan_error("vkEnumeratePhysicalDevices", code))?;
+    physicals.into_iter().enumerate().map(|(index, physical)| probe(instance, index, physical)).collect()
+}
+
+fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Result<Probed, GpuError> {
+    // SAFETY: `physical` comes from this instance.
+    let properties = unsafe { instance.raw.get_physical_device_properties(physical) };
+    let modern = properties.api_version >= vk::API_VERSION_1_2;
+    let mut v11 = vk::PhysicalDeviceVulkan11Properties::default();
+    let mut v12 = vk::PhysicalDeviceVulkan12Properties::default();
+    let mut capabilities = Capabilities::default();
+    if modern {
+        let mut chain = vk::PhysicalDeviceProperties2::default().push_next(&mut v11).push_next(&mut v12);
+        // SAFETY: the device speaks 1.2, so it knows both chained structures.
+        unsafe { instance.raw.get_physical_device_properties2(physical, &mut chain) };
+        capabilities = probe_features(&instance.raw, physical, &v11);
+    }
+    let (queue_family, timestamp_bits) = compute_family(instance, physical, &mut capabilities);
+    capabilities.timestamps = timestamp_bits > 0 && properties.limits.timestamp_period > 0.0;
+    capabilities.memory_budget = modern && has_memory_budget(instance, physical)?;
+    let version = properties.api_version;
+    let text = |bytes: Result<&std::ffi::CStr, _>| -> String {
+        bytes.map(|text| text.to_string_lossy().into_owned()).unwrap_or_default()
+    };
+    let report = DeviceReport {
+        index,
+        name: text(properties.device_name_as_c_str()),
+        kind: kind_of(properties.device_type),
+        driver: format!("{} {}", text(v12.driver_name_as_c_str()), text(v12.driver_info_as_c_str())).trim().to_owned(),
+        api: format!(
+            "{}.{}.{}",
+            vk::api_version_major(version),
+            vk::api_version_minor(version),
+            vk::api_version_patch(version)
+        ),
+        heaps: read_heaps(instance, physical, capabilities.memory_budget),
+        missing: capabilities.missing(),
+        capabilities,
+        chosen: false,
+        why: String::new(),
+    };
+    Ok(Probed {
+        physical,
+        report,
+        properties,
+        max_allocation_bytes: v11.max_memory_allocation_size,
+        subgroup_size: v11.subgroup_size,
+        queue_family,
+        timestamp_bits,
+    })
+}
+
+fn kind_of(device_type: vk::PhysicalDeviceType) -> DeviceKind {
+    match device_type {
+        vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::Discrete,
+        vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::Integrated,
+        vk::PhysicalDeviceType::VIRTUAL_GPU => DeviceKind::Virtual,
+        vk::PhysicalDeviceType::CPU => DeviceKind::Cpu,
+        _ => DeviceKind::Other,
+    }
+}
+
+/// The first queue family that computes, and its number of valid timestamp bits.
+fn compute_family(instance: &Instance, physical: vk::PhysicalDevice, found: &mut Capabilities) -> (u32, u32) {
+    // SAFETY: `physical` comes from this instance.
+    let families = unsafe { instance.raw.get_physical_device_queue_family_properties(physical) };
+    let family = (0_u32..).zip(&families).find(|(_, family)| family.queue_flags.contains(vk::QueueFlags::COMPUTE));
+    found.compute_queue = family.is_some();
+    family.map_or((0, 0), |(index, family)| (index, family.timestamp_valid_bits))
+}
+
+fn has_memory_budget(instance: &Instance, physical: vk::PhysicalDevice) -> Result<bool, GpuError> {
+    // SAFETY: `physical` comes from this instance.
+    let extensions = unsafe { instance.raw.enumerate_device_extension_properties(physical) }
+        .map_err(|code| vulkan_error("vkEnumerateDeviceExtensionProperties", code))?;
+    Ok(extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(ash::ext::memory_budget::NAME)))
+}
+
+/// Reads all heaps; `free` only when the extension is there.
+pub(crate) fn read_heaps(instance: &Instance, physical: vk::PhysicalDevice, budget: bool) -> Vec<HeapReport> {
+    let mut budgets = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+    let mut memory = vk::PhysicalDeviceMemoryProperties2::default();
+    if budget {
+        memory = memory.push_next(&mut budgets);
+    }
+    // SAFETY: `physical` comes from this instance, and the chained structure is one that the device supports.
+    unsafe { instance.raw.get_physical_device_memory_properties2(physical, &mut memory) };
+    let memory = memory.memory_properties;
+    let report = |(heap, (&limit, &usage)): (&vk::MemoryHeap, (&u64, &u64))| HeapReport {
+        bytes: heap.size,
+        device_local: heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL),
+        free: budget.then(|| limit.saturating_sub(usage)),
+    };
+    memory.memory_heaps_as_slice().iter().zip(budgets.heap_budget.iter().zip(&budgets.heap_usage)).map(report).collect()
+}

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Work that was handed to the GPU: is it done, wait for it, how long did it take. Any thread.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::error::GpuError;
+use crate::gpu::Gpu;
+use crate::timer::Timer;
+
+/// One submitted command list. Dropping it does not wait and does not cancel.
+#[derive(Debug)]
+pub struct Submission {
+    gpu: Arc<Gpu>,
+    value: u64,
+    label: String,
+    timer: Option<Arc<Timer>>,
+}
+
+impl Submission {
+    pub(crate) fn new(gpu: &Arc<Gpu>, value: u64, label: String, timer: Option<Arc<Timer>>) -> Self {
+        Self { gpu: Arc::clone(gpu), value, label, timer }
+    }
+
+    /// True once the GPU has finished it, and after the loss of the device (which [`Submission::wait`] reports).
+    #[must_use]
+    pub fn is_done(&self) -> bool {
+        self.gpu.device().completed() >= self.value
+    }
+
+    /// Ok(true) once it has finished, Ok(false) when `timeout` passed first. Afterwards the host sees all it wrote.
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`], or a failed call.
+    pub fn wait(&self, timeout: Duration) -> Result<bool, GpuError> {
+        let device = self.gpu.device();
+        let timeout_ns = u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX);
+        let done = device.queue.wait(device, self.value, timeout_ns)?;
+        if done {
+            device.collect();
+        }
+        Ok(done)
+    }
+
+    /// Name and seconds of each operation and span, in recording order. Empty when not profiled, not done, or lost. Operations of a
+    /// concurrent section overlap, so their times do not add up.
+    #[must_use]
+    pub fn timings(&self) -> Vec<(String, f64)> {
+        let device = self.gpu.device();
+        match &self.timer {
+            Some(timer) if self.is_done() && device.check_alive().is_ok() => timer.read().unwrap_or_else(|error| {
+                tracing::warn!(%error, "timings of {} were lost", self.label);
+                Vec::new()
+            }),
+            _ => Vec::new(),
+        }
+    }
+
+    /// The label of its command list.
+    #[must_use]
+    pub fn label(&self) -> &str {
+        &self.label
+    }
+}
