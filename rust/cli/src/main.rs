@@ -1,1 +1,36 @@
-fn main(){}
+// SPDX-License-Identifier: Apache-2.0
+//! `oocpt`: looks at the machine (`doctor`) and measures the renderer (`bench`).
+#![forbid(unsafe_code)]
+#![expect(clippy::print_stdout, reason = "a command line program reports on standard output")]
+
+mod bench;
+mod doctor;
+
+use anyhow::Result;
+use clap::{Parser, Subcommand};
+
+#[derive(Parser)]
+#[command(name = "oocpt", version, about = "OocPT: an out-of-core path tracer for Hydra")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Lists devices, drivers and capabilities; says which device will be used and why.
+    Doctor(doctor::Arguments),
+    /// Renders a bench scene and prints a table and JSON.
+    Bench(bench::Arguments),
+}
+
+fn main() -> Result<()> {
+    tracing_subscriber::fmt()
+        .with_env_filter(tracing_subscriber::EnvFilter::from_env("OOCPT_LOG"))
+        .with_writer(std::io::stderr)
+        .init();
+    match Arguments::parse().command {
+        Command::Doctor(arguments) => doctor::run(&arguments),
+        Command::Bench(arguments) => bench::run(&arguments),
+    }
+}

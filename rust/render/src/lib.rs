@@ -1,1 +1,30 @@
-//! placeholder until written
+// SPDX-License-Identifier: Apache-2.0
+//! OocPT's renderer: a [`Session`] takes scene edits and requests, and renders them on its own thread.
+//!
+//! The straight line of a ray: [`frame`] (what a render consists of) -> [`waves`] (what is submitted when) ->
+//! [`wavefront`] (the passes of one wave: generate, intersect, shade, accumulate) -> [`film`] (images) -> the session's
+//! published images. The straight line of a mesh: `oocpt_core::scene` -> [`scene`] (upload, build, tables) -> traversal.
+#![forbid(unsafe_code)]
+
+mod aov;
+mod device;
+mod error;
+mod film;
+mod frame;
+mod progress;
+mod publish;
+mod request;
+mod scene;
+mod schedule;
+mod session;
+mod specialise;
+mod thread;
+mod timings;
+mod waves;
+mod wavefront;
+
+pub use aov::{AovKind, AovRequest};
+pub use error::RenderError;
+pub use request::{MAX_PIXELS, MAX_SIDE, Message, RenderRequest, Severity};
+pub use session::{Session, SessionOptions};
+pub use timings::{PassTime, Timings};

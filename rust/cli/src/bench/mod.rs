@@ -1,0 +1,283 @@
+// SPDX-License-Identifier: Apache-2.0
+//! `oocpt bench`: renders a scene several times on a warm device and prints medians as a table and as JSON.
+//!
+//! Speed is measured here and only here; tests never time. The first render warms the device up and is not counted. A
+//! last, profiled render says where the time goes; its total is not used, since timestamps cost a little.
+
+mod forest;
+
+use anyhow::{Context, Result, bail};
+use oocpt_core::settings::Settings;
+use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions, Severity, Timings};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Longest wait for one render.
+const TIMEOUT: Duration = Duration::from_secs(3600);
+
+/// Options of `oocpt bench`.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// Image width, pixels.
+    #[arg(long, default_value_t = 1024)]
+    width: u32,
+    /// Image height, pixels.
+    #[arg(long, default_value_t = 429)]
+    height: u32,
+    /// Samples per pixel.
+    #[arg(long, default_value_t = 256)]
+    samples: u32,
+    /// Indirect bounces.
+    #[arg(long, default_value_t = 5)]
+    bounces: u32,
+    /// Instances in the forest.
+    #[arg(long, default_value_t = 100_000)]
+    instances: u32,
+    /// Counted runs.
+    #[arg(long, default_value_t = 3)]
+    runs: u32,
+    /// Device: an index or a part of its name.
+    #[arg(long, env = "OOCPT_DEVICE", default_value = "")]
+    device: String,
+    /// Also write the report as JSON to this file.
+    #[arg(long)]
+    json: Option<PathBuf>,
+    /// Also write the picture as PNG (sRGB) to this file.
+    #[arg(long)]
+    picture: Option<PathBuf>,
+}
+
+/// One pass of the profiled run.
+#[derive(Serialize)]
+struct PassRow {
+    name: String,
+    secs: f64,
+    share: f64,
+    runs: u64,
+}
+
+/// Everything a bench says.
+#[derive(Serialize)]
+struct Report {
+    scene: &'static str,
+    device: String,
+    driver: String,
+    width: u32,
+    height: u32,
+    samples: u32,
+    bounces: u32,
+    instances: u64,
+    unique_triangles: u64,
+    instanced_triangles: u64,
+    gpu_mib: u64,
+    commit_secs: f64,
+    upload_secs: f64,
+    build_secs: f64,
+    compile_secs: f64,
+    trace_secs: Vec<f64>,
+    median_trace_secs: f64,
+    mpaths_per_sec: f64,
+    mrays_per_sec: f64,
+    rays_per_path: f64,
+    closest_rays: u64,
+    shadow_rays: u64,
+    waves: u64,
+    /// Of GPU time, profiled run.
+    passes: Vec<PassRow>,
+    /// Million closest-hit rays a second while `intersect_closest` runs.
+    closest_mrays_per_sec: f64,
+    /// Million shadow rays a second while `intersect_shadow` runs.
+    shadow_mrays_per_sec: f64,
+}
+
+/// Runs the bench.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let settings = Settings {
+        samples_per_pixel: arguments.samples,
+        max_bounces: arguments.bounces,
+        device: arguments.device.clone(),
+        interactive: false,
+        ..Settings::default()
+    };
+    let session = Session::with_options(settings, SessionOptions::default());
+    let started = std::time::Instant::now();
+    session.with_scene(|db| forest::build(db, arguments.instances))?;
+    session.render(request(arguments));
+    let commit_secs = started.elapsed().as_secs_f64();
+    finish(&session).context("warm-up render")?;
+    let first = session.timings();
+    let mut runs = Vec::new();
+    for _ in 0..arguments.runs.max(1) {
+        session.restart();
+        finish(&session)?;
+        runs.push(session.timings());
+    }
+    session.set_profiling(true);
+    session.restart();
+    finish(&session).context("profiled render")?;
+    let report = report(arguments, &session, &first, &runs, commit_secs);
+    print_table(&report);
+    let json = serde_json::to_string_pretty(&report)?;
+    match &arguments.json {
+        Some(path) => std::fs::write(path, json).with_context(|| format!("cannot write {}", path.display()))?,
+        None => println!("{json}"),
+    }
+    arguments.picture.as_ref().map_or(Ok(()), |path| write_picture(&session, arguments, path))
+}
+
+fn request(arguments: &Arguments) -> RenderRequest {
+    RenderRequest {
+        width: arguments.width,
+        height: arguments.height,
+        camera: forest::camera(arguments.width, arguments.height),
+        aovs: vec![AovRequest { kind: AovKind::Color, clear: [0.0; 4] }],
+    }
+}
+
+fn finish(session: &Session) -> Result<()> {
+    let converged = session.wait_converged(TIMEOUT);
+    for message in session.take_messages() {
+        if message.severity == Severity::Error {
+            bail!(message.text);
+        }
+        println!("warning: {}", message.text);
+    }
+    if !converged {
+        bail!("the render did not finish within {} s", TIMEOUT.as_secs());
+    }
+    Ok(())
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]
+fn report(
+    arguments: &Arguments,
+    session: &Session,
+    first: &Timings,
+    runs: &[Timings],
+    commit_secs: f64,
+) -> Report {
+    let (stats, profiled) = (session.stats(), session.timings());
+    let trace_secs: Vec<f64> = runs.iter().map(|run| run.trace_secs).collect();
+    let median_secs = median(trace_secs.clone());
+    let total: f64 = profiled.passes.iter().map(|pass| pass.secs).sum();
+    let pass_secs = |name: &str| profiled.passes.iter().find(|pass| pass.name == name).map_or(f64::NAN, |p| p.secs);
+    let rays = (profiled.closest_rays + profiled.shadow_rays) as f64;
+    let device = session.device_report();
+    Report {
+        scene: "forest",
+        device: device.as_ref().map(|d| d.name.clone()).unwrap_or_default(),
+        driver: device.map(|d| d.driver).unwrap_or_default(),
+        width: arguments.width,
+        height: arguments.height,
+        samples: arguments.samples,
+        bounces: arguments.bounces,
+        instances: stats.instances,
+        unique_triangles: stats.unique_triangles,
+        instanced_triangles: stats.triangles,
+        gpu_mib: stats.gpu_peak_bytes >> 20,
+        commit_secs,
+        upload_secs: first.upload_secs,
+        build_secs: first.build_secs,
+        compile_secs: first.compile_secs,
+        median_trace_secs: median_secs,
+        mpaths_per_sec: profiled.paths as f64 / median_secs * 1e-6,
+        mrays_per_sec: rays / median_secs * 1e-6,
+        rays_per_path: rays / profiled.paths as f64,
+        closest_rays: profiled.closest_rays,
+        shadow_rays: profiled.shadow_rays,
+        waves: profiled.waves,
+        closest_mrays_per_sec: profiled.closest_rays as f64 / pass_secs("intersect_closest") * 1e-6,
+        shadow_mrays_per_sec: profiled.shadow_rays as f64 / pass_secs("intersect_shadow") * 1e-6,
+        passes: profiled
+            .passes
+            .iter()
+            .map(|pass| PassRow { name: pass.name.clone(), secs: pass.secs, share: pass.secs / total, runs: pass.runs })
+            .collect(),
+        trace_secs,
+    }
+}
+
+fn print_table(report: &Report) {
+    println!("{} on {} ({})", report.scene, report.device, report.driver);
+    println!(
+        "{} x {} px, {} samples, {} bounces; {} instances, {} unique and {} instanced triangles; {} MiB on the GPU",
+        report.width,
+        report.height,
+        report.samples,
+        report.bounces,
+        report.instances,
+        report.unique_triangles,
+        report.instanced_triangles,
+        report.gpu_mib
+    );
+    println!(
+        "commit {:.3} s, upload {:.3} s, instance level build {:.3} s, compile {:.3} s",
+        report.commit_secs, report.upload_secs, report.build_secs, report.compile_secs
+    );
+    println!(
+        "trace {:.3} s (median of {}): {:.2} Mpaths/s, {:.1} Mrays/s, {:.2} rays a path",
+        report.median_trace_secs,
+        report.trace_secs.len(),
+        report.mpaths_per_sec,
+        report.mrays_per_sec,
+        report.rays_per_path
+    );
+    println!(
+        "within its pass: closest {:.0} Mrays/s, shadow {:.0} Mrays/s",
+        report.closest_mrays_per_sec, report.shadow_mrays_per_sec
+    );
+    println!("{:<24}{:>10}{:>8}{:>10}", "pass", "GPU s", "share", "runs");
+    for pass in &report.passes {
+        println!("{:<24}{:>10.4}{:>7.1}%{:>10}", pass.name, pass.secs, pass.share * 100.0, pass.runs);
+    }
+}
+
+/// Writes the colour image as 8-bit sRGB, top row first.
+fn write_picture(session: &Session, arguments: &Arguments, path: &std::path::Path) -> Result<()> {
+    let (width, height) = (arguments.width as usize, arguments.height as usize);
+    let mut pixels = vec![0_f32; width * height * 4];
+    if !session.read_aov(AovKind::Color, bytemuck::cast_slice_mut(&mut pixels)) {
+        bail!("there is no image to write");
+    }
+    let mut image = image::RgbImage::new(arguments.width, arguments.height);
+    for (x, y, out) in image.enumerate_pixels_mut() {
+        let start = ((height - 1 - y as usize) * width + x as usize) * 4;
+        for (channel, value) in out.0.iter_mut().zip(&pixels[start..start + 3]) {
+            *channel = srgb8(*value);
+        }
+    }
+    image.save(path).with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// IEC 61966-2-1 transfer function, rounded to 8 bits.
+fn srgb8(linear: f32) -> u8 {
+    let x = linear.clamp(0.0, 1.0);
+    let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in 0..=255 by the clamp")]
+    let byte = (encoded * 255.0).round() as u8;
+    byte
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn srgb_of_known_values() {
+        assert_eq!(srgb8(0.0), 0, "black stays black");
+        assert_eq!(srgb8(1.0), 255, "white stays white");
+        assert_eq!(srgb8(0.214_04), 127, "middle grey");
+        assert_eq!(srgb8(f32::NAN), 0, "NaN must not wrap");
+    }
+
+    #[test]
+    fn median_of_an_odd_count_is_the_middle() {
+        assert!((median(vec![3.0, 1.0, 2.0]) - 2.0).abs() < f64::EPSILON, "the middle of three");
+    }
+}

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+//! One open device of the process, shared by all sessions that ask for the same: its memory heap and its pipelines.
+//!
+//! A device stays open until the process ends or it is lost: hosts make and drop delegates all the time, and compiling
+//! the passes again for each would cost seconds. Its budget is that of the last session that set one.
+
+use crate::error::RenderError;
+use crate::session::lock;
+use oocpt_gpu::{Gpu, GpuError, Heap, OpenOptions, Pipeline};
+use oocpt_shader_abi::{LbvhPush, Module, Push};
+use rustc_hash::FxHashMap;
+use std::sync::{Arc, Mutex};
+
+/// Size of the arenas scene data is placed in, bytes.
+const ARENA_BYTES: u64 = 64 << 20;
+
+/// What a pipeline is specialised by, in the order of the specialisation constants' ids (`shader_abi`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Specialisation {
+    /// Deepest chain of instance records, at least 1.
+    pub(crate) max_levels: u32,
+    /// Traversal stack entries of a ray.
+    pub(crate) stack_size: u32,
+    /// `oocpt_shader_abi::features` bits.
+    pub(crate) features: u32,
+}
+
+/// Which device to open and how.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct DeviceOptions {
+    /// Index or name part; empty chooses the best.
+    pub(crate) selector: String,
+    /// Turns the validation layer on; its messages are errors of the session.
+    pub(crate) validation: bool,
+}
+
+/// An open device with what all frames on it share.
+#[derive(Debug)]
+pub(crate) struct Device {
+    pub(crate) gpu: Arc<Gpu>,
+    pub(crate) heap: Heap,
+    options: DeviceOptions,
+    pipelines: Mutex<FxHashMap<(&'static str, Specialisation), Arc<Pipeline>>>,
+}
+
+static OPEN: Mutex<Vec<Arc<Device>>> = Mutex::new(Vec::new());
+
+impl Device {
+    /// The open device of these options, or a newly opened one.
+    pub(crate) fn open(options: &DeviceOptions) -> Result<Arc<Self>, RenderError> {
+        let mut open = lock(&OPEN);
+        if let Some(device) = open.iter().find(|device| device.options == *options) {
+            return Ok(Arc::clone(device));
+        }
+        let gpu = Gpu::open(&OpenOptions {
+            selector: (!options.selector.is_empty()).then(|| options.selector.clone()),
+            validation: options.validation,
+            ..OpenOptions::default()
+        })?;
+        tracing::info!(device = gpu.report().name, "opened");
+        let heap = Heap::new(&gpu, "scene", ARENA_BYTES)?;
+        let device = Arc::new(Self { gpu, heap, options: options.clone(), pipelines: Mutex::default() });
+        open.push(Arc::clone(&device));
+        Ok(device)
+    }
+
+    /// Makes the next [`Device::open`] open anew: after the loss of this device.
+    pub(crate) fn forget(self: &Arc<Self>) {
+        lock(&OPEN).retain(|device| !Arc::ptr_eq(device, self));
+    }
+
+    /// The pipeline of `module` for `special`, compiled at first use.
+    pub(crate) fn pipeline(&self, module: &'static Module, special: Specialisation) -> Result<Arc<Pipeline>, GpuError> {
+        let key = (module.name, special);
+        if let Some(pipeline) = lock(&self.pipelines).get(&key) {
+            return Ok(Arc::clone(pipeline));
+        }
+        let constants = [(0, special.max_levels), (1, special.stack_size), (2, special.features)];
+        let push = if module.name.starts_with("lbvh_") { size_of::<LbvhPush>() } else { size_of::<Push>() };
+        // Push constants are at most 128 bytes.
+        let push_bytes = u32::try_from(push).unwrap_or(u32::MAX);
+        let pipeline = Arc::new(Pipeline::new(&self.gpu, module.name, module.words, &constants, push_bytes)?);
+        Ok(Arc::clone(lock(&self.pipelines).entry(key).or_insert(pipeline)))
+    }
+}

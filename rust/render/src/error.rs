@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What can go wrong while rendering, as the caller can act on it.
+//!
+//! Every variant ends the current render: the session reports it once as a [`crate::Message`], keeps the last image it
+//! published and calls itself converged, so that no host waits for ever.
+
+use oocpt_core::camera::CameraError;
+use oocpt_gpu::GpuError;
+
+/// Why a render ended early.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// The device, the driver or the memory budget said no.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// The camera's matrices cannot be inverted or are not finite.
+    #[error("camera: {0}")]
+    Camera(#[from] CameraError),
+    /// The image asked for is empty or larger than the renderer supports.
+    #[error("an image of {width} x {height} pixels is not supported (1 to {max} pixels a side, {max_pixels} in all)")]
+    ImageSize {
+        /// Width asked for, pixels.
+        width: u32,
+        /// Height asked for, pixels.
+        height: u32,
+        /// Largest side, pixels.
+        max: u32,
+        /// Largest area, pixels.
+        max_pixels: u64,
+    },
+    /// The scene has more of something than the 32-bit ids of the GPU tables can number.
+    #[error("the scene has {count} {what}; at most {limit} are supported")]
+    TooMany {
+        /// What is being counted, in the plural.
+        what: &'static str,
+        /// How many the scene has.
+        count: u64,
+        /// How many are supported.
+        limit: u64,
+    },
+    /// Instancers are nested deeper than the traversal supports.
+    #[error("instancers are nested {levels} levels deep; at most {limit} are supported")]
+    TooDeep {
+        /// Levels the scene has.
+        levels: u32,
+        /// Levels supported.
+        limit: u32,
+    },
+    /// A ray needed more traversal stack than the host had sized for: a defect of this program, never silent.
+    #[error("{count} rays ran out of traversal stack; please report this scene")]
+    StackOverflow {
+        /// Rays affected.
+        count: u64,
+    },
+    /// The render thread met a defect of its own; the text is the panic message.
+    #[error("internal error in the render thread: {0}")]
+    Internal(String),
+}

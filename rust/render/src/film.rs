@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The images of a frame on the device and their way to the host.
+
+use crate::aov::{AovKind, AovRequest};
+use crate::publish::Published;
+use crate::request::RenderRequest;
+use crate::session::lock;
+use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
+use oocpt_shader_abi::{Counters, FilmPixel, Frame};
+use std::sync::{Arc, Mutex};
+
+/// Film, resolved colour and the planes of the other images.
+#[derive(Debug)]
+pub(crate) struct Film {
+    pixels: u64,
+    kinds: Vec<AovKind>,
+    /// `FilmPixel` per pixel; only with colour.
+    film: Option<Buffer>,
+    color: Option<Buffer>,
+    planes: Vec<(AovKind, Buffer)>,
+    /// One copy of every wanted image, then the counters.
+    readback: Buffer,
+}
+
+/// The images wanted, each kind once.
+fn wanted(request: &RenderRequest) -> Vec<AovKind> {
+    let mut kinds: Vec<AovKind> = request.aovs.iter().map(|aov| aov.kind).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    kinds
+}
+
+impl Film {
+    /// Memory for the images of `request`.
+    pub(crate) fn new(gpu: &Arc<Gpu>, request: &RenderRequest) -> Result<Self, GpuError> {
+        let (pixels, kinds) = (request.pixels(), wanted(request));
+        let plane = |name: &str, bytes: usize| Buffer::new(gpu, name, pixels * bytes as u64, Usage::Device);
+        let has_color = kinds.contains(&AovKind::Color);
+        let film = has_color.then(|| plane("film", size_of::<FilmPixel>())).transpose()?;
+        let color = has_color.then(|| plane("color", AovKind::Color.pixel_bytes())).transpose()?;
+        let mut planes = Vec::new();
+        for kind in kinds.iter().copied().filter(|kind| *kind != AovKind::Color) {
+            planes.push((kind, plane(kind.token(), kind.pixel_bytes())?));
+        }
+        let bytes: u64 = kinds.iter().map(|kind| pixels * kind.pixel_bytes() as u64).sum();
+        let readback = Buffer::new(gpu, "readback", bytes + size_of::<Counters>() as u64, Usage::Readback)?;
+        Ok(Self { pixels, kinds, film, color, planes, readback })
+    }
+
+    /// Whether these images serve `request` too.
+    pub(crate) fn fits(&self, request: &RenderRequest) -> bool {
+        self.pixels == request.pixels() && self.kinds == wanted(request)
+    }
+
+    /// Whether colour is wanted, which is what samples are for.
+    pub(crate) fn has_color(&self) -> bool {
+        self.film.is_some()
+    }
+
+    /// Whether any image is wanted that is traced through pixel centres.
+    pub(crate) fn has_planes(&self) -> bool {
+        !self.planes.is_empty()
+    }
+
+    /// Writes addresses and clear values into a frame block.
+    pub(crate) fn bind(&self, frame: &mut Frame, aovs: &[AovRequest]) {
+        frame.film = self.film.as_ref().map_or(0, Buffer::address);
+        frame.color = self.color.as_ref().map_or(0, Buffer::address);
+        for (kind, plane) in &self.planes {
+            let address = match kind {
+                AovKind::Color => continue,
+                AovKind::Depth => &mut frame.aov.depth,
+                AovKind::CameraDepth => &mut frame.aov.camera_depth,
+                AovKind::PrimId => &mut frame.aov.prim_id,
+                AovKind::InstanceId => &mut frame.aov.instance_id,
+                AovKind::ElementId => &mut frame.aov.element_id,
+                AovKind::Normal => &mut frame.aov.normal,
+                AovKind::Neye => &mut frame.aov.neye,
+                AovKind::Albedo => &mut frame.aov.albedo,
+            };
+            *address = plane.address();
+        }
+        for aov in aovs {
+            bind_clear(frame, aov);
+        }
+    }
+
+    /// Forgets all samples.
+    pub(crate) fn clear(&self, commands: &mut Commands) {
+        if let Some(film) = &self.film {
+            commands.fill(film, 0, film.size(), 0);
+        }
+    }
+
+    /// Copies every image and the counters to where the host can read them.
+    pub(crate) fn copy_out(&self, commands: &mut Commands, counters: &Buffer) {
+        let sources = self.color.iter().chain(self.planes.iter().map(|(_, plane)| plane));
+        commands.concurrent(|c| {
+            let mut offset = 0;
+            for source in sources {
+                c.copy(source, 0, &self.readback, offset, source.size());
+                offset += source.size();
+            }
+            c.copy(counters, 0, &self.readback, offset, size_of::<Counters>() as u64);
+        });
+    }
+
+    /// Publishes what [`Film::copy_out`] copied, once its commands are done; returns the counters.
+    pub(crate) fn publish(&self, published: &Mutex<Published>) -> Result<Counters, GpuError> {
+        let mut images = Vec::with_capacity(self.kinds.len());
+        let mut counters = Counters::default();
+        self.readback.map(|bytes| {
+            let mut rest: &[u8] = bytes;
+            for kind in &self.kinds {
+                // Fits: the readback buffer is mapped whole.
+                let bytes = usize::try_from(self.pixels).unwrap_or(usize::MAX).saturating_mul(kind.pixel_bytes());
+                let (image, after) = rest.split_at(bytes);
+                images.push((*kind, image.to_vec()));
+                rest = after;
+            }
+            counters = bytemuck::pod_read_unaligned(&rest[..size_of::<Counters>()]);
+        })?;
+        let mut published = lock(published);
+        published.retain(&self.kinds, self.pixels);
+        for (kind, image) in images {
+            published.put(kind, image);
+        }
+        Ok(counters)
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "ids are asked for as floats; rounding saturates")]
+fn bind_clear(frame: &mut Frame, aov: &AovRequest) {
+    let [x, y, z, _] = aov.clear;
+    let id = x.round() as i32;
+    match aov.kind {
+        AovKind::Color => frame.clear_color = aov.clear,
+        AovKind::Depth => frame.aov_clear.depth = x,
+        AovKind::CameraDepth => frame.aov_clear.camera_depth = x,
+        AovKind::PrimId => frame.aov_clear.prim_id = id,
+        AovKind::InstanceId => frame.aov_clear.instance_id = id,
+        AovKind::ElementId => frame.aov_clear.element_id = id,
+        AovKind::Normal => frame.aov_clear.normal = [x, y, z],
+        AovKind::Neye => frame.aov_clear.neye = [x, y, z],
+        AovKind::Albedo => frame.aov_clear.albedo = [x, y, z],
+    }
+}

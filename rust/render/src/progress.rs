@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Keeps the session's stats, timings and published images up to date while a frame renders.
+
+use crate::error::RenderError;
+use crate::film::Film;
+use crate::request::Severity;
+use crate::schedule::Wave;
+use crate::session::{Job, Shared, lock};
+use crate::timings::Timings;
+use oocpt_core::stats::Stats;
+use oocpt_gpu::Gpu;
+use oocpt_shader_abi::Counters;
+use std::time::{Duration, Instant};
+
+/// First interval between published images.
+const FIRST_INTERVAL: Duration = Duration::from_millis(100);
+/// Longest interval between published images.
+const LAST_INTERVAL: Duration = Duration::from_secs(2);
+
+/// The progress of one frame.
+#[derive(Debug)]
+pub(crate) struct Progress<'a> {
+    shared: &'a Shared,
+    started: Instant,
+    trace_started: Instant,
+    pixels: u64,
+    samples: u32,
+    limit: Option<Duration>,
+    done: u64,
+    next_publish: Instant,
+    interval: Duration,
+    pub(crate) timings: Timings,
+}
+
+impl<'a> Progress<'a> {
+    /// Starts the clock and resets the session's stats.
+    pub(crate) fn start(shared: &'a Shared, job: &Job) -> Self {
+        let now = Instant::now();
+        let counts = &job.snapshot.counts;
+        let small = |count: u128| u64::try_from(count).unwrap_or(u64::MAX);
+        *lock(&shared.stats) = Stats {
+            samples_target: job.settings.samples_per_pixel,
+            dropped: job.snapshot.dropped,
+            instances: small(counts.instances),
+            unique_triangles: counts.unique_triangles,
+            triangles: small(counts.instanced_triangles),
+            meshes: counts.meshes,
+            annotation: "opening the device".into(),
+            ..Stats::default()
+        };
+        let limit = job.settings.time_limit_secs;
+        Self {
+            shared,
+            started: now,
+            trace_started: now,
+            pixels: job.request.pixels(),
+            samples: job.settings.samples_per_pixel,
+            limit: (limit > 0.0).then(|| Duration::try_from_secs_f32(limit).unwrap_or(Duration::MAX)),
+            done: 0,
+            next_publish: now + FIRST_INTERVAL,
+            interval: FIRST_INTERVAL,
+            timings: Timings::default(),
+        }
+    }
+
+    /// Paths of the whole render.
+    pub(crate) fn total_paths(&self) -> u64 {
+        self.pixels * u64::from(self.samples)
+    }
+
+    /// Says in the stats what is going on.
+    pub(crate) fn stage(&self, annotation: &str) {
+        tracing::debug!(annotation, "stage");
+        lock(&self.shared.stats).annotation = annotation.into();
+    }
+
+    /// Says in the stats what this render was specialised to do without.
+    pub(crate) fn left_out(&self, features: Vec<String>) {
+        lock(&self.shared.stats).features_left_out = features;
+    }
+
+    /// The first wave is about to be submitted.
+    pub(crate) fn trace_started(&mut self) {
+        self.trace_started = Instant::now();
+    }
+
+    /// The last wave is done.
+    pub(crate) fn trace_ended(&mut self) {
+        self.timings.trace_secs = self.trace_started.elapsed().as_secs_f64();
+    }
+
+    /// Whether the time limit has passed.
+    pub(crate) fn out_of_time(&self) -> bool {
+        self.limit.is_some_and(|limit| self.started.elapsed() >= limit)
+    }
+
+    /// Whether the wave about to be submitted should end with an image.
+    pub(crate) fn publish_due(&mut self) -> bool {
+        let now = Instant::now();
+        if now < self.next_publish {
+            return false;
+        }
+        self.interval = (self.interval * 2).min(LAST_INTERVAL);
+        self.next_publish = now + self.interval;
+        true
+    }
+
+    /// Counts a finished wave.
+    #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "progress is shown, not computed with")]
+    pub(crate) fn wave_done(&mut self, wave: Wave) {
+        self.done += u64::from(wave.count);
+        self.timings.paths = self.done;
+        self.timings.waves += 1;
+        let mut stats = lock(&self.shared.stats);
+        stats.percent_done = (100.0 * self.done as f64 / self.total_paths().max(1) as f64) as f32;
+        stats.samples_completed = u32::try_from(self.done / self.pixels.max(1)).unwrap_or(u32::MAX);
+        stats.seconds_total = self.started.elapsed().as_secs_f64();
+        stats.annotation = format!("sample {} of {}", stats.samples_completed, self.samples);
+    }
+
+    /// Publishes the images that the last finished submission copied out.
+    #[expect(clippy::cast_precision_loss, reason = "rates are shown, not computed with")]
+    pub(crate) fn publish(&mut self, film: &Film) -> Result<(), RenderError> {
+        let Counters { closest_rays, shadow_rays, nonfinite, stack_overflows, .. } = film.publish(&self.shared.published)?;
+        self.timings.closest_rays = closest_rays;
+        self.timings.shadow_rays = shadow_rays;
+        let mut stats = lock(&self.shared.stats);
+        stats.rays_traced = closest_rays + shadow_rays;
+        stats.nonfinite_samples = u64::from(nonfinite);
+        stats.rays_per_second = stats.rays_traced as f64 / self.trace_started.elapsed().as_secs_f64().max(1e-9);
+        drop(stats);
+        if stack_overflows > 0 {
+            return Err(RenderError::StackOverflow { count: u64::from(stack_overflows) });
+        }
+        Ok(())
+    }
+
+    /// The render has ended as planned.
+    pub(crate) fn finish(&mut self) -> Result<(), RenderError> {
+        let mut stats = lock(&self.shared.stats);
+        stats.seconds_total = self.started.elapsed().as_secs_f64();
+        if self.done >= self.total_paths() {
+            stats.percent_done = 100.0;
+        }
+        stats.annotation = "done".into();
+        drop(stats);
+        *lock(&self.shared.timings) = self.timings.clone();
+        Ok(())
+    }
+
+    /// Notes memory use, and turns what the validation layer said into errors: it is only on in tests.
+    pub(crate) fn validation(&self, gpu: &Gpu) {
+        let memory = gpu.memory();
+        let mut stats = lock(&self.shared.stats);
+        (stats.gpu_bytes, stats.gpu_peak_bytes, stats.gpu_budget_bytes) = (memory.used, memory.peak, memory.budget);
+        drop(stats);
+        for message in gpu.take_validation_messages() {
+            self.shared.report(Severity::Error, format!("Vulkan validation: {message}"));
+        }
+    }
+}

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+//! One request to render, and the messages that come back.
+
+use crate::aov::AovRequest;
+use crate::error::RenderError;
+use oocpt_core::camera::Camera;
+
+/// Longest side of an image, pixels.
+pub const MAX_SIDE: u32 = 1 << 16;
+/// Largest image area, pixels: 2^28, 4 GiB of film.
+pub const MAX_PIXELS: u64 = 1 << 28;
+
+/// Everything a render depends on besides scene and settings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RenderRequest {
+    /// Width of every image, pixels.
+    pub width: u32,
+    /// Height of every image, pixels.
+    pub height: u32,
+    /// The camera, in f64 world space.
+    pub camera: Camera,
+    /// The images wanted; may be empty (nothing is rendered then).
+    pub aovs: Vec<AovRequest>,
+}
+
+impl RenderRequest {
+    /// Checks the image size against what the renderer supports.
+    pub fn validate(&self) -> Result<(), RenderError> {
+        let (width, height) = (self.width, self.height);
+        let area = u64::from(width) * u64::from(height);
+        if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || area > MAX_PIXELS {
+            return Err(RenderError::ImageSize { width, height, max: MAX_SIDE, max_pixels: MAX_PIXELS });
+        }
+        Ok(())
+    }
+
+    /// Pixels of the image.
+    pub fn pixels(&self) -> u64 {
+        u64::from(self.width) * u64::from(self.height)
+    }
+}
+
+/// How bad a message is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Severity {
+    /// Something was dropped or is not supported; the render goes on.
+    Warning,
+    /// The render ended early.
+    Error,
+}
+
+/// One message for the user; each problem is reported once.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Message {
+    /// How bad it is.
+    pub severity: Severity,
+    /// One line, with the prim path where there is one.
+    pub text: String,
+}

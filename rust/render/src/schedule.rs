@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Cuts a render into waves. Pure: sizes and measured times in, ranges of paths out.
+//!
+//! Path `p` of an image of `n` pixels is sample `p / n` of pixel `p % n`; a wave is a contiguous range of paths. The
+//! image does not depend on where the cuts fall, so wave sizes may follow the clock: they aim at a time per wave short
+//! enough for watchdogs and for pause and stop to be felt at once, and long enough to keep the device busy.
+
+/// A contiguous range of paths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Wave {
+    pub(crate) first: u64,
+    pub(crate) count: u32,
+}
+
+/// Hands out waves until all paths are given out.
+#[derive(Clone, Debug)]
+pub(crate) struct Schedule {
+    total: u64,
+    next: u64,
+    size: u32,
+    min: u32,
+    max: u32,
+    target_secs: f64,
+}
+
+impl Schedule {
+    /// `total` paths in waves of `start` at first, never more than `max`, aiming at `target_secs` a wave.
+    pub(crate) fn new(total: u64, start: u32, max: u32, target_secs: f64) -> Self {
+        let min = 4096.min(max);
+        Self { total, next: 0, size: start.clamp(min, max), min, max, target_secs }
+    }
+
+    /// The next wave, or none when all paths are given out.
+    pub(crate) fn next(&mut self) -> Option<Wave> {
+        let left = self.total.saturating_sub(self.next);
+        let count = u32::try_from(left.min(u64::from(self.size))).unwrap_or(self.size);
+        let wave = Wave { first: self.next, count };
+        self.next += u64::from(count);
+        (count > 0).then_some(wave)
+    }
+
+    /// Learns from a wave of `count` paths that took `secs`.
+    pub(crate) fn measured(&mut self, count: u32, secs: f64) {
+        if count < self.min.min(self.size) || secs.is_nan() || secs <= 0.0 {
+            return;
+        }
+        let ideal = f64::from(count) * self.target_secs / secs;
+        // At most a factor two a step: one odd measurement must not make a wave that trips a watchdog.
+        let bounded = ideal.clamp(f64::from(self.size) * 0.5, f64::from(self.size) * 2.0);
+        let rounded = (bounded / 4096.0).round() * 4096.0;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to u32 limits here")]
+        let size = rounded.clamp(f64::from(self.min), f64::from(self.max)) as u32;
+        self.size = size;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn waves_cover_every_path_once_in_order() {
+        let mut schedule = Schedule::new(100_001, 8192, 1 << 16, 0.05);
+        let mut expected = 0;
+        let mut odd = false;
+        while let Some(wave) = schedule.next() {
+            assert_eq!(wave.first, expected, "waves must be contiguous");
+            expected += u64::from(wave.count);
+            odd = !odd;
+            schedule.measured(wave.count, if odd { 0.01 } else { 1.0 });
+        }
+        assert_eq!(expected, 100_001, "every path must be in a wave");
+    }
+
+    #[test]
+    fn sizes_follow_the_clock_within_bounds() {
+        let mut schedule = Schedule::new(u64::MAX, 8192, 1 << 16, 0.05);
+        for _ in 0..20 {
+            let wave = schedule.next().expect("endless");
+            schedule.measured(wave.count, 1e-4);
+        }
+        assert_eq!(schedule.next().map(|wave| wave.count), Some(1 << 16), "fast waves must grow to the limit");
+        for _ in 0..20 {
+            let wave = schedule.next().expect("endless");
+            schedule.measured(wave.count, 10.0);
+        }
+        assert_eq!(schedule.next().map(|wave| wave.count), Some(4096), "slow waves must shrink to the minimum");
+    }
+}

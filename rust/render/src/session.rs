@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The renderer as one delegate sees it: a scene to edit, a request to render, a thread that renders it.
+//!
+//! States of a session's render thread:
+//! - `Idle`: no job, or the job is finished. Converged.
+//! - `Rendering`: waves are being traced. Not converged.
+//! - `Paused`: as `Rendering`, but no new wave starts. Not converged.
+//! - `Stopped`: the job was given up by [`Session::stop`]. Converged (with what it has).
+//!
+//! Transitions: `render` with anything changed and `restart` lead to `Rendering` from every state; the last wave, an
+//! error or the time limit lead to `Idle`; `pause`/`resume`/`stop` as named. They take effect at a wave boundary.
+//!
+//! Threads: every method may be called from any thread; they return without waiting for the GPU, except
+//! [`Session::stop`] with `blocking` and [`Session::wait_converged`]. Images are published before `is_converged` turns
+//! true, so that a host which reads after seeing it gets the final image.
+
+use crate::aov::AovKind;
+use crate::error::RenderError;
+use crate::publish::Published;
+use crate::request::{Message, RenderRequest, Severity};
+use crate::thread;
+use crate::timings::Timings;
+use oocpt_core::scene::{SceneDb, Snapshot};
+use oocpt_core::settings::{SettingError, Settings, Value};
+use oocpt_core::stats::Stats;
+use oocpt_gpu::DeviceReport;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// What to render; immutable once posted.
+#[derive(Debug)]
+pub(crate) struct Job {
+    pub(crate) snapshot: Arc<Snapshot>,
+    pub(crate) request: RenderRequest,
+    pub(crate) settings: Settings,
+    pub(crate) options: SessionOptions,
+}
+
+/// How a session runs, apart from what it renders.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SessionOptions {
+    /// Turns Vulkan's validation layer on; its messages become errors. For tests.
+    pub validation: bool,
+    /// Measures the GPU time of each pass ([`Session::timings`]); costs a little speed.
+    pub profile: bool,
+}
+
+/// What the host wants of the render thread.
+#[derive(Debug, Default)]
+pub(crate) struct Control {
+    pub(crate) job: Option<Arc<Job>>,
+    /// Grows with every posted or restarted job.
+    pub(crate) generation: u64,
+    /// Generation that the thread has finished with (rendered, failed or given up).
+    pub(crate) finished: u64,
+    pub(crate) paused: bool,
+    pub(crate) stopped: bool,
+    pub(crate) quit: bool,
+}
+
+impl Control {
+    fn is_rendering(&self) -> bool {
+        self.job.is_some() && self.finished != self.generation && !self.stopped
+    }
+}
+
+/// State shared between the host's threads and the render thread.
+#[derive(Debug, Default)]
+pub(crate) struct Shared {
+    control: Mutex<Control>,
+    changed: Condvar,
+    pub(crate) published: Mutex<Published>,
+    pub(crate) stats: Mutex<Stats>,
+    pub(crate) timings: Mutex<Timings>,
+    pub(crate) device: Mutex<Option<DeviceReport>>,
+    messages: Mutex<Vec<Message>>,
+}
+
+/// Locks a mutex; a panic elsewhere while it was held leaves plain data behind, which stays usable.
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Shared {
+    pub(crate) fn control(&self) -> MutexGuard<'_, Control> {
+        lock(&self.control)
+    }
+
+    pub(crate) fn wait<'a>(&self, guard: MutexGuard<'a, Control>) -> MutexGuard<'a, Control> {
+        self.changed.wait(guard).unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn notify(&self) {
+        self.changed.notify_all();
+    }
+
+    pub(crate) fn report(&self, severity: Severity, text: String) {
+        let message = Message { severity, text };
+        let mut messages = lock(&self.messages);
+        if !messages.contains(&message) {
+            messages.push(message);
+        }
+    }
+
+    pub(crate) fn fail(&self, error: &RenderError) {
+        tracing::error!(%error, "render ended early");
+        self.report(Severity::Error, error.to_string());
+    }
+}
+
+/// One scene, one camera, one render thread.
+#[derive(Debug)]
+pub struct Session {
+    shared: Arc<Shared>,
+    scene: Mutex<SceneDb>,
+    settings: Mutex<Settings>,
+    options: Mutex<SessionOptions>,
+    thread: Mutex<Option<JoinHandle<()>>>,
+}
+
+impl Session {
+    /// A session with an empty scene. Cheap: the device is opened by the first render, and its errors are messages.
+    pub fn new(settings: Settings) -> Self {
+        Self::with_options(settings, SessionOptions::default())
+    }
+
+    /// As [`Session::new`], with options.
+    pub fn with_options(settings: Settings, options: SessionOptions) -> Self {
+        Self {
+            shared: Arc::default(),
+            scene: Mutex::new(SceneDb::new()),
+            settings: Mutex::new(settings),
+            options: Mutex::new(options),
+            thread: Mutex::new(None),
+        }
+    }
+
+    /// Edits the scene; the edits take effect with the next [`Session::render`].
+    pub fn with_scene<R>(&self, edit: impl FnOnce(&mut SceneDb) -> R) -> R {
+        edit(&mut lock(&self.scene))
+    }
+
+    /// Changes one setting by its Hydra key; takes effect with the next [`Session::render`]. Returns whether it changed.
+    pub fn set_setting(&self, key: &str, value: Value) -> Result<bool, SettingError> {
+        lock(&self.settings).set(key, value)
+    }
+
+    /// The settings as they stand.
+    pub fn settings(&self) -> Settings {
+        lock(&self.settings).clone()
+    }
+
+    /// Commits the scene's edits and renders `request` in the background; an image under way is given up if anything
+    /// it depends on has changed, and goes on undisturbed otherwise. Returns at once.
+    pub fn render(&self, request: RenderRequest) {
+        let commit = lock(&self.scene).commit();
+        for warning in commit.warnings {
+            self.shared.report(Severity::Warning, format!("{}: {}", warning.path, warning.message));
+        }
+        let (settings, options) = (self.settings(), *lock(&self.options));
+        let mut control = self.shared.control();
+        let unchanged = control.job.as_ref().is_some_and(|job| {
+            job.snapshot.version == commit.snapshot.version && job.request == request && job.settings == settings
+        });
+        if unchanged {
+            return;
+        }
+        control.job = Some(Arc::new(Job { snapshot: commit.snapshot, request, settings, options }));
+        control.generation += 1;
+        control.stopped = false;
+        drop(control);
+        self.shared.notify();
+        self.ensure_thread();
+    }
+
+    fn ensure_thread(&self) {
+        let mut thread = lock(&self.thread);
+        if thread.is_some() {
+            return;
+        }
+        let shared = Arc::clone(&self.shared);
+        match std::thread::Builder::new().name("oocpt-render".into()).spawn(move || thread::run(&shared)) {
+            Ok(handle) => *thread = Some(handle),
+            Err(error) => {
+                self.shared.fail(&RenderError::Internal(format!("cannot start the render thread: {error}")));
+                let mut control = self.shared.control();
+                control.finished = control.generation;
+            }
+        }
+    }
+
+    /// Whether the images are final: rendered to the end, ended by an error, stopped, or nothing asked for.
+    pub fn is_converged(&self) -> bool {
+        !self.shared.control().is_rendering()
+    }
+
+    /// No new wave starts until [`Session::resume`].
+    pub fn pause(&self) {
+        self.shared.control().paused = true;
+        self.shared.notify();
+    }
+
+    /// Ends a pause.
+    pub fn resume(&self) {
+        self.shared.control().paused = false;
+        self.shared.notify();
+    }
+
+    /// Whether the session is paused.
+    pub fn is_paused(&self) -> bool {
+        self.shared.control().paused
+    }
+
+    /// Gives the current image up as it is. With `blocking`, returns when the render thread is idle.
+    pub fn stop(&self, blocking: bool) {
+        let mut control = self.shared.control();
+        control.stopped = true;
+        self.shared.notify();
+        let has_thread = lock(&self.thread).is_some();
+        while blocking && has_thread && control.job.is_some() && control.finished != control.generation {
+            control = self.shared.wait(control);
+        }
+    }
+
+    /// Whether the session was stopped and not restarted since.
+    pub fn is_stopped(&self) -> bool {
+        self.shared.control().stopped
+    }
+
+    /// Turns the measuring of passes on or off for renders that start from now on.
+    pub fn set_profiling(&self, profile: bool) {
+        lock(&self.options).profile = profile;
+    }
+
+    /// Renders the last request again from its first sample.
+    pub fn restart(&self) {
+        let options = *lock(&self.options);
+        let mut control = self.shared.control();
+        if let Some(job) = control.job.take() {
+            let Job { snapshot, request, settings, .. } = &*job;
+            let (snapshot, request, settings) = (Arc::clone(snapshot), request.clone(), settings.clone());
+            control.job = Some(Arc::new(Job { snapshot, request, settings, options }));
+        }
+        control.stopped = false;
+        control.paused = false;
+        control.generation += 1;
+        drop(control);
+        self.shared.notify();
+    }
+
+    /// Waits until [`Session::is_converged`], at most `timeout`; returns whether it is.
+    pub fn wait_converged(&self, timeout: Duration) -> bool {
+        let end = Instant::now() + timeout;
+        let mut control = self.shared.control();
+        while control.is_rendering() {
+            let left = end.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return false;
+            }
+            control = self.shared.changed.wait_timeout(control, left).unwrap_or_else(PoisonError::into_inner).0;
+        }
+        true
+    }
+
+    /// Copies the latest published image of `kind` to `out` (see [`crate::aov`] for its layout).
+    /// Returns false, with `out` untouched, when there is none yet or when its size in bytes differs.
+    pub fn read_aov(&self, kind: AovKind, out: &mut [u8]) -> bool {
+        lock(&self.shared.published).copy(kind, out)
+    }
+
+    /// Counters of the current or last render.
+    pub fn stats(&self) -> Stats {
+        lock(&self.shared.stats).clone()
+    }
+
+    /// Where the time of the last finished render went.
+    pub fn timings(&self) -> Timings {
+        lock(&self.shared.timings).clone()
+    }
+
+    /// The device that rendered last; none before the first render opened one.
+    pub fn device_report(&self) -> Option<DeviceReport> {
+        lock(&self.shared.device).clone()
+    }
+
+    /// The messages since the last call, oldest first.
+    pub fn take_messages(&self) -> Vec<Message> {
+        std::mem::take(&mut *lock(&self.shared.messages))
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        self.shared.control().quit = true;
+        self.shared.notify();
+        if let Some(handle) = lock(&self.thread).take()
+            && handle.join().is_err()
+        {
+            tracing::error!("the render thread had panicked");
+        }
+    }
+}

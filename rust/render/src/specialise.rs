@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What this scene and camera need of the passes, and what is left out for them.
+//!
+//! Pure. The answer becomes specialisation constants: pipelines are compiled without the absent parts, and the host
+//! does not make their buffers.
+
+use crate::device::Specialisation;
+use crate::scene::{LightTable, SceneView};
+use oocpt_core::camera::CameraRays;
+use oocpt_core::scene::{SceneFeatures, Snapshot};
+use oocpt_shader_abi::Features;
+
+/// The features a frame needs.
+pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRays) -> Features {
+    let mut features = Features::empty();
+    features.set(Features::DOME, lights.has_dome);
+    features.set(Features::DOME_SHADOW_RAYS, lights.has_dome);
+    features.set(Features::DISTANT, !lights.distant.is_empty());
+    features.set(Features::OPACITY, snapshot.features.contains(SceneFeatures::OPACITY));
+    features.set(Features::NORMALS, snapshot.features.contains(SceneFeatures::NORMALS));
+    features.set(Features::COLORS, snapshot.features.contains(SceneFeatures::COLORS));
+    features.set(Features::LENS, rays.lens_u != [0.0; 3] || rays.lens_v != [0.0; 3]);
+    features.set(Features::INSTANCING, snapshot.max_levels > 1);
+    features
+}
+
+/// The specialisation of the passes for these features.
+pub(crate) fn specialisation(features: Features, scene: &SceneView) -> Specialisation {
+    Specialisation { max_levels: scene.max_levels, stack_size: scene.stack_size, features: features.bits() }
+}
+
+/// What was left out, in words for the stats.
+pub(crate) fn left_out(features: Features, has_planes: bool) -> Vec<String> {
+    let parts = [
+        (Features::DOME, "dome light"),
+        (Features::DISTANT, "distant lights"),
+        (Features::OPACITY, "opacity in traversal"),
+        (Features::NORMALS, "interpolated normals"),
+        (Features::COLORS, "colours"),
+        (Features::LENS, "lens"),
+        (Features::INSTANCING, "nested instance levels"),
+    ];
+    let absent = parts.iter().filter(|(part, _)| !features.contains(*part)).map(|(_, name)| *name);
+    let planes = (!has_planes).then_some("pass trace_aovs and its images");
+    let streaming = "streaming: the whole scene is resident";
+    absent.chain(planes).chain(std::iter::once(streaming)).map(String::from).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_present_is_not_listed_as_left_out() {
+        let with = left_out(Features::DOME | Features::LENS, true);
+        assert!(!with.iter().any(|name| name == "lens" || name == "dome light"), "present parts are not left out");
+        let without = left_out(Features::empty(), false);
+        assert_eq!(without.len(), with.len() + 3, "dome, lens and the image pass are left out");
+    }
+}

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Where the time of a render went, for benches and reports.
+
+/// GPU time of one pass over a whole render; only measured when the session profiles.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PassTime {
+    /// The pass's name, which is also its shader's file name.
+    pub name: String,
+    /// Seconds of GPU time, all waves together.
+    pub secs: f64,
+    /// Times it ran.
+    pub runs: u64,
+}
+
+/// Where the time of the current or last render went.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Timings {
+    /// Making meshes, instance records and tables ready and handing them to the device, seconds.
+    pub upload_secs: f64,
+    /// Building the instance levels on the device, seconds.
+    pub build_secs: f64,
+    /// Compiling the passes for this scene, seconds; zero when they were compiled before.
+    pub compile_secs: f64,
+    /// From the first wave's submission to the last wave's end, seconds.
+    pub trace_secs: f64,
+    /// Bytes uploaded.
+    pub uploaded_bytes: u64,
+    /// Camera and bounce rays traced.
+    pub closest_rays: u64,
+    /// Shadow rays traced.
+    pub shadow_rays: u64,
+    /// Paths started.
+    pub paths: u64,
+    /// Waves submitted.
+    pub waves: u64,
+    /// GPU time by pass.
+    pub passes: Vec<PassTime>,
+}
+
+impl Timings {
+    /// Adds one measured pass.
+    pub(crate) fn add_pass(&mut self, name: &str, secs: f64) {
+        match self.passes.iter_mut().find(|pass| pass.name == name) {
+            Some(pass) => {
+                pass.secs += secs;
+                pass.runs += 1;
+            }
+            None => self.passes.push(PassTime { name: name.into(), secs, runs: 1 }),
+        }
+    }
+}

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The wavefront: the passes of one wave, the memory they work in, and the order they run in.
+//!
+//! A pass has one name: its shader is `shaders/wavefront/NAME.comp`, its field in [`Passes`] is `NAME`, and it shows
+//! under `NAME` in timings, debuggers and errors. Render thread only.
+
+mod buffers;
+mod record;
+
+pub(crate) use buffers::{WaveBuffers, path_bytes};
+pub(crate) use record::Recorder;
+
+use crate::device::{Device, Specialisation};
+use crate::error::RenderError;
+use oocpt_gpu::Pipeline;
+use oocpt_shader_abi::passes;
+use std::sync::Arc;
+
+/// The passes, compiled for one specialisation.
+#[derive(Debug)]
+pub(crate) struct Passes {
+    pub(crate) generate_camera_rays: Arc<Pipeline>,
+    pub(crate) prepare_dispatch: Arc<Pipeline>,
+    pub(crate) intersect_closest: Arc<Pipeline>,
+    pub(crate) shade_background: Arc<Pipeline>,
+    pub(crate) shade_surface: Arc<Pipeline>,
+    pub(crate) intersect_shadow: Arc<Pipeline>,
+    pub(crate) accumulate: Arc<Pipeline>,
+    pub(crate) resolve: Arc<Pipeline>,
+}
+
+impl Passes {
+    /// Compiles what is not compiled yet, the two traversals side by side since they take longest.
+    pub(crate) fn new(device: &Device, special: Specialisation) -> Result<Self, RenderError> {
+        let (closest, rest) = rayon::join(
+            || device.pipeline(&passes::INTERSECT_CLOSEST, special),
+            || -> Result<_, RenderError> {
+                let shadow = device.pipeline(&passes::INTERSECT_SHADOW, special)?;
+                Ok((shadow, device.pipeline(&passes::SHADE_SURFACE, special)?))
+            },
+        );
+        let (intersect_shadow, shade_surface) = rest?;
+        Ok(Self {
+            generate_camera_rays: device.pipeline(&passes::GENERATE_CAMERA_RAYS, special)?,
+            prepare_dispatch: device.pipeline(&passes::PREPARE_DISPATCH, special)?,
+            intersect_closest: closest?,
+            shade_background: device.pipeline(&passes::SHADE_BACKGROUND, special)?,
+            shade_surface,
+            intersect_shadow,
+            accumulate: device.pipeline(&passes::ACCUMULATE, special)?,
+            resolve: device.pipeline(&passes::RESOLVE, special)?,
+        })
+    }
+}

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Records one wave: the ray's straight line from camera to film.
+
+use super::{Passes, WaveBuffers};
+use crate::schedule::Wave;
+use oocpt_gpu::{Commands, Pipeline};
+use oocpt_shader_abi::{Counters, PREPARE_SHADE, PREPARE_TRACE, Push, groups};
+
+/// Records the passes of waves of one frame.
+#[derive(Debug)]
+pub(crate) struct Recorder<'a> {
+    pub(crate) passes: &'a Passes,
+    pub(crate) buffers: &'a WaveBuffers,
+    /// Device address of the frame block.
+    pub(crate) frame: u64,
+    pub(crate) pixels: u32,
+    pub(crate) max_bounces: u32,
+}
+
+impl Recorder<'_> {
+    /// Camera rays, bounces, film: everything a wave does, without a word from the host in between.
+    pub(crate) fn wave(&self, commands: &mut Commands, wave: Wave) {
+        let q = Push::wave(self.frame, wave.first, wave.count, self.pixels);
+        self.direct(commands, &self.passes.generate_camera_rays, q, wave.count);
+        self.direct(commands, &self.passes.prepare_dispatch, q.with(0, PREPARE_TRACE), 1);
+        self.indirect(commands, &self.passes.intersect_closest, q.with(0, 0), Counters::RAY_ARGS);
+        for bounce in 0..=self.max_bounces {
+            self.bounce(commands, q, bounce);
+        }
+        self.direct(commands, &self.passes.accumulate, q, wave.count.min(self.pixels));
+    }
+
+    /// Shades what the rays of `bounce` met; traces the shadow rays beside the rays of the next bounce.
+    fn bounce(&self, commands: &mut Commands, q: Push, bounce: u32) {
+        self.direct(commands, &self.passes.prepare_dispatch, q.with(bounce, PREPARE_SHADE), 1);
+        commands.concurrent(|c| {
+            self.indirect(c, &self.passes.shade_background, q.with(bounce, 0), Counters::ESCAPED_ARGS);
+            self.indirect(c, &self.passes.shade_surface, q.with(bounce, 0), Counters::SURFACE_ARGS);
+        });
+        self.direct(commands, &self.passes.prepare_dispatch, q.with(bounce + 1, PREPARE_TRACE), 1);
+        commands.concurrent(|c| {
+            self.indirect(c, &self.passes.intersect_shadow, q.with(bounce, 0), Counters::SHADOW_ARGS);
+            if bounce < self.max_bounces {
+                self.indirect(c, &self.passes.intersect_closest, q.with(bounce + 1, 0), Counters::RAY_ARGS);
+            }
+        });
+    }
+
+    /// The picture of what the film holds.
+    pub(crate) fn resolve(&self, commands: &mut Commands) {
+        let q = Push::wave(self.frame, 0, 0, self.pixels);
+        self.direct(commands, &self.passes.resolve, q, self.pixels);
+    }
+
+    fn direct(&self, commands: &mut Commands, pipeline: &Pipeline, push: Push, threads: u32) {
+        commands.dispatch(pipeline, bytemuck::bytes_of(&push), groups(u64::from(threads)));
+    }
+
+    fn indirect(&self, commands: &mut Commands, pipeline: &Pipeline, push: Push, arguments: u64) {
+        commands.dispatch_indirect(pipeline, bytemuck::bytes_of(&push), &self.buffers.counters, arguments);
+    }
+}

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Submits the work of a frame and publishes what comes back.
+//!
+//! Two waves are under way at any time, so the device does not wait for the host; the host asks the gate before each
+//! new one. An image is published at growing intervals and at the end.
+
+use crate::device::{Device, Specialisation};
+use crate::error::RenderError;
+use crate::film::Film;
+use crate::progress::Progress;
+use crate::schedule::{Schedule, Wave};
+use crate::session::Job;
+use crate::thread::Gate;
+use crate::wavefront::{Passes, Recorder, WaveBuffers};
+use oocpt_gpu::{Buffer, Commands, Submission};
+use oocpt_shader_abi::{Push, groups, passes};
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+/// Waves under way at the same time.
+const IN_FLIGHT: usize = 2;
+/// How long one submission may take before the device counts as lost.
+const WAVE_TIMEOUT: Duration = Duration::from_secs(120);
+
+/// Everything the submissions of one frame refer to.
+#[derive(Debug)]
+pub(crate) struct Frames<'a> {
+    pub(crate) device: &'a Device,
+    pub(crate) film: &'a Film,
+    pub(crate) buffers: &'a WaveBuffers,
+    pub(crate) passes: &'a Passes,
+    pub(crate) frame: &'a Buffer,
+    pub(crate) job: &'a Job,
+}
+
+impl Frames<'_> {
+    fn recorder(&self) -> Recorder<'_> {
+        Recorder {
+            passes: self.passes,
+            buffers: self.buffers,
+            frame: self.frame.address(),
+            // The request was validated: at most 2^28 pixels.
+            pixels: u32::try_from(self.job.request.pixels()).unwrap_or(u32::MAX),
+            max_bounces: self.job.settings.max_bounces,
+        }
+    }
+
+    fn commands(&self, label: &str) -> Result<Commands, RenderError> {
+        let mut commands = self.device.gpu.commands(label)?;
+        commands.profile(self.job.options.profile);
+        Ok(commands)
+    }
+
+    /// Ends `commands` with what publishing the film as it then is needs.
+    fn copy_out(&self, commands: &mut Commands) {
+        if self.film.has_color() {
+            self.recorder().resolve(commands);
+        }
+        self.film.copy_out(commands, &self.buffers.counters);
+    }
+}
+
+/// A wave under way.
+struct Flight {
+    submission: Submission,
+    wave: Wave,
+    submitted: Instant,
+    publishes: bool,
+}
+
+/// Forgets the samples and counters of the frame before.
+pub(crate) fn clear(frames: &Frames<'_>) -> Result<(), RenderError> {
+    let mut commands = frames.commands("clear")?;
+    let counters = &frames.buffers.counters;
+    commands.fill(counters, 0, counters.size(), 0);
+    frames.film.clear(&mut commands);
+    commands.submit()?;
+    Ok(())
+}
+
+/// Traces the images that go through pixel centres and publishes them; false when the gate said no.
+pub(crate) fn trace_planes(
+    frames: &Frames<'_>,
+    special: Specialisation,
+    gate: &Gate<'_>,
+    progress: &mut Progress<'_>,
+) -> Result<bool, RenderError> {
+    let pipeline = frames.device.pipeline(&passes::TRACE_AOVS, special)?;
+    let pixels = frames.recorder().pixels;
+    let mut schedule = Schedule::new(u64::from(pixels), 1 << 15, 1 << 22, 0.05);
+    while let Some(slice) = schedule.next() {
+        if !gate.proceed() {
+            return Ok(false);
+        }
+        let started = Instant::now();
+        let push = Push::wave(frames.frame.address(), slice.first, slice.count, pixels);
+        let mut commands = frames.commands("trace_aovs")?;
+        commands.dispatch(&pipeline, bytemuck::bytes_of(&push), groups(u64::from(slice.count)));
+        let last = slice.first + u64::from(slice.count) == u64::from(pixels);
+        if last && !frames.film.has_color() {
+            frames.copy_out(&mut commands);
+        }
+        let submission = commands.submit()?;
+        finish(&submission, progress)?;
+        schedule.measured(slice.count, started.elapsed().as_secs_f64());
+        if last && !frames.film.has_color() {
+            progress.publish(frames.film)?;
+        }
+    }
+    Ok(true)
+}
+
+/// Traces every wave of `schedule`, or as many as gate and time limit allow, and publishes the result.
+pub(crate) fn trace(
+    frames: &Frames<'_>,
+    mut schedule: Schedule,
+    gate: &Gate<'_>,
+    progress: &mut Progress<'_>,
+) -> Result<(), RenderError> {
+    if !frames.film.has_color() {
+        return progress.finish();
+    }
+    let mut flights: VecDeque<Flight> = VecDeque::with_capacity(IN_FLIGHT);
+    let mut more = true;
+    let mut last_end = Instant::now();
+    progress.trace_started();
+    loop {
+        while more && flights.len() < IN_FLIGHT {
+            let wave = if gate.proceed() && !progress.out_of_time() { schedule.next() } else { None };
+            more = wave.is_some();
+            if let Some(wave) = wave {
+                flights.push_back(launch(frames, wave, progress)?);
+            }
+        }
+        let Some(flight) = flights.pop_front() else { break };
+        finish(&flight.submission, progress)?;
+        let begun = flight.submitted.max(last_end);
+        last_end = Instant::now();
+        schedule.measured(flight.wave.count, last_end.duration_since(begun).as_secs_f64());
+        progress.wave_done(flight.wave);
+        if flight.publishes {
+            progress.publish(frames.film)?;
+        }
+    }
+    progress.trace_ended();
+    let mut commands = frames.commands("resolve")?;
+    frames.copy_out(&mut commands);
+    finish(&commands.submit()?, progress)?;
+    progress.publish(frames.film)?;
+    progress.finish()
+}
+
+fn launch(frames: &Frames<'_>, wave: Wave, progress: &mut Progress<'_>) -> Result<Flight, RenderError> {
+    let mut commands = frames.commands("wave")?;
+    frames.recorder().wave(&mut commands, wave);
+    let publishes = progress.publish_due();
+    if publishes {
+        frames.copy_out(&mut commands);
+    }
+    Ok(Flight { submission: commands.submit()?, wave, submitted: Instant::now(), publishes })
+}
+
+/// Waits for a submission and notes the times of its passes.
+fn finish(submission: &Submission, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+    if !submission.wait(WAVE_TIMEOUT)? {
+        return Err(RenderError::Internal(format!("a wave did not finish within {} s", WAVE_TIMEOUT.as_secs())));
+    }
+    for (pass, secs) in submission.timings() {
+        progress.timings.add_pass(&pass, secs);
+    }
+    Ok(())
+}
