@@ -27,6 +27,7 @@ class Viewer:
     """A stage, an engine, and what the next picture is to be."""
 
     def __init__(self, stage: Usd.Stage, size, camera: str, aovs: list[str], settings: dict, purposes: list[str]) -> None:
+        # The camera is a path, or a pair of matrices: view and projection.
         self.stage, self.size, self.camera, self.aovs = stage, tuple(size), camera, list(aovs)
         parameters = UsdImagingGL.Engine.Parameters()
         parameters.gpuEnabled = False
@@ -49,7 +50,10 @@ class Viewer:
         width, height = self.size
         self.engine.SetRenderBufferSize(Gf.Vec2i(width, height))
         self.engine.SetFraming(CameraUtil.Framing(Gf.Rect2i(Gf.Vec2i(0, 0), width, height)))
-        self.engine.SetCameraPath(Sdf.Path(self.camera))
+        if isinstance(self.camera, str):
+            self.engine.SetCameraPath(Sdf.Path(self.camera))
+        else:
+            self.engine.SetCameraState(*self.camera)
         if not aov_reader.set_aovs(self.engine, self.aovs):
             raise RuntimeError(f"the engine refused the AOVs {self.aovs}")
 

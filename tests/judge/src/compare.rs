@@ -143,6 +143,7 @@ pub fn compare_normals(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::single;
     use glam::DVec3;
 
     fn hits() -> Vec<(Option<FirstHit>, bool)> {
@@ -177,7 +178,7 @@ mod tests {
         let read = |hit: &FirstHit| hit.camera_depth;
         let mut depth: Vec<f32> = hits
             .iter()
-            .map(|(hit, _)| hit.map_or(0.0, |hit| hit.camera_depth as f32))
+            .map(|(hit, _)| hit.map_or(0.0, |hit| single(hit.camera_depth)))
             .collect();
         assert_eq!(compare_depth(&hits, read, 0.0, 1e-6, &depth), Ok(()));
         depth[7] *= 1.0 + 1e-4;

@@ -107,3 +107,12 @@ impl Image {
         image.write().to_file(path).map_err(|error| failed(error.to_string()))
     }
 }
+
+/// Rounds to the precision of images.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "rounding to single precision is the point"
+)]
+pub(crate) fn single(value: f64) -> f32 {
+    value as f32
+}

@@ -8,7 +8,7 @@
 use std::path::Path;
 
 use crate::JudgeError;
-use crate::image::Image;
+use crate::image::{Image, single};
 use crate::path_tracer::Reference;
 
 /// Chance of refusing a correct picture.
@@ -103,7 +103,7 @@ pub fn z_test(image: &Image, samples: u32, reference: &Reference) -> Result<ZRep
         let rounding = ROUNDING * mean.abs();
         let deviation = (variance.max(MIN_VARIANCE) * spread + rounding * rounding).sqrt();
         let p_value = two_sided((value - mean) / deviation);
-        p_values.data[index] = p_value as f32;
+        p_values.data[index] = single(p_value);
         passed += usize::from(p_value > alpha);
         let sum = &mut sums[index % image.channels];
         *sum = (sum.0 + value - mean, sum.1 + variance * spread, sum.2 + rounding);
@@ -177,8 +177,8 @@ mod tests {
             let level = bias * (edge + 0.3 * y as f64 / SIZE as f64);
             let mut random = Random::new(seed, index as u64, 0);
             let sum: f64 = (0..SAMPLES).map(|_| 2.0 * level * random.uniform()).sum();
-            mean.data[index] = (sum / f64::from(SAMPLES)) as f32;
-            variance.data[index] = (level * level / 3.0) as f32;
+            mean.data[index] = single(sum / f64::from(SAMPLES));
+            variance.data[index] = single(level * level / 3.0);
         }
         Reference {
             mean,
