@@ -18,7 +18,8 @@ enum class ElementTag : std::uint8_t;
 /// Contract for every subclass: bytes() is the same memory with the same content from construction to destruction, and
 /// bytes(), element() and the destructor may run on any thread. No USD type appears here, so that the Rust side compiles
 /// without USD.
-class HeldArray {
+class HeldArray
+{
 public:
     virtual ~HeldArray() = default;
     HeldArray(const HeldArray&) = delete;
@@ -29,21 +30,26 @@ public:
     ElementTag element() const noexcept { return _element; }
 
 protected:
-    explicit HeldArray(ElementTag element) : _element(element) {}
+    explicit HeldArray(ElementTag element)
+        : _element(element)
+    {
+    }
 
 private:
     const ElementTag _element;
 };
 
 /// A held array that owns a copy of its bytes: for data that does not outlive the call, and for tests.
-class CopiedArray final : public HeldArray {
+class CopiedArray final : public HeldArray
+{
 public:
     CopiedArray(ElementTag element, rust::Slice<const std::uint8_t> bytes)
-        : HeldArray(element), _bytes(bytes.begin(), bytes.end())
+        : HeldArray(element)
+        , _bytes(bytes.begin(), bytes.end())
     {
     }
 
-    rust::Slice<const std::uint8_t> bytes() const noexcept override { return {_bytes.data(), _bytes.size()}; }
+    rust::Slice<const std::uint8_t> bytes() const noexcept override { return { _bytes.data(), _bytes.size() }; }
 
 private:
     const std::vector<std::uint8_t> _bytes;

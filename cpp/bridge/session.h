@@ -22,22 +22,24 @@
 PXR_NAMESPACE_OPEN_SCOPE
 
 /// One AOV that the host bound, by its Hydra name ("color", "depth", "primId"…).
-struct HdOocPTAovRequest {
+struct HdOocPTAovRequest
+{
     TfToken name;
     /// As the host gave it: any scalar or vector of float, double or int; empty takes the AOV's own default.
     VtValue clearValue;
 };
 
 /// Everything one image needs from the render pass state. Matrices are Gf's (row vectors), exactly as Hydra hands them out.
-struct HdOocPTRenderRequest {
+struct HdOocPTRenderRequest
+{
     /// Size of the render buffers in pixels.
     int width = 0;
     int height = 0;
     /// The camera prim, for its lens (fStop, focalLength, focusDistance); empty means a pinhole.
     SdfPath cameraPath;
     /// HdRenderPassState::GetWorldToViewMatrix() and GetProjectionMatrix(): GL clip space, window policy applied.
-    GfMatrix4d worldToView{1.0};
-    GfMatrix4d projection{1.0};
+    GfMatrix4d worldToView { 1.0 };
+    GfMatrix4d projection { 1.0 };
     /// CameraUtilFraming's windows, y down, data window with inclusive maximum, as Hydra hands them out.
     /// An empty data window means the whole buffer with the display window equal to it.
     GfRange2f displayWindow;
@@ -49,7 +51,8 @@ struct HdOocPTRenderRequest {
 
 /// One setting for HdRenderDelegate::GetRenderSettingDescriptors(). The default holds bool, int, float or std::string.
 /// It is the environment's value where an OOCPT_* variable is set.
-struct HdOocPTSettingDescriptor {
+struct HdOocPTSettingDescriptor
+{
     TfToken key;
     std::string name;
     VtValue defaultValue;
@@ -62,7 +65,8 @@ struct HdOocPTSettingDescriptor {
 ///
 /// Threads: unless said otherwise, call from the thread that drives Hydra (one at a time). IsConverged, ReadAov, GetStats,
 /// Pause, Resume and IsPaused/IsStopped may be called from any thread.
-class HdOocPTSession {
+class HdOocPTSession
+{
 public:
     HdOocPTSession();
     ~HdOocPTSession();

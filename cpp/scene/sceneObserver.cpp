@@ -16,25 +16,25 @@ std::vector<_Row> _MakeTable()
     const auto& tokens = *HdOocPTSceneTokens;
     const uint32_t computed = HdOocPTDirtyPoints | HdOocPTDirtyNormals | HdOocPTDirtyColor | HdOocPTDirtyOpacity;
     return {
-        {HdDataSourceLocator(tokens.xform), HdOocPTDirtyTransform},
-        {HdDataSourceLocator(tokens.visibility), HdOocPTDirtyVisibility},
-        {HdDataSourceLocator(tokens.purpose), HdOocPTDirtyPurpose},
-        {HdDataSourceLocator(tokens.instancedBy), HdOocPTDirtyInstancedBy},
-        {HdDataSourceLocator(tokens.mesh), HdOocPTDirtyTopology},
-        {HdDataSourceLocator(tokens.primvars, tokens.points), HdOocPTDirtyPoints},
-        {HdDataSourceLocator(tokens.primvars, tokens.normals), HdOocPTDirtyNormals},
-        {HdDataSourceLocator(tokens.primvars, tokens.displayColor), HdOocPTDirtyColor},
-        {HdDataSourceLocator(tokens.primvars, tokens.displayOpacity), HdOocPTDirtyOpacity},
-        {HdDataSourceLocator(tokens.extComputationPrimvars), computed},
-        {HdDataSourceLocator(tokens.instancerTopology), HdOocPTDirtyInstances},
-        {HdDataSourceLocator(tokens.primvars, tokens.instanceTranslations), HdOocPTDirtyInstancePrimvars},
-        {HdDataSourceLocator(tokens.primvars, tokens.instanceRotations), HdOocPTDirtyInstancePrimvars},
-        {HdDataSourceLocator(tokens.primvars, tokens.instanceScales), HdOocPTDirtyInstancePrimvars},
-        {HdDataSourceLocator(tokens.primvars, tokens.instanceTransforms), HdOocPTDirtyInstancePrimvars},
-        {HdDataSourceLocator(tokens.light), HdOocPTDirtyLight},
-        {HdDataSourceLocator(tokens.material), HdOocPTDirtyLight},
-        {HdDataSourceLocator(tokens.renderSettings), HdOocPTDirtySettings},
-        {HdDataSourceLocator(tokens.sceneGlobals), HdOocPTDirtySettings},
+        { HdDataSourceLocator(tokens.xform), HdOocPTDirtyTransform },
+        { HdDataSourceLocator(tokens.visibility), HdOocPTDirtyVisibility },
+        { HdDataSourceLocator(tokens.purpose), HdOocPTDirtyPurpose },
+        { HdDataSourceLocator(tokens.instancedBy), HdOocPTDirtyInstancedBy },
+        { HdDataSourceLocator(tokens.mesh), HdOocPTDirtyTopology },
+        { HdDataSourceLocator(tokens.primvars, tokens.points), HdOocPTDirtyPoints },
+        { HdDataSourceLocator(tokens.primvars, tokens.normals), HdOocPTDirtyNormals },
+        { HdDataSourceLocator(tokens.primvars, tokens.displayColor), HdOocPTDirtyColor },
+        { HdDataSourceLocator(tokens.primvars, tokens.displayOpacity), HdOocPTDirtyOpacity },
+        { HdDataSourceLocator(tokens.extComputationPrimvars), computed },
+        { HdDataSourceLocator(tokens.instancerTopology), HdOocPTDirtyInstances },
+        { HdDataSourceLocator(tokens.primvars, tokens.instanceTranslations), HdOocPTDirtyInstancePrimvars },
+        { HdDataSourceLocator(tokens.primvars, tokens.instanceRotations), HdOocPTDirtyInstancePrimvars },
+        { HdDataSourceLocator(tokens.primvars, tokens.instanceScales), HdOocPTDirtyInstancePrimvars },
+        { HdDataSourceLocator(tokens.primvars, tokens.instanceTransforms), HdOocPTDirtyInstancePrimvars },
+        { HdDataSourceLocator(tokens.light), HdOocPTDirtyLight },
+        { HdDataSourceLocator(tokens.material), HdOocPTDirtyLight },
+        { HdDataSourceLocator(tokens.renderSettings), HdOocPTDirtySettings },
+        { HdDataSourceLocator(tokens.sceneGlobals), HdOocPTDirtySettings },
     };
 }
 
@@ -105,7 +105,7 @@ void HdOocPTSceneObserver::PrimsRenamed(const HdSceneIndexBase& sender, const Re
 
 void HdOocPTSceneObserver::AddSubtree(const HdSceneIndexBase& scene, const SdfPath& root)
 {
-    std::vector<SdfPath> open {root};
+    std::vector<SdfPath> open { root };
     while (!open.empty()) {
         const SdfPath path = open.back();
         open.pop_back();

@@ -17,7 +17,8 @@
 PXR_NAMESPACE_OPEN_SCOPE
 
 /// Which parts of a prim have to be read again.
-enum HdOocPTDirtyBits : uint32_t {
+enum HdOocPTDirtyBits : uint32_t
+{
     HdOocPTDirtyTransform = 1u << 0,
     HdOocPTDirtyVisibility = 1u << 1,
     HdOocPTDirtyPurpose = 1u << 2,

@@ -9,33 +9,20 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 /// Names of the scene index prims and data sources that OocPT reads. They are spelled out here, and not taken from Hydra's
 /// schema classes, so that the same source builds against every host.
-#define HDOOCPT_SCENE_TOKENS                                                                                           \
-    /* prim types */                                                                                                   \
-    (mesh)(instancer)(domeLight)(distantLight)(simpleLight)(renderSettings)                                            \
-    /* every prim */                                                                                                   \
-    (xform)(matrix)(visibility)(purpose)(instancedBy)(paths)(prototypeRoots)                                           \
-    /* meshes */                                                                                                       \
-    (topology)(faceVertexCounts)(faceVertexIndices)(holeIndices)(orientation)(leftHanded)(subdivisionScheme)           \
-    (catmullClark)(loop)(bilinear)(doubleSided)                                                                        \
-    /* primvars */                                                                                                     \
-    (primvars)(primvarValue)(indexedPrimvarValue)(indices)(interpolation)(extComputationPrimvars)                      \
-    (points)(normals)(displayColor)(displayOpacity)                                                                    \
-    (constant)(uniform)(varying)(vertex)(faceVarying)(instance)                                                        \
-    /* instancers */                                                                                                   \
-    (instancerTopology)(prototypes)(instanceIndices)(mask)                                                             \
-    ((instanceTranslations, "hydra:instanceTranslations"))                                                             \
-    ((instanceRotations, "hydra:instanceRotations"))                                                                   \
-    ((instanceScales, "hydra:instanceScales"))                                                                         \
-    ((instanceTransforms, "hydra:instanceTransforms"))                                                                 \
-    /* lights */                                                                                                       \
-    (light)(material)(color)(intensity)(exposure)(enableColorTemperature)(colorTemperature)(normalize)(angle)          \
-    ((textureFile, "texture:file"))                                                                                    \
-    /* cameras */                                                                                                      \
-    (camera)(focalLength)(fStop)(focusDistance)(projection)(orthographic)                                              \
-    /* render settings */                                                                                              \
-    (namespacedSettings)(active)(sceneGlobals)(activeRenderSettingsPrim)                                               \
-    /* purposes and render tags */                                                                                     \
-    (geometry)((defaultPurpose, "default"))
+#define HDOOCPT_SCENE_TOKENS                                                                                                                                                                                                     \
+    /* prim types */                                                                                                                                                                                                             \
+    (mesh)(instancer)(domeLight)(distantLight)(simpleLight)(renderSettings) /* every prim */                                                                                                                                     \
+        (xform)(matrix)(visibility)(purpose)(instancedBy)(paths)(prototypeRoots) /* meshes */                                                                                                                                    \
+        (topology)(faceVertexCounts)(faceVertexIndices)(holeIndices)(orientation)(leftHanded)(subdivisionScheme)(catmullClark)(loop)(bilinear)(doubleSided) /* primvars */                                                       \
+        (primvars)(primvarValue)(indexedPrimvarValue)(indices)(interpolation)(extComputationPrimvars)(points)(normals)(displayColor)(displayOpacity)(constant)(uniform)(varying)(vertex)(faceVarying)(instance) /* instancers */ \
+        (instancerTopology)(prototypes)(instanceIndices)(mask)((instanceTranslations, "hydra:instanceTranslations"))(                                                                                                            \
+            (instanceRotations, "hydra:instanceRotations"))((instanceScales, "hydra:instanceScales"))(                                                                                                                           \
+            (instanceTransforms, "hydra:instanceTransforms")) /* lights */                                                                                                                                                       \
+        (light)(material)(color)(intensity)(exposure)(enableColorTemperature)(colorTemperature)(normalize)(angle)((                                                                                                              \
+            textureFile, "texture:file")) /* cameras */                                                                                                                                                                          \
+        (camera)(focalLength)(fStop)(focusDistance)(projection)(orthographic) /* render settings */                                                                                                                              \
+        (namespacedSettings)(active)(sceneGlobals)(activeRenderSettingsPrim) /* purposes and render tags */                                                                                                                      \
+        (geometry)((defaultPurpose, "default"))
 
 TF_DECLARE_PUBLIC_TOKENS(HdOocPTSceneTokens, HDOOCPT_SCENE_TOKENS);
 

@@ -17,7 +17,6 @@ mod session;
 mod settings;
 mod stats;
 
-use guard::BridgeError;
 use session::{Session, close_session, open_session, setting_descriptors};
 
 /// Declarations that cxx turns into both sides of the boundary.
@@ -26,6 +25,7 @@ use session::{Session, close_session, open_session, setting_descriptors};
     missing_docs,
     missing_debug_implementations,
     unreachable_pub,
+    unused_qualifications,
     clippy::multiple_unsafe_ops_per_block,
     clippy::undocumented_unsafe_blocks,
     clippy::use_self,

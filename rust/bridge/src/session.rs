@@ -10,7 +10,6 @@ use crate::settings::{self, Layers};
 use crate::{logging, stats};
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::SceneDb;
-use oocpt_core::settings::Settings;
 use oocpt_render::{AovKind, AovRequest, RenderRequest, Severity};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -36,7 +35,11 @@ pub(crate) fn open_session() -> Result<Box<Session>, BridgeError> {
         logging::install();
         let (layers, warnings) = Layers::new(environment);
         let inner = oocpt_render::Session::new(layers.settings());
-        Ok(Box::new(Session { inner, layers: Mutex::new(layers), warnings: Mutex::new(warnings) }))
+        Ok(Box::new(Session {
+            inner,
+            layers: Mutex::new(layers),
+            warnings: Mutex::new(warnings),
+        }))
     })
 }
 
@@ -92,7 +95,9 @@ impl Session {
             if !settings::is_known(key) {
                 return Ok(SettingOutcome::Unknown);
             }
-            let Some(value) = settings::value(value) else { return Ok(SettingOutcome::Unknown) };
+            let Some(value) = settings::value(value) else {
+                return Ok(SettingOutcome::Unknown);
+            };
             let changed = self.inner.set_setting(key, value.clone())?;
             lock(&self.layers).set(key, value);
             Ok(outcome(changed))
@@ -201,7 +206,11 @@ impl Session {
 }
 
 fn outcome(changed: bool) -> SettingOutcome {
-    if changed { SettingOutcome::Changed } else { SettingOutcome::Unchanged }
+    if changed {
+        SettingOutcome::Changed
+    } else {
+        SettingOutcome::Unchanged
+    }
 }
 
 fn render_request(desc: &RenderDesc) -> RenderRequest {
@@ -221,7 +230,10 @@ fn render_request(desc: &RenderDesc) -> RenderRequest {
             .iter()
             .filter_map(|aov| {
                 let kind = AovKind::from_token(&aov.name)?;
-                Some(AovRequest { kind, clear: if aov.has_clear { aov.clear } else { default_clear(kind) } })
+                Some(AovRequest {
+                    kind,
+                    clear: if aov.has_clear { aov.clear } else { default_clear(kind) },
+                })
             })
             .collect(),
     }

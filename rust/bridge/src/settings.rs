@@ -4,7 +4,7 @@
 //! Pure but for the variables, which are read once through the function given to [`Layers::new`].
 
 use crate::ffi::{ScalarTag, ScalarValue, SettingDescriptor};
-use oocpt_core::settings::{Descriptor, Settings, Value, env_name};
+use oocpt_core::settings::{Settings, Value};
 
 /// The explicit settings and the environment's, by key.
 #[derive(Debug, Default)]
@@ -21,15 +21,15 @@ impl Layers {
         let mut complaints = Vec::new();
         let mut checked = Settings::default();
         for descriptor in Settings::descriptors() {
-            let name = env_name(descriptor.key);
-            let Some(text) = variable(&name) else { continue };
-            let Some(value) = parse(&text, &descriptor.default) else {
-                complaints.push(format!("{name}: \"{text}\" is not {}; ignored", kind_of(&descriptor.default)));
+            let key = descriptor.key;
+            let Some((name, text)) = Settings::env_name(key).and_then(|name| Some((name, variable(name)?))) else {
                 continue;
             };
-            match checked.set(descriptor.key, value.clone()) {
-                Ok(_) => layers.environment.push((descriptor.key.to_owned(), value)),
-                Err(error) => complaints.push(format!("{name}: {error}; ignored")),
+            match checked.set(key, Value::Text(text.clone())) {
+                Ok(_) => layers
+                    .environment
+                    .extend(checked.get(key).map(|value| (key.to_owned(), value))),
+                Err(error) => complaints.push(format!("{name}=\"{text}\" is ignored: {error}")),
             }
         }
         (layers, complaints)
@@ -48,8 +48,12 @@ impl Layers {
 
     /// Every key with the value that counts, in the order in which to set them.
     pub(crate) fn resolved(&self) -> Vec<(String, Value)> {
-        let defaults = Settings::descriptors().iter().map(|entry| (entry.key.to_owned(), entry.default.clone()));
-        defaults.chain(self.environment.iter().chain(&self.explicit).cloned()).collect()
+        let defaults = Settings::descriptors()
+            .iter()
+            .map(|entry| (entry.key.to_owned(), entry.default.clone()));
+        defaults
+            .chain(self.environment.iter().chain(&self.explicit).cloned())
+            .collect()
     }
 
     /// Notes an explicit value; the caller has checked it.
@@ -83,7 +87,7 @@ impl Layers {
 
 /// Whether OocPT has a setting of that name.
 pub(crate) fn is_known(key: &str) -> bool {
-    Settings::descriptors().iter().any(|descriptor: &Descriptor| descriptor.key == key)
+    Settings::env_name(key).is_some()
 }
 
 /// A value as it comes over the boundary; `None` for a tag that this version does not know.
@@ -99,35 +103,30 @@ pub(crate) fn value(scalar: &ScalarValue) -> Option<Value> {
 
 /// A value as it goes over the boundary.
 pub(crate) fn scalar(value: &Value) -> ScalarValue {
-    let empty = ScalarValue { tag: ScalarTag::Bool, flag: false, integer: 0, real: 0.0, text: String::new() };
+    let empty = ScalarValue {
+        tag: ScalarTag::Bool,
+        flag: false,
+        integer: 0,
+        real: 0.0,
+        text: String::new(),
+    };
     match value {
         Value::Bool(flag) => ScalarValue { flag: *flag, ..empty },
-        Value::Int(integer) => ScalarValue { tag: ScalarTag::Int, integer: *integer, ..empty },
-        Value::Float(real) => ScalarValue { tag: ScalarTag::Float, real: *real, ..empty },
-        Value::Text(text) => ScalarValue { tag: ScalarTag::Text, text: text.clone(), ..empty },
-    }
-}
-
-fn parse(text: &str, like: &Value) -> Option<Value> {
-    let text = text.trim();
-    Some(match like {
-        Value::Bool(_) => Value::Bool(match text.to_ascii_lowercase().as_str() {
-            "1" | "true" | "on" | "yes" => true,
-            "0" | "false" | "off" | "no" => false,
-            _ => return None,
-        }),
-        Value::Int(_) => Value::Int(text.parse().ok()?),
-        Value::Float(_) => Value::Float(text.parse().ok()?),
-        Value::Text(_) => Value::Text(text.to_owned()),
-    })
-}
-
-fn kind_of(value: &Value) -> &'static str {
-    match value {
-        Value::Bool(_) => "a boolean",
-        Value::Int(_) => "a whole number",
-        Value::Float(_) => "a number",
-        Value::Text(_) => "a text",
+        Value::Int(integer) => ScalarValue {
+            tag: ScalarTag::Int,
+            integer: *integer,
+            ..empty
+        },
+        Value::Float(real) => ScalarValue {
+            tag: ScalarTag::Float,
+            real: *real,
+            ..empty
+        },
+        Value::Text(text) => ScalarValue {
+            tag: ScalarTag::Text,
+            text: text.clone(),
+            ..empty
+        },
     }
 }
 
@@ -145,12 +144,20 @@ mod tests {
     fn the_environment_beats_the_default_and_the_host_beats_both() {
         let (mut layers, complaints) = with_variable("OOCPT_SAMPLES_PER_PIXEL", " 7 ");
         assert!(complaints.is_empty(), "{complaints:?}");
-        assert_ne!(Settings::default().samples_per_pixel, 7, "the test needs another default");
+        assert_ne!(
+            Settings::default().samples_per_pixel,
+            7,
+            "the test needs another default"
+        );
         assert_eq!(layers.settings().samples_per_pixel, 7, "environment over default");
         layers.set(SAMPLES, Value::Int(9));
         assert_eq!(layers.settings().samples_per_pixel, 9, "host over environment");
         assert!(layers.clear(SAMPLES), "there was an explicit value");
-        assert_eq!(layers.settings().samples_per_pixel, 7, "the environment's value comes back");
+        assert_eq!(
+            layers.settings().samples_per_pixel,
+            7,
+            "the environment's value comes back"
+        );
         assert!(!layers.clear(SAMPLES), "there is none any more");
     }
 
@@ -161,31 +168,48 @@ mod tests {
         layers.set(SAMPLES, Value::Int(4));
         assert_eq!(layers.settings().samples_per_pixel, 4, "the later key");
         layers.set("convergedSamplesPerPixel", Value::Int(5));
-        assert_eq!(layers.settings().samples_per_pixel, 5, "setting a key again makes it the later one");
+        assert_eq!(
+            layers.settings().samples_per_pixel,
+            5,
+            "setting a key again makes it the later one"
+        );
     }
 
     #[test]
     fn an_unreadable_variable_is_named_and_skipped() {
         let (layers, complaints) = with_variable("OOCPT_SAMPLES_PER_PIXEL", "many");
         assert_eq!(layers.settings(), Settings::default(), "nothing may change");
-        assert_eq!(complaints, ["OOCPT_SAMPLES_PER_PIXEL: \"many\" is not a whole number; ignored"]);
+        let named = |lines: &[String]| lines.len() == 1 && lines[0].starts_with("OOCPT_SAMPLES_PER_PIXEL=");
+        assert!(named(&complaints), "{complaints:?}");
         let (layers, complaints) = with_variable("OOCPT_SAMPLES_PER_PIXEL", "-4");
-        assert_eq!(layers.settings(), Settings::default(), "a value out of range may not change anything");
-        assert!(complaints.len() == 1 && complaints[0].starts_with("OOCPT_SAMPLES_PER_PIXEL: "), "{complaints:?}");
+        assert_eq!(
+            layers.settings(),
+            Settings::default(),
+            "a value out of range may not change anything"
+        );
+        assert!(named(&complaints), "{complaints:?}");
     }
 
     #[test]
     fn hosts_see_the_environment_as_the_default() {
         let (layers, _) = with_variable("OOCPT_SAMPLES_PER_PIXEL", "7");
         let list = layers.descriptors();
-        let samples = list.iter().find(|entry| entry.key == SAMPLES).expect("the setting is listed");
+        let samples = list
+            .iter()
+            .find(|entry| entry.key == SAMPLES)
+            .expect("the setting is listed");
         assert_eq!(samples.default_value.integer, 7, "the variable's value");
         assert_eq!(list.len(), Settings::descriptors().len(), "every setting is listed");
     }
 
     #[test]
     fn every_kind_of_value_survives_the_crossing() {
-        for original in [Value::Bool(true), Value::Int(-3), Value::Float(0.25), Value::Text("llvmpipe".into())] {
+        for original in [
+            Value::Bool(true),
+            Value::Int(-3),
+            Value::Float(0.25),
+            Value::Text("llvmpipe".into()),
+        ] {
             assert_eq!(value(&scalar(&original)), Some(original.clone()), "{original:?}");
         }
     }

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#ifndef HDOOCPT_BRIDGE_SCALAR_H
+#define HDOOCPT_BRIDGE_SCALAR_H
+
+#include "pxr/base/vt/value.h"
+#include "pxr/pxr.h"
+
+#include <array>
+
+namespace oocpt {
+struct ScalarValue;
+}
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+/// A setting's value as Rust takes it: bool, int, float or text. False for any other type.
+bool HdOocPTToScalar(const VtValue& value, oocpt::ScalarValue* scalar);
+
+/// A value from Rust as a setting's value: bool, int, float or std::string, the types for which usdview has a widget.
+VtValue HdOocPTSettingFromScalar(const oocpt::ScalarValue& scalar);
+
+/// A value from Rust as a statistic: whole numbers as size_t and real ones as double, so that nothing is cut.
+VtValue HdOocPTStatisticFromScalar(const oocpt::ScalarValue& scalar);
+
+/// A clear value: the components of a number or vector, zero where it has fewer than four. False if value holds neither.
+bool HdOocPTToClear(const VtValue& value, std::array<float, 4>* clear);
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif

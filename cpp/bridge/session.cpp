@@ -1,0 +1,308 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "bridge/session.h"
+
+#include "bridge/renderDesc.h"
+#include "bridge/scalar.h"
+#include "oocpt-bridge/src/lib.rs.h"
+#include "pxr/base/tf/diagnostic.h"
+#include "scene/sceneChain.h"
+#include "scene/sceneReader.h"
+#include "scene/warnings.h"
+
+#include <exception>
+#include <mutex>
+#include <optional>
+#include <utility>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+namespace {
+
+rust::Str _Str(const std::string& text)
+{
+    return rust::Str(text.data(), text.size());
+}
+
+} // namespace
+
+class HdOocPTSession::_Impl
+{
+public:
+    /// Runs a call of the bridge. Whatever is thrown, by Rust or by C++, becomes one error message for DrainMessages().
+    template <typename Function>
+    bool Try(Function&& function) noexcept
+    {
+        try {
+            std::forward<Function>(function)();
+            return true;
+        } catch (const std::exception& error) {
+            Report(error.what());
+        } catch (...) {
+            Report("an exception of unknown type");
+        }
+        return false;
+    }
+
+    void Report(const char* text) noexcept
+    {
+        try {
+            const std::lock_guard<std::mutex> lock(mutex);
+            errors.emplace_back(text);
+        } catch (...) {
+            // There is no memory left to say so.
+        }
+    }
+
+    void ForwardSetting(const TfToken& key, const VtValue& value);
+    void ForwardPrimSettings();
+
+    std::optional<rust::Box<oocpt::Session>> session;
+    std::unique_ptr<HdOocPTSceneReader> reader;
+    HdOocPTSceneReader::PrimIdLookup primIdLookup;
+    HdOocPTWarnings warnings;
+    /// What the host set, and what the active render settings prim sets on top of it.
+    HdOocPTSettingMap hostSettings;
+    HdOocPTSettingMap primSettings;
+
+    /// Guards what follows.
+    std::mutex mutex;
+    std::vector<std::string> errors;
+    /// The last request, for its windows and clear values.
+    HdOocPTRenderRequest request;
+};
+
+void HdOocPTSession::_Impl::ForwardSetting(const TfToken& key, const VtValue& value)
+{
+    if (!session) {
+        return;
+    }
+    try {
+        if (value.IsEmpty()) {
+            (*session)->clear_setting(_Str(key.GetString()));
+            return;
+        }
+        oocpt::ScalarValue scalar {};
+        if (HdOocPTToScalar(value, &scalar)) {
+            (*session)->set_setting(_Str(key.GetString()), scalar);
+        } else if (key.GetString().rfind("oocpt:", 0) == 0) {
+            TF_WARN("OocPT: the setting %s cannot hold a %s; ignored", key.GetText(), value.GetTypeName().c_str());
+        }
+    } catch (const std::exception& error) {
+        TF_WARN("OocPT: %s: %s", key.GetText(), error.what());
+    }
+}
+
+void HdOocPTSession::_Impl::ForwardPrimSettings()
+{
+    const HdOocPTSettingMap& current = reader->GetSettings();
+    if (current == primSettings) {
+        return;
+    }
+    for (const auto& [key, value] : primSettings) {
+        if (current.count(key) == 0) {
+            const auto host = hostSettings.find(key);
+            ForwardSetting(key, host == hostSettings.end() ? VtValue() : host->second);
+        }
+    }
+    for (const auto& [key, value] : current) {
+        ForwardSetting(key, value);
+    }
+    primSettings = current;
+}
+
+HdOocPTSession::HdOocPTSession()
+    : _impl(std::make_unique<_Impl>())
+{
+    _impl->Try([this] { _impl->session.emplace(oocpt::open_session()); });
+}
+
+HdOocPTSession::~HdOocPTSession()
+{
+    _impl->reader.reset();
+    if (_impl->session) {
+        _impl->Try([this] { oocpt::close_session(std::move(*_impl->session)); });
+        // close_session() has taken the box; what is left is empty.
+        _impl->session.reset();
+    }
+}
+
+void HdOocPTSession::SetTerminalSceneIndex(const HdSceneIndexBaseRefPtr& terminal)
+{
+    _impl->reader.reset();
+    if (_impl->session) {
+        _impl->Try([this] { (*_impl->session)->clear_scene(); });
+    }
+    if (terminal) {
+        _impl->Try([&] { _impl->reader = std::make_unique<HdOocPTSceneReader>(HdOocPTChainSceneIndices(terminal)); });
+    }
+}
+
+void HdOocPTSession::SetPrimIdLookup(std::function<int32_t(const SdfPath&)> lookup)
+{
+    _impl->primIdLookup = std::move(lookup);
+}
+
+void HdOocPTSession::CommitScene()
+{
+    if (!_impl->session || !_impl->reader || !_impl->reader->HasChanges()) {
+        return;
+    }
+    _impl->Try([this] {
+        oocpt::SceneEdits edits {};
+        _impl->reader->Read(_impl->primIdLookup, &edits, &_impl->warnings);
+        (*_impl->session)->apply_edits(std::move(edits));
+        _impl->ForwardPrimSettings();
+    });
+    _impl->warnings.Post();
+}
+
+void HdOocPTSession::SetSetting(const TfToken& key, const VtValue& value)
+{
+    if (value.IsEmpty()) {
+        _impl->hostSettings.erase(key);
+    } else {
+        _impl->hostSettings[key] = value;
+    }
+    if (_impl->primSettings.count(key) == 0) {
+        _impl->ForwardSetting(key, value);
+    }
+}
+
+std::vector<HdOocPTSettingDescriptor> HdOocPTSession::GetSettingDescriptors() const
+{
+    std::vector<HdOocPTSettingDescriptor> descriptors;
+    _impl->Try([&] {
+        for (const oocpt::SettingDescriptor& entry : oocpt::setting_descriptors()) {
+            descriptors.push_back({ TfToken(std::string(entry.key)), std::string(entry.name),
+                HdOocPTSettingFromScalar(entry.default_value) });
+        }
+    });
+    return descriptors;
+}
+
+void HdOocPTSession::Render(const HdOocPTRenderRequest& request)
+{
+    if (!_impl->session) {
+        return;
+    }
+    _impl->Try([&] {
+        const HdOocPTLens lens = _impl->reader ? _impl->reader->GetLens(request.cameraPath) : HdOocPTLens {};
+        oocpt::RenderDesc desc = HdOocPTDescribeRender(request, lens);
+        {
+            const std::lock_guard<std::mutex> lock(_impl->mutex);
+            _impl->request = request;
+        }
+        (*_impl->session)->render(std::move(desc));
+    });
+}
+
+bool HdOocPTSession::IsConverged() const
+{
+    // A session that cannot be asked will not get any further either: a host must not wait for it.
+    bool converged = true;
+    if (_impl->session) {
+        _impl->Try([&] { converged = (*_impl->session)->is_converged(); });
+    }
+    return converged;
+}
+
+void HdOocPTSession::Pause()
+{
+    if (_impl->session) {
+        _impl->Try([this] { (*_impl->session)->pause(); });
+    }
+}
+
+void HdOocPTSession::Resume()
+{
+    if (_impl->session) {
+        _impl->Try([this] { (*_impl->session)->resume(); });
+    }
+}
+
+void HdOocPTSession::Stop(bool blocking)
+{
+    if (_impl->session) {
+        _impl->Try([&] { (*_impl->session)->stop(blocking); });
+    }
+}
+
+void HdOocPTSession::Restart()
+{
+    if (_impl->session) {
+        _impl->Try([this] { (*_impl->session)->restart(); });
+    }
+}
+
+bool HdOocPTSession::IsPaused() const
+{
+    bool paused = false;
+    if (_impl->session) {
+        _impl->Try([&] { paused = (*_impl->session)->is_paused(); });
+    }
+    return paused;
+}
+
+bool HdOocPTSession::IsStopped() const
+{
+    bool stopped = true;
+    if (_impl->session) {
+        _impl->Try([&] { stopped = (*_impl->session)->is_stopped(); });
+    }
+    return stopped;
+}
+
+bool HdOocPTSession::ReadAov(const TfToken& name, void* destination, size_t byteCount) const
+{
+    bool read = false;
+    if (_impl->session && destination) {
+        _impl->Try([&] {
+            const rust::Slice<uint8_t> bytes(static_cast<uint8_t*>(destination), byteCount);
+            read = (*_impl->session)->read_aov(_Str(name.GetString()), bytes);
+        });
+    }
+    if (read) {
+        const std::lock_guard<std::mutex> lock(_impl->mutex);
+        HdOocPTClearOutside(_impl->request, name, destination, byteCount);
+    }
+    return read;
+}
+
+VtDictionary HdOocPTSession::GetStats() const
+{
+    VtDictionary stats;
+    if (_impl->session) {
+        _impl->Try([&] {
+            for (const oocpt::NamedValue& entry : (*_impl->session)->stats()) {
+                stats[std::string(entry.key)] = HdOocPTStatisticFromScalar(entry.value);
+            }
+        });
+    }
+    return stats;
+}
+
+void HdOocPTSession::DrainMessages()
+{
+    rust::Vec<oocpt::UserMessage> messages;
+    if (_impl->session) {
+        _impl->Try([&] { messages = (*_impl->session)->take_messages(); });
+    }
+    std::vector<std::string> errors;
+    {
+        const std::lock_guard<std::mutex> lock(_impl->mutex);
+        errors.swap(_impl->errors);
+    }
+    for (const oocpt::UserMessage& message : messages) {
+        const std::string text(message.text);
+        if (message.fatal) {
+            TF_RUNTIME_ERROR("OocPT: %s", text.c_str());
+        } else {
+            TF_WARN("OocPT: %s", text.c_str());
+        }
+    }
+    for (const std::string& text : errors) {
+        TF_RUNTIME_ERROR("OocPT: %s", text.c_str());
+    }
+}
+
+PXR_NAMESPACE_CLOSE_SCOPE

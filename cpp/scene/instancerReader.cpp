@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "scene/instancerReader.h"
+
+#include "oocpt-bridge/src/lib.rs.h"
+#include "pxr/base/vt/array.h"
+#include "scene/dataSource.h"
+#include "scene/sceneObserver.h"
+#include "scene/tokens.h"
+
+#include <algorithm>
+#include <string>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+namespace {
+
+void _ReadTopology(const HdOocPTPrimSource& source, HdOocPTInstancerState* state)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    state->prototypes.clear();
+    state->mask = HdOocPTReadArray(source, { tokens.instancerTopology, tokens.mask }, HdOocPTArrayRole::Booleans);
+    const VtArray<SdfPath> roots = HdOocPTRead(source.container, { tokens.instancerTopology, tokens.prototypes })
+                                       .GetWithDefault<VtArray<SdfPath>>();
+    const HdVectorDataSourceHandle indices
+        = HdVectorDataSource::Cast(HdOocPTFind(source.container, { tokens.instancerTopology, tokens.instanceIndices }));
+    const size_t count = indices ? std::min(roots.size(), indices->GetNumElements()) : 0;
+    if (count != roots.size()) {
+        source.warnings->Add(source.path,
+            "has " + std::to_string(roots.size()) + " prototypes but instance indices for " + std::to_string(count)
+                + "; the others are left out");
+    }
+    state->prototypes.reserve(count);
+    for (size_t i = 0; i < count; ++i) {
+        std::string reason;
+        const VtValue numbers
+            = HdOocPTNormalizeArray(HdOocPTSample(indices->GetElement(i)), HdOocPTArrayRole::Integers, &reason);
+        if (!reason.empty()) {
+            source.warnings->Add(source.path, "instanceIndices of " + roots[i].GetString() + " " + reason);
+        }
+        state->prototypes.emplace_back(roots[i], numbers);
+    }
+}
+
+void _ReadPlacement(const HdOocPTPrimSource& source, HdOocPTInstancerState* state)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    const auto primvar = [&](const TfToken& name, HdOocPTArrayRole role) {
+        return HdOocPTReadArray(source, { tokens.primvars, name, tokens.primvarValue }, role);
+    };
+    state->translations = primvar(tokens.instanceTranslations, HdOocPTArrayRole::Vectors3);
+    state->rotations = primvar(tokens.instanceRotations, HdOocPTArrayRole::Quaternions);
+    state->scales = primvar(tokens.instanceScales, HdOocPTArrayRole::Vectors3);
+    state->transforms = primvar(tokens.instanceTransforms, HdOocPTArrayRole::Matrices);
+}
+
+} // namespace
+
+void HdOocPTReadInstancer(const HdOocPTPrimSource& source, HdOocPTInstancerState* state)
+{
+    HdOocPTReadPrim(source, &state->prim);
+    if (source.dirtyBits & HdOocPTDirtyInstances) {
+        _ReadTopology(source, state);
+    }
+    if (source.dirtyBits & HdOocPTDirtyInstancePrimvars) {
+        _ReadPlacement(source, state);
+    }
+}
+
+oocpt::InstancerDesc HdOocPTDescribeInstancer(const SdfPath& path, const HdOocPTInstancerState& state)
+{
+    oocpt::InstancerDesc desc;
+    HdOocPTFillPrim(path, state.prim, &desc.prim);
+    desc.prototypes.reserve(state.prototypes.size());
+    for (const auto& [root, indices] : state.prototypes) {
+        desc.prototypes.push_back({ rust::String::lossy(root.GetString()), HdOocPTHoldArray(indices) });
+    }
+    desc.mask = HdOocPTHoldArray(state.mask);
+    desc.translations = HdOocPTHoldArray(state.translations);
+    desc.rotations = HdOocPTHoldArray(state.rotations);
+    desc.scales = HdOocPTHoldArray(state.scales);
+    desc.transforms = HdOocPTHoldArray(state.transforms);
+    return desc;
+}
+
+PXR_NAMESPACE_CLOSE_SCOPE

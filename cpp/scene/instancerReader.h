@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#ifndef HDOOCPT_SCENE_INSTANCER_READER_H
+#define HDOOCPT_SCENE_INSTANCER_READER_H
+
+#include "pxr/base/vt/value.h"
+#include "pxr/pxr.h"
+#include "scene/primReader.h"
+
+#include <utility>
+#include <vector>
+
+namespace oocpt {
+struct InstancerDesc;
+}
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+/// An instancer as last read. The arrays share their data with the scene.
+struct HdOocPTInstancerState
+{
+    HdOocPTPrimState prim;
+    /// Prototype root and the numbers of its instances.
+    std::vector<std::pair<SdfPath, VtValue>> prototypes;
+    VtValue mask;
+    VtValue translations;
+    VtValue rotations;
+    VtValue scales;
+    VtValue transforms;
+};
+
+/// Reads the dirty parts of an instancer.
+void HdOocPTReadInstancer(const HdOocPTPrimSource& source, HdOocPTInstancerState* state);
+
+/// The instancer as it goes to Rust.
+oocpt::InstancerDesc HdOocPTDescribeInstancer(const SdfPath& path, const HdOocPTInstancerState& state);
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "scene/sceneChain.h"
+
+#include "pxr/base/tf/staticTokens.h"
+#include "pxr/imaging/hd/dataSource.h"
+#include "pxr/imaging/hdsi/extComputationPrimvarPruningSceneIndex.h"
+#include "pxr/imaging/hdsi/implicitSurfaceSceneIndex.h"
+
+#include <memory>
+#include <vector>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+TF_DEFINE_PRIVATE_TOKENS(_tokens, (toMesh)(capsule)(cone)(cube)(cylinder)(plane)(sphere));
+
+namespace {
+
+/// One token that never changes.
+class _TokenDataSource final : public HdTypedSampledDataSource<TfToken>
+{
+public:
+    explicit _TokenDataSource(const TfToken& token)
+        : _token(token)
+    {
+    }
+
+    VtValue GetValue(Time) override { return VtValue(_token); }
+    TfToken GetTypedValue(Time) override { return _token; }
+    bool GetContributingSampleTimesForInterval(Time, Time, std::vector<Time>*) override { return false; }
+
+private:
+    const TfToken _token;
+};
+
+/// Arguments of the implicit surface scene index: make a mesh of every kind of shape.
+class _AllShapesToMesh final : public HdContainerDataSource
+{
+public:
+    TfTokenVector GetNames() override
+    {
+        return { _tokens->capsule, _tokens->cone, _tokens->cube, _tokens->cylinder, _tokens->plane, _tokens->sphere };
+    }
+
+    HdDataSourceBaseHandle Get(const TfToken& name) override
+    {
+        for (const TfToken& known : GetNames()) {
+            if (name == known) {
+                return std::make_shared<_TokenDataSource>(_tokens->toMesh);
+            }
+        }
+        return nullptr;
+    }
+};
+
+} // namespace
+
+HdSceneIndexBaseRefPtr HdOocPTChainSceneIndices(const HdSceneIndexBaseRefPtr& terminal)
+{
+    const HdSceneIndexBaseRefPtr computed = HdSiExtComputationPrimvarPruningSceneIndex::New(terminal);
+    return HdsiImplicitSurfaceSceneIndex::New(computed, std::make_shared<_AllShapesToMesh>());
+}
+
+PXR_NAMESPACE_CLOSE_SCOPE

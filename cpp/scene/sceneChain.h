@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+#ifndef HDOOCPT_SCENE_SCENE_CHAIN_H
+#define HDOOCPT_SCENE_SCENE_CHAIN_H
+
+#include "pxr/imaging/hd/sceneIndex.h"
+#include "pxr/pxr.h"
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+/// The host's scene with what OocPT cannot take as it is resolved by Hydra's own filters: spheres, cubes, cones, cylinders,
+/// capsules and planes become meshes; primvars that ext computations produce (UsdSkel) become plain primvars.
+HdSceneIndexBaseRefPtr HdOocPTChainSceneIndices(const HdSceneIndexBaseRefPtr& terminal);
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif

@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "scene/sceneReader.h"
+
+#include "oocpt-bridge/src/lib.rs.h"
+#include "pxr/base/work/loops.h"
+#include "scene/instancerReader.h"
+#include "scene/lightReader.h"
+#include "scene/meshReader.h"
+#include "scene/primKind.h"
+#include "scene/tokens.h"
+
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <utility>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+/// A prim that the renderer knows.
+struct HdOocPTSceneReader::_Record
+{
+    HdOocPTPrimKind kind = HdOocPTPrimKind::Other;
+    TfToken type;
+    /// Set for meshes and instancers, according to kind.
+    std::unique_ptr<HdOocPTMeshState> mesh;
+    std::unique_ptr<HdOocPTInstancerState> instancer;
+};
+
+/// A prim to read, and what came out.
+struct HdOocPTSceneReader::_Job
+{
+    SdfPath path;
+    uint32_t dirtyBits;
+    _RecordPtr record;
+    std::optional<oocpt::MeshDesc> mesh;
+    std::optional<oocpt::InstancerDesc> instancer;
+    std::optional<oocpt::LightDesc> light;
+};
+
+namespace {
+
+/// Whether the renderer, for which a path is text and "below" means after a slash, counts the path as below its ancestors.
+bool _IsPlain(const SdfPath& path)
+{
+    return path.IsPrimPath() && !path.ContainsPrimVariantSelection();
+}
+
+rust::String _Text(const SdfPath& path)
+{
+    return rust::String::lossy(path.GetString());
+}
+
+} // namespace
+
+HdOocPTSceneReader::HdOocPTSceneReader(const HdSceneIndexBaseRefPtr& scene)
+    : _scene(scene)
+{
+    _scene->AddObserver(HdSceneIndexObserverPtr(&_observer));
+    for (const SdfPath& path : _scene->GetChildPrimPaths(SdfPath::AbsoluteRootPath())) {
+        _observer.AddSubtree(*_scene, path);
+    }
+}
+
+HdOocPTSceneReader::~HdOocPTSceneReader()
+{
+    _scene->RemoveObserver(HdSceneIndexObserverPtr(&_observer));
+}
+
+void HdOocPTSceneReader::Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* edits, HdOocPTWarnings* warnings)
+{
+    const HdOocPTSceneChanges changes = _observer.Take();
+    _TakeRemovals(changes.removed, edits);
+    std::vector<_Job> jobs = _TakeChanges(changes, edits, warnings);
+    WorkParallelForN(jobs.size(), [&](size_t begin, size_t end) {
+        for (size_t i = begin; i < end; ++i) {
+            _ReadJob(&jobs[i], primIdOf, warnings);
+        }
+    });
+    for (_Job& job : jobs) {
+        if (job.mesh) {
+            edits->meshes.push_back(std::move(*job.mesh));
+        } else if (job.instancer) {
+            edits->instancers.push_back(std::move(*job.instancer));
+        } else if (job.light) {
+            edits->lights.push_back(std::move(*job.light));
+        }
+    }
+    _ReadSettings();
+}
+
+void HdOocPTSceneReader::_TakeRemovals(const std::vector<SdfPath>& removed, oocpt::SceneEdits* edits)
+{
+    for (const SdfPath& root : removed) {
+        bool any = false;
+        const auto range = _records.FindSubtreeRange(root);
+        for (auto it = range.first; it != range.second; ++it) {
+            if (!it->second) {
+                continue;
+            }
+            any = true;
+            _settingsPrims.erase(it->first);
+            if (!_IsPlain(it->first) && it->first != root) {
+                edits->removed.push_back(_Text(it->first));
+            }
+        }
+        if (any) {
+            edits->removed.push_back(_Text(root));
+        }
+        _records.erase(root);
+    }
+}
+
+void HdOocPTSceneReader::_RemoveAlone(const SdfPath& path, oocpt::SceneEdits* edits, std::set<SdfPath>* again)
+{
+    edits->removed.push_back(_Text(path));
+    _settingsPrims.erase(path);
+    const auto range = _records.FindSubtreeRange(path);
+    for (auto it = range.first; it != range.second; ++it) {
+        if (it->second && it->first != path) {
+            again->insert(it->first);
+        }
+    }
+    _records[path].reset();
+}
+
+std::vector<HdOocPTSceneReader::_Job> HdOocPTSceneReader::_TakeChanges(
+    const HdOocPTSceneChanges& changes, oocpt::SceneEdits* edits, HdOocPTWarnings* warnings)
+{
+    std::set<SdfPath> again;
+    std::map<SdfPath, uint32_t> dirty;
+    for (const auto& [path, change] : changes.changes) {
+        if (change.added) {
+            const HdOocPTPrimKind kind = HdOocPTKindOfPrim(change.type);
+            const auto known = _records.find(path);
+            const bool isKnown = known != _records.end() && known->second;
+            if (isKnown && known->second->type != change.type) {
+                _RemoveAlone(path, edits, &again);
+            }
+            if (kind == HdOocPTPrimKind::Other) {
+                continue;
+            }
+            _RecordPtr& record = _records[path];
+            if (!record) {
+                record = std::make_shared<_Record>();
+                record->kind = kind;
+                record->type = change.type;
+            }
+        }
+        if (change.dirtyBits != 0) {
+            dirty[path] |= change.dirtyBits;
+        }
+    }
+    // The renderer removes whole subtrees: what only lost its parent goes there once more, from the kept state.
+    for (const SdfPath& path : again) {
+        dirty.emplace(path, 0);
+    }
+
+    std::vector<_Job> jobs;
+    jobs.reserve(dirty.size());
+    for (const auto& [path, bits] : dirty) {
+        const auto known = _records.find(path);
+        if (known == _records.end() || !known->second) {
+            continue;
+        }
+        const _RecordPtr& record = known->second;
+        if (record->kind == HdOocPTPrimKind::RenderSettings) {
+            _settingsPrims.insert(path);
+        } else if (record->kind == HdOocPTPrimKind::Unsupported) {
+            warnings->Add(path, "a " + record->type.GetString() + " is not supported yet; left out");
+        } else {
+            _Job job;
+            job.path = path;
+            job.dirtyBits = bits;
+            job.record = record;
+            jobs.push_back(std::move(job));
+        }
+    }
+    return jobs;
+}
+
+void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const
+{
+    const HdSceneIndexPrim prim = _scene->GetPrim(job->path);
+    if (!prim.dataSource) {
+        return;
+    }
+    _Record& record = *job->record;
+    HdOocPTPrimSource source { job->path, prim.dataSource, job->dirtyBits, warnings };
+    switch (record.kind) {
+    case HdOocPTPrimKind::Mesh:
+        if (!record.mesh) {
+            record.mesh = std::make_unique<HdOocPTMeshState>();
+            source.dirtyBits = HdOocPTDirtyAll;
+        }
+        HdOocPTReadMesh(source, record.mesh.get());
+        job->mesh = HdOocPTDescribeMesh(job->path, *record.mesh, primIdOf ? primIdOf(job->path) : -1);
+        break;
+    case HdOocPTPrimKind::Instancer:
+        if (!record.instancer) {
+            record.instancer = std::make_unique<HdOocPTInstancerState>();
+            source.dirtyBits = HdOocPTDirtyAll;
+        }
+        HdOocPTReadInstancer(source, record.instancer.get());
+        job->instancer = HdOocPTDescribeInstancer(job->path, *record.instancer);
+        break;
+    case HdOocPTPrimKind::Light:
+        job->light = HdOocPTReadLight(source, record.type);
+        break;
+    case HdOocPTPrimKind::RenderSettings:
+    case HdOocPTPrimKind::Unsupported:
+    case HdOocPTPrimKind::Other:
+        break;
+    }
+}
+
+void HdOocPTSceneReader::_ReadSettings()
+{
+    _settings.clear();
+    for (const SdfPath& path : _settingsPrims) {
+        for (auto& [name, value] : HdOocPTReadRenderSettings(*_scene, path)) {
+            _settings[name] = value;
+        }
+    }
+}
+
+PXR_NAMESPACE_CLOSE_SCOPE

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#ifndef HDOOCPT_SCENE_SCENE_READER_H
+#define HDOOCPT_SCENE_SCENE_READER_H
+
+#include "pxr/imaging/hd/sceneIndex.h"
+#include "pxr/pxr.h"
+#include "pxr/usd/sdf/path.h"
+#include "pxr/usd/sdf/pathTable.h"
+#include "scene/cameraReader.h"
+#include "scene/sceneObserver.h"
+#include "scene/settingsReader.h"
+#include "scene/warnings.h"
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <set>
+#include <vector>
+
+namespace oocpt {
+struct SceneEdits;
+}
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+/// Turns what happened to a scene index into edits for the renderer.
+///
+/// Keeps the last state of every mesh and instancer, whose arrays share their data with the scene, so that an edit reads only
+/// what it dirtied. Which edits come out, and in which order, does not depend on threads.
+///
+/// Threads: one at a time; Read() itself reads prims in parallel.
+class HdOocPTSceneReader
+{
+public:
+    using PrimIdLookup = std::function<int32_t(const SdfPath&)>;
+
+    /// Listens to the scene from now on; what is there already counts as added.
+    explicit HdOocPTSceneReader(const HdSceneIndexBaseRefPtr& scene);
+    ~HdOocPTSceneReader();
+    HdOocPTSceneReader(const HdOocPTSceneReader&) = delete;
+    HdOocPTSceneReader& operator=(const HdOocPTSceneReader&) = delete;
+
+    /// Whether Read() has anything to do.
+    bool HasChanges() const { return !_observer.IsEmpty(); }
+
+    /// Reads what changed since the last call.
+    void Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* edits, HdOocPTWarnings* warnings);
+
+    /// The settings of the active render settings prim, as of the last Read().
+    const HdOocPTSettingMap& GetSettings() const { return _settings; }
+
+    /// The lens of a camera prim, as it is now.
+    HdOocPTLens GetLens(const SdfPath& camera) const { return HdOocPTReadLens(*_scene, camera); }
+
+private:
+    struct _Record;
+    struct _Job;
+    using _RecordPtr = std::shared_ptr<_Record>;
+
+    void _TakeRemovals(const std::vector<SdfPath>& removed, oocpt::SceneEdits* edits);
+    std::vector<_Job> _TakeChanges(
+        const HdOocPTSceneChanges& changes, oocpt::SceneEdits* edits, HdOocPTWarnings* warnings);
+    void _RemoveAlone(const SdfPath& path, oocpt::SceneEdits* edits, std::set<SdfPath>* again);
+    void _ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const;
+    void _ReadSettings();
+
+    const HdSceneIndexBaseRefPtr _scene;
+    HdOocPTSceneObserver _observer;
+    /// Every prim that OocPT has to do with; entries without record are mere ancestors.
+    SdfPathTable<_RecordPtr> _records;
+    std::set<SdfPath> _settingsPrims;
+    HdOocPTSettingMap _settings;
+};
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#ifndef HDOOCPT_SCENE_SETTINGS_READER_H
+#define HDOOCPT_SCENE_SETTINGS_READER_H
+
+#include "pxr/base/tf/token.h"
+#include "pxr/base/vt/value.h"
+#include "pxr/imaging/hd/sceneIndex.h"
+#include "pxr/pxr.h"
+#include "pxr/usd/sdf/path.h"
+
+#include <map>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+/// Settings by key, in a fixed order.
+using HdOocPTSettingMap = std::map<TfToken, VtValue>;
+
+/// The path of the render settings prim that the host has made active; empty when there is none.
+SdfPath HdOocPTActiveRenderSettings(const HdSceneIndexBase& scene);
+
+/// The namespaced settings of a render settings prim; empty if it is not active, neither by its own flag nor by the scene's
+/// globals.
+HdOocPTSettingMap HdOocPTReadRenderSettings(const HdSceneIndexBase& scene, const SdfPath& path);
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif
