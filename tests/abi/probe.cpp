@@ -1,20 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Loaded into the wheel host by tests/abi/test_abi.py: tells what cpp/abi/25.08 believes, and checks it in action.
 ///
-/// - One concrete class per declared interface, so that this library has their virtual tables. No `override` anywhere:
-///   the test also compiles this file against headers with planted faults, and those must compile.
+/// - The virtual tables of one concrete class per declared interface (probe_classes.h).
 /// - oocpt_abi_sizes(): the sizes that the headers declare, to compare with the runtime's deleting destructors.
 /// - oocpt_abi_run(): passes values through functions of the runtime and back through inline members of the headers.
-#include "pxr/imaging/hd/camera.h"
-#include "pxr/imaging/hd/instancer.h"
-#include "pxr/imaging/hd/renderBuffer.h"
-#include "pxr/imaging/hd/renderDelegate.h"
-#include "pxr/imaging/hd/renderSettings.h"
-#include "pxr/imaging/hd/rendererPluginRegistry.h"
-#include "pxr/imaging/hd/retainedDataSource.h"
-#include "pxr/imaging/hd/rprim.h"
-#include "pxr/imaging/hdsi/extComputationPrimvarPruningSceneIndex.h"
-#include "pxr/imaging/hdsi/implicitSurfaceSceneIndex.h"
+#include "probe_classes.h"
 
 #include <sstream>
 #include <string>
@@ -22,224 +12,13 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-// ---- one class per interface; only what is pure there is defined here ----
-
-struct ProbeRendererPlugin : HdRendererPlugin
-{
-    ~ProbeRendererPlugin();
-    HdRenderDelegate* CreateRenderDelegate() { return nullptr; }
-    HdRenderDelegate* CreateRenderDelegate(HdRenderSettingsMap const&) { return nullptr; }
-    void DeleteRenderDelegate(HdRenderDelegate*) { }
-    bool IsSupported(bool) const { return false; }
-};
-ProbeRendererPlugin::~ProbeRendererPlugin() = default;
-
-struct ProbeRenderDelegate : HdRenderDelegate
-{
-    ~ProbeRenderDelegate();
-    TfTokenVector const& GetSupportedRprimTypes() const { return none; }
-    TfTokenVector const& GetSupportedSprimTypes() const { return none; }
-    TfTokenVector const& GetSupportedBprimTypes() const { return none; }
-    HdResourceRegistrySharedPtr GetResourceRegistry() const { return nullptr; }
-    HdRenderPassSharedPtr CreateRenderPass(HdRenderIndex*, HdRprimCollection const&) { return nullptr; }
-    HdInstancer* CreateInstancer(HdSceneDelegate*, SdfPath const&) { return nullptr; }
-    void DestroyInstancer(HdInstancer*) { }
-    HdRprim* CreateRprim(TfToken const&, SdfPath const&) { return nullptr; }
-    void DestroyRprim(HdRprim*) { }
-    HdSprim* CreateSprim(TfToken const&, SdfPath const&) { return nullptr; }
-    HdSprim* CreateFallbackSprim(TfToken const&) { return nullptr; }
-    void DestroySprim(HdSprim*) { }
-    HdBprim* CreateBprim(TfToken const&, SdfPath const&) { return nullptr; }
-    HdBprim* CreateFallbackBprim(TfToken const&) { return nullptr; }
-    void DestroyBprim(HdBprim*) { }
-    void CommitResources(HdChangeTracker*) { }
-
-    VtValue MapValue(TfToken const& key) { return _settingsMap[key]; }
-    unsigned int Version() const { return _settingsVersion; }
-    void Populate(HdRenderSettingDescriptorList const& list) { _PopulateDefaultSettings(list); }
-
-    TfTokenVector none;
-};
-ProbeRenderDelegate::~ProbeRenderDelegate() = default;
-
-struct ProbeRenderPass : HdRenderPass
-{
-    using HdRenderPass::HdRenderPass;
-    ~ProbeRenderPass();
-    void _Execute(HdRenderPassStateSharedPtr const&, TfTokenVector const&) { }
-};
-ProbeRenderPass::~ProbeRenderPass() = default;
-
-struct ProbeRenderPassState : HdRenderPassState
-{
-    ~ProbeRenderPassState();
-};
-ProbeRenderPassState::~ProbeRenderPassState() = default;
-
-struct ProbeRenderBuffer : HdRenderBuffer
-{
-    using HdRenderBuffer::HdRenderBuffer;
-    ~ProbeRenderBuffer();
-    bool Allocate(GfVec3i const&, HdFormat, bool) { return false; }
-    unsigned int GetWidth() const { return 0; }
-    unsigned int GetHeight() const { return 0; }
-    unsigned int GetDepth() const { return 0; }
-    HdFormat GetFormat() const { return HdFormatInvalid; }
-    bool IsMultiSampled() const { return false; }
-    void* Map() { return nullptr; }
-    void Unmap() { }
-    bool IsMapped() const { return false; }
-    void Resolve() { }
-    bool IsConverged() const { return false; }
-    void _Deallocate() { }
-};
-ProbeRenderBuffer::~ProbeRenderBuffer() = default;
-
-struct ProbeRprim : HdRprim
-{
-    using HdRprim::HdRprim;
-    ~ProbeRprim();
-    HdDirtyBits GetInitialDirtyBitsMask() const { return 0; }
-    void Sync(HdSceneDelegate*, HdRenderParam*, HdDirtyBits*, TfToken const&) { }
-    TfTokenVector const& GetBuiltinPrimvarNames() const { return none; }
-    HdDirtyBits _PropagateDirtyBits(HdDirtyBits bits) const { return bits; }
-    void _InitRepr(TfToken const&, HdDirtyBits*) { }
-    TfTokenVector none;
-};
-ProbeRprim::~ProbeRprim() = default;
-
-struct ProbeSprim : HdSprim
-{
-    using HdSprim::HdSprim;
-    ~ProbeSprim();
-    void Sync(HdSceneDelegate*, HdRenderParam*, HdDirtyBits*) { }
-    HdDirtyBits GetInitialDirtyBitsMask() const { return 0; }
-};
-ProbeSprim::~ProbeSprim() = default;
-
-struct ProbeBprim : HdBprim
-{
-    using HdBprim::HdBprim;
-    ~ProbeBprim();
-    void Sync(HdSceneDelegate*, HdRenderParam*, HdDirtyBits*) { }
-    HdDirtyBits GetInitialDirtyBitsMask() const { return 0; }
-};
-ProbeBprim::~ProbeBprim() = default;
-
-struct ProbeRenderSettings : HdRenderSettings
-{
-    explicit ProbeRenderSettings(SdfPath const& id)
-        : HdRenderSettings(id)
-    {
-    }
-    ~ProbeRenderSettings();
-};
-ProbeRenderSettings::~ProbeRenderSettings() = default;
-
-struct ProbeInstancer : HdInstancer
-{
-    using HdInstancer::HdInstancer;
-    ~ProbeInstancer();
-};
-ProbeInstancer::~ProbeInstancer() = default;
-
-struct ProbeCamera : HdCamera
-{
-    using HdCamera::HdCamera;
-    ~ProbeCamera();
-};
-ProbeCamera::~ProbeCamera() = default;
-
-struct ProbeRenderParam : HdRenderParam
-{
-    ~ProbeRenderParam();
-};
-ProbeRenderParam::~ProbeRenderParam() = default;
-
-struct ProbeResourceRegistry : HdResourceRegistry
-{
-    ~ProbeResourceRegistry();
-};
-ProbeResourceRegistry::~ProbeResourceRegistry() = default;
-
-struct ProbeContainerDataSource : HdContainerDataSource
-{
-    ~ProbeContainerDataSource();
-    std::vector<TfToken> GetNames() { return {}; }
-    HdDataSourceBaseHandle Get(TfToken const&) { return nullptr; }
-};
-ProbeContainerDataSource::~ProbeContainerDataSource() = default;
-
-struct ProbeVectorDataSource : HdVectorDataSource
-{
-    ~ProbeVectorDataSource();
-    std::size_t GetNumElements() { return 0; }
-    HdDataSourceBaseHandle GetElement(std::size_t) { return nullptr; }
-};
-ProbeVectorDataSource::~ProbeVectorDataSource() = default;
-
-struct ProbeTokenDataSource : HdTypedSampledDataSource<TfToken>
-{
-    ~ProbeTokenDataSource();
-    VtValue GetValue(Time) { return {}; }
-    bool GetContributingSampleTimesForInterval(Time, Time, std::vector<Time>*) { return false; }
-    TfToken GetTypedValue(Time) { return {}; }
-};
-ProbeTokenDataSource::~ProbeTokenDataSource() = default;
-
-struct ProbeObserver : HdSceneIndexObserver
-{
-    ~ProbeObserver();
-    void PrimsAdded(HdSceneIndexBase const&, AddedPrimEntries const& entries)
-    {
-        for (auto const& entry : entries) {
-            seen << "+" << entry.primPath << ":" << entry.primType << " ";
-        }
-    }
-    void PrimsRemoved(HdSceneIndexBase const&, RemovedPrimEntries const& entries)
-    {
-        for (auto const& entry : entries) {
-            seen << "-" << entry.primPath << " ";
-        }
-    }
-    void PrimsDirtied(HdSceneIndexBase const&, DirtiedPrimEntries const& entries)
-    {
-        for (auto const& entry : entries) {
-            seen << "*" << entry.primPath;
-            for (auto const& locator : entry.dirtyLocators) {
-                seen << "," << locator.GetString();
-            }
-            seen << " ";
-        }
-    }
-    void PrimsRenamed(HdSceneIndexBase const& sender, RenamedPrimEntries const& entries)
-    {
-        ConvertPrimsRenamedToRemovedAndAdded(sender, entries, this);
-    }
-    std::ostringstream seen;
-};
-ProbeObserver::~ProbeObserver() = default;
-
-struct ProbeSceneIndex : HdSceneIndexBase
-{
-    ~ProbeSceneIndex();
-    HdSceneIndexPrim GetPrim(SdfPath const& path) const
-    {
-        TfToken const name("name");
-        HdDataSourceBaseHandle const value = HdRetainedTypedSampledDataSource<TfToken>::New(path.GetNameToken());
-        return { TfToken("probe"), HdRetainedContainerDataSource::New(1, &name, &value) };
-    }
-    SdfPathVector GetChildPrimPaths(SdfPath const&) const { return {}; }
-};
-ProbeSceneIndex::~ProbeSceneIndex() = default;
-
 // ---- runtime functions that the headers do not declare ----
 
 #define RUNTIME(name) __asm__("_ZN32pxrBlender_v25_08__pxrReserved__" name)
-void RuntimeSetFraming(HdRenderPassState*, CameraUtilFraming const&) RUNTIME(
-    "17HdRenderPassState10SetFramingERKNS_17CameraUtilFramingE");
-void RuntimeSetAovBindings(HdRenderPassState*, HdRenderPassAovBindingVector const&) RUNTIME(
-    "17HdRenderPassState14SetAovBindingsERKSt6vectorINS_22HdRenderPassAovBindingESaIS2_EE");
+void RuntimeSetFraming(HdRenderPassState*, CameraUtilFraming const&)
+    RUNTIME("17HdRenderPassState10SetFramingERKNS_17CameraUtilFramingE");
+void RuntimeSetAovBindings(HdRenderPassState*, HdRenderPassAovBindingVector const&)
+    RUNTIME("17HdRenderPassState14SetAovBindingsERKSt6vectorINS_22HdRenderPassAovBindingESaIS2_EE");
 void RuntimeSetCamera(HdRenderPassState*, HdCamera const*) RUNTIME("17HdRenderPassState9SetCameraEPKNS_8HdCameraE");
 void RuntimeSetPrimId(HdRprim*, int) RUNTIME("7HdRprim9SetPrimIdEi");
 void RuntimeMakeCollection(void*) RUNTIME("17HdRprimCollectionC1Ev");
@@ -315,7 +94,8 @@ void _CheckDelegate()
         "HdRenderSettingDescriptor: defaults");
     HdAovDescriptor const aov = delegate.HdRenderDelegate::GetDefaultAovDescriptor(TfToken("color"));
     _Expect(aov.format == HdFormatInvalid && !aov.multiSampled && aov.clearValue.IsEmpty(), "HdAovDescriptor");
-    _Expect(!delegate.GetCapabilities() && delegate.GetCommandDescriptors().empty(), "HdRenderDelegate: returned values");
+    _Expect(
+        !delegate.GetCapabilities() && delegate.GetCommandDescriptors().empty(), "HdRenderDelegate: returned values");
 }
 
 void _CheckFormats()
@@ -339,7 +119,6 @@ void _CheckFormats()
         { HdFormatUInt16, 1, 2, HdFormatUInt16 },
         { HdFormatInt32, 1, 4, HdFormatInt32 },
         { HdFormatInt32Vec4, 4, 16, HdFormatInt32 },
-        { HdFormatFloat32UInt8, 2, 8, HdFormatFloat32UInt8 },
     };
     for (auto const& row : expected) {
         bool const isEqual = HdGetComponentCount(row.format) == row.components
@@ -361,8 +140,7 @@ void _CheckSceneIndices()
 
     HdDataSourceLocator const name(TfToken("name"));
     HdSceneIndexPrim const prim = last->GetPrim(SdfPath("/a/b"));
-    auto const source
-        = HdTypedSampledDataSource<TfToken>::Cast(HdContainerDataSource::Get(prim.dataSource, name));
+    auto const source = HdTypedSampledDataSource<TfToken>::Cast(HdContainerDataSource::Get(prim.dataSource, name));
     _Expect(prim.primType == "probe" && source && source->GetTypedValue(0) == "b", "HdSceneIndexBase: prim");
 
     HdSceneIndexObserver::DirtiedPrimEntries dirtied;
