@@ -2,6 +2,8 @@
 //! A plain path tracer: the definition of light transport that OocPT's pictures are held to.
 //!
 //! Lambert surfaces lit by constant domes (found by cosine-sampled rays that escape) and distant lights (by shadow rays).
+//! With a shading normal the cosine lobe is about that one, and what of it falls below the true surface is mirrored at it, so
+//! that no light is lost. Albedo is clamped to `[0, 1]`.
 //! `displayOpacity` is the chance that a crossing stops a ray of any kind. A path has one camera hit and at most
 //! `max_bounces` further ones; each of them gathers the light that reaches it directly. No Russian roulette, no MIS: slow, but
 //! there is little to get wrong. Colour is premultiplied; alpha is 1 where the camera ray stops or sees a visible dome.
@@ -133,18 +135,14 @@ impl Tracer<'_> {
                 break;
             }
             let surface = self.world.surface(&ray, &hit);
-            let (geometric, shading) = towards(&surface, ray.direction);
+            let lobe = Lobe::new(&surface, ray.direction);
             let albedo = surface.color.unwrap_or(DVec3::splat(self.options.default_albedo));
-            throughput *= albedo;
-            let start = surface.position + geometric * (1e-9 * (1.0 + surface.position.abs().max_element()));
-            radiance += throughput * self.distant(start, (geometric, shading), random);
-            let direction = random.cosine_hemisphere(shading);
-            if direction.dot(geometric) <= 0.0 {
-                break;
-            }
+            throughput *= albedo.clamp(DVec3::ZERO, DVec3::ONE);
+            let start = surface.position + lobe.geometric * (1e-9 * (1.0 + surface.position.abs().max_element()));
+            radiance += throughput * self.distant(start, &lobe, random);
             ray = Ray {
                 origin: start,
-                direction,
+                direction: lobe.sample(random),
             };
         }
         radiance.extend(1.0)
@@ -178,8 +176,8 @@ impl Tracer<'_> {
         radiance.map(|radiance| DVec3::from(radiance.map(f64::from))).sum()
     }
 
-    /// Light from all distant lights that leaves a white surface at `start`: irradiance / pi.
-    fn distant(&self, start: DVec3, (geometric, shading): (DVec3, DVec3), random: &mut Random) -> DVec3 {
+    /// Light from all distant lights that leaves a white surface at `start`: the integral of radiance times the lobe.
+    fn distant(&self, start: DVec3, lobe: &Lobe, random: &mut Random) -> DVec3 {
         let mut sum = DVec3::ZERO;
         for light in self.lights {
             let Light::Distant {
@@ -200,8 +198,8 @@ impl Tracer<'_> {
                     std::f64::consts::TAU * (1.0 - cosine_bound),
                 )
             };
-            let cosine = towards_light.dot(shading);
-            if cosine <= 0.0 || towards_light.dot(geometric) <= 0.0 {
+            let density = lobe.density(towards_light);
+            if density <= 0.0 {
                 continue;
             }
             let shadow_ray = Ray {
@@ -213,25 +211,81 @@ impl Tracer<'_> {
                 .nearest_opaque(&shadow_ray, |opacity| random.uniform() < opacity)
                 .is_none()
             {
-                let radiance = DVec3::from(radiance.map(f64::from));
-                sum += radiance * (cosine * solid_angle * std::f64::consts::FRAC_1_PI);
+                sum += DVec3::from(radiance.map(f64::from)) * (density * solid_angle);
             }
         }
         sum
     }
 }
 
-/// The normals on the side the ray comes from: both sides of a surface reflect.
-fn towards(surface: &Surface, direction: DVec3) -> (DVec3, DVec3) {
-    let flip = |normal: DVec3| if normal.dot(direction) > 0.0 { -normal } else { normal };
-    let geometric = flip(surface.geometric_normal);
-    let shading = surface.shading_normal;
-    (
-        geometric,
-        if shading.dot(geometric) < 0.0 {
-            -shading
+/// Reflection of a white surface: cosine over pi about the shading normal, mirrored up where it falls below the surface.
+struct Lobe {
+    geometric: DVec3,
+    shading: DVec3,
+}
+
+impl Lobe {
+    /// Both normals on the side that the ray comes from: both sides of a surface reflect.
+    fn new(surface: &Surface, direction: DVec3) -> Self {
+        let flip = |normal: DVec3, wrong: bool| if wrong { -normal } else { normal };
+        let geometric = flip(surface.geometric_normal, surface.geometric_normal.dot(direction) > 0.0);
+        let shading = flip(surface.shading_normal, surface.shading_normal.dot(geometric) < 0.0);
+        Self { geometric, shading }
+    }
+
+    fn mirrored(&self, direction: DVec3) -> DVec3 {
+        direction - self.geometric * (2.0 * self.geometric.dot(direction))
+    }
+
+    fn density(&self, direction: DVec3) -> f64 {
+        if direction.dot(self.geometric) <= 0.0 {
+            return 0.0;
+        }
+        let cosines = direction.dot(self.shading).max(0.0) + self.mirrored(direction).dot(self.shading).max(0.0);
+        cosines * std::f64::consts::FRAC_1_PI
+    }
+
+    fn sample(&self, random: &mut Random) -> DVec3 {
+        let direction = random.cosine_hemisphere(self.shading);
+        if direction.dot(self.geometric) < 0.0 {
+            self.mirrored(direction)
         } else {
-            shading
-        },
-    )
+            direction
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tilted_lobe_loses_nothing_and_samples_its_density() {
+        let lobe = Lobe {
+            geometric: DVec3::Z,
+            shading: DVec3::new(0.8, 0.0, 0.6),
+        };
+        let mut random = Random::new(3, 0, 0);
+        let count = 400_000;
+        let (mut integral, mut by_density, mut by_sampling) = (0.0, 0.0, 0.0);
+        for _ in 0..count {
+            let uniform = random.cone(DVec3::Z, 0.0);
+            let weight = lobe.density(uniform) * std::f64::consts::TAU;
+            integral += weight;
+            by_density += weight * uniform.x;
+            by_sampling += lobe.sample(&mut random).x;
+        }
+        let mean = |sum: f64| sum / f64::from(count);
+        assert!(
+            (mean(integral) - 1.0).abs() < 5e-3,
+            "the lobe integrates to {}",
+            mean(integral)
+        );
+        assert!(
+            (mean(by_density) - mean(by_sampling)).abs() < 5e-3,
+            "{} against {}",
+            mean(by_density),
+            mean(by_sampling)
+        );
+    }
 }

@@ -147,13 +147,14 @@ impl World {
         self.corners.len()
     }
 
-    /// The nearest crossing, and how far behind the next one is.
+    /// The nearest crossing that is not wholly transparent, and how far behind the next one is.
     #[must_use]
     pub fn nearest(&self, ray: &Ray) -> Option<WorldHit> {
         let mut best: Option<Crossing> = None;
         let mut runner_up = f64::INFINITY;
         self.bvh.visit(&self.corners, ray, f64::INFINITY, |crossing| {
             match best {
+                _ if self.opacity(crossing) <= 0.0 => (),
                 Some(nearest) if nearest.t <= crossing.t => runner_up = runner_up.min(crossing.t),
                 previous => {
                     runner_up = previous.map_or(f64::INFINITY, |previous| previous.t);
