@@ -98,6 +98,9 @@ Surface make_surface(uint triangle, vec2 uv) {
     vec3 error = 2.0 * UNIT_ROUNDOFF * abs(s.position);
     const vec3 landed = forward_with_error(s.position, error);
     error += 8.0 * UNIT_ROUNDOFF * max(abs(v0), max(abs(v1), abs(v2)));
+    // The triangle test itself rounds in proportion to the triangle as seen from the origin, in any direction.
+    const vec3 span = max(abs(v0 - local), max(abs(v1 - local), abs(v2 - local)));
+    error += 32.0 * UNIT_ROUNDOFF * max(span.x, max(span.y, span.z));
     const float distance = abs(dot(object_normal, landed - local)) + dot(abs(object_normal), error);
     s.offset = distance / max(length(covector), 1.0e-30);
 

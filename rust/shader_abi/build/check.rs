@@ -57,7 +57,11 @@ pub(crate) fn check(words: &[u32], layouts: &[Layout]) -> Result<BTreeSet<String
             _ => {}
         }
     }
-    if errors.is_empty() { Ok(seen) } else { Err(errors.join("\n")) }
+    if errors.is_empty() {
+        Ok(seen)
+    } else {
+        Err(errors.join("\n"))
+    }
 }
 
 impl<'m> Types<'m> {
@@ -89,7 +93,14 @@ impl<'m> Types<'m> {
             (Op::Name, [Operand::IdRef(id), Operand::LiteralString(name)]) => {
                 self.names.insert(*id, name);
             }
-            (Op::MemberName, [Operand::IdRef(id), Operand::LiteralBit32(index), Operand::LiteralString(name)]) => {
+            (
+                Op::MemberName,
+                [
+                    Operand::IdRef(id),
+                    Operand::LiteralBit32(index),
+                    Operand::LiteralString(name),
+                ],
+            ) => {
                 self.member_names.insert((*id, *index), name);
             }
             _ => {}
@@ -98,10 +109,19 @@ impl<'m> Types<'m> {
 
     fn read_decoration(&mut self, operands: &[Operand]) {
         match operands {
-            [Operand::IdRef(id), Operand::LiteralBit32(index), Operand::Decoration(Decoration::Offset), Operand::LiteralBit32(offset)] => {
+            [
+                Operand::IdRef(id),
+                Operand::LiteralBit32(index),
+                Operand::Decoration(Decoration::Offset),
+                Operand::LiteralBit32(offset),
+            ] => {
                 self.offsets.insert((*id, *index), u64::from(*offset));
             }
-            [Operand::IdRef(id), Operand::Decoration(Decoration::ArrayStride), Operand::LiteralBit32(stride)] => {
+            [
+                Operand::IdRef(id),
+                Operand::Decoration(Decoration::ArrayStride),
+                Operand::LiteralBit32(stride),
+            ] => {
                 self.strides.insert(*id, u64::from(*stride));
             }
             [Operand::IdRef(id), Operand::Decoration(Decoration::Block)] => {
@@ -127,13 +147,25 @@ impl<'m> Types<'m> {
         };
         seen.insert(name.to_owned());
         if members.len() != layout.members.len() {
-            errors.push(format!("{name}: {} members in GLSL, {} in Rust", members.len(), layout.members.len()));
+            errors.push(format!(
+                "{name}: {} members in GLSL, {} in Rust",
+                members.len(),
+                layout.members.len()
+            ));
         }
         for (index, (operand, member)) in (0_u32..).zip(members.iter().zip(&layout.members)) {
             let glsl = Member {
-                name: self.member_names.get(&(id, index)).copied().unwrap_or_default().to_owned(),
+                name: self
+                    .member_names
+                    .get(&(id, index))
+                    .copied()
+                    .unwrap_or_default()
+                    .to_owned(),
                 offset: self.offsets.get(&(id, index)).copied().unwrap_or(u64::MAX),
-                size: operand.id_ref_any().and_then(|member| self.size(member)).unwrap_or(u64::MAX),
+                size: operand
+                    .id_ref_any()
+                    .and_then(|member| self.size(member))
+                    .unwrap_or(u64::MAX),
             };
             if (&glsl.name, glsl.offset, glsl.size) != (&member.name, member.offset, member.size) {
                 errors.push(format!("{name}: GLSL has {glsl:?}, Rust has {member:?}"));
@@ -142,14 +174,19 @@ impl<'m> Types<'m> {
     }
 
     fn check_stride(&self, id: u32, layouts: &[Layout], errors: &mut Vec<String>) {
-        let Some(element) = self.operands(id).first().and_then(Operand::id_ref_any) else { return };
+        let Some(element) = self.operands(id).first().and_then(Operand::id_ref_any) else {
+            return;
+        };
         let name = self.name(element);
         let (Some(stride), Some(layout)) = (self.strides.get(&id), layouts.iter().find(|layout| layout.name == name))
         else {
             return;
         };
         if *stride != layout.size {
-            errors.push(format!("{name}: array stride {stride} in GLSL, size {} in Rust", layout.size));
+            errors.push(format!(
+                "{name}: array stride {stride} in GLSL, size {} in Rust",
+                layout.size
+            ));
         }
     }
 

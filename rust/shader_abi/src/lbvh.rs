@@ -1,18 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The plan of a GPU build of an instance tree: Morton keys, radix sort, Karras hierarchy, refit.
+//! The plan of a GPU build of an instance tree: Morton keys, sort, Karras hierarchy, refit.
 //!
 //! Guarantees: [`steps`] is a pure function; the tree it makes depends only on the bounds (ties by index), not on timing.
 //! Any thread. Sources: Karras 2012, "Maximizing Parallelism in the Construction of BVHs, Octrees, and k-d Trees".
 
-use crate::{LbvhBounds, LbvhPush, Module, groups, passes};
+use crate::{LbvhBounds, LbvhPush, Module, WORKGROUP_SIZE, groups, passes};
 
 /// Most items of one tree.
 pub const MAX_ITEMS: u32 = 1 << 26;
 
-/// Items that one workgroup sorts: 64 threads x 16.
+/// Most items that one workgroup sorts whole, in shared memory; the twin of `SMALL` in `sort_small.comp`.
+const SMALL: u32 = 2048;
+/// Items of a tile of the radix sort: 64 threads x 16.
 const TILE: u32 = 1024;
 /// Digits of a radix pass.
 const DIGITS: u32 = 256;
+/// Digits of a key.
+const RADIX_PASSES: u32 = 8;
 
 /// A tree to build. Addresses are device addresses.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -78,43 +82,29 @@ impl Layout {
 /// The dispatches that build the tree of `job`, in order.
 #[must_use]
 pub fn steps(job: &Job) -> Vec<Step> {
-    let layout = Layout::new(job.count);
-    let at = |offset: u64| job.scratch + offset;
-    let tiles = job.count.div_ceil(TILE);
-    let (origin, scale) = quantisation(&job.around);
-    let mut push = LbvhPush {
-        bounds: job.bounds,
-        keys_in: at(layout.keys[0]),
-        keys_out: at(layout.keys[1]),
-        items_in: at(layout.items[0]),
-        items_out: at(layout.items[1]),
-        histogram: at(layout.histogram),
-        nodes: job.nodes,
-        parents: at(layout.keys[1]),
-        visits: at(layout.items[1]),
-        depth: job.depth,
-        origin,
-        scale,
-        count: job.count,
-        shift: 0,
-        groups: tiles,
-        pad: 0,
-    };
+    let mut push = first_push(job);
     let items = groups(u64::from(job.count));
     let mut steps = Vec::new();
-    if job.count > 1 {
+    if (2..=SMALL).contains(&job.count) {
+        steps.push(Step {
+            module: &passes::LBVH_SORT_SMALL,
+            push,
+            groups: [1, 1, 1],
+        });
+    }
+    if job.count > SMALL {
+        let tiles = groups(u64::from(push.groups) * u64::from(WORKGROUP_SIZE));
         steps.push(Step {
             module: &passes::LBVH_MORTON,
             push,
             groups: items,
         });
-        for pass in 0..8 {
+        for pass in 0..RADIX_PASSES {
             push.shift = 8 * pass;
-            let tile_groups = groups(u64::from(tiles) * u64::from(crate::WORKGROUP_SIZE));
             steps.push(Step {
                 module: &passes::LBVH_SORT_COUNT,
                 push,
-                groups: tile_groups,
+                groups: tiles,
             });
             steps.push(Step {
                 module: &passes::LBVH_SORT_SCAN,
@@ -124,7 +114,7 @@ pub fn steps(job: &Job) -> Vec<Step> {
             steps.push(Step {
                 module: &passes::LBVH_SORT_SCATTER,
                 push,
-                groups: tile_groups,
+                groups: tiles,
             });
             core::mem::swap(&mut push.keys_in, &mut push.keys_out);
             core::mem::swap(&mut push.items_in, &mut push.items_out);
@@ -143,15 +133,37 @@ pub fn steps(job: &Job) -> Vec<Step> {
     steps
 }
 
-/// Origin and scale that map a box to [0, 2^21) per axis.
-fn quantisation(around: &LbvhBounds) -> ([f32; 3], [f32; 3]) {
-    let mut scale = [0.0; 3];
-    for axis in 0..3 {
-        let extent = around.max[axis] - around.min[axis];
-        if extent > 0.0 && extent.is_finite() {
-            let candidate = 2_097_152.0 / extent;
-            scale[axis] = if candidate.is_finite() { candidate } else { 0.0 };
-        }
+/// What the first step is given. Parents and visits take over the second halves of the sort's memory, which are free after an
+/// even number of passes.
+fn first_push(job: &Job) -> LbvhPush {
+    let layout = Layout::new(job.count);
+    let at = |offset: u64| job.scratch + offset;
+    let (origin, scale) = quantisation(&job.around);
+    LbvhPush {
+        bounds: job.bounds,
+        keys_in: at(layout.keys[0]),
+        keys_out: at(layout.keys[1]),
+        items_in: at(layout.items[0]),
+        items_out: at(layout.items[1]),
+        histogram: at(layout.histogram),
+        nodes: job.nodes,
+        parents: at(layout.keys[1]),
+        visits: at(layout.items[1]),
+        depth: job.depth,
+        origin,
+        scale,
+        count: job.count,
+        shift: 0,
+        groups: job.count.div_ceil(TILE),
+        pad: 0,
     }
-    (around.min, scale)
+}
+
+/// Origin and scale that map a box to [0, 2^21) per axis; scale 0 for an axis without a usable extent.
+fn quantisation(around: &LbvhBounds) -> ([f32; 3], [f32; 3]) {
+    let scale = [0, 1, 2].map(|axis: usize| 2_097_152.0 / (around.max[axis] - around.min[axis]));
+    (
+        around.min,
+        scale.map(|scale| if scale.is_finite() && scale > 0.0 { scale } else { 0.0 }),
+    )
 }

@@ -223,7 +223,7 @@ pub struct Frame {
     /// Probability of choosing the dome for a shadow ray, in [0, 1]; 1 without distant lights, 0 without a dome, else
     /// strictly between. Used only where dome shadow rays are sent.
     pub dome_select: f32,
-    /// Albedo of a surface without a colour (UsdPreviewSurface and displayColor fall back to 0.18).
+    /// Albedo of a surface without a colour (`UsdPreviewSurface` and `displayColor` fall back to 0.18).
     pub default_albedo: [f32; 3],
     /// Upper bound on the largest component of an indirect contribution; 0 = off.
     pub clamp: f32,
