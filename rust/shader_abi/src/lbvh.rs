@@ -119,6 +119,8 @@ pub fn steps(job: &Job) -> Vec<Step> {
             core::mem::swap(&mut push.keys_in, &mut push.keys_out);
             core::mem::swap(&mut push.items_in, &mut push.items_out);
         }
+    }
+    if job.count > 1 {
         steps.push(Step {
             module: &passes::LBVH_HIERARCHY,
             push,
