@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Outputs: formats, clear values, sizes, any choice of AOVs, convergence."""
+
+import numpy as np
+import pytest
+
+import compare
+import small
+
+FORMATS = {
+    "color": ("Float32Vec4", 0.0), "depth": ("Float32", 1.0), "cameraDepth": ("Float32", 0.0), "primId": ("Int32", -1),
+    "instanceId": ("Int32", -1), "elementId": ("Int32", -1), "normal": ("Float32Vec3", 0.0), "Neye": ("Float32Vec3", 0.0),
+    "albedo": ("Float32Vec3", 0.0),
+}  # fmt: skip
+QUICK = {"oocpt:samplesPerPixel": 2, "oocpt:maxBounces": 0}
+
+
+def test_formats_sizes_and_clear_values(host):
+    """A stage with nothing but a camera: every buffer holds its clear value."""
+    with host.open(small.FOLDER / "glow.usda", (17, 9), aovs=list(FORMATS), settings=QUICK) as view:
+        view.edit("[child.SetActive(False) for child in stage.GetPrimAtPath('/World').GetChildren() if child.GetName() != 'Camera']")
+        picture = view.render()
+    for aov, (kind, clear) in FORMATS.items():
+        state = picture.buffers[aov]
+        assert (state["format"], state["width"], state["height"], state["converged"]) == (kind, 17, 9, True), f"{aov}: {state}"
+        assert (picture[aov] == clear).all(), f"clear value of {aov}: {np.unique(picture[aov])[:4]}"
+
+
+@pytest.mark.parametrize("aovs", [["color"], ["depth", "primId"], ["normal"], ["albedo", "color"]], ids=",".join)
+def test_any_choice_of_aovs(host, aovs):
+    """Each AOV is the same whatever else is asked for."""
+    path = small.FOLDER / "glow.usda"
+    everything = host.picture(path, (24, 18), aovs=list(FORMATS), settings=QUICK)
+    some = host.picture(path, (24, 18), aovs=aovs, settings=QUICK)
+    for aov in aovs:
+        compare.same_bits(some[aov], everything[aov], aov)
+
+
+def test_normals_turn_with_the_camera(host):
+    """Neye is the normal seen from the camera; both are of unit length, and zero where nothing is hit."""
+    with host.open(small.FOLDER / "glow.usda", (24, 18), aovs=["normal", "Neye", "primId"], settings=QUICK) as view:
+        picture = view.render()
+        rows = view.edit("result = [list(row) for row in UsdGeom.Camera(stage.GetPrimAtPath('/World/Camera')).GetCamera(0).transform.GetInverse()]")
+    hit = picture["primId"] >= 0
+    assert hit.any() and not hit.all()
+    to_view = np.array(rows)[:3, :3]
+    compare.near(picture["Neye"][hit], picture["normal"][hit].astype(np.float64) @ to_view, 1e-5, "Neye")
+    compare.near(np.linalg.norm(picture["normal"][hit], axis=-1), 1.0, 1e-5, "length")
+    compare.near(picture["Neye"][~hit], 0.0, 0.0, "nothing")
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 33), (65, 3), (8, 8)], ids=lambda size: f"{size[0]}x{size[1]}")
+def test_odd_sizes(host, size):
+    picture = host.picture(small.FOLDER / "furnace.usda", size, camera="/World/Perspective", settings=QUICK)
+    assert picture["color"].shape == (size[1], size[0], 4)
+    compare.near(picture["color"], 1.0, 1e-3, "furnace")
+
+
+def test_resizing_a_live_view(host):
+    path = small.FOLDER / "glow.usda"
+    with host.open(path, (24, 18), aovs=["color", "depth"], settings=QUICK) as view:
+        first = view.render()
+        view.edit("view.size = (13, 30)")
+        compare.same_picture(view.render(), host.picture(path, (13, 30), aovs=["color", "depth"], settings=QUICK), "13 x 30")
+        view.edit("view.size = (24, 18)")
+        compare.same_picture(view.render(), first, "back to 24 x 18")
+
+
+def test_more_aovs_later(host):
+    path = small.FOLDER / "glow.usda"
+    with host.open(path, (24, 18), aovs=["color"], settings=QUICK) as view:
+        first = view.render()
+        view.edit("view.aovs = ['color', 'depth', 'instanceId']")
+        picture = view.render()
+    compare.same_bits(picture["color"], first["color"], "color")
+    compare.same_bits(picture["depth"], host.picture(path, (24, 18), aovs=["depth"], settings=QUICK)["depth"], "depth")
+
+
+def test_an_unknown_aov_spoils_nothing(host):
+    """The engine may refuse it; the delegate must not fail, and color goes on."""
+    path = small.FOLDER / "glow.usda"
+    with host.open(path, (24, 18), aovs=["color"], settings=QUICK) as view:
+        view.edit("view.prepare(); aov_reader.set_aovs(engine, ['color', 'somethingElse']); view.step()")
+        compare.same_picture(view.render(), host.picture(path, (24, 18), settings=QUICK), "color")
+
+
+def test_opacity_zero_is_not_there_and_alpha_is_coverage(host):
+    with host.open(small.FOLDER / "glow.usda", (24, 18), aovs=["color", "primId"], settings=QUICK) as view:
+        before = view.render()
+        view.edit("UsdGeom.Mesh(stage.GetPrimAtPath('/World/Veil')).GetDisplayOpacityPrimvar().Set([0.0])")
+        gone = view.render()
+        view.edit("UsdGeom.Imageable(stage.GetPrimAtPath('/World/Veil')).MakeInvisible()")
+        hidden = view.render()
+    assert (before["primId"] != gone["primId"]).any(), "the veil was in the picture"
+    assert ((gone["primId"] == -1) == (hidden["primId"] == -1)).all(), "opacity 0 covers nothing"
+    compare.near(gone["color"], hidden["color"], 1e-6, "opacity 0 is as good as invisible")

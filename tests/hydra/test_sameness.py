@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures that must be the same, to the bit where the arithmetic is the same: seeds, front ends, twins."""
+
+import numpy as np
+import pytest
+
+import compare
+import reference
+import small
+
+AOVS = ["color", "depth", "cameraDepth", "elementId", "normal", "albedo"]
+SETTINGS = {"oocpt:samplesPerPixel": 8, "oocpt:maxBounces": 2, "oocpt:seed": 11}
+
+
+def test_same_seed_same_bits_and_other_seed_other_bits(host):
+    path = small.FOLDER / "glow.usda"
+    first = host.picture(path, (32, 32), settings=SETTINGS, aovs=AOVS)
+    again = host.picture(path, (32, 32), settings=SETTINGS, aovs=AOVS)
+    compare.same_picture(first, again, "same seed twice")
+    other = host.picture(path, (32, 32), settings=SETTINGS | {"oocpt:seed": 12}, aovs=AOVS)
+    different = (first["color"] != other["color"]).any(axis=-1)
+    assert different.mean() > 0.5, "another seed must give other noise"
+    for aov in AOVS[1:]:
+        compare.same_bits(first[aov], other[aov], f"{aov} has no noise")
+
+
+def test_a_restarted_engine_continues_with_the_same_bits(host):
+    """The same picture from an engine that has rendered something else before."""
+    path = small.FOLDER / "glow.usda"
+    fresh = host.picture(path, (32, 32), settings=SETTINGS, aovs=AOVS)
+    with host.open(path, (20, 14), settings=SETTINGS | {"oocpt:seed": 99}, aovs=AOVS) as view:
+        view.render()
+        view.edit("view.size = (32, 32); engine.SetRendererSetting('oocpt:seed', 11)")
+        compare.same_picture(view.render(), fresh, "after another size and seed")
+
+
+@pytest.mark.parametrize("scene", ["glow", "nested", "native", "hidden_instances", "polygons", "primvars", "implicit", "transforms", "visibility", "cameras", "mirrored"])
+def test_both_front_ends_give_the_same_picture(pool, scene):
+    camera = "/World/Plain" if scene == "cameras" else "/World/Camera"
+    path = small.FOLDER / f"{scene}.usda"
+    legacy, modern = (pool.get(mode).picture(path, (32, 32), camera=camera, settings=SETTINGS, aovs=AOVS) for mode in ("legacy", "scene_index"))
+    assert (legacy["cameraDepth"] > 0).any(), "nothing in the picture"
+    compare.same_picture(legacy, modern, scene)
+
+
+def test_nested_instancers_equal_their_flattened_twin(host):
+    """Other matrices are multiplied in other order, so bits may differ, but the random numbers are the same: only paths that pass an
+    edge within rounding may part. Depth and faces agree exactly where they are clear."""
+    stages = [small.build(scene) for scene in (small.nested, small.flattened)]
+    nested, flat = (host.picture(stage, (40, 40), settings=SETTINGS | {"oocpt:samplesPerPixel": 32}, aovs=AOVS) for stage in stages)
+    clear = compare.clear_pixels(reference.first_hits(stages[0], "/World/Camera", 40, 40).unclear, "twins")
+    compare.near(nested["cameraDepth"][clear], flat["cameraDepth"][clear], 1e-5, "cameraDepth")
+    assert (nested["elementId"][clear] == flat["elementId"][clear]).all(), "elementId"
+    compare.near(nested["albedo"][clear], flat["albedo"][clear], 0.0, "albedo")
+    twins_agree(nested["color"], flat["color"])
+    shifted = np.roll(flat["color"], 1, axis=1)
+    with pytest.raises(AssertionError):
+        twins_agree(nested["color"], shifted)
+    with pytest.raises(AssertionError):
+        twins_agree(nested["color"], flat["color"] * np.float32(1.02))
+
+
+def twins_agree(a: np.ndarray, b: np.ndarray) -> None:
+    difference = np.abs(a.astype(np.float64) - b)
+    apart = (difference > 1e-4 * (1.0 + np.abs(b))).any(axis=-1).mean()
+    assert apart <= 0.05, f"{100 * apart:.1f} % of the pixels differ by more than rounding"
+    mean = abs(a.astype(np.float64).mean() - b.astype(np.float64).mean()) / b.mean()
+    assert mean <= 2e-3, f"means differ by {100 * mean:.2f} %"
+
+
+def test_the_mean_does_not_depend_on_seed_or_sample_count(host):
+    """Two estimates of one picture, by z-test with deviations measured from independent seeds."""
+    path = small.FOLDER / "glow.usda"
+
+    def estimate(seeds, samples):
+        settings = SETTINGS | {"oocpt:samplesPerPixel": samples}
+        pictures = [host.picture(path, (20, 20), settings=settings | {"oocpt:seed": seed})["color"][..., :3] for seed in seeds]
+        mean, deviation = compare.batches(pictures)
+        # The deviation of a handful of pictures is rough: share it among neighbours.
+        blocks = np.square(deviation).reshape(5, 4, 5, 4, 3).max(axis=(1, 3), keepdims=True)
+        return mean, np.sqrt(np.broadcast_to(blocks, (5, 4, 5, 4, 3))).reshape(20, 20, 3)
+
+    few, few_deviation = estimate(range(100, 108), 4)
+    many, many_deviation = estimate(range(200, 204), 32)
+    compare.means_agree(few, few_deviation, many, many_deviation, "4 against 32 samples")
+    with pytest.raises(AssertionError):
+        compare.means_agree(few * 1.1, few_deviation, many, many_deviation, "a planted bias of 10 %")
+
+
+def test_clamping_and_bounces_change_the_picture(host):
+    """Settings that must matter do: a test of the tests above, which would pass if settings were ignored."""
+    path = small.FOLDER / "glow.usda"
+    base = host.picture(path, (20, 20), settings=SETTINGS)["color"]
+    for key, value in (("oocpt:maxBounces", 0), ("oocpt:samplesPerPixel", 9), ("oocpt:clamp", 0.05)):
+        other = host.picture(path, (20, 20), settings=SETTINGS | {key: value})["color"]
+        assert (other != base).any(), f"{key} changes nothing"
