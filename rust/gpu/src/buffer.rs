@@ -113,17 +113,28 @@ impl Buffer {
 
     /// The address of a mapped byte range that was checked to fit.
     fn mapped_range(&self, offset: u64, length: usize) -> Result<*mut u8, GpuError> {
-        let mapped: Mapped = self.block.raw.mapped.ok_or_else(|| self.misuse("a Device buffer is not mapped"))?;
-        let fits = u64::try_from(length).ok().and_then(|n| offset.checked_add(n)).is_some_and(|end| end <= self.size);
-        let offset = usize::try_from(offset).ok().filter(|_| fits).ok_or_else(|| {
-            self.misuse(&format!("{length} bytes at {offset} do not fit in {} bytes", self.size))
-        })?;
+        let mapped: Mapped = self
+            .block
+            .raw
+            .mapped
+            .ok_or_else(|| self.misuse("a Device buffer is not mapped"))?;
+        let fits = u64::try_from(length)
+            .ok()
+            .and_then(|n| offset.checked_add(n))
+            .is_some_and(|end| end <= self.size);
+        let offset = usize::try_from(offset)
+            .ok()
+            .filter(|_| fits)
+            .ok_or_else(|| self.misuse(&format!("{length} bytes at {offset} do not fit in {} bytes", self.size)))?;
         // SAFETY: `offset` is within the mapped buffer, or one past its end when `length` is 0.
         Ok(unsafe { mapped.as_ptr().add(offset) })
     }
 
     fn misuse(&self, message: &str) -> GpuError {
-        GpuError::Usage { name: self.name.clone(), message: message.to_owned() }
+        GpuError::Usage {
+            name: self.name.clone(),
+            message: message.to_owned(),
+        }
     }
 }
 

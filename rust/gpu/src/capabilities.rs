@@ -92,7 +92,9 @@ pub(crate) fn probe_features(
 ) -> Capabilities {
     let mut v11 = vk::PhysicalDeviceVulkan11Features::default();
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
-    let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut v11).push_next(&mut v12);
+    let mut features = vk::PhysicalDeviceFeatures2::default()
+        .push_next(&mut v11)
+        .push_next(&mut v12);
     // SAFETY: `physical` comes from `instance`, and the caller checked that both structures of 1.2 are known to it.
     unsafe { instance.get_physical_device_features2(physical, &mut features) };
     let core = features.features;
@@ -117,7 +119,9 @@ pub(crate) fn probe_features(
         shader_float16: yes(v12.shader_float16) && yes(v11.storage_buffer16_bit_access),
         vulkan_memory_model: yes(v12.vulkan_memory_model) && yes(v12.vulkan_memory_model_device_scope),
         subgroup_operations: subgroup.subgroup_supported_operations.contains(operations)
-            && subgroup.subgroup_supported_stages.contains(vk::ShaderStageFlags::COMPUTE),
+            && subgroup
+                .subgroup_supported_stages
+                .contains(vk::ShaderStageFlags::COMPUTE),
     }
 }
 
@@ -162,7 +166,11 @@ mod tests {
     #[test]
     fn missing_is_listed_by_name_and_old_devices_by_version() {
         let none = Capabilities::default();
-        assert_eq!(none.missing(), ["Vulkan 1.2"], "an old device lacks the version, not a list of features");
+        assert_eq!(
+            none.missing(),
+            ["Vulkan 1.2"],
+            "an old device lacks the version, not a list of features"
+        );
         let mut all = Capabilities {
             vulkan_1_2: true,
             shader_int64: true,
@@ -177,6 +185,10 @@ mod tests {
         assert!(all.missing().is_empty(), "optional capabilities are not required");
         all.scalar_block_layout = false;
         all.shader_int64 = false;
-        assert_eq!(all.missing(), ["shaderInt64", "scalarBlockLayout"], "all that is missing, in a fixed order");
+        assert_eq!(
+            all.missing(),
+            ["shaderInt64", "scalarBlockLayout"],
+            "all that is missing, in a fixed order"
+        );
     }
 }

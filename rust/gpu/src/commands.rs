@@ -66,9 +66,14 @@ impl Commands {
 
     /// Writes the 32-bit `value` over `bytes` at `offset`; both multiples of 4.
     pub fn fill(&mut self, target: &dyn DeviceRange, offset: u64, bytes: u64, value: u32) {
-        let Some((buffer, start)) = self.place(target, offset, bytes) else { return };
-        if (start | bytes) % 4 != 0 {
-            return self.misuse(target.name(), format!("fill of {bytes} bytes at {offset}: not multiples of 4"));
+        let Some((buffer, start)) = self.place(target, offset, bytes) else {
+            return;
+        };
+        if !(start | bytes).is_multiple_of(4) {
+            return self.misuse(
+                target.name(),
+                format!("fill of {bytes} bytes at {offset}: not multiples of 4"),
+            );
         }
         if bytes > 0 {
             // SAFETY: the range lies in the buffer, which has TRANSFER_DST usage and is kept alive; 4-byte steps were checked.
@@ -87,13 +92,24 @@ impl Commands {
         target_offset: u64,
         bytes: u64,
     ) {
-        let Some((from, src_offset)) = self.place(source, source_offset, bytes) else { return };
-        let Some((to, dst_offset)) = self.place(target, target_offset, bytes) else { return };
+        let Some((from, src_offset)) = self.place(source, source_offset, bytes) else {
+            return;
+        };
+        let Some((to, dst_offset)) = self.place(target, target_offset, bytes) else {
+            return;
+        };
         if from == to && src_offset.abs_diff(dst_offset) < bytes {
-            return self.misuse(target.name(), format!("copy of {bytes} bytes onto itself: the ranges overlap"));
+            return self.misuse(
+                target.name(),
+                format!("copy of {bytes} bytes onto itself: the ranges overlap"),
+            );
         }
         if bytes > 0 {
-            let region = [vk::BufferCopy { src_offset, dst_offset, size: bytes }];
+            let region = [vk::BufferCopy {
+                src_offset,
+                dst_offset,
+                size: bytes,
+            }];
             // SAFETY: both ranges lie in their buffers, do not overlap, and are kept alive; the usages are there.
             self.operation("copy", |raw, commands| unsafe {
                 raw.cmd_copy_buffer(commands, from, to, &region);
@@ -103,8 +119,10 @@ impl Commands {
 
     /// Writes `bytes` (at most [`MAX_UPDATE_BYTES`]) at `offset`; length and offset are multiples of 4. The bytes are copied now.
     pub fn update(&mut self, target: &dyn DeviceRange, offset: u64, bytes: &[u8]) {
-        let Some((buffer, start)) = self.place(target, offset, bytes.len() as u64) else { return };
-        if start % 4 != 0 || bytes.len() % 4 != 0 || bytes.len() > MAX_UPDATE_BYTES {
+        let Some((buffer, start)) = self.place(target, offset, bytes.len() as u64) else {
+            return;
+        };
+        if !start.is_multiple_of(4) || !bytes.len().is_multiple_of(4) || bytes.len() > MAX_UPDATE_BYTES {
             let message = format!(
                 "update of {} bytes at {offset}: multiples of 4 up to {MAX_UPDATE_BYTES} are allowed",
                 bytes.len()
@@ -139,9 +157,14 @@ impl Commands {
     /// must be within the device's limits: nobody checks them.
     pub fn dispatch_indirect(&mut self, pipeline: &Pipeline, push: &[u8], arguments: &dyn DeviceRange, offset: u64) {
         let size = size_of::<vk::DispatchIndirectCommand>() as u64;
-        let Some((buffer, start)) = self.place(arguments, offset, size) else { return };
-        if start % 4 != 0 {
-            return self.misuse(arguments.name(), format!("dispatch arguments at {offset}: not a multiple of 4"));
+        let Some((buffer, start)) = self.place(arguments, offset, size) else {
+            return;
+        };
+        if !start.is_multiple_of(4) {
+            return self.misuse(
+                arguments.name(),
+                format!("dispatch arguments at {offset}: not a multiple of 4"),
+            );
         }
         if self.use_pipeline(pipeline, push) {
             let bind = Bind::new(pipeline, push);
@@ -203,9 +226,12 @@ impl Commands {
         }
         let device = Arc::clone(&self.recorder.device);
         device.check_alive()?;
-        self.recorder.finish(&self.label)?;
+        self.recorder.finish()?;
         let Some(slot) = self.slot.take() else {
-            return Err(GpuError::Usage { name: self.label.clone(), message: "submitted twice".to_owned() });
+            return Err(GpuError::Usage {
+                name: self.label.clone(),
+                message: "submitted twice".to_owned(),
+            });
         };
         let timer = self.recorder.timer.take().map(Arc::new);
         let work = InFlight {
@@ -216,16 +242,9 @@ impl Commands {
             timer: timer.clone(),
             marks: std::mem::take(&mut self.recorder.marks),
         };
-        match device.queue.submit(&device, work) {
-            Ok(value) => {
-                device.collect();
-                Ok(Submission::new(&self.gpu, value, self.label.clone(), timer))
-            }
-            Err((error, work)) => {
-                self.slot = Some(work.slot);
-                Err(error)
-            }
-        }
+        let value = device.queue.submit(&device, work)?;
+        device.collect();
+        Ok(Submission::new(&self.gpu, value, self.label.clone(), timer))
     }
 
     /// Records one operation unless a mistake was made before.
@@ -244,7 +263,10 @@ impl Commands {
         }
         if offset.checked_add(bytes).is_none_or(|end| end > range.size()) {
             let size = range.size();
-            self.misuse(range.name(), format!("{bytes} bytes at {offset} do not fit in {size} bytes"));
+            self.misuse(
+                range.name(),
+                format!("{bytes} bytes at {offset} do not fit in {size} bytes"),
+            );
             return None;
         }
         let parts = range.parts();
@@ -280,7 +302,10 @@ impl Commands {
 
     fn misuse(&mut self, name: &str, message: String) {
         let message = format!("{message} (in {})", self.label);
-        self.fail(GpuError::Usage { name: name.to_owned(), message });
+        self.fail(GpuError::Usage {
+            name: name.to_owned(),
+            message,
+        });
     }
 
     fn fail(&mut self, error: GpuError) {
@@ -297,7 +322,11 @@ struct Bind<'a> {
 
 impl<'a> Bind<'a> {
     fn new(pipeline: &Pipeline, push: &'a [u8]) -> Self {
-        Self { pipeline: pipeline.inner.raw, layout: pipeline.inner.layout, push }
+        Self {
+            pipeline: pipeline.inner.raw,
+            layout: pipeline.inner.layout,
+            push,
+        }
     }
 
     fn record(&self, raw: &ash::Device, commands: vk::CommandBuffer) {

@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Device memory for many small and middling things: few big arenas, cut into ranges.
 //!
-//! Ranges are found by `offset-allocator` in units of [`GRANULE`] bytes. Arenas are made when needed, smaller ones when the budget
+//! Ranges are found by `offset-allocator` in units of 256 bytes. Arenas are made when needed, smaller ones when the budget
 //! is short, and go back when empty (one is kept until [`Heap::trim`]). A request that would fill half an arena gets memory of its
 //! own. Any thread.
 //!
-//! Locks: `HeapCore::arenas` before `Arena::space`; neither is held while memory is allocated or anything is dropped.
+//! Locks: the list of arenas before an arena's own; neither is held while memory is allocated or anything is dropped.
 
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use offset_allocator::{Allocation, Allocator};
-
+use crate::arena::{Arena, GRANULE, Place, RetiredRange};
 use crate::commands::Kept;
 use crate::device::{Device, Retired};
 use crate::error::GpuError;
@@ -20,13 +19,8 @@ use crate::memory::{Patience, Usage};
 use crate::range::sealed::{Parts, RangeParts};
 use crate::range::{Block, DeviceRange, RetirePoint};
 
-/// Unit of the range allocator in bytes. Its 32-bit units then reach 1 TiB, far above any `maxMemoryAllocationSize`.
-const GRANULE: u64 = 256;
 /// Smallest arena that is worth having when the budget is short.
 const SMALLEST_ARENA: u64 = 64 << 10;
-/// Most ranges in one arena; bounds the allocator's own tables (about 4 MiB).
-const MAX_RANGES: u32 = 128 << 10;
-
 /// Device memory cut into ranges. Dropping it leaves its ranges valid.
 #[derive(Debug)]
 pub struct Heap {
@@ -61,35 +55,6 @@ pub(crate) struct HeapCore {
     dedicated_bytes: Arc<AtomicU64>,
 }
 
-/// One big buffer and the allocator of its ranges.
-#[derive(Debug)]
-struct Arena {
-    block: Arc<Block>,
-    /// Bytes at the start left unused so that every unit's address is a multiple of [`GRANULE`].
-    skew: u64,
-    bytes: u64,
-    space: Mutex<Space>,
-    heap: Weak<HeapCore>,
-}
-
-struct Space {
-    allocator: Allocator<u32>,
-    used_bytes: u64,
-    ranges: u32,
-}
-
-/// A place in an arena.
-#[derive(Clone)]
-struct Place {
-    arena: Arc<Arena>,
-    allocation: Allocation<u32>,
-    bytes: u64,
-}
-
-/// A range that nobody holds any more; freed when the GPU is done with it.
-#[derive(Debug)]
-pub(crate) struct RetiredRange(Place);
-
 /// A stretch of device memory. Dropping it does not wait; see [`Buffer`](crate::Buffer).
 #[derive(Debug)]
 pub struct HeapRange {
@@ -111,7 +76,10 @@ pub(crate) struct RangeInner {
 enum Owner {
     Arena(Place),
     /// The block is the range's own; its bytes are counted here.
-    Dedicated { counter: Arc<AtomicU64>, bytes: u64 },
+    Dedicated {
+        counter: Arc<AtomicU64>,
+        bytes: u64,
+    },
 }
 
 impl Heap {
@@ -134,7 +102,11 @@ impl Heap {
             arenas: Mutex::new(Vec::new()),
             dedicated_bytes: Arc::new(AtomicU64::new(0)),
         });
-        device.heaps.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::downgrade(&core));
+        device
+            .heaps
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .push(Arc::downgrade(&core));
         Ok(Self { core })
     }
 
@@ -149,11 +121,17 @@ impl Heap {
         core.device.budget.injected_failure(name, bytes)?;
         if !align.is_power_of_two() {
             let message = format!("alignment {align} is not a power of two");
-            return Err(GpuError::Usage { name: name.to_owned(), message });
+            return Err(GpuError::Usage {
+                name: name.to_owned(),
+                message,
+            });
         }
         // Within an arena units are aligned already; a larger alignment is met by moving up inside a longer place.
         let padding = if align > GRANULE { align } else { 0 };
-        let needed = bytes.max(1).checked_add(padding).and_then(|n| n.checked_next_multiple_of(GRANULE));
+        let needed = bytes
+            .max(1)
+            .checked_add(padding)
+            .and_then(|n| n.checked_next_multiple_of(GRANULE));
         if let Some(needed) = needed.filter(|&needed| needed <= core.arena_bytes / 2) {
             if let Some(place) = core.take(needed) {
                 return Ok(HeapRange::in_arena(place, name, bytes, align));
@@ -176,17 +154,18 @@ impl Heap {
     #[must_use]
     pub fn stats(&self) -> HeapStats {
         self.core.device.collect();
-        let mut stats =
-            HeapStats { dedicated_bytes: self.core.dedicated_bytes.load(Ordering::Relaxed), ..HeapStats::default() };
+        let mut stats = HeapStats {
+            dedicated_bytes: self.core.dedicated_bytes.load(Ordering::Relaxed),
+            ..HeapStats::default()
+        };
         let mut free = 0;
         for arena in self.core.lock().iter() {
-            let space = arena.lock();
-            let report = space.allocator.storage_report();
+            let part = arena.usage();
             stats.arenas += 1;
             stats.arena_bytes += arena.bytes;
-            stats.used_bytes += space.used_bytes;
-            stats.largest_free = stats.largest_free.max(u64::from(report.largest_free_region) * GRANULE);
-            free += u64::from(report.total_free_space) * GRANULE;
+            stats.used_bytes += part.used_bytes;
+            stats.largest_free = stats.largest_free.max(part.largest_free);
+            free += part.free_bytes;
         }
         if free > 0 {
             stats.fragmentation = 1.0 - stats.largest_free as f64 / free as f64;
@@ -238,11 +217,21 @@ impl HeapCore {
             bytes,
             limit: self.device.limits.max_allocation_bytes,
         })?;
-        let raw = self.device.allocate(name, padded, Usage::Device, Patience::WaitForRetired)?;
+        let raw = self
+            .device
+            .allocate(name, padded, Usage::Device, Patience::WaitForRetired)?;
         self.dedicated_bytes.fetch_add(padded, Ordering::Relaxed);
-        let owner = Owner::Dedicated { counter: Arc::clone(&self.dedicated_bytes), bytes: padded };
+        let owner = Owner::Dedicated {
+            counter: Arc::clone(&self.dedicated_bytes),
+            bytes: padded,
+        };
         let offset = raw.address.next_multiple_of(align) - raw.address;
-        Ok(HeapRange::new(Arc::new(Block::new(&self.device, raw)), owner, offset, (name, bytes)))
+        Ok(HeapRange::new(
+            Arc::new(Block::new(&self.device, raw)),
+            owner,
+            offset,
+            (name, bytes),
+        ))
     }
 
     /// Lets go of arenas that hold nothing, all but `keep` of them.
@@ -250,7 +239,7 @@ impl HeapCore {
         let mut empty = Vec::new();
         let mut arenas = self.lock();
         arenas.retain(|arena| {
-            let holds = arena.lock().ranges > 0;
+            let holds = arena.holds_ranges();
             if !holds {
                 empty.push(Arc::clone(arena));
             }
@@ -266,56 +255,25 @@ impl HeapCore {
     }
 }
 
-impl Arena {
-    fn new(block: Block, bytes: u64, heap: Weak<HeapCore>) -> Arc<Self> {
-        let skew = block.raw.address.next_multiple_of(GRANULE) - block.raw.address;
-        let units = u32::try_from((bytes - skew) / GRANULE).unwrap_or(u32::MAX);
-        let allocator = Allocator::with_max_allocs(units, units.clamp(16, MAX_RANGES));
-        let space = Mutex::new(Space { allocator, used_bytes: 0, ranges: 0 });
-        Arc::new(Self { block: Arc::new(block), skew, bytes, space, heap })
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Space> {
-        self.space.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn take(self: &Arc<Self>, bytes: u64) -> Option<Place> {
-        let units = u32::try_from(bytes / GRANULE).ok()?;
-        let mut space = self.lock();
-        let allocation = space.allocator.allocate(units)?;
-        space.used_bytes += bytes;
-        space.ranges += 1;
-        Some(Place { arena: Arc::clone(self), allocation, bytes })
-    }
-}
-
-impl RetiredRange {
-    /// Gives the range back to its arena. Each range is retired once, by the drop of its `RangeInner`.
-    pub(crate) fn free(self) {
-        let Place { arena, allocation, bytes } = self.0;
-        let mut space = arena.lock();
-        space.allocator.free(allocation);
-        space.used_bytes -= bytes;
-        space.ranges -= 1;
-        let emptied = space.ranges == 0;
-        drop(space);
-        if emptied && let Some(heap) = arena.heap.upgrade() {
-            heap.trim(1);
-        }
-    }
-}
-
 impl HeapRange {
     fn new(block: Arc<Block>, owner: Owner, offset: u64, (name, size): (&str, u64)) -> Self {
         let name = name.to_owned();
-        Self { inner: Arc::new(RangeInner { block, offset, size, name, owner, retire_after: RetirePoint::new() }) }
+        Self {
+            inner: Arc::new(RangeInner {
+                block,
+                offset,
+                size,
+                name,
+                owner,
+                retire_after: RetirePoint::new(),
+            }),
+        }
     }
 
     fn in_arena(place: Place, name: &str, size: u64, align: u64) -> Self {
         let arena = Arc::clone(&place.arena);
         let base = arena.block.raw.address;
-        let start = arena.skew + u64::from(place.allocation.offset) * GRANULE;
-        let offset = (base + start).next_multiple_of(align) - base;
+        let offset = (base + place.start()).next_multiple_of(align) - base;
         Self::new(Arc::clone(&arena.block), Owner::Arena(place), offset, (name, size))
     }
 
@@ -385,17 +343,5 @@ impl Drop for RangeInner {
                 counter.fetch_sub(*bytes, Ordering::Relaxed);
             }
         }
-    }
-}
-
-impl std::fmt::Debug for Place {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Place").field("unit", &self.allocation.offset).field("bytes", &self.bytes).finish_non_exhaustive()
-    }
-}
-
-impl std::fmt::Debug for Space {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Space").field("used_bytes", &self.used_bytes).field("ranges", &self.ranges).finish_non_exhaustive()
     }
 }

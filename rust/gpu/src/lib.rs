@@ -15,14 +15,20 @@
 //!
 //! The way of a piece of work: `gpu` -> `commands` (checks) -> `recorder` (barriers, markers, timestamps) -> `queue` (submits, keeps
 //! alive) -> `retire` (lets go).
-#![allow(unsafe_code, reason = "this crate exists to contain it; one operation per block, each with its reason")]
+#![allow(
+    unsafe_code,
+    reason = "this crate exists to contain it; one operation per block, each with its reason"
+)]
 
+mod arena;
 mod budget;
 mod buffer;
 mod capabilities;
 mod commands;
 mod device;
 mod error;
+#[cfg(test)]
+mod faults;
 mod gpu;
 mod heap;
 mod instance;

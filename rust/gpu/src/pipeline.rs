@@ -50,17 +50,24 @@ impl Pipeline {
     ) -> Result<Self, GpuError> {
         let device = gpu.device();
         device.check_alive()?;
-        let misuse = |message: String| GpuError::Usage { name: name.to_owned(), message };
+        let misuse = |message: String| GpuError::Usage {
+            name: name.to_owned(),
+            message,
+        };
         if !has_compute_main(words) {
             return Err(misuse("no SPIR-V with a compute entry point \"main\"".to_owned()));
         }
-        if push_bytes % 4 != 0 || push_bytes > device.limits.max_push_bytes {
+        if !push_bytes.is_multiple_of(4) || push_bytes > device.limits.max_push_bytes {
             let limit = device.limits.max_push_bytes;
-            return Err(misuse(format!("{push_bytes} bytes of push constants; multiples of 4 up to {limit} are allowed")));
+            return Err(misuse(format!(
+                "{push_bytes} bytes of push constants; multiples of 4 up to {limit} are allowed"
+            )));
         }
         let info = vk::ShaderModuleCreateInfo::default().code(words);
         // SAFETY: the words are SPIR-V with the magic number and an entry point; the caller vouches for their validity (see module).
-        let module = device.check("vkCreateShaderModule", unsafe { device.raw.create_shader_module(&info, None) })?;
+        let module = device.check("vkCreateShaderModule", unsafe {
+            device.raw.create_shader_module(&info, None)
+        })?;
         let made = PipelineInner::new(device, name, module, spec, push_bytes);
         // SAFETY: the module is needed only while the pipeline is made.
         unsafe { device.raw.destroy_shader_module(module, None) };
@@ -88,19 +95,29 @@ impl PipelineInner {
         spec: &[(u32, u32)],
         push_bytes: u32,
     ) -> Result<Self, GpuError> {
-        let range =
-            [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(push_bytes)];
+        let range = [vk::PushConstantRange::default()
+            .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            .size(push_bytes)];
         let ranges = if push_bytes == 0 { &[][..] } else { &range[..] };
         let info = vk::PipelineLayoutCreateInfo::default().push_constant_ranges(ranges);
         // SAFETY: the range is within the limit and not empty.
         let layout = unsafe { device.raw.create_pipeline_layout(&info, None) };
         let layout = device.check("vkCreatePipelineLayout", layout)?;
         // From here on Drop cleans up; destroying a null pipeline is allowed.
-        let mut inner =
-            Self { device: Arc::clone(device), name: name.to_owned(), raw: vk::Pipeline::null(), layout, push_bytes };
+        let mut inner = Self {
+            device: Arc::clone(device),
+            name: name.to_owned(),
+            raw: vk::Pipeline::null(),
+            layout,
+            push_bytes,
+        };
         let entries: Vec<_> = (0_u32..)
             .zip(spec)
-            .map(|(i, &(id, _))| vk::SpecializationMapEntry { constant_id: id, offset: i * 4, size: 4 })
+            .map(|(i, &(id, _))| vk::SpecializationMapEntry {
+                constant_id: id,
+                offset: i * 4,
+                size: 4,
+            })
             .collect();
         let values: Vec<u8> = spec.iter().flat_map(|(_, value)| value.to_ne_bytes()).collect();
         let specialization = vk::SpecializationInfo::default().map_entries(&entries).data(&values);
@@ -139,7 +156,9 @@ fn has_compute_main(words: &[u32]) -> bool {
     let mut rest = words.get(SPIRV_HEADER_WORDS..).unwrap_or_default();
     while let Some(&first) = rest.first() {
         let (length, code) = ((first >> 16) as usize, first & 0xFFFF);
-        let Some(instruction) = rest.get(..length).filter(|_| length > 0) else { return false };
+        let Some(instruction) = rest.get(..length).filter(|_| length > 0) else {
+            return false;
+        };
         if code == OP_ENTRY_POINT
             && instruction.get(1) == Some(&EXECUTION_MODEL_GL_COMPUTE)
             && instruction.get(3) == Some(&u32::from_le_bytes(*b"main"))
@@ -159,12 +178,21 @@ mod tests {
     #[test]
     fn only_spirv_with_a_compute_main_is_taken() {
         let header = [SPIRV_MAGIC, 0x1_0500, 0, 8, 0];
-        let entry = [(5 << 16) | OP_ENTRY_POINT, EXECUTION_MODEL_GL_COMPUTE, 4, u32::from_le_bytes(*b"main"), 0];
+        let entry = [
+            (5 << 16) | OP_ENTRY_POINT,
+            EXECUTION_MODEL_GL_COMPUTE,
+            4,
+            u32::from_le_bytes(*b"main"),
+            0,
+        ];
         let good = [&header[..], &entry[..]].concat();
         assert!(has_compute_main(&good), "the smallest module with main");
         assert!(!has_compute_main(&[]), "empty");
         assert!(!has_compute_main(&good[..7]), "cut inside an instruction");
-        assert!(!has_compute_main(&[&header[..], &[0]].concat()), "an instruction of no length must not loop");
+        assert!(
+            !has_compute_main(&[&header[..], &[0]].concat()),
+            "an instruction of no length must not loop"
+        );
         let mut other = good.clone();
         other[6] = 0;
         assert!(!has_compute_main(&other), "a vertex shader");

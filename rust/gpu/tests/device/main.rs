@@ -2,8 +2,8 @@
 //! Runs the crate on a real device (the software renderer, or what `OOCPT_TEST_DEVICE` names) with the validation layer on: any
 //! message of the layer, also one about leaks after closing, fails the test that caused it.
 
-mod buffers;
 mod budget;
+mod buffers;
 mod commands;
 mod devices;
 mod heap;

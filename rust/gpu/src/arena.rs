@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+//! One arena of a heap: a big buffer and the bookkeeping of its ranges.
+//!
+//! Knows no policy; [`HeapCore`] decides when arenas are made and dropped. Any thread.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+
+use offset_allocator::{Allocation, Allocator};
+
+use crate::heap::HeapCore;
+use crate::range::Block;
+
+/// Unit of the range allocator in bytes. Its 32-bit units then reach 1 TiB, far above any `maxMemoryAllocationSize`.
+pub(crate) const GRANULE: u64 = 256;
+/// Most ranges in one arena; bounds the allocator's own tables (about 4 MiB).
+const MAX_RANGES: u32 = 128 << 10;
+
+/// One big buffer and the allocator of its ranges.
+#[derive(Debug)]
+pub(crate) struct Arena {
+    pub(crate) block: Arc<Block>,
+    /// Bytes at the start left unused so that every unit's address is a multiple of [`GRANULE`].
+    skew: u64,
+    pub(crate) bytes: u64,
+    space: Mutex<Space>,
+    heap: Weak<HeapCore>,
+}
+
+struct Space {
+    allocator: Allocator<u32>,
+    used_bytes: u64,
+    ranges: u32,
+}
+
+/// A place in an arena.
+#[derive(Clone)]
+pub(crate) struct Place {
+    pub(crate) arena: Arc<Arena>,
+    allocation: Allocation<u32>,
+    bytes: u64,
+}
+
+/// A range that nobody holds any more; freed when the GPU is done with it.
+#[derive(Debug)]
+pub(crate) struct RetiredRange(pub(crate) Place);
+
+/// How full an arena is, in bytes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ArenaUsage {
+    pub(crate) used_bytes: u64,
+    pub(crate) free_bytes: u64,
+    /// Largest hole, rounded down to the allocator's size classes.
+    pub(crate) largest_free: u64,
+}
+
+impl Arena {
+    pub(crate) fn new(block: Block, bytes: u64, heap: Weak<HeapCore>) -> Arc<Self> {
+        let skew = block.raw.address.next_multiple_of(GRANULE) - block.raw.address;
+        let units = u32::try_from((bytes - skew) / GRANULE).unwrap_or(u32::MAX);
+        let allocator = Allocator::with_max_allocs(units, units.clamp(16, MAX_RANGES));
+        let space = Mutex::new(Space {
+            allocator,
+            used_bytes: 0,
+            ranges: 0,
+        });
+        Arc::new(Self {
+            block: Arc::new(block),
+            skew,
+            bytes,
+            space,
+            heap,
+        })
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Space> {
+        self.space.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A place of `bytes`, a multiple of [`GRANULE`]; None when there is no hole of that size.
+    pub(crate) fn take(self: &Arc<Self>, bytes: u64) -> Option<Place> {
+        let units = u32::try_from(bytes / GRANULE).ok()?;
+        let mut space = self.lock();
+        let allocation = space.allocator.allocate(units)?;
+        space.used_bytes += bytes;
+        space.ranges += 1;
+        Some(Place {
+            arena: Arc::clone(self),
+            allocation,
+            bytes,
+        })
+    }
+
+    /// Whether any range, retired ones included, is in it.
+    pub(crate) fn holds_ranges(&self) -> bool {
+        self.lock().ranges > 0
+    }
+
+    /// How full it is.
+    pub(crate) fn usage(&self) -> ArenaUsage {
+        let space = self.lock();
+        let report = space.allocator.storage_report();
+        ArenaUsage {
+            used_bytes: space.used_bytes,
+            free_bytes: u64::from(report.total_free_space) * GRANULE,
+            largest_free: u64::from(report.largest_free_region) * GRANULE,
+        }
+    }
+}
+
+impl Place {
+    /// First byte in the arena's buffer; its address is a multiple of [`GRANULE`].
+    pub(crate) fn start(&self) -> u64 {
+        self.arena.skew + u64::from(self.allocation.offset) * GRANULE
+    }
+}
+
+impl RetiredRange {
+    /// Gives the range back to its arena. Each range is retired once, by the drop of its `RangeInner`.
+    pub(crate) fn free(self) {
+        let Place {
+            arena,
+            allocation,
+            bytes,
+        } = self.0;
+        let mut space = arena.lock();
+        space.allocator.free(allocation);
+        space.used_bytes -= bytes;
+        space.ranges -= 1;
+        let emptied = space.ranges == 0;
+        drop(space);
+        if emptied && let Some(heap) = arena.heap.upgrade() {
+            heap.trim(1);
+        }
+    }
+}
+
+impl std::fmt::Debug for Place {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Place")
+            .field("unit", &self.allocation.offset)
+            .field("bytes", &self.bytes)
+            .finish_non_exhaustive()
+    }
+}
+
+impl std::fmt::Debug for Space {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Space")
+            .field("used_bytes", &self.used_bytes)
+            .field("ranges", &self.ranges)
+            .finish_non_exhaustive()
+    }
+}
