@@ -7,11 +7,12 @@ use crate::ffi;
 use crate::held::typed_array;
 use cxx::UniquePtr;
 use glam::DMat4;
-use oocpt_core::array::TypedArray;
+use oocpt_core::array::{Element, TypedArray};
 use oocpt_core::scene::{
     InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, LightDesc, LightKind, MeshDesc, PrimDesc, Primvar,
     Subdivision,
 };
+use std::fmt::Debug;
 use std::sync::Arc;
 
 /// What was left out, one line each: "path: part: reason".
@@ -33,10 +34,10 @@ impl Complaints {
         }
     }
 
-    /// An array that a prim cannot do without; an empty one of integers stands for a missing one.
-    fn required(&mut self, path: &str, part: &str, held: UniquePtr<ffi::HeldArray>) -> TypedArray {
+    /// An array that a prim cannot do without; an empty one stands for a missing one.
+    fn required<T: Element + Debug>(&mut self, path: &str, part: &str, held: UniquePtr<ffi::HeldArray>) -> TypedArray {
         self.optional(path, part, held)
-            .unwrap_or_else(|| TypedArray::from_vec(Vec::<i32>::new()))
+            .unwrap_or_else(|| TypedArray::of(Vec::<T>::new()))
     }
 
     fn primvar(&mut self, path: &str, part: &str, desc: ffi::PrimvarDesc) -> Option<Primvar> {
@@ -112,10 +113,10 @@ pub(crate) fn mesh(desc: ffi::MeshDesc, complaints: &mut Complaints) -> MeshDesc
         double_sided: desc.double_sided,
         left_handed: desc.left_handed,
         subdivision: subdivision(desc.subdivision),
-        face_vertex_counts: complaints.required(&path, "faceVertexCounts", desc.face_vertex_counts),
-        face_vertex_indices: complaints.required(&path, "faceVertexIndices", desc.face_vertex_indices),
+        face_vertex_counts: complaints.required::<i32>(&path, "faceVertexCounts", desc.face_vertex_counts),
+        face_vertex_indices: complaints.required::<i32>(&path, "faceVertexIndices", desc.face_vertex_indices),
         hole_indices: complaints.optional(&path, "holeIndices", desc.hole_indices),
-        points: complaints.required(&path, "points", desc.points),
+        points: complaints.required::<[f32; 3]>(&path, "points", desc.points),
         normals: complaints.primvar(&path, "normals", desc.normals),
         display_color: complaints.primvar(&path, "displayColor", desc.display_color),
         display_opacity: complaints.primvar(&path, "displayOpacity", desc.display_opacity),
@@ -130,7 +131,7 @@ pub(crate) fn instancer(desc: ffi::InstancerDesc, complaints: &mut Complaints) -
         .prototypes
         .into_iter()
         .map(|prototype| InstancerPrototype {
-            indices: complaints.required(&path, "instanceIndices", prototype.indices),
+            indices: complaints.required::<i32>(&path, "instanceIndices", prototype.indices),
             root: Arc::from(prototype.root),
         })
         .collect();

@@ -49,8 +49,8 @@ impl Layers {
     /// Every key with the value that counts, in the order in which to set them.
     pub(crate) fn resolved(&self) -> Vec<(String, Value)> {
         let defaults = Settings::descriptors()
-            .iter()
-            .map(|entry| (entry.key.to_owned(), entry.default.clone()));
+            .into_iter()
+            .map(|entry| (entry.key.to_owned(), entry.default));
         defaults
             .chain(self.environment.iter().chain(&self.explicit).cloned())
             .collect()
