@@ -174,7 +174,7 @@ impl Camera {
         if self.focus_distance <= 0.0 {
             return Err(CameraError::Singular("focus distance"));
         }
-        Ok((self.lens_radius, self.focus_distance.as_f32()))
+        Ok((self.lens_radius, narrow(self.focus_distance)))
     }
 }
 
@@ -188,16 +188,9 @@ impl CameraRays {
     }
 }
 
-/// Rounding to f32, spelled out once.
-trait Round {
-    fn as_f32(self) -> f32;
-}
-
-impl Round for f64 {
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
-    fn as_f32(self) -> f32 {
-        self as f32
-    }
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
+fn narrow(value: f64) -> f32 {
+    value as f32
 }
 
 /// False when the columns are (nearly) dependent.

@@ -26,6 +26,9 @@ macro_rules! dropped {
         }
 
         impl DroppedData {
+            /// Nothing dropped.
+            pub const NONE: Self = Self { $($field: 0),* };
+
             /// Adds the counters of `other`.
             pub fn add(&mut self, other: &Self) {
                 $(self.$field = self.$field.saturating_add(other.$field);)*

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Tests of the core against answers known from elsewhere: brute force, closed forms, published values.
+
+#[cfg(test)]
+mod arrays;
+#[cfg(test)]
+mod bad_scenes;
+#[cfg(test)]
+mod bvh;
+#[cfg(test)]
+mod cameras;
+#[cfg(test)]
+mod edits;
+#[cfg(test)]
+mod faces;
+#[cfg(test)]
+mod instancing;
+#[cfg(test)]
+mod lights;
+#[cfg(test)]
+mod primvars;
+#[cfg(test)]
+mod samplers;
+#[cfg(test)]
+mod settings;
+#[cfg(test)]
+mod support;
+#[cfg(test)]
+mod throughput;
