@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /// The only place where the shim asks which OpenUSD it is compiled for.
 ///
-/// Compiled and run: 25.08 (wheel host, declarations under cpp/abi/25.08) and 24.11 (SDK headers).
+/// Compiled: 25.08 (wheel host, declarations under cpp/abi/25.08) and 24.11 (SDK headers). The switch for newer SDKs
+/// follows their published interface and was not compiled here.
 #ifndef HDOOCPT_COMPAT_H
 #define HDOOCPT_COMPAT_H
 
@@ -13,6 +14,17 @@
 
 #if defined(OOCPT_ABI_HEADERS) && PXR_VERSION != 2508
 #error "cpp/abi/25.08 describes one runtime only; build against the headers of your own OpenUSD instead"
+#endif
+
+#if !defined(OOCPT_ABI_HEADERS)
+#include "pxr/imaging/hd/version.h"
+#endif
+
+/// From API version 83 on a renderer plugin is asked with a struct, and may say why it cannot.
+#if defined(HD_API_VERSION) && HD_API_VERSION >= 83
+#define HDOOCPT_IS_SUPPORTED_PARAMETERS HdRendererCreateArgs const&, std::string*
+#else
+#define HDOOCPT_IS_SUPPORTED_PARAMETERS bool
 #endif
 
 #endif

@@ -30,7 +30,7 @@ void HdOocPTRendererPlugin::DeleteRenderDelegate(HdRenderDelegate* renderDelegat
     delete renderDelegate;
 }
 
-bool HdOocPTRendererPlugin::IsSupported(bool) const
+bool HdOocPTRendererPlugin::IsSupported(HDOOCPT_IS_SUPPORTED_PARAMETERS) const
 {
     return true;
 }

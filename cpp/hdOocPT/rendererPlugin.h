@@ -7,6 +7,8 @@
 #include "pxr/imaging/hd/rendererPlugin.h"
 #include "pxr/pxr.h"
 
+#include <string>
+
 PXR_NAMESPACE_OPEN_SCOPE
 
 /// Stateless. Threads: the host's only.
@@ -17,9 +19,10 @@ public:
     HdRenderDelegate* CreateRenderDelegate(HdRenderSettingsMap const& settingsMap) override;
     void DeleteRenderDelegate(HdRenderDelegate* renderDelegate) override;
 
-    /// Always true: `gpuEnabled` is about the host's own drawing, and OocPT brings its own Vulkan device. A machine
+    /// Always true: the question is about the host's own drawing, and OocPT brings its own Vulkan device. A machine
     /// without a usable device is told so, with the reason, when the first image is asked for.
-    bool IsSupported(bool gpuEnabled = true) const override;
+    using HdRendererPlugin::IsSupported;
+    bool IsSupported(HDOOCPT_IS_SUPPORTED_PARAMETERS) const override;
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -24,9 +24,6 @@ struct HdSceneIndexPrim
 {
     TfToken primType;
     HdContainerDataSourceHandle dataSource;
-
-    bool IsDefined() const { return static_cast<bool>(dataSource); }
-    explicit operator bool() const { return IsDefined(); }
 };
 
 TF_DECLARE_REF_PTRS(HdSceneIndexBase);
