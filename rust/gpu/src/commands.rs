@@ -220,7 +220,15 @@ impl Commands {
     ///
     /// # Errors
     /// The first mistake made while recording ([`GpuError::Usage`]), [`GpuError::DeviceLost`], or a failed call. Nothing runs then.
-    pub fn submit(mut self) -> Result<Submission, GpuError> {
+    pub fn submit(self) -> Result<Submission, GpuError> {
+        let device = Arc::clone(&self.recorder.device);
+        let submission = self.enqueue()?;
+        device.collect();
+        Ok(submission)
+    }
+
+    /// Submits, and lets go of nothing yet.
+    pub(crate) fn enqueue(mut self) -> Result<Submission, GpuError> {
         if let Some(error) = self.error.take() {
             return Err(error);
         }
@@ -243,7 +251,6 @@ impl Commands {
             marks: std::mem::take(&mut self.recorder.marks),
         };
         let value = device.queue.submit(&device, work)?;
-        device.collect();
         Ok(Submission::new(&self.gpu, value, self.label.clone(), timer))
     }
 

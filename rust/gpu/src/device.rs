@@ -5,7 +5,7 @@
 //! Work in flight (held by the queue) and retired ranges point back at the device: `Gpu`'s Drop waits and clears them, after which
 //! nothing can be submitted and retiring frees at once, so no cycle outlives the last public object. Any thread.
 
-use std::sync::{Mutex, OnceLock, PoisonError, Weak};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 use ash::vk;
 
@@ -56,12 +56,12 @@ pub(crate) struct Device {
     query_pools: Mutex<Vec<vk::QueryPool>>,
     lost: OnceLock<String>,
     /// Last: everything above is made from it.
-    pub(crate) instance: Instance,
+    pub(crate) instance: Arc<Instance>,
 }
 
 impl Device {
     /// Opens a probed device that lacks nothing.
-    pub(crate) fn new(instance: Instance, probed: Probed, options: &OpenOptions) -> Result<Self, GpuError> {
+    pub(crate) fn new(instance: Arc<Instance>, probed: Probed, options: &OpenOptions) -> Result<Self, GpuError> {
         let raw = create_raw(&instance, &probed)?;
         // SAFETY: the family exists, and one queue of it was asked for.
         let queue = unsafe { raw.get_device_queue(probed.queue_family, 0) };

@@ -94,7 +94,7 @@ impl Gpu {
             (true, false) => Validation::On,
             (true, true) => Validation::OnWithSync,
         };
-        let instance = Instance::new(validation)?;
+        let instance = Instance::get(validation)?;
         let mut devices = probe_all(&instance)?;
         let selector = options.selector.as_deref();
         let mut reports: Vec<_> = devices.iter().map(|device| device.report.clone()).collect();

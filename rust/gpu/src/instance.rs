@@ -1,9 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The Vulkan loader, one instance and its debug messenger.
 //!
-//! Guarantees that messenger and log outlive everything made from the instance. Every [`Gpu`](crate::Gpu) has its own.
+//! Guarantees that messenger and log outlive everything made from the instance.
+//!
+//! One plain instance is shared by everything and kept until the process ends, because it keeps the drivers' libraries loaded:
+//! NVIDIA's (580.159) can be loaded and unloaded only some tens of times in one process, after which no device is found, and a
+//! Hydra host makes and drops render delegates at will. With validation, every [`Gpu`](crate::Gpu) has an instance of its own
+//! besides, so that its messages are its own.
 
 use std::ffi::CStr;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use ash::vk;
 
@@ -21,6 +27,9 @@ pub(crate) enum Validation {
     /// As `On`, and hazards between operations too (slow).
     OnWithSync,
 }
+
+/// The instance without validation, made on first use and kept.
+static PLAIN: Mutex<Option<Arc<Instance>>> = Mutex::new(None);
 
 /// A live instance. Dropped after the device: `Device` holds it as its last field.
 pub(crate) struct Instance {
@@ -42,11 +51,26 @@ struct Wanted {
 }
 
 impl Instance {
-    /// Loads libvulkan and makes an instance.
+    /// An instance with this much validation; the shared one without.
     ///
     /// # Errors
-    /// [`GpuError::NoDevice`] when there is no loader, it is older than Vulkan 1.2, or no driver is installed.
-    pub(crate) fn new(validation: Validation) -> Result<Self, GpuError> {
+    /// [`GpuError::NoDevice`] when there is no loader, it is older than Vulkan 1.2, or no driver is installed. Tried anew by the
+    /// next call.
+    pub(crate) fn get(validation: Validation) -> Result<Arc<Self>, GpuError> {
+        let mut plain = PLAIN.lock().unwrap_or_else(PoisonError::into_inner);
+        let shared = match &*plain {
+            Some(shared) => Arc::clone(shared),
+            None => Arc::clone(plain.insert(Arc::new(Self::new(Validation::Off)?))),
+        };
+        match validation {
+            Validation::Off => Ok(shared),
+            // Under the lock too: instances are made one after the other.
+            Validation::On | Validation::OnWithSync => Ok(Arc::new(Self::new(validation)?)),
+        }
+    }
+
+    /// Loads libvulkan and makes an instance.
+    fn new(validation: Validation) -> Result<Self, GpuError> {
         // SAFETY: loads the system's Vulkan loader and runs its constructors; nothing else in this process relies on it not
         // being loaded, and `entry` keeps it loaded as long as any function pointer from it is used.
         let entry = unsafe { ash::Entry::load() }.map_err(|error| GpuError::NoDevice {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What devices there are, what each can do, which one is used and why: for `doctor`, logs and the choice itself.
 //!
-//! Reading a device changes nothing. Any thread; each [`enumerate`] loads its own instance.
+//! Reading a device changes nothing. Any thread.
 
 use ash::vk;
 
@@ -99,7 +99,7 @@ pub fn enumerate() -> Result<Vec<DeviceReport>, GpuError> {
 /// # Errors
 /// As [`enumerate`]. A selector that names no device leaves all unchosen, and says so in each `why`.
 pub fn enumerate_for(selector: Option<&str>) -> Result<Vec<DeviceReport>, GpuError> {
-    let instance = Instance::new(Validation::Off)?;
+    let instance = Instance::get(Validation::Off)?;
     let mut reports: Vec<_> = probe_all(&instance)?.into_iter().map(|probed| probed.report).collect();
     match select::choose(&reports, selector) {
         Ok(chosen) => select::explain(&mut reports, chosen, selector),
