@@ -151,6 +151,14 @@ def test_values_pass_through_the_runtime(probe_path):
     assert host_call(probe_path, "oocpt_abi_run") == ""
 
 
+def test_plugin_finds_every_symbol(build):
+    """Loading binds all symbols at once, so one that the runtime lacks shows here and not in the middle of a render."""
+    code = "import ctypes, os, sys; from pxr import Tf; ctypes.CDLL(sys.argv[1], mode=os.RTLD_NOW)"
+    command = [setting("OOCPT_HOST_PYTHON"), "-I", "-c", code, str(build / "plugin/hdOocPT.so")]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
 # ---- planted faults ----
 
 
