@@ -26,7 +26,7 @@ pub(crate) fn build_for_wheel(places: &Places, interpreter: &Interpreter) -> Res
     options.push(("OOCPT_PYTHON_INCLUDE".into(), path(&interpreter.include)));
     let tree = places.wheel_build();
     configure(places, &tree, &options)?;
-    run(Command::new("cmake").arg("--build").arg(&tree))?;
+    compile(&tree)?;
     let resources = places.wheel_resources();
     ensure!(
         resources.join("plugInfo.json").is_file(),
@@ -55,15 +55,18 @@ pub(crate) fn install_for_sdk(places: &Places, usd: &Path, prefix: &Path) -> Res
     options.push(("CMAKE_INSTALL_PREFIX".into(), path(&prefix)));
     let tree = places.repo.join("build").join(sdk_tree_name(&usd));
     configure(places, &tree, &options)?;
-    run(Command::new("cmake").arg("--build").arg(&tree))?;
+    compile(&tree)?;
     run(Command::new("cmake").arg("--install").arg(&tree))?;
     Ok(prefix)
 }
 
+fn compile(tree: &Path) -> Result<()> {
+    run(Command::new("cmake").arg("--build").arg(tree).args(["--", "--quiet"]))
+}
+
 /// Builds the bridge and returns the `CMake` options that name it.
 fn bridge(places: &Places, profile: &str) -> Result<Vec<(String, String)>> {
-    say("building the core");
-    run(cargo(places, "build").args(["--quiet", "--package", "oocpt-bridge", "--profile", profile]))?;
+    run(cargo(places, "build").args(["--package", "oocpt-bridge", "--profile", profile]))?;
     Ok(vec![
         ("CMAKE_BUILD_TYPE".into(), "Release".into()),
         (
