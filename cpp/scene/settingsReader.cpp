@@ -6,22 +6,29 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-SdfPath HdOocPTActiveRenderSettings(const HdSceneIndexBase& scene)
+namespace {
+
+bool _IsActive(const HdSceneIndexBase& scene, const HdSceneIndexPrim& prim, const SdfPath& path)
 {
     const auto& tokens = *HdOocPTSceneTokens;
     const HdSceneIndexPrim root = scene.GetPrim(SdfPath::AbsoluteRootPath());
-    return HdOocPTRead(root.dataSource, { tokens.sceneGlobals, tokens.activeRenderSettingsPrim })
-        .GetWithDefault<SdfPath>();
+    if (const HdContainerDataSourceHandle globals = HdOocPTFindContainer(root.dataSource, { tokens.sceneGlobals })) {
+        return HdOocPTRead(globals, { tokens.activeRenderSettingsPrim }).GetWithDefault<SdfPath>() == path;
+    }
+    // Asked only where there are no globals: UsdImaging's scene delegate answers this name with an error.
+    bool active = false;
+    HdOocPTConvert(HdOocPTRead(prim.dataSource, { tokens.renderSettings, tokens.active }), &active);
+    return active;
 }
+
+} // namespace
 
 HdOocPTSettingMap HdOocPTReadRenderSettings(const HdSceneIndexBase& scene, const SdfPath& path)
 {
     const auto& tokens = *HdOocPTSceneTokens;
     HdOocPTSettingMap settings;
     const HdSceneIndexPrim prim = scene.GetPrim(path);
-    bool active = false;
-    HdOocPTConvert(HdOocPTRead(prim.dataSource, { tokens.renderSettings, tokens.active }), &active);
-    if (!active && HdOocPTActiveRenderSettings(scene) != path) {
+    if (!_IsActive(scene, prim, path)) {
         return settings;
     }
     const HdContainerDataSourceHandle container

@@ -15,11 +15,8 @@ PXR_NAMESPACE_OPEN_SCOPE
 /// Settings by key, in a fixed order.
 using HdOocPTSettingMap = std::map<TfToken, VtValue>;
 
-/// The path of the render settings prim that the host has made active; empty when there is none.
-SdfPath HdOocPTActiveRenderSettings(const HdSceneIndexBase& scene);
-
-/// The namespaced settings of a render settings prim; empty if it is not active, neither by its own flag nor by the scene's
-/// globals.
+/// The namespaced settings of a render settings prim. Empty unless the prim is the one that the scene's globals name as active;
+/// where a host has no globals, unless the prim calls itself active.
 HdOocPTSettingMap HdOocPTReadRenderSettings(const HdSceneIndexBase& scene, const SdfPath& path);
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -64,16 +64,23 @@ impl Session {
             let mut complaints = Complaints::default();
             self.inner.with_scene(|scene| {
                 for path in &edits.removed {
+                    tracing::debug!(path, "remove");
                     scene.remove(path);
                 }
                 for mesh in edits.meshes {
-                    scene.upsert_mesh(convert::mesh(mesh, &mut complaints));
+                    let mesh = convert::mesh(mesh, &mut complaints);
+                    tracing::debug!(?mesh, "upsert");
+                    scene.upsert_mesh(mesh);
                 }
                 for instancer in edits.instancers {
-                    scene.upsert_instancer(convert::instancer(instancer, &mut complaints));
+                    let instancer = convert::instancer(instancer, &mut complaints);
+                    tracing::debug!(?instancer, "upsert");
+                    scene.upsert_instancer(instancer);
                 }
                 for light in edits.lights {
-                    scene.upsert_light(convert::light(light));
+                    let light = convert::light(light);
+                    tracing::debug!(?light, "upsert");
+                    scene.upsert_light(light);
                 }
             });
             lock(&self.warnings).append(&mut complaints.0);
@@ -127,7 +134,9 @@ impl Session {
         guard("render", || {
             let purposes: Vec<&str> = request.purposes.iter().map(String::as_str).collect();
             self.inner.with_scene(|scene| scene.set_purposes(&purposes));
-            self.inner.render(render_request(&request));
+            let request = render_request(&request);
+            tracing::debug!(?request, "render");
+            self.inner.render(request);
             Ok(())
         })
     }
