@@ -79,7 +79,7 @@ def residual(values: np.ndarray, expected: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("mode", ["legacy", "scene_index"])
-@pytest.mark.parametrize("kind, interpolation", itertools.product(["color", "indexed"], small.INTERPOLATIONS))
+@pytest.mark.parametrize("kind, interpolation", list(itertools.product(["color", "indexed"], small.INTERPOLATIONS)))
 def test_display_color(pictures, stage, patches, mode, kind, interpolation):
     """A sun of irradiance pi straight on: the picture is the albedo. Filtering over a pixel of a linear function changes nothing but at the diagonal."""
     picture, path = pictures(mode), f"/World/{kind}_{interpolation}"

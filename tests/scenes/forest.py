@@ -82,7 +82,7 @@ class Land:
     def height(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
         valley = np.abs(x - self.path_x(z))
         banks = 24.0 * (1.0 - np.exp(-((valley / 95.0) ** 2)))
-        rise = 34.0 / (1.0 + np.exp((z + 110.0) / 24.0))
+        rise = 22.0 / (1.0 + np.exp((z + 110.0) / 24.0))
         rough = self._hills(x, z, 95.0, 5) * (2.2 + 4.0 * np.clip(valley / 60.0, 0.0, 1.0))
         return banks + rise + rough
 
@@ -148,18 +148,22 @@ def add_ridges(stage: Usd.Stage, seed: int) -> None:
     """Three rows of mountains; the farther, the paler and bluer, as air would make them."""
     noise = Noise(seed + 2)
     tones = ["56675c", "7c93a0", "a9bfcd"]
-    for index, (distance, peak, tone) in enumerate(zip((330.0, 620.0, 1150.0), (62.0, 150.0, 330.0), tones)):
+    for index, (distance, peak, tone) in enumerate(zip((340.0, 640.0, 1200.0), (88.0, 190.0, 420.0), tones)):
         x, depth = np.meshgrid(np.linspace(-2.2 * distance, 2.2 * distance, 161), np.linspace(0.0, 1.0, 25))
         x, depth = x.reshape(-1), depth.reshape(-1)
         z = -distance - depth * distance * 0.5
-        crest = 0.62 + 0.55 * noise(x, z * 0.35 + 900.0 * index, distance * 0.42, 6)
+        crest = 0.60 + 0.60 * noise(x, z * 0.35 + 900.0 * index, distance * 0.42, 5)
         height = peak * np.clip(crest, 0.12, None) * np.sin(np.clip(depth, 0, 1) * np.pi * 0.62) - 6.0
-        color = rgb(tone) * np.exp(0.10 * noise(x, height * 3.0, distance * 0.06, 3))[:, None]
-        snow = np.clip((height / peak - 0.72 + 0.1 * noise(x, z, distance * 0.05, 3)) * 5.0, 0, 1)[:, None] * (index == 2)
-        color = color * (1 - snow) + rgb("e9eef2") * snow
+        color = rgb(tone) * np.exp(0.12 * noise(x, height * 2.0, distance * 0.12, 2))[:, None]
+        snow = np.clip((height / peak - 0.62 + 0.08 * noise(x, z, distance * 0.2, 2)) * 6.0, 0, 1)[:, None] * (index == 2)
+        color = color * (1 - snow) + rgb("e4ebf2") * snow
+        points = np.stack([x, height, z], axis=1)
+        rows = points.reshape(25, 161, 3)
+        normal = np.cross(np.gradient(rows, axis=1), np.gradient(rows, axis=0)).reshape(-1, 3)
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         counts, quads = grid(160, 24)
         quads = quads.reshape(-1, 4)[:, ::-1].reshape(-1)
-        add_mesh(stage, f"/World/Ridge{index}", np.stack([x, height, z], axis=1), counts, quads, color, UsdGeom.Tokens.vertex, double_sided=True)
+        add_mesh(stage, f"/World/Ridge{index}", points, counts, quads, color, UsdGeom.Tokens.vertex, normal, double_sided=True)
 
 
 def quaternions(yaw: np.ndarray, up: np.ndarray) -> np.ndarray:
@@ -226,8 +230,8 @@ def clump_weights(land: Land, x: np.ndarray, z: np.ndarray) -> dict[str, np.ndar
     path = land.off_path(x, z)
     wood = 1 / (1 + np.exp(-6.0 * (land.patch(x, z, 62.0, 0.0) - 0.05 + 0.012 * (path - 26.0))))
     high = np.clip((land.height(x, z) - 14.0) / 16.0, 0, 1)
-    near_camera = np.exp(-(((x - 2.0) / 16.0) ** 2 + ((z - 150.0) / 34.0) ** 2))
-    clear = np.clip((path - 7.0) / 6.0, 0, 1) * (1 - near_camera)
+    # No tree within the camera's first thirty metres.
+    clear = np.clip((path - 7.0) / 6.0, 0, 1) * np.clip((np.hypot((x - 3.0) * 0.9, z - 165.0) - 30.0) / 8.0, 0, 1)
     verge = np.clip((path - 2.9) / 1.2, 0, 1)
     leaf = np.clip(0.5 + 1.1 * land.patch(x, z, 45.0, 70.0), 0.02, 1)
     stony = np.clip(land.patch(x, z, 28.0, 130.0) - 0.2, 0, 1)
@@ -275,7 +279,7 @@ def add_forest(stage: Usd.Stage, land: Land, names: list[str], sizes: dict[str, 
     place = np.zeros((2, singles))
     for is_tree in (False, True):
         members = trees == is_tree
-        gate = (lambda x, z: 0.05 + clump_weights(land, x, z)["mixed"]) if is_tree else (lambda x, z: np.clip((land.off_path(x, z) - 2.6) / 2.0, 0, 1))
+        gate = (lambda x, z: clump_weights(land, x, z)["mixed"] + 0.2 * clump_weights(land, x, z)["birches"]) if is_tree else (lambda x, z: np.clip((land.off_path(x, z) - 2.6) / 2.0, 0, 1))
         found = scatter(rng, land, int(members.sum()), gate)
         place[:, members] = np.stack(found)
     x, z = place

@@ -133,22 +133,24 @@ def conifer(rng: np.random.Generator, height: float, spread: float, palette: lis
     """A spruce or fir: drooping whorls of branches, each branch a bent strip of needles."""
     soup = Soup()
     _trunk(soup, rng, height * 0.97, height * 0.016 + 0.04, ["4a3728", "57412f", "3e2f24"], lean=0.004)
-    tiers = 17
+    tiers = 21
     for tier in range(tiers):
         level = tier / (tiers - 1)
         y = height * (0.10 + 0.88 * level)
         reach = spread * (1.0 - level) ** 0.85 * rng.uniform(0.85, 1.1) + 0.06 * spread
-        branches = int(round(12 - 5 * level))
+        branches = int(round(15 - 7 * level))
         angle = (np.arange(branches) + rng.uniform()) * (2 * np.pi / branches) + rng.normal(0.0, 0.13, branches)
         length = reach * np.exp(rng.normal(0.0, 0.14, branches))
         out = np.stack([np.cos(angle), np.zeros(branches), np.sin(angle)], axis=1)
         side = np.stack([-out[:, 2], np.zeros(branches), out[:, 0]], axis=1)
         rise = height * 0.035 * (level - 0.35)
-        root = np.array([0.0, y, 0.0]) + out * 0.02
+        # Neighbours hang at different heights, so that whorls do not look like plates.
+        lift = height * 0.9 / tiers * rng.uniform(-0.6, 0.6, (branches, 1)) * (1.0 - level)
+        root = np.array([0.0, y, 0.0]) + out * 0.02 + np.array([0.0, 1.0, 0.0]) * lift
         middle = root + out * (0.55 * length)[:, None] + [0.0, rise - 0.06 * reach, 0.0]
         tip = root + out * length[:, None] + np.stack([0 * length, rise - 0.36 * length, 0 * length], axis=1)
-        width = (0.36 * length)[:, None]
-        sag = np.array([0.0, -0.17, 0.0]) * length[:, None]
+        width = (0.25 * length)[:, None]
+        sag = np.array([0.0, -0.15, 0.0]) * length[:, None]
         points = np.stack([root, middle + side * width + sag, middle, middle - side * width + sag, tip], axis=1)
         first = np.arange(branches)[:, None] * 5
         faces = np.concatenate([first + f for f in ([0, 1, 2], [0, 2, 3], [2, 1, 4], [2, 4, 3])], axis=1)
