@@ -10,9 +10,27 @@ use oocpt_gpu::GpuError;
 /// Why a render ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
-    /// The device, the driver or the memory budget said no.
+    /// The device or the driver said no.
     #[error(transparent)]
-    Gpu(#[from] GpuError),
+    Gpu(GpuError),
+    /// The scene and the images do not fit the memory budget.
+    #[error(
+        "the memory budget of {} MiB is too small: {} MiB are in use and {name} needs {} MiB more; raise \
+         oocpt:memoryBudget or simplify the scene",
+        .budget >> 20,
+        .used >> 20,
+        .bytes.div_ceil(1 << 20)
+    )]
+    Budget {
+        /// What was to be placed.
+        name: String,
+        /// Its size, bytes.
+        bytes: u64,
+        /// Bytes in use.
+        used: u64,
+        /// The budget, bytes.
+        budget: u64,
+    },
     /// The camera's matrices cannot be inverted or are not finite.
     #[error("camera: {0}")]
     Camera(#[from] CameraError),
@@ -55,4 +73,23 @@ pub enum RenderError {
     /// The render thread met a defect of its own; the text is the panic message.
     #[error("internal error in the render thread: {0}")]
     Internal(String),
+}
+
+impl From<GpuError> for RenderError {
+    fn from(error: GpuError) -> Self {
+        match error {
+            GpuError::OutOfMemory {
+                name,
+                bytes,
+                used,
+                budget,
+            } => Self::Budget {
+                name,
+                bytes,
+                used,
+                budget,
+            },
+            other => Self::Gpu(other),
+        }
+    }
 }

@@ -12,8 +12,8 @@ use crate::schedule::Schedule;
 use crate::session::{Job, lock};
 use crate::specialise;
 use crate::thread::Gate;
-use crate::waves::{self, Frames};
 use crate::wavefront::{Passes, WaveBuffers, path_bytes};
+use crate::waves::{self, Frames};
 use bytemuck::Zeroable;
 use oocpt_core::camera::CameraRays;
 use oocpt_gpu::{Buffer, DeviceKind, Usage};
@@ -80,7 +80,14 @@ impl Renderer {
         film.bind(&mut block, &job.request.aovs);
         let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
         frame.write(0, bytemuck::bytes_of(&block))?;
-        let frames = Frames { device, film, buffers, passes: &passes, frame: &frame, job };
+        let frames = Frames {
+            device,
+            film,
+            buffers,
+            passes: &passes,
+            frame: &frame,
+            job,
+        };
         progress.stage("rendering");
         waves::clear(&frames)?;
         if film.has_planes() && !waves::trace_planes(&frames, special, gate, progress)? {
@@ -93,11 +100,16 @@ impl Renderer {
     }
 
     fn open(&mut self, job: &Job) -> Result<Arc<Device>, RenderError> {
-        let options =
-            DeviceOptions { selector: job.settings.device.clone(), validation: job.options.validation };
+        let options = DeviceOptions {
+            selector: job.settings.device.clone(),
+            validation: job.options.validation,
+        };
         let device = Device::open(&options)?;
         if !self.device.as_ref().is_some_and(|have| Arc::ptr_eq(have, &device)) {
-            *self = Self { device: Some(Arc::clone(&device)), ..Self::default() };
+            *self = Self {
+                device: Some(Arc::clone(&device)),
+                ..Self::default()
+            };
         }
         let mib = u64::from(job.settings.memory_budget_mib);
         device.gpu.set_budget((mib > 0).then_some(mib << 20));
@@ -156,6 +168,7 @@ fn frame_block(job: &Job, lights: &LightTable, scene: &SceneView, rays: &CameraR
         clip_z: rays.clip_z,
         clip_w: rays.clip_w,
         view: rays.view_from_world,
+        view_normal: rays.view_normal,
         dome_radiance: lights.dome_radiance,
         dome_background: lights.dome_background,
         dome_select: lights.dome_select,

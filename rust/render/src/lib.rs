@@ -20,8 +20,8 @@ mod session;
 mod specialise;
 mod thread;
 mod timings;
-mod waves;
 mod wavefront;
+mod waves;
 
 pub use aov::{AovKind, AovRequest};
 pub use error::RenderError;

@@ -89,9 +89,9 @@ impl<'a> Progress<'a> {
         self.timings.trace_secs = self.trace_started.elapsed().as_secs_f64();
     }
 
-    /// Whether the time limit has passed.
+    /// Whether the time limit has passed; every pixel gets its first sample all the same.
     pub(crate) fn out_of_time(&self) -> bool {
-        self.limit.is_some_and(|limit| self.started.elapsed() >= limit)
+        self.done >= self.pixels && self.limit.is_some_and(|limit| self.started.elapsed() >= limit)
     }
 
     /// Whether the wave about to be submitted should end with an image.
@@ -106,7 +106,11 @@ impl<'a> Progress<'a> {
     }
 
     /// Counts a finished wave.
-    #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "progress is shown, not computed with")]
+    #[expect(
+        clippy::cast_precision_loss,
+        clippy::cast_possible_truncation,
+        reason = "progress is shown, not computed with"
+    )]
     pub(crate) fn wave_done(&mut self, wave: Wave) {
         self.done += u64::from(wave.count);
         self.timings.paths = self.done;
@@ -121,7 +125,13 @@ impl<'a> Progress<'a> {
     /// Publishes the images that the last finished submission copied out.
     #[expect(clippy::cast_precision_loss, reason = "rates are shown, not computed with")]
     pub(crate) fn publish(&mut self, film: &Film) -> Result<(), RenderError> {
-        let Counters { closest_rays, shadow_rays, nonfinite, stack_overflows, .. } = film.publish(&self.shared.published)?;
+        let Counters {
+            closest_rays,
+            shadow_rays,
+            nonfinite,
+            stack_overflows,
+            ..
+        } = film.publish(&self.shared.published)?;
         self.timings.closest_rays = closest_rays;
         self.timings.shadow_rays = shadow_rays;
         let mut stats = lock(&self.shared.stats);
@@ -130,7 +140,9 @@ impl<'a> Progress<'a> {
         stats.rays_per_second = stats.rays_traced as f64 / self.trace_started.elapsed().as_secs_f64().max(1e-9);
         drop(stats);
         if stack_overflows > 0 {
-            return Err(RenderError::StackOverflow { count: u64::from(stack_overflows) });
+            return Err(RenderError::StackOverflow {
+                count: u64::from(stack_overflows),
+            });
         }
         Ok(())
     }
@@ -155,7 +167,8 @@ impl<'a> Progress<'a> {
         (stats.gpu_bytes, stats.gpu_peak_bytes, stats.gpu_budget_bytes) = (memory.used, memory.peak, memory.budget);
         drop(stats);
         for message in gpu.take_validation_messages() {
-            self.shared.report(Severity::Error, format!("Vulkan validation: {message}"));
+            self.shared
+                .report(Severity::Error, format!("Vulkan validation: {message}"));
         }
     }
 }

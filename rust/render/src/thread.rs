@@ -73,7 +73,8 @@ fn next_job(shared: &Shared) -> Option<(Arc<Job>, u64)> {
         if waiting && control.stopped {
             control.finished = control.generation;
             shared.notify();
-        } else if waiting && !control.paused
+        } else if waiting
+            && !control.paused
             && let Some(job) = &control.job
         {
             return Some((Arc::clone(job), control.generation));

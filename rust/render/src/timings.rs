@@ -45,7 +45,11 @@ impl Timings {
                 pass.secs += secs;
                 pass.runs += 1;
             }
-            None => self.passes.push(PassTime { name: name.into(), secs, runs: 1 }),
+            None => self.passes.push(PassTime {
+                name: name.into(),
+                secs,
+                runs: 1,
+            }),
         }
     }
 }

@@ -33,7 +33,10 @@ impl LightTable {
         let mut powers = Vec::new();
         for light in lights {
             match *light {
-                Light::Dome { radiance, camera_visible: visible } => {
+                Light::Dome {
+                    radiance,
+                    camera_visible: visible,
+                } => {
                     table.has_dome = true;
                     add(&mut table.dome_radiance, radiance);
                     if visible && camera_visible {
@@ -41,11 +44,21 @@ impl LightTable {
                         add(&mut table.dome_background, radiance);
                     }
                 }
-                Light::Distant { direction, radiance, cos_half_angle } => {
+                Light::Distant {
+                    direction,
+                    radiance,
+                    cos_half_angle,
+                } => {
                     let one_minus_cos = (1.0 - cos_half_angle).max(0.0);
                     let solid_angle = std::f64::consts::TAU * f64::from(one_minus_cos);
                     powers.push(luminance(radiance) * if one_minus_cos > 0.0 { solid_angle } else { 1.0 });
-                    table.distant.push(GpuLight { direction, one_minus_cos, radiance, probability: 0.0, cumulative: 0.0 });
+                    table.distant.push(GpuLight {
+                        direction,
+                        one_minus_cos,
+                        radiance,
+                        probability: 0.0,
+                        cumulative: 0.0,
+                    });
                 }
             }
         }
@@ -54,14 +67,22 @@ impl LightTable {
     }
 
     /// Sets the probabilities of choosing each light from the irradiance it can give.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "probabilities fit f32")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_precision_loss,
+        reason = "probabilities fit f32"
+    )]
     fn choose(&mut self, powers: &[f64]) {
         let total: f64 = powers.iter().sum();
         let even = 1.0 / powers.len().max(1) as f64;
         let mut cumulative = 0.0;
         for (light, power) in self.distant.iter_mut().zip(powers) {
             // A small even share keeps dim lights from starving: variance, not bias.
-            let share = if total > 0.0 && total.is_finite() { 0.9 * power / total + 0.1 * even } else { even };
+            let share = if total > 0.0 && total.is_finite() {
+                0.9 * power / total + 0.1 * even
+            } else {
+                even
+            };
             cumulative += share;
             light.probability = share as f32;
             light.cumulative = cumulative as f32;
@@ -92,7 +113,11 @@ mod tests {
     use super::*;
 
     fn sun(radiance: f32, cos_half_angle: f32) -> Light {
-        Light::Distant { direction: [0.0, 1.0, 0.0], radiance: [radiance; 3], cos_half_angle }
+        Light::Distant {
+            direction: [0.0, 1.0, 0.0],
+            radiance: [radiance; 3],
+            cos_half_angle,
+        }
     }
 
     #[test]
@@ -100,14 +125,24 @@ mod tests {
         let table = LightTable::new(&[sun(1.0, 1.0), sun(3.0, 1.0)], true);
         let sum: f32 = table.distant.iter().map(|light| light.probability).sum();
         assert!((sum - 1.0).abs() < 1e-6, "probabilities must sum to one, got {sum}");
-        assert!(table.distant[1].probability > table.distant[0].probability, "the brighter light is chosen more often");
-        assert_eq!(table.distant[1].cumulative.to_bits(), 1.0_f32.to_bits(), "the last light ends at exactly one");
+        assert!(
+            table.distant[1].probability > table.distant[0].probability,
+            "the brighter light is chosen more often"
+        );
+        assert_eq!(
+            table.distant[1].cumulative.to_bits(),
+            1.0_f32.to_bits(),
+            "the last light ends at exactly one"
+        );
         assert!(table.dome_select.abs() < f32::EPSILON, "there is no dome to choose");
     }
 
     #[test]
     fn a_dome_hidden_from_the_camera_still_lights() {
-        let dome = Light::Dome { radiance: [2.0; 3], camera_visible: true };
+        let dome = Light::Dome {
+            radiance: [2.0; 3],
+            camera_visible: true,
+        };
         let table = LightTable::new(&[dome], false);
         assert!(!table.background_visible, "the setting hides it");
         assert_eq!(table.dome_radiance, [2.0; 3], "and keeps its light");
@@ -117,7 +152,13 @@ mod tests {
     #[test]
     fn lights_of_extreme_power_keep_finite_probabilities() {
         let table = LightTable::new(&[sun(f32::MAX, 1.0), sun(0.0, 1.0)], true);
-        assert!(table.distant.iter().all(|light| light.probability > 0.0), "each light keeps a share");
-        assert!(table.distant.iter().all(|light| light.probability.is_finite()), "no share may overflow");
+        assert!(
+            table.distant.iter().all(|light| light.probability > 0.0),
+            "each light keeps a share"
+        );
+        assert!(
+            table.distant.iter().all(|light| light.probability.is_finite()),
+            "no share may overflow"
+        );
     }
 }

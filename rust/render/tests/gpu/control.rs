@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Pause, resume, stop, restart, time limit; many sessions.
+
+use crate::scenes::{dome, nested, prim, sphere};
+use crate::support::{TIMEOUT, perspective, read, render, request, session, settings};
+use glam::{DMat4, DVec3};
+use oocpt_core::settings::Settings;
+use oocpt_render::{AovKind, AovRequest, RenderRequest, Session};
+use std::time::{Duration, Instant};
+
+fn view(size: [u32; 2]) -> RenderRequest {
+    request(perspective(DVec3::new(3.0, 4.0, 6.0), DVec3::ZERO, 0.7, size))
+}
+
+/// A session in the middle of a render that would take minutes.
+fn long_render() -> Session {
+    let session = session(settings(1 << 20, 3));
+    session.with_scene(nested);
+    session.render(view([128, 96]));
+    let end = Instant::now() + TIMEOUT;
+    while session.stats().percent_done <= 0.0 {
+        assert!(
+            Instant::now() < end,
+            "no wave was done in time: {:?}",
+            session.take_messages()
+        );
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    session
+}
+
+#[test]
+fn stop_converges_with_what_there_is() {
+    let session = long_render();
+    assert!(!session.is_converged(), "a million samples take longer than that");
+    session.stop(true);
+    assert!(session.is_converged() && session.is_stopped(), "stopped is converged");
+    let color: Vec<[f32; 4]> = read(&session, &view([128, 96]), AovKind::Color);
+    assert!(color.iter().any(|c| c[3] > 0.0), "the image so far was published");
+    session.restart();
+    assert!(
+        !session.is_converged() && !session.is_stopped(),
+        "a restart renders again"
+    );
+}
+
+#[test]
+fn a_pause_holds_the_samples_still() {
+    let session = long_render();
+    session.pause();
+    assert!(
+        session.is_paused() && !session.is_converged(),
+        "paused is not converged"
+    );
+    std::thread::sleep(Duration::from_millis(300));
+    let held = session.stats().percent_done;
+    std::thread::sleep(Duration::from_millis(300));
+    assert!(
+        (session.stats().percent_done - held).abs() < f32::EPSILON,
+        "no wave may start in a pause"
+    );
+    session.resume();
+    let end = Instant::now() + TIMEOUT;
+    while session.stats().percent_done <= held {
+        assert!(Instant::now() < end, "the render did not go on");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    session.pause();
+    session.stop(true);
+    assert!(session.is_converged(), "stop works in a pause");
+}
+
+#[test]
+fn a_time_limit_ends_the_render_with_an_image() {
+    let session = session(Settings {
+        time_limit_secs: 0.5,
+        ..settings(1 << 20, 3)
+    });
+    session.with_scene(nested);
+    render(&session, &view([64, 48]));
+    let stats = session.stats();
+    assert!(
+        stats.percent_done < 100.0,
+        "a million samples do not fit the limit: {stats:?}"
+    );
+    let color: Vec<[f32; 4]> = read(&session, &view([64, 48]), AovKind::Color);
+    assert!(color.iter().any(|c| c[3] > 0.0), "what was rendered is published");
+}
+
+#[test]
+fn a_newer_request_replaces_the_one_under_way() {
+    let session = long_render();
+    assert!(
+        session
+            .set_setting("oocpt:samplesPerPixel", oocpt_core::settings::Value::Int(2))
+            .expect("valid"),
+        "changed"
+    );
+    render(&session, &view([16, 12]));
+    assert_eq!(
+        session.stats().samples_completed,
+        2,
+        "the new request was rendered to its end"
+    );
+}
+
+#[test]
+fn only_depth_traces_no_paths() {
+    let session = session(settings(1 << 20, 3));
+    session.with_scene(nested);
+    let mut request = view([16, 12]);
+    request.aovs = vec![AovRequest {
+        kind: AovKind::Depth,
+        clear: [1.0, 0.0, 0.0, 0.0],
+    }];
+    render(&session, &request);
+    let depth: Vec<f32> = read(&session, &request, AovKind::Depth);
+    assert!(depth.iter().any(|d| *d < 1.0), "the scene is in view");
+    assert_eq!(
+        session.stats().rays_traced,
+        0,
+        "no path is traced for an image without colour"
+    );
+}
+
+#[test]
+fn no_images_converge_at_once() {
+    let session = session(settings(4, 1));
+    session.render(RenderRequest {
+        aovs: Vec::new(),
+        ..view([16, 12])
+    });
+    assert!(session.wait_converged(TIMEOUT), "nothing to do is done");
+    assert!(session.take_messages().is_empty(), "and no fault");
+}
+
+#[test]
+fn sessions_come_and_go_without_growing_device_memory() {
+    let mut used = Vec::new();
+    for _ in 0..20 {
+        let session = session(settings(1, 0));
+        session.with_scene(|db| {
+            db.upsert_mesh(sphere(prim("/ball", DMat4::IDENTITY), 1, 20, 0.5));
+            db.upsert_light(dome([1.0; 3]));
+        });
+        render(&session, &view([8, 8]));
+        used.push(session.stats().gpu_bytes);
+    }
+    assert_eq!(used[2], used[19], "device memory grows with each session: {used:?}");
+}

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+//! An edited scene renders as if it had been made that way, and what was not edited stays on the device.
+
+use crate::scenes::{constant, dome, instancer, nested, prim, sphere, square, sun};
+use crate::support::{images, perspective, read_all, render, request, session, settings};
+use glam::{DMat4, DQuat, DVec3};
+use oocpt_core::scene::SceneDb;
+use oocpt_render::RenderRequest;
+
+fn view() -> RenderRequest {
+    request(perspective(
+        DVec3::new(3.0, 4.0, 6.0),
+        DVec3::new(0.0, 0.5, 0.0),
+        0.7,
+        [40, 28],
+    ))
+}
+
+/// Renders [`nested`], edits, renders again; the result must equal a fresh render of the edited scene, and differ.
+fn edit_equals_fresh(edit: fn(&mut SceneDb)) {
+    let request = view();
+    let session = session(settings(4, 2));
+    session.with_scene(nested);
+    render(&session, &request);
+    let before = read_all(&session, &request);
+    session.with_scene(edit);
+    render(&session, &request);
+    let after = read_all(&session, &request);
+    let fresh = images(
+        |db| {
+            nested(db);
+            edit(db);
+        },
+        settings(4, 2),
+        &request,
+    );
+    assert_ne!(before, after, "the edit must show");
+    assert_eq!(after, fresh, "an edited scene must look like a fresh one");
+}
+
+#[test]
+fn moving_a_mesh() {
+    edit_equals_fresh(|db| {
+        let down = DMat4::from_translation(DVec3::Y * -0.5) * DMat4::from_scale(DVec3::splat(6.0));
+        db.upsert_mesh(square(prim("/ground", down), 1, 0.5));
+    });
+}
+
+#[test]
+fn other_points() {
+    edit_equals_fresh(|db| db.upsert_mesh(sphere(prim("/ground", DMat4::from_scale(DVec3::splat(0.8))), 1, 6, 0.5)));
+}
+
+#[test]
+fn other_instances() {
+    edit_equals_fresh(|db| {
+        let places = [(
+            DVec3::new(0.5, 0.2, 0.4),
+            DQuat::from_rotation_y(0.3),
+            DVec3::splat(1.3),
+        )];
+        db.upsert_instancer(instancer(prim("/outer", DMat4::IDENTITY), "/outer/clump", &places));
+    });
+}
+
+#[test]
+fn another_light() {
+    edit_equals_fresh(|db| db.upsert_light(sun(0.5, 10.0, DMat4::from_rotation_x(-0.4))));
+}
+
+#[test]
+fn a_light_removed() {
+    edit_equals_fresh(|db| db.remove("/sun"));
+}
+
+#[test]
+fn visibility() {
+    edit_equals_fresh(|db| {
+        let mut hidden = prim("/ground", DMat4::from_scale(DVec3::splat(6.0)));
+        hidden.visible = false;
+        db.upsert_mesh(square(hidden, 1, 0.5));
+    });
+}
+
+#[test]
+fn another_colour() {
+    edit_equals_fresh(|db| {
+        let mut ground = square(prim("/ground", DMat4::from_scale(DVec3::splat(6.0))), 1, 0.5);
+        ground.display_color = constant([0.9_f32, 0.1, 0.1]);
+        db.upsert_mesh(ground);
+    });
+}
+
+#[test]
+fn everything_removed() {
+    edit_equals_fresh(|db| {
+        db.remove("/outer");
+        db.remove("/ground");
+        db.upsert_light(dome([0.1, 0.2, 0.3]));
+    });
+}
+
+#[test]
+fn another_camera_uploads_nothing() {
+    let session = session(settings(2, 1));
+    session.with_scene(nested);
+    render(&session, &view());
+    let first = session.timings().uploaded_bytes;
+    let other = request(perspective(DVec3::new(-3.0, 3.0, 6.0), DVec3::ZERO, 0.7, [40, 28]));
+    render(&session, &other);
+    let second = session.timings().uploaded_bytes;
+    assert!(first > 10_000, "the first render uploads the scene, not {first} bytes");
+    assert_eq!(second, 0, "a camera move must not upload geometry");
+}
+
+#[test]
+fn moving_one_mesh_uploads_records_but_no_mesh() {
+    let session = session(settings(2, 1));
+    session.with_scene(|db| {
+        db.upsert_mesh(sphere(prim("/ball", DMat4::IDENTITY), 1, 40, 0.5));
+        db.upsert_light(dome([1.0; 3]));
+    });
+    render(&session, &view());
+    let first = session.timings().uploaded_bytes;
+    session.with_scene(|db| {
+        db.upsert_mesh(sphere(
+            prim("/ball", DMat4::from_translation(DVec3::X * 0.5)),
+            1,
+            40,
+            0.5,
+        ));
+    });
+    render(&session, &view());
+    let second = session.timings().uploaded_bytes;
+    assert!(first > 400_000, "the sphere is uploaded first: {first} bytes");
+    assert!(second < 1000, "moving it uploads its record only, not {second} bytes");
+}

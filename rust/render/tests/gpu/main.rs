@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Renders small scenes on whatever Vulkan device there is, with the validation layer on, and compares the images with
+//! answers that are known: closed forms, the judge's f64 renderer, another way to say the same scene.
+#![forbid(unsafe_code)]
+
+mod agreement;
+mod control;
+mod determinism;
+mod edits;
+mod failures;
+mod furnace;
+mod scenes;
+mod support;

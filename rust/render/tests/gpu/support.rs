@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+//! How the tests render: one session, one request, every image, no message unnoticed.
+
+use glam::{DMat4, DVec3, DVec4};
+use oocpt_core::camera::Camera;
+use oocpt_core::scene::{SceneDb, Snapshot};
+use oocpt_core::settings::Settings;
+use oocpt_render::{AovKind, AovRequest, Message, RenderRequest, Session, SessionOptions};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Longest wait for one render.
+pub(crate) const TIMEOUT: Duration = Duration::from_secs(120);
+
+/// Settings of the tests: few samples, one seed.
+pub(crate) fn settings(samples: u32, bounces: u32) -> Settings {
+    Settings {
+        samples_per_pixel: samples,
+        max_bounces: bounces,
+        interactive: false,
+        ..Settings::default()
+    }
+}
+
+/// A session whose Vulkan mistakes are errors.
+pub(crate) fn session(settings: Settings) -> Session {
+    Session::with_options(
+        settings,
+        SessionOptions {
+            validation: true,
+            ..SessionOptions::default()
+        },
+    )
+}
+
+/// Perspective camera at `eye` looking at `target`; vertical field of view in radians.
+pub(crate) fn perspective(eye: DVec3, target: DVec3, fov: f64, size: [u32; 2]) -> Camera {
+    let (near, far) = (0.1, 1000.0);
+    let scale = 1.0 / (0.5 * fov).tan();
+    let aspect = f64::from(size[0]) / f64::from(size[1]);
+    let projection = DMat4::from_cols(
+        DVec4::new(scale / aspect, 0.0, 0.0, 0.0),
+        DVec4::new(0.0, scale, 0.0, 0.0),
+        DVec4::new(0.0, 0.0, (far + near) / (near - far), -1.0),
+        DVec4::new(0.0, 0.0, 2.0 * far * near / (near - far), 0.0),
+    );
+    camera(eye, target, projection, size)
+}
+
+/// Orthographic camera that sees `height` scene units.
+pub(crate) fn orthographic(eye: DVec3, target: DVec3, height: f64, size: [u32; 2]) -> Camera {
+    let (near, far) = (0.1, 1000.0);
+    let aspect = f64::from(size[0]) / f64::from(size[1]);
+    let projection = DMat4::from_cols(
+        DVec4::new(2.0 / (height * aspect), 0.0, 0.0, 0.0),
+        DVec4::new(0.0, 2.0 / height, 0.0, 0.0),
+        DVec4::new(0.0, 0.0, 2.0 / (near - far), 0.0),
+        DVec4::new(0.0, 0.0, (far + near) / (near - far), 1.0),
+    );
+    camera(eye, target, projection, size)
+}
+
+#[expect(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_wrap,
+    reason = "images of tests are small"
+)]
+fn camera(eye: DVec3, target: DVec3, projection: DMat4, size: [u32; 2]) -> Camera {
+    let back = (eye - target).normalize();
+    let right = DVec3::Y.cross(back).normalize();
+    let up = back.cross(right);
+    Camera {
+        world_from_view: DMat4::from_cols(right.extend(0.0), up.extend(0.0), back.extend(0.0), eye.extend(1.0)),
+        projection,
+        display_window: [0.0, 0.0, size[0] as f32, size[1] as f32],
+        data_window: [0, 0, size[0] as i32, size[1] as i32],
+        lens_radius: 0.0,
+        focus_distance: 0.0,
+    }
+}
+
+/// A request for every image, with Hydra's usual clear values.
+pub(crate) fn request(camera: Camera) -> RenderRequest {
+    let [x0, y0, x1, y1] = camera.data_window;
+    let clear = |kind| match kind {
+        AovKind::Depth => [1.0, 0.0, 0.0, 0.0],
+        AovKind::PrimId | AovKind::InstanceId | AovKind::ElementId => [-1.0, 0.0, 0.0, 0.0],
+        _ => [0.0; 4],
+    };
+    RenderRequest {
+        width: x0.abs_diff(x1),
+        height: y0.abs_diff(y1),
+        camera,
+        aovs: AovKind::ALL
+            .into_iter()
+            .map(|kind| AovRequest {
+                kind,
+                clear: clear(kind),
+            })
+            .collect(),
+    }
+}
+
+/// Renders and waits; panics on any message, since these scenes are meant to be clean.
+pub(crate) fn render(session: &Session, request: &RenderRequest) {
+    session.render(request.clone());
+    let converged = session.wait_converged(TIMEOUT);
+    let messages = session.take_messages();
+    assert!(messages.is_empty(), "unexpected messages: {messages:#?}");
+    assert!(converged, "the render did not end in time: {:?}", session.stats());
+}
+
+/// Renders and waits; returns the messages.
+pub(crate) fn render_with_messages(session: &Session, request: &RenderRequest) -> Vec<Message> {
+    session.render(request.clone());
+    assert!(
+        session.wait_converged(TIMEOUT),
+        "the render did not end in time: {:?}",
+        session.stats()
+    );
+    session.take_messages()
+}
+
+/// An image as 32-bit words of one kind.
+pub(crate) fn read<T: bytemuck::Pod>(session: &Session, request: &RenderRequest, kind: AovKind) -> Vec<T> {
+    let bytes = usize::try_from(request.pixels()).expect("small") * kind.pixel_bytes();
+    let mut pixels = vec![T::zeroed(); bytes / size_of::<T>()];
+    assert!(
+        session.read_aov(kind, bytemuck::cast_slice_mut(&mut pixels)),
+        "{kind:?} was not published"
+    );
+    pixels
+}
+
+/// All images as bytes, one after the other.
+pub(crate) fn read_all(session: &Session, request: &RenderRequest) -> Vec<Vec<u8>> {
+    AovKind::ALL
+        .into_iter()
+        .map(|kind| read::<u8>(session, request, kind))
+        .collect()
+}
+
+/// Renders a scene in a session of its own and returns all images.
+pub(crate) fn images(build: impl FnOnce(&mut SceneDb), settings: Settings, request: &RenderRequest) -> Vec<Vec<u8>> {
+    let session = session(settings);
+    session.with_scene(build);
+    render(&session, request);
+    read_all(&session, request)
+}
+
+/// The snapshot that `build` makes.
+pub(crate) fn snapshot(build: impl FnOnce(&mut SceneDb)) -> Arc<Snapshot> {
+    let mut db = SceneDb::new();
+    build(&mut db);
+    let commit = db.commit();
+    assert!(
+        commit.warnings.is_empty(),
+        "the scene is meant to be clean: {:?}",
+        commit.warnings
+    );
+    commit.snapshot
+}
