@@ -12,9 +12,9 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-// Beyond any film format in use; keeps width * height * 16 bytes far from overflow.
+// Beyond any film format in use, and far from overflow of width * height * 16 bytes.
 constexpr int _maxSide = 1 << 16;
-constexpr uint64_t _maxBytes = uint64_t(1) << 36;
+constexpr uint64_t _maxBytes = uint64_t(1) << 33;
 
 } // namespace
 
