@@ -5,6 +5,7 @@
 
 // 1 + 2 gamma(3), rounded up.
 const float SLAB_PAD = 1.00000048;
+const float LARGEST = 3.402823466e38;
 
 // Components of a zero direction get a huge finite reciprocal: no infinity, hence no 0 * inf.
 vec3 safe_reciprocal(vec3 d) {
@@ -14,13 +15,15 @@ vec3 safe_reciprocal(vec3 d) {
     return 1.0 / mix(d, uintBitsToFloat(signs | floatBitsToUint(tiny)), small);
 }
 
-// Entry distance, or a negative number for a miss. The planes are chosen by sign, so an inverted (empty) box is missed.
-float hit_box(vec3 lower, vec3 upper, vec3 o, vec3 reciprocal, bvec3 negative, float limit) {
-    const vec3 entry = (mix(lower, upper, negative) - o) * reciprocal;
-    const vec3 leave = (mix(upper, lower, negative) - o) * reciprocal;
+// Entry distance, or a negative number for a miss. A ray leaves an empty box (+inf, -inf) at infinity, and only such a one.
+float hit_box(vec3 lower, vec3 upper, vec3 o, vec3 reciprocal, float limit) {
+    const vec3 a = (lower - o) * reciprocal;
+    const vec3 b = (upper - o) * reciprocal;
+    const vec3 entry = min(a, b);
+    const vec3 leave = max(a, b);
     const float near = max(max(entry.x, entry.y), max(entry.z, 0.0));
     const float far = min(min(leave.x, leave.y), leave.z) * SLAB_PAD;
-    return near <= far && near <= limit ? near : -1.0;
+    return near <= min(far, limit) && far <= LARGEST ? near : -1.0;
 }
 
 #endif
