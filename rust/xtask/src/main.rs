@@ -67,7 +67,11 @@ enum Task {
         filter: Option<String>,
     },
     /// Formatting, lints, documentation, crate graph, words, file lengths, C++ formatting
-    Check,
+    Check {
+        /// Only what needs no compiler: words, file lengths, crate graph, formatting
+        #[arg(long)]
+        fast: bool,
+    },
     /// What the Vulkan devices of this machine can do (the `oocpt doctor` of the clone)
     #[command(disable_help_flag = true)]
     Doctor {
@@ -99,9 +103,16 @@ fn perform(task: Task) -> Result<()> {
             build(&places)?;
             verify::run_tests(&places, filter.as_deref())
         }
-        Task::Check => {
+        Task::Check { fast } => {
             system::prepare(system::For::Check)?;
-            check::run_all(&places)
+            check::run_all(
+                &places,
+                if fast {
+                    check::Depth::Text
+                } else {
+                    check::Depth::Compiled
+                },
+            )
         }
         Task::Doctor { arguments } => doctor(&places, &arguments),
     }

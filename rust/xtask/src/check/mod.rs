@@ -16,25 +16,34 @@ use crate::product::cargo;
 /// The pinned formatter: other versions format differently.
 pub(crate) const CLANG_FORMAT: &str = "clang-format-14";
 
+/// What a step costs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Depth {
+    /// Reads files: seconds.
+    Text,
+    /// Compiles the workspace: minutes.
+    Compiled,
+}
+
 /// A named judgement.
-type Step = (&'static str, fn(&Places) -> Result<()>);
+type Step = (Depth, &'static str, fn(&Places) -> Result<()>);
 
 const STEPS: &[Step] = &[
-    ("words and lengths", text::check),
-    ("crate graph", graph::check),
-    ("rustfmt", rustfmt),
-    ("clang-format", clang_format),
-    ("clippy and shaders", clippy),
-    ("documentation", documentation),
+    (Depth::Text, "words and lengths", text::check),
+    (Depth::Text, "crate graph", graph::check),
+    (Depth::Text, "rustfmt", rustfmt),
+    (Depth::Text, "clang-format", clang_format),
+    (Depth::Compiled, "clippy and shaders", clippy),
+    (Depth::Compiled, "documentation", documentation),
 ];
 
-/// Runs every step, even after a failure, and then fails if any did.
+/// Runs every step up to `depth`, even after a failure, and then fails if any did.
 ///
 /// # Errors
 /// Names the steps that failed; their findings are on stderr.
-pub(crate) fn run_all(places: &Places) -> Result<()> {
+pub(crate) fn run_all(places: &Places, depth: Depth) -> Result<()> {
     let mut failed = Vec::new();
-    for (name, step) in STEPS {
+    for (_, name, step) in STEPS.iter().filter(|(needed, ..)| *needed <= depth) {
         say(format_args!("check: {name}"));
         if let Err(error) = step(places) {
             say(format_args!("check: {name} FAILED: {error:#}"));
