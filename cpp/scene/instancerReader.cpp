@@ -14,6 +14,12 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
+/// Schemas say "all" or "none" with an empty array as well as with none.
+VtValue _UnlessEmpty(const VtValue& array)
+{
+    return array.GetArraySize() == 0 ? VtValue() : array;
+}
+
 void _ReadTopology(const HdOocPTPrimSource& source, HdOocPTInstancerState* state)
 {
     const auto& tokens = *HdOocPTSceneTokens;
@@ -39,6 +45,9 @@ void _ReadTopology(const HdOocPTPrimSource& source, HdOocPTInstancerState* state
         }
         state->prototypes.emplace_back(roots[i], numbers);
     }
+    // A scene delegate lists its prototypes in the order of a hash map.
+    std::sort(state->prototypes.begin(), state->prototypes.end(),
+        [](const auto& a, const auto& b) { return a.first < b.first; });
 }
 
 void _ReadPlacement(const HdOocPTPrimSource& source, HdOocPTInstancerState* state)

@@ -5,7 +5,7 @@
 //! `rust::Error`); arrays are read where USD holds them, never copied; matrices arrive as Gf's row-vector data, which read
 //! column by column are the column-vector matrices of the core.
 //!
-//! Threads: `Session` may be used from any thread. C++ owns the objects; Rust owns every [`HeldArray`] it was given.
+//! Threads: `Session` may be used from any thread. C++ owns the objects; Rust owns every `HeldArray` it was given.
 #![deny(unsafe_code)]
 
 mod convert;

@@ -135,7 +135,7 @@ impl Session {
             let purposes: Vec<&str> = request.purposes.iter().map(String::as_str).collect();
             self.inner.with_scene(|scene| scene.set_purposes(&purposes));
             let request = render_request(&request);
-            tracing::debug!(?request, "render");
+            tracing::trace!(?request, "render");
             self.inner.render(request);
             Ok(())
         })
