@@ -58,11 +58,29 @@ impl Elements<'_> {
     }
 }
 
+/// Attribute values and the arrays they can be read from.
+pub(crate) trait Value: Copy {
+    /// True when the elements of a (not empty) array have a fitting type.
+    fn has_type(values: &ArrayView<'_>) -> bool;
+}
+
+impl Value for f32 {
+    fn has_type(values: &ArrayView<'_>) -> bool {
+        values.scalar(0).is_some()
+    }
+}
+
+impl Value for [f32; 3] {
+    fn has_type(values: &ArrayView<'_>) -> bool {
+        values.vec3(0).is_some()
+    }
+}
+
 /// Converts one primvar.
 ///
 /// `read` gives the usable value at a position or `None`; `replacement` gives the value of a slot whose own is unusable,
 /// `None` meaning that the whole attribute must go. `None` is returned (and counted) for primvars that cannot be used.
-pub(crate) fn convert<T: Copy>(
+pub(crate) fn convert<T: Value>(
     primvar: &Primvar,
     layout: Layout<'_>,
     dropped: &mut DroppedData,
@@ -78,7 +96,8 @@ pub(crate) fn convert<T: Copy>(
         Interpolation::Instance => (AttributeRate::Constant, usize::MAX),
     };
     let indexed_by_ints = elements.indices.is_none_or(|i| i.is_empty() || i.element() == ElementType::I32);
-    if elements.len() < wanted || !indexed_by_ints {
+    let has_type = elements.values.is_empty() || T::has_type(&elements.values);
+    if elements.len() < wanted || !indexed_by_ints || !has_type {
         dropped.primvars += 1;
         return None;
     }
