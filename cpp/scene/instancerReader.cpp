@@ -24,7 +24,8 @@ void _ReadTopology(const HdOocPTPrimSource& source, HdOocPTInstancerState* state
 {
     const auto& tokens = *HdOocPTSceneTokens;
     state->prototypes.clear();
-    state->mask = HdOocPTReadArray(source, { tokens.instancerTopology, tokens.mask }, HdOocPTArrayRole::Booleans);
+    state->mask
+        = _UnlessEmpty(HdOocPTReadArray(source, { tokens.instancerTopology, tokens.mask }, HdOocPTArrayRole::Booleans));
     const VtArray<SdfPath> roots = HdOocPTRead(source.container, { tokens.instancerTopology, tokens.prototypes })
                                        .GetWithDefault<VtArray<SdfPath>>();
     const HdVectorDataSourceHandle indices
@@ -54,7 +55,7 @@ void _ReadPlacement(const HdOocPTPrimSource& source, HdOocPTInstancerState* stat
 {
     const auto& tokens = *HdOocPTSceneTokens;
     const auto primvar = [&](const TfToken& name, HdOocPTArrayRole role) {
-        return HdOocPTReadArray(source, { tokens.primvars, name, tokens.primvarValue }, role);
+        return _UnlessEmpty(HdOocPTReadArray(source, { tokens.primvars, name, tokens.primvarValue }, role));
     };
     state->translations = primvar(tokens.instanceTranslations, HdOocPTArrayRole::Vectors3);
     state->rotations = primvar(tokens.instanceRotations, HdOocPTArrayRole::Quaternions);

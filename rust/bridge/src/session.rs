@@ -10,7 +10,7 @@ use crate::settings::{self, Layers};
 use crate::{logging, stats};
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::SceneDb;
-use oocpt_render::{AovKind, AovRequest, RenderRequest, Severity};
+use oocpt_render::{AovKind, AovRequest, RenderRequest, SessionOptions, Severity};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// One renderer.
@@ -29,12 +29,21 @@ fn environment(name: &str) -> Option<String> {
     std::env::var(name).ok()
 }
 
+/// How to run, from `OOCPT_VALIDATION` (the Vulkan validation layer's messages become errors; for tests).
+fn options(variable: impl Fn(&str) -> Option<String>) -> SessionOptions {
+    let is_on = |text: String| matches!(text.trim(), "1" | "true" | "on" | "yes");
+    SessionOptions {
+        validation: variable("OOCPT_VALIDATION").is_some_and(is_on),
+        ..SessionOptions::default()
+    }
+}
+
 /// A new session with an empty scene; reads the `OOCPT_*` variables and sets up the log.
 pub(crate) fn open_session() -> Result<Box<Session>, BridgeError> {
     guard("open_session", || {
         logging::install();
         let (layers, warnings) = Layers::new(environment);
-        let inner = oocpt_render::Session::new(layers.settings());
+        let inner = oocpt_render::Session::with_options(layers.settings(), options(environment));
         Ok(Box::new(Session {
             inner,
             layers: Mutex::new(layers),
@@ -254,5 +263,30 @@ fn default_clear(kind: AovKind) -> [f32; 4] {
         AovKind::Depth => [1.0; 4],
         AovKind::PrimId | AovKind::InstanceId | AovKind::ElementId => [-1.0; 4],
         _ => [0.0; 4],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn validation_is_off_unless_asked_for() {
+        let with = |text: &'static str| options(|name| (name == "OOCPT_VALIDATION").then(|| text.to_owned()));
+        assert!(!options(|_| None).validation, "unset");
+        assert!(!with("0").validation, "zero");
+        assert!(with("1").validation, "one");
+    }
+
+    #[test]
+    fn depth_and_ids_have_their_own_clear_values() {
+        assert!(default_clear(AovKind::Depth)[0] > 0.5, "depth is far");
+        assert!(default_clear(AovKind::PrimId)[0] < 0.0, "ids are none");
+        assert!(
+            default_clear(AovKind::Color)
+                .iter()
+                .all(|component| component.abs() < 1e-9),
+            "color is empty"
+        );
     }
 }
