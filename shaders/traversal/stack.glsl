@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The stack of a walk: references to nodes and leaves still to visit. When the closest hit is wanted an entry remembers its entry
-// distance, so that what lies behind a hit found meanwhile is dropped without a look (3 % on an H200); for any hit it does not pay.
+// The stack of a walk: references to nodes and leaves still to visit. When the closest hit is wanted, a reference keeps its entry
+// distance, so that what lies behind a hit found since is dropped unseen (3 % on an H200); for any hit it does not pay.
 #ifndef OOCPT_STACK_GLSL
 #define OOCPT_STACK_GLSL
 
