@@ -3,6 +3,7 @@
 
 #include "bridge/scalar.h"
 #include "oocpt-bridge/src/lib.rs.h"
+#include "pxr/base/gf/vec4d.h"
 #include "scene/primReader.h"
 
 #include <algorithm>
@@ -26,9 +27,20 @@ oocpt::AovDesc _DescribeAov(const HdOocPTAovRequest& aov)
     return desc;
 }
 
+/// The inverse of a matrix that Hydra has itself got by inverting: what is affine but for rounding comes out exactly affine.
+GfMatrix4d _InverseOfView(const GfMatrix4d& worldToView)
+{
+    GfMatrix4d viewToWorld = worldToView.GetInverse();
+    const GfVec4d affine(0.0, 0.0, 0.0, 1.0);
+    if (GfIsClose(viewToWorld.GetColumn(3), affine, 1e-9)) {
+        viewToWorld.SetColumn(3, affine);
+    }
+    return viewToWorld;
+}
+
 void _FillCamera(const HdOocPTRenderRequest& request, const HdOocPTLens& lens, oocpt::RenderDesc* desc)
 {
-    const GfMatrix4d viewToWorld = request.worldToView.GetInverse();
+    const GfMatrix4d viewToWorld = _InverseOfView(request.worldToView);
     std::copy_n(viewToWorld.GetArray(), 16, desc->world_from_view.begin());
     std::copy_n(request.projection.GetArray(), 16, desc->projection.begin());
     desc->lens_radius = lens.radius;

@@ -5,6 +5,7 @@
 #include "bridge/scalar.h"
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/tf/diagnostic.h"
+#include "pxr/base/tf/stringUtils.h"
 #include "scene/sceneChain.h"
 #include "scene/sceneReader.h"
 #include "scene/warnings.h"
@@ -81,10 +82,14 @@ void HdOocPTSession::_Impl::ForwardSetting(const TfToken& key, const VtValue& va
             (*session)->clear_setting(_Str(key.GetString()));
             return;
         }
+        const bool isOurs = TfStringStartsWith(key.GetString(), "oocpt:");
         oocpt::ScalarValue scalar {};
         if (HdOocPTToScalar(value, &scalar)) {
-            (*session)->set_setting(_Str(key.GetString()), scalar);
-        } else if (key.GetString().rfind("oocpt:", 0) == 0) {
+            const oocpt::SettingOutcome outcome = (*session)->set_setting(_Str(key.GetString()), scalar);
+            if (isOurs && outcome == oocpt::SettingOutcome::Unknown) {
+                TF_WARN("OocPT: there is no setting %s; ignored", key.GetText());
+            }
+        } else if (isOurs) {
             TF_WARN("OocPT: the setting %s cannot hold a %s; ignored", key.GetText(), value.GetTypeName().c_str());
         }
     } catch (const std::exception& error) {

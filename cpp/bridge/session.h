@@ -90,8 +90,8 @@ public:
     // ---- settings ----
 
     /// Forwards one setting that the host sets explicitly: it wins over OOCPT_* variables, which win over defaults.
-    /// An empty value takes the explicit one back. Keys that OocPT does not know are ignored; a value of the wrong type or out
-    /// of range warns and changes nothing.
+    /// An empty value takes the explicit one back. Keys of other renderers are ignored; an unknown oocpt: key, a value of the
+    /// wrong type or one out of range warns and changes nothing.
     void SetSetting(const TfToken& key, const VtValue& value);
 
     std::vector<HdOocPTSettingDescriptor> GetSettingDescriptors() const;
