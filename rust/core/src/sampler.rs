@@ -60,7 +60,10 @@ pub const fn hash(mut x: u32) -> u32 {
 /// Folds `value` into `seed`: `s ^ (hash(v) + 0x9e3779b9 + (s << 6) + (s >> 2))`.
 #[must_use]
 pub const fn combine(seed: u32, value: u32) -> u32 {
-    seed ^ hash(value).wrapping_add(0x9e37_79b9).wrapping_add(seed << 6).wrapping_add(seed >> 2)
+    seed ^ hash(value)
+        .wrapping_add(0x9e37_79b9)
+        .wrapping_add(seed << 6)
+        .wrapping_add(seed >> 2)
 }
 
 /// Laine-Karras style permutation with Burley's constants (2020, listing 1): each output bit depends on lower bits only.

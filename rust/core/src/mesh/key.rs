@@ -11,7 +11,11 @@ use crate::scene::{MeshDesc, Primvar};
 #[must_use]
 pub fn mesh_key(desc: &MeshDesc) -> u128 {
     let mut hasher = Xxh3::new();
-    hasher.update(&[u8::from(desc.double_sided), u8::from(desc.left_handed), desc.subdivision as u8]);
+    hasher.update(&[
+        u8::from(desc.double_sided),
+        u8::from(desc.left_handed),
+        desc.subdivision as u8,
+    ]);
     add_array(&mut hasher, Some(&desc.face_vertex_counts));
     add_array(&mut hasher, Some(&desc.face_vertex_indices));
     add_array(&mut hasher, desc.hole_indices.as_ref());
@@ -30,7 +34,9 @@ fn add_primvar(hasher: &mut Xxh3, primvar: Option<&Primvar>) {
 
 /// Type and length go first, so that no two sequences of arrays give the same bytes.
 fn add_array(hasher: &mut Xxh3, array: Option<&TypedArray>) {
-    let Some(array) = array else { return hasher.update(&[u8::MAX]) };
+    let Some(array) = array else {
+        return hasher.update(&[u8::MAX]);
+    };
     hasher.update(&[array.element() as u8]);
     hasher.update(&(array.len() as u64).to_le_bytes());
     hasher.update(array.view().bytes());

@@ -53,7 +53,9 @@ pub(crate) fn read_topology(desc: &MeshDesc, dropped: &mut DroppedData) -> Optio
     }
     let mut topology = Topology {
         faces: Vec::new(),
-        corners: (0..indices.len()).map(|i| indices.index(i).map_or(u32::MAX, i32::cast_unsigned)).collect(),
+        corners: (0..indices.len())
+            .map(|i| indices.index(i).map_or(u32::MAX, i32::cast_unsigned))
+            .collect(),
         points: (0..points.len()).map(|i| read_point(&points, i)).collect(),
         face_count: counts.len(),
     };
@@ -76,9 +78,15 @@ fn read_point(points: &ArrayView<'_>, i: usize) -> [f32; 3] {
 
 /// Sorted face numbers to leave out.
 fn read_holes(desc: &MeshDesc, face_count: usize, dropped: &mut DroppedData) -> Vec<usize> {
-    let Some(array) = &desc.hole_indices else { return Vec::new() };
+    let Some(array) = &desc.hole_indices else {
+        return Vec::new();
+    };
     let view = array.view();
-    let in_range = |i| view.index(i).and_then(|h| usize::try_from(h).ok()).filter(|&h| h < face_count);
+    let in_range = |i| {
+        view.index(i)
+            .and_then(|h| usize::try_from(h).ok())
+            .filter(|&h| h < face_count)
+    };
     let mut holes: Vec<usize> = (0..view.len()).filter_map(in_range).collect();
     dropped.hole_indices += (view.len() - holes.len()) as u64;
     holes.sort_unstable();
@@ -105,7 +113,12 @@ impl Topology {
             if self.is_usable(first..end, dropped) {
                 // Both limits are below 2^32, see MAX_CORNERS.
                 if let (Ok(index), Ok(first), Ok(count)) = (index.try_into(), first.try_into(), count.try_into()) {
-                    self.faces.push(Face { index, first, count, is_hole });
+                    self.faces.push(Face {
+                        index,
+                        first,
+                        count,
+                        is_hole,
+                    });
                 }
             }
             first = end;
@@ -137,16 +150,22 @@ impl Topology {
 
     /// Position of a usable point.
     pub(crate) fn position(&self, point: u32) -> glam::DVec3 {
-        self.points.get(point as usize).map_or(glam::DVec3::ZERO, |p| glam::Vec3::from(*p).as_dvec3())
+        self.points
+            .get(point as usize)
+            .map_or(glam::DVec3::ZERO, |p| glam::Vec3::from(*p).as_dvec3())
     }
 
     /// Newell's normal of a face: its length is twice the area. Right-handed.
     pub(crate) fn face_normal(&self, face: &Face) -> glam::DVec3 {
         let corners = self.face_corners(face);
-        let Some(&anchor) = corners.first() else { return glam::DVec3::ZERO };
+        let Some(&anchor) = corners.first() else {
+            return glam::DVec3::ZERO;
+        };
         // Relative to a corner, so that a small face far from the origin keeps its digits.
         let anchor = self.position(anchor);
         let pairs = corners.iter().zip(corners.iter().cycle().skip(1));
-        pairs.map(|(&a, &b)| (self.position(a) - anchor).cross(self.position(b) - anchor)).sum()
+        pairs
+            .map(|(&a, &b)| (self.position(a) - anchor).cross(self.position(b) - anchor))
+            .sum()
     }
 }

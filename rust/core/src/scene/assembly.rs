@@ -98,7 +98,12 @@ impl Assembly {
             starts.push(len);
         }
         let bounds = members.iter().fold(Aabb::EMPTY, |b, m| b.union(&m.run.bounds()));
-        Self { key, bounds, members, starts }
+        Self {
+            key,
+            bounds,
+            members,
+            starts,
+        }
     }
 
     pub(crate) fn members(&self) -> &[Member] {
@@ -144,9 +149,13 @@ impl Assembly {
         while at < end {
             // The last member that begins at or before `at`; members may be empty.
             let index = self.starts.partition_point(|&start| start <= at).saturating_sub(1);
-            let (Some(member), Some(&start)) = (self.members.get(index), self.starts.get(index)) else { return };
+            let (Some(member), Some(&start)) = (self.members.get(index), self.starts.get(index)) else {
+                return;
+            };
             let stop = end.min(start + member.run.len());
-            let Some(slots) = out.get_mut(at - range.start..stop - range.start) else { return };
+            let Some(slots) = out.get_mut(at - range.start..stop - range.start) else {
+                return;
+            };
             member.encode(at - start..stop - start, slots);
             at = stop;
         }

@@ -45,7 +45,10 @@ impl Light {
             valid.then_some(rgb)
         };
         match desc.kind {
-            LightKind::Dome => Some(Self::Dome { radiance: emitted(1.0)?, camera_visible: desc.camera_visible }),
+            LightKind::Dome => Some(Self::Dome {
+                radiance: emitted(1.0)?,
+                camera_visible: desc.camera_visible,
+            }),
             LightKind::Distant { angle_degrees } => {
                 let direction = desc.prim.transform.transform_vector3(DVec3::Z).try_normalize()?;
                 if !angle_degrees.is_finite() {
@@ -59,7 +62,11 @@ impl Light {
                     (false, true) => 1.0 / distant_size(half_angle),
                 };
                 let direction = direction.as_vec3().to_array();
-                Some(Self::Distant { direction, radiance: emitted(scale)?, cos_half_angle })
+                Some(Self::Distant {
+                    direction,
+                    radiance: emitted(scale)?,
+                    cos_half_angle,
+                })
             }
         }
     }
@@ -108,7 +115,10 @@ pub fn blackbody(kelvin: f32) -> Option<[f64; 3]> {
     Some(rgb.map(|c| (c / luminance).max(0.0)))
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "rounding to single precision is what is wanted"
+)]
 fn narrow(value: f64) -> f32 {
     value as f32
 }

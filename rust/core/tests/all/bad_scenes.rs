@@ -2,9 +2,7 @@
 //! Bad instances, instancers and lights: the smallest bad part goes, one warning per prim.
 
 use glam::{DMat4, DVec3, DVec4};
-use oocpt_core::{
-    DroppedData, ElementType, InstancerDesc, LightDesc, LightKind, SceneDb, TypedArray,
-};
+use oocpt_core::{DroppedData, ElementType, InstancerDesc, LightDesc, LightKind, SceneDb, TypedArray};
 
 use crate::support::{by, committed, flatten, prim, records, scatter, triangle};
 
@@ -41,10 +39,18 @@ fn bad_matrices_drop_their_instance_and_keep_its_number() {
     let (left, dropped, warned) = outcome(&mut db);
     // A scale of 1e-30 is fine in double precision and its inverse is in single precision too.
     assert_eq!(left, 3);
-    assert_eq!(dropped, DroppedData { instance_transforms: 3, ..NONE });
+    assert_eq!(
+        dropped,
+        DroppedData {
+            instance_transforms: 3,
+            ..NONE
+        }
+    );
     assert_eq!(warned, ["/i"]);
-    let numbers: Vec<_> =
-        records(db.snapshot(), 0).iter().map(|r| (r.index_in_prototype, r.prototype_count)).collect();
+    let numbers: Vec<_> = records(db.snapshot(), 0)
+        .iter()
+        .map(|r| (r.index_in_prototype, r.prototype_count))
+        .collect();
     assert_eq!(numbers, [(0, 6), (4, 6), (5, 6)]);
     assert!(db.commit().warnings.is_empty(), "warned once");
 }
@@ -52,8 +58,16 @@ fn bad_matrices_drop_their_instance_and_keep_its_number() {
 #[test]
 fn inverses_that_overflow_single_precision_are_singular() {
     let mut desc = scatter("/i", &[[0.0; 3]], &[("/i/p", &[0])]);
-    desc.transforms = Some(TypedArray::of(vec![DMat4::from_scale(DVec3::splat(1e-60)).to_cols_array_2d()]));
-    assert_eq!(outcome(&mut with_instancer(desc)).1, DroppedData { instance_transforms: 1, ..NONE });
+    desc.transforms = Some(TypedArray::of(vec![
+        DMat4::from_scale(DVec3::splat(1e-60)).to_cols_array_2d(),
+    ]));
+    assert_eq!(
+        outcome(&mut with_instancer(desc)).1,
+        DroppedData {
+            instance_transforms: 1,
+            ..NONE
+        }
+    );
 }
 
 #[test]
@@ -65,7 +79,16 @@ fn projective_and_sheared_flat_matrices_are_dropped() {
     let matrices = [projective, flat, DMat4::IDENTITY].map(|m| m.to_cols_array_2d());
     desc.transforms = Some(TypedArray::of(matrices.to_vec()));
     let (left, dropped, _) = outcome(&mut with_instancer(desc));
-    assert_eq!((left, dropped), (1, DroppedData { instance_transforms: 2, ..NONE }));
+    assert_eq!(
+        (left, dropped),
+        (
+            1,
+            DroppedData {
+                instance_transforms: 2,
+                ..NONE
+            }
+        )
+    );
 }
 
 #[test]
@@ -74,7 +97,16 @@ fn indices_without_an_instance_are_dropped() {
     // The shortest array counts: number 4 has no rotation.
     desc.rotations = Some(TypedArray::from_vec(ElementType::Quatf, vec![[0.0_f32, 0.0, 0.0, 1.0]; 4]).unwrap());
     let (left, dropped, _) = outcome(&mut with_instancer(desc));
-    assert_eq!((left, dropped), (2, DroppedData { instance_indices: 5, ..NONE }));
+    assert_eq!(
+        (left, dropped),
+        (
+            2,
+            DroppedData {
+                instance_indices: 5,
+                ..NONE
+            }
+        )
+    );
 }
 
 #[test]
@@ -83,7 +115,17 @@ fn short_masks_show_the_rest_and_bad_numbers_stay_bad() {
     desc.mask = Some(TypedArray::from_bools(&[false, true]));
     let mut db = with_instancer(desc);
     let (left, dropped, _) = outcome(&mut db);
-    assert_eq!((left, dropped), (3, DroppedData { instance_indices: 1, short_masks: 1, ..NONE }));
+    assert_eq!(
+        (left, dropped),
+        (
+            3,
+            DroppedData {
+                instance_indices: 1,
+                short_masks: 1,
+                ..NONE
+            }
+        )
+    );
     let ids: Vec<i64> = flatten(db.snapshot()).iter().map(|l| l.instance_id).collect();
     assert_eq!(ids, [0, 1, 2], "ranks among the shown");
 }
@@ -94,13 +136,32 @@ fn arrays_of_the_wrong_type_take_the_instancer() {
     desc.translations = Some(TypedArray::of(vec![1.0_f32, 2.0]));
     desc.scales = Some(TypedArray::of(vec![[1.0_f32; 4]; 2]));
     let (left, dropped, _) = outcome(&mut with_instancer(desc));
-    assert_eq!((left, dropped), (0, DroppedData { wrong_array_types: 2, ..NONE }));
+    assert_eq!(
+        (left, dropped),
+        (
+            0,
+            DroppedData {
+                wrong_array_types: 2,
+                ..NONE
+            }
+        )
+    );
     let mut desc = scatter("/i", &[[0.0; 3]; 2], &[("/i/p", &[])]);
     desc.prototypes[0].indices = TypedArray::of(vec![0.0_f32]);
-    assert_eq!(outcome(&mut with_instancer(desc)).1, DroppedData { wrong_array_types: 1, ..NONE });
+    assert_eq!(
+        outcome(&mut with_instancer(desc)).1,
+        DroppedData {
+            wrong_array_types: 1,
+            ..NONE
+        }
+    );
     let mut desc = scatter("/i", &[[0.0; 3]; 2], &[("/i/p", &[0, 1])]);
     desc.mask = Some(TypedArray::of(vec![0_i32, 0]));
-    assert_eq!(outcome(&mut with_instancer(desc)).0, 2, "a mask of the wrong type is ignored");
+    assert_eq!(
+        outcome(&mut with_instancer(desc)).0,
+        2,
+        "a mask of the wrong type is ignored"
+    );
 }
 
 #[test]
@@ -109,7 +170,10 @@ fn zero_quaternions_are_the_identity() {
     desc.rotations = Some(TypedArray::from_vec(ElementType::Quatf, vec![[0.0_f32; 4]]).unwrap());
     let mut db = with_instancer(desc);
     assert_eq!(outcome(&mut db).1, NONE);
-    assert_eq!(flatten(db.snapshot())[0].world, DMat4::from_translation(DVec3::new(3.0, 0.0, 0.0)));
+    assert_eq!(
+        flatten(db.snapshot())[0].world,
+        DMat4::from_translation(DVec3::new(3.0, 0.0, 0.0))
+    );
 }
 
 #[test]
@@ -128,7 +192,17 @@ fn bad_prim_transforms_drop_the_prim() {
         mesh.prim.transform = transform;
         db.upsert_mesh(mesh);
         let (left, dropped, warned) = outcome(&mut db);
-        assert_eq!((left, dropped), (1, DroppedData { prim_transforms: 1, ..NONE }), "{transform}");
+        assert_eq!(
+            (left, dropped),
+            (
+                1,
+                DroppedData {
+                    prim_transforms: 1,
+                    ..NONE
+                }
+            ),
+            "{transform}"
+        );
         assert_eq!(warned, ["/bad"]);
     }
 }
@@ -138,7 +212,10 @@ fn cycles_are_found_whether_reachable_or_not() {
     // a and b contain each other; b is also placed by the root instancer c.
     for reachable in [false, true] {
         let mut db = SceneDb::new();
-        for (path, parents) in [("/a", vec![by("/b", "/b/p")]), ("/b", vec![by("/a", "/a/p"), by("/c", "/c/p")])] {
+        for (path, parents) in [
+            ("/a", vec![by("/b", "/b/p")]),
+            ("/b", vec![by("/a", "/a/p"), by("/c", "/c/p")]),
+        ] {
             let mut desc = scatter(path, &[[0.0; 3]], &[(&format!("{path}/p"), &[0])]);
             desc.prim.instanced_by = parents;
             if !reachable {
@@ -187,8 +264,18 @@ fn very_deep_nesting_is_cut_with_a_warning() {
         db.upsert_instancer(desc);
     }
     let snapshot = committed(&mut db);
-    assert_eq!(snapshot.dropped, DroppedData { deep_instancers: 1, ..NONE });
-    assert!(snapshot.max_levels <= oocpt_core::scene::MAX_LEVELS, "{}", snapshot.max_levels);
+    assert_eq!(
+        snapshot.dropped,
+        DroppedData {
+            deep_instancers: 1,
+            ..NONE
+        }
+    );
+    assert!(
+        snapshot.max_levels <= oocpt_core::scene::MAX_LEVELS,
+        "{}",
+        snapshot.max_levels
+    );
     assert!(snapshot.counts.instances > 20, "what is above the cut is shown");
 }
 
@@ -197,7 +284,11 @@ fn wide_nesting_counts_beyond_64_bits() {
     let mut db = SceneDb::new();
     for level in 0..25 {
         let numbers: Vec<i32> = (0..10).collect();
-        let mut desc = scatter(&format!("/i{level}"), &[[1.0; 3]; 10], &[(&format!("/i{level}/p"), &numbers)]);
+        let mut desc = scatter(
+            &format!("/i{level}"),
+            &[[1.0; 3]; 10],
+            &[(&format!("/i{level}/p"), &numbers)],
+        );
         if level > 0 {
             desc.prim.instanced_by = vec![by(&format!("/i{}", level - 1), &format!("/i{}/p", level - 1))];
         }
@@ -218,7 +309,16 @@ fn missing_instancers_and_prototypes_are_told() {
     mesh.prim.instanced_by = vec![by("/nowhere", "/p"), by("/i", "/i/other")];
     db.upsert_mesh(mesh);
     let (left, dropped, warned) = outcome(&mut db);
-    assert_eq!((left, dropped), (1, DroppedData { missing_instancers: 2, ..NONE }));
+    assert_eq!(
+        (left, dropped),
+        (
+            1,
+            DroppedData {
+                missing_instancers: 2,
+                ..NONE
+            }
+        )
+    );
     assert_eq!(warned, ["/lost"]);
 }
 
@@ -232,10 +332,28 @@ fn a_prototype_whose_instances_are_all_bad_leaves_its_parent_whole() {
     mesh.prim.instanced_by = vec![by("/i/p/j", "/i/p/j/p")];
     db.upsert_mesh(mesh);
     let (left, dropped, _) = outcome(&mut db);
-    assert_eq!((left, dropped), (1, DroppedData { instance_transforms: 1, ..NONE }));
+    assert_eq!(
+        (left, dropped),
+        (
+            1,
+            DroppedData {
+                instance_transforms: 1,
+                ..NONE
+            }
+        )
+    );
     db.remove("/i/p/m");
     let (left, dropped, _) = outcome(&mut db);
-    assert_eq!((left, dropped), (0, DroppedData { instance_transforms: 1, ..NONE }));
+    assert_eq!(
+        (left, dropped),
+        (
+            0,
+            DroppedData {
+                instance_transforms: 1,
+                ..NONE
+            }
+        )
+    );
     assert_eq!(db.snapshot().max_levels, 1);
 }
 
@@ -243,12 +361,20 @@ fn a_prototype_whose_instances_are_all_bad_leaves_its_parent_whole() {
 fn warnings_come_back_when_they_change() {
     let mut db = SceneDb::new();
     let flat = |path: &str, n: usize| {
-        crate::support::polygons(path, &vec![3; n], &[0, 1, 2].repeat(n), &[[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
+        crate::support::polygons(
+            path,
+            &vec![3; n],
+            &[0, 1, 2].repeat(n),
+            &[[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]],
+        )
     };
     db.upsert_mesh(flat("/flat", 1));
     let first = db.commit().warnings;
     assert_eq!(first.len(), 1);
-    assert_eq!(first[0].message, "bad data: 1 meshes without a usable face, 1 zero-area triangles");
+    assert_eq!(
+        first[0].message,
+        "bad data: 1 meshes without a usable face, 1 zero-area triangles"
+    );
     db.upsert_mesh(triangle("/other", 0.0));
     assert!(db.commit().warnings.is_empty());
     db.upsert_mesh(flat("/flat", 2));
@@ -275,7 +401,9 @@ fn bad_lights_are_dropped_alone() {
     bad[2].color[1] = f32::INFINITY;
     bad[3].color_temperature = Some(f32::NAN);
     bad[4].prim.transform = DMat4::ZERO;
-    bad[5].kind = LightKind::Distant { angle_degrees: f32::NAN };
+    bad[5].kind = LightKind::Distant {
+        angle_degrees: f32::NAN,
+    };
     bad.into_iter().for_each(|l| db.upsert_light(l));
     let mut hidden = light("/hidden");
     hidden.prim.visible = false;
@@ -287,6 +415,13 @@ fn bad_lights_are_dropped_alone() {
     black.intensity = 0.0;
     db.upsert_light(black);
     let (_, dropped, warned) = outcome(&mut db);
-    assert_eq!(dropped, DroppedData { lights: 6, instanced_lights: 1, ..NONE });
+    assert_eq!(
+        dropped,
+        DroppedData {
+            lights: 6,
+            instanced_lights: 1,
+            ..NONE
+        }
+    );
     assert_eq!((warned.len(), db.snapshot().lights.len()), (7, 1));
 }

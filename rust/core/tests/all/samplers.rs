@@ -16,7 +16,11 @@ fn first_points_are_the_published_ones() {
     ];
     for (dimension, points) in expected.iter().enumerate() {
         for (index, point) in (0..).zip(points) {
-            assert_eq!(sobol(index, dimension) >> 29, *point, "dimension {dimension} point {index}");
+            assert_eq!(
+                sobol(index, dimension) >> 29,
+                *point,
+                "dimension {dimension} point {index}"
+            );
         }
     }
 }
@@ -56,7 +60,10 @@ fn pair_of_dimensions_0_and_1_is_a_0_m_2_net() {
                 for index in 0..1_u32 << m {
                     let [x, y, ..] = sample_4d(index, set, seed);
                     let cell = (stratum(x, split) << (m - split)) | stratum(y, m - split);
-                    assert!(!std::mem::replace(&mut seen[cell], true), "m {m} split {split} set {set} seed {seed}");
+                    assert!(
+                        !std::mem::replace(&mut seen[cell], true),
+                        "m {m} split {split} set {set} seed {seed}"
+                    );
                 }
             }
         }
@@ -80,7 +87,10 @@ fn each_dimension_is_stratified_in_every_aligned_block() {
                 let point = sample_4d((block << m) + index, 2, 1234);
                 for d in 0..4 {
                     assert!((0.0..1.0).contains(&point[d]));
-                    assert!(!std::mem::replace(&mut seen[stratum(point[d], m)][d], true), "m {m} dimension {d}");
+                    assert!(
+                        !std::mem::replace(&mut seen[stratum(point[d], m)][d], true),
+                        "m {m} dimension {d}"
+                    );
                 }
             }
         }
@@ -93,7 +103,11 @@ fn four_dimensions_are_evenly_filled() {
     let mut counts = [0_u32; 16];
     for index in 0..1024 {
         let point = sample_4d(index, 1, 42);
-        counts[point.iter().enumerate().map(|(d, &x)| stratum(x, 1) << d).sum::<usize>()] += 1;
+        counts[point
+            .iter()
+            .enumerate()
+            .map(|(d, &x)| stratum(x, 1) << d)
+            .sum::<usize>()] += 1;
     }
     assert_eq!(counts, [64; 16]);
 }

@@ -20,7 +20,9 @@ fn throughput_of_instances() {
     let n = f64::from(INSTANCES);
     let unit = |k: u32, d: usize| oocpt_core::sample_4d(k, 0, 1)[d];
     let points: Vec<[f32; 3]> = (0..INSTANCES).map(|k| [0, 1, 2].map(|d| 1000.0 * unit(k, d))).collect();
-    let turns: Vec<[f32; 4]> = (0..INSTANCES).map(|k| [unit(k, 0), unit(k, 1), unit(k, 2), 0.5]).collect();
+    let turns: Vec<[f32; 4]> = (0..INSTANCES)
+        .map(|k| [unit(k, 0), unit(k, 1), unit(k, 2), 0.5])
+        .collect();
     let scales: Vec<[f32; 3]> = (0..INSTANCES).map(|k| [0.5 + unit(k, 3); 3]).collect();
     let numbers: Vec<i32> = (0..i32::try_from(INSTANCES).unwrap()).collect();
     let mut desc = scatter("/i", &points, &[("/i/p", &numbers)]);
@@ -41,7 +43,11 @@ fn throughput_of_instances() {
         let chunk = 1 << 14;
         let pieces = records.par_chunks_mut(chunk).enumerate();
         pieces.for_each(|(k, out)| root.encode(k * chunk..k * chunk + out.len(), out));
-        println!("encode, {} threads, {label}: {:.1} M instances/s", rayon::current_num_threads(), rate(n, start));
+        println!(
+            "encode, {} threads, {label}: {:.1} M instances/s",
+            rayon::current_num_threads(),
+            rate(n, start)
+        );
     }
     let start = Instant::now();
     root.encode(0..root.len(), &mut records);
@@ -65,6 +71,9 @@ fn throughput_of_mesh_builds() {
         #[expect(clippy::cast_precision_loss, reason = "a figure for people")]
         let triangles = snapshot.counts.unique_triangles as f64;
         let depth = snapshot.meshes.iter().map(|m| m.bvh.depth).max();
-        println!("{meshes} meshes, {triangles} triangles: {:.2} M triangles/s, depth {depth:?}", rate(triangles, start));
+        println!(
+            "{meshes} meshes, {triangles} triangles: {:.2} M triangles/s, depth {depth:?}",
+            rate(triangles, start)
+        );
     }
 }

@@ -4,12 +4,16 @@
 //! Guarantees: nothing is copied; every access is bounds-checked and gives `None` past the end or when the element type
 //! does not fit; any alignment is accepted. Any thread may read.
 
+mod view;
+
 use std::fmt;
 use std::sync::Arc;
 
 use bytemuck::Pod;
 use glam::{DMat4, DQuat, DVec3, DVec4};
 use half::f16;
+
+pub use view::ArrayView;
 
 /// Bytes that stay where they are and as they are for as long as the source lives.
 pub trait ArraySource: Send + Sync + fmt::Debug {
@@ -211,13 +215,19 @@ impl TypedArray {
     /// Takes over a vector whose Rust type says the element type.
     #[must_use]
     pub fn of<T: Element + fmt::Debug>(values: Vec<T>) -> Self {
-        Self { element: T::TYPE, source: Arc::new(OwnedVec(values)) }
+        Self {
+            element: T::TYPE,
+            source: Arc::new(OwnedVec(values)),
+        }
     }
 
     /// An array of booleans (copied into bytes).
     #[must_use]
     pub fn from_bools(values: &[bool]) -> Self {
-        Self { element: ElementType::Bool, source: Arc::new(OwnedBools(values.iter().map(|&b| u8::from(b)).collect())) }
+        Self {
+            element: ElementType::Bool,
+            source: Arc::new(OwnedBools(values.iter().map(|&b| u8::from(b)).collect())),
+        }
     }
 
     /// What one element is.
@@ -298,123 +308,5 @@ impl TypedArray {
     #[must_use]
     pub fn boolean(&self, i: usize) -> Option<bool> {
         self.view().boolean(i)
-    }
-}
-
-/// A borrowed [`TypedArray`]: the accessors without a virtual call.
-#[derive(Clone, Copy, Debug)]
-pub struct ArrayView<'a> {
-    element: ElementType,
-    component: Component,
-    components: usize,
-    bytes: &'a [u8],
-}
-
-impl<'a> ArrayView<'a> {
-    fn new(element: ElementType, bytes: &'a [u8]) -> Self {
-        let (component, components) = element.layout();
-        Self { element, component, components, bytes }
-    }
-
-    /// Number of elements.
-    #[must_use]
-    #[inline]
-    pub fn len(&self) -> usize {
-        self.bytes.len() / (self.component.size() * self.components)
-    }
-
-    /// True when there is no element.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.bytes.is_empty()
-    }
-
-    /// What one element is.
-    #[must_use]
-    pub fn element(&self) -> ElementType {
-        self.element
-    }
-
-    /// The bytes of all elements.
-    #[must_use]
-    pub fn bytes(&self) -> &'a [u8] {
-        self.bytes
-    }
-
-    #[inline]
-    fn read<T: Pod, const N: usize>(&self, i: usize) -> Option<[T; N]>
-    where
-        [T; N]: Pod,
-    {
-        let size = size_of::<[T; N]>();
-        let start = i.checked_mul(size)?;
-        self.bytes.get(start..start.checked_add(size)?).map(bytemuck::pod_read_unaligned)
-    }
-
-    #[inline]
-    fn floats<const N: usize>(&self, i: usize) -> Option<[f64; N]>
-    where
-        [f16; N]: Pod,
-        [f32; N]: Pod,
-        [f64; N]: Pod,
-    {
-        if self.components != N {
-            return None;
-        }
-        match self.component {
-            Component::F16 => self.read::<f16, N>(i).map(|v| v.map(f16::to_f64)),
-            Component::F32 => self.read::<f32, N>(i).map(|v| v.map(f64::from)),
-            Component::F64 => self.read::<f64, N>(i),
-            Component::U8 | Component::I32 => None,
-        }
-    }
-
-    /// Element `i` of a half, float or double array.
-    #[must_use]
-    #[inline]
-    pub fn scalar(&self, i: usize) -> Option<f64> {
-        self.floats::<1>(i).map(|[v]| v)
-    }
-
-    /// Element `i` of a three-vector array.
-    #[must_use]
-    #[inline]
-    pub fn vec3(&self, i: usize) -> Option<DVec3> {
-        self.floats::<3>(i).map(DVec3::from_array)
-    }
-
-    /// Element `i` of a four-vector array (not of quaternions).
-    #[must_use]
-    #[inline]
-    pub fn vec4(&self, i: usize) -> Option<DVec4> {
-        if self.element.is_quat() { None } else { self.floats::<4>(i).map(DVec4::from_array) }
-    }
-
-    /// Element `i` of a quaternion array, as stored: not normalised.
-    #[must_use]
-    #[inline]
-    pub fn quat(&self, i: usize) -> Option<DQuat> {
-        if self.element.is_quat() { self.floats::<4>(i).map(DQuat::from_array) } else { None }
-    }
-
-    /// Element `i` of a matrix array as the column-vector matrix (the transpose of what Gf means by it).
-    #[must_use]
-    #[inline]
-    pub fn matrix(&self, i: usize) -> Option<DMat4> {
-        self.floats::<16>(i).map(|m| DMat4::from_cols_array(&m))
-    }
-
-    /// Element `i` of an integer array.
-    #[must_use]
-    #[inline]
-    pub fn index(&self, i: usize) -> Option<i32> {
-        if self.component == Component::I32 { self.read::<i32, 1>(i).map(|[v]| v) } else { None }
-    }
-
-    /// Element `i` of a bool array.
-    #[must_use]
-    #[inline]
-    pub fn boolean(&self, i: usize) -> Option<bool> {
-        if self.component == Component::U8 { self.bytes.get(i).map(|&b| b != 0) } else { None }
     }
 }
