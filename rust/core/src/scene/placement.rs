@@ -12,6 +12,8 @@ use crate::mesh::Aabb;
 
 /// Columns are called dependent when `det^2` is below this times the product of their squared lengths.
 const SINGULAR: f64 = 1e-24;
+/// Largest number of a record: its square is finite in single precision.
+const MAX_MAGNITUDE: f32 = 1e18;
 /// Rounding of the f32 matrix and of its evaluation, in units of the magnitudes involved: 4 x 2^-24.
 const MATRIX_ERROR: f64 = 4.0 / 16_777_216.0;
 
@@ -170,7 +172,8 @@ impl<'a> Placer<'a> {
         Some(m)
     }
 
-    /// Places instance `number`; `None` when its matrix is not finite or singular, also in single precision.
+    /// Places instance `number`; `None` when its matrix is singular, not finite, or too extreme for
+    /// single precision.
     #[inline]
     pub(crate) fn place(&self, number: usize) -> Option<Placed> {
         let mut m = self.before * self.local(number)?;
@@ -205,18 +208,19 @@ impl<'a> Placer<'a> {
         let row = |r: DVec3, w: f64| [r.x, r.y, r.z, w].map(nearest);
         let object_from_parent = [row(r0, offset.x), row(r1, offset.y), row(r2, offset.z)];
         let bounds = self.placed_box(m, [r0, r1, r2], offset);
-        let finite = object_from_parent
+        let numbers = object_from_parent
             .iter()
             .flatten()
             .chain(&bounds.min)
-            .chain(&bounds.max)
-            .all(|v| v.is_finite());
+            .chain(&bounds.max);
+        // NaN fails the comparison too.
+        let sound = numbers.fold(true, |sound, v| sound & (v.abs() <= MAX_MAGNITUDE));
         let flags = if determinant < 0.0 {
             InstanceFlags::FLIPS_HANDEDNESS
         } else {
             InstanceFlags::empty()
         };
-        finite.then_some(Placed {
+        sound.then_some(Placed {
             object_from_parent,
             bounds,
             flags,

@@ -4,6 +4,8 @@
 #[cfg(test)]
 mod arrays;
 #[cfg(test)]
+mod bad_hierarchies;
+#[cfg(test)]
 mod bad_scenes;
 #[cfg(test)]
 mod bvh;

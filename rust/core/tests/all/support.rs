@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use glam::{DMat4, DVec3, DVec4};
 use oocpt_core::{
-    InstanceRecord, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshAsset, MeshDesc, PrimDesc,
-    Primvar, SceneDb, Snapshot, Subdivision, Target, TypedArray,
+    DroppedData, InstanceRecord, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshAsset, MeshDesc,
+    PrimDesc, Primvar, SceneDb, Snapshot, Subdivision, Target, TypedArray,
 };
 
 pub(crate) fn prim(path: &str) -> PrimDesc {
@@ -165,3 +165,24 @@ fn double_area(v: &[[f32; 3]; 3]) -> DVec3 {
     let [a, b, c] = v.map(|v| DVec3::from(v.map(f64::from)));
     (b - a).cross(c - a)
 }
+
+/// An instancer at `/i` whose prototype `/i/p` is one triangle.
+pub(crate) fn with_instancer(desc: InstancerDesc) -> SceneDb {
+    let mut db = SceneDb::new();
+    let mut mesh = triangle("/i/p/m", 0.0);
+    mesh.prim.instanced_by = vec![by("/i", "/i/p")];
+    db.upsert_mesh(mesh);
+    db.upsert_instancer(desc);
+    db
+}
+
+/// Instances left, what was dropped, and the warned paths.
+pub(crate) fn outcome(db: &mut SceneDb) -> (u128, DroppedData, Vec<String>) {
+    let commit = db.commit();
+    assert_eq!(commit.snapshot.validate(), Ok(()));
+    let paths = commit.warnings.iter().map(|w| w.path.to_string()).collect();
+    (commit.snapshot.counts.instances, commit.snapshot.dropped, paths)
+}
+
+/// Nothing dropped.
+pub(crate) const NONE: DroppedData = DroppedData::NONE;
