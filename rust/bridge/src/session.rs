@@ -115,6 +115,7 @@ impl Session {
                 return Ok(SettingOutcome::Unknown);
             };
             let changed = self.inner.set_setting(key, value.clone())?;
+            tracing::debug!(key, ?value, changed, "setting");
             lock(&self.layers).set(key, value);
             Ok(outcome(changed))
         })
