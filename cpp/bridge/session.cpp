@@ -93,7 +93,7 @@ void HdOocPTSession::_Impl::ForwardSetting(const TfToken& key, const VtValue& va
             TF_WARN("OocPT: the setting %s cannot hold a %s; ignored", key.GetText(), value.GetTypeName().c_str());
         }
     } catch (const std::exception& error) {
-        TF_WARN("OocPT: %s: %s", key.GetText(), error.what());
+        TF_WARN("OocPT: %s", error.what());
     }
 }
 

@@ -29,11 +29,13 @@ fn environment(name: &str) -> Option<String> {
     std::env::var(name).ok()
 }
 
-/// How to run, from `OOCPT_VALIDATION` (the Vulkan validation layer's messages become errors; for tests).
+/// How to run, from `OOCPT_VALIDATION` (the Vulkan validation layer's messages become errors; for tests) and
+/// `OOCPT_PROGRESS` (a progress bar on standard error; set by the command line runner).
 fn options(variable: impl Fn(&str) -> Option<String>) -> SessionOptions {
     let is_on = |text: String| matches!(text.trim(), "1" | "true" | "on" | "yes");
     SessionOptions {
         validation: variable("OOCPT_VALIDATION").is_some_and(is_on),
+        progress_bar: variable("OOCPT_PROGRESS").is_some_and(is_on),
         ..SessionOptions::default()
     }
 }

@@ -38,11 +38,7 @@ impl Layers {
     /// The settings as all layers give them.
     pub(crate) fn settings(&self) -> Settings {
         let mut settings = Settings::default();
-        for (key, value) in self.environment.iter().chain(&self.explicit) {
-            if let Err(error) = settings.set(key, value.clone()) {
-                tracing::warn!(key, %error, "a setting that was accepted before is refused now");
-            }
-        }
+        apply(&mut settings, self.environment.iter().chain(&self.explicit));
         settings
     }
 
@@ -71,17 +67,24 @@ impl Layers {
 
     /// What hosts list; the default shown is the environment's value where there is one.
     pub(crate) fn descriptors(&self) -> Vec<SettingDescriptor> {
+        let mut settings = Settings::default();
+        apply(&mut settings, &self.environment);
         Settings::descriptors()
-            .iter()
-            .map(|descriptor| {
-                let environment = self.environment.iter().find(|(key, _)| key == descriptor.key);
-                SettingDescriptor {
-                    key: descriptor.key.to_owned(),
-                    name: descriptor.name.to_owned(),
-                    default_value: scalar(environment.map_or(&descriptor.default, |(_, value)| value)),
-                }
+            .into_iter()
+            .map(|descriptor| SettingDescriptor {
+                key: descriptor.key.to_owned(),
+                name: descriptor.name.to_owned(),
+                default_value: scalar(&settings.get(descriptor.key).unwrap_or(descriptor.default)),
             })
             .collect()
+    }
+}
+
+fn apply<'a>(settings: &mut Settings, values: impl IntoIterator<Item = &'a (String, Value)>) {
+    for (key, value) in values {
+        if let Err(error) = settings.set(key, value.clone()) {
+            tracing::warn!(key, %error, "a setting that was accepted before is refused now");
+        }
     }
 }
 
@@ -199,6 +202,14 @@ mod tests {
             .find(|entry| entry.key == SAMPLES)
             .expect("the setting is listed");
         assert_eq!(samples.default_value.integer, 7, "the variable's value");
+        let twin = list
+            .iter()
+            .find(|entry| entry.key == "convergedSamplesPerPixel")
+            .expect("the setting is listed");
+        assert_eq!(
+            twin.default_value.integer, 7,
+            "another key for the same thing must not bring the default back"
+        );
         assert_eq!(list.len(), Settings::descriptors().len(), "every setting is listed");
     }
 
