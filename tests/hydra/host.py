@@ -109,7 +109,7 @@ class Host:
             stage = stage.GetRootLayer().ExportToString()
         view = View(self, f"v{id(object())}-{np.random.default_rng().integers(1 << 60)}")
         self.call("open", viewer=view.name, stage=str(stage), size=list(size), **arguments)
-        view.opening_log = self.log
+        view.pending_log = self.log
         return view
 
     def picture(self, stage, size=(32, 32), timeout=120.0, **arguments) -> Picture:
@@ -136,7 +136,9 @@ class View:
     """A stage in a live engine of a host."""
 
     def __init__(self, host: Host, name: str) -> None:
-        self.host, self.name, self.opening_log = host, name, ""
+        self.host, self.name = host, name
+        # What was written since the last picture; goes to the next one.
+        self.pending_log = ""
 
     def __enter__(self) -> "View":
         return self
@@ -148,14 +150,16 @@ class View:
     def render(self, timeout: float = 120.0) -> Picture:
         answer = self.host.call("render", viewer=self.name, timeout=timeout, patience=timeout + 60.0)
         with np.load(answer["file"]) as arrays:
-            picture = Picture({name: arrays[name] for name in arrays.files}, answer["buffers"], answer["seconds"], self.opening_log + self.host.log)
+            picture = Picture({name: arrays[name] for name in arrays.files}, answer["buffers"], answer["seconds"], self.pending_log + self.host.log)
         os.unlink(answer["file"])
-        self.opening_log = ""
+        self.pending_log = ""
         return picture
 
     def edit(self, code: str):
         """Runs statements in the host with `stage`, `engine` and pxr's modules; the value they leave in `result`."""
-        return self.host.call("edit", viewer=self.name, code=code)
+        result = self.host.call("edit", viewer=self.name, code=code)
+        self.pending_log += self.host.log
+        return result
 
     def decode(self, pairs) -> list[dict | None]:
         return self.host.call("decode", viewer=self.name, pairs=[[int(a), int(b)] for a, b in pairs])

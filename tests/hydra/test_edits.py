@@ -5,6 +5,7 @@ import pytest
 
 import compare
 import small
+from host import HostError
 
 AOVS = ["color", "depth", "elementId", "instanceId"]
 SETTINGS = {"oocpt:samplesPerPixel": 4, "oocpt:maxBounces": 2, "oocpt:seed": 3}
@@ -37,6 +38,22 @@ EDITS = {
     "renamed_copy": "Sdf.CopySpec(stage.GetRootLayer(), '/World/Box', stage.GetRootLayer(), '/World/Twin')\nUsdGeom.Xformable(at('/World/Twin')).GetOrderedXformOps()[0].Set(Gf.Vec3d(1.2, 0.5, 0))",
 }  # fmt: skip
 
+# What the host itself gets wrong: (edit, scene-index mode) -> the errors it posts once, without our code being involved. The error
+# must come (an unexpected pass fails too, so that the entry goes when the host is mended), and the next render must be right.
+HOST_FAULTS = {
+    # OpenUSD 25.08: removal of a PointInstancer; see the project's notes on hosts.
+    ("deactivated", True): "UsdImaging_InstanceProxyPathTranslationSceneIndex::_UpdateInstancerLocations",
+}
+
+
+def render_after_edit(view, edit):
+    fault = HOST_FAULTS.get((edit, view.host.scene_index))
+    if fault:
+        with pytest.raises(HostError, match=fault):
+            view.render()
+    return view.render()
+
+
 PRELUDE = "at = stage.GetPrimAtPath\npebbles = UsdGeom.PointInstancer(at('/World/Pebbles'))\n"
 
 
@@ -63,7 +80,7 @@ def test_edit_and_undo(host, live, edit):
     view = live(host)
     view.edit("result = stage.GetRootLayer().ExportToString(); view.saved = result")
     text = view.edit(PRELUDE + EDITS[edit] + "\nresult = stage.GetRootLayer().ExportToString()")
-    after = view.render()
+    after = render_after_edit(view, edit)
     changed = any((after[aov] != view.before[aov]).any() for aov in AOVS)
     fresh = host.picture(text, SIZE, settings=SETTINGS, aovs=AOVS)
     view.edit("stage.GetRootLayer().ImportFromString(view.saved)")

@@ -34,13 +34,21 @@ def test_a_restarted_engine_continues_with_the_same_bits(host):
         compare.same_picture(view.render(), fresh, "after another size and seed")
 
 
-@pytest.mark.parametrize("scene", ["glow", "nested", "native", "hidden_instances", "polygons", "primvars", "implicit", "transforms", "visibility", "cameras", "mirrored"])
+@pytest.mark.parametrize("scene", ["glow", "nested", "hidden_instances", "polygons", "primvars", "implicit", "transforms", "visibility", "cameras", "mirrored"])
 def test_both_front_ends_give_the_same_picture(pool, scene):
     camera = "/World/Plain" if scene == "cameras" else "/World/Camera"
     path = small.FOLDER / f"{scene}.usda"
     legacy, modern = (pool.get(mode).picture(path, (32, 32), camera=camera, settings=SETTINGS, aovs=AOVS) for mode in ("legacy", "scene_index"))
     assert (legacy["cameraDepth"] > 0).any(), "nothing in the picture"
     compare.same_picture(legacy, modern, scene)
+
+
+def test_native_instances_are_the_same_up_to_rounding_in_both_front_ends(pool):
+    """UsdImaging multiplies the matrices of native instances in another order in each front end: the last bit of a depth may differ."""
+    legacy, modern = (pool.get(mode).picture(small.FOLDER / "native.usda", (32, 32), settings=SETTINGS, aovs=AOVS) for mode in ("legacy", "scene_index"))
+    for aov, tolerance in (("depth", 3e-7), ("cameraDepth", 1e-5), ("normal", 1e-6), ("albedo", 0.0), ("elementId", 0.0)):
+        compare.near(legacy[aov], modern[aov], tolerance, aov)
+    twins_agree(legacy["color"], modern["color"])
 
 
 def test_nested_instancers_equal_their_flattened_twin(host):

@@ -75,13 +75,13 @@ def test_render_settings_prim_reaches_the_delegate(host, tmp_path):
 
     text = PATH.read_text() + (
         'def RenderSettings "Settings" {\n'
-        "  int oocpt:samplesPerPixel = 5\n  int oocpt:maxBounces = 1\n  int oocpt:seed = 33\n  uniform int2 resolution = (16, 16)\n"
+        "  int oocpt:samplesPerPixel = 5\n  int oocpt:maxBounces = 1\n  int oocpt:seed = 33\n"
         "  rel camera = </World/Camera>\n}\n"
     )
     scene = tmp_path / "settings.usda"
     scene.write_text(text)
     out = tmp_path / "settings.exr"
-    host.call("record", stage=str(scene), out=str(out), render_settings="/Settings")
+    host.call("record", stage=str(scene), out=str(out), width=16, render_settings="/Settings")
     expected = host.picture(PATH, (16, 16), settings={"oocpt:samplesPerPixel": 5, "oocpt:maxBounces": 1, "oocpt:seed": 33})
     compare.same_bits(exr.read(out, expected["color"].dtype), expected["color"], "settings prim")
 

