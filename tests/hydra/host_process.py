@@ -146,6 +146,8 @@ class Commands:
                 resident.append(_resident_bytes())
             view = Viewer(opened, size, camera, ["color"], settings, [])
             view.finish(60.0)
+            if view.stats()["numCompletedSamples"] != 1:
+                raise RuntimeError(f"cycle {cycle} rendered nothing: {view.stats()}")
             del view
         return resident
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Two thousand engines made, rendered and destroyed in one process do not grow it."""
 
+import pathlib
+
 import small
 
 CYCLES = 2000
@@ -17,6 +19,13 @@ def test_two_thousand_cycles_do_not_grow(fresh_host):
     host = fresh_host(scene_index=False)
     resident = host.call("cycles", stage=str(small.FOLDER / "hidden_instances.usda"), count=CYCLES, patience=600.0)
     assert growth(resident, CYCLES) <= ALLOWED_BYTES_PER_CYCLE, f"{growth(resident, CYCLES):.0f} bytes per cycle: {resident}"
+
+
+def test_the_validation_layer_watches(host):
+    """The canary of all these tests is alive: the layer is in the rendering process."""
+    with host.open(small.FOLDER / "hidden_instances.usda", (8, 8), settings={"oocpt:samplesPerPixel": 1}) as view:
+        view.render()
+        assert "validation" in pathlib.Path(f"/proc/{host.pid}/maps").read_text().lower(), "no validation layer in the process"
 
 
 def test_growth_sees_a_leak():
