@@ -7,7 +7,7 @@ use half::f16;
 
 use super::{Component, ElementType};
 
-/// A borrowed [`TypedArray`]: the accessors without a virtual call.
+/// A borrowed [`super::TypedArray`]: the accessors without a virtual call.
 #[derive(Clone, Copy, Debug)]
 pub struct ArrayView<'a> {
     element: ElementType,
