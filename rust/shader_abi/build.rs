@@ -5,12 +5,7 @@
 //! message when one is missing, when a shader is wrong, or when GLSL and Rust disagree about a struct.
 
 #[path = "src/abi/mod.rs"]
-#[allow(
-    dead_code,
-    unused_imports,
-    unreachable_pub,
-    reason = "only the layout table is needed here"
-)]
+#[allow(dead_code, unused_imports, unreachable_pub, reason = "only the layout table is needed here")]
 mod abi;
 #[path = "build/check.rs"]
 mod check;
@@ -48,10 +43,7 @@ fn build() -> Result<(), String> {
     let layouts = layouts();
     let mut seen = BTreeSet::new();
     let mut passes = Vec::new();
-    for source in sources
-        .iter()
-        .filter(|path| path.extension().is_some_and(|extension| extension == "comp"))
-    {
+    for source in sources.iter().filter(|path| path.extension().is_some_and(|extension| extension == "comp")) {
         let name = pass_name(source)?;
         let words = tools.compile(source, &shaders, &out.join(format!("{name}.spv")))?;
         seen.extend(check::check(&words, &layouts).map_err(|error| format!("{}:\n{error}", source.display()))?);
@@ -61,10 +53,7 @@ fn build() -> Result<(), String> {
     }
     for layout in &layouts {
         if !seen.contains(&layout.name) {
-            return Err(format!(
-                "{}: no shader has this struct in memory, so its layout is not checked",
-                layout.name
-            ));
+            return Err(format!("{}: no shader has this struct in memory, so its layout is not checked", layout.name));
         }
     }
     fs::write(out.join("modules.rs"), generated(&passes)).map_err(|error| format!("modules.rs: {error}"))
@@ -95,11 +84,7 @@ fn pass_name(source: &Path) -> Result<String, String> {
     let part = |path: Option<&std::ffi::OsStr>| path.and_then(|name| name.to_str()).map(str::to_owned);
     let stem = part(source.file_stem()).ok_or_else(|| format!("{}: odd name", source.display()))?;
     let folder = part(source.parent().and_then(Path::file_name)).unwrap_or_default();
-    Ok(if folder == "wavefront" {
-        stem
-    } else {
-        format!("{folder}_{stem}")
-    })
+    Ok(if folder == "wavefront" { stem } else { format!("{folder}_{stem}") })
 }
 
 struct Tools {
@@ -120,23 +105,14 @@ impl Tools {
 
     fn compile(&self, source: &Path, include: &Path, output: &Path) -> Result<Vec<u32>, String> {
         let mut compiler = Command::new(&self.compiler);
-        compiler
-            .args(["--quiet", "--target-env", "vulkan1.2", "-o"])
-            .arg(output);
+        compiler.args(["--quiet", "--target-env", "vulkan1.2", "-o"]).arg(output);
         compiler.arg(format!("-I{}", include.display())).arg(source);
         run(compiler, "glslang-tools")?;
         let mut validator = Command::new(&self.validator);
-        validator
-            .args(["--target-env", "vulkan1.2", "--scalar-block-layout"])
-            .arg(output);
+        validator.args(["--target-env", "vulkan1.2", "--scalar-block-layout"]).arg(output);
         run(validator, "spirv-tools").map_err(|error| format!("{}: {error}", source.display()))?;
         let bytes = fs::read(output).map_err(|error| format!("{}: {error}", output.display()))?;
-        Ok(bytes
-            .as_chunks::<4>()
-            .0
-            .iter()
-            .map(|word| u32::from_le_bytes(*word))
-            .collect())
+        Ok(bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word)).collect())
     }
 }
 
@@ -150,11 +126,7 @@ fn run(mut command: Command, debian_package: &str) -> Result<(), String> {
         return Ok(());
     }
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
-    Err(format!(
-        "{program} failed:\n{}\n{}",
-        text(&output.stdout),
-        text(&output.stderr)
-    ))
+    Err(format!("{program} failed:\n{}\n{}", text(&output.stdout), text(&output.stderr)))
 }
 
 fn layouts() -> Vec<check::Layout> {

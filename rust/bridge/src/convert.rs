@@ -36,8 +36,7 @@ impl Complaints {
 
     /// An array that a prim cannot do without; an empty one stands for a missing one.
     fn required<T: Element + Debug>(&mut self, path: &str, part: &str, held: UniquePtr<ffi::HeldArray>) -> TypedArray {
-        self.optional(path, part, held)
-            .unwrap_or_else(|| TypedArray::of(Vec::<T>::new()))
+        self.optional(path, part, held).unwrap_or_else(|| TypedArray::of(Vec::<T>::new()))
     }
 
     fn primvar(&mut self, path: &str, part: &str, desc: ffi::PrimvarDesc) -> Option<Primvar> {
@@ -51,11 +50,7 @@ impl Complaints {
             self.add(path, part, "unknown interpolation");
             return None;
         };
-        Some(Primvar {
-            interpolation,
-            values,
-            indices,
-        })
+        Some(Primvar { interpolation, values, indices })
     }
 }
 
@@ -95,10 +90,7 @@ fn prim(desc: ffi::PrimDesc) -> PrimDesc {
         instanced_by: desc
             .instanced_by
             .into_iter()
-            .map(|by| InstancedBy {
-                instancer: Arc::from(by.instancer),
-                prototype_root: Arc::from(by.prototype_root),
-            })
+            .map(|by| InstancedBy { instancer: Arc::from(by.instancer), prototype_root: Arc::from(by.prototype_root) })
             .collect(),
     }
 }
@@ -151,9 +143,7 @@ pub(crate) fn light(desc: ffi::LightDesc) -> LightDesc {
     LightDesc {
         prim: prim(desc.prim),
         kind: match desc.kind {
-            ffi::LightTag::Distant => LightKind::Distant {
-                angle_degrees: desc.angle_degrees,
-            },
+            ffi::LightTag::Distant => LightKind::Distant { angle_degrees: desc.angle_degrees },
             _ => LightKind::Dome,
         },
         color: desc.color,
@@ -199,10 +189,7 @@ mod tests {
             transform,
             visible: true,
             purpose: "render".into(),
-            instanced_by: vec![ffi::InstancedByDesc {
-                instancer: "/I".into(),
-                prototype_root: "/I/P".into(),
-            }],
+            instanced_by: vec![ffi::InstancedByDesc { instancer: "/I".into(), prototype_root: "/I/P".into() }],
         }
     }
 
@@ -229,39 +216,20 @@ mod tests {
         let address = desc.points.as_ref().expect("points are there").bytes().as_ptr() as usize;
         let mut complaints = Complaints::default();
         let mesh = mesh(desc, &mut complaints);
-        assert!(
-            complaints.0.is_empty(),
-            "nothing is wrong with this mesh: {:?}",
-            complaints.0
-        );
-        assert_eq!(
-            mesh.points.identity().0,
-            address,
-            "the points must be borrowed, not copied"
-        );
+        assert!(complaints.0.is_empty(), "nothing is wrong with this mesh: {:?}", complaints.0);
+        assert_eq!(mesh.points.identity().0, address, "the points must be borrowed, not copied");
         assert_eq!(mesh.points.vec3(2), Some(DVec3::new(0.0, 1.5, 0.0)), "the third point");
         assert_eq!(mesh.face_vertex_indices.index(2), Some(2), "the third index");
-        assert_eq!(
-            (mesh.prim_id, mesh.subdivision),
-            (7, Subdivision::Loop),
-            "plain members"
-        );
+        assert_eq!((mesh.prim_id, mesh.subdivision), (7, Subdivision::Loop), "plain members");
         assert_eq!(&*mesh.prim.instanced_by[0].prototype_root, "/I/P", "the prototype root");
-        assert!(
-            mesh.hole_indices.is_none() && mesh.normals.is_none(),
-            "null means absent"
-        );
+        assert!(mesh.hole_indices.is_none() && mesh.normals.is_none(), "null means absent");
     }
 
     #[test]
     fn a_gf_matrix_becomes_the_column_vector_matrix() {
         let matrix = column_matrix(&prim_desc().transform);
         let moved = matrix.transform_point3(DVec3::new(1.0, 0.0, 0.0));
-        assert_eq!(
-            moved,
-            DVec3::new(11.0, 20.0, 30.0),
-            "the translation of a Gf matrix is its last row"
-        );
+        assert_eq!(moved, DVec3::new(11.0, 20.0, 30.0), "the translation of a Gf matrix is its last row");
     }
 
     #[test]
@@ -277,11 +245,7 @@ mod tests {
         assert!(mesh.display_color.is_none(), "13 bytes are not vectors");
         assert_eq!(mesh.points.len(), 3, "the points must survive");
         assert_eq!(complaints.0.len(), 1, "one complaint: {:?}", complaints.0);
-        assert!(
-            complaints.0[0].starts_with("/World/mesh: displayColor: "),
-            "{}",
-            complaints.0[0]
-        );
+        assert!(complaints.0[0].starts_with("/World/mesh: displayColor: "), "{}", complaints.0[0]);
     }
 
     #[test]
@@ -292,15 +256,9 @@ mod tests {
             indices,
         };
         let mut complaints = Complaints::default();
-        let good = complaints
-            .primvar("/m", "normals", primvar(ints(&[0, 0, 0])))
-            .expect("a good primvar");
+        let good = complaints.primvar("/m", "normals", primvar(ints(&[0, 0, 0]))).expect("a good primvar");
         assert_eq!(good.indices.map(|indices| indices.len()), Some(3), "the indices");
-        let bad = complaints.primvar(
-            "/m",
-            "normals",
-            primvar(ffi::copy_array(ffi::ElementTag::I32, &[1, 2, 3])),
-        );
+        let bad = complaints.primvar("/m", "normals", primvar(ffi::copy_array(ffi::ElementTag::I32, &[1, 2, 3])));
         assert!(bad.is_none(), "values without their indices would be misread");
         assert_eq!(complaints.0.len(), 1, "one complaint: {:?}", complaints.0);
     }
@@ -321,10 +279,6 @@ mod tests {
         };
         assert_eq!(light(desc(false)).color_temperature, None, "disabled");
         assert_eq!(light(desc(true)).color_temperature, Some(3000.0), "enabled");
-        assert_eq!(
-            light(desc(true)).kind,
-            LightKind::Distant { angle_degrees: 0.53 },
-            "the angle"
-        );
+        assert_eq!(light(desc(true)).kind, LightKind::Distant { angle_degrees: 0.53 }, "the angle");
     }
 }

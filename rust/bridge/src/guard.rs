@@ -54,30 +54,17 @@ mod tests {
     fn a_panic_becomes_an_error_with_its_text() {
         let result: Result<(), _> = guard("render", || panic!("index {} of {}", 7, 3));
         let text = result.expect_err("the panic must not pass").to_string();
-        assert_eq!(
-            text, "internal error in render: index 7 of 3",
-            "function and text must be named"
-        );
+        assert_eq!(text, "internal error in render: index 7 of 3", "function and text must be named");
     }
 
     #[test]
     fn a_static_panic_text_is_kept() {
         let result: Result<(), _> = guard("stop", || panic!("plain"));
-        assert!(
-            result
-                .expect_err("the panic must not pass")
-                .to_string()
-                .ends_with("plain"),
-            "the text must be kept"
-        );
+        assert!(result.expect_err("the panic must not pass").to_string().ends_with("plain"), "the text must be kept");
     }
 
     #[test]
     fn values_pass_through() {
-        assert_eq!(
-            guard("stats", || Ok(3)).expect("no panic, no error"),
-            3,
-            "the value must be handed on"
-        );
+        assert_eq!(guard("stats", || Ok(3)).expect("no panic, no error"), 3, "the value must be handed on");
     }
 }

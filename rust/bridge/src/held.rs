@@ -75,13 +75,9 @@ mod tests {
     fn every_tag_has_its_element_type_with_the_right_size() {
         let sizes = [1, 4, 2, 4, 8, 4, 8, 16, 6, 12, 24, 8, 16, 32, 8, 16, 32, 64, 128];
         for (repr, size) in sizes.into_iter().enumerate() {
-            let tag = ffi::ElementTag {
-                repr: u8::try_from(repr).expect("few tags"),
-            };
+            let tag = ffi::ElementTag { repr: u8::try_from(repr).expect("few tags") };
             let bytes = vec![0_u8; 3 * size];
-            let array = typed_array(ffi::copy_array(tag, &bytes))
-                .expect("not null")
-                .expect("a known tag");
+            let array = typed_array(ffi::copy_array(tag, &bytes)).expect("not null").expect("a known tag");
             assert_eq!(array.len(), 3, "tag {repr} must have elements of {size} bytes");
         }
     }
@@ -90,19 +86,14 @@ mod tests {
     fn null_is_absent_and_an_unknown_tag_is_an_error() {
         assert!(typed_array(UniquePtr::null()).is_none(), "null");
         let unknown = typed_array(ffi::copy_array(ffi::ElementTag { repr: 250 }, &[0; 4])).expect("not null");
-        assert!(
-            unknown.expect_err("no such type").contains("250"),
-            "the tag must be named"
-        );
+        assert!(unknown.expect_err("no such type").contains("250"), "the tag must be named");
     }
 
     #[test]
     fn an_array_may_be_read_and_dropped_on_another_thread() {
         let array = typed_array(ffi::copy_array(ffi::ElementTag::I32, &7_i32.to_ne_bytes()));
         let array = array.expect("not null").expect("one integer");
-        let read = std::thread::spawn(move || array.index(0))
-            .join()
-            .expect("the thread must end well");
+        let read = std::thread::spawn(move || array.index(0)).join().expect("the thread must end well");
         assert_eq!(read, Some(7), "the value");
     }
 }

@@ -46,11 +46,7 @@ pub(crate) fn open_session() -> Result<Box<Session>, BridgeError> {
         logging::install();
         let (layers, warnings) = Layers::new(environment);
         let inner = oocpt_render::Session::with_options(layers.settings(), options(environment));
-        Ok(Box::new(Session {
-            inner,
-            layers: Mutex::new(layers),
-            warnings: Mutex::new(warnings),
-        }))
+        Ok(Box::new(Session { inner, layers: Mutex::new(layers), warnings: Mutex::new(warnings) }))
     })
 }
 
@@ -202,9 +198,7 @@ impl Session {
 
     /// Copies the newest image named by Hydra's token; false when there is none of that size.
     pub(crate) fn read_aov(&self, name: &str, destination: &mut [u8]) -> Result<bool, BridgeError> {
-        guard("read_aov", || {
-            Ok(AovKind::from_token(name).is_some_and(|kind| self.inner.read_aov(kind, destination)))
-        })
+        guard("read_aov", || Ok(AovKind::from_token(name).is_some_and(|kind| self.inner.read_aov(kind, destination))))
     }
 
     /// Counters under the keys that hosts read.
@@ -217,21 +211,18 @@ impl Session {
         guard("take_messages", || {
             let warnings = std::mem::take(&mut *lock(&self.warnings));
             let own = warnings.into_iter().map(|text| UserMessage { fatal: false, text });
-            let renderers = self.inner.take_messages().into_iter().map(|message| UserMessage {
-                fatal: message.severity == Severity::Error,
-                text: message.text,
-            });
+            let renderers = self
+                .inner
+                .take_messages()
+                .into_iter()
+                .map(|message| UserMessage { fatal: message.severity == Severity::Error, text: message.text });
             Ok(own.chain(renderers).collect())
         })
     }
 }
 
 fn outcome(changed: bool) -> SettingOutcome {
-    if changed {
-        SettingOutcome::Changed
-    } else {
-        SettingOutcome::Unchanged
-    }
+    if changed { SettingOutcome::Changed } else { SettingOutcome::Unchanged }
 }
 
 fn render_request(desc: &RenderDesc) -> RenderRequest {
@@ -251,10 +242,7 @@ fn render_request(desc: &RenderDesc) -> RenderRequest {
             .iter()
             .filter_map(|aov| {
                 let kind = AovKind::from_token(&aov.name)?;
-                Some(AovRequest {
-                    kind,
-                    clear: if aov.has_clear { aov.clear } else { default_clear(kind) },
-                })
+                Some(AovRequest { kind, clear: if aov.has_clear { aov.clear } else { default_clear(kind) } })
             })
             .collect(),
     }
@@ -285,11 +273,6 @@ mod tests {
     fn depth_and_ids_have_their_own_clear_values() {
         assert!(default_clear(AovKind::Depth)[0] > 0.5, "depth is far");
         assert!(default_clear(AovKind::PrimId)[0] < 0.0, "ids are none");
-        assert!(
-            default_clear(AovKind::Color)
-                .iter()
-                .all(|component| component.abs() < 1e-9),
-            "color is empty"
-        );
+        assert!(default_clear(AovKind::Color).iter().all(|component| component.abs() < 1e-9), "color is empty");
     }
 }

@@ -26,9 +26,7 @@ impl Layers {
                 continue;
             };
             match checked.set(key, Value::Text(text.clone())) {
-                Ok(_) => layers
-                    .environment
-                    .extend(checked.get(key).map(|value| (key.to_owned(), value))),
+                Ok(_) => layers.environment.extend(checked.get(key).map(|value| (key.to_owned(), value))),
                 Err(error) => complaints.push(format!("{name}=\"{text}\" is ignored: {error}")),
             }
         }
@@ -44,12 +42,8 @@ impl Layers {
 
     /// Every key with the value that counts, in the order in which to set them.
     pub(crate) fn resolved(&self) -> Vec<(String, Value)> {
-        let defaults = Settings::descriptors()
-            .into_iter()
-            .map(|entry| (entry.key.to_owned(), entry.default));
-        defaults
-            .chain(self.environment.iter().chain(&self.explicit).cloned())
-            .collect()
+        let defaults = Settings::descriptors().into_iter().map(|entry| (entry.key.to_owned(), entry.default));
+        defaults.chain(self.environment.iter().chain(&self.explicit).cloned()).collect()
     }
 
     /// Notes an explicit value; the caller has checked it.
@@ -106,30 +100,12 @@ pub(crate) fn value(scalar: &ScalarValue) -> Option<Value> {
 
 /// A value as it goes over the boundary.
 pub(crate) fn scalar(value: &Value) -> ScalarValue {
-    let empty = ScalarValue {
-        tag: ScalarTag::Bool,
-        flag: false,
-        integer: 0,
-        real: 0.0,
-        text: String::new(),
-    };
+    let empty = ScalarValue { tag: ScalarTag::Bool, flag: false, integer: 0, real: 0.0, text: String::new() };
     match value {
         Value::Bool(flag) => ScalarValue { flag: *flag, ..empty },
-        Value::Int(integer) => ScalarValue {
-            tag: ScalarTag::Int,
-            integer: *integer,
-            ..empty
-        },
-        Value::Float(real) => ScalarValue {
-            tag: ScalarTag::Float,
-            real: *real,
-            ..empty
-        },
-        Value::Text(text) => ScalarValue {
-            tag: ScalarTag::Text,
-            text: text.clone(),
-            ..empty
-        },
+        Value::Int(integer) => ScalarValue { tag: ScalarTag::Int, integer: *integer, ..empty },
+        Value::Float(real) => ScalarValue { tag: ScalarTag::Float, real: *real, ..empty },
+        Value::Text(text) => ScalarValue { tag: ScalarTag::Text, text: text.clone(), ..empty },
     }
 }
 
@@ -147,20 +123,12 @@ mod tests {
     fn the_environment_beats_the_default_and_the_host_beats_both() {
         let (mut layers, complaints) = with_variable("OOCPT_SAMPLES_PER_PIXEL", " 7 ");
         assert!(complaints.is_empty(), "{complaints:?}");
-        assert_ne!(
-            Settings::default().samples_per_pixel,
-            7,
-            "the test needs another default"
-        );
+        assert_ne!(Settings::default().samples_per_pixel, 7, "the test needs another default");
         assert_eq!(layers.settings().samples_per_pixel, 7, "environment over default");
         layers.set(SAMPLES, Value::Int(9));
         assert_eq!(layers.settings().samples_per_pixel, 9, "host over environment");
         assert!(layers.clear(SAMPLES), "there was an explicit value");
-        assert_eq!(
-            layers.settings().samples_per_pixel,
-            7,
-            "the environment's value comes back"
-        );
+        assert_eq!(layers.settings().samples_per_pixel, 7, "the environment's value comes back");
         assert!(!layers.clear(SAMPLES), "there is none any more");
     }
 
@@ -171,11 +139,7 @@ mod tests {
         layers.set(SAMPLES, Value::Int(4));
         assert_eq!(layers.settings().samples_per_pixel, 4, "the later key");
         layers.set("convergedSamplesPerPixel", Value::Int(5));
-        assert_eq!(
-            layers.settings().samples_per_pixel,
-            5,
-            "setting a key again makes it the later one"
-        );
+        assert_eq!(layers.settings().samples_per_pixel, 5, "setting a key again makes it the later one");
     }
 
     #[test]
@@ -185,11 +149,7 @@ mod tests {
         let named = |lines: &[String]| lines.len() == 1 && lines[0].starts_with("OOCPT_SAMPLES_PER_PIXEL=");
         assert!(named(&complaints), "{complaints:?}");
         let (layers, complaints) = with_variable("OOCPT_SAMPLES_PER_PIXEL", "-4");
-        assert_eq!(
-            layers.settings(),
-            Settings::default(),
-            "a value out of range may not change anything"
-        );
+        assert_eq!(layers.settings(), Settings::default(), "a value out of range may not change anything");
         assert!(named(&complaints), "{complaints:?}");
     }
 
@@ -197,30 +157,16 @@ mod tests {
     fn hosts_see_the_environment_as_the_default() {
         let (layers, _) = with_variable("OOCPT_SAMPLES_PER_PIXEL", "7");
         let list = layers.descriptors();
-        let samples = list
-            .iter()
-            .find(|entry| entry.key == SAMPLES)
-            .expect("the setting is listed");
+        let samples = list.iter().find(|entry| entry.key == SAMPLES).expect("the setting is listed");
         assert_eq!(samples.default_value.integer, 7, "the variable's value");
-        let twin = list
-            .iter()
-            .find(|entry| entry.key == "convergedSamplesPerPixel")
-            .expect("the setting is listed");
-        assert_eq!(
-            twin.default_value.integer, 7,
-            "another key for the same thing must not bring the default back"
-        );
+        let twin = list.iter().find(|entry| entry.key == "convergedSamplesPerPixel").expect("the setting is listed");
+        assert_eq!(twin.default_value.integer, 7, "another key for the same thing must not bring the default back");
         assert_eq!(list.len(), Settings::descriptors().len(), "every setting is listed");
     }
 
     #[test]
     fn every_kind_of_value_survives_the_crossing() {
-        for original in [
-            Value::Bool(true),
-            Value::Int(-3),
-            Value::Float(0.25),
-            Value::Text("llvmpipe".into()),
-        ] {
+        for original in [Value::Bool(true), Value::Int(-3), Value::Float(0.25), Value::Text("llvmpipe".into())] {
             assert_eq!(value(&scalar(&original)), Some(original.clone()), "{original:?}");
         }
     }

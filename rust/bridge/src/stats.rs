@@ -40,55 +40,24 @@ pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
 }
 
 fn stage(stats: &Stats) -> &'static str {
-    if stats.samples_target > 0 && stats.samples_completed >= stats.samples_target {
-        "done"
-    } else {
-        "rendering"
-    }
+    if stats.samples_target > 0 && stats.samples_completed >= stats.samples_target { "done" } else { "rendering" }
 }
 
 fn empty() -> ScalarValue {
-    ScalarValue {
-        tag: ScalarTag::Bool,
-        flag: false,
-        integer: 0,
-        real: 0.0,
-        text: String::new(),
-    }
+    ScalarValue { tag: ScalarTag::Bool, flag: false, integer: 0, real: 0.0, text: String::new() }
 }
 
 fn integer(key: &str, number: u64) -> NamedValue {
     let integer = i64::try_from(number).unwrap_or(i64::MAX);
-    NamedValue {
-        key: key.to_owned(),
-        value: ScalarValue {
-            tag: ScalarTag::Int,
-            integer,
-            ..empty()
-        },
-    }
+    NamedValue { key: key.to_owned(), value: ScalarValue { tag: ScalarTag::Int, integer, ..empty() } }
 }
 
 fn real(key: &str, real: f64) -> NamedValue {
-    NamedValue {
-        key: key.to_owned(),
-        value: ScalarValue {
-            tag: ScalarTag::Float,
-            real,
-            ..empty()
-        },
-    }
+    NamedValue { key: key.to_owned(), value: ScalarValue { tag: ScalarTag::Float, real, ..empty() } }
 }
 
 fn text(key: &str, text: &str) -> NamedValue {
-    NamedValue {
-        key: key.to_owned(),
-        value: ScalarValue {
-            tag: ScalarTag::Text,
-            text: text.to_owned(),
-            ..empty()
-        },
-    }
+    NamedValue { key: key.to_owned(), value: ScalarValue { tag: ScalarTag::Text, text: text.to_owned(), ..empty() } }
 }
 
 #[cfg(test)]
@@ -117,18 +86,12 @@ mod tests {
 
     #[test]
     fn keys_are_distinct_and_huge_counts_saturate() {
-        let values = named_values(&Stats {
-            rays_traced: u64::MAX,
-            ..Stats::default()
-        });
+        let values = named_values(&Stats { rays_traced: u64::MAX, ..Stats::default() });
         let mut keys: Vec<&str> = values.iter().map(|entry| entry.key.as_str()).collect();
         keys.sort_unstable();
         keys.dedup();
         assert_eq!(keys.len(), values.len(), "a key appears twice");
-        let rays = values
-            .iter()
-            .find(|entry| entry.key == "oocpt:raysTraced")
-            .expect("rays are listed");
+        let rays = values.iter().find(|entry| entry.key == "oocpt:raysTraced").expect("rays are listed");
         assert_eq!(rays.value.integer, i64::MAX, "a count beyond i64 must not wrap");
     }
 }

@@ -23,9 +23,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     match devices.iter().find(|device| device.chosen) {
         Some(device) => println!("will use: [{}] {} ({})", device.index, device.name, device.why),
         None => {
-            let wanted = selector
-                .map(|text| format!(" that matches OOCPT_DEVICE={text}"))
-                .unwrap_or_default();
+            let wanted = selector.map(|text| format!(" that matches OOCPT_DEVICE={text}")).unwrap_or_default();
             anyhow::bail!(
                 "no usable Vulkan device{wanted}: install a driver, or Mesa's lavapipe (mesa-vulkan-drivers)"
             );
@@ -36,34 +34,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 
 fn describe(device: &DeviceReport) -> String {
     let mark = if device.chosen { '*' } else { ' ' };
-    let mut lines = vec![
-        ("kind", format!("{:?}", device.kind)),
-        ("driver", device.driver.clone()),
-        ("Vulkan", device.api.clone()),
-    ];
+    let mut lines =
+        vec![("kind", format!("{:?}", device.kind)), ("driver", device.driver.clone()), ("Vulkan", device.api.clone())];
     for heap in &device.heaps {
-        let place = if heap.device_local {
-            "device memory"
-        } else {
-            "host memory"
-        };
-        let free = heap
-            .free
-            .map(|bytes| format!(", {} MiB free", bytes >> 20))
-            .unwrap_or_default();
+        let place = if heap.device_local { "device memory" } else { "host memory" };
+        let free = heap.free.map(|bytes| format!(", {} MiB free", bytes >> 20)).unwrap_or_default();
         lines.push((place, format!("{} MiB{free}", heap.bytes >> 20)));
     }
     lines.push(("capabilities", format!("{:?}", device.capabilities)));
-    let missing = if device.missing.is_empty() {
-        "nothing".into()
-    } else {
-        device.missing.join(", ")
-    };
+    let missing = if device.missing.is_empty() { "nothing".into() } else { device.missing.join(", ") };
     lines.push(("missing", missing));
     lines.push(("verdict", device.why.clone()));
-    let lines: Vec<String> = lines
-        .iter()
-        .map(|(label, value)| format!("    {label:<14}{value}\n"))
-        .collect();
+    let lines: Vec<String> = lines.iter().map(|(label, value)| format!("    {label:<14}{value}\n")).collect();
     format!("{mark} [{}] {}\n{}", device.index, device.name, lines.concat())
 }

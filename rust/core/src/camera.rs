@@ -88,11 +88,7 @@ struct Affine2 {
 
 impl Affine2 {
     fn map(self, f: impl Fn(DVec3) -> DVec3) -> Self {
-        Self {
-            constant: f(self.constant),
-            per_x: f(self.per_x),
-            per_y: f(self.per_y),
-        }
+        Self { constant: f(self.constant), per_x: f(self.per_x), per_y: f(self.per_y) }
     }
 
     /// The same function of `q`, where `x = at.x + scale.x * q.x` and likewise y.
@@ -136,11 +132,7 @@ impl Camera {
             view_from_world: affine_rows(&view_from_world),
             view_normal: matrix_rows(&world.matrix3.transpose()),
         };
-        if rays.is_finite() {
-            Ok(rays)
-        } else {
-            Err(CameraError::NotFinite("frustum in single precision"))
-        }
+        if rays.is_finite() { Ok(rays) } else { Err(CameraError::NotFinite("frustum in single precision")) }
     }
 
     fn world_affine(&self, origin: DVec3) -> Result<DAffine3, CameraError> {
@@ -188,31 +180,15 @@ impl Camera {
 
 impl CameraRays {
     fn is_finite(&self) -> bool {
-        let vectors = [
-            self.o,
-            self.o_x,
-            self.o_y,
-            self.d,
-            self.d_x,
-            self.d_y,
-            self.lens_u,
-            self.lens_v,
-        ];
+        let vectors = [self.o, self.o_x, self.o_y, self.d, self.d_x, self.d_y, self.lens_u, self.lens_v];
         let rows = [self.clip_z, self.clip_w];
         vectors.iter().chain(&self.view_normal).flatten().all(|v| v.is_finite())
-            && rows
-                .iter()
-                .chain(&self.view_from_world)
-                .flatten()
-                .all(|v| v.is_finite())
+            && rows.iter().chain(&self.view_from_world).flatten().all(|v| v.is_finite())
             && self.focus.is_finite()
     }
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "rounding to single precision is what is wanted"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
 fn narrow(value: f64) -> f32 {
     value as f32
 }
@@ -238,36 +214,18 @@ fn view_rays(projection: &DMat4) -> Result<ViewRays, CameraError> {
     let slope = |w: f64| (lift(inverse.x_axis * w, 0.0), lift(inverse.y_axis * w, 0.0));
     let by_depth = DVec2::new(r0.z, r1.z);
     let shift = DVec2::new(r0.w, r1.w);
-    let zero = Affine2 {
-        constant: DVec3::ZERO,
-        per_x: DVec3::ZERO,
-        per_y: DVec3::ZERO,
-    };
+    let zero = Affine2 { constant: DVec3::ZERO, per_x: DVec3::ZERO, per_y: DVec3::ZERO };
     if r3.x == 0.0 && r3.y == 0.0 && r3.w == 0.0 && r3.z < 0.0 && shift == DVec2::ZERO {
         // Perspective: w = -r3.z at Z = -1, and scale * XY - by_depth = w * (x, y).
         let (per_x, per_y) = slope(-r3.z);
-        let direction = Affine2 {
-            constant: lift(inverse * by_depth, -1.0),
-            per_x,
-            per_y,
-        };
-        return Ok(ViewRays {
-            origin: zero,
-            direction,
-        });
+        let direction = Affine2 { constant: lift(inverse * by_depth, -1.0), per_x, per_y };
+        return Ok(ViewRays { origin: zero, direction });
     }
     if r3.x == 0.0 && r3.y == 0.0 && r3.z == 0.0 && r3.w > 0.0 {
         // Orthographic (sheared when by_depth is not zero): scale * XY + by_depth * Z + shift = w * (x, y).
         let (per_x, per_y) = slope(r3.w);
-        let origin = Affine2 {
-            constant: lift(-(inverse * shift), 0.0),
-            per_x,
-            per_y,
-        };
-        let direction = Affine2 {
-            constant: lift(inverse * by_depth, -1.0),
-            ..zero
-        };
+        let origin = Affine2 { constant: lift(-(inverse * shift), 0.0), per_x, per_y };
+        let direction = Affine2 { constant: lift(inverse * by_depth, -1.0), ..zero };
         return Ok(ViewRays { origin, direction });
     }
     Err(CameraError::Unsupported)

@@ -6,12 +6,8 @@
 ///
 /// Made from the Joe-Kuo polynomials (new-joe-kuo-6.21201): dimension 0 is the van der Corput sequence; then degree 1
 /// `a = 0 m = {1}`, degree 2 `a = 1 m = {1, 3}`, degree 3 `a = 1 m = {1, 3, 1}`.
-pub const SOBOL_DIRECTIONS: [[u32; 32]; 4] = [
-    van_der_corput(),
-    directions(1, 0, [1, 0, 0]),
-    directions(2, 1, [1, 3, 0]),
-    directions(3, 1, [1, 3, 1]),
-];
+pub const SOBOL_DIRECTIONS: [[u32; 32]; 4] =
+    [van_der_corput(), directions(1, 0, [1, 0, 0]), directions(2, 1, [1, 3, 0]), directions(3, 1, [1, 3, 1])];
 
 const fn van_der_corput() -> [u32; 32] {
     let mut v = [0; 32];
@@ -60,10 +56,7 @@ pub const fn hash(mut x: u32) -> u32 {
 /// Folds `value` into `seed`: `s ^ (hash(v) + 0x9e3779b9 + (s << 6) + (s >> 2))`.
 #[must_use]
 pub const fn combine(seed: u32, value: u32) -> u32 {
-    seed ^ hash(value)
-        .wrapping_add(0x9e37_79b9)
-        .wrapping_add(seed << 6)
-        .wrapping_add(seed >> 2)
+    seed ^ hash(value).wrapping_add(0x9e37_79b9).wrapping_add(seed << 6).wrapping_add(seed >> 2)
 }
 
 /// Laine-Karras style permutation with Burley's constants (2020, listing 1): each output bit depends on lower bits only.

@@ -112,67 +112,22 @@ enum Field<'a> {
 
 /// (key, environment variable, name, help), in the order hosts show them. Several keys may share a field.
 const TABLE: &[(&str, &str, &str, &str)] = &[
-    (
-        "oocpt:samplesPerPixel",
-        "OOCPT_SAMPLES_PER_PIXEL",
-        "Samples per pixel",
-        "Samples per pixel to converge at",
-    ),
-    (
-        "oocpt:maxBounces",
-        "OOCPT_MAX_BOUNCES",
-        "Max bounces",
-        "Indirect bounces; 0 = direct light only",
-    ),
+    ("oocpt:samplesPerPixel", "OOCPT_SAMPLES_PER_PIXEL", "Samples per pixel", "Samples per pixel to converge at"),
+    ("oocpt:maxBounces", "OOCPT_MAX_BOUNCES", "Max bounces", "Indirect bounces; 0 = direct light only"),
     ("oocpt:seed", "OOCPT_SEED", "Seed", "Seed of all random numbers"),
-    (
-        "oocpt:clamp",
-        "OOCPT_CLAMP",
-        "Clamp",
-        "Largest value of one sample; 0 = no limit",
-    ),
-    (
-        "oocpt:timeLimit",
-        "OOCPT_TIME_LIMIT",
-        "Time limit",
-        "Stop after this many seconds; 0 = no limit",
-    ),
-    (
-        "oocpt:memoryBudget",
-        "OOCPT_MEMORY_BUDGET",
-        "Memory budget",
-        "Hard limit of device memory in MiB; 0 = automatic",
-    ),
-    (
-        "oocpt:device",
-        "OOCPT_DEVICE",
-        "Device",
-        "Device by index or part of its name; empty = best",
-    ),
-    (
-        "convergedSamplesPerPixel",
-        "OOCPT_CONVERGED_SAMPLES_PER_PIXEL",
-        "Converged samples",
-        "As oocpt:samplesPerPixel",
-    ),
-    (
-        "enableInteractive",
-        "OOCPT_ENABLE_INTERACTIVE",
-        "Interactive",
-        "Show coarse images early",
-    ),
+    ("oocpt:clamp", "OOCPT_CLAMP", "Clamp", "Largest value of one sample; 0 = no limit"),
+    ("oocpt:timeLimit", "OOCPT_TIME_LIMIT", "Time limit", "Stop after this many seconds; 0 = no limit"),
+    ("oocpt:memoryBudget", "OOCPT_MEMORY_BUDGET", "Memory budget", "Hard limit of device memory in MiB; 0 = automatic"),
+    ("oocpt:device", "OOCPT_DEVICE", "Device", "Device by index or part of its name; empty = best"),
+    ("convergedSamplesPerPixel", "OOCPT_CONVERGED_SAMPLES_PER_PIXEL", "Converged samples", "As oocpt:samplesPerPixel"),
+    ("enableInteractive", "OOCPT_ENABLE_INTERACTIVE", "Interactive", "Show coarse images early"),
     (
         "domeLightCameraVisibility",
         "OOCPT_DOME_LIGHT_CAMERA_VISIBILITY",
         "Dome light camera visibility",
         "Camera rays see the dome light",
     ),
-    (
-        "enableSceneLights",
-        "OOCPT_ENABLE_SCENE_LIGHTS",
-        "Scene lights",
-        "Use the lights of the scene",
-    ),
+    ("enableSceneLights", "OOCPT_ENABLE_SCENE_LIGHTS", "Scene lights", "Use the lights of the scene"),
 ];
 
 /// Most samples per pixel: sample indices stay exact in f32.
@@ -185,22 +140,13 @@ impl Settings {
     /// See [`SettingError`]; the setting keeps its value.
     pub fn set(&mut self, key: &str, value: Value) -> Result<bool, SettingError> {
         let before = self.clone();
-        let wrong = |expected| SettingError::Type {
-            key: key.to_owned(),
-            expected,
-            value: value.clone(),
-        };
+        let wrong = |expected| SettingError::Type { key: key.to_owned(), expected, value: value.clone() };
         let check = |value: f64, min: f64, max: f64| {
             // NaN fails this as well.
             if value >= min && value <= max {
                 Ok(value)
             } else {
-                Err(SettingError::Range {
-                    key: key.to_owned(),
-                    value,
-                    min,
-                    max,
-                })
+                Err(SettingError::Range { key: key.to_owned(), value, min, max })
             }
         };
         match self.field(key)? {
@@ -254,14 +200,7 @@ impl Settings {
         let defaults = Self::default();
         TABLE
             .iter()
-            .filter_map(|&(key, _, name, doc)| {
-                Some(Descriptor {
-                    key,
-                    name,
-                    default: defaults.get(key)?,
-                    doc,
-                })
-            })
+            .filter_map(|&(key, _, name, doc)| Some(Descriptor { key, name, default: defaults.get(key)?, doc }))
             .collect()
     }
 
@@ -320,11 +259,7 @@ impl Value {
 }
 
 /// A checked whole number as u32.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "checked against bounds inside u32"
-)]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked against bounds inside u32")]
 fn whole(value: f64) -> u32 {
     value as u32
 }

@@ -58,18 +58,8 @@ impl Arena {
         let skew = block.raw.address.next_multiple_of(GRANULE) - block.raw.address;
         let units = u32::try_from((bytes - skew) / GRANULE).unwrap_or(u32::MAX);
         let allocator = Allocator::with_max_allocs(units, units.clamp(16, MAX_RANGES));
-        let space = Mutex::new(Space {
-            allocator,
-            used_bytes: 0,
-            ranges: 0,
-        });
-        Arc::new(Self {
-            block: Arc::new(block),
-            skew,
-            bytes,
-            space,
-            heap,
-        })
+        let space = Mutex::new(Space { allocator, used_bytes: 0, ranges: 0 });
+        Arc::new(Self { block: Arc::new(block), skew, bytes, space, heap })
     }
 
     fn lock(&self) -> MutexGuard<'_, Space> {
@@ -83,11 +73,7 @@ impl Arena {
         let allocation = space.allocator.allocate(units)?;
         space.used_bytes += bytes;
         space.ranges += 1;
-        Some(Place {
-            arena: Arc::clone(self),
-            allocation,
-            bytes,
-        })
+        Some(Place { arena: Arc::clone(self), allocation, bytes })
     }
 
     /// Whether any range, retired ones included, is in it.
@@ -117,11 +103,7 @@ impl Place {
 impl RetiredRange {
     /// Gives the range back to its arena. Each range is retired once, by the drop of its `RangeInner`.
     pub(crate) fn free(self) {
-        let Place {
-            arena,
-            allocation,
-            bytes,
-        } = self.0;
+        let Place { arena, allocation, bytes } = self.0;
         let mut space = arena.lock();
         space.allocator.free(allocation);
         space.used_bytes -= bytes;

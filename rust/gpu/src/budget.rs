@@ -47,16 +47,8 @@ struct State {
 
 impl Budget {
     pub(crate) fn new(budget: u64) -> Self {
-        let counts = MemoryUse {
-            budget,
-            ..MemoryUse::default()
-        };
-        Self {
-            state: Mutex::new(State {
-                counts,
-                succeed_before_failure: None,
-            }),
-        }
+        let counts = MemoryUse { budget, ..MemoryUse::default() };
+        Self { state: Mutex::new(State { counts, succeed_before_failure: None }) }
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
@@ -127,12 +119,7 @@ impl Budget {
 }
 
 fn out_of_memory(name: &str, bytes: u64, counts: &MemoryUse) -> GpuError {
-    GpuError::OutOfMemory {
-        name: name.to_owned(),
-        bytes,
-        used: counts.used,
-        budget: counts.budget,
-    }
+    GpuError::OutOfMemory { name: name.to_owned(), bytes, used: counts.used, budget: counts.budget }
 }
 
 /// Nine tenths of what is free: the rest is for the driver, the display and other programs.
@@ -149,36 +136,20 @@ mod tests {
         let budget = Budget::new(100);
         assert!(budget.reserve("a", 60, Account::Device).is_ok(), "fits");
         let refused = budget.reserve("b", 41, Account::Device);
-        let expected = GpuError::OutOfMemory {
-            name: "b".into(),
-            bytes: 41,
-            used: 60,
-            budget: 100,
-        };
+        let expected = GpuError::OutOfMemory { name: "b".into(), bytes: 41, used: 60, budget: 100 };
         assert_eq!(refused, Err(expected), "one byte too many");
-        assert!(
-            budget.reserve("c", 40, Account::Device).is_ok(),
-            "exactly full is allowed"
-        );
+        assert!(budget.reserve("c", 40, Account::Device).is_ok(), "exactly full is allowed");
         assert!(budget.reserve("d", u64::MAX, Account::Device).is_err(), "no overflow");
         budget.release(60, Account::Device);
         let counts = budget.counts();
-        assert_eq!(
-            (counts.used, counts.peak, counts.allocations),
-            (40, 100, 1),
-            "peak stays"
-        );
+        assert_eq!((counts.used, counts.peak, counts.allocations), (40, 100, 1), "peak stays");
     }
 
     #[test]
     fn host_memory_is_counted_but_not_bounded() {
         let budget = Budget::new(10);
         assert!(budget.reserve("staging", 1000, Account::Host).is_ok(), "not bounded");
-        assert_eq!(
-            (budget.counts().used, budget.counts().host_used),
-            (0, 1000),
-            "counted apart"
-        );
+        assert_eq!((budget.counts().used, budget.counts().host_used), (0, 1000), "counted apart");
     }
 
     #[test]
@@ -186,11 +157,7 @@ mod tests {
         let budget = Budget::new(100);
         budget.fail_after(2);
         let results: Vec<_> = (0..4).map(|_| budget.injected_failure("x", 1).is_ok()).collect();
-        assert_eq!(
-            results,
-            [true, true, false, true],
-            "third request fails, later ones do not"
-        );
+        assert_eq!(results, [true, true, false, true], "third request fails, later ones do not");
     }
 
     #[test]

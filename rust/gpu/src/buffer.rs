@@ -113,15 +113,8 @@ impl Buffer {
 
     /// The address of a mapped byte range that was checked to fit.
     fn mapped_range(&self, offset: u64, length: usize) -> Result<*mut u8, GpuError> {
-        let mapped: Mapped = self
-            .block
-            .raw
-            .mapped
-            .ok_or_else(|| self.misuse("a Device buffer is not mapped"))?;
-        let fits = u64::try_from(length)
-            .ok()
-            .and_then(|n| offset.checked_add(n))
-            .is_some_and(|end| end <= self.size);
+        let mapped: Mapped = self.block.raw.mapped.ok_or_else(|| self.misuse("a Device buffer is not mapped"))?;
+        let fits = u64::try_from(length).ok().and_then(|n| offset.checked_add(n)).is_some_and(|end| end <= self.size);
         let offset = usize::try_from(offset)
             .ok()
             .filter(|_| fits)
@@ -131,10 +124,7 @@ impl Buffer {
     }
 
     fn misuse(&self, message: &str) -> GpuError {
-        GpuError::Usage {
-            name: self.name.clone(),
-            message: message.to_owned(),
-        }
+        GpuError::Usage { name: self.name.clone(), message: message.to_owned() }
     }
 }
 

@@ -23,6 +23,8 @@ pub struct Capabilities {
     pub shader_buffer_int64_atomics: bool,
     /// Required: timestamp queries are reset by the host.
     pub host_query_reset: bool,
+    /// Required: subgroup vote, ballot and arithmetic in compute shaders.
+    pub subgroup_operations: bool,
     /// Required: a queue family that computes.
     pub compute_queue: bool,
 
@@ -42,8 +44,6 @@ pub struct Capabilities {
     pub shader_float16: bool,
     /// The Vulkan memory model at device scope.
     pub vulkan_memory_model: bool,
-    /// Subgroup vote, ballot and arithmetic in compute shaders.
-    pub subgroup_operations: bool,
 }
 
 impl Capabilities {
@@ -60,6 +60,7 @@ impl Capabilities {
             (self.timeline_semaphore, "timelineSemaphore"),
             (self.shader_buffer_int64_atomics, "shaderBufferInt64Atomics"),
             (self.host_query_reset, "hostQueryReset"),
+            (self.subgroup_operations, "subgroup vote, ballot and arithmetic in compute shaders"),
             (self.compute_queue, "a compute queue"),
         ]
         .into_iter()
@@ -69,7 +70,7 @@ impl Capabilities {
 
     /// Name and presence of the capabilities that are used when present, for `doctor`.
     #[must_use]
-    pub fn optional(&self) -> [(&'static str, bool); 9] {
+    pub fn optional(&self) -> [(&'static str, bool); 8] {
         [
             ("memory budget", self.memory_budget),
             ("timestamps", self.timestamps),
@@ -79,7 +80,6 @@ impl Capabilities {
             ("int8", self.shader_int8),
             ("float16", self.shader_float16),
             ("memory model", self.vulkan_memory_model),
-            ("subgroup operations", self.subgroup_operations),
         ]
     }
 }
@@ -92,9 +92,7 @@ pub(crate) fn probe_features(
 ) -> Capabilities {
     let mut v11 = vk::PhysicalDeviceVulkan11Features::default();
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
-    let mut features = vk::PhysicalDeviceFeatures2::default()
-        .push_next(&mut v11)
-        .push_next(&mut v12);
+    let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut v11).push_next(&mut v12);
     // SAFETY: `physical` comes from `instance`, and the caller checked that both structures of 1.2 are known to it.
     unsafe { instance.get_physical_device_features2(physical, &mut features) };
     let core = features.features;
@@ -119,9 +117,7 @@ pub(crate) fn probe_features(
         shader_float16: yes(v12.shader_float16) && yes(v11.storage_buffer16_bit_access),
         vulkan_memory_model: yes(v12.vulkan_memory_model) && yes(v12.vulkan_memory_model_device_scope),
         subgroup_operations: subgroup.subgroup_supported_operations.contains(operations)
-            && subgroup
-                .subgroup_supported_stages
-                .contains(vk::ShaderStageFlags::COMPUTE),
+            && subgroup.subgroup_supported_stages.contains(vk::ShaderStageFlags::COMPUTE),
     }
 }
 
@@ -166,11 +162,7 @@ mod tests {
     #[test]
     fn missing_is_listed_by_name_and_old_devices_by_version() {
         let none = Capabilities::default();
-        assert_eq!(
-            none.missing(),
-            ["Vulkan 1.2"],
-            "an old device lacks the version, not a list of features"
-        );
+        assert_eq!(none.missing(), ["Vulkan 1.2"], "an old device lacks the version, not a list of features");
         let mut all = Capabilities {
             vulkan_1_2: true,
             shader_int64: true,
@@ -185,10 +177,6 @@ mod tests {
         assert!(all.missing().is_empty(), "optional capabilities are not required");
         all.scalar_block_layout = false;
         all.shader_int64 = false;
-        assert_eq!(
-            all.missing(),
-            ["shaderInt64", "scalarBlockLayout"],
-            "all that is missing, in a fixed order"
-        );
+        assert_eq!(all.missing(), ["shaderInt64", "scalarBlockLayout"], "all that is missing, in a fixed order");
     }
 }

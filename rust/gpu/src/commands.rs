@@ -70,10 +70,7 @@ impl Commands {
             return;
         };
         if !(start | bytes).is_multiple_of(4) {
-            return self.misuse(
-                target.name(),
-                format!("fill of {bytes} bytes at {offset}: not multiples of 4"),
-            );
+            return self.misuse(target.name(), format!("fill of {bytes} bytes at {offset}: not multiples of 4"));
         }
         if bytes > 0 {
             // SAFETY: the range lies in the buffer, which has TRANSFER_DST usage and is kept alive; 4-byte steps were checked.
@@ -99,17 +96,10 @@ impl Commands {
             return;
         };
         if from == to && src_offset.abs_diff(dst_offset) < bytes {
-            return self.misuse(
-                target.name(),
-                format!("copy of {bytes} bytes onto itself: the ranges overlap"),
-            );
+            return self.misuse(target.name(), format!("copy of {bytes} bytes onto itself: the ranges overlap"));
         }
         if bytes > 0 {
-            let region = [vk::BufferCopy {
-                src_offset,
-                dst_offset,
-                size: bytes,
-            }];
+            let region = [vk::BufferCopy { src_offset, dst_offset, size: bytes }];
             // SAFETY: both ranges lie in their buffers, do not overlap, and are kept alive; the usages are there.
             self.operation("copy", |raw, commands| unsafe {
                 raw.cmd_copy_buffer(commands, from, to, &region);
@@ -161,10 +151,7 @@ impl Commands {
             return;
         };
         if !start.is_multiple_of(4) {
-            return self.misuse(
-                arguments.name(),
-                format!("dispatch arguments at {offset}: not a multiple of 4"),
-            );
+            return self.misuse(arguments.name(), format!("dispatch arguments at {offset}: not a multiple of 4"));
         }
         if self.use_pipeline(pipeline, push) {
             let bind = Bind::new(pipeline, push);
@@ -236,10 +223,7 @@ impl Commands {
         device.check_alive()?;
         self.recorder.finish()?;
         let Some(slot) = self.slot.take() else {
-            return Err(GpuError::Usage {
-                name: self.label.clone(),
-                message: "submitted twice".to_owned(),
-            });
+            return Err(GpuError::Usage { name: self.label.clone(), message: "submitted twice".to_owned() });
         };
         let timer = self.recorder.timer.take().map(Arc::new);
         let work = InFlight {
@@ -270,10 +254,7 @@ impl Commands {
         }
         if offset.checked_add(bytes).is_none_or(|end| end > range.size()) {
             let size = range.size();
-            self.misuse(
-                range.name(),
-                format!("{bytes} bytes at {offset} do not fit in {size} bytes"),
-            );
+            self.misuse(range.name(), format!("{bytes} bytes at {offset} do not fit in {size} bytes"));
             return None;
         }
         let parts = range.parts();
@@ -309,10 +290,7 @@ impl Commands {
 
     fn misuse(&mut self, name: &str, message: String) {
         let message = format!("{message} (in {})", self.label);
-        self.fail(GpuError::Usage {
-            name: name.to_owned(),
-            message,
-        });
+        self.fail(GpuError::Usage { name: name.to_owned(), message });
     }
 
     fn fail(&mut self, error: GpuError) {
@@ -329,11 +307,7 @@ struct Bind<'a> {
 
 impl<'a> Bind<'a> {
     fn new(pipeline: &Pipeline, push: &'a [u8]) -> Self {
-        Self {
-            pipeline: pipeline.inner.raw,
-            layout: pipeline.inner.layout,
-            push,
-        }
+        Self { pipeline: pipeline.inner.raw, layout: pipeline.inner.layout, push }
     }
 
     fn record(&self, raw: &ash::Device, commands: vk::CommandBuffer) {

@@ -91,9 +91,7 @@ impl Device {
             raw,
             instance,
         };
-        device
-            .budget
-            .set_budget(options.budget_bytes.unwrap_or_else(|| device.automatic_budget()));
+        device.budget.set_budget(options.budget_bytes.unwrap_or_else(|| device.automatic_budget()));
         device.queue.create_timeline(&device.raw, &device.names)?;
         let info = vk::PipelineCacheCreateInfo::default();
         // SAFETY: the device is alive; an empty cache has no data to be valid.
@@ -108,10 +106,7 @@ impl Device {
     /// Nine tenths of what is free on the largest device-local heap now.
     pub(crate) fn automatic_budget(&self) -> u64 {
         let heaps = read_heaps(&self.instance, self.physical, self.report.capabilities.memory_budget);
-        let largest = heaps
-            .iter()
-            .filter(|heap| heap.device_local)
-            .max_by_key(|heap| heap.bytes);
+        let largest = heaps.iter().filter(|heap| heap.device_local).max_by_key(|heap| heap.bytes);
         let free = largest.map_or(0, |heap| heap.free.unwrap_or(heap.bytes));
         automatic_budget(free.saturating_add(self.budget.counts().used))
     }
@@ -135,18 +130,14 @@ impl Device {
             tracing::error!(last_pass, "the GPU was lost");
             last_pass
         });
-        GpuError::DeviceLost {
-            last_pass: last_pass.clone(),
-        }
+        GpuError::DeviceLost { last_pass: last_pass.clone() }
     }
 
     /// The error of a lost device, if it is lost.
     pub(crate) fn check_alive(&self) -> Result<(), GpuError> {
         match self.lost.get() {
             None => Ok(()),
-            Some(last_pass) => Err(GpuError::DeviceLost {
-                last_pass: last_pass.clone(),
-            }),
+            Some(last_pass) => Err(GpuError::DeviceLost { last_pass: last_pass.clone() }),
         }
     }
 
@@ -157,11 +148,10 @@ impl Device {
         }
         // SAFETY: the semaphore is a timeline of this device and lives as long as it.
         let value = unsafe { self.raw.get_semaphore_counter_value(self.queue.timeline()) };
-        self.check("vkGetSemaphoreCounterValue", value)
-            .unwrap_or_else(|error| match error {
-                GpuError::DeviceLost { .. } => u64::MAX,
-                _ => 0,
-            })
+        self.check("vkGetSemaphoreCounterValue", value).unwrap_or_else(|error| match error {
+            GpuError::DeviceLost { .. } => u64::MAX,
+            _ => 0,
+        })
     }
 
     /// Destroys or frees `item` after submission `point`: at once if that has passed.
@@ -222,10 +212,7 @@ impl Device {
     /// Takes back a slot that no submission uses.
     pub(crate) fn recycle_slot(&self, slot: CommandSlot) {
         // SAFETY: the caller owns the slot, and its buffer is not pending.
-        let reset = unsafe {
-            self.raw
-                .reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty())
-        };
+        let reset = unsafe { self.raw.reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty()) };
         if reset.is_ok() {
             self.slots.lock().unwrap_or_else(PoisonError::into_inner).push(slot);
         } else {
@@ -239,9 +226,8 @@ impl Device {
         let pool = match recycled {
             Some(pool) => pool,
             None => {
-                let info = vk::QueryPoolCreateInfo::default()
-                    .query_type(vk::QueryType::TIMESTAMP)
-                    .query_count(POOL_QUERIES);
+                let info =
+                    vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(POOL_QUERIES);
                 // SAFETY: the device is alive and the count is not zero.
                 self.check("vkCreateQueryPool", unsafe { self.raw.create_query_pool(&info, None) })?
             }
@@ -253,19 +239,15 @@ impl Device {
 
     /// Takes back pools that no submission uses.
     pub(crate) fn recycle_query_pools(&self, pools: &mut Vec<vk::QueryPool>) {
-        self.query_pools
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .append(pools);
+        self.query_pools.lock().unwrap_or_else(PoisonError::into_inner).append(pools);
     }
 }
 
 /// The logical device with one compute queue and everything that was found switched on.
 fn create_raw(instance: &Instance, probed: &Probed) -> Result<ash::Device, GpuError> {
     let priorities = [1.0_f32];
-    let queues = [vk::DeviceQueueCreateInfo::default()
-        .queue_family_index(probed.queue_family)
-        .queue_priorities(&priorities)];
+    let queues =
+        [vk::DeviceQueueCreateInfo::default().queue_family_index(probed.queue_family).queue_priorities(&priorities)];
     let mut extensions = Vec::new();
     if probed.report.capabilities.memory_budget {
         extensions.push(ash::ext::memory_budget::NAME.as_ptr());
@@ -300,12 +282,7 @@ impl Drop for Device {
         for slot in self.slots.get_mut().unwrap_or_else(PoisonError::into_inner).drain(..) {
             slot.destroy(&self.raw);
         }
-        for pool in self
-            .query_pools
-            .get_mut()
-            .unwrap_or_else(PoisonError::into_inner)
-            .drain(..)
-        {
+        for pool in self.query_pools.get_mut().unwrap_or_else(PoisonError::into_inner).drain(..) {
             // SAFETY: the device is idle and every Timer has given its pools back.
             unsafe { self.raw.destroy_query_pool(pool, None) };
         }
@@ -320,8 +297,6 @@ impl Drop for Device {
 
 impl std::fmt::Debug for Device {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Device")
-            .field("name", &self.report.name)
-            .finish_non_exhaustive()
+        f.debug_struct("Device").field("name", &self.report.name).finish_non_exhaustive()
     }
 }

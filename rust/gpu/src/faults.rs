@@ -9,12 +9,7 @@ use crate::{Buffer, Commands, Gpu, GpuError, Heap, OpenOptions, Pipeline, Usage}
 
 fn open(validation: bool) -> Arc<Gpu> {
     let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
-    Gpu::open(&OpenOptions {
-        selector,
-        validation,
-        ..OpenOptions::default()
-    })
-    .expect("a device to test on")
+    Gpu::open(&OpenOptions { selector, validation, ..OpenOptions::default() }).expect("a device to test on")
 }
 
 #[test]
@@ -26,9 +21,7 @@ fn the_validation_canary_sings() {
     }
     let device = gpu.device();
     assert_eq!(gpu.take_validation_messages(), Vec::<String>::new(), "silent before");
-    let info = vk::BufferCreateInfo::default()
-        .size(0)
-        .usage(vk::BufferUsageFlags::STORAGE_BUFFER);
+    let info = vk::BufferCreateInfo::default().size(0).usage(vk::BufferUsageFlags::STORAGE_BUFFER);
     // SAFETY: deliberately breaks VUID-VkBufferCreateInfo-size-00912; the layer only reports it, and a software or NVIDIA
     // driver makes an empty buffer.
     if let Ok(buffer) = unsafe { device.raw.create_buffer(&info, None) } {
@@ -36,12 +29,7 @@ fn the_validation_canary_sings() {
         unsafe { device.raw.destroy_buffer(buffer, None) };
     }
     let messages = gpu.take_validation_messages();
-    assert!(
-        messages
-            .iter()
-            .any(|m| m.contains("VUID-VkBufferCreateInfo-size-00912")),
-        "{messages:?}"
-    );
+    assert!(messages.iter().any(|m| m.contains("VUID-VkBufferCreateInfo-size-00912")), "{messages:?}");
 }
 
 #[test]
@@ -52,18 +40,13 @@ fn a_leak_is_reported_after_closing() {
         return;
     }
     let log = gpu.validation_log();
-    let info = vk::BufferCreateInfo::default()
-        .size(64)
-        .usage(vk::BufferUsageFlags::STORAGE_BUFFER);
+    let info = vk::BufferCreateInfo::default().size(64).usage(vk::BufferUsageFlags::STORAGE_BUFFER);
     // SAFETY: a valid call; the buffer is leaked on purpose.
     let leaked = unsafe { gpu.device().raw.create_buffer(&info, None) };
     assert!(leaked.is_ok(), "{leaked:?}");
     drop(gpu);
     let messages = log.take();
-    assert!(
-        messages.iter().any(|m| m.contains("VUID-vkDestroyDevice-device")),
-        "{messages:?}"
-    );
+    assert!(messages.iter().any(|m| m.contains("VUID-vkDestroyDevice-device")), "{messages:?}");
 }
 
 fn filled(gpu: &Arc<Gpu>, label: &str, buffer: &Buffer) -> Commands {
@@ -75,9 +58,7 @@ fn filled(gpu: &Arc<Gpu>, label: &str, buffer: &Buffer) -> Commands {
 
 /// As if the driver had answered `VK_ERROR_DEVICE_LOST`.
 fn lose(gpu: &Gpu) -> GpuError {
-    let result = gpu
-        .device()
-        .check::<()>("vkQueueSubmit", Err(vk::Result::ERROR_DEVICE_LOST));
+    let result = gpu.device().check::<()>("vkQueueSubmit", Err(vk::Result::ERROR_DEVICE_LOST));
     result.expect_err("a lost device is an error")
 }
 
@@ -88,41 +69,24 @@ fn a_lost_device_names_the_last_pass() {
     let submission = filled(&gpu, "wave 7", &buffer).enqueue().expect("submitted");
     // Waits without taking the submission off the list, as when the device dies in the middle.
     let queue = &gpu.device().queue;
-    assert_eq!(
-        queue.wait(gpu.device(), queue.last_submitted(), u64::MAX),
-        Ok(true),
-        "finished"
-    );
+    assert_eq!(queue.wait(gpu.device(), queue.last_submitted(), u64::MAX), Ok(true), "finished");
     let error = lose(&gpu);
     let last_pass = "update (then end of wave 7 began)".to_owned();
     assert_eq!(error, GpuError::DeviceLost { last_pass }, "by the marker");
-    assert!(
-        submission.is_done() && submission.wait(std::time::Duration::ZERO).is_err(),
-        "told by wait"
-    );
+    assert!(submission.is_done() && submission.wait(std::time::Duration::ZERO).is_err(), "told by wait");
     assert!(submission.timings().is_empty(), "no timings of a lost device");
 }
 
 #[test]
 fn without_markers_the_last_submission_is_named() {
-    let gpu = Gpu::open(&OpenOptions {
-        crash_markers: false,
-        ..OpenOptions::default()
-    })
-    .expect("a device");
+    let gpu = Gpu::open(&OpenOptions { crash_markers: false, ..OpenOptions::default() }).expect("a device");
     let buffer = Buffer::new(&gpu, "buffer", 64, Usage::Device).expect("memory");
     filled(&gpu, "first", &buffer).submit().expect("submitted");
     gpu.wait_idle().expect("alive");
     filled(&gpu, "second", &buffer).enqueue().expect("submitted");
     let queue = &gpu.device().queue;
-    assert_eq!(
-        queue.wait(gpu.device(), queue.last_submitted(), u64::MAX),
-        Ok(true),
-        "finished"
-    );
-    let GpuError::DeviceLost { last_pass } = lose(&gpu) else {
-        panic!("expected DeviceLost")
-    };
+    assert_eq!(queue.wait(gpu.device(), queue.last_submitted(), u64::MAX), Ok(true), "finished");
+    let GpuError::DeviceLost { last_pass } = lose(&gpu) else { panic!("expected DeviceLost") };
     assert_eq!(last_pass, "first (then second was submitted)", "by what finished");
 }
 
@@ -136,31 +100,15 @@ fn after_a_loss_everything_fails_and_everything_can_be_dropped() {
     let commands = filled(&gpu, "too late", &buffer);
     gpu.wait_idle().expect("alive");
     let lost = lose(&gpu);
-    assert_eq!(
-        commands.submit().expect_err("submit"),
-        lost,
-        "the same error everywhere"
-    );
+    assert_eq!(commands.submit().expect_err("submit"), lost, "the same error everywhere");
     assert_eq!(gpu.commands("more").expect_err("commands"), lost, "commands");
-    assert_eq!(
-        Buffer::new(&gpu, "more", 64, Usage::Device).expect_err("buffer"),
-        lost,
-        "buffer"
-    );
+    assert_eq!(Buffer::new(&gpu, "more", 64, Usage::Device).expect_err("buffer"), lost, "buffer");
     assert_eq!(heap.alloc("more", 64, 16).expect_err("range"), lost, "range");
     assert_eq!(Heap::new(&gpu, "more", 1).expect_err("heap"), lost, "heap");
-    assert_eq!(
-        Pipeline::new(&gpu, "more", &[], &[], 0).expect_err("pipeline"),
-        lost,
-        "pipeline"
-    );
+    assert_eq!(Pipeline::new(&gpu, "more", &[], &[], 0).expect_err("pipeline"), lost, "pipeline");
     assert_eq!(gpu.wait_idle(), Err(lost), "wait");
     drop((buffer, range, heap));
-    assert_eq!(
-        gpu.memory().used,
-        0,
-        "memory is given back although nothing will ever finish"
-    );
+    assert_eq!(gpu.memory().used, 0, "memory is given back although nothing will ever finish");
     drop(gpu);
     assert_eq!(log.take(), Vec::<String>::new(), "closed without leaks");
 }

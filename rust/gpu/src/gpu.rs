@@ -103,9 +103,7 @@ impl Gpu {
         let mut probed = devices.swap_remove(chosen);
         probed.report = reports.swap_remove(chosen);
         tracing::info!(device = probed.report.name, why = probed.report.why, "GPU opened");
-        Ok(Arc::new(Self {
-            device: Arc::new(Device::new(instance, probed, options)?),
-        }))
+        Ok(Arc::new(Self { device: Arc::new(Device::new(instance, probed, options)?) }))
     }
 
     pub(crate) fn device(&self) -> &Arc<Device> {
@@ -134,9 +132,7 @@ impl Gpu {
     /// Changes the hard budget; None = nine tenths of what this process could hold now. What is held stays held: below that, every
     /// request fails until enough was dropped.
     pub fn set_budget(&self, budget_bytes: Option<u64>) {
-        self.device
-            .budget
-            .set_budget(budget_bytes.unwrap_or_else(|| self.device.automatic_budget()));
+        self.device.budget.set_budget(budget_bytes.unwrap_or_else(|| self.device.automatic_budget()));
     }
 
     /// Takes the warnings and errors of the validation layer so far. Always empty without validation.

@@ -102,11 +102,7 @@ impl Heap {
             arenas: Mutex::new(Vec::new()),
             dedicated_bytes: Arc::new(AtomicU64::new(0)),
         });
-        device
-            .heaps
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .push(Arc::downgrade(&core));
+        device.heaps.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::downgrade(&core));
         Ok(Self { core })
     }
 
@@ -121,17 +117,11 @@ impl Heap {
         core.device.budget.injected_failure(name, bytes)?;
         if !align.is_power_of_two() {
             let message = format!("alignment {align} is not a power of two");
-            return Err(GpuError::Usage {
-                name: name.to_owned(),
-                message,
-            });
+            return Err(GpuError::Usage { name: name.to_owned(), message });
         }
         // Within an arena units are aligned already; a larger alignment is met by moving up inside a longer place.
         let padding = if align > GRANULE { align } else { 0 };
-        let needed = bytes
-            .max(1)
-            .checked_add(padding)
-            .and_then(|n| n.checked_next_multiple_of(GRANULE));
+        let needed = bytes.max(1).checked_add(padding).and_then(|n| n.checked_next_multiple_of(GRANULE));
         if let Some(needed) = needed.filter(|&needed| needed <= core.arena_bytes / 2) {
             if let Some(place) = core.take(needed) {
                 return Ok(HeapRange::in_arena(place, name, bytes, align));
@@ -154,10 +144,8 @@ impl Heap {
     #[must_use]
     pub fn stats(&self) -> HeapStats {
         self.core.device.collect();
-        let mut stats = HeapStats {
-            dedicated_bytes: self.core.dedicated_bytes.load(Ordering::Relaxed),
-            ..HeapStats::default()
-        };
+        let mut stats =
+            HeapStats { dedicated_bytes: self.core.dedicated_bytes.load(Ordering::Relaxed), ..HeapStats::default() };
         let mut free = 0;
         for arena in self.core.lock().iter() {
             let part = arena.usage();
@@ -217,21 +205,11 @@ impl HeapCore {
             bytes,
             limit: self.device.limits.max_allocation_bytes,
         })?;
-        let raw = self
-            .device
-            .allocate(name, padded, Usage::Device, Patience::WaitForRetired)?;
+        let raw = self.device.allocate(name, padded, Usage::Device, Patience::WaitForRetired)?;
         self.dedicated_bytes.fetch_add(padded, Ordering::Relaxed);
-        let owner = Owner::Dedicated {
-            counter: Arc::clone(&self.dedicated_bytes),
-            bytes: padded,
-        };
+        let owner = Owner::Dedicated { counter: Arc::clone(&self.dedicated_bytes), bytes: padded };
         let offset = raw.address.next_multiple_of(align) - raw.address;
-        Ok(HeapRange::new(
-            Arc::new(Block::new(&self.device, raw)),
-            owner,
-            offset,
-            (name, bytes),
-        ))
+        Ok(HeapRange::new(Arc::new(Block::new(&self.device, raw)), owner, offset, (name, bytes)))
     }
 
     /// Lets go of arenas that hold nothing, all but `keep` of them.
@@ -258,16 +236,7 @@ impl HeapCore {
 impl HeapRange {
     fn new(block: Arc<Block>, owner: Owner, offset: u64, (name, size): (&str, u64)) -> Self {
         let name = name.to_owned();
-        Self {
-            inner: Arc::new(RangeInner {
-                block,
-                offset,
-                size,
-                name,
-                owner,
-                retire_after: RetirePoint::new(),
-            }),
-        }
+        Self { inner: Arc::new(RangeInner { block, offset, size, name, owner, retire_after: RetirePoint::new() }) }
     }
 
     fn in_arena(place: Place, name: &str, size: u64, align: u64) -> Self {

@@ -92,14 +92,7 @@ impl Instance {
         let raw = wanted.create(&entry, &log)?;
         let names = wanted.extensions.contains(&ash::ext::debug_utils::NAME);
         let validating = !wanted.layers.is_empty();
-        let mut instance = Self {
-            entry,
-            raw,
-            messenger: None,
-            log,
-            names,
-            validating,
-        };
+        let mut instance = Self { entry, raw, messenger: None, log, names, validating };
         if names && validating {
             instance.attach_messenger()?;
         }
@@ -122,14 +115,8 @@ impl Wanted {
         // SAFETY: no preconditions beyond a loaded entry.
         let layers = unsafe { entry.enumerate_instance_layer_properties() }
             .map_err(|code| vulkan_error("vkEnumerateInstanceLayerProperties", code))?;
-        let has_layer = layers
-            .iter()
-            .any(|layer| layer.layer_name_as_c_str() == Ok(VALIDATION_LAYER));
-        let mut wanted = Self {
-            layers: Vec::new(),
-            extensions: Vec::new(),
-            sync_validation: false,
-        };
+        let has_layer = layers.iter().any(|layer| layer.layer_name_as_c_str() == Ok(VALIDATION_LAYER));
+        let mut wanted = Self { layers: Vec::new(), extensions: Vec::new(), sync_validation: false };
         if validation != Validation::Off {
             if has_layer {
                 wanted.layers.push(VALIDATION_LAYER);
@@ -138,9 +125,7 @@ impl Wanted {
             }
         }
         let validating = !wanted.layers.is_empty();
-        if extension_names(entry, None)?
-            .iter()
-            .any(|name| name.as_c_str() == ash::ext::debug_utils::NAME)
+        if extension_names(entry, None)?.iter().any(|name| name.as_c_str() == ash::ext::debug_utils::NAME)
             || (validating && has_extension(entry, VALIDATION_LAYER, ash::ext::debug_utils::NAME)?)
         {
             wanted.extensions.push(ash::ext::debug_utils::NAME);
@@ -192,24 +177,16 @@ fn extension_names(entry: &ash::Entry, layer: Option<&CStr>) -> Result<Vec<std::
     // SAFETY: `layer`, if any, was found by vkEnumerateInstanceLayerProperties.
     let properties = unsafe { entry.enumerate_instance_extension_properties(layer) }
         .map_err(|code| vulkan_error("vkEnumerateInstanceExtensionProperties", code))?;
-    Ok(properties
-        .iter()
-        .filter_map(|p| p.extension_name_as_c_str().ok().map(CStr::to_owned))
-        .collect())
+    Ok(properties.iter().filter_map(|p| p.extension_name_as_c_str().ok().map(CStr::to_owned)).collect())
 }
 
 fn has_extension(entry: &ash::Entry, layer: &CStr, extension: &CStr) -> Result<bool, GpuError> {
-    Ok(extension_names(entry, Some(layer))?
-        .iter()
-        .any(|name| name.as_c_str() == extension))
+    Ok(extension_names(entry, Some(layer))?.iter().any(|name| name.as_c_str() == extension))
 }
 
 /// The error for a call that failed outside a device.
 pub(crate) fn vulkan_error(call: &'static str, code: vk::Result) -> GpuError {
-    GpuError::Vulkan {
-        call,
-        code: format!("{code:?}"),
-    }
+    GpuError::Vulkan { call, code: format!("{code:?}") }
 }
 
 impl Drop for Instance {
@@ -225,8 +202,6 @@ impl Drop for Instance {
 
 impl std::fmt::Debug for Instance {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Instance")
-            .field("validating", &self.validating)
-            .finish_non_exhaustive()
+        f.debug_struct("Instance").field("validating", &self.validating).finish_non_exhaustive()
     }
 }

@@ -15,10 +15,7 @@
 //!
 //! The way of a piece of work: `gpu` -> `commands` (checks) -> `recorder` (barriers, markers, timestamps) -> `queue` (submits, keeps
 //! alive) -> `retire` (lets go).
-#![allow(
-    unsafe_code,
-    reason = "this crate exists to contain it; one operation per block, each with its reason"
-)]
+#![allow(unsafe_code, reason = "this crate exists to contain it; one operation per block, each with its reason")]
 
 mod arena;
 mod budget;

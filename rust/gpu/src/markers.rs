@@ -35,10 +35,7 @@ impl Markers {
             // SAFETY: at least four bytes are mapped, and nothing else uses them yet.
             unsafe { mapped.as_ptr().cast::<u32>().write_volatile(0) };
         }
-        Ok(Self {
-            raw,
-            next: AtomicU32::new(1),
-        })
+        Ok(Self { raw, next: AtomicU32::new(1) })
     }
 
     /// Records the stamp of an operation called `name`. The caller has just recorded a full barrier.
@@ -46,18 +43,13 @@ impl Markers {
         let id = self.next.fetch_add(1, Ordering::Relaxed);
         // SAFETY: `commands` is recording, and the buffer has TRANSFER_DST usage and at least four bytes.
         unsafe { device.raw.cmd_fill_buffer(commands, self.raw.buffer, 0, 4, id) };
-        Mark {
-            id,
-            name: name.to_owned(),
-        }
+        Mark { id, name: name.to_owned() }
     }
 
     /// The number stamped last. Meaningful once the device is lost or idle.
     pub(crate) fn read(&self) -> u32 {
         // SAFETY: four bytes are mapped and aligned; the device may write them meanwhile, hence volatile.
-        self.raw
-            .mapped
-            .map_or(0, |mapped| unsafe { mapped.as_ptr().cast::<u32>().read_volatile() })
+        self.raw.mapped.map_or(0, |mapped| unsafe { mapped.as_ptr().cast::<u32>().read_volatile() })
     }
 
     /// The buffer, to be destroyed by the device.
@@ -68,9 +60,7 @@ impl Markers {
 
 /// What the stamp `id` says about the work in flight; None when no operation there has this number.
 pub(crate) fn describe(in_flight: &VecDeque<InFlight>, id: u32) -> Option<String> {
-    let names = in_flight
-        .iter()
-        .map(|work| (work.label.as_str(), work.marks.as_slice()));
+    let names = in_flight.iter().map(|work| (work.label.as_str(), work.marks.as_slice()));
     describe_marks(names, id)
 }
 
@@ -93,12 +83,7 @@ mod tests {
     use super::*;
 
     fn marks(list: &[(u32, &str)]) -> Vec<Mark> {
-        list.iter()
-            .map(|&(id, name)| Mark {
-                id,
-                name: name.to_owned(),
-            })
-            .collect()
+        list.iter().map(|&(id, name)| Mark { id, name: name.to_owned() }).collect()
     }
 
     #[test]
@@ -106,16 +91,8 @@ mod tests {
         // Numbers are given while recording, which need not be the order of submission.
         let (first, second) = (marks(&[(7, "generate"), (9, "intersect")]), marks(&[(3, "shade")]));
         let work = || [("wave 1", first.as_slice()), ("wave 2", second.as_slice())].into_iter();
-        assert_eq!(
-            describe_marks(work(), 9),
-            Some("generate (then intersect of wave 1 began)".into()),
-            "inside"
-        );
-        assert_eq!(
-            describe_marks(work(), 3),
-            Some("intersect (then shade of wave 2 began)".into()),
-            "across"
-        );
+        assert_eq!(describe_marks(work(), 9), Some("generate (then intersect of wave 1 began)".into()), "inside");
+        assert_eq!(describe_marks(work(), 3), Some("intersect (then shade of wave 2 began)".into()), "across");
         assert_eq!(
             describe_marks(work(), 7),
             Some("an earlier submission (then generate of wave 1 began)".into()),

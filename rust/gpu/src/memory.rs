@@ -104,25 +104,15 @@ impl Device {
     ) -> Result<RawBuffer, GpuError> {
         self.check_alive()?;
         let limit = self.limits.max_allocation_bytes;
-        let size = bytes
-            .max(1)
-            .checked_next_multiple_of(SIZE_STEP)
-            .filter(|&size| size <= limit);
-        let size = size.ok_or_else(|| GpuError::TooLarge {
-            name: name.to_owned(),
-            bytes,
-            limit,
-        })?;
-        let info = vk::BufferCreateInfo::default()
-            .size(size)
-            .sharing_mode(vk::SharingMode::EXCLUSIVE)
-            .usage(
-                vk::BufferUsageFlags::STORAGE_BUFFER
-                    | vk::BufferUsageFlags::INDIRECT_BUFFER
-                    | vk::BufferUsageFlags::TRANSFER_SRC
-                    | vk::BufferUsageFlags::TRANSFER_DST
-                    | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS,
-            );
+        let size = bytes.max(1).checked_next_multiple_of(SIZE_STEP).filter(|&size| size <= limit);
+        let size = size.ok_or_else(|| GpuError::TooLarge { name: name.to_owned(), bytes, limit })?;
+        let info = vk::BufferCreateInfo::default().size(size).sharing_mode(vk::SharingMode::EXCLUSIVE).usage(
+            vk::BufferUsageFlags::STORAGE_BUFFER
+                | vk::BufferUsageFlags::INDIRECT_BUFFER
+                | vk::BufferUsageFlags::TRANSFER_SRC
+                | vk::BufferUsageFlags::TRANSFER_DST
+                | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS,
+        );
         // SAFETY: the device is alive, the size is not zero and bufferDeviceAddress is enabled.
         let buffer = self.check("vkCreateBuffer", unsafe { self.raw.create_buffer(&info, None) })?;
         let mut raw = RawBuffer {
@@ -149,11 +139,7 @@ impl Device {
         let needs = unsafe { self.raw.get_buffer_memory_requirements(raw.buffer) };
         let limit = self.limits.max_allocation_bytes;
         if needs.size > limit {
-            return Err(GpuError::TooLarge {
-                name: name.to_owned(),
-                bytes: needs.size,
-                limit,
-            });
+            return Err(GpuError::TooLarge { name: name.to_owned(), bytes: needs.size, limit });
         }
         let types = self.memory_types.memory_types_as_slice();
         let kind = choose_type(types, needs.memory_type_bits, usage).ok_or_else(|| GpuError::MissingCapability {
@@ -161,9 +147,7 @@ impl Device {
             missing: format!("a memory type for {usage:?} buffers"),
         })?;
         let memory_type = types[kind as usize];
-        let local = memory_type
-            .property_flags
-            .contains(vk::MemoryPropertyFlags::DEVICE_LOCAL);
+        let local = memory_type.property_flags.contains(vk::MemoryPropertyFlags::DEVICE_LOCAL);
         let counted = usage == Usage::Device || (local && !self.unified);
         raw.account = if counted { Account::Device } else { Account::Host };
         raw.memory = self.take_memory(raw, name, (needs.size, kind), patience)?;
@@ -208,9 +192,7 @@ impl Device {
     ) -> Result<vk::DeviceMemory, GpuError> {
         let heap = self.memory_types.memory_types_as_slice()[memory_type as usize].heap_index as usize;
         if raw.account == Account::Device && self.report.capabilities.memory_budget {
-            let free = read_heaps(&self.instance, self.physical, true)
-                .get(heap)
-                .and_then(|heap| heap.free);
+            let free = read_heaps(&self.instance, self.physical, true).get(heap).and_then(|heap| heap.free);
             if free.is_some_and(|free| free < bytes) {
                 return Err(self.budget.refused(name, bytes));
             }
@@ -259,41 +241,17 @@ mod tests {
     type F = vk::MemoryPropertyFlags;
 
     fn types(flags: &[F]) -> Vec<vk::MemoryType> {
-        flags
-            .iter()
-            .map(|&property_flags| vk::MemoryType {
-                property_flags,
-                heap_index: 0,
-            })
-            .collect()
+        flags.iter().map(|&property_flags| vk::MemoryType { property_flags, heap_index: 0 }).collect()
     }
 
     #[test]
     fn discrete_gpus_keep_device_memory_and_staging_apart() {
         let host = F::HOST_VISIBLE | F::HOST_COHERENT;
-        let list = types(&[
-            F::empty(),
-            F::DEVICE_LOCAL,
-            host,
-            host | F::HOST_CACHED,
-            F::DEVICE_LOCAL | host,
-        ]);
-        assert_eq!(
-            choose_type(&list, !0, Usage::Device),
-            Some(1),
-            "not the host-visible window"
-        );
-        assert_eq!(
-            choose_type(&list, !0, Usage::Upload),
-            Some(2),
-            "write-combined host memory"
-        );
+        let list = types(&[F::empty(), F::DEVICE_LOCAL, host, host | F::HOST_CACHED, F::DEVICE_LOCAL | host]);
+        assert_eq!(choose_type(&list, !0, Usage::Device), Some(1), "not the host-visible window");
+        assert_eq!(choose_type(&list, !0, Usage::Upload), Some(2), "write-combined host memory");
         assert_eq!(choose_type(&list, !0, Usage::Readback), Some(3), "cached host memory");
-        assert_eq!(
-            choose_type(&list, 0b1_0010, Usage::Readback),
-            Some(4),
-            "the window when nothing else is allowed"
-        );
+        assert_eq!(choose_type(&list, 0b1_0010, Usage::Readback), Some(4), "the window when nothing else is allowed");
         assert_eq!(choose_type(&list, 0b1, Usage::Device), None, "no type fits");
     }
 
@@ -307,11 +265,7 @@ mod tests {
 
     #[test]
     fn types_that_need_a_feature_are_left_alone() {
-        let list = types(&[
-            F::DEVICE_LOCAL | F::DEVICE_UNCACHED_AMD,
-            F::DEVICE_LOCAL | F::PROTECTED,
-            F::DEVICE_LOCAL,
-        ]);
+        let list = types(&[F::DEVICE_LOCAL | F::DEVICE_UNCACHED_AMD, F::DEVICE_LOCAL | F::PROTECTED, F::DEVICE_LOCAL]);
         assert_eq!(choose_type(&list, !0, Usage::Device), Some(2), "plain device memory");
     }
 }

@@ -15,18 +15,14 @@ pub(crate) struct Names {
 
 impl Names {
     pub(crate) fn new(instance: &ash::Instance, device: &ash::Device, enabled: bool) -> Self {
-        Self {
-            utils: enabled.then(|| ash::ext::debug_utils::Device::new(instance, device)),
-        }
+        Self { utils: enabled.then(|| ash::ext::debug_utils::Device::new(instance, device)) }
     }
 
     /// Names an object that the caller alone is using now.
     pub(crate) fn set<T: vk::Handle>(&self, object: T, name: &str) {
         let Some(utils) = &self.utils else { return };
         let name = c_string(name);
-        let info = vk::DebugUtilsObjectNameInfoEXT::default()
-            .object_handle(object)
-            .object_name(&name);
+        let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);
         // SAFETY: the object is alive and not in use by another thread (every caller has just created it).
         if let Err(code) = unsafe { utils.set_debug_utils_object_name(&info) } {
             tracing::debug!("vkSetDebugUtilsObjectNameEXT failed: {code:?}");

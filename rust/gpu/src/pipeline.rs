@@ -50,10 +50,7 @@ impl Pipeline {
     ) -> Result<Self, GpuError> {
         let device = gpu.device();
         device.check_alive()?;
-        let misuse = |message: String| GpuError::Usage {
-            name: name.to_owned(),
-            message,
-        };
+        let misuse = |message: String| GpuError::Usage { name: name.to_owned(), message };
         if !has_compute_main(words) {
             return Err(misuse("no SPIR-V with a compute entry point \"main\"".to_owned()));
         }
@@ -65,9 +62,7 @@ impl Pipeline {
         }
         let info = vk::ShaderModuleCreateInfo::default().code(words);
         // SAFETY: the words are SPIR-V with the magic number and an entry point; the caller vouches for their validity (see module).
-        let module = device.check("vkCreateShaderModule", unsafe {
-            device.raw.create_shader_module(&info, None)
-        })?;
+        let module = device.check("vkCreateShaderModule", unsafe { device.raw.create_shader_module(&info, None) })?;
         let made = PipelineInner::new(device, name, module, spec, push_bytes);
         // SAFETY: the module is needed only while the pipeline is made.
         unsafe { device.raw.destroy_shader_module(module, None) };
@@ -95,29 +90,18 @@ impl PipelineInner {
         spec: &[(u32, u32)],
         push_bytes: u32,
     ) -> Result<Self, GpuError> {
-        let range = [vk::PushConstantRange::default()
-            .stage_flags(vk::ShaderStageFlags::COMPUTE)
-            .size(push_bytes)];
+        let range = [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(push_bytes)];
         let ranges = if push_bytes == 0 { &[][..] } else { &range[..] };
         let info = vk::PipelineLayoutCreateInfo::default().push_constant_ranges(ranges);
         // SAFETY: the range is within the limit and not empty.
         let layout = unsafe { device.raw.create_pipeline_layout(&info, None) };
         let layout = device.check("vkCreatePipelineLayout", layout)?;
         // From here on Drop cleans up; destroying a null pipeline is allowed.
-        let mut inner = Self {
-            device: Arc::clone(device),
-            name: name.to_owned(),
-            raw: vk::Pipeline::null(),
-            layout,
-            push_bytes,
-        };
+        let mut inner =
+            Self { device: Arc::clone(device), name: name.to_owned(), raw: vk::Pipeline::null(), layout, push_bytes };
         let entries: Vec<_> = (0_u32..)
             .zip(spec)
-            .map(|(i, &(id, _))| vk::SpecializationMapEntry {
-                constant_id: id,
-                offset: i * 4,
-                size: 4,
-            })
+            .map(|(i, &(id, _))| vk::SpecializationMapEntry { constant_id: id, offset: i * 4, size: 4 })
             .collect();
         let values: Vec<u8> = spec.iter().flat_map(|(_, value)| value.to_ne_bytes()).collect();
         let specialization = vk::SpecializationInfo::default().map_entries(&entries).data(&values);
@@ -178,21 +162,12 @@ mod tests {
     #[test]
     fn only_spirv_with_a_compute_main_is_taken() {
         let header = [SPIRV_MAGIC, 0x1_0500, 0, 8, 0];
-        let entry = [
-            (5 << 16) | OP_ENTRY_POINT,
-            EXECUTION_MODEL_GL_COMPUTE,
-            4,
-            u32::from_le_bytes(*b"main"),
-            0,
-        ];
+        let entry = [(5 << 16) | OP_ENTRY_POINT, EXECUTION_MODEL_GL_COMPUTE, 4, u32::from_le_bytes(*b"main"), 0];
         let good = [&header[..], &entry[..]].concat();
         assert!(has_compute_main(&good), "the smallest module with main");
         assert!(!has_compute_main(&[]), "empty");
         assert!(!has_compute_main(&good[..7]), "cut inside an instruction");
-        assert!(
-            !has_compute_main(&[&header[..], &[0]].concat()),
-            "an instruction of no length must not loop"
-        );
+        assert!(!has_compute_main(&[&header[..], &[0]].concat()), "an instruction of no length must not loop");
         let mut other = good.clone();
         other[6] = 0;
         assert!(!has_compute_main(&other), "a vertex shader");

@@ -31,21 +31,14 @@ impl CommandSlot {
             .flags(vk::CommandPoolCreateFlags::TRANSIENT)
             .queue_family_index(device.queue.family);
         // SAFETY: the family is the one the device was made with.
-        let pool = device.check("vkCreateCommandPool", unsafe {
-            device.raw.create_command_pool(&info, None)
-        })?;
-        let mut slot = Self {
-            pool,
-            buffer: vk::CommandBuffer::null(),
-        };
+        let pool = device.check("vkCreateCommandPool", unsafe { device.raw.create_command_pool(&info, None) })?;
+        let mut slot = Self { pool, buffer: vk::CommandBuffer::null() };
         let info = vk::CommandBufferAllocateInfo::default()
             .command_pool(pool)
             .level(vk::CommandBufferLevel::PRIMARY)
             .command_buffer_count(1);
         // SAFETY: the pool was just created, and nobody else uses it.
-        match device.check("vkAllocateCommandBuffers", unsafe {
-            device.raw.allocate_command_buffers(&info)
-        }) {
+        match device.check("vkAllocateCommandBuffers", unsafe { device.raw.allocate_command_buffers(&info) }) {
             Ok(buffers) => {
                 slot.buffer = buffers.first().copied().unwrap_or_default();
                 Ok(slot)
@@ -93,17 +86,8 @@ pub(crate) struct Queue {
 
 impl Queue {
     pub(crate) fn new(queue: vk::Queue, family: u32) -> Self {
-        let state = State {
-            queue,
-            in_flight: VecDeque::new(),
-            last_finished: "none".to_owned(),
-        };
-        Self {
-            family,
-            timeline: vk::Semaphore::null(),
-            submitted: AtomicU64::new(0),
-            state: Mutex::new(state),
-        }
+        let state = State { queue, in_flight: VecDeque::new(), last_finished: "none".to_owned() };
+        Self { family, timeline: vk::Semaphore::null(), submitted: AtomicU64::new(0), state: Mutex::new(state) }
     }
 
     pub(crate) fn create_timeline(&mut self, device: &ash::Device, names: &Names) -> Result<(), GpuError> {
@@ -172,11 +156,7 @@ impl Queue {
     /// Takes what submissions up to `completed` kept alive. The caller drops it without this queue's lock.
     pub(crate) fn take_finished(&self, completed: u64) -> Vec<InFlight> {
         let mut state = self.lock();
-        let count = state
-            .in_flight
-            .iter()
-            .take_while(|work| work.value <= completed)
-            .count();
+        let count = state.in_flight.iter().take_while(|work| work.value <= completed).count();
         let finished: Vec<_> = state.in_flight.drain(..count).collect();
         if let Some(newest) = finished.last() {
             state.last_finished.clone_from(&newest.label);

@@ -77,11 +77,7 @@ pub(crate) struct Block {
 
 impl Block {
     pub(crate) fn new(device: &Arc<Device>, raw: RawBuffer) -> Self {
-        Self {
-            device: Arc::clone(device),
-            raw,
-            retire_after: RetirePoint::new(),
-        }
+        Self { device: Arc::clone(device), raw, retire_after: RetirePoint::new() }
     }
 
     pub(crate) fn buffer(&self) -> vk::Buffer {
@@ -96,7 +92,6 @@ impl Block {
 
 impl Drop for Block {
     fn drop(&mut self) {
-        self.device
-            .retire(self.retire_after.get(&self.device), Retired::Memory(self.raw));
+        self.device.retire(self.retire_after.get(&self.device), Retired::Memory(self.raw));
     }
 }

@@ -47,9 +47,7 @@ impl Recorder {
     pub(crate) fn begin(device: &Arc<Device>, buffer: vk::CommandBuffer, label: &str) -> Result<Self, GpuError> {
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the buffer is new or its pool was reset, and the caller alone uses it.
-        device.check("vkBeginCommandBuffer", unsafe {
-            device.raw.begin_command_buffer(buffer, &info)
-        })?;
+        device.check("vkBeginCommandBuffer", unsafe { device.raw.begin_command_buffer(buffer, &info) })?;
         device.names.begin(buffer, label);
         Ok(Self {
             device: Arc::clone(device),
@@ -113,9 +111,8 @@ impl Recorder {
     pub(crate) fn finish(&mut self) -> Result<(), GpuError> {
         self.barrier_pending = true;
         self.barrier("end");
-        let barrier = [vk::MemoryBarrier::default()
-            .src_access_mask(WRITES)
-            .dst_access_mask(vk::AccessFlags::HOST_READ)];
+        let barrier =
+            [vk::MemoryBarrier::default().src_access_mask(WRITES).dst_access_mask(vk::AccessFlags::HOST_READ)];
         self.pipeline_barrier(vk::PipelineStageFlags::HOST, &barrier);
         self.device.names.end(self.buffer);
         // SAFETY: the buffer is recording, all labels opened in it are closed.
@@ -128,9 +125,7 @@ impl Recorder {
         if !self.barrier_pending {
             return;
         }
-        let barrier = [vk::MemoryBarrier::default()
-            .src_access_mask(WRITES)
-            .dst_access_mask(WRITES | READS)];
+        let barrier = [vk::MemoryBarrier::default().src_access_mask(WRITES).dst_access_mask(WRITES | READS)];
         self.pipeline_barrier(STAGES, &barrier);
         if let Some(markers) = &self.device.markers {
             self.marks.push(markers.stamp(&self.device, self.buffer, name));
@@ -141,11 +136,7 @@ impl Recorder {
     fn pipeline_barrier(&self, to: vk::PipelineStageFlags, barrier: &[vk::MemoryBarrier<'_>]) {
         let flags = vk::DependencyFlags::empty();
         // SAFETY: the buffer is recording on a queue that computes and transfers, outside any render pass.
-        unsafe {
-            self.device
-                .raw
-                .cmd_pipeline_barrier(self.buffer, STAGES, to, flags, barrier, &[], &[])
-        };
+        unsafe { self.device.raw.cmd_pipeline_barrier(self.buffer, STAGES, to, flags, barrier, &[], &[]) };
     }
 
     fn stamp(&mut self) -> Result<Option<u32>, GpuError> {

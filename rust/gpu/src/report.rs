@@ -77,12 +77,7 @@ impl DeviceReport {
     /// Bytes of the largest device-local heap.
     #[must_use]
     pub fn device_bytes(&self) -> u64 {
-        self.heaps
-            .iter()
-            .filter(|heap| heap.device_local)
-            .map(|heap| heap.bytes)
-            .max()
-            .unwrap_or(0)
+        self.heaps.iter().filter(|heap| heap.device_local).map(|heap| heap.bytes).max().unwrap_or(0)
     }
 }
 
@@ -132,11 +127,7 @@ pub(crate) fn probe_all(instance: &Instance) -> Result<Vec<Probed>, GpuError> {
     // SAFETY: no preconditions beyond a live instance.
     let physicals = unsafe { instance.raw.enumerate_physical_devices() }
         .map_err(|code| vulkan_error("vkEnumeratePhysicalDevices", code))?;
-    physicals
-        .into_iter()
-        .enumerate()
-        .map(|(index, physical)| probe(instance, index, physical))
-        .collect()
+    physicals.into_iter().enumerate().map(|(index, physical)| probe(instance, index, physical)).collect()
 }
 
 fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Result<Probed, GpuError> {
@@ -147,9 +138,7 @@ fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Res
     let mut v12 = vk::PhysicalDeviceVulkan12Properties::default();
     let mut capabilities = Capabilities::default();
     if modern {
-        let mut chain = vk::PhysicalDeviceProperties2::default()
-            .push_next(&mut v11)
-            .push_next(&mut v12);
+        let mut chain = vk::PhysicalDeviceProperties2::default().push_next(&mut v11).push_next(&mut v12);
         // SAFETY: the device speaks 1.2, so it knows both chained structures.
         unsafe { instance.raw.get_physical_device_properties2(physical, &mut chain) };
         capabilities = probe_features(&instance.raw, physical, &v11);
@@ -159,21 +148,13 @@ fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Res
     capabilities.memory_budget = modern && has_memory_budget(instance, physical)?;
     let version = properties.api_version;
     let text = |bytes: Result<&std::ffi::CStr, _>| -> String {
-        bytes
-            .map(|text| text.to_string_lossy().into_owned())
-            .unwrap_or_default()
+        bytes.map(|text| text.to_string_lossy().into_owned()).unwrap_or_default()
     };
     let report = DeviceReport {
         index,
         name: text(properties.device_name_as_c_str()),
         kind: kind_of(properties.device_type),
-        driver: format!(
-            "{} {}",
-            text(v12.driver_name_as_c_str()),
-            text(v12.driver_info_as_c_str())
-        )
-        .trim()
-        .to_owned(),
+        driver: format!("{} {}", text(v12.driver_name_as_c_str()), text(v12.driver_info_as_c_str())).trim().to_owned(),
         api: format!(
             "{}.{}.{}",
             vk::api_version_major(version),
@@ -211,9 +192,7 @@ fn kind_of(device_type: vk::PhysicalDeviceType) -> DeviceKind {
 fn compute_family(instance: &Instance, physical: vk::PhysicalDevice, found: &mut Capabilities) -> (u32, u32) {
     // SAFETY: `physical` comes from this instance.
     let families = unsafe { instance.raw.get_physical_device_queue_family_properties(physical) };
-    let family = (0_u32..)
-        .zip(&families)
-        .find(|(_, family)| family.queue_flags.contains(vk::QueueFlags::COMPUTE));
+    let family = (0_u32..).zip(&families).find(|(_, family)| family.queue_flags.contains(vk::QueueFlags::COMPUTE));
     found.compute_queue = family.is_some();
     family.map_or((0, 0), |(index, family)| (index, family.timestamp_valid_bits))
 }
@@ -222,9 +201,7 @@ fn has_memory_budget(instance: &Instance, physical: vk::PhysicalDevice) -> Resul
     // SAFETY: `physical` comes from this instance.
     let extensions = unsafe { instance.raw.enumerate_device_extension_properties(physical) }
         .map_err(|code| vulkan_error("vkEnumerateDeviceExtensionProperties", code))?;
-    Ok(extensions
-        .iter()
-        .any(|extension| extension.extension_name_as_c_str() == Ok(ash::ext::memory_budget::NAME)))
+    Ok(extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(ash::ext::memory_budget::NAME)))
 }
 
 /// Reads all heaps; `free` only when the extension is there.
@@ -235,21 +212,12 @@ pub(crate) fn read_heaps(instance: &Instance, physical: vk::PhysicalDevice, budg
         memory = memory.push_next(&mut budgets);
     }
     // SAFETY: `physical` comes from this instance, and the chained structure is one that the device supports.
-    unsafe {
-        instance
-            .raw
-            .get_physical_device_memory_properties2(physical, &mut memory)
-    };
+    unsafe { instance.raw.get_physical_device_memory_properties2(physical, &mut memory) };
     let memory = memory.memory_properties;
     let report = |(heap, (&limit, &usage)): (&vk::MemoryHeap, (&u64, &u64))| HeapReport {
         bytes: heap.size,
         device_local: heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL),
         free: budget.then(|| limit.saturating_sub(usage)),
     };
-    memory
-        .memory_heaps_as_slice()
-        .iter()
-        .zip(budgets.heap_budget.iter().zip(&budgets.heap_usage))
-        .map(report)
-        .collect()
+    memory.memory_heaps_as_slice().iter().zip(budgets.heap_budget.iter().zip(&budgets.heap_usage)).map(report).collect()
 }

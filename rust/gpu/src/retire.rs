@@ -15,9 +15,7 @@ pub(crate) struct RetireQueue<T> {
 
 impl<T> RetireQueue<T> {
     pub(crate) fn new() -> Self {
-        Self {
-            waiting: Mutex::new(BTreeMap::new()),
-        }
+        Self { waiting: Mutex::new(BTreeMap::new()) }
     }
 
     fn lock(&self) -> MutexGuard<'_, BTreeMap<u64, Vec<T>>> {

@@ -30,32 +30,24 @@ pub(crate) fn choose(reports: &[DeviceReport], selector: Option<&str>) -> Result
     });
     match (best, unusable.first(), selector) {
         (Some(&best), _, _) => Ok(best),
-        (None, Some(&&i), Some(_)) => Err(GpuError::MissingCapability {
-            device: reports[i].name.clone(),
-            missing: reports[i].missing.join(", "),
-        }),
-        (None, _, Some(text)) => Err(GpuError::NoDevice {
-            reason: format!("\"{text}\" names no device; there are {}", listing(reports)),
-        }),
-        (None, _, None) => Err(GpuError::NoDevice {
-            reason: format!("none can be used: {}", shortcomings(reports)),
-        }),
+        (None, Some(&&i), Some(_)) => {
+            Err(GpuError::MissingCapability { device: reports[i].name.clone(), missing: reports[i].missing.join(", ") })
+        }
+        (None, _, Some(text)) => {
+            Err(GpuError::NoDevice { reason: format!("\"{text}\" names no device; there are {}", listing(reports)) })
+        }
+        (None, _, None) => Err(GpuError::NoDevice { reason: format!("none can be used: {}", shortcomings(reports)) }),
     }
 }
 
 /// Devices that the selector names: by index if it is one, else by a part of the name.
 fn matching(reports: &[DeviceReport], selector: &str) -> Vec<usize> {
-    let by_index = selector
-        .parse::<usize>()
-        .ok()
-        .and_then(|wanted| reports.iter().position(|r| r.index == wanted));
+    let by_index = selector.parse::<usize>().ok().and_then(|wanted| reports.iter().position(|r| r.index == wanted));
     if let Some(i) = by_index {
         return vec![i];
     }
     let wanted = selector.to_lowercase();
-    (0..reports.len())
-        .filter(|&i| reports[i].name.to_lowercase().contains(&wanted))
-        .collect()
+    (0..reports.len()).filter(|&i| reports[i].name.to_lowercase().contains(&wanted)).collect()
 }
 
 fn listing(reports: &[DeviceReport]) -> String {
@@ -64,10 +56,7 @@ fn listing(reports: &[DeviceReport]) -> String {
 }
 
 fn shortcomings(reports: &[DeviceReport]) -> String {
-    let lines: Vec<_> = reports
-        .iter()
-        .map(|r| format!("{} lacks {}", r.name, r.missing.join(", ")))
-        .collect();
+    let lines: Vec<_> = reports.iter().map(|r| format!("{} lacks {}", r.name, r.missing.join(", "))).collect();
     lines.join("; ")
 }
 
@@ -85,10 +74,7 @@ pub(crate) fn explain(reports: &mut [DeviceReport], chosen: usize, selector: Opt
             match selector {
                 Some(text) => format!("used: selected by \"{text}\""),
                 None if usable == 1 => "used: the only device that has all that is required".to_owned(),
-                None => format!(
-                    "used: first in the order discrete, integrated, virtual, CPU ({})",
-                    report.kind
-                ),
+                None => format!("used: first in the order discrete, integrated, virtual, CPU ({})", report.kind),
             }
         } else if matched.as_ref().is_some_and(|matched| !matched.contains(&i)) {
             format!("not used: \"{}\" does not name it", selector.unwrap_or_default())
@@ -111,11 +97,7 @@ mod tests {
             kind,
             driver: String::new(),
             api: "1.3.0".to_owned(),
-            heaps: vec![HeapReport {
-                bytes,
-                device_local: true,
-                free: None,
-            }],
+            heaps: vec![HeapReport { bytes, device_local: true, free: None }],
             capabilities: Capabilities::default(),
             missing: missing.to_vec(),
             chosen: false,
@@ -136,11 +118,7 @@ mod tests {
     #[test]
     fn best_kind_then_largest_memory_wins() {
         assert_eq!(choose(&machine(), None), Ok(3), "discrete, usable, most memory");
-        assert_eq!(
-            choose(&machine()[..2], Some("  ")),
-            Ok(1),
-            "a blank selector is none; integrated beats CPU"
-        );
+        assert_eq!(choose(&machine()[..2], Some("  ")), Ok(1), "a blank selector is none; integrated beats CPU");
     }
 
     #[test]
@@ -148,16 +126,8 @@ mod tests {
         let machine = machine();
         assert_eq!(choose(&machine, Some("0")), Ok(0), "index");
         assert_eq!(choose(&machine, Some("LLVM")), Ok(0), "any case");
-        assert_eq!(
-            choose(&machine, Some("4090")),
-            Ok(2),
-            "a number that is no index is a name part"
-        );
-        assert_eq!(
-            choose(&machine, Some("geforce")),
-            Ok(3),
-            "the best usable of several matches"
-        );
+        assert_eq!(choose(&machine, Some("4090")), Ok(2), "a number that is no index is a name part");
+        assert_eq!(choose(&machine, Some("geforce")), Ok(3), "the best usable of several matches");
     }
 
     #[test]
@@ -165,51 +135,32 @@ mod tests {
         let Err(GpuError::NoDevice { reason }) = choose(&machine(), Some("radeon")) else {
             panic!("expected NoDevice")
         };
-        assert!(
-            reason.contains("\"radeon\"") && reason.contains("1: Iris Xe"),
-            "{reason}"
-        );
+        assert!(reason.contains("\"radeon\"") && reason.contains("1: Iris Xe"), "{reason}");
     }
 
     #[test]
     fn a_named_device_that_lacks_something_says_what() {
         let error = choose(&machine(), Some("GT 710"));
-        let expected = GpuError::MissingCapability {
-            device: "GeForce GT 710".into(),
-            missing: "shaderInt64".into(),
-        };
+        let expected = GpuError::MissingCapability { device: "GeForce GT 710".into(), missing: "shaderInt64".into() };
         assert_eq!(error, Err(expected), "no silent fallback to another device");
     }
 
     #[test]
     fn nothing_usable_lists_all_shortcomings() {
-        let Err(GpuError::NoDevice { reason }) = choose(&machine()[4..], None) else {
-            panic!("expected NoDevice")
-        };
+        let Err(GpuError::NoDevice { reason }) = choose(&machine()[4..], None) else { panic!("expected NoDevice") };
         assert!(reason.contains("GT 710 lacks shaderInt64"), "{reason}");
-        assert!(
-            matches!(choose(&[], None), Err(GpuError::NoDevice { .. })),
-            "an empty list is an error, not a panic"
-        );
+        assert!(matches!(choose(&[], None), Err(GpuError::NoDevice { .. })), "an empty list is an error, not a panic");
     }
 
     #[test]
     fn every_device_is_told_why() {
         let mut machine = machine();
         explain(&mut machine, 3, None);
-        assert!(
-            machine[3].chosen && machine[3].why.starts_with("used: first"),
-            "{}",
-            machine[3].why
-        );
+        assert!(machine[3].chosen && machine[3].why.starts_with("used: first"), "{}", machine[3].why);
         assert!(machine[2].why.contains("5090"), "{}", machine[2].why);
         assert!(machine[4].why.contains("shaderInt64"), "{}", machine[4].why);
         explain(&mut machine, 0, Some("llvm"));
-        assert!(
-            machine[0].why.contains("selected") && machine[2].why.contains("does not name"),
-            "{}",
-            machine[2].why
-        );
+        assert!(machine[0].why.contains("selected") && machine[2].why.contains("does not name"), "{}", machine[2].why);
         assert_eq!(machine.iter().filter(|d| d.chosen).count(), 1, "exactly one is chosen");
     }
 }

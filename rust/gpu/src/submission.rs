@@ -19,12 +19,7 @@ pub struct Submission {
 
 impl Submission {
     pub(crate) fn new(gpu: &Arc<Gpu>, value: u64, label: String, timer: Option<Arc<Timer>>) -> Self {
-        Self {
-            gpu: Arc::clone(gpu),
-            value,
-            label,
-            timer,
-        }
+        Self { gpu: Arc::clone(gpu), value, label, timer }
     }
 
     /// True once the GPU has finished it, and after the loss of the device (which [`Submission::wait`] reports).

@@ -33,12 +33,7 @@ pub(crate) struct Timer {
 
 impl Timer {
     pub(crate) fn new(device: &Arc<Device>) -> Self {
-        Self {
-            device: Arc::clone(device),
-            pools: Vec::new(),
-            entries: Vec::new(),
-            used: 0,
-        }
+        Self { device: Arc::clone(device), pools: Vec::new(), entries: Vec::new(), used: 0 }
     }
 
     /// Records a timestamp that is taken when all earlier work is done, and returns its number.
@@ -51,9 +46,7 @@ impl Timer {
         // SAFETY: `commands` is recording, the query exists, was reset by the host and is written once; the family of the one
         // queue has timestamps (else no Timer is made).
         unsafe {
-            self.device
-                .raw
-                .cmd_write_timestamp(commands, vk::PipelineStageFlags::BOTTOM_OF_PIPE, raw, query);
+            self.device.raw.cmd_write_timestamp(commands, vk::PipelineStageFlags::BOTTOM_OF_PIPE, raw, query);
         }
         self.used += 1;
         Ok(self.used - 1)
@@ -84,17 +77,11 @@ impl Timer {
         let mut entries: Vec<_> = self.entries.iter().collect();
         entries.sort_by_key(|entry| entry.begin);
         let secs = |entry: &Entry| {
-            let ticks = ticks_between(
-                stamps[entry.begin as usize],
-                stamps[entry.end as usize],
-                self.device.timestamp_bits,
-            );
+            let ticks =
+                ticks_between(stamps[entry.begin as usize], stamps[entry.end as usize], self.device.timestamp_bits);
             tick_secs * ticks as f64
         };
-        Ok(entries
-            .into_iter()
-            .map(|entry| (entry.name.clone(), secs(entry)))
-            .collect())
+        Ok(entries.into_iter().map(|entry| (entry.name.clone(), secs(entry))).collect())
     }
 }
 

@@ -30,10 +30,7 @@ impl ValidationLog {
     }
 
     fn push(&self, message: String) {
-        self.messages
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .push(message);
+        self.messages.lock().unwrap_or_else(PoisonError::into_inner).push(message);
     }
 
     /// Keeps or drops one message, by the rules of this module.
@@ -98,11 +95,7 @@ unsafe extern "system" fn on_message(
     let id = unsafe { text_of(data.p_message_id_name) };
     // SAFETY: as above.
     let text = unsafe { text_of(data.p_message) };
-    let severity = if severity.contains(vk::DebugUtilsMessageSeverityFlagsEXT::ERROR) {
-        "error"
-    } else {
-        "warning"
-    };
+    let severity = if severity.contains(vk::DebugUtilsMessageSeverityFlagsEXT::ERROR) { "error" } else { "warning" };
     log.receive(SUPPRESSED, severity, (&id, &text));
     vk::FALSE
 }
@@ -116,11 +109,7 @@ mod tests {
         let (log, list) = (ValidationLog::default(), [("VUID-noise", "planted for this test")]);
         log.receive(&list, "error", ("VUID-noise", "noise"));
         log.receive(&list, "error", ("VUID-real", "signal"));
-        assert_eq!(
-            log.take(),
-            ["error: [VUID-real] signal"],
-            "only the id outside the list is kept"
-        );
+        assert_eq!(log.take(), ["error: [VUID-real] signal"], "only the id outside the list is kept");
         assert_eq!(log.take(), Vec::<String>::new(), "take empties the log");
     }
 }

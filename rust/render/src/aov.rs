@@ -94,16 +94,8 @@ mod tests {
     #[test]
     fn tokens_are_distinct_and_round_trip() {
         for kind in AovKind::ALL {
-            assert_eq!(
-                AovKind::from_token(kind.token()),
-                Some(kind),
-                "{kind:?} does not round trip"
-            );
+            assert_eq!(AovKind::from_token(kind.token()), Some(kind), "{kind:?} does not round trip");
         }
-        assert_eq!(
-            AovKind::from_token("primvars:st"),
-            None,
-            "an unknown token must not map to a kind"
-        );
+        assert_eq!(AovKind::from_token("primvars:st"), None, "an unknown token must not map to a kind");
     }
 }

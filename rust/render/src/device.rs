@@ -59,12 +59,7 @@ impl Device {
         })?;
         tracing::info!(device = gpu.report().name, "opened");
         let heap = Heap::new(&gpu, "scene", ARENA_BYTES)?;
-        let device = Arc::new(Self {
-            gpu,
-            heap,
-            options: options.clone(),
-            pipelines: Mutex::default(),
-        });
+        let device = Arc::new(Self { gpu, heap, options: options.clone(), pipelines: Mutex::default() });
         open.push(Arc::clone(&device));
         Ok(device)
     }
@@ -81,20 +76,10 @@ impl Device {
             return Ok(Arc::clone(pipeline));
         }
         let constants = [(0, special.max_levels), (1, special.stack_size), (2, special.features)];
-        let push = if module.name.starts_with("lbvh_") {
-            size_of::<LbvhPush>()
-        } else {
-            size_of::<Push>()
-        };
+        let push = if module.name.starts_with("lbvh_") { size_of::<LbvhPush>() } else { size_of::<Push>() };
         // Push constants are at most 128 bytes.
         let push_bytes = u32::try_from(push).unwrap_or(u32::MAX);
-        let pipeline = Arc::new(Pipeline::new(
-            &self.gpu,
-            module.name,
-            module.words,
-            &constants,
-            push_bytes,
-        )?);
+        let pipeline = Arc::new(Pipeline::new(&self.gpu, module.name, module.words, &constants, push_bytes)?);
         Ok(Arc::clone(lock(&self.pipelines).entry(key).or_insert(pipeline)))
     }
 }

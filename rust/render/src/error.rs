@@ -78,17 +78,7 @@ pub enum RenderError {
 impl From<GpuError> for RenderError {
     fn from(error: GpuError) -> Self {
         match error {
-            GpuError::OutOfMemory {
-                name,
-                bytes,
-                used,
-                budget,
-            } => Self::Budget {
-                name,
-                bytes,
-                used,
-                budget,
-            },
+            GpuError::OutOfMemory { name, bytes, used, budget } => Self::Budget { name, bytes, used, budget },
             other => Self::Gpu(other),
         }
     }

@@ -37,23 +37,14 @@ impl Film {
         let plane = |name: &str, bytes: usize| Buffer::new(gpu, name, pixels * bytes as u64, Usage::Device);
         let has_color = kinds.contains(&AovKind::Color);
         let film = has_color.then(|| plane("film", size_of::<FilmPixel>())).transpose()?;
-        let color = has_color
-            .then(|| plane("color", AovKind::Color.pixel_bytes()))
-            .transpose()?;
+        let color = has_color.then(|| plane("color", AovKind::Color.pixel_bytes())).transpose()?;
         let mut planes = Vec::new();
         for kind in kinds.iter().copied().filter(|kind| *kind != AovKind::Color) {
             planes.push((kind, plane(kind.token(), kind.pixel_bytes())?));
         }
         let bytes: u64 = kinds.iter().map(|kind| pixels * kind.pixel_bytes() as u64).sum();
         let readback = Buffer::new(gpu, "readback", bytes + size_of::<Counters>() as u64, Usage::Readback)?;
-        Ok(Self {
-            pixels,
-            kinds,
-            film,
-            color,
-            planes,
-            readback,
-        })
+        Ok(Self { pixels, kinds, film, color, planes, readback })
     }
 
     /// Whether these images serve `request` too.
@@ -122,9 +113,7 @@ impl Film {
             let mut rest: &[u8] = bytes;
             for kind in &self.kinds {
                 // Fits: the readback buffer is mapped whole.
-                let bytes = usize::try_from(self.pixels)
-                    .unwrap_or(usize::MAX)
-                    .saturating_mul(kind.pixel_bytes());
+                let bytes = usize::try_from(self.pixels).unwrap_or(usize::MAX).saturating_mul(kind.pixel_bytes());
                 let (image, after) = rest.split_at(bytes);
                 images.push((*kind, image.to_vec()));
                 rest = after;
@@ -140,10 +129,7 @@ impl Film {
     }
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "ids are asked for as floats; rounding saturates"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "ids are asked for as floats; rounding saturates")]
 fn bind_clear(frame: &mut Frame, aov: &AovRequest) {
     let [x, y, z, _] = aov.clear;
     let id = x.round() as i32;

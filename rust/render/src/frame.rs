@@ -80,14 +80,7 @@ impl Renderer {
         film.bind(&mut block, &job.request.aovs);
         let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
         frame.write(0, bytemuck::bytes_of(&block))?;
-        let frames = Frames {
-            device,
-            film,
-            buffers,
-            passes: &passes,
-            frame: &frame,
-            job,
-        };
+        let frames = Frames { device, film, buffers, passes: &passes, frame: &frame, job };
         progress.stage("rendering");
         waves::clear(&frames)?;
         if film.has_planes() && !waves::trace_planes(&frames, special, gate, progress)? {
@@ -100,16 +93,10 @@ impl Renderer {
     }
 
     fn open(&mut self, job: &Job) -> Result<Arc<Device>, RenderError> {
-        let options = DeviceOptions {
-            selector: job.settings.device.clone(),
-            validation: job.options.validation,
-        };
+        let options = DeviceOptions { selector: job.settings.device.clone(), validation: job.options.validation };
         let device = Device::open(&options)?;
         if !self.device.as_ref().is_some_and(|have| Arc::ptr_eq(have, &device)) {
-            *self = Self {
-                device: Some(Arc::clone(&device)),
-                ..Self::default()
-            };
+            *self = Self { device: Some(Arc::clone(&device)), ..Self::default() };
         }
         let mib = u64::from(job.settings.memory_budget_mib);
         device.gpu.set_budget((mib > 0).then_some(mib << 20));

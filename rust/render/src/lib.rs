@@ -12,6 +12,7 @@ mod error;
 mod film;
 mod frame;
 mod progress;
+mod progress_bar;
 mod publish;
 mod request;
 mod scene;

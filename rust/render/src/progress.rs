@@ -3,6 +3,7 @@
 
 use crate::error::RenderError;
 use crate::film::Film;
+use crate::progress_bar::ProgressBar;
 use crate::request::Severity;
 use crate::schedule::Wave;
 use crate::session::{Job, Shared, lock};
@@ -29,6 +30,7 @@ pub(crate) struct Progress<'a> {
     done: u64,
     next_publish: Instant,
     interval: Duration,
+    bar: Option<ProgressBar>,
     pub(crate) timings: Timings,
 }
 
@@ -59,6 +61,7 @@ impl<'a> Progress<'a> {
             done: 0,
             next_publish: now + FIRST_INTERVAL,
             interval: FIRST_INTERVAL,
+            bar: job.options.progress_bar.then(ProgressBar::new),
             timings: Timings::default(),
         }
     }
@@ -120,18 +123,19 @@ impl<'a> Progress<'a> {
         stats.samples_completed = u32::try_from(self.done / self.pixels.max(1)).unwrap_or(u32::MAX);
         stats.seconds_total = self.started.elapsed().as_secs_f64();
         stats.annotation = format!("sample {} of {}", stats.samples_completed, self.samples);
+        let samples = stats.samples_completed;
+        drop(stats);
+        let done = self.done as f64 / self.total_paths().max(1) as f64;
+        if let Some(bar) = &mut self.bar {
+            bar.draw(done, self.started.elapsed(), samples, self.samples);
+        }
     }
 
     /// Publishes the images that the last finished submission copied out.
     #[expect(clippy::cast_precision_loss, reason = "rates are shown, not computed with")]
     pub(crate) fn publish(&mut self, film: &Film) -> Result<(), RenderError> {
-        let Counters {
-            closest_rays,
-            shadow_rays,
-            nonfinite,
-            stack_overflows,
-            ..
-        } = film.publish(&self.shared.published)?;
+        let Counters { closest_rays, shadow_rays, nonfinite, stack_overflows, .. } =
+            film.publish(&self.shared.published)?;
         self.timings.closest_rays = closest_rays;
         self.timings.shadow_rays = shadow_rays;
         let mut stats = lock(&self.shared.stats);
@@ -140,9 +144,7 @@ impl<'a> Progress<'a> {
         stats.rays_per_second = stats.rays_traced as f64 / self.trace_started.elapsed().as_secs_f64().max(1e-9);
         drop(stats);
         if stack_overflows > 0 {
-            return Err(RenderError::StackOverflow {
-                count: u64::from(stack_overflows),
-            });
+            return Err(RenderError::StackOverflow { count: u64::from(stack_overflows) });
         }
         Ok(())
     }
@@ -167,8 +169,7 @@ impl<'a> Progress<'a> {
         (stats.gpu_bytes, stats.gpu_peak_bytes, stats.gpu_budget_bytes) = (memory.used, memory.peak, memory.budget);
         drop(stats);
         for message in gpu.take_validation_messages() {
-            self.shared
-                .report(Severity::Error, format!("Vulkan validation: {message}"));
+            self.shared.report(Severity::Error, format!("Vulkan validation: {message}"));
         }
     }
 }

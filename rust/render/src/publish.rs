@@ -26,11 +26,7 @@ impl Published {
 
     /// Copies the image of `kind` if there is one of exactly `out.len()` bytes.
     pub(crate) fn copy(&self, kind: AovKind, out: &mut [u8]) -> bool {
-        match self
-            .images
-            .iter()
-            .find(|(have, bytes)| *have == kind && bytes.len() == out.len())
-        {
+        match self.images.iter().find(|(have, bytes)| *have == kind && bytes.len() == out.len()) {
             Some((_, bytes)) => {
                 out.copy_from_slice(bytes);
                 true
@@ -51,14 +47,8 @@ mod tests {
         let mut out = [0_u8; 8];
         assert!(published.copy(AovKind::Depth, &mut out), "the image is there");
         assert_eq!(out, [1; 8], "the pixels must arrive");
-        assert!(
-            !published.copy(AovKind::Depth, &mut [0; 4]),
-            "another size must be refused"
-        );
+        assert!(!published.copy(AovKind::Depth, &mut [0; 4]), "another size must be refused");
         published.retain(&[AovKind::Depth], 3);
-        assert!(
-            !published.copy(AovKind::Depth, &mut out),
-            "an image of another resolution must be forgotten"
-        );
+        assert!(!published.copy(AovKind::Depth, &mut out), "an image of another resolution must be forgotten");
     }
 }

@@ -29,12 +29,7 @@ impl RenderRequest {
         let (width, height) = (self.width, self.height);
         let area = u64::from(width) * u64::from(height);
         if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || area > MAX_PIXELS {
-            return Err(RenderError::ImageSize {
-                width,
-                height,
-                max: MAX_SIDE,
-                max_pixels: MAX_PIXELS,
-            });
+            return Err(RenderError::ImageSize { width, height, max: MAX_SIDE, max_pixels: MAX_PIXELS });
         }
         Ok(())
     }

@@ -27,24 +27,14 @@ impl Schedule {
     /// `total` paths in waves of `start` at first, never more than `max`, aiming at `target_secs` a wave.
     pub(crate) fn new(total: u64, start: u32, max: u32, target_secs: f64) -> Self {
         let min = 4096.min(max);
-        Self {
-            total,
-            next: 0,
-            size: start.clamp(min, max),
-            min,
-            max,
-            target_secs,
-        }
+        Self { total, next: 0, size: start.clamp(min, max), min, max, target_secs }
     }
 
     /// The next wave, or none when all paths are given out.
     pub(crate) fn next(&mut self) -> Option<Wave> {
         let left = self.total.saturating_sub(self.next);
         let count = u32::try_from(left.min(u64::from(self.size))).unwrap_or(self.size);
-        let wave = Wave {
-            first: self.next,
-            count,
-        };
+        let wave = Wave { first: self.next, count };
         self.next += u64::from(count);
         (count > 0).then_some(wave)
     }
@@ -58,11 +48,7 @@ impl Schedule {
         // At most a factor two a step: one odd measurement must not make a wave that trips a watchdog.
         let bounded = ideal.clamp(f64::from(self.size) * 0.5, f64::from(self.size) * 2.0);
         let rounded = (bounded / 4096.0).round() * 4096.0;
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "clamped to u32 limits here"
-        )]
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to u32 limits here")]
         let size = rounded.clamp(f64::from(self.min), f64::from(self.max)) as u32;
         self.size = size;
     }
@@ -93,19 +79,11 @@ mod tests {
             let wave = schedule.next().expect("endless");
             schedule.measured(wave.count, 1e-4);
         }
-        assert_eq!(
-            schedule.next().map(|wave| wave.count),
-            Some(1 << 16),
-            "fast waves must grow to the limit"
-        );
+        assert_eq!(schedule.next().map(|wave| wave.count), Some(1 << 16), "fast waves must grow to the limit");
         for _ in 0..20 {
             let wave = schedule.next().expect("endless");
             schedule.measured(wave.count, 10.0);
         }
-        assert_eq!(
-            schedule.next().map(|wave| wave.count),
-            Some(4096),
-            "slow waves must shrink to the minimum"
-        );
+        assert_eq!(schedule.next().map(|wave| wave.count), Some(4096), "slow waves must shrink to the minimum");
     }
 }

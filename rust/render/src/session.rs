@@ -44,6 +44,8 @@ pub struct SessionOptions {
     pub validation: bool,
     /// Measures the GPU time of each pass ([`Session::timings`]); costs a little speed.
     pub profile: bool,
+    /// Draws a progress bar on standard error while samples are traced; for command lines.
+    pub progress_bar: bool,
 }
 
 /// What the host wants of the render thread.
@@ -156,8 +158,7 @@ impl Session {
     pub fn render(&self, request: RenderRequest) {
         let commit = lock(&self.scene).commit();
         for warning in commit.warnings {
-            self.shared
-                .report(Severity::Warning, format!("{}: {}", warning.path, warning.message));
+            self.shared.report(Severity::Warning, format!("{}: {}", warning.path, warning.message));
         }
         let (settings, options) = (self.settings(), *lock(&self.options));
         let mut control = self.shared.control();
@@ -167,12 +168,7 @@ impl Session {
         if unchanged {
             return;
         }
-        control.job = Some(Arc::new(Job {
-            snapshot: commit.snapshot,
-            request,
-            settings,
-            options,
-        }));
+        control.job = Some(Arc::new(Job { snapshot: commit.snapshot, request, settings, options }));
         control.generation += 1;
         control.stopped = false;
         drop(control);
@@ -186,15 +182,10 @@ impl Session {
             return;
         }
         let shared = Arc::clone(&self.shared);
-        match std::thread::Builder::new()
-            .name("oocpt-render".into())
-            .spawn(move || thread::run(&shared))
-        {
+        match std::thread::Builder::new().name("oocpt-render".into()).spawn(move || thread::run(&shared)) {
             Ok(handle) => *thread = Some(handle),
             Err(error) => {
-                self.shared.fail(&RenderError::Internal(format!(
-                    "cannot start the render thread: {error}"
-                )));
+                self.shared.fail(&RenderError::Internal(format!("cannot start the render thread: {error}")));
                 let mut control = self.shared.control();
                 control.finished = control.generation;
             }
@@ -249,19 +240,9 @@ impl Session {
         let options = *lock(&self.options);
         let mut control = self.shared.control();
         if let Some(job) = control.job.take() {
-            let Job {
-                snapshot,
-                request,
-                settings,
-                ..
-            } = &*job;
+            let Job { snapshot, request, settings, .. } = &*job;
             let (snapshot, request, settings) = (Arc::clone(snapshot), request.clone(), settings.clone());
-            control.job = Some(Arc::new(Job {
-                snapshot,
-                request,
-                settings,
-                options,
-            }));
+            control.job = Some(Arc::new(Job { snapshot, request, settings, options }));
         }
         control.stopped = false;
         control.paused = false;
@@ -279,12 +260,7 @@ impl Session {
             if left.is_zero() {
                 return false;
             }
-            control = self
-                .shared
-                .changed
-                .wait_timeout(control, left)
-                .unwrap_or_else(PoisonError::into_inner)
-                .0;
+            control = self.shared.changed.wait_timeout(control, left).unwrap_or_else(PoisonError::into_inner).0;
         }
         true
     }

@@ -26,11 +26,7 @@ pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRa
 
 /// The specialisation of the passes for these features.
 pub(crate) fn specialisation(features: Features, scene: &SceneView) -> Specialisation {
-    Specialisation {
-        max_levels: scene.max_levels,
-        stack_size: scene.stack_size,
-        features: features.bits(),
-    }
+    Specialisation { max_levels: scene.max_levels, stack_size: scene.stack_size, features: features.bits() }
 }
 
 /// What was left out, in words for the stats.
@@ -44,17 +40,10 @@ pub(crate) fn left_out(features: Features, has_planes: bool) -> Vec<String> {
         (Features::LENS, "lens"),
         (Features::INSTANCING, "nested instance levels"),
     ];
-    let absent = parts
-        .iter()
-        .filter(|(part, _)| !features.contains(*part))
-        .map(|(_, name)| *name);
+    let absent = parts.iter().filter(|(part, _)| !features.contains(*part)).map(|(_, name)| *name);
     let planes = (!has_planes).then_some("pass trace_aovs and its images");
     let streaming = "streaming: the whole scene is resident";
-    absent
-        .chain(planes)
-        .chain(std::iter::once(streaming))
-        .map(String::from)
-        .collect()
+    absent.chain(planes).chain(std::iter::once(streaming)).map(String::from).collect()
 }
 
 #[cfg(test)]
@@ -64,15 +53,8 @@ mod tests {
     #[test]
     fn what_is_present_is_not_listed_as_left_out() {
         let with = left_out(Features::DOME | Features::LENS, true);
-        assert!(
-            !with.iter().any(|name| name == "lens" || name == "dome light"),
-            "present parts are not left out"
-        );
+        assert!(!with.iter().any(|name| name == "lens" || name == "dome light"), "present parts are not left out");
         let without = left_out(Features::empty(), false);
-        assert_eq!(
-            without.len(),
-            with.len() + 3,
-            "dome, lens and the image pass are left out"
-        );
+        assert_eq!(without.len(), with.len() + 3, "dome, lens and the image pass are left out");
     }
 }

@@ -45,11 +45,7 @@ impl Timings {
                 pass.secs += secs;
                 pass.runs += 1;
             }
-            None => self.passes.push(PassTime {
-                name: name.into(),
-                secs,
-                runs: 1,
-            }),
+            None => self.passes.push(PassTime { name: name.into(), secs, runs: 1 }),
         }
     }
 }

@@ -126,11 +126,7 @@ pub(crate) fn trace(
     progress.trace_started();
     loop {
         while more && flights.len() < IN_FLIGHT {
-            let wave = if gate.proceed() && !progress.out_of_time() {
-                schedule.next()
-            } else {
-                None
-            };
+            let wave = if gate.proceed() && !progress.out_of_time() { schedule.next() } else { None };
             more = wave.is_some();
             if let Some(wave) = wave {
                 flights.push_back(launch(frames, wave, progress)?);
@@ -161,21 +157,13 @@ fn launch(frames: &Frames<'_>, wave: Wave, progress: &mut Progress<'_>) -> Resul
     if publishes {
         frames.copy_out(&mut commands);
     }
-    Ok(Flight {
-        submission: commands.submit()?,
-        wave,
-        submitted: Instant::now(),
-        publishes,
-    })
+    Ok(Flight { submission: commands.submit()?, wave, submitted: Instant::now(), publishes })
 }
 
 /// Waits for a submission and notes the times of its passes.
 fn finish(submission: &Submission, progress: &mut Progress<'_>) -> Result<(), RenderError> {
     if !submission.wait(WAVE_TIMEOUT)? {
-        return Err(RenderError::Internal(format!(
-            "a wave did not finish within {} s",
-            WAVE_TIMEOUT.as_secs()
-        )));
+        return Err(RenderError::Internal(format!("a wave did not finish within {} s", WAVE_TIMEOUT.as_secs())));
     }
     for (pass, secs) in submission.timings() {
         progress.timings.add_pass(&pass, secs);

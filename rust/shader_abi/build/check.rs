@@ -57,11 +57,7 @@ pub(crate) fn check(words: &[u32], layouts: &[Layout]) -> Result<BTreeSet<String
             _ => {}
         }
     }
-    if errors.is_empty() {
-        Ok(seen)
-    } else {
-        Err(errors.join("\n"))
-    }
+    if errors.is_empty() { Ok(seen) } else { Err(errors.join("\n")) }
 }
 
 impl<'m> Types<'m> {
@@ -93,14 +89,7 @@ impl<'m> Types<'m> {
             (Op::Name, [Operand::IdRef(id), Operand::LiteralString(name)]) => {
                 self.names.insert(*id, name);
             }
-            (
-                Op::MemberName,
-                [
-                    Operand::IdRef(id),
-                    Operand::LiteralBit32(index),
-                    Operand::LiteralString(name),
-                ],
-            ) => {
+            (Op::MemberName, [Operand::IdRef(id), Operand::LiteralBit32(index), Operand::LiteralString(name)]) => {
                 self.member_names.insert((*id, *index), name);
             }
             _ => {}
@@ -117,11 +106,7 @@ impl<'m> Types<'m> {
             ] => {
                 self.offsets.insert((*id, *index), u64::from(*offset));
             }
-            [
-                Operand::IdRef(id),
-                Operand::Decoration(Decoration::ArrayStride),
-                Operand::LiteralBit32(stride),
-            ] => {
+            [Operand::IdRef(id), Operand::Decoration(Decoration::ArrayStride), Operand::LiteralBit32(stride)] => {
                 self.strides.insert(*id, u64::from(*stride));
             }
             [Operand::IdRef(id), Operand::Decoration(Decoration::Block)] => {
@@ -147,25 +132,13 @@ impl<'m> Types<'m> {
         };
         seen.insert(name.to_owned());
         if members.len() != layout.members.len() {
-            errors.push(format!(
-                "{name}: {} members in GLSL, {} in Rust",
-                members.len(),
-                layout.members.len()
-            ));
+            errors.push(format!("{name}: {} members in GLSL, {} in Rust", members.len(), layout.members.len()));
         }
         for (index, (operand, member)) in (0_u32..).zip(members.iter().zip(&layout.members)) {
             let glsl = Member {
-                name: self
-                    .member_names
-                    .get(&(id, index))
-                    .copied()
-                    .unwrap_or_default()
-                    .to_owned(),
+                name: self.member_names.get(&(id, index)).copied().unwrap_or_default().to_owned(),
                 offset: self.offsets.get(&(id, index)).copied().unwrap_or(u64::MAX),
-                size: operand
-                    .id_ref_any()
-                    .and_then(|member| self.size(member))
-                    .unwrap_or(u64::MAX),
+                size: operand.id_ref_any().and_then(|member| self.size(member)).unwrap_or(u64::MAX),
             };
             if (&glsl.name, glsl.offset, glsl.size) != (&member.name, member.offset, member.size) {
                 errors.push(format!("{name}: GLSL has {glsl:?}, Rust has {member:?}"));
@@ -183,10 +156,7 @@ impl<'m> Types<'m> {
             return;
         };
         if *stride != layout.size {
-            errors.push(format!(
-                "{name}: array stride {stride} in GLSL, size {} in Rust",
-                layout.size
-            ));
+            errors.push(format!("{name}: array stride {stride} in GLSL, size {} in Rust", layout.size));
         }
     }
 

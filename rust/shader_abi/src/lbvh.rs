@@ -70,12 +70,7 @@ impl Layout {
         let items = (4 * count).next_multiple_of(16);
         let histogram = 2 * keys + 2 * items;
         let bytes = histogram + 4 * u64::from(DIGITS) * (tiles + 1);
-        Self {
-            keys: [0, keys],
-            items: [2 * keys, 2 * keys + items],
-            histogram,
-            bytes,
-        }
+        Self { keys: [0, keys], items: [2 * keys, 2 * keys + items], histogram, bytes }
     }
 }
 
@@ -86,52 +81,24 @@ pub fn steps(job: &Job) -> Vec<Step> {
     let items = groups(u64::from(job.count));
     let mut steps = Vec::new();
     if (2..=SMALL).contains(&job.count) {
-        steps.push(Step {
-            module: &passes::LBVH_SORT_SMALL,
-            push,
-            groups: [1, 1, 1],
-        });
+        steps.push(Step { module: &passes::LBVH_SORT_SMALL, push, groups: [1, 1, 1] });
     }
     if job.count > SMALL {
         let tiles = groups(u64::from(push.groups) * u64::from(WORKGROUP_SIZE));
-        steps.push(Step {
-            module: &passes::LBVH_MORTON,
-            push,
-            groups: items,
-        });
+        steps.push(Step { module: &passes::LBVH_MORTON, push, groups: items });
         for pass in 0..RADIX_PASSES {
             push.shift = 8 * pass;
-            steps.push(Step {
-                module: &passes::LBVH_SORT_COUNT,
-                push,
-                groups: tiles,
-            });
-            steps.push(Step {
-                module: &passes::LBVH_SORT_SCAN,
-                push,
-                groups: [DIGITS, 1, 1],
-            });
-            steps.push(Step {
-                module: &passes::LBVH_SORT_SCATTER,
-                push,
-                groups: tiles,
-            });
+            steps.push(Step { module: &passes::LBVH_SORT_COUNT, push, groups: tiles });
+            steps.push(Step { module: &passes::LBVH_SORT_SCAN, push, groups: [DIGITS, 1, 1] });
+            steps.push(Step { module: &passes::LBVH_SORT_SCATTER, push, groups: tiles });
             core::mem::swap(&mut push.keys_in, &mut push.keys_out);
             core::mem::swap(&mut push.items_in, &mut push.items_out);
         }
     }
     if job.count > 1 {
-        steps.push(Step {
-            module: &passes::LBVH_HIERARCHY,
-            push,
-            groups: items,
-        });
+        steps.push(Step { module: &passes::LBVH_HIERARCHY, push, groups: items });
     }
-    steps.push(Step {
-        module: &passes::LBVH_REFIT,
-        push,
-        groups: items,
-    });
+    steps.push(Step { module: &passes::LBVH_REFIT, push, groups: items });
     steps
 }
 
@@ -164,8 +131,5 @@ fn first_push(job: &Job) -> LbvhPush {
 /// Origin and scale that map a box to [0, 2^21) per axis; scale 0 for an axis without a usable extent.
 fn quantisation(around: &LbvhBounds) -> ([f32; 3], [f32; 3]) {
     let scale = [0, 1, 2].map(|axis: usize| 2_097_152.0 / (around.max[axis] - around.min[axis]));
-    (
-        around.min,
-        scale.map(|scale| if scale.is_finite() && scale > 0.0 { scale } else { 0.0 }),
-    )
+    (around.min, scale.map(|scale| if scale.is_finite() && scale > 0.0 { scale } else { 0.0 }))
 }

@@ -20,11 +20,7 @@ fn layouts() -> Vec<Layout> {
         .map(|layout| Layout {
             name: layout.name.to_owned(),
             size: layout.size as u64,
-            members: layout
-                .members
-                .iter()
-                .map(|m| member(m.name, m.offset, m.size))
-                .collect(),
+            members: layout.members.iter().map(|m| member(m.name, m.offset, m.size)).collect(),
         })
         .collect()
 }
@@ -32,12 +28,7 @@ fn layouts() -> Vec<Layout> {
 /// The error that `check` gives for `module` after `plant` has changed what Rust says of the struct `name`.
 fn planted(module: &Module, name: &str, plant: impl FnOnce(&mut Layout)) -> String {
     let mut layouts = layouts();
-    plant(
-        layouts
-            .iter_mut()
-            .find(|layout| layout.name == name)
-            .expect("known struct"),
-    );
+    plant(layouts.iter_mut().find(|layout| layout.name == name).expect("known struct"));
     check::check(module.words, &layouts).expect_err("the planted difference must be seen")
 }
 
@@ -47,17 +38,8 @@ fn shaders_agree_with_rust() {
     for module in ALL {
         seen.extend(check::check(module.words, &layouts()).expect(module.name));
     }
-    for name in [
-        "Frame",
-        "Push",
-        "Counters",
-        "GpuInstance",
-        "GpuMesh",
-        "GpuLight",
-        "FilmPixel",
-        "GpuNode",
-        "LbvhPush",
-    ] {
+    for name in ["Frame", "Push", "Counters", "GpuInstance", "GpuMesh", "GpuLight", "FilmPixel", "GpuNode", "LbvhPush"]
+    {
         assert!(seen.contains(name), "{name} is in no pass");
     }
 }
@@ -65,12 +47,7 @@ fn shaders_agree_with_rust() {
 #[test]
 fn a_moved_member_is_seen() {
     let error = planted(&passes::SHADE_SURFACE, "Frame", |frame| {
-        frame
-            .members
-            .iter_mut()
-            .find(|m| m.name == "focus")
-            .expect("member")
-            .offset += 4;
+        frame.members.iter_mut().find(|m| m.name == "focus").expect("member").offset += 4;
     });
     assert!(error.contains("focus"), "{error}");
 }

@@ -13,10 +13,7 @@ fn groups_cover_the_threads_and_stay_in_limits() {
         let [x, y, z] = groups(threads);
         let covered = u64::from(x) * u64::from(y) * u64::from(z) * u64::from(WORKGROUP_SIZE);
         assert!(covered >= threads, "{threads} threads");
-        assert!(
-            (1..=65_535).contains(&x) && (1..=65_535).contains(&y) && z == 1,
-            "{threads} threads"
-        );
+        assert!((1..=65_535).contains(&x) && (1..=65_535).contains(&y) && z == 1, "{threads} threads");
         assert!(covered <= 2 * threads.max(64), "{threads} threads: {covered} launched");
     }
 }
@@ -24,23 +21,9 @@ fn groups_cover_the_threads_and_stay_in_limits() {
 #[test]
 fn a_wave_starts_at_its_first_path() {
     let push = Push::wave(16, 1_000_000_007, 4096, 1000);
-    assert_eq!(
-        (push.first_sample, push.first_pixel, push.path_count),
-        (1_000_000, 7, 4096)
-    );
-    assert_eq!(
-        (
-            push.with(3, 1).bounce,
-            push.with(3, 1).arg0,
-            push.with(3, 1).first_pixel
-        ),
-        (3, 1, 7)
-    );
-    assert_eq!(
-        Push::wave(16, 5, 1, 0).first_pixel,
-        0,
-        "an empty image divides by nothing"
-    );
+    assert_eq!((push.first_sample, push.first_pixel, push.path_count), (1_000_000, 7, 4096));
+    assert_eq!((push.with(3, 1).bounce, push.with(3, 1).arg0, push.with(3, 1).first_pixel), (3, 1, 7));
+    assert_eq!(Push::wave(16, 5, 1, 0).first_pixel, 0, "an empty image divides by nothing");
 }
 
 #[test]
@@ -48,25 +31,12 @@ fn sizes_are_what_the_shaders_count_on() {
     assert_eq!([1, 2, 5, 6].map(hit_stride), [16, 32, 32, 48]);
     assert_eq!((size_of::<Push>(), size_of::<LbvhPush>()), (32, 120));
     assert_eq!(size_of::<Frame>() % 8, 0);
-    assert_eq!(
-        (Counters::TOTALS_BYTES, Counters::RAY_ARGS, Counters::SHADOW_ARGS),
-        (24, 48, 84)
-    );
+    assert_eq!((Counters::TOTALS_BYTES, Counters::RAY_ARGS, Counters::SHADOW_ARGS), (24, 48, 84));
 }
 
 fn job(count: u32) -> LbvhJob {
-    let around = LbvhBounds {
-        min: [-1.0, 2.0, 0.0],
-        max: [1.0, 2.0, 8.0],
-    };
-    LbvhJob {
-        bounds: 1 << 40,
-        nodes: 1 << 41,
-        scratch: 1 << 42,
-        depth: 1 << 43,
-        count,
-        around,
-    }
+    let around = LbvhBounds { min: [-1.0, 2.0, 0.0], max: [1.0, 2.0, 8.0] };
+    LbvhJob { bounds: 1 << 40, nodes: 1 << 41, scratch: 1 << 42, depth: 1 << 43, count, around }
 }
 
 #[test]
@@ -86,16 +56,8 @@ fn a_build_keeps_to_its_scratch_memory() {
             ];
             ranges.sort_unstable();
             assert!(ranges[0].0 >= job.scratch, "{count} items");
-            assert!(
-                ranges.windows(2).all(|w| w[0].0 + w[0].1 <= w[1].0),
-                "{count} items: {ranges:?}"
-            );
-            assert!(
-                ranges
-                    .iter()
-                    .all(|(start, bytes)| start % 8 == 0 && start + bytes <= end),
-                "{count} items"
-            );
+            assert!(ranges.windows(2).all(|w| w[0].0 + w[0].1 <= w[1].0), "{count} items: {ranges:?}");
+            assert!(ranges.iter().all(|(start, bytes)| start % 8 == 0 && start + bytes <= end), "{count} items");
         }
     }
 }
@@ -103,10 +65,7 @@ fn a_build_keeps_to_its_scratch_memory() {
 #[test]
 fn parents_and_visits_do_not_touch_the_sorted_keys() {
     let step = lbvh_steps(&job(5000)).pop().expect("steps");
-    assert_eq!(
-        (step.push.parents, step.push.visits),
-        (step.push.keys_out, step.push.items_out)
-    );
+    assert_eq!((step.push.parents, step.push.visits), (step.push.keys_out, step.push.items_out));
     assert_eq!(step.module.name, "lbvh_refit");
 }
 
@@ -118,12 +77,7 @@ fn a_flat_box_gives_no_infinite_scale() {
 
 #[test]
 fn one_item_needs_one_step() {
-    let names = |count| {
-        lbvh_steps(&job(count))
-            .iter()
-            .map(|step| step.module.name)
-            .collect::<Vec<_>>()
-    };
+    let names = |count| lbvh_steps(&job(count)).iter().map(|step| step.module.name).collect::<Vec<_>>();
     assert_eq!(names(0), ["lbvh_refit"]);
     assert_eq!(names(1), ["lbvh_refit"]);
     assert_eq!(names(2), ["lbvh_sort_small", "lbvh_hierarchy", "lbvh_refit"]);

@@ -27,11 +27,7 @@ use crate::places::Places;
 use crate::process::say;
 
 #[derive(Debug, Parser)]
-#[command(
-    name = "cargo xtask",
-    about = "Set up, build, record, test and check OocPT",
-    disable_help_subcommand = true
-)]
+#[command(name = "cargo xtask", about = "Set up, build, record, test and check OocPT", disable_help_subcommand = true)]
 struct Arguments {
     #[command(subcommand)]
     command: Task,
@@ -105,14 +101,7 @@ fn perform(task: Task) -> Result<()> {
         }
         Task::Check { fast } => {
             system::prepare(system::For::Check)?;
-            check::run_all(
-                &places,
-                if fast {
-                    check::Depth::Text
-                } else {
-                    check::Depth::Compiled
-                },
-            )
+            check::run_all(&places, if fast { check::Depth::Text } else { check::Depth::Compiled })
         }
         Task::Doctor { arguments } => doctor(&places, &arguments),
     }
@@ -135,10 +124,7 @@ fn build(places: &Places) -> Result<Interpreter> {
 /// Becomes `usdrecord`: returns only if that cannot be started.
 fn record(places: &Places, arguments: &[OsString]) -> Result<()> {
     let (settings, sdk) = settings_for_recording(places)?;
-    let program = sdk
-        .as_ref()
-        .map_or_else(|| places.wheel_bin(), |usd| usd.join("bin"))
-        .join("usdrecord");
+    let program = sdk.as_ref().map_or_else(|| places.wheel_bin(), |usd| usd.join("bin")).join("usdrecord");
     let mut usdrecord = Command::new(program);
     shell::apply(&settings, &mut usdrecord);
     if !names_one_of(arguments, &["--renderer", "-r"]) {
@@ -154,9 +140,7 @@ fn record(places: &Places, arguments: &[OsString]) -> Result<()> {
 
 fn names_one_of(arguments: &[OsString], flags: &[&str]) -> bool {
     let is_named = |word: &str| {
-        flags
-            .iter()
-            .any(|flag| word == *flag || word.strip_prefix(flag).is_some_and(|rest| rest.starts_with('=')))
+        flags.iter().any(|flag| word == *flag || word.strip_prefix(flag).is_some_and(|rest| rest.starts_with('=')))
     };
     arguments.iter().any(|word| is_named(&word.to_string_lossy()))
 }
@@ -193,17 +177,7 @@ fn install(places: &Places, usd: &Path, prefix: &Path) -> Result<()> {
 fn doctor(places: &Places, arguments: &[OsString]) -> Result<()> {
     system::prepare(system::For::Build)?;
     let mut cargo = product::cargo(places, "run");
-    cargo.args([
-        "--quiet",
-        "--profile",
-        product::PROFILE,
-        "--package",
-        "oocpt-cli",
-        "--bin",
-        "oocpt",
-        "--",
-        "doctor",
-    ]);
+    cargo.args(["--quiet", "--profile", product::PROFILE, "--package", "oocpt-cli", "--bin", "oocpt", "--", "doctor"]);
     Err(cargo.args(arguments).exec()).context("cannot start cargo")
 }
 
@@ -218,31 +192,13 @@ mod tests {
 
     #[test]
     fn usdrecord_flags_pass_untouched() {
-        let words = [
-            "xtask",
-            "record",
-            "--imageWidth",
-            "64",
-            "-r",
-            "Storm",
-            "--help",
-            "a.usda",
-            "b.exr",
-        ];
-        let Task::Record { arguments } = Arguments::parse_from(words).command else {
-            panic!("not a record task")
-        };
+        let words = ["xtask", "record", "--imageWidth", "64", "-r", "Storm", "--help", "a.usda", "b.exr"];
+        let Task::Record { arguments } = Arguments::parse_from(words).command else { panic!("not a record task") };
         assert_eq!(arguments, words[2..], "order and dashes are kept");
         assert!(names_one_of(&arguments, &["--renderer", "-r"]), "short flag");
+        assert!(names_one_of(&["--renderer=GL".into()], &["--renderer", "-r"]), "joined value");
         assert!(
-            names_one_of(&["--renderer=GL".into()], &["--renderer", "-r"]),
-            "joined value"
-        );
-        assert!(
-            !names_one_of(
-                &["--renderSettingsPrimPath".into(), "-rs".into()],
-                &["--renderer", "-r"]
-            ),
+            !names_one_of(&["--renderSettingsPrimPath".into(), "-rs".into()], &["--renderer", "-r"]),
             "other flags"
         );
     }

@@ -89,21 +89,9 @@ mod tests {
     #[test]
     fn the_cache_follows_its_variable_then_home() {
         let home = || Some(OsString::from("/home/someone"));
-        assert_eq!(
-            cache_root(Some("/big/disk".into()), home()).unwrap(),
-            Path::new("/big/disk"),
-            "explicit"
-        );
-        assert_eq!(
-            cache_root(None, home()).unwrap(),
-            Path::new("/home/someone/.cache/oocpt"),
-            "default"
-        );
-        assert_eq!(
-            cache_root(Some("".into()), home()).unwrap(),
-            Path::new("/home/someone/.cache/oocpt"),
-            "empty"
-        );
+        assert_eq!(cache_root(Some("/big/disk".into()), home()).unwrap(), Path::new("/big/disk"), "explicit");
+        assert_eq!(cache_root(None, home()).unwrap(), Path::new("/home/someone/.cache/oocpt"), "default");
+        assert_eq!(cache_root(Some("".into()), home()).unwrap(), Path::new("/home/someone/.cache/oocpt"), "empty");
         assert!(cache_root(None, None).is_err(), "without HOME there is no default");
     }
 }

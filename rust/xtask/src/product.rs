@@ -28,11 +28,7 @@ pub(crate) fn build_for_wheel(places: &Places, interpreter: &Interpreter) -> Res
     configure(places, &tree, &options)?;
     compile(&tree)?;
     let resources = places.wheel_resources();
-    ensure!(
-        resources.join("plugInfo.json").is_file(),
-        "the build left no plugInfo.json in {}",
-        resources.display()
-    );
+    ensure!(resources.join("plugInfo.json").is_file(), "the build left no plugInfo.json in {}", resources.display());
     write_usdrecord(places)
 }
 
@@ -42,11 +38,7 @@ pub(crate) fn build_for_wheel(places: &Places, interpreter: &Interpreter) -> Res
 /// If `usd` is no SDK, or the build or the installation fails.
 pub(crate) fn install_for_sdk(places: &Places, usd: &Path, prefix: &Path) -> Result<PathBuf> {
     let usd = fs::canonicalize(usd).with_context(|| format!("no OpenUSD install at {}", usd.display()))?;
-    ensure!(
-        usd.join("include/pxr/pxr.h").is_file(),
-        "{} has no include/pxr/pxr.h",
-        usd.display()
-    );
+    ensure!(usd.join("include/pxr/pxr.h").is_file(), "{} has no include/pxr/pxr.h", usd.display());
     fs::create_dir_all(prefix).with_context(|| format!("cannot create {}", prefix.display()))?;
     let prefix = fs::canonicalize(prefix).context("cannot resolve the prefix")?;
     let mut options = bridge(places, "release")?;
@@ -69,10 +61,7 @@ fn bridge(places: &Places, profile: &str) -> Result<Vec<(String, String)>> {
     run(cargo(places, "build").args(["--package", "oocpt-bridge", "--profile", profile]))?;
     Ok(vec![
         ("CMAKE_BUILD_TYPE".into(), "Release".into()),
-        (
-            "OOCPT_BRIDGE_LIB".into(),
-            path(&places.target.join(profile).join("liboocpt_bridge.a")),
-        ),
+        ("OOCPT_BRIDGE_LIB".into(), path(&places.target.join(profile).join("liboocpt_bridge.a"))),
         ("OOCPT_BRIDGE_INCLUDE".into(), path(&places.target.join("cxxbridge"))),
     ])
 }
@@ -80,10 +69,7 @@ fn bridge(places: &Places, profile: &str) -> Result<Vec<(String, String)>> {
 /// A cargo subcommand in the clone, by the same cargo that runs this; in CI (`CI` is set) it may not change `Cargo.lock`.
 pub(crate) fn cargo(places: &Places, subcommand: &str) -> Command {
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    cargo
-        .current_dir(&places.repo)
-        .env("CARGO_TARGET_DIR", &places.target)
-        .arg(subcommand);
+    cargo.current_dir(&places.repo).env("CARGO_TARGET_DIR", &places.target).arg(subcommand);
     if env::var_os("CI").is_some() && subcommand != "fmt" {
         cargo.arg("--locked");
     }
@@ -92,21 +78,14 @@ pub(crate) fn cargo(places: &Places, subcommand: &str) -> Command {
 
 /// Configures `tree` unless it was configured with the same options; `CMake` itself watches its own files.
 fn configure(places: &Places, tree: &Path, options: &[(String, String)]) -> Result<()> {
-    let wanted = options
-        .iter()
-        .map(|(name, value)| format!("-D{name}={value}\n"))
-        .collect::<String>();
+    let wanted = options.iter().map(|(name, value)| format!("-D{name}={value}\n")).collect::<String>();
     let noted = tree.join("xtask-options.txt");
     if tree.join("build.ninja").exists() && fs::read_to_string(&noted).is_ok_and(|found| found == wanted) {
         return Ok(());
     }
     say(format_args!("configuring {}", tree.display()));
     let mut cmake = Command::new("cmake");
-    cmake
-        .args(["-G", "Ninja", "-S"])
-        .arg(places.repo.join("cpp"))
-        .arg("-B")
-        .arg(tree);
+    cmake.args(["-G", "Ninja", "-S"]).arg(places.repo.join("cpp")).arg("-B").arg(tree);
     if crate::system::find_program("ccache").is_some() {
         cmake.arg("-DCMAKE_CXX_COMPILER_LAUNCHER=ccache");
     }
@@ -117,10 +96,7 @@ fn configure(places: &Places, tree: &Path, options: &[(String, String)]) -> Resu
 /// A build tree per SDK, so that switching between two does not rebuild either.
 fn sdk_tree_name(usd: &Path) -> String {
     let name = usd.to_string_lossy();
-    let name: String = name
-        .chars()
-        .map(|c| if c.is_ascii_alphanumeric() { c } else { '_' })
-        .collect();
+    let name: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     format!("sdk{name}")
 }
 
@@ -158,33 +134,15 @@ mod tests {
 
     #[test]
     fn each_sdk_has_its_own_tree() {
-        assert_eq!(
-            sdk_tree_name(Path::new("/opt/usd-24.11")),
-            "sdk_opt_usd_24_11",
-            "readable"
-        );
-        assert_ne!(
-            sdk_tree_name(Path::new("/opt/a")),
-            sdk_tree_name(Path::new("/opt/b")),
-            "distinct"
-        );
+        assert_eq!(sdk_tree_name(Path::new("/opt/usd-24.11")), "sdk_opt_usd_24_11", "readable");
+        assert_ne!(sdk_tree_name(Path::new("/opt/a")), sdk_tree_name(Path::new("/opt/b")), "distinct");
     }
 
     #[test]
     fn usdrecord_keeps_the_users_plugins() {
-        let places = Places {
-            repo: "/r p".into(),
-            cache: "/c".into(),
-            target: "/t".into(),
-        };
+        let places = Places { repo: "/r p".into(), cache: "/c".into(), target: "/t".into() };
         let script = usdrecord_script(&places);
-        assert!(
-            script.contains("exec /c/venv-host/bin/python -I '/r p/plugin/usdrecord' \"$@\""),
-            "{script}"
-        );
-        assert!(
-            script.contains("${PXR_PLUGINPATH_NAME:+:$PXR_PLUGINPATH_NAME}"),
-            "{script}"
-        );
+        assert!(script.contains("exec /c/venv-host/bin/python -I '/r p/plugin/usdrecord' \"$@\""), "{script}");
+        assert!(script.contains("${PXR_PLUGINPATH_NAME:+:$PXR_PLUGINPATH_NAME}"), "{script}");
     }
 }

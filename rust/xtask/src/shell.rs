@@ -27,17 +27,10 @@ pub(crate) enum Setting {
 /// # Errors
 /// If `OOCPT_USD_ROOT` names a folder without headers.
 pub(crate) fn sdk_root() -> Result<Option<PathBuf>> {
-    let Some(root) = env::var_os("OOCPT_USD_ROOT")
-        .filter(|root| !root.is_empty())
-        .map(PathBuf::from)
-    else {
+    let Some(root) = env::var_os("OOCPT_USD_ROOT").filter(|root| !root.is_empty()).map(PathBuf::from) else {
         return Ok(None);
     };
-    ensure!(
-        root.join("include/pxr/pxr.h").is_file(),
-        "OOCPT_USD_ROOT={}: no include/pxr/pxr.h there",
-        root.display()
-    );
+    ensure!(root.join("include/pxr/pxr.h").is_file(), "OOCPT_USD_ROOT={}: no include/pxr/pxr.h there", root.display());
     Ok(Some(root))
 }
 
@@ -75,10 +68,7 @@ pub(crate) fn for_sdk(usd: &Path, prefix: &Path) -> Vec<Setting> {
 pub(crate) fn exports(settings: &[Setting]) -> String {
     let line = |setting: &Setting| match setting {
         Setting::Prepend(name, path) => {
-            format!(
-                "export {name}={}${{{name}:+:${name}}}\n",
-                shell_word(&path.to_string_lossy())
-            )
+            format!("export {name}={}${{{name}:+:${name}}}\n", shell_word(&path.to_string_lossy()))
         }
         Setting::Set(name, path) => format!("export {name}={}\n", shell_word(&path.to_string_lossy())),
     };
@@ -111,10 +101,7 @@ mod tests {
 
     #[test]
     fn a_shell_evaluates_the_exports() {
-        let settings = [
-            Setting::Prepend("A_LIST", "/new dir".into()),
-            Setting::Set("A_VALUE", "/it's".into()),
-        ];
+        let settings = [Setting::Prepend("A_LIST", "/new dir".into()), Setting::Set("A_VALUE", "/it's".into())];
         let script = format!("{}printf '%s|%s' \"$A_LIST\" \"$A_VALUE\"", exports(&settings));
         let fresh = capture(Command::new("sh").args(["-c", &script]).env_remove("A_LIST")).unwrap();
         assert_eq!(fresh, "/new dir|/it's", "an unset list has no trailing colon");
@@ -126,13 +113,7 @@ mod tests {
     fn a_child_gets_the_same() {
         let mut child = Command::new("sh");
         child.args(["-c", "printf '%s|%s' \"$XTASK_TEST_LIST\" \"$A_VALUE\""]);
-        apply(
-            &[
-                Setting::Prepend("XTASK_TEST_LIST", "/a".into()),
-                Setting::Set("A_VALUE", "/b".into()),
-            ],
-            &mut child,
-        );
+        apply(&[Setting::Prepend("XTASK_TEST_LIST", "/a".into()), Setting::Set("A_VALUE", "/b".into())], &mut child);
         assert_eq!(capture(&mut child).unwrap(), "/a|/b", "both kinds");
     }
 }

@@ -32,14 +32,8 @@ pub(crate) fn run_tests(places: &Places, filter: Option<&str>) -> Result<()> {
         Ok(())
     };
     note("Rust", rust_tests(places, filter))?;
-    note(
-        "Python (usd-core)",
-        python_tests(places, USD_VENV.name, &places.repo.join("tests"), Some(&host), filter),
-    )?;
-    note(
-        "Python (wheel host)",
-        python_tests(places, HOST_VENV.name, &host, None, filter),
-    )?;
+    note("Python (usd-core)", python_tests(places, USD_VENV.name, &places.repo.join("tests"), Some(&host), filter))?;
+    note("Python (wheel host)", python_tests(places, HOST_VENV.name, &host, None, filter))?;
     if !failed.is_empty() {
         bail!("tests failed: {}", failed.join(", "));
     }
@@ -72,9 +66,7 @@ fn python_tests(
         return Ok(true);
     }
     let mut pytest = Command::new(places.venv_python(venv));
-    pytest
-        .current_dir(&places.repo)
-        .args(["-I", "-m", "pytest", "-ra", "-v", "--import-mode=importlib"]);
+    pytest.current_dir(&places.repo).args(["-I", "-m", "pytest", "-ra", "-v", "--import-mode=importlib"]);
     shell::apply(&shell::for_wheel(places), &mut pytest);
     pytest.arg(folder);
     if let Some(without) = without {
@@ -95,8 +87,5 @@ fn passes(command: &mut Command) -> Result<bool> {
 fn status(command: &mut Command) -> Result<i32> {
     let program = command.get_program().to_owned();
     let status = command.stdin(Stdio::null()).status();
-    Ok(status
-        .with_context(|| format!("cannot start {}", program.display()))?
-        .code()
-        .unwrap_or(-1))
+    Ok(status.with_context(|| format!("cannot start {}", program.display()))?.code().unwrap_or(-1))
 }

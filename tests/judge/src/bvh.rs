@@ -47,10 +47,7 @@ pub(crate) fn intersect_triangle(ray: &Ray, corners: &[DVec3; 3]) -> Option<(f64
 
 impl Bvh {
     pub(crate) fn build(triangles: &[[DVec3; 3]]) -> Self {
-        let mut bvh = Self {
-            nodes: Vec::new(),
-            order: (0..triangles.len()).collect(),
-        };
+        let mut bvh = Self { nodes: Vec::new(), order: (0..triangles.len()).collect() };
         if !triangles.is_empty() {
             let mut order = std::mem::take(&mut bvh.order);
             bvh.split(triangles, &mut order, 0);
@@ -64,14 +61,7 @@ impl Bvh {
         let min = corners().fold(DVec3::INFINITY, DVec3::min);
         let max = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
         let index = self.nodes.len();
-        self.nodes.push((
-            min,
-            max,
-            Node::Leaf {
-                first: offset,
-                count: order.len(),
-            },
-        ));
+        self.nodes.push((min, max, Node::Leaf { first: offset, count: order.len() }));
         if order.len() > LEAF_SIZE {
             let axis = (max - min).max_position();
             let middle = order.len() / 2;
@@ -122,10 +112,7 @@ fn enters_box(ray: &Ray, min: DVec3, max: DVec3, limit: f64) -> bool {
     let (mut near, mut far) = (0.0_f64, limit * (1.0 + 1e-12));
     for axis in 0..3 {
         let margin = 1e-12 * (min[axis].abs() + max[axis].abs() + ray.origin[axis].abs());
-        let (low, high) = (
-            min[axis] - margin - ray.origin[axis],
-            max[axis] + margin - ray.origin[axis],
-        );
+        let (low, high) = (min[axis] - margin - ray.origin[axis], max[axis] + margin - ray.origin[axis]);
         let slope = ray.direction[axis];
         if slope == 0.0 {
             if low > 0.0 || high < 0.0 {
@@ -158,14 +145,8 @@ mod tests {
         let bvh = Bvh::build(&triangles);
         let mut hits = 0;
         for _ in 0..2000 {
-            let ray = Ray {
-                origin: point(20.0),
-                direction: point(2.0),
-            };
-            let nearest = triangles
-                .iter()
-                .filter_map(|t| intersect_triangle(&ray, t))
-                .map(|hit| hit.0);
+            let ray = Ray { origin: point(20.0), direction: point(2.0) };
+            let nearest = triangles.iter().filter_map(|t| intersect_triangle(&ray, t)).map(|hit| hit.0);
             let brute = nearest.fold(f64::INFINITY, f64::min);
             let found = bvh.visit(&triangles, &ray, f64::INFINITY, |crossing| crossing.t);
             assert_eq!(brute.to_bits(), found.to_bits(), "ray {ray:?}");

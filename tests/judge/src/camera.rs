@@ -33,10 +33,7 @@ impl PixelRays {
     /// [`JudgeError::Singular`] when the camera's matrices have no inverse.
     pub fn new(camera: &Camera, origin: DVec3) -> Result<Self, JudgeError> {
         let world_from_view = DMat4::from_translation(-origin) * camera.world_from_view;
-        for (matrix, name) in [
-            (camera.projection, "the projection"),
-            (world_from_view, "the camera transform"),
-        ] {
+        for (matrix, name) in [(camera.projection, "the projection"), (world_from_view, "the camera transform")] {
             if matrix.determinant() == 0.0 || !matrix.is_finite() {
                 return Err(JudgeError::Singular(name));
             }
@@ -67,18 +64,11 @@ impl PixelRays {
         let [data_x0, _, _, data_y1] = self.data_window.map(f64::from);
         // Windows are y-down as in CameraUtilFraming, buffers bottom-up: row 0 is the last line of the data window.
         let window = DVec2::new(data_x0 + pixel.x, data_y1 - pixel.y);
-        let ndc = DVec2::new(
-            2.0 * (window.x - x0) / (x1 - x0) - 1.0,
-            1.0 - 2.0 * (window.y - y0) / (y1 - y0),
-        );
+        let ndc = DVec2::new(2.0 * (window.x - x0) / (x1 - x0) - 1.0, 1.0 - 2.0 * (window.y - y0) / (y1 - y0));
         let near = self.view_from_clip.project_point3(DVec3::new(ndc.x, ndc.y, -1.0));
         let far = self.view_from_clip.project_point3(DVec3::new(ndc.x, ndc.y, 1.0));
         let direction = (far - near) / (near.z - far.z);
-        let origin = if self.is_perspective() {
-            DVec3::ZERO
-        } else {
-            near + direction * near.z
-        };
+        let origin = if self.is_perspective() { DVec3::ZERO } else { near + direction * near.z };
         Ray { origin, direction }
     }
 
@@ -108,10 +98,7 @@ impl PixelRays {
         }
         let in_focus = pinhole.origin + pinhole.direction * self.focus_distance;
         let origin = pinhole.origin + DVec3::new(disk.x, disk.y, 0.0) * self.lens_radius;
-        self.to_world(Ray {
-            origin,
-            direction: (in_focus - origin) / self.focus_distance,
-        })
+        self.to_world(Ray { origin, direction: (in_focus - origin) / self.focus_distance })
     }
 
     /// Depth as Hydra stores it: window depth in `[0, 1]`, 1 = far plane.
@@ -130,8 +117,6 @@ impl PixelRays {
     /// A world normal in view space, of unit length.
     #[must_use]
     pub fn view_normal(&self, normal: DVec3) -> DVec3 {
-        (self.world_from_view.transpose() * normal.extend(0.0))
-            .truncate()
-            .normalize()
+        (self.world_from_view.transpose() * normal.extend(0.0)).truncate().normalize()
     }
 }

@@ -55,20 +55,14 @@ fn compare(
     mut wrong: impl FnMut(usize, Option<&FirstHit>) -> Option<String>,
 ) -> Result<(), Mismatch> {
     if hits.len() != found {
-        return Err(Mismatch::Length {
-            expected: hits.len(),
-            found,
-        });
+        return Err(Mismatch::Length { expected: hits.len(), found });
     }
     if hits.iter().all(|(hit, _)| hit.is_none()) {
         return Err(Mismatch::Empty);
     }
     let ambiguous = hits.iter().filter(|(_, ambiguous)| *ambiguous).count();
     if ambiguous as f64 > MAX_AMBIGUOUS * hits.len() as f64 {
-        return Err(Mismatch::Ambiguous {
-            pixels: ambiguous,
-            of: hits.len(),
-        });
+        return Err(Mismatch::Ambiguous { pixels: ambiguous, of: hits.len() });
     }
     let (mut pixels, mut first) = (0, Vec::new());
     for (index, (hit, _)) in hits.iter().enumerate().filter(|(_, (_, ambiguous))| !ambiguous) {
@@ -79,11 +73,7 @@ fn compare(
             }
         }
     }
-    if pixels == 0 {
-        Ok(())
-    } else {
-        Err(Mismatch::Wrong { pixels, first })
-    }
+    if pixels == 0 { Ok(()) } else { Err(Mismatch::Wrong { pixels, first }) }
 }
 
 /// Ids must be equal; `-1` where nothing is hit. `which`: 0 = prim, 1 = instance, 2 = element.
@@ -111,11 +101,7 @@ pub fn compare_depth(
     compare(hits, buffer.len(), |index, hit| {
         let value = f64::from(buffer[index]);
         let expected = hit.map_or(f64::from(clear), &read);
-        let allowed = if hit.is_some() {
-            tolerance * expected.abs().max(1e-6)
-        } else {
-            0.0
-        };
+        let allowed = if hit.is_some() { tolerance * expected.abs().max(1e-6) } else { 0.0 };
         // Written so that a NaN is wrong.
         let right = (value - expected).abs() <= allowed;
         (!right).then(|| format!("depth {value} instead of {expected}"))
@@ -176,32 +162,17 @@ mod tests {
         );
 
         let read = |hit: &FirstHit| hit.camera_depth;
-        let mut depth: Vec<f32> = hits
-            .iter()
-            .map(|(hit, _)| hit.map_or(0.0, |hit| single(hit.camera_depth)))
-            .collect();
+        let mut depth: Vec<f32> = hits.iter().map(|(hit, _)| hit.map_or(0.0, |hit| single(hit.camera_depth))).collect();
         assert_eq!(compare_depth(&hits, read, 0.0, 1e-6, &depth), Ok(()));
         depth[7] *= 1.0 + 1e-4;
-        assert!(
-            compare_depth(&hits, read, 0.0, 1e-6, &depth).is_err(),
-            "a depth off by 1e-4 must be seen"
-        );
+        assert!(compare_depth(&hits, read, 0.0, 1e-6, &depth).is_err(), "a depth off by 1e-4 must be seen");
         depth[7] = f32::NAN;
-        assert!(
-            compare_depth(&hits, read, 0.0, 1e-6, &depth).is_err(),
-            "a NaN must be seen"
-        );
+        assert!(compare_depth(&hits, read, 0.0, 1e-6, &depth).is_err(), "a NaN must be seen");
 
-        let mut normals: Vec<[f32; 3]> = hits
-            .iter()
-            .map(|(hit, _)| [0.0, 0.0, f32::from(hit.is_some())])
-            .collect();
+        let mut normals: Vec<[f32; 3]> = hits.iter().map(|(hit, _)| [0.0, 0.0, f32::from(hit.is_some())]).collect();
         assert_eq!(compare_normals(&hits, |hit| hit.normal, 1e-5, &normals), Ok(()));
         normals[1][2] = -1.0;
-        assert!(
-            compare_normals(&hits, |hit| hit.normal, 1e-5, &normals).is_err(),
-            "a flipped normal must be seen"
-        );
+        assert!(compare_normals(&hits, |hit| hit.normal, 1e-5, &normals).is_err(), "a flipped normal must be seen");
     }
 
     #[test]
@@ -210,9 +181,6 @@ mod tests {
         assert_eq!(compare_ids(&nothing, 0, &[-1; 4]), Err(Mismatch::Empty));
         let mut unclear = hits();
         unclear.iter_mut().for_each(|(_, ambiguous)| *ambiguous = true);
-        assert!(
-            matches!(compare_ids(&unclear, 0, &[0; 20]), Err(Mismatch::Ambiguous { .. })),
-            "all ambiguous"
-        );
+        assert!(matches!(compare_ids(&unclear, 0, &[0; 20]), Err(Mismatch::Ambiguous { .. })), "all ambiguous");
     }
 }

@@ -24,12 +24,7 @@ impl Image {
     /// A black image.
     #[must_use]
     pub fn new(width: usize, height: usize, channels: usize) -> Self {
-        Self {
-            width,
-            height,
-            channels,
-            data: vec![0.0; width * height * channels],
-        }
+        Self { width, height, channels, data: vec![0.0; width * height * channels] }
     }
 
     /// An image of floats as a render buffer holds them.
@@ -40,12 +35,7 @@ impl Image {
         if data.len() != width * height * channels {
             return Err(JudgeError::Shape(width, height, channels, data.len(), 1, 1));
         }
-        Ok(Self {
-            width,
-            height,
-            channels,
-            data,
-        })
+        Ok(Self { width, height, channels, data })
     }
 
     /// The channels of one pixel.
@@ -76,14 +66,7 @@ impl Image {
         if shape(self) == shape(other) {
             return Ok(());
         }
-        Err(JudgeError::Shape(
-            self.width,
-            self.height,
-            self.channels,
-            other.width,
-            other.height,
-            other.channels,
-        ))
+        Err(JudgeError::Shape(self.width, self.height, self.channels, other.width, other.height, other.channels))
     }
 
     /// Writes the first three channels (or one as grey) as RGB EXR, top row first as files have it.
@@ -91,10 +74,7 @@ impl Image {
     /// # Errors
     /// [`JudgeError::Write`] with the path.
     pub fn write_exr(&self, path: &Path) -> Result<(), JudgeError> {
-        let failed = |reason: String| JudgeError::Write {
-            path: path.display().to_string(),
-            reason,
-        };
+        let failed = |reason: String| JudgeError::Write { path: path.display().to_string(), reason };
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder).map_err(|error| failed(error.to_string()))?;
         }
@@ -109,10 +89,7 @@ impl Image {
 }
 
 /// Rounds to the precision of images.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "rounding to single precision is the point"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is the point")]
 pub(crate) fn single(value: f64) -> f32 {
     value as f32
 }

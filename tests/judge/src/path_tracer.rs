@@ -36,13 +36,7 @@ pub struct PathTracerOptions {
 
 impl Default for PathTracerOptions {
     fn default() -> Self {
-        Self {
-            samples: 256,
-            max_bounces: 5,
-            seed: 1,
-            default_albedo: 0.18,
-            clear: [0.0; 4],
-        }
+        Self { samples: 256, max_bounces: 5, seed: 1, default_albedo: 0.18, clear: [0.0; 4] }
     }
 }
 
@@ -69,32 +63,14 @@ pub fn path_trace(
 ) -> Result<Reference, JudgeError> {
     let rays = PixelRays::new(camera, snapshot.origin)?;
     let (width, height) = rays.size();
-    let tracer = Tracer {
-        world,
-        lights: &snapshot.lights,
-        options,
-    };
-    let pixels: Vec<(DVec4, DVec4)> = (0..width * height)
-        .into_par_iter()
-        .map(|index| tracer.pixel(&rays, index, width))
-        .collect();
+    let tracer = Tracer { world, lights: &snapshot.lights, options };
+    let pixels: Vec<(DVec4, DVec4)> =
+        (0..width * height).into_par_iter().map(|index| tracer.pixel(&rays, index, width)).collect();
     let image = |read: &dyn Fn(&(DVec4, DVec4)) -> DVec4| {
-        let data = pixels
-            .iter()
-            .flat_map(|pixel| read(pixel).as_vec4().to_array())
-            .collect();
-        Image {
-            width,
-            height,
-            channels: 4,
-            data,
-        }
+        let data = pixels.iter().flat_map(|pixel| read(pixel).as_vec4().to_array()).collect();
+        Image { width, height, channels: 4, data }
     };
-    Ok(Reference {
-        mean: image(&|p| p.0),
-        variance: image(&|p| p.1),
-        samples: options.samples,
-    })
+    Ok(Reference { mean: image(&|p| p.0), variance: image(&|p| p.1), samples: options.samples })
 }
 
 struct Tracer<'a> {
@@ -140,37 +116,19 @@ impl Tracer<'_> {
             throughput *= albedo.clamp(DVec3::ZERO, DVec3::ONE);
             let start = surface.position + lobe.geometric * (1e-9 * (1.0 + surface.position.abs().max_element()));
             radiance += throughput * self.distant(start, &lobe, random);
-            ray = Ray {
-                origin: start,
-                direction: lobe.sample(random),
-            };
+            ray = Ray { origin: start, direction: lobe.sample(random) };
         }
         radiance.extend(1.0)
     }
 
     fn background(&self) -> DVec4 {
-        let visible = |light: &Light| {
-            matches!(
-                light,
-                Light::Dome {
-                    camera_visible: true,
-                    ..
-                }
-            )
-        };
-        if self.lights.iter().any(visible) {
-            self.dome(true).extend(1.0)
-        } else {
-            DVec4::from(self.options.clear)
-        }
+        let visible = |light: &Light| matches!(light, Light::Dome { camera_visible: true, .. });
+        if self.lights.iter().any(visible) { self.dome(true).extend(1.0) } else { DVec4::from(self.options.clear) }
     }
 
     fn dome(&self, seen_by_camera: bool) -> DVec3 {
         let radiance = self.lights.iter().filter_map(|light| match light {
-            Light::Dome {
-                radiance,
-                camera_visible,
-            } if *camera_visible || !seen_by_camera => Some(radiance),
+            Light::Dome { radiance, camera_visible } if *camera_visible || !seen_by_camera => Some(radiance),
             _ => None,
         });
         radiance.map(|radiance| DVec3::from(radiance.map(f64::from))).sum()
@@ -180,37 +138,22 @@ impl Tracer<'_> {
     fn distant(&self, start: DVec3, lobe: &Lobe, random: &mut Random) -> DVec3 {
         let mut sum = DVec3::ZERO;
         for light in self.lights {
-            let Light::Distant {
-                direction,
-                radiance,
-                cos_half_angle,
-            } = light
-            else {
+            let Light::Distant { direction, radiance, one_minus_cos } = light else {
                 continue;
             };
             let axis = DVec3::from(direction.map(f64::from)).normalize();
-            let cosine_bound = f64::from(*cos_half_angle);
-            let (towards_light, solid_angle) = if cosine_bound >= 1.0 {
+            let one_minus_cos = f64::from(*one_minus_cos);
+            let (towards_light, solid_angle) = if one_minus_cos <= 0.0 {
                 (axis, 1.0)
             } else {
-                (
-                    random.cone(axis, cosine_bound),
-                    std::f64::consts::TAU * (1.0 - cosine_bound),
-                )
+                (random.cone(axis, 1.0 - one_minus_cos), std::f64::consts::TAU * one_minus_cos)
             };
             let density = lobe.density(towards_light);
             if density <= 0.0 {
                 continue;
             }
-            let shadow_ray = Ray {
-                origin: start,
-                direction: towards_light,
-            };
-            if self
-                .world
-                .nearest_opaque(&shadow_ray, |opacity| random.uniform() < opacity)
-                .is_none()
-            {
+            let shadow_ray = Ray { origin: start, direction: towards_light };
+            if self.world.nearest_opaque(&shadow_ray, |opacity| random.uniform() < opacity).is_none() {
                 sum += DVec3::from(radiance.map(f64::from)) * (density * solid_angle);
             }
         }
@@ -247,11 +190,7 @@ impl Lobe {
 
     fn sample(&self, random: &mut Random) -> DVec3 {
         let direction = random.cosine_hemisphere(self.shading);
-        if direction.dot(self.geometric) < 0.0 {
-            self.mirrored(direction)
-        } else {
-            direction
-        }
+        if direction.dot(self.geometric) < 0.0 { self.mirrored(direction) } else { direction }
     }
 }
 
@@ -261,10 +200,7 @@ mod tests {
 
     #[test]
     fn a_tilted_lobe_loses_nothing_and_samples_its_density() {
-        let lobe = Lobe {
-            geometric: DVec3::Z,
-            shading: DVec3::new(0.8, 0.0, 0.6),
-        };
+        let lobe = Lobe { geometric: DVec3::Z, shading: DVec3::new(0.8, 0.0, 0.6) };
         let mut random = Random::new(3, 0, 0);
         let count = 400_000;
         let (mut integral, mut by_density, mut by_sampling) = (0.0, 0.0, 0.0);
@@ -276,11 +212,7 @@ mod tests {
             by_sampling += lobe.sample(&mut random).x;
         }
         let mean = |sum: f64| sum / f64::from(count);
-        assert!(
-            (mean(integral) - 1.0).abs() < 5e-3,
-            "the lobe integrates to {}",
-            mean(integral)
-        );
+        assert!((mean(integral) - 1.0).abs() < 5e-3, "the lobe integrates to {}", mean(integral));
         assert!(
             (mean(by_density) - mean(by_sampling)).abs() < 5e-3,
             "{} against {}",

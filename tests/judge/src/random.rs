@@ -72,14 +72,8 @@ mod tests {
             cosine += random.cosine_hemisphere(axis).dot(axis);
             cone += random.cone(axis, 0.5).dot(axis);
         }
-        assert!(
-            (cosine / f64::from(count) - 2.0 / 3.0).abs() < 2e-3,
-            "E[cos] of a cosine lobe is 2/3"
-        );
-        assert!(
-            (cone / f64::from(count) - 0.75).abs() < 2e-3,
-            "E[cos] of a uniform cone is the middle of its range"
-        );
+        assert!((cosine / f64::from(count) - 2.0 / 3.0).abs() < 2e-3, "E[cos] of a cosine lobe is 2/3");
+        assert!((cone / f64::from(count) - 0.75).abs() < 2e-3, "E[cos] of a uniform cone is the middle of its range");
     }
 
     #[test]
@@ -88,11 +82,7 @@ mod tests {
         let keys = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 1, 1)];
         for (i, a) in keys.iter().enumerate() {
             for b in &keys[i + 1..] {
-                assert_ne!(
-                    first(a.0, a.1, a.2),
-                    first(b.0, b.1, b.2),
-                    "{a:?} and {b:?} share a stream"
-                );
+                assert_ne!(first(a.0, a.1, a.2), first(b.0, b.1, b.2), "{a:?} and {b:?} share a stream");
             }
         }
     }

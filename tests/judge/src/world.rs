@@ -96,11 +96,7 @@ impl World {
             let placed = to_world * object_from_parent.inverse();
             let id = id.wrapping_mul(record.prototype_count.cast_signed());
             let id = id.wrapping_add(record.index_in_prototype.cast_signed());
-            let dangling = |kind| JudgeError::DanglingTarget {
-                assembly: index,
-                record: number,
-                kind,
-            };
+            let dangling = |kind| JudgeError::DanglingTarget { assembly: index, record: number, kind };
             match record.target {
                 Target::Assembly(target) => {
                     // Children come before parents, which also rules out cycles.
@@ -108,9 +104,7 @@ impl World {
                     self.add_assembly(from, target.ok_or_else(|| dangling("assembly"))?, placed, id)?;
                 }
                 Target::Mesh(target) => {
-                    let target = usize::try_from(target)
-                        .ok()
-                        .filter(|&target| target < self.meshes.len());
+                    let target = usize::try_from(target).ok().filter(|&target| target < self.meshes.len());
                     self.add_mesh(target.ok_or_else(|| dangling("mesh"))?, placed, record.prim_id, id)?;
                 }
             }
@@ -131,13 +125,7 @@ impl World {
             self.corners.push(triangle.vertices.map(place));
         }
         let object_from_world = placed.inverse();
-        self.placements.push(Placement {
-            mesh,
-            world_from_object: placed,
-            object_from_world,
-            prim_id,
-            instance_id,
-        });
+        self.placements.push(Placement { mesh, world_from_object: placed, object_from_world, prim_id, instance_id });
         Ok(())
     }
 
@@ -164,13 +152,7 @@ impl World {
             runner_up
         });
         let Crossing { t, u, v, triangle } = best?;
-        Some(WorldHit {
-            t,
-            runner_up,
-            u,
-            v,
-            triangle,
-        })
+        Some(WorldHit { t, runner_up, u, v, triangle })
     }
 
     /// The nearest crossing that `stops` the ray: a crossing is skipped with a probability of `1 - opacity`.
@@ -185,24 +167,16 @@ impl World {
             }
             bound
         });
-        best.map(|Crossing { t, u, v, triangle }| WorldHit {
-            t,
-            runner_up: f64::INFINITY,
-            u,
-            v,
-            triangle,
-        })
+        best.map(|Crossing { t, u, v, triangle }| WorldHit { t, runner_up: f64::INFINITY, u, v, triangle })
     }
 
     fn opacity(&self, crossing: Crossing) -> f64 {
         let (placement, triangle) = self.source(crossing.triangle);
         let asset = &self.meshes[placement.mesh];
         let Some(opacities) = &asset.opacities else { return 1.0 };
-        interpolate(asset, opacities, triangle, weights(crossing.u, crossing.v), |value| {
-            DVec3::splat(f64::from(value))
-        })
-        .x
-        .clamp(0.0, 1.0)
+        interpolate(asset, opacities, triangle, weights(crossing.u, crossing.v), |value| DVec3::splat(f64::from(value)))
+            .x
+            .clamp(0.0, 1.0)
     }
 
     fn source(&self, triangle: usize) -> (&Placement, usize) {
@@ -216,39 +190,23 @@ impl World {
         let (placement, triangle) = self.source(hit.triangle);
         let asset = &self.meshes[placement.mesh];
         let bary = weights(hit.u, hit.v);
-        let corners = asset.triangles[triangle]
-            .vertices
-            .map(|corner| DVec3::from(corner.map(f64::from)));
+        let corners = asset.triangles[triangle].vertices.map(|corner| DVec3::from(corner.map(f64::from)));
         let winding = if asset.left_handed { -1.0 } else { 1.0 };
         let facing = (corners[1] - corners[0]).cross(corners[2] - corners[0]) * winding;
         // Normals go by the inverse transpose, which keeps the authored outer side also under mirroring.
         let to_world = |normal: DVec3| {
-            (placement.object_from_world.transpose() * normal.extend(0.0))
-                .truncate()
-                .normalize_or_zero()
+            (placement.object_from_world.transpose() * normal.extend(0.0)).truncate().normalize_or_zero()
         };
         let geometric_normal = to_world(facing);
         let vector = |value: [f32; 3]| DVec3::from(value.map(f64::from));
-        let shading = asset
-            .normals
-            .as_ref()
-            .map(|normals| to_world(interpolate(asset, normals, triangle, bary, vector)));
-        let crossing = Crossing {
-            t: hit.t,
-            u: hit.u,
-            v: hit.v,
-            triangle: hit.triangle,
-        };
+        let shading =
+            asset.normals.as_ref().map(|normals| to_world(interpolate(asset, normals, triangle, bary, vector)));
+        let crossing = Crossing { t: hit.t, u: hit.u, v: hit.v, triangle: hit.triangle };
         Surface {
             position: ray.origin + ray.direction * hit.t,
             geometric_normal,
-            shading_normal: shading
-                .filter(|normal| *normal != DVec3::ZERO)
-                .unwrap_or(geometric_normal),
-            color: asset
-                .colors
-                .as_ref()
-                .map(|colors| interpolate(asset, colors, triangle, bary, vector)),
+            shading_normal: shading.filter(|normal| *normal != DVec3::ZERO).unwrap_or(geometric_normal),
+            color: asset.colors.as_ref().map(|colors| interpolate(asset, colors, triangle, bary, vector)),
             opacity: self.opacity(crossing),
             double_sided: asset.double_sided,
             prim_id: placement.prim_id,
@@ -259,9 +217,7 @@ impl World {
 
     /// World placement of every mesh in the order of the walk, for tests of the snapshot itself.
     pub fn placements(&self) -> impl Iterator<Item = (usize, DMat4)> + '_ {
-        self.placements
-            .iter()
-            .map(|placement| (placement.mesh, placement.world_from_object))
+        self.placements.iter().map(|placement| (placement.mesh, placement.world_from_object))
     }
 }
 
@@ -292,10 +248,9 @@ fn interpolate<T: Copy>(
     match attribute.rate {
         AttributeRate::Constant => at(0),
         AttributeRate::Uniform => at(triangle),
-        AttributeRate::Vertex => asset
-            .corner_indices
-            .get(triangle)
-            .map_or(DVec3::ZERO, |corners| blend(corners.map(|i| i as usize))),
+        AttributeRate::Vertex => {
+            asset.corner_indices.get(triangle).map_or(DVec3::ZERO, |corners| blend(corners.map(|i| i as usize)))
+        }
         AttributeRate::FaceVarying => blend([0, 1, 2].map(|corner| triangle * 3 + corner)),
     }
 }

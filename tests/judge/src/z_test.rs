@@ -60,15 +60,8 @@ impl ZReport {
         for (error, reference) in error.data.iter_mut().zip(&reference.mean.data) {
             *error = (*error - reference).abs();
         }
-        let parts = [
-            ("image", image),
-            ("reference", &reference.mean),
-            ("error", &error),
-            ("p_value", &self.p_values),
-        ];
-        parts
-            .iter()
-            .try_for_each(|(part, image)| image.write_exr(&folder.join(format!("{name}-{part}.exr"))))
+        let parts = [("image", image), ("reference", &reference.mean), ("error", &error), ("p_value", &self.p_values)];
+        parts.iter().try_for_each(|(part, image)| image.write_exr(&folder.join(format!("{name}-{part}.exr"))))
     }
 }
 
@@ -122,13 +115,7 @@ pub fn z_test(image: &Image, samples: u32, reference: &Reference) -> Result<ZRep
     let mean_z_limit = quantile(sidak(image.channels.max(1)));
     let pass_share = passed as f64 / count.max(1) as f64;
     let accepted = count > 0 && pass_share >= PASS_SHARE && mean_z <= mean_z_limit;
-    Ok(ZReport {
-        pass_share,
-        mean_z,
-        mean_z_limit,
-        p_values,
-        accepted,
-    })
+    Ok(ZReport { pass_share, mean_z, mean_z_limit, p_values, accepted })
 }
 
 /// Significance of one of `tests` tests such that all of them together have [`SIGNIFICANCE`].
@@ -138,11 +125,7 @@ fn sidak(tests: usize) -> f64 {
 
 /// Chance of a standard normal number beyond `z` on either side; 0 for NaN.
 fn two_sided(z: f64) -> f64 {
-    if z.is_nan() {
-        0.0
-    } else {
-        libm::erfc(z.abs() * std::f64::consts::FRAC_1_SQRT_2)
-    }
+    if z.is_nan() { 0.0 } else { libm::erfc(z.abs() * std::f64::consts::FRAC_1_SQRT_2) }
 }
 
 /// The `z` with `two_sided(z) == p`, by bisection.
@@ -150,11 +133,7 @@ fn quantile(p: f64) -> f64 {
     let (mut low, mut high) = (0.0, 40.0);
     for _ in 0..100 {
         let middle = 0.5 * (low + high);
-        if two_sided(middle) > p {
-            low = middle
-        } else {
-            high = middle
-        }
+        if two_sided(middle) > p { low = middle } else { high = middle }
     }
     high
 }
@@ -180,11 +159,7 @@ mod tests {
             mean.data[index] = single(sum / f64::from(SAMPLES));
             variance.data[index] = single(level * level / 3.0);
         }
-        Reference {
-            mean,
-            variance,
-            samples: SAMPLES,
-        }
+        Reference { mean, variance, samples: SAMPLES }
     }
 
     #[test]
@@ -215,16 +190,10 @@ mod tests {
     fn a_noiseless_picture_is_held_to_rounding() {
         let mut reference = picture(1, 1.0, 0);
         reference.variance.data.fill(0.0);
-        assert!(
-            z_test(&reference.mean.clone(), SAMPLES, &reference).unwrap().accepted(),
-            "equal pictures"
-        );
+        assert!(z_test(&reference.mean.clone(), SAMPLES, &reference).unwrap().accepted(), "equal pictures");
         let mut darker = reference.mean.clone();
         darker.data.iter_mut().for_each(|value| *value *= 0.999);
-        assert!(
-            !z_test(&darker, SAMPLES, &reference).unwrap().accepted(),
-            "a bias of 0.1 % without noise"
-        );
+        assert!(!z_test(&darker, SAMPLES, &reference).unwrap().accepted(), "a bias of 0.1 % without noise");
     }
 
     #[test]
@@ -235,10 +204,7 @@ mod tests {
         let folder = std::env::temp_dir().join(format!("oocpt-judge-{}", std::process::id()));
         report.write_if_refused(&folder, "planted", &image, &reference).unwrap();
         for part in ["image", "reference", "error", "p_value"] {
-            assert!(
-                folder.join(format!("planted-{part}.exr")).is_file(),
-                "no {part} written"
-            );
+            assert!(folder.join(format!("planted-{part}.exr")).is_file(), "no {part} written");
         }
         std::fs::remove_dir_all(folder).unwrap();
     }

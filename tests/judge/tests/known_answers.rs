@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The judge is judged: scenes made through the scene database whose depth, ids and light can be worked out by hand.
 #![forbid(unsafe_code)]
-#![expect(
-    clippy::cast_possible_truncation,
-    reason = "positions in pictures of a few pixels, values near one"
-)]
+#![expect(clippy::cast_possible_truncation, reason = "positions in pictures of a few pixels, values near one")]
 
 use std::f64::consts::{FRAC_1_PI, PI};
 use std::sync::Arc;
@@ -19,13 +16,7 @@ use oocpt_core::scene::{
 use oocpt_judge::{PathTracerOptions, World, compare_depth, compare_ids, first_hits, path_trace, z_test};
 
 fn prim(path: &str, transform: DMat4, instanced_by: Vec<InstancedBy>) -> PrimDesc {
-    PrimDesc {
-        path: path.into(),
-        transform,
-        visible: true,
-        purpose: "default".into(),
-        instanced_by,
-    }
+    PrimDesc { path: path.into(), transform, visible: true, purpose: "default".into(), instanced_by }
 }
 
 fn vec3s(values: &[[f32; 3]]) -> TypedArray {
@@ -97,16 +88,8 @@ fn commit(db: &mut SceneDb) -> Arc<Snapshot> {
 #[test]
 fn depth_and_ids_of_two_squares() {
     let mut db = SceneDb::new();
-    db.upsert_mesh(square(
-        prim("/Far", DMat4::from_translation(DVec3::new(0.1, 0.1, 0.0)), Vec::new()),
-        7,
-        0.5,
-    ));
-    db.upsert_mesh(square(
-        prim("/Near", DMat4::from_translation(DVec3::new(0.6, 0.6, 1.0)), Vec::new()),
-        9,
-        0.5,
-    ));
+    db.upsert_mesh(square(prim("/Far", DMat4::from_translation(DVec3::new(0.1, 0.1, 0.0)), Vec::new()), 7, 0.5));
+    db.upsert_mesh(square(prim("/Near", DMat4::from_translation(DVec3::new(0.6, 0.6, 1.0)), Vec::new()), 9, 0.5));
     let snapshot = commit(&mut db);
     let world = World::flatten(&snapshot).unwrap();
     assert_eq!(world.triangle_count(), 4, "two squares");
@@ -118,18 +101,11 @@ fn depth_and_ids_of_two_squares() {
     // Near plane 1, far plane 10: (5 - 1) / 9.
     assert!((far.depth - 4.0 / 9.0).abs() < 1e-12, "{}", far.depth);
     let near = at(0.4, 0.9).expect("the near square is hit");
-    assert_eq!(
-        (near.ids, near.camera_depth.round() as i32),
-        ([9, 0, 1], 4),
-        "the nearer one wins"
-    );
+    assert_eq!((near.ids, near.camera_depth.round() as i32), ([9, 0, 1], 4), "the nearer one wins");
     assert!(at(-0.9, 0.9).is_none(), "nothing there");
     let ids: Vec<i32> = hits.iter().map(|(hit, _)| hit.map_or(-1, |hit| hit.ids[0])).collect();
     compare_ids(&hits, 0, &ids).unwrap();
-    let depths: Vec<f32> = hits
-        .iter()
-        .map(|(hit, _)| hit.map_or(1.0, |hit| hit.depth as f32))
-        .collect();
+    let depths: Vec<f32> = hits.iter().map(|(hit, _)| hit.map_or(1.0, |hit| hit.depth as f32)).collect();
     compare_depth(&hits, |hit| hit.depth, 1.0, 1e-6, &depths).unwrap();
 }
 
@@ -137,10 +113,7 @@ fn instancer(path: &str, root: &str, places: &[[f32; 3]], instanced_by: Vec<Inst
     let numbers: Vec<i32> = (0..).take(places.len()).collect();
     InstancerDesc {
         prim: prim(path, DMat4::IDENTITY, instanced_by),
-        prototypes: vec![InstancerPrototype {
-            root: root.into(),
-            indices: ints(&numbers),
-        }],
+        prototypes: vec![InstancerPrototype { root: root.into(), indices: ints(&numbers) }],
         mask: None,
         translations: Some(vec3s(places)),
         rotations: None,
@@ -150,34 +123,17 @@ fn instancer(path: &str, root: &str, places: &[[f32; 3]], instanced_by: Vec<Inst
 }
 
 fn by(instancer: &str, root: &str) -> Vec<InstancedBy> {
-    vec![InstancedBy {
-        instancer: instancer.into(),
-        prototype_root: root.into(),
-    }]
+    vec![InstancedBy { instancer: instancer.into(), prototype_root: root.into() }]
 }
 
 #[test]
 fn nested_instances_are_numbered_outer_first() {
     let mut db = SceneDb::new();
-    db.upsert_instancer(instancer(
-        "/Outer",
-        "/Outer/Inner",
-        &[[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]],
-        Vec::new(),
-    ));
+    db.upsert_instancer(instancer("/Outer", "/Outer/Inner", &[[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]], Vec::new()));
     let places = [[0.0, -0.6, 0.0], [0.0, 0.0, 0.0], [0.0, 0.6, 0.0]];
-    db.upsert_instancer(instancer(
-        "/Outer/Inner",
-        "/Outer/Inner/S",
-        &places,
-        by("/Outer", "/Outer/Inner"),
-    ));
+    db.upsert_instancer(instancer("/Outer/Inner", "/Outer/Inner/S", &places, by("/Outer", "/Outer/Inner")));
     let small = DMat4::from_scale(DVec3::splat(0.4));
-    db.upsert_mesh(square(
-        prim("/Outer/Inner/S", small, by("/Outer/Inner", "/Outer/Inner/S")),
-        3,
-        0.5,
-    ));
+    db.upsert_mesh(square(prim("/Outer/Inner/S", small, by("/Outer/Inner", "/Outer/Inner/S")), 3, 0.5));
     let snapshot = commit(&mut db);
     let world = World::flatten(&snapshot).unwrap();
     assert_eq!(world.triangle_count(), 12, "six squares");
@@ -196,26 +152,16 @@ fn nested_instances_are_numbered_outer_first() {
 fn lambert_under_a_distant_light() {
     for degrees in [0.0_f64, 30.0, 60.0, 80.0] {
         let mut db = SceneDb::new();
-        db.upsert_mesh(square(
-            prim("/S", DMat4::from_scale(DVec3::splat(4.0)), Vec::new()),
-            0,
-            0.8,
-        ));
+        db.upsert_mesh(square(prim("/S", DMat4::from_scale(DVec3::splat(4.0)), Vec::new()), 0, 0.8));
         let turn = DMat4::from_rotation_x(degrees.to_radians());
         db.upsert_light(light("/Sun", LightKind::Distant { angle_degrees: 0.0 }, 3.0, turn));
         let snapshot = commit(&mut db);
         let world = World::flatten(&snapshot).unwrap();
-        let options = PathTracerOptions {
-            samples: 2,
-            ..Default::default()
-        };
+        let options = PathTracerOptions { samples: 2, ..Default::default() };
         let picture = path_trace(&world, &snapshot, &camera(4), &options).unwrap();
         let expected = 0.8 * FRAC_1_PI * 3.0 * degrees.to_radians().cos();
         for value in &picture.mean.data[..3] {
-            assert!(
-                (f64::from(*value) - expected).abs() < 1e-6,
-                "{degrees} degrees: {value} instead of {expected}"
-            );
+            assert!((f64::from(*value) - expected).abs() < 1e-6, "{degrees} degrees: {value} instead of {expected}");
         }
     }
 }
@@ -223,19 +169,12 @@ fn lambert_under_a_distant_light() {
 #[test]
 fn a_wide_sun_gives_its_irradiance() {
     let mut db = SceneDb::new();
-    db.upsert_mesh(square(
-        prim("/S", DMat4::from_scale(DVec3::splat(4.0)), Vec::new()),
-        0,
-        0.5,
-    ));
+    db.upsert_mesh(square(prim("/S", DMat4::from_scale(DVec3::splat(4.0)), Vec::new()), 0, 0.5));
     let turn = DMat4::from_rotation_x(0.6);
     db.upsert_light(light("/Sun", LightKind::Distant { angle_degrees: 20.0 }, 2.0, turn));
     let snapshot = commit(&mut db);
     let world = World::flatten(&snapshot).unwrap();
-    let options = PathTracerOptions {
-        samples: 4096,
-        ..Default::default()
-    };
+    let options = PathTracerOptions { samples: 4096, ..Default::default() };
     let mean = path_trace(&world, &snapshot, &camera(4), &options).unwrap().mean.mean()[0];
     let expected = 0.5 * FRAC_1_PI * 2.0 * f64::cos(0.6);
     assert!((mean - expected).abs() < 2e-4, "{mean} instead of {expected}");
@@ -251,30 +190,18 @@ fn bounces_between_two_walls_form_a_geometric_series() {
     db.upsert_light(light("/Dome", LightKind::Dome, 1.0, DMat4::IDENTITY));
     let snapshot = commit(&mut db);
     let world = World::flatten(&snapshot).unwrap();
-    let options = PathTracerOptions {
-        samples: 64,
-        max_bounces: 4,
-        ..Default::default()
-    };
+    let options = PathTracerOptions { samples: 64, max_bounces: 4, ..Default::default() };
     let dark = path_trace(&world, &snapshot, &camera(4), &options).unwrap().mean.mean()[0];
     assert!(dark < 0.01, "no light gets between the walls, yet {dark}");
 
     // The ceiling lets half of the rays through: every crossing is a coin toss, so the sum over bounces is known.
     let mut veil = square(prim("/Ceiling", wall(5.5), Vec::new()), 1, 0.5);
     let half = TypedArray::of(vec![0.5_f32]);
-    veil.display_opacity = Some(Primvar {
-        interpolation: Interpolation::Constant,
-        values: half,
-        indices: None,
-    });
+    veil.display_opacity = Some(Primvar { interpolation: Interpolation::Constant, values: half, indices: None });
     db.upsert_mesh(veil);
     let snapshot = commit(&mut db);
     let world = World::flatten(&snapshot).unwrap();
-    let options = PathTracerOptions {
-        samples: 20_000,
-        max_bounces: 40,
-        ..Default::default()
-    };
+    let options = PathTracerOptions { samples: 20_000, max_bounces: 40, ..Default::default() };
     let mean = path_trace(&world, &snapshot, &camera(2), &options).unwrap().mean.mean()[0];
     // f = albedo * (half + half * c), c = albedo * f (the ceiling's lower side sees only the floor): f = 0.25 / (1 - 0.125).
     let expected = 0.25 / 0.875;
@@ -286,65 +213,34 @@ fn opacity_is_the_chance_to_stop_a_ray() {
     let mut db = SceneDb::new();
     let mut veil = square(prim("/Veil", DMat4::from_scale(DVec3::splat(4.0)), Vec::new()), 0, 1.0);
     let opacity = TypedArray::of(vec![0.3_f32]);
-    veil.display_opacity = Some(Primvar {
-        interpolation: Interpolation::Constant,
-        values: opacity,
-        indices: None,
-    });
+    veil.display_opacity = Some(Primvar { interpolation: Interpolation::Constant, values: opacity, indices: None });
     db.upsert_mesh(veil);
-    db.upsert_light(light(
-        "/Sun",
-        LightKind::Distant { angle_degrees: 0.0 },
-        PI as f32,
-        DMat4::IDENTITY,
-    ));
+    db.upsert_light(light("/Sun", LightKind::Distant { angle_degrees: 0.0 }, PI as f32, DMat4::IDENTITY));
     let snapshot = commit(&mut db);
     let world = World::flatten(&snapshot).unwrap();
-    let options = PathTracerOptions {
-        samples: 4096,
-        ..Default::default()
-    };
+    let options = PathTracerOptions { samples: 4096, ..Default::default() };
     let mean = path_trace(&world, &snapshot, &camera(4), &options).unwrap().mean.mean();
     assert!((mean[3] - 0.3).abs() < 0.01, "alpha {}", mean[3]);
-    assert!(
-        (mean[0] - mean[3]).abs() < 1e-6,
-        "colour is premultiplied: {} against {}",
-        mean[0],
-        mean[3]
-    );
+    assert!((mean[0] - mean[3]).abs() < 1e-6, "colour is premultiplied: {} against {}", mean[0], mean[3]);
 }
 
 #[test]
 fn pictures_with_other_random_numbers_agree_and_another_scene_does_not() {
     let scene = |albedo: f32| {
         let mut db = SceneDb::new();
-        db.upsert_mesh(square(
-            prim("/S", DMat4::from_scale(DVec3::splat(1.2)), Vec::new()),
-            0,
-            albedo,
-        ));
+        db.upsert_mesh(square(prim("/S", DMat4::from_scale(DVec3::splat(1.2)), Vec::new()), 0, albedo));
         let ball = DMat4::from_translation(DVec3::new(0.2, 0.1, 0.4))
             * DMat4::from_rotation_y(0.9)
             * DMat4::from_scale(DVec3::splat(0.5));
         db.upsert_mesh(square(prim("/T", ball, Vec::new()), 1, 0.7));
         db.upsert_light(light("/Dome", LightKind::Dome, 0.5, DMat4::IDENTITY));
-        db.upsert_light(light(
-            "/Sun",
-            LightKind::Distant { angle_degrees: 5.0 },
-            2.0,
-            DMat4::from_rotation_y(0.5),
-        ));
+        db.upsert_light(light("/Sun", LightKind::Distant { angle_degrees: 5.0 }, 2.0, DMat4::from_rotation_y(0.5)));
         let snapshot = commit(&mut db);
         (World::flatten(&snapshot).unwrap(), snapshot)
     };
     let render = |albedo: f32, seed: u64, samples: u32| {
         let (world, snapshot) = scene(albedo);
-        let options = PathTracerOptions {
-            samples,
-            seed,
-            max_bounces: 3,
-            ..Default::default()
-        };
+        let options = PathTracerOptions { samples, seed, max_bounces: 3, ..Default::default() };
         path_trace(&world, &snapshot, &camera(24), &options).unwrap()
     };
     let reference = render(0.5, 1, 1024);

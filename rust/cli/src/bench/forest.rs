@@ -46,11 +46,7 @@ pub(crate) fn camera(width: u32, height: u32) -> Camera {
     let back = (eye - DVec3::new(0.0, 0.0, 20.0)).normalize();
     let right = DVec3::Y.cross(back).normalize();
     let up = back.cross(right);
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_possible_wrap,
-        reason = "image sizes fit f32 and i32"
-    )]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "image sizes fit f32 and i32")]
     Camera {
         world_from_view: DMat4::from_cols(right.extend(0.0), up.extend(0.0), back.extend(0.0), eye.extend(1.0)),
         projection: perspective(0.6, w / h, 0.1, 1000.0),
@@ -73,13 +69,7 @@ fn perspective(fov: f64, aspect: f64, near: f64, far: f64) -> DMat4 {
 }
 
 fn prim(path: &str, instanced_by: Vec<InstancedBy>) -> PrimDesc {
-    PrimDesc {
-        path: path.into(),
-        transform: DMat4::IDENTITY,
-        visible: true,
-        purpose: "default".into(),
-        instanced_by,
-    }
+    PrimDesc { path: path.into(), transform: DMat4::IDENTITY, visible: true, purpose: "default".into(), instanced_by }
 }
 
 /// The height of the ground, scene units.
@@ -145,10 +135,7 @@ fn blob(index: u32) -> Result<MeshDesc> {
         direction * 0.4 * bump + DVec3::Y * 0.4
     })?;
     mesh.prim_id = i32::try_from(index)? + 1;
-    mesh.prim.instanced_by = vec![InstancedBy {
-        instancer: "/scatter".into(),
-        prototype_root: path.as_str().into(),
-    }];
+    mesh.prim.instanced_by = vec![InstancedBy { instancer: "/scatter".into(), prototype_root: path.as_str().into() }];
     Ok(mesh)
 }
 
@@ -171,21 +158,14 @@ fn scatter(instances: u32) -> Result<InstancerDesc> {
     for instance in 0..instances {
         let (x, z) = ((2.0 * random() - 1.0) * HALF_SIDE, (2.0 * random() - 1.0) * HALF_SIDE);
         translations.push(DVec3::new(x, ground(x, z), z).as_vec3().to_array());
-        rotations.push(
-            DQuat::from_rotation_y(random() * std::f64::consts::TAU)
-                .as_quat()
-                .to_array(),
-        );
+        rotations.push(DQuat::from_rotation_y(random() * std::f64::consts::TAU).as_quat().to_array());
         scales.push((DVec3::splat(0.6) + DVec3::splat(0.8 * random())).as_vec3().to_array());
         indices[(instance % MESHES) as usize].push(i32::try_from(instance)?);
     }
     let mut prototypes = Vec::new();
     for (index, list) in indices.into_iter().enumerate() {
         let root: Arc<str> = format!("/scatter/proto_{index}").into();
-        prototypes.push(InstancerPrototype {
-            root,
-            indices: TypedArray::from_vec(ElementType::I32, list)?,
-        });
+        prototypes.push(InstancerPrototype { root, indices: TypedArray::from_vec(ElementType::I32, list)? });
     }
     Ok(InstancerDesc {
         prim: prim("/scatter", Vec::new()),

@@ -123,10 +123,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Some(path) => std::fs::write(path, json).with_context(|| format!("cannot write {}", path.display()))?,
         None => println!("{json}"),
     }
-    arguments
-        .picture
-        .as_ref()
-        .map_or(Ok(()), |path| write_picture(&session, arguments, path))
+    arguments.picture.as_ref().map_or(Ok(()), |path| write_picture(&session, arguments, path))
 }
 
 fn request(arguments: &Arguments) -> RenderRequest {
@@ -134,10 +131,7 @@ fn request(arguments: &Arguments) -> RenderRequest {
         width: arguments.width,
         height: arguments.height,
         camera: forest::camera(arguments.width, arguments.height),
-        aovs: vec![AovRequest {
-            kind: AovKind::Color,
-            clear: [0.0; 4],
-        }],
+        aovs: vec![AovRequest { kind: AovKind::Color, clear: [0.0; 4] }],
     }
 }
 
@@ -166,13 +160,7 @@ fn report(arguments: &Arguments, session: &Session, first: &Timings, runs: &[Tim
     let trace_secs: Vec<f64> = runs.iter().map(|run| run.trace_secs).collect();
     let median_secs = median(trace_secs.clone());
     let total: f64 = profiled.passes.iter().map(|pass| pass.secs).sum();
-    let pass_secs = |name: &str| {
-        profiled
-            .passes
-            .iter()
-            .find(|pass| pass.name == name)
-            .map_or(f64::NAN, |p| p.secs)
-    };
+    let pass_secs = |name: &str| profiled.passes.iter().find(|pass| pass.name == name).map_or(f64::NAN, |p| p.secs);
     let rays = (profiled.closest_rays + profiled.shadow_rays) as f64;
     let device = session.device_report();
     Report {
@@ -203,12 +191,7 @@ fn report(arguments: &Arguments, session: &Session, first: &Timings, runs: &[Tim
         passes: profiled
             .passes
             .iter()
-            .map(|pass| PassRow {
-                name: pass.name.clone(),
-                secs: pass.secs,
-                share: pass.secs / total,
-                runs: pass.runs,
-            })
+            .map(|pass| PassRow { name: pass.name.clone(), secs: pass.secs, share: pass.secs / total, runs: pass.runs })
             .collect(),
         trace_secs,
     }
@@ -245,13 +228,7 @@ fn print_table(report: &Report) {
     );
     println!("{:<24}{:>10}{:>8}{:>10}", "pass", "GPU s", "share", "runs");
     for pass in &report.passes {
-        println!(
-            "{:<24}{:>10.4}{:>7.1}%{:>10}",
-            pass.name,
-            pass.secs,
-            pass.share * 100.0,
-            pass.runs
-        );
+        println!("{:<24}{:>10.4}{:>7.1}%{:>10}", pass.name, pass.secs, pass.share * 100.0, pass.runs);
     }
 }
 
@@ -269,24 +246,14 @@ fn write_picture(session: &Session, arguments: &Arguments, path: &std::path::Pat
             *channel = srgb8(*value);
         }
     }
-    image
-        .save(path)
-        .with_context(|| format!("cannot write {}", path.display()))
+    image.save(path).with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// IEC 61966-2-1 transfer function, rounded to 8 bits.
 fn srgb8(linear: f32) -> u8 {
     let x = linear.clamp(0.0, 1.0);
-    let encoded = if x <= 0.003_130_8 {
-        12.92 * x
-    } else {
-        1.055 * x.powf(1.0 / 2.4) - 0.055
-    };
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "in 0..=255 by the clamp"
-    )]
+    let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in 0..=255 by the clamp")]
     let byte = (encoded * 255.0).round() as u8;
     byte
 }
@@ -305,9 +272,6 @@ mod tests {
 
     #[test]
     fn median_of_an_odd_count_is_the_middle() {
-        assert!(
-            (median(vec![3.0, 1.0, 2.0]) - 2.0).abs() < f64::EPSILON,
-            "the middle of three"
-        );
+        assert!((median(vec![3.0, 1.0, 2.0]) - 2.0).abs() < f64::EPSILON, "the middle of three");
     }
 }

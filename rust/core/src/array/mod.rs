@@ -215,19 +215,13 @@ impl TypedArray {
     /// Takes over a vector whose Rust type says the element type.
     #[must_use]
     pub fn of<T: Element + fmt::Debug>(values: Vec<T>) -> Self {
-        Self {
-            element: T::TYPE,
-            source: Arc::new(OwnedVec(values)),
-        }
+        Self { element: T::TYPE, source: Arc::new(OwnedVec(values)) }
     }
 
     /// An array of booleans (copied into bytes).
     #[must_use]
     pub fn from_bools(values: &[bool]) -> Self {
-        Self {
-            element: ElementType::Bool,
-            source: Arc::new(OwnedBools(values.iter().map(|&b| u8::from(b)).collect())),
-        }
+        Self { element: ElementType::Bool, source: Arc::new(OwnedBools(values.iter().map(|&b| u8::from(b)).collect())) }
     }
 
     /// What one element is.

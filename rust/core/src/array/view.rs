@@ -19,12 +19,7 @@ pub struct ArrayView<'a> {
 impl<'a> ArrayView<'a> {
     pub(super) fn new(element: ElementType, bytes: &'a [u8]) -> Self {
         let (component, components) = element.layout();
-        Self {
-            element,
-            component,
-            components,
-            bytes,
-        }
+        Self { element, component, components, bytes }
     }
 
     /// Number of elements.
@@ -59,9 +54,7 @@ impl<'a> ArrayView<'a> {
     {
         let size = size_of::<[T; N]>();
         let start = i.checked_mul(size)?;
-        self.bytes
-            .get(start..start.checked_add(size)?)
-            .map(bytemuck::pod_read_unaligned)
+        self.bytes.get(start..start.checked_add(size)?).map(bytemuck::pod_read_unaligned)
     }
 
     #[inline]
@@ -100,22 +93,14 @@ impl<'a> ArrayView<'a> {
     #[must_use]
     #[inline]
     pub fn vec4(&self, i: usize) -> Option<DVec4> {
-        if self.element.is_quat() {
-            None
-        } else {
-            self.floats::<4>(i).map(DVec4::from_array)
-        }
+        if self.element.is_quat() { None } else { self.floats::<4>(i).map(DVec4::from_array) }
     }
 
     /// Element `i` of a quaternion array, as stored: not normalised.
     #[must_use]
     #[inline]
     pub fn quat(&self, i: usize) -> Option<DQuat> {
-        if self.element.is_quat() {
-            self.floats::<4>(i).map(DQuat::from_array)
-        } else {
-            None
-        }
+        if self.element.is_quat() { self.floats::<4>(i).map(DQuat::from_array) } else { None }
     }
 
     /// Element `i` of a matrix array as the column-vector matrix (the transpose of what Gf means by it).
@@ -129,21 +114,13 @@ impl<'a> ArrayView<'a> {
     #[must_use]
     #[inline]
     pub fn index(&self, i: usize) -> Option<i32> {
-        if self.component == Component::I32 {
-            self.read::<i32, 1>(i).map(|[v]| v)
-        } else {
-            None
-        }
+        if self.component == Component::I32 { self.read::<i32, 1>(i).map(|[v]| v) } else { None }
     }
 
     /// Element `i` of a bool array.
     #[must_use]
     #[inline]
     pub fn boolean(&self, i: usize) -> Option<bool> {
-        if self.component == Component::U8 {
-            self.bytes.get(i).map(|&b| b != 0)
-        } else {
-            None
-        }
+        if self.component == Component::U8 { self.bytes.get(i).map(|&b| b != 0) } else { None }
     }
 }

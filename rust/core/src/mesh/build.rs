@@ -31,9 +31,7 @@ pub struct BuiltMesh {
 #[must_use]
 pub fn build_mesh(desc: &MeshDesc, key: u128) -> BuiltMesh {
     let mut dropped = DroppedData::default();
-    let asset = read_topology(desc, &mut dropped)
-        .and_then(|t| build_asset(desc, key, &t, &mut dropped))
-        .map(Arc::new);
+    let asset = read_topology(desc, &mut dropped).and_then(|t| build_asset(desc, key, &t, &mut dropped)).map(Arc::new);
     BuiltMesh { asset, dropped }
 }
 
@@ -44,10 +42,7 @@ fn build_asset(desc: &MeshDesc, key: u128, topology: &Topology, dropped: &mut Dr
         return None;
     }
     let (bvh, order) = build_bvh(&triangles);
-    let triangles: Vec<Triangle> = order
-        .iter()
-        .filter_map(|&i| triangles.get(i as usize).copied())
-        .collect();
+    let triangles: Vec<Triangle> = order.iter().filter_map(|&i| triangles.get(i as usize).copied()).collect();
     let sources: Vec<Source> = order.iter().filter_map(|&i| sources.get(i as usize).copied()).collect();
     let layout = Layout {
         face_count: topology.face_count,
@@ -56,31 +51,19 @@ fn build_asset(desc: &MeshDesc, key: u128, topology: &Topology, dropped: &mut Dr
         sources: &sources,
     };
     let normals = build_normals(desc, topology, layout, &triangles, dropped);
-    let colors = desc
-        .display_color
-        .as_ref()
-        .and_then(|p| convert(p, layout, dropped, read_color, |_| Some([0.18; 3])));
-    let opacities = desc
-        .display_opacity
-        .as_ref()
-        .and_then(|p| convert(p, layout, dropped, read_opacity, |_| Some(1.0)));
+    let colors = desc.display_color.as_ref().and_then(|p| convert(p, layout, dropped, read_color, |_| Some([0.18; 3])));
+    let opacities =
+        desc.display_opacity.as_ref().and_then(|p| convert(p, layout, dropped, read_opacity, |_| Some(1.0)));
     let opacities = opacities.filter(|o| o.values.iter().any(|&v| v < 1.0));
     let rates = [rate(&normals), rate(&colors), rate(&opacities)];
-    let corner_points = |s: &Source| {
-        s.corners
-            .map(|c| topology.corners.get(c as usize).copied().unwrap_or(0))
-    };
+    let corner_points = |s: &Source| s.corners.map(|c| topology.corners.get(c as usize).copied().unwrap_or(0));
     let by_point = rates.contains(&Some(AttributeRate::Vertex));
     Some(MeshAsset {
         key,
         bounds: triangles.iter().fold(Aabb::EMPTY, |b, t| b.union(&t.bounds())),
         bvh,
         triangles,
-        corner_indices: if by_point {
-            sources.iter().map(corner_points).collect()
-        } else {
-            Vec::new()
-        },
+        corner_indices: if by_point { sources.iter().map(corner_points).collect() } else { Vec::new() },
         normals,
         colors,
         opacities,
@@ -110,16 +93,10 @@ fn triangulate(topology: &Topology, dropped: &mut DroppedData) -> (Vec<Triangle>
             let [Some(&a), Some(&b), Some(&c)] = ear.map(vertex) else {
                 continue;
             };
-            let triangle = Triangle {
-                vertices: [a, b, c],
-                face: face.index,
-            };
+            let triangle = Triangle { vertices: [a, b, c], face: face.index };
             if has_area(&triangle) {
                 triangles.push(triangle);
-                sources.push(Source {
-                    face: face.index,
-                    corners: ear.map(|k| face.first + k),
-                });
+                sources.push(Source { face: face.index, corners: ear.map(|k| face.first + k) });
             } else {
                 dropped.zero_area_triangles += 1;
             }
@@ -157,17 +134,9 @@ fn build_normals(
         Slot::Triangle(t) => triangles.get(t).and_then(|t| geometric_normal(t, side)),
         Slot::Point(p) => smooth().get(p).copied(),
     };
-    let authored = desc
-        .normals
-        .as_ref()
-        .and_then(|p| convert(p, layout, dropped, read_normal, replacement));
+    let authored = desc.normals.as_ref().and_then(|p| convert(p, layout, dropped, read_normal, replacement));
     let is_smooth = matches!(desc.subdivision, Subdivision::CatmullClark | Subdivision::Loop);
-    authored.or_else(|| {
-        is_smooth.then(|| Attribute {
-            rate: AttributeRate::Vertex,
-            values: smooth().clone(),
-        })
-    })
+    authored.or_else(|| is_smooth.then(|| Attribute { rate: AttributeRate::Vertex, values: smooth().clone() }))
 }
 
 fn read_normal(values: &ArrayView<'_>, i: usize) -> Option<[f32; 3]> {
@@ -179,10 +148,7 @@ fn read_color(values: &ArrayView<'_>, i: usize) -> Option<[f32; 3]> {
     color.is_finite().then(|| color.max(Vec3::ZERO).to_array())
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "rounding to single precision is what is wanted"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
 fn read_opacity(values: &ArrayView<'_>, i: usize) -> Option<f32> {
     let opacity = values.scalar(i)?;
     opacity.is_finite().then(|| opacity.clamp(0.0, 1.0) as f32)

@@ -36,20 +36,12 @@ pub struct BvhNode {
 
 impl BvhNode {
     /// A node without children.
-    pub const EMPTY: Self = Self {
-        min: [Aabb::EMPTY.min; 2],
-        max: [Aabb::EMPTY.max; 2],
-        child: [0; 2],
-        count: [0; 2],
-    };
+    pub const EMPTY: Self = Self { min: [Aabb::EMPTY.min; 2], max: [Aabb::EMPTY.max; 2], child: [0; 2], count: [0; 2] };
 
     /// Box of child `side` (0 or 1).
     #[must_use]
     pub fn bounds(&self, side: usize) -> Aabb {
-        Aabb {
-            min: self.min[side & 1],
-            max: self.max[side & 1],
-        }
+        Aabb { min: self.min[side & 1], max: self.max[side & 1] }
     }
 
     fn set(&mut self, side: usize, bounds: &Aabb, child: u32, count: u32) {
@@ -97,11 +89,7 @@ pub enum BvhError {
 #[must_use]
 pub fn build_bvh(triangles: &[Triangle]) -> (Bvh2, Vec<u32>) {
     let (bvh, order) = Layout::of_ploc(triangles);
-    if bvh.depth <= MAX_DEPTH {
-        (bvh, order)
-    } else {
-        Layout::balanced(triangles)
-    }
+    if bvh.depth <= MAX_DEPTH { (bvh, order) } else { Layout::balanced(triangles) }
 }
 
 /// Nodes and order while being laid out.
@@ -129,13 +117,7 @@ impl Layout {
     }
 
     fn finish(self) -> (Bvh2, Vec<u32>) {
-        (
-            Bvh2 {
-                nodes: self.nodes,
-                depth: self.depth,
-            },
-            self.order,
-        )
+        (Bvh2 { nodes: self.nodes, depth: self.depth }, self.order)
     }
 
     /// Copies the tree depth first, the first inner child next to its parent.
@@ -175,10 +157,7 @@ impl Layout {
 
     fn add_leaf(&mut self, tree: &Tree, leaf: &Bvh2Node, (slot, side): (usize, usize)) {
         let first = leaf.first_index as usize;
-        let members = tree
-            .primitive_indices
-            .get(first..first + leaf.prim_count as usize)
-            .unwrap_or_default();
+        let members = tree.primitive_indices.get(first..first + leaf.prim_count as usize).unwrap_or_default();
         self.push_leaf(members, &plain_box(leaf), (slot, side));
     }
 
@@ -192,9 +171,7 @@ impl Layout {
     /// Splits at the median of the longest axis: poorer, but never deeper than log2 of the triangles.
     fn balanced(triangles: &[Triangle]) -> (Bvh2, Vec<u32>) {
         let bounds_of = |members: &[u32]| {
-            members.iter().fold(Aabb::EMPTY, |b, &i| {
-                triangles.get(i as usize).map_or(b, |t| b.union(&t.bounds()))
-            })
+            members.iter().fold(Aabb::EMPTY, |b, &i| triangles.get(i as usize).map_or(b, |t| b.union(&t.bounds())))
         };
         let mut members: Vec<u32> = (0..).take(triangles.len()).collect();
         let mut layout = Self::default();
@@ -208,11 +185,8 @@ impl Layout {
                 continue;
             }
             let axis = longest_axis(&bounds_of(part));
-            let center = |i: u32| {
-                triangles
-                    .get(i as usize)
-                    .map_or(0.0, |t| t.bounds().min[axis] + t.bounds().max[axis])
-            };
+            let center =
+                |i: u32| triangles.get(i as usize).map_or(0.0, |t| t.bounds().min[axis] + t.bounds().max[axis]);
             let middle = part.len() / 2;
             part.select_nth_unstable_by(middle, |&a, &b| center(a).total_cmp(&center(b)).then(a.cmp(&b)));
             let halves = [range.start..range.start + middle, range.start + middle..range.end];
@@ -232,10 +206,7 @@ impl Layout {
 
 fn plain_box(node: &Bvh2Node) -> Aabb {
     let aabb = node.aabb();
-    Aabb {
-        min: aabb.min.to_array(),
-        max: aabb.max.to_array(),
-    }
+    Aabb { min: aabb.min.to_array(), max: aabb.max.to_array() }
 }
 
 fn longest_axis(b: &Aabb) -> usize {
@@ -261,21 +232,12 @@ impl Bvh2 {
         if self.nodes.is_empty() {
             return Err(BvhError::Empty);
         }
-        let mut walk = Walk {
-            triangles,
-            seen: vec![false; triangles.len()],
-            nodes: 0,
-            depth: 0,
-        };
+        let mut walk = Walk { triangles, seen: vec![false; triangles.len()], nodes: 0, depth: 0 };
         self.walk(&mut walk)?;
         if walk.nodes != self.nodes.len() || walk.seen.contains(&false) {
             return Err(BvhError::Coverage);
         }
-        if walk.depth == self.depth {
-            Ok(())
-        } else {
-            Err(BvhError::Depth)
-        }
+        if walk.depth == self.depth { Ok(()) } else { Err(BvhError::Depth) }
     }
 
     fn walk(&self, walk: &mut Walk<'_>) -> Result<(), BvhError> {
@@ -298,11 +260,7 @@ impl Bvh2 {
                     }
                     Aabb::EMPTY
                 } else {
-                    let below = self
-                        .nodes
-                        .get(child)
-                        .filter(|_| child > at)
-                        .ok_or(BvhError::Child(at))?;
+                    let below = self.nodes.get(child).filter(|_| child > at).ok_or(BvhError::Child(at))?;
                     open.push((child, depth + 1));
                     below.bounds(0).union(&below.bounds(1))
                 };
@@ -319,10 +277,7 @@ impl Walk<'_> {
     /// Marks a leaf's triangles and gives their box.
     fn leaf(&mut self, at: usize, first: usize, count: u32) -> Result<Aabb, BvhError> {
         let range = first..first + count as usize;
-        let members = self
-            .triangles
-            .get(range.clone())
-            .filter(|_| count <= MAX_LEAF_TRIANGLES);
+        let members = self.triangles.get(range.clone()).filter(|_| count <= MAX_LEAF_TRIANGLES);
         let members = members.ok_or(BvhError::Leaf(at))?;
         for seen in self.seen.get_mut(range).unwrap_or_default() {
             if std::mem::replace(seen, true) {

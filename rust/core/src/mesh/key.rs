@@ -11,11 +11,7 @@ use crate::scene::{MeshDesc, Primvar};
 #[must_use]
 pub fn mesh_key(desc: &MeshDesc) -> u128 {
     let mut hasher = Xxh3::new();
-    hasher.update(&[
-        u8::from(desc.double_sided),
-        u8::from(desc.left_handed),
-        desc.subdivision as u8,
-    ]);
+    hasher.update(&[u8::from(desc.double_sided), u8::from(desc.left_handed), desc.subdivision as u8]);
     add_array(&mut hasher, Some(&desc.face_vertex_counts));
     add_array(&mut hasher, Some(&desc.face_vertex_indices));
     add_array(&mut hasher, desc.hole_indices.as_ref());

@@ -32,10 +32,7 @@ pub struct Aabb {
 
 impl Aabb {
     /// The box without points: `+inf .. -inf`.
-    pub const EMPTY: Self = Self {
-        min: [f32::INFINITY; 3],
-        max: [f32::NEG_INFINITY; 3],
-    };
+    pub const EMPTY: Self = Self { min: [f32::INFINITY; 3], max: [f32::NEG_INFINITY; 3] };
 
     /// True when no point is inside.
     #[must_use]

@@ -21,11 +21,7 @@ pub(crate) fn smooth_normals(topology: &Topology, left_handed: bool) -> Vec<[f32
         }
     }
     let unit = |(sum, other): (DVec3, DVec3)| {
-        sum.try_normalize()
-            .or_else(|| other.try_normalize())
-            .unwrap_or(DVec3::Z)
-            .as_vec3()
-            .to_array()
+        sum.try_normalize().or_else(|| other.try_normalize()).unwrap_or(DVec3::Z).as_vec3().to_array()
     };
     sums.into_iter().zip(fallback).map(unit).collect()
 }

@@ -87,10 +87,7 @@ pub(crate) fn convert<T: Value>(
     read: impl Fn(&ArrayView<'_>, usize) -> Option<T>,
     replacement: impl Fn(Slot) -> Option<T>,
 ) -> Option<Attribute<T>> {
-    let elements = Elements {
-        values: primvar.values.view(),
-        indices: primvar.indices.as_ref().map(|i| i.view()),
-    };
+    let elements = Elements { values: primvar.values.view(), indices: primvar.indices.as_ref().map(|i| i.view()) };
     let (rate, wanted) = match primvar.interpolation {
         Interpolation::Constant => (AttributeRate::Constant, 1),
         Interpolation::Uniform => (AttributeRate::Uniform, layout.face_count),
@@ -98,9 +95,7 @@ pub(crate) fn convert<T: Value>(
         Interpolation::FaceVarying => (AttributeRate::FaceVarying, layout.corner_count),
         Interpolation::Instance => (AttributeRate::Constant, usize::MAX),
     };
-    let indexed_by_ints = elements
-        .indices
-        .is_none_or(|i| i.is_empty() || i.element() == ElementType::I32);
+    let indexed_by_ints = elements.indices.is_none_or(|i| i.is_empty() || i.element() == ElementType::I32);
     let has_type = elements.values.is_empty() || T::has_type(&elements.values);
     if elements.len() < wanted || !indexed_by_ints || !has_type {
         dropped.primvars += 1;
@@ -111,20 +106,15 @@ pub(crate) fn convert<T: Value>(
     }
     let mut bad = 0_u64;
     let mut get = |k: usize, slot: Slot| {
-        elements
-            .position(k)
-            .and_then(|p| read(&elements.values, p))
-            .or_else(|| {
-                bad += 1;
-                replacement(slot)
-            })
+        elements.position(k).and_then(|p| read(&elements.values, p)).or_else(|| {
+            bad += 1;
+            replacement(slot)
+        })
     };
     let triangles = || layout.sources.iter().enumerate();
     let values: Option<Vec<T>> = match rate {
         AttributeRate::Constant => get(0, Slot::Mesh).map(|v| vec![v]),
-        AttributeRate::Uniform => triangles()
-            .map(|(t, s)| get(s.face as usize, Slot::Triangle(t)))
-            .collect(),
+        AttributeRate::Uniform => triangles().map(|(t, s)| get(s.face as usize, Slot::Triangle(t))).collect(),
         AttributeRate::Vertex => (0..wanted).map(|p| get(p, Slot::Point(p))).collect(),
         AttributeRate::FaceVarying => triangles()
             .flat_map(|(t, s)| s.corners.map(|c| (t, c)))

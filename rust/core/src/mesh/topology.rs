@@ -53,9 +53,7 @@ pub(crate) fn read_topology(desc: &MeshDesc, dropped: &mut DroppedData) -> Optio
     }
     let mut topology = Topology {
         faces: Vec::new(),
-        corners: (0..indices.len())
-            .map(|i| indices.index(i).map_or(u32::MAX, i32::cast_unsigned))
-            .collect(),
+        corners: (0..indices.len()).map(|i| indices.index(i).map_or(u32::MAX, i32::cast_unsigned)).collect(),
         points: (0..points.len()).map(|i| read_point(&points, i)).collect(),
         face_count: counts.len(),
     };
@@ -82,11 +80,7 @@ fn read_holes(desc: &MeshDesc, face_count: usize, dropped: &mut DroppedData) -> 
         return Vec::new();
     };
     let view = array.view();
-    let in_range = |i| {
-        view.index(i)
-            .and_then(|h| usize::try_from(h).ok())
-            .filter(|&h| h < face_count)
-    };
+    let in_range = |i| view.index(i).and_then(|h| usize::try_from(h).ok()).filter(|&h| h < face_count);
     let mut holes: Vec<usize> = (0..view.len()).filter_map(in_range).collect();
     dropped.hole_indices += (view.len() - holes.len()) as u64;
     holes.sort_unstable();
@@ -113,12 +107,7 @@ impl Topology {
             if self.is_usable(first..end, dropped) {
                 // Both limits are below 2^32, see MAX_CORNERS.
                 if let (Ok(index), Ok(first), Ok(count)) = (index.try_into(), first.try_into(), count.try_into()) {
-                    self.faces.push(Face {
-                        index,
-                        first,
-                        count,
-                        is_hole,
-                    });
+                    self.faces.push(Face { index, first, count, is_hole });
                 }
             }
             first = end;
@@ -150,9 +139,7 @@ impl Topology {
 
     /// Position of a usable point.
     pub(crate) fn position(&self, point: u32) -> glam::DVec3 {
-        self.points
-            .get(point as usize)
-            .map_or(glam::DVec3::ZERO, |p| glam::Vec3::from(*p).as_dvec3())
+        self.points.get(point as usize).map_or(glam::DVec3::ZERO, |p| glam::Vec3::from(*p).as_dvec3())
     }
 
     /// Newell's normal of a face: its length is twice the area. Right-handed.
@@ -164,8 +151,6 @@ impl Topology {
         // Relative to a corner, so that a small face far from the origin keeps its digits.
         let anchor = self.position(anchor);
         let pairs = corners.iter().zip(corners.iter().cycle().skip(1));
-        pairs
-            .map(|(&a, &b)| (self.position(a) - anchor).cross(self.position(b) - anchor))
-            .sum()
+        pairs.map(|(&a, &b)| (self.position(a) - anchor).cross(self.position(b) - anchor)).sum()
     }
 }

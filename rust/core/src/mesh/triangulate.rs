@@ -51,11 +51,7 @@ impl Triangulator {
         let (x, y) = normal.any_orthonormal_pair();
         self.flat.clear();
         let anchor = points[0];
-        self.flat.extend(
-            points
-                .iter()
-                .map(|&p| DVec2::new((p - anchor).dot(x), (p - anchor).dot(y))),
-        );
+        self.flat.extend(points.iter().map(|&p| DVec2::new((p - anchor).dot(x), (p - anchor).dot(y))));
         if is_convex(&self.flat) {
             fan(points.len(), out);
         } else if points.len() <= MAX_CLIPPED_CORNERS {
@@ -80,11 +76,7 @@ impl Triangulator {
                 best = best_ear(ring);
             }
             let n = ring.len();
-            out.push([
-                ring[(best + n - 1) % n].index,
-                ring[best].index,
-                ring[(best + 1) % n].index,
-            ]);
+            out.push([ring[(best + n - 1) % n].index, ring[best].index, ring[(best + 1) % n].index]);
             ring.remove(best);
             let n = ring.len();
             for at in [(best + n - 1) % n, best % n] {
@@ -98,16 +90,11 @@ impl Triangulator {
 
     fn cut_large(&mut self, out: &mut Ears) {
         let flat = &self.flat;
-        self.earcut
-            .earcut::<u32>(flat.iter().map(|p| p.to_array()), &[], &mut self.flat_indices);
+        self.earcut.earcut::<u32>(flat.iter().map(|p| p.to_array()), &[], &mut self.flat_indices);
         for ear in self.flat_indices.as_chunks::<3>().0 {
             let [a, b, c] = ear.map(|i| flat[i as usize]);
             // The projection has positive area; earcut's own orientation is not promised.
-            out.push(if (b - a).perp_dot(c - a) < 0.0 {
-                [ear[0], ear[2], ear[1]]
-            } else {
-                *ear
-            });
+            out.push(if (b - a).perp_dot(c - a) < 0.0 { [ear[0], ear[2], ear[1]] } else { *ear });
         }
     }
 }
@@ -119,9 +106,7 @@ fn rate_all(flat: &[DVec2], ring: &mut [Corner]) {
 }
 
 fn best_ear(ring: &[Corner]) -> usize {
-    (0..ring.len())
-        .max_by(|&a, &b| ring[a].quality.total_cmp(&ring[b].quality))
-        .unwrap_or(0)
+    (0..ring.len()).max_by(|&a, &b| ring[a].quality.total_cmp(&ring[b].quality)).unwrap_or(0)
 }
 
 fn fan(corners: usize, out: &mut Ears) {
@@ -135,10 +120,8 @@ fn split_quad(p: [DVec3; 4]) -> [[u32; 3]; 2] {
         let [n, m] = split.map(|t| {
             let [a, b, c] = t.map(|i| p[i as usize]);
             let cross = (b - a).cross(c - a);
-            let longest = [b - a, c - b, a - c]
-                .map(|e| e.length_squared())
-                .into_iter()
-                .fold(f64::MIN_POSITIVE, f64::max);
+            let longest =
+                [b - a, c - b, a - c].map(|e| e.length_squared()).into_iter().fold(f64::MIN_POSITIVE, f64::max);
             cross / longest
         });
         let folded = n.dot(m) <= 0.0;
@@ -172,10 +155,7 @@ fn ear_quality(flat: &[DVec2], ring: &[Corner], at: usize) -> f64 {
     let n = ring.len();
     let corner = |k: usize| flat[ring[k % n].index as usize];
     let (a, b, c) = (corner(at + n - 1), corner(at), corner(at + 1));
-    let longest = (b - a)
-        .length_squared()
-        .max((c - b).length_squared())
-        .max((a - c).length_squared());
+    let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
     let area = (b - a).perp_dot(c - b);
     let quality = area / longest.max(f64::MIN_POSITIVE);
     if quality <= 1e-12 {
@@ -190,9 +170,5 @@ fn ear_quality(flat: &[DVec2], ring: &[Corner], at: usize) -> f64 {
 }
 
 fn sides(a: DVec2, b: DVec2, c: DVec2, p: DVec2) -> [f64; 3] {
-    [
-        (b - a).perp_dot(p - a),
-        (c - b).perp_dot(p - b),
-        (a - c).perp_dot(p - c),
-    ]
+    [(b - a).perp_dot(p - a), (c - b).perp_dot(p - b), (a - c).perp_dot(p - c)]
 }

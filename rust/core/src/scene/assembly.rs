@@ -98,12 +98,7 @@ impl Assembly {
             starts.push(len);
         }
         let bounds = members.iter().fold(Aabb::EMPTY, |b, m| b.union(&m.run.bounds()));
-        Self {
-            key,
-            bounds,
-            members,
-            starts,
-        }
+        Self { key, bounds, members, starts }
     }
 
     pub(crate) fn members(&self) -> &[Member] {

@@ -74,11 +74,7 @@ impl AssemblyStore {
 
     fn make_one(&mut self, group: &PlanGroup, assets: &Assets, made: &[Arc<Assembly>]) -> Arc<Assembly> {
         let known = self.groups.get(&group.id);
-        let shift = if group.id == GroupId::Root {
-            -self.origin
-        } else {
-            DVec3::ZERO
-        };
+        let shift = if group.id == GroupId::Root { -self.origin } else { DVec3::ZERO };
         let members: Vec<Member> = group
             .members
             .par_iter()
@@ -86,12 +82,7 @@ impl AssemblyStore {
                 let (target, prim_id, target_bounds) = target_of(plan, assets, made)?;
                 let before = DAffine3::from_translation(shift) * plan.before;
                 let instances = plan.instances.clone();
-                let spec = RunSpec {
-                    before,
-                    after: plan.after,
-                    instances,
-                    target_bounds,
-                };
+                let spec = RunSpec { before, after: plan.after, instances, target_bounds };
                 let run = Run::reuse_or_scan(known.and_then(|k| k.run_of(plan)), spec);
                 Some(Member { run, target, prim_id })
             })
@@ -113,11 +104,7 @@ fn target_of(plan: &PlanMember, assets: &Assets, made: &[Arc<Assembly>]) -> Opti
             let index = *assets.indices.get(&key)?;
             Some((Target::Mesh(index), prim_id, assets.meshes.get(index as usize)?.bounds))
         }
-        PlanTarget::Group(group) => Some((
-            Target::Assembly(u32::try_from(group).ok()?),
-            -1,
-            made.get(group)?.bounds(),
-        )),
+        PlanTarget::Group(group) => Some((Target::Assembly(u32::try_from(group).ok()?), -1, made.get(group)?.bounds())),
     }
 }
 
@@ -157,14 +144,10 @@ impl Snapshot {
     fn find_levels(&self) -> u32 {
         let mut levels: Vec<u32> = Vec::with_capacity(self.assemblies.len());
         for assembly in &self.assemblies {
-            let below = assembly
-                .members()
-                .iter()
-                .filter(|m| m.run.len() > 0)
-                .map(|m| match m.target {
-                    Target::Mesh(_) => 0,
-                    Target::Assembly(a) => levels.get(a as usize).copied().unwrap_or(0),
-                });
+            let below = assembly.members().iter().filter(|m| m.run.len() > 0).map(|m| match m.target {
+                Target::Mesh(_) => 0,
+                Target::Assembly(a) => levels.get(a as usize).copied().unwrap_or(0),
+            });
             levels.push(1 + below.max().unwrap_or(0));
         }
         levels.last().copied().unwrap_or(1)
@@ -179,28 +162,13 @@ impl Snapshot {
             };
         }
         for mesh in &self.meshes {
-            features.set(
-                SceneFeatures::OPACITY,
-                features.contains(SceneFeatures::OPACITY) || mesh.opacities.is_some(),
-            );
-            features.set(
-                SceneFeatures::NORMALS,
-                features.contains(SceneFeatures::NORMALS) || mesh.normals.is_some(),
-            );
-            features.set(
-                SceneFeatures::COLORS,
-                features.contains(SceneFeatures::COLORS) || mesh.colors.is_some(),
-            );
-            features.set(
-                SceneFeatures::SINGLE_SIDED,
-                features.contains(SceneFeatures::SINGLE_SIDED) || !mesh.double_sided,
-            );
+            features.set(SceneFeatures::OPACITY, features.contains(SceneFeatures::OPACITY) || mesh.opacities.is_some());
+            features.set(SceneFeatures::NORMALS, features.contains(SceneFeatures::NORMALS) || mesh.normals.is_some());
+            features.set(SceneFeatures::COLORS, features.contains(SceneFeatures::COLORS) || mesh.colors.is_some());
+            features
+                .set(SceneFeatures::SINGLE_SIDED, features.contains(SceneFeatures::SINGLE_SIDED) || !mesh.double_sided);
         }
-        if self
-            .assemblies
-            .iter()
-            .any(|a| a.members().iter().any(|m| m.run.is_instanced()))
-        {
+        if self.assemblies.iter().any(|a| a.members().iter().any(|m| m.run.is_instanced())) {
             features |= SceneFeatures::INSTANCING;
         }
         features

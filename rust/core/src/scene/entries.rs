@@ -53,15 +53,7 @@ impl InstancerEntry {
         let is_usable = arrays.check_types(&mut dropped);
         let mut arrays = Arc::new(arrays);
         let Some(old) = old else {
-            return (
-                Self {
-                    desc,
-                    arrays,
-                    is_usable,
-                    dropped,
-                },
-                true,
-            );
+            return (Self { desc, arrays, is_usable, dropped }, true);
         };
         let mut changed = desc.prim != old.desc.prim || desc.prototypes.len() != old.desc.prototypes.len();
         if old.arrays.same_contents(&arrays) {
@@ -78,15 +70,7 @@ impl InstancerEntry {
             }
         }
         changed |= dropped != old.dropped;
-        (
-            Self {
-                desc,
-                arrays,
-                is_usable,
-                dropped,
-            },
-            changed,
-        )
+        (Self { desc, arrays, is_usable, dropped }, changed)
     }
 }
 
@@ -101,11 +85,8 @@ pub(crate) struct MeshStore {
 impl MeshStore {
     /// Makes sure that every mesh of `wanted` is built, the missing ones in parallel.
     pub(crate) fn build(&mut self, meshes: &mut BTreeMap<Arc<str>, MeshEntry>, wanted: &FxHashSet<Arc<str>>) {
-        let mut missing: Vec<&mut MeshEntry> = meshes
-            .iter_mut()
-            .filter(|(path, e)| e.built.is_none() && wanted.contains(*path))
-            .map(|(_, e)| e)
-            .collect();
+        let mut missing: Vec<&mut MeshEntry> =
+            meshes.iter_mut().filter(|(path, e)| e.built.is_none() && wanted.contains(*path)).map(|(_, e)| e).collect();
         let keys: Vec<u128> = missing.par_iter().map(|e| mesh_key(&e.desc)).collect();
         let mut begun: FxHashSet<u128> = FxHashSet::default();
         let new: Vec<(u128, &MeshEntry)> = keys
@@ -114,11 +95,8 @@ impl MeshStore {
             .filter(|(key, _)| !self.built.contains_key(key) && begun.insert(**key))
             .map(|(key, entry)| (*key, &**entry))
             .collect();
-        let built: Vec<(u128, Arc<BuiltMesh>)> = new
-            .into_par_iter()
-            .with_max_len(1)
-            .map(|(key, e)| (key, Arc::new(build_mesh(&e.desc, key))))
-            .collect();
+        let built: Vec<(u128, Arc<BuiltMesh>)> =
+            new.into_par_iter().with_max_len(1).map(|(key, e)| (key, Arc::new(build_mesh(&e.desc, key)))).collect();
         self.built.extend(built);
         for (key, entry) in keys.iter().zip(&mut missing) {
             entry.built = self.built.get(key).cloned();
@@ -145,16 +123,8 @@ impl MeshStore {
         }
         self.slots.extend(new);
         // Every used hash comes from a built asset, so no slot is lost here.
-        let assets: Vec<_> = self
-            .slots
-            .iter()
-            .filter_map(|k| self.built.get(k)?.asset.clone())
-            .collect();
-        let indices = assets
-            .iter()
-            .zip(0..)
-            .map(|(asset, index)| (asset.key, index))
-            .collect();
+        let assets: Vec<_> = self.slots.iter().filter_map(|k| self.built.get(k)?.asset.clone()).collect();
+        let indices = assets.iter().zip(0..).map(|(asset, index)| (asset.key, index)).collect();
         (assets, indices)
     }
 

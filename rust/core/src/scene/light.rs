@@ -21,10 +21,11 @@ pub enum Light {
     Distant {
         /// Unit, world space, from the scene towards the light.
         direction: [f32; 3],
-        /// Radiance inside the cone; irradiance on a facing surface when `cos_half_angle` is 1.
+        /// Radiance inside the cone; irradiance on a facing surface when `one_minus_cos` is 0.
         radiance: [f32; 3],
-        /// Cosine of half the opening angle; exactly 1 = a single direction.
-        cos_half_angle: f32,
+        /// `1 - cos` of half the opening angle; exactly 0 = a single direction. Kept apart from the cosine, which in f32
+        /// is 0.3 % coarse in the solid angle of a sun of half a degree.
+        one_minus_cos: f32,
     },
 }
 
@@ -33,8 +34,8 @@ impl Light {
     /// nothing is a light of radiance 0.
     ///
     /// `UsdLux`: `L = intensity * 2^exposure * color * blackbody(temperature)`. A normalised distant light of half
-    /// angle t is divided by `pi sin^2 t` (t <= 90 degrees) or `pi (2 - sin^2 t)`; at angle 0, or one too small for the
-    /// f32 cosine, it is a single direction of irradiance L.
+    /// angle t is divided by `pi sin^2 t` (t <= 90 degrees) or `pi (2 - sin^2 t)`; at angle 0, or below
+    /// `MIN_HALF_ANGLE`, it is a single direction of the same irradiance.
     #[must_use]
     pub fn from_desc(desc: &LightDesc) -> Option<Self> {
         let power = f64::from(desc.intensity) * f64::from(desc.exposure).exp2();
@@ -45,28 +46,23 @@ impl Light {
             valid.then_some(rgb)
         };
         match desc.kind {
-            LightKind::Dome => Some(Self::Dome {
-                radiance: emitted(1.0)?,
-                camera_visible: desc.camera_visible,
-            }),
+            LightKind::Dome => Some(Self::Dome { radiance: emitted(1.0)?, camera_visible: desc.camera_visible }),
             LightKind::Distant { angle_degrees } => {
                 let direction = desc.prim.transform.transform_vector3(DVec3::Z).try_normalize()?;
                 if !angle_degrees.is_finite() {
                     return None;
                 }
                 let half_angle = f64::from(angle_degrees.clamp(0.0, 360.0)).to_radians() * 0.5;
-                let cos_half_angle = narrow(half_angle.cos());
-                let scale = match (cos_half_angle >= 1.0, desc.normalize) {
+                let half_sine = (0.5 * half_angle).sin();
+                let is_cone = half_angle >= MIN_HALF_ANGLE;
+                let one_minus_cos = if is_cone { narrow(2.0 * half_sine * half_sine) } else { 0.0 };
+                let scale = match (!is_cone, desc.normalize) {
                     (true, false) if half_angle > 0.0 => distant_size(half_angle),
                     (true, _) | (false, false) => 1.0,
                     (false, true) => 1.0 / distant_size(half_angle),
                 };
                 let direction = direction.as_vec3().to_array();
-                Some(Self::Distant {
-                    direction,
-                    radiance: emitted(scale)?,
-                    cos_half_angle,
-                })
+                Some(Self::Distant { direction, radiance: emitted(scale)?, one_minus_cos })
             }
         }
     }
@@ -78,6 +74,9 @@ impl Light {
         radiance.iter().all(|&c| c <= 0.0)
     }
 }
+
+/// Half angle in radians below which a cone cannot be told from a single direction: a fifth of an arc second.
+const MIN_HALF_ANGLE: f64 = 1e-6;
 
 /// `UsdLux`'s size of a distant light of half angle `t` (radians).
 fn distant_size(t: f64) -> f64 {
@@ -115,10 +114,7 @@ pub fn blackbody(kelvin: f32) -> Option<[f64; 3]> {
     Some(rgb.map(|c| (c / luminance).max(0.0)))
 }
 
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "rounding to single precision is what is wanted"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
 fn narrow(value: f64) -> f32 {
     value as f32
 }

@@ -143,11 +143,7 @@ impl SceneDb {
     /// the snapshot before.
     pub fn commit(&mut self) -> Commit {
         if !std::mem::take(&mut self.edited) {
-            return Commit {
-                snapshot: self.snapshot.clone(),
-                warnings: Vec::new(),
-                changed: false,
-            };
+            return Commit { snapshot: self.snapshot.clone(), warnings: Vec::new(), changed: false };
         }
         let mut reports = Reports::default();
         let (plan, assets) = self.plan(&mut reports);
@@ -159,14 +155,7 @@ impl SceneDb {
         }
         let lights = shining(&self.lights, &mut reports);
         let dropped = reports.total();
-        let mut next = Snapshot {
-            origin,
-            meshes: assets.meshes,
-            assemblies,
-            lights,
-            dropped,
-            ..Snapshot::nothing()
-        };
+        let mut next = Snapshot { origin, meshes: assets.meshes, assemblies, lights, dropped, ..Snapshot::nothing() };
         let changed = self.snapshot.version == 0 || !next.is_same(&self.snapshot);
         if changed {
             next.version = self.snapshot.version + 1;
@@ -174,21 +163,14 @@ impl SceneDb {
             self.snapshot = Arc::new(next);
         }
         self.mesh_store.forget_unused();
-        Commit {
-            snapshot: self.snapshot.clone(),
-            warnings: self.new_warnings(&reports),
-            changed,
-        }
+        Commit { snapshot: self.snapshot.clone(), warnings: self.new_warnings(&reports), changed }
     }
 
     /// Builds the missing meshes and sorts all prims into groups.
     fn plan(&mut self, reports: &mut Reports) -> (Vec<PlanGroup>, Assets) {
         let purposes = &self.purposes;
         let shows = |p: &str| purposes.is_empty() || purposes.iter().any(|shown| shown == plain_purpose(p));
-        let prims = Prims {
-            meshes: &self.meshes,
-            instancers: &self.instancers,
-        };
+        let prims = Prims { meshes: &self.meshes, instancers: &self.instancers };
         let hierarchy = Hierarchy::new(prims, shows, reports);
         let reachable = hierarchy.reachable(prims, reports);
         self.mesh_store.build(&mut self.meshes, &reachable);
@@ -200,10 +182,7 @@ impl SceneDb {
         for (path, entry) in self.instancers.iter().filter(|(path, _)| reachable.contains(*path)) {
             reports.add(path, &entry.dropped);
         }
-        let prims = Prims {
-            meshes: &self.meshes,
-            instancers: &self.instancers,
-        };
+        let prims = Prims { meshes: &self.meshes, instancers: &self.instancers };
         let plan = resolve(prims, &hierarchy, reports);
         let mut used = Vec::new();
         for member in plan.iter().flat_map(|group| &group.members) {
@@ -218,15 +197,9 @@ impl SceneDb {
     /// The messages that differ from the last one given for the same prim.
     fn new_warnings(&mut self, reports: &Reports) -> Vec<SceneWarning> {
         let messages = reports.messages();
-        let new = messages
-            .iter()
-            .filter(|(path, message)| self.warned.get(*path) != Some(*message));
-        let warnings = new
-            .map(|(path, message)| SceneWarning {
-                path: path.clone(),
-                message: message.clone(),
-            })
-            .collect();
+        let new = messages.iter().filter(|(path, message)| self.warned.get(*path) != Some(*message));
+        let warnings =
+            new.map(|(path, message)| SceneWarning { path: path.clone(), message: message.clone() }).collect();
         self.warned = messages;
         warnings
     }
@@ -243,21 +216,14 @@ impl Snapshot {
             lights: Vec::new(),
             features: SceneFeatures::empty(),
             max_levels: 1,
-            counts: SceneCounts {
-                assemblies: 1,
-                ..SceneCounts::default()
-            },
+            counts: SceneCounts { assemblies: 1, ..SceneCounts::default() },
             dropped: DroppedData::default(),
         }
     }
 }
 
 fn plain_purpose(purpose: &str) -> &str {
-    if matches!(purpose, "" | "geometry") {
-        "default"
-    } else {
-        purpose
-    }
+    if matches!(purpose, "" | "geometry") { "default" } else { purpose }
 }
 
 /// Removes a path and all paths below it; true when there was one.

@@ -41,13 +41,7 @@ impl InstanceArrays {
     }
 
     fn all(&self) -> [&Option<TypedArray>; 5] {
-        [
-            &self.mask,
-            &self.translations,
-            &self.rotations,
-            &self.scales,
-            &self.transforms,
-        ]
+        [&self.mask, &self.translations, &self.rotations, &self.scales, &self.transforms]
     }
 
     /// True when both hold the same data.
@@ -80,11 +74,7 @@ impl InstanceArrays {
     /// Instances described: the shortest array, or no limit without arrays.
     pub(crate) fn len(&self) -> usize {
         let [_, rest @ ..] = self.all();
-        rest.into_iter()
-            .flatten()
-            .map(TypedArray::len)
-            .min()
-            .unwrap_or(usize::MAX)
+        rest.into_iter().flatten().map(TypedArray::len).min().unwrap_or(usize::MAX)
     }
 }
 
@@ -190,11 +180,7 @@ impl<'a> Placer<'a> {
 
     #[inline]
     fn finish(&self, m: &DAffine3) -> Option<Placed> {
-        let DMat3 {
-            x_axis: x,
-            y_axis: y,
-            z_axis: z,
-        } = m.matrix3;
+        let DMat3 { x_axis: x, y_axis: y, z_axis: z } = m.matrix3;
         // Rows of the adjugate.
         let (r0, r1, r2) = (y.cross(z), z.cross(x), x.cross(y));
         let determinant = z.dot(r2);
@@ -208,23 +194,11 @@ impl<'a> Placer<'a> {
         let row = |r: DVec3, w: f64| [r.x, r.y, r.z, w].map(nearest);
         let object_from_parent = [row(r0, offset.x), row(r1, offset.y), row(r2, offset.z)];
         let bounds = self.placed_box(m, [r0, r1, r2], offset);
-        let numbers = object_from_parent
-            .iter()
-            .flatten()
-            .chain(&bounds.min)
-            .chain(&bounds.max);
+        let numbers = object_from_parent.iter().flatten().chain(&bounds.min).chain(&bounds.max);
         // NaN fails the comparison too.
         let sound = numbers.fold(true, |sound, v| sound & (v.abs() <= MAX_MAGNITUDE));
-        let flags = if determinant < 0.0 {
-            InstanceFlags::FLIPS_HANDEDNESS
-        } else {
-            InstanceFlags::empty()
-        };
-        sound.then_some(Placed {
-            object_from_parent,
-            bounds,
-            flags,
-        })
+        let flags = if determinant < 0.0 { InstanceFlags::FLIPS_HANDEDNESS } else { InstanceFlags::empty() };
+        sound.then_some(Placed { object_from_parent, bounds, flags })
     }
 
     /// Box of the target placed by `m`, and also where the f32 rounding `A + E` of the inverse `A = (rows, offset)` puts
@@ -238,10 +212,7 @@ impl<'a> Placer<'a> {
         let [a, b, c] = rows.map(|r| r.abs().dot(reach));
         let error = (DVec3::new(a, b, c) + offset.abs()) * MATRIX_ERROR;
         let half = half + x * error.x + y * error.y + z * error.z;
-        Aabb {
-            min: (center - half).to_array().map(round_down),
-            max: (center + half).to_array().map(round_up),
-        }
+        Aabb { min: (center - half).to_array().map(round_down), max: (center + half).to_array().map(round_up) }
     }
 }
 
@@ -266,10 +237,7 @@ fn rotation(q: DQuat) -> DMat3 {
 
 /// The nearest f32.
 #[inline]
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "rounding to single precision is what is wanted"
-)]
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
 fn nearest(v: f64) -> f32 {
     v as f32
 }

@@ -142,9 +142,6 @@ impl Reports {
 
     /// The message of every prim that has one, in path order.
     pub(crate) fn messages(&self) -> BTreeMap<Arc<str>, String> {
-        self.0
-            .iter()
-            .filter_map(|(path, dropped)| Some((path.clone(), dropped.message()?)))
-            .collect()
+        self.0.iter().filter_map(|(path, dropped)| Some((path.clone(), dropped.message()?))).collect()
     }
 }

@@ -87,11 +87,7 @@ impl Hierarchy {
     /// Sorts the prims into groups. `shows` says which purposes are shown.
     pub(crate) fn new(prims: Prims<'_>, shows: impl Fn(&str) -> bool, reports: &mut Reports) -> Self {
         let mut hierarchy = Self::default();
-        for entry in prims
-            .meshes
-            .values()
-            .filter(|e| e.desc.prim.visible && shows(&e.desc.prim.purpose))
-        {
+        for entry in prims.meshes.values().filter(|e| e.desc.prim.visible && shows(&e.desc.prim.purpose)) {
             hierarchy.add(prims, &entry.desc.prim, reports, |content| &mut content.meshes);
         }
         for entry in prims.instancers.values().filter(|e| e.desc.prim.visible) {
@@ -135,10 +131,7 @@ impl Hierarchy {
         let mut reached: FxHashSet<Arc<str>> = FxHashSet::default();
         let mut open = vec![&GroupId::Root];
         let mut ids: FxHashMap<&str, Vec<&GroupId>> = FxHashMap::default();
-        #[expect(
-            clippy::iter_over_hash_type,
-            reason = "the order inside a bucket does not matter here"
-        )]
+        #[expect(clippy::iter_over_hash_type, reason = "the order inside a bucket does not matter here")]
         for id in self.groups.keys() {
             if let GroupId::Prototype(by) = id {
                 ids.entry(&by.instancer).or_default().push(id);
@@ -164,13 +157,7 @@ impl Hierarchy {
         let mut children: FxHashMap<&Arc<str>, Vec<&Arc<str>>> = FxHashMap::default();
         let unreached = |path: &Arc<str>| prims.instancers.contains_key(path) && !reached.contains(path);
         for (path, entry) in prims.instancers.iter().filter(|(path, _)| !reached.contains(*path)) {
-            let parents = entry
-                .desc
-                .prim
-                .instanced_by
-                .iter()
-                .map(|by| &by.instancer)
-                .filter(|p| unreached(p));
+            let parents = entry.desc.prim.instanced_by.iter().map(|by| &by.instancer).filter(|p| unreached(p));
             let mut count = 0;
             for parent in parents {
                 children.entry(parent).or_default().push(path);
@@ -211,13 +198,7 @@ enum Outcome {
 
 /// Makes the plan. All meshes of the content that have assets are placed.
 pub(crate) fn resolve(prims: Prims<'_>, hierarchy: &Hierarchy, reports: &mut Reports) -> Vec<PlanGroup> {
-    let mut resolver = Resolver {
-        prims,
-        hierarchy,
-        reports,
-        outcomes: FxHashMap::default(),
-        plan: Vec::new(),
-    };
+    let mut resolver = Resolver { prims, hierarchy, reports, outcomes: FxHashMap::default(), plan: Vec::new() };
     let members = resolver.members(&GroupId::Root, 0);
     resolver.push(GroupId::Root, members);
     resolver.plan
@@ -235,11 +216,7 @@ impl Resolver<'_> {
     fn push(&mut self, id: GroupId, mut members: Vec<PlanMember>) -> usize {
         members.sort_by(|a, b| (&a.path, a.slot).cmp(&(&b.path, b.slot)));
         let below = members.iter().map(|m| self.levels_of(&m.target)).max().unwrap_or(0);
-        self.plan.push(PlanGroup {
-            id,
-            members,
-            levels: below + 1,
-        });
+        self.plan.push(PlanGroup { id, members, levels: below + 1 });
         self.plan.len() - 1
     }
 
@@ -253,11 +230,8 @@ impl Resolver<'_> {
     /// The members of a group at `depth` records below the root. Depth is bounded, so the recursion is.
     fn members(&mut self, id: &GroupId, depth: u32) -> Vec<PlanMember> {
         let (prims, content) = (self.prims, self.hierarchy.content(id));
-        let mut members: Vec<PlanMember> = content
-            .meshes
-            .iter()
-            .filter_map(|path| mesh_member(prims.meshes.get(path)?))
-            .collect();
+        let mut members: Vec<PlanMember> =
+            content.meshes.iter().filter_map(|path| mesh_member(prims.meshes.get(path)?)).collect();
         for path in &content.instancers {
             let Some(entry) = prims.instancers.get(path).filter(|e| e.is_usable) else {
                 continue;
@@ -266,10 +240,7 @@ impl Resolver<'_> {
                 continue;
             };
             for (slot, prototype) in entry.desc.prototypes.iter().enumerate() {
-                let by = InstancedBy {
-                    instancer: path.clone(),
-                    prototype_root: prototype.root.clone(),
-                };
+                let by = InstancedBy { instancer: path.clone(), prototype_root: prototype.root.clone() };
                 let (after, target) = match self.outcome(GroupId::Prototype(by), depth + 1) {
                     Outcome::Open | Outcome::Nothing => continue,
                     Outcome::OneMesh(mesh) => (mesh.before, mesh.target),
@@ -279,19 +250,9 @@ impl Resolver<'_> {
                     self.reports.of(path).deep_instancers += 1;
                     continue;
                 }
-                let instances = Instances {
-                    arrays: entry.arrays.clone(),
-                    indices: prototype.indices.clone(),
-                };
+                let instances = Instances { arrays: entry.arrays.clone(), indices: prototype.indices.clone() };
                 let instances = Some(instances);
-                members.push(PlanMember {
-                    path: path.clone(),
-                    slot,
-                    before,
-                    after,
-                    instances,
-                    target,
-                });
+                members.push(PlanMember { path: path.clone(), slot, before, after, instances, target });
             }
         }
         members
@@ -338,9 +299,6 @@ fn mesh_member(entry: &MeshEntry) -> Option<PlanMember> {
         before: usable_affine(&entry.desc.prim.transform)?,
         after: DAffine3::IDENTITY,
         instances: None,
-        target: PlanTarget::Mesh {
-            key: asset.key,
-            prim_id: entry.desc.prim_id,
-        },
+        target: PlanTarget::Mesh { key: asset.key, prim_id: entry.desc.prim_id },
     })
 }

@@ -148,10 +148,7 @@ impl Run {
             .collect();
         let bad: Vec<u32> = scans.iter().flat_map(|s| s.bad.iter().copied()).collect();
         let out_of_range: u64 = scans.iter().map(|s| s.out_of_range).sum();
-        self.bounds = scans
-            .iter()
-            .filter_map(|s| s.bounds)
-            .fold(Aabb::EMPTY, |a, b| a.union(&b));
+        self.bounds = scans.iter().filter_map(|s| s.bounds).fold(Aabb::EMPTY, |a, b| a.union(&b));
         self.len = ranks - bad.len();
         self.dropped.instance_indices += out_of_range;
         self.dropped.instance_transforms += bad.len() as u64 - out_of_range;
@@ -229,10 +226,7 @@ impl Scan {
 #[inline]
 fn number(unmasked: Option<&[u32]>, indices: &ArrayView<'_>, rank: usize) -> Option<usize> {
     match unmasked {
-        Some(numbers) => numbers
-            .get(rank)
-            .map(|&n| n as usize)
-            .filter(|&n| i32::try_from(n).is_ok()),
+        Some(numbers) => numbers.get(rank).map(|&n| n as usize).filter(|&n| i32::try_from(n).is_ok()),
         None => indices.index(rank).and_then(|n| usize::try_from(n).ok()),
     }
 }

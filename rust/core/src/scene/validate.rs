@@ -49,15 +49,10 @@ impl Snapshot {
                     Target::Assembly(a) => {
                         let child = self.assemblies.get(a as usize).map(|a| a.bounds());
                         let known = levels.get(a as usize).zip(placed.get(a as usize));
-                        child
-                            .zip(known)
-                            .map(|(bounds, (&levels, &count))| (bounds, levels, count))
+                        child.zip(known).map(|(bounds, (&levels, &count))| (bounds, levels, count))
                     }
                 }
-                .ok_or(SnapshotError::Target {
-                    assembly: at,
-                    record: number,
-                })?;
+                .ok_or(SnapshotError::Target { assembly: at, record: number })?;
                 deepest = deepest.max(below);
                 count = count.saturating_add(leaves);
                 validate_record(record, &inside, &assembly.bounds()).map_err(|what| SnapshotError::Record {
@@ -90,17 +85,9 @@ fn validate_record(record: &InstanceRecord, inside: &Aabb, around: &Aabb) -> Res
     }
     // Every corner of the target, taken back into the parent's frame by the f32 matrix, lies in the box.
     let row = |k: usize| glam::DVec4::from(rows[k].map(f64::from));
-    let back = glam::DMat4::from_cols(row(0), row(1), row(2), glam::DVec4::W)
-        .transpose()
-        .inverse();
+    let back = glam::DMat4::from_cols(row(0), row(1), row(2), glam::DVec4::W).transpose().inverse();
     for corner in 0..8_usize {
-        let pick = |k: usize| {
-            f64::from(if corner >> k & 1 == 0 {
-                inside.min[k]
-            } else {
-                inside.max[k]
-            })
-        };
+        let pick = |k: usize| f64::from(if corner >> k & 1 == 0 { inside.min[k] } else { inside.max[k] });
         let p = back.transform_point3(glam::DVec3::new(pick(0), pick(1), pick(2)));
         if (0..3).any(|k| p[k] < f64::from(min[k]) || p[k] > f64::from(max[k])) {
             return Err("the box does not hold the target");
@@ -115,20 +102,11 @@ fn validate_mesh(mesh: &MeshAsset) -> Result<(), String> {
     if mesh.triangles.is_empty() || around != mesh.bounds {
         return Err("the box is not that of the triangles".to_owned());
     }
-    if !mesh
-        .triangles
-        .iter()
-        .flat_map(|t| t.vertices.as_flattened())
-        .all(|v| v.is_finite())
-    {
+    if !mesh.triangles.iter().flat_map(|t| t.vertices.as_flattened()).all(|v| v.is_finite()) {
         return Err("a vertex is not finite".to_owned());
     }
-    validate_attribute(mesh, mesh.normals.as_ref(), |n| {
-        (glam::Vec3::from(n).length() - 1.0).abs() < 1e-5
-    })?;
-    validate_attribute(mesh, mesh.colors.as_ref(), |c| {
-        c.iter().all(|v| v.is_finite() && *v >= 0.0)
-    })?;
+    validate_attribute(mesh, mesh.normals.as_ref(), |n| (glam::Vec3::from(n).length() - 1.0).abs() < 1e-5)?;
+    validate_attribute(mesh, mesh.colors.as_ref(), |c| c.iter().all(|v| v.is_finite() && *v >= 0.0))?;
     validate_attribute(mesh, mesh.opacities.as_ref(), |o| (0.0..=1.0).contains(&o))
 }
 

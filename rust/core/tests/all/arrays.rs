@@ -20,14 +20,7 @@ impl ArraySource for Shifted {
 fn length_must_be_whole_elements() {
     let source = Arc::new(Shifted(vec![0; 14]));
     let error = TypedArray::new(ElementType::Vec3f, source.clone()).unwrap_err();
-    assert_eq!(
-        error,
-        ArrayError::Length {
-            element: ElementType::Vec3f,
-            size: 12,
-            bytes: 13
-        }
-    );
+    assert_eq!(error, ArrayError::Length { element: ElementType::Vec3f, size: 12, bytes: 13 });
     assert_eq!(TypedArray::new(ElementType::Bool, source).unwrap().len(), 13);
 }
 
@@ -48,10 +41,7 @@ fn every_precision_gives_the_same_numbers() {
     let d = TypedArray::of(vec![[1.5_f64, -2.0, 0.25]]);
     for array in [h, f, d] {
         assert_eq!(array.vec3(0), Some(DVec3::new(1.5, -2.0, 0.25)), "{array:?}");
-        assert_eq!(
-            (array.vec4(0), array.quat(0), array.scalar(0), array.index(0)),
-            (None, None, None, None)
-        );
+        assert_eq!((array.vec4(0), array.quat(0), array.scalar(0), array.index(0)), (None, None, None, None));
     }
 }
 
@@ -66,12 +56,7 @@ fn quaternions_are_imaginary_first_and_no_vectors() {
 #[test]
 fn gf_matrices_become_column_vector_matrices() {
     // GfMatrix4d().SetTranslate((5, 6, 7)): the translation is the last row.
-    let gf = [
-        [1.0, 0.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0, 0.0],
-        [0.0, 0.0, 1.0, 0.0],
-        [5.0, 6.0, 7.0, 1.0_f64],
-    ];
+    let gf = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [5.0, 6.0, 7.0, 1.0_f64]];
     let expected = DMat4::from_translation(DVec3::new(5.0, 6.0, 7.0));
     assert_eq!(TypedArray::of(vec![gf]).matrix(0), Some(expected));
 }
@@ -79,15 +64,9 @@ fn gf_matrices_become_column_vector_matrices() {
 #[test]
 fn integers_and_bools_are_not_mixed() {
     let ints = TypedArray::of(vec![-3_i32, 4]);
-    assert_eq!(
-        (ints.index(0), ints.index(2), ints.scalar(0), ints.boolean(0)),
-        (Some(-3), None, None, None)
-    );
+    assert_eq!((ints.index(0), ints.index(2), ints.scalar(0), ints.boolean(0)), (Some(-3), None, None, None));
     let bools = TypedArray::from_bools(&[true, false]);
-    assert_eq!(
-        (bools.boolean(0), bools.boolean(1), bools.boolean(2)),
-        (Some(true), Some(false), None)
-    );
+    assert_eq!((bools.boolean(0), bools.boolean(1), bools.boolean(2)), (Some(true), Some(false), None));
     assert_eq!(bools.index(0), None);
 }
 

@@ -10,10 +10,7 @@ fn cycles_are_found_whether_reachable_or_not() {
     // a and b contain each other; b is also placed by the root instancer c.
     for reachable in [false, true] {
         let mut db = SceneDb::new();
-        for (path, parents) in [
-            ("/a", vec![by("/b", "/b/p")]),
-            ("/b", vec![by("/a", "/a/p"), by("/c", "/c/p")]),
-        ] {
+        for (path, parents) in [("/a", vec![by("/b", "/b/p")]), ("/b", vec![by("/a", "/a/p"), by("/c", "/c/p")])] {
             let mut desc = scatter(path, &[[0.0; 3]], &[(&format!("{path}/p"), &[0])]);
             desc.prim.instanced_by = parents;
             if !reachable {
@@ -62,18 +59,8 @@ fn very_deep_nesting_is_cut_with_a_warning() {
         db.upsert_instancer(desc);
     }
     let snapshot = committed(&mut db);
-    assert_eq!(
-        snapshot.dropped,
-        DroppedData {
-            deep_instancers: 1,
-            ..NONE
-        }
-    );
-    assert!(
-        snapshot.max_levels <= oocpt_core::scene::MAX_LEVELS,
-        "{}",
-        snapshot.max_levels
-    );
+    assert_eq!(snapshot.dropped, DroppedData { deep_instancers: 1, ..NONE });
+    assert!(snapshot.max_levels <= oocpt_core::scene::MAX_LEVELS, "{}", snapshot.max_levels);
     assert!(snapshot.counts.instances > 20, "what is above the cut is shown");
 }
 
@@ -82,11 +69,7 @@ fn wide_nesting_counts_beyond_64_bits() {
     let mut db = SceneDb::new();
     for level in 0..25 {
         let numbers: Vec<i32> = (0..10).collect();
-        let mut desc = scatter(
-            &format!("/i{level}"),
-            &[[1.0; 3]; 10],
-            &[(&format!("/i{level}/p"), &numbers)],
-        );
+        let mut desc = scatter(&format!("/i{level}"), &[[1.0; 3]; 10], &[(&format!("/i{level}/p"), &numbers)]);
         if level > 0 {
             desc.prim.instanced_by = vec![by(&format!("/i{}", level - 1), &format!("/i{}/p", level - 1))];
         }
@@ -107,16 +90,7 @@ fn missing_instancers_and_prototypes_are_told() {
     mesh.prim.instanced_by = vec![by("/nowhere", "/p"), by("/i", "/i/other")];
     db.upsert_mesh(mesh);
     let (left, dropped, warned) = outcome(&mut db);
-    assert_eq!(
-        (left, dropped),
-        (
-            1,
-            DroppedData {
-                missing_instancers: 2,
-                ..NONE
-            }
-        )
-    );
+    assert_eq!((left, dropped), (1, DroppedData { missing_instancers: 2, ..NONE }));
     assert_eq!(warned, ["/lost"]);
 }
 
@@ -130,27 +104,9 @@ fn a_prototype_whose_instances_are_all_bad_leaves_its_parent_whole() {
     mesh.prim.instanced_by = vec![by("/i/p/j", "/i/p/j/p")];
     db.upsert_mesh(mesh);
     let (left, dropped, _) = outcome(&mut db);
-    assert_eq!(
-        (left, dropped),
-        (
-            1,
-            DroppedData {
-                instance_transforms: 1,
-                ..NONE
-            }
-        )
-    );
+    assert_eq!((left, dropped), (1, DroppedData { instance_transforms: 1, ..NONE }));
     db.remove("/i/p/m");
     let (left, dropped, _) = outcome(&mut db);
-    assert_eq!(
-        (left, dropped),
-        (
-            0,
-            DroppedData {
-                instance_transforms: 1,
-                ..NONE
-            }
-        )
-    );
+    assert_eq!((left, dropped), (0, DroppedData { instance_transforms: 1, ..NONE }));
     assert_eq!(db.snapshot().max_levels, 1);
 }

@@ -20,18 +20,9 @@ fn bad_matrices_drop_their_instance_and_keep_its_number() {
     let (left, dropped, warned) = outcome(&mut db);
     // A scale of 1e-15 is small but sound.
     assert_eq!(left, 3);
-    assert_eq!(
-        dropped,
-        DroppedData {
-            instance_transforms: 3,
-            ..NONE
-        }
-    );
+    assert_eq!(dropped, DroppedData { instance_transforms: 3, ..NONE });
     assert_eq!(warned, ["/i"]);
-    let numbers: Vec<_> = records(db.snapshot(), 0)
-        .iter()
-        .map(|r| (r.index_in_prototype, r.prototype_count))
-        .collect();
+    let numbers: Vec<_> = records(db.snapshot(), 0).iter().map(|r| (r.index_in_prototype, r.prototype_count)).collect();
     assert_eq!(numbers, [(0, 6), (4, 6), (5, 6)]);
     assert!(db.commit().warnings.is_empty(), "warned once");
 }
@@ -43,10 +34,7 @@ fn matrices_too_extreme_for_single_precision_are_dropped() {
         let mut desc = scatter("/i", &[[0.0; 3]], &[("/i/p", &[0])]);
         let matrix = DMat4::from_scale(DVec3::splat(scale)).to_cols_array_2d();
         desc.transforms = Some(TypedArray::of(vec![matrix]));
-        let expected = DroppedData {
-            instance_transforms: 1,
-            ..NONE
-        };
+        let expected = DroppedData { instance_transforms: 1, ..NONE };
         assert_eq!(outcome(&mut with_instancer(desc)).1, expected, "{scale}");
     }
 }
@@ -60,16 +48,7 @@ fn projective_and_sheared_flat_matrices_are_dropped() {
     let matrices = [projective, flat, DMat4::IDENTITY].map(|m| m.to_cols_array_2d());
     desc.transforms = Some(TypedArray::of(matrices.to_vec()));
     let (left, dropped, _) = outcome(&mut with_instancer(desc));
-    assert_eq!(
-        (left, dropped),
-        (
-            1,
-            DroppedData {
-                instance_transforms: 2,
-                ..NONE
-            }
-        )
-    );
+    assert_eq!((left, dropped), (1, DroppedData { instance_transforms: 2, ..NONE }));
 }
 
 #[test]
@@ -78,16 +57,7 @@ fn indices_without_an_instance_are_dropped() {
     // The shortest array counts: number 4 has no rotation.
     desc.rotations = Some(TypedArray::from_vec(ElementType::Quatf, vec![[0.0_f32, 0.0, 0.0, 1.0]; 4]).unwrap());
     let (left, dropped, _) = outcome(&mut with_instancer(desc));
-    assert_eq!(
-        (left, dropped),
-        (
-            2,
-            DroppedData {
-                instance_indices: 5,
-                ..NONE
-            }
-        )
-    );
+    assert_eq!((left, dropped), (2, DroppedData { instance_indices: 5, ..NONE }));
 }
 
 #[test]
@@ -96,17 +66,7 @@ fn short_masks_show_the_rest_and_bad_numbers_stay_bad() {
     desc.mask = Some(TypedArray::from_bools(&[false, true]));
     let mut db = with_instancer(desc);
     let (left, dropped, _) = outcome(&mut db);
-    assert_eq!(
-        (left, dropped),
-        (
-            3,
-            DroppedData {
-                instance_indices: 1,
-                short_masks: 1,
-                ..NONE
-            }
-        )
-    );
+    assert_eq!((left, dropped), (3, DroppedData { instance_indices: 1, short_masks: 1, ..NONE }));
     let ids: Vec<i64> = flatten(db.snapshot()).iter().map(|l| l.instance_id).collect();
     assert_eq!(ids, [0, 1, 2], "ranks among the shown");
 }
@@ -117,32 +77,13 @@ fn arrays_of_the_wrong_type_take_the_instancer() {
     desc.translations = Some(TypedArray::of(vec![1.0_f32, 2.0]));
     desc.scales = Some(TypedArray::of(vec![[1.0_f32; 4]; 2]));
     let (left, dropped, _) = outcome(&mut with_instancer(desc));
-    assert_eq!(
-        (left, dropped),
-        (
-            0,
-            DroppedData {
-                wrong_array_types: 2,
-                ..NONE
-            }
-        )
-    );
+    assert_eq!((left, dropped), (0, DroppedData { wrong_array_types: 2, ..NONE }));
     let mut desc = scatter("/i", &[[0.0; 3]; 2], &[("/i/p", &[])]);
     desc.prototypes[0].indices = TypedArray::of(vec![0.0_f32]);
-    assert_eq!(
-        outcome(&mut with_instancer(desc)).1,
-        DroppedData {
-            wrong_array_types: 1,
-            ..NONE
-        }
-    );
+    assert_eq!(outcome(&mut with_instancer(desc)).1, DroppedData { wrong_array_types: 1, ..NONE });
     let mut desc = scatter("/i", &[[0.0; 3]; 2], &[("/i/p", &[0, 1])]);
     desc.mask = Some(TypedArray::of(vec![0_i32, 0]));
-    assert_eq!(
-        outcome(&mut with_instancer(desc)).0,
-        2,
-        "a mask of the wrong type is ignored"
-    );
+    assert_eq!(outcome(&mut with_instancer(desc)).0, 2, "a mask of the wrong type is ignored");
 }
 
 #[test]
@@ -151,10 +92,7 @@ fn zero_quaternions_are_the_identity() {
     desc.rotations = Some(TypedArray::from_vec(ElementType::Quatf, vec![[0.0_f32; 4]]).unwrap());
     let mut db = with_instancer(desc);
     assert_eq!(outcome(&mut db).1, NONE);
-    assert_eq!(
-        flatten(db.snapshot())[0].world,
-        DMat4::from_translation(DVec3::new(3.0, 0.0, 0.0))
-    );
+    assert_eq!(flatten(db.snapshot())[0].world, DMat4::from_translation(DVec3::new(3.0, 0.0, 0.0)));
 }
 
 #[test]
@@ -173,17 +111,7 @@ fn bad_prim_transforms_drop_the_prim() {
         mesh.prim.transform = transform;
         db.upsert_mesh(mesh);
         let (left, dropped, warned) = outcome(&mut db);
-        assert_eq!(
-            (left, dropped),
-            (
-                1,
-                DroppedData {
-                    prim_transforms: 1,
-                    ..NONE
-                }
-            ),
-            "{transform}"
-        );
+        assert_eq!((left, dropped), (1, DroppedData { prim_transforms: 1, ..NONE }), "{transform}");
         assert_eq!(warned, ["/bad"]);
     }
 }
@@ -192,20 +120,12 @@ fn bad_prim_transforms_drop_the_prim() {
 fn warnings_come_back_when_they_change() {
     let mut db = SceneDb::new();
     let flat = |path: &str, n: usize| {
-        crate::support::polygons(
-            path,
-            &vec![3; n],
-            &[0, 1, 2].repeat(n),
-            &[[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]],
-        )
+        crate::support::polygons(path, &vec![3; n], &[0, 1, 2].repeat(n), &[[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
     };
     db.upsert_mesh(flat("/flat", 1));
     let first = db.commit().warnings;
     assert_eq!(first.len(), 1);
-    assert_eq!(
-        first[0].message,
-        "bad data: 1 meshes without a usable face, 1 zero-area triangles"
-    );
+    assert_eq!(first[0].message, "bad data: 1 meshes without a usable face, 1 zero-area triangles");
     db.upsert_mesh(triangle("/other", 0.0));
     assert!(db.commit().warnings.is_empty());
     db.upsert_mesh(flat("/flat", 2));
@@ -232,9 +152,7 @@ fn bad_lights_are_dropped_alone() {
     bad[2].color[1] = f32::INFINITY;
     bad[3].color_temperature = Some(f32::NAN);
     bad[4].prim.transform = DMat4::ZERO;
-    bad[5].kind = LightKind::Distant {
-        angle_degrees: f32::NAN,
-    };
+    bad[5].kind = LightKind::Distant { angle_degrees: f32::NAN };
     bad.into_iter().for_each(|l| db.upsert_light(l));
     let mut hidden = light("/hidden");
     hidden.prim.visible = false;
@@ -246,13 +164,6 @@ fn bad_lights_are_dropped_alone() {
     black.intensity = 0.0;
     db.upsert_light(black);
     let (_, dropped, warned) = outcome(&mut db);
-    assert_eq!(
-        dropped,
-        DroppedData {
-            lights: 6,
-            instanced_lights: 1,
-            ..NONE
-        }
-    );
+    assert_eq!(dropped, DroppedData { lights: 6, instanced_lights: 1, ..NONE });
     assert_eq!((warned.len(), db.snapshot().lights.len()), (7, 1));
 }

@@ -62,10 +62,7 @@ fn adversarial_meshes_stay_within_the_stack() {
     let triangles: Vec<Triangle> = (0..4000_u16)
         .map(|k| {
             let s = 1.01_f32.powi(i32::from(k));
-            Triangle {
-                vertices: [[0.0, 0.0, s], [s, 0.0, 0.0], [0.0, s, 0.0]],
-                face: u32::from(k),
-            }
+            Triangle { vertices: [[0.0, 0.0, s], [s, 0.0, 0.0], [0.0, s, 0.0]], face: u32::from(k) }
         })
         .collect();
     let (bvh, ordered) = ordered(&triangles);
@@ -88,10 +85,7 @@ fn the_checker_sees_each_planted_error() {
     assert_eq!(with(&|b| b.depth += 1), Err(BvhError::Depth));
     let shrunk = with(&|b| b.nodes[leaf].max[0][1] -= 0.5);
     assert!(matches!(shrunk, Err(BvhError::Bounds(_))), "{shrunk:?}");
-    assert_eq!(
-        with(&|b| b.nodes[leaf].count[0] = MAX_LEAF_TRIANGLES + 1),
-        Err(BvhError::Leaf(leaf))
-    );
+    assert_eq!(with(&|b| b.nodes[leaf].count[0] = MAX_LEAF_TRIANGLES + 1), Err(BvhError::Leaf(leaf)));
     assert_eq!(with(&|b| b.nodes[leaf].child[0] = 100), Err(BvhError::Leaf(leaf)));
     assert_eq!(with(&|b| b.nodes[inner].child[1] = 0), Err(BvhError::Child(inner)));
     assert_eq!(with(&|b| b.nodes.push(b.nodes[0])), Err(BvhError::Coverage));
@@ -114,10 +108,7 @@ fn nearest(bvh: &Bvh2, triangles: &[Triangle], origin: glam::DVec3, direction: g
     let mut stack = vec![0_usize];
     while let Some(node) = stack.pop().map(|n| &bvh.nodes[n]) {
         for side in 0..2 {
-            let (min, max) = (
-                Vec3::from(node.min[side]).as_dvec3(),
-                Vec3::from(node.max[side]).as_dvec3(),
-            );
+            let (min, max) = (Vec3::from(node.min[side]).as_dvec3(), Vec3::from(node.max[side]).as_dvec3());
             let (t0, t1) = ((min - origin) / direction, (max - origin) / direction);
             if t0.min(t1).max_element() > t0.max(t1).min_element() {
                 continue;
@@ -143,10 +134,7 @@ fn a_walk_finds_what_brute_force_finds() {
         let [x, y, z, w] = oocpt_core::sample_4d(k, 0, 3).map(f64::from);
         let origin = glam::DVec3::new(-2.0, 9.0 * x, 9.0 * y);
         let direction = glam::DVec3::new(1.0, z - 0.5, w - 0.5);
-        let brute = ordered
-            .iter()
-            .filter_map(|t| hit(t, origin, direction))
-            .reduce(f64::min);
+        let brute = ordered.iter().filter_map(|t| hit(t, origin, direction)).reduce(f64::min);
         assert_eq!(nearest(&bvh, &ordered, origin, direction), brute);
         hits += u32::from(brute.is_some());
     }

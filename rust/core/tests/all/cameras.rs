@@ -26,14 +26,8 @@ fn near(camera: &Camera) -> DVec3 {
 /// World points at the near and far plane for a pixel position with y up from the data window's lower edge.
 fn unproject(camera: &Camera, x: f64, y: f64) -> [DVec3; 2] {
     let [x0, y0, x1, y1] = camera.display_window.map(f64::from);
-    let (window_x, window_y) = (
-        f64::from(camera.data_window[0]) + x,
-        f64::from(camera.data_window[3]) - y,
-    );
-    let ndc = (
-        2.0 * (window_x - x0) / (x1 - x0) - 1.0,
-        1.0 - 2.0 * (window_y - y0) / (y1 - y0),
-    );
+    let (window_x, window_y) = (f64::from(camera.data_window[0]) + x, f64::from(camera.data_window[3]) - y);
+    let ndc = (2.0 * (window_x - x0) / (x1 - x0) - 1.0, 1.0 - 2.0 * (window_y - y0) / (y1 - y0));
     [-1.0, 1.0].map(|z| {
         let p = camera.projection.inverse() * DVec4::new(ndc.0, ndc.1, z, 1.0);
         camera.world_from_view.transform_point3(p.truncate() / p.w)
@@ -61,10 +55,7 @@ fn assert_exact(camera: &Camera) {
         assert!(d.dot(b - a) > 0.0, "the ray looks forward");
         for p in [a, b] {
             let distance = (p - o).cross(d.normalize()).length();
-            assert!(
-                distance < 1e-6 * (1.0 + (p - o).length() + o.length()),
-                "({x}, {y}): off by {distance}"
-            );
+            assert!(distance < 1e-6 * (1.0 + (p - o).length() + o.length()), "({x}, {y}): off by {distance}");
         }
         // The parameter is the depth.
         let t = (b - o).dot(d) / d.length_squared();
@@ -140,10 +131,7 @@ proptest! {
 
 #[test]
 fn depth_rows_give_window_and_camera_depth() {
-    for projection in [
-        perspective(0.7, 1.5, 0.1, 1000.0),
-        orthographic(-8.0, 8.0, -4.5, 4.5, 1.0, 100.0),
-    ] {
+    for projection in [perspective(0.7, 1.5, 0.1, 1000.0), orthographic(-8.0, 8.0, -4.5, 4.5, 1.0, 100.0)] {
         let camera = camera(projection);
         let origin = near(&camera);
         let rays = camera.rays(origin).unwrap();
@@ -153,10 +141,7 @@ fn depth_rows_give_window_and_camera_depth() {
         let clip = projection * DVec4::new(0.3, -0.2, -7.0, 1.0);
         assert!((depth - (0.5 * clip.z / clip.w + 0.5)).abs() < 1e-5, "{depth}");
         let eye = rays.view_from_world.map(row);
-        assert!(
-            (DVec3::from(eye) - DVec3::new(0.3, -0.2, -7.0)).length() < 1e-4,
-            "{eye:?}"
-        );
+        assert!((DVec3::from(eye) - DVec3::new(0.3, -0.2, -7.0)).length() < 1e-4, "{eye:?}");
         let normal = camera.world_from_view.transform_vector3(DVec3::Y).as_vec3();
         let back = rays.view_normal.map(|r| Vec3::from(r).dot(normal));
         assert!((Vec3::from(back) - Vec3::Y).length() < 1e-6, "{back:?}");
@@ -165,27 +150,16 @@ fn depth_rows_give_window_and_camera_depth() {
 
 #[test]
 fn lens_rays_meet_in_the_plane_of_focus() {
-    for projection in [
-        frustum(-0.3, 0.9, -0.2, 0.4, 1.0, 500.0),
-        orthographic(-8.0, 8.0, -4.5, 4.5, 1.0, 100.0),
-    ] {
+    for projection in [frustum(-0.3, 0.9, -0.2, 0.4, 1.0, 500.0), orthographic(-8.0, 8.0, -4.5, 4.5, 1.0, 100.0)] {
         let mut camera = camera(projection);
         camera.lens_radius = 0.25;
         camera.focus_distance = 12.0;
         let rays = camera.rays(near(&camera)).unwrap();
         let (o, d) = ray(&rays, 123.5, 45.5);
         let focused = o + d * f64::from(rays.focus);
-        let view = camera
-            .world_from_view
-            .inverse()
-            .transform_point3(focused + near(&camera));
+        let view = camera.world_from_view.inverse().transform_point3(focused + near(&camera));
         assert!((view.z + 12.0).abs() < 1e-4, "{view}");
-        let axis = |v: [f32; 3]| {
-            camera
-                .world_from_view
-                .inverse()
-                .transform_vector3(Vec3::from(v).as_dvec3())
-        };
+        let axis = |v: [f32; 3]| camera.world_from_view.inverse().transform_vector3(Vec3::from(v).as_dvec3());
         assert!((axis(rays.lens_u) - DVec3::X * 0.25).length() < 1e-6);
         assert!((axis(rays.lens_v) - DVec3::Y * 0.25).length() < 1e-6);
     }
@@ -200,39 +174,15 @@ fn unusable_cameras_are_refused() {
         camera.rays(DVec3::ZERO).unwrap_err()
     };
     assert!(good.rays(DVec3::ZERO).is_ok());
-    assert!(matches!(
-        with(&|c| c.world_from_view.x_axis.x = f64::NAN),
-        CameraError::NotFinite(_)
-    ));
-    assert!(matches!(
-        with(&|c| c.world_from_view = DMat4::ZERO),
-        CameraError::Singular(_)
-    ));
-    assert!(matches!(
-        with(&|c| c.world_from_view.x_axis = c.world_from_view.y_axis),
-        CameraError::Singular(_)
-    ));
-    assert!(matches!(
-        with(&|c| c.projection = DMat4::ZERO),
-        CameraError::Singular(_)
-    ));
-    assert!(matches!(
-        with(&|c| c.projection.x_axis.w = 0.1),
-        CameraError::Unsupported
-    ));
-    assert!(matches!(
-        with(&|c| c.projection.y_axis.y = f64::INFINITY),
-        CameraError::NotFinite(_)
-    ));
+    assert!(matches!(with(&|c| c.world_from_view.x_axis.x = f64::NAN), CameraError::NotFinite(_)));
+    assert!(matches!(with(&|c| c.world_from_view = DMat4::ZERO), CameraError::Singular(_)));
+    assert!(matches!(with(&|c| c.world_from_view.x_axis = c.world_from_view.y_axis), CameraError::Singular(_)));
+    assert!(matches!(with(&|c| c.projection = DMat4::ZERO), CameraError::Singular(_)));
+    assert!(matches!(with(&|c| c.projection.x_axis.w = 0.1), CameraError::Unsupported));
+    assert!(matches!(with(&|c| c.projection.y_axis.y = f64::INFINITY), CameraError::NotFinite(_)));
     assert!(matches!(with(&|c| c.display_window[2] = 0.0), CameraError::Singular(_)));
-    assert!(matches!(
-        with(&|c| c.display_window[0] = f32::NAN),
-        CameraError::NotFinite(_)
-    ));
+    assert!(matches!(with(&|c| c.display_window[0] = f32::NAN), CameraError::NotFinite(_)));
     assert!(matches!(with(&|c| c.lens_radius = f64::NAN), CameraError::NotFinite(_)));
     assert!(matches!(with(&|c| c.lens_radius = 1.0), CameraError::Singular(_)));
-    assert!(matches!(
-        with(&|c| c.world_from_view.w_axis.x = 1e300),
-        CameraError::NotFinite(_)
-    ));
+    assert!(matches!(with(&|c| c.world_from_view.w_axis.x = 1e300), CameraError::NotFinite(_)));
 }

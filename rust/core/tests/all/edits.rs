@@ -48,11 +48,7 @@ fn nothing_edited_gives_the_same_snapshot() {
     // The same descriptions again (same arrays) are no edit either; nor are equal arrays at other addresses.
     meshes.into_iter().for_each(|m| db.upsert_mesh(m));
     for mut instancer in instancers {
-        instancer.translations = Some(TypedArray::of(vec![
-            [1.0_f32, 0.0, 0.0],
-            [2.0, 0.0, 0.0],
-            [3.0, 0.0, 0.0],
-        ]));
+        instancer.translations = Some(TypedArray::of(vec![[1.0_f32, 0.0, 0.0], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]]));
         db.upsert_instancer(instancer);
     }
     db.upsert_mesh(grid("/ground", 3));
@@ -71,15 +67,9 @@ fn moving_an_instancer_keeps_meshes_and_prototypes() {
     let after = commit.snapshot;
     assert!(commit.changed && same_meshes(&before, &after));
     assert_eq!(after.version, before.version + 1);
-    assert!(
-        Arc::ptr_eq(&before.assemblies[0], &after.assemblies[0]),
-        "the tree's content"
-    );
+    assert!(Arc::ptr_eq(&before.assemblies[0], &after.assemblies[0]), "the tree's content");
     assert_ne!(keys(&before)[1], keys(&after)[1], "the root");
-    let moved = flatten(&after)
-        .iter()
-        .filter(|l| (l.world.w_axis.y - 1.0).abs() < 1e-6)
-        .count();
+    let moved = flatten(&after).iter().filter(|l| (l.world.w_axis.y - 1.0).abs() < 1e-6).count();
     assert_eq!(moved, 6);
 }
 
@@ -103,22 +93,10 @@ fn editing_points_rebuilds_that_mesh_only() {
     meshes[1].points = TypedArray::of(vec![[0.0_f32, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]);
     db.upsert_mesh(meshes.remove(1));
     let after = committed(&mut db);
-    let kept = before
-        .meshes
-        .iter()
-        .filter(|m| after.meshes.iter().any(|n| Arc::ptr_eq(m, n)))
-        .count();
+    let kept = before.meshes.iter().filter(|m| after.meshes.iter().any(|n| Arc::ptr_eq(m, n))).count();
     assert_eq!((kept, after.meshes.len()), (3, 4));
     // The new asset takes the index of the old one: the others stay where they were.
-    assert_eq!(
-        before
-            .meshes
-            .iter()
-            .zip(&after.meshes)
-            .filter(|(a, b)| Arc::ptr_eq(a, b))
-            .count(),
-        3
-    );
+    assert_eq!(before.meshes.iter().zip(&after.meshes).filter(|(a, b)| Arc::ptr_eq(a, b)).count(), 3);
     assert_ne!(keys(&before)[0], keys(&after)[0]);
 }
 
@@ -137,15 +115,7 @@ fn editing_a_prototype_leaves_other_prototypes_alone() {
     meshes[1].prim.transform = DMat4::from_translation(DVec3::Z);
     db.upsert_mesh(meshes.remove(1));
     let after = committed(&mut db);
-    assert_eq!(
-        keys(&before)
-            .iter()
-            .zip(keys(&after))
-            .filter(|(a, b)| **a == *b)
-            .count(),
-        1,
-        "the houses' content"
-    );
+    assert_eq!(keys(&before).iter().zip(keys(&after)).filter(|(a, b)| **a == *b).count(), 1, "the houses' content");
     assert!(same_meshes(&before, &after));
 }
 
@@ -164,18 +134,8 @@ fn equal_meshes_are_one_asset_until_one_differs() {
     db.upsert_mesh(smooth);
     let after = committed(&mut db);
     assert_eq!(after.meshes.len(), 3);
-    assert!(
-        snapshot
-            .meshes
-            .iter()
-            .all(|m| after.meshes.iter().any(|n| Arc::ptr_eq(m, n)))
-    );
-    assert!(
-        after
-            .meshes
-            .iter()
-            .all(|m| after.meshes.iter().filter(|n| n.key == m.key).count() == 1)
-    );
+    assert!(snapshot.meshes.iter().all(|m| after.meshes.iter().any(|n| Arc::ptr_eq(m, n))));
+    assert!(after.meshes.iter().all(|m| after.meshes.iter().filter(|n| n.key == m.key).count() == 1));
 }
 
 #[test]
@@ -190,25 +150,14 @@ fn hiding_and_showing_rebuilds_nothing() {
     ground.prim.visible = true;
     db.upsert_mesh(ground);
     let shown = committed(&mut db);
-    assert!(
-        before
-            .meshes
-            .iter()
-            .all(|m| shown.meshes.iter().any(|n| Arc::ptr_eq(m, n)))
-    );
+    assert!(before.meshes.iter().all(|m| shown.meshes.iter().any(|n| Arc::ptr_eq(m, n))));
     assert_eq!(flatten(&shown).len(), flatten(&before).len());
 }
 
 #[test]
 fn purposes_filter_meshes() {
     let mut db = SceneDb::new();
-    for (path, purpose) in [
-        ("/d", ""),
-        ("/g", "geometry"),
-        ("/r", "render"),
-        ("/p", "proxy"),
-        ("/u", "guide"),
-    ] {
+    for (path, purpose) in [("/d", ""), ("/g", "geometry"), ("/r", "render"), ("/p", "proxy"), ("/u", "guide")] {
         let mut mesh = triangle(path, 0.0);
         mesh.prim.purpose = purpose.into();
         db.upsert_mesh(mesh);
@@ -235,10 +184,7 @@ fn removal_takes_the_subtree_and_no_neighbour() {
     assert!(!db.commit().changed);
     db.remove("/");
     let empty = committed(&mut db);
-    assert_eq!(
-        (empty.counts.instances, empty.assemblies.len(), empty.max_levels),
-        (0, 1, 1)
-    );
+    assert_eq!((empty.counts.instances, empty.assemblies.len(), empty.max_levels), (0, 1, 1));
     assert!(empty.meshes.is_empty() && empty.assemblies[0].bounds().is_empty());
 }
 
@@ -257,14 +203,7 @@ fn a_light_edit_touches_no_geometry() {
         camera_visible: true,
     });
     let after = committed(&mut db);
-    assert_eq!(
-        (
-            after.lights.len(),
-            keys(&before) == keys(&after),
-            same_meshes(&before, &after)
-        ),
-        (1, true, true)
-    );
+    assert_eq!((after.lights.len(), keys(&before) == keys(&after), same_meshes(&before, &after)), (1, true, true));
 }
 
 #[test]

@@ -22,9 +22,7 @@ fn polygon(outline: &[[f32; 2]]) -> MeshDesc {
 fn shoelace(outline: &[[f32; 2]]) -> f64 {
     let n = outline.len();
     let p = |k: usize| outline[k % n].map(f64::from);
-    (0..n)
-        .map(|k| 0.5 * (p(k)[0] * p(k + 1)[1] - p(k + 1)[0] * p(k)[1]))
-        .sum()
+    (0..n).map(|k| 0.5 * (p(k)[0] * p(k + 1)[1] - p(k + 1)[0] * p(k)[1])).sum()
 }
 
 /// All triangles face the way of the polygon, their areas sum up to its area (so that none overlap), n - 2 of them.
@@ -32,20 +30,9 @@ fn assert_covers(outline: &[[f32; 2]]) {
     let built = build(&polygon(outline));
     let asset = built.asset.unwrap();
     let expected = shoelace(outline);
-    assert!(
-        (area(&asset) - expected.abs()).abs() < 1e-5 * expected.abs(),
-        "{} of {expected}",
-        area(&asset)
-    );
-    assert!(
-        (area_vector(&asset).z - expected).abs() < 1e-5 * expected.abs(),
-        "{} of {expected}",
-        area_vector(&asset)
-    );
-    assert_eq!(
-        asset.triangles.len() as u64 + built.dropped.zero_area_triangles,
-        outline.len() as u64 - 2
-    );
+    assert!((area(&asset) - expected.abs()).abs() < 1e-5 * expected.abs(), "{} of {expected}", area(&asset));
+    assert!((area_vector(&asset).z - expected).abs() < 1e-5 * expected.abs(), "{} of {expected}", area_vector(&asset));
+    assert_eq!(asset.triangles.len() as u64 + built.dropped.zero_area_triangles, outline.len() as u64 - 2);
 }
 
 #[test]
@@ -70,26 +57,8 @@ fn concave_polygons_are_covered_once() {
 #[test]
 fn corners_on_straight_edges_stay_in_use() {
     // A square with a corner in the middle of each edge, and an L: a T-vertex left out would open a crack.
-    let square = [
-        [0.0, 0.0],
-        [1.0, 0.0],
-        [2.0, 0.0],
-        [2.0, 1.0],
-        [2.0, 2.0],
-        [1.0, 2.0],
-        [0.0, 2.0],
-        [0.0, 1.0],
-    ];
-    let ell = [
-        [0.0, 0.0],
-        [1.0, 0.0],
-        [2.0, 0.0],
-        [2.0, 1.0],
-        [1.0, 1.0],
-        [1.0, 2.0],
-        [0.0, 2.0],
-        [0.0, 1.0],
-    ];
+    let square = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0], [0.0, 2.0], [0.0, 1.0]];
+    let ell = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0], [0.0, 1.0]];
     for outline in [square, ell] {
         let built = build(&polygon(&outline));
         assert_covers(&outline);
@@ -100,12 +69,7 @@ fn corners_on_straight_edges_stay_in_use() {
 #[test]
 fn large_concave_faces_are_covered() {
     let star: Vec<[f32; 2]> = (0..3000_u16)
-        .map(|k| {
-            (
-                f32::from(k) * std::f32::consts::TAU / 3000.0,
-                if k % 2 == 0 { 2.0 } else { 1.0 },
-            )
-        })
+        .map(|k| (f32::from(k) * std::f32::consts::TAU / 3000.0, if k % 2 == 0 { 2.0 } else { 1.0 }))
         .map(|(angle, radius)| [radius * angle.cos(), radius * angle.sin()])
         .collect();
     assert_covers(&star);
@@ -172,13 +136,7 @@ proptest! {
 
 #[test]
 fn each_kind_of_bad_face_is_dropped_alone_and_counted() {
-    let mut points = vec![
-        [0.0, 0.0, 0.0],
-        [1.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0],
-        [f32::NAN, 0.0, 0.0],
-        [2.0, 0.0, 0.0],
-    ];
+    let mut points = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [f32::NAN, 0.0, 0.0], [2.0, 0.0, 0.0]];
     points.extend([[0.0, f32::INFINITY, 0.0], [0.0, 0.0, 3e18]]);
     let good = [0, 1, 2];
     let counts = [3, 3, 3, 3, 3, 3, -3, 2, 3, 3, 5];
@@ -209,19 +167,8 @@ fn each_kind_of_bad_face_is_dropped_alone_and_counted() {
 
 #[test]
 fn surplus_indices_are_counted_and_the_rest_is_kept() {
-    let built = build(&polygons(
-        "/p",
-        &[3],
-        &[0, 1, 2, 0],
-        &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
-    ));
-    assert_eq!(
-        built.dropped,
-        DroppedData {
-            surplus_indices: 1,
-            ..DroppedData::default()
-        }
-    );
+    let built = build(&polygons("/p", &[3], &[0, 1, 2, 0], &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]));
+    assert_eq!(built.dropped, DroppedData { surplus_indices: 1, ..DroppedData::default() });
     assert_eq!(built.asset.unwrap().triangles.len(), 1);
 }
 
@@ -240,13 +187,7 @@ fn nothing_usable_gives_no_asset() {
     }
     let mut wrong = triangle("/wrong", 0.0);
     wrong.face_vertex_indices = TypedArray::of(vec![0.0_f32, 1.0, 2.0]);
-    assert_eq!(
-        build(&wrong).dropped,
-        DroppedData {
-            wrong_array_types: 1,
-            ..DroppedData::default()
-        }
-    );
+    assert_eq!(build(&wrong).dropped, DroppedData { wrong_array_types: 1, ..DroppedData::default() });
 }
 
 #[test]
@@ -254,13 +195,7 @@ fn holes_are_left_out_and_bad_holes_counted() {
     let mut desc = grid("/g", 3);
     desc.hole_indices = Some(TypedArray::of(vec![4, 4, 9, -1, 0]));
     let built = build(&desc);
-    assert_eq!(
-        built.dropped,
-        DroppedData {
-            hole_indices: 2,
-            ..DroppedData::default()
-        }
-    );
+    assert_eq!(built.dropped, DroppedData { hole_indices: 2, ..DroppedData::default() });
     let asset = built.asset.unwrap();
     assert_eq!(asset.triangles.len(), 14);
     assert!(asset.triangles.iter().all(|t| t.face != 4 && t.face != 0));

@@ -24,10 +24,7 @@ fn assert_same(mut expected: Vec<Expected>, mut leaves: Vec<Leaf>) {
             for vertex in triangle.vertices {
                 let p = DVec3::from(vertex.map(f64::from));
                 let (a, b) = (world.transform_point3(p), leaf.world.transform_point3(p));
-                assert!(
-                    (a - b).length() < 1e-4 * (1.0 + a.length()),
-                    "prim {prim} instance {id}: {a} and {b}"
-                );
+                assert!((a - b).length() < 1e-4 * (1.0 + a.length()), "prim {prim} instance {id}: {a} and {b}");
             }
         }
     }
@@ -43,10 +40,7 @@ fn vector(state: &mut u32) -> DVec3 {
 }
 
 fn quat(state: &mut u32) -> DQuat {
-    DQuat::from_axis_angle(
-        (vector(state) + DVec3::new(0.0, 0.0, 3.0)).normalize(),
-        6.0 * number(state),
-    )
+    DQuat::from_axis_angle((vector(state) + DVec3::new(0.0, 0.0, 3.0)).normalize(), 6.0 * number(state))
 }
 
 fn matrix(state: &mut u32) -> DMat4 {
@@ -104,11 +98,7 @@ fn nested_instancers_equal_their_flattening() {
 
     let mut expected: Vec<Expected> = Vec::new();
     for (rank, i) in [0, 2, 4].into_iter().enumerate() {
-        expected.push((
-            1,
-            outer.prim.transform * outer_at[i] * alone.prim.transform,
-            i64::try_from(rank).unwrap(),
-        ));
+        expected.push((1, outer.prim.transform * outer_at[i] * alone.prim.transform, i64::try_from(rank).unwrap()));
     }
     for (rank, i) in [1, 3].into_iter().enumerate() {
         let base = outer.prim.transform * outer_at[i];
@@ -127,23 +117,9 @@ fn nested_instancers_equal_their_flattening() {
     let snapshot = committed(&mut db);
     assert_same(expected, flatten(&snapshot));
     // Kept nested: 3 + 2 records in the root, 1 + 3 in the prototype; the two single meshes needed no assembly.
-    assert_eq!(
-        (
-            snapshot.counts.instance_records,
-            snapshot.assemblies.len(),
-            snapshot.max_levels
-        ),
-        (9, 2, 2)
-    );
-    assert_eq!(
-        (snapshot.counts.instances, snapshot.counts.instanced_triangles),
-        (3 + 2 + 6, 11 * 8)
-    );
-    assert_eq!(
-        (snapshot.counts.meshes, snapshot.counts.unique_triangles),
-        (1, 8),
-        "the three grids are one asset"
-    );
+    assert_eq!((snapshot.counts.instance_records, snapshot.assemblies.len(), snapshot.max_levels), (9, 2, 2));
+    assert_eq!((snapshot.counts.instances, snapshot.counts.instanced_triangles), (3 + 2 + 6, 11 * 8));
+    assert_eq!((snapshot.counts.meshes, snapshot.counts.unique_triangles), (1, 8), "the three grids are one asset");
     assert!(snapshot.features.contains(SceneFeatures::INSTANCING));
 }
 
@@ -214,27 +190,13 @@ fn encode_in_pieces_equals_encode_whole() {
     let root = snapshot.assemblies.last().unwrap();
     let whole = records(&snapshot, snapshot.assemblies.len() - 1);
     assert_eq!(whole.len(), 202);
-    let unset = InstanceRecord {
-        prim_id: -77,
-        ..InstanceRecord::default()
-    };
-    for (start, end) in [
-        (0, 202),
-        (0, 1),
-        (99, 103),
-        (100, 100),
-        (150, 202),
-        (201, 500),
-        (300, 301),
-    ] {
+    let unset = InstanceRecord { prim_id: -77, ..InstanceRecord::default() };
+    for (start, end) in [(0, 202), (0, 1), (99, 103), (100, 100), (150, 202), (201, 500), (300, 301)] {
         let mut piece = vec![unset; end - start];
         root.encode(start..end, &mut piece);
         let known = end.min(202).saturating_sub(start);
         assert_eq!(&piece[..known], &whole[start.min(202)..end.min(202)], "{start}..{end}");
-        assert!(
-            piece[known..].iter().all(|r| *r == unset),
-            "nothing is written beyond the end"
-        );
+        assert!(piece[known..].iter().all(|r| *r == unset), "nothing is written beyond the end");
     }
 }
 
@@ -328,9 +290,6 @@ fn targets_of_members_are_what_was_described() {
     let snapshot = committed(&mut db);
     assert_eq!(records(&snapshot, 1)[0].target, Target::Assembly(0));
     assert_eq!(records(&snapshot, 1)[0].prim_id, -1);
-    let below: Vec<_> = records(&snapshot, 0)
-        .iter()
-        .map(|r| (r.target, r.prim_id, r.prototype_count))
-        .collect();
+    let below: Vec<_> = records(&snapshot, 0).iter().map(|r| (r.target, r.prim_id, r.prototype_count)).collect();
     assert_eq!(below, [(Target::Mesh(0), 7, 1), (Target::Mesh(1), 7, 1)]);
 }

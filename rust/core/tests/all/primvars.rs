@@ -31,11 +31,7 @@ fn at<T: Copy>(asset: &MeshAsset, attribute: &Attribute<T>, triangle: usize, cor
 /// What the values should be, from the position of the corner and the face: (x, y, face).
 fn expected(asset: &MeshAsset, triangle: usize, corner: usize) -> [f32; 3] {
     let t = &asset.triangles[triangle];
-    [
-        t.vertices[corner][0],
-        t.vertices[corner][1],
-        f32::from(u16::try_from(t.face).unwrap()),
-    ]
+    [t.vertices[corner][0], t.vertices[corner][1], f32::from(u16::try_from(t.face).unwrap())]
 }
 
 /// One colour per element of the grid: points and corners get their x and y, faces their number.
@@ -45,9 +41,7 @@ fn colors(desc: &MeshDesc, interpolation: Interpolation) -> Vec<[f32; 3]> {
         Interpolation::Uniform => (0..N * N).map(|face| [0.0, 0.0, f32::from(face)]).collect(),
         Interpolation::FaceVarying => {
             let corner = |k| usize::try_from(desc.face_vertex_indices.index(k).unwrap()).unwrap();
-            (0..desc.face_vertex_indices.len())
-                .map(|k| of_point(corner(k)))
-                .collect()
+            (0..desc.face_vertex_indices.len()).map(|k| of_point(corner(k))).collect()
         }
         _ => (0..desc.points.len()).map(of_point).collect(),
     }
@@ -105,33 +99,17 @@ fn corner_indices_exist_only_for_point_rates() {
 #[test]
 fn lengths_are_checked() {
     let mut desc = grid("/g", 2);
-    for (interpolation, wanted) in [
-        (Interpolation::Uniform, 4),
-        (Interpolation::Vertex, 9),
-        (Interpolation::FaceVarying, 16),
-    ] {
+    for (interpolation, wanted) in
+        [(Interpolation::Uniform, 4), (Interpolation::Vertex, 9), (Interpolation::FaceVarying, 16)]
+    {
         desc.display_color = Some(primvar(interpolation, vec![[0.5_f32; 3]; wanted - 1]));
         let (asset, dropped) = build(&desc);
         assert!(asset.colors.is_none());
-        assert_eq!(
-            dropped,
-            DroppedData {
-                primvars: 1,
-                ..DroppedData::default()
-            },
-            "{interpolation:?}"
-        );
+        assert_eq!(dropped, DroppedData { primvars: 1, ..DroppedData::default() }, "{interpolation:?}");
         desc.display_color = Some(primvar(interpolation, vec![[0.5_f32; 3]; wanted + 1]));
         let (asset, dropped) = build(&desc);
         assert!(asset.colors.is_some());
-        assert_eq!(
-            dropped,
-            DroppedData {
-                long_primvars: 1,
-                ..DroppedData::default()
-            },
-            "{interpolation:?}"
-        );
+        assert_eq!(dropped, DroppedData { long_primvars: 1, ..DroppedData::default() }, "{interpolation:?}");
     }
 }
 
@@ -143,12 +121,9 @@ fn unusable_primvars_go_whole() {
     let scalar = constant(0.5_f32);
     let mut bad_indices = constant([0.5_f32; 3]);
     bad_indices.indices = Some(TypedArray::of(vec![0.0_f32]));
-    for (name, primvar) in [
-        ("instance", instance),
-        ("empty", empty),
-        ("scalar", scalar),
-        ("float indices", bad_indices),
-    ] {
+    for (name, primvar) in
+        [("instance", instance), ("empty", empty), ("scalar", scalar), ("float indices", bad_indices)]
+    {
         desc.display_color = Some(primvar);
         let (asset, dropped) = build(&desc);
         assert!(asset.colors.is_none(), "{name}");
@@ -166,24 +141,12 @@ fn single_bad_values_are_replaced() {
     let (asset, dropped) = build(&desc);
     let colors = asset.colors.as_ref().unwrap();
     assert_eq!((colors.values[3], colors.values[4]), ([0.18; 3], [0.0, 2.0, 0.0]));
-    assert_eq!(
-        dropped,
-        DroppedData {
-            primvar_values: 1,
-            ..DroppedData::default()
-        }
-    );
+    assert_eq!(dropped, DroppedData { primvar_values: 1, ..DroppedData::default() });
 
     let mut indexed = primvar(Interpolation::Vertex, vec![[0.5_f32; 3]]);
     indexed.indices = Some(TypedArray::of(vec![0, 0, 0, 1, -1, 0, 0, 0, 0]));
     desc.display_color = Some(indexed);
-    assert_eq!(
-        build(&desc).1,
-        DroppedData {
-            primvar_values: 2,
-            ..DroppedData::default()
-        }
-    );
+    assert_eq!(build(&desc).1, DroppedData { primvar_values: 2, ..DroppedData::default() });
 }
 
 #[test]
@@ -198,9 +161,8 @@ fn opacity_is_clamped_and_forgotten_when_opaque() {
 
 /// A cube of quads with outward faces.
 fn cube() -> MeshDesc {
-    let points: Vec<[f32; 3]> = (0..8_u8)
-        .map(|k| [k & 1, k >> 1 & 1, k >> 2].map(|b| f32::from(b) * 2.0 - 1.0))
-        .collect();
+    let points: Vec<[f32; 3]> =
+        (0..8_u8).map(|k| [k & 1, k >> 1 & 1, k >> 2].map(|b| f32::from(b) * 2.0 - 1.0)).collect();
     let indices = [0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5];
     polygons("/cube", &[4; 6], &indices, &points)
 }
@@ -212,10 +174,7 @@ fn subdivision_meshes_get_smooth_outward_normals() {
         desc.subdivision = Subdivision::CatmullClark;
         desc.left_handed = left_handed;
         if left_handed {
-            let indices: Vec<i32> = (0..24)
-                .rev()
-                .map(|k| desc.face_vertex_indices.index(k).unwrap())
-                .collect();
+            let indices: Vec<i32> = (0..24).rev().map(|k| desc.face_vertex_indices.index(k).unwrap()).collect();
             desc.face_vertex_indices = TypedArray::of(indices);
         }
         let (asset, _) = build(&desc);
@@ -223,10 +182,7 @@ fn subdivision_meshes_get_smooth_outward_normals() {
         assert_eq!(normals.rate, AttributeRate::Vertex);
         for (point, normal) in normals.values.iter().enumerate() {
             let p = desc.points.vec3(point).unwrap().as_vec3() / 3.0_f32.sqrt();
-            assert!(
-                (glam::Vec3::from(*normal) - p).length() < 1e-6,
-                "{left_handed} {normal:?} at {p}"
-            );
+            assert!((glam::Vec3::from(*normal) - p).length() < 1e-6, "{left_handed} {normal:?} at {p}");
         }
     }
     assert!(build(&cube()).0.normals.is_none(), "polygon meshes are flat");
@@ -246,10 +202,5 @@ fn authored_normals_win_and_bad_ones_are_replaced() {
     let down = normals.values.iter().filter(|n| **n == [0.0, 0.0, -1.0]).count() as u64;
     assert_eq!((down, dropped.primvar_values), (dropped.primvar_values, down));
     assert!((1..=2).contains(&down), "{down}");
-    assert!(
-        normals
-            .values
-            .iter()
-            .all(|n| *n == [0.0, 0.0, -1.0] || *n == [0.0, 0.0, 1.0])
-    );
+    assert!(normals.values.iter().all(|n| *n == [0.0, 0.0, -1.0] || *n == [0.0, 0.0, 1.0]));
 }

@@ -8,19 +8,11 @@ use oocpt_core::{pixel_seed, sample_4d};
 /// 5/8; 1/2, 3/4, 3/8; 1/2, 3/4, 1/8.
 #[test]
 fn first_points_are_the_published_ones() {
-    let expected: [[u32; 8]; 4] = [
-        [0, 4, 2, 6, 1, 5, 3, 7],
-        [0, 4, 6, 2, 5, 1, 3, 7],
-        [0, 4, 6, 2, 3, 7, 5, 1],
-        [0, 4, 6, 2, 1, 5, 7, 3],
-    ];
+    let expected: [[u32; 8]; 4] =
+        [[0, 4, 2, 6, 1, 5, 3, 7], [0, 4, 6, 2, 5, 1, 3, 7], [0, 4, 6, 2, 3, 7, 5, 1], [0, 4, 6, 2, 1, 5, 7, 3]];
     for (dimension, points) in expected.iter().enumerate() {
         for (index, point) in (0..).zip(points) {
-            assert_eq!(
-                sobol(index, dimension) >> 29,
-                *point,
-                "dimension {dimension} point {index}"
-            );
+            assert_eq!(sobol(index, dimension) >> 29, *point, "dimension {dimension} point {index}");
         }
     }
 }
@@ -60,10 +52,7 @@ fn pair_of_dimensions_0_and_1_is_a_0_m_2_net() {
                 for index in 0..1_u32 << m {
                     let [x, y, ..] = sample_4d(index, set, seed);
                     let cell = (stratum(x, split) << (m - split)) | stratum(y, m - split);
-                    assert!(
-                        !std::mem::replace(&mut seen[cell], true),
-                        "m {m} split {split} set {set} seed {seed}"
-                    );
+                    assert!(!std::mem::replace(&mut seen[cell], true), "m {m} split {split} set {set} seed {seed}");
                 }
             }
         }
@@ -87,10 +76,7 @@ fn each_dimension_is_stratified_in_every_aligned_block() {
                 let point = sample_4d((block << m) + index, 2, 1234);
                 for d in 0..4 {
                     assert!((0.0..1.0).contains(&point[d]));
-                    assert!(
-                        !std::mem::replace(&mut seen[stratum(point[d], m)][d], true),
-                        "m {m} dimension {d}"
-                    );
+                    assert!(!std::mem::replace(&mut seen[stratum(point[d], m)][d], true), "m {m} dimension {d}");
                 }
             }
         }
@@ -103,11 +89,7 @@ fn four_dimensions_are_evenly_filled() {
     let mut counts = [0_u32; 16];
     for index in 0..1024 {
         let point = sample_4d(index, 1, 42);
-        counts[point
-            .iter()
-            .enumerate()
-            .map(|(d, &x)| stratum(x, 1) << d)
-            .sum::<usize>()] += 1;
+        counts[point.iter().enumerate().map(|(d, &x)| stratum(x, 1) << d).sum::<usize>()] += 1;
     }
     assert_eq!(counts, [64; 16]);
 }
@@ -135,8 +117,6 @@ fn bits_are_pinned_for_the_glsl_twin() {
 }
 
 /// Recorded from an independent Python transcription of the definition.
-const PINNED: [[u32; 4]; 2] = [
-    [0x3ebc_404e, 0x3f41_ca9d, 0x3f77_3b77, 0x3f12_803f],
-    [0x3e23_9f28, 0x3f19_a7f2, 0x3eda_df34, 0x3f59_6dad],
-];
+const PINNED: [[u32; 4]; 2] =
+    [[0x3ebc_404e, 0x3f41_ca9d, 0x3f77_3b77, 0x3f12_803f], [0x3e23_9f28, 0x3f19_a7f2, 0x3eda_df34, 0x3f59_6dad]];
 const PINNED_SEED: u32 = 0x8c26_b051;

@@ -29,19 +29,13 @@ fn wrong_types_are_refused() {
     ];
     for (key, value) in cases {
         let result = settings.set(key, value.clone());
-        assert!(
-            matches!(result, Err(SettingError::Type { .. })),
-            "{key} {value:?}: {result:?}"
-        );
+        assert!(matches!(result, Err(SettingError::Type { .. })), "{key} {value:?}: {result:?}");
     }
     for value in [f64::NAN, f64::INFINITY, -1.0] {
         let result = settings.set("oocpt:clamp", Value::Float(value));
         assert!(matches!(result, Err(SettingError::Range { .. })), "{value}: {result:?}");
     }
-    assert_eq!(
-        settings.set("oocpt:nothing", Value::Int(1)),
-        Err(SettingError::Unknown("oocpt:nothing".into()))
-    );
+    assert_eq!(settings.set("oocpt:nothing", Value::Int(1)), Err(SettingError::Unknown("oocpt:nothing".into())));
     assert_eq!(settings, Settings::default());
 }
 
@@ -53,10 +47,7 @@ fn text_from_the_environment_is_parsed() {
     assert_eq!(settings.set("oocpt:timeLimit", text("2.5")), Ok(true));
     assert_eq!(settings.set("enableInteractive", text("off")), Ok(true));
     assert_eq!(settings.set("oocpt:device", Value::Int(1)), Ok(true));
-    assert_eq!(
-        (settings.samples_per_pixel, settings.interactive, &*settings.device),
-        (12, false, "1")
-    );
+    assert_eq!((settings.samples_per_pixel, settings.interactive, &*settings.device), (12, false, "1"));
     assert!((settings.time_limit_secs - 2.5).abs() < 1e-9);
 }
 
@@ -65,30 +56,18 @@ fn every_descriptor_can_be_set_to_its_default_and_has_an_own_variable() {
     let mut names = std::collections::BTreeSet::new();
     for descriptor in Settings::descriptors() {
         let mut settings = Settings::default();
-        assert_eq!(
-            settings.set(descriptor.key, descriptor.default.clone()),
-            Ok(false),
-            "{}",
-            descriptor.key
-        );
+        assert_eq!(settings.set(descriptor.key, descriptor.default.clone()), Ok(false), "{}", descriptor.key);
         let name = Settings::env_name(descriptor.key).unwrap();
         assert!(name.starts_with("OOCPT_") && names.insert(name), "{name}");
     }
     assert_eq!(names.len(), 11);
-    assert_eq!(
-        Settings::env_name("oocpt:samplesPerPixel"),
-        Some("OOCPT_SAMPLES_PER_PIXEL")
-    );
+    assert_eq!(Settings::env_name("oocpt:samplesPerPixel"), Some("OOCPT_SAMPLES_PER_PIXEL"));
     assert_eq!(Settings::env_name("other"), None);
 }
 
 #[test]
 fn settings_survive_serialisation_and_missing_fields() {
-    let settings = Settings {
-        seed: 9,
-        device: "lava".into(),
-        ..Settings::default()
-    };
+    let settings = Settings { seed: 9, device: "lava".into(), ..Settings::default() };
     let text = serde_json::to_string(&settings).unwrap();
     assert_eq!(serde_json::from_str::<Settings>(&text).unwrap(), settings);
     assert_eq!(serde_json::from_str::<Settings>("{}").unwrap(), Settings::default());

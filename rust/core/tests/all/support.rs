@@ -20,10 +20,7 @@ pub(crate) fn prim(path: &str) -> PrimDesc {
 }
 
 pub(crate) fn by(instancer: &str, root: &str) -> InstancedBy {
-    InstancedBy {
-        instancer: instancer.into(),
-        prototype_root: root.into(),
-    }
+    InstancedBy { instancer: instancer.into(), prototype_root: root.into() }
 }
 
 pub(crate) fn polygons(path: &str, counts: &[i32], indices: &[i32], points: &[[f32; 3]]) -> MeshDesc {
@@ -45,12 +42,7 @@ pub(crate) fn polygons(path: &str, counts: &[i32], indices: &[i32], points: &[[f
 
 /// One triangle with its own shape per `tag`, so that different tags are different assets.
 pub(crate) fn triangle(path: &str, tag: f32) -> MeshDesc {
-    polygons(
-        path,
-        &[3],
-        &[0, 1, 2],
-        &[[0.0, 0.0, 0.0], [1.0, 0.0, tag], [0.0, 1.0 + tag, 0.0]],
-    )
+    polygons(path, &[3], &[0, 1, 2], &[[0.0, 0.0, 0.0], [1.0, 0.0, tag], [0.0, 1.0 + tag, 0.0]])
 }
 
 /// A grid of `n x n` quads over a wavy surface, 0..1 in x and y.
@@ -62,9 +54,8 @@ pub(crate) fn grid(path: &str, n: u16) -> MeshDesc {
         .map(|(x, y)| [x, y, 0.1 * (9.0 * x).sin() * (7.0 * y).cos()])
         .collect();
     let corners = |k: i32| [k, k + 1, k + side + 1, k + side];
-    let indices: Vec<i32> = (0..i32::from(n))
-        .flat_map(|y| (0..i32::from(n)).flat_map(move |x| corners(y * side + x)))
-        .collect();
+    let indices: Vec<i32> =
+        (0..i32::from(n)).flat_map(|y| (0..i32::from(n)).flat_map(move |x| corners(y * side + x))).collect();
     polygons(path, &vec![4; indices.len() / 4], &indices, &points)
 }
 
@@ -76,11 +67,7 @@ pub(crate) fn primvar<T: oocpt_core::Element + std::fmt::Debug>(
     interpolation: Interpolation,
     values: Vec<T>,
 ) -> Primvar {
-    Primvar {
-        interpolation,
-        values: TypedArray::of(values),
-        indices: None,
-    }
+    Primvar { interpolation, values: TypedArray::of(values), indices: None }
 }
 
 /// An instancer with translations only; prototypes as (root, indices).
@@ -150,10 +137,7 @@ fn flatten_into(snapshot: &Snapshot, assembly: usize, frame: DMat4, id: i64, lea
 
 /// Sum of the triangles' areas.
 pub(crate) fn area(mesh: &MeshAsset) -> f64 {
-    mesh.triangles
-        .iter()
-        .map(|t| 0.5 * double_area(&t.vertices).length())
-        .sum()
+    mesh.triangles.iter().map(|t| 0.5 * double_area(&t.vertices).length()).sum()
 }
 
 /// Sum of the triangles' area vectors.

@@ -18,10 +18,7 @@ struct Watch {
 
 impl Watch {
     fn start() -> Self {
-        Self {
-            start: Instant::now(),
-            ticks: ticks(),
-        }
+        Self { start: Instant::now(), ticks: ticks() }
     }
 
     /// Millions per second of wall clock, and per second of processor time.
@@ -37,11 +34,7 @@ impl Watch {
 fn ticks() -> u64 {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let after_name = stat.rsplit(')').next().unwrap_or_default();
-    after_name
-        .split_whitespace()
-        .nth(11)
-        .and_then(|t| t.parse().ok())
-        .unwrap_or(0)
+    after_name.split_whitespace().nth(11).and_then(|t| t.parse().ok()).unwrap_or(0)
 }
 
 #[test]
@@ -50,9 +43,7 @@ fn throughput_of_instances() {
     let n = f64::from(INSTANCES);
     let unit = |k: u32, d: usize| oocpt_core::sample_4d(k, 0, 1)[d];
     let points: Vec<[f32; 3]> = (0..INSTANCES).map(|k| [0, 1, 2].map(|d| 1000.0 * unit(k, d))).collect();
-    let turns: Vec<[f32; 4]> = (0..INSTANCES)
-        .map(|k| [unit(k, 0), unit(k, 1), unit(k, 2), 0.5])
-        .collect();
+    let turns: Vec<[f32; 4]> = (0..INSTANCES).map(|k| [unit(k, 0), unit(k, 1), unit(k, 2), 0.5]).collect();
     let scales: Vec<[f32; 3]> = (0..INSTANCES).map(|k| [0.5 + unit(k, 3); 3]).collect();
     let numbers: Vec<i32> = (0..i32::try_from(INSTANCES).unwrap()).collect();
     let mut desc = scatter("/i", &points, &[("/i/p", &numbers)]);
@@ -73,11 +64,7 @@ fn throughput_of_instances() {
         let chunk = 1 << 14;
         let pieces = records.par_chunks_mut(chunk).enumerate();
         pieces.for_each(|(k, out)| root.encode(k * chunk..k * chunk + out.len(), out));
-        println!(
-            "encode, {} threads, {label}: {}",
-            rayon::current_num_threads(),
-            start.rates(n)
-        );
+        println!("encode, {} threads, {label}: {}", rayon::current_num_threads(), start.rates(n));
     }
     let start = Watch::start();
     root.encode(0..root.len(), &mut records);
@@ -101,9 +88,6 @@ fn throughput_of_mesh_builds() {
         #[expect(clippy::cast_precision_loss, reason = "a figure for people")]
         let triangles = snapshot.counts.unique_triangles as f64;
         let depth = snapshot.meshes.iter().map(|m| m.bvh.depth).max();
-        println!(
-            "{meshes} meshes, {triangles} triangles: {}, depth {depth:?}",
-            start.rates(triangles)
-        );
+        println!("{meshes} meshes, {triangles} triangles: {}, depth {depth:?}", start.rates(triangles));
     }
 }

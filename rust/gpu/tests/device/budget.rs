@@ -8,10 +8,7 @@ use crate::support;
 const MIB: u64 = 1 << 20;
 
 fn small() -> support::TestGpu {
-    support::open_with(&OpenOptions {
-        budget_bytes: Some(8 * MIB),
-        ..support::options()
-    })
+    support::open_with(&OpenOptions { budget_bytes: Some(8 * MIB), ..support::options() })
 }
 
 #[test]
@@ -19,21 +16,10 @@ fn above_the_budget_is_refused_and_dropping_recovers() {
     let gpu = small();
     let first = Buffer::new(&gpu, "first", 6 * MIB, Usage::Device).expect("fits");
     let error = Buffer::new(&gpu, "second", 4 * MIB, Usage::Device).expect_err("does not fit");
-    let GpuError::OutOfMemory {
-        name,
-        bytes,
-        used,
-        budget,
-    } = &error
-    else {
-        panic!("{error}")
-    };
+    let GpuError::OutOfMemory { name, bytes, used, budget } = &error else { panic!("{error}") };
     assert_eq!((name.as_str(), *budget), ("second", 8 * MIB), "{error}");
     assert!(*bytes >= 4 * MIB && *used >= 6 * MIB && *used <= 8 * MIB, "{error}");
-    assert!(
-        Buffer::new(&gpu, "staging", 4 * MIB, Usage::Upload).is_ok(),
-        "host memory is not bounded by it"
-    );
+    assert!(Buffer::new(&gpu, "staging", 4 * MIB, Usage::Upload).is_ok(), "host memory is not bounded by it");
     drop(first);
     let second = Buffer::new(&gpu, "second", 4 * MIB, Usage::Device).expect("fits now");
     let memory = gpu.memory();
@@ -46,15 +32,9 @@ fn the_budget_can_be_moved() {
     let gpu = small();
     let held = Buffer::new(&gpu, "held", 6 * MIB, Usage::Device).expect("fits");
     gpu.set_budget(Some(4 * MIB));
-    assert!(
-        Buffer::new(&gpu, "more", 1, Usage::Device).is_err(),
-        "already above the new budget"
-    );
+    assert!(Buffer::new(&gpu, "more", 1, Usage::Device).is_err(), "already above the new budget");
     drop(held);
-    assert!(
-        Buffer::new(&gpu, "more", 3 * MIB, Usage::Device).is_ok(),
-        "below it again"
-    );
+    assert!(Buffer::new(&gpu, "more", 3 * MIB, Usage::Device).is_ok(), "below it again");
     gpu.set_budget(None);
     assert!(gpu.memory().budget > 8 * MIB, "automatic: {:?}", gpu.memory());
 }
@@ -86,12 +66,7 @@ fn a_short_budget_makes_smaller_arenas_and_never_more_than_allowed() {
         assert!(memory.used <= memory.budget, "{memory:?}");
     };
     assert!(matches!(error, GpuError::OutOfMemory { .. }), "{error}");
-    assert!(
-        ranges.len() > 70,
-        "{} ranges of 100 kB in 8 MiB: {:?}",
-        ranges.len(),
-        heap.stats()
-    );
+    assert!(ranges.len() > 70, "{} ranges of 100 kB in 8 MiB: {:?}", ranges.len(), heap.stats());
     ranges.clear();
     heap.trim();
     assert_eq!(gpu.memory().used, 0, "all given back");
@@ -103,12 +78,6 @@ fn idle_arenas_make_room_for_others() {
     let gpu = small();
     let heap = Heap::new(&gpu, "heap", 8 * MIB).expect("a heap");
     drop(heap.alloc("passing", 1000, 16).expect("fits"));
-    assert!(
-        gpu.memory().used >= 7 * MIB,
-        "the empty arena is kept for the next range"
-    );
-    assert!(
-        Buffer::new(&gpu, "large", 7 * MIB, Usage::Device).is_ok(),
-        "and given up when something else needs it"
-    );
+    assert!(gpu.memory().used >= 7 * MIB, "the empty arena is kept for the next range");
+    assert!(Buffer::new(&gpu, "large", 7 * MIB, Usage::Device).is_ok(), "and given up when something else needs it");
 }

@@ -26,11 +26,7 @@ fn bytes_make_the_round_trip() {
     finish(&commands.submit().expect("submitted"));
     let mut expected = words;
     (expected[2], expected[3], expected[999]) = (11, 22, 99);
-    assert_eq!(
-        read_words(&readback, 1000),
-        expected,
-        "upload, buffer, heap range, readback"
-    );
+    assert_eq!(read_words(&readback, 1000), expected, "upload, buffer, heap range, readback");
 }
 
 #[test]
@@ -38,10 +34,7 @@ fn mapped_bytes_can_be_filled_in_place() {
     let gpu = support::open();
     let upload = Buffer::new(&gpu, "upload", 256, Usage::Upload).expect("memory");
     let length = upload.map(|mapped| {
-        mapped
-            .chunks_mut(64)
-            .zip(1_u8..)
-            .for_each(|(part, value)| part.fill(value));
+        mapped.chunks_mut(64).zip(1_u8..).for_each(|(part, value)| part.fill(value));
         mapped.len()
     });
     assert_eq!(length, Ok(256), "all bytes are lent");
@@ -54,11 +47,7 @@ fn mapped_bytes_can_be_filled_in_place() {
 fn empty_buffers_have_an_address() {
     let gpu = support::open();
     let empty = Buffer::new(&gpu, "empty", 0, Usage::Device).expect("memory");
-    assert!(
-        empty.address() != 0 && empty.address().is_multiple_of(16),
-        "{:#x}",
-        empty.address()
-    );
+    assert!(empty.address() != 0 && empty.address().is_multiple_of(16), "{:#x}", empty.address());
     assert_eq!(DeviceRange::size(&empty), 0, "the size asked for");
 }
 
@@ -70,21 +59,12 @@ fn access_outside_is_refused() {
     assert!(buffer.write(0, &[0; 16]).is_ok(), "exactly full");
     for offset in [1, 17, u64::MAX] {
         let error = buffer.write(offset, &[0; 16]);
-        assert!(
-            matches!(error, Err(GpuError::Usage { .. })),
-            "write at {offset}: {error:?}"
-        );
+        assert!(matches!(error, Err(GpuError::Usage { .. })), "write at {offset}: {error:?}");
         let error = buffer.read(offset, &mut [0; 16]);
-        assert!(
-            matches!(error, Err(GpuError::Usage { .. })),
-            "read at {offset}: {error:?}"
-        );
+        assert!(matches!(error, Err(GpuError::Usage { .. })), "read at {offset}: {error:?}");
     }
     let error = device.write(0, &[0; 4]).expect_err("not mapped");
-    assert!(
-        error.to_string().contains("hidden: a Device buffer is not mapped"),
-        "{error}"
-    );
+    assert!(error.to_string().contains("hidden: a Device buffer is not mapped"), "{error}");
 }
 
 #[test]
@@ -93,14 +73,6 @@ fn one_piece_above_the_drivers_limit_is_told_apart_from_a_full_budget() {
     let limit = gpu.limits().max_allocation_bytes;
     for bytes in [limit + 1, u64::MAX] {
         let error = Buffer::new(&gpu, "huge", bytes, Usage::Device).expect_err("too large");
-        assert_eq!(
-            error,
-            GpuError::TooLarge {
-                name: "huge".into(),
-                bytes,
-                limit
-            },
-            "not OutOfMemory"
-        );
+        assert_eq!(error, GpuError::TooLarge { name: "huge".into(), bytes, limit }, "not OutOfMemory");
     }
 }

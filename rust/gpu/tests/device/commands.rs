@@ -18,20 +18,12 @@ fn a_chain_of_dispatches_sees_what_came_before() {
     commands.fill(&data, 0, 4000, 1);
     for add in 0..5 {
         commands.keep(&data);
-        commands.dispatch(
-            &pipeline,
-            &affine_push(data.address(), data.address(), 1000, add),
-            [16, 1, 1],
-        );
+        commands.dispatch(&pipeline, &affine_push(data.address(), data.address(), 1000, add), [16, 1, 1]);
     }
     commands.copy(&data, 0, &readback, 0, 4000);
     finish(&commands.submit().expect("submitted"));
     let expected = (0..5).fold(1_u32, |x, add| x * 3 + add);
-    assert_eq!(
-        read_words(&readback, 1000),
-        vec![expected; 1000],
-        "x = 3 x + i, five times"
-    );
+    assert_eq!(read_words(&readback, 1000), vec![expected; 1000], "x = 3 x + i, five times");
 }
 
 #[test]
@@ -43,11 +35,7 @@ fn later_submissions_see_earlier_ones() {
     let submissions: Vec<_> = (0..50)
         .map(|_| {
             let mut commands = gpu.commands("increment").expect("a command list");
-            commands.dispatch(
-                &pipeline,
-                &affine_push(data.address(), data.address(), 64, 1),
-                [1, 1, 1],
-            );
+            commands.dispatch(&pipeline, &affine_push(data.address(), data.address(), 64, 1), [1, 1, 1]);
             commands.submit().expect("submitted")
         })
         .collect();
@@ -65,26 +53,12 @@ fn indirect_dispatch_reads_its_counts_from_the_gpu() {
     let mut commands = gpu.commands("indirect").expect("a command list");
     commands.fill(&data, 0, 4 * 256, 7);
     commands.update(&counts, 8, &bytes(&[2, 1, 1]));
-    commands.dispatch_indirect(
-        &pipeline,
-        &affine_push(data.address(), data.address(), 256, 1),
-        &counts,
-        8,
-    );
+    commands.dispatch_indirect(&pipeline, &affine_push(data.address(), data.address(), 256, 1), &counts, 8);
     commands.update(&counts, 8, &bytes(&[0, 1, 1]));
-    commands.dispatch_indirect(
-        &pipeline,
-        &affine_push(data.address(), data.address(), 256, 1),
-        &counts,
-        8,
-    );
+    commands.dispatch_indirect(&pipeline, &affine_push(data.address(), data.address(), 256, 1), &counts, 8);
     finish(&commands.submit().expect("submitted"));
     let words = read_words(&data, 256);
-    assert_eq!(
-        (&words[..128], &words[128..]),
-        (&[8; 128][..], &[7; 128][..]),
-        "two workgroups, then none"
-    );
+    assert_eq!((&words[..128], &words[128..]), (&[8; 128][..], &[7; 128][..]), "two workgroups, then none");
 }
 
 #[test]
@@ -102,11 +76,7 @@ fn a_concurrent_section_is_one_step_in_the_order() {
     commands.dispatch(&pipeline, &push(0), [1, 1, 1]);
     finish(&commands.submit().expect("submitted"));
     let words = read_words(&data, 128);
-    assert_eq!(
-        (&words[..64], &words[64..]),
-        (&[43; 64][..], &[41; 64][..]),
-        "each half through its own steps"
-    );
+    assert_eq!((&words[..64], &words[64..]), (&[43; 64][..], &[41; 64][..]), "each half through its own steps");
 }
 
 #[test]
@@ -121,18 +91,12 @@ fn hazards_inside_a_concurrent_section_are_reported() {
     commands.concurrent(|c| (0..2).for_each(|value| c.fill(&data, 0, 64, value)));
     finish(&commands.submit().expect("submitted"));
     let messages = gpu.take_validation_messages();
-    assert!(
-        messages.iter().any(|m| m.contains("SYNC-HAZARD-WRITE-AFTER-WRITE")),
-        "canary is silent: {messages:?}"
-    );
+    assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD-WRITE-AFTER-WRITE")), "canary is silent: {messages:?}");
 }
 
 #[test]
 fn timings_name_the_passes_in_order() {
-    let gpu = support::open_with(&OpenOptions {
-        profile: true,
-        ..support::options()
-    });
+    let gpu = support::open_with(&OpenOptions { profile: true, ..support::options() });
     let (spin, affine) = (spin(&gpu), affine(&gpu, 1));
     let data = Buffer::new(&gpu, "data", 256, Usage::Device).expect("memory");
     let mut commands = gpu.commands("timed").expect("a command list");
@@ -150,16 +114,9 @@ fn timings_name_the_passes_in_order() {
         return;
     }
     let names: Vec<_> = timings.iter().map(|(name, _)| name.as_str()).take(4).collect();
-    assert_eq!(
-        (names, timings.len()),
-        (vec!["fill", "work", "spin", "affine"], 303),
-        "recording order"
-    );
+    assert_eq!((names, timings.len()), (vec!["fill", "work", "spin", "affine"], 303), "recording order");
     let (span, spin) = (timings[1].1, timings[2].1);
-    assert!(
-        spin > 0.0 && span >= spin && span < 600.0,
-        "span {span} s, spin {spin} s"
-    );
+    assert!(spin > 0.0 && span >= spin && span < 600.0, "span {span} s, spin {spin} s");
     let parts: f64 = timings[2..].iter().map(|(_, secs)| secs).sum();
     assert!(parts <= span * 1.001, "parts {parts} s in a span of {span} s");
 }
@@ -177,11 +134,7 @@ fn timings_are_off_unless_asked_for() {
     let submission = commands.submit().expect("submitted");
     finish(&submission);
     let expected = usize::from(gpu.report().capabilities.timestamps);
-    assert_eq!(
-        submission.timings().len(),
-        expected,
-        "only what was recorded while it was on"
-    );
+    assert_eq!(submission.timings().len(), expected, "only what was recorded while it was on");
 }
 
 #[test]
@@ -212,28 +165,16 @@ fn the_first_mistake_is_returned_and_nothing_runs() {
         ("do not fit", Box::new(|c| c.copy(&data, u64::MAX, &data, 0, 2))),
         ("overlap", Box::new(|c| c.copy(&data, 0, &data, 8, 16))),
         ("multiples of 4", Box::new(|c| c.update(&data, 0, &[1, 2, 3]))),
-        (
-            "push constants, 24 expected",
-            Box::new(|c| c.dispatch(&pipeline, &[0; 8], [1, 1, 1])),
-        ),
-        (
-            "workgroups",
-            Box::new(|c| c.dispatch(&pipeline, &[0; 24], [1, 1, u32::MAX])),
-        ),
-        (
-            "12 bytes at 56 do not fit",
-            Box::new(|c| c.dispatch_indirect(&pipeline, &[0; 24], &data, 56)),
-        ),
+        ("push constants, 24 expected", Box::new(|c| c.dispatch(&pipeline, &[0; 8], [1, 1, 1]))),
+        ("workgroups", Box::new(|c| c.dispatch(&pipeline, &[0; 24], [1, 1, u32::MAX]))),
+        ("12 bytes at 56 do not fit", Box::new(|c| c.dispatch_indirect(&pipeline, &[0; 24], &data, 56))),
     ];
     for (expected, mistake) in mistakes {
         let mut commands = gpu.commands("mistaken").expect("a command list");
         mistake(&mut commands);
         commands.fill(&data, 0, 64, 0);
         let error = commands.submit().expect_err(expected);
-        assert!(
-            matches!(&error, GpuError::Usage { .. }) && error.to_string().contains(expected),
-            "{error}"
-        );
+        assert!(matches!(&error, GpuError::Usage { .. }) && error.to_string().contains(expected), "{error}");
     }
     gpu.wait_idle().expect("nothing was submitted");
     assert_eq!(read_words(&data, 16), [0x0707_0707; 16], "untouched");
@@ -243,12 +184,7 @@ fn the_first_mistake_is_returned_and_nothing_runs() {
 fn what_is_no_shader_is_refused() {
     let gpu = support::open();
     let words = compile(AFFINE);
-    for (words, push) in [
-        (&words[..5], 24),
-        (&[][..], 24),
-        (&words[..], 22),
-        (&words[..], 1 << 20),
-    ] {
+    for (words, push) in [(&words[..5], 24), (&[][..], 24), (&words[..], 22), (&words[..], 1 << 20)] {
         let error = Pipeline::new(&gpu, "bad", words, &[], push).expect_err("refused before the driver sees it");
         assert!(matches!(error, GpuError::Usage { .. }), "{error}");
     }

@@ -12,53 +12,30 @@ fn one_device_is_chosen_and_every_device_has_a_reason() {
     for report in &reports {
         assert!(!report.why.is_empty() && !report.name.is_empty(), "{report:#?}");
         assert!(report.device_bytes() > 0, "{} has no memory", report.name);
-        assert_eq!(
-            report.missing,
-            report.capabilities.missing(),
-            "missing follows from the capabilities"
-        );
+        assert_eq!(report.missing, report.capabilities.missing(), "missing follows from the capabilities");
     }
 }
 
 #[test]
 fn the_selector_takes_indices_and_name_parts() {
-    let name = Gpu::open(&OpenOptions::default())
-        .expect("a device")
-        .report()
-        .name
-        .clone();
+    let name = Gpu::open(&OpenOptions::default()).expect("a device").report().name.clone();
     let part = name.to_uppercase();
-    let opened = Gpu::open(&OpenOptions {
-        selector: Some(part.clone()),
-        ..OpenOptions::default()
-    });
+    let opened = Gpu::open(&OpenOptions { selector: Some(part.clone()), ..OpenOptions::default() });
     assert_eq!(opened.expect("by name").report().name, name, "any case");
     let by_index = enumerate_for(Some("0")).expect("a driver is installed");
-    assert!(
-        by_index[0].chosen && by_index[0].why.contains("selected"),
-        "{}",
-        by_index[0].why
-    );
+    assert!(by_index[0].chosen && by_index[0].why.contains("selected"), "{}", by_index[0].why);
 }
 
 #[test]
 fn a_selector_that_names_nothing_lists_what_there_is() {
-    let options = OpenOptions {
-        selector: Some("voodoo".to_owned()),
-        ..OpenOptions::default()
-    };
+    let options = OpenOptions { selector: Some("voodoo".to_owned()), ..OpenOptions::default() };
     let error = Gpu::open(&options).expect_err("no such device");
     assert!(
         matches!(&error, GpuError::NoDevice { reason } if reason.contains("voodoo") && reason.contains("0: ")),
         "{error}"
     );
     let reports = enumerate_for(Some("voodoo")).expect("doctor still lists the devices");
-    assert!(
-        reports
-            .iter()
-            .all(|report| !report.chosen && report.why.contains("not used")),
-        "{reports:#?}"
-    );
+    assert!(reports.iter().all(|report| !report.chosen && report.why.contains("not used")), "{reports:#?}");
 }
 
 #[test]
@@ -79,14 +56,7 @@ fn two_devices_live_side_by_side() {
 fn limits_are_those_vulkan_guarantees_at_least() {
     let gpu = support::open();
     let limits = gpu.limits();
-    assert!(
-        limits.max_push_bytes >= 128 && limits.max_workgroups[0] >= 65_535,
-        "{limits:?}"
-    );
+    assert!(limits.max_push_bytes >= 128 && limits.max_workgroups[0] >= 65_535, "{limits:?}");
     assert!(limits.max_allocation_bytes >= 1 << 30, "{limits:?}");
-    assert!(
-        gpu.report().chosen && gpu.report().missing.is_empty(),
-        "{:?}",
-        gpu.report()
-    );
+    assert!(gpu.report().chosen && gpu.report().missing.is_empty(), "{:?}", gpu.report());
 }

@@ -13,16 +13,10 @@ fn ranges_are_aligned_and_apart() {
     for i in 0..200_u64 {
         let (bytes, align) = (i * 37 % 5000, 1 << (i % 14));
         let range = heap.alloc("range", bytes, align).expect("fits");
-        assert!(
-            range.address().is_multiple_of(align) && range.size() == bytes,
-            "{range:?} for {bytes}, {align}"
-        );
+        assert!(range.address().is_multiple_of(align) && range.size() == bytes, "{range:?} for {bytes}, {align}");
         ranges.push(range);
     }
-    let mut spans: Vec<_> = ranges
-        .iter()
-        .map(|r| (r.address(), r.address() + r.size().max(1)))
-        .collect();
+    let mut spans: Vec<_> = ranges.iter().map(|r| (r.address(), r.address() + r.size().max(1))).collect();
     spans.sort_unstable();
     assert!(spans.windows(2).all(|pair| pair[0].1 <= pair[1].0), "ranges overlap");
 }
@@ -31,15 +25,9 @@ fn ranges_are_aligned_and_apart() {
 fn freed_space_is_found_again_and_fragmentation_is_seen() {
     let gpu = support::open();
     let heap = Heap::new(&gpu, "heap", 1 << 20).expect("a heap");
-    let mut ranges: Vec<_> = (0..256)
-        .map(|_| Some(heap.alloc("piece", 4096, 16).expect("fits")))
-        .collect();
+    let mut ranges: Vec<_> = (0..256).map(|_| Some(heap.alloc("piece", 4096, 16).expect("fits"))).collect();
     let full = heap.stats();
-    assert_eq!(
-        (full.arenas, full.used_bytes, full.arena_bytes),
-        (1, 1 << 20, 1 << 20),
-        "{full:?}"
-    );
+    assert_eq!((full.arenas, full.used_bytes, full.arena_bytes), (1, 1 << 20, 1 << 20), "{full:?}");
     ranges.iter_mut().step_by(2).for_each(|range| *range = None);
     let holes = heap.stats();
     assert_eq!(holes.used_bytes, 512 << 10, "{holes:?}");
@@ -49,10 +37,7 @@ fn freed_space_is_found_again_and_fragmentation_is_seen() {
     drop((ranges, refilled));
     let empty = heap.stats();
     assert_eq!((empty.used_bytes, empty.arenas), (0, 1), "one arena is kept");
-    assert!(
-        empty.fragmentation < 1e-9,
-        "free space is in one piece again: {empty:?}"
-    );
+    assert!(empty.fragmentation < 1e-9, "free space is in one piece again: {empty:?}");
 }
 
 #[test]
@@ -64,11 +49,7 @@ fn large_requests_have_memory_of_their_own() {
     let stats = heap.stats();
     assert!(stats.arenas == 0 && stats.dedicated_bytes >= 3 << 20, "{stats:?}");
     drop(large);
-    assert_eq!(
-        (heap.stats().dedicated_bytes, gpu.memory().used),
-        (0, 0),
-        "given back at once"
-    );
+    assert_eq!((heap.stats().dedicated_bytes, gpu.memory().used), (0, 0), "given back at once");
 }
 
 #[test]
@@ -76,10 +57,7 @@ fn a_bad_alignment_is_refused() {
     let gpu = support::open();
     let heap = Heap::new(&gpu, "heap", 1 << 20).expect("a heap");
     for align in [0, 3, 48] {
-        assert!(
-            matches!(heap.alloc("odd", 64, align), Err(GpuError::Usage { .. })),
-            "alignment {align}"
-        );
+        assert!(matches!(heap.alloc("odd", 64, align), Err(GpuError::Usage { .. })), "alignment {align}");
     }
 }
 

@@ -27,25 +27,15 @@ fn dropped_buffers_are_held_until_the_gpu_is_done() {
     drop((buffer, range));
     let (held, used_in_heap) = (gpu.memory().used, heap.stats().used_bytes);
     assert!(!submission.is_done(), "the work was too short to see anything");
-    assert!(
-        held >= 3 * MIB && used_in_heap == 4096,
-        "freed too early: {held} bytes, {used_in_heap} in the heap"
-    );
+    assert!(held >= 3 * MIB && used_in_heap == 4096, "freed too early: {held} bytes, {used_in_heap} in the heap");
     finish(&submission);
     assert_eq!(heap.stats().used_bytes, 0, "freed when done");
-    assert!(
-        gpu.memory().used <= MIB,
-        "only the heap's arena is left: {:?}",
-        gpu.memory()
-    );
+    assert!(gpu.memory().used <= MIB, "only the heap's arena is left: {:?}", gpu.memory());
 }
 
 #[test]
 fn a_full_budget_waits_for_what_is_retired() {
-    let gpu = support::open_with(&OpenOptions {
-        budget_bytes: Some(4 * MIB),
-        ..support::options()
-    });
+    let gpu = support::open_with(&OpenOptions { budget_bytes: Some(4 * MIB), ..support::options() });
     let first = Buffer::new(&gpu, "first", 3 * MIB, Usage::Device).expect("fits");
     let submission = busy(&gpu, first.address());
     drop(first);
@@ -64,19 +54,11 @@ fn command_lists_keep_what_they_name() {
         let heap = Heap::new(&gpu, "heap", MIB).expect("a heap");
         let range = heap.alloc("range", 256, 16).expect("memory");
         commands.fill(&range, 0, 256, 21);
-        commands.dispatch(
-            &pipeline,
-            &affine_push(range.address(), readback.address(), 64, 0),
-            [1, 1, 1],
-        );
+        commands.dispatch(&pipeline, &affine_push(range.address(), readback.address(), 64, 0), [1, 1, 1]);
     }
     assert!(gpu.memory().used >= MIB, "the arena lives on");
     finish(&commands.submit().expect("submitted"));
-    assert_eq!(
-        read_words(&readback, 64),
-        [42; 64],
-        "the orphaned pipeline and range were still there"
-    );
+    assert_eq!(read_words(&readback, 64), [42; 64], "the orphaned pipeline and range were still there");
     assert_eq!(gpu.memory().used, 0, "and are gone now");
 }
 
@@ -106,9 +88,5 @@ fn objects_may_outlive_the_device_handle() {
     drop(gpu);
     upload.write(0, &[1; 64]).expect("still mapped");
     drop((range, heap, pipeline, upload));
-    assert_eq!(
-        log.take(),
-        Vec::<String>::new(),
-        "nothing was destroyed too early or leaked"
-    );
+    assert_eq!(log.take(), Vec::<String>::new(), "nothing was destroyed too early or leaked");
 }

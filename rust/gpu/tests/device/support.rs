@@ -111,10 +111,7 @@ pub(crate) fn compile(source: &str) -> Vec<u32> {
 }
 
 pub(crate) fn words(bytes: &[u8]) -> Vec<u32> {
-    bytes
-        .chunks_exact(4)
-        .map(|four| u32::from_ne_bytes([four[0], four[1], four[2], four[3]]))
-        .collect()
+    bytes.chunks_exact(4).map(|four| u32::from_ne_bytes([four[0], four[1], four[2], four[3]])).collect()
 }
 
 pub(crate) fn bytes(words: &[u32]) -> Vec<u8> {

@@ -41,11 +41,7 @@ fn threads_submit_at_once_and_do_not_disturb_each_other() {
                     let submission = commands.submit().expect("submitted");
                     drop(range);
                     finish(&submission);
-                    assert_eq!(
-                        read_words(&readback, 64),
-                        [thread * 1000 + round + 7; 64],
-                        "thread {thread}"
-                    );
+                    assert_eq!(read_words(&readback, 64), [thread * 1000 + round + 7; 64], "thread {thread}");
                 }
             });
         }
@@ -60,21 +56,14 @@ fn pipelines_are_made_by_several_threads() {
     let pipelines: Vec<Pipeline> = std::thread::scope(|scope| {
         let make = |scale| Pipeline::new(&gpu, "affine", &words, &[(0, scale)], 24).expect("valid");
         let threads: Vec<_> = (0..8).map(|scale| scope.spawn(move || make(scale))).collect();
-        threads
-            .into_iter()
-            .map(|thread| thread.join().expect("no panic"))
-            .collect()
+        threads.into_iter().map(|thread| thread.join().expect("no panic")).collect()
     });
     let data = Buffer::new(&gpu, "data", 4 * 64 * 8, Usage::Readback).expect("memory");
     let ones = Buffer::new(&gpu, "ones", 256, Usage::Upload).expect("memory");
     ones.write(0, &bytes(&[1; 64])).expect("fits");
     let mut commands = gpu.commands("each").expect("a command list");
     for (i, pipeline) in (0_u64..).zip(&pipelines) {
-        commands.dispatch(
-            pipeline,
-            &affine_push(ones.address(), data.address() + i * 256, 64, 0),
-            [1, 1, 1],
-        );
+        commands.dispatch(pipeline, &affine_push(ones.address(), data.address() + i * 256, 64, 0), [1, 1, 1]);
     }
     finish(&commands.submit().expect("submitted"));
     let expected: Vec<u32> = (0..8).flat_map(|scale| [scale; 64]).collect();

@@ -20,21 +20,12 @@ fn nothing_grows() {
 
 fn resident_bytes() -> u64 {
     let statm = std::fs::read_to_string("/proc/self/statm").expect("Linux");
-    statm
-        .split(' ')
-        .nth(1)
-        .and_then(|pages| pages.parse::<u64>().ok())
-        .expect("a number of pages")
-        * 4096
+    statm.split(' ').nth(1).and_then(|pages| pages.parse::<u64>().ok()).expect("a number of pages") * 4096
 }
 
 fn two_thousand_cycles_do_not_grow() {
     // Without the layer: it keeps records of its own.
-    let gpu = Gpu::open(&OpenOptions {
-        validation: false,
-        ..support::options()
-    })
-    .expect("a device");
+    let gpu = Gpu::open(&OpenOptions { validation: false, ..support::options() }).expect("a device");
     let pipeline = affine(&gpu, 1);
     let heap = Heap::new(&gpu, "heap", MIB).expect("a heap");
     let cycle = || {
@@ -44,11 +35,7 @@ fn two_thousand_cycles_do_not_grow() {
         commands.profile(true);
         commands.fill(&buffer, 0, 256, 1);
         commands.keep(&range);
-        commands.dispatch(
-            &pipeline,
-            &affine_push(buffer.address(), range.address(), 64, 1),
-            [1, 1, 1],
-        );
+        commands.dispatch(&pipeline, &affine_push(buffer.address(), range.address(), 64, 1), [1, 1, 1]);
         commands.submit().expect("submitted")
     };
     // At most 16 in flight: every one more needs a command buffer of its own.
@@ -65,26 +52,13 @@ fn two_thousand_cycles_do_not_grow() {
     let before = (gpu.memory(), resident_bytes());
     run(2000);
     let after = (gpu.memory(), resident_bytes());
-    assert_eq!(
-        (after.0.used, after.0.allocations),
-        (before.0.used, before.0.allocations),
-        "device memory grew"
-    );
-    assert!(
-        after.1 < before.1 + 16 * MIB,
-        "host memory grew from {} to {}",
-        before.1,
-        after.1
-    );
+    assert_eq!((after.0.used, after.0.allocations), (before.0.used, before.0.allocations), "device memory grew");
+    assert!(after.1 < before.1 + 16 * MIB, "host memory grew from {} to {}", before.1, after.1);
 }
 
 fn devices_open_and_close_without_growth() {
     let cycle = || {
-        let gpu = Gpu::open(&OpenOptions {
-            validation: false,
-            ..support::options()
-        })
-        .expect("a device");
+        let gpu = Gpu::open(&OpenOptions { validation: false, ..support::options() }).expect("a device");
         let data = Buffer::new(&gpu, "data", 4096, Usage::Device).expect("memory");
         let mut commands = gpu.commands("once").expect("a command list");
         commands.fill(&data, 0, 4096, 1);

@@ -66,44 +66,17 @@ impl ResidentAssembly {
         depth: u64,
     ) -> Result<(Self, PendingBuild), RenderError> {
         let len = assembly.len();
-        let count = u32::try_from(len)
-            .ok()
-            .filter(|count| *count <= LBVH_MAX_ITEMS)
-            .ok_or(RenderError::TooMany {
-                what: "instances in one instancer",
-                count: len as u64,
-                limit: u64::from(LBVH_MAX_ITEMS),
-            })?;
+        let count = u32::try_from(len).ok().filter(|count| *count <= LBVH_MAX_ITEMS).ok_or(RenderError::TooMany {
+            what: "instances in one instancer",
+            count: len as u64,
+            limit: u64::from(LBVH_MAX_ITEMS),
+        })?;
         let alloc = |name: &str, bytes: usize| device.heap.alloc(name, (bytes as u64).max(ALIGN), ALIGN);
         let instances = alloc("instances", len * size_of::<GpuInstance>())?;
         let nodes = alloc("instance nodes", len.saturating_sub(1).max(1) * size_of::<GpuNode>())?;
         let bounds = alloc("instance bounds", len * size_of::<LbvhBounds>())?;
         let scratch = device.heap.alloc("instance build", lbvh_scratch_bytes(count), ALIGN)?;
-        let placed = Mutex::new(Placed::default());
-        let items = (len, size_of::<GpuInstance>());
-        uploader.produce(&instances, 0, items, |range, out| {
-            each_block(
-                assembly,
-                range.start,
-                out,
-                size_of::<GpuInstance>(),
-                |records, bytes| {
-                    lock(&placed).add(records);
-                    for (record, bytes) in records.iter().zip(bytes.chunks_exact_mut(size_of::<GpuInstance>())) {
-                        bytes.copy_from_slice(bytemuck::bytes_of(&instance(record)));
-                    }
-                },
-            );
-        })?;
-        let items = (len, size_of::<LbvhBounds>());
-        uploader.produce(&bounds, 0, items, |range, out| {
-            each_block(assembly, range.start, out, size_of::<LbvhBounds>(), |records, bytes| {
-                for (record, bytes) in records.iter().zip(bytes.chunks_exact_mut(size_of::<LbvhBounds>())) {
-                    let [min, max] = record.bounds;
-                    bytes.copy_from_slice(bytemuck::bytes_of(&LbvhBounds { min, max }));
-                }
-            });
-        })?;
+        let placed = upload_records(assembly, uploader, &instances, &bounds)?;
         let around = assembly.bounds();
         let job = LbvhJob {
             bounds: bounds.address(),
@@ -111,38 +84,50 @@ impl ResidentAssembly {
             scratch: scratch.address(),
             depth,
             count,
-            around: LbvhBounds {
-                min: around.min,
-                max: around.max,
-            },
+            around: LbvhBounds { min: around.min, max: around.max },
         };
-        let entry = GpuAssembly {
-            nodes: nodes.address(),
-            instances: instances.address(),
-        };
-        let placed = placed.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let entry = GpuAssembly { nodes: nodes.address(), instances: instances.address() };
         let mut children: Vec<u32> = placed.assemblies.into_iter().collect();
         children.sort_unstable();
         let mesh_depth = placed.meshes.into_iter().map(mesh_depth).max().unwrap_or(0);
-        let resident = Self {
-            _memory: [instances, nodes],
-            entry,
-            depth: 0,
-            mesh_depth,
-            children,
-        };
+        let resident = Self { _memory: [instances, nodes], entry, depth: 0, mesh_depth, children };
         Ok((resident, PendingBuild { scratch, bounds, job }))
     }
+}
+
+/// Queues the upload of the records and of their boxes; returns what they place.
+fn upload_records(
+    assembly: &Assembly,
+    uploader: &mut Uploader,
+    instances: &HeapRange,
+    bounds: &HeapRange,
+) -> Result<Placed, RenderError> {
+    const RECORD: usize = size_of::<GpuInstance>();
+    const BOX: usize = size_of::<LbvhBounds>();
+    let placed = Mutex::new(Placed::default());
+    uploader.produce(instances, 0, (assembly.len(), RECORD), |range, out| {
+        each_block(assembly, range.start, out, RECORD, |records, bytes| {
+            lock(&placed).add(records);
+            for (record, bytes) in records.iter().zip(bytes.chunks_exact_mut(RECORD)) {
+                bytes.copy_from_slice(bytemuck::bytes_of(&instance(record)));
+            }
+        });
+    })?;
+    uploader.produce(bounds, 0, (assembly.len(), BOX), |range, out| {
+        each_block(assembly, range.start, out, BOX, |records, bytes| {
+            for (record, bytes) in records.iter().zip(bytes.chunks_exact_mut(BOX)) {
+                let [min, max] = record.bounds;
+                bytes.copy_from_slice(bytemuck::bytes_of(&LbvhBounds { min, max }));
+            }
+        });
+    })?;
+    Ok(placed.into_inner().unwrap_or_else(PoisonError::into_inner))
 }
 
 impl PendingBuild {
     /// Records the dispatches that build the tree.
     pub(crate) fn record(&self, device: &Device, commands: &mut Commands) -> Result<(), RenderError> {
-        let plain = Specialisation {
-            max_levels: 1,
-            stack_size: 1,
-            features: 0,
-        };
+        let plain = Specialisation { max_levels: 1, stack_size: 1, features: 0 };
         for step in lbvh_steps(&self.job) {
             let pipeline = device.pipeline(step.module, plain)?;
             commands.dispatch(&pipeline, bytemuck::bytes_of(&step.push), step.groups);
@@ -162,14 +147,12 @@ fn each_block(
     stride: usize,
     write: impl Fn(&[InstanceRecord], &mut [u8]) + Sync,
 ) {
-    out.par_chunks_mut(BLOCK * stride)
-        .enumerate()
-        .for_each(|(block, bytes)| {
-            let first = start + block * BLOCK;
-            let mut records = vec![InstanceRecord::default(); bytes.len() / stride];
-            assembly.encode(first..first + records.len(), &mut records);
-            write(&records, bytes);
-        });
+    out.par_chunks_mut(BLOCK * stride).enumerate().for_each(|(block, bytes)| {
+        let first = start + block * BLOCK;
+        let mut records = vec![InstanceRecord::default(); bytes.len() / stride];
+        assembly.encode(first..first + records.len(), &mut records);
+        write(&records, bytes);
+    });
 }
 
 impl Placed {
@@ -184,11 +167,7 @@ impl Placed {
 }
 
 fn instance(record: &InstanceRecord) -> GpuInstance {
-    let flip = if record.flags.contains(InstanceFlags::FLIPS_HANDEDNESS) {
-        FLIPS_HANDEDNESS
-    } else {
-        0
-    };
+    let flip = if record.flags.contains(InstanceFlags::FLIPS_HANDEDNESS) { FLIPS_HANDEDNESS } else { 0 };
     GpuInstance {
         object_from_parent: record.object_from_parent,
         target: match record.target {

@@ -33,10 +33,7 @@ impl LightTable {
         let mut powers = Vec::new();
         for light in lights {
             match *light {
-                Light::Dome {
-                    radiance,
-                    camera_visible: visible,
-                } => {
+                Light::Dome { radiance, camera_visible: visible } => {
                     table.has_dome = true;
                     add(&mut table.dome_radiance, radiance);
                     if visible && camera_visible {
@@ -44,12 +41,7 @@ impl LightTable {
                         add(&mut table.dome_background, radiance);
                     }
                 }
-                Light::Distant {
-                    direction,
-                    radiance,
-                    cos_half_angle,
-                } => {
-                    let one_minus_cos = (1.0 - cos_half_angle).max(0.0);
+                Light::Distant { direction, radiance, one_minus_cos } => {
                     let solid_angle = std::f64::consts::TAU * f64::from(one_minus_cos);
                     powers.push(luminance(radiance) * if one_minus_cos > 0.0 { solid_angle } else { 1.0 });
                     table.distant.push(GpuLight {
@@ -67,22 +59,14 @@ impl LightTable {
     }
 
     /// Sets the probabilities of choosing each light from the irradiance it can give.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_precision_loss,
-        reason = "probabilities fit f32"
-    )]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "probabilities fit f32")]
     fn choose(&mut self, powers: &[f64]) {
         let total: f64 = powers.iter().sum();
         let even = 1.0 / powers.len().max(1) as f64;
         let mut cumulative = 0.0;
         for (light, power) in self.distant.iter_mut().zip(powers) {
             // A small even share keeps dim lights from starving: variance, not bias.
-            let share = if total > 0.0 && total.is_finite() {
-                0.9 * power / total + 0.1 * even
-            } else {
-                even
-            };
+            let share = if total > 0.0 && total.is_finite() { 0.9 * power / total + 0.1 * even } else { even };
             cumulative += share;
             light.probability = share as f32;
             light.cumulative = cumulative as f32;
@@ -112,37 +96,23 @@ fn add(sum: &mut [f32; 3], value: [f32; 3]) {
 mod tests {
     use super::*;
 
-    fn sun(radiance: f32, cos_half_angle: f32) -> Light {
-        Light::Distant {
-            direction: [0.0, 1.0, 0.0],
-            radiance: [radiance; 3],
-            cos_half_angle,
-        }
+    fn sun(radiance: f32, one_minus_cos: f32) -> Light {
+        Light::Distant { direction: [0.0, 1.0, 0.0], radiance: [radiance; 3], one_minus_cos }
     }
 
     #[test]
     fn probabilities_sum_to_one_and_follow_power() {
-        let table = LightTable::new(&[sun(1.0, 1.0), sun(3.0, 1.0)], true);
+        let table = LightTable::new(&[sun(1.0, 0.0), sun(3.0, 0.0)], true);
         let sum: f32 = table.distant.iter().map(|light| light.probability).sum();
         assert!((sum - 1.0).abs() < 1e-6, "probabilities must sum to one, got {sum}");
-        assert!(
-            table.distant[1].probability > table.distant[0].probability,
-            "the brighter light is chosen more often"
-        );
-        assert_eq!(
-            table.distant[1].cumulative.to_bits(),
-            1.0_f32.to_bits(),
-            "the last light ends at exactly one"
-        );
+        assert!(table.distant[1].probability > table.distant[0].probability, "the brighter light is chosen more often");
+        assert_eq!(table.distant[1].cumulative.to_bits(), 1.0_f32.to_bits(), "the last light ends at exactly one");
         assert!(table.dome_select.abs() < f32::EPSILON, "there is no dome to choose");
     }
 
     #[test]
     fn a_dome_hidden_from_the_camera_still_lights() {
-        let dome = Light::Dome {
-            radiance: [2.0; 3],
-            camera_visible: true,
-        };
+        let dome = Light::Dome { radiance: [2.0; 3], camera_visible: true };
         let table = LightTable::new(&[dome], false);
         assert!(!table.background_visible, "the setting hides it");
         assert_eq!(table.dome_radiance, [2.0; 3], "and keeps its light");
@@ -151,14 +121,8 @@ mod tests {
 
     #[test]
     fn lights_of_extreme_power_keep_finite_probabilities() {
-        let table = LightTable::new(&[sun(f32::MAX, 1.0), sun(0.0, 1.0)], true);
-        assert!(
-            table.distant.iter().all(|light| light.probability > 0.0),
-            "each light keeps a share"
-        );
-        assert!(
-            table.distant.iter().all(|light| light.probability.is_finite()),
-            "no share may overflow"
-        );
+        let table = LightTable::new(&[sun(f32::MAX, 0.0), sun(0.0, 0.0)], true);
+        assert!(table.distant.iter().all(|light| light.probability > 0.0), "each light keeps a share");
+        assert!(table.distant.iter().all(|light| light.probability.is_finite()), "no share may overflow");
     }
 }

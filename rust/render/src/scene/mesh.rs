@@ -65,11 +65,7 @@ impl ResidentMesh {
     pub(crate) fn upload(device: &Device, mesh: &MeshAsset, uploader: &mut Uploader) -> Result<Self, RenderError> {
         let largest = mesh.triangles.len().max(mesh.bvh.nodes.len()) as u64;
         if largest >= MAX_ITEMS {
-            return Err(RenderError::TooMany {
-                what: "triangles in one mesh",
-                count: largest,
-                limit: MAX_ITEMS - 1,
-            });
+            return Err(RenderError::TooMany { what: "triangles in one mesh", count: largest, limit: MAX_ITEMS - 1 });
         }
         let layout = Layout::new(mesh);
         let range = device.heap.alloc("mesh", layout.bytes, ALIGN)?;
@@ -93,11 +89,7 @@ impl ResidentMesh {
             uploader.write(&range, offset, bytes)?;
         }
         let entry = entry(mesh, &layout, range.address());
-        Ok(Self {
-            _memory: range,
-            entry,
-            depth: mesh.bvh.depth,
-        })
+        Ok(Self { _memory: range, entry, depth: mesh.bvh.depth })
     }
 }
 
@@ -116,11 +108,7 @@ fn entry(mesh: &MeshAsset, layout: &Layout, base: u64) -> GpuMesh {
         normals: at(mesh.normals.is_some(), layout.normals),
         colors: at(mesh.colors.is_some(), layout.colors),
         opacities: at(mesh.opacities.is_some(), layout.opacities),
-        flags: flags.with_rates(
-            rate(mesh.normals.as_ref()),
-            rate(mesh.colors.as_ref()),
-            rate(mesh.opacities.as_ref()),
-        ),
+        flags: flags.with_rates(rate(mesh.normals.as_ref()), rate(mesh.colors.as_ref()), rate(mesh.opacities.as_ref())),
         // Checked against MAX_ITEMS by the caller.
         triangle_count: u32::try_from(mesh.triangles.len()).unwrap_or(u32::MAX),
     }
@@ -139,30 +127,14 @@ fn rate<T>(attribute: Option<&Attribute<T>>) -> abi::AttributeRate {
 fn encode<T: Sync, G: bytemuck::Pod + Send>(items: &[T], out: &mut [u8], convert: impl Fn(&T) -> G + Sync) {
     let write = |(item, bytes): (&T, &mut [u8])| bytes.copy_from_slice(bytemuck::bytes_of(&convert(item)));
     let stride = size_of::<G>();
-    items
-        .par_iter()
-        .with_min_len(4096)
-        .zip(out.par_chunks_exact_mut(stride))
-        .for_each(write);
+    items.par_iter().with_min_len(4096).zip(out.par_chunks_exact_mut(stride)).for_each(write);
 }
 
 fn node(node: &BvhNode) -> GpuNode {
-    GpuNode {
-        min: node.min,
-        max: node.max,
-        child: node.child,
-        count: node.count,
-    }
+    GpuNode { min: node.min, max: node.max, child: node.child, count: node.count }
 }
 
 fn triangle(triangle: &Triangle) -> GpuTriangle {
     let [v0, v1, v2] = triangle.vertices;
-    GpuTriangle {
-        v0,
-        face: triangle.face,
-        v1,
-        pad1: 0,
-        v2,
-        pad2: 0,
-    }
+    GpuTriangle { v0, face: triangle.face, v1, pad1: 0, v2, pad2: 0 }
 }

@@ -69,10 +69,7 @@ impl SceneCache {
         timings: &mut Timings,
     ) -> Result<SceneView, RenderError> {
         if snapshot.max_levels > MAX_LEVELS {
-            return Err(RenderError::TooDeep {
-                levels: snapshot.max_levels,
-                limit: MAX_LEVELS,
-            });
+            return Err(RenderError::TooDeep { levels: snapshot.max_levels, limit: MAX_LEVELS });
         }
         let started = Instant::now();
         self.free_unused(snapshot);
@@ -110,28 +107,17 @@ impl SceneCache {
         snapshot: &Snapshot,
         uploader: &mut Uploader,
     ) -> Result<u64, RenderError> {
-        let new: Vec<_> = snapshot
-            .assemblies
-            .iter()
-            .filter(|assembly| !self.assemblies.contains_key(&assembly.key()))
-            .collect();
+        let new: Vec<_> =
+            snapshot.assemblies.iter().filter(|assembly| !self.assemblies.contains_key(&assembly.key())).collect();
         let mut bytes = 0;
         for batch in new.chunks(BUILDS_AT_ONCE) {
-            let depths = Buffer::new(
-                &device.gpu,
-                "instance tree depths",
-                4 * BUILDS_AT_ONCE as u64,
-                Usage::Readback,
-            )?;
+            let depths = Buffer::new(&device.gpu, "instance tree depths", 4 * BUILDS_AT_ONCE as u64, Usage::Readback)?;
             let mut commands = device.gpu.commands("build instance levels")?;
             let mut pending: Vec<(u64, PendingBuild)> = Vec::new();
             for (slot, assembly) in batch.iter().enumerate() {
                 let depth_at = depths.address() + 4 * slot as u64;
                 let mesh_depth = |index: u32| {
-                    let mesh = snapshot
-                        .meshes
-                        .get(index as usize)
-                        .and_then(|mesh| self.meshes.get(&mesh.key));
+                    let mesh = snapshot.meshes.get(index as usize).and_then(|mesh| self.meshes.get(&mesh.key));
                     mesh.map_or(0, |mesh| mesh.depth)
                 };
                 let (resident, build) = ResidentAssembly::upload(device, assembly, uploader, &mesh_depth, depth_at)?;
@@ -154,9 +140,7 @@ impl SceneCache {
         pending: &[(u64, PendingBuild)],
     ) -> Result<(), RenderError> {
         if !commands.submit()?.wait(BUILD_TIMEOUT)? {
-            return Err(RenderError::Internal(
-                "building the instance levels did not finish".into(),
-            ));
+            return Err(RenderError::Internal("building the instance levels did not finish".into()));
         }
         for (slot, (key, _)) in pending.iter().enumerate() {
             let mut depth = [0_u8; 4];
@@ -175,12 +159,8 @@ impl SceneCache {
         lights: &LightTable,
         uploader: &mut Uploader,
     ) -> Result<(), RenderError> {
-        let meshes: Vec<GpuMesh> = snapshot
-            .meshes
-            .iter()
-            .filter_map(|mesh| self.meshes.get(&mesh.key))
-            .map(|mesh| mesh.entry)
-            .collect();
+        let meshes: Vec<GpuMesh> =
+            snapshot.meshes.iter().filter_map(|mesh| self.meshes.get(&mesh.key)).map(|mesh| mesh.entry).collect();
         let assemblies: Vec<GpuAssembly> = snapshot
             .assemblies
             .iter()
@@ -206,10 +186,7 @@ impl SceneCache {
         let mut entries: Vec<u32> = Vec::with_capacity(snapshot.assemblies.len());
         for assembly in &snapshot.assemblies {
             let needed = self.assemblies.get(&assembly.key()).map_or(0, |resident| {
-                let children = resident
-                    .children
-                    .iter()
-                    .filter_map(|child| entries.get(*child as usize));
+                let children = resident.children.iter().filter_map(|child| entries.get(*child as usize));
                 resident.depth + children.copied().max().unwrap_or(0).max(resident.mesh_depth)
             });
             entries.push(needed);
@@ -218,10 +195,7 @@ impl SceneCache {
     }
 
     fn view(&self, snapshot: &Snapshot) -> Result<SceneView, RenderError> {
-        let root = snapshot
-            .assemblies
-            .last()
-            .and_then(|root| self.assemblies.get(&root.key()));
+        let root = snapshot.assemblies.last().and_then(|root| self.assemblies.get(&root.key()));
         let (Some(tables), Some(root)) = (&self.tables, root) else {
             return Err(RenderError::Internal("the snapshot has no root assembly".into()));
         };

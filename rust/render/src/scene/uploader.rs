@@ -37,27 +37,15 @@ impl Uploader {
     /// Makes the staging buffers.
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self, GpuError> {
         let half = |name| -> Result<Half, GpuError> {
-            Ok(Half {
-                buffer: Buffer::new(gpu, name, STAGING_BYTES as u64, Usage::Upload)?,
-                busy: None,
-            })
+            Ok(Half { buffer: Buffer::new(gpu, name, STAGING_BYTES as u64, Usage::Upload)?, busy: None })
         };
         let halves = [half("staging 0")?, half("staging 1")?];
-        Ok(Self {
-            gpu: Arc::clone(gpu),
-            halves,
-            current: 0,
-            used: 0,
-            commands: None,
-            bytes: 0,
-        })
+        Ok(Self { gpu: Arc::clone(gpu), halves, current: 0, used: 0, commands: None, bytes: 0 })
     }
 
     /// Copies `data` to `target` at `offset`.
     pub(crate) fn write(&mut self, target: &dyn DeviceRange, offset: u64, data: &[u8]) -> Result<(), RenderError> {
-        self.produce(target, offset, (data.len(), 1), |range, out| {
-            out.copy_from_slice(&data[range])
-        })
+        self.produce(target, offset, (data.len(), 1), |range, out| out.copy_from_slice(&data[range]))
     }
 
     /// Fills `target` from `offset` with `items.0` items of `items.1` bytes: `fill` is called with ranges of items, in
@@ -80,20 +68,13 @@ impl Uploader {
             let n = room.min(count - done);
             let bytes = n * stride;
             let (start, half) = (self.used, &self.halves[self.current]);
-            half.buffer
-                .map(|all| fill(done..done + n, &mut all[start..start + bytes]))?;
+            half.buffer.map(|all| fill(done..done + n, &mut all[start..start + bytes]))?;
             let commands = match &mut self.commands {
                 Some(commands) => commands,
                 none => none.insert(self.gpu.commands("upload")?),
             };
             commands.concurrent(|c| {
-                c.copy(
-                    &half.buffer,
-                    start as u64,
-                    target,
-                    offset + (done * stride) as u64,
-                    bytes as u64,
-                );
+                c.copy(&half.buffer, start as u64, target, offset + (done * stride) as u64, bytes as u64);
             });
             // Keeps the next fill aligned for the plain structs it may write.
             self.used = (start + bytes).next_multiple_of(16);

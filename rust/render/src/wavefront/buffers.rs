@@ -36,10 +36,7 @@ impl WaveBuffers {
         Ok(Self {
             capacity,
             max_levels,
-            rays: [
-                per_path("rays 0", size_of::<Ray>() as u64)?,
-                per_path("rays 1", size_of::<Ray>() as u64)?,
-            ],
+            rays: [per_path("rays 0", size_of::<Ray>() as u64)?, per_path("rays 1", size_of::<Ray>() as u64)?],
             hits: per_path("hits", u64::from(hit_stride(max_levels)))?,
             paths: per_path("paths", size_of::<PathState>() as u64)?,
             radiance: per_path("radiance", 16)?,

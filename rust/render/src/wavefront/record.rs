@@ -23,12 +23,7 @@ impl Recorder<'_> {
         let q = Push::wave(self.frame, wave.first, wave.count, self.pixels);
         self.direct(commands, &self.passes.generate_camera_rays, q, wave.count);
         self.direct(commands, &self.passes.prepare_dispatch, q.with(0, PREPARE_TRACE), 1);
-        self.indirect(
-            commands,
-            &self.passes.intersect_closest,
-            q.with(0, 0),
-            Counters::RAY_ARGS,
-        );
+        self.indirect(commands, &self.passes.intersect_closest, q.with(0, 0), Counters::RAY_ARGS);
         for bounce in 0..=self.max_bounces {
             self.bounce(commands, q, bounce);
         }
@@ -37,41 +32,16 @@ impl Recorder<'_> {
 
     /// Shades what the rays of `bounce` met; traces the shadow rays beside the rays of the next bounce.
     fn bounce(&self, commands: &mut Commands, q: Push, bounce: u32) {
-        self.direct(
-            commands,
-            &self.passes.prepare_dispatch,
-            q.with(bounce, PREPARE_SHADE),
-            1,
-        );
+        self.direct(commands, &self.passes.prepare_dispatch, q.with(bounce, PREPARE_SHADE), 1);
         commands.concurrent(|c| {
-            self.indirect(
-                c,
-                &self.passes.shade_background,
-                q.with(bounce, 0),
-                Counters::ESCAPED_ARGS,
-            );
+            self.indirect(c, &self.passes.shade_background, q.with(bounce, 0), Counters::ESCAPED_ARGS);
             self.indirect(c, &self.passes.shade_surface, q.with(bounce, 0), Counters::SURFACE_ARGS);
         });
-        self.direct(
-            commands,
-            &self.passes.prepare_dispatch,
-            q.with(bounce + 1, PREPARE_TRACE),
-            1,
-        );
+        self.direct(commands, &self.passes.prepare_dispatch, q.with(bounce + 1, PREPARE_TRACE), 1);
         commands.concurrent(|c| {
-            self.indirect(
-                c,
-                &self.passes.intersect_shadow,
-                q.with(bounce, 0),
-                Counters::SHADOW_ARGS,
-            );
+            self.indirect(c, &self.passes.intersect_shadow, q.with(bounce, 0), Counters::SHADOW_ARGS);
             if bounce < self.max_bounces {
-                self.indirect(
-                    c,
-                    &self.passes.intersect_closest,
-                    q.with(bounce + 1, 0),
-                    Counters::RAY_ARGS,
-                );
+                self.indirect(c, &self.passes.intersect_closest, q.with(bounce + 1, 0), Counters::RAY_ARGS);
             }
         });
     }

@@ -16,10 +16,7 @@ const SIZE: [u32; 2] = [64, 40];
 
 fn cameras() -> [Camera; 2] {
     let (eye, target) = (DVec3::new(3.0, 4.0, 6.0), DVec3::new(0.0, 0.5, 0.0));
-    [
-        perspective(eye, target, 0.7, SIZE),
-        orthographic(eye, target, 5.0, SIZE),
-    ]
+    [perspective(eye, target, 0.7, SIZE), orthographic(eye, target, 5.0, SIZE)]
 }
 
 fn first_hits_agree(build: fn(&mut SceneDb)) {
@@ -31,12 +28,10 @@ fn first_hits_agree(build: fn(&mut SceneDb)) {
         let hits = first_hits(&world, &snapshot, &camera).expect("the camera is invertible");
         let request = request(camera);
         render(&session, &request);
-        for (which, kind) in [AovKind::PrimId, AovKind::InstanceId, AovKind::ElementId]
-            .into_iter()
-            .enumerate()
-        {
+        for (which, kind) in [AovKind::PrimId, AovKind::InstanceId, AovKind::ElementId].into_iter().enumerate() {
             let ids: Vec<i32> = read(&session, &request, kind);
-            compare_ids(&hits, which, &ids).unwrap_or_else(|error| panic!("{kind:?}: {error}"));
+            let verdict = compare_ids(&hits, which, &ids);
+            assert!(verdict.is_ok(), "{kind:?}: {verdict:?}");
             let mut wrong = ids;
             wrong.iter_mut().for_each(|id| *id += 1);
             compare_ids(&hits, which, &wrong).expect_err("shifted ids must be refused");
@@ -80,9 +75,7 @@ fn render_seeds(build: fn(&mut SceneDb), camera: &Camera) -> (Vec<f32>, Vec<f64>
     let mut mean = vec![0.0_f64; usize::try_from(request.pixels()).expect("small") * 4];
     let mut squares = mean.clone();
     for seed in 0..SEEDS {
-        session
-            .set_setting("oocpt:seed", Value::Int(i64::from(seed)))
-            .expect("a valid seed");
+        session.set_setting("oocpt:seed", Value::Int(i64::from(seed))).expect("a valid seed");
         render(&session, &request);
         for (i, value) in read::<f32>(&session, &request, AovKind::Color).into_iter().enumerate() {
             let difference = f64::from(value) - mean[i];
@@ -92,13 +85,7 @@ fn render_seeds(build: fn(&mut SceneDb), camera: &Camera) -> (Vec<f32>, Vec<f64>
     }
     #[expect(clippy::cast_possible_truncation, reason = "an image")]
     let image = mean.into_iter().map(|value| value as f32).collect();
-    (
-        image,
-        squares
-            .into_iter()
-            .map(|value| value / f64::from(SEEDS - 1) * f64::from(SAMPLES))
-            .collect(),
-    )
+    (image, squares.into_iter().map(|value| value / f64::from(SEEDS - 1) * f64::from(SAMPLES)).collect())
 }
 
 /// Renders with many seeds and compares with the judge.
@@ -107,11 +94,7 @@ fn light_agrees(build: fn(&mut SceneDb), name: &str) {
     let snapshot = snapshot(build);
     let world = World::flatten(&snapshot).expect("small");
     let camera = perspective(DVec3::new(3.0, 4.0, 6.0), DVec3::new(0.0, 0.5, 0.0), 0.7, [32, 20]);
-    let options = PathTracerOptions {
-        samples: 1024,
-        max_bounces: 3,
-        ..PathTracerOptions::default()
-    };
+    let options = PathTracerOptions { samples: 1024, max_bounces: 3, ..PathTracerOptions::default() };
     let mut reference = path_trace(&world, &snapshot, &camera, &options).expect("the camera is invertible");
     let (data, own_variance) = render_seeds(build, &camera);
     // The z-test assumes one variance for both; give it the one that makes the variance of their difference right.
@@ -125,16 +108,11 @@ fn light_agrees(build: fn(&mut SceneDb), name: &str) {
     let image = Image::from_data(32, 20, 4, data).expect("the shape is right");
     let report = z_test(&image, TOTAL, &reference).expect("same shape");
     let folder = std::env::temp_dir();
-    report
-        .write_if_refused(&folder, name, &image, &reference)
-        .expect("the temporary folder can be written");
+    report.write_if_refused(&folder, name, &image, &reference).expect("the temporary folder can be written");
     assert!(report.accepted(), "{name}: {report}; images under {}", folder.display());
     let mut planted = image;
     planted.data.iter_mut().for_each(|value| *value *= 1.02);
-    assert!(
-        !z_test(&planted, TOTAL, &reference).expect("same shape").accepted(),
-        "2 % too bright must be refused"
-    );
+    assert!(!z_test(&planted, TOTAL, &reference).expect("same shape").accepted(), "2 % too bright must be refused");
 }
 
 #[test]

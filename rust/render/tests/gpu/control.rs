@@ -19,11 +19,7 @@ fn long_render() -> Session {
     session.render(view([128, 96]));
     let end = Instant::now() + TIMEOUT;
     while session.stats().percent_done <= 0.0 {
-        assert!(
-            Instant::now() < end,
-            "no wave was done in time: {:?}",
-            session.take_messages()
-        );
+        assert!(Instant::now() < end, "no wave was done in time: {:?}", session.take_messages());
         std::thread::sleep(Duration::from_millis(5));
     }
     session
@@ -38,27 +34,18 @@ fn stop_converges_with_what_there_is() {
     let color: Vec<[f32; 4]> = read(&session, &view([128, 96]), AovKind::Color);
     assert!(color.iter().any(|c| c[3] > 0.0), "the image so far was published");
     session.restart();
-    assert!(
-        !session.is_converged() && !session.is_stopped(),
-        "a restart renders again"
-    );
+    assert!(!session.is_converged() && !session.is_stopped(), "a restart renders again");
 }
 
 #[test]
 fn a_pause_holds_the_samples_still() {
     let session = long_render();
     session.pause();
-    assert!(
-        session.is_paused() && !session.is_converged(),
-        "paused is not converged"
-    );
+    assert!(session.is_paused() && !session.is_converged(), "paused is not converged");
     std::thread::sleep(Duration::from_millis(300));
     let held = session.stats().percent_done;
     std::thread::sleep(Duration::from_millis(300));
-    assert!(
-        (session.stats().percent_done - held).abs() < f32::EPSILON,
-        "no wave may start in a pause"
-    );
+    assert!((session.stats().percent_done - held).abs() < f32::EPSILON, "no wave may start in a pause");
     session.resume();
     let end = Instant::now() + TIMEOUT;
     while session.stats().percent_done <= held {
@@ -72,17 +59,11 @@ fn a_pause_holds_the_samples_still() {
 
 #[test]
 fn a_time_limit_ends_the_render_with_an_image() {
-    let session = session(Settings {
-        time_limit_secs: 0.5,
-        ..settings(1 << 20, 3)
-    });
+    let session = session(Settings { time_limit_secs: 0.5, ..settings(1 << 20, 3) });
     session.with_scene(nested);
     render(&session, &view([64, 48]));
     let stats = session.stats();
-    assert!(
-        stats.percent_done < 100.0,
-        "a million samples do not fit the limit: {stats:?}"
-    );
+    assert!(stats.percent_done < 100.0, "a million samples do not fit the limit: {stats:?}");
     let color: Vec<[f32; 4]> = read(&session, &view([64, 48]), AovKind::Color);
     assert!(color.iter().any(|c| c[3] > 0.0), "what was rendered is published");
 }
@@ -91,17 +72,11 @@ fn a_time_limit_ends_the_render_with_an_image() {
 fn a_newer_request_replaces_the_one_under_way() {
     let session = long_render();
     assert!(
-        session
-            .set_setting("oocpt:samplesPerPixel", oocpt_core::settings::Value::Int(2))
-            .expect("valid"),
+        session.set_setting("oocpt:samplesPerPixel", oocpt_core::settings::Value::Int(2)).expect("valid"),
         "changed"
     );
     render(&session, &view([16, 12]));
-    assert_eq!(
-        session.stats().samples_completed,
-        2,
-        "the new request was rendered to its end"
-    );
+    assert_eq!(session.stats().samples_completed, 2, "the new request was rendered to its end");
 }
 
 #[test]
@@ -109,27 +84,17 @@ fn only_depth_traces_no_paths() {
     let session = session(settings(1 << 20, 3));
     session.with_scene(nested);
     let mut request = view([16, 12]);
-    request.aovs = vec![AovRequest {
-        kind: AovKind::Depth,
-        clear: [1.0, 0.0, 0.0, 0.0],
-    }];
+    request.aovs = vec![AovRequest { kind: AovKind::Depth, clear: [1.0, 0.0, 0.0, 0.0] }];
     render(&session, &request);
     let depth: Vec<f32> = read(&session, &request, AovKind::Depth);
     assert!(depth.iter().any(|d| *d < 1.0), "the scene is in view");
-    assert_eq!(
-        session.stats().rays_traced,
-        0,
-        "no path is traced for an image without colour"
-    );
+    assert_eq!(session.stats().rays_traced, 0, "no path is traced for an image without colour");
 }
 
 #[test]
 fn no_images_converge_at_once() {
     let session = session(settings(4, 1));
-    session.render(RenderRequest {
-        aovs: Vec::new(),
-        ..view([16, 12])
-    });
+    session.render(RenderRequest { aovs: Vec::new(), ..view([16, 12]) });
     assert!(session.wait_converged(TIMEOUT), "nothing to do is done");
     assert!(session.take_messages().is_empty(), "and no fault");
 }

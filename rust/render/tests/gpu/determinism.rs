@@ -8,12 +8,7 @@ use oocpt_core::settings::Settings;
 use oocpt_render::RenderRequest;
 
 fn view(size: [u32; 2]) -> RenderRequest {
-    request(perspective(
-        DVec3::new(3.0, 4.0, 6.0),
-        DVec3::new(0.0, 0.5, 0.0),
-        0.7,
-        size,
-    ))
+    request(perspective(DVec3::new(3.0, 4.0, 6.0), DVec3::new(0.0, 0.5, 0.0), 0.7, size))
 }
 
 #[test]
@@ -22,14 +17,7 @@ fn the_same_seed_gives_the_same_bits_and_another_does_not() {
     let first = images(features, settings(8, 3), &request);
     let second = images(features, settings(8, 3), &request);
     assert_eq!(first, second, "two renders of one scene differ");
-    let other = images(
-        features,
-        Settings {
-            seed: 1,
-            ..settings(8, 3)
-        },
-        &request,
-    );
+    let other = images(features, Settings { seed: 1, ..settings(8, 3) }, &request);
     assert_ne!(first[0], other[0], "another seed must give other noise");
     assert_eq!(first[1..], other[1..], "and the same depth and ids");
 }
@@ -44,11 +32,7 @@ fn a_restart_gives_the_same_bits_although_waves_have_grown_meanwhile() {
     let first = read_all(&session, &request);
     session.restart();
     render(&session, &request);
-    assert_eq!(
-        first,
-        read_all(&session, &request),
-        "the picture depends on how it was cut"
-    );
+    assert_eq!(first, read_all(&session, &request), "the picture depends on how it was cut");
 }
 
 #[test]
@@ -60,18 +44,8 @@ fn fewer_samples_are_the_beginning_of_more() {
         .iter()
         .map(|bytes| bytemuck::pod_collect_to_vec(bytes))
         .collect();
-    let differ = pictures[0]
-        .iter()
-        .zip(&pictures[1])
-        .filter(|(a, b)| a.to_bits() != b.to_bits())
-        .count();
+    let differ = pictures[0].iter().zip(&pictures[1]).filter(|(a, b)| a.to_bits() != b.to_bits()).count();
     assert!(differ > 0, "more samples must change the noise");
-    let bound = pictures[0]
-        .iter()
-        .zip(&pictures[1])
-        .all(|(four, eight)| *eight >= 0.5 * four - 1e-6);
-    assert!(
-        bound,
-        "eight samples hold the first four: their mean is at least half of the mean of four"
-    );
+    let bound = pictures[0].iter().zip(&pictures[1]).all(|(four, eight)| *eight >= 0.5 * four - 1e-6);
+    assert!(bound, "eight samples hold the first four: their mean is at least half of the mean of four");
 }

@@ -8,12 +8,7 @@ use oocpt_core::scene::SceneDb;
 use oocpt_render::RenderRequest;
 
 fn view() -> RenderRequest {
-    request(perspective(
-        DVec3::new(3.0, 4.0, 6.0),
-        DVec3::new(0.0, 0.5, 0.0),
-        0.7,
-        [40, 28],
-    ))
+    request(perspective(DVec3::new(3.0, 4.0, 6.0), DVec3::new(0.0, 0.5, 0.0), 0.7, [40, 28]))
 }
 
 /// Renders [`nested`], edits, renders again; the result must equal a fresh render of the edited scene, and differ.
@@ -54,11 +49,7 @@ fn other_points() {
 #[test]
 fn other_instances() {
     edit_equals_fresh(|db| {
-        let places = [(
-            DVec3::new(0.5, 0.2, 0.4),
-            DQuat::from_rotation_y(0.3),
-            DVec3::splat(1.3),
-        )];
+        let places = [(DVec3::new(0.5, 0.2, 0.4), DQuat::from_rotation_y(0.3), DVec3::splat(1.3))];
         db.upsert_instancer(instancer(prim("/outer", DMat4::IDENTITY), "/outer/clump", &places));
     });
 }
@@ -123,12 +114,7 @@ fn moving_one_mesh_uploads_records_but_no_mesh() {
     render(&session, &view());
     let first = session.timings().uploaded_bytes;
     session.with_scene(|db| {
-        db.upsert_mesh(sphere(
-            prim("/ball", DMat4::from_translation(DVec3::X * 0.5)),
-            1,
-            40,
-            0.5,
-        ));
+        db.upsert_mesh(sphere(prim("/ball", DMat4::from_translation(DVec3::X * 0.5)), 1, 40, 0.5));
     });
     render(&session, &view());
     let second = session.timings().uploaded_bytes;

@@ -45,10 +45,7 @@ fn a_white_sphere_in_a_white_dome_disappears() {
         render(&session, &request);
         let colors = colors(&session, &request);
         let ids: Vec<i32> = read(&session, &request, AovKind::PrimId);
-        assert!(
-            ids.contains(&1) && ids.contains(&-1),
-            "{name}: the sphere must cover a part of the image"
-        );
+        assert!(ids.contains(&1) && ids.contains(&-1), "{name}: the sphere must cover a part of the image");
         let mean = mean(&colors);
         assert!((mean - 1.0).abs() < 1e-3, "{name}: mean radiance {mean}, not 1");
         // A convex white body: every path escapes after one bounce, so each sample is exact up to MIS noise.
@@ -86,11 +83,7 @@ fn lambert_under_a_distant_light_is_albedo_over_pi_times_cosine() {
         #[expect(clippy::cast_possible_truncation, reason = "a cosine")]
         let expected = 0.8 * FRAC_1_PI * 3.0 * degrees.to_radians().cos() as f32;
         for color in colors(&session, &request) {
-            assert!(
-                (color[0] - expected).abs() < 2e-6,
-                "{degrees} degrees: {} instead of {expected}",
-                color[0]
-            );
+            assert!((color[0] - expected).abs() < 2e-6, "{degrees} degrees: {} instead of {expected}", color[0]);
         }
     }
 }
@@ -108,10 +101,7 @@ fn a_sun_of_finite_angle_gives_its_irradiance() {
     // normalize divides by pi sin^2(h) and the cone's projected solid angle is pi sin^2(h) cos(a).
     let expected = 0.5 / std::f64::consts::PI * 2.0 * 1.0_f64.sin();
     let mean = mean(&colors(&session, &request));
-    assert!(
-        (mean - expected).abs() < 1e-3 * expected,
-        "{mean} instead of {expected}"
-    );
+    assert!((mean - expected).abs() < 1e-3 * expected, "{mean} instead of {expected}");
 }
 
 #[test]
@@ -120,14 +110,8 @@ fn an_empty_scene_shows_the_clear_colour_or_the_dome() {
     let mut request = request(perspective(DVec3::Z * 5.0, DVec3::ZERO, 0.8, SIZE));
     request.aovs[0].clear = [0.25, 0.5, 0.75, 1.0];
     render(&session, &request);
-    assert!(
-        colors(&session, &request).iter().all(|c| *c == [0.25, 0.5, 0.75, 1.0]),
-        "no dome: the clear colour"
-    );
+    assert!(colors(&session, &request).iter().all(|c| *c == [0.25, 0.5, 0.75, 1.0]), "no dome: the clear colour");
     session.with_scene(|db| db.upsert_light(dome([0.5, 0.25, 2.0])));
     render(&session, &request);
-    assert!(
-        colors(&session, &request).iter().all(|c| *c == [0.5, 0.25, 2.0, 1.0]),
-        "the dome covers it"
-    );
+    assert!(colors(&session, &request).iter().all(|c| *c == [0.5, 0.25, 2.0, 1.0]), "the dome covers it");
 }

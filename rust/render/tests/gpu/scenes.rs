@@ -10,32 +10,19 @@ use oocpt_core::scene::{
 
 /// A visible prim.
 pub(crate) fn prim(path: &str, transform: DMat4) -> PrimDesc {
-    PrimDesc {
-        path: path.into(),
-        transform,
-        visible: true,
-        purpose: "default".into(),
-        instanced_by: Vec::new(),
-    }
+    PrimDesc { path: path.into(), transform, visible: true, purpose: "default".into(), instanced_by: Vec::new() }
 }
 
 /// The same prim as a prototype root of `instancer`.
 pub(crate) fn instanced(mut prim: PrimDesc, instancer: &str) -> PrimDesc {
     let prototype_root = prim.path.clone();
-    prim.instanced_by = vec![InstancedBy {
-        instancer: instancer.into(),
-        prototype_root,
-    }];
+    prim.instanced_by = vec![InstancedBy { instancer: instancer.into(), prototype_root }];
     prim
 }
 
 /// A constant primvar.
 pub(crate) fn constant<T: oocpt_core::Element + std::fmt::Debug>(value: T) -> Option<Primvar> {
-    Some(Primvar {
-        interpolation: Interpolation::Constant,
-        values: TypedArray::of(vec![value]),
-        indices: None,
-    })
+    Some(Primvar { interpolation: Interpolation::Constant, values: TypedArray::of(vec![value]), indices: None })
 }
 
 /// A mesh of the given faces, flat shaded, one colour.
@@ -47,10 +34,7 @@ pub(crate) fn mesh(prim: PrimDesc, prim_id: i32, points: Vec<[f32; 3]>, faces: &
         left_handed: false,
         subdivision: Subdivision::None,
         face_vertex_counts: TypedArray::of(
-            faces
-                .iter()
-                .map(|face| i32::try_from(face.len()).expect("small"))
-                .collect::<Vec<i32>>(),
+            faces.iter().map(|face| i32::try_from(face.len()).expect("small")).collect::<Vec<i32>>(),
         ),
         face_vertex_indices: TypedArray::of(faces.concat()),
         hole_indices: None,
@@ -75,11 +59,7 @@ pub(crate) fn sphere(prim: PrimDesc, prim_id: i32, rings: i32, albedo: f32) -> M
         for column in 0..columns {
             let phi = std::f64::consts::PI * f64::from(ring) / f64::from(rings);
             let theta = std::f64::consts::TAU * f64::from(column) / f64::from(columns);
-            points.push(
-                DVec3::new(phi.sin() * theta.cos(), phi.cos(), -phi.sin() * theta.sin())
-                    .as_vec3()
-                    .to_array(),
-            );
+            points.push(DVec3::new(phi.sin() * theta.cos(), phi.cos(), -phi.sin() * theta.sin()).as_vec3().to_array());
         }
     }
     points.push([0.0, -1.0, 0.0]);
@@ -129,20 +109,13 @@ pub(crate) fn instancer(prim: PrimDesc, root: &str, places: &[(DVec3, DQuat, DVe
     let rotations: Vec<[f32; 4]> = places.iter().map(|place| place.1.as_quat().to_array()).collect();
     InstancerDesc {
         prim,
-        prototypes: vec![InstancerPrototype {
-            root: root.into(),
-            indices: TypedArray::of(numbers),
-        }],
+        prototypes: vec![InstancerPrototype { root: root.into(), indices: TypedArray::of(numbers) }],
         mask: None,
-        translations: Some(TypedArray::of(
-            places.iter().map(|p| p.0.as_vec3().to_array()).collect::<Vec<_>>(),
-        )),
+        translations: Some(TypedArray::of(places.iter().map(|p| p.0.as_vec3().to_array()).collect::<Vec<_>>())),
         rotations: Some(
             TypedArray::from_vec(oocpt_core::ElementType::Quatf, rotations).expect("quaternions are four floats"),
         ),
-        scales: Some(TypedArray::of(
-            places.iter().map(|p| p.2.as_vec3().to_array()).collect::<Vec<_>>(),
-        )),
+        scales: Some(TypedArray::of(places.iter().map(|p| p.2.as_vec3().to_array()).collect::<Vec<_>>())),
         transforms: None,
     }
 }
@@ -152,20 +125,12 @@ fn places() -> [Vec<(DVec3, DQuat, DVec3)>; 2] {
     let outer = (0..3).map(|i| {
         let x = f64::from(i);
         let mirror = if i == 1 { -1.0 } else { 1.0 };
-        (
-            DVec3::new(2.4 * x - 2.4, 0.1 * x, -0.5 * x),
-            DQuat::from_rotation_y(0.7 * x),
-            DVec3::new(mirror, 1.0, 1.2),
-        )
+        (DVec3::new(2.4 * x - 2.4, 0.1 * x, -0.5 * x), DQuat::from_rotation_y(0.7 * x), DVec3::new(mirror, 1.0, 1.2))
     });
     let inner = (0..4).map(|i| {
         let angle = f64::from(i) * 1.7;
         let at = DVec3::new(0.6 * angle.cos(), 0.35 + 0.2 * f64::from(i), 0.6 * angle.sin());
-        (
-            at,
-            DQuat::from_rotation_z(angle),
-            DVec3::new(0.3, 0.2 + 0.05 * f64::from(i), 0.35),
-        )
+        (at, DQuat::from_rotation_z(angle), DVec3::new(0.3, 0.2 + 0.05 * f64::from(i), 0.35))
     });
     [outer.collect(), inner.collect()]
 }
@@ -184,12 +149,7 @@ pub(crate) fn nested(db: &mut SceneDb) {
     db.upsert_instancer(instancer(prim("/outer", DMat4::IDENTITY), "/outer/clump", &outer));
     let clump = instanced(prim("/outer/clump", DMat4::IDENTITY), "/outer");
     db.upsert_instancer(instancer(clump.clone(), "/outer/clump/ball", &inner));
-    db.upsert_mesh(sphere(
-        instanced(prim("/outer/clump/ball", DMat4::IDENTITY), "/outer/clump"),
-        2,
-        8,
-        0.6,
-    ));
+    db.upsert_mesh(sphere(instanced(prim("/outer/clump/ball", DMat4::IDENTITY), "/outer/clump"), 2, 8, 0.6));
     let mut mat = prim("/outer/clump/mat", DMat4::from_translation(DVec3::Y * 0.05));
     mat.instanced_by = clump.instanced_by;
     db.upsert_mesh(square(mat, 3, 0.3));
@@ -204,10 +164,7 @@ pub(crate) fn flattened(db: &mut SceneDb) {
             let place = prim(&format!("/flat/ball_{o}_{i}"), matrix(outer) * matrix(inner));
             db.upsert_mesh(sphere(place, 2, 8, 0.6));
         }
-        let place = prim(
-            &format!("/flat/mat_{o}"),
-            matrix(outer) * DMat4::from_translation(DVec3::Y * 0.05),
-        );
+        let place = prim(&format!("/flat/mat_{o}"), matrix(outer) * DMat4::from_translation(DVec3::Y * 0.05));
         db.upsert_mesh(square(place, 3, 0.3));
     }
 }
@@ -215,22 +172,13 @@ pub(crate) fn flattened(db: &mut SceneDb) {
 fn ground_and_lights(db: &mut SceneDb) {
     db.upsert_mesh(square(prim("/ground", DMat4::from_scale(DVec3::splat(6.0))), 1, 0.5));
     db.upsert_light(dome([0.3, 0.4, 0.6]));
-    db.upsert_light(sun(
-        2.0,
-        3.0,
-        DMat4::from_rotation_x(-0.9) * DMat4::from_rotation_y(0.4),
-    ));
+    db.upsert_light(sun(2.0, 3.0, DMat4::from_rotation_x(-0.9) * DMat4::from_rotation_y(0.4)));
 }
 
 /// Every shading feature at once: vertex colours, face-varying normals, opacity, a left-handed mesh, a mirrored one.
 pub(crate) fn features(db: &mut SceneDb) {
     ground_and_lights(db);
-    let mut smooth = sphere(
-        prim("/smooth", DMat4::from_translation(DVec3::new(-1.6, 1.0, 0.0))),
-        4,
-        8,
-        0.5,
-    );
+    let mut smooth = sphere(prim("/smooth", DMat4::from_translation(DVec3::new(-1.6, 1.0, 0.0))), 4, 8, 0.5);
     smooth.subdivision = Subdivision::CatmullClark;
     let count = smooth.points.len();
     let ramp = |i: usize| {

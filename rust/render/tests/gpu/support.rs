@@ -14,23 +14,12 @@ pub(crate) const TIMEOUT: Duration = Duration::from_secs(120);
 
 /// Settings of the tests: few samples, one seed.
 pub(crate) fn settings(samples: u32, bounces: u32) -> Settings {
-    Settings {
-        samples_per_pixel: samples,
-        max_bounces: bounces,
-        interactive: false,
-        ..Settings::default()
-    }
+    Settings { samples_per_pixel: samples, max_bounces: bounces, interactive: false, ..Settings::default() }
 }
 
 /// A session whose Vulkan mistakes are errors.
 pub(crate) fn session(settings: Settings) -> Session {
-    Session::with_options(
-        settings,
-        SessionOptions {
-            validation: true,
-            ..SessionOptions::default()
-        },
-    )
+    Session::with_options(settings, SessionOptions { validation: true, ..SessionOptions::default() })
 }
 
 /// Perspective camera at `eye` looking at `target`; vertical field of view in radians.
@@ -60,11 +49,7 @@ pub(crate) fn orthographic(eye: DVec3, target: DVec3, height: f64, size: [u32; 2
     camera(eye, target, projection, size)
 }
 
-#[expect(
-    clippy::cast_precision_loss,
-    clippy::cast_possible_wrap,
-    reason = "images of tests are small"
-)]
+#[expect(clippy::cast_precision_loss, clippy::cast_possible_wrap, reason = "images of tests are small")]
 fn camera(eye: DVec3, target: DVec3, projection: DMat4, size: [u32; 2]) -> Camera {
     let back = (eye - target).normalize();
     let right = DVec3::Y.cross(back).normalize();
@@ -91,13 +76,7 @@ pub(crate) fn request(camera: Camera) -> RenderRequest {
         width: x0.abs_diff(x1),
         height: y0.abs_diff(y1),
         camera,
-        aovs: AovKind::ALL
-            .into_iter()
-            .map(|kind| AovRequest {
-                kind,
-                clear: clear(kind),
-            })
-            .collect(),
+        aovs: AovKind::ALL.into_iter().map(|kind| AovRequest { kind, clear: clear(kind) }).collect(),
     }
 }
 
@@ -113,11 +92,7 @@ pub(crate) fn render(session: &Session, request: &RenderRequest) {
 /// Renders and waits; returns the messages.
 pub(crate) fn render_with_messages(session: &Session, request: &RenderRequest) -> Vec<Message> {
     session.render(request.clone());
-    assert!(
-        session.wait_converged(TIMEOUT),
-        "the render did not end in time: {:?}",
-        session.stats()
-    );
+    assert!(session.wait_converged(TIMEOUT), "the render did not end in time: {:?}", session.stats());
     session.take_messages()
 }
 
@@ -125,19 +100,13 @@ pub(crate) fn render_with_messages(session: &Session, request: &RenderRequest) -
 pub(crate) fn read<T: bytemuck::Pod>(session: &Session, request: &RenderRequest, kind: AovKind) -> Vec<T> {
     let bytes = usize::try_from(request.pixels()).expect("small") * kind.pixel_bytes();
     let mut pixels = vec![T::zeroed(); bytes / size_of::<T>()];
-    assert!(
-        session.read_aov(kind, bytemuck::cast_slice_mut(&mut pixels)),
-        "{kind:?} was not published"
-    );
+    assert!(session.read_aov(kind, bytemuck::cast_slice_mut(&mut pixels)), "{kind:?} was not published");
     pixels
 }
 
 /// All images as bytes, one after the other.
 pub(crate) fn read_all(session: &Session, request: &RenderRequest) -> Vec<Vec<u8>> {
-    AovKind::ALL
-        .into_iter()
-        .map(|kind| read::<u8>(session, request, kind))
-        .collect()
+    AovKind::ALL.into_iter().map(|kind| read::<u8>(session, request, kind)).collect()
 }
 
 /// Renders a scene in a session of its own and returns all images.
@@ -153,10 +122,6 @@ pub(crate) fn snapshot(build: impl FnOnce(&mut SceneDb)) -> Arc<Snapshot> {
     let mut db = SceneDb::new();
     build(&mut db);
     let commit = db.commit();
-    assert!(
-        commit.warnings.is_empty(),
-        "the scene is meant to be clean: {:?}",
-        commit.warnings
-    );
+    assert!(commit.warnings.is_empty(), "the scene is meant to be clean: {:?}", commit.warnings);
     commit.snapshot
 }

@@ -250,9 +250,5 @@ pub fn groups(threads: u64) -> [u32; 3] {
     let needed = threads.div_ceil(u64::from(WORKGROUP_SIZE)).max(1);
     let x = needed.min(u64::from(MAX_DIRECT_GROUPS));
     let y = needed.div_ceil(x);
-    [
-        u32::try_from(x).unwrap_or(u32::MAX),
-        u32::try_from(y).unwrap_or(u32::MAX),
-        1,
-    ]
+    [u32::try_from(x).unwrap_or(u32::MAX), u32::try_from(y).unwrap_or(u32::MAX), 1]
 }

@@ -57,35 +57,9 @@ macro_rules! layout {
 
 /// Every struct that crosses.
 pub const LAYOUTS: &[StructLayout] = &[
-    layout!(Push {
-        frame,
-        first_pixel,
-        first_sample,
-        path_count,
-        bounce,
-        arg0,
-        arg1
-    }),
-    layout!(AovTargets {
-        depth,
-        camera_depth,
-        prim_id,
-        instance_id,
-        element_id,
-        normal,
-        neye,
-        albedo
-    }),
-    layout!(AovClear {
-        depth,
-        camera_depth,
-        prim_id,
-        instance_id,
-        element_id,
-        normal,
-        neye,
-        albedo
-    }),
+    layout!(Push { frame, first_pixel, first_sample, path_count, bounce, arg0, arg1 }),
+    layout!(AovTargets { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo }),
+    layout!(AovClear { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo }),
     layout!(Frame {
         root_nodes,
         root_instances,
@@ -132,49 +106,14 @@ pub const LAYOUTS: &[StructLayout] = &[
         reserved
     }),
     layout!(GpuNode { min, max, child, count }),
-    layout!(GpuTriangle {
-        v0,
-        face,
-        v1,
-        pad1,
-        v2,
-        pad2
-    }),
-    layout!(GpuInstance {
-        object_from_parent,
-        target,
-        prim_id,
-        index_in_prototype,
-        prototype_count
-    }),
-    layout!(GpuMesh {
-        nodes,
-        triangles,
-        corner_indices,
-        normals,
-        colors,
-        opacities,
-        flags,
-        triangle_count
-    }),
+    layout!(GpuTriangle { v0, face, v1, pad1, v2, pad2 }),
+    layout!(GpuInstance { object_from_parent, target, prim_id, index_in_prototype, prototype_count }),
+    layout!(GpuMesh { nodes, triangles, corner_indices, normals, colors, opacities, flags, triangle_count }),
     layout!(GpuAssembly { nodes, instances }),
-    layout!(GpuLight {
-        direction,
-        one_minus_cos,
-        radiance,
-        probability,
-        cumulative
-    }),
+    layout!(GpuLight { direction, one_minus_cos, radiance, probability, cumulative }),
     layout!(Ray { o, path, d, t_max }),
     layout!(PathState { throughput, pdf }),
-    layout!(ShadowRay {
-        o,
-        path,
-        d,
-        t_max,
-        contribution,
-        pad
-    }),
+    layout!(ShadowRay { o, path, d, t_max, contribution, pad }),
     layout!(IndirectArgs { x, y, z }),
     layout!(Counters {
         closest_rays,
@@ -191,12 +130,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         escaped_args,
         shadow_args
     }),
-    layout!(FilmPixel {
-        sum,
-        compensation,
-        m2,
-        samples
-    }),
+    layout!(FilmPixel { sum, compensation, m2, samples }),
     layout!(LbvhBounds { min, max }),
     layout!(LbvhPush {
         bounds,

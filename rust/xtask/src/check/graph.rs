@@ -26,11 +26,7 @@ const ARROWS: &[(&str, &[&str])] = &[
 const TEST_ARROWS: &[&str] = &["oocpt-judge", "oocpt-shader-abi"];
 
 /// Outside crates that only one of ours may name.
-const CONFINED: &[(&str, &str)] = &[
-    ("ash", "oocpt-gpu"),
-    ("cxx", "oocpt-bridge"),
-    ("offset-allocator", "oocpt-gpu"),
-];
+const CONFINED: &[(&str, &str)] = &[("ash", "oocpt-gpu"), ("cxx", "oocpt-bridge"), ("offset-allocator", "oocpt-gpu")];
 
 pub(super) fn check(places: &Places) -> Result<()> {
     let metadata = capture(cargo(places, "metadata").args(["--no-deps", "--format-version", "1"]))?;
@@ -44,9 +40,7 @@ pub(super) fn check(places: &Places) -> Result<()> {
 
 /// One line per arrow that the design does not have.
 fn violations(metadata: &Value) -> Result<Vec<String>> {
-    let packages = metadata["packages"]
-        .as_array()
-        .context("cargo metadata lists no packages")?;
+    let packages = metadata["packages"].as_array().context("cargo metadata lists no packages")?;
     let ours: BTreeSet<&str> = packages.iter().filter_map(|package| package["name"].as_str()).collect();
     let mut found = Vec::new();
     for package in packages {
@@ -78,10 +72,7 @@ mod tests {
     use super::*;
 
     fn package(name: &str, dependencies: &[(&str, Value)]) -> Value {
-        let listed: Vec<Value> = dependencies
-            .iter()
-            .map(|(used, kind)| json!({"name": used, "kind": kind}))
-            .collect();
+        let listed: Vec<Value> = dependencies.iter().map(|(used, kind)| json!({"name": used, "kind": kind})).collect();
         json!({"name": name, "dependencies": listed})
     }
 
@@ -91,11 +82,7 @@ mod tests {
 
     #[test]
     fn the_design_passes() {
-        let render = [
-            ("oocpt-core", Value::Null),
-            ("oocpt-gpu", Value::Null),
-            ("glam", Value::Null),
-        ];
+        let render = [("oocpt-core", Value::Null), ("oocpt-gpu", Value::Null), ("glam", Value::Null)];
         let gpu = [("ash", Value::Null), ("oocpt-shader-abi", json!("dev"))];
         let packages = vec![
             package("oocpt-core", &[]),

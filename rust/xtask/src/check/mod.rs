@@ -67,9 +67,7 @@ fn clippy(places: &Places) -> Result<()> {
 
 fn documentation(places: &Places) -> Result<()> {
     let mut doc = cargo(places, "doc");
-    run(doc
-        .env("RUSTDOCFLAGS", "-Dwarnings")
-        .args(["--quiet", "--workspace", "--no-deps", "--document-private-items"]))
+    run(doc.env("RUSTDOCFLAGS", "-Dwarnings").args(["--quiet", "--workspace", "--no-deps", "--document-private-items"]))
 }
 
 fn clang_format(places: &Places) -> Result<()> {
@@ -77,10 +75,7 @@ fn clang_format(places: &Places) -> Result<()> {
     if files.is_empty() {
         return Ok(());
     }
-    run(Command::new(CLANG_FORMAT)
-        .current_dir(&places.repo)
-        .args(["--dry-run", "-Werror", "--style=file"])
-        .args(files))
+    run(Command::new(CLANG_FORMAT).current_dir(&places.repo).args(["--dry-run", "-Werror", "--style=file"]).args(files))
 }
 
 fn is_cpp(file: &str) -> bool {
@@ -91,8 +86,7 @@ fn is_cpp(file: &str) -> bool {
 /// Files of the clone that git knows or would take, with forward slashes, relative to the root.
 fn tracked_files(places: &Places) -> Result<Vec<String>> {
     let mut git = Command::new("git");
-    git.current_dir(&places.repo)
-        .args(["ls-files", "-z", "--cached", "--others", "--exclude-standard"]);
+    git.current_dir(&places.repo).args(["ls-files", "-z", "--cached", "--others", "--exclude-standard"]);
     let listed = capture(&mut git).context("the checks need a git clone")?;
     let mut files: Vec<String> = listed.split_terminator('\0').map(str::to_owned).collect();
     files.sort();

@@ -15,20 +15,10 @@ const LONG: usize = 400;
 const TOO_LONG: usize = 450;
 
 /// Words that may not stand alone; one with an issue number behind it (`WORD(#12)`) may. Written in halves so that this file passes.
-const UNFINISHED: &[&str] = &[
-    concat!("TO", "DO"),
-    concat!("FIX", "ME"),
-    concat!("XX", "X"),
-    concat!("HA", "CK"),
-];
+const UNFINISHED: &[&str] = &[concat!("TO", "DO"), concat!("FIX", "ME"), concat!("XX", "X"), concat!("HA", "CK")];
 
 /// Where unsafe code lives: the Vulkan crate and the bridge's side of the C++ boundary.
-const UNSAFE_HOMES: &[&str] = &[
-    "rust/gpu/",
-    "rust/bridge/src/ffi",
-    "rust/bridge/src/held",
-    "rust/bridge/src/lib.rs",
-];
+const UNSAFE_HOMES: &[&str] = &["rust/gpu/", "rust/bridge/src/ffi", "rust/bridge/src/held", "rust/bridge/src/lib.rs"];
 
 /// Extensions of files that are read by people and compilers.
 const SOURCES: &[&str] = &["rs", "h", "cpp", "comp", "glsl", "py", "sh", "txt", "toml", "cmake"];
@@ -41,10 +31,7 @@ pub(super) fn check(places: &Places) -> Result<()> {
             continue;
         };
         if text.lines().count() > LONG && is_source(&file) {
-            say(format_args!(
-                "check: {file} has {} lines (more than {LONG})",
-                text.lines().count()
-            ));
+            say(format_args!("check: {file} has {} lines (more than {LONG})", text.lines().count()));
         }
         findings.extend(findings_in(&file, &text));
     }
@@ -67,10 +54,7 @@ fn is_source(file: &str) -> bool {
 fn findings_in(file: &str, text: &str) -> Vec<String> {
     let mut findings = Vec::new();
     if is_source(file) {
-        let has_licence = text
-            .lines()
-            .take(2)
-            .any(|line| line.contains("SPDX-License-Identifier: Apache-2.0"));
+        let has_licence = text.lines().take(2).any(|line| line.contains("SPDX-License-Identifier: Apache-2.0"));
         if !has_licence && matches!(extension(file), "rs" | "h" | "cpp" | "comp" | "glsl" | "py") {
             findings.push(format!("{file}:1: no SPDX-License-Identifier"));
         }
@@ -137,20 +121,9 @@ mod tests {
     #[test]
     fn unfinished_words_need_an_issue() {
         for word in UNFINISHED {
-            assert!(
-                first_finding("cpp/a.h", &format!("// {word}: later")).is_some(),
-                "{word} alone"
-            );
-            assert_eq!(
-                first_finding("cpp/a.h", &format!("// {word}(#7): later")),
-                None,
-                "{word} with an issue"
-            );
-            assert_eq!(
-                first_finding("cpp/a.h", &format!("int {word}_COUNT;")),
-                None,
-                "{word} inside a name"
-            );
+            assert!(first_finding("cpp/a.h", &format!("// {word}: later")).is_some(), "{word} alone");
+            assert_eq!(first_finding("cpp/a.h", &format!("// {word}(#7): later")), None, "{word} with an issue");
+            assert_eq!(first_finding("cpp/a.h", &format!("int {word}_COUNT;")), None, "{word} inside a name");
         }
     }
 
@@ -159,49 +132,22 @@ mod tests {
         let block = concat!("let x = un", "safe { y };");
         assert!(first_finding("rust/core/src/a.rs", block).is_some(), "in core");
         assert_eq!(first_finding("rust/gpu/src/a.rs", block), None, "in gpu");
-        assert_eq!(
-            first_finding("rust/core/src/a.rs", "#![forbid(unsafe_code)]"),
-            None,
-            "the lint's name"
-        );
-        assert_eq!(
-            first_finding("rust/core/src/a.rs", &format!("// {block}")),
-            None,
-            "a comment"
-        );
+        assert_eq!(first_finding("rust/core/src/a.rs", "#![forbid(unsafe_code)]"), None, "the lint's name");
+        assert_eq!(first_finding("rust/core/src/a.rs", &format!("// {block}")), None, "a comment");
     }
 
     #[test]
     fn machine_paths_are_found() {
         let root = concat!("/ro", "ot/x");
-        assert!(
-            first_finding("plugin/a.py", &format!("open('{root}')")).is_some(),
-            "absolute"
-        );
-        assert_eq!(
-            first_finding("plugin/a.py", &format!("${{repo}}{root}")),
-            None,
-            "below a variable"
-        );
+        assert!(first_finding("plugin/a.py", &format!("open('{root}')")).is_some(), "absolute");
+        assert_eq!(first_finding("plugin/a.py", &format!("${{repo}}{root}")), None, "below a variable");
     }
 
     #[test]
     fn length_and_licence() {
-        assert_eq!(
-            findings_in("rust/a.rs", "//! x\n"),
-            ["rust/a.rs:1: no SPDX-License-Identifier"],
-            "licence"
-        );
+        assert_eq!(findings_in("rust/a.rs", "//! x\n"), ["rust/a.rs:1: no SPDX-License-Identifier"], "licence");
         let long = format!("{LICENCE}{}", "//\n".repeat(TOO_LONG));
-        assert_eq!(
-            findings_in("rust/a.rs", &long),
-            ["rust/a.rs: 451 lines, more than 450"],
-            "length"
-        );
-        assert_eq!(
-            findings_in("Cargo.lock", &"x\n".repeat(2000)),
-            Vec::<String>::new(),
-            "not a source"
-        );
+        assert_eq!(findings_in("rust/a.rs", &long), ["rust/a.rs: 451 lines, more than 450"], "length");
+        assert_eq!(findings_in("Cargo.lock", &"x\n".repeat(2000)), Vec::<String>::new(), "not a source");
     }
 }

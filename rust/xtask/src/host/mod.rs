@@ -111,9 +111,7 @@ fn unpack(places: &Places, interpreter: &Interpreter) -> Result<()> {
 
 fn unpack_wheel(places: &Places, interpreter: &Interpreter, wheel: &Wheel, part: &Path) -> Result<()> {
     let mut unpack = Command::new(&interpreter.program);
-    unpack
-        .args(["-I", "-c", include_str!("unpack_wheel.py")])
-        .arg(places.downloads().join(wheel.file));
+    unpack.args(["-I", "-c", include_str!("unpack_wheel.py")]).arg(places.downloads().join(wheel.file));
     if wheel.role == Role::Runtime {
         unpack.arg(part.join("python")).args(RUNTIME_PREFIXES);
     } else {
@@ -126,10 +124,7 @@ fn unpack_wheel(places: &Places, interpreter: &Interpreter, wheel: &Wheel, part:
 fn link_headers(host: &Path) -> Result<()> {
     for (library, folder) in HEADER_FOLDERS {
         let headers = format!("dev/pxr-{library}/include/pxr/{library}");
-        ensure!(
-            host.join(&headers).is_dir(),
-            "the wheel of pxr-{library}-dev holds no {headers}"
-        );
+        ensure!(host.join(&headers).is_dir(), "the wheel of pxr-{library}-dev holds no {headers}");
         let pxr = host.join("include/pxr");
         fs::create_dir_all(pxr.join(folder)).context("cannot create the include folder")?;
         link(&format!("../../{headers}"), &pxr.join(library))?;
@@ -153,9 +148,7 @@ fn check_imports(places: &Places) -> Result<()> {
     }
     run(Command::new(places.venv_python(HOST_VENV.name)).args(["-I", "-c", check]))
         .context("the wheel host does not load; the message above names what is missing")?;
-    File::create(checked)
-        .map(drop)
-        .context("cannot note that the host imports")
+    File::create(checked).map(drop).context("cannot note that the host imports")
 }
 
 fn is_stamped(folder: &Path, stamp: &str) -> bool {

@@ -32,18 +32,11 @@ pub(crate) struct VenvPlan {
 }
 
 /// Imports the wheel host's `pxr`: runs `usdrecord` and the tests of the plugin.
-pub(crate) const HOST_VENV: VenvPlan = VenvPlan {
-    name: "venv-host",
-    roles: &[Role::Tools],
-    sees_host: true,
-};
+pub(crate) const HOST_VENV: VenvPlan = VenvPlan { name: "venv-host", roles: &[Role::Tools], sees_host: true };
 
 /// Imports usd-core's `pxr`: authors scenes, reads pictures.
-pub(crate) const USD_VENV: VenvPlan = VenvPlan {
-    name: "venv-usd",
-    roles: &[Role::Tools, Role::UsdTools],
-    sees_host: false,
-};
+pub(crate) const USD_VENV: VenvPlan =
+    VenvPlan { name: "venv-usd", roles: &[Role::Tools, Role::UsdTools], sees_host: false };
 
 /// Finds a Python 3.11 that has `venv` and its own headers: `OOCPT_PYTHON`, the system's, then whatever is in `PATH`.
 pub(crate) fn find_interpreter() -> Option<Interpreter> {
@@ -55,12 +48,8 @@ pub(crate) fn find_interpreter() -> Option<Interpreter> {
 fn ask(program: &Path) -> Option<Interpreter> {
     const QUESTION: &str = "import ensurepip, sys, sysconfig, venv; \
         print('%d.%d' % sys.version_info[:2]); print(sys.executable); print(sysconfig.get_path('include'))";
-    let output = Command::new(program)
-        .args(["-I", "-c", QUESTION])
-        .stdin(Stdio::null())
-        .stderr(Stdio::null())
-        .output()
-        .ok()?;
+    let output =
+        Command::new(program).args(["-I", "-c", QUESTION]).stdin(Stdio::null()).stderr(Stdio::null()).output().ok()?;
     let answer = parse_answer(&String::from_utf8(output.stdout).ok()?)?;
     answer.include.join("Python.h").is_file().then_some(answer)
 }
@@ -70,10 +59,7 @@ fn parse_answer(answer: &str) -> Option<Interpreter> {
     if lines.next()? != PYTHON_VERSION {
         return None;
     }
-    Some(Interpreter {
-        program: lines.next()?.into(),
-        include: lines.next()?.into(),
-    })
+    Some(Interpreter { program: lines.next()?.into(), include: lines.next()?.into() })
 }
 
 impl Places {
@@ -98,11 +84,7 @@ pub(super) fn with_pip(places: &Places, interpreter: &Interpreter) -> Result<Pat
 pub(super) fn prepare_venv(places: &Places, interpreter: &Interpreter, plan: &VenvPlan) -> Result<()> {
     let pinned = wheels::with_role(plan.roles);
     let folder = places.cache.join(plan.name);
-    let stamp = format!(
-        "{}\n{}",
-        interpreter.program.display(),
-        wheels::stamp(super::LAYOUT, &pinned)
-    );
+    let stamp = format!("{}\n{}", interpreter.program.display(), wheels::stamp(super::LAYOUT, &pinned));
     if is_stamped(&folder, &stamp) {
         return Ok(());
     }
@@ -111,15 +93,7 @@ pub(super) fn prepare_venv(places: &Places, interpreter: &Interpreter, plan: &Ve
     remove(&folder)?;
     run(Command::new(&interpreter.program).args(["-m", "venv"]).arg(&folder))?;
     let mut pip = Command::new(places.venv_python(plan.name));
-    pip.args([
-        "-m",
-        "pip",
-        "install",
-        "--quiet",
-        "--disable-pip-version-check",
-        "--no-index",
-        "--no-deps",
-    ]);
+    pip.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-index", "--no-deps"]);
     run(pip.args(files))?;
     if plan.sees_host {
         let site = folder.join(format!("lib/python{PYTHON_VERSION}/site-packages/oocpt_host.pth"));
@@ -138,23 +112,13 @@ mod tests {
         let answer = "3.11\n/usr/bin/python3.11\n/usr/include/python3.11\n";
         let found = parse_answer(answer).unwrap();
         assert_eq!(found.include, Path::new("/usr/include/python3.11"), "include folder");
-        assert_eq!(
-            parse_answer(&answer.replace("3.11\n/", "3.12\n/")),
-            None,
-            "another minor version"
-        );
+        assert_eq!(parse_answer(&answer.replace("3.11\n/", "3.12\n/")), None, "another minor version");
         assert_eq!(parse_answer("3.11\n"), None, "a cut answer");
     }
 
     #[test]
     fn the_environments_never_mix_hosts() {
-        assert!(
-            HOST_VENV.sees_host && !HOST_VENV.roles.contains(&Role::UsdTools),
-            "the host has its own pxr"
-        );
-        assert!(
-            !USD_VENV.sees_host && USD_VENV.roles.contains(&Role::UsdTools),
-            "usd-core has its own pxr"
-        );
+        assert!(HOST_VENV.sees_host && !HOST_VENV.roles.contains(&Role::UsdTools), "the host has its own pxr");
+        assert!(!USD_VENV.sees_host && USD_VENV.roles.contains(&Role::UsdTools), "usd-core has its own pxr");
     }
 }

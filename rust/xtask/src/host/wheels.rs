@@ -142,38 +142,16 @@ fn download(python: &Path, downloads: &Path, wheel: &Wheel) -> Result<()> {
     // pip writes the file in place: download beside it and rename, so that an interrupted run leaves no half wheel.
     let part = downloads.join(format!(".part-{}", std::process::id()));
     let mut pip = Command::new(python);
-    pip.args([
-        "-m",
-        "pip",
-        "download",
-        "--quiet",
-        "--disable-pip-version-check",
-        "--no-deps",
-    ]);
-    pip.args([
-        "--only-binary=:all:",
-        "--implementation",
-        "cp",
-        "--python-version",
-        crate::places::PYTHON_VERSION,
-    ]);
-    for platform in [
-        "manylinux_2_28_x86_64",
-        "manylinux_2_27_x86_64",
-        "manylinux_2_17_x86_64",
-        "manylinux2014_x86_64",
-    ] {
+    pip.args(["-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps"]);
+    pip.args(["--only-binary=:all:", "--implementation", "cp", "--python-version", crate::places::PYTHON_VERSION]);
+    for platform in ["manylinux_2_28_x86_64", "manylinux_2_27_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64"]
+    {
         pip.args(["--platform", platform]);
     }
     pip.arg("--dest").arg(&part).arg(wheel.requirement);
     run(&mut pip)?;
     let arrived = part.join(wheel.file);
-    ensure!(
-        arrived.exists(),
-        "pip found another file than {} for {}",
-        wheel.file,
-        wheel.requirement
-    );
+    ensure!(arrived.exists(), "pip found another file than {} for {}", wheel.file, wheel.requirement);
     fs::rename(&arrived, downloads.join(wheel.file)).context("cannot move a finished download")?;
     fs::remove_dir_all(&part).context("cannot remove the download folder")
 }
@@ -181,11 +159,7 @@ fn download(python: &Path, downloads: &Path, wheel: &Wheel) -> Result<()> {
 /// Refuses a file whose bytes are not the pinned ones.
 fn verify(file: &Path, wheel: &Wheel) -> Result<()> {
     let line = capture(Command::new("sha256sum").arg("--binary").arg(file))?;
-    let found = line
-        .split_whitespace()
-        .next()
-        .unwrap_or_default()
-        .trim_start_matches('\\');
+    let found = line.split_whitespace().next().unwrap_or_default().trim_start_matches('\\');
     if found != wheel.sha256 {
         bail!(
             "{} is not the pinned {}: expected sha256 {}, found {found}; delete the file to download it again",
@@ -220,11 +194,7 @@ mod tests {
         fs::write(folder.join(HELLO.file), "hello").unwrap();
         let no_pip = || bail!("with the file present nothing may be downloaded");
         let files = fetch(no_pip, &folder, &[&HELLO]).unwrap();
-        assert_eq!(
-            files,
-            [folder.join("hello.whl")],
-            "a file with the pinned bytes is taken"
-        );
+        assert_eq!(files, [folder.join("hello.whl")], "a file with the pinned bytes is taken");
         fs::write(folder.join(HELLO.file), "hellp").unwrap();
         let message = fetch(no_pip, &folder, &[&HELLO]).unwrap_err().to_string();
         assert!(message.contains("is not the pinned hello==1"), "{message}");
@@ -234,13 +204,8 @@ mod tests {
     #[test]
     fn an_absent_wheel_is_asked_of_pip() {
         let folder = scratch("absent");
-        let message = fetch(|| Ok("false".into()), &folder, &[&HELLO])
-            .unwrap_err()
-            .to_string();
-        assert!(
-            message.contains("pip download") && message.contains("hello==1"),
-            "{message}"
-        );
+        let message = fetch(|| Ok("false".into()), &folder, &[&HELLO]).unwrap_err().to_string();
+        assert!(message.contains("pip download") && message.contains("hello==1"), "{message}");
         fs::remove_dir_all(folder).unwrap();
     }
 
@@ -255,14 +220,8 @@ mod tests {
     #[test]
     fn every_pin_is_well_formed() {
         for wheel in WHEELS {
-            assert!(
-                wheel.sha256.len() == 64 && wheel.sha256.bytes().all(|b| b.is_ascii_hexdigit()),
-                "{wheel:?}"
-            );
-            assert!(
-                wheel.file.ends_with(".whl") && wheel.requirement.contains("=="),
-                "{wheel:?}"
-            );
+            assert!(wheel.sha256.len() == 64 && wheel.sha256.bytes().all(|b| b.is_ascii_hexdigit()), "{wheel:?}");
+            assert!(wheel.file.ends_with(".whl") && wheel.requirement.contains("=="), "{wheel:?}");
         }
     }
 }

@@ -26,12 +26,7 @@ pub(super) fn is_there() -> bool {
 /// If apt-get fails with fresh lists.
 pub(super) fn install(packages: &[&str], options: &[&str]) -> Result<()> {
     say(format_args!("installing {}", packages.join(" ")));
-    let attempt = || {
-        run(apt_get()
-            .args(["install", "--yes", "--no-install-recommends"])
-            .args(options)
-            .args(packages))
-    };
+    let attempt = || run(apt_get().args(["install", "--yes", "--no-install-recommends"]).args(options).args(packages));
     if attempt().is_ok() {
         return Ok(());
     }
@@ -42,8 +37,7 @@ pub(super) fn install(packages: &[&str], options: &[&str]) -> Result<()> {
 
 fn apt_get() -> Command {
     let mut apt = Command::new("apt-get");
-    apt.env("DEBIAN_FRONTEND", "noninteractive")
-        .args(["-q", "-o", "DPkg::Lock::Timeout=300"]);
+    apt.env("DEBIAN_FRONTEND", "noninteractive").args(["-q", "-o", "DPkg::Lock::Timeout=300"]);
     apt
 }
 
@@ -64,29 +58,19 @@ pub(super) fn install_backported_mesa() -> Result<()> {
     if !lists.iter().any(|list| sources::mirror_of(list, &suite).is_some()) {
         let mirror = lists.iter().find_map(|list| sources::mirror_of(list, codename));
         let mirror = mirror.with_context(|| format!("no apt source of this machine serves {codename}"))?;
-        fs::write(
-            "/etc/apt/sources.list.d/oocpt-backports.list",
-            format!("deb {mirror} {suite} main\n"),
-        )
-        .context("cannot add the backports to apt's sources")?;
+        fs::write("/etc/apt/sources.list.d/oocpt-backports.list", format!("deb {mirror} {suite} main\n"))
+            .context("cannot add the backports to apt's sources")?;
         run(apt_get().arg("update"))?;
     }
     install(&["mesa-vulkan-drivers"], &["-t", &suite])
 }
 
 fn codename(os_release: &str) -> Option<&str> {
-    os_release
-        .lines()
-        .find_map(|line| line.strip_prefix("VERSION_CODENAME="))
-        .map(|name| name.trim_matches('"'))
+    os_release.lines().find_map(|line| line.strip_prefix("VERSION_CODENAME=")).map(|name| name.trim_matches('"'))
 }
 
 fn source_lists() -> Vec<String> {
-    let parts = fs::read_dir("/etc/apt/sources.list.d")
-        .into_iter()
-        .flatten()
-        .flatten()
-        .map(|entry| entry.path());
+    let parts = fs::read_dir("/etc/apt/sources.list.d").into_iter().flatten().flatten().map(|entry| entry.path());
     let mut files: Vec<PathBuf> = parts.collect();
     files.sort();
     files.insert(0, PathBuf::from("/etc/apt/sources.list"));
@@ -99,11 +83,7 @@ mod tests {
 
     #[test]
     fn the_release_is_read_off_the_machine() {
-        assert_eq!(
-            codename("NAME=\"Debian\"\nVERSION_CODENAME=bookworm\n"),
-            Some("bookworm"),
-            "plain"
-        );
+        assert_eq!(codename("NAME=\"Debian\"\nVERSION_CODENAME=bookworm\n"), Some("bookworm"), "plain");
         assert_eq!(codename("VERSION_CODENAME=\"noble\"\n"), Some("noble"), "quoted");
         assert_eq!(codename("NAME=Arch\n"), None, "rolling release");
     }

@@ -40,10 +40,7 @@ const NEEDS: &[(Probe, &str)] = &[
     (Probe::Python, "python3-dev"),
     (Probe::Python, "python3-venv"),
     (Probe::Library("libvulkan.so.1"), "libvulkan1"),
-    (
-        Probe::Vulkan("explicit_layer.d", "VkLayer_khronos_validation"),
-        "vulkan-validationlayers",
-    ),
+    (Probe::Vulkan("explicit_layer.d", "VkLayer_khronos_validation"), "vulkan-validationlayers"),
     (Probe::Vulkan("icd.d", ""), "mesa-vulkan-drivers"),
     (Probe::Library("libGL.so.1"), "libgl1"),
     (Probe::Library("libX11.so.6"), "libx11-6"),
@@ -76,10 +73,7 @@ pub(crate) fn prepare(purpose: For) -> Result<()> {
     let missing = missing_packages(&needs);
     if !missing.is_empty() {
         if !apt::is_root() || !apt::is_there() {
-            bail!(
-                "not root, so please install: sudo apt-get install {}",
-                missing.join(" ")
-            );
+            bail!("not root, so please install: sudo apt-get install {}", missing.join(" "));
         }
         apt::install(&missing, &[])?;
         let still = missing_packages(&needs);
@@ -101,20 +95,16 @@ pub(crate) fn prepare(purpose: For) -> Result<()> {
 
 fn missing_packages(needs: &[(Probe, &'static str)]) -> Vec<&'static str> {
     let libraries = loader_cache();
-    needs
-        .iter()
-        .filter(|(probe, _)| !is_met(*probe, &libraries))
-        .map(|(_, package)| *package)
-        .collect()
+    needs.iter().filter(|(probe, _)| !is_met(*probe, &libraries)).map(|(_, package)| *package).collect()
 }
 
 fn is_met(probe: Probe, libraries: &str) -> bool {
     match probe {
         Probe::Program(name) => find_program(name).is_some(),
         Probe::Library(soname) => libraries.contains(soname),
-        Probe::Header(header) => ["/usr/include", "/usr/local/include"]
-            .iter()
-            .any(|root| Path::new(root).join(header).is_file()),
+        Probe::Header(header) => {
+            ["/usr/include", "/usr/local/include"].iter().any(|root| Path::new(root).join(header).is_file())
+        }
         Probe::Vulkan(folder, prefix) => has_vulkan_manifest(folder, prefix),
         Probe::Python => host::find_interpreter().is_some(),
     }
@@ -123,36 +113,23 @@ fn is_met(probe: Probe, libraries: &str) -> bool {
 /// The first `name` in `PATH`.
 pub(crate) fn find_program(name: &str) -> Option<PathBuf> {
     let path = env::var_os("PATH")?;
-    env::split_paths(&path)
-        .map(|folder| folder.join(name))
-        .find(|program| program.is_file())
+    env::split_paths(&path).map(|folder| folder.join(name)).find(|program| program.is_file())
 }
 
 fn loader_cache() -> String {
     // ldconfig is not in the PATH of ordinary users.
     let programs = ["ldconfig", "/sbin/ldconfig", "/usr/sbin/ldconfig"];
-    let listed = programs
-        .iter()
-        .find_map(|program| Command::new(program).arg("-p").output().ok());
-    listed
-        .map(|output| String::from_utf8_lossy(&output.stdout).into_owned())
-        .unwrap_or_default()
+    let listed = programs.iter().find_map(|program| Command::new(program).arg("-p").output().ok());
+    listed.map(|output| String::from_utf8_lossy(&output.stdout).into_owned()).unwrap_or_default()
 }
 
 fn has_vulkan_manifest(folder: &str, prefix: &str) -> bool {
-    if folder == "icd.d"
-        && ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"]
-            .iter()
-            .any(|name| env::var_os(name).is_some())
-    {
+    if folder == "icd.d" && ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].iter().any(|name| env::var_os(name).is_some()) {
         return true;
     }
     let roots = ["/usr/share/vulkan", "/usr/local/share/vulkan", "/etc/vulkan"].map(PathBuf::from);
     let user = env::var_os("HOME").map(|home| Path::new(&home).join(".local/share/vulkan"));
-    let listed = roots
-        .into_iter()
-        .chain(user)
-        .filter_map(|root| fs::read_dir(root.join(folder)).ok());
+    let listed = roots.into_iter().chain(user).filter_map(|root| fs::read_dir(root.join(folder)).ok());
     listed.flatten().flatten().any(|entry| {
         let name = entry.file_name();
         let name = name.to_string_lossy();
@@ -174,10 +151,6 @@ mod tests {
             (Probe::Vulkan("no-such.d", ""), "absent-driver"),
         ];
         let missing = missing_packages(&needs);
-        assert_eq!(
-            missing,
-            ["absent-tool", "absent-library", "absent-header", "absent-driver"],
-            "sh is everywhere"
-        );
+        assert_eq!(missing, ["absent-tool", "absent-library", "absent-header", "absent-driver"], "sh is everywhere");
     }
 }

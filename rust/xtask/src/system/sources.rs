@@ -24,9 +24,7 @@ fn one_line_mirror(list: &str, suite: &str) -> Option<String> {
 fn deb822_mirror(list: &str, suite: &str) -> Option<String> {
     let lines: Vec<&str> = list.lines().filter(|line| !line.starts_with('#')).collect();
     lines.split(|line| line.trim().is_empty()).find_map(|stanza| {
-        let enabled = !field(stanza, "Enabled")
-            .iter()
-            .any(|word| word.eq_ignore_ascii_case("no"));
+        let enabled = !field(stanza, "Enabled").iter().any(|word| word.eq_ignore_ascii_case("no"));
         let serves = |name: &str, word: &str| field(stanza, name).contains(&word);
         if enabled && serves("Types", "deb") && serves("Suites", suite) && serves("Components", "main") {
             field(stanza, "URIs").first().map(|uri| (*uri).to_owned())
@@ -37,24 +35,13 @@ fn deb822_mirror(list: &str, suite: &str) -> Option<String> {
 }
 
 fn field<'list>(stanza: &[&'list str], name: &str) -> Vec<&'list str> {
-    let is_field = |line: &&&str| {
-        line.split_once(':')
-            .is_some_and(|(key, _)| key.trim().eq_ignore_ascii_case(name))
-    };
+    let is_field = |line: &&&str| line.split_once(':').is_some_and(|(key, _)| key.trim().eq_ignore_ascii_case(name));
     let Some(start) = stanza.iter().position(|line| is_field(&line)) else {
         return Vec::new();
     };
-    let first = stanza[start]
-        .split_once(':')
-        .map(|(_, words)| words)
-        .unwrap_or_default();
-    let continued = stanza[start + 1..]
-        .iter()
-        .take_while(|line| line.starts_with([' ', '\t']));
-    std::iter::once(first)
-        .chain(continued.copied())
-        .flat_map(str::split_whitespace)
-        .collect()
+    let first = stanza[start].split_once(':').map(|(_, words)| words).unwrap_or_default();
+    let continued = stanza[start + 1..].iter().take_while(|line| line.starts_with([' ', '\t']));
+    std::iter::once(first).chain(continued.copied()).flat_map(str::split_whitespace).collect()
 }
 
 #[cfg(test)]
@@ -66,17 +53,9 @@ mod tests {
         let list = "# deb http://old/debian bookworm main\n\
                     deb http://security/debian bookworm-security main\n\
                     deb [arch=amd64 signed-by=/k.gpg] http://mirror/debian bookworm main contrib # ours\n";
-        assert_eq!(
-            mirror_of(list, "bookworm").as_deref(),
-            Some("http://mirror/debian"),
-            "options are skipped"
-        );
+        assert_eq!(mirror_of(list, "bookworm").as_deref(), Some("http://mirror/debian"), "options are skipped");
         assert_eq!(mirror_of(list, "bookworm-backports"), None, "no such suite");
-        assert_eq!(
-            mirror_of("deb http://m/debian bookworm contrib", "bookworm"),
-            None,
-            "not main"
-        );
+        assert_eq!(mirror_of("deb http://m/debian bookworm contrib", "bookworm"), None, "not main");
     }
 
     #[test]
@@ -84,16 +63,8 @@ mod tests {
         let list = "Types: deb deb-src\n# URIs: http://commented/debian\nURIs: http://mirror/debian\n\
                     Suites: bookworm\n bookworm-updates\nComponents: main\n\n\
                     Types: deb\nURIs: http://off/debian\nSuites: trixie\nComponents: main\nEnabled: no\n";
-        assert_eq!(
-            mirror_of(list, "bookworm").as_deref(),
-            Some("http://mirror/debian"),
-            "first stanza"
-        );
-        assert_eq!(
-            mirror_of(list, "bookworm-updates").as_deref(),
-            Some("http://mirror/debian"),
-            "continued field"
-        );
+        assert_eq!(mirror_of(list, "bookworm").as_deref(), Some("http://mirror/debian"), "first stanza");
+        assert_eq!(mirror_of(list, "bookworm-updates").as_deref(), Some("http://mirror/debian"), "continued field");
         assert_eq!(mirror_of(list, "trixie"), None, "a disabled stanza does not count");
         assert_eq!(mirror_of("", "bookworm"), None, "an empty file");
     }
