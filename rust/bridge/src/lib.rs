@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The boundary between the Hydra shim (C++) and the renderer (Rust); the only `#[cxx::bridge]` of the project.
 //!
-//! Guarantees: no panic leaves it (every function goes through [`guard`] and returns `Result`, which C++ sees as
+//! Guarantees: no panic leaves it (every function goes through `guard` and returns `Result`, which C++ sees as
 //! `rust::Error`); arrays are read where USD holds them, never copied; matrices arrive as Gf's row-vector data, which read
 //! column by column are the column-vector matrices of the core.
 //!
