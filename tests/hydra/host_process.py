@@ -29,6 +29,8 @@ class Viewer:
     def __init__(self, stage: Usd.Stage, size, camera: str, aovs: list[str], settings: dict, purposes: list[str]) -> None:
         # The camera is a path, or a pair of matrices: view and projection.
         self.stage, self.size, self.camera, self.aovs = stage, tuple(size), camera, list(aovs)
+        # A CameraUtil.Framing, if the picture is not the whole view.
+        self.framing = None
         parameters = UsdImagingGL.Engine.Parameters()
         parameters.gpuEnabled = False
         parameters.rendererPluginId = RENDERER
@@ -49,7 +51,7 @@ class Viewer:
     def prepare(self) -> None:
         width, height = self.size
         self.engine.SetRenderBufferSize(Gf.Vec2i(width, height))
-        self.engine.SetFraming(CameraUtil.Framing(Gf.Rect2i(Gf.Vec2i(0, 0), width, height)))
+        self.engine.SetFraming(self.framing or CameraUtil.Framing(Gf.Rect2i(Gf.Vec2i(0, 0), width, height)))
         if isinstance(self.camera, str):
             self.engine.SetCameraPath(Sdf.Path(self.camera))
         else:
@@ -121,14 +123,14 @@ class Commands:
     def stats(self, viewer):
         return self._viewers[viewer].stats()
 
-    def record(self, stage, out, camera="/World/Camera", width=32, purposes=("default", "proxy"), render_settings=None, dome_visible=True):
+    def record(self, stage, out, camera="/World/Camera", width=32, purposes=("default", "proxy"), render_settings=None, dome_visible=True, camera_light=False):
         """One frame by UsdAppUtils.FrameRecorder, the core of usdrecord."""
         recorder = UsdAppUtils.FrameRecorder(RENDERER, False)
         recorder.SetImageWidth(width)
         recorder.SetComplexity(1.0)
         recorder.SetColorCorrectionMode("disabled")
         recorder.SetIncludedPurposes(list(purposes))
-        recorder.SetCameraLightEnabled(False)
+        recorder.SetCameraLightEnabled(camera_light)
         recorder.SetDomeLightVisibility(dome_visible)
         opened = Usd.Stage.Open(stage)
         if render_settings:

@@ -91,6 +91,59 @@ def test_free_camera_without_prim(host):
         assert (by_state["primId"][clear] == by_prim["primId"][clear]).all(), "primId"
 
 
+@pytest.mark.parametrize("data", [(0, 0, 40, 40), (6, 12, 26, 30), (17, 3, 40, 22)], ids=["all", "crop", "corner"])
+@pytest.mark.parametrize("display", [(0, 0, 40, 40), (-8, -4, 48, 52)], ids=["view", "larger_view"])
+def test_framing(host, display, data):
+    """The camera's view lands on the display window, the pixels of the data window are rendered, the rest of the buffer is clear.
+    Windows count in pixels of the buffer, y down, as CameraUtilFraming defines them."""
+    stage, full = small.build(small.cameras), 40
+    left, top, right, bottom = display
+    whole = reference.first_hits(stage, "/World/Offset", right - left, bottom - top)
+    cut = np.s_[bottom - full : bottom, -left : full - left]
+    item, face, depth, unclear = (plane[cut] for plane in (whole.item, whole.face, whole.camera_depth, whole.unclear))
+    x0, y0, x1, y1 = data
+    rendered = np.zeros((full, full), dtype=bool)
+    rendered[full - y1 : full - y0, x0:x1] = True
+    with host.open(stage, (full, full), camera="/World/Offset", aovs=AOVS, settings=QUICK) as view:
+        view.edit(
+            f"view.framing = CameraUtil.Framing(Gf.Range2f(Gf.Vec2f({left}, {top}), Gf.Vec2f({right}, {bottom})),"
+            f" Gf.Rect2i(Gf.Vec2i({x0}, {y0}), Gf.Vec2i({x1 - 1}, {y1 - 1})))"
+        )
+        picture = view.render()
+    clear = compare.clear_pixels(unclear, "framing") & rendered
+    assert (item[clear] >= 0).any() and (item[clear] < 0).any()
+    assert ((picture["primId"] >= 0) == (item >= 0))[clear].all(), "outline"
+    compare.near(picture["cameraDepth"][clear], depth[clear], 3e-5, "cameraDepth")
+    assert (picture["elementId"] == np.where(item >= 0, face, -1))[clear].all(), "elementId"
+    for aov, value in (("primId", -1), ("depth", 1.0), ("cameraDepth", 0.0), ("color", 0.0)):
+        assert (picture[aov][~rendered] == value).all(), f"{aov} outside the data window"
+
+
+def test_depth_of_field_blurs_by_the_circle_of_confusion(host):
+    """The edge of a half plane at twice the focus distance: coverage across it is that of a disk of the known radius."""
+    distance, focus, lens_radius = 8.0, 4.0, 1.0
+
+    def edge(stage):
+        """A half plane and a lens."""
+        half = small.quad(stage, "/World/Half", 40.0)
+        half.AddTranslateOp().Set((-20.0, 0.0, -distance))
+        lens = small.camera(stage, "/World/Camera", (0, 0, 0), (0, 0, -1))
+        # Focal length 30 tenths of a unit; diameter of the lens = focal length / f-number.
+        lens.CreateFStopAttr(3.0 / (2.0 * lens_radius))
+        lens.CreateFocusDistanceAttr(focus)
+
+    settings = {"oocpt:samplesPerPixel": 256, "oocpt:maxBounces": 0}
+    picture = host.picture(small.build(edge), (32, 8), settings=settings)
+    profile = picture["color"][..., 3].astype(np.float64).mean(axis=0)
+    radius = lens_radius * (distance - focus) / focus
+    # 24 / 30 * 8 = 6.4 units high at the plane, 8 pixels; square pixels.
+    x = (np.arange(32) + 0.5 - 16) * 6.4 / 8 / radius
+    fine = (x[:, None] + np.linspace(-0.5, 0.5, 65) * 0.8 / radius).clip(-1, 1)
+    covered = 0.5 - (fine * np.sqrt(1 - fine * fine) + np.arcsin(fine)) / np.pi
+    compare.near(profile, covered.mean(axis=1), 0.02, "coverage across the edge")
+    assert 0.01 < profile[15] < 0.99, "the edge must be blurred"
+
+
 @pytest.mark.parametrize("extra", [(), ("guide",), ("proxy",), ("render",), ("guide", "render")])
 def test_visibility_and_purposes(host, extra):
     stage = small.build(small.visibility)

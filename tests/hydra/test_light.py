@@ -98,3 +98,20 @@ def test_subdivision_surfaces_shade_smoothly_and_polygon_meshes_flat(host):
     centre = np.array([-1.2, 0, 0])
     points = (rays.origins + rays.directions * hits.camera_depth.reshape(-1, 1)).reshape(40, 40, 3)[on_smooth] - centre
     compare.near(picture["normal"][on_smooth], points / np.linalg.norm(points, axis=-1, keepdims=True), 1e-4, "smooth normals")
+
+
+def test_camera_light_shows_a_scene_without_lights(host, tmp_path):
+    """FrameRecorder's light at the camera: a square seen straight on is lit, and without the light it is black."""
+    import exr
+
+    scene = tmp_path / "dark.usda"
+    stage = small.build(lambda stage: (small.quad(stage, "/World/Square", 2.0), small.camera(stage, "/World/Camera", (0, 0, 3), (0, 0, 0))), doc="dark")
+    stage.GetRootLayer().Export(str(scene))
+    pictures = []
+    for on in (True, False):
+        out = tmp_path / f"{on}.exr"
+        host.call("record", stage=str(scene), out=str(out), width=16, camera_light=on)
+        pictures.append(exr.read(out))
+    lit, dark = pictures
+    assert lit[8, 8, :3].min() > 0.05, f"camera light gives {lit[8, 8]}"
+    compare.near(dark[8, 8], [0, 0, 0, 1], 0.0, "no light at all")

@@ -487,13 +487,13 @@ SCENES = [
 ]  # fmt: skip
 
 
-def build(scene) -> Usd.Stage:
-    """The scene on a new in-memory stage."""
+def build(scene, doc: str = "") -> Usd.Stage:
+    """The scene on a new in-memory stage; `doc` is the layer's comment, the scene's docstring by default."""
     stage = Usd.Stage.CreateInMemory(f"{scene.__name__}.usda")
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
-    stage.GetRootLayer().comment = " ".join(scene.__doc__.split())
+    stage.GetRootLayer().comment = " ".join((doc or scene.__doc__).split())
     scene(stage)
     return stage
 
