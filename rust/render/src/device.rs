@@ -5,7 +5,7 @@
 //! the passes again for each would cost seconds. Its budget is that of the last session that set one.
 
 use crate::error::RenderError;
-use crate::session::lock;
+use crate::sync::lock;
 use oocpt_gpu::{Gpu, GpuError, Heap, OpenOptions, Pipeline};
 use oocpt_shader_abi::{LbvhPush, Module, Push};
 use rustc_hash::FxHashMap;

@@ -4,7 +4,7 @@
 use crate::aov::{AovKind, AovRequest};
 use crate::publish::Published;
 use crate::request::RenderRequest;
-use crate::session::lock;
+use crate::sync::lock;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{Counters, FilmPixel, Frame};
 use std::sync::{Arc, Mutex};

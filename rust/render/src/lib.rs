@@ -19,6 +19,7 @@ mod scene;
 mod schedule;
 mod session;
 mod specialise;
+mod sync;
 mod thread;
 mod timings;
 mod wavefront;

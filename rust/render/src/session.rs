@@ -18,6 +18,7 @@ use crate::aov::AovKind;
 use crate::error::RenderError;
 use crate::publish::Published;
 use crate::request::{Message, RenderRequest, Severity};
+use crate::sync::lock;
 use crate::thread;
 use crate::timings::Timings;
 use oocpt_core::scene::{SceneDb, Snapshot};
@@ -77,11 +78,6 @@ pub(crate) struct Shared {
     pub(crate) timings: Mutex<Timings>,
     pub(crate) device: Mutex<Option<DeviceReport>>,
     messages: Mutex<Vec<Message>>,
-}
-
-/// Locks a mutex; a panic elsewhere while it was held leaves plain data behind, which stays usable.
-pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Shared {

@@ -7,7 +7,7 @@
 use super::uploader::Uploader;
 use crate::device::{Device, Specialisation};
 use crate::error::RenderError;
-use crate::session::lock;
+use crate::sync::lock;
 use oocpt_core::scene::{Assembly, InstanceFlags, InstanceRecord, Target};
 use oocpt_gpu::{Commands, HeapRange};
 use oocpt_shader_abi::{
