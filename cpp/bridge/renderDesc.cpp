@@ -46,14 +46,11 @@ void _FillCamera(const HdOocPTRenderRequest& request, const HdOocPTLens& lens, o
     desc->lens_radius = lens.radius;
     desc->focus_distance = lens.focusDistance;
     desc->data_window = { 0, 0, request.width, request.height };
-    const bool hasFraming = !request.dataWindow.IsEmpty() && !request.displayWindow.IsEmpty();
-    if (hasFraming) {
-        const GfVec2f& low = request.displayWindow.GetMin();
-        const GfVec2f& high = request.displayWindow.GetMax();
-        desc->display_window = { low[0], low[1], high[0], high[1] };
-    } else {
-        desc->display_window = { 0.0f, 0.0f, static_cast<float>(request.width), static_cast<float>(request.height) };
-    }
+    // Hydra has applied the framing to the projection: its [-1, 1] square lands on the data window.
+    const GfRect2i window
+        = request.dataWindow.IsEmpty() ? GfRect2i(GfVec2i(0, 0), request.width, request.height) : request.dataWindow;
+    desc->display_window = { static_cast<float>(window.GetMinX()), static_cast<float>(window.GetMinY()),
+        static_cast<float>(window.GetMaxX()) + 1.0f, static_cast<float>(window.GetMaxY()) + 1.0f };
 }
 
 /// One pixel's clear value as the bytes of the AOV's format.

@@ -3,7 +3,6 @@
 #define HDOOCPT_BRIDGE_SESSION_H
 
 #include "pxr/base/gf/matrix4d.h"
-#include "pxr/base/gf/range2f.h"
 #include "pxr/base/gf/rect2i.h"
 #include "pxr/base/tf/token.h"
 #include "pxr/base/vt/dictionary.h"
@@ -37,12 +36,11 @@ struct HdOocPTRenderRequest
     int height = 0;
     /// The camera prim, for its lens (fStop, focalLength, focusDistance); empty means a pinhole.
     SdfPath cameraPath;
-    /// HdRenderPassState::GetWorldToViewMatrix() and GetProjectionMatrix(): GL clip space, window policy applied.
+    /// HdRenderPassState::GetWorldToViewMatrix() and GetProjectionMatrix(): GL clip space, window policy and framing applied.
     GfMatrix4d worldToView { 1.0 };
     GfMatrix4d projection { 1.0 };
-    /// CameraUtilFraming's windows, y down, data window with inclusive maximum, as Hydra hands them out.
-    /// An empty data window means the whole buffer with the display window equal to it.
-    GfRange2f displayWindow;
+    /// CameraUtilFraming's data window, y down with inclusive maximum, as Hydra hands it out: the projection's [-1, 1] square
+    /// lands on it, and the rest of the buffer is cleared. An empty one means the whole buffer.
     GfRect2i dataWindow;
     std::vector<HdOocPTAovRequest> aovs;
     /// Render tags of the pass ("geometry" = default purpose, "render", "proxy", "guide"); empty means all.

@@ -42,7 +42,6 @@ void HdOocPTRenderPass::_Execute(HdRenderPassStateSharedPtr const& renderPassSta
         if (_hasRequest) {
             CameraUtilFraming const& framing = renderPassState->GetFraming();
             if (framing.IsValid()) {
-                request.displayWindow = framing.displayWindow;
                 request.dataWindow = framing.dataWindow;
             }
             HdCamera const* const camera = renderPassState->GetCamera();
