@@ -138,19 +138,19 @@ class Commands:
         if not recorder.Record(opened, UsdGeom.Camera.Get(opened, camera), Usd.TimeCode.EarliestTime(), out):
             raise RuntimeError("Record returned False")
 
-    def cycles(self, stage, count, size=(8, 8), camera="/World/Camera", warm_up=100):
-        """`count` engines made, rendered once with 1 sample and destroyed; resident bytes after the warm-up, the middle and the end."""
+    def cycles(self, stage, count, size=(8, 8), camera="/World/Camera", every=50):
+        """`count` engines made, rendered once with 1 sample and destroyed; resident bytes after each `every` of them."""
         opened = Usd.Stage.Open(stage)
         settings = {"oocpt:samplesPerPixel": 1, "oocpt:maxBounces": 0}
         resident = []
-        for cycle in range(count + 1):
-            if cycle in (warm_up, (count + warm_up) // 2, count):
-                resident.append(_resident_bytes())
+        for cycle in range(1, count + 1):
             view = Viewer(opened, size, camera, ["color"], settings, [])
             view.finish(60.0)
             if view.stats()["numCompletedSamples"] != 1:
                 raise RuntimeError(f"cycle {cycle} rendered nothing: {view.stats()}")
             del view
+            if cycle % every == 0:
+                resident.append(_resident_bytes())
         return resident
 
 
