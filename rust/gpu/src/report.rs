@@ -162,7 +162,7 @@ fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Res
             vk::api_version_patch(version)
         ),
         heaps: read_heaps(instance, physical, capabilities.memory_budget),
-        missing: capabilities.missing(),
+        missing: [capabilities.missing(), miscompiles(&v12)].concat(),
         capabilities,
         chosen: false,
         why: String::new(),
@@ -176,6 +176,20 @@ fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Res
         queue_family,
         timestamp_bits,
     })
+}
+
+/// Drivers that compile our shaders to wrong answers count as lacking a right one.
+///
+/// Mesa 22.3.6's llvmpipe (stock Debian 12) loses geometry in traversal; 25.0.7's does not. Measured 2026-11-21 by the render
+/// tests on both, see `rust/decisions/0001-mesa.md`. May go when no supported distribution ships Mesa 22.
+fn miscompiles(properties: &vk::PhysicalDeviceVulkan12Properties<'_>) -> Vec<&'static str> {
+    let info = properties.driver_info_as_c_str().map(|info| info.to_string_lossy()).unwrap_or_default();
+    let is_old = properties.driver_id == vk::DriverId::MESA_LLVMPIPE && is_mesa_22(&info);
+    if is_old { vec!["a newer llvmpipe (Mesa 22 computes wrong images; 25 is right)"] } else { Vec::new() }
+}
+
+fn is_mesa_22(driver_info: &str) -> bool {
+    driver_info.strip_prefix("Mesa ").and_then(|version| version.split('.').next()) == Some("22")
 }
 
 fn kind_of(device_type: vk::PhysicalDeviceType) -> DeviceKind {
@@ -220,4 +234,16 @@ pub(crate) fn read_heaps(instance: &Instance, physical: vk::PhysicalDevice, budg
         free: budget.then(|| limit.saturating_sub(usage)),
     };
     memory.memory_heaps_as_slice().iter().zip(budgets.heap_budget.iter().zip(&budgets.heap_usage)).map(report).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_mesa_22;
+
+    #[test]
+    fn only_mesa_22_is_refused() {
+        assert!(is_mesa_22("Mesa 22.3.6 (LLVM 15.0.6)"), "the stock Mesa of Debian 12");
+        assert!(!is_mesa_22("Mesa 25.0.7-2~bpo12+1 (LLVM 15.0.6)"), "its backport");
+        assert!(!is_mesa_22("580.159.04"), "not Mesa at all");
+    }
 }

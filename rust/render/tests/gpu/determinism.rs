@@ -16,10 +16,10 @@ fn the_same_seed_gives_the_same_bits_and_another_does_not() {
     let request = view([48, 32]);
     let first = images(features, settings(8, 3), &request);
     let second = images(features, settings(8, 3), &request);
-    assert_eq!(first, second, "two renders of one scene differ");
+    assert!(first == second, "two renders of one scene differ");
     let other = images(features, Settings { seed: 1, ..settings(8, 3) }, &request);
-    assert_ne!(first[0], other[0], "another seed must give other noise");
-    assert_eq!(first[1..], other[1..], "and the same depth and ids");
+    assert!(first[0] != other[0], "another seed must give other noise");
+    assert!(first[1..] == other[1..], "and the same depth and ids");
 }
 
 #[test]
@@ -32,7 +32,7 @@ fn a_restart_gives_the_same_bits_although_waves_have_grown_meanwhile() {
     let first = read_all(&session, &request);
     session.restart();
     render(&session, &request);
-    assert_eq!(first, read_all(&session, &request), "the picture depends on how it was cut");
+    assert!(first == read_all(&session, &request), "the picture depends on how it was cut");
 }
 
 #[test]

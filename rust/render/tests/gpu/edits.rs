@@ -29,8 +29,8 @@ fn edit_equals_fresh(edit: fn(&mut SceneDb)) {
         settings(4, 2),
         &request,
     );
-    assert_ne!(before, after, "the edit must show");
-    assert_eq!(after, fresh, "an edited scene must look like a fresh one");
+    assert!(before != after, "the edit must show");
+    assert!(after == fresh, "an edited scene must look like a fresh one");
 }
 
 #[test]

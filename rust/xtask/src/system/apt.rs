@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! apt-get, as root: install packages, and on request Mesa from the backports of the running Debian release.
+//! apt-get, as root: install packages, and Mesa from the backports where the stock one is too old, of the running Debian release.
 
 use std::fs;
 use std::path::PathBuf;
@@ -41,6 +41,16 @@ fn apt_get() -> Command {
     apt
 }
 
+/// Whether the machine's packaged Mesa is the 22 of Debian 12, and its llvmpipe is what would render.
+pub(super) fn has_old_mesa() -> bool {
+    capture(Command::new("dpkg-query").args(["-W", "-f=${Status} ${Version}", "mesa-vulkan-drivers"]))
+        .is_ok_and(|state| is_old_mesa(&state))
+}
+
+fn is_old_mesa(state: &str) -> bool {
+    state.strip_prefix("install ok installed ").is_some_and(|version| version.starts_with("22."))
+}
+
 /// Installs Mesa's Vulkan drivers from `<release>-backports`, served by the mirror that already serves `<release>`.
 ///
 /// # Errors
@@ -49,11 +59,6 @@ pub(super) fn install_backported_mesa() -> Result<()> {
     let release = fs::read_to_string("/etc/os-release").context("cannot read /etc/os-release")?;
     let codename = codename(&release).context("/etc/os-release names no VERSION_CODENAME")?;
     let suite = format!("{codename}-backports");
-    if capture(Command::new("dpkg-query").args(["-W", "-f=${Version}", "mesa-vulkan-drivers"]))
-        .is_ok_and(|v| v.contains("~bpo"))
-    {
-        return Ok(());
-    }
     let lists = source_lists();
     if !lists.iter().any(|list| sources::mirror_of(list, &suite).is_some()) {
         let mirror = lists.iter().find_map(|list| sources::mirror_of(list, codename));
@@ -80,6 +85,14 @@ fn source_lists() -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_an_installed_mesa_22_is_old() {
+        assert!(is_old_mesa("install ok installed 22.3.6-1+deb12u2"), "the stock one");
+        assert!(!is_old_mesa("install ok installed 25.0.7-2~bpo12+1"), "the backport");
+        assert!(!is_old_mesa("deinstall ok config-files 22.3.6-1+deb12u2"), "one that was removed");
+        assert!(!is_old_mesa(""), "none");
+    }
 
     #[test]
     fn the_release_is_read_off_the_machine() {

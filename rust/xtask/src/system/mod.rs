@@ -87,7 +87,13 @@ pub(crate) fn prepare(purpose: For) -> Result<()> {
             bail!("installed, but still not found: {}", still.join(" "));
         }
     }
-    if env::var("OOCPT_MESA").is_ok_and(|wanted| wanted == "backports") {
+    // Mesa 22's llvmpipe computes wrong images, and the renderer refuses it (rust/decisions/0001-mesa.md).
+    if apt::has_old_mesa() {
+        if !apt::is_root() {
+            bail!(
+                "not root, so please install Mesa 25: sudo apt-get install -t bookworm-backports mesa-vulkan-drivers"
+            );
+        }
         apt::install_backported_mesa()?;
     }
     Ok(())
