@@ -61,7 +61,8 @@ impl Renderer {
         progress: &mut Progress<'_>,
     ) -> Result<(), RenderError> {
         let rays = job.request.camera.rays(job.snapshot.origin)?;
-        let lights = LightTable::new(&job.snapshot.lights, job.settings.dome_light_camera_visible);
+        let scene_lights = if job.settings.enable_scene_lights { job.snapshot.lights.as_slice() } else { &[] };
+        let lights = LightTable::new(scene_lights, job.settings.dome_light_camera_visible);
         progress.stage("uploading the scene");
         let scene = self.scene.sync(device, &job.snapshot, &lights, &mut progress.timings)?;
         let features = specialise::features(&job.snapshot, &lights, &rays);

@@ -32,6 +32,8 @@ pub(crate) struct Progress<'a> {
     next_publish: Instant,
     interval: Duration,
     bar: Option<ProgressBar>,
+    /// Whether images are published before the last one.
+    interactive: bool,
     pub(crate) timings: Timings,
 }
 
@@ -62,6 +64,7 @@ impl<'a> Progress<'a> {
             done: 0,
             next_publish: now + FIRST_INTERVAL,
             interval: FIRST_INTERVAL,
+            interactive: job.settings.interactive,
             bar: job.options.progress_bar.then(ProgressBar::new),
             timings: Timings::default(),
         }
@@ -101,7 +104,7 @@ impl<'a> Progress<'a> {
     /// Whether the wave about to be submitted should end with an image.
     pub(crate) fn publish_due(&mut self) -> bool {
         let now = Instant::now();
-        if now < self.next_publish {
+        if !self.interactive || now < self.next_publish {
             return false;
         }
         self.interval = (self.interval * 2).min(LAST_INTERVAL);

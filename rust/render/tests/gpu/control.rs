@@ -80,6 +80,36 @@ fn a_newer_request_replaces_the_one_under_way() {
 }
 
 #[test]
+fn an_interactive_render_shows_images_before_its_end_and_a_batch_render_does_not() {
+    for interactive in [true, false] {
+        let session = session(Settings { interactive, ..settings(1 << 20, 3) });
+        session.with_scene(nested);
+        let request = view([128, 96]);
+        session.render(request.clone());
+        let mut pixels = vec![0_u8; 128 * 96 * 16];
+        let mut shown = false;
+        let end = Instant::now() + if interactive { TIMEOUT } else { Duration::from_secs(2) };
+        while !shown && Instant::now() < end {
+            shown = session.read_aov(AovKind::Color, &mut pixels);
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        assert!(!session.is_converged(), "a million samples take longer than that");
+        assert_eq!(shown, interactive, "images before the end are for interactive renders");
+    }
+}
+
+#[test]
+fn scene_lights_can_be_switched_off() {
+    let session = session(Settings { enable_scene_lights: false, ..settings(2, 1) });
+    session.with_scene(nested);
+    let request = view([16, 12]);
+    render(&session, &request);
+    let color: Vec<[f32; 4]> = read(&session, &request, AovKind::Color);
+    assert!(color.iter().all(|c| c[..3] == [0.0; 3]), "no light, no radiance");
+    assert!(color.iter().any(|c| c[3] > 0.0), "the geometry still covers pixels");
+}
+
+#[test]
 fn only_depth_traces_no_paths() {
     let session = session(settings(1 << 20, 3));
     session.with_scene(nested);
