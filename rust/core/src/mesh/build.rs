@@ -76,7 +76,8 @@ fn rate<T>(attribute: &Option<Attribute<T>>) -> Option<AttributeRate> {
     attribute.as_ref().map(|a| a.rate)
 }
 
-/// All triangles with area, in authored order.
+/// All triangles with area, in authored order. A face that keeps some area has lost nothing: quads that close to a point, as
+/// at the tip of a cone, are no bad data. Only the triangles of faces without any area count as dropped.
 fn triangulate(topology: &Topology, dropped: &mut DroppedData) -> (Vec<Triangle>, Vec<Source>) {
     let mut triangulator = Triangulator::default();
     let (mut points, mut ears) = (Vec::new(), Vec::new());
@@ -86,8 +87,7 @@ fn triangulate(topology: &Topology, dropped: &mut DroppedData) -> (Vec<Triangle>
         points.clear();
         points.extend(corners.iter().map(|&c| topology.position(c)));
         triangulator.triangulate(&points, topology.face_normal(face), &mut ears);
-        // Ears that a triangulator could not place (earcut drops corners on straight edges) have no area either.
-        dropped.zero_area_triangles += (corners.len() - 2).saturating_sub(ears.len()) as u64;
+        let kept = triangles.len();
         for ear in &ears {
             let vertex = |k: u32| corners.get(k as usize).and_then(|&p| topology.points.get(p as usize));
             let [Some(&a), Some(&b), Some(&c)] = ear.map(vertex) else {
@@ -97,9 +97,10 @@ fn triangulate(topology: &Topology, dropped: &mut DroppedData) -> (Vec<Triangle>
             if has_area(&triangle) {
                 triangles.push(triangle);
                 sources.push(Source { face: face.index, corners: ear.map(|k| face.first + k) });
-            } else {
-                dropped.zero_area_triangles += 1;
             }
+        }
+        if triangles.len() == kept {
+            dropped.zero_area_triangles += (corners.len() - 2) as u64;
         }
     }
     (triangles, sources)
