@@ -174,7 +174,7 @@ fn a_quad_that_closes_to_a_point_is_a_triangle_and_nothing_is_lost() {
     assert_eq!(built.dropped, DroppedData::default());
     assert_eq!(built.asset.unwrap().triangles.len(), 1);
     let flat = build(&polygon(&[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0]]));
-    assert_eq!(flat.dropped, DroppedData { zero_area_triangles: 2, ..DroppedData::default() });
+    assert_eq!(flat.dropped, DroppedData { zero_area_triangles: 2, empty_meshes: 1, ..DroppedData::default() });
 }
 
 #[test]
