@@ -5,7 +5,7 @@
 //! `Color` is averaged over samples; every other image is traced once through pixel centres with a pinhole camera, so
 //! that ids and depth are exact and do not depend on sampling.
 
-/// One kind of image.
+/// One kind of image: tightly packed, native endian, bottom row first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum AovKind {
     /// Linear Rec.709 radiance, premultiplied by alpha; 4 x f32.

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! OocPT's renderer: a [`Session`] takes scene edits and requests, and renders them on its own thread.
 //!
-//! The straight line of a ray: [`frame`] (what a render consists of) -> [`waves`] (what is submitted when) ->
-//! [`wavefront`] (the passes of one wave: generate, intersect, shade, accumulate) -> [`film`] (images) -> the session's
-//! published images. The straight line of a mesh: `oocpt_core::scene` -> [`scene`] (upload, build, tables) -> traversal.
+//! The straight line of a ray: `frame` (what a render consists of) -> `waves` (what is submitted when) ->
+//! `wavefront` (the passes of one wave: generate, intersect, shade, accumulate) -> `film` (images) -> the session's
+//! published images. The straight line of a mesh: `oocpt_core::scene` -> `scene` (upload, build, tables) -> traversal.
 #![forbid(unsafe_code)]
 
 mod aov;

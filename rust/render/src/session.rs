@@ -261,7 +261,7 @@ impl Session {
         true
     }
 
-    /// Copies the latest published image of `kind` to `out` (see [`crate::aov`] for its layout).
+    /// Copies the latest published image of `kind` to `out` (see [`AovKind`] for its layout).
     /// Returns false, with `out` untouched, when there is none yet or when its size in bytes differs.
     pub fn read_aov(&self, kind: AovKind, out: &mut [u8]) -> bool {
         lock(&self.shared.published).copy(kind, out)

@@ -66,10 +66,11 @@ fn bridge(places: &Places, profile: &str) -> Result<Vec<(String, String)>> {
     ])
 }
 
-/// A cargo subcommand in the clone, by the same cargo that runs this; in CI (`CI` is set) it may not change `Cargo.lock`.
+/// A cargo subcommand (`nextest run` is one, too) in the clone, by the same cargo that runs this; in CI (`CI` is set) it may
+/// not change `Cargo.lock`.
 pub(crate) fn cargo(places: &Places, subcommand: &str) -> Command {
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    cargo.current_dir(&places.repo).env("CARGO_TARGET_DIR", &places.target).arg(subcommand);
+    cargo.current_dir(&places.repo).env("CARGO_TARGET_DIR", &places.target).args(subcommand.split(' '));
     if env::var_os("CI").is_some() && subcommand != "fmt" {
         cargo.arg("--locked");
     }

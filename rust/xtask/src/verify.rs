@@ -43,8 +43,8 @@ pub(crate) fn run_tests(places: &Places, filter: Option<&str>) -> Result<()> {
 
 fn rust_tests(places: &Places, filter: Option<&str>) -> Result<bool> {
     let mut tests = if succeeds("cargo-nextest", ["nextest", "--version"]) {
-        let mut nextest = cargo(places, "nextest");
-        nextest.args(["run", "--workspace", "--cargo-profile", PROFILE, "--no-tests", "pass"]);
+        let mut nextest = cargo(places, "nextest run");
+        nextest.args(["--workspace", "--cargo-profile", PROFILE, "--no-tests", "pass"]);
         nextest
     } else {
         let mut plain = cargo(places, "test");
