@@ -42,9 +42,15 @@ fn a_pause_holds_the_samples_still() {
     let session = long_render();
     session.pause();
     assert!(session.is_paused() && !session.is_converged(), "paused is not converged");
-    std::thread::sleep(Duration::from_millis(300));
-    let held = session.stats().percent_done;
-    std::thread::sleep(Duration::from_millis(300));
+    // The waves under way end; on a busy machine that takes a while. Then nothing may move.
+    let end = Instant::now() + TIMEOUT;
+    let mut held = -1.0;
+    while (session.stats().percent_done - held).abs() > 0.0 {
+        assert!(Instant::now() < end, "samples keep coming in a pause");
+        held = session.stats().percent_done;
+        std::thread::sleep(Duration::from_millis(500));
+    }
+    std::thread::sleep(Duration::from_millis(500));
     assert!((session.stats().percent_done - held).abs() < f32::EPSILON, "no wave may start in a pause");
     session.resume();
     let end = Instant::now() + TIMEOUT;
