@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// First hits through the pixel centres, pinhole, unaffected by sampling: one thread per pixel (width * height).
+// First hits through the pixel centres, pinhole, unaffected by sampling: one thread per pixel of the slice that push names.
 // Reads: Frame, the scene. Writes: the planes of Frame::aov that are not 0. Surfaces of opacity 0 are not seen, all others are.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -40,8 +40,8 @@ void store(uint pixel, AovClear a) {
 
 void main() {
     const uint thread = thread_index();
-    if (thread >= FRAME.width * FRAME.height) return;
-    const uvec2 position = pixel_position(thread);
+    if (thread >= push.path_count) return;
+    const uvec2 position = pixel_position(path_pixel(thread));
     const vec2 p = vec2(position) + 0.5;
     const vec3 o = FRAME.ray_o + p.x * FRAME.ray_o_x + p.y * FRAME.ray_o_y;
     const vec3 d = normalize(FRAME.ray_d + p.x * FRAME.ray_d_x + p.y * FRAME.ray_d_y);

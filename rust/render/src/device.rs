@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! One open device of the process, shared by all sessions that ask for the same: its memory heap and its pipelines.
 //!
-//! A device stays open until the process ends or it is lost: hosts make and drop delegates all the time, and compiling
-//! the passes again for each would cost seconds. Its budget is that of the last session that set one.
+//! A device stays open until it is lost or another one is opened while nobody uses it: hosts make and drop delegates all
+//! the time, and compiling the passes again for each would cost seconds. Sessions with different budgets do not share, so
+//! that no session's budget bounds another one.
 
 use crate::error::RenderError;
 use crate::sync::lock;
@@ -32,6 +33,8 @@ pub(crate) struct DeviceOptions {
     pub(crate) selector: String,
     /// Turns the validation layer on; its messages are errors of the session.
     pub(crate) validation: bool,
+    /// Hard limit of device memory, MiB; 0 = 90 % of what is free.
+    pub(crate) budget_mib: u32,
 }
 
 /// An open device with what all frames on it share.
@@ -52,9 +55,11 @@ impl Device {
         if let Some(device) = open.iter().find(|device| device.options == *options) {
             return Ok(Arc::clone(device));
         }
+        open.retain(|device| Arc::strong_count(device) > 1);
         let gpu = Gpu::open(&OpenOptions {
             selector: (!options.selector.is_empty()).then(|| options.selector.clone()),
             validation: options.validation,
+            budget_bytes: (options.budget_mib > 0).then(|| u64::from(options.budget_mib) << 20),
             ..OpenOptions::default()
         })?;
         tracing::info!(device = gpu.report().name, "opened");
@@ -62,6 +67,11 @@ impl Device {
         let device = Arc::new(Self { gpu, heap, options: options.clone(), pipelines: Mutex::default() });
         open.push(Arc::clone(&device));
         Ok(device)
+    }
+
+    /// Whether [`Device::open`] with these options would give this device.
+    pub(crate) fn serves(&self, options: &DeviceOptions) -> bool {
+        self.options == *options
     }
 
     /// Makes the next [`Device::open`] open anew: after the loss of this device.

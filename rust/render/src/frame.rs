@@ -95,13 +95,18 @@ impl Renderer {
     }
 
     fn open(&mut self, job: &Job) -> Result<Arc<Device>, RenderError> {
-        let options = DeviceOptions { selector: job.settings.device.clone(), validation: job.options.validation };
+        let options = DeviceOptions {
+            selector: job.settings.device.clone(),
+            validation: job.options.validation,
+            budget_mib: job.settings.memory_budget_mib,
+        };
+        if self.device.as_ref().is_some_and(|have| !have.serves(&options)) {
+            *self = Self::default();
+        }
         let device = Device::open(&options)?;
         if !self.device.as_ref().is_some_and(|have| Arc::ptr_eq(have, &device)) {
             *self = Self { device: Some(Arc::clone(&device)), ..Self::default() };
         }
-        let mib = u64::from(job.settings.memory_budget_mib);
-        device.gpu.set_budget((mib > 0).then_some(mib << 20));
         Ok(device)
     }
 

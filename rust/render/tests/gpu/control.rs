@@ -139,7 +139,8 @@ fn no_images_converge_at_once() {
 fn sessions_come_and_go_without_growing_device_memory() {
     let mut used = Vec::new();
     for _ in 0..20 {
-        let session = session(settings(1, 0));
+        // A budget that no other test asks for: a device of its own, whose memory only these sessions use.
+        let session = session(Settings { memory_budget_mib: 1537, ..settings(1, 0) });
         session.with_scene(|db| {
             db.upsert_mesh(sphere(prim("/ball", DMat4::IDENTITY), 1, 20, 0.5));
             db.upsert_light(dome([1.0; 3]));
@@ -148,4 +149,18 @@ fn sessions_come_and_go_without_growing_device_memory() {
         used.push(session.stats().gpu_bytes);
     }
     assert_eq!(used[2], used[19], "device memory grows with each session: {used:?}");
+}
+
+/// More pixels than the first slice of `trace_aovs` has.
+#[test]
+fn every_pixel_of_a_large_image_gets_its_first_hit() {
+    let session = session(settings(1, 0));
+    session.with_scene(nested);
+    let request = view([400, 300]);
+    render(&session, &request);
+    let ids: Vec<i32> = read(&session, &request, AovKind::PrimId);
+    let depth: Vec<f32> = read(&session, &request, AovKind::CameraDepth);
+    assert!(ids.contains(&-1), "background somewhere");
+    let wrong = ids.iter().zip(&depth).filter(|(id, depth)| (**id < 0) != (**depth == 0.0)).count();
+    assert_eq!(wrong, 0, "pixels whose id and depth disagree, of {}", ids.len());
 }
