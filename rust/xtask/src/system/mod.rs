@@ -9,9 +9,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 
 use crate::host;
+use crate::places::PYTHON_VERSION;
 
 /// How to find out that a package's content is already there, whoever put it there.
 #[derive(Clone, Copy, Debug)]
@@ -28,6 +29,9 @@ enum Probe {
     Python,
 }
 
+/// Debian's package with Python's headers.
+const PYTHON: &str = "python3-dev";
+
 /// Package names are Debian's; each is installed only if its probe fails.
 const NEEDS: &[(Probe, &str)] = &[
     (Probe::Program("c++"), "g++"),
@@ -37,11 +41,11 @@ const NEEDS: &[(Probe, &str)] = &[
     (Probe::Program("glslangValidator"), "glslang-tools"),
     (Probe::Program("spirv-val"), "spirv-tools"),
     (Probe::Header("tbb/tbb.h"), "libtbb-dev"),
-    (Probe::Python, "python3-dev"),
+    (Probe::Python, PYTHON),
     (Probe::Python, "python3-venv"),
     (Probe::Library("libvulkan.so.1"), "libvulkan1"),
     (Probe::Vulkan("explicit_layer.d", "VkLayer_khronos_validation"), "vulkan-validationlayers"),
-    (Probe::Vulkan("icd.d", ""), "mesa-vulkan-drivers"),
+    (Probe::Vulkan("icd.d", ""), apt::MESA),
     (Probe::Library("libGL.so.1"), "libgl1"),
     (Probe::Library("libX11.so.6"), "libx11-6"),
     (Probe::Library("libXext.so.6"), "libxext6"),
@@ -71,32 +75,57 @@ pub(crate) fn prepare(purpose: For) -> Result<()> {
         needs.extend(CHECK_NEEDS);
     }
     let missing = missing_packages(&needs);
+    if !(apt::is_root() && apt::is_there()) {
+        return ask_for(&missing);
+    }
     if !missing.is_empty() {
-        if !apt::is_root() || !apt::is_there() {
-            bail!("not root, so please install: sudo apt-get install {}", missing.join(" "));
-        }
         apt::install(&missing, &[])?;
         let still = missing_packages(&needs);
-        if still.contains(&"python3-dev") {
-            bail!(
-                "the wheel host needs CPython {} with headers and venv; name one in OOCPT_PYTHON",
-                crate::places::PYTHON_VERSION
-            );
+        if still.contains(&PYTHON) {
+            bail!("the wheel host needs CPython {PYTHON_VERSION} with headers and venv; name one in OOCPT_PYTHON");
         }
         if !still.is_empty() {
             bail!("installed, but still not found: {}", still.join(" "));
         }
     }
     // Mesa 22's llvmpipe computes wrong images, and the renderer refuses it (rust/decisions/0001-mesa.md).
-    if apt::has_old_mesa() {
-        if !apt::is_root() {
-            bail!(
-                "not root, so please install Mesa 25: sudo apt-get install -t bookworm-backports mesa-vulkan-drivers"
-            );
-        }
-        apt::install_backported_mesa()?;
+    if apt::has_old_mesa() { apt::Backports::of_this_machine()?.install_mesa() } else { Ok(()) }
+}
+
+/// Fails if anything is `missing`, with one line that names all of it.
+fn ask_for(missing: &[&'static str]) -> Result<()> {
+    if !apt::is_there() {
+        ensure!(missing.is_empty(), "please install what Debian calls {}", missing.join(" "));
+        return Ok(());
     }
+    // With a GPU the old Mesa may stay: its drivers are fine, and the renderer refuses only its llvmpipe.
+    let has_old_mesa = if missing.contains(&apt::MESA) { apt::offers_old_mesa() } else { apt::has_old_mesa() };
+    let backports = if has_old_mesa && !has_gpu() { Some(apt::Backports::of_this_machine()?) } else { None };
+    let commands = commands_for(missing, backports.as_ref());
+    ensure!(commands.is_empty(), "not root, so please run: {commands}");
     Ok(())
+}
+
+/// A shell line that installs what is missing; empty if nothing is.
+fn commands_for(missing: &[&'static str], backports: Option<&apt::Backports>) -> String {
+    let stock: Vec<_> = missing.iter().copied().filter(|name| backports.is_none() || *name != apt::MESA).collect();
+    let install = (!stock.is_empty()).then(|| format!("sudo apt-get install {}", stock.join(" ")));
+    let mesa = backports.map(apt::Backports::mesa_command);
+    let commands = install.into_iter().chain(mesa).collect::<Vec<_>>().join(" && ");
+    if missing.contains(&PYTHON) {
+        // Where the release's Python is another one, its packages do not help.
+        return format!("{commands} (or name a CPython {PYTHON_VERSION} with headers and venv in OOCPT_PYTHON)");
+    }
+    commands
+}
+
+/// Whether a kernel driver of a GPU is there that Vulkan may use.
+fn has_gpu() -> bool {
+    let holds = |folder: &str, prefix: &str| {
+        let mut entries = fs::read_dir(folder).into_iter().flatten().flatten();
+        entries.any(|entry| entry.file_name().to_string_lossy().starts_with(prefix))
+    };
+    holds("/dev", "nvidia0") || holds("/dev/dri", "renderD")
 }
 
 fn missing_packages(needs: &[(Probe, &'static str)]) -> Vec<&'static str> {
@@ -158,5 +187,24 @@ mod tests {
         ];
         let missing = missing_packages(&needs);
         assert_eq!(missing, ["absent-tool", "absent-library", "absent-header", "absent-driver"], "sh is everywhere");
+    }
+
+    #[test]
+    fn one_line_asks_for_all_that_is_missing() {
+        assert_eq!(commands_for(&[], None), "", "nothing to do");
+        assert_eq!(
+            commands_for(&["cmake", apt::MESA], None),
+            "sudo apt-get install cmake mesa-vulkan-drivers",
+            "stock"
+        );
+        let python = commands_for(&[PYTHON], None);
+        assert!(
+            python.starts_with("sudo apt-get install python3-dev (or ") && python.contains("OOCPT_PYTHON"),
+            "{python}"
+        );
+        let lists = ["deb http://mirror/debian bookworm main\n".to_owned()];
+        let backports = apt::Backports::of("VERSION_CODENAME=bookworm\n", &lists).unwrap();
+        let both = commands_for(&["cmake", apt::MESA], Some(&backports));
+        assert_eq!(both, format!("sudo apt-get install cmake && {}", backports.mesa_command()), "Mesa from one place");
     }
 }
