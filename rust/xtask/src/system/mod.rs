@@ -102,7 +102,13 @@ fn ask_for(missing: &[&'static str]) -> Result<()> {
     let has_old_mesa = if missing.contains(&apt::MESA) { apt::offers_old_mesa() } else { apt::has_old_mesa() };
     let backports = if has_old_mesa && !has_gpu() { Some(apt::Backports::of_this_machine()?) } else { None };
     let commands = commands_for(missing, backports.as_ref());
-    ensure!(commands.is_empty(), "not root, so please run: {commands}");
+    // Where the release's Python is another one, its packages do not help.
+    let hint = if missing.contains(&PYTHON) {
+        format!(" (or name a CPython {PYTHON_VERSION} with headers and venv in OOCPT_PYTHON)")
+    } else {
+        String::new()
+    };
+    ensure!(commands.is_empty(), "not root, so please run{hint}: {commands}");
     Ok(())
 }
 
@@ -111,12 +117,7 @@ fn commands_for(missing: &[&'static str], backports: Option<&apt::Backports>) ->
     let stock: Vec<_> = missing.iter().copied().filter(|name| backports.is_none() || *name != apt::MESA).collect();
     let install = (!stock.is_empty()).then(|| format!("sudo apt-get install {}", stock.join(" ")));
     let mesa = backports.map(apt::Backports::mesa_command);
-    let commands = install.into_iter().chain(mesa).collect::<Vec<_>>().join(" && ");
-    if missing.contains(&PYTHON) {
-        // Where the release's Python is another one, its packages do not help.
-        return format!("{commands} (or name a CPython {PYTHON_VERSION} with headers and venv in OOCPT_PYTHON)");
-    }
-    commands
+    install.into_iter().chain(mesa).collect::<Vec<_>>().join(" && ")
 }
 
 /// Whether a kernel driver of a GPU is there that Vulkan may use.
@@ -196,11 +197,6 @@ mod tests {
             commands_for(&["cmake", apt::MESA], None),
             "sudo apt-get install cmake mesa-vulkan-drivers",
             "stock"
-        );
-        let python = commands_for(&[PYTHON], None);
-        assert!(
-            python.starts_with("sudo apt-get install python3-dev (or ") && python.contains("OOCPT_PYTHON"),
-            "{python}"
         );
         let lists = ["deb http://mirror/debian bookworm main\n".to_owned()];
         let backports = apt::Backports::of("VERSION_CODENAME=bookworm\n", &lists).unwrap();
