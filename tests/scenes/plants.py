@@ -132,7 +132,7 @@ def _trunk(soup: Soup, rng: np.random.Generator, height: float, radius: float, b
 def conifer(rng: np.random.Generator, height: float, spread: float, palette: list[str]) -> Soup:
     """A spruce or fir: drooping whorls of branches, each branch a bent strip of needles."""
     soup = Soup()
-    _trunk(soup, rng, height * 0.97, height * 0.016 + 0.04, ["4a3728", "57412f", "3e2f24"], lean=0.004)
+    _trunk(soup, rng, height + 0.25, height * 0.016 + 0.04, ["4a3728", "57412f", "3e2f24"], lean=0.004)
     tiers = 21
     for tier in range(tiers):
         level = tier / (tiers - 1)

@@ -33,7 +33,7 @@ pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
         integer("oocpt:triangles", stats.triangles),
         integer("oocpt:uniqueTriangles", stats.unique_triangles),
         integer("oocpt:meshes", stats.meshes),
-        text("oocpt:featuresLeftOut", &stats.features_left_out.join(" ")),
+        text("oocpt:featuresLeftOut", &stats.features_left_out.join("; ")),
         integer("oocpt:dropped", stats.dropped.total()),
         text("oocpt:droppedData", &dropped),
     ]
