@@ -60,7 +60,10 @@ std::array<unsigned char, 16> _ClearBytes(const TfToken& aov, std::array<float, 
     const std::string& name = aov.GetString();
     const bool isId = name.size() > 2 && name.compare(name.size() - 2, 2, "Id") == 0;
     if (isId) {
-        const int32_t number = static_cast<int32_t>(clear[0]);
+        // A cast of a value that does not fit is undefined; hosts may hand over anything.
+        constexpr float bound = 1 << 24;
+        const float value = clear[0] == clear[0] ? std::min(std::max(clear[0], -bound), bound) : -1.0f;
+        const int32_t number = static_cast<int32_t>(value);
         std::memcpy(bytes.data(), &number, sizeof(number));
     } else {
         std::memcpy(bytes.data(), clear.data(), sizeof(clear));

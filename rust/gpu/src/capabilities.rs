@@ -171,6 +171,7 @@ mod tests {
             timeline_semaphore: true,
             shader_buffer_int64_atomics: true,
             host_query_reset: true,
+            subgroup_operations: true,
             compute_queue: true,
             ..none
         };
