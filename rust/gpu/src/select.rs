@@ -34,7 +34,7 @@ pub(crate) fn choose(reports: &[DeviceReport], selector: Option<&str>) -> Result
             Err(GpuError::MissingCapability { device: reports[i].name.clone(), missing: reports[i].missing.join(", ") })
         }
         (None, _, Some(text)) => {
-            Err(GpuError::NoDevice { reason: format!("\"{text}\" names no device; there are {}", listing(reports)) })
+            Err(GpuError::NoDevice { reason: format!("\"{text}\" names no device; the devices are {}", listing(reports)) })
         }
         (None, _, None) => Err(GpuError::NoDevice { reason: format!("none can be used: {}", shortcomings(reports)) }),
     }
@@ -51,7 +51,7 @@ fn matching(reports: &[DeviceReport], selector: &str) -> Vec<usize> {
 }
 
 fn listing(reports: &[DeviceReport]) -> String {
-    let names: Vec<_> = reports.iter().map(|r| format!("{}: {}", r.index, r.name)).collect();
+    let names: Vec<_> = reports.iter().map(|r| format!("[{}] {}", r.index, r.name)).collect();
     names.join("; ")
 }
 
