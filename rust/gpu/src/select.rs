@@ -135,7 +135,7 @@ mod tests {
         let Err(GpuError::NoDevice { reason }) = choose(&machine(), Some("radeon")) else {
             panic!("expected NoDevice")
         };
-        assert!(reason.contains("\"radeon\"") && reason.contains("1: Iris Xe"), "{reason}");
+        assert!(reason.contains("\"radeon\"") && reason.contains("[1] Iris Xe"), "{reason}");
     }
 
     #[test]

@@ -31,7 +31,7 @@ fn a_selector_that_names_nothing_lists_what_there_is() {
     let options = OpenOptions { selector: Some("voodoo".to_owned()), ..OpenOptions::default() };
     let error = Gpu::open(&options).expect_err("no such device");
     assert!(
-        matches!(&error, GpuError::NoDevice { reason } if reason.contains("voodoo") && reason.contains("0: ")),
+        matches!(&error, GpuError::NoDevice { reason } if reason.contains("voodoo") && reason.contains("[0] ")),
         "{error}"
     );
     let reports = enumerate_for(Some("voodoo")).expect("doctor still lists the devices");
