@@ -33,9 +33,9 @@ pub(crate) fn choose(reports: &[DeviceReport], selector: Option<&str>) -> Result
         (None, Some(&&i), Some(_)) => {
             Err(GpuError::MissingCapability { device: reports[i].name.clone(), missing: reports[i].missing.join(", ") })
         }
-        (None, _, Some(text)) => {
-            Err(GpuError::NoDevice { reason: format!("\"{text}\" names no device; the devices are {}", listing(reports)) })
-        }
+        (None, _, Some(text)) => Err(GpuError::NoDevice {
+            reason: format!("\"{text}\" names no device; the devices are {}", listing(reports)),
+        }),
         (None, _, None) => Err(GpuError::NoDevice { reason: format!("none can be used: {}", shortcomings(reports)) }),
     }
 }
