@@ -50,6 +50,7 @@ impl<'a> Progress<'a> {
             unique_triangles: counts.unique_triangles,
             triangles: small(counts.instanced_triangles),
             meshes: counts.meshes,
+            host_bytes: job.snapshot.meshes.iter().map(|mesh| mesh.host_bytes()).sum(),
             annotation: "opening the device".into(),
             ..Stats::default()
         };

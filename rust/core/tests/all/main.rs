@@ -27,5 +27,3 @@ mod samplers;
 mod settings;
 #[cfg(test)]
 mod support;
-#[cfg(test)]
-mod throughput;
