@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The BVH2 of a mesh: built by `obvhs` (PLOC and reinsertion), laid out for the GPU. Pure; one thread per mesh.
+//! BVH2 over the triangles of a mesh or over boxes: built by `obvhs` (PLOC, Meister and Bittner 2018; reinsertion, Meister
+//! and Bittner 2017), laid out for the GPU. Deterministic and never deeper than [`MAX_DEPTH`]. Pure; one thread per build.
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3A;
@@ -28,9 +29,9 @@ pub struct BvhNode {
     pub min: [[f32; 3]; 2],
     /// Upper corners of the children's boxes; an absent child has `min = +inf, max = -inf`.
     pub max: [[f32; 3]; 2],
-    /// Node index where `count` is 0, else first triangle in BVH order.
+    /// Node index where `count` is 0, else first triangle in BVH order (a hierarchy over boxes: the number of the box).
     pub child: [u32; 2],
-    /// Triangles of a leaf child (1 to [`MAX_LEAF_TRIANGLES`]); 0 for an inner or absent child.
+    /// Triangles of a leaf child (1 to [`MAX_LEAF_TRIANGLES`]; 1 over boxes); 0 for an inner or absent child.
     pub count: [u32; 2],
 }
 
@@ -52,7 +53,7 @@ impl BvhNode {
     }
 }
 
-/// A binary hierarchy; node 0 is the root. A mesh of one leaf has one node whose second child is absent.
+/// A binary hierarchy; node 0 is the root. One with a single leaf has one node whose second child is absent.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Bvh2 {
     /// Nodes, parents before children.
@@ -76,8 +77,8 @@ pub enum BvhError {
     /// A box does not hold what is below it, or is larger than that.
     #[error("node {0} has a box that does not fit its child")]
     Bounds(usize),
-    /// A triangle or node is not reached exactly once.
-    #[error("a triangle or node is not reached exactly once")]
+    /// An item (triangle or box) or node is not reached exactly once.
+    #[error("an item or node is not reached exactly once")]
     Coverage,
     /// The stored depth is wrong.
     #[error("the depth is wrong")]
@@ -88,8 +89,51 @@ pub enum BvhError {
 /// triangle at place k.
 #[must_use]
 pub fn build_bvh(triangles: &[Triangle]) -> (Bvh2, Vec<u32>) {
-    let (bvh, order) = Layout::of_ploc(triangles);
-    if bvh.depth <= MAX_DEPTH { (bvh, order) } else { Layout::balanced(triangles) }
+    build(&triangle_boxes(triangles), MAX_LEAF_TRIANGLES)
+}
+
+/// Builds the hierarchy over `boxes`: leaves of exactly one item, whose `child` is the number of the box. A single box gives
+/// one node with an absent second child, no boxes one node with two absent children.
+///
+/// The result depends on the boxes and their order only. Boxes must not be empty: a walk may not find such an item. Boxes
+/// whose common surface overflows single precision (1e19 and more across) get a balanced, poorer hierarchy.
+#[must_use]
+pub fn build_box_bvh(boxes: &[Aabb]) -> Bvh2 {
+    if boxes.is_empty() {
+        return Bvh2 { nodes: vec![BvhNode::EMPTY], depth: 1 };
+    }
+    let (mut bvh, order) = build(boxes, 1);
+    for node in &mut bvh.nodes {
+        for side in 0..2 {
+            if let (1, Some(&item)) = (node.count[side], order.get(node.child[side] as usize)) {
+                node.child[side] = item;
+            }
+        }
+    }
+    bvh
+}
+
+/// Hierarchy over at least one box and the order of its items, leaves of at most `max_leaf`.
+fn build(boxes: &[Aabb], max_leaf: u32) -> (Bvh2, Vec<u32>) {
+    if has_surface(boxes) {
+        let (bvh, order) = Layout::of_ploc(boxes, max_leaf);
+        if bvh.depth <= MAX_DEPTH {
+            return (bvh, order);
+        }
+    }
+    Layout::balanced(boxes, max_leaf)
+}
+
+fn triangle_boxes(triangles: &[Triangle]) -> Vec<Aabb> {
+    triangles.iter().map(Triangle::bounds).collect()
+}
+
+/// True when no box is empty or NaN and all surfaces are finite: PLOC compares surfaces, and would not end without.
+fn has_surface(boxes: &[Aabb]) -> bool {
+    let is_box = |b: &Aabb| (0..3).all(|k| b.min[k] <= b.max[k]);
+    let all = boxes.iter().fold(Aabb::EMPTY, |a, b| a.union(b));
+    let [x, y, z] = [0, 1, 2].map(|k| all.max[k] - all.min[k]);
+    boxes.iter().all(is_box) && (x * y + y * z + z * x).is_finite()
 }
 
 /// Nodes and order while being laid out.
@@ -101,16 +145,18 @@ struct Layout {
 }
 
 impl Layout {
-    fn of_ploc(triangles: &[Triangle]) -> (Bvh2, Vec<u32>) {
-        let obvhs_box = |b: Aabb| obvhs::aabb::Aabb::new(Vec3A::from(b.min), Vec3A::from(b.max));
-        let boxes: Vec<_> = triangles.iter().map(|t| obvhs_box(t.bounds())).collect();
-        let indices = (0..).take(triangles.len()).collect();
+    fn of_ploc(boxes: &[Aabb], max_leaf: u32) -> (Bvh2, Vec<u32>) {
+        let obvhs_box = |b: &Aabb| obvhs::aabb::Aabb::new(Vec3A::from(b.min), Vec3A::from(b.max));
+        let boxes: Vec<_> = boxes.iter().map(obvhs_box).collect();
+        let indices = (0..).take(boxes.len()).collect();
         let mut ploc = PlocBuilder::with_capacity(boxes.len());
         let mut tree = ploc.build(PlocSearchDistance::Medium, &boxes, indices, SortPrecision::U64, 3);
         let mut optimizer = ReinsertionOptimizer::default();
         optimizer.run(&mut tree, REINSERTION, None);
-        collapse(&mut tree, MAX_LEAF_TRIANGLES, TRAVERSAL_COST);
-        optimizer.run(&mut tree, 2.0 * REINSERTION, None);
+        if max_leaf > 1 {
+            collapse(&mut tree, max_leaf, TRAVERSAL_COST);
+            optimizer.run(&mut tree, 2.0 * REINSERTION, None);
+        }
         let mut layout = Self::default();
         layout.add_tree(&tree);
         layout.finish()
@@ -168,31 +214,30 @@ impl Layout {
         }
     }
 
-    /// Splits at the median of the longest axis: poorer, but never deeper than log2 of the triangles.
-    fn balanced(triangles: &[Triangle]) -> (Bvh2, Vec<u32>) {
+    /// Splits at the median of the longest axis: poorer, but never deeper than log2 of the items.
+    fn balanced(boxes: &[Aabb], max_leaf: u32) -> (Bvh2, Vec<u32>) {
         let bounds_of = |members: &[u32]| {
-            members.iter().fold(Aabb::EMPTY, |b, &i| triangles.get(i as usize).map_or(b, |t| b.union(&t.bounds())))
+            members.iter().fold(Aabb::EMPTY, |b, &i| boxes.get(i as usize).map_or(b, |item| b.union(item)))
         };
-        let mut members: Vec<u32> = (0..).take(triangles.len()).collect();
+        let mut members: Vec<u32> = (0..).take(boxes.len()).collect();
         let mut layout = Self::default();
         let mut open = vec![(0..members.len(), None, 1)];
         while let Some((range, parent, depth)) = open.pop() {
             let slot = layout.open(parent, depth);
             let part = &mut members[range.clone()];
-            if part.len() <= MAX_LEAF_TRIANGLES as usize {
+            if part.len() <= max_leaf as usize {
                 // Only the root gets here: children this small are leaves of their parent.
                 layout.push_leaf(part, &bounds_of(part), (slot, 0));
                 continue;
             }
             let axis = longest_axis(&bounds_of(part));
-            let center =
-                |i: u32| triangles.get(i as usize).map_or(0.0, |t| t.bounds().min[axis] + t.bounds().max[axis]);
+            let center = |i: u32| boxes.get(i as usize).map_or(0.0, |b| b.min[axis] + b.max[axis]);
             let middle = part.len() / 2;
             part.select_nth_unstable_by(middle, |&a, &b| center(a).total_cmp(&center(b)).then(a.cmp(&b)));
             let halves = [range.start..range.start + middle, range.start + middle..range.end];
             for (side, half) in halves.into_iter().enumerate().rev() {
                 let members = &members[half.clone()];
-                if half.len() <= MAX_LEAF_TRIANGLES as usize {
+                if half.len() <= max_leaf as usize {
                     layout.push_leaf(members, &bounds_of(members), (slot, side));
                 } else {
                     layout.nodes[slot].set(side, &bounds_of(members), 0, 0);
@@ -209,81 +254,7 @@ fn plain_box(node: &Bvh2Node) -> Aabb {
     Aabb { min: aabb.min.to_array(), max: aabb.max.to_array() }
 }
 
-fn longest_axis(b: &Aabb) -> usize {
+pub(super) fn longest_axis(b: &Aabb) -> usize {
     let extent = |k: usize| b.max[k] - b.min[k];
     (0..3).max_by(|&i, &j| extent(i).total_cmp(&extent(j))).unwrap_or(0)
-}
-
-/// What a walk has seen so far.
-struct Walk<'a> {
-    triangles: &'a [Triangle],
-    seen: Vec<bool>,
-    nodes: usize,
-    depth: u32,
-}
-
-impl Bvh2 {
-    /// Checks every invariant against the triangles in BVH order: boxes are exact, every triangle and node is reached
-    /// exactly once, parents come before children, the depth is right.
-    ///
-    /// # Errors
-    /// The first broken invariant.
-    pub fn validate(&self, triangles: &[Triangle]) -> Result<(), BvhError> {
-        if self.nodes.is_empty() {
-            return Err(BvhError::Empty);
-        }
-        let mut walk = Walk { triangles, seen: vec![false; triangles.len()], nodes: 0, depth: 0 };
-        self.walk(&mut walk)?;
-        if walk.nodes != self.nodes.len() || walk.seen.contains(&false) {
-            return Err(BvhError::Coverage);
-        }
-        if walk.depth == self.depth { Ok(()) } else { Err(BvhError::Depth) }
-    }
-
-    fn walk(&self, walk: &mut Walk<'_>) -> Result<(), BvhError> {
-        let mut open = vec![(0_usize, 1_u32)];
-        while let Some((at, depth)) = open.pop() {
-            let node = self.nodes.get(at).ok_or(BvhError::Child(at))?;
-            walk.nodes += 1;
-            walk.depth = walk.depth.max(depth);
-            if walk.nodes > self.nodes.len() {
-                return Err(BvhError::Coverage);
-            }
-            for side in 0..2 {
-                let child = node.child[side] as usize;
-                let inside = if node.count[side] > 0 {
-                    walk.leaf(at, child, node.count[side])?
-                } else if node.bounds(side).is_empty() {
-                    // Absent: only beside the one leaf of a tiny mesh.
-                    if self.nodes.len() > 1 || side == 0 {
-                        return Err(BvhError::Child(at));
-                    }
-                    Aabb::EMPTY
-                } else {
-                    let below = self.nodes.get(child).filter(|_| child > at).ok_or(BvhError::Child(at))?;
-                    open.push((child, depth + 1));
-                    below.bounds(0).union(&below.bounds(1))
-                };
-                if node.bounds(side) != inside {
-                    return Err(BvhError::Bounds(at));
-                }
-            }
-        }
-        Ok(())
-    }
-}
-
-impl Walk<'_> {
-    /// Marks a leaf's triangles and gives their box.
-    fn leaf(&mut self, at: usize, first: usize, count: u32) -> Result<Aabb, BvhError> {
-        let range = first..first + count as usize;
-        let members = self.triangles.get(range.clone()).filter(|_| count <= MAX_LEAF_TRIANGLES);
-        let members = members.ok_or(BvhError::Leaf(at))?;
-        for seen in self.seen.get_mut(range).unwrap_or_default() {
-            if std::mem::replace(seen, true) {
-                return Err(BvhError::Coverage);
-            }
-        }
-        Ok(members.iter().fold(Aabb::EMPTY, |b, t| b.union(&t.bounds())))
-    }
 }

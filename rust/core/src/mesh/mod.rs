@@ -7,6 +7,7 @@
 mod attribute;
 pub mod build;
 pub mod bvh;
+mod check;
 mod key;
 mod normals;
 mod primvar;
@@ -17,9 +18,14 @@ use bytemuck::{Pod, Zeroable};
 
 pub use attribute::{Attribute, AttributeRate};
 pub use build::{BuiltMesh, build_mesh};
-pub use bvh::{Bvh2, BvhError, BvhNode};
+pub use bvh::{Bvh2, BvhError, BvhNode, build_box_bvh};
 pub(crate) use key::is_same_mesh;
 pub use key::mesh_key;
+
+/// Device bytes of a triangle.
+const TRIANGLE_BYTES: u64 = 48;
+/// Alignment of the sections of an asset on the device, bytes.
+const SECTION_ALIGN: u64 = 16;
 
 /// An axis-aligned box; empty when any `min > max`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,6 +114,24 @@ pub struct MeshAsset {
 }
 
 impl MeshAsset {
+    /// Bytes of device memory that the asset takes: nodes, triangles (48 bytes there), corner indices, normals, colors,
+    /// opacities, each section rounded up to 16.
+    #[must_use]
+    pub fn device_bytes(&self) -> u64 {
+        fn attribute<T>(a: Option<&Attribute<T>>) -> u64 {
+            a.map_or(0, |a| size_of_val(&a.values[..]) as u64)
+        }
+        let sections = [
+            size_of_val(&self.bvh.nodes[..]) as u64,
+            self.triangles.len() as u64 * TRIANGLE_BYTES,
+            size_of_val(&self.corner_indices[..]) as u64,
+            attribute(self.normals.as_ref()),
+            attribute(self.colors.as_ref()),
+            attribute(self.opacities.as_ref()),
+        ];
+        sections.map(|bytes| bytes.next_multiple_of(SECTION_ALIGN)).iter().sum()
+    }
+
     /// Bytes of host memory held.
     #[must_use]
     pub fn host_bytes(&self) -> u64 {

@@ -8,6 +8,8 @@ mod bad_hierarchies;
 #[cfg(test)]
 mod bad_scenes;
 #[cfg(test)]
+mod boxes;
+#[cfg(test)]
 mod bvh;
 #[cfg(test)]
 mod cameras;
