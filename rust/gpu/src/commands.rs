@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Command lists: what the GPU is to do, in order.
 //!
-//! Every operation sees what all earlier ones wrote, in this list and in earlier submissions. A wrong argument is remembered and
+//! Every operation sees what all earlier ones wrote, in this list and in earlier submissions of its queue; what a submission of
+//! another queue wrote is seen after [`Commands::wait_for`]. A wrong argument is remembered and
 //! returned by [`Commands::submit`]; nothing of the list runs then. A list is recorded by one thread at a time; several threads may
 //! each record and submit their own.
 
@@ -13,6 +14,7 @@ use crate::device::Device;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
 use crate::heap::RangeInner;
+use crate::lane::{Lane, Points};
 use crate::pipeline::{Pipeline, PipelineInner};
 use crate::queue::{CommandSlot, InFlight};
 use crate::range::{Block, DeviceRange};
@@ -36,6 +38,7 @@ pub struct Commands {
     recorder: Recorder,
     slot: Option<CommandSlot>,
     kept: Vec<Kept>,
+    waits: Points,
     /// The first mistake; nothing is recorded after it.
     error: Option<GpuError>,
 }
@@ -44,17 +47,18 @@ pub struct Commands {
 pub const MAX_UPDATE_BYTES: usize = 65_536;
 
 impl Commands {
-    pub(crate) fn new(gpu: &Arc<Gpu>, label: &str) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Arc<Gpu>, lane: Lane, label: &str) -> Result<Self, GpuError> {
         let device = gpu.device();
         device.check_alive()?;
-        let slot = device.command_slot()?;
-        match Recorder::begin(device, slot.buffer, label) {
+        let slot = device.command_slot(lane)?;
+        match Recorder::begin(device, lane, slot.buffer, label) {
             Ok(recorder) => Ok(Self {
                 gpu: Arc::clone(gpu),
                 label: label.to_owned(),
                 recorder,
                 slot: Some(slot),
                 kept: Vec::new(),
+                waits: Points::START,
                 error: None,
             }),
             Err(error) => {
@@ -198,6 +202,15 @@ impl Commands {
         }
     }
 
+    /// Lets nothing of this list run before `earlier`, a submission of any queue of this device, has finished, and lets it see all
+    /// that `earlier` wrote. The host does not wait. It counts for the whole list, wherever it is said; earlier submissions of the
+    /// list's own queue need no word.
+    pub fn wait_for(&mut self, earlier: &Submission) {
+        if self.same_device(earlier.label(), Arc::as_ptr(earlier.gpu().device())) {
+            self.waits.raise(earlier.lane, earlier.value);
+        }
+    }
+
     /// Switches timestamps around the operations that follow. Without timestamps on the device there are no timings.
     pub fn profile(&mut self, on: bool) {
         self.recorder.set_timing(on);
@@ -233,9 +246,11 @@ impl Commands {
             kept: std::mem::take(&mut self.kept),
             timer: timer.clone(),
             marks: std::mem::take(&mut self.recorder.marks),
+            waits: self.waits,
         };
-        let value = device.queue.submit(&device, work)?;
-        Ok(Submission::new(&self.gpu, value, self.label.clone(), timer))
+        let lane = self.recorder.lane;
+        let value = device.queue(lane).submit(&device, work)?;
+        Ok(Submission::new(&self.gpu, (lane, value), self.label.clone(), timer))
     }
 
     /// Records one operation unless a mistake was made before.
@@ -269,6 +284,10 @@ impl Commands {
     fn use_pipeline(&mut self, pipeline: &Pipeline, push: &[u8]) -> bool {
         let inner = &pipeline.inner;
         if self.error.is_some() || !self.same_device(&inner.name, Arc::as_ptr(&inner.device)) {
+            return false;
+        }
+        if self.recorder.lane == Lane::Transfer {
+            self.misuse(&inner.name, "a dispatch in a transfer list".to_owned());
             return false;
         }
         if push.len() != inner.push_bytes as usize {

@@ -16,10 +16,11 @@ use crate::error::GpuError;
 use crate::gpu::{Limits, OpenOptions};
 use crate::heap::HeapCore;
 use crate::instance::{Instance, vulkan_error};
+use crate::lane::{LANES, Lane, Points, QueueChoices};
 use crate::markers::Markers;
 use crate::memory::{Patience, RawBuffer};
 use crate::names::Names;
-use crate::queue::{CommandSlot, InFlight, Queue};
+use crate::queue::{InFlight, Queue};
 use crate::report::{DeviceReport, Probed, read_heaps};
 use crate::retire::RetireQueue;
 use crate::timer::POOL_QUERIES;
@@ -40,19 +41,17 @@ pub(crate) struct Device {
     pub(crate) memory_types: vk::PhysicalDeviceMemoryProperties,
     pub(crate) report: DeviceReport,
     pub(crate) limits: Limits,
-    pub(crate) timestamp_bits: u32,
     /// All memory is one kind: the host shares it with the device.
     pub(crate) unified: bool,
     pub(crate) names: Names,
     pub(crate) budget: Budget,
-    pub(crate) queue: Queue,
+    pub(crate) queues: [Queue; LANES],
     pub(crate) pipeline_cache: vk::PipelineCache,
     /// Timestamps are wanted by default.
     pub(crate) profile: bool,
     pub(crate) markers: Option<Markers>,
     pub(crate) heaps: Mutex<Vec<Weak<HeapCore>>>,
     retired: RetireQueue<Retired>,
-    slots: Mutex<Vec<CommandSlot>>,
     query_pools: Mutex<Vec<vk::QueryPool>>,
     lost: OnceLock<String>,
     /// Last: everything above is made from it.
@@ -62,9 +61,11 @@ pub(crate) struct Device {
 impl Device {
     /// Opens a probed device that lacks nothing.
     pub(crate) fn new(instance: Arc<Instance>, probed: Probed, options: &OpenOptions) -> Result<Self, GpuError> {
-        let raw = create_raw(&instance, &probed)?;
-        // SAFETY: the family exists, and one queue of it was asked for.
-        let queue = unsafe { raw.get_device_queue(probed.queue_family, 0) };
+        let mut choices = probed.queues;
+        if !options.transfer_queue {
+            choices[Lane::Transfer.index()] = choices[Lane::Main.index()];
+        }
+        let raw = create_raw(&instance, &probed, &choices)?;
         // SAFETY: the physical device comes from this instance.
         let memory_types = unsafe { instance.raw.get_physical_device_memory_properties(probed.physical) };
         let heaps = &probed.report.heaps;
@@ -74,17 +75,15 @@ impl Device {
             physical: probed.physical,
             memory_types,
             limits: Limits::of(&probed),
-            timestamp_bits: probed.timestamp_bits,
             unified,
             names,
             budget: Budget::new(0),
-            queue: Queue::new(queue, probed.queue_family),
+            queues: get_queues(&raw, &choices),
             pipeline_cache: vk::PipelineCache::null(),
             profile: options.profile && probed.report.capabilities.timestamps,
             markers: None,
             heaps: Mutex::new(Vec::new()),
             retired: RetireQueue::new(),
-            slots: Mutex::new(Vec::new()),
             query_pools: Mutex::new(Vec::new()),
             lost: OnceLock::new(),
             report: probed.report,
@@ -92,7 +91,9 @@ impl Device {
             instance,
         };
         device.budget.set_budget(options.budget_bytes.unwrap_or_else(|| device.automatic_budget()));
-        device.queue.create_timeline(&device.raw, &device.names)?;
+        for queue in &mut device.queues {
+            queue.create_timeline(&device.raw, &device.names)?;
+        }
         let info = vk::PipelineCacheCreateInfo::default();
         // SAFETY: the device is alive; an empty cache has no data to be valid.
         let cache = unsafe { device.raw.create_pipeline_cache(&info, None) };
@@ -125,8 +126,11 @@ impl Device {
     /// Records that the device is gone, and what it did last.
     fn lose(&self) -> GpuError {
         let last_pass = self.lost.get_or_init(|| {
-            let marker = self.markers.as_ref().map(Markers::read);
-            let last_pass = self.queue.last_pass(marker);
+            let last_of = |lane| self.queue(lane).last_pass(self.markers.as_ref().map(|markers| markers.read(lane)));
+            let mut last_pass = last_of(Lane::Main);
+            if self.queue(Lane::Transfer).oldest_in_flight().is_some() {
+                last_pass = format!("{last_pass}; of the transfers: {}", last_of(Lane::Transfer));
+            }
             tracing::error!(last_pass, "the GPU was lost");
             last_pass
         });
@@ -141,34 +145,61 @@ impl Device {
         }
     }
 
-    /// The newest submission that has finished; everything, when the device is lost.
-    pub(crate) fn completed(&self) -> u64 {
-        if self.lost.get().is_some() {
-            return u64::MAX;
-        }
-        // SAFETY: the semaphore is a timeline of this device and lives as long as it.
-        let value = unsafe { self.raw.get_semaphore_counter_value(self.queue.timeline()) };
-        self.check("vkGetSemaphoreCounterValue", value).unwrap_or_else(|error| match error {
-            GpuError::DeviceLost { .. } => u64::MAX,
-            _ => 0,
-        })
+    pub(crate) fn queue(&self, lane: Lane) -> &Queue {
+        &self.queues[lane.index()]
     }
 
-    /// Destroys or frees `item` after submission `point`: at once if that has passed.
-    pub(crate) fn retire(&self, point: u64, item: Retired) {
-        self.retired.push(point, item);
+    /// The newest submission of each lane.
+    pub(crate) fn submitted(&self) -> Points {
+        Points(Lane::ALL.map(|lane| self.queue(lane).last_submitted()))
+    }
+
+    /// The newest submission of each lane that has finished; everything, when the device is lost.
+    pub(crate) fn completed(&self) -> Points {
+        let mut completed = Points::START;
+        for lane in Lane::ALL {
+            if self.lost.get().is_some() {
+                return Points::END;
+            }
+            match self.queue(lane).completed(self) {
+                Ok(value) => completed.raise(lane, value),
+                Err(GpuError::DeviceLost { .. }) => return Points::END,
+                Err(_) => {}
+            }
+        }
+        completed
+    }
+
+    /// Waits until both lanes have come as far as `points`.
+    pub(crate) fn wait_for(&self, points: Points) -> Result<(), GpuError> {
+        for lane in Lane::ALL {
+            self.queue(lane).wait(self, points.of(lane), u64::MAX)?;
+        }
+        Ok(())
+    }
+
+    /// Destroys or frees `item` after these submissions: at once if they have passed.
+    pub(crate) fn retire(&self, points: Points, item: Retired) {
+        self.retired.push(points, item);
         self.collect();
     }
 
     /// Lets go of everything that finished submissions used.
     pub(crate) fn collect(&self) {
         let completed = self.completed();
-        for InFlight { slot, kept, timer, .. } in self.queue.take_finished(completed) {
-            self.recycle_slot(slot);
-            // What the submission kept alive may be retired by this.
-            drop((kept, timer));
+        for lane in Lane::ALL {
+            for InFlight { slot, kept, timer, .. } in self.queue(lane).take_finished(completed.of(lane)) {
+                self.recycle_slot(slot);
+                // What the submission kept alive may be retired by this.
+                drop((kept, timer));
+            }
         }
-        for item in self.retired.take_ready(completed) {
+        self.release(self.retired.take_ready(completed));
+    }
+
+    /// Destroys or frees what nothing uses any more.
+    fn release(&self, items: Vec<Retired>) {
+        for item in items {
             match item {
                 Retired::Memory(raw) => self.destroy_raw(raw),
                 Retired::Range(range) => range.free(),
@@ -181,9 +212,9 @@ impl Device {
         self.collect();
         self.trim_heaps();
         if patience == Patience::WaitForRetired
-            && let Some(point) = self.retired.last_point()
+            && let Some(points) = self.retired.last_points()
         {
-            self.queue.wait(self, point, u64::MAX)?;
+            self.wait_for(points)?;
             self.collect();
             self.trim_heaps();
         }
@@ -197,26 +228,6 @@ impl Device {
         drop(heaps);
         for heap in live {
             heap.trim(0);
-        }
-    }
-
-    /// A command pool with its buffer, ready to record.
-    pub(crate) fn command_slot(&self) -> Result<CommandSlot, GpuError> {
-        let recycled = self.slots.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        match recycled {
-            Some(slot) => Ok(slot),
-            None => CommandSlot::new(self),
-        }
-    }
-
-    /// Takes back a slot that no submission uses.
-    pub(crate) fn recycle_slot(&self, slot: CommandSlot) {
-        // SAFETY: the caller owns the slot, and its buffer is not pending.
-        let reset = unsafe { self.raw.reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty()) };
-        if reset.is_ok() {
-            self.slots.lock().unwrap_or_else(PoisonError::into_inner).push(slot);
-        } else {
-            slot.destroy(&self.raw);
         }
     }
 
@@ -243,11 +254,18 @@ impl Device {
     }
 }
 
-/// The logical device with one compute queue and everything that was found switched on.
-fn create_raw(instance: &Instance, probed: &Probed) -> Result<ash::Device, GpuError> {
-    let priorities = [1.0_f32];
-    let queues =
-        [vk::DeviceQueueCreateInfo::default().queue_family_index(probed.queue_family).queue_priorities(&priorities)];
+/// The logical device with the queues of its lanes and everything that was found switched on.
+fn create_raw(instance: &Instance, probed: &Probed, choices: &QueueChoices) -> Result<ash::Device, GpuError> {
+    let priorities = [1.0_f32; LANES];
+    let [main, transfer] = *choices;
+    let queues_of = |family: u32, count: u32| {
+        let priorities = &priorities[..count as usize];
+        vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(priorities)
+    };
+    let mut queues = vec![queues_of(main.family, main.index.max(transfer.index) + 1)];
+    if transfer.family != main.family {
+        queues = vec![queues_of(main.family, main.index + 1), queues_of(transfer.family, transfer.index + 1)];
+    }
     let mut extensions = Vec::new();
     if probed.report.capabilities.memory_budget {
         extensions.push(ash::ext::memory_budget::NAME.as_ptr());
@@ -264,32 +282,36 @@ fn create_raw(instance: &Instance, probed: &Probed) -> Result<ash::Device, GpuEr
         .map_err(|code| vulkan_error("vkCreateDevice", code))
 }
 
+/// The queues of the lanes, which may be one and the same.
+fn get_queues(raw: &ash::Device, choices: &QueueChoices) -> [Queue; LANES] {
+    // SAFETY: the device was made with all queues of the choices.
+    let get = |lane: Lane| unsafe {
+        let choice = choices[lane.index()];
+        Arc::new(Mutex::new(raw.get_device_queue(choice.family, choice.index)))
+    };
+    let main = get(Lane::Main);
+    let shared = choices[0] == choices[1];
+    let transfer = if shared { Arc::clone(&main) } else { get(Lane::Transfer) };
+    [Queue::new(Lane::Main, choices[0], main), Queue::new(Lane::Transfer, choices[1], transfer)]
+}
+
 impl Drop for Device {
     fn drop(&mut self) {
-        // SAFETY: no other thread can use the queue: this is the last holder of the device.
+        // SAFETY: no other thread can use the queues: this is the last holder of the device.
         if let Err(code) = unsafe { self.raw.device_wait_idle() } {
             tracing::debug!("vkDeviceWaitIdle failed while closing: {code:?}");
         }
-        for item in self.retired.take_ready(u64::MAX) {
-            match item {
-                Retired::Memory(raw) => self.destroy_raw(raw),
-                Retired::Range(range) => range.free(),
-            }
-        }
+        self.release(self.retired.take_ready(Points::END));
         if let Some(markers) = self.markers.take() {
             self.destroy_raw(markers.into_raw());
         }
-        for slot in self.slots.get_mut().unwrap_or_else(PoisonError::into_inner).drain(..) {
-            slot.destroy(&self.raw);
-        }
+        self.destroy_queues();
         for pool in self.query_pools.get_mut().unwrap_or_else(PoisonError::into_inner).drain(..) {
             // SAFETY: the device is idle and every Timer has given its pools back.
             unsafe { self.raw.destroy_query_pool(pool, None) };
         }
         // SAFETY: no pipeline is being made: each making holds the device. Null is allowed.
         unsafe { self.raw.destroy_pipeline_cache(self.pipeline_cache, None) };
-        // SAFETY: the device is idle. Null is allowed.
-        unsafe { self.raw.destroy_semaphore(self.queue.timeline(), None) };
         // SAFETY: all objects made from the device are destroyed: buffers, pipelines and pools hold an Arc of it or went above.
         unsafe { self.raw.destroy_device(None) };
     }

@@ -68,13 +68,26 @@ fn a_lost_device_names_the_last_pass() {
     let buffer = Buffer::new(&gpu, "buffer", 64, Usage::Device).expect("memory");
     let submission = filled(&gpu, "wave 7", &buffer).enqueue().expect("submitted");
     // Waits without taking the submission off the list, as when the device dies in the middle.
-    let queue = &gpu.device().queue;
-    assert_eq!(queue.wait(gpu.device(), queue.last_submitted(), u64::MAX), Ok(true), "finished");
+    assert_eq!(gpu.device().wait_for(gpu.device().submitted()), Ok(()), "finished");
     let error = lose(&gpu);
     let last_pass = "update (then end of wave 7 began)".to_owned();
     assert_eq!(error, GpuError::DeviceLost { last_pass }, "by the marker");
     assert!(submission.is_done() && submission.wait(std::time::Duration::ZERO).is_err(), "told by wait");
     assert!(submission.timings().is_empty(), "no timings of a lost device");
+}
+
+#[test]
+fn a_lost_device_names_the_last_pass_of_both_queues() {
+    let gpu = open(false);
+    let buffer = Buffer::new(&gpu, "buffer", 64, Usage::Device).expect("memory");
+    filled(&gpu, "wave 7", &buffer).enqueue().expect("submitted");
+    let mut transfer = gpu.transfer_commands("bring chunk 3").expect("a command list");
+    transfer.fill(&buffer, 0, 64, 1);
+    transfer.enqueue().expect("submitted");
+    assert_eq!(gpu.device().wait_for(gpu.device().submitted()), Ok(()), "finished");
+    let last_pass = "update (then end of wave 7 began); of the transfers: fill (then end of bring chunk 3 began)";
+    assert_eq!(lose(&gpu), GpuError::DeviceLost { last_pass: last_pass.to_owned() }, "a marker each");
+    assert_eq!(gpu.transfer_commands("more").expect_err("lost"), lose(&gpu), "the same error for transfers");
 }
 
 #[test]
@@ -84,8 +97,7 @@ fn without_markers_the_last_submission_is_named() {
     filled(&gpu, "first", &buffer).submit().expect("submitted");
     gpu.wait_idle().expect("alive");
     filled(&gpu, "second", &buffer).enqueue().expect("submitted");
-    let queue = &gpu.device().queue;
-    assert_eq!(queue.wait(gpu.device(), queue.last_submitted(), u64::MAX), Ok(true), "finished");
+    assert_eq!(gpu.device().wait_for(gpu.device().submitted()), Ok(()), "finished");
     let GpuError::DeviceLost { last_pass } = lose(&gpu) else { panic!("expected DeviceLost") };
     assert_eq!(last_pass, "first (then second was submitted)", "by what finished");
 }

@@ -10,6 +10,7 @@ use crate::commands::Commands;
 use crate::device::Device;
 use crate::error::GpuError;
 use crate::instance::{Instance, Validation};
+use crate::lane::Lane;
 use crate::report::{DeviceReport, Probed, probe_all};
 use crate::select;
 use crate::validation::ValidationLog;
@@ -29,6 +30,8 @@ pub struct OpenOptions {
     pub profile: bool,
     /// Let each operation stamp its number into host memory, so that [`GpuError::DeviceLost`] names the last pass.
     pub crash_markers: bool,
+    /// Let transfer lists run on a queue of their own, if the device has one to spare. False = on the main queue, to compare.
+    pub transfer_queue: bool,
 }
 
 impl Default for OpenOptions {
@@ -40,6 +43,7 @@ impl Default for OpenOptions {
             budget_bytes: None,
             profile: false,
             crash_markers: true,
+            transfer_queue: true,
         }
     }
 }
@@ -153,13 +157,12 @@ impl Gpu {
         self.device.instance.validating
     }
 
-    /// Waits for all work submitted so far and lets go of what it used.
+    /// Waits for all work submitted so far, on all queues, and lets go of what it used.
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`], or a failed call.
     pub fn wait_idle(&self) -> Result<(), GpuError> {
-        let queue = &self.device.queue;
-        queue.wait(&self.device, queue.last_submitted(), u64::MAX)?;
+        self.device.wait_for(self.device.submitted())?;
         self.device.collect();
         Ok(())
     }
@@ -175,7 +178,22 @@ impl Gpu {
     /// # Errors
     /// [`GpuError::DeviceLost`], or a failed call.
     pub fn commands(self: &Arc<Self>, label: &str) -> Result<Commands, GpuError> {
-        Commands::new(self, label)
+        Commands::new(self, Lane::Main, label)
+    }
+
+    /// A new command list that only copies, fills and updates. It runs beside other lists where [`Gpu::has_transfer_queue`], and in
+    /// any case in no order with them but that of [`Commands::wait_for`].
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`], or a failed call.
+    pub fn transfer_commands(self: &Arc<Self>, label: &str) -> Result<Commands, GpuError> {
+        Commands::new(self, Lane::Transfer, label)
+    }
+
+    /// Whether transfer lists run on a queue of their own.
+    #[must_use]
+    pub fn has_transfer_queue(&self) -> bool {
+        self.device.queue(Lane::Transfer).choice != self.device.queue(Lane::Main).choice
     }
 }
 

@@ -15,6 +15,7 @@ use crate::commands::Kept;
 use crate::device::{Device, Retired};
 use crate::error::GpuError;
 use crate::gpu::Gpu;
+use crate::lane::Points;
 use crate::memory::{Patience, Usage};
 use crate::range::sealed::{Parts, RangeParts};
 use crate::range::{Block, DeviceRange, RetirePoint};
@@ -228,7 +229,7 @@ impl HeapCore {
         drop(arenas);
         for arena in &empty {
             // Every range in it has already waited for the GPU.
-            arena.block.retire_after.set(0);
+            arena.block.retire_after.set(Points::START);
         }
     }
 }
@@ -236,7 +237,7 @@ impl HeapCore {
 impl HeapRange {
     fn new(block: Arc<Block>, owner: Owner, offset: u64, (name, size): (&str, u64)) -> Self {
         let name = name.to_owned();
-        Self { inner: Arc::new(RangeInner { block, offset, size, name, owner, retire_after: RetirePoint::new() }) }
+        Self { inner: Arc::new(RangeInner { block, offset, size, name, owner, retire_after: RetirePoint::default() }) }
     }
 
     fn in_arena(place: Place, name: &str, size: u64, align: u64) -> Self {
@@ -292,7 +293,7 @@ impl Parts for HeapRange {
 
 impl Drop for HeapRange {
     fn drop(&mut self) {
-        let point = self.inner.block.device.queue.last_submitted();
+        let point = self.inner.block.device.submitted();
         match self.inner.owner {
             Owner::Arena(_) => self.inner.retire_after.set(point),
             Owner::Dedicated { .. } => self.inner.block.retire_after.set(point),

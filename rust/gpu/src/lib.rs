@@ -2,7 +2,8 @@
 //! Vulkan made safe: the only crate of OocPT that calls Vulkan.
 //!
 //! What it gives: a device chosen by name or by rank ([`Gpu`]), memory under a hard budget ([`Buffer`], [`Heap`]), compute
-//! [`Pipeline`]s, command lists with barriers of their own ([`Commands`]), and submissions to wait for ([`Submission`]). All memory
+//! [`Pipeline`]s, command lists with barriers of their own ([`Commands`]), on the main queue or one for
+//! transfers, and submissions to wait for ([`Submission`]). All memory
 //! is reached by address; there are no descriptor sets.
 //!
 //! What it promises:
@@ -26,9 +27,12 @@ mod device;
 mod error;
 #[cfg(test)]
 mod faults;
+#[cfg(test)]
+mod gates;
 mod gpu;
 mod heap;
 mod instance;
+mod lane;
 mod markers;
 mod memory;
 mod names;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Crash markers: a word of host memory that each operation stamps, so that the error of a lost device names the last pass.
+//! Crash markers: a word of host memory for each lane that its operations stamp, so that the error of a lost device names the last pass.
 //!
 //! Before each operation, behind the barrier that waits for the one before, a 4-byte fill writes the operation's number; the fill
 //! overlaps the operation itself. After a loss the word tells how far the GPU came.
@@ -11,8 +11,14 @@ use ash::vk;
 
 use crate::device::Device;
 use crate::error::GpuError;
+use crate::lane::{LANES, Lane};
 use crate::memory::{Patience, RawBuffer, Usage};
 use crate::queue::InFlight;
+
+/// Bytes of one lane's word.
+const WORD: u64 = 4;
+/// Bytes of all words.
+const SIZE: u64 = WORD * LANES as u64;
 
 /// An operation with its number.
 #[derive(Debug)]
@@ -21,7 +27,7 @@ pub(crate) struct Mark {
     name: String,
 }
 
-/// The stamped word.
+/// The stamped words.
 #[derive(Debug)]
 pub(crate) struct Markers {
     raw: RawBuffer,
@@ -30,26 +36,29 @@ pub(crate) struct Markers {
 
 impl Markers {
     pub(crate) fn new(device: &Device) -> Result<Self, GpuError> {
-        let raw = device.allocate("crash markers", 4, Usage::Readback, Patience::Now)?;
+        let raw = device.allocate("crash markers", SIZE, Usage::Readback, Patience::Now)?;
         if let Some(mapped) = raw.mapped {
-            // SAFETY: at least four bytes are mapped, and nothing else uses them yet.
-            unsafe { mapped.as_ptr().cast::<u32>().write_volatile(0) };
+            // SAFETY: at least one word for each lane is mapped, and nothing else uses them yet.
+            unsafe { mapped.as_ptr().cast::<[u32; LANES]>().write_volatile([0; LANES]) };
         }
         Ok(Self { raw, next: AtomicU32::new(1) })
     }
 
     /// Records the stamp of an operation called `name`. The caller has just recorded a full barrier.
-    pub(crate) fn stamp(&self, device: &Device, commands: vk::CommandBuffer, name: &str) -> Mark {
+    pub(crate) fn stamp(&self, device: &Device, lane: Lane, commands: vk::CommandBuffer, name: &str) -> Mark {
         let id = self.next.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: `commands` is recording, and the buffer has TRANSFER_DST usage and at least four bytes.
-        unsafe { device.raw.cmd_fill_buffer(commands, self.raw.buffer, 0, 4, id) };
+        let offset = WORD * lane.index() as u64;
+        // SAFETY: `commands` is recording, and the buffer has TRANSFER_DST usage and a word for each lane.
+        unsafe { device.raw.cmd_fill_buffer(commands, self.raw.buffer, offset, WORD, id) };
         Mark { id, name: name.to_owned() }
     }
 
-    /// The number stamped last. Meaningful once the device is lost or idle.
-    pub(crate) fn read(&self) -> u32 {
-        // SAFETY: four bytes are mapped and aligned; the device may write them meanwhile, hence volatile.
-        self.raw.mapped.map_or(0, |mapped| unsafe { mapped.as_ptr().cast::<u32>().read_volatile() })
+    /// The number that a lane stamped last. Meaningful once the device is lost or idle.
+    pub(crate) fn read(&self, lane: Lane) -> u32 {
+        let Some(mapped) = self.raw.mapped else { return 0 };
+        // SAFETY: a word for each lane is mapped and aligned; the device may write them meanwhile, hence volatile.
+        let words = unsafe { mapped.as_ptr().cast::<[u32; LANES]>().read_volatile() };
+        words[lane.index()]
     }
 
     /// The buffer, to be destroyed by the device.

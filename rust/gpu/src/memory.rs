@@ -106,14 +106,20 @@ impl Device {
         let limit = self.limits.max_allocation_bytes;
         let size = bytes.max(1).checked_next_multiple_of(SIZE_STEP).filter(|&size| size <= limit);
         let size = size.ok_or_else(|| GpuError::TooLarge { name: name.to_owned(), bytes, limit })?;
-        let info = vk::BufferCreateInfo::default().size(size).sharing_mode(vk::SharingMode::EXCLUSIVE).usage(
+        let families = self.queues.each_ref().map(|queue| queue.choice.family);
+        let mut info = vk::BufferCreateInfo::default().size(size).sharing_mode(vk::SharingMode::EXCLUSIVE).usage(
             vk::BufferUsageFlags::STORAGE_BUFFER
                 | vk::BufferUsageFlags::INDIRECT_BUFFER
                 | vk::BufferUsageFlags::TRANSFER_SRC
                 | vk::BufferUsageFlags::TRANSFER_DST
                 | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS,
         );
-        // SAFETY: the device is alive, the size is not zero and bufferDeviceAddress is enabled.
+        if families[0] != families[1] {
+            // Shaders reach memory by address, so no command list knows all that it touches, and what it would have to hand over
+            // from family to family. Sharing changes how images are laid out; for buffers drivers do nothing with it.
+            info = info.sharing_mode(vk::SharingMode::CONCURRENT).queue_family_indices(&families);
+        }
+        // SAFETY: the device is alive, the size is not zero, the families differ and are the device's, and bufferDeviceAddress is enabled.
         let buffer = self.check("vkCreateBuffer", unsafe { self.raw.create_buffer(&info, None) })?;
         let mut raw = RawBuffer {
             buffer,

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The compute queue: numbered submissions, what each keeps alive, and waiting for them.
+//! The queue of a lane: numbered submissions, what each keeps alive, and waiting for them.
 //!
-//! Submission n is done when the timeline semaphore has reached n. Submissions run in order (each command list begins with a full
-//! barrier). Any thread; `vkQueueSubmit` is called under the lock. A second queue would be a second `Queue` with its own timeline.
+//! Submission n is done when the lane's timeline semaphore has reached n. Submissions of a lane run in order (each command list
+//! begins with a full barrier); those of different lanes do not, unless one waits for the other. Any thread.
+//!
+//! Locks: a lane's own before the Vulkan queue's, which lanes without a queue of their own share.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -14,6 +16,7 @@ use crate::commands::Kept;
 use crate::device::Device;
 use crate::error::GpuError;
 use crate::instance::vulkan_error;
+use crate::lane::{Lane, Points, QueueChoice};
 use crate::markers::Mark;
 use crate::names::Names;
 use crate::timer::Timer;
@@ -21,18 +24,19 @@ use crate::timer::Timer;
 /// One command pool with its one buffer.
 #[derive(Debug)]
 pub(crate) struct CommandSlot {
-    pub(crate) pool: vk::CommandPool,
+    lane: Lane,
+    pool: vk::CommandPool,
     pub(crate) buffer: vk::CommandBuffer,
 }
 
 impl CommandSlot {
-    pub(crate) fn new(device: &Device) -> Result<Self, GpuError> {
+    fn new(device: &Device, lane: Lane) -> Result<Self, GpuError> {
         let info = vk::CommandPoolCreateInfo::default()
             .flags(vk::CommandPoolCreateFlags::TRANSIENT)
-            .queue_family_index(device.queue.family);
-        // SAFETY: the family is the one the device was made with.
+            .queue_family_index(device.queue(lane).choice.family);
+        // SAFETY: the family is one the device was made with.
         let pool = device.check("vkCreateCommandPool", unsafe { device.raw.create_command_pool(&info, None) })?;
-        let mut slot = Self { pool, buffer: vk::CommandBuffer::null() };
+        let mut slot = Self { lane, pool, buffer: vk::CommandBuffer::null() };
         let info = vk::CommandBufferAllocateInfo::default()
             .command_pool(pool)
             .level(vk::CommandBufferLevel::PRIMARY)
@@ -66,11 +70,12 @@ pub(crate) struct InFlight {
     pub(crate) kept: Vec<Kept>,
     pub(crate) timer: Option<Arc<Timer>>,
     pub(crate) marks: Vec<Mark>,
+    /// What other lanes must have finished before it runs.
+    pub(crate) waits: Points,
 }
 
 #[derive(Debug)]
 struct State {
-    queue: vk::Queue,
     in_flight: VecDeque<InFlight>,
     /// Label of the newest submission known to have finished.
     last_finished: String,
@@ -78,16 +83,27 @@ struct State {
 
 #[derive(Debug)]
 pub(crate) struct Queue {
-    pub(crate) family: u32,
+    lane: Lane,
+    pub(crate) choice: QueueChoice,
     timeline: vk::Semaphore,
     submitted: AtomicU64,
+    raw: Arc<Mutex<vk::Queue>>,
     state: Mutex<State>,
+    slots: Mutex<Vec<CommandSlot>>,
 }
 
 impl Queue {
-    pub(crate) fn new(queue: vk::Queue, family: u32) -> Self {
-        let state = State { queue, in_flight: VecDeque::new(), last_finished: "none".to_owned() };
-        Self { family, timeline: vk::Semaphore::null(), submitted: AtomicU64::new(0), state: Mutex::new(state) }
+    pub(crate) fn new(lane: Lane, choice: QueueChoice, raw: Arc<Mutex<vk::Queue>>) -> Self {
+        let state = State { in_flight: VecDeque::new(), last_finished: "none".to_owned() };
+        Self {
+            lane,
+            choice,
+            timeline: vk::Semaphore::null(),
+            submitted: AtomicU64::new(0),
+            raw,
+            state: Mutex::new(state),
+            slots: Mutex::new(Vec::new()),
+        }
     }
 
     pub(crate) fn create_timeline(&mut self, device: &ash::Device, names: &Names) -> Result<(), GpuError> {
@@ -96,7 +112,13 @@ impl Queue {
         // SAFETY: timelineSemaphore is enabled.
         let timeline = unsafe { device.create_semaphore(&info, None) };
         self.timeline = timeline.map_err(|code| vulkan_error("vkCreateSemaphore", code))?;
-        names.set(self.timeline, "submissions");
+        names.set(
+            self.timeline,
+            match self.lane {
+                Lane::Main => "submissions",
+                Lane::Transfer => "transfers",
+            },
+        );
         Ok(())
     }
 
@@ -104,6 +126,7 @@ impl Queue {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    #[cfg(test)]
     pub(crate) fn timeline(&self) -> vk::Semaphore {
         self.timeline
     }
@@ -113,20 +136,24 @@ impl Queue {
         self.submitted.load(Ordering::Acquire)
     }
 
+    /// Number of the newest submission that has finished.
+    pub(crate) fn completed(&self, device: &Device) -> Result<u64, GpuError> {
+        // SAFETY: the semaphore is a timeline of this device and lives as long as it.
+        let value = unsafe { device.raw.get_semaphore_counter_value(self.timeline) };
+        device.check("vkGetSemaphoreCounterValue", value)
+    }
+
+    /// Number of the oldest submission not known to have finished.
+    pub(crate) fn oldest_in_flight(&self) -> Option<u64> {
+        self.lock().in_flight.front().map(|work| work.value)
+    }
+
     /// Submits a recorded command buffer and returns its number. On an error nothing runs and `work` is let go.
     pub(crate) fn submit(&self, device: &Device, mut work: InFlight) -> Result<u64, GpuError> {
         let mut state = self.lock();
         let value = self.last_submitted() + 1;
         work.value = value;
-        let (values, semaphores, buffers) = ([value], [self.timeline], [work.slot.buffer]);
-        let mut timeline = vk::TimelineSemaphoreSubmitInfo::default().signal_semaphore_values(&values);
-        let info = [vk::SubmitInfo::default()
-            .command_buffers(&buffers)
-            .signal_semaphores(&semaphores)
-            .push_next(&mut timeline)];
-        // SAFETY: the lock gives this thread alone the queue; the buffer is executable and recorded on this device, the value is
-        // one above the newest, and `work` keeps alive what the buffer names.
-        match unsafe { device.raw.queue_submit(state.queue, &info, vk::Fence::null()) } {
+        match self.submit_raw(device, &work) {
             Ok(()) => {
                 self.submitted.store(value, Ordering::Release);
                 state.in_flight.push_back(work);
@@ -138,6 +165,29 @@ impl Queue {
                 device.check("vkQueueSubmit", Err(code))
             }
         }
+    }
+
+    fn submit_raw(&self, device: &Device, work: &InFlight) -> Result<(), vk::Result> {
+        let (values, semaphores, buffers) = ([work.value], [self.timeline], [work.slot.buffer]);
+        let others = Lane::ALL.into_iter().filter(|&lane| lane != self.lane && work.waits.of(lane) > 0);
+        let waits: Vec<_> = others.map(|lane| (device.queue(lane).timeline, work.waits.of(lane))).collect();
+        let (wait_semaphores, wait_values): (Vec<_>, Vec<_>) = waits.into_iter().unzip();
+        // A signal makes all writes before it available, a wait makes them visible to these stages: no barrier is needed besides.
+        let wait_stages = vec![vk::PipelineStageFlags::ALL_COMMANDS; wait_semaphores.len()];
+        let mut timeline = vk::TimelineSemaphoreSubmitInfo::default()
+            .wait_semaphore_values(&wait_values)
+            .signal_semaphore_values(&values);
+        let info = [vk::SubmitInfo::default()
+            .wait_semaphores(&wait_semaphores)
+            .wait_dst_stage_mask(&wait_stages)
+            .command_buffers(&buffers)
+            .signal_semaphores(&semaphores)
+            .push_next(&mut timeline)];
+        let queue = self.raw.lock().unwrap_or_else(PoisonError::into_inner);
+        // SAFETY: the lock gives this thread alone the queue; the buffer is executable and recorded for its family, the value is
+        // one above the newest of this timeline (the caller holds the lane), those waited for were submitted before, and the
+        // caller keeps alive what the buffer names.
+        unsafe { device.raw.queue_submit(*queue, &info, vk::Fence::null()) }
     }
 
     /// Ok(true) once submission `value` has finished, Ok(false) after `timeout_ns`.
@@ -173,6 +223,39 @@ impl Queue {
             (Some(pass), _) => pass,
             (None, Some(running)) => format!("{} (then {running} was submitted)", state.last_finished),
             (None, None) => state.last_finished.clone(),
+        }
+    }
+}
+
+impl Device {
+    /// A command pool with its buffer, ready to record for a lane.
+    pub(crate) fn command_slot(&self, lane: Lane) -> Result<CommandSlot, GpuError> {
+        let recycled = self.queue(lane).slots.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        match recycled {
+            Some(slot) => Ok(slot),
+            None => CommandSlot::new(self, lane),
+        }
+    }
+
+    /// Takes back a slot that no submission uses.
+    pub(crate) fn recycle_slot(&self, slot: CommandSlot) {
+        // SAFETY: the caller owns the slot, and its buffer is not pending.
+        let reset = unsafe { self.raw.reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty()) };
+        if reset.is_ok() {
+            self.queue(slot.lane).slots.lock().unwrap_or_else(PoisonError::into_inner).push(slot);
+        } else {
+            slot.destroy(&self.raw);
+        }
+    }
+
+    /// Destroys what the queues are made of. The device is idle and no command list is left.
+    pub(crate) fn destroy_queues(&mut self) {
+        for queue in &mut self.queues {
+            for slot in queue.slots.get_mut().unwrap_or_else(PoisonError::into_inner).drain(..) {
+                slot.destroy(&self.raw);
+            }
+            // SAFETY: the device is idle. Null is allowed.
+            unsafe { self.raw.destroy_semaphore(queue.timeline, None) };
         }
     }
 }

@@ -3,12 +3,12 @@
 //!
 //! [`DeviceRange`] is implemented by [`Buffer`](crate::Buffer) and [`HeapRange`](crate::HeapRange) only. Any thread.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use ash::vk;
 
 use crate::device::{Device, Retired};
+use crate::lane::Points;
 use crate::memory::RawBuffer;
 
 /// A stretch of device memory: a whole [`Buffer`](crate::Buffer) or a [`HeapRange`](crate::HeapRange). Sealed.
@@ -39,31 +39,22 @@ pub(crate) mod sealed {
     }
 }
 
-/// When something may be destroyed: after the newest submission at the time its public handle was dropped.
+/// When something may be destroyed: after the newest submissions, of both lanes, at the time its public handle was dropped.
 ///
 /// Work recorded before that keeps the object itself, so the object outlives such work anyway; this bounds work that only knows
 /// the address.
-#[derive(Debug)]
-pub(crate) struct RetirePoint(AtomicU64);
+#[derive(Debug, Default)]
+pub(crate) struct RetirePoint(OnceLock<Points>);
 
 impl RetirePoint {
-    const UNSET: u64 = u64::MAX;
-
-    pub(crate) fn new() -> Self {
-        Self(AtomicU64::new(Self::UNSET))
+    /// Fixes the points, unless they are fixed already.
+    pub(crate) fn set(&self, points: Points) {
+        self.0.get_or_init(|| points);
     }
 
-    /// Fixes the point.
-    pub(crate) fn set(&self, point: u64) {
-        self.0.store(point, Ordering::Release);
-    }
-
-    /// The fixed point, or the newest submission if none was fixed.
-    pub(crate) fn get(&self, device: &Device) -> u64 {
-        match self.0.load(Ordering::Acquire) {
-            Self::UNSET => device.queue.last_submitted(),
-            point => point,
-        }
+    /// The fixed points, or the newest submissions if none were fixed.
+    pub(crate) fn get(&self, device: &Device) -> Points {
+        self.0.get().copied().unwrap_or_else(|| device.submitted())
     }
 }
 
@@ -77,7 +68,7 @@ pub(crate) struct Block {
 
 impl Block {
     pub(crate) fn new(device: &Arc<Device>, raw: RawBuffer) -> Self {
-        Self { device: Arc::clone(device), raw, retire_after: RetirePoint::new() }
+        Self { device: Arc::clone(device), raw, retire_after: RetirePoint::default() }
     }
 
     pub(crate) fn buffer(&self) -> vk::Buffer {
@@ -86,7 +77,7 @@ impl Block {
 
     /// Says that nothing submitted from now on uses this block by its address.
     pub(crate) fn released(&self) {
-        self.retire_after.set(self.device.queue.last_submitted());
+        self.retire_after.set(self.device.submitted());
     }
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Wraps each recorded operation: barrier before, crash marker, label, timestamps.
 //!
-//! Barriers are full ones between all operations (one queue, compute and transfer only, memory reached by address), except inside a
+//! Barriers are full ones between all operations of a lane (compute and transfer only, memory reached by address), except inside a
 //! concurrent section, where one comes before the section and one after it. Used by one thread at a time.
 
 use std::sync::Arc;
@@ -10,30 +10,39 @@ use ash::vk;
 
 use crate::device::Device;
 use crate::error::GpuError;
+use crate::lane::Lane;
 use crate::markers::Mark;
 use crate::timer::Timer;
 
-/// Stages in which operations run.
-const STAGES: vk::PipelineStageFlags = vk::PipelineStageFlags::from_raw(
-    vk::PipelineStageFlags::COMPUTE_SHADER.as_raw()
-        | vk::PipelineStageFlags::TRANSFER.as_raw()
-        | vk::PipelineStageFlags::DRAW_INDIRECT.as_raw(),
-);
-/// What operations write.
-const WRITES: vk::AccessFlags =
-    vk::AccessFlags::from_raw(vk::AccessFlags::SHADER_WRITE.as_raw() | vk::AccessFlags::TRANSFER_WRITE.as_raw());
-/// What operations read.
-const READS: vk::AccessFlags = vk::AccessFlags::from_raw(
-    vk::AccessFlags::SHADER_READ.as_raw()
-        | vk::AccessFlags::TRANSFER_READ.as_raw()
-        | vk::AccessFlags::INDIRECT_COMMAND_READ.as_raw(),
-);
+/// Stages in which operations run, and what they write and read there.
+#[derive(Clone, Copy, Debug)]
+struct Scope {
+    stages: vk::PipelineStageFlags,
+    writes: vk::AccessFlags,
+    reads: vk::AccessFlags,
+}
+
+impl Scope {
+    /// A family without compute knows the transfer stage only (VUID-vkCmdPipelineBarrier-srcStageMask-06461).
+    fn of(computes: bool) -> Self {
+        let (mut stages, mut writes, mut reads) =
+            (vk::PipelineStageFlags::TRANSFER, vk::AccessFlags::TRANSFER_WRITE, vk::AccessFlags::TRANSFER_READ);
+        if computes {
+            stages |= vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::DRAW_INDIRECT;
+            writes |= vk::AccessFlags::SHADER_WRITE;
+            reads |= vk::AccessFlags::SHADER_READ | vk::AccessFlags::INDIRECT_COMMAND_READ;
+        }
+        Self { stages, writes, reads }
+    }
+}
 
 /// A command buffer being recorded.
 #[derive(Debug)]
 pub(crate) struct Recorder {
     pub(crate) device: Arc<Device>,
+    pub(crate) lane: Lane,
     buffer: vk::CommandBuffer,
+    scope: Scope,
     /// Something before the next operation has to be waited for. True at the start: earlier submissions.
     barrier_pending: bool,
     concurrent_depth: u32,
@@ -43,26 +52,49 @@ pub(crate) struct Recorder {
 }
 
 impl Recorder {
-    /// Begins the buffer.
-    pub(crate) fn begin(device: &Arc<Device>, buffer: vk::CommandBuffer, label: &str) -> Result<Self, GpuError> {
+    /// Begins the buffer, which is one of the lane's.
+    pub(crate) fn begin(
+        device: &Arc<Device>,
+        lane: Lane,
+        buffer: vk::CommandBuffer,
+        label: &str,
+    ) -> Result<Self, GpuError> {
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the buffer is new or its pool was reset, and the caller alone uses it.
         device.check("vkBeginCommandBuffer", unsafe { device.raw.begin_command_buffer(buffer, &info) })?;
-        device.names.begin(buffer, label);
-        Ok(Self {
+        let mut recorder = Self {
             device: Arc::clone(device),
+            lane,
             buffer,
+            scope: Scope::of(device.queue(lane).choice.computes),
             barrier_pending: true,
             concurrent_depth: 0,
-            timing: device.profile,
+            timing: false,
             timer: None,
             marks: Vec::new(),
-        })
+        };
+        recorder.set_timing(device.profile);
+        recorder.begin_label(label);
+        Ok(recorder)
     }
 
-    /// Switches timestamps for what follows; without timestamps on the device this does nothing.
+    /// Debug labels were long allowed on computing queues only (VUID-vkCmdBeginDebugUtilsLabelEXT-commandBuffer-cmdpool of 1.3).
+    fn begin_label(&self, name: &str) {
+        if self.device.queue(self.lane).choice.computes {
+            self.device.names.begin(self.buffer, name);
+        }
+    }
+
+    fn end_label(&self) {
+        if self.device.queue(self.lane).choice.computes {
+            self.device.names.end(self.buffer);
+        }
+    }
+
+    /// Switches timestamps for what follows; without timestamps on the queue this does nothing.
     pub(crate) fn set_timing(&mut self, on: bool) {
-        self.timing = on && self.device.report.capabilities.timestamps;
+        let bits = self.device.queue(self.lane).choice.timestamp_bits;
+        self.timing = on && bits > 0 && self.device.report.capabilities.timestamps;
     }
 
     /// Records one operation.
@@ -72,11 +104,11 @@ impl Recorder {
         record: impl FnOnce(&ash::Device, vk::CommandBuffer),
     ) -> Result<(), GpuError> {
         self.barrier(name);
-        self.device.names.begin(self.buffer, name);
+        self.begin_label(name);
         let begin = self.stamp()?;
         record(&self.device.raw, self.buffer);
         let end = self.stamp()?;
-        self.device.names.end(self.buffer);
+        self.end_label();
         self.entry(name, begin, end);
         Ok(())
     }
@@ -96,13 +128,13 @@ impl Recorder {
 
     /// Starts a named span; pass what this returns to `leave_span`.
     pub(crate) fn enter_span(&mut self, name: &str) -> Result<Option<u32>, GpuError> {
-        self.device.names.begin(self.buffer, name);
+        self.begin_label(name);
         self.stamp()
     }
 
     pub(crate) fn leave_span(&mut self, name: &str, begin: Option<u32>) -> Result<(), GpuError> {
         let end = self.stamp()?;
-        self.device.names.end(self.buffer);
+        self.end_label();
         self.entry(name, begin, end);
         Ok(())
     }
@@ -111,10 +143,11 @@ impl Recorder {
     pub(crate) fn finish(&mut self) -> Result<(), GpuError> {
         self.barrier_pending = true;
         self.barrier("end");
-        let barrier =
-            [vk::MemoryBarrier::default().src_access_mask(WRITES).dst_access_mask(vk::AccessFlags::HOST_READ)];
+        let barrier = [vk::MemoryBarrier::default()
+            .src_access_mask(self.scope.writes)
+            .dst_access_mask(vk::AccessFlags::HOST_READ)];
         self.pipeline_barrier(vk::PipelineStageFlags::HOST, &barrier);
-        self.device.names.end(self.buffer);
+        self.end_label();
         // SAFETY: the buffer is recording, all labels opened in it are closed.
         let ended = unsafe { self.device.raw.end_command_buffer(self.buffer) };
         self.device.check("vkEndCommandBuffer", ended)
@@ -125,25 +158,28 @@ impl Recorder {
         if !self.barrier_pending {
             return;
         }
-        let barrier = [vk::MemoryBarrier::default().src_access_mask(WRITES).dst_access_mask(WRITES | READS)];
-        self.pipeline_barrier(STAGES, &barrier);
+        let Scope { stages, writes, reads } = self.scope;
+        let barrier = [vk::MemoryBarrier::default().src_access_mask(writes).dst_access_mask(writes | reads)];
+        self.pipeline_barrier(stages, &barrier);
         if let Some(markers) = &self.device.markers {
-            self.marks.push(markers.stamp(&self.device, self.buffer, name));
+            self.marks.push(markers.stamp(&self.device, self.lane, self.buffer, name));
         }
         self.barrier_pending = self.concurrent_depth == 0;
     }
 
     fn pipeline_barrier(&self, to: vk::PipelineStageFlags, barrier: &[vk::MemoryBarrier<'_>]) {
         let flags = vk::DependencyFlags::empty();
-        // SAFETY: the buffer is recording on a queue that computes and transfers, outside any render pass.
-        unsafe { self.device.raw.cmd_pipeline_barrier(self.buffer, STAGES, to, flags, barrier, &[], &[]) };
+        let from = self.scope.stages;
+        // SAFETY: the buffer is recording for a family that has these stages, outside any render pass.
+        unsafe { self.device.raw.cmd_pipeline_barrier(self.buffer, from, to, flags, barrier, &[], &[]) };
     }
 
     fn stamp(&mut self) -> Result<Option<u32>, GpuError> {
         if !self.timing {
             return Ok(None);
         }
-        let timer = self.timer.get_or_insert_with(|| Timer::new(&self.device));
+        let bits = self.device.queue(self.lane).choice.timestamp_bits;
+        let timer = self.timer.get_or_insert_with(|| Timer::new(&self.device, bits));
         timer.stamp(self.buffer).map(Some)
     }
 

@@ -8,6 +8,7 @@ use ash::vk;
 use crate::capabilities::{Capabilities, probe_features};
 use crate::error::GpuError;
 use crate::instance::{Instance, Validation, vulkan_error};
+use crate::lane::{QueueChoices, choose_queues};
 use crate::select;
 
 /// What kind of device it is, in the order of preference.
@@ -118,8 +119,7 @@ pub(crate) struct Probed {
     pub(crate) properties: vk::PhysicalDeviceProperties,
     pub(crate) max_allocation_bytes: u64,
     pub(crate) subgroup_size: u32,
-    pub(crate) queue_family: u32,
-    pub(crate) timestamp_bits: u32,
+    pub(crate) queues: QueueChoices,
 }
 
 /// Reads every device of the instance, in the driver's order.
@@ -143,8 +143,12 @@ fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Res
         unsafe { instance.raw.get_physical_device_properties2(physical, &mut chain) };
         capabilities = probe_features(&instance.raw, physical, &v11);
     }
-    let (queue_family, timestamp_bits) = compute_family(instance, physical, &mut capabilities);
-    capabilities.timestamps = timestamp_bits > 0 && properties.limits.timestamp_period > 0.0;
+    // SAFETY: `physical` comes from this instance.
+    let families = unsafe { instance.raw.get_physical_device_queue_family_properties(physical) };
+    let queues = choose_queues(&families);
+    capabilities.compute_queue = queues.is_some();
+    let queues = queues.unwrap_or_default();
+    capabilities.timestamps = queues[0].timestamp_bits > 0 && properties.limits.timestamp_period > 0.0;
     capabilities.memory_budget = modern && has_memory_budget(instance, physical)?;
     let version = properties.api_version;
     let text = |bytes: Result<&std::ffi::CStr, _>| -> String {
@@ -173,8 +177,7 @@ fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Res
         properties,
         max_allocation_bytes: v11.max_memory_allocation_size,
         subgroup_size: v11.subgroup_size,
-        queue_family,
-        timestamp_bits,
+        queues,
     })
 }
 
@@ -200,15 +203,6 @@ fn kind_of(device_type: vk::PhysicalDeviceType) -> DeviceKind {
         vk::PhysicalDeviceType::CPU => DeviceKind::Cpu,
         _ => DeviceKind::Other,
     }
-}
-
-/// The first queue family that computes, and its number of valid timestamp bits.
-fn compute_family(instance: &Instance, physical: vk::PhysicalDevice, found: &mut Capabilities) -> (u32, u32) {
-    // SAFETY: `physical` comes from this instance.
-    let families = unsafe { instance.raw.get_physical_device_queue_family_properties(physical) };
-    let family = (0_u32..).zip(&families).find(|(_, family)| family.queue_flags.contains(vk::QueueFlags::COMPUTE));
-    found.compute_queue = family.is_some();
-    family.map_or((0, 0), |(index, family)| (index, family.timestamp_valid_bits))
 }
 
 fn has_memory_budget(instance: &Instance, physical: vk::PhysicalDevice) -> Result<bool, GpuError> {

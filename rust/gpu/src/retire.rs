@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Things nobody holds any more but the GPU may still use, each with the submission after which it can go.
+//! Things nobody holds any more but the GPU may still use, each with the submissions after which it can go.
 //!
 //! Bookkeeping only: [`RetireQueue::take_ready`] hands out what is ready, the caller destroys it outside the lock (destroying may
 //! retire more). Any thread.
@@ -7,10 +7,12 @@
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Items by the timeline value that must have passed.
+use crate::lane::{Lane, Points};
+
+/// Items by the timeline values that must have passed.
 #[derive(Debug)]
 pub(crate) struct RetireQueue<T> {
-    waiting: Mutex<BTreeMap<u64, Vec<T>>>,
+    waiting: Mutex<BTreeMap<Points, Vec<T>>>,
 }
 
 impl<T> RetireQueue<T> {
@@ -18,32 +20,35 @@ impl<T> RetireQueue<T> {
         Self { waiting: Mutex::new(BTreeMap::new()) }
     }
 
-    fn lock(&self) -> MutexGuard<'_, BTreeMap<u64, Vec<T>>> {
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<Points, Vec<T>>> {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Keeps `item` until the timeline has reached `point`.
-    pub(crate) fn push(&self, point: u64, item: T) {
-        self.lock().entry(point).or_default().push(item);
+    /// Keeps `item` until both timelines have reached `points`.
+    pub(crate) fn push(&self, points: Points, item: T) {
+        self.lock().entry(points).or_default().push(item);
     }
 
-    /// Everything whose point is at or below `completed`, oldest first.
-    pub(crate) fn take_ready(&self, completed: u64) -> Vec<T> {
+    /// Everything whose points are at or below `completed` in both lanes, in the order of the main lane.
+    pub(crate) fn take_ready(&self, completed: Points) -> Vec<T> {
         let mut waiting = self.lock();
-        if waiting.first_key_value().is_none_or(|(&point, _)| point > completed) {
-            return Vec::new();
-        }
-        let later = match completed.checked_add(1) {
-            Some(next) => waiting.split_off(&next),
-            None => BTreeMap::new(),
-        };
-        let ready = std::mem::replace(&mut *waiting, later);
-        ready.into_values().flatten().collect()
+        // The map is sorted by the main lane first: what lies behind this range cannot be ready.
+        let last = Points([completed.of(Lane::Main), u64::MAX]);
+        let keys = waiting.range(..=last).map(|(&points, _)| points);
+        let ready: Vec<_> = keys.filter(|points| points.reached_by(completed)).collect();
+        ready.iter().filter_map(|points| waiting.remove(points)).flatten().collect()
     }
 
-    /// The point after which everything waiting now can go; None when nothing waits.
-    pub(crate) fn last_point(&self) -> Option<u64> {
-        self.lock().last_key_value().map(|(&point, _)| point)
+    /// The points after which everything waiting now can go; None when nothing waits.
+    pub(crate) fn last_points(&self) -> Option<Points> {
+        let waiting = self.lock();
+        let mut last = *waiting.keys().next()?;
+        for points in waiting.keys() {
+            for lane in Lane::ALL {
+                last.raise(lane, points.of(lane));
+            }
+        }
+        Some(last)
     }
 }
 
@@ -55,12 +60,26 @@ mod tests {
     fn items_leave_in_order_of_their_points_and_not_before() {
         let queue = RetireQueue::new();
         for (point, item) in [(5, "e"), (2, "b"), (9, "i"), (2, "b2")] {
-            queue.push(point, item);
+            queue.push(Points([point, 0]), item);
         }
-        assert_eq!(queue.take_ready(1), Vec::<&str>::new(), "nothing has passed");
-        assert_eq!(queue.take_ready(5), ["b", "b2", "e"], "all at or below, oldest first");
-        assert_eq!(queue.last_point(), Some(9), "one left");
-        assert_eq!(queue.take_ready(u64::MAX), ["i"], "everything, as after device loss");
-        assert_eq!(queue.last_point(), None, "empty");
+        assert_eq!(queue.take_ready(Points([1, 9])), Vec::<&str>::new(), "nothing has passed");
+        assert_eq!(queue.take_ready(Points([5, 0])), ["b", "b2", "e"], "all at or below, oldest first");
+        assert_eq!(queue.last_points(), Some(Points([9, 0])), "one left");
+        assert_eq!(queue.take_ready(Points::END), ["i"], "everything, as after device loss");
+        assert_eq!(queue.last_points(), None, "empty");
+    }
+
+    #[test]
+    fn items_wait_for_both_lanes() {
+        let queue = RetireQueue::new();
+        // Points of two threads need not be ordered.
+        for (points, item) in [([4, 4], "a"), ([5, 3], "b"), ([5, 9], "c")] {
+            queue.push(Points(points), item);
+        }
+        assert_eq!(queue.last_points(), Some(Points([5, 9])), "the last of each lane");
+        assert_eq!(queue.take_ready(Points([9, 2])), Vec::<&str>::new(), "the transfer lane is behind");
+        assert_eq!(queue.take_ready(Points([4, 9])), ["a"], "the main lane is behind");
+        assert_eq!(queue.take_ready(Points([5, 3])), ["b"], "not the last one");
+        assert_eq!(queue.take_ready(Points([5, 9])), ["c"], "both there");
     }
 }

@@ -6,26 +6,32 @@ use std::time::Duration;
 
 use crate::error::GpuError;
 use crate::gpu::Gpu;
+use crate::lane::Lane;
 use crate::timer::Timer;
 
 /// One submitted command list. Dropping it does not wait and does not cancel.
 #[derive(Debug)]
 pub struct Submission {
     gpu: Arc<Gpu>,
-    value: u64,
+    pub(crate) lane: Lane,
+    pub(crate) value: u64,
     label: String,
     timer: Option<Arc<Timer>>,
 }
 
 impl Submission {
-    pub(crate) fn new(gpu: &Arc<Gpu>, value: u64, label: String, timer: Option<Arc<Timer>>) -> Self {
-        Self { gpu: Arc::clone(gpu), value, label, timer }
+    pub(crate) fn new(gpu: &Arc<Gpu>, (lane, value): (Lane, u64), label: String, timer: Option<Arc<Timer>>) -> Self {
+        Self { gpu: Arc::clone(gpu), lane, value, label, timer }
+    }
+
+    pub(crate) fn gpu(&self) -> &Gpu {
+        &self.gpu
     }
 
     /// True once the GPU has finished it, and after the loss of the device (which [`Submission::wait`] reports).
     #[must_use]
     pub fn is_done(&self) -> bool {
-        self.gpu.device().completed() >= self.value
+        self.gpu.device().completed().of(self.lane) >= self.value
     }
 
     /// Ok(true) once it has finished, Ok(false) when `timeout` passed first. Afterwards the host sees all it wrote.
@@ -35,7 +41,7 @@ impl Submission {
     pub fn wait(&self, timeout: Duration) -> Result<bool, GpuError> {
         let device = self.gpu.device();
         let timeout_ns = u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX);
-        let done = device.queue.wait(device, self.value, timeout_ns)?;
+        let done = device.queue(self.lane).wait(device, self.value, timeout_ns)?;
         if done {
             device.collect();
         }

@@ -26,14 +26,16 @@ struct Entry {
 #[derive(Debug)]
 pub(crate) struct Timer {
     device: Arc<Device>,
+    /// Valid bits of the queue's timestamps.
+    bits: u32,
     pools: Vec<vk::QueryPool>,
     entries: Vec<Entry>,
     used: u32,
 }
 
 impl Timer {
-    pub(crate) fn new(device: &Arc<Device>) -> Self {
-        Self { device: Arc::clone(device), pools: Vec::new(), entries: Vec::new(), used: 0 }
+    pub(crate) fn new(device: &Arc<Device>, bits: u32) -> Self {
+        Self { device: Arc::clone(device), bits, pools: Vec::new(), entries: Vec::new(), used: 0 }
     }
 
     /// Records a timestamp that is taken when all earlier work is done, and returns its number.
@@ -43,8 +45,8 @@ impl Timer {
             self.pools.push(self.device.query_pool()?);
         }
         let raw = self.pools[pool as usize];
-        // SAFETY: `commands` is recording, the query exists, was reset by the host and is written once; the family of the one
-        // queue has timestamps (else no Timer is made).
+        // SAFETY: `commands` is recording, the query exists, was reset by the host and is written once; the list's queue family
+        // has timestamps (else no Timer is made).
         unsafe {
             self.device.raw.cmd_write_timestamp(commands, vk::PipelineStageFlags::BOTTOM_OF_PIPE, raw, query);
         }
@@ -77,8 +79,7 @@ impl Timer {
         let mut entries: Vec<_> = self.entries.iter().collect();
         entries.sort_by_key(|entry| entry.begin);
         let secs = |entry: &Entry| {
-            let ticks =
-                ticks_between(stamps[entry.begin as usize], stamps[entry.end as usize], self.device.timestamp_bits);
+            let ticks = ticks_between(stamps[entry.begin as usize], stamps[entry.end as usize], self.bits);
             tick_secs * ticks as f64
         };
         Ok(entries.into_iter().map(|entry| (entry.name.clone(), secs(entry))).collect())

@@ -10,3 +10,4 @@ mod heap;
 mod lifetime;
 mod support;
 mod threads;
+mod transfer;

@@ -31,8 +31,12 @@ fn two_thousand_cycles_do_not_grow() {
     let cycle = || {
         let buffer = Buffer::new(&gpu, "buffer", 64 << 10, Usage::Device).expect("memory");
         let range = heap.alloc("range", 10_000, 16).expect("memory");
+        let mut transfer = gpu.transfer_commands("bring").expect("a command list");
+        transfer.update(&range, 0, &[0; 256]);
+        let brought = transfer.submit().expect("submitted");
         let mut commands = gpu.commands("cycle").expect("a command list");
         commands.profile(true);
+        commands.wait_for(&brought);
         commands.fill(&buffer, 0, 256, 1);
         commands.keep(&range);
         commands.dispatch(&pipeline, &affine_push(buffer.address(), range.address(), 64, 1), [1, 1, 1]);

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Tests in which the host holds the GPU back: a list of one lane waits for a submission of the other that is only pretended, until
+//! the host says it is done. So both timelines are told apart also on a device with one queue.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use ash::vk;
+
+use crate::lane::Lane;
+use crate::{Buffer, Commands, Gpu, Heap, OpenOptions, Submission, Usage};
+
+const SOON: Duration = Duration::from_millis(30);
+const LATE: Duration = Duration::from_secs(60);
+
+pub(crate) fn open() -> Arc<Gpu> {
+    let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
+    Gpu::open(&OpenOptions { selector, validation: true, ..OpenOptions::default() }).expect("a device to test on")
+}
+
+/// Holds back what waits for it. Nothing may be submitted to its lane.
+pub(crate) struct Gate {
+    lane: Lane,
+    pretended: Submission,
+    gpu: Arc<Gpu>,
+}
+
+impl Gate {
+    /// A gate for lists of the other lane than `lane`.
+    pub(crate) fn of(gpu: &Arc<Gpu>, lane: Lane) -> Self {
+        Self { lane, pretended: Submission::new(gpu, (lane, 1), "gate".to_owned(), None), gpu: Arc::clone(gpu) }
+    }
+
+    pub(crate) fn hold(&self, commands: &mut Commands) {
+        commands.wait_for(&self.pretended);
+    }
+
+    pub(crate) fn open(self) {
+        let device = self.gpu.device();
+        let info = vk::SemaphoreSignalInfo::default().semaphore(device.queue(self.lane).timeline()).value(1);
+        // SAFETY: the timeline is at 0, and no submission signals it (see `Gate`).
+        unsafe { device.raw.signal_semaphore(&info) }.expect("signalled");
+    }
+}
+
+fn list_of(gpu: &Arc<Gpu>, lane: Lane) -> Commands {
+    match lane {
+        Lane::Main => gpu.commands("main list"),
+        Lane::Transfer => gpu.transfer_commands("transfer list"),
+    }
+    .expect("a command list")
+}
+
+fn finished_silently(gpu: Arc<Gpu>) {
+    let log = gpu.validation_log();
+    drop(gpu);
+    assert_eq!(log.take(), Vec::<String>::new(), "validation");
+}
+
+#[test]
+fn a_list_runs_after_what_it_waits_for() {
+    for [lane, gate] in [[Lane::Main, Lane::Transfer], [Lane::Transfer, Lane::Main]] {
+        let gpu = open();
+        let gate = Gate::of(&gpu, gate);
+        let data = Buffer::new(&gpu, "data", 64, Usage::Readback).expect("memory");
+        let mut commands = list_of(&gpu, lane);
+        commands.fill(&data, 0, 64, 1);
+        gate.hold(&mut commands);
+        let submission = commands.submit().expect("submitted");
+        assert_eq!(submission.wait(SOON), Ok(false), "{lane:?} is held back");
+        gate.open();
+        assert_eq!(submission.wait(LATE), Ok(true), "{lane:?} runs");
+        drop((data, submission));
+        finished_silently(gpu);
+    }
+}
+
+#[test]
+fn what_is_dropped_is_held_for_either_lane() {
+    for [lane, gate] in [[Lane::Main, Lane::Transfer], [Lane::Transfer, Lane::Main]] {
+        let gpu = open();
+        let gate = Gate::of(&gpu, gate);
+        let heap = Heap::new(&gpu, "heap", 1 << 20).expect("a heap");
+        // Neither is named by the list: it could know their addresses.
+        let buffer = Buffer::new(&gpu, "buffer", 1 << 20, Usage::Device).expect("memory");
+        let (shared, own) = (heap.alloc("a", 4096, 16).expect("memory"), heap.alloc("b", 1 << 20, 16).expect("memory"));
+        let mut commands = list_of(&gpu, lane);
+        gate.hold(&mut commands);
+        let submission = commands.submit().expect("submitted");
+        drop((buffer, shared, own));
+        assert_eq!((gpu.memory().used >> 20, heap.stats().used_bytes), (3, 4096), "held for {lane:?}");
+        gate.open();
+        assert_eq!(submission.wait(LATE), Ok(true), "{lane:?} runs");
+        assert_eq!((gpu.memory().used, heap.stats().used_bytes), (1 << 20, 0), "freed after {lane:?}");
+        drop((heap, submission));
+        finished_silently(gpu);
+    }
+}
