@@ -10,6 +10,7 @@
 pub mod array;
 pub mod camera;
 pub mod mesh;
+pub mod residency;
 pub mod sampler;
 pub mod scene;
 pub mod settings;

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What there is to load: the bytes of each asset and the assets of each chunk. Immutable, shared by planners.
+
+use super::{AssetId, ChunkId};
+
+/// Bytes per asset and assets per chunk (compressed rows). Every chunk's own block is an asset of its own.
+#[derive(Clone, Debug, Default)]
+pub struct Catalog {
+    bytes: Vec<u64>,
+    starts: Vec<usize>,
+    assets: Vec<AssetId>,
+    closures: Vec<u64>,
+    total: u64,
+}
+
+/// Why a catalog was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum CatalogError {
+    /// An asset that has no bytes entry.
+    #[error("chunk {chunk} names asset {asset}, there are {count}")]
+    UnknownAsset {
+        /// The chunk.
+        chunk: ChunkId,
+        /// What it names.
+        asset: AssetId,
+        /// Assets in the catalog.
+        count: usize,
+    },
+    /// More than 2^32 - 1 chunks or assets.
+    #[error("{0} chunks or assets are more than ids can name")]
+    TooMany(usize),
+    /// The sum of all bytes does not fit 64 bits.
+    #[error("the sizes add up to more than 2^64 bytes")]
+    Overflow,
+}
+
+impl Catalog {
+    /// `bytes[asset]`, and the assets of every chunk in order; an asset named twice by a chunk counts once.
+    pub fn new<I>(bytes: Vec<u64>, chunks: I) -> Result<Self, CatalogError>
+    where
+        I: IntoIterator,
+        I::Item: AsRef<[AssetId]>,
+    {
+        id_count(bytes.len())?;
+        let mut total = 0_u64;
+        for &size in &bytes {
+            total = total.checked_add(size).ok_or(CatalogError::Overflow)?;
+        }
+        let mut catalog = Self { bytes, starts: vec![0], assets: Vec::new(), closures: Vec::new(), total };
+        for row in chunks {
+            catalog.push(row.as_ref())?;
+        }
+        Ok(catalog)
+    }
+
+    fn push(&mut self, row: &[AssetId]) -> Result<(), CatalogError> {
+        let chunk = id_count(self.closures.len() + 1)?;
+        let start = self.assets.len();
+        for &asset in row {
+            if asset as usize >= self.bytes.len() {
+                return Err(CatalogError::UnknownAsset { chunk, asset, count: self.bytes.len() });
+            }
+            self.assets.push(asset);
+        }
+        let row = &mut self.assets[start..];
+        row.sort_unstable();
+        let mut kept = 0;
+        for i in 0..row.len() {
+            if kept == 0 || row[kept - 1] != row[i] {
+                row[kept] = row[i];
+                kept += 1;
+            }
+        }
+        self.assets.truncate(start + kept);
+        // Distinct assets of a sum that fits 64 bits.
+        self.closures.push(self.assets[start..].iter().map(|&asset| self.bytes[asset as usize]).sum());
+        self.starts.push(self.assets.len());
+        Ok(())
+    }
+
+    /// Number of chunks.
+    pub fn chunk_count(&self) -> usize {
+        self.closures.len()
+    }
+
+    /// Number of assets.
+    pub fn asset_count(&self) -> usize {
+        self.bytes.len()
+    }
+
+    /// Device bytes of an asset, 0 for an unknown one.
+    pub fn bytes(&self, asset: AssetId) -> u64 {
+        self.bytes.get(asset as usize).copied().unwrap_or(0)
+    }
+
+    /// The chunk's assets, sorted, each once; none for an unknown chunk.
+    pub fn assets(&self, chunk: ChunkId) -> &[AssetId] {
+        let chunk = chunk as usize;
+        match (self.starts.get(chunk), self.starts.get(chunk + 1)) {
+            (Some(&start), Some(&end)) => &self.assets[start..end],
+            _ => &[],
+        }
+    }
+
+    /// Device bytes of the chunk with all it needs.
+    pub fn closure_bytes(&self, chunk: ChunkId) -> u64 {
+        self.closures.get(chunk as usize).copied().unwrap_or(0)
+    }
+
+    /// The chunk of the largest closure and its bytes; the first of equals.
+    pub fn largest_closure(&self) -> Option<(ChunkId, u64)> {
+        (0..).zip(&self.closures).fold(None, |best, (chunk, &bytes)| match best {
+            Some((_, most)) if most >= bytes => best,
+            _ => Some((chunk, bytes)),
+        })
+    }
+
+    /// Bytes of all assets.
+    pub fn total_bytes(&self) -> u64 {
+        self.total
+    }
+}
+
+/// The last id of `count` things, an error when ids do not reach.
+fn id_count(count: usize) -> Result<u32, CatalogError> {
+    u32::try_from(count).map(|count| count.saturating_sub(1)).map_err(|_out_of_range| CatalogError::TooMany(count))
+}

@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The planner's public face: making it, what the caller reports, what it may ask. Planning itself is in `step`.
+
+use super::entry::{ChunkState, Entry};
+use super::holdings::Holdings;
+use super::policy::{Policy, PolicyKind};
+use super::{AssetId, Catalog, ChunkId, Command, ResidencyStats};
+use std::sync::Arc;
+
+/// Why a budget was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PlanError {
+    /// A chunk that can never be resident.
+    #[error("chunk {chunk} needs {bytes} bytes of device memory at once, the budget is {budget}")]
+    ClosureTooLarge {
+        /// The largest chunk.
+        chunk: ChunkId,
+        /// Its bytes with all it needs.
+        bytes: u64,
+        /// What there is.
+        budget: u64,
+    },
+}
+
+/// Settings of a planner that depend on the device rather than on the scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PlannerOptions {
+    /// Bytes of demanded loads in flight at a time (one load is always allowed; four times as many when the device would
+    /// idle). 0 = an eighth of the budget, 256 MiB at most. Less = demand is read again sooner.
+    pub in_flight_bytes: u64,
+    /// Steps that see a chunk usable before it may be evicted, 0 = 2: with one submission in flight the first step after
+    /// a load still sees the demand of before. More submissions in flight need as many more.
+    pub pin_steps: u32,
+}
+
+/// A load that is under way.
+#[derive(Clone, Debug)]
+pub(super) struct Load {
+    pub(super) chunk: ChunkId,
+    pub(super) assets: Vec<AssetId>,
+    pub(super) bytes: u64,
+    pub(super) kind: LoadKind,
+}
+
+/// Why a load was begun.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum LoadKind {
+    Demanded,
+    Prefetch,
+}
+
+/// Decides which chunks live on the device; see the module's documentation.
+#[derive(Debug)]
+pub struct Planner {
+    pub(super) catalog: Arc<Catalog>,
+    pub(super) policy: Box<dyn Policy>,
+    pub(super) options: PlannerOptions,
+    pub(super) budget: u64,
+    /// What loads may fill: the budget, or less for a while after a failed load.
+    pub(super) allowance: u64,
+    pub(super) largest: u64,
+    pub(super) entries: Vec<Entry>,
+    pub(super) holdings: Holdings,
+    pub(super) residents: Vec<ChunkId>,
+    pub(super) loading: Vec<Load>,
+    /// Evictions that the next step has to say first: what failed loads held of what was there.
+    pub(super) dropped: Vec<Command>,
+    pub(super) stats: ResidencyStats,
+    pub(super) step: u32,
+    pub(super) loads_begun: u32,
+}
+
+impl Planner {
+    /// Nothing is resident. An error when a chunk does not fit the budget.
+    pub fn new(catalog: Arc<Catalog>, budget: u64, kind: PolicyKind) -> Result<Self, PlanError> {
+        Self::with_policy(catalog, budget, kind.policy(), PlannerOptions::default())
+    }
+
+    /// As [`Self::new`], with a policy in any state and options.
+    pub fn with_policy(
+        catalog: Arc<Catalog>,
+        budget: u64,
+        policy: Box<dyn Policy>,
+        options: PlannerOptions,
+    ) -> Result<Self, PlanError> {
+        let largest = check_budget(&catalog, budget)?;
+        Ok(Self {
+            policy,
+            options,
+            budget,
+            allowance: budget,
+            largest,
+            entries: vec![Entry::default(); catalog.chunk_count()],
+            holdings: Holdings::new(&catalog),
+            residents: Vec::new(),
+            loading: Vec::new(),
+            dropped: Vec::new(),
+            stats: ResidencyStats::default(),
+            step: 0,
+            loads_begun: 0,
+            catalog,
+        })
+    }
+
+    /// At start, after an edit: the chunk's content is on the device already. `false`, and the caller frees it, when it
+    /// is unknown or does not fit the budget beside what is held. Content of which [`Self::holds`] is false once all
+    /// chunks are kept is the caller's to free.
+    pub fn keep_resident(&mut self, chunk: ChunkId) -> bool {
+        match self.state(chunk) {
+            ChunkState::Resident => return true,
+            ChunkState::Loading => return false,
+            ChunkState::Absent | ChunkState::Requested => {}
+        }
+        let Some(missing) = self.holdings.missing(&self.catalog, chunk) else { return false };
+        if chunk as usize >= self.entries.len() || self.holdings.held() + missing > self.budget {
+            return false;
+        }
+        let mut new = Vec::new();
+        self.holdings.acquire(&self.catalog, chunk, &mut new);
+        self.holdings.arrived(&self.catalog, &new);
+        self.stats.peak_bytes = self.stats.peak_bytes.max(self.holdings.held());
+        self.become_resident(chunk);
+        true
+    }
+
+    /// A load is done: the chunk is in the chunk table of the next submission. Ignored for a chunk that is not loading.
+    pub fn loaded(&mut self, chunk: ChunkId) {
+        let Some(load) = self.take_load(chunk) else { return };
+        let again = self.holdings.arrived(&self.catalog, &load.assets);
+        self.stats.loads += 1;
+        self.stats.bytes_loaded += load.bytes;
+        self.stats.bytes_reloaded += again;
+        self.stats.failures_in_a_row = 0;
+        let loads = self.entries[chunk as usize].loads;
+        self.stats.reloads += u64::from(loads > 0);
+        self.stats.prefetches += u64::from(load.kind == LoadKind::Prefetch);
+        self.become_resident(chunk);
+        self.entries[chunk as usize].loads = loads.saturating_add(1);
+        if load.kind == LoadKind::Prefetch && !self.is_demanded(chunk) {
+            self.entries[chunk as usize].usable = self.step.wrapping_sub(self.pin_steps());
+        }
+        self.allowance += (self.budget.saturating_sub(self.allowance)).div_ceil(RECOVERY);
+    }
+
+    /// A load found no memory. Nothing the load was to bring is on the device; what the chunk shared with evicted ones is
+    /// freed by the next step's first commands. The planner fills less until loads succeed again, and tries this chunk
+    /// again after some steps. Ignored for a chunk that is not loading.
+    pub fn failed(&mut self, chunk: ChunkId) {
+        let Some(load) = self.take_load(chunk) else { return };
+        self.holdings.set_in_flight(&load.assets, false);
+        let mut freed = Vec::new();
+        self.holdings.release(&self.catalog, chunk, &mut freed);
+        freed.retain(|asset| load.assets.binary_search(asset).is_err());
+        if !freed.is_empty() {
+            self.dropped.push(Command::Evict { chunk, assets: freed });
+        }
+        self.stats.failed_loads += 1;
+        self.stats.failures_in_a_row += 1;
+        let pause = 1_u32 << self.stats.failures_in_a_row.min(MAX_PAUSE_LOG2);
+        let entry = &mut self.entries[chunk as usize];
+        entry.state = ChunkState::Absent;
+        entry.retry = self.step.wrapping_add(pause);
+        self.allowance = self.holdings.held().max(self.largest).min(self.allowance);
+        self.count_bytes();
+    }
+
+    /// Sets another budget. What is above it is evicted by the next step. An error, and no change, when a chunk does not
+    /// fit.
+    pub fn set_budget(&mut self, budget: u64) -> Result<(), PlanError> {
+        check_budget(&self.catalog, budget)?;
+        self.budget = budget;
+        self.allowance = budget;
+        Ok(())
+    }
+
+    /// The budget in bytes.
+    pub fn budget(&self) -> u64 {
+        self.budget
+    }
+
+    /// The catalog.
+    pub fn catalog(&self) -> &Arc<Catalog> {
+        &self.catalog
+    }
+
+    /// Totals since the planner was made.
+    pub fn stats(&self) -> &ResidencyStats {
+        &self.stats
+    }
+
+    /// Where a chunk is; `Absent` for an unknown one.
+    pub fn state(&self, chunk: ChunkId) -> ChunkState {
+        match self.entries.get(chunk as usize) {
+            Some(entry) if entry.state == ChunkState::Absent && self.is_demanded(chunk) => ChunkState::Requested,
+            Some(entry) => entry.state,
+            None => ChunkState::Absent,
+        }
+    }
+
+    /// The chunk is usable.
+    pub fn is_resident(&self, chunk: ChunkId) -> bool {
+        self.state(chunk) == ChunkState::Resident
+    }
+
+    /// The asset is on the device or on its way there.
+    pub fn holds(&self, asset: AssetId) -> bool {
+        self.holdings.is_held(asset)
+    }
+
+    /// Times a load of the chunk completed.
+    pub fn load_count(&self, chunk: ChunkId) -> u32 {
+        self.entries.get(chunk as usize).map_or(0, |entry| entry.loads)
+    }
+
+    /// The usable chunks, in no order that means anything (but the same for the same calls).
+    pub fn resident_chunks(&self) -> &[ChunkId] {
+        &self.residents
+    }
+
+    /// Loads in flight.
+    pub fn loads_in_flight(&self) -> usize {
+        self.loading.len()
+    }
+
+    pub(super) fn pin_steps(&self) -> u32 {
+        if self.options.pin_steps == 0 { DEFAULT_PIN_STEPS } else { self.options.pin_steps }
+    }
+
+    /// The last step saw rays that wait for the chunk.
+    pub(super) fn is_demanded(&self, chunk: ChunkId) -> bool {
+        self.step != 0 && self.entries[chunk as usize].seen == self.step
+    }
+
+    pub(super) fn count_bytes(&mut self) {
+        self.stats.bytes_held = self.holdings.held();
+        self.stats.bytes_in_flight = self.loading.iter().map(|load| load.bytes).sum();
+        self.stats.resident_chunks = self.residents.len() as u64;
+    }
+
+    fn take_load(&mut self, chunk: ChunkId) -> Option<Load> {
+        let index = self.loading.iter().position(|load| load.chunk == chunk)?;
+        Some(self.loading.remove(index))
+    }
+
+    fn become_resident(&mut self, chunk: ChunkId) {
+        let slot = u32::try_from(self.residents.len()).unwrap_or(u32::MAX);
+        self.residents.push(chunk);
+        let entry = &mut self.entries[chunk as usize];
+        self.stats.chunks_touched += u64::from(!entry.touched);
+        entry.touched = true;
+        entry.state = ChunkState::Resident;
+        entry.slot = slot;
+        entry.usable = self.step;
+        entry.heat = entry.heat_at(self.step);
+        entry.used = self.step;
+        self.count_bytes();
+    }
+}
+
+const DEFAULT_PIN_STEPS: u32 = 2;
+/// A load that completes gives back this fraction of what failures took from the allowance.
+const RECOVERY: u64 = 32;
+/// The longest pause after failures is 2 to this power steps.
+const MAX_PAUSE_LOG2: u64 = 4;
+
+/// The largest closure, if it fits.
+fn check_budget(catalog: &Catalog, budget: u64) -> Result<u64, PlanError> {
+    match catalog.largest_closure() {
+        Some((chunk, bytes)) if bytes > budget => Err(PlanError::ClosureTooLarge { chunk, bytes, budget }),
+        largest => Ok(largest.map_or(0, |(_, bytes)| bytes)),
+    }
+}

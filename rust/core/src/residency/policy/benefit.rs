@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Our policy: what a load does for the rays, per byte it really moves, against what an eviction will cost.
+//!
+//! Value of a load: (waiting rays + a share of the rays that will come to it next), grown with the time they have
+//! waited, per byte that is not yet on the device (shared meshes often are). Loss of an eviction: the rays that needed
+//! the chunk lately per byte only it holds; that is what comes back as demand, and what will have to be moved again.
+
+use super::super::ChunkId;
+use super::{Policy, View, top};
+
+/// Most rays per byte first.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Benefit;
+
+/// What a ray counts for a chunk further down its list.
+const NEXT_WEIGHT: f64 = 0.125;
+/// A load's value must be this many times the loss it causes.
+const HYSTERESIS: f64 = 1.25;
+/// Steps of waiting that double a chunk's value.
+const AGE_STEPS: f64 = 64.0;
+/// Chunks whose assets are looked at in a step, the best by their whole closures.
+const LOOKED_AT: usize = 1024;
+/// A load's fixed cost, as bytes.
+const LOAD_BYTES: f64 = 65536.0;
+
+#[expect(clippy::cast_precision_loss, reason = "an estimate")]
+fn cost(bytes: u64) -> f64 {
+    bytes as f64 + LOAD_BYTES
+}
+
+fn rays(view: &View<'_>, chunk: ChunkId) -> f64 {
+    let rays = f64::from(view.waiting(chunk)) + NEXT_WEIGHT * f64::from(view.next(chunk));
+    rays * (1.0 + f64::from(view.waited_steps(chunk)) / AGE_STEPS)
+}
+
+impl Policy for Benefit {
+    fn order(&mut self, view: &View<'_>, demanded: &[ChunkId], limit: usize) -> Vec<(f64, ChunkId)> {
+        let whole = |&chunk: &ChunkId| (rays(view, chunk) / cost(view.catalog().closure_bytes(chunk)), chunk);
+        let likely = top(demanded.iter().map(whole).collect(), LOOKED_AT);
+        let exact = likely.into_iter().filter_map(|(_, chunk)| {
+            let missing = view.missing_bytes(chunk)?;
+            Some((rays(view, chunk) / cost(missing), chunk))
+        });
+        top(exact.collect(), limit)
+    }
+
+    fn loss(&self, view: &View<'_>, chunk: ChunkId) -> f64 {
+        (view.heat(chunk) + f64::from(view.waiting(chunk))) / cost(view.exclusive_bytes(chunk))
+    }
+
+    fn displaces(&self, value: f64, loss: f64) -> bool {
+        value > HYSTERESIS * loss
+    }
+
+    fn prefetch(&self, view: &View<'_>, chunk: ChunkId) -> Option<f64> {
+        let missing = view.missing_bytes(chunk)?;
+        Some(NEXT_WEIGHT * f64::from(view.next(chunk)) / cost(missing))
+    }
+}

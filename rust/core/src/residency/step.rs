@@ -1,0 +1,342 @@
+// SPDX-License-Identifier: Apache-2.0
+//! One step of planning: read the demand, make room where the budget shrank, load what starves, what is demanded, and
+//! what soon will be. Cost: a scan of the demand, then the chunks with demand, the resident chunks when room is needed.
+
+use super::entry::ChunkState;
+use super::planner::{Load, LoadKind, Planner};
+use super::policy::{View, top};
+use super::victims::{Victim, Victims};
+use super::{AssetId, ChunkId, Command, Demand, at};
+
+/// Candidates a policy is asked for in a step.
+const CANDIDATES: usize = 256;
+/// Candidates that may find no room before the step gives up.
+const REFUSALS: usize = 16;
+/// A chunk starves when so many loads per demanded chunk went before it, or so many steps.
+const PATIENCE: u32 = 4;
+const PATIENCE_MIN: u32 = 64;
+/// The device idles when so many times more rays wait than can be traced.
+const IDLE_RATIO: u64 = 64;
+/// Prefetches that are tried in a step, and their share of the bytes in flight.
+const PREFETCHES: usize = 32;
+const PREFETCH_SHARE: u64 = 4;
+const DEFAULT_IN_FLIGHT_SHARE: u64 = 8;
+const DEFAULT_IN_FLIGHT_MAX: u64 = 256 << 20;
+
+/// What became of a try to load.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Try {
+    Issued,
+    /// Nothing may go for it now.
+    NoRoom,
+    /// Enough is in flight.
+    Full,
+    /// An asset is on its way for another chunk.
+    Shared,
+}
+
+/// How hard a load may press.
+#[derive(Clone, Copy)]
+enum Press {
+    /// Whatever is not pinned may go.
+    Must,
+    /// What the policy lets go for this value.
+    Worth(f64),
+    /// As `Worth`, but of chunks nobody waits for.
+    Ahead(f64),
+}
+
+/// The demand of a step and what was made of it so far.
+struct Plan<'a> {
+    demand: Demand<'a>,
+    demanded: Vec<ChunkId>,
+    rays_waiting: u64,
+    victims: Option<Victims>,
+    commands: Vec<Command>,
+    issued: usize,
+}
+
+impl Planner {
+    /// Plans one step. Perform the commands in order; see the module's documentation for when memory may be freed.
+    pub fn step(&mut self, demand: &Demand<'_>) -> Vec<Command> {
+        self.step = self.step.wrapping_add(1);
+        self.stats.steps += 1;
+        let commands = std::mem::take(&mut self.dropped);
+        let mut plan =
+            Plan { demand: *demand, demanded: Vec::new(), rays_waiting: 0, victims: None, commands, issued: 0 };
+        self.observe(&mut plan);
+        self.shrink(&mut plan);
+        if self.load_starving(&mut plan) {
+            self.load_demanded(&mut plan);
+        }
+        self.count_bytes();
+        plan.commands
+    }
+
+    /// Ages and heats what is demanded, and lists what could be loaded.
+    fn observe(&mut self, plan: &mut Plan<'_>) {
+        let (step, loads) = (self.step, self.loads_begun);
+        for_each_nonzero(plan.demand.visits, self.entries.len(), |chunk, rays| {
+            let entry = &mut self.entries[chunk as usize];
+            if entry.state == ChunkState::Resident {
+                entry.visited(step, rays);
+            }
+        });
+        for_each_nonzero(plan.demand.waiting, self.entries.len(), |chunk, rays| {
+            let entry = &mut self.entries[chunk as usize];
+            entry.waited_for(step, rays);
+            if entry.state == ChunkState::Resident {
+                return;
+            }
+            if step == 1 || entry.seen != step.wrapping_sub(1) {
+                entry.since = step;
+                entry.since_loads = loads;
+            }
+            entry.seen = step;
+            plan.rays_waiting += u64::from(rays);
+            let pause = entry.retry != 0 && entry.retry.wrapping_sub(step).cast_signed() > 0;
+            if entry.state == ChunkState::Absent && !pause {
+                plan.demanded.push(chunk);
+            }
+        });
+    }
+
+    /// Evicts down to a budget that was lowered.
+    fn shrink(&mut self, plan: &mut Plan<'_>) {
+        while self.holdings.held() > self.budget {
+            self.find_victims(plan);
+            let unpinned = plan.victims.as_mut().and_then(Victims::pop).map(|victim| victim.chunk);
+            let Some(chunk) = unpinned.or_else(|| self.residents.first().copied()) else { break };
+            let command = self.evict(chunk);
+            plan.commands.push(command);
+        }
+    }
+
+    /// Loads what waited out of all proportion, oldest first. `false` when one of them has to wait for room: then nothing
+    /// else is loaded, so that the room comes.
+    fn load_starving(&mut self, plan: &mut Plan<'_>) -> bool {
+        let demanded = u32::try_from(plan.demanded.len()).unwrap_or(u32::MAX);
+        let limit = demanded.saturating_mul(PATIENCE).saturating_add(PATIENCE_MIN);
+        let waited = |chunk: ChunkId| {
+            let entry = &self.entries[chunk as usize];
+            (self.step.wrapping_sub(entry.since), self.loads_begun.wrapping_sub(entry.since_loads))
+        };
+        let mut starving: Vec<(u32, ChunkId)> = Vec::new();
+        for &chunk in &plan.demanded {
+            let (steps, loads) = waited(chunk);
+            if steps > limit || (steps > PATIENCE_MIN && loads > limit) {
+                starving.push((u32::MAX - steps, chunk));
+            }
+        }
+        starving.sort_unstable();
+        for &(_, chunk) in &starving {
+            if self.try_load(plan, chunk, Press::Must) != Try::Issued {
+                return false;
+            }
+        }
+        if !starving.is_empty() {
+            plan.demanded.retain(|&chunk| self.entries[chunk as usize].state == ChunkState::Absent);
+        }
+        true
+    }
+
+    fn load_demanded(&mut self, plan: &mut Plan<'_>) {
+        let view = View {
+            catalog: &self.catalog,
+            demand: plan.demand,
+            entries: &self.entries,
+            holdings: &self.holdings,
+            step: self.step,
+        };
+        let candidates = self.policy.order(&view, &plan.demanded, CANDIDATES);
+        let mut refusals = 0;
+        for &(value, chunk) in &candidates {
+            match self.try_load(plan, chunk, Press::Worth(value)) {
+                Try::Issued | Try::Shared => {}
+                Try::NoRoom => refusals += 1,
+                Try::Full => break,
+            }
+            if refusals == REFUSALS {
+                break;
+            }
+        }
+        // Rays wait, none can be traced, nothing comes: whatever the policy thinks of the swap, it is progress.
+        if plan.issued == 0 && self.loading.is_empty() && is_idle(plan) {
+            for &(_, chunk) in candidates.iter().take(REFUSALS) {
+                if self.try_load(plan, chunk, Press::Must) == Try::Issued {
+                    break;
+                }
+            }
+        }
+        if refusals == 0 && plan.issued == plan.demanded.len() {
+            self.prefetch(plan);
+        }
+    }
+
+    /// Loads what rays have further down their lists, when everything demanded is on its way.
+    fn prefetch(&mut self, plan: &mut Plan<'_>) {
+        let view = self.view(plan.demand);
+        let mut values = Vec::new();
+        for_each_nonzero(plan.demand.next, self.entries.len(), |chunk, _| {
+            let absent = self.entries[chunk as usize].state == ChunkState::Absent;
+            if absent && at(plan.demand.waiting, chunk) == 0 {
+                values.extend(self.policy.prefetch(&view, chunk).map(|value| (value, chunk)));
+            }
+        });
+        for (value, chunk) in top(values, PREFETCHES) {
+            if self.try_load(plan, chunk, Press::Ahead(value)) == Try::Full {
+                break;
+            }
+        }
+    }
+
+    fn try_load(&mut self, plan: &mut Plan<'_>, chunk: ChunkId, press: Press) -> Try {
+        let Some(missing) = self.holdings.missing(&self.catalog, chunk) else { return Try::Shared };
+        let (kind, limit) = match press {
+            Press::Must | Press::Worth(_) => (LoadKind::Demanded, self.in_flight_limit(plan)),
+            Press::Ahead(_) => (LoadKind::Prefetch, self.in_flight_limit(plan) / PREFETCH_SHARE),
+        };
+        let in_flight = self.bytes_in_flight(kind);
+        if in_flight > 0 && in_flight.saturating_add(missing) > limit {
+            return Try::Full;
+        }
+        if self.holdings.held() + missing > self.allowance {
+            self.find_victims(plan);
+            let first = plan.victims.as_ref().and_then(Victims::first);
+            if !first.is_some_and(|first| self.may_displace(plan, press, first)) {
+                return Try::NoRoom;
+            }
+        }
+        let mut assets = Vec::new();
+        self.holdings.acquire(&self.catalog, chunk, &mut assets);
+        let room = kind == LoadKind::Demanded || self.leaves_room(plan);
+        let Some(victims) = room.then(|| self.make_room(plan, press)).flatten() else {
+            self.holdings.release(&self.catalog, chunk, &mut Vec::new());
+            return Try::NoRoom;
+        };
+        for (victim, freed) in victims {
+            self.forget(victim.chunk);
+            plan.commands.push(Command::Evict { chunk: victim.chunk, assets: freed });
+        }
+        self.issue(plan, Load { chunk, assets, bytes: missing, kind });
+        Try::Issued
+    }
+
+    /// Releases victims until what is held fits; releases nothing when that cannot be.
+    fn make_room(&mut self, plan: &mut Plan<'_>, press: Press) -> Option<Vec<(Victim, Vec<AssetId>)>> {
+        let mut gone: Vec<(Victim, Vec<AssetId>)> = Vec::new();
+        while self.holdings.held() > self.allowance {
+            let next = plan.victims.as_ref().and_then(Victims::first);
+            let Some(victim) = next.filter(|&victim| self.may_displace(plan, press, victim)) else {
+                let victims = plan.victims.get_or_insert_default();
+                for (victim, _) in gone {
+                    self.holdings.acquire(&self.catalog, victim.chunk, &mut Vec::new());
+                    victims.put_back(victim);
+                }
+                return None;
+            };
+            plan.victims.get_or_insert_default().pop();
+            let mut freed = Vec::new();
+            self.holdings.release(&self.catalog, victim.chunk, &mut freed);
+            gone.push((victim, freed));
+        }
+        Some(gone)
+    }
+
+    fn may_displace(&self, plan: &Plan<'_>, press: Press, victim: Victim) -> bool {
+        match press {
+            Press::Must => true,
+            Press::Worth(value) => self.policy.displaces(value, victim.loss),
+            Press::Ahead(value) => {
+                at(plan.demand.waiting, victim.chunk) == 0 && self.policy.displaces(value, victim.loss)
+            }
+        }
+    }
+
+    /// With all that is held now, demanded loads still find room for all that may be in flight and one chunk more: in what
+    /// is free and what only unpinned chunks hold.
+    fn leaves_room(&self, plan: &Plan<'_>) -> bool {
+        let unpinned = self.residents.iter().filter(|&&chunk| self.is_unpinned(chunk));
+        let evictable: u64 = unpinned.map(|&chunk| self.holdings.exclusive(chunk)).sum();
+        let reserve = self.in_flight_limit(plan).saturating_add(self.largest);
+        self.allowance.saturating_add(evictable) >= self.holdings.held().saturating_add(reserve)
+    }
+
+    fn is_unpinned(&self, chunk: ChunkId) -> bool {
+        self.step.wrapping_sub(self.entries[chunk as usize].usable) >= self.pin_steps()
+    }
+
+    /// Lists who may go, once a step.
+    fn find_victims(&mut self, plan: &mut Plan<'_>) {
+        if plan.victims.is_some() {
+            return;
+        }
+        let view = self.view(plan.demand);
+        let unpinned = self.residents.iter().copied().filter(|&chunk| self.is_unpinned(chunk));
+        plan.victims = Some(Victims::new(&*self.policy, &view, unpinned));
+    }
+
+    fn issue(&mut self, plan: &mut Plan<'_>, load: Load) {
+        self.holdings.set_in_flight(&load.assets, true);
+        self.stats.peak_bytes = self.stats.peak_bytes.max(self.holdings.held());
+        self.entries[load.chunk as usize].state = ChunkState::Loading;
+        self.loads_begun = self.loads_begun.wrapping_add(1);
+        self.policy.issued(load.chunk);
+        plan.issued += usize::from(load.kind == LoadKind::Demanded);
+        plan.commands.push(Command::Load { chunk: load.chunk, assets: load.assets.clone() });
+        self.loading.push(load);
+    }
+
+    fn evict(&mut self, chunk: ChunkId) -> Command {
+        let mut assets = Vec::new();
+        self.holdings.release(&self.catalog, chunk, &mut assets);
+        self.forget(chunk);
+        Command::Evict { chunk, assets }
+    }
+
+    /// A resident chunk is one no more; its assets were released.
+    fn forget(&mut self, chunk: ChunkId) {
+        let slot = self.entries[chunk as usize].slot;
+        self.residents.swap_remove(slot as usize);
+        if let Some(&moved) = self.residents.get(slot as usize) {
+            self.entries[moved as usize].slot = slot;
+        }
+        self.entries[chunk as usize].state = ChunkState::Absent;
+        self.stats.evictions += 1;
+    }
+
+    fn view<'a>(&'a self, demand: Demand<'a>) -> View<'a> {
+        View { catalog: &self.catalog, demand, entries: &self.entries, holdings: &self.holdings, step: self.step }
+    }
+
+    fn bytes_in_flight(&self, kind: LoadKind) -> u64 {
+        self.loading.iter().filter(|load| load.kind == kind).map(|load| load.bytes).sum()
+    }
+
+    fn in_flight_limit(&self, plan: &Plan<'_>) -> u64 {
+        let limit = match self.options.in_flight_bytes {
+            0 => (self.budget / DEFAULT_IN_FLIGHT_SHARE).min(DEFAULT_IN_FLIGHT_MAX),
+            bytes => bytes,
+        };
+        if is_idle(plan) { limit.saturating_mul(4) } else { limit }
+    }
+}
+
+/// Nearly all rays wait.
+fn is_idle(plan: &Plan<'_>) -> bool {
+    plan.demand.active.saturating_mul(IDLE_RATIO) < plan.rays_waiting
+}
+
+/// Calls `visit` for the values above 0 of the first `count`; skips zeros 16 at a time.
+fn for_each_nonzero(values: &[u32], count: usize, mut visit: impl FnMut(ChunkId, u32)) {
+    let values = &values[..values.len().min(count)];
+    for (block, values) in (0_u32..).step_by(16).zip(values.chunks(16)) {
+        if values.iter().fold(0, |any, &value| any | value) != 0 {
+            for (chunk, &value) in (block..).zip(values) {
+                if value != 0 {
+                    visit(chunk, value);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The resident chunks of one step in the order in which they would go.
+
+use super::ChunkId;
+use super::policy::{Policy, View};
+use std::cmp::{Ordering, Reverse};
+use std::collections::BinaryHeap;
+
+/// A value with its chunk, ordered by value, then id.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Victim {
+    pub(super) loss: f64,
+    pub(super) chunk: ChunkId,
+}
+
+impl Ord for Victim {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.loss.total_cmp(&other.loss).then(self.chunk.cmp(&other.chunk))
+    }
+}
+
+impl PartialOrd for Victim {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Victim {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Victim {}
+
+/// Resident chunks that may go now, least loss first. Losses are those of the moment it was made.
+#[derive(Debug, Default)]
+pub(super) struct Victims {
+    heap: BinaryHeap<Reverse<Victim>>,
+}
+
+impl Victims {
+    pub(super) fn new(policy: &dyn Policy, view: &View<'_>, chunks: impl Iterator<Item = ChunkId>) -> Self {
+        let heap: Vec<_> = chunks.map(|chunk| Reverse(Victim { loss: policy.loss(view, chunk), chunk })).collect();
+        Self { heap: heap.into() }
+    }
+
+    pub(super) fn first(&self) -> Option<Victim> {
+        self.heap.peek().map(|first| first.0)
+    }
+
+    pub(super) fn pop(&mut self) -> Option<Victim> {
+        self.heap.pop().map(|first| first.0)
+    }
+
+    pub(super) fn put_back(&mut self, victim: Victim) {
+        self.heap.push(Reverse(victim));
+    }
+}

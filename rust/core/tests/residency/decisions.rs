@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Small cases with known answers.
+
+use oocpt_core::residency::{Catalog, Command, Demand, PlanError, Planner, PolicyKind};
+use std::sync::Arc;
+
+/// Chunks 0..4, each with a block of 10 bytes; 0 and 1 share a mesh of 50, 2 has its own of 50.
+fn catalog() -> Arc<Catalog> {
+    let bytes = vec![10, 10, 10, 10, 50, 50];
+    Arc::new(Catalog::new(bytes, [vec![0, 4], vec![1, 4], vec![2, 5], vec![3]]).expect("a good catalog"))
+}
+
+fn waiting(waiting: &[u32]) -> Demand<'_> {
+    Demand { waiting, active: 1000, ..Demand::default() }
+}
+
+fn load(chunk: u32, assets: &[u32]) -> Command {
+    Command::Load { chunk, assets: assets.to_vec() }
+}
+
+fn evict(chunk: u32, assets: &[u32]) -> Command {
+    Command::Evict { chunk, assets: assets.to_vec() }
+}
+
+#[test]
+fn a_shared_mesh_is_loaded_once_and_freed_with_its_last_chunk() {
+    for kind in PolicyKind::ALL {
+        let mut planner = Planner::new(catalog(), 70, kind).unwrap();
+        assert_eq!(planner.step(&waiting(&[5])), [load(0, &[0, 4])], "{kind}");
+        assert_eq!(planner.step(&waiting(&[5, 5])), [], "{kind}: mesh 4 is on its way");
+        planner.loaded(0);
+        assert_eq!(planner.step(&waiting(&[0, 5])), [load(1, &[1])], "{kind}");
+        planner.loaded(1);
+        assert_eq!(planner.stats().bytes_held, 70, "{kind}");
+        let mut commands = Vec::new();
+        for _ in 0..4 {
+            commands.extend(planner.step(&waiting(&[0, 0, 50])));
+        }
+        assert_eq!(commands, [evict(0, &[0]), evict(1, &[1, 4]), load(2, &[2, 5])], "{kind}");
+    }
+}
+
+#[test]
+fn a_chunk_that_never_fits_is_an_error() {
+    let refused = Planner::new(catalog(), 59, PolicyKind::Benefit).map(|_| ());
+    assert_eq!(refused, Err(PlanError::ClosureTooLarge { chunk: 0, bytes: 60, budget: 59 }), "59 of 60");
+    assert!(Planner::new(catalog(), 60, PolicyKind::Benefit).is_ok(), "60 of 60");
+}
