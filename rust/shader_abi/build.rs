@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Compiles every `shaders/**/NAME.comp`, validates it, and compares the structs in it with the Rust structs.
+//! Compiles every `shaders/**/NAME.comp`, makes its arithmetic exact, validates it, and compares the structs in it with the
+//! Rust structs.
 //!
 //! Needs `glslangValidator` (or what `GLSLANG_VALIDATOR` names) and `spirv-val` (`SPIRV_VAL`); fails with one clear
 //! message when one is missing, when a shader is wrong, or when GLSL and Rust disagree about a struct.
@@ -9,6 +10,8 @@
 mod abi;
 #[path = "build/check.rs"]
 mod check;
+#[path = "build/exact.rs"]
+mod exact;
 
 use std::collections::BTreeSet;
 use std::env;
@@ -30,7 +33,7 @@ fn main() -> ExitCode {
 }
 
 fn build() -> Result<(), String> {
-    for file in ["build.rs", "build/check.rs", "src/abi"] {
+    for file in ["build.rs", "build/check.rs", "build/exact.rs", "src/abi"] {
         println!("cargo::rerun-if-changed={file}");
     }
     let manifest = PathBuf::from(variable("CARGO_MANIFEST_DIR")?);
@@ -108,11 +111,15 @@ impl Tools {
         compiler.args(["--quiet", "--target-env", "vulkan1.2", "-o"]).arg(output);
         compiler.arg(format!("-I{}", include.display())).arg(source);
         run(compiler, "glslang-tools")?;
+        let bytes = fs::read(output).map_err(|error| format!("{}: {error}", output.display()))?;
+        let words: Vec<u32> = bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word)).collect();
+        let words = exact::without_contraction(&words).map_err(|error| format!("{}: {error}", source.display()))?;
+        let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        fs::write(output, bytes).map_err(|error| format!("{}: {error}", output.display()))?;
         let mut validator = Command::new(&self.validator);
         validator.args(["--target-env", "vulkan1.2", "--scalar-block-layout"]).arg(output);
         run(validator, "spirv-tools").map_err(|error| format!("{}: {error}", source.display()))?;
-        let bytes = fs::read(output).map_err(|error| format!("{}: {error}", output.display()))?;
-        Ok(bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word)).collect())
+        Ok(words)
     }
 }
 

@@ -14,7 +14,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) buffer ShadowRays 
 
 void main() {
     Triangles(address).v[0].face = 0u;
-    Rays(address).v[0].path = 0u;
+    Rays(address).v[0].flags = 0u;
     Paths(address).v[0].pdf = 0.0;
-    ShadowRays(address).v[0].path = 0u;
+    ShadowRays(address).v[0].flags = 0u;
 }

@@ -26,6 +26,9 @@ const bool HAS_DOME_SHADOW_RAYS = (FEATURES & 128u) != 0u && HAS_DOME;
 const uint FLAG_DOME_CAMERA_VISIBLE = 1u;
 const uint PREPARE_TRACE = 0u;
 const uint PREPARE_SHADE = 1u;
+const uint AOV_SURFACES = 0u;
+const uint AOV_ESCAPED = 1u;
+const uint PUSH_AOVS = 1u;
 const uint MAX_DIRECT_GROUPS = 1u << 15;
 const uint WORKGROUP_SIZE = 64u;
 
@@ -44,9 +47,9 @@ struct Push {
     uint first_pixel;
     uint first_sample;
     uint path_count;
-    uint bounce;
+    uint round;
     uint arg0;
-    uint arg1;
+    uint flags;
 };
 
 struct AovTargets {
@@ -72,18 +75,22 @@ struct AovClear {
 };
 
 struct Frame {
-    uint64_t root_nodes;
-    uint64_t root_instances;
+    uint64_t top_nodes;
+    uint64_t chunk_instances;
+    uint64_t chunks;
     uint64_t assemblies;
     uint64_t meshes;
     uint64_t lights;
-    uint64_t rays[2];
+    uint64_t rays;
+    uint64_t shadow_rays;
     uint64_t hits;
     uint64_t paths;
     uint64_t radiance;
-    uint64_t surface_hits;
-    uint64_t escaped_rays;
-    uint64_t shadow_rays;
+    uint64_t ray_queue[2];
+    uint64_t shadow_queue;
+    uint64_t surface_queue;
+    uint64_t escaped_queue;
+    uint64_t streaming;
     uint64_t counters;
     uint64_t film;
     uint64_t color;
@@ -91,6 +98,7 @@ struct Frame {
     AovClear aov_clear;
     vec4 clear_color;
     vec3 ray_o;
+    vec3 ray_o_lo;
     vec3 ray_o_x;
     vec3 ray_o_y;
     vec3 ray_d;
@@ -114,7 +122,6 @@ struct Frame {
     uint max_bounces;
     uint light_count;
     uint flags;
-    uint reserved;
 };
 
 struct GpuNode {
@@ -157,6 +164,19 @@ struct GpuAssembly {
     uint64_t instances;
 };
 
+struct GpuChunk {
+    uint64_t nodes;
+    uint64_t instances;
+};
+
+struct GpuChunkInstance {
+    vec4 chunk_from_world[3];
+    vec3 origin_lo;
+    uint chunk;
+    uint instance_id;
+    uint pad[3];
+};
+
 struct GpuLight {
     vec3 direction;
     float one_minus_cos;
@@ -167,9 +187,11 @@ struct GpuLight {
 
 struct Ray {
     vec3 o;
-    uint path;
+    uint bounce;
     vec3 d;
     float t_max;
+    vec3 o_lo;
+    uint flags;
 };
 
 struct PathState {
@@ -179,9 +201,11 @@ struct PathState {
 
 struct ShadowRay {
     vec3 o;
-    uint path;
+    uint bounce;
     vec3 d;
     float t_max;
+    vec3 o_lo;
+    uint flags;
     vec3 contribution;
     uint pad;
 };

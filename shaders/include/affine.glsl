@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Affine maps as three rows, and reading them from instance records.
+// Affine maps as three rows, the maps into chunks, and reading both. All products are explicit fma chains: the same bits in every
+// pass, which traversal, surface.glsl and its error bounds count on.
 #ifndef OOCPT_AFFINE_GLSL
 #define OOCPT_AFFINE_GLSL
+
+#include "include/double.glsl"
 
 struct Affine {
     vec4 x;
@@ -9,42 +12,76 @@ struct Affine {
     vec4 z;
 };
 
-// Rounds the same way in traversal and in surface.glsl, whose error bounds count on it.
+// From the world (relative to Snapshot::origin) to a chunk's own frame: rows * (p - origin).
+struct ChunkMap {
+    vec3 x;
+    vec3 y;
+    vec3 z;
+    Double3 origin;
+};
+
+float dot3(vec3 a, vec3 b) {
+    return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z));
+}
+
+vec3 cross3(vec3 a, vec3 b) {
+    return vec3(fma(a.y, b.z, -(a.z * b.y)), fma(a.z, b.x, -(a.x * b.z)), fma(a.x, b.y, -(a.y * b.x)));
+}
+
 vec3 apply_point(Affine m, vec3 p) {
-    precise vec3 r = vec3(fma(m.x.x, p.x, fma(m.x.y, p.y, fma(m.x.z, p.z, m.x.w))),
-                          fma(m.y.x, p.x, fma(m.y.y, p.y, fma(m.y.z, p.z, m.y.w))),
-                          fma(m.z.x, p.x, fma(m.z.y, p.y, fma(m.z.z, p.z, m.z.w))));
-    return r;
+    return vec3(fma(m.x.x, p.x, fma(m.x.y, p.y, fma(m.x.z, p.z, m.x.w))),
+                fma(m.y.x, p.x, fma(m.y.y, p.y, fma(m.y.z, p.z, m.y.w))),
+                fma(m.z.x, p.x, fma(m.z.y, p.y, fma(m.z.z, p.z, m.z.w))));
+}
+
+vec3 apply_rows(vec3 x, vec3 y, vec3 z, vec3 v) {
+    return vec3(dot3(x, v), dot3(y, v), dot3(z, v));
 }
 
 vec3 apply_vector(Affine m, vec3 v) {
-    return vec3(dot(m.x.xyz, v), dot(m.y.xyz, v), dot(m.z.xyz, v));
+    return apply_rows(m.x.xyz, m.y.xyz, m.z.xyz, v);
+}
+
+vec3 combine_rows(vec3 x, vec3 y, vec3 z, vec3 v) {
+    return fma(x, vec3(v.x), fma(y, vec3(v.y), z * v.z));
 }
 
 // The map of covectors (normals) from the object frame back to the parent frame.
 vec3 apply_transposed(Affine m, vec3 v) {
-    return m.x.xyz * v.x + m.y.xyz * v.y + m.z.xyz * v.z;
+    return combine_rows(m.x.xyz, m.y.xyz, m.z.xyz, v);
+}
+
+vec4 compose_row(vec4 row, Affine b) {
+    return fma(b.x, vec4(row.x), fma(b.y, vec4(row.y), fma(b.z, vec4(row.z), vec4(0.0, 0.0, 0.0, row.w))));
 }
 
 // a after b.
 Affine compose(Affine a, Affine b) {
-    return Affine(a.x.x * b.x + a.x.y * b.y + a.x.z * b.z + vec4(0.0, 0.0, 0.0, a.x.w),
-                  a.y.x * b.x + a.y.y * b.y + a.y.z * b.z + vec4(0.0, 0.0, 0.0, a.y.w),
-                  a.z.x * b.x + a.z.y * b.y + a.z.z * b.z + vec4(0.0, 0.0, 0.0, a.z.w));
+    return Affine(compose_row(a.x, b), compose_row(a.y, b), compose_row(a.z, b));
+}
+
+// The vector that the rows map to r.
+vec3 unapply_rows(vec3 x, vec3 y, vec3 z, vec3 r) {
+    const vec3 yz = cross3(y, z);
+    return combine_rows(yz, cross3(z, x), cross3(x, y), r) / dot3(x, yz);
 }
 
 // The point that m maps to q.
 vec3 unapply_point(Affine m, vec3 q) {
-    const vec3 r = q - vec3(m.x.w, m.y.w, m.z.w);
-    const vec3 yz = cross(m.y.xyz, m.z.xyz);
-    const vec3 zx = cross(m.z.xyz, m.x.xyz);
-    const vec3 xy = cross(m.x.xyz, m.y.xyz);
-    return (yz * r.x + zx * r.y + xy * r.z) / dot(m.x.xyz, yz);
+    return unapply_rows(m.x.xyz, m.y.xyz, m.z.xyz, q - vec3(m.x.w, m.y.w, m.z.w));
 }
 
 Affine instance_map(uint64_t instances, uint index) {
     return Affine(Instances(instances).v[index].object_from_parent[0], Instances(instances).v[index].object_from_parent[1],
                   Instances(instances).v[index].object_from_parent[2]);
+}
+
+ChunkMap chunk_map(uint chunk_instance) {
+    ChunkInstances instances = ChunkInstances(FRAME.chunk_instances);
+    const vec4 x = instances.v[chunk_instance].chunk_from_world[0];
+    const vec4 y = instances.v[chunk_instance].chunk_from_world[1];
+    const vec4 z = instances.v[chunk_instance].chunk_from_world[2];
+    return ChunkMap(x.xyz, y.xyz, z.xyz, Double3(vec3(x.w, y.w, z.w), instances.v[chunk_instance].origin_lo));
 }
 
 #endif

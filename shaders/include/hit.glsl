@@ -1,26 +1,38 @@
 // SPDX-License-Identifier: Apache-2.0
-// Hit records: uv, triangle, instance records from the root, hit_stride(MAX_LEVELS) bytes each (rust/shader_abi/src/abi/path.rs).
+// Hit records, one per path: u, v, triangle, chunk instance, t, instance records from the chunk's down, hit_stride(MAX_LEVELS)
+// bytes each (rust/shader_abi/src/abi/path.rs).
 #ifndef OOCPT_HIT_GLSL
 #define OOCPT_HIT_GLSL
 
-// In vec4s.
-const uint HIT_STRIDE = (3u + MAX_LEVELS + 3u) / 4u;
+// In uvec4s.
+const uint HIT_STRIDE = (5u + MAX_LEVELS + 3u) / 4u;
 
-void store_hit_header(uint slot, vec2 uv, uint triangle, uint record) {
-    Vec4s(FRAME.hits).v[slot * HIT_STRIDE] = vec4(uv, uintBitsToFloat(uvec2(triangle, record)));
+struct HitHeader {
+    vec2 uv;
+    uint triangle;
+    uint chunk_instance;
+    float t;
+};
+
+// With the first three records, which share their 16 bytes with t.
+void store_hit_header(uint path, HitHeader hit, uvec3 records) {
+    UVec4s(FRAME.hits).v[path * HIT_STRIDE] = uvec4(floatBitsToUint(hit.uv), hit.triangle, hit.chunk_instance);
+    UVec4s(FRAME.hits).v[path * HIT_STRIDE + 1u] = uvec4(floatBitsToUint(hit.t), records);
 }
 
-void store_hit_level(uint slot, uint level, uint record) {
-    Uints(FRAME.hits).v[slot * HIT_STRIDE * 4u + 3u + level] = record;
+// Levels from 3 on.
+void store_hit_level(uint path, uint level, uint record) {
+    Uints(FRAME.hits).v[path * HIT_STRIDE * 4u + 5u + level] = record;
 }
 
-// uv, and the bits of triangle and of the root's record.
-vec4 load_hit_header(uint slot) {
-    return ConstVec4s(FRAME.hits).v[slot * HIT_STRIDE];
+HitHeader load_hit_header(uint path) {
+    const uvec4 a = ConstUVec4s(FRAME.hits).v[path * HIT_STRIDE];
+    const uint t = ConstUints(FRAME.hits).v[path * HIT_STRIDE * 4u + 4u];
+    return HitHeader(uintBitsToFloat(a.xy), a.z, a.w, uintBitsToFloat(t));
 }
 
-uint load_hit_level(uint slot, uint level) {
-    return ConstUints(FRAME.hits).v[slot * HIT_STRIDE * 4u + 3u + level];
+uint load_hit_level(uint path, uint level) {
+    return ConstUints(FRAME.hits).v[path * HIT_STRIDE * 4u + 5u + level];
 }
 
 #endif

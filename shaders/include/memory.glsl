@@ -10,14 +10,18 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) buffer CountersBloc
 
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer ConstVec4s { vec4 v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Instances { GpuInstance v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer ChunkInstances { GpuChunkInstance v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Chunks { GpuChunk v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Assemblies { GpuAssembly v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Meshes { GpuMesh v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Lights { GpuLight v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer ConstVec3s { vec3 v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer ConstFloats { float v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer ConstUVec4s { uvec4 v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer ConstUints { uint v[]; };
 
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Vec4s { vec4 v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer UVec4s { uvec4 v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Film { FilmPixel v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Vec3s { vec3 v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Floats { float v[]; };

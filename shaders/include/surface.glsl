@@ -2,8 +2,9 @@
 // A hit made into a surface point: position with an error bound, normals, albedo, ids.
 //
 // Self-intersection: a spawned ray is tested against the surface after its origin went through the same chain of maps as here,
-// so we run that chain forwards from the computed world position, carry a bound on its rounding, and see how far from the
-// triangle's plane it may land in the mesh's frame. The origin is moved along the normal by just that much. No scene epsilon.
+// so we run that chain forwards from the computed world position (two floats), into the chunk and on, carry a bound on its rounding,
+// and see how far from the triangle's plane it may land in the mesh's frame. The origin is moved along the normal by just that
+// much, again in two floats. No scene epsilon.
 // (Ideas: Waechter and Binder, Ray Tracing Gems ch. 6; NVIDIA 2023, "Solving Self-Intersection Artifacts in DirectX
 // Raytracing".)
 #ifndef OOCPT_SURFACE_GLSL
@@ -13,7 +14,7 @@
 #include "include/attribute.glsl"
 
 struct Surface {
-    vec3 position; // world
+    Double3 position; // world
     float offset;  // how far along geometric_normal a spawned ray must start, either side
     vec3 geometric_normal; // unit, authored side
     vec3 shading_normal;   // unit, as authored or equal to geometric_normal
@@ -25,23 +26,33 @@ struct Surface {
 
 const float UNIT_ROUNDOFF = 5.9604645e-8;
 
-uint surface_chain[MAX_LEVELS]; // instance records of the hit, root first: set before make_surface
+uint surface_chain[MAX_LEVELS]; // instance records of the hit, the chunk's first: set before make_surface
 
-// Follows the chain: the whole map, the mesh, the ids.
-Affine follow_chain(out uint mesh, out int prim_id, out uint instance_id) {
-    uint64_t instances = FRAME.root_instances;
+uint64_t chunk_records(uint chunk_instance) {
+    const uint chunk = ChunkInstances(FRAME.chunk_instances).v[chunk_instance].chunk;
+    return Chunks(FRAME.chunks).v[chunk].instances;
+}
+
+// The id of a record's placement, given that of what holds the record.
+uint placement_id(uint parent, uint64_t instances, uint record) {
+    const uint count = Instances(instances).v[record].prototype_count & 0x7fffffffu;
+    return parent * count + Instances(instances).v[record].index_in_prototype;
+}
+
+// Follows the chain from the chunk: the whole map, the mesh, the ids.
+Affine follow_chain(uint chunk_instance, out uint mesh, out int prim_id, out uint instance_id) {
+    uint64_t instances = chunk_records(chunk_instance);
     uint record = surface_chain[0];
     Affine map = instance_map(instances, record);
     uint target = Instances(instances).v[record].target;
-    instance_id = Instances(instances).v[record].index_in_prototype;
+    instance_id = placement_id(ChunkInstances(FRAME.chunk_instances).v[chunk_instance].instance_id, instances, record);
     if (HAS_INSTANCING) {
         for (uint level = 1u; level < MAX_LEVELS && (target & TARGET_ASSEMBLY) != 0u; ++level) {
             instances = Assemblies(FRAME.assemblies).v[target & ~TARGET_ASSEMBLY].instances;
             record = surface_chain[level];
             map = compose(instance_map(instances, record), map);
             target = Instances(instances).v[record].target;
-            const uint count = Instances(instances).v[record].prototype_count & 0x7fffffffu;
-            instance_id = instance_id * count + Instances(instances).v[record].index_in_prototype;
+            instance_id = placement_id(instance_id, instances, record);
         }
     }
     mesh = target;
@@ -49,18 +60,24 @@ Affine follow_chain(out uint mesh, out int prim_id, out uint instance_id) {
     return map;
 }
 
-vec3 abs_vector(Affine m, vec3 v) {
-    return vec3(dot(abs(m.x.xyz), v), dot(abs(m.y.xyz), v), dot(abs(m.z.xyz), v));
+// Takes p from the world to the chunk's frame as traversal does; `error` bounds the components' errors. A start point is p moved
+// by its offset and rounded to two floats (4 u^2), and `difference` drops a few u^2 of both terms and rounds once.
+vec3 chunk_with_error(ChunkMap m, Double3 p, out vec3 error) {
+    const vec3 r = difference(p, m.origin);
+    const float u2 = 8.0 * UNIT_ROUNDOFF * UNIT_ROUNDOFF;
+    const vec3 before = 2.0 * UNIT_ROUNDOFF * abs(r) + u2 * (abs(p.hi) + abs(m.origin.hi));
+    error = apply_rows(abs(m.x), abs(m.y), abs(m.z), before + 4.0 * UNIT_ROUNDOFF * abs(r));
+    return apply_rows(m.x, m.y, m.z, r);
 }
 
-// Takes p from the world to the mesh's frame as traversal does, and `error`, a bound on its components' errors, along.
-vec3 forward_with_error(vec3 p, inout vec3 error) {
-    uint64_t instances = FRAME.root_instances;
+// Takes p from the chunk's frame to the mesh's as traversal does, and `error`, a bound on its components' errors, along.
+vec3 forward_with_error(uint chunk_instance, vec3 p, inout vec3 error) {
+    uint64_t instances = chunk_records(chunk_instance);
     for (uint level = 0u; level < MAX_LEVELS; ++level) {
         const uint record = surface_chain[level];
         const Affine m = instance_map(instances, record);
-        const vec3 magnitude = abs_vector(m, abs(p)) + abs(vec3(m.x.w, m.y.w, m.z.w));
-        error = abs_vector(m, error) + 4.0 * UNIT_ROUNDOFF * magnitude;
+        const Affine size = Affine(abs(m.x), abs(m.y), abs(m.z));
+        error = apply_vector(size, error) + 4.0 * UNIT_ROUNDOFF * apply_point(size, abs(p));
         p = apply_point(m, p);
         const uint target = Instances(instances).v[record].target;
         if (!HAS_INSTANCING || (target & TARGET_ASSEMBLY) == 0u) break;
@@ -71,13 +88,16 @@ vec3 forward_with_error(vec3 p, inout vec3 error) {
 
 vec3 normal_or(vec3 v, vec3 fallback) {
     const float largest = max(abs(v.x), max(abs(v.y), abs(v.z)));
-    return largest > 0.0 && largest < 3.0e38 ? normalize(v / largest) : fallback;
+    if (!(largest > 0.0 && largest < 3.0e38)) return fallback;
+    const vec3 scaled = v / largest;
+    return scaled * inversesqrt(dot3(scaled, scaled));
 }
 
-Surface make_surface(uint triangle, vec2 uv) {
+Surface make_surface(uint chunk_instance, uint triangle, vec2 uv) {
     Surface s;
     uint mesh;
-    const Affine map = follow_chain(mesh, s.prim_id, s.instance_id);
+    const ChunkMap world = chunk_map(chunk_instance);
+    const Affine map = follow_chain(chunk_instance, mesh, s.prim_id, s.instance_id);
     Meshes meshes = Meshes(FRAME.meshes);
     const uint64_t triangles = meshes.v[mesh].triangles;
     const uint flags = meshes.v[mesh].flags;
@@ -87,27 +107,29 @@ Surface make_surface(uint triangle, vec2 uv) {
     const vec3 v2 = ConstVec4s(triangles).v[triangle * 3u + 2u].xyz;
     s.face = floatBitsToUint(first.w);
     const vec3 weights = vec3(1.0 - uv.x - uv.y, uv);
-    const vec3 local = v0 * weights.x + v1 * weights.y + v2 * weights.z;
+    const vec3 local = fma(v0, vec3(weights.x), fma(v1, vec3(weights.y), v2 * weights.z));
 
-    const vec3 winding = normal_or(cross(v1 - v0, v2 - v0), vec3(0.0, 0.0, 1.0));
+    const vec3 winding = normal_or(cross3(v1 - v0, v2 - v0), vec3(0.0, 0.0, 1.0));
     const vec3 object_normal = (flags & MESH_LEFT_HANDED) != 0u ? -winding : winding;
-    const vec3 covector = apply_transposed(map, object_normal);
+    const vec3 covector = combine_rows(world.x, world.y, world.z, apply_transposed(map, object_normal));
     s.geometric_normal = normal_or(covector, vec3(0.0, 0.0, 1.0));
 
-    s.position = unapply_point(map, local);
-    vec3 error = 2.0 * UNIT_ROUNDOFF * abs(s.position);
-    const vec3 landed = forward_with_error(s.position, error);
+    s.position = add(world.origin, unapply_rows(world.x, world.y, world.z, unapply_point(map, local)));
+    vec3 error;
+    const vec3 in_chunk = chunk_with_error(world, s.position, error);
+    const vec3 landed = forward_with_error(chunk_instance, in_chunk, error);
     error += 8.0 * UNIT_ROUNDOFF * max(abs(v0), max(abs(v1), abs(v2)));
     // The triangle test itself rounds in proportion to the triangle as seen from the origin, in any direction.
     const vec3 span = max(abs(v0 - local), max(abs(v1 - local), abs(v2 - local)));
     error += 32.0 * UNIT_ROUNDOFF * max(span.x, max(span.y, span.z));
-    const float distance = abs(dot(object_normal, landed - local)) + dot(abs(object_normal), error);
-    s.offset = distance / max(length(covector), 1.0e-30);
+    const float distance = abs(dot3(object_normal, landed - local)) + dot3(abs(object_normal), error);
+    s.offset = distance / max(sqrt(dot3(covector, covector)), 1.0e-30);
 
     s.shading_normal = s.geometric_normal;
     if (HAS_NORMALS && (flags & MESH_HAS_NORMALS) != 0u) {
         const vec3 n = attribute_vec3(meshes.v[mesh].normals, meshes.v[mesh].corner_indices, flags & 3u, triangle, weights);
-        s.shading_normal = normal_or(apply_transposed(map, n), s.geometric_normal);
+        const vec3 in_world = combine_rows(world.x, world.y, world.z, apply_transposed(map, n));
+        s.shading_normal = normal_or(in_world, s.geometric_normal);
     }
     s.albedo = FRAME.default_albedo;
     if (HAS_COLORS && (flags & MESH_HAS_COLORS) != 0u) {

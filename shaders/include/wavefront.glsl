@@ -37,15 +37,26 @@ uvec2 pixel_position(uint index) {
     return uvec2(8u * tile + in_tile % columns, 8u * strip + in_tile / columns);
 }
 
-Ray load_ray(uint64_t rays, uint slot) {
-    const vec4 a = ConstVec4s(rays).v[2u * slot];
-    const vec4 b = ConstVec4s(rays).v[2u * slot + 1u];
-    return Ray(a.xyz, floatBitsToUint(a.w), b.xyz, b.w);
+// Address of a ray; both kinds start with the members of Ray.
+uint64_t ray_address(uint path) {
+    return FRAME.rays + uint64_t(path) * 48ul;
 }
 
-void store_ray(uint64_t rays, uint slot, Ray ray) {
-    Vec4s(rays).v[2u * slot] = vec4(ray.o, uintBitsToFloat(ray.path));
-    Vec4s(rays).v[2u * slot + 1u] = vec4(ray.d, ray.t_max);
+uint64_t shadow_ray_address(uint path) {
+    return FRAME.shadow_rays + uint64_t(path) * 64ul;
+}
+
+Ray load_ray(uint64_t address) {
+    const vec4 a = ConstVec4s(address).v[0];
+    const vec4 b = ConstVec4s(address).v[1];
+    const vec4 c = ConstVec4s(address).v[2];
+    return Ray(a.xyz, floatBitsToUint(a.w), b.xyz, b.w, c.xyz, floatBitsToUint(c.w));
+}
+
+void store_ray(uint64_t address, Ray ray) {
+    Vec4s(address).v[0] = vec4(ray.o, uintBitsToFloat(ray.bounce));
+    Vec4s(address).v[1] = vec4(ray.d, ray.t_max);
+    Vec4s(address).v[2] = vec4(ray.o_lo, uintBitsToFloat(ray.flags));
 }
 
 PathState load_path(uint path) {

@@ -16,9 +16,10 @@ vec3 safe_reciprocal(vec3 d) {
 }
 
 // Entry distance, or a negative number for a miss. A ray leaves an empty box (+inf, -inf) at infinity, and only such a one.
-float hit_box(vec3 lower, vec3 upper, vec3 o, vec3 reciprocal, float limit) {
-    const vec3 a = (lower - o) * reciprocal;
-    const vec3 b = (upper - o) * reciprocal;
+// Distances to the lower planes are taken from `o_lower`, to the upper ones from `o_upper`: equal, or apart to pad the box.
+float hit_box(vec3 lower, vec3 upper, vec3 o_lower, vec3 o_upper, vec3 reciprocal, float limit) {
+    const vec3 a = (lower - o_lower) * reciprocal;
+    const vec3 b = (upper - o_upper) * reciprocal;
     const vec3 entry = min(a, b);
     const vec3 leave = max(a, b);
     const float near = max(max(entry.x, entry.y), max(entry.z, 0.0));

@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Walk of a ray through the instance levels and meshes: one loop, one stack, near child first.
+// Walk of a ray through the top level, chunks, nested assemblies and meshes: one loop, one stack, near child first.
 //
-// Before including, define ANY_HIT as 1 to stop at the first hit, else 0, and OPACITY_MODE as OPACITY_STOCHASTIC (a surface of
-// opacity a is met with probability a, decided by a hash of seed, instances and triangle) or OPACITY_NONZERO (met if a > 0).
-// traverse() returns the closest hit nearer than t_max; at equal distance the hit with the lower (instances, triangle)
-// wins, so the result does not depend on the order of the walk. Reads the scene, writes nothing but a counter of rays that ran
-// out of stack or levels.
+// Before including, define ANY_HIT as 1 to stop at the first hit, else 0. A surface of opacity a is met with probability a,
+// decided by a hash of seed, instances and triangle; for AOVs (PUSH_AOVS) it is met if a > 0.
+// traverse() returns the closest hit nearer than t_max; at equal distance the hit with the lower (chunk instance, records,
+// triangle) wins, so the result does not depend on the order of the walk. Reads the scene, writes nothing but a counter of rays
+// that ran out of stack or levels.
+//
+// Frames: the top level is walked with the high part of the world origin, boxes padded for the low part; a chunk is entered
+// with the whole (include/double.glsl), and all below it with single floats. Distances are in units of the world direction
+// throughout. The world ray is read from memory when a walk comes back to the top level: registers are dearer.
 #ifndef OOCPT_TRAVERSE_GLSL
 #define OOCPT_TRAVERSE_GLSL
 
@@ -16,9 +20,6 @@
 #include "traversal/stack.glsl"
 #include "traversal/triangle.glsl"
 
-#define OPACITY_STOCHASTIC 0
-#define OPACITY_NONZERO 1
-
 // Boxes are culled only this far behind the closest hit, so that rounding cannot hide an equally close one.
 const float CULL_PAD = 1.0000038;
 
@@ -26,18 +27,25 @@ struct Found {
     float t;
     vec2 uv;
     uint triangle;
+    uint chunk_instance;
 };
+
+// The largest component of an origin times this covers its low part (2^-24) and the rounding of the padding itself.
+const float TOP_PAD = 1.8e-7;
 
 // Where the walk is: the ray in the frame of the current level or mesh, and the arrays there.
 struct Walk {
     vec3 o;
     vec3 d;
     vec3 reciprocal;
+    float pad;   // of boxes; 0 below the top level
     float limit; // boxes entered behind this hold no closer hit
     uint64_t nodes;
     uint64_t instances;
     uint64_t triangles;
-    uint level; // instance records above the current level
+    uint64_t ray; // address of the world ray
+    uint level;   // 0: top level; else trees of instance records from the chunk's down to the current one
+    uint chunk_instance;
     uint mesh;
     uint seed;
     bool in_mesh;
@@ -45,20 +53,26 @@ struct Walk {
 };
 
 Walk walk;
-uint chain[MAX_LEVELS];       // instance records from the root to here
+uint chain[MAX_LEVELS];       // instance records from the chunk to here
 uint found_chain[MAX_LEVELS]; // those of the closest hit
-// Rays and arrays of the levels below the root, to come back to; the root's are at hand.
+// Rays and arrays of the levels from the chunk's down, to come back to.
 vec3 level_o[MAX_LEVELS];
 vec3 level_d[MAX_LEVELS];
 uint64_t level_nodes[MAX_LEVELS];
 uint64_t level_instances[MAX_LEVELS];
 
+// Index of the current level, below the top level, in the arrays above.
+uint level_index() {
+    return MAX_LEVELS == 1u ? 0u : walk.level - 1u;
+}
+
 // Whether the candidate (chain, triangle) comes before the closest hit in the order of ids.
-bool precedes(uint triangle, uint found_triangle) {
-    for (uint i = 0u; i <= walk.level; ++i) {
+bool precedes(uint triangle, Found found) {
+    if (walk.chunk_instance != found.chunk_instance) return walk.chunk_instance < found.chunk_instance;
+    for (uint i = 0u; i <= level_index(); ++i) {
         if (chain[i] != found_chain[i]) return chain[i] < found_chain[i];
     }
-    return triangle < found_triangle;
+    return triangle < found.triangle;
 }
 
 // Whether the surface is there for this ray.
@@ -68,13 +82,10 @@ bool is_opaque(uint triangle, vec2 uv) {
     if ((flags & MESH_HAS_OPACITIES) == 0u) return true;
     const float opacity = attribute_float(meshes.v[walk.mesh].opacities, meshes.v[walk.mesh].corner_indices,
                                           (flags >> 4) & 3u, triangle, vec3(1.0 - uv.x - uv.y, uv));
-#if OPACITY_MODE == OPACITY_STOCHASTIC
-    uint h = walk.seed;
-    for (uint i = 0u; i <= walk.level; ++i) h = hash_combine(h, chain[i]);
+    if ((push.flags & PUSH_AOVS) != 0u) return opacity > 0.0;
+    uint h = hash_combine(walk.seed, walk.chunk_instance);
+    for (uint i = 0u; i <= level_index(); ++i) h = hash_combine(h, chain[i]);
     return float(hash_u32(hash_combine(h, triangle)) >> 8) * 5.9604644775390625e-8 < opacity;
-#else
-    return opacity > 0.0;
-#endif
 }
 
 // From an inner node to the nearer child that is hit; the other one goes to the stack.
@@ -84,8 +95,10 @@ uint descend(uint reference) {
     const vec4 b = ConstVec4s(walk.nodes).v[at + 1u];
     const vec4 c = ConstVec4s(walk.nodes).v[at + 2u];
     const uvec4 links = floatBitsToUint(ConstVec4s(walk.nodes).v[at + 3u]);
-    const float t0 = hit_box(a.xyz, vec3(b.zw, c.x), walk.o, walk.reciprocal, walk.limit);
-    const float t1 = hit_box(vec3(a.w, b.xy), c.yzw, walk.o, walk.reciprocal, walk.limit);
+    const vec3 o_lower = walk.o + walk.pad;
+    const vec3 o_upper = walk.o - walk.pad;
+    const float t0 = hit_box(a.xyz, vec3(b.zw, c.x), o_lower, o_upper, walk.reciprocal, walk.limit);
+    const float t1 = hit_box(vec3(a.w, b.xy), c.yzw, o_lower, o_upper, walk.reciprocal, walk.limit);
     const uint first = child_reference(links.x, links.z);
     const uint second = child_reference(links.y, links.w);
     if (t0 >= 0.0 && t1 >= 0.0) {
@@ -110,19 +123,52 @@ bool visit_triangles(uint begin, uint end, float t_max, inout Found found) {
 #if ANY_HIT
         if (!(t < t_max)) continue;
 #else
-        if (!(t < found.t || (walk.hit && t == found.t && precedes(triangle, found.triangle)))) continue;
+        if (!(t < found.t || (walk.hit && t == found.t && precedes(triangle, found)))) continue;
 #endif
         if (HAS_OPACITY && !is_opaque(triangle, uv)) continue;
         walk.hit = true;
-        found = Found(t, uv, triangle);
+        found = Found(t, uv, triangle, walk.chunk_instance);
 #if ANY_HIT
         return true;
 #else
         walk.limit = t * CULL_PAD;
-        for (uint i = 0u; i <= walk.level; ++i) found_chain[i] = chain[i];
+        for (uint i = 0u; i <= level_index(); ++i) found_chain[i] = chain[i];
 #endif
     }
     return false;
+}
+
+// Makes (o, d) the ray of the walk, and remembers it and the arrays for coming back.
+void begin_level(vec3 o, vec3 d, uint64_t nodes, uint64_t instances) {
+    ++walk.level;
+    walk.o = o;
+    walk.d = d;
+    walk.reciprocal = safe_reciprocal(d);
+    walk.nodes = nodes;
+    walk.instances = instances;
+    const uint at = level_index();
+    level_o[at] = o;
+    level_d[at] = d;
+    level_nodes[at] = nodes;
+    level_instances[at] = instances;
+}
+
+// From the top level into a chunk; returns its root, or the next reference where there is no room.
+uint enter_chunk(uint chunk_instance) {
+    if (stack_top >= STACK_SIZE) {
+        stack_overflow = true;
+        return pop_reference(walk.limit);
+    }
+    push_reference(RETURN, 0.0);
+    walk.chunk_instance = chunk_instance;
+    walk.pad = 0.0;
+    const ChunkMap map = chunk_map(chunk_instance);
+    const uint chunk = ChunkInstances(FRAME.chunk_instances).v[chunk_instance].chunk;
+    const vec3 o_lo = ConstVec4s(walk.ray).v[2].xyz;
+    const vec3 from = difference(Double3(walk.o, o_lo), map.origin);
+    begin_level(apply_rows(map.x, map.y, map.z, from), apply_rows(map.x, map.y, map.z, walk.d),
+                Chunks(FRAME.chunks).v[chunk].nodes, Chunks(FRAME.chunks).v[chunk].instances);
+    return 0u;
 }
 
 // Into the target of an instance record; returns its root, or the next reference where there is no room.
@@ -130,24 +176,21 @@ uint enter(uint record) {
     const Affine map = instance_map(walk.instances, record);
     const uint target = Instances(walk.instances).v[record].target;
     const bool nested = HAS_INSTANCING && (target & TARGET_ASSEMBLY) != 0u;
-    if (stack_top >= STACK_SIZE || (nested && walk.level + 1u >= MAX_LEVELS)) {
+    if (stack_top >= STACK_SIZE || (nested && walk.level >= MAX_LEVELS)) {
         stack_overflow = true;
         return pop_reference(walk.limit);
     }
     push_reference(RETURN, 0.0);
-    chain[walk.level] = record;
-    walk.o = apply_point(map, walk.o);
-    walk.d = apply_vector(map, walk.d);
-    walk.reciprocal = safe_reciprocal(walk.d);
+    chain[level_index()] = record;
+    const vec3 o = apply_point(map, walk.o);
+    const vec3 d = apply_vector(map, walk.d);
     if (nested) {
-        ++walk.level;
-        walk.nodes = Assemblies(FRAME.assemblies).v[target & ~TARGET_ASSEMBLY].nodes;
-        walk.instances = Assemblies(FRAME.assemblies).v[target & ~TARGET_ASSEMBLY].instances;
-        level_o[walk.level] = walk.o;
-        level_d[walk.level] = walk.d;
-        level_nodes[walk.level] = walk.nodes;
-        level_instances[walk.level] = walk.instances;
+        begin_level(o, d, Assemblies(FRAME.assemblies).v[target & ~TARGET_ASSEMBLY].nodes,
+                    Assemblies(FRAME.assemblies).v[target & ~TARGET_ASSEMBLY].instances);
     } else {
+        walk.o = o;
+        walk.d = d;
+        walk.reciprocal = safe_reciprocal(d);
         walk.in_mesh = true;
         walk.mesh = target;
         walk.nodes = Meshes(FRAME.meshes).v[target].nodes;
@@ -156,28 +199,42 @@ uint enter(uint record) {
     return 0u;
 }
 
-// Back from a mesh to the level that it was entered from, or from an assembly to the level above.
-void leave(vec3 world_o, vec3 world_d) {
-    if (MAX_LEVELS > 1u && !walk.in_mesh) --walk.level;
-    walk.in_mesh = false;
-    if (MAX_LEVELS == 1u || walk.level == 0u) {
-        walk.o = world_o;
-        walk.d = world_d;
-        walk.nodes = FRAME.root_nodes;
-        walk.instances = FRAME.root_instances;
-    } else {
-        walk.o = level_o[walk.level];
-        walk.d = level_d[walk.level];
-        walk.nodes = level_nodes[walk.level];
-        walk.instances = level_instances[walk.level];
-    }
+// The world ray, at the top level.
+void begin_top() {
+    walk.o = ConstVec4s(walk.ray).v[0].xyz;
+    walk.d = ConstVec4s(walk.ray).v[1].xyz;
     walk.reciprocal = safe_reciprocal(walk.d);
+    walk.pad = TOP_PAD * max(abs(walk.o.x), max(abs(walk.o.y), abs(walk.o.z)));
+    walk.nodes = FRAME.top_nodes;
 }
 
-bool traverse(vec3 world_o, vec3 world_d, float t_max, uint seed, out Found found) {
-    found = Found(t_max, vec2(0.0), 0u);
-    walk = Walk(world_o, world_d, safe_reciprocal(world_d), t_max, FRAME.root_nodes, FRAME.root_instances, 0ul, 0u, 0u,
-                seed, false, false);
+// Back from a mesh to the level that it was entered from, or from an assembly or a chunk to the level above.
+void leave() {
+    if (!walk.in_mesh) --walk.level;
+    walk.in_mesh = false;
+    if (walk.level == 0u) {
+        begin_top();
+        return;
+    }
+    const uint at = level_index();
+    walk.o = level_o[at];
+    walk.d = level_d[at];
+    walk.reciprocal = safe_reciprocal(walk.d);
+    walk.nodes = level_nodes[at];
+    walk.instances = level_instances[at];
+}
+
+// Traces the ray at `ray` (Ray or ShadowRay) in world space.
+bool traverse(uint64_t ray, float t_max, uint seed, out Found found) {
+    found = Found(t_max, vec2(0.0), 0u, 0u);
+    walk.ray = ray;
+    walk.limit = t_max;
+    walk.level = 0u;
+    walk.chunk_instance = 0u;
+    walk.seed = seed;
+    walk.in_mesh = false;
+    walk.hit = false;
+    begin_top();
     clear_stack();
     uint reference = 0u;
     while (true) {
@@ -185,9 +242,9 @@ bool traverse(vec3 world_o, vec3 world_d, float t_max, uint seed, out Found foun
         if (reference == DONE) break;
         const uint first = reference & 0x0fffffffu;
         if (reference == RETURN) {
-            leave(world_o, world_d);
+            leave();
         } else if (!walk.in_mesh) {
-            reference = enter(first);
+            reference = walk.level == 0u ? enter_chunk(first) : enter(first);
             continue;
         } else if (visit_triangles(first, first + ((reference >> 28) & 7u) + 1u, t_max, found)) {
             break;

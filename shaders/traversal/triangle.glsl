@@ -29,7 +29,7 @@ bool hit_triangle(vec3 v0, vec3 v1, vec3 v2, vec3 o, vec3 d, out float t, out ve
     if ((min(wa, min(wb, wc)) < 0.0 && max(wa, max(wb, wc)) > 0.0) || sum == 0.0) return false;
     const float scale = 1.0 / sum;
     uv = vec2(wb, wc) * scale;
-    t = dot(a * (wa * scale) + b * uv.x + c * uv.y, d) / dot(d, d);
+    t = dot3(fma(a, vec3(wa * scale), fma(b, vec3(uv.x), c * uv.y)), d) / dot3(d, d);
     return true;
 }
 

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Starts the paths of a wave: one thread per path.
-// Reads: Frame. Writes: rays[0], paths, radiance of every slot; Counters::ray_count[0].
+// Reads: Frame. Writes: rays, paths, radiance of every path; ray_queue[0] and Counters::ray_count[0].
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
 #include "include/sampler.glsl"
 #include "include/lambert.glsl"
+#include "include/camera.glsl"
 
 void main() {
     const uint path = thread_index();
@@ -14,15 +15,15 @@ void main() {
     const uvec2 pixel = pixel_position(path_pixel(path));
     const vec4 u = sample_4d(path_sample(path), 0u, pixel_seed(pixel.x, pixel.y, FRAME.seed));
     const vec2 p = vec2(pixel) + u.xy;
-    vec3 o = FRAME.ray_o + p.x * FRAME.ray_o_x + p.y * FRAME.ray_o_y;
-    vec3 d = FRAME.ray_d + p.x * FRAME.ray_d_x + p.y * FRAME.ray_d_y;
+    vec3 shift = camera_shift(p);
+    vec3 d = camera_direction(p);
     if (HAS_LENS) {
         const vec2 lens = disk(u.zw);
-        const vec3 shift = lens.x * FRAME.lens_u + lens.y * FRAME.lens_v;
-        o += shift;
-        d -= shift / FRAME.focus;
+        const vec3 aside = lens.x * FRAME.lens_u + lens.y * FRAME.lens_v;
+        shift += aside;
+        d -= aside / FRAME.focus;
     }
-    store_ray(FRAME.rays[0], path, Ray(o, path, normalize(d), uintBitsToFloat(0x7f800000u)));
+    start_ray(path, shift, d);
     store_path(path, PathState(vec3(1.0), 0.0));
     Vec4s(FRAME.radiance).v[path] = vec4(0.0);
 }

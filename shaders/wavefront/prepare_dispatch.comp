@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Turns queue lengths into indirect arguments and empties the queues that the next passes fill: one thread.
-// arg0 = PREPARE_TRACE, bounce b: for intersect_closest of bounce b and intersect_shadow of bounce b - 1.
-// arg0 = PREPARE_SHADE, bounce b: for shade_surface and shade_background of bounce b.
-// Reads and writes: Counters. Totals of rays are counted here.
+// arg0 = PREPARE_TRACE, round r: for intersect_closest of round r and intersect_shadow of what round r - 1 shaded.
+// arg0 = PREPARE_SHADE, round r: for shade_surface and shade_background of round r.
+// Reads and writes: Counters. Totals of rays are counted here, those of AOVs left out.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
@@ -16,19 +16,19 @@ IndirectArgs indirect(uint threads) {
 void main() {
     if (thread_index() != 0u) return;
     if (push.arg0 == PREPARE_TRACE) {
-        const uint rays = COUNTERS.ray_count[push.bounce & 1u];
-        if (push.bounce == 0u) COUNTERS.shadow_count = 0u;
+        const uint rays = COUNTERS.ray_count[push.round & 1u];
+        if (push.round == 0u) COUNTERS.shadow_count = 0u;
         const uint shadows = COUNTERS.shadow_count;
         COUNTERS.ray_args = indirect(rays);
         COUNTERS.shadow_args = indirect(shadows);
-        if (push.bounce <= FRAME.max_bounces) COUNTERS.closest_rays += uint64_t(rays);
+        if (push.round <= FRAME.max_bounces && (push.flags & PUSH_AOVS) == 0u) COUNTERS.closest_rays += uint64_t(rays);
         COUNTERS.shadow_rays += uint64_t(shadows);
         COUNTERS.surface_count = 0u;
         COUNTERS.escaped_count = 0u;
     } else {
         COUNTERS.surface_args = indirect(COUNTERS.surface_count);
         COUNTERS.escaped_args = indirect(COUNTERS.escaped_count);
-        COUNTERS.ray_count[(push.bounce + 1u) & 1u] = 0u;
+        COUNTERS.ray_count[(push.round + 1u) & 1u] = 0u;
         COUNTERS.shadow_count = 0u;
     }
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What rays that leave the scene bring: dome and distant lights, weighted against the shadow rays of the bounce before.
 // One thread per escaped ray, Counters::escaped_args.
-// Reads: escaped_rays, rays[bounce & 1], paths, lights. Writes: radiance of the ray's path.
+// Reads: escaped_queue, rays, paths, lights. Writes: radiance of the ray's path.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
@@ -36,14 +36,14 @@ vec3 gathered(vec3 d, float pdf) {
 void main() {
     const uint at = thread_index();
     if (at >= COUNTERS.escaped_count) return;
-    const uint slot = ConstUints(FRAME.escaped_rays).v[at];
-    const Ray ray = load_ray(FRAME.rays[push.bounce & 1u], slot);
-    if (push.bounce == 0u) {
-        Vec4s(FRAME.radiance).v[ray.path] = seen_by_camera();
+    const uint path = ConstUints(FRAME.escaped_queue).v[at];
+    const Ray ray = load_ray(ray_address(path));
+    if (ray.bounce == 0u) {
+        Vec4s(FRAME.radiance).v[path] = seen_by_camera();
         return;
     }
-    const PathState state = load_path(ray.path);
-    const vec3 contribution = admitted(state.throughput * gathered(ray.d, state.pdf), push.bounce > 1u);
-    const vec4 before = ConstVec4s(FRAME.radiance).v[ray.path];
-    Vec4s(FRAME.radiance).v[ray.path] = vec4(before.xyz + contribution, before.w);
+    const PathState state = load_path(path);
+    const vec3 contribution = admitted(state.throughput * gathered(ray.d, state.pdf), ray.bounce > 1u);
+    const vec4 before = ConstVec4s(FRAME.radiance).v[path];
+    Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + contribution, before.w);
 }

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shades every hit of a bounce: a shadow ray towards one light, and the ray of the next bounce. One thread per hit,
+// Shades every hit of a round: a shadow ray towards one light, and the ray of the next bounce. One thread per hit,
 // Counters::surface_args.
-// Reads: surface_hits, hits, rays[bounce & 1], paths, the scene. Writes: paths and, at bounce 0, radiance (alpha 1); pushes
-// to shadow_rays and rays[(bounce + 1) & 1].
+// Reads: surface_queue, hits, rays, paths, the scene. Writes: paths, rays (the next one in place of this one), shadow_rays and,
+// at bounce 0, radiance (alpha 1); pushes the path to shadow_queue and ray_queue[(round + 1) & 1].
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
 #include "include/queue.glsl"
-#include "include/hit.glsl"
 #include "include/sampler.glsl"
-#include "include/surface.glsl"
+#include "include/path_surface.glsl"
 #include "include/lambert.glsl"
 #include "include/lights.glsl"
 
@@ -47,20 +46,15 @@ void main() {
     const bool in_range = at < COUNTERS.surface_count;
     bool ask = false;
     bool go_on = false;
-    ShadowRay shadow;
-    Ray next;
+    uint path = 0u;
     if (in_range) {
-        const uint slot = ConstUints(FRAME.surface_hits).v[at];
-        const Ray ray = load_ray(FRAME.rays[push.bounce & 1u], slot);
-        const uint path = ray.path;
-        const vec4 header = load_hit_header(slot);
-        surface_chain[0] = floatBitsToUint(header.w);
-        for (uint level = 1u; level < MAX_LEVELS; ++level) surface_chain[level] = load_hit_level(slot, level);
-        const Surface surface = make_surface(floatBitsToUint(header.z), header.xy);
+        path = ConstUints(FRAME.surface_queue).v[at];
+        const Ray ray = load_ray(ray_address(path));
+        const Surface surface = load_surface(path);
         const Lambert lambert = make_lambert(surface.geometric_normal, surface.shading_normal, ray.d);
-        const vec3 origin = surface.position + surface.offset * lambert.g;
-        const bool last = push.bounce >= FRAME.max_bounces;
-        if (push.bounce == 0u) Vec4s(FRAME.radiance).v[path] = vec4(0.0, 0.0, 0.0, 1.0);
+        const Double3 origin = add(surface.position, surface.offset * lambert.g);
+        const bool last = ray.bounce >= FRAME.max_bounces;
+        if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path] = vec4(0.0, 0.0, 0.0, 1.0);
 
         const uvec2 pixel = pixel_position(path_pixel(path));
         const uint seed = pixel_seed(pixel.x, pixel.y, FRAME.seed);
@@ -69,28 +63,30 @@ void main() {
 
         if (HAS_DISTANT || last || HAS_DOME_SHADOW_RAYS) {
             vec3 direction, contribution;
-            sample_light(lambert, sample_4d(index, 2u + 2u * push.bounce, seed), last, direction, contribution);
-            contribution = admitted(throughput * contribution, push.bounce > 0u);
+            sample_light(lambert, sample_4d(index, 2u + 2u * ray.bounce, seed), last, direction, contribution);
+            contribution = admitted(throughput * contribution, ray.bounce > 0u);
             ask = max_component(contribution) > 0.0;
-            shadow = ShadowRay(origin, path, direction, INFINITE, contribution, 0u);
+            if (ask) {
+                const uint64_t to = shadow_ray_address(path);
+                store_ray(to, Ray(origin.hi, ray.bounce, direction, INFINITE, origin.lo, 0u));
+                Vec4s(to).v[3] = vec4(contribution, 0.0);
+            }
         }
         if (!last && max_component(throughput) > 0.0) {
-            const vec4 u = sample_4d(index, 1u + 2u * push.bounce, seed);
-            const float survival = push.bounce >= ROULETTE_FROM ? min(max_component(throughput), ROULETTE_CAP) : 1.0;
+            const vec4 u = sample_4d(index, 1u + 2u * ray.bounce, seed);
+            const float survival = ray.bounce >= ROULETTE_FROM ? min(max_component(throughput), ROULETTE_CAP) : 1.0;
             const vec3 direction = lambert_sample(lambert, u.xy);
             const float density = lambert_density(lambert, direction);
             go_on = u.z < survival && density > 0.0;
-            if (go_on) store_path(path, PathState(throughput / survival, density));
-            next = Ray(origin, path, direction, INFINITE);
+            if (go_on) {
+                store_path(path, PathState(throughput / survival, density));
+                store_ray(ray_address(path), Ray(origin.hi, ray.bounce + 1u, direction, INFINITE, origin.lo, 0u));
+            }
         }
     }
     uint to;
     QUEUE_SLOT(to, shadow_count, ask);
-    if (ask) {
-        Vec4s(FRAME.shadow_rays).v[to * 3u] = vec4(shadow.o, uintBitsToFloat(shadow.path));
-        Vec4s(FRAME.shadow_rays).v[to * 3u + 1u] = vec4(shadow.d, shadow.t_max);
-        Vec4s(FRAME.shadow_rays).v[to * 3u + 2u] = vec4(shadow.contribution, 0.0);
-    }
-    QUEUE_SLOT(to, ray_count[(push.bounce + 1u) & 1u], go_on);
-    if (go_on) store_ray(FRAME.rays[(push.bounce + 1u) & 1u], to, next);
+    if (ask) Uints(FRAME.shadow_queue).v[to] = path;
+    QUEUE_SLOT(to, ray_count[(push.round + 1u) & 1u], go_on);
+    if (go_on) Uints(FRAME.ray_queue[(push.round + 1u) & 1u]).v[to] = path;
 }

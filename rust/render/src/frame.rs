@@ -74,7 +74,7 @@ impl Renderer {
         progress.stage("compiling passes");
         let started = Instant::now();
         let special = specialise::specialisation(features, &scene);
-        let passes = Passes::new(device, special)?;
+        let passes = Passes::new(device, special, film.has_planes())?;
         progress.timings.compile_secs += started.elapsed().as_secs_f64();
         progress.left_out(specialise::left_out(features, film.has_planes()));
         let mut block = frame_block(job, &lights, &scene, &rays);
@@ -85,7 +85,7 @@ impl Renderer {
         let frames = Frames { device, film, buffers, passes: &passes, frame: &frame, job };
         progress.stage("rendering");
         waves::clear(&frames)?;
-        if film.has_planes() && !waves::trace_planes(&frames, special, gate, progress)? {
+        if !waves::trace_planes(&frames, gate, progress)? {
             return Ok(());
         }
         let total = if film.has_color() { progress.total_paths() } else { 0 };
@@ -145,8 +145,9 @@ fn frame_block(job: &Job, lights: &LightTable, scene: &SceneView, rays: &CameraR
     let mut flags = FrameFlags::empty();
     flags.set(FrameFlags::DOME_CAMERA_VISIBLE, lights.background_visible);
     Frame {
-        root_nodes: scene.root.nodes,
-        root_instances: scene.root.instances,
+        top_nodes: scene.top_nodes,
+        chunk_instances: scene.chunk_instances,
+        chunks: scene.chunks,
         assemblies: scene.assemblies,
         meshes: scene.meshes,
         lights: scene.lights,

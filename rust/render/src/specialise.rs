@@ -41,7 +41,7 @@ pub(crate) fn left_out(features: Features, has_planes: bool) -> Vec<String> {
         (Features::INSTANCING, "nested instance levels"),
     ];
     let absent = parts.iter().filter(|(part, _)| !features.contains(*part)).map(|(_, name)| *name);
-    let planes = (!has_planes).then_some("pass trace_aovs and its images");
+    let planes = (!has_planes).then_some("passes generate_aov_rays and shade_aovs, and their images");
     let streaming = "streaming: the whole scene is resident";
     absent.chain(planes).chain(std::iter::once(streaming)).map(String::from).collect()
 }

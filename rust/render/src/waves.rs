@@ -4,7 +4,7 @@
 //! Two waves are under way at any time, so the device does not wait for the host; the host asks the gate before each
 //! new one. An image is published at growing intervals and at the end.
 
-use crate::device::{Device, Specialisation};
+use crate::device::Device;
 use crate::error::RenderError;
 use crate::film::Film;
 use crate::progress::Progress;
@@ -13,7 +13,6 @@ use crate::session::Job;
 use crate::thread::Gate;
 use crate::wavefront::{Passes, Recorder, WaveBuffers};
 use oocpt_gpu::{Buffer, Commands, Submission};
-use oocpt_shader_abi::{Push, groups, passes};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
@@ -81,21 +80,19 @@ pub(crate) fn clear(frames: &Frames<'_>) -> Result<(), RenderError> {
 /// Traces the images that go through pixel centres and publishes them; false when the gate said no.
 pub(crate) fn trace_planes(
     frames: &Frames<'_>,
-    special: Specialisation,
     gate: &Gate<'_>,
     progress: &mut Progress<'_>,
 ) -> Result<bool, RenderError> {
-    let pipeline = frames.device.pipeline(&passes::TRACE_AOVS, special)?;
+    let Some(aovs) = &frames.passes.aovs else { return Ok(true) };
     let pixels = frames.recorder().pixels;
-    let mut schedule = Schedule::new(u64::from(pixels), 1 << 15, 1 << 22, 0.05);
+    let mut schedule = Schedule::new(u64::from(pixels), 1 << 15, frames.buffers.capacity, 0.05);
     while let Some(slice) = schedule.next() {
         if !gate.proceed() {
             return Ok(false);
         }
         let started = Instant::now();
-        let push = Push::wave(frames.frame.address(), slice.first, slice.count, pixels);
-        let mut commands = frames.commands("trace_aovs")?;
-        commands.dispatch(&pipeline, bytemuck::bytes_of(&push), groups(u64::from(slice.count)));
+        let mut commands = frames.commands("aovs")?;
+        frames.recorder().aovs(&mut commands, aovs, slice);
         let last = slice.first + u64::from(slice.count) == u64::from(pixels);
         if last && !frames.film.has_color() {
             frames.copy_out(&mut commands);

@@ -12,14 +12,23 @@
 //! ```text
 //! generate_camera_rays   [groups(path_count)]                 q
 //! prepare_dispatch       [1]                                  q.with(0, PREPARE_TRACE)
-//! for b in 0..=max_bounces:
-//!   intersect_closest    indirect Counters::RAY_ARGS          q.with(b, 0)      | of b-1: intersect_shadow, see below
-//!   prepare_dispatch     [1]                                  q.with(b, PREPARE_SHADE)
-//!   shade_background     indirect Counters::ESCAPED_ARGS      q.with(b, 0)      | shade_surface indirect Counters::SURFACE_ARGS
-//!   prepare_dispatch     [1]                                  q.with(b + 1, PREPARE_TRACE)
-//!   intersect_shadow     indirect Counters::SHADOW_ARGS       q.with(b, 0)      | of b+1: intersect_closest
+//! for r in 0..=max_bounces:
+//!   intersect_closest    indirect Counters::RAY_ARGS          q.with(r, 0)      | of r-1: intersect_shadow, see below
+//!   prepare_dispatch     [1]                                  q.with(r, PREPARE_SHADE)
+//!   shade_background     indirect Counters::ESCAPED_ARGS      q.with(r, 0)      | shade_surface indirect Counters::SURFACE_ARGS
+//!   prepare_dispatch     [1]                                  q.with(r + 1, PREPARE_TRACE)
+//!   intersect_shadow     indirect Counters::SHADOW_ARGS       q.with(r, 0)      | of r+1: intersect_closest
 //! accumulate             [groups(min(path_count, width*height))]  q
 //! resolve                [groups(width*height)]               q                 (only when an image is wanted)
+//! ```
+//! AOVs of the pixels `first_path .. first_path + path_count`, with `a = q.flagged(PushFlags::AOVS)`:
+//! ```text
+//! generate_aov_rays      [groups(path_count)]                 a
+//! prepare_dispatch       [1]                                  a.with(0, PREPARE_TRACE)
+//! intersect_closest      indirect Counters::RAY_ARGS          a
+//! prepare_dispatch       [1]                                  a.with(0, PREPARE_SHADE)
+//! shade_aovs             indirect Counters::SURFACE_ARGS      a.with(0, AOV_SURFACES)
+//!                      | indirect Counters::ESCAPED_ARGS      a.with(0, AOV_ESCAPED)
 //! ```
 //! `shaders/README.md` has the table of what each pass reads and writes.
 

@@ -3,8 +3,8 @@
 #![allow(missing_docs, reason = "a test")]
 
 use oocpt_shader_abi::{
-    Counters, Frame, LBVH_MAX_ITEMS, LbvhBounds, LbvhJob, LbvhPush, Push, WORKGROUP_SIZE, groups, hit_stride,
-    lbvh_scratch_bytes, lbvh_steps,
+    Counters, Frame, GpuChunkInstance, LBVH_MAX_ITEMS, LbvhBounds, LbvhJob, LbvhPush, Push, PushFlags, Ray, ShadowRay,
+    WORKGROUP_SIZE, groups, hit_stride, lbvh_scratch_bytes, lbvh_steps,
 };
 
 #[test]
@@ -22,16 +22,31 @@ fn groups_cover_the_threads_and_stay_in_limits() {
 fn a_wave_starts_at_its_first_path() {
     let push = Push::wave(16, 1_000_000_007, 4096, 1000);
     assert_eq!((push.first_sample, push.first_pixel, push.path_count), (1_000_000, 7, 4096));
-    assert_eq!((push.with(3, 1).bounce, push.with(3, 1).arg0, push.with(3, 1).first_pixel), (3, 1, 7));
+    assert_eq!((push.with(3, 1).round, push.with(3, 1).arg0, push.with(3, 1).first_pixel), (3, 1, 7));
+    assert_eq!(push.flagged(PushFlags::AOVS).with(0, 1).flags, 1, "a wave keeps its flags");
     assert_eq!(Push::wave(16, 5, 1, 0).first_pixel, 0, "an empty image divides by nothing");
 }
 
 #[test]
 fn sizes_are_what_the_shaders_count_on() {
-    assert_eq!([1, 2, 5, 6].map(hit_stride), [16, 32, 32, 48]);
+    assert_eq!([1, 3, 4, 7, 8].map(hit_stride), [32, 32, 48, 48, 64]);
     assert_eq!((size_of::<Push>(), size_of::<LbvhPush>()), (32, 120));
+    assert_eq!([size_of::<Ray>(), size_of::<ShadowRay>(), size_of::<GpuChunkInstance>()], [48, 64, 80]);
     assert_eq!(size_of::<Frame>() % 8, 0);
     assert_eq!((Counters::TOTALS_BYTES, Counters::RAY_ARGS, Counters::SHADOW_ARGS), (24, 48, 84));
+}
+
+#[test]
+fn origins_are_split_without_loss() {
+    let origin = [1.0e7 + 0.001, -3.0, 1.0e-3];
+    let rows = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]];
+    let instance = GpuChunkInstance::new(rows, origin, 3, 4);
+    for (i, row) in instance.chunk_from_world.iter().enumerate() {
+        assert_eq!(row[..3], rows[i], "row {i}");
+        let sum = f64::from(row[3]) + f64::from(instance.origin_lo[i]);
+        assert!((sum - origin[i]).abs() <= origin[i].abs() * 2.0_f64.powi(-48), "component {i}: {sum}");
+    }
+    assert_eq!((instance.chunk, instance.instance_id), (3, 4));
 }
 
 fn job(count: u32) -> LbvhJob {

@@ -18,7 +18,7 @@ use assembly::{PendingBuild, ResidentAssembly};
 use mesh::ResidentMesh;
 use oocpt_core::scene::Snapshot;
 use oocpt_gpu::{Buffer, Commands, HeapRange, Usage};
-use oocpt_shader_abi::{GpuAssembly, GpuLight, GpuMesh};
+use oocpt_shader_abi::{GpuAssembly, GpuChunk, GpuChunkInstance, GpuLight, GpuMesh, GpuNode};
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::collections::hash_map::Entry;
 use std::time::{Duration, Instant};
@@ -34,7 +34,9 @@ const BUILDS_AT_ONCE: usize = 32;
 /// What the passes need to know of the scene.
 #[derive(Clone, Debug)]
 pub(crate) struct SceneView {
-    pub(crate) root: GpuAssembly,
+    pub(crate) top_nodes: u64,
+    pub(crate) chunk_instances: u64,
+    pub(crate) chunks: u64,
     pub(crate) assemblies: u64,
     pub(crate) meshes: u64,
     pub(crate) lights: u64,
@@ -54,6 +56,8 @@ pub(crate) struct SceneCache {
 /// Tables of addresses, made anew for each snapshot.
 #[derive(Debug)]
 struct Tables {
+    /// Top level: nodes, then chunk instances, then chunks, one range each.
+    world: [HeapRange; 3],
     meshes: HeapRange,
     assemblies: HeapRange,
     lights: HeapRange,
@@ -167,18 +171,37 @@ impl SceneCache {
             .filter_map(|assembly| self.assemblies.get(&assembly.key()))
             .map(|assembly| assembly.entry)
             .collect();
+        let world = self.world(snapshot);
         let mut table = |name: &str, bytes: &[u8]| -> Result<HeapRange, RenderError> {
             let range = device.heap.alloc(name, (bytes.len() as u64).max(16), 16)?;
             uploader.write(&range, 0, bytes)?;
             Ok(range)
         };
         self.tables = Some(Tables {
+            world: [
+                table("top level", bytemuck::bytes_of(&world.0))?,
+                table("chunk instances", bytemuck::bytes_of(&world.1))?,
+                table("chunk table", bytemuck::bytes_of(&world.2))?,
+            ],
             meshes: table("mesh table", bytemuck::cast_slice(&meshes))?,
             assemblies: table("assembly table", bytemuck::cast_slice(&assemblies))?,
             lights: table("light table", bytemuck::cast_slice::<GpuLight, u8>(&lights.distant))?,
         });
         uploader.finish()?;
         Ok(())
+    }
+
+    /// The whole scene as one chunk that is the root assembly, and a top level of one node.
+    fn world(&self, snapshot: &Snapshot) -> (GpuNode, GpuChunkInstance, GpuChunk) {
+        const IDENTITY: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        const NOWHERE: ([f32; 3], [f32; 3]) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        let root = snapshot.assemblies.last();
+        let (min, max) = root.map_or(NOWHERE, |root| (root.bounds().min, root.bounds().max));
+        let node = GpuNode { min: [min, NOWHERE.0], max: [max, NOWHERE.1], child: [0; 2], count: [1; 2] };
+        let resident = root.and_then(|root| self.assemblies.get(&root.key()));
+        let chunk =
+            resident.map(|resident| GpuChunk { nodes: resident.entry.nodes, instances: resident.entry.instances });
+        (node, GpuChunkInstance::new(IDENTITY, [0.0; 3], 0, 0), chunk.unwrap_or_default())
     }
 
     /// Stack entries that traversal needs from the root down: levels of nodes on the worst chain of trees.
@@ -195,15 +218,16 @@ impl SceneCache {
     }
 
     fn view(&self, snapshot: &Snapshot) -> Result<SceneView, RenderError> {
-        let root = snapshot.assemblies.last().and_then(|root| self.assemblies.get(&root.key()));
-        let (Some(tables), Some(root)) = (&self.tables, root) else {
+        let Some(tables) = &self.tables else {
             return Err(RenderError::Internal("the snapshot has no root assembly".into()));
         };
         let levels = snapshot.max_levels.max(1);
         // Rounded up, so that small edits do not ask for new pipelines.
-        let stack_size = (self.stack_entries(snapshot) + levels + 1).next_multiple_of(16);
+        let stack_size = (1 + self.stack_entries(snapshot) + levels + 2).next_multiple_of(16);
         Ok(SceneView {
-            root: root.entry,
+            top_nodes: tables.world[0].address(),
+            chunk_instances: tables.world[1].address(),
+            chunks: tables.world[2].address(),
             assemblies: tables.assemblies.address(),
             meshes: tables.meshes.address(),
             lights: tables.lights.address(),

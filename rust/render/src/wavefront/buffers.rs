@@ -8,8 +8,8 @@ use std::sync::Arc;
 /// Bytes of device memory that one path of a wave takes.
 pub(crate) fn path_bytes(max_levels: u32) -> u64 {
     let radiance = 16;
-    let queues = 8;
-    let state = 2 * size_of::<Ray>() + size_of::<PathState>() + size_of::<ShadowRay>() + radiance + queues;
+    let queues = 5 * size_of::<u32>();
+    let state = size_of::<Ray>() + size_of::<PathState>() + size_of::<ShadowRay>() + radiance + queues;
     state as u64 + u64::from(hit_stride(max_levels))
 }
 
@@ -18,13 +18,15 @@ pub(crate) fn path_bytes(max_levels: u32) -> u64 {
 pub(crate) struct WaveBuffers {
     pub(crate) capacity: u32,
     pub(crate) max_levels: u32,
-    rays: [Buffer; 2],
+    rays: Buffer,
+    shadow_rays: Buffer,
     hits: Buffer,
     paths: Buffer,
     radiance: Buffer,
-    surface_hits: Buffer,
-    escaped_rays: Buffer,
-    shadow_rays: Buffer,
+    ray_queue: [Buffer; 2],
+    shadow_queue: Buffer,
+    surface_queue: Buffer,
+    escaped_queue: Buffer,
     /// One `Counters`; also the arguments of the indirect dispatches.
     pub(crate) counters: Buffer,
 }
@@ -36,26 +38,30 @@ impl WaveBuffers {
         Ok(Self {
             capacity,
             max_levels,
-            rays: [per_path("rays 0", size_of::<Ray>() as u64)?, per_path("rays 1", size_of::<Ray>() as u64)?],
+            rays: per_path("rays", size_of::<Ray>() as u64)?,
+            shadow_rays: per_path("shadow_rays", size_of::<ShadowRay>() as u64)?,
             hits: per_path("hits", u64::from(hit_stride(max_levels)))?,
             paths: per_path("paths", size_of::<PathState>() as u64)?,
             radiance: per_path("radiance", 16)?,
-            surface_hits: per_path("surface_hits", 4)?,
-            escaped_rays: per_path("escaped_rays", 4)?,
-            shadow_rays: per_path("shadow_rays", size_of::<ShadowRay>() as u64)?,
+            ray_queue: [per_path("ray_queue 0", 4)?, per_path("ray_queue 1", 4)?],
+            shadow_queue: per_path("shadow_queue", 4)?,
+            surface_queue: per_path("surface_queue", 4)?,
+            escaped_queue: per_path("escaped_queue", 4)?,
             counters: Buffer::new(gpu, "counters", size_of::<Counters>() as u64, Usage::Device)?,
         })
     }
 
     /// Writes the addresses into a frame block.
     pub(crate) fn bind(&self, frame: &mut Frame) {
-        frame.rays = [self.rays[0].address(), self.rays[1].address()];
+        frame.rays = self.rays.address();
+        frame.shadow_rays = self.shadow_rays.address();
         frame.hits = self.hits.address();
         frame.paths = self.paths.address();
         frame.radiance = self.radiance.address();
-        frame.surface_hits = self.surface_hits.address();
-        frame.escaped_rays = self.escaped_rays.address();
-        frame.shadow_rays = self.shadow_rays.address();
+        frame.ray_queue = [self.ray_queue[0].address(), self.ray_queue[1].address()];
+        frame.shadow_queue = self.shadow_queue.address();
+        frame.surface_queue = self.surface_queue.address();
+        frame.escaped_queue = self.escaped_queue.address();
         frame.counters = self.counters.address();
     }
 }

@@ -27,11 +27,26 @@ pub(crate) struct Passes {
     pub(crate) intersect_shadow: Arc<Pipeline>,
     pub(crate) accumulate: Arc<Pipeline>,
     pub(crate) resolve: Arc<Pipeline>,
+    /// Only when an image is traced through pixel centres.
+    pub(crate) aovs: Option<AovPasses>,
+}
+
+/// The passes that only images through pixel centres need.
+#[derive(Debug)]
+pub(crate) struct AovPasses {
+    pub(crate) generate_aov_rays: Arc<Pipeline>,
+    pub(crate) shade_aovs: Arc<Pipeline>,
 }
 
 impl Passes {
     /// Compiles what is not compiled yet, the two traversals side by side since they take longest.
-    pub(crate) fn new(device: &Device, special: Specialisation) -> Result<Self, RenderError> {
+    pub(crate) fn new(device: &Device, special: Specialisation, has_planes: bool) -> Result<Self, RenderError> {
+        let aovs = || -> Result<_, RenderError> {
+            Ok(AovPasses {
+                generate_aov_rays: device.pipeline(&passes::GENERATE_AOV_RAYS, special)?,
+                shade_aovs: device.pipeline(&passes::SHADE_AOVS, special)?,
+            })
+        };
         let (closest, rest) = rayon::join(
             || device.pipeline(&passes::INTERSECT_CLOSEST, special),
             || -> Result<_, RenderError> {
@@ -49,6 +64,7 @@ impl Passes {
             intersect_shadow,
             accumulate: device.pipeline(&passes::ACCUMULATE, special)?,
             resolve: device.pipeline(&passes::RESOLVE, special)?,
+            aovs: has_planes.then(aovs).transpose()?,
         })
     }
 }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Records one wave: the ray's straight line from camera to film.
 
-use super::{Passes, WaveBuffers};
+use super::{AovPasses, Passes, WaveBuffers};
 use crate::schedule::Wave;
 use oocpt_gpu::{Commands, Pipeline};
-use oocpt_shader_abi::{Counters, PREPARE_SHADE, PREPARE_TRACE, Push, groups};
+use oocpt_shader_abi::{AOV_ESCAPED, AOV_SURFACES, Counters, PREPARE_SHADE, PREPARE_TRACE, Push, PushFlags, groups};
 
 /// Records the passes of waves of one frame.
 #[derive(Debug)]
@@ -24,25 +24,38 @@ impl Recorder<'_> {
         self.direct(commands, &self.passes.generate_camera_rays, q, wave.count);
         self.direct(commands, &self.passes.prepare_dispatch, q.with(0, PREPARE_TRACE), 1);
         self.indirect(commands, &self.passes.intersect_closest, q.with(0, 0), Counters::RAY_ARGS);
-        for bounce in 0..=self.max_bounces {
-            self.bounce(commands, q, bounce);
+        for round in 0..=self.max_bounces {
+            self.round(commands, q, round);
         }
         self.direct(commands, &self.passes.accumulate, q, wave.count.min(self.pixels));
     }
 
-    /// Shades what the rays of `bounce` met; traces the shadow rays beside the rays of the next bounce.
-    fn bounce(&self, commands: &mut Commands, q: Push, bounce: u32) {
-        self.direct(commands, &self.passes.prepare_dispatch, q.with(bounce, PREPARE_SHADE), 1);
+    /// Shades what the rays of a round met; traces the shadow rays beside the rays of the next round.
+    fn round(&self, commands: &mut Commands, q: Push, round: u32) {
+        self.direct(commands, &self.passes.prepare_dispatch, q.with(round, PREPARE_SHADE), 1);
         commands.concurrent(|c| {
-            self.indirect(c, &self.passes.shade_background, q.with(bounce, 0), Counters::ESCAPED_ARGS);
-            self.indirect(c, &self.passes.shade_surface, q.with(bounce, 0), Counters::SURFACE_ARGS);
+            self.indirect(c, &self.passes.shade_background, q.with(round, 0), Counters::ESCAPED_ARGS);
+            self.indirect(c, &self.passes.shade_surface, q.with(round, 0), Counters::SURFACE_ARGS);
         });
-        self.direct(commands, &self.passes.prepare_dispatch, q.with(bounce + 1, PREPARE_TRACE), 1);
+        self.direct(commands, &self.passes.prepare_dispatch, q.with(round + 1, PREPARE_TRACE), 1);
         commands.concurrent(|c| {
-            self.indirect(c, &self.passes.intersect_shadow, q.with(bounce, 0), Counters::SHADOW_ARGS);
-            if bounce < self.max_bounces {
-                self.indirect(c, &self.passes.intersect_closest, q.with(bounce + 1, 0), Counters::RAY_ARGS);
+            self.indirect(c, &self.passes.intersect_shadow, q.with(round, 0), Counters::SHADOW_ARGS);
+            if round < self.max_bounces {
+                self.indirect(c, &self.passes.intersect_closest, q.with(round + 1, 0), Counters::RAY_ARGS);
             }
+        });
+    }
+
+    /// First hits through the pixel centres of `slice`, a wave of pixels.
+    pub(crate) fn aovs(&self, commands: &mut Commands, passes: &AovPasses, slice: Wave) {
+        let q = Push::wave(self.frame, slice.first, slice.count, self.pixels).flagged(PushFlags::AOVS);
+        self.direct(commands, &passes.generate_aov_rays, q, slice.count);
+        self.direct(commands, &self.passes.prepare_dispatch, q.with(0, PREPARE_TRACE), 1);
+        self.indirect(commands, &self.passes.intersect_closest, q, Counters::RAY_ARGS);
+        self.direct(commands, &self.passes.prepare_dispatch, q.with(0, PREPARE_SHADE), 1);
+        commands.concurrent(|c| {
+            self.indirect(c, &passes.shade_aovs, q.with(0, AOV_SURFACES), Counters::SURFACE_ARGS);
+            self.indirect(c, &passes.shade_aovs, q.with(0, AOV_ESCAPED), Counters::ESCAPED_ARGS);
         });
     }
 

@@ -13,10 +13,12 @@ pub const WORKGROUP_SIZE: u32 = 64;
 /// 2^15 keeps below the 65535 that every device grants.
 pub const MAX_DIRECT_GROUPS: u32 = 1 << 15;
 
-/// Specialisation constant: instance records on the longest chain from the root to a mesh (`Snapshot::max_levels`), 1..=16.
+/// Specialisation constant: instance records on the longest chain from a chunk's record to a mesh, 1..=16. The chunk
+/// instance itself does not count.
 pub const SPEC_MAX_LEVELS: u32 = 0;
-/// Specialisation constant: traversal stack entries: the sum, over the levels of the deepest chain, of the depth of the
-/// deepest instance tree at that level, plus the depth of the deepest mesh tree, plus `MAX_LEVELS` + 1.
+/// Specialisation constant: traversal stack entries: the depth of the top level's tree, plus the sum, over the levels of the
+/// deepest chain, of the depth of the deepest instance tree at that level (the chunk's first), plus the depth of the deepest
+/// mesh tree, plus `MAX_LEVELS` + 2.
 pub const SPEC_STACK_SIZE: u32 = 1;
 /// Specialisation constant: bits of [`Features`].
 pub const SPEC_FEATURES: u32 = 2;
@@ -25,6 +27,10 @@ pub const SPEC_FEATURES: u32 = 2;
 pub const PREPARE_TRACE: u32 = 0;
 /// `arg0` of `prepare_dispatch`: queues for `shade_surface` and `shade_background`.
 pub const PREPARE_SHADE: u32 = 1;
+/// `arg0` of `shade_aovs`: the rays that met something.
+pub const AOV_SURFACES: u32 = 0;
+/// `arg0` of `shade_aovs`: the rays that left the scene.
+pub const AOV_ESCAPED: u32 = 1;
 
 bitflags! {
     /// What the scene and the frame need; the passes are compiled without the rest (specialisation constant 2).
@@ -59,6 +65,15 @@ bitflags! {
     }
 }
 
+bitflags! {
+    /// What the rays of a submission are (`Push::flags`).
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+    pub struct PushFlags: u32 {
+        /// Rays of `generate_aov_rays`: they meet every surface of opacity above 0, and are not counted in the totals.
+        const AOVS = 1;
+    }
+}
+
 /// Push constants of every wavefront pass, 32 B.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
@@ -71,17 +86,18 @@ pub struct Push {
     pub first_sample: u32,
     /// Paths in the wave. `width * height + path_count` must stay below 2^32.
     pub path_count: u32,
-    /// Bounce: 0 = camera rays.
-    pub bounce: u32,
+    /// Round: 0 = camera rays. In a wave all rays of round `r` are at bounce `r`; passes ask the ray for its bounce, and the
+    /// round only for which of the two ray queues is read.
+    pub round: u32,
     /// Meaning depends on the pass; 0 where none is told.
     pub arg0: u32,
-    /// Unused, 0.
-    pub arg1: u32,
+    /// Bits of [`PushFlags`].
+    pub flags: u32,
 }
 
 impl Push {
     /// The push constants of the wave that traces `first_path .. first_path + path_count` of an image of `pixels` pixels,
-    /// at bounce 0 with `arg0` 0. `pixels` of 0 counts as 1. Sample numbers wrap at 2^32.
+    /// in round 0 with `arg0` and flags 0. `pixels` of 0 counts as 1. Sample numbers wrap at 2^32.
     #[must_use]
     pub fn wave(frame: u64, first_path: u64, path_count: u32, pixels: u32) -> Self {
         let pixels = u64::from(pixels.max(1));
@@ -91,20 +107,26 @@ impl Push {
             first_pixel: low(first_path % pixels),
             first_sample: low(first_path / pixels),
             path_count,
-            bounce: 0,
+            round: 0,
             arg0: 0,
-            arg1: 0,
+            flags: 0,
         }
     }
 
-    /// The same wave at another bounce and with another `arg0`.
+    /// The same wave in another round and with another `arg0`.
     #[must_use]
-    pub fn with(self, bounce: u32, arg0: u32) -> Self {
-        Self { bounce, arg0, ..self }
+    pub fn with(self, round: u32, arg0: u32) -> Self {
+        Self { round, arg0, ..self }
+    }
+
+    /// The same wave with rays of the kind that `flags` say.
+    #[must_use]
+    pub fn flagged(self, flags: PushFlags) -> Self {
+        Self { flags: flags.bits(), ..self }
     }
 }
 
-/// Where `trace_aovs` writes: device addresses of tightly packed planes, pixel `y * width + x`, row 0 at the bottom.
+/// Where `shade_aovs` writes: device addresses of tightly packed planes, pixel `y * width + x`, row 0 at the bottom.
 /// 0 = not wanted. [`crate::aov_bytes`] gives bytes per pixel.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
@@ -127,7 +149,7 @@ pub struct AovTargets {
     pub albedo: u64,
 }
 
-/// What `trace_aovs` writes where nothing is hit, plane by plane.
+/// What `shade_aovs` writes where nothing is hit, plane by plane.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct AovClear {
@@ -154,44 +176,56 @@ pub struct AovClear {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Frame {
-    /// [`crate::GpuNode`] array of the root assembly, 16-byte aligned (all node, triangle and instance arrays are).
-    pub root_nodes: u64,
-    /// [`crate::GpuInstance`] array of the root assembly.
-    pub root_instances: u64,
+    /// [`crate::GpuNode`] array of the top level: leaves are single chunk instances, boxes are in the world; at least one node.
+    /// 16-byte aligned, as all node, triangle and instance arrays are.
+    pub top_nodes: u64,
+    /// [`crate::GpuChunkInstance`] array; its order decides ties between equally close hits. 16-byte aligned.
+    pub chunk_instances: u64,
+    /// [`crate::GpuChunk`] by chunk index.
+    pub chunks: u64,
     /// [`crate::GpuAssembly`] by assembly index. May be 0 without `Features::INSTANCING`.
     pub assemblies: u64,
     /// [`crate::GpuMesh`] by mesh index.
     pub meshes: u64,
     /// [`crate::GpuLight`] array: the distant lights. May be 0 without `Features::DISTANT`.
     pub lights: u64,
-    /// Two [`crate::Ray`] arrays of wave size, used in turn: bounce `b` reads `rays[b & 1]`.
-    pub rays: [u64; 2],
-    /// Hit records, `hit_stride(MAX_LEVELS)` bytes per slot, wave size; slot = slot of the ray. 16-byte aligned.
-    pub hits: u64,
-    /// [`crate::PathState`] per path slot, wave size. 16-byte aligned, as are `rays` and `radiance`.
-    pub paths: u64,
-    /// f32x4 (rgb, alpha) per path slot, wave size.
-    pub radiance: u64,
-    /// Queue of u32 ray slots, wave size.
-    pub surface_hits: u64,
-    /// Queue of u32 ray slots, wave size.
-    pub escaped_rays: u64,
-    /// Queue of [`crate::ShadowRay`], wave size. 16-byte aligned.
+    /// [`crate::Ray`] per path. 16-byte aligned, as are all arrays by path.
+    pub rays: u64,
+    /// [`crate::ShadowRay`] per path.
     pub shadow_rays: u64,
+    /// Hit record per path, `hit_stride(MAX_LEVELS)` bytes each.
+    pub hits: u64,
+    /// [`crate::PathState`] per path.
+    pub paths: u64,
+    /// f32x4 (rgb, alpha) per path.
+    pub radiance: u64,
+    /// Two queues of u32 path numbers, wave size, used in turn: round `r` reads `ray_queue[r & 1]`. 4-byte aligned, as are all
+    /// queues.
+    pub ray_queue: [u64; 2],
+    /// Queue of the paths with a shadow ray to trace, wave size.
+    pub shadow_queue: u64,
+    /// Queue of the paths whose ray met something, wave size.
+    pub surface_queue: u64,
+    /// Queue of the paths whose ray left the scene, wave size.
+    pub escaped_queue: u64,
+    /// 0 without streaming.
+    pub streaming: u64,
     /// One [`crate::Counters`].
     pub counters: u64,
     /// [`crate::FilmPixel`] per pixel `y * width + x`. Zero before the first wave. 16-byte aligned.
     pub film: u64,
     /// f32x4 per pixel `y * width + x`, row 0 at the bottom: what `resolve` writes. 16-byte aligned.
     pub color: u64,
-    /// What `trace_aovs` writes.
+    /// What `shade_aovs` writes.
     pub aov: AovTargets,
-    /// What `trace_aovs` writes where nothing is hit.
+    /// What `shade_aovs` writes where nothing is hit.
     pub aov_clear: AovClear,
     /// What `resolve` puts under the picture: `color = premultiplied + clear_color * (1 - alpha)`.
     pub clear_color: [f32; 4],
-    /// Camera ray of image point (px, py), pixel centres at + 0.5: origin `ray_o + px * ray_o_x + py * ray_o_y`.
+    /// Camera ray of image point (px, py), pixel centres at + 0.5: origin `ray_o + ray_o_lo + px * ray_o_x + py * ray_o_y`.
     pub ray_o: [f32; 3],
+    /// What `ray_o` lacks of the camera's place in f64, at most half an ulp of it.
+    pub ray_o_lo: [f32; 3],
     /// See `ray_o`.
     pub ray_o_x: [f32; 3],
     /// See `ray_o`.
@@ -239,8 +273,6 @@ pub struct Frame {
     pub light_count: u32,
     /// Bits of [`FrameFlags`].
     pub flags: u32,
-    /// 0.
-    pub reserved: u32,
 }
 
 /// Workgroup counts that give at least `threads` threads; the passes find their thread as

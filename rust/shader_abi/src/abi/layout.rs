@@ -4,8 +4,8 @@
 //! Guarantees: the members are listed in full: a struct literal pattern without `..` fails to compile otherwise.
 
 use super::{
-    AovClear, AovTargets, Counters, FilmPixel, Frame, GpuAssembly, GpuInstance, GpuLight, GpuMesh, GpuNode,
-    GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush, PathState, Push, Ray, ShadowRay,
+    AovClear, AovTargets, Counters, FilmPixel, Frame, GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuLight,
+    GpuMesh, GpuNode, GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush, PathState, Push, Ray, ShadowRay,
 };
 use core::mem::{offset_of, size_of};
 
@@ -57,22 +57,26 @@ macro_rules! layout {
 
 /// Every struct that crosses.
 pub const LAYOUTS: &[StructLayout] = &[
-    layout!(Push { frame, first_pixel, first_sample, path_count, bounce, arg0, arg1 }),
+    layout!(Push { frame, first_pixel, first_sample, path_count, round, arg0, flags }),
     layout!(AovTargets { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo }),
     layout!(AovClear { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo }),
     layout!(Frame {
-        root_nodes,
-        root_instances,
+        top_nodes,
+        chunk_instances,
+        chunks,
         assemblies,
         meshes,
         lights,
         rays,
+        shadow_rays,
         hits,
         paths,
         radiance,
-        surface_hits,
-        escaped_rays,
-        shadow_rays,
+        ray_queue,
+        shadow_queue,
+        surface_queue,
+        escaped_queue,
+        streaming,
         counters,
         film,
         color,
@@ -80,6 +84,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         aov_clear,
         clear_color,
         ray_o,
+        ray_o_lo,
         ray_o_x,
         ray_o_y,
         ray_d,
@@ -102,8 +107,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         seed,
         max_bounces,
         light_count,
-        flags,
-        reserved
+        flags
     }),
     layout!(GpuNode { min, max, child, count }),
     layout!(GpuTriangle { v0, face, v1, pad1, v2, pad2 }),
@@ -111,9 +115,11 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(GpuMesh { nodes, triangles, corner_indices, normals, colors, opacities, flags, triangle_count }),
     layout!(GpuAssembly { nodes, instances }),
     layout!(GpuLight { direction, one_minus_cos, radiance, probability, cumulative }),
-    layout!(Ray { o, path, d, t_max }),
+    layout!(GpuChunk { nodes, instances }),
+    layout!(GpuChunkInstance { chunk_from_world, origin_lo, chunk, instance_id, pad }),
+    layout!(Ray { o, bounce, d, t_max, o_lo, flags }),
     layout!(PathState { throughput, pdf }),
-    layout!(ShadowRay { o, path, d, t_max, contribution, pad }),
+    layout!(ShadowRay { o, bounce, d, t_max, o_lo, flags, contribution, pad }),
     layout!(IndirectArgs { x, y, z }),
     layout!(Counters {
         closest_rays,

@@ -12,13 +12,13 @@ mod scene;
 
 pub use film::{FilmPixel, aov_bytes};
 pub use frame::{
-    AovClear, AovTargets, Features, Frame, FrameFlags, MAX_DIRECT_GROUPS, PREPARE_SHADE, PREPARE_TRACE, Push,
-    SPEC_FEATURES, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
+    AOV_ESCAPED, AOV_SURFACES, AovClear, AovTargets, Features, Frame, FrameFlags, MAX_DIRECT_GROUPS, PREPARE_SHADE,
+    PREPARE_TRACE, Push, PushFlags, SPEC_FEATURES, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
 };
 pub use layout::{LAYOUTS, MemberLayout, StructLayout};
 pub use lbvh::{LbvhBounds, LbvhPush};
 pub use path::{Counters, IndirectArgs, PathState, Ray, ShadowRay, hit_stride};
 pub use scene::{
-    AttributeRate, GpuAssembly, GpuInstance, GpuLight, GpuMesh, GpuNode, GpuTriangle, MAX_LEAF_ITEMS, MeshFlags,
-    TARGET_ASSEMBLY,
+    AttributeRate, GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuLight, GpuMesh, GpuNode, GpuTriangle,
+    MAX_LEAF_ITEMS, MeshFlags, TARGET_ASSEMBLY,
 };

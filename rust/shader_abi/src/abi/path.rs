@@ -6,18 +6,22 @@
 use bytemuck::{Pod, Zeroable};
 use core::mem::offset_of;
 
-/// A ray to find the closest hit of, 32 B.
+/// A ray to find the closest hit of, 48 B; one per path.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Ray {
-    /// Origin, world.
+    /// Origin, world, high part.
     pub o: [f32; 3],
-    /// Path slot in the wave.
-    pub path: u32,
+    /// Bounce: 0 = camera ray.
+    pub bounce: u32,
     /// Direction, world, unit up to rounding.
     pub d: [f32; 3],
     /// Hits must lie nearer than this; +inf.
     pub t_max: f32,
+    /// Origin, low part: at most half an ulp of `o`, component by component.
+    pub o_lo: [f32; 3],
+    /// 0.
+    pub flags: u32,
 }
 
 /// State of a path between bounces, 16 B.
@@ -30,29 +34,34 @@ pub struct PathState {
     pub pdf: f32,
 }
 
-/// A ray that adds `contribution` to its path's radiance unless something is in the way, 48 B.
+/// A ray that adds `contribution` to its path's radiance unless something is in the way, 64 B; one per path. Starts with the
+/// members of [`Ray`].
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct ShadowRay {
-    /// Origin, world.
+    /// Origin, world, high part.
     pub o: [f32; 3],
-    /// Path slot in the wave.
-    pub path: u32,
+    /// Bounce of the ray that met the surface it starts from.
+    pub bounce: u32,
     /// Direction, world, unit up to rounding.
     pub d: [f32; 3],
     /// Blockers must lie nearer than this; +inf for lights at infinity.
     pub t_max: f32,
+    /// Origin, low part.
+    pub o_lo: [f32; 3],
+    /// 0.
+    pub flags: u32,
     /// What the path gains, linear rgb.
     pub contribution: [f32; 3],
     /// 0.
     pub pad: u32,
 }
 
-/// Bytes per slot of the hit array: f32 u, f32 v, u32 triangle, then `max_levels` u32 instance indices, root first,
-/// rounded up to 16. Barycentrics: `p = (1 - u - v) v0 + u v1 + v v2`.
+/// Bytes of a hit record: f32 u, f32 v, u32 triangle, u32 chunk instance, f32 t, then `max_levels` u32 instance records, the
+/// chunk's first, rounded up to 16. Barycentrics: `p = (1 - u - v) v0 + u v1 + v v2`.
 #[must_use]
 pub const fn hit_stride(max_levels: u32) -> u32 {
-    (12 + 4 * max_levels).next_multiple_of(16)
+    (20 + 4 * max_levels).next_multiple_of(16)
 }
 
 /// Arguments of an indirect dispatch.
@@ -74,7 +83,7 @@ pub struct IndirectArgs {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Counters {
-    /// Total: closest-hit rays traced by waves (`trace_aovs` adds none).
+    /// Total: closest-hit rays traced by waves (those of AOVs left out).
     pub closest_rays: u64,
     /// Total: shadow rays traced.
     pub shadow_rays: u64,
@@ -82,13 +91,13 @@ pub struct Counters {
     pub nonfinite: u32,
     /// Total: rays for which traversal ran out of stack and left nodes out; must stay 0, else `STACK_SIZE` is too small.
     pub stack_overflows: u32,
-    /// Rays in `Frame::rays[i]`.
+    /// Paths in `Frame::ray_queue[i]`.
     pub ray_count: [u32; 2],
-    /// Slots in `Frame::surface_hits`.
+    /// Paths in `Frame::surface_queue`.
     pub surface_count: u32,
-    /// Slots in `Frame::escaped_rays`.
+    /// Paths in `Frame::escaped_queue`.
     pub escaped_count: u32,
-    /// Rays in `Frame::shadow_rays`.
+    /// Paths in `Frame::shadow_queue`.
     pub shadow_count: u32,
     /// 0.
     pub pad: u32,

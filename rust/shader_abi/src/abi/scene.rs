@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Scene data as the shaders read it: nodes, triangles, meshes, instance records, assemblies, distant lights.
+//! Scene data as the shaders read it: nodes, triangles, meshes, instance records, assemblies, chunks, distant lights.
 //!
 //! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
 
@@ -131,6 +131,46 @@ pub struct GpuAssembly {
     pub nodes: u64,
     /// [`GpuInstance`] array, 16-byte aligned.
     pub instances: u64,
+}
+
+/// Where the parts of a chunk are, 16 B: `nodes` of 0 = the chunk is absent.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct GpuChunk {
+    /// [`GpuNode`] array over the records, 16-byte aligned.
+    pub nodes: u64,
+    /// [`GpuInstance`] array, 16-byte aligned; the maps start from the chunk's own frame.
+    pub instances: u64,
+}
+
+/// A chunk in the world, 80 B. A world point `p` (relative to `Snapshot::origin`) is `L (p - origin)` in the chunk's frame.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuChunkInstance {
+    /// Rows of `L`, each followed by that component of the high part of the origin.
+    pub chunk_from_world: [[f32; 4]; 3],
+    /// Low part of the origin: at most half an ulp of the high part.
+    pub origin_lo: [f32; 3],
+    /// Index in `Frame::chunks`.
+    pub chunk: u32,
+    /// Instance number of the opened placements above; 0 for chunks of the root. A record's number is
+    /// `instance_id * prototype_count + index_in_prototype`, and so on down.
+    pub instance_id: u32,
+    /// 0.
+    pub pad: [u32; 3],
+}
+
+impl GpuChunkInstance {
+    /// The entry for rows `l` and an origin in f64.
+    #[must_use]
+    #[expect(clippy::cast_possible_truncation, reason = "split in two floats")]
+    pub fn new(l: [[f32; 3]; 3], origin: [f64; 3], chunk: u32, instance_id: u32) -> Self {
+        let hi = origin.map(|x| x as f32);
+        let lo = |i: usize| (origin[i] - f64::from(hi[i])) as f32;
+        let row = |i: usize| [l[i][0], l[i][1], l[i][2], hi[i]];
+        let chunk_from_world = [row(0), row(1), row(2)];
+        Self { chunk_from_world, origin_lo: [lo(0), lo(1), lo(2)], chunk, instance_id, pad: [0; 3] }
+    }
 }
 
 /// A distant light, 36 B.

@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// First hits through the pixel centres, pinhole, unaffected by sampling: one thread per pixel of the slice that push names.
-// Reads: Frame, the scene. Writes: the planes of Frame::aov that are not 0. Surfaces of opacity 0 are not seen, all others are.
+// What the rays of generate_aov_rays met: one thread per ray of a queue. arg0 = AOV_SURFACES: surface_queue,
+// Counters::surface_args; arg0 = AOV_ESCAPED: escaped_queue, Counters::escaped_args.
+// Reads: the queue, hits, the scene. Writes: the planes of Frame::aov that are not 0. Surfaces of opacity 0 are not seen, all others
+// are.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
-#define ANY_HIT 0
-#define OPACITY_MODE OPACITY_NONZERO
-#include "traversal/traverse.glsl"
-#include "include/surface.glsl"
+#include "include/path_surface.glsl"
 
+// row . (p, 1)
+float row_at(vec4 row, Double3 p) {
+    return dot3(row.xyz, p.hi) + row.w + dot3(row.xyz, p.lo);
+}
 
-AovClear aovs_of(Found found) {
-    for (uint level = 0u; level < MAX_LEVELS; ++level) surface_chain[level] = found_chain[level];
-    const Surface surface = make_surface(found.triangle, found.uv);
-    const vec4 p = vec4(surface.position, 1.0);
+AovClear aovs_of(Surface surface) {
     AovClear a;
-    a.depth = 0.5 * (dot(FRAME.clip_z, p) / dot(FRAME.clip_w, p)) + 0.5;
-    a.camera_depth = -dot(FRAME.view[2], p);
+    a.depth = 0.5 * (row_at(FRAME.clip_z, surface.position) / row_at(FRAME.clip_w, surface.position)) + 0.5;
+    a.camera_depth = -row_at(FRAME.view[2], surface.position);
     a.prim_id = surface.prim_id;
     a.instance_id = int(surface.instance_id);
     a.element_id = int(surface.face);
@@ -39,15 +39,12 @@ void store(uint pixel, AovClear a) {
 }
 
 void main() {
-    const uint thread = thread_index();
-    if (thread >= push.path_count) return;
-    const uvec2 position = pixel_position(path_pixel(thread));
-    const vec2 p = vec2(position) + 0.5;
-    const vec3 o = FRAME.ray_o + p.x * FRAME.ray_o_x + p.y * FRAME.ray_o_y;
-    const vec3 d = normalize(FRAME.ray_d + p.x * FRAME.ray_d_x + p.y * FRAME.ray_d_y);
-    Found found;
-    const bool hit = traverse(o, d, uintBitsToFloat(0x7f800000u), 0u, found);
+    const uint at = thread_index();
+    const bool hit = push.arg0 == AOV_SURFACES;
+    if (at >= (hit ? COUNTERS.surface_count : COUNTERS.escaped_count)) return;
+    const uint path = ConstUints(hit ? FRAME.surface_queue : FRAME.escaped_queue).v[at];
     AovClear a = FRAME.aov_clear;
-    if (hit) a = aovs_of(found);
+    if (hit) a = aovs_of(load_surface(path));
+    const uvec2 position = pixel_position(path_pixel(path));
     store(position.y * FRAME.width + position.x, a);
 }

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rays from the camera: origin and direction are affine in the image point.
+#ifndef OOCPT_CAMERA_GLSL
+#define OOCPT_CAMERA_GLSL
+
+#include "include/double.glsl"
+
+// From the origin of image point (0, 0) to that of p; zero for a perspective camera.
+vec3 camera_shift(vec2 p) {
+    return p.x * FRAME.ray_o_x + p.y * FRAME.ray_o_y;
+}
+
+// Not normalised: one unit along the view axis.
+vec3 camera_direction(vec2 p) {
+    return FRAME.ray_d + p.x * FRAME.ray_d_x + p.y * FRAME.ray_d_y;
+}
+
+// The first ray of a path, and its place in the first queue.
+void start_ray(uint path, vec3 shift, vec3 d) {
+    const Double3 o = add(Double3(FRAME.ray_o, FRAME.ray_o_lo), shift);
+    store_ray(ray_address(path), Ray(o.hi, 0u, normalize(d), uintBitsToFloat(0x7f800000u), o.lo, 0u));
+    Uints(FRAME.ray_queue[0]).v[path] = path;
+}
+
+#endif
