@@ -1,179 +1,277 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The forest bench scene, made straight into the core: displaced spheres scattered over a hilly terrain.
+//! `oocpt bench`: renders a scene several times on a warm device and prints medians as a table and as JSON.
 //!
-//! It is the scene of the project's reference figures: `instances` placements of 16 meshes of 10 000 triangles each on a
-//! terrain of 100 352 triangles, a constant dome, every surface diffuse with albedo 0.5.
+//! Speed is measured here and only here; tests never time. The first render warms the device up and is not counted. A
+//! last, profiled render says where the time goes; its total is not used, since timestamps cost a little.
 
-use anyhow::Result;
-use glam::{DMat4, DQuat, DVec3, DVec4};
-use oocpt_core::array::{ElementType, TypedArray};
-use oocpt_core::camera::Camera;
-use oocpt_core::scene::{
-    InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, LightDesc, LightKind, MeshDesc, PrimDesc, Primvar,
-    SceneDb, Subdivision,
-};
-use std::sync::Arc;
+mod forest;
 
-/// Prototype meshes.
-const MESHES: u32 = 16;
-/// Half the side of the terrain, scene units.
-const HALF_SIDE: f64 = 100.0;
+use anyhow::{Context, Result, bail};
+use oocpt_core::settings::Settings;
+use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions, Severity, Timings};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::time::Duration;
 
-/// Fills `db` with the scene.
-pub(crate) fn build(db: &mut SceneDb, instances: u32) -> Result<()> {
-    db.upsert_mesh(terrain()?);
-    for index in 0..MESHES {
-        db.upsert_mesh(blob(index)?);
+/// Longest wait for one render.
+const TIMEOUT: Duration = Duration::from_secs(3600);
+
+/// Options of `oocpt bench`.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// Image width, pixels.
+    #[arg(long, default_value_t = 1024)]
+    width: u32,
+    /// Image height, pixels.
+    #[arg(long, default_value_t = 429)]
+    height: u32,
+    /// Samples per pixel.
+    #[arg(long, default_value_t = 256)]
+    samples: u32,
+    /// Indirect bounces.
+    #[arg(long, default_value_t = 5)]
+    bounces: u32,
+    /// Instances in the forest.
+    #[arg(long, default_value_t = 100_000)]
+    instances: u32,
+    /// Counted runs.
+    #[arg(long, default_value_t = 3)]
+    runs: u32,
+    /// Device: an index or a part of its name.
+    #[arg(long, env = "OOCPT_DEVICE", default_value = "")]
+    device: String,
+    /// Also write the report as JSON to this file.
+    #[arg(long)]
+    json: Option<PathBuf>,
+    /// Also write the picture as PNG (sRGB) to this file.
+    #[arg(long)]
+    picture: Option<PathBuf>,
+}
+
+/// One pass of the profiled run.
+#[derive(Serialize)]
+struct PassRow {
+    name: String,
+    secs: f64,
+    share: f64,
+    runs: u64,
+}
+
+/// Everything a bench says.
+#[derive(Serialize)]
+struct Report {
+    scene: &'static str,
+    device: String,
+    driver: String,
+    width: u32,
+    height: u32,
+    samples: u32,
+    bounces: u32,
+    instances: u64,
+    unique_triangles: u64,
+    instanced_triangles: u64,
+    gpu_mib: u64,
+    commit_secs: f64,
+    upload_secs: f64,
+    build_secs: f64,
+    compile_secs: f64,
+    trace_secs: Vec<f64>,
+    median_trace_secs: f64,
+    mpaths_per_sec: f64,
+    mrays_per_sec: f64,
+    rays_per_path: f64,
+    closest_rays: u64,
+    shadow_rays: u64,
+    waves: u64,
+    /// Of GPU time, profiled run.
+    passes: Vec<PassRow>,
+    /// Million closest-hit rays a second while `intersect_closest` runs.
+    closest_mrays_per_sec: f64,
+    /// Million shadow rays a second while `intersect_shadow` runs.
+    shadow_mrays_per_sec: f64,
+}
+
+/// Runs the bench.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let settings = Settings {
+        samples_per_pixel: arguments.samples,
+        max_bounces: arguments.bounces,
+        device: arguments.device.clone(),
+        interactive: false,
+        ..Settings::default()
+    };
+    let session = Session::with_options(settings, SessionOptions::default());
+    let started = std::time::Instant::now();
+    session.with_scene(|db| forest::build(db, arguments.instances))?;
+    session.render(request(arguments));
+    let commit_secs = started.elapsed().as_secs_f64();
+    finish(&session).context("warm-up render")?;
+    let first = session.timings();
+    let mut runs = Vec::new();
+    for _ in 0..arguments.runs.max(1) {
+        session.restart();
+        finish(&session)?;
+        runs.push(session.timings());
     }
-    db.upsert_instancer(scatter(instances)?);
-    db.upsert_light(LightDesc {
-        prim: prim("/dome", Vec::new()),
-        kind: LightKind::Dome,
-        color: [1.0; 3],
-        intensity: 1.0,
-        exposure: 0.0,
-        color_temperature: None,
-        normalize: false,
-        camera_visible: true,
-    });
+    session.set_profiling(true);
+    session.restart();
+    finish(&session).context("profiled render")?;
+    let report = report(arguments, &session, &first, &runs, commit_secs);
+    print_table(&report);
+    let json = serde_json::to_string_pretty(&report)?;
+    match &arguments.json {
+        Some(path) => std::fs::write(path, json).with_context(|| format!("cannot write {}", path.display()))?,
+        None => println!("{json}"),
+    }
+    arguments.picture.as_ref().map_or(Ok(()), |path| write_picture(&session, arguments, path))
+}
+
+fn request(arguments: &Arguments) -> RenderRequest {
+    RenderRequest {
+        width: arguments.width,
+        height: arguments.height,
+        camera: forest::camera(arguments.width, arguments.height),
+        aovs: vec![AovRequest { kind: AovKind::Color, clear: [0.0; 4] }],
+    }
+}
+
+fn finish(session: &Session) -> Result<()> {
+    let converged = session.wait_converged(TIMEOUT);
+    for message in session.take_messages() {
+        if message.severity == Severity::Error {
+            bail!(message.text);
+        }
+        println!("warning: {}", message.text);
+    }
+    if !converged {
+        bail!("the render did not finish within {} s", TIMEOUT.as_secs());
+    }
     Ok(())
 }
 
-/// A camera that looks over the forest from its edge.
-pub(crate) fn camera(width: u32, height: u32) -> Camera {
-    let eye = DVec3::new(0.0, 14.0, HALF_SIDE * 0.9);
-    let (w, h) = (f64::from(width), f64::from(height));
-    let back = (eye - DVec3::new(0.0, 0.0, 20.0)).normalize();
-    let right = DVec3::Y.cross(back).normalize();
-    let up = back.cross(right);
-    #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "image sizes fit f32 and i32")]
-    Camera {
-        world_from_view: DMat4::from_cols(right.extend(0.0), up.extend(0.0), back.extend(0.0), eye.extend(1.0)),
-        projection: perspective(0.6, w / h, 0.1, 1000.0),
-        display_window: [0.0, 0.0, w as f32, h as f32],
-        data_window: [0, 0, width as i32, height as i32],
-        lens_radius: 0.0,
-        focus_distance: 0.0,
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]
+fn report(arguments: &Arguments, session: &Session, first: &Timings, runs: &[Timings], commit_secs: f64) -> Report {
+    let (stats, profiled) = (session.stats(), session.timings());
+    let trace_secs: Vec<f64> = runs.iter().map(|run| run.trace_secs).collect();
+    let median_secs = median(trace_secs.clone());
+    let total: f64 = profiled.passes.iter().map(|pass| pass.secs).sum();
+    let pass_secs = |name: &str| profiled.passes.iter().find(|pass| pass.name == name).map_or(f64::NAN, |p| p.secs);
+    let rays = (profiled.closest_rays + profiled.shadow_rays) as f64;
+    let device = session.device_report();
+    Report {
+        scene: "forest",
+        device: device.as_ref().map(|d| d.name.clone()).unwrap_or_default(),
+        driver: device.map(|d| d.driver).unwrap_or_default(),
+        width: arguments.width,
+        height: arguments.height,
+        samples: arguments.samples,
+        bounces: arguments.bounces,
+        instances: stats.instances,
+        unique_triangles: stats.unique_triangles,
+        instanced_triangles: stats.triangles,
+        gpu_mib: stats.gpu_peak_bytes >> 20,
+        commit_secs,
+        upload_secs: first.upload_secs,
+        build_secs: first.build_secs,
+        compile_secs: first.compile_secs,
+        median_trace_secs: median_secs,
+        mpaths_per_sec: profiled.paths as f64 / median_secs * 1e-6,
+        mrays_per_sec: rays / median_secs * 1e-6,
+        rays_per_path: rays / profiled.paths as f64,
+        closest_rays: profiled.closest_rays,
+        shadow_rays: profiled.shadow_rays,
+        waves: profiled.waves,
+        closest_mrays_per_sec: profiled.closest_rays as f64 / pass_secs("intersect_closest") * 1e-6,
+        shadow_mrays_per_sec: profiled.shadow_rays as f64 / pass_secs("intersect_shadow") * 1e-6,
+        passes: profiled
+            .passes
+            .iter()
+            .map(|pass| PassRow { name: pass.name.clone(), secs: pass.secs, share: pass.secs / total, runs: pass.runs })
+            .collect(),
+        trace_secs,
     }
 }
 
-/// OpenGL perspective: vertical field of view in radians, width over height, near and far distance.
-fn perspective(fov: f64, aspect: f64, near: f64, far: f64) -> DMat4 {
-    let scale = 1.0 / (0.5 * fov).tan();
-    DMat4::from_cols(
-        DVec4::new(scale / aspect, 0.0, 0.0, 0.0),
-        DVec4::new(0.0, scale, 0.0, 0.0),
-        DVec4::new(0.0, 0.0, (far + near) / (near - far), -1.0),
-        DVec4::new(0.0, 0.0, 2.0 * far * near / (near - far), 0.0),
-    )
+fn print_table(report: &Report) {
+    println!("{} on {} ({})", report.scene, report.device, report.driver);
+    println!(
+        "{} x {} px, {} samples, {} bounces; {} instances, {} unique and {} instanced triangles; {} MiB on the GPU",
+        report.width,
+        report.height,
+        report.samples,
+        report.bounces,
+        report.instances,
+        report.unique_triangles,
+        report.instanced_triangles,
+        report.gpu_mib
+    );
+    println!(
+        "commit {:.3} s, upload {:.3} s, instance level build {:.3} s, compile {:.3} s",
+        report.commit_secs, report.upload_secs, report.build_secs, report.compile_secs
+    );
+    println!(
+        "trace {:.3} s (median of {}): {:.2} Mpaths/s, {:.1} Mrays/s, {:.2} rays a path",
+        report.median_trace_secs,
+        report.trace_secs.len(),
+        report.mpaths_per_sec,
+        report.mrays_per_sec,
+        report.rays_per_path
+    );
+    println!(
+        "within its pass: closest {:.0} Mrays/s, shadow {:.0} Mrays/s",
+        report.closest_mrays_per_sec, report.shadow_mrays_per_sec
+    );
+    println!("{:<24}{:>10}{:>8}{:>10}", "pass", "GPU s", "share", "runs");
+    for pass in &report.passes {
+        println!("{:<24}{:>10.4}{:>7.1}%{:>10}", pass.name, pass.secs, pass.share * 100.0, pass.runs);
+    }
 }
 
-fn prim(path: &str, instanced_by: Vec<InstancedBy>) -> PrimDesc {
-    PrimDesc { path: path.into(), transform: DMat4::IDENTITY, visible: true, purpose: "default".into(), instanced_by }
-}
-
-/// The height of the ground, scene units.
-fn ground(x: f64, z: f64) -> f64 {
-    3.0 * (0.07 * x).sin() * (0.05 * z).cos() + 0.6 * (0.31 * x + 0.2 * z).sin()
-}
-
-/// A grid of `columns` x `rows` cells of two triangles over a parametric surface.
-fn grid(path: &str, columns: u32, rows: u32, point: impl Fn(f64, f64) -> DVec3) -> Result<MeshDesc> {
-    let mut points = Vec::new();
-    for row in 0..=rows {
-        for column in 0..=columns {
-            let p = point(f64::from(column) / f64::from(columns), f64::from(row) / f64::from(rows));
-            points.push(p.as_vec3().to_array());
+/// Writes the colour image as 8-bit sRGB, top row first.
+fn write_picture(session: &Session, arguments: &Arguments, path: &std::path::Path) -> Result<()> {
+    let (width, height) = (arguments.width as usize, arguments.height as usize);
+    let mut pixels = vec![0_f32; width * height * 4];
+    if !session.read_aov(AovKind::Color, bytemuck::cast_slice_mut(&mut pixels)) {
+        bail!("there is no image to write");
+    }
+    let mut image = image::RgbImage::new(arguments.width, arguments.height);
+    for (x, y, out) in image.enumerate_pixels_mut() {
+        let start = ((height - 1 - y as usize) * width + x as usize) * 4;
+        for (channel, value) in out.0.iter_mut().zip(&pixels[start..start + 3]) {
+            *channel = srgb8(*value);
         }
     }
-    let mut indices = Vec::new();
-    for row in 0..rows {
-        for column in 0..columns {
-            let a = i32::try_from(row * (columns + 1) + column)?;
-            let b = a + i32::try_from(columns + 1)?;
-            indices.extend([a, b, a + 1, a + 1, b, b + 1]);
-        }
-    }
-    let counts = vec![3_i32; indices.len() / 3];
-    let color = Primvar {
-        interpolation: Interpolation::Constant,
-        values: TypedArray::from_vec(ElementType::Vec3f, vec![[0.5_f32; 3]])?,
-        indices: None,
-    };
-    Ok(MeshDesc {
-        prim: prim(path, Vec::new()),
-        prim_id: 0,
-        double_sided: true,
-        left_handed: false,
-        subdivision: Subdivision::None,
-        face_vertex_counts: TypedArray::from_vec(ElementType::I32, counts)?,
-        face_vertex_indices: TypedArray::from_vec(ElementType::I32, indices)?,
-        hole_indices: None,
-        points: TypedArray::from_vec(ElementType::Vec3f, points)?,
-        normals: None,
-        display_color: Some(color),
-        display_opacity: None,
-    })
+    image.save(path).with_context(|| format!("cannot write {}", path.display()))
 }
 
-fn terrain() -> Result<MeshDesc> {
-    grid("/terrain", 224, 224, |u, v| {
-        let (x, z) = ((2.0 * u - 1.0) * HALF_SIDE, (2.0 * v - 1.0) * HALF_SIDE);
-        DVec3::new(x, ground(x, z), z)
-    })
+/// IEC 61966-2-1 transfer function, rounded to 8 bits.
+fn srgb8(linear: f32) -> u8 {
+    let x = linear.clamp(0.0, 1.0);
+    let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in 0..=255 by the clamp")]
+    let byte = (encoded * 255.0).round() as u8;
+    byte
 }
 
-/// A lumpy closed blob of unit size: 100 x 50 cells of two triangles.
-fn blob(index: u32) -> Result<MeshDesc> {
-    let path = format!("/scatter/proto_{index}");
-    let phase = f64::from(index);
-    let mut mesh = grid(&path, 100, 50, |u, v| {
-        let (theta, phi) = (u * std::f64::consts::TAU, 0.02 + v * (std::f64::consts::PI - 0.04));
-        // The poles stay open by a pinhole: a closed grid would have zero-area triangles there.
-        let bump = 1.0 + 0.15 * (3.0 * theta + phase).sin() * (4.0 * phi).sin() + 0.05 * (17.0 * phi + phase).sin();
-        let direction = DVec3::new(phi.sin() * theta.cos(), phi.cos(), phi.sin() * theta.sin());
-        direction * 0.4 * bump + DVec3::Y * 0.4
-    })?;
-    mesh.prim_id = i32::try_from(index)? + 1;
-    mesh.prim.instanced_by = vec![InstancedBy { instancer: "/scatter".into(), prototype_root: path.as_str().into() }];
-    Ok(mesh)
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-fn scatter(instances: u32) -> Result<InstancerDesc> {
-    let mut state = 0x1234_5678_9abc_def0_u64;
-    let mut random = move || {
-        // SplitMix64: a fixed, portable sequence.
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        #[expect(clippy::cast_precision_loss, reason = "53 bits are exact in f64")]
-        let unit = ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64;
-        unit
-    };
-    let mut translations = Vec::new();
-    let mut rotations = Vec::new();
-    let mut scales = Vec::new();
-    let mut indices = vec![Vec::new(); MESHES as usize];
-    for instance in 0..instances {
-        let (x, z) = ((2.0 * random() - 1.0) * HALF_SIDE, (2.0 * random() - 1.0) * HALF_SIDE);
-        translations.push(DVec3::new(x, ground(x, z), z).as_vec3().to_array());
-        rotations.push(DQuat::from_rotation_y(random() * std::f64::consts::TAU).as_quat().to_array());
-        scales.push((DVec3::splat(0.6) + DVec3::splat(0.8 * random())).as_vec3().to_array());
-        indices[(instance % MESHES) as usize].push(i32::try_from(instance)?);
+    #[test]
+    fn srgb_of_known_values() {
+        assert_eq!(srgb8(0.0), 0, "black stays black");
+        assert_eq!(srgb8(1.0), 255, "white stays white");
+        assert_eq!(srgb8(0.214_04), 127, "middle grey");
+        assert_eq!(srgb8(f32::NAN), 0, "NaN must not wrap");
     }
-    let mut prototypes = Vec::new();
-    for (index, list) in indices.into_iter().enumerate() {
-        let root: Arc<str> = format!("/scatter/proto_{index}").into();
-        prototypes.push(InstancerPrototype { root, indices: TypedArray::from_vec(ElementType::I32, list)? });
+
+    #[test]
+    fn median_of_an_odd_count_is_the_middle() {
+        assert!((median(vec![3.0, 1.0, 2.0]) - 2.0).abs() < f64::EPSILON, "the middle of three");
     }
-    Ok(InstancerDesc {
-        prim: prim("/scatter", Vec::new()),
-        prototypes,
-        mask: None,
-        translations: Some(TypedArray::from_vec(ElementType::Vec3f, translations)?),
-        rotations: Some(TypedArray::from_vec(ElementType::Quatf, rotations)?),
-        scales: Some(TypedArray::from_vec(ElementType::Vec3f, scales)?),
-        transforms: None,
-    })
 }

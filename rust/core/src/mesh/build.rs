@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-//! One mesh description to one asset. Pure; a commit runs it for several meshes in parallel.
+//! One mesh description to one asset, or to clusters where it is large. Pure; a commit runs it for several meshes in
+//! parallel.
 
 use std::cell::OnceCell;
 use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::bvh::build_bvh;
+use super::bvh::{Bvh2, build_bvh};
 use super::normals::smooth_normals;
 use super::primvar::{Layout, Slot, Source, convert};
+use super::split::{Order, arrange, expected_bytes, split_ordered};
 use super::topology::{Topology, read_topology};
 use super::triangulate::Triangulator;
 use super::{Aabb, Attribute, AttributeRate, MeshAsset, Triangle};
@@ -18,32 +20,53 @@ use crate::scene::{DroppedData, MeshDesc, Subdivision};
 /// Twice the smallest area of a triangle we keep: its normal can be normalised in single precision.
 pub const MIN_DOUBLE_AREA: f64 = 1e-18;
 
-/// An asset, or none if nothing was usable, and what was dropped on the way.
+/// An asset or several, or none if nothing was usable, and what was dropped on the way.
 #[derive(Clone, Debug)]
 pub struct BuiltMesh {
-    /// The asset.
+    /// The whole mesh; none where it was split or nothing was usable.
     pub asset: Option<Arc<MeshAsset>>,
+    /// The mesh in pieces, where it was split; otherwise empty. See [`super::split_mesh`].
+    pub clusters: Vec<Arc<MeshAsset>>,
     /// What was dropped.
     pub dropped: DroppedData,
 }
 
-/// Builds the asset of `desc`; `key` is its [`super::mesh_key`].
+/// Builds the asset of `desc`; `key` is its [`super::mesh_key`]. Never splits.
 #[must_use]
 pub fn build_mesh(desc: &MeshDesc, key: u128) -> BuiltMesh {
-    let mut dropped = DroppedData::default();
-    let asset = read_topology(desc, &mut dropped).and_then(|t| build_asset(desc, key, &t, &mut dropped)).map(Arc::new);
-    BuiltMesh { asset, dropped }
+    build_mesh_split(desc, key, u64::MAX, u64::MAX)
 }
 
-fn build_asset(desc: &MeshDesc, key: u128, topology: &Topology, dropped: &mut DroppedData) -> Option<MeshAsset> {
+/// Builds the asset of `desc`, or, where it would take more than about `limit_bytes` on the device, its clusters of at most
+/// `cluster_bytes` each. A split mesh never gets a hierarchy of its own. `key` is its [`super::mesh_key`].
+///
+/// Whether to split is decided by the numbers of triangles and attribute values, hence the same everywhere. Clusters are
+/// the same bits for any number of threads, but not the ones that [`super::split_mesh`] makes of the whole asset.
+#[must_use]
+pub fn build_mesh_split(desc: &MeshDesc, key: u128, limit_bytes: u64, cluster_bytes: u64) -> BuiltMesh {
+    let mut dropped = DroppedData::default();
+    let loose = read_topology(desc, &mut dropped).and_then(|t| read_triangles(desc, key, &t, &mut dropped));
+    let (mut asset, mut clusters) = (None, Vec::new());
+    match loose {
+        Some(loose) if expected_bytes(&loose) > limit_bytes => {
+            clusters = split_ordered(&loose, cluster_bytes, Order::Authored).into_iter().map(Arc::new).collect();
+        }
+        Some(loose) => {
+            let (bvh, order) = build_bvh(&loose.triangles);
+            asset = Some(Arc::new(arrange(&loose, bvh, &order, None)));
+        }
+        None => (),
+    }
+    BuiltMesh { asset, clusters, dropped }
+}
+
+/// The mesh in authored order, without a hierarchy.
+fn read_triangles(desc: &MeshDesc, key: u128, topology: &Topology, dropped: &mut DroppedData) -> Option<MeshAsset> {
     let (triangles, sources) = triangulate(topology, dropped);
     if triangles.is_empty() {
         dropped.empty_meshes += 1;
         return None;
     }
-    let (bvh, order) = build_bvh(&triangles);
-    let triangles: Vec<Triangle> = order.iter().filter_map(|&i| triangles.get(i as usize).copied()).collect();
-    let sources: Vec<Source> = order.iter().filter_map(|&i| sources.get(i as usize).copied()).collect();
     let layout = Layout {
         face_count: topology.face_count,
         point_count: topology.points.len(),
@@ -60,8 +83,8 @@ fn build_asset(desc: &MeshDesc, key: u128, topology: &Topology, dropped: &mut Dr
     let by_point = rates.contains(&Some(AttributeRate::Vertex));
     Some(MeshAsset {
         key,
-        bounds: triangles.iter().fold(Aabb::EMPTY, |b, t| b.union(&t.bounds())),
-        bvh,
+        bounds: Aabb::EMPTY,
+        bvh: Bvh2::default(),
         triangles,
         corner_indices: if by_point { sources.iter().map(corner_points).collect() } else { Vec::new() },
         normals,

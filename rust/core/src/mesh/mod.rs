@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Mesh assets: what a mesh becomes before it goes to the GPU. Immutable, shared by content.
 //!
-//! Stages: [`build`] runs `topology` (check, holes), `triangulate`, `primvar` and `normals`, and [`bvh`]; `key` is the
-//! content hash. Pure functions; called from rayon workers during a commit.
+//! Stages: [`build`] runs `topology` (check, holes), `triangulate`, `primvar` and `normals`, and [`bvh`]; `split` cuts large
+//! meshes into clusters; `key` is the content hash. Pure functions; called from rayon workers during a commit.
 
 mod attribute;
 pub mod build;
@@ -11,16 +11,18 @@ mod check;
 mod key;
 mod normals;
 mod primvar;
+mod split;
 mod topology;
 mod triangulate;
 
 use bytemuck::{Pod, Zeroable};
 
 pub use attribute::{Attribute, AttributeRate};
-pub use build::{BuiltMesh, build_mesh};
+pub use build::{BuiltMesh, build_mesh, build_mesh_split};
 pub use bvh::{Bvh2, BvhError, BvhNode, build_box_bvh};
 pub(crate) use key::is_same_mesh;
 pub use key::mesh_key;
+pub use split::split_mesh;
 
 /// Device bytes of a triangle.
 const TRIANGLE_BYTES: u64 = 48;
@@ -91,7 +93,7 @@ impl Triangle {
 /// A mesh ready for upload: at least one triangle, every number finite, every index in range.
 #[derive(Clone, Debug)]
 pub struct MeshAsset {
-    /// Content hash of the authored data and of the flags.
+    /// Content hash of the authored data and of the flags; of a cluster, see [`split_mesh`].
     pub key: u128,
     /// Box of all triangles.
     pub bounds: Aabb,

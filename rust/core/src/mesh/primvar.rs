@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Authored primvars to attributes in BVH order: length checks, indices, replacement of unusable values. Pure.
+//! Authored primvars to attributes, triangle by triangle: length checks, indices, replacement of unusable values. Pure.
 
 use super::{Attribute, AttributeRate};
 use crate::array::{ArrayView, ElementType};
 use crate::scene::{DroppedData, Interpolation, Primvar};
 
-/// A triangle of the finished mesh and where it came from.
+/// Where a triangle came from.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Source {
     /// Authored face.
@@ -23,7 +23,7 @@ pub(crate) struct Layout<'a> {
     pub(crate) point_count: usize,
     /// Authored corners.
     pub(crate) corner_count: usize,
-    /// Triangles in BVH order.
+    /// Triangles in the order in which attributes list them.
     pub(crate) sources: &'a [Source],
 }
 
@@ -32,7 +32,7 @@ pub(crate) struct Layout<'a> {
 pub(crate) enum Slot {
     /// The whole mesh.
     Mesh,
-    /// A triangle in BVH order.
+    /// A triangle, in the order of [`Layout::sources`].
     Triangle(usize),
     /// A point.
     Point(usize),

@@ -14,6 +14,8 @@ mod bvh;
 #[cfg(test)]
 mod cameras;
 #[cfg(test)]
+mod clusters;
+#[cfg(test)]
 mod edits;
 #[cfg(test)]
 mod faces;
