@@ -5,6 +5,7 @@
 
 mod bench;
 mod doctor;
+mod scene;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};

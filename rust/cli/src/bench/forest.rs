@@ -1,22 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt bench`: renders a scene several times on a warm device and prints medians as a table and as JSON.
+//! `oocpt bench forest`: renders the forest several times on a warm device: medians as a table and as JSON.
 //!
-//! Speed is measured here and only here; tests never time. The first render warms the device up and is not counted. A
-//! last, profiled render says where the time goes; its total is not used, since timestamps cost a little.
+//! The first render warms the device up and is not counted. A last, profiled render says where the time goes; its total
+//! is not used, since timestamps cost a little.
 
-mod forest;
-
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use oocpt_core::settings::Settings;
-use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions, Severity, Timings};
+use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions, Timings};
 use serde::Serialize;
 use std::path::PathBuf;
-use std::time::Duration;
 
-/// Longest wait for one render.
-const TIMEOUT: Duration = Duration::from_secs(3600);
+use super::common::{finish, median, write_json, write_picture};
+use crate::scene::forest;
 
-/// Options of `oocpt bench`.
+/// Options of `oocpt bench forest`.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     /// Image width, pixels.
@@ -118,12 +115,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     finish(&session).context("profiled render")?;
     let report = report(arguments, &session, &first, &runs, commit_secs);
     print_table(&report);
-    let json = serde_json::to_string_pretty(&report)?;
-    match &arguments.json {
-        Some(path) => std::fs::write(path, json).with_context(|| format!("cannot write {}", path.display()))?,
-        None => println!("{json}"),
-    }
-    arguments.picture.as_ref().map_or(Ok(()), |path| write_picture(&session, arguments, path))
+    write_json(&report, arguments.json.as_deref())?;
+    let size = [arguments.width, arguments.height];
+    arguments.picture.as_ref().map_or(Ok(()), |path| write_picture(&session, size, path))
 }
 
 fn request(arguments: &Arguments) -> RenderRequest {
@@ -133,25 +127,6 @@ fn request(arguments: &Arguments) -> RenderRequest {
         camera: forest::camera(arguments.width, arguments.height),
         aovs: vec![AovRequest { kind: AovKind::Color, clear: [0.0; 4] }],
     }
-}
-
-fn finish(session: &Session) -> Result<()> {
-    let converged = session.wait_converged(TIMEOUT);
-    for message in session.take_messages() {
-        if message.severity == Severity::Error {
-            bail!(message.text);
-        }
-        println!("warning: {}", message.text);
-    }
-    if !converged {
-        bail!("the render did not finish within {} s", TIMEOUT.as_secs());
-    }
-    Ok(())
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]
@@ -229,49 +204,5 @@ fn print_table(report: &Report) {
     println!("{:<24}{:>10}{:>8}{:>10}", "pass", "GPU s", "share", "runs");
     for pass in &report.passes {
         println!("{:<24}{:>10.4}{:>7.1}%{:>10}", pass.name, pass.secs, pass.share * 100.0, pass.runs);
-    }
-}
-
-/// Writes the colour image as 8-bit sRGB, top row first.
-fn write_picture(session: &Session, arguments: &Arguments, path: &std::path::Path) -> Result<()> {
-    let (width, height) = (arguments.width as usize, arguments.height as usize);
-    let mut pixels = vec![0_f32; width * height * 4];
-    if !session.read_aov(AovKind::Color, bytemuck::cast_slice_mut(&mut pixels)) {
-        bail!("there is no image to write");
-    }
-    let mut image = image::RgbImage::new(arguments.width, arguments.height);
-    for (x, y, out) in image.enumerate_pixels_mut() {
-        let start = ((height - 1 - y as usize) * width + x as usize) * 4;
-        for (channel, value) in out.0.iter_mut().zip(&pixels[start..start + 3]) {
-            *channel = srgb8(*value);
-        }
-    }
-    image.save(path).with_context(|| format!("cannot write {}", path.display()))
-}
-
-/// IEC 61966-2-1 transfer function, rounded to 8 bits.
-fn srgb8(linear: f32) -> u8 {
-    let x = linear.clamp(0.0, 1.0);
-    let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in 0..=255 by the clamp")]
-    let byte = (encoded * 255.0).round() as u8;
-    byte
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn srgb_of_known_values() {
-        assert_eq!(srgb8(0.0), 0, "black stays black");
-        assert_eq!(srgb8(1.0), 255, "white stays white");
-        assert_eq!(srgb8(0.214_04), 127, "middle grey");
-        assert_eq!(srgb8(f32::NAN), 0, "NaN must not wrap");
-    }
-
-    #[test]
-    fn median_of_an_odd_count_is_the_middle() {
-        assert!((median(vec![3.0, 1.0, 2.0]) - 2.0).abs() < f64::EPSILON, "the middle of three");
     }
 }

@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+//! `oocpt bench partition`: how fast a flattened island is committed and partitioned, and what it holds on the host.
+
+use anyhow::{Context, Result};
+use oocpt_core::scene::{SceneDb, Snapshot};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use super::common::{Machine, median, resident_bytes, write_json};
+use crate::scene::island::{Parameters, Prims};
+
+/// Options of `oocpt bench partition`.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// Instances of each island.
+    #[arg(long, value_delimiter = ',', default_value = "100000,1000000,10000000")]
+    instances: Vec<u64>,
+    /// Quads of its unique meshes: small, they are built before the clock starts.
+    #[arg(long, default_value_t = 20_000)]
+    unique_quads: u64,
+    /// Islands that share one set of arrays.
+    #[arg(long, default_value_t = 1)]
+    copies: u32,
+    /// Threads of the pool; 0 = one per core.
+    #[arg(long, value_delimiter = ',', default_value = "0")]
+    threads: Vec<usize>,
+    /// Counted runs of each row.
+    #[arg(long, default_value_t = 3)]
+    runs: u32,
+    /// Date to put into the report.
+    #[arg(long)]
+    date: Option<String>,
+    /// Also write the report as JSON to this file.
+    #[arg(long)]
+    json: Option<PathBuf>,
+}
+
+/// One island on one pool.
+#[derive(Debug, Serialize)]
+struct Row {
+    instances: u64,
+    threads: usize,
+    /// Commit of all instances, meshes built before: resolve, scan, partition.
+    commit_secs: Vec<f64>,
+    median_commit_secs: f64,
+    instances_per_sec: f64,
+    chunks: usize,
+    chunk_instances: usize,
+    /// The borrowed instance arrays.
+    array_bytes_per_instance: f64,
+    /// What the process grew by through the first commit, meshes aside.
+    host_bytes_per_instance: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Report {
+    bench: &'static str,
+    machine: Machine,
+    copies: u32,
+    unique_quads: u64,
+    rows: Vec<Row>,
+}
+
+/// Runs the bench.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let machine = Machine::new(None, arguments.date.as_deref());
+    println!("{machine}");
+    println!(
+        "{:>14} {:>8} {:>11} {:>14} {:>9} {:>11} {:>14} {:>13}",
+        "instances", "threads", "commit s", "instances/s", "chunks", "instances", "array B/inst", "host B/inst"
+    );
+    let mut rows = Vec::new();
+    for &instances in &arguments.instances {
+        let parameters = Parameters {
+            instances,
+            unique_quads: arguments.unique_quads,
+            copies: arguments.copies,
+            flatten: true,
+            seed: 7,
+        };
+        let prims = Prims::new(&parameters)?;
+        for &threads in &arguments.threads {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start threads")?;
+            let row = pool.install(|| measure(&parameters, &prims, arguments.runs));
+            print_row(&row);
+            rows.push(row);
+        }
+    }
+    let report =
+        Report { bench: "partition", machine, copies: arguments.copies, unique_quads: arguments.unique_quads, rows };
+    write_json(&report, arguments.json.as_deref())
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]
+fn measure(parameters: &Parameters, prims: &Prims, runs: u32) -> Row {
+    let total = parameters.total_instances() as f64;
+    let mut commit_secs = Vec::new();
+    let mut grown = 0;
+    let mut sizes = (0, 0);
+    for run in 0..runs.max(1) {
+        let mut db = SceneDb::new();
+        // Meshes first, each placed in the world, so that building them is not measured.
+        for mesh in &prims.meshes {
+            let mut mesh = mesh.clone();
+            mesh.prim.instanced_by.clear();
+            db.upsert_mesh(mesh);
+        }
+        drop(db.commit());
+        let before = resident_bytes();
+        prims.insert(&mut db);
+        let started = Instant::now();
+        let commit = db.commit();
+        commit_secs.push(started.elapsed().as_secs_f64());
+        if run == 0 {
+            grown = resident_bytes().saturating_sub(before);
+        }
+        sizes = chunks(&commit.snapshot);
+    }
+    let median_commit_secs = median(commit_secs.clone());
+    Row {
+        instances: parameters.total_instances(),
+        threads: rayon::current_num_threads(),
+        commit_secs,
+        median_commit_secs,
+        instances_per_sec: total / median_commit_secs,
+        chunks: sizes.0,
+        chunk_instances: sizes.1,
+        array_bytes_per_instance: prims.array_bytes() as f64 / total,
+        host_bytes_per_instance: grown as f64 / total,
+    }
+}
+
+/// Chunks and chunk instances.
+fn chunks(_snapshot: &Snapshot) -> (usize, usize) {
+    (0, 0)
+}
+
+fn print_row(row: &Row) {
+    println!(
+        "{:>14} {:>8} {:>11.3} {:>14.0} {:>9} {:>11} {:>14.1} {:>13.1}",
+        row.instances,
+        row.threads,
+        row.median_commit_secs,
+        row.instances_per_sec,
+        row.chunks,
+        row.chunk_instances,
+        row.array_bytes_per_instance,
+        row.host_bytes_per_instance
+    );
+}
