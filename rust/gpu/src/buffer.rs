@@ -111,6 +111,11 @@ impl Buffer {
         Ok(f(bytes))
     }
 
+    /// The first mapped byte; None for a `Device` buffer.
+    pub(crate) fn mapped(&self) -> Option<Mapped> {
+        self.block.raw.mapped
+    }
+
     /// The address of a mapped byte range that was checked to fit.
     fn mapped_range(&self, offset: u64, length: usize) -> Result<*mut u8, GpuError> {
         let mapped: Mapped = self.block.raw.mapped.ok_or_else(|| self.misuse("a Device buffer is not mapped"))?;

@@ -19,6 +19,7 @@ use crate::pipeline::{Pipeline, PipelineInner};
 use crate::queue::{CommandSlot, InFlight};
 use crate::range::{Block, DeviceRange};
 use crate::recorder::Recorder;
+use crate::staging::StagingPart;
 use crate::submission::Submission;
 
 /// Something that lives as long as the work that uses it. Held, never read.
@@ -26,6 +27,7 @@ use crate::submission::Submission;
 pub(crate) enum Kept {
     Block(#[expect(dead_code, reason = "held to keep it alive")] Arc<Block>),
     Range(#[expect(dead_code, reason = "held to keep it alive")] Arc<RangeInner>),
+    Staging(Arc<StagingPart>),
     Pipeline(#[expect(dead_code, reason = "held to keep it alive")] Arc<PipelineInner>),
 }
 
@@ -196,7 +198,7 @@ impl Commands {
     pub fn keep(&mut self, range: &dyn DeviceRange) {
         let parts = range.parts();
         if std::ptr::eq(parts.device, Arc::as_ptr(&self.recorder.device)) {
-            self.kept.push(parts.kept);
+            self.keep_alive(parts.kept);
         } else {
             self.misuse(range.name(), "belongs to another Gpu".to_owned());
         }
@@ -276,8 +278,15 @@ impl Commands {
         if !self.same_device(range.name(), parts.device) {
             return None;
         }
-        self.kept.push(parts.kept);
+        self.keep_alive(parts.kept);
         Some((parts.buffer, parts.offset + offset))
+    }
+
+    fn keep_alive(&mut self, kept: Kept) {
+        if let Kept::Staging(part) = &kept {
+            part.used_on(self.recorder.lane);
+        }
+        self.kept.push(kept);
     }
 
     /// Checks a pipeline and its push constants, and keeps it alive.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use crate::{Buffer, Commands, Gpu, GpuError, Heap, OpenOptions, Pipeline, Usage};
+use crate::{Buffer, Commands, Gpu, GpuError, Heap, OpenOptions, Pipeline, StagingRing, Usage};
 
 fn open(validation: bool) -> Arc<Gpu> {
     let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
@@ -123,4 +123,22 @@ fn after_a_loss_everything_fails_and_everything_can_be_dropped() {
     assert_eq!(gpu.memory().used, 0, "memory is given back although nothing will ever finish");
     drop(gpu);
     assert_eq!(log.take(), Vec::<String>::new(), "closed without leaks");
+}
+
+#[test]
+fn a_loss_ends_the_wait_for_staging_space() {
+    let gpu = open(false);
+    let ring = StagingRing::new(&gpu, 64).expect("a ring");
+    let held = ring.reserve(64, 4).expect("free");
+    std::thread::scope(|scope| {
+        let waiting: Vec<_> = (0..3).map(|_| scope.spawn(|| ring.reserve(1, 1).expect_err("lost"))).collect();
+        std::thread::sleep(std::time::Duration::from_millis(20));
+        let lost = lose(&gpu);
+        for thread in waiting {
+            assert_eq!(thread.join().expect("no panic"), lost, "the first as well as those behind it");
+        }
+    });
+    assert!(ring.try_reserve(1, 1).is_err(), "and all later requests");
+    drop(held);
+    assert_eq!(ring.used(), 0, "slices are given back all the same");
 }

@@ -8,7 +8,7 @@ use std::time::Duration;
 use ash::vk;
 
 use crate::lane::Lane;
-use crate::{Buffer, Commands, Gpu, Heap, OpenOptions, Submission, Usage};
+use crate::{Buffer, Commands, Gpu, Heap, OpenOptions, StagingRing, Submission, Usage};
 
 const SOON: Duration = Duration::from_millis(30);
 const LATE: Duration = Duration::from_secs(60);
@@ -93,6 +93,37 @@ fn what_is_dropped_is_held_for_either_lane() {
         assert_eq!(submission.wait(LATE), Ok(true), "{lane:?} runs");
         assert_eq!((gpu.memory().used, heap.stats().used_bytes), (1 << 20, 0), "freed after {lane:?}");
         drop((heap, submission));
+        finished_silently(gpu);
+    }
+}
+
+#[test]
+fn staging_space_comes_back_when_the_copy_is_done() {
+    for [lane, gate] in [[Lane::Main, Lane::Transfer], [Lane::Transfer, Lane::Main]] {
+        let gpu = open();
+        let gate = Gate::of(&gpu, gate);
+        let ring = StagingRing::new(&gpu, 100).expect("a ring");
+        let target = Buffer::new(&gpu, "target", 80, Usage::Readback).expect("memory");
+        let mut slice = ring.reserve(80, 4).expect("all is free");
+        slice.bytes_mut().fill(7);
+        let mut commands = list_of(&gpu, lane);
+        slice.copy_to(&mut commands, 0, &target, 0, 80);
+        drop(slice);
+        gate.hold(&mut commands);
+        assert!(ring.try_reserve(80, 4).expect("alive").is_none(), "an unsubmitted list holds it");
+        let submission = commands.submit().expect("submitted");
+        assert!(ring.try_reserve(80, 4).expect("alive").is_none(), "a list in flight holds it");
+        std::thread::scope(|scope| {
+            let waiting = scope.spawn(|| ring.reserve(80, 4).expect("free in the end").bytes_mut().fill(9));
+            std::thread::sleep(SOON);
+            assert!(!waiting.is_finished(), "{lane:?}: the copy was not done, but its bytes were given away");
+            gate.open();
+        });
+        assert_eq!(submission.wait(LATE), Ok(true), "{lane:?} runs");
+        let mut bytes = [0; 80];
+        target.read(0, &mut bytes).expect("fits");
+        assert_eq!((bytes, ring.used()), ([7; 80], 0), "what was copied, and all is free");
+        drop((target, submission, ring));
         finished_silently(gpu);
     }
 }

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What operations work on: a stretch of device memory with an owner that can be kept alive.
 //!
-//! [`DeviceRange`] is implemented by [`Buffer`](crate::Buffer) and [`HeapRange`](crate::HeapRange) only. Any thread.
+//! [`DeviceRange`] is implemented by [`Buffer`](crate::Buffer), [`HeapRange`](crate::HeapRange) and
+//! [`StagingSlice`](crate::StagingSlice) only. Any thread.
 
 use std::sync::{Arc, OnceLock};
 
@@ -11,7 +12,8 @@ use crate::device::{Device, Retired};
 use crate::lane::Points;
 use crate::memory::RawBuffer;
 
-/// A stretch of device memory: a whole [`Buffer`](crate::Buffer) or a [`HeapRange`](crate::HeapRange). Sealed.
+/// A stretch of device memory: a whole [`Buffer`](crate::Buffer), a [`HeapRange`](crate::HeapRange) or a
+/// [`StagingSlice`](crate::StagingSlice). Sealed.
 pub trait DeviceRange: sealed::Parts {
     /// Device address of the first byte, as shaders use it.
     fn address(&self) -> u64;
