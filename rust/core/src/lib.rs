@@ -10,6 +10,7 @@
 pub mod array;
 pub mod camera;
 pub mod mesh;
+pub mod partition;
 pub mod residency;
 pub mod sampler;
 pub mod scene;
@@ -19,6 +20,7 @@ pub mod stats;
 pub use array::{ArrayError, ArraySource, ArrayView, Element, ElementType, TypedArray};
 pub use camera::{Camera, CameraError, CameraRays};
 pub use mesh::{Aabb, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, MeshAsset, Triangle};
+pub use partition::{Chunk, ChunkInstance, PartitionOptions, RECORD_BYTES, World};
 pub use sampler::{pixel_seed, sample_4d};
 pub use scene::{
     Assembly, Commit, DroppedData, InstanceFlags, InstanceRecord, InstancedBy, InstancerDesc, InstancerPrototype,

@@ -6,11 +6,13 @@ use std::sync::Arc;
 
 use bitflags::bitflags;
 
+use super::placement::Placed;
 use super::run::Run;
 use crate::mesh::Aabb;
+use crate::partition::RECORD_BYTES;
 
 /// What an instance record places.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Target {
     /// Index into [`super::Snapshot::meshes`].
     Mesh(u32),
@@ -82,6 +84,8 @@ impl Member {
 #[derive(Debug)]
 pub struct Assembly {
     key: u64,
+    /// The clusters of one mesh.
+    is_split_mesh: bool,
     bounds: Aabb,
     members: Vec<Member>,
     /// First record of each member, then the number of records.
@@ -89,7 +93,7 @@ pub struct Assembly {
 }
 
 impl Assembly {
-    pub(crate) fn new(key: u64, members: Vec<Member>) -> Self {
+    pub(crate) fn new(key: u64, members: Vec<Member>, is_split_mesh: bool) -> Self {
         let mut starts = Vec::with_capacity(members.len() + 1);
         let mut len = 0_usize;
         starts.push(0);
@@ -98,11 +102,17 @@ impl Assembly {
             starts.push(len);
         }
         let bounds = members.iter().fold(Aabb::EMPTY, |b, m| b.union(&m.run.bounds()));
-        Self { key, bounds, members, starts }
+        Self { key, is_split_mesh, bounds, members, starts }
     }
 
     pub(crate) fn members(&self) -> &[Member] {
         &self.members
+    }
+
+    /// True when the members are the clusters of one mesh: users count it as that.
+    #[must_use]
+    pub fn is_split_mesh(&self) -> bool {
+        self.is_split_mesh
     }
 
     /// True when `members` would give the same records.
@@ -127,6 +137,12 @@ impl Assembly {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+
+    /// Bytes on the device: records with their hierarchy.
+    #[must_use]
+    pub fn device_bytes(&self) -> u64 {
+        RECORD_BYTES.saturating_mul(self.len() as u64)
     }
 
     /// Box of all records, in this assembly's frame; empty if there is none.
@@ -158,19 +174,28 @@ impl Assembly {
 }
 
 impl Member {
+    /// Records of an instancer's prototype, for instance ids.
+    pub(crate) fn prototype_count(&self) -> u32 {
+        if self.run.is_instanced() { self.run.ranks() } else { 1 }
+    }
+
+    /// The record of a placement.
+    pub(crate) fn record(&self, rank: u32, placed: &Placed) -> InstanceRecord {
+        InstanceRecord {
+            object_from_parent: placed.object_from_parent,
+            target: self.target,
+            prim_id: self.prim_id,
+            index_in_prototype: rank,
+            prototype_count: self.prototype_count(),
+            bounds: [placed.bounds.min, placed.bounds.max],
+            flags: placed.flags,
+        }
+    }
+
     fn encode(&self, places: Range<usize>, out: &mut [InstanceRecord]) {
-        let prototype_count = if self.run.is_instanced() { self.run.ranks() } else { 1 };
         self.run.encode(places, |k, rank, placed| {
             if let Some(slot) = out.get_mut(k) {
-                *slot = InstanceRecord {
-                    object_from_parent: placed.object_from_parent,
-                    target: self.target,
-                    prim_id: self.prim_id,
-                    index_in_prototype: rank,
-                    prototype_count,
-                    bounds: [placed.bounds.min, placed.bounds.max],
-                    flags: placed.flags,
-                };
+                *slot = self.record(rank, placed);
             }
         });
     }

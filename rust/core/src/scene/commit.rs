@@ -75,6 +75,8 @@ impl AssemblyStore {
     fn make_one(&mut self, group: &PlanGroup, assets: &Assets, made: &[Arc<Assembly>]) -> Arc<Assembly> {
         let known = self.groups.get(&group.id);
         let shift = if group.id == GroupId::Root { -self.origin } else { DVec3::ZERO };
+        // The root is always opened; others only if large. What is collected for nothing is forgotten soon.
+        let collect = group.id == GroupId::Root;
         let members: Vec<Member> = group
             .members
             .par_iter()
@@ -83,7 +85,7 @@ impl AssemblyStore {
                 let before = DAffine3::from_translation(shift) * plan.before;
                 let instances = plan.instances.clone();
                 let spec = RunSpec { before, after: plan.after, instances, target_bounds };
-                let run = Run::reuse_or_scan(known.and_then(|k| k.run_of(plan)), spec);
+                let run = Run::reuse_or_scan(known.and_then(|k| k.run_of(plan)), spec, collect);
                 Some(Member { run, target, prim_id })
             })
             .collect();
@@ -91,7 +93,7 @@ impl AssemblyStore {
             Some(known) if known.assembly.is_made_of(&members) => known.assembly.clone(),
             _ => {
                 self.next_key += 1;
-                Arc::new(Assembly::new(self.next_key, members))
+                Arc::new(Assembly::new(self.next_key, members, false))
             }
         }
     }
@@ -213,5 +215,6 @@ impl Snapshot {
             && self.lights == other.lights
             && self.origin == other.origin
             && self.dropped == other.dropped
+            && Arc::ptr_eq(&self.world, &other.world)
     }
 }

@@ -5,15 +5,15 @@
 //! (`entries`), [`SceneDb::commit`] (`commit`): built by [`crate::mesh`], put into a group by `resolve`, placed by a
 //! `run` of an [`Assembly`], whose records come from `placement`.
 
-mod assembly;
+pub(crate) mod assembly;
 mod commit;
 pub mod desc;
 mod entries;
 mod light;
-mod placement;
+pub(crate) mod placement;
 mod report;
-mod resolve;
-mod run;
+pub(crate) mod resolve;
+pub(crate) mod run;
 pub mod snapshot;
 mod validate;
 
@@ -32,6 +32,7 @@ pub use snapshot::{
     Light, MeshAsset, SceneCounts, SceneFeatures, SceneWarning, Snapshot, SnapshotError, Target, Triangle, blackbody,
 };
 
+use crate::partition::{PartitionOptions, PartitionStore, World};
 use commit::{AssemblyStore, Assets, shining};
 use entries::{InstancerEntry, MeshEntry, MeshStore};
 use report::Reports;
@@ -60,6 +61,7 @@ pub struct SceneDb {
     edited: bool,
     mesh_store: MeshStore,
     assembly_store: AssemblyStore,
+    partition: PartitionStore,
     /// Last message given for each prim.
     warned: BTreeMap<Arc<str>, String>,
     snapshot: Arc<Snapshot>,
@@ -83,6 +85,7 @@ impl SceneDb {
             edited: true,
             mesh_store: MeshStore::default(),
             assembly_store: AssemblyStore::default(),
+            partition: PartitionStore::default(),
             warned: BTreeMap::new(),
             snapshot: Arc::new(Snapshot::nothing()),
         }
@@ -133,6 +136,11 @@ impl SceneDb {
         self.purposes = purposes;
     }
 
+    /// Sets how the scene is cut into chunks, from the next commit on.
+    pub fn set_partition(&mut self, options: PartitionOptions) {
+        self.edited |= self.partition.set_options(options);
+    }
+
     /// The snapshot of the last commit; an empty scene before the first.
     #[must_use]
     pub fn snapshot(&self) -> &Arc<Snapshot> {
@@ -156,6 +164,7 @@ impl SceneDb {
         let lights = shining(&self.lights, &mut reports);
         let dropped = reports.total();
         let mut next = Snapshot { origin, meshes: assets.meshes, assemblies, lights, dropped, ..Snapshot::nothing() };
+        next.world = self.partition.update(next.source());
         let changed = self.snapshot.version == 0 || !next.is_same(&self.snapshot);
         if changed {
             next.version = self.snapshot.version + 1;
@@ -212,12 +221,13 @@ impl Snapshot {
             version: 0,
             origin: DVec3::ZERO,
             meshes: Vec::new(),
-            assemblies: vec![Arc::new(Assembly::new(0, Vec::new()))],
+            assemblies: vec![Arc::new(Assembly::new(0, Vec::new(), false))],
             lights: Vec::new(),
             features: SceneFeatures::empty(),
             max_levels: 1,
             counts: SceneCounts { assemblies: 1, ..SceneCounts::default() },
             dropped: DroppedData::default(),
+            world: Arc::new(World::empty()),
         }
     }
 }

@@ -15,7 +15,7 @@ const SINGULAR: f64 = 1e-24;
 /// Largest number of a record: its square is finite in single precision.
 const MAX_MAGNITUDE: f32 = 1e18;
 /// Rounding of the f32 matrix and of its evaluation, in units of the magnitudes involved: 4 x 2^-24.
-const MATRIX_ERROR: f64 = 4.0 / 16_777_216.0;
+pub(crate) const MATRIX_ERROR: f64 = 4.0 / 16_777_216.0;
 
 /// The per-instance arrays of an instancer; absent and empty arrays are `None`.
 #[derive(Clone, Debug, Default)]
@@ -104,6 +104,19 @@ pub(crate) struct Placed {
     pub(crate) flags: InstanceFlags,
 }
 
+/// What the partition needs to know of a placed instance: where it is and how large, in the parent's frame.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Footprint {
+    /// Centre of the target's box, placed.
+    pub(crate) center: DVec3,
+    /// Half sides of the placed box, without rounding errors.
+    pub(crate) half: DVec3,
+    /// Maximum norm of `|M| |M^-1|`: how much the rounding of the f32 map is magnified, per unit of distance.
+    pub(crate) spread: f64,
+    /// Distance (maximum norm) of the placed box's centre from the placed origin of the target.
+    pub(crate) lever: f64,
+}
+
 /// Everything needed to place the instances of one run: `before * T * R * S * M * after`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Placer<'a> {
@@ -112,6 +125,8 @@ pub(crate) struct Placer<'a> {
     after_is_identity: bool,
     center: DVec3,
     half: DVec3,
+    /// Largest number of a record.
+    limit: f32,
     translations: Option<ArrayView<'a>>,
     rotations: Option<ArrayView<'a>>,
     scales: Option<ArrayView<'a>>,
@@ -132,11 +147,19 @@ impl<'a> Placer<'a> {
             after_is_identity: after == DAffine3::IDENTITY,
             center: 0.5 * (min + max),
             half: 0.5 * (max - min),
+            limit: MAX_MAGNITUDE,
             translations: view(|a| &a.translations),
             rotations: view(|a| &a.rotations),
             scales: view(|a| &a.scales),
             transforms: view(|a| &a.transforms),
         }
+    }
+
+    /// The same placements as seen from `origin`. What is usable is decided in the parent's frame: no limit here.
+    pub(crate) fn seen_from(mut self, origin: DVec3) -> Self {
+        self.before = DAffine3::from_translation(-origin) * self.before;
+        self.limit = f32::MAX;
+        self
     }
 
     /// Local matrix of instance `number`; `None` when an array is too short.
@@ -162,24 +185,31 @@ impl<'a> Placer<'a> {
         Some(m)
     }
 
-    /// Places instance `number`; `None` when its matrix is singular, not finite, or too extreme for
-    /// single precision.
+    /// Matrix of instance `number` in f64, or of the one thing of a run without instances.
     #[inline]
-    pub(crate) fn place(&self, number: usize) -> Option<Placed> {
-        let mut m = self.before * self.local(number)?;
-        if !self.after_is_identity {
-            m *= self.after;
-        }
-        self.finish(&m)
+    pub(crate) fn matrix(&self, number: Option<usize>) -> Option<DAffine3> {
+        let Some(number) = number else {
+            return Some(self.before * self.after);
+        };
+        let m = self.before * self.local(number)?;
+        Some(if self.after_is_identity { m } else { m * self.after })
     }
 
-    /// Places the one thing of a run without instances.
-    pub(crate) fn place_single(&self) -> Option<Placed> {
-        self.finish(&(self.before * self.after))
+    /// Places instance `number` (see [`Placer::matrix`]); `None` when its matrix is singular, not finite, or too extreme
+    /// for single precision.
+    #[inline]
+    pub(crate) fn place(&self, number: Option<usize>) -> Option<Placed> {
+        self.finish(&self.matrix(number)?).map(|(placed, _)| placed)
+    }
+
+    /// As [`Placer::place`], for partitioning: the box, and what chunks need to know.
+    #[inline]
+    pub(crate) fn measure(&self, number: Option<usize>) -> Option<(Aabb, Footprint)> {
+        self.finish(&self.matrix(number)?).map(|(placed, footprint)| (placed.bounds, footprint))
     }
 
     #[inline]
-    fn finish(&self, m: &DAffine3) -> Option<Placed> {
+    fn finish(&self, m: &DAffine3) -> Option<(Placed, Footprint)> {
         let DMat3 { x_axis: x, y_axis: y, z_axis: z } = m.matrix3;
         // Rows of the adjugate.
         let (r0, r1, r2) = (y.cross(z), z.cross(x), x.cross(y));
@@ -189,30 +219,35 @@ impl<'a> Placer<'a> {
             return None;
         }
         let inverse = 1.0 / determinant;
-        let (r0, r1, r2) = (r0 * inverse, r1 * inverse, r2 * inverse);
-        let offset = -DVec3::new(r0.dot(m.translation), r1.dot(m.translation), r2.dot(m.translation));
+        let rows = [r0 * inverse, r1 * inverse, r2 * inverse];
+        let offset = -DVec3::from(rows.map(|r| r.dot(m.translation)));
         let row = |r: DVec3, w: f64| [r.x, r.y, r.z, w].map(nearest);
-        let object_from_parent = [row(r0, offset.x), row(r1, offset.y), row(r2, offset.z)];
-        let bounds = self.placed_box(m, [r0, r1, r2], offset);
+        let object_from_parent = [row(rows[0], offset.x), row(rows[1], offset.y), row(rows[2], offset.z)];
+        let (bounds, footprint) = self.placed_box(m, rows, offset);
         let numbers = object_from_parent.iter().flatten().chain(&bounds.min).chain(&bounds.max);
         // NaN fails the comparison too.
-        let sound = numbers.fold(true, |sound, v| sound & (v.abs() <= MAX_MAGNITUDE));
+        let sound = numbers.fold(true, |sound, v| sound & (v.abs() <= self.limit));
         let flags = if determinant < 0.0 { InstanceFlags::FLIPS_HANDEDNESS } else { InstanceFlags::empty() };
-        sound.then_some(Placed { object_from_parent, bounds, flags })
+        sound.then_some((Placed { object_from_parent, bounds, flags }, footprint))
     }
 
     /// Box of the target placed by `m`, and also where the f32 rounding `A + E` of the inverse `A = (rows, offset)` puts
     /// it: a point x moves by `M E x`, with `|E| <= 2^-24 |A|`.
     #[inline]
-    fn placed_box(&self, m: &DAffine3, rows: [DVec3; 3], offset: DVec3) -> Aabb {
-        let center = m.matrix3 * self.center + m.translation;
+    fn placed_box(&self, m: &DAffine3, rows: [DVec3; 3], offset: DVec3) -> (Aabb, Footprint) {
+        let lever = m.matrix3 * self.center;
+        let center = lever + m.translation;
         let (x, y, z) = (m.matrix3.x_axis.abs(), m.matrix3.y_axis.abs(), m.matrix3.z_axis.abs());
         let half = x * self.half.x + y * self.half.y + z * self.half.z;
         let reach = center.abs() + half;
         let [a, b, c] = rows.map(|r| r.abs().dot(reach));
         let error = (DVec3::new(a, b, c) + offset.abs()) * MATRIX_ERROR;
+        let sums = rows.map(|r| r.abs().element_sum());
+        let spread = (x * sums[0] + y * sums[1] + z * sums[2]).max_element();
+        let footprint = Footprint { center, half, spread, lever: lever.abs().max_element() };
         let half = half + x * error.x + y * error.y + z * error.z;
-        Aabb { min: (center - half).to_array().map(round_down), max: (center + half).to_array().map(round_up) }
+        let (min, max) = (center - half, center + half);
+        (Aabb { min: min.to_array().map(round_down), max: max.to_array().map(round_up) }, footprint)
     }
 }
 
@@ -238,7 +273,7 @@ fn rotation(q: DQuat) -> DMat3 {
 /// The nearest f32.
 #[inline]
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
-fn nearest(v: f64) -> f32 {
+pub(crate) fn nearest(v: f64) -> f32 {
     v as f32
 }
 

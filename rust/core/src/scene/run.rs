@@ -2,18 +2,21 @@
 //! Runs: the placements that one prim contributes to an assembly. A run knows which of its instances are shown and
 //! usable; their matrices stay in the borrowed arrays. Immutable once scanned.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
-use glam::DAffine3;
+use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 use super::placement::{InstanceArrays, Placed, Placer};
 use super::report::DroppedData;
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::mesh::Aabb;
+use crate::partition::Item;
 
-/// Instances scanned by one task.
+/// Instances scanned by one task: a whole number of blocks.
 const TASK: usize = 1 << 14;
+/// Instances whose box is kept, so that a few edits do not make all others be placed again.
+const BLOCK: usize = 1 << 10;
 
 /// The instances of one prototype.
 #[derive(Clone, Debug)]
@@ -67,57 +70,67 @@ pub(crate) struct Run {
     spec: RunSpec,
     /// Instance numbers left by the mask, by rank; `None` = all indices.
     unmasked: Option<Vec<u32>>,
-    /// Ranks that are usable; `None` = all.
-    kept: Option<Vec<u32>>,
+    /// Ranks that are not usable, in order.
+    bad: Vec<u32>,
     /// Number of ranks: instances left by the mask.
     ranks: u32,
-    len: usize,
+    /// Box of each stretch of [`BLOCK`] ranks.
+    blocks: Vec<Aabb>,
     bounds: Aabb,
     dropped: DroppedData,
+    /// Items of all usable ranks, if the scan was asked for them and nobody took them yet.
+    items: Mutex<Option<Vec<Item>>>,
 }
 
 /// What a stretch of ranks gives.
 #[derive(Default)]
 struct Scan {
-    bounds: Option<Aabb>,
+    blocks: Vec<Aabb>,
     bad: Vec<u32>,
     out_of_range: u64,
 }
 
 impl Run {
-    /// `old` again if it is of the same spec, else a new run.
-    pub(crate) fn reuse_or_scan(old: Option<&Arc<Self>>, spec: RunSpec) -> Arc<Self> {
+    /// `old` again if it is of the same spec, else a new run. `collect`: keep what the partition will ask for.
+    pub(crate) fn reuse_or_scan(old: Option<&Arc<Self>>, spec: RunSpec, collect: bool) -> Arc<Self> {
         match old {
             Some(old) if old.spec.is_same(&spec) => old.clone(),
-            _ => Arc::new(Self::scan(spec)),
+            _ => Arc::new(Self::scan(spec, collect)),
         }
     }
 
-    fn scan(spec: RunSpec) -> Self {
+    fn scan(spec: RunSpec, collect: bool) -> Self {
         let mut run = Self {
             spec,
             unmasked: None,
-            kept: None,
-            ranks: 1,
-            len: 0,
+            bad: Vec::new(),
+            ranks: 0,
+            blocks: Vec::new(),
             bounds: Aabb::EMPTY,
             dropped: DroppedData::default(),
+            items: Mutex::new(None),
         };
         if run.spec.target_bounds.is_empty() {
             // Nothing was left of the target: nothing to place, and nothing bad here.
             return run;
         }
         match run.spec.instances.clone() {
-            Some(instances) => run.scan_instances(&instances),
-            None => match run.spec.placer().place_single() {
-                Some(placed) => (run.len, run.bounds) = (1, placed.bounds),
-                None => run.dropped.prim_transforms += 1,
-            },
+            Some(instances) => run.scan_instances(&instances, collect),
+            None => {
+                run.ranks = 1;
+                match run.spec.placer().place(None) {
+                    Some(placed) => run.bounds = placed.bounds,
+                    None => {
+                        run.bad.push(0);
+                        run.dropped.prim_transforms += 1;
+                    }
+                }
+            }
         }
         run
     }
 
-    fn scan_instances(&mut self, instances: &Instances) {
+    fn scan_instances(&mut self, instances: &Instances, collect: bool) {
         let indices = instances.indices.view();
         if !indices.is_empty() && indices.element() != ElementType::I32 {
             self.dropped.wrong_array_types += 1;
@@ -133,34 +146,58 @@ impl Run {
             return;
         };
         self.ranks = count;
-        let limit = instances.arrays.len();
-        let placer = self.spec.placer();
-        let unmasked = self.unmasked.as_deref();
-        let tasks = (0..ranks.div_ceil(TASK)).into_par_iter();
-        let scans: Vec<Scan> = tasks
-            .map(|task| {
-                let mut scan = Scan::default();
-                for rank in task * TASK..((task + 1) * TASK).min(ranks) {
-                    scan.add(rank, number(unmasked, &indices, rank).filter(|&n| n < limit), &placer);
-                }
-                scan
-            })
-            .collect();
-        let bad: Vec<u32> = scans.iter().flat_map(|s| s.bad.iter().copied()).collect();
+        let mut items: Vec<Item> = if collect { bytemuck::zeroed_vec(ranks) } else { Vec::new() };
+        let scans = self.scan_tasks(&mut items);
+        self.bad = scans.iter().flat_map(|s| s.bad.iter().copied()).collect();
         let out_of_range: u64 = scans.iter().map(|s| s.out_of_range).sum();
-        self.bounds = scans.iter().filter_map(|s| s.bounds).fold(Aabb::EMPTY, |a, b| a.union(&b));
-        self.len = ranks - bad.len();
+        self.blocks = scans.into_iter().flat_map(|s| s.blocks).collect();
+        self.bounds = self.blocks.iter().fold(Aabb::EMPTY, |a, b| a.union(b));
         self.dropped.instance_indices += out_of_range;
-        self.dropped.instance_transforms += bad.len() as u64 - out_of_range;
-        if !bad.is_empty() {
-            let mut bad = bad.into_iter().peekable();
-            self.kept = Some((0..count).filter(|rank| bad.next_if_eq(rank).is_none()).collect());
+        self.dropped.instance_transforms += self.bad.len() as u64 - out_of_range;
+        if collect {
+            let mut at = 0_u32;
+            let mut bad = self.bad.iter().copied().peekable();
+            if bad.peek().is_some() {
+                items.retain(|_| {
+                    at += 1;
+                    bad.next_if_eq(&(at - 1)).is_none()
+                });
+            }
+            self.items = Mutex::new(Some(items));
+        }
+    }
+
+    /// Scans all ranks in parallel; `items` is empty or has room for each.
+    fn scan_tasks(&self, items: &mut [Item]) -> Vec<Scan> {
+        let ranks = self.ranks as usize;
+        let numbers = self.numbers();
+        let placer = self.spec.placer();
+        let task = |first: usize, items: &mut [Item]| {
+            let mut scan = Scan::default();
+            for start in (first..(first + TASK).min(ranks)).step_by(BLOCK) {
+                scan.add_block(&numbers, &placer, start..(start + BLOCK).min(ranks), (first, &mut *items));
+            }
+            scan
+        };
+        if items.is_empty() {
+            (0..ranks.div_ceil(TASK)).into_par_iter().map(|k| task(k * TASK, &mut [])).collect()
+        } else {
+            items.par_chunks_mut(TASK).enumerate().map(|(k, items)| task(k * TASK, items)).collect()
+        }
+    }
+
+    fn numbers(&self) -> Numbers<'_> {
+        let instances = self.spec.instances.as_ref();
+        Numbers {
+            unmasked: self.unmasked.as_deref(),
+            indices: instances.map(|i| i.indices.view()),
+            limit: instances.map_or(0, |i| i.arrays.len()),
         }
     }
 
     /// Number of usable placements.
     pub(crate) fn len(&self) -> usize {
-        self.len
+        self.ranks as usize - self.bad.len()
     }
 
     /// Box of all of them.
@@ -182,23 +219,28 @@ impl Run {
     /// No allocation.
     pub(crate) fn encode(&self, places: std::ops::Range<usize>, mut write: impl FnMut(usize, u32, &Placed)) {
         let placer = self.spec.placer();
-        let Some(instances) = &self.spec.instances else {
-            if let Some(placed) = placer.place_single().filter(|_| places.contains(&0)) {
-                write(0, 0, &placed);
+        let numbers = self.numbers();
+        // Bad ranks before a place: those whose own place would not be after it.
+        let (mut low, mut high) = (0, self.bad.len());
+        while low < high {
+            let middle = usize::midpoint(low, high);
+            if self.bad.get(middle).is_some_and(|&bad| bad as usize - middle <= places.start) {
+                low = middle + 1;
+            } else {
+                high = middle;
             }
-            return;
-        };
-        let indices = instances.indices.view();
-        for place in places.start..places.end.min(self.len) {
-            let rank = match &self.kept {
-                Some(kept) => kept.get(place).copied(),
-                None => u32::try_from(place).ok(),
-            };
-            let Some(rank) = rank else { return };
-            let number = number(self.unmasked.as_deref(), &indices, rank as usize);
-            if let Some(placed) = number.and_then(|n| placer.place(n)) {
-                write(place - places.start, rank, &placed);
+        }
+        let mut bad = self.bad.get(low..).unwrap_or_default().iter().copied().peekable();
+        let mut rank = places.start + low;
+        for place in places.start..places.end.min(self.len()) {
+            while bad.next_if(|&b| b as usize == rank).is_some() {
+                rank += 1;
             }
+            let Ok(this) = u32::try_from(rank) else { return };
+            if let Some(placed) = numbers.of(this).and_then(|number| placer.place(number)) {
+                write(place - places.start, this, &placed);
+            }
+            rank += 1;
         }
     }
 
@@ -206,19 +248,115 @@ impl Run {
     pub(crate) fn ranks(&self) -> u32 {
         self.ranks
     }
+
+    /// A reader of single placements as seen from `origin` (given in the assembly's frame).
+    pub(crate) fn reader(&self, origin: Option<DVec3>) -> Reader<'_> {
+        let placer = self.spec.placer();
+        let placer = match origin {
+            Some(origin) => placer.seen_from(origin),
+            None => placer,
+        };
+        Reader { numbers: self.numbers(), placer, bad: &self.bad, ranks: self.ranks }
+    }
+
+    /// The items of all usable ranks, in order: those kept by the scan, else measured now.
+    pub(crate) fn take_items(&self) -> Vec<Item> {
+        let kept = self.items.lock().unwrap_or_else(PoisonError::into_inner).take();
+        kept.unwrap_or_else(|| {
+            let reader = self.reader(None);
+            (0..self.ranks).into_par_iter().with_min_len(BLOCK).filter_map(|rank| reader.item(rank)).collect()
+        })
+    }
+
+    /// Forgets what nobody took.
+    pub(crate) fn drop_items(&self) {
+        *self.items.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
 }
 
 impl Scan {
-    fn add(&mut self, rank: usize, number: Option<usize>, placer: &Placer<'_>) {
-        match number.map(|n| placer.place(n)) {
-            Some(Some(placed)) => {
-                self.bounds = Some(self.bounds.map_or(placed.bounds, |b| b.union(&placed.bounds)));
-            }
-            unusable => {
-                self.out_of_range += u64::from(unusable.is_none());
-                self.bad.extend(u32::try_from(rank).ok());
+    /// Scans one stretch of ranks. `items` begin at the given rank, or are empty.
+    fn add_block(
+        &mut self,
+        numbers: &Numbers<'_>,
+        placer: &Placer<'_>,
+        ranks: std::ops::Range<usize>,
+        (first, items): (usize, &mut [Item]),
+    ) {
+        let mut bounds = Aabb::EMPTY;
+        for at in ranks {
+            let Ok(rank) = u32::try_from(at) else { return };
+            let number = numbers.of(rank);
+            match number.and_then(|n| placer.measure(n)) {
+                Some((placed, footprint)) => {
+                    bounds = bounds.union(&placed);
+                    if let Some(slot) = items.get_mut(at - first) {
+                        *slot = Item::new(&footprint, rank);
+                    }
+                }
+                None => {
+                    self.out_of_range += u64::from(number.is_none());
+                    self.bad.push(rank);
+                }
             }
         }
+        self.blocks.push(bounds);
+    }
+}
+
+/// Instance numbers by rank.
+#[derive(Clone, Copy, Debug)]
+struct Numbers<'a> {
+    unmasked: Option<&'a [u32]>,
+    /// `None`: placed once, without a number.
+    indices: Option<ArrayView<'a>>,
+    limit: usize,
+}
+
+impl Numbers<'_> {
+    /// Number of a rank; `None` when it is out of range.
+    #[inline]
+    fn of(&self, rank: u32) -> Option<Option<usize>> {
+        let Some(indices) = &self.indices else {
+            return Some(None);
+        };
+        number(self.unmasked, indices, rank as usize).filter(|&n| n < self.limit).map(Some)
+    }
+}
+
+/// Single placements of a run.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reader<'a> {
+    numbers: Numbers<'a>,
+    placer: Placer<'a>,
+    bad: &'a [u32],
+    ranks: u32,
+}
+
+impl Reader<'_> {
+    fn is_usable(&self, rank: u32) -> bool {
+        rank < self.ranks && (self.bad.is_empty() || self.bad.binary_search(&rank).is_err())
+    }
+
+    /// What the partition needs to know of a placement; `None` when it is not usable.
+    #[inline]
+    pub(crate) fn item(&self, rank: u32) -> Option<Item> {
+        let number = self.numbers.of(rank).filter(|_| self.is_usable(rank))?;
+        self.placer.measure(number).map(|(_, footprint)| Item::new(&footprint, rank))
+    }
+
+    /// The placement of a usable rank.
+    #[inline]
+    pub(crate) fn place(&self, rank: u32) -> Option<Placed> {
+        self.numbers.of(rank).and_then(|number| self.placer.place(number))
+    }
+
+    /// All usable placements as f64 matrices from the target's frame, with their ranks.
+    pub(crate) fn matrices(&self) -> impl Iterator<Item = (u32, DAffine3)> {
+        (0..self.ranks).filter(|&rank| self.is_usable(rank)).filter_map(|rank| {
+            let number = self.numbers.of(rank)?;
+            Some((rank, self.placer.matrix(number)?))
+        })
     }
 }
 

@@ -6,6 +6,8 @@ use std::sync::Arc;
 use bitflags::bitflags;
 use glam::DVec3;
 
+use crate::partition::World;
+
 pub use super::assembly::{Assembly, InstanceFlags, InstanceRecord, Target};
 pub use super::light::{Light, blackbody};
 pub use super::report::{DroppedData, SceneWarning};
@@ -72,6 +74,8 @@ pub struct Snapshot {
     pub counts: SceneCounts,
     /// Bad data left out.
     pub dropped: DroppedData,
+    /// The same scene cut into chunks.
+    pub world: Arc<World>,
 }
 
 /// A broken invariant of a [`Snapshot`]: always a bug of this crate.

@@ -24,6 +24,8 @@ mod instancing;
 #[cfg(test)]
 mod lights;
 #[cfg(test)]
+mod partition;
+#[cfg(test)]
 mod primvars;
 #[cfg(test)]
 mod samplers;

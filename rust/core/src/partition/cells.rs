@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Cuts the sorted members of an assembly into cells.
+//!
+//! A cell is a Morton prefix; one that the rule forbids is cut at the highest bit in which its members differ, so that
+//! cells hold no empty halves and a chunk's cell follows from its members alone. Members of equal codes are cut in the
+//! middle of their order. The result is a function of the members and the rule, whatever chunks are kept from before.
+
+use std::sync::Arc;
+
+use rustc_hash::FxHashMap;
+
+use super::chunk::{Chunk, Roster};
+use super::cost::CutRule;
+use super::lattice::{Item, Lattice};
+use crate::scene::Target;
+
+/// Cells with more members are cut in parallel.
+const PARALLEL: u64 = 1 << 15;
+
+/// A stretch of an assembly's order. Stretches of one list follow each other.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Piece<'a> {
+    /// A chunk from before, whole and unchanged.
+    Kept(&'a Arc<Chunk>),
+    /// Sorted items, at least one.
+    Loose(&'a [Item]),
+}
+
+/// What cutting needs to know of the assembly.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cutter<'a> {
+    pub(crate) rule: &'a CutRule<'a>,
+    pub(crate) roster: Roster<'a>,
+    pub(crate) lattice: &'a Lattice,
+    /// Number of the member of each lasting id.
+    pub(crate) member_of: &'a FxHashMap<u32, u32>,
+}
+
+impl Piece<'_> {
+    fn len(&self) -> u64 {
+        match self {
+            Self::Kept(chunk) => chunk.len() as u64,
+            Self::Loose(items) => items.len() as u64,
+        }
+    }
+
+    fn codes(&self) -> [u64; 2] {
+        match self {
+            Self::Kept(chunk) => chunk.codes,
+            Self::Loose(items) => [items.first(), items.last()].map(|item| item.map_or(0, Item::code)),
+        }
+    }
+}
+
+impl Cutter<'_> {
+    /// Chunks of all pieces, in order. Those made here have key 0.
+    pub(crate) fn cut(&self, pieces: &[Piece<'_>]) -> Vec<Arc<Chunk>> {
+        let records: u64 = pieces.iter().map(Piece::len).sum();
+        if records == 0 {
+            return Vec::new();
+        }
+        if !self.rule.is_too_long(records) && !self.rule.must_cut(records, &self.targets(pieces)) {
+            return vec![self.leaf(pieces)];
+        }
+        let ends = [pieces.first(), pieces.last()].map(|piece| piece.map_or([0; 2], Piece::codes));
+        let differing = ends[0][0] ^ ends[1][1];
+        if differing == 0 {
+            let items = self.items(pieces);
+            let (left, right) = items.split_at(items.len() / 2);
+            return self.both(&[Piece::Loose(left)], &[Piece::Loose(right)], records);
+        }
+        let bit = 1_u64 << differing.ilog2();
+        let at = pieces.partition_point(|piece| piece.codes()[1] & bit == 0);
+        let (mut left, mut right) = (pieces[..at].to_vec(), pieces[at..].to_vec());
+        let astride = right.first().copied().filter(|piece| piece.codes()[0] & bit == 0);
+        let melted;
+        if let Some(piece) = astride {
+            let items = match piece {
+                Piece::Loose(items) => items,
+                Piece::Kept(_) => {
+                    melted = self.items(&[piece]);
+                    &melted
+                }
+            };
+            let (before, after) = items.split_at(items.partition_point(|item| item.code() & bit == 0));
+            left.push(Piece::Loose(before));
+            right[0] = Piece::Loose(after);
+        }
+        self.both(&left, &right, records)
+    }
+
+    fn both(&self, left: &[Piece<'_>], right: &[Piece<'_>], records: u64) -> Vec<Arc<Chunk>> {
+        let (mut left, right) = if records > PARALLEL {
+            rayon::join(|| self.cut(left), || self.cut(right))
+        } else {
+            (self.cut(left), self.cut(right))
+        };
+        left.extend(right);
+        left
+    }
+
+    /// What the pieces place, and how often.
+    fn targets(&self, pieces: &[Piece<'_>]) -> Vec<(Target, u64)> {
+        let mut placed: FxHashMap<u32, u64> = FxHashMap::default();
+        for piece in pieces {
+            match piece {
+                Piece::Kept(chunk) => {
+                    for (id, &n) in chunk.ids.iter().zip(&chunk.counts) {
+                        let member = self.member_of.get(id).copied().unwrap_or(u32::MAX);
+                        *placed.entry(member).or_default() += u64::from(n);
+                    }
+                }
+                Piece::Loose(items) => {
+                    for stretch in items.chunk_by(|a, b| a.member() == b.member()) {
+                        let member = stretch.first().map_or(u32::MAX, Item::member);
+                        *placed.entry(member).or_default() += stretch.len() as u64;
+                    }
+                }
+            }
+        }
+        let target = |member: u32| self.roster.members.get(member as usize).map(|m| m.target);
+        let mut targets: Vec<(Target, u64)> =
+            placed.into_iter().filter_map(|(member, n)| Some((target(member)?, n))).collect();
+        targets.sort_unstable();
+        targets.dedup_by(|next, first| {
+            let same = next.0 == first.0;
+            first.1 += if same { next.1 } else { 0 };
+            same
+        });
+        targets
+    }
+
+    fn leaf(&self, pieces: &[Piece<'_>]) -> Arc<Chunk> {
+        if let [Piece::Kept(chunk)] = pieces {
+            return Arc::clone(chunk);
+        }
+        let melted: Vec<Vec<Item>> = pieces
+            .iter()
+            .map(|piece| match piece {
+                Piece::Kept(_) => self.items(&[*piece]),
+                Piece::Loose(_) => Vec::new(),
+            })
+            .collect();
+        let items: Vec<&[Item]> = pieces
+            .iter()
+            .zip(&melted)
+            .map(|(piece, melted)| match piece {
+                Piece::Kept(_) => &melted[..],
+                Piece::Loose(items) => items,
+            })
+            .collect();
+        Arc::new(Chunk::new(&items, self.roster, self.lattice))
+    }
+
+    /// The items of all pieces.
+    fn items(&self, pieces: &[Piece<'_>]) -> Vec<Item> {
+        let mut out = Vec::new();
+        for piece in pieces {
+            match piece {
+                Piece::Kept(chunk) => out.extend(self.melt(chunk)),
+                Piece::Loose(items) => out.extend_from_slice(items),
+            }
+        }
+        out
+    }
+
+    /// The items of a chunk from before, measured again from its own arrays.
+    pub(crate) fn melt(&self, chunk: &Chunk) -> Vec<Item> {
+        let members = chunk.members();
+        let numbers: Vec<u32> =
+            chunk.ids.iter().map(|id| self.member_of.get(id).copied().unwrap_or(u32::MAX)).collect();
+        let mut reader = None;
+        let mut out = Vec::with_capacity(chunk.len());
+        for at in 0..chunk.len() {
+            let Some((which, rank)) = chunk.place(at) else { break };
+            let Some(member) = members.get(which as usize) else { break };
+            let (_, reader) = match reader {
+                Some(ref known @ (w, _)) if w == which => known,
+                _ => reader.insert((which, member.run.reader(None))),
+            };
+            if let Some(mut item) = reader.item(rank) {
+                self.lattice.place(&mut item, numbers.get(which as usize).copied().unwrap_or(u32::MAX));
+                out.push(item);
+            }
+        }
+        out
+    }
+}

@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Chunks: stretches of an assembly's records in Morton order, in a frame of their own.
+//!
+//! A chunk holds no record: it knows which placements it has (4 to 8 bytes each) and computes the records on demand
+//! from the borrowed arrays. Immutable to its users; any thread.
+
+use std::ops::Range;
+use std::sync::{Arc, PoisonError, RwLock};
+
+use glam::DVec3;
+
+use super::lattice::{Item, Lattice};
+use crate::mesh::Aabb;
+use crate::scene::assembly::Member;
+use crate::scene::placement::{MATRIX_ERROR, round_down, round_up};
+use crate::scene::{InstanceRecord, Target};
+
+/// Rounding of f64 frames, relative to the distance of the origin.
+const FRAME_ERROR: f64 = 1.0 / (1_u64 << 50) as f64;
+/// Room for the rounding of the bounds' own computation.
+const SLACK: f64 = 1.0 + 1.0 / 65_536.0;
+
+/// Instance records that are loaded and evicted together.
+#[derive(Debug)]
+pub struct Chunk {
+    pub(crate) key: u64,
+    origin: DVec3,
+    bounds: Aabb,
+    targets: Vec<Target>,
+    /// Morton codes of the first and the last record.
+    pub(crate) codes: [u64; 2],
+    /// Members that have records here, in the order of the assembly: lasting ids, and the number of records.
+    pub(crate) ids: Vec<u32>,
+    pub(crate) counts: Vec<u32>,
+    /// Where the records come from, in the order of `ids`. Replaced when arrays are, if that changes no record here.
+    members: RwLock<Arc<[Member]>>,
+    /// Rank of each record.
+    pub(crate) ranks: Vec<u32>,
+    /// Which of `ids` each record is of; empty when there is one only.
+    pub(crate) which: Vec<u32>,
+}
+
+/// The members of an assembly while it is partitioned.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Roster<'a> {
+    /// In the order of the assembly.
+    pub(crate) members: &'a [Member],
+    /// The lasting id of each.
+    pub(crate) ids: &'a [u32],
+    /// True when all chunks keep the assembly's frame.
+    pub(crate) keeps_frame: bool,
+}
+
+impl Chunk {
+    /// Makes a chunk of sorted items; its key is set later.
+    pub(crate) fn new(items: &[&[Item]], roster: Roster<'_>, lattice: &Lattice) -> Self {
+        let all = || items.iter().copied().flatten();
+        let mut present: Vec<u32> = Vec::new();
+        for item in all() {
+            if present.last() != Some(&item.member()) {
+                present.push(item.member());
+            }
+        }
+        present.sort_unstable();
+        present.dedup();
+        let mut counts = vec![0_u32; present.len()];
+        let mut which = Vec::new();
+        if let [_] = present[..] {
+            counts[0] = u32::try_from(all().count()).unwrap_or(u32::MAX);
+        } else {
+            which = all().map(|item| local(&present, item.member())).collect();
+            for &w in &which {
+                if let Some(count) = counts.get_mut(w as usize) {
+                    *count += 1;
+                }
+            }
+        }
+        let ends = [items.first().and_then(|s| s.first()), items.last().and_then(|s| s.last())];
+        let (origin, bounds) = frame(all(), roster.keeps_frame, lattice);
+        let members: Arc<[Member]> = present.iter().filter_map(|&m| roster.members.get(m as usize).cloned()).collect();
+        let mut targets: Vec<Target> = members.iter().map(|m| m.target).collect();
+        targets.sort_unstable();
+        targets.dedup();
+        Self {
+            key: 0,
+            origin,
+            bounds,
+            targets,
+            codes: ends.map(|item| item.map_or(0, Item::code)),
+            ids: present.iter().filter_map(|&m| roster.ids.get(m as usize).copied()).collect(),
+            counts,
+            members: RwLock::new(members),
+            ranks: all().map(Item::rank).collect(),
+            which,
+        }
+    }
+
+    /// A stamp, unique in its [`crate::scene::SceneDb`]: chunks of equal keys have the same records bit for bit, a chunk
+    /// that an edit did not touch keeps its key.
+    #[must_use]
+    pub fn key(&self) -> u64 {
+        self.key
+    }
+
+    /// The point of the assembly's frame that is (0, 0, 0) in the chunk's.
+    #[must_use]
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// Box of all records in the chunk's frame; holds the boxes that [`Chunk::encode`] gives.
+    #[must_use]
+    pub fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+
+    /// Number of records, at least 1.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.ranks.len()
+    }
+
+    /// Never true.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.ranks.is_empty()
+    }
+
+    /// What the records place; sorted, each once.
+    #[must_use]
+    pub fn targets(&self) -> &[Target] {
+        &self.targets
+    }
+
+    /// The cell: the part of the Morton code that all records share, and its number of bits (64 where all are equal).
+    #[must_use]
+    pub fn cell(&self) -> (u64, u32) {
+        let [first, last] = self.codes;
+        let bits = (first ^ last).leading_zeros();
+        (if bits == 0 { 0 } else { first & (u64::MAX << (64 - bits)) }, bits)
+    }
+
+    /// Computes records `range`, in Morton order, with maps and boxes in the chunk's frame, into `out`: record
+    /// `range.start + k` goes to `out[k]`. Pure; call it from many threads with disjoint outputs. Stops at the end of
+    /// `out`, of `range` or of the chunk, whichever comes first.
+    pub fn encode(&self, range: Range<usize>, out: &mut [InstanceRecord]) {
+        let members = self.members();
+        let mut reader = None;
+        for (at, slot) in range.zip(out) {
+            let Some((which, rank)) = self.place(at) else { return };
+            let Some(member) = members.get(which as usize) else { return };
+            let (_, reader) = match reader {
+                Some(ref known @ (w, _)) if w == which => known,
+                _ => reader.insert((which, member.run.reader(Some(self.origin)))),
+            };
+            if let Some(placed) = reader.place(rank) {
+                *slot = member.record(rank, &placed);
+            }
+        }
+    }
+
+    /// Which of [`Chunk::ids`] a record is of, and its rank.
+    pub(crate) fn place(&self, at: usize) -> Option<(u32, u32)> {
+        Some((self.which.get(at).copied().unwrap_or(0), *self.ranks.get(at)?))
+    }
+
+    /// Where the records come from, in the order of [`Chunk::ids`].
+    pub(crate) fn members(&self) -> Arc<[Member]> {
+        self.members.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+/// Place of a member among those present.
+fn local(present: &[u32], member: u32) -> u32 {
+    let at = present.binary_search(&member).unwrap_or_else(|at| at);
+    u32::try_from(at).unwrap_or(u32::MAX)
+}
+
+/// Origin, and box in the chunk's frame.
+fn frame<'a>(items: impl Iterator<Item = &'a Item>, keeps_frame: bool, lattice: &Lattice) -> (DVec3, Aabb) {
+    let (mut min, mut max, mut spread) = (DVec3::INFINITY, DVec3::NEG_INFINITY, 0.0_f64);
+    for item in items {
+        let [low, high] = lattice.footprint(item);
+        (min, max, spread) = (min.min(low), max.max(high), spread.max(item.spread()));
+    }
+    let origin = if keeps_frame { DVec3::ZERO } else { 0.5 * (min + max) };
+    let reach = (min - origin).abs().max((max - origin).abs()).max_element();
+    // The map of a record goes wrong by its spread times what is between the origin and the record, twice: the map's
+    // offset and its evaluation.
+    let error = SLACK * (2.0 * spread * reach * MATRIX_ERROR) + FRAME_ERROR * (origin.abs().max_element() + reach);
+    let bounds = Aabb {
+        min: (min - origin - error).to_array().map(round_down),
+        max: (max - origin + error).to_array().map(round_up),
+    };
+    (origin, bounds)
+}

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What chunks cost on the device, and which cells are too large to stay whole. Pure.
+
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use super::RECORD_BYTES;
+use crate::mesh::MeshAsset;
+use crate::scene::{Assembly, Target};
+use std::sync::Arc;
+
+/// A cell with several targets may need this many times the chunk size.
+const CLOSURE: u64 = 8;
+/// Records at which a cell is no longer cut for its closure alone.
+const FEW_RECORDS: u64 = 1024;
+/// No cell of more than one record may need more than this many times the chunk size.
+const MAX_CLOSURE: u64 = 64;
+
+/// Device bytes of the assets of a snapshot.
+#[derive(Debug, Default)]
+pub(crate) struct AssetCosts {
+    meshes: Vec<u64>,
+    assemblies: Vec<AssemblyCost>,
+}
+
+#[derive(Debug)]
+struct AssemblyCost {
+    own: u64,
+    /// With everything that is placed inside.
+    closure: u64,
+    /// Sorted, each once.
+    targets: Vec<Target>,
+}
+
+impl AssetCosts {
+    /// Sums up; children come before parents in `assemblies`.
+    pub(crate) fn new(meshes: &[Arc<MeshAsset>], assemblies: &[Arc<Assembly>]) -> Self {
+        let mut costs = Self {
+            meshes: meshes.iter().map(|m| m.device_bytes()).collect(),
+            assemblies: Vec::with_capacity(assemblies.len()),
+        };
+        for assembly in assemblies {
+            let placed = assembly.members().iter().filter(|m| m.run.len() > 0);
+            let mut targets: Vec<Target> = placed.map(|m| m.target).collect();
+            targets.sort_unstable();
+            targets.dedup();
+            let own = assembly.device_bytes();
+            let closure = own.saturating_add(costs.closure(&targets));
+            costs.assemblies.push(AssemblyCost { own, closure, targets });
+        }
+        costs
+    }
+
+    /// Bytes of a target itself.
+    pub(crate) fn own(&self, target: Target) -> u64 {
+        match target {
+            Target::Mesh(m) => self.meshes.get(m as usize).copied().unwrap_or(0),
+            Target::Assembly(a) => self.assemblies.get(a as usize).map_or(0, |a| a.own),
+        }
+    }
+
+    /// Bytes of an assembly with everything in it.
+    pub(crate) fn of_assembly(&self, index: usize) -> u64 {
+        self.assemblies.get(index).map_or(0, |a| a.closure)
+    }
+
+    /// Bytes of distinct targets with everything in them, each asset once.
+    pub(crate) fn closure(&self, targets: &[Target]) -> u64 {
+        self.closure_above(targets, 0)
+    }
+
+    /// As [`AssetCosts::closure`], but any number not above `limit` stands for all of those.
+    fn closure_above(&self, targets: &[Target], limit: u64) -> u64 {
+        // An upper bound first: each target alone.
+        let alone = |target: &Target| match target {
+            Target::Mesh(_) => self.own(*target),
+            Target::Assembly(a) => self.of_assembly(*a as usize),
+        };
+        let sum = targets.iter().map(alone).fold(0, u64::saturating_add);
+        if sum <= limit || targets.iter().all(|t| matches!(t, Target::Mesh(_))) || targets.len() == 1 {
+            return sum;
+        }
+        let mut seen: FxHashSet<Target> = targets.iter().copied().collect();
+        let mut open: Vec<Target> = targets.to_vec();
+        let mut bytes = 0_u64;
+        while let Some(target) = open.pop() {
+            bytes = bytes.saturating_add(self.own(target));
+            if let Target::Assembly(a) = target {
+                let below = self.assemblies.get(a as usize).map_or(&[][..], |a| &a.targets);
+                open.extend(below.iter().filter(|t| seen.insert(**t)));
+            }
+        }
+        bytes
+    }
+}
+
+/// Which cells of one assembly must be cut.
+#[derive(Debug)]
+pub(crate) struct CutRule<'a> {
+    pub(crate) costs: &'a AssetCosts,
+    pub(crate) chunk_bytes: u64,
+    /// Placements of each target in all chunks of the assembly.
+    pub(crate) totals: FxHashMap<Target, u64>,
+}
+
+impl CutRule<'_> {
+    /// True when `records` alone are too many.
+    pub(crate) fn is_too_long(&self, records: u64) -> bool {
+        records > 1 && records.saturating_mul(RECORD_BYTES) > self.chunk_bytes
+    }
+
+    /// True when a cell of `records` that places `targets` (each once, with the number of placements) must be cut.
+    pub(crate) fn must_cut(&self, records: u64, targets: &[(Target, u64)]) -> bool {
+        if records <= 1 {
+            return false;
+        }
+        let own = records.saturating_mul(RECORD_BYTES);
+        let exclusive = targets.iter().filter(|(target, n)| self.totals.get(target) == Some(n));
+        let cost = exclusive.map(|(target, _)| self.costs.own(*target)).fold(own, u64::saturating_add);
+        if cost > self.chunk_bytes {
+            return true;
+        }
+        let factor = if records > FEW_RECORDS { CLOSURE } else { MAX_CLOSURE };
+        let limit = self.chunk_bytes.saturating_mul(factor);
+        let targets: Vec<Target> = targets.iter().map(|(target, _)| *target).collect();
+        own.saturating_add(self.costs.closure_above(&targets, limit.saturating_sub(own))) > limit
+    }
+}

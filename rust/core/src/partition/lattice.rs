@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The Morton lattice of an assembly and the items that are sorted along it.
+//!
+//! Canonical: a function of the assembly's box only, and it changes only when that box's longest side passes a power of
+//! two or its lower corner a multiple of it. The quantum is a power of two, the lattice passes through the frame's 0, so
+//! moving a member never moves the cells of the others. 21 bits per axis (G. M. Morton, "A computer oriented geodetic
+//! data base", 1966), and one bit on top for members too large to share cells with the rest.
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+
+use crate::mesh::Aabb;
+use crate::scene::placement::{Footprint, MATRIX_ERROR, nearest};
+
+/// Bits per axis.
+const BITS: u32 = 21;
+/// Lattice steps that the longest side of the box takes at most; the code has room for twice as many, wherever it begins.
+const STEPS: f64 = 1_048_576.0;
+/// Members with a half side above this many quanta are kept apart: between 1/32 and 1/16 of the longest side.
+const LARGE: f64 = 32_768.0;
+/// Slack of a lattice cell in quanta, for the rounding of positions far from 0.
+const CELL_SLACK: f64 = 1.0 / 256.0;
+/// Far beyond any position, and finite in single precision.
+const HUGE: f64 = 1e30;
+/// Rounding of a position to single precision.
+const POSITION_ERROR: f64 = 1.0 / 8_388_608.0;
+
+/// A power-of-two lattice with an aligned lower corner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Lattice {
+    base: DVec3,
+    quantum: f64,
+}
+
+/// Where a member lies in the order of an assembly: Morton code, then member, then rank.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Key {
+    pub(crate) code: u64,
+    /// Number of the member in its assembly (high half), rank of the instance (low half).
+    pub(crate) id: u64,
+}
+
+/// One placement on its way into a chunk.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(crate) struct Item {
+    /// The Morton code; before [`Lattice::sort_key`]: x and y of the centre.
+    code: u64,
+    /// Member and rank; before: z of the centre and the rank.
+    id: u64,
+    /// Half sides with what the rounding of the target's own offset may add; upper halves of f32s, rounded up.
+    half: [u16; 3],
+    /// [`Footprint::spread`], in the same form.
+    spread: u16,
+}
+
+impl Item {
+    /// An item that is not on a lattice yet.
+    #[inline]
+    pub(crate) fn new(footprint: &Footprint, rank: u32) -> Self {
+        let [x, y, z] = footprint.center.to_array().map(|v| u64::from(nearest(v).to_bits()));
+        let own = footprint.spread * footprint.lever * MATRIX_ERROR;
+        let half = footprint.half + own + footprint.center.abs() * POSITION_ERROR;
+        let half = half.to_array().map(short_up);
+        Self { code: y << 32 | x, id: u64::from(rank) << 32 | z, half, spread: short_up(footprint.spread) }
+    }
+
+    /// Position in the order.
+    #[inline]
+    pub(crate) fn key(&self) -> Key {
+        Key { code: self.code, id: self.id }
+    }
+
+    /// The Morton code.
+    #[inline]
+    pub(crate) fn code(&self) -> u64 {
+        self.code
+    }
+
+    /// Number of the member in its assembly.
+    #[inline]
+    pub(crate) fn member(&self) -> u32 {
+        (self.id >> 32) as u32
+    }
+
+    /// Rank of the instance.
+    #[inline]
+    #[expect(clippy::cast_possible_truncation, reason = "the low half is what is wanted")]
+    pub(crate) fn rank(&self) -> u32 {
+        self.id as u32
+    }
+
+    /// How much the rounding of the map is magnified.
+    #[inline]
+    pub(crate) fn spread(&self) -> f64 {
+        long(self.spread)
+    }
+
+    /// Before [`Lattice::place`]: the centre.
+    #[inline]
+    #[expect(clippy::cast_possible_truncation, reason = "two halves of 64 bits each")]
+    fn center(&self) -> DVec3 {
+        let read = |bits: u64| f64::from(f32::from_bits(bits as u32));
+        DVec3::new(read(self.code), read(self.code >> 32), read(self.id))
+    }
+}
+
+impl Lattice {
+    /// The lattice of an assembly whose members (those in chunks) fill `bounds`.
+    pub(crate) fn around(bounds: &Aabb) -> Self {
+        if bounds.is_empty() {
+            return Self { base: DVec3::ZERO, quantum: 1.0 };
+        }
+        let min = DVec3::from(bounds.min.map(f64::from));
+        let side = (DVec3::from(bounds.max.map(f64::from)) - min).max_element();
+        // Coincident points may have no extent at all: any quantum does, down to the smallest difference of floats.
+        let quantum = power_of_two(side.max(f64::from(f32::MIN_POSITIVE))) / STEPS;
+        let step = quantum * STEPS;
+        Self { base: (min / step).floor() * step, quantum }
+    }
+
+    /// Puts an item on the lattice as placement of `member`.
+    #[inline]
+    pub(crate) fn place(&self, item: &mut Item, member: u32) {
+        let at = ((item.center() - self.base) / self.quantum).floor();
+        let [x, y, z] = at.to_array().map(lattice_step);
+        let large = item.half.into_iter().max().is_some_and(|half| long(half) > LARGE * self.quantum);
+        let rank = item.id >> 32;
+        item.code = u64::from(large) << 63 | spread_bits(x) | spread_bits(y) << 1 | spread_bits(z) << 2;
+        item.id = u64::from(member) << 32 | rank;
+    }
+
+    /// A box around what a placed item places, in the assembly's frame, without the rounding of its map in the chunk.
+    #[inline]
+    pub(crate) fn footprint(&self, item: &Item) -> [DVec3; 2] {
+        let [x, y, z] = [item.code, item.code >> 1, item.code >> 2].map(|v| gather_bits(v & (u64::MAX >> 1)));
+        let corner = DVec3::new(f64::from(x), f64::from(y), f64::from(z));
+        let half = DVec3::from(item.half.map(long));
+        let min = self.base + (corner - CELL_SLACK) * self.quantum - half;
+        let max = self.base + (corner + (1.0 + CELL_SLACK)) * self.quantum + half;
+        [min, max]
+    }
+}
+
+/// The smallest power of two that is not below a normal positive number.
+fn power_of_two(v: f64) -> f64 {
+    const MANTISSA: u64 = (1 << 52) - 1;
+    let bits = v.to_bits();
+    let floor = f64::from_bits(bits & !MANTISSA);
+    if bits & MANTISSA == 0 { floor } else { 2.0 * floor }
+}
+
+#[inline]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 21 bits")]
+fn lattice_step(v: f64) -> u64 {
+    v.clamp(0.0, f64::from((1_u32 << BITS) - 1)) as u64
+}
+
+/// Spreads 21 bits to every third place.
+#[inline]
+fn spread_bits(v: u64) -> u64 {
+    let v = (v | v << 32) & 0x001f_0000_0000_ffff;
+    let v = (v | v << 16) & 0x001f_0000_ff00_00ff;
+    let v = (v | v << 8) & 0x100f_00f0_0f00_f00f;
+    let v = (v | v << 4) & 0x10c3_0c30_c30c_30c3;
+    (v | v << 2) & 0x1249_2492_4924_9249
+}
+
+/// The inverse of [`spread_bits`]; other bits are ignored.
+#[inline]
+fn gather_bits(v: u64) -> u32 {
+    let v = v & 0x1249_2492_4924_9249;
+    let v = (v | v >> 2) & 0x10c3_0c30_c30c_30c3;
+    let v = (v | v >> 4) & 0x100f_00f0_0f00_f00f;
+    let v = (v | v >> 8) & 0x001f_0000_ff00_00ff;
+    let v = (v | v >> 16) & 0x001f_0000_0000_ffff;
+    ((v | v >> 32) & 0x001f_ffff) as u32
+}
+
+/// The upper half of an f32 that is not below `v` (not negative; what is above [`HUGE`] counts as that).
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "16 of 32 bits are left")]
+fn short_up(v: f64) -> u16 {
+    // One step of the upper half covers both roundings.
+    let bits = nearest(v.min(HUGE)).to_bits();
+    if bits == 0 && v == 0.0 { 0 } else { ((bits >> 16) + 1) as u16 }
+}
+
+#[inline]
+fn long(v: u16) -> f64 {
+    f64::from(f32::from_bits(u32::from(v) << 16))
+}

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The partition of a scene: chunks in space, and the top level that places them.
+//!
+//! The root and every assembly too large to be loaded whole are *opened*: their records are cut into [`Chunk`]s, and each
+//! placement of an opened assembly puts its chunks into the top level once more, as [`ChunkInstance`]s. Small assemblies
+//! are referenced whole by the records of chunks. Nothing here depends on a memory budget.
+//!
+//! Stages of a commit: `cost` says what is large, `store` opens assemblies and keeps what did not change, `lattice` and
+//! `cells` cut their members into chunks, `place` composes the placements in f64, `top` builds the hierarchy over them.
+//! Pure and deterministic; work is spread over the caller's rayon pool.
+
+mod cells;
+mod chunk;
+mod cost;
+mod lattice;
+mod place;
+mod store;
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+pub use chunk::Chunk;
+pub(crate) use lattice::Item;
+pub(crate) use store::PartitionStore;
+
+use crate::mesh::{Aabb, Bvh2};
+
+/// Device bytes of an instance record with its share of the hierarchy: 64 each.
+pub const RECORD_BYTES: u64 = 128;
+/// Smallest chunk size.
+pub const MIN_CHUNK_BYTES: u64 = 16 << 10;
+/// Assemblies and meshes above this many times the chunk size are opened and split.
+pub(crate) const OPEN_ABOVE: u64 = 4;
+
+/// How to partition.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PartitionOptions {
+    /// What a chunk may cost: its records, their hierarchy, and the targets that no other chunk of the assembly places.
+    /// Taken as [`MIN_CHUNK_BYTES`] when below.
+    pub chunk_bytes: u64,
+}
+
+impl Default for PartitionOptions {
+    fn default() -> Self {
+        Self { chunk_bytes: 8 << 20 }
+    }
+}
+
+impl PartitionOptions {
+    /// The chunk size in effect.
+    pub(crate) fn chunk_bytes(&self) -> u64 {
+        self.chunk_bytes.max(MIN_CHUNK_BYTES)
+    }
+
+    /// Bytes above which meshes are split.
+    pub(crate) fn mesh_limit(&self) -> u64 {
+        self.chunk_bytes().saturating_mul(OPEN_ABOVE)
+    }
+}
+
+/// A partitioned scene.
+#[derive(Clone, Debug)]
+pub struct World {
+    /// Chunks of the opened assemblies, children first, in Morton order; [`ChunkInstance::chunk`] indexes this.
+    pub chunks: Vec<Arc<Chunk>>,
+    /// Placements of chunks.
+    pub instances: Vec<ChunkInstance>,
+    /// Hierarchy over `instances`: every leaf is one item, whose `child` is the instance's number.
+    pub top: Bvh2,
+    /// Longest chain of records from a chunk's record to a mesh; at least 1.
+    pub levels: u32,
+    /// Chunk instances left out because their composed transform is beyond single precision.
+    pub unplaceable: u64,
+}
+
+/// A placement of a chunk in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChunkInstance {
+    /// Index into [`World::chunks`].
+    pub chunk: u32,
+    /// Rows of the linear map from the world's frame to the chunk's.
+    pub chunk_from_world: [[f32; 3]; 3],
+    /// The world point, minus the snapshot's origin, that is (0, 0, 0) in the chunk's frame.
+    pub origin: DVec3,
+    /// Instance id so far: from 0, over the opened placements from the outermost in, `id * prototype_count + index`,
+    /// wrapping.
+    pub instance_id: u32,
+    /// Box in the world's frame, minus the snapshot's origin. Holds all records as `chunk_from_world` and `origin`, in
+    /// single precision and as the sum of two floats, put them.
+    pub bounds: Aabb,
+}
+
+impl World {
+    /// The world without anything.
+    pub(crate) fn empty() -> Self {
+        Self { chunks: Vec::new(), instances: Vec::new(), top: place::top_level(&[]), levels: 1, unplaceable: 0 }
+    }
+}

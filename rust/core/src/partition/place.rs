@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Where chunks go: the placements of opened assemblies composed in f64, and conservative boxes for what single
+//! precision makes of them. Pure.
+
+use glam::{DAffine3, DMat3, DVec3};
+use rayon::prelude::*;
+
+use super::chunk::Chunk;
+use super::{ChunkInstance, World};
+use crate::mesh::{Aabb, Bvh2, BvhNode, build_box_bvh};
+use crate::scene::placement::{MATRIX_ERROR, nearest, round_down, round_up};
+
+/// Largest coordinate of a chunk instance.
+const MAX_MAGNITUDE: f32 = 1e18;
+/// Rounding of an origin held as two floats, and of f64 arithmetic on the way to it.
+const ORIGIN_ERROR: f64 = 1.0 / (1_u64 << 44) as f64;
+
+/// A placement of an opened assembly.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Placement {
+    /// World frame from the assembly's frame.
+    pub(crate) frame: DAffine3,
+    /// Instance id so far.
+    pub(crate) id: u32,
+}
+
+/// Chunks `first ..` of the world, placed at each of `placements`. Gives what is out of range as `None`.
+pub(crate) fn place_chunks(
+    placements: &[Placement],
+    chunks: &[std::sync::Arc<Chunk>],
+    first: u32,
+) -> Vec<Option<ChunkInstance>> {
+    placements
+        .par_iter()
+        .flat_map_iter(|at| {
+            let inverse = inverse(&at.frame.matrix3);
+            chunks.iter().zip(first..).map(move |(chunk, number)| place_chunk(at, inverse, chunk, number))
+        })
+        .collect()
+}
+
+fn place_chunk(at: &Placement, inverse: Option<DMat3>, chunk: &Chunk, number: u32) -> Option<ChunkInstance> {
+    let (matrix, inverse) = (at.frame.matrix3, inverse?);
+    let rows = inverse.transpose();
+    let rows = [rows.x_axis, rows.y_axis, rows.z_axis];
+    let origin = at.frame.transform_point3(chunk.origin());
+    let inside = chunk.bounds();
+    let (min, max) = (DVec3::from(inside.min.map(f64::from)), DVec3::from(inside.max.map(f64::from)));
+    let columns = [matrix.x_axis.abs(), matrix.y_axis.abs(), matrix.z_axis.abs()];
+    let spread = |v: DVec3| columns[0] * v.x + columns[1] * v.y + columns[2] * v.z;
+    let center = matrix * (0.5 * (min + max));
+    let half = spread(0.5 * (max - min));
+    // The rounding E of the map's rows moves a point v (seen from the origin) by M E v.
+    let reach = center.abs() + half;
+    let error = spread(DVec3::from(rows.map(|row| row.abs().dot(reach)))) * MATRIX_ERROR;
+    let error = error + (origin.abs() + reach) * ORIGIN_ERROR;
+    let (low, high) = (origin + (center - half - error), origin + (center + half + error));
+    let bounds = Aabb { min: low.to_array().map(round_down), max: high.to_array().map(round_up) };
+    let chunk_from_world = rows.map(|row| row.to_array().map(nearest));
+    let numbers = chunk_from_world.iter().flatten().chain(&bounds.min).chain(&bounds.max);
+    let sound = numbers.fold(true, |sound, v| sound & (v.abs() <= MAX_MAGNITUDE));
+    let regular = chunk_from_world.iter().flatten().any(|v| *v != 0.0);
+    (sound && regular).then_some(ChunkInstance { chunk: number, chunk_from_world, origin, instance_id: at.id, bounds })
+}
+
+/// The inverse, scaled first so that tiny and huge matrices do not underflow or overflow; `None` without one.
+fn inverse(m: &DMat3) -> Option<DMat3> {
+    let size = m.x_axis.abs().max(m.y_axis.abs()).max(m.z_axis.abs()).max_element();
+    let scaled = *m * (1.0 / size);
+    let inverse = scaled.inverse() * (1.0 / size);
+    (size > 0.0 && scaled.determinant() != 0.0 && inverse.is_finite()).then_some(inverse)
+}
+
+/// The hierarchy over chunk instances; one node with empty boxes when there is none.
+pub(crate) fn top_level(instances: &[ChunkInstance]) -> Bvh2 {
+    if instances.is_empty() {
+        return Bvh2 { nodes: vec![BvhNode::EMPTY], depth: 1 };
+    }
+    let boxes: Vec<Aabb> = instances.iter().map(|i| i.bounds).collect();
+    build_box_bvh(&boxes)
+}
+
+impl World {
+    /// True when both place the same chunks at the same places.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        let shared = |a: &[std::sync::Arc<Chunk>], b: &[std::sync::Arc<Chunk>]| {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| std::sync::Arc::ptr_eq(a, b))
+        };
+        self.levels == other.levels
+            && self.unplaceable == other.unplaceable
+            && shared(&self.chunks, &other.chunks)
+            && self.instances == other.instances
+    }
+}

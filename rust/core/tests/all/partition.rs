@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The partition shows the same scene as the assemblies it was cut from.
+
+use std::sync::Arc;
+
+use glam::{DMat3, DMat4, DVec3, DVec4};
+use oocpt_core::{InstanceRecord, PartitionOptions, SceneDb, Snapshot, Target, World};
+
+use crate::support::{Leaf, by, committed, flatten, grid, scatter, triangle};
+
+/// The smallest chunks: 128 records.
+pub(crate) const SMALL: PartitionOptions = PartitionOptions { chunk_bytes: 16 << 10 };
+
+/// All records of a chunk.
+pub(crate) fn chunk_records(world: &World, chunk: usize) -> Vec<InstanceRecord> {
+    let chunk = &world.chunks[chunk];
+    let mut out = vec![InstanceRecord::default(); chunk.len()];
+    chunk.encode(0..chunk.len(), &mut out);
+    out
+}
+
+fn target_from_parent(record: &InstanceRecord) -> DMat4 {
+    let row = |k: usize| DVec4::from(record.object_from_parent[k].map(f64::from));
+    DMat4::from_cols(row(0), row(1), row(2), DVec4::W).transpose()
+}
+
+/// Multiplies the world out, in f64 from the f32 maps of chunks and records.
+pub(crate) fn flatten_world(snapshot: &Snapshot) -> Vec<Leaf> {
+    let world = &snapshot.world;
+    let mut leaves = Vec::new();
+    for instance in &world.instances {
+        let row = |k: usize| DVec3::from(instance.chunk_from_world[k].map(f64::from));
+        let linear = DMat3::from_cols(row(0), row(1), row(2)).transpose().inverse();
+        let frame = DMat4::from_translation(snapshot.origin + instance.origin) * DMat4::from_mat3(linear);
+        for record in chunk_records(world, instance.chunk as usize) {
+            below(snapshot, &record, frame, instance.instance_id, &mut leaves);
+        }
+    }
+    leaves
+}
+
+fn below(snapshot: &Snapshot, record: &InstanceRecord, frame: DMat4, id: u32, leaves: &mut Vec<Leaf>) {
+    let world = frame * target_from_parent(record).inverse();
+    let id = id.wrapping_mul(record.prototype_count).wrapping_add(record.index_in_prototype);
+    match record.target {
+        Target::Mesh(m) => leaves.push(Leaf {
+            mesh: snapshot.meshes[m as usize].clone(),
+            world,
+            prim_id: record.prim_id,
+            instance_id: i64::from(id),
+        }),
+        Target::Assembly(a) => {
+            for record in crate::support::records(snapshot, a as usize) {
+                below(snapshot, &record, world, id, leaves);
+            }
+        }
+    }
+}
+
+/// Both lists place the same meshes at the same places.
+pub(crate) fn assert_same_leaves(mut a: Vec<Leaf>, mut b: Vec<Leaf>) {
+    assert_eq!(a.len(), b.len(), "number of leaves");
+    let order = |x: &Leaf, y: &Leaf| {
+        (x.prim_id, x.instance_id, x.mesh.key)
+            .cmp(&(y.prim_id, y.instance_id, y.mesh.key))
+            .then_with(|| compare(&x.world, &y.world))
+    };
+    a.sort_by(order);
+    b.sort_by(order);
+    for (a, b) in a.iter().zip(&b) {
+        assert_eq!((a.prim_id, a.instance_id, a.mesh.key), (b.prim_id, b.instance_id, b.mesh.key), "what is placed");
+        let (p, q) = (a.world.transform_point3(DVec3::ONE), b.world.transform_point3(DVec3::ONE));
+        assert!((p - q).length() < 1e-3 * (1.0 + p.length()), "{p} {q}");
+    }
+}
+
+/// By position, coarsely, so that rounding does not swap what is far apart.
+fn compare(a: &DMat4, b: &DMat4) -> std::cmp::Ordering {
+    let key = |m: &DMat4| (m.transform_point3(DVec3::ONE) * 8.0).round().to_array();
+    key(a).partial_cmp(&key(b)).unwrap_or(std::cmp::Ordering::Equal)
+}
+
+#[test]
+fn an_empty_scene_is_an_empty_world() {
+    let mut db = SceneDb::new();
+    assert_eq!(db.snapshot().world.top.nodes.len(), 1, "before the first commit");
+    let world = committed(&mut db).world.clone();
+    assert!(world.chunks.is_empty() && world.instances.is_empty(), "{world:?}");
+    assert_eq!((world.top.nodes.len(), world.top.depth, world.levels), (1, 1, 1), "top level");
+    assert!(world.top.nodes[0].bounds(0).is_empty() && world.top.nodes[0].bounds(1).is_empty(), "no children");
+}
+
+/// Positions spread by a generator.
+pub(crate) fn spread(n: usize, size: f32, seed: u32) -> Vec<[f32; 3]> {
+    let mut state = seed;
+    let mut next = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (f32::from(u16::try_from(state >> 16).unwrap()) / 65_536.0 - 0.5) * size
+    };
+    (0..n).map(|_| [next(), next(), next()]).collect()
+}
+
+#[test]
+fn one_instancer_is_cut_into_chunks_that_hold_everything() {
+    let mut db = SceneDb::new();
+    db.set_partition(SMALL);
+    let n = 1000_usize;
+    let all: Vec<i32> = (0..1000).collect();
+    db.upsert_instancer(scatter("/i", &spread(n, 100.0, 1), &[("/i/p", &all)]));
+    let mut mesh = triangle("/i/p/m", 0.5);
+    mesh.prim.instanced_by = vec![by("/i", "/i/p")];
+    db.upsert_mesh(mesh);
+    db.upsert_mesh(grid("/ground", 4));
+    let snapshot = committed(&mut db);
+    let world = &snapshot.world;
+    assert!(world.chunks.len() >= 8, "{} chunks", world.chunks.len());
+    assert_eq!(world.chunks.iter().map(|c| c.len()).sum::<usize>(), n + 1, "records");
+    assert_eq!((world.instances.len(), world.levels), (world.chunks.len(), 1), "one placement each");
+    assert_same_leaves(flatten(&snapshot), flatten_world(&snapshot));
+    // A light or nothing at all edited: the same world.
+    let again = db.commit();
+    assert!(Arc::ptr_eq(&again.snapshot.world, world), "no edit");
+}
+
+/// An instancer of a prototype that is too large: the prototype is opened, its chunks placed once per instance.
+#[test]
+fn large_prototypes_are_opened() {
+    let mut db = SceneDb::new();
+    db.set_partition(SMALL);
+    let all: Vec<i32> = (0..800).collect();
+    let mut inner = scatter("/o/p/i", &spread(800, 10.0, 2), &[("/o/p/i/p", &all)]);
+    inner.prim.instanced_by = vec![by("/o", "/o/p")];
+    db.upsert_instancer(inner);
+    let places = [[100.0, 0.0, 0.0], [-100.0, 0.0, 0.0], [0.0, 50.0, 0.0]];
+    let mut outer = scatter("/o", &places, &[("/o/p", &[0, 2, 1])]);
+    outer.prim.transform = DMat4::from_rotation_z(0.5) * DMat4::from_scale(DVec3::new(1.0, -2.0, 0.5));
+    db.upsert_instancer(outer);
+    for (path, parent) in [("/o/p/i/p/m", ("/o/p/i", "/o/p/i/p")), ("/o/p/m", ("/o", "/o/p"))] {
+        let mut mesh = triangle(path, 0.25);
+        mesh.prim.instanced_by = vec![by(parent.0, parent.1)];
+        db.upsert_mesh(mesh);
+    }
+    let snapshot = committed(&mut db);
+    let world = &snapshot.world;
+    assert!(world.chunks.len() > 6, "{} chunks", world.chunks.len());
+    assert_eq!(world.instances.len(), 3 * world.chunks.len(), "each is placed three times");
+    assert_eq!(world.levels, 1, "no record places an assembly");
+    assert_same_leaves(flatten(&snapshot), flatten_world(&snapshot));
+    // With chunks of megabytes the prototype stays whole.
+    db.set_partition(PartitionOptions::default());
+    let whole = committed(&mut db);
+    assert_eq!((whole.world.chunks.len(), whole.world.instances.len(), whole.world.levels), (1, 1, 2), "one chunk");
+    assert_same_leaves(flatten(&whole), flatten_world(&whole));
+}
