@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! From camera matrices to rays that are affine in the pixel position, and to the rows that turn a hit point into
-//! depths. All in f64, rounded once at the end. Pure; any thread.
+//! depths. All in f64, rounded once at the end; the ray origin is kept in two floats. Pure; any thread.
 
 use glam::{DAffine3, DMat2, DMat3, DMat4, DVec2, DVec3, DVec4};
 
@@ -24,14 +24,17 @@ pub struct Camera {
 /// Rays for the GPU, relative to the origin given to [`Camera::rays`].
 ///
 /// With `px, py` in pixels from the lower left corner of the data window (pixel centres at +0.5):
-/// `origin = o + px * o_x + py * o_y`, `direction = d + px * d_x + py * d_y`. The direction is not normalised: it goes one
+/// `origin = (o + o_lo) + px * o_x + py * o_y`, `direction = d + px * d_x + py * d_y`. The direction is not normalised: it goes one
 /// unit along the view axis, so the ray parameter is the camera depth (of a camera without scale).
 /// With a lens: `p = origin + direction * focus`, `origin' = origin + u * lens_u + v * lens_v`,
 /// `direction' = (p - origin') / focus`, for `(u, v)` in the unit disk.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CameraRays {
-    /// Ray origin at pixel position (0, 0).
+    /// Ray origin at pixel position (0, 0), rounded to single precision.
     pub o: [f32; 3],
+    /// What the rounding took: `o + o_lo` (summed in f64) is the origin to 2^-48 of itself, per component, so that a camera
+    /// 10^7 units away keeps a ten-millionth of a unit. Smaller than half a step of `o`; below 10^-30 nothing is promised.
+    pub o_lo: [f32; 3],
     /// Its change per pixel to the right (zero for perspective).
     pub o_x: [f32; 3],
     /// Its change per pixel up (zero for perspective).
@@ -114,11 +117,13 @@ impl Camera {
         let mut o = view.origin.map(vector).substitute(at, scale);
         o.constant += world.translation;
         let d = view.direction.map(vector).substitute(at, scale);
+        let high = o.constant.as_vec3();
         let (radius, focus) = self.lens()?;
         let view_from_world = world.inverse();
         let clip = self.projection * DMat4::from(view_from_world);
         let rays = CameraRays {
-            o: o.constant.as_vec3().to_array(),
+            o: high.to_array(),
+            o_lo: (o.constant - high.as_dvec3()).as_vec3().to_array(),
             o_x: o.per_x.as_vec3().to_array(),
             o_y: o.per_y.as_vec3().to_array(),
             d: d.constant.as_vec3().to_array(),
@@ -180,9 +185,10 @@ impl Camera {
 
 impl CameraRays {
     fn is_finite(&self) -> bool {
-        let vectors = [self.o, self.o_x, self.o_y, self.d, self.d_x, self.d_y, self.lens_u, self.lens_v];
+        let origin = [self.o, self.o_lo, self.o_x, self.o_y];
+        let vectors = [self.d, self.d_x, self.d_y, self.lens_u, self.lens_v];
         let rows = [self.clip_z, self.clip_w];
-        vectors.iter().chain(&self.view_normal).flatten().all(|v| v.is_finite())
+        origin.iter().chain(&vectors).chain(&self.view_normal).flatten().all(|v| v.is_finite())
             && rows.iter().chain(&self.view_from_world).flatten().all(|v| v.is_finite())
             && self.focus.is_finite()
     }

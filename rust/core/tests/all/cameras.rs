@@ -38,7 +38,8 @@ fn ray(rays: &CameraRays, x: f32, y: f32) -> (DVec3, DVec3) {
     let eval = |c: [f32; 3], dx: [f32; 3], dy: [f32; 3]| {
         (Vec3::from(c).as_dvec3()) + Vec3::from(dx).as_dvec3() * f64::from(x) + Vec3::from(dy).as_dvec3() * f64::from(y)
     };
-    (eval(rays.o, rays.o_x, rays.o_y), eval(rays.d, rays.d_x, rays.d_y))
+    let low = Vec3::from(rays.o_lo).as_dvec3();
+    (eval(rays.o, rays.o_x, rays.o_y) + low, eval(rays.d, rays.d_x, rays.d_y))
 }
 
 /// The ray through the pixel passes both unprojected points, and runs from the near one to the far one.
@@ -126,6 +127,49 @@ proptest! {
         let projection =
             if ortho { orthographic(l, r, b, t, 0.5, 50.0) } else { frustum(l, r, b, t, 0.5, 50.0) };
         assert_exact(&camera(projection));
+    }
+}
+
+/// Single precision steps by a metre at 10^7.
+#[test]
+fn a_millimetre_survives_ten_million_metres_away() {
+    let mut camera = camera(perspective(0.7, 16.0 / 9.0, 0.1, 1000.0));
+    let origin = DVec3::new(12.5, -7.0, 0.1);
+    let at = |millimetres: f64| DVec3::new(1.0e7 + 0.001 * millimetres, -1.0e7, 3.0e6 - 0.001 * millimetres);
+    for millimetres in 0..50 {
+        let position = at(f64::from(millimetres));
+        camera.world_from_view.w_axis = position.extend(1.0);
+        let rays = camera.rays(origin).unwrap();
+        let (high, low) = (Vec3::from(rays.o).as_dvec3(), Vec3::from(rays.o_lo).as_dvec3());
+        let wanted = position - origin;
+        assert_eq!(Vec3::from(rays.o), wanted.as_vec3(), "the first float is the rounded origin");
+        let error = (high + low - wanted).abs();
+        let bound = wanted.abs() * 2.0_f64.powi(-48);
+        assert!(error.cmple(bound).all(), "{millimetres} mm: off by {error}, allowed {bound}");
+        assert!(error.max_element() < 1e-7, "{millimetres} mm: off by {error}");
+    }
+}
+
+proptest! {
+    #[test]
+    fn two_floats_hold_any_origin(
+        p in prop::array::uniform3(-1.0_f64..1.0),
+        scale in prop::array::uniform3(-20_i32..20),
+        ortho: bool,
+    ) {
+        let projection =
+            if ortho { orthographic(-3.0, 9.0, 2.0, 7.0, 1.0, 100.0) } else { perspective(0.7, 1.5, 0.1, 1000.0) };
+        let mut camera = camera(projection);
+        let position = DVec3::from(p) * DVec3::from(scale.map(|e| 10.0_f64.powi(e)));
+        camera.world_from_view.w_axis = position.extend(1.0);
+        let rays = camera.rays(DVec3::ZERO).unwrap();
+        // The origin at the corner of the image, in f64, as `unproject` has it: the near plane's point moved to the eye.
+        let corner = if ortho { camera.world_from_view.transform_vector3(DVec3::new(-3.0, 2.0, 0.0)) } else { DVec3::ZERO };
+        let wanted = position + corner;
+        let sum = Vec3::from(rays.o).as_dvec3() + Vec3::from(rays.o_lo).as_dvec3();
+        // Beside 2^-48 of the sum itself, what f64 loses on other ways to the same point.
+        let slack = wanted.abs() * 2.0_f64.powi(-48) + DVec3::splat(1e-13 * corner.length() + 1e-30);
+        prop_assert!((sum - wanted).abs().cmple(slack).all(), "{sum} for {wanted}");
     }
 }
 
