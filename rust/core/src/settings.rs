@@ -3,6 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::residency::PolicyKind;
+
 /// All settings. Values are inside their bounds as long as they are changed through [`Settings::set`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -21,6 +23,14 @@ pub struct Settings {
     pub memory_budget_mib: u32,
     /// Device by index or part of its name, empty = best.
     pub device: String,
+    /// Which chunks the planner loads first when not all fit.
+    pub policy: PolicyKind,
+    /// Size of a chunk in KiB of device memory, 16 to 1048576. Another size is another partition of the scene.
+    pub chunk_size_kib: u32,
+    /// Hard limit of device memory for geometry in KiB, 0 = what the memory budget leaves.
+    pub geometry_budget_kib: u32,
+    /// File to write a report about the chunks to, empty = none.
+    pub chunk_report: String,
     /// Show coarse images early (`enableInteractive`).
     pub interactive: bool,
     /// Dome lights are seen by camera rays.
@@ -57,6 +67,16 @@ pub enum SettingError {
         expected: &'static str,
         /// What came.
         value: Value,
+    },
+    /// The text is not one of those that the setting knows.
+    #[error("setting {key}: {value:?} is none of {}", .allowed.join(", "))]
+    Choice {
+        /// The key as given.
+        key: String,
+        /// What came.
+        value: String,
+        /// What it takes.
+        allowed: Vec<&'static str>,
     },
     /// The value is out of bounds.
     #[error("setting {key}: {value} is outside {min} to {max}")]
@@ -95,6 +115,10 @@ impl Default for Settings {
             time_limit_secs: 0.0,
             memory_budget_mib: 0,
             device: String::new(),
+            policy: PolicyKind::Benefit,
+            chunk_size_kib: 8192,
+            geometry_budget_kib: 0,
+            chunk_report: String::new(),
             interactive: true,
             dome_light_camera_visible: true,
             enable_scene_lights: true,
@@ -108,6 +132,7 @@ enum Field<'a> {
     Int(&'a mut u32, u32, u32),
     Float(&'a mut f32, f32, f32),
     Text(&'a mut String),
+    Policy(&'a mut PolicyKind),
 }
 
 /// (key, environment variable, name, help), in the order hosts show them. Several keys may share a field.
@@ -119,6 +144,15 @@ const TABLE: &[(&str, &str, &str, &str)] = &[
     ("oocpt:timeLimit", "OOCPT_TIME_LIMIT", "Time limit", "Stop after this many seconds; 0 = no limit"),
     ("oocpt:memoryBudget", "OOCPT_MEMORY_BUDGET", "Memory budget", "Hard limit of device memory in MiB; 0 = automatic"),
     ("oocpt:device", "OOCPT_DEVICE", "Device", "Device by index or part of its name; empty = best"),
+    ("oocpt:policy", "OOCPT_POLICY", "Policy", "Which chunks to load first: sweep, priority or benefit"),
+    ("oocpt:chunkSize", "OOCPT_CHUNK_SIZE", "Chunk size", "Device memory of a chunk of the scene in KiB"),
+    (
+        "oocpt:geometryBudget",
+        "OOCPT_GEOMETRY_BUDGET",
+        "Geometry budget",
+        "Hard limit of device memory for geometry in KiB; 0 = what the memory budget leaves",
+    ),
+    ("oocpt:chunkReport", "OOCPT_CHUNK_REPORT", "Chunk report", "File for a report about the chunks; empty = none"),
     ("convergedSamplesPerPixel", "OOCPT_CONVERGED_SAMPLES_PER_PIXEL", "Converged samples", "As oocpt:samplesPerPixel"),
     (
         "enableInteractive",
@@ -165,6 +199,7 @@ impl Settings {
                 *field = narrow(check(number, f64::from(min), f64::from(max))?);
             }
             Field::Text(field) => *field = value.as_text().ok_or_else(|| wrong("text"))?,
+            Field::Policy(field) => *field = policy_named(key, &value.as_text().ok_or_else(|| wrong("text"))?)?,
         }
         Ok(*self != before)
     }
@@ -180,6 +215,10 @@ impl Settings {
             "oocpt:timeLimit" => Field::Float(&mut self.time_limit_secs, 0.0, 1e9),
             "oocpt:memoryBudget" => Field::Int(&mut self.memory_budget_mib, 0, 1 << 24),
             "oocpt:device" => Field::Text(&mut self.device),
+            "oocpt:policy" => Field::Policy(&mut self.policy),
+            "oocpt:chunkSize" => Field::Int(&mut self.chunk_size_kib, 16, 1 << 20),
+            "oocpt:geometryBudget" => Field::Int(&mut self.geometry_budget_kib, 0, u32::MAX),
+            "oocpt:chunkReport" => Field::Text(&mut self.chunk_report),
             "enableInteractive" => Field::Bool(&mut self.interactive),
             "domeLightCameraVisibility" => Field::Bool(&mut self.dome_light_camera_visible),
             "enableSceneLights" => Field::Bool(&mut self.enable_scene_lights),
@@ -196,6 +235,7 @@ impl Settings {
             Field::Int(v, ..) => Value::Int(i64::from(*v)),
             Field::Float(v, ..) => Value::Float(f64::from(*v)),
             Field::Text(v) => Value::Text(v.clone()),
+            Field::Policy(v) => Value::Text(v.name().to_owned()),
         })
     }
 
@@ -261,6 +301,12 @@ impl Value {
             Self::Bool(_) | Self::Float(_) => None,
         }
     }
+}
+
+fn policy_named(key: &str, text: &str) -> Result<PolicyKind, SettingError> {
+    let allowed = || PolicyKind::ALL.map(PolicyKind::name).to_vec();
+    let wrong = |_| SettingError::Choice { key: key.to_owned(), value: text.to_owned(), allowed: allowed() };
+    text.trim().parse().map_err(wrong)
 }
 
 /// A checked whole number as u32.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Settings: bounds, types, names.
 
+use oocpt_core::residency::PolicyKind;
 use oocpt_core::{SettingError, Settings, Value};
 
 #[test]
@@ -17,6 +18,78 @@ fn samples_are_bounded_and_keep_their_value_on_error() {
 }
 
 #[test]
+fn sizes_of_chunks_and_geometry_are_bounded() {
+    let mut settings = Settings::default();
+    assert_eq!((settings.chunk_size_kib, settings.geometry_budget_kib), (8192, 0), "defaults");
+    for bad in [0, 15, (1 << 20) + 1, -8192, i64::MAX] {
+        let result = settings.set("oocpt:chunkSize", Value::Int(bad));
+        assert!(matches!(result, Err(SettingError::Range { .. })), "{bad}: {result:?}");
+    }
+    for bad in [-1, i64::from(u32::MAX) + 1] {
+        let result = settings.set("oocpt:geometryBudget", Value::Int(bad));
+        assert!(matches!(result, Err(SettingError::Range { .. })), "{bad}: {result:?}");
+    }
+    assert_eq!(settings, Settings::default(), "what is refused changes nothing");
+    for (key, good) in [("oocpt:chunkSize", 16), ("oocpt:chunkSize", 1 << 20), ("oocpt:geometryBudget", 1)] {
+        assert_eq!(settings.set(key, Value::Int(good)), Ok(true), "{key} = {good}");
+        assert_eq!(settings.get(key), Some(Value::Int(good)), "{key} = {good}");
+    }
+    assert_eq!((settings.chunk_size_kib, settings.geometry_budget_kib), (1 << 20, 1), "each has its field");
+}
+
+#[test]
+fn policies_go_by_name_and_a_wrong_name_lists_the_right_ones() {
+    let mut settings = Settings::default();
+    assert_eq!(settings.policy, PolicyKind::Benefit, "the default");
+    for (name, kind) in
+        [("sweep", PolicyKind::Sweep), (" priority ", PolicyKind::Priority), ("benefit", PolicyKind::Benefit)]
+    {
+        assert_eq!(settings.set("oocpt:policy", Value::Text(name.into())), Ok(true), "{name}");
+        assert_eq!(settings.policy, kind, "{name}");
+        assert_eq!(settings.get("oocpt:policy"), Some(Value::Text(name.trim().into())), "{name}");
+    }
+    for bad in ["", "Benefit", "lru", "sweep,priority"] {
+        let error = settings.set("oocpt:policy", Value::Text(bad.into())).unwrap_err();
+        let text = error.to_string();
+        assert!(text.contains("sweep, priority, benefit") && text.contains(&format!("{bad:?}")), "{text}");
+    }
+    let result = settings.set("oocpt:policy", Value::Bool(true));
+    assert!(matches!(result, Err(SettingError::Type { .. })), "{result:?}");
+    assert_eq!(settings, Settings::default(), "a wrong policy changes nothing");
+}
+
+#[test]
+fn a_report_has_any_name() {
+    let mut settings = Settings::default();
+    assert_eq!(settings.set("oocpt:chunkReport", Value::Text("/tmp/a b.json".into())), Ok(true), "any name");
+    assert_eq!(settings.chunk_report, "/tmp/a b.json", "as given");
+    assert_eq!(settings.set("oocpt:chunkReport", Value::Text(String::new())), Ok(true), "and none");
+}
+
+/// Hosts show them in this order; what is new comes after what they knew, before the names that all renderers share.
+#[test]
+fn settings_are_listed_in_order() {
+    let keys: Vec<&str> = Settings::descriptors().iter().map(|d| d.key).collect();
+    let ours = [
+        "oocpt:samplesPerPixel",
+        "oocpt:maxBounces",
+        "oocpt:seed",
+        "oocpt:clamp",
+        "oocpt:timeLimit",
+        "oocpt:memoryBudget",
+        "oocpt:device",
+        "oocpt:policy",
+        "oocpt:chunkSize",
+        "oocpt:geometryBudget",
+        "oocpt:chunkReport",
+    ];
+    assert_eq!(keys[..ours.len()], ours, "the order");
+    assert!(keys[ours.len()..].iter().all(|key| !key.starts_with("oocpt:")), "{keys:?}");
+    let names = ["OOCPT_POLICY", "OOCPT_CHUNK_SIZE", "OOCPT_GEOMETRY_BUDGET", "OOCPT_CHUNK_REPORT"];
+    assert_eq!(ours[7..].iter().filter_map(|key| Settings::env_name(key)).collect::<Vec<_>>(), names, "variables");
+}
+
+#[test]
 fn wrong_types_are_refused() {
     let mut settings = Settings::default();
     let cases = [
@@ -26,6 +99,8 @@ fn wrong_types_are_refused() {
         ("oocpt:clamp", Value::Text(String::new())),
         ("oocpt:device", Value::Float(1.0)),
         ("enableInteractive", Value::Int(2)),
+        ("oocpt:chunkSize", Value::Float(64.5)),
+        ("oocpt:chunkReport", Value::Bool(false)),
     ];
     for (key, value) in cases {
         let result = settings.set(key, value.clone());
@@ -60,14 +135,14 @@ fn every_descriptor_can_be_set_to_its_default_and_has_an_own_variable() {
         let name = Settings::env_name(descriptor.key).unwrap();
         assert!(name.starts_with("OOCPT_") && names.insert(name), "{name}");
     }
-    assert_eq!(names.len(), 11);
+    assert_eq!(names.len(), 15);
     assert_eq!(Settings::env_name("oocpt:samplesPerPixel"), Some("OOCPT_SAMPLES_PER_PIXEL"));
     assert_eq!(Settings::env_name("other"), None);
 }
 
 #[test]
 fn settings_survive_serialisation_and_missing_fields() {
-    let settings = Settings { seed: 9, device: "lava".into(), ..Settings::default() };
+    let settings = Settings { seed: 9, device: "lava".into(), policy: PolicyKind::Sweep, ..Settings::default() };
     let text = serde_json::to_string(&settings).unwrap();
     assert_eq!(serde_json::from_str::<Settings>(&text).unwrap(), settings);
     assert_eq!(serde_json::from_str::<Settings>("{}").unwrap(), Settings::default());
