@@ -133,6 +133,16 @@ impl Assembly {
         self.starts.last().copied().unwrap_or(0)
     }
 
+    /// What it places, each target once, in no particular order of members. Sorted.
+    #[must_use]
+    pub fn targets(&self) -> Vec<Target> {
+        let placed = self.members.iter().filter(|member| member.run.len() > 0);
+        let mut targets: Vec<Target> = placed.map(|member| member.target).collect();
+        targets.sort_unstable();
+        targets.dedup();
+        targets
+    }
+
     /// True when nothing is placed.
     #[must_use]
     pub fn is_empty(&self) -> bool {

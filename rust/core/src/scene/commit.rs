@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::assembly::{Assembly, Member, Target};
 use super::desc::LightDesc;
@@ -93,7 +93,7 @@ impl AssemblyStore {
             Some(known) if known.assembly.is_made_of(&members) => known.assembly.clone(),
             _ => {
                 self.next_key += 1;
-                Arc::new(Assembly::new(self.next_key, members, false))
+                Arc::new(Assembly::new(self.next_key, members, matches!(group.id, GroupId::Clusters(..))))
             }
         }
     }
@@ -179,7 +179,7 @@ impl Snapshot {
     fn count(&self) -> SceneCounts {
         // Placements and triangles of each assembly, multiplied out.
         let mut totals: Vec<(u128, u128)> = Vec::with_capacity(self.assemblies.len());
-        let mut records = 0_u64;
+        let (mut records, mut clusters, mut split, mut split_assemblies) = (0_u64, 0_u64, FxHashSet::default(), 0_u64);
         for assembly in &self.assemblies {
             let (mut instances, mut triangles) = (0_u128, 0_u128);
             for member in assembly.members() {
@@ -191,6 +191,15 @@ impl Snapshot {
                 instances = instances.saturating_add(times.saturating_mul(i));
                 triangles = triangles.saturating_add(times.saturating_mul(t));
             }
+            if assembly.is_split_mesh() {
+                // To users this is one mesh, not an assembly of its clusters.
+                totals.push((1, triangles));
+                split_assemblies += 1;
+                if split.insert(assembly.members().first().map(|m| m.target)) {
+                    clusters += assembly.len() as u64;
+                }
+                continue;
+            }
             totals.push((instances, triangles));
             records += assembly.len() as u64;
         }
@@ -200,8 +209,8 @@ impl Snapshot {
             instance_records: records,
             unique_triangles: self.meshes.iter().map(|m| m.triangles.len() as u64).sum(),
             instanced_triangles,
-            meshes: self.meshes.len() as u64,
-            assemblies: self.assemblies.len() as u64,
+            meshes: (self.meshes.len() as u64).saturating_sub(clusters) + split.len() as u64,
+            assemblies: self.assemblies.len() as u64 - split_assemblies,
         }
     }
 

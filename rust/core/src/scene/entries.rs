@@ -10,7 +10,8 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::desc::{InstancerDesc, MeshDesc};
 use super::placement::InstanceArrays;
 use super::report::DroppedData;
-use crate::mesh::{BuiltMesh, MeshAsset, build_mesh, is_same_mesh, mesh_key};
+use crate::mesh::{BuiltMesh, MeshAsset, build_mesh_split, is_same_mesh, mesh_key};
+use crate::partition::PartitionOptions;
 
 /// A mesh prim.
 #[derive(Debug)]
@@ -80,11 +81,31 @@ pub(crate) struct MeshStore {
     built: FxHashMap<u128, Arc<BuiltMesh>>,
     /// Content hash at each mesh index of the last snapshot.
     slots: Vec<u128>,
+    /// What `built` was made for.
+    options: PartitionOptions,
 }
 
 impl MeshStore {
+    /// Forgets the assets that would not be built like that with `options`: those in pieces, and large ones.
+    pub(crate) fn set_options(&mut self, meshes: &mut BTreeMap<Arc<str>, MeshEntry>, options: PartitionOptions) {
+        if std::mem::replace(&mut self.options, options) == options {
+            return;
+        }
+        // Splitting goes by expected bytes, which are within a fifth of the real ones.
+        let stays = |b: &BuiltMesh| {
+            let bytes = b.asset.as_ref().map_or(0, |a| a.device_bytes());
+            b.clusters.is_empty() && bytes < options.mesh_limit() / 2
+        };
+        self.built.retain(|_, built| stays(built));
+        for entry in meshes.values_mut() {
+            entry.built = entry.built.take().filter(|built| stays(built));
+        }
+    }
+
     /// Makes sure that every mesh of `wanted` is built, the missing ones in parallel.
     pub(crate) fn build(&mut self, meshes: &mut BTreeMap<Arc<str>, MeshEntry>, wanted: &FxHashSet<Arc<str>>) {
+        let (limit, cluster) = (self.options.mesh_limit(), self.options.chunk_bytes());
+        let build = |key, entry: &MeshEntry| Arc::new(build_mesh_split(&entry.desc, key, limit, cluster));
         let mut missing: Vec<&mut MeshEntry> =
             meshes.iter_mut().filter(|(path, e)| e.built.is_none() && wanted.contains(*path)).map(|(_, e)| e).collect();
         let keys: Vec<u128> = missing.par_iter().map(|e| mesh_key(&e.desc)).collect();
@@ -96,7 +117,7 @@ impl MeshStore {
             .map(|(key, entry)| (*key, &**entry))
             .collect();
         let built: Vec<(u128, Arc<BuiltMesh>)> =
-            new.into_par_iter().with_max_len(1).map(|(key, e)| (key, Arc::new(build_mesh(&e.desc, key)))).collect();
+            new.into_par_iter().with_max_len(1).map(|(key, e)| (key, build(key, e))).collect();
         self.built.extend(built);
         for (key, entry) in keys.iter().zip(&mut missing) {
             entry.built = self.built.get(key).cloned();
@@ -122,8 +143,17 @@ impl MeshStore {
             }
         }
         self.slots.extend(new);
+        let mut clusters: FxHashMap<u128, &Arc<MeshAsset>> = FxHashMap::default();
+        #[expect(clippy::iter_over_hash_type, reason = "from one map to another")]
+        for built in self.built.values() {
+            clusters.extend(built.clusters.iter().map(|c| (c.key, c)));
+        }
+        let asset = |key: &u128| {
+            let whole = self.built.get(key).and_then(|b| b.asset.as_ref());
+            whole.or_else(|| clusters.get(key).copied()).cloned()
+        };
         // Every used hash comes from a built asset, so no slot is lost here.
-        let assets: Vec<_> = self.slots.iter().filter_map(|k| self.built.get(k)?.asset.clone()).collect();
+        let assets: Vec<_> = self.slots.iter().filter_map(asset).collect();
         let indices = assets.iter().zip(0..).map(|(asset, index)| (asset.key, index)).collect();
         (assets, indices)
     }

@@ -182,6 +182,7 @@ impl SceneDb {
         let prims = Prims { meshes: &self.meshes, instancers: &self.instancers };
         let hierarchy = Hierarchy::new(prims, shows, reports);
         let reachable = hierarchy.reachable(prims, reports);
+        self.mesh_store.set_options(&mut self.meshes, self.partition.options());
         self.mesh_store.build(&mut self.meshes, &reachable);
         for (path, entry) in self.meshes.iter().filter(|(path, _)| reachable.contains(*path)) {
             if let Some(built) = &entry.built {

@@ -13,6 +13,7 @@ use super::entries::{InstancerEntry, MeshEntry};
 use super::placement::usable_affine;
 use super::report::Reports;
 use super::run::Instances;
+use crate::mesh::MeshAsset;
 
 /// Most levels of instance records.
 pub const MAX_LEVELS: u32 = 32;
@@ -24,6 +25,8 @@ pub(crate) enum GroupId {
     Root,
     /// A prototype.
     Prototype(InstancedBy),
+    /// The clusters of a mesh that was split: the hash of the first, and the prim id.
+    Clusters(u128, i32),
 }
 
 /// What a planned member places.
@@ -198,7 +201,14 @@ enum Outcome {
 
 /// Makes the plan. All meshes of the content that have assets are placed.
 pub(crate) fn resolve(prims: Prims<'_>, hierarchy: &Hierarchy, reports: &mut Reports) -> Vec<PlanGroup> {
-    let mut resolver = Resolver { prims, hierarchy, reports, outcomes: FxHashMap::default(), plan: Vec::new() };
+    let mut resolver = Resolver {
+        prims,
+        hierarchy,
+        reports,
+        outcomes: FxHashMap::default(),
+        plan: Vec::new(),
+        split: FxHashMap::default(),
+    };
     let members = resolver.members(&GroupId::Root, 0);
     resolver.push(GroupId::Root, members);
     resolver.plan
@@ -210,6 +220,8 @@ struct Resolver<'a> {
     reports: &'a mut Reports,
     outcomes: FxHashMap<GroupId, Outcome>,
     plan: Vec<PlanGroup>,
+    /// Groups of clusters: by the first cluster's hash and the prim id.
+    split: FxHashMap<(u128, i32), usize>,
 }
 
 impl Resolver<'_> {
@@ -231,7 +243,7 @@ impl Resolver<'_> {
     fn members(&mut self, id: &GroupId, depth: u32) -> Vec<PlanMember> {
         let (prims, content) = (self.prims, self.hierarchy.content(id));
         let mut members: Vec<PlanMember> =
-            content.meshes.iter().filter_map(|path| mesh_member(prims.meshes.get(path)?)).collect();
+            content.meshes.iter().filter_map(|path| self.mesh_member(prims.meshes.get(path)?)).collect();
         for path in &content.instancers {
             let Some(entry) = prims.instancers.get(path).filter(|e| e.is_usable) else {
                 continue;
@@ -289,16 +301,39 @@ impl Resolver<'_> {
         self.outcomes.insert(id, outcome.clone());
         outcome
     }
-}
 
-fn mesh_member(entry: &MeshEntry) -> Option<PlanMember> {
-    let asset = entry.built.as_ref()?.asset.as_ref()?;
-    Some(PlanMember {
-        path: entry.desc.prim.path.clone(),
-        slot: 0,
-        before: usable_affine(&entry.desc.prim.transform)?,
-        after: DAffine3::IDENTITY,
-        instances: None,
-        target: PlanTarget::Mesh { key: asset.key, prim_id: entry.desc.prim_id },
-    })
+    fn mesh_member(&mut self, entry: &MeshEntry) -> Option<PlanMember> {
+        let (built, prim_id) = (entry.built.as_ref()?, entry.desc.prim_id);
+        let target = match (&built.asset, built.clusters.first()) {
+            (Some(asset), _) => PlanTarget::Mesh { key: asset.key, prim_id },
+            (None, first) => PlanTarget::Group(self.clusters(first?.key, prim_id, &built.clusters)),
+        };
+        Some(PlanMember {
+            path: entry.desc.prim.path.clone(),
+            slot: 0,
+            before: usable_affine(&entry.desc.prim.transform)?,
+            after: DAffine3::IDENTITY,
+            instances: None,
+            target,
+        })
+    }
+
+    /// The group of a split mesh: every cluster placed as it is.
+    fn clusters(&mut self, first: u128, prim_id: i32, clusters: &[Arc<MeshAsset>]) -> usize {
+        if let Some(&known) = self.split.get(&(first, prim_id)) {
+            return known;
+        }
+        let nowhere: Arc<str> = "".into();
+        let members = clusters.iter().enumerate().map(|(slot, cluster)| PlanMember {
+            path: nowhere.clone(),
+            slot,
+            before: DAffine3::IDENTITY,
+            after: DAffine3::IDENTITY,
+            instances: None,
+            target: PlanTarget::Mesh { key: cluster.key, prim_id },
+        });
+        let group = self.push(GroupId::Clusters(first, prim_id), members.collect());
+        self.split.insert((first, prim_id), group);
+        group
+    }
 }

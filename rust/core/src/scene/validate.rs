@@ -63,6 +63,9 @@ impl Snapshot {
             }
             start = end;
         }
+        if assembly.is_split_mesh() {
+            count = 1;
+        }
         Ok((deepest, count))
     }
 }

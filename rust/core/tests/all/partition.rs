@@ -152,3 +152,52 @@ fn large_prototypes_are_opened() {
     assert_eq!((whole.world.chunks.len(), whole.world.instances.len(), whole.world.levels), (1, 1, 2), "one chunk");
     assert_same_leaves(flatten(&whole), flatten_world(&whole));
 }
+
+/// A mesh above the limit is an opened assembly of clusters; everything users count stays as it was.
+#[test]
+fn large_meshes_are_split_and_still_count_as_one() {
+    let scene = || {
+        let mut db = SceneDb::new();
+        let mut mesh = grid("/i/p/m", 40);
+        mesh.prim.instanced_by = vec![by("/i", "/i/p")];
+        mesh.prim.transform = DMat4::from_rotation_x(0.3);
+        db.upsert_mesh(mesh);
+        db.upsert_mesh(grid("/single", 40));
+        db.upsert_mesh(grid("/small", 2));
+        db.upsert_instancer(scatter("/i", &spread(3, 100.0, 5), &[("/i/p", &[0, 1, 2])]));
+        db
+    };
+    let whole = committed(&mut scene());
+    let mut db = scene();
+    db.set_partition(SMALL);
+    let split = committed(&mut db);
+    assert_eq!(whole.counts, split.counts, "counts");
+    let world = &split.world;
+    assert!(split.meshes.len() > 10 && whole.meshes.len() == 2, "{} meshes", split.meshes.len());
+    let of_mesh = |leaf: &&Leaf| leaf.mesh.triangles.len() > 8;
+    let leaves = flatten_world(&split);
+    assert_same_leaves(flatten(&split), leaves.clone());
+    let triangles = |leaves: &[Leaf]| leaves.iter().map(|l| l.mesh.triangles.len()).sum::<usize>();
+    assert_eq!(triangles(&flatten(&whole)), triangles(&leaves), "triangles");
+    let area = |leaves: &[Leaf]| leaves.iter().filter(of_mesh).map(|l| crate::support::area(&l.mesh)).sum::<f64>();
+    assert!((area(&flatten(&whole)) - area(&leaves)).abs() < 1e-6, "area");
+    assert!(leaves.iter().all(|l| l.mesh.device_bytes() <= 16 << 10), "clusters fit");
+    // All clusters of one placement are reached by the same ray: same origin, same map, same instance id.
+    let frames: Vec<_> = world
+        .instances
+        .iter()
+        .filter(|i| world.chunks[i.chunk as usize].targets().len() == 1 && world.chunks.len() > 1)
+        .filter(|i| world.chunks[i.chunk as usize].origin() == DVec3::ZERO)
+        .map(|i| {
+            (i.origin.to_array().map(f64::to_bits), i.chunk_from_world.map(|r| r.map(f32::to_bits)), i.instance_id)
+        })
+        .collect();
+    let mut distinct = frames.clone();
+    distinct.sort_unstable();
+    distinct.dedup();
+    assert!(frames.len() > 8 && distinct.len() == 4, "{} frames, {} distinct", frames.len(), distinct.len());
+    // Larger chunks: whole again, as if made so from the start.
+    db.set_partition(PartitionOptions::default());
+    let again = committed(&mut db);
+    assert_eq!((again.counts, again.meshes.len()), (whole.counts, 2), "whole again");
+}
