@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use offset_allocator::{Allocation, Allocator};
 
 use crate::heap::HeapCore;
+use crate::heap_counters::HeapCounters;
 use crate::range::Block;
 
 /// Unit of the range allocator in bytes. Its 32-bit units then reach 1 TiB, far above any `maxMemoryAllocationSize`.
@@ -24,6 +25,7 @@ pub(crate) struct Arena {
     pub(crate) bytes: u64,
     space: Mutex<Space>,
     heap: Weak<HeapCore>,
+    pub(crate) counters: Arc<HeapCounters>,
 }
 
 struct Space {
@@ -53,13 +55,23 @@ pub(crate) struct ArenaUsage {
     pub(crate) largest_free: u64,
 }
 
+/// The largest size up to `bytes` (a multiple of [`GRANULE`]) that an empty arena of this size can give away as a whole.
+///
+/// The allocator looks among holes that are surely large enough: it rounds requests up, and holes down, to sizes of four
+/// significant bits (Aaltonen's `SmallFloat`), in units of [`GRANULE`].
+pub(crate) fn size_class_below(bytes: u64) -> u64 {
+    let units = bytes / GRANULE;
+    let cut = u64::BITS.saturating_sub(units.leading_zeros()).saturating_sub(4);
+    (units >> cut << cut) * GRANULE
+}
+
 impl Arena {
-    pub(crate) fn new(block: Block, bytes: u64, heap: Weak<HeapCore>) -> Arc<Self> {
+    pub(crate) fn new(block: Block, bytes: u64, (heap, counters): (Weak<HeapCore>, &Arc<HeapCounters>)) -> Arc<Self> {
         let skew = block.raw.address.next_multiple_of(GRANULE) - block.raw.address;
         let units = u32::try_from((bytes - skew) / GRANULE).unwrap_or(u32::MAX);
         let allocator = Allocator::with_max_allocs(units, units.clamp(16, MAX_RANGES));
         let space = Mutex::new(Space { allocator, used_bytes: 0, ranges: 0 });
-        Arc::new(Self { block: Arc::new(block), skew, bytes, space, heap })
+        Arc::new(Self { block: Arc::new(block), skew, bytes, space, heap, counters: Arc::clone(counters) })
     }
 
     fn lock(&self) -> MutexGuard<'_, Space> {
@@ -94,6 +106,11 @@ impl Arena {
 }
 
 impl Place {
+    /// Its size in the arena.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
     /// First byte in the arena's buffer; its address is a multiple of [`GRANULE`].
     pub(crate) fn start(&self) -> u64 {
         self.arena.skew + u64::from(self.allocation.offset) * GRANULE
@@ -110,6 +127,7 @@ impl RetiredRange {
         space.ranges -= 1;
         let emptied = space.ranges == 0;
         drop(space);
+        arena.counters.freed(bytes);
         if emptied && let Some(heap) = arena.heap.upgrade() {
             heap.trim(1);
         }
@@ -131,5 +149,23 @@ impl std::fmt::Debug for Space {
             .field("used_bytes", &self.used_bytes)
             .field("ranges", &self.ranges)
             .finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_whole_arena_of_a_size_class_can_be_given_away() {
+        for units in (1..3000).chain([4096, 100_003, 409_600, 1 << 20, (1 << 24) - 1]) {
+            let class = size_class_below(units * GRANULE) / GRANULE;
+            assert!(class <= units && class * 9 >= units * 8, "{units} units: {class}");
+            let class = u32::try_from(class).expect("small");
+            for request in [class, class - class / 20, 1] {
+                let mut allocator: Allocator<u32> = Allocator::with_max_allocs(class, 16);
+                assert!(allocator.allocate(request).is_some(), "{request} of {class} units");
+            }
+        }
     }
 }

@@ -13,7 +13,7 @@ use ash::vk;
 use crate::device::Device;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
-use crate::heap::RangeInner;
+use crate::heap_range::RangeInner;
 use crate::lane::{Lane, Points};
 use crate::pipeline::{Pipeline, PipelineInner};
 use crate::queue::{CommandSlot, InFlight};

@@ -15,6 +15,7 @@ use crate::capabilities::FeatureChain;
 use crate::error::GpuError;
 use crate::gpu::{Limits, OpenOptions};
 use crate::heap::HeapCore;
+use crate::heap_counters::HeldBytes;
 use crate::instance::{Instance, vulkan_error};
 use crate::lane::{LANES, Lane, Points, QueueChoices};
 use crate::markers::Markers;
@@ -28,8 +29,8 @@ use crate::timer::POOL_QUERIES;
 /// Something to destroy or free once the GPU no longer uses it.
 #[derive(Debug)]
 pub(crate) enum Retired {
-    /// A buffer with its memory.
-    Memory(RawBuffer),
+    /// A buffer with its memory, and the memory's place in the count of a heap.
+    Memory(RawBuffer, Option<HeldBytes>),
     /// A range of a heap's arena.
     Range(RetiredRange),
 }
@@ -201,7 +202,10 @@ impl Device {
     fn release(&self, items: Vec<Retired>) {
         for item in items {
             match item {
-                Retired::Memory(raw) => self.destroy_raw(raw),
+                Retired::Memory(raw, held) => {
+                    self.destroy_raw(raw);
+                    drop(held);
+                }
                 Retired::Range(range) => range.free(),
             }
         }

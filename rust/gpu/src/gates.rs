@@ -14,8 +14,12 @@ const SOON: Duration = Duration::from_millis(30);
 const LATE: Duration = Duration::from_secs(60);
 
 pub(crate) fn open() -> Arc<Gpu> {
+    open_with(&OpenOptions::default())
+}
+
+fn open_with(options: &OpenOptions) -> Arc<Gpu> {
     let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
-    Gpu::open(&OpenOptions { selector, validation: true, ..OpenOptions::default() }).expect("a device to test on")
+    Gpu::open(&OpenOptions { selector, validation: true, ..options.clone() }).expect("a device to test on")
 }
 
 /// Holds back what waits for it. Nothing may be submitted to its lane.
@@ -35,11 +39,19 @@ impl Gate {
         commands.wait_for(&self.pretended);
     }
 
-    pub(crate) fn open(self) {
+    /// Lets it run: by the drop of `self`.
+    pub(crate) fn open(self) {}
+}
+
+impl Drop for Gate {
+    /// Also when a test fails: closing the device waits for what is held back.
+    fn drop(&mut self) {
         let device = self.gpu.device();
         let info = vk::SemaphoreSignalInfo::default().semaphore(device.queue(self.lane).timeline()).value(1);
         // SAFETY: the timeline is at 0, and no submission signals it (see `Gate`).
-        unsafe { device.raw.signal_semaphore(&info) }.expect("signalled");
+        if let Err(code) = unsafe { device.raw.signal_semaphore(&info) } {
+            eprintln!("the gate stays shut: {code:?}");
+        }
     }
 }
 
@@ -126,4 +138,34 @@ fn staging_space_comes_back_when_the_copy_is_done() {
         drop((target, submission, ring));
         finished_silently(gpu);
     }
+}
+
+#[test]
+fn trying_to_allocate_does_not_wait() {
+    const MIB: u64 = 1 << 20;
+    let gpu = open_with(&OpenOptions { budget_bytes: Some(5 * MIB), ..OpenOptions::default() });
+    let gate = Gate::of(&gpu, Lane::Main);
+    let heap = Heap::new(&gpu, "heap", 2 * MIB).expect("a heap");
+    let (shared, own) = (heap.alloc("shared", MIB, 16).expect("fits"), heap.alloc("own", 2 * MIB, 16).expect("fits"));
+    let mut transfer = list_of(&gpu, Lane::Transfer);
+    transfer.fill(&shared, 0, MIB, 1);
+    gate.hold(&mut transfer);
+    let submission = transfer.submit().expect("submitted");
+    let live = heap.stats().live_bytes;
+    assert!(live >= 3 * MIB && heap.stats().retired_bytes == 0, "{:?}", heap.stats());
+    drop((shared, own));
+    let stats = heap.stats();
+    assert_eq!((stats.live_bytes, stats.retired_bytes, stats.used_bytes), (0, live, MIB), "{stats:?}");
+    assert!(stats.dedicated_bytes >= 2 * MIB, "until the GPU is done: {stats:?}");
+    let (large, small) = (heap.try_alloc("large", 2 * MIB, 16), heap.try_alloc("small", MIB, 16));
+    assert!(large.expect("alive").is_none(), "no room now, although there will be");
+    let small = small.expect("alive").expect("the other half of the arena is free");
+    gate.open();
+    assert_eq!(submission.wait(LATE), Ok(true), "runs");
+    assert!(heap.try_alloc("large", 2 * MIB, 16).expect("alive").is_some(), "room now");
+    drop(small);
+    let stats = heap.stats();
+    assert_eq!((stats.live_bytes, stats.retired_bytes, stats.dedicated_bytes), (0, 0, 0), "{stats:?}");
+    drop((heap, submission));
+    finished_silently(gpu);
 }

@@ -2,30 +2,48 @@
 //! Device memory for many small and middling things: few big arenas, cut into ranges.
 //!
 //! Ranges are found by `offset-allocator` in units of 256 bytes. Arenas are made when needed, smaller ones when the budget
-//! is short, and go back when empty (one is kept until [`Heap::trim`]). A request that would fill half an arena gets memory of its
-//! own. Any thread.
+//! is short, and go back when empty (one is kept until [`Heap::trim`]). A request that would fill half an arena (a whole one, with
+//! [`HeapOptions::whole_arenas`]) gets memory of its own. Any thread.
 //!
 //! Locks: the list of arenas before an arena's own; neither is held while memory is allocated or anything is dropped.
 
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use crate::arena::{Arena, GRANULE, Place, RetiredRange};
-use crate::commands::Kept;
-use crate::device::{Device, Retired};
+use crate::arena::{Arena, GRANULE, Place, size_class_below};
+use crate::device::Device;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
+use crate::heap_counters::HeapCounters;
+use crate::heap_range::HeapRange;
 use crate::lane::Points;
 use crate::memory::{Patience, Usage};
-use crate::range::sealed::{Parts, RangeParts};
-use crate::range::{Block, DeviceRange, RetirePoint};
+use crate::range::Block;
 
 /// Smallest arena that is worth having when the budget is short.
 const SMALLEST_ARENA: u64 = 64 << 10;
+
 /// Device memory cut into ranges. Dropping it leaves its ranges valid.
 #[derive(Debug)]
 pub struct Heap {
     core: Arc<HeapCore>,
+}
+
+/// How a heap takes memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HeapOptions {
+    /// Size of an arena, bounded to what the driver allows in one piece.
+    pub arena_bytes: u64,
+    /// Serve requests of up to a whole arena from arenas, not only those of up to half of one. The size of arenas is rounded down
+    /// by up to an eighth, so that the range allocator finds a whole one; see [`Heap::largest_shared`].
+    pub whole_arenas: bool,
+    /// Most bytes of memory that this heap may hold, besides the device's budget; None = no limit of its own.
+    pub limit_bytes: Option<u64>,
+}
+
+impl Default for HeapOptions {
+    fn default() -> Self {
+        Self { arena_bytes: Heap::DEFAULT_ARENA_BYTES, whole_arenas: false, limit_bytes: None }
+    }
 }
 
 /// How full a heap is. Bytes of ranges include rounding to 256 bytes and what is retired but still in use by the GPU.
@@ -38,6 +56,10 @@ pub struct HeapStats {
     pub arena_bytes: u64,
     /// Bytes of ranges in shared arenas.
     pub used_bytes: u64,
+    /// Bytes of all ranges that somebody holds.
+    pub live_bytes: u64,
+    /// Bytes of all ranges that were dropped, but may still be in use by the GPU.
+    pub retired_bytes: u64,
     /// Bytes of ranges with memory of their own.
     pub dedicated_bytes: u64,
     /// Largest range (to the precision of the allocator's size classes) that fits without a new arena.
@@ -52,35 +74,10 @@ pub(crate) struct HeapCore {
     device: Arc<Device>,
     name: String,
     arena_bytes: u64,
+    /// Larger requests get memory of their own.
+    largest_shared: u64,
     arenas: Mutex<Vec<Arc<Arena>>>,
-    dedicated_bytes: Arc<AtomicU64>,
-}
-
-/// A stretch of device memory. Dropping it does not wait; see [`Buffer`](crate::Buffer).
-#[derive(Debug)]
-pub struct HeapRange {
-    inner: Arc<RangeInner>,
-}
-
-/// The range itself, kept alive by command lists too.
-#[derive(Debug)]
-pub(crate) struct RangeInner {
-    block: Arc<Block>,
-    offset: u64,
-    size: u64,
-    name: String,
-    owner: Owner,
-    retire_after: RetirePoint,
-}
-
-#[derive(Debug)]
-enum Owner {
-    Arena(Place),
-    /// The block is the range's own; its bytes are counted here.
-    Dedicated {
-        counter: Arc<AtomicU64>,
-        bytes: u64,
-    },
+    counters: Arc<HeapCounters>,
 }
 
 impl Heap {
@@ -93,15 +90,30 @@ impl Heap {
     /// # Errors
     /// [`GpuError::DeviceLost`].
     pub fn new(gpu: &Arc<Gpu>, name: &str, arena_bytes: u64) -> Result<Self, GpuError> {
+        Self::with_options(gpu, name, HeapOptions { arena_bytes, ..HeapOptions::default() })
+    }
+
+    /// Makes an empty heap; memory is taken by the first [`Heap::alloc`].
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`].
+    pub fn with_options(gpu: &Arc<Gpu>, name: &str, options: HeapOptions) -> Result<Self, GpuError> {
         let device = gpu.device();
         device.check_alive()?;
         let most = device.limits.max_allocation_bytes.max(SMALLEST_ARENA) / GRANULE * GRANULE;
+        let mut arena_bytes = (options.arena_bytes / GRANULE * GRANULE).clamp(SMALLEST_ARENA, most);
+        let mut largest_shared = arena_bytes / 2;
+        if options.whole_arenas {
+            arena_bytes = size_class_below(arena_bytes);
+            largest_shared = arena_bytes;
+        }
         let core = Arc::new(HeapCore {
             device: Arc::clone(device),
             name: name.to_owned(),
-            arena_bytes: (arena_bytes / GRANULE * GRANULE).clamp(SMALLEST_ARENA, most),
+            arena_bytes,
+            largest_shared,
             arenas: Mutex::new(Vec::new()),
-            dedicated_bytes: Arc::new(AtomicU64::new(0)),
+            counters: HeapCounters::new(options.limit_bytes),
         });
         device.heaps.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::downgrade(&core));
         Ok(Self { core })
@@ -110,43 +122,49 @@ impl Heap {
     /// Takes `bytes` at an address that is a multiple of `align` (a power of two). The bytes are arbitrary.
     ///
     /// # Errors
-    /// [`GpuError::OutOfMemory`] when neither the arenas nor the budget have room even after waiting for what is retired,
-    /// [`GpuError::TooLarge`], [`GpuError::Usage`] for a bad alignment, [`GpuError::DeviceLost`].
+    /// [`GpuError::OutOfMemory`] when neither the arenas nor the budget (or the heap's own limit) have room even after waiting for
+    /// what is retired, [`GpuError::TooLarge`], [`GpuError::Usage`] for a bad alignment, [`GpuError::DeviceLost`].
     pub fn alloc(&self, name: &str, bytes: u64, align: u64) -> Result<HeapRange, GpuError> {
-        let core = &self.core;
-        core.device.check_alive()?;
-        core.device.budget.injected_failure(name, bytes)?;
-        if !align.is_power_of_two() {
-            let message = format!("alignment {align} is not a power of two");
-            return Err(GpuError::Usage { name: name.to_owned(), message });
+        self.core.alloc(name, bytes, align, Patience::WaitForRetired)
+    }
+
+    /// As [`Heap::alloc`], but never waits for the GPU: None when there is no room now (budget, limit, fragmentation, or the driver
+    /// refuses). What is retired and done is taken back first.
+    ///
+    /// # Errors
+    /// As [`Heap::alloc`], without [`GpuError::OutOfMemory`].
+    pub fn try_alloc(&self, name: &str, bytes: u64, align: u64) -> Result<Option<HeapRange>, GpuError> {
+        match self.core.alloc(name, bytes, align, Patience::Now) {
+            Ok(range) => Ok(Some(range)),
+            Err(GpuError::OutOfMemory { .. }) => Ok(None),
+            Err(error) => Err(error),
         }
-        // Within an arena units are aligned already; a larger alignment is met by moving up inside a longer place.
-        let padding = if align > GRANULE { align } else { 0 };
-        let needed = bytes.max(1).checked_add(padding).and_then(|n| n.checked_next_multiple_of(GRANULE));
-        if let Some(needed) = needed.filter(|&needed| needed <= core.arena_bytes / 2) {
-            if let Some(place) = core.take(needed) {
-                return Ok(HeapRange::in_arena(place, name, bytes, align));
-            }
-            if let Some(place) = core.grow(needed)? {
-                return Ok(HeapRange::in_arena(place, name, bytes, align));
-            }
-            core.device.reclaim(Patience::WaitForRetired)?;
-            if let Some(place) = core.take(needed) {
-                return Ok(HeapRange::in_arena(place, name, bytes, align));
-            }
-            if let Some(place) = core.grow(needed)? {
-                return Ok(HeapRange::in_arena(place, name, bytes, align));
-            }
-        }
-        core.dedicated(name, bytes, align)
+    }
+
+    /// Largest request in bytes that is served from an arena, if it is aligned to no more than 256 bytes. An empty arena of full
+    /// size has room for it.
+    #[must_use]
+    pub fn largest_shared(&self) -> u64 {
+        self.core.largest_shared
+    }
+
+    /// Changes the heap's own limit ([`HeapOptions::limit_bytes`]). What is held stays held: below that, everything that needs more
+    /// memory fails until enough was dropped.
+    pub fn set_limit(&self, limit_bytes: Option<u64>) {
+        self.core.counters.set_limit(limit_bytes);
     }
 
     /// How full the heap is now.
     #[must_use]
     pub fn stats(&self) -> HeapStats {
         self.core.device.collect();
-        let mut stats =
-            HeapStats { dedicated_bytes: self.core.dedicated_bytes.load(Ordering::Relaxed), ..HeapStats::default() };
+        let counters = &self.core.counters;
+        let mut stats = HeapStats {
+            dedicated_bytes: counters.dedicated(),
+            live_bytes: counters.live(),
+            retired_bytes: counters.retired(),
+            ..HeapStats::default()
+        };
         let mut free = 0;
         for arena in self.core.lock().iter() {
             let part = arena.usage();
@@ -174,6 +192,45 @@ impl HeapCore {
         self.arenas.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    fn alloc(self: &Arc<Self>, name: &str, bytes: u64, align: u64, patience: Patience) -> Result<HeapRange, GpuError> {
+        self.device.check_alive()?;
+        self.device.budget.injected_failure(name, bytes)?;
+        if !align.is_power_of_two() {
+            let message = format!("alignment {align} is not a power of two");
+            return Err(GpuError::Usage { name: name.to_owned(), message });
+        }
+        // Within an arena units are aligned already; a larger alignment is met by moving up inside a longer place.
+        let padding = if align > GRANULE { align } else { 0 };
+        let needed = bytes.max(1).checked_add(padding).and_then(|n| n.checked_next_multiple_of(GRANULE));
+        if let Some(needed) = needed.filter(|&needed| needed <= self.largest_shared)
+            && let Some(place) = self.share(needed, patience)?
+        {
+            return Ok(HeapRange::in_arena(place, name, bytes, align));
+        }
+        self.dedicated(name, bytes, align, patience)
+    }
+
+    /// A place in an arena, an old or a new one.
+    fn share(self: &Arc<Self>, needed: u64, patience: Patience) -> Result<Option<Place>, GpuError> {
+        if let Some(place) = self.take(needed) {
+            return Ok(Some(place));
+        }
+        // What is done is free before a new arena is thought of.
+        self.device.collect();
+        if let Some(place) = self.take(needed) {
+            return Ok(Some(place));
+        }
+        let place = self.grow(needed)?;
+        if place.is_some() || patience == Patience::Now {
+            return Ok(place);
+        }
+        self.device.reclaim(patience)?;
+        match self.take(needed) {
+            Some(place) => Ok(Some(place)),
+            None => self.grow(needed),
+        }
+    }
+
     /// A place in one of the arenas there are.
     fn take(&self, bytes: u64) -> Option<Place> {
         self.lock().iter().find_map(|arena| arena.take(bytes))
@@ -182,10 +239,12 @@ impl HeapCore {
     /// A place in a new arena, a smaller one if the budget is short; None when even a small one does not fit now.
     fn grow(self: &Arc<Self>, bytes: u64) -> Result<Option<Place>, GpuError> {
         let mut size = self.arena_bytes;
-        while size / 2 >= bytes && size >= SMALLEST_ARENA {
-            match self.device.allocate(&self.name, size, Usage::Device, Patience::Now) {
-                Ok(raw) => {
-                    let arena = Arena::new(Block::new(&self.device, raw), size, Arc::downgrade(self));
+        // A smaller arena has room for as large a part of it as a full one.
+        let share = self.arena_bytes / self.largest_shared;
+        while size / share >= bytes && size >= SMALLEST_ARENA {
+            match self.block(&self.name, size, Patience::Now) {
+                Ok(block) => {
+                    let arena = Arena::new(block, size, (Arc::downgrade(self), &self.counters));
                     let place = arena.take(bytes);
                     self.lock().push(arena);
                     return Ok(place);
@@ -198,7 +257,7 @@ impl HeapCore {
     }
 
     /// A range with memory of its own.
-    fn dedicated(&self, name: &str, bytes: u64, align: u64) -> Result<HeapRange, GpuError> {
+    fn dedicated(&self, name: &str, bytes: u64, align: u64, patience: Patience) -> Result<HeapRange, GpuError> {
         // Drivers align memory generously, but Vulkan promises nothing about addresses: leave room to move up.
         let room = if align > 1 { align } else { 0 };
         let padded = bytes.checked_add(room).ok_or_else(|| GpuError::TooLarge {
@@ -206,11 +265,22 @@ impl HeapCore {
             bytes,
             limit: self.device.limits.max_allocation_bytes,
         })?;
-        let raw = self.device.allocate(name, padded, Usage::Device, Patience::WaitForRetired)?;
-        self.dedicated_bytes.fetch_add(padded, Ordering::Relaxed);
-        let owner = Owner::Dedicated { counter: Arc::clone(&self.dedicated_bytes), bytes: padded };
-        let offset = raw.address.next_multiple_of(align) - raw.address;
-        Ok(HeapRange::new(Arc::new(Block::new(&self.device, raw)), owner, offset, (name, bytes)))
+        let mut block = self.block(name, padded, patience)?;
+        block.dedicate();
+        Ok(HeapRange::in_block(block, (name, bytes, align), (&self.counters, padded)))
+    }
+
+    /// Memory within the heap's own limit and the device's budget.
+    fn block(&self, name: &str, bytes: u64, patience: Patience) -> Result<Block, GpuError> {
+        let held = match self.counters.hold(name, bytes) {
+            Ok(held) => held,
+            Err(_) => {
+                self.device.reclaim(patience)?;
+                self.counters.hold(name, bytes)?
+            }
+        };
+        let raw = self.device.allocate(name, bytes, Usage::Device, patience)?;
+        Ok(Block::of_heap(&self.device, raw, held))
     }
 
     /// Lets go of arenas that hold nothing, all but `keep` of them.
@@ -230,88 +300,6 @@ impl HeapCore {
         for arena in &empty {
             // Every range in it has already waited for the GPU.
             arena.block.retire_after.set(Points::START);
-        }
-    }
-}
-
-impl HeapRange {
-    fn new(block: Arc<Block>, owner: Owner, offset: u64, (name, size): (&str, u64)) -> Self {
-        let name = name.to_owned();
-        Self { inner: Arc::new(RangeInner { block, offset, size, name, owner, retire_after: RetirePoint::default() }) }
-    }
-
-    fn in_arena(place: Place, name: &str, size: u64, align: u64) -> Self {
-        let arena = Arc::clone(&place.arena);
-        let base = arena.block.raw.address;
-        let offset = (base + place.start()).next_multiple_of(align) - base;
-        Self::new(Arc::clone(&arena.block), Owner::Arena(place), offset, (name, size))
-    }
-
-    /// Device address of the first byte.
-    #[must_use]
-    pub fn address(&self) -> u64 {
-        self.inner.block.raw.address + self.inner.offset
-    }
-
-    /// Size in bytes, as asked for.
-    #[must_use]
-    pub fn size(&self) -> u64 {
-        self.inner.size
-    }
-
-    /// The name it was made with.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        &self.inner.name
-    }
-}
-
-impl DeviceRange for HeapRange {
-    fn address(&self) -> u64 {
-        Self::address(self)
-    }
-
-    fn size(&self) -> u64 {
-        self.inner.size
-    }
-
-    fn name(&self) -> &str {
-        &self.inner.name
-    }
-}
-
-impl Parts for HeapRange {
-    fn parts(&self) -> RangeParts {
-        RangeParts {
-            buffer: self.inner.block.buffer(),
-            offset: self.inner.offset,
-            device: Arc::as_ptr(&self.inner.block.device),
-            kept: Kept::Range(Arc::clone(&self.inner)),
-        }
-    }
-}
-
-impl Drop for HeapRange {
-    fn drop(&mut self) {
-        let point = self.inner.block.device.submitted();
-        match self.inner.owner {
-            Owner::Arena(_) => self.inner.retire_after.set(point),
-            Owner::Dedicated { .. } => self.inner.block.retire_after.set(point),
-        }
-    }
-}
-
-impl Drop for RangeInner {
-    fn drop(&mut self) {
-        let device = &self.block.device;
-        match &self.owner {
-            Owner::Arena(place) => {
-                let retired = Retired::Range(RetiredRange(place.clone()));
-                device.retire(self.retire_after.get(device), retired);
-            }
-            Owner::Dedicated { counter, bytes } => {
-                counter.fetch_sub(*bytes, Ordering::Relaxed);
-            }
         }
     }
 }

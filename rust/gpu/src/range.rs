@@ -9,6 +9,7 @@ use std::sync::{Arc, OnceLock};
 use ash::vk;
 
 use crate::device::{Device, Retired};
+use crate::heap_counters::HeldBytes;
 use crate::lane::Points;
 use crate::memory::RawBuffer;
 
@@ -66,11 +67,27 @@ pub(crate) struct Block {
     pub(crate) device: Arc<Device>,
     pub(crate) raw: RawBuffer,
     pub(crate) retire_after: RetirePoint,
+    /// Its memory's place in the count of a heap.
+    held: Option<HeldBytes>,
 }
 
 impl Block {
     pub(crate) fn new(device: &Arc<Device>, raw: RawBuffer) -> Self {
-        Self { device: Arc::clone(device), raw, retire_after: RetirePoint::default() }
+        Self { device: Arc::clone(device), raw, retire_after: RetirePoint::default(), held: None }
+    }
+
+    /// A block of a heap.
+    pub(crate) fn of_heap(device: &Arc<Device>, raw: RawBuffer, held: HeldBytes) -> Self {
+        let mut block = Self::new(device, raw);
+        block.held = Some(held);
+        block
+    }
+
+    /// Says that it is the memory of one range of its heap.
+    pub(crate) fn dedicate(&mut self) {
+        if let Some(held) = &mut self.held {
+            held.dedicate();
+        }
     }
 
     pub(crate) fn buffer(&self) -> vk::Buffer {
@@ -85,6 +102,6 @@ impl Block {
 
 impl Drop for Block {
     fn drop(&mut self) {
-        self.device.retire(self.retire_after.get(&self.device), Retired::Memory(self.raw));
+        self.device.retire(self.retire_after.get(&self.device), Retired::Memory(self.raw, self.held.take()));
     }
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Heaps: ranges do not overlap, space comes back, statistics tell the truth.
 
-use oocpt_gpu::{Buffer, GpuError, Heap, HeapRange, Usage};
+use oocpt_gpu::{Buffer, GpuError, Heap, HeapOptions, HeapRange, OpenOptions, Usage};
 
 use crate::support::{self, finish, read_words};
 
@@ -50,6 +50,82 @@ fn large_requests_have_memory_of_their_own() {
     assert!(stats.arenas == 0 && stats.dedicated_bytes >= 3 << 20, "{stats:?}");
     drop(large);
     assert_eq!((heap.stats().dedicated_bytes, gpu.memory().used), (0, 0), "given back at once");
+}
+
+#[test]
+fn a_whole_arena_can_be_one_range() {
+    const MIB: u64 = 1 << 20;
+    let gpu = support::open();
+    // 3.3 MiB is no size class.
+    let options = HeapOptions { arena_bytes: 33 * MIB / 10, whole_arenas: true, ..HeapOptions::default() };
+    let heap = Heap::with_options(&gpu, "heap", options).expect("a heap");
+    let whole = heap.largest_shared();
+    assert!((29 * MIB / 10..=33 * MIB / 10).contains(&whole), "an eighth at most is lost: {whole}");
+    for _ in 0..3 {
+        let first = heap.try_alloc("first", whole, 256).expect("alive").expect("fits");
+        let stats = heap.stats();
+        assert_eq!((stats.arenas, stats.used_bytes, stats.dedicated_bytes), (1, whole, 0), "{stats:?}");
+        let second = heap.alloc("second", whole - 100_000, 16).expect("fits");
+        assert_eq!((heap.stats().arenas, heap.stats().dedicated_bytes), (2, 0), "one each: {:?}", heap.stats());
+        drop((first, second));
+        assert_eq!(heap.stats().arenas, 1, "one is kept");
+    }
+    let large = heap.alloc("large", whole + 1, 16).expect("fits");
+    assert!(heap.stats().dedicated_bytes > whole, "memory of its own: {:?}", heap.stats());
+    drop(large);
+}
+
+#[test]
+fn a_heap_stays_within_its_own_limit() {
+    let gpu = support::open();
+    let options = HeapOptions { arena_bytes: 1 << 20, limit_bytes: Some(3 << 20), ..HeapOptions::default() };
+    let (heap, other) = (Heap::with_options(&gpu, "limited", options), Heap::new(&gpu, "other", 1 << 20));
+    let (heap, other) = (heap.expect("a heap"), other.expect("a heap"));
+    let held = || heap.stats().arena_bytes + heap.stats().dedicated_bytes;
+    let mut ranges = vec![heap.alloc("large", 1_500_000, 16).expect("fits")];
+    while let Some(range) = heap.try_alloc("piece", 50_000, 16).expect("alive") {
+        ranges.push(range);
+        assert!(held() <= 3 << 20, "{:?}", heap.stats());
+    }
+    assert!(ranges.len() > 27, "{} ranges in 3 MiB: {:?}", ranges.len(), heap.stats());
+    let error = heap.alloc("piece", 50_000, 16).expect_err("full");
+    assert!(matches!(error, GpuError::OutOfMemory { budget, .. } if budget == 3 << 20), "{error}");
+    assert!(other.alloc("elsewhere", 1 << 20, 16).is_ok(), "the device has room");
+    heap.set_limit(Some(4 << 20));
+    let more = heap.alloc("more", 900_000, 16).expect("fits now");
+    heap.set_limit(Some(1 << 20));
+    drop((ranges, more));
+    heap.trim();
+    assert!(heap.try_alloc("too large", 1_100_000, 16).expect("alive").is_none(), "above the new limit");
+    assert!(heap.try_alloc("small", 1000, 16).expect("alive").is_some(), "below it");
+}
+
+#[test]
+fn trying_says_no_where_space_is_in_pieces() {
+    let gpu = support::open_with(&OpenOptions { budget_bytes: Some(1 << 20), ..support::options() });
+    let heap = Heap::new(&gpu, "heap", 1 << 20).expect("a heap");
+    let take = |bytes| heap.try_alloc("piece", bytes, 16).expect("alive");
+    let mut ranges: Vec<_> = (0..16).map(|_| take(64 << 10)).collect();
+    assert!(ranges.iter().all(Option::is_some) && take(1).is_none(), "exactly full: {:?}", heap.stats());
+    ranges.iter_mut().step_by(2).for_each(|range| *range = None);
+    let stats = heap.stats();
+    assert_eq!((stats.live_bytes, stats.retired_bytes, stats.used_bytes), (512 << 10, 0, 512 << 10), "{stats:?}");
+    assert!(take(65 << 10).is_none(), "half is free, but in pieces");
+    assert!(take(64 << 10).is_some(), "a piece");
+    drop(ranges);
+    assert!(take(512 << 10).is_some(), "half of it in one");
+}
+
+#[test]
+fn a_planted_failure_makes_a_try_fail() {
+    let gpu = support::open();
+    let heap = Heap::new(&gpu, "heap", 1 << 20).expect("a heap");
+    gpu.fail_allocation_after(1);
+    let tries: Vec<_> = (0..3).map(|_| heap.try_alloc("a", 1000, 16).expect("alive").is_some()).collect();
+    assert_eq!(tries, [true, false, true], "the second fails");
+    assert!(matches!(heap.try_alloc("odd", 64, 3), Err(GpuError::Usage { .. })), "a mistake stays an error");
+    let huge = heap.try_alloc("huge", u64::MAX - 100, 16);
+    assert!(matches!(huge, Err(GpuError::TooLarge { .. })), "what can never fit is an error: {huge:?}");
 }
 
 #[test]
