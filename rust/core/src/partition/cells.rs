@@ -164,22 +164,23 @@ impl Cutter<'_> {
         out
     }
 
-    /// The items of a chunk from before, measured again from its own arrays.
+    /// The items of a chunk from before, measured again from its own arrays. Records of members that are gone are left
+    /// out.
     pub(crate) fn melt(&self, chunk: &Chunk) -> Vec<Item> {
         let members = chunk.members();
-        let numbers: Vec<u32> =
-            chunk.ids.iter().map(|id| self.member_of.get(id).copied().unwrap_or(u32::MAX)).collect();
+        let numbers: Vec<Option<u32>> = chunk.ids.iter().map(|id| self.member_of.get(id).copied()).collect();
         let mut reader = None;
         let mut out = Vec::with_capacity(chunk.len());
         for at in 0..chunk.len() {
             let Some((which, rank)) = chunk.place(at) else { break };
-            let Some(member) = members.get(which as usize) else { break };
+            let Some((member, number)) = members.get(which as usize).zip(numbers.get(which as usize)) else { break };
+            let Some(number) = *number else { continue };
             let (_, reader) = match reader {
                 Some(ref known @ (w, _)) if w == which => known,
                 _ => reader.insert((which, member.run.reader(None))),
             };
             if let Some(mut item) = reader.item(rank) {
-                self.lattice.place(&mut item, numbers.get(which as usize).copied().unwrap_or(u32::MAX));
+                self.lattice.place(&mut item, number);
                 out.push(item);
             }
         }

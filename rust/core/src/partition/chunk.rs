@@ -164,6 +164,11 @@ impl Chunk {
         Some((self.which.get(at).copied().unwrap_or(0), *self.ranks.get(at)?))
     }
 
+    /// Replaces where the records come from by what gives the same records.
+    pub(crate) fn set_members(&self, members: Arc<[Member]>) {
+        *self.members.write().unwrap_or_else(PoisonError::into_inner) = members;
+    }
+
     /// Where the records come from, in the order of [`Chunk::ids`].
     pub(crate) fn members(&self) -> Arc<[Member]> {
         self.members.read().unwrap_or_else(PoisonError::into_inner).clone()

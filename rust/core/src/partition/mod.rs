@@ -13,6 +13,7 @@ mod cells;
 mod chunk;
 mod cost;
 mod lattice;
+mod part;
 mod place;
 mod store;
 
@@ -22,7 +23,7 @@ use glam::DVec3;
 
 pub use chunk::Chunk;
 pub(crate) use lattice::Item;
-pub(crate) use store::PartitionStore;
+pub(crate) use store::{PartitionStore, Source};
 
 use crate::mesh::{Aabb, Bvh2};
 

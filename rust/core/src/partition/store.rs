@@ -4,18 +4,17 @@
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-use super::cells::{Cutter, Piece};
-use super::chunk::{Chunk, Roster};
-use super::cost::{AssetCosts, CutRule};
-use super::lattice::{Item, Lattice};
+use super::chunk::Chunk;
+use super::cost::AssetCosts;
+use super::part::{Job, Part};
 use super::place::{Placement, place_chunks, top_level};
 use super::{ChunkInstance, OPEN_ABOVE, PartitionOptions, World};
-use crate::mesh::{Aabb, MeshAsset};
+use crate::mesh::MeshAsset;
+use crate::scene::Target;
 use crate::scene::assembly::Assembly;
-use crate::scene::{Snapshot, Target};
+use crate::scene::resolve::{GroupId, PlanGroup};
 
 /// Most chunk instances, unless the root alone has more.
 const MAX_INSTANCES: u128 = 1 << 22;
@@ -25,6 +24,7 @@ const MAX_INSTANCES: u128 = 1 << 22;
 pub(crate) struct PartitionStore {
     options: PartitionOptions,
     next_key: u64,
+    parts: FxHashMap<GroupId, Part>,
     world: Arc<World>,
     /// What `world` is the partition of.
     seen: Option<Seen>,
@@ -40,14 +40,21 @@ struct Seen {
 /// What is partitioned.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Source<'a> {
+    pub(crate) groups: &'a [PlanGroup],
     pub(crate) meshes: &'a [Arc<MeshAsset>],
-    /// Children before parents, root last.
+    /// One for each group. Children before parents, root last.
     pub(crate) assemblies: &'a [Arc<Assembly>],
 }
 
 impl Default for PartitionStore {
     fn default() -> Self {
-        Self { options: PartitionOptions::default(), next_key: 0, world: Arc::new(World::empty()), seen: None }
+        Self {
+            options: PartitionOptions::default(),
+            next_key: 0,
+            parts: FxHashMap::default(),
+            world: Arc::new(World::empty()),
+            seen: None,
+        }
     }
 }
 
@@ -72,12 +79,9 @@ impl PartitionStore {
         loop {
             let opened = source.opened(&costs, limit);
             let only_root = opened.iter().filter(|&&o| o).count() <= 1;
-            let chunks: Vec<Vec<Arc<Chunk>>> = (0..source.assemblies.len())
-                .map(|a| if opened[a] { self.partition(source, &costs, &opened, a) } else { Vec::new() })
-                .collect();
+            let chunks = self.partition(source, &costs, &opened);
             if only_root || source.count(&opened, &chunks) <= MAX_INSTANCES {
                 let mut world = source.world(&opened, chunks);
-                self.stamp(&mut world);
                 world.levels = source.levels(&opened);
                 if !world.is_same(&self.world) {
                     self.world = Arc::new(world);
@@ -92,40 +96,29 @@ impl PartitionStore {
         self.world.clone()
     }
 
-    /// Cuts one assembly.
-    fn partition(&self, source: Source<'_>, costs: &AssetCosts, opened: &[bool], at: usize) -> Vec<Arc<Chunk>> {
-        let assembly = &source.assemblies[at];
-        let members = assembly.members();
-        let is_inside =
-            |target: Target| !matches!(target, Target::Assembly(a) if opened.get(a as usize) == Some(&true));
-        let inside = || members.iter().zip(0_u32..).filter(|(m, _)| m.run.len() > 0 && is_inside(m.target));
-        let mut totals: FxHashMap<Target, u64> = FxHashMap::default();
-        inside().for_each(|(m, _)| *totals.entry(m.target).or_default() += m.run.len() as u64);
-        let bounds = inside().fold(Aabb::EMPTY, |b, (m, _)| b.union(&m.run.bounds()));
-        let lattice = Lattice::around(&bounds);
-        let mut items: Vec<Item> = Vec::with_capacity(inside().map(|(m, _)| m.run.len()).sum());
-        for (member, number) in inside() {
-            let mut part = member.run.take_items();
-            part.par_iter_mut().with_min_len(1 << 12).for_each(|item| lattice.place(item, number));
-            items.append(&mut part);
-        }
-        items.par_sort_unstable_by_key(Item::key);
-        let ids: Vec<u32> = (0_u32..).take(members.len()).collect();
-        let member_of = ids.iter().map(|&id| (id, id)).collect();
-        let rule = CutRule { costs, chunk_bytes: self.options.chunk_bytes(), totals };
-        let roster = Roster { members, ids: &ids, keeps_frame: assembly.is_split_mesh() };
-        let cutter = Cutter { rule: &rule, roster, lattice: &lattice, member_of: &member_of };
-        cutter.cut(&[Piece::Loose(&items)])
-    }
-
-    /// Gives new chunks their keys.
-    fn stamp(&mut self, world: &mut World) {
-        for chunk in &mut world.chunks {
-            if let Some(chunk) = Arc::get_mut(chunk).filter(|chunk| chunk.key == 0) {
-                self.next_key += 1;
-                chunk.key = self.next_key;
+    /// Brings the chunks of all opened assemblies up to date.
+    fn partition(&mut self, source: Source<'_>, costs: &AssetCosts, opened: &[bool]) -> Vec<Vec<Arc<Chunk>>> {
+        let mut old = std::mem::take(&mut self.parts);
+        let chunk_bytes = self.options.chunk_bytes();
+        let all = source.groups.iter().zip(source.assemblies).zip(opened);
+        all.map(|((group, assembly), &is_opened)| {
+            if !is_opened {
+                return Vec::new();
             }
-        }
+            let mut part = old.remove(&group.id).unwrap_or_default();
+            part.update(Job { assembly, costs, chunk_bytes, opened });
+            for chunk in &mut part.chunks {
+                // New ones are not shared yet.
+                if let Some(chunk) = Arc::get_mut(chunk).filter(|chunk| chunk.key == 0) {
+                    self.next_key += 1;
+                    chunk.key = self.next_key;
+                }
+            }
+            let chunks = part.chunks.clone();
+            self.parts.insert(group.id.clone(), part);
+            chunks
+        })
+        .collect()
     }
 }
 
@@ -250,12 +243,5 @@ impl Source<'_> {
             levels.push(all);
         }
         longest
-    }
-}
-
-impl Snapshot {
-    /// What of this scene is partitioned.
-    pub(crate) fn source(&self) -> Source<'_> {
-        Source { meshes: &self.meshes, assemblies: &self.assemblies }
     }
 }

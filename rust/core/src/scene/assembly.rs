@@ -72,6 +72,10 @@ pub(crate) struct Member {
     pub(crate) target: Target,
     /// Prim id of the mesh prim, -1 for assemblies.
     pub(crate) prim_id: i32,
+    /// The mesh, or the instancer.
+    pub(crate) path: Arc<str>,
+    /// Prototype of the instancer, cluster of the mesh, else 0.
+    pub(crate) slot: usize,
 }
 
 impl Member {
@@ -184,6 +188,23 @@ impl Assembly {
 }
 
 impl Member {
+    /// What tells members of an assembly apart and orders them.
+    pub(crate) fn name(&self) -> (&str, usize) {
+        (&self.path, self.slot)
+    }
+
+    /// How `next` differs, if by nothing but some usable placements: the ranks of those, or `None` inside for no rank.
+    #[expect(clippy::option_option, reason = "no small difference; none at all; some ranks")]
+    pub(crate) fn edit_to(&self, next: &Self) -> Option<Option<Arc<Vec<u32>>>> {
+        let comparable = self.target == next.target
+            && self.prim_id == next.prim_id
+            && self.prototype_count() == next.prototype_count();
+        if !comparable {
+            return None;
+        }
+        if Arc::ptr_eq(&self.run, &next.run) { Some(None) } else { next.run.edits_of(&self.run).map(Some) }
+    }
+
     /// Records of an instancer's prototype, for instance ids.
     pub(crate) fn prototype_count(&self) -> u32 {
         if self.run.is_instanced() { self.run.ranks() } else { 1 }

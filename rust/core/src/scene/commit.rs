@@ -24,25 +24,14 @@ const FAR: f64 = 4.0;
 /// Assemblies of the last commit by group.
 #[derive(Debug, Default)]
 pub(crate) struct AssemblyStore {
-    groups: FxHashMap<GroupId, Known>,
+    groups: FxHashMap<GroupId, Arc<Assembly>>,
     next_key: u64,
     origin: DVec3,
 }
 
-/// An assembly and which prim each of its members came from.
-#[derive(Debug)]
-struct Known {
-    assembly: Arc<Assembly>,
-    /// By path and slot, as the members.
-    ids: Vec<(Arc<str>, usize)>,
-}
-
-impl Known {
-    fn run_of(&self, member: &PlanMember) -> Option<&Arc<Run>> {
-        let id = (&member.path, member.slot);
-        let at = self.ids.binary_search_by(|(path, slot)| (path, *slot).cmp(&id)).ok()?;
-        self.assembly.members().get(at).map(|m| &m.run)
-    }
+fn run_of<'a>(known: &'a Assembly, member: &PlanMember) -> Option<&'a Arc<Run>> {
+    let at = known.members().binary_search_by(|m| m.name().cmp(&(&member.path, member.slot))).ok()?;
+    known.members().get(at).map(|m| &m.run)
 }
 
 /// Assets by index, and the index of each content hash.
@@ -65,8 +54,7 @@ impl AssemblyStore {
                 assembly = self.make_one(group, assets, &made);
             }
             made.push(assembly.clone());
-            let ids = group.members.iter().map(|m| (m.path.clone(), m.slot)).collect();
-            groups.insert(group.id.clone(), Known { assembly, ids });
+            groups.insert(group.id.clone(), assembly);
         }
         self.groups = groups;
         (made, self.origin)
@@ -85,12 +73,12 @@ impl AssemblyStore {
                 let before = DAffine3::from_translation(shift) * plan.before;
                 let instances = plan.instances.clone();
                 let spec = RunSpec { before, after: plan.after, instances, target_bounds };
-                let run = Run::reuse_or_scan(known.and_then(|k| k.run_of(plan)), spec, collect);
-                Some(Member { run, target, prim_id })
+                let run = Run::reuse_or_scan(known.and_then(|k| run_of(k, plan)), spec, collect);
+                Some(Member { run, target, prim_id, path: plan.path.clone(), slot: plan.slot })
             })
             .collect();
         match known {
-            Some(known) if known.assembly.is_made_of(&members) => known.assembly.clone(),
+            Some(known) if known.is_made_of(&members) => known.clone(),
             _ => {
                 self.next_key += 1;
                 Arc::new(Assembly::new(self.next_key, members, matches!(group.id, GroupId::Clusters(..))))

@@ -8,6 +8,7 @@
 pub(crate) mod assembly;
 mod commit;
 pub mod desc;
+mod diff;
 mod entries;
 mod light;
 pub(crate) mod placement;
@@ -32,7 +33,7 @@ pub use snapshot::{
     Light, MeshAsset, SceneCounts, SceneFeatures, SceneWarning, Snapshot, SnapshotError, Target, Triangle, blackbody,
 };
 
-use crate::partition::{PartitionOptions, PartitionStore, World};
+use crate::partition::{PartitionOptions, PartitionStore, Source, World};
 use commit::{AssemblyStore, Assets, shining};
 use entries::{InstancerEntry, MeshEntry, MeshStore};
 use report::Reports;
@@ -164,7 +165,8 @@ impl SceneDb {
         let lights = shining(&self.lights, &mut reports);
         let dropped = reports.total();
         let mut next = Snapshot { origin, meshes: assets.meshes, assemblies, lights, dropped, ..Snapshot::nothing() };
-        next.world = self.partition.update(next.source());
+        next.world =
+            self.partition.update(Source { groups: &plan, meshes: &next.meshes, assemblies: &next.assemblies });
         let changed = self.snapshot.version == 0 || !next.is_same(&self.snapshot);
         if changed {
             next.version = self.snapshot.version + 1;

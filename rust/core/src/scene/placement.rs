@@ -2,10 +2,13 @@
 //! Where one instance goes: the matrix from borrowed arrays in f64, its inverse, a conservative box. Pure and without
 //! allocation: this is the inner loop of scene encoding.
 
+use std::sync::{Arc, OnceLock, Weak};
+
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4};
 
 use super::assembly::InstanceFlags;
 use super::desc::InstancerDesc;
+use super::diff::ChangedNumbers;
 use super::report::DroppedData;
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::mesh::Aabb;
@@ -25,6 +28,8 @@ pub(crate) struct InstanceArrays {
     pub(crate) rotations: Option<TypedArray>,
     pub(crate) scales: Option<TypedArray>,
     pub(crate) transforms: Option<TypedArray>,
+    /// What changed against the arrays before, once it was asked for.
+    pub(crate) changes: OnceLock<(Weak<InstanceArrays>, Option<Arc<ChangedNumbers>>)>,
 }
 
 impl InstanceArrays {
@@ -37,10 +42,19 @@ impl InstanceArrays {
             rotations: present(&desc.rotations),
             scales: present(&desc.scales),
             transforms: present(&desc.transforms),
+            changes: OnceLock::new(),
         }
     }
 
-    fn all(&self) -> [&Option<TypedArray>; 5] {
+    /// The instances whose elements differ, when both have the same kinds of arrays of the same lengths and the same
+    /// mask. Worked out once for all prototypes.
+    pub(crate) fn changes(old: &Arc<Self>, new: &Arc<Self>) -> Option<Arc<ChangedNumbers>> {
+        let (from, changes) =
+            new.changes.get_or_init(|| (Arc::downgrade(old), ChangedNumbers::between(old, new).map(Arc::new)));
+        if std::ptr::eq(from.as_ptr(), Arc::as_ptr(old)) { changes.clone() } else { None }
+    }
+
+    pub(crate) fn all(&self) -> [&Option<TypedArray>; 5] {
         [&self.mask, &self.translations, &self.rotations, &self.scales, &self.transforms]
     }
 

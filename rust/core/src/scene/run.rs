@@ -2,7 +2,7 @@
 //! Runs: the placements that one prim contributes to an assembly. A run knows which of its instances are shown and
 //! usable; their matrices stay in the borrowed arrays. Immutable once scanned.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
@@ -69,7 +69,7 @@ impl RunSpec {
 pub(crate) struct Run {
     spec: RunSpec,
     /// Instance numbers left by the mask, by rank; `None` = all indices.
-    unmasked: Option<Vec<u32>>,
+    unmasked: Option<Arc<Vec<u32>>>,
     /// Ranks that are not usable, in order.
     bad: Vec<u32>,
     /// Number of ranks: instances left by the mask.
@@ -78,6 +78,8 @@ pub(crate) struct Run {
     blocks: Vec<Aabb>,
     bounds: Aabb,
     dropped: DroppedData,
+    /// The run that this one was made from, and the ranks that may differ from it.
+    edits: Option<(Weak<Run>, Arc<Vec<u32>>)>,
     /// Items of all usable ranks, if the scan was asked for them and nobody took them yet.
     items: Mutex<Option<Vec<Item>>>,
 }
@@ -95,7 +97,8 @@ impl Run {
     pub(crate) fn reuse_or_scan(old: Option<&Arc<Self>>, spec: RunSpec, collect: bool) -> Arc<Self> {
         match old {
             Some(old) if old.spec.is_same(&spec) => old.clone(),
-            _ => Arc::new(Self::scan(spec, collect)),
+            Some(old) => Arc::new(Self::edited(old, &spec).unwrap_or_else(|| Self::scan(spec, collect))),
+            None => Arc::new(Self::scan(spec, collect)),
         }
     }
 
@@ -108,6 +111,7 @@ impl Run {
             blocks: Vec::new(),
             bounds: Aabb::EMPTY,
             dropped: DroppedData::default(),
+            edits: None,
             items: Mutex::new(None),
         };
         if run.spec.target_bounds.is_empty() {
@@ -130,6 +134,79 @@ impl Run {
         run
     }
 
+    /// The run of `spec` made from `old` by looking at changed instances only; `None` when that is not possible or not
+    /// worth it.
+    fn edited(old: &Arc<Self>, spec: &RunSpec) -> Option<Self> {
+        let ranks = old.changed_ranks(spec)?;
+        let mut run = Self {
+            spec: spec.clone(),
+            unmasked: old.unmasked.clone(),
+            bad: old.bad.clone(),
+            ranks: old.ranks,
+            blocks: old.blocks.clone(),
+            bounds: Aabb::EMPTY,
+            dropped: old.dropped,
+            edits: None,
+            items: Mutex::new(None),
+        };
+        let mut touched: Vec<usize> = ranks.iter().map(|&rank| rank as usize / BLOCK).collect();
+        touched.dedup();
+        let (numbers, placer) = (run.numbers(), run.spec.placer());
+        let scans: Vec<Scan> = touched
+            .par_iter()
+            .map(|&block| {
+                let mut scan = Scan::default();
+                let end = ((block + 1) * BLOCK).min(old.ranks as usize);
+                scan.add_block(&numbers, &placer, block * BLOCK..end, (0, &mut []));
+                scan
+            })
+            .collect();
+        let is_touched = |rank: &u32| touched.binary_search(&(*rank as usize / BLOCK)).is_ok();
+        let mut bad: Vec<u32> = old.bad.iter().copied().filter(|rank| !is_touched(rank)).collect();
+        bad.extend(scans.iter().flat_map(|s| s.bad.iter().copied()));
+        bad.sort_unstable();
+        for (&block, scan) in touched.iter().zip(&scans) {
+            if let (Some(slot), Some(bounds)) = (run.blocks.get_mut(block), scan.blocks.first()) {
+                *slot = *bounds;
+            }
+        }
+        run.bounds = run.blocks.iter().fold(Aabb::EMPTY, |a, b| a.union(b));
+        // Which numbers are out of range did not change.
+        run.dropped.instance_transforms =
+            (run.dropped.instance_transforms + bad.len() as u64).saturating_sub(old.bad.len() as u64);
+        run.bad = bad;
+        run.edits = Some((Arc::downgrade(old), Arc::new(ranks)));
+        Some(run)
+    }
+
+    /// Ranks whose placement may differ under `spec`, in order, if all else is the same and they are few.
+    fn changed_ranks(&self, spec: &RunSpec) -> Option<Vec<u32>> {
+        let (old, new) = (self.spec.instances.as_ref()?, spec.instances.as_ref()?);
+        let same_frame = self.spec.before == spec.before
+            && self.spec.after == spec.after
+            && self.spec.target_bounds == spec.target_bounds
+            && !spec.target_bounds.is_empty();
+        if !same_frame || self.ranks == 0 || old.indices.identity() != new.indices.identity() {
+            return None;
+        }
+        let changed = InstanceArrays::changes(&old.arrays, &new.arrays)?;
+        if changed.len() > self.ranks as usize / 4 {
+            return None;
+        }
+        let numbers = self.numbers();
+        let is_changed = |rank: u32| {
+            let number = numbers.of(rank).flatten().and_then(|n| u32::try_from(n).ok());
+            number.is_some_and(|n| changed.contains(n))
+        };
+        Some((0..self.ranks).into_par_iter().with_min_len(TASK).filter(|&rank| is_changed(rank)).collect())
+    }
+
+    /// Ranks that may differ from those of `old`, when this run was made from it.
+    pub(crate) fn edits_of(&self, old: &Arc<Self>) -> Option<Arc<Vec<u32>>> {
+        let (from, ranks) = self.edits.as_ref()?;
+        std::ptr::eq(from.as_ptr(), Arc::as_ptr(old)).then(|| ranks.clone())
+    }
+
     fn scan_instances(&mut self, instances: &Instances, collect: bool) {
         let indices = instances.indices.view();
         if !indices.is_empty() && indices.element() != ElementType::I32 {
@@ -137,9 +214,9 @@ impl Run {
             return;
         }
         if let Some(mask) = &instances.arrays.mask {
-            self.unmasked = apply_mask(&indices, &mask.view(), &mut self.dropped);
+            self.unmasked = apply_mask(&indices, &mask.view(), &mut self.dropped).map(Arc::new);
         }
-        let ranks = self.unmasked.as_ref().map_or(indices.len(), Vec::len);
+        let ranks = self.unmasked.as_ref().map_or(indices.len(), |n| n.len());
         let Ok(count) = u32::try_from(ranks) else {
             // More than the 32 bits of an instance number can tell apart.
             self.dropped.instance_indices += ranks as u64;
@@ -189,7 +266,7 @@ impl Run {
     fn numbers(&self) -> Numbers<'_> {
         let instances = self.spec.instances.as_ref();
         Numbers {
-            unmasked: self.unmasked.as_deref(),
+            unmasked: self.unmasked.as_ref().map(|n| &n[..]),
             indices: instances.map(|i| i.indices.view()),
             limit: instances.map_or(0, |i| i.arrays.len()),
         }
@@ -343,6 +420,13 @@ impl Reader<'_> {
     pub(crate) fn item(&self, rank: u32) -> Option<Item> {
         let number = self.numbers.of(rank).filter(|_| self.is_usable(rank))?;
         self.placer.measure(number).map(|(_, footprint)| Item::new(&footprint, rank))
+    }
+
+    /// As [`Reader::item`], for the first usable rank.
+    pub(crate) fn first_item(&self) -> Option<Item> {
+        // The first rank that is no bad one.
+        let first = (0_u32..).zip(self.bad).take_while(|(rank, bad)| rank == *bad).count();
+        self.item(u32::try_from(first).ok()?)
     }
 
     /// The placement of a usable rank.

@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The partition of one opened assembly, brought up to date by what changed.
+//!
+//! Chunks in which nothing changed stay as they are; the members of the others, and new ones, are sorted anew and cut
+//! together with them. The result is the one that cutting everything anew would give. Costs: the measuring of what is in
+//! touched chunks, and a few steps per chunk.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use super::cells::{Cutter, Piece};
+use super::chunk::{Chunk, Roster};
+use super::cost::{AssetCosts, CutRule};
+use super::lattice::{Item, Lattice};
+use crate::mesh::Aabb;
+use crate::scene::Target;
+use crate::scene::assembly::{Assembly, Member};
+
+/// The partition of one opened assembly.
+#[derive(Debug, Default)]
+pub(crate) struct Part {
+    lattice: Option<Lattice>,
+    /// Members with records in chunks, in order.
+    members: Vec<Known>,
+    /// In Morton order.
+    pub(crate) chunks: Vec<Arc<Chunk>>,
+    next_id: u32,
+}
+
+/// A member and its lasting id.
+#[derive(Clone, Debug)]
+struct Known {
+    id: u32,
+    member: Member,
+}
+
+/// What became of the members since the last time.
+#[derive(Debug, Default)]
+struct Changes {
+    /// Lasting id of each present member, in the order of the assembly; unused for those without records in chunks.
+    ids: Vec<u32>,
+    /// Number of the member of each lasting id that is still there.
+    member_of: FxHashMap<u32, u32>,
+    /// Members all of whose records are new, by number.
+    added: Vec<u32>,
+    /// Members with some changed records: number, old place among the known ones, ranks.
+    edited: Vec<(u32, usize, Arc<Vec<u32>>)>,
+    /// Ids with another run but the same records where not edited.
+    rebound: FxHashSet<u32>,
+    next_id: u32,
+}
+
+/// What is partitioned, and by which costs.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Job<'a> {
+    pub(crate) assembly: &'a Assembly,
+    pub(crate) costs: &'a AssetCosts,
+    pub(crate) chunk_bytes: u64,
+    /// By assembly: whether it is opened.
+    pub(crate) opened: &'a [bool],
+}
+
+impl<'a> Job<'a> {
+    /// Members with records in chunks, with their numbers.
+    pub(crate) fn inside(&self) -> impl Iterator<Item = (u32, &'a Member)> {
+        let opened = self.opened;
+        let is_opened = move |t: Target| matches!(t, Target::Assembly(a) if opened.get(a as usize) == Some(&true));
+        (0..).zip(self.assembly.members()).filter(move |(_, m)| m.run.len() > 0 && !is_opened(m.target))
+    }
+
+    /// The lattice of these members.
+    pub(crate) fn lattice(&self) -> Lattice {
+        Lattice::around(&self.inside().fold(Aabb::EMPTY, |b, (_, m)| b.union(&m.run.bounds())))
+    }
+
+    /// The rule by which cells are cut.
+    pub(crate) fn rule(&self) -> CutRule<'a> {
+        let mut totals: FxHashMap<Target, u64> = FxHashMap::default();
+        self.inside().for_each(|(_, m)| *totals.entry(m.target).or_default() += m.run.len() as u64);
+        CutRule { costs: self.costs, chunk_bytes: self.chunk_bytes, totals }
+    }
+}
+
+impl Part {
+    /// Brings the partition up to date. New chunks have key 0.
+    pub(crate) fn update(&mut self, job: Job<'_>) {
+        let lattice = job.lattice();
+        if self.lattice != Some(lattice) || self.next_id > u32::MAX / 2 {
+            *self = Self { lattice: Some(lattice), ..Self::default() };
+        }
+        let changes = self.changes(job);
+        let rule = job.rule();
+        let roster =
+            Roster { members: job.assembly.members(), ids: &changes.ids, keeps_frame: job.assembly.is_split_mesh() };
+        let cutter = Cutter { rule: &rule, roster, lattice: &lattice, member_of: &changes.member_of };
+        let mut items = new_items(job.assembly.members(), &changes, &lattice);
+        let changed = self.changed_places(&changes);
+        let touched = self.touched(&changes, &items, &changed, &lattice);
+        let melted: Vec<Vec<Item>> = self
+            .chunks
+            .par_iter()
+            .zip(&touched)
+            .filter(|(_, touched)| **touched)
+            .map(|(chunk, _)| {
+                let mut items = cutter.melt(chunk);
+                items.retain(|i| !changed.contains(&(i.member(), i.rank())));
+                items
+            })
+            .collect();
+        melted.into_iter().for_each(|mut part| items.append(&mut part));
+        items.par_sort_unstable_by_key(Item::key);
+        let kept: Vec<&Arc<Chunk>> = self.chunks.iter().zip(&touched).filter(|(_, t)| !**t).map(|(c, _)| c).collect();
+        kept.par_iter().for_each(|chunk| rebind(chunk, &changes, roster.members));
+        let chunks = cutter.cut(&pieces(&kept, &items));
+        let known = job.inside().map(|(number, member)| Known {
+            id: changes.ids.get(number as usize).copied().unwrap_or(u32::MAX),
+            member: member.clone(),
+        });
+        self.members = known.collect();
+        self.chunks = chunks;
+        self.next_id = changes.next_id;
+    }
+
+    /// Compares the members with those of the last time; both are in the order of paths and slots.
+    fn changes(&self, job: Job<'_>) -> Changes {
+        let mut changes =
+            Changes { ids: vec![u32::MAX; job.assembly.members().len()], next_id: self.next_id, ..Changes::default() };
+        let mut old = self.members.iter().enumerate().peekable();
+        for (number, member) in job.inside() {
+            while old.next_if(|(_, known)| known.member.name() < member.name()).is_some() {}
+            let known = old.next_if(|(_, known)| known.member.name() == member.name());
+            let edit = known.and_then(|(_, known)| known.member.edit_to(member));
+            let id = match (known, edit) {
+                (Some((at, known)), Some(edited)) => {
+                    if !Arc::ptr_eq(&known.member.run, &member.run) {
+                        changes.rebound.insert(known.id);
+                    }
+                    if let Some(ranks) = edited {
+                        changes.edited.push((number, at, ranks));
+                    }
+                    known.id
+                }
+                _ => {
+                    changes.added.push(number);
+                    changes.next_id += 1;
+                    changes.next_id - 1
+                }
+            };
+            if let Some(slot) = changes.ids.get_mut(number as usize) {
+                *slot = id;
+            }
+            changes.member_of.insert(id, number);
+        }
+        changes
+    }
+
+    /// Records that changed, by number of the member and rank.
+    fn changed_places(&self, changes: &Changes) -> FxHashSet<(u32, u32)> {
+        changes.edited.iter().flat_map(|(number, _, ranks)| ranks.iter().map(|&rank| (*number, rank))).collect()
+    }
+
+    /// Which chunks lost a record, get one, or stand among chunks of equal codes that do.
+    fn touched(
+        &self,
+        changes: &Changes,
+        items: &[Item],
+        changed: &FxHashSet<(u32, u32)>,
+        lattice: &Lattice,
+    ) -> Vec<bool> {
+        let lost = |chunk: &Chunk| chunk.ids.iter().any(|id| !changes.member_of.contains_key(id));
+        let mut touched: Vec<bool> = self.chunks.par_iter().map(|chunk| lost(chunk)).collect();
+        if self.chunks.is_empty() {
+            return touched;
+        }
+        let mut codes: Vec<u64> = items.par_iter().map(Item::code).collect();
+        for (number, at, ranks) in changes.edited.iter().filter(|_| !changed.is_empty()) {
+            let Some(known) = self.members.get(*at) else { continue };
+            let reader = known.member.run.reader(None);
+            codes.par_extend(ranks.par_iter().filter_map(|&rank| {
+                let mut item = reader.item(rank)?;
+                lattice.place(&mut item, *number);
+                Some(item.code())
+            }));
+        }
+        codes.par_sort_unstable();
+        codes.dedup();
+        let mut at = 0;
+        for code in codes {
+            while self.chunks.get(at).is_some_and(|chunk| chunk.codes[1] < code) {
+                at += 1;
+            }
+            let around = self.chunks.iter().zip(&mut touched).skip(at);
+            around.take_while(|(chunk, _)| chunk.codes[0] <= code).for_each(|(_, touched)| *touched = true);
+        }
+        self.spread_over_equal_codes(&mut touched);
+        touched
+    }
+
+    fn spread_over_equal_codes(&self, touched: &mut [bool]) {
+        let mut start = 0;
+        for stretch in self.chunks.chunk_by(|a, b| a.codes[1] == b.codes[0]) {
+            let part = touched.get_mut(start..start + stretch.len()).unwrap_or_default();
+            if part.contains(&true) {
+                part.fill(true);
+            }
+            start += stretch.len();
+        }
+    }
+}
+
+/// The items of added members and of edited records, not sorted.
+fn new_items(members: &[Member], changes: &Changes, lattice: &Lattice) -> Vec<Item> {
+    let of = |number: u32| members.get(number as usize);
+    let count = changes.added.iter().filter_map(|&n| of(n)).map(|m| m.run.len()).sum();
+    let mut items: Vec<Item> = Vec::with_capacity(count);
+    let (single, many): (Vec<u32>, Vec<u32>) =
+        changes.added.iter().partition(|&&number| of(number).is_none_or(|m| m.run.len() == 1));
+    items.par_extend(single.par_iter().filter_map(|&number| {
+        let reader = of(number)?.run.reader(None);
+        let mut item = reader.first_item()?;
+        lattice.place(&mut item, number);
+        Some(item)
+    }));
+    for number in many {
+        let Some(member) = of(number) else { continue };
+        let mut part = member.run.take_items();
+        part.par_iter_mut().with_min_len(1 << 12).for_each(|item| lattice.place(item, number));
+        items.append(&mut part);
+    }
+    for (number, _, ranks) in &changes.edited {
+        let Some(member) = of(*number) else { continue };
+        let reader = member.run.reader(None);
+        items.par_extend(ranks.par_iter().filter_map(|&rank| {
+            let mut item = reader.item(rank)?;
+            lattice.place(&mut item, *number);
+            Some(item)
+        }));
+    }
+    items
+}
+
+/// Makes a kept chunk read the present arrays, so that old ones can go. Changes no record.
+fn rebind(chunk: &Chunk, changes: &Changes, members: &[Member]) {
+    if chunk.ids.iter().any(|id| changes.rebound.contains(id)) {
+        let present = chunk.ids.iter().filter_map(|id| members.get(*changes.member_of.get(id)? as usize).cloned());
+        chunk.set_members(present.collect());
+    }
+}
+
+/// Kept chunks and sorted items between them, in order.
+fn pieces<'a>(kept: &[&'a Arc<Chunk>], mut items: &'a [Item]) -> Vec<Piece<'a>> {
+    let mut pieces = Vec::with_capacity(kept.len() + 1);
+    for chunk in kept {
+        let (before, after) = items.split_at(items.partition_point(|item| item.code() < chunk.codes[0]));
+        if !before.is_empty() {
+            pieces.push(Piece::Loose(before));
+        }
+        pieces.push(Piece::Kept(chunk));
+        items = after;
+    }
+    if !items.is_empty() {
+        pieces.push(Piece::Loose(items));
+    }
+    pieces
+}

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Which instances of an instancer differ between two sets of arrays, told at the speed of memory: blocks are compared as
+//! bytes, elements only where a block differs. Pure; work is spread over the caller's rayon pool.
+
+use rayon::prelude::*;
+
+use super::placement::InstanceArrays;
+
+/// Elements compared at a time.
+const BLOCK: usize = 1 << 12;
+
+/// A set of instance numbers.
+#[derive(Debug)]
+pub(crate) struct ChangedNumbers {
+    /// One bit for each number.
+    bits: Vec<u64>,
+    len: usize,
+}
+
+impl ChangedNumbers {
+    /// The instances whose elements differ bit for bit; `None` unless arrays are there, of the same types and lengths,
+    /// and with equal masks.
+    pub(crate) fn between(old: &InstanceArrays, new: &InstanceArrays) -> Option<Self> {
+        let [old_mask, old_arrays @ ..] = old.all();
+        let [new_mask, new_arrays @ ..] = new.all();
+        let same_mask = match (old_mask, new_mask) {
+            (None, None) => true,
+            (Some(a), Some(b)) => a.same_contents(b),
+            _ => false,
+        };
+        let mut numbers = Self { bits: Vec::new(), len: 0 };
+        for pair in old_arrays.into_iter().zip(new_arrays) {
+            match pair {
+                (None, None) => {}
+                (Some(a), Some(b)) if same_mask && a.element() == b.element() && a.len() == b.len() => {
+                    if a.identity() != b.identity() {
+                        numbers.add(a.view().bytes(), b.view().bytes(), a.element().size());
+                    }
+                }
+                _ => return None,
+            }
+        }
+        numbers.len = numbers.bits.iter().map(|word| word.count_ones() as usize).sum();
+        same_mask.then_some(numbers)
+    }
+
+    fn add(&mut self, old: &[u8], new: &[u8], size: usize) {
+        let blocks = old.par_chunks(BLOCK * size).zip(new.par_chunks(BLOCK * size)).enumerate();
+        let differing: Vec<usize> = blocks
+            .filter(|(_, (a, b))| a != b)
+            .flat_map_iter(|(block, (a, b))| {
+                let elements = a.chunks(size).zip(b.chunks(size)).zip(block * BLOCK..);
+                elements.filter(|((a, b), _)| a != b).map(|(_, number)| number)
+            })
+            .collect();
+        for number in differing {
+            if number / 64 >= self.bits.len() {
+                self.bits.resize(number / 64 + 1, 0);
+            }
+            if let Some(word) = self.bits.get_mut(number / 64) {
+                *word |= 1 << (number % 64);
+            }
+        }
+    }
+
+    /// How many there are.
+    pub(crate) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// True when `number` is one of them.
+    #[inline]
+    pub(crate) fn contains(&self, number: u32) -> bool {
+        let number = number as usize;
+        self.bits.get(number / 64).is_some_and(|word| word >> (number % 64) & 1 == 1)
+    }
+}
