@@ -11,6 +11,7 @@ use ash::vk;
 
 use crate::arena::RetiredRange;
 use crate::budget::{Budget, automatic_budget};
+use crate::cache_file::CacheFile;
 use crate::capabilities::FeatureChain;
 use crate::error::GpuError;
 use crate::gpu::{Limits, OpenOptions};
@@ -48,6 +49,7 @@ pub(crate) struct Device {
     pub(crate) budget: Budget,
     pub(crate) queues: [Queue; LANES],
     pub(crate) pipeline_cache: vk::PipelineCache,
+    pub(crate) cache_file: Option<CacheFile>,
     /// Timestamps are wanted by default.
     pub(crate) profile: bool,
     pub(crate) markers: Option<Markers>,
@@ -81,6 +83,7 @@ impl Device {
             budget: Budget::new(0),
             queues: get_queues(&raw, &choices),
             pipeline_cache: vk::PipelineCache::null(),
+            cache_file: options.pipeline_cache.as_ref().map(|folder| CacheFile::new(folder, &probed)),
             profile: options.profile && probed.report.capabilities.timestamps,
             markers: None,
             heaps: Mutex::new(Vec::new()),
@@ -95,10 +98,7 @@ impl Device {
         for queue in &mut device.queues {
             queue.create_timeline(&device.raw, &device.names)?;
         }
-        let info = vk::PipelineCacheCreateInfo::default();
-        // SAFETY: the device is alive; an empty cache has no data to be valid.
-        let cache = unsafe { device.raw.create_pipeline_cache(&info, None) };
-        device.pipeline_cache = cache.map_err(|code| vulkan_error("vkCreatePipelineCache", code))?;
+        device.create_pipeline_cache()?;
         if options.crash_markers {
             device.markers = Some(Markers::new(&device)?);
         }
@@ -314,6 +314,7 @@ impl Drop for Device {
             // SAFETY: the device is idle and every Timer has given its pools back.
             unsafe { self.raw.destroy_query_pool(pool, None) };
         }
+        self.save_pipeline_cache();
         // SAFETY: no pipeline is being made: each making holds the device. Null is allowed.
         unsafe { self.raw.destroy_pipeline_cache(self.pipeline_cache, None) };
         // SAFETY: all objects made from the device are destroyed: buffers, pipelines and pools hold an Arc of it or went above.

@@ -3,6 +3,7 @@
 //!
 //! Several may be open at once, also on the same device. Any thread.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::budget::MemoryUse;
@@ -11,7 +12,7 @@ use crate::device::Device;
 use crate::error::GpuError;
 use crate::instance::{Instance, Validation};
 use crate::lane::Lane;
-use crate::report::{DeviceReport, Probed, probe_all};
+use crate::report::{DeviceReport, Probed, device_usage, probe_all};
 use crate::select;
 use crate::validation::ValidationLog;
 
@@ -32,6 +33,9 @@ pub struct OpenOptions {
     pub crash_markers: bool,
     /// Let transfer lists run on a queue of their own, if the device has one to spare. False = on the main queue, to compare.
     pub transfer_queue: bool,
+    /// Folder for the compiled pipelines of each device and driver, kept from run to run; made when needed. None = in memory only.
+    /// See [`Gpu::save_pipeline_cache`].
+    pub pipeline_cache: Option<PathBuf>,
 }
 
 impl Default for OpenOptions {
@@ -44,6 +48,7 @@ impl Default for OpenOptions {
             profile: false,
             crash_markers: true,
             transfer_queue: true,
+            pipeline_cache: None,
         }
     }
 }
@@ -133,6 +138,16 @@ impl Gpu {
         self.device.budget.counts()
     }
 
+    /// Bytes that the driver says this process uses of device-local memory, by whatever it holds: other devices, pipelines and the
+    /// driver's own things too. None without `VK_EXT_memory_budget`. Mesa's software renderer (25.0.7) tells of the whole machine
+    /// instead.
+    #[must_use]
+    pub fn driver_usage(&self) -> Option<u64> {
+        let device = &self.device;
+        let known = device.report.capabilities.memory_budget;
+        known.then(|| device_usage(&device.instance, device.physical))
+    }
+
     /// Changes the hard budget; None = nine tenths of what this process could hold now. What is held stays held: below that, every
     /// request fails until enough was dropped.
     pub fn set_budget(&self, budget_bytes: Option<u64>) {
@@ -167,8 +182,14 @@ impl Gpu {
         Ok(())
     }
 
-    /// For tests: after `n` more requests for memory ([`Buffer::new`](crate::Buffer::new), [`Heap::alloc`](crate::Heap::alloc)), one
-    /// fails with [`GpuError::OutOfMemory`]; 0 = the next one.
+    /// Writes the pipelines compiled so far to the folder of [`OpenOptions::pipeline_cache`], as closing the device does: for hosts
+    /// that end without closing it. Cheap when nothing is new. What fails is logged.
+    pub fn save_pipeline_cache(&self) {
+        self.device.save_pipeline_cache();
+    }
+
+    /// For tests: after `n` more requests for memory ([`Buffer::new`](crate::Buffer::new), [`Heap::alloc`](crate::Heap::alloc),
+    /// [`Heap::try_alloc`](crate::Heap::try_alloc)), one fails with [`GpuError::OutOfMemory`]; 0 = the next one.
     pub fn fail_allocation_after(&self, n: u64) {
         self.device.budget.fail_after(n);
     }

@@ -21,6 +21,7 @@
 mod arena;
 mod budget;
 mod buffer;
+mod cache_file;
 mod capabilities;
 mod commands;
 mod device;

@@ -3,7 +3,8 @@
 //!
 //! Trust: shaders reach memory by address, so a wrong shader or a wrong address in a push constant can fault the device (reported
 //! as [`GpuError::DeviceLost`]; on a software renderer it can fault the process). Give this only SPIR-V that was validated when it
-//! was built. Any thread; several pipelines may be made at once and share one in-memory cache.
+//! was built. Any thread; several pipelines may be made at once and share one cache,
+//! which may be kept on disk ([`OpenOptions::pipeline_cache`](crate::OpenOptions::pipeline_cache)).
 
 use std::sync::Arc;
 

@@ -120,6 +120,7 @@ pub(crate) struct Probed {
     pub(crate) max_allocation_bytes: u64,
     pub(crate) subgroup_size: u32,
     pub(crate) queues: QueueChoices,
+    pub(crate) device_uuid: [u8; vk::UUID_SIZE],
 }
 
 /// Reads every device of the instance, in the driver's order.
@@ -178,6 +179,7 @@ fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Res
         max_allocation_bytes: v11.max_memory_allocation_size,
         subgroup_size: v11.subgroup_size,
         queues,
+        device_uuid: v11.device_uuid,
     })
 }
 
@@ -214,6 +216,28 @@ fn has_memory_budget(instance: &Instance, physical: vk::PhysicalDevice) -> Resul
 
 /// Reads all heaps; `free` only when the extension is there.
 pub(crate) fn read_heaps(instance: &Instance, physical: vk::PhysicalDevice, budget: bool) -> Vec<HeapReport> {
+    let (memory, budgets) = query_memory(instance, physical, budget);
+    let report = |(heap, (&limit, &usage)): (&vk::MemoryHeap, (&u64, &u64))| HeapReport {
+        bytes: heap.size,
+        device_local: heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL),
+        free: budget.then(|| limit.saturating_sub(usage)),
+    };
+    memory.memory_heaps_as_slice().iter().zip(budgets.heap_budget.iter().zip(&budgets.heap_usage)).map(report).collect()
+}
+
+/// Bytes that the driver says this process uses on device-local heaps. The device has `VK_EXT_memory_budget`.
+pub(crate) fn device_usage(instance: &Instance, physical: vk::PhysicalDevice) -> u64 {
+    let (memory, budgets) = query_memory(instance, physical, true);
+    let local = |heap: &vk::MemoryHeap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL);
+    let heaps = memory.memory_heaps_as_slice().iter().zip(budgets.heap_usage);
+    heaps.filter(|(heap, _)| local(heap)).map(|(_, usage)| usage).sum()
+}
+
+fn query_memory(
+    instance: &Instance,
+    physical: vk::PhysicalDevice,
+    budget: bool,
+) -> (vk::PhysicalDeviceMemoryProperties, vk::PhysicalDeviceMemoryBudgetPropertiesEXT<'static>) {
     let mut budgets = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
     let mut memory = vk::PhysicalDeviceMemoryProperties2::default();
     if budget {
@@ -221,13 +245,7 @@ pub(crate) fn read_heaps(instance: &Instance, physical: vk::PhysicalDevice, budg
     }
     // SAFETY: `physical` comes from this instance, and the chained structure is one that the device supports.
     unsafe { instance.raw.get_physical_device_memory_properties2(physical, &mut memory) };
-    let memory = memory.memory_properties;
-    let report = |(heap, (&limit, &usage)): (&vk::MemoryHeap, (&u64, &u64))| HeapReport {
-        bytes: heap.size,
-        device_local: heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL),
-        free: budget.then(|| limit.saturating_sub(usage)),
-    };
-    memory.memory_heaps_as_slice().iter().zip(budgets.heap_budget.iter().zip(&budgets.heap_usage)).map(report).collect()
+    (memory.memory_properties, budgets)
 }
 
 #[cfg(test)]

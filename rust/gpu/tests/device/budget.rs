@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The hard budget: refusal, recovery, planted failures.
 
-use oocpt_gpu::{Buffer, GpuError, Heap, OpenOptions, Usage};
+use oocpt_gpu::{Buffer, DeviceKind, GpuError, Heap, OpenOptions, Usage};
 
 use crate::support;
 
@@ -80,4 +80,26 @@ fn idle_arenas_make_room_for_others() {
     drop(heap.alloc("passing", 1000, 16).expect("fits"));
     assert!(gpu.memory().used >= 7 * MIB, "the empty arena is kept for the next range");
     assert!(Buffer::new(&gpu, "large", 7 * MIB, Usage::Device).is_ok(), "and given up when something else needs it");
+}
+
+#[test]
+fn the_driver_counts_what_we_hold() {
+    let gpu = support::open();
+    let Some(before) = gpu.driver_usage() else {
+        assert!(!gpu.report().capabilities.memory_budget, "known if the extension is there");
+        return;
+    };
+    let held = Buffer::new(&gpu, "held", 256 * MIB, Usage::Device).expect("memory");
+    let mut commands = gpu.commands("touch").expect("a command list");
+    commands.fill(&held, 0, 256 * MIB, 1);
+    support::finish(&commands.submit().expect("submitted"));
+    let with = gpu.driver_usage().expect("still known");
+    drop(held);
+    let after = gpu.driver_usage().expect("still known");
+    let told = format!("{}: {before} bytes before, {with} with 256 MiB, {after} after", gpu.report().name);
+    assert!(with > 0 && after > 0, "{told}");
+    // Software renderers tell of the whole machine; elsewhere tests beside this one may hold some as well.
+    if gpu.report().kind != DeviceKind::Cpu {
+        assert!(with >= before + 128 * MIB && after + 128 * MIB <= with, "{told}");
+    }
 }

@@ -8,6 +8,7 @@ mod commands;
 mod devices;
 mod heap;
 mod lifetime;
+mod pipeline_cache;
 mod staging;
 mod support;
 mod threads;

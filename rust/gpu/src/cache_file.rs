@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The pipeline cache on disk: one file for each device and driver version, in a folder of the caller's.
+//!
+//! A file that is damaged, cut, too large or another device's is ignored and replaced; nothing that goes wrong with the disk fails
+//! anything, it is only logged. Files are written beside and renamed, so that readers see a whole one, old or new. The checksum
+//! finds accidents, not malice: what is in the folder is as trusted as the program itself. Any thread.
+
+use std::fs::File;
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+
+use ash::vk;
+use xxhash_rust::xxh3::xxh3_64;
+
+use crate::device::Device;
+use crate::error::GpuError;
+use crate::instance::vulkan_error;
+use crate::report::Probed;
+
+/// Most bytes of a cache that are read or written.
+const MOST_BYTES: u64 = 64 << 20;
+const MAGIC: [u8; 8] = *b"OocPTpc1";
+/// Magic, payload length, payload checksum.
+const HEADER_BYTES: usize = 24;
+/// Of Vulkan's own header (version one), with which the payload begins.
+const VULKAN_HEADER_BYTES: u32 = 32;
+
+/// The file of one device.
+#[derive(Debug)]
+pub(crate) struct CacheFile {
+    path: PathBuf,
+    /// How the payload of this device and driver begins.
+    vulkan_header: Vec<u8>,
+    /// Checksum of what is on the disk, as far as we know; 0 = nothing of use.
+    stored: AtomicU64,
+}
+
+impl CacheFile {
+    pub(crate) fn new(folder: &Path, probed: &Probed) -> Self {
+        let properties = &probed.properties;
+        let uuid: String = probed.device_uuid.iter().map(|byte| format!("{byte:02x}")).collect();
+        let name = format!("pipelines-{uuid}-{:08x}.bin", properties.driver_version);
+        let version = vk::PipelineCacheHeaderVersion::ONE.as_raw().to_le_bytes();
+        let ids = [VULKAN_HEADER_BYTES, properties.vendor_id, properties.device_id].map(u32::to_le_bytes);
+        let vulkan_header = [&ids[0][..], &version, &ids[1], &ids[2], &properties.pipeline_cache_uuid].concat();
+        Self { path: folder.join(name), vulkan_header, stored: AtomicU64::new(0) }
+    }
+
+    /// What the driver stored last time; None when there is nothing that can be used.
+    fn load(&self) -> Option<Vec<u8>> {
+        let bytes = match read_bounded(&self.path) {
+            Ok(bytes) => bytes,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return None,
+            Err(error) => {
+                tracing::warn!(%error, path = %self.path.display(), "the pipeline cache was not read");
+                return None;
+            }
+        };
+        match payload_of(&bytes, &self.vulkan_header) {
+            Ok(payload) => {
+                self.stored.store(xxh3_64(payload), Ordering::Relaxed);
+                Some(payload.to_vec())
+            }
+            Err(reason) => {
+                tracing::info!(reason, path = %self.path.display(), "the pipeline cache is ignored");
+                None
+            }
+        }
+    }
+
+    /// Replaces the file unless it holds these bytes already.
+    fn store(&self, payload: &[u8]) {
+        let checksum = xxh3_64(payload);
+        if payload.len() as u64 > MOST_BYTES || self.stored.load(Ordering::Relaxed) == checksum {
+            return;
+        }
+        match write_beside(&self.path, &file_of(payload)) {
+            Ok(()) => self.stored.store(checksum, Ordering::Relaxed),
+            Err(error) => tracing::warn!(%error, path = %self.path.display(), "the pipeline cache was not written"),
+        }
+    }
+}
+
+fn read_bounded(path: &Path) -> io::Result<Vec<u8>> {
+    let most = MOST_BYTES + HEADER_BYTES as u64;
+    let mut bytes = Vec::new();
+    // One byte more than allowed: then the length in the header cannot be right, and the file is ignored.
+    File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// Writes a file of its own and renames it, so that the path always names a whole one.
+fn write_beside(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let folder = path.parent().unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder)?;
+    let number = COUNT.fetch_add(1, Ordering::Relaxed);
+    let beside = path.with_extension(format!("{}-{number}.tmp", std::process::id()));
+    let written = File::create(&beside).and_then(|mut file| file.write_all(bytes));
+    let renamed = written.and_then(|()| std::fs::rename(&beside, path));
+    if renamed.is_err()
+        && let Err(error) = std::fs::remove_file(&beside)
+    {
+        tracing::debug!(%error, path = %beside.display(), "not removed");
+    }
+    renamed
+}
+
+fn file_of(payload: &[u8]) -> Vec<u8> {
+    let (length, checksum) = ((payload.len() as u64).to_le_bytes(), xxh3_64(payload).to_le_bytes());
+    [&MAGIC[..], &length, &checksum, payload].concat()
+}
+
+/// The payload of a file, or why it is of no use.
+fn payload_of<'a>(file: &'a [u8], vulkan_header: &[u8]) -> Result<&'a [u8], &'static str> {
+    let (header, payload) = file.split_at_checked(HEADER_BYTES).ok_or("cut")?;
+    if header[..8] != MAGIC {
+        return Err("no pipeline cache");
+    }
+    if header[8..16] != (payload.len() as u64).to_le_bytes() {
+        return Err("cut, or too long");
+    }
+    if header[16..] != xxh3_64(payload).to_le_bytes() {
+        return Err("damaged");
+    }
+    if !payload.starts_with(vulkan_header) {
+        return Err("of another device or driver");
+    }
+    Ok(payload)
+}
+
+impl Device {
+    /// Makes the pipeline cache, from the file if there is one.
+    pub(crate) fn create_pipeline_cache(&mut self) -> Result<(), GpuError> {
+        let stored = self.cache_file.as_ref().and_then(CacheFile::load).unwrap_or_default();
+        let info = vk::PipelineCacheCreateInfo::default().initial_data(&stored);
+        // SAFETY: the device is alive; the data is empty, or was checked to be what this driver gave for this device.
+        let mut cache = unsafe { self.raw.create_pipeline_cache(&info, None) };
+        if cache.is_err() && !stored.is_empty() {
+            let info = vk::PipelineCacheCreateInfo::default();
+            // SAFETY: as above, without data.
+            cache = unsafe { self.raw.create_pipeline_cache(&info, None) };
+        }
+        self.pipeline_cache = cache.map_err(|code| vulkan_error("vkCreatePipelineCache", code))?;
+        Ok(())
+    }
+
+    /// Writes the pipeline cache to its file, if there is one to be.
+    pub(crate) fn save_pipeline_cache(&self) {
+        let Some(file) = &self.cache_file else { return };
+        if self.pipeline_cache == vk::PipelineCache::null() || self.check_alive().is_err() {
+            return;
+        }
+        // SAFETY: the cache is alive and of this device; it synchronises itself.
+        match unsafe { self.raw.get_pipeline_cache_data(self.pipeline_cache) } {
+            Ok(payload) => file.store(&payload),
+            Err(code) => tracing::warn!("vkGetPipelineCacheData failed: {code:?}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_whole_files_of_the_same_device_are_used() {
+        let payload = [&b"device"[..], &[7; 100]].concat();
+        let good = file_of(&payload);
+        assert_eq!(payload_of(&good, b"device"), Ok(&payload[..]), "as written");
+        assert_eq!(payload_of(&good, b"driver"), Err("of another device or driver"), "foreign");
+        for length in 0..good.len() {
+            assert!(payload_of(&good[..length], b"device").is_err(), "cut at {length}");
+        }
+        assert!(payload_of(&[&good[..], &[0]].concat(), b"device").is_err(), "longer than it says");
+        for i in 0..good.len() {
+            let mut bad = good.clone();
+            bad[i] ^= 1;
+            assert!(payload_of(&bad, b"device").is_err(), "a bit of byte {i} flipped");
+        }
+    }
+
+    #[test]
+    fn files_are_replaced_whole_and_only_when_needed() {
+        let folder = std::env::temp_dir().join(format!("oocpt-cache-{}", std::process::id())).join("made when needed");
+        let new = || CacheFile {
+            path: folder.join("pipelines.bin"),
+            vulkan_header: b"device".to_vec(),
+            stored: AtomicU64::new(0),
+        };
+        let file = new();
+        assert_eq!(file.load(), None, "nothing there");
+        file.store(b"device one");
+        assert_eq!(new().load().as_deref(), Some(&b"device one"[..]), "found again");
+        std::fs::write(&file.path, b"planted").expect("writable");
+        file.store(b"device one");
+        assert_eq!(std::fs::read(&file.path).expect("readable"), b"planted", "the same bytes are not written again");
+        assert_eq!(new().load(), None, "damaged");
+        file.store(b"device two");
+        assert_eq!(new().load().as_deref(), Some(&b"device two"[..]), "replaced");
+        let names: Vec<_> =
+            std::fs::read_dir(&folder).expect("readable").map(|e| e.expect("entry").file_name()).collect();
+        assert_eq!(names, ["pipelines.bin"], "nothing else is left there");
+        let huge = vec![1; usize::try_from(MOST_BYTES).expect("small") + 1];
+        file.store(&huge);
+        assert_eq!(new().load().as_deref(), Some(&b"device two"[..]), "too large to be stored");
+        std::fs::remove_dir_all(folder.parent().expect("made above")).expect("own files can be removed");
+    }
+}
