@@ -20,7 +20,7 @@ pub mod stats;
 pub use array::{ArrayError, ArraySource, ArrayView, Element, ElementType, TypedArray};
 pub use camera::{Camera, CameraError, CameraRays};
 pub use mesh::{Aabb, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, MeshAsset, Triangle};
-pub use partition::{Chunk, ChunkInstance, PartitionOptions, RECORD_BYTES, World};
+pub use partition::{Chunk, ChunkInstance, OpenedAssembly, PartitionOptions, RECORD_BYTES, World, WorldError};
 pub use sampler::{pixel_seed, sample_4d};
 pub use scene::{
     Assembly, Commit, DroppedData, InstanceFlags, InstanceRecord, InstancedBy, InstancerDesc, InstancerPrototype,
@@ -28,4 +28,4 @@ pub use scene::{
     SceneWarning, Snapshot, SnapshotError, Subdivision, Target,
 };
 pub use settings::{Descriptor, SettingError, Settings, Value};
-pub use stats::Stats;
+pub use stats::{Stats, StreamingStats};

@@ -16,6 +16,7 @@ mod lattice;
 mod part;
 mod place;
 mod store;
+mod validate;
 
 use std::sync::Arc;
 
@@ -24,6 +25,7 @@ use glam::DVec3;
 pub use chunk::Chunk;
 pub(crate) use lattice::Item;
 pub(crate) use store::{PartitionStore, Source};
+pub use validate::WorldError;
 
 use crate::mesh::{Aabb, Bvh2};
 
@@ -71,8 +73,23 @@ pub struct World {
     pub top: Bvh2,
     /// Longest chain of records from a chunk's record to a mesh; at least 1.
     pub levels: u32,
+    /// Opened assemblies that have placements, children first, the root last.
+    pub opened: Vec<OpenedAssembly>,
+    /// The chunk size that was asked for, bytes.
+    pub chunk_bytes: u64,
     /// Chunk instances left out because their composed transform is beyond single precision.
     pub unplaceable: u64,
+}
+
+/// An assembly whose records are in chunks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OpenedAssembly {
+    /// Index into [`crate::scene::Snapshot::assemblies`].
+    pub assembly: u32,
+    /// Its first chunk.
+    pub first_chunk: u32,
+    /// Number of its chunks.
+    pub chunks: u32,
 }
 
 /// A placement of a chunk in the world.
@@ -95,6 +112,14 @@ pub struct ChunkInstance {
 impl World {
     /// The world without anything.
     pub(crate) fn empty() -> Self {
-        Self { chunks: Vec::new(), instances: Vec::new(), top: place::top_level(&[]), levels: 1, unplaceable: 0 }
+        Self {
+            chunks: Vec::new(),
+            instances: Vec::new(),
+            top: place::top_level(&[]),
+            levels: 1,
+            opened: vec![OpenedAssembly { assembly: 0, first_chunk: 0, chunks: 0 }],
+            chunk_bytes: PartitionOptions::default().chunk_bytes(),
+            unplaceable: 0,
+        }
     }
 }

@@ -88,6 +88,8 @@ impl World {
         };
         self.levels == other.levels
             && self.unplaceable == other.unplaceable
+            && self.opened == other.opened
+            && self.chunk_bytes == other.chunk_bytes
             && shared(&self.chunks, &other.chunks)
             && self.instances == other.instances
     }

@@ -10,7 +10,7 @@ use super::chunk::Chunk;
 use super::cost::AssetCosts;
 use super::part::{Job, Part};
 use super::place::{Placement, place_chunks, top_level};
-use super::{ChunkInstance, OPEN_ABOVE, PartitionOptions, World};
+use super::{ChunkInstance, OPEN_ABOVE, OpenedAssembly, PartitionOptions, World};
 use crate::mesh::MeshAsset;
 use crate::scene::Target;
 use crate::scene::assembly::Assembly;
@@ -83,6 +83,7 @@ impl PartitionStore {
             if only_root || source.count(&opened, &chunks) <= MAX_INSTANCES {
                 let mut world = source.world(&opened, chunks);
                 world.levels = source.levels(&opened);
+                world.chunk_bytes = self.options.chunk_bytes();
                 if !world.is_same(&self.world) {
                     self.world = Arc::new(world);
                 }
@@ -180,9 +181,14 @@ impl Source<'_> {
     fn world(&self, opened: &[bool], chunks: Vec<Vec<Arc<Chunk>>>) -> World {
         let placements = self.placements(opened);
         let mut world = World::empty();
-        for (chunks, placements) in chunks.into_iter().zip(placements) {
+        world.opened.clear();
+        for (assembly, (chunks, placements)) in (0..).zip(chunks.into_iter().zip(placements)) {
             // More than 2^32 chunks would need half a terabyte of records: they are not placed.
             let Ok(first) = u32::try_from(world.chunks.len()) else { break };
+            let Ok(count) = u32::try_from(chunks.len()) else { break };
+            if opened.get(assembly as usize) == Some(&true) {
+                world.opened.push(OpenedAssembly { assembly, first_chunk: first, chunks: count });
+            }
             let instances = place_chunks(&placements, &chunks, first);
             world.unplaceable += instances.iter().filter(|i| i.is_none()).count() as u64;
             let instances: Vec<ChunkInstance> = instances.into_iter().flatten().collect();

@@ -16,7 +16,7 @@ mod report;
 pub(crate) mod resolve;
 pub(crate) mod run;
 pub mod snapshot;
-mod validate;
+pub(crate) mod validate;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

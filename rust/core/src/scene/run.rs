@@ -435,6 +435,11 @@ impl Reader<'_> {
         self.numbers.of(rank).and_then(|number| self.placer.place(number))
     }
 
+    /// Matrix of a usable rank from the target's frame, f64.
+    pub(crate) fn matrix(&self, rank: u32) -> Option<DAffine3> {
+        self.numbers.of(rank).and_then(|number| self.placer.matrix(number))
+    }
+
     /// All usable placements as f64 matrices from the target's frame, with their ranks.
     pub(crate) fn matrices(&self) -> impl Iterator<Item = (u32, DAffine3)> {
         (0..self.ranks).filter(|&rank| self.is_usable(rank)).filter_map(|rank| {

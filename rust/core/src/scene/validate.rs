@@ -70,7 +70,8 @@ impl Snapshot {
     }
 }
 
-fn validate_record(record: &InstanceRecord, inside: &Aabb, around: &Aabb) -> Result<(), &'static str> {
+/// Checks one record that places something with the box `inside`, in a parent with the box `around`.
+pub(crate) fn validate_record(record: &InstanceRecord, inside: &Aabb, around: &Aabb) -> Result<(), &'static str> {
     let [min, max] = record.bounds;
     let bounds = Aabb { min, max };
     let rows = &record.object_from_parent;
