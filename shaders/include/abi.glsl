@@ -23,9 +23,17 @@ const bool HAS_LENS = (FEATURES & 32u) != 0u;
 const bool HAS_INSTANCING = (FEATURES & 64u) != 0u && MAX_LEVELS > 1u;
 const bool HAS_DOME_SHADOW_RAYS = (FEATURES & 128u) != 0u && HAS_DOME;
 
+const bool HAS_STREAMING = (FEATURES & 256u) != 0u;
+const bool HAS_CHUNK_COUNTS = (FEATURES & 512u) != 0u && HAS_STREAMING;
+const bool PLANT_SKIP_DEFERRED = (FEATURES & 1024u) != 0u;
+
 const uint FLAG_DOME_CAMERA_VISIBLE = 1u;
 const uint PREPARE_TRACE = 0u;
 const uint PREPARE_SHADE = 1u;
+const uint PREPARE_DEMAND = 2u;
+const uint SCAN_BLOCKS = 0u;
+const uint SCAN_SUMS = 1u;
+const uint SCAN_BLOCK = 1024u;
 const uint AOV_SURFACES = 0u;
 const uint AOV_ESCAPED = 1u;
 const uint PUSH_AOVS = 1u;
@@ -124,6 +132,46 @@ struct Frame {
     uint flags;
 };
 
+struct Streaming {
+    uint64_t segments;
+    uint64_t progress;
+    uint64_t pending;
+    uint64_t shadow_pending;
+    uint64_t surfaces;
+    uint64_t deferred[2];
+    uint64_t demand;
+    uint64_t sort_counts;
+    uint64_t sort_sums;
+    uint64_t chunk_rays;
+    uint segment_size;
+    uint chunk_count;
+};
+
+struct Segment {
+    uint first_pixel;
+    uint first_sample;
+    uint count;
+    uint alive;
+};
+
+struct Pending {
+    float entry[4];
+    uint chunk_instance[4];
+};
+
+struct GpuSurface {
+    vec3 position;
+    float offset;
+    vec3 position_lo;
+    int prim_id;
+    vec3 geometric_normal;
+    uint instance_id;
+    vec3 shading_normal;
+    uint face;
+    vec3 albedo;
+    uint pad;
+};
+
 struct GpuNode {
     vec3 min[2];
     vec3 max[2];
@@ -219,17 +267,28 @@ struct IndirectArgs {
 struct Counters {
     uint64_t closest_rays;
     uint64_t shadow_rays;
+    uint64_t chunk_visits;
+    uint64_t chunk_misses;
     uint nonfinite;
     uint stack_overflows;
     uint ray_count[2];
     uint surface_count;
     uint escaped_count;
     uint shadow_count;
-    uint pad;
+    uint deferred_parity;
+    uint deferred_count[2];
+    uint visits;
+    uint misses;
+    uint resumed_rays;
+    uint resumed_shadows;
+    uint ray_base;
+    uint shadow_base;
     IndirectArgs ray_args;
     IndirectArgs surface_args;
     IndirectArgs escaped_args;
     IndirectArgs shadow_args;
+    IndirectArgs deferred_args;
+    uint pad;
 };
 
 struct FilmPixel {

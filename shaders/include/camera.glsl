@@ -4,6 +4,7 @@
 #define OOCPT_CAMERA_GLSL
 
 #include "include/double.glsl"
+#include "include/progress.glsl"
 
 // From the origin of image point (0, 0) to that of p; zero for a perspective camera.
 vec3 camera_shift(vec2 p) {
@@ -15,11 +16,28 @@ vec3 camera_direction(vec2 p) {
     return FRAME.ray_d + p.x * FRAME.ray_d_x + p.y * FRAME.ray_d_y;
 }
 
-// The first ray of a path, and its place in the first queue.
+// The first ray of a path.
 void start_ray(uint path, vec3 shift, vec3 d) {
     const Double3 o = add(Double3(FRAME.ray_o, FRAME.ray_o_lo), shift);
     store_ray(ray_address(path), Ray(o.hi, 0u, normalize(d), uintBitsToFloat(0x7f800000u), o.lo, 0u));
-    Uints(FRAME.ray_queue[0]).v[path] = path;
+}
+
+// Queues the paths of a wave or, with streaming, of a segment, whose table entry is written.
+void queue_paths(uint thread, uint path) {
+    const bool in_range = thread < push.path_count;
+    if (!HAS_STREAMING) {
+        if (thread == 0u) COUNTERS.ray_count[0] = push.path_count;
+        if (in_range) Uints(FRAME.ray_queue[0]).v[path] = path;
+        return;
+    }
+    if (thread == 0u) {
+        Segments(STREAMING.segments).v[path / STREAMING.segment_size] =
+            Segment(push.first_pixel, push.first_sample, push.path_count, push.path_count);
+    }
+    if (in_range) set_progress(path, SHADOW_DONE);
+    uint to;
+    QUEUE_SLOT(to, ray_count[push.round & 1u], in_range);
+    if (in_range) Uints(FRAME.ray_queue[push.round & 1u]).v[to] = path;
 }
 
 #endif

@@ -8,6 +8,11 @@
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer FrameBlock { Frame f; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer CountersBlock { Counters c; };
 
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer StreamingBlock { Streaming s; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Segments { Segment v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer PendingLists { Pending v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Surfaces { GpuSurface v[]; };
+
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer ConstVec4s { vec4 v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Instances { GpuInstance v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer ChunkInstances { GpuChunkInstance v[]; };

@@ -1,15 +1,32 @@
 // SPDX-License-Identifier: Apache-2.0
-// The surface that the closest ray of a path met.
+// The surface that the closest ray of a path met: made from the hit or, with streaming, as record_surfaces left it.
 #ifndef OOCPT_PATH_SURFACE_GLSL
 #define OOCPT_PATH_SURFACE_GLSL
 
 #include "include/hit.glsl"
 #include "include/surface.glsl"
 
-Surface load_surface(uint path) {
+Surface surface_of_hit(uint path) {
     const HitHeader hit = load_hit_header(path);
     for (uint level = 0u; level < MAX_LEVELS; ++level) surface_chain[level] = load_hit_level(path, level);
     return make_surface(hit.chunk_instance, hit.triangle, hit.uv);
+}
+
+void store_surface(uint path, Surface s) {
+    Surfaces(STREAMING.surfaces).v[path] =
+        GpuSurface(s.position.hi, s.offset, s.position.lo, s.prim_id, s.geometric_normal, s.instance_id, s.shading_normal, s.face,
+                   s.albedo, 0u);
+}
+
+Surface stored_surface(uint path) {
+    const GpuSurface s = Surfaces(STREAMING.surfaces).v[path];
+    return Surface(Double3(s.position, s.position_lo), s.offset, s.geometric_normal, s.shading_normal, s.albedo, s.prim_id,
+                   s.instance_id, s.face);
+}
+
+Surface load_surface(uint path) {
+    if (HAS_STREAMING) return stored_surface(path);
+    return surface_of_hit(path);
 }
 
 #endif

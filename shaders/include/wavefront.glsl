@@ -10,19 +10,35 @@ layout(push_constant, scalar) uniform PushBlock { Push push; };
 
 #define FRAME FrameBlock(push.frame).f
 #define COUNTERS CountersBlock(FRAME.counters).c
+#define STREAMING StreamingBlock(FRAME.streaming).s
 
 uint thread_index() {
     return (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * WORKGROUP_SIZE + gl_LocalInvocationIndex;
 }
 
-// Pixel of a path slot, in trace order.
-uint path_pixel(uint path) {
-    return (push.first_pixel + path) % (FRAME.width * FRAME.height);
+// Pixel, in trace order, and sample number of path `i` of those that begin at `first_pixel` of `first_sample`.
+uint pixel_from(uint first_pixel, uint i) {
+    return (first_pixel + i) % (FRAME.width * FRAME.height);
 }
 
-// Sample number of a path slot.
+uint sample_from(uint first_sample, uint first_pixel, uint i) {
+    return first_sample + (first_pixel + i) / (FRAME.width * FRAME.height);
+}
+
+// Pixel of a path.
+uint path_pixel(uint path) {
+    if (!HAS_STREAMING) return pixel_from(push.first_pixel, path);
+    const uint segment = path / STREAMING.segment_size;
+    return pixel_from(Segments(STREAMING.segments).v[segment].first_pixel, path - segment * STREAMING.segment_size);
+}
+
+// Sample number of a path.
 uint path_sample(uint path) {
-    return push.first_sample + (push.first_pixel + path) / (FRAME.width * FRAME.height);
+    if (!HAS_STREAMING) return sample_from(push.first_sample, push.first_pixel, path);
+    const uint segment = path / STREAMING.segment_size;
+    const uint i = path - segment * STREAMING.segment_size;
+    return sample_from(Segments(STREAMING.segments).v[segment].first_sample,
+                       Segments(STREAMING.segments).v[segment].first_pixel, i);
 }
 
 // Trace order to image position: strips of 8 rows, cut into tiles of 8 columns, row by row inside. A bijection for any size.

@@ -1,16 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // The stack of a walk: references to nodes and leaves still to visit. When the closest hit is wanted, a reference keeps its entry
-// distance, so that what lies behind a hit found since is dropped unseen (3 % on an H200); for any hit it does not pay.
+// distance, so that what lies behind a hit found since is dropped unseen (3 % on an H200); for any hit it does not pay, and is kept
+// only when rays may have to wait, for the order of what they wait for.
 #ifndef OOCPT_STACK_GLSL
 #define OOCPT_STACK_GLSL
 
-// References: an inner node, or LEAF | (count - 1) << 28 | first, or one of these two.
+// References: an inner node, or LEAF | (count - 1) << 28 | first, or one of RETURN and DONE.
 const uint LEAF = 1u << 31;
+const uint LISTED = 1u << 28; // of a chunk instance, which is never in a leaf with others: from the list of pending ones
 const uint RETURN = 0xfffffffeu; // back to the parent level
 const uint DONE = 0xffffffffu;
 
 #if ANY_HIT
+const uint ENTRIES = HAS_STREAMING ? STACK_SIZE : 1u;
 uint stack[STACK_SIZE];
+float stack_entry[ENTRIES];
 #else
 uvec2 stack[STACK_SIZE];
 #endif
@@ -23,6 +27,7 @@ uint child_reference(uint child, uint count) {
 
 void clear_stack() {
 #if ANY_HIT
+    if (HAS_STREAMING) stack_entry[0] = 0.0;
     stack[0] = DONE;
 #else
     stack[0] = uvec2(DONE, 0u);
@@ -38,22 +43,26 @@ void push_reference(uint reference, float entry) {
         return;
     }
 #if ANY_HIT
+    if (HAS_STREAMING) stack_entry[stack_top] = entry;
     stack[stack_top++] = reference;
 #else
     stack[stack_top++] = uvec2(reference, floatBitsToUint(entry));
 #endif
 }
 
-// The next reference whose box is entered before `limit`. RETURN and DONE are entered at 0.
-uint pop_reference(float limit) {
+// The next reference whose box is entered before `limit`, and where. RETURN and DONE are entered at 0.
+uint pop_reference(float limit, out float entry) {
 #if ANY_HIT
-    return stack[--stack_top];
+    --stack_top;
+    entry = HAS_STREAMING ? stack_entry[stack_top] : 0.0;
+    return stack[stack_top];
 #else
-    uvec2 entry;
+    uvec2 top;
     do {
-        entry = stack[--stack_top];
-    } while (uintBitsToFloat(entry.y) > limit);
-    return entry.x;
+        top = stack[--stack_top];
+        entry = uintBitsToFloat(top.y);
+    } while (entry > limit);
+    return top.x;
 #endif
 }
 

@@ -10,6 +10,10 @@
 // Frames: the top level is walked with the high part of the world origin, boxes padded for the low part; a chunk is entered
 // with the whole (include/double.glsl), and all below it with single floats. Distances are in units of the world direction
 // throughout. The world ray is read from memory when a walk comes back to the top level: registers are dearer.
+//
+// Distance of a hit: what the triangle test says, but not before the ray has entered every box above it, up to CULL_PAD. The two differ by
+// rounding only; the rule makes "closest" the minimum of a number that does not depend on what was visited before, since a
+// box is left out only when everything in it is farther.
 #ifndef OOCPT_TRAVERSE_GLSL
 #define OOCPT_TRAVERSE_GLSL
 
@@ -19,9 +23,12 @@
 #include "traversal/box.glsl"
 #include "traversal/stack.glsl"
 #include "traversal/triangle.glsl"
+#include "traversal/pending.glsl"
 
-// Boxes are culled only this far behind the closest hit, so that rounding cannot hide an equally close one.
+// Boxes are culled only this far behind the closest hit, so that rounding hides no equally close one.
 const float CULL_PAD = 1.0000038;
+// A little more than 1 / CULL_PAD.
+const float ENTRY_SCALE = 0.9999964;
 
 struct Found {
     float t;
@@ -39,16 +46,21 @@ struct Walk {
     vec3 d;
     vec3 reciprocal;
     float pad;   // of boxes; 0 below the top level
+    float entry; // where the boxes above the current node are entered, the farthest; for any hit only with streaming
     float limit; // boxes entered behind this hold no closer hit
     uint64_t nodes;
     uint64_t instances;
     uint64_t triangles;
     uint64_t ray; // address of the world ray
+    uint path;
     uint level;   // 0: top level; else trees of instance records from the chunk's down to the current one
     uint chunk_instance;
     uint mesh;
     uint seed;
+    uint visits;  // of resident chunks; streaming only
     bool in_mesh;
+    bool resumed; // the ray has waited, and everything not behind the last of its list is done
+    bool hit_before;
     bool hit;
 };
 
@@ -88,6 +100,10 @@ bool is_opaque(uint triangle, vec2 uv) {
     return float(hash_u32(hash_combine(h, triangle)) >> 8) * 5.9604644775390625e-8 < opacity;
 }
 
+uint pop() {
+    return pop_reference(walk.limit, walk.entry);
+}
+
 // From an inner node to the nearer child that is hit; the other one goes to the stack.
 uint descend(uint reference) {
     const uint at = reference * 4u;
@@ -103,12 +119,14 @@ uint descend(uint reference) {
     const uint second = child_reference(links.y, links.w);
     if (t0 >= 0.0 && t1 >= 0.0) {
         const bool swap = t1 < t0;
-        push_reference(swap ? first : second, max(t0, t1));
+        push_reference(swap ? first : second, max(max(t0, t1), walk.entry));
+        walk.entry = max(min(t0, t1), walk.entry);
         return swap ? second : first;
     }
+    walk.entry = max(max(t0, t1), walk.entry);
     if (t0 >= 0.0) return first;
     if (t1 >= 0.0) return second;
-    return pop_reference(walk.limit);
+    return pop();
 }
 
 // Tests the triangles of a leaf; true ends the walk.
@@ -123,7 +141,9 @@ bool visit_triangles(uint begin, uint end, float t_max, inout Found found) {
 #if ANY_HIT
         if (!(t < t_max)) continue;
 #else
-        if (!(t < found.t || (walk.hit && t == found.t && precedes(triangle, found)))) continue;
+        t = max(t, walk.entry * ENTRY_SCALE);
+        const bool has_hit = walk.hit || (HAS_STREAMING && walk.hit_before);
+        if (!(t < found.t || (has_hit && t == found.t && precedes(triangle, found)))) continue;
 #endif
         if (HAS_OPACITY && !is_opaque(triangle, uv)) continue;
         walk.hit = true;
@@ -153,21 +173,33 @@ void begin_level(vec3 o, vec3 d, uint64_t nodes, uint64_t instances) {
     level_instances[at] = instances;
 }
 
-// From the top level into a chunk; returns its root, or the next reference where there is no room.
-uint enter_chunk(uint chunk_instance) {
+// From the top level into a chunk; returns its root, or the next reference where it is absent or done or there is no room.
+uint enter_chunk(uint reference) {
+    const uint chunk_instance = reference & 0x0fffffffu;
+    const uint chunk = ChunkInstances(FRAME.chunk_instances).v[chunk_instance].chunk;
+    const uint64_t nodes = Chunks(FRAME.chunks).v[chunk].nodes;
+    if (HAS_STREAMING) {
+        const bool listed = (reference & LISTED) != 0u;
+        if (walk.resumed && !listed && in_list_before(walk.path, walk.entry, chunk_instance)) return pop();
+        if (nodes == 0ul) {
+            remember(walk.entry, chunk_instance);
+            return pop();
+        }
+        ++walk.visits;
+        if (HAS_CHUNK_COUNTS) atomicAdd(Uints(STREAMING.chunk_rays).v[chunk], 1u);
+    }
     if (stack_top >= STACK_SIZE) {
         stack_overflow = true;
-        return pop_reference(walk.limit);
+        return pop();
     }
     push_reference(RETURN, 0.0);
     walk.chunk_instance = chunk_instance;
     walk.pad = 0.0;
     const ChunkMap map = chunk_map(chunk_instance);
-    const uint chunk = ChunkInstances(FRAME.chunk_instances).v[chunk_instance].chunk;
     const vec3 o_lo = ConstVec4s(walk.ray).v[2].xyz;
     const vec3 from = difference(Double3(walk.o, o_lo), map.origin);
-    begin_level(apply_rows(map.x, map.y, map.z, from), apply_rows(map.x, map.y, map.z, walk.d),
-                Chunks(FRAME.chunks).v[chunk].nodes, Chunks(FRAME.chunks).v[chunk].instances);
+    begin_level(apply_rows(map.x, map.y, map.z, from), apply_rows(map.x, map.y, map.z, walk.d), nodes,
+                Chunks(FRAME.chunks).v[chunk].instances);
     return 0u;
 }
 
@@ -178,7 +210,7 @@ uint enter(uint record) {
     const bool nested = HAS_INSTANCING && (target & TARGET_ASSEMBLY) != 0u;
     if (stack_top >= STACK_SIZE || (nested && walk.level >= MAX_LEVELS)) {
         stack_overflow = true;
-        return pop_reference(walk.limit);
+        return pop();
     }
     push_reference(RETURN, 0.0);
     chain[level_index()] = record;
@@ -224,19 +256,42 @@ void leave() {
     walk.instances = level_instances[at];
 }
 
-// Traces the ray at `ray` (Ray or ShadowRay) in world space.
-bool traverse(uint64_t ray, float t_max, uint seed, out Found found) {
-    found = Found(t_max, vec2(0.0), 0u, 0u);
+// Streaming: puts what a ray that has waited is to visit on the stack; returns where to begin.
+uint begin_resumed(uint flags) {
+    const bool more = (flags & RAY_MORE) != 0u;
+    walk.resumed = more;
+    if (more) push_reference(0u, 0.0);
+    for (uint i = (flags >> RAY_COUNT_SHIFT) & 7u; i > 0u; --i) {
+        const float entry = PendingLists(PENDING_LISTS).v[walk.path].entry[i - 1u];
+        push_reference(LEAF | LISTED | PendingLists(PENDING_LISTS).v[walk.path].chunk_instance[i - 1u], entry);
+    }
+    return pop();
+}
+
+// Traces the ray at `ray` (Ray or ShadowRay) in world space. With streaming, a ray that has waited goes on: `found` and
+// `found_chain` are its hit so far if its flags say so, else set to nothing. Returns whether something was hit in this walk.
+bool traverse(uint64_t ray, uint path, float t_max, uint seed, uint flags, inout Found found) {
+    walk.hit_before = HAS_STREAMING && (flags & RAY_HIT) != 0u;
+    if (!walk.hit_before) found = Found(t_max, vec2(0.0), 0u, 0u);
     walk.ray = ray;
-    walk.limit = t_max;
+    walk.path = path;
+    walk.entry = 0.0;
+    walk.limit = walk.hit_before ? found.t * CULL_PAD : t_max;
     walk.level = 0u;
     walk.chunk_instance = 0u;
     walk.seed = seed;
+    walk.visits = 0u;
     walk.in_mesh = false;
+    walk.resumed = false;
     walk.hit = false;
     begin_top();
     clear_stack();
     uint reference = 0u;
+    if (HAS_STREAMING) {
+        pending_count = 0u;
+        pending_more = false;
+        if ((flags & RAY_WAITED) != 0u) reference = begin_resumed(flags);
+    }
     while (true) {
         while (reference < LEAF) reference = descend(reference);
         if (reference == DONE) break;
@@ -244,13 +299,14 @@ bool traverse(uint64_t ray, float t_max, uint seed, out Found found) {
         if (reference == RETURN) {
             leave();
         } else if (!walk.in_mesh) {
-            reference = walk.level == 0u ? enter_chunk(first) : enter(first);
+            reference = walk.level == 0u ? enter_chunk(reference) : enter(first);
             continue;
         } else if (visit_triangles(first, first + ((reference >> 28) & 7u) + 1u, t_max, found)) {
             break;
         }
-        reference = pop_reference(walk.limit);
+        reference = pop();
     }
+    if (HAS_STREAMING) forget_behind(walk.limit);
     if (stack_overflow) atomicAdd(COUNTERS.stack_overflows, 1u);
     return walk.hit;
 }

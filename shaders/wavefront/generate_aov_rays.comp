@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rays through the pixel centres, pinhole, unaffected by sampling: one thread per pixel of the slice that push names.
-// Reads: Frame. Writes: rays of every path; ray_queue[0] and Counters::ray_count[0].
+// Rays through the pixel centres, pinhole, unaffected by sampling: one thread per pixel of the slice that push names, which is a
+// wave or, with streaming, a segment whose first slot is arg0.
+// Reads: Frame. Writes: rays of every path, and what generate_camera_rays writes of queues and segments.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
 #include "include/camera.glsl"
 
 void main() {
-    const uint path = thread_index();
-    if (path == 0u) COUNTERS.ray_count[0] = push.path_count;
-    if (path >= push.path_count) return;
-    const vec2 p = vec2(pixel_position(path_pixel(path))) + 0.5;
-    start_ray(path, camera_shift(p), camera_direction(p));
+    const uint thread = thread_index();
+    const uint path = push.arg0 + thread;
+    if (thread < push.path_count) {
+        const vec2 p = vec2(pixel_position(pixel_from(push.first_pixel, thread))) + 0.5;
+        start_ray(path, camera_shift(p), camera_direction(p));
+    }
+    queue_paths(thread, path);
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Starts the paths of a wave: one thread per path.
-// Reads: Frame. Writes: rays, paths, radiance of every path; ray_queue[0] and Counters::ray_count[0].
+// Starts the paths of a wave, or of a segment whose first slot is arg0: one thread per path.
+// Reads: Frame. Writes: rays, paths, radiance of every path. In core: ray_queue[0] and Counters::ray_count[0]. With streaming: the
+// segment, progress; pushes to ray_queue[round & 1].
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
@@ -8,12 +9,10 @@
 #include "include/lambert.glsl"
 #include "include/camera.glsl"
 
-void main() {
-    const uint path = thread_index();
-    if (path == 0u) COUNTERS.ray_count[0] = push.path_count;
-    if (path >= push.path_count) return;
-    const uvec2 pixel = pixel_position(path_pixel(path));
-    const vec4 u = sample_4d(path_sample(path), 0u, pixel_seed(pixel.x, pixel.y, FRAME.seed));
+void start_path(uint thread, uint path) {
+    const uvec2 pixel = pixel_position(pixel_from(push.first_pixel, thread));
+    const uint index = sample_from(push.first_sample, push.first_pixel, thread);
+    const vec4 u = sample_4d(index, 0u, pixel_seed(pixel.x, pixel.y, FRAME.seed));
     const vec2 p = vec2(pixel) + u.xy;
     vec3 shift = camera_shift(p);
     vec3 d = camera_direction(p);
@@ -26,4 +25,11 @@ void main() {
     start_ray(path, shift, d);
     store_path(path, PathState(vec3(1.0), 0.0));
     Vec4s(FRAME.radiance).v[path] = vec4(0.0);
+}
+
+void main() {
+    const uint thread = thread_index();
+    const uint path = push.arg0 + thread;
+    if (thread < push.path_count) start_path(thread, path);
+    queue_paths(thread, path);
 }

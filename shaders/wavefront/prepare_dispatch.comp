@@ -2,6 +2,7 @@
 // Turns queue lengths into indirect arguments and empties the queues that the next passes fill: one thread.
 // arg0 = PREPARE_TRACE, round r: for intersect_closest of round r and intersect_shadow of what round r - 1 shaded.
 // arg0 = PREPARE_SHADE, round r: for shade_surface and shade_background of round r.
+// arg0 = PREPARE_DEMAND: for what reads the deferred rays.
 // Reads and writes: Counters. Totals of rays are counted here, those of AOVs left out.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -13,22 +14,45 @@ IndirectArgs indirect(uint threads) {
     return IndirectArgs(x, x == 0u ? 0u : (needed + x - 1u) / x, 1u);
 }
 
+// Streaming: what the last traversals counted, into the totals.
+void add_totals() {
+    COUNTERS.chunk_visits += uint64_t(COUNTERS.visits);
+    COUNTERS.chunk_misses += uint64_t(COUNTERS.misses);
+    COUNTERS.visits = 0u;
+    COUNTERS.misses = 0u;
+}
+
+void prepare_trace() {
+    if (push.round == 0u) COUNTERS.shadow_count = 0u;
+    uint rays = COUNTERS.ray_count[push.round & 1u];
+    uint shadows = COUNTERS.shadow_count;
+    COUNTERS.ray_args = indirect(rays);
+    COUNTERS.shadow_args = indirect(shadows);
+    if (HAS_STREAMING) {
+        rays -= COUNTERS.resumed_rays;
+        shadows -= COUNTERS.resumed_shadows;
+        COUNTERS.resumed_rays = 0u;
+        COUNTERS.resumed_shadows = 0u;
+    } else if (push.round > FRAME.max_bounces) {
+        rays = 0u;
+    }
+    if ((push.flags & PUSH_AOVS) == 0u) COUNTERS.closest_rays += uint64_t(rays);
+    COUNTERS.shadow_rays += uint64_t(shadows);
+    COUNTERS.surface_count = 0u;
+    COUNTERS.escaped_count = 0u;
+}
+
+void prepare_shade() {
+    COUNTERS.surface_args = indirect(COUNTERS.surface_count);
+    COUNTERS.escaped_args = indirect(COUNTERS.escaped_count);
+    COUNTERS.ray_count[(push.round + 1u) & 1u] = 0u;
+    COUNTERS.shadow_count = 0u;
+    if (HAS_STREAMING) add_totals();
+}
+
 void main() {
     if (thread_index() != 0u) return;
-    if (push.arg0 == PREPARE_TRACE) {
-        const uint rays = COUNTERS.ray_count[push.round & 1u];
-        if (push.round == 0u) COUNTERS.shadow_count = 0u;
-        const uint shadows = COUNTERS.shadow_count;
-        COUNTERS.ray_args = indirect(rays);
-        COUNTERS.shadow_args = indirect(shadows);
-        if (push.round <= FRAME.max_bounces && (push.flags & PUSH_AOVS) == 0u) COUNTERS.closest_rays += uint64_t(rays);
-        COUNTERS.shadow_rays += uint64_t(shadows);
-        COUNTERS.surface_count = 0u;
-        COUNTERS.escaped_count = 0u;
-    } else {
-        COUNTERS.surface_args = indirect(COUNTERS.surface_count);
-        COUNTERS.escaped_args = indirect(COUNTERS.escaped_count);
-        COUNTERS.ray_count[(push.round + 1u) & 1u] = 0u;
-        COUNTERS.shadow_count = 0u;
-    }
+    if (push.arg0 == PREPARE_TRACE) prepare_trace();
+    if (push.arg0 == PREPARE_SHADE) prepare_shade();
+    if (push.arg0 == PREPARE_DEMAND) COUNTERS.deferred_args = indirect(COUNTERS.deferred_count[COUNTERS.deferred_parity]);
 }

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // What rays that leave the scene bring: dome and distant lights, weighted against the shadow rays of the bounce before.
 // One thread per escaped ray, Counters::escaped_args.
-// Reads: escaped_queue, rays, paths, lights. Writes: radiance of the ray's path.
+// Reads: escaped_queue, rays, paths, lights. Writes: radiance of the ray's path; with streaming, segments.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
+#include "include/progress.glsl"
 #include "include/lambert.glsl"
 #include "include/lights.glsl"
 
@@ -33,10 +34,7 @@ vec3 gathered(vec3 d, float pdf) {
     return sum;
 }
 
-void main() {
-    const uint at = thread_index();
-    if (at >= COUNTERS.escaped_count) return;
-    const uint path = ConstUints(FRAME.escaped_queue).v[at];
+void shade(uint path) {
     const Ray ray = load_ray(ray_address(path));
     if (ray.bounce == 0u) {
         Vec4s(FRAME.radiance).v[path] = seen_by_camera();
@@ -46,4 +44,12 @@ void main() {
     const vec3 contribution = admitted(state.throughput * gathered(ray.d, state.pdf), ray.bounce > 1u);
     const vec4 before = ConstVec4s(FRAME.radiance).v[path];
     Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + contribution, before.w);
+}
+
+void main() {
+    const uint at = thread_index();
+    if (at >= COUNTERS.escaped_count) return;
+    const uint path = ConstUints(FRAME.escaped_queue).v[at];
+    shade(path);
+    if (HAS_STREAMING) end_path(path, true);
 }

@@ -2,11 +2,12 @@
 // Shades every hit of a round: a shadow ray towards one light, and the ray of the next bounce. One thread per hit,
 // Counters::surface_args.
 // Reads: surface_queue, hits, rays, paths, the scene. Writes: paths, rays (the next one in place of this one), shadow_rays and,
-// at bounce 0, radiance (alpha 1); pushes the path to shadow_queue and ray_queue[(round + 1) & 1].
+// at bounce 0, radiance (alpha 1); pushes the path to shadow_queue and ray_queue[(round + 1) & 1]. With streaming: reads surfaces
+// in place of hits and the scene; writes progress, segments.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
-#include "include/queue.glsl"
+#include "include/progress.glsl"
 #include "include/sampler.glsl"
 #include "include/path_surface.glsl"
 #include "include/lambert.glsl"
@@ -83,6 +84,10 @@ void main() {
                 store_ray(ray_address(path), Ray(origin.hi, ray.bounce + 1u, direction, INFINITE, origin.lo, 0u));
             }
         }
+    }
+    if (HAS_STREAMING) {
+        if (in_range) set_progress(path, (ask ? 0u : SHADOW_DONE) | (go_on ? 0u : CLOSEST_DONE | PATH_ENDS));
+        end_path(path, in_range && !ask && !go_on);
     }
     uint to;
     QUEUE_SLOT(to, shadow_count, ask);

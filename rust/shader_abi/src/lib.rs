@@ -30,6 +30,42 @@
 //! shade_aovs             indirect Counters::SURFACE_ARGS      a.with(0, AOV_SURFACES)
 //!                      | indirect Counters::ESCAPED_ARGS      a.with(0, AOV_ESCAPED)
 //! ```
+//!
+//! # One submission of streaming
+//! With [`Features::STREAMING`] chunks may be absent (`GpuChunk::nodes == 0`), rays wait for them across submissions, and paths are
+//! at different bounces. Paths live in *slots*; segment `s` is the slots from `s * segment_size` on, and holds the paths
+//! `first .. first + count` of the render. `q` has `frame` and `flags` only (`Push::wave(frame, 0, 0, pixels)`; for AOVs, flagged);
+//! `g(s) = Push::wave(frame, first, count, pixels).with(r, s * segment_size)` with the segment's paths. `r` is the round: it starts
+//! at 0 with the render (or with the AOVs) and grows through all submissions. Before the first one the host zeroes `Counters`
+//! and the segment table.
+//! ```text
+//! (host)                 the chunk table as it now is; fill Streaming::sort_counts with 0
+//! sort_deferred_count    indirect Counters::DEFERRED_ARGS     q.with(r, 0)      | generate_camera_rays or generate_aov_rays of
+//!                                                                                 each new segment [groups(count)], g(s)
+//! sort_deferred_scan     [sort_blocks(chunk_count), 1, 1] (1)  q.with(r, SCAN_BLOCKS)
+//! sort_deferred_scan     [1]                                  q.with(r, SCAN_SUMS)
+//! sort_deferred_scatter  indirect Counters::DEFERRED_ARGS     q.with(r, 0)
+//! repeat as often as one submission is to last, with r = r + 1 each time:
+//!   prepare_dispatch     [1]                                  q.with(r, PREPARE_TRACE)
+//!   intersect_closest    indirect Counters::RAY_ARGS          q.with(r, 0)      | intersect_shadow indirect Counters::SHADOW_ARGS
+//!   prepare_dispatch     [1]                                  q.with(r, PREPARE_SHADE)
+//!                      | record_surfaces indirect RAY_ARGS    q.with(r, 0)
+//!   shade_background     indirect Counters::ESCAPED_ARGS      q.with(r, 0)      | shade_surface indirect Counters::SURFACE_ARGS
+//!     (AOVs: shade_aovs twice, as above, at round r)
+//! prepare_dispatch       [1]                                  q.with(r, PREPARE_DEMAND)
+//! (host)                 fill Streaming::demand with 0
+//! count_demand           indirect Counters::DEFERRED_ARGS     q.with(r, 0)
+//! (host)                 copy Counters, the segment table and Streaming::demand out
+//! ```
+//! (1) more than 65535 blocks do not happen below 2^25 chunks. A line that only sorts may be left out when no ray is deferred, all four
+//! `sort_*` together. Absent chunks may become resident, and resident ones absent, between submissions only.
+//! A segment with `alive == 0` and `count > 0` is done. When all earlier ones are accumulated:
+//! ```text
+//! accumulate             [groups(min(count, width*height))]   g(s)
+//! ```
+//! and its slots are free for `generate_camera_rays`. Nothing is left to do when every segment is done. When no chunk is absent no ray is
+//! deferred. When `ray_count[r & 1] + shadow_count == 0` after a submission, all living paths wait for chunks.
+//!
 //! `shaders/README.md` has the table of what each pass reads and writes.
 
 #![forbid(unsafe_code)]

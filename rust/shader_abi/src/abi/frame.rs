@@ -18,7 +18,7 @@ pub const MAX_DIRECT_GROUPS: u32 = 1 << 15;
 pub const SPEC_MAX_LEVELS: u32 = 0;
 /// Specialisation constant: traversal stack entries: the depth of the top level's tree, plus the sum, over the levels of the
 /// deepest chain, of the depth of the deepest instance tree at that level (the chunk's first), plus the depth of the deepest
-/// mesh tree, plus `MAX_LEVELS` + 2.
+/// mesh tree, plus `MAX_LEVELS` + 2, plus [`crate::MAX_PENDING`] with streaming.
 pub const SPEC_STACK_SIZE: u32 = 1;
 /// Specialisation constant: bits of [`Features`].
 pub const SPEC_FEATURES: u32 = 2;
@@ -27,6 +27,14 @@ pub const SPEC_FEATURES: u32 = 2;
 pub const PREPARE_TRACE: u32 = 0;
 /// `arg0` of `prepare_dispatch`: queues for `shade_surface` and `shade_background`.
 pub const PREPARE_SHADE: u32 = 1;
+/// `arg0` of `prepare_dispatch`, streaming: arguments for what reads the deferred rays.
+pub const PREPARE_DEMAND: u32 = 2;
+/// `arg0` of `sort_deferred_scan`: blocks of [`SCAN_BLOCK`] counts, each for itself.
+pub const SCAN_BLOCKS: u32 = 0;
+/// `arg0` of `sort_deferred_scan`: the sums of the blocks.
+pub const SCAN_SUMS: u32 = 1;
+/// Counts that a workgroup of `sort_deferred_scan` takes.
+pub const SCAN_BLOCK: u32 = 1024;
 /// `arg0` of `shade_aovs`: the rays that met something.
 pub const AOV_SURFACES: u32 = 0;
 /// `arg0` of `shade_aovs`: the rays that left the scene.
@@ -53,6 +61,12 @@ bitflags! {
         /// Shadow rays towards the dome at every bounce, joined to the escaping rays by MIS. Without it only the last
         /// bounce sends them. Either way the estimate is unbiased: this is a choice of rays per path against noise.
         const DOME_SHADOW_RAYS = 128;
+        /// Chunks may be absent: rays wait for them, paths live in segments. `Frame::streaming` counts.
+        const STREAMING = 256;
+        /// With `STREAMING`: `Streaming::chunk_rays` counts the rays that entered each chunk.
+        const CHUNK_COUNTS = 512;
+        /// A planted fault, for tests, with `STREAMING`: an absent chunk is not remembered, and the ray goes on without it.
+        const PLANT_SKIP_DEFERRED = 1024;
     }
 }
 
@@ -87,7 +101,7 @@ pub struct Push {
     /// Paths in the wave. `width * height + path_count` must stay below 2^32.
     pub path_count: u32,
     /// Round: 0 = camera rays. In a wave all rays of round `r` are at bounce `r`; passes ask the ray for its bounce, and the
-    /// round only for which of the two ray queues is read.
+    /// round only for which of the two ray queues is read. With streaming, rounds are numbered through all submissions.
     pub round: u32,
     /// Meaning depends on the pass; 0 where none is told.
     pub arg0: u32,
@@ -208,7 +222,7 @@ pub struct Frame {
     pub surface_queue: u64,
     /// Queue of the paths whose ray left the scene, wave size.
     pub escaped_queue: u64,
-    /// 0 without streaming.
+    /// One [`crate::Streaming`]; 0 without `Features::STREAMING`.
     pub streaming: u64,
     /// One [`crate::Counters`].
     pub counters: u64,

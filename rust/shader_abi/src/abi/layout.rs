@@ -5,7 +5,8 @@
 
 use super::{
     AovClear, AovTargets, Counters, FilmPixel, Frame, GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuLight,
-    GpuMesh, GpuNode, GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush, PathState, Push, Ray, ShadowRay,
+    GpuMesh, GpuNode, GpuSurface, GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush, PathState, Pending, Push, Ray,
+    Segment, ShadowRay, Streaming,
 };
 use core::mem::{offset_of, size_of};
 
@@ -109,6 +110,34 @@ pub const LAYOUTS: &[StructLayout] = &[
         light_count,
         flags
     }),
+    layout!(Streaming {
+        segments,
+        progress,
+        pending,
+        shadow_pending,
+        surfaces,
+        deferred,
+        demand,
+        sort_counts,
+        sort_sums,
+        chunk_rays,
+        segment_size,
+        chunk_count
+    }),
+    layout!(Segment { first_pixel, first_sample, count, alive }),
+    layout!(Pending { entry, chunk_instance }),
+    layout!(GpuSurface {
+        position,
+        offset,
+        position_lo,
+        prim_id,
+        geometric_normal,
+        instance_id,
+        shading_normal,
+        face,
+        albedo,
+        pad
+    }),
     layout!(GpuNode { min, max, child, count }),
     layout!(GpuTriangle { v0, face, v1, pad1, v2, pad2 }),
     layout!(GpuInstance { object_from_parent, target, prim_id, index_in_prototype, prototype_count }),
@@ -124,17 +153,28 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(Counters {
         closest_rays,
         shadow_rays,
+        chunk_visits,
+        chunk_misses,
         nonfinite,
         stack_overflows,
         ray_count,
         surface_count,
         escaped_count,
         shadow_count,
-        pad,
+        deferred_parity,
+        deferred_count,
+        visits,
+        misses,
+        resumed_rays,
+        resumed_shadows,
+        ray_base,
+        shadow_base,
         ray_args,
         surface_args,
         escaped_args,
-        shadow_args
+        shadow_args,
+        deferred_args,
+        pad
     }),
     layout!(FilmPixel { sum, compensation, m2, samples }),
     layout!(LbvhBounds { min, max }),

@@ -9,11 +9,13 @@ mod layout;
 mod lbvh;
 mod path;
 mod scene;
+mod stream;
 
 pub use film::{FilmPixel, aov_bytes};
 pub use frame::{
-    AOV_ESCAPED, AOV_SURFACES, AovClear, AovTargets, Features, Frame, FrameFlags, MAX_DIRECT_GROUPS, PREPARE_SHADE,
-    PREPARE_TRACE, Push, PushFlags, SPEC_FEATURES, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
+    AOV_ESCAPED, AOV_SURFACES, AovClear, AovTargets, Features, Frame, FrameFlags, MAX_DIRECT_GROUPS, PREPARE_DEMAND,
+    PREPARE_SHADE, PREPARE_TRACE, Push, PushFlags, SCAN_BLOCK, SCAN_BLOCKS, SCAN_SUMS, SPEC_FEATURES, SPEC_MAX_LEVELS,
+    SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
 };
 pub use layout::{LAYOUTS, MemberLayout, StructLayout};
 pub use lbvh::{LbvhBounds, LbvhPush};
@@ -22,3 +24,4 @@ pub use scene::{
     AttributeRate, GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuLight, GpuMesh, GpuNode, GpuTriangle,
     MAX_LEAF_ITEMS, MeshFlags, TARGET_ASSEMBLY,
 };
+pub use stream::{GpuSurface, MAX_PENDING, Pending, SHADOW_BIT, Segment, Streaming, path_bytes, sort_blocks};

@@ -20,7 +20,7 @@ pub struct Ray {
     pub t_max: f32,
     /// Origin, low part: at most half an ulp of `o`, component by component.
     pub o_lo: [f32; 3],
-    /// 0.
+    /// Of the shaders' own, with streaming: how far the ray has come. 0 for a ray not yet traced.
     pub flags: u32,
 }
 
@@ -49,7 +49,7 @@ pub struct ShadowRay {
     pub t_max: f32,
     /// Origin, low part.
     pub o_lo: [f32; 3],
-    /// 0.
+    /// As [`Ray::flags`].
     pub flags: u32,
     /// What the path gains, linear rgb.
     pub contribution: [f32; 3],
@@ -83,15 +83,20 @@ pub struct IndirectArgs {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Counters {
-    /// Total: closest-hit rays traced by waves (those of AOVs left out).
+    /// Total: closest-hit rays traced (those of AOVs left out). A ray that waited and went on counts once.
     pub closest_rays: u64,
-    /// Total: shadow rays traced.
+    /// Total: shadow rays traced, likewise.
     pub shadow_rays: u64,
+    /// Total, streaming: visits of chunk instances whose chunk was resident.
+    pub chunk_visits: u64,
+    /// Total, streaming: times that a ray was deferred.
+    pub chunk_misses: u64,
     /// Total: contributions that were NaN or infinite and were dropped.
     pub nonfinite: u32,
     /// Total: rays for which traversal ran out of stack and left nodes out; must stay 0, else `STACK_SIZE` is too small.
     pub stack_overflows: u32,
-    /// Paths in `Frame::ray_queue[i]`.
+    /// Paths in `Frame::ray_queue[i]`. After a submission of streaming that ended before round `r`, `ray_count[r & 1]` rays and
+    /// `shadow_count` shadow rays are ready to be traced.
     pub ray_count: [u32; 2],
     /// Paths in `Frame::surface_queue`.
     pub surface_count: u32,
@@ -99,9 +104,23 @@ pub struct Counters {
     pub escaped_count: u32,
     /// Paths in `Frame::shadow_queue`.
     pub shadow_count: u32,
-    /// 0.
-    pub pad: u32,
-    /// For `intersect_closest`.
+    /// Which of the two lists of deferred rays is in use: `deferred_count[deferred_parity]` rays wait.
+    pub deferred_parity: u32,
+    /// Entries in `Streaming::deferred[i]`.
+    pub deferred_count: [u32; 2],
+    /// Not yet in `chunk_visits`.
+    pub visits: u32,
+    /// Not yet in `chunk_misses`.
+    pub misses: u32,
+    /// Rays in the queue that went on after a wait: not counted again.
+    pub resumed_rays: u32,
+    /// The same for shadow rays.
+    pub resumed_shadows: u32,
+    /// Where in the ray queue sorted rays begin.
+    pub ray_base: u32,
+    /// Where in the shadow queue sorted rays begin.
+    pub shadow_base: u32,
+    /// For `intersect_closest` and `record_surfaces`.
     pub ray_args: IndirectArgs,
     /// For `shade_surface`.
     pub surface_args: IndirectArgs,
@@ -109,12 +128,18 @@ pub struct Counters {
     pub escaped_args: IndirectArgs,
     /// For `intersect_shadow`.
     pub shadow_args: IndirectArgs,
+    /// For `count_demand`, `sort_deferred_count` and `sort_deferred_scatter`.
+    pub deferred_args: IndirectArgs,
+    /// 0.
+    pub pad: u32,
 }
 
 impl Counters {
     /// Bytes of the totals, at the start of the struct.
     pub const TOTALS_BYTES: u64 = offset_of!(Self, ray_count) as u64;
-    /// Byte offset of the indirect arguments of `intersect_closest`.
+    /// Byte offset of the indirect arguments of `count_demand`, `sort_deferred_count` and `sort_deferred_scatter`.
+    pub const DEFERRED_ARGS: u64 = offset_of!(Self, deferred_args) as u64;
+    /// Byte offset of the indirect arguments of `intersect_closest` and `record_surfaces`.
     pub const RAY_ARGS: u64 = offset_of!(Self, ray_args) as u64;
     /// Byte offset of the indirect arguments of `shade_surface`.
     pub const SURFACE_ARGS: u64 = offset_of!(Self, surface_args) as u64;

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What paths need when chunks may be absent: lists of chunks that rays wait for, surfaces kept while their chunk leaves,
+//! segments of paths, and the demand that the host reads.
+//!
+//! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
+
+use super::{PathState, Ray, SCAN_BLOCK, ShadowRay, hit_stride};
+use bytemuck::{Pod, Zeroable};
+
+/// Absent chunk instances that a ray remembers; of more it only knows that there are some.
+pub const MAX_PENDING: u32 = 4;
+
+/// Set in an entry of `Streaming::deferred` when the path's shadow ray waits, else its closest ray does.
+pub const SHADOW_BIT: u32 = 1 << 31;
+
+/// Addresses of what streaming adds to a frame. `slots` is the number of paths in flight, `segments * segment_size`; below 2^31.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct Streaming {
+    /// [`Segment`] array: slots `s * segment_size ..` belong to segment `s`. Written by `generate_*`, read by the host.
+    pub segments: u64,
+    /// u32 per slot.
+    pub progress: u64,
+    /// [`Pending`] per slot, of the closest ray. 16-byte aligned.
+    pub pending: u64,
+    /// [`Pending`] per slot, of the shadow ray. 16-byte aligned.
+    pub shadow_pending: u64,
+    /// [`GpuSurface`] per slot. 16-byte aligned.
+    pub surfaces: u64,
+    /// Two lists of rays that wait, u32 each (slot, [`SHADOW_BIT`]), `2 * slots` entries each.
+    pub deferred: [u64; 2],
+    /// u32 `waiting[chunk_count]`, then u32 `next[chunk_count]`: what `count_demand` adds to. The host zeroes it before.
+    pub demand: u64,
+    /// u32 `[2 * chunk_count]`. The host zeroes it before `sort_deferred_count`.
+    pub sort_counts: u64,
+    /// u32 per block, see [`sort_blocks`]. Any contents.
+    pub sort_sums: u64,
+    /// u32 `[chunk_count]`: rays that entered each chunk since the host zeroed it. May be 0 without `Features::CHUNK_COUNTS`.
+    pub chunk_rays: u64,
+    /// Slots of a segment; the last one may be used in part.
+    pub segment_size: u32,
+    /// Elements of `Frame::chunks`, at most 2^30.
+    pub chunk_count: u32,
+}
+
+/// A contiguous range of paths in flight, 16 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct Segment {
+    /// First path: index of its pixel in trace order, as [`crate::Push::first_pixel`].
+    pub first_pixel: u32,
+    /// First path: its sample number.
+    pub first_sample: u32,
+    /// Paths.
+    pub count: u32,
+    /// Paths that are not finished. 0 = the segment can be accumulated and used again.
+    pub alive: u32,
+}
+
+/// The chunk instances a ray waits for, 32 B, ordered by (entry, instance). How many count is in the ray's flags.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct Pending {
+    /// Where the ray enters it.
+    pub entry: [f32; 4],
+    /// Which it is.
+    pub chunk_instance: [u32; 4],
+}
+
+/// All that shading needs of a hit, 80 B; the same members as the shaders' `Surface`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuSurface {
+    /// World, high part.
+    pub position: [f32; 3],
+    /// How far along the geometric normal a spawned ray must start.
+    pub offset: f32,
+    /// World, low part.
+    pub position_lo: [f32; 3],
+    /// Prim id.
+    pub prim_id: i32,
+    /// Unit, authored side.
+    pub geometric_normal: [f32; 3],
+    /// Instance id.
+    pub instance_id: u32,
+    /// Unit.
+    pub shading_normal: [f32; 3],
+    /// Element id.
+    pub face: u32,
+    /// Linear.
+    pub albedo: [f32; 3],
+    /// 0.
+    pub pad: u32,
+}
+
+/// Workgroups of `sort_deferred_scan` with `SCAN_BLOCKS`, and elements of `Streaming::sort_sums`.
+#[must_use]
+pub const fn sort_blocks(chunk_count: u32) -> u32 {
+    (2 * chunk_count).div_ceil(SCAN_BLOCK)
+}
+
+/// Bytes of device memory that a path takes: every array by path and every queue.
+#[must_use]
+pub const fn path_bytes(max_levels: u32, streaming: bool) -> u64 {
+    let radiance = 16;
+    let queues = 5 * size_of::<u32>();
+    let state = size_of::<Ray>() + size_of::<ShadowRay>() + size_of::<PathState>() + radiance + queues;
+    let deferred = 2 * 2 * size_of::<u32>();
+    let waiting = size_of::<u32>() + 2 * size_of::<Pending>() + size_of::<GpuSurface>() + deferred;
+    state as u64 + hit_stride(max_levels) as u64 + if streaming { waiting as u64 } else { 0 }
+}

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// Streaming only: how far the rays of each path are. A path is shaded when its closest ray and the shadow ray of the bounce before
+// are both finished, so that what is added to its radiance comes in one order; whichever of the two finishes last pushes it.
+#ifndef OOCPT_PROGRESS_GLSL
+#define OOCPT_PROGRESS_GLSL
+
+#include "include/queue.glsl"
+
+const uint SHADOW_DONE = 1u;  // or there is none
+const uint CLOSEST_DONE = 2u; // or there is none
+const uint CLOSEST_HIT = 4u;  // it met something
+const uint PATH_ENDS = 8u;    // no closest ray: the path ends with its shadow ray
+
+// Bits of Ray::flags and ShadowRay::flags; 0 for a ray not yet traced.
+const uint RAY_WAITED = 1u;  // the pending list counts
+const uint RAY_HIT = 2u;     // the hit record counts
+const uint RAY_MORE = 4u;    // there are more absent chunk instances than the list holds
+const uint RAY_CHANGED = 8u; // the hit was found in this round
+const uint RAY_COUNT_SHIFT = 4u; // length of the pending list
+
+const uint MAX_PENDING = 4u;
+const uint SHADOW_BIT = 1u << 31; // of an entry in the list of deferred rays
+
+void set_progress(uint path, uint bits) {
+    Uints(STREAMING.progress).v[path] = bits;
+}
+
+// Notes that a ray of the path has finished; returns all bits when the other one had too, else 0.
+uint finish(uint path, uint bits) {
+    const uint all = atomicOr(Uints(STREAMING.progress).v[path], bits) | bits;
+    return (all & (SHADOW_DONE | CLOSEST_DONE)) == (SHADOW_DONE | CLOSEST_DONE) ? all : 0u;
+}
+
+// Counts paths that have ended in their segments.
+void end_path(uint path, bool ended) {
+    const uint alive = path / STREAMING.segment_size * 4u + 3u;
+    add_each(STREAMING.segments, alive, 0xffffffffu, ended);
+}
+
+// Pushes paths to be shaded, and ends those that end; `all` as finish returned it.
+void push_finished(uint path, uint all) {
+    const bool ends = (all & PATH_ENDS) != 0u;
+    const bool hit = (all & CLOSEST_HIT) != 0u;
+    uint to;
+    QUEUE_SLOT(to, surface_count, all != 0u && !ends && hit);
+    if (all != 0u && !ends && hit) Uints(FRAME.surface_queue).v[to] = path;
+    QUEUE_SLOT(to, escaped_count, all != 0u && !ends && !hit);
+    if (all != 0u && !ends && !hit) Uints(FRAME.escaped_queue).v[to] = path;
+    end_path(path, ends);
+}
+
+// Puts rays that wait on the list of deferred rays.
+void push_deferred(uint entry, bool waits) {
+    const uint list = COUNTERS.deferred_parity;
+    uint to;
+    QUEUE_SLOT(to, deferred_count[list], waits);
+    if (waits) Uints(STREAMING.deferred[list]).v[to] = entry;
+    ADD_EACH(misses, waits ? 1u : 0u);
+}
+
+#endif

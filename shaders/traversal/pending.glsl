@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+// Streaming only: the absent chunk instances that a ray has come to. It keeps those with the smallest keys (entry distance, chunk
+// instance), in order, and knows whether there were others. A walk goes on to the end with everything that is resident; a ray
+// that comes back visits those of the list that are resident now, then, if there were others, everything behind the last one.
+// So a chunk instance is done or not begun; visiting one twice changes nothing.
+#ifndef OOCPT_PENDING_GLSL
+#define OOCPT_PENDING_GLSL
+
+#include "include/progress.glsl"
+
+float pending_entry[MAX_PENDING];
+uint pending_instance[MAX_PENDING];
+uint pending_count;
+bool pending_more;
+
+#if ANY_HIT
+#define PENDING_LISTS STREAMING.shadow_pending
+#else
+#define PENDING_LISTS STREAMING.pending
+#endif
+
+bool key_before(float entry, uint instance, float other_entry, uint other_instance) {
+    return entry < other_entry || (entry == other_entry && instance < other_instance);
+}
+
+void remember(float entry, uint instance) {
+    if (PLANT_SKIP_DEFERRED) return;
+    uint at = pending_count;
+    if (at == MAX_PENDING) {
+        pending_more = true;
+        --at;
+        if (!key_before(entry, instance, pending_entry[at], pending_instance[at])) return;
+    } else {
+        ++pending_count;
+    }
+    for (; at > 0u && key_before(entry, instance, pending_entry[at - 1u], pending_instance[at - 1u]); --at) {
+        pending_entry[at] = pending_entry[at - 1u];
+        pending_instance[at] = pending_instance[at - 1u];
+    }
+    pending_entry[at] = entry;
+    pending_instance[at] = instance;
+}
+
+// Drops what is entered behind `limit`; the rest of the instances is behind all of the list.
+void forget_behind(float limit) {
+    while (pending_count > 0u && pending_entry[pending_count - 1u] > limit) {
+        --pending_count;
+        pending_more = false;
+    }
+}
+
+void store_pending(uint path) {
+    for (uint i = 0u; i < pending_count; ++i) {
+        PendingLists(PENDING_LISTS).v[path].entry[i] = pending_entry[i];
+        PendingLists(PENDING_LISTS).v[path].chunk_instance[i] = pending_instance[i];
+    }
+}
+
+uint pending_flags() {
+    return pending_count == 0u ? 0u
+                               : RAY_WAITED | (pending_more ? RAY_MORE : 0u) | pending_count << RAY_COUNT_SHIFT;
+}
+
+// Whether (entry, instance) is not behind the last key of the list in memory, which was full.
+bool in_list_before(uint path, float entry, uint instance) {
+    const uint last = MAX_PENDING - 1u;
+    return !key_before(PendingLists(PENDING_LISTS).v[path].entry[last],
+                       PendingLists(PENDING_LISTS).v[path].chunk_instance[last], entry, instance);
+}
+
+#endif

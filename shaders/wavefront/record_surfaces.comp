@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// Streaming only. Keeps the surface of every hit that this round has found, while its chunk is there: one thread per ray,
+// Counters::ray_args.
+// Reads: ray_queue[round & 1], rays (flags), hits, the scene. Writes: surfaces.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "include/wavefront.glsl"
+#include "include/progress.glsl"
+#include "include/path_surface.glsl"
+
+void main() {
+    const uint at = thread_index();
+    if (!HAS_STREAMING || at >= COUNTERS.ray_count[push.round & 1u]) return;
+    const uint path = ConstUints(FRAME.ray_queue[push.round & 1u]).v[at];
+    if ((ConstUints(ray_address(path)).v[11] & RAY_CHANGED) != 0u) store_surface(path, surface_of_hit(path));
+}

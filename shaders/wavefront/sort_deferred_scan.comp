@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+// Streaming only. Turns counts into places, in two steps.
+// arg0 = SCAN_BLOCKS, a workgroup per block of SCAN_BLOCK counts: each becomes the sum of those before it in its block; sort_sums
+// gets the sum of the block.
+// arg0 = SCAN_SUMS, one workgroup: each sum becomes that of the blocks before it. Makes room in the queues and turns to the other list of
+// deferred rays.
+// Reads and writes: sort_counts, sort_sums, Counters.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "include/wavefront.glsl"
+
+const uint PER_THREAD = SCAN_BLOCK / WORKGROUP_SIZE;
+
+shared uint sums[WORKGROUP_SIZE];
+shared uint watched; // what became of the element at the index to watch
+
+// Sum of `value` over the threads before this one; `total` over all. Called by the whole workgroup.
+uint before(uint value, out uint total) {
+    const uint thread = gl_LocalInvocationIndex;
+    sums[thread] = value;
+    barrier();
+    for (uint step = 1u; step < WORKGROUP_SIZE; step *= 2u) {
+        const uint left = thread >= step ? sums[thread - step] : 0u;
+        barrier();
+        sums[thread] += left;
+        barrier();
+    }
+    total = sums[WORKGROUP_SIZE - 1u];
+    const uint result = sums[thread] - value;
+    barrier();
+    return result;
+}
+
+uint keys() {
+    return 2u * STREAMING.chunk_count;
+}
+
+// Scans words[begin .. begin + SCAN_BLOCK], as far as there are `count`; returns their sum.
+uint scan_block(uint64_t address, uint begin, uint count, uint base, uint watch) {
+    Uints words = Uints(address);
+    const uint mine = begin + gl_LocalInvocationIndex * PER_THREAD;
+    uint sum = 0u;
+    for (uint i = mine; i < min(mine + PER_THREAD, count); ++i) sum += words.v[i];
+    uint total;
+    uint place = base + before(sum, total);
+    for (uint i = mine; i < min(mine + PER_THREAD, count); ++i) {
+        const uint value = words.v[i];
+        words.v[i] = place;
+        if (i == watch) watched = place;
+        place += value;
+    }
+    return total;
+}
+
+void make_room(uint total) {
+    // The place of the first shadow ray.
+    const uint closest = Uints(STREAMING.sort_counts).v[STREAMING.chunk_count] + watched;
+    COUNTERS.ray_base = COUNTERS.ray_count[push.round & 1u];
+    COUNTERS.shadow_base = COUNTERS.shadow_count - closest; // places of shadow rays begin at `closest`
+    COUNTERS.ray_count[push.round & 1u] += closest;
+    COUNTERS.shadow_count += total - closest;
+    COUNTERS.resumed_rays = closest;
+    COUNTERS.resumed_shadows = total - closest;
+    COUNTERS.deferred_parity ^= 1u;
+    COUNTERS.deferred_count[COUNTERS.deferred_parity] = 0u;
+}
+
+void main() {
+    if (!HAS_STREAMING) return;
+    const uint group = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
+    if (push.arg0 == SCAN_BLOCKS) {
+        const uint total = scan_block(STREAMING.sort_counts, group * SCAN_BLOCK, keys(), 0u, 0xffffffffu);
+        if (gl_LocalInvocationIndex == 0u) Uints(STREAMING.sort_sums).v[group] = total;
+        return;
+    }
+    const uint blocks = (keys() + SCAN_BLOCK - 1u) / SCAN_BLOCK;
+    uint total = 0u;
+    for (uint begin = 0u; begin < blocks; begin += SCAN_BLOCK) {
+        total += scan_block(STREAMING.sort_sums, begin, blocks, total, STREAMING.chunk_count / SCAN_BLOCK);
+    }
+    barrier();
+    if (gl_LocalInvocationIndex == 0u) make_room(total);
+}
