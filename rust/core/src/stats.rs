@@ -44,4 +44,61 @@ pub struct Stats {
     pub triangles: u64,
     /// Unique meshes.
     pub meshes: u64,
+    /// What went on between host and device.
+    #[serde(default)]
+    pub streaming: StreamingStats,
+}
+
+/// How the scene got to the device. Counts and seconds are totals since the render began unless they say "now".
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct StreamingStats {
+    /// All of the scene fits and nothing is streamed: what follows about loads and rays stays 0.
+    pub in_core: bool,
+    /// Chunks of the scene.
+    pub chunks: u64,
+    /// Placements of chunks in the top level.
+    pub chunk_instances: u64,
+    /// Chunks usable on the device now.
+    pub resident_chunks: u64,
+    /// Chunks that were resident at least once.
+    pub chunks_touched: u64,
+    /// Chunks whose load completed.
+    pub loads: u64,
+    /// Of these, chunks that had been resident before.
+    pub reloads: u64,
+    /// Chunks evicted.
+    pub evictions: u64,
+    /// Loads that failed for lack of memory and were tried again.
+    pub failed_loads: u64,
+    /// Bytes copied to the device for chunks, their meshes and assemblies.
+    pub bytes_paged: u64,
+    /// Of these, bytes that had been on the device before.
+    pub reloaded_bytes: u64,
+    /// Visits of rays to chunks that found the chunk resident, divided by all that wanted one; 0 to 1.
+    pub hit_rate: f64,
+    /// Rays that wait for a chunk now.
+    pub waiting_rays: u64,
+    /// Paths still alive in the oldest unfinished segment now.
+    pub stragglers: u64,
+    /// Bytes of geometry (chunks, meshes, assemblies) on the device or on their way now.
+    pub geometry_bytes: u64,
+    /// Hard limit of these, bytes.
+    pub geometry_budget_bytes: u64,
+    /// The most `geometry_bytes` has been.
+    pub geometry_peak_bytes: u64,
+    /// Bytes that the whole scene would take on the device.
+    pub scene_bytes: u64,
+    /// Share of the free device memory that no largest chunk fits into, 0 to 1, now.
+    pub fragmentation: f64,
+    /// Seconds during which the device traced or shaded.
+    pub seconds_tracing: f64,
+    /// Seconds during which a load was in flight.
+    pub seconds_loading: f64,
+    /// Seconds during which the device did nothing but wait for loads.
+    pub seconds_waiting: f64,
+    /// Seconds during which it traced and loaded at once.
+    pub seconds_overlapped: f64,
+    /// Paths not finished yet of the samples begun, now.
+    pub paths_left: u64,
 }
