@@ -14,12 +14,14 @@ const BLOCK: usize = 1 << 12;
 pub(crate) struct ChangedNumbers {
     /// One bit for each number.
     bits: Vec<u64>,
+    /// All numbers from here on: one side does not have them.
+    tail: usize,
     len: usize,
 }
 
 impl ChangedNumbers {
-    /// The instances whose elements differ bit for bit; `None` unless arrays are there, of the same types and lengths,
-    /// and with equal masks.
+    /// The instances whose elements differ bit for bit, or that one side only has; `None` unless the same arrays are there,
+    /// of the same types, and with equal masks.
     pub(crate) fn between(old: &InstanceArrays, new: &InstanceArrays) -> Option<Self> {
         let [old_mask, old_arrays @ ..] = old.all();
         let [new_mask, new_arrays @ ..] = new.all();
@@ -28,11 +30,13 @@ impl ChangedNumbers {
             (Some(a), Some(b)) => a.same_contents(b),
             _ => false,
         };
-        let mut numbers = Self { bits: Vec::new(), len: 0 };
+        let [shorter, longer] = [old.len().min(new.len()), old.len().max(new.len())];
+        let tail = if shorter == longer { usize::MAX } else { shorter };
+        let mut numbers = Self { bits: Vec::new(), tail, len: longer - shorter };
         for pair in old_arrays.into_iter().zip(new_arrays) {
             match pair {
                 (None, None) => {}
-                (Some(a), Some(b)) if same_mask && a.element() == b.element() && a.len() == b.len() => {
+                (Some(a), Some(b)) if same_mask && a.element() == b.element() => {
                     if a.identity() != b.identity() {
                         numbers.add(a.view().bytes(), b.view().bytes(), a.element().size());
                     }
@@ -40,7 +44,7 @@ impl ChangedNumbers {
                 _ => return None,
             }
         }
-        numbers.len = numbers.bits.iter().map(|word| word.count_ones() as usize).sum();
+        numbers.len += numbers.bits.iter().map(|word| word.count_ones() as usize).sum::<usize>();
         same_mask.then_some(numbers)
     }
 
@@ -63,15 +67,14 @@ impl ChangedNumbers {
         }
     }
 
-    /// How many there are.
-    pub(crate) fn len(&self) -> usize {
-        self.len
+    /// True when so many changed that a run of `ranks` instances is better scanned anew.
+    pub(crate) fn is_most_of(&self, ranks: u32) -> bool {
+        self.len > 8 + ranks as usize / 4
     }
 
     /// True when `number` is one of them.
     #[inline]
-    pub(crate) fn contains(&self, number: u32) -> bool {
-        let number = number as usize;
-        self.bits.get(number / 64).is_some_and(|word| word >> (number % 64) & 1 == 1)
+    pub(crate) fn contains(&self, number: usize) -> bool {
+        number >= self.tail || self.bits.get(number / 64).is_some_and(|word| word >> (number % 64) & 1 == 1)
     }
 }

@@ -46,8 +46,7 @@ impl InstanceArrays {
         }
     }
 
-    /// The instances whose elements differ, when both have the same kinds of arrays of the same lengths and the same
-    /// mask. Worked out once for all prototypes.
+    /// The instances whose elements differ, when both have the same kinds of arrays and the same mask. Worked out once for all prototypes.
     pub(crate) fn changes(old: &Arc<Self>, new: &Arc<Self>) -> Option<Arc<ChangedNumbers>> {
         let (from, changes) =
             new.changes.get_or_init(|| (Arc::downgrade(old), ChangedNumbers::between(old, new).map(Arc::new)));

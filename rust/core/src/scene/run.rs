@@ -161,6 +161,9 @@ impl Run {
                 scan
             })
             .collect();
+        let outside =
+            |numbers: Numbers<'_>| ranks.par_iter().filter(|&&rank| numbers.of(rank).is_none()).count() as u64;
+        let (was_outside, is_outside) = (outside(old.numbers()), outside(numbers));
         let is_touched = |rank: &u32| touched.binary_search(&(*rank as usize / BLOCK)).is_ok();
         let mut bad: Vec<u32> = old.bad.iter().copied().filter(|rank| !is_touched(rank)).collect();
         bad.extend(scans.iter().flat_map(|s| s.bad.iter().copied()));
@@ -171,9 +174,9 @@ impl Run {
             }
         }
         run.bounds = run.blocks.iter().fold(Aabb::EMPTY, |a, b| a.union(b));
-        // Which numbers are out of range did not change.
-        run.dropped.instance_transforms =
-            (run.dropped.instance_transforms + bad.len() as u64).saturating_sub(old.bad.len() as u64);
+        let outside = (run.dropped.instance_indices + is_outside).saturating_sub(was_outside);
+        run.dropped.instance_indices = outside;
+        run.dropped.instance_transforms = (bad.len() as u64).saturating_sub(outside);
         run.bad = bad;
         run.edits = Some((Arc::downgrade(old), Arc::new(ranks)));
         Some(run)
@@ -190,14 +193,11 @@ impl Run {
             return None;
         }
         let changed = InstanceArrays::changes(&old.arrays, &new.arrays)?;
-        if changed.len() > self.ranks as usize / 4 {
+        if changed.is_most_of(self.ranks) {
             return None;
         }
-        let numbers = self.numbers();
-        let is_changed = |rank: u32| {
-            let number = numbers.of(rank).flatten().and_then(|n| u32::try_from(n).ok());
-            number.is_some_and(|n| changed.contains(n))
-        };
+        let (unmasked, indices) = (self.unmasked.as_ref().map(|n| &n[..]), old.indices.view());
+        let is_changed = |rank: u32| number(unmasked, &indices, rank as usize).is_some_and(|n| changed.contains(n));
         Some((0..self.ranks).into_par_iter().with_min_len(TASK).filter(|&rank| is_changed(rank)).collect())
     }
 
