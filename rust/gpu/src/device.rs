@@ -288,10 +288,11 @@ fn create_raw(instance: &Instance, probed: &Probed, choices: &QueueChoices) -> R
 
 /// The queues of the lanes, which may be one and the same.
 fn get_queues(raw: &ash::Device, choices: &QueueChoices) -> [Queue; LANES] {
-    // SAFETY: the device was made with all queues of the choices.
-    let get = |lane: Lane| unsafe {
+    let get = |lane: Lane| {
         let choice = choices[lane.index()];
-        Arc::new(Mutex::new(raw.get_device_queue(choice.family, choice.index)))
+        // SAFETY: the device was made with all queues of the choices.
+        let queue = unsafe { raw.get_device_queue(choice.family, choice.index) };
+        Arc::new(Mutex::new(queue))
     };
     let main = get(Lane::Main);
     let shared = choices[0] == choices[1];

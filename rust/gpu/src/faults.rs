@@ -130,15 +130,20 @@ fn a_loss_ends_the_wait_for_staging_space() {
     let gpu = open(false);
     let ring = StagingRing::new(&gpu, 64).expect("a ring");
     let held = ring.reserve(64, 4).expect("free");
-    std::thread::scope(|scope| {
-        let waiting: Vec<_> = (0..3).map(|_| scope.spawn(|| ring.reserve(1, 1).expect_err("lost"))).collect();
+    let (tell, told) = std::sync::mpsc::channel();
+    let (lost, ends) = std::thread::scope(|scope| {
+        for _ in 0..3 {
+            let (tell, ring) = (tell.clone(), &ring);
+            scope.spawn(move || tell.send(ring.reserve(1, 1).err()));
+        }
         std::thread::sleep(std::time::Duration::from_millis(20));
         let lost = lose(&gpu);
-        for thread in waiting {
-            assert_eq!(thread.join().expect("no panic"), lost, "the first as well as those behind it");
-        }
+        let ends: Vec<_> = (0..3).map(|_| told.recv_timeout(std::time::Duration::from_secs(30))).collect();
+        // Ends the wait also when the loss did not.
+        drop(held);
+        (lost, ends)
     });
+    assert_eq!(ends, vec![Ok(Some(lost)); 3], "the first as well as those behind it");
     assert!(ring.try_reserve(1, 1).is_err(), "and all later requests");
-    drop(held);
     assert_eq!(ring.used(), 0, "slices are given back all the same");
 }

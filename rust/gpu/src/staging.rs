@@ -52,8 +52,6 @@ struct State {
     /// Threads that wait, in the order they asked.
     turns: VecDeque<u64>,
     next_turn: u64,
-    /// Parts that lists of each lane use, by number: whom to wait for.
-    recorded: VecDeque<(u64, Lane)>,
 }
 
 /// Space taken from the ring, given back by the last holder: the slice or a command list.
@@ -84,8 +82,7 @@ impl StagingRing {
         }
         let buffer = Buffer::new(gpu, name, bytes, Usage::Upload)?;
         let mapped = buffer.mapped().ok_or_else(|| misuse("the driver did not map it".to_owned()))?;
-        let state =
-            State { space: RingSpace::new(bytes), turns: VecDeque::new(), next_turn: 0, recorded: VecDeque::new() };
+        let state = State { space: RingSpace::new(bytes), turns: VecDeque::new(), next_turn: 0 };
         let device = Arc::clone(gpu.device());
         let core = RingCore { device, buffer, mapped, state: Mutex::new(state), changed: Condvar::new() };
         Ok(Self { core: Arc::new(core) })
@@ -174,9 +171,8 @@ impl RingCore {
     /// Waits, not longer than [`POLL`], for something to happen that may free space.
     fn wait(&self, state: MutexGuard<'_, State>, turn: u64) -> Result<(), GpuError> {
         let is_first = state.turns.front() == Some(&turn);
-        let oldest = state.space.oldest();
-        let user = state.recorded.iter().find(|(number, _)| is_first && Some(*number) == oldest);
-        let submitted = user.and_then(|&(_, lane)| Some((lane, self.device.queue(lane).oldest_in_flight()?)));
+        let user = state.space.oldest_user().filter(|_| is_first);
+        let submitted = user.and_then(|lane| Some((lane, self.device.queue(lane).oldest_in_flight()?)));
         if let Some((lane, value)) = submitted {
             drop(state);
             self.device.queue(lane).wait(&self.device, value, POLL_NS)?;
@@ -213,14 +209,13 @@ impl Drop for Turn<'_> {
 impl StagingPart {
     /// A list of `lane` keeps it.
     pub(crate) fn used_on(&self, lane: Lane) {
-        self.core.lock().recorded.push_back((self.number, lane));
+        self.core.lock().space.used_by(self.number, lane);
     }
 }
 
 impl Drop for StagingPart {
     fn drop(&mut self) {
         let mut state = self.core.lock();
-        state.recorded.retain(|&(number, _)| number != self.number);
         let freed = state.space.give_back(self.number);
         drop(state);
         if freed {

@@ -6,6 +6,8 @@
 
 use std::collections::VecDeque;
 
+use crate::lane::Lane;
+
 /// One part of the ring.
 #[derive(Debug)]
 struct Part {
@@ -13,6 +15,8 @@ struct Part {
     end: u64,
     /// Given back, and waiting for older ones.
     returned: bool,
+    /// The lane that used it last: whom to wait for.
+    user: Option<Lane>,
 }
 
 /// A ring of bytes.
@@ -33,7 +37,7 @@ impl RingSpace {
     /// Takes `bytes` (not 0) at a multiple of `align`; gives the part's number and its start. None = not now.
     pub(crate) fn take(&mut self, bytes: u64, align: u64) -> Option<(u64, u64)> {
         let start = self.place(bytes, align)?;
-        self.parts.push_back(Part { start, end: start + bytes, returned: false });
+        self.parts.push_back(Part { start, end: start + bytes, returned: false, user: None });
         Some((self.oldest + self.parts.len() as u64 - 1, start))
     }
 
@@ -57,8 +61,7 @@ impl RingSpace {
 
     /// Gives a part back, once. True when space became free by it.
     pub(crate) fn give_back(&mut self, number: u64) -> bool {
-        let part = number.checked_sub(self.oldest).and_then(|i| usize::try_from(i).ok());
-        if let Some(part) = part.and_then(|i| self.parts.get_mut(i)) {
+        if let Some(part) = self.part(number) {
             part.returned = true;
         }
         let before = self.oldest;
@@ -69,9 +72,21 @@ impl RingSpace {
         self.oldest > before
     }
 
-    /// The part that must come back before anything becomes free; None when all is free.
-    pub(crate) fn oldest(&self) -> Option<u64> {
-        (!self.parts.is_empty()).then_some(self.oldest)
+    fn part(&mut self, number: u64) -> Option<&mut Part> {
+        let index = number.checked_sub(self.oldest).and_then(|i| usize::try_from(i).ok())?;
+        self.parts.get_mut(index)
+    }
+
+    /// A list of `lane` uses a part.
+    pub(crate) fn used_by(&mut self, number: u64, lane: Lane) {
+        if let Some(part) = self.part(number) {
+            part.user = Some(lane);
+        }
+    }
+
+    /// The user of the part that must come back before anything becomes free, if it has one.
+    pub(crate) fn oldest_user(&self) -> Option<Lane> {
+        self.parts.front()?.user
     }
 
     /// Bytes that cannot be taken now, gaps included.
@@ -95,14 +110,17 @@ mod tests {
         assert_eq!(ring.take(30, 16), Some((1, 48)), "aligned");
         assert_eq!(ring.take(30, 1), None, "neither behind the newest nor before the oldest");
         assert!(!ring.give_back(1), "out of order: nothing is free yet");
-        assert_eq!((ring.take(30, 1), ring.oldest(), ring.used()), (None, Some(0), 78), "still");
+        assert_eq!((ring.take(30, 1), ring.used()), (None, 78), "still");
         assert!(ring.give_back(0), "now all is");
-        assert_eq!((ring.oldest(), ring.used()), (None, 0), "empty");
+        assert_eq!(ring.used(), 0, "empty");
         assert_eq!(ring.take(100, 64), Some((2, 0)), "exactly the whole ring");
         assert_eq!(ring.take(1, 1), None, "full");
         assert!(ring.give_back(2), "empty again");
         assert_eq!((ring.take(50, 1), ring.take(50, 1)), (Some((3, 0)), Some((4, 50))), "two halves");
+        ring.used_by(4, Lane::Transfer);
+        assert_eq!(ring.oldest_user(), None, "that is the other half");
         assert!(ring.give_back(3), "the first half");
+        assert_eq!(ring.oldest_user(), Some(Lane::Transfer), "now it is the oldest");
         assert_eq!((ring.take(50, 1), ring.take(1, 1)), (Some((5, 0)), None), "wrapped, exactly full");
         assert!(ring.give_back(4), "the second half");
         assert_eq!(ring.take(51, 1), None, "the first half is taken");
@@ -141,6 +159,6 @@ mod tests {
         for (number, ..) in held {
             ring.give_back(number);
         }
-        assert_eq!(ring.oldest(), None, "all came back");
+        assert_eq!(ring.used(), 0, "all came back");
     }
 }
