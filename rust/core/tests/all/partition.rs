@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use glam::{DMat3, DMat4, DVec3, DVec4};
-use oocpt_core::{InstanceRecord, PartitionOptions, SceneDb, Snapshot, Target, World};
+use oocpt_core::{InstanceRecord, PartitionOptions, SceneDb, Snapshot, Target, TypedArray, World};
 
 use crate::support::{Leaf, by, committed, flatten, grid, scatter, triangle};
 
@@ -200,4 +200,111 @@ fn large_meshes_are_split_and_still_count_as_one() {
     db.set_partition(PartitionOptions::default());
     let again = committed(&mut db);
     assert_eq!((again.counts, again.meshes.len()), (whole.counts, 2), "whole again");
+}
+
+/// An instancer of `n` triangles at `path` inside the given prototypes; large enough to be opened by small chunks.
+fn crowd(db: &mut SceneDb, path: &str, points: &[[f32; 3]], parents: &[(&str, &str)]) {
+    let root = format!("{path}/p");
+    let all: Vec<i32> = (0..).take(points.len()).collect();
+    let mut inner = scatter(path, points, &[(&root, &all)]);
+    inner.prim.instanced_by = parents.iter().map(|(instancer, root)| by(instancer, root)).collect();
+    db.upsert_instancer(inner);
+    let mut mesh = triangle(&format!("{root}/m"), 0.25);
+    mesh.prim.instanced_by = vec![by(path, &root)];
+    db.upsert_mesh(mesh);
+}
+
+/// Two instancers show the same instancer, one of them through a third.
+#[test]
+fn an_assembly_is_opened_through_several_parents() {
+    let mut db = SceneDb::new();
+    db.set_partition(SMALL);
+    crowd(&mut db, "/c", &spread(700, 10.0, 7), &[("/x", "/x/p"), ("/y", "/y/p")]);
+    let mut x = scatter("/x", &[[50.0, 0.0, 0.0], [0.0, 50.0, 0.0]], &[("/x/p", &[1, 0])]);
+    x.prim.instanced_by = vec![by("/z", "/z/p")];
+    db.upsert_instancer(x);
+    db.upsert_instancer(scatter("/y", &[[-50.0, 0.0, 0.0]], &[("/y/p", &[0])]));
+    db.upsert_instancer(scatter("/z", &spread(3, 500.0, 8), &[("/z/p", &[2, 1, 0])]));
+    // A beside-mesh makes each prototype an assembly of its own.
+    for parent in ["/x", "/y"] {
+        let mut mesh = triangle(&format!("{parent}/p/m"), 0.5);
+        mesh.prim.instanced_by = vec![by(parent, &format!("{parent}/p"))];
+        db.upsert_mesh(mesh);
+    }
+    // Opened in the plan, placed nowhere.
+    db.upsert_instancer(scatter("/none", &[[0.0; 3]], &[("/none/p", &[])]));
+    crowd(&mut db, "/none/p/c", &spread(700, 10.0, 9), &[("/none", "/none/p")]);
+    let snapshot = committed(&mut db);
+    assert!(snapshot.world.opened.len() >= 4, "{:?}", snapshot.world.opened);
+    assert_eq!(snapshot.counts.instances, (700 + 1) * (6 + 1), "placements");
+    assert_same_leaves(flatten(&snapshot), flatten_world(&snapshot));
+}
+
+/// 70 000 x 70 000 instance numbers, of which a few are in range.
+#[test]
+fn instance_ids_wrap_as_on_the_device() {
+    let mut db = SceneDb::new();
+    db.set_partition(SMALL);
+    let mut numbers = vec![-1; 70_000];
+    (0..700).for_each(|k| numbers[69_000 + k] = i32::try_from(k).unwrap());
+    let mut inner = scatter("/o/p/i", &spread(700, 10.0, 3), &[("/o/p/i/p", &numbers)]);
+    inner.prim.instanced_by = vec![by("/o", "/o/p")];
+    db.upsert_instancer(inner);
+    let mut outer = vec![-1; 70_000];
+    (outer[1], outer[69_999]) = (0, 1);
+    db.upsert_instancer(scatter("/o", &[[0.0; 3], [90.0, 0.0, 0.0]], &[("/o/p", &outer)]));
+    for (path, instancer, root) in [("/o/p/i/p/m", "/o/p/i", "/o/p/i/p"), ("/o/p/m", "/o", "/o/p")] {
+        let mut mesh = triangle(path, 0.25);
+        mesh.prim.instanced_by = vec![by(instancer, root)];
+        db.upsert_mesh(mesh);
+    }
+    let snapshot = committed(&mut db);
+    let ids = |leaves: Vec<Leaf>| {
+        let mut ids: Vec<u32> = leaves.iter().map(|l| u32::try_from(l.instance_id & 0xffff_ffff).unwrap()).collect();
+        ids.sort_unstable();
+        ids
+    };
+    let wrapped = ids(flatten_world(&snapshot));
+    assert!(snapshot.world.instances.iter().any(|i| i.instance_id == 69_999), "opened");
+    assert!(wrapped == ids(flatten(&snapshot)), "ids modulo 2^32");
+    assert!(wrapped.contains(&69_999_u32.wrapping_mul(70_000).wrapping_add(69_000)), "the first of the last copy");
+}
+
+/// Sizes from 1e-9 to 1e17 in one assembly, and all instances in one point.
+#[test]
+fn extreme_scenes_are_cut_too() {
+    let n = 900_usize;
+    let all: Vec<i32> = (0..900).collect();
+    let far = spread(n, 1.0, 4).into_iter().map(|p| p.map(|v| v * v * v * 4.0e17)).collect::<Vec<_>>();
+    let small = spread(n, 1e-12, 5);
+    let point = vec![[1.0e6_f32, -3.0, 1e-3]; n];
+    for (name, points, size) in [("far", far, 1.0e3_f32), ("small", small, 1e-9), ("point", point, 0.1)] {
+        let mut db = SceneDb::new();
+        db.set_partition(SMALL);
+        let mut desc = scatter("/i", &points, &[("/i/p", &all)]);
+        desc.scales =
+            Some(TypedArray::of((0..n).map(|k| [if k % 7 == 0 { size * 9.0 } else { size }; 3]).collect::<Vec<_>>()));
+        db.upsert_instancer(desc);
+        let mut mesh = triangle("/i/p/m", 0.5);
+        mesh.prim.instanced_by = vec![by("/i", "/i/p")];
+        db.upsert_mesh(mesh);
+        let snapshot = committed(&mut db);
+        let world = &snapshot.world;
+        assert_eq!(world.chunks.iter().map(|c| c.len()).sum::<usize>(), n, "{name}: records");
+        assert!(world.chunks.iter().all(|c| c.len() <= 128) && world.unplaceable == 0, "{name}: sizes");
+    }
+}
+
+/// A ground plane among grass is a chunk of its own.
+#[test]
+fn large_members_are_kept_apart() {
+    let mut db = SceneDb::new();
+    db.set_partition(SMALL);
+    crowd(&mut db, "/c", &spread(1000, 100.0, 6), &[]);
+    let mut ground = grid("/ground", 2);
+    ground.prim.transform = DMat4::from_scale(DVec3::splat(100.0));
+    db.upsert_mesh(ground);
+    let snapshot = committed(&mut db);
+    let widths: Vec<f32> = snapshot.world.chunks.iter().map(|c| c.bounds().max[0] - c.bounds().min[0]).collect();
+    assert_eq!(widths.iter().filter(|w| **w > 80.0).count(), 1, "{widths:?}");
 }
