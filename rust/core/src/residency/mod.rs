@@ -25,6 +25,7 @@ mod entry;
 mod holdings;
 mod planner;
 pub mod policy;
+pub mod simulate;
 mod stats;
 mod step;
 mod victims;

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Synthetic scenes: a square of chunks with blocks of uneven size and meshes they share.
+
+use super::super::{AssetId, Catalog, CatalogError, ChunkId};
+use super::random::Random;
+use std::sync::Arc;
+
+/// What a scene and its paths are like.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneOptions {
+    /// Seed of everything.
+    pub seed: u64,
+    /// Chunks along a side of the square.
+    pub side: u32,
+    /// Mean bytes of a chunk's own block; blocks vary by a factor of 16.
+    pub block_bytes: u64,
+    /// Meshes in the scene.
+    pub meshes: u32,
+    /// Mean bytes of a mesh.
+    pub mesh_bytes: u64,
+    /// Meshes a chunk uses, popular ones more often.
+    pub meshes_per_chunk: u32,
+    /// Paths to trace.
+    pub paths: u32,
+    /// Rays of a path.
+    pub bounces: u8,
+    /// Mean number of chunks a ray crosses up to its hit.
+    pub crossed: u32,
+    /// Share of the rays after the first that begin nowhere near where the last one ended (0 = all near).
+    pub scattered: f64,
+    /// Chunks of a scattered ray are popular ones (else any).
+    pub popular: bool,
+}
+
+impl Default for SceneOptions {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            side: 32,
+            block_bytes: 2 << 20,
+            meshes: 512,
+            mesh_bytes: 1 << 20,
+            meshes_per_chunk: 6,
+            paths: 32_768,
+            bounces: 4,
+            crossed: 3,
+            scattered: 0.1,
+            popular: true,
+        }
+    }
+}
+
+/// A scene to be traced.
+#[derive(Clone, Debug)]
+pub struct Workload {
+    /// How it was made.
+    pub options: SceneOptions,
+    /// Its chunks and assets.
+    pub catalog: Arc<Catalog>,
+}
+
+impl Workload {
+    /// Makes the scene.
+    pub fn new(options: SceneOptions) -> Result<Self, CatalogError> {
+        let chunks = options.side.saturating_mul(options.side);
+        let mut bytes = Vec::new();
+        for asset in 0..chunks.saturating_add(options.meshes) {
+            let mean = if asset < chunks { options.block_bytes } else { options.mesh_bytes };
+            let mut random = Random::of([options.seed, 1, u64::from(asset)]);
+            // 1/4 to 4 times, mean about 1.1.
+            let scale = random.below(5);
+            bytes.push((mean / 4).max(1) << scale.min(random.below(5)));
+        }
+        let row = |chunk: ChunkId| {
+            let mut random = Random::of([options.seed, 2, u64::from(chunk)]);
+            let mut row: Vec<AssetId> = vec![chunk];
+            for _ in 0..options.meshes_per_chunk {
+                if options.meshes > 0 {
+                    row.push(chunks + random.zipf(options.meshes));
+                }
+            }
+            row
+        };
+        let catalog = Catalog::new(bytes, (0..chunks).map(row))?;
+        Ok(Self { options, catalog: Arc::new(catalog) })
+    }
+
+    /// The budget that is this percentage of all bytes, or the smallest possible one.
+    pub fn budget(&self, percent: u64) -> u64 {
+        let largest = self.catalog.largest_closure().map_or(0, |(_, bytes)| bytes);
+        (self.catalog.total_bytes() / 100).saturating_mul(percent).max(largest)
+    }
+}

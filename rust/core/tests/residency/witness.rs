@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Keeps the books of a device beside a planner, from its commands alone, and checks every one of them.
+
+use oocpt_core::residency::{Catalog, Command, Demand, Planner, PlannerOptions, PolicyKind};
+use proptest::prelude::*;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// Steps that must have seen a chunk usable before it may go.
+const PIN_STEPS: u32 = 2;
+
+pub struct Witness {
+    pub planner: Planner,
+    pub budget: u64,
+    pub step: u32,
+    /// Chunks that are loading, with what their loads bring.
+    pub loading: BTreeMap<u32, Vec<u32>>,
+    /// Usable chunks, with the step after which they became so and whether rays had asked for them.
+    pub resident: BTreeMap<u32, (u32, bool)>,
+    /// Assets on the device or on their way.
+    pub held: BTreeSet<u32>,
+    pub commands: Vec<Command>,
+    /// A load failed or the budget was lowered: evictions may look early from here on.
+    pub disturbed: bool,
+    asked: BTreeSet<u32>,
+}
+
+impl Witness {
+    pub fn new(catalog: &Arc<Catalog>, budget: u64, kind: PolicyKind, in_flight_bytes: u64) -> Self {
+        let options = PlannerOptions { in_flight_bytes, pin_steps: 0 };
+        let planner = Planner::with_policy(catalog.clone(), budget, kind.policy(), options);
+        Self {
+            planner: planner.expect("the budget fits the largest chunk"),
+            budget,
+            step: 0,
+            loading: BTreeMap::new(),
+            resident: BTreeMap::new(),
+            held: BTreeSet::new(),
+            commands: Vec::new(),
+            disturbed: false,
+            asked: BTreeSet::new(),
+        }
+    }
+
+    pub fn bytes(&self, assets: &[u32]) -> u64 {
+        assets.iter().map(|&asset| self.planner.catalog().bytes(asset)).sum()
+    }
+
+    fn held_bytes(&self) -> u64 {
+        self.held.iter().map(|&asset| self.planner.catalog().bytes(asset)).sum()
+    }
+
+    /// Assets of a chunk that no other chunk loading or resident has, nor the one it makes room for.
+    fn only_of(&self, chunk: u32, successor: Option<&u32>) -> Vec<u32> {
+        let holders = || self.loading.keys().chain(self.resident.keys()).chain(successor);
+        let others = || holders().filter(move |&&other| other != chunk);
+        let catalog = self.planner.catalog();
+        let shared = |asset: &u32| others().any(|&other| catalog.assets(other).contains(asset));
+        catalog.assets(chunk).iter().copied().filter(|asset| self.held.contains(asset) && !shared(asset)).collect()
+    }
+
+    /// One step of the planner; every command is checked as it is carried out.
+    pub fn step(&mut self, demand: &Demand<'_>) {
+        self.step += 1;
+        let commands = self.planner.step(demand);
+        let mut evicted_bytes = 0;
+        for (place, command) in commands.iter().enumerate() {
+            match command {
+                Command::Evict { chunk, assets } => {
+                    let successor = commands[place..].iter().find_map(|command| match command {
+                        Command::Load { chunk, .. } => Some(chunk),
+                        Command::Evict { .. } => None,
+                    });
+                    let resident = self.resident.contains_key(chunk);
+                    // What a load that follows shares stays, what was thrown out for another reason comes back with
+                    // it; failed loads share out among them what they drop (the count of bytes below sees a leak).
+                    let frees = [self.only_of(*chunk, successor), self.only_of(*chunk, None)];
+                    let drops = !resident && assets.iter().all(|asset| frees[1].contains(asset));
+                    let right = frees[0] == *assets || (self.disturbed && frees[1] == *assets) || drops;
+                    assert!(right, "{assets:?}, not {frees:?}");
+                    if resident {
+                        self.check_pin(*chunk, demand);
+                        evicted_bytes += self.bytes(assets);
+                    }
+                    self.resident.remove(chunk);
+                    self.held.retain(|asset| !assets.contains(asset));
+                }
+                Command::Load { chunk, assets } => {
+                    self.check_load(*chunk, assets, demand, &mut evicted_bytes);
+                }
+            }
+        }
+        let bytes = self.held_bytes();
+        assert!(bytes <= self.budget || !self.loading.is_empty(), "{bytes} bytes under {}", self.budget);
+        assert_eq!(self.planner.stats().bytes_held, bytes, "the planner's count of bytes");
+        assert!(evicted_bytes == 0 || self.disturbed, "an eviction makes room for a load");
+        self.commands.extend(commands);
+    }
+
+    fn check_pin(&self, chunk: u32, demand: &Demand<'_>) {
+        if let Some(&(since, demanded)) = self.resident.get(&chunk)
+            && !self.disturbed
+        {
+            let seen = self.step - since;
+            assert!(!demanded || seen >= PIN_STEPS, "chunk {chunk} goes after {seen} steps, {demand:?}");
+        }
+    }
+
+    fn check_load(&mut self, chunk: u32, assets: &[u32], demand: &Demand<'_>, evicted: &mut u64) {
+        assert!(!self.resident.contains_key(&chunk), "chunk {chunk} is loaded twice");
+        let in_flight: BTreeSet<u32> = self.loading.values().flatten().copied().collect();
+        let all = self.planner.catalog().assets(chunk).to_vec();
+        let missing: Vec<u32> = all.iter().copied().filter(|asset| !self.held.contains(asset)).collect();
+        assert_eq!(missing, assets, "a load brings exactly what is not there");
+        assert!(all.iter().all(|asset| !in_flight.contains(asset)), "a load relies on another in flight");
+        let needed = self.held_bytes() + *evicted + self.bytes(assets) > self.budget;
+        assert!(*evicted == 0 || needed || self.disturbed, "an eviction that was not needed");
+        *evicted = 0;
+        let waiting = |chunk: u32| demand.waiting.get(chunk as usize).copied().unwrap_or(0);
+        if waiting(chunk) == 0 {
+            assert!(demand.next.get(chunk as usize).is_some_and(|&rays| rays > 0), "chunk {chunk}: nobody asked");
+            for other in 0..u32::try_from(self.planner.catalog().chunk_count()).expect("few") {
+                let coming = self.loading.contains_key(&other) || self.resident.contains_key(&other);
+                assert!(waiting(other) == 0 || coming || self.disturbed, "{chunk} is loaded ahead of {other}");
+            }
+        } else {
+            self.asked.insert(chunk);
+        }
+        assert!(self.loading.insert(chunk, assets.to_vec()).is_none(), "chunk {chunk} is loaded twice");
+        self.held.extend(assets);
+        assert!(self.held_bytes() <= self.budget, "{} bytes under {}", self.held_bytes(), self.budget);
+    }
+
+    pub fn loaded(&mut self, chunk: u32) {
+        self.planner.loaded(chunk);
+        if self.loading.remove(&chunk).is_some() {
+            self.resident.insert(chunk, (self.step, self.asked.remove(&chunk)));
+            assert!(self.planner.is_resident(chunk), "a loaded chunk is resident");
+        }
+    }
+
+    pub fn failed(&mut self, chunk: u32) {
+        self.planner.failed(chunk);
+        if let Some(assets) = self.loading.remove(&chunk) {
+            self.held.retain(|asset| !assets.contains(asset));
+            self.disturbed = true;
+            assert!(!self.planner.is_resident(chunk), "a chunk that failed is not resident");
+        }
+    }
+
+    pub fn set_budget(&mut self, budget: u64) {
+        if self.planner.set_budget(budget).is_ok() {
+            self.disturbed |= budget < self.budget;
+            self.budget = budget;
+        }
+    }
+}
+
+/// Catalogs of a few chunks that share meshes.
+pub fn catalogs() -> impl Strategy<Value = Arc<Catalog>> {
+    let meshes = prop::collection::vec(0_u64..200, 1..6);
+    let blocks = prop::collection::vec((1_u64..100, prop::collection::vec(0_usize..6, 0..4)), 1..10);
+    (meshes, blocks).prop_map(|(meshes, blocks)| {
+        let count = u32::try_from(blocks.len()).expect("few");
+        let mut bytes: Vec<u64> = blocks.iter().map(|(bytes, _)| *bytes).collect();
+        bytes.extend(&meshes);
+        let row = |(chunk, (_, used)): (u32, &(u64, Vec<usize>))| {
+            let used = used.iter().map(|mesh| count + u32::try_from(mesh % meshes.len()).expect("few"));
+            std::iter::once(chunk).chain(used).collect::<Vec<u32>>()
+        };
+        Arc::new(Catalog::new(bytes, (0..).zip(&blocks).map(row)).expect("a good catalog"))
+    })
+}
+
+/// A budget between one chunk (`0`) and everything (`100`).
+pub fn budget_of(catalog: &Catalog, percent: u64) -> u64 {
+    let least = catalog.largest_closure().map_or(0, |(_, bytes)| bytes);
+    least + catalog.total_bytes().saturating_sub(least) * percent / 100
+}
+
+pub fn kinds() -> impl Strategy<Value = PolicyKind> {
+    prop::sample::select(PolicyKind::ALL.to_vec())
+}
