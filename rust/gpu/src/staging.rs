@@ -2,8 +2,8 @@
 //! Host memory through which data goes to the device: one mapped buffer, used as a ring by several threads.
 //!
 //! A thread reserves a [`StagingSlice`], fills it with no lock held, and records copies from it; the space comes back when the last
-//! submission that copies from it has finished, or when the slice is dropped unused. Space comes back in the order it was reserved,
-//! so a slice that is held long holds up the ring.
+//! submission that copies from it has finished, or when the slice is dropped unused. Space is free again when all that was reserved
+//! before it (or all after it) is back too, so a slice that is held long holds up the ring.
 //!
 //! Waiting: threads are served in the order they asked. The first waits for the GPU when that holds the oldest part, else for other
 //! threads; a wait never lasts longer than [`POLL`] before everything is looked at anew, so nothing depends on being woken, and the
