@@ -13,10 +13,13 @@ QUICK = {"oocpt:samplesPerPixel": 4, "oocpt:maxBounces": 1}
 KEYS = [
     "percentDone", "fractionDone", "totalClockTime", "numCompletedSamples", "gpuMemoryUsed", "totalMemory", "peakMemory",
     "rendererName", "rendererVersion", "renderProgressAnnotation", "oocpt:raysPerSecond", "oocpt:dropped",
+    "oocpt:inCore", "oocpt:chunks", "oocpt:chunkInstances", "oocpt:residentChunks", "oocpt:loads", "oocpt:reloads", "oocpt:evictions",
+    "oocpt:bytesPaged", "oocpt:hitRate", "oocpt:waitingRays", "oocpt:stragglers", "oocpt:geometryPeakBytes",
+    "oocpt:secondsTracing", "oocpt:secondsLoading", "oocpt:secondsWaiting", "oocpt:secondsOverlapped",
 ]  # fmt: skip
 DESCRIBED = [
     "oocpt:samplesPerPixel", "oocpt:maxBounces", "oocpt:seed", "oocpt:clamp", "oocpt:timeLimit", "oocpt:memoryBudget",
-    "oocpt:device", "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility",
+    "oocpt:device", "oocpt:policy", "oocpt:chunkSize", "oocpt:geometryBudget", "oocpt:chunkReport", "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility",
 ]  # fmt: skip
 
 

@@ -5,12 +5,12 @@
 //! `percentDone`…); those under `oocpt:` are ours. Pure; any thread.
 
 use crate::ffi::{NamedValue, ScalarTag, ScalarValue};
-use oocpt_core::stats::Stats;
+use oocpt_core::stats::{Stats, StreamingStats};
 
 /// The list of pairs, sorted as below. Memory in bytes, times in seconds.
 pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
     let dropped = stats.dropped.message().unwrap_or_default();
-    vec![
+    let mut values = vec![
         text("rendererName", "OocPT"),
         text("rendererVersion", env!("CARGO_PKG_VERSION")),
         real("percentDone", f64::from(stats.percent_done)),
@@ -36,6 +36,38 @@ pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
         text("oocpt:featuresLeftOut", &stats.features_left_out.join("; ")),
         integer("oocpt:dropped", stats.dropped.total()),
         text("oocpt:droppedData", &dropped),
+    ];
+    values.extend(streaming(&stats.streaming));
+    values
+}
+
+/// What is told about chunks, memory and the overlap of tracing and loading.
+fn streaming(stats: &StreamingStats) -> [NamedValue; 24] {
+    [
+        flag("oocpt:inCore", stats.in_core),
+        integer("oocpt:chunks", stats.chunks),
+        integer("oocpt:chunkInstances", stats.chunk_instances),
+        integer("oocpt:residentChunks", stats.resident_chunks),
+        integer("oocpt:chunksTouched", stats.chunks_touched),
+        integer("oocpt:loads", stats.loads),
+        integer("oocpt:reloads", stats.reloads),
+        integer("oocpt:evictions", stats.evictions),
+        integer("oocpt:failedLoads", stats.failed_loads),
+        integer("oocpt:bytesPaged", stats.bytes_paged),
+        integer("oocpt:reloadedBytes", stats.reloaded_bytes),
+        real("oocpt:hitRate", stats.hit_rate),
+        integer("oocpt:waitingRays", stats.waiting_rays),
+        integer("oocpt:stragglers", stats.stragglers),
+        integer("oocpt:geometryBytes", stats.geometry_bytes),
+        integer("oocpt:geometryBudgetBytes", stats.geometry_budget_bytes),
+        integer("oocpt:geometryPeakBytes", stats.geometry_peak_bytes),
+        integer("oocpt:sceneBytes", stats.scene_bytes),
+        real("oocpt:fragmentation", stats.fragmentation),
+        real("oocpt:secondsTracing", stats.seconds_tracing),
+        real("oocpt:secondsLoading", stats.seconds_loading),
+        real("oocpt:secondsWaiting", stats.seconds_waiting),
+        real("oocpt:secondsOverlapped", stats.seconds_overlapped),
+        integer("oocpt:pathsLeft", stats.paths_left),
     ]
 }
 
@@ -45,6 +77,10 @@ fn stage(stats: &Stats) -> &'static str {
 
 fn empty() -> ScalarValue {
     ScalarValue { tag: ScalarTag::Bool, flag: false, integer: 0, real: 0.0, text: String::new() }
+}
+
+fn flag(key: &str, flag: bool) -> NamedValue {
+    NamedValue { key: key.to_owned(), value: ScalarValue { flag, ..empty() } }
 }
 
 fn integer(key: &str, number: u64) -> NamedValue {
@@ -82,6 +118,31 @@ mod tests {
         assert_eq!(find("gpuMemoryUsed").integer, 1 << 20, "bytes");
         assert_eq!(find("renderProgressAnnotation").text, "16 of 64 samples", "annotation");
         assert_eq!(find("rendererName").text, "OocPT", "name");
+    }
+
+    /// Each number of the streaming statistics is listed under its own name, with the prefix and in camel case.
+    #[test]
+    fn streaming_numbers_go_by_their_names() {
+        let mut fields = serde_json::to_value(StreamingStats::default()).expect("plain data");
+        let fields = fields.as_object_mut().expect("fields");
+        let names: Vec<String> = fields.keys().cloned().collect();
+        for (name, value) in names.iter().zip(1..) {
+            let field = fields.get_mut(name).expect(name);
+            *field = if field.is_boolean() { true.into() } else { value.into() };
+        }
+        let streaming: StreamingStats = serde_json::from_value(fields.clone().into()).expect("the same fields");
+        let values = named_values(&Stats { streaming, ..Stats::default() });
+        for (name, number) in names.iter().zip(1_i32..) {
+            let mut words = name.split('_');
+            let first = words.next().unwrap_or_default().to_owned();
+            let key = words.fold(format!("oocpt:{first}"), |key, word| key + &word[..1].to_uppercase() + &word[1..]);
+            let value = &values.iter().find(|entry| entry.key == key).expect(&key).value;
+            match value.tag {
+                ScalarTag::Bool => assert!(value.flag, "{key}"),
+                ScalarTag::Int => assert_eq!(value.integer, i64::from(number), "{key}"),
+                _ => assert!((value.real - f64::from(number)).abs() < 1e-9, "{key} is {}", value.real),
+            }
+        }
     }
 
     #[test]
