@@ -17,8 +17,11 @@ use super::{Aabb, Attribute, AttributeRate, MeshAsset, Triangle};
 use crate::array::ArrayView;
 use crate::scene::{DroppedData, MeshDesc, Subdivision};
 
-/// Twice the smallest area of a triangle we keep: its normal can be normalised in single precision.
-pub const MIN_DOUBLE_AREA: f64 = 1e-18;
+/// Twice the smallest area of a triangle we keep, in squares of its longest edge: three times the rounding of the products in
+/// double precision, so that the normal's direction means something. The same at every scale.
+pub const MIN_RELATIVE_DOUBLE_AREA: f64 = 1e-15;
+/// Twice the smallest area that we keep at all: the device computes it in single precision, without denormal numbers.
+pub const MIN_DOUBLE_AREA: f64 = 1e-36;
 
 /// An asset or several, or none if nothing was usable, and what was dropped on the way.
 #[derive(Clone, Debug)]
@@ -132,7 +135,10 @@ fn triangulate(topology: &Topology, dropped: &mut DroppedData) -> (Vec<Triangle>
 /// True when the normal is meaningful in double precision and not zero in single precision.
 fn has_area(triangle: &Triangle) -> bool {
     let [a, b, c] = triangle.vertices.map(|v| Vec3::from(v).as_dvec3());
-    (b - a).cross(c - a).length() >= MIN_DOUBLE_AREA && geometric_normal(triangle, 1.0).is_some()
+    let (e, f) = (b - a, c - a);
+    let longest = e.length_squared().max(f.length_squared()).max((c - b).length_squared());
+    let double_area = e.cross(f).length();
+    double_area >= MIN_DOUBLE_AREA.max(MIN_RELATIVE_DOUBLE_AREA * longest) && geometric_normal(triangle, 1.0).is_some()
 }
 
 fn geometric_normal(triangle: &Triangle, side: f32) -> Option<[f32; 3]> {

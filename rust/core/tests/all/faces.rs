@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Triangulation and unusable topology.
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3, Vec3};
 use oocpt_core::mesh::{BuiltMesh, build_mesh};
 use oocpt_core::{DroppedData, MeshDesc, Subdivision, TypedArray};
 use proptest::prelude::*;
@@ -175,6 +175,53 @@ fn a_quad_that_closes_to_a_point_is_a_triangle_and_nothing_is_lost() {
     assert_eq!(built.asset.unwrap().triangles.len(), 1);
     let flat = build(&polygon(&[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0]]));
     assert_eq!(flat.dropped, DroppedData { zero_area_triangles: 2, empty_meshes: 1, ..DroppedData::default() });
+}
+
+/// What has area has it in any unit of length, from a galaxy's to an atom's.
+#[test]
+fn small_and_large_meshes_keep_their_triangles() {
+    let scaled = |desc: &MeshDesc, scale: f64| {
+        let mut desc = desc.clone();
+        let view = desc.points.view();
+        let points: Vec<[f64; 3]> = (0..view.len()).map(|i| (view.vec3(i).unwrap() * scale).to_array()).collect();
+        desc.points = TypedArray::of(points);
+        desc
+    };
+    let comb: Vec<[f32; 2]> = (0..400_u16)
+        .map(|k| [f32::from(k), if k % 2 == 0 { 5.0 } else { 1.0 }])
+        .chain([[399.0, 0.0], [0.0, 0.0]])
+        .collect();
+    let mut smooth = grid("/g", 30);
+    smooth.subdivision = Subdivision::CatmullClark;
+    for desc in [smooth, polygon(&comb[..40]), polygon(&comb)] {
+        let whole = build(&desc).asset.unwrap();
+        for scale in [1e-9, 1e-14, 1e-6, 1e6, 1e14] {
+            let built = build(&scaled(&desc, scale));
+            assert_eq!(built.dropped, DroppedData::default(), "scale {scale}: nothing is lost");
+            let asset = built.asset.unwrap();
+            assert_eq!(asset.triangles.len(), whole.triangles.len(), "scale {scale}: triangles");
+            let wanted = area(&whole) * scale * scale;
+            assert!((area(&asset) - wanted).abs() < 1e-5 * wanted, "scale {scale}: {} of {wanted}", area(&asset));
+            assert_eq!(asset.bvh.validate(&asset.triangles), Ok(()), "scale {scale}: the hierarchy");
+            let normals = asset.normals.iter().flat_map(|a| &a.values);
+            let lengths = normals.map(|n| Vec3::from(*n).length());
+            assert!(lengths.into_iter().all(|l| (l - 1.0).abs() < 1e-5), "scale {scale}: unit normals");
+        }
+    }
+}
+
+/// The middle corner is off the line by far less than double precision can tell from rounding, or the triangle is smaller
+/// than single precision can compute with.
+#[test]
+fn slivers_beyond_precision_have_no_area_at_any_scale() {
+    for scale in [1e-9_f32, 1e-3, 1.0, 1e9] {
+        let sliver = [[0.0, 0.0], [scale, 0.0], [2.0 * scale, 1e-16 * scale]];
+        let built = build(&polygon(&sliver));
+        let expected = DroppedData { zero_area_triangles: 1, empty_meshes: 1, ..DroppedData::default() };
+        assert_eq!(built.dropped, expected, "scale {scale}");
+    }
+    let atom = [[0.0, 0.0], [1e-19, 0.0], [0.0, 1e-19]];
+    assert!(build(&polygon(&atom)).asset.is_none(), "too small for the device");
 }
 
 #[test]
