@@ -5,12 +5,13 @@
 //! the time, and compiling the passes again for each would cost seconds. Sessions with different budgets do not share, so
 //! that no session's budget bounds another one.
 
+use crate::assets::Loader;
 use crate::error::RenderError;
 use crate::sync::lock;
 use oocpt_gpu::{Gpu, GpuError, Heap, OpenOptions, Pipeline};
 use oocpt_shader_abi::{LbvhPush, Module, Push};
 use rustc_hash::FxHashMap;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 
 /// Size of the arenas scene data is placed in, bytes.
 const ARENA_BYTES: u64 = 64 << 20;
@@ -43,6 +44,7 @@ pub(crate) struct Device {
     pub(crate) gpu: Arc<Gpu>,
     pub(crate) heap: Heap,
     options: DeviceOptions,
+    loader: OnceLock<Loader>,
     pipelines: Mutex<FxHashMap<(&'static str, Specialisation), Arc<Pipeline>>>,
 }
 
@@ -64,7 +66,13 @@ impl Device {
         })?;
         tracing::info!(device = gpu.report().name, "opened");
         let heap = Heap::new(&gpu, "scene", ARENA_BYTES)?;
-        let device = Arc::new(Self { gpu, heap, options: options.clone(), pipelines: Mutex::default() });
+        let device = Arc::new(Self {
+            gpu,
+            heap,
+            options: options.clone(),
+            loader: OnceLock::new(),
+            pipelines: Mutex::default(),
+        });
         open.push(Arc::clone(&device));
         Ok(device)
     }
@@ -77,6 +85,15 @@ impl Device {
     /// Makes the next [`Device::open`] open anew: after the loss of this device.
     pub(crate) fn forget(self: &Arc<Self>) {
         lock(&OPEN).retain(|device| !Arc::ptr_eq(device, self));
+    }
+
+    /// The threads that bring scene data to the device, started at first use.
+    pub(crate) fn loader(&self) -> Result<&Loader, RenderError> {
+        if let Some(loader) = self.loader.get() {
+            return Ok(loader);
+        }
+        let loader = Loader::new(&self.gpu)?;
+        Ok(self.loader.get_or_init(|| loader))
     }
 
     /// The pipeline of `module` for `special`, compiled at first use.

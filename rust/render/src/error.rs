@@ -31,6 +31,24 @@ pub enum RenderError {
         /// The budget, bytes.
         budget: u64,
     },
+    /// A part of the scene that rays need at once is larger than what is left for geometry.
+    #[error(
+        "the memory budget is too small: chunk {chunk} of the scene needs {} KiB at once, {} KiB are left for geometry; raise \
+         oocpt:memoryBudget or oocpt:geometryBudget, or lower oocpt:chunkSize",
+        .bytes.div_ceil(1 << 10),
+        .budget >> 10
+    )]
+    ChunkTooLarge {
+        /// Its number.
+        chunk: u32,
+        /// Bytes of it and of everything it needs.
+        bytes: u64,
+        /// Bytes that geometry may take.
+        budget: u64,
+    },
+    /// The report of the chunks could not be written; the images are there.
+    #[error("{0}")]
+    Report(String),
     /// The camera's matrices cannot be inverted or are not finite.
     #[error("camera: {0}")]
     Camera(#[from] CameraError),

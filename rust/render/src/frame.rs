@@ -3,21 +3,23 @@
 //!
 //! Render thread only. What can be kept from frame to frame (device, scene, wave memory, images) is kept.
 
+use crate::assets::{Scene, SceneCache, SceneView};
 use crate::device::{Device, DeviceOptions};
 use crate::error::RenderError;
 use crate::film::Film;
+use crate::lights::LightTable;
 use crate::progress::Progress;
-use crate::scene::{LightTable, SceneCache, SceneView};
 use crate::schedule::Schedule;
 use crate::session::Job;
 use crate::specialise;
+use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::thread::Gate;
 use crate::wavefront::{Passes, WaveBuffers, path_bytes};
 use crate::waves::{self, Frames};
 use bytemuck::Zeroable;
 use oocpt_core::camera::CameraRays;
-use oocpt_gpu::{Buffer, DeviceKind, Usage};
+use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{Frame, FrameFlags};
 use std::sync::Arc;
 use std::time::Instant;
@@ -28,6 +30,8 @@ const DEFAULT_ALBEDO: [f32; 3] = [0.18; 3];
 const MAX_WAVE: u64 = 1 << 22;
 /// Smallest wave, paths.
 const MIN_WAVE: u64 = 1 << 12;
+/// A scene counts as fitting only when it leaves room for waves of this many paths (or of all there are).
+const ROOMY_WAVE: u64 = 1 << 16;
 
 /// What the render thread keeps from frame to frame.
 #[derive(Debug, Default)]
@@ -35,7 +39,18 @@ pub(crate) struct Renderer {
     device: Option<Arc<Device>>,
     scene: SceneCache,
     waves: Option<WaveBuffers>,
+    stream: Option<StreamBuffers>,
     film: Option<Film>,
+}
+
+/// What a frame renders with besides its scene.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Setting<'a> {
+    pub(crate) device: &'a Arc<Device>,
+    pub(crate) job: &'a Job,
+    pub(crate) rays: &'a CameraRays,
+    pub(crate) lights: &'a LightTable,
+    pub(crate) film: &'a Film,
 }
 
 impl Renderer {
@@ -47,7 +62,7 @@ impl Renderer {
         *lock(&gate.shared().device) = Some(device.gpu.report().clone());
         let result = self.render_on(&device, job, gate, &mut progress);
         progress.validation(&device.gpu);
-        if let Err(RenderError::Gpu(oocpt_gpu::GpuError::DeviceLost { .. })) = &result {
+        if let Err(RenderError::Gpu(GpuError::DeviceLost { .. })) = &result {
             device.forget();
         }
         result
@@ -63,23 +78,98 @@ impl Renderer {
         let rays = job.request.camera.rays(job.snapshot.origin)?;
         let scene_lights = if job.settings.enable_scene_lights { job.snapshot.lights.as_slice() } else { &[] };
         let lights = LightTable::new(scene_lights, job.settings.dome_light_camera_visible);
-        progress.stage("uploading the scene");
-        let scene = self.scene.sync(device, &job.snapshot, &lights, &mut progress.timings)?;
-        let features = specialise::features(&job.snapshot, &lights, &rays);
         self.make_images(device, job)?;
-        self.make_waves(device, job, &scene)?;
-        let (Some(film), Some(buffers)) = (&self.film, &self.waves) else {
-            return Err(RenderError::Internal("the frame's memory was not made".into()));
+        let Some(film) = self.film.take() else {
+            return Err(RenderError::Internal("the frame's images were not made".into()));
+        };
+        let setting = Setting { device, job, rays: &rays, lights: &lights, film: &film };
+        let result = self.render_scene(&setting, gate, progress);
+        self.film = Some(film);
+        result
+    }
+
+    /// Renders from a scene that is all there, or, where it does not fit, from what the rays ask for.
+    fn render_scene(
+        &mut self,
+        setting: &Setting<'_>,
+        gate: &Gate<'_>,
+        progress: &mut Progress<'_>,
+    ) -> Result<(), RenderError> {
+        let (device, job) = (setting.device, setting.job);
+        progress.stage("uploading the scene");
+        let mut scenes = std::mem::take(&mut self.scene);
+        let scene = scenes.sync(device, &job.snapshot)?;
+        progress.scene(&scene.assets);
+        let mut in_core = self.fits(setting, scene);
+        if in_core {
+            self.stream = None;
+            match scene.load_all(device, &setting.lights.distant, gate, &mut progress.timings) {
+                Ok(true) => {}
+                Ok(false) => {
+                    self.scene = scenes;
+                    return Ok(());
+                }
+                Err(error @ RenderError::Budget { .. }) => {
+                    tracing::info!(%error, "the scene does not fit after all");
+                    in_core = false;
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        progress.streaming(|stats| stats.in_core = in_core);
+        let result = if in_core {
+            self.render_in_core(setting, scene, gate, progress)
+        } else {
+            self.waves = None;
+            streaming::render(setting, scene, &mut self.stream, gate, progress)
+        };
+        self.scene = scenes;
+        result
+    }
+
+    /// Whether the whole scene fits what the settings and the device allow, with room for waves.
+    fn fits(&mut self, setting: &Setting<'_>, scene: &Scene) -> bool {
+        let (gpu, job) = (&setting.device.gpu, setting.job);
+        let cap = geometry_cap(job);
+        // A report of the chunks counts rays and loads, which only streaming does.
+        let streams = job.options.force_streaming || !job.settings.chunk_report.is_empty();
+        if streams || cap.is_some_and(|cap| scene.assets.bytes > cap) {
+            return false;
+        }
+        let missing = scene.missing_bytes(setting.lights.distant.len());
+        let waves = if self.waves.is_some() { 0 } else { ROOMY_WAVE.min(paths(job)) * path_bytes(scene.levels()) };
+        let fits = |gpu: &Gpu| {
+            let memory = gpu.memory();
+            memory.used.saturating_add(missing).saturating_add(waves) <= memory.budget
+        };
+        if !fits(gpu) {
+            // What streaming left behind is not needed when the scene fits.
+            self.stream = None;
+        }
+        fits(gpu)
+    }
+
+    fn render_in_core(
+        &mut self,
+        setting: &Setting<'_>,
+        scene: &Scene,
+        gate: &Gate<'_>,
+        progress: &mut Progress<'_>,
+    ) -> Result<(), RenderError> {
+        let Setting { device, job, film, .. } = *setting;
+        let view = scene.view(scene.stack_entries())?;
+        self.make_waves(device, job, &view)?;
+        let Some(buffers) = &self.waves else {
+            return Err(RenderError::Internal("the frame's waves were not made".into()));
         };
         progress.stage("compiling passes");
         let started = Instant::now();
-        let special = specialise::specialisation(features, &scene);
-        let passes = Passes::new(device, special, film.has_planes())?;
+        let features = specialise::features(&job.snapshot, setting.lights, setting.rays, view.max_levels);
+        let passes = Passes::new(device, specialise::specialisation(features, &view), film.has_planes())?;
         progress.timings.compile_secs += started.elapsed().as_secs_f64();
         progress.left_out(specialise::left_out(features, film.has_planes()));
-        let mut block = frame_block(job, &lights, &scene, &rays);
+        let mut block = frame_block(setting, &view);
         buffers.bind(&mut block);
-        film.bind(&mut block, &job.request.aovs);
         let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
         frame.write(0, bytemuck::bytes_of(&block))?;
         let frames = Frames { device, film, buffers, passes: &passes, frame: &frame, job };
@@ -118,33 +208,60 @@ impl Renderer {
         Ok(())
     }
 
-    /// Wave memory: at most a quarter of what the budget leaves, and no more than the render has paths.
-    fn make_waves(&mut self, device: &Device, job: &Job, scene: &SceneView) -> Result<(), RenderError> {
-        let paths = job.request.pixels() * u64::from(job.settings.samples_per_pixel);
+    /// Wave memory: at most a quarter of what the budget leaves, and no more than the render has paths; less when there is no
+    /// memory.
+    fn make_waves(&mut self, device: &Device, job: &Job, view: &SceneView) -> Result<(), RenderError> {
         let most = if is_cpu(device) { 1 << 17 } else { MAX_WAVE };
-        let wanted = paths.clamp(MIN_WAVE, most).next_power_of_two();
-        let fits = |waves: &WaveBuffers| waves.max_levels == scene.max_levels && u64::from(waves.capacity) >= wanted;
+        let wanted = paths(job).clamp(MIN_WAVE, most).next_power_of_two();
+        let fits = |waves: &WaveBuffers| waves.max_levels == view.max_levels && u64::from(waves.capacity) >= wanted;
         if self.waves.as_ref().is_some_and(fits) {
             return Ok(());
         }
         self.waves = None;
         let memory = device.gpu.memory();
-        let room = memory.budget.saturating_sub(memory.used) / 4 / path_bytes(scene.max_levels);
+        let room = memory.budget.saturating_sub(memory.used) / 4 / path_bytes(view.max_levels);
         let capacity = wanted.min(room).max(MIN_WAVE);
-        let capacity = u32::try_from(capacity).unwrap_or(u32::MAX);
-        self.waves = Some(WaveBuffers::new(&device.gpu, capacity, scene.max_levels)?);
+        self.waves =
+            Some(shrinking(capacity, MIN_WAVE, |capacity| WaveBuffers::new(&device.gpu, capacity, view.max_levels))?);
         Ok(())
     }
 }
 
-fn is_cpu(device: &Device) -> bool {
+/// Calls `make` with `wanted`, then with half as much as long as there is no memory and it is above `least`.
+pub(crate) fn shrinking<T>(
+    wanted: u64,
+    least: u64,
+    make: impl Fn(u32) -> Result<T, GpuError>,
+) -> Result<T, RenderError> {
+    let mut capacity = wanted;
+    loop {
+        match make(u32::try_from(capacity).unwrap_or(u32::MAX)) {
+            Err(GpuError::OutOfMemory { .. }) if capacity / 2 >= least => capacity /= 2,
+            result => return Ok(result?),
+        }
+    }
+}
+
+/// The user's own cap on geometry, bytes.
+pub(crate) fn geometry_cap(job: &Job) -> Option<u64> {
+    (job.settings.geometry_budget_kib > 0).then(|| u64::from(job.settings.geometry_budget_kib) << 10)
+}
+
+/// Paths of the whole render.
+fn paths(job: &Job) -> u64 {
+    job.request.pixels() * u64::from(job.settings.samples_per_pixel)
+}
+
+pub(crate) fn is_cpu(device: &Device) -> bool {
     device.gpu.report().kind == DeviceKind::Cpu
 }
 
-fn frame_block(job: &Job, lights: &LightTable, scene: &SceneView, rays: &CameraRays) -> Frame {
+/// The frame block of a setting; path memory is bound by its owner.
+pub(crate) fn frame_block(setting: &Setting<'_>, scene: &SceneView) -> Frame {
+    let Setting { job, lights, rays, film, .. } = *setting;
     let mut flags = FrameFlags::empty();
     flags.set(FrameFlags::DOME_CAMERA_VISIBLE, lights.background_visible);
-    Frame {
+    let mut block = Frame {
         top_nodes: scene.top_nodes,
         chunk_instances: scene.chunk_instances,
         chunks: scene.chunks,
@@ -152,6 +269,7 @@ fn frame_block(job: &Job, lights: &LightTable, scene: &SceneView, rays: &CameraR
         meshes: scene.meshes,
         lights: scene.lights,
         ray_o: rays.o,
+        ray_o_lo: rays.o_lo,
         ray_o_x: rays.o_x,
         ray_o_y: rays.o_y,
         ray_d: rays.d,
@@ -177,5 +295,7 @@ fn frame_block(job: &Job, lights: &LightTable, scene: &SceneView, rays: &CameraR
         light_count: u32::try_from(lights.distant.len()).unwrap_or(u32::MAX),
         flags: flags.bits(),
         ..Frame::zeroed()
-    }
+    };
+    film.bind(&mut block, &job.request.aovs);
+    block
 }

@@ -3,22 +3,26 @@
 //!
 //! The straight line of a ray: `frame` (what a render consists of) -> `waves` (what is submitted when) ->
 //! `wavefront` (the passes of one wave: generate, intersect, shade, accumulate) -> `film` (images) -> the session's
-//! published images. The straight line of a mesh: `oocpt_core::scene` -> `scene` (upload, build, tables) -> traversal.
+//! published images. The straight line of a mesh: `oocpt_core::scene` -> `assets` (load,
+//! build, tables) -> traversal. Scenes that do not fit: `streaming`.
 #![forbid(unsafe_code)]
 
 mod aov;
+mod assets;
+pub mod chunk_report;
 mod device;
 mod error;
 mod film;
 mod frame;
+mod lights;
 mod progress;
 mod progress_bar;
 mod publish;
 mod request;
-mod scene;
 mod schedule;
 mod session;
 mod specialise;
+mod streaming;
 mod sync;
 mod thread;
 mod timings;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Keeps the session's stats, timings and published images up to date while a frame renders.
 
+use crate::assets::SceneAssets;
 use crate::error::RenderError;
 use crate::film::Film;
 use crate::progress_bar::ProgressBar;
@@ -9,7 +10,7 @@ use crate::schedule::Wave;
 use crate::session::{Job, Shared};
 use crate::sync::lock;
 use crate::timings::Timings;
-use oocpt_core::stats::Stats;
+use oocpt_core::stats::{Stats, StreamingStats};
 use oocpt_gpu::Gpu;
 use oocpt_shader_abi::Counters;
 use std::time::{Duration, Instant};
@@ -74,6 +75,20 @@ impl<'a> Progress<'a> {
     /// Paths of the whole render.
     pub(crate) fn total_paths(&self) -> u64 {
         self.pixels * u64::from(self.samples)
+    }
+
+    /// Says in the stats what the scene consists of on the device.
+    pub(crate) fn scene(&self, assets: &SceneAssets) {
+        let world = &assets.snapshot.world;
+        let mut stats = lock(&self.shared.stats);
+        stats.streaming.chunks = world.chunks.len() as u64;
+        stats.streaming.chunk_instances = world.instances.len() as u64;
+        stats.streaming.scene_bytes = assets.bytes;
+    }
+
+    /// Changes what the stats say about streaming.
+    pub(crate) fn streaming(&self, change: impl FnOnce(&mut StreamingStats)) {
+        change(&mut lock(&self.shared.stats).streaming);
     }
 
     /// Says in the stats what is going on.

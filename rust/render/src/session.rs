@@ -21,6 +21,7 @@ use crate::request::{Message, RenderRequest, Severity};
 use crate::sync::lock;
 use crate::thread;
 use crate::timings::Timings;
+use oocpt_core::partition::PartitionOptions;
 use oocpt_core::scene::{SceneDb, Snapshot};
 use oocpt_core::settings::{SettingError, Settings, Value};
 use oocpt_core::stats::Stats;
@@ -45,6 +46,11 @@ pub struct SessionOptions {
     pub validation: bool,
     /// Measures the GPU time of each pass ([`Session::timings`]); costs a little speed.
     pub profile: bool,
+    /// Streams the scene even if it fits. For tests and benches.
+    pub force_streaming: bool,
+    /// Makes rays forget the chunks they would have to wait for: the picture is wrong. For the test that shows that the
+    /// comparison of pictures notices.
+    pub plant_lost_chunks: bool,
     /// Draws a progress bar on standard error while samples are traced; for command lines.
     pub progress_bar: bool,
 }
@@ -152,7 +158,11 @@ impl Session {
     /// Commits the scene's edits and renders `request` in the background; an image under way is given up if anything
     /// it depends on has changed, and goes on undisturbed otherwise. Returns at once.
     pub fn render(&self, request: RenderRequest) {
-        let commit = lock(&self.scene).commit();
+        let chunk_bytes = u64::from(lock(&self.settings).chunk_size_kib) << 10;
+        let mut scene = lock(&self.scene);
+        scene.set_partition(PartitionOptions { chunk_bytes });
+        let commit = scene.commit();
+        drop(scene);
         for warning in commit.warnings {
             self.shared.report(Severity::Warning, format!("{}: {}", warning.path, warning.message));
         }

@@ -4,14 +4,15 @@
 //! Pure. The answer becomes specialisation constants: pipelines are compiled without the absent parts, and the host
 //! does not make their buffers.
 
+use crate::assets::SceneView;
 use crate::device::Specialisation;
-use crate::scene::{LightTable, SceneView};
+use crate::lights::LightTable;
 use oocpt_core::camera::CameraRays;
 use oocpt_core::scene::{SceneFeatures, Snapshot};
 use oocpt_shader_abi::Features;
 
 /// The features a frame needs.
-pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRays) -> Features {
+pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRays, levels: u32) -> Features {
     let mut features = Features::empty();
     features.set(Features::DOME, lights.has_dome);
     features.set(Features::DOME_SHADOW_RAYS, lights.has_dome);
@@ -20,7 +21,7 @@ pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRa
     features.set(Features::NORMALS, snapshot.features.contains(SceneFeatures::NORMALS));
     features.set(Features::COLORS, snapshot.features.contains(SceneFeatures::COLORS));
     features.set(Features::LENS, rays.lens_u != [0.0; 3] || rays.lens_v != [0.0; 3]);
-    features.set(Features::INSTANCING, snapshot.max_levels > 1);
+    features.set(Features::INSTANCING, levels > 1);
     features
 }
 

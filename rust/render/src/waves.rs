@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 /// Waves under way at the same time.
 const IN_FLIGHT: usize = 2;
 /// How long one submission may take before the device counts as lost.
-const WAVE_TIMEOUT: Duration = Duration::from_secs(120);
+pub(crate) const WAVE_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// Everything the submissions of one frame refer to.
 #[derive(Debug)]

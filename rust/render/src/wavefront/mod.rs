@@ -13,7 +13,7 @@ pub(crate) use record::Recorder;
 use crate::device::{Device, Specialisation};
 use crate::error::RenderError;
 use oocpt_gpu::Pipeline;
-use oocpt_shader_abi::passes;
+use oocpt_shader_abi::{Features, passes};
 use std::sync::Arc;
 
 /// The passes, compiled for one specialisation.
@@ -29,6 +29,18 @@ pub(crate) struct Passes {
     pub(crate) resolve: Arc<Pipeline>,
     /// Only when an image is traced through pixel centres.
     pub(crate) aovs: Option<AovPasses>,
+    /// Only when chunks may be absent.
+    pub(crate) stream: Option<StreamPasses>,
+}
+
+/// The passes that only streaming needs.
+#[derive(Debug)]
+pub(crate) struct StreamPasses {
+    pub(crate) record_surfaces: Arc<Pipeline>,
+    pub(crate) sort_deferred_count: Arc<Pipeline>,
+    pub(crate) sort_deferred_scan: Arc<Pipeline>,
+    pub(crate) sort_deferred_scatter: Arc<Pipeline>,
+    pub(crate) count_demand: Arc<Pipeline>,
 }
 
 /// The passes that only images through pixel centres need.
@@ -47,6 +59,16 @@ impl Passes {
                 shade_aovs: device.pipeline(&passes::SHADE_AOVS, special)?,
             })
         };
+        let stream = || -> Result<_, RenderError> {
+            Ok(StreamPasses {
+                record_surfaces: device.pipeline(&passes::RECORD_SURFACES, special)?,
+                sort_deferred_count: device.pipeline(&passes::SORT_DEFERRED_COUNT, special)?,
+                sort_deferred_scan: device.pipeline(&passes::SORT_DEFERRED_SCAN, special)?,
+                sort_deferred_scatter: device.pipeline(&passes::SORT_DEFERRED_SCATTER, special)?,
+                count_demand: device.pipeline(&passes::COUNT_DEMAND, special)?,
+            })
+        };
+        let streams = special.features & Features::STREAMING.bits() != 0;
         let (closest, rest) = rayon::join(
             || device.pipeline(&passes::INTERSECT_CLOSEST, special),
             || -> Result<_, RenderError> {
@@ -65,6 +87,7 @@ impl Passes {
             accumulate: device.pipeline(&passes::ACCUMULATE, special)?,
             resolve: device.pipeline(&passes::RESOLVE, special)?,
             aovs: has_planes.then(aovs).transpose()?,
+            stream: streams.then(stream).transpose()?,
         })
     }
 }

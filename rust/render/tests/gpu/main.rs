@@ -10,4 +10,5 @@ mod edits;
 mod failures;
 mod furnace;
 mod scenes;
+mod streaming;
 mod support;

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The scene on the device from frame to frame: what is wanted, what is there, and whether all of it fits.
+//!
+//! [`SceneCache::sync`] lists what a snapshot needs. If it fits the budget, [`SceneCache::load_all`] brings everything;
+//! else the streaming loop brings what the rays ask for. Render thread only.
+
+use super::catalog::SceneAssets;
+use super::source::AssetKey;
+use super::store::{Patience, Store};
+use super::tables::{Entries, Tables};
+use crate::device::Device;
+use crate::error::RenderError;
+use crate::thread::Gate;
+use crate::timings::Timings;
+use oocpt_core::residency::AssetId;
+use oocpt_core::scene::Snapshot;
+use oocpt_shader_abi::GpuLight;
+use rustc_hash::FxHashSet;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Bytes of assets and workspaces that may be on their way at the same time while everything is loaded.
+const IN_FLIGHT_BYTES: u64 = 512 << 20;
+/// How long the loader may take over one asset.
+const LOAD_TIMEOUT: Duration = Duration::from_secs(120);
+
+/// What the passes need to know of the scene.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SceneView {
+    pub(crate) top_nodes: u64,
+    pub(crate) chunk_instances: u64,
+    pub(crate) chunks: u64,
+    pub(crate) assemblies: u64,
+    pub(crate) meshes: u64,
+    pub(crate) lights: u64,
+    pub(crate) chunk_count: u32,
+    /// Longest chain of instance records inside a chunk.
+    pub(crate) max_levels: u32,
+    /// Levels of nodes of the top level.
+    top_depth: u32,
+    /// Traversal stack entries of a ray.
+    pub(crate) stack_size: u32,
+}
+
+impl SceneView {
+    /// The same for chunks that need `stack_entries` below the top level.
+    pub(crate) fn with_stack(self, stack_entries: u32) -> Self {
+        // One more entry per way back to a level above, and one for the end. Rounded up, so that small edits do not ask for
+        // new pipelines.
+        let stack_size = (self.top_depth + stack_entries + self.max_levels + 2).next_multiple_of(16);
+        Self { stack_size, ..self }
+    }
+}
+
+/// A snapshot's data on the device.
+#[derive(Debug)]
+pub(crate) struct Scene {
+    pub(crate) assets: Arc<SceneAssets>,
+    pub(crate) store: Store,
+    tables: Option<Tables>,
+}
+
+/// See the module.
+#[derive(Debug, Default)]
+pub(crate) struct SceneCache {
+    scene: Option<Scene>,
+}
+
+impl SceneCache {
+    /// Takes the assets of `snapshot` for what is wanted; lets go of what it does not need.
+    pub(crate) fn sync(&mut self, device: &Device, snapshot: &Arc<Snapshot>) -> Result<&mut Scene, RenderError> {
+        let assets = match &self.scene {
+            Some(scene) if Arc::ptr_eq(&scene.assets.snapshot, snapshot) => Arc::clone(&scene.assets),
+            _ => Arc::new(SceneAssets::new(snapshot)?),
+        };
+        let mut store = match self.scene.take() {
+            Some(scene) => scene.store,
+            None => Store::new(device)?,
+        };
+        let keep: FxHashSet<AssetKey> = assets.keys().map(|(_, key)| key).collect();
+        store.retain(&keep)?;
+        Ok(self.scene.insert(Scene { assets, store, tables: None }))
+    }
+}
+
+impl Scene {
+    /// Bytes that are still to come, with tables and workspace.
+    pub(crate) fn missing_bytes(&self, lights: usize) -> u64 {
+        let missing: u64 =
+            self.missing().filter_map(|id| self.assets.sources.get(id as usize)).map(|s| s.bytes()).sum();
+        let workspace = if missing == 0 { 0 } else { self.assets.workspace_bytes };
+        missing + workspace + Tables::bytes(&self.assets, lights)
+    }
+
+    /// Longest chain of instance records inside a chunk, at least 1.
+    pub(crate) fn levels(&self) -> u32 {
+        self.assets.snapshot.world.levels.max(1)
+    }
+
+    fn missing(&self) -> impl Iterator<Item = AssetId> + '_ {
+        self.assets.keys().filter(|(_, key)| self.store.get(key).is_none()).map(|(id, _)| id)
+    }
+
+    /// Brings every asset and fills the tables. `Ok(false)` when the gate said no.
+    pub(crate) fn load_all(
+        &mut self,
+        device: &Device,
+        lights: &[GpuLight],
+        gate: &Gate<'_>,
+        timings: &mut Timings,
+    ) -> Result<bool, RenderError> {
+        let started = Instant::now();
+        let mut missing: Vec<AssetId> = self.missing().collect();
+        // Instance records first: their trees are built while meshes are still being copied.
+        missing.reverse();
+        let mut missing = missing.into_iter().peekable();
+        let mut on_the_way = 0_u64;
+        let mut last_arrival = Instant::now();
+        while missing.peek().is_some() || self.store.in_flight() > 0 {
+            if !gate.proceed() {
+                return Ok(false);
+            }
+            while let Some(&asset) = missing.peek() {
+                let cost = self.cost(asset);
+                if on_the_way > 0 && on_the_way + cost > IN_FLIGHT_BYTES {
+                    break;
+                }
+                self.store.begin(device, &self.assets, asset, Patience::Wait)?;
+                on_the_way += cost;
+                missing.next();
+            }
+            let arrived = self.store.advance(device, &self.assets, Patience::Wait, Duration::from_millis(50))?;
+            timings.uploaded_bytes += arrived.bytes;
+            for copy in &arrived.copies {
+                if !copy.wait(LOAD_TIMEOUT)? {
+                    return Err(RenderError::Internal("a copy to the device did not finish".into()));
+                }
+            }
+            for asset in &arrived.ready {
+                on_the_way = on_the_way.saturating_sub(self.cost(*asset));
+                last_arrival = Instant::now();
+            }
+            if last_arrival.elapsed() > LOAD_TIMEOUT {
+                return Err(RenderError::Internal("loading the scene did not finish".into()));
+            }
+        }
+        timings.upload_secs += started.elapsed().as_secs_f64();
+        let started = Instant::now();
+        let mut entries = Entries::new(&self.assets);
+        for (asset, key) in self.assets.keys() {
+            if let Some(resident) = self.store.get(&key) {
+                entries.set(&self.assets, asset, resident.address());
+            }
+        }
+        self.tables = Some(Tables::new(device, &self.assets, &entries, lights)?);
+        timings.build_secs += started.elapsed().as_secs_f64();
+        Ok(true)
+    }
+
+    fn cost(&self, asset: AssetId) -> u64 {
+        self.assets.sources.get(asset as usize).map_or(0, |source| source.bytes() + source.workspace_bytes())
+    }
+
+    /// Tables in which every chunk is absent, for streaming.
+    pub(crate) fn make_empty_tables(&mut self, device: &Device, lights: &[GpuLight]) -> Result<(), RenderError> {
+        let entries = Entries::new(&self.assets);
+        self.tables = Some(Tables::new(device, &self.assets, &entries, lights)?);
+        Ok(())
+    }
+
+    /// The parts that a streaming loop works with.
+    pub(crate) fn parts(&mut self) -> Result<(&Arc<SceneAssets>, &mut Store, &Tables), RenderError> {
+        match &self.tables {
+            Some(tables) => Ok((&self.assets, &mut self.store, tables)),
+            None => Err(RenderError::Internal("the scene's tables were not made".into())),
+        }
+    }
+
+    /// Stack entries that the resident chunks need below the top level.
+    pub(crate) fn stack_entries(&self) -> u32 {
+        let depth = |asset: AssetId| {
+            let source = self.assets.sources.get(asset as usize);
+            source.and_then(|source| self.store.get(&source.key())).map_or(0, |resident| resident.depth)
+        };
+        let chunks = (0..).take(self.assets.catalog.chunk_count());
+        chunks.map(|chunk| self.assets.stack_of(chunk, depth)).max().unwrap_or(0)
+    }
+
+    /// What the passes need, for chunks that need `stack_entries` below the top level.
+    pub(crate) fn view(&self, stack_entries: u32) -> Result<SceneView, RenderError> {
+        let Some(tables) = &self.tables else {
+            return Err(RenderError::Internal("the scene's tables were not made".into()));
+        };
+        let world = &self.assets.snapshot.world;
+        let view = SceneView {
+            top_nodes: tables.top_nodes.address(),
+            chunk_instances: tables.chunk_instances.address(),
+            chunks: tables.chunks.address(),
+            assemblies: tables.assemblies.address(),
+            meshes: tables.meshes.address(),
+            lights: tables.lights.address(),
+            // Counted by `SceneAssets::new`.
+            chunk_count: u32::try_from(world.chunks.len()).unwrap_or(u32::MAX),
+            max_levels: self.levels(),
+            top_depth: world.top.depth,
+            stack_size: 0,
+        };
+        Ok(view.with_stack(stack_entries))
+    }
+}

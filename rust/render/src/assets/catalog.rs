@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What a snapshot consists of as device data: assets (meshes, assemblies that are referenced whole, chunks' own blocks) and
+//! which of them each chunk needs.
+//!
+//! Asset ids: meshes first (the mesh index), then assemblies (index + meshes), then chunks (index + meshes + assemblies).
+//! Pure; any thread.
+
+use super::source::{AssetKey, Source};
+use crate::error::RenderError;
+use oocpt_core::residency::{AssetId, Catalog, ChunkId};
+use oocpt_core::scene::{Snapshot, Target};
+use rustc_hash::{FxHashMap, FxHashSet};
+use std::sync::Arc;
+
+/// Longest chain of instance records inside a chunk that traversal supports.
+const MAX_LEVELS: u32 = 16;
+/// Most meshes, assemblies or chunk instances: their indices share 32 bits with a flag.
+const MAX_TARGETS: u64 = 1 << 31;
+
+/// The assets of a snapshot.
+#[derive(Debug)]
+pub(crate) struct SceneAssets {
+    pub(crate) snapshot: Arc<Snapshot>,
+    /// By asset id.
+    pub(crate) sources: Vec<Source>,
+    /// Bytes of every asset and the assets of every chunk.
+    pub(crate) catalog: Arc<Catalog>,
+    /// The assets that some chunk needs.
+    pub(crate) needed: Vec<AssetId>,
+    /// Bytes of them.
+    pub(crate) bytes: u64,
+    /// Most bytes that building one asset takes for a moment.
+    pub(crate) workspace_bytes: u64,
+    meshes: usize,
+    assemblies: usize,
+}
+
+/// What an asset id stands for in the tables.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Slot {
+    Mesh(usize),
+    Assembly(usize),
+    Chunk(usize),
+}
+
+impl SceneAssets {
+    /// Lists the assets of `snapshot`.
+    pub(crate) fn new(snapshot: &Arc<Snapshot>) -> Result<Self, RenderError> {
+        let world = &snapshot.world;
+        if world.levels > MAX_LEVELS {
+            return Err(RenderError::TooDeep { levels: world.levels, limit: MAX_LEVELS });
+        }
+        let counts = [
+            ("meshes", snapshot.meshes.len()),
+            ("instancers", snapshot.assemblies.len()),
+            ("chunk placements", world.instances.len()),
+        ];
+        for (what, count) in counts {
+            if count as u64 >= MAX_TARGETS {
+                return Err(RenderError::TooMany { what, count: count as u64, limit: MAX_TARGETS });
+            }
+        }
+        let meshes = snapshot.meshes.iter().cloned().map(Source::Mesh);
+        let assemblies = snapshot.assemblies.iter().cloned().map(Source::Assembly);
+        let chunks = world.chunks.iter().cloned().map(Source::Chunk);
+        let sources: Vec<Source> = meshes.chain(assemblies).chain(chunks).collect();
+        let (meshes, assemblies) = (snapshot.meshes.len(), snapshot.assemblies.len());
+        let closures = closures(snapshot, meshes);
+        let per_chunk: Vec<Vec<AssetId>> = world
+            .chunks
+            .iter()
+            .enumerate()
+            .map(|(index, chunk)| {
+                let own = asset_id(meshes + assemblies + index);
+                closure_of(chunk.targets().iter().copied(), own, meshes, &closures)
+            })
+            .collect();
+        let mut needed: Vec<AssetId> =
+            per_chunk.iter().flatten().copied().collect::<FxHashSet<_>>().into_iter().collect();
+        needed.sort_unstable();
+        let of_needed = || needed.iter().filter_map(|id| sources.get(*id as usize));
+        let bytes = of_needed().map(Source::bytes).sum();
+        let workspace_bytes = of_needed().map(Source::workspace_bytes).max().unwrap_or(0);
+        let catalog = Catalog::new(sources.iter().map(Source::bytes).collect(), per_chunk)
+            .map_err(|error| RenderError::Internal(format!("the scene's assets: {error}")))?;
+        let catalog = Arc::new(catalog);
+        Ok(Self {
+            snapshot: Arc::clone(snapshot),
+            sources,
+            catalog,
+            needed,
+            bytes,
+            workspace_bytes,
+            meshes,
+            assemblies,
+        })
+    }
+
+    /// What `asset` stands for.
+    pub(crate) fn slot(&self, asset: AssetId) -> Slot {
+        let at = asset as usize;
+        if at < self.meshes {
+            Slot::Mesh(at)
+        } else if at < self.meshes + self.assemblies {
+            Slot::Assembly(at - self.meshes)
+        } else {
+            Slot::Chunk(at - self.meshes - self.assemblies)
+        }
+    }
+
+    /// The asset that is a chunk's own block.
+    pub(crate) fn chunk_asset(&self, chunk: ChunkId) -> AssetId {
+        asset_id(self.meshes + self.assemblies + chunk as usize)
+    }
+
+    /// Every needed asset with its content key.
+    pub(crate) fn keys(&self) -> impl Iterator<Item = (AssetId, AssetKey)> + '_ {
+        self.needed.iter().filter_map(|id| Some((*id, self.sources.get(*id as usize)?.key())))
+    }
+
+    /// Traversal stack entries below the top level that a walk through `chunk` may need; `depth` tells the levels of an
+    /// asset's own tree.
+    pub(crate) fn stack_of(&self, chunk: ChunkId, depth: impl Fn(AssetId) -> u32) -> u32 {
+        // Ids of a closure ascend, so children come before what places them and the chunk itself comes last.
+        let mut entries: FxHashMap<AssetId, u32> = FxHashMap::default();
+        let mut last = 0;
+        for &asset in self.catalog.assets(chunk) {
+            let below = match self.sources.get(asset as usize) {
+                Some(Source::Assembly(assembly)) => self.deepest(&assembly.targets(), &entries),
+                Some(Source::Chunk(chunk)) => self.deepest(chunk.targets(), &entries),
+                Some(Source::Mesh(_)) | None => 0,
+            };
+            last = depth(asset) + below;
+            entries.insert(asset, last);
+        }
+        last
+    }
+
+    fn deepest(&self, targets: &[Target], entries: &FxHashMap<AssetId, u32>) -> u32 {
+        let asset = |target: &Target| match *target {
+            Target::Mesh(mesh) => mesh,
+            Target::Assembly(index) => asset_id(self.meshes + index as usize),
+        };
+        targets.iter().filter_map(|target| entries.get(&asset(target))).copied().max().unwrap_or(0)
+    }
+}
+
+/// Ids were counted against [`MAX_TARGETS`].
+fn asset_id(index: usize) -> AssetId {
+    AssetId::try_from(index).unwrap_or(AssetId::MAX)
+}
+
+/// The assets of every assembly that is referenced whole, its own included; children come before parents.
+fn closures(snapshot: &Snapshot, meshes: usize) -> Vec<Vec<AssetId>> {
+    let mut closures: Vec<Vec<AssetId>> = Vec::with_capacity(snapshot.assemblies.len());
+    for (index, assembly) in snapshot.assemblies.iter().enumerate() {
+        let closure = closure_of(assembly.targets().into_iter(), asset_id(meshes + index), meshes, &closures);
+        closures.push(closure);
+    }
+    closures
+}
+
+/// `own` and everything that the targets need, sorted.
+fn closure_of(
+    targets: impl Iterator<Item = Target>,
+    own: AssetId,
+    meshes: usize,
+    assemblies: &[Vec<AssetId>],
+) -> Vec<AssetId> {
+    debug_assert!(own as usize >= meshes, "a mesh has no closure");
+    let mut closure = vec![own];
+    for target in targets {
+        match target {
+            Target::Mesh(mesh) => closure.push(mesh),
+            Target::Assembly(index) => closure.extend(assemblies.get(index as usize).into_iter().flatten()),
+        }
+    }
+    closure.sort_unstable();
+    closure.dedup();
+    closure
+}

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Writes an asset's bytes into staging memory piece by piece and records the copies. Runs on the loader's threads.
+
+use super::source::{MeshLayout, Source, values};
+use crate::error::RenderError;
+use oocpt_core::mesh::{BvhNode, MeshAsset, Triangle};
+use oocpt_core::scene::{InstanceFlags, InstanceRecord, Target};
+use oocpt_gpu::{Commands, DeviceRange, Gpu, StagingRing, Submission};
+use oocpt_shader_abi::{GpuInstance, GpuNode, GpuTriangle, LbvhBounds, TARGET_ASSEMBLY};
+use std::sync::Arc;
+
+/// Staging bytes of one piece.
+pub(crate) const PIECE_BYTES: usize = 1 << 20;
+/// Staging bytes after which a command list is submitted.
+const SUBMIT_BYTES: usize = 4 << 20;
+/// Records of one piece.
+const PIECE_RECORDS: usize = 4096;
+/// Set in `prototype_count` of a record whose map flips handedness.
+const FLIPS_HANDEDNESS: u32 = 1 << 31;
+
+/// Copies of one asset under way.
+pub(crate) struct Writer<'a> {
+    gpu: &'a Arc<Gpu>,
+    ring: &'a StagingRing,
+    commands: Option<Commands>,
+    pending: usize,
+    submissions: Vec<Submission>,
+    bytes: u64,
+}
+
+impl<'a> Writer<'a> {
+    pub(crate) fn new(gpu: &'a Arc<Gpu>, ring: &'a StagingRing) -> Self {
+        Self { gpu, ring, commands: None, pending: 0, submissions: Vec::new(), bytes: 0 }
+    }
+
+    /// Fills `count` items of `stride` bytes at `offset` of `target`: `fill` writes items `first..` to the bytes it is given.
+    fn section(
+        &mut self,
+        target: &dyn DeviceRange,
+        offset: u64,
+        (count, stride): (usize, usize),
+        mut fill: impl FnMut(usize, &mut [u8]),
+    ) -> Result<(), RenderError> {
+        let step = (PIECE_BYTES / stride).max(1);
+        for first in (0..count).step_by(step) {
+            let bytes = step.min(count - first) * stride;
+            let mut slice = self.ring.reserve(bytes as u64, 16)?;
+            fill(first, slice.bytes_mut());
+            let at = offset + (first * stride) as u64;
+            slice.copy_to(self.commands()?, 0, target, at, bytes as u64);
+            self.staged(bytes)?;
+        }
+        Ok(())
+    }
+
+    fn commands(&mut self) -> Result<&mut Commands, RenderError> {
+        match &mut self.commands {
+            Some(commands) => Ok(commands),
+            none => Ok(none.insert(self.gpu.transfer_commands("load")?)),
+        }
+    }
+
+    fn staged(&mut self, bytes: usize) -> Result<(), RenderError> {
+        self.pending += bytes;
+        self.bytes += bytes as u64;
+        if self.pending >= SUBMIT_BYTES { self.submit() } else { Ok(()) }
+    }
+
+    fn submit(&mut self) -> Result<(), RenderError> {
+        self.pending = 0;
+        if let Some(commands) = self.commands.take() {
+            self.submissions.push(commands.submit()?);
+        }
+        Ok(())
+    }
+
+    /// Submits what is left; what to wait for, and the bytes copied.
+    pub(crate) fn finish(mut self) -> Result<(Vec<Submission>, u64), RenderError> {
+        self.submit()?;
+        Ok((self.submissions, self.bytes))
+    }
+
+    /// Copies plain bytes.
+    pub(crate) fn bytes(&mut self, target: &dyn DeviceRange, offset: u64, data: &[u8]) -> Result<(), RenderError> {
+        self.section(target, offset, (data.len(), 1), |first, out| out.copy_from_slice(&data[first..first + out.len()]))
+    }
+
+    /// Writes all of `source` to `target`, and the boxes of its records to the start of `workspace`.
+    pub(crate) fn asset(
+        &mut self,
+        source: &Source,
+        target: &dyn DeviceRange,
+        workspace: Option<&dyn DeviceRange>,
+    ) -> Result<(), RenderError> {
+        match (source, workspace) {
+            (Source::Mesh(mesh), _) => self.mesh(mesh, target),
+            (_, Some(workspace)) => self.records(source, target, workspace),
+            (_, None) => Err(RenderError::Internal("no workspace for instance records".into())),
+        }
+    }
+
+    fn mesh(&mut self, mesh: &MeshAsset, target: &dyn DeviceRange) -> Result<(), RenderError> {
+        let layout = MeshLayout::new(mesh);
+        let nodes = &mesh.bvh.nodes;
+        self.section(target, 0, (nodes.len(), size_of::<GpuNode>()), |first, out| convert(&nodes[first..], out, node))?;
+        let triangles = &mesh.triangles;
+        let items = (triangles.len(), size_of::<GpuTriangle>());
+        self.section(target, layout.triangles, items, |first, out| convert(&triangles[first..], out, triangle))?;
+        let sections: [(u64, &[u8]); 4] = [
+            (layout.corners, bytemuck::cast_slice(&mesh.corner_indices)),
+            (layout.normals, bytemuck::cast_slice(values(mesh.normals.as_ref()))),
+            (layout.colors, bytemuck::cast_slice(values(mesh.colors.as_ref()))),
+            (layout.opacities, bytemuck::cast_slice(values(mesh.opacities.as_ref()))),
+        ];
+        for (offset, data) in sections {
+            self.bytes(target, offset, data)?;
+        }
+        Ok(())
+    }
+
+    fn records(
+        &mut self,
+        source: &Source,
+        target: &dyn DeviceRange,
+        bounds: &dyn DeviceRange,
+    ) -> Result<(), RenderError> {
+        const RECORD: usize = size_of::<GpuInstance>();
+        const BOX: usize = size_of::<LbvhBounds>();
+        let count = source.records();
+        let mut records = vec![InstanceRecord::default(); PIECE_RECORDS.min(count)];
+        for first in (0..count).step_by(PIECE_RECORDS) {
+            let n = PIECE_RECORDS.min(count - first);
+            let records = &mut records[..n];
+            source.encode(first..first + n, records);
+            let mut slice = self.ring.reserve((n * (RECORD + BOX)) as u64, 16)?;
+            let (out, boxes) = slice.bytes_mut().split_at_mut(n * RECORD);
+            convert(records, out, instance);
+            convert(records, boxes, |record| LbvhBounds { min: record.bounds[0], max: record.bounds[1] });
+            let commands = self.commands()?;
+            slice.copy_to(commands, 0, target, (first * RECORD) as u64, (n * RECORD) as u64);
+            slice.copy_to(commands, (n * RECORD) as u64, bounds, (first * BOX) as u64, (n * BOX) as u64);
+            self.staged(n * (RECORD + BOX))?;
+        }
+        Ok(())
+    }
+}
+
+/// Writes `convert(item)` for as many items as fit `out`.
+fn convert<T, G: bytemuck::Pod>(items: &[T], out: &mut [u8], convert: impl Fn(&T) -> G) {
+    for (item, bytes) in items.iter().zip(out.chunks_exact_mut(size_of::<G>())) {
+        bytes.copy_from_slice(bytemuck::bytes_of(&convert(item)));
+    }
+}
+
+fn node(node: &BvhNode) -> GpuNode {
+    GpuNode { min: node.min, max: node.max, child: node.child, count: node.count }
+}
+
+fn triangle(triangle: &Triangle) -> GpuTriangle {
+    let [v0, v1, v2] = triangle.vertices;
+    GpuTriangle { v0, face: triangle.face, v1, pad1: 0, v2, pad2: 0 }
+}
+
+fn instance(record: &InstanceRecord) -> GpuInstance {
+    let flip = if record.flags.contains(InstanceFlags::FLIPS_HANDEDNESS) { FLIPS_HANDEDNESS } else { 0 };
+    GpuInstance {
+        object_from_parent: record.object_from_parent,
+        target: match record.target {
+            Target::Mesh(index) => index,
+            Target::Assembly(index) => index | TARGET_ASSEMBLY,
+        },
+        prim_id: record.prim_id,
+        index_in_prototype: record.index_in_prototype,
+        prototype_count: record.prototype_count | flip,
+    }
+}

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Threads that bring assets to the device while the render thread traces: encode into pinned staging memory, copy on the
+//! transfer queue.
+//!
+//! One loader per open device, shared by its sessions. A job belongs to a [`Inbox`]; what was asked for by an inbox that is
+//! gone is skipped. Thread counts: one per core up to [`MOST_THREADS`], since one thread fills only a quarter of the bus.
+
+use super::encode::Writer;
+use super::source::Source;
+use crate::error::RenderError;
+use crossbeam_channel::{Receiver, Sender, unbounded};
+use oocpt_core::residency::AssetId;
+use oocpt_gpu::{DeviceRange, Gpu, HeapRange, StagingRing, Submission};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Weak};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Most threads that fill staging memory.
+const MOST_THREADS: usize = 16;
+/// Pinned staging memory per thread, bytes.
+const RING_PER_THREAD: u64 = 8 << 20;
+
+/// An asset that is to come to the device.
+#[derive(Debug)]
+struct Job {
+    asset: AssetId,
+    source: Source,
+    target: Arc<HeapRange>,
+    workspace: Option<Arc<HeapRange>>,
+    reply: Sender<Loaded>,
+    /// Gone when nobody waits for the result any more.
+    wanted: Weak<()>,
+}
+
+/// What became of a job.
+#[derive(Debug)]
+pub(crate) struct Loaded {
+    pub(crate) asset: AssetId,
+    /// The copies to wait for, and their bytes.
+    pub(crate) result: Result<(Vec<Submission>, u64), RenderError>,
+}
+
+/// Where the results of one scene's jobs arrive.
+#[derive(Debug)]
+pub(crate) struct Inbox {
+    reply: Sender<Loaded>,
+    results: Receiver<Loaded>,
+    wanted: Arc<()>,
+    in_flight: AtomicU64,
+}
+
+impl Default for Inbox {
+    fn default() -> Self {
+        let (reply, results) = unbounded();
+        Self { reply, results, wanted: Arc::new(()), in_flight: AtomicU64::new(0) }
+    }
+}
+
+impl Inbox {
+    /// A result that is there.
+    pub(crate) fn try_next(&self) -> Option<Loaded> {
+        let loaded = self.results.try_recv().ok()?;
+        self.in_flight.fetch_sub(1, Ordering::Relaxed);
+        Some(loaded)
+    }
+
+    /// The next result, none after `timeout` or when nothing is under way.
+    pub(crate) fn next(&self, timeout: Duration) -> Option<Loaded> {
+        if self.in_flight() == 0 {
+            return None;
+        }
+        let loaded = self.results.recv_timeout(timeout).ok()?;
+        self.in_flight.fetch_sub(1, Ordering::Relaxed);
+        Some(loaded)
+    }
+
+    /// Jobs whose results have not been taken.
+    pub(crate) fn in_flight(&self) -> u64 {
+        self.in_flight.load(Ordering::Relaxed)
+    }
+}
+
+/// The threads and their staging memory.
+#[derive(Debug)]
+pub(crate) struct Loader {
+    jobs: Option<Sender<Job>>,
+    threads: Vec<JoinHandle<()>>,
+    ring: Arc<StagingRing>,
+}
+
+impl Loader {
+    /// Starts the threads.
+    pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self, RenderError> {
+        let count = std::thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
+        let ring = Arc::new(StagingRing::new(gpu, count as u64 * RING_PER_THREAD)?);
+        let (jobs, queue) = unbounded::<Job>();
+        let mut threads = Vec::with_capacity(count);
+        for _ in 0..count {
+            let (gpu, ring, queue) = (Arc::clone(gpu), Arc::clone(&ring), queue.clone());
+            let thread = std::thread::Builder::new().name("oocpt-load".into()).spawn(move || {
+                for job in queue {
+                    job.run(&gpu, &ring);
+                }
+            });
+            match thread {
+                Ok(handle) => threads.push(handle),
+                Err(error) if threads.is_empty() => {
+                    return Err(RenderError::Internal(format!("cannot start a loader thread: {error}")));
+                }
+                Err(_) => break,
+            }
+        }
+        Ok(Self { jobs: Some(jobs), threads, ring })
+    }
+
+    /// The staging memory, for small writes of other threads.
+    pub(crate) fn ring(&self) -> &StagingRing {
+        &self.ring
+    }
+
+    /// Asks for `source` to be written to `target` (and its boxes to `workspace`); the result comes to `inbox`.
+    pub(crate) fn load(
+        &self,
+        inbox: &Inbox,
+        asset: AssetId,
+        source: Source,
+        target: Arc<HeapRange>,
+        workspace: Option<Arc<HeapRange>>,
+    ) -> Result<(), RenderError> {
+        let job =
+            Job { asset, source, target, workspace, reply: inbox.reply.clone(), wanted: Arc::downgrade(&inbox.wanted) };
+        let sent = self.jobs.as_ref().is_some_and(|jobs| jobs.send(job).is_ok());
+        if !sent {
+            return Err(RenderError::Internal("the loader's threads have ended".into()));
+        }
+        inbox.in_flight.fetch_add(1, Ordering::Relaxed);
+        Ok(())
+    }
+}
+
+impl Drop for Loader {
+    fn drop(&mut self) {
+        self.jobs = None;
+        for thread in self.threads.drain(..) {
+            if thread.join().is_err() {
+                tracing::error!("a loader thread had panicked");
+            }
+        }
+    }
+}
+
+impl Job {
+    fn run(self, gpu: &Arc<Gpu>, ring: &StagingRing) {
+        if self.wanted.strong_count() == 0 {
+            return;
+        }
+        let result = catch_unwind(AssertUnwindSafe(|| self.write(gpu, ring)))
+            .unwrap_or_else(|_| Err(RenderError::Internal("a loader thread panicked".into())));
+        if self.reply.send(Loaded { asset: self.asset, result }).is_err() {
+            tracing::debug!("nobody waits for a loaded asset any more");
+        }
+    }
+
+    fn write(&self, gpu: &Arc<Gpu>, ring: &StagingRing) -> Result<(Vec<Submission>, u64), RenderError> {
+        let mut writer = Writer::new(gpu, ring);
+        let workspace = self.workspace.as_deref().map(|range| range as &dyn DeviceRange);
+        writer.asset(&self.source, &*self.target, workspace)?;
+        writer.finish()
+    }
+}

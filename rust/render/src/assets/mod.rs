@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Scene data on the device: what there is (`catalog`), where its bytes come from (`source`), how they get there (`loader`,
+//! `encode`, `build`), what is there now (`store`), the tables that rays go through (`tables`), and all of it from frame to
+//! frame (`cache`).
+//!
+//! The straight line of a mesh from a snapshot to a ray: `catalog` -> `store` -> `loader` -> `encode` -> `build` -> `tables`.
+
+mod build;
+mod cache;
+mod catalog;
+mod encode;
+mod loader;
+mod source;
+mod store;
+mod tables;
+
+pub(crate) use cache::{Scene, SceneCache, SceneView};
+pub(crate) use catalog::SceneAssets;
+pub(crate) use loader::Loader;
+pub(crate) use store::{Patience, Store};
+pub(crate) use tables::{Entries, Tables};

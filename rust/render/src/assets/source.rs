@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: Apache-2.0
+//! One piece of scene data: where its bytes come from, how many there are, and how they are laid out on the device.
+//!
+//! A mesh is one range: nodes, triangles, attributes. An assembly or a chunk is one range: instance records, then the nodes
+//! of the tree over them, which the device builds from the records' boxes. Pure; any thread.
+
+use oocpt_core::mesh::{Attribute, AttributeRate, MeshAsset};
+use oocpt_core::partition::Chunk;
+use oocpt_core::scene::{Assembly, InstanceRecord};
+use oocpt_shader_abi as abi;
+use oocpt_shader_abi::{
+    GpuAssembly, GpuInstance, GpuMesh, GpuNode, GpuTriangle, LBVH_MAX_ITEMS, LbvhBounds, LbvhJob, MeshFlags,
+    lbvh_scratch_bytes,
+};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Alignment of every section, bytes.
+pub(crate) const ALIGN: u64 = 16;
+/// What ranges are rounded up to by the heap, bytes.
+const GRANULE: u64 = 256;
+/// Most nodes or triangles of one mesh: the traversal packs indices and counts into 32 bits.
+const MAX_MESH_ITEMS: u64 = 1 << 28;
+
+/// Where an asset's bytes come from.
+#[derive(Clone, Debug)]
+pub(crate) enum Source {
+    Mesh(Arc<MeshAsset>),
+    Assembly(Arc<Assembly>),
+    Chunk(Arc<Chunk>),
+}
+
+/// What an asset is made of: equal keys, equal bytes (up to addresses).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum AssetKey {
+    Mesh(u128),
+    Assembly(u64),
+    Chunk(u64),
+}
+
+/// Byte offsets of a mesh's sections; `bytes` is the end.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MeshLayout {
+    pub(crate) triangles: u64,
+    pub(crate) corners: u64,
+    pub(crate) normals: u64,
+    pub(crate) colors: u64,
+    pub(crate) opacities: u64,
+    pub(crate) bytes: u64,
+}
+
+/// Values of an attribute, none if it is absent.
+pub(crate) fn values<T>(attribute: Option<&Attribute<T>>) -> &[T] {
+    attribute.map_or(&[], |attribute| &attribute.values)
+}
+
+impl MeshLayout {
+    /// The layout of `mesh`.
+    pub(crate) fn new(mesh: &MeshAsset) -> Self {
+        let mut end = 0_u64;
+        let mut section = |bytes: u64| {
+            let start = end;
+            end = (end + bytes).next_multiple_of(ALIGN);
+            start
+        };
+        section((mesh.bvh.nodes.len() * size_of::<GpuNode>()) as u64);
+        Self {
+            triangles: section((mesh.triangles.len() * size_of::<GpuTriangle>()) as u64),
+            corners: section(size_of_val(mesh.corner_indices.as_slice()) as u64),
+            normals: section(size_of_val(values(mesh.normals.as_ref())) as u64),
+            colors: section(size_of_val(values(mesh.colors.as_ref())) as u64),
+            opacities: section(size_of_val(values(mesh.opacities.as_ref())) as u64),
+            bytes: end,
+        }
+    }
+}
+
+/// Bytes of the records of `count` instances; the nodes follow.
+fn record_bytes(count: usize) -> u64 {
+    (count * size_of::<GpuInstance>()) as u64
+}
+
+fn node_bytes(count: usize) -> u64 {
+    (count.saturating_sub(1).max(1) * size_of::<GpuNode>()) as u64
+}
+
+impl Source {
+    /// Its content key.
+    pub(crate) fn key(&self) -> AssetKey {
+        match self {
+            Self::Mesh(mesh) => AssetKey::Mesh(mesh.key),
+            Self::Assembly(assembly) => AssetKey::Assembly(assembly.key()),
+            Self::Chunk(chunk) => AssetKey::Chunk(chunk.key()),
+        }
+    }
+
+    /// For errors and debuggers.
+    pub(crate) fn name(&self) -> &'static str {
+        match self {
+            Self::Mesh(_) => "mesh",
+            Self::Assembly(_) => "assembly",
+            Self::Chunk(_) => "chunk",
+        }
+    }
+
+    /// Instance records; 0 for a mesh.
+    pub(crate) fn records(&self) -> usize {
+        match self {
+            Self::Mesh(_) => 0,
+            Self::Assembly(assembly) => assembly.len(),
+            Self::Chunk(chunk) => chunk.len(),
+        }
+    }
+
+    /// Bytes asked of the heap.
+    pub(crate) fn size(&self) -> u64 {
+        match self {
+            Self::Mesh(mesh) => MeshLayout::new(mesh).bytes,
+            _ => record_bytes(self.records()) + node_bytes(self.records()),
+        }
+    }
+
+    /// Bytes of device memory while it is resident, as the heap rounds them.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.size().next_multiple_of(GRANULE)
+    }
+
+    /// Bytes of device memory that building it takes besides: the records' boxes, then scratch. 0 for a mesh.
+    pub(crate) fn workspace_bytes(&self) -> u64 {
+        match self {
+            Self::Mesh(_) => 0,
+            _ => self.box_bytes() + lbvh_scratch_bytes(self.count()),
+        }
+    }
+
+    /// Bytes of the boxes that a build reads, rounded up for what follows.
+    fn box_bytes(&self) -> u64 {
+        ((self.records() * size_of::<LbvhBounds>()) as u64).next_multiple_of(ALIGN)
+    }
+
+    /// Records as the build counts them; [`Source::check`] says whether they fit.
+    pub(crate) fn count(&self) -> u32 {
+        u32::try_from(self.records()).unwrap_or(u32::MAX).min(LBVH_MAX_ITEMS)
+    }
+
+    /// `Err((what, count, limit))` when it is larger than the shaders' indices reach.
+    pub(crate) fn check(&self) -> Result<(), (&'static str, u64, u64)> {
+        if let Self::Mesh(mesh) = self {
+            let largest = mesh.triangles.len().max(mesh.bvh.nodes.len()) as u64;
+            return if largest < MAX_MESH_ITEMS {
+                Ok(())
+            } else {
+                Err(("triangles in one mesh", largest, MAX_MESH_ITEMS - 1))
+            };
+        }
+        let records = self.records() as u64;
+        let limit = u64::from(LBVH_MAX_ITEMS);
+        if records <= limit { Ok(()) } else { Err(("instances in one instancer", records, limit)) }
+    }
+
+    /// Levels of nodes of its own tree where they are known before it is built.
+    pub(crate) fn known_depth(&self) -> Option<u32> {
+        match self {
+            Self::Mesh(mesh) => Some(mesh.bvh.depth),
+            _ => None,
+        }
+    }
+
+    /// Computes records `range`; nothing for a mesh.
+    pub(crate) fn encode(&self, range: Range<usize>, out: &mut [InstanceRecord]) {
+        match self {
+            Self::Mesh(_) => {}
+            Self::Assembly(assembly) => assembly.encode(range, out),
+            Self::Chunk(chunk) => chunk.encode(range, out),
+        }
+    }
+
+    /// The build of its tree, given where the asset, the workspace and the word for the tree's depth are.
+    pub(crate) fn build_job(&self, base: u64, workspace: u64, depth: u64) -> LbvhJob {
+        let around = match self {
+            Self::Mesh(mesh) => mesh.bounds,
+            Self::Assembly(assembly) => assembly.bounds(),
+            Self::Chunk(chunk) => chunk.bounds(),
+        };
+        LbvhJob {
+            bounds: workspace,
+            nodes: base + record_bytes(self.records()),
+            scratch: workspace + self.box_bytes(),
+            depth,
+            count: self.count(),
+            around: LbvhBounds { min: around.min, max: around.max },
+        }
+    }
+
+    /// The table entry of a mesh that lies at `base`.
+    pub(crate) fn mesh_entry(&self, base: u64) -> Option<GpuMesh> {
+        let Self::Mesh(mesh) = self else { return None };
+        let layout = MeshLayout::new(mesh);
+        let at = |present: bool, offset: u64| if present { base + offset } else { 0 };
+        let mut flags = MeshFlags::empty();
+        flags.set(MeshFlags::DOUBLE_SIDED, mesh.double_sided);
+        flags.set(MeshFlags::LEFT_HANDED, mesh.left_handed);
+        flags.set(MeshFlags::HAS_NORMALS, mesh.normals.is_some());
+        flags.set(MeshFlags::HAS_COLORS, mesh.colors.is_some());
+        flags.set(MeshFlags::HAS_OPACITIES, mesh.opacities.is_some());
+        Some(GpuMesh {
+            nodes: base,
+            triangles: base + layout.triangles,
+            corner_indices: at(!mesh.corner_indices.is_empty(), layout.corners),
+            normals: at(mesh.normals.is_some(), layout.normals),
+            colors: at(mesh.colors.is_some(), layout.colors),
+            opacities: at(mesh.opacities.is_some(), layout.opacities),
+            flags: flags.with_rates(
+                rate(mesh.normals.as_ref()),
+                rate(mesh.colors.as_ref()),
+                rate(mesh.opacities.as_ref()),
+            ),
+            // Checked against MAX_MESH_ITEMS.
+            triangle_count: u32::try_from(mesh.triangles.len()).unwrap_or(u32::MAX),
+        })
+    }
+
+    /// The table entry of an assembly or chunk that lies at `base`.
+    pub(crate) fn level_entry(&self, base: u64) -> GpuAssembly {
+        GpuAssembly { nodes: base + record_bytes(self.records()), instances: base }
+    }
+}
+
+fn rate<T>(attribute: Option<&Attribute<T>>) -> abi::AttributeRate {
+    match attribute.map(|attribute| attribute.rate) {
+        None | Some(AttributeRate::Constant) => abi::AttributeRate::Constant,
+        Some(AttributeRate::Uniform) => abi::AttributeRate::Uniform,
+        Some(AttributeRate::Vertex) => abi::AttributeRate::Vertex,
+        Some(AttributeRate::FaceVarying) => abi::AttributeRate::FaceVarying,
+    }
+}

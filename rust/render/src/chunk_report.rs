@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What a render says about its chunks at the end, if `oocpt:chunkReport` names a file: which chunks there were, how often
+//! they were loaded, how many rays asked for them, and how the paths ran out. `oocpt report chunks` draws it.
+//!
+//! Plain data and JSON. Positions are in the world minus `origin`, in which the chunk instances' boxes are exact in f32.
+
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Rays affine in the pixel position, as [`oocpt_core::CameraRays`] but in f64: with `px, py` in pixels from the lower left
+/// corner, `origin = o + px * o_x + py * o_y` and `direction = d + px * d_x + py * d_y`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ReportCamera {
+    /// Ray origin at pixel position (0, 0).
+    pub o: [f64; 3],
+    /// Its change per pixel to the right.
+    pub o_x: [f64; 3],
+    /// Its change per pixel up.
+    pub o_y: [f64; 3],
+    /// Ray direction at pixel position (0, 0).
+    pub d: [f64; 3],
+    /// Its change per pixel to the right.
+    pub d_x: [f64; 3],
+    /// Its change per pixel up.
+    pub d_y: [f64; 3],
+}
+
+/// A placement of a chunk.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ReportInstance {
+    /// Box: min, max.
+    pub bounds: [[f32; 3]; 2],
+    /// Index into [`ChunkReport::chunks`].
+    pub chunk: u32,
+}
+
+/// What became of a chunk.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ReportChunk {
+    /// Device bytes of the chunk and of what it needs.
+    pub bytes: u64,
+    /// Instance records.
+    pub records: u64,
+    /// Times it was loaded.
+    pub loads: u64,
+    /// Of these, times it had been on the device before.
+    pub reloads: u64,
+    /// Visits of rays, all its placements together.
+    pub rays: u64,
+    /// It was on the device at the end.
+    pub is_resident: bool,
+}
+
+/// A moment of the render.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ReportMoment {
+    /// Since the first path started.
+    pub seconds: f64,
+    /// Paths not finished yet.
+    pub paths_left: u64,
+}
+
+/// A whole report.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ChunkReport {
+    /// Image width, pixels.
+    pub width: u32,
+    /// Image height, pixels.
+    pub height: u32,
+    /// World point that is (0, 0, 0) for everything below.
+    pub origin: [f64; 3],
+    /// The camera.
+    pub camera: ReportCamera,
+    /// Placements of chunks.
+    pub instances: Vec<ReportInstance>,
+    /// Chunks.
+    pub chunks: Vec<ReportChunk>,
+    /// How the paths ran out, in the order of time.
+    pub progress: Vec<ReportMoment>,
+}
+
+/// Why a report was not written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum ChunkReportError {
+    /// The file cannot be written or read.
+    #[error("chunk report {path}: {source}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The file holds something else.
+    #[error("chunk report {path}: {source}")]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and where.
+        source: serde_json::Error,
+    },
+    /// A placement of a chunk that is not there.
+    #[error("chunk report {path}: instance {instance} is of chunk {chunk}, of {chunks}")]
+    Chunk {
+        /// The file.
+        path: PathBuf,
+        /// The placement.
+        instance: usize,
+        /// Its chunk.
+        chunk: u32,
+        /// Chunks there are.
+        chunks: usize,
+    },
+}
+
+impl ChunkReport {
+    /// Writes the report as JSON.
+    ///
+    /// # Errors
+    /// [`ChunkReportError::File`].
+    pub fn write(&self, path: &Path) -> Result<(), ChunkReportError> {
+        let json = serde_json::to_vec(self);
+        let json = json.map_err(|source| ChunkReportError::Content { path: path.into(), source })?;
+        std::fs::write(path, json).map_err(|source| ChunkReportError::File { path: path.into(), source })
+    }
+
+    /// Reads a report and checks that its indices are in range.
+    ///
+    /// # Errors
+    /// See [`ChunkReportError`].
+    pub fn read(path: &Path) -> Result<Self, ChunkReportError> {
+        let json = std::fs::read(path).map_err(|source| ChunkReportError::File { path: path.into(), source })?;
+        let report: Self =
+            serde_json::from_slice(&json).map_err(|source| ChunkReportError::Content { path: path.into(), source })?;
+        let chunks = report.chunks.len();
+        let is_bad = |instance: &ReportInstance| instance.chunk as usize >= chunks;
+        match report.instances.iter().position(is_bad) {
+            Some(instance) => {
+                let chunk = report.instances[instance].chunk;
+                Err(ChunkReportError::Chunk { path: path.into(), instance, chunk, chunks })
+            }
+            None => Ok(report),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report() -> ChunkReport {
+        ChunkReport {
+            width: 4,
+            height: 3,
+            camera: ReportCamera { d: [0.1, 0.2, -1.0], ..ReportCamera::default() },
+            instances: vec![ReportInstance { bounds: [[0.1; 3], [1.0; 3]], chunk: 1 }],
+            chunks: vec![ReportChunk::default(), ReportChunk { loads: 3, rays: u64::MAX, ..ReportChunk::default() }],
+            progress: vec![ReportMoment { seconds: 0.5, paths_left: 12 }],
+            ..ChunkReport::default()
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let path = std::env::temp_dir().join(format!("oocpt-chunk-report-{}.json", std::process::id()));
+        report().write(&path).expect("the folder for temporary files can be written");
+        let read = ChunkReport::read(&path);
+        let mut broken = report();
+        broken.instances[0].chunk = 2;
+        broken.write(&path).expect("it was written before");
+        let refused = ChunkReport::read(&path);
+        std::fs::remove_file(&path).expect("it was there");
+        assert_eq!(read.expect("a good report"), report(), "bit for bit");
+        let message = refused.expect_err("an index out of range").to_string();
+        assert!(message.contains("instance 0 is of chunk 2, of 2"), "{message}");
+    }
+}

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The memory of a streaming render: paths in slots, who waits for what, and what the host reads of it.
+
+use super::observe::Observation;
+use crate::assets::SceneView;
+use crate::error::RenderError;
+use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
+use oocpt_shader_abi::{
+    Counters, Frame, GpuSurface, PathState, Pending, Ray, Segment, ShadowRay, Streaming, hit_stride, sort_blocks,
+};
+use std::sync::Arc;
+
+/// Segments that the slots are cut into: stragglers of the oldest one hold back at most this many of its size.
+const SEGMENTS: u32 = 16;
+
+/// See the module.
+#[derive(Debug)]
+pub(crate) struct StreamBuffers {
+    /// Slots.
+    pub(crate) capacity: u32,
+    pub(crate) segment_count: u32,
+    pub(crate) segment_size: u32,
+    max_levels: u32,
+    chunk_count: u32,
+    rays: Buffer,
+    shadow_rays: Buffer,
+    hits: Buffer,
+    paths: Buffer,
+    radiance: Buffer,
+    ray_queue: [Buffer; 2],
+    shadow_queue: Buffer,
+    surface_queue: Buffer,
+    escaped_queue: Buffer,
+    progress: Buffer,
+    pending: Buffer,
+    shadow_pending: Buffer,
+    surfaces: Buffer,
+    deferred: [Buffer; 2],
+    segments: Buffer,
+    demand: Buffer,
+    sort_counts: Buffer,
+    sort_sums: Buffer,
+    chunk_rays: Buffer,
+    streaming: Buffer,
+    pub(crate) counters: Buffer,
+    /// What the host reads of a step: counters, segments, demand; one for each step under way.
+    readback: [Buffer; 2],
+}
+
+impl StreamBuffers {
+    /// Memory for `capacity` paths (a power of two) in the scene of `view`.
+    pub(crate) fn new(gpu: &Arc<Gpu>, capacity: u32, view: &SceneView) -> Result<Self, GpuError> {
+        let array = |name: &str, count: u32, stride: usize| {
+            Buffer::new(gpu, name, u64::from(count) * stride as u64, Usage::Device)
+        };
+        let slots = |name: &str, stride: usize| array(name, capacity, stride);
+        let chunks = view.chunk_count.max(1);
+        let segment_count = SEGMENTS.min(capacity);
+        let read = size_of::<Counters>() + segment_count as usize * size_of::<Segment>() + 8 * chunks as usize;
+        let readback = |name: &str| Buffer::new(gpu, name, read as u64, Usage::Readback);
+        let buffers = Self {
+            capacity,
+            segment_count,
+            segment_size: capacity / segment_count,
+            max_levels: view.max_levels,
+            chunk_count: chunks,
+            rays: slots("rays", size_of::<Ray>())?,
+            shadow_rays: slots("shadow_rays", size_of::<ShadowRay>())?,
+            hits: slots("hits", hit_stride(view.max_levels) as usize)?,
+            paths: slots("paths", size_of::<PathState>())?,
+            radiance: slots("radiance", 16)?,
+            ray_queue: [slots("ray_queue 0", 4)?, slots("ray_queue 1", 4)?],
+            shadow_queue: slots("shadow_queue", 4)?,
+            surface_queue: slots("surface_queue", 4)?,
+            escaped_queue: slots("escaped_queue", 4)?,
+            progress: slots("progress", 4)?,
+            pending: slots("pending", size_of::<Pending>())?,
+            shadow_pending: slots("shadow_pending", size_of::<Pending>())?,
+            surfaces: slots("surfaces", size_of::<GpuSurface>())?,
+            deferred: [slots("deferred 0", 8)?, slots("deferred 1", 8)?],
+            segments: array("segments", segment_count, size_of::<Segment>())?,
+            demand: array("demand", chunks, 8)?,
+            sort_counts: array("sort_counts", chunks, 8)?,
+            sort_sums: array("sort_sums", sort_blocks(chunks).max(1), 4)?,
+            chunk_rays: array("chunk_rays", chunks, 4)?,
+            streaming: Buffer::new(gpu, "streaming", size_of::<Streaming>() as u64, Usage::Upload)?,
+            counters: Buffer::new(gpu, "counters", size_of::<Counters>() as u64, Usage::Device)?,
+            readback: [readback("steps 0")?, readback("steps 1")?],
+        };
+        buffers.streaming.write(0, bytemuck::bytes_of(&buffers.block()))?;
+        Ok(buffers)
+    }
+
+    /// Whether this memory serves a scene of `view` and `wanted` paths.
+    pub(crate) fn serves(&self, view: &SceneView, wanted: u64) -> bool {
+        self.max_levels == view.max_levels
+            && self.chunk_count == view.chunk_count.max(1)
+            && u64::from(self.capacity) >= wanted
+    }
+
+    fn block(&self) -> Streaming {
+        Streaming {
+            segments: self.segments.address(),
+            progress: self.progress.address(),
+            pending: self.pending.address(),
+            shadow_pending: self.shadow_pending.address(),
+            surfaces: self.surfaces.address(),
+            deferred: [self.deferred[0].address(), self.deferred[1].address()],
+            demand: self.demand.address(),
+            sort_counts: self.sort_counts.address(),
+            sort_sums: self.sort_sums.address(),
+            chunk_rays: self.chunk_rays.address(),
+            segment_size: self.segment_size,
+            chunk_count: self.chunk_count,
+        }
+    }
+
+    /// Writes the addresses into a frame block.
+    pub(crate) fn bind(&self, frame: &mut Frame) {
+        frame.rays = self.rays.address();
+        frame.shadow_rays = self.shadow_rays.address();
+        frame.hits = self.hits.address();
+        frame.paths = self.paths.address();
+        frame.radiance = self.radiance.address();
+        frame.ray_queue = [self.ray_queue[0].address(), self.ray_queue[1].address()];
+        frame.shadow_queue = self.shadow_queue.address();
+        frame.surface_queue = self.surface_queue.address();
+        frame.escaped_queue = self.escaped_queue.address();
+        frame.streaming = self.streaming.address();
+        frame.counters = self.counters.address();
+    }
+
+    /// Forgets everything, before a stage.
+    pub(crate) fn clear(&self, commands: &mut Commands) {
+        for buffer in [&self.counters, &self.segments, &self.chunk_rays] {
+            commands.fill(buffer, 0, buffer.size(), 0);
+        }
+    }
+
+    /// Before the deferred rays are sorted.
+    pub(crate) fn clear_sort(&self, commands: &mut Commands) {
+        commands.fill(&self.sort_counts, 0, self.sort_counts.size(), 0);
+    }
+
+    /// Before demand is counted.
+    pub(crate) fn clear_demand(&self, commands: &mut Commands) {
+        commands.fill(&self.demand, 0, self.demand.size(), 0);
+    }
+
+    /// Workgroups of the scan over the chunks.
+    pub(crate) fn sort_blocks(&self) -> u32 {
+        sort_blocks(self.chunk_count)
+    }
+
+    /// Copies what the host reads of step `number`.
+    pub(crate) fn copy_out(&self, commands: &mut Commands, number: u64) {
+        let target = self.readback_of(number);
+        commands.concurrent(|c| {
+            let mut offset = 0;
+            for source in [&self.counters, &self.segments, &self.demand] {
+                c.copy(source, 0, target, offset, source.size());
+                offset += source.size();
+            }
+        });
+    }
+
+    fn readback_of(&self, number: u64) -> &Buffer {
+        &self.readback[usize::from(number & 1 == 1)]
+    }
+
+    /// What step `number` left, once it has ended.
+    pub(crate) fn observe(&self, number: u64) -> Result<Observation, RenderError> {
+        let readback = self.readback_of(number);
+        Ok(readback.map(|bytes| Observation::read(number, bytes, self.segment_count as usize))?)
+    }
+
+    /// Rays that entered each chunk, if they were counted; waits for the device.
+    pub(crate) fn chunk_rays(&self, gpu: &Arc<Gpu>) -> Result<Vec<u32>, RenderError> {
+        let target = Buffer::new(gpu, "chunk rays", self.chunk_rays.size(), Usage::Readback)?;
+        let mut commands = gpu.commands("chunk rays")?;
+        commands.copy(&self.chunk_rays, 0, &target, 0, self.chunk_rays.size());
+        commands.submit()?.wait(crate::waves::WAVE_TIMEOUT)?;
+        Ok(target.map(|bytes| bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect())?)
+    }
+}

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Where the time of a streaming render goes, as the host sees it.
+
+use std::time::Instant;
+
+/// Sums of seconds by what was under way.
+#[derive(Debug)]
+pub(crate) struct Clock {
+    last: Instant,
+    state: Activity,
+    /// The device had work.
+    pub(crate) tracing: f64,
+    /// Something was being loaded.
+    pub(crate) loading: f64,
+    /// Something was being loaded and the device had no work.
+    pub(crate) waiting: f64,
+    /// Both at once.
+    pub(crate) overlapped: f64,
+}
+
+/// What is under way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Activity {
+    pub(crate) tracing: bool,
+    pub(crate) loading: bool,
+}
+
+impl Clock {
+    /// Starts with nothing under way.
+    pub(crate) fn new(now: Instant) -> Self {
+        let state = Activity::default();
+        Self { last: now, state, tracing: 0.0, loading: 0.0, waiting: 0.0, overlapped: 0.0 }
+    }
+
+    /// From `now` on, `state` is under way.
+    pub(crate) fn change(&mut self, now: Instant, state: Activity) {
+        let secs = now.saturating_duration_since(self.last).as_secs_f64();
+        let Activity { tracing, loading } = self.state;
+        self.tracing += if tracing { secs } else { 0.0 };
+        self.loading += if loading { secs } else { 0.0 };
+        self.waiting += if loading && !tracing { secs } else { 0.0 };
+        self.overlapped += if loading && tracing { secs } else { 0.0 };
+        (self.last, self.state) = (now, state);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn time_goes_where_it_belongs() {
+        let start = Instant::now();
+        let at = |secs| start + Duration::from_secs(secs);
+        let mut clock = Clock::new(start);
+        clock.change(at(1), Activity { tracing: true, loading: false });
+        clock.change(at(3), Activity { tracing: true, loading: true });
+        clock.change(at(7), Activity { tracing: false, loading: true });
+        clock.change(at(15), Activity::default());
+        clock.change(at(31), Activity::default());
+        let sums = [clock.tracing, clock.loading, clock.waiting, clock.overlapped];
+        assert!(sums == [6.0, 12.0, 8.0, 4.0], "each second counts where it was spent: {sums:?}");
+    }
+}

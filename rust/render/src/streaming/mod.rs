@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Renders a scene that does not fit: paths wait for chunks, the planner brings what most of them wait for.
+//!
+//! [`render`] makes the memory and runs two stages (first hits through pixel centres, samples), each by a `stage::Stage`
+//! loop: take what the device has finished (`observe`), move the loads on and ask the planner (`residency`), hand the device
+//! its next step (`record`). A step writes the chunk table, wakes the rays whose chunk is there, traces some rounds and
+//! counts who waits for what. Loads go on beside the steps on the loader's threads and the transfer queue.
+//!
+//! The picture does not depend on any of this: `shaders/README.md` ("Streaming") and decisions/0004 say why.
+
+mod buffers;
+mod clock;
+mod observe;
+mod record;
+mod report;
+mod residency;
+mod segments;
+mod stage;
+
+pub(crate) use buffers::StreamBuffers;
+
+use crate::assets::{Scene, SceneView};
+use crate::error::RenderError;
+use crate::frame::{Setting, frame_block, geometry_cap, is_cpu, shrinking};
+use crate::progress::Progress;
+use crate::specialise;
+use crate::thread::Gate;
+use crate::wavefront::Passes;
+use crate::waves::WAVE_TIMEOUT;
+use clock::Clock;
+use observe::Observation;
+use oocpt_gpu::{Buffer, Usage};
+use oocpt_shader_abi::{Features, Frame, path_bytes};
+use record::Kind;
+use residency::{Residency, Start};
+use stage::{Outcome, Stage};
+use std::time::Instant;
+
+/// Most paths in slots.
+const MOST_PATHS: u64 = 1 << 23;
+/// Most paths in slots on a processor that traces in software.
+const MOST_PATHS_CPU: u64 = 1 << 16;
+/// Fewest paths in slots.
+const FEWEST_PATHS: u64 = 1 << 12;
+/// Stack entries below the top level that the passes are first compiled for; typical scenes stay below.
+const FIRST_STACK: u32 = 64;
+/// When the first entry of the table "time against paths left" is made, seconds, and how much later each next one is.
+const LEFT_FIRST: f64 = 0.05;
+const LEFT_STEP: f64 = 1.1;
+/// Share of the geometry's memory that is left free for workspaces and for holes between ranges.
+const SLACK: u64 = 16;
+
+/// What a stage works with; the passes are compiled again when a chunk arrives that needs a deeper stack.
+pub(crate) struct Engine<'a, 'r> {
+    pub(crate) setting: &'a Setting<'a>,
+    pub(crate) buffers: &'a StreamBuffers,
+    pub(crate) residency: Residency<'r>,
+    pub(crate) frame: Buffer,
+    pub(crate) passes: Passes,
+    pub(crate) features: Features,
+    pub(crate) view: SceneView,
+    pub(crate) clock: Clock,
+    /// Stack entries below the top level that the passes are compiled for.
+    pub(crate) stack_entries: u32,
+    /// Seconds since the samples were begun, and paths left, at growing intervals.
+    pub(crate) left: Vec<(f64, u64)>,
+}
+
+/// Renders `setting` from `scene`; publishes images and stats on the way.
+pub(crate) fn render(
+    setting: &Setting<'_>,
+    scene: &mut Scene,
+    kept: &mut Option<StreamBuffers>,
+    gate: &Gate<'_>,
+    progress: &mut Progress<'_>,
+) -> Result<(), RenderError> {
+    let Setting { device, job, film, .. } = *setting;
+    scene.make_empty_tables(device, &setting.lights.distant)?;
+    let view = scene.view(0)?;
+    make_buffers(setting, &view, kept)?;
+    let Some(buffers) = kept.as_ref() else {
+        return Err(RenderError::Internal("the frame's paths were not made".into()));
+    };
+    progress.stage("compiling passes");
+    let features = features(setting, &view);
+    let budget = geometry_budget(setting, scene);
+    let policy = job.settings.policy;
+    let assets = scene.assets.clone();
+    let (_, store, tables) = scene.parts()?;
+    let residency = Residency::new(Start { device, assets: &assets, store, tables, budget, policy })?;
+    let mut engine = Engine::new(setting, buffers, residency, features, view, progress)?;
+    tracing::info!(
+        mib = budget >> 20,
+        of_mib = assets.bytes >> 20,
+        chunks = assets.catalog.chunk_count(),
+        paths = buffers.capacity,
+        %policy,
+        "streaming"
+    );
+    progress.stage("rendering");
+    if film.has_planes() {
+        engine.clear(Kind::Aovs)?;
+        let outcome = Stage::new(&mut engine, Kind::Aovs, setting.job.request.pixels()).run(gate, progress)?;
+        if outcome == Outcome::GivenUp {
+            return Ok(());
+        }
+    }
+    if film.has_color() {
+        engine.clear(Kind::Samples)?;
+        progress.trace_started();
+        let total = progress.total_paths();
+        Stage::new(&mut engine, Kind::Samples, total).run(gate, progress)?;
+        progress.trace_ended();
+    }
+    engine.finish(progress)?;
+    engine.write_report()
+}
+
+fn features(setting: &Setting<'_>, view: &SceneView) -> Features {
+    let Setting { job, lights, rays, .. } = *setting;
+    let mut features = specialise::features(&job.snapshot, lights, rays, view.max_levels) | Features::STREAMING;
+    features.set(Features::CHUNK_COUNTS, !job.settings.chunk_report.is_empty());
+    features.set(Features::PLANT_SKIP_DEFERRED, job.options.plant_lost_chunks);
+    features
+}
+
+/// Path memory: at most a quarter of what the budget leaves, and no more than the render has paths; less when there is no
+/// memory.
+fn make_buffers(setting: &Setting<'_>, view: &SceneView, kept: &mut Option<StreamBuffers>) -> Result<(), RenderError> {
+    let Setting { device, job, .. } = *setting;
+    let most = if is_cpu(device) { MOST_PATHS_CPU } else { MOST_PATHS };
+    let paths = job.request.pixels() * u64::from(job.settings.samples_per_pixel);
+    let wanted = paths.clamp(FEWEST_PATHS, most).next_power_of_two();
+    if kept.as_ref().is_some_and(|buffers| buffers.serves(view, wanted)) {
+        return Ok(());
+    }
+    *kept = None;
+    let memory = device.gpu.memory();
+    let room = memory.budget.saturating_sub(memory.used) / 4 / path_bytes(view.max_levels, true);
+    let room = if room.is_power_of_two() { room } else { room.next_power_of_two() / 2 };
+    let capacity = wanted.min(room).max(FEWEST_PATHS);
+    *kept = Some(shrinking(capacity, FEWEST_PATHS, |capacity| StreamBuffers::new(&device.gpu, capacity, view))?);
+    Ok(())
+}
+
+/// Bytes that chunks, meshes and assemblies may take: what the budget leaves, less some slack, and no more than the user's
+/// own cap.
+fn geometry_budget(setting: &Setting<'_>, scene: &Scene) -> u64 {
+    let memory = setting.device.gpu.memory();
+    let heap = setting.device.heap.stats();
+    let unused_arenas = heap.arena_bytes.saturating_sub(heap.used_bytes);
+    let free = memory.budget.saturating_sub(memory.used) + unused_arenas + scene.store.bytes();
+    let slack = (free / SLACK).max(scene.assets.workspace_bytes.min(free / 4));
+    let left = free - slack;
+    geometry_cap(setting.job).map_or(left, |cap| cap.min(left))
+}
+
+impl<'a, 'r> Engine<'a, 'r> {
+    fn new(
+        setting: &'a Setting<'a>,
+        buffers: &'a StreamBuffers,
+        residency: Residency<'r>,
+        features: Features,
+        view: SceneView,
+        progress: &mut Progress<'_>,
+    ) -> Result<Self, RenderError> {
+        let Setting { device, film, .. } = *setting;
+        let stack_entries = residency.stack_entries.max(FIRST_STACK);
+        let started = Instant::now();
+        let view = view.with_stack(stack_entries);
+        let passes = Passes::new(device, specialise::specialisation(features, &view), film.has_planes())?;
+        progress.timings.compile_secs += started.elapsed().as_secs_f64();
+        progress.left_out(specialise::left_out(features, film.has_planes()));
+        let mut block = frame_block(setting, &view);
+        buffers.bind(&mut block);
+        let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
+        frame.write(0, bytemuck::bytes_of(&block))?;
+        let clock = Clock::new(Instant::now());
+        let left = Vec::new();
+        Ok(Self { setting, buffers, residency, frame, passes, features, view, clock, stack_entries, left })
+    }
+
+    /// Compiles the passes anew when a chunk on the device needs a deeper stack than they have.
+    pub(crate) fn deepen(&mut self, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+        if self.residency.stack_entries <= self.stack_entries {
+            return Ok(());
+        }
+        self.stack_entries = self.residency.stack_entries;
+        let started = Instant::now();
+        let view = self.view.with_stack(self.stack_entries);
+        let special = specialise::specialisation(self.features, &view);
+        self.passes = Passes::new(self.setting.device, special, self.setting.film.has_planes())?;
+        progress.timings.compile_secs += started.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Publishes the images as they are at the end.
+    fn finish(&mut self, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+        let submission = self.submit_images()?;
+        if !submission.wait(WAVE_TIMEOUT)? {
+            return Err(RenderError::Internal("the last image did not come".into()));
+        }
+        progress.publish(self.setting.film)?;
+        progress.finish()
+    }
+
+    /// Remembers how many paths were left after `secs`, at intervals that grow with the time.
+    fn note_left(&mut self, secs: f64, paths: u64) {
+        if self.left.last().is_none_or(|(last, _)| secs >= last * LEFT_STEP + LEFT_FIRST) {
+            self.left.push((secs, paths));
+        }
+    }
+
+    /// Brings the stats up to date.
+    fn report(&self, progress: &mut Progress<'_>, seen: &Observation, stragglers: u64, paths_left: u64) {
+        let heap = self.setting.device.heap.stats();
+        let planner = self.residency.planner.stats();
+        let counters = &seen.counters;
+        let (visits, misses) = (counters.chunk_visits as f64, counters.chunk_misses as f64);
+        progress.streaming(|stats| {
+            stats.resident_chunks = planner.resident_chunks;
+            stats.chunks_touched = planner.chunks_touched;
+            stats.loads = planner.loads;
+            stats.reloads = planner.reloads;
+            stats.evictions = planner.evictions;
+            stats.failed_loads = planner.failed_loads;
+            stats.bytes_paged = planner.bytes_loaded;
+            stats.reloaded_bytes = planner.bytes_reloaded;
+            stats.hit_rate = if visits + misses > 0.0 { visits / (visits + misses) } else { 1.0 };
+            stats.waiting_rays = seen.waiting();
+            stats.stragglers = stragglers;
+            stats.paths_left = paths_left;
+            stats.geometry_bytes = planner.bytes_held;
+            stats.geometry_budget_bytes = self.residency.planner.budget();
+            stats.geometry_peak_bytes = planner.peak_bytes;
+            stats.fragmentation = heap.fragmentation;
+            stats.seconds_tracing = self.clock.tracing;
+            stats.seconds_loading = self.clock.loading;
+            stats.seconds_waiting = self.clock.waiting;
+            stats.seconds_overlapped = self.clock.overlapped;
+        });
+    }
+}

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Writes what `oocpt report chunks` draws: chunks, loads, rays, and how the paths ran out.
+
+use super::Engine;
+use crate::chunk_report::{ChunkReport, ReportCamera, ReportChunk, ReportInstance, ReportMoment};
+use crate::error::RenderError;
+use oocpt_core::residency::ChunkId;
+use std::path::Path;
+
+impl Engine<'_, '_> {
+    /// Writes the report if `oocpt:chunkReport` names a file.
+    pub(super) fn write_report(&self) -> Result<(), RenderError> {
+        let file = self.setting.job.settings.chunk_report.as_str();
+        if file.is_empty() {
+            return Ok(());
+        }
+        let rays = self.buffers.chunk_rays(&self.setting.device.gpu)?;
+        self.chunk_report(&rays).write(Path::new(file)).map_err(|error| RenderError::Report(error.to_string()))
+    }
+
+    fn chunk_report(&self, rays: &[u32]) -> ChunkReport {
+        let (job, camera) = (self.setting.job, self.setting.rays);
+        let (world, planner) = (&job.snapshot.world, &self.residency.planner);
+        let wide = |v: [f32; 3]| v.map(f64::from);
+        let o = [0, 1, 2].map(|k: usize| f64::from(camera.o[k]) + f64::from(camera.o_lo[k]));
+        let chunk = |(id, chunk): (ChunkId, &std::sync::Arc<oocpt_core::partition::Chunk>)| {
+            let loads = u64::from(planner.load_count(id));
+            ReportChunk {
+                bytes: planner.catalog().closure_bytes(id),
+                records: chunk.len() as u64,
+                loads,
+                reloads: loads.saturating_sub(1),
+                rays: rays.get(id as usize).copied().map_or(0, u64::from),
+                is_resident: planner.is_resident(id),
+            }
+        };
+        let moment = |&(seconds, paths_left): &(f64, u64)| ReportMoment { seconds, paths_left };
+        ChunkReport {
+            width: job.request.width,
+            height: job.request.height,
+            origin: job.snapshot.origin.to_array(),
+            camera: ReportCamera {
+                o,
+                o_x: wide(camera.o_x),
+                o_y: wide(camera.o_y),
+                d: wide(camera.d),
+                d_x: wide(camera.d_x),
+                d_y: wide(camera.d_y),
+            },
+            instances: world
+                .instances
+                .iter()
+                .map(|i| ReportInstance { bounds: [i.bounds.min, i.bounds.max], chunk: i.chunk })
+                .collect(),
+            chunks: (0..).zip(&world.chunks).map(chunk).collect(),
+            progress: self.left.iter().map(moment).collect(),
+        }
+    }
+}

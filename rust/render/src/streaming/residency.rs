@@ -1,0 +1,285 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Carries out what the planner decides: starts loads, lets go of what is evicted, shows chunks to the rays when everything
+//! they need is there.
+//!
+//! A chunk is shown and hidden by its entry in the chunk table, written between two submissions: inside a submission
+//! nothing appears or disappears. Memory of evicted assets is free when the submissions made before have ended.
+//! Render thread only.
+
+use crate::assets::{Entries, Patience, SceneAssets, Store, Tables};
+use crate::device::Device;
+use crate::error::RenderError;
+use oocpt_core::residency::{AssetId, ChunkId, Command, Demand, PlanError, Planner, PolicyKind};
+use oocpt_gpu::{Commands, Submission};
+use rustc_hash::{FxHashMap, FxHashSet};
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// A load that the planner asked for.
+#[derive(Debug)]
+struct Load {
+    chunk: ChunkId,
+    /// Assets that have no memory yet.
+    unplaced: VecDeque<AssetId>,
+    /// Assets that this load has begun.
+    begun: Vec<AssetId>,
+}
+
+/// See the module.
+#[derive(Debug)]
+pub(crate) struct Residency<'a> {
+    device: &'a Device,
+    assets: Arc<SceneAssets>,
+    store: &'a mut Store,
+    entries: Entries,
+    tables: &'a Tables,
+    pub(crate) planner: Planner,
+    /// Loads that wait for memory, in the planner's order.
+    waiting: VecDeque<Load>,
+    /// Assets not ready yet of every chunk on its way, and the chunks that wait for each of these.
+    missing: FxHashMap<ChunkId, usize>,
+    dependents: FxHashMap<AssetId, Vec<ChunkId>>,
+    /// Assets on their way that nobody needs any more.
+    orphans: FxHashSet<AssetId>,
+    /// Entries to write before the next step.
+    changed: Vec<AssetId>,
+    copies: Vec<Submission>,
+    /// Traversal stack entries that the resident chunks need below the top level.
+    pub(crate) stack_entries: u32,
+    pub(crate) bytes_copied: u64,
+}
+
+/// What a residency starts from.
+pub(crate) struct Start<'a> {
+    pub(crate) device: &'a Device,
+    pub(crate) assets: &'a Arc<SceneAssets>,
+    pub(crate) store: &'a mut Store,
+    pub(crate) tables: &'a Tables,
+    pub(crate) budget: u64,
+    pub(crate) policy: PolicyKind,
+}
+
+impl<'a> Residency<'a> {
+    /// Takes over what the store still holds of earlier frames, as far as it fits `budget`; frees the rest.
+    pub(crate) fn new(start: Start<'a>) -> Result<Self, RenderError> {
+        let Start { device, assets, store, tables, budget, policy } = start;
+        let planner = Planner::new(Arc::clone(&assets.catalog), budget, policy).map_err(|error| plan_error(&error))?;
+        let mut residency = Self {
+            device,
+            assets: Arc::clone(assets),
+            store,
+            entries: Entries::new(assets),
+            tables,
+            planner,
+            waiting: VecDeque::new(),
+            missing: FxHashMap::default(),
+            dependents: FxHashMap::default(),
+            orphans: FxHashSet::default(),
+            changed: Vec::new(),
+            copies: Vec::new(),
+            stack_entries: 0,
+            bytes_copied: 0,
+        };
+        residency.take_over();
+        Ok(residency)
+    }
+
+    fn take_over(&mut self) {
+        let mut kept: FxHashSet<AssetId> = FxHashSet::default();
+        for chunk in (0..).take(self.assets.catalog.chunk_count()) {
+            let complete = self.assets.catalog.assets(chunk).iter().all(|&asset| self.is_ready(asset));
+            if complete && self.planner.keep_resident(chunk) {
+                let closure: Vec<AssetId> = self.assets.catalog.assets(chunk).to_vec();
+                for &asset in &closure {
+                    self.show(asset);
+                }
+                kept.extend(closure);
+                self.grow_stack(chunk);
+            }
+        }
+        for &asset in &self.assets.needed {
+            if !kept.contains(&asset)
+                && let Some(source) = self.assets.sources.get(asset as usize)
+            {
+                self.store.evict(&source.key());
+            }
+        }
+    }
+
+    fn is_ready(&self, asset: AssetId) -> bool {
+        self.assets.sources.get(asset as usize).is_some_and(|source| self.store.get(&source.key()).is_some())
+    }
+
+    /// Sets the table entry of a ready asset.
+    fn show(&mut self, asset: AssetId) {
+        let key = self.assets.sources.get(asset as usize).map(|source| source.key());
+        if let Some(resident) = key.and_then(|key| self.store.get(&key)) {
+            self.entries.set(&self.assets, asset, resident.address());
+            self.changed.push(asset);
+        }
+    }
+
+    fn grow_stack(&mut self, chunk: ChunkId) {
+        let depth = |asset: AssetId| {
+            let key = self.assets.sources.get(asset as usize).map(|source| source.key());
+            key.and_then(|key| self.store.get(&key)).map_or(0, |resident| resident.depth)
+        };
+        self.stack_entries = self.stack_entries.max(self.assets.stack_of(chunk, depth));
+    }
+
+    /// Asks the planner what to do about `demand`, and begins to do it.
+    pub(crate) fn plan(&mut self, demand: &Demand<'_>) -> Result<(), RenderError> {
+        for command in self.planner.step(demand) {
+            match command {
+                Command::Evict { chunk, assets } => self.evict(chunk, &assets),
+                Command::Load { chunk, assets } => self.begin(chunk, assets),
+            }
+        }
+        self.place_waiting()
+    }
+
+    fn evict(&mut self, chunk: ChunkId, assets: &[AssetId]) {
+        let own = self.assets.chunk_asset(chunk);
+        for &asset in assets.iter().chain((!assets.contains(&own)).then_some(&own)) {
+            self.entries.clear(&self.assets, asset);
+            self.changed.push(asset);
+        }
+        for asset in assets {
+            if let Some(source) = self.assets.sources.get(*asset as usize) {
+                self.store.evict(&source.key());
+            }
+        }
+    }
+
+    fn begin(&mut self, chunk: ChunkId, assets: Vec<AssetId>) {
+        let mut missing = 0;
+        for &asset in self.assets.catalog.assets(chunk) {
+            if !self.is_ready(asset) {
+                missing += 1;
+                self.dependents.entry(asset).or_default().push(chunk);
+            }
+        }
+        self.missing.insert(chunk, missing);
+        self.waiting.push_back(Load { chunk, unplaced: assets.into(), begun: Vec::new() });
+    }
+
+    /// Gives memory to the loads that wait for it, in order, as far as there is any.
+    fn place_waiting(&mut self) -> Result<(), RenderError> {
+        while let Some(mut load) = self.waiting.pop_front() {
+            while let Some(asset) = load.unplaced.pop_front() {
+                if self.orphans.remove(&asset) {
+                    continue;
+                }
+                if self.store.begin(self.device, &self.assets, asset, Patience::Now)? {
+                    load.begun.push(asset);
+                    continue;
+                }
+                load.unplaced.push_front(asset);
+                if self.device.heap.stats().retired_bytes == 0 {
+                    self.give_up(load);
+                    return Ok(());
+                }
+                self.waiting.push_front(load);
+                return Ok(());
+            }
+            self.finish_if_ready(load.chunk);
+        }
+        Ok(())
+    }
+
+    /// There is no memory for a load although nothing is about to be freed: the planner must make room.
+    fn give_up(&mut self, load: Load) {
+        tracing::debug!(chunk = load.chunk, "no memory for a chunk");
+        self.forget(load);
+        for load in std::mem::take(&mut self.waiting) {
+            self.forget(load);
+        }
+    }
+
+    fn forget(&mut self, load: Load) {
+        self.missing.remove(&load.chunk);
+        for asset in load.begun {
+            self.orphans.insert(asset);
+        }
+        for &asset in self.assets.catalog.assets(load.chunk) {
+            if let Some(chunks) = self.dependents.get_mut(&asset) {
+                chunks.retain(|chunk| *chunk != load.chunk);
+            }
+        }
+        self.planner.failed(load.chunk);
+    }
+
+    /// Takes note of what has arrived; waits at most `wait` when nothing else is to do.
+    pub(crate) fn advance(&mut self, wait: Duration) -> Result<(), RenderError> {
+        let arrived = self.store.advance(self.device, &self.assets, Patience::Now, wait)?;
+        self.bytes_copied += arrived.bytes;
+        self.copies.extend(arrived.copies);
+        for asset in arrived.ready {
+            self.arrived(asset);
+        }
+        self.place_waiting()
+    }
+
+    fn arrived(&mut self, asset: AssetId) {
+        let chunks = self.dependents.remove(&asset).unwrap_or_default();
+        if self.orphans.remove(&asset) && chunks.is_empty() {
+            if let Some(source) = self.assets.sources.get(asset as usize) {
+                self.store.evict(&source.key());
+            }
+            return;
+        }
+        for chunk in chunks {
+            if let Some(missing) = self.missing.get_mut(&chunk) {
+                *missing = missing.saturating_sub(1);
+            }
+            self.finish_if_ready(chunk);
+        }
+    }
+
+    fn finish_if_ready(&mut self, chunk: ChunkId) {
+        if self.missing.get(&chunk) != Some(&0) {
+            return;
+        }
+        self.missing.remove(&chunk);
+        let closure: Vec<AssetId> = self.assets.catalog.assets(chunk).to_vec();
+        for asset in closure {
+            self.show(asset);
+        }
+        self.grow_stack(chunk);
+        self.planner.loaded(chunk);
+    }
+
+    /// Whether anything is on its way.
+    pub(crate) fn is_loading(&self) -> bool {
+        self.store.in_flight() > 0 || !self.waiting.is_empty()
+    }
+
+    /// Records the table entries that have changed since the last step; true when there were any.
+    pub(crate) fn record(&mut self, commands: &mut Commands) -> bool {
+        for copy in self.copies.drain(..) {
+            commands.wait_for(&copy);
+        }
+        let mut changed = std::mem::take(&mut self.changed);
+        changed.sort_unstable();
+        changed.dedup();
+        commands.concurrent(|c| {
+            for &asset in &changed {
+                self.tables.update(c, &self.assets, &self.entries, asset);
+            }
+        });
+        !changed.is_empty()
+    }
+
+    /// Whether the next step would write table entries.
+    pub(crate) fn has_changes(&self) -> bool {
+        !self.changed.is_empty()
+    }
+}
+
+/// A closure that does not fit is the one thing no planner can help.
+fn plan_error(error: &PlanError) -> RenderError {
+    match *error {
+        PlanError::ClosureTooLarge { chunk, bytes, budget } => RenderError::ChunkTooLarge { chunk, bytes, budget },
+    }
+}

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Which paths are in which slots: slots are cut into segments, each a contiguous range of paths, many under way at a time.
+//!
+//! A segment is added to the film when all its paths are dead and every earlier segment has been added: samples of a pixel
+//! are summed in ascending order whatever came back first. Pure.
+
+use crate::schedule::Wave;
+use std::collections::VecDeque;
+
+/// A segment under way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Segment {
+    /// Its number: slots `index * size ..`.
+    pub(crate) index: u32,
+    /// Its paths.
+    pub(crate) wave: Wave,
+}
+
+/// See the module.
+#[derive(Debug)]
+pub(crate) struct Segments {
+    size: u32,
+    free: VecDeque<u32>,
+    /// Under way, oldest first.
+    alive: VecDeque<Segment>,
+    next: u64,
+    total: u64,
+}
+
+impl Segments {
+    /// `count` segments of `size` slots for `total` paths.
+    pub(crate) fn new(count: u32, size: u32, total: u64) -> Self {
+        Self { size, free: (0..count).collect(), alive: VecDeque::new(), next: 0, total }
+    }
+
+    /// Gives a free segment the next paths; none when there is no free segment or no path left.
+    pub(crate) fn start(&mut self) -> Option<Segment> {
+        let left = self.total.saturating_sub(self.next);
+        let count = u32::try_from(left.min(u64::from(self.size))).unwrap_or(self.size);
+        if count == 0 {
+            return None;
+        }
+        let index = self.free.pop_front()?;
+        let segment = Segment { index, wave: Wave { first: self.next, count } };
+        self.next += u64::from(count);
+        self.alive.push_back(segment);
+        Some(segment)
+    }
+
+    /// Takes the oldest segment when it is finished.
+    pub(crate) fn take_finished(&mut self, is_finished: impl Fn(&Segment) -> bool) -> Option<Segment> {
+        let oldest = *self.alive.front()?;
+        if !is_finished(&oldest) {
+            return None;
+        }
+        self.alive.pop_front();
+        self.free.push_back(oldest.index);
+        Some(oldest)
+    }
+
+    /// Whether every path that was to be traced has been taken.
+    pub(crate) fn is_done(&self) -> bool {
+        self.alive.is_empty() && self.next >= self.total
+    }
+
+    /// The oldest segment under way.
+    pub(crate) fn oldest(&self) -> Option<Segment> {
+        self.alive.front().copied()
+    }
+
+    /// Paths that are not yet begun.
+    pub(crate) fn unbegun(&self) -> u64 {
+        self.total - self.next
+    }
+
+    /// Whether a segment could begin.
+    pub(crate) fn can_start(&self) -> bool {
+        !self.free.is_empty() && self.next < self.total
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_come_back_in_order_and_once() {
+        let mut segments = Segments::new(3, 10, 45);
+        let begun: Vec<_> = std::iter::from_fn(|| segments.start()).collect();
+        assert_eq!(begun.len(), 3, "as many as there are slots");
+        assert!(segments.take_finished(|segment| segment.index != 0).is_none(), "the oldest has paths alive");
+        let mut firsts = Vec::new();
+        while !segments.is_done() {
+            while let Some(segment) = segments.take_finished(|_| true) {
+                firsts.push((segment.wave.first, segment.wave.count));
+            }
+            while segments.start().is_some() {}
+        }
+        assert_eq!(firsts, [(0, 10), (10, 10), (20, 10), (30, 10), (40, 5)], "ascending, without gaps");
+    }
+}

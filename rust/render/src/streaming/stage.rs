@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The loop of a stage: keeps the device busy with steps and the loader busy with loads until every path is done.
+//!
+//! Stop, pause and newer jobs take effect between steps, which are short. When the device has nothing to trace, the loop waits
+//! for the loader; when there is nothing to wait for either and paths are left, that is a defect and reported as one.
+
+use super::Engine;
+use super::clock::Activity;
+use super::observe::Observation;
+use super::record::{Kind, StepPlan};
+use super::segments::{Segment, Segments};
+use crate::error::RenderError;
+use crate::progress::Progress;
+use crate::thread::Gate;
+use crate::waves::WAVE_TIMEOUT;
+use oocpt_core::residency::Demand;
+use oocpt_gpu::Submission;
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+/// Steps under way while there is work.
+const IN_FLIGHT: usize = 2;
+/// Seconds that a step should take: short enough for stop and pause to be felt and for demand to be read again.
+const STEP_SECS: f64 = 0.03;
+/// Most rounds of a step.
+const MOST_ROUNDS: u32 = 16;
+/// How long to wait for the loader at a time.
+const LOAD_WAIT: Duration = Duration::from_millis(20);
+/// How long nothing at all may happen.
+const STALL_TIMEOUT: Duration = Duration::from_secs(120);
+
+/// A step under way.
+struct Flight {
+    submission: Submission,
+    number: u64,
+    rounds: u32,
+    submitted: Instant,
+    publishes: bool,
+}
+
+/// How a stage ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Outcome {
+    /// Every path is in the film.
+    Done,
+    /// The gate or the clock said no; the film has the paths up to some point.
+    GivenUp,
+}
+
+/// A stage under way.
+pub(super) struct Stage<'e, 'a, 'r> {
+    engine: &'e mut Engine<'a, 'r>,
+    kind: Kind,
+    segments: Segments,
+    /// The step at which the segment of each index was last begun.
+    begun: Vec<u64>,
+    flights: VecDeque<Flight>,
+    /// Number of the next step; the first is 1.
+    next_step: u64,
+    rounds: u32,
+    seen: Observation,
+    /// The next round.
+    round: u32,
+    started: Instant,
+    last_end: Instant,
+    last_event: Instant,
+}
+
+impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
+    /// A stage of `total` paths.
+    pub(super) fn new(engine: &'e mut Engine<'a, 'r>, kind: Kind, total: u64) -> Self {
+        let buffers = engine.buffers;
+        let segments = Segments::new(buffers.segment_count, buffers.segment_size, total);
+        let now = Instant::now();
+        Self {
+            begun: vec![0; buffers.segment_count as usize],
+            seen: Observation::default(),
+            engine,
+            kind,
+            segments,
+            flights: VecDeque::with_capacity(IN_FLIGHT),
+            next_step: 1,
+            rounds: 1,
+            round: 0,
+            started: now,
+            last_end: now,
+            last_event: now,
+        }
+    }
+
+    /// Runs to the end.
+    pub(super) fn run(mut self, gate: &Gate<'_>, progress: &mut Progress<'_>) -> Result<Outcome, RenderError> {
+        let outcome = self.turn_until_done(gate, progress)?;
+        while !self.flights.is_empty() {
+            self.land(progress)?;
+        }
+        self.tick();
+        self.report(progress);
+        Ok(outcome)
+    }
+
+    fn turn_until_done(&mut self, gate: &Gate<'_>, progress: &mut Progress<'_>) -> Result<Outcome, RenderError> {
+        while !self.segments.is_done() {
+            if !gate.proceed() || (self.kind == Kind::Samples && progress.out_of_time()) {
+                return Ok(Outcome::GivenUp);
+            }
+            while self.flights.front().is_some_and(|flight| flight.submission.is_done()) {
+                self.land(progress)?;
+            }
+            self.engine.residency.advance(Duration::ZERO)?;
+            self.engine.deepen(progress)?;
+            self.tick();
+            if self.flights.len() < IN_FLIGHT && self.has_work() {
+                self.launch(progress)?;
+            } else if !self.flights.is_empty() {
+                self.land(progress)?;
+            } else {
+                self.wait_for_loads()?;
+            }
+        }
+        Ok(Outcome::Done)
+    }
+
+    /// Whether a step would do anything, as far as the host knows.
+    fn has_work(&self) -> bool {
+        self.seen.active() > 0 || self.engine.residency.has_changes() || self.can_move_segments()
+    }
+
+    fn can_move_segments(&self) -> bool {
+        self.segments.oldest().is_some_and(|oldest| is_finished(&self.seen, &self.begun, &oldest))
+            || self.segments.can_start()
+    }
+
+    fn launch(&mut self, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+        let number = self.next_step;
+        let publishes = self.kind == Kind::Samples && progress.publish_due();
+        let mut plan = StepPlan { round: self.round, rounds: self.rounds, publishes, ..StepPlan::default() };
+        // Rays of steps that are still under way may be waiting by now.
+        plan.wakes = self.seen.waiting() > 0 || !self.flights.is_empty();
+        let (seen, begun) = (&self.seen, &self.begun);
+        while let Some(segment) = self.segments.take_finished(|segment| is_finished(seen, begun, segment)) {
+            plan.finished.push(segment);
+        }
+        while let Some(segment) = self.segments.start() {
+            if let Some(begun) = self.begun.get_mut(segment.index as usize) {
+                *begun = number;
+            }
+            plan.started.push(segment);
+        }
+        let submission = self.engine.step(self.kind, number, &plan)?;
+        if self.kind == Kind::Samples {
+            for segment in &plan.finished {
+                progress.wave_done(segment.wave);
+            }
+        }
+        self.round = self.round.wrapping_add(plan.rounds);
+        self.next_step += 1;
+        self.flights.push_back(Flight {
+            submission,
+            number,
+            rounds: plan.rounds,
+            submitted: Instant::now(),
+            publishes,
+        });
+        self.tick();
+        Ok(())
+    }
+
+    /// Waits for the oldest step, learns from it, asks the planner.
+    fn land(&mut self, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+        let Some(flight) = self.flights.pop_front() else { return Ok(()) };
+        if !flight.submission.wait(WAVE_TIMEOUT)? {
+            return Err(RenderError::Internal(format!("a step did not finish within {} s", WAVE_TIMEOUT.as_secs())));
+        }
+        for (pass, secs) in flight.submission.timings() {
+            progress.timings.add_pass(&pass, secs);
+        }
+        let now = Instant::now();
+        let secs = now.duration_since(flight.submitted.max(self.last_end)).as_secs_f64();
+        self.last_end = now;
+        self.adapt(flight.rounds, secs);
+        self.seen = self.engine.buffers.observe(flight.number)?;
+        self.last_event = now;
+        let seen = &self.seen;
+        let demand = Demand { waiting: &seen.waiting, next: &seen.next, visits: &[], active: seen.active() };
+        self.engine.residency.plan(&demand)?;
+        if self.kind == Kind::Samples {
+            let left = self.segments.unbegun() + seen.paths_alive();
+            self.engine.note_left(self.started.elapsed().as_secs_f64(), left);
+        }
+        self.report(progress);
+        if flight.publishes {
+            progress.publish(self.engine.setting.film)?;
+        }
+        match self.seen.counters.stack_overflows {
+            0 => Ok(()),
+            count => Err(RenderError::StackOverflow { count: u64::from(count) }),
+        }
+    }
+
+    fn report(&self, progress: &mut Progress<'_>) {
+        let stragglers = self.segments.oldest().and_then(|oldest| self.seen.alive(oldest.index)).map_or(0, u64::from);
+        let left = self.segments.unbegun() + self.seen.paths_alive();
+        self.engine.report(progress, &self.seen, stragglers, left);
+    }
+
+    /// More rounds when steps are short, fewer when they are long.
+    fn adapt(&mut self, rounds: u32, secs: f64) {
+        if secs > STEP_SECS {
+            self.rounds = (rounds / 2).max(1);
+        } else if secs < 0.5 * STEP_SECS && rounds == self.rounds {
+            self.rounds = (rounds * 2).min(MOST_ROUNDS);
+        }
+    }
+
+    fn wait_for_loads(&mut self) -> Result<(), RenderError> {
+        let copied = self.engine.residency.bytes_copied;
+        self.engine.residency.advance(LOAD_WAIT)?;
+        // Time passes for the planner too: what it refused for lack of memory is tried again.
+        let seen = &self.seen;
+        self.engine.residency.plan(&Demand { waiting: &seen.waiting, next: &seen.next, visits: &[], active: 0 })?;
+        if self.engine.residency.bytes_copied != copied || self.engine.residency.has_changes() {
+            self.last_event = Instant::now();
+        }
+        if self.last_event.elapsed() > STALL_TIMEOUT {
+            let left = self.seen.paths_alive();
+            return Err(RenderError::Internal(format!("{left} paths wait for chunks that do not come")));
+        }
+        Ok(())
+    }
+
+    fn tick(&mut self) {
+        let tracing = !self.flights.is_empty();
+        let loading = self.engine.residency.is_loading();
+        self.engine.clock.change(Instant::now(), Activity { tracing, loading });
+    }
+}
+
+/// Whether all paths of a segment are known to be dead.
+fn is_finished(seen: &Observation, begun: &[u64], segment: &Segment) -> bool {
+    let since = begun.get(segment.index as usize).copied().unwrap_or(u64::MAX);
+    since <= seen.step && seen.alive(segment.index) == Some(0)
+}

@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: Apache-2.0
+//! A world made by hand, all of it on the device: meshes of few triangles, an assembly of them, chunks of records, and chunk
+//! instances that overlap, far from the origin.
+
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+use oocpt_core::Aabb;
+use oocpt_core::mesh::build_box_bvh;
+use oocpt_gpu::{Buffer, Gpu, Usage};
+use oocpt_shader_abi::{
+    GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuMesh, GpuNode, GpuTriangle, MeshFlags, TARGET_ASSEMBLY,
+};
+use std::sync::Arc;
+
+/// Where the world is: a float knows places here to a sixteenth only.
+pub(super) const FAR: DVec3 = DVec3::new(1.0e6, -7.0e5, 3.0e5);
+/// Chunks of the world.
+pub(super) const CHUNKS: u32 = 37;
+
+/// A small generator (PCG, O'Neill 2014); the same numbers everywhere.
+pub(super) struct Random(pub(super) u64);
+
+impl Random {
+    pub(super) fn word(&mut self) -> u32 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let word = ((self.0 >> 18) ^ self.0) >> 27;
+        u32::try_from(word & 0xffff_ffff).unwrap_or_default().rotate_right((self.0 >> 59) as u32)
+    }
+
+    fn unit(&mut self) -> f64 {
+        f64::from(self.word()) / 4_294_967_296.0
+    }
+
+    fn point(&mut self) -> DVec3 {
+        DVec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0
+    }
+
+    fn placement(&mut self, spread: f64, scale: f64) -> DAffine3 {
+        let rotation = DQuat::from_scaled_axis(self.point() * 3.0);
+        let scale = DVec3::splat(scale * (0.5 + self.unit()));
+        let translation = self.point() * spread;
+        DAffine3::from_scale_rotation_translation(scale, rotation, translation)
+    }
+}
+
+/// The world on the device.
+pub(super) struct Scene {
+    gpu: Arc<Gpu>,
+    /// Keeps everything that is pointed to.
+    kept: Vec<Buffer>,
+    pub(super) top_nodes: u64,
+    pub(super) chunk_instances: u64,
+    pub(super) assemblies: u64,
+    pub(super) meshes: u64,
+    /// The chunk table with every chunk resident.
+    pub(super) chunks: Vec<GpuChunk>,
+    /// Chunk of each chunk instance.
+    pub(super) chunk_of: Vec<u32>,
+}
+
+fn around(points: impl Iterator<Item = DVec3>, pad: f64) -> Aabb {
+    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for point in points {
+        (min, max) = (min.min(point), max.max(point));
+    }
+    Aabb { min: (min - pad).as_vec3().to_array(), max: (max + pad).as_vec3().to_array() }
+}
+
+fn corners(bounds: &Aabb) -> impl Iterator<Item = DVec3> {
+    let (a, b) = (DVec3::from(bounds.min.map(f64::from)), DVec3::from(bounds.max.map(f64::from)));
+    (0..8).map(move |i| {
+        DVec3::new(
+            if i & 1 == 0 { a.x } else { b.x },
+            if i & 2 == 0 { a.y } else { b.y },
+            if i & 4 == 0 { a.z } else { b.z },
+        )
+    })
+}
+
+fn nodes(boxes: &[Aabb]) -> Vec<GpuNode> {
+    let node = |n: &oocpt_core::BvhNode| GpuNode { min: n.min, max: n.max, child: n.child, count: n.count };
+    build_box_bvh(boxes).nodes.iter().map(node).collect()
+}
+
+/// Records under a tree, and the box around them.
+struct Group {
+    place: GpuAssembly,
+    bounds: Aabb,
+}
+
+impl Scene {
+    /// The world of `seed`.
+    pub(super) fn new(gpu: &Arc<Gpu>, seed: u64) -> Self {
+        let mut scene = Self {
+            gpu: Arc::clone(gpu),
+            kept: Vec::new(),
+            top_nodes: 0,
+            chunk_instances: 0,
+            assemblies: 0,
+            meshes: 0,
+            chunks: Vec::new(),
+            chunk_of: Vec::new(),
+        };
+        let mut random = Random(seed);
+        let (meshes, mut targets): (Vec<_>, Vec<_>) = (0..3_u32)
+            .map(|i| {
+                let (mesh, bounds) = scene.mesh(&mut random, i == 1);
+                (mesh, (i, bounds))
+            })
+            .unzip();
+        let clump = scene.group(&mut random, &targets, 3);
+        targets.push((TARGET_ASSEMBLY, clump.bounds));
+        let groups: Vec<Group> = (0..CHUNKS).map(|_| scene.group(&mut random, &targets, 6)).collect();
+        scene.meshes = scene.put(&meshes);
+        scene.assemblies = scene.put(&[clump.place]);
+        scene.chunks = groups.iter().map(|g| GpuChunk { nodes: g.place.nodes, instances: g.place.instances }).collect();
+        scene.place(&mut random, &groups);
+        scene
+    }
+
+    /// Chunk instances: every chunk once, some twice.
+    fn place(&mut self, random: &mut Random, groups: &[Group]) {
+        let (mut instances, mut boxes) = (Vec::new(), Vec::new());
+        for id in 0..CHUNKS + 16 {
+            let chunk = id % CHUNKS;
+            let mut world_from_chunk = random.placement(3.0, 0.7);
+            world_from_chunk.translation += FAR;
+            let l = DMat3::from(world_from_chunk.matrix3).inverse().transpose();
+            let rows = [l.x_axis, l.y_axis, l.z_axis].map(|row| row.as_vec3().to_array());
+            let origin = world_from_chunk.translation.to_array();
+            instances.push(GpuChunkInstance::new(rows, origin, chunk, id));
+            let bounds = &groups[chunk as usize].bounds;
+            boxes.push(around(corners(bounds).map(|corner| world_from_chunk.transform_point3(corner)), 0.13));
+            self.chunk_of.push(chunk);
+        }
+        self.chunk_instances = self.put(&instances);
+        self.top_nodes = self.put(&nodes(&boxes));
+    }
+
+    fn mesh(&mut self, random: &mut Random, is_veil: bool) -> (GpuMesh, Aabb) {
+        let mut triangles = Vec::new();
+        for face in 0..24 {
+            let at = random.point();
+            let [v0, v1, v2] = [(); 3].map(|()| (at + 0.6 * random.point()).as_vec3().to_array());
+            triangles.push(GpuTriangle { v0, face, v1, pad1: 0, v2, pad2: 0 });
+        }
+        let points = |t: &GpuTriangle| [t.v0, t.v1, t.v2].map(|v| DVec3::from(v.map(f64::from))).into_iter();
+        let boxes: Vec<Aabb> = triangles.iter().map(|t| around(points(t), 0.0)).collect();
+        let flags = if is_veil { MeshFlags::HAS_OPACITIES } else { MeshFlags::empty() };
+        let constant = oocpt_shader_abi::AttributeRate::Constant;
+        let mesh = GpuMesh {
+            nodes: self.put(&nodes(&boxes)),
+            triangles: self.put(&triangles),
+            corner_indices: 0,
+            normals: 0,
+            colors: 0,
+            opacities: self.put(&[0.4_f32]),
+            flags: flags.with_rates(constant, constant, constant),
+            triangle_count: 24,
+        };
+        (mesh, around(triangles.iter().flat_map(points), 0.0))
+    }
+
+    fn group(&mut self, random: &mut Random, targets: &[(u32, Aabb)], count: u32) -> Group {
+        let (mut records, mut boxes) = (Vec::new(), Vec::new());
+        for index in 0..count {
+            let (target, bounds) = &targets[random.word() as usize % targets.len()];
+            let parent_from_object = random.placement(1.0, 0.5);
+            let m = parent_from_object.inverse();
+            let row = |i: usize| {
+                let [x, y, z] = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis].map(|axis| axis[i]);
+                [x, y, z, m.translation[i]].map(|value| {
+                    #[expect(clippy::cast_possible_truncation, reason = "records are single precision")]
+                    let value = value as f32;
+                    value
+                })
+            };
+            records.push(GpuInstance {
+                object_from_parent: [row(0), row(1), row(2)],
+                target: *target,
+                prim_id: 7,
+                index_in_prototype: index,
+                prototype_count: count,
+            });
+            boxes.push(around(corners(bounds).map(|corner| parent_from_object.transform_point3(corner)), 1e-5));
+        }
+        let place = GpuAssembly { nodes: self.put(&nodes(&boxes)), instances: self.put(&records) };
+        let bounds = around(boxes.iter().flat_map(corners), 0.0);
+        Group { place, bounds }
+    }
+
+    /// Places `items` where the device can read them.
+    fn put<T: bytemuck::Pod>(&mut self, items: &[T]) -> u64 {
+        let bytes = bytemuck::cast_slice(items);
+        let buffer = Buffer::new(&self.gpu, "scene", bytes.len() as u64, Usage::Upload).expect("small");
+        buffer.write(0, bytes).expect("mapped");
+        self.kept.push(buffer);
+        self.kept.last().expect("just pushed").address()
+    }
+}

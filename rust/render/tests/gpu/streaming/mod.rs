@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The central promise: the same bits whatever the budget, under every policy; the budget is never exceeded.
+
+mod scenes;
+
+use crate::support::{self, perspective, read_all, render_with_messages, request, settings};
+use oocpt_core::residency::PolicyKind;
+use oocpt_core::settings::Settings;
+use oocpt_core::stats::StreamingStats;
+use oocpt_render::{RenderRequest, Session, SessionOptions};
+use scenes::{SCENES, Scene};
+
+const POLICIES: [PolicyKind; 3] = [PolicyKind::Sweep, PolicyKind::Priority, PolicyKind::Benefit];
+
+/// What one render gives.
+struct Render {
+    images: Vec<Vec<u8>>,
+    stats: StreamingStats,
+}
+
+fn options() -> SessionOptions {
+    SessionOptions { validation: true, ..SessionOptions::default() }
+}
+
+/// Small chunks, so that a small scene has many.
+fn small_chunks() -> Settings {
+    Settings { chunk_size_kib: 16, ..settings(4, 3) }
+}
+
+fn request_of(scene: &Scene) -> RenderRequest {
+    request(perspective(scene.eye, scene.target, 0.8, [48, 32]))
+}
+
+fn render(scene: &Scene, settings: Settings, options: SessionOptions) -> Render {
+    let session = Session::with_options(settings, options);
+    session.with_scene(scene.build);
+    let request = request_of(scene);
+    support::render(&session, &request);
+    Render { images: read_all(&session, &request), stats: session.stats().streaming }
+}
+
+/// The smallest geometry budget, KiB, that the renderer says it can work with.
+fn smallest_budget(scene: &Scene) -> u32 {
+    let session = Session::with_options(Settings { geometry_budget_kib: 1, ..small_chunks() }, options());
+    session.with_scene(scene.build);
+    let messages = render_with_messages(&session, &request_of(scene));
+    let text = &messages.first().expect("a budget of one KiB is an error").text;
+    let needed = text.split("needs ").nth(1).and_then(|rest| rest.split(" KiB").next());
+    needed.and_then(|kib| kib.parse().ok()).unwrap_or_else(|| panic!("no size in: {text}"))
+}
+
+fn percent(bytes: u64, percent: u64) -> u32 {
+    u32::try_from((bytes * percent / 100) >> 10).expect("small")
+}
+
+/// Renders `scene` at every budget under every policy and compares with everything resident.
+fn same_bits(scene: &Scene) {
+    let whole = render(scene, small_chunks(), options());
+    assert!(whole.stats.in_core, "{}: the scene fits", scene.name);
+    assert!(whole.stats.chunks >= 8, "{}: {} chunks are too few to test anything", scene.name, whole.stats.chunks);
+    let smallest = smallest_budget(scene);
+    let parts = [100, 50, 25, 10].map(|part| percent(whole.stats.scene_bytes, part).max(smallest));
+    for policy in POLICIES {
+        let mut budgets = parts.to_vec();
+        budgets.push(smallest);
+        budgets.dedup();
+        for budget in budgets {
+            let settings = Settings { geometry_budget_kib: budget, policy, ..small_chunks() };
+            let forced = SessionOptions { force_streaming: true, ..options() };
+            let part = render(scene, settings, forced);
+            let what = format!("{}, {policy}, {budget} KiB of {}", scene.name, whole.stats.scene_bytes >> 10);
+            assert!(part.images == whole.images, "{what}: the picture differs");
+            let stats = &part.stats;
+            assert!(!stats.in_core && stats.loads > 0, "{what}: chunks were loaded: {stats:?}");
+            assert!(stats.geometry_peak_bytes <= u64::from(budget) << 10, "{what}: above the budget: {stats:?}");
+            if budget == smallest && smallest < parts[1] {
+                assert!(stats.evictions > 0, "{what}: chunks had to go: {stats:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn flat() {
+    same_bits(&SCENES[0]);
+}
+
+#[test]
+fn nested() {
+    same_bits(&SCENES[1]);
+}
+
+#[test]
+fn overlapping_chunks() {
+    same_bits(&SCENES[2]);
+}
+
+#[test]
+fn one_huge_mesh() {
+    same_bits(&SCENES[3]);
+}
+
+#[test]
+fn camera_inside_chunks() {
+    same_bits(&SCENES[4]);
+}
+
+#[test]
+fn thin_shadow_casters() {
+    same_bits(&SCENES[5]);
+}
+
+#[test]
+fn a_chunk_lost_when_deferred_is_noticed() {
+    for scene in &SCENES {
+        let whole = render(scene, small_chunks(), options());
+        let budget = percent(whole.stats.scene_bytes, 25).max(smallest_budget(scene));
+        let settings = Settings { geometry_budget_kib: budget, ..small_chunks() };
+        let planted = SessionOptions { force_streaming: true, plant_lost_chunks: true, ..options() };
+        let part = render(scene, settings, planted);
+        assert!(part.images != whole.images, "{}: the comparison must see lost chunks", scene.name);
+    }
+}

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Scenes of many small chunks, each with another way to go wrong.
+
+use crate::scenes::{dome, instanced, instancer, mesh, prim, sphere, square, sun};
+use glam::{DMat4, DQuat, DVec3};
+use oocpt_core::scene::SceneDb;
+
+/// A scene, where its camera stands and what it looks at.
+pub(crate) struct Scene {
+    pub(crate) name: &'static str,
+    pub(crate) build: fn(&mut SceneDb),
+    pub(crate) eye: DVec3,
+    pub(crate) target: DVec3,
+}
+
+/// All of them.
+pub(crate) const SCENES: [Scene; 6] = [
+    Scene { name: "flat", build: flat, eye: DVec3::new(6.0, 5.0, 12.0), target: DVec3::ZERO },
+    Scene { name: "nested", build: nested, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO },
+    Scene { name: "overlapping chunks", build: overlapping, eye: DVec3::new(0.0, 2.0, 11.0), target: DVec3::ZERO },
+    Scene { name: "one huge mesh", build: huge_mesh, eye: DVec3::new(3.0, 4.0, 7.0), target: DVec3::ZERO },
+    Scene { name: "camera inside chunks", build: around, eye: DVec3::ZERO, target: DVec3::new(1.0, -0.2, -1.0) },
+    Scene { name: "thin shadow casters", build: poles, eye: DVec3::new(0.0, 6.0, 9.0), target: DVec3::ZERO },
+];
+
+/// Numbers between 0 and 1 that only depend on `i` (the R2 sequence and one more).
+fn scattered(i: u32) -> DVec3 {
+    let i = f64::from(i);
+    DVec3::new(0.754_877_666_246_7 * i, 0.569_840_290_998 * i, 0.381_966_011_250_1 * i).fract()
+}
+
+fn lights(db: &mut SceneDb) {
+    db.upsert_light(dome([0.4, 0.5, 0.7]));
+    db.upsert_light(sun(2.0, 2.0, DMat4::from_rotation_x(-0.8) * DMat4::from_rotation_y(0.5)));
+}
+
+fn ground(db: &mut SceneDb, half: f64, y: f64) {
+    let place = DMat4::from_translation(DVec3::Y * y) * DMat4::from_scale(DVec3::splat(half));
+    db.upsert_mesh(square(prim("/ground", place), 1, 0.5));
+}
+
+/// Sixty meshes, no two alike.
+fn flat(db: &mut SceneDb) {
+    lights(db);
+    ground(db, 12.0, -1.0);
+    for i in 0..60 {
+        let at = (scattered(i) - 0.5) * DVec3::new(12.0, 2.0, 12.0);
+        let place = DMat4::from_translation(at) * DMat4::from_scale(DVec3::splat(0.7));
+        let albedo = 0.3 + 0.01 * f32::from(u8::try_from(i).expect("small"));
+        db.upsert_mesh(sphere(prim(&format!("/ball_{i}"), place), 10 + i32::try_from(i).expect("small"), 6, albedo));
+    }
+}
+
+/// Clumps of hundreds of balls, too large to be loaded whole.
+fn nested(db: &mut SceneDb) {
+    lights(db);
+    ground(db, 14.0, -1.5);
+    let outer: Vec<_> = (0..9)
+        .map(|i| {
+            let at = (scattered(i) - 0.5) * DVec3::new(16.0, 1.0, 16.0);
+            let mirror = if i % 3 == 1 { -1.0 } else { 1.0 };
+            (at, DQuat::from_rotation_y(0.9 * f64::from(i)), DVec3::new(mirror, 1.1, 0.9))
+        })
+        .collect();
+    db.upsert_instancer(instancer(prim("/outer", DMat4::IDENTITY), "/outer/clump", &outer));
+    let clump = instanced(prim("/outer/clump", DMat4::IDENTITY), "/outer");
+    let inner: Vec<_> = (0..700)
+        .map(|i| {
+            let at = (scattered(i) - 0.5) * DVec3::new(4.0, 2.0, 4.0);
+            (at, DQuat::from_rotation_z(f64::from(i)), DVec3::new(0.12, 0.1, 0.14))
+        })
+        .collect();
+    db.upsert_instancer(instancer(clump, "/outer/clump/ball", &inner));
+    db.upsert_mesh(sphere(instanced(prim("/outer/clump/ball", DMat4::IDENTITY), "/outer/clump"), 2, 5, 0.6));
+}
+
+/// Rods that reach through everything: the boxes of all chunks overlap.
+fn overlapping(db: &mut SceneDb) {
+    lights(db);
+    let rods: Vec<_> = (0..1500)
+        .map(|i| {
+            let at = (scattered(i) - 0.5) * 6.0;
+            let turn = scattered(7 * i + 3) * 6.0;
+            (at, DQuat::from_euler(glam::EulerRot::XYZ, turn.x, turn.y, turn.z), DVec3::new(0.02, 1.0, 0.02))
+        })
+        .collect();
+    db.upsert_instancer(instancer(prim("/rods", DMat4::IDENTITY), "/rods/rod", &rods));
+    db.upsert_mesh(sphere(instanced(prim("/rods/rod", DMat4::IDENTITY), "/rods"), 2, 5, 0.7));
+}
+
+/// A hilly sheet that is split into many clusters, twice, once turned.
+fn huge_mesh(db: &mut SceneDb) {
+    const N: i32 = 56;
+    lights(db);
+    let at = |i: i32| f64::from(i) / f64::from(N) - 0.5;
+    let mut points = Vec::new();
+    for z in 0..=N {
+        for x in 0..=N {
+            let height =
+                0.08 * (17.0 * at(x)).sin() * (13.0 * at(z)).cos() + 0.02 * (71.0 * at(x) + 53.0 * at(z)).sin();
+            points.push((DVec3::new(at(x), height, at(z)) * 10.0).as_vec3().to_array());
+        }
+    }
+    let corner = |x: i32, z: i32| z * (N + 1) + x;
+    let cells = (0..N).flat_map(|z| (0..N).map(move |x| (x, z)));
+    let faces: Vec<_> =
+        cells.map(|(x, z)| vec![corner(x, z), corner(x, z + 1), corner(x + 1, z + 1), corner(x + 1, z)]).collect();
+    db.upsert_mesh(mesh(prim("/sheet", DMat4::IDENTITY), 1, points.clone(), &faces, 0.6));
+    let above = DMat4::from_translation(DVec3::new(0.0, 1.5, -3.0))
+        * DMat4::from_rotation_x(1.0)
+        * DMat4::from_scale(DVec3::splat(0.4));
+    db.upsert_mesh(mesh(prim("/leaning", above), 2, points, &faces, 0.6));
+}
+
+/// Balls on all sides of the camera, some so near that their chunks hold it.
+fn around(db: &mut SceneDb) {
+    lights(db);
+    let balls: Vec<_> = (0..2000)
+        .map(|i| {
+            let at = (scattered(i) - 0.5) * 8.0;
+            let size = if at.length() < 0.5 { 0.01 } else { 0.08 };
+            (at, DQuat::from_rotation_x(f64::from(i)), DVec3::splat(size))
+        })
+        .collect();
+    db.upsert_instancer(instancer(prim("/balls", DMat4::IDENTITY), "/balls/ball", &balls));
+    db.upsert_mesh(sphere(instanced(prim("/balls/ball", DMat4::IDENTITY), "/balls"), 2, 5, 0.6));
+}
+
+/// Poles of a few millimetres whose shadows cross many chunks, and a low sun without extent.
+fn poles(db: &mut SceneDb) {
+    db.upsert_light(dome([0.05; 3]));
+    db.upsert_light(sun(3.0, 0.0, DMat4::from_rotation_y(0.8) * DMat4::from_rotation_x(-0.2)));
+    ground(db, 8.0, 0.0);
+    let poles: Vec<_> = (0..900)
+        .map(|i| {
+            let at = (scattered(i) - 0.5) * DVec3::new(14.0, 0.0, 14.0);
+            (at, DQuat::from_rotation_y(f64::from(i)), DVec3::new(0.01, 1.0, 0.01))
+        })
+        .collect();
+    db.upsert_instancer(instancer(prim("/poles", DMat4::IDENTITY), "/poles/pole", &poles));
+    db.upsert_mesh(sphere(instanced(prim("/poles/pole", DMat4::IDENTITY), "/poles"), 2, 5, 0.2));
+}
