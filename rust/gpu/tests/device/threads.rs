@@ -17,6 +17,8 @@ fn public_types_cross_threads() {
     shared::<HeapRange>();
     shared::<Pipeline>();
     shared::<Submission>();
+    shared::<oocpt_gpu::StagingRing>();
+    sent::<oocpt_gpu::StagingSlice>();
     sent::<oocpt_gpu::Commands>();
     let gpu = support::open();
     assert_eq!(Arc::strong_count(&gpu), 1, "nothing holds the device behind our back");
