@@ -45,8 +45,8 @@ pub(super) struct Load {
 /// Why a load was begun.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LoadKind {
-    Demanded,
-    Prefetch,
+    Demanded = 0,
+    Prefetch = 1,
 }
 
 /// Decides which chunks live on the device; see the module's documentation.
@@ -68,6 +68,10 @@ pub struct Planner {
     pub(super) stats: ResidencyStats,
     pub(super) step: u32,
     pub(super) loads_begun: u32,
+    /// Bytes of loads in flight, demanded and ahead of demand.
+    pub(super) in_flight: [u64; 2],
+    /// Where the next look for victims begins in `residents`.
+    pub(super) hand: usize,
 }
 
 impl Planner {
@@ -98,6 +102,8 @@ impl Planner {
             stats: ResidencyStats::default(),
             step: 0,
             loads_begun: 0,
+            in_flight: [0; 2],
+            hand: 0,
             catalog,
         })
     }
@@ -233,13 +239,16 @@ impl Planner {
 
     pub(super) fn count_bytes(&mut self) {
         self.stats.bytes_held = self.holdings.held();
-        self.stats.bytes_in_flight = self.loading.iter().map(|load| load.bytes).sum();
+        self.stats.bytes_in_flight = self.in_flight.iter().sum();
         self.stats.resident_chunks = self.residents.len() as u64;
     }
 
     fn take_load(&mut self, chunk: ChunkId) -> Option<Load> {
         let index = self.loading.iter().position(|load| load.chunk == chunk)?;
-        Some(self.loading.remove(index))
+        let load = self.loading.remove(index);
+        let bytes = &mut self.in_flight[load.kind as usize];
+        *bytes -= load.bytes;
+        Some(load)
     }
 
     fn become_resident(&mut self, chunk: ChunkId) {

@@ -23,6 +23,9 @@ const PREFETCH_SHARE: u64 = 4;
 const DEFAULT_IN_FLIGHT_SHARE: u64 = 8;
 const DEFAULT_IN_FLIGHT_MAX: u64 = 256 << 20;
 
+/// Resident chunks that are looked at in a step for one to evict, as long as one of them may go.
+const VICTIMS: usize = 4096;
+
 /// What became of a try to load.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Try {
@@ -175,14 +178,19 @@ impl Planner {
 
     /// Loads what rays have further down their lists, when everything demanded is on its way.
     fn prefetch(&mut self, plan: &mut Plan<'_>) {
-        let view = self.view(plan.demand);
-        let mut values = Vec::new();
-        for_each_nonzero(plan.demand.next, self.entries.len(), |chunk, _| {
+        if self.in_flight[LoadKind::Prefetch as usize] >= self.in_flight_limit(plan) / PREFETCH_SHARE {
+            return;
+        }
+        let mut wanted = Vec::new();
+        for_each_nonzero(plan.demand.next, self.entries.len(), |chunk, rays| {
             let absent = self.entries[chunk as usize].state == ChunkState::Absent;
             if absent && at(plan.demand.waiting, chunk) == 0 {
-                values.extend(self.policy.prefetch(&view, chunk).map(|value| (value, chunk)));
+                wanted.push((f64::from(rays), chunk));
             }
         });
+        let view = self.view(plan.demand);
+        let value = |(_, chunk)| self.policy.prefetch(&view, chunk).map(|value| (value, chunk));
+        let values = top(wanted, PREFETCHES).into_iter().filter_map(value).collect();
         for (value, chunk) in top(values, PREFETCHES) {
             if self.try_load(plan, chunk, Press::Ahead(value)) == Try::Full {
                 break;
@@ -196,7 +204,7 @@ impl Planner {
             Press::Must | Press::Worth(_) => (LoadKind::Demanded, self.in_flight_limit(plan)),
             Press::Ahead(_) => (LoadKind::Prefetch, self.in_flight_limit(plan) / PREFETCH_SHARE),
         };
-        let in_flight = self.bytes_in_flight(kind);
+        let in_flight = self.in_flight[kind as usize];
         if in_flight > 0 && in_flight.saturating_add(missing) > limit {
             return Try::Full;
         }
@@ -226,6 +234,7 @@ impl Planner {
     fn make_room(&mut self, plan: &mut Plan<'_>, press: Press) -> Option<Vec<(Victim, Vec<AssetId>)>> {
         let mut gone: Vec<(Victim, Vec<AssetId>)> = Vec::new();
         while self.holdings.held() > self.allowance {
+            self.find_victims(plan);
             let next = plan.victims.as_ref().and_then(Victims::first);
             let Some(victim) = next.filter(|&victim| self.may_displace(plan, press, victim)) else {
                 let victims = plan.victims.get_or_insert_default();
@@ -266,14 +275,19 @@ impl Planner {
         self.step.wrapping_sub(self.entries[chunk as usize].usable) >= self.pin_steps()
     }
 
-    /// Lists who may go, once a step.
+    /// Lists who may go: first some of the resident chunks, from a hand that goes round; when these are used up the rest.
     fn find_victims(&mut self, plan: &mut Plan<'_>) {
-        if plan.victims.is_some() {
-            return;
-        }
+        let mut victims = plan.victims.take().unwrap_or_else(|| {
+            let count = self.residents.len();
+            self.hand = if count <= VICTIMS { 0 } else { (self.hand + VICTIMS) % count };
+            let (before, after) = self.residents.split_at(self.hand);
+            Victims::new([after, before].concat())
+        });
         let view = self.view(plan.demand);
-        let unpinned = self.residents.iter().copied().filter(|&chunk| self.is_unpinned(chunk));
-        plan.victims = Some(Victims::new(&*self.policy, &view, unpinned));
+        let may_go =
+            |&chunk: &ChunkId| self.entries[chunk as usize].state == ChunkState::Resident && self.is_unpinned(chunk);
+        while victims.first().is_none() && victims.list(&*self.policy, &view, VICTIMS, may_go) {}
+        plan.victims = Some(victims);
     }
 
     fn issue(&mut self, plan: &mut Plan<'_>, load: Load) {
@@ -281,6 +295,7 @@ impl Planner {
         self.stats.peak_bytes = self.stats.peak_bytes.max(self.holdings.held());
         self.entries[load.chunk as usize].state = ChunkState::Loading;
         self.loads_begun = self.loads_begun.wrapping_add(1);
+        self.in_flight[load.kind as usize] += load.bytes;
         self.policy.issued(load.chunk);
         plan.issued += usize::from(load.kind == LoadKind::Demanded);
         plan.commands.push(Command::Load { chunk: load.chunk, assets: load.assets.clone() });
@@ -307,10 +322,6 @@ impl Planner {
 
     fn view<'a>(&'a self, demand: Demand<'a>) -> View<'a> {
         View { catalog: &self.catalog, demand, entries: &self.entries, holdings: &self.holdings, step: self.step }
-    }
-
-    fn bytes_in_flight(&self, kind: LoadKind) -> u64 {
-        self.loading.iter().filter(|load| load.kind == kind).map(|load| load.bytes).sum()
     }
 
     fn in_flight_limit(&self, plan: &Plan<'_>) -> u64 {

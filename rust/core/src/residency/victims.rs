@@ -33,16 +33,31 @@ impl PartialEq for Victim {
 
 impl Eq for Victim {}
 
-/// Resident chunks that may go now, least loss first. Losses are those of the moment it was made.
+/// Resident chunks that may go now, least loss first. Losses are those of the moment they were listed.
 #[derive(Debug, Default)]
 pub(super) struct Victims {
     heap: BinaryHeap<Reverse<Victim>>,
+    /// Resident when the step began and not looked at yet; from the end.
+    rest: Vec<ChunkId>,
 }
 
 impl Victims {
-    pub(super) fn new(policy: &dyn Policy, view: &View<'_>, chunks: impl Iterator<Item = ChunkId>) -> Self {
-        let heap: Vec<_> = chunks.map(|chunk| Reverse(Victim { loss: policy.loss(view, chunk), chunk })).collect();
-        Self { heap: heap.into() }
+    pub(super) fn new(rest: Vec<ChunkId>) -> Self {
+        Self { heap: BinaryHeap::new(), rest }
+    }
+
+    /// Looks at up to `limit` more chunks. `false` when there are none.
+    pub(super) fn list(
+        &mut self,
+        policy: &dyn Policy,
+        view: &View<'_>,
+        limit: usize,
+        may_go: impl Fn(&ChunkId) -> bool,
+    ) -> bool {
+        let more = !self.rest.is_empty();
+        let some = self.rest.drain(self.rest.len().saturating_sub(limit)..).filter(may_go);
+        self.heap.extend(some.map(|chunk| Reverse(Victim { loss: policy.loss(view, chunk), chunk })));
+        more
     }
 
     pub(super) fn first(&self) -> Option<Victim> {

@@ -17,7 +17,10 @@ const NEXT_WEIGHT: f64 = 0.125;
 /// A load's value must be this many times the loss it causes.
 const HYSTERESIS: f64 = 1.25;
 /// Steps of waiting that double a chunk's value.
-const AGE_STEPS: f64 = 64.0;
+const AGE_STEPS: f64 = 512.0;
+/// Loads stop at this fraction of the best value: what is worth less now gathers rays until it is worth more, and the
+/// link moves fewer bytes for the same rays.
+const DROP: f64 = 0.5;
 /// Chunks whose assets are looked at in a step, the best by their whole closures.
 const LOOKED_AT: usize = 1024;
 /// A load's fixed cost, as bytes.
@@ -41,7 +44,10 @@ impl Policy for Benefit {
             let missing = view.missing_bytes(chunk)?;
             Some((rays(view, chunk) / cost(missing), chunk))
         });
-        top(exact.collect(), limit)
+        let mut best = top(exact.collect(), limit);
+        let least = best.first().map_or(0.0, |first| first.0 * DROP);
+        best.truncate(best.partition_point(|&(value, _)| value >= least));
+        best
     }
 
     fn loss(&self, view: &View<'_>, chunk: ChunkId) -> f64 {

@@ -56,11 +56,6 @@ impl View<'_> {
         self.step.wrapping_sub(self.entries[chunk as usize].usable)
     }
 
-    /// The chunk's visits of this step are those of the rays that had waited for it, not of traffic that goes on.
-    pub fn is_new(&self, chunk: ChunkId) -> bool {
-        self.resident_steps(chunk) <= 1
-    }
-
     /// Bytes a load would bring, `None` while one of its assets is on its way for another chunk. Costs its assets.
     pub fn missing_bytes(&self, chunk: ChunkId) -> Option<u64> {
         self.holdings.missing(self.catalog, chunk)
