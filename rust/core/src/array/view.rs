@@ -47,6 +47,14 @@ impl<'a> ArrayView<'a> {
         self.bytes
     }
 
+    /// A byte of element `i`: reading it brings the element into the cache. 0 past the end.
+    #[must_use]
+    #[inline]
+    pub(crate) fn touch(&self, i: usize) -> u8 {
+        let at = i.checked_mul(self.component.size() * self.components);
+        at.and_then(|at| self.bytes.get(at)).copied().unwrap_or(0)
+    }
+
     #[inline]
     fn read<T: Pod, const N: usize>(&self, i: usize) -> Option<[T; N]>
     where

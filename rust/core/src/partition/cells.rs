@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
 
-use super::chunk::{Chunk, Roster};
+use super::chunk::{Chunk, Readers, Roster};
 use super::cost::CutRule;
 use super::lattice::{Item, Lattice};
 use crate::scene::Target;
@@ -169,21 +169,15 @@ impl Cutter<'_> {
     pub(crate) fn melt(&self, chunk: &Chunk) -> Vec<Item> {
         let members = chunk.members();
         let numbers: Vec<Option<u32>> = chunk.ids.iter().map(|id| self.member_of.get(id).copied()).collect();
-        let mut reader = None;
         let mut out = Vec::with_capacity(chunk.len());
-        for at in 0..chunk.len() {
-            let Some((which, rank)) = chunk.place(at) else { break };
-            let Some((member, number)) = members.get(which as usize).zip(numbers.get(which as usize)) else { break };
-            let Some(number) = *number else { continue };
-            let (_, reader) = match reader {
-                Some(ref known @ (w, _)) if w == which => known,
-                _ => reader.insert((which, member.run.reader(None))),
-            };
-            if let Some(mut item) = reader.item(rank) {
+        let mut readers = Readers::new(&members, None);
+        chunk.each(0..chunk.len(), &mut readers, |at, _, rank, reader| {
+            let number = chunk.place(at).and_then(|(which, _)| *numbers.get(which as usize)?);
+            if let Some((number, mut item)) = number.and_then(|n| Some((n, reader.item(rank)?))) {
                 self.lattice.place(&mut item, number);
                 out.push(item);
             }
-        }
+        });
         out
     }
 }

@@ -13,12 +13,18 @@ use super::lattice::{Item, Lattice};
 use crate::mesh::Aabb;
 use crate::scene::assembly::Member;
 use crate::scene::placement::{MATRIX_ERROR, round_down, round_up};
+use crate::scene::reader::Reader;
 use crate::scene::{InstanceRecord, Target};
 
 /// Rounding of f64 frames, relative to the distance of the origin.
 const FRAME_ERROR: f64 = 1.0 / (1_u64 << 50) as f64;
 /// Room for the rounding of the bounds' own computation.
 const SLACK: f64 = 1.0 + 1.0 / 65_536.0;
+
+/// Records whose data is touched before they are computed.
+const BATCH: usize = 64;
+/// Members whose readers are kept during an encode.
+const KEPT_READERS: usize = 256;
 
 /// Instance records that are loaded and evicted together.
 #[derive(Debug)]
@@ -145,16 +151,36 @@ impl Chunk {
     /// `out`, of `range` or of the chunk, whichever comes first.
     pub fn encode(&self, range: Range<usize>, out: &mut [InstanceRecord]) {
         let members = self.members();
-        let mut reader = None;
-        for (at, slot) in range.zip(out) {
-            let Some((which, rank)) = self.place(at) else { return };
-            let Some(member) = members.get(which as usize) else { return };
-            let (_, reader) = match reader {
-                Some(ref known @ (w, _)) if w == which => known,
-                _ => reader.insert((which, member.run.reader(Some(self.origin)))),
-            };
-            if let Some(placed) = reader.place(rank) {
+        let range = range.start..range.end.min(self.len()).min(range.start.saturating_add(out.len()));
+        let mut readers = Readers::new(&members, Some(self.origin));
+        self.each(range.clone(), &mut readers, |at, member, rank, reader| {
+            if let (Some(placed), Some(slot)) = (reader.place(rank), out.get_mut(at - range.start)) {
                 *slot = member.record(rank, &placed);
+            }
+        });
+    }
+
+    /// Calls `visit` with number, member, rank and reader of each record of `range`, in order. The records lie without
+    /// order in memory: those of a batch are touched first, so that the waits for them overlap.
+    pub(crate) fn each<'a>(
+        &self,
+        range: Range<usize>,
+        readers: &mut Readers<'a>,
+        mut visit: impl FnMut(usize, &'a Member, u32, &Reader<'a>),
+    ) {
+        let end = range.end.min(self.len());
+        for start in range.start.min(end)..end {
+            if (start - range.start).is_multiple_of(BATCH) && readers.are_kept() {
+                let batch = start..(start + BATCH).min(end);
+                let touched = batch.fold(0, |sum, at| {
+                    let place = self.place(at);
+                    sum ^ place.and_then(|(w, rank)| Some(readers.get(w)?.1.touch(rank))).unwrap_or(0)
+                });
+                std::hint::black_box(touched);
+            }
+            let Some((which, rank)) = self.place(start) else { return };
+            if let Some((member, reader)) = readers.get(which) {
+                visit(start, member, rank, reader);
             }
         }
     }
@@ -172,6 +198,40 @@ impl Chunk {
     /// Where the records come from, in the order of [`Chunk::ids`].
     pub(crate) fn members(&self) -> Arc<[Member]> {
         self.members.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+/// Readers of a chunk's members, made when first needed.
+pub(crate) struct Readers<'a> {
+    members: &'a [Member],
+    origin: Option<DVec3>,
+    known: Vec<Option<Reader<'a>>>,
+    /// Where there are too many to keep: the one used last.
+    last: Option<(u32, Reader<'a>)>,
+}
+
+impl<'a> Readers<'a> {
+    /// Readers of placements as seen from `origin`, or from the assembly's.
+    pub(crate) fn new(members: &'a [Member], origin: Option<DVec3>) -> Self {
+        let known = if members.len() <= KEPT_READERS { vec![None; members.len()] } else { Vec::new() };
+        Self { members, origin, known, last: None }
+    }
+
+    fn are_kept(&self) -> bool {
+        self.known.len() == self.members.len()
+    }
+
+    #[inline]
+    fn get(&mut self, which: u32) -> Option<(&'a Member, &Reader<'a>)> {
+        let member = self.members.get(which as usize)?;
+        let make = || member.run.reader(self.origin);
+        if let Some(slot) = self.known.get_mut(which as usize) {
+            return Some((member, slot.get_or_insert_with(make)));
+        }
+        if self.last.as_ref().is_none_or(|(known, _)| *known != which) {
+            self.last = Some((which, make()));
+        }
+        self.last.as_ref().map(|(_, reader)| (member, reader))
     }
 }
 

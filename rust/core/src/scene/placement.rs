@@ -29,7 +29,7 @@ pub(crate) struct InstanceArrays {
     pub(crate) scales: Option<TypedArray>,
     pub(crate) transforms: Option<TypedArray>,
     /// What changed against the arrays before, once it was asked for.
-    pub(crate) changes: OnceLock<(Weak<InstanceArrays>, Option<Arc<ChangedNumbers>>)>,
+    pub(crate) changes: OnceLock<(Weak<Self>, Option<Arc<ChangedNumbers>>)>,
 }
 
 impl InstanceArrays {
@@ -196,6 +196,13 @@ impl<'a> Placer<'a> {
             m *= affine_of(&transforms.matrix(number)?)?;
         }
         Some(m)
+    }
+
+    /// Reads a byte of everything that [`Placer::matrix`] will need: for loops that go through memory without order.
+    #[inline]
+    pub(crate) fn touch(&self, number: usize) -> u8 {
+        let views = [&self.translations, &self.rotations, &self.scales, &self.transforms];
+        views.into_iter().flatten().fold(0, |sum, view| sum ^ view.touch(number))
     }
 
     /// Matrix of instance `number` in f64, or of the one thing of a run without instances.

@@ -8,15 +8,16 @@ use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 use super::placement::{InstanceArrays, Placed, Placer};
+use super::reader::{Numbers, Reader};
 use super::report::DroppedData;
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::mesh::Aabb;
 use crate::partition::Item;
 
 /// Instances scanned by one task: a whole number of blocks.
-const TASK: usize = 1 << 14;
+pub(super) const TASK: usize = 1 << 14;
 /// Instances whose box is kept, so that a few edits do not make all others be placed again.
-const BLOCK: usize = 1 << 10;
+pub(super) const BLOCK: usize = 1 << 10;
 
 /// The instances of one prototype.
 #[derive(Clone, Debug)]
@@ -58,7 +59,7 @@ impl RunSpec {
             && self.target_bounds == other.target_bounds
     }
 
-    fn placer(&self) -> Placer<'_> {
+    pub(super) fn placer(&self) -> Placer<'_> {
         let arrays = self.instances.as_ref().map(|i| &*i.arrays);
         Placer::new(self.before, self.after, arrays, &self.target_bounds)
     }
@@ -67,28 +68,28 @@ impl RunSpec {
 /// A scanned run.
 #[derive(Debug)]
 pub(crate) struct Run {
-    spec: RunSpec,
+    pub(super) spec: RunSpec,
     /// Instance numbers left by the mask, by rank; `None` = all indices.
-    unmasked: Option<Arc<Vec<u32>>>,
+    pub(super) unmasked: Option<Arc<Vec<u32>>>,
     /// Ranks that are not usable, in order.
-    bad: Vec<u32>,
+    pub(super) bad: Vec<u32>,
     /// Number of ranks: instances left by the mask.
-    ranks: u32,
+    pub(super) ranks: u32,
     /// Box of each stretch of [`BLOCK`] ranks.
-    blocks: Vec<Aabb>,
-    bounds: Aabb,
-    dropped: DroppedData,
+    pub(super) blocks: Vec<Aabb>,
+    pub(super) bounds: Aabb,
+    pub(super) dropped: DroppedData,
     /// The run that this one was made from, and the ranks that may differ from it.
-    edits: Option<(Weak<Run>, Arc<Vec<u32>>)>,
+    pub(super) edits: Option<(Weak<Self>, Arc<Vec<u32>>)>,
     /// Items of all usable ranks, if the scan was asked for them and nobody took them yet.
-    items: Mutex<Option<Vec<Item>>>,
+    pub(super) items: Mutex<Option<Vec<Item>>>,
 }
 
 /// What a stretch of ranks gives.
 #[derive(Default)]
-struct Scan {
-    blocks: Vec<Aabb>,
-    bad: Vec<u32>,
+pub(super) struct Scan {
+    pub(super) blocks: Vec<Aabb>,
+    pub(super) bad: Vec<u32>,
     out_of_range: u64,
 }
 
@@ -132,79 +133,6 @@ impl Run {
             }
         }
         run
-    }
-
-    /// The run of `spec` made from `old` by looking at changed instances only; `None` when that is not possible or not
-    /// worth it.
-    fn edited(old: &Arc<Self>, spec: &RunSpec) -> Option<Self> {
-        let ranks = old.changed_ranks(spec)?;
-        let mut run = Self {
-            spec: spec.clone(),
-            unmasked: old.unmasked.clone(),
-            bad: old.bad.clone(),
-            ranks: old.ranks,
-            blocks: old.blocks.clone(),
-            bounds: Aabb::EMPTY,
-            dropped: old.dropped,
-            edits: None,
-            items: Mutex::new(None),
-        };
-        let mut touched: Vec<usize> = ranks.iter().map(|&rank| rank as usize / BLOCK).collect();
-        touched.dedup();
-        let (numbers, placer) = (run.numbers(), run.spec.placer());
-        let scans: Vec<Scan> = touched
-            .par_iter()
-            .map(|&block| {
-                let mut scan = Scan::default();
-                let end = ((block + 1) * BLOCK).min(old.ranks as usize);
-                scan.add_block(&numbers, &placer, block * BLOCK..end, (0, &mut []));
-                scan
-            })
-            .collect();
-        let outside =
-            |numbers: Numbers<'_>| ranks.par_iter().filter(|&&rank| numbers.of(rank).is_none()).count() as u64;
-        let (was_outside, is_outside) = (outside(old.numbers()), outside(numbers));
-        let is_touched = |rank: &u32| touched.binary_search(&(*rank as usize / BLOCK)).is_ok();
-        let mut bad: Vec<u32> = old.bad.iter().copied().filter(|rank| !is_touched(rank)).collect();
-        bad.extend(scans.iter().flat_map(|s| s.bad.iter().copied()));
-        bad.sort_unstable();
-        for (&block, scan) in touched.iter().zip(&scans) {
-            if let (Some(slot), Some(bounds)) = (run.blocks.get_mut(block), scan.blocks.first()) {
-                *slot = *bounds;
-            }
-        }
-        run.bounds = run.blocks.iter().fold(Aabb::EMPTY, |a, b| a.union(b));
-        let outside = (run.dropped.instance_indices + is_outside).saturating_sub(was_outside);
-        run.dropped.instance_indices = outside;
-        run.dropped.instance_transforms = (bad.len() as u64).saturating_sub(outside);
-        run.bad = bad;
-        run.edits = Some((Arc::downgrade(old), Arc::new(ranks)));
-        Some(run)
-    }
-
-    /// Ranks whose placement may differ under `spec`, in order, if all else is the same and they are few.
-    fn changed_ranks(&self, spec: &RunSpec) -> Option<Vec<u32>> {
-        let (old, new) = (self.spec.instances.as_ref()?, spec.instances.as_ref()?);
-        let same_frame = self.spec.before == spec.before
-            && self.spec.after == spec.after
-            && self.spec.target_bounds == spec.target_bounds
-            && !spec.target_bounds.is_empty();
-        if !same_frame || self.ranks == 0 || old.indices.identity() != new.indices.identity() {
-            return None;
-        }
-        let changed = InstanceArrays::changes(&old.arrays, &new.arrays)?;
-        if changed.is_most_of(self.ranks) {
-            return None;
-        }
-        let (unmasked, indices) = (self.unmasked.as_ref().map(|n| &n[..]), old.indices.view());
-        let is_changed = |rank: u32| number(unmasked, &indices, rank as usize).is_some_and(|n| changed.contains(n));
-        Some((0..self.ranks).into_par_iter().with_min_len(TASK).filter(|&rank| is_changed(rank)).collect())
-    }
-
-    /// Ranks that may differ from those of `old`, when this run was made from it.
-    pub(crate) fn edits_of(&self, old: &Arc<Self>) -> Option<Arc<Vec<u32>>> {
-        let (from, ranks) = self.edits.as_ref()?;
-        std::ptr::eq(from.as_ptr(), Arc::as_ptr(old)).then(|| ranks.clone())
     }
 
     fn scan_instances(&mut self, instances: &Instances, collect: bool) {
@@ -263,7 +191,7 @@ impl Run {
         }
     }
 
-    fn numbers(&self) -> Numbers<'_> {
+    pub(super) fn numbers(&self) -> Numbers<'_> {
         let instances = self.spec.instances.as_ref();
         Numbers {
             unmasked: self.unmasked.as_ref().map(|n| &n[..]),
@@ -353,7 +281,7 @@ impl Run {
 
 impl Scan {
     /// Scans one stretch of ranks. `items` begin at the given rank, or are empty.
-    fn add_block(
+    pub(super) fn add_block(
         &mut self,
         numbers: &Numbers<'_>,
         placer: &Placer<'_>,
@@ -378,83 +306,6 @@ impl Scan {
             }
         }
         self.blocks.push(bounds);
-    }
-}
-
-/// Instance numbers by rank.
-#[derive(Clone, Copy, Debug)]
-struct Numbers<'a> {
-    unmasked: Option<&'a [u32]>,
-    /// `None`: placed once, without a number.
-    indices: Option<ArrayView<'a>>,
-    limit: usize,
-}
-
-impl Numbers<'_> {
-    /// Number of a rank; `None` when it is out of range.
-    #[inline]
-    fn of(&self, rank: u32) -> Option<Option<usize>> {
-        let Some(indices) = &self.indices else {
-            return Some(None);
-        };
-        number(self.unmasked, indices, rank as usize).filter(|&n| n < self.limit).map(Some)
-    }
-}
-
-/// Single placements of a run.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Reader<'a> {
-    numbers: Numbers<'a>,
-    placer: Placer<'a>,
-    bad: &'a [u32],
-    ranks: u32,
-}
-
-impl Reader<'_> {
-    fn is_usable(&self, rank: u32) -> bool {
-        rank < self.ranks && (self.bad.is_empty() || self.bad.binary_search(&rank).is_err())
-    }
-
-    /// What the partition needs to know of a placement; `None` when it is not usable.
-    #[inline]
-    pub(crate) fn item(&self, rank: u32) -> Option<Item> {
-        let number = self.numbers.of(rank).filter(|_| self.is_usable(rank))?;
-        self.placer.measure(number).map(|(_, footprint)| Item::new(&footprint, rank))
-    }
-
-    /// As [`Reader::item`], for the first usable rank.
-    pub(crate) fn first_item(&self) -> Option<Item> {
-        // The first rank that is no bad one.
-        let first = (0_u32..).zip(self.bad).take_while(|(rank, bad)| rank == *bad).count();
-        self.item(u32::try_from(first).ok()?)
-    }
-
-    /// The placement of a usable rank.
-    #[inline]
-    pub(crate) fn place(&self, rank: u32) -> Option<Placed> {
-        self.numbers.of(rank).and_then(|number| self.placer.place(number))
-    }
-
-    /// Matrix of a usable rank from the target's frame, f64.
-    pub(crate) fn matrix(&self, rank: u32) -> Option<DAffine3> {
-        self.numbers.of(rank).and_then(|number| self.placer.matrix(number))
-    }
-
-    /// All usable placements as f64 matrices from the target's frame, with their ranks.
-    pub(crate) fn matrices(&self) -> impl Iterator<Item = (u32, DAffine3)> {
-        (0..self.ranks).filter(|&rank| self.is_usable(rank)).filter_map(|rank| {
-            let number = self.numbers.of(rank)?;
-            Some((rank, self.placer.matrix(number)?))
-        })
-    }
-}
-
-/// Instance number of a rank; `None` when it is negative.
-#[inline]
-fn number(unmasked: Option<&[u32]>, indices: &ArrayView<'_>, rank: usize) -> Option<usize> {
-    match unmasked {
-        Some(numbers) => numbers.get(rank).map(|&n| n as usize).filter(|&n| i32::try_from(n).is_ok()),
-        None => indices.index(rank).and_then(|n| usize::try_from(n).ok()),
     }
 }
 

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Single placements of a run, by rank. Borrows the run; any thread.
+
+use glam::DAffine3;
+
+use super::placement::{Placed, Placer};
+use crate::array::ArrayView;
+use crate::partition::Item;
+
+/// Instance numbers by rank.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Numbers<'a> {
+    pub(super) unmasked: Option<&'a [u32]>,
+    /// `None`: placed once, without a number.
+    pub(super) indices: Option<ArrayView<'a>>,
+    pub(super) limit: usize,
+}
+
+impl Numbers<'_> {
+    /// Number of a rank; `None` when it is out of range.
+    #[inline]
+    pub(super) fn of(&self, rank: u32) -> Option<Option<usize>> {
+        let Some(indices) = &self.indices else {
+            return Some(None);
+        };
+        number(self.unmasked, indices, rank as usize).filter(|&n| n < self.limit).map(Some)
+    }
+}
+
+/// Single placements of a run.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reader<'a> {
+    pub(super) numbers: Numbers<'a>,
+    pub(super) placer: Placer<'a>,
+    pub(super) bad: &'a [u32],
+    pub(super) ranks: u32,
+}
+
+impl Reader<'_> {
+    fn is_usable(&self, rank: u32) -> bool {
+        rank < self.ranks && (self.bad.is_empty() || self.bad.binary_search(&rank).is_err())
+    }
+
+    /// See [`Placer::touch`].
+    #[inline]
+    pub(crate) fn touch(&self, rank: u32) -> u8 {
+        self.numbers.of(rank).flatten().map_or(0, |number| self.placer.touch(number))
+    }
+
+    /// What the partition needs to know of a placement; `None` when it is not usable.
+    #[inline]
+    pub(crate) fn item(&self, rank: u32) -> Option<Item> {
+        let number = self.numbers.of(rank).filter(|_| self.is_usable(rank))?;
+        self.placer.measure(number).map(|(_, footprint)| Item::new(&footprint, rank))
+    }
+
+    /// As [`Reader::item`], for the first usable rank.
+    pub(crate) fn first_item(&self) -> Option<Item> {
+        // The first rank that is no bad one.
+        let first = (0_u32..).zip(self.bad).take_while(|(rank, bad)| rank == *bad).count();
+        self.item(u32::try_from(first).ok()?)
+    }
+
+    /// The placement of a usable rank.
+    #[inline]
+    pub(crate) fn place(&self, rank: u32) -> Option<Placed> {
+        self.numbers.of(rank).and_then(|number| self.placer.place(number))
+    }
+
+    /// Matrix of a usable rank from the target's frame, f64.
+    pub(crate) fn matrix(&self, rank: u32) -> Option<DAffine3> {
+        self.numbers.of(rank).and_then(|number| self.placer.matrix(number))
+    }
+
+    /// All usable placements as f64 matrices from the target's frame, with their ranks.
+    pub(crate) fn matrices(&self) -> impl Iterator<Item = (u32, DAffine3)> {
+        (0..self.ranks).filter(|&rank| self.is_usable(rank)).filter_map(|rank| {
+            let number = self.numbers.of(rank)?;
+            Some((rank, self.placer.matrix(number)?))
+        })
+    }
+}
+
+/// Instance number of a rank; `None` when it is negative.
+#[inline]
+pub(super) fn number(unmasked: Option<&[u32]>, indices: &ArrayView<'_>, rank: usize) -> Option<usize> {
+    match unmasked {
+        Some(numbers) => numbers.get(rank).map(|&n| n as usize).filter(|&n| i32::try_from(n).is_ok()),
+        None => indices.index(rank).and_then(|n| usize::try_from(n).ok()),
+    }
+}
