@@ -146,6 +146,14 @@ impl Chunk {
         (if bits == 0 { 0 } else { first & (u64::MAX << (64 - bits)) }, bits)
     }
 
+    /// Bytes of host memory held, without the arrays that records are computed from.
+    #[must_use]
+    pub fn host_bytes(&self) -> u64 {
+        let members = self.ids.len() * (2 * size_of::<u32>() + size_of::<Member>());
+        let records = (self.ranks.len() + self.which.len()) * size_of::<u32>();
+        (size_of::<Self>() + members + records + size_of_val(&self.targets[..])) as u64
+    }
+
     /// Computes records `range`, in Morton order, with maps and boxes in the chunk's frame, into `out`: record
     /// `range.start + k` goes to `out[k]`. Pure; call it from many threads with disjoint outputs. Stops at the end of
     /// `out`, of `range` or of the chunk, whichever comes first.

@@ -110,6 +110,13 @@ pub struct ChunkInstance {
 }
 
 impl World {
+    /// Bytes of host memory held, without the arrays that records are computed from.
+    #[must_use]
+    pub fn host_bytes(&self) -> u64 {
+        let chunks: u64 = self.chunks.iter().map(|chunk| chunk.host_bytes()).sum();
+        chunks + (size_of_val(&self.instances[..]) + size_of_val(&self.top.nodes[..])) as u64
+    }
+
     /// The world without anything.
     pub(crate) fn empty() -> Self {
         Self {

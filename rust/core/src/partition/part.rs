@@ -213,8 +213,8 @@ impl Part {
 /// The items of added members and of edited records, not sorted.
 fn new_items(members: &[Member], changes: &Changes, lattice: &Lattice) -> Vec<Item> {
     let of = |number: u32| members.get(number as usize);
-    let count = changes.added.iter().filter_map(|&n| of(n)).map(|m| m.run.len()).sum();
-    let mut items: Vec<Item> = Vec::with_capacity(count);
+    let mut items: Vec<Item> = Vec::new();
+    let mut left: usize = changes.added.iter().filter_map(|&n| of(n)).map(|m| m.run.len()).sum();
     let (single, many): (Vec<u32>, Vec<u32>) =
         changes.added.iter().partition(|&&number| of(number).is_none_or(|m| m.run.len() == 1));
     items.par_extend(single.par_iter().filter_map(|&number| {
@@ -227,7 +227,14 @@ fn new_items(members: &[Member], changes: &Changes, lattice: &Lattice) -> Vec<It
         let Some(member) = of(number) else { continue };
         let mut part = member.run.take_items();
         part.par_iter_mut().with_min_len(1 << 12).for_each(|item| lattice.place(item, number));
-        items.append(&mut part);
+        left = left.saturating_sub(part.len());
+        if items.is_empty() {
+            // The only one, often: not copied.
+            items = part;
+            items.reserve_exact(left);
+        } else {
+            items.append(&mut part);
+        }
     }
     for (number, _, ranks) in &changes.edited {
         let Some(member) = of(*number) else { continue };
