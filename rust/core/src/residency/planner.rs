@@ -26,7 +26,7 @@ pub enum PlanError {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PlannerOptions {
     /// Bytes of demanded loads in flight at a time (one load is always allowed; four times as many when the device would
-    /// idle). 0 = an eighth of the budget, 256 MiB at most. Less = demand is read again sooner.
+    /// idle). 0 = an eighth of the budget (a half when idle), 128 MiB at most. Less = demand is read again sooner.
     pub in_flight_bytes: u64,
     /// Steps that see a chunk usable before it may be evicted, 0 = 2: with one submission in flight the first step after
     /// a load still sees the demand of before. More submissions in flight need as many more.

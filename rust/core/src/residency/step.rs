@@ -21,7 +21,10 @@ const IDLE_RATIO: u64 = 64;
 const PREFETCHES: usize = 32;
 const PREFETCH_SHARE: u64 = 4;
 const DEFAULT_IN_FLIGHT_SHARE: u64 = 8;
-const DEFAULT_IN_FLIGHT_MAX: u64 = 256 << 20;
+/// In the simulation all policies are slower with several hundred MiB in flight: what was chosen is stale by then.
+const DEFAULT_IN_FLIGHT_MAX: u64 = 128 << 20;
+/// So many times more may be in flight when the device idles.
+const IDLE_IN_FLIGHT: u64 = 4;
 
 /// Resident chunks that are looked at in a step for one to evict, as long as one of them may go.
 const VICTIMS: usize = 4096;
@@ -325,11 +328,11 @@ impl Planner {
     }
 
     fn in_flight_limit(&self, plan: &Plan<'_>) -> u64 {
-        let limit = match self.options.in_flight_bytes {
-            0 => (self.budget / DEFAULT_IN_FLIGHT_SHARE).min(DEFAULT_IN_FLIGHT_MAX),
-            bytes => bytes,
-        };
-        if is_idle(plan) { limit.saturating_mul(4) } else { limit }
+        let more = if is_idle(plan) { IDLE_IN_FLIGHT } else { 1 };
+        match self.options.in_flight_bytes {
+            0 => (self.budget / DEFAULT_IN_FLIGHT_SHARE).saturating_mul(more).min(DEFAULT_IN_FLIGHT_MAX),
+            bytes => bytes.saturating_mul(more),
+        }
     }
 }
 

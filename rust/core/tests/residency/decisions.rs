@@ -48,10 +48,10 @@ fn a_chunk_that_never_fits_is_an_error() {
 }
 
 /// `count` chunks by `row`, every asset of one byte.
-pub fn catalog_of(count: u32, row: impl Fn(u32) -> Vec<u32>, meshes: u32) -> Arc<Catalog> {
+pub(crate) fn catalog_of(count: u32, row: impl Fn(u32) -> Vec<u32>, meshes: u32) -> Arc<Catalog> {
     Arc::new(Catalog::new(vec![1; (count + meshes) as usize], (0..count).map(row)).expect("a good catalog"))
 }
 
-pub fn planner(catalog: &Arc<Catalog>, budget: u64, kind: PolicyKind) -> Planner {
+pub(crate) fn planner(catalog: &Arc<Catalog>, budget: u64, kind: PolicyKind) -> Planner {
     Planner::new(catalog.clone(), budget, kind).expect("the budget fits the largest chunk")
 }

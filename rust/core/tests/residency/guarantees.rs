@@ -93,7 +93,7 @@ proptest! {
         catalog in catalogs(), percent in 0_u64..=100, kind in kinds(), events in events(),
     ) {
         let budget = budget_of(&catalog, percent);
-        let mut run = || play(&mut Witness::new(&catalog, budget, kind, 0), &events, Weather::Rough);
+        let run = || play(&mut Witness::new(&catalog, budget, kind, 0), &events, Weather::Rough);
         prop_assert_eq!(run(), run(), "two runs");
     }
 

@@ -9,24 +9,24 @@ use std::sync::Arc;
 /// Steps that must have seen a chunk usable before it may go.
 const PIN_STEPS: u32 = 2;
 
-pub struct Witness {
-    pub planner: Planner,
-    pub budget: u64,
-    pub step: u32,
+pub(crate) struct Witness {
+    pub(crate) planner: Planner,
+    pub(crate) budget: u64,
+    pub(crate) step: u32,
     /// Chunks that are loading, with what their loads bring.
-    pub loading: BTreeMap<u32, Vec<u32>>,
+    pub(crate) loading: BTreeMap<u32, Vec<u32>>,
     /// Usable chunks, with the step after which they became so and whether rays had asked for them.
-    pub resident: BTreeMap<u32, (u32, bool)>,
+    pub(crate) resident: BTreeMap<u32, (u32, bool)>,
     /// Assets on the device or on their way.
-    pub held: BTreeSet<u32>,
-    pub commands: Vec<Command>,
+    pub(crate) held: BTreeSet<u32>,
+    pub(crate) commands: Vec<Command>,
     /// A load failed or the budget was lowered: evictions may look early from here on.
-    pub disturbed: bool,
+    pub(crate) disturbed: bool,
     asked: BTreeSet<u32>,
 }
 
 impl Witness {
-    pub fn new(catalog: &Arc<Catalog>, budget: u64, kind: PolicyKind, in_flight_bytes: u64) -> Self {
+    pub(crate) fn new(catalog: &Arc<Catalog>, budget: u64, kind: PolicyKind, in_flight_bytes: u64) -> Self {
         let options = PlannerOptions { in_flight_bytes, pin_steps: 0 };
         let planner = Planner::with_policy(catalog.clone(), budget, kind.policy(), options);
         Self {
@@ -42,7 +42,7 @@ impl Witness {
         }
     }
 
-    pub fn bytes(&self, assets: &[u32]) -> u64 {
+    pub(crate) fn bytes(&self, assets: &[u32]) -> u64 {
         assets.iter().map(|&asset| self.planner.catalog().bytes(asset)).sum()
     }
 
@@ -60,7 +60,7 @@ impl Witness {
     }
 
     /// One step of the planner; every command is checked as it is carried out.
-    pub fn step(&mut self, demand: &Demand<'_>) {
+    pub(crate) fn step(&mut self, demand: &Demand<'_>) {
         self.step += 1;
         let commands = self.planner.step(demand);
         let mut evicted_bytes = 0;
@@ -131,7 +131,7 @@ impl Witness {
         assert!(self.held_bytes() <= self.budget, "{} bytes under {}", self.held_bytes(), self.budget);
     }
 
-    pub fn loaded(&mut self, chunk: u32) {
+    pub(crate) fn loaded(&mut self, chunk: u32) {
         self.planner.loaded(chunk);
         if self.loading.remove(&chunk).is_some() {
             self.resident.insert(chunk, (self.step, self.asked.remove(&chunk)));
@@ -139,7 +139,7 @@ impl Witness {
         }
     }
 
-    pub fn failed(&mut self, chunk: u32) {
+    pub(crate) fn failed(&mut self, chunk: u32) {
         self.planner.failed(chunk);
         if let Some(assets) = self.loading.remove(&chunk) {
             self.held.retain(|asset| !assets.contains(asset));
@@ -148,7 +148,7 @@ impl Witness {
         }
     }
 
-    pub fn set_budget(&mut self, budget: u64) {
+    pub(crate) fn set_budget(&mut self, budget: u64) {
         if self.planner.set_budget(budget).is_ok() {
             self.disturbed |= budget < self.budget;
             self.budget = budget;
@@ -157,7 +157,7 @@ impl Witness {
 }
 
 /// Catalogs of a few chunks that share meshes.
-pub fn catalogs() -> impl Strategy<Value = Arc<Catalog>> {
+pub(crate) fn catalogs() -> impl Strategy<Value = Arc<Catalog>> {
     let meshes = prop::collection::vec(0_u64..200, 1..6);
     let blocks = prop::collection::vec((1_u64..100, prop::collection::vec(0_usize..6, 0..4)), 1..10);
     (meshes, blocks).prop_map(|(meshes, blocks)| {
@@ -173,11 +173,11 @@ pub fn catalogs() -> impl Strategy<Value = Arc<Catalog>> {
 }
 
 /// A budget between one chunk (`0`) and everything (`100`).
-pub fn budget_of(catalog: &Catalog, percent: u64) -> u64 {
+pub(crate) fn budget_of(catalog: &Catalog, percent: u64) -> u64 {
     let least = catalog.largest_closure().map_or(0, |(_, bytes)| bytes);
     least + catalog.total_bytes().saturating_sub(least) * percent / 100
 }
 
-pub fn kinds() -> impl Strategy<Value = PolicyKind> {
+pub(crate) fn kinds() -> impl Strategy<Value = PolicyKind> {
     prop::sample::select(PolicyKind::ALL.to_vec())
 }
