@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt`: looks at the machine (`doctor`) and measures the renderer (`bench`).
+//! `oocpt`: looks at the machine (`doctor`), measures the renderer (`bench`), draws what it reports (`report`), makes scenes
+//! (`scene`).
 #![forbid(unsafe_code)]
 #![expect(clippy::print_stdout, reason = "a command line program reports on standard output")]
 
 mod bench;
 mod doctor;
+mod report;
 mod scene;
 
 use anyhow::Result;
@@ -21,8 +23,12 @@ struct Arguments {
 enum Command {
     /// Lists devices, drivers and capabilities; says which device will be used and why.
     Doctor(doctor::Arguments),
-    /// Renders a bench scene and prints a table and JSON.
+    /// Measures the renderer on generated scenes; prints tables and JSON.
     Bench(bench::Arguments),
+    /// Draws what a render wrote about itself.
+    Report(report::Arguments),
+    /// Writes a generated scene as USD.
+    Scene(scene::Arguments),
 }
 
 fn main() -> Result<()> {
@@ -33,5 +39,7 @@ fn main() -> Result<()> {
     match Arguments::parse().command {
         Command::Doctor(arguments) => doctor::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
+        Command::Scene(arguments) => scene::run(&arguments),
     }
 }

@@ -2,7 +2,9 @@
 //! `oocpt bench`: speed is measured here and only here; tests never time.
 
 mod common;
+mod edits;
 mod forest;
+mod island;
 mod partition;
 
 use anyhow::Result;
@@ -22,8 +24,12 @@ pub(crate) struct Arguments {
 enum Command {
     /// The forest: 16 meshes, a terrain, everything in core.
     Forest(forest::Arguments),
+    /// The island in core and under shrinking geometry budgets; the pictures have to be the same bits.
+    Island(island::Arguments),
     /// Commits flattened islands: instances a second, host bytes an instance.
     Partition(partition::Arguments),
+    /// Moves instances in a live session: seconds to the next image, bytes sent again.
+    Edits(edits::Arguments),
 }
 
 /// Runs the bench.
@@ -31,6 +37,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.command {
         None => forest::run(&arguments.forest),
         Some(Command::Forest(arguments)) => forest::run(arguments),
+        Some(Command::Island(arguments)) => island::run(arguments),
         Some(Command::Partition(arguments)) => partition::run(arguments),
+        Some(Command::Edits(arguments)) => edits::run(arguments),
     }
 }

@@ -2,6 +2,7 @@
 //! `oocpt bench partition`: how fast a flattened island is committed and partitioned, and what it holds on the host.
 
 use anyhow::{Context, Result};
+use oocpt_core::partition::PartitionOptions;
 use oocpt_core::scene::{SceneDb, Snapshot};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -22,12 +23,15 @@ pub(crate) struct Arguments {
     /// Islands that share one set of arrays.
     #[arg(long, default_value_t = 1)]
     copies: u32,
-    /// Threads of the pool; 0 = one per core.
-    #[arg(long, value_delimiter = ',', default_value = "0")]
+    /// Threads of each pool; 0 = one per core.
+    #[arg(long, value_delimiter = ',', default_value = "2,16")]
     threads: Vec<usize>,
     /// Counted runs of each row.
     #[arg(long, default_value_t = 3)]
     runs: u32,
+    /// Chunk size, KiB.
+    #[arg(long, default_value_t = 8192)]
+    chunk_size: u64,
     /// Date to put into the report.
     #[arg(long)]
     date: Option<String>,
@@ -59,6 +63,7 @@ struct Report {
     machine: Machine,
     copies: u32,
     unique_quads: u64,
+    chunk_bytes: u64,
     rows: Vec<Row>,
 }
 
@@ -82,24 +87,25 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         let prims = Prims::new(&parameters)?;
         for &threads in &arguments.threads {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start threads")?;
-            let row = pool.install(|| measure(&parameters, &prims, arguments.runs));
+            let row = pool.install(|| measure(&parameters, &prims, arguments));
             print_row(&row);
             rows.push(row);
         }
     }
-    let report =
-        Report { bench: "partition", machine, copies: arguments.copies, unique_quads: arguments.unique_quads, rows };
+    let Arguments { copies, unique_quads, chunk_size, .. } = *arguments;
+    let report = Report { bench: "partition", machine, copies, unique_quads, chunk_bytes: chunk_size << 10, rows };
     write_json(&report, arguments.json.as_deref())
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]
-fn measure(parameters: &Parameters, prims: &Prims, runs: u32) -> Row {
+fn measure(parameters: &Parameters, prims: &Prims, arguments: &Arguments) -> Row {
     let total = parameters.total_instances() as f64;
     let mut commit_secs = Vec::new();
     let mut grown = 0;
     let mut sizes = (0, 0);
-    for run in 0..runs.max(1) {
+    for run in 0..arguments.runs.max(1) {
         let mut db = SceneDb::new();
+        db.set_partition(PartitionOptions { chunk_bytes: arguments.chunk_size << 10 });
         // Meshes first, each placed in the world, so that building them is not measured.
         for mesh in &prims.meshes {
             let mut mesh = mesh.clone();
@@ -132,8 +138,8 @@ fn measure(parameters: &Parameters, prims: &Prims, runs: u32) -> Row {
 }
 
 /// Chunks and chunk instances.
-fn chunks(_snapshot: &Snapshot) -> (usize, usize) {
-    (0, 0)
+fn chunks(snapshot: &Snapshot) -> (usize, usize) {
+    (snapshot.world.chunks.len(), snapshot.world.instances.len())
 }
 
 fn print_row(row: &Row) {

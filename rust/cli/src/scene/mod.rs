@@ -1,5 +1,42 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The scenes of benches and tests.
+//! The scenes of benches and tests; `oocpt scene` writes them as USD.
 
 pub(crate) mod forest;
 pub(crate) mod island;
+mod usd;
+
+use anyhow::Result;
+use clap::Subcommand;
+use std::path::PathBuf;
+
+/// Options of `oocpt scene`.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// The island: a stand-in for Disney's Moana island.
+    Island {
+        #[command(flatten)]
+        island: island::Parameters,
+        /// The file to write: .usdc, .usda or .usd.
+        #[arg(long)]
+        out: PathBuf,
+        /// A Python that imports usd-core and numpy, as `cargo xtask env` names it.
+        #[arg(long, env = "OOCPT_USD_PYTHON", hide_env_values = true)]
+        python: Option<PathBuf>,
+    },
+}
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let Command::Island { island, out, python } = &arguments.command;
+    let python = usd::python(python.as_deref())?;
+    let prims = island::Prims::new(island)?;
+    usd::write(&prims, &island::stage_camera(island), python, out)?;
+    println!("{}: {} instances, {} unique quads", out.display(), island.total_instances(), prims.quads);
+    Ok(())
+}

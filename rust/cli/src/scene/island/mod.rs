@@ -24,7 +24,7 @@ use plants::Plants;
 pub(crate) use prims::Prims;
 use scatter::{Ground, Sampler, Scatter};
 use uniques::Unique;
-pub(crate) use view::camera;
+pub(crate) use view::{camera, stage_camera};
 
 /// Quads of an instanced mesh, mean over all instances, of the full-size island (82.4 G / 39.3 M).
 const QUADS_PER_INSTANCE: f64 = 2097.0;

@@ -148,11 +148,6 @@ fn pebble(quads: u64, random: &mut Random) -> Soup {
     lump(quads, DVec3::ZERO, size, 0.12, grey, random)
 }
 
-/// Shapes in all.
-pub(crate) fn shape_count() -> u64 {
-    SHAPES.iter().map(|shape| shape.1).sum()
-}
-
 /// Quads of a kind of shape relative to the others, by shape.
 pub(crate) fn weights() -> Vec<f64> {
     SHAPES.iter().flat_map(|&(_, variants, weight, _)| (0..variants).map(move |_| weight)).collect()

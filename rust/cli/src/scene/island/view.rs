@@ -8,27 +8,28 @@ use oocpt_core::scene::{LightDesc, LightKind};
 use super::Parameters;
 use super::land::Land;
 use super::prims::prim;
+use crate::scene::usd::StageCamera;
 
 /// Horizontal field of view, radians.
-pub(crate) const FIELD_OF_VIEW: f64 = 0.93;
+const FIELD_OF_VIEW: f64 = 1.05;
 /// Near and far plane; only depth images look at them.
-pub(crate) const CLIPPING: [f64; 2] = [0.1, 100_000.0];
+const CLIPPING: [f64; 2] = [0.1, 100_000.0];
 
-/// Over the water's edge in front of the beach.
+/// Over the shallows in front of the beach.
 pub(crate) fn eye(land: &Land) -> DVec3 {
-    let (x, mut z) = (0.05 * land.half, 0.95 * land.half);
-    // The coast is wavy: step back onto it.
-    while land.inland(x, z) < 0.01 {
+    let (x, mut z) = (0.20 * land.half, 1.2 * land.half);
+    // The coast is wavy: come in from the sea until it is near.
+    while land.inland(x, z) < -(0.15 * land.half).min(14.0) / land.half && z > 0.0 {
         z -= 0.005 * land.half;
     }
-    DVec3::new(x, land.height(x, z) + 1.2 + 0.012 * land.half, z)
+    DVec3::new(x, 2.0 + (0.012 * land.half).min(2.0), z)
 }
 
 /// World from view.
-pub(crate) fn world_from_view(parameters: &Parameters) -> DMat4 {
+fn world_from_view(parameters: &Parameters) -> DMat4 {
     let land = Land::new(parameters.instances, parameters.seed);
     let eye = eye(&land);
-    let target = DVec3::new(-0.10 * land.half, 0.075 * land.half, 0.0);
+    let target = DVec3::new(-0.22 * land.half, eye.y + 0.03 * land.half, 0.0);
     let back = (eye - target).normalize();
     let right = DVec3::Y.cross(back).normalize();
     let up = back.cross(right);
@@ -54,6 +55,11 @@ pub(crate) fn camera(parameters: &Parameters, width: u32, height: u32) -> Camera
         lens_radius: 0.0,
         focus_distance: 0.0,
     }
+}
+
+/// The same camera for a stage.
+pub(crate) fn stage_camera(parameters: &Parameters) -> StageCamera {
+    StageCamera { world_from_view: world_from_view(parameters), field_of_view: FIELD_OF_VIEW, clipping: CLIPPING }
 }
 
 /// Sky and sun.

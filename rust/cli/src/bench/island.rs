@@ -1,0 +1,366 @@
+// SPDX-License-Identifier: Apache-2.0
+//! `oocpt bench island`: the same picture of the island under shrinking geometry budgets and every policy, in one process
+//! on one device. The first row is in core; all other rows must give its picture bit for bit.
+//!
+//! Each row is rendered once to warm up, then `--runs` times; its counters are those of the median run.
+
+use anyhow::{Context, Result, bail, ensure};
+use oocpt_core::settings::{Settings, Value};
+use oocpt_core::stats::{Stats, StreamingStats};
+use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions, Timings};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use super::common::{Machine, finish, write_json, write_picture};
+use crate::scene::island::{self, Parameters};
+
+/// Options of `oocpt bench island`.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    island: Parameters,
+    /// Image width, pixels.
+    #[arg(long, default_value_t = 1024)]
+    width: u32,
+    /// Image height, pixels.
+    #[arg(long, default_value_t = 429)]
+    height: u32,
+    /// Samples per pixel.
+    #[arg(long, default_value_t = 64)]
+    samples: u32,
+    /// Indirect bounces.
+    #[arg(long, default_value_t = 5)]
+    bounces: u32,
+    /// Geometry budgets in per cent of the scene's geometry; 100 = in core, and has to be the first.
+    #[arg(long, value_delimiter = ',', default_value = "100,29,10,5")]
+    budgets: Vec<f64>,
+    /// Policies of the rows below 100.
+    #[arg(long, value_delimiter = ',', default_value = "benefit")]
+    policies: Vec<String>,
+    /// Chunk size, KiB; 0 = the default.
+    #[arg(long, default_value_t = 0)]
+    chunk_size: u32,
+    /// Hard limit of all device memory, MiB; 0 = automatic.
+    #[arg(long, default_value_t = 0)]
+    memory_budget: u32,
+    /// Counted runs of each row.
+    #[arg(long, default_value_t = 3)]
+    runs: u32,
+    /// Device: an index or a part of its name.
+    #[arg(long, env = "OOCPT_DEVICE", default_value = "")]
+    device: String,
+    /// Date to put into the report.
+    #[arg(long)]
+    date: Option<String>,
+    /// Also write the report as JSON to this file.
+    #[arg(long)]
+    json: Option<PathBuf>,
+    /// Also write the picture as PNG (sRGB) to this file.
+    #[arg(long)]
+    picture: Option<PathBuf>,
+    /// Also write the chunk report of the last row to this file (`oocpt report chunks` draws it).
+    #[arg(long)]
+    chunk_report: Option<PathBuf>,
+}
+
+/// One budget under one policy.
+#[derive(Debug, Serialize)]
+struct Row {
+    budget_percent: f64,
+    geometry_budget_bytes: u64,
+    /// Empty in core.
+    policy: String,
+    trace_secs: Vec<f64>,
+    median_trace_secs: f64,
+    /// To the first row.
+    ratio: f64,
+    mpaths_per_sec: f64,
+    /// Samples a pixel for which the picture is equal to the first row's, in bits.
+    is_identical: bool,
+    different_pixels: u64,
+    gpu_peak_bytes: u64,
+    streaming: StreamingStats,
+}
+
+#[derive(Debug, Serialize)]
+struct Report {
+    bench: &'static str,
+    machine: Machine,
+    width: u32,
+    height: u32,
+    samples: u32,
+    bounces: u32,
+    instances: u64,
+    unique_quads: u64,
+    copies: u32,
+    flatten: bool,
+    seed: u64,
+    instanced_triangles: u64,
+    meshes: u64,
+    /// Making the arrays, which a host would do.
+    generate_secs: f64,
+    /// Building the meshes, partitioning.
+    commit_secs: f64,
+    chunks: u64,
+    chunk_instances: u64,
+    scene_bytes: u64,
+    all_identical: bool,
+    rows: Vec<Row>,
+}
+
+/// Runs the bench.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    ensure!(arguments.budgets.first().is_some_and(|&p| p >= 100.0), "--budgets: the first one has to be 100");
+    ensure!(arguments.budgets.iter().all(|&p| p > 0.0), "--budgets: only numbers above 0");
+    let settings = Settings {
+        samples_per_pixel: arguments.samples,
+        max_bounces: arguments.bounces,
+        device: arguments.device.clone(),
+        interactive: false,
+        ..Settings::default()
+    };
+    let session = Session::with_options(settings, SessionOptions::default());
+    session.set_setting("oocpt:memoryBudget", Value::Int(arguments.memory_budget.into()))?;
+    if arguments.chunk_size > 0 {
+        session.set_setting("oocpt:chunkSize", Value::Int(arguments.chunk_size.into()))?;
+    }
+    let started = Instant::now();
+    session.with_scene(|db| island::build(db, &arguments.island))?;
+    let generate_secs = started.elapsed().as_secs_f64();
+    let started = Instant::now();
+    session.render(request(arguments));
+    let commit_secs = started.elapsed().as_secs_f64();
+    finish(&session).context("warm-up render")?;
+    let mut report = report(arguments, &session, generate_secs, commit_secs);
+    print_head(&report);
+    let mut reference = Vec::new();
+    for (percent, policy) in rows(arguments) {
+        let row = measure(arguments, &session, percent, &policy, &report, &mut reference)
+            .with_context(|| format!("row of {percent} % {policy}"))?;
+        print_row(&row);
+        report.rows.push(row);
+    }
+    report.all_identical = report.rows.iter().all(|row| row.is_identical);
+    println!("pictures of all rows: {}", if report.all_identical { "bit-identical" } else { "DIFFERENT" });
+    write_json(&report, arguments.json.as_deref())?;
+    if let Some(path) = &arguments.picture {
+        write_picture(&session, [arguments.width, arguments.height], path)?;
+    }
+    if !report.all_identical {
+        bail!("the picture depends on the budget");
+    }
+    Ok(())
+}
+
+/// Budgets and policies; in core there is nothing to choose.
+fn rows(arguments: &Arguments) -> Vec<(f64, String)> {
+    let row = |&percent: &f64| match percent >= 100.0 {
+        true => vec![(percent, String::new())],
+        false => arguments.policies.iter().map(|policy| (percent, policy.clone())).collect(),
+    };
+    arguments.budgets.iter().flat_map(row).collect()
+}
+
+fn request(arguments: &Arguments) -> RenderRequest {
+    RenderRequest {
+        width: arguments.width,
+        height: arguments.height,
+        camera: island::camera(&arguments.island, arguments.width, arguments.height),
+        aovs: vec![AovRequest { kind: AovKind::Color, clear: [0.0; 4] }],
+    }
+}
+
+/// Renders one row. The first row leaves its picture in `reference`.
+fn measure(
+    arguments: &Arguments,
+    session: &Session,
+    percent: f64,
+    policy: &str,
+    report: &Report,
+    reference: &mut Vec<u8>,
+) -> Result<Row> {
+    let budget = budget_kib(percent, report.scene_bytes);
+    session.set_setting("oocpt:geometryBudget", Value::Int(budget.into()))?;
+    if !policy.is_empty() {
+        session.set_setting("oocpt:policy", Value::Text(policy.into()))?;
+    }
+    if let Some(path) = &arguments.chunk_report {
+        session.set_setting("oocpt:chunkReport", Value::Text(path.to_string_lossy().into_owned()))?;
+    }
+    session.render(request(arguments));
+    finish(session).context("warm-up render")?;
+    let mut runs: Vec<(Timings, Stats)> = Vec::new();
+    let mut different_pixels = 0;
+    for _ in 0..arguments.runs.max(1) {
+        session.restart();
+        finish(session)?;
+        let mut picture = vec![0_u8; arguments.width as usize * arguments.height as usize * 16];
+        ensure!(session.read_aov(AovKind::Color, &mut picture), "there is no picture");
+        if reference.is_empty() {
+            *reference = picture;
+        } else {
+            different_pixels = different_pixels.max(different(reference, &picture));
+        }
+        runs.push((session.timings(), session.stats()));
+    }
+    let trace_secs = runs.iter().map(|(timings, _)| timings.trace_secs).collect();
+    runs.sort_by(|a, b| a.0.trace_secs.total_cmp(&b.0.trace_secs));
+    let (timings, stats) = runs.swap_remove(runs.len() / 2);
+    let median_trace_secs = timings.trace_secs;
+    let first = report.rows.first().map_or(median_trace_secs, |row| row.median_trace_secs);
+    #[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]
+    let mpaths_per_sec = timings.paths as f64 / median_trace_secs * 1e-6;
+    Ok(Row {
+        budget_percent: percent,
+        geometry_budget_bytes: u64::from(budget) << 10,
+        policy: policy.into(),
+        trace_secs,
+        median_trace_secs,
+        ratio: median_trace_secs / first,
+        mpaths_per_sec,
+        is_identical: different_pixels == 0,
+        different_pixels,
+        gpu_peak_bytes: stats.gpu_peak_bytes,
+        streaming: stats.streaming,
+    })
+}
+
+/// The setting for `percent` of the scene; 0 = no further limit.
+fn budget_kib(percent: f64, scene_bytes: u64) -> u32 {
+    if percent >= 100.0 {
+        return 0;
+    }
+    #[expect(
+        clippy::cast_precision_loss,
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a budget; float casts saturate"
+    )]
+    let kib = (percent / 100.0 * scene_bytes as f64 / 1024.0) as u32;
+    kib.max(1)
+}
+
+/// Pixels that differ in any bit.
+fn different(a: &[u8], b: &[u8]) -> u64 {
+    a.chunks(16).zip(b.chunks(16)).filter(|(a, b)| a != b).count() as u64
+}
+
+fn report(arguments: &Arguments, session: &Session, generate_secs: f64, commit_secs: f64) -> Report {
+    let stats = session.stats();
+    let Parameters { unique_quads, copies, flatten, seed, .. } = arguments.island;
+    Report {
+        bench: "island",
+        machine: Machine::new(Some(session), arguments.date.as_deref()),
+        width: arguments.width,
+        height: arguments.height,
+        samples: arguments.samples,
+        bounces: arguments.bounces,
+        instances: stats.instances,
+        unique_quads,
+        copies,
+        flatten,
+        seed,
+        instanced_triangles: stats.triangles,
+        meshes: stats.meshes,
+        generate_secs,
+        commit_secs,
+        chunks: stats.streaming.chunks,
+        chunk_instances: stats.streaming.chunk_instances,
+        scene_bytes: stats.streaming.scene_bytes,
+        all_identical: true,
+        rows: Vec::new(),
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "sizes are shown, not computed with")]
+fn print_head(report: &Report) {
+    println!("island on {}", report.machine);
+    println!(
+        "{} x {} px, {} samples, {} bounces; {} instances, {} unique quads, {} instanced triangles, {} meshes",
+        report.width,
+        report.height,
+        report.samples,
+        report.bounces,
+        report.instances,
+        report.unique_quads,
+        report.instanced_triangles,
+        report.meshes
+    );
+    println!(
+        "{} chunks, {} chunk instances, {:.1} MiB of geometry; generated in {:.2} s, committed in {:.2} s",
+        report.chunks,
+        report.chunk_instances,
+        report.scene_bytes as f64 / f64::from(1 << 20),
+        report.generate_secs,
+        report.commit_secs
+    );
+    println!(
+        "{:>7} {:>9} {:<9}{:>9} {:>6} {:>9} {:>8} {:>8} {:>8} {:>10} {:>6} {:>8} {:>8} {:>8} {:>8} {:>9} {:>5}",
+        "budget%",
+        "MiB",
+        "policy",
+        "trace s",
+        "ratio",
+        "Mpaths/s",
+        "loads",
+        "reloads",
+        "evicted",
+        "paged MiB",
+        "hit%",
+        "tracing",
+        "loading",
+        "waiting",
+        "overlap",
+        "peak MiB",
+        "same"
+    );
+}
+
+#[expect(clippy::cast_precision_loss, reason = "sizes are shown, not computed with")]
+fn print_row(row: &Row) {
+    let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    let s = &row.streaming;
+    println!(
+        "{:>7} {:>9.1} {:<9}{:>9.3} {:>6.2} {:>9.3} {:>8} {:>8} {:>8} {:>10.1} {:>6.1} {:>8.3} {:>8.3} {:>8.3} {:>8.3} {:>9.1} {:>5}",
+        row.budget_percent,
+        mib(row.geometry_budget_bytes),
+        if row.policy.is_empty() { "in core" } else { &row.policy },
+        row.median_trace_secs,
+        row.ratio,
+        row.mpaths_per_sec,
+        s.loads,
+        s.reloads,
+        s.evictions,
+        mib(s.bytes_paged),
+        100.0 * s.hit_rate,
+        s.seconds_tracing,
+        s.seconds_loading,
+        s.seconds_waiting,
+        s.seconds_overlapped,
+        mib(s.geometry_peak_bytes),
+        if row.is_identical { "yes" } else { "NO" }
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_changed_bit_is_a_different_pixel() {
+        let a = vec![7_u8; 64];
+        let mut b = a.clone();
+        assert_eq!(different(&a, &b), 0, "the same picture");
+        b[17] ^= 1;
+        b[30] ^= 1;
+        assert_eq!(different(&a, &b), 1, "two bits of the second pixel");
+    }
+
+    #[test]
+    fn budgets_are_parts_of_the_scene() {
+        assert_eq!(budget_kib(100.0, 1 << 30), 0, "all of it: no limit");
+        assert_eq!(budget_kib(25.0, 1 << 30), 1 << 18, "a quarter of a GiB, in KiB");
+        assert_eq!(budget_kib(0.001, 1000), 1, "never the 0 that means no limit");
+    }
+}
