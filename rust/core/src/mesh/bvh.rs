@@ -128,7 +128,8 @@ fn triangle_boxes(triangles: &[Triangle]) -> Vec<Aabb> {
     triangles.iter().map(Triangle::bounds).collect()
 }
 
-/// True when no box is empty or NaN and all surfaces are finite: PLOC compares surfaces, and would not end without.
+/// True when no box is empty or NaN and all surfaces are finite. PLOC compares surfaces: infinite ones make it merge a pair per
+/// pass, which takes quadratic time, and NaN makes it panic.
 fn has_surface(boxes: &[Aabb]) -> bool {
     let is_box = |b: &Aabb| (0..3).all(|k| b.min[k] <= b.max[k]);
     let all = boxes.iter().fold(Aabb::EMPTY, |a, b| a.union(b));
