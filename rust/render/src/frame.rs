@@ -41,6 +41,8 @@ pub(crate) struct Renderer {
     waves: Option<WaveBuffers>,
     stream: Option<StreamBuffers>,
     film: Option<Film>,
+    /// Memory is short: streams even if the scene seems to fit, with few paths at a time.
+    is_frugal: bool,
 }
 
 /// What a frame renders with besides its scene.
@@ -51,16 +53,30 @@ pub(crate) struct Setting<'a> {
     pub(crate) rays: &'a CameraRays,
     pub(crate) lights: &'a LightTable,
     pub(crate) film: &'a Film,
+    /// Memory is short.
+    pub(crate) is_frugal: bool,
 }
 
 impl Renderer {
-    /// Renders `job` until it is done or `gate` says no; publishes images and stats on the way.
+    /// Renders `job` until it is done or `gate` says no; publishes images and stats on the way. Running out of memory gives back
+    /// everything that is held and tries once more with as little as possible.
     pub(crate) fn render(&mut self, job: &Job, gate: &Gate<'_>) -> Result<(), RenderError> {
         job.request.validate()?;
         let mut progress = Progress::start(gate.shared(), job);
         let device = self.open(job)?;
         *lock(&gate.shared().device) = Some(device.gpu.report().clone());
-        let result = self.render_on(&device, job, gate, &mut progress);
+        if let Some(requests) = job.options.fail_allocation_after {
+            device.gpu.fail_allocation_after(requests);
+        }
+        self.is_frugal = false;
+        let mut result = self.render_on(&device, job, gate, &mut progress);
+        if let Err(error @ RenderError::Budget { .. }) = &result {
+            tracing::info!(%error, "trying again with as little memory as possible");
+            *self = Self { device: Some(Arc::clone(&device)), is_frugal: true, ..Self::default() };
+            device.gpu.wait_idle()?;
+            device.heap.trim();
+            result = self.render_on(&device, job, gate, &mut progress);
+        }
         progress.validation(&device.gpu);
         if let Err(RenderError::Gpu(GpuError::DeviceLost { .. })) = &result {
             device.forget();
@@ -82,7 +98,7 @@ impl Renderer {
         let Some(film) = self.film.take() else {
             return Err(RenderError::Internal("the frame's images were not made".into()));
         };
-        let setting = Setting { device, job, rays: &rays, lights: &lights, film: &film };
+        let setting = Setting { device, job, rays: &rays, lights: &lights, film: &film, is_frugal: self.is_frugal };
         let result = self.render_scene(&setting, gate, progress);
         self.film = Some(film);
         result
@@ -111,6 +127,7 @@ impl Renderer {
                 }
                 Err(error @ RenderError::Budget { .. }) => {
                     tracing::info!(%error, "the scene does not fit after all");
+                    scene.forget_loads()?;
                     in_core = false;
                 }
                 Err(error) => return Err(error),
@@ -132,7 +149,7 @@ impl Renderer {
         let (gpu, job) = (&setting.device.gpu, setting.job);
         let cap = geometry_cap(job);
         // A report of the chunks counts rays and loads, which only streaming does.
-        let streams = job.options.force_streaming || !job.settings.chunk_report.is_empty();
+        let streams = self.is_frugal || job.options.force_streaming || !job.settings.chunk_report.is_empty();
         if streams || cap.is_some_and(|cap| scene.assets.bytes > cap) {
             return false;
         }

@@ -51,6 +51,8 @@ pub struct SessionOptions {
     /// Makes rays forget the chunks they would have to wait for: the picture is wrong. For the test that shows that the
     /// comparison of pictures notices.
     pub plant_lost_chunks: bool,
+    /// Makes one request for device memory fail, after this many that succeed. For tests.
+    pub fail_allocation_after: Option<u64>,
     /// Draws a progress bar on standard error while samples are traced; for command lines.
     pub progress_bar: bool,
 }

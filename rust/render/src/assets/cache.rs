@@ -157,6 +157,12 @@ impl Scene {
         Ok(true)
     }
 
+    /// Forgets what is on its way; what is there stays.
+    pub(crate) fn forget_loads(&mut self) -> Result<(), RenderError> {
+        let keep: FxHashSet<AssetKey> = self.assets.keys().map(|(_, key)| key).collect();
+        self.store.retain(&keep)
+    }
+
     fn cost(&self, asset: AssetId) -> u64 {
         self.assets.sources.get(asset as usize).map_or(0, |source| source.bytes() + source.workspace_bytes())
     }

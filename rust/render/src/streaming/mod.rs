@@ -128,7 +128,13 @@ fn features(setting: &Setting<'_>, view: &SceneView) -> Features {
 /// memory.
 fn make_buffers(setting: &Setting<'_>, view: &SceneView, kept: &mut Option<StreamBuffers>) -> Result<(), RenderError> {
     let Setting { device, job, .. } = *setting;
-    let most = if is_cpu(device) { MOST_PATHS_CPU } else { MOST_PATHS };
+    let most = if setting.is_frugal {
+        FEWEST_PATHS
+    } else if is_cpu(device) {
+        MOST_PATHS_CPU
+    } else {
+        MOST_PATHS
+    };
     let paths = job.request.pixels() * u64::from(job.settings.samples_per_pixel);
     let wanted = paths.clamp(FEWEST_PATHS, most).next_power_of_two();
     if kept.as_ref().is_some_and(|buffers| buffers.serves(view, wanted)) {

@@ -145,10 +145,15 @@ impl<'a> Residency<'a> {
             self.entries.clear(&self.assets, asset);
             self.changed.push(asset);
         }
-        for asset in assets {
-            if let Some(source) = self.assets.sources.get(*asset as usize) {
-                self.store.evict(&source.key());
-            }
+        for &asset in assets {
+            self.let_go(asset);
+        }
+    }
+
+    /// Frees an asset once the submissions made so far have ended.
+    fn let_go(&mut self, asset: AssetId) {
+        if let Some(source) = self.assets.sources.get(asset as usize) {
+            self.store.evict(&source.key());
         }
     }
 
@@ -200,7 +205,11 @@ impl<'a> Residency<'a> {
     fn forget(&mut self, load: Load) {
         self.missing.remove(&load.chunk);
         for asset in load.begun {
-            self.orphans.insert(asset);
+            if self.is_ready(asset) {
+                self.let_go(asset);
+            } else {
+                self.orphans.insert(asset);
+            }
         }
         for &asset in self.assets.catalog.assets(load.chunk) {
             if let Some(chunks) = self.dependents.get_mut(&asset) {
@@ -224,10 +233,7 @@ impl<'a> Residency<'a> {
     fn arrived(&mut self, asset: AssetId) {
         let chunks = self.dependents.remove(&asset).unwrap_or_default();
         if self.orphans.remove(&asset) && chunks.is_empty() {
-            if let Some(source) = self.assets.sources.get(asset as usize) {
-                self.store.evict(&source.key());
-            }
-            return;
+            return self.let_go(asset);
         }
         for chunk in chunks {
             if let Some(missing) = self.missing.get_mut(&chunk) {

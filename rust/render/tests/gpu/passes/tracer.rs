@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Runs the passes on a scene, with everything resident or with chunks that come and go, in the order that `shader_abi` tells.
 
-use super::world::{CHUNKS, FAR, Random, Scene};
+use super::world::{CHUNKS, FAR, Scene};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use oocpt_gpu::{Buffer, Commands, Gpu, Pipeline, Usage};
 use oocpt_shader_abi as abi;
 use oocpt_shader_abi::{
-    Counters, Features, FilmPixel, Frame, GpuChunk, GpuLight, Module, Push, PushFlags, SHADOW_BIT, Segment, Streaming,
-    groups, passes, sort_blocks,
+    Counters, Features, FilmPixel, Frame, GpuChunk, GpuLight, Module, Push, PushFlags, Streaming, groups, passes,
+    sort_blocks,
 };
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -21,8 +21,8 @@ const BOUNCES: u32 = 3;
 const LEVELS: u32 = 2;
 const STACK: u32 = 64;
 /// More paths than these are in flight at no time.
-const SEGMENT_SIZE: u32 = 300;
-const SEGMENTS: u32 = 3;
+pub(super) const SEGMENT_SIZE: u32 = 300;
+pub(super) const SEGMENTS: u32 = 3;
 
 /// What is compared: the film, and depth and instance ids.
 #[derive(Debug, PartialEq, Eq)]
@@ -32,23 +32,15 @@ pub(super) struct Images {
     pub(super) ids: Vec<u8>,
 }
 
-/// What a run with streaming reports beside its images.
-#[derive(Debug, Default)]
-pub(super) struct Totals {
-    pub(super) submissions: u32,
-    pub(super) counters: Counters,
-    pub(super) chunk_rays: Vec<u32>,
-}
-
 /// The passes and their memory.
 pub(super) struct Tracer<'a> {
-    gpu: Arc<Gpu>,
-    scene: &'a Scene,
+    pub(super) gpu: Arc<Gpu>,
+    pub(super) scene: &'a Scene,
     features: Features,
     pipelines: HashMap<&'static str, Pipeline>,
     pub(super) buffers: HashMap<&'static str, Buffer>,
     pub(super) streaming: Streaming,
-    round: u32,
+    pub(super) round: u32,
 }
 
 impl<'a> Tracer<'a> {
@@ -106,7 +98,7 @@ impl<'a> Tracer<'a> {
         self.buffers.insert(name, Buffer::new(&self.gpu, name, bytes, Usage::Device).expect("small"));
     }
 
-    fn address(&self, name: &str) -> u64 {
+    pub(super) fn address(&self, name: &str) -> u64 {
         self.buffers[name].address()
     }
 
@@ -184,7 +176,7 @@ impl<'a> Tracer<'a> {
         frame
     }
 
-    fn run(&mut self, commands: &mut Commands, module: &'static Module, push: Push, launch: Launch) {
+    pub(super) fn run(&mut self, commands: &mut Commands, module: &'static Module, push: Push, launch: Launch) {
         let spec = [(0, LEVELS), (1, STACK), (2, self.features.bits())];
         let pipeline = self.pipelines.entry(module.name).or_insert_with(|| {
             Pipeline::new(&self.gpu, module.name, module.words, &spec, 32).expect("the pass compiles")
@@ -212,15 +204,15 @@ impl<'a> Tracer<'a> {
         copy.map(|bytes| bytemuck::pod_collect_to_vec(bytes)).expect("mapped")
     }
 
-    fn clear(&self, names: &[&str]) {
+    pub(super) fn clear(&self, names: &[&str]) {
         self.submit(|c| names.iter().for_each(|name| c.fill(&self.buffers[*name], 0, self.buffers[*name].size(), 0)));
     }
 
-    fn set_chunks(&self, chunks: &[GpuChunk]) {
+    pub(super) fn set_chunks(&self, chunks: &[GpuChunk]) {
         self.submit(|c| c.update(&self.buffers["chunks"], 0, bytemuck::cast_slice(chunks)));
     }
 
-    fn images(&self) -> Images {
+    pub(super) fn images(&self) -> Images {
         Images { film: self.read("film"), depth: self.read("depth"), ids: self.read("ids") }
     }
 
@@ -243,7 +235,7 @@ impl<'a> Tracer<'a> {
     }
 
     /// Traces and shades one round; in core the last one has shadow rays only.
-    fn round(&mut self, c: &mut Commands, q: Push) {
+    pub(super) fn round(&mut self, c: &mut Commands, q: Push) {
         let aovs = q.flags == PushFlags::AOVS.bits();
         let streams = self.features.contains(Features::STREAMING);
         self.run(c, &passes::PREPARE_DISPATCH, q.with(q.round, abi::PREPARE_TRACE), Launch::Threads(1));
@@ -268,199 +260,11 @@ impl<'a> Tracer<'a> {
         self.run(c, escaped, q.with(q.round, abi::AOV_ESCAPED), Launch::Indirect(Counters::ESCAPED_ARGS));
         self.run(c, surfaces, q.with(q.round, abi::AOV_SURFACES), Launch::Indirect(Counters::SURFACE_ARGS));
     }
-
-    /// The same images with at most `resident` chunks at a time, `rounds` rounds a submission; chunks come by demand and go at random.
-    pub(super) fn stream(&mut self, resident: usize, rounds: u32, seed: u64) -> (Images, Totals) {
-        self.clear(&["film", "chunk rays"]);
-        let mut random = Random(seed);
-        let mut totals = Totals::default();
-        self.stream_paths(PIXELS, PushFlags::AOVS, (resident, rounds), &mut random, &mut totals);
-        self.stream_paths(PATHS, PushFlags::empty(), (resident, rounds), &mut random, &mut totals);
-        totals.chunk_rays = self.read("chunk rays");
-        (self.images(), totals)
-    }
-
-    fn stream_paths(
-        &mut self,
-        paths: u32,
-        flags: PushFlags,
-        (resident, rounds): (usize, u32),
-        random: &mut Random,
-        totals: &mut Totals,
-    ) {
-        self.clear(&["counters", "segments"]);
-        self.round = 0;
-        let mut here: Vec<u32> = Vec::new();
-        let mut demand = vec![0_u32; 2 * CHUNKS as usize];
-        let mut flying: Vec<Option<u32>> = vec![None; SEGMENTS as usize]; // first path of each segment
-        let (mut given, mut taken) = (0, 0);
-        while taken < paths {
-            totals.submissions += 1;
-            assert!(totals.submissions < 5000, "the paths do not end: {:?}", self.read::<Counters>("counters"));
-            here = choose(&here, &demand, resident, random);
-            let present =
-                |(i, chunk): (usize, &GpuChunk)| if here.contains(&(i as u32)) { *chunk } else { GpuChunk::default() };
-            let table: Vec<GpuChunk> = self.scene.chunks.iter().enumerate().map(present).collect();
-            self.set_chunks(&table);
-            self.sort(flags, &table);
-            let mut fresh = Vec::new();
-            for (segment, first) in (0..).zip(&mut flying) {
-                if first.is_none() && given < paths {
-                    *first = Some(given);
-                    fresh.push((segment, given));
-                    given = paths.min(given + SEGMENT_SIZE);
-                }
-            }
-            self.trace(&fresh, paths, flags, rounds);
-            demand = self.read("demand");
-            self.check_demand(&demand);
-            let segments: Vec<Segment> = self.read("segments");
-            while let Some(s) = flying.iter().position(|first| *first == Some(taken)) {
-                if segments[s].alive > 0 {
-                    break;
-                }
-                let push = self.segment_push(s as u32, taken, segments[s].count, flags);
-                if flags.is_empty() {
-                    let mut commands = self.gpu.commands("accumulate").expect("a list");
-                    self.run(&mut commands, &passes::ACCUMULATE, push, Launch::Threads(SEGMENT_SIZE.min(PIXELS)));
-                    commands.submit().expect("submitted");
-                }
-                taken += segments[s].count;
-                flying[s] = None;
-            }
-        }
-        totals.counters = self.read("counters")[0];
-    }
-
-    fn segment_push(&self, segment: u32, first: u32, count: u32, flags: PushFlags) -> Push {
-        let q = Push::wave(self.address("frame"), u64::from(first), count, PIXELS);
-        q.with(self.round, segment * SEGMENT_SIZE).flagged(flags)
-    }
-
-    /// Sends deferred rays on, and checks where they went.
-    fn sort(&mut self, flags: PushFlags, table: &[GpuChunk]) {
-        let q = Push::wave(self.address("frame"), 0, 0, PIXELS).with(self.round, 0).flagged(flags);
-        let before = self.waiting();
-        let old: Counters = self.read("counters")[0];
-        self.clear(&["counts"]);
-        let mut commands = self.gpu.commands("sort").expect("a list");
-        let c = &mut commands;
-        self.run(c, &passes::SORT_DEFERRED_COUNT, q, Launch::Indirect(Counters::DEFERRED_ARGS));
-        self.run(
-            c,
-            &passes::SORT_DEFERRED_SCAN,
-            q.with(q.round, abi::SCAN_BLOCKS),
-            Launch::Groups(sort_blocks(CHUNKS)),
-        );
-        self.run(c, &passes::SORT_DEFERRED_SCAN, q.with(q.round, abi::SCAN_SUMS), Launch::Groups(1));
-        self.run(c, &passes::SORT_DEFERRED_SCATTER, q, Launch::Indirect(Counters::DEFERRED_ARGS));
-        commands.submit().expect("submitted");
-        let new: Counters = self.read("counters")[0];
-        let parity = (self.round & 1) as usize;
-        let ready = |chunks: &[u32], shadow: bool| {
-            let asked = if shadow { chunks } else { &chunks[..1] };
-            asked.iter().copied().find(|chunk| table[*chunk as usize].nodes != 0)
-        };
-        let (mut stay, mut go) = (Vec::new(), [Vec::new(), Vec::new()]);
-        for (entry, chunks) in &before {
-            let shadow = entry & SHADOW_BIT != 0;
-            match ready(chunks, shadow) {
-                Some(chunk) => go[usize::from(shadow)].push((chunk, entry & !SHADOW_BIT)),
-                None => stay.push(*entry),
-            }
-        }
-        let queues: [Vec<u32>; 2] = [self.read(["queue 0", "queue 1"][parity]), self.read("shadow queue")];
-        let ranges = [(old.ray_count[parity], new.ray_count[parity]), (old.shadow_count, new.shadow_count)];
-        for kind in 0..2 {
-            let queue = &queues[kind][ranges[kind].0 as usize..ranges[kind].1 as usize];
-            let chunk_of: HashMap<u32, u32> = go[kind].iter().map(|(chunk, path)| (*path, *chunk)).collect();
-            let mut sent: Vec<(u32, u32)> = queue.iter().map(|path| (chunk_of[path], *path)).collect();
-            assert!(sent.is_sorted_by_key(|(chunk, _)| *chunk), "rays of a chunk are side by side: {sent:?}");
-            sent.sort_unstable();
-            go[kind].sort_unstable();
-            assert_eq!(sent, go[kind], "the rays that may go on do, once each");
-        }
-        let mut left: Vec<u32> = self.waiting().into_iter().map(|(entry, _)| entry).collect();
-        left.sort_unstable();
-        stay.sort_unstable();
-        assert_eq!(left, stay, "the others wait on");
-    }
-
-    /// The deferred rays and the chunks on their lists.
-    fn waiting(&self) -> Vec<(u32, Vec<u32>)> {
-        let counters: Counters = self.read("counters")[0];
-        let list = counters.deferred_parity as usize;
-        let entries: Vec<u32> = self.read(["deferred 0", "deferred 1"][list]);
-        let flags = [
-            self.read::<[u32; 12]>("rays").iter().map(|ray| ray[11]).collect::<Vec<u32>>(),
-            self.read::<[u32; 16]>("shadow_rays").iter().map(|ray| ray[11]).collect(),
-        ];
-        let pending: [Vec<abi::Pending>; 2] = [self.read("pending"), self.read("shadow pending")];
-        let lists = |entry: &u32| {
-            let (kind, path) = (usize::from(entry & SHADOW_BIT != 0), (entry & !SHADOW_BIT) as usize);
-            let count = (flags[kind][path] >> 4 & 7) as usize;
-            let keys = &pending[kind][path];
-            assert!(count >= 1, "a ray waits for something");
-            assert!(keys.entry[..count].is_sorted(), "nearest first: {keys:?}");
-            let instances = &keys.chunk_instance[..count];
-            (*entry, instances.iter().map(|i| self.scene.chunk_of[*i as usize]).collect())
-        };
-        entries[..counters.deferred_count[list] as usize].iter().map(lists).collect()
-    }
-
-    fn trace(&mut self, fresh: &[(u32, u32)], paths: u32, flags: PushFlags, rounds: u32) {
-        let mut commands = self.gpu.commands("trace").expect("a list");
-        let generate = if flags.is_empty() { &passes::GENERATE_CAMERA_RAYS } else { &passes::GENERATE_AOV_RAYS };
-        for (segment, first) in fresh {
-            let count = SEGMENT_SIZE.min(paths - first);
-            let push = self.segment_push(*segment, *first, count, flags);
-            self.run(&mut commands, generate, push, Launch::Threads(count));
-        }
-        let q = Push::wave(self.address("frame"), 0, 0, PIXELS).flagged(flags);
-        for _ in 0..rounds {
-            self.round(&mut commands, q.with(self.round, 0));
-            self.round += 1;
-        }
-        self.run(&mut commands, &passes::PREPARE_DISPATCH, q.with(self.round, abi::PREPARE_DEMAND), Launch::Threads(1));
-        let demand = &self.buffers["demand"];
-        commands.fill(demand, 0, demand.size(), 0);
-        self.run(&mut commands, &passes::COUNT_DEMAND, q, Launch::Indirect(Counters::DEFERRED_ARGS));
-        commands.submit().expect("submitted");
-    }
-
-    fn check_demand(&self, demand: &[u32]) {
-        let mut expected = vec![0; 2 * CHUNKS as usize];
-        for (_, chunks) in self.waiting() {
-            for (i, chunk) in chunks.iter().enumerate() {
-                expected[*chunk as usize + if i == 0 { 0 } else { CHUNKS as usize }] += 1;
-            }
-        }
-        assert_eq!(demand, expected, "demand is what the lists say");
-    }
 }
 
 #[derive(Clone, Copy)]
-enum Launch {
+pub(super) enum Launch {
     Threads(u32),
     Groups(u32),
     Indirect(u64),
-}
-
-/// The next chunks: the one most waited for, some of those before, and some at random.
-fn choose(here: &[u32], demand: &[u32], resident: usize, random: &mut Random) -> Vec<u32> {
-    let most = (0..CHUNKS).max_by_key(|chunk| demand[*chunk as usize]);
-    let mut next: Vec<u32> = most.into_iter().collect();
-    for chunk in here {
-        if random.word() % 3 == 0 && !next.contains(chunk) {
-            next.push(*chunk);
-        }
-    }
-    while next.len() < resident {
-        let chunk = random.word() % CHUNKS;
-        if !next.contains(&chunk) {
-            next.push(chunk);
-        }
-    }
-    next.truncate(resident);
-    next
 }

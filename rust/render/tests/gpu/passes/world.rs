@@ -2,7 +2,7 @@
 //! A world made by hand, all of it on the device: meshes of few triangles, an assembly of them, chunks of records, and chunk
 //! instances that overlap, far from the origin.
 
-use glam::{DAffine3, DMat3, DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 use oocpt_core::Aabb;
 use oocpt_core::mesh::build_box_bvh;
 use oocpt_gpu::{Buffer, Gpu, Usage};
@@ -124,7 +124,7 @@ impl Scene {
             let chunk = id % CHUNKS;
             let mut world_from_chunk = random.placement(3.0, 0.7);
             world_from_chunk.translation += FAR;
-            let l = DMat3::from(world_from_chunk.matrix3).inverse().transpose();
+            let l = world_from_chunk.matrix3.inverse().transpose();
             let rows = [l.x_axis, l.y_axis, l.z_axis].map(|row| row.as_vec3().to_array());
             let origin = world_from_chunk.translation.to_array();
             instances.push(GpuChunkInstance::new(rows, origin, chunk, id));

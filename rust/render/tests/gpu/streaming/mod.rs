@@ -121,3 +121,19 @@ fn a_chunk_lost_when_deferred_is_noticed() {
         assert!(part.images != whole.images, "{}: the comparison must see lost chunks", scene.name);
     }
 }
+
+#[test]
+fn one_failed_allocation_anywhere_does_not_show() {
+    let scene = &SCENES[0];
+    let whole = render(scene, small_chunks(), options());
+    let budget = percent(whole.stats.scene_bytes, 25).max(smallest_budget(scene));
+    let settings = Settings { geometry_budget_kib: budget, ..small_chunks() };
+    for after in (0..40).chain([50, 70, 100, 150]) {
+        for force_streaming in [false, true] {
+            let settings = if force_streaming { settings.clone() } else { small_chunks() };
+            let failing = SessionOptions { fail_allocation_after: Some(after), force_streaming, ..options() };
+            let part = render(scene, settings, failing);
+            assert!(part.images == whole.images, "request {after} failed (streaming {force_streaming}): other picture");
+        }
+    }
+}
