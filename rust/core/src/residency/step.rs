@@ -174,7 +174,9 @@ impl Planner {
                 }
             }
         }
-        if refusals == 0 && plan.issued == plan.demanded.len() {
+        // What was evicted now may have been waited for.
+        let evicted = plan.commands.iter().any(|command| matches!(command, Command::Evict { .. }));
+        if refusals == 0 && !evicted && plan.issued == plan.demanded.len() {
             self.prefetch(plan);
         }
     }
