@@ -30,6 +30,8 @@ const POSITION_ERROR: f64 = 1.0 / 8_388_608.0;
 pub(crate) struct Lattice {
     base: DVec3,
     quantum: f64,
+    /// 1 / `quantum`, exact.
+    steps: f64,
 }
 
 /// Where a member lies in the order of an assembly: Morton code, then member, then rank.
@@ -109,20 +111,20 @@ impl Lattice {
     /// The lattice of an assembly whose members (those in chunks) fill `bounds`.
     pub(crate) fn around(bounds: &Aabb) -> Self {
         if bounds.is_empty() {
-            return Self { base: DVec3::ZERO, quantum: 1.0 };
+            return Self { base: DVec3::ZERO, quantum: 1.0, steps: 1.0 };
         }
         let min = DVec3::from(bounds.min.map(f64::from));
         let side = (DVec3::from(bounds.max.map(f64::from)) - min).max_element();
         // Coincident points may have no extent at all: any quantum does, down to the smallest difference of floats.
         let quantum = power_of_two(side.max(f64::from(f32::MIN_POSITIVE))) / STEPS;
         let step = quantum * STEPS;
-        Self { base: (min / step).floor() * step, quantum }
+        Self { base: (min / step).floor() * step, quantum, steps: 1.0 / quantum }
     }
 
     /// Puts an item on the lattice as placement of `member`.
     #[inline]
     pub(crate) fn place(&self, item: &mut Item, member: u32) {
-        let at = ((item.center() - self.base) / self.quantum).floor();
+        let at = (item.center() - self.base) * self.steps;
         let [x, y, z] = at.to_array().map(lattice_step);
         let large = item.half.into_iter().max().is_some_and(|half| long(half) > LARGE * self.quantum);
         let rank = item.id >> 32;
@@ -150,6 +152,7 @@ fn power_of_two(v: f64) -> f64 {
     if bits & MANTISSA == 0 { floor } else { 2.0 * floor }
 }
 
+/// The whole steps in `v`, which is not negative but for rounding.
 #[inline]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 21 bits")]
 fn lattice_step(v: f64) -> u64 {

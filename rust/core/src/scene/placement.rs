@@ -244,9 +244,9 @@ impl<'a> Placer<'a> {
         let row = |r: DVec3, w: f64| [r.x, r.y, r.z, w].map(nearest);
         let object_from_parent = [row(rows[0], offset.x), row(rows[1], offset.y), row(rows[2], offset.z)];
         let (bounds, footprint) = self.placed_box(m, rows, offset);
-        let numbers = object_from_parent.iter().flatten().chain(&bounds.min).chain(&bounds.max);
         // NaN fails the comparison too.
-        let sound = numbers.fold(true, |sound, v| sound & (v.abs() <= self.limit));
+        let below = |numbers: &[f32]| numbers.iter().fold(true, |sound, v| sound & (v.abs() <= self.limit));
+        let sound = below(object_from_parent.as_flattened()) & below(&bounds.min) & below(&bounds.max);
         let flags = if determinant < 0.0 { InstanceFlags::FLIPS_HANDEDNESS } else { InstanceFlags::empty() };
         sound.then_some((Placed { object_from_parent, bounds, flags }, footprint))
     }
