@@ -9,6 +9,7 @@ mod determinism;
 mod edits;
 mod failures;
 mod furnace;
+mod passes;
 mod scenes;
 mod streaming;
 mod support;
