@@ -75,7 +75,9 @@ def test_island_can_be_seen(oocpt, tmp_path):
 
 
 def test_same_arguments_same_stage(oocpt, tmp_path):
-    texts = [stage_of(oocpt, tmp_path / f"{name}.usdc").GetRootLayer().ExportToString() for name in "ab"]
+    # Held: a layer of a stage that is gone is gone too.
+    stages = [stage_of(oocpt, tmp_path / f"{name}.usdc") for name in "ab"]
+    texts = [stage.GetRootLayer().ExportToString() for stage in stages]
     assert texts[0] == texts[1]
 
 

@@ -24,7 +24,7 @@ enum Command {
     /// Lists devices, drivers and capabilities; says which device will be used and why.
     Doctor(doctor::Arguments),
     /// Measures the renderer on generated scenes; prints tables and JSON.
-    Bench(bench::Arguments),
+    Bench(Box<bench::Arguments>),
     /// Draws what a render wrote about itself.
     Report(report::Arguments),
     /// Writes a generated scene as USD.

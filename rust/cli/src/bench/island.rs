@@ -59,7 +59,7 @@ pub(crate) struct Arguments {
     /// Also write the picture as PNG (sRGB) to this file.
     #[arg(long)]
     picture: Option<PathBuf>,
-    /// Also write the chunk report of the last row to this file (`oocpt report chunks` draws it).
+    /// Also render the last row once more and write its chunk report to this file (`oocpt report chunks` draws it).
     #[arg(long)]
     chunk_report: Option<PathBuf>,
 }
@@ -76,7 +76,7 @@ struct Row {
     /// To the first row.
     ratio: f64,
     mpaths_per_sec: f64,
-    /// Samples a pixel for which the picture is equal to the first row's, in bits.
+    /// Every run's picture is equal to the first row's, in bits.
     is_identical: bool,
     different_pixels: u64,
     gpu_peak_bytes: u64,
@@ -147,6 +147,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(path) = &arguments.picture {
         write_picture(&session, [arguments.width, arguments.height], path)?;
     }
+    if let Some(path) = &arguments.chunk_report {
+        // In a render of its own: counting visits costs time, and a scene in core is streamed for it.
+        session.set_setting("oocpt:chunkReport", Value::Text(path.to_string_lossy().into_owned()))?;
+        session.render(request(arguments));
+        finish(&session).context("render for the chunk report")?;
+    }
     if !report.all_identical {
         bail!("the picture depends on the budget");
     }
@@ -184,9 +190,6 @@ fn measure(
     session.set_setting("oocpt:geometryBudget", Value::Int(budget.into()))?;
     if !policy.is_empty() {
         session.set_setting("oocpt:policy", Value::Text(policy.into()))?;
-    }
-    if let Some(path) = &arguments.chunk_report {
-        session.set_setting("oocpt:chunkReport", Value::Text(path.to_string_lossy().into_owned()))?;
     }
     session.render(request(arguments));
     finish(session).context("warm-up render")?;

@@ -29,12 +29,13 @@ pub(crate) struct Boxes {
     camera: ReportCamera,
 }
 
-/// A ray and the size of its pixel at distance 1.
+/// A ray and the size of its pixel, which may grow with the distance.
 struct Ray {
     origin: DVec3,
     inverse: DVec3,
     direction: DVec3,
-    pixel: f64,
+    /// At distance 0, and its growth to distance 1.
+    pixel: [f64; 2],
 }
 
 impl Boxes {
@@ -55,7 +56,7 @@ impl Boxes {
             origin: at(o, o_x, o_y),
             inverse: direction.recip(),
             direction,
-            pixel: DVec3::from(d_x).length().max(DVec3::from(d_y).length()),
+            pixel: [[o_x, o_y], [d_x, d_y]].map(|[x, y]| DVec3::from(x).length().max(DVec3::from(y).length())),
         };
         let mut found: Vec<Entry> = Vec::with_capacity(LAYERS + 1);
         let mut open = vec![0_u32];
@@ -104,7 +105,7 @@ impl Ray {
     /// Whether the point at `t` on the face of `axis` is within a pixel of the face's border.
     fn is_at_edge(&self, bounds: &Aabb, t: f64, axis: usize) -> bool {
         let point = self.origin + self.direction * t;
-        let width = self.pixel.max(1e-12) * t;
+        let width = self.pixel[0] + self.pixel[1] * t;
         (0..3).filter(|&k| k != axis).any(|k| {
             let (low, high) = (f64::from(bounds.min[k]), f64::from(bounds.max[k]));
             // Seen at an angle a pixel covers more, but thin lines are what is wanted.

@@ -118,7 +118,8 @@ fn summary(report: &ChunkReport) -> String {
     let never = chunks.iter().filter(|chunk| chunk.loads == 0).count();
     let resident = chunks.iter().filter(|chunk| chunk.is_resident).count();
     let mut text = format!(
-        "{} chunks ({} MiB), {} chunk instances; {never} never loaded, {resident} resident at the end\n",
+        "{} chunks of {} MiB (what they share counted for each), {} chunk instances; {never} never loaded, {resident} resident \
+         at the end\n",
         chunks.len(),
         sum(|chunk| chunk.bytes) >> 20,
         report.instances.len(),

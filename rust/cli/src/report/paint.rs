@@ -68,7 +68,7 @@ pub(crate) fn legend(image: &mut RgbImage, title: &str, max: u64) {
         return;
     }
     let length = right - left;
-    bar(image, left, row, length, |t| ramp(t));
+    bar(image, left, row, length, ramp);
     let mut value = 1_u64;
     while value < max {
         #[expect(

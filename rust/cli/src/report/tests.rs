@@ -85,7 +85,10 @@ fn the_table_is_short_and_has_its_end() {
 #[test]
 fn the_summary_counts() {
     let text = summary(&report());
-    assert!(text.starts_with("3 chunks (3 MiB), 3 chunk instances; 1 never loaded, 0 resident"), "{text}");
+    assert!(
+        text.starts_with("3 chunks of 3 MiB (what they share counted for each), 3 chunk instances; 1 never loaded, 0 "),
+        "{text}"
+    );
     assert!(text.contains("most loaded: 100 loads (0 of them again), 7 rays"), "{text}");
 }
 

@@ -146,7 +146,10 @@ mod tests {
         for (x, z) in [(half, 0.0), (-half, half), (0.0, -half), (0.0, half)] {
             assert!(land.height(x, z) < 0.0, "({x}, {z}) is in the sea");
         }
-        assert!(land.height(-0.3 * half, -0.22 * half) > 0.25 * half, "a mountain");
+        let line: Vec<f64> = (-20..=20).map(|i| half * f64::from(i) / 20.0).collect();
+        let heights = line.iter().flat_map(|&x| line.iter().map(move |&z| land.height(x, z)));
+        let top = heights.fold(0.0, f64::max);
+        assert!(top > 0.2 * half && top < 0.8 * half, "a mountain of {top} m on {half} m");
         let shore = (0..1000).map(|i| half * f64::from(i) / 1000.0).find(|&z| land.inland(0.0, z) < 0.5 * BEACH);
         let shore = shore.expect("the beach is on the way to the sea");
         let height = land.height(0.0, shore);

@@ -55,12 +55,12 @@ fn the_same_parameters_make_the_same_island_on_any_pool() {
     };
     let same = |a: &Prims, b: &Prims| {
         let pairs = a.instancers.iter().zip(&b.instancers);
-        let arrays = pairs.flat_map(|(a, b)| [(&a.translations, &b.translations), (&a.rotations, &b.rotations)]);
+        let mut arrays = pairs.flat_map(|(a, b)| [(&a.translations, &b.translations), (&a.rotations, &b.rotations)]);
         let same = |(a, b): (&Option<_>, &Option<_>)| match (a, b) {
             (Some(a), Some(b)) => oocpt_core::TypedArray::same_contents(a, b),
             _ => false,
         };
-        arrays.map(same).all(|same| same)
+        arrays.all(same)
             && a.meshes.len() == b.meshes.len()
             && a.meshes.iter().zip(&b.meshes).all(|(a, b)| a.points.same_contents(&b.points))
     };
