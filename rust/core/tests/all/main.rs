@@ -26,6 +26,8 @@ mod lights;
 #[cfg(test)]
 mod partition;
 #[cfg(test)]
+mod partition_cases;
+#[cfg(test)]
 mod partition_edits;
 #[cfg(test)]
 mod primvars;

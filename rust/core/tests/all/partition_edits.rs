@@ -25,7 +25,7 @@ fn comparable(snapshot: &Snapshot, record: &InstanceRecord) -> (Vec<u32>, u128, 
 }
 
 /// The same cells with the same records bit for bit, placed the same.
-fn assert_same_world(a: &Snapshot, b: &Snapshot) {
+pub(crate) fn assert_same_world(a: &Snapshot, b: &Snapshot) {
     let (wa, wb) = (&a.world, &b.world);
     let cells = |s: &Snapshot| s.world.chunks.iter().map(|c| (c.cell(), c.len())).collect::<Vec<_>>();
     assert!(cells(a) == cells(b), "cells\n{:?}\n{:?}", cells(a), cells(b));
@@ -45,7 +45,7 @@ fn assert_same_world(a: &Snapshot, b: &Snapshot) {
 }
 
 /// Chunks of one key have the same records, whichever snapshot they are of.
-fn assert_keys_tell(before: &Snapshot, after: &Snapshot) -> usize {
+pub(crate) fn assert_keys_tell(before: &Snapshot, after: &Snapshot) -> usize {
     let old: HashMap<u64, usize> = before.world.chunks.iter().enumerate().map(|(k, c)| (c.key(), k)).collect();
     let mut kept = 0;
     for (k, chunk) in after.world.chunks.iter().enumerate() {
@@ -323,66 +323,6 @@ fn prims_come_and_go_without_touching_other_chunks() {
     let (chunks, kept) = (less.world.chunks.len(), assert_keys_tell(&more, &less));
     assert!(kept + 2 >= chunks, "{kept} of {chunks} kept");
     assert_same_world(&fresh(&model), &less);
-}
-
-/// Instances of one prototype are added: the records of the other prototypes stay as they are.
-#[test]
-fn growing_one_prototype_leaves_the_chunks_of_others() {
-    let all: Vec<i32> = (0..600).collect();
-    let mut points = spread(600, 50.0, 11);
-    points.iter_mut().take(300).for_each(|p| p[0] -= 100.0);
-    points.iter_mut().skip(300).for_each(|p| p[0] += 100.0);
-    let mut db = SceneDb::new();
-    db.set_partition(SMALL);
-    for name in ["a", "b"] {
-        let mut mesh = triangle(&format!("/i/{name}/m"), if name == "a" { 0.5 } else { 1.0 });
-        mesh.prim.instanced_by = vec![by("/i", &format!("/i/{name}"))];
-        db.upsert_mesh(mesh);
-    }
-    db.upsert_instancer(scatter("/i", &points, &[("/i/a", &all[..300]), ("/i/b", &all[300..])]));
-    let before = committed(&mut db);
-    points.push([100.0, 0.0, 0.0]);
-    let more: Vec<i32> = (300..601).collect();
-    db.upsert_instancer(scatter("/i", &points, &[("/i/a", &all[..300]), ("/i/b", &more)]));
-    let after = committed(&mut db);
-    let kept = assert_keys_tell(&before, &after);
-    assert!(kept >= 3, "{kept} of {} kept", after.world.chunks.len());
-}
-
-/// Old arrays go once nobody needs them, although kept chunks were made from them.
-#[test]
-fn kept_chunks_let_old_arrays_go() {
-    let all: Vec<i32> = (0..600).collect();
-    let mut points = spread(600, 50.0, 12);
-    let mut db = crate::support::with_instancer(scatter("/i", &points, &[("/i/p", &all)]));
-    db.set_partition(SMALL);
-    let before = committed(&mut db);
-    let desc = |points: &[[f32; 3]]| {
-        let source: Arc<dyn oocpt_core::ArraySource> = Arc::new(Floats(points.to_vec()));
-        let mut desc = scatter("/i", &[], &[("/i/p", &all)]);
-        desc.translations = Some(TypedArray::new(ElementType::Vec3f, source.clone()).unwrap());
-        (desc, source)
-    };
-    points[0][1] += 1.0;
-    let (second, source) = desc(&points);
-    db.upsert_instancer(second);
-    let after = committed(&mut db);
-    assert!(assert_keys_tell(&before, &after) > 0, "some chunks are kept");
-    points[0][1] += 1.0;
-    db.upsert_instancer(desc(&points).0);
-    let last = committed(&mut db);
-    assert!(assert_keys_tell(&after, &last) > 0, "some chunks are kept");
-    drop((before, after));
-    assert_eq!(Arc::strong_count(&source), 1, "the arrays of the second version");
-}
-
-#[derive(Debug)]
-struct Floats(Vec<[f32; 3]>);
-
-impl oocpt_core::ArraySource for Floats {
-    fn bytes(&self) -> &[u8] {
-        bytemuck::cast_slice(&self.0)
-    }
 }
 
 /// Another chunk size gives what a new database gives with it.

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Single edits and rules of the partition with known outcomes.
+
+use std::sync::Arc;
+
+use oocpt_core::{ElementType, SceneDb, TypedArray};
+
+use crate::partition::{SMALL, spread};
+use crate::partition_edits::{assert_keys_tell, assert_same_world};
+use crate::support::{by, committed, grid, scatter, triangle, with_instancer};
+
+/// Instances of one prototype are added: the records of the other prototypes stay as they are.
+#[test]
+fn growing_one_prototype_leaves_the_chunks_of_others() {
+    let all: Vec<i32> = (0..600).collect();
+    let mut points = spread(600, 50.0, 11);
+    points.iter_mut().take(300).for_each(|p| p[0] -= 100.0);
+    points.iter_mut().skip(300).for_each(|p| p[0] += 100.0);
+    let mut db = SceneDb::new();
+    db.set_partition(SMALL);
+    for name in ["a", "b"] {
+        let mut mesh = triangle(&format!("/i/{name}/m"), if name == "a" { 0.5 } else { 1.0 });
+        mesh.prim.instanced_by = vec![by("/i", &format!("/i/{name}"))];
+        db.upsert_mesh(mesh);
+    }
+    db.upsert_instancer(scatter("/i", &points, &[("/i/a", &all[..300]), ("/i/b", &all[300..])]));
+    let before = committed(&mut db);
+    points.push([100.0, 0.0, 0.0]);
+    let more: Vec<i32> = (300..601).collect();
+    db.upsert_instancer(scatter("/i", &points, &[("/i/a", &all[..300]), ("/i/b", &more)]));
+    let after = committed(&mut db);
+    let kept = assert_keys_tell(&before, &after);
+    assert!(kept >= 3, "{kept} of {} kept", after.world.chunks.len());
+}
+
+/// Old arrays go once nobody needs them, although kept chunks were made from them.
+#[test]
+fn kept_chunks_let_old_arrays_go() {
+    let all: Vec<i32> = (0..600).collect();
+    let mut points = spread(600, 50.0, 12);
+    let mut db = with_instancer(scatter("/i", &points, &[("/i/p", &all)]));
+    db.set_partition(SMALL);
+    let before = committed(&mut db);
+    let desc = |points: &[[f32; 3]]| {
+        let source: Arc<dyn oocpt_core::ArraySource> = Arc::new(Floats(points.to_vec()));
+        let mut desc = scatter("/i", &[], &[("/i/p", &all)]);
+        desc.translations = Some(TypedArray::new(ElementType::Vec3f, source.clone()).unwrap());
+        (desc, source)
+    };
+    points[0][1] += 1.0;
+    let (second, source) = desc(&points);
+    db.upsert_instancer(second);
+    let after = committed(&mut db);
+    assert!(assert_keys_tell(&before, &after) > 0, "some chunks are kept");
+    points[0][1] += 1.0;
+    db.upsert_instancer(desc(&points).0);
+    let last = committed(&mut db);
+    assert!(assert_keys_tell(&after, &last) > 0, "some chunks are kept");
+    drop((before, after));
+    assert_eq!(Arc::strong_count(&source), 1, "the arrays of the second version");
+}
+
+#[derive(Debug)]
+struct Floats(Vec<[f32; 3]>);
+
+impl oocpt_core::ArraySource for Floats {
+    fn bytes(&self) -> &[u8] {
+        bytemuck::cast_slice(&self.0)
+    }
+}
+
+/// Cells of equal codes are cut in the middle of their order: one member less moves all cuts.
+#[test]
+fn coincident_members_may_go() {
+    let scene = |names: &[&str]| {
+        let mut db = SceneDb::new();
+        db.set_partition(SMALL);
+        let all: Vec<i32> = (0..200).collect();
+        for name in names {
+            let (path, root) = (format!("/{name}"), format!("/{name}/p"));
+            let n = if *name == "b" { 30 } else { 200 };
+            db.upsert_instancer(scatter(&path, &vec![[3.0, 3.0, 3.0]; 200], &[(&root, &all[..n])]));
+            let mut mesh = triangle(&format!("{root}/m"), 0.5);
+            mesh.prim.instanced_by = vec![by(&path, &root)];
+            db.upsert_mesh(mesh);
+        }
+        db.upsert_mesh(grid("/ground", 2));
+        db
+    };
+    let mut db = scene(&["a", "b", "c"]);
+    let before = committed(&mut db);
+    db.remove("/b");
+    let after = committed(&mut db);
+    assert!(before.world.chunks.len() > 4, "{} chunks", before.world.chunks.len());
+    assert_same_world(&committed(&mut scene(&["a", "c"])), &after);
+}
+
+/// An index beyond the arrays is usable once they grow, and bad again when they shrink; nothing else is touched.
+#[test]
+fn arrays_may_grow_into_the_indices() {
+    let all: Vec<i32> = (0..601).collect();
+    let mut points = spread(600, 50.0, 13);
+    points.extend([[0.0, 0.0, 0.0]]);
+    let scene = |n: usize| {
+        let mut db = with_instancer(scatter("/i", &points[..n], &[("/i/p", &all)]));
+        db.set_partition(SMALL);
+        db
+    };
+    let mut db = scene(600);
+    let mut before = committed(&mut db);
+    assert_eq!((before.counts.instances, before.dropped.instance_indices), (600, 1), "one is out of range");
+    for n in [601, 600, 599] {
+        db.upsert_instancer(scatter("/i", &points[..n], &[("/i/p", &all)]));
+        let after = committed(&mut db);
+        assert_same_world(&committed(&mut scene(n)), &after);
+        assert!(assert_keys_tell(&before, &after) + 3 >= after.world.chunks.len(), "others are kept");
+        before = after;
+    }
+}
+
+/// Thirty meshes of 50 KiB in one place, and again in another: few records, none of the meshes exclusive to either place,
+/// and still too much to be loaded at once.
+#[test]
+fn cells_with_large_closures_are_cut() {
+    let mut db = SceneDb::new();
+    db.set_partition(SMALL);
+    for k in 0..30_u8 {
+        let (path, root) = (format!("/i{k}"), format!("/i{k}/p"));
+        let at = f32::from(k) * 0.01;
+        db.upsert_instancer(scatter(&path, &[[at, 0.0, 0.0], [1000.0 + at, 0.0, 0.0]], &[(&root, &[0, 1])]));
+        let mut mesh = grid(&format!("{root}/m"), 20);
+        let moved = (0..mesh.points.len()).filter_map(|i| mesh.points.vec3(i)).map(|p| p.as_vec3().to_array());
+        mesh.points = TypedArray::of(moved.map(|[x, y, z]| [x, y, z + f32::from(k)]).collect::<Vec<_>>());
+        mesh.prim.instanced_by = vec![by(&path, &root)];
+        db.upsert_mesh(mesh);
+    }
+    let snapshot = committed(&mut db);
+    let bytes: u64 = snapshot.meshes.iter().map(|m| m.device_bytes()).sum();
+    assert!(snapshot.meshes.len() == 30 && bytes > 64 * (16 << 10), "{} meshes, {bytes} bytes", snapshot.meshes.len());
+    let sizes: Vec<usize> = snapshot.world.chunks.iter().map(|c| c.len()).collect();
+    assert!(sizes.len() >= 4 && sizes.iter().sum::<usize>() == 60, "{sizes:?}");
+}
