@@ -5,7 +5,7 @@ use super::source::{MeshLayout, Source, values};
 use crate::error::RenderError;
 use oocpt_core::mesh::{BvhNode, MeshAsset, Triangle};
 use oocpt_core::scene::{InstanceFlags, InstanceRecord, Target};
-use oocpt_gpu::{Commands, DeviceRange, Gpu, StagingRing, Submission};
+use oocpt_gpu::{Commands, DeviceRange, Gpu, StagingRing, StagingSlice, Submission};
 use oocpt_shader_abi::{GpuInstance, GpuNode, GpuTriangle, LbvhBounds, TARGET_ASSEMBLY};
 use std::sync::Arc;
 
@@ -44,13 +44,23 @@ impl<'a> Writer<'a> {
         let step = (PIECE_BYTES / stride).max(1);
         for first in (0..count).step_by(step) {
             let bytes = step.min(count - first) * stride;
-            let mut slice = self.ring.reserve(bytes as u64, 16)?;
+            let mut slice = self.reserve(bytes)?;
             fill(first, slice.bytes_mut());
             let at = offset + (first * stride) as u64;
             slice.copy_to(self.commands()?, 0, target, at, bytes as u64);
             self.staged(bytes)?;
         }
         Ok(())
+    }
+
+    /// Staging memory. Nobody waits for it with copies in hand that are not submitted: space comes back in order, so the one
+    /// who holds the oldest would wait for himself.
+    fn reserve(&mut self, bytes: usize) -> Result<StagingSlice, RenderError> {
+        if let Some(slice) = self.ring.try_reserve(bytes as u64, 16)? {
+            return Ok(slice);
+        }
+        self.submit()?;
+        Ok(self.ring.reserve(bytes as u64, 16)?)
     }
 
     fn commands(&mut self) -> Result<&mut Commands, RenderError> {
@@ -132,7 +142,7 @@ impl<'a> Writer<'a> {
             let n = PIECE_RECORDS.min(count - first);
             let records = &mut records[..n];
             source.encode(first..first + n, records);
-            let mut slice = self.ring.reserve((n * (RECORD + BOX)) as u64, 16)?;
+            let mut slice = self.reserve(n * (RECORD + BOX))?;
             let (out, boxes) = slice.bytes_mut().split_at_mut(n * RECORD);
             convert(records, out, instance);
             convert(records, boxes, |record| LbvhBounds { min: record.bounds[0], max: record.bounds[1] });

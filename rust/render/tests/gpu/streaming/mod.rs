@@ -46,7 +46,7 @@ fn smallest_budget(scene: &Scene) -> u32 {
     let messages = render_with_messages(&session, &request_of(scene));
     let text = &messages.first().expect("a budget of one KiB is an error").text;
     let needed = text.split("needs ").nth(1).and_then(|rest| rest.split(" KiB").next());
-    needed.and_then(|kib| kib.parse().ok()).unwrap_or_else(|| panic!("no size in: {text}"))
+    needed.and_then(|kib| kib.parse().ok()).expect("the message says what is needed")
 }
 
 fn percent(bytes: u64, percent: u64) -> u32 {
