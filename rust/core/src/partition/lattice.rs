@@ -46,7 +46,7 @@ pub(crate) struct Key {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(crate) struct Item {
-    /// The Morton code; before [`Lattice::sort_key`]: x and y of the centre.
+    /// The Morton code; before [`Lattice::place`]: x and y of the centre.
     code: u64,
     /// Member and rank; before: z of the centre and the rank.
     id: u64,
