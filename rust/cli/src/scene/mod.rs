@@ -7,7 +7,8 @@ mod usd;
 
 use anyhow::Result;
 use clap::Subcommand;
-use std::path::PathBuf;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
 
 /// Options of `oocpt scene`.
 #[derive(clap::Args)]
@@ -27,14 +28,14 @@ enum Command {
         out: PathBuf,
         /// A Python that imports usd-core and numpy, as `cargo xtask env` names it.
         #[arg(long, env = "OOCPT_USD_PYTHON", hide_env_values = true)]
-        python: Option<PathBuf>,
+        python: Option<OsString>,
     },
 }
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let Command::Island { island, out, python } = &arguments.command;
-    let python = usd::python(python.as_deref())?;
+    let python = usd::python(python.as_deref().map(Path::new))?;
     let prims = island::Prims::new(island)?;
     usd::write(&prims, &island::stage_camera(island), python, out)?;
     println!("{}: {} instances, {} unique quads", out.display(), island.total_instances(), prims.quads);
