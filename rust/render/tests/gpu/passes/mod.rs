@@ -5,13 +5,13 @@ mod stream;
 mod tracer;
 mod world;
 
+use glam::DVec3;
 use oocpt_gpu::{Gpu, OpenOptions};
-use oocpt_shader_abi::Counters;
-use oocpt_shader_abi::Features;
+use oocpt_shader_abi::{Counters, Features, FilmPixel};
 use std::sync::Arc;
 use stream::Totals;
 use tracer::{Images, Tracer};
-use world::Scene;
+use world::{FAR, Scene};
 
 const IN_CORE: Features = Features::DOME
     .union(Features::DISTANT)
@@ -25,7 +25,7 @@ fn open() -> Arc<Gpu> {
     Gpu::open(&OpenOptions { selector, validation: true, ..OpenOptions::default() }).expect("a device")
 }
 
-fn close(gpu: &Gpu) {
+fn close_device(gpu: &Gpu) {
     let messages = gpu.take_validation_messages();
     assert!(messages.is_empty(), "Vulkan validation: {messages:?}");
 }
@@ -51,7 +51,7 @@ fn check(totals: &Totals, wave: &Counters) {
 #[test]
 fn chunks_that_come_and_go_leave_no_trace_in_the_picture() {
     let gpu = open();
-    let scene = Scene::new(&gpu, 1);
+    let scene = Scene::new(&gpu, 1, FAR);
     let (expected, wave) = in_core(&gpu, &scene);
     for (resident, rounds) in [(1, 1), (5, 3), (36, 2)] {
         let (images, totals) = Tracer::new(&gpu, &scene, STREAMING).stream(resident, rounds, 3);
@@ -60,16 +60,30 @@ fn chunks_that_come_and_go_leave_no_trace_in_the_picture() {
         assert!(images.depth == expected.depth, "depth with {resident} chunks at a time");
         assert!(images.film == expected.film, "colour with {resident} chunks at a time");
     }
-    close(&gpu);
+    close_device(&gpu);
 }
 
 #[test]
 fn a_chunk_that_is_skipped_shows() {
     let gpu = open();
-    let scene = Scene::new(&gpu, 1);
+    let scene = Scene::new(&gpu, 1, FAR);
     let (expected, _) = in_core(&gpu, &scene);
     let (images, totals) = Tracer::new(&gpu, &scene, STREAMING | Features::PLANT_SKIP_DEFERRED).stream(5, 3, 3);
     assert_eq!(totals.counters.chunk_misses, 0, "nobody waits");
     assert!(images.film != expected.film, "a picture without the absent chunks is another one");
-    close(&gpu);
+    close_device(&gpu);
+}
+
+#[test]
+fn a_world_far_away_looks_as_it_does_here() {
+    let gpu = open();
+    let [here, there] = [DVec3::ZERO, FAR].map(|at| in_core(&gpu, &Scene::new(&gpu, 1, at)).0);
+    let differ = |a: &[u8], b: &[u8]| a.chunks_exact(4).zip(b.chunks_exact(4)).filter(|(a, b)| a != b).count();
+    let ids = differ(&here.ids, &there.ids);
+    assert!(ids <= 2, "{ids} pixels see something else");
+    let [here, there] = [&here, &there].map(|images| bytemuck::pod_collect_to_vec::<u8, FilmPixel>(&images.film));
+    let close = |(a, b): &(&FilmPixel, &FilmPixel)| (a.sum[1] - b.sum[1]).abs() <= 1e-3 * a.sum[1];
+    let alike = here.iter().zip(&there).filter(close).count();
+    assert!(alike >= 600, "only {alike} of 640 pixels have the same colour");
+    close_device(&gpu);
 }

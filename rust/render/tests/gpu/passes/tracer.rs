@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Runs the passes on a scene, with everything resident or with chunks that come and go, in the order that `shader_abi` tells.
 
-use super::world::{CHUNKS, FAR, Scene};
+use super::world::{CHUNKS, Scene};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use oocpt_gpu::{Buffer, Commands, Gpu, Pipeline, Usage};
@@ -130,7 +130,7 @@ impl<'a> Tracer<'a> {
     }
 
     fn frame(&self) -> Frame {
-        let eye = FAR + DVec3::new(0.3, 0.2, 9.0);
+        let eye = self.scene.at + DVec3::new(0.3, 0.2, 9.0);
         let high = eye.as_vec3();
         let mut frame = Frame {
             top_nodes: self.scene.top_nodes,

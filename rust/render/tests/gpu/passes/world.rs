@@ -47,6 +47,8 @@ pub(super) struct Scene {
     gpu: Arc<Gpu>,
     /// Keeps everything that is pointed to.
     kept: Vec<Buffer>,
+    /// What the world is around.
+    pub(super) at: DVec3,
     pub(super) top_nodes: u64,
     pub(super) chunk_instances: u64,
     pub(super) assemblies: u64,
@@ -88,11 +90,12 @@ struct Group {
 }
 
 impl Scene {
-    /// The world of `seed`.
-    pub(super) fn new(gpu: &Arc<Gpu>, seed: u64) -> Self {
+    /// The world of `seed` around `at`.
+    pub(super) fn new(gpu: &Arc<Gpu>, seed: u64, at: DVec3) -> Self {
         let mut scene = Self {
             gpu: Arc::clone(gpu),
             kept: Vec::new(),
+            at,
             top_nodes: 0,
             chunk_instances: 0,
             assemblies: 0,
@@ -123,7 +126,7 @@ impl Scene {
         for id in 0..CHUNKS + 16 {
             let chunk = id % CHUNKS;
             let mut world_from_chunk = random.placement(3.0, 0.7);
-            world_from_chunk.translation += FAR;
+            world_from_chunk.translation += self.at;
             let l = world_from_chunk.matrix3.inverse().transpose();
             let rows = [l.x_axis, l.y_axis, l.z_axis].map(|row| row.as_vec3().to_array());
             let origin = world_from_chunk.translation.to_array();
