@@ -20,8 +20,8 @@ fn report() -> ChunkReport {
         },
         instances: vec![cube(4.0, 0), cube(24.0, 1), cube(44.0, 2)],
         chunks: vec![chunk(0, 7), chunk(1, 7), chunk(100, 7)],
-        progress: (0..1000_u32)
-            .map(|k| ReportMoment { seconds: f64::from(k), paths_left: u64::from(999 - k) * 1000 })
+        progress: (0..1001_u32)
+            .map(|k| ReportMoment { seconds: f64::from(k), paths_left: u64::from(1000 - k) * 1000 })
             .collect(),
         ..ChunkReport::default()
     }
@@ -78,8 +78,8 @@ fn the_table_is_short_and_has_its_end() {
     let text = progress(&report());
     assert!(text.lines().count() < 60, "{text}");
     let last = text.lines().last().unwrap_or_default();
-    assert!(last.contains("999.000") && last.contains(" 0 "), "the last moment: {last}");
-    assert!(text.contains("99000"), "the first tenfold drop: {text}");
+    assert!(last.contains("1000.000") && last.contains(" 0 "), "the last moment: {last}");
+    assert!(text.contains(" 100000 "), "the first tenfold drop: {text}");
 }
 
 #[test]

@@ -114,8 +114,14 @@ impl Land {
             return 0.0;
         }
         let at = DVec2::new(x, z) / self.half;
-        let slope = 1.0 - self.normal(x, z).y;
-        let hills = smooth(BEACH, 1.5 * BEACH, inland) * (1.0 - smooth(0.32, 0.45, slope));
+        // Only asked for where it matters: a normal takes four heights.
+        let slope = || 1.0 - self.normal(x, z).y;
+        let hills = match smooth(BEACH, 1.5 * BEACH, inland) {
+            above if above > 0.0 && matches!(habitat, Habitat::Meadow | Habitat::Hills) => {
+                above * (1.0 - smooth(0.32, 0.45, slope()))
+            }
+            _ => 0.0,
+        };
         let place = match habitat {
             Habitat::Beach => smooth(-0.01, 0.01, inland) * (1.0 - smooth(0.9 * BEACH, 1.2 * BEACH, inland)),
             Habitat::Tideline => bump(DVec2::new(inland, 0.0), [0.035, 0.0], 0.016),
@@ -123,9 +129,12 @@ impl Land {
             Habitat::Meadow | Habitat::Hills => hills,
             Habitat::Stony => {
                 0.15 * bump(DVec2::new(inland, 0.0), [0.0, 0.0], 0.02)
-                    + smooth(0.1, 0.3, slope) * smooth(0.05, 0.1, inland)
+                    + smooth(0.1, 0.3, slope()) * smooth(0.05, 0.1, inland)
             }
         };
+        if place <= 1e-9 {
+            return 0.0;
+        }
         // More towards the camera's side, as a set dresser would.
         let front = 0.35 + bump(at, [0.0, 0.62], 0.5);
         // Deviation of the logarithm about 1.7: one place in a hundred has 50 times the middle, one in a hundred 1/50.
