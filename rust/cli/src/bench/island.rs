@@ -59,7 +59,7 @@ pub(crate) struct Arguments {
     /// Also write the picture as PNG (sRGB) to this file.
     #[arg(long)]
     picture: Option<PathBuf>,
-    /// Also render the last row once more and write its chunk report to this file (`oocpt report chunks` draws it).
+    /// Also render the last good row once more and write its chunk report to this file (`oocpt report chunks` draws it).
     #[arg(long)]
     chunk_report: Option<PathBuf>,
 }
@@ -81,6 +81,14 @@ struct Row {
     different_pixels: u64,
     gpu_peak_bytes: u64,
     streaming: StreamingStats,
+}
+
+/// A row that did not render.
+#[derive(Debug, Serialize)]
+struct Failed {
+    budget_percent: f64,
+    policy: String,
+    message: String,
 }
 
 #[derive(Debug, Serialize)]
@@ -107,6 +115,7 @@ struct Report {
     scene_bytes: u64,
     all_identical: bool,
     rows: Vec<Row>,
+    failed: Vec<Failed>,
 }
 
 /// Runs the bench.
@@ -136,10 +145,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     print_head(&report);
     let mut reference = Vec::new();
     for (percent, policy) in rows(arguments) {
-        let row = measure(arguments, &session, percent, &policy, &report, &mut reference)
-            .with_context(|| format!("row of {percent} % {policy}"))?;
-        print_row(&row);
-        report.rows.push(row);
+        match measure(arguments, &session, percent, &policy, &report, &mut reference) {
+            Ok(row) => {
+                print_row(&row);
+                report.rows.push(row);
+            }
+            // A budget may be too small for the largest chunk: the other rows are worth having.
+            Err(error) => {
+                let message = format!("{error:#}");
+                println!("{percent:>7} {policy}: {message}");
+                report.failed.push(Failed { budget_percent: percent, policy, message });
+            }
+        }
     }
     report.all_identical = report.rows.iter().all(|row| row.is_identical);
     println!("pictures of all rows: {}", if report.all_identical { "bit-identical" } else { "DIFFERENT" });
@@ -147,14 +164,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     if let Some(path) = &arguments.picture {
         write_picture(&session, [arguments.width, arguments.height], path)?;
     }
-    if let Some(path) = &arguments.chunk_report {
+    if let (Some(path), Some(row)) = (&arguments.chunk_report, report.rows.last()) {
         // In a render of its own: counting visits costs time, and a scene in core is streamed for it.
+        set_row(&session, row.budget_percent, &row.policy, report.scene_bytes)?;
         session.set_setting("oocpt:chunkReport", Value::Text(path.to_string_lossy().into_owned()))?;
         session.render(request(arguments));
         finish(&session).context("render for the chunk report")?;
     }
     if !report.all_identical {
         bail!("the picture depends on the budget");
+    }
+    if !report.failed.is_empty() {
+        bail!("{} of {} rows did not render", report.failed.len(), report.failed.len() + report.rows.len());
     }
     Ok(())
 }
@@ -177,6 +198,16 @@ fn request(arguments: &Arguments) -> RenderRequest {
     }
 }
 
+/// Sets the session up for a row; gives its budget in KiB.
+fn set_row(session: &Session, percent: f64, policy: &str, scene_bytes: u64) -> Result<u32> {
+    let budget = budget_kib(percent, scene_bytes);
+    session.set_setting("oocpt:geometryBudget", Value::Int(budget.into()))?;
+    if !policy.is_empty() {
+        session.set_setting("oocpt:policy", Value::Text(policy.into()))?;
+    }
+    Ok(budget)
+}
+
 /// Renders one row. The first row leaves its picture in `reference`.
 fn measure(
     arguments: &Arguments,
@@ -186,11 +217,7 @@ fn measure(
     report: &Report,
     reference: &mut Vec<u8>,
 ) -> Result<Row> {
-    let budget = budget_kib(percent, report.scene_bytes);
-    session.set_setting("oocpt:geometryBudget", Value::Int(budget.into()))?;
-    if !policy.is_empty() {
-        session.set_setting("oocpt:policy", Value::Text(policy.into()))?;
-    }
+    let budget = set_row(session, percent, policy, report.scene_bytes)?;
     session.render(request(arguments));
     finish(session).context("warm-up render")?;
     let mut runs: Vec<(Timings, Stats)> = Vec::new();
@@ -273,6 +300,7 @@ fn report(arguments: &Arguments, session: &Session, generate_secs: f64, commit_s
         scene_bytes: stats.streaming.scene_bytes,
         all_identical: true,
         rows: Vec::new(),
+        failed: Vec::new(),
     }
 }
 
