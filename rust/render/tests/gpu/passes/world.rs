@@ -64,7 +64,20 @@ fn around(points: impl Iterator<Item = DVec3>, pad: f64) -> Aabb {
     for point in points {
         (min, max) = (min.min(point), max.max(point));
     }
-    Aabb { min: (min - pad).as_vec3().to_array(), max: (max + pad).as_vec3().to_array() }
+    let outwards = |value: f64, towards: f64| {
+        #[expect(clippy::cast_possible_truncation, reason = "rounded outwards")]
+        let near = value as f32;
+        let inside = (f64::from(near) - value) * towards < 0.0;
+        if !inside {
+            near
+        } else if towards < 0.0 {
+            near.next_down()
+        } else {
+            near.next_up()
+        }
+    };
+    let (min, max) = (min - pad, max + pad);
+    Aabb { min: min.to_array().map(|x| outwards(x, -1.0)), max: max.to_array().map(|x| outwards(x, 1.0)) }
 }
 
 fn corners(bounds: &Aabb) -> impl Iterator<Item = DVec3> {
@@ -132,7 +145,7 @@ impl Scene {
             let origin = world_from_chunk.translation.to_array();
             instances.push(GpuChunkInstance::new(rows, origin, chunk, id));
             let bounds = &groups[chunk as usize].bounds;
-            boxes.push(around(corners(bounds).map(|corner| world_from_chunk.transform_point3(corner)), 0.13));
+            boxes.push(around(corners(bounds).map(|corner| world_from_chunk.transform_point3(corner)), 1e-5));
             self.chunk_of.push(chunk);
         }
         self.chunk_instances = self.put(&instances);
