@@ -19,6 +19,8 @@ pub(crate) struct Entry {
     pub(crate) axis: usize,
     /// The ray passes within a pixel of an edge of the face.
     pub(crate) is_edge: bool,
+    /// Size of the box as a part of the picture's width, at the distance of entry.
+    pub(crate) size: f64,
 }
 
 /// Boxes under a hierarchy.
@@ -27,6 +29,8 @@ pub(crate) struct Boxes {
     boxes: Vec<Aabb>,
     bvh: Bvh2,
     camera: ReportCamera,
+    /// Pixels of the picture, from left to right.
+    width: f64,
 }
 
 /// A ray and the size of its pixel, which may grow with the distance.
@@ -42,7 +46,7 @@ impl Boxes {
     pub(crate) fn new(report: &ChunkReport) -> Self {
         let boxes: Vec<Aabb> = report.instances.iter().map(|i| Aabb { min: i.bounds[0], max: i.bounds[1] }).collect();
         let bvh = build_box_bvh(&boxes);
-        Self { boxes, bvh, camera: report.camera }
+        Self { boxes, bvh, camera: report.camera, width: f64::from(report.width.max(1)) }
     }
 
     /// The nearest boxes that the ray through `(x, y)`, in pixels from the lower left corner, enters from outside, near to
@@ -84,7 +88,9 @@ impl Boxes {
         if t <= 0.0 || exit < t {
             return;
         }
-        let entry = Entry { instance, t, axis, is_edge: ray.is_at_edge(bounds, t, axis) };
+        let extent = (Vec3::from(bounds.max) - Vec3::from(bounds.min)).max_element();
+        let size = f64::from(extent) / (self.width * ray.pixel_at(t)).max(1e-30);
+        let entry = Entry { instance, t, axis, is_edge: ray.is_at_edge(bounds, t, axis), size };
         // Ties by number, so that the picture does not depend on the walk.
         let place = found.partition_point(|other| (other.t, other.instance) < (t, instance));
         found.insert(place, entry);
@@ -102,10 +108,15 @@ impl Ray {
         (enter <= exit).then(|| (enter, exit, near.max_position()))
     }
 
+    /// Size of the ray's pixel at `t`.
+    fn pixel_at(&self, t: f64) -> f64 {
+        self.pixel[0] + self.pixel[1] * t
+    }
+
     /// Whether the point at `t` on the face of `axis` is within a pixel of the face's border.
     fn is_at_edge(&self, bounds: &Aabb, t: f64, axis: usize) -> bool {
         let point = self.origin + self.direction * t;
-        let width = self.pixel[0] + self.pixel[1] * t;
+        let width = self.pixel_at(t);
         (0..3).filter(|&k| k != axis).any(|k| {
             let (low, high) = (f64::from(bounds.min[k]), f64::from(bounds.max[k]));
             // Seen at an angle a pixel covers more, but thin lines are what is wanted.

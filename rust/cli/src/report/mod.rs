@@ -106,7 +106,8 @@ fn blend(boxes: &Boxes, colors: &[[f64; 3]], x: f64, y: f64) -> [f64; 3] {
         match entry.is_edge {
             // Edges are lighter, so that boxes of one colour can be told apart.
             true => paint::mix(behind, paint::mix(color, [1.0; 3], 0.25), EDGE),
-            false => paint::mix(behind, shaded, FACE),
+            // Boxes that fill the picture are faint, or nothing else would be seen.
+            false => paint::mix(behind, shaded, FACE * (0.5 / entry.size).powi(2).min(1.0)),
         }
     })
 }

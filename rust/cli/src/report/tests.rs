@@ -67,7 +67,7 @@ fn a_box_behind_shines_through_and_a_box_around_the_camera_does_not() {
 #[test]
 fn the_picture_is_not_upside_down() {
     let mut report = report();
-    report.instances = vec![ReportInstance { bounds: [[10.0, 30.0, -9.0], [50.0, 38.0, -5.0]], chunk: 1 }];
+    report.instances = vec![ReportInstance { bounds: [[20.0, 30.0, -9.0], [40.0, 38.0, -5.0]], chunk: 1 }];
     let image = draw(&report, "LOADS", |chunk| chunk.loads);
     assert_eq!(image.get_pixel(30, 6).0, face(paint::ramp(0.0)), "y = 34 is near the top");
     assert_eq!(image.get_pixel(30, 34).0, paint::pixel(paint::BACKGROUND).0, "nothing near the bottom");
