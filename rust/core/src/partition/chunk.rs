@@ -9,6 +9,7 @@ use std::sync::{Arc, PoisonError, RwLock};
 
 use glam::DVec3;
 
+use super::blocks::{Block, Peaks};
 use super::lattice::{Item, Lattice};
 use crate::mesh::Aabb;
 use crate::scene::assembly::Member;
@@ -44,6 +45,25 @@ pub struct Chunk {
     pub(crate) ranks: Vec<u32>,
     /// Which of `ids` each record is of; empty when there is one only.
     pub(crate) which: Vec<u32>,
+    /// Boxes of stretches of records.
+    pub(crate) blocks: Vec<Block>,
+}
+
+/// What a chunk is made of.
+#[derive(Debug)]
+pub(crate) struct Content {
+    /// As [`Chunk::codes`].
+    pub(crate) codes: [u64; 2],
+    /// Numbers of the members that have records here, in order.
+    pub(crate) present: Vec<u32>,
+    /// Records of each.
+    pub(crate) counts: Vec<u32>,
+    /// As [`Chunk::ranks`].
+    pub(crate) ranks: Vec<u32>,
+    /// As [`Chunk::which`].
+    pub(crate) which: Vec<u32>,
+    /// All of the records.
+    pub(crate) blocks: Vec<Block>,
 }
 
 /// The members of an assembly while it is partitioned.
@@ -82,23 +102,28 @@ impl Chunk {
             }
         }
         let ends = [items.first().and_then(|s| s.first()), items.last().and_then(|s| s.last())];
-        let (origin, bounds) = frame(all(), roster.keeps_frame, lattice);
+        let content = Content {
+            codes: ends.map(|item| item.map_or(0, Item::code)),
+            present,
+            counts,
+            ranks: all().map(Item::rank).collect(),
+            which,
+            blocks: Block::of(all(), lattice),
+        };
+        Self::of(content, roster, lattice)
+    }
+
+    /// Makes a chunk; its key is set later.
+    pub(crate) fn of(content: Content, roster: Roster<'_>, lattice: &Lattice) -> Self {
+        let Content { codes, present, counts, ranks, which, blocks } = content;
+        let (origin, bounds) = frame(&blocks, roster.keeps_frame, lattice);
         let members: Arc<[Member]> = present.iter().filter_map(|&m| roster.members.get(m as usize).cloned()).collect();
         let mut targets: Vec<Target> = members.iter().map(|m| m.target).collect();
         targets.sort_unstable();
         targets.dedup();
-        Self {
-            key: 0,
-            origin,
-            bounds,
-            targets,
-            codes: ends.map(|item| item.map_or(0, Item::code)),
-            ids: present.iter().filter_map(|&m| roster.ids.get(m as usize).copied()).collect(),
-            counts,
-            members: RwLock::new(members),
-            ranks: all().map(Item::rank).collect(),
-            which,
-        }
+        let ids = present.iter().filter_map(|&m| roster.ids.get(m as usize).copied()).collect();
+        let members = RwLock::new(members);
+        Self { key: 0, origin, bounds, targets, codes, ids, counts, members, ranks, which, blocks }
     }
 
     /// A stamp, unique in its [`crate::scene::SceneDb`]: chunks of equal keys have the same records bit for bit, a chunk
@@ -151,6 +176,7 @@ impl Chunk {
     pub fn host_bytes(&self) -> u64 {
         let members = self.ids.len() * (2 * size_of::<u32>() + size_of::<Member>());
         let records = (self.ranks.len() + self.which.len()) * size_of::<u32>();
+        let records = records + size_of_val(&self.blocks[..]);
         (size_of::<Self>() + members + records + size_of_val(&self.targets[..])) as u64
     }
 
@@ -225,6 +251,11 @@ impl<'a> Readers<'a> {
         Self { members, origin, known, last: None }
     }
 
+    /// What the partition needs to know of a record, not on a lattice yet.
+    pub(crate) fn item(&mut self, which: u32, rank: u32) -> Option<Item> {
+        self.get(which)?.1.item(rank)
+    }
+
     fn are_kept(&self) -> bool {
         self.known.len() == self.members.len()
     }
@@ -250,12 +281,9 @@ fn local(present: &[u32], member: u32) -> u32 {
 }
 
 /// Origin, and box in the chunk's frame.
-fn frame<'a>(items: impl Iterator<Item = &'a Item>, keeps_frame: bool, lattice: &Lattice) -> (DVec3, Aabb) {
-    let (mut min, mut max, mut spread) = (DVec3::INFINITY, DVec3::NEG_INFINITY, 0.0_f64);
-    for item in items {
-        let [low, high] = lattice.footprint(item);
-        (min, max, spread) = (min.min(low), max.max(high), spread.max(item.spread()));
-    }
+fn frame(blocks: &[Block], keeps_frame: bool, lattice: &Lattice) -> (DVec3, Aabb) {
+    let peaks = blocks.iter().fold(Peaks::NONE, |peaks, block| peaks.max(block.peaks()));
+    let ([min, max], spread) = lattice.box_of(peaks);
     let origin = if keeps_frame { DVec3::ZERO } else { 0.5 * (min + max) };
     let reach = (min - origin).abs().max((max - origin).abs()).max_element();
     // The map of a record goes wrong by its spread times what is between the origin and the record, twice: the map's

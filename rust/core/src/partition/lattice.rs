@@ -9,6 +9,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
+use super::blocks::Peaks;
 use crate::mesh::Aabb;
 use crate::scene::placement::{Footprint, MATRIX_ERROR, nearest};
 
@@ -24,6 +25,9 @@ const CELL_SLACK: f64 = 1.0 / 256.0;
 const HUGE: f64 = 1e30;
 /// Rounding of a position to single precision.
 const POSITION_ERROR: f64 = 1.0 / 8_388_608.0;
+
+/// Rounding of [`Lattice::peaks`], two additions of single precision at most.
+const NUMBER_ERROR: f64 = 1.0 / 2_097_152.0;
 
 /// A power-of-two lattice with an aligned lower corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,12 +96,6 @@ impl Item {
         self.id as u32
     }
 
-    /// How much the rounding of the map is magnified.
-    #[inline]
-    pub(crate) fn spread(&self) -> f64 {
-        long(self.spread)
-    }
-
     /// Before [`Lattice::place`]: the centre.
     #[inline]
     #[expect(clippy::cast_possible_truncation, reason = "two halves of 64 bits each")]
@@ -132,15 +130,26 @@ impl Lattice {
         item.id = u64::from(member) << 32 | rank;
     }
 
-    /// A box around what a placed item places, in the assembly's frame, without the rounding of its map in the chunk.
+    /// The outermost numbers of what a placed item places, seen from the lattice's corner, without the rounding of its
+    /// map in the chunk and of the numbers themselves; see [`Lattice::box_of`].
     #[inline]
-    pub(crate) fn footprint(&self, item: &Item) -> [DVec3; 2] {
+    #[expect(clippy::cast_precision_loss, reason = "21 bits, and a power of two")]
+    pub(crate) fn peaks(&self, item: &Item) -> Peaks {
+        let quantum = nearest(self.quantum);
         let [x, y, z] = [item.code, item.code >> 1, item.code >> 2].map(|v| gather_bits(v & (u64::MAX >> 1)));
-        let corner = DVec3::new(f64::from(x), f64::from(y), f64::from(z));
-        let half = DVec3::from(item.half.map(long));
-        let min = self.base + (corner - CELL_SLACK) * self.quantum - half;
-        let max = self.base + (corner + (1.0 + CELL_SLACK)) * self.quantum + half;
-        [min, max]
+        let corner = [x, y, z].map(|v| v as f32 * quantum);
+        let half = item.half.map(float);
+        let low: [f32; 3] = std::array::from_fn(|k| half[k] - corner[k]);
+        let high: [f32; 3] = std::array::from_fn(|k| corner[k] + quantum + half[k]);
+        Peaks([low[0], low[1], low[2], high[0], high[1], high[2], float(item.spread), 0.0])
+    }
+
+    /// The box that peaks mean, in the assembly's frame, and the largest spread.
+    pub(crate) fn box_of(&self, peaks: Peaks) -> ([DVec3; 2], f64) {
+        let [a, b, c, d, e, f, spread, _] = peaks.0.map(f64::from);
+        let (low, high) = (-DVec3::new(a, b, c), DVec3::new(d, e, f));
+        let slack = |v: DVec3| v.abs() * NUMBER_ERROR + CELL_SLACK * self.quantum;
+        ([self.base + (low - slack(low)), self.base + (high + slack(high))], spread)
     }
 }
 
@@ -190,6 +199,11 @@ fn short_up(v: f64) -> u16 {
 }
 
 #[inline]
+fn float(v: u16) -> f32 {
+    f32::from_bits(u32::from(v) << 16)
+}
+
+#[inline]
 fn long(v: u16) -> f64 {
-    f64::from(f32::from_bits(u32::from(v) << 16))
+    f64::from(float(v))
 }

@@ -9,11 +9,13 @@
 //! `cells` cut their members into chunks, `place` composes the placements in f64, `top` builds the hierarchy over them.
 //! Pure and deterministic; work is spread over the caller's rayon pool.
 
+mod blocks;
 mod cells;
 mod chunk;
 mod cost;
 mod lattice;
 mod part;
+mod patch;
 mod place;
 mod store;
 mod validate;

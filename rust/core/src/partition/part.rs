@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The partition of one opened assembly, brought up to date by what changed.
 //!
-//! Chunks in which nothing changed stay as they are; the members of the others, and new ones, are sorted anew and cut
-//! together with them. The result is the one that cutting everything anew would give. Costs: the measuring of what is in
-//! touched chunks, and a few steps per chunk.
+//! Chunks in which nothing changed stay as they are; those in which little did are patched; the members of the others, and
+//! new ones, are sorted anew and cut together with them. The result is the one that cutting everything anew would give.
+//! Costs: a few steps per chunk, a copy of what is in touched ones, and some measuring per edited record.
 
 use std::sync::Arc;
 
@@ -14,6 +14,7 @@ use super::cells::{Cutter, Piece};
 use super::chunk::{Chunk, Roster};
 use super::cost::{AssetCosts, CutRule};
 use super::lattice::{Item, Lattice};
+use super::patch::{Edits, SHARE};
 use crate::mesh::Aabb;
 use crate::scene::Target;
 use crate::scene::assembly::{Assembly, Member};
@@ -49,7 +50,28 @@ struct Changes {
     edited: Vec<(u32, usize, Arc<Vec<u32>>)>,
     /// Ids with another run but the same records where not edited.
     rebound: FxHashSet<u32>,
+    /// True when the records of members that are gone are taken out one by one.
+    takes_gone_records: bool,
     next_id: u32,
+}
+
+/// What an update does to a chunk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Fate {
+    /// Nothing.
+    Keep,
+    /// A copy with the edits.
+    Patch,
+    /// All of its records are sorted in anew.
+    Melt,
+}
+
+/// A chunk after that.
+#[derive(Debug)]
+enum Done {
+    Kept(Arc<Chunk>),
+    Patched(Arc<Chunk>),
+    Melted(Vec<Item>),
 }
 
 /// What is partitioned, and by which costs.
@@ -95,25 +117,36 @@ impl Part {
         let roster =
             Roster { members: job.assembly.members(), ids: &changes.ids, keeps_frame: job.assembly.is_split_mesh() };
         let cutter = Cutter { rule: &rule, roster, lattice: &lattice, member_of: &changes.member_of };
-        let mut items = new_items(job.assembly.members(), &changes, &lattice);
-        let changed = self.changed_places(&changes);
-        let touched = self.touched(&changes, &items, &changed, &lattice);
-        let melted: Vec<Vec<Item>> = self
-            .chunks
-            .par_iter()
-            .zip(&touched)
-            .filter(|(_, touched)| **touched)
-            .map(|(chunk, _)| {
-                let mut items = cutter.melt(chunk);
-                items.retain(|i| !changed.contains(&(i.member(), i.rank())));
-                items
+        let mut gained = new_items(job.assembly.members(), &changes, &lattice);
+        gained.par_sort_unstable_by_key(Item::key);
+        let lost = self.lost_items(&changes, &lattice);
+        let edits = Edits::of_chunks(&self.chunks, &lost, &gained);
+        let fates = self.fates(&changes, &edits);
+        let changed = if fates.contains(&Fate::Melt) { changes.places() } else { FxHashSet::default() };
+        let melt = |chunk: &Chunk| {
+            let mut items = cutter.melt(chunk);
+            items.retain(|i| !changed.contains(&(i.member(), i.rank())));
+            Done::Melted(items)
+        };
+        let done: Vec<Done> = (&self.chunks, &edits, &fates)
+            .into_par_iter()
+            .with_max_len(1)
+            .map(|(chunk, edits, fate)| match fate {
+                Fate::Keep => {
+                    rebind(chunk, &changes, roster.members);
+                    Done::Kept(chunk.clone())
+                }
+                Fate::Patch => {
+                    let lost = lost.get(edits.lost.clone()).unwrap_or_default();
+                    let gained = gained.get(edits.gained.clone()).unwrap_or_default();
+                    let patched = cutter.patch(chunk, lost, gained);
+                    patched.map_or_else(|| melt(chunk), |chunk| Done::Patched(Arc::new(chunk)))
+                }
+                Fate::Melt => melt(chunk),
             })
             .collect();
-        melted.into_iter().for_each(|mut part| items.append(&mut part));
-        items.par_sort_unstable_by_key(Item::key);
-        let kept: Vec<&Arc<Chunk>> = self.chunks.iter().zip(&touched).filter(|(_, t)| !**t).map(|(c, _)| c).collect();
-        kept.par_iter().for_each(|chunk| rebind(chunk, &changes, roster.members));
-        let chunks = cutter.cut(&pieces(&kept, &items));
+        let items = loose(gained, &edits, &done);
+        let chunks = cutter.cut(&pieces(done.iter().filter_map(Done::chunk), &items));
         let known = job.inside().map(|(number, member)| Known {
             id: changes.ids.get(number as usize).copied().unwrap_or(u32::MAX),
             member: member.clone(),
@@ -121,6 +154,50 @@ impl Part {
         self.members = known.collect();
         self.chunks = chunks;
         self.next_id = changes.next_id;
+    }
+
+    /// Records that go, as they were, with lasting ids in place of members; sorted. Without those of members that are gone
+    /// when they are many.
+    fn lost_items(&self, changes: &Changes, lattice: &Lattice) -> Vec<Item> {
+        let mut lost: Vec<Item> = Vec::new();
+        let mut add = |known: &Known, ranks: &[u32]| {
+            let reader = known.member.run.reader(None);
+            lost.par_extend(ranks.par_iter().filter_map(|&rank| {
+                let mut item = reader.item(rank)?;
+                lattice.place(&mut item, known.id);
+                Some(item)
+            }));
+        };
+        for (_, at, ranks) in &changes.edited {
+            self.members.get(*at).into_iter().for_each(|known| add(known, ranks));
+        }
+        if changes.takes_gone_records {
+            let gone = self.members.iter().filter(|known| !changes.member_of.contains_key(&known.id));
+            gone.for_each(|known| add(known, &(0..known.member.run.ranks()).collect::<Vec<u32>>()));
+        }
+        lost.par_sort_unstable_by_key(Item::key);
+        lost
+    }
+
+    /// What becomes of the chunks. Chunks of equal codes share their fate.
+    fn fates(&self, changes: &Changes, edits: &[Edits]) -> Vec<Fate> {
+        let is_gone = |id: &u32| !changes.member_of.contains_key(id);
+        let fate = |(chunk, edits): (&Arc<Chunk>, &Edits)| match edits.len() {
+            _ if !changes.takes_gone_records && chunk.ids.iter().any(is_gone) => Fate::Melt,
+            0 => Fate::Keep,
+            _ if edits.are_few(chunk) => Fate::Patch,
+            _ => Fate::Melt,
+        };
+        let mut fates: Vec<Fate> = self.chunks.par_iter().zip(edits).map(fate).collect();
+        let mut start = 0;
+        for stretch in self.chunks.chunk_by(|a, b| a.codes[1] == b.codes[0]) {
+            let part = fates.get_mut(start..start + stretch.len()).unwrap_or_default();
+            if part.len() > 1 && part.iter().any(|fate| *fate != Fate::Keep) {
+                part.fill(Fate::Melt);
+            }
+            start += stretch.len();
+        }
+        fates
     }
 
     /// Compares the members with those of the last time; both are in the order of paths and slots.
@@ -153,61 +230,49 @@ impl Part {
             }
             changes.member_of.insert(id, number);
         }
+        let gone = self.members.iter().filter(|known| !changes.member_of.contains_key(&known.id));
+        let gone: usize = gone.map(|known| known.member.run.len()).sum();
+        changes.takes_gone_records = gone * SHARE <= self.chunks.iter().map(|chunk| chunk.len()).sum();
         changes
     }
+}
 
+impl Changes {
     /// Records that changed, by number of the member and rank.
-    fn changed_places(&self, changes: &Changes) -> FxHashSet<(u32, u32)> {
-        changes.edited.iter().flat_map(|(number, _, ranks)| ranks.iter().map(|&rank| (*number, rank))).collect()
+    fn places(&self) -> FxHashSet<(u32, u32)> {
+        self.edited.iter().flat_map(|(number, _, ranks)| ranks.iter().map(|&rank| (*number, rank))).collect()
     }
+}
 
-    /// Which chunks lost a record, get one, or stand among chunks of equal codes that do.
-    fn touched(
-        &self,
-        changes: &Changes,
-        items: &[Item],
-        changed: &FxHashSet<(u32, u32)>,
-        lattice: &Lattice,
-    ) -> Vec<bool> {
-        let lost = |chunk: &Chunk| chunk.ids.iter().any(|id| !changes.member_of.contains_key(id));
-        let mut touched: Vec<bool> = self.chunks.par_iter().map(|chunk| lost(chunk)).collect();
-        if self.chunks.is_empty() {
-            return touched;
+impl Done {
+    fn chunk(&self) -> Option<&Arc<Chunk>> {
+        match self {
+            Self::Kept(chunk) | Self::Patched(chunk) => Some(chunk),
+            Self::Melted(_) => None,
         }
-        let mut codes: Vec<u64> = items.par_iter().map(Item::code).collect();
-        for (number, at, ranks) in changes.edited.iter().filter(|_| !changed.is_empty()) {
-            let Some(known) = self.members.get(*at) else { continue };
-            let reader = known.member.run.reader(None);
-            codes.par_extend(ranks.par_iter().filter_map(|&rank| {
-                let mut item = reader.item(rank)?;
-                lattice.place(&mut item, *number);
-                Some(item.code())
-            }));
-        }
-        codes.par_sort_unstable();
-        codes.dedup();
-        let mut at = 0;
-        for code in codes {
-            while self.chunks.get(at).is_some_and(|chunk| chunk.codes[1] < code) {
-                at += 1;
-            }
-            let around = self.chunks.iter().zip(&mut touched).skip(at);
-            around.take_while(|(chunk, _)| chunk.codes[0] <= code).for_each(|(_, touched)| *touched = true);
-        }
-        self.spread_over_equal_codes(&mut touched);
-        touched
     }
+}
 
-    fn spread_over_equal_codes(&self, touched: &mut [bool]) {
-        let mut start = 0;
-        for stretch in self.chunks.chunk_by(|a, b| a.codes[1] == b.codes[0]) {
-            let part = touched.get_mut(start..start + stretch.len()).unwrap_or_default();
-            if part.contains(&true) {
-                part.fill(true);
+/// Sorted items in no chunk: what melted, and what was gained and is in no patched chunk.
+fn loose(gained: Vec<Item>, edits: &[Edits], done: &[Done]) -> Vec<Item> {
+    if !done.iter().any(|done| !matches!(done, Done::Kept(_))) {
+        return gained;
+    }
+    let mut items: Vec<Item> = Vec::new();
+    let mut at = 0;
+    for (edits, done) in edits.iter().zip(done) {
+        match done {
+            Done::Kept(_) => {}
+            Done::Patched(_) => {
+                items.extend_from_slice(gained.get(at..edits.gained.start).unwrap_or_default());
+                at = edits.gained.end;
             }
-            start += stretch.len();
+            Done::Melted(melted) => items.extend_from_slice(melted),
         }
     }
+    items.extend_from_slice(gained.get(at..).unwrap_or_default());
+    items.par_sort_unstable_by_key(Item::key);
+    items
 }
 
 /// The items of added members and of edited records, not sorted.
@@ -257,8 +322,8 @@ fn rebind(chunk: &Chunk, changes: &Changes, members: &[Member]) {
 }
 
 /// Kept chunks and sorted items between them, in order.
-fn pieces<'a>(kept: &[&'a Arc<Chunk>], mut items: &'a [Item]) -> Vec<Piece<'a>> {
-    let mut pieces = Vec::with_capacity(kept.len() + 1);
+fn pieces<'a>(kept: impl Iterator<Item = &'a Arc<Chunk>>, mut items: &'a [Item]) -> Vec<Piece<'a>> {
+    let mut pieces = Vec::new();
     for chunk in kept {
         let (before, after) = items.split_at(items.partition_point(|item| item.code() < chunk.codes[0]));
         if !before.is_empty() {

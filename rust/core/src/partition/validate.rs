@@ -173,7 +173,7 @@ impl Check<'_> {
         let mut records = vec![InstanceRecord::default(); chunk.len()];
         chunk.encode(0..chunk.len(), &mut records);
         let mut keys = Vec::with_capacity(chunk.len());
-        let mut targets = FxHashSet::default();
+        let (mut targets, mut items) = (FxHashSet::default(), Vec::with_capacity(chunk.len()));
         for (k, record) in records.iter().enumerate() {
             let (which, rank) = chunk.place(k).ok_or("a record has no place")?;
             let member = members.get(which as usize).ok_or("a record has no member")?;
@@ -185,6 +185,7 @@ impl Check<'_> {
             let mut item = member.run.reader(None).item(rank).ok_or("a record is not usable")?;
             self.lattice.place(&mut item, number);
             keys.push(item.key());
+            items.push(item);
             targets.insert(record.target);
             let inside = self.bounds_of(record.target).ok_or("a target is out of range")?;
             validate_record(record, &inside, &chunk.bounds())?;
@@ -200,6 +201,17 @@ impl Check<'_> {
         }
         if [keys.first(), keys.last()].map(|k| k.map(|k| k.code)) != chunk.codes.map(Some) {
             return Err("the cell is not that of the records");
+        }
+        let mut left = &items[..];
+        for block in &chunk.blocks {
+            let (its, rest) = left.split_at_checked(block.len as usize).ok_or("a block is too long")?;
+            if !block.is_of(its, &self.lattice) {
+                return Err("a block is not of its records");
+            }
+            left = rest;
+        }
+        if !left.is_empty() {
+            return Err("records are in no block");
         }
         if self.job.assembly.is_split_mesh() && chunk.origin() != DVec3::ZERO {
             return Err("a cluster has a frame of its own");
