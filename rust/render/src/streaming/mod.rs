@@ -6,7 +6,7 @@
 //! its next step (`record`). A step writes the chunk table, wakes the rays whose chunk is there, traces some rounds and
 //! counts who waits for what. Loads go on beside the steps on the loader's threads and the transfer queue.
 //!
-//! The picture does not depend on any of this: `shaders/README.md` ("Streaming") and decisions/0004 say why.
+//! The picture does not depend on any of this: `shaders/README.md` ("Streaming") and decisions/0005 say why.
 
 mod buffers;
 mod clock;
