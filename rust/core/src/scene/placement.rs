@@ -17,6 +17,8 @@ use crate::mesh::Aabb;
 const SINGULAR: f64 = 1e-24;
 /// Largest number of a record: its square is finite in single precision.
 const MAX_MAGNITUDE: f32 = 1e18;
+/// Numbers of a record that add up to less are all well below [`MAX_MAGNITUDE`].
+const USUAL_MAGNITUDE: f64 = 1e17;
 /// Rounding of the f32 matrix and of its evaluation, in units of the magnitudes involved: 4 x 2^-24.
 pub(crate) const MATRIX_ERROR: f64 = 4.0 / 16_777_216.0;
 
@@ -219,42 +221,45 @@ impl<'a> Placer<'a> {
     /// for single precision.
     #[inline]
     pub(crate) fn place(&self, number: Option<usize>) -> Option<Placed> {
-        self.finish(&self.matrix(number)?).map(|(placed, _)| placed)
+        let m = self.matrix(number)?;
+        let inverse = Inverse::of(&m)?;
+        self.rounded(&inverse, &self.placed_box(&m, &inverse).0)
     }
 
-    /// As [`Placer::place`], for partitioning: the box, and what chunks need to know.
+    /// As [`Placer::place`], for partitioning: lower and upper corner of the box before it is rounded outward, and what
+    /// chunks need to know.
     #[inline]
-    pub(crate) fn measure(&self, number: Option<usize>) -> Option<(Aabb, Footprint)> {
-        self.finish(&self.matrix(number)?).map(|(placed, footprint)| (placed.bounds, footprint))
+    pub(crate) fn measure(&self, number: Option<usize>) -> Option<([DVec3; 2], Footprint)> {
+        let m = self.matrix(number)?;
+        let inverse = Inverse::of(&m)?;
+        let (corners, footprint) = self.placed_box(&m, &inverse);
+        // NaN fails the comparison. What is not clearly far below the limit is looked at closely.
+        let size = |v: DVec3| v.abs().element_sum();
+        let [a, b, c] = inverse.rows.map(size);
+        let sum = a + b + c + size(inverse.offset) + size(corners[0]) + size(corners[1]);
+        let sound = sum <= USUAL_MAGNITUDE || self.rounded(&inverse, &corners).is_some();
+        sound.then_some((corners, footprint))
     }
 
+    /// In single precision; `None` when that is too extreme.
     #[inline]
-    fn finish(&self, m: &DAffine3) -> Option<(Placed, Footprint)> {
-        let DMat3 { x_axis: x, y_axis: y, z_axis: z } = m.matrix3;
-        // Rows of the adjugate.
-        let (r0, r1, r2) = (y.cross(z), z.cross(x), x.cross(y));
-        let determinant = z.dot(r2);
-        if !is_regular(&m.matrix3, determinant) {
-            // Also where the test compared with NaN.
-            return None;
-        }
-        let inverse = 1.0 / determinant;
-        let rows = [r0 * inverse, r1 * inverse, r2 * inverse];
-        let offset = -DVec3::from(rows.map(|r| r.dot(m.translation)));
-        let row = |r: DVec3, w: f64| [r.x, r.y, r.z, w].map(nearest);
-        let object_from_parent = [row(rows[0], offset.x), row(rows[1], offset.y), row(rows[2], offset.z)];
-        let (bounds, footprint) = self.placed_box(m, rows, offset);
+    fn rounded(&self, inverse: &Inverse, [min, max]: &[DVec3; 2]) -> Option<Placed> {
+        let row = |k: usize| inverse.rows[k].extend(inverse.offset[k]).to_array().map(nearest);
+        let object_from_parent = [row(0), row(1), row(2)];
+        let bounds = Aabb { min: min.to_array().map(round_down), max: max.to_array().map(round_up) };
         // NaN fails the comparison too.
         let below = |numbers: &[f32]| numbers.iter().fold(true, |sound, v| sound & (v.abs() <= self.limit));
         let sound = below(object_from_parent.as_flattened()) & below(&bounds.min) & below(&bounds.max);
-        let flags = if determinant < 0.0 { InstanceFlags::FLIPS_HANDEDNESS } else { InstanceFlags::empty() };
-        sound.then_some((Placed { object_from_parent, bounds, flags }, footprint))
+        let flips = inverse.determinant < 0.0;
+        let flags = if flips { InstanceFlags::FLIPS_HANDEDNESS } else { InstanceFlags::empty() };
+        sound.then_some(Placed { object_from_parent, bounds, flags })
     }
 
     /// Box of the target placed by `m`, and also where the f32 rounding `A + E` of the inverse `A = (rows, offset)` puts
     /// it: a point x moves by `M E x`, with `|E| <= 2^-24 |A|`.
     #[inline]
-    fn placed_box(&self, m: &DAffine3, rows: [DVec3; 3], offset: DVec3) -> (Aabb, Footprint) {
+    fn placed_box(&self, m: &DAffine3, inverse: &Inverse) -> ([DVec3; 2], Footprint) {
+        let Inverse { rows, offset, .. } = inverse;
         let lever = m.matrix3 * self.center;
         let center = lever + m.translation;
         let (x, y, z) = (m.matrix3.x_axis.abs(), m.matrix3.y_axis.abs(), m.matrix3.z_axis.abs());
@@ -266,8 +271,33 @@ impl<'a> Placer<'a> {
         let spread = (x * sums[0] + y * sums[1] + z * sums[2]).max_element();
         let footprint = Footprint { center, half, spread, lever: lever.abs().max_element() };
         let half = half + x * error.x + y * error.y + z * error.z;
-        let (min, max) = (center - half, center + half);
-        (Aabb { min: min.to_array().map(round_down), max: max.to_array().map(round_up) }, footprint)
+        ([center - half, center + half], footprint)
+    }
+}
+
+/// The inverse of a placement.
+struct Inverse {
+    rows: [DVec3; 3],
+    offset: DVec3,
+    /// Of the placement.
+    determinant: f64,
+}
+
+impl Inverse {
+    #[inline]
+    fn of(m: &DAffine3) -> Option<Self> {
+        let DMat3 { x_axis: x, y_axis: y, z_axis: z } = m.matrix3;
+        // Rows of the adjugate.
+        let (r0, r1, r2) = (y.cross(z), z.cross(x), x.cross(y));
+        let determinant = z.dot(r2);
+        if !is_regular(&m.matrix3, determinant) {
+            // Also where the test compared with NaN.
+            return None;
+        }
+        let inverse = 1.0 / determinant;
+        let rows = [r0 * inverse, r1 * inverse, r2 * inverse];
+        let offset = -DVec3::from(rows.map(|r| r.dot(m.translation)));
+        Some(Self { rows, offset, determinant })
     }
 }
 

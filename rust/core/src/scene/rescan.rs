@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 
 use rayon::prelude::*;
 
-use super::placement::InstanceArrays;
+use super::placement::{InstanceArrays, Placer};
 use super::reader::{Numbers, number};
 use super::run::{BLOCK, Run, RunSpec, Scan, TASK};
 use crate::mesh::Aabb;
@@ -27,27 +27,17 @@ impl Run {
             edits: None,
             items: Mutex::new(None),
         };
-        let mut touched: Vec<usize> = ranks.iter().map(|&rank| rank as usize / BLOCK).collect();
-        touched.dedup();
-        let (numbers, placer) = (run.numbers(), run.spec.placer());
-        let scans: Vec<Scan> = touched
-            .par_iter()
-            .map(|&block| {
-                let mut scan = Scan::default();
-                let end = ((block + 1) * BLOCK).min(old.ranks as usize);
-                scan.add_block(&numbers, &placer, block * BLOCK..end, (0, &mut []));
-                scan
-            })
-            .collect();
+        let touched: Vec<&[u32]> = ranks.chunk_by(|a, b| *a as usize / BLOCK == *b as usize / BLOCK).collect();
+        let scans: Vec<(usize, Scan)> = touched.par_iter().filter_map(|ranks| run.rescan(old, ranks)).collect();
+        let (numbers, is_edited) = (run.numbers(), |rank: &u32| ranks.binary_search(rank).is_ok());
         let outside =
             |numbers: Numbers<'_>| ranks.par_iter().filter(|&&rank| numbers.of(rank).is_none()).count() as u64;
         let (was_outside, is_outside) = (outside(old.numbers()), outside(numbers));
-        let is_touched = |rank: &u32| touched.binary_search(&(*rank as usize / BLOCK)).is_ok();
-        let mut bad: Vec<u32> = old.bad.iter().copied().filter(|rank| !is_touched(rank)).collect();
-        bad.extend(scans.iter().flat_map(|s| s.bad.iter().copied()));
+        let mut bad: Vec<u32> = old.bad.iter().copied().filter(|rank| !is_edited(rank)).collect();
+        bad.extend(scans.iter().flat_map(|(_, scan)| scan.bad.iter().copied().filter(is_edited)));
         bad.sort_unstable();
-        for (&block, scan) in touched.iter().zip(&scans) {
-            if let (Some(slot), Some(bounds)) = (run.blocks.get_mut(block), scan.blocks.first()) {
+        for (block, scan) in &scans {
+            if let (Some(slot), Some(bounds)) = (run.blocks.get_mut(*block), scan.blocks.first()) {
                 *slot = *bounds;
             }
         }
@@ -58,6 +48,44 @@ impl Run {
         run.bad = bad;
         run.edits = Some((Arc::downgrade(old), Arc::new(ranks)));
         Some(run)
+    }
+
+    /// Number and new content of the block of the given ranks, which are all of it that differ from `old`. Bad ranks that
+    /// are not among them may be left out.
+    fn rescan(&self, old: &Self, ranks: &[u32]) -> Option<(usize, Scan)> {
+        let block = *ranks.first()? as usize / BLOCK;
+        let end = ((block + 1) * BLOCK).min(self.ranks as usize);
+        let mut scan = Scan::default();
+        let bounds = if ranks.len() > BLOCK / 4 { None } else { self.grown_box(old, ranks, block, &mut scan.bad) };
+        match bounds {
+            Some(bounds) => scan.blocks.push(bounds),
+            None => {
+                scan = Scan::default();
+                scan.add_block(&self.numbers(), &self.spec.placer(), block * BLOCK..end, (0, &mut []));
+            }
+        }
+        Some((block, scan))
+    }
+
+    /// The box of a block after edits that took away nothing that reached its sides; `None` after others.
+    fn grown_box(&self, old: &Self, ranks: &[u32], block: usize, bad: &mut Vec<u32>) -> Option<Aabb> {
+        let was = *old.blocks.get(block)?;
+        let mut bounds = was;
+        let (before, now) = ((old.numbers(), old.spec.placer()), (self.numbers(), self.spec.placer()));
+        let place = |(numbers, placer): &(Numbers<'_>, Placer<'_>), rank| {
+            numbers.of(rank).and_then(|number| placer.place(number)).map(|placed| placed.bounds)
+        };
+        for &rank in ranks {
+            let is_inside = |b: &Aabb| (0..3).all(|k| was.min[k] < b.min[k] && b.max[k] < was.max[k]);
+            if place(&before, rank).is_some_and(|b| !is_inside(&b)) {
+                return None;
+            }
+            match place(&now, rank) {
+                Some(placed) => bounds = bounds.union(&placed),
+                None => bad.push(rank),
+            }
+        }
+        Some(bounds)
     }
 
     /// Ranks whose placement may differ under `spec`, in order, if all else is the same and they are few.

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
-use super::placement::{InstanceArrays, Placed, Placer};
+use super::placement::{InstanceArrays, Placed, Placer, round_down, round_up};
 use super::reader::{Numbers, Reader};
 use super::report::DroppedData;
 use crate::array::{ArrayView, ElementType, TypedArray};
@@ -288,13 +288,14 @@ impl Scan {
         ranks: std::ops::Range<usize>,
         (first, items): (usize, &mut [Item]),
     ) {
-        let mut bounds = Aabb::EMPTY;
+        // Rounding outward keeps the order: done once for all.
+        let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for at in ranks {
             let Ok(rank) = u32::try_from(at) else { return };
             let number = numbers.of(rank);
             match number.and_then(|n| placer.measure(n)) {
-                Some((placed, footprint)) => {
-                    bounds = bounds.union(&placed);
+                Some(([low, high], footprint)) => {
+                    (min, max) = (min.min(low), max.max(high));
                     if let Some(slot) = items.get_mut(at - first) {
                         *slot = Item::new(&footprint, rank);
                     }
@@ -305,7 +306,7 @@ impl Scan {
                 }
             }
         }
-        self.blocks.push(bounds);
+        self.blocks.push(Aabb { min: min.to_array().map(round_down), max: max.to_array().map(round_up) });
     }
 }
 

@@ -3,7 +3,8 @@
 
 use std::sync::Arc;
 
-use oocpt_core::{ElementType, SceneDb, TypedArray};
+use glam::{DMat4, Vec3};
+use oocpt_core::{ElementType, PartitionOptions, SceneDb, TypedArray};
 
 use crate::partition::{SMALL, spread};
 use crate::partition_edits::{assert_keys_tell, assert_same_world};
@@ -139,4 +140,64 @@ fn cells_with_large_closures_are_cut() {
     assert!(snapshot.meshes.len() == 30 && bytes > 64 * (16 << 10), "{} meshes, {bytes} bytes", snapshot.meshes.len());
     let sizes: Vec<usize> = snapshot.world.chunks.iter().map(|c| c.len()).collect();
     assert!(sizes.len() >= 4 && sizes.iter().sum::<usize>() == 60, "{sizes:?}");
+}
+
+/// A few edits in chunks of many records, some of them flat or with equal sides: records come, go and pass each other,
+/// prims as well as instances, and after each step all is as made anew.
+#[test]
+fn few_edits_of_long_chunks_give_what_a_new_database_gives() {
+    const N: usize = 9000;
+    let options = PartitionOptions { chunk_bytes: 256 << 10 };
+    let mut points = spread(N, 100.0, 21);
+    points.iter_mut().for_each(|p| p[1] = if p[0] < 0.0 { 0.0 } else { p[1] });
+    let mut scales = vec![[1.0_f32; 3]; N];
+    let mut kinds: Vec<usize> = (0..N).map(|k| usize::from(k % 50 == 0)).collect();
+    let mut singles: Vec<(u16, [f32; 3])> = (0..40).zip(spread(40, 100.0, 22)).collect();
+    let apply = |db: &mut SceneDb, points: &[[f32; 3]], scales: &[[f32; 3]], kinds: &[usize], singles: &[(u16, _)]| {
+        let of = |kind| (0..).zip(kinds).filter(|(_, k)| **k == kind).map(|(n, _)| n).collect::<Vec<i32>>();
+        let mut desc = scatter("/i", points, &[("/i/a", &of(0)), ("/i/b", &of(1))]);
+        desc.scales = Some(TypedArray::of(scales.to_vec()));
+        db.upsert_instancer(desc);
+        for (name, tag) in [("a", 0.5), ("b", 1.0)] {
+            let mut mesh = triangle(&format!("/i/{name}/m"), tag);
+            mesh.prim.instanced_by = vec![by("/i", &format!("/i/{name}"))];
+            db.upsert_mesh(mesh);
+        }
+        db.remove("/s");
+        for (name, at) in singles {
+            let mut mesh = triangle(&format!("/s/{name}"), 1.5);
+            mesh.prim.transform = DMat4::from_translation(Vec3::from(*at).as_dvec3());
+            db.upsert_mesh(mesh);
+        }
+    };
+    let mut db = SceneDb::new();
+    db.set_partition(options);
+    apply(&mut db, &points, &scales, &kinds, &singles);
+    let mut before = committed(&mut db);
+    for step in 0..12_u16 {
+        let (from, shift) = (usize::from(step) * 700, f32::from(step) - 4.0);
+        match step % 6 {
+            // The outermost ones; some to one place; a little; larger; hidden by a bad number and back.
+            0 => points.iter_mut().for_each(|p| p[0] = if p[0].abs() > 49.95 { -0.9 * p[0] } else { p[0] }),
+            1 => points.iter_mut().skip(from).take(30).for_each(|p| *p = [shift, 0.0, 30.0]),
+            2 => points.iter_mut().step_by(300).for_each(|p| p[2] += 0.01 * shift),
+            3 => scales.iter_mut().skip(from).step_by(400).for_each(|s| *s = [1.0 + shift.abs(); 3]),
+            4 => scales.iter_mut().skip(from).take(5).for_each(|s| s[0] = f32::NAN),
+            _ => scales.iter_mut().for_each(|s| s[0] = if s[0].is_nan() { 1.0 } else { s[0] }),
+        }
+        if step == 7 {
+            kinds.iter_mut().skip(4000).take(20).for_each(|k| *k = 1);
+        }
+        singles.remove(usize::from(step) * 2);
+        singles.push((100 - step, [shift, 40.0, f32::from(step) * 3.0]));
+        apply(&mut db, &points, &scales, &kinds, &singles);
+        let after = committed(&mut db);
+        assert_eq!(after.world.validate(&after), Ok(()), "step {step}");
+        let mut fresh = SceneDb::new();
+        fresh.set_partition(options);
+        apply(&mut fresh, &points, &scales, &kinds, &singles);
+        assert_same_world(&committed(&mut fresh), &after);
+        assert_keys_tell(&before, &after);
+        before = after;
+    }
 }
