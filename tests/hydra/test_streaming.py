@@ -5,7 +5,6 @@ import math
 import re
 
 import pytest
-from pxr import Usd, UsdGeom
 
 import compare
 import small
@@ -61,14 +60,6 @@ def scenery(stage):
 SCENES = {"patches": patches, "thickets": thickets}
 
 
-def text_of(scene) -> str:
-    stage = Usd.Stage.CreateInMemory()
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
-    UsdGeom.Xform.Define(stage, "/World")
-    scene(stage)
-    return stage.GetRootLayer().ExportToString()
-
-
 @pytest.fixture(scope="module")
 def whole(pool):
     """By front end and scene: its text, its picture with everything resident, the stats of that, and the smallest budget in KiB."""
@@ -76,7 +67,7 @@ def whole(pool):
 
     def get(host, name):
         if (host.scene_index, name) not in made:
-            text = text_of(SCENES[name])
+            text = small.text(SCENES[name])
             with host.open(text, SIZE, aovs=AOVS, settings=SETTINGS) as view:
                 picture, stats = view.render(), view.stats()
             made[host.scene_index, name] = (text, picture, stats, smallest_budget(host, text))
