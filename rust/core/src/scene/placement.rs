@@ -185,7 +185,7 @@ impl<'a> Placer<'a> {
             m.translation = translations.vec3(number)?;
         }
         if let Some(rotations) = &self.rotations {
-            let q = rotations.quat(number);
+            let q = usual_halves(rotations, number).or_else(|| rotations.quat(number));
             m.matrix3 = rotation(q.or_else(|| rotations.vec4(number).map(DQuat::from_vec4))?);
         }
         if let Some(scales) = &self.scales {
@@ -299,6 +299,25 @@ impl Inverse {
         let offset = -DVec3::from(rows.map(|r| r.dot(m.translation)));
         Some(Self { rows, offset, determinant })
     }
+}
+
+/// A quaternion of finite halves, which most are: exactly what [`ArrayView::quat`] gives, sooner. `None` for others.
+#[inline]
+fn usual_halves(rotations: &ArrayView<'_>, number: usize) -> Option<DQuat> {
+    /// 2^112, the difference of the exponents' biases: the product is exact.
+    const SCALE: f32 = f32::from_bits(0x7780_0000);
+    if rotations.element() != ElementType::Quath {
+        return None;
+    }
+    let bytes = rotations.bytes().get(number.checked_mul(8)?..)?.first_chunk::<8>()?;
+    let [a, b, c, d, e, f, g, h] = *bytes;
+    let halves = [[a, b], [c, d], [e, f], [g, h]].map(u16::from_ne_bytes);
+    let is_finite = halves.iter().fold(true, |finite, half| finite & (half & 0x7c00 != 0x7c00));
+    let wide = |half: u16| {
+        let magnitude = f32::from_bits(u32::from(half & 0x7fff) << 13) * SCALE;
+        f64::from(f32::from_bits(magnitude.to_bits() | u32::from(half & 0x8000) << 16))
+    };
+    is_finite.then(|| DQuat::from_array(halves.map(wide)))
 }
 
 /// Rotation matrix of a quaternion of any length; the identity for the zero quaternion.

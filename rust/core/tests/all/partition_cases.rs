@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use glam::{DMat4, Vec3};
+use half::f16;
 use oocpt_core::{ElementType, PartitionOptions, SceneDb, TypedArray};
 
 use crate::partition::{SMALL, spread};
@@ -200,4 +201,21 @@ fn few_edits_of_long_chunks_give_what_a_new_database_gives() {
         assert_keys_tell(&before, &after);
         before = after;
     }
+}
+
+/// Every half there is, as part of a rotation: the same as that number as a double.
+#[test]
+fn rotations_of_halves_are_those_of_doubles() {
+    let halves: Vec<[f16; 4]> = (0..=u16::MAX / 4).map(|k| [0, 1, 2, 3].map(|c| f16::from_bits(4 * k + c))).collect();
+    let doubles: Vec<[f64; 4]> = halves.iter().map(|q| q.map(f16::to_f64)).collect();
+    let all: Vec<i32> = (0..16384).collect();
+    let scene = |rotations: TypedArray| {
+        let mut desc = scatter("/i", &spread(16384, 100.0, 5), &[("/i/p", &all)]);
+        desc.rotations = Some(rotations);
+        committed(&mut with_instancer(desc))
+    };
+    let a = scene(TypedArray::from_vec(ElementType::Quath, halves).unwrap());
+    let b = scene(TypedArray::from_vec(ElementType::Quatd, doubles).unwrap());
+    assert!(a.dropped.instance_transforms > 100 && a.counts.instances > 10_000, "{:?} {:?}", a.dropped, a.counts);
+    assert_same_world(&a, &b);
 }
