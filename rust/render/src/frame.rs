@@ -30,6 +30,8 @@ const DEFAULT_ALBEDO: [f32; 3] = [0.18; 3];
 const MAX_WAVE: u64 = 1 << 22;
 /// Smallest wave, paths.
 const MIN_WAVE: u64 = 1 << 12;
+/// What a wave should take, seconds; it is submitted in parts of about a third of that.
+const WAVE_SECS: f64 = 0.2;
 /// A scene counts as fitting only when it leaves room for waves of this many paths (or of all there are).
 const ROOMY_WAVE: u64 = 1 << 16;
 
@@ -197,7 +199,7 @@ impl Renderer {
         }
         let total = if film.has_color() { progress.total_paths() } else { 0 };
         let start = if is_cpu(device) { 1 << 14 } else { 1 << 19 };
-        let schedule = Schedule::new(total, start, buffers.capacity, 0.05);
+        let schedule = Schedule::new(total, start, buffers.capacity, WAVE_SECS);
         waves::trace(&frames, schedule, gate, progress)
     }
 

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Submits the work of a frame and publishes what comes back.
 //!
-//! Two waves are under way at any time, so the device does not wait for the host; the host asks the gate before each
-//! new one. An image is published at growing intervals and at the end.
+//! A wave is submitted in parts, each a few rounds. Two parts are under way at any time, so the device does not wait for the
+//! host; the host asks the gate before each new one, and a wave that is given up in the middle leaves no trace in the film.
+//! An image is published at growing intervals and at the end.
 
 use crate::device::Device;
 use crate::error::RenderError;
@@ -14,9 +15,10 @@ use crate::thread::Gate;
 use crate::wavefront::{Passes, Recorder, WaveBuffers};
 use oocpt_gpu::{Buffer, Commands, Submission};
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
-/// Waves under way at the same time.
+/// Submissions under way at the same time.
 const IN_FLIGHT: usize = 2;
 /// How long one submission may take before the device counts as lost.
 pub(crate) const WAVE_TIMEOUT: Duration = Duration::from_secs(120);
@@ -59,10 +61,11 @@ impl Frames<'_> {
     }
 }
 
-/// A wave under way.
+/// A part of a wave under way.
 struct Flight {
     submission: Submission,
-    wave: Wave,
+    /// The wave, if this is its last part.
+    ends: Option<Wave>,
     submitted: Instant,
     publishes: bool,
 }
@@ -118,23 +121,35 @@ pub(crate) fn trace(
         return progress.finish();
     }
     let mut flights: VecDeque<Flight> = VecDeque::with_capacity(IN_FLIGHT);
-    let mut more = true;
+    let mut parts: VecDeque<(Wave, Range<u32>)> = VecDeque::new();
     let mut last_end = Instant::now();
+    let mut wave_secs = 0.0;
+    let mut more = true;
     progress.trace_started();
     loop {
         while more && flights.len() < IN_FLIGHT {
-            let wave = if gate.proceed() && !progress.out_of_time() { schedule.next() } else { None };
-            more = wave.is_some();
-            if let Some(wave) = wave {
-                flights.push_back(launch(frames, wave, progress)?);
+            more = gate.proceed() && !progress.out_of_time();
+            if more && parts.is_empty() {
+                let wave = schedule.next();
+                more = wave.is_some();
+                let rounds = frames.recorder().parts();
+                parts.extend(wave.into_iter().flat_map(|wave| rounds.clone().into_iter().map(move |r| (wave, r))));
+            }
+            if let Some((wave, rounds)) = parts.pop_front().filter(|_| more) {
+                let ends = parts.is_empty();
+                flights.push_back(launch(frames, wave, rounds, ends, progress)?);
             }
         }
         let Some(flight) = flights.pop_front() else { break };
         finish(&flight.submission, progress)?;
         let begun = flight.submitted.max(last_end);
         last_end = Instant::now();
-        schedule.measured(flight.wave.count, last_end.duration_since(begun).as_secs_f64());
-        progress.wave_done(flight.wave);
+        wave_secs += last_end.duration_since(begun).as_secs_f64();
+        if let Some(wave) = flight.ends {
+            schedule.measured(wave.count, wave_secs);
+            progress.wave_done(wave);
+            wave_secs = 0.0;
+        }
         if flight.publishes {
             progress.publish(frames.film)?;
         }
@@ -147,14 +162,21 @@ pub(crate) fn trace(
     progress.finish()
 }
 
-fn launch(frames: &Frames<'_>, wave: Wave, progress: &mut Progress<'_>) -> Result<Flight, RenderError> {
+fn launch(
+    frames: &Frames<'_>,
+    wave: Wave,
+    rounds: Range<u32>,
+    ends: bool,
+    progress: &mut Progress<'_>,
+) -> Result<Flight, RenderError> {
     let mut commands = frames.commands("wave")?;
-    frames.recorder().wave(&mut commands, wave);
-    let publishes = progress.publish_due();
+    frames.recorder().part(&mut commands, wave, rounds);
+    let publishes = ends && progress.publish_due();
     if publishes {
         frames.copy_out(&mut commands);
     }
-    Ok(Flight { submission: commands.submit()?, wave, submitted: Instant::now(), publishes })
+    let submission = commands.submit()?;
+    Ok(Flight { submission, ends: ends.then_some(wave), submitted: Instant::now(), publishes })
 }
 
 /// Waits for a submission and notes the times of its passes.

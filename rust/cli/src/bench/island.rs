@@ -2,7 +2,7 @@
 //! `oocpt bench island`: the same picture of the island under shrinking geometry budgets and every policy, in one process
 //! on one device. The first row is in core; all other rows must give its picture bit for bit.
 //!
-//! Each row is rendered once to warm up, then `--runs` times; its counters are those of the median run.
+//! Each row is rendered once to warm up (unless `--cold`), then `--runs` times; its counters are those of the median run.
 
 use anyhow::{Context, Result, bail, ensure};
 use oocpt_core::settings::{Settings, Value};
@@ -47,6 +47,9 @@ pub(crate) struct Arguments {
     /// Counted runs of each row.
     #[arg(long, default_value_t = 3)]
     runs: u32,
+    /// Counts the first render of each row instead of warming up with it: from empty device memory.
+    #[arg(long)]
+    cold: bool,
     /// Device: an index or a part of its name.
     #[arg(long, env = "OOCPT_DEVICE", default_value = "")]
     device: String,
@@ -222,8 +225,10 @@ fn measure(
     finish(session).context("warm-up render")?;
     let mut runs: Vec<(Timings, Stats)> = Vec::new();
     let mut different_pixels = 0;
-    for _ in 0..arguments.runs.max(1) {
-        session.restart();
+    for run in 0..arguments.runs.max(1) {
+        if run > 0 || !arguments.cold {
+            session.restart();
+        }
         finish(session)?;
         let mut picture = vec![0_u8; arguments.width as usize * arguments.height as usize * 16];
         ensure!(session.read_aov(AovKind::Color, &mut picture), "there is no picture");

@@ -7,16 +7,28 @@ use oocpt_core::mesh::{BvhNode, MeshAsset, Triangle};
 use oocpt_core::scene::{InstanceFlags, InstanceRecord, Target};
 use oocpt_gpu::{Commands, DeviceRange, Gpu, StagingRing, StagingSlice, Submission};
 use oocpt_shader_abi::{GpuInstance, GpuNode, GpuTriangle, LbvhBounds, TARGET_ASSEMBLY};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Staging bytes of one piece.
 pub(crate) const PIECE_BYTES: usize = 1 << 20;
 /// Staging bytes after which a command list is submitted.
 const SUBMIT_BYTES: usize = 4 << 20;
-/// Records of one piece.
+/// Records of one piece of staging memory.
 const PIECE_RECORDS: usize = 4096;
+/// Records that one thread encodes at a time.
+const PART_RECORDS: usize = 4096;
 /// Set in `prototype_count` of a record whose map flips handedness.
 const FLIPS_HANDEDNESS: u32 = 1 << 31;
+
+/// A part of an asset that one thread writes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// All of it.
+    Whole,
+    /// These instance records.
+    Records(Range<usize>),
+}
 
 /// Copies of one asset under way.
 pub(crate) struct Writer<'a> {
@@ -95,17 +107,28 @@ impl<'a> Writer<'a> {
         self.section(target, offset, (data.len(), 1), |first, out| out.copy_from_slice(&data[first..first + out.len()]))
     }
 
-    /// Writes all of `source` to `target`, and the boxes of its records to the start of `workspace`.
-    pub(crate) fn asset(
+    /// The parts that threads may write independently: all of a mesh, or stretches of records.
+    pub(crate) fn parts(source: &Source) -> Vec<Part> {
+        if matches!(source, Source::Mesh(_)) {
+            return vec![Part::Whole];
+        }
+        let count = source.records();
+        let firsts = (0..count.max(1)).step_by(PART_RECORDS);
+        firsts.map(|first| Part::Records(first..(first + PART_RECORDS).min(count))).collect()
+    }
+
+    /// Writes a part of `source` to `target`, and the boxes of its records to the start of `workspace`.
+    pub(crate) fn part(
         &mut self,
         source: &Source,
+        part: &Part,
         target: &dyn DeviceRange,
         workspace: Option<&dyn DeviceRange>,
     ) -> Result<(), RenderError> {
-        match (source, workspace) {
-            (Source::Mesh(mesh), _) => self.mesh(mesh, target),
-            (_, Some(workspace)) => self.records(source, target, workspace),
-            (_, None) => Err(RenderError::Internal("no workspace for instance records".into())),
+        match (source, part, workspace) {
+            (Source::Mesh(mesh), ..) => self.mesh(mesh, target),
+            (_, Part::Records(range), Some(workspace)) => self.records(source, range.clone(), target, workspace),
+            _ => Err(RenderError::Internal("no workspace for instance records".into())),
         }
     }
 
@@ -131,15 +154,15 @@ impl<'a> Writer<'a> {
     fn records(
         &mut self,
         source: &Source,
+        range: Range<usize>,
         target: &dyn DeviceRange,
         bounds: &dyn DeviceRange,
     ) -> Result<(), RenderError> {
         const RECORD: usize = size_of::<GpuInstance>();
         const BOX: usize = size_of::<LbvhBounds>();
-        let count = source.records();
-        let mut records = vec![InstanceRecord::default(); PIECE_RECORDS.min(count)];
-        for first in (0..count).step_by(PIECE_RECORDS) {
-            let n = PIECE_RECORDS.min(count - first);
+        let mut records = vec![InstanceRecord::default(); PIECE_RECORDS.min(range.len())];
+        for first in range.clone().step_by(PIECE_RECORDS) {
+            let n = PIECE_RECORDS.min(range.end - first);
             let records = &mut records[..n];
             source.encode(first..first + n, records);
             let mut slice = self.reserve(n * (RECORD + BOX))?;

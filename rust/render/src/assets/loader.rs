@@ -5,15 +5,16 @@
 //! One loader per open device, shared by its sessions. A job belongs to a [`Inbox`]; what was asked for by an inbox that is
 //! gone is skipped. Thread counts: one per core up to [`MOST_THREADS`], since one thread fills only a quarter of the bus.
 
-use super::encode::Writer;
+use super::encode::{Part, Writer};
 use super::source::Source;
 use crate::error::RenderError;
+use crate::sync::lock;
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use oocpt_core::residency::AssetId;
 use oocpt_gpu::{DeviceRange, Gpu, HeapRange, StagingRing, Submission};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Weak};
+use std::sync::{Arc, Mutex, Weak};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -24,7 +25,7 @@ const RING_PER_THREAD: u64 = 8 << 20;
 
 /// An asset that is to come to the device.
 #[derive(Debug)]
-struct Job {
+struct Load {
     asset: AssetId,
     source: Source,
     target: Arc<HeapRange>,
@@ -32,6 +33,22 @@ struct Job {
     reply: Sender<Loaded>,
     /// Gone when nobody waits for the result any more.
     wanted: Weak<()>,
+    progress: Mutex<Progress>,
+}
+
+/// How far the parts of a load are.
+#[derive(Debug)]
+struct Progress {
+    left: usize,
+    /// What the finished parts have left behind.
+    sum: Result<(Vec<Submission>, u64), RenderError>,
+}
+
+/// A part of a load: several threads work on one, so that a ray waits as short as possible.
+#[derive(Debug)]
+struct Job {
+    load: Arc<Load>,
+    part: Part,
 }
 
 /// What became of a job.
@@ -129,11 +146,21 @@ impl Loader {
         target: Arc<HeapRange>,
         workspace: Option<Arc<HeapRange>>,
     ) -> Result<(), RenderError> {
-        let job =
-            Job { asset, source, target, workspace, reply: inbox.reply.clone(), wanted: Arc::downgrade(&inbox.wanted) };
-        let sent = self.jobs.as_ref().is_some_and(|jobs| jobs.send(job).is_ok());
-        if !sent {
-            return Err(RenderError::Internal("the loader's threads have ended".into()));
+        let parts = Writer::parts(&source);
+        let load = Arc::new(Load {
+            asset,
+            source,
+            target,
+            workspace,
+            reply: inbox.reply.clone(),
+            wanted: Arc::downgrade(&inbox.wanted),
+            progress: Mutex::new(Progress { left: parts.len(), sum: Ok((Vec::new(), 0)) }),
+        });
+        for part in parts {
+            let job = Job { load: Arc::clone(&load), part };
+            if self.jobs.as_ref().is_none_or(|jobs| jobs.send(job).is_err()) {
+                return Err(RenderError::Internal("the loader's threads have ended".into()));
+            }
         }
         inbox.in_flight.fetch_add(1, Ordering::Relaxed);
         Ok(())
@@ -153,20 +180,43 @@ impl Drop for Loader {
 
 impl Job {
     fn run(self, gpu: &Arc<Gpu>, ring: &StagingRing) {
-        if self.wanted.strong_count() == 0 {
+        if self.load.wanted.strong_count() == 0 {
             return;
         }
         let result = catch_unwind(AssertUnwindSafe(|| self.write(gpu, ring)))
             .unwrap_or_else(|_| Err(RenderError::Internal("a loader thread panicked".into())));
-        if self.reply.send(Loaded { asset: self.asset, result }).is_err() {
-            tracing::debug!("nobody waits for a loaded asset any more");
-        }
+        self.load.done(result);
     }
 
     fn write(&self, gpu: &Arc<Gpu>, ring: &StagingRing) -> Result<(Vec<Submission>, u64), RenderError> {
+        let load = &*self.load;
         let mut writer = Writer::new(gpu, ring);
-        let workspace = self.workspace.as_deref().map(|range| range as &dyn DeviceRange);
-        writer.asset(&self.source, &*self.target, workspace)?;
+        let workspace = load.workspace.as_deref().map(|range| range as &dyn DeviceRange);
+        writer.part(&load.source, &self.part, &*load.target, workspace)?;
         writer.finish()
+    }
+}
+
+impl Load {
+    /// Takes note of one part; the last one sends the result.
+    fn done(&self, result: Result<(Vec<Submission>, u64), RenderError>) {
+        let mut progress = lock(&self.progress);
+        progress.left = progress.left.saturating_sub(1);
+        match (&mut progress.sum, result) {
+            (Ok((submissions, bytes)), Ok((more, copied))) => {
+                submissions.extend(more);
+                *bytes += copied;
+            }
+            (sum @ Ok(_), Err(error)) => *sum = Err(error),
+            (Err(_), _) => {}
+        }
+        if progress.left > 0 {
+            return;
+        }
+        let result = std::mem::replace(&mut progress.sum, Ok((Vec::new(), 0)));
+        drop(progress);
+        if self.reply.send(Loaded { asset: self.asset, result }).is_err() {
+            tracing::debug!("nobody waits for a loaded asset any more");
+        }
     }
 }

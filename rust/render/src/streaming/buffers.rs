@@ -11,7 +11,7 @@ use oocpt_shader_abi::{
 use std::sync::Arc;
 
 /// Segments that the slots are cut into: stragglers of the oldest one hold back at most this many of its size.
-const SEGMENTS: u32 = 16;
+const SEGMENTS: u32 = 64;
 
 /// See the module.
 #[derive(Debug)]

@@ -30,14 +30,16 @@ use crate::waves::WAVE_TIMEOUT;
 use clock::Clock;
 use observe::Observation;
 use oocpt_gpu::{Buffer, Usage};
-use oocpt_shader_abi::{Features, Frame, path_bytes};
+use oocpt_shader_abi::{Features, Frame, MAX_PENDING, path_bytes};
 use record::Kind;
 use residency::{Residency, Start};
 use stage::{Outcome, Stage};
 use std::time::Instant;
 
 /// Most paths in slots.
-const MOST_PATHS: u64 = 1 << 23;
+const MOST_PATHS: u64 = 1 << 25;
+/// Most paths in slots when images are shown on the way: a round of them is short enough for stop and pause to be felt.
+const MOST_PATHS_INTERACTIVE: u64 = 1 << 22;
 /// Most paths in slots on a processor that traces in software.
 const MOST_PATHS_CPU: u64 = 1 << 16;
 /// Fewest paths in slots.
@@ -128,12 +130,11 @@ fn features(setting: &Setting<'_>, view: &SceneView) -> Features {
 /// memory.
 fn make_buffers(setting: &Setting<'_>, view: &SceneView, kept: &mut Option<StreamBuffers>) -> Result<(), RenderError> {
     let Setting { device, job, .. } = *setting;
-    let most = if setting.is_frugal {
-        FEWEST_PATHS
-    } else if is_cpu(device) {
-        MOST_PATHS_CPU
-    } else {
-        MOST_PATHS
+    let most = match (setting.is_frugal, is_cpu(device), job.settings.interactive) {
+        (true, ..) => FEWEST_PATHS,
+        (false, true, _) => MOST_PATHS_CPU,
+        (false, false, true) => MOST_PATHS_INTERACTIVE,
+        (false, false, false) => MOST_PATHS,
     };
     let paths = job.request.pixels() * u64::from(job.settings.samples_per_pixel);
     let wanted = paths.clamp(FEWEST_PATHS, most).next_power_of_two();
@@ -173,7 +174,7 @@ impl<'a, 'r> Engine<'a, 'r> {
         let Setting { device, film, .. } = *setting;
         let stack_entries = residency.stack_entries.max(FIRST_STACK);
         let started = Instant::now();
-        let view = view.with_stack(stack_entries);
+        let view = view.with_stack(stack_entries + MAX_PENDING);
         let passes = Passes::new(device, specialise::specialisation(features, &view), film.has_planes())?;
         progress.timings.compile_secs += started.elapsed().as_secs_f64();
         progress.left_out(specialise::left_out(features, film.has_planes()));
@@ -193,7 +194,7 @@ impl<'a, 'r> Engine<'a, 'r> {
         }
         self.stack_entries = self.residency.stack_entries;
         let started = Instant::now();
-        let view = self.view.with_stack(self.stack_entries);
+        let view = self.view.with_stack(self.stack_entries + MAX_PENDING);
         let special = specialise::specialisation(self.features, &view);
         self.passes = Passes::new(self.setting.device, special, self.setting.film.has_planes())?;
         progress.timings.compile_secs += started.elapsed().as_secs_f64();

@@ -9,12 +9,17 @@
 use crate::assets::{Entries, Patience, SceneAssets, Store, Tables};
 use crate::device::Device;
 use crate::error::RenderError;
-use oocpt_core::residency::{AssetId, ChunkId, Command, Demand, PlanError, Planner, PolicyKind};
+use oocpt_core::residency::{AssetId, ChunkId, Command, Demand, PlanError, Planner, PlannerOptions, PolicyKind};
 use oocpt_gpu::{Commands, Submission};
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
+
+/// Share of the budget that may be on its way at a time, and the most bytes of it: throughput is what is on its way over the
+/// time of a load, about two steps.
+const IN_FLIGHT_SHARE: u64 = 6;
+const MOST_IN_FLIGHT: u64 = 2 << 30;
 
 /// A load that the planner asked for.
 #[derive(Debug)]
@@ -64,7 +69,9 @@ impl<'a> Residency<'a> {
     /// Takes over what the store still holds of earlier frames, as far as it fits `budget`; frees the rest.
     pub(crate) fn new(start: Start<'a>) -> Result<Self, RenderError> {
         let Start { device, assets, store, tables, budget, policy } = start;
-        let planner = Planner::new(Arc::clone(&assets.catalog), budget, policy).map_err(|error| plan_error(&error))?;
+        let options = PlannerOptions { in_flight_bytes: (budget / IN_FLIGHT_SHARE).min(MOST_IN_FLIGHT), pin_steps: 3 };
+        let planner = Planner::with_policy(Arc::clone(&assets.catalog), budget, policy.policy(), options)
+            .map_err(|error| plan_error(&error))?;
         let mut residency = Self {
             device,
             assets: Arc::clone(assets),

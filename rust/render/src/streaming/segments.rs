@@ -68,6 +68,12 @@ impl Segments {
         self.alive.front().copied()
     }
 
+    /// Paths of the segments that were begun after `step`; `begun` tells the step of each segment.
+    pub(crate) fn begun_after(&self, step: u64, begun: &[u64]) -> u64 {
+        let after = |segment: &&Segment| begun.get(segment.index as usize).is_some_and(|begun| *begun > step);
+        self.alive.iter().filter(after).map(|segment| u64::from(segment.wave.count)).sum()
+    }
+
     /// Paths that are not yet begun.
     pub(crate) fn unbegun(&self) -> u64 {
         self.total - self.next

@@ -22,6 +22,8 @@ use std::time::{Duration, Instant};
 const IN_FLIGHT: usize = 2;
 /// Seconds that a step should take: short enough for stop and pause to be felt and for demand to be read again.
 const STEP_SECS: f64 = 0.03;
+/// Rays that a step has at hand, about: a few for each thread of a large device.
+const ACTIVE_RAYS: u64 = 1 << 22;
 /// Most rounds of a step.
 const MOST_ROUNDS: u32 = 16;
 /// How long to wait for the loader at a time.
@@ -128,7 +130,14 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
 
     fn can_move_segments(&self) -> bool {
         self.segments.oldest().is_some_and(|oldest| is_finished(&self.seen, &self.begun, &oldest))
-            || self.segments.can_start()
+            || (self.segments.can_start() && self.room_for_rays() > 0)
+    }
+
+    /// New rays that a step may add: enough to keep the device busy, few enough for the step to stay short, so that what
+    /// arrives meanwhile is used soon.
+    fn room_for_rays(&self) -> u64 {
+        let unseen = self.segments.begun_after(self.seen.step, &self.begun);
+        ACTIVE_RAYS.saturating_sub(self.seen.active()).saturating_sub(unseen)
     }
 
     fn launch(&mut self, progress: &mut Progress<'_>) -> Result<(), RenderError> {
@@ -141,7 +150,11 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
         while let Some(segment) = self.segments.take_finished(|segment| is_finished(seen, begun, segment)) {
             plan.finished.push(segment);
         }
-        while let Some(segment) = self.segments.start() {
+        let mut room = self.room_for_rays();
+        while room > 0
+            && let Some(segment) = self.segments.start()
+        {
+            room = room.saturating_sub(u64::from(segment.wave.count));
             if let Some(begun) = self.begun.get_mut(segment.index as usize) {
                 *begun = number;
             }

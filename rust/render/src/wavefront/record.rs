@@ -5,6 +5,7 @@ use super::{AovPasses, Passes, WaveBuffers};
 use crate::schedule::Wave;
 use oocpt_gpu::{Commands, Pipeline};
 use oocpt_shader_abi::{AOV_ESCAPED, AOV_SURFACES, Counters, PREPARE_SHADE, PREPARE_TRACE, Push, PushFlags, groups};
+use std::ops::Range;
 
 /// Records the passes of waves of one frame.
 #[derive(Debug)]
@@ -18,16 +19,33 @@ pub(crate) struct Recorder<'a> {
 }
 
 impl Recorder<'_> {
-    /// Camera rays, bounces, film: everything a wave does, without a word from the host in between.
-    pub(crate) fn wave(&self, commands: &mut Commands, wave: Wave) {
+    /// The parts that a wave is submitted in: rounds `0`, `1`, `2..4`, `4..8` and so on. Short enough each for the host to be
+    /// heard between them, and later rounds have few rays left.
+    pub(crate) fn parts(&self) -> Vec<Range<u32>> {
+        let mut parts = Vec::new();
+        let mut first = 0_u32;
+        while first <= self.max_bounces {
+            let end = first.saturating_mul(2).clamp(1, self.max_bounces + 1);
+            parts.push(first..end);
+            first = end;
+        }
+        parts
+    }
+
+    /// Records some rounds of a wave: camera rays before the first round, the film after the last one.
+    pub(crate) fn part(&self, commands: &mut Commands, wave: Wave, rounds: Range<u32>) {
         let q = Push::wave(self.frame, wave.first, wave.count, self.pixels);
-        self.direct(commands, &self.passes.generate_camera_rays, q, wave.count);
-        self.direct(commands, &self.passes.prepare_dispatch, q.with(0, PREPARE_TRACE), 1);
-        self.indirect(commands, &self.passes.intersect_closest, q.with(0, 0), Counters::RAY_ARGS);
-        for round in 0..=self.max_bounces {
+        if rounds.start == 0 {
+            self.direct(commands, &self.passes.generate_camera_rays, q, wave.count);
+            self.direct(commands, &self.passes.prepare_dispatch, q.with(0, PREPARE_TRACE), 1);
+            self.indirect(commands, &self.passes.intersect_closest, q.with(0, 0), Counters::RAY_ARGS);
+        }
+        for round in rounds.clone() {
             self.round(commands, q, round);
         }
-        self.direct(commands, &self.passes.accumulate, q, wave.count.min(self.pixels));
+        if rounds.end > self.max_bounces {
+            self.direct(commands, &self.passes.accumulate, q, wave.count.min(self.pixels));
+        }
     }
 
     /// Shades what the rays of a round met; traces the shadow rays beside the rays of the next round.

@@ -4,6 +4,11 @@
 //! Value of a load: (waiting rays + a share of the rays that will come to it next), grown with the time they have
 //! waited, per byte that is not yet on the device (shared meshes often are). Loss of an eviction: the rays that needed
 //! the chunk lately per byte only it holds; that is what comes back as demand, and what will have to be moved again.
+//!
+//! While rays can be traced, only worthwhile loads are made. When none can, every ray that waits costs time whatever it
+//! moves: then all that is waited for is loaded, and only chunks that are waited for themselves are worth keeping.
+//! (Measured on an H200, island of 10 M instances at 29 %: the last 0.5 % of the paths took 0.69 s with few loads in
+//! flight, 0.39 s with many.)
 
 use super::super::ChunkId;
 use super::{Policy, View, top};
@@ -21,6 +26,8 @@ const AGE_STEPS: f64 = 512.0;
 /// Loads stop at this fraction of the best value: what is worth less now gathers rays until it is worth more, and the
 /// link moves fewer bytes for the same rays.
 const DROP: f64 = 0.5;
+/// What recent rays count when nothing can be traced: they only order what goes first.
+const IDLE_HEAT: f64 = 1e-9;
 /// Chunks whose assets are looked at in a step, the best by their whole closures.
 const LOOKED_AT: usize = 1024;
 /// A load's fixed cost, as bytes.
@@ -45,13 +52,15 @@ impl Policy for Benefit {
             Some((rays(view, chunk) / cost(missing), chunk))
         });
         let mut best = top(exact.collect(), limit);
-        let least = best.first().map_or(0.0, |first| first.0 * DROP);
+        let drop = if view.is_idle() { 0.0 } else { DROP };
+        let least = best.first().map_or(0.0, |first| first.0 * drop);
         best.truncate(best.partition_point(|&(value, _)| value >= least));
         best
     }
 
     fn loss(&self, view: &View<'_>, chunk: ChunkId) -> f64 {
-        (view.heat(chunk) + f64::from(view.waiting(chunk))) / cost(view.exclusive_bytes(chunk))
+        let heat = if view.is_idle() { IDLE_HEAT * view.heat(chunk) } else { view.heat(chunk) };
+        (heat + f64::from(view.waiting(chunk))) / cost(view.exclusive_bytes(chunk))
     }
 
     fn displaces(&self, value: f64, loss: f64) -> bool {

@@ -26,6 +26,11 @@ impl View<'_> {
         at(self.demand.waiting, chunk)
     }
 
+    /// No ray can be traced: the device waits for loads.
+    pub fn is_idle(&self) -> bool {
+        self.demand.active == 0
+    }
+
     /// Rays that have the chunk further down their list.
     pub fn next(&self, chunk: ChunkId) -> u32 {
         at(self.demand.next, chunk)
