@@ -15,6 +15,8 @@ use super::lattice::Item;
 const FEW: usize = 16;
 /// Chunks of which more than one record in so many is edited are made anew.
 pub(super) const SHARE: usize = 12;
+/// Chunks of more blocks than this, and four times as many as they need, are made anew.
+const MANY_BLOCKS: usize = 8;
 /// More items than this between two chunks are no edit of either.
 const GAP: usize = 256;
 
@@ -102,6 +104,11 @@ impl Cutter<'_> {
         patch.find_lost(lost)?;
         patch.find_gained(gained)?;
         let blocks = patch.blocks()?;
+        let left = (chunk.len() + gained.len()).saturating_sub(lost.len());
+        if blocks.len() > MANY_BLOCKS + 4 * left / BLOCK as usize {
+            // Blocks emptied one by one over many edits.
+            return None;
+        }
         let codes = [blocks.first()?.first, patch.last_code()?];
         let content = patch.content(codes, blocks)?;
         Some(Chunk::of(content, self.roster, self.lattice))
