@@ -37,6 +37,8 @@ const uint SCAN_BLOCK = 1024u;
 const uint AOV_SURFACES = 0u;
 const uint AOV_ESCAPED = 1u;
 const uint PUSH_AOVS = 1u;
+const uint PUSH_FRESH = 2u;
+const uint PUSH_SEGMENT_SHIFT = 8u;
 const uint MAX_DIRECT_GROUPS = 1u << 15;
 const uint WORKGROUP_SIZE = 64u;
 
@@ -143,8 +145,12 @@ struct Streaming {
     uint64_t sort_counts;
     uint64_t sort_sums;
     uint64_t chunk_rays;
+    uint64_t places;
+    uint64_t free_slots;
     uint segment_size;
     uint chunk_count;
+    uint slots;
+    uint pad;
 };
 
 struct Segment {
@@ -288,7 +294,7 @@ struct Counters {
     IndirectArgs escaped_args;
     IndirectArgs shadow_args;
     IndirectArgs deferred_args;
-    uint pad;
+    uint freed;
 };
 
 struct FilmPixel {

@@ -22,6 +22,13 @@ void start_ray(uint path, vec3 shift, vec3 d) {
     store_ray(ray_address(path), Ray(o.hi, 0u, normalize(d), uintBitsToFloat(0x7f800000u), o.lo, 0u));
 }
 
+// The slot of a new path: its number in a wave. With streaming the slot number arg0 + thread of all that were ever free: first every
+// slot once, then those that ended paths have given back.
+uint new_slot(uint thread) {
+    if (!HAS_STREAMING || (push.flags & PUSH_FRESH) != 0u) return push.arg0 + thread;
+    return ConstUints(STREAMING.free_slots).v[(push.arg0 + thread) % STREAMING.slots];
+}
+
 // Queues the paths of a wave or, with streaming, of a segment, whose table entry is written.
 void queue_paths(uint thread, uint path) {
     const bool in_range = thread < push.path_count;
@@ -31,10 +38,13 @@ void queue_paths(uint thread, uint path) {
         return;
     }
     if (thread == 0u) {
-        Segments(STREAMING.segments).v[path / STREAMING.segment_size] =
+        Segments(STREAMING.segments).v[push.flags >> PUSH_SEGMENT_SHIFT] =
             Segment(push.first_pixel, push.first_sample, push.path_count, push.path_count);
     }
-    if (in_range) set_progress(path, SHADOW_DONE);
+    if (in_range) {
+        set_progress(path, SHADOW_DONE);
+        Uints(STREAMING.places).v[path] = (push.flags >> PUSH_SEGMENT_SHIFT) * STREAMING.segment_size + thread;
+    }
     uint to;
     QUEUE_SLOT(to, ray_count[push.round & 1u], in_range);
     if (in_range) Uints(FRAME.ray_queue[push.round & 1u]).v[to] = path;

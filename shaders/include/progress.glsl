@@ -31,10 +31,13 @@ uint finish(uint path, uint bits) {
     return (all & (SHADOW_DONE | CLOSEST_DONE)) == (SHADOW_DONE | CLOSEST_DONE) ? all : 0u;
 }
 
-// Counts paths that have ended in their segments.
+// Counts paths that have ended in their segments, and gives their slots back.
 void end_path(uint path, bool ended) {
-    const uint alive = path / STREAMING.segment_size * 4u + 3u;
+    const uint alive = ended ? path_place(path) / STREAMING.segment_size * 4u + 3u : 0u;
     add_each(STREAMING.segments, alive, 0xffffffffu, ended);
+    uint to;
+    QUEUE_SLOT(to, freed, ended);
+    if (ended) Uints(STREAMING.free_slots).v[to % STREAMING.slots] = path;
 }
 
 // Pushes paths to be shaded, and ends those that end; `all` as finish returned it.

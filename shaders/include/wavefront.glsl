@@ -25,18 +25,26 @@ uint sample_from(uint first_sample, uint first_pixel, uint i) {
     return first_sample + (first_pixel + i) / (FRAME.width * FRAME.height);
 }
 
+// Where the radiance of the path in a slot is: the slot itself in a wave. With streaming a place in one of the segments, of which
+// there are more than slots: what little is left of a path that has ended does not keep its slot from the next one.
+uint path_place(uint path) {
+    return HAS_STREAMING ? ConstUints(STREAMING.places).v[path] : path;
+}
+
 // Pixel of a path.
 uint path_pixel(uint path) {
     if (!HAS_STREAMING) return pixel_from(push.first_pixel, path);
-    const uint segment = path / STREAMING.segment_size;
-    return pixel_from(Segments(STREAMING.segments).v[segment].first_pixel, path - segment * STREAMING.segment_size);
+    const uint place = path_place(path);
+    const uint segment = place / STREAMING.segment_size;
+    return pixel_from(Segments(STREAMING.segments).v[segment].first_pixel, place - segment * STREAMING.segment_size);
 }
 
 // Sample number of a path.
 uint path_sample(uint path) {
     if (!HAS_STREAMING) return sample_from(push.first_sample, push.first_pixel, path);
-    const uint segment = path / STREAMING.segment_size;
-    const uint i = path - segment * STREAMING.segment_size;
+    const uint place = path_place(path);
+    const uint segment = place / STREAMING.segment_size;
+    const uint i = place - segment * STREAMING.segment_size;
     return sample_from(Segments(STREAMING.segments).v[segment].first_sample,
                        Segments(STREAMING.segments).v[segment].first_pixel, i);
 }

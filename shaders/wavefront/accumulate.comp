@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adds the samples of a wave, or of a segment whose first slot is arg0, to the film, each pixel's in ascending order: one thread
+// Adds the samples of a wave, or of a segment whose first place is arg0, to the film, each pixel's in ascending order: one thread
 // per pixel of it, at least min(path_count, width * height).
 // Reads: radiance. Reads and writes: film.
 #version 460

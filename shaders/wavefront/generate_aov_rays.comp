@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rays through the pixel centres, pinhole, unaffected by sampling: one thread per pixel of the slice that push names, which is a
-// wave or, with streaming, a segment whose first slot is arg0.
+// wave or, with streaming, the segment that flags name in free slots from number arg0 on.
 // Reads: Frame. Writes: rays of every path, and what generate_camera_rays writes of queues and segments.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -9,8 +9,9 @@
 
 void main() {
     const uint thread = thread_index();
-    const uint path = push.arg0 + thread;
+    uint path = 0u;
     if (thread < push.path_count) {
+        path = new_slot(thread);
         const vec2 p = vec2(pixel_position(pixel_from(push.first_pixel, thread))) + 0.5;
         start_ray(path, camera_shift(p), camera_direction(p));
     }

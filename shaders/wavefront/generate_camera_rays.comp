@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Starts the paths of a wave, or of a segment whose first slot is arg0: one thread per path.
+// Starts the paths of a wave, or of the segment that flags name in free slots from number arg0 on: one thread per path.
 // Reads: Frame. Writes: rays, paths, radiance of every path. In core: ray_queue[0] and Counters::ray_count[0]. With streaming: the
 // segment, progress; pushes to ray_queue[round & 1].
 #version 460
@@ -24,12 +24,16 @@ void start_path(uint thread, uint path) {
     }
     start_ray(path, shift, d);
     store_path(path, PathState(vec3(1.0), 0.0));
-    Vec4s(FRAME.radiance).v[path] = vec4(0.0);
+    const uint place = HAS_STREAMING ? (push.flags >> PUSH_SEGMENT_SHIFT) * STREAMING.segment_size + thread : path;
+    Vec4s(FRAME.radiance).v[place] = vec4(0.0);
 }
 
 void main() {
     const uint thread = thread_index();
-    const uint path = push.arg0 + thread;
-    if (thread < push.path_count) start_path(thread, path);
+    uint path = 0u;
+    if (thread < push.path_count) {
+        path = new_slot(thread);
+        start_path(thread, path);
+    }
     queue_paths(thread, path);
 }

@@ -36,8 +36,9 @@ void main() {
         hit = traverse(ray, path, ConstFloats(ray).v[7], opacity_seed(path, 2u * bounce + 1u), flags, found);
         if (!hit && !(HAS_STREAMING && pending_count > 0u)) {
             const vec3 contribution = ConstVec4s(ray).v[3].xyz;
-            const vec4 before = ConstVec4s(FRAME.radiance).v[path];
-            Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + contribution, before.w);
+            const uint place = path_place(path);
+            const vec4 before = ConstVec4s(FRAME.radiance).v[place];
+            Vec4s(FRAME.radiance).v[place] = vec4(before.xyz + contribution, before.w);
         }
     }
     if (HAS_STREAMING) store_progress(path, in_range, hit);

@@ -37,13 +37,14 @@ vec3 gathered(vec3 d, float pdf) {
 void shade(uint path) {
     const Ray ray = load_ray(ray_address(path));
     if (ray.bounce == 0u) {
-        Vec4s(FRAME.radiance).v[path] = seen_by_camera();
+        Vec4s(FRAME.radiance).v[path_place(path)] = seen_by_camera();
         return;
     }
     const PathState state = load_path(path);
     const vec3 contribution = admitted(state.throughput * gathered(ray.d, state.pdf), ray.bounce > 1u);
-    const vec4 before = ConstVec4s(FRAME.radiance).v[path];
-    Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + contribution, before.w);
+    const uint place = path_place(path);
+    const vec4 before = ConstVec4s(FRAME.radiance).v[place];
+    Vec4s(FRAME.radiance).v[place] = vec4(before.xyz + contribution, before.w);
 }
 
 void main() {

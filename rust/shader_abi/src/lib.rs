@@ -33,7 +33,8 @@
 //!
 //! # One submission of streaming
 //! With [`Features::STREAMING`] chunks may be absent (`GpuChunk::nodes == 0`), rays wait for them across submissions, and paths are
-//! at different bounces. Paths live in *slots*; segment `s` is the slots from `s * segment_size` on, and holds the paths
+//! at different bounces. Paths live in *slots*; their radiance is at a *place*: segment `s` is the places from `s * segment_size` on, and
+//! holds the paths
 //! `first .. first + count` of the render. `q` has `frame` and `flags` only (`Push::wave(frame, 0, 0, pixels)`; for AOVs, flagged);
 //! `g(s) = Push::wave(frame, first, count, pixels).with(r, s * segment_size)` with the segment's paths. `r` is the round: it starts
 //! at 0 with the render (or with the AOVs) and grows through all submissions. Before the first one the host zeroes `Counters`

@@ -6,12 +6,16 @@ use crate::assets::SceneView;
 use crate::error::RenderError;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{
-    Counters, Frame, GpuSurface, PathState, Pending, Ray, Segment, ShadowRay, Streaming, hit_stride, sort_blocks,
+    Counters, Frame, GpuSurface, PathState, Pending, Ray, Segment, ShadowRay, Streaming, hit_stride, path_bytes,
+    sort_blocks,
 };
 use std::sync::Arc;
 
-/// Segments that the slots are cut into: stragglers of the oldest one hold back at most this many of its size.
-const SEGMENTS: u32 = 64;
+/// Segments as large as all slots together.
+const SEGMENTS_PER_FILL: u32 = 64;
+/// Places for every slot: how many more paths may have ended than are in flight, while stragglers of the oldest segment keep
+/// all from the film. 16 B each.
+const PLACES_PER_SLOT: u32 = 8;
 
 /// See the module.
 #[derive(Debug)]
@@ -32,6 +36,8 @@ pub(crate) struct StreamBuffers {
     surface_queue: Buffer,
     escaped_queue: Buffer,
     progress: Buffer,
+    places: Buffer,
+    free_slots: Buffer,
     pending: Buffer,
     shadow_pending: Buffer,
     surfaces: Buffer,
@@ -55,25 +61,28 @@ impl StreamBuffers {
         };
         let slots = |name: &str, stride: usize| array(name, capacity, stride);
         let chunks = view.chunk_count.max(1);
-        let segment_count = SEGMENTS.min(capacity);
+        let segment_size = (capacity / SEGMENTS_PER_FILL).max(1);
+        let segment_count = capacity / segment_size * PLACES_PER_SLOT;
         let read = size_of::<Counters>() + segment_count as usize * size_of::<Segment>() + 8 * chunks as usize;
         let readback = |name: &str| Buffer::new(gpu, name, read as u64, Usage::Readback);
         let buffers = Self {
             capacity,
             segment_count,
-            segment_size: capacity / segment_count,
+            segment_size,
             max_levels: view.max_levels,
             chunk_count: chunks,
             rays: slots("rays", size_of::<Ray>())?,
             shadow_rays: slots("shadow_rays", size_of::<ShadowRay>())?,
             hits: slots("hits", hit_stride(view.max_levels) as usize)?,
             paths: slots("paths", size_of::<PathState>())?,
-            radiance: slots("radiance", 16)?,
+            radiance: array("radiance", segment_count, 16 * segment_size as usize)?,
             ray_queue: [slots("ray_queue 0", 4)?, slots("ray_queue 1", 4)?],
             shadow_queue: slots("shadow_queue", 4)?,
             surface_queue: slots("surface_queue", 4)?,
             escaped_queue: slots("escaped_queue", 4)?,
             progress: slots("progress", 4)?,
+            places: slots("places", 4)?,
+            free_slots: slots("free_slots", 4)?,
             pending: slots("pending", size_of::<Pending>())?,
             shadow_pending: slots("shadow_pending", size_of::<Pending>())?,
             surfaces: slots("surfaces", size_of::<GpuSurface>())?,
@@ -110,8 +119,12 @@ impl StreamBuffers {
             sort_counts: self.sort_counts.address(),
             sort_sums: self.sort_sums.address(),
             chunk_rays: self.chunk_rays.address(),
+            places: self.places.address(),
+            free_slots: self.free_slots.address(),
             segment_size: self.segment_size,
             chunk_count: self.chunk_count,
+            slots: self.capacity,
+            pad: 0,
         }
     }
 
@@ -182,4 +195,9 @@ impl StreamBuffers {
         commands.submit()?.wait(crate::waves::WAVE_TIMEOUT)?;
         Ok(target.map(|bytes| bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect())?)
     }
+}
+
+/// Bytes of device memory that a slot takes.
+pub(super) fn slot_bytes(max_levels: u32) -> u64 {
+    path_bytes(max_levels, true) + 16 * u64::from(PLACES_PER_SLOT - 1)
 }

@@ -30,7 +30,7 @@ use crate::waves::WAVE_TIMEOUT;
 use clock::Clock;
 use observe::Observation;
 use oocpt_gpu::{Buffer, Usage};
-use oocpt_shader_abi::{Features, Frame, MAX_PENDING, path_bytes};
+use oocpt_shader_abi::{Features, Frame, MAX_PENDING};
 use record::Kind;
 use residency::{Residency, Start};
 use stage::{Outcome, Stage};
@@ -41,7 +41,7 @@ const MOST_PATHS: u64 = 1 << 25;
 /// Most paths in slots when images are shown on the way: a round of them is short enough for stop and pause to be felt.
 const MOST_PATHS_INTERACTIVE: u64 = 1 << 22;
 /// Most paths in slots on a processor that traces in software.
-const MOST_PATHS_CPU: u64 = 1 << 16;
+const MOST_PATHS_CPU: u64 = 1 << 14;
 /// Fewest paths in slots.
 const FEWEST_PATHS: u64 = 1 << 12;
 /// Stack entries below the top level that the passes are first compiled for; typical scenes stay below.
@@ -143,7 +143,7 @@ fn make_buffers(setting: &Setting<'_>, view: &SceneView, kept: &mut Option<Strea
     }
     *kept = None;
     let memory = device.gpu.memory();
-    let room = memory.budget.saturating_sub(memory.used) / 4 / path_bytes(view.max_levels, true);
+    let room = memory.budget.saturating_sub(memory.used) / 4 / buffers::slot_bytes(view.max_levels);
     let room = if room.is_power_of_two() { room } else { room.next_power_of_two() / 2 };
     let capacity = wanted.min(room).max(FEWEST_PATHS);
     *kept = Some(shrinking(capacity, FEWEST_PATHS, |capacity| StreamBuffers::new(&device.gpu, capacity, view))?);

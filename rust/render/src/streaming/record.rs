@@ -55,7 +55,7 @@ impl Engine<'_, '_> {
         if kind == Kind::Aovs { push.flagged(PushFlags::AOVS) } else { push }
     }
 
-    /// The push constants of passes over a segment.
+    /// The push constants of passes over a segment: `arg0` is its first place.
     fn push_of(&self, kind: Kind, segment: &Segment, round: u32) -> Push {
         let push = Push::wave(self.frame.address(), segment.wave.first, segment.wave.count, self.pixels());
         let push = push.with(round, segment.index * self.buffers.segment_size);
@@ -129,7 +129,9 @@ impl Engine<'_, '_> {
                 self.indirect(c, &stream.sort_deferred_count, q.with(plan.round, 0), Counters::DEFERRED_ARGS);
             }
             for segment in &plan.started {
-                direct(c, generate, self.push_of(kind, segment, plan.round), segment.wave.count);
+                let push = self.push_of(kind, segment, plan.round);
+                let push = push.into_slots(segment.index, segment.first_slot, self.buffers.capacity);
+                direct(c, generate, push, segment.wave.count);
             }
         });
         if plan.wakes {

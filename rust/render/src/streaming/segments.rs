@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which paths are in which slots: slots are cut into segments, each a contiguous range of paths, many under way at a time.
+//! Which paths are under way: segments, each a contiguous range of paths with a place for the radiance of each. There are more
+//! places than slots (paths in flight): a path that ends gives its slot to a new one and leaves only its radiance behind.
 //!
 //! A segment is added to the film when all its paths are dead and every earlier segment has been added: samples of a pixel
 //! are summed in ascending order whatever came back first. Pure.
@@ -10,8 +11,10 @@ use std::collections::VecDeque;
 /// A segment under way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Segment {
-    /// Its number: slots `index * size ..`.
+    /// Its number: places `index * size ..`.
     pub(crate) index: u32,
+    /// Slots that were taken before it.
+    pub(crate) first_slot: u64,
     /// Its paths.
     pub(crate) wave: Wave,
 }
@@ -20,6 +23,8 @@ pub(crate) struct Segment {
 #[derive(Debug)]
 pub(crate) struct Segments {
     size: u32,
+    /// Paths that may be in flight.
+    slots: u64,
     free: VecDeque<u32>,
     /// Under way, oldest first.
     alive: VecDeque<Segment>,
@@ -28,20 +33,25 @@ pub(crate) struct Segments {
 }
 
 impl Segments {
-    /// `count` segments of `size` slots for `total` paths.
-    pub(crate) fn new(count: u32, size: u32, total: u64) -> Self {
-        Self { size, free: (0..count).collect(), alive: VecDeque::new(), next: 0, total }
+    /// `count` segments of `size` places for `total` paths, of which `slots` may be in flight.
+    pub(crate) fn new(count: u32, size: u32, slots: u32, total: u64) -> Self {
+        let free = (0..count).collect();
+        Self { size, slots: u64::from(slots), free, alive: VecDeque::new(), next: 0, total }
     }
 
-    /// Gives a free segment the next paths; none when there is no free segment or no path left.
-    pub(crate) fn start(&mut self) -> Option<Segment> {
+    /// Gives a free segment the next paths; none when there is no free segment, no path left, or no slot: `ended` paths have
+    /// given theirs back so far.
+    pub(crate) fn start(&mut self, ended: u64) -> Option<Segment> {
+        if !self.can_start(ended) {
+            return None;
+        }
         let left = self.total.saturating_sub(self.next);
         let count = u32::try_from(left.min(u64::from(self.size))).unwrap_or(self.size);
         if count == 0 {
             return None;
         }
         let index = self.free.pop_front()?;
-        let segment = Segment { index, wave: Wave { first: self.next, count } };
+        let segment = Segment { index, first_slot: self.next, wave: Wave { first: self.next, count } };
         self.next += u64::from(count);
         self.alive.push_back(segment);
         Some(segment)
@@ -79,9 +89,9 @@ impl Segments {
         self.total - self.next
     }
 
-    /// Whether a segment could begin.
-    pub(crate) fn can_start(&self) -> bool {
-        !self.free.is_empty() && self.next < self.total
+    /// Whether a segment could begin when `ended` paths have given their slots back.
+    pub(crate) fn can_start(&self, ended: u64) -> bool {
+        !self.free.is_empty() && self.next < self.total && self.next + u64::from(self.size) <= self.slots + ended
     }
 }
 
@@ -91,8 +101,8 @@ mod tests {
 
     #[test]
     fn paths_come_back_in_order_and_once() {
-        let mut segments = Segments::new(3, 10, 45);
-        let begun: Vec<_> = std::iter::from_fn(|| segments.start()).collect();
+        let mut segments = Segments::new(3, 10, 30, 45);
+        let begun: Vec<_> = std::iter::from_fn(|| segments.start(0)).collect();
         assert_eq!(begun.len(), 3, "as many as there are slots");
         assert!(segments.take_finished(|segment| segment.index != 0).is_none(), "the oldest has paths alive");
         let mut firsts = Vec::new();
@@ -100,8 +110,16 @@ mod tests {
             while let Some(segment) = segments.take_finished(|_| true) {
                 firsts.push((segment.wave.first, segment.wave.count));
             }
-            while segments.start().is_some() {}
+            while segments.start(firsts.len() as u64 * 10).is_some() {}
         }
         assert_eq!(firsts, [(0, 10), (10, 10), (20, 10), (30, 10), (40, 5)], "ascending, without gaps");
+    }
+
+    #[test]
+    fn segments_begin_only_when_enough_paths_have_ended() {
+        let mut segments = Segments::new(8, 10, 20, 100);
+        assert!(segments.start(0).is_some() && segments.start(0).is_some(), "twenty slots");
+        assert!(segments.start(9).is_none(), "one slot too few");
+        assert_eq!(segments.start(10).map(|segment| segment.first_slot), Some(20), "the slots of ended paths");
     }
 }

@@ -54,6 +54,8 @@ pub(super) struct Stage<'e, 'a, 'r> {
     engine: &'e mut Engine<'a, 'r>,
     kind: Kind,
     segments: Segments,
+    /// Paths that have ended.
+    ended: u64,
     /// The step at which the segment of each index was last begun.
     begun: Vec<u64>,
     flights: VecDeque<Flight>,
@@ -72,9 +74,10 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
     /// A stage of `total` paths.
     pub(super) fn new(engine: &'e mut Engine<'a, 'r>, kind: Kind, total: u64) -> Self {
         let buffers = engine.buffers;
-        let segments = Segments::new(buffers.segment_count, buffers.segment_size, total);
+        let segments = Segments::new(buffers.segment_count, buffers.segment_size, buffers.capacity, total);
         let now = Instant::now();
         Self {
+            ended: 0,
             begun: vec![0; buffers.segment_count as usize],
             seen: Observation::default(),
             engine,
@@ -130,7 +133,7 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
 
     fn can_move_segments(&self) -> bool {
         self.segments.oldest().is_some_and(|oldest| is_finished(&self.seen, &self.begun, &oldest))
-            || (self.segments.can_start() && self.room_for_rays() > 0)
+            || (self.segments.can_start(self.ended) && self.room_for_rays() > 0)
     }
 
     /// New rays that a step may add: enough to keep the device busy, few enough for the step to stay short, so that what
@@ -152,7 +155,7 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
         }
         let mut room = self.room_for_rays();
         while room > 0
-            && let Some(segment) = self.segments.start()
+            && let Some(segment) = self.segments.start(self.ended)
         {
             room = room.saturating_sub(u64::from(segment.wave.count));
             if let Some(begun) = self.begun.get_mut(segment.index as usize) {
@@ -192,7 +195,9 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
         let secs = now.duration_since(flight.submitted.max(self.last_end)).as_secs_f64();
         self.last_end = now;
         self.adapt(flight.rounds, secs);
+        let freed = self.seen.counters.freed;
         self.seen = self.engine.buffers.observe(flight.number)?;
+        self.ended += u64::from(self.seen.counters.freed.wrapping_sub(freed));
         self.last_event = now;
         let seen = &self.seen;
         let demand = Demand { waiting: &seen.waiting, next: &seen.next, visits: &[], active: seen.active() };

@@ -85,8 +85,13 @@ bitflags! {
     pub struct PushFlags: u32 {
         /// Rays of `generate_aov_rays`: they meet every surface of opacity above 0, and are not counted in the totals.
         const AOVS = 1;
+        /// `generate_*`, streaming: the slots from `arg0` on have never been used.
+        const FRESH = 2;
     }
 }
+
+/// Where `generate_*` finds the number of the segment in `Push::flags`, streaming.
+const SEGMENT_SHIFT: u32 = 8;
 
 /// Push constants of every wavefront pass, 32 B.
 #[repr(C)]
@@ -137,6 +142,17 @@ impl Push {
     #[must_use]
     pub fn flagged(self, flags: PushFlags) -> Self {
         Self { flags: flags.bits(), ..self }
+    }
+
+    /// For `generate_*` with streaming: the paths become segment `segment` (below 2^24) and take `path_count` free slots.
+    /// `taken` slots were taken before, of `slots`; the caller knows that `taken + path_count <= slots + freed`, and takes as many
+    /// at a time as divide `slots`, but for the last time.
+    #[must_use]
+    pub fn into_slots(self, segment: u32, taken: u64, slots: u32) -> Self {
+        let slots = u64::from(slots.max(1));
+        let fresh = if taken < slots { PushFlags::FRESH.bits() } else { 0 };
+        let arg0 = u32::try_from(taken % slots).unwrap_or_default();
+        Self { arg0, flags: self.flags | fresh | segment << SEGMENT_SHIFT, ..self }
     }
 }
 

@@ -121,8 +121,12 @@ pub const LAYOUTS: &[StructLayout] = &[
         sort_counts,
         sort_sums,
         chunk_rays,
+        places,
+        free_slots,
         segment_size,
-        chunk_count
+        chunk_count,
+        slots,
+        pad
     }),
     layout!(Segment { first_pixel, first_sample, count, alive }),
     layout!(Pending { entry, chunk_instance }),
@@ -174,7 +178,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         escaped_args,
         shadow_args,
         deferred_args,
-        pad
+        freed
     }),
     layout!(FilmPixel { sum, compensation, m2, samples }),
     layout!(LbvhBounds { min, max }),

@@ -130,8 +130,8 @@ pub struct Counters {
     pub shadow_args: IndirectArgs,
     /// For `count_demand`, `sort_deferred_count` and `sort_deferred_scatter`.
     pub deferred_args: IndirectArgs,
-    /// 0.
-    pub pad: u32,
+    /// Slots that ended paths gave back, all together; wraps.
+    pub freed: u32,
 }
 
 impl Counters {

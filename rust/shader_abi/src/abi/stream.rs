@@ -13,11 +13,12 @@ pub const MAX_PENDING: u32 = 4;
 /// Set in an entry of `Streaming::deferred` when the path's shadow ray waits, else its closest ray does.
 pub const SHADOW_BIT: u32 = 1 << 31;
 
-/// Addresses of what streaming adds to a frame. `slots` is the number of paths in flight, `segments * segment_size`; below 2^31.
+/// Addresses of what streaming adds to a frame. `slots` paths are in flight; the segments have `segments * segment_size` *places*, at
+/// least as many, one radiance each. Both below 2^31.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Streaming {
-    /// [`Segment`] array: slots `s * segment_size ..` belong to segment `s`. Written by `generate_*`, read by the host.
+    /// [`Segment`] array: places `s * segment_size ..` belong to segment `s`. Written by `generate_*`, read by the host.
     pub segments: u64,
     /// u32 per slot.
     pub progress: u64,
@@ -37,10 +38,18 @@ pub struct Streaming {
     pub sort_sums: u64,
     /// u32 `[chunk_count]`: rays that entered each chunk since the host zeroed it. May be 0 without `Features::CHUNK_COUNTS`.
     pub chunk_rays: u64,
-    /// Slots of a segment; the last one may be used in part.
+    /// u32 per slot: the place of its path in the segments, which is where its radiance is.
+    pub places: u64,
+    /// u32 per slot, a ring: slots that ended paths gave back, `Counters::freed` of them since the host zeroed it.
+    pub free_slots: u64,
+    /// Places of a segment; the last one may be used in part.
     pub segment_size: u32,
     /// Elements of `Frame::chunks`, at most 2^30.
     pub chunk_count: u32,
+    /// Paths in flight at most; a power of two.
+    pub slots: u32,
+    /// 0.
+    pub pad: u32,
 }
 
 /// A contiguous range of paths in flight, 16 B.
@@ -106,6 +115,7 @@ pub const fn path_bytes(max_levels: u32, streaming: bool) -> u64 {
     let queues = 5 * size_of::<u32>();
     let state = size_of::<Ray>() + size_of::<ShadowRay>() + size_of::<PathState>() + radiance + queues;
     let deferred = 2 * 2 * size_of::<u32>();
-    let waiting = size_of::<u32>() + 2 * size_of::<Pending>() + size_of::<GpuSurface>() + deferred;
+    let numbers = 3 * size_of::<u32>();
+    let waiting = numbers + 2 * size_of::<Pending>() + size_of::<GpuSurface>() + deferred;
     state as u64 + hit_stride(max_levels) as u64 + if streaming { waiting as u64 } else { 0 }
 }

@@ -160,6 +160,7 @@ impl Tracer<'_> {
         for (segment, first) in fresh {
             let count = SEGMENT_SIZE.min(paths - first);
             let push = self.segment_push(*segment, *first, count, flags);
+            let push = push.into_slots(*segment, u64::from(*first), SEGMENTS * SEGMENT_SIZE);
             self.run(&mut commands, generate, push, Launch::Threads(count));
         }
         let q = Push::wave(self.address("frame"), 0, 0, PIXELS).flagged(flags);

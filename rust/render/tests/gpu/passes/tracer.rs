@@ -70,6 +70,8 @@ impl<'a> Tracer<'a> {
             ("kept", 80),
             ("deferred 0", 8),
             ("deferred 1", 8),
+            ("places", 4),
+            ("free slots", 4),
         ];
         for (name, bytes) in per_slot {
             tracer.make(name, slots * bytes);
@@ -114,8 +116,12 @@ impl<'a> Tracer<'a> {
             sort_counts: self.address("counts"),
             sort_sums: self.address("sums"),
             chunk_rays: self.address("chunk rays"),
+            places: self.address("places"),
+            free_slots: self.address("free slots"),
             segment_size: SEGMENT_SIZE,
             chunk_count: CHUNKS,
+            slots: SEGMENTS * SEGMENT_SIZE,
+            pad: 0,
         };
         let light = GpuLight {
             direction: [0.6, 0.8, 0.0],

@@ -110,6 +110,18 @@ fn thin_shadow_casters() {
     same_bits(&SCENES[5]);
 }
 
+/// Many more paths than are in flight at a time on any device the tests run on, or nearly so on a large one.
+#[test]
+fn paths_that_end_make_room_for_others() {
+    let scene = &SCENES[5];
+    let many = Settings { samples_per_pixel: 40, ..small_chunks() };
+    let whole = render(scene, many.clone(), options());
+    let budget = percent(whole.stats.scene_bytes, 25).max(smallest_budget(scene));
+    let part = render(scene, Settings { geometry_budget_kib: budget, ..many }, options());
+    assert!(part.images == whole.images, "the picture differs");
+    assert!(!part.stats.in_core && part.stats.paths_left == 0, "all paths came back: {:?}", part.stats);
+}
+
 #[test]
 fn a_chunk_lost_when_deferred_is_noticed() {
     for scene in &SCENES {
