@@ -33,12 +33,11 @@
 //!
 //! # One submission of streaming
 //! With [`Features::STREAMING`] chunks may be absent (`GpuChunk::nodes == 0`), rays wait for them across submissions, and paths are
-//! at different bounces. Paths live in *slots*; their radiance is at a *place*: segment `s` is the places from `s * segment_size` on, and
-//! holds the paths
-//! `first .. first + count` of the render. `q` has `frame` and `flags` only (`Push::wave(frame, 0, 0, pixels)`; for AOVs, flagged);
-//! `g(s) = Push::wave(frame, first, count, pixels).with(r, s * segment_size)` with the segment's paths. `r` is the round: it starts
-//! at 0 with the render (or with the AOVs) and grows through all submissions. Before the first one the host zeroes `Counters`
-//! and the segment table.
+//! at different bounces. Paths live in *slots*, and leave their radiance at a *place*; there are more places than slots. Segment `s` is the
+//! places from `s * segment_size` on, and holds the paths `first .. first + count` of the render. `q` has `frame` and `flags` only
+//! (`Push::wave(frame, 0, 0, pixels)`; for AOVs, flagged); `a(s) = Push::wave(frame, first, count, pixels).with(r, s * segment_size)`
+//! with the segment's paths, `g(s) = a(s).into_slots(s, taken, slots)`. `r` is the round: it starts at 0 with the render (or with the
+//! AOVs) and grows through all submissions. Before the first one the host zeroes `Counters` and the segment table.
 //! ```text
 //! (host)                 the chunk table as it now is; fill Streaming::sort_counts with 0
 //! sort_deferred_count    indirect Counters::DEFERRED_ARGS     q.with(r, 0)      | generate_camera_rays or generate_aov_rays of
@@ -62,9 +61,9 @@
 //! `sort_*` together. Absent chunks may become resident, and resident ones absent, between submissions only.
 //! A segment with `alive == 0` and `count > 0` is done. When all earlier ones are accumulated:
 //! ```text
-//! accumulate             [groups(min(count, width*height))]   g(s)
+//! accumulate             [groups(min(count, width*height))]   a(s)
 //! ```
-//! and its slots are free for `generate_camera_rays`. Nothing is left to do when every segment is done. When no chunk is absent no ray is
+//! and its places are free for another segment. A slot is free as soon as its path has ended (`Counters::freed`). Nothing is left to do when every segment is done. When no chunk is absent no ray is
 //! deferred. When `ray_count[r & 1] + shadow_count == 0` after a submission, all living paths wait for chunks.
 //!
 //! `shaders/README.md` has the table of what each pass reads and writes.
