@@ -207,3 +207,37 @@ fn instance(record: &InstanceRecord) -> GpuInstance {
         prototype_count: record.prototype_count | flip,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use oocpt_gpu::{Buffer, OpenOptions, Usage};
+    use std::sync::mpsc;
+    use std::time::Duration;
+
+    #[test]
+    fn writers_that_share_too_small_a_ring_all_come_to_their_end() {
+        let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
+        let gpu = Gpu::open(&OpenOptions { selector, ..OpenOptions::default() }).expect("a device to test on");
+        let ring = Arc::new(StagingRing::new(&gpu, 3 << 20).expect("staging memory"));
+        let (done, results) = mpsc::channel();
+        let bytes = 12 << 20;
+        for thread in 0..4_u8 {
+            let (gpu, ring, done) = (Arc::clone(&gpu), Arc::clone(&ring), done.clone());
+            std::thread::spawn(move || {
+                let target = Buffer::new(&gpu, "target", bytes, Usage::Readback).expect("memory");
+                let mut writer = Writer::new(&gpu, &ring);
+                let data = vec![thread; usize::try_from(bytes).expect("small")];
+                let written = writer.bytes(&target, 0, &data).and_then(|()| writer.finish());
+                let (copies, copied) = written.expect("written");
+                let ended = copies.iter().all(|copy| copy.wait(Duration::from_secs(60)) == Ok(true));
+                let same = target.map(|all| all.iter().all(|byte| *byte == thread)).expect("mapped");
+                done.send(ended && same && copied == bytes).expect("the test waits");
+            });
+        }
+        for _ in 0..4 {
+            let result = results.recv_timeout(Duration::from_secs(60));
+            assert_eq!(result, Ok(true), "a writer waits for ever, or its bytes did not arrive");
+        }
+    }
+}
