@@ -15,12 +15,12 @@ use crate::specialise;
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::thread::Gate;
-use crate::wavefront::{Passes, WaveBuffers, path_bytes};
+use crate::wavefront::{Passes, PathBuffers};
 use crate::waves::{self, Frames};
 use bytemuck::Zeroable;
 use oocpt_core::camera::CameraRays;
 use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Usage};
-use oocpt_shader_abi::{Frame, FrameFlags};
+use oocpt_shader_abi::{Frame, FrameFlags, path_bytes};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -40,7 +40,7 @@ const ROOMY_WAVE: u64 = 1 << 16;
 pub(crate) struct Renderer {
     device: Option<Arc<Device>>,
     scene: SceneCache,
-    waves: Option<WaveBuffers>,
+    waves: Option<PathBuffers>,
     stream: Option<StreamBuffers>,
     film: Option<Film>,
     /// Memory is short: streams even if the scene seems to fit, with few paths at a time.
@@ -156,7 +156,8 @@ impl Renderer {
             return false;
         }
         let missing = scene.missing_bytes(setting.lights.distant.len());
-        let waves = if self.waves.is_some() { 0 } else { ROOMY_WAVE.min(paths(job)) * path_bytes(scene.levels()) };
+        let waves =
+            if self.waves.is_some() { 0 } else { ROOMY_WAVE.min(paths(job)) * path_bytes(scene.levels(), false) };
         let fits = |gpu: &Gpu| {
             let memory = gpu.memory();
             memory.used.saturating_add(missing).saturating_add(waves) <= memory.budget
@@ -232,16 +233,17 @@ impl Renderer {
     fn make_waves(&mut self, device: &Device, job: &Job, view: &SceneView) -> Result<(), RenderError> {
         let most = if is_cpu(device) { 1 << 17 } else { MAX_WAVE };
         let wanted = paths(job).clamp(MIN_WAVE, most).next_power_of_two();
-        let fits = |waves: &WaveBuffers| waves.max_levels == view.max_levels && u64::from(waves.capacity) >= wanted;
+        let fits = |waves: &PathBuffers| waves.max_levels == view.max_levels && u64::from(waves.capacity) >= wanted;
         if self.waves.as_ref().is_some_and(fits) {
             return Ok(());
         }
         self.waves = None;
         let memory = device.gpu.memory();
-        let room = memory.budget.saturating_sub(memory.used) / 4 / path_bytes(view.max_levels);
+        let room = memory.budget.saturating_sub(memory.used) / 4 / path_bytes(view.max_levels, false);
         let capacity = wanted.min(room).max(MIN_WAVE);
-        self.waves =
-            Some(shrinking(capacity, MIN_WAVE, |capacity| WaveBuffers::new(&device.gpu, capacity, view.max_levels))?);
+        self.waves = Some(shrinking(capacity, MIN_WAVE, |capacity| {
+            PathBuffers::new(&device.gpu, capacity, capacity, view.max_levels)
+        })?);
         Ok(())
     }
 }

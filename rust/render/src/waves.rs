@@ -12,7 +12,7 @@ use crate::progress::Progress;
 use crate::schedule::{Schedule, Wave};
 use crate::session::Job;
 use crate::thread::Gate;
-use crate::wavefront::{Passes, Recorder, WaveBuffers};
+use crate::wavefront::{Passes, PathBuffers, Recorder};
 use oocpt_gpu::{Buffer, Commands, Submission};
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -28,7 +28,7 @@ pub(crate) const WAVE_TIMEOUT: Duration = Duration::from_secs(120);
 pub(crate) struct Frames<'a> {
     pub(crate) device: &'a Device,
     pub(crate) film: &'a Film,
-    pub(crate) buffers: &'a WaveBuffers,
+    pub(crate) buffers: &'a PathBuffers,
     pub(crate) passes: &'a Passes,
     pub(crate) frame: &'a Buffer,
     pub(crate) job: &'a Job,

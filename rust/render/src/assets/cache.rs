@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The scene on the device from frame to frame: what is wanted, what is there, and whether all of it fits.
 //!
-//! [`SceneCache::sync`] lists what a snapshot needs. If it fits the budget, [`SceneCache::load_all`] brings everything;
+//! [`SceneCache::sync`] lists what a snapshot needs. If it fits the budget, [`Scene::load_all`] brings everything;
 //! else the streaming loop brings what the rays ask for. Render thread only.
 
 use super::catalog::SceneAssets;

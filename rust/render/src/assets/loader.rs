@@ -2,7 +2,7 @@
 //! Threads that bring assets to the device while the render thread traces: encode into pinned staging memory, copy on the
 //! transfer queue.
 //!
-//! One loader per open device, shared by its sessions. A job belongs to a [`Inbox`]; what was asked for by an inbox that is
+//! One loader per open device, shared by its sessions. A job belongs to an [`Inbox`]; what was asked for by an inbox that is
 //! gone is skipped. Thread counts: one per core up to [`MOST_THREADS`], since one thread fills only a quarter of the bus.
 
 use super::encode::{Part, Writer};

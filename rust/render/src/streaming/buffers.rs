@@ -4,11 +4,9 @@
 use super::observe::Observation;
 use crate::assets::SceneView;
 use crate::error::RenderError;
+use crate::wavefront::PathBuffers;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
-use oocpt_shader_abi::{
-    Counters, Frame, GpuSurface, PathState, Pending, Ray, Segment, ShadowRay, Streaming, hit_stride, path_bytes,
-    sort_blocks,
-};
+use oocpt_shader_abi::{Counters, Frame, GpuSurface, Pending, Segment, Streaming, path_bytes, sort_blocks};
 use std::sync::Arc;
 
 /// Segments as large as all slots together.
@@ -20,21 +18,11 @@ const PLACES_PER_SLOT: u32 = 8;
 /// See the module.
 #[derive(Debug)]
 pub(crate) struct StreamBuffers {
-    /// Slots.
-    pub(crate) capacity: u32,
+    /// One entry for each slot.
+    pub(crate) paths: PathBuffers,
     pub(crate) segment_count: u32,
     pub(crate) segment_size: u32,
-    max_levels: u32,
     chunk_count: u32,
-    rays: Buffer,
-    shadow_rays: Buffer,
-    hits: Buffer,
-    paths: Buffer,
-    radiance: Buffer,
-    ray_queue: [Buffer; 2],
-    shadow_queue: Buffer,
-    surface_queue: Buffer,
-    escaped_queue: Buffer,
     progress: Buffer,
     places: Buffer,
     free_slots: Buffer,
@@ -48,7 +36,6 @@ pub(crate) struct StreamBuffers {
     sort_sums: Buffer,
     chunk_rays: Buffer,
     streaming: Buffer,
-    pub(crate) counters: Buffer,
     /// What the host reads of a step: counters, segments, demand; one for each step under way.
     readback: [Buffer; 2],
 }
@@ -65,21 +52,12 @@ impl StreamBuffers {
         let segment_count = capacity / segment_size * PLACES_PER_SLOT;
         let read = size_of::<Counters>() + segment_count as usize * size_of::<Segment>() + 8 * chunks as usize;
         let readback = |name: &str| Buffer::new(gpu, name, read as u64, Usage::Readback);
+        let places = segment_count * segment_size;
         let buffers = Self {
-            capacity,
+            paths: PathBuffers::new(gpu, capacity, places, view.max_levels)?,
             segment_count,
             segment_size,
-            max_levels: view.max_levels,
             chunk_count: chunks,
-            rays: slots("rays", size_of::<Ray>())?,
-            shadow_rays: slots("shadow_rays", size_of::<ShadowRay>())?,
-            hits: slots("hits", hit_stride(view.max_levels) as usize)?,
-            paths: slots("paths", size_of::<PathState>())?,
-            radiance: array("radiance", segment_count, 16 * segment_size as usize)?,
-            ray_queue: [slots("ray_queue 0", 4)?, slots("ray_queue 1", 4)?],
-            shadow_queue: slots("shadow_queue", 4)?,
-            surface_queue: slots("surface_queue", 4)?,
-            escaped_queue: slots("escaped_queue", 4)?,
             progress: slots("progress", 4)?,
             places: slots("places", 4)?,
             free_slots: slots("free_slots", 4)?,
@@ -93,7 +71,6 @@ impl StreamBuffers {
             sort_sums: array("sort_sums", sort_blocks(chunks).max(1), 4)?,
             chunk_rays: array("chunk_rays", chunks, 4)?,
             streaming: Buffer::new(gpu, "streaming", size_of::<Streaming>() as u64, Usage::Upload)?,
-            counters: Buffer::new(gpu, "counters", size_of::<Counters>() as u64, Usage::Device)?,
             readback: [readback("steps 0")?, readback("steps 1")?],
         };
         buffers.streaming.write(0, bytemuck::bytes_of(&buffers.block()))?;
@@ -102,9 +79,9 @@ impl StreamBuffers {
 
     /// Whether this memory serves a scene of `view` and `wanted` paths.
     pub(crate) fn serves(&self, view: &SceneView, wanted: u64) -> bool {
-        self.max_levels == view.max_levels
+        self.paths.max_levels == view.max_levels
             && self.chunk_count == view.chunk_count.max(1)
-            && u64::from(self.capacity) >= wanted
+            && u64::from(self.paths.capacity) >= wanted
     }
 
     fn block(&self) -> Streaming {
@@ -123,29 +100,20 @@ impl StreamBuffers {
             free_slots: self.free_slots.address(),
             segment_size: self.segment_size,
             chunk_count: self.chunk_count,
-            slots: self.capacity,
+            slots: self.paths.capacity,
             pad: 0,
         }
     }
 
     /// Writes the addresses into a frame block.
     pub(crate) fn bind(&self, frame: &mut Frame) {
-        frame.rays = self.rays.address();
-        frame.shadow_rays = self.shadow_rays.address();
-        frame.hits = self.hits.address();
-        frame.paths = self.paths.address();
-        frame.radiance = self.radiance.address();
-        frame.ray_queue = [self.ray_queue[0].address(), self.ray_queue[1].address()];
-        frame.shadow_queue = self.shadow_queue.address();
-        frame.surface_queue = self.surface_queue.address();
-        frame.escaped_queue = self.escaped_queue.address();
+        self.paths.bind(frame);
         frame.streaming = self.streaming.address();
-        frame.counters = self.counters.address();
     }
 
     /// Forgets everything, before a stage.
     pub(crate) fn clear(&self, commands: &mut Commands) {
-        for buffer in [&self.counters, &self.segments, &self.chunk_rays] {
+        for buffer in [&self.paths.counters, &self.segments, &self.chunk_rays] {
             commands.fill(buffer, 0, buffer.size(), 0);
         }
     }
@@ -170,7 +138,7 @@ impl StreamBuffers {
         let target = self.readback_of(number);
         commands.concurrent(|c| {
             let mut offset = 0;
-            for source in [&self.counters, &self.segments, &self.demand] {
+            for source in [&self.paths.counters, &self.segments, &self.demand] {
                 c.copy(source, 0, target, offset, source.size());
                 offset += source.size();
             }

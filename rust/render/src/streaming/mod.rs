@@ -95,7 +95,7 @@ pub(crate) fn render(
         mib = budget >> 20,
         of_mib = assets.bytes >> 20,
         chunks = assets.catalog.chunk_count(),
-        paths = buffers.capacity,
+        paths = buffers.paths.capacity,
         %policy,
         "streaming"
     );

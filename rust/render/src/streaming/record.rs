@@ -130,7 +130,7 @@ impl Engine<'_, '_> {
             }
             for segment in &plan.started {
                 let push = self.push_of(kind, segment, plan.round);
-                let push = push.into_slots(segment.index, segment.first_slot, self.buffers.capacity);
+                let push = push.into_slots(segment.index, segment.first_slot, self.buffers.paths.capacity);
                 direct(c, generate, push, segment.wave.count);
             }
         });
@@ -176,11 +176,11 @@ impl Engine<'_, '_> {
         if self.setting.film.has_color() {
             direct(commands, &self.passes.resolve, self.push(Kind::Samples), self.pixels());
         }
-        self.setting.film.copy_out(commands, &self.buffers.counters);
+        self.setting.film.copy_out(commands, &self.buffers.paths.counters);
     }
 
     fn indirect(&self, commands: &mut Commands, pipeline: &Pipeline, push: Push, arguments: u64) {
-        commands.dispatch_indirect(pipeline, bytemuck::bytes_of(&push), &self.buffers.counters, arguments);
+        commands.dispatch_indirect(pipeline, bytemuck::bytes_of(&push), &self.buffers.paths.counters, arguments);
     }
 
     /// Submits the last copy of the images.

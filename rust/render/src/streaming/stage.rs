@@ -74,7 +74,7 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
     /// A stage of `total` paths.
     pub(super) fn new(engine: &'e mut Engine<'a, 'r>, kind: Kind, total: u64) -> Self {
         let buffers = engine.buffers;
-        let segments = Segments::new(buffers.segment_count, buffers.segment_size, buffers.capacity, total);
+        let segments = Segments::new(buffers.segment_count, buffers.segment_size, buffers.paths.capacity, total);
         let now = Instant::now();
         Self {
             ended: 0,

@@ -4,10 +4,10 @@
 //! A pass has one name: its shader is `shaders/wavefront/NAME.comp`, its field in [`Passes`] is `NAME`, and it shows
 //! under `NAME` in timings, debuggers and errors. Render thread only.
 
-mod buffers;
+mod paths;
 mod record;
 
-pub(crate) use buffers::{WaveBuffers, path_bytes};
+pub(crate) use paths::PathBuffers;
 pub(crate) use record::Recorder;
 
 use crate::device::{Device, Specialisation};

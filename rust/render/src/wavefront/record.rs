@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Records one wave: the ray's straight line from camera to film.
 
-use super::{AovPasses, Passes, WaveBuffers};
+use super::{AovPasses, Passes, PathBuffers};
 use crate::schedule::Wave;
 use oocpt_gpu::{Commands, Pipeline};
 use oocpt_shader_abi::{AOV_ESCAPED, AOV_SURFACES, Counters, PREPARE_SHADE, PREPARE_TRACE, Push, PushFlags, groups};
@@ -11,7 +11,7 @@ use std::ops::Range;
 #[derive(Debug)]
 pub(crate) struct Recorder<'a> {
     pub(crate) passes: &'a Passes,
-    pub(crate) buffers: &'a WaveBuffers,
+    pub(crate) buffers: &'a PathBuffers,
     /// Device address of the frame block.
     pub(crate) frame: u64,
     pub(crate) pixels: u32,

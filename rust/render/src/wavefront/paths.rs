@@ -1,21 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The memory of a wave: path state and queues, sized for the largest wave.
+//! The arrays and queues that paths live in, in core and streaming alike: one entry for each path in flight.
 
 use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{Counters, Frame, PathState, Ray, ShadowRay, hit_stride};
 use std::sync::Arc;
 
-/// Bytes of device memory that one path of a wave takes.
-pub(crate) fn path_bytes(max_levels: u32) -> u64 {
-    let radiance = 16;
-    let queues = 5 * size_of::<u32>();
-    let state = size_of::<Ray>() + size_of::<PathState>() + size_of::<ShadowRay>() + radiance + queues;
-    state as u64 + u64::from(hit_stride(max_levels))
-}
-
-/// Path state and queues.
+/// See the module.
 #[derive(Debug)]
-pub(crate) struct WaveBuffers {
+pub(crate) struct PathBuffers {
     pub(crate) capacity: u32,
     pub(crate) max_levels: u32,
     rays: Buffer,
@@ -31,10 +23,12 @@ pub(crate) struct WaveBuffers {
     pub(crate) counters: Buffer,
 }
 
-impl WaveBuffers {
-    /// Memory for waves of up to `capacity` paths.
-    pub(crate) fn new(gpu: &Arc<Gpu>, capacity: u32, max_levels: u32) -> Result<Self, GpuError> {
-        let per_path = |name: &str, stride: u64| Buffer::new(gpu, name, u64::from(capacity) * stride, Usage::Device);
+impl PathBuffers {
+    /// Memory for `capacity` paths, and for the radiance of `places`.
+    pub(crate) fn new(gpu: &Arc<Gpu>, capacity: u32, places: u32, max_levels: u32) -> Result<Self, GpuError> {
+        let array =
+            |name: &str, count: u32, stride: u64| Buffer::new(gpu, name, u64::from(count) * stride, Usage::Device);
+        let per_path = |name: &str, stride: u64| array(name, capacity, stride);
         Ok(Self {
             capacity,
             max_levels,
@@ -42,7 +36,7 @@ impl WaveBuffers {
             shadow_rays: per_path("shadow_rays", size_of::<ShadowRay>() as u64)?,
             hits: per_path("hits", u64::from(hit_stride(max_levels)))?,
             paths: per_path("paths", size_of::<PathState>() as u64)?,
-            radiance: per_path("radiance", 16)?,
+            radiance: array("radiance", places, 16)?,
             ray_queue: [per_path("ray_queue 0", 4)?, per_path("ray_queue 1", 4)?],
             shadow_queue: per_path("shadow_queue", 4)?,
             surface_queue: per_path("surface_queue", 4)?,
