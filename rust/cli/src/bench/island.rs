@@ -4,6 +4,8 @@
 //!
 //! Each row is rendered once to warm up (unless `--cold`), then `--runs` times; its counters are those of the median run.
 
+mod table;
+
 use anyhow::{Context, Result, bail, ensure};
 use oocpt_core::settings::{Settings, Value};
 use oocpt_core::stats::{Stats, StreamingStats};
@@ -145,12 +147,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let commit_secs = started.elapsed().as_secs_f64();
     finish(&session).context("warm-up render")?;
     let mut report = report(arguments, &session, generate_secs, commit_secs);
-    print_head(&report);
+    table::print_head(&report);
     let mut reference = Vec::new();
     for (percent, policy) in rows(arguments) {
         match measure(arguments, &session, percent, &policy, &report, &mut reference) {
             Ok(row) => {
-                print_row(&row);
+                table::print_row(&row);
                 report.rows.push(row);
             }
             // A budget may be too small for the largest chunk: the other rows are worth having.
@@ -307,76 +309,6 @@ fn report(arguments: &Arguments, session: &Session, generate_secs: f64, commit_s
         rows: Vec::new(),
         failed: Vec::new(),
     }
-}
-
-#[expect(clippy::cast_precision_loss, reason = "sizes are shown, not computed with")]
-fn print_head(report: &Report) {
-    println!("island on {}", report.machine);
-    println!(
-        "{} x {} px, {} samples, {} bounces; {} instances, {} unique quads, {} instanced triangles, {} meshes",
-        report.width,
-        report.height,
-        report.samples,
-        report.bounces,
-        report.instances,
-        report.unique_quads,
-        report.instanced_triangles,
-        report.meshes
-    );
-    println!(
-        "{} chunks, {} chunk instances, {:.1} MiB of geometry; generated in {:.2} s, committed in {:.2} s",
-        report.chunks,
-        report.chunk_instances,
-        report.scene_bytes as f64 / f64::from(1 << 20),
-        report.generate_secs,
-        report.commit_secs
-    );
-    println!(
-        "{:>7} {:>9} {:<9}{:>9} {:>6} {:>9} {:>8} {:>8} {:>8} {:>10} {:>6} {:>8} {:>8} {:>8} {:>8} {:>9} {:>5}",
-        "budget%",
-        "MiB",
-        "policy",
-        "trace s",
-        "ratio",
-        "Mpaths/s",
-        "loads",
-        "reloads",
-        "evicted",
-        "paged MiB",
-        "hit%",
-        "tracing",
-        "loading",
-        "waiting",
-        "overlap",
-        "peak MiB",
-        "same"
-    );
-}
-
-#[expect(clippy::cast_precision_loss, reason = "sizes are shown, not computed with")]
-fn print_row(row: &Row) {
-    let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
-    let s = &row.streaming;
-    println!(
-        "{:>7} {:>9.1} {:<9}{:>9.3} {:>6.2} {:>9.3} {:>8} {:>8} {:>8} {:>10.1} {:>6.1} {:>8.3} {:>8.3} {:>8.3} {:>8.3} {:>9.1} {:>5}",
-        row.budget_percent,
-        mib(row.geometry_budget_bytes),
-        if row.policy.is_empty() { "in core" } else { &row.policy },
-        row.median_trace_secs,
-        row.ratio,
-        row.mpaths_per_sec,
-        s.loads,
-        s.reloads,
-        s.evictions,
-        mib(s.bytes_paged),
-        100.0 * s.hit_rate,
-        s.seconds_tracing,
-        s.seconds_loading,
-        s.seconds_waiting,
-        s.seconds_overlapped,
-        mib(s.geometry_peak_bytes),
-        if row.is_identical { "yes" } else { "NO" }
-    );
 }
 
 #[cfg(test)]
