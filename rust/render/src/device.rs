@@ -13,8 +13,11 @@ use oocpt_shader_abi::{LbvhPush, Module, Push};
 use rustc_hash::FxHashMap;
 use std::sync::{Arc, Mutex, OnceLock};
 
-/// Size of the arenas scene data is placed in, bytes.
+/// Size of the arenas scene data is placed in, bytes, and the smallest.
 const ARENA_BYTES: u64 = 64 << 20;
+const LEAST_ARENA_BYTES: u64 = 1 << 20;
+/// Share of the budget that an arena takes at most: under a small one others have to find room too.
+const ARENA_SHARE: u64 = 16;
 
 /// What a pipeline is specialised by, in the order of the specialisation constants' ids (`shader_abi`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -65,7 +68,8 @@ impl Device {
             ..OpenOptions::default()
         })?;
         tracing::info!(device = gpu.report().name, "opened");
-        let heap = Heap::new(&gpu, "scene", ARENA_BYTES)?;
+        let arena = (gpu.memory().budget / ARENA_SHARE).clamp(LEAST_ARENA_BYTES, ARENA_BYTES);
+        let heap = Heap::new(&gpu, "scene", arena)?;
         let device = Arc::new(Self {
             gpu,
             heap,

@@ -33,7 +33,6 @@ pub(crate) struct SceneView {
     pub(crate) assemblies: u64,
     pub(crate) meshes: u64,
     pub(crate) lights: u64,
-    pub(crate) chunk_count: u32,
     /// Longest chain of instance records inside a chunk.
     pub(crate) max_levels: u32,
     /// Levels of nodes of the top level.
@@ -95,6 +94,11 @@ impl Scene {
     /// Longest chain of instance records inside a chunk, at least 1.
     pub(crate) fn levels(&self) -> u32 {
         self.assets.snapshot.world.levels.max(1)
+    }
+
+    /// Chunks of the scene; counted by `SceneAssets::new`.
+    pub(crate) fn chunk_count(&self) -> u32 {
+        u32::try_from(self.assets.snapshot.world.chunks.len()).unwrap_or(u32::MAX)
     }
 
     fn missing(&self) -> impl Iterator<Item = AssetId> + '_ {
@@ -205,8 +209,6 @@ impl Scene {
             assemblies: tables.assemblies.address(),
             meshes: tables.meshes.address(),
             lights: tables.lights.address(),
-            // Counted by `SceneAssets::new`.
-            chunk_count: u32::try_from(world.chunks.len()).unwrap_or(u32::MAX),
             max_levels: self.levels(),
             top_depth: world.top.depth,
             stack_size: 0,

@@ -2,7 +2,6 @@
 //! The memory of a streaming render: paths in slots, who waits for what, and what the host reads of it.
 
 use super::observe::Observation;
-use crate::assets::SceneView;
 use crate::error::RenderError;
 use crate::wavefront::PathBuffers;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
@@ -41,20 +40,20 @@ pub(crate) struct StreamBuffers {
 }
 
 impl StreamBuffers {
-    /// Memory for `capacity` paths (a power of two) in the scene of `view`.
-    pub(crate) fn new(gpu: &Arc<Gpu>, capacity: u32, view: &SceneView) -> Result<Self, GpuError> {
+    /// Memory for `capacity` paths (a power of two) in a scene of `levels` instance levels and `chunks` chunks.
+    pub(crate) fn new(gpu: &Arc<Gpu>, capacity: u32, levels: u32, chunks: u32) -> Result<Self, GpuError> {
         let array = |name: &str, count: u32, stride: usize| {
             Buffer::new(gpu, name, u64::from(count) * stride as u64, Usage::Device)
         };
         let slots = |name: &str, stride: usize| array(name, capacity, stride);
-        let chunks = view.chunk_count.max(1);
+        let chunks = chunks.max(1);
         let segment_size = (capacity / SEGMENTS_PER_FILL).max(1);
         let segment_count = capacity / segment_size * PLACES_PER_SLOT;
         let read = size_of::<Counters>() + segment_count as usize * size_of::<Segment>() + 8 * chunks as usize;
         let readback = |name: &str| Buffer::new(gpu, name, read as u64, Usage::Readback);
         let places = segment_count * segment_size;
         let buffers = Self {
-            paths: PathBuffers::new(gpu, capacity, places, view.max_levels)?,
+            paths: PathBuffers::new(gpu, capacity, places, levels)?,
             segment_count,
             segment_size,
             chunk_count: chunks,
@@ -77,11 +76,9 @@ impl StreamBuffers {
         Ok(buffers)
     }
 
-    /// Whether this memory serves a scene of `view` and `wanted` paths.
-    pub(crate) fn serves(&self, view: &SceneView, wanted: u64) -> bool {
-        self.paths.max_levels == view.max_levels
-            && self.chunk_count == view.chunk_count.max(1)
-            && u64::from(self.paths.capacity) >= wanted
+    /// Whether this memory serves such a scene and `wanted` paths.
+    pub(crate) fn serves(&self, levels: u32, chunks: u32, wanted: u64) -> bool {
+        self.paths.max_levels == levels && self.chunk_count == chunks.max(1) && u64::from(self.paths.capacity) >= wanted
     }
 
     fn block(&self) -> Streaming {

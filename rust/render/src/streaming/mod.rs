@@ -77,9 +77,10 @@ pub(crate) fn render(
     progress: &mut Progress<'_>,
 ) -> Result<(), RenderError> {
     let Setting { device, job, film, .. } = *setting;
+    // Paths first: the heap takes what it can get.
+    make_buffers(setting, scene, kept)?;
     scene.make_empty_tables(device, &setting.lights.distant)?;
     let view = scene.view(0)?;
-    make_buffers(setting, &view, kept)?;
     let Some(buffers) = kept.as_ref() else {
         return Err(RenderError::Internal("the frame's paths were not made".into()));
     };
@@ -128,7 +129,8 @@ fn features(setting: &Setting<'_>, view: &SceneView) -> Features {
 
 /// Path memory: at most a quarter of what the budget leaves, and no more than the render has paths; less when there is no
 /// memory.
-fn make_buffers(setting: &Setting<'_>, view: &SceneView, kept: &mut Option<StreamBuffers>) -> Result<(), RenderError> {
+fn make_buffers(setting: &Setting<'_>, scene: &Scene, kept: &mut Option<StreamBuffers>) -> Result<(), RenderError> {
+    let (levels, chunks) = (scene.levels(), scene.chunk_count());
     let Setting { device, job, .. } = *setting;
     let most = match (setting.is_frugal, is_cpu(device), job.settings.interactive) {
         (true, ..) => FEWEST_PATHS,
@@ -138,15 +140,16 @@ fn make_buffers(setting: &Setting<'_>, view: &SceneView, kept: &mut Option<Strea
     };
     let paths = job.request.pixels() * u64::from(job.settings.samples_per_pixel);
     let wanted = paths.clamp(FEWEST_PATHS, most).next_power_of_two();
-    if kept.as_ref().is_some_and(|buffers| buffers.serves(view, wanted)) {
+    if kept.as_ref().is_some_and(|buffers| buffers.serves(levels, chunks, wanted)) {
         return Ok(());
     }
     *kept = None;
     let memory = device.gpu.memory();
-    let room = memory.budget.saturating_sub(memory.used) / 4 / buffers::slot_bytes(view.max_levels);
+    let room = memory.budget.saturating_sub(memory.used) / 4 / buffers::slot_bytes(levels);
     let room = if room.is_power_of_two() { room } else { room.next_power_of_two() / 2 };
     let capacity = wanted.min(room).max(FEWEST_PATHS);
-    *kept = Some(shrinking(capacity, FEWEST_PATHS, |capacity| StreamBuffers::new(&device.gpu, capacity, view))?);
+    *kept =
+        Some(shrinking(capacity, FEWEST_PATHS, |capacity| StreamBuffers::new(&device.gpu, capacity, levels, chunks))?);
     Ok(())
 }
 

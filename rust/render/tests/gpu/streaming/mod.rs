@@ -8,7 +8,7 @@ use oocpt_core::residency::PolicyKind;
 use oocpt_core::settings::Settings;
 use oocpt_core::stats::StreamingStats;
 use oocpt_render::{RenderRequest, Session, SessionOptions};
-use scenes::{SCENES, Scene};
+use scenes::{BEACH, SCENES, Scene};
 
 const POLICIES: [PolicyKind; 3] = [PolicyKind::Sweep, PolicyKind::Priority, PolicyKind::Benefit];
 
@@ -108,6 +108,23 @@ fn camera_inside_chunks() {
 #[test]
 fn thin_shadow_casters() {
     same_bits(&SCENES[5]);
+}
+
+#[test]
+fn the_budget_of_all_memory_holds_and_the_picture_is_the_same() {
+    let settings = Settings { chunk_size_kib: 256, ..settings(2, 2) };
+    let whole = render(&BEACH, settings.clone(), options());
+    assert!(whole.stats.in_core && whole.stats.scene_bytes > 9 << 20, "a scene of some size: {:?}", whole.stats);
+    let budget = 9_u32;
+    let session = Session::with_options(Settings { memory_budget_mib: budget, ..settings }, options());
+    session.with_scene(BEACH.build);
+    let request = request_of(&BEACH);
+    support::render(&session, &request);
+    let stats = session.stats();
+    assert!(read_all(&session, &request) == whole.images, "the picture differs");
+    assert!(!stats.streaming.in_core && stats.streaming.evictions > 0, "chunks came and went: {stats:?}");
+    assert_eq!(stats.gpu_budget_bytes, u64::from(budget) << 20, "the budget asked for");
+    assert!(stats.gpu_peak_bytes <= stats.gpu_budget_bytes, "above the budget: {stats:?}");
 }
 
 /// Many more paths than are in flight at a time on any device the tests run on, or nearly so on a large one.

@@ -112,6 +112,23 @@ fn huge_mesh(db: &mut SceneDb) {
     db.upsert_mesh(mesh(prim("/leaning", above), 2, points, &faces, 0.6));
 }
 
+/// Tens of thousands of grains: ten MiB of instance records.
+pub(crate) const BEACH: Scene =
+    Scene { name: "beach", build: beach, eye: DVec3::new(0.0, 3.0, 9.0), target: DVec3::ZERO };
+
+fn beach(db: &mut SceneDb) {
+    lights(db);
+    ground(db, 12.0, 0.0);
+    let grains: Vec<_> = (0..80_000)
+        .map(|i| {
+            let at = (scattered(i) - 0.5) * DVec3::new(20.0, 0.0, 20.0);
+            (at, DQuat::from_rotation_y(f64::from(i)), DVec3::splat(0.03))
+        })
+        .collect();
+    db.upsert_instancer(instancer(prim("/grains", DMat4::IDENTITY), "/grains/grain", &grains));
+    db.upsert_mesh(sphere(instanced(prim("/grains/grain", DMat4::IDENTITY), "/grains"), 2, 4, 0.6));
+}
+
 /// Balls on all sides of the camera, some so near that their chunks hold it.
 fn around(db: &mut SceneDb) {
     lights(db);
