@@ -43,8 +43,9 @@ pub(crate) fn left_out(features: Features, has_planes: bool) -> Vec<String> {
     ];
     let absent = parts.iter().filter(|(part, _)| !features.contains(*part)).map(|(_, name)| *name);
     let planes = (!has_planes).then_some("passes generate_aov_rays and shade_aovs, and their images");
-    let streaming = "streaming: the whole scene is resident";
-    absent.chain(planes).chain(std::iter::once(streaming)).map(String::from).collect()
+    let in_core = !features.contains(Features::STREAMING);
+    let streaming = in_core.then_some("streaming: the whole scene is resident");
+    absent.chain(planes).chain(streaming).map(String::from).collect()
 }
 
 #[cfg(test)]
@@ -57,5 +58,7 @@ mod tests {
         assert!(!with.iter().any(|name| name == "lens" || name == "dome light"), "present parts are not left out");
         let without = left_out(Features::empty(), false);
         assert_eq!(without.len(), with.len() + 3, "dome, lens and the image pass are left out");
+        let streaming = left_out(Features::STREAMING, true);
+        assert!(!streaming.iter().any(|name| name.contains("streaming")), "what streams has not left streaming out");
     }
 }

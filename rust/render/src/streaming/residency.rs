@@ -268,8 +268,8 @@ impl<'a> Residency<'a> {
         self.store.in_flight() > 0 || !self.waiting.is_empty()
     }
 
-    /// Records the table entries that have changed since the last step; true when there were any.
-    pub(crate) fn record(&mut self, commands: &mut Commands) -> bool {
+    /// Records the table entries that have changed since the last step.
+    pub(crate) fn record(&mut self, commands: &mut Commands) {
         for copy in self.copies.drain(..) {
             commands.wait_for(&copy);
         }
@@ -281,7 +281,6 @@ impl<'a> Residency<'a> {
                 self.tables.update(c, &self.assets, &self.entries, asset);
             }
         });
-        !changed.is_empty()
     }
 
     /// Whether the next step would write table entries.
