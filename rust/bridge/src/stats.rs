@@ -61,6 +61,7 @@ fn streaming(stats: &StreamingStats) -> [NamedValue; 24] {
         integer("oocpt:geometryBytes", stats.geometry_bytes),
         integer("oocpt:geometryBudgetBytes", stats.geometry_budget_bytes),
         integer("oocpt:geometryPeakBytes", stats.geometry_peak_bytes),
+        integer("oocpt:driverPeakBytes", stats.driver_peak_bytes),
         integer("oocpt:sceneBytes", stats.scene_bytes),
         real("oocpt:fragmentation", stats.fragmentation),
         real("oocpt:secondsTracing", stats.seconds_tracing),

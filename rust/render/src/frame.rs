@@ -233,7 +233,7 @@ impl Renderer {
     fn make_waves(&mut self, device: &Device, job: &Job, view: &SceneView) -> Result<(), RenderError> {
         let most = if is_cpu(device) { 1 << 17 } else { MAX_WAVE };
         let wanted = paths(job).clamp(MIN_WAVE, most).next_power_of_two();
-        let fits = |waves: &PathBuffers| waves.max_levels == view.max_levels && u64::from(waves.capacity) >= wanted;
+        let fits = |waves: &PathBuffers| waves.max_levels == view.max_levels && waves.asked >= wanted;
         if self.waves.as_ref().is_some_and(fits) {
             return Ok(());
         }
@@ -241,9 +241,11 @@ impl Renderer {
         let memory = device.gpu.memory();
         let room = memory.budget.saturating_sub(memory.used) / 4 / path_bytes(view.max_levels, false);
         let capacity = wanted.min(room).max(MIN_WAVE);
-        self.waves = Some(shrinking(capacity, MIN_WAVE, |capacity| {
+        let mut waves = shrinking(capacity, MIN_WAVE, |capacity| {
             PathBuffers::new(&device.gpu, capacity, capacity, view.max_levels)
-        })?);
+        })?;
+        waves.asked = wanted;
+        self.waves = Some(waves);
         Ok(())
     }
 }

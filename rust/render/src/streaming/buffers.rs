@@ -10,9 +10,11 @@ use std::sync::Arc;
 
 /// Segments as large as all slots together.
 const SEGMENTS_PER_FILL: u32 = 64;
-/// Places for every slot: how many more paths may have ended than are in flight, while stragglers of the oldest segment keep
-/// all from the film. 16 B each.
+/// Most places for every slot: how many more paths may have ended than are in flight, while stragglers of the oldest segment
+/// keep all from the film. A power of two.
 const PLACES_PER_SLOT: u32 = 8;
+/// Bytes of a place: the radiance of a path.
+const PLACE_BYTES: u64 = 16;
 
 /// See the module.
 #[derive(Debug)]
@@ -21,6 +23,8 @@ pub(crate) struct StreamBuffers {
     pub(crate) paths: PathBuffers,
     pub(crate) segment_count: u32,
     pub(crate) segment_size: u32,
+    /// Paths in flight and in all that were asked for; there may have been no memory for so many.
+    asked: (u64, u64),
     chunk_count: u32,
     progress: Buffer,
     places: Buffer,
@@ -40,15 +44,23 @@ pub(crate) struct StreamBuffers {
 }
 
 impl StreamBuffers {
-    /// Memory for `capacity` paths (a power of two) in a scene of `levels` instance levels and `chunks` chunks.
-    pub(crate) fn new(gpu: &Arc<Gpu>, capacity: u32, levels: u32, chunks: u32) -> Result<Self, GpuError> {
+    /// Memory for `capacity` paths in flight (a power of two), where `asked` were wanted in flight and in all, in a scene of
+    /// `levels` instance levels and `chunks` chunks.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        capacity: u32,
+        asked: (u64, u64),
+        levels: u32,
+        chunks: u32,
+    ) -> Result<Self, GpuError> {
         let array = |name: &str, count: u32, stride: usize| {
             Buffer::new(gpu, name, u64::from(count) * stride as u64, Usage::Device)
         };
         let slots = |name: &str, stride: usize| array(name, capacity, stride);
         let chunks = chunks.max(1);
         let segment_size = (capacity / SEGMENTS_PER_FILL).max(1);
-        let segment_count = capacity / segment_size * PLACES_PER_SLOT;
+        let per_slot = places_per_slot(capacity, asked.1, gpu.limits().max_allocation_bytes);
+        let segment_count = capacity / segment_size * per_slot;
         let read = size_of::<Counters>() + segment_count as usize * size_of::<Segment>() + 8 * chunks as usize;
         let readback = |name: &str| Buffer::new(gpu, name, read as u64, Usage::Readback);
         let places = segment_count * segment_size;
@@ -56,6 +68,7 @@ impl StreamBuffers {
             paths: PathBuffers::new(gpu, capacity, places, levels)?,
             segment_count,
             segment_size,
+            asked,
             chunk_count: chunks,
             progress: slots("progress", 4)?,
             places: slots("places", 4)?,
@@ -76,9 +89,10 @@ impl StreamBuffers {
         Ok(buffers)
     }
 
-    /// Whether this memory serves such a scene and `wanted` paths.
-    pub(crate) fn serves(&self, levels: u32, chunks: u32, wanted: u64) -> bool {
-        self.paths.max_levels == levels && self.chunk_count == chunks.max(1) && u64::from(self.paths.capacity) >= wanted
+    /// Whether this memory serves such a scene and so many paths, or is as much as there could be for them.
+    pub(crate) fn serves(&self, levels: u32, chunks: u32, asked: (u64, u64)) -> bool {
+        let enough = self.asked.0 >= asked.0 && self.asked.1 >= asked.1;
+        self.paths.max_levels == levels && self.chunk_count == chunks.max(1) && enough
     }
 
     fn block(&self) -> Streaming {
@@ -162,7 +176,31 @@ impl StreamBuffers {
     }
 }
 
-/// Bytes of device memory that a slot takes.
+/// Places for each of `capacity` slots (a power of two): no more than `total` paths need, nor than the driver gives in one piece.
+fn places_per_slot(capacity: u32, total: u64, max_allocation_bytes: u64) -> u32 {
+    let most = total.next_power_of_two().min(max_allocation_bytes / PLACE_BYTES);
+    let mut per_slot = PLACES_PER_SLOT;
+    while per_slot > 1 && u64::from(capacity) * u64::from(per_slot) > most {
+        per_slot /= 2;
+    }
+    per_slot
+}
+
+/// Bytes of device memory that a slot takes, at most.
 pub(super) fn slot_bytes(max_levels: u32) -> u64 {
-    path_bytes(max_levels, true) + 16 * u64::from(PLACES_PER_SLOT - 1)
+    path_bytes(max_levels, true) + PLACE_BYTES * u64::from(PLACES_PER_SLOT - 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_bounded_by_the_paths_and_by_the_driver() {
+        let nvidia = 4_292_870_144; // what an H200's driver gives in one piece
+        assert_eq!(places_per_slot(1 << 22, 1 << 40, nvidia), 8, "eight for each slot when there is room");
+        assert_eq!(places_per_slot(1 << 25, 1 << 40, nvidia), 4, "one piece of memory");
+        assert_eq!(places_per_slot(1 << 25, 28_114_944, nvidia), 1, "a place for each path is enough");
+        assert_eq!(places_per_slot(1 << 12, 5, 1 << 30), 1, "at least one");
+    }
 }

@@ -66,6 +66,8 @@ pub(crate) struct Engine<'a, 'r> {
     pub(crate) stack_entries: u32,
     /// Seconds since the samples were begun, and paths left, at growing intervals.
     pub(crate) left: Vec<(f64, u64)>,
+    /// See [`oocpt_core::stats::StreamingStats::driver_peak_bytes`].
+    pub(crate) driver_peak_bytes: u64,
 }
 
 /// Renders `setting` from `scene`; publishes images and stats on the way.
@@ -140,7 +142,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &Scene, kept: &mut Option<StreamBu
     };
     let paths = job.request.pixels() * u64::from(job.settings.samples_per_pixel);
     let wanted = paths.clamp(FEWEST_PATHS, most).next_power_of_two();
-    if kept.as_ref().is_some_and(|buffers| buffers.serves(levels, chunks, wanted)) {
+    if kept.as_ref().is_some_and(|buffers| buffers.serves(levels, chunks, (wanted, paths))) {
         return Ok(());
     }
     *kept = None;
@@ -148,8 +150,9 @@ fn make_buffers(setting: &Setting<'_>, scene: &Scene, kept: &mut Option<StreamBu
     let room = memory.budget.saturating_sub(memory.used) / 4 / buffers::slot_bytes(levels);
     let room = if room.is_power_of_two() { room } else { room.next_power_of_two() / 2 };
     let capacity = wanted.min(room).max(FEWEST_PATHS);
-    *kept =
-        Some(shrinking(capacity, FEWEST_PATHS, |capacity| StreamBuffers::new(&device.gpu, capacity, levels, chunks))?);
+    *kept = Some(shrinking(capacity, FEWEST_PATHS, |capacity| {
+        StreamBuffers::new(&device.gpu, capacity, (wanted, paths), levels, chunks)
+    })?);
     Ok(())
 }
 
@@ -186,8 +189,19 @@ impl<'a, 'r> Engine<'a, 'r> {
         let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
         frame.write(0, bytemuck::bytes_of(&block))?;
         let clock = Clock::new(Instant::now());
-        let left = Vec::new();
-        Ok(Self { setting, buffers, residency, frame, passes, features, view, clock, stack_entries, left })
+        Ok(Self {
+            setting,
+            buffers,
+            residency,
+            frame,
+            passes,
+            features,
+            view,
+            clock,
+            stack_entries,
+            left: Vec::new(),
+            driver_peak_bytes: 0,
+        })
     }
 
     /// Compiles the passes anew when a chunk on the device needs a deeper stack than they have.
@@ -221,6 +235,15 @@ impl<'a, 'r> Engine<'a, 'r> {
         }
     }
 
+    /// Asks the driver what this process uses now.
+    fn note_driver_usage(&mut self) {
+        let device = self.setting.device;
+        // Mesa's software renderer tells of the whole machine.
+        if !is_cpu(device) {
+            self.driver_peak_bytes = self.driver_peak_bytes.max(device.gpu.driver_usage().unwrap_or(0));
+        }
+    }
+
     /// Brings the stats up to date.
     fn report(&self, progress: &mut Progress<'_>, seen: &Observation, stragglers: u64, paths_left: u64) {
         let heap = self.setting.device.heap.stats();
@@ -243,6 +266,7 @@ impl<'a, 'r> Engine<'a, 'r> {
             stats.geometry_bytes = planner.bytes_held;
             stats.geometry_budget_bytes = self.residency.planner.budget();
             stats.geometry_peak_bytes = planner.peak_bytes;
+            stats.driver_peak_bytes = self.driver_peak_bytes;
             stats.fragmentation = heap.fragmentation;
             stats.seconds_tracing = self.clock.tracing;
             stats.seconds_loading = self.clock.loading;

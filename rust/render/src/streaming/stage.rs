@@ -202,6 +202,7 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
         let seen = &self.seen;
         let demand = Demand { waiting: &seen.waiting, next: &seen.next, visits: &[], active: seen.active() };
         self.engine.residency.plan(&demand)?;
+        self.engine.note_driver_usage();
         if self.kind == Kind::Samples {
             let left = self.segments.unbegun() + seen.paths_alive();
             self.engine.note_left(self.started.elapsed().as_secs_f64(), left);

@@ -9,6 +9,8 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub(crate) struct PathBuffers {
     pub(crate) capacity: u32,
+    /// Paths that were asked for; there may have been no memory for so many.
+    pub(crate) asked: u64,
     pub(crate) max_levels: u32,
     rays: Buffer,
     shadow_rays: Buffer,
@@ -31,6 +33,7 @@ impl PathBuffers {
         let per_path = |name: &str, stride: u64| array(name, capacity, stride);
         Ok(Self {
             capacity,
+            asked: u64::from(capacity),
             max_levels,
             rays: per_path("rays", size_of::<Ray>() as u64)?,
             shadow_rays: per_path("shadow_rays", size_of::<ShadowRay>() as u64)?,
