@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+// What material evaluation hands to the BSDF: the inputs of UsdPreviewSurface after textures, and the normals.
+//
+// Guarantee of valid_shading: every number is finite and in its range, so bsdf.glsl need not ask again.
+// Packed, the inputs (not the normals, which a surface has anyway) are four vec4s of plain floats: nothing is rounded, so core
+// and streaming need not agree on a rounding.
+#ifndef OOCPT_SHADING_GLSL
+#define OOCPT_SHADING_GLSL
+
+const uint SHADING_SPECULAR_WORKFLOW = 1u; // specular_color is F0; else ior and metallic give F0
+const uint SHADING_PRESENCE = 2u; // opacity was asked for in traversal (opacityThreshold > 0 or opacityMode = presence): none here
+
+struct Shading {
+    vec3 geometric_normal; // unit, authored side: outside of what is transmissive
+    vec3 normal;           // unit shading normal after the normal map, authored side
+    vec3 diffuse_color;    // 0..1
+    vec3 specular_color;   // 0..1; with SHADING_SPECULAR_WORKFLOW
+    vec3 emission;         // >= 0; not the BSDF's matter
+    float metallic;        // 0..1
+    float roughness;       // 0..1, of the specular lobe; its alpha is the square
+    float ior;             // >= 0
+    float clearcoat;       // 0..1
+    float clearcoat_roughness; // 0..1
+    float opacity;         // 0..1: what is left of it is transmitted
+    uint flags;            // SHADING_*
+};
+
+const uint SHADING_VEC4S = 4u;
+
+// The material of a surface that has none: diffuse and nothing else (specular F0 = 0).
+Shading diffuse_shading(vec3 geometric_normal, vec3 normal, vec3 color) {
+    return Shading(geometric_normal, normal, color, vec3(0.0), vec3(0.0), 0.0, 0.5, 1.5, 0.0, 0.01, 1.0, SHADING_SPECULAR_WORKFLOW);
+}
+
+float unit_range(float x) {
+    return x > 0.0 ? min(x, 1.0) : 0.0; // NaN is 0
+}
+
+vec3 unit_range(vec3 c) {
+    return vec3(unit_range(c.x), unit_range(c.y), unit_range(c.z));
+}
+
+// Any numbers made into valid ones; normals are left alone.
+Shading valid_shading(Shading s) {
+    s.diffuse_color = unit_range(s.diffuse_color);
+    s.specular_color = unit_range(s.specular_color);
+    s.emission = vec3(s.emission.x > 0.0 ? min(s.emission.x, 3.0e38) : 0.0, s.emission.y > 0.0 ? min(s.emission.y, 3.0e38) : 0.0,
+                      s.emission.z > 0.0 ? min(s.emission.z, 3.0e38) : 0.0);
+    s.metallic = unit_range(s.metallic);
+    s.roughness = unit_range(s.roughness);
+    s.ior = s.ior >= 0.0 ? min(s.ior, 1.0e3) : 1.5;
+    s.clearcoat = unit_range(s.clearcoat);
+    s.clearcoat_roughness = unit_range(s.clearcoat_roughness);
+    s.opacity = s.opacity < 1.0 ? max(s.opacity, 0.0) : 1.0; // NaN is 1
+    return s;
+}
+
+void pack_shading(Shading s, out vec4 packed[4]) {
+    packed[0] = vec4(s.diffuse_color, s.metallic);
+    packed[1] = vec4(s.specular_color, s.roughness);
+    packed[2] = vec4(s.emission, s.ior);
+    packed[3] = vec4(s.clearcoat, s.clearcoat_roughness, s.opacity, float(s.flags));
+}
+
+Shading unpack_shading(vec4 packed[4], vec3 geometric_normal, vec3 normal) {
+    return Shading(geometric_normal, normal, packed[0].xyz, packed[1].xyz, packed[2].xyz, packed[0].w, packed[1].w, packed[2].w,
+                   packed[3].x, packed[3].y, packed[3].z, uint(packed[3].w));
+}
+
+#endif
