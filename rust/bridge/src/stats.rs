@@ -42,7 +42,7 @@ pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
 }
 
 /// What is told about chunks, memory and the overlap of tracing and loading.
-fn streaming(stats: &StreamingStats) -> [NamedValue; 24] {
+fn streaming(stats: &StreamingStats) -> [NamedValue; 25] {
     [
         flag("oocpt:inCore", stats.in_core),
         integer("oocpt:chunks", stats.chunks),
