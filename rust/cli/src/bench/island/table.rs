@@ -47,6 +47,15 @@ pub(super) fn print_head(report: &Report) {
     );
 }
 
+/// What the row was rendered with; a first row that does not fit all memory streams too.
+fn policy_name(row: &Row) -> &str {
+    match (row.streaming.in_core, row.policy.is_empty()) {
+        (true, _) => "in core",
+        (false, true) => "(default)",
+        (false, false) => &row.policy,
+    }
+}
+
 #[expect(clippy::cast_precision_loss, reason = "sizes are shown, not computed with")]
 pub(super) fn print_row(row: &Row) {
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
@@ -55,7 +64,7 @@ pub(super) fn print_row(row: &Row) {
         "{:>7} {:>9.1} {:<9}{:>9.3} {:>6.2} {:>9.3} {:>8} {:>8} {:>8} {:>10.1} {:>6.1} {:>8.3} {:>8.3} {:>8.3} {:>8.3} {:>9.1} {:>5}",
         row.budget_percent,
         mib(row.geometry_budget_bytes),
-        if row.policy.is_empty() { "in core" } else { &row.policy },
+        policy_name(row),
         row.median_trace_secs,
         row.ratio,
         row.mpaths_per_sec,
