@@ -26,6 +26,20 @@ const bool HAS_DOME_SHADOW_RAYS = (FEATURES & 128u) != 0u && HAS_DOME;
 const bool HAS_STREAMING = (FEATURES & 256u) != 0u;
 const bool HAS_CHUNK_COUNTS = (FEATURES & 512u) != 0u && HAS_STREAMING;
 const bool PLANT_SKIP_DEFERRED = (FEATURES & 1024u) != 0u;
+const bool HAS_MATERIALS = (FEATURES & (1u << 11)) != 0u;
+const bool HAS_TEXTURES = (FEATURES & (1u << 12)) != 0u && HAS_MATERIALS;
+const bool HAS_CUTOUTS = (FEATURES & (1u << 13)) != 0u && HAS_MATERIALS;
+const bool HAS_TRANSMISSION = (FEATURES & (1u << 14)) != 0u && HAS_MATERIALS;
+const bool HAS_COAT = (FEATURES & (1u << 15)) != 0u && HAS_MATERIALS;
+const bool HAS_SHEEN = (FEATURES & (1u << 16)) != 0u && HAS_MATERIALS;
+const bool HAS_LOCAL_LIGHTS = (FEATURES & (1u << 17)) != 0u;
+const bool HAS_SHAPING = (FEATURES & (1u << 18)) != 0u;
+const bool HAS_IES = (FEATURES & (1u << 19)) != 0u && HAS_SHAPING;
+const bool HAS_DOME_TEXTURE = (FEATURES & (1u << 20)) != 0u && HAS_DOME;
+const bool HAS_LIGHT_LINKS = (FEATURES & (1u << 21)) != 0u;
+const bool HAS_EMISSION = (FEATURES & (1u << 22)) != 0u && HAS_MATERIALS;
+const bool HAS_INSTANCE_PRIMVARS = (FEATURES & (1u << 23)) != 0u && HAS_MATERIALS;
+const bool HAS_LIGHT_TEXTURE = (FEATURES & (1u << 24)) != 0u && HAS_LOCAL_LIGHTS;
 
 const uint FLAG_DOME_CAMERA_VISIBLE = 1u;
 const uint PREPARE_TRACE = 0u;
@@ -132,6 +146,11 @@ struct Frame {
     uint max_bounces;
     uint light_count;
     uint flags;
+    uint64_t materials;
+    uint64_t prims;
+    uint64_t material_slots;
+    uint64_t textures;
+    uint64_t texture_pages;
 };
 
 struct Streaming {

@@ -112,6 +112,7 @@ pub(crate) fn mesh(desc: ffi::MeshDesc, complaints: &mut Complaints) -> MeshDesc
         normals: complaints.primvar(&path, "normals", desc.normals),
         display_color: complaints.primvar(&path, "displayColor", desc.display_color),
         display_opacity: complaints.primvar(&path, "displayOpacity", desc.display_opacity),
+        ..MeshDesc::default()
     }
 }
 
@@ -135,6 +136,7 @@ pub(crate) fn instancer(desc: ffi::InstancerDesc, complaints: &mut Complaints) -
         rotations: complaints.optional(&path, "instanceRotations", desc.rotations),
         scales: complaints.optional(&path, "instanceScales", desc.scales),
         transforms: complaints.optional(&path, "instanceTransforms", desc.transforms),
+        ..InstancerDesc::default()
     }
 }
 
@@ -144,7 +146,7 @@ pub(crate) fn light(desc: ffi::LightDesc) -> LightDesc {
         prim: prim(desc.prim),
         kind: match desc.kind {
             ffi::LightTag::Distant => LightKind::Distant { angle_degrees: desc.angle_degrees },
-            _ => LightKind::Dome,
+            _ => LightKind::PLAIN_DOME,
         },
         color: desc.color,
         intensity: desc.intensity,
@@ -152,6 +154,7 @@ pub(crate) fn light(desc: ffi::LightDesc) -> LightDesc {
         color_temperature: desc.enable_color_temperature.then_some(desc.color_temperature),
         normalize: desc.normalize,
         camera_visible: desc.camera_visible,
+        ..LightDesc::default()
     }
 }
 

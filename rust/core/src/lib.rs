@@ -23,9 +23,10 @@ pub use mesh::{Aabb, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, MeshAsse
 pub use partition::{Chunk, ChunkInstance, OpenedAssembly, PartitionOptions, RECORD_BYTES, World, WorldError};
 pub use sampler::{pixel_seed, sample_4d};
 pub use scene::{
-    Assembly, Commit, DroppedData, InstanceFlags, InstanceRecord, InstancedBy, InstancerDesc, InstancerPrototype,
-    Interpolation, Light, LightDesc, LightKind, MeshDesc, PrimDesc, Primvar, SceneCounts, SceneDb, SceneFeatures,
-    SceneWarning, Snapshot, SnapshotError, Subdivision, Target,
+    Assembly, AssetRef, Commit, ConnectionDesc, DomeFormat, DroppedData, InstanceFlags, InstanceRecord, InstancedBy,
+    InstancerDesc, InstancerPrototype, Interpolation, Light, LightDesc, LightKind, MaterialDesc, MeshDesc,
+    NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, Primvar, SceneCounts, SceneDb, SceneFeatures,
+    SceneWarning, Shaping, Snapshot, SnapshotError, Subdivision, SubsetDesc, Target,
 };
 pub use settings::{Descriptor, SettingError, Settings, Value};
 pub use stats::{Stats, StreamingStats};

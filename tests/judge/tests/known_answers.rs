@@ -46,6 +46,7 @@ fn square(prim: PrimDesc, prim_id: i32, albedo: f32) -> MeshDesc {
             indices: None,
         }),
         display_opacity: None,
+        ..MeshDesc::default()
     }
 }
 
@@ -59,6 +60,7 @@ fn light(path: &str, kind: LightKind, intensity: f32, transform: DMat4) -> Light
         color_temperature: None,
         normalize: true,
         camera_visible: true,
+        ..LightDesc::default()
     }
 }
 
@@ -119,6 +121,7 @@ fn instancer(path: &str, root: &str, places: &[[f32; 3]], instanced_by: Vec<Inst
         rotations: None,
         scales: None,
         transforms: None,
+        ..InstancerDesc::default()
     }
 }
 
@@ -187,7 +190,7 @@ fn bounces_between_two_walls_form_a_geometric_series() {
     let wall = |z: f64| DMat4::from_translation(DVec3::Z * z) * DMat4::from_scale(DVec3::new(1e5, 1e5, 1.0));
     db.upsert_mesh(square(prim("/Floor", wall(0.0), Vec::new()), 0, 0.5));
     db.upsert_mesh(square(prim("/Ceiling", wall(5.5), Vec::new()), 1, 0.5));
-    db.upsert_light(light("/Dome", LightKind::Dome, 1.0, DMat4::IDENTITY));
+    db.upsert_light(light("/Dome", LightKind::PLAIN_DOME, 1.0, DMat4::IDENTITY));
     let snapshot = commit(&mut db);
     let world = World::flatten(&snapshot).unwrap();
     let options = PathTracerOptions { samples: 64, max_bounces: 4, ..Default::default() };
@@ -233,7 +236,7 @@ fn pictures_with_other_random_numbers_agree_and_another_scene_does_not() {
             * DMat4::from_rotation_y(0.9)
             * DMat4::from_scale(DVec3::splat(0.5));
         db.upsert_mesh(square(prim("/T", ball, Vec::new()), 1, 0.7));
-        db.upsert_light(light("/Dome", LightKind::Dome, 0.5, DMat4::IDENTITY));
+        db.upsert_light(light("/Dome", LightKind::PLAIN_DOME, 0.5, DMat4::IDENTITY));
         db.upsert_light(light("/Sun", LightKind::Distant { angle_degrees: 5.0 }, 2.0, DMat4::from_rotation_y(0.5)));
         let snapshot = commit(&mut db);
         (World::flatten(&snapshot).unwrap(), snapshot)

@@ -28,13 +28,14 @@ pub(crate) fn build(db: &mut SceneDb, instances: u32) -> Result<()> {
     db.upsert_instancer(scatter(instances)?);
     db.upsert_light(LightDesc {
         prim: prim("/dome", Vec::new()),
-        kind: LightKind::Dome,
+        kind: LightKind::PLAIN_DOME,
         color: [1.0; 3],
         intensity: 1.0,
         exposure: 0.0,
         color_temperature: None,
         normalize: false,
         camera_visible: true,
+        ..LightDesc::default()
     });
     Ok(())
 }
@@ -113,6 +114,7 @@ fn grid(path: &str, columns: u32, rows: u32, point: impl Fn(f64, f64) -> DVec3) 
         normals: None,
         display_color: Some(color),
         display_opacity: None,
+        ..MeshDesc::default()
     })
 }
 
@@ -175,5 +177,6 @@ fn scatter(instances: u32) -> Result<InstancerDesc> {
         rotations: Some(TypedArray::from_vec(ElementType::Quatf, rotations)?),
         scales: Some(TypedArray::from_vec(ElementType::Vec3f, scales)?),
         transforms: None,
+        ..InstancerDesc::default()
     })
 }

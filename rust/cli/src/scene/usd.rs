@@ -166,8 +166,8 @@ fn interpolation(interpolation: Interpolation) -> &'static str {
 
 fn light(light: &LightDesc) -> Value {
     let angle = match light.kind {
-        LightKind::Dome => Value::Null,
         LightKind::Distant { angle_degrees } => angle_degrees.into(),
+        _ => Value::Null,
     };
     json!({
         "path": &*light.prim.path,

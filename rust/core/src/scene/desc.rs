@@ -37,6 +37,35 @@ pub struct Primvar {
     pub indices: Option<TypedArray>,
 }
 
+/// A primvar and what it is called.
+#[derive(Clone, Debug)]
+pub struct NamedPrimvar {
+    /// Name without `primvars:`, for example "st".
+    pub name: Arc<str>,
+    /// The values.
+    pub primvar: Primvar,
+}
+
+/// A file that a scene names.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub struct AssetRef {
+    /// As written in the scene; for messages.
+    pub authored: Arc<str>,
+    /// What the host's resolver made of it; empty when it could not be found. `<UDIM>` stays in the text.
+    pub resolved: Arc<str>,
+}
+
+/// A `GeomSubset`: faces with a material of their own.
+#[derive(Clone, Debug)]
+pub struct SubsetDesc {
+    /// Path of the subset.
+    pub path: Arc<str>,
+    /// Path of the bound material; `None`: the faces have none.
+    pub material: Option<Arc<str>>,
+    /// Numbers of faces (ints).
+    pub faces: TypedArray,
+}
+
 /// Subdivision scheme. Refinement is not done yet; the scheme decides the normals: `CatmullClark` and `Loop` without
 /// authored normals get smooth area-weighted vertex normals, the others are flat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -102,6 +131,14 @@ pub struct MeshDesc {
     pub display_color: Option<Primvar>,
     /// `displayOpacity`.
     pub display_opacity: Option<Primvar>,
+    /// All other primvars. Built only where a bound material asks for them.
+    pub primvars: Vec<NamedPrimvar>,
+    /// Path of the bound material.
+    pub material: Option<Arc<str>>,
+    /// Faces with other materials. A face in none has `material`, a face in several belongs to the first.
+    pub subsets: Vec<SubsetDesc>,
+    /// Collections of lights' links that the prim is in (`categories` of Hydra).
+    pub categories: Vec<Arc<str>>,
 }
 
 /// One prototype of an instancer.
@@ -130,18 +167,156 @@ pub struct InstancerDesc {
     pub scales: Option<TypedArray>,
     /// Matrices.
     pub transforms: Option<TypedArray>,
+    /// Other primvars with a value per instance.
+    pub primvars: Vec<NamedPrimvar>,
+}
+
+/// A material: a network of shading nodes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MaterialDesc {
+    /// Unique path.
+    pub path: Arc<str>,
+    /// The nodes, in any order.
+    pub nodes: Vec<NodeDesc>,
+    /// Number of the node at the surface terminal.
+    pub surface: Option<usize>,
+}
+
+/// A shading node.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NodeDesc {
+    /// Path, for messages.
+    pub path: Arc<str>,
+    /// What it is: "UsdPreviewSurface", "UsdUVTexture", ..
+    pub kind: Arc<str>,
+    /// Authored inputs.
+    pub params: Vec<ParamDesc>,
+    /// Inputs that come from other nodes; they win over params of the same name.
+    pub connections: Vec<ConnectionDesc>,
+}
+
+/// An authored input of a node.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParamDesc {
+    /// Name without `inputs:`.
+    pub name: Arc<str>,
+    /// Value.
+    pub value: ParamValue,
+}
+
+/// Value of an input.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ParamValue {
+    /// A bool.
+    Bool(bool),
+    /// An integer of any width.
+    Int(i64),
+    /// A floating-point number of any width.
+    Float(f32),
+    /// Two of them.
+    Vec2([f32; 2]),
+    /// Three of them; also colours, linear Rec. 709.
+    Vec3([f32; 3]),
+    /// Four of them.
+    Vec4([f32; 4]),
+    /// A token or string.
+    Text(Arc<str>),
+    /// A file.
+    Asset(AssetRef),
+}
+
+/// "`input` of this node is `output` of that one".
+#[derive(Clone, Debug, PartialEq)]
+pub struct ConnectionDesc {
+    /// Name of the input, without `inputs:`.
+    pub input: Arc<str>,
+    /// Number of the other node in [`MaterialDesc::nodes`].
+    pub node: usize,
+    /// Name of its output, without `outputs:`.
+    pub output: Arc<str>,
+}
+
+/// How the picture of a dome is laid out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DomeFormat {
+    /// Told from the file; here always latlong.
+    #[default]
+    Automatic,
+    /// Longitude and latitude.
+    Latlong,
+    /// Something else, which is not supported.
+    Other,
 }
 
 /// Kinds of light.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum LightKind {
-    /// Constant environment.
-    Dome,
+    /// Environment.
+    Dome {
+        /// Multiplies the radiance; none: constant.
+        texture: Option<AssetRef>,
+        /// Layout of the texture.
+        format: DomeFormat,
+    },
     /// Light from a cone of directions around the local +z axis (it shines along -z).
     Distant {
         /// Full angle of the cone, degrees; 0 = exactly one direction.
         angle_degrees: f32,
     },
+    /// A rectangle in the local xy plane around the origin; it shines along -z.
+    Rect {
+        /// Along x.
+        width: f32,
+        /// Along y.
+        height: f32,
+        /// Multiplies the radiance.
+        texture: Option<AssetRef>,
+    },
+    /// A sphere around the origin.
+    Sphere {
+        /// Radius.
+        radius: f32,
+        /// Infinitely small.
+        treat_as_point: bool,
+    },
+    /// A disk in the local xy plane around the origin; it shines along -z.
+    Disk {
+        /// Radius.
+        radius: f32,
+    },
+    /// A cylinder around the local x axis, without caps, the origin in its middle.
+    Cylinder {
+        /// Along x.
+        length: f32,
+        /// Radius.
+        radius: f32,
+        /// Infinitely thin.
+        treat_as_line: bool,
+    },
+}
+
+impl LightKind {
+    /// A dome without a texture.
+    pub const PLAIN_DOME: Self = Self::Dome { texture: None, format: DomeFormat::Automatic };
+}
+
+/// Where a light shines, about its local -z axis (`UsdLuxShapingAPI`).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shaping {
+    /// Half angle of the cone; 90 and more: no cone.
+    pub cone_angle_degrees: f32,
+    /// Share of the cone over which it fades out.
+    pub cone_softness: f32,
+    /// Exponent of the cosine to the axis.
+    pub focus: f32,
+    /// Tints what the exponent takes away.
+    pub focus_tint: [f32; 3],
+    /// An IES profile.
+    pub ies: Option<AssetRef>,
+    /// Scales the angles of the profile.
+    pub ies_angle_scale: f32,
+    /// Scales the profile to the power of an unshaped light.
+    pub ies_normalize: bool,
 }
 
 /// A light with the `UsdLux` inputs.
@@ -163,4 +338,18 @@ pub struct LightDesc {
     pub normalize: bool,
     /// Seen directly by camera rays.
     pub camera_visible: bool,
+    /// Multiplier of diffuse reflection.
+    pub diffuse: f32,
+    /// Multiplier of specular reflection.
+    pub specular: f32,
+    /// Where it shines; none: everywhere its kind does.
+    pub shaping: Option<Shaping>,
+    /// False: nothing shadows it.
+    pub shadow_enable: bool,
+    /// Colour of its shadows.
+    pub shadow_color: [f32; 3],
+    /// Category of the prims it lights; none or empty: all.
+    pub light_link: Option<Arc<str>>,
+    /// Category of the prims that shadow it; none or empty: all.
+    pub shadow_link: Option<Arc<str>>,
 }

@@ -46,7 +46,7 @@ impl Light {
             valid.then_some(rgb)
         };
         match desc.kind {
-            LightKind::Dome => Some(Self::Dome { radiance: emitted(1.0)?, camera_visible: desc.camera_visible }),
+            LightKind::Dome { .. } => Some(Self::Dome { radiance: emitted(1.0)?, camera_visible: desc.camera_visible }),
             LightKind::Distant { angle_degrees } => {
                 let direction = desc.prim.transform.transform_vector3(DVec3::Z).try_normalize()?;
                 if !angle_degrees.is_finite() {
@@ -63,6 +63,9 @@ impl Light {
                 };
                 let direction = direction.as_vec3().to_array();
                 Some(Self::Distant { direction, radiance: emitted(scale)?, one_minus_cos })
+            }
+            LightKind::Rect { .. } | LightKind::Sphere { .. } | LightKind::Disk { .. } | LightKind::Cylinder { .. } => {
+                None
             }
         }
     }

@@ -8,6 +8,7 @@
 pub(crate) mod assembly;
 mod commit;
 pub mod desc;
+mod desc_defaults;
 mod diff;
 mod entries;
 mod light;
@@ -26,8 +27,9 @@ use std::sync::Arc;
 use glam::DVec3;
 
 pub use desc::{
-    InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, LightDesc, LightKind, MeshDesc, PrimDesc, Primvar,
-    Subdivision,
+    AssetRef, ConnectionDesc, DomeFormat, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, LightDesc,
+    LightKind, MaterialDesc, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, Primvar, Shaping,
+    Subdivision, SubsetDesc,
 };
 pub use resolve::MAX_LEVELS;
 pub use snapshot::{
@@ -52,12 +54,22 @@ pub struct Commit {
     pub changed: bool,
 }
 
+/// What a prim can be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Mesh,
+    Instancer,
+    Light,
+    Material,
+}
+
 /// The scene under edit. Edits are cheap and only noted; [`SceneDb::commit`] does the work.
 #[derive(Debug)]
 pub struct SceneDb {
     meshes: BTreeMap<Arc<str>, MeshEntry>,
     instancers: BTreeMap<Arc<str>, InstancerEntry>,
     lights: BTreeMap<Arc<str>, LightDesc>,
+    materials: BTreeMap<Arc<str>, MaterialDesc>,
     /// Normalised; empty = all.
     purposes: Vec<String>,
     /// True when something was edited since the last commit.
@@ -84,6 +96,7 @@ impl SceneDb {
             meshes: BTreeMap::new(),
             instancers: BTreeMap::new(),
             lights: BTreeMap::new(),
+            materials: BTreeMap::new(),
             purposes: vec!["default".to_owned(), "render".to_owned()],
             edited: true,
             mesh_store: MeshStore::default(),
@@ -97,7 +110,7 @@ impl SceneDb {
     /// Adds a mesh or replaces the prim of the same path. Cheap when the arrays are the ones given before.
     pub fn upsert_mesh(&mut self, desc: MeshDesc) {
         let path = desc.prim.path.clone();
-        let others = self.instancers.remove(&path).is_some() | self.lights.remove(&path).is_some();
+        let others = self.remove_other(&path, Kind::Mesh);
         let (entry, changed) = MeshEntry::update(self.meshes.remove(&path), desc);
         self.meshes.insert(path, entry);
         self.edited |= changed | others;
@@ -107,7 +120,7 @@ impl SceneDb {
     /// address, else by content).
     pub fn upsert_instancer(&mut self, desc: InstancerDesc) {
         let path = desc.prim.path.clone();
-        let others = self.meshes.remove(&path).is_some() | self.lights.remove(&path).is_some();
+        let others = self.remove_other(&path, Kind::Instancer);
         let (entry, changed) = InstancerEntry::update(self.instancers.remove(&path), desc);
         self.instancers.insert(path, entry);
         self.edited |= changed | others;
@@ -116,17 +129,35 @@ impl SceneDb {
     /// Adds a light or replaces the prim of the same path.
     pub fn upsert_light(&mut self, desc: LightDesc) {
         let path = desc.prim.path.clone();
-        let others = self.meshes.remove(&path).is_some() | self.instancers.remove(&path).is_some();
+        let others = self.remove_other(&path, Kind::Light);
         let changed = self.lights.get(&path) != Some(&desc);
         self.lights.insert(path, desc);
         self.edited |= changed | others;
+    }
+
+    /// Adds a material or replaces the prim of the same path.
+    pub fn upsert_material(&mut self, desc: MaterialDesc) {
+        let path = desc.path.clone();
+        let others = self.remove_other(&path, Kind::Material);
+        let changed = self.materials.get(&path) != Some(&desc);
+        self.materials.insert(path, desc);
+        self.edited |= changed | others;
+    }
+
+    /// Removes a prim of this path that is of another kind. Gives whether there was one.
+    fn remove_other(&mut self, path: &str, kind: Kind) -> bool {
+        (kind != Kind::Mesh && self.meshes.remove(path).is_some())
+            | (kind != Kind::Instancer && self.instancers.remove(path).is_some())
+            | (kind != Kind::Light && self.lights.remove(path).is_some())
+            | (kind != Kind::Material && self.materials.remove(path).is_some())
     }
 
     /// Removes the prim at `path` and all below it.
     pub fn remove(&mut self, path: &str) {
         let removed = remove_below(&mut self.meshes, path)
             | remove_below(&mut self.instancers, path)
-            | remove_below(&mut self.lights, path);
+            | remove_below(&mut self.lights, path)
+            | remove_below(&mut self.materials, path);
         self.edited |= removed;
     }
 

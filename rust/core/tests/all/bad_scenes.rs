@@ -143,6 +143,7 @@ fn bad_lights_are_dropped_alone() {
         color_temperature: None,
         normalize: true,
         camera_visible: true,
+        ..LightDesc::default()
     };
     let mut db = SceneDb::new();
     db.upsert_light(light("/good"));

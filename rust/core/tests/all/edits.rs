@@ -201,6 +201,7 @@ fn a_light_edit_touches_no_geometry() {
         color_temperature: None,
         normalize: false,
         camera_visible: true,
+        ..LightDesc::default()
     });
     let after = committed(&mut db);
     assert_eq!((after.lights.len(), keys(&before) == keys(&after), same_meshes(&before, &after)), (1, true, true));

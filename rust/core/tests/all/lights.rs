@@ -19,12 +19,13 @@ fn light(kind: LightKind) -> LightDesc {
         color_temperature: None,
         normalize: false,
         camera_visible: false,
+        ..LightDesc::default()
     }
 }
 
 #[test]
 fn intensity_exposure_and_color_multiply() {
-    let dome = Light::from_desc(&light(LightKind::Dome));
+    let dome = Light::from_desc(&light(LightKind::PLAIN_DOME));
     assert_eq!(dome, Some(Light::Dome { radiance: [12.0, 6.0, 3.0], camera_visible: false }));
 }
 
@@ -106,7 +107,7 @@ fn black_bodies_clamp_and_never_go_negative() {
     assert!(ember[0] > 4.0 && ember[2].to_bits() == 0.0_f64.to_bits(), "{ember:?}");
     let [r, _, b] = blackbody(10000.0).unwrap();
     assert!(b > r, "hot is blue");
-    let mut desc = light(LightKind::Dome);
+    let mut desc = light(LightKind::PLAIN_DOME);
     desc.color_temperature = Some(3000.0);
     let tint = blackbody(3000.0).unwrap();
     let Some(Light::Dome { radiance, .. }) = Light::from_desc(&desc) else { panic!("not a dome") };
@@ -116,7 +117,7 @@ fn black_bodies_clamp_and_never_go_negative() {
 #[test]
 fn features_follow_the_lights_and_meshes() {
     let mut db = SceneDb::new();
-    db.upsert_light(light(LightKind::Dome));
+    db.upsert_light(light(LightKind::PLAIN_DOME));
     assert_eq!(committed(&mut db).features, SceneFeatures::DOME);
     db.upsert_light(light(LightKind::Distant { angle_degrees: 0.0 }));
     let mut mesh = crate::support::triangle("/m", 0.0);

@@ -37,6 +37,7 @@ pub(crate) fn polygons(path: &str, counts: &[i32], indices: &[i32], points: &[[f
         normals: None,
         display_color: None,
         display_opacity: None,
+        ..MeshDesc::default()
     }
 }
 
@@ -84,6 +85,7 @@ pub(crate) fn scatter(path: &str, translations: &[[f32; 3]], prototypes: &[(&str
         rotations: None,
         scales: None,
         transforms: None,
+        ..InstancerDesc::default()
     }
 }
 

@@ -42,6 +42,7 @@ pub(crate) fn mesh(prim: PrimDesc, prim_id: i32, points: Vec<[f32; 3]>, faces: &
         normals: None,
         display_color: constant([albedo; 3]),
         display_opacity: None,
+        ..MeshDesc::default()
     }
 }
 
@@ -81,13 +82,14 @@ pub(crate) fn sphere(prim: PrimDesc, prim_id: i32, rings: i32, albedo: f32) -> M
 pub(crate) fn dome(radiance: [f32; 3]) -> LightDesc {
     LightDesc {
         prim: prim("/dome", DMat4::IDENTITY),
-        kind: LightKind::Dome,
+        kind: LightKind::PLAIN_DOME,
         color: radiance,
         intensity: 1.0,
         exposure: 0.0,
         color_temperature: None,
         normalize: false,
         camera_visible: true,
+        ..LightDesc::default()
     }
 }
 
@@ -117,6 +119,7 @@ pub(crate) fn instancer(prim: PrimDesc, root: &str, places: &[(DVec3, DQuat, DVe
         ),
         scales: Some(TypedArray::of(places.iter().map(|p| p.2.as_vec3().to_array()).collect::<Vec<_>>())),
         transforms: None,
+        ..InstancerDesc::default()
     }
 }
 

@@ -67,6 +67,34 @@ bitflags! {
         const CHUNK_COUNTS = 512;
         /// A planted fault, for tests, with `STREAMING`: an absent chunk is not remembered, and the ray goes on without it.
         const PLANT_SKIP_DEFERRED = 1024;
+        /// Some mesh has a material: `Frame::materials`, `prims` and `material_slots` count.
+        const MATERIALS = 1 << 11;
+        /// Some material reads a texture: `Frame::textures` and `texture_pages` count.
+        const TEXTURES = 1 << 12;
+        /// Some material's opacity has to be asked for in traversal.
+        const CUTOUTS = 1 << 13;
+        /// Some material lets light through.
+        const TRANSMISSION = 1 << 14;
+        /// Some material has a coat.
+        const COAT = 1 << 15;
+        /// Some material has a sheen.
+        const SHEEN = 1 << 16;
+        /// Lights with a place: rectangles, spheres, disks, cylinders; and the light tree.
+        const LOCAL_LIGHTS = 1 << 17;
+        /// Some light is shaped.
+        const SHAPING = 1 << 18;
+        /// Some light has an IES profile.
+        const IES = 1 << 19;
+        /// The dome has a texture.
+        const DOME_TEXTURE = 1 << 20;
+        /// Some light lights or shadows only some prims.
+        const LIGHT_LINKS = 1 << 21;
+        /// Some material emits light.
+        const EMISSION = 1 << 22;
+        /// Some material reads a value per instance.
+        const INSTANCE_PRIMVARS = 1 << 23;
+        /// Some light with a place has a texture.
+        const LIGHT_TEXTURE = 1 << 24;
     }
 }
 
@@ -303,6 +331,16 @@ pub struct Frame {
     pub light_count: u32,
     /// Bits of [`FrameFlags`].
     pub flags: u32,
+    /// Table of materials; 0 without `Features::MATERIALS`, as the next two.
+    pub materials: u64,
+    /// Table of prims, by prim id + 1.
+    pub prims: u64,
+    /// u32 material numbers, where the prims say.
+    pub material_slots: u64,
+    /// Table of textures; 0 without `Features::TEXTURES`, as the next.
+    pub textures: u64,
+    /// Page tables of the textures.
+    pub texture_pages: u64,
 }
 
 /// Workgroup counts that give at least `threads` threads; the passes find their thread as

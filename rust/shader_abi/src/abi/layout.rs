@@ -108,7 +108,12 @@ pub const LAYOUTS: &[StructLayout] = &[
         seed,
         max_bounces,
         light_count,
-        flags
+        flags,
+        materials,
+        prims,
+        material_slots,
+        textures,
+        texture_pages
     }),
     layout!(Streaming {
         segments,

@@ -296,6 +296,7 @@ fn arrays(places: Places) -> Result<InstancerDesc> {
         rotations: Some(TypedArray::from_vec(ElementType::Quath, places.rotations)?),
         scales: Some(TypedArray::of(places.scales)),
         transforms: None,
+        ..InstancerDesc::default()
     })
 }
 
@@ -314,6 +315,7 @@ fn of_matrices(prim: PrimDesc, prototypes: Vec<InstancerPrototype>, transforms: 
         rotations: Some(TypedArray::from_vec(ElementType::Quatf, rotations)?),
         scales: Some(vectors(|p| p.0)),
         transforms: None,
+        ..InstancerDesc::default()
     })
 }
 
@@ -339,5 +341,6 @@ fn mesh(prim: PrimDesc, prim_id: i32, soup: Soup) -> Result<MeshDesc> {
         normals,
         display_color: Some(vectors(interpolation, soup.colors)),
         display_opacity: None,
+        ..MeshDesc::default()
     })
 }

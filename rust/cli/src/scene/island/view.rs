@@ -66,20 +66,21 @@ pub(crate) fn stage_camera(parameters: &Parameters) -> StageCamera {
 pub(crate) fn lights() -> Vec<LightDesc> {
     let light = |path, kind, color, intensity, transform| LightDesc {
         prim: prim(path, transform, Vec::new()),
+        // The sun's intensity is the irradiance on a surface that faces it.
+        normalize: matches!(kind, LightKind::Distant { .. }),
         kind,
         color,
         intensity,
         exposure: 0.0,
         color_temperature: None,
-        // The sun's intensity is the irradiance on a surface that faces it.
-        normalize: matches!(kind, LightKind::Distant { .. }),
         camera_visible: true,
+        ..LightDesc::default()
     };
     let to_sun = DVec3::new(0.62, 0.55, 0.45).normalize();
     let turn = DMat4::from_quat(DQuat::from_rotation_arc(DVec3::Z, to_sun));
     let sun = LightKind::Distant { angle_degrees: 0.53 };
     vec![
-        light("/World/Sky", LightKind::Dome, [0.50, 0.70, 1.0], 0.75, DMat4::IDENTITY),
+        light("/World/Sky", LightKind::PLAIN_DOME, [0.50, 0.70, 1.0], 0.75, DMat4::IDENTITY),
         light("/World/Sun", sun, [1.0, 0.88, 0.70], 3.6, turn),
     ]
 }
