@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! OocPT's decisions, free of Vulkan, clocks, threads of its own and files: the scene database (edits in, immutable
-//! snapshots out), mesh preparation (checking, triangulation, BVH2), camera rays, lights, settings and the sampler.
+//! snapshots out), mesh preparation (checking, triangulation, BVH2), materials, camera rays, lights, settings and the sampler.
 //!
 //! Guarantees: nothing here panics on any input; everything is a pure function of its arguments; work is spread over
 //! the caller's rayon pool and the result does not depend on the number of its threads.
@@ -9,6 +9,7 @@
 
 pub mod array;
 pub mod camera;
+pub mod material;
 pub mod mesh;
 pub mod partition;
 pub mod residency;
@@ -19,14 +20,17 @@ pub mod stats;
 
 pub use array::{ArrayError, ArraySource, ArrayView, Element, ElementType, TypedArray};
 pub use camera::{Camera, CameraError, CameraRays};
-pub use mesh::{Aabb, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, MeshAsset, Triangle};
+pub use material::{ColorSpace, Input, InputName, Material, MaterialFlags, TextureRef, Wrap};
+pub use mesh::{
+    Aabb, AnyAttribute, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, MeshAsset, MeshPrimvar, Triangle,
+};
 pub use partition::{Chunk, ChunkInstance, OpenedAssembly, PartitionOptions, RECORD_BYTES, World, WorldError};
 pub use sampler::{pixel_seed, sample_4d};
 pub use scene::{
     Assembly, AssetRef, Commit, ConnectionDesc, DomeFormat, DroppedData, InstanceFlags, InstanceRecord, InstancedBy,
-    InstancerDesc, InstancerPrototype, Interpolation, Light, LightDesc, LightKind, MaterialDesc, MeshDesc,
-    NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, Primvar, SceneCounts, SceneDb, SceneFeatures,
-    SceneWarning, Shaping, Snapshot, SnapshotError, Subdivision, SubsetDesc, Target,
+    InstancerDesc, InstancerPrototype, Interpolation, Light, LightDesc, LightKind, MaterialDesc, MeshDesc, NO_MATERIAL,
+    NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, PrimRecord, Primvar, SceneCounts, SceneDb, SceneFeatures,
+    SceneWarning, Shaping, Snapshot, SnapshotError, Subdivision, SubsetDesc, SurfaceTables, Target,
 };
 pub use settings::{Descriptor, SettingError, Settings, Value};
 pub use stats::{Stats, StreamingStats};

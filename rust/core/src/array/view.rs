@@ -2,7 +2,7 @@
 //! The accessors of typed arrays, without a virtual call per element. Bounds-checked; any alignment; any thread.
 
 use bytemuck::Pod;
-use glam::{DMat4, DQuat, DVec3, DVec4};
+use glam::{DMat4, DQuat, DVec2, DVec3, DVec4};
 use half::f16;
 
 use super::{Component, ElementType};
@@ -88,6 +88,13 @@ impl<'a> ArrayView<'a> {
     #[inline]
     pub fn scalar(&self, i: usize) -> Option<f64> {
         self.floats::<1>(i).map(|[v]| v)
+    }
+
+    /// Element `i` of a two-vector array.
+    #[must_use]
+    #[inline]
+    pub fn vec2(&self, i: usize) -> Option<DVec2> {
+        self.floats::<2>(i).map(DVec2::from_array)
     }
 
     /// Element `i` of a three-vector array.

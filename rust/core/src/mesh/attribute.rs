@@ -14,6 +14,75 @@ pub enum AttributeRate {
     FaceVarying,
 }
 
+/// A primvar that a bound material asks for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WantedPrimvar {
+    /// Its name.
+    pub name: std::sync::Arc<str>,
+    /// The number of the name.
+    pub id: u32,
+}
+
+/// A primvar of a mesh that a material reads.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshPrimvar {
+    /// The number of its name; materials have the same.
+    pub id: u32,
+    /// Its values.
+    pub values: AnyAttribute,
+}
+
+/// An attribute of one to four floats.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AnyAttribute {
+    /// One.
+    One(Attribute<f32>),
+    /// Two.
+    Two(Attribute<[f32; 2]>),
+    /// Three.
+    Three(Attribute<[f32; 3]>),
+    /// Four.
+    Four(Attribute<[f32; 4]>),
+}
+
+/// Runs an expression on the attribute inside.
+macro_rules! each_width {
+    ($any:expr, $attribute:ident => $value:expr) => {
+        match $any {
+            $crate::mesh::AnyAttribute::One($attribute) => $value,
+            $crate::mesh::AnyAttribute::Two($attribute) => $value,
+            $crate::mesh::AnyAttribute::Three($attribute) => $value,
+            $crate::mesh::AnyAttribute::Four($attribute) => $value,
+        }
+    };
+}
+pub(crate) use each_width;
+
+impl AnyAttribute {
+    /// How its values are found.
+    #[must_use]
+    pub fn rate(&self) -> AttributeRate {
+        each_width!(self, attribute => attribute.rate)
+    }
+
+    /// Floats of a value.
+    #[must_use]
+    pub fn width(&self) -> u32 {
+        match self {
+            Self::One(_) => 1,
+            Self::Two(_) => 2,
+            Self::Three(_) => 3,
+            Self::Four(_) => 4,
+        }
+    }
+
+    /// All values as floats, [`Self::width`] each.
+    #[must_use]
+    pub fn floats(&self) -> &[f32] {
+        each_width!(self, attribute => bytemuck::cast_slice(&attribute.values))
+    }
+}
+
 /// Values and their rate; the length always fits the rate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Attribute<T> {

@@ -9,11 +9,11 @@ use glam::Vec3;
 
 use super::bvh::{Bvh2, build_bvh};
 use super::normals::smooth_normals;
-use super::primvar::{Layout, Slot, Source, convert};
+use super::primvar::{Layout, Slot, Source, convert, convert_wanted, subset_numbers};
 use super::split::{Order, arrange, expected_bytes, split_ordered};
 use super::topology::{Topology, read_topology};
 use super::triangulate::Triangulator;
-use super::{Aabb, Attribute, AttributeRate, MeshAsset, Triangle};
+use super::{Aabb, Attribute, AttributeRate, MeshAsset, Triangle, WantedPrimvar};
 use crate::array::ArrayView;
 use crate::scene::{DroppedData, MeshDesc, Subdivision};
 
@@ -47,8 +47,19 @@ pub fn build_mesh(desc: &MeshDesc, key: u128) -> BuiltMesh {
 /// the same bits for any number of threads, but not the ones that [`super::split_mesh`] makes of the whole asset.
 #[must_use]
 pub fn build_mesh_split(desc: &MeshDesc, key: u128, limit_bytes: u64, cluster_bytes: u64) -> BuiltMesh {
+    build_mesh_with(desc, &[], key, limit_bytes, cluster_bytes)
+}
+
+/// [`build_mesh_split`] with the primvars `wanted` besides.
+pub(crate) fn build_mesh_with(
+    desc: &MeshDesc,
+    wanted: &[WantedPrimvar],
+    key: u128,
+    limit_bytes: u64,
+    cluster_bytes: u64,
+) -> BuiltMesh {
     let mut dropped = DroppedData::default();
-    let loose = read_topology(desc, &mut dropped).and_then(|t| read_triangles(desc, key, &t, &mut dropped));
+    let loose = read_topology(desc, &mut dropped).and_then(|t| read_triangles(desc, wanted, key, &t, &mut dropped));
     let (mut asset, mut clusters) = (None, Vec::new());
     match loose {
         Some(loose) if expected_bytes(&loose) > limit_bytes => {
@@ -64,7 +75,13 @@ pub fn build_mesh_split(desc: &MeshDesc, key: u128, limit_bytes: u64, cluster_by
 }
 
 /// The mesh in authored order, without a hierarchy.
-fn read_triangles(desc: &MeshDesc, key: u128, topology: &Topology, dropped: &mut DroppedData) -> Option<MeshAsset> {
+fn read_triangles(
+    desc: &MeshDesc,
+    wanted: &[WantedPrimvar],
+    key: u128,
+    topology: &Topology,
+    dropped: &mut DroppedData,
+) -> Option<MeshAsset> {
     let (triangles, sources) = triangulate(topology, dropped);
     if triangles.is_empty() {
         dropped.empty_meshes += 1;
@@ -81,9 +98,12 @@ fn read_triangles(desc: &MeshDesc, key: u128, topology: &Topology, dropped: &mut
     let opacities =
         desc.display_opacity.as_ref().and_then(|p| convert(p, layout, dropped, read_opacity, |_| Some(1.0)));
     let opacities = opacities.filter(|o| o.values.iter().any(|&v| v < 1.0));
+    let primvars = convert_wanted(desc, wanted, layout, dropped);
+    let subsets = subset_numbers(desc, layout, dropped);
     let rates = [rate(&normals), rate(&colors), rate(&opacities)];
     let corner_points = |s: &Source| s.corners.map(|c| topology.corners.get(c as usize).copied().unwrap_or(0));
-    let by_point = rates.contains(&Some(AttributeRate::Vertex));
+    let by_point = rates.contains(&Some(AttributeRate::Vertex))
+        || primvars.iter().any(|primvar| primvar.values.rate() == AttributeRate::Vertex);
     Some(MeshAsset {
         key,
         bounds: Aabb::EMPTY,
@@ -93,6 +113,8 @@ fn read_triangles(desc: &MeshDesc, key: u128, topology: &Topology, dropped: &mut
         normals,
         colors,
         opacities,
+        primvars,
+        subsets,
         double_sided: desc.double_sided,
         left_handed: desc.left_handed,
     })

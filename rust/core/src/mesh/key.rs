@@ -3,6 +3,7 @@
 
 use xxhash_rust::xxh3::Xxh3;
 
+use super::WantedPrimvar;
 use crate::array::TypedArray;
 use crate::scene::{MeshDesc, Primvar};
 
@@ -10,6 +11,11 @@ use crate::scene::{MeshDesc, Primvar};
 /// transform, the prim id or the visibility.
 #[must_use]
 pub fn mesh_key(desc: &MeshDesc) -> u128 {
+    mesh_key_with(desc, &[])
+}
+
+/// [`mesh_key`] of a mesh that is built with the primvars `wanted`. Which faces are in which subset counts, their materials do not.
+pub(crate) fn mesh_key_with(desc: &MeshDesc, wanted: &[WantedPrimvar]) -> u128 {
     let mut hasher = Xxh3::new();
     hasher.update(&[u8::from(desc.double_sided), u8::from(desc.left_handed), desc.subdivision as u8]);
     add_array(&mut hasher, Some(&desc.face_vertex_counts));
@@ -18,6 +24,19 @@ pub fn mesh_key(desc: &MeshDesc) -> u128 {
     add_array(&mut hasher, Some(&desc.points));
     for primvar in [&desc.normals, &desc.display_color, &desc.display_opacity] {
         add_primvar(&mut hasher, primvar.as_ref());
+    }
+    // Tells subsets from primvars; absent for most.
+    if !(desc.subsets.is_empty() && wanted.is_empty()) {
+        hasher.update(&(desc.subsets.len() as u64).to_le_bytes());
+    }
+    for subset in &desc.subsets {
+        add_array(&mut hasher, Some(&subset.faces));
+    }
+    for primvar in wanted {
+        hasher.update(&primvar.id.to_le_bytes());
+        hasher.update(&(primvar.name.len() as u64).to_le_bytes());
+        hasher.update(primvar.name.as_bytes());
+        add_primvar(&mut hasher, desc.authored_primvar(&primvar.name));
     }
     hasher.digest128()
 }
@@ -39,14 +58,14 @@ fn add_array(hasher: &mut Xxh3, array: Option<&TypedArray>) {
 }
 
 /// True when both descriptions give the same asset, told from array identities alone: cheap, may say no wrongly.
-pub(crate) fn is_same_mesh(a: &MeshDesc, b: &MeshDesc) -> bool {
+pub(crate) fn is_same_mesh(a: &MeshDesc, b: &MeshDesc, wanted: &[WantedPrimvar]) -> bool {
     let array = |a: &TypedArray, b: &TypedArray| a.element() == b.element() && a.identity() == b.identity();
     let optional = |a: &Option<TypedArray>, b: &Option<TypedArray>| match (a, b) {
         (None, None) => true,
         (Some(a), Some(b)) => array(a, b),
         _ => false,
     };
-    let primvar = |a: &Option<Primvar>, b: &Option<Primvar>| match (a, b) {
+    let primvar = |a: Option<&Primvar>, b: Option<&Primvar>| match (a, b) {
         (None, None) => true,
         (Some(a), Some(b)) => {
             a.interpolation == b.interpolation && array(&a.values, &b.values) && optional(&a.indices, &b.indices)
@@ -58,7 +77,10 @@ pub(crate) fn is_same_mesh(a: &MeshDesc, b: &MeshDesc) -> bool {
         && array(&a.face_vertex_indices, &b.face_vertex_indices)
         && optional(&a.hole_indices, &b.hole_indices)
         && array(&a.points, &b.points)
-        && primvar(&a.normals, &b.normals)
-        && primvar(&a.display_color, &b.display_color)
-        && primvar(&a.display_opacity, &b.display_opacity)
+        && primvar(a.normals.as_ref(), b.normals.as_ref())
+        && primvar(a.display_color.as_ref(), b.display_color.as_ref())
+        && primvar(a.display_opacity.as_ref(), b.display_opacity.as_ref())
+        && a.subsets.len() == b.subsets.len()
+        && a.subsets.iter().zip(&b.subsets).all(|(a, b)| array(&a.faces, &b.faces))
+        && wanted.iter().all(|w| primvar(a.authored_primvar(&w.name), b.authored_primvar(&w.name)))
 }

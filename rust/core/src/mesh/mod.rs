@@ -17,15 +17,19 @@ mod triangulate;
 
 use bytemuck::{Pod, Zeroable};
 
-pub use attribute::{Attribute, AttributeRate};
+pub(crate) use attribute::each_width;
+pub use attribute::{AnyAttribute, Attribute, AttributeRate, MeshPrimvar, WantedPrimvar};
+pub(crate) use build::build_mesh_with;
 pub use build::{BuiltMesh, build_mesh, build_mesh_split};
 pub use bvh::{Bvh2, BvhError, BvhNode, build_box_bvh};
-pub(crate) use key::is_same_mesh;
 pub use key::mesh_key;
+pub(crate) use key::{is_same_mesh, mesh_key_with};
 pub use split::split_mesh;
 
 /// Device bytes of a triangle.
 const TRIANGLE_BYTES: u64 = 48;
+/// Device bytes of an entry in the table of primvars.
+const PRIMVAR_BYTES: u64 = 16;
 /// Alignment of the sections of an asset on the device, bytes.
 const SECTION_ALIGN: u64 = 16;
 
@@ -109,6 +113,10 @@ pub struct MeshAsset {
     pub colors: Option<Attribute<[f32; 3]>>,
     /// `displayOpacity` in `[0, 1]`; `None` = opaque everywhere.
     pub opacities: Option<Attribute<f32>>,
+    /// Primvars that bound materials read, by number of their names.
+    pub primvars: Vec<MeshPrimvar>,
+    /// Per triangle: 0, or the number of its subset counted from 1; empty for a mesh without subsets.
+    pub subsets: Vec<u16>,
     /// False: seen from the front only.
     pub double_sided: bool,
     /// The geometric normal is minus the right-handed one.
@@ -117,7 +125,7 @@ pub struct MeshAsset {
 
 impl MeshAsset {
     /// Bytes of device memory that the asset takes: nodes, triangles (48 bytes there), corner indices, normals, colors,
-    /// opacities, each section rounded up to 16.
+    /// opacities, a table of primvars, primvars, each section rounded up to 16.
     #[must_use]
     pub fn device_bytes(&self) -> u64 {
         fn attribute<T>(a: Option<&Attribute<T>>) -> u64 {
@@ -131,7 +139,9 @@ impl MeshAsset {
             attribute(self.colors.as_ref()),
             attribute(self.opacities.as_ref()),
         ];
-        sections.map(|bytes| bytes.next_multiple_of(SECTION_ALIGN)).iter().sum()
+        let rest = self.primvars.iter().map(|p| size_of_val(p.values.floats()) as u64);
+        let table = self.primvars.len() as u64 * PRIMVAR_BYTES;
+        sections.into_iter().chain(rest).chain([table]).map(|bytes| bytes.next_multiple_of(SECTION_ALIGN)).sum()
     }
 
     /// Bytes of host memory held.
@@ -144,7 +154,9 @@ impl MeshAsset {
             + size_of_val(&self.corner_indices[..])
             + attribute(&self.normals)
             + attribute(&self.colors)
-            + self.opacities.as_ref().map_or(0, |a| size_of_val(&a.values[..]));
+            + self.opacities.as_ref().map_or(0, |a| size_of_val(&a.values[..]))
+            + self.primvars.iter().map(|p| size_of_val(p.values.floats())).sum::<usize>()
+            + size_of_val(&self.subsets[..]);
         bytes as u64
     }
 }

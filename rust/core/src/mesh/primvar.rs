@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Authored primvars to attributes, triangle by triangle: length checks, indices, replacement of unusable values. Pure.
 
-use super::{Attribute, AttributeRate};
+use super::{AnyAttribute, Attribute, AttributeRate, MeshPrimvar, WantedPrimvar};
 use crate::array::{ArrayView, ElementType};
-use crate::scene::{DroppedData, Interpolation, Primvar};
+use crate::scene::{DroppedData, Interpolation, MeshDesc, Primvar};
 
 /// Where a triangle came from.
 #[derive(Clone, Copy, Debug)]
@@ -74,6 +74,81 @@ impl Value for [f32; 3] {
     fn has_type(values: &ArrayView<'_>) -> bool {
         values.vec3(0).is_some()
     }
+}
+
+impl Value for [f32; 2] {
+    fn has_type(values: &ArrayView<'_>) -> bool {
+        values.vec2(0).is_some()
+    }
+}
+
+impl Value for [f32; 4] {
+    fn has_type(values: &ArrayView<'_>) -> bool {
+        values.vec4(0).is_some()
+    }
+}
+
+/// The primvars `wanted` of `desc` that can be used, whatever their widths; unusable values become 0.
+pub(crate) fn convert_wanted(
+    desc: &MeshDesc,
+    wanted: &[WantedPrimvar],
+    layout: Layout<'_>,
+    dropped: &mut DroppedData,
+) -> Vec<MeshPrimvar> {
+    let mut out = Vec::new();
+    for WantedPrimvar { name, id } in wanted {
+        let Some(primvar) = desc.authored_primvar(name) else { continue };
+        let view = primvar.values.view();
+        let values = if view.vec2(0).is_some() {
+            convert(primvar, layout, dropped, |v, i| usable(v.vec2(i)?.to_array()), |_| Some([0.0; 2]))
+                .map(AnyAttribute::Two)
+        } else if view.vec3(0).is_some() {
+            convert(primvar, layout, dropped, |v, i| usable(v.vec3(i)?.to_array()), |_| Some([0.0; 3]))
+                .map(AnyAttribute::Three)
+        } else if view.vec4(0).is_some() {
+            convert(primvar, layout, dropped, |v, i| usable(v.vec4(i)?.to_array()), |_| Some([0.0; 4]))
+                .map(AnyAttribute::Four)
+        } else {
+            let read = |v: &ArrayView<'_>, i: usize| usable([v.scalar(i)?]).map(|[v]| v);
+            convert(primvar, layout, dropped, read, |_| Some(0.0)).map(AnyAttribute::One)
+        };
+        out.extend(values.map(|values| MeshPrimvar { id: *id, values }));
+    }
+    out
+}
+
+/// In single precision, if that is finite.
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
+fn usable<const N: usize>(value: [f64; N]) -> Option<[f32; N]> {
+    let value = value.map(|v| v as f32);
+    value.iter().all(|v| v.is_finite()).then_some(value)
+}
+
+/// Subset number of each triangle of `sources`: a face belongs to the first subset that names it. Empty without subsets.
+pub(crate) fn subset_numbers(desc: &MeshDesc, layout: Layout<'_>, dropped: &mut DroppedData) -> Vec<u16> {
+    if desc.subsets.is_empty() {
+        return Vec::new();
+    }
+    let mut of_face = vec![0_u16; layout.face_count];
+    for (index, subset) in desc.subsets.iter().enumerate() {
+        let view = subset.faces.view();
+        let Ok(number) = u16::try_from(index + 1) else {
+            dropped.subset_faces += view.len() as u64;
+            continue;
+        };
+        if !view.is_empty() && view.element() != ElementType::I32 {
+            dropped.wrong_array_types += 1;
+            continue;
+        }
+        for k in 0..view.len() {
+            match view.index(k).and_then(|face| usize::try_from(face).ok()).and_then(|face| of_face.get_mut(face)) {
+                Some(slot) if *slot == 0 => *slot = number,
+                Some(_) => {}
+                None => dropped.subset_faces += 1,
+            }
+        }
+    }
+    layout.sources.iter().map(|source| of_face.get(source.face as usize).copied().unwrap_or(0)).collect()
 }
 
 /// Converts one primvar.

@@ -15,7 +15,7 @@ use super::light::Light;
 use super::report::Reports;
 use super::resolve::{GroupId, PlanGroup, PlanMember, PlanTarget};
 use super::run::{Run, RunSpec};
-use super::snapshot::{SceneCounts, SceneFeatures, Snapshot};
+use super::snapshot::{SceneCounts, SceneFeatures, Snapshot, SurfaceTables};
 use crate::mesh::{Aabb, MeshAsset};
 
 /// The origin moves when the scene's centre is farther from it than this many times the scene's half size.
@@ -38,6 +38,7 @@ fn run_of<'a>(known: &'a Assembly, member: &PlanMember) -> Option<&'a Arc<Run>> 
 pub(crate) struct Assets {
     pub(crate) meshes: Vec<Arc<MeshAsset>>,
     pub(crate) indices: FxHashMap<u128, u32>,
+    pub(crate) surfaces: SurfaceTables,
 }
 
 impl AssemblyStore {
@@ -161,7 +162,7 @@ impl Snapshot {
         if self.assemblies.iter().any(|a| a.members().iter().any(|m| m.run.is_instanced())) {
             features |= SceneFeatures::INSTANCING;
         }
-        features
+        features | self.surfaces.features()
     }
 
     fn count(&self) -> SceneCounts {
@@ -210,6 +211,7 @@ impl Snapshot {
         shared(&self.meshes, &other.meshes)
             && shared(&self.assemblies, &other.assemblies)
             && self.lights == other.lights
+            && self.surfaces.is_same(&other.surfaces)
             && self.origin == other.origin
             && self.dropped == other.dropped
             && Arc::ptr_eq(&self.world, &other.world)

@@ -141,6 +141,20 @@ pub struct MeshDesc {
     pub categories: Vec<Arc<str>>,
 }
 
+impl MeshDesc {
+    /// The authored primvar that a material means by `name`.
+    #[must_use]
+    pub fn authored_primvar(&self, name: &str) -> Option<&Primvar> {
+        let named = self.primvars.iter().find(|p| &*p.name == name).map(|p| &p.primvar);
+        named.or(match name {
+            "displayColor" => self.display_color.as_ref(),
+            "displayOpacity" => self.display_opacity.as_ref(),
+            "normals" => self.normals.as_ref(),
+            _ => None,
+        })
+    }
+}
+
 /// One prototype of an instancer.
 #[derive(Clone, Debug)]
 pub struct InstancerPrototype {
@@ -187,7 +201,7 @@ pub struct MaterialDesc {
 pub struct NodeDesc {
     /// Path, for messages.
     pub path: Arc<str>,
-    /// What it is: "UsdPreviewSurface", "UsdUVTexture", ..
+    /// What it is, for example `UsdUVTexture`.
     pub kind: Arc<str>,
     /// Authored inputs.
     pub params: Vec<ParamDesc>,

@@ -10,7 +10,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::desc::{InstancerDesc, MeshDesc};
 use super::placement::InstanceArrays;
 use super::report::DroppedData;
-use crate::mesh::{BuiltMesh, MeshAsset, build_mesh_split, is_same_mesh, mesh_key};
+use crate::mesh::{BuiltMesh, MeshAsset, WantedPrimvar, build_mesh_with, is_same_mesh, mesh_key_with};
 use crate::partition::PartitionOptions;
 
 /// A mesh prim.
@@ -19,19 +19,31 @@ pub(crate) struct MeshEntry {
     pub(crate) desc: MeshDesc,
     /// The asset, once the prim was needed; none again when the arrays change.
     pub(crate) built: Option<Arc<BuiltMesh>>,
+    /// Primvars that materials read.
+    pub(crate) wanted: Vec<WantedPrimvar>,
 }
 
 impl MeshEntry {
     /// A new entry, or `old` with what changed. Gives whether anything did.
     pub(crate) fn update(old: Option<Self>, desc: MeshDesc) -> (Self, bool) {
         match old {
-            Some(old) if is_same_mesh(&old.desc, &desc) => {
-                let changed = old.desc.prim != desc.prim || old.desc.prim_id != desc.prim_id;
-                (Self { desc, built: old.built }, changed)
+            Some(old) if is_same_mesh(&old.desc, &desc, &old.wanted) => {
+                let changed = old.desc.prim != desc.prim
+                    || old.desc.prim_id != desc.prim_id
+                    || !is_dressed_alike(&old.desc, &desc);
+                (Self { desc, built: old.built, wanted: old.wanted }, changed)
             }
-            _ => (Self { desc, built: None }, true),
+            _ => (Self { desc, built: None, wanted: Vec::new() }, true),
         }
     }
+}
+
+/// True when bindings and collections are equal, and there are primvars of the same names.
+fn is_dressed_alike(a: &MeshDesc, b: &MeshDesc) -> bool {
+    a.material == b.material
+        && a.categories == b.categories
+        && a.subsets.iter().map(|s| &s.material).eq(b.subsets.iter().map(|s| &s.material))
+        && a.primvars.iter().map(|p| &p.name).eq(b.primvars.iter().map(|p| &p.name))
 }
 
 /// An instancer prim.
@@ -105,10 +117,10 @@ impl MeshStore {
     /// Makes sure that every mesh of `wanted` is built, the missing ones in parallel.
     pub(crate) fn build(&mut self, meshes: &mut BTreeMap<Arc<str>, MeshEntry>, wanted: &FxHashSet<Arc<str>>) {
         let (limit, cluster) = (self.options.mesh_limit(), self.options.chunk_bytes());
-        let build = |key, entry: &MeshEntry| Arc::new(build_mesh_split(&entry.desc, key, limit, cluster));
+        let build = |key, entry: &MeshEntry| Arc::new(build_mesh_with(&entry.desc, &entry.wanted, key, limit, cluster));
         let mut missing: Vec<&mut MeshEntry> =
             meshes.iter_mut().filter(|(path, e)| e.built.is_none() && wanted.contains(*path)).map(|(_, e)| e).collect();
-        let keys: Vec<u128> = missing.par_iter().map(|e| mesh_key(&e.desc)).collect();
+        let keys: Vec<u128> = missing.par_iter().map(|e| mesh_key_with(&e.desc, &e.wanted)).collect();
         let mut begun: FxHashSet<u128> = FxHashSet::default();
         let new: Vec<(u128, &MeshEntry)> = keys
             .iter()

@@ -19,6 +19,7 @@ mod rescan;
 pub(crate) mod resolve;
 pub(crate) mod run;
 pub mod snapshot;
+mod surfaces;
 pub(crate) mod validate;
 
 use std::collections::BTreeMap;
@@ -34,14 +35,18 @@ pub use desc::{
 pub use resolve::MAX_LEVELS;
 pub use snapshot::{
     Aabb, Assembly, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, DroppedData, InstanceFlags, InstanceRecord,
-    Light, MeshAsset, SceneCounts, SceneFeatures, SceneWarning, Snapshot, SnapshotError, Target, Triangle, blackbody,
+    Light, MeshAsset, SceneCounts, SceneFeatures, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Target,
+    Triangle, blackbody,
 };
+
+pub use surfaces::{NO_MATERIAL, PrimRecord};
 
 use crate::partition::{PartitionOptions, PartitionStore, Source, World};
 use commit::{AssemblyStore, Assets, shining};
 use entries::{InstancerEntry, MeshEntry, MeshStore};
 use report::Reports;
 use resolve::{Hierarchy, PlanGroup, PlanTarget, Prims, resolve};
+use surfaces::{MaterialEntry, SurfaceStore};
 
 /// The result of [`SceneDb::commit`].
 #[derive(Clone, Debug)]
@@ -69,12 +74,13 @@ pub struct SceneDb {
     meshes: BTreeMap<Arc<str>, MeshEntry>,
     instancers: BTreeMap<Arc<str>, InstancerEntry>,
     lights: BTreeMap<Arc<str>, LightDesc>,
-    materials: BTreeMap<Arc<str>, MaterialDesc>,
+    materials: BTreeMap<Arc<str>, MaterialEntry>,
     /// Normalised; empty = all.
     purposes: Vec<String>,
     /// True when something was edited since the last commit.
     edited: bool,
     mesh_store: MeshStore,
+    surface_store: SurfaceStore,
     assembly_store: AssemblyStore,
     partition: PartitionStore,
     /// Last message given for each prim.
@@ -100,6 +106,7 @@ impl SceneDb {
             purposes: vec!["default".to_owned(), "render".to_owned()],
             edited: true,
             mesh_store: MeshStore::default(),
+            surface_store: SurfaceStore::default(),
             assembly_store: AssemblyStore::default(),
             partition: PartitionStore::default(),
             warned: BTreeMap::new(),
@@ -139,8 +146,8 @@ impl SceneDb {
     pub fn upsert_material(&mut self, desc: MaterialDesc) {
         let path = desc.path.clone();
         let others = self.remove_other(&path, Kind::Material);
-        let changed = self.materials.get(&path) != Some(&desc);
-        self.materials.insert(path, desc);
+        let (entry, changed) = MaterialEntry::update(self.materials.remove(&path), desc);
+        self.materials.insert(path, entry);
         self.edited |= changed | others;
     }
 
@@ -197,7 +204,8 @@ impl SceneDb {
         }
         let lights = shining(&self.lights, &mut reports);
         let dropped = reports.total();
-        let mut next = Snapshot { origin, meshes: assets.meshes, assemblies, lights, dropped, ..Snapshot::nothing() };
+        let Assets { meshes, surfaces, .. } = assets;
+        let mut next = Snapshot { origin, meshes, assemblies, lights, surfaces, dropped, ..Snapshot::nothing() };
         next.world =
             self.partition.update(Source { groups: &plan, meshes: &next.meshes, assemblies: &next.assemblies });
         let changed = self.snapshot.version == 0 || !next.is_same(&self.snapshot);
@@ -217,6 +225,7 @@ impl SceneDb {
         let prims = Prims { meshes: &self.meshes, instancers: &self.instancers };
         let hierarchy = Hierarchy::new(prims, shows, reports);
         let reachable = hierarchy.reachable(prims, reports);
+        self.surface_store.prepare(&mut self.materials, &mut self.meshes, &reachable, reports);
         self.mesh_store.set_options(&mut self.meshes, self.partition.options());
         self.mesh_store.build(&mut self.meshes, &reachable);
         for (path, entry) in self.meshes.iter().filter(|(path, _)| reachable.contains(*path)) {
@@ -236,7 +245,9 @@ impl SceneDb {
             }
         }
         let (meshes, indices) = self.mesh_store.assign(&used);
-        (plan, Assets { meshes, indices })
+        let mut surfaces = self.surface_store.tables(&self.materials, &self.meshes, &reachable, reports);
+        surfaces.trim();
+        (plan, Assets { meshes, indices, surfaces })
     }
 
     /// The messages that differ from the last one given for the same prim.
@@ -259,6 +270,7 @@ impl Snapshot {
             meshes: Vec::new(),
             assemblies: vec![Arc::new(Assembly::new(0, Vec::new(), false))],
             lights: Vec::new(),
+            surfaces: SurfaceTables::default(),
             features: SceneFeatures::empty(),
             max_levels: 1,
             counts: SceneCounts { assemblies: 1, ..SceneCounts::default() },

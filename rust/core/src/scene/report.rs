@@ -80,6 +80,8 @@ dropped! {
     instance_transforms: "instances with singular or non-finite matrices",
     /// Instance indices that name no instance.
     instance_indices: "instance indices out of range",
+    /// Faces of subsets that the mesh does not have.
+    subset_faces: "subset faces out of range",
     /// Mask entries missing.
     short_masks: "masks shorter than the instances",
     /// Instancers that contain themselves.
@@ -118,12 +120,16 @@ impl DroppedData {
 
 /// What was dropped, by prim, during one commit.
 #[derive(Debug, Default)]
-pub(crate) struct Reports(BTreeMap<Arc<str>, DroppedData>);
+pub(crate) struct Reports {
+    dropped: BTreeMap<Arc<str>, DroppedData>,
+    /// What is no dropped data, in words.
+    notes: BTreeMap<Arc<str>, String>,
+}
 
 impl Reports {
     /// The counters of a prim.
     pub(crate) fn of(&mut self, path: &Arc<str>) -> &mut DroppedData {
-        self.0.entry(path.clone()).or_default()
+        self.dropped.entry(path.clone()).or_default()
     }
 
     /// Adds to the counters of a prim.
@@ -136,12 +142,33 @@ impl Reports {
     /// Sum over all prims.
     pub(crate) fn total(&self) -> DroppedData {
         let mut total = DroppedData::default();
-        self.0.values().for_each(|dropped| total.add(dropped));
+        self.dropped.values().for_each(|dropped| total.add(dropped));
         total
     }
 
     /// The message of every prim that has one, in path order.
     pub(crate) fn messages(&self) -> BTreeMap<Arc<str>, String> {
-        self.0.iter().filter_map(|(path, dropped)| Some((path.clone(), dropped.message()?))).collect()
+        let mut messages = self.notes.clone();
+        for (path, dropped) in &self.dropped {
+            if let Some(message) = dropped.message() {
+                join(messages.entry(path.clone()).or_default(), &message);
+            }
+        }
+        messages
     }
+
+    /// Says something about a prim that is no count of dropped data.
+    pub(crate) fn note(&mut self, path: &Arc<str>, text: String) {
+        let line = self.notes.entry(path.clone()).or_default();
+        if !line.contains(&text) {
+            join(line, &text);
+        }
+    }
+}
+
+fn join(line: &mut String, text: &str) {
+    if !line.is_empty() {
+        line.push_str("; ");
+    }
+    line.push_str(text);
 }

@@ -6,6 +6,8 @@ use std::sync::Arc;
 use bitflags::bitflags;
 use glam::DVec3;
 
+use super::surfaces::PrimRecord;
+use crate::material::{Material, MaterialFlags, TextureRef};
 use crate::partition::World;
 
 pub use super::assembly::{Assembly, InstanceFlags, InstanceRecord, Target};
@@ -33,6 +35,18 @@ bitflags! {
         const INSTANCING = 64;
         /// A mesh seen from one side only.
         const SINGLE_SIDED = 128;
+        /// A mesh with a material.
+        const MATERIALS = 1 << 11;
+        /// A material that reads a texture.
+        const TEXTURES = 1 << 12;
+        /// A material whose opacity is asked for in traversal.
+        const CUTOUTS = 1 << 13;
+        /// A material that lets light through.
+        const TRANSMISSION = 1 << 14;
+        /// A material with a coat.
+        const COAT = 1 << 15;
+        /// A material that emits light.
+        const EMISSION = 1 << 22;
     }
 }
 
@@ -53,6 +67,43 @@ pub struct SceneCounts {
     pub assemblies: u64,
 }
 
+/// What surfaces look like: materials, and which prim has which. Empty where no mesh has a material and none is in a collection.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SurfaceTables {
+    /// Materials in use.
+    pub materials: Vec<Arc<Material>>,
+    /// Textures in use, each once.
+    pub textures: Vec<TextureRef>,
+    /// By prim id + 1 (0: meshes without an id); may be shorter than the largest id.
+    pub prims: Vec<PrimRecord>,
+    /// Material of each slot, or [`NO_MATERIAL`](super::NO_MATERIAL). A triangle's slot is that of its prim's record plus its subset
+    /// number ([`MeshAsset::subsets`]).
+    pub material_slots: Vec<u32>,
+    /// Collections that prims are in, sorted; the first is empty.
+    pub category_sets: Vec<Vec<Arc<str>>>,
+}
+
+impl SurfaceTables {
+    /// What the materials need.
+    #[must_use]
+    pub fn features(&self) -> SceneFeatures {
+        let flags = self.materials.iter().fold(MaterialFlags::empty(), |all, material| all | material.flags);
+        let parts = [
+            (MaterialFlags::TEXTURED, SceneFeatures::TEXTURES),
+            (MaterialFlags::PRESENCE, SceneFeatures::CUTOUTS),
+            (MaterialFlags::TRANSMISSIVE, SceneFeatures::TRANSMISSION),
+            (MaterialFlags::COAT, SceneFeatures::COAT),
+            (MaterialFlags::EMISSIVE, SceneFeatures::EMISSION),
+        ];
+        let mut features = SceneFeatures::empty();
+        features.set(SceneFeatures::MATERIALS, !self.materials.is_empty());
+        for (flag, feature) in parts {
+            features.set(feature, flags.contains(flag));
+        }
+        features
+    }
+}
+
 /// A scene at one moment.
 #[derive(Clone, Debug)]
 pub struct Snapshot {
@@ -66,6 +117,8 @@ pub struct Snapshot {
     pub assemblies: Vec<Arc<Assembly>>,
     /// Lights that shine, by path.
     pub lights: Vec<Light>,
+    /// Materials, textures, and who has them.
+    pub surfaces: SurfaceTables,
     /// What the scene uses.
     pub features: SceneFeatures,
     /// Deepest chain of instance records from the root to a mesh; at least 1.

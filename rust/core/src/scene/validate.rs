@@ -2,7 +2,7 @@
 //! Walks every invariant of a snapshot. For tests and for `doctor`; costs one encode of everything.
 
 use super::snapshot::{InstanceRecord, Snapshot, SnapshotError, Target};
-use crate::mesh::{Aabb, Attribute, AttributeRate, MeshAsset};
+use crate::mesh::{Aabb, AnyAttribute, Attribute, AttributeRate, MeshAsset};
 
 /// Records encoded at a time.
 const BATCH: usize = 4096;
@@ -27,6 +27,7 @@ impl Snapshot {
         if levels.last().ok_or(SnapshotError::NoRoot)? != &self.max_levels {
             return Err(SnapshotError::Count("max_levels"));
         }
+        self.surfaces.check().map_err(SnapshotError::Count)?;
         if placements.last() != Some(&self.counts.instances) {
             return Err(SnapshotError::Count("the number of instances"));
         }
@@ -108,6 +109,17 @@ fn validate_mesh(mesh: &MeshAsset) -> Result<(), String> {
     }
     if !mesh.triangles.iter().flat_map(|t| t.vertices.as_flattened()).all(|v| v.is_finite()) {
         return Err("a vertex is not finite".to_owned());
+    }
+    if !mesh.subsets.is_empty() && mesh.subsets.len() != mesh.triangles.len() {
+        return Err("subset numbers do not fit the triangles".to_owned());
+    }
+    for primvar in &mesh.primvars {
+        match &primvar.values {
+            AnyAttribute::One(a) => validate_attribute(mesh, Some(a), f32::is_finite)?,
+            AnyAttribute::Two(a) => validate_attribute(mesh, Some(a), |v| v.iter().all(|v| v.is_finite()))?,
+            AnyAttribute::Three(a) => validate_attribute(mesh, Some(a), |v| v.iter().all(|v| v.is_finite()))?,
+            AnyAttribute::Four(a) => validate_attribute(mesh, Some(a), |v| v.iter().all(|v| v.is_finite()))?,
+        }
     }
     validate_attribute(mesh, mesh.normals.as_ref(), |n| (glam::Vec3::from(n).length() - 1.0).abs() < 1e-5)?;
     validate_attribute(mesh, mesh.colors.as_ref(), |c| c.iter().all(|v| v.is_finite() && *v >= 0.0))?;

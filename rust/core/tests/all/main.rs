@@ -8,6 +8,8 @@ mod bad_hierarchies;
 #[cfg(test)]
 mod bad_scenes;
 #[cfg(test)]
+mod bindings;
+#[cfg(test)]
 mod boxes;
 #[cfg(test)]
 mod bvh;
@@ -23,6 +25,8 @@ mod faces;
 mod instancing;
 #[cfg(test)]
 mod lights;
+#[cfg(test)]
+mod materials;
 #[cfg(test)]
 mod partition;
 #[cfg(test)]

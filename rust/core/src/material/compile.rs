@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The surface node of a network to a [`Material`]. Pure.
+
+use super::params::{Problems, Shape, connection, numbers, text};
+use super::reader::READER;
+use super::{INPUTS, Input, InputName, Material, MaterialFlags, PrimvarSlot, TextureRef, UvSet};
+use crate::scene::{MaterialDesc, NodeDesc};
+
+/// Most nodes of a network.
+pub const MAX_NODES: usize = 4096;
+
+/// What became of a network.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Compiled {
+    /// The material; none where the surface cannot be understood: its meshes look as if they had none.
+    pub material: Option<Material>,
+    /// Textures by the numbers that the inputs have.
+    pub textures: Vec<TextureRef>,
+    /// One line about everything that was left out.
+    pub problem: Option<String>,
+}
+
+/// While a network is read.
+pub(super) struct Compiler<'a> {
+    pub(super) nodes: &'a [NodeDesc],
+    pub(super) problems: Problems,
+    pub(super) textures: Vec<TextureRef>,
+    pub(super) uv_sets: Vec<UvSet>,
+    pub(super) primvars: Vec<PrimvarSlot>,
+}
+
+/// Reads the network of `desc`.
+#[must_use]
+pub fn compile(desc: &MaterialDesc) -> Compiled {
+    let mut compiler = Compiler {
+        nodes: &desc.nodes,
+        problems: Problems::default(),
+        textures: Vec::new(),
+        uv_sets: Vec::new(),
+        primvars: Vec::new(),
+    };
+    let material = compiler.surface(desc.surface);
+    Compiled { material, textures: compiler.textures, problem: compiler.problems.message() }
+}
+
+/// Name, shape and default of each input, by [`InputName`].
+const SURFACE: [(&str, Shape, [f32; 4]); INPUTS] = [
+    ("diffuseColor", Shape::Color, [0.18, 0.18, 0.18, 1.0]),
+    ("emissiveColor", Shape::Color, [0.0, 0.0, 0.0, 1.0]),
+    ("specularColor", Shape::Color, [0.0, 0.0, 0.0, 1.0]),
+    ("metallic", Shape::Scalar, [0.0; 4]),
+    ("roughness", Shape::Scalar, [0.5; 4]),
+    ("clearcoat", Shape::Scalar, [0.0; 4]),
+    ("clearcoatRoughness", Shape::Scalar, [0.01; 4]),
+    ("opacity", Shape::Scalar, [1.0; 4]),
+    ("ior", Shape::Scalar, [1.5; 4]),
+    ("normal", Shape::Color, [0.0, 0.0, 1.0, 1.0]),
+];
+
+impl<'a> Compiler<'a> {
+    /// Notes that nodes of this kind are not understood.
+    pub(super) fn unsupported(&mut self, node: &NodeDesc) {
+        self.problems.add(format!("nodes of kind `{}` are not supported", node.kind));
+    }
+
+    fn surface(&mut self, surface: Option<usize>) -> Option<Material> {
+        if self.nodes.len() > MAX_NODES {
+            self.problems.add(format!("{} nodes are more than the {MAX_NODES} that are supported", self.nodes.len()));
+            return None;
+        }
+        let Some(node) = surface.and_then(|at| self.nodes.get(at)) else {
+            self.problems.add("there is no surface".to_owned());
+            return None;
+        };
+        if &*node.kind != "UsdPreviewSurface" {
+            self.unsupported(node);
+            return None;
+        }
+        let mut inputs = SURFACE.map(|(name, shape, default)| self.input(node, name, shape, default));
+        let workflow = numbers(node, "useSpecularWorkflow", Shape::Scalar, [0.0; 4], &mut self.problems)[0];
+        let [displacement, ..] = numbers(node, "displacement", Shape::Scalar, [0.0; 4], &mut self.problems);
+        if displacement != 0.0 || connection(node, "displacement").is_some() {
+            self.problems.add("displacement is not supported".to_owned());
+        }
+        for name in ["useSpecularWorkflow", "opacityThreshold", "opacityMode"] {
+            if connection(node, name).is_some() {
+                self.problems.add(format!("`{name}` is connected, which is not supported"));
+            }
+        }
+        let [threshold, ..] = numbers(node, "opacityThreshold", Shape::Scalar, [0.0; 4], &mut self.problems);
+        let is_presence = match text(node, "opacityMode", &mut self.problems) {
+            None | Some("transparent") => false,
+            Some("presence") => true,
+            Some(other) => {
+                self.problems.add(format!("`opacityMode` cannot be `{other}`"));
+                false
+            }
+        };
+        let threshold = threshold.max(0.0);
+        let opacity = &mut inputs[InputName::Opacity as usize];
+        if let (Input::Constant([value, ..]), true) = (&opacity, threshold > 0.0) {
+            *opacity = Input::Constant([if *value < threshold { 0.0 } else { 1.0 }; 4]);
+        }
+        let is_clear = !matches!(opacity, Input::Constant([value, ..]) if *value >= 1.0);
+        let mut flags = needs(&inputs);
+        flags.set(MaterialFlags::SPECULAR_WORKFLOW, workflow != 0.0);
+        flags.set(MaterialFlags::PRESENCE, is_clear && (is_presence || threshold > 0.0));
+        flags.set(MaterialFlags::TRANSMISSIVE, is_clear && !is_presence && threshold <= 0.0);
+        Some(Material {
+            flags,
+            inputs,
+            opacity_threshold: threshold,
+            uv_sets: std::mem::take(&mut self.uv_sets),
+            primvars: std::mem::take(&mut self.primvars),
+        })
+    }
+
+    /// One input: what it is connected to, else what is authored, else the default.
+    fn input(&mut self, node: &'a NodeDesc, name: &str, shape: Shape, default: [f32; 4]) -> Input {
+        if let Some(source) = connection(node, name) {
+            let found = match self.nodes.get(source.node) {
+                Some(next) if &*next.kind == "UsdUVTexture" => self.texture(next, &source.output),
+                Some(next) if next.kind.starts_with(READER) => self.reader(next),
+                Some(next) => {
+                    self.unsupported(next);
+                    None
+                }
+                None => {
+                    self.problems.add(format!("`{name}` is connected to nothing"));
+                    None
+                }
+            };
+            if let Some(input) = found {
+                return input;
+            }
+        }
+        Input::Constant(numbers(node, name, shape, default, &mut self.problems))
+    }
+}
+
+/// What can be told from the inputs alone.
+fn needs(inputs: &[Input; INPUTS]) -> MaterialFlags {
+    let differs = |name: InputName, from: [f32; 3]| match &inputs[name as usize] {
+        Input::Constant([x, y, z, _]) => [*x, *y, *z] != from,
+        _ => true,
+    };
+    let emits = match &inputs[InputName::EmissiveColor as usize] {
+        Input::Constant([r, g, b, _]) => *r > 0.0 || *g > 0.0 || *b > 0.0,
+        _ => true,
+    };
+    let coated = match &inputs[InputName::Clearcoat as usize] {
+        Input::Constant([value, ..]) => *value > 0.0,
+        _ => true,
+    };
+    let mut flags = MaterialFlags::empty();
+    flags.set(MaterialFlags::EMISSIVE, emits);
+    flags.set(MaterialFlags::COAT, coated);
+    flags.set(MaterialFlags::NORMAL_MAP, differs(InputName::Normal, [0.0, 0.0, 1.0]));
+    flags.set(MaterialFlags::TEXTURED, inputs.iter().any(|input| matches!(input, Input::Texture { .. })));
+    flags
+}

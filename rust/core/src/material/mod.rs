@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Materials: networks of `UsdPreviewSurface` nodes worked out to flat tables.
+//!
+//! Guarantees: pure; never panics on any network; work is bounded by the number of nodes and connections; every number of a
+//! [`Material`] is finite. Colours are linear Rec. 709.
+//!
+//! Stages: `compile` reads the surface node and follows its connections (`texture`, `reader`); `params` reads authored
+//! values. Rules and defaults: the specification of `UsdPreviewSurface` 2.5.
+
+mod compile;
+mod params;
+mod reader;
+mod texture;
+
+use std::sync::Arc;
+
+use bitflags::bitflags;
+
+use crate::scene::AssetRef;
+
+pub use compile::{Compiled, MAX_NODES, compile};
+
+/// Inputs of a material, the length of [`Material::inputs`].
+pub const INPUTS: usize = 10;
+/// Texture coordinate sets that a material may read.
+pub const MAX_UV_SETS: usize = 2;
+/// Other primvars that a material may read.
+pub const MAX_PRIMVARS: usize = 2;
+
+/// Places of the inputs in [`Material::inputs`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(usize)]
+pub enum InputName {
+    /// `diffuseColor`.
+    DiffuseColor = 0,
+    /// `emissiveColor`.
+    EmissiveColor = 1,
+    /// `specularColor`.
+    SpecularColor = 2,
+    /// `metallic`.
+    Metallic = 3,
+    /// `roughness`.
+    Roughness = 4,
+    /// `clearcoat`.
+    Clearcoat = 5,
+    /// `clearcoatRoughness`.
+    ClearcoatRoughness = 6,
+    /// `opacity`.
+    Opacity = 7,
+    /// `ior`.
+    Ior = 8,
+    /// `normal`, tangent space.
+    Normal = 9,
+}
+
+bitflags! {
+    /// What a material needs.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+    pub struct MaterialFlags: u32 {
+        /// `specularColor` is the reflectance at normal incidence; else metallic and ior give it.
+        const SPECULAR_WORKFLOW = 1;
+        /// Opacity is whether the surface is there, asked for in traversal (`opacityThreshold` or `opacityMode` presence).
+        const PRESENCE = 2;
+        /// What opacity leaves is transmitted.
+        const TRANSMISSIVE = 4;
+        /// Emits light.
+        const EMISSIVE = 8;
+        /// Has a clearcoat.
+        const COAT = 16;
+        /// Has a normal other than (0, 0, 1).
+        const NORMAL_MAP = 32;
+        /// Reads a texture.
+        const TEXTURED = 64;
+    }
+}
+
+/// Where a value comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Input {
+    /// The value; scalars in all four components.
+    Constant([f32; 4]),
+    /// `texel(transform * uv) * scale + bias`, then all of it or one channel in all components.
+    Texture {
+        /// Index into [`crate::Snapshot::textures`]; of [`Compiled::textures`] before a commit.
+        texture: u32,
+        /// The channel; `None`: all.
+        channel: Option<u8>,
+        /// Factor.
+        scale: [f32; 4],
+        /// Summand.
+        bias: [f32; 4],
+        /// Texture coordinate set of the material; `None`: (0, 0), the last column of `transform` is the place.
+        uv: Option<u8>,
+        /// Rows of the affine map from the set to the place in the texture.
+        transform: [[f32; 3]; 2],
+    },
+    /// A primvar of the mesh.
+    Primvar {
+        /// Primvar of the material.
+        slot: u8,
+        /// Value where the mesh does not have it.
+        fallback: [f32; 4],
+    },
+}
+
+/// A texture coordinate set that a material reads.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UvSet {
+    /// Name of the primvar.
+    pub name: Arc<str>,
+    /// Number of the name, see [`crate::MeshAsset::primvars`]; 0 before a commit.
+    pub id: u32,
+    /// Coordinates where the mesh does not have it.
+    pub fallback: [f32; 2],
+}
+
+/// A primvar that a material reads.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PrimvarSlot {
+    /// Name of the primvar.
+    pub name: Arc<str>,
+    /// Number of the name; 0 before a commit.
+    pub id: u32,
+}
+
+/// A material, defaults filled in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// What it needs.
+    pub flags: MaterialFlags,
+    /// By [`InputName`].
+    pub inputs: [Input; INPUTS],
+    /// With [`MaterialFlags::PRESENCE`]: 0 = the opacity is a probability, else a surface of less opacity is not there.
+    pub opacity_threshold: f32,
+    /// At most [`MAX_UV_SETS`].
+    pub uv_sets: Vec<UvSet>,
+    /// At most [`MAX_PRIMVARS`].
+    pub primvars: Vec<PrimvarSlot>,
+}
+
+impl Material {
+    /// An input.
+    #[must_use]
+    pub fn input(&self, name: InputName) -> &Input {
+        &self.inputs[name as usize]
+    }
+
+    /// Names of all primvars that it reads, texture coordinates first.
+    pub fn primvar_names(&self) -> impl Iterator<Item = &Arc<str>> {
+        self.uv_sets.iter().map(|set| &set.name).chain(self.primvars.iter().map(|slot| &slot.name))
+    }
+}
+
+/// What a texture does outside the unit square.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Wrap {
+    /// As the file says; black if it says nothing.
+    #[default]
+    UseMetadata,
+    /// Transparent black.
+    Black,
+    /// The edge goes on.
+    Clamp,
+    /// Repeats.
+    Repeat,
+    /// Repeats, every second time mirrored.
+    Mirror,
+}
+
+/// How the numbers of a texture are meant.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum ColorSpace {
+    /// Told from the file: what it says, else sRGB for 8 bits with 3 or 4 channels, else raw.
+    #[default]
+    Auto,
+    /// Linear.
+    Raw,
+    /// The sRGB curve; alpha is linear.
+    Srgb,
+}
+
+/// A texture that materials read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TextureRef {
+    /// The file. `<UDIM>` in its resolved name stands for the tiles 1001 to 1100.
+    pub asset: AssetRef,
+    /// In s and t.
+    pub wrap: [Wrap; 2],
+    /// Meaning of its numbers.
+    pub color_space: ColorSpace,
+    /// What it gives where the file cannot be read, before scale and bias.
+    pub fallback: [f32; 4],
+}
+
+impl TextureRef {
+    /// True when the name stands for many files.
+    #[must_use]
+    pub fn is_udim(&self) -> bool {
+        self.asset.resolved.contains("<UDIM>")
+    }
+}

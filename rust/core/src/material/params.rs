@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Authored values of a node's inputs as numbers. Pure. What does not fit is a problem, told once for the material.
+
+use crate::scene::{AssetRef, ConnectionDesc, NodeDesc, ParamValue};
+
+/// What was wrong with a material, each kind once.
+#[derive(Debug, Default)]
+pub(super) struct Problems(Vec<String>);
+
+impl Problems {
+    /// Most that are told of one material.
+    const MOST: usize = 8;
+
+    pub(super) fn add(&mut self, problem: String) {
+        if self.0.len() < Self::MOST && !self.0.contains(&problem) {
+            self.0.push(problem);
+        }
+    }
+
+    pub(super) fn message(self) -> Option<String> {
+        (!self.0.is_empty()).then(|| self.0.join("; "))
+    }
+}
+
+/// What kind of number an input takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Shape {
+    /// One number; given in all components.
+    Scalar,
+    /// Two numbers.
+    Pair,
+    /// Three numbers.
+    Color,
+    /// Four numbers.
+    Four,
+}
+
+pub(super) fn param<'a>(node: &'a NodeDesc, name: &str) -> Option<&'a ParamValue> {
+    node.params.iter().find(|param| &*param.name == name).map(|param| &param.value)
+}
+
+pub(super) fn connection<'a>(node: &'a NodeDesc, name: &str) -> Option<&'a ConnectionDesc> {
+    node.connections.iter().find(|connection| &*connection.input == name)
+}
+
+/// The text of an input, if it is authored and is text.
+pub(super) fn text<'a>(node: &'a NodeDesc, name: &str, problems: &mut Problems) -> Option<&'a str> {
+    match param(node, name)? {
+        ParamValue::Text(text) => Some(text),
+        _ => {
+            problems.add(format!("`{name}` of {} is no text", node.path));
+            None
+        }
+    }
+}
+
+/// The file of an input; text is taken for a path that was not resolved.
+pub(super) fn asset(node: &NodeDesc, name: &str, problems: &mut Problems) -> Option<AssetRef> {
+    match param(node, name)? {
+        ParamValue::Asset(asset) => Some(asset.clone()),
+        ParamValue::Text(text) => Some(AssetRef { authored: text.clone(), resolved: text.clone() }),
+        _ => {
+            problems.add(format!("`{name}` of {} is no file", node.path));
+            None
+        }
+    }
+}
+
+/// The number or numbers of an input, or `default`. A number in place of a bool or of an integer, and the other way round, is taken;
+/// so are four in place of three.
+pub(super) fn numbers(
+    node: &NodeDesc,
+    name: &str,
+    shape: Shape,
+    default: [f32; 4],
+    problems: &mut Problems,
+) -> [f32; 4] {
+    let Some(value) = param(node, name) else { return default };
+    match shaped(value, shape) {
+        Some(numbers) if numbers.iter().all(|v| v.is_finite()) => numbers,
+        Some(_) => {
+            problems.add(format!("`{name}` of {} is not finite", node.path));
+            default
+        }
+        None => {
+            problems.add(format!("`{name}` of {} has the wrong type", node.path));
+            default
+        }
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "integers of inputs are small, and a rounded large one is as good")]
+fn shaped(value: &ParamValue, shape: Shape) -> Option<[f32; 4]> {
+    match (value, shape) {
+        (ParamValue::Float(v), Shape::Scalar) => Some([*v; 4]),
+        (ParamValue::Int(v), Shape::Scalar) => Some([*v as f32; 4]),
+        (ParamValue::Bool(v), Shape::Scalar) => Some([f32::from(u8::from(*v)); 4]),
+        (ParamValue::Vec2([x, y]), Shape::Pair) => Some([*x, *y, 0.0, 0.0]),
+        (ParamValue::Vec3([x, y, z]) | ParamValue::Vec4([x, y, z, _]), Shape::Color) => Some([*x, *y, *z, 1.0]),
+        (ParamValue::Vec4(v), Shape::Four) => Some(*v),
+        _ => None,
+    }
+}

@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Who has which material: bindings of meshes and subsets worked out to the tables of a snapshot, and what the meshes have to
+//! build for them. A material is compiled once after an edit, and only when a mesh shows it.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use super::desc::{MaterialDesc, MeshDesc};
+use super::entries::MeshEntry;
+use super::report::Reports;
+use super::snapshot::SurfaceTables;
+use crate::material::{Compiled, Input, Material, TextureRef, compile};
+use crate::mesh::WantedPrimvar;
+
+/// In [`SurfaceTables::material_slots`]: no material.
+pub const NO_MATERIAL: u32 = u32::MAX;
+/// Largest prim id that can have a material: the table goes up to it.
+const MAX_PRIM_ID: usize = 1 << 24;
+
+/// What a prim looks like: an entry of [`SurfaceTables::prims`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PrimRecord {
+    /// First of its slots: the mesh's own material, then those of its subsets.
+    pub first_slot: u32,
+    /// Number of slots; 0 = no prim has this id, or it has no materials at all.
+    pub slot_count: u32,
+    /// Which categories it is in: index into [`SurfaceTables::category_sets`].
+    pub category_set: u32,
+}
+
+/// A material prim.
+#[derive(Debug)]
+pub(crate) struct MaterialEntry {
+    pub(crate) desc: MaterialDesc,
+    compiled: Option<Arc<Compiled>>,
+}
+
+impl MaterialEntry {
+    /// A new entry, or `old` where nothing changed. Gives whether anything did.
+    pub(crate) fn update(old: Option<Self>, desc: MaterialDesc) -> (Self, bool) {
+        match old {
+            Some(old) if old.desc == desc => (old, false),
+            _ => (Self { desc, compiled: None }, true),
+        }
+    }
+
+    fn compiled(&mut self) -> &Arc<Compiled> {
+        self.compiled.get_or_insert_with(|| Arc::new(compile(&self.desc)))
+    }
+}
+
+/// What is kept from commit to commit.
+#[derive(Debug, Default)]
+pub(crate) struct SurfaceStore {
+    /// Numbers of primvar names; they never change.
+    names: FxHashMap<Arc<str>, u32>,
+    /// Materials of the last commit by path.
+    materials: FxHashMap<Arc<str>, Arc<Material>>,
+}
+
+/// Path of a binding; empty is none.
+fn bound(path: Option<&Arc<str>>) -> Option<&Arc<str>> {
+    path.filter(|path| !path.is_empty())
+}
+
+/// Materials of a mesh by slot.
+fn bindings(desc: &MeshDesc) -> impl Iterator<Item = Option<&Arc<str>>> {
+    std::iter::once(bound(desc.material.as_ref())).chain(desc.subsets.iter().map(|s| bound(s.material.as_ref())))
+}
+
+impl SurfaceStore {
+    /// Compiles the materials of the meshes `shown` and tells every mesh which primvars it has to build; a mesh that has others
+    /// forgets its asset.
+    pub(crate) fn prepare(
+        &mut self,
+        materials: &mut BTreeMap<Arc<str>, MaterialEntry>,
+        meshes: &mut BTreeMap<Arc<str>, MeshEntry>,
+        shown: &FxHashSet<Arc<str>>,
+        reports: &mut Reports,
+    ) {
+        for (path, entry) in meshes.iter_mut().filter(|(path, _)| shown.contains(*path)) {
+            let mut names: Vec<&Arc<str>> = Vec::new();
+            for material in bindings(&entry.desc).flatten() {
+                match materials.get_mut(material) {
+                    Some(found) => {
+                        found.compiled();
+                    }
+                    None => reports.note(path, format!("its material {material} does not exist")),
+                }
+            }
+            for material in bindings(&entry.desc).flatten() {
+                let compiled = materials.get(material).and_then(|found| found.compiled.as_ref());
+                let read = compiled.and_then(|c| c.material.as_ref()).into_iter().flat_map(Material::primvar_names);
+                names.extend(read.filter(|name| entry.desc.authored_primvar(name).is_some()));
+            }
+            let mut wanted: Vec<WantedPrimvar> =
+                names.into_iter().map(|name| WantedPrimvar { name: name.clone(), id: self.id(name) }).collect();
+            wanted.sort_by_key(|primvar| primvar.id);
+            wanted.dedup();
+            if entry.wanted != wanted {
+                entry.wanted = wanted;
+                entry.built = None;
+            }
+        }
+        for (path, entry) in materials.iter() {
+            if let Some(problem) = entry.compiled.as_ref().and_then(|compiled| compiled.problem.as_ref()) {
+                reports.note(path, problem.clone());
+            }
+        }
+    }
+
+    fn id(&mut self, name: &Arc<str>) -> u32 {
+        let next = u32::try_from(self.names.len()).unwrap_or(u32::MAX);
+        *self.names.entry(name.clone()).or_insert(next)
+    }
+
+    /// The tables for the meshes `shown`, all prepared.
+    pub(crate) fn tables(
+        &mut self,
+        materials: &BTreeMap<Arc<str>, MaterialEntry>,
+        meshes: &BTreeMap<Arc<str>, MeshEntry>,
+        shown: &FxHashSet<Arc<str>>,
+        reports: &mut Reports,
+    ) -> SurfaceTables {
+        let mut tables = SurfaceTables::default();
+        let mut indices: FxHashMap<Arc<str>, u32> = FxHashMap::default();
+        let used: FxHashSet<&Arc<str>> = meshes
+            .iter()
+            .filter(|(path, entry)| shown.contains(*path) && entry.built.is_some())
+            .flat_map(|(_, entry)| bindings(&entry.desc).flatten())
+            .collect();
+        let known = std::mem::take(&mut self.materials);
+        for (path, entry) in materials.iter().filter(|(path, _)| used.contains(path)) {
+            let Some(compiled) = &entry.compiled else { continue };
+            let Some(material) = &compiled.material else { continue };
+            let material = self.linked(material, &compiled.textures, &mut tables.textures);
+            let same = known.get(path).filter(|known| ***known == material).cloned();
+            let material = same.unwrap_or_else(|| Arc::new(material));
+            indices.insert(path.clone(), u32::try_from(tables.materials.len()).unwrap_or(NO_MATERIAL));
+            self.materials.insert(path.clone(), material.clone());
+            tables.materials.push(material);
+        }
+        for (path, entry) in meshes.iter().filter(|(path, e)| shown.contains(*path) && e.built.is_some()) {
+            tables.add(path, &entry.desc, &indices, reports);
+        }
+        tables
+    }
+
+    /// The material with the numbers that names and textures have in the snapshot.
+    fn linked(&mut self, material: &Material, local: &[TextureRef], textures: &mut Vec<TextureRef>) -> Material {
+        let mut linked = material.clone();
+        for set in &mut linked.uv_sets {
+            set.id = self.id(&set.name);
+        }
+        for slot in &mut linked.primvars {
+            slot.id = self.id(&slot.name);
+        }
+        let mut index_of = |reference: &TextureRef| {
+            let at = textures.iter().position(|texture| texture == reference).unwrap_or_else(|| {
+                textures.push(reference.clone());
+                textures.len() - 1
+            });
+            u32::try_from(at).unwrap_or_default()
+        };
+        for input in &mut linked.inputs {
+            if let Input::Texture { texture, .. } = input
+                && let Some(reference) = local.get(*texture as usize)
+            {
+                *texture = index_of(reference);
+            }
+        }
+        linked
+    }
+}
+
+impl SurfaceTables {
+    /// Notes the bindings of one mesh.
+    fn add(&mut self, path: &Arc<str>, desc: &MeshDesc, indices: &FxHashMap<Arc<str>, u32>, reports: &mut Reports) {
+        let slots: Vec<u32> = bindings(desc)
+            .map(|material| material.and_then(|m| indices.get(m)).copied().unwrap_or(NO_MATERIAL))
+            .collect();
+        let has_material = slots.iter().any(|&slot| slot != NO_MATERIAL);
+        let mut categories = desc.categories.clone();
+        categories.sort_unstable();
+        categories.dedup();
+        let Some(index) = usize::try_from(i64::from(desc.prim_id) + 1).ok().filter(|&index| index <= MAX_PRIM_ID)
+        else {
+            if has_material || !categories.is_empty() {
+                reports.note(path, format!("its prim id {} is out of range: no material", desc.prim_id));
+            }
+            return;
+        };
+        let known = self.prims.get(index).copied().unwrap_or_default();
+        if known.slot_count > 0 {
+            let (first, end) = (known.first_slot as usize, (known.first_slot + known.slot_count) as usize);
+            let same = self.material_slots.get(first..end) == Some(&slots[..])
+                && self.category_sets.get(known.category_set as usize).is_some_and(|set| *set == categories);
+            if !same {
+                reports.note(path, "another mesh with the same prim id has other materials or collections".to_owned());
+            }
+            return;
+        }
+        if self.category_sets.is_empty() {
+            self.category_sets.push(Vec::new());
+        }
+        let set = self.category_sets.iter().position(|set| *set == categories).unwrap_or_else(|| {
+            self.category_sets.push(categories);
+            self.category_sets.len() - 1
+        });
+        if self.prims.len() <= index {
+            self.prims.resize(index + 1, PrimRecord::default());
+        }
+        let number = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+        self.prims[index] = PrimRecord {
+            first_slot: number(self.material_slots.len()),
+            slot_count: number(slots.len()),
+            category_set: number(set),
+        };
+        self.material_slots.extend(slots);
+    }
+
+    /// Slots of a prim id; empty when it has none.
+    #[must_use]
+    pub fn slots(&self, prim_id: i32) -> &[u32] {
+        let index = usize::try_from(i64::from(prim_id) + 1).unwrap_or(usize::MAX);
+        let record = self.prims.get(index).copied().unwrap_or_default();
+        let first = record.first_slot as usize;
+        self.material_slots.get(first..first + record.slot_count as usize).unwrap_or_default()
+    }
+
+    /// Empties what says nothing: without a material there are no prims, unless some is in a collection.
+    pub(crate) fn trim(&mut self) {
+        if self.materials.is_empty() && self.category_sets.len() <= 1 {
+            *self = Self::default();
+        }
+    }
+
+    /// True when both are equal, materials told from their addresses.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        self.materials.len() == other.materials.len()
+            && self.materials.iter().zip(&other.materials).all(|(a, b)| Arc::ptr_eq(a, b))
+            && self.textures == other.textures
+            && self.prims == other.prims
+            && self.material_slots == other.material_slots
+            && self.category_sets == other.category_sets
+    }
+
+    /// Checks every invariant.
+    pub(crate) fn check(&self) -> Result<(), &'static str> {
+        let slots = self.material_slots.len() as u64;
+        let in_range = |p: &PrimRecord| {
+            u64::from(p.first_slot) + u64::from(p.slot_count) <= slots
+                && (p.slot_count == 0 || (p.category_set as usize) < self.category_sets.len())
+        };
+        if !self.prims.iter().all(in_range) {
+            return Err("prims");
+        }
+        if self.material_slots.iter().any(|&slot| slot != NO_MATERIAL && slot as usize >= self.materials.len()) {
+            return Err("material slots");
+        }
+        let sound = |input: &Input, material: &Material| match *input {
+            Input::Constant(value) => value.iter().all(|v| v.is_finite()),
+            Input::Texture { texture, uv, .. } => {
+                (texture as usize) < self.textures.len() && uv.is_none_or(|uv| usize::from(uv) < material.uv_sets.len())
+            }
+            Input::Primvar { slot, .. } => usize::from(slot) < material.primvars.len(),
+        };
+        let all_sound = |material: &Arc<Material>| material.inputs.iter().all(|input| sound(input, material));
+        if self.materials.iter().all(all_sound) { Ok(()) } else { Err("materials") }
+    }
+}
