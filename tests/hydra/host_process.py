@@ -42,7 +42,7 @@ class Viewer:
         self.params = UsdImagingGL.RenderParams()
         self.params.complexity = 1.0
         self.params.enableLighting = True
-        self.params.enableSceneMaterials = False
+        self.params.enableSceneMaterials = True
         self.params.clearColor = Gf.Vec4f(0, 0, 0, 0)
         self.params.showGuides = "guide" in purposes
         self.params.showProxy = "proxy" in purposes

@@ -7,6 +7,7 @@
 
 mod check;
 mod host;
+mod picture;
 mod places;
 mod process;
 mod product;
@@ -68,6 +69,20 @@ enum Task {
         #[arg(long)]
         fast: bool,
     },
+    /// Render the gallery's scenes and put them on one sheet, `build/gallery/gallery.jpg`
+    #[command(disable_help_flag = true)]
+    Gallery {
+        /// Handed to `tests/gallery/render.py` as they are
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<OsString>,
+    },
+    /// Make the references of the feature scenes anew with Mitsuba: `reference [to_mitsuba|check_answers|time_to_error] ...`
+    #[command(disable_help_flag = true)]
+    Reference {
+        /// A program of `tests/reference` and its arguments
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<OsString>,
+    },
     /// What the Vulkan devices of this machine can do (the `oocpt doctor` of the clone)
     #[command(disable_help_flag = true)]
     Doctor {
@@ -103,6 +118,11 @@ fn perform(task: Task) -> Result<()> {
             system::prepare(system::For::Check)?;
             check::run_all(&places, if fast { check::Depth::Text } else { check::Depth::Compiled })
         }
+        Task::Gallery { arguments } => {
+            build(&places)?;
+            picture::gallery(&places, &arguments)
+        }
+        Task::Reference { arguments } => picture::reference(&places, &set_up(&places)?, &arguments),
         Task::Doctor { arguments } => doctor(&places, &arguments),
     }
 }

@@ -14,6 +14,7 @@
 //!   venv-pip/                         pip to download with, made only when something must be downloaded
 //!   venv-host/                        Python 3.11 that imports `pxr` of the host; numpy, pytest
 //!   venv-usd/                         Python 3.11 with usd-core, to author scenes; numpy, pytest, OpenEXR, Pillow
+//!   venv-reference/                   the same with Mitsuba 3, made only when references are
 //! ```
 //! `include/` has neither `pxr/pxr.h` nor `pxr/imaging`: those are ours, under `cpp/abi/25.08`. The host and usd-core never share a process.
 //! Only what OpenUSD needs is unpacked (about 350 MB of 840). The wheel is a tool that the user's machine downloads; nothing of it is ever redistributed.
@@ -28,7 +29,7 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result, ensure};
 
-pub(crate) use self::python::{HOST_VENV, Interpreter, USD_VENV, find_interpreter};
+pub(crate) use self::python::{HOST_VENV, Interpreter, REFERENCE_VENV, USD_VENV, VenvPlan, find_interpreter};
 use self::wheels::{Role, Wheel};
 use crate::places::Places;
 use crate::process::{run, say};
@@ -88,6 +89,16 @@ pub(crate) fn prepare(places: &Places, interpreter: &Interpreter) -> Result<()> 
     python::prepare_venv(places, interpreter, &HOST_VENV)?;
     python::prepare_venv(places, interpreter, &USD_VENV)?;
     check_imports(places)
+}
+
+/// Makes sure that an environment is there that [`prepare`] leaves out.
+///
+/// # Errors
+/// If a wheel differs from its pin or cannot be fetched.
+pub(crate) fn prepare_extra(places: &Places, interpreter: &Interpreter, plan: &VenvPlan) -> Result<()> {
+    let lock = File::create(places.cache.join(".lock")).context("cannot create the lock of the cache")?;
+    lock.lock().context("cannot lock the cache")?;
+    python::prepare_venv(places, interpreter, plan)
 }
 
 fn unpack(places: &Places, interpreter: &Interpreter) -> Result<()> {

@@ -38,6 +38,10 @@ pub(crate) const HOST_VENV: VenvPlan = VenvPlan { name: "venv-host", roles: &[Ro
 pub(crate) const USD_VENV: VenvPlan =
     VenvPlan { name: "venv-usd", roles: &[Role::Tools, Role::UsdTools], sees_host: false };
 
+/// Renders references with Mitsuba from scenes that usd-core reads.
+pub(crate) const REFERENCE_VENV: VenvPlan =
+    VenvPlan { name: "venv-reference", roles: &[Role::Tools, Role::UsdTools, Role::ReferenceTools], sees_host: false };
+
 /// Finds a Python 3.11 that has `venv` and its own headers: `OOCPT_PYTHON`, the system's, then whatever is in `PATH`.
 pub(crate) fn find_interpreter() -> Option<Interpreter> {
     let explicit = env::var_os("OOCPT_PYTHON").map(PathBuf::from);

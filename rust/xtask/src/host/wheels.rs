@@ -18,7 +18,9 @@ pub(crate) enum Role {
     Headers,
     /// Environment that authors scenes (usd-core; never in one process with the runtime).
     UsdTools,
-    /// Both test environments.
+    /// Environment that makes references with Mitsuba.
+    ReferenceTools,
+    /// All test environments.
     Tools,
 }
 
@@ -85,6 +87,12 @@ pub(crate) const WHEELS: &[Wheel] = wheels! {
     UsdTools "usd-core==25.8"
         "usd_core-25.8-cp311-none-manylinux_2_17_x86_64.manylinux2014_x86_64.whl"
         "ec4a897e828e7aa761bbbe48ec24e27be2212467495aa60f293f5097a38b542a"
+    ReferenceTools "drjit==1.5.0"
+        "drjit-1.5.0-cp311-cp311-manylinux_2_27_x86_64.manylinux_2_28_x86_64.whl"
+        "0d9cb374fe1f05d4167a8c24cbce6084404372e5fb3dcd6f08bbb1cee06f245a"
+    ReferenceTools "mitsuba==3.9.1"
+        "mitsuba-3.9.1-cp311-cp311-manylinux_2_28_x86_64.whl"
+        "7ad4fca9aedd588e5851177c7510eb8b6d27b2a5d2ee614e443dfd1bf92d457f"
     Tools "iniconfig==2.3.1"
         "iniconfig-2.3.1-py3-none-any.whl"
         "9121e2c1fdb355232495be3194c8dfe87ccc2d5dee45947b78e68f499790d7a7"

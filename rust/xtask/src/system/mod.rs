@@ -9,7 +9,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::{Result, bail, ensure};
+use anyhow::{Context as _, Result, bail, ensure};
 
 use crate::host;
 use crate::places::PYTHON_VERSION;
@@ -152,6 +152,31 @@ pub(crate) fn find_program(name: &str) -> Option<PathBuf> {
     env::split_paths(&path).map(|folder| folder.join(name)).find(|program| program.is_file())
 }
 
+/// The newest LLVM that Mitsuba's compiler can use (17 or later), installed if this is Debian and we are root.
+///
+/// # Errors
+/// If there is none and it cannot be installed.
+pub(crate) fn llvm() -> Result<PathBuf> {
+    const PACKAGE: &str = "libllvm19";
+    if newest_llvm(&loader_cache()).is_none() && apt::is_root() && apt::is_there() {
+        apt::install(&[PACKAGE], &[])?;
+    }
+    newest_llvm(&loader_cache()).with_context(|| format!("Mitsuba needs LLVM 17 or later: install {PACKAGE}"))
+}
+
+/// The path of the newest usable `libLLVM` in what `ldconfig -p` lists.
+fn newest_llvm(listed: &str) -> Option<PathBuf> {
+    let entry = |line: &str| {
+        let (name, path) = line.trim().split_once(" => ")?;
+        let name = name.split_whitespace().next()?.strip_prefix("libLLVM")?;
+        // libLLVM-17.so.1, libLLVM.so.19.1
+        let version = name.strip_prefix('-').or_else(|| name.strip_prefix(".so."))?;
+        let major = version.split('.').next()?.parse::<u32>().ok()?;
+        (major >= 17).then(|| (major, PathBuf::from(path)))
+    };
+    listed.lines().filter_map(entry).max().map(|(_, path)| path)
+}
+
 fn loader_cache() -> String {
     // ldconfig is not in the PATH of ordinary users.
     let programs = ["ldconfig", "/sbin/ldconfig", "/usr/sbin/ldconfig"];
@@ -176,6 +201,15 @@ fn has_vulkan_manifest(folder: &str, prefix: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn llvm_is_found_under_both_kinds_of_name() {
+        let line = |name: &str| format!("\t{name} (libc6,x86-64) => /lib/{name}\n");
+        let old = line("libLLVM-15.so.1") + &line("libLLVM-C.so.19");
+        assert_eq!(newest_llvm(&old), None, "too old, or not it");
+        let both = old + &line("libLLVM-17.so.1") + &line("libLLVM.so.19.1");
+        assert_eq!(newest_llvm(&both), Some("/lib/libLLVM.so.19.1".into()), "the newest");
+    }
 
     #[test]
     fn only_what_is_missing_is_named() {
