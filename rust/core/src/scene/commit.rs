@@ -66,6 +66,12 @@ impl AssemblyStore {
         let shift = if group.id == GroupId::Root { -self.origin } else { DVec3::ZERO };
         // The root is always opened; others only if large. What is collected for nothing is forgotten soon.
         let collect = group.id == GroupId::Root;
+        // Once for all prototypes, before they are looked at side by side.
+        for plan in &group.members {
+            if let (Some(old), Some(new)) = (known.and_then(|k| run_of(k, plan)), &plan.instances) {
+                old.compare_arrays(new);
+            }
+        }
         let members: Vec<Member> = group
             .members
             .par_iter()

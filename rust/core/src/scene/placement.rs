@@ -48,10 +48,16 @@ impl InstanceArrays {
         }
     }
 
-    /// The instances whose elements differ, when both have the same kinds of arrays and the same mask. Worked out once for all prototypes.
+    /// The instances whose elements differ, when both have the same kinds of arrays and the same mask. Kept, so that it is worked
+    /// out once for all prototypes; whoever asks before it is kept works it out too, and nobody waits: a thread of the pool
+    /// that helps out while it waits could come back here and wait for itself.
     pub(crate) fn changes(old: &Arc<Self>, new: &Arc<Self>) -> Option<Arc<ChangedNumbers>> {
-        let (from, changes) =
-            new.changes.get_or_init(|| (Arc::downgrade(old), ChangedNumbers::between(old, new).map(Arc::new)));
+        if new.changes.get().is_none() {
+            let changes = ChangedNumbers::between(old, new).map(Arc::new);
+            // Somebody else may have been faster, with the same result.
+            drop(new.changes.set((Arc::downgrade(old), changes)));
+        }
+        let (from, changes) = new.changes.get()?;
         if std::ptr::eq(from.as_ptr(), Arc::as_ptr(old)) { changes.clone() } else { None }
     }
 

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::placement::{InstanceArrays, Placer};
 use super::reader::{Numbers, number};
-use super::run::{BLOCK, Run, RunSpec, Scan, TASK};
+use super::run::{BLOCK, Instances, Run, RunSpec, Scan, TASK};
 use crate::mesh::Aabb;
 
 impl Run {
@@ -86,6 +86,13 @@ impl Run {
             }
         }
         Some(bounds)
+    }
+
+    /// Works out what changed in the arrays that `new` instances read, unless that is known.
+    pub(super) fn compare_arrays(&self, new: &Instances) {
+        if let Some(old) = self.spec.instances.as_ref().filter(|old| !Arc::ptr_eq(&old.arrays, &new.arrays)) {
+            InstanceArrays::changes(&old.arrays, &new.arrays);
+        }
     }
 
     /// Ranks whose placement may differ under `spec`, in order, if all else is the same and they are few.

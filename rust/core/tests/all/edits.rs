@@ -215,3 +215,38 @@ fn a_path_changes_its_kind() {
     db.upsert_instancer(scatter("/x", &[], &[]));
     assert_eq!(committed(&mut db).counts.instances, 0);
 }
+
+/// Prototypes that share arrays ask for what changed in them from all threads at once, and whoever works it out does so in
+/// parallel: a thread that helps out meanwhile must not come to wait for itself.
+#[test]
+fn many_prototypes_of_one_edited_array_do_not_wait_for_each_other() {
+    const PROTOTYPES: usize = 48;
+    const INSTANCES: usize = 300_000;
+    let (done, result) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(16).build().expect("threads");
+        let mut db = SceneDb::new();
+        let roots: Vec<String> = (0..PROTOTYPES).map(|k| format!("/rocks/p{k:02}")).collect();
+        let numbers: Vec<Vec<i32>> =
+            (0..PROTOTYPES as i32).map(|k| (k..INSTANCES as i32).step_by(PROTOTYPES).collect()).collect();
+        let prototypes: Vec<(&str, &[i32])> = roots.iter().zip(&numbers).map(|(r, n)| (&r[..], &n[..])).collect();
+        let mut points: Vec<[f32; 3]> = (0..INSTANCES).map(|i| [(i % 1000) as f32, 0.0, (i / 1000) as f32]).collect();
+        for root in &roots {
+            let mut mesh = triangle(&format!("{root}/m"), 0.1);
+            mesh.prim.instanced_by = vec![by("/rocks", root)];
+            db.upsert_mesh(mesh);
+        }
+        db.upsert_instancer(scatter("/rocks", &points, &prototypes));
+        pool.install(|| db.commit());
+        for k in 0..20 {
+            points[k * 13_001][1] += 1.0;
+            db.upsert_instancer(scatter("/rocks", &points, &prototypes));
+            let commit = pool.install(|| db.commit());
+            done.send(commit.changed).expect("the test waits");
+        }
+    });
+    for k in 0..20 {
+        let changed = result.recv_timeout(std::time::Duration::from_secs(60));
+        assert_eq!(changed, Ok(true), "edit {k} does not end");
+    }
+}
