@@ -220,15 +220,15 @@ fn a_path_changes_its_kind() {
 /// parallel: a thread that helps out meanwhile must not come to wait for itself.
 #[test]
 fn many_prototypes_of_one_edited_array_do_not_wait_for_each_other() {
-    const PROTOTYPES: usize = 48;
-    const INSTANCES: usize = 300_000;
+    const PROTOTYPES: u16 = 48;
+    const INSTANCES: i32 = 300_000;
     let (done, result) = std::sync::mpsc::channel();
     std::thread::spawn(move || {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(16).build().expect("threads");
         let mut db = SceneDb::new();
         let roots: Vec<String> = (0..PROTOTYPES).map(|k| format!("/rocks/p{k:02}")).collect();
         let numbers: Vec<Vec<i32>> =
-            (0..PROTOTYPES as i32).map(|k| (k..INSTANCES as i32).step_by(PROTOTYPES).collect()).collect();
+            (0..PROTOTYPES).map(|k| (k.into()..INSTANCES).step_by(PROTOTYPES.into()).collect()).collect();
         let prototypes: Vec<(&str, &[i32])> = roots.iter().zip(&numbers).map(|(r, n)| (&r[..], &n[..])).collect();
         let mut points: Vec<[f32; 3]> = (0..INSTANCES).map(|i| [(i % 1000) as f32, 0.0, (i / 1000) as f32]).collect();
         for root in &roots {
