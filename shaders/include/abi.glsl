@@ -151,6 +151,7 @@ struct Frame {
     uint64_t material_slots;
     uint64_t textures;
     uint64_t texture_pages;
+    uint64_t bsdf_tables;
 };
 
 struct Streaming {

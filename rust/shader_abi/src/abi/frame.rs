@@ -341,6 +341,8 @@ pub struct Frame {
     pub textures: u64,
     /// Page tables of the textures.
     pub texture_pages: u64,
+    /// Albedo tables of the BSDF; 0 without `Features::MATERIALS`.
+    pub bsdf_tables: u64,
 }
 
 /// Workgroup counts that give at least `threads` threads; the passes find their thread as

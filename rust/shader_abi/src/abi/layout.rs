@@ -113,7 +113,8 @@ pub const LAYOUTS: &[StructLayout] = &[
         prims,
         material_slots,
         textures,
-        texture_pages
+        texture_pages,
+        bsdf_tables
     }),
     layout!(Streaming {
         segments,
