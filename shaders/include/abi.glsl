@@ -45,9 +45,11 @@ const uint FLAG_DOME_CAMERA_VISIBLE = 1u;
 const uint PREPARE_TRACE = 0u;
 const uint PREPARE_SHADE = 1u;
 const uint PREPARE_DEMAND = 2u;
+const uint PREPARE_RESOLVE = 3u;
 const uint SCAN_BLOCKS = 0u;
 const uint SCAN_SUMS = 1u;
 const uint SCAN_BLOCK = 1024u;
+const uint TILE_KEYS = 256u;
 const uint AOV_SURFACES = 0u;
 const uint AOV_ESCAPED = 1u;
 const uint PUSH_AOVS = 1u;
@@ -151,7 +153,7 @@ struct Frame {
     uint64_t material_slots;
     uint64_t textures;
     uint64_t texture_pages;
-    uint64_t bsdf_tables;
+    uint64_t cones;
 };
 
 struct Streaming {
@@ -167,9 +169,16 @@ struct Streaming {
     uint64_t chunk_rays;
     uint64_t places;
     uint64_t free_slots;
+    uint64_t questions;
+    uint64_t shadow_questions;
+    uint64_t resolve_queue;
+    uint64_t resolved;
+    uint64_t resolve_progress;
     uint segment_size;
     uint chunk_count;
     uint slots;
+    uint unit_count;
+    uint lookups;
     uint pad;
 };
 
@@ -185,6 +194,21 @@ struct Pending {
     uint chunk_instance[4];
 };
 
+struct Question {
+    float t;
+    uint id;
+    uint chunk_instance;
+    uint flags;
+    vec4 mean;
+    uint texture;
+    vec2 st;
+    float footprint;
+    float scale;
+    float bias;
+    float limit;
+    uint unit;
+};
+
 struct GpuSurface {
     vec3 position;
     float offset;
@@ -195,7 +219,7 @@ struct GpuSurface {
     vec3 shading_normal;
     uint face;
     vec3 albedo;
-    uint pad;
+    float cone;
 };
 
 struct GpuNode {
@@ -259,6 +283,32 @@ struct GpuLight {
     float cumulative;
 };
 
+// Bits of GpuTexture::flags.
+const uint TEXTURE_CHANNELS = 7u;
+const uint TEXTURE_FORMAT_SHIFT = 4u;
+const uint TEXTURE_U8 = 0u;
+const uint TEXTURE_F16 = 1u;
+const uint TEXTURE_F32 = 2u;
+const uint TEXTURE_SRGB = 1u << 6;
+const uint TEXTURE_UDIM = 1u << 7;
+const uint TEXTURE_WRAP_S_SHIFT = 8u;
+const uint TEXTURE_WRAP_T_SHIFT = 10u;
+const uint WRAP_BLACK = 0u;
+const uint WRAP_CLAMP = 1u;
+const uint WRAP_REPEAT = 2u;
+const uint WRAP_MIRROR = 3u;
+
+struct GpuTexture {
+    uint64_t decode;
+    uint first_page;
+    uint flags;
+    uint width;
+    uint height;
+    uint levels;
+    float texels;
+    vec4 fallback;
+};
+
 struct Ray {
     vec3 o;
     uint bounce;
@@ -315,6 +365,10 @@ struct Counters {
     IndirectArgs shadow_args;
     IndirectArgs deferred_args;
     uint freed;
+    uint tile_misses;
+    uint resolve_count;
+    uint resolve_base;
+    IndirectArgs resolve_args;
 };
 
 struct FilmPixel {

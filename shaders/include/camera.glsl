@@ -3,6 +3,8 @@
 #ifndef OOCPT_CAMERA_GLSL
 #define OOCPT_CAMERA_GLSL
 
+#include "include/cone.glsl"
+
 #include "include/double.glsl"
 #include "include/progress.glsl"
 
@@ -18,6 +20,7 @@ vec3 camera_direction(vec2 p) {
 
 // The first ray of a path.
 void start_ray(uint path, vec3 shift, vec3 d) {
+    if (HAS_TEXTURES) store_camera_cone(path, d);
     const Double3 o = add(Double3(FRAME.ray_o, FRAME.ray_o_lo), shift);
     store_ray(ray_address(path), Ray(o.hi, 0u, normalize(d), uintBitsToFloat(0x7f800000u), o.lo, 0u));
 }

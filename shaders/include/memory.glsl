@@ -11,6 +11,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) buffer CountersBloc
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer StreamingBlock { Streaming s; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Segments { Segment v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer PendingLists { Pending v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Questions { Question v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Surfaces { GpuSurface v[]; };
 
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer ConstVec4s { vec4 v[]; };
@@ -19,6 +20,9 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Ch
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Chunks { GpuChunk v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Assemblies { GpuAssembly v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Meshes { GpuMesh v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Textures { GpuTexture v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer TexturePages { uint64_t v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer ConstUVec2s { uvec2 v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Lights { GpuLight v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer ConstVec3s { vec3 v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer ConstFloats { float v[]; };

@@ -5,23 +5,26 @@
 
 #include "include/hit.glsl"
 #include "include/surface.glsl"
+#include "include/cone.glsl"
 
 Surface surface_of_hit(uint path) {
     const HitHeader hit = load_hit_header(path);
     for (uint level = 0u; level < MAX_LEVELS; ++level) surface_chain[level] = load_hit_level(path, level);
-    return make_surface(hit.chunk_instance, hit.triangle, hit.uv);
+    Surface s = make_surface(hit.chunk_instance, hit.triangle, hit.uv);
+    if (HAS_TEXTURES) s.cone = cone_width(path, hit.t);
+    return s;
 }
 
 void store_surface(uint path, Surface s) {
     Surfaces(STREAMING.surfaces).v[path] =
         GpuSurface(s.position.hi, s.offset, s.position.lo, s.prim_id, s.geometric_normal, s.instance_id, s.shading_normal, s.face,
-                   s.albedo, 0u);
+                   s.albedo, s.cone);
 }
 
 Surface stored_surface(uint path) {
     const GpuSurface s = Surfaces(STREAMING.surfaces).v[path];
     return Surface(Double3(s.position, s.position_lo), s.offset, s.geometric_normal, s.shading_normal, s.albedo, s.prim_id,
-                   s.instance_id, s.face);
+                   s.instance_id, s.face, s.cone);
 }
 
 Surface load_surface(uint path) {

@@ -17,9 +17,12 @@ const uint RAY_HIT = 2u;     // the hit record counts
 const uint RAY_MORE = 4u;    // there are more absent chunk instances than the list holds
 const uint RAY_CHANGED = 8u; // the hit was found in this round
 const uint RAY_COUNT_SHIFT = 4u; // length of the pending list
+const uint RAY_ASKED = 128u; // the question counts; cutouts
 
 const uint MAX_PENDING = 4u;
-const uint SHADOW_BIT = 1u << 31; // of an entry in the list of deferred rays
+const uint SHADOW_BIT = 1u << 31;   // of an entry in the list of deferred rays
+const uint MATERIAL_BIT = 1u << 30; // the same: no ray waits, but the material of the surface
+const uint OWN_UNIT = 0xffffffffu;  // the ray waits for the chunk itself
 
 void set_progress(uint path, uint bits) {
     Uints(STREAMING.progress).v[path] = bits;
@@ -40,13 +43,19 @@ void end_path(uint path, bool ended) {
     if (ended) Uints(STREAMING.free_slots).v[to % STREAMING.slots] = path;
 }
 
-// Pushes paths to be shaded, and ends those that end; `all` as finish returned it.
+// Pushes paths to be shaded, with textures to have their materials resolved first, and ends those that end; `all` as finish
+// returned it.
 void push_finished(uint path, uint all) {
     const bool ends = (all & PATH_ENDS) != 0u;
     const bool hit = (all & CLOSEST_HIT) != 0u;
     uint to;
-    QUEUE_SLOT(to, surface_count, all != 0u && !ends && hit);
-    if (all != 0u && !ends && hit) Uints(FRAME.surface_queue).v[to] = path;
+    if (HAS_TEXTURES) {
+        QUEUE_SLOT(to, resolve_count, all != 0u && !ends && hit);
+        if (all != 0u && !ends && hit) Uints(STREAMING.resolve_queue).v[to] = path;
+    } else {
+        QUEUE_SLOT(to, surface_count, all != 0u && !ends && hit);
+        if (all != 0u && !ends && hit) Uints(FRAME.surface_queue).v[to] = path;
+    }
     QUEUE_SLOT(to, escaped_count, all != 0u && !ends && !hit);
     if (all != 0u && !ends && !hit) Uints(FRAME.escaped_queue).v[to] = path;
     end_path(path, ends);

@@ -22,6 +22,7 @@ struct Surface {
     int prim_id;
     uint instance_id;
     uint face;
+    float cone; // width of the ray's cone there; 0 without textures
 };
 
 const float UNIT_ROUNDOFF = 5.9604645e-8;
@@ -106,6 +107,7 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv) {
     const vec3 v1 = ConstVec4s(triangles).v[triangle * 3u + 1u].xyz;
     const vec3 v2 = ConstVec4s(triangles).v[triangle * 3u + 2u].xyz;
     s.face = floatBitsToUint(first.w);
+    s.cone = 0.0;
     const vec3 weights = vec3(1.0 - uv.x - uv.y, uv);
     const vec3 local = fma(v0, vec3(weights.x), fma(v1, vec3(weights.y), v2 * weights.z));
 

@@ -13,15 +13,36 @@ uint pending_instance[MAX_PENDING];
 uint pending_count;
 bool pending_more;
 
-#if ANY_HIT
-#define PENDING_LISTS STREAMING.shadow_pending
-#else
-#define PENDING_LISTS STREAMING.pending
-#endif
-
 bool key_before(float entry, uint instance, float other_entry, uint other_instance) {
     return entry < other_entry || (entry == other_entry && instance < other_instance);
 }
+
+// Cutouts: the nearest one, in the chunk instance with the smallest key, that cannot be answered because a tile is absent
+// (unit = OWN_UNIT: there is none), and the answer that the ray came back with.
+Question question;
+float question_entry; // of its chunk instance
+Question answer;
+
+// Asks, unless something before it was asked already.
+void ask(float entry, Question q) {
+    if (question.unit != OWN_UNIT) {
+        if (q.chunk_instance == question.chunk_instance) {
+            if (!key_before(q.t, q.id, question.t, question.id)) return;
+        } else if (!key_before(entry, q.chunk_instance, question_entry, question.chunk_instance)) {
+            return;
+        }
+    }
+    question = q;
+    question_entry = entry;
+}
+
+#if ANY_HIT
+#define PENDING_LISTS STREAMING.shadow_pending
+#define QUESTIONS STREAMING.shadow_questions
+#else
+#define PENDING_LISTS STREAMING.pending
+#define QUESTIONS STREAMING.questions
+#endif
 
 void remember(float entry, uint instance) {
     if (PLANT_SKIP_DEFERRED) return;
@@ -49,7 +70,13 @@ void forget_behind(float limit) {
     }
 }
 
+// Whether what is asked is about the first of the list: then it is kept.
+bool keeps_question() {
+    return HAS_CUTOUTS && question.unit != OWN_UNIT && question.chunk_instance == pending_instance[0];
+}
+
 void store_pending(uint path) {
+    if (keeps_question()) Questions(QUESTIONS).v[path] = question;
     for (uint i = 0u; i < pending_count; ++i) {
         PendingLists(PENDING_LISTS).v[path].entry[i] = pending_entry[i];
         PendingLists(PENDING_LISTS).v[path].chunk_instance[i] = pending_instance[i];
@@ -58,7 +85,8 @@ void store_pending(uint path) {
 
 uint pending_flags() {
     return pending_count == 0u ? 0u
-                               : RAY_WAITED | (pending_more ? RAY_MORE : 0u) | pending_count << RAY_COUNT_SHIFT;
+                               : RAY_WAITED | (pending_more ? RAY_MORE : 0u) | (keeps_question() ? RAY_ASKED : 0u) |
+                                     pending_count << RAY_COUNT_SHIFT;
 }
 
 // Whether (entry, instance) is not behind the last key of the list in memory, which was full.

@@ -24,6 +24,7 @@
 #include "traversal/stack.glsl"
 #include "traversal/triangle.glsl"
 #include "traversal/pending.glsl"
+#include "traversal/presence.glsl"
 
 // Boxes are culled only this far behind the closest hit, so that rounding hides no equally close one.
 const float CULL_PAD = 1.0000038;
@@ -58,6 +59,8 @@ struct Walk {
     uint mesh;
     uint seed;
     uint visits;  // of resident chunks; streaming only
+    float chunk_entry; // where the chunk was entered, as its parent said; cutouts with streaming only
+    bool chunk_pending; // something in the chunk waits for a tile; the same
     bool in_mesh;
     bool resumed; // the ray has waited, and everything not behind the last of its list is done
     bool hit_before;
@@ -98,6 +101,42 @@ bool is_opaque(uint triangle, vec2 uv) {
     uint h = hash_combine(walk.seed, walk.chunk_instance);
     for (uint i = 0u; i <= level_index(); ++i) h = hash_combine(h, chain[i]);
     return float(hash_u32(hash_combine(h, triangle)) >> 8) * 5.9604644775390625e-8 < opacity;
+}
+
+// Whether the material says that the surface is there for this ray. With streaming, where a tile of its texture is absent, the ray
+// leaves the surface out, asks, and puts the whole chunk instance on the list of pending ones. Of such a chunk instance only the nearest
+// cutout without an answer is asked about; resolve_cutouts answers, without the chunk; the ray comes back with the answer when the
+// chunk is there. All nearer ones are not there, or the ray would have met them. So each tile or chunk that comes, by itself, gets it on.
+bool is_cut_in(uint triangle, vec2 uv, float t) {
+    uint id = walk.chunk_instance;
+    for (uint i = 0u; i <= level_index(); ++i) id = hash_combine(id, chain[i]);
+    id = hash_combine(id, triangle);
+    if (HAS_STREAMING && answer.chunk_instance == walk.chunk_instance) {
+        if (key_before(t, id, answer.t, answer.id)) return false;
+        if (t == answer.t && id == answer.id) return (answer.flags & QUESTION_PRESENT) != 0u;
+    }
+    const Presence presence = presence_of(walk.mesh, Instances(walk.instances).v[chain[level_index()]].prim_id, triangle, uv,
+                                          ray_cone(walk.path, t));
+    if (!presence.is_asked) return true;
+    const bool chance = presence.threshold <= 0.0;
+    float limit = presence.threshold;
+    if (chance) limit = (push.flags & PUSH_AOVS) != 0u ? 0.0 : float(hash_u32(hash_combine(walk.seed, id)) >> 8) * 5.9604644775390625e-8;
+    TextureProgress progress = TextureProgress(vec4(0.0), 0u);
+    uint said = TEXTURE_FALLBACK;
+    if (presence.texture == NO_TEXTURE) {
+        progress.mean = vec4(presence.bias);
+    } else {
+        said = continue_lookup(presence.texture, presence.st, presence.footprint, progress);
+    }
+    const uint flags = presence.channel << QUESTION_CHANNEL_SHIFT | (chance ? 0u : QUESTION_INCLUSIVE);
+    if (HAS_STREAMING && said < TEXTURE_FALLBACK) {
+        ask(walk.chunk_entry, Question(t, id, walk.chunk_instance, flags | progress.taps, progress.mean, presence.texture, presence.st,
+                                       presence.footprint, presence.scale, presence.bias, limit, STREAMING.chunk_count + said));
+        if (!walk.chunk_pending) remember(walk.chunk_entry, walk.chunk_instance);
+        walk.chunk_pending = true;
+        return false;
+    }
+    return is_there(progress.mean, said, presence.scale, presence.bias, flags, limit);
 }
 
 uint pop() {
@@ -146,6 +185,7 @@ bool visit_triangles(uint begin, uint end, float t_max, inout Found found) {
         if (!(t < found.t || (has_hit && t == found.t && precedes(triangle, found)))) continue;
 #endif
         if (HAS_OPACITY && !is_opaque(triangle, uv)) continue;
+        if (HAS_CUTOUTS && !is_cut_in(triangle, uv, t)) continue;
         walk.hit = true;
         found = Found(t, uv, triangle, walk.chunk_instance);
 #if ANY_HIT
@@ -186,6 +226,10 @@ uint enter_chunk(uint reference) {
             return pop();
         }
         ++walk.visits;
+        if (HAS_CUTOUTS) {
+            walk.chunk_entry = walk.entry;
+            walk.chunk_pending = false;
+        }
         if (HAS_CHUNK_COUNTS) atomicAdd(Uints(STREAMING.chunk_rays).v[chunk], 1u);
     }
     if (stack_top >= STACK_SIZE) {
@@ -290,6 +334,11 @@ bool traverse(uint64_t ray, uint path, float t_max, uint seed, uint flags, inout
     if (HAS_STREAMING) {
         pending_count = 0u;
         pending_more = false;
+        if (HAS_CUTOUTS) {
+            question.unit = OWN_UNIT;
+            answer.chunk_instance = 0xffffffffu;
+            if ((flags & RAY_ASKED) != 0u) answer = Questions(QUESTIONS).v[path];
+        }
         if ((flags & RAY_WAITED) != 0u) reference = begin_resumed(flags);
     }
     while (true) {

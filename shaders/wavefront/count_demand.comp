@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Streaming only. Counts, chunk by chunk, the rays that wait for it first and those that have it further down their list: one
+// Streaming only. Counts, unit by unit, the rays and materials that wait for it first and those that have it further down their list: one
 // thread per deferred ray, Counters::deferred_args.
 // Reads: deferred, rays and shadow_rays (flags), pending lists. Adds to: demand.
 #version 460
@@ -13,12 +13,11 @@ void main() {
     if (!HAS_STREAMING || at >= COUNTERS.deferred_count[list]) return;
     const uint entry = ConstUints(STREAMING.deferred[list]).v[at];
     const bool is_shadow = (entry & SHADOW_BIT) != 0u;
-    const uint path = entry & ~SHADOW_BIT;
-    const uint64_t pending = pending_address(path, is_shadow);
+    const uint path = path_of_entry(entry);
     const uint length = pending_length(path, is_shadow);
     for (uint i = 0u; i < MAX_PENDING; ++i) {
         const bool wanted = i < length;
-        const uint chunk = wanted ? pending_chunk(pending, path, i) : 0u;
-        add_each(STREAMING.demand, chunk + (i == 0u ? 0u : STREAMING.chunk_count), 1u, wanted);
+        const uint unit = wanted ? pending_unit(entry, path, i) : 0u;
+        add_each(STREAMING.demand, unit + (i == 0u ? 0u : STREAMING.unit_count), 1u, wanted);
     }
 }

@@ -3,6 +3,7 @@
 // arg0 = PREPARE_TRACE, round r: for intersect_closest of round r and intersect_shadow of what round r - 1 shaded.
 // arg0 = PREPARE_SHADE, round r: for shade_surface and shade_background of round r.
 // arg0 = PREPARE_DEMAND: for what reads the deferred rays.
+// arg0 = PREPARE_RESOLVE: for resolve_materials.
 // Reads and writes: Counters. Totals of rays are counted here, those of AOVs left out.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -48,11 +49,13 @@ void prepare_shade() {
     COUNTERS.ray_count[(push.round + 1u) & 1u] = 0u;
     COUNTERS.shadow_count = 0u;
     if (HAS_STREAMING) add_totals();
+    if (HAS_STREAMING && HAS_TEXTURES) COUNTERS.resolve_count = 0u;
 }
 
 void main() {
     if (thread_index() != 0u) return;
     if (push.arg0 == PREPARE_TRACE) prepare_trace();
     if (push.arg0 == PREPARE_SHADE) prepare_shade();
+    if (push.arg0 == PREPARE_RESOLVE) COUNTERS.resolve_args = indirect(COUNTERS.resolve_count);
     if (push.arg0 == PREPARE_DEMAND) COUNTERS.deferred_args = indirect(COUNTERS.deferred_count[COUNTERS.deferred_parity]);
 }

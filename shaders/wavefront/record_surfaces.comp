@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Streaming only. Keeps the surface of every hit that this round has found, while its chunk is there: one thread per ray,
 // Counters::ray_args.
-// Reads: ray_queue[round & 1], rays (flags), hits, the scene. Writes: surfaces.
+// Reads: ray_queue[round & 1], rays (flags), hits, the scene. Writes: surfaces; with textures, resolve_progress.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
@@ -12,5 +12,7 @@ void main() {
     const uint at = thread_index();
     if (!HAS_STREAMING || at >= COUNTERS.ray_count[push.round & 1u]) return;
     const uint path = ConstUints(FRAME.ray_queue[push.round & 1u]).v[at];
-    if ((ConstUints(ray_address(path)).v[11] & RAY_CHANGED) != 0u) store_surface(path, surface_of_hit(path));
+    if ((ConstUints(ray_address(path)).v[11] & RAY_CHANGED) == 0u) return;
+    store_surface(path, surface_of_hit(path));
+    if (HAS_TEXTURES) Uints(STREAMING.resolve_progress).v[path] = 0u;
 }

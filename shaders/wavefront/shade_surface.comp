@@ -55,6 +55,7 @@ void main() {
         const Lambert lambert = make_lambert(surface.geometric_normal, surface.shading_normal, ray.d);
         const Double3 origin = add(surface.position, surface.offset * lambert.g);
         const bool last = ray.bounce >= FRAME.max_bounces;
+        if (HAS_CUTOUTS && HAS_TEXTURES) store_next_cone(path, surface.cone, 0.0);
         if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path_place(path)] = vec4(0.0, 0.0, 0.0, 1.0);
 
         const uvec2 pixel = pixel_position(path_pixel(path));
@@ -81,6 +82,7 @@ void main() {
             go_on = u.z < survival && density > 0.0;
             if (go_on) {
                 store_path(path, PathState(throughput / survival, density));
+                if (HAS_TEXTURES) store_next_cone(path, surface.cone, density);
                 store_ray(ray_address(path), Ray(origin.hi, ray.bounce + 1u, direction, INFINITE, origin.lo, 0u));
             }
         }

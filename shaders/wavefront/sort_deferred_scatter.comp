@@ -2,7 +2,7 @@
 // Streaming only. Puts the deferred rays that may go on into the queues, those of one chunk side by side, and the others on the
 // other list: one thread per deferred ray, Counters::deferred_args.
 // Reads: deferred, rays and shadow_rays (flags), pending lists, chunks, sort_sums. Writes: sort_counts; ray_queue[round & 1] and
-// shadow_queue from where there is room; pushes to deferred.
+// shadow_queue from where there is room, with textures resolve_queue too; pushes to deferred.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
@@ -23,6 +23,8 @@ void main() {
                            ConstUints(STREAMING.sort_sums).v[key / SCAN_BLOCK];
         if ((entry & SHADOW_BIT) != 0u) {
             Uints(FRAME.shadow_queue).v[COUNTERS.shadow_base + place] = entry & ~SHADOW_BIT;
+        } else if (HAS_TEXTURES && (entry & MATERIAL_BIT) != 0u) {
+            Uints(STREAMING.resolve_queue).v[COUNTERS.resolve_base + place] = entry & ~MATERIAL_BIT;
         } else {
             Uints(FRAME.ray_queue[push.round & 1u]).v[COUNTERS.ray_base + place] = entry;
         }

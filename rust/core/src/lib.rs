@@ -17,6 +17,7 @@ pub mod sampler;
 pub mod scene;
 pub mod settings;
 pub mod stats;
+pub mod texture;
 
 pub use array::{ArrayError, ArraySource, ArrayView, Element, ElementType, TypedArray};
 pub use camera::{Camera, CameraError, CameraRays};

@@ -104,4 +104,14 @@ pub struct StreamingStats {
     pub seconds_overlapped: f64,
     /// Paths not finished yet of the samples begun, now.
     pub paths_left: u64,
+    /// Of `scene_bytes`, bytes of textures.
+    pub texture_scene_bytes: u64,
+    /// Of `geometry_bytes`, bytes of tiles of textures on the device now.
+    pub texture_bytes: u64,
+    /// Of `loads`, tiles of textures.
+    pub texture_loads: u64,
+    /// Of `reloads`, tiles of textures.
+    pub texture_reloads: u64,
+    /// Of `bytes_paged`, bytes of tiles of textures.
+    pub texture_bytes_paged: u64,
 }

@@ -9,6 +9,7 @@ use crate::error::RenderError;
 use crate::film::Film;
 use crate::lights::LightTable;
 use crate::progress::Progress;
+use crate::request::Severity;
 use crate::schedule::Schedule;
 use crate::session::Job;
 use crate::specialise;
@@ -116,8 +117,11 @@ impl Renderer {
         let (device, job) = (setting.device, setting.job);
         progress.stage("uploading the scene");
         let mut scenes = std::mem::take(&mut self.scene);
-        let scene = scenes.sync(device, &job.snapshot)?;
+        let scene = scenes.sync(device, &job.snapshot, job.images.as_deref())?;
         progress.scene(&scene.assets);
+        for warning in &scene.assets.textures.warnings {
+            gate.shared().report(Severity::Warning, warning.clone());
+        }
         let mut in_core = self.fits(setting, scene);
         if in_core {
             self.stream = None;
@@ -142,6 +146,9 @@ impl Renderer {
             self.waves = None;
             streaming::render(setting, scene, &mut self.stream, gate, progress)
         };
+        for complaint in scene.assets.textures.take_complaints() {
+            gate.shared().report(Severity::Warning, complaint);
+        }
         self.scene = scenes;
         result
     }
@@ -184,7 +191,7 @@ impl Renderer {
         };
         progress.stage("compiling passes");
         let started = Instant::now();
-        let features = specialise::features(&job.snapshot, setting.lights, setting.rays, view.max_levels);
+        let features = specialise::features(&job.snapshot, setting.lights, setting.rays, &view);
         let passes = Passes::new(device, specialise::specialisation(features, &view), film.has_planes())?;
         progress.timings.compile_secs += started.elapsed().as_secs_f64();
         progress.left_out(specialise::left_out(features, film.has_planes()));
@@ -233,7 +240,10 @@ impl Renderer {
     fn make_waves(&mut self, device: &Device, job: &Job, view: &SceneView) -> Result<(), RenderError> {
         let most = if is_cpu(device) { 1 << 17 } else { MAX_WAVE };
         let wanted = paths(job).clamp(MIN_WAVE, most).next_power_of_two();
-        let fits = |waves: &PathBuffers| waves.max_levels == view.max_levels && waves.asked >= wanted;
+        let textures = view.textures != 0;
+        let fits = |waves: &PathBuffers| {
+            waves.max_levels == view.max_levels && waves.asked >= wanted && (waves.has_cones() || !textures)
+        };
         if self.waves.as_ref().is_some_and(fits) {
             return Ok(());
         }
@@ -242,7 +252,7 @@ impl Renderer {
         let room = memory.budget.saturating_sub(memory.used) / 4 / path_bytes(view.max_levels, false);
         let capacity = wanted.min(room).max(MIN_WAVE);
         let mut waves = shrinking(capacity, MIN_WAVE, |capacity| {
-            PathBuffers::new(&device.gpu, capacity, capacity, view.max_levels)
+            PathBuffers::new(&device.gpu, capacity, capacity, view.max_levels, textures)
         })?;
         waves.asked = wanted;
         self.waves = Some(waves);
@@ -291,6 +301,8 @@ pub(crate) fn frame_block(setting: &Setting<'_>, scene: &SceneView) -> Frame {
         assemblies: scene.assemblies,
         meshes: scene.meshes,
         lights: scene.lights,
+        textures: scene.textures,
+        texture_pages: scene.texture_pages,
         ray_o: rays.o,
         ray_o_lo: rays.o_lo,
         ray_o_x: rays.o_x,

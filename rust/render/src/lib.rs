@@ -9,7 +9,6 @@
 
 mod aov;
 mod assets;
-pub mod bsdf_tables;
 pub mod chunk_report;
 mod device;
 mod error;
@@ -25,6 +24,7 @@ mod session;
 mod specialise;
 mod streaming;
 mod sync;
+pub mod textures;
 mod thread;
 mod timings;
 mod wavefront;

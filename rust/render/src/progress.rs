@@ -84,6 +84,7 @@ impl<'a> Progress<'a> {
         stats.streaming.chunks = world.chunks.len() as u64;
         stats.streaming.chunk_instances = world.instances.len() as u64;
         stats.streaming.scene_bytes = assets.bytes;
+        stats.streaming.texture_scene_bytes = assets.tile_bytes;
     }
 
     /// Changes what the stats say about streaming.

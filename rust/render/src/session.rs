@@ -19,6 +19,7 @@ use crate::error::RenderError;
 use crate::publish::Published;
 use crate::request::{Message, RenderRequest, Severity};
 use crate::sync::lock;
+use crate::textures::ImageLibrary;
 use crate::thread;
 use crate::timings::Timings;
 use oocpt_core::partition::PartitionOptions;
@@ -37,6 +38,7 @@ pub(crate) struct Job {
     pub(crate) request: RenderRequest,
     pub(crate) settings: Settings,
     pub(crate) options: SessionOptions,
+    pub(crate) images: Option<Arc<dyn ImageLibrary>>,
 }
 
 /// How a session runs, apart from what it renders.
@@ -122,6 +124,7 @@ pub struct Session {
     scene: Mutex<SceneDb>,
     settings: Mutex<Settings>,
     options: Mutex<SessionOptions>,
+    images: Option<Arc<dyn ImageLibrary>>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
@@ -138,8 +141,17 @@ impl Session {
             scene: Mutex::new(SceneDb::new()),
             settings: Mutex::new(settings),
             options: Mutex::new(options),
+            images: None,
             thread: Mutex::new(None),
         }
+    }
+
+    /// The session, with somebody who opens the images that textures name; without, every texture is its fallback.
+    #[must_use]
+    pub fn with_images(self, images: Arc<dyn ImageLibrary>) -> Self {
+        let mut session = self;
+        session.images = Some(images);
+        session
     }
 
     /// Edits the scene; the edits take effect with the next [`Session::render`].
@@ -176,7 +188,8 @@ impl Session {
         if unchanged {
             return;
         }
-        control.job = Some(Arc::new(Job { snapshot: commit.snapshot, request, settings, options }));
+        let images = self.images.clone();
+        control.job = Some(Arc::new(Job { snapshot: commit.snapshot, request, settings, options, images }));
         control.generation += 1;
         control.stopped = false;
         drop(control);
@@ -248,9 +261,10 @@ impl Session {
         let options = *lock(&self.options);
         let mut control = self.shared.control();
         if let Some(job) = control.job.take() {
-            let Job { snapshot, request, settings, .. } = &*job;
+            let Job { snapshot, request, settings, images, .. } = &*job;
             let (snapshot, request, settings) = (Arc::clone(snapshot), request.clone(), settings.clone());
-            control.job = Some(Arc::new(Job { snapshot, request, settings, options }));
+            let images = images.clone();
+            control.job = Some(Arc::new(Job { snapshot, request, settings, options, images }));
         }
         control.stopped = false;
         control.paused = false;

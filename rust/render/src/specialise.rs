@@ -11,8 +11,8 @@ use oocpt_core::camera::CameraRays;
 use oocpt_core::scene::{SceneFeatures, Snapshot};
 use oocpt_shader_abi::Features;
 
-/// The features a frame needs.
-pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRays, levels: u32) -> Features {
+/// The features a frame needs, apart from streaming.
+pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRays, scene: &SceneView) -> Features {
     let mut features = Features::empty();
     features.set(Features::DOME, lights.has_dome);
     features.set(Features::DOME_SHADOW_RAYS, lights.has_dome);
@@ -21,8 +21,13 @@ pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRa
     features.set(Features::NORMALS, snapshot.features.contains(SceneFeatures::NORMALS));
     features.set(Features::COLORS, snapshot.features.contains(SceneFeatures::COLORS));
     features.set(Features::LENS, rays.lens_u != [0.0; 3] || rays.lens_v != [0.0; 3]);
-    features.set(Features::INSTANCING, levels > 1);
+    features.set(Features::INSTANCING, scene.max_levels > 1);
     features
+}
+
+/// Whether some material makes surfaces be there or not.
+pub(crate) fn has_cutouts(snapshot: &Snapshot) -> bool {
+    snapshot.features.contains(SceneFeatures::CUTOUTS)
 }
 
 /// The specialisation of the passes for these features.
@@ -40,6 +45,8 @@ pub(crate) fn left_out(features: Features, has_planes: bool) -> Vec<String> {
         (Features::COLORS, "colours"),
         (Features::LENS, "lens"),
         (Features::INSTANCING, "nested instance levels"),
+        (Features::TEXTURES, "textures, and ray cones for them"),
+        (Features::CUTOUTS, "cutouts in traversal"),
     ];
     let absent = parts.iter().filter(|(part, _)| !features.contains(*part)).map(|(_, name)| *name);
     let planes = (!has_planes).then_some("passes generate_aov_rays and shade_aovs, and their images");

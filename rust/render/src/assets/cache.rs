@@ -10,6 +10,7 @@ use super::store::{Patience, Store};
 use super::tables::{Entries, Tables};
 use crate::device::Device;
 use crate::error::RenderError;
+use crate::textures::{ImageLibrary, TextureCache};
 use crate::thread::Gate;
 use crate::timings::Timings;
 use oocpt_core::residency::AssetId;
@@ -33,6 +34,10 @@ pub(crate) struct SceneView {
     pub(crate) assemblies: u64,
     pub(crate) meshes: u64,
     pub(crate) lights: u64,
+    /// 0 when nothing reads a texture.
+    pub(crate) textures: u64,
+    /// As `textures`.
+    pub(crate) texture_pages: u64,
     /// Longest chain of instance records inside a chunk.
     pub(crate) max_levels: u32,
     /// Levels of nodes of the top level.
@@ -63,14 +68,24 @@ pub(crate) struct Scene {
 #[derive(Debug, Default)]
 pub(crate) struct SceneCache {
     scene: Option<Scene>,
+    textures: TextureCache,
 }
 
 impl SceneCache {
     /// Takes the assets of `snapshot` for what is wanted; lets go of what it does not need.
-    pub(crate) fn sync(&mut self, device: &Device, snapshot: &Arc<Snapshot>) -> Result<&mut Scene, RenderError> {
+    /// `images` opens what textures name.
+    pub(crate) fn sync(
+        &mut self,
+        device: &Device,
+        snapshot: &Arc<Snapshot>,
+        images: Option<&dyn ImageLibrary>,
+    ) -> Result<&mut Scene, RenderError> {
         let assets = match &self.scene {
             Some(scene) if Arc::ptr_eq(&scene.assets.snapshot, snapshot) => Arc::clone(&scene.assets),
-            _ => Arc::new(SceneAssets::new(snapshot)?),
+            _ => {
+                let textures = self.textures.sync(images, &snapshot.surfaces.textures);
+                Arc::new(SceneAssets::new(snapshot, &textures)?)
+            }
         };
         let mut store = match self.scene.take() {
             Some(scene) => scene.store,
@@ -99,6 +114,11 @@ impl Scene {
     /// Chunks of the scene; counted by `SceneAssets::new`.
     pub(crate) fn chunk_count(&self) -> u32 {
         u32::try_from(self.assets.snapshot.world.chunks.len()).unwrap_or(u32::MAX)
+    }
+
+    /// Units of the planner: chunks, then tiles of textures.
+    pub(crate) fn unit_count(&self) -> u32 {
+        u32::try_from(self.assets.catalog.chunk_count()).unwrap_or(u32::MAX)
     }
 
     fn missing(&self) -> impl Iterator<Item = AssetId> + '_ {
@@ -192,7 +212,7 @@ impl Scene {
             let source = self.assets.sources.get(asset as usize);
             source.and_then(|source| self.store.get(&source.key())).map_or(0, |resident| resident.depth)
         };
-        let chunks = (0..).take(self.assets.catalog.chunk_count());
+        let chunks = (0..).take(self.assets.chunk_count());
         chunks.map(|chunk| self.assets.stack_of(chunk, depth)).max().unwrap_or(0)
     }
 
@@ -209,6 +229,8 @@ impl Scene {
             assemblies: tables.assemblies.address(),
             meshes: tables.meshes.address(),
             lights: tables.lights.address(),
+            textures: tables.textures.as_ref().map_or(0, |textures| textures.records.address()),
+            texture_pages: tables.textures.as_ref().map_or(0, |textures| textures.pages.address()),
             max_levels: self.levels(),
             top_depth: world.top.depth,
             stack_size: 0,

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a snapshot consists of as device data: assets (meshes, assemblies that are referenced whole, chunks' own blocks) and
-//! which of them each chunk needs.
+//! What a snapshot consists of as device data: assets (meshes, assemblies that are referenced whole, chunks' own blocks, tiles of
+//! textures) and the units that the planner brings and evicts: chunks, each with all it needs, then tiles.
 //!
-//! Asset ids: meshes first (the mesh index), then assemblies (index + meshes), then chunks (index + meshes + assemblies).
+//! Asset ids: meshes first (the mesh index), then assemblies (index + meshes), then chunks (index + meshes + assemblies), then
+//! tiles (their number + all those). Unit ids: chunks first, then tiles; the planner calls all of them chunks.
 //! Pure; any thread.
 
 use super::source::{AssetKey, Source};
 use crate::error::RenderError;
+use crate::textures::TextureSet;
 use oocpt_core::residency::{AssetId, Catalog, ChunkId};
 use oocpt_core::scene::{Snapshot, Target};
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -21,14 +23,17 @@ const MAX_TARGETS: u64 = 1 << 31;
 #[derive(Debug)]
 pub(crate) struct SceneAssets {
     pub(crate) snapshot: Arc<Snapshot>,
+    pub(crate) textures: Arc<TextureSet>,
     /// By asset id.
     pub(crate) sources: Vec<Source>,
-    /// Bytes of every asset and the assets of every chunk.
+    /// Bytes of every asset and the assets of every unit.
     pub(crate) catalog: Arc<Catalog>,
-    /// The assets that some chunk needs.
+    /// The assets that some unit needs.
     pub(crate) needed: Vec<AssetId>,
     /// Bytes of them.
     pub(crate) bytes: u64,
+    /// Of these, bytes of tiles.
+    pub(crate) tile_bytes: u64,
     /// Most bytes that building one asset takes for a moment.
     pub(crate) workspace_bytes: u64,
     meshes: usize,
@@ -41,11 +46,12 @@ pub(crate) enum Slot {
     Mesh(usize),
     Assembly(usize),
     Chunk(usize),
+    Tile(usize),
 }
 
 impl SceneAssets {
-    /// Lists the assets of `snapshot`.
-    pub(crate) fn new(snapshot: &Arc<Snapshot>) -> Result<Self, RenderError> {
+    /// Lists the assets of `snapshot`, of which these are the textures.
+    pub(crate) fn new(snapshot: &Arc<Snapshot>, textures: &Arc<TextureSet>) -> Result<Self, RenderError> {
         let world = &snapshot.world;
         if world.levels > MAX_LEVELS {
             return Err(RenderError::TooDeep { levels: world.levels, limit: MAX_LEVELS });
@@ -63,10 +69,13 @@ impl SceneAssets {
         let meshes = snapshot.meshes.iter().cloned().map(Source::Mesh);
         let assemblies = snapshot.assemblies.iter().cloned().map(Source::Assembly);
         let chunks = world.chunks.iter().cloned().map(Source::Chunk);
-        let sources: Vec<Source> = meshes.chain(assemblies).chain(chunks).collect();
+        let tiles =
+            textures.images().flat_map(|(image, count)| (0..count).map(|tile| Source::Tile(Arc::clone(image), tile)));
+        let sources: Vec<Source> = meshes.chain(assemblies).chain(chunks).chain(tiles).collect();
         let (meshes, assemblies) = (snapshot.meshes.len(), snapshot.assemblies.len());
         let closures = closures(snapshot, meshes);
-        let per_chunk: Vec<Vec<AssetId>> = world
+        let first_tile = meshes + assemblies + world.chunks.len();
+        let mut per_unit: Vec<Vec<AssetId>> = world
             .chunks
             .iter()
             .enumerate()
@@ -75,21 +84,25 @@ impl SceneAssets {
                 closure_of(chunk.targets().iter().copied(), own, meshes, &closures)
             })
             .collect();
+        per_unit.extend((first_tile..sources.len()).map(|tile| vec![asset_id(tile)]));
         let mut needed: Vec<AssetId> =
-            per_chunk.iter().flatten().copied().collect::<FxHashSet<_>>().into_iter().collect();
+            per_unit.iter().flatten().copied().collect::<FxHashSet<_>>().into_iter().collect();
         needed.sort_unstable();
         let of_needed = || needed.iter().filter_map(|id| sources.get(*id as usize));
         let bytes = of_needed().map(Source::bytes).sum();
+        let tile_bytes = sources.iter().skip(first_tile).map(Source::bytes).sum();
         let workspace_bytes = of_needed().map(Source::workspace_bytes).max().unwrap_or(0);
-        let catalog = Catalog::new(sources.iter().map(Source::bytes).collect(), per_chunk)
+        let catalog = Catalog::new(sources.iter().map(Source::bytes).collect(), per_unit)
             .map_err(|error| RenderError::Internal(format!("the scene's assets: {error}")))?;
         let catalog = Arc::new(catalog);
         Ok(Self {
             snapshot: Arc::clone(snapshot),
+            textures: Arc::clone(textures),
             sources,
             catalog,
             needed,
             bytes,
+            tile_bytes,
             workspace_bytes,
             meshes,
             assemblies,
@@ -103,13 +116,20 @@ impl SceneAssets {
             Slot::Mesh(at)
         } else if at < self.meshes + self.assemblies {
             Slot::Assembly(at - self.meshes)
-        } else {
+        } else if at < self.meshes + self.assemblies + self.chunk_count() {
             Slot::Chunk(at - self.meshes - self.assemblies)
+        } else {
+            Slot::Tile(at - self.meshes - self.assemblies - self.chunk_count())
         }
     }
 
-    /// The asset that is a chunk's own block.
-    pub(crate) fn chunk_asset(&self, chunk: ChunkId) -> AssetId {
+    /// Number of chunks, which are the units before the tiles.
+    pub(crate) fn chunk_count(&self) -> usize {
+        self.snapshot.world.chunks.len()
+    }
+
+    /// The asset that is a unit's own block: of a chunk its records, of a tile all of it.
+    pub(crate) fn own_asset(&self, chunk: ChunkId) -> AssetId {
         asset_id(self.meshes + self.assemblies + chunk as usize)
     }
 
@@ -128,7 +148,7 @@ impl SceneAssets {
             let below = match self.sources.get(asset as usize) {
                 Some(Source::Assembly(assembly)) => self.deepest(&assembly.targets(), &entries),
                 Some(Source::Chunk(chunk)) => self.deepest(chunk.targets(), &entries),
-                Some(Source::Mesh(_)) | None => 0,
+                Some(Source::Mesh(_) | Source::Tile(..)) | None => 0,
             };
             last = depth(asset) + below;
             entries.insert(asset, last);

@@ -109,7 +109,7 @@ impl<'a> Writer<'a> {
 
     /// The parts that threads may write independently: all of a mesh, or stretches of records.
     pub(crate) fn parts(source: &Source) -> Vec<Part> {
-        if matches!(source, Source::Mesh(_)) {
+        if matches!(source, Source::Mesh(_) | Source::Tile(..)) {
             return vec![Part::Whole];
         }
         let count = source.records();
@@ -127,6 +127,7 @@ impl<'a> Writer<'a> {
     ) -> Result<(), RenderError> {
         match (source, part, workspace) {
             (Source::Mesh(mesh), ..) => self.mesh(mesh, target),
+            (Source::Tile(image, tile), ..) => self.bytes(target, 0, &image.tile(*tile)),
             (_, Part::Records(range), Some(workspace)) => self.records(source, range.clone(), target, workspace),
             _ => Err(RenderError::Internal("no workspace for instance records".into())),
         }

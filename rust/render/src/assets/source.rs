@@ -2,8 +2,9 @@
 //! One piece of scene data: where its bytes come from, how many there are, and how they are laid out on the device.
 //!
 //! A mesh is one range: nodes, triangles, attributes. An assembly or a chunk is one range: instance records, then the nodes
-//! of the tree over them, which the device builds from the records' boxes. Pure; any thread.
+//! of the tree over them, which the device builds from the records' boxes. A tile of a texture is one range of texels. Pure; any thread.
 
+use crate::textures::TextureImage;
 use oocpt_core::mesh::{Attribute, AttributeRate, MeshAsset};
 use oocpt_core::partition::Chunk;
 use oocpt_core::scene::{Assembly, InstanceRecord};
@@ -28,6 +29,8 @@ pub(crate) enum Source {
     Mesh(Arc<MeshAsset>),
     Assembly(Arc<Assembly>),
     Chunk(Arc<Chunk>),
+    /// An image and the number of a tile of it.
+    Tile(Arc<TextureImage>, u32),
 }
 
 /// What an asset is made of: equal keys, equal bytes (up to addresses).
@@ -36,6 +39,8 @@ pub(crate) enum AssetKey {
     Mesh(u128),
     Assembly(u64),
     Chunk(u64),
+    /// Number of the image, and of the tile.
+    Tile(u64, u32),
 }
 
 /// Byte offsets of a mesh's sections; `bytes` is the end.
@@ -91,6 +96,7 @@ impl Source {
             Self::Mesh(mesh) => AssetKey::Mesh(mesh.key),
             Self::Assembly(assembly) => AssetKey::Assembly(assembly.key()),
             Self::Chunk(chunk) => AssetKey::Chunk(chunk.key()),
+            Self::Tile(image, tile) => AssetKey::Tile(image.id(), *tile),
         }
     }
 
@@ -100,13 +106,14 @@ impl Source {
             Self::Mesh(_) => "mesh",
             Self::Assembly(_) => "assembly",
             Self::Chunk(_) => "chunk",
+            Self::Tile(..) => "texture tile",
         }
     }
 
-    /// Instance records; 0 for a mesh.
+    /// Instance records; 0 for a mesh and a tile.
     pub(crate) fn records(&self) -> usize {
         match self {
-            Self::Mesh(_) => 0,
+            Self::Mesh(_) | Self::Tile(..) => 0,
             Self::Assembly(assembly) => assembly.len(),
             Self::Chunk(chunk) => chunk.len(),
         }
@@ -116,6 +123,7 @@ impl Source {
     pub(crate) fn size(&self) -> u64 {
         match self {
             Self::Mesh(mesh) => MeshLayout::new(mesh).bytes,
+            Self::Tile(image, tile) => image.layout().tile_bytes(*tile),
             _ => record_bytes(self.records()) + node_bytes(self.records()),
         }
     }
@@ -128,7 +136,7 @@ impl Source {
     /// Bytes of device memory that building it takes besides: the records' boxes, then scratch. 0 for a mesh.
     pub(crate) fn workspace_bytes(&self) -> u64 {
         match self {
-            Self::Mesh(_) => 0,
+            Self::Mesh(_) | Self::Tile(..) => 0,
             _ => self.box_bytes() + lbvh_scratch_bytes(self.count()),
         }
     }
@@ -162,6 +170,7 @@ impl Source {
     pub(crate) fn known_depth(&self) -> Option<u32> {
         match self {
             Self::Mesh(mesh) => Some(mesh.bvh.depth),
+            Self::Tile(..) => Some(0),
             _ => None,
         }
     }
@@ -169,7 +178,7 @@ impl Source {
     /// Computes records `range`; nothing for a mesh.
     pub(crate) fn encode(&self, range: Range<usize>, out: &mut [InstanceRecord]) {
         match self {
-            Self::Mesh(_) => {}
+            Self::Mesh(_) | Self::Tile(..) => {}
             Self::Assembly(assembly) => assembly.encode(range, out),
             Self::Chunk(chunk) => chunk.encode(range, out),
         }
@@ -178,6 +187,7 @@ impl Source {
     /// The build of its tree, given where the asset, the workspace and the word for the tree's depth are.
     pub(crate) fn build_job(&self, base: u64, workspace: u64, depth: u64) -> LbvhJob {
         let around = match self {
+            Self::Tile(..) => oocpt_core::Aabb::EMPTY,
             Self::Mesh(mesh) => mesh.bounds,
             Self::Assembly(assembly) => assembly.bounds(),
             Self::Chunk(chunk) => chunk.bounds(),

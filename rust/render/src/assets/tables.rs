@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The tables of addresses that rays go through: chunk instances and the tree over them, chunks, assemblies, meshes, lights.
+//! The tables of addresses that rays go through: chunk instances and the tree over them, chunks, assemblies, meshes, lights,
+//! textures and the pages of their tiles.
 //!
 //! Always resident. An entry that is zero is absent. The host keeps a mirror and writes changes in a command list, so that
 //! they take effect between two submissions and never inside one. Render thread only.
@@ -12,7 +13,7 @@ use bytemuck::{Pod, Zeroable};
 use oocpt_core::partition::ChunkInstance;
 use oocpt_core::residency::AssetId;
 use oocpt_gpu::{Commands, HeapRange};
-use oocpt_shader_abi::{GpuAssembly, GpuChunk, GpuChunkInstance, GpuLight, GpuMesh, GpuNode};
+use oocpt_shader_abi::{GpuAssembly, GpuChunk, GpuChunkInstance, GpuLight, GpuMesh, GpuNode, GpuTexture, TEXTURE_SRGB};
 use std::time::Duration;
 
 /// How long writing the tables may take before the device counts as lost.
@@ -27,6 +28,17 @@ pub(crate) struct Tables {
     pub(crate) assemblies: HeapRange,
     pub(crate) meshes: HeapRange,
     pub(crate) lights: HeapRange,
+    /// Only when something reads a texture.
+    pub(crate) textures: Option<TextureTables>,
+}
+
+/// The tables of textures.
+#[derive(Debug)]
+pub(crate) struct TextureTables {
+    pub(crate) records: HeapRange,
+    pub(crate) pages: HeapRange,
+    /// What the bytes of sRGB images stand for; the records point to it.
+    _decode: HeapRange,
 }
 
 /// What the tables are to hold; the host's mirror.
@@ -35,6 +47,8 @@ pub(crate) struct Entries {
     chunks: Vec<GpuChunk>,
     assemblies: Vec<GpuAssembly>,
     meshes: Vec<GpuMesh>,
+    /// Addresses of tiles.
+    pages: Vec<u64>,
 }
 
 impl Entries {
@@ -45,6 +59,7 @@ impl Entries {
             chunks: vec![GpuChunk::zeroed(); snapshot.world.chunks.len()],
             assemblies: vec![GpuAssembly::zeroed(); snapshot.assemblies.len()],
             meshes: vec![GpuMesh::zeroed(); snapshot.meshes.len()],
+            pages: vec![0; assets.textures.tile_count()],
         }
     }
 
@@ -68,6 +83,11 @@ impl Entries {
                     *slot = GpuChunk { nodes, instances };
                 }
             }
+            Slot::Tile(at) => {
+                if let Some(slot) = self.pages.get_mut(at) {
+                    *slot = address;
+                }
+            }
         }
     }
 
@@ -77,6 +97,7 @@ impl Entries {
             Slot::Mesh(at) => zero(&mut self.meshes, at),
             Slot::Assembly(at) => zero(&mut self.assemblies, at),
             Slot::Chunk(at) => zero(&mut self.chunks, at),
+            Slot::Tile(at) => zero(&mut self.pages, at),
         }
     }
 }
@@ -99,7 +120,18 @@ impl Tables {
             (snapshot.meshes.len(), size_of::<GpuMesh>()),
             (lights, size_of::<GpuLight>()),
         ];
-        tables.iter().map(|(count, stride)| ((count * stride).max(16) as u64).next_multiple_of(256)).sum()
+        let textures = &assets.textures;
+        let of_textures = [
+            (textures.records.len(), size_of::<GpuTexture>()),
+            (textures.tile_count(), size_of::<u64>()),
+            (256, size_of::<f32>()),
+        ];
+        let of_textures = of_textures.iter().filter(|_| !textures.is_empty());
+        tables
+            .iter()
+            .chain(of_textures)
+            .map(|(count, stride)| ((count * stride).max(16) as u64).next_multiple_of(256))
+            .sum()
     }
 
     /// Makes the tables and fills them.
@@ -121,6 +153,7 @@ impl Tables {
             assemblies: table(device, &mut writer, "assembly table", bytemuck::cast_slice(&entries.assemblies))?,
             meshes: table(device, &mut writer, "mesh table", bytemuck::cast_slice(&entries.meshes))?,
             lights: table(device, &mut writer, "light table", bytemuck::cast_slice(lights))?,
+            textures: texture_tables(device, &mut writer, assets, entries)?,
         };
         let (copies, _) = writer.finish()?;
         for copy in &copies {
@@ -137,8 +170,37 @@ impl Tables {
             Slot::Mesh(at) => write(commands, &self.meshes, &entries.meshes, at),
             Slot::Assembly(at) => write(commands, &self.assemblies, &entries.assemblies, at),
             Slot::Chunk(at) => write(commands, &self.chunks, &entries.chunks, at),
+            Slot::Tile(at) => {
+                if let Some(textures) = &self.textures {
+                    write(commands, &textures.pages, &entries.pages, at);
+                }
+            }
         }
     }
+}
+
+fn texture_tables(
+    device: &Device,
+    writer: &mut Writer<'_>,
+    assets: &SceneAssets,
+    entries: &Entries,
+) -> Result<Option<TextureTables>, RenderError> {
+    if assets.textures.is_empty() {
+        return Ok(None);
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "rounded to single precision")]
+    let decoded = |byte: u8| oocpt_core::texture::linear_from_srgb(f64::from(byte) / 255.0) as f32;
+    let values: Vec<f32> = (0..=255).map(decoded).collect();
+    let decode = table(device, writer, "sRGB table", bytemuck::cast_slice(&values))?;
+    let mut records = assets.textures.records.clone();
+    for record in &mut records {
+        record.decode = if record.flags & TEXTURE_SRGB == 0 { 0 } else { decode.address() };
+    }
+    Ok(Some(TextureTables {
+        records: table(device, writer, "texture table", bytemuck::cast_slice(&records))?,
+        pages: table(device, writer, "texture pages", bytemuck::cast_slice(&entries.pages))?,
+        _decode: decode,
+    }))
 }
 
 fn write<T: Pod>(commands: &mut Commands, table: &HeapRange, entries: &[T], at: usize) {

@@ -3,9 +3,11 @@
 
 use super::observe::Observation;
 use crate::error::RenderError;
-use crate::wavefront::PathBuffers;
+use crate::wavefront::{CONE_BYTES, PathBuffers};
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
-use oocpt_shader_abi::{Counters, Frame, GpuSurface, Pending, Segment, Streaming, path_bytes, sort_blocks};
+use oocpt_shader_abi::{
+    Counters, Frame, GpuSurface, Pending, Question, Segment, Streaming, TILE_KEYS, path_bytes, sort_blocks,
+};
 use std::sync::Arc;
 
 /// Segments as large as all slots together.
@@ -15,6 +17,33 @@ const SEGMENTS_PER_FILL: u32 = 64;
 const PLACES_PER_SLOT: u32 = 8;
 /// Bytes of a place: the radiance of a path.
 const PLACE_BYTES: u64 = 16;
+/// Bytes of the value of a lookup.
+const LOOKUP_BYTES: usize = 16;
+
+/// What of a scene decides how much memory there has to be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Needs {
+    pub(crate) levels: u32,
+    pub(crate) chunks: u32,
+    /// Chunks, then tiles of textures.
+    pub(crate) units: u32,
+    /// Paths wait for tiles.
+    pub(crate) textures: bool,
+    /// Most lookups of textures that a material makes.
+    pub(crate) lookups: u32,
+    /// Rays do.
+    pub(crate) cutouts: bool,
+}
+
+/// What only textures need.
+#[derive(Debug)]
+struct TextureBuffers {
+    resolve_queue: Buffer,
+    resolved: Buffer,
+    resolve_progress: Buffer,
+    /// With cutouts: of the closest ray and of the shadow ray.
+    questions: Option<[Buffer; 2]>,
+}
 
 /// See the module.
 #[derive(Debug)]
@@ -25,7 +54,8 @@ pub(crate) struct StreamBuffers {
     pub(crate) segment_size: u32,
     /// Paths in flight and in all that were asked for; there may have been no memory for so many.
     asked: (u64, u64),
-    chunk_count: u32,
+    needs: Needs,
+    textures: Option<TextureBuffers>,
     progress: Buffer,
     places: Buffer,
     free_slots: Buffer,
@@ -44,32 +74,27 @@ pub(crate) struct StreamBuffers {
 }
 
 impl StreamBuffers {
-    /// Memory for `capacity` paths in flight (a power of two), where `asked` were wanted in flight and in all, in a scene of
-    /// `levels` instance levels and `chunks` chunks.
-    pub(crate) fn new(
-        gpu: &Arc<Gpu>,
-        capacity: u32,
-        asked: (u64, u64),
-        levels: u32,
-        chunks: u32,
-    ) -> Result<Self, GpuError> {
+    /// Memory for `capacity` paths in flight (a power of two), where `asked` were wanted in flight and in all.
+    pub(crate) fn new(gpu: &Arc<Gpu>, capacity: u32, asked: (u64, u64), needs: Needs) -> Result<Self, GpuError> {
         let array = |name: &str, count: u32, stride: usize| {
             Buffer::new(gpu, name, u64::from(count) * stride as u64, Usage::Device)
         };
         let slots = |name: &str, stride: usize| array(name, capacity, stride);
-        let chunks = chunks.max(1);
+        let needs = Needs { chunks: needs.chunks.max(1), units: needs.units.max(1), ..needs };
+        let Needs { levels, chunks, units, .. } = needs;
         let segment_size = (capacity / SEGMENTS_PER_FILL).max(1);
         let per_slot = places_per_slot(capacity, asked.1, gpu.limits().max_allocation_bytes);
         let segment_count = capacity / segment_size * per_slot;
-        let read = size_of::<Counters>() + segment_count as usize * size_of::<Segment>() + 8 * chunks as usize;
+        let read = size_of::<Counters>() + segment_count as usize * size_of::<Segment>() + 8 * units as usize;
         let readback = |name: &str| Buffer::new(gpu, name, read as u64, Usage::Readback);
         let places = segment_count * segment_size;
         let buffers = Self {
-            paths: PathBuffers::new(gpu, capacity, places, levels)?,
+            paths: PathBuffers::new(gpu, capacity, places, levels, needs.textures)?,
             segment_count,
             segment_size,
             asked,
-            chunk_count: chunks,
+            needs,
+            textures: needs.textures.then(|| TextureBuffers::new(needs, slots)).transpose()?,
             progress: slots("progress", 4)?,
             places: slots("places", 4)?,
             free_slots: slots("free_slots", 4)?,
@@ -78,9 +103,9 @@ impl StreamBuffers {
             surfaces: slots("surfaces", size_of::<GpuSurface>())?,
             deferred: [slots("deferred 0", 8)?, slots("deferred 1", 8)?],
             segments: array("segments", segment_count, size_of::<Segment>())?,
-            demand: array("demand", chunks, 8)?,
-            sort_counts: array("sort_counts", chunks, 8)?,
-            sort_sums: array("sort_sums", sort_blocks(chunks).max(1), 4)?,
+            demand: array("demand", units, 8)?,
+            sort_counts: array("sort_counts", sorted(needs), 8)?,
+            sort_sums: array("sort_sums", sort_blocks(sorted(needs)).max(1), 4)?,
             chunk_rays: array("chunk_rays", chunks, 4)?,
             streaming: Buffer::new(gpu, "streaming", size_of::<Streaming>() as u64, Usage::Upload)?,
             readback: [readback("steps 0")?, readback("steps 1")?],
@@ -90,12 +115,17 @@ impl StreamBuffers {
     }
 
     /// Whether this memory serves such a scene and so many paths, or is as much as there could be for them.
-    pub(crate) fn serves(&self, levels: u32, chunks: u32, asked: (u64, u64)) -> bool {
+    pub(crate) fn serves(&self, needs: Needs, asked: (u64, u64)) -> bool {
         let enough = self.asked.0 >= asked.0 && self.asked.1 >= asked.1;
-        self.paths.max_levels == levels && self.chunk_count == chunks.max(1) && enough
+        let needs = Needs { chunks: needs.chunks.max(1), units: needs.units.max(1), ..needs };
+        self.needs == needs && enough
     }
 
     fn block(&self) -> Streaming {
+        let textures = self.textures.as_ref();
+        let of = |buffer: &dyn Fn(&TextureBuffers) -> &Buffer| textures.map_or(0, |t| buffer(t).address());
+        let questions =
+            |kind: usize| textures.and_then(|t| t.questions.as_ref()).map_or(0, |questions| questions[kind].address());
         Streaming {
             segments: self.segments.address(),
             progress: self.progress.address(),
@@ -109,9 +139,16 @@ impl StreamBuffers {
             chunk_rays: self.chunk_rays.address(),
             places: self.places.address(),
             free_slots: self.free_slots.address(),
+            questions: questions(0),
+            shadow_questions: questions(1),
+            resolve_queue: of(&|textures| &textures.resolve_queue),
+            resolved: of(&|textures| &textures.resolved),
+            resolve_progress: of(&|textures| &textures.resolve_progress),
             segment_size: self.segment_size,
-            chunk_count: self.chunk_count,
+            chunk_count: self.needs.chunks,
             slots: self.paths.capacity,
+            unit_count: self.needs.units,
+            lookups: self.needs.lookups,
             pad: 0,
         }
     }
@@ -141,7 +178,7 @@ impl StreamBuffers {
 
     /// Workgroups of the scan over the chunks.
     pub(crate) fn sort_blocks(&self) -> u32 {
-        sort_blocks(self.chunk_count)
+        sort_blocks(sorted(self.needs))
     }
 
     /// Copies what the host reads of step `number`.
@@ -186,9 +223,29 @@ fn places_per_slot(capacity: u32, total: u64, max_allocation_bytes: u64) -> u32 
     per_slot
 }
 
+impl TextureBuffers {
+    fn new(needs: Needs, slots: impl Fn(&str, usize) -> Result<Buffer, GpuError>) -> Result<Self, GpuError> {
+        let questions =
+            || Ok([slots("questions", size_of::<Question>())?, slots("shadow_questions", size_of::<Question>())?]);
+        Ok(Self {
+            resolve_queue: slots("resolve_queue", 4)?,
+            resolved: slots("resolved", LOOKUP_BYTES * needs.lookups as usize)?,
+            resolve_progress: slots("resolve_progress", 4)?,
+            questions: needs.cutouts.then(questions).transpose()?,
+        })
+    }
+}
+
+/// As many chunks as have the keys that deferred rays, and with textures materials, are sorted by.
+fn sorted(needs: Needs) -> u32 {
+    if needs.textures { needs.chunks + TILE_KEYS / 2 } else { needs.chunks }
+}
+
 /// Bytes of device memory that a slot takes, at most.
-pub(super) fn slot_bytes(max_levels: u32) -> u64 {
-    path_bytes(max_levels, true) + PLACE_BYTES * u64::from(PLACES_PER_SLOT - 1)
+pub(super) fn slot_bytes(needs: Needs) -> u64 {
+    let textures = if needs.textures { CONE_BYTES + 8 + u64::from(needs.lookups) * LOOKUP_BYTES as u64 } else { 0 };
+    let cutouts = if needs.cutouts { 2 * size_of::<Question>() as u64 } else { 0 };
+    path_bytes(needs.levels, true) + PLACE_BYTES * u64::from(PLACES_PER_SLOT - 1) + textures + cutouts
 }
 
 #[cfg(test)]

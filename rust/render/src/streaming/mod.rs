@@ -17,6 +17,7 @@ mod residency;
 mod segments;
 mod stage;
 
+use buffers::Needs;
 pub(crate) use buffers::StreamBuffers;
 
 use crate::assets::{Scene, SceneView};
@@ -29,6 +30,8 @@ use crate::wavefront::Passes;
 use crate::waves::WAVE_TIMEOUT;
 use clock::Clock;
 use observe::Observation;
+use oocpt_core::material::{Input, Material};
+use oocpt_core::scene::Snapshot;
 use oocpt_gpu::{Buffer, Usage};
 use oocpt_shader_abi::{Features, Frame, MAX_PENDING};
 use record::Kind;
@@ -97,7 +100,8 @@ pub(crate) fn render(
     tracing::info!(
         mib = budget >> 20,
         of_mib = assets.bytes >> 20,
-        chunks = assets.catalog.chunk_count(),
+        chunks = assets.chunk_count(),
+        tiles = assets.textures.tile_count(),
         paths = buffers.paths.capacity,
         %policy,
         "streaming"
@@ -123,17 +127,32 @@ pub(crate) fn render(
 
 fn features(setting: &Setting<'_>, view: &SceneView) -> Features {
     let Setting { job, lights, rays, .. } = *setting;
-    let mut features = specialise::features(&job.snapshot, lights, rays, view.max_levels) | Features::STREAMING;
+    let mut features = specialise::features(&job.snapshot, lights, rays, view) | Features::STREAMING;
     features.set(Features::CHUNK_COUNTS, !job.settings.chunk_report.is_empty());
     features.set(Features::PLANT_SKIP_DEFERRED, job.options.plant_lost_chunks);
     features
 }
 
+/// Most lookups of textures that a material of the scene makes.
+fn lookups(snapshot: &Snapshot) -> u32 {
+    let textured = |material: &Material| material.inputs.iter().filter(|i| matches!(i, Input::Texture { .. })).count();
+    let most = snapshot.surfaces.materials.iter().map(|material| textured(material)).max();
+    u32::try_from(most.unwrap_or(0)).unwrap_or(0)
+}
+
 /// Path memory: at most a quarter of what the budget leaves, and no more than the render has paths; less when there is no
 /// memory.
 fn make_buffers(setting: &Setting<'_>, scene: &Scene, kept: &mut Option<StreamBuffers>) -> Result<(), RenderError> {
-    let (levels, chunks) = (scene.levels(), scene.chunk_count());
     let Setting { device, job, .. } = *setting;
+    let textures = !scene.assets.textures.is_empty();
+    let needs = Needs {
+        levels: scene.levels(),
+        chunks: scene.chunk_count(),
+        units: scene.unit_count(),
+        textures,
+        lookups: lookups(&job.snapshot),
+        cutouts: textures && specialise::has_cutouts(&job.snapshot),
+    };
     let most = match (setting.is_frugal, is_cpu(device), job.settings.interactive) {
         (true, ..) => FEWEST_PATHS,
         (false, true, _) => MOST_PATHS_CPU,
@@ -142,16 +161,16 @@ fn make_buffers(setting: &Setting<'_>, scene: &Scene, kept: &mut Option<StreamBu
     };
     let paths = job.request.pixels() * u64::from(job.settings.samples_per_pixel);
     let wanted = paths.clamp(FEWEST_PATHS, most).next_power_of_two();
-    if kept.as_ref().is_some_and(|buffers| buffers.serves(levels, chunks, (wanted, paths))) {
+    if kept.as_ref().is_some_and(|buffers| buffers.serves(needs, (wanted, paths))) {
         return Ok(());
     }
     *kept = None;
     let memory = device.gpu.memory();
-    let room = memory.budget.saturating_sub(memory.used) / 4 / buffers::slot_bytes(levels);
+    let room = memory.budget.saturating_sub(memory.used) / 4 / buffers::slot_bytes(needs);
     let room = if room.is_power_of_two() { room } else { room.next_power_of_two() / 2 };
     let capacity = wanted.min(room).max(FEWEST_PATHS);
     *kept = Some(shrinking(capacity, FEWEST_PATHS, |capacity| {
-        StreamBuffers::new(&device.gpu, capacity, (wanted, paths), levels, chunks)
+        StreamBuffers::new(&device.gpu, capacity, (wanted, paths), needs)
     })?);
     Ok(())
 }
@@ -258,6 +277,10 @@ impl<'a, 'r> Engine<'a, 'r> {
             stats.evictions = planner.evictions;
             stats.failed_loads = planner.failed_loads;
             stats.bytes_paged = planner.bytes_loaded;
+            stats.texture_bytes = self.residency.textures.bytes_held;
+            stats.texture_loads = self.residency.textures.loads;
+            stats.texture_reloads = self.residency.textures.reloads;
+            stats.texture_bytes_paged = self.residency.textures.bytes_loaded;
             stats.reloaded_bytes = planner.bytes_reloaded;
             stats.hit_rate = if visits + misses > 0.0 { visits / (visits + misses) } else { 1.0 };
             stats.waiting_rays = seen.waiting();

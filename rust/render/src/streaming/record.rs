@@ -7,8 +7,8 @@ use crate::error::RenderError;
 use crate::wavefront::StreamPasses;
 use oocpt_gpu::{Commands, Pipeline, Submission};
 use oocpt_shader_abi::{
-    AOV_ESCAPED, AOV_SURFACES, Counters, PREPARE_DEMAND, PREPARE_SHADE, PREPARE_TRACE, Push, PushFlags, SCAN_BLOCKS,
-    SCAN_SUMS, groups,
+    AOV_ESCAPED, AOV_SURFACES, Counters, PREPARE_DEMAND, PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, Push,
+    PushFlags, SCAN_BLOCKS, SCAN_SUMS, groups,
 };
 
 /// What the paths are for.
@@ -122,6 +122,9 @@ impl Engine<'_, '_> {
         };
         let q = self.push(kind);
         if plan.wakes {
+            if let Some(resolve_cutouts) = &stream.resolve_cutouts {
+                self.indirect(commands, resolve_cutouts, q.with(plan.round, 0), Counters::DEFERRED_ARGS);
+            }
             self.buffers.clear_sort(commands);
         }
         commands.concurrent(|c| {
@@ -154,10 +157,15 @@ impl Engine<'_, '_> {
                 self.indirect(c, &passes.intersect_shadow, q.with(round, 0), Counters::SHADOW_ARGS);
             }
         });
+        let prepare = if stream.resolve_materials.is_some() { PREPARE_RESOLVE } else { PREPARE_SHADE };
         commands.concurrent(|c| {
-            direct(c, &passes.prepare_dispatch, q.with(round, PREPARE_SHADE), 1);
+            direct(c, &passes.prepare_dispatch, q.with(round, prepare), 1);
             self.indirect(c, &stream.record_surfaces, q.with(round, 0), Counters::RAY_ARGS);
         });
+        if let Some(resolve_materials) = &stream.resolve_materials {
+            self.indirect(commands, resolve_materials, q.with(round, 0), Counters::RESOLVE_ARGS);
+            direct(commands, &passes.prepare_dispatch, q.with(round, PREPARE_SHADE), 1);
+        }
         commands.concurrent(|c| match (kind, &passes.aovs) {
             (Kind::Aovs, Some(aovs)) => {
                 self.indirect(c, &aovs.shade_aovs, q.with(round, AOV_SURFACES), Counters::SURFACE_ARGS);

@@ -53,6 +53,17 @@ pub(crate) struct Residency<'a> {
     /// Traversal stack entries that the resident chunks need below the top level.
     pub(crate) stack_entries: u32,
     pub(crate) bytes_copied: u64,
+    pub(crate) textures: TileStats,
+}
+
+/// What the planner's counters say of tiles of textures alone.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct TileStats {
+    pub(crate) loads: u64,
+    pub(crate) reloads: u64,
+    pub(crate) bytes_loaded: u64,
+    /// On the device now.
+    pub(crate) bytes_held: u64,
 }
 
 /// What a residency starts from.
@@ -87,6 +98,7 @@ impl<'a> Residency<'a> {
             copies: Vec::new(),
             stack_entries: 0,
             bytes_copied: 0,
+            textures: TileStats::default(),
         };
         residency.take_over();
         Ok(residency)
@@ -103,6 +115,7 @@ impl<'a> Residency<'a> {
                 }
                 kept.extend(closure);
                 self.grow_stack(chunk);
+                self.textures.bytes_held += self.bytes_of_tile(chunk);
             }
         }
         for &asset in &self.assets.needed {
@@ -146,8 +159,18 @@ impl<'a> Residency<'a> {
         self.place_waiting()
     }
 
+    /// Bytes of a unit that is a tile, 0 of a chunk.
+    fn bytes_of_tile(&self, unit: ChunkId) -> u64 {
+        let is_tile = unit as usize >= self.assets.chunk_count();
+        if is_tile { self.assets.catalog.closure_bytes(unit) } else { 0 }
+    }
+
     fn evict(&mut self, chunk: ChunkId, assets: &[AssetId]) {
-        let own = self.assets.chunk_asset(chunk);
+        // Of a load that failed nothing was there.
+        if assets.iter().any(|&asset| self.is_ready(asset)) {
+            self.textures.bytes_held = self.textures.bytes_held.saturating_sub(self.bytes_of_tile(chunk));
+        }
+        let own = self.assets.own_asset(chunk);
         for &asset in assets.iter().chain((!assets.contains(&own)).then_some(&own)) {
             self.entries.clear(&self.assets, asset);
             self.changed.push(asset);
@@ -260,6 +283,13 @@ impl<'a> Residency<'a> {
             self.show(asset);
         }
         self.grow_stack(chunk);
+        let tile_bytes = self.bytes_of_tile(chunk);
+        if tile_bytes > 0 {
+            self.textures.loads += 1;
+            self.textures.reloads += u64::from(self.planner.load_count(chunk) > 0);
+            self.textures.bytes_loaded += tile_bytes;
+            self.textures.bytes_held += tile_bytes;
+        }
         self.planner.loaded(chunk);
     }
 

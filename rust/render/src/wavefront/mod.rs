@@ -7,7 +7,7 @@
 mod paths;
 mod record;
 
-pub(crate) use paths::PathBuffers;
+pub(crate) use paths::{CONE_BYTES, PathBuffers};
 pub(crate) use record::Recorder;
 
 use crate::device::{Device, Specialisation};
@@ -37,6 +37,10 @@ pub(crate) struct Passes {
 #[derive(Debug)]
 pub(crate) struct StreamPasses {
     pub(crate) record_surfaces: Arc<Pipeline>,
+    /// Only when something reads a texture.
+    pub(crate) resolve_materials: Option<Arc<Pipeline>>,
+    /// Only with cutouts that read a texture.
+    pub(crate) resolve_cutouts: Option<Arc<Pipeline>>,
     pub(crate) sort_deferred_count: Arc<Pipeline>,
     pub(crate) sort_deferred_scan: Arc<Pipeline>,
     pub(crate) sort_deferred_scatter: Arc<Pipeline>,
@@ -59,8 +63,14 @@ impl Passes {
                 shade_aovs: device.pipeline(&passes::SHADE_AOVS, special)?,
             })
         };
+        let textures = special.features & Features::TEXTURES.bits() != 0;
+        let cutouts = textures && special.features & Features::CUTOUTS.bits() != 0;
         let stream = || -> Result<_, RenderError> {
+            let resolve = || device.pipeline(&passes::RESOLVE_MATERIALS, special);
+            let answer = || device.pipeline(&passes::RESOLVE_CUTOUTS, special);
             Ok(StreamPasses {
+                resolve_materials: textures.then(resolve).transpose()?,
+                resolve_cutouts: cutouts.then(answer).transpose()?,
                 record_surfaces: device.pipeline(&passes::RECORD_SURFACES, special)?,
                 sort_deferred_count: device.pipeline(&passes::SORT_DEFERRED_COUNT, special)?,
                 sort_deferred_scan: device.pipeline(&passes::SORT_DEFERRED_SCAN, special)?,

@@ -5,6 +5,9 @@ use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{Counters, Frame, PathState, Ray, ShadowRay, hit_stride};
 use std::sync::Arc;
 
+/// Bytes of a ray's cone.
+pub(crate) const CONE_BYTES: u64 = 8;
+
 /// See the module.
 #[derive(Debug)]
 pub(crate) struct PathBuffers {
@@ -21,13 +24,21 @@ pub(crate) struct PathBuffers {
     shadow_queue: Buffer,
     surface_queue: Buffer,
     escaped_queue: Buffer,
+    /// Only when something reads a texture.
+    cones: Option<Buffer>,
     /// One `Counters`; also the arguments of the indirect dispatches.
     pub(crate) counters: Buffer,
 }
 
 impl PathBuffers {
-    /// Memory for `capacity` paths, and for the radiance of `places`.
-    pub(crate) fn new(gpu: &Arc<Gpu>, capacity: u32, places: u32, max_levels: u32) -> Result<Self, GpuError> {
+    /// Memory for `capacity` paths, and for the radiance of `places`; with textures for ray cones too.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        capacity: u32,
+        places: u32,
+        max_levels: u32,
+        textures: bool,
+    ) -> Result<Self, GpuError> {
         let array =
             |name: &str, count: u32, stride: u64| Buffer::new(gpu, name, u64::from(count) * stride, Usage::Device);
         let per_path = |name: &str, stride: u64| array(name, capacity, stride);
@@ -44,8 +55,14 @@ impl PathBuffers {
             shadow_queue: per_path("shadow_queue", 4)?,
             surface_queue: per_path("surface_queue", 4)?,
             escaped_queue: per_path("escaped_queue", 4)?,
+            cones: textures.then(|| per_path("cones", CONE_BYTES)).transpose()?,
             counters: Buffer::new(gpu, "counters", size_of::<Counters>() as u64, Usage::Device)?,
         })
+    }
+
+    /// Whether there is memory for what textures need.
+    pub(crate) fn has_cones(&self) -> bool {
+        self.cones.is_some()
     }
 
     /// Writes the addresses into a frame block.
@@ -59,6 +76,7 @@ impl PathBuffers {
         frame.shadow_queue = self.shadow_queue.address();
         frame.surface_queue = self.surface_queue.address();
         frame.escaped_queue = self.escaped_queue.address();
+        frame.cones = self.cones.as_ref().map_or(0, Buffer::address);
         frame.counters = self.counters.address();
     }
 }

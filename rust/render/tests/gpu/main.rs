@@ -4,7 +4,6 @@
 #![forbid(unsafe_code)]
 
 mod agreement;
-mod bsdf;
 mod control;
 mod determinism;
 mod edits;

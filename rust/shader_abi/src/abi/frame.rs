@@ -29,6 +29,8 @@ pub const PREPARE_TRACE: u32 = 0;
 pub const PREPARE_SHADE: u32 = 1;
 /// `arg0` of `prepare_dispatch`, streaming: arguments for what reads the deferred rays.
 pub const PREPARE_DEMAND: u32 = 2;
+/// `arg0` of `prepare_dispatch`, streaming with textures: arguments for `resolve_materials`.
+pub const PREPARE_RESOLVE: u32 = 3;
 /// `arg0` of `sort_deferred_scan`: blocks of [`SCAN_BLOCK`] counts, each for itself.
 pub const SCAN_BLOCKS: u32 = 0;
 /// `arg0` of `sort_deferred_scan`: the sums of the blocks.
@@ -341,8 +343,9 @@ pub struct Frame {
     pub textures: u64,
     /// Page tables of the textures.
     pub texture_pages: u64,
-    /// Albedo tables of the BSDF; 0 without `Features::MATERIALS`.
-    pub bsdf_tables: u64,
+    /// f32x2 per path: width of the ray's cone at its origin, and how much it grows per unit of length; 0 without
+    /// `Features::TEXTURES`. 8-byte aligned.
+    pub cones: u64,
 }
 
 /// Workgroup counts that give at least `threads` threads; the passes find their thread as

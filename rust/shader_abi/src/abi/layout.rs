@@ -5,8 +5,8 @@
 
 use super::{
     AovClear, AovTargets, Counters, FilmPixel, Frame, GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuLight,
-    GpuMesh, GpuNode, GpuSurface, GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush, PathState, Pending, Push, Ray,
-    Segment, ShadowRay, Streaming,
+    GpuMesh, GpuNode, GpuSurface, GpuTexture, GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush, PathState, Pending,
+    Push, Question, Ray, Segment, ShadowRay, Streaming,
 };
 use core::mem::{offset_of, size_of};
 
@@ -114,7 +114,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         material_slots,
         textures,
         texture_pages,
-        bsdf_tables
+        cones
     }),
     layout!(Streaming {
         segments,
@@ -129,13 +129,21 @@ pub const LAYOUTS: &[StructLayout] = &[
         chunk_rays,
         places,
         free_slots,
+        questions,
+        shadow_questions,
+        resolve_queue,
+        resolved,
+        resolve_progress,
         segment_size,
         chunk_count,
         slots,
+        unit_count,
+        lookups,
         pad
     }),
     layout!(Segment { first_pixel, first_sample, count, alive }),
     layout!(Pending { entry, chunk_instance }),
+    layout!(Question { t, id, chunk_instance, flags, mean, texture, st, footprint, scale, bias, limit, unit }),
     layout!(GpuSurface {
         position,
         offset,
@@ -146,7 +154,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         shading_normal,
         face,
         albedo,
-        pad
+        cone
     }),
     layout!(GpuNode { min, max, child, count }),
     layout!(GpuTriangle { v0, face, v1, pad1, v2, pad2 }),
@@ -155,6 +163,7 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(GpuAssembly { nodes, instances }),
     layout!(GpuLight { direction, one_minus_cos, radiance, probability, cumulative }),
     layout!(GpuChunk { nodes, instances }),
+    layout!(GpuTexture { decode, first_page, flags, width, height, levels, texels, fallback }),
     layout!(GpuChunkInstance { chunk_from_world, origin_lo, chunk, instance_id, pad }),
     layout!(Ray { o, bounce, d, t_max, o_lo, flags }),
     layout!(PathState { throughput, pdf }),
@@ -184,7 +193,11 @@ pub const LAYOUTS: &[StructLayout] = &[
         escaped_args,
         shadow_args,
         deferred_args,
-        freed
+        freed,
+        tile_misses,
+        resolve_count,
+        resolve_base,
+        resolve_args
     }),
     layout!(FilmPixel { sum, compensation, m2, samples }),
     layout!(LbvhBounds { min, max }),

@@ -10,12 +10,13 @@ mod lbvh;
 mod path;
 mod scene;
 mod stream;
+mod texture;
 
 pub use film::{FilmPixel, aov_bytes};
 pub use frame::{
     AOV_ESCAPED, AOV_SURFACES, AovClear, AovTargets, Features, Frame, FrameFlags, MAX_DIRECT_GROUPS, PREPARE_DEMAND,
-    PREPARE_SHADE, PREPARE_TRACE, Push, PushFlags, SCAN_BLOCK, SCAN_BLOCKS, SCAN_SUMS, SPEC_FEATURES, SPEC_MAX_LEVELS,
-    SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
+    PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, Push, PushFlags, SCAN_BLOCK, SCAN_BLOCKS, SCAN_SUMS, SPEC_FEATURES,
+    SPEC_MAX_LEVELS, SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
 };
 pub use layout::{LAYOUTS, MemberLayout, StructLayout};
 pub use lbvh::{LbvhBounds, LbvhPush};
@@ -24,4 +25,12 @@ pub use scene::{
     AttributeRate, GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuLight, GpuMesh, GpuNode, GpuTriangle,
     MAX_LEAF_ITEMS, MeshFlags, TARGET_ASSEMBLY,
 };
-pub use stream::{GpuSurface, MAX_PENDING, Pending, SHADOW_BIT, Segment, Streaming, path_bytes, sort_blocks};
+pub use stream::{
+    GpuSurface, MATERIAL_BIT, MAX_PENDING, Pending, Question, SHADOW_BIT, Segment, Streaming, TILE_KEYS, path_bytes,
+    sort_blocks,
+};
+pub use texture::{
+    GpuTexture, TEXTURE_CHANNELS, TEXTURE_F16, TEXTURE_F32, TEXTURE_FORMAT_SHIFT, TEXTURE_SRGB, TEXTURE_U8,
+    TEXTURE_UDIM, TEXTURE_WRAP_S_SHIFT, TEXTURE_WRAP_T_SHIFT, UDIM_PARTS, WRAP_BLACK, WRAP_CLAMP, WRAP_MIRROR,
+    WRAP_REPEAT,
+};

@@ -132,6 +132,14 @@ pub struct Counters {
     pub deferred_args: IndirectArgs,
     /// Slots that ended paths gave back, all together; wraps.
     pub freed: u32,
+    /// Total, streaming with textures: times that a material was deferred; wraps.
+    pub tile_misses: u32,
+    /// Paths in `Streaming::resolve_queue`; 0 between submissions.
+    pub resolve_count: u32,
+    /// Where in that queue sorted paths begin.
+    pub resolve_base: u32,
+    /// For `resolve_materials`.
+    pub resolve_args: IndirectArgs,
 }
 
 impl Counters {
@@ -145,6 +153,8 @@ impl Counters {
     pub const SURFACE_ARGS: u64 = offset_of!(Self, surface_args) as u64;
     /// Byte offset of the indirect arguments of `shade_background`.
     pub const ESCAPED_ARGS: u64 = offset_of!(Self, escaped_args) as u64;
+    /// Byte offset of the indirect arguments of `resolve_materials`.
+    pub const RESOLVE_ARGS: u64 = offset_of!(Self, resolve_args) as u64;
     /// Byte offset of the indirect arguments of `intersect_shadow`.
     pub const SHADOW_ARGS: u64 = offset_of!(Self, shadow_args) as u64;
 }

@@ -13,6 +13,12 @@ pub const MAX_PENDING: u32 = 4;
 /// Set in an entry of `Streaming::deferred` when the path's shadow ray waits, else its closest ray does.
 pub const SHADOW_BIT: u32 = 1 << 31;
 
+/// Set in an entry of `Streaming::deferred` when neither waits but the path's material, for a tile of a texture.
+pub const MATERIAL_BIT: u32 = 1 << 30;
+
+/// With textures, `Streaming::sort_counts` has so many more elements: paths whose materials wait are sorted by tile modulo this.
+pub const TILE_KEYS: u32 = 256;
+
 /// Addresses of what streaming adds to a frame. `slots` paths are in flight; the segments have `segments * segment_size` *places*, at
 /// least as many, one radiance each. Both below 2^31.
 #[repr(C)]
@@ -30,9 +36,9 @@ pub struct Streaming {
     pub surfaces: u64,
     /// Two lists of rays that wait, u32 each (slot, [`SHADOW_BIT`]), `2 * slots` entries each.
     pub deferred: [u64; 2],
-    /// u32 `waiting[chunk_count]`, then u32 `next[chunk_count]`: what `count_demand` adds to. The host zeroes it before.
+    /// u32 `waiting[unit_count]`, then u32 `next[unit_count]`: what `count_demand` adds to. The host zeroes it before.
     pub demand: u64,
-    /// u32 `[2 * chunk_count]`. The host zeroes it before `sort_deferred_count`.
+    /// u32 `[2 * chunk_count]`, with textures [`TILE_KEYS`] more. The host zeroes it before `sort_deferred_count`.
     pub sort_counts: u64,
     /// u32 per block, see [`sort_blocks`]. Any contents.
     pub sort_sums: u64,
@@ -42,12 +48,26 @@ pub struct Streaming {
     pub places: u64,
     /// u32 per slot, a ring: slots that ended paths gave back, `Counters::freed` of them since the host zeroed it.
     pub free_slots: u64,
+    /// [`Question`] per slot, of the closest ray. 16-byte aligned; 0 without `Features::CUTOUTS`, as the next.
+    pub questions: u64,
+    /// The same of the shadow ray.
+    pub shadow_questions: u64,
+    /// u32 per slot: paths whose material is to be resolved; this and the next two are 0 without `Features::TEXTURES`.
+    pub resolve_queue: u64,
+    /// f32x4 `[lookups]` per slot: what lookups of textures gave. 16-byte aligned.
+    pub resolved: u64,
+    /// u32 per slot: how far the material is, 0 = not begun.
+    pub resolve_progress: u64,
     /// Places of a segment; the last one may be used in part.
     pub segment_size: u32,
     /// Elements of `Frame::chunks`, at most 2^30.
     pub chunk_count: u32,
     /// Paths in flight at most; a power of two.
     pub slots: u32,
+    /// Units of the planner: chunks, then tiles of textures.
+    pub unit_count: u32,
+    /// Most lookups of textures that a material makes, at most 16.
+    pub lookups: u32,
     /// 0.
     pub pad: u32,
 }
@@ -76,6 +96,37 @@ pub struct Pending {
     pub chunk_instance: [u32; 4],
 }
 
+/// Whether a cutout is there, which a ray could not tell because a tile of its texture is absent, 64 B. It is about the first chunk
+/// instance of the ray's list: all its cutouts nearer than this one are known not to be there.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct Question {
+    /// Where the ray meets it.
+    pub t: f32,
+    /// Which it is, among those at equal distance.
+    pub id: u32,
+    /// The chunk instance it is in.
+    pub chunk_instance: u32,
+    /// Of the shaders' own: how far the lookup is, and its answer.
+    pub flags: u32,
+    /// Of the lookup.
+    pub mean: [f32; 4],
+    /// What to look up.
+    pub texture: u32,
+    /// Where.
+    pub st: [f32; 2],
+    /// How wide.
+    pub footprint: f32,
+    /// What the opacity is from the texel.
+    pub scale: f32,
+    /// See `scale`.
+    pub bias: f32,
+    /// The opacity from which on it is there.
+    pub limit: f32,
+    /// The unit of the planner that it waits for; `u32::MAX`: it is answered, and the ray waits for the chunk.
+    pub unit: u32,
+}
+
 /// All that shading needs of a hit, 80 B; the same members as the shaders' `Surface`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -98,8 +149,8 @@ pub struct GpuSurface {
     pub face: u32,
     /// Linear.
     pub albedo: [f32; 3],
-    /// 0.
-    pub pad: u32,
+    /// Width of the ray's cone there; 0 without textures.
+    pub cone: f32,
 }
 
 /// Workgroups of `sort_deferred_scan` with `SCAN_BLOCKS`, and elements of `Streaming::sort_sums`.

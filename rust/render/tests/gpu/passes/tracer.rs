@@ -121,7 +121,8 @@ impl<'a> Tracer<'a> {
             segment_size: SEGMENT_SIZE,
             chunk_count: CHUNKS,
             slots: SEGMENTS * SEGMENT_SIZE,
-            pad: 0,
+            unit_count: CHUNKS,
+            ..Streaming::zeroed()
         };
         let light = GpuLight {
             direction: [0.6, 0.8, 0.0],

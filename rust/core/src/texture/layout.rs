@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Levels and tiles of an image. The shaders' twin is `include/texture.glsl`.
+//!
+//! Level `l` has `max(1, size >> l)` texels a side, down to 1 x 1. A tile is up to 128 x 128 texels of one level, numbered row by
+//! row, level by level, the finest first; at the right and upper border it is cut to what there is. All levels of at most 64 x 64
+//! share the last tile, one after the other, each at a multiple of 4 bytes.
+
+/// Side of a tile, texels.
+pub const TILE_SIDE: u32 = 128;
+/// Levels up to this many texels a side share a tile.
+pub const TAIL_SIDE: u32 = 64;
+/// Longest side of an image, texels.
+pub const MAX_SIDE: u32 = 1 << 16;
+
+/// How an image is cut.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Layout {
+    size: [u32; 2],
+    texel_bytes: u32,
+}
+
+/// Why an image cannot be a texture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LayoutError {
+    /// No texel, or too many.
+    #[error("an image of {width} x {height} texels is not supported (1 to {MAX_SIDE} a side)")]
+    Size {
+        /// Texels along s.
+        width: u32,
+        /// Texels along t.
+        height: u32,
+    },
+    /// Not 1 to 16 bytes.
+    #[error("texels of {0} bytes are not supported")]
+    Texel(u32),
+}
+
+/// Texels of one level: all of a tile, or a level of the tail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Piece {
+    /// Level.
+    pub level: u32,
+    /// The lowest left texel.
+    pub at: [u32; 2],
+    /// Texels along s and t.
+    pub size: [u32; 2],
+    /// Where it begins in the tile, bytes.
+    pub offset: u64,
+}
+
+impl Layout {
+    /// The layout of an image of `size` texels of `texel_bytes` each.
+    pub fn new(size: [u32; 2], texel_bytes: u32) -> Result<Self, LayoutError> {
+        let [width, height] = size;
+        if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
+            return Err(LayoutError::Size { width, height });
+        }
+        if !matches!(texel_bytes, 1 | 2 | 4 | 8 | 16) {
+            return Err(LayoutError::Texel(texel_bytes));
+        }
+        Ok(Self { size, texel_bytes })
+    }
+
+    /// Texels of level 0.
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    /// Bytes of a texel.
+    pub fn texel_bytes(&self) -> u32 {
+        self.texel_bytes
+    }
+
+    /// Number of levels.
+    pub fn levels(&self) -> u32 {
+        32 - self.size[0].max(self.size[1]).leading_zeros()
+    }
+
+    /// Texels of a level.
+    pub fn level_size(&self, level: u32) -> [u32; 2] {
+        self.size.map(|side| side.checked_shr(level).unwrap_or(0).max(1))
+    }
+
+    /// The first level of the last tile.
+    pub fn tail(&self) -> u32 {
+        (0..self.levels()).find(|&level| self.level_size(level).iter().all(|&side| side <= TAIL_SIDE)).unwrap_or(0)
+    }
+
+    /// Tiles of a level before the tail, along s and t.
+    pub fn tiles_of(&self, level: u32) -> [u32; 2] {
+        self.level_size(level).map(|side| side.div_ceil(TILE_SIDE))
+    }
+
+    /// Number of the first tile of a level.
+    pub fn first_tile(&self, level: u32) -> u32 {
+        (0..level.min(self.tail())).map(|level| self.tiles_of(level).iter().product::<u32>()).sum()
+    }
+
+    /// Number of the tile of texel `at` of `level`.
+    pub fn tile(&self, level: u32, at: [u32; 2]) -> u32 {
+        let first = self.first_tile(level);
+        if level >= self.tail() {
+            return first;
+        }
+        first + at[1] / TILE_SIDE * self.tiles_of(level)[0] + at[0] / TILE_SIDE
+    }
+
+    /// Number of tiles.
+    pub fn tile_count(&self) -> u32 {
+        self.first_tile(self.tail()) + 1
+    }
+
+    /// What a tile consists of.
+    pub fn pieces(&self, tile: u32) -> Vec<Piece> {
+        let mut first = 0;
+        for level in 0..self.tail() {
+            let [columns, rows] = self.tiles_of(level);
+            if tile < first + columns * rows {
+                let at = [(tile - first) % columns * TILE_SIDE, (tile - first) / columns * TILE_SIDE];
+                let whole = self.level_size(level);
+                let size = [0, 1].map(|axis: usize| TILE_SIDE.min(whole[axis].saturating_sub(at[axis])));
+                return vec![Piece { level, at, size, offset: 0 }];
+            }
+            first += columns * rows;
+        }
+        let mut offset = 0;
+        let mut pieces = Vec::new();
+        for level in self.tail()..self.levels() {
+            let size = self.level_size(level);
+            pieces.push(Piece { level, at: [0, 0], size, offset });
+            offset += self.bytes_of(size);
+        }
+        pieces
+    }
+
+    /// Bytes of a tile, a multiple of 4.
+    pub fn tile_bytes(&self, tile: u32) -> u64 {
+        self.pieces(tile).last().map_or(0, |piece| piece.offset + self.bytes_of(piece.size))
+    }
+
+    /// Bytes of so many texels, rounded up to 4.
+    fn bytes_of(&self, size: [u32; 2]) -> u64 {
+        let texels = u64::from(size[0]) * u64::from(size[1]);
+        (texels * u64::from(self.texel_bytes)).next_multiple_of(4)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn layout(width: u32, height: u32) -> Layout {
+        Layout::new([width, height], 4).expect("supported")
+    }
+
+    #[test]
+    fn every_texel_of_every_level_is_in_one_tile() {
+        for (width, height) in [(1, 1), (1, 300), (64, 64), (65, 3), (128, 128), (129, 257), (500, 1000)] {
+            let layout = layout(width, height);
+            let mut seen: Vec<Vec<u32>> = (0..layout.levels())
+                .map(|level| vec![0; layout.level_size(level).iter().product::<u32>() as usize])
+                .collect();
+            for tile in 0..layout.tile_count() {
+                for piece in layout.pieces(tile) {
+                    for y in piece.at[1]..piece.at[1] + piece.size[1] {
+                        for x in piece.at[0]..piece.at[0] + piece.size[0] {
+                            assert_eq!(layout.tile(piece.level, [x, y]), tile, "{width} x {height}: {piece:?}");
+                            seen[piece.level as usize][(y * layout.level_size(piece.level)[0] + x) as usize] += 1;
+                        }
+                    }
+                }
+            }
+            assert!(seen.iter().flatten().all(|&count| count == 1), "{width} x {height}: each texel once");
+        }
+    }
+
+    #[test]
+    fn numbers_of_a_large_image() {
+        let layout = layout(16384, 16384);
+        assert_eq!((layout.levels(), layout.tail()), (15, 8), "levels of 16384 down to 1, of 64 and less together");
+        let tiles: u32 = (0..8).map(|level| (128_u32 >> level).pow(2)).sum();
+        assert_eq!(layout.tile_count(), tiles + 1, "tiles of eight levels and the tail");
+        assert_eq!(layout.tile_bytes(0), 64 << 10, "a whole tile");
+        assert_eq!(layout.tile_bytes(tiles), 4 * (0..7).map(|level| (64_u64 >> level).pow(2)).sum::<u64>(), "the tail");
+    }
+
+    #[test]
+    fn bad_sizes_are_refused() {
+        assert!(Layout::new([0, 5], 4).is_err() && Layout::new([5, MAX_SIDE + 1], 4).is_err(), "sides");
+        assert_eq!(Layout::new([5, 5], 3), Err(LayoutError::Texel(3)), "three channels become four before");
+    }
+}

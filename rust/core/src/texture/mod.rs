@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Textures without a device: how an image is cut into tiles, how coarser levels are made, which images are sRGB, and a
+//! reference of the shaders' filter in f64.
+//!
+//! Guarantees: pure functions, any thread, no panic on any input. Rows are counted from the bottom: texel (0, 0) is at the
+//! origin of st. Sources: `UsdUVTexture` of the `UsdPreviewSurface` specification 2.6 (wrap modes, colour spaces, channels);
+//! IEC 61966-2-1 (sRGB).
+
+mod color;
+mod layout;
+mod pyramid;
+mod twin;
+
+pub use color::{expand, is_srgb, linear_from_srgb, srgb_from_linear};
+pub use layout::{Layout, LayoutError, MAX_SIDE, Piece, TAIL_SIDE, TILE_SIDE};
+pub use pyramid::{Pyramid, weights};
+pub use twin::{Sampler, select_level};
+
+pub use crate::material::{ColorSpace, TextureRef, Wrap};
+
+/// What a channel of a texel is stored as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum TexelFormat {
+    /// 0 to 255 for 0 to 1.
+    U8,
+    /// Half precision.
+    F16,
+    /// Single precision.
+    F32,
+}
+
+impl TexelFormat {
+    /// Bytes of a channel.
+    pub const fn bytes(self) -> u32 {
+        match self {
+            Self::U8 => 1,
+            Self::F16 => 2,
+            Self::F32 => 4,
+        }
+    }
+}

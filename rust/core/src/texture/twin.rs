@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The filter of `shaders/include/texture.glsl` in f64, for tests.
+//!
+//! The footprint is the width of a square of st; in texels of level 0 it is `footprint * sqrt(width * height)`. Between widths of
+//! 2^l and 2^(l+1) texels the levels l and l + 1 are mixed linearly in the width (the usual choice is linear in its logarithm;
+//! the two agree at powers of two and differ by at most 0.086 of a level; this one needs no transcendental function).
+
+use super::{Layout, Wrap};
+
+/// The finer level and the share of the next coarser one, for a footprint that is `width` texels of level 0 wide.
+pub fn select_level(width: f64, levels: u32) -> (u32, f64) {
+    let coarsest = levels.max(1) - 1;
+    let (mut level, mut scale) = (0, 1.0);
+    if width.is_nan() || width <= 1.0 {
+        return (0, 0.0);
+    }
+    while level < coarsest && width >= 2.0 * scale {
+        level += 1;
+        scale *= 2.0;
+    }
+    if level == coarsest { (level, 0.0) } else { (level, width / scale - 1.0) }
+}
+
+/// An image and how to look it up.
+#[derive(Clone, Copy, Debug)]
+pub struct Sampler<T> {
+    /// Levels.
+    pub layout: Layout,
+    /// Along s and t.
+    pub wrap: [Wrap; 2],
+    /// The decoded texel (x, y) of a level.
+    pub texel: T,
+}
+
+impl<T: Fn(u32, u32, u32) -> [f64; 4]> Sampler<T> {
+    /// The value at `st`.
+    pub fn lookup(&self, st: [f64; 2], footprint: f64) -> [f64; 4] {
+        let [width, height] = self.layout.size().map(f64::from);
+        let (level, blend) = select_level(footprint * (width * height).sqrt(), self.layout.levels());
+        let fine = self.bilinear(st, level);
+        if blend == 0.0 {
+            return fine;
+        }
+        let coarse = self.bilinear(st, level + 1);
+        mix(fine, coarse, blend)
+    }
+
+    /// The value at `st` of a level.
+    pub fn bilinear(&self, st: [f64; 2], level: u32) -> [f64; 4] {
+        let size = self.layout.level_size(level);
+        let place = |axis: usize| {
+            let x = if st[axis].is_finite() { st[axis] } else { 0.0 } * f64::from(size[axis]) - 0.5;
+            (x.floor(), x - x.floor())
+        };
+        let ((x, fx), (y, fy)) = (place(0), place(1));
+        let at =
+            |dx: f64, dy: f64| match (wrapped(x + dx, size[0], self.wrap[0]), wrapped(y + dy, size[1], self.wrap[1])) {
+                (Some(x), Some(y)) => (self.texel)(level, x, y),
+                _ => [0.0; 4],
+            };
+        mix(mix(at(0.0, 0.0), at(1.0, 0.0), fx), mix(at(0.0, 1.0), at(1.0, 1.0), fx), fy)
+    }
+}
+
+fn mix(a: [f64; 4], b: [f64; 4], t: f64) -> [f64; 4] {
+    [0, 1, 2, 3].map(|i: usize| a[i] + (b[i] - a[i]) * t)
+}
+
+/// The texel that stands for texel `x` of `size`; `None` is transparent black.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a non-negative integer below size")]
+fn wrapped(x: f64, size: u32, wrap: Wrap) -> Option<u32> {
+    let n = f64::from(size);
+    let inside = match wrap {
+        Wrap::Black | Wrap::UseMetadata if x < 0.0 || x >= n => return None,
+        Wrap::Black | Wrap::UseMetadata => x,
+        Wrap::Clamp => x.clamp(0.0, n - 1.0),
+        Wrap::Repeat => x.rem_euclid(n),
+        Wrap::Mirror => {
+            let m = x.rem_euclid(2.0 * n);
+            if m < n { m } else { 2.0 * n - 1.0 - m }
+        }
+    };
+    Some(inside as u32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_follow_the_width() {
+        assert_eq!(select_level(0.3, 5), (0, 0.0), "finer than the image");
+        assert_eq!(select_level(1.0, 5), (0, 0.0), "a texel");
+        assert_eq!(select_level(3.0, 5), (1, 0.5), "half way from 2 to 4");
+        assert_eq!(select_level(16.0, 5), (4, 0.0), "the coarsest");
+        assert_eq!(select_level(1e30, 5), (4, 0.0), "and no further");
+        assert_eq!(select_level(f64::NAN, 5), (0, 0.0), "nonsense");
+    }
+
+    #[test]
+    fn wraps_of_a_row_of_four() {
+        let row = |wrap: Wrap| {
+            (-6..10).map(|x| wrapped(f64::from(x), 4, wrap)).map(|x| x.map_or(9, |x| x)).collect::<Vec<_>>()
+        };
+        assert_eq!(row(Wrap::Repeat), [2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1], "repeat");
+        assert_eq!(row(Wrap::Mirror), [2, 3, 3, 2, 1, 0, 0, 1, 2, 3, 3, 2, 1, 0, 0, 1], "mirror");
+        assert_eq!(row(Wrap::Clamp), [0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 3, 3, 3, 3, 3, 3], "clamp");
+        assert_eq!(row(Wrap::Black), [9, 9, 9, 9, 9, 9, 0, 1, 2, 3, 9, 9, 9, 9, 9, 9], "black");
+    }
+}

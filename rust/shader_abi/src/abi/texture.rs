@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Textures: one record each, and a page table of all their tiles together.
+//!
+//! `Frame::texture_pages` is u64 per tile of the scene: its device address, 0 = absent. Texels of a tile are tightly packed, row by row from
+//! the bottom. Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Bits of [`GpuTexture::flags`] that hold the channels: 1, 2 or 4.
+pub const TEXTURE_CHANNELS: u32 = 7;
+/// Where the flags hold the format of a channel, two bits.
+pub const TEXTURE_FORMAT_SHIFT: u32 = 4;
+/// Format: bytes, 0 to 255 for 0 to 1.
+pub const TEXTURE_U8: u32 = 0;
+/// Format: half floats.
+pub const TEXTURE_F16: u32 = 1;
+/// Format: floats.
+pub const TEXTURE_F32: u32 = 2;
+/// Red, green and blue go through the sRGB curve.
+pub const TEXTURE_SRGB: u32 = 1 << 6;
+/// A set of up to 100 textures, side by side in the table from number `first_page` on; those without levels are missing.
+pub const TEXTURE_UDIM: u32 = 1 << 7;
+/// Where the flags hold the wrap mode along s, two bits.
+pub const TEXTURE_WRAP_S_SHIFT: u32 = 8;
+/// Where the flags hold the wrap mode along t, two bits.
+pub const TEXTURE_WRAP_T_SHIFT: u32 = 10;
+/// Wrap mode: transparent black outside.
+pub const WRAP_BLACK: u32 = 0;
+/// Wrap mode: the texels at the border.
+pub const WRAP_CLAMP: u32 = 1;
+/// Wrap mode: the image again.
+pub const WRAP_REPEAT: u32 = 2;
+/// Wrap mode: the image again, every other time mirrored.
+pub const WRAP_MIRROR: u32 = 3;
+/// Members of a UDIM set, 1001 to 1100.
+pub const UDIM_PARTS: u32 = 100;
+
+/// A texture, 48 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuTexture {
+    /// With `TEXTURE_SRGB` and bytes: 256 floats, what a byte stands for.
+    pub decode: u64,
+    /// Number of the first tile among all tiles.
+    pub first_page: u32,
+    /// See the constants.
+    pub flags: u32,
+    /// Texels along s.
+    pub width: u32,
+    /// Texels along t.
+    pub height: u32,
+    /// Levels, down to 1 x 1; 0 = there is no image, and `fallback` is what a lookup gives.
+    pub levels: u32,
+    /// `sqrt(width * height)`.
+    pub texels: f32,
+    /// See `levels`.
+    pub fallback: [f32; 4],
+}

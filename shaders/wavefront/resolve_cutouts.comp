@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// Streaming with cutouts only. Goes on with the lookups that rays asked about, as far as tiles of textures are there: one thread per
+// deferred ray, Counters::deferred_args.
+// Reads: deferred, rays and shadow_rays (flags), textures and tiles. Reads and writes: questions.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "include/wavefront.glsl"
+#include "include/deferred.glsl"
+#include "include/cutout.glsl"
+
+void main() {
+    if (!HAS_STREAMING || !HAS_CUTOUTS || !HAS_TEXTURES) return;
+    const uint at = thread_index();
+    const uint list = COUNTERS.deferred_parity;
+    if (at >= COUNTERS.deferred_count[list]) return;
+    const uint entry = ConstUints(STREAMING.deferred[list]).v[at];
+    const bool is_shadow = (entry & SHADOW_BIT) != 0u;
+    const uint path = path_of_entry(entry);
+    if ((entry & MATERIAL_BIT) != 0u || !is_asked(path, is_shadow)) return;
+    Questions questions = Questions(question_list(is_shadow));
+    const Question q = questions.v[path];
+    if (q.unit == OWN_UNIT || !is_resident(q.unit)) return;
+    TextureProgress progress = TextureProgress(q.mean, q.flags & QUESTION_TAPS);
+    const uint said = continue_lookup(q.texture, q.st, q.footprint, progress);
+    uint flags = (q.flags & ~QUESTION_TAPS) | progress.taps;
+    if (said >= TEXTURE_FALLBACK && is_there(progress.mean, said, q.scale, q.bias, flags, q.limit)) flags |= QUESTION_PRESENT;
+    questions.v[path].mean = progress.mean;
+    questions.v[path].flags = flags;
+    questions.v[path].unit = said < TEXTURE_FALLBACK ? STREAMING.chunk_count + said : OWN_UNIT;
+}

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// Streaming with textures only. Works out the materials of the surfaces that are to be shaded, as far as tiles of textures are there:
+// one thread per path, Counters::resolve_args.
+// Reads: resolve_queue, surfaces, textures and tiles. Reads and writes: resolved, resolve_progress. Pushes what is finished to surface_queue,
+// what waits for a tile to deferred, with a pending list of tiles.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "include/wavefront.glsl"
+#include "include/progress.glsl"
+#include "include/path_surface.glsl"
+#include "include/texture.glsl"
+
+void main() {
+    if (!HAS_STREAMING || !HAS_TEXTURES) return;
+    const uint at = thread_index();
+    const bool in_range = at < COUNTERS.resolve_count;
+    uint path = 0u;
+    uint said = TEXTURE_DONE;
+    if (in_range) {
+        path = ConstUints(STREAMING.resolve_queue).v[at];
+        begin_lookups(path);
+    }
+    const bool waits = in_range && said < TEXTURE_FALLBACK;
+    if (waits) {
+        PendingLists(STREAMING.pending).v[path].chunk_instance[0] = said;
+        Uints(ray_address(path)).v[11] = RAY_WAITED | 1u << RAY_COUNT_SHIFT;
+    }
+    push_deferred(path | MATERIAL_BIT, waits);
+    uint to;
+    QUEUE_SLOT(to, surface_count, in_range && !waits);
+    if (in_range && !waits) Uints(FRAME.surface_queue).v[to] = path;
+    ADD_EACH(tile_misses, waits ? 1u : 0u);
+}
