@@ -88,8 +88,8 @@ def emitter(lamp, center: np.ndarray, radius: float, notes: list[str]) -> dict |
     texture = prim.GetAttribute("inputs:texture:file")
     if texture and texture.Get() and texture.Get().resolvedPath:
         pixels = networks.load(texture.Get().resolvedPath, "auto", materials.decode)[..., :3] * value
-        # Seen from the front (from -z), s runs against x.
-        shine = materials.texture(networks.Picture(np.ascontiguousarray(pixels[:, ::-1] if kind == "rectangle" else pixels, np.float32), ("clamp", "clamp"), np.eye(3)), notes)
+        # s runs along the light's x and t along its y, seen from the back, as in OpenUSD's own hdEmbree; the shape above is turned about y.
+        shine = materials.texture(networks.Picture(np.ascontiguousarray(pixels[:, ::-1], np.float32), ("clamp", "clamp"), np.eye(3)), notes)
     return {"type": kind, "to_world": mi.ScalarTransform4f(matrix @ local), "emitter": {"type": "area", "radiance": shine}, "bsdf": {"type": "diffuse", "reflectance": 0.0}}
 
 

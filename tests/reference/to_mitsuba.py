@@ -62,7 +62,7 @@ def _shape(number: int, part: usd_scene.Part, notes: list[str]):
     return mesh
 
 
-def sensor(stage: Usd.Stage, path: str, width: int, height: int, samples: int, seed: int) -> dict:
+def sensor(stage: Usd.Stage, path: str, width: int, height: int, samples: int, seed: int, sampler: str) -> dict:
     """The camera as a sensor: window matched vertically, as OpenUSD's tools do."""
     camera = UsdGeom.Camera(stage.GetPrimAtPath(path)).GetCamera(Usd.TimeCode.Default())
     if camera.fStop:
@@ -73,7 +73,7 @@ def sensor(stage: Usd.Stage, path: str, width: int, height: int, samples: int, s
     place = usd_scene.columns(camera.transform) @ np.diag([-1.0, 1.0, -1.0, 1.0])
     made = {
         "film": {"type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"}, "pixel_format": "rgb", "component_format": "float32"},
-        "sampler": {"type": "independent", "sample_count": samples, "seed": seed},
+        "sampler": {"type": sampler, "sample_count": samples, "seed": seed},
         "near_clip": 1e-3, "far_clip": 1e6,
     }  # fmt: skip
     if camera.projection == camera.Orthographic:
@@ -83,7 +83,7 @@ def sensor(stage: Usd.Stage, path: str, width: int, height: int, samples: int, s
     return {"type": "perspective", "fov": 2 * math.degrees(math.atan(half)), "fov_axis": "y", "to_world": mi.ScalarTransform4f(place), "principal_point_offset_x": -shift[0], "principal_point_offset_y": -shift[1], **made}
 
 
-def translate(path, width: int, height: int | None = None, camera="/World/Camera", samples=64, bounces=5, seed=0, hide=False):
+def translate(path, width: int, height: int | None = None, camera="/World/Camera", samples=64, bounces=5, seed=0, hide=False, sampler="independent"):
     """(Mitsuba scene, notes). `bounces` are indirect bounces, as `oocpt:maxBounces`; `hide` keeps lights out of the camera's sight."""
     stage = path if isinstance(path, Usd.Stage) else Usd.Stage.Open(str(path))
     scene = usd_scene.read(stage)
@@ -97,7 +97,7 @@ def translate(path, width: int, height: int | None = None, camera="/World/Camera
     shapes = [_shape(number, part, scene.notes) for number, part in enumerate(parts)]
     # `path` counts holes as bounces and its shadow rays stop at them; `volpath` goes through.
     holes = any("Mask[" in str(shape.bsdf()) or "Null" in str(shape.bsdf()) for shape in shapes)
-    made = {"type": "scene", "integrator": {"type": "volpath" if holes else "path", "max_depth": bounces + 2, "rr_depth": 1000, "hide_emitters": hide}, "sensor": sensor(stage, camera, width, height, samples, seed)}
+    made = {"type": "scene", "integrator": {"type": "volpath" if holes else "path", "max_depth": bounces + 2, "rr_depth": 1000, "hide_emitters": hide}, "sensor": sensor(stage, camera, width, height, samples, seed, sampler)}
     for number, shape in enumerate(shapes):
         made[f"part{number}"] = shape
     for number, lamp in enumerate(scene.lamps):
