@@ -54,8 +54,8 @@ def latlong_directions(width: int, height: int) -> np.ndarray:
     return np.stack([np.cos(latitude) * np.sin(longitude), np.sin(latitude), np.cos(latitude) * np.cos(longitude)], axis=-1)
 
 
-def sky(width: int = 512, sun=(0.55, 0.5, 0.62), sun_degrees: float = 1.4, sun_radiance: float = 1800.0, warmth: float = 1.0) -> np.ndarray:
-    """A latlong sky with some clouds, ground below the horizon, and a small bright sun towards `sun`."""
+def sky(width: int = 512, sun=(0.55, 0.5, 0.62), sun_degrees: float = 1.4, sun_radiance: float = 1800.0, warmth: float = 1.0, haze: float = 0.0) -> np.ndarray:
+    """A latlong sky with some clouds, ground below the horizon (behind haze down to `-haze`), and a small bright sun towards `sun`."""
     d = latlong_directions(width, width // 2)
     up = d[..., 1]
     high = np.clip(up, 0, 1)
@@ -63,6 +63,9 @@ def sky(width: int = 512, sun=(0.55, 0.5, 0.62), sun_degrees: float = 1.4, sun_r
     clouds = noise(np.arctan2(d[..., 0], d[..., 2]) / (2 * math.pi) + 0.5, np.clip(high, 0, 0.999), 5, 11)
     blue = mix(blue, (1.05, 1.0, 0.96), 0.75 * smooth_step(0.52, 0.72, clouds) * smooth_step(0.02, 0.25, up))
     picture = np.where((up > 0)[..., None], blue, mix((0.24, 0.21, 0.18), (0.08, 0.07, 0.06), np.clip(-up, 0, 1)))
+    if haze > 0:
+        veil = (1 - smooth_step(0.0, haze, -up)) * (up <= 0)
+        picture = mix(picture, (0.62, 0.70, 0.80), veil)
     towards = np.asarray(sun) / np.linalg.norm(sun)
     angle = np.degrees(np.arccos(np.clip(d @ towards, -1, 1)))
     picture = picture + np.array([1.0, 0.85, 0.6]) * 0.9 * np.exp(-angle / 9.0)[..., None]

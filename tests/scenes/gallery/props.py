@@ -68,7 +68,7 @@ def build(stage, folder, options):
     write_pair(folder, "crate", np.where(frame[..., None], 0.75 * color, color), height, 0.012)
     paint_udims(folder)
     pack_globe(folder)
-    images.exr(folder / "sky.exr", patterns.sky(512, sun=(-0.5, 0.75, 0.6)), half=True, packed=True)
+    images.exr(folder / "sky.exr", patterns.sky(512, haze=0.2, sun=(-0.5, 0.75, 0.6)), half=True, packed=True)
     wall = textured(stage, "/World/Looks/Bricks", "bricks", 1, roughness=0.85)
     back = solids.put(solids.raw_mesh(stage, "/World/Wall", [(-5, 0, 0), (5, 0, 0), (5, 4, 0), (-5, 4, 0)], [4], range(4), [(0, 0, 1)] * 4, [(0, 0), (5, 0), (5, 2), (0, 2)]), (0, 0, -1.6))
     shading.bind(back, wall)

@@ -12,7 +12,7 @@ ROWS = (("Plastic", 0.0, (0.65, 0.06, 0.04)), ("Half", 0.5, (0.15, 0.35, 0.55)),
 
 
 def build(stage, folder, options):
-    images.exr(folder / "sky.exr", patterns.sky(512, sun=(0.75, 0.55, 0.35)), half=True, packed=True)
+    images.exr(folder / "sky.exr", patterns.sky(512, haze=0.2, sun=(0.75, 0.55, 0.35)), half=True, packed=True)
     color, roughness = patterns.wood(512)
     images.png(folder / "boards.png", images.to_8_bit(images.to_srgb(color)), packed=True)
     images.png(folder / "boards_roughness.png", images.to_8_bit(roughness), packed=True)

@@ -104,7 +104,7 @@ def build(stage, folder, options):
     images.png(folder / "moss.png", images.to_8_bit(images.to_srgb(moss * (0.7 + 0.6 * patterns.noise(s, t, 48, 7, 2))[..., None])), packed=True)
     look = shading.material(stage, "/World/Looks/Moss", diffuseColor=shading.sample(stage, "/World/Looks/Moss/Color", "./moss.png"), roughness=1.0)
     shading.bind(solids.ground(stage, "/World/Ground", 6 * side, side), look)
-    images.exr(folder / "sky.exr", patterns.sky(512, sun=(-0.6, 0.55, -0.25), sun_radiance=2600.0), half=True, packed=True)
+    images.exr(folder / "sky.exr", patterns.sky(512, haze=0.2, sun=(-0.6, 0.55, -0.25), sun_radiance=2600.0), half=True, packed=True)
     dome = parts.dome(stage)
     dome.CreateTextureFileAttr("./sky.exr")
     dome.CreateColorAttr(Gf.Vec3f(1.0, 0.97, 0.92))
