@@ -50,9 +50,7 @@ fn build() -> Result<(), String> {
         let name = pass_name(source)?;
         let words = tools.compile(source, &shaders, &out.join(format!("{name}.spv")))?;
         seen.extend(check::check(&words, &layouts).map_err(|error| format!("{}:\n{error}", source.display()))?);
-        if name != "check_layouts" {
-            passes.push(name);
-        }
+        passes.push(name);
     }
     for layout in &layouts {
         if !seen.contains(&layout.name) {
@@ -150,18 +148,24 @@ fn layouts() -> Vec<check::Layout> {
     abi::LAYOUTS.iter().map(layout).collect()
 }
 
-/// Rust source with the words of every pass.
-fn generated(passes: &[String]) -> String {
-    let mut text =
-        String::from("/// Every compiled pass, under its own name.\npub mod passes {\n    use super::Module;\n");
-    for name in passes {
-        let _infallible = writeln!(
-            text,
-            "    /// Pass `{name}`.\n    pub static {}: Module = Module {{ name: \"{name}\", words: words!(\"{name}\") }};",
-            name.to_uppercase()
-        );
+/// Rust source with the words of every pass; those of `shaders/check` apart, for tests.
+fn generated(modules: &[String]) -> String {
+    let (checks, passes): (Vec<&String>, Vec<&String>) = modules.iter().partition(|name| name.starts_with("check_"));
+    let mut text = String::new();
+    let parts =
+        [("passes", "Every compiled pass, under its own name", &passes), ("checks", "No passes: for tests", &checks)];
+    for (module, what, names) in parts {
+        let _infallible = write!(text, "/// {what}.\npub mod {module} {{\n    use super::Module;\n");
+        for name in names {
+            let _infallible = writeln!(
+                text,
+                "    /// `{name}`.\n    pub static {}: Module = Module {{ name: \"{name}\", words: words!(\"{name}\") }};",
+                name.to_uppercase()
+            );
+        }
+        text.push_str("}\n\n");
     }
-    text.push_str("}\n\n/// Every compiled pass.\npub static ALL: &[&Module] = &[\n");
+    text.push_str("/// Every compiled pass.\npub static ALL: &[&Module] = &[\n");
     for name in passes {
         let _infallible = writeln!(text, "    &passes::{},", name.to_uppercase());
     }

@@ -154,6 +154,7 @@ struct Frame {
     uint64_t textures;
     uint64_t texture_pages;
     uint64_t cones;
+    uint64_t bsdf_tables;
 };
 
 struct Streaming {

@@ -6,18 +6,22 @@
 //! that no session's budget bounds another one.
 
 use crate::assets::Loader;
+use crate::bsdf_tables;
 use crate::error::RenderError;
 use crate::sync::lock;
-use oocpt_gpu::{Gpu, GpuError, Heap, OpenOptions, Pipeline};
-use oocpt_shader_abi::{LbvhPush, Module, Push};
+use oocpt_gpu::{Buffer, Gpu, GpuError, Heap, OpenOptions, Pipeline, Usage};
+use oocpt_shader_abi::{Features, LbvhPush, Module, Push};
 use rustc_hash::FxHashMap;
 use std::sync::{Arc, Mutex, OnceLock};
+use std::time::Duration;
 
 /// Size of the arenas scene data is placed in, bytes, and the smallest.
 const ARENA_BYTES: u64 = 64 << 20;
 const LEAST_ARENA_BYTES: u64 = 1 << 20;
 /// Share of the budget that an arena takes at most: under a small one others have to find room too.
 const ARENA_SHARE: u64 = 16;
+/// Longest wait for a small upload.
+const UPLOAD_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// What a pipeline is specialised by, in the order of the specialisation constants' ids (`shader_abi`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -48,6 +52,7 @@ pub(crate) struct Device {
     pub(crate) heap: Heap,
     options: DeviceOptions,
     loader: OnceLock<Loader>,
+    bsdf_tables: Mutex<Option<Buffer>>,
     pipelines: Mutex<FxHashMap<(&'static str, Specialisation), Arc<Pipeline>>>,
 }
 
@@ -75,6 +80,7 @@ impl Device {
             heap,
             options: options.clone(),
             loader: OnceLock::new(),
+            bsdf_tables: Mutex::default(),
             pipelines: Mutex::default(),
         });
         open.push(Arc::clone(&device));
@@ -98,6 +104,25 @@ impl Device {
         }
         let loader = Loader::new(&self.gpu)?;
         Ok(self.loader.get_or_init(|| loader))
+    }
+
+    /// Address of the BSDF's albedo tables, brought to the device at first use; 0 for a scene without materials.
+    pub(crate) fn bsdf_tables(&self, features: Features) -> Result<u64, RenderError> {
+        if !features.contains(Features::MATERIALS) {
+            return Ok(0);
+        }
+        let mut tables = lock(&self.bsdf_tables);
+        if let Some(tables) = &*tables {
+            return Ok(tables.address());
+        }
+        let bytes = bytemuck::cast_slice(bsdf_tables::floats());
+        let buffer = Buffer::new(&self.gpu, "BSDF tables", bytes.len() as u64, Usage::Device)?;
+        let mut commands = self.gpu.commands("BSDF tables")?;
+        commands.update(&buffer, 0, bytes);
+        if !commands.submit()?.wait(UPLOAD_TIMEOUT)? {
+            return Err(RenderError::Internal("the BSDF's tables did not reach the device".into()));
+        }
+        Ok(tables.insert(buffer).address())
     }
 
     /// The pipeline of `module` for `special`, compiled at first use.

@@ -196,6 +196,7 @@ impl Renderer {
         progress.timings.compile_secs += started.elapsed().as_secs_f64();
         progress.left_out(specialise::left_out(features, film.has_planes()));
         let mut block = frame_block(setting, &view);
+        block.bsdf_tables = device.bsdf_tables(features)?;
         buffers.bind(&mut block);
         let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
         frame.write(0, bytemuck::bytes_of(&block))?;

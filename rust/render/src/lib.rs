@@ -9,6 +9,7 @@
 
 mod aov;
 mod assets;
+pub mod bsdf_tables;
 pub mod chunk_report;
 mod device;
 mod error;

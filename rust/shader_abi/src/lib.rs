@@ -77,4 +77,4 @@ mod modules;
 pub use abi::*;
 pub use lbvh::{Job as LbvhJob, MAX_ITEMS as LBVH_MAX_ITEMS, Step as LbvhStep};
 pub use lbvh::{scratch_bytes as lbvh_scratch_bytes, steps as lbvh_steps};
-pub use modules::{ALL, Module, passes};
+pub use modules::{ALL, Module, checks, passes};

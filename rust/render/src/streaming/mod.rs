@@ -91,6 +91,7 @@ pub(crate) fn render(
     };
     progress.stage("compiling passes");
     let features = features(setting, &view);
+    device.bsdf_tables(features)?; // before geometry takes what is left
     let budget = geometry_budget(setting, scene);
     let policy = job.settings.policy;
     let assets = scene.assets.clone();
@@ -204,6 +205,7 @@ impl<'a, 'r> Engine<'a, 'r> {
         progress.timings.compile_secs += started.elapsed().as_secs_f64();
         progress.left_out(specialise::left_out(features, film.has_planes()));
         let mut block = frame_block(setting, &view);
+        block.bsdf_tables = device.bsdf_tables(features)?;
         buffers.bind(&mut block);
         let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
         frame.write(0, bytemuck::bytes_of(&block))?;

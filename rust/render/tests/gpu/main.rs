@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 mod agreement;
+mod bsdf;
 mod control;
 mod determinism;
 mod edits;

@@ -346,6 +346,8 @@ pub struct Frame {
     /// f32x2 per path: width of the ray's cone at its origin, and how much it grows per unit of length; 0 without
     /// `Features::TEXTURES`. 8-byte aligned.
     pub cones: u64,
+    /// Albedo tables of the BSDF; 0 without `Features::MATERIALS`.
+    pub bsdf_tables: u64,
 }
 
 /// Workgroup counts that give at least `threads` threads; the passes find their thread as

@@ -114,7 +114,8 @@ pub const LAYOUTS: &[StructLayout] = &[
         material_slots,
         textures,
         texture_pages,
-        cones
+        cones,
+        bsdf_tables
     }),
     layout!(Streaming {
         segments,

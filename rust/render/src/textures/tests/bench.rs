@@ -7,7 +7,7 @@ use half::f16;
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::{ColorSpace, Layout, TexelFormat, TextureRef, Wrap, expand, linear_from_srgb};
 use oocpt_gpu::{Buffer, Gpu, OpenOptions, Pipeline, Usage};
-use oocpt_shader_abi::{Features, Frame, GpuTexture, Push, groups, passes};
+use oocpt_shader_abi::{Features, Frame, GpuTexture, Push, checks, groups};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -143,7 +143,7 @@ impl Bench {
         let frame = upload("frame", bytemuck::bytes_of(&Frame::zeroed()));
         let features = Features::MATERIALS | Features::TEXTURES;
         let spec = [(0, 1), (1, 1), (2, features.bits())];
-        let module = &passes::CHECK_TEXTURE;
+        let module = &checks::CHECK_TEXTURE;
         let pipeline = Pipeline::new(&gpu, module.name, module.words, &spec, 32).expect("the pass compiles");
         Self { gpu, pipeline, set, tiles, addresses, records, pages, frame, _kept: vec![texels, decode] }
     }

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Directional albedos of GGX for `shaders/include/bsdf/tables.glsl`, which says what is in the table.
+//!
+//! Guarantees: [`floats`] is 62 KB, computed in f64 at its first use (half a second of one core), the same on every machine that
+//! rounds alike; all values are finite and in 0..=1. Pure; any thread.
+//!
+//! Sources: Heitz 2014 (height-correlated masking), Dupuy and Benyoub 2023 (visible normals by spherical caps), Karis 2013 (B),
+//! Kulla and Conty 2017 (what the albedos are for).
+
+use rayon::prelude::*;
+use std::f64::consts::PI;
+use std::sync::OnceLock;
+
+/// Cosines of the albedo table, equally far apart in their cube root.
+pub const COSINES: usize = 64;
+/// Roughnesses from [`SHARPEST`] to 1, equally far apart in their power 0.4: what a surface loses changes with alpha / cosine.
+pub const ROUGHNESSES: usize = 48;
+/// Least roughness: lobes below it are sharp.
+pub const SHARPEST: f64 = 0.01;
+/// Indices of refraction, equally far apart in (ior - 1) / (ior + 1).
+pub const DIELECTRICS: usize = 64;
+/// Floats in all.
+pub const FLOATS: usize = 2 * ROUGHNESSES * COSINES + 2 * ROUGHNESSES + 4 * ROUGHNESSES * ROUGHNESSES + DIELECTRICS;
+
+/// Points of the quadrature: over half a turn, and over the spherical cap.
+const POINTS: [usize; 2] = [32, 128];
+/// Largest index of refraction of the table of dielectrics, in place of infinity.
+const LARGEST_IOR: f64 = 1e6;
+
+const _: () = assert!(4 * FLOATS <= oocpt_gpu::MAX_UPDATE_BYTES, "one update brings it to the device");
+
+type Pair = [f64; 2];
+type Row = [Pair; COSINES];
+
+/// The table as the shaders read it.
+#[must_use]
+pub fn floats() -> &'static [f32] {
+    static TABLE: OnceLock<Vec<f32>> = OnceLock::new();
+    TABLE.get_or_init(compute)
+}
+
+/// L and B of the single-scattering albedo `f0 * (1 - L - B) + f90 * B` by a midpoint rule of `points[0]` x `points[1]`, denser at the rim of the
+/// spherical cap, where the few normals are that look aside.
+#[must_use]
+#[expect(clippy::cast_precision_loss, reason = "few points")]
+pub fn albedo(cosine: f64, alpha: f64, points: [usize; 2]) -> [f64; 2] {
+    let mut sum = [0.0; 2];
+    for i in 0..points[0] {
+        let turn = PI * (i as f64 + 0.5) / points[0] as f64;
+        for j in 0..points[1] {
+            let rim = (j as f64 + 0.5) / points[1] as f64;
+            let (masking, half) = sample(cosine, alpha, turn, 1.0 - rim.powi(3));
+            let weight = masking * 3.0 * rim * rim;
+            let schlick = (1.0 - half).clamp(0.0, 1.0).powi(5);
+            sum[0] += 3.0 * rim * rim * (1.0 - masking);
+            sum[1] += weight * schlick;
+        }
+    }
+    sum.map(|sum| sum / (points[0] * points[1]) as f64)
+}
+
+/// A reflection off a visible normal: masking over that of the viewer alone, and the cosine with the half vector.
+fn sample(cosine: f64, alpha: f64, turn: f64, height: f64) -> (f64, f64) {
+    let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+    let length = (alpha * alpha * sine * sine + cosine * cosine).sqrt();
+    let (x, z) = if length > 0.0 { (alpha * sine / length, cosine / length) } else { (1.0, 0.0) };
+    let cap = (1.0 - height) * (1.0 + z) - z;
+    let ring = (1.0 - cap * cap).max(0.0).sqrt();
+    let h = [alpha * (ring * turn.cos() + x), alpha * ring * turn.sin(), cap + z];
+    let norm = (h[0] * h[0] + h[1] * h[1] + h[2] * h[2]).sqrt();
+    if norm <= 0.0 {
+        return (0.0, 0.0);
+    }
+    let half = (sine * h[0] + cosine * h[2]) / norm;
+    let out = 2.0 * half * h[2] / norm - cosine;
+    if out <= 0.0 {
+        return (0.0, half);
+    }
+    let slope = |c: f64| (alpha * alpha + (1.0 - alpha * alpha) * c * c).sqrt();
+    let denominator = cosine * slope(out) + out * slope(cosine);
+    (if denominator > 0.0 { out * (cosine + slope(cosine)) / denominator } else { 0.0 }, half)
+}
+
+/// Fresnel reflectance of a dielectric, unpolarised; `cosine` in the medium of the lower index, `ior` >= 1.
+fn dielectric(cosine: f64, ior: f64) -> f64 {
+    let inner = (1.0 - (1.0 - cosine * cosine) / (ior * ior)).max(0.0).sqrt();
+    let a = (cosine - ior * inner) / (cosine + ior * inner);
+    let b = (ior * cosine - inner) / (ior * cosine + inner);
+    0.5 * (a * a + b * b)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "small numbers")]
+fn part(index: usize, count: usize) -> f64 {
+    index as f64 / (count - 1) as f64
+}
+
+fn roughness(index: usize) -> f64 {
+    let first = SHARPEST.powf(0.4);
+    (first + (1.0 - first) * part(index, ROUGHNESSES)).powf(2.5)
+}
+
+fn row(index: usize) -> Row {
+    let alpha = roughness(index).powi(2);
+    std::array::from_fn(|column| albedo(part(column, COSINES).powi(3), alpha, POINTS))
+}
+
+/// Average over the hemisphere, cosine weighted, of the product of two entries of interpolated rows; an entry is linear in
+/// `x`, the cube root of the cosine, within a cell, and `6 x^5 dx` is the measure, so six points of Gauss and Legendre are exact with room.
+fn average(a: &Row, i: usize, b: &Row, j: usize) -> f64 {
+    const NODES: [[f64; 2]; 3] = [
+        [0.238_619_186_083_196_9, 0.467_913_934_572_691],
+        [0.661_209_386_466_264_5, 0.360_761_573_048_138_6],
+        [0.932_469_514_203_152, 0.171_324_492_379_170_3],
+    ];
+    let mut sum = 0.0;
+    for cell in 0..COSINES - 1 {
+        for [node, weight] in NODES {
+            for at in [0.5 - 0.5 * node, 0.5 + 0.5 * node] {
+                let x = part(cell, COSINES) + at * part(1, COSINES);
+                let value = |row: &Row, k: usize| row[cell][k] * (1.0 - at) + row[cell + 1][k] * at;
+                sum += 0.5 * weight * part(1, COSINES) * 6.0 * x.powi(5) * value(a, i) * value(b, j);
+            }
+        }
+    }
+    sum
+}
+
+#[expect(clippy::cast_precision_loss, reason = "small numbers")]
+fn average_dielectric(index: usize) -> f64 {
+    const STEPS: usize = 512;
+    let root = part(index, DIELECTRICS);
+    let ior = ((1.0 + root) / (1.0 - root).max(1.0 / LARGEST_IOR)).min(LARGEST_IOR);
+    let point = |step: usize| ((step as f64 + 0.5) / STEPS as f64).powi(2);
+    // In x = sqrt(cosine): the cosine-weighted average is the integral of 4 x^3.
+    (0..STEPS).map(|step| dielectric(point(step), ior) * 4.0 * point(step).powf(1.5)).sum::<f64>() / STEPS as f64
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "the table is f32")]
+fn compute() -> Vec<f32> {
+    let ones: Row = [[1.0; 2]; COSINES];
+    // Rounded first, so that averages are those of what the shaders interpolate.
+    let rounded = |row: Row| row.map(|pair| pair.map(|x| f64::from(x as f32)));
+    let rows: Vec<Row> = (0..ROUGHNESSES).into_par_iter().map(|index| rounded(row(index))).collect();
+    let mut table: Vec<f64> = rows.iter().flatten().flatten().copied().collect();
+    table.extend(rows.iter().flat_map(|row| [average(row, 0, &ones, 0), average(row, 1, &ones, 0)]));
+    let products =
+        |a: usize, b: usize| [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(i, j)| average(&rows[a], i, &rows[b], j));
+    let pairs = (0..ROUGHNESSES).flat_map(|a| (0..ROUGHNESSES).map(move |b| (a, b)));
+    table.extend(pairs.flat_map(|(a, b)| products(a, b)));
+    table.extend((0..DIELECTRICS).map(average_dielectric));
+    table.into_iter().map(|x| x as f32).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_quadrature_has_converged() {
+        let mut worst: f64 = 0.0;
+        for index in [0, 4, 9, 18, 30, 47] {
+            for column in [4, 8, 16, 32, 50, 63] {
+                let (alpha, cosine) = (roughness(index).powi(2), part(column, COSINES).powi(3));
+                let fine = albedo(cosine, alpha, [200, 3000]);
+                let used = albedo(cosine, alpha, POINTS);
+                worst = worst.max((fine[0] - used[0]).abs()).max((fine[1] - used[1]).abs());
+            }
+        }
+        assert!(worst < 3e-4, "worst error {worst:e}");
+    }
+
+    #[test]
+    fn averages_are_those_known() {
+        let table = floats();
+        assert_eq!(table.len(), FLOATS, "size");
+        assert!(table.iter().all(|x| (0.0..=1.000_001).contains(x)), "all in 0..=1");
+        // Schlick: the average of (1 - c)^5 is 1 / 21, and a mirror loses nothing; the first row is nearly one.
+        let averages = &table[2 * ROUGHNESSES * COSINES..];
+        assert!((averages[1] - 1.0 / 21.0).abs() < 1e-3, "average of Schlick's term: {}", averages[1]);
+        assert!(averages[0] < 1e-4, "nearly a mirror loses next to nothing: {}", averages[0]);
+        // Diffuse reflectance of ior 1.5 from outside, 0.0918 (Egan and Hilgeman 1973).
+        let dielectrics = &table[FLOATS - DIELECTRICS..];
+        let at = 0.2 * 63.0;
+        let (low, part) = (12, at - 12.0);
+        let value = dielectrics[low] * (1.0 - part) + dielectrics[low + 1] * part;
+        assert!((value - 0.0918).abs() < 2e-4, "average reflectance of ior 1.5: {value}");
+    }
+}

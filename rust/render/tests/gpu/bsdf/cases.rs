@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What the BSDF is asked: parameters, normals, directions; and where random ones come from.
+
+use glam::DVec3;
+use std::f64::consts::TAU;
+
+pub(super) const CASE_FLOATS: usize = 32;
+/// `SHADING_SPECULAR_WORKFLOW`.
+pub(super) const SPECULAR_WORKFLOW: u32 = 1;
+
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Case {
+    pub(super) g: DVec3,
+    pub(super) n: DVec3,
+    pub(super) wo: DVec3,
+    pub(super) wi: DVec3,
+    pub(super) u: [f32; 3],
+    pub(super) diffuse: DVec3,
+    pub(super) specular: DVec3,
+    pub(super) metallic: f64,
+    pub(super) roughness: f64,
+    pub(super) ior: f64,
+    pub(super) coat: f64,
+    pub(super) coat_roughness: f64,
+    pub(super) opacity: f64,
+    pub(super) flags: u32,
+}
+
+impl Default for Case {
+    /// White, and what `UsdPreviewSurface` says of the rest; seen and lit from above.
+    fn default() -> Self {
+        Self {
+            g: DVec3::Z,
+            n: DVec3::Z,
+            wo: DVec3::Z,
+            wi: DVec3::Z,
+            u: [0.5; 3],
+            diffuse: DVec3::ONE,
+            specular: DVec3::ZERO,
+            metallic: 0.0,
+            roughness: 0.5,
+            ior: 1.5,
+            coat: 0.0,
+            coat_roughness: 0.01,
+            opacity: 1.0,
+            flags: 0,
+        }
+    }
+}
+
+impl Case {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "the shader has f32")]
+    pub(super) fn floats(&self) -> [f32; CASE_FLOATS] {
+        let mut floats = [0.0; CASE_FLOATS];
+        for (i, v) in [self.g, self.n, self.wo, self.wi].into_iter().enumerate() {
+            floats[3 * i..3 * i + 3].copy_from_slice(&v.as_vec3().to_array());
+        }
+        floats[12..15].copy_from_slice(&self.u);
+        floats[16..19].copy_from_slice(&self.diffuse.as_vec3().to_array());
+        floats[19] = self.metallic as f32;
+        floats[20..23].copy_from_slice(&self.specular.as_vec3().to_array());
+        floats[23] = self.roughness as f32;
+        floats[27] = self.ior as f32;
+        floats[28..31].copy_from_slice(&[self.coat, self.coat_roughness, self.opacity].map(|x| x as f32));
+        floats[31] = self.flags as f32;
+        floats
+    }
+
+    /// The case as the shader sees it: every number rounded to f32.
+    pub(super) fn rounded(mut self) -> Self {
+        for v in [&mut self.g, &mut self.n, &mut self.wo, &mut self.wi, &mut self.diffuse, &mut self.specular] {
+            *v = v.as_vec3().as_dvec3();
+        }
+        let numbers = [&mut self.metallic, &mut self.roughness, &mut self.ior, &mut self.coat];
+        for x in numbers.into_iter().chain([&mut self.coat_roughness, &mut self.opacity]) {
+            #[expect(clippy::cast_possible_truncation, reason = "the purpose")]
+            let single = *x as f32;
+            *x = f64::from(single);
+        }
+        self
+    }
+}
+
+/// The direction at a cosine with z and an angle about it.
+pub(super) fn direction(cosine: f64, angle: f64) -> DVec3 {
+    let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+    DVec3::new(sine * angle.cos(), sine * angle.sin(), cosine)
+}
+
+/// `SplitMix64` (Steele et al. 2014).
+pub(super) struct Random(pub(super) u64);
+
+impl Random {
+    pub(super) fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// In 0..1.
+    #[expect(clippy::cast_precision_loss, reason = "24 bits")]
+    pub(super) fn unit(&mut self) -> f64 {
+        (self.bits() >> 40) as f64 / f64::from(1 << 24)
+    }
+
+    pub(super) fn units(&mut self) -> [f32; 3] {
+        #[expect(clippy::cast_possible_truncation, reason = "24 bits fit")]
+        std::array::from_fn(|_| self.unit() as f32)
+    }
+
+    pub(super) fn pick(&mut self, from: &[f64]) -> f64 {
+        #[expect(clippy::cast_possible_truncation, reason = "a remainder")]
+        let index = (self.bits() % from.len() as u64) as usize;
+        from[index]
+    }
+
+    pub(super) fn color(&mut self) -> DVec3 {
+        DVec3::new(self.unit(), self.unit(), self.unit())
+    }
+
+    /// On the hemisphere of z, more often near the horizon than uniform.
+    pub(super) fn above(&mut self) -> DVec3 {
+        let cosine = self.unit().powi(2).max(1e-3);
+        direction(cosine, TAU * self.unit())
+    }
+
+    /// Any parameters; both directions above a flat surface.
+    pub(super) fn case(&mut self) -> Case {
+        Case {
+            wo: self.above(),
+            wi: self.above(),
+            u: self.units(),
+            diffuse: self.color(),
+            specular: self.color(),
+            metallic: self.pick(&[0.0, 1.0]).max(self.unit() - 0.5),
+            roughness: self.unit(),
+            ior: 1.0 + 2.0 * self.unit(),
+            coat: self.pick(&[0.0, 1.0]) * self.unit(),
+            coat_roughness: self.unit(),
+            opacity: self.pick(&[1.0, 0.0, 0.5]).max(self.unit() - 0.5),
+            flags: u32::from(self.unit() < 0.3) * SPECULAR_WORKFLOW,
+            ..Case::default()
+        }
+    }
+}

@@ -1,0 +1,244 @@
+// SPDX-License-Identifier: Apache-2.0
+// The layered BSDF: coat over GGX reflection over diffuse and transmission, driven by UsdPreviewSurface.
+//
+// From the top, each layer under what the ones above let through; E is a layer's directional albedo, U = 1 - E:
+//   coat          GGX, white, F0 from ior, times the amount `clearcoat`. Below it: min(U(wo), U(wi)) for the specular lobe.
+//   specular      GGX with Schlick's Fresnel; F0 and F90 as UsdPreviewSurface 2.5 says. What single scattering loses comes back
+//                 as a broad lobe F_ms U1(wo) U1(wi) / (pi avg U1), U1 for F = 1 (Kulla and Conty 2017). U1 falls with the square
+//                 of alpha / cosine, so this lobe is sampled with a density of 1 / (cosine + alpha), not by the cosine.
+//                 A surface half metallic is a mixture of two: what goes below, (1 - metallic), went through the dielectric's part.
+//   diffuse       color (1 - metallic) opacity U(wo) U(wi) / (pi avg U): reciprocal, and albedo color * U(wo) exactly.
+//   transmission  (1 - metallic) (1 - opacity) U(cosine outside), always sharp, refracted by ior.
+// A transmissive surface seen from inside reflects sharply what it does not let out, 1 - U(cosine outside), all of it at total
+// reflection. It transports basic radiance (L / n^2): light that goes through is not scaled by n^2, transmission is symmetric.
+// With roughness 0 and transmission the metallic workflow's Fresnel is exact, not Schlick's.
+//
+// Normals: directions that leave on the wrong side of the true surface (geometric normal g) are mirrored at it, in density and
+// evaluation alike, so no energy is lost or won (as lambert.glsl does). Only where the viewer is below the shading normal's
+// horizon the normal of the specular layers is bent to see him.
+//
+// Numbers: lobes of roughness < 0.01 (alpha < 1e-4) are sharp: at 0.01 f32 directions still give the density to 1e-4 (median) and
+// 5e-3 (worst). Their albedos are the tables' first row, so sums are as exact as for rough ones.
+// F90 fades to 0 with F0 below 1e-3: what reflects nothing head on does not at grazing either, and F0 = 0 is plain Lambert.
+#ifndef OOCPT_BSDF_GLSL
+#define OOCPT_BSDF_GLSL
+
+#include "include/lambert.glsl"
+#include "include/bsdf/layers.glsl"
+
+const float LEAST_VIEW_COSINE = 1.0e-3;
+
+// A normal in the plane of n and wo that wo sees at LEAST_VIEW_COSINE at least.
+vec3 bent_normal(vec3 n, vec3 wo) {
+    const float cosine = dot(n, wo);
+    if (cosine >= LEAST_VIEW_COSINE) return n;
+    const vec3 across = n - cosine * wo;
+    const float size2 = dot(across, across);
+    if (!(size2 > 1.0e-12)) return wo;
+    return normalize(across * (sqrt(1.0 - LEAST_VIEW_COSINE * LEAST_VIEW_COSINE) * inversesqrt(size2)) + LEAST_VIEW_COSINE * wo);
+}
+
+// `s` is valid (valid_shading); wo unit, from the surface to the viewer.
+Bsdf make_bsdf(Shading s, vec3 wo) {
+    Bsdf b;
+    const Lambert lambert = make_lambert(s.geometric_normal, s.normal, -wo);
+    b.g = lambert.g;
+    b.l = lambert.n;
+    b.n = b.l;
+    b.t = b.b = b.o = vec3(0.0);
+    b.ior = max(s.ior, 1.0);
+    b.alpha = s.roughness < SHARP_ROUGHNESS ? 0.0 : s.roughness * s.roughness;
+    b.row = HAS_MATERIALS ? table_row(s.roughness) : 0.0;
+    b.coat_alpha = b.coat_row = 0.0;
+    if (HAS_COAT) {
+        b.coat_alpha = s.clearcoat_roughness < SHARP_ROUGHNESS ? 0.0 : s.clearcoat_roughness * s.clearcoat_roughness;
+        b.coat_row = table_row(s.clearcoat_roughness);
+    }
+    b.flags = 0u;
+    vec3 color = vec3(0.0);
+    b.metallic = 0.0;
+    b.coat = 0.0;
+    b.f0 = vec3(0.0);
+    if (HAS_MATERIALS) set_fresnel(b, s, color);
+    const float opacity = HAS_TRANSMISSION && (s.flags & SHADING_PRESENCE) == 0u ? s.opacity : 1.0;
+    const float through = HAS_TRANSMISSION ? (1.0 - b.metallic) * (1.0 - opacity) : 0.0;
+    const vec3 base = s.diffuse_color * ((1.0 - b.metallic) * opacity);
+    b.transmitted = vec3(0.0);
+    b.scatter = vec3(0.0);
+    b.under_coat = 1.0;
+    if (!HAS_MATERIALS || (largest(b.f0) <= 0.0 && b.coat <= 0.0 && through <= 0.0)) {
+        b.diffuse = base;
+        b.chance = vec4(0.0, 0.0, mean(base) > 0.0 ? 1.0 : 0.0, 0.0);
+        b.chance_through = 0.0;
+        b.flags = BSDF_PLAIN;
+        return b;
+    }
+
+    b.n = bent_normal(b.l, wo);
+    tangents(b.n, b.t, b.b);
+    b.o = vec3(dot(b.t, wo), dot(b.b, wo), clamp(dot(b.n, wo), LEAST_VIEW_COSINE, 1.0));
+    if (HAS_TRANSMISSION && through > 0.0) {
+        if (dot(s.geometric_normal, wo) < 0.0) b.flags |= BSDF_INSIDE;
+        if (b.alpha <= 0.0 && (s.flags & SHADING_SPECULAR_WORKFLOW) == 0u) b.flags |= BSDF_EXACT;
+    }
+    const bool inside = HAS_TRANSMISSION && is(b, BSDF_INSIDE);
+
+    float lost, average_lost;
+    const vec3 under = under_all(b, b.o.z, lost);
+    vec3 average = average_under(b, average_lost);
+    if (inside) average /= b.ior * b.ior;
+    const vec3 scale = vec3(average.x > 1.0e-5 ? 1.0 / average.x : 0.0, average.y > 1.0e-5 ? 1.0 / average.y : 0.0,
+                            average.z > 1.0e-5 ? 1.0 / average.z : 0.0);
+    b.diffuse = base * under * scale;
+    if (!inside && average_lost > 1.0e-9) b.scatter = color * (lost / average_lost);
+    else color = vec3(0.0);
+    b.transmitted = through * under;
+    vec4 weight = vec4(0.0, 0.0, mean(base * under), mean(color) * lost);
+    const float through_weight = mean(b.transmitted);
+    if (!inside) {
+        b.under_coat = under_coat(b, b.o.z);
+        weight.x = 1.0 - b.under_coat;
+    }
+    weight.y = mean(single_scattering(b));
+    const float sum = weight.x + weight.y + weight.z + weight.w + through_weight;
+    b.chance = sum > 0.0 ? weight / sum : vec4(0.0);
+    b.chance_through = sum > 0.0 ? through_weight / sum : 0.0;
+    return b;
+}
+
+vec3 to_frame(Bsdf b, vec3 w) {
+    return vec3(dot(b.t, w), dot(b.b, w), dot(b.n, w));
+}
+
+vec3 from_frame(Bsdf b, vec3 w) {
+    return normalize(w.x * b.t + w.y * b.b + w.z * b.n);
+}
+
+// Density of directions of the lobe of multiple scattering.
+float scatter_density(float alpha, float cosine) {
+    return 1.0 / (2.0 * PI * (cosine + alpha) * log(1.0 + 1.0 / alpha));
+}
+
+// Its cosine, for u in 0..1.
+float scatter_cosine(float alpha, float u) {
+    return clamp(alpha * (exp(u * log(1.0 + 1.0 / alpha)) - 1.0), 1.0e-7, 1.0);
+}
+
+// Adds one direction's part before it is mirrored at the surface, or after.
+void add_reflection(Bsdf b, vec3 wi, inout vec3 diffuse, inout vec3 specular, inout float pdf) {
+    const float broad = max(dot(b.l, wi), 0.0) / PI;
+    if (broad > 0.0) {
+        if (is_plain(b)) {
+            diffuse += b.diffuse * broad;
+        } else if (b.chance.z > 0.0 || b.chance.w > 0.0) {
+            float lost;
+            const float cosine = min(broad * PI, 1.0);
+            const vec3 under = under_all(b, cosine, lost);
+            diffuse += b.diffuse * under * broad;
+            specular += b.scatter * (lost * broad);
+            if (b.chance.w > 0.0) pdf += b.chance.w * scatter_density(b.alpha, cosine);
+        }
+        pdf += b.chance.z * broad;
+    }
+    if (is_plain(b) || (HAS_TRANSMISSION && is(b, BSDF_INSIDE))) return;
+    const vec3 i = to_frame(b, wi);
+    if (i.z <= 0.0) return;
+    float density;
+    if (b.alpha > 0.0 && b.chance.y > 0.0) {
+        const float value = ggx_reflect(b.alpha, b.o, i, density);
+        const vec3 h = b.o + i;
+        const float cosine = dot(b.o, h) * inversesqrt(max(dot(h, h), 1.0e-30));
+        specular += schlick(b.f0, b.f90, cosine) * (value * through_coat(b, min(i.z, 1.0)));
+        pdf += b.chance.y * density;
+    }
+    if (HAS_COAT && b.coat_alpha > 0.0 && b.chance.x > 0.0) {
+        const float value = ggx_reflect(b.coat_alpha, b.o, i, density);
+        const vec3 h = b.o + i;
+        const float cosine = dot(b.o, h) * inversesqrt(max(dot(h, h), 1.0e-30));
+        specular += b.coat * (b.coat_f0 + (b.coat_f90 - b.coat_f0) * power5(1.0 - clamp(cosine, 0.0, 1.0))) * value;
+        pdf += b.chance.x * density;
+    }
+}
+
+// f * |cosine|, apart for lights' multipliers; pdf of bsdf_sample. Sharp lobes count nothing. wo is that of make_bsdf.
+void bsdf_evaluate_lobes(Bsdf b, vec3 wo, vec3 wi, out vec3 diffuse, out vec3 specular, out float pdf) {
+    diffuse = vec3(0.0);
+    specular = vec3(0.0);
+    pdf = 0.0;
+    const float cosine = dot(b.g, wi);
+    if (!(cosine > 0.0)) return;
+    add_reflection(b, wi, diffuse, specular, pdf);
+    const vec3 mirrored = wi - 2.0 * cosine * b.g;
+    if (dot(b.l, mirrored) > 0.0 || dot(b.n, mirrored) > 0.0) add_reflection(b, mirrored, diffuse, specular, pdf);
+}
+
+vec4 bsdf_evaluate(Bsdf b, vec3 wo, vec3 wi) {
+    vec3 diffuse, specular;
+    float pdf;
+    bsdf_evaluate_lobes(b, wo, wi, diffuse, specular, pdf);
+    return vec4(diffuse + specular, pdf);
+}
+
+// Mirrored at the true surface if it left on the wrong side of it; `side` is 1 for reflection, -1 for transmission.
+vec3 on_side(Bsdf b, vec3 w, float side) {
+    const float cosine = dot(b.g, w);
+    return cosine * side < 0.0 ? w - 2.0 * cosine * b.g : w;
+}
+
+// u.xy: direction, u.z: lobe. False: nothing is reflected. weight = f * |cosine| / pdf; pdf 0: sharp, weight holds all of it.
+bool bsdf_sample(Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, out float pdf) {
+    wi = b.g;
+    weight = vec3(0.0);
+    pdf = 0.0;
+    if (is_plain(b)) {
+        const Lambert lambert = Lambert(b.g, b.l);
+        wi = lambert_sample(lambert, u.xy);
+        pdf = lambert_density(lambert, wi);
+        weight = b.diffuse;
+        return pdf > 0.0 && b.chance.z > 0.0;
+    }
+    float at = u.z;
+    uint lobe = 0u; // 4: transmission
+    while (lobe < 4u && at >= b.chance[lobe]) at -= b.chance[lobe++];
+    if (lobe == 4u && b.chance_through <= 0.0) {
+        lobe = 3u; // rounding
+        while (lobe > 0u && b.chance[lobe] <= 0.0) --lobe;
+    }
+    if (lobe < 4u && b.chance[lobe] <= 0.0) return false;
+
+    if (HAS_TRANSMISSION && lobe == 4u) {
+        const float eta = is(b, BSDF_INSIDE) ? b.ior : 1.0 / b.ior;
+        const float cosine = refracted_cosine(b.o.z, eta);
+        wi = on_side(b, from_frame(b, vec3(-eta * b.o.xy, -cosine)), -1.0);
+        weight = b.transmitted / b.chance_through;
+        return true;
+    }
+    if (lobe == 2u) {
+        wi = lambert_sample(Lambert(b.g, b.l), u.xy);
+    } else if (lobe == 3u) {
+        vec3 x, y;
+        tangents(b.l, x, y);
+        const float cosine = scatter_cosine(b.alpha, u.x);
+        const float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
+        const float angle = 2.0 * PI * u.y;
+        wi = on_side(b, normalize(sine * (cos(angle) * x + sin(angle) * y) + cosine * b.l), 1.0);
+    } else {
+        const float alpha = lobe == 0u ? b.coat_alpha : b.alpha;
+        if (alpha <= 0.0 || (HAS_TRANSMISSION && is(b, BSDF_INSIDE))) {
+            wi = on_side(b, from_frame(b, vec3(-b.o.xy, b.o.z)), 1.0);
+            weight = (lobe == 0u ? vec3(1.0 - b.under_coat) : single_scattering(b)) / b.chance[lobe];
+            return true;
+        }
+        const vec3 h = ggx_sample(alpha, b.o, u.xy);
+        const vec3 i = 2.0 * dot(b.o, h) * h - b.o;
+        if (!(i.z > 0.0)) return false;
+        wi = on_side(b, from_frame(b, i), 1.0);
+    }
+    const vec4 value = bsdf_evaluate(b, wo, wi);
+    pdf = value.a;
+    if (!(pdf > 0.0 && pdf < 3.0e38)) return false;
+    weight = value.rgb / pdf;
+    return true;
+}
+
+#endif

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// Directional albedos of GGX, looked up. Twin of rust/render/src/bsdf_tables.rs, which computes them in f64.
+//
+// For a Schlick Fresnel f0 + (f90 - f0) (1 - c)^5 the single-scattering directional albedo is f0 (1 - L - B) + f90 B; L is what is
+// lost with F = 1, itself in the table since it is small where it is a difference. Tables, one after the other:
+//   L, B        vec2 [TABLE_ROUGHNESS][TABLE_COSINE], bilinear at row (table_row) and cosine^(1/3)
+//   averages    vec2 [TABLE_ROUGHNESS]: of L and B over the hemisphere, cosine weighted
+//   products    vec4 [TABLE_ROUGHNESS][TABLE_ROUGHNESS]: averages of L L', L B', B L', B B' for two roughnesses
+//   dielectric  float [TABLE_DIELECTRIC]: average of the exact dielectric Fresnel reflectance, at sqrt(f0) = (ior - 1) / (ior + 1)
+// Averages are those of the interpolated albedos, so what is normalised by them is normalised to rounding.
+#ifndef OOCPT_BSDF_TABLES_GLSL
+#define OOCPT_BSDF_TABLES_GLSL
+
+#include "include/memory.glsl"
+
+const float SHARP_ROUGHNESS = 0.01;
+const uint TABLE_COSINE = 64u;
+const uint TABLE_ROUGHNESS = 48u;
+const uint TABLE_DIELECTRIC = 64u;
+
+#ifndef BSDF_TABLES
+#define BSDF_TABLES FRAME.bsdf_tables
+#endif
+
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer ConstVec2s { vec2 v[]; };
+
+const uint64_t TABLE_AVERAGES = uint64_t(8u * TABLE_ROUGHNESS * TABLE_COSINE);
+const uint64_t TABLE_PRODUCTS = TABLE_AVERAGES + uint64_t(8u * TABLE_ROUGHNESS);
+const uint64_t TABLE_DIELECTRICS = TABLE_PRODUCTS + uint64_t(16u * TABLE_ROUGHNESS * TABLE_ROUGHNESS);
+
+// Index of the cell's lower end, and how far into the cell; x in 0..1.
+uint table_cell(float x, uint size, out float part) {
+    const float at = x * float(size - 1u);
+    const uint index = min(uint(at), size - 2u);
+    part = at - float(index);
+    return index;
+}
+
+// Where a roughness of SHARP_ROUGHNESS..1 is among the rows, 0..1; alpha is its square.
+float table_row(float roughness) {
+    const float first = 0.15848932; // SHARP_ROUGHNESS^0.4
+    return clamp((pow(roughness, 0.4) - first) / (1.0 - first), 0.0, 1.0);
+}
+
+// L and B.
+vec2 table_albedo(float cosine, float row) {
+    float x, y;
+    const uint column = table_cell(pow(max(cosine, 1.0e-12), 1.0 / 3.0), TABLE_COSINE, x);
+    const uint at = table_cell(row, TABLE_ROUGHNESS, y) * TABLE_COSINE + column;
+    ConstVec2s table = ConstVec2s(BSDF_TABLES);
+    const vec2 low = mix(table.v[at], table.v[at + 1u], x);
+    const vec2 high = mix(table.v[at + TABLE_COSINE], table.v[at + TABLE_COSINE + 1u], x);
+    return mix(low, high, y);
+}
+
+vec2 table_average(float row) {
+    float y;
+    const uint at = table_cell(row, TABLE_ROUGHNESS, y);
+    ConstVec2s table = ConstVec2s(BSDF_TABLES + TABLE_AVERAGES);
+    return mix(table.v[at], table.v[at + 1u], y);
+}
+
+vec4 table_product(float row, float other) {
+    float x, y;
+    const uint column = table_cell(other, TABLE_ROUGHNESS, x);
+    const uint at = table_cell(row, TABLE_ROUGHNESS, y) * TABLE_ROUGHNESS + column;
+    ConstVec4s table = ConstVec4s(BSDF_TABLES + TABLE_PRODUCTS);
+    const vec4 low = mix(table.v[at], table.v[at + 1u], x);
+    const vec4 high = mix(table.v[at + TABLE_ROUGHNESS], table.v[at + TABLE_ROUGHNESS + 1u], x);
+    return mix(low, high, y);
+}
+
+// Average reflectance of a dielectric seen from the side of the lower index; ior >= 1.
+float table_dielectric(float ior) {
+    float x;
+    const uint at = table_cell((ior - 1.0) / (ior + 1.0), TABLE_DIELECTRIC, x);
+    ConstFloats table = ConstFloats(BSDF_TABLES + TABLE_DIELECTRICS);
+    return mix(table.v[at], table.v[at + 1u], x);
+}
+
+#endif
