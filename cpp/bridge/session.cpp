@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bridge/session.h"
 
+#include "bridge/imageSource.h"
 #include "bridge/renderDesc.h"
 #include "bridge/scalar.h"
 #include "oocpt-bridge/src/lib.rs.h"
@@ -118,7 +119,7 @@ void HdOocPTSession::_Impl::ForwardPrimSettings()
 HdOocPTSession::HdOocPTSession()
     : _impl(std::make_unique<_Impl>())
 {
-    _impl->Try([this] { _impl->session.emplace(oocpt::open_session()); });
+    _impl->Try([this] { _impl->session.emplace(oocpt::open_session(HdOocPTMakeImageSource())); });
 }
 
 HdOocPTSession::~HdOocPTSession()

@@ -123,6 +123,15 @@ bool _NormalizeQuaternions(const VtValue& value, VtValue* result)
             value, result, [](const GfVec4d& v) { return GfQuatd(v[0], GfVec3d(v[1], v[2], v[3])); });
 }
 
+bool _NormalizeValues(const VtValue& value, VtValue* result)
+{
+    return _Keep<GfVec2f>(value, result) || _Keep<GfVec3f>(value, result) || _Keep<float>(value, result)
+        || _Keep<GfVec4f>(value, result) || _Keep<GfVec2d>(value, result) || _Keep<GfVec3d>(value, result)
+        || _Keep<GfVec4d>(value, result) || _Keep<double>(value, result) || _Keep<GfVec2h>(value, result)
+        || _Keep<GfVec3h>(value, result) || _Keep<GfVec4h>(value, result) || _Keep<GfHalf>(value, result)
+        || _NormalizeIntegers(value, result) || _Keep<bool>(value, result);
+}
+
 bool _Normalize(const VtValue& value, HdOocPTArrayRole role, VtValue* result)
 {
     switch (role) {
@@ -138,6 +147,8 @@ bool _Normalize(const VtValue& value, HdOocPTArrayRole role, VtValue* result)
         return _NormalizeQuaternions(value, result);
     case HdOocPTArrayRole::Matrices:
         return _Keep<GfMatrix4d>(value, result) || _Keep<GfMatrix4f>(value, result);
+    case HdOocPTArrayRole::Values:
+        return _NormalizeValues(value, result);
     }
     return false;
 }
@@ -157,6 +168,8 @@ const char* _Describe(HdOocPTArrayRole role)
         return "quaternions";
     case HdOocPTArrayRole::Matrices:
         return "4x4 matrices";
+    case HdOocPTArrayRole::Values:
+        return "numbers or vectors";
     }
     return "an array";
 }

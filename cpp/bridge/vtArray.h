@@ -20,6 +20,8 @@ enum class HdOocPTArrayRole
     Vectors3,
     Quaternions,
     Matrices,
+    /// What a shader may ask for: numbers and vectors of two to four of them.
+    Values,
 };
 
 /// Brings whatever a scene holds into a form that the renderer reads in place for this role.

@@ -63,16 +63,42 @@ void _ReadPlacement(const HdOocPTPrimSource& source, HdOocPTInstancerState* stat
     state->transforms = primvar(tokens.instanceTransforms, HdOocPTArrayRole::Matrices);
 }
 
+/// Links of lights to single instances need a set of links per instance, which the renderer does not have.
+void _WarnOfInstanceCategories(const HdOocPTPrimSource& source)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    const HdVectorDataSourceHandle instances = HdVectorDataSource::Cast(
+        HdOocPTFind(source.container, { tokens.instanceCategories, tokens.categoriesValues }));
+    const size_t count = instances ? instances->GetNumElements() : 0;
+    for (size_t i = 0; i < count; ++i) {
+        const HdContainerDataSourceHandle categories = HdContainerDataSource::Cast(instances->GetElement(i));
+        if (categories && !categories->GetNames().empty()) {
+            source.warnings->Add(source.path,
+                "light links name single instances, which is not supported yet; all instances are lit alike");
+            return;
+        }
+    }
+}
+
 } // namespace
 
 void HdOocPTReadInstancer(const HdOocPTPrimSource& source, HdOocPTInstancerState* state)
 {
+    const auto& tokens = *HdOocPTSceneTokens;
     HdOocPTReadPrim(source, &state->prim);
     if (source.dirtyBits & HdOocPTDirtyInstances) {
         _ReadTopology(source, state);
     }
     if (source.dirtyBits & HdOocPTDirtyInstancePrimvars) {
         _ReadPlacement(source, state);
+    }
+    if (source.dirtyBits & HdOocPTDirtyPrimvars) {
+        state->primvars = HdOocPTReadOtherPrimvars(source,
+            { tokens.instanceTranslations, tokens.instanceRotations, tokens.instanceScales,
+                tokens.instanceTransforms });
+    }
+    if (source.dirtyBits & HdOocPTDirtyCategories) {
+        _WarnOfInstanceCategories(source);
     }
 }
 
@@ -89,6 +115,7 @@ oocpt::InstancerDesc HdOocPTDescribeInstancer(const SdfPath& path, const HdOocPT
     desc.rotations = HdOocPTHoldArray(state.rotations);
     desc.scales = HdOocPTHoldArray(state.scales);
     desc.transforms = HdOocPTHoldArray(state.transforms);
+    desc.primvars = HdOocPTDescribePrimvars(state.primvars);
     return desc;
 }
 

@@ -5,6 +5,7 @@
 #include "pxr/base/vt/value.h"
 #include "pxr/pxr.h"
 #include "scene/primReader.h"
+#include "scene/primvarReader.h"
 
 #include <utility>
 #include <vector>
@@ -26,6 +27,8 @@ struct HdOocPTInstancerState
     VtValue rotations;
     VtValue scales;
     VtValue transforms;
+    /// All others with a value per instance.
+    HdOocPTNamedPrimvars primvars;
 };
 
 /// Reads the dirty parts of an instancer.

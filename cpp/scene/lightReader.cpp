@@ -2,28 +2,140 @@
 #include "scene/lightReader.h"
 
 #include "oocpt-bridge/src/lib.rs.h"
+#include "pxr/base/gf/matrix4d.h"
 #include "pxr/base/gf/vec3f.h"
-#include "pxr/usd/sdf/assetPath.h"
+#include "pxr/usd/sdf/path.h"
+#include "scene/assetPath.h"
 #include "scene/dataSource.h"
 #include "scene/sceneObserver.h"
 #include "scene/tokens.h"
 
+#include <array>
 #include <string>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-void _WarnOfTexture(const HdOocPTPrimSource& source)
+/// The inputs of a light. Both front ends serve them by name in the container "light"; what a front end serves only as a
+/// parameter of the light's shading node is found there.
+class _Inputs
+{
+public:
+    explicit _Inputs(const HdContainerDataSourceHandle& container)
+    {
+        const auto& tokens = *HdOocPTSceneTokens;
+        _light = HdOocPTFindContainer(container, { tokens.light });
+        const auto nodes = HdOocPTFindContainer(container, { tokens.material, tokens.universal, tokens.nodes });
+        const TfTokenVector names = nodes ? nodes->GetNames() : TfTokenVector();
+        if (names.size() == 1) {
+            _params = HdOocPTFindContainer(nodes, { names.front(), tokens.parameters });
+        }
+    }
+
+    VtValue Get(const TfToken& name) const
+    {
+        const VtValue value = HdOocPTRead(_light, { name });
+        return value.IsEmpty() ? HdOocPTRead(_params, { name, HdOocPTSceneTokens->value }) : value;
+    }
+
+    template <typename Value>
+    Value Get(const TfToken& name, Value fallback) const
+    {
+        HdOocPTConvert(Get(name), &fallback);
+        return fallback;
+    }
+
+    std::array<float, 3> GetColor(const TfToken& name, const GfVec3f& fallback) const
+    {
+        const GfVec3f color = Get(name, fallback);
+        return { color[0], color[1], color[2] };
+    }
+
+    rust::String GetText(const TfToken& name) const { return rust::String::lossy(Get(name, TfToken()).GetString()); }
+
+private:
+    HdContainerDataSourceHandle _light;
+    HdContainerDataSourceHandle _params;
+};
+
+oocpt::LightTag _Kind(const TfToken& type)
 {
     const auto& tokens = *HdOocPTSceneTokens;
-    const VtValue texture = HdOocPTRead(source.container, { tokens.light, tokens.textureFile });
-    const std::string file = texture.IsHolding<SdfAssetPath>() ? texture.UncheckedGet<SdfAssetPath>().GetAssetPath()
-                                                               : texture.GetWithDefault<std::string>();
-    if (!file.empty()) {
+    return type == tokens.domeLight    ? oocpt::LightTag::Dome
+        : type == tokens.rectLight     ? oocpt::LightTag::Rect
+        : type == tokens.sphereLight   ? oocpt::LightTag::Sphere
+        : type == tokens.diskLight     ? oocpt::LightTag::Disk
+        : type == tokens.cylinderLight ? oocpt::LightTag::Cylinder
+                                       : oocpt::LightTag::Distant;
+}
+
+// The numbers below are the defaults of the UsdLux schemas, for hosts that leave unauthored inputs out.
+
+void _ReadShape(const _Inputs& inputs, oocpt::LightDesc* desc)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    desc->angle_degrees = inputs.Get(tokens.angle, 0.53f);
+    desc->width = inputs.Get(tokens.width, 1.0f);
+    desc->height = inputs.Get(tokens.height, 1.0f);
+    desc->radius = inputs.Get(tokens.radius, 0.5f);
+    desc->length = inputs.Get(tokens.length, 1.0f);
+    desc->treat_as_point = desc->kind == oocpt::LightTag::Sphere && inputs.Get(tokens.treatAsPoint, false);
+    desc->treat_as_line = desc->kind == oocpt::LightTag::Cylinder && inputs.Get(tokens.treatAsLine, false);
+}
+
+void _ReadEmission(const _Inputs& inputs, oocpt::LightDesc* desc)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    const bool isDistant = desc->kind == oocpt::LightTag::Distant;
+    desc->intensity = inputs.Get(tokens.intensity, isDistant ? 50000.0f : 1.0f);
+    desc->exposure = inputs.Get(tokens.exposure, 0.0f);
+    desc->color = inputs.GetColor(tokens.color, GfVec3f(1.0f));
+    desc->normalize = inputs.Get(tokens.normalize, false);
+    desc->enable_color_temperature = inputs.Get(tokens.enableColorTemperature, false);
+    desc->color_temperature = inputs.Get(tokens.colorTemperature, 6500.0f);
+    desc->diffuse = inputs.Get(tokens.diffuse, 1.0f);
+    desc->specular = inputs.Get(tokens.specular, 1.0f);
+    desc->format = oocpt::DomeFormatTag::Automatic;
+    if (desc->kind == oocpt::LightTag::Dome) {
+        const TfToken format = inputs.Get(tokens.textureFormat, tokens.automatic);
+        desc->format = format == tokens.automatic || format.IsEmpty() ? oocpt::DomeFormatTag::Automatic
+            : format == tokens.latlong                                ? oocpt::DomeFormatTag::Latlong
+                                                                      : oocpt::DomeFormatTag::Other;
+    }
+    if (desc->kind == oocpt::LightTag::Dome || desc->kind == oocpt::LightTag::Rect) {
+        desc->texture = HdOocPTDescribeAsset(inputs.Get(tokens.textureFile));
+    }
+}
+
+void _ReadShaping(const _Inputs& inputs, oocpt::LightDesc* desc)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    oocpt::ShapingDesc& shaping = desc->shaping;
+    shaping.cone_angle_degrees = inputs.Get(tokens.coneAngle, 90.0f);
+    shaping.cone_softness = inputs.Get(tokens.coneSoftness, 0.0f);
+    shaping.focus = inputs.Get(tokens.shapingFocus, 0.0f);
+    shaping.focus_tint = inputs.GetColor(tokens.focusTint, GfVec3f(0.0f));
+    shaping.ies = HdOocPTDescribeAsset(inputs.Get(tokens.iesFile));
+    shaping.ies_angle_scale = inputs.Get(tokens.iesAngleScale, 0.0f);
+    shaping.ies_normalize = inputs.Get(tokens.iesNormalize, false);
+    desc->has_shaping = shaping.cone_angle_degrees < 90.0f || shaping.cone_softness != 0.0f || shaping.focus != 0.0f
+        || !shaping.ies.authored.empty();
+}
+
+void _WarnOfFiltersAndPortals(const HdOocPTPrimSource& source, const _Inputs& inputs)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    const auto hasAny = [&](const TfToken& name) { return !inputs.Get(name).GetWithDefault<SdfPathVector>().empty(); };
+    const bool hasFilters = hasAny(tokens.filters);
+    const bool hasPortals = hasAny(tokens.portals);
+    if (hasFilters || hasPortals) {
         source.warnings->Add(source.path,
-            "the texture " + file
-                + " is not read yet (this version has no textures); the light has its constant color");
+            std::string("has ")
+                + (hasFilters && hasPortals ? "filters and portals"
+                        : hasFilters        ? "filters"
+                                            : "portals")
+                + ", which are not supported yet; it shines without them");
     }
 }
 
@@ -32,37 +144,27 @@ void _WarnOfTexture(const HdOocPTPrimSource& source)
 oocpt::LightDesc HdOocPTReadLight(const HdOocPTPrimSource& source, const TfToken& type)
 {
     const auto& tokens = *HdOocPTSceneTokens;
-    const HdContainerDataSourceHandle light = HdOocPTFindContainer(source.container, { tokens.light });
-    const auto number = [&](const TfToken& name, float fallback) {
-        HdOocPTConvert(HdOocPTRead(light, { name }), &fallback);
-        return fallback;
-    };
-    const auto flag = [&](const TfToken& name) {
-        bool value = false;
-        HdOocPTConvert(HdOocPTRead(light, { name }), &value);
-        return value;
-    };
-
+    const _Inputs inputs(source.container);
     HdOocPTPrimState prim;
     HdOocPTReadPrim({ source.path, source.container, HdOocPTDirtyAll, source.warnings }, &prim);
-    oocpt::LightDesc desc;
-    HdOocPTFillPrim(source.path, prim, &desc.prim);
-    const bool isDome = type == tokens.domeLight;
-    desc.kind = isDome ? oocpt::LightTag::Dome : oocpt::LightTag::Distant;
-    // The schema's own defaults, for hosts that leave unauthored inputs out.
-    desc.angle_degrees = number(tokens.angle, 0.53f);
-    desc.intensity = number(tokens.intensity, isDome ? 1.0f : 50000.0f);
-    desc.exposure = number(tokens.exposure, 0.0f);
-    desc.normalize = flag(tokens.normalize);
-    desc.enable_color_temperature = flag(tokens.enableColorTemperature);
-    desc.color_temperature = number(tokens.colorTemperature, 6500.0f);
-    desc.camera_visible = true;
-    GfVec3f color(1.0f);
-    HdOocPTConvert(HdOocPTRead(light, { tokens.color }), &color);
-    desc.color = { color[0], color[1], color[2] };
-    if (isDome) {
-        _WarnOfTexture(source);
+    oocpt::LightDesc desc {};
+    desc.kind = _Kind(type);
+    if (desc.kind == oocpt::LightTag::Dome) {
+        // The pole axis of a DomeLight_1, as Hydra hands it out: between the light and its texture.
+        prim.transform = inputs.Get(tokens.domeOffset, GfMatrix4d(1.0)) * prim.transform;
     }
+    HdOocPTFillPrim(source.path, prim, &desc.prim);
+    _ReadShape(inputs, &desc);
+    _ReadEmission(inputs, &desc);
+    _ReadShaping(inputs, &desc);
+    desc.shadow_enable = inputs.Get(tokens.shadowEnable, true);
+    desc.shadow_color = inputs.GetColor(tokens.shadowColor, GfVec3f(0.0f));
+    desc.light_link = inputs.GetText(tokens.lightLink);
+    desc.shadow_link = inputs.GetText(tokens.shadowLink);
+    desc.camera_visible = true;
+    HdOocPTConvert(HdOocPTRead(source.container, { tokens.primvars, tokens.cameraVisibility, tokens.primvarValue }),
+        &desc.camera_visible);
+    _WarnOfFiltersAndPortals(source, inputs);
     return desc;
 }
 

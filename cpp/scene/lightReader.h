@@ -12,8 +12,8 @@ struct LightDesc;
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// Reads a dome, distant or simple light whole; simple lights (a host's camera light) are distant lights. What is not supported
-/// yet, such as the texture of a dome, is named in a warning and left out.
+/// Reads a light whole; simple lights (a host's camera light) are distant lights. What is not supported is named in a warning
+/// and left out.
 oocpt::LightDesc HdOocPTReadLight(const HdOocPTPrimSource& source, const TfToken& type);
 
 PXR_NAMESPACE_CLOSE_SCOPE

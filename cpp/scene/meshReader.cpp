@@ -6,6 +6,8 @@
 #include "scene/sceneObserver.h"
 #include "scene/tokens.h"
 
+#include <algorithm>
+
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
@@ -41,41 +43,6 @@ void _ReadPoints(const HdOocPTPrimSource& source, HdOocPTMeshState* state)
     }
 }
 
-HdOocPTPrimvarState _ReadPrimvar(const HdOocPTPrimSource& source, const TfToken& name, HdOocPTArrayRole role)
-{
-    const auto& tokens = *HdOocPTSceneTokens;
-    HdOocPTPrimvarState primvar;
-    if (!HdOocPTFind(source.container, { tokens.primvars, name })) {
-        return primvar;
-    }
-    HdOocPTConvert(
-        HdOocPTRead(source.container, { tokens.primvars, name, tokens.interpolation }), &primvar.interpolation);
-    primvar.indices = HdOocPTReadArray(source, { tokens.primvars, name, tokens.indices }, HdOocPTArrayRole::Integers);
-    if (primvar.indices.GetArraySize() != 0) {
-        primvar.values = HdOocPTReadArray(source, { tokens.primvars, name, tokens.indexedPrimvarValue }, role);
-        if (!primvar.values.IsEmpty()) {
-            return primvar;
-        }
-    }
-    primvar.indices = VtValue();
-    primvar.values = HdOocPTReadArray(source, { tokens.primvars, name, tokens.primvarValue }, role);
-    if (primvar.values.IsEmpty()) {
-        primvar.values = HdOocPTReadArray(source, { tokens.primvars, name, tokens.indexedPrimvarValue }, role);
-    }
-    return primvar;
-}
-
-oocpt::InterpolationTag _InterpolationTag(const TfToken& name)
-{
-    const auto& tokens = *HdOocPTSceneTokens;
-    return name == tokens.uniform    ? oocpt::InterpolationTag::Uniform
-        : name == tokens.varying     ? oocpt::InterpolationTag::Varying
-        : name == tokens.vertex      ? oocpt::InterpolationTag::Vertex
-        : name == tokens.faceVarying ? oocpt::InterpolationTag::FaceVarying
-        : name == tokens.instance    ? oocpt::InterpolationTag::Instance
-                                     : oocpt::InterpolationTag::Constant;
-}
-
 oocpt::SubdivisionTag _SubdivisionTag(const TfToken& scheme)
 {
     const auto& tokens = *HdOocPTSceneTokens;
@@ -85,15 +52,52 @@ oocpt::SubdivisionTag _SubdivisionTag(const TfToken& scheme)
                                          : oocpt::SubdivisionTag::None;
 }
 
-oocpt::PrimvarDesc _DescribePrimvar(const HdOocPTPrimvarState& primvar)
+/// The material bound for the purpose "full", which is the one that the delegate asks for, else for all purposes.
+SdfPath _ReadMaterial(const HdContainerDataSourceHandle& container)
 {
-    return { _InterpolationTag(primvar.interpolation), HdOocPTHoldArray(primvar.values),
-        HdOocPTHoldArray(primvar.indices) };
+    const auto& tokens = *HdOocPTSceneTokens;
+    SdfPath path
+        = HdOocPTRead(container, { tokens.materialBindings, tokens.full, tokens.path }).GetWithDefault<SdfPath>();
+    if (path.IsEmpty()) {
+        path = HdOocPTRead(container, { tokens.materialBindings, tokens.allPurpose, tokens.path })
+                   .GetWithDefault<SdfPath>();
+    }
+    return path;
+}
+
+void _ReadSubsets(const HdSceneIndexBase& scene, const HdOocPTPrimSource& mesh, HdOocPTMeshState* state)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    state->subsets.clear();
+    for (const SdfPath& path : scene.GetChildPrimPaths(mesh.path)) {
+        const HdSceneIndexPrim prim = scene.GetPrim(path);
+        if (prim.primType != tokens.geomSubset || !prim.dataSource) {
+            continue;
+        }
+        TfToken type;
+        HdOocPTConvert(HdOocPTRead(prim.dataSource, { tokens.geomSubset, tokens.type }), &type);
+        const SdfPath material = _ReadMaterial(prim.dataSource);
+        // Subsets of points or edges, and those that only group faces, say nothing about shading.
+        if (type != tokens.typeFaceSet || material.IsEmpty()) {
+            continue;
+        }
+        const HdOocPTPrimSource source { path, prim.dataSource, mesh.dirtyBits, mesh.warnings };
+        state->subsets.push_back({ path, material,
+            HdOocPTReadArray(source, { tokens.geomSubset, tokens.indices }, HdOocPTArrayRole::Integers) });
+    }
+    // Front ends list children in different orders, and a face in several subsets belongs to the first.
+    std::sort(state->subsets.begin(), state->subsets.end(),
+        [](const HdOocPTSubsetState& a, const HdOocPTSubsetState& b) { return a.path < b.path; });
+}
+
+rust::String _Text(const SdfPath& path)
+{
+    return rust::String::lossy(path.GetString());
 }
 
 } // namespace
 
-void HdOocPTReadMesh(const HdOocPTPrimSource& source, HdOocPTMeshState* state)
+void HdOocPTReadMesh(const HdSceneIndexBase& scene, const HdOocPTPrimSource& source, HdOocPTMeshState* state)
 {
     const auto& tokens = *HdOocPTSceneTokens;
     HdOocPTReadPrim(source, &state->prim);
@@ -104,13 +108,26 @@ void HdOocPTReadMesh(const HdOocPTPrimSource& source, HdOocPTMeshState* state)
         _ReadPoints(source, state);
     }
     if (source.dirtyBits & HdOocPTDirtyNormals) {
-        state->normals = _ReadPrimvar(source, tokens.normals, HdOocPTArrayRole::Vectors3);
+        state->normals = HdOocPTReadPrimvar(source, tokens.normals, HdOocPTArrayRole::Vectors3);
     }
     if (source.dirtyBits & HdOocPTDirtyColor) {
-        state->displayColor = _ReadPrimvar(source, tokens.displayColor, HdOocPTArrayRole::Vectors3);
+        state->displayColor = HdOocPTReadPrimvar(source, tokens.displayColor, HdOocPTArrayRole::Vectors3);
     }
     if (source.dirtyBits & HdOocPTDirtyOpacity) {
-        state->displayOpacity = _ReadPrimvar(source, tokens.displayOpacity, HdOocPTArrayRole::Scalars);
+        state->displayOpacity = HdOocPTReadPrimvar(source, tokens.displayOpacity, HdOocPTArrayRole::Scalars);
+    }
+    if (source.dirtyBits & HdOocPTDirtyPrimvars) {
+        state->primvars = HdOocPTReadOtherPrimvars(
+            source, { tokens.points, tokens.normals, tokens.displayColor, tokens.displayOpacity });
+    }
+    if (source.dirtyBits & HdOocPTDirtyMaterialBinding) {
+        state->material = _ReadMaterial(source.container);
+    }
+    if (source.dirtyBits & HdOocPTDirtySubsets) {
+        _ReadSubsets(scene, source, state);
+    }
+    if (source.dirtyBits & HdOocPTDirtyCategories) {
+        state->categories = HdOocPTReadCategories(source.container);
     }
 }
 
@@ -126,9 +143,21 @@ oocpt::MeshDesc HdOocPTDescribeMesh(const SdfPath& path, const HdOocPTMeshState&
     desc.face_vertex_indices = HdOocPTHoldArray(state.faceVertexIndices);
     desc.hole_indices = HdOocPTHoldArray(state.holeIndices);
     desc.points = HdOocPTHoldArray(state.points);
-    desc.normals = _DescribePrimvar(state.normals);
-    desc.display_color = _DescribePrimvar(state.displayColor);
-    desc.display_opacity = _DescribePrimvar(state.displayOpacity);
+    desc.normals = HdOocPTDescribePrimvar(state.normals);
+    desc.display_color = HdOocPTDescribePrimvar(state.displayColor);
+    desc.display_opacity = HdOocPTDescribePrimvar(state.displayOpacity);
+    desc.primvars = HdOocPTDescribePrimvars(state.primvars);
+    desc.material = _Text(state.material);
+    for (const HdOocPTSubsetState& subset : state.subsets) {
+        // The new front end hands the mesh's binding down to subsets that have none, such as those that only group faces.
+        if (subset.material != state.material) {
+            desc.subsets.push_back({ _Text(subset.path), _Text(subset.material), HdOocPTHoldArray(subset.faces) });
+        }
+    }
+    desc.categories.reserve(state.categories.size());
+    for (const TfToken& category : state.categories) {
+        desc.categories.push_back(rust::String::lossy(category.GetString()));
+    }
     return desc;
 }
 

@@ -4,10 +4,14 @@
 
 #include "pxr/base/tf/token.h"
 #include "pxr/base/vt/value.h"
+#include "pxr/imaging/hd/sceneIndex.h"
 #include "pxr/pxr.h"
+#include "pxr/usd/sdf/path.h"
 #include "scene/primReader.h"
+#include "scene/primvarReader.h"
 
 #include <cstdint>
+#include <vector>
 
 namespace oocpt {
 struct MeshDesc;
@@ -15,12 +19,12 @@ struct MeshDesc;
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// A primvar as last read; empty values mean absent.
-struct HdOocPTPrimvarState
+/// Faces with a material of their own, as last read.
+struct HdOocPTSubsetState
 {
-    TfToken interpolation;
-    VtValue values;
-    VtValue indices;
+    SdfPath path;
+    SdfPath material;
+    VtValue faces;
 };
 
 /// A mesh as last read. The arrays share their data with the scene.
@@ -37,10 +41,14 @@ struct HdOocPTMeshState
     HdOocPTPrimvarState normals;
     HdOocPTPrimvarState displayColor;
     HdOocPTPrimvarState displayOpacity;
+    HdOocPTNamedPrimvars primvars;
+    SdfPath material;
+    std::vector<HdOocPTSubsetState> subsets;
+    TfTokenVector categories;
 };
 
-/// Reads the dirty parts of a mesh.
-void HdOocPTReadMesh(const HdOocPTPrimSource& source, HdOocPTMeshState* state);
+/// Reads the dirty parts of a mesh. Its subsets are children of it in `scene`.
+void HdOocPTReadMesh(const HdSceneIndexBase& scene, const HdOocPTPrimSource& source, HdOocPTMeshState* state);
 
 /// The mesh as it goes to Rust.
 oocpt::MeshDesc HdOocPTDescribeMesh(const SdfPath& path, const HdOocPTMeshState& state, int32_t primId);

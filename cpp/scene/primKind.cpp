@@ -12,7 +12,7 @@ TF_DEFINE_PRIVATE_TOKENS(_unsupported,
     /* geometry */
     (basisCurves)(nurbsCurves)(nurbsPatch)(points)(tetMesh)(volume)
     /* lights */
-    (cylinderLight)(diskLight)(geometryLight)(meshLight)(pluginLight)(rectLight)(sphereLight)(portalLight)
+    (geometryLight)(meshLight)(pluginLight)(portalLight)(lightFilter)
     /* implicit shapes that no filter has turned into meshes */
     (capsule)(cone)(cube)(cylinder)(plane)(sphere));
 
@@ -29,6 +29,12 @@ _KindMap _MakeKinds()
         { tokens.domeLight, HdOocPTPrimKind::Light },
         { tokens.distantLight, HdOocPTPrimKind::Light },
         { tokens.simpleLight, HdOocPTPrimKind::Light },
+        { tokens.rectLight, HdOocPTPrimKind::Light },
+        { tokens.sphereLight, HdOocPTPrimKind::Light },
+        { tokens.diskLight, HdOocPTPrimKind::Light },
+        { tokens.cylinderLight, HdOocPTPrimKind::Light },
+        { tokens.geomSubset, HdOocPTPrimKind::GeomSubset },
+        { tokens.material, HdOocPTPrimKind::Material },
         { tokens.renderSettings, HdOocPTPrimKind::RenderSettings },
     };
     for (const TfToken& type : _unsupported->allTokens) {

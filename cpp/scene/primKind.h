@@ -10,11 +10,14 @@ PXR_NAMESPACE_OPEN_SCOPE
 /// What OocPT does with a prim type.
 enum class HdOocPTPrimKind
 {
-    /// Nothing: a group, a camera, a material…
+    /// Nothing: a group, a camera…
     Other,
     Mesh,
+    /// Faces of the mesh above it.
+    GeomSubset,
     Instancer,
     Light,
+    Material,
     RenderSettings,
     /// It would be seen in the picture, but there is no code for it yet.
     Unsupported,

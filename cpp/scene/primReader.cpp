@@ -76,6 +76,21 @@ void HdOocPTFillPrim(const SdfPath& path, const HdOocPTPrimState& state, oocpt::
     }
 }
 
+TfTokenVector HdOocPTReadCategories(const HdContainerDataSourceHandle& container)
+{
+    TfTokenVector categories;
+    if (const auto found = HdOocPTFindContainer(container, { HdOocPTSceneTokens->categories })) {
+        for (const TfToken& name : found->GetNames()) {
+            bool isMember = false;
+            if (HdOocPTConvert(HdOocPTSample(found->Get(name)), &isMember) && isMember) {
+                categories.push_back(name);
+            }
+        }
+    }
+    std::sort(categories.begin(), categories.end());
+    return categories;
+}
+
 VtValue HdOocPTReadArray(const HdOocPTPrimSource& source, std::initializer_list<TfToken> names, HdOocPTArrayRole role)
 {
     std::string reason;

@@ -28,6 +28,7 @@ struct HdOocPTPrimSource
     SdfPath path;
     HdContainerDataSourceHandle container;
     uint32_t dirtyBits;
+    /// Null where nobody needs to know.
     HdOocPTWarnings* warnings;
 };
 
@@ -49,6 +50,9 @@ void HdOocPTFillPrim(const SdfPath& path, const HdOocPTPrimState& state, oocpt::
 
 /// Reads an array and brings it into a usable form; warns and gives an empty value when it has a type of no use for the role.
 VtValue HdOocPTReadArray(const HdOocPTPrimSource& source, std::initializer_list<TfToken> names, HdOocPTArrayRole role);
+
+/// The collections that the prim is in, of those that lights and shadows are linked to; sorted.
+TfTokenVector HdOocPTReadCategories(const HdContainerDataSourceHandle& container);
 
 /// The name under which Rust knows a purpose: "default", "render", "proxy", "guide".
 TfToken HdOocPTPurposeOfTag(const TfToken& tag);

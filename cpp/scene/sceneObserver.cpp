@@ -3,6 +3,7 @@
 
 #include "scene/tokens.h"
 
+#include <algorithm>
 #include <utility>
 
 PXR_NAMESPACE_OPEN_SCOPE
@@ -32,10 +33,32 @@ std::vector<_Row> _MakeTable()
         { HdDataSourceLocator(tokens.primvars, tokens.instanceScales), HdOocPTDirtyInstancePrimvars },
         { HdDataSourceLocator(tokens.primvars, tokens.instanceTransforms), HdOocPTDirtyInstancePrimvars },
         { HdDataSourceLocator(tokens.light), HdOocPTDirtyLight },
-        { HdDataSourceLocator(tokens.material), HdOocPTDirtyLight },
+        { HdDataSourceLocator(tokens.material), HdOocPTDirtyLight | HdOocPTDirtyNetwork },
+        { HdDataSourceLocator(tokens.primvars, tokens.cameraVisibility), HdOocPTDirtyLight },
+        { HdDataSourceLocator(tokens.materialBindings), HdOocPTDirtyMaterialBinding },
+        { HdDataSourceLocator(tokens.geomSubset), HdOocPTDirtySubsets },
+        // How the new front end of 25.08 says that the faces of a subset have changed.
+        { HdDataSourceLocator(tokens.indices), HdOocPTDirtySubsets },
+        { HdDataSourceLocator(tokens.collections), HdOocPTDirtyLinks },
+        { HdDataSourceLocator(tokens.categories), HdOocPTDirtyCategories },
+        { HdDataSourceLocator(tokens.instanceCategories), HdOocPTDirtyCategories },
         { HdDataSourceLocator(tokens.renderSettings), HdOocPTDirtySettings },
         { HdDataSourceLocator(tokens.sceneGlobals), HdOocPTDirtySettings },
     };
+}
+
+/// Whether a locator touches primvars that no row of the table names.
+bool _TouchesOtherPrimvars(const HdDataSourceLocator& locator, const std::vector<_Row>& table)
+{
+    const TfToken& primvars = HdOocPTSceneTokens->primvars;
+    if (locator.IsEmpty() || (locator.GetElementCount() == 1 && locator.GetFirstElement() == primvars)) {
+        return true;
+    }
+    if (locator.GetFirstElement() != primvars) {
+        return false;
+    }
+    const HdDataSourceLocator named(primvars, locator.GetElement(1));
+    return std::none_of(table.begin(), table.end(), [&](const _Row& row) { return row.first == named; });
 }
 
 } // namespace
@@ -47,6 +70,12 @@ uint32_t HdOocPTDirtyBitsOf(const HdDataSourceLocatorSet& locators)
     for (const _Row& row : table) {
         if ((bits & row.second) != row.second && locators.Intersects(row.first)) {
             bits |= row.second;
+        }
+    }
+    for (const HdDataSourceLocator& locator : locators) {
+        if (_TouchesOtherPrimvars(locator, table)) {
+            bits |= HdOocPTDirtyPrimvars;
+            break;
         }
     }
     return bits;

@@ -32,7 +32,16 @@ enum HdOocPTDirtyBits : uint32_t
     HdOocPTDirtyInstancePrimvars = 1u << 10,
     HdOocPTDirtyLight = 1u << 11,
     HdOocPTDirtySettings = 1u << 12,
-    HdOocPTDirtyAll = (1u << 13) - 1,
+    /// Any primvar that has no bit of its own above.
+    HdOocPTDirtyPrimvars = 1u << 13,
+    HdOocPTDirtyMaterialBinding = 1u << 14,
+    /// The subsets of a mesh: which there are, their faces and bindings.
+    HdOocPTDirtySubsets = 1u << 15,
+    HdOocPTDirtyCategories = 1u << 16,
+    HdOocPTDirtyNetwork = 1u << 17,
+    /// The collections that a light is linked to.
+    HdOocPTDirtyLinks = 1u << 18,
+    HdOocPTDirtyAll = (1u << 19) - 1,
 };
 
 /// What happened to one prim since the last take.

@@ -2,9 +2,12 @@
 #include "scene/sceneReader.h"
 
 #include "oocpt-bridge/src/lib.rs.h"
+#include "pxr/base/vt/array.h"
 #include "pxr/base/work/loops.h"
+#include "scene/dataSource.h"
 #include "scene/instancerReader.h"
 #include "scene/lightReader.h"
+#include "scene/materialReader.h"
 #include "scene/meshReader.h"
 #include "scene/primKind.h"
 #include "scene/tokens.h"
@@ -35,6 +38,7 @@ struct HdOocPTSceneReader::_Job
     std::optional<oocpt::MeshDesc> mesh;
     std::optional<oocpt::InstancerDesc> instancer;
     std::optional<oocpt::LightDesc> light;
+    std::optional<oocpt::MaterialDesc> material;
 };
 
 namespace {
@@ -48,6 +52,35 @@ bool _IsPlain(const SdfPath& path)
 rust::String _Text(const SdfPath& path)
 {
     return rust::String::lossy(path.GetString());
+}
+
+/// Adds the categories of the collections that a mesh, or the native instances of it, are in.
+void _AddLinks(
+    const HdSceneIndexBase& scene, const HdOocPTLinks& links, const HdOocPTPrimSource& source, HdOocPTMeshState* mesh)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    SdfPathVector instances;
+    for (const auto& [instancer, root] : mesh->prim.instancedBy) {
+        const VtArray<SdfPath> locations
+            = HdOocPTRead(scene.GetPrim(instancer).dataSource, { tokens.instancerTopology, tokens.instanceLocations })
+                  .GetWithDefault<VtArray<SdfPath>>();
+        instances.insert(instances.end(), locations.begin(), locations.end());
+    }
+    for (const TfToken& category : links.Match(source.path, instances, source.warnings)) {
+        mesh->categories.push_back(category);
+    }
+    std::sort(mesh->categories.begin(), mesh->categories.end());
+}
+
+/// Where the front end has named categories itself, those stay.
+void _SetCategories(const std::pair<TfToken, TfToken>& categories, oocpt::LightDesc* light)
+{
+    if (!categories.first.IsEmpty()) {
+        light->light_link = rust::String::lossy(categories.first.GetString());
+    }
+    if (!categories.second.IsEmpty()) {
+        light->shadow_link = rust::String::lossy(categories.second.GetString());
+    }
 }
 
 } // namespace
@@ -69,8 +102,11 @@ HdOocPTSceneReader::~HdOocPTSceneReader()
 void HdOocPTSceneReader::Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* edits, HdOocPTWarnings* warnings)
 {
     const HdOocPTSceneChanges changes = _observer.Take();
-    _TakeRemovals(changes.removed, edits);
-    std::vector<_Job> jobs = _TakeChanges(changes, edits, warnings);
+    _DirtyBits dirty;
+    _TakeRemovals(changes.removed, edits, &dirty);
+    _TakeChanges(changes, edits, &dirty);
+    _ReadLinks(&dirty, warnings);
+    std::vector<_Job> jobs = _MakeJobs(dirty, warnings);
     WorkParallelForN(jobs.size(), [&](size_t begin, size_t end) {
         for (size_t i = begin; i < end; ++i) {
             _ReadJob(&jobs[i], primIdOf, warnings);
@@ -83,14 +119,23 @@ void HdOocPTSceneReader::Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* e
             edits->instancers.push_back(std::move(*job.instancer));
         } else if (job.light) {
             edits->lights.push_back(std::move(*job.light));
+        } else if (job.material) {
+            edits->materials.push_back(std::move(*job.material));
         }
     }
     _ReadSettings();
 }
 
-void HdOocPTSceneReader::_TakeRemovals(const std::vector<SdfPath>& removed, oocpt::SceneEdits* edits)
+void HdOocPTSceneReader::_TakeRemovals(const std::vector<SdfPath>& removed, oocpt::SceneEdits* edits, _DirtyBits* dirty)
 {
     for (const SdfPath& root : removed) {
+        const auto known = _records.find(root);
+        if (known != _records.end() && known->second && known->second->kind == HdOocPTPrimKind::GeomSubset) {
+            // Only the mesh above knows of it. If that goes, too, nothing is left to be read again.
+            (*dirty)[root.GetParentPath()] |= HdOocPTDirtySubsets;
+            _records.erase(root);
+            continue;
+        }
         bool any = false;
         const auto range = _records.FindSubtreeRange(root);
         for (auto it = range.first; it != range.second; ++it) {
@@ -99,6 +144,7 @@ void HdOocPTSceneReader::_TakeRemovals(const std::vector<SdfPath>& removed, oocp
             }
             any = true;
             _settingsPrims.erase(it->first);
+            _links.Remove(it->first);
             if (!_IsPlain(it->first) && it->first != root) {
                 edits->removed.push_back(_Text(it->first));
             }
@@ -114,6 +160,7 @@ void HdOocPTSceneReader::_RemoveAlone(const SdfPath& path, oocpt::SceneEdits* ed
 {
     edits->removed.push_back(_Text(path));
     _settingsPrims.erase(path);
+    _links.Remove(path);
     const auto range = _records.FindSubtreeRange(path);
     for (auto it = range.first; it != range.second; ++it) {
         if (it->second && it->first != path) {
@@ -123,11 +170,11 @@ void HdOocPTSceneReader::_RemoveAlone(const SdfPath& path, oocpt::SceneEdits* ed
     _records[path].reset();
 }
 
-std::vector<HdOocPTSceneReader::_Job> HdOocPTSceneReader::_TakeChanges(
-    const HdOocPTSceneChanges& changes, oocpt::SceneEdits* edits, HdOocPTWarnings* warnings)
+void HdOocPTSceneReader::_TakeChanges(
+    const HdOocPTSceneChanges& changes, oocpt::SceneEdits* edits, _DirtyBits* dirtyBits)
 {
     std::set<SdfPath> again;
-    std::map<SdfPath, uint32_t> dirty;
+    _DirtyBits& dirty = *dirtyBits;
     for (const auto& [path, change] : changes.changes) {
         if (change.added) {
             const HdOocPTPrimKind kind = HdOocPTKindOfPrim(change.type);
@@ -146,7 +193,12 @@ std::vector<HdOocPTSceneReader::_Job> HdOocPTSceneReader::_TakeChanges(
                 record->type = change.type;
             }
         }
-        if (change.dirtyBits != 0) {
+        const auto known = _records.find(path);
+        const bool isSubset
+            = known != _records.end() && known->second && known->second->kind == HdOocPTPrimKind::GeomSubset;
+        if (isSubset) {
+            dirty[path.GetParentPath()] |= HdOocPTDirtySubsets;
+        } else if (change.dirtyBits != 0) {
             dirty[path] |= change.dirtyBits;
         }
     }
@@ -154,7 +206,40 @@ std::vector<HdOocPTSceneReader::_Job> HdOocPTSceneReader::_TakeChanges(
     for (const SdfPath& path : again) {
         dirty.emplace(path, 0);
     }
+}
 
+void HdOocPTSceneReader::_ReadLinks(_DirtyBits* dirty, HdOocPTWarnings* warnings)
+{
+    std::vector<std::pair<SdfPath, HdOocPTLightLinks>> lights;
+    for (const auto& [path, bits] : *dirty) {
+        const auto known = _records.find(path);
+        const bool isLight = known != _records.end() && known->second && known->second->kind == HdOocPTPrimKind::Light;
+        if (isLight && (bits & HdOocPTDirtyLinks)) {
+            lights.push_back({ path, {} });
+        }
+    }
+    WorkParallelForN(lights.size(), [&](size_t begin, size_t end) {
+        for (size_t i = begin; i < end; ++i) {
+            const HdSceneIndexPrim prim = _scene->GetPrim(lights[i].first);
+            lights[i].second = HdOocPTLinks::Read({ lights[i].first, prim.dataSource, HdOocPTDirtyLinks, warnings });
+        }
+    });
+    bool changed = false;
+    for (const auto& [path, links] : lights) {
+        changed |= _links.Set(path, links, warnings);
+    }
+    if (changed) {
+        // Any mesh may be in the collection, or no longer be.
+        for (const auto& [path, record] : _records) {
+            if (record && record->kind == HdOocPTPrimKind::Mesh) {
+                (*dirty)[path] |= HdOocPTDirtyCategories;
+            }
+        }
+    }
+}
+
+std::vector<HdOocPTSceneReader::_Job> HdOocPTSceneReader::_MakeJobs(const _DirtyBits& dirty, HdOocPTWarnings* warnings)
+{
     std::vector<_Job> jobs;
     jobs.reserve(dirty.size());
     for (const auto& [path, bits] : dirty) {
@@ -192,7 +277,10 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
             record.mesh = std::make_unique<HdOocPTMeshState>();
             source.dirtyBits = HdOocPTDirtyAll;
         }
-        HdOocPTReadMesh(source, record.mesh.get());
+        HdOocPTReadMesh(*_scene, source, record.mesh.get());
+        if (!_links.IsEmpty() && (source.dirtyBits & HdOocPTDirtyCategories)) {
+            _AddLinks(*_scene, _links, source, record.mesh.get());
+        }
         job->mesh = HdOocPTDescribeMesh(job->path, *record.mesh, primIdOf ? primIdOf(job->path) : -1);
         break;
     case HdOocPTPrimKind::Instancer:
@@ -205,7 +293,12 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
         break;
     case HdOocPTPrimKind::Light:
         job->light = HdOocPTReadLight(source, record.type);
+        _SetCategories(_links.GetCategories(job->path), &*job->light);
         break;
+    case HdOocPTPrimKind::Material:
+        job->material = HdOocPTReadMaterial(source);
+        break;
+    case HdOocPTPrimKind::GeomSubset:
     case HdOocPTPrimKind::RenderSettings:
     case HdOocPTPrimKind::Unsupported:
     case HdOocPTPrimKind::Other:

@@ -7,12 +7,14 @@
 #include "pxr/usd/sdf/path.h"
 #include "pxr/usd/sdf/pathTable.h"
 #include "scene/cameraReader.h"
+#include "scene/links.h"
 #include "scene/sceneObserver.h"
 #include "scene/settingsReader.h"
 #include "scene/warnings.h"
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <set>
 #include <vector>
@@ -57,9 +59,13 @@ private:
     struct _Job;
     using _RecordPtr = std::shared_ptr<_Record>;
 
-    void _TakeRemovals(const std::vector<SdfPath>& removed, oocpt::SceneEdits* edits);
-    std::vector<_Job> _TakeChanges(
-        const HdOocPTSceneChanges& changes, oocpt::SceneEdits* edits, HdOocPTWarnings* warnings);
+    /// What has to be read again, in the order in which it goes to the renderer.
+    using _DirtyBits = std::map<SdfPath, uint32_t>;
+
+    void _TakeRemovals(const std::vector<SdfPath>& removed, oocpt::SceneEdits* edits, _DirtyBits* dirty);
+    void _TakeChanges(const HdOocPTSceneChanges& changes, oocpt::SceneEdits* edits, _DirtyBits* dirty);
+    void _ReadLinks(_DirtyBits* dirty, HdOocPTWarnings* warnings);
+    std::vector<_Job> _MakeJobs(const _DirtyBits& dirty, HdOocPTWarnings* warnings);
     void _RemoveAlone(const SdfPath& path, oocpt::SceneEdits* edits, std::set<SdfPath>* again);
     void _ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const;
     void _ReadSettings();
@@ -68,6 +74,7 @@ private:
     HdOocPTSceneObserver _observer;
     /// Every prim that OocPT has to do with; entries without record are mere ancestors.
     SdfPathTable<_RecordPtr> _records;
+    HdOocPTLinks _links;
     std::set<SdfPath> _settingsPrims;
     HdOocPTSettingMap _settings;
 };

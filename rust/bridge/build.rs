@@ -12,5 +12,7 @@ fn main() {
         .flag_if_supported("-fvisibility-inlines-hidden")
         .compile("oocpt_bridge_cxx");
     println!("cargo:rerun-if-changed=src/lib.rs");
-    println!("cargo:rerun-if-changed={}", cpp.join("bridge/heldArray.h").display());
+    for header in ["bridge/heldArray.h", "bridge/heldImage.h"] {
+        println!("cargo:rerun-if-changed={}", cpp.join(header).display());
+    }
 }

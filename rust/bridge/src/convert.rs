@@ -9,8 +9,8 @@ use cxx::UniquePtr;
 use glam::DMat4;
 use oocpt_core::array::{Element, TypedArray};
 use oocpt_core::scene::{
-    InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, LightDesc, LightKind, MeshDesc, PrimDesc, Primvar,
-    Subdivision,
+    AssetRef, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshDesc, NamedPrimvar, PrimDesc, Primvar,
+    Subdivision, SubsetDesc,
 };
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ use std::sync::Arc;
 pub(crate) struct Complaints(pub(crate) Vec<String>);
 
 impl Complaints {
-    fn add(&mut self, path: &str, part: &str, reason: &str) {
+    pub(crate) fn add(&mut self, path: &str, part: &str, reason: &str) {
         self.0.push(format!("{path}: {part}: {reason}"));
     }
 
@@ -52,6 +52,33 @@ impl Complaints {
         };
         Some(Primvar { interpolation, values, indices })
     }
+
+    fn primvars(&mut self, path: &str, descs: Vec<ffi::NamedPrimvarDesc>) -> Vec<NamedPrimvar> {
+        let named = |desc: ffi::NamedPrimvarDesc| {
+            let primvar = self.primvar(path, &desc.name, desc.primvar)?;
+            Some(NamedPrimvar { name: Arc::from(desc.name), primvar })
+        };
+        descs.into_iter().filter_map(named).collect()
+    }
+
+    fn subsets(&mut self, descs: Vec<ffi::SubsetDesc>) -> Vec<SubsetDesc> {
+        let subset = |desc: ffi::SubsetDesc| {
+            let faces = self.optional(&desc.path, "indices", desc.faces)?;
+            Some(SubsetDesc { path: Arc::from(desc.path), material: optional_text(desc.material), faces })
+        };
+        descs.into_iter().filter_map(subset).collect()
+    }
+}
+
+/// Empty text stands for none.
+pub(crate) fn optional_text(text: String) -> Option<Arc<str>> {
+    (!text.is_empty()).then(|| Arc::from(text))
+}
+
+/// A file, where the scene names one.
+pub(crate) fn asset(desc: ffi::AssetDesc) -> Option<AssetRef> {
+    let is_named = !(desc.authored.is_empty() && desc.resolved.is_empty());
+    is_named.then(|| AssetRef { authored: Arc::from(desc.authored), resolved: Arc::from(desc.resolved) })
 }
 
 /// `GfMatrix4d` data, which lies row by row for row vectors, as the matrix for column vectors: read column by column, the
@@ -81,7 +108,8 @@ fn subdivision(tag: ffi::SubdivisionTag) -> Subdivision {
     }
 }
 
-fn prim(desc: ffi::PrimDesc) -> PrimDesc {
+/// What every prim has.
+pub(crate) fn prim(desc: ffi::PrimDesc) -> PrimDesc {
     PrimDesc {
         path: Arc::from(desc.path),
         transform: column_matrix(&desc.transform),
@@ -112,7 +140,10 @@ pub(crate) fn mesh(desc: ffi::MeshDesc, complaints: &mut Complaints) -> MeshDesc
         normals: complaints.primvar(&path, "normals", desc.normals),
         display_color: complaints.primvar(&path, "displayColor", desc.display_color),
         display_opacity: complaints.primvar(&path, "displayOpacity", desc.display_opacity),
-        ..MeshDesc::default()
+        primvars: complaints.primvars(&path, desc.primvars),
+        material: optional_text(desc.material),
+        subsets: complaints.subsets(desc.subsets),
+        categories: desc.categories.into_iter().map(Arc::from).collect(),
     }
 }
 
@@ -136,30 +167,12 @@ pub(crate) fn instancer(desc: ffi::InstancerDesc, complaints: &mut Complaints) -
         rotations: complaints.optional(&path, "instanceRotations", desc.rotations),
         scales: complaints.optional(&path, "instanceScales", desc.scales),
         transforms: complaints.optional(&path, "instanceTransforms", desc.transforms),
-        ..InstancerDesc::default()
-    }
-}
-
-/// The core's light.
-pub(crate) fn light(desc: ffi::LightDesc) -> LightDesc {
-    LightDesc {
-        prim: prim(desc.prim),
-        kind: match desc.kind {
-            ffi::LightTag::Distant => LightKind::Distant { angle_degrees: desc.angle_degrees },
-            _ => LightKind::PLAIN_DOME,
-        },
-        color: desc.color,
-        intensity: desc.intensity,
-        exposure: desc.exposure,
-        color_temperature: desc.enable_color_temperature.then_some(desc.color_temperature),
-        normalize: desc.normalize,
-        camera_visible: desc.camera_visible,
-        ..LightDesc::default()
+        primvars: complaints.primvars(&path, desc.primvars),
     }
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use glam::DVec3;
 
@@ -181,7 +194,7 @@ mod tests {
         }
     }
 
-    fn prim_desc() -> ffi::PrimDesc {
+    pub(crate) fn prim_desc() -> ffi::PrimDesc {
         let mut transform = [0.0; 16];
         for diagonal in 0..4 {
             transform[5 * diagonal] = 1.0;
@@ -210,6 +223,10 @@ mod tests {
             normals: no_primvar(),
             display_color: no_primvar(),
             display_opacity: no_primvar(),
+            primvars: Vec::new(),
+            material: String::new(),
+            subsets: Vec::new(),
+            categories: Vec::new(),
         }
     }
 
@@ -267,21 +284,35 @@ mod tests {
     }
 
     #[test]
-    fn color_temperature_counts_only_when_enabled() {
-        let desc = |enable_color_temperature| ffi::LightDesc {
-            prim: prim_desc(),
-            kind: ffi::LightTag::Distant,
-            angle_degrees: 0.53,
-            color: [1.0; 3],
-            intensity: 2.0,
-            exposure: 1.0,
-            enable_color_temperature,
-            color_temperature: 3000.0,
-            normalize: false,
-            camera_visible: true,
+    fn primvars_subsets_and_bindings_arrive_by_name() {
+        let mut desc = mesh_desc();
+        let primvar = |values| ffi::PrimvarDesc {
+            interpolation: ffi::InterpolationTag::FaceVarying,
+            values,
+            indices: UniquePtr::null(),
         };
-        assert_eq!(light(desc(false)).color_temperature, None, "disabled");
-        assert_eq!(light(desc(true)).color_temperature, Some(3000.0), "enabled");
-        assert_eq!(light(desc(true)).kind, LightKind::Distant { angle_degrees: 0.53 }, "the angle");
+        desc.primvars = vec![
+            ffi::NamedPrimvarDesc { name: "st".into(), primvar: primvar(floats(&[0.0, 1.0, 2.0])) },
+            ffi::NamedPrimvarDesc {
+                name: "bad".into(),
+                primvar: primvar(ffi::copy_array(ffi::ElementTag::Vec3f, &[0; 13])),
+            },
+        ];
+        desc.material = "/Looks/Red".into();
+        desc.subsets = vec![
+            ffi::SubsetDesc { path: "/m/a".into(), material: "/Looks/Blue".into(), faces: ints(&[0]) },
+            ffi::SubsetDesc { path: "/m/b".into(), material: "/Looks/Blue".into(), faces: UniquePtr::null() },
+        ];
+        desc.categories = vec!["c".into()];
+        let mut complaints = Complaints::default();
+        let mesh = mesh(desc, &mut complaints);
+        let names: Vec<&str> = mesh.primvars.iter().map(|primvar| &*primvar.name).collect();
+        assert_eq!(names, ["st"], "what cannot be read is left out");
+        assert_eq!(complaints.0.len(), 1, "and named: {:?}", complaints.0);
+        assert!(complaints.0[0].starts_with("/World/mesh: bad: "), "{}", complaints.0[0]);
+        assert_eq!(mesh.material.as_deref(), Some("/Looks/Red"), "the binding");
+        assert_eq!(mesh.subsets.len(), 1, "a subset without faces is none");
+        assert_eq!(mesh.subsets[0].faces.index(0), Some(0), "its face");
+        assert_eq!(&*mesh.categories[0], "c", "categories");
     }
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Arrays that C++ holds and Rust reads in place.
+//! What C++ holds and Rust uses: arrays, read in place, and images.
 //!
 //! [`HeldSource`] owns the C++ object and so keeps the USD array alive; it may be read and dropped on any thread.
 
@@ -15,6 +15,18 @@ unsafe impl Send for ffi::HeldArray {}
 
 // SAFETY: the only methods, bytes() and element(), are const and read members that are never written after construction.
 unsafe impl Sync for ffi::HeldArray {}
+
+// SAFETY: the contract of heldImage.h: every function and the destructor may run on any thread.
+unsafe impl Send for ffi::HeldImage {}
+
+// SAFETY: the same contract: several threads may be inside at once.
+unsafe impl Sync for ffi::HeldImage {}
+
+// SAFETY: the same contract.
+unsafe impl Send for ffi::ImageSource {}
+
+// SAFETY: the same contract.
+unsafe impl Sync for ffi::ImageSource {}
 
 /// A non-null held array.
 struct HeldSource(UniquePtr<ffi::HeldArray>);

@@ -10,9 +10,12 @@
 
 mod convert;
 mod guard;
-#[allow(unsafe_code, reason = "Send and Sync of the C++ array type are promised here")]
+#[allow(unsafe_code, reason = "Send and Sync of the C++ types are promised here")]
 mod held;
+mod images;
+mod light;
 mod logging;
+mod material;
 mod session;
 mod settings;
 mod stats;
@@ -86,6 +89,33 @@ mod ffi {
     enum LightTag {
         Dome,
         Distant,
+        Rect,
+        Sphere,
+        Disk,
+        Cylinder,
+    }
+
+    /// `texture:format` of a dome.
+    #[repr(u8)]
+    #[derive(Debug)]
+    enum DomeFormatTag {
+        Automatic,
+        Latlong,
+        Other,
+    }
+
+    /// What a [`ParamDesc`] holds.
+    #[repr(u8)]
+    #[derive(Debug)]
+    enum ParamTag {
+        Bool,
+        Int,
+        Float,
+        Vec2,
+        Vec3,
+        Vec4,
+        Text,
+        Asset,
     }
 
     /// What a [`ScalarValue`] holds.
@@ -146,6 +176,18 @@ mod ffi {
         indices: UniquePtr<HeldArray>,
     }
 
+    /// A primvar and its name without `primvars:`.
+    struct NamedPrimvarDesc {
+        name: String,
+        primvar: PrimvarDesc,
+    }
+
+    /// A file: as authored, and as the host's resolver found it (empty when it did not). Both empty: no file.
+    struct AssetDesc {
+        authored: String,
+        resolved: String,
+    }
+
     /// Which instancer places a prim, and under which of its prototypes.
     struct InstancedByDesc {
         instancer: String,
@@ -161,7 +203,14 @@ mod ffi {
         instanced_by: Vec<InstancedByDesc>,
     }
 
-    /// A mesh; null arrays are absent.
+    /// Faces of a mesh with a material of their own; no material when the path is empty.
+    struct SubsetDesc {
+        path: String,
+        material: String,
+        faces: UniquePtr<HeldArray>,
+    }
+
+    /// A mesh; null arrays are absent, so is the material when its path is empty.
     struct MeshDesc {
         prim: PrimDesc,
         prim_id: i32,
@@ -175,6 +224,10 @@ mod ffi {
         normals: PrimvarDesc,
         display_color: PrimvarDesc,
         display_opacity: PrimvarDesc,
+        primvars: Vec<NamedPrimvarDesc>,
+        material: String,
+        subsets: Vec<SubsetDesc>,
+        categories: Vec<String>,
     }
 
     /// One prototype of an instancer and the instances that use it.
@@ -192,13 +245,75 @@ mod ffi {
         rotations: UniquePtr<HeldArray>,
         scales: UniquePtr<HeldArray>,
         transforms: UniquePtr<HeldArray>,
+        primvars: Vec<NamedPrimvarDesc>,
     }
 
-    /// A light in `UsdLux` terms.
+    /// An authored input of a shading node. Numbers and vectors lie in `numbers`, asset paths in `asset`, all other text in
+    /// `text`. The color space of an input `name` comes as a text of its own, named `colorSpace:name`.
+    struct ParamDesc {
+        name: String,
+        tag: ParamTag,
+        flag: bool,
+        integer: i64,
+        numbers: [f32; 4],
+        text: String,
+        asset: AssetDesc,
+    }
+
+    /// `input` of the node that has this is `output` of the node of that number.
+    struct ConnectionDesc {
+        input: String,
+        node: u32,
+        output: String,
+    }
+
+    /// A shading node.
+    struct NodeDesc {
+        path: String,
+        kind: String,
+        params: Vec<ParamDesc>,
+        connections: Vec<ConnectionDesc>,
+    }
+
+    /// A material; `surface` is the number of its surface node, or -1.
+    struct MaterialDesc {
+        path: String,
+        nodes: Vec<NodeDesc>,
+        surface: i32,
+    }
+
+    /// `UsdLuxShapingAPI`.
+    struct ShapingDesc {
+        cone_angle_degrees: f32,
+        cone_softness: f32,
+        focus: f32,
+        focus_tint: [f32; 3],
+        ies: AssetDesc,
+        ies_angle_scale: f32,
+        ies_normalize: bool,
+    }
+
+    /// A light in `UsdLux` terms. What its kind has no use for is zero or empty; links are categories, empty for all prims.
     struct LightDesc {
         prim: PrimDesc,
         kind: LightTag,
         angle_degrees: f32,
+        width: f32,
+        height: f32,
+        radius: f32,
+        length: f32,
+        treat_as_point: bool,
+        treat_as_line: bool,
+        texture: AssetDesc,
+        format: DomeFormatTag,
+        diffuse: f32,
+        specular: f32,
+        has_shaping: bool,
+        shaping: ShapingDesc,
+        shadow_enable: bool,
+        shadow_color: [f32; 3],
+        light_link: String,
+        shadow_link: String,
         color: [f32; 3],
         intensity: f32,
         exposure: f32,
@@ -214,6 +329,49 @@ mod ffi {
         meshes: Vec<MeshDesc>,
         instancers: Vec<InstancerDesc>,
         lights: Vec<LightDesc>,
+        materials: Vec<MaterialDesc>,
+    }
+
+    /// What one channel of a texel is.
+    #[repr(u8)]
+    #[derive(Debug)]
+    enum TexelTag {
+        UInt8,
+        Half,
+        Float,
+    }
+
+    /// How a file says that it is continued outside.
+    #[repr(u8)]
+    #[derive(Debug)]
+    enum WrapTag {
+        Unknown,
+        Black,
+        Clamp,
+        Repeat,
+        Mirror,
+    }
+
+    /// What is known of an image. `levels`: width and height of each, finest first; `is_srgb`: 1, 0, or -1 where the file says
+    /// nothing.
+    #[derive(Debug, Clone)]
+    struct ImageFacts {
+        levels: Vec<u32>,
+        channels: u32,
+        format: TexelTag,
+        is_tiled: bool,
+        is_srgb: i8,
+        wrap_s: WrapTag,
+        wrap_t: WrapTag,
+    }
+
+    /// Texels of a level; (0, 0) is the lowest left one.
+    struct TexelBox {
+        level: u32,
+        x: u32,
+        y: u32,
+        width: u32,
+        height: u32,
     }
 
     /// One image wanted.
@@ -248,12 +406,25 @@ mod ffi {
         /// A held array that owns a copy of `bytes`.
         #[allow(dead_code, reason = "the tests make their arrays with it")]
         fn copy_array(element: ElementTag, bytes: &[u8]) -> UniquePtr<HeldArray>;
+
+        include!("bridge/heldImage.h");
+
+        type HeldImage;
+
+        fn facts(self: &HeldImage) -> Result<ImageFacts>;
+        fn read(self: &HeldImage, texels: &TexelBox, destination: &mut [u8]) -> Result<()>;
+
+        type ImageSource;
+
+        fn open(self: &ImageSource, resolved: &str) -> Result<UniquePtr<HeldImage>>;
+        fn exists(self: &ImageSource, resolved: &str) -> Result<bool>;
+        fn read_file(self: &ImageSource, resolved: &str, limit: u64) -> Result<Vec<u8>>;
     }
 
     extern "Rust" {
         type Session;
 
-        fn open_session() -> Result<Box<Session>>;
+        fn open_session(images: UniquePtr<ImageSource>) -> Result<Box<Session>>;
         fn close_session(session: Box<Session>) -> Result<()>;
         fn setting_descriptors() -> Result<Vec<SettingDescriptor>>;
 

@@ -6,12 +6,14 @@
 use crate::convert::{self, Complaints, column_matrix};
 use crate::ffi::{NamedValue, RenderDesc, ScalarValue, SceneEdits, SettingDescriptor, SettingOutcome, UserMessage};
 use crate::guard::{BridgeError, guard};
+use crate::images::HostImages;
 use crate::settings::{self, Layers};
-use crate::{logging, stats};
+use crate::{ffi, light, logging, material, stats};
+use cxx::UniquePtr;
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::SceneDb;
 use oocpt_render::{AovKind, AovRequest, RenderRequest, SessionOptions, Severity};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// One renderer.
 pub(crate) struct Session {
@@ -41,11 +43,12 @@ fn options(variable: impl Fn(&str) -> Option<String>) -> SessionOptions {
 }
 
 /// A new session with an empty scene; reads the `OOCPT_*` variables and sets up the log.
-pub(crate) fn open_session() -> Result<Box<Session>, BridgeError> {
+pub(crate) fn open_session(images: UniquePtr<ffi::ImageSource>) -> Result<Box<Session>, BridgeError> {
     guard("open_session", || {
         logging::install();
         let (layers, warnings) = Layers::new(environment);
-        let inner = oocpt_render::Session::with_options(layers.settings(), options(environment));
+        let inner = oocpt_render::Session::with_options(layers.settings(), options(environment))
+            .with_images(Arc::new(HostImages::new(images)));
         Ok(Box::new(Session { inner, layers: Mutex::new(layers), warnings: Mutex::new(warnings) }))
     })
 }
@@ -74,6 +77,11 @@ impl Session {
                     tracing::debug!(path, "remove");
                     scene.remove(path);
                 }
+                for material in edits.materials {
+                    let material = material::material(material, &mut complaints);
+                    tracing::debug!(?material, "upsert");
+                    scene.upsert_material(material);
+                }
                 for mesh in edits.meshes {
                     let mesh = convert::mesh(mesh, &mut complaints);
                     tracing::debug!(?mesh, "upsert");
@@ -85,7 +93,7 @@ impl Session {
                     scene.upsert_instancer(instancer);
                 }
                 for light in edits.lights {
-                    let light = convert::light(light);
+                    let light = light::light(light);
                     tracing::debug!(?light, "upsert");
                     scene.upsert_light(light);
                 }

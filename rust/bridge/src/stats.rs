@@ -42,7 +42,7 @@ pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
 }
 
 /// What is told about chunks, memory and the overlap of tracing and loading.
-fn streaming(stats: &StreamingStats) -> [NamedValue; 25] {
+fn streaming(stats: &StreamingStats) -> [NamedValue; 30] {
     [
         flag("oocpt:inCore", stats.in_core),
         integer("oocpt:chunks", stats.chunks),
@@ -69,6 +69,11 @@ fn streaming(stats: &StreamingStats) -> [NamedValue; 25] {
         real("oocpt:secondsWaiting", stats.seconds_waiting),
         real("oocpt:secondsOverlapped", stats.seconds_overlapped),
         integer("oocpt:pathsLeft", stats.paths_left),
+        integer("oocpt:textureSceneBytes", stats.texture_scene_bytes),
+        integer("oocpt:textureBytes", stats.texture_bytes),
+        integer("oocpt:textureLoads", stats.texture_loads),
+        integer("oocpt:textureReloads", stats.texture_reloads),
+        integer("oocpt:textureBytesPaged", stats.texture_bytes_paged),
     ]
 }
 

@@ -41,6 +41,7 @@ const NEEDS: &[(Probe, &str)] = &[
     (Probe::Program("glslangValidator"), "glslang-tools"),
     (Probe::Program("spirv-val"), "spirv-tools"),
     (Probe::Header("tbb/tbb.h"), "libtbb-dev"),
+    (Probe::Header("OpenImageIO/imageio.h"), "libopenimageio-dev"),
     (Probe::Python, PYTHON),
     (Probe::Python, "python3-venv"),
     (Probe::Library("libvulkan.so.1"), "libvulkan1"),

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#ifndef HDOOCPT_BRIDGE_HELD_IMAGE_H
+#define HDOOCPT_BRIDGE_HELD_IMAGE_H
+
+#include "rust/cxx.h"
+
+#include <cstdint>
+#include <memory>
+
+namespace oocpt {
+
+// Listed in the bridge (rust/bridge/src/lib.rs).
+struct ImageFacts;
+struct TexelBox;
+
+/// An image that Rust reads when it needs texels, and keeps open by owning this object.
+///
+/// Contract for every subclass: all functions and the destructor may run on any thread, several at once; facts() is always the
+/// same; failures are std::exceptions whose text follows on the name of the file. No USD type appears here, so that the Rust
+/// side compiles without USD.
+class HeldImage
+{
+public:
+    virtual ~HeldImage() = default;
+    HeldImage(const HeldImage&) = delete;
+    HeldImage& operator=(const HeldImage&) = delete;
+
+    virtual ImageFacts facts() const = 0;
+
+    /// Reads a box of texels, its rows from the bottom up, tightly packed.
+    virtual void read(const TexelBox& box, rust::Slice<std::uint8_t> texels) const = 0;
+
+protected:
+    HeldImage() = default;
+};
+
+/// The host's files, by resolved path. The same contract.
+class ImageSource
+{
+public:
+    virtual ~ImageSource() = default;
+    ImageSource(const ImageSource&) = delete;
+    ImageSource& operator=(const ImageSource&) = delete;
+
+    virtual std::unique_ptr<HeldImage> open(rust::Str resolved) const = 0;
+
+    virtual bool exists(rust::Str resolved) const = 0;
+
+    /// All bytes of a file of at most `limit` bytes.
+    virtual rust::Vec<std::uint8_t> read_file(rust::Str resolved, std::uint64_t limit) const = 0;
+
+protected:
+    ImageSource() = default;
+};
+
+} // namespace oocpt
+
+#endif

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+#ifndef HDOOCPT_BRIDGE_IMAGE_SOURCE_H
+#define HDOOCPT_BRIDGE_IMAGE_SOURCE_H
+
+#include "bridge/heldImage.h"
+#include "pxr/pxr.h"
+
+#include <memory>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+/// Files by the host's asset resolver: plain ones, members of usdz packages, whatever its plugins serve. Images are decoded by
+/// the library in cpp/images, which is loaded when the first one is opened.
+std::unique_ptr<oocpt::ImageSource> HdOocPTMakeImageSource();
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+/// What the library of image readers (hdOocPTImages.so) gives to the plugin: files, read by OpenImageIO.
+///
+/// It is a library of its own, and opened by the plugin when the first image is wanted, so that its OpenImageIO and the 200
+/// libraries behind that meet the host's own copies nowhere (rust/decisions/0007-images.md), and scenes without images do not
+/// load them. No type of USD or OpenImageIO appears here. Both sides are built together, by one compiler.
+#ifndef HDOOCPT_IMAGES_IMAGE_LIBRARY_H
+#define HDOOCPT_IMAGES_IMAGE_LIBRARY_H
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+/// The bytes of a file, wherever they are. Any thread, several at once.
+class HdOocPTImageBytes
+{
+public:
+    virtual ~HdOocPTImageBytes() = default;
+    virtual std::size_t GetSize() const = 0;
+    /// Reads at most `count` bytes; how many it was, 0 at the end and on errors.
+    virtual std::size_t Read(void* destination, std::size_t count, std::size_t offset) const = 0;
+};
+
+/// Opens a file's bytes, anew each time; null when they cannot be had.
+using HdOocPTImageOpener = std::function<std::shared_ptr<const HdOocPTImageBytes>()>;
+
+enum class HdOocPTTexelFormat : std::uint8_t
+{
+    UInt8,
+    Half,
+    Float,
+};
+
+enum class HdOocPTImageWrap : std::uint8_t
+{
+    Unknown,
+    Black,
+    Clamp,
+    Repeat,
+    Mirror,
+};
+
+struct HdOocPTImageFacts
+{
+    /// Width and height of the levels in the file, finest first.
+    std::vector<std::array<std::uint32_t, 2>> levels;
+    /// 1 to 4; a file's further channels are not read.
+    std::uint32_t channels = 0;
+    HdOocPTTexelFormat format = HdOocPTTexelFormat::UInt8;
+    /// The file is in tiles: parts of it are read alone.
+    bool isTiled = false;
+    /// Whether the file itself says that it is sRGB (1) or that it is not (0); -1: it says nothing.
+    int isSrgb = -1;
+    std::array<HdOocPTImageWrap, 2> wrap { HdOocPTImageWrap::Unknown, HdOocPTImageWrap::Unknown };
+};
+
+/// An image. Reading may be done by several threads at once.
+class HdOocPTImageFile
+{
+public:
+    virtual ~HdOocPTImageFile() = default;
+    virtual const HdOocPTImageFacts& GetFacts() const = 0;
+
+    /// Reads a rectangle of a level, its rows from the bottom up (row 0 is the lowest of the image), tightly packed. Throws
+    /// std::runtime_error with the reason.
+    virtual void Read(std::uint32_t level, std::array<std::uint32_t, 2> at, std::array<std::uint32_t, 2> size,
+        void* out, std::size_t byteCount) const = 0;
+};
+
+/// The only function of the library; its name is below. Throws std::runtime_error with the reason.
+using HdOocPTOpenImageFunction = std::unique_ptr<HdOocPTImageFile>(const std::string& name, HdOocPTImageOpener opener);
+
+#define HDOOCPT_OPEN_IMAGE_NAME "HdOocPTOpenImage"
+
+#endif

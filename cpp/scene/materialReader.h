@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#ifndef HDOOCPT_SCENE_MATERIAL_READER_H
+#define HDOOCPT_SCENE_MATERIAL_READER_H
+
+#include "pxr/pxr.h"
+#include "scene/primReader.h"
+
+namespace oocpt {
+struct MaterialDesc;
+}
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+/// Reads the network of a material for the universal render context, whole: nodes, authored inputs, connections, the surface
+/// terminal. Which nodes and inputs mean something is not decided here.
+oocpt::MaterialDesc HdOocPTReadMaterial(const HdOocPTPrimSource& source);
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif

@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The host's image files as the renderer asks for them; C++ finds and decodes them.
+//!
+//! Error texts follow on the name of the file, which the renderer puts in front. Any thread, several at once.
+
+use crate::ffi;
+use cxx::UniquePtr;
+use oocpt_core::scene::AssetRef;
+use oocpt_core::texture::{TexelFormat, Wrap};
+use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
+use std::fmt;
+use std::sync::Arc;
+
+/// Numbers that a set of files may have in place of `<UDIM>`.
+const UDIM_NUMBERS: std::ops::RangeInclusive<u32> = 1001..=1100;
+
+const UDIM: &str = "<UDIM>";
+
+/// The host's files.
+pub(crate) struct HostImages(UniquePtr<ffi::ImageSource>);
+
+impl fmt::Debug for HostImages {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str("HostImages")
+    }
+}
+
+impl HostImages {
+    /// Files of this source; a null source has none.
+    pub(crate) fn new(source: UniquePtr<ffi::ImageSource>) -> Self {
+        Self(source)
+    }
+
+    fn source(&self) -> Result<&ffi::ImageSource, ImageError> {
+        self.0.as_ref().ok_or_else(|| error("cannot be read: the host gives no files"))
+    }
+
+    /// The bytes of a file of at most `limit` bytes.
+    #[allow(dead_code, reason = "the renderer does not ask for light profiles yet")]
+    pub(crate) fn bytes(&self, asset: &AssetRef, limit: u64) -> Result<Vec<u8>, ImageError> {
+        found(asset)?;
+        self.source()?.read_file(&asset.resolved, limit).map_err(|reason| error(reason.what()))
+    }
+
+    /// The member of a set of files, if it is there.
+    fn part(&self, set: &AssetRef, number: u32) -> Option<AssetRef> {
+        let part = numbered(set, number)?;
+        let exists = self.0.as_ref()?.exists(&part.resolved).unwrap_or(false);
+        exists.then_some(part)
+    }
+
+    /// The members of a set of files (`<UDIM>` in its path) that are there, by number.
+    #[allow(dead_code, reason = "the renderer asks for members one by one")]
+    pub(crate) fn udim_tiles(&self, set: &AssetRef) -> Vec<(u32, AssetRef)> {
+        UDIM_NUMBERS.filter_map(|number| Some((number, self.part(set, number)?))).collect()
+    }
+}
+
+fn error(reason: impl Into<String>) -> ImageError {
+    ImageError(reason.into())
+}
+
+fn found(asset: &AssetRef) -> Result<(), ImageError> {
+    if asset.resolved.is_empty() { Err(error("cannot be found")) } else { Ok(()) }
+}
+
+/// The name of one member of a set; `None` if the path names no set, or the number is none of UDIM's.
+fn numbered(set: &AssetRef, number: u32) -> Option<AssetRef> {
+    let is_set = set.resolved.contains(UDIM) && UDIM_NUMBERS.contains(&number);
+    let name = |text: &str| Arc::from(text.replace(UDIM, &number.to_string()));
+    is_set.then(|| AssetRef { authored: name(&set.authored), resolved: name(&set.resolved) })
+}
+
+impl ImageLibrary for HostImages {
+    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+        found(asset)?;
+        let held = self.source()?.open(&asset.resolved).map_err(|reason| error(reason.what()))?;
+        let facts = match held.as_ref() {
+            Some(held) => held.facts().map_err(|reason| error(reason.what()))?,
+            None => return Err(error("cannot be opened")),
+        };
+        let info = info(&facts).ok_or_else(|| error("is of a form that the renderer does not know"))?;
+        tracing::debug!(asset = &*asset.authored, ?info, "image");
+        Ok(Arc::new(HostImage { asset: asset.clone(), held, info }))
+    }
+
+    fn open_part(&self, set: &AssetRef, number: u32) -> Option<Result<Arc<dyn Image>, ImageError>> {
+        let part = self.part(set, number)?;
+        Some(self.open(&part).map_err(|reason| error(format!("{}: {reason}", part.authored))))
+    }
+}
+
+/// An open file.
+struct HostImage {
+    asset: AssetRef,
+    held: UniquePtr<ffi::HeldImage>,
+    info: ImageInfo,
+}
+
+impl fmt::Debug for HostImage {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "HostImage({})", self.asset.authored)
+    }
+}
+
+impl Image for HostImage {
+    fn info(&self) -> ImageInfo {
+        self.info.clone()
+    }
+
+    fn read(&self, level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
+        let texels = ffi::TexelBox { level, x: at[0], y: at[1], width: size[0], height: size[1] };
+        match self.held.as_ref() {
+            Some(held) => held.read(&texels, out).map_err(|reason| error(reason.what())),
+            None => Err(error("is closed")),
+        }
+    }
+}
+
+/// What the renderer wants to know; `None` for what it cannot use.
+fn info(facts: &ffi::ImageFacts) -> Option<ImageInfo> {
+    let levels: Vec<[u32; 2]> = facts.levels.chunks_exact(2).map(|size| [size[0], size[1]]).collect();
+    let format = match facts.format {
+        ffi::TexelTag::UInt8 => TexelFormat::U8,
+        ffi::TexelTag::Half => TexelFormat::F16,
+        ffi::TexelTag::Float => TexelFormat::F32,
+        _ => return None,
+    };
+    let is_srgb = match facts.is_srgb {
+        0 => Some(false),
+        1 => Some(true),
+        _ => None,
+    };
+    let wrap = wrap(facts.wrap_s).zip(wrap(facts.wrap_t)).map(|(s, t)| [s, t]);
+    let is_usable = !levels.is_empty() && (1..=4).contains(&facts.channels);
+    is_usable.then_some(ImageInfo {
+        levels,
+        channels: facts.channels,
+        format,
+        tile_friendly: facts.is_tiled,
+        is_srgb,
+        wrap,
+    })
+}
+
+fn wrap(tag: ffi::WrapTag) -> Option<Wrap> {
+    match tag {
+        ffi::WrapTag::Black => Some(Wrap::Black),
+        ffi::WrapTag::Clamp => Some(Wrap::Clamp),
+        ffi::WrapTag::Repeat => Some(Wrap::Repeat),
+        ffi::WrapTag::Mirror => Some(Wrap::Mirror),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn facts() -> ffi::ImageFacts {
+        ffi::ImageFacts {
+            levels: vec![8, 4, 4, 2],
+            channels: 3,
+            format: ffi::TexelTag::Half,
+            is_tiled: true,
+            is_srgb: 0,
+            wrap_s: ffi::WrapTag::Repeat,
+            wrap_t: ffi::WrapTag::Clamp,
+        }
+    }
+
+    #[test]
+    fn facts_become_what_the_renderer_asks_for() {
+        let info = info(&facts()).expect("usable");
+        assert_eq!(info.levels, [[8, 4], [4, 2]], "levels");
+        assert_eq!((info.channels, info.format, info.tile_friendly), (3, TexelFormat::F16, true), "texels");
+        assert_eq!((info.is_srgb, info.wrap), (Some(false), Some([Wrap::Repeat, Wrap::Clamp])), "metadata");
+    }
+
+    #[test]
+    fn what_the_file_does_not_say_is_not_known() {
+        let silent = ffi::ImageFacts { is_srgb: -1, wrap_t: ffi::WrapTag::Unknown, ..facts() };
+        let info = info(&silent).expect("usable");
+        assert_eq!((info.is_srgb, info.wrap), (None, None), "half a wrap mode is none");
+    }
+
+    #[test]
+    fn images_without_levels_or_channels_are_refused() {
+        assert_eq!(info(&ffi::ImageFacts { levels: Vec::new(), ..facts() }), None, "no levels");
+        assert_eq!(info(&ffi::ImageFacts { channels: 0, ..facts() }), None, "no channels");
+        assert_eq!(info(&ffi::ImageFacts { channels: 5, ..facts() }), None, "too many channels");
+        assert_eq!(info(&ffi::ImageFacts { format: ffi::TexelTag { repr: 9 }, ..facts() }), None, "unknown format");
+    }
+
+    #[test]
+    fn only_a_set_has_numbers() {
+        let asset = |text: &str| AssetRef { authored: text.into(), resolved: format!("/t/{text}").into() };
+        let part = numbered(&asset("a.<UDIM>.png"), 1011).expect("a member");
+        assert_eq!((&*part.authored, &*part.resolved), ("a.1011.png", "/t/a.1011.png"), "both names");
+        assert_eq!(numbered(&asset("a.<UDIM>.png"), 1101), None, "beyond the last row");
+        assert_eq!(numbered(&asset("a.1001.png"), 1001), None, "no set");
+    }
+
+    #[test]
+    fn without_files_there_is_a_reason() {
+        let images = HostImages::new(UniquePtr::null());
+        let lost = AssetRef { authored: "a.png".into(), resolved: "".into() };
+        let text = images.open(&lost).expect_err("not there").to_string();
+        assert_eq!(text, "cannot be found", "an unresolved path");
+        assert!(images.udim_tiles(&lost).is_empty(), "no members");
+        assert!(images.bytes(&lost, 1).is_err(), "no bytes");
+    }
+}

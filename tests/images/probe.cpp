@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+/// Loaded into the wheel host by tests/images: reads files exactly as the renderer has them read, through the host's resolver
+/// and the library of image readers beside this one, and answers in JSON.
+#include "bridge/imageSource.h"
+#include "oocpt-bridge/src/lib.rs.h"
+
+#include <atomic>
+#include <cstring>
+#include <exception>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+PXR_NAMESPACE_USING_DIRECTIVE
+
+namespace {
+
+const oocpt::ImageSource& _Source()
+{
+    static const std::unique_ptr<oocpt::ImageSource> source = HdOocPTMakeImageSource();
+    return *source;
+}
+
+std::string _Quoted(const char* text)
+{
+    std::string quoted = "\"";
+    for (; *text; ++text) {
+        const unsigned char byte = static_cast<unsigned char>(*text);
+        if (*text == '"' || *text == '\\') {
+            quoted += '\\';
+        }
+        quoted += byte < 0x20 ? ' ' : *text;
+    }
+    return quoted + "\"";
+}
+
+template <typename Function>
+const char* _Answer(Function&& function)
+{
+    static std::string text;
+    try {
+        text = function();
+    } catch (const std::exception& error) {
+        text = "{\"error\": " + _Quoted(error.what()) + "}";
+    }
+    return text.c_str();
+}
+
+std::vector<std::uint8_t> _Read(const oocpt::HeldImage& image, const oocpt::TexelBox& box)
+{
+    const oocpt::ImageFacts facts = image.facts();
+    const std::size_t bytes = facts.format == oocpt::TexelTag::UInt8 ? 1
+        : facts.format == oocpt::TexelTag::Half                      ? 2
+                                                                     : 4;
+    std::vector<std::uint8_t> texels(bytes * facts.channels * box.width * box.height);
+    image.read(box, { texels.data(), texels.size() });
+    return texels;
+}
+
+} // namespace
+
+#define EXPORT extern "C" __attribute__((visibility("default")))
+
+/// What is known of an image.
+EXPORT const char* oocpt_image_facts(const char* path)
+{
+    return _Answer([&] {
+        const oocpt::ImageFacts facts = _Source().open(path)->facts();
+        std::ostringstream out;
+        out << "{\"levels\": [";
+        for (std::size_t i = 0; i + 1 < facts.levels.size(); i += 2) {
+            out << (i ? ", " : "") << "[" << facts.levels[i] << ", " << facts.levels[i + 1] << "]";
+        }
+        out << "], \"channels\": " << facts.channels << ", \"format\": " << static_cast<int>(facts.format)
+            << ", \"tiled\": " << (facts.is_tiled ? "true" : "false")
+            << ", \"srgb\": " << static_cast<int>(facts.is_srgb) << ", \"wrap\": [" << static_cast<int>(facts.wrap_s)
+            << ", " << static_cast<int>(facts.wrap_t) << "]}";
+        return out.str();
+    });
+}
+
+/// The bytes of a box of texels in hexadecimal, as {"texels": ".."}.
+EXPORT const char* oocpt_image_read(
+    const char* path, unsigned level, unsigned x, unsigned y, unsigned width, unsigned height)
+{
+    return _Answer([&] {
+        const std::vector<std::uint8_t> texels = _Read(*_Source().open(path), { level, x, y, width, height });
+        std::string out = "{\"texels\": \"";
+        for (const std::uint8_t byte : texels) {
+            out += "0123456789abcdef"[byte >> 4];
+            out += "0123456789abcdef"[byte & 15];
+        }
+        return out + "\"}";
+    });
+}
+
+/// Reads an image in boxes from several threads at once, all of them again and again; how many boxes differ from the image read
+/// whole by one thread.
+EXPORT const char* oocpt_image_race(const char* path, unsigned threads, unsigned size)
+{
+    return _Answer([&] {
+        const std::unique_ptr<oocpt::HeldImage> image = _Source().open(path);
+        const oocpt::ImageFacts facts = image->facts();
+        const unsigned width = facts.levels[0];
+        const unsigned height = facts.levels[1];
+        const std::vector<std::uint8_t> whole = _Read(*image, { 0, 0, 0, width, height });
+        const std::size_t texel = whole.size() / width / height;
+        std::atomic<int> different { 0 };
+        const auto work = [&](unsigned first) {
+            const unsigned columns = (width + size - 1) / size;
+            const unsigned count = columns * ((height + size - 1) / size);
+            for (unsigned i = 0; i < count; ++i) {
+                const unsigned box = (i * 7 + first) % count;
+                const unsigned x = box % columns * size;
+                const unsigned y = box / columns * size;
+                const unsigned w = std::min(size, width - x);
+                const unsigned h = std::min(size, height - y);
+                try {
+                    const std::vector<std::uint8_t> part = _Read(*image, { 0, x, y, w, h });
+                    for (unsigned row = 0; row < h; ++row) {
+                        const std::size_t at = ((static_cast<std::size_t>(y) + row) * width + x) * texel;
+                        different += std::memcmp(&part[row * w * texel], &whole[at], w * texel) != 0;
+                    }
+                } catch (const std::exception&) {
+                    ++different;
+                }
+            }
+        };
+        std::vector<std::thread> running;
+        for (unsigned i = 0; i < threads; ++i) {
+            running.emplace_back(work, i);
+        }
+        for (std::thread& thread : running) {
+            thread.join();
+        }
+        return "{\"different\": " + std::to_string(different.load()) + "}";
+    });
+}
+
+/// Size of a file of at most `limit` bytes, and the sum of its bytes.
+EXPORT const char* oocpt_image_file(const char* path, unsigned long limit)
+{
+    return _Answer([&] {
+        unsigned long sum = 0;
+        const rust::Vec<std::uint8_t> bytes = _Source().read_file(path, limit);
+        for (const std::uint8_t byte : bytes) {
+            sum += byte;
+        }
+        return "{\"size\": " + std::to_string(bytes.size()) + ", \"sum\": " + std::to_string(sum) + "}";
+    });
+}
+
+EXPORT const char* oocpt_image_exists(const char* path)
+{
+    return _Answer([&] { return std::string(_Source().exists(path) ? "{\"exists\": true}" : "{\"exists\": false}"); });
+}

@@ -1,0 +1,282 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Image files as the renderer gets them: through the host's resolver and our OpenImageIO, in a process where the host's own is in use.
+
+Every texel of every kind of file against the array that was written; files that are damaged, missing or no images give one reason and
+leave the process alive.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+import struct
+import subprocess
+import zlib
+
+import numpy as np
+import OpenEXR
+import pytest
+from PIL import Image
+from pxr import Sdf, Usd, UsdShade, UsdUtils
+
+HERE = pathlib.Path(__file__).resolve().parent
+TYPES = {0: np.uint8, 1: np.float16, 2: np.float32}
+WIDTH, HEIGHT = 50, 40
+
+
+class Reader:
+    """The reading process."""
+
+    def __init__(self, build: pathlib.Path, own: pathlib.Path) -> None:
+        command = [os.environ["OOCPT_HOST_PYTHON"], "-I", HERE / "reader.py", build / "plugin/liboocpt_images_probe.so", own]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def ask(self, function: str, *arguments) -> dict:
+        self._process.stdin.write(json.dumps([f"oocpt_image_{function}", *[str(a) if isinstance(a, pathlib.Path) else a for a in arguments]]) + "\n")
+        self._process.stdin.flush()
+        line = self._process.stdout.readline()
+        assert line, f"the host died of {function}{arguments}, status {self._process.wait()}"
+        answer = json.loads(line)
+        assert "host" not in answer, answer["host"]
+        return answer
+
+    def facts(self, path) -> dict:
+        answer = self.ask("facts", path)
+        assert "error" not in answer, answer
+        return answer
+
+    def texels(self, path, level=0, at=(0, 0), size=None) -> np.ndarray:
+        """Rows from the top, as arrays have them."""
+        facts = self.facts(path)
+        width, height = size or facts["levels"][level]
+        answer = self.ask("read", path, level, *at, width, height)
+        assert "error" not in answer, answer
+        texels = np.frombuffer(bytes.fromhex(answer["texels"]), TYPES[facts["format"]])
+        return texels.reshape(height, width, facts["channels"])[::-1]
+
+    def close(self) -> None:
+        self._process.stdin.close()
+        assert self._process.wait(timeout=30) == 0, "the host ends in good order"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> pathlib.Path:
+    return tmp_path_factory.mktemp("images")
+
+
+@pytest.fixture(scope="module")
+def reader(folder):
+    for name in ("OOCPT_BUILD", "OOCPT_HOST_PYTHON"):
+        assert os.environ.get(name), f"{name} is not set: run the tests by `cargo xtask test`"
+    build = pathlib.Path(os.environ["OOCPT_BUILD"])
+    subprocess.run(["cmake", "--build", str(build), "--target", "oocpt_images_probe"], check=True)
+    write_exr(folder / "own.exr", noise((8, 8, 3), np.float16))
+    reader = Reader(build, folder / "own.exr")
+    yield reader
+    reader.close()
+
+
+def noise(shape, kind) -> np.ndarray:
+    random = np.random.default_rng(7).random(shape)
+    return (random * 255).astype(kind) if kind == np.uint8 else (random * 65535).astype(kind) if kind == np.uint16 else random.astype(kind)
+
+
+def write_exr(path: pathlib.Path, texels: np.ndarray, **header) -> None:
+    channels = {"RGBA"[i] if texels.shape[2] > 1 else "Y": np.ascontiguousarray(texels[:, :, i]) for i in range(texels.shape[2])}
+    part = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION} | header
+    OpenEXR.File(part, channels).write(str(path))
+
+
+def write_png16(path: pathlib.Path, texels: np.ndarray, chunks=()) -> None:
+    """A PNG of 16 bits, three channels; Pillow writes none."""
+
+    def chunk(name: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    height, width, _ = texels.shape
+    rows = b"".join(b"\0" + row.astype(">u2").tobytes() for row in texels)
+    middle = b"".join(chunk(*each) for each in chunks)
+    head = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, 2, 0, 0, 0))
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + head + middle + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif", "a.tga", "a.bmp"])
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_eight_bit_files_texel_by_texel(reader, folder, name, channels):
+    if channels != 3 and name == "a.bmp":
+        pytest.skip("Pillow writes no such file")
+    path, texels = folder / f"{channels}{name}", noise((HEIGHT, WIDTH, channels), np.uint8)
+    Image.fromarray(texels.squeeze()).save(path)
+    facts = reader.facts(path)
+    assert (facts["levels"], facts["format"]) == ([[WIDTH, HEIGHT]], 0), facts
+    found = reader.texels(path)
+    # A file of grey may come with its one channel repeated (BMP), never with other values.
+    np.testing.assert_array_equal(found[:, :, : texels.shape[2]], texels)
+    assert facts["channels"] == channels
+
+
+def test_a_jpeg(reader, folder):
+    ramp = np.stack(np.meshgrid(np.linspace(0, 255, WIDTH), np.linspace(0, 255, HEIGHT)), axis=-1)
+    texels = np.concatenate([ramp, ramp[:, :, :1]], axis=2).astype(np.uint8)
+    Image.fromarray(texels).save(folder / "a.jpg", quality=100, subsampling=0)
+    found = reader.texels(folder / "a.jpg").astype(int)
+    assert np.abs(found - texels).max() <= 3, "within the loss of the best quality"
+    assert found[0, 0, 1] < 8 and found[-1, 0, 1] > 247, "the right way up"
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize("kind", [np.float16, np.float32])
+def test_exr_files_texel_by_texel(reader, folder, channels, kind):
+    path, texels = folder / f"{channels}{np.dtype(kind)}.exr", noise((HEIGHT, WIDTH, channels), kind)
+    write_exr(path, texels)
+    facts = reader.facts(path)
+    assert (facts["channels"], TYPES[facts["format"]], facts["srgb"]) == (channels, kind, 0), facts
+    np.testing.assert_array_equal(reader.texels(path), texels)
+
+
+def test_a_radiance_file(reader, folder):
+    rgbe = noise((HEIGHT, WIDTH, 4), np.uint8)
+    rgbe[:, :, 3] = 129
+    # Widths below 8 or uncompressed rows: bytes as they are. A row must not begin like a compressed one.
+    rgbe[:, 0, :2] = 77
+    (folder / "a.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n" + f"-Y {HEIGHT} +X {WIDTH}\n".encode() + rgbe.tobytes())
+    facts = reader.facts(folder / "a.hdr")
+    assert (facts["channels"], facts["format"], facts["srgb"]) == (3, 2, 0), facts
+    expected = (rgbe[:, :, :3].astype(np.float64) + 0.5) / 256 * 2
+    assert np.abs(reader.texels(folder / "a.hdr") - expected).max() <= 2 / 256, "within half a step, whichever way it is rounded"
+
+
+def test_sixteen_bits_keep_all_of_them(reader, folder):
+    texels = noise((HEIGHT, WIDTH, 3), np.uint16)
+    write_png16(folder / "deep.png", texels)
+    assert reader.facts(folder / "deep.png")["format"] == 2
+    np.testing.assert_array_equal(np.rint(reader.texels(folder / "deep.png") * 65535.0).astype(np.uint16), texels)
+
+
+@pytest.mark.parametrize("chunks, srgb", [((), -1), (((b"sRGB", b"\0"),), 1), (((b"gAMA", struct.pack(">I", 100000)),), 0), (((b"gAMA", struct.pack(">I", 45455)),), -1)])  # fmt: skip
+def test_a_png_is_srgb_only_if_it_says_so(reader, folder, chunks, srgb):
+    write_png16(folder / "space.png", noise((4, 4, 3), np.uint16), chunks)
+    assert reader.facts(folder / "space.png")["srgb"] == srgb
+
+
+def test_alpha_is_not_multiplied_into_color(reader, folder):
+    texels = np.full((4, 4, 4), (200, 100, 50, 128), np.uint8)
+    for name in ("straight.png", "straight.tif", "straight.tga"):
+        Image.fromarray(texels).save(folder / name)
+        np.testing.assert_array_equal(reader.texels(folder / name), texels, name)
+
+
+@pytest.mark.parametrize("name", ["part.png", "part.exr", "tiled.exr"])
+def test_parts_of_an_image(reader, folder, name):
+    texels = noise((130, 70, 3), np.float16 if "exr" in name else np.uint8)
+    if "exr" in name:
+        write_exr(folder / name, texels, **({"type": OpenEXR.tiledimage, "tiles": OpenEXR.TileDescription()} if name == "tiled.exr" else {}))
+    else:
+        Image.fromarray(texels).save(folder / name)
+    for at, size in [((0, 0), (70, 1)), ((0, 129), (70, 1)), ((3, 5), (17, 40)), ((33, 63), (37, 67)), ((69, 0), (1, 130))]:
+        below = texels[::-1][at[1] : at[1] + size[1], at[0] : at[0] + size[0]][::-1]
+        np.testing.assert_array_equal(reader.texels(folder / name, 0, at, size), below, f"{size} texels at {at}")
+    for box in [(0, 0, 71, 1), (0, 130, 1, 1), (0, 0, 0, 1)]:
+        assert "does not have" in reader.ask("read", folder / name, 0, *box)["error"], box
+    assert "does not have" in reader.ask("read", folder / name, 1, 0, 0, 1, 1)["error"], "no such level"
+
+
+@pytest.mark.parametrize("name", ["race.png", "race.exr"])
+def test_several_threads_read_at_once(reader, folder, name):
+    texels = noise((128, 96, 3), np.float16 if "exr" in name else np.uint8)
+    write_exr(folder / name, texels) if "exr" in name else Image.fromarray(texels).save(folder / name)
+    assert reader.ask("race", folder / name, 4, 32) == {"different": 0}
+
+
+def test_more_images_than_inputs_that_are_kept(reader, folder):
+    for number in range(80):
+        path, texels = folder / f"many{number}.png", np.full((3, 3, 3), number, np.uint8)
+        Image.fromarray(texels).save(path)
+        np.testing.assert_array_equal(reader.texels(path), texels)
+
+
+def test_a_member_of_a_package(reader, folder):
+    texels = noise((HEIGHT, WIDTH, 3), np.uint8)
+    Image.fromarray(texels).save(folder / "inside.png")
+    stage = Usd.Stage.CreateNew(str(folder / "scene.usda"))
+    shader = UsdShade.Shader.Define(stage, "/Texture")
+    shader.CreateInput("file", Sdf.ValueTypeNames.Asset).Set("./inside.png")
+    stage.GetRootLayer().Save()
+    assert UsdUtils.CreateNewUsdzPackage(str(folder / "scene.usda"), str(folder / "scene.usdz"))
+    member = f"{folder / 'scene.usdz'}[inside.png]"
+    np.testing.assert_array_equal(reader.texels(member), texels)
+    assert reader.ask("exists", member) == {"exists": True}
+    assert reader.ask("exists", f"{folder / 'scene.usdz'}[other.png]") == {"exists": False}
+
+
+def good_png(folder) -> bytes:
+    Image.fromarray(noise((HEIGHT, WIDTH, 3), np.uint8)).save(folder / "good.png")
+    return (folder / "good.png").read_bytes()
+
+
+def good_exr(folder) -> bytes:
+    write_exr(folder / "good.exr", noise((HEIGHT, WIDTH, 3), np.float16))
+    return (folder / "good.exr").read_bytes()
+
+
+BAD = {
+    "empty.png": (lambda folder: b"", "is empty"),
+    "text.exr": (lambda folder: b"This is no image.\n" * 40, "none of the kinds of image"),
+    "mark_only.exr": (lambda folder: good_exr(folder)[:4], "cannot be read"),
+    "short_head.exr": (lambda folder: good_exr(folder)[:60], "cannot be read"),
+    "mark_only.png": (lambda folder: good_png(folder)[:8], "cannot be read"),
+    "mark_only.jpg": (lambda folder: b"\xff\xd8\xff\xe0", "cannot be read"),
+    "mark_only.tif": (lambda folder: b"II\x2a\0", "cannot be read"),
+    "far_directory.tif": (lambda folder: b"II\x2a\0\xff\xff\xff\x7f", "cannot be read"),
+    "noise.tga": (lambda folder: noise((100,), np.uint8).tobytes(), ""),
+    "huge.hdr": (lambda folder: b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 100000 +X 100000\n", ""),
+    "huge.png": (lambda folder: good_png(folder)[:16] + struct.pack(">II", 30000, 30000) + good_png(folder)[24:29] + struct.pack(">I", zlib.crc32(b"IHDR" + struct.pack(">II", 30000, 30000) + good_png(folder)[24:29])) + good_png(folder)[33:], "16384"),  # fmt: skip
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_files_that_are_no_images_give_a_reason(reader, folder, name):
+    make, reason = BAD[name]
+    (folder / name).write_bytes(make(folder))
+    answer = reader.ask("facts", folder / name)
+    assert reason in answer.get("error", ""), answer
+    assert reader.facts(folder / "own.exr")["levels"] == [[8, 8]], "others are read as before"
+
+
+@pytest.mark.parametrize("make, name", [(good_png, "cut.png"), (good_exr, "cut.exr")])
+def test_files_that_end_early_open_and_then_give_a_reason(reader, folder, make, name):
+    content = make(folder)
+    (folder / name).write_bytes(content[: len(content) * 2 // 3])
+    answer = reader.ask("read", folder / name, 0, 0, 0, WIDTH, HEIGHT)
+    assert "cannot be" in answer.get("error", ""), answer
+
+
+def test_every_truncation_and_many_flips_leave_the_host_alive(reader, folder):
+    """No crash, no hang: what comes back is texels or a reason."""
+    random = np.random.default_rng(3)
+    for make, name in [(good_png, "cut.png"), (good_exr, "cut.exr")]:
+        content = make(folder)
+        for length in range(0, len(content), max(1, len(content) // 40)):
+            (folder / name).write_bytes(content[:length])
+            assert reader.ask("read", folder / name, 0, 0, 0, WIDTH, HEIGHT).keys() <= {"texels", "error"}
+        for _ in range(60):
+            flipped = bytearray(content)
+            for place in random.integers(8, len(content), 3):
+                flipped[place] ^= 1 << int(random.integers(8))
+            (folder / name).write_bytes(flipped)
+            assert reader.ask("read", folder / name, 0, 0, 0, WIDTH, HEIGHT).keys() <= {"texels", "error"}
+
+
+def test_a_folder_and_nothing_at_all(reader, folder):
+    (folder / "folder.png").mkdir(exist_ok=True)
+    for path in (folder / "folder.png", folder / "absent.png"):
+        assert "cannot be found or opened" in reader.ask("facts", path)["error"]
+        assert reader.ask("exists", path) == {"exists": False}
+
+
+def test_the_bytes_of_a_file(reader, folder):
+    (folder / "lamp.ies").write_bytes(bytes(range(200)))
+    assert reader.ask("file", folder / "lamp.ies", 200) == {"size": 200, "sum": sum(range(200))}
+    assert "more than is read" in reader.ask("file", folder / "lamp.ies", 199)["error"]
+    assert "cannot be found" in reader.ask("file", folder / "none.ies", 199)["error"]
