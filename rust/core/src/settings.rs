@@ -150,7 +150,7 @@ const TABLE: &[(&str, &str, &str, &str)] = &[
         "oocpt:geometryBudget",
         "OOCPT_GEOMETRY_BUDGET",
         "Geometry budget",
-        "Hard limit of device memory for geometry in KiB; 0 = what the memory budget leaves",
+        "Hard limit of device memory for geometry and textures in KiB; 0 = what the memory budget leaves",
     ),
     ("oocpt:chunkReport", "OOCPT_CHUNK_REPORT", "Chunk report", "File for a report about the chunks; empty = none"),
     ("convergedSamplesPerPixel", "OOCPT_CONVERGED_SAMPLES_PER_PIXEL", "Converged samples", "As oocpt:samplesPerPixel"),

@@ -81,7 +81,7 @@ pub struct StreamingStats {
     pub waiting_rays: u64,
     /// Paths still alive in the oldest unfinished segment now.
     pub stragglers: u64,
-    /// Bytes of geometry (chunks, meshes, assemblies) on the device or on their way now.
+    /// Bytes of geometry and textures (chunks, meshes, assemblies, tiles) on the device or on their way now.
     pub geometry_bytes: u64,
     /// Hard limit of these, bytes.
     pub geometry_budget_bytes: u64,

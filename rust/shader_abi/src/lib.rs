@@ -40,6 +40,7 @@
 //! AOVs) and grows through all submissions. Before the first one the host zeroes `Counters` and the segment table.
 //! ```text
 //! (host)                 the chunk table as it now is; fill Streaming::sort_counts with 0
+//! (cutouts: resolve_cutouts  indirect Counters::DEFERRED_ARGS  q.with(r, 0))
 //! sort_deferred_count    indirect Counters::DEFERRED_ARGS     q.with(r, 0)      | generate_camera_rays or generate_aov_rays of
 //!                                                                                 each new segment [groups(count)], g(s)
 //! sort_deferred_scan     [sort_blocks(chunk_count), 1, 1] (1)  q.with(r, SCAN_BLOCKS)
@@ -50,6 +51,7 @@
 //!   intersect_closest    indirect Counters::RAY_ARGS          q.with(r, 0)      | intersect_shadow indirect Counters::SHADOW_ARGS
 //!   prepare_dispatch     [1]                                  q.with(r, PREPARE_SHADE)
 //!                      | record_surfaces indirect RAY_ARGS    q.with(r, 0)
+//!     (textures: PREPARE_RESOLVE beside record_surfaces, then resolve_materials indirect RESOLVE_ARGS q.with(r, 0), then PREPARE_SHADE)
 //!   shade_background     indirect Counters::ESCAPED_ARGS      q.with(r, 0)      | shade_surface indirect Counters::SURFACE_ARGS
 //!     (AOVs: shade_aovs twice, as above, at round r)
 //! prepare_dispatch       [1]                                  q.with(r, PREPARE_DEMAND)
