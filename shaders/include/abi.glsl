@@ -68,6 +68,17 @@ const uint MESH_HAS_NORMALS = 1u << 10;
 const uint MESH_HAS_COLORS = 1u << 11;
 const uint MESH_HAS_OPACITIES = 1u << 12;
 
+const uint NO_MATERIAL = 0xffffffffu;
+const uint SLOT_PRESENCE = 1u << 31;
+const uint NO_NAME = 0xffffffffu;
+const uint MAX_PRIM_ID = 1u << 24;
+const uint INPUT_CONSTANT = 0u;
+const uint INPUT_TEXTURE = 1u;
+const uint INPUT_PRIMVAR = 2u;
+const uint INPUT_CHANNEL_SHIFT = 2u;
+const uint INPUT_SET_SHIFT = 5u;
+const uint INPUT_NO_SET = 2u;
+
 struct Push {
     uint64_t frame;
     uint first_pixel;
@@ -170,6 +181,7 @@ struct Streaming {
     uint64_t chunk_rays;
     uint64_t places;
     uint64_t free_slots;
+    uint64_t surface_materials;
     uint64_t questions;
     uint64_t shadow_questions;
     uint64_t resolve_queue;
@@ -256,6 +268,50 @@ struct GpuMesh {
     uint64_t opacities;
     uint flags;
     uint triangle_count;
+    uint64_t primvars;
+    uint primvar_count;
+    uint pad;
+};
+
+struct GpuInput {
+    vec4 value;
+    vec4 bias;
+    vec3 row_s;
+    uint kind;
+    vec3 row_t;
+    uint texture;
+};
+
+struct GpuMaterial {
+    GpuInput inputs[10];
+    uint flags;
+    float opacity_threshold;
+    uint names[4];
+    vec2 set_fallback[2];
+    uint pad[2];
+};
+
+struct GpuPrim {
+    uint first_slot;
+    uint slot_count;
+    uint link_set;
+    uint pad;
+};
+
+struct GpuAttribute {
+    uint64_t values;
+    uint name;
+    uint rate_and_width;
+};
+
+struct GpuSurfaceMaterial {
+    vec2 uv[2];
+    vec4 primvars[2];
+    vec3 tangent;
+    uint material;
+    vec2 uv_density;
+    float handedness;
+    uint flags;
 };
 
 struct GpuAssembly {

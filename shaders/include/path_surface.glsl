@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The surface that the closest ray of a path met: made from the hit or, with streaming, as record_surfaces left it.
+// The surface that the closest ray of a path met: made from the hit or, with streaming, as record_surfaces left it. With materials,
+// `surface_material` is set along with it.
 #ifndef OOCPT_PATH_SURFACE_GLSL
 #define OOCPT_PATH_SURFACE_GLSL
 
@@ -19,9 +20,11 @@ void store_surface(uint path, Surface s) {
     Surfaces(STREAMING.surfaces).v[path] =
         GpuSurface(s.position.hi, s.offset, s.position.lo, s.prim_id, s.geometric_normal, s.instance_id, s.shading_normal, s.face,
                    s.albedo, s.cone);
+    if (HAS_MATERIALS) SurfaceMaterials(STREAMING.surface_materials).v[path] = surface_material;
 }
 
 Surface stored_surface(uint path) {
+    if (HAS_MATERIALS) surface_material = SurfaceMaterials(STREAMING.surface_materials).v[path];
     const GpuSurface s = Surfaces(STREAMING.surfaces).v[path];
     return Surface(Double3(s.position, s.position_lo), s.offset, s.geometric_normal, s.shading_normal, s.albedo, s.prim_id,
                    s.instance_id, s.face, s.cone);

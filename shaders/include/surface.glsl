@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A hit made into a surface point: position with an error bound, normals, albedo, ids.
+// A hit made into a surface point: position with an error bound, normals, albedo, ids; and what its material will need.
 //
 // Self-intersection: a spawned ray is tested against the surface after its origin went through the same chain of maps as here,
 // so we run that chain forwards from the computed world position (two floats), into the chunk and on, carry a bound on its rounding,
@@ -12,6 +12,7 @@
 
 #include "include/affine.glsl"
 #include "include/attribute.glsl"
+#include "include/surface_material.glsl"
 
 struct Surface {
     Double3 position; // world
@@ -27,6 +28,7 @@ struct Surface {
 
 const float UNIT_ROUNDOFF = 5.9604645e-8;
 
+GpuSurfaceMaterial surface_material; // with HAS_MATERIALS: set by make_surface
 uint surface_chain[MAX_LEVELS]; // instance records of the hit, the chunk's first: set before make_surface
 
 uint64_t chunk_records(uint chunk_instance) {
@@ -132,6 +134,13 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv) {
         const vec3 n = attribute_vec3(meshes.v[mesh].normals, meshes.v[mesh].corner_indices, flags & 3u, triangle, weights);
         const vec3 in_world = combine_rows(world.x, world.y, world.z, apply_transposed(map, n));
         s.shading_normal = normal_or(in_world, s.geometric_normal);
+    }
+    if (HAS_MATERIALS) {
+        const uint subset = floatBitsToUint(ConstVec4s(triangles).v[triangle * 3u + 1u].w);
+        surface_material = gather_material(mesh, triangle, weights, material_slot(s.prim_id, subset));
+        if (surface_material.material != NO_MATERIAL) {
+            add_tangent(surface_material, mesh, triangle, v1 - v0, v2 - v0, s.geometric_normal, world, map);
+        }
     }
     s.albedo = FRAME.default_albedo;
     if (HAS_COLORS && (flags & MESH_HAS_COLORS) != 0u) {

@@ -6,6 +6,7 @@
 
 #include "include/cutout.glsl"
 #include "include/cone.glsl"
+#include "include/surface_material.glsl"
 
 const uint NO_TEXTURE = 0xffffffffu;
 
@@ -31,9 +32,51 @@ float ray_cone(uint path, float t) {
 #endif
 }
 
-// Nothing asks yet.
+// What the material of a triangle asks. `cone`: the width of the ray's cone there, in the mesh's frame.
 Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone) {
-    return Presence(false, NO_TEXTURE, vec2(0.0), 0.0, 0u, 1.0, 0.0, 0.0);
+    Presence p = Presence(false, NO_TEXTURE, vec2(0.0), 0.0, 0u, 1.0, 0.0, 0.0);
+    const uint64_t triangles = Meshes(FRAME.meshes).v[mesh].triangles;
+    const uint subset = floatBitsToUint(ConstVec4s(triangles).v[triangle * 3u + 1u].w);
+    const uint slot = material_slot(prim_id, subset);
+    if (slot == NO_MATERIAL || (slot & SLOT_PRESENCE) == 0u) return p;
+    const uint material = material_number(slot);
+    const vec3 weights = vec3(1.0 - uv.x - uv.y, uv);
+    Materials materials = Materials(FRAME.materials);
+    p.is_asked = true;
+    p.threshold = materials.v[material].opacity_threshold;
+    const GpuInput i = materials.v[material].inputs[INPUT_OPACITY];
+    const uint set = (i.kind >> INPUT_SET_SHIFT) & 3u;
+    p.bias = i.value.x;
+    if ((i.kind & 3u) == INPUT_PRIMVAR) {
+        const uint entry = find_primvar(mesh, materials.v[material].names[2u + (set & 1u)]);
+        if (entry != NO_NAME) p.bias = primvar_value(mesh, entry, triangle, weights).x;
+    } else if ((i.kind & 3u) == INPUT_TEXTURE) {
+        p.bias = 1.0;
+        if (!HAS_TEXTURES) return p; // there are no images: opaque
+        vec2 st = vec2(0.0);
+        if (set != INPUT_NO_SET) {
+            st = materials.v[material].set_fallback[set & 1u];
+            const uint entry = find_primvar(mesh, materials.v[material].names[set & 1u]);
+            if (entry != NO_NAME) {
+                st = primvar_value(mesh, entry, triangle, weights).xy;
+                const vec3 v0 = ConstVec4s(triangles).v[triangle * 3u].xyz;
+                const vec3 v1 = ConstVec4s(triangles).v[triangle * 3u + 1u].xyz;
+                const vec3 v2 = ConstVec4s(triangles).v[triangle * 3u + 2u].xyz;
+                vec3 u, v;
+                if (uv_gradients(mesh, entry, triangle, v1 - v0, v2 - v0, u, v)) {
+                    const vec3 area = cross3(u, v);
+                    p.footprint = cone * sqrt(sqrt(dot3(area, area))) * map_scale(i);
+                }
+            }
+        }
+        const uint channel = (i.kind >> INPUT_CHANNEL_SHIFT) & 7u;
+        p.channel = channel == 0u ? 0u : channel - 1u;
+        p.texture = i.texture;
+        p.st = map_place(i, st);
+        p.scale = i.value[p.channel];
+        p.bias = i.bias[p.channel];
+    }
+    return p;
 }
 
 #endif

@@ -95,6 +95,11 @@ bool is_opaque(uint triangle, vec2 uv) {
     Meshes meshes = Meshes(FRAME.meshes);
     const uint flags = meshes.v[walk.mesh].flags;
     if ((flags & MESH_HAS_OPACITIES) == 0u) return true;
+    if (HAS_MATERIALS) {
+        // displayOpacity is for surfaces without a material.
+        const uint subset = floatBitsToUint(ConstVec4s(walk.triangles).v[triangle * 3u + 1u].w);
+        if (material_slot(Instances(walk.instances).v[chain[level_index()]].prim_id, subset) != NO_MATERIAL) return true;
+    }
     const float opacity = attribute_float(meshes.v[walk.mesh].opacities, meshes.v[walk.mesh].corner_indices,
                                           (flags >> 4) & 3u, triangle, vec3(1.0 - uv.x - uv.y, uv));
     if ((push.flags & PUSH_AOVS) != 0u) return opacity > 0.0;
@@ -116,7 +121,7 @@ bool is_cut_in(uint triangle, vec2 uv, float t) {
         if (t == answer.t && id == answer.id) return (answer.flags & QUESTION_PRESENT) != 0u;
     }
     const Presence presence = presence_of(walk.mesh, Instances(walk.instances).v[chain[level_index()]].prim_id, triangle, uv,
-                                          ray_cone(walk.path, t));
+                                          ray_cone(walk.path, t) * length(walk.d));
     if (!presence.is_asked) return true;
     const bool chance = presence.threshold <= 0.0;
     float limit = presence.threshold;

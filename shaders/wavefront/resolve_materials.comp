@@ -8,7 +8,7 @@
 #include "include/wavefront.glsl"
 #include "include/progress.glsl"
 #include "include/path_surface.glsl"
-#include "include/texture.glsl"
+#include "include/material.glsl"
 
 void main() {
     if (!HAS_STREAMING || !HAS_TEXTURES) return;
@@ -18,7 +18,7 @@ void main() {
     uint said = TEXTURE_DONE;
     if (in_range) {
         path = ConstUints(STREAMING.resolve_queue).v[at];
-        begin_lookups(path);
+        make_shading(path, stored_surface(path), said);
     }
     const bool waits = in_range && said < TEXTURE_FALLBACK;
     if (waits) {

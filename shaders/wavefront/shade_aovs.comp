@@ -8,23 +8,26 @@
 #include "include/wavefront.glsl"
 #include "include/progress.glsl"
 #include "include/path_surface.glsl"
+#include "include/material.glsl"
 
 // row . (p, 1)
 float row_at(vec4 row, Double3 p) {
     return dot3(row.xyz, p.hi) + row.w + dot3(row.xyz, p.lo);
 }
 
-AovClear aovs_of(Surface surface) {
+AovClear aovs_of(uint path, Surface surface) {
+    uint missing;
+    const Shading shading = make_shading(path, surface, missing);
     AovClear a;
     a.depth = 0.5 * (row_at(FRAME.clip_z, surface.position) / row_at(FRAME.clip_w, surface.position)) + 0.5;
     a.camera_depth = -row_at(FRAME.view[2], surface.position);
     a.prim_id = surface.prim_id;
     a.instance_id = int(surface.instance_id);
     a.element_id = int(surface.face);
-    a.normal = surface.shading_normal;
+    a.normal = shading.normal;
     a.neye = normalize(vec3(dot(FRAME.view_normal[0], a.normal), dot(FRAME.view_normal[1], a.normal),
                             dot(FRAME.view_normal[2], a.normal)));
-    a.albedo = surface.albedo;
+    a.albedo = shading.diffuse_color;
     return a;
 }
 
@@ -45,7 +48,7 @@ void main() {
     if (at >= (hit ? COUNTERS.surface_count : COUNTERS.escaped_count)) return;
     const uint path = ConstUints(hit ? FRAME.surface_queue : FRAME.escaped_queue).v[at];
     AovClear a = FRAME.aov_clear;
-    if (hit) a = aovs_of(load_surface(path));
+    if (hit) a = aovs_of(path, load_surface(path));
     const uvec2 position = pixel_position(path_pixel(path));
     store(position.y * FRAME.width + position.x, a);
     if (HAS_STREAMING) end_path(path, true);

@@ -10,6 +10,7 @@
 #include "include/progress.glsl"
 #include "include/sampler.glsl"
 #include "include/path_surface.glsl"
+#include "include/material.glsl"
 #include "include/lambert.glsl"
 #include "include/lights.glsl"
 
@@ -52,7 +53,9 @@ void main() {
         path = ConstUints(FRAME.surface_queue).v[at];
         const Ray ray = load_ray(ray_address(path));
         const Surface surface = load_surface(path);
-        const Lambert lambert = make_lambert(surface.geometric_normal, surface.shading_normal, ray.d);
+        uint missing;
+        const Shading shading = make_shading(path, surface, missing);
+        const Lambert lambert = make_lambert(surface.geometric_normal, shading.normal, ray.d);
         const Double3 origin = add(surface.position, surface.offset * lambert.g);
         const bool last = ray.bounce >= FRAME.max_bounces;
         if (HAS_CUTOUTS && HAS_TEXTURES) store_next_cone(path, surface.cone, 0.0);
@@ -61,7 +64,14 @@ void main() {
         const uvec2 pixel = pixel_position(path_pixel(path));
         const uint seed = pixel_seed(pixel.x, pixel.y, FRAME.seed);
         const uint index = path_sample(path);
-        const vec3 throughput = load_path(path).throughput * surface.albedo;
+        const vec3 arriving = load_path(path).throughput;
+        const vec3 throughput = arriving * shading.diffuse_color;
+        if (HAS_EMISSION && max_component(shading.emission) > 0.0) {
+            const uint place = path_place(path);
+            const vec4 before = ConstVec4s(FRAME.radiance).v[place];
+            const vec3 emitted = admitted(arriving * shading.emission, ray.bounce > 0u);
+            Vec4s(FRAME.radiance).v[place] = vec4(before.xyz + emitted, before.w);
+        }
 
         if (HAS_DISTANT || last || HAS_DOME_SHADOW_RAYS) {
             vec3 direction, contribution;

@@ -330,6 +330,9 @@ pub(crate) fn frame_block(setting: &Setting<'_>, scene: &SceneView) -> Frame {
         // The table is indexed by u32 and holds at most as many lights as the scene has prims.
         light_count: u32::try_from(lights.distant.len()).unwrap_or(u32::MAX),
         flags: flags.bits(),
+        materials: scene.materials,
+        prims: scene.prims,
+        material_slots: scene.material_slots,
         ..Frame::zeroed()
     };
     film.bind(&mut block, &job.request.aovs);

@@ -11,6 +11,16 @@ use oocpt_core::camera::CameraRays;
 use oocpt_core::scene::{SceneFeatures, Snapshot};
 use oocpt_shader_abi::Features;
 
+/// What materials need.
+const SURFACES: [(SceneFeatures, Features); 6] = [
+    (SceneFeatures::MATERIALS, Features::MATERIALS),
+    (SceneFeatures::TEXTURES, Features::TEXTURES),
+    (SceneFeatures::CUTOUTS, Features::CUTOUTS),
+    (SceneFeatures::TRANSMISSION, Features::TRANSMISSION),
+    (SceneFeatures::COAT, Features::COAT),
+    (SceneFeatures::EMISSION, Features::EMISSION),
+];
+
 /// The features a frame needs, apart from streaming.
 pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRays, scene: &SceneView) -> Features {
     let mut features = Features::empty();
@@ -22,6 +32,11 @@ pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRa
     features.set(Features::COLORS, snapshot.features.contains(SceneFeatures::COLORS));
     features.set(Features::LENS, rays.lens_u != [0.0; 3] || rays.lens_v != [0.0; 3]);
     features.set(Features::INSTANCING, scene.max_levels > 1);
+    for (scene, feature) in SURFACES {
+        features.set(feature, snapshot.features.contains(scene));
+    }
+    // Without images there are no tables of them.
+    features.set(Features::TEXTURES, features.contains(Features::TEXTURES) && scene.textures != 0);
     features
 }
 
@@ -45,8 +60,12 @@ pub(crate) fn left_out(features: Features, has_planes: bool) -> Vec<String> {
         (Features::COLORS, "colours"),
         (Features::LENS, "lens"),
         (Features::INSTANCING, "nested instance levels"),
+        (Features::MATERIALS, "materials, and tables of them"),
         (Features::TEXTURES, "textures, and ray cones for them"),
         (Features::CUTOUTS, "cutouts in traversal"),
+        (Features::EMISSION, "emission of surfaces"),
+        (Features::TRANSMISSION, "transmission"),
+        (Features::COAT, "coats"),
     ];
     let absent = parts.iter().filter(|(part, _)| !features.contains(*part)).map(|(_, name)| *name);
     let planes = (!has_planes).then_some("passes generate_aov_rays and shade_aovs, and their images");

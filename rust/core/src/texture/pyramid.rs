@@ -132,7 +132,7 @@ mod tests {
         }
         for (level, made) in (0..).zip(&made).skip(1) {
             assert_eq!(
-                made.len() as u32,
+                u32::try_from(made.len()).unwrap_or(u32::MAX),
                 layout.level_size(level).iter().product::<u32>(),
                 "level {level} of {size:?}"
             );

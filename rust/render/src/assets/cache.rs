@@ -34,6 +34,10 @@ pub(crate) struct SceneView {
     pub(crate) assemblies: u64,
     pub(crate) meshes: u64,
     pub(crate) lights: u64,
+    /// 0 when no mesh has a material; as the next two.
+    pub(crate) materials: u64,
+    pub(crate) prims: u64,
+    pub(crate) material_slots: u64,
     /// 0 when nothing reads a texture.
     pub(crate) textures: u64,
     /// As `textures`.
@@ -229,6 +233,9 @@ impl Scene {
             assemblies: tables.assemblies.address(),
             meshes: tables.meshes.address(),
             lights: tables.lights.address(),
+            materials: tables.surfaces.as_ref().map_or(0, |surfaces| surfaces.materials.address()),
+            prims: tables.surfaces.as_ref().map_or(0, |surfaces| surfaces.prims.address()),
+            material_slots: tables.surfaces.as_ref().map_or(0, |surfaces| surfaces.slots.address()),
             textures: tables.textures.as_ref().map_or(0, |textures| textures.records.address()),
             texture_pages: tables.textures.as_ref().map_or(0, |textures| textures.pages.address()),
             max_levels: self.levels(),

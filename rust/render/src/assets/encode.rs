@@ -2,6 +2,7 @@
 //! Writes an asset's bytes into staging memory piece by piece and records the copies. Runs on the loader's threads.
 
 use super::source::{MeshLayout, Source, values};
+use super::surfaces::attributes;
 use crate::error::RenderError;
 use oocpt_core::mesh::{BvhNode, MeshAsset, Triangle};
 use oocpt_core::scene::{InstanceFlags, InstanceRecord, Target};
@@ -18,6 +19,8 @@ const SUBMIT_BYTES: usize = 4 << 20;
 const PIECE_RECORDS: usize = 4096;
 /// Records that one thread encodes at a time.
 const PART_RECORDS: usize = 4096;
+/// Where a triangle keeps the number of its subset.
+const SUBSET: usize = std::mem::offset_of!(GpuTriangle, pad1);
 /// Set in `prototype_count` of a record whose map flips handedness.
 const FLIPS_HANDEDNESS: u32 = 1 << 31;
 
@@ -139,7 +142,12 @@ impl<'a> Writer<'a> {
         self.section(target, 0, (nodes.len(), size_of::<GpuNode>()), |first, out| convert(&nodes[first..], out, node))?;
         let triangles = &mesh.triangles;
         let items = (triangles.len(), size_of::<GpuTriangle>());
-        self.section(target, layout.triangles, items, |first, out| convert(&triangles[first..], out, triangle))?;
+        self.section(target, layout.triangles, items, |first, out| {
+            convert(&triangles[first..], out, triangle);
+            for (subset, bytes) in mesh.subsets.iter().skip(first).zip(out.chunks_exact_mut(size_of::<GpuTriangle>())) {
+                bytes[SUBSET..SUBSET + 4].copy_from_slice(&u32::from(*subset).to_ne_bytes());
+            }
+        })?;
         let sections: [(u64, &[u8]); 4] = [
             (layout.corners, bytemuck::cast_slice(&mesh.corner_indices)),
             (layout.normals, bytemuck::cast_slice(values(mesh.normals.as_ref()))),
@@ -148,6 +156,11 @@ impl<'a> Writer<'a> {
         ];
         for (offset, data) in sections {
             self.bytes(target, offset, data)?;
+        }
+        let table = attributes(mesh, layout.primvars, &layout.primvar_values);
+        self.bytes(target, layout.primvars, bytemuck::cast_slice(&table))?;
+        for (primvar, offset) in mesh.primvars.iter().zip(&layout.primvar_values) {
+            self.bytes(target, *offset, bytemuck::cast_slice(primvar.values.floats()))?;
         }
         Ok(())
     }

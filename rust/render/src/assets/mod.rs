@@ -12,6 +12,7 @@ mod encode;
 mod loader;
 mod source;
 mod store;
+mod surfaces;
 mod tables;
 
 pub(crate) use cache::{Scene, SceneCache, SceneView};

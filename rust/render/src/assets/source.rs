@@ -10,8 +10,8 @@ use oocpt_core::partition::Chunk;
 use oocpt_core::scene::{Assembly, InstanceRecord};
 use oocpt_shader_abi as abi;
 use oocpt_shader_abi::{
-    GpuAssembly, GpuInstance, GpuMesh, GpuNode, GpuTriangle, LBVH_MAX_ITEMS, LbvhBounds, LbvhJob, MeshFlags,
-    lbvh_scratch_bytes,
+    GpuAssembly, GpuAttribute, GpuInstance, GpuMesh, GpuNode, GpuTriangle, LBVH_MAX_ITEMS, LbvhBounds, LbvhJob,
+    MeshFlags, lbvh_scratch_bytes,
 };
 use std::ops::Range;
 use std::sync::Arc;
@@ -44,13 +44,17 @@ pub(crate) enum AssetKey {
 }
 
 /// Byte offsets of a mesh's sections; `bytes` is the end.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct MeshLayout {
     pub(crate) triangles: u64,
     pub(crate) corners: u64,
     pub(crate) normals: u64,
     pub(crate) colors: u64,
     pub(crate) opacities: u64,
+    /// The table of the primvars.
+    pub(crate) primvars: u64,
+    /// Their values.
+    pub(crate) primvar_values: Vec<u64>,
     pub(crate) bytes: u64,
 }
 
@@ -69,14 +73,17 @@ impl MeshLayout {
             start
         };
         section((mesh.bvh.nodes.len() * size_of::<GpuNode>()) as u64);
-        Self {
+        let layout = Self {
             triangles: section((mesh.triangles.len() * size_of::<GpuTriangle>()) as u64),
             corners: section(size_of_val(mesh.corner_indices.as_slice()) as u64),
             normals: section(size_of_val(values(mesh.normals.as_ref())) as u64),
             colors: section(size_of_val(values(mesh.colors.as_ref())) as u64),
             opacities: section(size_of_val(values(mesh.opacities.as_ref())) as u64),
-            bytes: end,
-        }
+            primvars: section((mesh.primvars.len() * size_of::<GpuAttribute>()) as u64),
+            primvar_values: mesh.primvars.iter().map(|p| section(size_of_val(p.values.floats()) as u64)).collect(),
+            bytes: 0,
+        };
+        Self { bytes: end, ..layout }
     }
 }
 
@@ -227,6 +234,9 @@ impl Source {
             ),
             // Checked against MAX_MESH_ITEMS.
             triangle_count: u32::try_from(mesh.triangles.len()).unwrap_or(u32::MAX),
+            primvars: at(!mesh.primvars.is_empty(), layout.primvars),
+            primvar_count: u32::try_from(mesh.primvars.len()).unwrap_or(0),
+            pad: 0,
         })
     }
 
@@ -237,10 +247,15 @@ impl Source {
 }
 
 fn rate<T>(attribute: Option<&Attribute<T>>) -> abi::AttributeRate {
-    match attribute.map(|attribute| attribute.rate) {
-        None | Some(AttributeRate::Constant) => abi::AttributeRate::Constant,
-        Some(AttributeRate::Uniform) => abi::AttributeRate::Uniform,
-        Some(AttributeRate::Vertex) => abi::AttributeRate::Vertex,
-        Some(AttributeRate::FaceVarying) => abi::AttributeRate::FaceVarying,
+    attribute.map_or(abi::AttributeRate::Constant, |attribute| rate_of(attribute.rate))
+}
+
+/// The shaders' word for it.
+pub(crate) fn rate_of(rate: AttributeRate) -> abi::AttributeRate {
+    match rate {
+        AttributeRate::Constant => abi::AttributeRate::Constant,
+        AttributeRate::Uniform => abi::AttributeRate::Uniform,
+        AttributeRate::Vertex => abi::AttributeRate::Vertex,
+        AttributeRate::FaceVarying => abi::AttributeRate::FaceVarying,
     }
 }

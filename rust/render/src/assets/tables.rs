@@ -7,6 +7,7 @@
 
 use super::catalog::{SceneAssets, Slot};
 use super::encode::Writer;
+use super::surfaces::SurfaceEntries;
 use crate::device::Device;
 use crate::error::RenderError;
 use bytemuck::{Pod, Zeroable};
@@ -28,8 +29,18 @@ pub(crate) struct Tables {
     pub(crate) assemblies: HeapRange,
     pub(crate) meshes: HeapRange,
     pub(crate) lights: HeapRange,
+    /// Only when a mesh has a material.
+    pub(crate) surfaces: Option<SurfaceRanges>,
     /// Only when something reads a texture.
     pub(crate) textures: Option<TextureTables>,
+}
+
+/// The tables of materials, of prims and of their slots.
+#[derive(Debug)]
+pub(crate) struct SurfaceRanges {
+    pub(crate) materials: HeapRange,
+    pub(crate) prims: HeapRange,
+    pub(crate) slots: HeapRange,
 }
 
 /// The tables of textures.
@@ -120,15 +131,17 @@ impl Tables {
             (snapshot.meshes.len(), size_of::<GpuMesh>()),
             (lights, size_of::<GpuLight>()),
         ];
+        let surfaces = SurfaceEntries::sizes(&snapshot.surfaces);
         let textures = &assets.textures;
         let of_textures = [
             (textures.records.len(), size_of::<GpuTexture>()),
             (textures.tile_count(), size_of::<u64>()),
             (256, size_of::<f32>()),
         ];
-        let of_textures = of_textures.iter().filter(|_| !textures.is_empty());
+        let of_textures = of_textures.into_iter().filter(|_| !textures.is_empty());
         tables
-            .iter()
+            .into_iter()
+            .chain(surfaces)
             .chain(of_textures)
             .map(|(count, stride)| ((count * stride).max(16) as u64).next_multiple_of(256))
             .sum()
@@ -153,6 +166,7 @@ impl Tables {
             assemblies: table(device, &mut writer, "assembly table", bytemuck::cast_slice(&entries.assemblies))?,
             meshes: table(device, &mut writer, "mesh table", bytemuck::cast_slice(&entries.meshes))?,
             lights: table(device, &mut writer, "light table", bytemuck::cast_slice(lights))?,
+            surfaces: surface_ranges(device, &mut writer, assets)?,
             textures: texture_tables(device, &mut writer, assets, entries)?,
         };
         let (copies, _) = writer.finish()?;
@@ -177,6 +191,19 @@ impl Tables {
             }
         }
     }
+}
+
+fn surface_ranges(
+    device: &Device,
+    writer: &mut Writer<'_>,
+    assets: &SceneAssets,
+) -> Result<Option<SurfaceRanges>, RenderError> {
+    let Some(entries) = SurfaceEntries::new(&assets.snapshot.surfaces) else { return Ok(None) };
+    Ok(Some(SurfaceRanges {
+        materials: table(device, writer, "material table", bytemuck::cast_slice(&entries.materials))?,
+        prims: table(device, writer, "prim table", bytemuck::cast_slice(&entries.prims))?,
+        slots: table(device, writer, "material slots", bytemuck::cast_slice(&entries.slots))?,
+    }))
 }
 
 fn texture_tables(

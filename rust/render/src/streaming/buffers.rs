@@ -6,7 +6,8 @@ use crate::error::RenderError;
 use crate::wavefront::{CONE_BYTES, PathBuffers};
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{
-    Counters, Frame, GpuSurface, Pending, Question, Segment, Streaming, TILE_KEYS, path_bytes, sort_blocks,
+    Counters, Frame, GpuSurface, GpuSurfaceMaterial, Pending, Question, Segment, Streaming, TILE_KEYS, path_bytes,
+    sort_blocks,
 };
 use std::sync::Arc;
 
@@ -33,6 +34,8 @@ pub(crate) struct Needs {
     pub(crate) lookups: u32,
     /// Rays do.
     pub(crate) cutouts: bool,
+    /// Some mesh has a material.
+    pub(crate) materials: bool,
 }
 
 /// What only textures need.
@@ -62,6 +65,8 @@ pub(crate) struct StreamBuffers {
     pending: Buffer,
     shadow_pending: Buffer,
     surfaces: Buffer,
+    /// Only with materials.
+    surface_materials: Option<Buffer>,
     deferred: [Buffer; 2],
     segments: Buffer,
     demand: Buffer,
@@ -101,6 +106,10 @@ impl StreamBuffers {
             pending: slots("pending", size_of::<Pending>())?,
             shadow_pending: slots("shadow_pending", size_of::<Pending>())?,
             surfaces: slots("surfaces", size_of::<GpuSurface>())?,
+            surface_materials: needs
+                .materials
+                .then(|| slots("surface materials", size_of::<GpuSurfaceMaterial>()))
+                .transpose()?,
             deferred: [slots("deferred 0", 8)?, slots("deferred 1", 8)?],
             segments: array("segments", segment_count, size_of::<Segment>())?,
             demand: array("demand", units, 8)?,
@@ -139,6 +148,7 @@ impl StreamBuffers {
             chunk_rays: self.chunk_rays.address(),
             places: self.places.address(),
             free_slots: self.free_slots.address(),
+            surface_materials: self.surface_materials.as_ref().map_or(0, Buffer::address),
             questions: questions(0),
             shadow_questions: questions(1),
             resolve_queue: of(&|textures| &textures.resolve_queue),
@@ -244,8 +254,9 @@ fn sorted(needs: Needs) -> u32 {
 /// Bytes of device memory that a slot takes, at most.
 pub(super) fn slot_bytes(needs: Needs) -> u64 {
     let textures = if needs.textures { CONE_BYTES + 8 + u64::from(needs.lookups) * LOOKUP_BYTES as u64 } else { 0 };
+    let materials = if needs.materials { size_of::<GpuSurfaceMaterial>() as u64 } else { 0 };
     let cutouts = if needs.cutouts { 2 * size_of::<Question>() as u64 } else { 0 };
-    path_bytes(needs.levels, true) + PLACE_BYTES * u64::from(PLACES_PER_SLOT - 1) + textures + cutouts
+    path_bytes(needs.levels, true) + PLACE_BYTES * u64::from(PLACES_PER_SLOT - 1) + textures + cutouts + materials
 }
 
 #[cfg(test)]

@@ -31,7 +31,7 @@ use crate::waves::WAVE_TIMEOUT;
 use clock::Clock;
 use observe::Observation;
 use oocpt_core::material::{Input, Material};
-use oocpt_core::scene::Snapshot;
+use oocpt_core::scene::{SceneFeatures, Snapshot};
 use oocpt_gpu::{Buffer, Usage};
 use oocpt_shader_abi::{Features, Frame, MAX_PENDING};
 use record::Kind;
@@ -152,6 +152,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &Scene, kept: &mut Option<StreamBu
         units: scene.unit_count(),
         textures,
         lookups: lookups(&job.snapshot),
+        materials: job.snapshot.features.contains(SceneFeatures::MATERIALS),
         cutouts: textures && specialise::has_cutouts(&job.snapshot),
     };
     let most = match (setting.is_frugal, is_cpu(device), job.settings.interactive) {

@@ -4,9 +4,10 @@
 //! Guarantees: the members are listed in full: a struct literal pattern without `..` fails to compile otherwise.
 
 use super::{
-    AovClear, AovTargets, Counters, FilmPixel, Frame, GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuLight,
-    GpuMesh, GpuNode, GpuSurface, GpuTexture, GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush, PathState, Pending,
-    Push, Question, Ray, Segment, ShadowRay, Streaming,
+    AovClear, AovTargets, Counters, FilmPixel, Frame, GpuAssembly, GpuAttribute, GpuChunk, GpuChunkInstance, GpuInput,
+    GpuInstance, GpuLight, GpuMaterial, GpuMesh, GpuNode, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture,
+    GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush, PathState, Pending, Push, Question, Ray, Segment, ShadowRay,
+    Streaming,
 };
 use core::mem::{offset_of, size_of};
 
@@ -130,6 +131,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         chunk_rays,
         places,
         free_slots,
+        surface_materials,
         questions,
         shadow_questions,
         resolve_queue,
@@ -160,7 +162,24 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(GpuNode { min, max, child, count }),
     layout!(GpuTriangle { v0, face, v1, pad1, v2, pad2 }),
     layout!(GpuInstance { object_from_parent, target, prim_id, index_in_prototype, prototype_count }),
-    layout!(GpuMesh { nodes, triangles, corner_indices, normals, colors, opacities, flags, triangle_count }),
+    layout!(GpuMesh {
+        nodes,
+        triangles,
+        corner_indices,
+        normals,
+        colors,
+        opacities,
+        flags,
+        triangle_count,
+        primvars,
+        primvar_count,
+        pad
+    }),
+    layout!(GpuInput { value, bias, row_s, kind, row_t, texture }),
+    layout!(GpuMaterial { inputs, flags, opacity_threshold, names, set_fallback, pad }),
+    layout!(GpuPrim { first_slot, slot_count, link_set, pad }),
+    layout!(GpuAttribute { values, name, rate_and_width }),
+    layout!(GpuSurfaceMaterial { uv, primvars, tangent, material, uv_density, handedness, flags }),
     layout!(GpuAssembly { nodes, instances }),
     layout!(GpuLight { direction, one_minus_cos, radiance, probability, cumulative }),
     layout!(GpuChunk { nodes, instances }),

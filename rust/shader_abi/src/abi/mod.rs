@@ -7,6 +7,7 @@ mod film;
 mod frame;
 mod layout;
 mod lbvh;
+mod material;
 mod path;
 mod scene;
 mod stream;
@@ -20,6 +21,11 @@ pub use frame::{
 };
 pub use layout::{LAYOUTS, MemberLayout, StructLayout};
 pub use lbvh::{LbvhBounds, LbvhPush};
+pub use material::{
+    GpuAttribute, GpuInput, GpuMaterial, GpuPrim, GpuSurfaceMaterial, INPUT_CHANNEL_SHIFT, INPUT_CONSTANT,
+    INPUT_NO_SET, INPUT_PRIMVAR, INPUT_SET_SHIFT, INPUT_TEXTURE, MATERIAL_INPUTS, MAX_PRIM_ID, NO_MATERIAL, NO_NAME,
+    SLOT_PRESENCE,
+};
 pub use path::{Counters, IndirectArgs, PathState, Ray, ShadowRay, hit_stride};
 pub use scene::{
     AttributeRate, GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuLight, GpuMesh, GpuNode, GpuTriangle,

@@ -37,7 +37,7 @@ pub struct GpuTriangle {
     pub face: u32,
     /// Second vertex.
     pub v1: [f32; 3],
-    /// 0.
+    /// Number of the subset that the face is in, from 1; 0 = none.
     pub pad1: u32,
     /// Third vertex.
     pub v2: [f32; 3],
@@ -101,7 +101,7 @@ impl MeshFlags {
     }
 }
 
-/// Where the parts of a mesh are, 56 B. Addresses are device addresses; absent parts are 0.
+/// Where the parts of a mesh are, 72 B. Addresses are device addresses; absent parts are 0.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct GpuMesh {
@@ -121,6 +121,12 @@ pub struct GpuMesh {
     pub flags: u32,
     /// Triangles.
     pub triangle_count: u32,
+    /// [`crate::GpuAttribute`] array, 16-byte aligned: primvars that materials read. 0 without any.
+    pub primvars: u64,
+    /// Their number.
+    pub primvar_count: u32,
+    /// 0.
+    pub pad: u32,
 }
 
 /// Where the parts of an assembly are, 16 B.

@@ -48,6 +48,8 @@ pub struct Streaming {
     pub places: u64,
     /// u32 per slot, a ring: slots that ended paths gave back, `Counters::freed` of them since the host zeroed it.
     pub free_slots: u64,
+    /// [`crate::GpuSurfaceMaterial`] by slot; 0 without `Features::MATERIALS`.
+    pub surface_materials: u64,
     /// [`Question`] per slot, of the closest ray. 16-byte aligned; 0 without `Features::CUTOUTS`, as the next.
     pub questions: u64,
     /// The same of the shadow ray.

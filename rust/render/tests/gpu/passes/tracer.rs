@@ -118,6 +118,7 @@ impl<'a> Tracer<'a> {
             chunk_rays: self.address("chunk rays"),
             places: self.address("places"),
             free_slots: self.address("free slots"),
+            surface_materials: 0,
             segment_size: SEGMENT_SIZE,
             chunk_count: CHUNKS,
             slots: SEGMENTS * SEGMENT_SIZE,

@@ -172,6 +172,9 @@ impl Scene {
             opacities: self.put(&[0.4_f32]),
             flags: flags.with_rates(constant, constant, constant),
             triangle_count: 24,
+            primvars: 0,
+            primvar_count: 0,
+            pad: 0,
         };
         (mesh, around(triangles.iter().flat_map(points), 0.0))
     }

@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The tables of materials and of who has them, and the sections of a mesh that materials read. Pure.
+
+use super::source::rate_of;
+use oocpt_core::material::{Input, Material, MaterialFlags};
+use oocpt_core::mesh::MeshAsset;
+use oocpt_core::scene::{NO_MATERIAL, PrimRecord, SurfaceTables};
+use oocpt_shader_abi as abi;
+use oocpt_shader_abi::{GpuAttribute, GpuInput, GpuMaterial, GpuPrim};
+
+/// The tables of a snapshot as the shaders read them.
+#[derive(Debug)]
+pub(crate) struct SurfaceEntries {
+    pub(crate) materials: Vec<GpuMaterial>,
+    pub(crate) prims: Vec<GpuPrim>,
+    pub(crate) slots: Vec<u32>,
+}
+
+impl SurfaceEntries {
+    /// None when no mesh has a material.
+    pub(crate) fn new(surfaces: &SurfaceTables) -> Option<Self> {
+        if surfaces.materials.is_empty() {
+            return None;
+        }
+        Some(Self {
+            materials: surfaces.materials.iter().map(|m| material(m)).collect(),
+            prims: surfaces.prims.iter().map(prim).collect(),
+            slots: surfaces.material_slots.iter().map(|&slot| slot_word(surfaces, slot)).collect(),
+        })
+    }
+
+    /// Count and stride of each table of a snapshot; none without materials.
+    pub(crate) fn sizes(surfaces: &SurfaceTables) -> impl Iterator<Item = (usize, usize)> {
+        let sizes = [
+            (surfaces.materials.len(), size_of::<GpuMaterial>()),
+            (surfaces.prims.len(), size_of::<GpuPrim>()),
+            (surfaces.material_slots.len(), size_of::<u32>()),
+        ];
+        let has_materials = !surfaces.materials.is_empty();
+        sizes.into_iter().filter(move |_| has_materials)
+    }
+}
+
+fn prim(record: &PrimRecord) -> GpuPrim {
+    let PrimRecord { first_slot, slot_count, category_set } = *record;
+    GpuPrim { first_slot, slot_count, link_set: category_set, pad: 0 }
+}
+
+fn slot_word(surfaces: &SurfaceTables, slot: u32) -> u32 {
+    match surfaces.materials.get(slot as usize) {
+        Some(material) if material.flags.contains(MaterialFlags::PRESENCE) => slot | abi::SLOT_PRESENCE,
+        Some(_) => slot,
+        None => NO_MATERIAL,
+    }
+}
+
+fn material(material: &Material) -> GpuMaterial {
+    let mut names = [abi::NO_NAME; 4];
+    let mut set_fallback = [[0.0; 2]; 2];
+    for (k, set) in material.uv_sets.iter().take(2).enumerate() {
+        names[k] = set.id;
+        set_fallback[k] = set.fallback;
+    }
+    for (name, slot) in names.iter_mut().skip(2).zip(&material.primvars) {
+        *name = slot.id;
+    }
+    GpuMaterial {
+        inputs: material.inputs.map(|i| input(&i)),
+        flags: material.flags.bits(),
+        opacity_threshold: material.opacity_threshold,
+        names,
+        set_fallback,
+        pad: [0; 2],
+    }
+}
+
+fn input(input: &Input) -> GpuInput {
+    let plain = |kind: u32, value: [f32; 4]| GpuInput {
+        value,
+        bias: [0.0; 4],
+        row_s: [0.0; 3],
+        kind,
+        row_t: [0.0; 3],
+        texture: 0,
+    };
+    match *input {
+        Input::Constant(value) => plain(abi::INPUT_CONSTANT, value),
+        Input::Primvar { slot, fallback } => {
+            plain(abi::INPUT_PRIMVAR | u32::from(slot & 1) << abi::INPUT_SET_SHIFT, fallback)
+        }
+        Input::Texture { texture, channel, scale, bias, uv, transform } => {
+            let channel = channel.map_or(0, |c| u32::from(c & 3) + 1);
+            let set = uv.map_or(abi::INPUT_NO_SET, |uv| u32::from(uv & 1));
+            let kind = abi::INPUT_TEXTURE | channel << abi::INPUT_CHANNEL_SHIFT | set << abi::INPUT_SET_SHIFT;
+            GpuInput { bias, row_s: transform[0], row_t: transform[1], texture, ..plain(kind, scale) }
+        }
+    }
+}
+
+/// The table of a mesh's primvars: offsets of their values count from the table on and are in `offsets`.
+pub(crate) fn attributes(mesh: &MeshAsset, table: u64, offsets: &[u64]) -> Vec<GpuAttribute> {
+    let entry = |(primvar, offset): (&oocpt_core::mesh::MeshPrimvar, &u64)| GpuAttribute {
+        values: offset.saturating_sub(table),
+        name: primvar.id,
+        rate_and_width: rate_of(primvar.values.rate()) as u32 | primvar.values.width() << 8,
+    };
+    mesh.primvars.iter().zip(offsets).map(entry).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn inputs_keep_their_kind_channel_and_set() {
+        let made = input(&Input::Texture {
+            texture: 7,
+            channel: Some(3),
+            scale: [1.0, 2.0, 3.0, 4.0],
+            bias: [5.0; 4],
+            uv: Some(1),
+            transform: [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]],
+        });
+        assert_eq!(made.kind, 1 | 4 << 2 | 1 << 5);
+        assert_eq!((made.texture, made.value, made.bias), (7, [1.0, 2.0, 3.0, 4.0], [5.0; 4]));
+        assert_eq!((made.row_s, made.row_t), ([1.0, 2.0, 3.0], [4.0, 5.0, 6.0]));
+        let placed = Input::Texture {
+            texture: 0,
+            channel: None,
+            scale: [1.0; 4],
+            bias: [0.0; 4],
+            uv: None,
+            transform: [[0.0; 3]; 2],
+        };
+        assert_eq!(input(&placed).kind, 1 | 2 << 5);
+        assert_eq!(input(&Input::Primvar { slot: 1, fallback: [0.5; 4] }).kind, 2 | 1 << 5);
+        assert_eq!(input(&Input::Constant([0.5; 4])).kind, 0);
+    }
+
+    #[test]
+    fn inputs_and_flags_are_those_of_the_shaders() {
+        assert_eq!(abi::MATERIAL_INPUTS, oocpt_core::material::INPUTS);
+        assert_eq!(abi::NO_MATERIAL, NO_MATERIAL);
+        let bits = MaterialFlags::SPECULAR_WORKFLOW.bits() | MaterialFlags::PRESENCE.bits() << 8;
+        let more = MaterialFlags::EMISSIVE.bits() << 16 | MaterialFlags::COAT.bits() << 24;
+        // As in shaders/include/material.glsl.
+        assert_eq!((bits, more), (1 | 2 << 8, 8 << 16 | 16 << 24));
+        assert_eq!(MaterialFlags::NORMAL_MAP.bits(), 32);
+    }
+}

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Materials as the shaders read them: tables of materials, of prims, of primvars; and what is kept of a material at a hit.
+//!
+//! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Inputs of a material, in the order of `oocpt_core::material::InputName`.
+pub const MATERIAL_INPUTS: usize = 10;
+/// In `Frame::material_slots` and `GpuSurfaceMaterial::material`: none.
+pub const NO_MATERIAL: u32 = u32::MAX;
+/// In `Frame::material_slots`: traversal has to ask the material whether the surface is there.
+pub const SLOT_PRESENCE: u32 = 1 << 31;
+/// In `GpuMaterial::names`: no primvar.
+pub const NO_NAME: u32 = u32::MAX;
+/// Largest prim id that the table of prims knows.
+pub const MAX_PRIM_ID: u32 = 1 << 24;
+/// `GpuInput::kind`, lowest two bits: `value`.
+pub const INPUT_CONSTANT: u32 = 0;
+/// `GpuInput::kind`, lowest two bits: a texture.
+pub const INPUT_TEXTURE: u32 = 1;
+/// `GpuInput::kind`, lowest two bits: a primvar of the mesh, or `value` where it has none.
+pub const INPUT_PRIMVAR: u32 = 2;
+/// `GpuInput::kind`: where the channel begins, 0 = all of them, else its number + 1; three bits.
+pub const INPUT_CHANNEL_SHIFT: u32 = 2;
+/// `GpuInput::kind`: where the texture coordinate set or the primvar begins; two bits.
+pub const INPUT_SET_SHIFT: u32 = 5;
+/// Texture coordinate set of an input that looks at the same place everywhere.
+pub const INPUT_NO_SET: u32 = 2;
+
+/// An input of a material, 64 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuInput {
+    /// The value; of a texture its scale; of a primvar what replaces it.
+    pub value: [f32; 4],
+    /// Of a texture: what is added.
+    pub bias: [f32; 4],
+    /// Of a texture: first row of the map from the set to the place.
+    pub row_s: [f32; 3],
+    /// `INPUT_*`.
+    pub kind: u32,
+    /// Of a texture: second row of the map.
+    pub row_t: [f32; 3],
+    /// Of a texture: its number.
+    pub texture: u32,
+}
+
+/// A material, 688 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuMaterial {
+    /// The inputs.
+    pub inputs: [GpuInput; MATERIAL_INPUTS],
+    /// Bits of `oocpt_core::material::MaterialFlags`.
+    pub flags: u32,
+    /// See `oocpt_core::material::Material::opacity_threshold`.
+    pub opacity_threshold: f32,
+    /// Numbers of the names of two sets of texture coordinates and of two other primvars, or [`NO_NAME`].
+    pub names: [u32; 4],
+    /// What the sets are where a mesh does not have them.
+    pub set_fallback: [[f32; 2]; 2],
+    /// 0.
+    pub pad: [u32; 2],
+}
+
+/// What a prim looks like, 16 B; by prim id + 1.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct GpuPrim {
+    /// First of its material slots.
+    pub first_slot: u32,
+    /// Their number: the mesh and its subsets.
+    pub slot_count: u32,
+    /// Which collections of lights' links it is in.
+    pub link_set: u32,
+    /// 0.
+    pub pad: u32,
+}
+
+/// A primvar of a mesh, 16 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct GpuAttribute {
+    /// Bytes from `GpuMesh::primvars` to its values.
+    pub values: u64,
+    /// Number of its name.
+    pub name: u32,
+    /// [`crate::AttributeRate`], and floats of a value << 8.
+    pub rate_and_width: u32,
+}
+
+/// What is kept of a hit to evaluate its material, 80 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuSurfaceMaterial {
+    /// Texture coordinates of both sets.
+    pub uv: [[f32; 2]; 2],
+    /// The other primvars.
+    pub primvars: [[f32; 4]; 2],
+    /// Unit, world: where u grows, in the triangle's plane; of the set that the normal map reads, else of the first.
+    pub tangent: [f32; 3],
+    /// Number of the material, or [`NO_MATERIAL`].
+    pub material: u32,
+    /// Lengths in the sets per length in the world.
+    pub uv_density: [f32; 2],
+    /// 1 or -1: v grows along `cross(normal, tangent)` or against it; 0: no tangent.
+    pub handedness: f32,
+    /// Bit 0, bit 1: the mesh has the primvar.
+    pub flags: u32,
+}

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+// A material at a hit: inputs worked out to what the BSDF takes. UsdPreviewSurface; a surface without a material is diffuse in its
+// displayColor.
+// With streaming, begin_lookups (texture.glsl) comes before; textures without images are black and opaque.
+#ifndef OOCPT_MATERIAL_GLSL
+#define OOCPT_MATERIAL_GLSL
+
+#include "include/shading.glsl"
+#include "include/surface.glsl"
+#include "include/texture.glsl"
+
+// MaterialFlags of core.
+const uint MATERIAL_SPECULAR_WORKFLOW = 1u;
+const uint MATERIAL_PRESENCE = 2u;
+const uint MATERIAL_EMISSIVE = 8u;
+const uint MATERIAL_COAT = 16u;
+const uint MATERIAL_NORMAL_MAP = 32u;
+
+// Places of the inputs.
+const uint INPUT_DIFFUSE_COLOR = 0u;
+const uint INPUT_EMISSIVE_COLOR = 1u;
+const uint INPUT_SPECULAR_COLOR = 2u;
+const uint INPUT_METALLIC = 3u;
+const uint INPUT_ROUGHNESS = 4u;
+const uint INPUT_CLEARCOAT = 5u;
+const uint INPUT_CLEARCOAT_ROUGHNESS = 6u;
+const uint INPUT_IOR = 8u;
+
+// Where a texture input looks.
+vec2 texture_place(GpuInput i, GpuSurfaceMaterial m) {
+    const uint set = (i.kind >> INPUT_SET_SHIFT) & 3u;
+    return map_place(i, set == INPUT_NO_SET ? vec2(0.0) : m.uv[set & 1u]);
+}
+
+// Width in the texture of a square that a ray's cone of width `cone` (world) covers.
+float texture_footprint(GpuInput i, GpuSurfaceMaterial m, float cone) {
+    const uint set = (i.kind >> INPUT_SET_SHIFT) & 3u;
+    if (set == INPUT_NO_SET) return 0.0;
+    return cone * m.uv_density[set & 1u] * map_scale(i);
+}
+
+vec4 pick_channel(GpuInput i, vec4 value) {
+    const uint channel = (i.kind >> INPUT_CHANNEL_SHIFT) & 7u;
+    return channel == 0u ? value : vec4(value[channel - 1u]);
+}
+
+// What a lookup gave, made the input's value; `found`: it is no fallback.
+vec4 finish_texture(GpuInput i, vec4 texel, bool found) {
+    return pick_channel(i, found ? texel * i.value + i.bias : texel);
+}
+
+// The value of an input. `missing`: the unit that a lookup waits for, as texture_lookup gives it; not touched where all is there.
+vec4 input_value(GpuSurfaceMaterial m, uint name, float cone, inout uint missing) {
+    Materials materials = Materials(FRAME.materials);
+    const uint kind = materials.v[m.material].inputs[name].kind & 3u;
+    if (kind == INPUT_CONSTANT) return materials.v[m.material].inputs[name].value;
+    const GpuInput i = materials.v[m.material].inputs[name];
+    if (kind == INPUT_PRIMVAR) {
+        const uint slot = (i.kind >> INPUT_SET_SHIFT) & 1u;
+        return (m.flags & (1u << slot)) != 0u ? m.primvars[slot] : i.value;
+    }
+    if (HAS_TEXTURES) {
+        uint unit;
+        const vec4 texel = texture_lookup(i.texture, texture_place(i, m), texture_footprint(i, m, cone), unit);
+        if (unit < TEXTURE_FALLBACK) missing = unit;
+        return finish_texture(i, texel, unit != TEXTURE_FALLBACK);
+    }
+    return pick_channel(i, vec4(0.0, 0.0, 0.0, 1.0));
+}
+
+// The material of a path's hit, or what stands for one. `missing`: TEXTURE_DONE, or the unit that it waits for; the result then means
+// nothing.
+Shading make_shading(uint path, Surface s, out uint missing) {
+    missing = TEXTURE_DONE;
+    if (HAS_STREAMING && HAS_TEXTURES) begin_lookups(path);
+    const GpuSurfaceMaterial m = surface_material;
+    const float cone = s.cone;
+    if (!HAS_MATERIALS || m.material == NO_MATERIAL) return diffuse_shading(s.geometric_normal, s.shading_normal, s.albedo);
+    const uint flags = Materials(FRAME.materials).v[m.material].flags;
+    Shading r;
+    r.geometric_normal = s.geometric_normal;
+    r.normal = s.shading_normal;
+    r.flags = (flags & MATERIAL_SPECULAR_WORKFLOW) != 0u ? SHADING_SPECULAR_WORKFLOW : 0u;
+    if ((flags & MATERIAL_PRESENCE) != 0u) r.flags |= SHADING_PRESENCE;
+    r.diffuse_color = input_value(m, INPUT_DIFFUSE_COLOR, cone, missing).xyz;
+    r.specular_color = vec3(0.0);
+    r.metallic = 0.0;
+    if ((flags & MATERIAL_SPECULAR_WORKFLOW) != 0u) {
+        r.specular_color = input_value(m, INPUT_SPECULAR_COLOR, cone, missing).xyz;
+    } else {
+        r.metallic = input_value(m, INPUT_METALLIC, cone, missing).x;
+    }
+    r.roughness = input_value(m, INPUT_ROUGHNESS, cone, missing).x;
+    r.ior = input_value(m, INPUT_IOR, cone, missing).x;
+    r.emission = vec3(0.0);
+    if (HAS_EMISSION && (flags & MATERIAL_EMISSIVE) != 0u) r.emission = input_value(m, INPUT_EMISSIVE_COLOR, cone, missing).xyz;
+    r.clearcoat = 0.0;
+    r.clearcoat_roughness = 0.01;
+    if (HAS_COAT && (flags & MATERIAL_COAT) != 0u) {
+        r.clearcoat = input_value(m, INPUT_CLEARCOAT, cone, missing).x;
+        r.clearcoat_roughness = input_value(m, INPUT_CLEARCOAT_ROUGHNESS, cone, missing).x;
+    }
+    r.opacity = 1.0;
+    if (HAS_TRANSMISSION && (flags & MATERIAL_PRESENCE) == 0u) r.opacity = input_value(m, INPUT_OPACITY, cone, missing).x;
+    if ((flags & MATERIAL_NORMAL_MAP) != 0u && m.handedness != 0.0) {
+        const vec3 n = r.normal;
+        const vec3 t = normal_or(m.tangent - n * dot3(n, m.tangent), vec3(0.0));
+        const vec3 b = cross3(n, t) * m.handedness;
+        const vec3 local = input_value(m, INPUT_NORMAL, cone, missing).xyz;
+        r.normal = normal_or(t * local.x + b * local.y + n * local.z, n);
+    }
+    return valid_shading(r);
+}
+
+#endif

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a material needs of its mesh at a hit: which material, texture coordinates, primvars, the direction in which u grows.
+// All of it is geometry: it is gathered while the chunk is there, and the textures may come later (material.glsl).
+#ifndef OOCPT_SURFACE_MATERIAL_GLSL
+#define OOCPT_SURFACE_MATERIAL_GLSL
+
+#include "include/affine.glsl"
+#include "include/attribute.glsl"
+
+// Places of inputs; the others are in material.glsl.
+const uint INPUT_OPACITY = 7u;
+const uint INPUT_NORMAL = 9u;
+
+// The word of a prim's slot: NO_MATERIAL, or the number of a material with SLOT_PRESENCE.
+uint material_slot(int prim_id, uint subset) {
+    const uint index = uint(prim_id + 1);
+    if (index > MAX_PRIM_ID) return NO_MATERIAL;
+    const GpuPrim prim = Prims(FRAME.prims).v[index];
+    return subset < prim.slot_count ? ConstUints(FRAME.material_slots).v[prim.first_slot + subset] : NO_MATERIAL;
+}
+
+uint material_number(uint slot) {
+    return slot == NO_MATERIAL ? NO_MATERIAL : slot & ~SLOT_PRESENCE;
+}
+
+// The entry of a primvar in its mesh's table; NO_NAME when it has none.
+uint find_primvar(uint mesh, uint name) {
+    if (name == NO_NAME) return NO_NAME;
+    const uint count = Meshes(FRAME.meshes).v[mesh].primvar_count;
+    const uint64_t table = Meshes(FRAME.meshes).v[mesh].primvars;
+    for (uint i = 0u; i < count; ++i) {
+        if (Attributes(table).v[i].name == name) return i;
+    }
+    return NO_NAME;
+}
+
+// Value `index`, of `width` floats, of those at `values`: one is in all components, else what is missing is 0, and alpha 1.
+vec4 primvar_at(uint64_t values, uint index, uint width) {
+    const uint at = index * width;
+    ConstFloats v = ConstFloats(values);
+    if (width == 1u) return vec4(v.v[at]);
+    if (width == 2u) return vec4(v.v[at], v.v[at + 1u], 0.0, 1.0);
+    if (width == 3u) return vec4(v.v[at], v.v[at + 1u], v.v[at + 2u], 1.0);
+    return vec4(v.v[at], v.v[at + 1u], v.v[at + 2u], v.v[at + 3u]);
+}
+
+// The values of a primvar at the corners of a triangle.
+void primvar_corners(uint mesh, uint entry, uint triangle, out vec4 a, out vec4 b, out vec4 c) {
+    const uint64_t table = Meshes(FRAME.meshes).v[mesh].primvars;
+    const uint rate_and_width = Attributes(table).v[entry].rate_and_width;
+    const uint width = rate_and_width >> 8;
+    const uint64_t values = table + Attributes(table).v[entry].values;
+    const uvec3 i = attribute_indices(Meshes(FRAME.meshes).v[mesh].corner_indices, rate_and_width & 3u, triangle);
+    a = primvar_at(values, i.x, width);
+    b = a;
+    c = a;
+    if (i.x != i.y || i.y != i.z) {
+        b = primvar_at(values, i.y, width);
+        c = primvar_at(values, i.z, width);
+    }
+}
+
+vec4 primvar_value(uint mesh, uint entry, uint triangle, vec3 weights) {
+    vec4 a, b, c;
+    primvar_corners(mesh, entry, triangle, a, b, c);
+    if (a == b && b == c) return a;
+    return a * weights.x + b * weights.y + c * weights.z;
+}
+
+// Where a texture input looks, given the coordinates of its set.
+vec2 map_place(GpuInput i, vec2 st) {
+    return vec2(i.row_s.x * st.x + i.row_s.y * st.y + i.row_s.z, i.row_t.x * st.x + i.row_t.y * st.y + i.row_t.z);
+}
+
+// How much its map makes lengths grow.
+float map_scale(GpuInput i) {
+    return sqrt(abs(i.row_s.x * i.row_t.y - i.row_s.y * i.row_t.x));
+}
+
+GpuSurfaceMaterial gather_material(uint mesh, uint triangle, vec3 weights, uint slot) {
+    GpuSurfaceMaterial m;
+    m.material = material_number(slot);
+    m.tangent = vec3(0.0);
+    m.uv_density = vec2(0.0);
+    m.handedness = 0.0;
+    m.flags = 0u;
+    for (uint i = 0u; i < 2u; ++i) {
+        m.uv[i] = vec2(0.0);
+        m.primvars[i] = vec4(0.0);
+    }
+    if (m.material == NO_MATERIAL) return m;
+    Materials materials = Materials(FRAME.materials);
+    [[unroll]] for (uint i = 0u; i < 2u; ++i) {
+        const uint set = find_primvar(mesh, materials.v[m.material].names[i]);
+        m.uv[i] = set == NO_NAME ? materials.v[m.material].set_fallback[i] : primvar_value(mesh, set, triangle, weights).xy;
+        const uint entry = find_primvar(mesh, materials.v[m.material].names[2u + i]);
+        if (entry == NO_NAME) continue;
+        m.primvars[i] = primvar_value(mesh, entry, triangle, weights);
+        m.flags |= 1u << i;
+    }
+    return m;
+}
+
+// Gradients of a set's u and v over a triangle with edges e and f, in the mesh's frame.
+bool uv_gradients(uint mesh, uint set, uint triangle, vec3 e, vec3 f, out vec3 u, out vec3 v) {
+    vec4 a, b, c;
+    primvar_corners(mesh, set, triangle, a, b, c);
+    const float scale = 1.0 / max(max(abs(e.x), max(abs(e.y), abs(e.z))), max(abs(f.x), max(abs(f.y), abs(f.z))));
+    const vec3 x = e * scale;
+    const vec3 y = f * scale;
+    const vec3 n = cross3(x, y);
+    const float area = dot3(n, n);
+    const vec3 along_x = cross3(y, n) * (scale / area); // 1 on e, 0 on f
+    const vec3 along_y = cross3(n, x) * (scale / area);
+    const vec2 d = b.xy - a.xy;
+    const vec2 g = c.xy - a.xy;
+    u = along_x * d.x + along_y * g.x;
+    v = along_x * d.y + along_y * g.y;
+    return area > 0.0;
+}
+
+// Sets tangent, handedness and densities. Gradients are covectors and go to the world as normals do; with n normal to the plane,
+// dP/du is orthogonal to n and to the gradient of v.
+void add_tangent(inout GpuSurfaceMaterial m, uint mesh, uint triangle, vec3 e, vec3 f, vec3 n, ChunkMap world, Affine map) {
+    Materials materials = Materials(FRAME.materials);
+    const uint kind = materials.v[m.material].inputs[INPUT_NORMAL].kind;
+    const uint wanted = (kind & 3u) == INPUT_TEXTURE ? (kind >> INPUT_SET_SHIFT) & 3u : 0u;
+    [[unroll]] for (uint i = 0u; i < 2u; ++i) {
+        const uint set = find_primvar(mesh, materials.v[m.material].names[i]);
+        if (set == NO_NAME) continue;
+        vec3 u, v;
+        if (!uv_gradients(mesh, set, triangle, e, f, u, v)) continue;
+        u = combine_rows(world.x, world.y, world.z, apply_transposed(map, u));
+        v = combine_rows(world.x, world.y, world.z, apply_transposed(map, v));
+        const vec3 along = cross3(v, n);
+        const float area = dot3(u, along); // in the set per area in the world
+        m.uv_density[i] = sqrt(abs(area));
+        const float squared = dot3(along, along);
+        if (i != wanted || !(squared > 1.0e-30 && squared < 1.0e30) || area == 0.0) continue;
+        m.handedness = area < 0.0 ? -1.0 : 1.0;
+        m.tangent = along * (m.handedness * inversesqrt(squared));
+    }
+}
+
+#endif
