@@ -40,10 +40,13 @@ impl Made {
 /// Where an image keeps its made levels.
 pub(super) type Slot = Arc<Mutex<Option<Arc<Made>>>>;
 
+/// Made levels of an image that may be gone, and their bytes.
+type Held = (Weak<Mutex<Option<Arc<Made>>>>, u64);
+
 /// Remembers which images have made levels, the oldest first.
 #[derive(Debug, Default)]
 pub(crate) struct MipStore {
-    held: Mutex<VecDeque<(Weak<Mutex<Option<Arc<Made>>>>, u64)>>,
+    held: Mutex<VecDeque<Held>>,
 }
 
 impl MipStore {

@@ -70,7 +70,7 @@ impl ImageLibrary for Library {
     fn open(&self, asset: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
         let missing = || ImageError("no such image".into());
         let name = asset.resolved.trim_end_matches("_1001").trim_end_matches("_1002").trim_end_matches("_1012");
-        let number: usize = name.parse().map_err(|_| missing())?;
+        let number: usize = name.parse().map_err(|_not_a_number| missing())?;
         let image: Arc<dyn Image> = Arc::clone(self.0.get(number).ok_or_else(missing)?) as Arc<dyn Image>;
         Ok(image)
     }
