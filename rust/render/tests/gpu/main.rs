@@ -15,3 +15,4 @@ mod passes;
 mod scenes;
 mod streaming;
 mod support;
+mod textures;

@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Textures in renders: colours that are known, warnings, what is left out; and the same bits at every budget, of textured surfaces and
+//! of thousands of leaves with holes.
+
+use crate::scenes::{constant, dome, instanced, instancer, mesh, prim, square, sun};
+use crate::support::{self, orthographic, perspective, read, read_all, render_with_messages, request, settings};
+use glam::{DMat4, DQuat, DVec3};
+use oocpt_core::TypedArray;
+use oocpt_core::residency::PolicyKind;
+use oocpt_core::scene::{
+    AssetRef, ConnectionDesc, Interpolation, MaterialDesc, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue,
+    Primvar, SceneDb,
+};
+use oocpt_core::settings::Settings;
+use oocpt_core::stats::StreamingStats;
+use oocpt_core::texture::{TexelFormat, linear_from_srgb};
+use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
+use oocpt_render::{AovKind, RenderRequest, Session, SessionOptions};
+use std::sync::Arc;
+
+fn hash(i: u32) -> u32 {
+    let x = (i ^ (i >> 16)).wrapping_mul(0x21f0_aaad);
+    let x = (x ^ (x >> 15)).wrapping_mul(0x735a_2d97);
+    x ^ (x >> 15)
+}
+
+/// Blocks of three by three texels of random bytes.
+#[derive(Debug)]
+struct Noise {
+    size: [u32; 2],
+    channels: u32,
+    seed: u32,
+}
+
+impl Image for Noise {
+    fn info(&self) -> ImageInfo {
+        let (levels, channels) = (vec![self.size], self.channels);
+        ImageInfo { levels, channels, format: TexelFormat::U8, tile_friendly: true, is_srgb: None, wrap: None }
+    }
+
+    fn read(&self, _level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
+        let channels = self.channels as usize;
+        for (y, row) in (at[1]..).zip(out.chunks_exact_mut(size[0] as usize * channels)) {
+            for (x, texel) in (at[0]..).zip(row.chunks_exact_mut(channels)) {
+                texel.copy_from_slice(&self.texel(x, y)[..channels]);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Noise {
+    fn texel(&self, x: u32, y: u32) -> [u8; 4] {
+        hash(x / 3 + 7919 * (y / 3) + 104_729 * self.seed).to_le_bytes()
+    }
+}
+
+/// A file is called by width, height and channels, with an x between.
+#[derive(Debug)]
+struct Library;
+
+impl ImageLibrary for Library {
+    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+        let numbers: Vec<u32> = asset.resolved.split('x').filter_map(|part| part.parse().ok()).collect();
+        let [width, height, channels] = numbers[..] else { return Err(ImageError("no such image".into())) };
+        Ok(Arc::new(Noise { size: [width, height], channels, seed: width }))
+    }
+}
+
+fn text(value: &str) -> ParamValue {
+    ParamValue::Text(value.into())
+}
+
+fn node(path: &str, kind: &str, params: Vec<(&str, ParamValue)>, connections: &[(&str, usize, &str)]) -> NodeDesc {
+    let params = params.into_iter().map(|(name, value)| ParamDesc { name: name.into(), value });
+    let connections = connections.iter().map(|(input, node, output)| ConnectionDesc {
+        input: (*input).into(),
+        node: *node,
+        output: (*output).into(),
+    });
+    NodeDesc { path: path.into(), kind: kind.into(), params: params.collect(), connections: connections.collect() }
+}
+
+/// A material: the surface's own inputs, and those that are outputs of the texture `file`.
+fn textured(path: &str, file: &str, own: Vec<(&str, ParamValue)>, read: &[(&str, &str)]) -> MaterialDesc {
+    let asset = ParamValue::Asset(AssetRef { authored: file.into(), resolved: file.into() });
+    let inputs: Vec<(&str, usize, &str)> = read.iter().map(|(input, output)| (*input, 1, *output)).collect();
+    let fallback = ("fallback", ParamValue::Vec4([0.25, 0.5, 0.75, 1.0]));
+    let wraps = vec![("file", asset), ("wrapS", text("repeat")), ("wrapT", text("mirror")), fallback];
+    let nodes = vec![
+        node("/surface", "UsdPreviewSurface", own, &inputs),
+        node("/texture", "UsdUVTexture", wraps, &[("st", 2, "result")]),
+        node("/reader", "UsdPrimvarReader_float2", vec![("varname", text("st"))], &[]),
+    ];
+    MaterialDesc { path: path.into(), nodes, surface: Some(0) }
+}
+
+/// A square with st from 0 to `repeats`.
+fn with_st(mut desc: MeshDesc, repeats: f32, material: &str) -> MeshDesc {
+    let st = vec![[0.0, 0.0], [repeats, 0.0], [repeats, repeats], [0.0, repeats]];
+    let primvar = Primvar { interpolation: Interpolation::Vertex, values: TypedArray::of(st), indices: None };
+    desc.primvars.push(NamedPrimvar { name: "st".into(), primvar });
+    desc.material = Some(material.into());
+    desc
+}
+
+fn options() -> SessionOptions {
+    SessionOptions { validation: true, ..SessionOptions::default() }
+}
+
+fn session(settings: Settings, options: SessionOptions, build: fn(&mut SceneDb)) -> Session {
+    let session = Session::with_options(settings, options).with_images(Arc::new(Library));
+    session.with_scene(build);
+    session
+}
+
+/// An image of 32 x 32 on a board that fills the picture of 32 x 32: every pixel is a texel, looked at in its centre.
+fn board(db: &mut SceneDb, file: &str) {
+    let points = vec![[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]];
+    let desc = mesh(prim("/board", DMat4::IDENTITY), 1, points, &[vec![0, 1, 2, 3]], 0.5);
+    db.upsert_mesh(with_st(desc, 1.0, "/m"));
+    db.upsert_material(textured("/m", file, Vec::new(), &[("diffuseColor", "rgb")]));
+    db.upsert_light(dome([1.0; 3]));
+}
+
+fn front() -> RenderRequest {
+    request(orthographic(DVec3::Z * 5.0, DVec3::ZERO, 2.0, [32, 32]))
+}
+
+#[test]
+fn texels_are_seen_where_they_are() {
+    let session = session(settings(1, 1), options(), |db| board(db, "32x32x3"));
+    support::render(&session, &front());
+    let albedo: Vec<[f32; 3]> = read(&session, &front(), AovKind::Albedo);
+    let noise = Noise { size: [32, 32], channels: 3, seed: 32 };
+    for (i, seen) in (0..).zip(&albedo) {
+        let texel = noise.texel(i % 32, i / 32);
+        for (value, byte) in seen.iter().zip(texel) {
+            let expected = linear_from_srgb(f64::from(byte) / 255.0);
+            assert!((f64::from(*value) - expected).abs() < 2e-5, "pixel {i}: {seen:?} for {texel:?}");
+        }
+    }
+    let left_out = session.stats().features_left_out;
+    assert!(!left_out.iter().any(|part| part.contains("textures")), "{left_out:?}");
+}
+
+#[test]
+fn a_missing_image_is_one_warning_and_its_fallback() {
+    let session = session(settings(1, 1), options(), |db| board(db, "nothing"));
+    let messages = render_with_messages(&session, &front());
+    assert_eq!(messages.len(), 1, "{messages:?}");
+    assert!(messages[0].text.contains("nothing"), "{messages:?}");
+    let albedo: Vec<[f32; 3]> = read(&session, &front(), AovKind::Albedo);
+    assert!(albedo.iter().all(|pixel| *pixel == [0.25, 0.5, 0.75]), "the fallback: {:?}", albedo[0]);
+}
+
+#[test]
+fn a_scene_without_textures_leaves_them_out() {
+    let session = session(settings(1, 1), options(), |db| {
+        db.upsert_mesh(square(prim("/ground", DMat4::IDENTITY), 1, 0.5));
+        db.upsert_light(dome([1.0; 3]));
+    });
+    support::render(&session, &front());
+    let left_out = session.stats().features_left_out;
+    assert!(left_out.iter().any(|part| part.contains("textures")), "{left_out:?}");
+}
+
+fn lights(db: &mut SceneDb) {
+    db.upsert_light(dome([0.4, 0.5, 0.7]));
+    db.upsert_light(sun(2.0, 2.0, DMat4::from_rotation_x(-0.8) * DMat4::from_rotation_y(0.5)));
+}
+
+/// Tilted squares over a ground, five textures, some inputs of one and some of another kind.
+fn squares(db: &mut SceneDb) {
+    lights(db);
+    let both = [("diffuseColor", "rgb"), ("roughness", "a")];
+    for (i, (file, read)) in (0..).zip([
+        ("900x700x3", &both[..1]),
+        ("1000x800x4", &both[..]),
+        ("1100x300x4", &both[..]),
+        ("512x512x1", &both[..1]),
+        ("640x1030x2", &both[..]),
+    ]) {
+        db.upsert_material(textured(&format!("/m{i}"), file, Vec::new(), read));
+    }
+    let ground = square(prim("/ground", DMat4::from_scale(DVec3::splat(12.0))), 1, 0.5);
+    db.upsert_mesh(with_st(ground, 1.5, "/m0"));
+    for i in 0..30_i32 {
+        let at = DVec3::new(f64::from(i % 6) * 1.5 - 3.75, 0.4, f64::from(i / 6) * 1.5 - 4.0);
+        let place = DMat4::from_translation(at) * DMat4::from_rotation_x(0.9) * DMat4::from_scale(DVec3::splat(0.5));
+        let desc = square(prim(&format!("/square_{i}"), place), 4 + i, 0.5);
+        db.upsert_mesh(with_st(desc, 1.0, &format!("/m{}", 1 + i % 4)));
+    }
+}
+
+/// Thousands of leaves with holes, half of them there by chance, among the squares.
+fn leaves(db: &mut SceneDb) {
+    squares(db);
+    let unit = |i: u32, k: u32| f64::from(hash(3 * i + k) >> 8) / f64::from(1 << 24) - 0.5;
+    for (name, first, threshold) in [("/sharp", 0, 0.5), ("/soft", 1, 0.0)] {
+        let places: Vec<_> = (first..4000)
+            .step_by(2)
+            .map(|i| {
+                let at = DVec3::new(unit(i, 0), unit(i, 2) / 6.0, unit(i, 1)) * 12.0 + DVec3::Y * 1.2;
+                let turn = DQuat::from_rotation_y(f64::from(i)) * DQuat::from_rotation_x(1.0);
+                (at, turn, DVec3::splat(0.12))
+            })
+            .collect();
+        let leaf = format!("{name}/leaf");
+        db.upsert_instancer(instancer(prim(name, DMat4::IDENTITY), &leaf, &places));
+        let id = 100 + i32::try_from(first).expect("small");
+        let mut desc = square(instanced(prim(&leaf, DMat4::IDENTITY), name), id, 0.5);
+        desc.display_color = constant([0.2_f32, 0.5, 0.1]);
+        let material = format!("{name}_leaf");
+        db.upsert_mesh(with_st(desc, 1.0, &material));
+        let mut own = vec![("opacityThreshold", ParamValue::Float(threshold))];
+        if first == 1 {
+            own.push(("opacityMode", text("presence")));
+        }
+        db.upsert_material(textured(&material, "700x900x2", own, &[("opacity", "a")]));
+    }
+}
+
+fn small_chunks() -> Settings {
+    Settings { chunk_size_kib: 16, ..settings(4, 3) }
+}
+
+fn close() -> RenderRequest {
+    request(perspective(DVec3::new(0.0, 1.6, 3.0), DVec3::new(0.0, 0.2, 0.0), 0.6, [96, 64]))
+}
+
+struct Render {
+    images: Vec<Vec<u8>>,
+    stats: StreamingStats,
+}
+
+fn render(build: fn(&mut SceneDb), settings: Settings, options: SessionOptions) -> Render {
+    let session = session(settings, options, build);
+    support::render(&session, &close());
+    Render { images: read_all(&session, &close()), stats: session.stats().streaming }
+}
+
+fn smallest_budget(build: fn(&mut SceneDb)) -> u32 {
+    let session = session(Settings { geometry_budget_kib: 1, ..small_chunks() }, options(), build);
+    let messages = render_with_messages(&session, &close());
+    let text = &messages.first().expect("a budget of one KiB is an error").text;
+    let needed = text.split("needs ").nth(1).and_then(|rest| rest.split(" KiB").next());
+    needed.and_then(|kib| kib.parse().ok()).expect("the message says what is needed")
+}
+
+fn same_bits(build: fn(&mut SceneDb)) {
+    let whole = render(build, small_chunks(), options());
+    assert!(whole.stats.in_core && whole.stats.texture_scene_bytes > 8 << 20, "all fits: {:?}", whole.stats);
+    let smallest = smallest_budget(build);
+    for policy in [PolicyKind::Sweep, PolicyKind::Priority, PolicyKind::Benefit] {
+        for budget in [smallest, 512, 4 << 10] {
+            let settings = Settings { geometry_budget_kib: budget, policy, ..small_chunks() };
+            let part = render(build, settings, SessionOptions { force_streaming: true, ..options() });
+            let what = format!("{policy}, {budget} KiB of {}", whole.stats.scene_bytes >> 10);
+            let stats = &part.stats;
+            assert!(part.images == whole.images, "{what}: the picture differs");
+            assert!(!stats.in_core && stats.texture_loads > 0, "{what}: tiles were loaded: {stats:?}");
+            assert!(stats.texture_bytes <= stats.geometry_bytes, "{what}: tiles are a part: {stats:?}");
+            assert!(stats.geometry_peak_bytes <= u64::from(budget) << 10, "{what}: above the budget: {stats:?}");
+            if budget == smallest {
+                assert!(stats.texture_reloads > 0, "{what}: tiles came and went: {stats:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn textures_that_come_and_go_leave_no_trace_in_the_picture() {
+    same_bits(squares);
+}
+
+#[test]
+fn cutouts_that_wait_for_their_tiles_leave_no_trace_in_the_picture() {
+    same_bits(leaves);
+}
+
+#[test]
+fn a_leaf_lost_when_deferred_is_noticed() {
+    let whole = render(leaves, small_chunks(), options());
+    let budget = smallest_budget(leaves).max(1 << 10);
+    let settings = Settings { geometry_budget_kib: budget, ..small_chunks() };
+    let planted = SessionOptions { force_streaming: true, plant_lost_chunks: true, ..options() };
+    let part = render(leaves, settings, planted);
+    assert!(part.images != whole.images, "the comparison must see lost leaves");
+}
