@@ -39,7 +39,27 @@ const bool HAS_DOME_TEXTURE = (FEATURES & (1u << 20)) != 0u && HAS_DOME;
 const bool HAS_LIGHT_LINKS = (FEATURES & (1u << 21)) != 0u;
 const bool HAS_EMISSION = (FEATURES & (1u << 22)) != 0u && HAS_MATERIALS;
 const bool HAS_INSTANCE_PRIMVARS = (FEATURES & (1u << 23)) != 0u && HAS_MATERIALS;
+const bool HAS_LIGHT_TABLE = (FEATURES & (1u << 25)) != 0u;
 const bool HAS_LIGHT_TEXTURE = (FEATURES & (1u << 24)) != 0u && HAS_LOCAL_LIGHTS;
+
+const uint LIGHT_RECT = 0u;
+const uint LIGHT_DISK = 1u;
+const uint LIGHT_SPHERE = 2u;
+const uint LIGHT_CYLINDER = 3u;
+const uint LIGHT_POINT = 4u;
+const uint LIGHT_LINE = 5u;
+const uint LIGHT_DISTANT = 6u;
+const uint LIGHT_DOME = 7u;
+const uint LIGHT_DOME_MAP = 8u;
+const uint LIGHT_KIND_MASK = 15u;
+const uint LIGHT_CAMERA_VISIBLE = 16u;
+const uint LIGHT_NO_SHADOWS = 32u;
+const uint LIGHT_SHADOW_COLOR = 64u;
+const uint LIGHT_SHADOW_LINK = 128u;
+const uint LIGHT_LEAF = 1u << 31;
+const uint LIGHT_TREE_DEPTH = 44u;
+const uint MAP_HALF = 0u;
+const uint MAP_FLOAT = 1u;
 
 const uint FLAG_DOME_CAMERA_VISIBLE = 1u;
 const uint PREPARE_TRACE = 0u;
@@ -166,6 +186,8 @@ struct Frame {
     uint64_t texture_pages;
     uint64_t cones;
     uint64_t bsdf_tables;
+    uint64_t lighting;
+    uint64_t light_paths;
 };
 
 struct Streaming {
@@ -364,6 +386,103 @@ struct GpuTexture {
     uint levels;
     float texels;
     vec4 fallback;
+};
+
+struct Lighting {
+    uint64_t local_lights;
+    uint64_t nodes;
+    uint64_t infinite_lights;
+    uint64_t shapings;
+    uint64_t ies;
+    uint64_t maps;
+    uint64_t link_bits;
+    uint64_t prim_sets;
+    uint infinite_count;
+    uint link_words;
+    float local_share;
+    uint prim_count;
+};
+
+struct GpuLocalLight {
+    vec3 position;
+    uint flags;
+    vec3 position_lo;
+    float determinant;
+    vec3 x;
+    uint shaping;
+    vec3 y;
+    uint map;
+    vec3 z;
+    uint light_link;
+    vec3 row_x;
+    uint shadow_link;
+    vec3 row_y;
+    float diffuse;
+    vec3 row_z;
+    float specular;
+    vec3 radiance;
+    uint shadow_color;
+};
+
+struct GpuInfiniteLight {
+    vec3 direction;
+    float one_minus_cos;
+    vec3 radiance;
+    float probability;
+    float cumulative;
+    float diffuse;
+    float specular;
+    uint flags;
+    uint map;
+    uint light_link;
+    uint shadow_link;
+    uint shadow_color;
+};
+
+struct GpuLightNode {
+    vec3 min[2];
+    vec3 max[2];
+    vec3 axis[2];
+    float cos_axis[2];
+    float cos_emission[2];
+    float power[2];
+    uint child[2];
+    uint pad[2];
+};
+
+struct GpuLightShaping {
+    vec3 axis;
+    float cone_angle;
+    vec3 x;
+    float smooth_start;
+    vec3 y;
+    float focus;
+    vec3 focus_tint;
+    uint ies;
+    float angle_scale;
+    float ies_scale;
+    uint pad[2];
+};
+
+struct GpuLightMap {
+    uint64_t texels;
+    uint64_t alias;
+    uint width;
+    uint height;
+    uint columns;
+    uint rows;
+    vec3 x;
+    uint format;
+    vec3 y;
+    uint pad0;
+    vec3 z;
+    uint pad1;
+};
+
+struct GpuAlias {
+    uint other;
+    float threshold;
+    float density;
 };
 
 struct Ray {

@@ -19,6 +19,7 @@
 
 #include "include/affine.glsl"
 #include "include/attribute.glsl"
+#include "include/light_links.glsl"
 #include "include/sampler.glsl"
 #include "traversal/box.glsl"
 #include "traversal/stack.glsl"
@@ -58,6 +59,7 @@ struct Walk {
     uint chunk_instance;
     uint mesh;
     uint seed;
+    uint shadow_link; // any hit: category of the prims that count; 0: all
     uint visits;  // of resident chunks; streaming only
     float chunk_entry; // where the chunk was entered, as its parent said; cutouts with streaming only
     bool chunk_pending; // something in the chunk waits for a tile; the same
@@ -257,6 +259,11 @@ uint enter(uint record) {
     const Affine map = instance_map(walk.instances, record);
     const uint target = Instances(walk.instances).v[record].target;
     const bool nested = HAS_INSTANCING && (target & TARGET_ASSEMBLY) != 0u;
+#if ANY_HIT
+    if (HAS_LIGHT_LINKS && !nested && walk.shadow_link != 0u) {
+        if (!is_linked(walk.shadow_link, prim_link_set(Instances(walk.instances).v[record].prim_id))) return pop();
+    }
+#endif
     if (stack_top >= STACK_SIZE || (nested && walk.level >= MAX_LEVELS)) {
         stack_overflow = true;
         return pop();

@@ -6,8 +6,9 @@
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
 #include "include/progress.glsl"
-#include "include/lambert.glsl"
-#include "include/lights.glsl"
+#include "include/path_surface.glsl"
+#include "include/bsdf_lambert.glsl"
+#include "include/light_sample.glsl"
 
 // Camera rays see the domes that want to be seen, and no distant light.
 vec4 seen_by_camera() {
@@ -34,6 +35,31 @@ vec3 gathered(vec3 d, float pdf) {
     return sum;
 }
 
+// What a ray that leaves the scene brings, with the light table.
+void shade_general(uint path) {
+    const Ray ray = load_ray(ray_address(path));
+    const Double3 origin = Double3(ray.o, ray.o_lo);
+    const uint place = path_place(path);
+    bool met = false;
+    if (ray.bounce == 0u) {
+        Departure nowhere = Departure(Receiver(vec3(0.0), vec3(0.0)), 0u, vec3(0.0), 0.0);
+        vec3 seen = HAS_LOCAL_LIGHTS ? lights_along(origin, ray.d, LARGEST, true, nowhere, met) : vec3(0.0);
+        if (HAS_DOME && (FRAME.flags & FLAG_DOME_CAMERA_VISIBLE) != 0u) {
+            seen += domes_behind(ray.d);
+            met = true;
+        }
+        Vec4s(FRAME.radiance).v[place] = met ? vec4(admitted(seen, false), 1.0) : vec4(0.0);
+        return;
+    }
+    const PathState state = load_path(path);
+    const Departure from = load_departure(path, ray.o, state.pdf);
+    vec3 sum = lights_at_infinity(ray.d, from);
+    if (HAS_LOCAL_LIGHTS) sum += lights_along(origin, ray.d, LARGEST, false, from, met);
+    const vec3 contribution = admitted(state.throughput * sum, ray.bounce > 1u);
+    const vec4 before = ConstVec4s(FRAME.radiance).v[place];
+    Vec4s(FRAME.radiance).v[place] = vec4(before.xyz + contribution, before.w);
+}
+
 void shade(uint path) {
     const Ray ray = load_ray(ray_address(path));
     if (ray.bounce == 0u) {
@@ -51,6 +77,10 @@ void main() {
     const uint at = thread_index();
     if (at >= COUNTERS.escaped_count) return;
     const uint path = ConstUints(FRAME.escaped_queue).v[at];
-    shade(path);
+    if (HAS_LIGHT_TABLE) {
+        shade_general(path);
+    } else {
+        shade(path);
+    }
     if (HAS_STREAMING) end_path(path, true);
 }

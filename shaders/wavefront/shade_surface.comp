@@ -3,7 +3,8 @@
 // Counters::surface_args.
 // Reads: surface_queue, hits, rays, paths, the scene. Writes: paths, rays (the next one in place of this one), shadow_rays and,
 // at bounce 0, radiance (alpha 1); pushes the path to shadow_queue and ray_queue[(round + 1) & 1]. With streaming: reads surfaces
-// in place of hits and the scene; writes progress, segments.
+// in place of hits and the scene; writes progress, segments. With Features::LIGHT_TABLE also: reads and writes light_paths, adds to
+// radiance what the ray brings of the lights that it has met.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
@@ -11,37 +12,14 @@
 #include "include/sampler.glsl"
 #include "include/path_surface.glsl"
 #include "include/material.glsl"
-#include "include/lambert.glsl"
-#include "include/lights.glsl"
+#include "include/bsdf_lambert.glsl"
+#include "include/light_sample.glsl"
 
 const uint ROULETTE_FROM = 3u;
 const float ROULETTE_CAP = 0.95;
-#define INFINITE uintBitsToFloat(0x7f800000u)
 
-// Chooses a light and a direction; `contribution` excludes throughput and albedo, and is 0 when there is nothing to ask.
-// `last`: no ray follows that could meet the lights, so shadow rays bring all of it.
-void sample_light(Lambert lambert, vec4 u, bool last, out vec3 direction, out vec3 contribution) {
-    direction = lambert.g;
-    contribution = vec3(0.0);
-    const float dome = last || HAS_DOME_SHADOW_RAYS ? dome_probability() : 0.0;
-    if (HAS_DOME && u.x < dome) {
-        direction = lambert_sample(lambert, u.yz);
-        contribution = FRAME.dome_radiance / (last ? dome : 1.0 + dome);
-        return;
-    }
-    if (!HAS_DISTANT || FRAME.light_count == 0u) return;
-    const GpuLight light = load_light(choose_distant(min((u.x - dome) / (1.0 - dome), 0.99999994)));
-    const float chosen = (1.0 - dome) * light.probability;
-    if (light.one_minus_cos <= 0.0) {
-        direction = light.direction;
-        contribution = light.radiance * (lambert_density(lambert, direction) / chosen);
-        return;
-    }
-    direction = sample_cone(light.direction, light.one_minus_cos, u.yz);
-    const float density = lambert_density(lambert, direction);
-    const float own = chosen * cone_density(light.one_minus_cos);
-    contribution = light.radiance * (density / (last ? own : own + density));
-}
+#include "include/shade_plain.glsl"
+#include "include/shade_general.glsl"
 
 void main() {
     const uint at = thread_index();
@@ -51,50 +29,10 @@ void main() {
     uint path = 0u;
     if (in_range) {
         path = ConstUints(FRAME.surface_queue).v[at];
-        const Ray ray = load_ray(ray_address(path));
-        const Surface surface = load_surface(path);
-        uint missing;
-        const Shading shading = make_shading(path, surface, missing);
-        const Lambert lambert = make_lambert(surface.geometric_normal, shading.normal, ray.d);
-        const Double3 origin = add(surface.position, surface.offset * lambert.g);
-        const bool last = ray.bounce >= FRAME.max_bounces;
-        if (HAS_CUTOUTS && HAS_TEXTURES) store_next_cone(path, surface.cone, 0.0);
-        if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path_place(path)] = vec4(0.0, 0.0, 0.0, 1.0);
-
-        const uvec2 pixel = pixel_position(path_pixel(path));
-        const uint seed = pixel_seed(pixel.x, pixel.y, FRAME.seed);
-        const uint index = path_sample(path);
-        const vec3 arriving = load_path(path).throughput;
-        const vec3 throughput = arriving * shading.diffuse_color;
-        if (HAS_EMISSION && max_component(shading.emission) > 0.0) {
-            const uint place = path_place(path);
-            const vec4 before = ConstVec4s(FRAME.radiance).v[place];
-            const vec3 emitted = admitted(arriving * shading.emission, ray.bounce > 0u);
-            Vec4s(FRAME.radiance).v[place] = vec4(before.xyz + emitted, before.w);
-        }
-
-        if (HAS_DISTANT || last || HAS_DOME_SHADOW_RAYS) {
-            vec3 direction, contribution;
-            sample_light(lambert, sample_4d(index, 2u + 2u * ray.bounce, seed), last, direction, contribution);
-            contribution = admitted(throughput * contribution, ray.bounce > 0u);
-            ask = max_component(contribution) > 0.0;
-            if (ask) {
-                const uint64_t to = shadow_ray_address(path);
-                store_ray(to, Ray(origin.hi, ray.bounce, direction, INFINITE, origin.lo, 0u));
-                Vec4s(to).v[3] = vec4(contribution, 0.0);
-            }
-        }
-        if (!last && max_component(throughput) > 0.0) {
-            const vec4 u = sample_4d(index, 1u + 2u * ray.bounce, seed);
-            const float survival = ray.bounce >= ROULETTE_FROM ? min(max_component(throughput), ROULETTE_CAP) : 1.0;
-            const vec3 direction = lambert_sample(lambert, u.xy);
-            const float density = lambert_density(lambert, direction);
-            go_on = u.z < survival && density > 0.0;
-            if (go_on) {
-                store_path(path, PathState(throughput / survival, density));
-                if (HAS_TEXTURES) store_next_cone(path, surface.cone, density);
-                store_ray(ray_address(path), Ray(origin.hi, ray.bounce + 1u, direction, INFINITE, origin.lo, 0u));
-            }
+        if (HAS_LIGHT_TABLE) {
+            shade_general(path, ask, go_on);
+        } else {
+            shade_plain(path, ask, go_on);
         }
     }
     if (HAS_STREAMING) {

@@ -7,7 +7,7 @@ use crate::assets::{Scene, SceneCache, SceneView};
 use crate::device::{Device, DeviceOptions};
 use crate::error::RenderError;
 use crate::film::Film;
-use crate::lights::LightTable;
+use crate::lights::{FileCache, LightTable, LightTables};
 use crate::progress::Progress;
 use crate::request::Severity;
 use crate::schedule::Schedule;
@@ -16,7 +16,7 @@ use crate::specialise;
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::thread::Gate;
-use crate::wavefront::{Passes, PathBuffers};
+use crate::wavefront::{Passes, PathBuffers, PathNeeds};
 use crate::waves::{self, Frames};
 use bytemuck::Zeroable;
 use oocpt_core::camera::CameraRays;
@@ -44,6 +44,8 @@ pub(crate) struct Renderer {
     waves: Option<PathBuffers>,
     stream: Option<StreamBuffers>,
     film: Option<Film>,
+    light_files: FileCache,
+    light_tables: LightTables,
     /// Memory is short: streams even if the scene seems to fit, with few paths at a time.
     is_frugal: bool,
 }
@@ -55,6 +57,8 @@ pub(crate) struct Setting<'a> {
     pub(crate) job: &'a Job,
     pub(crate) rays: &'a CameraRays,
     pub(crate) lights: &'a LightTable,
+    /// Address of the light table on the device, or 0.
+    pub(crate) lighting: u64,
     pub(crate) film: &'a Film,
     /// Memory is short.
     pub(crate) is_frugal: bool,
@@ -96,12 +100,27 @@ impl Renderer {
     ) -> Result<(), RenderError> {
         let rays = job.request.camera.rays(job.snapshot.origin)?;
         let scene_lights = if job.settings.enable_scene_lights { job.snapshot.lights.as_slice() } else { &[] };
-        let lights = LightTable::new(scene_lights, job.settings.dome_light_camera_visible);
+        let dome_visible = job.settings.dome_light_camera_visible;
+        let files = &*job.files;
+        let (lights, warnings) =
+            LightTable::new(&job.snapshot, scene_lights, dome_visible, false, files, &mut self.light_files);
+        for warning in warnings {
+            gate.shared().report(Severity::Warning, warning);
+        }
+        self.light_tables.sync(device, lights.general.as_ref())?;
         self.make_images(device, job)?;
         let Some(film) = self.film.take() else {
             return Err(RenderError::Internal("the frame's images were not made".into()));
         };
-        let setting = Setting { device, job, rays: &rays, lights: &lights, film: &film, is_frugal: self.is_frugal };
+        let setting = Setting {
+            device,
+            job,
+            rays: &rays,
+            lights: &lights,
+            lighting: self.light_tables.lighting,
+            film: &film,
+            is_frugal: self.is_frugal,
+        };
         let result = self.render_scene(&setting, gate, progress);
         self.film = Some(film);
         result
@@ -125,7 +144,7 @@ impl Renderer {
         let mut in_core = self.fits(setting, scene);
         if in_core {
             self.stream = None;
-            match scene.load_all(device, &setting.lights.distant, gate, &mut progress.timings) {
+            match scene.load_all(device, setting.lights.distant(), gate, &mut progress.timings) {
                 Ok(true) => {}
                 Ok(false) => {
                     self.scene = scenes;
@@ -162,9 +181,12 @@ impl Renderer {
         if streams || cap.is_some_and(|cap| scene.assets.bytes > cap) {
             return false;
         }
-        let missing = scene.missing_bytes(setting.lights.distant.len());
-        let waves =
-            if self.waves.is_some() { 0 } else { ROOMY_WAVE.min(paths(job)) * path_bytes(scene.levels(), false) };
+        let missing = scene.missing_bytes(setting.lights.distant().len());
+        let waves = if self.waves.is_some() {
+            0
+        } else {
+            ROOMY_WAVE.min(paths(job)) * path_bytes(scene.levels(), false, has_light_paths(setting))
+        };
         let fits = |gpu: &Gpu| {
             let memory = gpu.memory();
             memory.used.saturating_add(missing).saturating_add(waves) <= memory.budget
@@ -185,7 +207,7 @@ impl Renderer {
     ) -> Result<(), RenderError> {
         let Setting { device, job, film, .. } = *setting;
         let view = scene.view(scene.stack_entries())?;
-        self.make_waves(device, job, &view)?;
+        self.make_waves(setting, &view)?;
         let Some(buffers) = &self.waves else {
             return Err(RenderError::Internal("the frame's waves were not made".into()));
         };
@@ -238,22 +260,24 @@ impl Renderer {
 
     /// Wave memory: at most a quarter of what the budget leaves, and no more than the render has paths; less when there is no
     /// memory.
-    fn make_waves(&mut self, device: &Device, job: &Job, view: &SceneView) -> Result<(), RenderError> {
+    fn make_waves(&mut self, setting: &Setting<'_>, view: &SceneView) -> Result<(), RenderError> {
+        let Setting { device, job, .. } = *setting;
+        let light_paths = has_light_paths(setting);
         let most = if is_cpu(device) { 1 << 17 } else { MAX_WAVE };
         let wanted = paths(job).clamp(MIN_WAVE, most).next_power_of_two();
         let textures = view.textures != 0;
         let fits = |waves: &PathBuffers| {
-            waves.max_levels == view.max_levels && waves.asked >= wanted && (waves.has_cones() || !textures)
+            waves.serves(view.max_levels, light_paths) && waves.asked >= wanted && (waves.has_cones() || !textures)
         };
         if self.waves.as_ref().is_some_and(fits) {
             return Ok(());
         }
         self.waves = None;
         let memory = device.gpu.memory();
-        let room = memory.budget.saturating_sub(memory.used) / 4 / path_bytes(view.max_levels, false);
+        let room = memory.budget.saturating_sub(memory.used) / 4 / path_bytes(view.max_levels, false, light_paths);
         let capacity = wanted.min(room).max(MIN_WAVE);
         let mut waves = shrinking(capacity, MIN_WAVE, |capacity| {
-            PathBuffers::new(&device.gpu, capacity, capacity, view.max_levels, textures)
+            PathBuffers::new(&device.gpu, capacity, capacity, view.max_levels, PathNeeds { textures, light_paths })
         })?;
         waves.asked = wanted;
         self.waves = Some(waves);
@@ -286,6 +310,11 @@ fn paths(job: &Job) -> u64 {
     job.request.pixels() * u64::from(job.settings.samples_per_pixel)
 }
 
+/// Whether paths keep what lights ask of them.
+pub(crate) fn has_light_paths(setting: &Setting<'_>) -> bool {
+    setting.lights.general.is_some()
+}
+
 pub(crate) fn is_cpu(device: &Device) -> bool {
     device.gpu.report().kind == DeviceKind::Cpu
 }
@@ -294,7 +323,7 @@ pub(crate) fn is_cpu(device: &Device) -> bool {
 pub(crate) fn frame_block(setting: &Setting<'_>, scene: &SceneView) -> Frame {
     let Setting { job, lights, rays, film, .. } = *setting;
     let mut flags = FrameFlags::empty();
-    flags.set(FrameFlags::DOME_CAMERA_VISIBLE, lights.background_visible);
+    flags.set(FrameFlags::DOME_CAMERA_VISIBLE, lights.background_visible());
     let mut block = Frame {
         top_nodes: scene.top_nodes,
         chunk_instances: scene.chunk_instances,
@@ -318,9 +347,9 @@ pub(crate) fn frame_block(setting: &Setting<'_>, scene: &SceneView) -> Frame {
         clip_w: rays.clip_w,
         view: rays.view_from_world,
         view_normal: rays.view_normal,
-        dome_radiance: lights.dome_radiance,
-        dome_background: lights.dome_background,
-        dome_select: lights.dome_select,
+        dome_radiance: lights.plain.dome_radiance,
+        dome_background: lights.plain.dome_background,
+        dome_select: lights.plain.dome_select,
         default_albedo: DEFAULT_ALBEDO,
         clamp: job.settings.clamp,
         width: job.request.width,
@@ -328,11 +357,12 @@ pub(crate) fn frame_block(setting: &Setting<'_>, scene: &SceneView) -> Frame {
         seed: job.settings.seed,
         max_bounces: job.settings.max_bounces,
         // The table is indexed by u32 and holds at most as many lights as the scene has prims.
-        light_count: u32::try_from(lights.distant.len()).unwrap_or(u32::MAX),
+        light_count: u32::try_from(lights.distant().len()).unwrap_or(u32::MAX),
         flags: flags.bits(),
         materials: scene.materials,
         prims: scene.prims,
         material_slots: scene.material_slots,
+        lighting: setting.lighting,
         ..Frame::zeroed()
     };
     film.bind(&mut block, &job.request.aovs);

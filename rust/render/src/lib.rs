@@ -33,6 +33,7 @@ mod waves;
 
 pub use aov::{AovKind, AovRequest};
 pub use error::RenderError;
+pub use lights::{LightFiles, LightPicture, NoFiles};
 pub use request::{MAX_PIXELS, MAX_SIDE, Message, RenderRequest, Severity};
 pub use session::{Session, SessionOptions};
 pub use timings::{PassTime, Timings};

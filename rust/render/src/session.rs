@@ -16,6 +16,7 @@
 
 use crate::aov::AovKind;
 use crate::error::RenderError;
+use crate::lights::{LightFiles, NoFiles};
 use crate::publish::Published;
 use crate::request::{Message, RenderRequest, Severity};
 use crate::sync::lock;
@@ -39,6 +40,7 @@ pub(crate) struct Job {
     pub(crate) settings: Settings,
     pub(crate) options: SessionOptions,
     pub(crate) images: Option<Arc<dyn ImageLibrary>>,
+    pub(crate) files: Arc<dyn LightFiles>,
 }
 
 /// How a session runs, apart from what it renders.
@@ -125,6 +127,7 @@ pub struct Session {
     settings: Mutex<Settings>,
     options: Mutex<SessionOptions>,
     images: Option<Arc<dyn ImageLibrary>>,
+    files: Mutex<Arc<dyn LightFiles>>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
@@ -142,6 +145,7 @@ impl Session {
             settings: Mutex::new(settings),
             options: Mutex::new(options),
             images: None,
+            files: Mutex::new(Arc::new(NoFiles)),
             thread: Mutex::new(None),
         }
     }
@@ -152,6 +156,11 @@ impl Session {
         let mut session = self;
         session.images = Some(images);
         session
+    }
+
+    /// Says who reads the files that lights name; without, none can be read. Takes effect with the next [`Session::render`].
+    pub fn set_light_files(&self, files: Arc<dyn LightFiles>) {
+        *lock(&self.files) = files;
     }
 
     /// Edits the scene; the edits take effect with the next [`Session::render`].
@@ -181,15 +190,19 @@ impl Session {
             self.shared.report(Severity::Warning, format!("{}: {}", warning.path, warning.message));
         }
         let (settings, options) = (self.settings(), *lock(&self.options));
+        let files = Arc::clone(&lock(&self.files));
         let mut control = self.shared.control();
         let unchanged = control.job.as_ref().is_some_and(|job| {
-            job.snapshot.version == commit.snapshot.version && job.request == request && job.settings == settings
+            job.snapshot.version == commit.snapshot.version
+                && job.request == request
+                && job.settings == settings
+                && Arc::ptr_eq(&job.files, &files)
         });
         if unchanged {
             return;
         }
         let images = self.images.clone();
-        control.job = Some(Arc::new(Job { snapshot: commit.snapshot, request, settings, options, images }));
+        control.job = Some(Arc::new(Job { snapshot: commit.snapshot, request, settings, options, images, files }));
         control.generation += 1;
         control.stopped = false;
         drop(control);
@@ -261,10 +274,10 @@ impl Session {
         let options = *lock(&self.options);
         let mut control = self.shared.control();
         if let Some(job) = control.job.take() {
-            let Job { snapshot, request, settings, images, .. } = &*job;
+            let Job { snapshot, request, settings, images, files, .. } = &*job;
             let (snapshot, request, settings) = (Arc::clone(snapshot), request.clone(), settings.clone());
-            let images = images.clone();
-            control.job = Some(Arc::new(Job { snapshot, request, settings, options, images }));
+            let (images, files) = (images.clone(), Arc::clone(files));
+            control.job = Some(Arc::new(Job { snapshot, request, settings, options, images, files }));
         }
         control.stopped = false;
         control.paused = false;

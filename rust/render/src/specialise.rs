@@ -23,10 +23,7 @@ const SURFACES: [(SceneFeatures, Features); 6] = [
 
 /// The features a frame needs, apart from streaming.
 pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRays, scene: &SceneView) -> Features {
-    let mut features = Features::empty();
-    features.set(Features::DOME, lights.has_dome);
-    features.set(Features::DOME_SHADOW_RAYS, lights.has_dome);
-    features.set(Features::DISTANT, !lights.distant.is_empty());
+    let mut features = lights.features();
     features.set(Features::OPACITY, snapshot.features.contains(SceneFeatures::OPACITY));
     features.set(Features::NORMALS, snapshot.features.contains(SceneFeatures::NORMALS));
     features.set(Features::COLORS, snapshot.features.contains(SceneFeatures::COLORS));
@@ -55,6 +52,13 @@ pub(crate) fn left_out(features: Features, has_planes: bool) -> Vec<String> {
     let parts = [
         (Features::DOME, "dome light"),
         (Features::DISTANT, "distant lights"),
+        (Features::LIGHT_TABLE, "light table and MIS over it"),
+        (Features::LOCAL_LIGHTS, "local lights and light tree"),
+        (Features::SHAPING, "light shaping"),
+        (Features::IES, "IES profiles"),
+        (Features::DOME_TEXTURE, "dome textures"),
+        (Features::LIGHT_TEXTURE, "textures of rect lights"),
+        (Features::LIGHT_LINKS, "light linking"),
         (Features::OPACITY, "opacity in traversal"),
         (Features::NORMALS, "interpolated normals"),
         (Features::COLORS, "colours"),

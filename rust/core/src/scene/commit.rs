@@ -10,8 +10,9 @@ use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::assembly::{Assembly, Member, Target};
-use super::desc::LightDesc;
-use super::light::Light;
+use super::desc::{InstancedBy, LightDesc};
+use super::entries::InstancerEntry;
+use super::light::{Emitter, Light, LinkTable, MAX_INSTANCED_LIGHTS, placements};
 use super::report::Reports;
 use super::resolve::{GroupId, PlanGroup, PlanMember, PlanTarget};
 use super::run::{Run, RunSpec};
@@ -114,20 +115,38 @@ fn origin_shift(bounds: &Aabb) -> Option<DVec3> {
     (!bounds.is_empty() && is_far).then_some(center)
 }
 
-/// The lights that shine, by path.
-pub(crate) fn shining(lights: &BTreeMap<Arc<str>, LightDesc>, reports: &mut Reports) -> Vec<Light> {
+/// The lights that shine, by path, those inside prototypes once for each of their places; and the numbers of their categories.
+pub(crate) fn shining(
+    lights: &BTreeMap<Arc<str>, LightDesc>,
+    instancers: &BTreeMap<Arc<str>, InstancerEntry>,
+    reports: &mut Reports,
+) -> (Vec<Light>, LinkTable) {
     let mut out = Vec::new();
+    let mut links = LinkTable::default();
+    let mut instanced = 0_usize;
     for (path, desc) in lights.iter().filter(|(_, desc)| desc.prim.visible) {
-        if !desc.prim.instanced_by.is_empty() {
-            reports.of(path).instanced_lights += 1;
+        let (light_link, shadow_link) =
+            (links.category(desc.light_link.as_ref()), links.category(desc.shadow_link.as_ref()));
+        let is_there = |by: &InstancedBy| {
+            let entry = instancers.get(&by.instancer);
+            entry.is_some_and(|entry| entry.desc.prototypes.iter().any(|p| p.root == by.prototype_root))
+        };
+        reports.of(path).missing_instancers += desc.prim.instanced_by.iter().filter(|by| !is_there(by)).count() as u64;
+        let mut place = |transform: &DAffine3| match Light::placed(desc, transform) {
+            Some(light) if light.is_black() => {}
+            Some(light) => out.push(Light { light_link, shadow_link, ..light }),
+            None => reports.of(path).lights += 1,
+        };
+        if desc.prim.instanced_by.is_empty() {
+            place(&DAffine3::from_mat4(desc.prim.transform));
             continue;
         }
-        match Light::from_desc(desc) {
-            Some(light) => out.extend((!light.is_black()).then_some(light)),
-            None => reports.of(path).lights += 1,
-        }
+        let (places, is_cut) = placements(&desc.prim, instancers, MAX_INSTANCED_LIGHTS - instanced);
+        instanced += places.len();
+        places.iter().for_each(place);
+        reports.of(path).instanced_lights += u64::from(is_cut);
     }
-    out
+    (out, links)
 }
 
 impl Snapshot {
@@ -153,9 +172,10 @@ impl Snapshot {
     fn find_features(&self) -> SceneFeatures {
         let mut features = SceneFeatures::empty();
         for light in &self.lights {
-            features |= match light {
-                Light::Dome { .. } => SceneFeatures::DOME,
-                Light::Distant { .. } => SceneFeatures::DISTANT,
+            features |= match light.emitter {
+                Emitter::Dome { .. } => SceneFeatures::DOME,
+                Emitter::Distant { .. } => SceneFeatures::DISTANT,
+                Emitter::Local(_) => SceneFeatures::LOCAL_LIGHTS,
             };
         }
         for mesh in &self.meshes {
@@ -218,6 +238,7 @@ impl Snapshot {
             && shared(&self.assemblies, &other.assemblies)
             && self.lights == other.lights
             && self.surfaces.is_same(&other.surfaces)
+            && self.links == other.links
             && self.origin == other.origin
             && self.dropped == other.dropped
             && Arc::ptr_eq(&self.world, &other.world)

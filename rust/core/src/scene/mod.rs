@@ -34,9 +34,9 @@ pub use desc::{
 };
 pub use resolve::MAX_LEVELS;
 pub use snapshot::{
-    Aabb, Assembly, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, DroppedData, InstanceFlags, InstanceRecord,
-    Light, MeshAsset, SceneCounts, SceneFeatures, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Target,
-    Triangle, blackbody,
+    Aabb, Assembly, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, DomeTexture, DroppedData, Emitter, IesError,
+    IesProfile, InstanceFlags, InstanceRecord, Light, LightShaping, LinkTable, LocalLight, LocalShape, MeshAsset,
+    SceneCounts, SceneFeatures, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Target, Triangle, blackbody,
 };
 
 pub use surfaces::{NO_MATERIAL, PrimRecord};
@@ -202,10 +202,10 @@ impl SceneDb {
                 reports.add(&planned.path, member.run.dropped());
             }
         }
-        let lights = shining(&self.lights, &mut reports);
+        let (lights, links) = shining(&self.lights, &self.instancers, &mut reports);
         let dropped = reports.total();
         let Assets { meshes, surfaces, .. } = assets;
-        let mut next = Snapshot { origin, meshes, assemblies, lights, surfaces, dropped, ..Snapshot::nothing() };
+        let mut next = Snapshot { origin, meshes, assemblies, lights, links, surfaces, dropped, ..Snapshot::nothing() };
         next.world =
             self.partition.update(Source { groups: &plan, meshes: &next.meshes, assemblies: &next.assemblies });
         let changed = self.snapshot.version == 0 || !next.is_same(&self.snapshot);
@@ -271,6 +271,7 @@ impl Snapshot {
             assemblies: vec![Arc::new(Assembly::new(0, Vec::new(), false))],
             lights: Vec::new(),
             surfaces: SurfaceTables::default(),
+            links: LinkTable::default(),
             features: SceneFeatures::empty(),
             max_levels: 1,
             counts: SceneCounts { assemblies: 1, ..SceneCounts::default() },

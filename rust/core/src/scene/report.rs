@@ -92,8 +92,8 @@ dropped! {
     missing_instancers: "missing instancers or prototypes",
     /// Lights with unusable values.
     lights: "lights with unusable values",
-    /// Lights inside prototypes.
-    instanced_lights: "lights inside prototypes, which are not supported",
+    /// Lights inside prototypes with more places than are multiplied out.
+    instanced_lights: "lights inside prototypes with too many places, some of which are left out",
 }
 
 impl DroppedData {

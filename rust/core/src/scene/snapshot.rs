@@ -11,7 +11,9 @@ use crate::material::{Material, MaterialFlags, TextureRef};
 use crate::partition::World;
 
 pub use super::assembly::{Assembly, InstanceFlags, InstanceRecord, Target};
-pub use super::light::{Light, blackbody};
+pub use super::light::{
+    DomeTexture, Emitter, IesError, IesProfile, Light, LightShaping, LinkTable, LocalLight, LocalShape, blackbody,
+};
 pub use super::report::{DroppedData, SceneWarning};
 pub use crate::mesh::{Aabb, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, MeshAsset, Triangle};
 
@@ -47,6 +49,8 @@ bitflags! {
         const COAT = 1 << 15;
         /// A material that emits light.
         const EMISSION = 1 << 22;
+        /// A light with a place.
+        const LOCAL_LIGHTS = 1 << 17;
     }
 }
 
@@ -119,6 +123,8 @@ pub struct Snapshot {
     pub lights: Vec<Light>,
     /// Materials, textures, and who has them.
     pub surfaces: SurfaceTables,
+    /// Categories of light linking.
+    pub links: LinkTable,
     /// What the scene uses.
     pub features: SceneFeatures,
     /// Deepest chain of instance records from the root to a mesh; at least 1.

@@ -165,6 +165,6 @@ fn bad_lights_are_dropped_alone() {
     black.intensity = 0.0;
     db.upsert_light(black);
     let (_, dropped, warned) = outcome(&mut db);
-    assert_eq!(dropped, DroppedData { lights: 6, instanced_lights: 1, ..NONE });
+    assert_eq!(dropped, DroppedData { lights: 6, missing_instancers: 1, ..NONE });
     assert_eq!((warned.len(), db.snapshot().lights.len()), (7, 1));
 }

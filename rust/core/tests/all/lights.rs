@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 
 use glam::{DMat4, DQuat, DVec3};
-use oocpt_core::scene::blackbody;
+use oocpt_core::scene::{Emitter, blackbody};
 use oocpt_core::{Light, LightDesc, LightKind, SceneDb, SceneFeatures};
 
 use crate::support::{committed, prim};
@@ -23,10 +23,25 @@ fn light(kind: LightKind) -> LightDesc {
     }
 }
 
+/// Direction, radiance and `1 - cos` of a distant light.
+fn distant(desc: &LightDesc) -> ([f32; 3], [f32; 3], f32) {
+    let light = Light::from_desc(desc).expect("a light");
+    let distant = match light.emitter {
+        Emitter::Distant { direction, one_minus_cos } => Some((direction, one_minus_cos)),
+        _ => None,
+    };
+    let (direction, one_minus_cos) = distant.expect("a distant light");
+    (direction, light.radiance, one_minus_cos)
+}
+
 #[test]
 fn intensity_exposure_and_color_multiply() {
     let dome = Light::from_desc(&light(LightKind::PLAIN_DOME));
-    assert_eq!(dome, Some(Light::Dome { radiance: [12.0, 6.0, 3.0], camera_visible: false }));
+    let dome = dome.expect("a dome");
+    assert_eq!(
+        (dome.emitter, dome.radiance, dome.camera_visible),
+        (Emitter::Dome { texture: None }, [12.0, 6.0, 3.0], false)
+    );
 }
 
 #[test]
@@ -34,9 +49,7 @@ fn a_distant_light_shines_along_minus_z() {
     let mut desc = light(LightKind::Distant { angle_degrees: 10.0 });
     desc.prim.transform =
         DMat4::from_scale_rotation_translation(DVec3::splat(3.0), DQuat::from_rotation_x(-PI / 2.0), DVec3::ONE);
-    let Some(Light::Distant { direction, radiance, one_minus_cos }) = Light::from_desc(&desc) else {
-        panic!("not a distant light")
-    };
+    let (direction, radiance, one_minus_cos) = distant(&desc);
     assert!((DVec3::from(direction.map(f64::from)) - DVec3::Y).length() < 1e-6, "{direction:?}");
     assert_eq!(radiance, [12.0, 6.0, 3.0]);
     assert!((f64::from(one_minus_cos) / (1.0 - 5.0_f64.to_radians().cos()) - 1.0).abs() < 1e-7);
@@ -48,9 +61,7 @@ fn normalised_lights_give_irradiance_of_one_whatever_their_angle() {
     for angle in [0.0_f32, 1e-6, 1e-3, 0.53, 5.0, 60.0, 180.0, 270.0] {
         let mut desc = light(LightKind::Distant { angle_degrees: angle });
         (desc.normalize, desc.color, desc.intensity, desc.exposure) = (true, [1.0; 3], 1.0, 0.0);
-        let Some(Light::Distant { radiance, one_minus_cos, .. }) = Light::from_desc(&desc) else {
-            panic!("not a distant light")
-        };
+        let (_, radiance, one_minus_cos) = distant(&desc);
         let half = f64::from(angle).to_radians() / 2.0;
         let size = PI * if half <= PI / 2.0 { half.sin().powi(2) } else { 2.0 - half.sin().powi(2) };
         if angle < 1e-5 {
@@ -65,9 +76,7 @@ fn normalised_lights_give_irradiance_of_one_whatever_their_angle() {
 fn tiny_angles_become_directions_of_the_same_irradiance() {
     let mut desc = light(LightKind::Distant { angle_degrees: 1e-5 });
     (desc.color, desc.intensity, desc.exposure) = ([1.0; 3], 1e15, 0.0);
-    let Some(Light::Distant { radiance, one_minus_cos, .. }) = Light::from_desc(&desc) else {
-        panic!("not a distant light")
-    };
+    let (_, radiance, one_minus_cos) = distant(&desc);
     let irradiance = 1e15 * PI * (f64::from(1e-5_f32) / 2.0).to_radians().sin().powi(2);
     assert_eq!(one_minus_cos.to_bits(), 0);
     assert!((f64::from(radiance[0]) / irradiance - 1.0).abs() < 1e-6, "{radiance:?} {irradiance}");
@@ -110,7 +119,7 @@ fn black_bodies_clamp_and_never_go_negative() {
     let mut desc = light(LightKind::PLAIN_DOME);
     desc.color_temperature = Some(3000.0);
     let tint = blackbody(3000.0).unwrap();
-    let Some(Light::Dome { radiance, .. }) = Light::from_desc(&desc) else { panic!("not a dome") };
+    let radiance = Light::from_desc(&desc).expect("a dome").radiance;
     assert!((f64::from(radiance[1]) - 6.0 * tint[1]).abs() < 1e-5, "{radiance:?}");
 }
 

@@ -22,9 +22,12 @@ mod edits;
 #[cfg(test)]
 mod faces;
 #[cfg(test)]
+mod ies;
+#[cfg(test)]
 mod instancing;
 #[cfg(test)]
 mod lights;
+mod local_lights;
 #[cfg(test)]
 mod materials;
 #[cfg(test)]

@@ -17,6 +17,7 @@ mod tables;
 
 pub(crate) use cache::{Scene, SceneCache, SceneView};
 pub(crate) use catalog::SceneAssets;
+pub(crate) use encode::Writer;
 pub(crate) use loader::Loader;
 pub(crate) use store::{Patience, Store};
 pub(crate) use tables::{Entries, Tables};

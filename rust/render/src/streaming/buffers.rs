@@ -3,7 +3,7 @@
 
 use super::observe::Observation;
 use crate::error::RenderError;
-use crate::wavefront::{CONE_BYTES, PathBuffers};
+use crate::wavefront::{CONE_BYTES, PathBuffers, PathNeeds};
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{
     Counters, Frame, GpuSurface, GpuSurfaceMaterial, Pending, Question, Segment, Streaming, TILE_KEYS, path_bytes,
@@ -36,6 +36,8 @@ pub(crate) struct Needs {
     pub(crate) cutouts: bool,
     /// Some mesh has a material.
     pub(crate) materials: bool,
+    /// Lights ask something of paths.
+    pub(crate) light_paths: bool,
 }
 
 /// What only textures need.
@@ -94,7 +96,13 @@ impl StreamBuffers {
         let readback = |name: &str| Buffer::new(gpu, name, read as u64, Usage::Readback);
         let places = segment_count * segment_size;
         let buffers = Self {
-            paths: PathBuffers::new(gpu, capacity, places, levels, needs.textures)?,
+            paths: PathBuffers::new(
+                gpu,
+                capacity,
+                places,
+                levels,
+                PathNeeds { textures: needs.textures, light_paths: needs.light_paths },
+            )?,
             segment_count,
             segment_size,
             asked,
@@ -256,7 +264,11 @@ pub(super) fn slot_bytes(needs: Needs) -> u64 {
     let textures = if needs.textures { CONE_BYTES + 8 + u64::from(needs.lookups) * LOOKUP_BYTES as u64 } else { 0 };
     let materials = if needs.materials { size_of::<GpuSurfaceMaterial>() as u64 } else { 0 };
     let cutouts = if needs.cutouts { 2 * size_of::<Question>() as u64 } else { 0 };
-    path_bytes(needs.levels, true) + PLACE_BYTES * u64::from(PLACES_PER_SLOT - 1) + textures + cutouts + materials
+    path_bytes(needs.levels, true, needs.light_paths)
+        + PLACE_BYTES * u64::from(PLACES_PER_SLOT - 1)
+        + textures
+        + cutouts
+        + materials
 }
 
 #[cfg(test)]

@@ -22,7 +22,7 @@ pub(crate) use buffers::StreamBuffers;
 
 use crate::assets::{Scene, SceneView};
 use crate::error::RenderError;
-use crate::frame::{Setting, frame_block, geometry_cap, is_cpu, shrinking};
+use crate::frame::{Setting, frame_block, geometry_cap, has_light_paths, is_cpu, shrinking};
 use crate::progress::Progress;
 use crate::specialise;
 use crate::thread::Gate;
@@ -84,7 +84,7 @@ pub(crate) fn render(
     let Setting { device, job, film, .. } = *setting;
     // Paths first: the heap takes what it can get.
     make_buffers(setting, scene, kept)?;
-    scene.make_empty_tables(device, &setting.lights.distant)?;
+    scene.make_empty_tables(device, setting.lights.distant())?;
     let view = scene.view(0)?;
     let Some(buffers) = kept.as_ref() else {
         return Err(RenderError::Internal("the frame's paths were not made".into()));
@@ -154,6 +154,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &Scene, kept: &mut Option<StreamBu
         lookups: lookups(&job.snapshot),
         materials: job.snapshot.features.contains(SceneFeatures::MATERIALS),
         cutouts: textures && specialise::has_cutouts(&job.snapshot),
+        light_paths: has_light_paths(setting),
     };
     let most = match (setting.is_frugal, is_cpu(device), job.settings.interactive) {
         (true, ..) => FEWEST_PATHS,

@@ -7,7 +7,7 @@
 mod paths;
 mod record;
 
-pub(crate) use paths::{CONE_BYTES, PathBuffers};
+pub(crate) use paths::{CONE_BYTES, PathBuffers, PathNeeds};
 pub(crate) use record::Recorder;
 
 use crate::device::{Device, Specialisation};

@@ -2,11 +2,20 @@
 //! The arrays and queues that paths live in, in core and streaming alike: one entry for each path in flight.
 
 use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
-use oocpt_shader_abi::{Counters, Frame, PathState, Ray, ShadowRay, hit_stride};
+use oocpt_shader_abi::{Counters, Frame, LIGHT_PATH_BYTES, PathState, Ray, ShadowRay, hit_stride};
 use std::sync::Arc;
 
 /// Bytes of a ray's cone.
 pub(crate) const CONE_BYTES: u64 = 8;
+
+/// What only some scenes ask of paths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct PathNeeds {
+    /// Ray cones: something reads a texture.
+    pub(crate) textures: bool,
+    /// What lights ask: there is a light table.
+    pub(crate) light_paths: bool,
+}
 
 /// See the module.
 #[derive(Debug)]
@@ -26,18 +35,20 @@ pub(crate) struct PathBuffers {
     escaped_queue: Buffer,
     /// Only when something reads a texture.
     cones: Option<Buffer>,
+    /// Only with the light table.
+    light_paths: Option<Buffer>,
     /// One `Counters`; also the arguments of the indirect dispatches.
     pub(crate) counters: Buffer,
 }
 
 impl PathBuffers {
-    /// Memory for `capacity` paths, and for the radiance of `places`; with textures for ray cones too.
+    /// Memory for `capacity` paths, and for the radiance of `places`; `needs`: and for what not all scenes need.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         capacity: u32,
         places: u32,
         max_levels: u32,
-        textures: bool,
+        needs: PathNeeds,
     ) -> Result<Self, GpuError> {
         let array =
             |name: &str, count: u32, stride: u64| Buffer::new(gpu, name, u64::from(count) * stride, Usage::Device);
@@ -55,7 +66,8 @@ impl PathBuffers {
             shadow_queue: per_path("shadow_queue", 4)?,
             surface_queue: per_path("surface_queue", 4)?,
             escaped_queue: per_path("escaped_queue", 4)?,
-            cones: textures.then(|| per_path("cones", CONE_BYTES)).transpose()?,
+            cones: needs.textures.then(|| per_path("cones", CONE_BYTES)).transpose()?,
+            light_paths: needs.light_paths.then(|| per_path("light_paths", LIGHT_PATH_BYTES)).transpose()?,
             counters: Buffer::new(gpu, "counters", size_of::<Counters>() as u64, Usage::Device)?,
         })
     }
@@ -63,6 +75,11 @@ impl PathBuffers {
     /// Whether there is memory for what textures need.
     pub(crate) fn has_cones(&self) -> bool {
         self.cones.is_some()
+    }
+
+    /// Whether this memory serves scenes of `levels` instance levels, with or without the light table.
+    pub(crate) fn serves(&self, levels: u32, light_paths: bool) -> bool {
+        self.max_levels == levels && (self.light_paths.is_some() || !light_paths)
     }
 
     /// Writes the addresses into a frame block.
@@ -77,6 +94,7 @@ impl PathBuffers {
         frame.surface_queue = self.surface_queue.address();
         frame.escaped_queue = self.escaped_queue.address();
         frame.cones = self.cones.as_ref().map_or(0, Buffer::address);
+        frame.light_paths = self.light_paths.as_ref().map_or(0, Buffer::address);
         frame.counters = self.counters.address();
     }
 }

@@ -10,6 +10,7 @@ mod determinism;
 mod edits;
 mod failures;
 mod furnace;
+mod lights;
 mod materials;
 mod passes;
 mod scenes;

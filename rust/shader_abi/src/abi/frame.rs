@@ -97,6 +97,9 @@ bitflags! {
         const INSTANCE_PRIMVARS = 1 << 23;
         /// Some light with a place has a texture.
         const LIGHT_TEXTURE = 1 << 24;
+        /// Shading in general, with [`crate::Lighting`]: some mesh has a material, or some light is more than a constant dome
+        /// or a distant light. `Frame::lights` and what is about domes do not count, but for the flag.
+        const LIGHT_TABLE = 1 << 25;
     }
 }
 
@@ -348,6 +351,10 @@ pub struct Frame {
     pub cones: u64,
     /// Albedo tables of the BSDF; 0 without `Features::MATERIALS`.
     pub bsdf_tables: u64,
+    /// One [`crate::Lighting`]; 0 without `Features::LIGHT_TABLE`.
+    pub lighting: u64,
+    /// 16 B per path: what lights that a ray meets need to know of where it left; 0 without `Features::LIGHT_TABLE`.
+    pub light_paths: u64,
 }
 
 /// Workgroup counts that give at least `threads` threads; the passes find their thread as

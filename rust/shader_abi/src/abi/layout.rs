@@ -4,10 +4,10 @@
 //! Guarantees: the members are listed in full: a struct literal pattern without `..` fails to compile otherwise.
 
 use super::{
-    AovClear, AovTargets, Counters, FilmPixel, Frame, GpuAssembly, GpuAttribute, GpuChunk, GpuChunkInstance, GpuInput,
-    GpuInstance, GpuLight, GpuMaterial, GpuMesh, GpuNode, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture,
-    GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush, PathState, Pending, Push, Question, Ray, Segment, ShadowRay,
-    Streaming,
+    AovClear, AovTargets, Counters, FilmPixel, Frame, GpuAlias, GpuAssembly, GpuAttribute, GpuChunk, GpuChunkInstance,
+    GpuInfiniteLight, GpuInput, GpuInstance, GpuLight, GpuLightMap, GpuLightNode, GpuLightShaping, GpuLocalLight,
+    GpuMaterial, GpuMesh, GpuNode, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs,
+    LbvhBounds, LbvhPush, Lighting, PathState, Pending, Push, Question, Ray, Segment, ShadowRay, Streaming,
 };
 use core::mem::{offset_of, size_of};
 
@@ -116,7 +116,9 @@ pub const LAYOUTS: &[StructLayout] = &[
         textures,
         texture_pages,
         cones,
-        bsdf_tables
+        bsdf_tables,
+        lighting,
+        light_paths
     }),
     layout!(Streaming {
         segments,
@@ -182,6 +184,70 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(GpuSurfaceMaterial { uv, primvars, tangent, material, uv_density, handedness, flags }),
     layout!(GpuAssembly { nodes, instances }),
     layout!(GpuLight { direction, one_minus_cos, radiance, probability, cumulative }),
+    layout!(Lighting {
+        local_lights,
+        nodes,
+        infinite_lights,
+        shapings,
+        ies,
+        maps,
+        link_bits,
+        prim_sets,
+        infinite_count,
+        link_words,
+        local_share,
+        prim_count
+    }),
+    layout!(GpuLocalLight {
+        position,
+        flags,
+        position_lo,
+        determinant,
+        x,
+        shaping,
+        y,
+        map,
+        z,
+        light_link,
+        row_x,
+        shadow_link,
+        row_y,
+        diffuse,
+        row_z,
+        specular,
+        radiance,
+        shadow_color
+    }),
+    layout!(GpuInfiniteLight {
+        direction,
+        one_minus_cos,
+        radiance,
+        probability,
+        cumulative,
+        diffuse,
+        specular,
+        flags,
+        map,
+        light_link,
+        shadow_link,
+        shadow_color
+    }),
+    layout!(GpuLightNode { min, max, axis, cos_axis, cos_emission, power, child, pad }),
+    layout!(GpuLightShaping {
+        axis,
+        cone_angle,
+        x,
+        smooth_start,
+        y,
+        focus,
+        focus_tint,
+        ies,
+        angle_scale,
+        ies_scale,
+        pad
+    }),
+    layout!(GpuLightMap { texels, alias, width, height, columns, rows, x, format, y, pad0, z, pad1 }),
+    layout!(GpuAlias { other, threshold, density }),
     layout!(GpuChunk { nodes, instances }),
     layout!(GpuTexture { decode, first_page, flags, width, height, levels, texels, fallback }),
     layout!(GpuChunkInstance { chunk_from_world, origin_lo, chunk, instance_id, pad }),

@@ -7,6 +7,7 @@ mod film;
 mod frame;
 mod layout;
 mod lbvh;
+mod light;
 mod material;
 mod path;
 mod scene;
@@ -21,6 +22,10 @@ pub use frame::{
 };
 pub use layout::{LAYOUTS, MemberLayout, StructLayout};
 pub use lbvh::{LbvhBounds, LbvhPush};
+pub use light::{
+    GpuAlias, GpuInfiniteLight, GpuLightKind, GpuLightMap, GpuLightNode, GpuLightShaping, GpuLocalLight, LIGHT_LEAF,
+    LIGHT_TREE_DEPTH, LightFlags, Lighting, MAP_FLOAT, MAP_HALF, NO_INDEX,
+};
 pub use material::{
     GpuAttribute, GpuInput, GpuMaterial, GpuPrim, GpuSurfaceMaterial, INPUT_CHANNEL_SHIFT, INPUT_CONSTANT,
     INPUT_NO_SET, INPUT_PRIMVAR, INPUT_SET_SHIFT, INPUT_TEXTURE, MATERIAL_INPUTS, MAX_PRIM_ID, NO_MATERIAL, NO_NAME,
@@ -32,8 +37,8 @@ pub use scene::{
     MAX_LEAF_ITEMS, MeshFlags, TARGET_ASSEMBLY,
 };
 pub use stream::{
-    GpuSurface, MATERIAL_BIT, MAX_PENDING, Pending, Question, SHADOW_BIT, Segment, Streaming, TILE_KEYS, path_bytes,
-    sort_blocks,
+    GpuSurface, LIGHT_PATH_BYTES, MATERIAL_BIT, MAX_PENDING, Pending, Question, SHADOW_BIT, Segment, Streaming,
+    TILE_KEYS, path_bytes, sort_blocks,
 };
 pub use texture::{
     GpuTexture, TEXTURE_CHANNELS, TEXTURE_F16, TEXTURE_F32, TEXTURE_FORMAT_SHIFT, TEXTURE_SRGB, TEXTURE_U8,

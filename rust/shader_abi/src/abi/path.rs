@@ -41,7 +41,8 @@ pub struct PathState {
 pub struct ShadowRay {
     /// Origin, world, high part.
     pub o: [f32; 3],
-    /// Bounce of the ray that met the surface it starts from.
+    /// Bounce of the ray that met the surface it starts from. With `Features::LIGHT_LINKS` in the low 16 bits; above them the
+    /// category of the prims that are in its way, 0 for all.
     pub bounce: u32,
     /// Direction, world, unit up to rounding.
     pub d: [f32; 3],
@@ -53,7 +54,7 @@ pub struct ShadowRay {
     pub flags: u32,
     /// What the path gains, linear rgb.
     pub contribution: [f32; 3],
-    /// 0.
+    /// With `Features::LIGHT_TABLE`: the share that it gains in shadow, 10 bits for each colour; else 0.
     pub pad: u32,
 }
 

@@ -3,12 +3,14 @@
 
 mod scenes;
 
+use crate::lights::TestFiles;
 use crate::support::{self, perspective, read_all, render_with_messages, request, settings};
 use oocpt_core::residency::PolicyKind;
 use oocpt_core::settings::Settings;
 use oocpt_core::stats::StreamingStats;
 use oocpt_render::{RenderRequest, Session, SessionOptions};
 use scenes::{BEACH, SCENES, Scene};
+use std::sync::Arc;
 
 const POLICIES: [PolicyKind; 3] = [PolicyKind::Sweep, PolicyKind::Priority, PolicyKind::Benefit];
 
@@ -33,6 +35,7 @@ fn request_of(scene: &Scene) -> RenderRequest {
 
 fn render(scene: &Scene, settings: Settings, options: SessionOptions) -> Render {
     let session = Session::with_options(settings, options);
+    session.set_light_files(Arc::new(TestFiles));
     session.with_scene(scene.build);
     let request = request_of(scene);
     support::render(&session, &request);
@@ -42,6 +45,7 @@ fn render(scene: &Scene, settings: Settings, options: SessionOptions) -> Render 
 /// The smallest geometry budget, KiB, that the renderer says it can work with.
 fn smallest_budget(scene: &Scene) -> u32 {
     let session = Session::with_options(Settings { geometry_budget_kib: 1, ..small_chunks() }, options());
+    session.set_light_files(Arc::new(TestFiles));
     session.with_scene(scene.build);
     let messages = render_with_messages(&session, &request_of(scene));
     let text = &messages.first().expect("a budget of one KiB is an error").text;
@@ -83,6 +87,11 @@ fn same_bits(scene: &Scene) {
 #[test]
 fn flat() {
     same_bits(&SCENES[0]);
+}
+
+#[test]
+fn lamps_under_a_sky() {
+    same_bits(&SCENES[6]);
 }
 
 #[test]

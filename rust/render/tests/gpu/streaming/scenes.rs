@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Scenes of many small chunks, each with another way to go wrong.
 
+use crate::lights::TestFiles;
 use crate::scenes::{dome, instanced, instancer, mesh, prim, sphere, square, sun};
 use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::scene::SceneDb;
+use oocpt_core::{DomeFormat, LightDesc, LightKind, Shaping};
 
 /// A scene, where its camera stands and what it looks at.
 pub(crate) struct Scene {
@@ -14,13 +16,14 @@ pub(crate) struct Scene {
 }
 
 /// All of them.
-pub(crate) const SCENES: [Scene; 6] = [
+pub(crate) const SCENES: [Scene; 7] = [
     Scene { name: "flat", build: flat, eye: DVec3::new(6.0, 5.0, 12.0), target: DVec3::ZERO },
     Scene { name: "nested", build: nested, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO },
     Scene { name: "overlapping chunks", build: overlapping, eye: DVec3::new(0.0, 2.0, 11.0), target: DVec3::ZERO },
     Scene { name: "one huge mesh", build: huge_mesh, eye: DVec3::new(3.0, 4.0, 7.0), target: DVec3::ZERO },
     Scene { name: "camera inside chunks", build: around, eye: DVec3::ZERO, target: DVec3::new(1.0, -0.2, -1.0) },
     Scene { name: "thin shadow casters", build: poles, eye: DVec3::new(0.0, 6.0, 9.0), target: DVec3::ZERO },
+    Scene { name: "lamps under a sky", build: lamps, eye: DVec3::new(6.0, 5.0, 12.0), target: DVec3::ZERO },
 ];
 
 /// Numbers between 0 and 1 that only depend on `i` (the R2 sequence and one more).
@@ -127,6 +130,42 @@ fn beach(db: &mut SceneDb) {
         .collect();
     db.upsert_instancer(instancer(prim("/grains", DMat4::IDENTITY), "/grains/grain", &grains));
     db.upsert_mesh(sphere(instanced(prim("/grains/grain", DMat4::IDENTITY), "/grains"), 2, 4, 0.6));
+}
+
+/// Sixty balls under a dome with a picture, lamps of all kinds among them; one has no shadows, one coloured ones.
+fn lamps(db: &mut SceneDb) {
+    flat(db);
+    db.remove("/sun");
+    let texture = Some(TestFiles::asset("sky"));
+    let sky = LightKind::Dome { texture, format: DomeFormat::Latlong };
+    db.upsert_light(LightDesc { kind: sky, intensity: 0.3, ..dome([1.0; 3]) });
+    let point = LightKind::Sphere { radius: 0.2, treat_as_point: true };
+    let kinds = [
+        LightKind::Rect { width: 2.0, height: 1.0, texture: None },
+        LightKind::Sphere { radius: 0.3, treat_as_point: false },
+        LightKind::Disk { radius: 0.7 },
+        LightKind::Cylinder { length: 2.0, radius: 0.1, treat_as_line: false },
+        point,
+    ];
+    for i in 0..20_u32 {
+        let at = (scattered(i + 100) - 0.5) * DVec3::new(12.0, 3.0, 12.0) + DVec3::Y * 1.5;
+        let turn = scattered(7 * i + 3) * 6.0;
+        let place =
+            DMat4::from_rotation_translation(DQuat::from_euler(glam::EulerRot::XYZ, turn.x, turn.y, turn.z), at);
+        let shaping =
+            (i % 4 == 1).then(|| Shaping { cone_angle_degrees: 50.0, cone_softness: 0.4, ..Shaping::default() });
+        db.upsert_light(LightDesc {
+            prim: prim(&format!("/lamp_{i}"), place),
+            kind: kinds[i as usize % kinds.len()].clone(),
+            color: [1.0, 0.8, 0.5],
+            intensity: 3.0,
+            shaping,
+            shadow_enable: i != 6,
+            shadow_color: if i == 8 { [0.5; 3] } else { [0.0; 3] },
+            diffuse: if i == 3 { 0.5 } else { 1.0 },
+            ..LightDesc::default()
+        });
+    }
 }
 
 /// Balls on all sides of the camera, some so near that their chunks hold it.

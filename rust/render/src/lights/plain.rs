@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The lights as the passes need them: sums over the domes, a table of distant lights with a way to choose one.
+//! Constant domes and distant lights: sums over the domes, a table of distant lights with a way to choose one.
 
-use oocpt_core::scene::Light;
+use super::luminance;
+use oocpt_core::scene::{Emitter, Light};
 use oocpt_shader_abi::GpuLight;
 
-/// All lights of a snapshot.
+/// The constant domes and the distant lights of a snapshot.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct LightTable {
+pub(crate) struct PlainLights {
     /// Sum over the dome lights, linear radiance.
     pub(crate) dome_radiance: [f32; 3],
     /// Sum over the dome lights that the camera may see.
@@ -21,27 +22,24 @@ pub(crate) struct LightTable {
     pub(crate) distant: Vec<GpuLight>,
 }
 
-/// Rec.709 luminance.
-fn luminance(rgb: [f32; 3]) -> f64 {
-    0.2126 * f64::from(rgb[0]) + 0.7152 * f64::from(rgb[1]) + 0.0722 * f64::from(rgb[2])
-}
-
-impl LightTable {
+impl PlainLights {
     /// Sorts the lights by kind. `camera_visible` is the setting that hides every dome from the camera when false.
     pub(crate) fn new(lights: &[Light], camera_visible: bool) -> Self {
         let mut table = Self::default();
         let mut powers = Vec::new();
         for light in lights {
-            match *light {
-                Light::Dome { radiance, camera_visible: visible } => {
+            let radiance = light.radiance;
+            match light.emitter {
+                Emitter::Dome { .. } => {
                     table.has_dome = true;
                     add(&mut table.dome_radiance, radiance);
-                    if visible && camera_visible {
+                    if light.camera_visible && camera_visible {
                         table.background_visible = true;
                         add(&mut table.dome_background, radiance);
                     }
                 }
-                Light::Distant { direction, radiance, one_minus_cos } => {
+                Emitter::Local(_) => {}
+                Emitter::Distant { direction, one_minus_cos } => {
                     let solid_angle = std::f64::consts::TAU * f64::from(one_minus_cos);
                     powers.push(luminance(radiance) * if one_minus_cos > 0.0 { solid_angle } else { 1.0 });
                     table.distant.push(GpuLight {
@@ -95,14 +93,26 @@ fn add(sum: &mut [f32; 3], value: [f32; 3]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use oocpt_core::{LightDesc, LightKind};
 
-    fn sun(radiance: f32, one_minus_cos: f32) -> Light {
-        Light::Distant { direction: [0.0, 1.0, 0.0], radiance: [radiance; 3], one_minus_cos }
+    fn light(kind: LightKind, radiance: f32) -> Light {
+        Light::from_desc(&LightDesc {
+            kind,
+            color: [radiance; 3],
+            intensity: 1.0,
+            exposure: 0.0,
+            ..LightDesc::default()
+        })
+        .expect("a light")
+    }
+
+    fn sun(irradiance: f32) -> Light {
+        light(LightKind::Distant { angle_degrees: 0.0 }, irradiance)
     }
 
     #[test]
     fn probabilities_sum_to_one_and_follow_power() {
-        let table = LightTable::new(&[sun(1.0, 0.0), sun(3.0, 0.0)], true);
+        let table = PlainLights::new(&[sun(1.0), sun(3.0)], true);
         let sum: f32 = table.distant.iter().map(|light| light.probability).sum();
         assert!((sum - 1.0).abs() < 1e-6, "probabilities must sum to one, got {sum}");
         assert!(table.distant[1].probability > table.distant[0].probability, "the brighter light is chosen more often");
@@ -112,8 +122,8 @@ mod tests {
 
     #[test]
     fn a_dome_hidden_from_the_camera_still_lights() {
-        let dome = Light::Dome { radiance: [2.0; 3], camera_visible: true };
-        let table = LightTable::new(&[dome], false);
+        let dome = light(LightKind::PLAIN_DOME, 2.0);
+        let table = PlainLights::new(&[dome], false);
         assert!(!table.background_visible, "the setting hides it");
         assert_eq!(table.dome_radiance, [2.0; 3], "and keeps its light");
         assert!((table.dome_select - 1.0).abs() < f32::EPSILON, "it is the only light");
@@ -121,7 +131,7 @@ mod tests {
 
     #[test]
     fn lights_of_extreme_power_keep_finite_probabilities() {
-        let table = LightTable::new(&[sun(f32::MAX, 0.0), sun(0.0, 0.0)], true);
+        let table = PlainLights::new(&[sun(f32::MAX), sun(0.0)], true);
         assert!(table.distant.iter().all(|light| light.probability > 0.0), "each light keeps a share");
         assert!(table.distant.iter().all(|light| light.probability.is_finite()), "no share may overflow");
     }

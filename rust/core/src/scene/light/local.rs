@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Lights that are somewhere: shape, placement, shaping. Pure.
+
+use glam::{DAffine3, DMat3, DVec3};
+
+use super::shape::LocalShape;
+use super::{narrow, orthonormal};
+use crate::scene::desc::{AssetRef, LightDesc, LightKind, Shaping};
+
+/// A light at a place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LocalLight {
+    /// Shape of unit size.
+    pub shape: LocalShape,
+    /// World (not relative to the snapshot's origin) from the unit shape. Regular; of a plane shape, the z axis is the unit
+    /// normal.
+    pub world_from_unit: DAffine3,
+    /// Unit perpendicular axes (columns) of the light: it points along -z.
+    pub frame: DMat3,
+    /// Area in the world; 0 for points and lines.
+    pub area: f64,
+    /// Where it shines; `None`: everywhere its shape does.
+    pub shaping: Option<LightShaping>,
+    /// Picture on a rectangle: u grows from +x to -x, v from +y to -y, (0, 0) the upper left of the file.
+    pub texture: Option<AssetRef>,
+}
+
+/// Where a light shines about its -z axis. Checked: finite, in range.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightShaping {
+    /// Half angle of the cone, radians, in [0, pi].
+    pub cone_angle: f32,
+    /// Angle at which the light begins to fade out towards the cone's, radians.
+    pub smooth_start: f32,
+    /// Exponent of the cosine to the axis; 0: none.
+    pub focus: f32,
+    /// Colour of what the exponent takes away.
+    pub focus_tint: [f32; 3],
+    /// A measured profile.
+    pub ies: Option<AssetRef>,
+    /// `UsdLux` `ies:angleScale`.
+    pub ies_angle_scale: f32,
+    /// Divide the profile by its power.
+    pub ies_normalize: bool,
+}
+
+impl LightShaping {
+    /// `None` when a value is not finite; `Some(None)` when nothing is left out of the shape's own light.
+    fn new(desc: &Shaping) -> Option<Option<Self>> {
+        let numbers = [desc.cone_angle_degrees, desc.cone_softness, desc.focus, desc.ies_angle_scale];
+        if !numbers.iter().chain(&desc.focus_tint).all(|v| v.is_finite()) {
+            return None;
+        }
+        let cone_angle = desc.cone_angle_degrees.clamp(0.0, 180.0).to_radians();
+        let ies = desc.ies.clone().filter(|asset| !asset.authored.is_empty() || !asset.resolved.is_empty());
+        let focus = desc.focus.max(0.0);
+        if desc.cone_angle_degrees >= 180.0 && desc.cone_softness <= 0.0 && focus <= 0.0 && ies.is_none() {
+            return Some(None);
+        }
+        Some(Some(Self {
+            cone_angle,
+            smooth_start: cone_angle * (1.0 - desc.cone_softness.clamp(0.0, 1.0)),
+            focus,
+            focus_tint: desc.focus_tint.map(|c| c.max(0.0)),
+            ies,
+            ies_angle_scale: desc.ies_angle_scale,
+            ies_normalize: desc.ies_normalize,
+        }))
+    }
+}
+
+impl LocalLight {
+    /// The light and what its radiance is multiplied by; not finite when it has no extent that could shine.
+    pub(super) fn new(desc: &LightDesc, transform: &DAffine3) -> Option<(Self, f64)> {
+        let (shape, size, texture) = shape_of(&desc.kind)?;
+        if !size.is_finite() {
+            return None;
+        }
+        let size = size.max(DVec3::ZERO);
+        let frame = orthonormal(&transform.matrix3)?;
+        let mut linear = transform.matrix3;
+        if shape.is_flat() {
+            linear.z_axis = frame.z_axis;
+        }
+        let unit = DMat3::from_cols(linear.x_axis * size.x, linear.y_axis * size.y, linear.z_axis * size.z);
+        let area = shape.area(&unit);
+        let (shape, scale) = finished(shape, area, &unit, desc);
+        // What has no extent keeps a regular matrix: it is only asked for its place.
+        let unit = if scale.is_finite() && is_regular(&unit) { unit } else { thin(&unit, &frame) };
+        let shaping = match &desc.shaping {
+            Some(shaping) => LightShaping::new(shaping)?,
+            None => None,
+        };
+        let area = if shape.is_thin() { 0.0 } else { area };
+        let world_from_unit = DAffine3 { matrix3: unit, translation: transform.translation };
+        Some((Self { shape, world_from_unit, frame, area, shaping, texture }, scale))
+    }
+}
+
+/// Shape, and the sizes of the unit shape's axes.
+fn shape_of(kind: &LightKind) -> Option<(LocalShape, DVec3, Option<AssetRef>)> {
+    let wide = f64::from;
+    match kind {
+        LightKind::Rect { width, height, texture } => {
+            let texture = texture.clone().filter(|asset| !asset.authored.is_empty() || !asset.resolved.is_empty());
+            Some((LocalShape::Rect, DVec3::new(0.5 * wide(*width), 0.5 * wide(*height), 1.0), texture))
+        }
+        LightKind::Disk { radius } => Some((LocalShape::Disk, DVec3::new(wide(*radius), wide(*radius), 1.0), None)),
+        LightKind::Sphere { radius, treat_as_point } => {
+            let shape = if *treat_as_point || *radius <= 0.0 { LocalShape::Point } else { LocalShape::Sphere };
+            Some((shape, DVec3::splat(wide(*radius)), None))
+        }
+        LightKind::Cylinder { length, radius, treat_as_line } => {
+            let shape = if *treat_as_line || *radius <= 0.0 { LocalShape::Line } else { LocalShape::Cylinder };
+            Some((shape, DVec3::new(0.5 * wide(*length), wide(*radius), wide(*radius)), None))
+        }
+        LightKind::Dome { .. } | LightKind::Distant { .. } => None,
+    }
+}
+
+/// The factor from the authored emission to the stored one. A convex body of area A shines, averaged over directions, as a point
+/// of intensity `L A / 4` (Cauchy); a thin cylinder of area A as a line of intensity `L A / (pi length)` per length.
+fn finished(shape: LocalShape, area: f64, unit: &DMat3, desc: &LightDesc) -> (LocalShape, f64) {
+    let body = match shape {
+        LocalShape::Point => LocalShape::Sphere.area(unit),
+        LocalShape::Line => LocalShape::Cylinder.area(unit),
+        _ => area,
+    };
+    let length = 2.0 * unit.x_axis.length();
+    let normalized = if desc.normalize { 1.0 } else { body };
+    let scale = match shape {
+        LocalShape::Point => 0.25 * normalized,
+        LocalShape::Line => normalized / (std::f64::consts::PI * length),
+        _ if area <= 0.0 => f64::INFINITY,
+        _ => normalized / area,
+    };
+    (shape, scale)
+}
+
+fn is_regular(m: &DMat3) -> bool {
+    let volume = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
+    m.determinant().abs() > 1e-12 * volume && volume > 0.0 && volume.is_finite()
+}
+
+/// The frame's axes, the first as long as the first of `m`.
+fn thin(m: &DMat3, frame: &DMat3) -> DMat3 {
+    let x = if m.x_axis.length_squared() > 0.0 { m.x_axis } else { frame.x_axis };
+    DMat3::from_cols(x, frame.y_axis, frame.z_axis)
+}
+
+impl LocalLight {
+    /// The direction that the light points in, unit.
+    #[must_use]
+    pub fn axis(&self) -> [f32; 3] {
+        (-self.frame.z_axis).to_array().map(narrow)
+    }
+}

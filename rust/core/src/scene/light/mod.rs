@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Lights: the `UsdLux` inputs worked out to what the renderer samples. Pure.
+//!
+//! Follow a light: [`Light::from_desc`] (radiance, emitter), its [`LocalLight`] (`local`), the places of lights inside
+//! prototypes (`instanced`), the collections of light linking (`links`), measured profiles (`ies`).
+
+mod blackbody;
+mod ies;
+mod instanced;
+mod links;
+mod local;
+mod shape;
+
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::sync::Arc;
+
+use glam::{DAffine3, DMat3, DVec3};
+
+use super::desc::{AssetRef, DomeFormat, LightDesc, LightKind};
+
+pub use blackbody::blackbody;
+pub use ies::{IesError, IesProfile};
+pub(crate) use instanced::{MAX_INSTANCED_LIGHTS, placements};
+pub use links::LinkTable;
+pub use local::{LightShaping, LocalLight};
+pub use shape::LocalShape;
+
+/// A light that shines.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Light {
+    /// Its prim, for messages.
+    pub path: Arc<str>,
+    /// Where its light comes from.
+    pub emitter: Emitter,
+    /// Radiance, linear Rec. 709. Of a distant light without extent: irradiance on a facing surface; of a point: radiant
+    /// intensity; of a line: radiant intensity per unit of length, seen from the side.
+    pub radiance: [f32; 3],
+    /// Seen directly by camera rays.
+    pub camera_visible: bool,
+    /// Multiplier of what surfaces reflect diffusely.
+    pub diffuse: f32,
+    /// Multiplier of what surfaces reflect otherwise.
+    pub specular: f32,
+    /// False: nothing is in its way.
+    pub has_shadows: bool,
+    /// Share of its light, by colour, that reaches what is in shadow.
+    pub shadow_color: [f32; 3],
+    /// Number in [`LinkTable`] of the category of prims that it lights; 0: all.
+    pub light_link: u32,
+    /// Number of the category of prims that shadow it; 0: all.
+    pub shadow_link: u32,
+}
+
+/// Kinds of light source.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Emitter {
+    /// Light from everywhere, times a picture.
+    Dome {
+        /// None: the same from everywhere.
+        texture: Option<DomeTexture>,
+    },
+    /// Light from a cone of directions.
+    Distant {
+        /// Unit, world space, from the scene towards the light.
+        direction: [f32; 3],
+        /// `1 - cos` of half the opening angle; exactly 0 = a single direction. Kept apart from the cosine, which in f32
+        /// is 0.3 % coarse in the solid angle of a sun of half a degree.
+        one_minus_cos: f32,
+    },
+    /// Light from a place in the world.
+    Local(Arc<LocalLight>),
+}
+
+/// The picture of a dome: longitude and latitude, as the `OpenEXR` format has it. A direction d of the dome's frame is at
+/// `u = 1/2 - atan2(d.x, d.z) / 2 pi` from the left and `v = acos(d.y) / pi` from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DomeTexture {
+    /// The file.
+    pub asset: AssetRef,
+    /// Rows of the rotation (or reflection) from the world to the dome.
+    pub dome_from_world: [[f32; 3]; 3],
+    /// The layout is one that is not supported; the picture is read as longitude and latitude.
+    pub is_other_format: bool,
+}
+
+impl Light {
+    /// Works out one light. `None` when a value is not finite or the transform gives no direction; a light that shines
+    /// nothing is a light of radiance 0.
+    ///
+    /// `UsdLux`: `L = intensity * 2^exposure * color * blackbody(temperature)`. A normalised light is divided by its area in
+    /// the world; a distant one of half angle t by `pi sin^2 t` (t <= 90 degrees) or `pi (2 - sin^2 t)`: at angle 0, or
+    /// below `MIN_HALF_ANGLE`, it is a single direction of the same irradiance.
+    #[must_use]
+    pub fn from_desc(desc: &LightDesc) -> Option<Self> {
+        let transform = DAffine3::from_mat4(desc.prim.transform);
+        Self::placed(desc, &transform)
+    }
+
+    /// As [`Light::from_desc`], with a transform of its own.
+    pub(crate) fn placed(desc: &LightDesc, transform: &DAffine3) -> Option<Self> {
+        if !transform.is_finite() {
+            return None;
+        }
+        let (emitter, scale) = match &desc.kind {
+            LightKind::Dome { texture, format } => (dome(texture.as_ref(), *format, transform)?, 1.0),
+            LightKind::Distant { angle_degrees } => distant(*angle_degrees, desc.normalize, transform)?,
+            _ => {
+                let (local, scale) = LocalLight::new(desc, transform)?;
+                (Emitter::Local(Arc::new(local)), scale)
+            }
+        };
+        let multiplier = |value: f32| value.is_finite().then_some(value.max(0.0));
+        Some(Self {
+            path: desc.prim.path.clone(),
+            emitter,
+            radiance: radiance(desc, scale)?,
+            camera_visible: desc.camera_visible,
+            diffuse: multiplier(desc.diffuse)?,
+            specular: multiplier(desc.specular)?,
+            has_shadows: desc.shadow_enable,
+            shadow_color: if desc.shadow_color.iter().all(|c| c.is_finite()) {
+                desc.shadow_color.map(|c| c.clamp(0.0, 1.0))
+            } else {
+                return None;
+            },
+            light_link: 0,
+            shadow_link: 0,
+        })
+    }
+
+    /// True when the light adds nothing.
+    #[must_use]
+    pub fn is_black(&self) -> bool {
+        let is_dark = self.radiance.iter().all(|&c| c <= 0.0);
+        is_dark || (self.diffuse <= 0.0 && self.specular <= 0.0)
+    }
+
+    /// True for a light that does nothing but shine: no multipliers, links or colours of shadows.
+    #[must_use]
+    pub fn is_plain(&self) -> bool {
+        let is_one = |value: f32| (value - 1.0).abs() <= 0.0;
+        is_one(self.diffuse)
+            && is_one(self.specular)
+            && self.has_shadows
+            && self.shadow_color.iter().all(|&c| c <= 0.0)
+            && self.light_link == 0
+            && self.shadow_link == 0
+    }
+}
+
+/// Emitted radiance times `scale`. `None` when a value is not finite. A scale that is not finite belongs to a light without
+/// extent, which gives no light.
+fn radiance(desc: &LightDesc, scale: f64) -> Option<[f32; 3]> {
+    let power = f64::from(desc.intensity) * f64::from(desc.exposure).exp2();
+    let tint = desc.color_temperature.map_or(Some([1.0; 3]), blackbody)?;
+    let rgb = [0, 1, 2].map(|k| {
+        let emitted = power * f64::from(desc.color[k]) * tint[k];
+        if scale.is_finite() { narrow((emitted * scale).max(0.0)) } else { 0.0 }
+    });
+    let valid = desc.color.iter().chain(&rgb).all(|v| v.is_finite()) && power.is_finite();
+    valid.then_some(rgb)
+}
+
+fn dome(texture: Option<&AssetRef>, format: DomeFormat, transform: &DAffine3) -> Option<Emitter> {
+    let Some(asset) = texture.filter(|asset| !asset.authored.is_empty() || !asset.resolved.is_empty()) else {
+        return Some(Emitter::Dome { texture: None });
+    };
+    let frame = orthonormal(&transform.matrix3)?;
+    let rows = frame.transpose();
+    let row = |axis: DVec3| axis.as_vec3().to_array();
+    // The transpose is the inverse; its rows are the frame's columns.
+    let dome_from_world = [row(frame.x_axis), row(frame.y_axis), row(frame.z_axis)];
+    debug_assert!(rows.is_finite(), "orthonormal gives finite axes");
+    let is_other_format = format == DomeFormat::Other;
+    let texture = DomeTexture { asset: asset.clone(), dome_from_world, is_other_format };
+    Some(Emitter::Dome { texture: Some(texture) })
+}
+
+fn distant(angle_degrees: f32, normalize: bool, transform: &DAffine3) -> Option<(Emitter, f64)> {
+    let direction = transform.transform_vector3(DVec3::Z).try_normalize()?;
+    if !angle_degrees.is_finite() {
+        return None;
+    }
+    let half_angle = f64::from(angle_degrees.clamp(0.0, 360.0)).to_radians() * 0.5;
+    let half_sine = (0.5 * half_angle).sin();
+    let is_cone = half_angle >= MIN_HALF_ANGLE;
+    let one_minus_cos = if is_cone { narrow(2.0 * half_sine * half_sine) } else { 0.0 };
+    let scale = match (!is_cone, normalize) {
+        (true, false) if half_angle > 0.0 => distant_size(half_angle),
+        (true, _) | (false, false) => 1.0,
+        (false, true) => 1.0 / distant_size(half_angle),
+    };
+    Some((Emitter::Distant { direction: direction.as_vec3().to_array(), one_minus_cos }, scale))
+}
+
+/// Half angle in radians below which a cone cannot be told from a single direction: a fifth of an arc second.
+const MIN_HALF_ANGLE: f64 = 1e-6;
+
+/// `UsdLux`'s size of a distant light of half angle `t` (radians).
+fn distant_size(t: f64) -> f64 {
+    let sin_squared = t.sin() * t.sin();
+    PI * if t <= FRAC_PI_2 { sin_squared } else { 2.0 - sin_squared }
+}
+
+/// The frame next to `m` whose axes are unit and perpendicular: z as the planes z = const face, x next to the x axis, and the
+/// handedness of `m`. A z axis that lies in the plane of the others, or is missing, is replaced by their normal. `None` when x
+/// and y do not span a plane.
+fn orthonormal(m: &DMat3) -> Option<DMat3> {
+    let normal = m.x_axis.normalize_or_zero().cross(m.y_axis.normalize_or_zero()).try_normalize()?;
+    let mirrored = normal.dot(m.z_axis) < 0.0;
+    let z = if mirrored { -normal } else { normal };
+    let x = m.x_axis.try_normalize()?;
+    let y = if mirrored { x.cross(z) } else { z.cross(x) };
+    let frame = DMat3::from_cols(x, y, z);
+    frame.is_finite().then_some(frame)
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
+pub(crate) fn narrow(value: f64) -> f32 {
+    value as f32
+}

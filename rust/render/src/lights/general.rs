@@ -1,0 +1,311 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The light table: all lights of a scene whose lights are more than constant domes and distant lights.
+
+use super::files::{FileCache, LightFiles};
+use super::picture::EncodedPicture;
+use super::tree::{self, LightBounds};
+use super::{local, luminance, narrow};
+use oocpt_core::scene::{AssetRef, DomeTexture, Emitter, IesProfile, Light, LocalLight, Snapshot};
+use oocpt_shader_abi::{
+    Features, GpuInfiniteLight, GpuLightKind, GpuLightNode, GpuLightShaping, GpuLocalLight, LightFlags, Lighting,
+    NO_INDEX,
+};
+use rustc_hash::FxHashMap;
+use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
+
+/// Share of the shadow rays that go to local lights when there are others too.
+const LOCAL_SHARE: f32 = 0.5;
+/// Share of a group's shadow rays that goes to all of its lights alike: dim lights do not starve.
+const EVEN_SHARE: f64 = 0.02;
+
+/// A picture where it is used.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Map {
+    pub(crate) picture: Arc<EncodedPicture>,
+    /// Rows of dome-from-world.
+    pub(crate) rows: [[f32; 3]; 3],
+}
+
+/// See the module.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct GeneralLights {
+    pub(crate) locals: Vec<GpuLocalLight>,
+    pub(crate) nodes: Vec<GpuLightNode>,
+    pub(crate) infinite: Vec<GpuInfiniteLight>,
+    pub(crate) shapings: Vec<GpuLightShaping>,
+    /// Profiles in words.
+    pub(crate) profiles: Vec<u32>,
+    pub(crate) maps: Vec<Map>,
+    pub(crate) link_bits: Vec<u32>,
+    pub(crate) link_words: u32,
+    /// Set of categories of each prim id + 1.
+    pub(crate) prim_sets: Vec<u32>,
+    /// What the passes are compiled for.
+    pub(crate) features: u32,
+    bounds: Vec<LightBounds>,
+    profile_words: FxHashMap<AssetRef, (u32, f64)>,
+}
+
+impl GeneralLights {
+    /// The table, and warnings about what could not be read.
+    pub(crate) fn new(
+        snapshot: &Snapshot,
+        lights: &[Light],
+        camera_visible: bool,
+        files: &dyn LightFiles,
+        cache: &mut FileCache,
+    ) -> (Self, Vec<String>) {
+        let mut table = Self::default();
+        let mut warnings = Vec::new();
+        let origin = snapshot.origin.to_array();
+        let mut powers = Vec::new();
+        for light in lights {
+            match &light.emitter {
+                Emitter::Local(local) => table.add_local(light, local, origin, files, cache, &mut warnings),
+                Emitter::Distant { direction, one_minus_cos } => {
+                    let solid_angle = TAU * f64::from(*one_minus_cos);
+                    powers.push(luminance(light.radiance) * if *one_minus_cos > 0.0 { solid_angle } else { 1.0 });
+                    table.infinite.push(GpuInfiniteLight {
+                        direction: *direction,
+                        one_minus_cos: *one_minus_cos,
+                        ..infinite(light, GpuLightKind::Distant)
+                    });
+                }
+                Emitter::Dome { texture } => {
+                    let mean = table.add_dome(light, texture.as_ref(), camera_visible, files, cache, &mut warnings);
+                    powers.push(luminance(light.radiance) * PI * mean);
+                }
+            }
+        }
+        table.forget_large_links(&mut warnings);
+        table.choose(&powers);
+        let total: f64 = table.bounds.iter().map(|b| b.power).sum();
+        let (even, is_usable) = (1.0 / count(table.bounds.len()), total > 0.0 && total.is_finite());
+        for bounds in &mut table.bounds {
+            bounds.power = if is_usable { (1.0 - EVEN_SHARE) * bounds.power / total + EVEN_SHARE * even } else { even };
+        }
+        if !table.locals.is_empty() {
+            table.nodes = tree::build(&table.bounds);
+        }
+        if !snapshot.links.is_empty() {
+            let surfaces = &snapshot.surfaces;
+            table.link_bits = surfaces.category_sets.iter().flat_map(|set| snapshot.links.bits(set)).collect();
+            if table.link_bits.is_empty() {
+                table.link_bits = snapshot.links.bits(&[]);
+            }
+            table.link_words = u32::try_from(snapshot.links.words()).unwrap_or(u32::MAX);
+            table.prim_sets = surfaces.prims.iter().map(|prim| prim.category_set).collect();
+        }
+        table.features = table.find_features().bits();
+        cache.forget_unused();
+        warnings.sort();
+        warnings.dedup();
+        (table, warnings)
+    }
+
+    fn find_features(&self) -> Features {
+        let mut features = Features::LIGHT_TABLE;
+        let kind = |kind: GpuLightKind| self.infinite.iter().any(|light| light.flags & 15 == kind as u32);
+        features.set(Features::LOCAL_LIGHTS, !self.locals.is_empty());
+        features.set(Features::DISTANT, kind(GpuLightKind::Distant));
+        features.set(Features::DOME, kind(GpuLightKind::Dome) || kind(GpuLightKind::DomeMap));
+        features.set(Features::DOME_TEXTURE, kind(GpuLightKind::DomeMap));
+        features.set(Features::SHAPING, !self.shapings.is_empty());
+        features.set(Features::IES, !self.profiles.is_empty());
+        features.set(Features::LIGHT_TEXTURE, self.locals.iter().any(|light| light.map != NO_INDEX));
+        features.set(Features::LIGHT_LINKS, !self.link_bits.is_empty());
+        features
+    }
+
+    fn add_local(
+        &mut self,
+        light: &Light,
+        local: &LocalLight,
+        origin: [f64; 3],
+        files: &dyn LightFiles,
+        cache: &mut FileCache,
+        warnings: &mut Vec<String>,
+    ) {
+        let Some(mut gpu) = local::encode(light, local, origin).filter(|_| self.locals.len() < tree::MAX_LIGHTS) else {
+            warnings
+                .push(format!("{}: the light is too small, too large or one too many, and is left out", light.path));
+            return;
+        };
+        let mut brightness = 1.0;
+        if let Some(asset) = &local.texture {
+            match cache.picture(asset, false, files) {
+                Ok(picture) => {
+                    brightness *= picture.mean.max(1e-3);
+                    gpu.map = self.map(picture, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+                }
+                Err(error) => {
+                    warnings.push(format!("{}: the texture {} is left out: {error}", light.path, asset.authored))
+                }
+            }
+        }
+        if let Some(shaping) = &local.shaping {
+            let mut ies = None;
+            if let Some(asset) = &shaping.ies {
+                match self.profile(asset, files, cache) {
+                    Ok((word, power)) => {
+                        let scale = if shaping.ies_normalize && power > 0.0 { 1.0 / power } else { 1.0 };
+                        brightness *= (power * scale / (4.0 * PI)).max(1e-6);
+                        ies = Some((word, narrow(scale)));
+                    }
+                    Err(error) => {
+                        warnings.push(format!("{}: the profile {} is left out: {error}", light.path, asset.authored))
+                    }
+                }
+            }
+            // Shapings are fewer than lights.
+            gpu.shaping = u32::try_from(self.shapings.len()).unwrap_or(NO_INDEX);
+            self.shapings.push(local::shaping(local, shaping, ies));
+        }
+        self.bounds.push(local::bounds(light, local, origin, brightness));
+        self.locals.push(gpu);
+    }
+
+    /// Adds a dome and gives the mean luminance of its picture, 1 without.
+    fn add_dome(
+        &mut self,
+        light: &Light,
+        texture: Option<&DomeTexture>,
+        camera_visible: bool,
+        files: &dyn LightFiles,
+        cache: &mut FileCache,
+        warnings: &mut Vec<String>,
+    ) -> f64 {
+        let mut gpu = infinite(light, GpuLightKind::Dome);
+        let mut mean = 1.0;
+        if let Some(texture) = texture {
+            if texture.is_other_format {
+                warnings.push(format!(
+                    "{}: the layout of the dome's texture is read as latlong; others are not supported",
+                    light.path
+                ));
+            }
+            match cache.picture(&texture.asset, true, files) {
+                Ok(picture) => {
+                    mean = picture.mean;
+                    gpu = infinite(light, GpuLightKind::DomeMap);
+                    gpu.map = self.map(picture, texture.dome_from_world);
+                }
+                Err(error) => {
+                    let file = &texture.asset.authored;
+                    warnings.push(format!(
+                        "{}: the texture {file} is left out, the dome has its constant colour: {error}",
+                        light.path
+                    ));
+                }
+            }
+        }
+        if !camera_visible {
+            gpu.flags &= !LightFlags::CAMERA_VISIBLE.bits();
+        }
+        self.infinite.push(gpu);
+        mean
+    }
+
+    fn map(&mut self, picture: Arc<EncodedPicture>, rows: [[f32; 3]; 3]) -> u32 {
+        let map = Map { picture, rows };
+        let known = self.maps.iter().position(|m| Arc::ptr_eq(&m.picture, &map.picture) && m.rows == map.rows);
+        let at = known.unwrap_or_else(|| {
+            self.maps.push(map);
+            self.maps.len() - 1
+        });
+        u32::try_from(at).unwrap_or(NO_INDEX)
+    }
+
+    /// Word of a profile, and its power.
+    fn profile(
+        &mut self,
+        asset: &AssetRef,
+        files: &dyn LightFiles,
+        cache: &mut FileCache,
+    ) -> Result<(u32, f64), String> {
+        if let Some(&known) = self.profile_words.get(asset) {
+            return Ok(known);
+        }
+        let profile: Arc<IesProfile> = cache.profile(asset, files)?;
+        let word = u32::try_from(self.profiles.len()).map_err(|error| error.to_string())?;
+        let length = |list: &[f32]| u32::try_from(list.len()).unwrap_or_default();
+        self.profiles.extend([length(&profile.vertical), length(&profile.horizontal)]);
+        for list in [&profile.vertical, &profile.horizontal, &profile.candela] {
+            self.profiles.extend(list.iter().map(|v| v.to_bits()));
+        }
+        self.profile_words.insert(asset.clone(), (word, profile.power));
+        Ok((word, profile.power))
+    }
+
+    /// A shadow ray has 16 bits for its category.
+    fn forget_large_links(&mut self, warnings: &mut Vec<String>) {
+        let local = self.locals.iter_mut().map(|light| (&mut light.shadow_link, &mut light.flags));
+        let infinite = self.infinite.iter_mut().map(|light| (&mut light.shadow_link, &mut light.flags));
+        for (link, flags) in local.chain(infinite).filter(|(link, _)| **link > 0xffff) {
+            *link = 0;
+            *flags &= !LightFlags::SHADOW_LINK.bits();
+            warnings.push(
+                "lights: more than 65535 collections of light linking: the shadow links of the last are left out"
+                    .into(),
+            );
+        }
+    }
+
+    /// Sets the probabilities of the lights at infinity from the irradiance that they can give.
+    fn choose(&mut self, powers: &[f64]) {
+        let total: f64 = powers.iter().sum();
+        let even = 1.0 / count(powers.len());
+        let mut cumulative = 0.0;
+        for (light, power) in self.infinite.iter_mut().zip(powers) {
+            let is_usable = total > 0.0 && total.is_finite();
+            let share = if is_usable { 0.9 * power / total + 0.1 * even } else { even };
+            cumulative += share;
+            light.probability = narrow(share);
+            light.cumulative = narrow(cumulative);
+        }
+        if let Some(last) = self.infinite.last_mut() {
+            last.cumulative = 1.0;
+        }
+    }
+
+    /// Whether the camera sees a dome.
+    pub(crate) fn background_visible(&self) -> bool {
+        let is_dome = |light: &GpuInfiniteLight| light.flags & 15 != GpuLightKind::Distant as u32;
+        self.infinite.iter().any(|light| is_dome(light) && light.flags & LightFlags::CAMERA_VISIBLE.bits() != 0)
+    }
+
+    /// The block without addresses.
+    pub(crate) fn block(&self) -> Lighting {
+        let local_share = match (self.locals.is_empty(), self.infinite.is_empty()) {
+            (true, _) => 0.0,
+            (false, true) => 1.0,
+            (false, false) => LOCAL_SHARE,
+        };
+        let infinite_count = u32::try_from(self.infinite.len()).unwrap_or(u32::MAX);
+        let prim_count = u32::try_from(self.prim_sets.len()).unwrap_or(u32::MAX);
+        Lighting { infinite_count, link_words: self.link_words, local_share, prim_count, ..Lighting::default() }
+    }
+}
+
+fn infinite(light: &Light, kind: GpuLightKind) -> GpuInfiniteLight {
+    GpuInfiniteLight {
+        direction: [0.0, 0.0, 1.0],
+        one_minus_cos: 0.0,
+        radiance: light.radiance,
+        probability: 0.0,
+        cumulative: 0.0,
+        diffuse: light.diffuse,
+        specular: light.specular,
+        flags: local::flags(light, kind),
+        map: NO_INDEX,
+        light_link: light.light_link,
+        shadow_link: light.shadow_link,
+        shadow_color: if light.has_shadows { local::packed(light.shadow_color) } else { 0 },
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "numbers of lights fit f64")]
+fn count(n: usize) -> f64 {
+    n.max(1) as f64
+}

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Local lights as the device has them, and what the tree needs to know of them. Pure.
+
+use super::tree::LightBounds;
+use super::{luminance, narrow};
+use oocpt_core::scene::{Light, LightShaping, LocalLight, LocalShape};
+use oocpt_shader_abi::{GpuLightKind, GpuLightShaping, GpuLocalLight, LightFlags, NO_INDEX};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// Kind and flags of a light.
+pub(super) fn flags(light: &Light, kind: GpuLightKind) -> u32 {
+    let mut flags = LightFlags::empty();
+    flags.set(LightFlags::CAMERA_VISIBLE, light.camera_visible);
+    flags.set(LightFlags::NO_SHADOWS, !light.has_shadows);
+    flags.set(LightFlags::SHADOW_COLOR, light.has_shadows && packed(light.shadow_color) != 0);
+    flags.set(LightFlags::SHADOW_LINK, light.has_shadows && light.shadow_link != 0);
+    kind as u32 | flags.bits()
+}
+
+/// Ten bits for each colour.
+pub(super) fn packed(color: [f32; 3]) -> u32 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to ten bits")]
+    let [r, g, b] = color.map(|c| (c.clamp(0.0, 1.0) * 1023.0).round() as u32);
+    r | g << 10 | b << 20
+}
+
+fn kind(shape: LocalShape) -> GpuLightKind {
+    match shape {
+        LocalShape::Rect => GpuLightKind::Rect,
+        LocalShape::Disk => GpuLightKind::Disk,
+        LocalShape::Sphere => GpuLightKind::Sphere,
+        LocalShape::Cylinder => GpuLightKind::Cylinder,
+        LocalShape::Point => GpuLightKind::Point,
+        LocalShape::Line => GpuLightKind::Line,
+    }
+}
+
+/// A light relative to `origin`, without its indices; `None` where single precision does not hold its shape.
+pub(super) fn encode(light: &Light, local: &LocalLight, origin: [f64; 3]) -> Option<GpuLocalLight> {
+    let m = local.world_from_unit.matrix3;
+    let inverse = m.inverse().transpose();
+    let axis = |v: [f64; 3]| v.map(narrow);
+    let place = local.world_from_unit.translation.to_array();
+    let place = [0, 1, 2].map(|k| place[k] - origin[k]);
+    let high = place.map(narrow);
+    let low = [0, 1, 2].map(|k| narrow(place[k] - f64::from(high[k])));
+    let gpu = GpuLocalLight {
+        position: high,
+        flags: flags(light, kind(local.shape)),
+        position_lo: low,
+        determinant: narrow(m.determinant()),
+        x: axis(m.x_axis.to_array()),
+        shaping: NO_INDEX,
+        y: axis(m.y_axis.to_array()),
+        map: NO_INDEX,
+        z: axis(m.z_axis.to_array()),
+        light_link: light.light_link,
+        row_x: axis(inverse.x_axis.to_array()),
+        shadow_link: light.shadow_link,
+        row_y: axis(inverse.y_axis.to_array()),
+        diffuse: light.diffuse,
+        row_z: axis(inverse.z_axis.to_array()),
+        specular: light.specular,
+        radiance: light.radiance,
+        shadow_color: if light.has_shadows { packed(light.shadow_color) } else { 0 },
+    };
+    let numbers = [gpu.position, gpu.x, gpu.y, gpu.z, gpu.row_x, gpu.row_y, gpu.row_z];
+    let sound = numbers.as_flattened().iter().all(|v| v.is_finite()) && gpu.determinant.is_normal();
+    sound.then_some(gpu)
+}
+
+/// Where the light is and where it shines; `power` counts relative to other lights.
+pub(super) fn bounds(light: &Light, local: &LocalLight, origin: [f64; 3], brightness: f64) -> LightBounds {
+    let m = local.world_from_unit.matrix3;
+    let columns = [m.x_axis, m.y_axis, m.z_axis].map(|v| v.to_array());
+    let at = local.world_from_unit.translation.to_array();
+    // Half sizes of the box: for round shapes the norms of the rows, for the rest sums.
+    let half = [0, 1, 2].map(|k| {
+        let [x, y, z] = columns.map(|column| column[k].abs());
+        let half = match local.shape {
+            LocalShape::Rect => x + y,
+            LocalShape::Disk => x.hypot(y),
+            LocalShape::Sphere => x.hypot(y).hypot(z),
+            LocalShape::Cylinder => x + y.hypot(z),
+            LocalShape::Line => x,
+            LocalShape::Point => 0.0,
+        };
+        // Rounding of what is traced.
+        half * (1.0 + 1e-6) + 1e-7 * half.max((at[k] - origin[k]).abs() * 1e-6)
+    });
+    let min = [0, 1, 2].map(|k| at[k] - origin[k] - half[k]);
+    let max = [0, 1, 2].map(|k| at[k] - origin[k] + half[k]);
+    let axis = local.axis().map(f64::from);
+    let flat = local.shape.is_flat();
+    let (mut spread, mut emission) = if flat { (0.0, FRAC_PI_2) } else { (PI, FRAC_PI_2) };
+    if let Some(shaping) = &local.shaping {
+        let cone = f64::from(shaping.cone_angle);
+        if flat {
+            emission = emission.min(cone);
+        } else if cone < PI {
+            // It shines the same in all of the cone.
+            (spread, emission) = (cone, 0.0);
+        }
+    }
+    let body = match local.shape {
+        LocalShape::Point => 4.0,
+        LocalShape::Line => PI * 2.0 * m.x_axis.length(),
+        _ => local.area,
+    };
+    let multiplier = f64::from(light.diffuse.max(light.specular));
+    let shaped = local.shaping.as_ref().map_or(1.0, |shaping| solid_share(shaping, flat));
+    let power = luminance_of(light) * body * multiplier * shaped * brightness;
+    LightBounds { min, max, axis, spread, emission, power: if power.is_finite() { power } else { f64::MAX / 1e9 } }
+}
+
+/// Luminance, but not 0 for pure colours.
+fn luminance_of(light: &Light) -> f64 {
+    luminance(light.radiance).max(light.radiance.iter().map(|&c| 0.01 * f64::from(c)).sum())
+}
+
+/// Roughly the share of the light that shaping leaves.
+fn solid_share(shaping: &LightShaping, flat: bool) -> f64 {
+    let cone = f64::from(shaping.cone_angle);
+    let cone = if flat { cone.min(FRAC_PI_2).sin().powi(2) } else { 0.5 * (1.0 - cone.cos()) };
+    let tint = f64::from(shaping.focus_tint.iter().copied().fold(0.0, f32::max)).min(1.0);
+    let focus = if shaping.focus > 0.0 { (1.0 / (1.0 + f64::from(shaping.focus))).max(tint) } else { 1.0 };
+    (cone * focus).max(1e-6)
+}
+
+/// Shaping as the device has it. `ies`: word of the profile and its factor.
+pub(super) fn shaping(local: &LocalLight, shaping: &LightShaping, ies: Option<(u32, f32)>) -> GpuLightShaping {
+    let axis = |v: [f64; 3]| v.map(narrow);
+    GpuLightShaping {
+        axis: local.axis(),
+        cone_angle: shaping.cone_angle,
+        x: axis(local.frame.x_axis.to_array()),
+        smooth_start: shaping.smooth_start,
+        y: axis(local.frame.y_axis.to_array()),
+        focus: shaping.focus,
+        focus_tint: shaping.focus_tint,
+        ies: ies.map_or(NO_INDEX, |(word, _)| word),
+        angle_scale: shaping.ies_angle_scale,
+        ies_scale: ies.map_or(1.0, |(_, scale)| scale),
+        pad: [0; 2],
+    }
+}

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The tables on the host: the tree, alias tables, probabilities.
+
+use super::picture::vose;
+use super::tree::{LightBounds, build};
+use oocpt_shader_abi::{GpuLightNode, LIGHT_LEAF, LIGHT_TREE_DEPTH};
+
+fn scattered(i: u32) -> [f64; 3] {
+    let i = f64::from(i);
+    [0.754_877_666_246_7 * i, 0.569_840_290_998 * i, 0.381_966_011_250_1 * i].map(|x| x.fract() * 10.0)
+}
+
+fn light(i: u32) -> LightBounds {
+    let min = scattered(i);
+    let turn = f64::from(i);
+    let axis = [turn.sin(), turn.cos(), 0.0];
+    LightBounds { min, max: min.map(|x| x + 0.1), axis, spread: 0.0, emission: 1.5, power: 1.0 + f64::from(i % 7) }
+}
+
+/// Every light below `node`, with the depth of its leaf; checks that children are inside what their parent says of them.
+fn leaves(nodes: &[GpuLightNode], node: usize, depth: u32, found: &mut Vec<(u32, u32)>) -> ([f32; 3], [f32; 3], f64) {
+    let at = &nodes[node];
+    let (mut min, mut max, mut power) = ([f32::MAX; 3], [f32::MIN; 3], 0.0);
+    for side in 0..2 {
+        if at.power[side] <= 0.0 {
+            continue;
+        }
+        if at.child[side] & LIGHT_LEAF != 0 {
+            found.push((at.child[side] & !LIGHT_LEAF, depth));
+        } else {
+            let (low, high, below) = leaves(nodes, at.child[side] as usize, depth + 1, found);
+            for k in 0..3 {
+                assert!(low[k] >= at.min[side][k] && high[k] <= at.max[side][k], "a child outside of its box");
+            }
+            assert!((below / f64::from(at.power[side]) - 1.0).abs() < 1e-4, "power is not the sum: {below}");
+        }
+        for k in 0..3 {
+            (min[k], max[k]) = (min[k].min(at.min[side][k]), max[k].max(at.max[side][k]));
+        }
+        power += f64::from(at.power[side]);
+    }
+    (min, max, power)
+}
+
+#[test]
+fn the_tree_holds_every_light_once_at_a_bounded_depth() {
+    for count in [1_u32, 2, 3, 100, 20_000] {
+        let lights: Vec<LightBounds> = (0..count).map(light).collect();
+        let nodes = build(&lights);
+        let mut found = Vec::new();
+        let (_, _, power) = leaves(&nodes, 0, 0, &mut found);
+        assert!(found.iter().all(|(_, depth)| *depth < LIGHT_TREE_DEPTH), "too deep");
+        found.sort_unstable();
+        let expected: Vec<u32> = (0..count).collect();
+        assert_eq!(found.iter().map(|(light, _)| *light).collect::<Vec<_>>(), expected, "each once");
+        let total: f64 = lights.iter().map(|l| l.power).sum();
+        assert!((power / total - 1.0).abs() < 1e-4, "{power} of {total}");
+    }
+}
+
+#[test]
+fn lights_at_one_place_and_on_a_spiral_stay_in_depth() {
+    let same = LightBounds { min: [1.0; 3], max: [1.0; 3], ..light(3) };
+    let spiral = |i: u32| {
+        let x = 2.0_f64.powi(-i32::try_from(i).expect("small"));
+        LightBounds { min: [x, 0.0, 0.0], max: [x, 0.0, 0.0], ..light(i) }
+    };
+    for lights in [vec![same; 5000], (0..1000).map(spiral).collect()] {
+        let mut found = Vec::new();
+        leaves(&build(&lights), 0, 0, &mut found);
+        assert_eq!(found.len(), lights.len(), "none is lost");
+        assert!(found.iter().all(|(_, depth)| *depth < LIGHT_TREE_DEPTH), "too deep");
+    }
+}
+
+#[test]
+fn an_alias_table_gives_back_its_probabilities() {
+    let weights: Vec<f64> = (0..1000).map(|i| f64::from(i * i % 97) + if i == 3 { 1e4 } else { 0.0 }).collect();
+    let total: f64 = weights.iter().sum();
+    let probabilities: Vec<f64> = weights.iter().map(|w| w / total).collect();
+    let table = vose(&probabilities);
+    let mut given = vec![0.0; table.len()];
+    for (i, entry) in table.iter().enumerate() {
+        given[i] += f64::from(entry.threshold) / 1000.0;
+        given[entry.other as usize] += (1.0 - f64::from(entry.threshold)) / 1000.0;
+    }
+    for ((given, wanted), entry) in given.iter().zip(&probabilities).zip(&table) {
+        assert!((given - wanted).abs() < 1e-7 + 1e-5 * wanted, "{given} is not {wanted}");
+        assert!((f64::from(entry.density) - wanted * 1000.0).abs() < 1e-4 * (1.0 + wanted * 1000.0), "density");
+    }
+}
+
+/// What the probe pass finds on the device.
+mod probe {
+    use super::super::{FileCache, LightTable, LightTables, NoFiles};
+    use crate::device::{Device, DeviceOptions, Specialisation};
+    use bytemuck::Zeroable;
+    use oocpt_core::{LightDesc, LightKind, PrimDesc, SceneDb};
+    use oocpt_gpu::{Buffer, Usage};
+    use oocpt_shader_abi::{Frame, Push, Ray, groups, passes};
+    use std::time::Duration;
+
+    const RECEIVERS: u32 = 4096;
+
+    fn scattered(i: u32, salt: u32) -> glam::DVec3 {
+        let i = f64::from(i) + 0.5 * f64::from(salt);
+        glam::DVec3::new(0.754_877_666_246_7 * i, 0.569_840_290_998 * i, 0.381_966_011_250_1 * i).fract()
+    }
+
+    /// `count` lights of all shapes in a room.
+    fn lights(count: u32) -> Vec<LightDesc> {
+        let kinds = [
+            LightKind::Sphere { radius: 0.2, treat_as_point: false },
+            LightKind::Rect { width: 0.3, height: 0.5, texture: None },
+            LightKind::Disk { radius: 0.3 },
+            LightKind::Cylinder { length: 0.7, radius: 0.1, treat_as_line: false },
+        ];
+        let light = |i: u32| {
+            let turn = scattered(i, 7) * 6.0;
+            let turn = glam::DQuat::from_euler(glam::EulerRot::XYZ, turn.x, turn.y, turn.z);
+            let scale = glam::DVec3::ONE + scattered(i, 3);
+            let at = (scattered(i, 0) - 0.5) * 10.0;
+            let transform = glam::DMat4::from_scale_rotation_translation(scale, turn, at);
+            let prim = PrimDesc { path: format!("/light_{i}").into(), transform, ..PrimDesc::default() };
+            let kind = kinds[i as usize % kinds.len()].clone();
+            LightDesc { prim, kind, intensity: 1.0 + scattered(i, 5).x.powi(4) as f32 * 100.0, ..LightDesc::default() }
+        };
+        (0..count).map(light).collect()
+    }
+
+    fn receivers() -> Vec<Ray> {
+        let receiver = |i: u32| {
+            let at = (scattered(i, 11) - 0.5) * 14.0;
+            let d = (scattered(i, 13) - 0.5).normalize_or(glam::DVec3::Y);
+            // A third of them sees light from all sides.
+            let d = if i % 3 == 0 { glam::DVec3::ZERO } else { d };
+            Ray { o: at.as_vec3().to_array(), d: d.as_vec3().to_array(), ..Ray::zeroed() }
+        };
+        (0..RECEIVERS).map(receiver).collect()
+    }
+
+    /// The results of the probe for `count` lights, both modes.
+    fn probed(count: u32) -> [Vec<[f32; 4]>; 2] {
+        let mut db = SceneDb::new();
+        lights(count).into_iter().for_each(|light| db.upsert_light(light));
+        let snapshot = db.commit().snapshot;
+        let (table, warnings) =
+            LightTable::new(&snapshot, &snapshot.lights, true, false, &NoFiles, &mut FileCache::default());
+        assert!(warnings.is_empty(), "{warnings:?}");
+        let options = DeviceOptions { selector: String::new(), validation: true, budget_mib: 0 };
+        let device = Device::open(&options).expect("a device");
+        let mut tables = LightTables::default();
+        tables.sync(&device, table.general.as_ref()).expect("the tables fit");
+        let buffer = |name: &str, bytes: u64, usage| Buffer::new(&device.gpu, name, bytes, usage).expect("small");
+        let rays = receivers();
+        let rays_buffer = buffer("rays", size_of_val(&rays[..]) as u64, Usage::Upload);
+        rays_buffer.write(0, bytemuck::cast_slice(&rays)).expect("mapped");
+        let out = buffer("out", u64::from(RECEIVERS) * 16, Usage::Device);
+        let back = buffer("back", u64::from(RECEIVERS) * 16, Usage::Readback);
+        let frame = buffer("frame", size_of::<Frame>() as u64, Usage::Upload);
+        let (rays, radiance) = (rays_buffer.address(), out.address());
+        let block = Frame { rays, radiance, lighting: tables.lighting, seed: 3, ..Frame::zeroed() };
+        frame.write(0, bytemuck::bytes_of(&block)).expect("mapped");
+        let special = Specialisation { max_levels: 1, stack_size: 64, features: table.features().bits() };
+        let pipeline = device.pipeline(&passes::LIGHTS_PROBE, special).expect("it compiles");
+        [0, 1].map(|mode| {
+            let push = Push::wave(frame.address(), 0, RECEIVERS, RECEIVERS).with(0, mode);
+            let mut commands = device.gpu.commands("probe").expect("a list");
+            commands.dispatch(&pipeline, bytemuck::bytes_of(&push), groups(u64::from(RECEIVERS)));
+            commands.copy(&out, 0, &back, 0, out.size());
+            assert!(commands.submit().expect("submitted").wait(Duration::from_secs(60)).expect("alive"), "it ends");
+            back.map(|bytes| bytemuck::pod_collect_to_vec(bytes)).expect("mapped")
+        })
+    }
+
+    #[test]
+    fn probabilities_add_up_and_rays_see_what_was_chosen() {
+        for count in [1, 2, 100, 5000] {
+            let [sums, samples] = probed(count);
+            let (mut dark, mut met) = (0, 0);
+            let mut wasted = 0.0;
+            for [sum, nowhere, ..] in sums {
+                dark += usize::from(sum <= 0.0);
+                wasted += f64::from(nowhere) / f64::from(RECEIVERS);
+                assert!(
+                    (sum + nowhere - 1.0).abs() < 1e-4,
+                    "{count} lights: probabilities add up to {sum} + {nowhere}"
+                );
+            }
+            assert!(count < 100 || wasted < 0.2, "{count} lights: {wasted} of the choices end at nothing");
+            assert!(count < 100 || dark == 0, "{dark} receivers among {count} lights have none");
+            let mut lost = 0;
+            for [chosen, seen, light, ratio] in samples {
+                if light <= 0.0 {
+                    continue;
+                }
+                met += 1;
+                if seen <= 0.0 || ratio <= 0.0 {
+                    // A point on the very edge, missed by rounding.
+                    lost += 1;
+                    continue;
+                }
+                assert_eq!(chosen.to_bits(), seen.to_bits(), "{count} lights: light {light}");
+                assert!((ratio - 1.0).abs() < 1e-2, "{count} lights: densities differ by {ratio}");
+            }
+            assert!(met > 500, "{count} lights: {met} samples are too few to test anything");
+            assert!(lost * 200 <= met, "{count} lights: {lost} of {met} samples were not met by their own ray");
+        }
+    }
+}

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The light table on the device: always resident, in the scene's heap, so that it counts in the budget. Render thread only.
+//!
+//! Pictures stay from frame to frame as long as they are used; the rest is small and is written anew.
+
+use super::general::{GeneralLights, Map};
+use super::picture::EncodedPicture;
+use crate::assets::Writer;
+use crate::device::Device;
+use crate::error::RenderError;
+use oocpt_gpu::HeapRange;
+use oocpt_shader_abi::{GpuLightMap, Lighting};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// How long writing may take before the device counts as lost.
+const WRITE_TIMEOUT: Duration = Duration::from_secs(120);
+
+/// A picture on the device.
+#[derive(Debug)]
+struct Resident {
+    picture: Arc<EncodedPicture>,
+    texels: HeapRange,
+    alias: Option<HeapRange>,
+}
+
+/// See the module.
+#[derive(Debug, Default)]
+pub(crate) struct LightTables {
+    pictures: Vec<Resident>,
+    tables: Vec<HeapRange>,
+    /// Address of the [`Lighting`]; 0 without a light table.
+    pub(crate) lighting: u64,
+}
+
+impl LightTables {
+    /// Makes the device have what `lights` need, and nothing else.
+    pub(crate) fn sync(&mut self, device: &Device, lights: Option<&GeneralLights>) -> Result<(), RenderError> {
+        self.tables.clear();
+        self.lighting = 0;
+        let Some(lights) = lights else {
+            self.pictures.clear();
+            return Ok(());
+        };
+        self.pictures.retain(|have| lights.maps.iter().any(|map| Arc::ptr_eq(&map.picture, &have.picture)));
+        let ring = device.loader()?.ring();
+        let mut writer = Writer::new(&device.gpu, ring);
+        for map in &lights.maps {
+            if !self.pictures.iter().any(|have| Arc::ptr_eq(&map.picture, &have.picture)) {
+                self.pictures.push(Resident::new(device, &mut writer, &map.picture)?);
+            }
+        }
+        let maps: Vec<GpuLightMap> = lights.maps.iter().map(|map| self.entry(map)).collect();
+        let mut put = |name: &str, bytes: &[u8]| -> Result<u64, RenderError> {
+            if bytes.is_empty() {
+                return Ok(0);
+            }
+            let range = device.heap.alloc(name, bytes.len() as u64, 16)?;
+            writer.bytes(&range, 0, bytes)?;
+            let address = range.address();
+            self.tables.push(range);
+            Ok(address)
+        };
+        let block = Lighting {
+            local_lights: put("local lights", bytemuck::cast_slice(&lights.locals))?,
+            nodes: put("light tree", bytemuck::cast_slice(&lights.nodes))?,
+            infinite_lights: put("lights at infinity", bytemuck::cast_slice(&lights.infinite))?,
+            shapings: put("light shapings", bytemuck::cast_slice(&lights.shapings))?,
+            ies: put("IES profiles", bytemuck::cast_slice(&lights.profiles))?,
+            maps: put("light maps", bytemuck::cast_slice(&maps))?,
+            link_bits: put("light links", bytemuck::cast_slice(&lights.link_bits))?,
+            prim_sets: put("light links of prims", bytemuck::cast_slice(&lights.prim_sets))?,
+            ..lights.block()
+        };
+        let lighting = put("lighting", bytemuck::bytes_of(&block))?;
+        let (copies, _) = writer.finish()?;
+        for copy in &copies {
+            if !copy.wait(WRITE_TIMEOUT)? {
+                return Err(RenderError::Internal("writing the lights did not finish".into()));
+            }
+        }
+        self.lighting = lighting;
+        Ok(())
+    }
+
+    fn entry(&self, map: &Map) -> GpuLightMap {
+        let have = self.pictures.iter().find(|have| Arc::ptr_eq(&map.picture, &have.picture));
+        let EncodedPicture { width, height, format, columns, rows, .. } = *map.picture;
+        let [x, y, z] = map.rows;
+        let texels = have.map_or(0, |have| have.texels.address());
+        let alias = have.and_then(|have| have.alias.as_ref()).map_or(0, HeapRange::address);
+        GpuLightMap { texels, alias, width, height, columns, rows, x, format, y, pad0: 0, z, pad1: 0 }
+    }
+}
+
+impl Resident {
+    fn new(device: &Device, writer: &mut Writer<'_>, picture: &Arc<EncodedPicture>) -> Result<Self, RenderError> {
+        let texels = device.heap.alloc("light picture", picture.bytes.len() as u64, 16)?;
+        writer.bytes(&texels, 0, &picture.bytes)?;
+        let mut alias = None;
+        if !picture.alias.is_empty() {
+            let bytes: &[u8] = bytemuck::cast_slice(&picture.alias);
+            let range = device.heap.alloc("dome alias table", bytes.len() as u64, 16)?;
+            writer.bytes(&range, 0, bytes)?;
+            alias = Some(range);
+        }
+        Ok(Self { picture: Arc::clone(picture), texels, alias })
+    }
+}

@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The light table (`Features::LIGHT_TABLE`): local lights and the tree over them, lights at infinity, shaping, pictures.
+//!
+//! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread. Scenes whose lights are constant domes and
+//! distant lights, and that have no materials, use [`crate::GpuLight`] instead.
+
+use bitflags::bitflags;
+use bytemuck::{Pod, Zeroable};
+
+/// Of [`GpuLocalLight::shaping`] and other indices: nothing.
+pub const NO_INDEX: u32 = u32::MAX;
+/// Set in [`GpuLightNode::child`] of a light; the other bits are its index.
+pub const LIGHT_LEAF: u32 = 1 << 31;
+/// Most nodes on a way from the root to a light.
+pub const LIGHT_TREE_DEPTH: u32 = 44;
+/// [`GpuLightMap::format`]: texels are four halves.
+pub const MAP_HALF: u32 = 0;
+/// [`GpuLightMap::format`]: texels are four floats.
+pub const MAP_FLOAT: u32 = 1;
+
+/// Kinds of light, the low four bits of `flags`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum GpuLightKind {
+    /// The square `|x| <= 1, |y| <= 1`, z = 0.
+    Rect = 0,
+    /// The unit disk, z = 0.
+    Disk = 1,
+    /// The unit sphere.
+    Sphere = 2,
+    /// Radius 1 about the x axis, `|x| <= 1`.
+    Cylinder = 3,
+    /// The origin.
+    Point = 4,
+    /// The segment `|x| <= 1`.
+    Line = 5,
+    /// A cone of directions.
+    Distant = 6,
+    /// All directions.
+    Dome = 7,
+    /// All directions, times a picture.
+    DomeMap = 8,
+}
+
+bitflags! {
+    /// Bits of a light's `flags` above its [`GpuLightKind`].
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+    pub struct LightFlags: u32 {
+        /// Camera rays see it.
+        const CAMERA_VISIBLE = 16;
+        /// Nothing is in its way.
+        const NO_SHADOWS = 32;
+        /// `shadow_color` is not black.
+        const SHADOW_COLOR = 64;
+        /// `shadow_link` is not 0.
+        const SHADOW_LINK = 128;
+    }
+}
+
+/// Where the light table is, 80 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct Lighting {
+    /// [`GpuLocalLight`] array; 0 without `Features::LOCAL_LIGHTS`, as `nodes`.
+    pub local_lights: u64,
+    /// [`GpuLightNode`] array, the root first.
+    pub nodes: u64,
+    /// [`GpuInfiniteLight`] array.
+    pub infinite_lights: u64,
+    /// [`GpuLightShaping`] array; 0 without `Features::SHAPING`.
+    pub shapings: u64,
+    /// Profiles, one after the other, in words: numbers of vertical and of horizontal angles (u32), these angles (degrees), candelas
+    /// by horizontal, then vertical angle. 0 without `Features::IES`.
+    pub ies: u64,
+    /// [`GpuLightMap`] array; 0 without pictures.
+    pub maps: u64,
+    /// Bits of the sets of categories, `link_words` words each; 0 without `Features::LIGHT_LINKS`.
+    pub link_bits: u64,
+    /// u32 set of categories of each prim id + 1, `prim_count` of them; prims beyond are in set 0, in no category.
+    pub prim_sets: u64,
+    /// Lights at infinity.
+    pub infinite_count: u32,
+    /// Words of a set.
+    pub link_words: u32,
+    /// Probability that a shadow ray goes to a local light.
+    pub local_share: f32,
+    /// Entries of `prim_sets`.
+    pub prim_count: u32,
+}
+
+/// A light at a place, 144 B. World points are `position + x q.x + y q.y + z q.z` for points q of the unit shape.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuLocalLight {
+    /// Origin of the unit shape, relative to the snapshot's origin, high part.
+    pub position: [f32; 3],
+    /// [`GpuLightKind`] and [`LightFlags`].
+    pub flags: u32,
+    /// Low part.
+    pub position_lo: [f32; 3],
+    /// Determinant of (x, y, z).
+    pub determinant: f32,
+    /// World vector of the unit shape's x.
+    pub x: [f32; 3],
+    /// Index of its [`GpuLightShaping`], or [`NO_INDEX`].
+    pub shaping: u32,
+    /// World vector of the unit shape's y.
+    pub y: [f32; 3],
+    /// Index of its [`GpuLightMap`], or [`NO_INDEX`].
+    pub map: u32,
+    /// World vector of the unit shape's z.
+    pub z: [f32; 3],
+    /// Category of the prims that it lights; 0: all.
+    pub light_link: u32,
+    /// Rows of the inverse of (x, y, z).
+    pub row_x: [f32; 3],
+    /// Category of the prims that shadow it; 0: all.
+    pub shadow_link: u32,
+    /// See `row_x`.
+    pub row_y: [f32; 3],
+    /// Multiplier of diffuse reflection.
+    pub diffuse: f32,
+    /// See `row_x`.
+    pub row_z: [f32; 3],
+    /// Multiplier of other reflection.
+    pub specular: f32,
+    /// Radiance; intensity of a point; intensity per length of a line, from the side.
+    pub radiance: [f32; 3],
+    /// What shadows leave of it, 10 bits for each colour.
+    pub shadow_color: u32,
+}
+
+/// A light at infinity, 64 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuInfiniteLight {
+    /// Of a distant light: unit vector from the scene towards it.
+    pub direction: [f32; 3],
+    /// Of a distant light: see [`crate::GpuLight::one_minus_cos`].
+    pub one_minus_cos: f32,
+    /// Radiance; of a single direction, irradiance; of a picture, its factor.
+    pub radiance: [f32; 3],
+    /// Probability among the lights at infinity (sum 1, each > 0).
+    pub probability: f32,
+    /// Sum of the probabilities up to and including this light; exactly 1 for the last one.
+    pub cumulative: f32,
+    /// Multiplier of diffuse reflection.
+    pub diffuse: f32,
+    /// Multiplier of other reflection.
+    pub specular: f32,
+    /// [`GpuLightKind`] and [`LightFlags`].
+    pub flags: u32,
+    /// Index of its [`GpuLightMap`], or [`NO_INDEX`].
+    pub map: u32,
+    /// See [`GpuLocalLight::light_link`].
+    pub light_link: u32,
+    /// See [`GpuLocalLight::shadow_link`].
+    pub shadow_link: u32,
+    /// See [`GpuLocalLight::shadow_color`].
+    pub shadow_color: u32,
+}
+
+/// A node of the light tree: two children, 112 B. A missing child has power 0.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuLightNode {
+    /// Lower corners of the children's boxes.
+    pub min: [[f32; 3]; 2],
+    /// Upper corners.
+    pub max: [[f32; 3]; 2],
+    /// Axes of the cones that the lights' own directions lie in, unit.
+    pub axis: [[f32; 3]; 2],
+    /// Cosine of the half angles of these cones.
+    pub cos_axis: [f32; 2],
+    /// Cosine of the angle to its own direction up to which a light shines.
+    pub cos_emission: [f32; 2],
+    /// Share of the power of all lights.
+    pub power: [f32; 2],
+    /// Index of a node, or [`LIGHT_LEAF`] and the index of a light.
+    pub child: [u32; 2],
+    /// 0.
+    pub pad: [u32; 2],
+}
+
+/// Where a light shines, 72 B and padding.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuLightShaping {
+    /// Where the light points, unit, world.
+    pub axis: [f32; 3],
+    /// Half angle of the cone, radians.
+    pub cone_angle: f32,
+    /// Local x axis, unit, world.
+    pub x: [f32; 3],
+    /// Angle at which the light begins to fade out.
+    pub smooth_start: f32,
+    /// Local y axis, unit, world.
+    pub y: [f32; 3],
+    /// Exponent of the cosine; 0: none.
+    pub focus: f32,
+    /// Colour of what the exponent takes away.
+    pub focus_tint: [f32; 3],
+    /// Word of its profile in [`Lighting::ies`], or [`NO_INDEX`].
+    pub ies: u32,
+    /// See `LightShaping::ies_angle_scale` of the core.
+    pub angle_scale: f32,
+    /// Factor of the candelas.
+    pub ies_scale: f32,
+    /// 0.
+    pub pad: [u32; 2],
+}
+
+/// A picture of a dome or of a rectangle, 80 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuLightMap {
+    /// Texels, the top row first.
+    pub texels: u64,
+    /// [`GpuAlias`] array over `columns x rows` cells, the top row first; 0 for rectangles.
+    pub alias: u64,
+    /// Texels in a row.
+    pub width: u32,
+    /// Rows of texels.
+    pub height: u32,
+    /// Cells in a row.
+    pub columns: u32,
+    /// Rows of cells.
+    pub rows: u32,
+    /// Rows of dome-from-world.
+    pub x: [f32; 3],
+    /// [`MAP_HALF`] or [`MAP_FLOAT`].
+    pub format: u32,
+    /// See `x`.
+    pub y: [f32; 3],
+    /// 0.
+    pub pad0: u32,
+    /// See `x`.
+    pub z: [f32; 3],
+    /// 0.
+    pub pad1: u32,
+}
+
+/// An entry of an alias table, 12 B (Vose 1991).
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuAlias {
+    /// The cell to take instead of this one.
+    pub other: u32,
+    /// Probability of staying here.
+    pub threshold: f32,
+    /// Probability of this cell times the number of cells.
+    pub density: f32,
+}

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// Light linking: which prims a light shines on, and which ones shadow it.
+#ifndef OOCPT_LIGHT_LINKS_GLSL
+#define OOCPT_LIGHT_LINKS_GLSL
+
+#define LIGHTING LightingBlock(FRAME.lighting).l
+
+// A shadow ray's bounce, and above it the category of the prims that are in its way; 0: all.
+const uint SHADOW_LINK_SHIFT = 16u;
+const uint BOUNCE_MASK = 0xffffu;
+
+// Whether the prims of set `set` are in category `category`.
+bool is_linked(uint category, uint set) {
+    if (!HAS_LIGHT_LINKS || category == 0u) return true;
+    const uint word = ConstUints(LIGHTING.link_bits).v[set * LIGHTING.link_words + category / 32u];
+    return ((word >> (category % 32u)) & 1u) != 0u;
+}
+
+// The set of categories that a prim is in.
+uint prim_link_set(int prim_id) {
+    if (!HAS_LIGHT_LINKS) return 0u;
+    const uint index = uint(prim_id + 1);
+    return index < LIGHTING.prim_count ? ConstUints(LIGHTING.prim_sets).v[index] : 0u;
+}
+
+#endif

@@ -1,0 +1,350 @@
+// SPDX-License-Identifier: Apache-2.0
+// Light at surfaces, in general: one light for a shadow ray, and what a BSDF ray brings, weighted by the balance heuristic.
+//
+// Lights are in two groups: local ones, chosen by the light tree, and those at infinity, by fixed probabilities. Each light is a
+// strategy of its own against the BSDF's: a ray that meets several gets each with its own weight. A constant dome is sampled by
+// the BSDF. Lights without shadows, or with coloured or linked ones, are sampled by shadow rays only, and so are points, lines and single
+// directions; a delta lobe's rays (density 0) bring all that they meet.
+// Needs: Bsdf and its functions (bsdf.glsl or bsdf_lambert.glsl), wavefront.glsl.
+#ifndef OOCPT_LIGHT_SAMPLE_GLSL
+#define OOCPT_LIGHT_SAMPLE_GLSL
+
+#include "include/affine.glsl"
+#include "include/light_links.glsl"
+#include "include/lights.glsl"
+
+#include "include/light_shape.glsl"
+#include "include/light_emission.glsl"
+#include "include/light_map.glsl"
+#include "include/light_tree.glsl"
+
+#define INFINITE uintBitsToFloat(0x7f800000u)
+// A shadow ray ends this much before its light, relative, so that rounding lets no light shadow itself.
+const float SHADOW_END = 0.9999995;
+
+// What is kept of a surface for the ray that leaves it: what the lights that the ray meets ask of it.
+struct Departure {
+    Receiver receiver;
+    uint link_set;
+    vec3 diffuse; // share of the BSDF's value for the ray that is diffuse, by colour
+    float pdf;    // density of the ray's direction; 0: delta lobe
+};
+
+uint pack_normal(vec3 n) {
+    if (!(dot3(n, n) > 0.0)) return NO_INDEX;
+    const vec2 p = n.xy / (abs(n.x) + abs(n.y) + abs(n.z));
+    const vec2 folded = (1.0 - abs(p.yx)) * vec2(p.x >= 0.0 ? 1.0 : -1.0, p.y >= 0.0 ? 1.0 : -1.0);
+    const vec2 q = n.z < 0.0 ? folded : p;
+    // Never all ones in both halves: that means none.
+    const uvec2 bits = uvec2(clamp(q * 0.5 + 0.5, 0.0, 1.0) * 65534.0 + 0.5);
+    return bits.x | bits.y << 16;
+}
+
+// A bit pattern gives one normal, always: what choosing a light and what weighing a ray sees is the same.
+vec3 unpack_normal(uint bits) {
+    if (bits == NO_INDEX) return vec3(0.0);
+    const vec2 q = vec2(bits & 0xffffu, bits >> 16) / 32767.0 - 1.0;
+    const float z = 1.0 - abs(q.x) - abs(q.y);
+    const vec2 folded = (1.0 - abs(q.yx)) * vec2(q.x >= 0.0 ? 1.0 : -1.0, q.y >= 0.0 ? 1.0 : -1.0);
+    const vec2 p = z < 0.0 ? folded : q;
+    const vec3 n = vec3(p, z);
+    return n * inversesqrt(dot3(n, n));
+}
+
+void store_departure(uint path, uint normal, uint link_set, vec3 diffuse) {
+    UVec4s(FRAME.light_paths).v[path] =
+        uvec4(normal, link_set, packUnorm2x16(diffuse.xy), packUnorm2x16(vec2(diffuse.z, 0.0)));
+}
+
+Departure load_departure(uint path, vec3 origin, float pdf) {
+    const uvec4 a = ConstUVec4s(FRAME.light_paths).v[path];
+    return Departure(Receiver(origin, unpack_normal(a.x)), a.y, vec3(unpackUnorm2x16(a.z), unpackUnorm2x16(a.w).x), pdf);
+}
+
+// The balance heuristic for a ray of density `pdf` (0: delta) against a light sampled with density `other`.
+float ray_weight(float pdf, float other) {
+    return pdf > 0.0 ? pdf / (pdf + other) : 1.0;
+}
+
+bool is_shadow_only(uint flags) {
+    return (flags & (LIGHT_NO_SHADOWS | LIGHT_SHADOW_COLOR | LIGHT_SHADOW_LINK)) != 0u;
+}
+
+// The light's multipliers on what a BSDF ray carries.
+vec3 multiplied(float diffuse, float specular, vec3 share) {
+    return specular + (diffuse - specular) * share;
+}
+
+// What the ray brings of one local light; 0 when it does not meet it before t_end.
+vec3 local_along(uint index, float chosen, vec3 o_hi, vec3 o_lo, vec3 d, float t_end, bool camera, Departure from) {
+    const GpuLocalLight light = load_local_light(index);
+    const uint kind = light_kind(light.flags);
+    if (is_thin(kind)) return vec3(0.0);
+    if (camera && (light.flags & LIGHT_CAMERA_VISIBLE) == 0u) return vec3(0.0);
+    const vec3 place = difference(Double3(o_hi, o_lo), Double3(light.position, light.position_lo));
+    const vec3 o = apply_rows(light.row_x, light.row_y, light.row_z, place);
+    const vec3 dd = apply_rows(light.row_x, light.row_y, light.row_z, d);
+    vec3 q;
+    float t;
+    if (!shape_hit(kind, o, dd, q, t) || !(t > 0.0 && t < t_end)) return vec3(0.0);
+    const vec3 radiance = local_emission(light, q, -d);
+    if (camera) return radiance;
+    if (!is_linked(light.light_link, from.link_set)) return vec3(0.0);
+    if (from.pdf > 0.0 && is_shadow_only(light.flags)) return vec3(0.0);
+    const float other = from.pdf > 0.0 ? chosen * shape_density(kind, light.determinant, o, dd, q, t) : 0.0;
+    return radiance * multiplied(light.diffuse, light.specular, from.diffuse) * ray_weight(from.pdf, other);
+}
+
+// What the ray brings of the local lights that it meets before t_end. `met`: there is at least one that shines.
+vec3 lights_along(Double3 origin, vec3 d, float t_end, bool camera, Departure from, out bool met) {
+    vec3 sum = vec3(0.0);
+    met = false;
+    const vec3 reciprocal = safe_reciprocal(d);
+    const float pad = 1.8e-7 * max(abs(origin.hi.x), max(abs(origin.hi.y), abs(origin.hi.z)));
+    const vec3 lower = origin.hi + pad;
+    const vec3 upper = origin.hi - pad;
+    const bool weighs = !camera && from.pdf > 0.0;
+    uint top = 0u;
+    light_stack[0] = 0u;
+    probability_stack[0] = LIGHTING.local_share;
+    while (true) {
+        const uint reference = light_stack[top];
+        const float probability = probability_stack[top];
+        if ((reference & LIGHT_LEAF) != 0u) {
+#ifdef ON_LIGHT
+            ON_LIGHT((reference & ~LIGHT_LEAF), probability);
+#endif
+            const vec3 light =
+                local_along(reference & ~LIGHT_LEAF, probability, origin.hi, origin.lo, d, t_end, camera, from);
+            met = met || max_component(light) > 0.0;
+            sum += light;
+            if (top == 0u) break;
+            --top;
+            continue;
+        }
+        const GpuLightNode node = load_light_node(reference);
+        bool inside[2];
+        for (uint i = 0u; i < 2u; ++i) {
+            inside[i] = node.power[i] > 0.0 && hit_box(node.min[i], node.max[i], lower, upper, reciprocal, t_end) >= 0.0;
+        }
+        float share = 1.0;
+        if (weighs && (inside[0] || inside[1])) share = max(first_share(node, from.receiver), 0.0);
+        const bool none = weighs && share == 0.0 && importance(node, 1u, from.receiver) == 0.0;
+        bool replaced = false;
+        if (inside[1]) {
+            light_stack[top] = node.child[1];
+            probability_stack[top] = none ? 0.0 : probability * (1.0 - share);
+            replaced = true;
+        }
+        if (inside[0]) {
+            if (replaced) ++top;
+            light_stack[top] = node.child[0];
+            probability_stack[top] = probability * share;
+            replaced = true;
+        }
+        if (!replaced) {
+            if (top == 0u) break;
+            --top;
+        }
+    }
+    return sum;
+}
+
+GpuInfiniteLight load_infinite_light(uint index) {
+    return InfiniteLights(LIGHTING.infinite_lights).v[index];
+}
+
+// Radiance of a light at infinity from direction w, without its single directions; `pdf` of sampling it, without choosing.
+vec3 infinite_radiance(GpuInfiniteLight light, vec3 w, out float pdf) {
+    pdf = 0.0;
+    const uint kind = light_kind(light.flags);
+    if (kind == LIGHT_DISTANT) {
+        if (light.one_minus_cos <= 0.0 || one_minus_dot(w, light.direction) > light.one_minus_cos) return vec3(0.0);
+        pdf = cone_density(light.one_minus_cos);
+        return light.radiance;
+    }
+    if (HAS_DOME_TEXTURE && kind == LIGHT_DOME_MAP) {
+        pdf = dome_density(light.map, w);
+        return light.radiance * dome_color(light.map, w);
+    }
+    return light.radiance;
+}
+
+// What a ray that leaves the scene along d brings of the lights at infinity.
+vec3 lights_at_infinity(vec3 d, Departure from) {
+    vec3 sum = vec3(0.0);
+    for (uint i = 0u; i < LIGHTING.infinite_count; ++i) {
+        const GpuInfiniteLight light = load_infinite_light(i);
+        const uint kind = light_kind(light.flags);
+        if (!is_linked(light.light_link, from.link_set)) continue;
+        if (from.pdf > 0.0 && is_shadow_only(light.flags)) continue;
+        float pdf;
+        vec3 radiance = infinite_radiance(light, d, pdf);
+        const float chosen = (1.0 - LIGHTING.local_share) * light.probability;
+        // A constant dome is sampled by the BSDF, delta lobes included.
+        if (kind == LIGHT_DOME) {
+            radiance *= is_shadow_only(light.flags) ? 1.0 : 1.0 / (1.0 + chosen);
+        } else {
+            radiance *= ray_weight(from.pdf, chosen * pdf);
+        }
+        sum += radiance * multiplied(light.diffuse, light.specular, from.diffuse);
+    }
+    return sum;
+}
+
+// Domes that the camera sees.
+vec3 domes_behind(vec3 d) {
+    vec3 sum = vec3(0.0);
+    for (uint i = 0u; i < LIGHTING.infinite_count; ++i) {
+        const GpuInfiniteLight light = load_infinite_light(i);
+        if (light_kind(light.flags) == LIGHT_DISTANT || (light.flags & LIGHT_CAMERA_VISIBLE) == 0u) continue;
+        float pdf;
+        sum += infinite_radiance(light, d, pdf);
+    }
+    return sum;
+}
+
+// A shadow ray to be: `contribution` leaves out the path's throughput; 0: nothing to ask.
+struct Ask {
+    vec3 direction;
+    float distance;
+    vec3 contribution;
+    uint flags; // of the light
+    uint shadow_color;
+    uint shadow_link;
+};
+
+// BSDF times cosine with the light's multipliers; `pdf` of the BSDF's own sampling.
+vec3 reflected(Bsdf bsdf, vec3 wo, vec3 wi, float diffuse, float specular, out float pdf) {
+    if (diffuse == specular) {
+        const vec4 value = bsdf_evaluate(bsdf, wo, wi);
+        pdf = value.w;
+        return value.xyz * diffuse;
+    }
+    vec3 d, s;
+    bsdf_evaluate_lobes(bsdf, wo, wi, d, s, pdf);
+    return d * diffuse + s * specular;
+}
+
+// Share of the BSDF's value that is diffuse, by colour.
+vec3 diffuse_share(Bsdf bsdf, vec3 wo, vec3 wi, float pdf) {
+    if (!(pdf > 0.0)) return vec3(0.0);
+    vec3 d, s;
+    float unused;
+    bsdf_evaluate_lobes(bsdf, wo, wi, d, s, unused);
+    const vec3 all = d + s;
+    return vec3(all.x > 0.0 ? d.x / all.x : 0.0, all.y > 0.0 ? d.y / all.y : 0.0, all.z > 0.0 ? d.z / all.z : 0.0);
+}
+
+Ask ask_local(Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiver, vec4 u, bool last) {
+    Ask ask = Ask(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u);
+    uint index;
+    float chosen;
+    if (!choose_local_light(receiver, u.x, u.w, index, chosen)) return ask;
+    chosen *= LIGHTING.local_share;
+    const GpuLocalLight light = load_local_light(index);
+    if (!is_linked(light.light_link, link_set)) return ask;
+    const uint kind = light_kind(light.flags);
+    const vec3 place = difference(origin, Double3(light.position, light.position_lo));
+    const vec3 o = apply_rows(light.row_x, light.row_y, light.row_z, place);
+    vec3 q;
+    if (!shape_point(kind, o, u.yz, q)) return ask;
+    const vec3 towards = light.x * q.x + light.y * q.y + light.z * q.z - place;
+    const float distance = sqrt(dot3(towards, towards));
+    if (!(distance > 0.0)) return ask;
+    ask.direction = towards / distance;
+    ask.distance = distance * SHADOW_END;
+    ask.flags = light.flags;
+    ask.shadow_color = light.shadow_color;
+    ask.shadow_link = light.shadow_link;
+    const vec3 emission = local_emission(light, q, -ask.direction);
+    if (!(max_component(emission) > 0.0)) return ask;
+    float density;
+    const vec3 f = reflected(bsdf, wo, ask.direction, light.diffuse, light.specular, density);
+    if (is_thin(kind)) {
+        float scale = 1.0 / (distance * distance * chosen);
+        if (kind == LIGHT_LINE) {
+            const float half_length = sqrt(dot3(light.x, light.x));
+            const vec3 across = cross3(light.x / half_length, ask.direction);
+            scale *= 2.0 * half_length * sqrt(dot3(across, across));
+        }
+        ask.contribution = emission * f * scale;
+        return ask;
+    }
+    const vec3 d = apply_rows(light.row_x, light.row_y, light.row_z, ask.direction);
+    const float own = chosen * shape_density(kind, light.determinant, o, d, q, distance);
+    ask.contribution = emission * (f / (last || is_shadow_only(light.flags) ? own : own + density));
+    return ask;
+}
+
+// The light at infinity that u in [0, 1) falls on.
+uint choose_infinite(float u) {
+    uint low = 0u;
+    uint high = LIGHTING.infinite_count - 1u;
+    while (low < high) {
+        const uint middle = (low + high) / 2u;
+        if (u < InfiniteLights(LIGHTING.infinite_lights).v[middle].cumulative) {
+            high = middle;
+        } else {
+            low = middle + 1u;
+        }
+    }
+    return low;
+}
+
+Ask ask_infinite(Bsdf bsdf, vec3 wo, uint link_set, vec4 u, bool last) {
+    Ask ask = Ask(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u);
+    const GpuInfiniteLight light = load_infinite_light(choose_infinite(u.x));
+    if (!is_linked(light.light_link, link_set)) return ask;
+    const uint kind = light_kind(light.flags);
+    const float chosen = (1.0 - LIGHTING.local_share) * light.probability;
+    ask.flags = light.flags;
+    ask.shadow_color = light.shadow_color;
+    ask.shadow_link = light.shadow_link;
+    const bool alone = last || is_shadow_only(light.flags);
+    if (kind == LIGHT_DOME) {
+        vec3 weight;
+        float pdf;
+        if (!bsdf_sample(bsdf, wo, u.yzwx, ask.direction, weight, pdf)) return ask;
+        if (light.diffuse != light.specular) {
+            weight *= multiplied(light.diffuse, light.specular, diffuse_share(bsdf, wo, ask.direction, pdf));
+        } else {
+            weight *= light.diffuse;
+        }
+        // Delta lobes of shadow-only lights are left to the rays.
+        if (pdf > 0.0 || !is_shadow_only(light.flags) || last) ask.contribution = light.radiance * weight / (alone ? chosen : 1.0 + chosen);
+        return ask;
+    }
+    float own = chosen;
+    vec3 radiance = light.radiance;
+    const bool is_map = HAS_DOME_TEXTURE && kind == LIGHT_DOME_MAP;
+    const bool is_direction = !is_map && light.one_minus_cos <= 0.0;
+    if (is_map) {
+        ask.direction = sample_dome(light.map, u.yzw);
+        own *= dome_density(light.map, ask.direction);
+        radiance *= dome_color(light.map, ask.direction);
+    } else if (is_direction) {
+        ask.direction = light.direction;
+    } else {
+        ask.direction = sample_cone(light.direction, light.one_minus_cos, u.yz);
+        own *= cone_density(light.one_minus_cos);
+    }
+    float density;
+    const vec3 f = reflected(bsdf, wo, ask.direction, light.diffuse, light.specular, density);
+    ask.contribution = radiance * (f / (alone || is_direction ? own : own + density));
+    return ask;
+}
+
+// One light for a shadow ray. `last`: no ray follows that could meet the lights, so shadow rays bring all of it.
+Ask ask_light(Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiver, vec4 u, bool last) {
+    const float local = HAS_LOCAL_LIGHTS ? LIGHTING.local_share : 0.0;
+    if (HAS_LOCAL_LIGHTS && u.x < local) {
+        u.x = min(u.x / local, 0.99999994);
+        return ask_local(bsdf, wo, origin, link_set, receiver, u, last);
+    }
+    if (LIGHTING.infinite_count == 0u) return Ask(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u);
+    u.x = min((u.x - local) / (1.0 - local), 0.99999994);
+    return ask_infinite(bsdf, wo, link_set, u, last);
+}
+
+#endif

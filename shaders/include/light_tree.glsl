@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+// The light tree: choosing a local light in proportion to what it may bring to a receiver, and finding the lights on a ray.
+//
+// A BVH2 whose children carry a box, a cone of directions and a power (Conty Estevez and Kulla 2018, "Importance Sampling of Many
+// Lights with Adaptive Tree Splitting"; Pharr et al. 2023, 12.6.3). The probability of a light is the product of the shares on its
+// way from the root; the walk along a ray carries that product along, so it is the very number that choosing gives.
+#ifndef OOCPT_LIGHT_TREE_GLSL
+#define OOCPT_LIGHT_TREE_GLSL
+
+#include "traversal/box.glsl"
+
+// Where light is asked for: a place, and the normal above which it counts; 0: light from all sides does.
+struct Receiver {
+    vec3 p;
+    vec3 n;
+};
+
+// What importance allows for rounding before it says that no light comes.
+const float CONE_SLACK = 1.0e-3;
+
+// cos(max(0, a - b)).
+float cos_minus(float sin_a, float cos_a, float sin_b, float cos_b) {
+    return cos_a > cos_b ? 1.0 : cos_a * cos_b + sin_a * sin_b;
+}
+
+// sin(max(0, a - b)).
+float sin_minus(float sin_a, float cos_a, float sin_b, float cos_b) {
+    return cos_a > cos_b ? 0.0 : sin_a * cos_b - cos_a * sin_b;
+}
+
+float sine(float cosine) {
+    return sqrt(max(1.0 - cosine * cosine, 0.0));
+}
+
+// How much the lights of child `i` may bring to the receiver, up to a factor.
+float importance(GpuLightNode node, uint i, Receiver r) {
+    if (!(node.power[i] > 0.0)) return 0.0;
+    const vec3 center = 0.5 * node.min[i] + 0.5 * node.max[i];
+    const vec3 half_size = 0.5 * node.max[i] - 0.5 * node.min[i];
+    const vec3 towards = center - r.p;
+    const float radius2 = dot3(half_size, half_size);
+    const float distance2 = dot3(towards, towards);
+    // Half angle of the sphere around the box; inside of it the box may be anywhere.
+    const bool inside = distance2 <= radius2 * 1.0001 || !(distance2 > 0.0);
+    const float cos_b = inside ? -1.0 : sqrt(max(1.0 - radius2 / distance2, 0.0));
+    const float sin_b = inside ? 0.0 : sine(cos_b);
+    const vec3 w = inside ? vec3(0.0, 0.0, 1.0) : towards * inversesqrt(distance2);
+    float value = node.power[i] / max(distance2, max(radius2, 1.0e-30));
+    // Angle between the lights' directions and the receiver, less their cone and the box's.
+    const float cos_w = clamp(-dot3(node.axis[i], w), -1.0, 1.0);
+    const float sin_w = sine(cos_w);
+    const float cos_o = node.cos_axis[i];
+    const float sin_o = sine(cos_o);
+    const float cos_x = inside ? 1.0 : cos_minus(sin_w, cos_w, sin_o, cos_o);
+    const float sin_x = inside ? 0.0 : sin_minus(sin_w, cos_w, sin_o, cos_o);
+    const float cos_out = inside ? 1.0 : cos_minus(sin_x, cos_x, sin_b, cos_b);
+    if (cos_out < node.cos_emission[i] - CONE_SLACK) return 0.0;
+    value *= max(cos_out, 0.05);
+    if (!inside && dot3(r.n, r.n) > 0.0) {
+        const float cos_i = clamp(dot3(w, r.n), -1.0, 1.0);
+        const float cos_in = cos_minus(sine(cos_i), cos_i, sin_b, cos_b);
+        if (cos_in < -CONE_SLACK) return 0.0;
+        value *= max(cos_in, 0.05);
+    }
+    return min(value, 1.0e36);
+}
+
+// Share of child 0; negative when neither child brings anything.
+float first_share(GpuLightNode node, Receiver r) {
+    const float a = importance(node, 0u, r);
+    const float b = importance(node, 1u, r);
+    return a + b > 0.0 ? a / (a + b) : -1.0;
+}
+
+GpuLightNode load_light_node(uint index) {
+    return LightNodes(LIGHTING.nodes).v[index];
+}
+
+// Levels after which the second random number takes over, so that none runs out of digits.
+const uint FIRST_DIGITS = 10u;
+
+// A local light, and its probability; false when none brings anything.
+bool choose_local_light(Receiver r, float u, float spare, out uint light, out float probability) {
+    probability = 1.0;
+    light = 0u;
+    for (uint level = 0u; level <= LIGHT_TREE_DEPTH; ++level) {
+        if (level == FIRST_DIGITS) u = spare;
+        const GpuLightNode node = load_light_node(light);
+        const float share = first_share(node, r);
+        if (share < 0.0) return false;
+        const bool first = u < share;
+        u = min(first ? u / share : (u - share) / (1.0 - share), 0.99999994);
+        probability *= first ? share : 1.0 - share;
+        const uint child = node.child[first ? 0 : 1];
+        light = child & ~LIGHT_LEAF;
+        if ((child & LIGHT_LEAF) != 0u) return probability > 0.0;
+    }
+    return false;
+}
+
+uint light_stack[LIGHT_TREE_DEPTH + 1u];
+float probability_stack[LIGHT_TREE_DEPTH + 1u];
+
+#endif

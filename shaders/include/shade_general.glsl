@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+// Shading with the light table (Features::LIGHT_TABLE): any BSDF, any light.
+//
+// At each surface: what the ray has met of the lights on its way here (weighed against the shadow ray of the bounce before), one
+// shadow ray, one BSDF ray.
+#ifndef OOCPT_SHADE_GENERAL_GLSL
+#define OOCPT_SHADE_GENERAL_GLSL
+
+void add_radiance(uint path, vec3 value) {
+    const uint place = path_place(path);
+    const vec4 before = ConstVec4s(FRAME.radiance).v[place];
+    Vec4s(FRAME.radiance).v[place] = vec4(before.xyz + value, before.w);
+}
+
+// Adds the lights that the ray has met before it came to the surface.
+void add_met_lights(uint path, Ray ray, Surface surface, PathState state) {
+    const Double3 origin = Double3(ray.o, ray.o_lo);
+    const float t_end = dot3(difference(surface.position, origin), ray.d);
+    const bool camera = ray.bounce == 0u;
+    Departure from = Departure(Receiver(vec3(0.0), vec3(0.0)), 0u, vec3(0.0), 0.0);
+    if (!camera) from = load_departure(path, ray.o, state.pdf);
+    bool met;
+    const vec3 lights = lights_along(origin, ray.d, t_end, camera, from, met);
+    if (met) add_radiance(path, admitted(state.throughput * lights, ray.bounce > 1u));
+}
+
+// Stores the shadow ray, or adds its contribution where nothing can be in its way. Gives whether there is a ray.
+bool store_ask(uint path, Double3 origin, uint bounce, Ask ask, vec3 throughput) {
+    const vec3 contribution = admitted(throughput * ask.contribution, bounce > 0u);
+    if (!(max_component(contribution) > 0.0)) return false;
+    if ((ask.flags & LIGHT_NO_SHADOWS) != 0u) {
+        add_radiance(path, contribution);
+        return false;
+    }
+    const uint64_t to = shadow_ray_address(path);
+    if (HAS_LIGHT_LINKS) bounce |= ask.shadow_link << SHADOW_LINK_SHIFT;
+    store_ray(to, Ray(origin.hi, bounce, ask.direction, ask.distance, origin.lo, 0u));
+    Vec4s(to).v[3] = vec4(contribution, uintBitsToFloat(ask.shadow_color));
+    return true;
+}
+
+// Shades a hit: `asks` tells that a shadow ray was stored, `go_on` that the next ray was.
+void shade_general(uint path, out bool asks, out bool go_on) {
+    go_on = false;
+    const Ray ray = load_ray(ray_address(path));
+    const Surface surface = load_surface(path);
+    const PathState state = load_path(path);
+    if (HAS_CUTOUTS && HAS_TEXTURES) store_next_cone(path, surface.cone, 0.0);
+    if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path_place(path)] = vec4(0.0, 0.0, 0.0, 1.0);
+    if (HAS_LOCAL_LIGHTS) add_met_lights(path, ray, surface, state);
+
+    uint missing;
+    const Shading shading = make_shading(path, surface, missing);
+    if (HAS_EMISSION && max_component(shading.emission) > 0.0) {
+        add_radiance(path, admitted(state.throughput * shading.emission, ray.bounce > 0u));
+    }
+    const Bsdf bsdf = make_bsdf(surface.geometric_normal, shading.normal, shading.diffuse_color, ray.d);
+    const vec3 wo = -ray.d;
+    const vec3 normal = bsdf_normal(bsdf);
+    const Double3 origin = add(surface.position, surface.offset * normal);
+    const bool last = ray.bounce >= FRAME.max_bounces;
+    const uvec2 pixel = pixel_position(path_pixel(path));
+    const uint seed = pixel_seed(pixel.x, pixel.y, FRAME.seed);
+    const uint index = path_sample(path);
+    const uint link_set = prim_link_set(surface.prim_id);
+    const uint packed_normal = HAS_TRANSMISSION ? NO_INDEX : pack_normal(normal);
+
+    const Receiver receiver = Receiver(origin.hi, unpack_normal(packed_normal));
+    const vec4 u_light = sample_4d(index, 2u + 2u * ray.bounce, seed);
+    asks = store_ask(path, origin, ray.bounce, ask_light(bsdf, wo, origin, link_set, receiver, u_light, last), state.throughput);
+    if (last) return;
+
+    const vec4 u = sample_4d(index, 1u + 2u * ray.bounce, seed);
+    vec3 wi, weight;
+    float pdf;
+    if (!bsdf_sample(bsdf, wo, u, wi, weight, pdf)) return;
+    const vec3 throughput = state.throughput * weight;
+    const float largest = max_component(throughput);
+    const float survival = ray.bounce >= ROULETTE_FROM ? min(largest, ROULETTE_CAP) : 1.0;
+    go_on = largest > 0.0 && u.w < survival && is_finite(throughput);
+    if (!go_on) return;
+    store_path(path, PathState(throughput / survival, pdf));
+    if (HAS_TEXTURES) store_next_cone(path, surface.cone, pdf);
+    store_departure(path, packed_normal, link_set, diffuse_share(bsdf, wo, wi, pdf));
+    store_ray(ray_address(path), Ray(origin.hi, ray.bounce + 1u, wi, INFINITE, origin.lo, 0u));
+}
+
+#endif
