@@ -21,7 +21,9 @@ import numpy as np
 import pytest
 
 import small
+import test_arrivals
 import test_edits
+import test_textures
 from host import Host, HostDied, HostError
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -195,6 +197,24 @@ def edits(host) -> None:
         seen(view.render(), "prims back")
 
 
+def materials(host) -> None:
+    """Materials, subsets, links and lights of every kind with edits of them; good, damaged and missing textures."""
+    folder = host._folder
+    (folder / "a.1001.png").write_bytes(b"no image")
+    (folder / "arrivals.usda").write_text(test_arrivals.SCENE.replace("@TEXTURE@", "@./a.<UDIM>.png@", 1).replace("@TEXTURE@", "@./a.1001.png@"))
+    with host.open(folder / "arrivals.usda", SIZE, settings=QUICK) as view:
+        view.render()
+        for code in test_arrivals.EDITS:
+            view.edit(code)
+            view.render()
+    for name, kind in (("good.png", np.uint8), ("good.tif", np.uint8), ("good.exr", np.float16)):
+        test_textures.write(folder / name, test_textures.texels(kind))
+        seen(test_textures.picture(host, folder, f"./{name}"), name)
+    for name, make in test_textures.BAD.items():
+        make(folder / name)
+        seen(test_textures.picture(host, folder, f"./{name}"), name)
+
+
 def control(host) -> None:
     """Pause, resume, stop, restart, edits and resizes in the middle, engines side by side and destroyed while they render."""
     path = small.FOLDER / "glow.usda"
@@ -234,6 +254,7 @@ def test_a_session_without_a_report(watched, mode):
         scenes(host)
         watched.check_loaded(host)
         edits(host)
+        materials(host)
         control(host)
         errors(host)
         host.call("record", stage=str(small.FOLDER / "native.usda"), out=str(watched.folder / "recorded.exr"), width=SIZE[0])

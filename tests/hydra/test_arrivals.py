@@ -154,6 +154,20 @@ def told(log: str, path: str) -> str:
     return own[-1]
 
 
+# Edits of everything that the tests below look at; tests/asan makes them, too.
+EDITS = [
+    "stage.GetPrimAtPath('/World/Looks/Plain/Surface').GetAttribute('inputs:diffuseColor').Set(Gf.Vec3f(0, 0, 1))",
+    "stage.GetPrimAtPath('/World/Quad').GetRelationship('material:binding').SetTargets(['/World/Looks/Other'])",
+    "stage.GetPrimAtPath('/World/Rect').GetRelationship('collection:lightLink:includes').SetTargets(['/World/Cube'])",
+    "stage.GetPrimAtPath('/World/Disk').GetAttribute('inputs:radius').Set(4.0)",
+    "UsdGeom.PrimvarsAPI(stage.GetPrimAtPath('/World/Quad')).CreatePrimvar('more', Sdf.ValueTypeNames.Float).Set(1.0)",
+    "stage.GetPrimAtPath('/World/Quad/Right').GetAttribute('indices').Set(Vt.IntArray([0, 1]))",
+    "stage.RemovePrim('/World/Quad/Right')",
+    "stage.RemovePrim('/World/Rect')",
+    "stage.RemovePrim('/World/Looks/Textured')",
+]
+
+
 class Arrival:
     """The scene in a live view, and what has been said of it."""
 
