@@ -54,8 +54,8 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     if (HAS_EMISSION && max_component(shading.emission) > 0.0) {
         add_radiance(path, admitted(state.throughput * shading.emission, ray.bounce > 0u));
     }
-    const Bsdf bsdf = make_bsdf(surface.geometric_normal, shading.normal, shading.diffuse_color, ray.d);
     const vec3 wo = -ray.d;
+    const Bsdf bsdf = make_bsdf(shading, wo);
     const vec3 normal = bsdf_normal(bsdf);
     const Double3 origin = add(surface.position, surface.offset * normal);
     const bool last = ray.bounce >= FRAME.max_bounces;
@@ -82,7 +82,10 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     store_path(path, PathState(throughput / survival, pdf));
     if (HAS_TEXTURES) store_next_cone(path, surface.cone, pdf);
     store_departure(path, packed_normal, link_set, diffuse_share(bsdf, wo, wi, pdf));
-    store_ray(ray_address(path), Ray(origin.hi, ray.bounce + 1u, wi, INFINITE, origin.lo, 0u));
+    // What goes through leaves on the other side.
+    const bool through = HAS_TRANSMISSION && dot(wi, normal) < 0.0;
+    const Double3 from = through ? add(surface.position, -surface.offset * normal) : origin;
+    store_ray(ray_address(path), Ray(from.hi, ray.bounce + 1u, wi, INFINITE, from.lo, 0u));
 }
 
 #endif

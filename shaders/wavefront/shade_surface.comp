@@ -12,7 +12,7 @@
 #include "include/sampler.glsl"
 #include "include/path_surface.glsl"
 #include "include/material.glsl"
-#include "include/bsdf_lambert.glsl"
+#include "include/bsdf.glsl"
 #include "include/light_sample.glsl"
 
 const uint ROULETTE_FROM = 3u;

@@ -8,6 +8,7 @@ use cxx::UniquePtr;
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::{TexelFormat, Wrap};
 use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
+use oocpt_render::{LightFiles, LightPicture};
 use std::fmt;
 use std::sync::Arc;
 
@@ -36,8 +37,7 @@ impl HostImages {
     }
 
     /// The bytes of a file of at most `limit` bytes.
-    #[allow(dead_code, reason = "the renderer does not ask for light profiles yet")]
-    pub(crate) fn bytes(&self, asset: &AssetRef, limit: u64) -> Result<Vec<u8>, ImageError> {
+    pub(crate) fn file(&self, asset: &AssetRef, limit: u64) -> Result<Vec<u8>, ImageError> {
         found(asset)?;
         self.source()?.read_file(&asset.resolved, limit).map_err(|reason| error(reason.what()))
     }
@@ -87,6 +87,17 @@ impl ImageLibrary for HostImages {
     fn open_part(&self, set: &AssetRef, number: u32) -> Option<Result<Arc<dyn Image>, ImageError>> {
         let part = self.part(set, number)?;
         Some(self.open(&part).map_err(|reason| error(format!("{}: {reason}", part.authored))))
+    }
+}
+
+impl LightFiles for HostImages {
+    fn picture(&self, asset: &AssetRef) -> Result<LightPicture, String> {
+        let image = self.open(asset).map_err(|reason| reason.to_string())?;
+        LightPicture::of_image(&*image).map_err(|reason| reason.to_string())
+    }
+
+    fn bytes(&self, asset: &AssetRef, limit: u64) -> Result<Vec<u8>, String> {
+        self.file(asset, limit).map_err(|reason| reason.to_string())
     }
 }
 
@@ -208,6 +219,6 @@ mod tests {
         let text = images.open(&lost).expect_err("not there").to_string();
         assert_eq!(text, "cannot be found", "an unresolved path");
         assert!(images.udim_tiles(&lost).is_empty(), "no members");
-        assert!(images.bytes(&lost, 1).is_err(), "no bytes");
+        assert!(images.file(&lost, 1).is_err(), "no bytes");
     }
 }

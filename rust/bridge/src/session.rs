@@ -12,6 +12,7 @@ use crate::{ffi, light, logging, material, stats};
 use cxx::UniquePtr;
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::SceneDb;
+use oocpt_render::textures::ImageLibrary;
 use oocpt_render::{AovKind, AovRequest, RenderRequest, SessionOptions, Severity};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -47,8 +48,10 @@ pub(crate) fn open_session(images: UniquePtr<ffi::ImageSource>) -> Result<Box<Se
     guard("open_session", || {
         logging::install();
         let (layers, warnings) = Layers::new(environment);
+        let files = Arc::new(HostImages::new(images));
         let inner = oocpt_render::Session::with_options(layers.settings(), options(environment))
-            .with_images(Arc::new(HostImages::new(images)));
+            .with_images(Arc::clone(&files) as Arc<dyn ImageLibrary>);
+        inner.set_light_files(files);
         Ok(Box::new(Session { inner, layers: Mutex::new(layers), warnings: Mutex::new(warnings) }))
     })
 }

@@ -20,6 +20,7 @@ use crate::wavefront::{Passes, PathBuffers, PathNeeds};
 use crate::waves::{self, Frames};
 use bytemuck::Zeroable;
 use oocpt_core::camera::CameraRays;
+use oocpt_core::scene::SceneFeatures;
 use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{Frame, FrameFlags, path_bytes};
 use std::sync::Arc;
@@ -102,8 +103,9 @@ impl Renderer {
         let scene_lights = if job.settings.enable_scene_lights { job.snapshot.lights.as_slice() } else { &[] };
         let dome_visible = job.settings.dome_light_camera_visible;
         let files = &*job.files;
+        let has_materials = job.snapshot.features.contains(SceneFeatures::MATERIALS);
         let (lights, warnings) =
-            LightTable::new(&job.snapshot, scene_lights, dome_visible, false, files, &mut self.light_files);
+            LightTable::new(&job.snapshot, scene_lights, dome_visible, has_materials, files, &mut self.light_files);
         for warning in warnings {
             gate.shared().report(Severity::Warning, warning);
         }

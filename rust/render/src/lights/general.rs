@@ -47,6 +47,13 @@ pub(crate) struct GeneralLights {
     profile_words: FxHashMap<AssetRef, (u32, f64)>,
 }
 
+/// What reading files takes and leaves.
+struct Reading<'a> {
+    files: &'a dyn LightFiles,
+    cache: &'a mut FileCache,
+    warnings: Vec<String>,
+}
+
 impl GeneralLights {
     /// The table, and warnings about what could not be read.
     pub(crate) fn new(
@@ -57,12 +64,12 @@ impl GeneralLights {
         cache: &mut FileCache,
     ) -> (Self, Vec<String>) {
         let mut table = Self::default();
-        let mut warnings = Vec::new();
+        let mut reading = Reading { files, cache, warnings: Vec::new() };
         let origin = snapshot.origin.to_array();
         let mut powers = Vec::new();
         for light in lights {
             match &light.emitter {
-                Emitter::Local(local) => table.add_local(light, local, origin, files, cache, &mut warnings),
+                Emitter::Local(local) => table.add_local(light, local, origin, &mut reading),
                 Emitter::Distant { direction, one_minus_cos } => {
                     let solid_angle = TAU * f64::from(*one_minus_cos);
                     powers.push(luminance(light.radiance) * if *one_minus_cos > 0.0 { solid_angle } else { 1.0 });
@@ -73,12 +80,12 @@ impl GeneralLights {
                     });
                 }
                 Emitter::Dome { texture } => {
-                    let mean = table.add_dome(light, texture.as_ref(), camera_visible, files, cache, &mut warnings);
+                    let mean = table.add_dome(light, texture.as_ref(), camera_visible, &mut reading);
                     powers.push(luminance(light.radiance) * PI * mean);
                 }
             }
         }
-        table.forget_large_links(&mut warnings);
+        table.forget_large_links(&mut reading.warnings);
         table.choose(&powers);
         let total: f64 = table.bounds.iter().map(|b| b.power).sum();
         let (even, is_usable) = (1.0 / count(table.bounds.len()), total > 0.0 && total.is_finite());
@@ -98,10 +105,10 @@ impl GeneralLights {
             table.prim_sets = surfaces.prims.iter().map(|prim| prim.category_set).collect();
         }
         table.features = table.find_features().bits();
-        cache.forget_unused();
-        warnings.sort();
-        warnings.dedup();
-        (table, warnings)
+        reading.cache.forget_unused();
+        reading.warnings.sort();
+        reading.warnings.dedup();
+        (table, reading.warnings)
     }
 
     fn find_features(&self) -> Features {
@@ -118,44 +125,37 @@ impl GeneralLights {
         features
     }
 
-    fn add_local(
-        &mut self,
-        light: &Light,
-        local: &LocalLight,
-        origin: [f64; 3],
-        files: &dyn LightFiles,
-        cache: &mut FileCache,
-        warnings: &mut Vec<String>,
-    ) {
+    fn add_local(&mut self, light: &Light, local: &LocalLight, origin: [f64; 3], reading: &mut Reading<'_>) {
         let Some(mut gpu) = local::encode(light, local, origin).filter(|_| self.locals.len() < tree::MAX_LIGHTS) else {
-            warnings
+            reading
+                .warnings
                 .push(format!("{}: the light is too small, too large or one too many, and is left out", light.path));
             return;
         };
         let mut brightness = 1.0;
         if let Some(asset) = &local.texture {
-            match cache.picture(asset, false, files) {
+            match reading.cache.picture(asset, false, reading.files) {
                 Ok(picture) => {
                     brightness *= picture.mean.max(1e-3);
                     gpu.map = self.map(picture, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
                 }
-                Err(error) => {
-                    warnings.push(format!("{}: the texture {} is left out: {error}", light.path, asset.authored))
-                }
+                Err(error) => reading
+                    .warnings
+                    .push(format!("{}: the texture {} is left out: {error}", light.path, asset.authored)),
             }
         }
         if let Some(shaping) = &local.shaping {
             let mut ies = None;
             if let Some(asset) = &shaping.ies {
-                match self.profile(asset, files, cache) {
+                match self.profile(asset, reading) {
                     Ok((word, power)) => {
                         let scale = if shaping.ies_normalize && power > 0.0 { 1.0 / power } else { 1.0 };
                         brightness *= (power * scale / (4.0 * PI)).max(1e-6);
                         ies = Some((word, narrow(scale)));
                     }
-                    Err(error) => {
-                        warnings.push(format!("{}: the profile {} is left out: {error}", light.path, asset.authored))
-                    }
+                    Err(error) => reading
+                        .warnings
+                        .push(format!("{}: the profile {} is left out: {error}", light.path, asset.authored)),
                 }
             }
             // Shapings are fewer than lights.
@@ -172,20 +172,18 @@ impl GeneralLights {
         light: &Light,
         texture: Option<&DomeTexture>,
         camera_visible: bool,
-        files: &dyn LightFiles,
-        cache: &mut FileCache,
-        warnings: &mut Vec<String>,
+        reading: &mut Reading<'_>,
     ) -> f64 {
         let mut gpu = infinite(light, GpuLightKind::Dome);
         let mut mean = 1.0;
         if let Some(texture) = texture {
             if texture.is_other_format {
-                warnings.push(format!(
+                reading.warnings.push(format!(
                     "{}: the layout of the dome's texture is read as latlong; others are not supported",
                     light.path
                 ));
             }
-            match cache.picture(&texture.asset, true, files) {
+            match reading.cache.picture(&texture.asset, true, reading.files) {
                 Ok(picture) => {
                     mean = picture.mean;
                     gpu = infinite(light, GpuLightKind::DomeMap);
@@ -193,7 +191,7 @@ impl GeneralLights {
                 }
                 Err(error) => {
                     let file = &texture.asset.authored;
-                    warnings.push(format!(
+                    reading.warnings.push(format!(
                         "{}: the texture {file} is left out, the dome has its constant colour: {error}",
                         light.path
                     ));
@@ -218,16 +216,11 @@ impl GeneralLights {
     }
 
     /// Word of a profile, and its power.
-    fn profile(
-        &mut self,
-        asset: &AssetRef,
-        files: &dyn LightFiles,
-        cache: &mut FileCache,
-    ) -> Result<(u32, f64), String> {
+    fn profile(&mut self, asset: &AssetRef, reading: &mut Reading<'_>) -> Result<(u32, f64), String> {
         if let Some(&known) = self.profile_words.get(asset) {
             return Ok(known);
         }
-        let profile: Arc<IesProfile> = cache.profile(asset, files)?;
+        let profile: Arc<IesProfile> = reading.cache.profile(asset, reading.files)?;
         let word = u32::try_from(self.profiles.len()).map_err(|error| error.to_string())?;
         let length = |list: &[f32]| u32::try_from(list.len()).unwrap_or_default();
         self.profiles.extend([length(&profile.vertical), length(&profile.horizontal)]);

@@ -12,6 +12,7 @@ mod general;
 mod local;
 mod picture;
 mod plain;
+mod read;
 #[cfg(test)]
 mod tests;
 mod tree;

@@ -123,7 +123,12 @@ mod probe {
             let transform = glam::DMat4::from_scale_rotation_translation(scale, turn, at);
             let prim = PrimDesc { path: format!("/light_{i}").into(), transform, ..PrimDesc::default() };
             let kind = kinds[i as usize % kinds.len()].clone();
-            LightDesc { prim, kind, intensity: 1.0 + scattered(i, 5).x.powi(4) as f32 * 100.0, ..LightDesc::default() }
+            LightDesc {
+                prim,
+                kind,
+                intensity: 1.0 + crate::lights::narrow(scattered(i, 5).x.powi(4)) * 100.0,
+                ..LightDesc::default()
+            }
         };
         (0..count).map(light).collect()
     }
@@ -133,10 +138,19 @@ mod probe {
             let at = (scattered(i, 11) - 0.5) * 14.0;
             let d = (scattered(i, 13) - 0.5).normalize_or(glam::DVec3::Y);
             // A third of them sees light from all sides.
-            let d = if i % 3 == 0 { glam::DVec3::ZERO } else { d };
+            let d = if i.is_multiple_of(3) { glam::DVec3::ZERO } else { d };
             Ray { o: at.as_vec3().to_array(), d: d.as_vec3().to_array(), ..Ray::zeroed() }
         };
         (0..RECEIVERS).map(receiver).collect()
+    }
+
+    /// Whether some light that shines to all sides has its middle above the receiver's horizon.
+    fn is_lit(receiver: &Ray, count: u32) -> bool {
+        let (at, normal) = (glam::Vec3::from(receiver.o).as_dvec3(), glam::Vec3::from(receiver.d).as_dvec3());
+        lights(count)
+            .iter()
+            .filter(|light| matches!(light.kind, LightKind::Sphere { .. } | LightKind::Cylinder { .. }))
+            .any(|light| normal == glam::DVec3::ZERO || normal.dot(light.prim.transform.w_axis.truncate() - at) > 0.0)
     }
 
     /// The results of the probe for `count` lights, both modes.
@@ -177,10 +191,10 @@ mod probe {
     fn probabilities_add_up_and_rays_see_what_was_chosen() {
         for count in [1, 2, 100, 5000] {
             let [sums, samples] = probed(count);
-            let (mut dark, mut met) = (0, 0);
+            let mut met = 0;
             let mut wasted = 0.0;
-            for [sum, nowhere, ..] in sums {
-                dark += usize::from(sum <= 0.0);
+            for (receiver, [sum, nowhere, ..]) in receivers().iter().zip(sums) {
+                assert!(sum > 0.0 || !is_lit(receiver, count), "{count} lights: {receiver:?} is left in the dark");
                 wasted += f64::from(nowhere) / f64::from(RECEIVERS);
                 assert!(
                     (sum + nowhere - 1.0).abs() < 1e-4,
@@ -188,8 +202,7 @@ mod probe {
                 );
             }
             assert!(count < 100 || wasted < 0.2, "{count} lights: {wasted} of the choices end at nothing");
-            assert!(count < 100 || dark == 0, "{dark} receivers among {count} lights have none");
-            let mut lost = 0;
+            let (mut lost, mut apart) = (0, Vec::new());
             for [chosen, seen, light, ratio] in samples {
                 if light <= 0.0 {
                     continue;
@@ -201,8 +214,20 @@ mod probe {
                     continue;
                 }
                 assert_eq!(chosen.to_bits(), seen.to_bits(), "{count} lights: light {light}");
-                assert!((ratio - 1.0).abs() < 1e-2, "{count} lights: densities differ by {ratio}");
+                apart.push((ratio - 1.0).abs());
             }
+            // At a silhouette the ray to a sampled point may meet the shape a little before it, where the cosine, near 0 in both
+            // places, is another: there, and only there, the two densities may be apart by any factor. (Measured: all within 5e-4
+            // but for the last per cent; the worst of 3586 is 4.2.)
+            apart.sort_by(f32::total_cmp);
+            let typical = apart[apart.len() * 99 / 100];
+            assert!(typical < 1e-3, "{count} lights: densities differ by {typical} at one sample of a hundred");
+            let far = apart.iter().filter(|&&difference| difference > 1e-2).count();
+            assert!(
+                far * 300 <= apart.len(),
+                "{count} lights: densities of {far} of {} samples are apart",
+                apart.len()
+            );
             assert!(met > 500, "{count} lights: {met} samples are too few to test anything");
             assert!(lost * 200 <= met, "{count} lights: {lost} of {met} samples were not met by their own ray");
         }

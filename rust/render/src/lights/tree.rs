@@ -47,7 +47,7 @@ fn cone_union(a: ([f64; 3], f64), b: ([f64; 3], f64)) -> ([f64; 3], f64) {
     let turn = spread - a.1;
     let aside = [0, 1, 2].map(|k| b.0[k] - a.0[k] * between.cos());
     let length = dot(aside, aside).sqrt();
-    if !(length > 1e-12) {
+    if length.is_nan() || length <= 1e-12 {
         return (a.0, PI);
     }
     let axis = [0, 1, 2].map(|k| a.0[k] * turn.cos() + aside[k] / length * turn.sin());
@@ -178,17 +178,19 @@ impl Builder<'_> {
         let extent = [0, 1, 2].map(|k| high[k] - low[k]);
         let widest = (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap_or(0);
         let half = order.len() / 2;
-        if order.len() > 2 && depth < HEURISTIC_DEPTH && extent[widest] > 0.0 {
-            if let Some((k, bin)) = self.best(order, &low, &extent) {
-                let is_left = |i: &u32| self.light(*i).is_some_and(|l| bin_of(l.center(k), low[k], extent[k]) <= bin);
-                let mut left: Vec<u32> = Vec::with_capacity(order.len());
-                left.extend(order.iter().filter(|i| is_left(i)));
-                let middle = left.len();
-                left.extend(order.iter().filter(|i| !is_left(i)));
-                order.copy_from_slice(&left);
-                if middle > 0 && middle < order.len() {
-                    return middle;
-                }
+        if order.len() > 2
+            && depth < HEURISTIC_DEPTH
+            && extent[widest] > 0.0
+            && let Some((k, bin)) = self.best(order, &low, &extent)
+        {
+            let is_left = |i: &u32| self.light(*i).is_some_and(|l| bin_of(l.center(k), low[k], extent[k]) <= bin);
+            let mut left: Vec<u32> = Vec::with_capacity(order.len());
+            left.extend(order.iter().filter(|i| is_left(i)));
+            let middle = left.len();
+            left.extend(order.iter().filter(|i| !is_left(i)));
+            order.copy_from_slice(&left);
+            if middle > 0 && middle < order.len() {
+                return middle;
             }
         }
         let center = |i: u32| self.light(i).map_or(0.0, |l| l.center(widest));

@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The hard budget by the driver's own account. A process of its own: the driver counts all that the process holds.
 
+#[path = "../gpu/lights/files.rs"]
+mod light_files;
+mod lights {
+    pub(crate) use super::light_files::TestFiles;
+}
 #[path = "../gpu/scenes.rs"]
 #[allow(dead_code, reason = "shared with the other tests, which use all of it")]
 mod scenes;

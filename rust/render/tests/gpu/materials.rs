@@ -179,11 +179,12 @@ fn emission_lights_other_surfaces() {
     // An emissive board of radiance 2 that fills the hemisphere of a small patch facing it: albedo * 2.
     let (session, request) = shown(
         |db| {
-            db.upsert_material(plain(
-                "/glow",
-                &[("emissiveColor", color([2.0; 3])), ("diffuseColor", color([0.0; 3]))],
-            ));
-            db.upsert_material(plain("/grey", &[("diffuseColor", color([0.5; 3]))]));
+            // No specular lobe: what it would reflect is not in the sum.
+            let dull = [("useSpecularWorkflow", ParamValue::Int(1)), ("specularColor", color([0.0; 3]))];
+            let with = |params: &[(&'static str, ParamValue)]| [&dull[..], params].concat();
+            let glow = [("emissiveColor", color([2.0; 3])), ("diffuseColor", color([0.0; 3]))];
+            db.upsert_material(plain("/glow", &with(&glow)));
+            db.upsert_material(plain("/grey", &with(&[("diffuseColor", color([0.5; 3]))])));
             let mut ceiling = board("/ceiling", 1, "/glow");
             ceiling.prim.transform = DMat4::from_scale_rotation_translation(
                 DVec3::new(4000.0, 4000.0, 1.0),

@@ -13,7 +13,7 @@ fn dome(name: &str, transform: DMat4) -> LightDesc {
     light(LightKind::Dome { texture: Some(TestFiles::asset(name)), format: DomeFormat::Latlong }, transform)
 }
 
-/// Direction of the middle of texel (x, y) of 64 x 32 as OpenEXR has it: +z in the middle, +x a quarter from the left, +y up.
+/// Direction of the middle of texel (x, y) of 64 x 32 as `OpenEXR` has it: +z in the middle, +x a quarter from the left, +y up.
 fn direction(x: u32, y: u32) -> DVec3 {
     let longitude = (0.5 - (f64::from(x) + 0.5) / 64.0) * TAU;
     let latitude = (0.5 - (f64::from(y) + 0.5) / 32.0) * PI;

@@ -47,7 +47,7 @@ fn the_tree_agrees_with_the_sum_over_all_lights() {
 fn a_hundred_thousand_instanced_lights_agree_with_their_sum() {
     const COUNT: u32 = 100_000;
     let radius = 0.01;
-    let down = |i: u32| i % 2 == 0;
+    let down = |i: u32| i.is_multiple_of(2);
     let sum: f64 = (0..COUNT)
         .filter(|&i| down(i))
         .map(|i| {
