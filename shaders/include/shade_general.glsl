@@ -67,7 +67,13 @@ void shade_general(uint path, out bool asks, out bool go_on) {
 
     const Receiver receiver = Receiver(origin.hi, unpack_normal(packed_normal));
     const vec4 u_light = sample_4d(index, 2u + 2u * ray.bounce, seed);
-    asks = store_ask(path, origin, ray.bounce, ask_light(bsdf, wo, origin, link_set, receiver, u_light, last), state.throughput);
+    // What goes through leaves on the other side.
+    const Double3 beyond = HAS_TRANSMISSION ? add(surface.position, -surface.offset * normal) : origin;
+    const Ask ask = ask_light(bsdf, wo, origin, link_set, receiver, u_light, last);
+    const bool asks_beyond = HAS_TRANSMISSION && dot(ask.direction, normal) < 0.0;
+    Double3 ask_from = origin;
+    if (asks_beyond) ask_from = beyond;
+    asks = store_ask(path, ask_from, ray.bounce, ask, state.throughput);
     if (last) return;
 
     const vec4 u = sample_4d(index, 1u + 2u * ray.bounce, seed);
@@ -82,9 +88,9 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     store_path(path, PathState(throughput / survival, pdf));
     if (HAS_TEXTURES) store_next_cone(path, surface.cone, pdf);
     store_departure(path, packed_normal, link_set, diffuse_share(bsdf, wo, wi, pdf));
-    // What goes through leaves on the other side.
-    const bool through = HAS_TRANSMISSION && dot(wi, normal) < 0.0;
-    const Double3 from = through ? add(surface.position, -surface.offset * normal) : origin;
+    const bool goes_beyond = HAS_TRANSMISSION && dot(wi, normal) < 0.0;
+    Double3 from = origin;
+    if (goes_beyond) from = beyond;
     store_ray(ray_address(path), Ray(from.hi, ray.bounce + 1u, wi, INFINITE, from.lo, 0u));
 }
 

@@ -9,7 +9,7 @@ import features
 import numpy as np
 import pytest
 
-SCENES = ["reference_bounces"]
+SCENES = ["reference_bounces", "reference_glass"]
 """Of feature_references.SCENES."""
 
 MODEL = {"reference_metal": 8e-3}

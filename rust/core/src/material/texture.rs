@@ -5,7 +5,7 @@ use super::compile::Compiler;
 use super::params::{Shape, asset, connection, numbers, param, text};
 use super::reader::READER;
 use super::{ColorSpace, Input, TextureRef, Wrap};
-use crate::scene::NodeDesc;
+use crate::scene::{NodeDesc, ParamValue};
 
 /// Most `UsdTransform2d` in a row.
 const MAX_TRANSFORMS: usize = 16;
@@ -38,6 +38,9 @@ impl<'a> Compiler<'a> {
         let picked = |v: [f32; 4]| channel.and_then(|c| v.get(usize::from(c))).map_or(v, |v| [*v; 4]);
         let Some(asset) = asset(node, "file", &mut self.problems).filter(|a| !a.resolved.is_empty()) else {
             match param(node, "file") {
+                Some(ParamValue::Asset(asset)) => {
+                    self.problems.add(format!("the texture {} of {} was not found", asset.authored, node.path));
+                }
                 Some(_) => self.problems.add(format!("the texture of {} was not found", node.path)),
                 None => self.problems.add(format!("{} has no file", node.path)),
             }

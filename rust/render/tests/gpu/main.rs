@@ -10,6 +10,7 @@ mod determinism;
 mod edits;
 mod failures;
 mod furnace;
+mod glass;
 mod lights;
 mod materials;
 mod passes;

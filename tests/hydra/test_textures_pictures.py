@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files of textures through a whole render: what is in the file is on the surface, in both front ends; what is wrong with a file is said once.
+
+The albedo output of a square that fills an orthographic view has one texel of the texture in each pixel's middle, so it is the file.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import OpenEXR
+import pytest
+from PIL import Image
+from pxr import UsdUtils
+
+SIZE = (8, 8)
+QUICK = {"oocpt:samplesPerPixel": 4, "oocpt:maxBounces": 1}
+FALLBACK = (1.0, 0.0, 1.0)
+STAGE = """#usda 1.0
+def Xform "World"
+{
+    def Camera "Camera"
+    {
+        token projection = "orthographic"
+        float horizontalAperture = 20
+        float verticalAperture = 20
+        double3 xformOp:translate = (0, 0, 10)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+    def Mesh "Square" ( prepend apiSchemas = ["MaterialBindingAPI"] )
+    {
+        int[] faceVertexCounts = [4]
+        int[] faceVertexIndices = [0, 1, 2, 3]
+        point3f[] points = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
+        texCoord2f[] primvars:st = [(0, 0), (EXTENT, 0), (EXTENT, EXTENT), (0, EXTENT)] ( interpolation = "vertex" )
+        uniform token subdivisionScheme = "none"
+        rel material:binding = </World/Material>
+    }
+    def DomeLight "Dome" { float inputs:intensity = 1; }
+    def Material "Material"
+    {
+        token outputs:surface.connect = </World/Material/Surface.outputs:surface>
+        def Shader "Surface"
+        {
+            uniform token info:id = "UsdPreviewSurface"
+            color3f inputs:diffuseColor.connect = </World/Material/Texture.outputs:rgb>
+            float inputs:roughness = 1
+            token outputs:surface
+        }
+        def Shader "Texture"
+        {
+            uniform token info:id = "UsdUVTexture"
+            asset inputs:file = @FILE@
+            token inputs:sourceColorSpace = "raw"
+            token inputs:wrapS = "clamp"
+            token inputs:wrapT = "clamp"
+            float4 inputs:fallback = (1, 0, 1, 1)
+            float2 inputs:st.connect = </World/Material/Reader.outputs:result>
+            float3 outputs:rgb
+        }
+        def Shader "Reader"
+        {
+            uniform token info:id = "UsdPrimvarReader_float2"
+            string inputs:varname = "st"
+            float2 outputs:result
+        }
+    }
+}
+"""
+
+
+def texels(kind) -> np.ndarray:
+    random = np.random.default_rng(11).random((SIZE[1], SIZE[0], 3))
+    return (random * 255).astype(np.uint8) if kind == np.uint8 else random.astype(kind)
+
+
+def write(path, array) -> None:
+    if path.suffix == ".exr":
+        OpenEXR.File({"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}, {name: np.ascontiguousarray(array[:, :, i]) for i, name in enumerate("RGB")}).write(str(path))
+    else:
+        Image.fromarray(array).save(path)
+
+
+def picture(host, folder, file, extent=1):
+    (folder / "scene.usda").write_text(STAGE.replace("FILE", str(file)).replace("EXTENT", str(extent)))
+    return host.picture(folder / "scene.usda", SIZE, aovs=["color", "albedo"], settings=QUICK)
+
+
+def is_file(picture, array) -> None:
+    expected = array[::-1] / 255.0 if array.dtype == np.uint8 else array[::-1].astype(np.float64)
+    np.testing.assert_allclose(picture["albedo"], expected, atol=2e-3)
+
+
+@pytest.mark.parametrize("name, kind", [("a.png", np.uint8), ("a.tif", np.uint8), ("a.exr", np.float16), ("b.exr", np.float32)])
+def test_the_file_is_on_the_surface(host, tmp_path, name, kind):
+    write(tmp_path / name, texels(kind))
+    shown = picture(host, tmp_path, f"./{name}")
+    is_file(shown, texels(kind))
+    assert "Material" not in shown.log, shown.log
+
+
+def test_a_texture_in_a_package(host, tmp_path):
+    write(tmp_path / "inside.png", texels(np.uint8))
+    (tmp_path / "scene.usda").write_text(STAGE.replace("FILE", "./inside.png").replace("EXTENT", "1"))
+    assert UsdUtils.CreateNewUsdzPackage(str(tmp_path / "scene.usda"), str(tmp_path / "scene.usdz"))
+    (tmp_path / "inside.png").unlink()
+    is_file(host.picture(tmp_path / "scene.usdz", SIZE, aovs=["color", "albedo"], settings=QUICK), texels(np.uint8))
+
+
+def test_tiles_by_number(host, tmp_path):
+    """Three of the four tiles that the square reaches are there; the fourth has the fallback."""
+    colors = {1001: (255, 0, 0), 1002: (0, 255, 0), 1011: (0, 0, 255)}
+    for number, color in colors.items():
+        write(tmp_path / f"t.{number}.png", np.full((4, 4, 3), color, np.uint8))
+    albedo = picture(host, tmp_path, "./t.<UDIM>.png", extent=2)["albedo"]
+    for (row, column), color in {(0, 0): (1, 0, 0), (0, 1): (0, 1, 0), (1, 0): (0, 0, 1), (1, 1): FALLBACK}.items():
+        quarter = albedo[4 * row : 4 * row + 4, 4 * column : 4 * column + 4]
+        np.testing.assert_allclose(quarter, np.broadcast_to(color, quarter.shape), atol=1e-3)
+
+
+def cut(path) -> None:
+    write(path, texels(np.uint8 if path.suffix == ".png" else np.float32))
+    path.write_bytes(path.read_bytes()[:70])
+
+
+BAD = {
+    "absent.png": lambda path: None,
+    "empty.png": lambda path: path.write_bytes(b""),
+    "folder.png": lambda path: path.mkdir(),
+    "text.exr": lambda path: path.write_text("This is no image.\n" * 40),
+    "cut.png": cut,
+    "cut.exr": cut,
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_file_is_one_warning_and_the_fallback(host, tmp_path, name):
+    BAD[name](tmp_path / name)
+    shown = picture(host, tmp_path, f"./{name}")
+    lines = [line for line in shown.log.splitlines() if name in line or "/World/Material" in line]
+    assert len(lines) == 1, "one line:\n" + shown.log
+    assert name in lines[0] or "/World/Material" in lines[0], "it names the file or the prim: " + lines[0]
+    np.testing.assert_allclose(shown["albedo"], np.broadcast_to(FALLBACK, shown["albedo"].shape), atol=1e-3)
+    write(tmp_path / "good.png", texels(np.uint8))
+    is_file(picture(host, tmp_path, "./good.png"), texels(np.uint8))
