@@ -81,7 +81,7 @@ pub enum Input {
     Constant([f32; 4]),
     /// `texel(transform * uv) * scale + bias`, then all of it or one channel in all components.
     Texture {
-        /// Index into [`crate::Snapshot::textures`]; of [`Compiled::textures`] before a commit.
+        /// Index into [`crate::SurfaceTables::textures`]; of [`Compiled::textures`] before a commit.
         texture: u32,
         /// The channel; `None`: all.
         channel: Option<u8>,

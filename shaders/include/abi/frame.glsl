@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a frame and its passes are given, and what streaming keeps of paths. A part of abi.glsl.
+#ifndef OOCPT_ABI_FRAME_GLSL
+#define OOCPT_ABI_FRAME_GLSL
+
+struct Push {
+    uint64_t frame;
+    uint first_pixel;
+    uint first_sample;
+    uint path_count;
+    uint round;
+    uint arg0;
+    uint flags;
+};
+
+struct AovTargets {
+    uint64_t depth;
+    uint64_t camera_depth;
+    uint64_t prim_id;
+    uint64_t instance_id;
+    uint64_t element_id;
+    uint64_t normal;
+    uint64_t neye;
+    uint64_t albedo;
+};
+
+struct AovClear {
+    float depth;
+    float camera_depth;
+    int prim_id;
+    int instance_id;
+    int element_id;
+    vec3 normal;
+    vec3 neye;
+    vec3 albedo;
+};
+
+struct Frame {
+    uint64_t top_nodes;
+    uint64_t chunk_instances;
+    uint64_t chunks;
+    uint64_t assemblies;
+    uint64_t meshes;
+    uint64_t lights;
+    uint64_t rays;
+    uint64_t shadow_rays;
+    uint64_t hits;
+    uint64_t paths;
+    uint64_t radiance;
+    uint64_t ray_queue[2];
+    uint64_t shadow_queue;
+    uint64_t surface_queue;
+    uint64_t escaped_queue;
+    uint64_t streaming;
+    uint64_t counters;
+    uint64_t film;
+    uint64_t color;
+    AovTargets aov;
+    AovClear aov_clear;
+    vec4 clear_color;
+    vec3 ray_o;
+    vec3 ray_o_lo;
+    vec3 ray_o_x;
+    vec3 ray_o_y;
+    vec3 ray_d;
+    vec3 ray_d_x;
+    vec3 ray_d_y;
+    vec3 lens_u;
+    vec3 lens_v;
+    float focus;
+    vec4 clip_z;
+    vec4 clip_w;
+    vec4 view[3];
+    vec3 view_normal[3];
+    vec3 dome_radiance;
+    vec3 dome_background;
+    float dome_select;
+    vec3 default_albedo;
+    float clamp;
+    uint width;
+    uint height;
+    uint seed;
+    uint max_bounces;
+    uint light_count;
+    uint flags;
+    uint64_t materials;
+    uint64_t prims;
+    uint64_t material_slots;
+    uint64_t textures;
+    uint64_t texture_pages;
+    uint64_t cones;
+    uint64_t bsdf_tables;
+    uint64_t lighting;
+    uint64_t light_paths;
+};
+
+struct Streaming {
+    uint64_t segments;
+    uint64_t progress;
+    uint64_t pending;
+    uint64_t shadow_pending;
+    uint64_t surfaces;
+    uint64_t deferred[2];
+    uint64_t demand;
+    uint64_t sort_counts;
+    uint64_t sort_sums;
+    uint64_t chunk_rays;
+    uint64_t places;
+    uint64_t free_slots;
+    uint64_t surface_materials;
+    uint64_t questions;
+    uint64_t shadow_questions;
+    uint64_t resolve_queue;
+    uint64_t resolved;
+    uint64_t resolve_progress;
+    uint segment_size;
+    uint chunk_count;
+    uint slots;
+    uint unit_count;
+    uint lookups;
+    uint pad;
+};
+
+struct Segment {
+    uint first_pixel;
+    uint first_sample;
+    uint count;
+    uint alive;
+};
+
+struct Pending {
+    float entry[4];
+    uint chunk_instance[4];
+};
+
+struct Question {
+    float t;
+    uint id;
+    uint chunk_instance;
+    uint flags;
+    vec4 mean;
+    uint texture;
+    vec2 st;
+    float footprint;
+    float scale;
+    float bias;
+    float limit;
+    uint unit;
+};
+
+struct GpuSurface {
+    vec3 position;
+    float offset;
+    vec3 position_lo;
+    int prim_id;
+    vec3 geometric_normal;
+    uint instance_id;
+    vec3 shading_normal;
+    uint face;
+    vec3 albedo;
+    float cone;
+};
+
+#endif

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rays, paths, counters, film; jobs of instance trees. A part of abi.glsl.
+#ifndef OOCPT_ABI_PATH_GLSL
+#define OOCPT_ABI_PATH_GLSL
+
+struct Ray {
+    vec3 o;
+    uint bounce;
+    vec3 d;
+    float t_max;
+    vec3 o_lo;
+    uint flags;
+};
+
+struct PathState {
+    vec3 throughput;
+    float pdf;
+};
+
+struct ShadowRay {
+    vec3 o;
+    uint bounce;
+    vec3 d;
+    float t_max;
+    vec3 o_lo;
+    uint flags;
+    vec3 contribution;
+    uint pad;
+};
+
+struct IndirectArgs {
+    uint x;
+    uint y;
+    uint z;
+};
+
+struct Counters {
+    uint64_t closest_rays;
+    uint64_t shadow_rays;
+    uint64_t chunk_visits;
+    uint64_t chunk_misses;
+    uint nonfinite;
+    uint stack_overflows;
+    uint ray_count[2];
+    uint surface_count;
+    uint escaped_count;
+    uint shadow_count;
+    uint deferred_parity;
+    uint deferred_count[2];
+    uint visits;
+    uint misses;
+    uint resumed_rays;
+    uint resumed_shadows;
+    uint ray_base;
+    uint shadow_base;
+    IndirectArgs ray_args;
+    IndirectArgs surface_args;
+    IndirectArgs escaped_args;
+    IndirectArgs shadow_args;
+    IndirectArgs deferred_args;
+    uint freed;
+    uint tile_misses;
+    uint resolve_count;
+    uint resolve_base;
+    IndirectArgs resolve_args;
+};
+
+struct FilmPixel {
+    vec4 sum;
+    vec4 compensation;
+    vec3 m2;
+    uint samples;
+};
+
+struct LbvhBounds {
+    vec3 min;
+    vec3 max;
+};
+
+struct LbvhPush {
+    uint64_t bounds;
+    uint64_t keys_in;
+    uint64_t keys_out;
+    uint64_t items_in;
+    uint64_t items_out;
+    uint64_t histogram;
+    uint64_t nodes;
+    uint64_t parents;
+    uint64_t visits;
+    uint64_t depth;
+    vec3 origin;
+    vec3 scale;
+    uint count;
+    uint shift;
+    uint groups;
+    uint pad;
+};
+
+#endif

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+// Scene data: trees, triangles, meshes, instances, materials, textures, chunks, distant lights. A part of abi.glsl.
+#ifndef OOCPT_ABI_SCENE_GLSL
+#define OOCPT_ABI_SCENE_GLSL
+
+struct GpuNode {
+    vec3 min[2];
+    vec3 max[2];
+    uint child[2];
+    uint count[2];
+};
+
+struct GpuTriangle {
+    vec3 v0;
+    uint face;
+    vec3 v1;
+    uint pad1;
+    vec3 v2;
+    uint pad2;
+};
+
+struct GpuInstance {
+    vec4 object_from_parent[3];
+    uint target;
+    int prim_id;
+    uint index_in_prototype;
+    uint prototype_count;
+};
+
+struct GpuMesh {
+    uint64_t nodes;
+    uint64_t triangles;
+    uint64_t corner_indices;
+    uint64_t normals;
+    uint64_t colors;
+    uint64_t opacities;
+    uint flags;
+    uint triangle_count;
+    uint64_t primvars;
+    uint primvar_count;
+    uint pad;
+};
+
+struct GpuInput {
+    vec4 value;
+    vec4 bias;
+    vec3 row_s;
+    uint kind;
+    vec3 row_t;
+    uint texture;
+};
+
+struct GpuMaterial {
+    GpuInput inputs[10];
+    uint flags;
+    float opacity_threshold;
+    uint names[4];
+    vec2 set_fallback[2];
+    uint pad[2];
+};
+
+struct GpuPrim {
+    uint first_slot;
+    uint slot_count;
+    uint link_set;
+    uint pad;
+};
+
+struct GpuAttribute {
+    uint64_t values;
+    uint name;
+    uint rate_and_width;
+};
+
+struct GpuSurfaceMaterial {
+    vec2 uv[2];
+    vec4 primvars[2];
+    vec3 tangent;
+    uint material;
+    vec2 uv_density;
+    float handedness;
+    uint flags;
+};
+
+struct GpuAssembly {
+    uint64_t nodes;
+    uint64_t instances;
+};
+
+struct GpuChunk {
+    uint64_t nodes;
+    uint64_t instances;
+};
+
+struct GpuChunkInstance {
+    vec4 chunk_from_world[3];
+    vec3 origin_lo;
+    uint chunk;
+    uint instance_id;
+    uint pad[3];
+};
+
+struct GpuLight {
+    vec3 direction;
+    float one_minus_cos;
+    vec3 radiance;
+    float probability;
+    float cumulative;
+};
+
+// Bits of GpuTexture::flags.
+const uint TEXTURE_CHANNELS = 7u;
+const uint TEXTURE_FORMAT_SHIFT = 4u;
+const uint TEXTURE_U8 = 0u;
+const uint TEXTURE_F16 = 1u;
+const uint TEXTURE_F32 = 2u;
+const uint TEXTURE_SRGB = 1u << 6;
+const uint TEXTURE_UDIM = 1u << 7;
+const uint TEXTURE_WRAP_S_SHIFT = 8u;
+const uint TEXTURE_WRAP_T_SHIFT = 10u;
+const uint WRAP_BLACK = 0u;
+const uint WRAP_CLAMP = 1u;
+const uint WRAP_REPEAT = 2u;
+const uint WRAP_MIRROR = 3u;
+
+struct GpuTexture {
+    uint64_t decode;
+    uint first_page;
+    uint flags;
+    uint width;
+    uint height;
+    uint levels;
+    float texels;
+    vec4 fallback;
+};
+
+#endif
