@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of textures through a whole render, in both front ends: good ones are read without a word, what is wrong with a file is said once."""
+"""Files of textures through a whole render: what is in the file is on the surface, in both front ends; what is wrong with a file is said once.
+
+The albedo output of a square that fills an orthographic view has one texel of the texture in each pixel's middle, so it is the file.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from pxr import UsdUtils
 
 SIZE = (8, 8)
 QUICK = {"oocpt:samplesPerPixel": 4, "oocpt:maxBounces": 1}
+FALLBACK = (1.0, 0.0, 1.0)
 STAGE = """#usda 1.0
 def Xform "World"
 {
@@ -86,10 +90,16 @@ def is_quiet(picture) -> None:
     assert not lines, lines
 
 
+def is_file(picture, array) -> None:
+    is_quiet(picture)
+    expected = array[::-1] / 255.0 if array.dtype == np.uint8 else array[::-1].astype(np.float64)
+    np.testing.assert_allclose(picture["albedo"], expected, atol=2e-3)
+
+
 @pytest.mark.parametrize("name, kind", [("a.png", np.uint8), ("a.tif", np.uint8), ("a.exr", np.float16), ("b.exr", np.float32)])
-def test_good_files(host, tmp_path, name, kind):
+def test_the_file_is_on_the_surface(host, tmp_path, name, kind):
     write(tmp_path / name, texels(kind))
-    is_quiet(picture(host, tmp_path, f"./{name}"))
+    is_file(picture(host, tmp_path, f"./{name}"), texels(kind))
 
 
 def test_a_texture_in_a_package(host, tmp_path):
@@ -97,14 +107,20 @@ def test_a_texture_in_a_package(host, tmp_path):
     (tmp_path / "scene.usda").write_text(STAGE.replace("FILE", "./inside.png").replace("EXTENT", "1"))
     assert UsdUtils.CreateNewUsdzPackage(str(tmp_path / "scene.usda"), str(tmp_path / "scene.usdz"))
     (tmp_path / "inside.png").unlink()
-    is_quiet(host.picture(tmp_path / "scene.usdz", SIZE, aovs=["color", "albedo"], settings=QUICK))
+    is_file(host.picture(tmp_path / "scene.usdz", SIZE, aovs=["color", "albedo"], settings=QUICK), texels(np.uint8))
 
 
 def test_tiles_by_number(host, tmp_path):
-    """A set of which some members are there is no reason to complain; one of them that cannot be read is."""
-    for number in (1001, 1002, 1011):
-        write(tmp_path / f"t.{number}.png", np.full((4, 4, 3), 255, np.uint8))
-    is_quiet(picture(host, tmp_path, "./t.<UDIM>.png", extent=2))
+    """Three of the four tiles that the square reaches are there, the fourth has the fallback: no reason to complain. One that cannot be read is."""
+    colors = {1001: (255, 0, 0), 1002: (0, 255, 0), 1011: (0, 0, 255)}
+    for number, color in colors.items():
+        write(tmp_path / f"t.{number}.png", np.full((4, 4, 3), color, np.uint8))
+    shown = picture(host, tmp_path, "./t.<UDIM>.png", extent=2)
+    is_quiet(shown)
+    albedo = shown["albedo"]
+    for (row, column), color in {(0, 0): (1, 0, 0), (0, 1): (0, 1, 0), (1, 0): (0, 0, 1), (1, 1): FALLBACK}.items():
+        quarter = albedo[4 * row : 4 * row + 4, 4 * column : 4 * column + 4]
+        np.testing.assert_allclose(quarter, np.broadcast_to(color, quarter.shape), atol=1e-3)
     (tmp_path / "t.1002.png").write_bytes(b"")
     log = picture(host, tmp_path, "./t.<UDIM>.png", extent=2).log
     assert len([line for line in log.splitlines() if "t.1002.png" in line and "is empty" in line]) == 1, log
@@ -126,11 +142,14 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_bad_file_is_one_warning(host, tmp_path, name):
+def test_a_bad_file_is_one_warning_and_the_fallback(host, tmp_path, name):
     BAD[name](tmp_path / name)
     shown = picture(host, tmp_path, f"./{name}")
     lines = [line for line in shown.log.splitlines() if name in line or "/World/Material" in line]
     assert len(lines) == 1, "one line:\n" + shown.log
-    assert np.isfinite(shown["color"]).all()
+    assert name in lines[0] or "/World/Material" in lines[0], "it names the file or the prim: " + lines[0]
+    # A file that opens and breaks off later has its tiles already: what cannot be decoded is black, not the fallback.
+    albedo = (0.0, 0.0, 0.0) if name == "cut.png" else FALLBACK
+    np.testing.assert_allclose(shown["albedo"], np.broadcast_to(albedo, shown["albedo"].shape), atol=1e-3)
     write(tmp_path / "good.png", texels(np.uint8))
-    is_quiet(picture(host, tmp_path, "./good.png"))
+    is_file(picture(host, tmp_path, "./good.png"), texels(np.uint8))
