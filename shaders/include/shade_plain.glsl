@@ -34,25 +34,15 @@ void shade_plain(uint path, out bool ask, out bool go_on) {
     go_on = false;
     const Ray ray = load_ray(ray_address(path));
     const Surface surface = load_surface(path);
-    uint missing;
-    const Shading shading = make_shading(path, surface, missing);
-    const Lambert lambert = make_lambert(surface.geometric_normal, shading.normal, ray.d);
+    const Lambert lambert = make_lambert(surface.geometric_normal, surface.shading_normal, ray.d);
     const Double3 origin = add(surface.position, surface.offset * lambert.g);
     const bool last = ray.bounce >= FRAME.max_bounces;
-    if (HAS_CUTOUTS && HAS_TEXTURES) store_next_cone(path, surface.cone, 0.0);
     if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path_place(path)] = vec4(0.0, 0.0, 0.0, 1.0);
 
     const uvec2 pixel = pixel_position(path_pixel(path));
     const uint seed = pixel_seed(pixel.x, pixel.y, FRAME.seed);
     const uint index = path_sample(path);
-    const vec3 arriving = load_path(path).throughput;
-    const vec3 throughput = arriving * shading.diffuse_color;
-    if (HAS_EMISSION && max_component(shading.emission) > 0.0) {
-        const uint place = path_place(path);
-        const vec4 before = ConstVec4s(FRAME.radiance).v[place];
-        const vec3 emitted = admitted(arriving * shading.emission, ray.bounce > 0u);
-        Vec4s(FRAME.radiance).v[place] = vec4(before.xyz + emitted, before.w);
-    }
+    const vec3 throughput = load_path(path).throughput * surface.albedo;
 
     if (HAS_DISTANT || last || HAS_DOME_SHADOW_RAYS) {
         vec3 direction, contribution;
@@ -73,7 +63,6 @@ void shade_plain(uint path, out bool ask, out bool go_on) {
         go_on = u.z < survival && density > 0.0;
         if (go_on) {
             store_path(path, PathState(throughput / survival, density));
-            if (HAS_TEXTURES) store_next_cone(path, surface.cone, density);
             store_ray(ray_address(path), Ray(origin.hi, ray.bounce + 1u, direction, INFINITE, origin.lo, 0u));
         }
     }

@@ -69,7 +69,9 @@ impl AssemblyStore {
         let collect = group.id == GroupId::Root;
         // Once for all prototypes, before they are looked at side by side.
         for plan in &group.members {
-            if let (Some(old), Some(new)) = (known.and_then(|k| run_of(k, plan)), &plan.instances) {
+            if let Some(new) = &plan.instances
+                && let Some(old) = known.and_then(|known| run_of(known, plan))
+            {
                 old.compare_arrays(new);
             }
         }
