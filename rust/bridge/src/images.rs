@@ -48,12 +48,6 @@ impl HostImages {
         let exists = self.0.as_ref()?.exists(&part.resolved).unwrap_or(false);
         exists.then_some(part)
     }
-
-    /// The members of a set of files (`<UDIM>` in its path) that are there, by number.
-    #[allow(dead_code, reason = "the renderer asks for members one by one")]
-    pub(crate) fn udim_tiles(&self, set: &AssetRef) -> Vec<(u32, AssetRef)> {
-        UDIM_NUMBERS.filter_map(|number| Some((number, self.part(set, number)?))).collect()
-    }
 }
 
 fn error(reason: impl Into<String>) -> ImageError {
@@ -218,7 +212,7 @@ mod tests {
         let lost = AssetRef { authored: "a.png".into(), resolved: "".into() };
         let text = images.open(&lost).expect_err("not there").to_string();
         assert_eq!(text, "cannot be found", "an unresolved path");
-        assert!(images.udim_tiles(&lost).is_empty(), "no members");
+        assert!(images.part(&lost, 1001).is_none(), "no members");
         assert!(images.file(&lost, 1).is_err(), "no bytes");
     }
 }

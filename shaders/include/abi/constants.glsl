@@ -24,14 +24,12 @@ const bool HAS_TEXTURES = (FEATURES & (1u << 12)) != 0u && HAS_MATERIALS;
 const bool HAS_CUTOUTS = (FEATURES & (1u << 13)) != 0u && HAS_MATERIALS;
 const bool HAS_TRANSMISSION = (FEATURES & (1u << 14)) != 0u && HAS_MATERIALS;
 const bool HAS_COAT = (FEATURES & (1u << 15)) != 0u && HAS_MATERIALS;
-const bool HAS_SHEEN = (FEATURES & (1u << 16)) != 0u && HAS_MATERIALS;
 const bool HAS_LOCAL_LIGHTS = (FEATURES & (1u << 17)) != 0u;
 const bool HAS_SHAPING = (FEATURES & (1u << 18)) != 0u;
 const bool HAS_IES = (FEATURES & (1u << 19)) != 0u && HAS_SHAPING;
 const bool HAS_DOME_TEXTURE = (FEATURES & (1u << 20)) != 0u && HAS_DOME;
 const bool HAS_LIGHT_LINKS = (FEATURES & (1u << 21)) != 0u;
 const bool HAS_EMISSION = (FEATURES & (1u << 22)) != 0u && HAS_MATERIALS;
-const bool HAS_INSTANCE_PRIMVARS = (FEATURES & (1u << 23)) != 0u && HAS_MATERIALS;
 const bool HAS_LIGHT_TABLE = (FEATURES & (1u << 25)) != 0u;
 const bool HAS_LIGHT_TEXTURE = (FEATURES & (1u << 24)) != 0u && HAS_LOCAL_LIGHTS;
 

@@ -79,8 +79,6 @@ bitflags! {
         const TRANSMISSION = 1 << 14;
         /// Some material has a coat.
         const COAT = 1 << 15;
-        /// Some material has a sheen.
-        const SHEEN = 1 << 16;
         /// Lights with a place: rectangles, spheres, disks, cylinders; and the light tree.
         const LOCAL_LIGHTS = 1 << 17;
         /// Some light is shaped.
@@ -93,8 +91,6 @@ bitflags! {
         const LIGHT_LINKS = 1 << 21;
         /// Some material emits light.
         const EMISSION = 1 << 22;
-        /// Some material reads a value per instance.
-        const INSTANCE_PRIMVARS = 1 << 23;
         /// Some light with a place has a texture.
         const LIGHT_TEXTURE = 1 << 24;
         /// Shading in general, with [`crate::Lighting`]: some mesh has a material, or some light is more than a constant dome
