@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What all benches do: wait for renders, take medians, name the machine, write reports and pictures.
 
-use anyhow::{Context, Result, bail};
-use oocpt_render::{AovKind, Session, Severity};
+use anyhow::{Context, Result, bail, ensure};
+use oocpt_core::stats::Stats;
+use oocpt_render::{AovKind, Session, Severity, Timings};
 use serde::Serialize;
 use std::path::Path;
 use std::time::Duration;
@@ -84,6 +85,119 @@ pub(crate) fn finish(session: &Session) -> Result<()> {
     Ok(())
 }
 
+/// Several runs of one render.
+pub(crate) struct Runs {
+    pub(crate) trace_secs: Vec<f64>,
+    /// Of the run with the median time.
+    pub(crate) timings: Timings,
+    pub(crate) stats: Stats,
+    /// The most that a run's picture had.
+    pub(crate) different_pixels: u64,
+}
+
+/// Measures a render of `size` that was asked for already: it is waited for and not counted, unless `is_cold`, then `count` runs are. Each
+/// picture is compared with `reference`; if that is empty, the first one becomes it.
+pub(crate) fn measure(
+    session: &Session,
+    size: [u32; 2],
+    count: u32,
+    is_cold: bool,
+    reference: &mut Vec<u8>,
+) -> Result<Runs> {
+    finish(session).context("warm-up render")?;
+    let mut runs: Vec<(Timings, Stats)> = Vec::new();
+    let mut different_pixels = 0;
+    for run in 0..count.max(1) {
+        if run > 0 || !is_cold {
+            session.restart();
+        }
+        finish(session)?;
+        let mut picture = vec![0_u8; size[0] as usize * size[1] as usize * 16];
+        ensure!(session.read_aov(AovKind::Color, &mut picture), "there is no picture");
+        if reference.is_empty() {
+            *reference = picture;
+        } else {
+            different_pixels = different_pixels.max(different(reference, &picture));
+        }
+        runs.push((session.timings(), session.stats()));
+    }
+    let trace_secs = runs.iter().map(|(timings, _)| timings.trace_secs).collect();
+    runs.sort_by(|a, b| a.0.trace_secs.total_cmp(&b.0.trace_secs));
+    let (timings, stats) = runs.swap_remove(runs.len() / 2);
+    Ok(Runs { trace_secs, timings, stats, different_pixels })
+}
+
+/// One pass of a profiled run.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct PassRow {
+    pub(crate) name: String,
+    pub(crate) secs: f64,
+    /// Of all passes.
+    pub(crate) share: f64,
+    pub(crate) runs: u64,
+}
+
+/// The passes of the last, profiled run.
+pub(crate) fn passes_of(timings: &Timings) -> Vec<PassRow> {
+    let total: f64 = timings.passes.iter().map(|pass| pass.secs).sum();
+    let row = |pass: &oocpt_render::PassTime| PassRow {
+        name: pass.name.clone(),
+        secs: pass.secs,
+        share: pass.secs / total,
+        runs: pass.runs,
+    };
+    timings.passes.iter().map(row).collect()
+}
+
+/// Renders once more with timestamps, which cost a little.
+pub(crate) fn profile(session: &Session) -> Result<Vec<PassRow>> {
+    session.set_profiling(true);
+    session.restart();
+    let done = finish(session).context("profiled render");
+    session.set_profiling(false);
+    done?;
+    Ok(passes_of(&session.timings()))
+}
+
+/// A table of passes; nothing for none.
+pub(crate) fn print_passes(passes: &[PassRow]) {
+    if !passes.is_empty() {
+        println!("{:<24}{:>10}{:>8}{:>10}", "pass", "GPU s", "share", "runs");
+    }
+    for pass in passes {
+        println!("{:<24}{:>10.4}{:>7.1}%{:>10}", pass.name, pass.secs, pass.share * 100.0, pass.runs);
+    }
+}
+
+/// Pixels that differ in any bit.
+fn different(a: &[u8], b: &[u8]) -> u64 {
+    a.chunks(16).zip(b.chunks(16)).filter(|(a, b)| a != b).count() as u64
+}
+
+/// The setting of a budget, KiB, for `percent` of `bytes`; 0 = no further limit.
+pub(crate) fn budget_kib(percent: f64, bytes: u64) -> u32 {
+    if percent >= 100.0 {
+        return 0;
+    }
+    #[expect(
+        clippy::cast_precision_loss,
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a budget; float casts saturate"
+    )]
+    let kib = (percent / 100.0 * bytes as f64 / 1024.0) as u32;
+    kib.max(1)
+}
+
+/// Budgets with the policies of each; in core there is nothing to choose.
+pub(crate) fn budget_rows(budgets: &[f64], policies: &[String]) -> Vec<(f64, String)> {
+    let row = |&percent: &f64| match percent >= 100.0 {
+        true => vec![(percent, String::new())],
+        false => policies.iter().map(|policy| (percent, policy.clone())).collect(),
+    };
+    budgets.iter().flat_map(row).collect()
+}
+
 /// The middle value; of an even count, the upper one of the two.
 pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
@@ -131,5 +245,22 @@ mod tests {
     #[test]
     fn median_of_an_odd_count_is_the_middle() {
         assert!((median(vec![3.0, 1.0, 2.0]) - 2.0).abs() < f64::EPSILON, "the middle of three");
+    }
+
+    #[test]
+    fn a_changed_bit_is_a_different_pixel() {
+        let a = vec![7_u8; 64];
+        let mut b = a.clone();
+        assert_eq!(different(&a, &b), 0, "the same picture");
+        b[17] ^= 1;
+        b[30] ^= 1;
+        assert_eq!(different(&a, &b), 1, "two bits of the second pixel");
+    }
+
+    #[test]
+    fn budgets_are_parts_of_the_scene() {
+        assert_eq!(budget_kib(100.0, 1 << 30), 0, "all of it: no limit");
+        assert_eq!(budget_kib(25.0, 1 << 30), 1 << 18, "a quarter of a GiB, in KiB");
+        assert_eq!(budget_kib(0.001, 1000), 1, "never the 0 that means no limit");
     }
 }

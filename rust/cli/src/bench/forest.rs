@@ -10,7 +10,7 @@ use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions, 
 use serde::Serialize;
 use std::path::PathBuf;
 
-use super::common::{finish, median, write_json, write_picture};
+use super::common::{PassRow, finish, median, passes_of, print_passes, write_json, write_picture};
 use crate::scene::forest;
 
 /// Options of `oocpt bench forest`.
@@ -43,15 +43,6 @@ pub(crate) struct Arguments {
     /// Also write the picture as PNG (sRGB) to this file.
     #[arg(long)]
     picture: Option<PathBuf>,
-}
-
-/// One pass of the profiled run.
-#[derive(Serialize)]
-struct PassRow {
-    name: String,
-    secs: f64,
-    share: f64,
-    runs: u64,
 }
 
 /// Everything a bench says.
@@ -134,7 +125,6 @@ fn report(arguments: &Arguments, session: &Session, first: &Timings, runs: &[Tim
     let (stats, profiled) = (session.stats(), session.timings());
     let trace_secs: Vec<f64> = runs.iter().map(|run| run.trace_secs).collect();
     let median_secs = median(trace_secs.clone());
-    let total: f64 = profiled.passes.iter().map(|pass| pass.secs).sum();
     let pass_secs = |name: &str| profiled.passes.iter().find(|pass| pass.name == name).map_or(f64::NAN, |p| p.secs);
     let rays = (profiled.closest_rays + profiled.shadow_rays) as f64;
     let device = session.device_report();
@@ -163,11 +153,7 @@ fn report(arguments: &Arguments, session: &Session, first: &Timings, runs: &[Tim
         waves: profiled.waves,
         closest_mrays_per_sec: profiled.closest_rays as f64 / pass_secs("intersect_closest") * 1e-6,
         shadow_mrays_per_sec: profiled.shadow_rays as f64 / pass_secs("intersect_shadow") * 1e-6,
-        passes: profiled
-            .passes
-            .iter()
-            .map(|pass| PassRow { name: pass.name.clone(), secs: pass.secs, share: pass.secs / total, runs: pass.runs })
-            .collect(),
+        passes: passes_of(&profiled),
         trace_secs,
     }
 }
@@ -201,8 +187,5 @@ fn print_table(report: &Report) {
         "within its pass: closest {:.0} Mrays/s, shadow {:.0} Mrays/s",
         report.closest_mrays_per_sec, report.shadow_mrays_per_sec
     );
-    println!("{:<24}{:>10}{:>8}{:>10}", "pass", "GPU s", "share", "runs");
-    for pass in &report.passes {
-        println!("{:<24}{:>10.4}{:>7.1}%{:>10}", pass.name, pass.secs, pass.share * 100.0, pass.runs);
-    }
+    print_passes(&report.passes);
 }

@@ -8,13 +8,13 @@ mod table;
 
 use anyhow::{Context, Result, bail, ensure};
 use oocpt_core::settings::{Settings, Value};
-use oocpt_core::stats::{Stats, StreamingStats};
-use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions, Timings};
+use oocpt_core::stats::StreamingStats;
+use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use super::common::{Machine, finish, write_json, write_picture};
+use super::common::{self, Machine, Runs, budget_kib, budget_rows, finish, write_json, write_picture};
 use crate::scene::island::{self, Parameters};
 
 /// Options of `oocpt bench island`.
@@ -149,7 +149,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut report = report(arguments, &session, generate_secs, commit_secs);
     table::print_head(&report);
     let mut reference = Vec::new();
-    for (percent, policy) in rows(arguments) {
+    for (percent, policy) in budget_rows(&arguments.budgets, &arguments.policies) {
         match measure(arguments, &session, percent, &policy, &report, &mut reference) {
             Ok(row) => {
                 table::print_row(&row);
@@ -185,15 +185,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// Budgets and policies; in core there is nothing to choose.
-fn rows(arguments: &Arguments) -> Vec<(f64, String)> {
-    let row = |&percent: &f64| match percent >= 100.0 {
-        true => vec![(percent, String::new())],
-        false => arguments.policies.iter().map(|policy| (percent, policy.clone())).collect(),
-    };
-    arguments.budgets.iter().flat_map(row).collect()
-}
-
 fn request(arguments: &Arguments) -> RenderRequest {
     RenderRequest {
         width: arguments.width,
@@ -224,26 +215,9 @@ fn measure(
 ) -> Result<Row> {
     let budget = set_row(session, percent, policy, report.scene_bytes)?;
     session.render(request(arguments));
-    finish(session).context("warm-up render")?;
-    let mut runs: Vec<(Timings, Stats)> = Vec::new();
-    let mut different_pixels = 0;
-    for run in 0..arguments.runs.max(1) {
-        if run > 0 || !arguments.cold {
-            session.restart();
-        }
-        finish(session)?;
-        let mut picture = vec![0_u8; arguments.width as usize * arguments.height as usize * 16];
-        ensure!(session.read_aov(AovKind::Color, &mut picture), "there is no picture");
-        if reference.is_empty() {
-            *reference = picture;
-        } else {
-            different_pixels = different_pixels.max(different(reference, &picture));
-        }
-        runs.push((session.timings(), session.stats()));
-    }
-    let trace_secs = runs.iter().map(|(timings, _)| timings.trace_secs).collect();
-    runs.sort_by(|a, b| a.0.trace_secs.total_cmp(&b.0.trace_secs));
-    let (timings, stats) = runs.swap_remove(runs.len() / 2);
+    let size = [arguments.width, arguments.height];
+    let Runs { trace_secs, timings, stats, different_pixels } =
+        common::measure(session, size, arguments.runs, arguments.cold, reference)?;
     let median_trace_secs = timings.trace_secs;
     let first = report.rows.first().map_or(median_trace_secs, |row| row.median_trace_secs);
     #[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]
@@ -261,26 +235,6 @@ fn measure(
         gpu_peak_bytes: stats.gpu_peak_bytes,
         streaming: stats.streaming,
     })
-}
-
-/// The setting for `percent` of the scene; 0 = no further limit.
-fn budget_kib(percent: f64, scene_bytes: u64) -> u32 {
-    if percent >= 100.0 {
-        return 0;
-    }
-    #[expect(
-        clippy::cast_precision_loss,
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a budget; float casts saturate"
-    )]
-    let kib = (percent / 100.0 * scene_bytes as f64 / 1024.0) as u32;
-    kib.max(1)
-}
-
-/// Pixels that differ in any bit.
-fn different(a: &[u8], b: &[u8]) -> u64 {
-    a.chunks(16).zip(b.chunks(16)).filter(|(a, b)| a != b).count() as u64
 }
 
 fn report(arguments: &Arguments, session: &Session, generate_secs: f64, commit_secs: f64) -> Report {
@@ -308,27 +262,5 @@ fn report(arguments: &Arguments, session: &Session, generate_secs: f64, commit_s
         all_identical: true,
         rows: Vec::new(),
         failed: Vec::new(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_changed_bit_is_a_different_pixel() {
-        let a = vec![7_u8; 64];
-        let mut b = a.clone();
-        assert_eq!(different(&a, &b), 0, "the same picture");
-        b[17] ^= 1;
-        b[30] ^= 1;
-        assert_eq!(different(&a, &b), 1, "two bits of the second pixel");
-    }
-
-    #[test]
-    fn budgets_are_parts_of_the_scene() {
-        assert_eq!(budget_kib(100.0, 1 << 30), 0, "all of it: no limit");
-        assert_eq!(budget_kib(25.0, 1 << 30), 1 << 18, "a quarter of a GiB, in KiB");
-        assert_eq!(budget_kib(0.001, 1000), 1, "never the 0 that means no limit");
     }
 }

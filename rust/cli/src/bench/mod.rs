@@ -5,7 +5,9 @@ mod common;
 mod edits;
 mod forest;
 mod island;
+mod leaves;
 mod partition;
+mod textures;
 
 use anyhow::Result;
 use clap::Subcommand;
@@ -26,6 +28,10 @@ enum Command {
     Forest(forest::Arguments),
     /// The island in core and under shrinking geometry budgets; the pictures have to be the same bits.
     Island(island::Arguments),
+    /// A textured forest in core and under budgets that its geometry and its textures each exceed; the same bits.
+    Textures(textures::Arguments),
+    /// Instanced leaves: opaque, with an opacity picture that is opaque all over, and cut out.
+    Leaves(leaves::Arguments),
     /// Commits flattened islands: instances a second, host bytes an instance.
     Partition(partition::Arguments),
     /// Moves instances in a live session: seconds to the next image, bytes sent again.
@@ -38,6 +44,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         None => forest::run(&arguments.forest),
         Some(Command::Forest(arguments)) => forest::run(arguments),
         Some(Command::Island(arguments)) => island::run(arguments),
+        Some(Command::Textures(arguments)) => textures::run(arguments),
+        Some(Command::Leaves(arguments)) => leaves::run(arguments),
         Some(Command::Partition(arguments)) => partition::run(arguments),
         Some(Command::Edits(arguments)) => edits::run(arguments),
     }

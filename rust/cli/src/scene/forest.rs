@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// Prototype meshes.
 const MESHES: u32 = 16;
 /// Half the side of the terrain, scene units.
-const HALF_SIDE: f64 = 100.0;
+pub(super) const HALF_SIDE: f64 = 100.0;
 
 /// Fills `db` with the scene.
 pub(crate) fn build(db: &mut SceneDb, instances: u32) -> Result<()> {
@@ -42,9 +42,13 @@ pub(crate) fn build(db: &mut SceneDb, instances: u32) -> Result<()> {
 
 /// A camera that looks over the forest from its edge.
 pub(crate) fn camera(width: u32, height: u32) -> Camera {
-    let eye = DVec3::new(0.0, 14.0, HALF_SIDE * 0.9);
+    view(DVec3::new(0.0, 14.0, HALF_SIDE * 0.9), DVec3::new(0.0, 0.0, 20.0), width, height)
+}
+
+/// A camera at `eye` that looks at `target`.
+pub(super) fn view(eye: DVec3, target: DVec3, width: u32, height: u32) -> Camera {
     let (w, h) = (f64::from(width), f64::from(height));
-    let back = (eye - DVec3::new(0.0, 0.0, 20.0)).normalize();
+    let back = (eye - target).normalize();
     let right = DVec3::Y.cross(back).normalize();
     let up = back.cross(right);
     #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "image sizes fit f32 and i32")]
@@ -69,17 +73,17 @@ fn perspective(fov: f64, aspect: f64, near: f64, far: f64) -> DMat4 {
     )
 }
 
-fn prim(path: &str, instanced_by: Vec<InstancedBy>) -> PrimDesc {
+pub(super) fn prim(path: &str, instanced_by: Vec<InstancedBy>) -> PrimDesc {
     PrimDesc { path: path.into(), transform: DMat4::IDENTITY, visible: true, purpose: "default".into(), instanced_by }
 }
 
 /// The height of the ground, scene units.
-fn ground(x: f64, z: f64) -> f64 {
+pub(super) fn ground(x: f64, z: f64) -> f64 {
     3.0 * (0.07 * x).sin() * (0.05 * z).cos() + 0.6 * (0.31 * x + 0.2 * z).sin()
 }
 
 /// A grid of `columns` x `rows` cells of two triangles over a parametric surface.
-fn grid(path: &str, columns: u32, rows: u32, point: impl Fn(f64, f64) -> DVec3) -> Result<MeshDesc> {
+pub(super) fn grid(path: &str, columns: u32, rows: u32, point: impl Fn(f64, f64) -> DVec3) -> Result<MeshDesc> {
     let mut points = Vec::new();
     for row in 0..=rows {
         for column in 0..=columns {
@@ -118,7 +122,7 @@ fn grid(path: &str, columns: u32, rows: u32, point: impl Fn(f64, f64) -> DVec3) 
     })
 }
 
-fn terrain() -> Result<MeshDesc> {
+pub(super) fn terrain() -> Result<MeshDesc> {
     grid("/terrain", 224, 224, |u, v| {
         let (x, z) = ((2.0 * u - 1.0) * HALF_SIDE, (2.0 * v - 1.0) * HALF_SIDE);
         DVec3::new(x, ground(x, z), z)

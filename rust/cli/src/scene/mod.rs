@@ -3,7 +3,11 @@
 
 pub(crate) mod forest;
 pub(crate) mod island;
+pub(crate) mod leaves;
+pub(crate) mod pictures;
+mod preview;
 mod usd;
+pub(crate) mod woods;
 
 use anyhow::Result;
 use clap::Subcommand;

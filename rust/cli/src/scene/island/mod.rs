@@ -22,6 +22,7 @@ use oocpt_core::scene::SceneDb;
 use land::Land;
 use plants::Plants;
 pub(crate) use prims::Prims;
+pub(crate) use random::Random;
 use scatter::{Ground, Sampler, Scatter};
 use uniques::Unique;
 pub(crate) use view::{camera, stage_camera};

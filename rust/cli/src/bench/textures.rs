@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: Apache-2.0
+//! `oocpt bench textures`: the woods in core, and under budgets that their geometry and their textures each exceed, under every
+//! policy, in one process on one device. All rows must give the first one's picture bit for bit.
+//!
+//! A budget of 25 % is a quarter of the lesser of geometry and textures: each of the two is at least four times what is there
+//! for both together. Each row is rendered once to warm up, then `--runs` times; its counters are those of the median run.
+
+mod table;
+
+use anyhow::{Context, Result, bail, ensure};
+use oocpt_core::settings::{Settings, Value};
+use oocpt_core::stats::StreamingStats;
+use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::common::{self, Machine, PassRow, Runs, budget_kib, budget_rows, finish, write_json, write_picture};
+use crate::scene::pictures::Pictures;
+use crate::scene::woods::{self, Parameters};
+
+/// Options of `oocpt bench textures`.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    woods: Parameters,
+    /// Image width, pixels.
+    #[arg(long, default_value_t = 128)]
+    width: u32,
+    /// Image height, pixels.
+    #[arg(long, default_value_t = 72)]
+    height: u32,
+    /// Samples per pixel.
+    #[arg(long, default_value_t = 2)]
+    samples: u32,
+    /// Indirect bounces.
+    #[arg(long, default_value_t = 3)]
+    bounces: u32,
+    /// Budgets in per cent of the lesser of geometry and textures; 100 = in core, and has to be the first.
+    #[arg(long, value_delimiter = ',', default_value = "100,25")]
+    budgets: Vec<f64>,
+    /// Policies of the rows below 100.
+    #[arg(long, value_delimiter = ',', default_value = "benefit,priority,sweep")]
+    policies: Vec<String>,
+    /// Chunk size, KiB; 0 = the renderer's default. A chunk may need up to 64 times that, so the default here suits the default woods.
+    #[arg(long, default_value_t = 256)]
+    chunk_size: u32,
+    /// Hard limit of all device memory, MiB; 0 = automatic.
+    #[arg(long, default_value_t = 0)]
+    memory_budget: u32,
+    /// Counted runs of each row.
+    #[arg(long, default_value_t = 3)]
+    runs: u32,
+    /// Also renders each row once more with timestamps, for the passes it spends its time in.
+    #[arg(long)]
+    profile: bool,
+    /// Device: an index or a part of its name.
+    #[arg(long, env = "OOCPT_DEVICE", default_value = "")]
+    device: String,
+    /// Date to put into the report.
+    #[arg(long)]
+    date: Option<String>,
+    /// Also write the report as JSON to this file.
+    #[arg(long)]
+    json: Option<PathBuf>,
+    /// Also write the picture as PNG (sRGB) to this file.
+    #[arg(long)]
+    picture: Option<PathBuf>,
+}
+
+/// One budget under one policy.
+#[derive(Debug, Serialize)]
+struct Row {
+    budget_percent: f64,
+    budget_bytes: u64,
+    /// Empty in core.
+    policy: String,
+    trace_secs: Vec<f64>,
+    median_trace_secs: f64,
+    /// To the first row.
+    ratio: f64,
+    mpaths_per_sec: f64,
+    /// Every run's picture is equal to the first row's, in bits.
+    is_identical: bool,
+    different_pixels: u64,
+    gpu_peak_bytes: u64,
+    geometry_loads: u64,
+    geometry_reloads: u64,
+    geometry_bytes_paged: u64,
+    tile_loads: u64,
+    tile_reloads: u64,
+    tile_bytes_paged: u64,
+    streaming: StreamingStats,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    passes: Vec<PassRow>,
+}
+
+/// A row that did not render.
+#[derive(Debug, Serialize)]
+struct Failed {
+    budget_percent: f64,
+    policy: String,
+    message: String,
+}
+
+#[derive(Debug, Serialize)]
+struct Report {
+    bench: &'static str,
+    machine: Machine,
+    width: u32,
+    height: u32,
+    samples: u32,
+    bounces: u32,
+    woods: Parameters,
+    instances: u64,
+    instanced_triangles: u64,
+    meshes: u64,
+    /// Making the arrays, which a host would do.
+    generate_secs: f64,
+    /// Building the meshes, partitioning.
+    commit_secs: f64,
+    chunks: u64,
+    chunk_instances: u64,
+    geometry_bytes: u64,
+    texture_bytes: u64,
+    all_identical: bool,
+    rows: Vec<Row>,
+    failed: Vec<Failed>,
+}
+
+impl Report {
+    /// What budgets are parts of.
+    fn lesser_bytes(&self) -> u64 {
+        self.geometry_bytes.min(self.texture_bytes)
+    }
+}
+
+/// Runs the bench.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    ensure!(arguments.budgets.first().is_some_and(|&p| p >= 100.0), "--budgets: the first one has to be 100");
+    ensure!(arguments.budgets.iter().all(|&p| p > 0.0), "--budgets: only numbers above 0");
+    let settings = Settings {
+        samples_per_pixel: arguments.samples,
+        max_bounces: arguments.bounces,
+        device: arguments.device.clone(),
+        interactive: false,
+        ..Settings::default()
+    };
+    let session = Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(Pictures));
+    session.set_setting("oocpt:memoryBudget", Value::Int(arguments.memory_budget.into()))?;
+    if arguments.chunk_size > 0 {
+        session.set_setting("oocpt:chunkSize", Value::Int(arguments.chunk_size.into()))?;
+    }
+    let started = Instant::now();
+    session.with_scene(|db| woods::build(db, &arguments.woods))?;
+    let generate_secs = started.elapsed().as_secs_f64();
+    let started = Instant::now();
+    session.render(request(arguments));
+    let commit_secs = started.elapsed().as_secs_f64();
+    finish(&session).context("warm-up render")?;
+    let mut report = report(arguments, &session, generate_secs, commit_secs);
+    table::print_head(&report);
+    let mut reference = Vec::new();
+    for (percent, policy) in budget_rows(&arguments.budgets, &arguments.policies) {
+        match measure(arguments, &session, percent, &policy, &report, &mut reference) {
+            Ok(row) => {
+                table::print_row(&row);
+                report.rows.push(row);
+            }
+            // A budget may be too small for the largest chunk: the other rows are worth having.
+            Err(error) => {
+                let message = format!("{error:#}");
+                println!("{percent:>7} {policy}: {message}");
+                report.failed.push(Failed { budget_percent: percent, policy, message });
+            }
+        }
+    }
+    report.all_identical = report.rows.iter().all(|row| row.is_identical);
+    println!("pictures of all rows: {}", if report.all_identical { "bit-identical" } else { "DIFFERENT" });
+    write_json(&report, arguments.json.as_deref())?;
+    if let Some(path) = &arguments.picture {
+        write_picture(&session, [arguments.width, arguments.height], path)?;
+    }
+    if !report.all_identical {
+        bail!("the picture depends on the budget");
+    }
+    if !report.failed.is_empty() {
+        bail!("{} of {} rows did not render", report.failed.len(), report.failed.len() + report.rows.len());
+    }
+    Ok(())
+}
+
+fn request(arguments: &Arguments) -> RenderRequest {
+    RenderRequest {
+        width: arguments.width,
+        height: arguments.height,
+        camera: woods::camera(arguments.width, arguments.height),
+        aovs: vec![AovRequest { kind: AovKind::Color, clear: [0.0; 4] }],
+    }
+}
+
+/// Renders one row. The first row leaves its picture in `reference`.
+fn measure(
+    arguments: &Arguments,
+    session: &Session,
+    percent: f64,
+    policy: &str,
+    report: &Report,
+    reference: &mut Vec<u8>,
+) -> Result<Row> {
+    let budget = budget_kib(percent, report.lesser_bytes());
+    session.set_setting("oocpt:geometryBudget", Value::Int(budget.into()))?;
+    if !policy.is_empty() {
+        session.set_setting("oocpt:policy", Value::Text(policy.into()))?;
+    }
+    session.render(request(arguments));
+    let size = [arguments.width, arguments.height];
+    let Runs { trace_secs, timings, stats, different_pixels } =
+        common::measure(session, size, arguments.runs, false, reference)?;
+    let passes = if arguments.profile { common::profile(session)? } else { Vec::new() };
+    let median_trace_secs = timings.trace_secs;
+    let first = report.rows.first().map_or(median_trace_secs, |row| row.median_trace_secs);
+    #[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]
+    let mpaths_per_sec = timings.paths as f64 / median_trace_secs * 1e-6;
+    let streaming = stats.streaming;
+    Ok(Row {
+        budget_percent: percent,
+        budget_bytes: u64::from(budget) << 10,
+        policy: policy.into(),
+        trace_secs,
+        median_trace_secs,
+        ratio: median_trace_secs / first,
+        mpaths_per_sec,
+        is_identical: different_pixels == 0,
+        different_pixels,
+        gpu_peak_bytes: stats.gpu_peak_bytes,
+        geometry_loads: streaming.loads - streaming.texture_loads,
+        geometry_reloads: streaming.reloads - streaming.texture_reloads,
+        geometry_bytes_paged: streaming.bytes_paged - streaming.texture_bytes_paged,
+        tile_loads: streaming.texture_loads,
+        tile_reloads: streaming.texture_reloads,
+        tile_bytes_paged: streaming.texture_bytes_paged,
+        streaming,
+        passes,
+    })
+}
+
+fn report(arguments: &Arguments, session: &Session, generate_secs: f64, commit_secs: f64) -> Report {
+    let stats = session.stats();
+    Report {
+        bench: "textures",
+        machine: Machine::new(Some(session), arguments.date.as_deref()),
+        width: arguments.width,
+        height: arguments.height,
+        samples: arguments.samples,
+        bounces: arguments.bounces,
+        woods: arguments.woods,
+        instances: stats.instances,
+        instanced_triangles: stats.triangles,
+        meshes: stats.meshes,
+        generate_secs,
+        commit_secs,
+        chunks: stats.streaming.chunks,
+        chunk_instances: stats.streaming.chunk_instances,
+        geometry_bytes: stats.streaming.scene_bytes - stats.streaming.texture_scene_bytes,
+        texture_bytes: stats.streaming.texture_scene_bytes,
+        all_identical: true,
+        rows: Vec::new(),
+        failed: Vec::new(),
+    }
+}
