@@ -19,6 +19,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("oocpt-bridge", &["oocpt-render", "oocpt-core"]),
     ("oocpt-cli", &["oocpt-render", "oocpt-core", "oocpt-gpu"]),
     ("oocpt-judge", &["oocpt-core"]),
+    ("oocpt-extreme", &["oocpt-render", "oocpt-core"]),
     ("xtask", &[]),
 ];
 

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Scales far apart in one picture.
+
+use glam::{DMat4, DVec3};
+
+use crate::build::{Body, Placed, SunLight, World};
+use crate::lab::Lab;
+use crate::shot::Way;
+use crate::tracer::bvh::Ray;
+use crate::tracer::camera::Eye;
+
+pub(crate) fn run(lab: &mut Lab<'_>) {
+    lab.case("place/beads of 1e-3 on a planet of 6.4e6", beads_on_a_planet);
+    lab.case("place/beads of 1e-3 beside a planet of 6.4e6", beads_before_a_planet);
+}
+
+const PLANET: f64 = 6.4e6;
+const SIZE: [u32; 2] = [48, 32];
+
+fn planet() -> Placed {
+    Placed {
+        body: Body::sphere(48, 0.5),
+        place: DMat4::from_scale_rotation_translation(
+            DVec3::splat(PLANET),
+            glam::DQuat::from_rotation_z(0.3) * glam::DQuat::from_rotation_x(0.2),
+            DVec3::Y * -PLANET,
+        ),
+    }
+}
+
+fn sun() -> SunLight {
+    SunLight { direction: DVec3::new(0.4, 1.0, 0.3), irradiance: 2.0, degrees: 2.0 }
+}
+
+/// Beads around a point, one radius above it.
+fn beads(world: &mut World, at: DVec3) {
+    for (i, (x, z)) in [(0.0, 0.0), (2.5, 0.4), (-2.2, -1.0), (0.6, -2.6)].into_iter().enumerate() {
+        let centre = at + DVec3::new(x, 1.0 + 0.1 * i as f64, z) * 1e-3;
+        let place = DMat4::from_translation(centre) * DMat4::from_scale(DVec3::splat(1e-3));
+        world.bodies.push(Placed { body: Body::sphere(10, 0.7), place });
+    }
+}
+
+fn compare(lab: &mut Lab<'_>, case: &str, world: &World, at: DVec3, known: crate::lab::Known<'_>) {
+    let eye = Eye::at(at + DVec3::new(6.0, 5.0, 9.0) * 1e-3, at + DVec3::Y * 5e-4, 0.7, SIZE);
+    let eye = Eye { planes: [1e-4, 1e8], ..eye };
+    let way = Way { samples: 16, bounces: 2, planes: true, ..Way::default() };
+    let stage = lab.bench.stage(|db| world.author(db));
+    let shot = lab.shoot(case, &stage, &eye.camera(), &way);
+    let tracer = world.tracer();
+    lab.distances(case, &tracer, &eye, &shot, 16.0, known);
+    let reference = tracer.render(&eye, 256, 2, true);
+    lab.light(case, &reference, &eye, &shot, &way, known);
+}
+
+fn beads_on_a_planet(lab: &mut Lab<'_>, case: &str) {
+    let mut world = World { bodies: vec![planet()], dome: 0.6, sun: Some(sun()) };
+    let down = Ray { o: DVec3::new(0.0, 1e6, 0.0), d: DVec3::NEG_Y };
+    let ground = world.tracer().first(&down).map_or(0.0, |met| 1e6 - met.t);
+    let at = DVec3::Y * ground;
+    beads(&mut world, at);
+    compare(lab, case, &world, at, Some((f64::MAX, "a mesh's own frame is single precision: 0.25 at 6.4e6")));
+}
+
+/// Beads in space, the planet far below.
+fn beads_before_a_planet(lab: &mut Lab<'_>, case: &str) {
+    let mut world = World { bodies: vec![planet()], dome: 0.6, sun: Some(sun()) };
+    let at = DVec3::new(1.0, 2.0e5, -3.0);
+    beads(&mut world, at);
+    compare(lab, case, &world, at, Some((f64::MAX, "beads and planet share a chunk, whose frame is one float")));
+}
