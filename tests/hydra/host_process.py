@@ -8,6 +8,8 @@ written to standard error, by anyone in the process, while the command ran. Arra
 
 from __future__ import annotations
 
+import ctypes
+import gc
 import json
 import os
 import sys
@@ -138,25 +140,58 @@ class Commands:
         if not recorder.Record(opened, UsdGeom.Camera.Get(opened, camera), Usd.TimeCode.EarliestTime(), out):
             raise RuntimeError("Record returned False")
 
-    def cycles(self, stage, count, size=(8, 8), camera="/World/Camera", every=50):
-        """`count` engines made, rendered once with 1 sample and destroyed; resident bytes after each `every` of them."""
+    def cycles(self, stage, count, size=(8, 8), camera="/World/Camera", every=50, planted=0):
+        """`count` engines made, rendered once with 1 sample and destroyed; what the process holds after each `every` of them.
+
+        `planted` bytes are taken from the allocator in each cycle and never given back.
+        """
         opened = Usd.Stage.Open(stage)
         settings = {"oocpt:samplesPerPixel": 1, "oocpt:maxBounces": 0}
-        resident = []
+        held = []
         for cycle in range(1, count + 1):
             view = Viewer(opened, size, camera, ["color"], settings, [])
             view.finish(60.0)
             if view.stats()["numCompletedSamples"] != 1:
                 raise RuntimeError(f"cycle {cycle} rendered nothing: {view.stats()}")
             del view
+            if planted:
+                _LIBC.malloc(planted)
             if cycle % every == 0:
-                resident.append(_resident_bytes())
-        return resident
+                # USD forgets the listeners of scene indices that are gone only when the stage has something to tell.
+                opened.SetMetadata("comment", f"{cycle}")
+                held.append(_held())
+        return held
 
 
-def _resident_bytes() -> int:
+class _MallInfo(ctypes.Structure):
+    """glibc's struct mallinfo2."""
+
+    _fields_ = [(name, ctypes.c_size_t) for name in "arena ordblks smblks hblks hblkhd usmblks fsmblks uordblks fordblks keepcost".split()]
+
+
+_LIBC = ctypes.CDLL(None)
+_LIBC.mallinfo2.restype = _MallInfo
+_LIBC.malloc.restype = ctypes.c_void_p
+
+
+def _held() -> dict[str, int]:
+    """What the process holds: bytes in use by the C allocator, resident bytes, mappings, file descriptors and threads.
+
+    Bytes that lie in a thread's cache of the allocator count as used: switch the caches off (GLIBC_TUNABLES) for exact numbers.
+    """
+    gc.collect()
+    used = _LIBC.mallinfo2()
     with open("/proc/self/statm", encoding="ascii") as statm:
-        return int(statm.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+        resident = int(statm.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    with open("/proc/self/maps", encoding="utf-8", errors="replace") as maps:
+        mappings = sum(1 for _ in maps)
+    return {
+        "allocated": used.uordblks + used.hblkhd,
+        "resident": resident,
+        "mappings": mappings,
+        "files": len(os.listdir("/proc/self/fd")),
+        "threads": len(os.listdir("/proc/self/task")),
+    }
 
 
 class StandardError:
