@@ -92,7 +92,9 @@ void HdOocPTReadInstancer(const HdOocPTPrimSource& source, HdOocPTInstancerState
     if (source.dirtyBits & HdOocPTDirtyInstancePrimvars) {
         _ReadPlacement(source, state);
     }
-    if (source.dirtyBits & HdOocPTDirtyPrimvars) {
+    // An instancer has no rows of its own for the primvars that meshes read apart.
+    if (source.dirtyBits
+        & (HdOocPTDirtyPrimvars | HdOocPTDirtyPoints | HdOocPTDirtyNormals | HdOocPTDirtyColor | HdOocPTDirtyOpacity)) {
         state->primvars = HdOocPTReadOtherPrimvars(source,
             { tokens.instanceTranslations, tokens.instanceRotations, tokens.instanceScales,
                 tokens.instanceTransforms });

@@ -30,6 +30,10 @@ const float UNIT_ROUNDOFF = 5.9604645e-8;
 
 GpuSurfaceMaterial surface_material; // with HAS_MATERIALS: set by make_surface
 uint surface_chain[MAX_LEVELS]; // instance records of the hit, the chunk's first: set before make_surface
+uint surface_chunk_instance;    // its chunk instance: set by make_surface
+#define INSTANCE_CHUNK surface_chunk_instance
+#define INSTANCE_CHAIN surface_chain
+#include "include/instance_primvars.glsl"
 
 uint64_t chunk_records(uint chunk_instance) {
     const uint chunk = ChunkInstances(FRAME.chunk_instances).v[chunk_instance].chunk;
@@ -99,6 +103,7 @@ vec3 normal_or(vec3 v, vec3 fallback) {
 Surface make_surface(uint chunk_instance, uint triangle, vec2 uv) {
     Surface s;
     uint mesh;
+    surface_chunk_instance = chunk_instance;
     const ChunkMap world = chunk_map(chunk_instance);
     const Affine map = follow_chain(chunk_instance, mesh, s.prim_id, s.instance_id);
     Meshes meshes = Meshes(FRAME.meshes);
@@ -145,6 +150,9 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv) {
     s.albedo = FRAME.default_albedo;
     if (HAS_COLORS && (flags & MESH_HAS_COLORS) != 0u) {
         s.albedo = attribute_vec3(meshes.v[mesh].colors, meshes.v[mesh].corner_indices, (flags >> 2) & 3u, triangle, weights);
+    } else if (HAS_INSTANCE_PRIMVARS) {
+        vec4 color;
+        if (instance_primvar(NAME_DISPLAY_COLOR, color)) s.albedo = color.xyz;
     }
     s.albedo = clamp(s.albedo, vec3(0.0), vec3(1.0));
     return s;

@@ -44,6 +44,10 @@ vec4 primvar_at(uint64_t values, uint index, uint width) {
     return vec4(v.v[at], v.v[at + 1u], v.v[at + 2u], v.v[at + 3u]);
 }
 
+// The value of a primvar that the mesh does not have at the instance that is looked at; false when no instancer has it. Made by
+// instance_primvars.glsl, which needs to know where the instance is.
+bool instance_primvar(uint name, out vec4 value);
+
 // The values of a primvar at the corners of a triangle.
 void primvar_corners(uint mesh, uint entry, uint triangle, out vec4 a, out vec4 b, out vec4 c) {
     const uint64_t table = Meshes(FRAME.meshes).v[mesh].primvars;
@@ -92,10 +96,21 @@ GpuSurfaceMaterial gather_material(uint mesh, uint triangle, vec3 weights, uint 
     Materials materials = Materials(FRAME.materials);
     [[unroll]] for (uint i = 0u; i < 2u; ++i) {
         const uint set = find_primvar(mesh, materials.v[m.material].names[i]);
-        m.uv[i] = set == NO_NAME ? materials.v[m.material].set_fallback[i] : primvar_value(mesh, set, triangle, weights).xy;
+        vec4 value;
+        m.uv[i] = materials.v[m.material].set_fallback[i];
+        if (set != NO_NAME) {
+            m.uv[i] = primvar_value(mesh, set, triangle, weights).xy;
+        } else if (instance_primvar(materials.v[m.material].names[i], value)) {
+            m.uv[i] = value.xy;
+        }
         const uint entry = find_primvar(mesh, materials.v[m.material].names[2u + i]);
-        if (entry == NO_NAME) continue;
-        m.primvars[i] = primvar_value(mesh, entry, triangle, weights);
+        if (entry != NO_NAME) {
+            m.primvars[i] = primvar_value(mesh, entry, triangle, weights);
+        } else if (instance_primvar(materials.v[m.material].names[2u + i], value)) {
+            m.primvars[i] = value;
+        } else {
+            continue;
+        }
         m.flags |= 1u << i;
     }
     return m;

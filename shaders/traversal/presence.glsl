@@ -49,7 +49,12 @@ Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone)
     p.bias = i.value.x;
     if ((i.kind & 3u) == INPUT_PRIMVAR) {
         const uint entry = find_primvar(mesh, materials.v[material].names[2u + (set & 1u)]);
-        if (entry != NO_NAME) p.bias = primvar_value(mesh, entry, triangle, weights).x;
+        vec4 value;
+        if (entry != NO_NAME) {
+            p.bias = primvar_value(mesh, entry, triangle, weights).x;
+        } else if (instance_primvar(materials.v[material].names[2u + (set & 1u)], value)) {
+            p.bias = value.x;
+        }
     } else if ((i.kind & 3u) == INPUT_TEXTURE) {
         p.bias = 1.0;
         if (!HAS_TEXTURES) return p; // there are no images: opaque
@@ -57,6 +62,8 @@ Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone)
         if (set != INPUT_NO_SET) {
             st = materials.v[material].set_fallback[set & 1u];
             const uint entry = find_primvar(mesh, materials.v[material].names[set & 1u]);
+            vec4 value;
+            if (entry == NO_NAME && instance_primvar(materials.v[material].names[set & 1u], value)) st = value.xy;
             if (entry != NO_NAME) {
                 st = primvar_value(mesh, entry, triangle, weights).xy;
                 const vec3 v0 = ConstVec4s(triangles).v[triangle * 3u].xyz;

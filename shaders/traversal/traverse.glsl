@@ -71,6 +71,9 @@ struct Walk {
 
 Walk walk;
 uint chain[MAX_LEVELS];       // instance records from the chunk to here
+#define INSTANCE_CHUNK walk.chunk_instance
+#define INSTANCE_CHAIN chain
+#include "include/instance_primvars.glsl"
 uint found_chain[MAX_LEVELS]; // those of the closest hit
 // Rays and arrays of the levels from the chunk's down, to come back to.
 vec3 level_o[MAX_LEVELS];
@@ -96,14 +99,22 @@ bool precedes(uint triangle, Found found) {
 bool is_opaque(uint triangle, vec2 uv) {
     Meshes meshes = Meshes(FRAME.meshes);
     const uint flags = meshes.v[walk.mesh].flags;
-    if ((flags & MESH_HAS_OPACITIES) == 0u) return true;
+    const bool of_mesh = (flags & MESH_HAS_OPACITIES) != 0u;
+    if (!of_mesh && !HAS_INSTANCE_OPACITY) return true;
     if (HAS_MATERIALS) {
         // displayOpacity is for surfaces without a material.
         const uint subset = floatBitsToUint(ConstVec4s(walk.triangles).v[triangle * 3u + 1u].w);
         if (material_slot(Instances(walk.instances).v[chain[level_index()]].prim_id, subset) != NO_MATERIAL) return true;
     }
-    const float opacity = attribute_float(meshes.v[walk.mesh].opacities, meshes.v[walk.mesh].corner_indices,
-                                          (flags >> 4) & 3u, triangle, vec3(1.0 - uv.x - uv.y, uv));
+    float opacity;
+    if (of_mesh) {
+        opacity = attribute_float(meshes.v[walk.mesh].opacities, meshes.v[walk.mesh].corner_indices, (flags >> 4) & 3u, triangle,
+                                  vec3(1.0 - uv.x - uv.y, uv));
+    } else {
+        vec4 value;
+        if (!instance_primvar(NAME_DISPLAY_OPACITY, value)) return true;
+        opacity = value.x;
+    }
     if ((push.flags & PUSH_AOVS) != 0u) return opacity > 0.0;
     uint h = hash_combine(walk.seed, walk.chunk_instance);
     for (uint i = 0u; i <= level_index(); ++i) h = hash_combine(h, chain[i]);

@@ -103,3 +103,44 @@ def test_primvar_readers(host):
             compare.near(face.mean(axis=(0, 1))[:2], expected[:2], 0.04, interpolation)
             assert 0 <= face[..., 2].min() and face[..., 2].max() <= 0.5, interpolation
     compare.near(made[middle - 3 : middle + 3, 5 * featured.CELL + 3 : 5 * featured.CELL + 13], (0.3, 0.6, 0.9), 1e-5, "fallback")
+
+
+def test_instance_primvars(host):
+    """A primvar of the instancer reaches the reader, one value per instance."""
+    for index, cell in enumerate(featured.row_of(host, "material_instance_primvars", 4)):
+        compare.near(cell, (0.25 * index, 1 - 0.25 * index, 0.5), 1e-5, f"instance {index}")
+
+
+def test_display_color_without_material(host):
+    """Lambert of displayColor, of the instance's where the instancer has it, and of 0.18 where nobody has one."""
+    made = featured.row_of(host, "material_display_color", 4)
+    for index in range(3):
+        compare.near(made[index], (0.25 * (index + 1), 0.5, 0.1 * index), 1e-5, f"instance {index}")
+    compare.near(made[3], 0.18, 1e-5, "no colour")
+
+
+def test_display_color_by_level(host):
+    """The mesh's own wins, then the innermost instancer's; native instances and constants are inherited as USD says."""
+    made = featured.row_of(host, "material_instance_levels", 8)
+    outer = [color for color in scenes.OUTER_COLORS for _ in range(2)]
+    expected = [*outer, *scenes.NATIVE_COLORS, scenes.CONSTANT_COLOR, scenes.OWN_COLOR]
+    for index, (cell, color) in enumerate(zip(made, expected)):
+        compare.near(cell, color, 1e-5, f"cell {index}")
+
+
+def test_edits_of_instance_colors(host):
+    """Other colours, then opacities of the instances, in a picture that is there already."""
+    size = (4 * featured.CELL, 4 * featured.CELL)
+    row = "UsdGeom.PrimvarsAPI(stage.GetPrimAtPath('/World/Row'))"
+    colors = ((0.9, 0.1, 0.2), (0.2, 0.9, 0.1), (0.1, 0.2, 0.9))
+    with host.open(featured.path("material_display_color"), size, settings=featured.settings(64, 1)) as view:
+        view.render()
+        view.edit(f"{row}.GetPrimvar('displayColor').Set({colors!r})")
+        made = featured.cells(view.render()["color"][..., :3].astype(np.float64), 4)
+        for index, color in enumerate(colors):
+            compare.near(made[index], color, 1e-5, f"instance {index}")
+        view.edit(f"{row}.CreatePrimvar('displayOpacity', Sdf.ValueTypeNames.FloatArray, 'vertex').Set([0.0, 1.0, 0.5])")
+        alpha = featured.cells(view.render()["color"][..., 3:].astype(np.float64), 4)
+        assert alpha[0].max() == 0.0 and alpha[1].min() == 1.0 and alpha[3].min() == 1.0, "not there, and there"
+        # 64 pixels of 64 samples.
+        assert abs(alpha[2].mean() - 0.5) <= 4.5 * 0.5 / 64, f"{alpha[2].mean()} of the rays met it"

@@ -192,6 +192,43 @@ def material_display_color(stage, folder):
     parts.orthographic(stage, "/World/Camera", (0, 0, 5), (0, 0, 0), 4.0)
 
 
+OUTER_COLORS = ((0.8, 0.2, 0.4), (0.1, 0.6, 0.3))
+NATIVE_COLORS = ((0.9, 0.2, 0.1), (0.1, 0.2, 0.9))
+CONSTANT_COLOR = (0.3, 0.7, 0.2)
+OWN_COLOR = (0.5, 0.25, 0.75)
+
+
+def colored(prim, interpolation, colors):
+    """Authors displayColor."""
+    values = Vt.Vec3fArray([Gf.Vec3f(*color) for color in colors])
+    UsdGeom.PrimvarsAPI(prim).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, interpolation).Set(values)
+
+
+def material_instance_levels(stage, folder):
+    """Whose displayColor wins: the outer of two nested instancers twice two times, those of two native instances, one that a prototype inherits as a constant, the mesh's own. Under a sun straight on."""
+    outer = parts.instancer(stage, "/World/Outer", ["/World/Outer/Pair"], [0, 0], [(-3, 0, 0), (-1, 0, 0)])
+    colored(outer, "vertex", OUTER_COLORS)
+    stage.DefinePrim("/World/Outer/Pair", "Xform")
+    parts.instancer(stage, "/World/Outer/Pair/Inner", ["/World/Outer/Pair/Inner/Square"], [0, 0], [(-0.5, 0, 0), (0.5, 0, 0)])
+    parts.quad(stage, "/World/Outer/Pair/Inner/Square", 0.9, None)
+    stage.CreateClassPrim("/Source")
+    parts.quad(stage, "/Source/Square", 0.9, None)
+    for index, color in enumerate(NATIVE_COLORS):
+        native = UsdGeom.Xform.Define(stage, f"/World/Native{index}")
+        native.AddTranslateOp().Set(Gf.Vec3d(index + 0.5, 0, 0))
+        native.GetPrim().GetReferences().AddInternalReference("/Source")
+        native.GetPrim().SetInstanceable(True)
+        colored(native, "constant", [color])
+    constant = parts.instancer(stage, "/World/Constant", ["/World/Constant/Square"], [0], [(2.5, 0, 0)])
+    colored(constant, "constant", [CONSTANT_COLOR])
+    parts.quad(stage, "/World/Constant/Square", 0.9, None)
+    own = parts.instancer(stage, "/World/Own", ["/World/Own/Square"], [0], [(3.5, 0, 0)])
+    colored(own, "vertex", [(1, 1, 1)])
+    parts.quad(stage, "/World/Own/Square", 0.9, OWN_COLOR)
+    parts.distant(stage, "/World/Sun", (0, 0, -1), math.pi)
+    parts.orthographic(stage, "/World/Camera", (0, 0, 5), (0, 0, 0), 8.0)
+
+
 def write_eight(folder):
     images.png(folder / "maps/eight.png", patterns.blocks(EIGHT, 8))
 
@@ -292,5 +329,6 @@ def texture_usdz(stage, folder):
 SCENES = [
     material_emission, material_mirror, material_furnace_metal, material_furnace_plastic, material_fresnel, material_coat, material_glass, material_cutout,
     material_cutout_shadow, material_normal_map, material_subsets, material_collection, material_primvars, material_instance_primvars, material_display_color,
+    material_instance_levels,
     texture_orientation, texture_wrap, texture_values, texture_color_space, texture_transform, texture_udim, texture_usdz,
 ]  # fmt: skip

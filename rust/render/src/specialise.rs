@@ -12,13 +12,15 @@ use oocpt_core::scene::{SceneFeatures, Snapshot};
 use oocpt_shader_abi::Features;
 
 /// What materials need.
-const SURFACES: [(SceneFeatures, Features); 6] = [
+const SURFACES: [(SceneFeatures, Features); 8] = [
     (SceneFeatures::MATERIALS, Features::MATERIALS),
     (SceneFeatures::TEXTURES, Features::TEXTURES),
     (SceneFeatures::CUTOUTS, Features::CUTOUTS),
     (SceneFeatures::TRANSMISSION, Features::TRANSMISSION),
     (SceneFeatures::COAT, Features::COAT),
     (SceneFeatures::EMISSION, Features::EMISSION),
+    (SceneFeatures::INSTANCE_PRIMVARS, Features::INSTANCE_PRIMVARS),
+    (SceneFeatures::INSTANCE_OPACITY, Features::INSTANCE_OPACITY),
 ];
 
 /// The features a frame needs, apart from streaming.
@@ -62,6 +64,7 @@ pub(crate) fn left_out(features: Features, has_planes: bool) -> Vec<String> {
         (Features::OPACITY, "opacity in traversal"),
         (Features::NORMALS, "interpolated normals"),
         (Features::COLORS, "colours"),
+        (Features::INSTANCE_PRIMVARS, "primvars with a value per instance"),
         (Features::LENS, "lens"),
         (Features::INSTANCING, "nested instance levels"),
         (Features::MATERIALS, "materials, and tables of them"),

@@ -40,7 +40,7 @@ fn sizes_are_what_the_shaders_count_on() {
 fn origins_are_split_without_loss() {
     let origin = [1.0e7 + 0.001, -3.0, 1.0e-3];
     let rows = [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]];
-    let instance = GpuChunkInstance::new(rows, origin, 3, 4);
+    let instance = GpuChunkInstance::new(rows, origin, 3, 4, 5);
     for (i, row) in instance.chunk_from_world.iter().enumerate() {
         assert_eq!(row[..3], rows[i], "row {i}");
         let sum = f64::from(row[3]) + f64::from(instance.origin_lo[i]);

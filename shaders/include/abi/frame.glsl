@@ -92,6 +92,7 @@ struct Frame {
     uint64_t bsdf_tables;
     uint64_t lighting;
     uint64_t light_paths;
+    uint64_t placed_values;
 };
 
 struct Streaming {

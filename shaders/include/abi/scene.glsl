@@ -85,11 +85,13 @@ struct GpuSurfaceMaterial {
 struct GpuAssembly {
     uint64_t nodes;
     uint64_t instances;
+    uint64_t primvars;
 };
 
 struct GpuChunk {
     uint64_t nodes;
     uint64_t instances;
+    uint64_t primvars;
 };
 
 struct GpuChunkInstance {
@@ -97,7 +99,8 @@ struct GpuChunkInstance {
     vec3 origin_lo;
     uint chunk;
     uint instance_id;
-    uint pad[3];
+    uint row;
+    uint pad[2];
 };
 
 struct GpuLight {

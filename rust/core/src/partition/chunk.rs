@@ -13,6 +13,7 @@ use super::blocks::{Block, Peaks};
 use super::lattice::{Item, Lattice};
 use crate::mesh::Aabb;
 use crate::scene::assembly::Member;
+use crate::scene::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, write_value};
 use crate::scene::placement::{MATRIX_ERROR, round_down, round_up};
 use crate::scene::reader::Reader;
 use crate::scene::{InstanceRecord, Target};
@@ -34,6 +35,7 @@ pub struct Chunk {
     origin: DVec3,
     bounds: Aabb,
     targets: Vec<Target>,
+    columns: Vec<InstanceColumn>,
     /// Morton codes of the first and the last record.
     pub(crate) codes: [u64; 2],
     /// Members that have records here, in the order of the assembly: lasting ids, and the number of records.
@@ -122,8 +124,9 @@ impl Chunk {
         targets.sort_unstable();
         targets.dedup();
         let ids = present.iter().filter_map(|&m| roster.ids.get(m as usize).copied()).collect();
+        let columns = MemberPrimvar::columns(members.iter().map(|m| &m.primvars[..]));
         let members = RwLock::new(members);
-        Self { key: 0, origin, bounds, targets, codes, ids, counts, members, ranks, which, blocks }
+        Self { key: 0, origin, bounds, targets, columns, codes, ids, counts, members, ranks, which, blocks }
     }
 
     /// A stamp, unique in its [`crate::scene::SceneDb`]: chunks of equal keys have the same records bit for bit, a chunk
@@ -192,6 +195,29 @@ impl Chunk {
                 *slot = member.record(rank, &placed);
             }
         });
+    }
+
+    /// Primvars that records have values of.
+    #[must_use]
+    pub fn columns(&self) -> &[InstanceColumn] {
+        &self.columns
+    }
+
+    /// As [`crate::scene::Assembly::encode_values`], in the order of the chunk's records.
+    pub fn encode_values(&self, column: InstanceColumn, range: Range<usize>, out: &mut [f32]) {
+        let members = self.members();
+        let mut last: Option<(u32, Option<ColumnReader<'_>>)> = None;
+        for (at, slot) in
+            (range.start..range.end.min(self.len())).zip(out.chunks_exact_mut(column.width.max(1) as usize))
+        {
+            let Some((which, rank)) = self.place(at) else { return };
+            if last.as_ref().is_none_or(|(known, _)| *known != which) {
+                let member = members.get(which as usize);
+                last = Some((which, member.and_then(|m| ColumnReader::new(&m.run, &m.primvars, column))));
+            }
+            let reader = last.as_ref().and_then(|(_, reader)| reader.as_ref());
+            write_value(slot, reader.map(|reader| reader.at(rank)));
+        }
     }
 
     /// Calls `visit` with number, member, rank and reader of each record of `range`, in order. The records lie without

@@ -3,7 +3,6 @@
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::RECORD_BYTES;
 use crate::mesh::MeshAsset;
 use crate::scene::{Assembly, Target};
 use std::sync::Arc;
@@ -98,6 +97,8 @@ impl AssetCosts {
 pub(crate) struct CutRule<'a> {
     pub(crate) costs: &'a AssetCosts,
     pub(crate) chunk_bytes: u64,
+    /// Device bytes of a record with its values.
+    pub(crate) record_bytes: u64,
     /// Placements of each target in all chunks of the assembly.
     pub(crate) totals: FxHashMap<Target, u64>,
 }
@@ -105,7 +106,7 @@ pub(crate) struct CutRule<'a> {
 impl CutRule<'_> {
     /// True when `records` alone are too many.
     pub(crate) fn is_too_long(&self, records: u64) -> bool {
-        records > 1 && records.saturating_mul(RECORD_BYTES) > self.chunk_bytes
+        records > 1 && records.saturating_mul(self.record_bytes) > self.chunk_bytes
     }
 
     /// True when a cell of `records` that places `targets` (each once, with the number of placements) must be cut.
@@ -113,7 +114,7 @@ impl CutRule<'_> {
         if records <= 1 {
             return false;
         }
-        let own = records.saturating_mul(RECORD_BYTES);
+        let own = records.saturating_mul(self.record_bytes);
         let exclusive = targets.iter().filter(|(target, n)| self.totals.get(target) == Some(n));
         let cost = exclusive.map(|(target, _)| self.costs.own(*target)).fold(own, u64::saturating_add);
         if cost > self.chunk_bytes {

@@ -17,6 +17,7 @@ mod lattice;
 mod part;
 mod patch;
 mod place;
+mod placed;
 mod store;
 mod validate;
 
@@ -26,6 +27,7 @@ use glam::DVec3;
 
 pub use chunk::Chunk;
 pub(crate) use lattice::Item;
+pub use placed::{NO_ROW, PlacedValues};
 pub(crate) use store::{PartitionStore, Source};
 pub use validate::WorldError;
 
@@ -79,6 +81,8 @@ pub struct World {
     pub opened: Vec<OpenedAssembly>,
     /// The chunk size that was asked for, bytes.
     pub chunk_bytes: u64,
+    /// Values of primvars that placements of opened assemblies have.
+    pub placed: PlacedValues,
     /// Chunk instances left out because their composed transform is beyond single precision.
     pub unplaceable: u64,
 }
@@ -106,6 +110,8 @@ pub struct ChunkInstance {
     /// Instance id so far: from 0, over the opened placements from the outermost in, `id * prototype_count + index`,
     /// wrapping.
     pub instance_id: u32,
+    /// Values of primvars of the opened placements: row of [`World::placed`], or [`NO_ROW`].
+    pub row: u32,
     /// Box in the world's frame, minus the snapshot's origin. Holds all records as `chunk_from_world` and `origin`, in
     /// single precision and as the sum of two floats, put them.
     pub bounds: Aabb,
@@ -128,6 +134,7 @@ impl World {
             levels: 1,
             opened: vec![OpenedAssembly { assembly: 0, first_chunk: 0, chunks: 0 }],
             chunk_bytes: PartitionOptions::default().chunk_bytes(),
+            placed: PlacedValues::default(),
             unplaceable: 0,
         }
     }

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
+use super::RECORD_BYTES;
 use super::cells::{Cutter, Piece};
 use super::chunk::{Chunk, Roster};
 use super::cost::{AssetCosts, CutRule};
@@ -18,6 +19,8 @@ use super::patch::{Edits, SHARE};
 use crate::mesh::Aabb;
 use crate::scene::Target;
 use crate::scene::assembly::{Assembly, Member};
+use crate::scene::diff::ChangedNumbers;
+use crate::scene::instance_primvars::{MemberPrimvar, value_bytes};
 
 /// The partition of one opened assembly.
 #[derive(Debug, Default)]
@@ -50,6 +53,8 @@ struct Changes {
     edited: Vec<(u32, usize, Arc<Vec<u32>>)>,
     /// Ids with another run but the same records where not edited.
     rebound: FxHashSet<u32>,
+    /// Ids whose instances have other values of primvars: which, or `None` for all.
+    revalued: FxHashMap<u32, Option<ChangedNumbers>>,
     /// True when the records of members that are gone are taken out one by one.
     takes_gone_records: bool,
     next_id: u32,
@@ -60,6 +65,8 @@ struct Changes {
 enum Fate {
     /// Nothing.
     Keep,
+    /// A copy of other values.
+    Revalue,
     /// A copy with the edits.
     Patch,
     /// All of its records are sorted in anew.
@@ -69,6 +76,7 @@ enum Fate {
 /// A chunk after that.
 #[derive(Debug)]
 enum Done {
+    /// In its place, with the same records up to values.
     Kept(Arc<Chunk>),
     Patched(Arc<Chunk>),
     Melted(Vec<Item>),
@@ -101,7 +109,8 @@ impl<'a> Job<'a> {
     pub(crate) fn rule(&self) -> CutRule<'a> {
         let mut totals: FxHashMap<Target, u64> = FxHashMap::default();
         self.inside().for_each(|(_, m)| *totals.entry(m.target).or_default() += m.run.len() as u64);
-        CutRule { costs: self.costs, chunk_bytes: self.chunk_bytes, totals }
+        let record_bytes = RECORD_BYTES + value_bytes(self.assembly.columns());
+        CutRule { costs: self.costs, chunk_bytes: self.chunk_bytes, record_bytes, totals }
     }
 }
 
@@ -136,6 +145,7 @@ impl Part {
                     rebind(chunk, &changes, roster.members);
                     Done::Kept(chunk.clone())
                 }
+                Fate::Revalue => Done::Kept(Arc::new(cutter.revalued(chunk))),
                 Fate::Patch => {
                     let lost = lost.get(edits.lost.clone()).unwrap_or_default();
                     let gained = gained.get(edits.gained.clone()).unwrap_or_default();
@@ -184,6 +194,7 @@ impl Part {
         let is_gone = |id: &u32| !changes.member_of.contains_key(id);
         let fate = |(chunk, edits): (&Arc<Chunk>, &Edits)| match edits.len() {
             _ if !changes.takes_gone_records && chunk.ids.iter().any(is_gone) => Fate::Melt,
+            0 if changes.revalues(chunk) => Fate::Revalue,
             0 => Fate::Keep,
             _ if edits.are_few(chunk) => Fate::Patch,
             _ => Fate::Melt,
@@ -192,7 +203,7 @@ impl Part {
         let mut start = 0;
         for stretch in self.chunks.chunk_by(|a, b| a.codes[1] == b.codes[0]) {
             let part = fates.get_mut(start..start + stretch.len()).unwrap_or_default();
-            if part.len() > 1 && part.iter().any(|fate| *fate != Fate::Keep) {
+            if part.len() > 1 && part.iter().any(|fate| matches!(fate, Fate::Patch | Fate::Melt)) {
                 part.fill(Fate::Melt);
             }
             start += stretch.len();
@@ -212,6 +223,11 @@ impl Part {
             let id = match (known, edit) {
                 (Some((at, known)), Some(edited)) => {
                     if !Arc::ptr_eq(&known.member.run, &member.run) {
+                        changes.rebound.insert(known.id);
+                    }
+                    if !MemberPrimvar::are_same(&known.member.primvars, &member.primvars) {
+                        let numbers = ChangedNumbers::of_values(&known.member.primvars, &member.primvars);
+                        changes.revalued.insert(known.id, numbers);
                         changes.rebound.insert(known.id);
                     }
                     if let Some(ranks) = edited {
@@ -238,6 +254,27 @@ impl Part {
 }
 
 impl Changes {
+    /// True when some record of a chunk has another value of a primvar.
+    fn revalues(&self, chunk: &Chunk) -> bool {
+        if self.revalued.is_empty() {
+            return false;
+        }
+        let revalued: Vec<_> = chunk.ids.iter().map(|id| self.revalued.get(id)).collect();
+        if revalued.iter().all(Option::is_none) {
+            return false;
+        }
+        let members = chunk.members();
+        let numbers: Vec<_> = members.iter().map(|member| member.run.numbers()).collect();
+        let is_revalued = |at: usize| {
+            let (which, rank) = chunk.place(at)?;
+            match revalued.get(which as usize).copied().flatten()? {
+                None => Some(true),
+                Some(changed) => Some(changed.contains(numbers.get(which as usize)?.of(rank).flatten()?)),
+            }
+        };
+        (0..chunk.len()).any(|at| is_revalued(at) == Some(true))
+    }
+
     /// Records that changed, by number of the member and rank.
     fn places(&self) -> FxHashSet<(u32, u32)> {
         self.edited.iter().flat_map(|(number, _, ranks)| ranks.iter().map(|&rank| (*number, rank))).collect()

@@ -114,6 +114,19 @@ impl Cutter<'_> {
         Some(Chunk::of(content, self.roster, self.lattice))
     }
 
+    /// A chunk of the same records with the values that the present members give them, without key.
+    pub(crate) fn revalued(&self, chunk: &Chunk) -> Chunk {
+        let content = Content {
+            codes: chunk.codes,
+            present: chunk.ids.iter().filter_map(|id| self.member_of.get(id).copied()).collect(),
+            counts: chunk.counts.clone(),
+            ranks: chunk.ranks.clone(),
+            which: chunk.which.clone(),
+            blocks: chunk.blocks.clone(),
+        };
+        Chunk::of(content, self.roster, self.lattice)
+    }
+
     /// See [`Patch::order`].
     fn present_order(&self, chunk: &Chunk) -> Vec<(u32, bool)> {
         let mut next = u32::MAX;

@@ -6,6 +6,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::chunk::Chunk;
+use super::placed::PlacedValue;
 use super::{ChunkInstance, World};
 use crate::mesh::{Aabb, Bvh2, BvhNode, build_box_bvh};
 use crate::scene::placement::{MATRIX_ERROR, nearest, round_down, round_up};
@@ -16,12 +17,16 @@ const MAX_MAGNITUDE: f32 = 1e18;
 const ORIGIN_ERROR: f64 = 1.0 / (1_u64 << 44) as f64;
 
 /// A placement of an opened assembly.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Placement {
     /// World frame from the assembly's frame.
     pub(crate) frame: DAffine3,
     /// Instance id so far.
     pub(crate) id: u32,
+    /// Values of primvars so far, those of inner instancers in place of outer ones.
+    pub(crate) values: Vec<PlacedValue>,
+    /// Its row in [`World::placed`], or [`NO_ROW`].
+    pub(crate) row: u32,
 }
 
 /// Chunks `first ..` of the world, placed at each of `placements`. Gives what is out of range as `None`.
@@ -60,7 +65,8 @@ fn place_chunk(at: &Placement, inverse: Option<DMat3>, chunk: &Chunk, number: u3
     let numbers = chunk_from_world.iter().flatten().chain(&bounds.min).chain(&bounds.max);
     let sound = numbers.fold(true, |sound, v| sound & (v.abs() <= MAX_MAGNITUDE));
     let regular = chunk_from_world.iter().flatten().any(|v| *v != 0.0);
-    (sound && regular).then_some(ChunkInstance { chunk: number, chunk_from_world, origin, instance_id: at.id, bounds })
+    let (instance_id, row) = (at.id, at.row);
+    (sound && regular).then_some(ChunkInstance { chunk: number, chunk_from_world, origin, instance_id, row, bounds })
 }
 
 /// The inverse, scaled first so that tiny and huge matrices do not underflow or overflow; `None` without one.
@@ -92,5 +98,6 @@ impl World {
             && self.chunk_bytes == other.chunk_bytes
             && shared(&self.chunks, &other.chunks)
             && self.instances == other.instances
+            && self.placed == other.placed
     }
 }

@@ -10,6 +10,7 @@ use super::chunk::Chunk;
 use super::cost::AssetCosts;
 use super::part::{Job, Part};
 use super::place::{Placement, place_chunks, top_level};
+use super::placed::{NO_ROW, PlacedReader, PlacedValues};
 use super::{ChunkInstance, OPEN_ABOVE, OpenedAssembly, PartitionOptions, World};
 use crate::mesh::MeshAsset;
 use crate::scene::Target;
@@ -179,8 +180,9 @@ impl Source<'_> {
 
     /// Places the chunks.
     fn world(&self, opened: &[bool], chunks: Vec<Vec<Arc<Chunk>>>) -> World {
-        let placements = self.placements(opened);
+        let mut placements = self.placements(opened);
         let mut world = World::empty();
+        world.placed = PlacedValues::new(&mut placements);
         world.opened.clear();
         for (assembly, (chunks, placements)) in (0..).zip(chunks.into_iter().zip(placements)) {
             // More than 2^32 chunks would need half a terabyte of records: they are not placed.
@@ -207,17 +209,20 @@ impl Source<'_> {
     fn placements(&self, opened: &[bool]) -> Vec<Vec<Placement>> {
         let mut placements: Vec<Vec<Placement>> = vec![Vec::new(); self.assemblies.len()];
         if let Some(root) = placements.last_mut() {
-            root.push(Placement { frame: glam::DAffine3::IDENTITY, id: 0 });
+            root.push(Placement { frame: glam::DAffine3::IDENTITY, id: 0, values: Vec::new(), row: NO_ROW });
         }
         for at in (0..self.assemblies.len()).rev() {
             let parents = std::mem::take(&mut placements[at]);
             for (child, member) in self.openings(opened, at).filter(|_| !parents.is_empty()) {
                 let count = member.prototype_count();
+                let readers = PlacedReader::all_of(member);
                 let places: Vec<_> = member.run.reader(None).matrices().collect();
                 for parent in &parents {
                     placements[child].extend(places.iter().map(|(rank, matrix)| Placement {
                         frame: parent.frame * *matrix,
                         id: parent.id.wrapping_mul(count).wrapping_add(*rank),
+                        values: PlacedReader::values(&readers, &parent.values, *rank),
+                        row: NO_ROW,
                     }));
                 }
             }

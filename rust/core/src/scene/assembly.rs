@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use bitflags::bitflags;
 
+use super::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, value_bytes, write_value};
 use super::placement::Placed;
 use super::run::Run;
 use crate::mesh::Aabb;
@@ -76,11 +77,16 @@ pub(crate) struct Member {
     pub(crate) path: Arc<str>,
     /// Prototype of the instancer, cluster of the mesh, else 0.
     pub(crate) slot: usize,
+    /// Primvars of the instancer that something below reads.
+    pub(crate) primvars: Vec<MemberPrimvar>,
 }
 
 impl Member {
     fn is_same(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.run, &other.run) && self.target == other.target && self.prim_id == other.prim_id
+        Arc::ptr_eq(&self.run, &other.run)
+            && self.target == other.target
+            && self.prim_id == other.prim_id
+            && MemberPrimvar::are_same(&self.primvars, &other.primvars)
     }
 }
 
@@ -94,6 +100,7 @@ pub struct Assembly {
     members: Vec<Member>,
     /// First record of each member, then the number of records.
     starts: Vec<usize>,
+    columns: Vec<InstanceColumn>,
 }
 
 impl Assembly {
@@ -106,7 +113,9 @@ impl Assembly {
             starts.push(len);
         }
         let bounds = members.iter().fold(Aabb::EMPTY, |b, m| b.union(&m.run.bounds()));
-        Self { key, is_split_mesh, bounds, members, starts }
+        let placed = members.iter().filter(|m| m.run.len() > 0);
+        let columns = MemberPrimvar::columns(placed.map(|m| &m.primvars[..]));
+        Self { key, is_split_mesh, bounds, members, starts, columns }
     }
 
     pub(crate) fn members(&self) -> &[Member] {
@@ -153,16 +162,44 @@ impl Assembly {
         self.len() == 0
     }
 
-    /// Bytes on the device: records with their hierarchy.
+    /// Bytes on the device: records with their hierarchy and their values.
     #[must_use]
     pub fn device_bytes(&self) -> u64 {
-        RECORD_BYTES.saturating_mul(self.len() as u64)
+        (RECORD_BYTES + value_bytes(&self.columns)).saturating_mul(self.len() as u64)
     }
 
     /// Box of all records, in this assembly's frame; empty if there is none.
     #[must_use]
     pub fn bounds(&self) -> Aabb {
         self.bounds
+    }
+
+    /// Primvars that records have values of.
+    #[must_use]
+    pub fn columns(&self) -> &[InstanceColumn] {
+        &self.columns
+    }
+
+    /// Writes the values that records `range` have in `column`, one after the other, [`InstanceColumn::width`] floats each;
+    /// [`NO_VALUE`](super::NO_VALUE) in all of them for a record without. As [`Assembly::encode`] otherwise.
+    pub fn encode_values(&self, column: InstanceColumn, range: Range<usize>, out: &mut [f32]) {
+        let width = column.width.max(1) as usize;
+        let end = range.end.min(self.len()).min(range.start.saturating_add(out.len() / width));
+        let mut at = range.start;
+        while at < end {
+            let index = self.starts.partition_point(|&start| start <= at).saturating_sub(1);
+            let (Some(member), Some(&start)) = (self.members.get(index), self.starts.get(index)) else { return };
+            let stop = end.min(start + member.run.len());
+            let slots = (at - range.start) * width..(stop - range.start) * width;
+            let Some(slots) = out.get_mut(slots) else { return };
+            let reader = ColumnReader::new(&member.run, &member.primvars, column);
+            member.run.each_rank(at - start..stop - start, |k, rank| {
+                if let Some(slot) = slots.get_mut(k * width..(k + 1) * width) {
+                    write_value(slot, reader.as_ref().map(|reader| reader.at(rank)));
+                }
+            });
+            at = stop;
+        }
     }
 
     /// Computes records `range` into `out`: record `range.start + k` goes to `out[k]`. Pure; call it from many threads

@@ -12,6 +12,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::assembly::{Assembly, Member, Target};
 use super::desc::{InstancedBy, LightDesc};
 use super::entries::InstancerEntry;
+use super::instance_primvars::DISPLAY_OPACITY;
 use super::light::{Emitter, Light, LinkTable, MAX_INSTANCED_LIGHTS, placements};
 use super::report::Reports;
 use super::resolve::{GroupId, PlanGroup, PlanMember, PlanTarget};
@@ -84,7 +85,8 @@ impl AssemblyStore {
                 let instances = plan.instances.clone();
                 let spec = RunSpec { before, after: plan.after, instances, target_bounds };
                 let run = Run::reuse_or_scan(known.and_then(|k| run_of(k, plan)), spec, collect);
-                Some(Member { run, target, prim_id, path: plan.path.clone(), slot: plan.slot })
+                let (path, primvars) = (plan.path.clone(), plan.primvars.clone());
+                Some(Member { run, target, prim_id, path, slot: plan.slot, primvars })
             })
             .collect();
         match known {
@@ -189,6 +191,13 @@ impl Snapshot {
         }
         if self.assemblies.iter().any(|a| a.members().iter().any(|m| m.run.is_instanced())) {
             features |= SceneFeatures::INSTANCING;
+        }
+        let placed = || self.assemblies.iter().flat_map(|a| a.members()).filter(|m| m.run.len() > 0);
+        for primvar in placed().flat_map(|member| &member.primvars) {
+            features |= SceneFeatures::INSTANCE_PRIMVARS;
+            if primvar.id == DISPLAY_OPACITY {
+                features |= SceneFeatures::OPACITY | SceneFeatures::INSTANCE_OPACITY;
+            }
         }
         features | self.surfaces.features()
     }

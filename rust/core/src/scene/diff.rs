@@ -4,7 +4,9 @@
 
 use rayon::prelude::*;
 
+use super::instance_primvars::MemberPrimvar;
 use super::placement::InstanceArrays;
+use crate::array::TypedArray;
 
 /// Elements compared at a time.
 const BLOCK: usize = 1 << 12;
@@ -46,6 +48,29 @@ impl ChangedNumbers {
         }
         numbers.len += numbers.bits.iter().map(|word| word.count_ones() as usize).sum::<usize>();
         same_mask.then_some(numbers)
+    }
+
+    /// The instances that have another value in one of these lists; `None` unless both have the same primvars, of the same types.
+    pub(crate) fn of_values(old: &[MemberPrimvar], new: &[MemberPrimvar]) -> Option<Self> {
+        let mut numbers = Self { bits: Vec::new(), tail: usize::MAX, len: 0 };
+        let mut add = |a: &TypedArray, b: &TypedArray| {
+            let comparable = a.element() == b.element() && a.len() == b.len();
+            if comparable && a.identity() != b.identity() {
+                numbers.add(a.view().bytes(), b.view().bytes(), a.element().size());
+            }
+            comparable
+        };
+        for (old, new) in old.iter().zip(new) {
+            let comparable = match (old.primvar.arrays(), new.primvar.arrays()) {
+                ((a, None), (b, None)) => add(a, b),
+                ((a, Some(i)), (b, Some(j))) => a.same_contents(b) && add(i, j),
+                _ => false,
+            };
+            if old.id != new.id || !comparable {
+                return None;
+            }
+        }
+        (old.len() == new.len()).then_some(numbers)
     }
 
     fn add(&mut self, old: &[u8], new: &[u8], size: usize) {

@@ -8,8 +8,10 @@ use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::desc::{InstancerDesc, MeshDesc};
+use super::instance_primvars::{InstancePrimvar, MemberPrimvar};
 use super::placement::InstanceArrays;
 use super::report::DroppedData;
+use crate::array::ArrayView;
 use crate::mesh::{BuiltMesh, MeshAsset, WantedPrimvar, build_mesh_with, is_same_mesh, mesh_key_with};
 use crate::partition::PartitionOptions;
 
@@ -21,6 +23,8 @@ pub(crate) struct MeshEntry {
     pub(crate) built: Option<Arc<BuiltMesh>>,
     /// Primvars that materials read.
     pub(crate) wanted: Vec<WantedPrimvar>,
+    /// Numbers of the primvars that are read here and that the mesh does not have.
+    pub(crate) lacks: Vec<u32>,
 }
 
 impl MeshEntry {
@@ -31,9 +35,9 @@ impl MeshEntry {
                 let changed = old.desc.prim != desc.prim
                     || old.desc.prim_id != desc.prim_id
                     || !is_dressed_alike(&old.desc, &desc);
-                (Self { desc, built: old.built, wanted: old.wanted }, changed)
+                (Self { desc, built: old.built, wanted: old.wanted, lacks: old.lacks }, changed)
             }
-            _ => (Self { desc, built: None, wanted: Vec::new() }, true),
+            _ => (Self { desc, built: None, wanted: Vec::new(), lacks: Vec::new() }, true),
         }
     }
 }
@@ -55,6 +59,10 @@ pub(crate) struct InstancerEntry {
     /// False when an array has the wrong type.
     pub(crate) is_usable: bool,
     pub(crate) dropped: DroppedData,
+    /// Its instance-rate primvars.
+    pub(crate) primvars: Vec<Arc<InstancePrimvar>>,
+    /// Of these, the usable ones that some mesh lacks.
+    pub(crate) offers: Vec<MemberPrimvar>,
 }
 
 impl InstancerEntry {
@@ -65,8 +73,10 @@ impl InstancerEntry {
         let mut arrays = InstanceArrays::of(&desc);
         let is_usable = arrays.check_types(&mut dropped);
         let mut arrays = Arc::new(arrays);
+        let known = old.as_ref().map_or(&[][..], |old| &old.primvars);
+        let primvars = InstancePrimvar::all_of(&desc, known);
         let Some(old) = old else {
-            return (Self { desc, arrays, is_usable, dropped }, true);
+            return (Self { desc, arrays, is_usable, dropped, primvars, offers: Vec::new() }, true);
         };
         let mut changed = desc.prim != old.desc.prim || desc.prototypes.len() != old.desc.prototypes.len();
         if old.arrays.same_contents(&arrays) {
@@ -83,7 +93,24 @@ impl InstancerEntry {
             }
         }
         changed |= dropped != old.dropped;
-        (Self { desc, arrays, is_usable, dropped }, changed)
+        changed |= primvars.len() != old.primvars.len()
+            || primvars.iter().zip(&old.primvars).any(|(new, old)| !Arc::ptr_eq(new, old));
+        (Self { desc, arrays, is_usable, dropped, primvars, offers: old.offers }, changed)
+    }
+}
+
+impl InstancerEntry {
+    /// Instances that a primvar must have values for.
+    pub(crate) fn instance_count(&self) -> usize {
+        match self.arrays.len() {
+            usize::MAX => {
+                let indices = self.desc.prototypes.iter().map(|prototype| prototype.indices.view());
+                let last = |view: ArrayView<'_>| (0..view.len()).filter_map(|at| view.index(at)).max();
+                let last = indices.filter_map(last).max().unwrap_or(-1);
+                usize::try_from(i64::from(last) + 1).unwrap_or(0)
+            }
+            count => count,
+        }
     }
 }
 

@@ -9,8 +9,9 @@ pub(crate) mod assembly;
 mod commit;
 pub mod desc;
 mod desc_defaults;
-mod diff;
+pub(crate) mod diff;
 mod entries;
+pub(crate) mod instance_primvars;
 mod light;
 pub(crate) mod placement;
 pub(crate) mod reader;
@@ -32,6 +33,7 @@ pub use desc::{
     LightKind, MaterialDesc, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, Primvar, Shaping,
     Subdivision, SubsetDesc,
 };
+pub use instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstanceColumn, NO_VALUE};
 pub use resolve::MAX_LEVELS;
 pub use snapshot::{
     Aabb, Assembly, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, DomeTexture, DroppedData, Emitter, IesError,
@@ -226,6 +228,7 @@ impl SceneDb {
         let hierarchy = Hierarchy::new(prims, shows, reports);
         let reachable = hierarchy.reachable(prims, reports);
         self.surface_store.prepare(&mut self.materials, &mut self.meshes, &reachable, reports);
+        self.surface_store.offer(&self.meshes, &mut self.instancers, &reachable, reports);
         self.mesh_store.set_options(&mut self.meshes, self.partition.options());
         self.mesh_store.build(&mut self.meshes, &reachable);
         for (path, entry) in self.meshes.iter().filter(|(path, _)| reachable.contains(*path)) {

@@ -9,7 +9,7 @@ use crate::partition::Item;
 
 /// Instance numbers by rank.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Numbers<'a> {
+pub(crate) struct Numbers<'a> {
     pub(super) unmasked: Option<&'a [u32]>,
     /// `None`: placed once, without a number.
     pub(super) indices: Option<ArrayView<'a>>,
@@ -19,7 +19,7 @@ pub(super) struct Numbers<'a> {
 impl Numbers<'_> {
     /// Number of a rank; `None` when it is out of range.
     #[inline]
-    pub(super) fn of(&self, rank: u32) -> Option<Option<usize>> {
+    pub(crate) fn of(&self, rank: u32) -> Option<Option<usize>> {
         let Some(indices) = &self.indices else {
             return Some(None);
         };

@@ -10,6 +10,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::desc::{InstancedBy, PrimDesc};
 use super::entries::{InstancerEntry, MeshEntry};
+use super::instance_primvars::MemberPrimvar;
 use super::placement::usable_affine;
 use super::report::Reports;
 use super::run::Instances;
@@ -53,6 +54,10 @@ pub(crate) struct PlanMember {
     pub(crate) instances: Option<Instances>,
     /// What is placed.
     pub(crate) target: PlanTarget,
+    /// Primvars of the instancer that something below reads.
+    pub(crate) primvars: Vec<MemberPrimvar>,
+    /// Numbers of the primvars that are read below, and that nothing from here down has. Sorted.
+    pub(crate) lacks: Vec<u32>,
 }
 
 /// A group to be made into an assembly.
@@ -63,6 +68,8 @@ pub(crate) struct PlanGroup {
     pub(crate) members: Vec<PlanMember>,
     /// Longest chain of records down to a mesh.
     pub(crate) levels: u32,
+    /// What its members lack. Sorted.
+    pub(crate) lacks: Vec<u32>,
 }
 
 /// Prims of a group by path.
@@ -228,7 +235,10 @@ impl Resolver<'_> {
     fn push(&mut self, id: GroupId, mut members: Vec<PlanMember>) -> usize {
         members.sort_by(|a, b| (&a.path, a.slot).cmp(&(&b.path, b.slot)));
         let below = members.iter().map(|m| self.levels_of(&m.target)).max().unwrap_or(0);
-        self.plan.push(PlanGroup { id, members, levels: below + 1 });
+        let mut lacks: Vec<u32> = members.iter().flat_map(|m| m.lacks.iter().copied()).collect();
+        lacks.sort_unstable();
+        lacks.dedup();
+        self.plan.push(PlanGroup { id, members, levels: below + 1, lacks });
         self.plan.len() - 1
     }
 
@@ -253,10 +263,13 @@ impl Resolver<'_> {
             };
             for (slot, prototype) in entry.desc.prototypes.iter().enumerate() {
                 let by = InstancedBy { instancer: path.clone(), prototype_root: prototype.root.clone() };
-                let (after, target) = match self.outcome(GroupId::Prototype(by), depth + 1) {
+                let (after, target, mut lacks) = match self.outcome(GroupId::Prototype(by), depth + 1) {
                     Outcome::Open | Outcome::Nothing => continue,
-                    Outcome::OneMesh(mesh) => (mesh.before, mesh.target),
-                    Outcome::Group(index) => (DAffine3::IDENTITY, PlanTarget::Group(index)),
+                    Outcome::OneMesh(mesh) => (mesh.before, mesh.target, mesh.lacks),
+                    Outcome::Group(index) => {
+                        let lacks = self.plan.get(index).map(|group| group.lacks.clone()).unwrap_or_default();
+                        (DAffine3::IDENTITY, PlanTarget::Group(index), lacks)
+                    }
                 };
                 if depth + 1 + self.levels_of(&target) > MAX_LEVELS {
                     self.reports.of(path).deep_instancers += 1;
@@ -264,7 +277,11 @@ impl Resolver<'_> {
                 }
                 let instances = Instances { arrays: entry.arrays.clone(), indices: prototype.indices.clone() };
                 let instances = Some(instances);
-                members.push(PlanMember { path: path.clone(), slot, before, after, instances, target });
+                let offers = entry.offers.iter().filter(|offer| lacks.contains(&offer.id));
+                let primvars: Vec<MemberPrimvar> = offers.cloned().collect();
+                lacks.retain(|id| primvars.iter().all(|primvar| primvar.id != *id));
+                let path = path.clone();
+                members.push(PlanMember { path, slot, before, after, instances, target, primvars, lacks });
             }
         }
         members
@@ -306,7 +323,7 @@ impl Resolver<'_> {
         let (built, prim_id) = (entry.built.as_ref()?, entry.desc.prim_id);
         let target = match (&built.asset, built.clusters.first()) {
             (Some(asset), _) => PlanTarget::Mesh { key: asset.key, prim_id },
-            (None, first) => PlanTarget::Group(self.clusters(first?.key, prim_id, &built.clusters)),
+            (None, first) => PlanTarget::Group(self.clusters(first?.key, prim_id, &built.clusters, &entry.lacks)),
         };
         Some(PlanMember {
             path: entry.desc.prim.path.clone(),
@@ -315,11 +332,13 @@ impl Resolver<'_> {
             after: DAffine3::IDENTITY,
             instances: None,
             target,
+            primvars: Vec::new(),
+            lacks: entry.lacks.clone(),
         })
     }
 
     /// The group of a split mesh: every cluster placed as it is.
-    fn clusters(&mut self, first: u128, prim_id: i32, clusters: &[Arc<MeshAsset>]) -> usize {
+    fn clusters(&mut self, first: u128, prim_id: i32, clusters: &[Arc<MeshAsset>], lacks: &[u32]) -> usize {
         if let Some(&known) = self.split.get(&(first, prim_id)) {
             return known;
         }
@@ -331,6 +350,8 @@ impl Resolver<'_> {
             after: DAffine3::IDENTITY,
             instances: None,
             target: PlanTarget::Mesh { key: cluster.key, prim_id },
+            primvars: Vec::new(),
+            lacks: lacks.to_vec(),
         });
         let group = self.push(GroupId::Clusters(first, prim_id), members.collect());
         self.split.insert((first, prim_id), group);

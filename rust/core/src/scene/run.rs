@@ -191,7 +191,7 @@ impl Run {
         }
     }
 
-    pub(super) fn numbers(&self) -> Numbers<'_> {
+    pub(crate) fn numbers(&self) -> Numbers<'_> {
         let instances = self.spec.instances.as_ref();
         Numbers {
             unmasked: self.unmasked.as_ref().map(|n| &n[..]),
@@ -225,6 +225,15 @@ impl Run {
     pub(crate) fn encode(&self, places: std::ops::Range<usize>, mut write: impl FnMut(usize, u32, &Placed)) {
         let placer = self.spec.placer();
         let numbers = self.numbers();
+        self.each_rank(places, |at, rank| {
+            if let Some(placed) = numbers.of(rank).and_then(|number| placer.place(number)) {
+                write(at, rank, &placed);
+            }
+        });
+    }
+
+    /// Calls `visit` with the position in `places` and the rank of each of the run's placements `places`.
+    pub(crate) fn each_rank(&self, places: std::ops::Range<usize>, mut visit: impl FnMut(usize, u32)) {
         // Bad ranks before a place: those whose own place would not be after it.
         let (mut low, mut high) = (0, self.bad.len());
         while low < high {
@@ -242,9 +251,7 @@ impl Run {
                 rank += 1;
             }
             let Ok(this) = u32::try_from(rank) else { return };
-            if let Some(placed) = numbers.of(this).and_then(|number| placer.place(number)) {
-                write(place - places.start, this, &placed);
-            }
+            visit(place - places.start, this);
             rank += 1;
         }
     }

@@ -49,6 +49,10 @@ bitflags! {
         const COAT = 1 << 15;
         /// A material that emits light.
         const EMISSION = 1 << 22;
+        /// A primvar with a value per instance that something reads.
+        const INSTANCE_PRIMVARS = 1 << 23;
+        /// A `displayOpacity` below 1 among them.
+        const INSTANCE_OPACITY = 1 << 16;
         /// A light with a place.
         const LOCAL_LIGHTS = 1 << 17;
     }

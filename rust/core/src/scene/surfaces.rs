@@ -8,7 +8,8 @@ use std::sync::Arc;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::desc::{MaterialDesc, MeshDesc};
-use super::entries::MeshEntry;
+use super::entries::{InstancerEntry, MeshEntry};
+use super::instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstancePrimvar, MemberPrimvar};
 use super::report::Reports;
 use super::snapshot::SurfaceTables;
 use crate::material::{Compiled, Input, Material, TextureRef, compile};
@@ -52,12 +53,19 @@ impl MaterialEntry {
 }
 
 /// What is kept from commit to commit.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct SurfaceStore {
-    /// Numbers of primvar names; they never change.
+    /// Numbers of primvar names; they never change. Those of what surfaces without a material show come first.
     names: FxHashMap<Arc<str>, u32>,
     /// Materials of the last commit by path.
     materials: FxHashMap<Arc<str>, Arc<Material>>,
+}
+
+impl Default for SurfaceStore {
+    fn default() -> Self {
+        let names = [("displayColor", DISPLAY_COLOR), ("displayOpacity", DISPLAY_OPACITY)];
+        Self { names: names.map(|(name, id)| (name.into(), id)).into_iter().collect(), materials: FxHashMap::default() }
+    }
 }
 
 /// Path of a binding; empty is none.
@@ -68,6 +76,11 @@ fn bound(path: Option<&Arc<str>>) -> Option<&Arc<str>> {
 /// Materials of a mesh by slot.
 fn bindings(desc: &MeshDesc) -> impl Iterator<Item = Option<&Arc<str>>> {
     std::iter::once(bound(desc.material.as_ref())).chain(desc.subsets.iter().map(|s| bound(s.material.as_ref())))
+}
+
+/// Whether a mesh has a primvar of its own.
+fn has(desc: &MeshDesc, name: &str) -> bool {
+    desc.authored_primvar(name).is_some_and(|primvar| !primvar.values.is_empty())
 }
 
 impl SurfaceStore {
@@ -90,11 +103,25 @@ impl SurfaceStore {
                     None => reports.note(path, format!("its material {material} does not exist")),
                 }
             }
-            for material in bindings(&entry.desc).flatten() {
-                let compiled = materials.get(material).and_then(|found| found.compiled.as_ref());
-                let read = compiled.and_then(|c| c.material.as_ref()).into_iter().flat_map(Material::primvar_names);
-                names.extend(read.filter(|name| entry.desc.authored_primvar(name).is_some()));
+            let is_instanced = !entry.desc.prim.instanced_by.is_empty();
+            let mut lacks: Vec<u32> = Vec::new();
+            for material in bindings(&entry.desc) {
+                let compiled = material.and_then(|material| materials.get(material)).and_then(|m| m.compiled.as_ref());
+                let Some(material) = compiled.and_then(|c| c.material.as_ref()) else {
+                    let shown = [("displayColor", DISPLAY_COLOR), ("displayOpacity", DISPLAY_OPACITY)];
+                    lacks.extend(shown.iter().filter(|(name, _)| !has(&entry.desc, name)).map(|(_, id)| *id));
+                    continue;
+                };
+                for name in material.primvar_names() {
+                    if is_instanced && !has(&entry.desc, name) {
+                        lacks.push(self.id(name));
+                    }
+                    names.extend(entry.desc.authored_primvar(name).map(|_| name));
+                }
             }
+            lacks.sort_unstable();
+            lacks.dedup();
+            entry.lacks = if is_instanced { lacks } else { Vec::new() };
             let mut wanted: Vec<WantedPrimvar> =
                 names.into_iter().map(|name| WantedPrimvar { name: name.clone(), id: self.id(name) }).collect();
             wanted.sort_by_key(|primvar| primvar.id);
@@ -108,6 +135,42 @@ impl SurfaceStore {
             if let Some(problem) = entry.compiled.as_ref().and_then(|compiled| compiled.problem.as_ref()) {
                 reports.note(path, problem.clone());
             }
+        }
+    }
+
+    /// Tells every instancer `shown` which of its primvars some mesh lacks. A `displayOpacity` that is 1 everywhere says nothing.
+    pub(crate) fn offer(
+        &self,
+        meshes: &BTreeMap<Arc<str>, MeshEntry>,
+        instancers: &mut BTreeMap<Arc<str>, InstancerEntry>,
+        shown: &FxHashSet<Arc<str>>,
+        reports: &mut Reports,
+    ) {
+        let lacking: FxHashSet<u32> = meshes
+            .iter()
+            .filter(|(path, _)| shown.contains(*path))
+            .flat_map(|(_, entry)| entry.lacks.iter().copied())
+            .collect();
+        let mut hides = false;
+        for (path, entry) in instancers.iter_mut().filter(|(path, _)| shown.contains(*path)) {
+            entry.offers.clear();
+            let known = |primvar: &Arc<InstancePrimvar>| {
+                let id = self.names.get(&primvar.name).copied().filter(|id| lacking.contains(id))?;
+                Some(MemberPrimvar { id, primvar: primvar.clone() })
+            };
+            let offers: Vec<MemberPrimvar> = entry.primvars.iter().filter_map(known).collect();
+            for offer in offers {
+                if !offer.primvar.is_usable(entry.instance_count()) {
+                    reports.of(path).primvars += 1;
+                    continue;
+                }
+                reports.of(path).primvar_values += offer.primvar.bad_values();
+                hides |= offer.id == DISPLAY_OPACITY && !offer.primvar.is_all_one();
+                entry.offers.push(offer);
+            }
+        }
+        if !hides {
+            instancers.values_mut().for_each(|entry| entry.offers.retain(|offer| offer.id != DISPLAY_OPACITY));
         }
     }
 

@@ -24,6 +24,8 @@ mod faces;
 #[cfg(test)]
 mod ies;
 #[cfg(test)]
+mod instance_primvars;
+#[cfg(test)]
 mod instancing;
 #[cfg(test)]
 mod lights;

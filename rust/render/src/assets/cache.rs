@@ -15,6 +15,7 @@ use crate::thread::Gate;
 use crate::timings::Timings;
 use oocpt_core::residency::AssetId;
 use oocpt_core::scene::Snapshot;
+use oocpt_gpu::HeapRange;
 use oocpt_shader_abi::GpuLight;
 use rustc_hash::FxHashSet;
 use std::sync::Arc;
@@ -38,6 +39,8 @@ pub(crate) struct SceneView {
     pub(crate) materials: u64,
     pub(crate) prims: u64,
     pub(crate) material_slots: u64,
+    /// 0 when no placement of an opened assembly has values.
+    pub(crate) placed_values: u64,
     /// 0 when nothing reads a texture.
     pub(crate) textures: u64,
     /// As `textures`.
@@ -236,6 +239,7 @@ impl Scene {
             materials: tables.surfaces.as_ref().map_or(0, |surfaces| surfaces.materials.address()),
             prims: tables.surfaces.as_ref().map_or(0, |surfaces| surfaces.prims.address()),
             material_slots: tables.surfaces.as_ref().map_or(0, |surfaces| surfaces.slots.address()),
+            placed_values: tables.placed_values.as_ref().map_or(0, HeapRange::address),
             textures: tables.textures.as_ref().map_or(0, |textures| textures.records.address()),
             texture_pages: tables.textures.as_ref().map_or(0, |textures| textures.pages.address()),
             max_levels: self.levels(),

@@ -3,6 +3,7 @@
 
 use super::source::{MeshLayout, Source, values};
 use super::surfaces::attributes;
+use super::values::ValueLayout;
 use crate::error::RenderError;
 use oocpt_core::mesh::{BvhNode, MeshAsset, Triangle};
 use oocpt_core::scene::{InstanceFlags, InstanceRecord, Target};
@@ -131,7 +132,10 @@ impl<'a> Writer<'a> {
         match (source, part, workspace) {
             (Source::Mesh(mesh), ..) => self.mesh(mesh, target),
             (Source::Tile(image, tile), ..) => self.bytes(target, 0, &image.tile(*tile)),
-            (_, Part::Records(range), Some(workspace)) => self.records(source, range.clone(), target, workspace),
+            (_, Part::Records(range), Some(workspace)) => {
+                self.records(source, range.clone(), target, workspace)?;
+                self.values(source, range.clone(), target)
+            }
             _ => Err(RenderError::Internal("no workspace for instance records".into())),
         }
     }
@@ -161,6 +165,28 @@ impl<'a> Writer<'a> {
         self.bytes(target, layout.primvars, bytemuck::cast_slice(&table))?;
         for (primvar, offset) in mesh.primvars.iter().zip(&layout.primvar_values) {
             self.bytes(target, *offset, bytemuck::cast_slice(primvar.values.floats()))?;
+        }
+        Ok(())
+    }
+
+    /// The values of records; with those of the first record, the table's entries.
+    fn values(&mut self, source: &Source, range: Range<usize>, target: &dyn DeviceRange) -> Result<(), RenderError> {
+        let layout = ValueLayout::new(source.columns(), source.records());
+        let table = source.values_at();
+        if range.start == 0 && !layout.columns.is_empty() {
+            self.bytes(target, table, bytemuck::cast_slice(&layout.entries()))?;
+        }
+        for (column, at) in &layout.columns {
+            let stride = 4 * column.width as usize;
+            let offset = table + at + (range.start * stride) as u64;
+            let mut values = Vec::new();
+            self.section(target, offset, (range.len(), stride), |first, out| {
+                values.clear();
+                values.resize(out.len() / 4, 0.0_f32);
+                let first = range.start + first;
+                source.encode_values(*column, first..first + out.len() / stride, &mut values);
+                out.copy_from_slice(bytemuck::cast_slice(&values));
+            })?;
         }
         Ok(())
     }

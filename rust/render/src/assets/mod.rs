@@ -14,6 +14,7 @@ mod source;
 mod store;
 mod surfaces;
 mod tables;
+mod values;
 
 pub(crate) use cache::{Scene, SceneCache, SceneView};
 pub(crate) use catalog::SceneAssets;

@@ -2,12 +2,13 @@
 //! One piece of scene data: where its bytes come from, how many there are, and how they are laid out on the device.
 //!
 //! A mesh is one range: nodes, triangles, attributes. An assembly or a chunk is one range: instance records, then the nodes
-//! of the tree over them, which the device builds from the records' boxes. A tile of a texture is one range of texels. Pure; any thread.
+//! of the tree over them, which the device builds from the records' boxes, then values of primvars by record. A tile of a texture is one range of texels. Pure; any thread.
 
+use super::values::ValueLayout;
 use crate::textures::TextureImage;
 use oocpt_core::mesh::{Attribute, AttributeRate, MeshAsset};
 use oocpt_core::partition::Chunk;
-use oocpt_core::scene::{Assembly, InstanceRecord};
+use oocpt_core::scene::{Assembly, InstanceColumn, InstanceRecord};
 use oocpt_shader_abi as abi;
 use oocpt_shader_abi::{
     GpuAssembly, GpuAttribute, GpuInstance, GpuMesh, GpuNode, GpuTriangle, LBVH_MAX_ITEMS, LbvhBounds, LbvhJob,
@@ -131,7 +132,30 @@ impl Source {
         match self {
             Self::Mesh(mesh) => MeshLayout::new(mesh).bytes,
             Self::Tile(image, tile) => image.layout().tile_bytes(*tile),
-            _ => record_bytes(self.records()) + node_bytes(self.records()),
+            _ => self.values_at() + ValueLayout::new(self.columns(), self.records()).bytes,
+        }
+    }
+
+    /// Primvars that its records have values of.
+    pub(crate) fn columns(&self) -> &[InstanceColumn] {
+        match self {
+            Self::Mesh(_) | Self::Tile(..) => &[],
+            Self::Assembly(assembly) => assembly.columns(),
+            Self::Chunk(chunk) => chunk.columns(),
+        }
+    }
+
+    /// Where its table of values begins.
+    pub(crate) fn values_at(&self) -> u64 {
+        record_bytes(self.records()) + node_bytes(self.records())
+    }
+
+    /// Computes the values of records `range`; nothing for a mesh.
+    pub(crate) fn encode_values(&self, column: InstanceColumn, range: Range<usize>, out: &mut [f32]) {
+        match self {
+            Self::Mesh(_) | Self::Tile(..) => {}
+            Self::Assembly(assembly) => assembly.encode_values(column, range, out),
+            Self::Chunk(chunk) => chunk.encode_values(column, range, out),
         }
     }
 
@@ -242,7 +266,8 @@ impl Source {
 
     /// The table entry of an assembly or chunk that lies at `base`.
     pub(crate) fn level_entry(&self, base: u64) -> GpuAssembly {
-        GpuAssembly { nodes: base + record_bytes(self.records()), instances: base }
+        let primvars = if self.columns().is_empty() { 0 } else { base + self.values_at() };
+        GpuAssembly { nodes: base + record_bytes(self.records()), instances: base, primvars }
     }
 }
 

@@ -8,10 +8,11 @@
 use super::catalog::{SceneAssets, Slot};
 use super::encode::Writer;
 use super::surfaces::SurfaceEntries;
+use super::values::ValueLayout;
 use crate::device::Device;
 use crate::error::RenderError;
 use bytemuck::{Pod, Zeroable};
-use oocpt_core::partition::ChunkInstance;
+use oocpt_core::partition::{ChunkInstance, PlacedValues};
 use oocpt_core::residency::AssetId;
 use oocpt_gpu::{Commands, HeapRange};
 use oocpt_shader_abi::{GpuAssembly, GpuChunk, GpuChunkInstance, GpuLight, GpuMesh, GpuNode, GpuTexture, TEXTURE_SRGB};
@@ -31,6 +32,8 @@ pub(crate) struct Tables {
     pub(crate) lights: HeapRange,
     /// Only when a mesh has a material.
     pub(crate) surfaces: Option<SurfaceRanges>,
+    /// Only when placements of opened assemblies have values.
+    pub(crate) placed_values: Option<HeapRange>,
     /// Only when something reads a texture.
     pub(crate) textures: Option<TextureTables>,
 }
@@ -90,8 +93,8 @@ impl Entries {
             }
             Slot::Chunk(at) => {
                 if let Some(slot) = self.chunks.get_mut(at) {
-                    let GpuAssembly { nodes, instances } = source.level_entry(address);
-                    *slot = GpuChunk { nodes, instances };
+                    let GpuAssembly { nodes, instances, primvars } = source.level_entry(address);
+                    *slot = GpuChunk { nodes, instances, primvars };
                 }
             }
             Slot::Tile(at) => {
@@ -138,11 +141,14 @@ impl Tables {
             (textures.tile_count(), size_of::<u64>()),
             (256, size_of::<f32>()),
         ];
+        let placed = ValueLayout::new(&world.placed.columns, world.placed.rows()).bytes;
+        let placed = (usize::try_from(placed).unwrap_or(usize::MAX), usize::from(placed > 0));
         let of_textures = of_textures.into_iter().filter(|_| !textures.is_empty());
         tables
             .into_iter()
             .chain(surfaces)
             .chain(of_textures)
+            .chain(Some(placed).filter(|(_, count)| *count > 0))
             .map(|(count, stride)| ((count * stride).max(16) as u64).next_multiple_of(256))
             .sum()
     }
@@ -167,6 +173,7 @@ impl Tables {
             meshes: table(device, &mut writer, "mesh table", bytemuck::cast_slice(&entries.meshes))?,
             lights: table(device, &mut writer, "light table", bytemuck::cast_slice(lights))?,
             surfaces: surface_ranges(device, &mut writer, assets)?,
+            placed_values: placed_values(device, &mut writer, &world.placed)?,
             textures: texture_tables(device, &mut writer, assets, entries)?,
         };
         let (copies, _) = writer.finish()?;
@@ -206,6 +213,23 @@ fn surface_ranges(
     }))
 }
 
+fn placed_values(
+    device: &Device,
+    writer: &mut Writer<'_>,
+    placed: &PlacedValues,
+) -> Result<Option<HeapRange>, RenderError> {
+    if placed.columns.is_empty() {
+        return Ok(None);
+    }
+    let layout = ValueLayout::new(&placed.columns, placed.rows());
+    let range = device.heap.alloc("values of placements", layout.bytes, 16)?;
+    writer.bytes(&range, 0, bytemuck::cast_slice(&layout.entries()))?;
+    for ((_, at), values) in layout.columns.iter().zip(&placed.values) {
+        writer.bytes(&range, *at, bytemuck::cast_slice(values))?;
+    }
+    Ok(Some(range))
+}
+
 fn texture_tables(
     device: &Device,
     writer: &mut Writer<'_>,
@@ -243,6 +267,6 @@ fn table(device: &Device, writer: &mut Writer<'_>, name: &str, bytes: &[u8]) -> 
 }
 
 fn chunk_instance(instance: &ChunkInstance) -> GpuChunkInstance {
-    let ChunkInstance { chunk_from_world, origin, chunk, instance_id, .. } = instance;
-    GpuChunkInstance::new(*chunk_from_world, origin.to_array(), *chunk, *instance_id)
+    let ChunkInstance { chunk_from_world, origin, chunk, instance_id, row, .. } = instance;
+    GpuChunkInstance::new(*chunk_from_world, origin.to_array(), *chunk, *instance_id, *row)
 }

@@ -79,6 +79,8 @@ bitflags! {
         const TRANSMISSION = 1 << 14;
         /// Some material has a coat.
         const COAT = 1 << 15;
+        /// With `INSTANCE_PRIMVARS`: some displayOpacity at instance rate is below 1.
+        const INSTANCE_OPACITY = 1 << 16;
         /// Lights with a place: rectangles, spheres, disks, cylinders; and the light tree.
         const LOCAL_LIGHTS = 1 << 17;
         /// Some light is shaped.
@@ -91,6 +93,8 @@ bitflags! {
         const LIGHT_LINKS = 1 << 21;
         /// Some material emits light.
         const EMISSION = 1 << 22;
+        /// Some primvar has a value per instance: `primvars` of chunks and assemblies, and `Frame::placed_values`, count.
+        const INSTANCE_PRIMVARS = 1 << 23;
         /// Some light with a place has a texture.
         const LIGHT_TEXTURE = 1 << 24;
         /// Shading in general, with [`crate::Lighting`]: some mesh has a material, or some light is more than a constant dome
@@ -351,6 +355,8 @@ pub struct Frame {
     pub lighting: u64,
     /// 16 B per path: what lights that a ray meets need to know of where it left; 0 without `Features::LIGHT_TABLE`.
     pub light_paths: u64,
+    /// Table of values as [`crate::GpuChunk::primvars`], by `GpuChunkInstance::row`; 0 without any.
+    pub placed_values: u64,
 }
 
 /// Workgroup counts that give at least `threads` threads; the passes find their thread as

@@ -118,7 +118,8 @@ pub const LAYOUTS: &[StructLayout] = &[
         cones,
         bsdf_tables,
         lighting,
-        light_paths
+        light_paths,
+        placed_values
     }),
     layout!(Streaming {
         segments,
@@ -182,7 +183,7 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(GpuPrim { first_slot, slot_count, link_set, pad }),
     layout!(GpuAttribute { values, name, rate_and_width }),
     layout!(GpuSurfaceMaterial { uv, primvars, tangent, material, uv_density, handedness, flags }),
-    layout!(GpuAssembly { nodes, instances }),
+    layout!(GpuAssembly { nodes, instances, primvars }),
     layout!(GpuLight { direction, one_minus_cos, radiance, probability, cumulative }),
     layout!(Lighting {
         local_lights,
@@ -248,9 +249,9 @@ pub const LAYOUTS: &[StructLayout] = &[
     }),
     layout!(GpuLightMap { texels, alias, width, height, columns, rows, x, format, y, pad0, z, pad1 }),
     layout!(GpuAlias { other, threshold, density }),
-    layout!(GpuChunk { nodes, instances }),
+    layout!(GpuChunk { nodes, instances, primvars }),
     layout!(GpuTexture { decode, first_page, flags, width, height, levels, texels, fallback }),
-    layout!(GpuChunkInstance { chunk_from_world, origin_lo, chunk, instance_id, pad }),
+    layout!(GpuChunkInstance { chunk_from_world, origin_lo, chunk, instance_id, row, pad }),
     layout!(Ray { o, bounce, d, t_max, o_lo, flags }),
     layout!(PathState { throughput, pdf }),
     layout!(ShadowRay { o, bounce, d, t_max, o_lo, flags, contribution, pad }),

@@ -34,7 +34,7 @@ pub use material::{
 pub use path::{Counters, IndirectArgs, PathState, Ray, ShadowRay, hit_stride};
 pub use scene::{
     AttributeRate, GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuLight, GpuMesh, GpuNode, GpuTriangle,
-    MAX_LEAF_ITEMS, MeshFlags, TARGET_ASSEMBLY,
+    MAX_LEAF_ITEMS, MeshFlags, NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_ROW, NO_VALUE, TARGET_ASSEMBLY,
 };
 pub use stream::{
     GpuSurface, LIGHT_PATH_BYTES, MATERIAL_BIT, MAX_PENDING, Pending, Question, SHADOW_BIT, Segment, Streaming,

@@ -9,6 +9,15 @@ use bytemuck::{Pod, Zeroable};
 /// Set in `GpuInstance::target` when it names an assembly, else it names a mesh.
 pub const TARGET_ASSEMBLY: u32 = 1 << 31;
 
+/// Number of the name `displayColor` in tables of primvars.
+pub const NAME_DISPLAY_COLOR: u32 = 0;
+/// Number of the name `displayOpacity`.
+pub const NAME_DISPLAY_OPACITY: u32 = 1;
+/// Bits of the first float of a value by instance where there is none.
+pub const NO_VALUE: u32 = 0x7fc0_0000;
+/// In `GpuChunkInstance::row`: none.
+pub const NO_ROW: u32 = u32::MAX;
+
 /// Most triangles a leaf may hold. First triangle of a leaf, node and instance index must be below 2^28.
 pub const MAX_LEAF_ITEMS: u32 = 8;
 
@@ -129,7 +138,7 @@ pub struct GpuMesh {
     pub pad: u32,
 }
 
-/// Where the parts of an assembly are, 16 B.
+/// Where the parts of an assembly are, 24 B.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct GpuAssembly {
@@ -137,9 +146,11 @@ pub struct GpuAssembly {
     pub nodes: u64,
     /// [`GpuInstance`] array, 16-byte aligned.
     pub instances: u64,
+    /// As [`GpuChunk::primvars`].
+    pub primvars: u64,
 }
 
-/// Where the parts of a chunk are, 16 B: `nodes` of 0 = the chunk is absent.
+/// Where the parts of a chunk are, 24 B: `nodes` of 0 = the chunk is absent.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct GpuChunk {
@@ -147,6 +158,9 @@ pub struct GpuChunk {
     pub nodes: u64,
     /// [`GpuInstance`] array, 16-byte aligned; the maps start from the chunk's own frame.
     pub instances: u64,
+    /// [`crate::GpuAttribute`] array, 16-byte aligned, the last with the name [`crate::NO_NAME`]: values by record, of which
+    /// [`NO_VALUE`] in the first float says that there is none. 0 without any.
+    pub primvars: u64,
 }
 
 /// A chunk in the world, 80 B. A world point `p` (relative to `Snapshot::origin`) is `L (p - origin)` in the chunk's frame.
@@ -162,20 +176,22 @@ pub struct GpuChunkInstance {
     /// Instance number of the opened placements above; 0 for chunks of the root. A record's number is
     /// `instance_id * prototype_count + index_in_prototype`, and so on down.
     pub instance_id: u32,
+    /// Row of `Frame::placed_values`, or [`NO_ROW`].
+    pub row: u32,
     /// 0.
-    pub pad: [u32; 3],
+    pub pad: [u32; 2],
 }
 
 impl GpuChunkInstance {
     /// The entry for rows `l` and an origin in f64.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "split in two floats")]
-    pub fn new(l: [[f32; 3]; 3], origin: [f64; 3], chunk: u32, instance_id: u32) -> Self {
+    pub fn new(l: [[f32; 3]; 3], origin: [f64; 3], chunk: u32, instance_id: u32, row: u32) -> Self {
         let hi = origin.map(|x| x as f32);
         let lo = |i: usize| (origin[i] - f64::from(hi[i])) as f32;
-        let row = |i: usize| [l[i][0], l[i][1], l[i][2], hi[i]];
-        let chunk_from_world = [row(0), row(1), row(2)];
-        Self { chunk_from_world, origin_lo: [lo(0), lo(1), lo(2)], chunk, instance_id, pad: [0; 3] }
+        let line = |i: usize| [l[i][0], l[i][1], l[i][2], hi[i]];
+        let chunk_from_world = [line(0), line(1), line(2)];
+        Self { chunk_from_world, origin_lo: [lo(0), lo(1), lo(2)], chunk, instance_id, row, pad: [0; 2] }
     }
 }
 

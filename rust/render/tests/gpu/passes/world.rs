@@ -7,7 +7,8 @@ use oocpt_core::Aabb;
 use oocpt_core::mesh::build_box_bvh;
 use oocpt_gpu::{Buffer, Gpu, Usage};
 use oocpt_shader_abi::{
-    GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuMesh, GpuNode, GpuTriangle, MeshFlags, TARGET_ASSEMBLY,
+    GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuMesh, GpuNode, GpuTriangle, MeshFlags, NO_ROW,
+    TARGET_ASSEMBLY,
 };
 use std::sync::Arc;
 
@@ -128,7 +129,10 @@ impl Scene {
         let groups: Vec<Group> = (0..CHUNKS).map(|_| scene.group(&mut random, &targets, 6)).collect();
         scene.meshes = scene.put(&meshes);
         scene.assemblies = scene.put(&[clump.place]);
-        scene.chunks = groups.iter().map(|g| GpuChunk { nodes: g.place.nodes, instances: g.place.instances }).collect();
+        scene.chunks = groups
+            .iter()
+            .map(|g| GpuChunk { nodes: g.place.nodes, instances: g.place.instances, primvars: 0 })
+            .collect();
         scene.place(&mut random, &groups);
         scene
     }
@@ -143,7 +147,7 @@ impl Scene {
             let l = world_from_chunk.matrix3.inverse().transpose();
             let rows = [l.x_axis, l.y_axis, l.z_axis].map(|row| row.as_vec3().to_array());
             let origin = world_from_chunk.translation.to_array();
-            instances.push(GpuChunkInstance::new(rows, origin, chunk, id));
+            instances.push(GpuChunkInstance::new(rows, origin, chunk, id, NO_ROW));
             let bounds = &groups[chunk as usize].bounds;
             boxes.push(around(corners(bounds).map(|corner| world_from_chunk.transform_point3(corner)), 1e-5));
             self.chunk_of.push(chunk);
@@ -202,7 +206,7 @@ impl Scene {
             });
             boxes.push(around(corners(bounds).map(|corner| parent_from_object.transform_point3(corner)), 1e-5));
         }
-        let place = GpuAssembly { nodes: self.put(&nodes(&boxes)), instances: self.put(&records) };
+        let place = GpuAssembly { nodes: self.put(&nodes(&boxes)), instances: self.put(&records), primvars: 0 };
         let bounds = around(boxes.iter().flat_map(corners), 0.0);
         Group { place, bounds }
     }

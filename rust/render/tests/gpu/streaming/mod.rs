@@ -95,6 +95,11 @@ fn lamps_under_a_sky() {
 }
 
 #[test]
+fn coloured_instances() {
+    same_bits(&SCENES[7]);
+}
+
+#[test]
 fn nested() {
     same_bits(&SCENES[1]);
 }

@@ -4,8 +4,8 @@
 use crate::lights::TestFiles;
 use crate::scenes::{dome, instanced, instancer, mesh, prim, sphere, square, sun};
 use glam::{DMat4, DQuat, DVec3};
-use oocpt_core::scene::SceneDb;
-use oocpt_core::{DomeFormat, LightDesc, LightKind, Shaping};
+use oocpt_core::scene::{InstancerDesc, Interpolation, MeshDesc, NamedPrimvar, Primvar, SceneDb};
+use oocpt_core::{DomeFormat, LightDesc, LightKind, Shaping, TypedArray};
 
 /// A scene, where its camera stands and what it looks at.
 pub(crate) struct Scene {
@@ -16,7 +16,7 @@ pub(crate) struct Scene {
 }
 
 /// All of them.
-pub(crate) const SCENES: [Scene; 7] = [
+pub(crate) const SCENES: [Scene; 8] = [
     Scene { name: "flat", build: flat, eye: DVec3::new(6.0, 5.0, 12.0), target: DVec3::ZERO },
     Scene { name: "nested", build: nested, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO },
     Scene { name: "overlapping chunks", build: overlapping, eye: DVec3::new(0.0, 2.0, 11.0), target: DVec3::ZERO },
@@ -24,6 +24,7 @@ pub(crate) const SCENES: [Scene; 7] = [
     Scene { name: "camera inside chunks", build: around, eye: DVec3::ZERO, target: DVec3::new(1.0, -0.2, -1.0) },
     Scene { name: "thin shadow casters", build: poles, eye: DVec3::new(0.0, 6.0, 9.0), target: DVec3::ZERO },
     Scene { name: "lamps under a sky", build: lamps, eye: DVec3::new(6.0, 5.0, 12.0), target: DVec3::ZERO },
+    Scene { name: "coloured instances", build: coloured, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO },
 ];
 
 /// Numbers between 0 and 1 that only depend on `i` (the R2 sequence and one more).
@@ -58,6 +59,12 @@ fn flat(db: &mut SceneDb) {
 fn nested(db: &mut SceneDb) {
     lights(db);
     ground(db, 14.0, -1.5);
+    db.upsert_instancer(clumps());
+    db.upsert_instancer(balls(0, 700, "/outer/clump"));
+    db.upsert_mesh(sphere(instanced(prim("/outer/clump/ball", DMat4::IDENTITY), "/outer/clump"), 2, 5, 0.6));
+}
+
+fn clumps() -> InstancerDesc {
     let outer: Vec<_> = (0..9)
         .map(|i| {
             let at = (scattered(i) - 0.5) * DVec3::new(16.0, 1.0, 16.0);
@@ -65,16 +72,45 @@ fn nested(db: &mut SceneDb) {
             (at, DQuat::from_rotation_y(0.9 * f64::from(i)), DVec3::new(mirror, 1.1, 0.9))
         })
         .collect();
-    db.upsert_instancer(instancer(prim("/outer", DMat4::IDENTITY), "/outer/clump", &outer));
-    let clump = instanced(prim("/outer/clump", DMat4::IDENTITY), "/outer");
-    let inner: Vec<_> = (0..700)
+    instancer(prim("/outer", DMat4::IDENTITY), "/outer/clump", &outer)
+}
+
+/// Balls of a clump, in an instancer of this path.
+fn balls(first: u32, end: u32, path: &str) -> InstancerDesc {
+    let mut clump = prim(path, DMat4::IDENTITY);
+    clump.instanced_by = instanced(prim("/outer/clump", DMat4::IDENTITY), "/outer").instanced_by;
+    let inner: Vec<_> = (first..end)
         .map(|i| {
             let at = (scattered(i) - 0.5) * DVec3::new(4.0, 2.0, 4.0);
             (at, DQuat::from_rotation_z(f64::from(i)), DVec3::new(0.12, 0.1, 0.14))
         })
         .collect();
-    db.upsert_instancer(instancer(clump, "/outer/clump/ball", &inner));
-    db.upsert_mesh(sphere(instanced(prim("/outer/clump/ball", DMat4::IDENTITY), "/outer/clump"), 2, 5, 0.6));
+    instancer(clump, &format!("{path}/ball"), &inner)
+}
+
+/// As `nested`: each clump has a colour, half of the balls in it one of their own, and some are there in part only.
+fn coloured(db: &mut SceneDb) {
+    nested(db);
+    let per_instance = |name: &str, values: TypedArray| NamedPrimvar {
+        name: name.into(),
+        primvar: Primvar { interpolation: Interpolation::Instance, values, indices: None },
+    };
+    let color = |i: u32| scattered(i + 1).as_vec3().to_array();
+    let mut outer = clumps();
+    outer.primvars = vec![per_instance("displayColor", TypedArray::of((0..9).map(color).collect::<Vec<_>>()))];
+    db.upsert_instancer(outer);
+    let mut inner = balls(0, 350, "/outer/clump");
+    let opacities: Vec<f32> = (0..350_u16).map(|i| 0.25 + 0.25 * f32::from(i % 4)).collect();
+    inner.primvars = vec![
+        per_instance("displayColor", TypedArray::of((0..350).map(color).collect::<Vec<_>>())),
+        per_instance("displayOpacity", TypedArray::of(opacities)),
+    ];
+    db.upsert_instancer(inner);
+    db.upsert_instancer(balls(350, 700, "/outer/more"));
+    for path in ["/outer/clump", "/outer/more"] {
+        let ball = sphere(instanced(prim(&format!("{path}/ball"), DMat4::IDENTITY), path), 2, 5, 0.6);
+        db.upsert_mesh(MeshDesc { display_color: None, ..ball });
+    }
 }
 
 /// Rods that reach through everything: the boxes of all chunks overlap.

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Materials with known answers; and the same bits when the scene streams.
+
+mod inputs;
+mod instances;
+mod pictures;
+mod primvars;
+mod sameness;
+
+use crate::scenes::{constant, dome, instanced, instancer, mesh, prim};
+use crate::support::{orthographic, read, read_all, render, request, session, settings};
+use glam::{DMat4, DQuat, DVec3, Vec3};
+use oocpt_core::scene::{
+    AssetRef, ConnectionDesc, Interpolation, MaterialDesc, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue,
+    Primvar, SceneDb, SubsetDesc,
+};
+use oocpt_core::texture::TexelFormat;
+use oocpt_core::{Element, TypedArray};
+use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
+use oocpt_render::{AovKind, RenderRequest, Session, SessionOptions};
+use std::sync::Arc;
+
+pub(super) const SIZE: [u32; 2] = [32, 32];
+
+pub(super) fn node(kind: &str, params: &[(&str, ParamValue)], connections: &[(&str, usize)]) -> NodeDesc {
+    let param = |(name, value): &(&str, ParamValue)| ParamDesc { name: (*name).into(), value: value.clone() };
+    let connection =
+        |(input, node): &(&str, usize)| ConnectionDesc { input: (*input).into(), node: *node, output: "result".into() };
+    NodeDesc {
+        path: format!("/{kind}").into(),
+        kind: kind.into(),
+        params: params.iter().map(param).collect(),
+        connections: connections.iter().map(connection).collect(),
+    }
+}
+
+pub(super) fn material(path: &str, nodes: Vec<NodeDesc>) -> MaterialDesc {
+    MaterialDesc { path: path.into(), nodes, surface: Some(0) }
+}
+
+pub(super) fn plain(path: &str, params: &[(&str, ParamValue)]) -> MaterialDesc {
+    material(path, vec![node("UsdPreviewSurface", params, &[])])
+}
+
+/// A material that takes `input` from a primvar.
+pub(super) fn reading(path: &str, input: &str, kind: &str, name: &str, params: &[(&str, ParamValue)]) -> MaterialDesc {
+    let reader = format!("UsdPrimvarReader_{kind}");
+    let name = ("varname", ParamValue::Text(name.into()));
+    material(path, vec![node("UsdPreviewSurface", params, &[(input, 1)]), node(&reader, &[name], &[])])
+}
+
+pub(super) fn color(value: [f32; 3]) -> ParamValue {
+    ParamValue::Vec3(value)
+}
+
+/// Two by two quads over -1..1 in x and y, facing +z; faces 0, 1 below, 2, 3 above.
+pub(super) fn board(path: &str, prim_id: i32, material: &str) -> MeshDesc {
+    let at = [-1.0, 0.0, 1.0_f32];
+    let points: Vec<[f32; 3]> = at.iter().flat_map(|&y| at.map(|x| [x, y, 0.0])).collect();
+    let faces: Vec<Vec<i32>> = [0, 1, 3, 4].iter().map(|&k| vec![k, k + 1, k + 4, k + 3]).collect();
+    let mut desc = mesh(prim(path, DMat4::IDENTITY), prim_id, points, &faces, 0.75);
+    desc.material = Some(material.into());
+    desc
+}
+
+pub(super) fn with<T: Element + std::fmt::Debug>(
+    mut desc: MeshDesc,
+    name: &str,
+    interpolation: Interpolation,
+    values: Vec<T>,
+) -> MeshDesc {
+    let primvar = Primvar { interpolation, values: TypedArray::of(values), indices: None };
+    desc.primvars.push(NamedPrimvar { name: name.into(), primvar });
+    desc
+}
+
+pub(super) fn front() -> RenderRequest {
+    request(orthographic(DVec3::Z * 5.0, DVec3::ZERO, 2.0, SIZE))
+}
+
+pub(super) fn shown(build: impl FnOnce(&mut SceneDb), samples: u32) -> (Session, RenderRequest) {
+    let session = session(settings(samples, 2)).with_images(Arc::new(Ramps));
+    session.with_scene(build);
+    let request = front();
+    render(&session, &request);
+    (session, request)
+}
+
+/// Images of two by two texels of four bytes: red grows along s, green along t.
+#[derive(Debug)]
+pub(super) struct Ramps;
+
+impl ImageLibrary for Ramps {
+    fn open(&self, _: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+        Ok(Arc::new(Self))
+    }
+}
+
+impl Image for Ramps {
+    fn info(&self) -> ImageInfo {
+        ImageInfo {
+            levels: vec![[2, 2]],
+            channels: 4,
+            format: TexelFormat::U8,
+            tile_friendly: true,
+            is_srgb: None,
+            wrap: None,
+        }
+    }
+
+    fn read(&self, level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
+        assert_eq!((level, at, size), (0, [0; 2], [2; 2]), "the whole of it");
+        out.copy_from_slice(&[51, 51, 0, 255, 255, 51, 0, 255, 51, 255, 0, 255, 255, 255, 0, 255]);
+        Ok(())
+    }
+}
+
+/// A material with a texture at `input`, looked up at the primvar "st", in raw numbers.
+pub(super) fn textured(path: &str, input: &str, output: &str, params: &[(&str, ParamValue)]) -> MaterialDesc {
+    let text = |text: &str| ParamValue::Text(text.into());
+    let settings = [
+        ("file", text("ramps")),
+        ("sourceColorSpace", text("raw")),
+        ("wrapS", text("clamp")),
+        ("wrapT", text("clamp")),
+    ];
+    let nodes = vec![
+        node("UsdPreviewSurface", params, &[(input, 1)]),
+        node("UsdUVTexture", &settings, &[("st", 2)]),
+        node("UsdPrimvarReader_float2", &[("varname", text("st"))], &[]),
+    ];
+    let mut desc = material(path, nodes);
+    desc.nodes[0].connections[0].output = output.into();
+    desc
+}
+
+/// Texture coordinates of the board's points: (0, 0) to (1, 1) over it, then mapped.
+pub(super) fn coordinates(map: impl Fn([f32; 2]) -> [f32; 2]) -> Vec<[f32; 2]> {
+    let at = [0.0, 0.5, 1.0_f32];
+    at.iter().flat_map(|&t| at.map(|s| map([s, t]))).collect()
+}
+
+/// Centre of a pixel in the plane of the board.
+pub(super) fn place(pixel: usize) -> [f32; 2] {
+    let at = |k: usize| (f32::from(u16::try_from(k).expect("small")) + 0.5) / 16.0 - 1.0;
+    [at(pixel % 32), at(pixel / 32)]
+}
