@@ -52,6 +52,9 @@ pub(crate) struct Arguments {
     /// Counts the first render of each row instead of warming up with it: from empty device memory.
     #[arg(long)]
     cold: bool,
+    /// Renders each row once more, timing its passes on the device; that run counts for nothing else.
+    #[arg(long)]
+    profile: bool,
     /// Device: an index or a part of its name.
     #[arg(long, env = "OOCPT_DEVICE", default_value = "")]
     device: String,
@@ -86,6 +89,9 @@ struct Row {
     different_pixels: u64,
     gpu_peak_bytes: u64,
     streaming: StreamingStats,
+    /// Seconds on the device of each pass, and its dispatches; only with `--profile`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    passes: Vec<(String, f64, u64)>,
 }
 
 /// A row that did not render.
@@ -234,7 +240,18 @@ fn measure(
         different_pixels,
         gpu_peak_bytes: stats.gpu_peak_bytes,
         streaming: stats.streaming,
+        passes: if arguments.profile { profile(session)? } else { Vec::new() },
     })
+}
+
+/// Renders once more and gives the device's time of each pass.
+fn profile(session: &Session) -> Result<Vec<(String, f64, u64)>> {
+    session.set_profiling(true);
+    session.restart();
+    let finished = finish(session).context("profiled render");
+    session.set_profiling(false);
+    finished?;
+    Ok(session.timings().passes.into_iter().map(|pass| (pass.name, pass.secs, pass.runs)).collect())
 }
 
 fn report(arguments: &Arguments, session: &Session, generate_secs: f64, commit_secs: f64) -> Report {

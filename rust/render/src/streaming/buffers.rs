@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// Segments as large as all slots together.
 const SEGMENTS_PER_FILL: u32 = 64;
 /// Most places for every slot: how many more paths may have ended than are in flight, while stragglers of the oldest segment
-/// keep all from the film. A power of two.
+/// keep all from the film.
 const PLACES_PER_SLOT: u32 = 8;
 /// Bytes of a place: the radiance of a path.
 const PLACE_BYTES: u64 = 16;
@@ -236,7 +236,7 @@ fn places_per_slot(capacity: u32, total: u64, max_allocation_bytes: u64) -> u32 
     let most = total.next_power_of_two().min(max_allocation_bytes / PLACE_BYTES);
     let mut per_slot = PLACES_PER_SLOT;
     while per_slot > 1 && u64::from(capacity) * u64::from(per_slot) > most {
-        per_slot /= 2;
+        per_slot -= 1;
     }
     per_slot
 }
@@ -279,7 +279,7 @@ mod tests {
     fn places_are_bounded_by_the_paths_and_by_the_driver() {
         let nvidia = 4_292_870_144; // what an H200's driver gives in one piece
         assert_eq!(places_per_slot(1 << 22, 1 << 40, nvidia), 8, "eight for each slot when there is room");
-        assert_eq!(places_per_slot(1 << 25, 1 << 40, nvidia), 4, "one piece of memory");
+        assert_eq!(places_per_slot(1 << 25, 1 << 40, nvidia), 7, "one piece of memory");
         assert_eq!(places_per_slot(1 << 25, 28_114_944, nvidia), 1, "a place for each path is enough");
         assert_eq!(places_per_slot(1 << 12, 5, 1 << 30), 1, "at least one");
     }

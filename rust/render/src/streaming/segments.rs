@@ -3,7 +3,11 @@
 //! places than slots (paths in flight): a path that ends gives its slot to a new one and leaves only its radiance behind.
 //!
 //! A segment is added to the film when all its paths are dead and every earlier segment has been added: samples of a pixel
-//! are summed in ascending order whatever came back first. Pure.
+//! are summed in ascending order whatever came back first.
+//!
+//! When all segments are in use, the paths that keep the oldest ones alive wait for chunks that few others want. Were a new
+//! segment begun for each that ends, its camera rays would drive those chunks out again; so no segment begins until all are
+//! free: the chunks of the stragglers are loaded once for all paths that wait for them (measured: decisions/0006). Pure.
 
 use crate::schedule::Wave;
 use std::collections::VecDeque;
@@ -25,7 +29,11 @@ pub(crate) struct Segments {
     size: u32,
     /// Paths that may be in flight.
     slots: u64,
+    /// How many there are.
+    count: usize,
     free: VecDeque<u32>,
+    /// All have been in use, and not all are free again.
+    draining: bool,
     /// Under way, oldest first.
     alive: VecDeque<Segment>,
     next: u64,
@@ -35,8 +43,9 @@ pub(crate) struct Segments {
 impl Segments {
     /// `count` segments of `size` places for `total` paths, of which `slots` may be in flight.
     pub(crate) fn new(count: u32, size: u32, slots: u32, total: u64) -> Self {
-        let free = (0..count).collect();
-        Self { size, slots: u64::from(slots), free, alive: VecDeque::new(), next: 0, total }
+        let free: VecDeque<u32> = (0..count).collect();
+        let (count, slots) = (free.len(), u64::from(slots));
+        Self { size, slots, count, free, draining: false, alive: VecDeque::new(), next: 0, total }
     }
 
     /// Gives a free segment the next paths; none when there is no free segment, no path left, or no slot: `ended` paths have
@@ -52,6 +61,7 @@ impl Segments {
         }
         let index = self.free.pop_front()?;
         let segment = Segment { index, first_slot: self.next, wave: Wave { first: self.next, count } };
+        self.draining = self.free.is_empty();
         self.next += u64::from(count);
         self.alive.push_back(segment);
         Some(segment)
@@ -65,6 +75,7 @@ impl Segments {
         }
         self.alive.pop_front();
         self.free.push_back(oldest.index);
+        self.draining &= self.free.len() < self.count;
         Some(oldest)
     }
 
@@ -89,9 +100,13 @@ impl Segments {
         self.total - self.next
     }
 
-    /// Whether a segment could begin when `ended` paths have given their slots back.
+    /// Whether a segment could begin when `ended` paths have given their slots back; none while the last ones of a full set of
+    /// segments end.
     pub(crate) fn can_start(&self, ended: u64) -> bool {
-        !self.free.is_empty() && self.next < self.total && self.next + u64::from(self.size) <= self.slots + ended
+        !self.draining
+            && !self.free.is_empty()
+            && self.next < self.total
+            && self.next + u64::from(self.size) <= self.slots + ended
     }
 }
 
@@ -113,6 +128,25 @@ mod tests {
             while segments.start(firsts.len() as u64 * 10).is_some() {}
         }
         assert_eq!(firsts, [(0, 10), (10, 10), (20, 10), (30, 10), (40, 5)], "ascending, without gaps");
+    }
+
+    #[test]
+    fn a_full_set_of_segments_ends_before_the_next_begins() {
+        let mut segments = Segments::new(3, 10, 1000, 60);
+        for ended in [0, 0, 0] {
+            assert!(segments.start(ended).is_some(), "free segments and slots");
+        }
+        for left in [2, 1] {
+            assert!(segments.take_finished(|_| true).is_some(), "the oldest has ended");
+            assert!(
+                segments.start(30).is_none(),
+                "{left} of the set are left: camera rays would take their chunks away"
+            );
+        }
+        assert!(segments.take_finished(|_| true).is_some(), "the last of the set");
+        assert_eq!(segments.start(30).map(|segment| segment.wave.first), Some(30), "the next set begins");
+        assert!(segments.take_finished(|_| true).is_some(), "alone");
+        assert!(segments.start(40).is_some(), "a set that was never full goes on");
     }
 
     #[test]
