@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Ray cones (Akenine-Moeller et al. 2021, "Improved Shader and Texture Level of Detail Using Ray Cones", JCGT 10(1)): a width at the
-// origin of a path's ray, and its growth per unit of length. Only with textures. Curvature of surfaces is left out.
+// origin of a path's ray, and its growth per unit of length. Only with textures. Lookups take the longer side of a cone's cut
+// through a slanted surface, as there. Curvature of surfaces is left out.
 #ifndef OOCPT_CONE_GLSL
 #define OOCPT_CONE_GLSL
+
+#include "include/affine.glsl"
 
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Cones { vec2 v[]; };
 
@@ -15,6 +18,15 @@ void store_camera_cone(uint path, vec3 d) {
     const float width = sqrt(length(FRAME.ray_o_x) * length(FRAME.ray_o_y));
     const float spread = sqrt(length(FRAME.ray_d_x) * length(FRAME.ray_d_y)) * inversesqrt(dot(d, d));
     Cones(FRAME.cones).v[path] = vec2(width, spread);
+}
+
+const float SLANT_MOST = 1.0e4;
+
+// How much longer than wide a cone's cut through a surface with normal n is, for a ray along d: 1 / cos; of any lengths.
+float slant(vec3 n, vec3 d) {
+    const float across = abs(dot3(n, d));
+    const float whole = sqrt(dot3(n, n)) * sqrt(dot3(d, d));
+    return whole < SLANT_MOST * across ? whole / across : SLANT_MOST;
 }
 
 float cone_width(uint path, float t) {

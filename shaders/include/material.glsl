@@ -49,6 +49,13 @@ vec4 finish_texture(GpuInput i, vec4 texel, bool found) {
     return pick_channel(i, found ? texel * i.value + i.bias : texel);
 }
 
+// The lookup before: several inputs often read one texture in one place, metallic and roughness for instance.
+uint last_texture;
+vec2 last_place;
+float last_footprint;
+vec4 last_texel;
+uint last_unit;
+
 // The value of an input. `missing`: the unit that a lookup waits for, as texture_lookup gives it; not touched where all is there.
 vec4 input_value(GpuSurfaceMaterial m, uint name, float cone, inout uint missing) {
     Materials materials = Materials(FRAME.materials);
@@ -60,10 +67,16 @@ vec4 input_value(GpuSurfaceMaterial m, uint name, float cone, inout uint missing
         return (m.flags & (1u << slot)) != 0u ? m.primvars[slot] : i.value;
     }
     if (HAS_TEXTURES) {
-        uint unit;
-        const vec4 texel = texture_lookup(i.texture, texture_place(i, m), texture_footprint(i, m, cone), unit);
-        if (unit < TEXTURE_FALLBACK) missing = unit;
-        return finish_texture(i, texel, unit != TEXTURE_FALLBACK);
+        const vec2 place = texture_place(i, m);
+        const float footprint = texture_footprint(i, m, cone);
+        if (i.texture != last_texture || place != last_place || footprint != last_footprint) {
+            last_texel = texture_lookup(i.texture, place, footprint, last_unit);
+            last_texture = i.texture;
+            last_place = place;
+            last_footprint = footprint;
+        }
+        if (last_unit < TEXTURE_FALLBACK) missing = last_unit;
+        return finish_texture(i, last_texel, last_unit != TEXTURE_FALLBACK);
     }
     return pick_channel(i, vec4(0.0, 0.0, 0.0, 1.0));
 }
@@ -73,6 +86,7 @@ vec4 input_value(GpuSurfaceMaterial m, uint name, float cone, inout uint missing
 Shading make_shading(uint path, Surface s, out uint missing) {
     missing = TEXTURE_DONE;
     if (HAS_STREAMING && HAS_TEXTURES) begin_lookups(path);
+    last_texture = 0xffffffffu;
     const GpuSurfaceMaterial m = surface_material;
     const float cone = s.cone;
     if (!HAS_MATERIALS || m.material == NO_MATERIAL) return diffuse_shading(s.geometric_normal, s.shading_normal, s.albedo);

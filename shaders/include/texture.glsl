@@ -16,7 +16,7 @@
 
 // What a lookup says in place of the number of a unit that it waits for.
 const uint TEXTURE_DONE = 0xffffffffu;
-const uint TEXTURE_FALLBACK = 0xfffffffeu; // no image there; the value is the fallback, to which no scale or bias applies
+const uint TEXTURE_FALLBACK = 0xfffffffeu; // no image there, or none that could be read; the value is the fallback, to which no scale or bias applies
 
 const uint TILE_SIDE = 128u;
 const uint TAIL_SIDE = 64u;
@@ -221,6 +221,10 @@ uint continue_lookup(uint texture, vec2 st, float footprint, inout TextureProgre
                     progress.taps = tap;
                     return page;
                 }
+                if ((uint(address) & PAGE_BROKEN) != 0u) {
+                    progress.mean = t.fallback;
+                    return TEXTURE_FALLBACK;
+                }
                 const uvec2 inside = uvec2(at) - tile * TILE_SIDE;
                 const uint stride = min(l.size.x - tile.x * TILE_SIDE, TILE_SIDE);
                 texel = decode_texel(t, address + uint64_t(l.offset), inside.y * stride + inside.x);
@@ -247,6 +251,42 @@ void begin_lookups(uint path) {
 const uint LOOKUPS_TAPS_SHIFT = 8u;      // of the one under way
 const uint LOOKUPS_FALLBACK_SHIFT = 16u; // a bit for each that gave the fallback
 
+// Other tiles that a material which waits will need: the first of each level of its lookups that is absent.
+const uint MOST_NOTED = MAX_PENDING - 1u;
+uint noted_units[MOST_NOTED];
+uint noted_count;
+
+// With NOTE_TILES: notes the tiles of a lookup that are absent, so that they come together and not one after the other. A hint: the four
+// texels of a level may lie in other tiles too.
+void note_tiles(uint texture, vec2 st, float footprint, uint but) {
+#ifdef NOTE_TILES
+    bool exists;
+    const GpuTexture t = Textures(FRAME.textures).v[texture_part(texture, st, exists)];
+    if (!exists || t.levels == 0u) return;
+    const uint wrap_s = (t.flags >> TEXTURE_WRAP_S_SHIFT) & 3u;
+    const uint wrap_t = (t.flags >> TEXTURE_WRAP_T_SHIFT) & 3u;
+    st = vec2(near_image(st.x, wrap_s), near_image(st.y, wrap_t));
+    float coarse_share;
+    const uint finer = select_level(t, footprint, coarse_share);
+    const uint end = coarse_share > 0.0 ? 2u : 1u;
+    for (uint i = 0u; i < end; ++i) {
+        const TextureLevel l = texture_level(t, finer + i);
+        vec2 share;
+        const int x = wrap_texel(texel_place(st.x, l.size.x, share.x), int(l.size.x), wrap_s);
+        const int y = wrap_texel(texel_place(st.y, l.size.y, share.y), int(l.size.y), wrap_t);
+        if (x < 0 || y < 0) continue;
+        const uint tiles_x = (l.size.x + TILE_SIDE - 1u) / TILE_SIDE;
+        const uint tile = l.in_tail ? 0u : uint(y) / TILE_SIDE * tiles_x + uint(x) / TILE_SIDE;
+        const uint unit = l.page + tile + STREAMING.chunk_count;
+        bool known = unit == but || noted_count == MOST_NOTED || TexturePages(FRAME.texture_pages).v[l.page + tile] != 0ul;
+        for (uint k = 0u; k < noted_count; ++k) known = known || noted_units[k] == unit;
+        if (known) continue;
+        noted_units[noted_count] = unit;
+        ++noted_count;
+    }
+#endif
+}
+
 vec4 kept_lookup(uint texture, vec2 st, float footprint, out uint missing_unit) {
     const uint k = lookup_number++;
     const uint word = ConstUints(STREAMING.resolve_progress).v[lookup_path];
@@ -254,7 +294,10 @@ vec4 kept_lookup(uint texture, vec2 st, float footprint, out uint missing_unit) 
     const uint at = lookup_path * STREAMING.lookups + k;
     missing_unit = (word >> (LOOKUPS_FALLBACK_SHIFT + k) & 1u) != 0u ? TEXTURE_FALLBACK : TEXTURE_DONE;
     if (k < done) return ConstVec4s(STREAMING.resolved).v[at];
-    if (k > done) return vec4(0.0); // another one waits
+    if (k > done) { // another one waits
+        note_tiles(texture, st, footprint, 0xffffffffu);
+        return vec4(0.0);
+    }
     TextureProgress progress = TextureProgress(vec4(0.0), (word >> LOOKUPS_TAPS_SHIFT) & 0xffu);
     if (progress.taps != 0u) progress.mean = ConstVec4s(STREAMING.resolved).v[at];
     const uint said = continue_lookup(texture, st, footprint, progress);
@@ -267,6 +310,8 @@ vec4 kept_lookup(uint texture, vec2 st, float footprint, out uint missing_unit) 
     } else {
         missing_unit = said + STREAMING.chunk_count;
         Uints(STREAMING.resolve_progress).v[lookup_path] = others | progress.taps << LOOKUPS_TAPS_SHIFT | done;
+        noted_count = 0u;
+        note_tiles(texture, st, footprint, missing_unit);
     }
     return progress.mean;
 }

@@ -32,8 +32,8 @@ float ray_cone(uint path, float t) {
 #endif
 }
 
-// What the material of a triangle asks. `cone`: the width of the ray's cone there, in the mesh's frame.
-Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone) {
+// What the material of a triangle asks. `cone`: the width of the ray's cone there, in the mesh's frame; `d`: where it goes, in that frame.
+Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone, vec3 d) {
     Presence p = Presence(false, NO_TEXTURE, vec2(0.0), 0.0, 0u, 1.0, 0.0, 0.0);
     const uint64_t triangles = Meshes(FRAME.meshes).v[mesh].triangles;
     const uint subset = floatBitsToUint(ConstVec4s(triangles).v[triangle * 3u + 1u].w);
@@ -71,8 +71,8 @@ Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone)
                 const vec3 v2 = ConstVec4s(triangles).v[triangle * 3u + 2u].xyz;
                 vec3 u, v;
                 if (uv_gradients(mesh, entry, triangle, v1 - v0, v2 - v0, u, v)) {
-                    const vec3 area = cross3(u, v);
-                    p.footprint = cone * sqrt(sqrt(dot3(area, area))) * map_scale(i);
+                    const vec3 area = cross3(u, v); // along the normal
+                    p.footprint = cone * sqrt(sqrt(dot3(area, area))) * map_scale(i) * slant(area, d);
                 }
             }
         }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Streaming only. Counts, unit by unit, the rays and materials that wait for it first and those that have it further down their list: one
-// thread per deferred ray, Counters::deferred_args.
+// Streaming only. Counts, unit by unit, the rays that wait for it first and those that have it further down their list: one thread per
+// deferred ray, Counters::deferred_args. A material will need all of its list, whatever comes: each counts as waited for.
 // Reads: deferred, rays and shadow_rays (flags), pending lists. Adds to: demand.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -18,6 +18,6 @@ void main() {
     for (uint i = 0u; i < MAX_PENDING; ++i) {
         const bool wanted = i < length;
         const uint unit = wanted ? pending_unit(entry, path, i) : 0u;
-        add_each(STREAMING.demand, unit + (i == 0u ? 0u : STREAMING.unit_count), 1u, wanted);
+        add_each(STREAMING.demand, unit + (i == 0u || (entry & MATERIAL_BIT) != 0u ? 0u : STREAMING.unit_count), 1u, wanted);
     }
 }

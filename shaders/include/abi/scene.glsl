@@ -125,6 +125,7 @@ const uint WRAP_BLACK = 0u;
 const uint WRAP_CLAMP = 1u;
 const uint WRAP_REPEAT = 2u;
 const uint WRAP_MIRROR = 3u;
+const uint PAGE_BROKEN = 1u; // of the address of a tile
 
 struct GpuTexture {
     uint64_t decode;

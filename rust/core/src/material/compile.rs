@@ -40,6 +40,10 @@ pub fn compile(desc: &MaterialDesc) -> Compiled {
         primvars: Vec::new(),
     };
     let material = compiler.surface(desc.surface);
+    // Nodes are named by their prims, or within the material.
+    for texture in compiler.textures.iter_mut().filter(|texture| !texture.prim.starts_with(&*desc.path)) {
+        texture.prim = format!("{}/{}", desc.path, texture.prim.trim_start_matches('/')).into();
+    }
     Compiled { material, textures: compiler.textures, problem: compiler.problems.message() }
 }
 

@@ -179,9 +179,11 @@ pub enum ColorSpace {
     Srgb,
 }
 
-/// A texture that materials read.
-#[derive(Clone, Debug, PartialEq)]
+/// A texture that materials read. Two are equal when they read the same the same way, whoever asks.
+#[derive(Clone, Debug)]
 pub struct TextureRef {
+    /// A prim that asks for it: the first one that was seen. For messages.
+    pub prim: Arc<str>,
     /// The file. `<UDIM>` in its resolved name stands for the tiles 1001 to 1100.
     pub asset: AssetRef,
     /// In s and t.
@@ -190,6 +192,13 @@ pub struct TextureRef {
     pub color_space: ColorSpace,
     /// What it gives where the file cannot be read, before scale and bias.
     pub fallback: [f32; 4],
+}
+
+impl PartialEq for TextureRef {
+    fn eq(&self, other: &Self) -> bool {
+        let Self { prim: _, asset, wrap, color_space, fallback } = self;
+        *asset == other.asset && *wrap == other.wrap && *color_space == other.color_space && *fallback == other.fallback
+    }
 }
 
 impl TextureRef {

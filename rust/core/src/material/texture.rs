@@ -6,6 +6,7 @@ use super::params::{Shape, asset, connection, numbers, param, text};
 use super::reader::READER;
 use super::{ColorSpace, Input, TextureRef, Wrap};
 use crate::scene::{NodeDesc, ParamValue};
+use std::sync::Arc;
 
 /// Most `UsdTransform2d` in a row.
 const MAX_TRANSFORMS: usize = 16;
@@ -48,7 +49,7 @@ impl<'a> Compiler<'a> {
         };
         let wrap = [self.wrap(node, "wrapS"), self.wrap(node, "wrapT")];
         let color_space = self.color_space(node);
-        let reference = TextureRef { asset, wrap, color_space, fallback };
+        let reference = TextureRef { prim: Arc::clone(&node.path), asset, wrap, color_space, fallback };
         let known = self.textures.iter().position(|texture| *texture == reference);
         let texture = known.unwrap_or(self.textures.len());
         if known.is_none() {

@@ -10,6 +10,9 @@ use super::{AssetId, ChunkId, Command, Demand, at};
 
 /// Candidates a policy is asked for in a step.
 const CANDIDATES: usize = 256;
+/// As many more that are small, tiles of textures for instance: so many of them weigh no more than a few chunks.
+const SMALL_CANDIDATES: usize = 4096;
+const SMALL_BYTES: u64 = 256 << 10;
 /// Candidates that may find no room before the step gives up.
 const REFUSALS: usize = 16;
 /// A chunk starves when so many loads per demanded chunk went before it, or so many steps.
@@ -154,7 +157,9 @@ impl Planner {
             holdings: &self.holdings,
             step: self.step,
         };
-        let candidates = self.policy.order(&view, &plan.demanded, CANDIDATES);
+        let is_small = |chunk: &&ChunkId| self.catalog.closure_bytes(**chunk) <= SMALL_BYTES;
+        let small = plan.demanded.iter().filter(is_small).count().min(SMALL_CANDIDATES);
+        let candidates = self.policy.order(&view, &plan.demanded, CANDIDATES + small);
         let mut refusals = 0;
         for &(value, chunk) in &candidates {
             match self.try_load(plan, chunk, Press::Worth(value)) {

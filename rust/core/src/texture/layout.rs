@@ -185,6 +185,13 @@ mod tests {
     }
 
     #[test]
+    fn levels_of_the_tail_begin_at_words() {
+        let bytes = Layout::new([3, 1], 1).expect("supported");
+        let offsets: Vec<u64> = bytes.pieces(0).iter().map(|piece| piece.offset).collect();
+        assert_eq!((offsets, bytes.tile_bytes(0)), (vec![0, 4], 8), "three bytes and one, each in a word");
+    }
+
+    #[test]
     fn bad_sizes_are_refused() {
         assert!(Layout::new([0, 5], 4).is_err() && Layout::new([5, MAX_SIDE + 1], 4).is_err(), "sides");
         assert_eq!(Layout::new([5, 5], 3), Err(LayoutError::Texel(3)), "three channels become four before");

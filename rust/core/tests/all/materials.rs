@@ -134,6 +134,7 @@ fn a_texture_has_its_channels_and_settings() {
     let [first, second] = &compiled.textures[..] else { panic!("one file in two ways is two textures") };
     assert_eq!((first.wrap, first.color_space), ([Wrap::Repeat, Wrap::Mirror], ColorSpace::Raw));
     assert_eq!(first.fallback, [0.5, 0.5, 1.0, 1.0]);
+    assert_eq!(&*first.prim, "/m/UsdUVTexture", "a node is named within its material");
     assert_eq!((second.wrap, second.color_space), ([Wrap::UseMetadata; 2], ColorSpace::Auto));
     assert_eq!(second.fallback, [0.0, 0.0, 0.0, 1.0]);
     assert_eq!(&*made.uv_sets[0].name, "st");

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Small cases with known answers.
 
-use oocpt_core::residency::{Catalog, Command, Demand, PlanError, Planner, PolicyKind};
+use oocpt_core::residency::{Catalog, Command, Demand, PlanError, Planner, PlannerOptions, PolicyKind};
 use std::sync::Arc;
 
 /// Chunks 0..4, each with a block of 10 bytes; 0 and 1 share a mesh of 50, 2 has its own of 50.
@@ -45,6 +45,22 @@ fn a_chunk_that_never_fits_is_an_error() {
     let refused = Planner::new(catalog(), 59, PolicyKind::Benefit).map(|_| ());
     assert_eq!(refused, Err(PlanError::ClosureTooLarge { chunk: 0, bytes: 60, budget: 59 }), "59 of 60");
     assert!(Planner::new(catalog(), 60, PolicyKind::Benefit).is_ok(), "60 of 60");
+}
+
+#[test]
+fn many_small_units_come_in_one_step() {
+    for kind in PolicyKind::ALL {
+        let (count, small) = (3000, 64 << 10);
+        let bytes = |bytes: u64| Arc::new(Catalog::new(vec![bytes; 3000], (0..count).map(|i| vec![i])).expect("good"));
+        let loads = |bytes_each: u64| {
+            let options = PlannerOptions { in_flight_bytes: 1 << 40, pin_steps: 0 };
+            let catalog = bytes(bytes_each);
+            let mut planner = Planner::with_policy(catalog, 1 << 40, kind.policy(), options).unwrap();
+            planner.step(&waiting(&[7; 3000])).len()
+        };
+        assert_eq!(loads(small), 3000, "{kind}: tiles");
+        assert!((1..=256).contains(&loads(small * 64)), "{kind}: chunks");
+    }
 }
 
 /// `count` chunks by `row`, every asset of one byte.

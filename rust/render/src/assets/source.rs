@@ -108,6 +108,11 @@ impl Source {
         }
     }
 
+    /// A tile that could not be read.
+    pub(crate) fn is_broken(&self) -> bool {
+        matches!(self, Self::Tile(image, tile) if image.is_broken(*tile))
+    }
+
     /// For errors and debuggers.
     pub(crate) fn name(&self) -> &'static str {
         match self {

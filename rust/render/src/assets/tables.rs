@@ -15,9 +15,16 @@ use bytemuck::{Pod, Zeroable};
 use oocpt_core::partition::{ChunkInstance, PlacedValues};
 use oocpt_core::residency::AssetId;
 use oocpt_gpu::{Commands, HeapRange};
-use oocpt_shader_abi::{GpuAssembly, GpuChunk, GpuChunkInstance, GpuLight, GpuMesh, GpuNode, GpuTexture, TEXTURE_SRGB};
+use oocpt_shader_abi::{
+    GpuAssembly, GpuChunk, GpuChunkInstance, GpuLight, GpuMesh, GpuNode, GpuTexture, PAGE_BROKEN, TEXTURE_SRGB,
+};
+use std::ops::Range;
 use std::time::Duration;
 
+/// Entries of tiles that a command writes at most: 64 KiB are what Vulkan lets one have.
+const MOST_PAGES: usize = (64 << 10) / size_of::<u64>();
+/// Unchanged entries between two that changed which are written along: a command costs more than a KiB.
+const MOST_BETWEEN: usize = 128;
 /// How long writing the tables may take before the device counts as lost.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(60);
 
@@ -99,7 +106,7 @@ impl Entries {
             }
             Slot::Tile(at) => {
                 if let Some(slot) = self.pages.get_mut(at) {
-                    *slot = address;
+                    *slot = if source.is_broken() { address | PAGE_BROKEN } else { address };
                 }
             }
         }
@@ -185,19 +192,38 @@ impl Tables {
         Ok(tables)
     }
 
-    /// Records that the entry of `asset` becomes what `entries` says.
-    pub(crate) fn update(&self, commands: &mut Commands, assets: &SceneAssets, entries: &Entries, asset: AssetId) {
-        match assets.slot(asset) {
-            Slot::Mesh(at) => write(commands, &self.meshes, &entries.meshes, at),
-            Slot::Assembly(at) => write(commands, &self.assemblies, &entries.assemblies, at),
-            Slot::Chunk(at) => write(commands, &self.chunks, &entries.chunks, at),
-            Slot::Tile(at) => {
-                if let Some(textures) = &self.textures {
-                    write(commands, &textures.pages, &entries.pages, at);
-                }
+    /// Records that the entries of `changed` (sorted) become what `entries` says. There may be thousands of tiles in a step: those that
+    /// lie near each other go in one command, with what is between.
+    pub(crate) fn update(&self, commands: &mut Commands, assets: &SceneAssets, entries: &Entries, changed: &[AssetId]) {
+        let mut tiles = Vec::new();
+        for &asset in changed {
+            match assets.slot(asset) {
+                Slot::Mesh(at) => write(commands, &self.meshes, &entries.meshes, at),
+                Slot::Assembly(at) => write(commands, &self.assemblies, &entries.assemblies, at),
+                Slot::Chunk(at) => write(commands, &self.chunks, &entries.chunks, at),
+                Slot::Tile(at) => tiles.push(at),
+            }
+        }
+        let Some(textures) = &self.textures else { return };
+        for run in runs(&tiles) {
+            let offset = (run.start * size_of::<u64>()) as u64;
+            if let Some(pages) = entries.pages.get(run) {
+                commands.update(&textures.pages, offset, bytemuck::cast_slice(pages));
             }
         }
     }
+}
+
+/// Ranges that hold all of `places` (sorted) and little else, none longer than a command takes.
+fn runs(places: &[usize]) -> Vec<Range<usize>> {
+    let mut runs: Vec<Range<usize>> = Vec::new();
+    for &at in places {
+        match runs.last_mut().filter(|run| at < run.end + MOST_BETWEEN && at < run.start + MOST_PAGES) {
+            Some(run) => run.end = run.end.max(at + 1),
+            None => runs.push(at..at + 1),
+        }
+    }
+    runs
 }
 
 fn surface_ranges(
@@ -269,4 +295,20 @@ fn table(device: &Device, writer: &mut Writer<'_>, name: &str, bytes: &[u8]) -> 
 fn chunk_instance(instance: &ChunkInstance) -> GpuChunkInstance {
     let ChunkInstance { chunk_from_world, origin, chunk, instance_id, row, .. } = instance;
     GpuChunkInstance::new(*chunk_from_world, origin.to_array(), *chunk, *instance_id, *row)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_hold_every_place_and_fit_a_command() {
+        assert!(runs(&[]).is_empty(), "nothing changed");
+        assert_eq!(runs(&[3, 5, 5, 4000, 4001]), [3..6, 4000..4002], "what is near goes together");
+        let dense: Vec<usize> = (0..3 * MOST_PAGES).step_by(2).collect();
+        let cut = runs(&dense);
+        assert!(cut.iter().all(|run| run.len() <= MOST_PAGES), "{cut:?}");
+        assert!(dense.iter().all(|at| cut.iter().any(|run| run.contains(at))), "all are written");
+        assert_eq!(cut.len(), 3, "as few as can be");
+    }
 }

@@ -306,11 +306,7 @@ impl<'a> Residency<'a> {
         let mut changed = std::mem::take(&mut self.changed);
         changed.sort_unstable();
         changed.dedup();
-        commands.concurrent(|c| {
-            for &asset in &changed {
-                self.tables.update(c, &self.assets, &self.entries, asset);
-            }
-        });
+        commands.concurrent(|c| self.tables.update(c, &self.assets, &self.entries, &changed));
     }
 
     /// Whether the next step would write table entries.

@@ -100,7 +100,7 @@ impl Making<'_> {
                 (1001..1001 + abi::UDIM_PARTS).map(|n| self.record(texture, n, [Wrap::Clamp; 2])).collect();
             let exists = parts.iter().any(|part| part.levels > 0);
             if !exists {
-                self.set.warnings.push(format!("texture {}: none of its tiles is there", texture.asset.authored));
+                self.set.warnings.push(format!("{}: none of its tiles is there", named(texture)));
             }
             self.set.records.push(GpuTexture {
                 flags: abi::TEXTURE_UDIM,
@@ -166,7 +166,7 @@ impl Making<'_> {
             }
         };
         let opened = opened.unwrap_or_else(|error| {
-            self.set.warnings.push(format!("texture {}: {error}; its fallback is used", texture.asset.authored));
+            self.set.warnings.push(format!("{}: {error}; its fallback is used", named(texture)));
             None
         });
         let number = opened.and_then(|image| self.add(image, texture));
@@ -178,7 +178,7 @@ impl Making<'_> {
         let first = self.set.firsts.last().copied().unwrap_or(0);
         let count = image.layout().tile_count();
         if u64::from(first) + u64::from(count) > MOST_TILES {
-            self.set.warnings.push(format!("texture {}: the scene has too many texels", texture.asset.authored));
+            self.set.warnings.push(format!("{}: the scene has too many texels", named(texture)));
             return None;
         }
         self.set.firsts.push(first + count);
@@ -199,15 +199,19 @@ impl Making<'_> {
             },
         };
         let space = texture.color_space;
-        let name = &texture.asset.authored;
         let image = TextureImage::new(
-            name,
+            &named(texture),
             image,
             |info| is_srgb(space, info.is_srgb, info.format, info.channels),
             &self.cache.store,
         )?;
         Ok(Some(Arc::new(image)))
     }
+}
+
+/// The prim that asks and the file, for messages.
+fn named(texture: &TextureRef) -> Arc<str> {
+    format!("{}: texture {}", texture.prim, texture.asset.authored).into()
 }
 
 fn wrap_mode(wrap: Wrap) -> u32 {

@@ -6,6 +6,7 @@ use super::mips::{Made, MipStore, Slot};
 use crate::sync::lock;
 use half::f16;
 use oocpt_core::texture::{Layout, Piece, TexelFormat, linear_from_srgb};
+use rustc_hash::FxHashSet;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
@@ -130,6 +131,8 @@ pub(crate) struct TextureImage {
     made: Slot,
     store: Arc<MipStore>,
     complaint: Mutex<Option<String>>,
+    /// Tiles that could not be read. Always the same ones, as long as the file is.
+    broken: Mutex<FxHashSet<u32>>,
 }
 
 impl TextureImage {
@@ -162,6 +165,7 @@ impl TextureImage {
             made: Slot::default(),
             store: Arc::clone(store),
             complaint: Mutex::default(),
+            broken: Mutex::default(),
         })
     }
 
@@ -195,7 +199,12 @@ impl TextureImage {
         lock(&self.complaint).take()
     }
 
-    /// The bytes of a tile. What cannot be read is zero, with one complaint.
+    /// Whether a tile could not be read, all of it, when it was last asked for.
+    pub(crate) fn is_broken(&self, tile: u32) -> bool {
+        lock(&self.broken).contains(&tile)
+    }
+
+    /// The bytes of a tile. What cannot be read is zero, with one complaint, and the tile is broken.
     pub(crate) fn tile(&self, tile: u32) -> Vec<u8> {
         let length = usize::try_from(self.layout.tile_bytes(tile)).unwrap_or(0);
         let mut out = vec![0; length];
@@ -205,8 +214,9 @@ impl TextureImage {
             let Some(out) = out.get_mut(begin..begin + bytes) else { continue };
             if let Err(error) = self.piece(&piece, out) {
                 out.fill(0);
-                let text = format!("texture {}: {error}; what could not be read is black", self.name);
-                tracing::warn!("{text}");
+                let text = format!("{}: {error}; its fallback is used where it cannot be read", self.name);
+                tracing::debug!("{text}");
+                lock(&self.broken).insert(tile);
                 lock(&self.complaint).get_or_insert(text);
             }
         }

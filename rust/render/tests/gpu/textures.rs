@@ -55,12 +55,50 @@ impl Noise {
     }
 }
 
-/// A file is called by width, height and channels, with an x between.
+/// Level `l` of 512 texels and less is `20 l` all over.
+#[derive(Debug)]
+struct Steps;
+
+impl Image for Steps {
+    fn info(&self) -> ImageInfo {
+        let levels = (0..10).map(|level| [512 >> level; 2]).collect();
+        ImageInfo { levels, channels: 1, format: TexelFormat::U8, tile_friendly: true, is_srgb: None, wrap: None }
+    }
+
+    fn read(&self, level: u32, _: [u32; 2], _: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
+        out.fill(20 * u8::try_from(level).expect("ten levels"));
+        Ok(())
+    }
+}
+
+/// 256 texels a side; what lies above the middle of level 0 cannot be read, nor any level made of it.
+#[derive(Debug)]
+struct Torn;
+
+impl Image for Torn {
+    fn info(&self) -> ImageInfo {
+        Noise { size: [256, 256], channels: 3, seed: 1 }.info()
+    }
+
+    fn read(&self, level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
+        if at[1] + size[1] > 128 {
+            return Err(ImageError("it breaks off".into()));
+        }
+        Noise { size: [256, 256], channels: 3, seed: 1 }.read(level, at, size, out)
+    }
+}
+
+/// A file is called by width, height and channels, with an x between; "steps" and "torn" are others.
 #[derive(Debug)]
 struct Library;
 
 impl ImageLibrary for Library {
     fn open(&self, asset: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
+        match &*asset.resolved {
+            "steps" => return Ok(Arc::new(Steps)),
+            "torn" => return Ok(Arc::new(Torn)),
+            _ => {}
+        }
         let numbers: Vec<u32> = asset.resolved.split('x').filter_map(|part| part.parse().ok()).collect();
         let [width, height, channels] = numbers[..] else { return Err(ImageError("no such image".into())) };
         Ok(Arc::new(Noise { size: [width, height], channels, seed: width }))
@@ -149,9 +187,65 @@ fn a_missing_image_is_one_warning_and_its_fallback() {
     let session = session(settings(1, 1), options(), |db| board(db, "nothing"));
     let messages = render_with_messages(&session, &front());
     assert_eq!(messages.len(), 1, "{messages:?}");
-    assert!(messages[0].text.contains("nothing"), "{messages:?}");
+    let named = ["nothing", "/texture"].iter().all(|name| messages[0].text.contains(name));
+    assert!(named, "the file and the prim: {messages:?}");
     let albedo: Vec<[f32; 3]> = read(&session, &front(), AovKind::Albedo);
     assert!(albedo.iter().all(|pixel| *pixel == [0.25, 0.5, 0.75]), "the fallback: {:?}", albedo[0]);
+}
+
+#[test]
+fn what_cannot_be_read_is_one_warning_and_the_fallback() {
+    let seen = |budget: Option<u32>| {
+        let settings = Settings { geometry_budget_kib: budget.unwrap_or(0), ..settings(1, 1) };
+        let streams = SessionOptions { force_streaming: budget.is_some(), ..options() };
+        let session = session(settings, streams, |db| board(db, "torn"));
+        let request = request(orthographic(DVec3::Z * 5.0, DVec3::ZERO, 2.0, [256, 256]));
+        let messages = render_with_messages(&session, &request);
+        let text = messages.iter().map(|message| message.text.as_str()).collect::<Vec<_>>().join("; ");
+        assert!(
+            messages.len() == 1 && text.contains("torn") && text.contains("/texture"),
+            "one line, both names: {text}"
+        );
+        read::<[f32; 3]>(&session, &request, AovKind::Albedo)
+    };
+    let albedo = seen(None);
+    for (row, pixels) in albedo.chunks(256).enumerate() {
+        let fallbacks = pixels.iter().filter(|pixel| **pixel == [0.25, 0.5, 0.75]).count();
+        assert_eq!(fallbacks, if row < 128 { 0 } else { 256 }, "row {row}");
+    }
+    assert!(seen(Some(256)) == albedo, "the same when it streams");
+}
+
+/// What is seen in the middle of a board of one texture, tilted by an angle, that is 16 texels to the pixel when it faces the camera.
+fn middle(file: &str, own: Vec<(&str, ParamValue)>, input: (&str, &str), tilt: f64) -> f32 {
+    let session = Session::with_options(settings(1, 1), options()).with_images(Arc::new(Library));
+    session.with_scene(|db| {
+        let points = vec![[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]];
+        let desc = mesh(prim("/board", DMat4::from_rotation_x(tilt)), 1, points, &[vec![0, 1, 2, 3]], 0.5);
+        db.upsert_mesh(with_st(desc, 1.0, "/m"));
+        db.upsert_material(textured("/m", file, own, &[input]));
+        db.upsert_light(dome([1.0; 3]));
+    });
+    support::render(&session, &front());
+    read::<[f32; 3]>(&session, &front(), AovKind::Albedo)[16 * 32 + 16][0]
+}
+
+#[test]
+fn a_slanted_surface_is_looked_up_coarser() {
+    for (degrees, level) in [(0.0_f64, 4.0), (60.0, 5.0), (-60.0, 5.0), (70.528_779, 5.5), (75.522_488, 6.0)] {
+        let seen = middle("steps", Vec::new(), ("diffuseColor", "r"), degrees.to_radians());
+        let got = seen * 255.0 / 20.0;
+        assert!((got - level).abs() < 1e-3, "{degrees} degrees: level {got}, not {level}");
+    }
+}
+
+#[test]
+fn a_slanted_cutout_is_looked_up_coarser() {
+    for (degrees, there) in [(0.0_f64, false), (40.0, false), (60.0, true), (-60.0, true)] {
+        let own = vec![("opacityThreshold", ParamValue::Float(0.35))];
+        let seen = middle("steps", own, ("opacity", "r"), degrees.to_radians());
+        assert_eq!(seen > 0.0, there, "{degrees} degrees: levels 4 and 5 are 0.31 and 0.39, the threshold 0.35");
+    }
 }
 
 #[test]

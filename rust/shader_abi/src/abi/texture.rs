@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Textures: one record each, and a page table of all their tiles together.
 //!
-//! `Frame::texture_pages` is u64 per tile of the scene: its device address, 0 = absent. Texels of a tile are tightly packed, row by row from
+//! `Frame::texture_pages` is u64 per tile of the scene: its device address, 0 = absent, with [`PAGE_BROKEN`] when it could not be read. Texels of a tile are tightly packed, row by row from
 //! the bottom. Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
 
 use bytemuck::{Pod, Zeroable};
@@ -32,6 +32,8 @@ pub const WRAP_CLAMP: u32 = 1;
 pub const WRAP_REPEAT: u32 = 2;
 /// Wrap mode: the image again, every other time mirrored.
 pub const WRAP_MIRROR: u32 = 3;
+/// Bit of a tile's entry in the page table: it could not be read, and lookups that need it give the fallback.
+pub const PAGE_BROKEN: u64 = 1;
 /// Members of a UDIM set, 1001 to 1100.
 pub const UDIM_PARTS: u32 = 100;
 

@@ -46,7 +46,7 @@ fn rays(view: &View<'_>, chunk: ChunkId) -> f64 {
 impl Policy for Benefit {
     fn order(&mut self, view: &View<'_>, demanded: &[ChunkId], limit: usize) -> Vec<(f64, ChunkId)> {
         let whole = |&chunk: &ChunkId| (rays(view, chunk) / cost(view.catalog().closure_bytes(chunk)), chunk);
-        let likely = top(demanded.iter().map(whole).collect(), LOOKED_AT);
+        let likely = top(demanded.iter().map(whole).collect(), LOOKED_AT.max(limit));
         let exact = likely.into_iter().filter_map(|(_, chunk)| {
             let missing = view.missing_bytes(chunk)?;
             Some((rays(view, chunk) / cost(missing), chunk))

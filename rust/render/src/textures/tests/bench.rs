@@ -83,7 +83,7 @@ pub(super) fn image(size: [u32; 2], channels: u32, format: TexelFormat) -> Arc<P
 
 pub(super) fn texture(name: &str, wrap: [Wrap; 2], color_space: ColorSpace) -> TextureRef {
     let asset = AssetRef { authored: name.into(), resolved: name.into() };
-    TextureRef { asset, wrap, color_space, fallback: [0.25, 0.5, 0.75, 1.0] }
+    TextureRef { prim: "/Material/Texture".into(), asset, wrap, color_space, fallback: [0.25, 0.5, 0.75, 1.0] }
 }
 
 /// A set on the device.
