@@ -185,6 +185,13 @@ vec3 on_side(Bsdf b, vec3 w, float side) {
     return cosine * side < 0.0 ? w - 2.0 * cosine * b.g : w;
 }
 
+// Whether bsdf_sample may give a direction of density 0.
+bool has_delta_lobe(Bsdf b) {
+    if (is_plain(b)) return false;
+    if (HAS_TRANSMISSION && (is(b, BSDF_INSIDE) || b.chance_through > 0.0)) return true;
+    return (b.alpha <= 0.0 && b.chance.y > 0.0) || (HAS_COAT && b.coat_alpha <= 0.0 && b.chance.x > 0.0);
+}
+
 // u.xy: direction, u.z: lobe. False: nothing is reflected. weight = f * |cosine| / pdf; pdf 0: sharp, weight holds all of it.
 bool bsdf_sample(Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, out float pdf) {
     wi = b.g;

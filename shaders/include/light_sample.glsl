@@ -66,6 +66,23 @@ float ray_weight(float pdf, float other) {
     return pdf > 0.0 ? pdf / (pdf + other) : 1.0;
 }
 
+// Sum of the probabilities of the lights at infinity that shine on the prims of a set: shadow rays choose among these alone.
+float linked_infinite(uint link_set) {
+    if (!HAS_LIGHT_LINKS) return 1.0;
+    float sum = 0.0;
+    for (uint i = 0u; i < LIGHTING.infinite_count; ++i) {
+        if (is_linked(InfiniteLights(LIGHTING.infinite_lights).v[i].light_link, link_set)) {
+            sum += InfiniteLights(LIGHTING.infinite_lights).v[i].probability;
+        }
+    }
+    return sum;
+}
+
+// Share of the shadow rays that goes to local lights: all of it where none at infinity is linked.
+float local_share(float linked) {
+    return HAS_LIGHT_LINKS && LIGHTING.local_share > 0.0 && !(linked > 0.0) ? 1.0 : LIGHTING.local_share;
+}
+
 bool is_shadow_only(uint flags) {
     return (flags & (LIGHT_NO_SHADOWS | LIGHT_SHADOW_COLOR | LIGHT_SHADOW_LINK)) != 0u;
 }
@@ -106,7 +123,7 @@ vec3 lights_along(Double3 origin, vec3 d, float t_end, bool camera, Departure fr
     const bool weighs = !camera && from.pdf > 0.0;
     uint top = 0u;
     light_stack[0] = 0u;
-    probability_stack[0] = LIGHTING.local_share;
+    probability_stack[0] = local_share(weighs ? linked_infinite(from.link_set) : 1.0);
     while (true) {
         const uint reference = light_stack[top];
         const float probability = probability_stack[top];
@@ -170,9 +187,10 @@ vec3 infinite_radiance(GpuInfiniteLight light, vec3 w, out float pdf) {
     return light.radiance;
 }
 
-// What a ray that leaves the scene along d brings of the lights at infinity.
-vec3 lights_at_infinity(vec3 d, Departure from) {
+// What a ray that leaves the scene along d brings of the lights at infinity. `alone`: no shadow ray asked for what it meets.
+vec3 lights_at_infinity(vec3 d, Departure from, bool alone) {
     vec3 sum = vec3(0.0);
+    const float linked = linked_infinite(from.link_set);
     for (uint i = 0u; i < LIGHTING.infinite_count; ++i) {
         const GpuInfiniteLight light = load_infinite_light(i);
         const uint kind = light_kind(light.flags);
@@ -180,10 +198,10 @@ vec3 lights_at_infinity(vec3 d, Departure from) {
         if (from.pdf > 0.0 && is_shadow_only(light.flags)) continue;
         float pdf;
         vec3 radiance = infinite_radiance(light, d, pdf);
-        const float chosen = (1.0 - LIGHTING.local_share) * light.probability;
+        const float chosen = (1.0 - LIGHTING.local_share) * light.probability / linked;
         // A constant dome is sampled by the BSDF, delta lobes included.
         if (kind == LIGHT_DOME) {
-            radiance *= is_shadow_only(light.flags) ? 1.0 : 1.0 / (1.0 + chosen);
+            radiance *= alone || is_shadow_only(light.flags) ? 1.0 : 1.0 / (1.0 + chosen);
         } else {
             radiance *= ray_weight(from.pdf, chosen * pdf);
         }
@@ -277,8 +295,19 @@ Ask ask_local(Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiv
     return ask;
 }
 
-// The light at infinity that u in [0, 1) falls on.
-uint choose_infinite(float u) {
+// The light at infinity that u in [0, 1) falls on, of those that shine on the set; `linked` is the sum of their probabilities.
+uint choose_infinite(float u, uint link_set, float linked) {
+    if (HAS_LIGHT_LINKS) {
+        float rest = u * linked;
+        uint found = 0u;
+        for (uint i = 0u; i < LIGHTING.infinite_count; ++i) {
+            if (!is_linked(InfiniteLights(LIGHTING.infinite_lights).v[i].light_link, link_set)) continue;
+            found = i;
+            rest -= InfiniteLights(LIGHTING.infinite_lights).v[i].probability;
+            if (rest < 0.0) break;
+        }
+        return found;
+    }
     uint low = 0u;
     uint high = LIGHTING.infinite_count - 1u;
     while (low < high) {
@@ -292,12 +321,11 @@ uint choose_infinite(float u) {
     return low;
 }
 
-Ask ask_infinite(Bsdf bsdf, vec3 wo, uint link_set, vec4 u, bool last) {
+Ask ask_infinite(Bsdf bsdf, vec3 wo, uint link_set, float linked, vec4 u, bool last) {
     Ask ask = Ask(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u);
-    const GpuInfiniteLight light = load_infinite_light(choose_infinite(u.x));
-    if (!is_linked(light.light_link, link_set)) return ask;
+    const GpuInfiniteLight light = load_infinite_light(choose_infinite(u.x, link_set, linked));
     const uint kind = light_kind(light.flags);
-    const float chosen = (1.0 - LIGHTING.local_share) * light.probability;
+    const float chosen = (1.0 - LIGHTING.local_share) * light.probability / linked;
     ask.flags = light.flags;
     ask.shadow_color = light.shadow_color;
     ask.shadow_link = light.shadow_link;
@@ -311,8 +339,8 @@ Ask ask_infinite(Bsdf bsdf, vec3 wo, uint link_set, vec4 u, bool last) {
         } else {
             weight *= light.diffuse;
         }
-        // Delta lobes of shadow-only lights are left to the rays.
-        if (pdf > 0.0 || !is_shadow_only(light.flags) || last) ask.contribution = light.radiance * weight / (alone ? chosen : 1.0 + chosen);
+        // Delta lobes of the last surface and those of shadow-only lights are left to the rays.
+        if (pdf > 0.0 || !alone) ask.contribution = light.radiance * weight / (alone ? chosen : 1.0 + chosen);
         return ask;
     }
     float own = chosen;
@@ -335,16 +363,17 @@ Ask ask_infinite(Bsdf bsdf, vec3 wo, uint link_set, vec4 u, bool last) {
     return ask;
 }
 
-// One light for a shadow ray. `last`: no ray follows that could meet the lights, so shadow rays bring all of it.
+// One light for a shadow ray. `last`: none but a delta lobe's ray follows, so shadow rays bring all that the other lobes reflect.
 Ask ask_light(Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiver, vec4 u, bool last) {
-    const float local = HAS_LOCAL_LIGHTS ? LIGHTING.local_share : 0.0;
+    const float linked = linked_infinite(link_set);
+    const float local = HAS_LOCAL_LIGHTS ? local_share(linked) : 0.0;
     if (HAS_LOCAL_LIGHTS && u.x < local) {
         u.x = min(u.x / local, 0.99999994);
         return ask_local(bsdf, wo, origin, link_set, receiver, u, last);
     }
-    if (LIGHTING.infinite_count == 0u) return Ask(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u);
+    if (LIGHTING.infinite_count == 0u || !(linked > 0.0)) return Ask(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u);
     u.x = min((u.x - local) / (1.0 - local), 0.99999994);
-    return ask_infinite(bsdf, wo, link_set, u, last);
+    return ask_infinite(bsdf, wo, link_set, linked, u, last);
 }
 
 #endif

@@ -2,7 +2,8 @@
 // Shading with the light table (Features::LIGHT_TABLE): any BSDF, any light.
 //
 // At each surface: what the ray has met of the lights on its way here (weighed against the shadow ray of the bounce before), one
-// shadow ray, one BSDF ray.
+// shadow ray, one BSDF ray. The surface of bounce `max_bounces` is the last that is lit: its shadow ray brings all that lobes with a
+// density reflect, and only a delta lobe's ray leaves it, for what shines where that ray ends and nothing else.
 #ifndef OOCPT_SHADE_GENERAL_GLSL
 #define OOCPT_SHADE_GENERAL_GLSL
 
@@ -41,6 +42,7 @@ bool store_ask(uint path, Double3 origin, uint bounce, Ask ask, vec3 throughput)
 
 // Shades a hit: `asks` tells that a shadow ray was stored, `go_on` that the next ray was.
 void shade_general(uint path, out bool asks, out bool go_on) {
+    asks = false;
     go_on = false;
     const Ray ray = load_ray(ray_address(path));
     const Surface surface = load_surface(path);
@@ -54,6 +56,7 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     if (HAS_EMISSION && max_component(shading.emission) > 0.0) {
         add_radiance(path, admitted(state.throughput * shading.emission, ray.bounce > 0u));
     }
+    if (HAS_MATERIALS && ray.bounce > FRAME.max_bounces) return;
     const vec3 wo = -ray.d;
     const Bsdf bsdf = make_bsdf(shading, wo);
     const vec3 normal = bsdf_normal(bsdf);
@@ -74,12 +77,12 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     Double3 ask_from = origin;
     if (asks_beyond) ask_from = beyond;
     asks = store_ask(path, ask_from, ray.bounce, ask, state.throughput);
-    if (last) return;
+    if (last && !has_delta_lobe(bsdf)) return;
 
     const vec4 u = sample_4d(index, 1u + 2u * ray.bounce, seed);
     vec3 wi, weight;
     float pdf;
-    if (!bsdf_sample(bsdf, wo, u, wi, weight, pdf)) return;
+    if (!bsdf_sample(bsdf, wo, u, wi, weight, pdf) || (last && pdf > 0.0)) return;
     const vec3 throughput = state.throughput * weight;
     const float largest = max_component(throughput);
     const float survival = ray.bounce >= ROULETTE_FROM ? min(largest, ROULETTE_CAP) : 1.0;

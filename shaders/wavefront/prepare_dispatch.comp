@@ -34,8 +34,6 @@ void prepare_trace() {
         shadows -= COUNTERS.resumed_shadows;
         COUNTERS.resumed_rays = 0u;
         COUNTERS.resumed_shadows = 0u;
-    } else if (push.round > FRAME.max_bounces) {
-        rays = 0u;
     }
     if ((push.flags & PUSH_AOVS) == 0u) COUNTERS.closest_rays += uint64_t(rays);
     COUNTERS.shadow_rays += uint64_t(shadows);

@@ -61,7 +61,17 @@ def test_point_light(host):
     featured.agree(featured.pictures(host, "light_sphere_point"), expected, "point", relative=2e-3)
 
 
-@pytest.mark.parametrize("kelvin", [6500.0, 10000.0])
+def test_color_temperatures(host):
+    """A dome that the camera sees has UsdLux's own colour at every temperature, also beyond both ends of its range."""
+    kelvins = [0.0, 999.0, *np.linspace(1000.0, 2500.0, 25), *np.linspace(2600.0, 10000.0, 38), 10001.0, 40000.0]
+    scene = '#usda 1.0\ndef Camera "Camera" {\n}\ndef DomeLight "Dome" {\n bool inputs:enableColorTemperature = 1\n}\n'
+    with host.open(scene, (4, 4), camera="/Camera", settings=featured.settings(1, 0)) as view:
+        for kelvin in kelvins:
+            view.edit(f"UsdLux.LightAPI(stage.GetPrimAtPath('/Dome')).CreateColorTemperatureAttr({kelvin})")
+            compare.near(view.render()["color"][..., :3], list(UsdLux.BlackbodyTemperatureAsRgb(kelvin)), 1e-3, f"{kelvin} K")
+
+
+@pytest.mark.parametrize("kelvin", [1500.0, 2700.0, 6500.0, 10000.0])
 def test_color_temperature(host, kelvin):
     """Colour and exposure of the ball times UsdLux's own blackbody colour."""
     edit = f"light = UsdLux.LightAPI(stage.GetPrimAtPath('/World/Light')); light.CreateEnableColorTemperatureAttr(True); light.CreateColorTemperatureAttr({kelvin}); light.CreateExposureAttr(1.5)"
@@ -70,14 +80,16 @@ def test_color_temperature(host, kelvin):
     featured.agree(featured.pictures(host, "light_sphere", edit=edit), expected, f"{kelvin} K", relative=2e-3)
 
 
-@pytest.mark.parametrize(("angle", "softness", "focus"), [(25, 0.0, 0.0), (40, 1.0, 0.0), (90, 0.0, 8.0)])
+@pytest.mark.parametrize(("angle", "softness", "focus"), [(25, 0.0, 0.0), (25, 0.6, 0.0), (40, 1.0, 0.0), (90, 0.0, 8.0), (30, 0.5, 3.0)])
 def test_cone(host, angle, softness, focus):
-    """1 - smoothstep over the soft part of the cone, times cos^focus; away from hard edges."""
+    """1 - smoothstep over the soft part of the cone, times cos^focus; away from hard edges. Where the cone fades out, light falls with the square of
+    the distance to its edge: four points a pixel are off by 3 % there, 64 by 0.2 %."""
     edit = f"s = UsdLux.ShapingAPI(stage.GetPrimAtPath('/World/Light')); s.CreateShapingConeAngleAttr({angle}); s.CreateShapingConeSoftnessAttr({softness}); s.CreateShapingFocusAttr({focus})"
-    points = answers.floor_points(SIZE)
-    values = answers.quadrature(points, *answers.disk_pieces((0, 1.5, 0), 0.03), shape=answers.cone(angle, softness, focus))
-    mask = answers.smooth_pixels(values)
-    assert mask.mean() > 0.6
+    soft = softness > 0
+    points = answers.floor_points(SIZE, over=8 if soft else 2)
+    values = answers.quadrature(points, *answers.disk_pieces((0, 1.5, 0), 0.03, *(4, 12) if soft else (8, 24)), shape=answers.cone(angle, softness, focus))
+    mask = None if soft else answers.smooth_pixels(values)
+    assert mask is None or mask.mean() > 0.6
     featured.agree(featured.pictures(host, "light_cone", edit=edit), _floor(values, [200.0] * 3), f"cone {angle} {softness} {focus}", mask, relative=3e-3)
 
 
@@ -164,16 +176,12 @@ def test_shadow_enable(host, shadow):
 
 
 def test_light_and_shadow_links(host):
-    """Each sun shines on one square; the roof shadows the green one only, as the others have their shadows from Square0 alone. A sun is chosen
-    for each sample, also one that is not linked, so what is lit is lit in the mean: 51 200 samples, of which a third count three times, have a
-    standard error of 0.6 %."""
-    made = featured.picture(host, "light_links", size=(54, 54), samples=640)
+    """Each sun shines on one square; the roof shadows the green one only, as the others have their shadows from Square0 alone. Suns
+    that are not linked to a square are not asked there: no noise."""
+    made = featured.picture(host, "light_links", size=(54, 54))
     for index, expected in enumerate(((0.5, 0, 0), (0, 0, 0), (0, 0, 0.5))):
         left = 3 + 18 * index
-        square = made[22:32, left + 2 : left + 10]
-        dark = np.array(expected) == 0
-        compare.near(square[..., dark], 0.0, 1e-5, f"square {index}")
-        compare.near(square.mean(axis=(0, 1)), expected, 0.0125, f"square {index}")
+        compare.near(made[22:32, left + 2 : left + 10], expected, 1e-5, f"square {index}")
 
 
 def test_light_multipliers(host):

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """UsdLux lights as Mitsuba's emitters. The variant must be set before this is imported.
 
-Rectangles, disks, spheres and cylinders are Mitsuba's shapes of the same name with an `area` emitter: exact. A distant light is `directional`,
+Rectangles, disks, spheres and cylinders are Mitsuba's shapes of the same name with an `area` emitter: exact. Lights of UsdLux are no geometry: nothing is
+in their shadow, and a ray goes on behind them (as in hdPrman, where lights are not in the way unless asked for). With `blocks` off they are
+the same here, index-matched surfaces that `volpath` goes through; with it they are black. A distant light is `directional`,
 or with an angle a far disk of that size. A latlong follows the same rule in both (OpenEXR's: its middle is +z); Mitsuba's
 rows stand on texel edges, so the picture is resampled to those. Cones, focus, IES, links, shadow
 and diffuse/specular settings have no counterpart: one note each, the light shines without.
@@ -54,7 +56,7 @@ def _note(prim, notes) -> None:
         notes.append(f"{prim.GetPath()}: diffuse and specular multipliers left out")
 
 
-def emitter(lamp, center: np.ndarray, radius: float, notes: list[str]) -> dict | None:
+def emitter(lamp, center: np.ndarray, radius: float, notes: list[str], blocks: bool = True) -> dict | None:
     """The emitter of a light; `center` and `radius` bound the scene."""
     prim, matrix = lamp.prim, lamp.to_world
     _note(prim, notes)
@@ -90,7 +92,7 @@ def emitter(lamp, center: np.ndarray, radius: float, notes: list[str]) -> dict |
         pixels = networks.load(texture.Get().resolvedPath, "auto", materials.decode)[..., :3] * value
         # s runs along the light's x and t along its y, seen from the back, as in OpenUSD's own hdEmbree; the shape above is turned about y.
         shine = materials.texture(networks.Picture(np.ascontiguousarray(pixels[:, ::-1], np.float32), ("clamp", "clamp"), np.eye(3)), notes)
-    return {"type": kind, "to_world": mi.ScalarTransform4f(matrix @ local), "emitter": {"type": "area", "radiance": shine}, "bsdf": {"type": "diffuse", "reflectance": 0.0}}
+    return {"type": kind, "to_world": mi.ScalarTransform4f(matrix @ local), "emitter": {"type": "area", "radiance": shine}, "bsdf": {"type": "diffuse", "reflectance": 0.0} if blocks else {"type": "null"}}
 
 
 def _distant(prim, matrix, center, radius) -> dict:

@@ -23,6 +23,7 @@ import to_mitsuba  # noqa: E402  (sets Mitsuba's variant)
 import drjit  # noqa: E402
 import feature_references  # noqa: E402
 import features  # noqa: E402
+import materials  # noqa: E402
 import mitsuba as mi  # noqa: E402
 import numpy as np  # noqa: E402
 
@@ -38,7 +39,7 @@ def make(name: str, samples: int, batches: int, date: str) -> dict:
     path = features.FOLDER / f"{name}.usda"
     bounces = feature_references.BOUNCES.get(name, 5)
     width, height = feature_references.SIZE
-    scene, notes = to_mitsuba.translate(path, width, height, bounces=bounces)
+    scene, notes = to_mitsuba.translate(path, width, height, bounces=bounces, blocks=False)
     means = np.stack([block_means(to_mitsuba.render(scene, samples, seed)) for seed in range(batches)])
     error = means.std(axis=0, ddof=1) / np.sqrt(batches)
     print(f"{name}: worst relative error {100 * (error / means.mean(axis=0)).max():.3f} %", file=sys.stderr)
@@ -63,6 +64,7 @@ def main() -> None:
     parser.add_argument("--batches", type=int, default=16)
     parser.add_argument("--date", default=datetime.date.today().isoformat())
     arguments = parser.parse_args()
+    materials.EXACT_METALS = True
     for name in arguments.names or names:
         if name not in names:
             parser.error(f"{name} is none of {names}")

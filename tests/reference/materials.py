@@ -2,8 +2,8 @@
 """UsdPreviewSurface as Mitsuba's own BSDFs. The variant must be set before this is imported.
 
 The mapping, and why:
-- metallic 1: `roughconductor` with a perfect mirror's Fresnel and `diffuseColor` as reflectance. UsdPreviewSurface's F0 and F90 are both the
-  albedo there, so this is exact, but for light lost between microfacets (below 1 % up to roughness 0.3). GGX, alpha = roughness squared.
+- metallic 1: a perfect mirror's Fresnel and `diffuseColor` as reflectance. UsdPreviewSurface's F0 and F90 are both the albedo there. With
+  EXACT_METALS constant ones are compensated.py, exact; else `roughconductor`, which loses light between microfacets (2 % at roughness 0.3, grazing). GGX, alpha = roughness squared.
 - opacity 0: `dielectric` with the same ior, never rough; exact. Its transmission is tinted by diffuseColor.
 - metallic 0: `roughplastic`, a Lambert base below a rough dielectric boundary: the same two lobes; real Fresnel instead of Schlick's, and
   the base is dimmed by the boundary as in nature. Models of the base differ by a few per cent.
@@ -21,9 +21,12 @@ import zipfile
 import mitsuba as mi
 import numpy as np
 
+import compensated  # noqa: F401  (registers its BSDF)
 import networks
 
 SMOOTH = 0.03
+EXACT_METALS = False
+"""Set by those who compare pictures, not times: Mitsuba runs its own BSDFs faster."""
 
 
 def decode(path: str) -> tuple[np.ndarray, int]:
@@ -68,6 +71,9 @@ def _metal(values, notes) -> dict:
     made = {"material": "none", "specular_reflectance": texture(values["diffuseColor"], notes)}
     if _is_smooth(values["roughness"]):
         return {"type": "conductor", **made}
+    if EXACT_METALS and not isinstance(values["roughness"], networks.Picture) and isinstance(values["diffuseColor"], tuple):
+        color = dict(zip("rgb", map(float, values["diffuseColor"])))
+        return {"type": "compensated", "alpha": float(values["roughness"]) ** 2, **color}
     return {"type": "roughconductor", "distribution": "ggx", "alpha": _alpha(values["roughness"], notes), **made}
 
 

@@ -13,6 +13,7 @@ use crate::schedule::{Schedule, Wave};
 use crate::session::Job;
 use crate::thread::Gate;
 use crate::wavefront::{Passes, PathBuffers, Recorder};
+use oocpt_core::scene::SceneFeatures;
 use oocpt_gpu::{Buffer, Commands, Submission};
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -42,7 +43,8 @@ impl Frames<'_> {
             frame: self.frame.address(),
             // The request was validated: at most 2^28 pixels.
             pixels: u32::try_from(self.job.request.pixels()).unwrap_or(u32::MAX),
-            max_bounces: self.job.settings.max_bounces,
+            last_round: self.job.settings.max_bounces
+                + u32::from(self.job.snapshot.features.contains(SceneFeatures::MATERIALS)),
         }
     }
 

@@ -12,7 +12,7 @@
 //! ```text
 //! generate_camera_rays   [groups(path_count)]                 q
 //! prepare_dispatch       [1]                                  q.with(0, PREPARE_TRACE)
-//! for r in 0..=max_bounces:
+//! for r in 0..=max_bounces:   (with Features::MATERIALS one round more, for rays of delta lobes)
 //!   intersect_closest    indirect Counters::RAY_ARGS          q.with(r, 0)      | of r-1: intersect_shadow, see below
 //!   prepare_dispatch     [1]                                  q.with(r, PREPARE_SHADE)
 //!   shade_background     indirect Counters::ESCAPED_ARGS      q.with(r, 0)      | shade_surface indirect Counters::SURFACE_ARGS

@@ -15,7 +15,8 @@ pub(crate) struct Recorder<'a> {
     /// Device address of the frame block.
     pub(crate) frame: u64,
     pub(crate) pixels: u32,
-    pub(crate) max_bounces: u32,
+    /// One more than `max_bounces` where surfaces may have delta lobes: their rays leave the last surface that is lit.
+    pub(crate) last_round: u32,
 }
 
 impl Recorder<'_> {
@@ -24,8 +25,8 @@ impl Recorder<'_> {
     pub(crate) fn parts(&self) -> Vec<Range<u32>> {
         let mut parts = Vec::new();
         let mut first = 0_u32;
-        while first <= self.max_bounces {
-            let end = first.saturating_mul(2).clamp(1, self.max_bounces + 1);
+        while first <= self.last_round {
+            let end = first.saturating_mul(2).clamp(1, self.last_round + 1);
             parts.push(first..end);
             first = end;
         }
@@ -43,7 +44,7 @@ impl Recorder<'_> {
         for round in rounds.clone() {
             self.round(commands, q, round);
         }
-        if rounds.end > self.max_bounces {
+        if rounds.end > self.last_round {
             self.direct(commands, &self.passes.accumulate, q, wave.count.min(self.pixels));
         }
     }
@@ -58,7 +59,7 @@ impl Recorder<'_> {
         self.direct(commands, &self.passes.prepare_dispatch, q.with(round + 1, PREPARE_TRACE), 1);
         commands.concurrent(|c| {
             self.indirect(c, &self.passes.intersect_shadow, q.with(round, 0), Counters::SHADOW_ARGS);
-            if round < self.max_bounces {
+            if round < self.last_round {
                 self.indirect(c, &self.passes.intersect_closest, q.with(round + 1, 0), Counters::RAY_ARGS);
             }
         });

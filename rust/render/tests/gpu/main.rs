@@ -11,6 +11,7 @@ mod edits;
 mod failures;
 mod furnace;
 mod glass;
+mod last_bounce;
 mod lights;
 mod materials;
 mod passes;

@@ -1,32 +1,63 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Colour temperature. Pure.
 
-/// Colour of a black body, linear Rec. 709 of luminance 1, as `UsdLux` wants it: temperatures clamp to 1000..10000 K,
-/// the colour is scaled to luminance 1, then negative components (out of gamut below about 1900 K) become 0.
+/// Kelvin of the first row of [`FIT`].
+const COLDEST: f64 = 1000.0;
+/// Kelvin of the last row.
+const HOTTEST: f64 = 10000.0;
+/// Kelvin between rows.
+const STEP: f64 = 500.0;
+
+/// Green and blue relative to red, and their slopes per 1000 K.
 ///
-/// Chromaticity after Krystek, "An algorithm to calculate correlated colour temperature", 1985, eqs. (uv) for 1000 K to
-/// 15000 K, error below 1e-4 in u and v. `None` for NaN.
+/// Source: values and finite differences (10 K) of `UsdLux.BlackbodyTemperatureAsRgb` of usd-core 25.08, which gives the colour of a
+/// black body (Planck's law, CIE 1931 observer) in linear Rec. 709. It departs from the Planckian locus below 2000 K, where that
+/// leaves the gamut; hosts show their users the function's colours, so these are followed, not the locus.
+const FIT: [[f64; 4]; 19] = [
+    [0.02749, 0.00000, 0.12228, 0.00000],
+    [0.14966, 0.00000, 0.23027, 0.00810],
+    [0.25664, 0.00810, 0.22233, 0.06727],
+    [0.37203, 0.06745, 0.22027, 0.14582],
+    [0.47673, 0.15360, 0.19834, 0.19189],
+    [0.57038, 0.25920, 0.17674, 0.22368],
+    [0.65348, 0.37715, 0.15648, 0.24251],
+    [0.72688, 0.50161, 0.13804, 0.25097],
+    [0.79154, 0.62805, 0.12156, 0.25168],
+    [0.84846, 0.75323, 0.10702, 0.24690],
+    [0.89858, 0.87490, 0.09438, 0.23864],
+    [0.94277, 0.99164, 0.07965, 0.21755],
+    [0.98182, 1.10260, 0.07467, 0.21815],
+    [1.01641, 1.20737, 0.06623, 0.20562],
+    [1.04715, 1.30584, 0.05878, 0.19256],
+    [1.07455, 1.39810, 0.05240, 0.17995],
+    [1.09907, 1.48438, 0.04688, 0.16797],
+    [1.12108, 1.56496, 0.04225, 0.15731],
+    [1.14090, 1.64020, 0.02079, 0.07890],
+];
+
+/// Colour of a black body, linear Rec. 709 of luminance 1, as `UsdLux` wants it: temperatures clamp to 1000..10000 K, and components
+/// are not negative.
+///
+/// Cubic Hermite interpolation of [`FIT`]; within 1e-3 of `UsdLux.BlackbodyTemperatureAsRgb` in every component and at every
+/// temperature (`tests/hydra/test_features_lights.py`). `None` for NaN.
 #[must_use]
 pub fn blackbody(kelvin: f32) -> Option<[f64; 3]> {
     if kelvin.is_nan() {
         return None;
     }
-    let t = f64::from(kelvin).clamp(1000.0, 10000.0);
-    let t2 = t * t;
-    let u = (0.860_117_757 + 1.541_182_54e-4 * t + 1.286_412_12e-7 * t2)
-        / (1.0 + 8.424_202_35e-4 * t + 7.081_451_63e-7 * t2);
-    let v = (0.317_398_726 + 4.228_062_45e-5 * t + 4.204_816_91e-8 * t2)
-        / (1.0 - 2.897_418_16e-5 * t + 1.614_560_53e-7 * t2);
-    // CIE 1960 uv to xy, then XYZ at Y = 1.
-    let denominator = 2.0 * u - 8.0 * v + 4.0;
-    let (x, y) = (3.0 * u / denominator, 2.0 * v / denominator);
-    let (big_x, big_z) = (x / y, (1.0 - x - y) / y);
-    // XYZ to linear Rec. 709 (D65); the rows keep Y, so the luminance is 1 up to the rounding of the matrix.
-    let rgb = [
-        3.240_454_2 * big_x - 1.537_138_5 - 0.498_531_4 * big_z,
-        -0.969_266_0 * big_x + 1.876_010_8 + 0.041_556_0 * big_z,
-        0.055_643_4 * big_x - 0.204_025_9 + 1.057_225_2 * big_z,
-    ];
+    let at = (f64::from(kelvin).clamp(COLDEST, HOTTEST) - COLDEST) / STEP;
+    let row = at.floor().min((HOTTEST - COLDEST) / STEP - 1.0);
+    let s = at - row;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 17")]
+    let mut rows = FIT.iter().skip(row as usize);
+    let (a, b) = (rows.next()?, rows.next()?);
+    let (s2, s3) = (s * s, s * s * s);
+    let cubic = |k: usize| {
+        let values = a[k] * (2.0 * s3 - 3.0 * s2 + 1.0) + b[k] * (3.0 * s2 - 2.0 * s3);
+        let slopes = a[k + 2] * (s3 - 2.0 * s2 + s) + b[k + 2] * (s3 - s2);
+        (values + slopes * (STEP / 1000.0)).max(0.0)
+    };
+    let rgb = [1.0, cubic(0), cubic(1)];
     let luminance = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
-    Some(rgb.map(|c| (c / luminance).max(0.0)))
+    Some(rgb.map(|c| c / luminance))
 }
