@@ -28,6 +28,26 @@ vec3 cross3(vec3 a, vec3 b) {
     return vec3(fma(a.y, b.z, -(a.z * b.y)), fma(a.z, b.x, -(a.x * b.z)), fma(a.x, b.y, -(a.y * b.x)));
 }
 
+// A normal of a triangle, not unit, from its two shorter edges: as good as their angle, which is never a small one. `size` bounds what is
+// summed: each component is off by less than 4 units in the last place of that of `size`.
+vec3 triangle_normal(vec3 v0, vec3 v1, vec3 v2, out vec3 size) {
+    const vec3 a = v1 - v0;
+    const vec3 b = v2 - v0;
+    const vec3 c = v2 - v1;
+    const float aa = dot3(a, a);
+    const float bb = dot3(b, b);
+    const float cc = dot3(c, c);
+    // a x b = a x c = b x c.
+    const bool without_a = aa > bb && aa > cc;
+    const bool without_c = !without_a && cc > bb;
+    const vec3 p = without_a ? b : a;
+    const vec3 q = without_c ? b : c;
+    const vec3 s = abs(p);
+    const vec3 r = abs(q);
+    size = fma(s.yzx, r.zxy, s.zxy * r.yzx);
+    return cross3(p, q);
+}
+
 vec3 apply_point(Affine m, vec3 p) {
     return vec3(fma(m.x.x, p.x, fma(m.x.y, p.y, fma(m.x.z, p.z, m.x.w))),
                 fma(m.y.x, p.x, fma(m.y.y, p.y, fma(m.y.z, p.z, m.y.w))),

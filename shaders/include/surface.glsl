@@ -100,7 +100,18 @@ vec3 normal_or(vec3 v, vec3 fallback) {
     return scaled * inversesqrt(dot3(scaled, scaled));
 }
 
-Surface make_surface(uint chunk_instance, uint triangle, vec2 uv) {
+// The point p of a plane, moved in the plane to where the ray meets it, if that is farther than what the ray itself rounds: barycentrics
+// round by the triangle's size over its height, which for slivers, and for triangles much larger than their distance, is a lot.
+Double3 on_ray(Double3 p, vec3 normal, Ray ray, float t) {
+    const vec3 off = difference(p, add(Double3(ray.o, ray.o_lo), t * ray.d));
+    const vec3 aside = off - dot3(off, normal) * normal;
+    const float least = 16.0 * UNIT_ROUNDOFF * t;
+    if (!(dot3(aside, aside) > least * least)) return p;
+    return add(p, -aside);
+}
+
+// `ray` met it at distance `t`.
+Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float t) {
     Surface s;
     uint mesh;
     surface_chunk_instance = chunk_instance;
@@ -118,20 +129,22 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv) {
     const vec3 weights = vec3(1.0 - uv.x - uv.y, uv);
     const vec3 local = fma(v0, vec3(weights.x), fma(v1, vec3(weights.y), v2 * weights.z));
 
-    const vec3 winding = normal_or(cross3(v1 - v0, v2 - v0), vec3(0.0, 0.0, 1.0));
+    vec3 size;
+    const vec3 normal = triangle_normal(v0, v1, v2, size);
+    const vec3 winding = normal_or(normal, vec3(0.0, 0.0, 1.0));
     const vec3 object_normal = (flags & MESH_LEFT_HANDED) != 0u ? -winding : winding;
     const vec3 covector = combine_rows(world.x, world.y, world.z, apply_transposed(map, object_normal));
     s.geometric_normal = normal_or(covector, vec3(0.0, 0.0, 1.0));
 
     s.position = add(world.origin, unapply_rows(world.x, world.y, world.z, unapply_point(map, local)));
+    s.position = on_ray(s.position, s.geometric_normal, ray, t);
     vec3 error;
     const vec3 in_chunk = chunk_with_error(world, s.position, error);
     const vec3 landed = forward_with_error(chunk_instance, in_chunk, error);
     error += 8.0 * UNIT_ROUNDOFF * max(abs(v0), max(abs(v1), abs(v2)));
-    // The triangle test itself rounds in proportion to the triangle as seen from the origin, in any direction.
-    const vec3 span = max(abs(v0 - local), max(abs(v1 - local), abs(v2 - local)));
-    error += 32.0 * UNIT_ROUNDOFF * max(span.x, max(span.y, span.z));
-    const float distance = abs(dot3(object_normal, landed - local)) + dot3(abs(object_normal), error);
+    // The triangle test rounds in proportion to what its normal and the way to a corner are summed from.
+    const float test = 8.0 * UNIT_ROUNDOFF * dot3(size, abs(v0 - landed)) / max(sqrt(dot3(normal, normal)), 1.0e-30);
+    const float distance = abs(dot3(object_normal, landed - local)) + dot3(abs(object_normal), error) + test;
     s.offset = distance / max(sqrt(dot3(covector, covector)), 1.0e-30);
 
     s.shading_normal = s.geometric_normal;

@@ -3,8 +3,9 @@
 #ifndef OOCPT_BOX_GLSL
 #define OOCPT_BOX_GLSL
 
-// 1 + 2 gamma(3), rounded up.
-const float SLAB_PAD = 1.00000048;
+// 1 + 2 (gamma(2) + 2.5 units in the last place), rounded up: Vulkan lets the reciprocals be off by as much as that. (Ize counts on
+// correct rounding: 1 + 2 gamma(3).)
+const float SLAB_PAD = 1.000001;
 const float LARGEST = 3.402823466e38;
 
 // Components of a zero direction get a huge finite reciprocal: no infinity, hence no 0 * inf.

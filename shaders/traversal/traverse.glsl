@@ -42,12 +42,17 @@ struct Found {
 // The largest component of an origin times this covers its low part (2^-24) and the rounding of the padding itself.
 const float TOP_PAD = 1.8e-7;
 
+// Times the largest coordinate of the ray's origin and of the mesh: how far beside a triangle the rounding of its edge functions (14 units of
+// 2^-24 of a corner's distance) can see it met. Boxes in meshes are padded by that: else the triangle that takes a ray at a
+// shared edge may be in a box that the ray passes by (Woop et al. 2013, 3.1).
+const float MESH_PAD = 1.5e-6;
+
 // Where the walk is: the ray in the frame of the current level or mesh, and the arrays there.
 struct Walk {
     vec3 o;
     vec3 d;
     vec3 reciprocal;
-    float pad;   // of boxes; 0 below the top level
+    float pad;   // of boxes; 0 between the top level and meshes
     float entry; // where the boxes above the current node are entered, the farthest; for any hit only with streaming
     float limit; // boxes entered behind this hold no closer hit
     uint64_t nodes;
@@ -265,6 +270,20 @@ uint enter_chunk(uint reference) {
     return 0u;
 }
 
+float largest_of(vec3 v) {
+    return max(abs(v.x), max(abs(v.y), abs(v.z)));
+}
+
+// The largest coordinate of a mesh: of the boxes at its root. An absent second one is empty, and counts nothing.
+float mesh_reach(uint64_t nodes) {
+    const vec4 a = ConstVec4s(nodes).v[0];
+    const vec4 b = ConstVec4s(nodes).v[1];
+    const vec4 c = ConstVec4s(nodes).v[2];
+    const float first = max(largest_of(a.xyz), largest_of(vec3(b.zw, c.x)));
+    const float second = max(largest_of(vec3(a.w, b.xy)), largest_of(c.yzw));
+    return second < LARGEST ? max(first, second) : first;
+}
+
 // Into the target of an instance record; returns its root, or the next reference where there is no room.
 uint enter(uint record) {
     const Affine map = instance_map(walk.instances, record);
@@ -293,6 +312,7 @@ uint enter(uint record) {
         walk.in_mesh = true;
         walk.mesh = target;
         walk.nodes = Meshes(FRAME.meshes).v[target].nodes;
+        walk.pad = MESH_PAD * (largest_of(o) + mesh_reach(walk.nodes));
         walk.triangles = Meshes(FRAME.meshes).v[target].triangles;
     }
     return 0u;
@@ -311,6 +331,7 @@ void begin_top() {
 void leave() {
     if (!walk.in_mesh) --walk.level;
     walk.in_mesh = false;
+    walk.pad = 0.0;
     if (walk.level == 0u) {
         begin_top();
         return;

@@ -10,17 +10,18 @@
 #include "include/path_surface.glsl"
 #include "include/material.glsl"
 
-// row . (p, 1)
-float row_at(vec4 row, Double3 p) {
-    return dot3(row.xyz, p.hi) + row.w + dot3(row.xyz, p.lo);
+// row . (p, 1), p from Frame::ray_o on: far from the world's origin nothing cancels.
+float row_at(vec4 row, vec3 p) {
+    return dot3(row.xyz, p) + row.w;
 }
 
 AovClear aovs_of(uint path, Surface surface) {
     uint missing;
     const Shading shading = make_shading(path, surface, missing);
     AovClear a;
-    a.depth = 0.5 * (row_at(FRAME.clip_z, surface.position) / row_at(FRAME.clip_w, surface.position)) + 0.5;
-    a.camera_depth = -row_at(FRAME.view[2], surface.position);
+    const vec3 p = difference(surface.position, Double3(FRAME.ray_o, FRAME.ray_o_lo));
+    a.depth = 0.5 * (row_at(FRAME.clip_z, p) / row_at(FRAME.clip_w, p)) + 0.5;
+    a.camera_depth = -row_at(FRAME.view[2], p);
     a.prim_id = surface.prim_id;
     a.instance_id = int(surface.instance_id);
     a.element_id = int(surface.face);

@@ -51,11 +51,11 @@ pub struct CameraRays {
     pub lens_v: [f32; 3],
     /// Ray parameter of the plane in focus; 1 without a lens.
     pub focus: f32,
-    /// Clip z of a point = dot of this with (p, 1). Window depth is `0.5 * z / w + 0.5`.
+    /// Clip z of a point = dot of this with (p, 1), p relative to `o + o_lo`. Window depth is `0.5 * z / w + 0.5`.
     pub clip_z: [f32; 4],
     /// Clip w of a point, likewise.
     pub clip_w: [f32; 4],
-    /// Rows of the affine view-from-world matrix: `Peye`, and camera depth = -z.
+    /// Rows of the affine view-from-world matrix for points relative to `o + o_lo`: `Peye`, and camera depth = -z.
     pub view_from_world: [[f32; 4]; 3],
     /// Rows of the matrix that takes world normals to view space (inverse transpose of `view_from_world`).
     pub view_normal: [[f32; 3]; 3],
@@ -119,7 +119,10 @@ impl Camera {
         let d = view.direction.map(vector).substitute(at, scale);
         let high = o.constant.as_vec3();
         let (radius, focus) = self.lens()?;
-        let view_from_world = world.inverse();
+        // As seen from where rays begin: offsets of a camera far from the origin would not be exact in single precision.
+        let start = o.constant - world.translation;
+        let from_start = DAffine3 { matrix3: world.matrix3, translation: -start };
+        let view_from_world = from_start.inverse();
         let clip = self.projection * DMat4::from(view_from_world);
         let rays = CameraRays {
             o: high.to_array(),

@@ -2,18 +2,25 @@
 //! Cuts the sorted members of an assembly into cells.
 //!
 //! A cell is a Morton prefix; one that the rule forbids is cut at the highest bit in which its members differ, so that
-//! cells hold no empty halves and a chunk's cell follows from its members alone. Members of equal codes are cut in the
+//! cells hold no empty halves and a chunk's cell follows from its members alone. A small cell is cut too where one half would be far
+//! smaller than the frame that it had to share ([`is_scattered`]). Members of equal codes are cut in the
 //! middle of their order. The result is a function of the members and the rule, whatever chunks are kept from before.
 
 use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
 
+use super::blocks::{Block, Peaks};
 use super::chunk::{Chunk, Readers, Roster};
 use super::cost::CutRule;
 use super::lattice::{Item, Lattice};
 use crate::scene::Target;
 
+/// Cells with more members are not looked at for what is small in a large box: patches may keep them as they are.
+pub(crate) const SCATTERED: usize = 64;
+/// A cell is cut where one of its halves is smaller than its box by more than this: in a chunk's frame of single precision the half would have
+/// 6 bits fewer than in its own.
+const APART: f64 = 64.0;
 /// Cells with more members are cut in parallel.
 const PARALLEL: u64 = 1 << 15;
 
@@ -59,7 +66,8 @@ impl Cutter<'_> {
         if records == 0 {
             return Vec::new();
         }
-        if !self.rule.is_too_long(records) && !self.rule.must_cut(records, &self.targets(pieces)) {
+        let is_small = !self.rule.is_too_long(records) && !self.rule.must_cut(records, &self.targets(pieces));
+        if is_small && !self.is_scattered(pieces) {
             return vec![self.leaf(pieces)];
         }
         let ends = [pieces.first(), pieces.last()].map(|piece| piece.map_or([0; 2], Piece::codes));
@@ -87,6 +95,13 @@ impl Cutter<'_> {
             right[0] = Piece::Loose(after);
         }
         self.both(&left, &right, records)
+    }
+
+    /// Whether [`is_scattered`] says so of the cell. A chunk from before that is the cell was found not to be.
+    fn is_scattered(&self, pieces: &[Piece<'_>]) -> bool {
+        let records: u64 = pieces.iter().map(Piece::len).sum();
+        let is_known = matches!(pieces, [Piece::Kept(_)]) || self.roster.keeps_frame;
+        !is_known && records <= SCATTERED as u64 && is_scattered(&self.items(pieces), self.lattice)
     }
 
     fn both(&self, left: &[Piece<'_>], right: &[Piece<'_>], records: u64) -> Vec<Arc<Chunk>> {
@@ -180,4 +195,23 @@ impl Cutter<'_> {
         });
         out
     }
+}
+
+/// Whether sorted items, where they would be cut, fall into parts of which one is far smaller than all of them together: in one
+/// chunk, with a frame of single precision about the middle of all, that part would lose what tells its points apart. Never of
+/// items of equal codes, nor of more than [`SCATTERED`].
+pub(crate) fn is_scattered(items: &[Item], lattice: &Lattice) -> bool {
+    let (Some(first), Some(last)) = (items.first(), items.last()) else { return false };
+    let differing = first.code() ^ last.code();
+    if differing == 0 || items.len() > SCATTERED {
+        return false;
+    }
+    let bit = 1_u64 << differing.ilog2();
+    let (left, right) = items.split_at(items.partition_point(|item| item.code() & bit == 0));
+    let side = |items: &[Item]| {
+        let peaks = Block::of(items.iter(), lattice).iter().fold(Peaks::NONE, |peaks, block| peaks.max(block.peaks()));
+        let ([min, max], _) = lattice.box_of(peaks);
+        (max - min).max_element()
+    };
+    side(left).min(side(right)) * APART < side(items)
 }

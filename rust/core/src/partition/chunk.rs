@@ -10,6 +10,7 @@ use std::sync::{Arc, PoisonError, RwLock};
 use glam::DVec3;
 
 use super::blocks::{Block, Peaks};
+use super::cells::SCATTERED;
 use super::lattice::{Item, Lattice};
 use crate::mesh::Aabb;
 use crate::scene::assembly::Member;
@@ -118,8 +119,12 @@ impl Chunk {
     /// Makes a chunk; its key is set later.
     pub(crate) fn of(content: Content, roster: Roster<'_>, lattice: &Lattice) -> Self {
         let Content { codes, present, counts, ranks, which, blocks } = content;
-        let (origin, bounds) = frame(&blocks, roster.keeps_frame, lattice);
         let members: Arc<[Member]> = present.iter().filter_map(|&m| roster.members.get(m as usize).cloned()).collect();
+        let measured = if roster.keeps_frame { None } else { measured_box(&members, &ranks, &which) };
+        let around = measured.unwrap_or_else(|| {
+            lattice.box_of(blocks.iter().fold(Peaks::NONE, |peaks, block| peaks.max(block.peaks())))
+        });
+        let (origin, bounds) = frame(around, roster.keeps_frame);
         let mut targets: Vec<Target> = members.iter().map(|m| m.target).collect();
         targets.sort_unstable();
         targets.dedup();
@@ -306,10 +311,26 @@ fn local(present: &[u32], member: u32) -> u32 {
     u32::try_from(at).unwrap_or(u32::MAX)
 }
 
-/// Origin, and box in the chunk's frame.
-fn frame(blocks: &[Block], keeps_frame: bool, lattice: &Lattice) -> (DVec3, Aabb) {
-    let peaks = blocks.iter().fold(Peaks::NONE, |peaks, block| peaks.max(block.peaks()));
-    let ([min, max], spread) = lattice.box_of(peaks);
+/// Box of a few records in the assembly's frame, and the largest [`Footprint::spread`](crate::scene::placement::Footprint), measured exactly: what
+/// is much smaller than a step of the lattice gets a frame about its own middle. `None` for many.
+fn measured_box(members: &[Member], ranks: &[u32], which: &[u32]) -> Option<([DVec3; 2], f64)> {
+    if ranks.len() > SCATTERED {
+        return None;
+    }
+    let mut readers = Readers::new(members, None);
+    let (mut around, mut spread) = ([DVec3::INFINITY, DVec3::NEG_INFINITY], 0.0_f64);
+    for (at, &rank) in ranks.iter().enumerate() {
+        let (_, reader) = readers.get(which.get(at).copied().unwrap_or(0))?;
+        let footprint = reader.footprint(rank)?;
+        let half = footprint.half + footprint.spread * footprint.lever * MATRIX_ERROR;
+        around = [around[0].min(footprint.center - half), around[1].max(footprint.center + half)];
+        spread = spread.max(footprint.spread);
+    }
+    Some((around, spread))
+}
+
+/// Origin, and box in the chunk's frame, of records in a box with a spread.
+fn frame(([min, max], spread): ([DVec3; 2], f64), keeps_frame: bool) -> (DVec3, Aabb) {
     let origin = if keeps_frame { DVec3::ZERO } else { 0.5 * (min + max) };
     let reach = (min - origin).abs().max((max - origin).abs()).max_element();
     // The map of a record goes wrong by its spread times what is between the origin and the record, twice: the map's

@@ -11,8 +11,8 @@ use super::cells::Cutter;
 use super::chunk::{Chunk, Content, Readers};
 use super::lattice::Item;
 
-/// Chunks with fewer records are made anew.
-const FEW: usize = 16;
+/// Chunks with fewer records are made anew. Enough for patched ones to have more than [`super::cells::SCATTERED`].
+const FEW: usize = 80;
 /// Chunks of which more than one record in so many is edited are made anew.
 pub(super) const SHARE: usize = 12;
 /// Chunks of more blocks than this, and four times as many as they need, are made anew.

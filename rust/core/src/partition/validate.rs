@@ -4,6 +4,7 @@
 use glam::{DAffine3, DMat3, DVec3};
 use rustc_hash::{FxHashMap, FxHashSet};
 
+use super::cells::{SCATTERED, is_scattered};
 use super::chunk::Chunk;
 use super::cost::AssetCosts;
 use super::lattice::{Key, Lattice};
@@ -226,6 +227,26 @@ impl Check<'_> {
         }
     }
 
+    /// As the cutter asks, of records measured anew.
+    fn is_scattered(&self, cell: &[std::sync::Arc<Chunk>], records: usize) -> Result<bool, &'static str> {
+        if records > SCATTERED || self.job.assembly.is_split_mesh() {
+            return Ok(false);
+        }
+        let mut items = Vec::with_capacity(records);
+        for chunk in cell {
+            let members = chunk.members();
+            for at in 0..chunk.len() {
+                let (which, rank) = chunk.place(at).ok_or("a record has no place")?;
+                let member = members.get(which as usize).ok_or("a record has no member")?;
+                let number = *self.numbers.get(&address(member)).ok_or("a member is not of this assembly")?;
+                let mut item = member.run.reader(None).item(rank).ok_or("a record is not usable")?;
+                self.lattice.place(&mut item, number);
+                items.push(item);
+            }
+        }
+        Ok(is_scattered(&items, &self.lattice))
+    }
+
     /// Every cell that is a chunk may stay whole, every cell that holds several had to be cut where it was.
     fn cells(&self, chunks: &[std::sync::Arc<Chunk>]) -> Result<(), &'static str> {
         let rule = self.job.rule();
@@ -242,7 +263,8 @@ impl Check<'_> {
             }
             let records: usize = cell.iter().map(|c| c.len()).sum();
             let placed: Vec<(Target, u64)> = placed.into_iter().collect();
-            if rule.must_cut(records as u64, &placed) != (cell.len() > 1) {
+            let must_cut = rule.must_cut(records as u64, &placed) || self.is_scattered(cell, records)?;
+            if must_cut != (cell.len() > 1) {
                 return Err(if cell.len() > 1 { "a cell was cut without need" } else { "a chunk is too large" });
             }
             let differing = first.codes[0] ^ last.codes[1];

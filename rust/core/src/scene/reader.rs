@@ -3,7 +3,7 @@
 
 use glam::DAffine3;
 
-use super::placement::{Placed, Placer};
+use super::placement::{Footprint, Placed, Placer};
 use crate::array::ArrayView;
 use crate::partition::Item;
 
@@ -52,6 +52,12 @@ impl Reader<'_> {
     pub(crate) fn item(&self, rank: u32) -> Option<Item> {
         let number = self.numbers.of(rank).filter(|_| self.is_usable(rank))?;
         self.placer.measure(number).map(|(_, footprint)| Item::new(&footprint, rank))
+    }
+
+    /// Where a placement is and how large, exactly.
+    pub(crate) fn footprint(&self, rank: u32) -> Option<Footprint> {
+        let number = self.numbers.of(rank).filter(|_| self.is_usable(rank))?;
+        self.placer.measure(number).map(|(_, footprint)| footprint)
     }
 
     /// As [`Reader::item`], for the first usable rank.

@@ -180,7 +180,8 @@ fn depth_rows_give_window_and_camera_depth() {
         let origin = near(&camera);
         let rays = camera.rays(origin).unwrap();
         let p = camera.world_from_view.transform_point3(DVec3::new(0.3, -0.2, -7.0)) - origin;
-        let row = |r: [f32; 4]| DVec4::from(r.map(f64::from)).dot(p.extend(1.0));
+        let start = [0, 1, 2].map(|k| f64::from(rays.o[k]) + f64::from(rays.o_lo[k]));
+        let row = |r: [f32; 4]| DVec4::from(r.map(f64::from)).dot((p - DVec3::from(start)).extend(1.0));
         let depth = 0.5 * row(rays.clip_z) / row(rays.clip_w) + 0.5;
         let clip = projection * DVec4::new(0.3, -0.2, -7.0, 1.0);
         assert!((depth - (0.5 * clip.z / clip.w + 0.5)).abs() < 1e-5, "{depth}");

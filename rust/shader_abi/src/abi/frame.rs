@@ -305,11 +305,11 @@ pub struct Frame {
     pub lens_v: [f32; 3],
     /// Distance of the plane in focus along the view axis.
     pub focus: f32,
-    /// Row z of clip-from-world.
+    /// Row z of clip-from-world, for points relative to `ray_o + ray_o_lo`.
     pub clip_z: [f32; 4],
-    /// Row w of clip-from-world.
+    /// Row w of clip-from-world, likewise.
     pub clip_w: [f32; 4],
-    /// Rows of view-from-world.
+    /// Rows of view-from-world, likewise.
     pub view: [[f32; 4]; 3],
     /// Rows of the map of normals from world to view (inverse transpose of `view`).
     pub view_normal: [[f32; 3]; 3],
