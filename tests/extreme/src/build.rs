@@ -3,7 +3,10 @@
 
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 use oocpt_core::TypedArray;
-use oocpt_core::scene::{InstancedBy, Interpolation, LightDesc, LightKind, MeshDesc, PrimDesc, Primvar, SceneDb};
+use oocpt_core::scene::{
+    InstancedBy, Interpolation, LightDesc, LightKind, MaterialDesc, MeshDesc, NodeDesc, ParamDesc, ParamValue,
+    PrimDesc, Primvar, SceneDb,
+};
 
 use crate::tracer::{Sun, Tracer};
 
@@ -206,4 +209,16 @@ pub(crate) fn instanced(mut prim: PrimDesc, instancer: &str) -> PrimDesc {
 /// A constant dome.
 pub(crate) fn dome(radiance: f32) -> LightDesc {
     LightDesc { prim: prim("/dome", DMat4::IDENTITY), intensity: radiance, ..LightDesc::default() }
+}
+
+/// A `UsdPreviewSurface`.
+pub(crate) fn material(path: &str, values: &[(&str, ParamValue)]) -> MaterialDesc {
+    let params = values.iter().map(|(name, value)| ParamDesc { name: (*name).into(), value: value.clone() }).collect();
+    let node = NodeDesc {
+        path: format!("{path}/surface").into(),
+        kind: "UsdPreviewSurface".into(),
+        params,
+        connections: Vec::new(),
+    };
+    MaterialDesc { path: path.into(), nodes: vec![node], surface: Some(0) }
 }

@@ -39,6 +39,15 @@ pub(crate) struct Found<'a> {
 /// A miss that is known: how large it may be, and why it is there.
 pub(crate) type Known<'a> = Option<(f64, &'a str)>;
 
+/// A case that is known to miss in what is compared with the f64 tracer: how far off it may be, and why.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Miss {
+    pub(crate) ulps: f64,
+    pub(crate) wrong_pixels: f64,
+    pub(crate) sigmas: f64,
+    pub(crate) why: &'static str,
+}
+
 /// How a picture of distances compares.
 pub(crate) struct Distances {
     /// Largest error across the surface, in ulps of the distance.
@@ -98,6 +107,22 @@ impl<'a> Lab<'a> {
     /// A row about something that should not happen, so many times.
     pub(crate) fn count(&mut self, case: &str, quantity: &str, got: f64, known: Known<'_>) {
         self.row(case, &Found { quantity, reference: 0.0, got, error: got.abs(), bound: 0.0 }, known);
+    }
+
+    /// A row about a mean radiance, error relative.
+    pub(crate) fn mean(
+        &mut self,
+        case: &str,
+        quantity: &str,
+        reference: f64,
+        shot: &Shot,
+        bound: f64,
+        known: Known<'_>,
+    ) {
+        let got = mean(shot);
+        let error = (got / reference - 1.0).abs();
+        let found = Found { quantity, reference, got, error, bound };
+        self.row(case, &found, known.filter(|_| error > bound));
     }
 
     /// Renders; NaN, hangs, errors, and warnings where none are expected, become rows.
@@ -160,18 +185,19 @@ impl<'a> Lab<'a> {
         eye: &Eye,
         shot: &Shot,
         ulps: f64,
-        known: Known<'_>,
+        miss: Option<Miss>,
     ) {
+        let known = |of: fn(&Miss) -> f64| miss.map(|miss| (of(&miss), miss.why));
         let d = distances(tracer, eye, shot, ulps.max(16.0));
         let found = Found { quantity: "distance, ulps", reference: 0.0, got: d.ulps, error: d.ulps, bound: ulps };
-        self.row(case, &found, known.filter(|_| d.ulps > ulps));
-        self.count(case, "wrong pixels", f64::from(d.wrong), known.filter(|_| d.wrong > 0));
+        self.row(case, &found, known(|m| m.ulps).filter(|_| d.ulps > ulps));
+        self.count(case, "wrong pixels", f64::from(d.wrong), known(|m| m.wrong_pixels).filter(|_| d.wrong > 0));
         let some = if d.hits > 0 { 0.0 } else { 1.0 };
         if some > 0.0 {
             self.row(
                 case,
                 &Found { quantity: "pixels that show it", reference: 1.0, got: 0.0, error: some, bound: 0.0 },
-                known,
+                known(|_| 1.0),
             );
         }
     }
@@ -184,8 +210,9 @@ impl<'a> Lab<'a> {
         eye: &Eye,
         shot: &Shot,
         way: &Way,
-        known: Known<'_>,
+        miss: Option<Miss>,
     ) {
+        let known = miss.map(|miss| (miss.sigmas, miss.why));
         let (worst, expected, got) = worst_block(reference, eye, shot, way);
         let found = Found {
             quantity: "radiance of the worst block, sigmas",
@@ -196,6 +223,13 @@ impl<'a> Lab<'a> {
         };
         self.row(case, &found, known.filter(|_| worst > 5.0));
     }
+}
+
+/// Mean of the red channel.
+pub(crate) fn mean(shot: &Shot) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "pixels of a small image")]
+    let pixels = shot.color.len() as f64;
+    shot.color.iter().map(|color| f64::from(color[0])).sum::<f64>() / pixels
 }
 
 /// Rays this far beside a pixel's centre, in pixels, tell whether it is on an edge; farther where distances may be off by more.

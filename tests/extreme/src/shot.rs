@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! One render by the real renderer, and what it left behind. Never panics: what goes wrong is told.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::SceneDb;
 use oocpt_core::settings::Settings;
-use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions, Severity};
+use oocpt_render::{AovKind, AovRequest, LightFiles, RenderRequest, Session, SessionOptions, Severity};
 
 /// Longest wait for one render; what takes longer hangs.
 const TIMEOUT: Duration = Duration::from_secs(300);
@@ -71,6 +72,15 @@ impl Bench {
 }
 
 impl Stage {
+    pub(crate) fn edit(&self, edit: impl FnOnce(&mut SceneDb)) {
+        self.session.with_scene(edit);
+    }
+
+    /// Says who reads the pictures of lights.
+    pub(crate) fn set_files(&self, files: Arc<dyn LightFiles>) {
+        self.session.set_light_files(files);
+    }
+
     pub(crate) fn take(&self, camera: &Camera, way: &Way) -> Shot {
         use oocpt_core::settings::Value;
         let mut shot = Shot::default();

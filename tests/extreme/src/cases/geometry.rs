@@ -50,14 +50,7 @@ fn slivers(lab: &mut Lab<'_>, case: &str) {
     // 40 of the slivers across, and all of the strip's length but its ends.
     let eye = Eye { up, aspect: Some(4e-6), ..Eye::parallel(from, DVec3::ZERO, 0.9, [64, 32]) };
     let shot = lab.shoot(case, &stage, &eye.camera(), &planes());
-    lab.distances(
-        case,
-        &world.tracer(),
-        &eye,
-        &shot,
-        8.0,
-        Some((f64::MAX, "barycentrics of slivers round by their length")),
-    );
+    lab.distances(case, &world.tracer(), &eye, &shot, 8.0, None);
     let lost = shot.color.iter().filter(|c| (c[0] - 0.5).abs() > 1e-6).count();
     lab.count(case, "pixels that are not albedo x sky", count(lost), None);
 }
@@ -132,10 +125,9 @@ fn huge(lab: &mut Lab<'_>, case: &str) {
     let way = Way { chunk_kib: 16, ..planes() };
     let shot = lab.shoot(case, &stage, &eye.camera(), &way);
     let tracer = world.tracer();
-    let known = Some((f64::MAX, "barycentrics round by the triangle's size, and rays start off it by as much"));
-    lab.distances(case, &tracer, &eye, &shot, 32.0, known);
+    lab.distances(case, &tracer, &eye, &shot, 32.0, None);
     let reference = tracer.render(&eye, 256, 1, true);
-    lab.light(case, &reference, &eye, &shot, &way, known);
+    lab.light(case, &reference, &eye, &shot, &way, None);
 }
 
 #[expect(clippy::cast_precision_loss, reason = "small numbers")]
@@ -212,11 +204,10 @@ fn on_surface(lab: &mut Lab<'_>, case: &str) {
     };
     let stage = lab.bench.stage(|db| world.author(db));
     let eye = DVec3::new(0.3, 0.0, 0.7);
-    let known = Some((f64::MAX, "the distance is summed from the corners', and rounds to either side of 0"));
     for (name, to, height) in [("up", DVec3::new(0.2, 1.0, 0.1), 0.8), ("half up", DVec3::new(1.0, 0.6, 0.2), 0.8)] {
         let eye = Eye::at(eye, eye + to, height, [32, 32]);
         let shot = lab.shoot(case, &stage, &eye.camera(), &planes());
         let seen = shot.prim.iter().filter(|id| **id >= 0).count() + shot.color.iter().filter(|c| c[0] < 1.0).count();
-        lab.count(case, &format!("pixels that see the floor, looking {name}"), count(seen), known);
+        lab.count(case, &format!("pixels that see the floor, looking {name}"), count(seen), None);
     }
 }

@@ -1,9 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The cases, by subject.
 
+mod camera;
 mod geometry;
+mod light;
+mod materials;
 mod place;
 mod scale;
+mod self_hits;
+mod time;
 mod transforms;
 mod watertight;
 
@@ -16,4 +21,9 @@ pub(crate) fn run(lab: &mut Lab<'_>) {
     transforms::run(lab);
     geometry::run(lab);
     watertight::run(lab);
+    self_hits::run(lab);
+    light::run(lab);
+    materials::run(lab);
+    camera::run(lab);
+    time::run(lab);
 }

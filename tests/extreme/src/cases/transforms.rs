@@ -7,7 +7,7 @@ use oocpt_core::scene::{InstancerDesc, InstancerPrototype, MeshDesc, SceneDb};
 use oocpt_core::{ElementType, TypedArray};
 
 use crate::build::{Body, Placed, World, dome, instanced, narrow, prim, wide};
-use crate::lab::{Known, Lab};
+use crate::lab::{Lab, Miss};
 use crate::shot::{Stage, Way};
 use crate::tracer::Tracer;
 use crate::tracer::camera::Eye;
@@ -105,11 +105,11 @@ fn way() -> Way {
 }
 
 /// Distances and light of what is on the stage, against the tracer.
-fn compare(lab: &mut Lab<'_>, case: &str, stage: &Stage, tracer: &Tracer, ulps: f64, known: Known<'_>) {
+fn compare(lab: &mut Lab<'_>, case: &str, stage: &Stage, tracer: &Tracer, ulps: f64, miss: Option<Miss>) {
     let shot = lab.shoot(case, stage, &eye().camera(), &way());
-    lab.distances(case, tracer, &eye(), &shot, ulps, known);
+    lab.distances(case, tracer, &eye(), &shot, ulps, miss);
     let reference = tracer.render(&eye(), 256, 2, true);
-    lab.light(case, &reference, &eye(), &shot, &way(), known);
+    lab.light(case, &reference, &eye(), &shot, &way(), miss);
 }
 
 pub(crate) fn run(lab: &mut Lab<'_>) {
@@ -167,12 +167,12 @@ fn condition(map: &DMat3) -> f64 {
 }
 
 /// A ball whose points were put through the inverse of `map` first.
-fn counter(lab: &mut Lab<'_>, case: &str, map: &DMat4, ulps: f64, known: Known<'_>) {
+fn counter(lab: &mut Lab<'_>, case: &str, map: &DMat4, ulps: f64, miss: Option<Miss>) {
     let inverse = map.inverse();
     let body = Body::sphere(12, 0.7).moved(|p| inverse.transform_point3(p));
     let world = World { bodies: vec![Placed { body, place: *map }], dome: 1.0, sun: None };
     let stage = lab.bench.stage(|db| world.author(db));
-    compare(lab, case, &stage, &world.tracer(), ulps, known);
+    compare(lab, case, &stage, &world.tracer(), ulps, miss);
 }
 
 /// A singular prim is left out, with one warning; the rest is as it is without.

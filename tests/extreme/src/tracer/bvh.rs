@@ -13,6 +13,13 @@ pub(crate) struct Ray {
     pub(crate) d: DVec3,
 }
 
+impl Ray {
+    /// The point at a distance.
+    pub(crate) fn at(&self, t: f64) -> DVec3 {
+        self.o + self.d * t
+    }
+}
+
 /// A node: its box, and either children or triangles.
 struct Node {
     min: DVec3,

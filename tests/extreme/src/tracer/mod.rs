@@ -2,7 +2,7 @@
 //! A small path tracer in f64: triangles, Lambert, constant domes, distant lights. It shares no code with the renderer: own scene, tree,
 //! intersection, random numbers, cameras and estimator (no next event estimation for domes, no roulette).
 //!
-//! A path that leaves a triangle does not meet this triangle again; neighbours are met from 1e-12 of the scene's size on.
+//! A path that leaves a triangle does not meet this triangle again; neighbours are met from 1e-14 of the scene's size on.
 
 pub(crate) mod bvh;
 pub(crate) mod camera;
@@ -53,6 +53,8 @@ pub(crate) struct Estimate {
 pub(crate) struct Met {
     /// Distance in units of the ray's direction.
     pub(crate) t: f64,
+    /// Unit; either side.
+    pub(crate) normal: DVec3,
     /// Cosine between the ray and the triangle's normal.
     pub(crate) cosine: f64,
 }
@@ -63,15 +65,15 @@ impl Tracer {
         let (corners, albedo): (Vec<_>, Vec<_>) = triangles.into_iter().unzip();
         let all = || corners.iter().flatten().copied();
         let size = all().fold(DVec3::NEG_INFINITY, DVec3::max) - all().fold(DVec3::INFINITY, DVec3::min);
-        let least = if corners.is_empty() { 0.0 } else { size.max_element() * 1e-12 };
+        let least = if corners.is_empty() { 0.0 } else { size.max_element() * 1e-14 };
         Self { bvh: Bvh::new(corners), albedo, dome: 0.0, suns: Vec::new(), least }
     }
 
     /// The first triangle on a ray.
     pub(crate) fn first(&self, ray: &Ray) -> Option<Met> {
         let hit = self.bvh.nearest(ray, f64::INFINITY, None)?;
-        let cosine = self.normal(hit.triangle).dot(ray.d.normalize()).abs();
-        Some(Met { t: hit.t, cosine })
+        let normal = self.normal(hit.triangle);
+        Some(Met { t: hit.t, normal, cosine: normal.dot(ray.d.normalize()).abs() })
     }
 
     fn normal(&self, triangle: usize) -> DVec3 {
