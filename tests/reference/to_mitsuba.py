@@ -83,8 +83,9 @@ def sensor(stage: Usd.Stage, path: str, width: int, height: int, samples: int, s
     return {"type": "perspective", "fov": 2 * math.degrees(math.atan(half)), "fov_axis": "y", "to_world": mi.ScalarTransform4f(place), "principal_point_offset_x": -shift[0], "principal_point_offset_y": -shift[1], **made}
 
 
-def translate(path, width: int, height: int | None = None, camera="/World/Camera", samples=64, bounces=5, seed=0, hide=False, sampler="independent", blocks=True):
-    """(Mitsuba scene, notes). `bounces` are indirect bounces, as `oocpt:maxBounces`; `hide` keeps lights out of the camera's sight, `blocks` off out of all rays' ways."""
+def translate(path, width: int, height: int | None = None, camera="/World/Camera", samples=64, bounces=5, seed=0, hide=False, sampler="independent", blocks=True, roulette=1000):
+    """(Mitsuba scene, notes). `bounces` are indirect bounces, as `oocpt:maxBounces`; `hide` keeps lights out of the camera's sight, `blocks` off out of all rays' ways.
+    `roulette`: depth from which paths end at random."""
     stage = path if isinstance(path, Usd.Stage) else Usd.Stage.Open(str(path))
     scene = usd_scene.read(stage)
     parts = usd_scene.merged(scene.parts)
@@ -97,7 +98,7 @@ def translate(path, width: int, height: int | None = None, camera="/World/Camera
     shapes = [_shape(number, part, scene.notes) for number, part in enumerate(parts)]
     # `path` counts holes as bounces and its shadow rays stop at them; `volpath` goes through.
     holes = any("Mask[" in str(shape.bsdf()) or "Null" in str(shape.bsdf()) for shape in shapes)
-    made = {"type": "scene", "integrator": {"type": "volpath" if holes or (scene.lamps and not blocks) else "path", "max_depth": bounces + 2, "rr_depth": 1000, "hide_emitters": hide}, "sensor": sensor(stage, camera, width, height, samples, seed, sampler)}
+    made = {"type": "scene", "integrator": {"type": "volpath" if holes or (scene.lamps and not blocks) else "path", "max_depth": bounces + 2, "rr_depth": roulette, "hide_emitters": hide}, "sensor": sensor(stage, camera, width, height, samples, seed, sampler)}
     for number, shape in enumerate(shapes):
         made[f"part{number}"] = shape
     for number, lamp in enumerate(scene.lamps):

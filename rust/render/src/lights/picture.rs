@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Pictures of domes and rectangles on the device: texels, and for domes an alias table over cells of the picture. Pure.
 //!
-//! A cell's weight is the integral over it of the luminance times the sine of the polar angle, plus a small share of the mean so
-//! that interpolation never leaves a cell that shines without a chance. Alias table: Vose 1991, "A Linear Algorithm for
+//! A cell's weight is the integral over it of the interpolated luminance times the sine of the polar angle, plus a small share of the
+//! mean. Alias table: Vose 1991, "A Linear Algorithm for
 //! Generating Random Numbers with a Given Distribution".
 
 use super::files::LightPicture;
@@ -72,8 +72,9 @@ impl EncodedPicture {
             alias: Vec::new(),
         };
         if is_dome {
-            encoded.columns = width.min(MAX_CELLS);
-            encoded.rows = height.min(MAX_CELLS);
+            // Between two texels' middles the picture is linear: cells of half a texel follow it best.
+            encoded.columns = width.saturating_mul(2).min(MAX_CELLS);
+            encoded.rows = height.saturating_mul(2).min(MAX_CELLS);
             let weights = cells(&picture, encoded.columns, encoded.rows);
             encoded.mean = weights.iter().sum::<f64>() / (4.0 * PI);
             encoded.alias = alias(&weights, encoded.columns, encoded.rows);
@@ -99,33 +100,61 @@ fn encode(picture: &LightPicture, format: u32) -> Vec<u8> {
     }
 }
 
-/// Integral of the luminance over each cell, in solid angle, the top row first. A cell also sees the texels next to it, which
-/// interpolation brings into it.
+/// Integral of the luminance over each cell, in solid angle, the top row first: of the interpolated picture, exactly, but that the solid
+/// angle counts as even within a cell. So what a sample brings is nearly the same wherever it falls, at the rim of a sun too.
 fn cells(picture: &LightPicture, columns: u32, rows: u32) -> Vec<f64> {
     let (width, height) = (picture.width as usize, picture.height as usize);
     let (columns, rows) = (columns as usize, rows as usize);
+    let brightness =
+        |texel: [f32; 3]| luminance(texel).max(f64::from(texel.iter().copied().fold(0.0, f32::max)) * 0.01);
+    let across: Vec<Vec<(usize, f64)>> =
+        (0..columns).map(|column| shares(column, columns, width, |x| x.rem_euclid(to_i64(width)))).collect();
     let mut weights = Vec::with_capacity(columns * rows);
+    let mut band = vec![0.0; width];
     for row in 0..rows {
-        let band = |r: usize| PI * to_f64(r) / to_f64(rows);
-        let solid = (band(row).cos() - band(row + 1).cos()) * 2.0 * PI / to_f64(columns);
-        let (top, bottom) =
-            ((row * height / rows).saturating_sub(1), ((row + 1) * height).div_ceil(rows).min(height - 1));
-        for column in 0..columns {
-            let (left, right) = (column * width / columns, ((column + 1) * width).div_ceil(columns));
-            let mut sum = 0.0;
-            for y in top..=bottom {
-                for x in left..=right + 1 {
-                    // One to the left and one to the right, around the edge.
-                    let texel = picture.texels.get(y * width + (x + width - 1) % width);
-                    sum += texel.map_or(0.0, |&texel| {
-                        luminance(texel).max(f64::from(texel.iter().copied().fold(0.0, f32::max)) * 0.01)
-                    });
-                }
+        let edge = |r: usize| PI * to_f64(r) / to_f64(rows);
+        let solid = (edge(row).cos() - edge(row + 1).cos()) * 2.0 * PI / to_f64(columns);
+        band.fill(0.0);
+        for (y, share) in shares(row, rows, height, |y| y.clamp(0, to_i64(height) - 1)) {
+            let texels = picture.texels.get(y * width..(y + 1) * width).unwrap_or_default();
+            for (sum, &texel) in band.iter_mut().zip(texels) {
+                *sum += share * brightness(texel);
             }
-            weights.push(sum / to_f64((bottom - top + 1) * (right + 2 - left)) * solid);
         }
+        let mean = |shares: &Vec<(usize, f64)>| -> f64 {
+            shares.iter().map(|&(x, share)| share * band.get(x).copied().unwrap_or_default()).sum()
+        };
+        weights.extend(across.iter().map(|shares| solid * mean(shares)));
     }
     weights
+}
+
+/// Texels (by `place`, which brings numbers outside of `0..texels` inside) that cell `cell` of `cells` along a side shows by linear
+/// interpolation, each with its share of the cell's mean.
+fn shares(cell: usize, cells: usize, texels: usize, place: impl Fn(i64) -> i64) -> Vec<(usize, f64)> {
+    let size = to_f64(texels) / to_f64(cells);
+    let (from, to) = (to_f64(cell) * size, to_f64(cell + 1) * size);
+    #[expect(clippy::cast_possible_truncation, reason = "numbers of texels fit i64")]
+    let range = ((from - 0.5).floor() as i64)..=((to + 0.5).floor() as i64);
+    let share = |texel: i64| {
+        #[expect(clippy::cast_precision_loss, reason = "numbers of texels fit f64")]
+        let center = texel as f64 + 0.5;
+        (hat_below(to - center) - hat_below(from - center)) / size
+    };
+    range
+        .filter(|&texel| share(texel) > 0.0)
+        .map(|texel| (usize::try_from(place(texel)).unwrap_or_default(), share(texel)))
+        .collect()
+}
+
+/// Integral up to `x` of the tent of width 2 and height 1 about 0.
+fn hat_below(x: f64) -> f64 {
+    let x = x.clamp(-1.0, 1.0);
+    if x < 0.0 { 0.5 * (1.0 + x) * (1.0 + x) } else { 1.0 - 0.5 * (1.0 - x) * (1.0 - x) }
+}
+
+fn to_i64(value: usize) -> i64 {
+    i64::try_from(value).unwrap_or(i64::MAX)
 }
 
 #[expect(clippy::cast_precision_loss, reason = "numbers of texels fit f64")]
@@ -168,4 +197,58 @@ pub(super) fn vose(probabilities: &[f64]) -> Vec<GpuAlias> {
         }
     }
     table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The picture's luminance, interpolated, at a point in texels from the upper left; around the sides, repeated above and below.
+    fn interpolated(picture: &LightPicture, x: f64, y: f64) -> f64 {
+        let (width, height) = (i64::from(picture.width), i64::from(picture.height));
+        let (left, top) = ((x - 0.5).floor(), (y - 0.5).floor());
+        let (fx, fy) = (x - 0.5 - left, y - 0.5 - top);
+        #[expect(clippy::cast_possible_truncation, reason = "a few texels")]
+        let (left, top) = (left as i64, top as i64);
+        let at = |dx: i64, dy: i64| {
+            let index = (top + dy).clamp(0, height - 1) * width + (left + dx).rem_euclid(width);
+            luminance(picture.texels[usize::try_from(index).expect("inside")])
+        };
+        (at(0, 0) * (1.0 - fx) + at(1, 0) * fx) * (1.0 - fy) + (at(0, 1) * (1.0 - fx) + at(1, 1) * fx) * fy
+    }
+
+    #[test]
+    fn a_cell_weighs_what_the_interpolated_picture_shines_in_it() {
+        const STEPS: u32 = 48;
+        let picture = LightPicture {
+            width: 5,
+            height: 4,
+            texels: (0..20_u16)
+                .map(|i| [f32::from(i * 7 % 11), f32::from(i * 5 % 13), if i == 9 { 900.0 } else { 1.0 }])
+                .collect(),
+        };
+        // Half a texel a cell; uneven; several texels a cell.
+        for (columns, rows) in [(10, 8), (7, 3), (2, 2)] {
+            let weights = cells(&picture, columns, rows);
+            for (cell, &weight) in (0_u32..).zip(&weights) {
+                let (column, row) = (cell % columns, cell / columns);
+                let at = |cell: u32, step: u32, cells: u32, texels: u32| {
+                    (f64::from(cell) + (f64::from(step) + 0.5) / f64::from(STEPS)) / f64::from(cells)
+                        * f64::from(texels)
+                };
+                let mut sum = 0.0;
+                for (y, x) in (0..STEPS).flat_map(|y| (0..STEPS).map(move |x| (y, x))) {
+                    sum +=
+                        interpolated(&picture, at(column, x, columns, picture.width), at(row, y, rows, picture.height));
+                }
+                let band = |r: u32| (PI * f64::from(r) / f64::from(rows)).cos();
+                let solid = (band(row) - band(row + 1)) * 2.0 * PI / f64::from(columns);
+                let expected = solid * sum / f64::from(STEPS * STEPS);
+                assert!(
+                    (weight - expected).abs() <= 1e-3 * expected,
+                    "{columns} x {rows}, cell {cell}: {weight}, not {expected}"
+                );
+            }
+        }
+    }
 }
