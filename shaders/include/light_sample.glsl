@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Light at surfaces, in general: one light for a shadow ray, and what a BSDF ray brings, weighted by the balance heuristic.
 //
-// Lights are in two groups: local ones, chosen by the light tree, and those at infinity, by fixed probabilities. Each light is a
+// Lights are in two groups: those with a place (local ones, and meshes that emit light: light_mesh.glsl), chosen by light trees, and
+// those at infinity, by fixed probabilities. Each light is a
 // strategy of its own against the BSDF's: a ray that meets several gets each with its own weight. A constant dome is sampled by
 // the BSDF. Lights without shadows, or with coloured or linked ones, are sampled by shadow rays only, and so are points, lines and single
 // directions; a delta lobe's rays (density 0) bring all that they meet.
@@ -21,6 +22,8 @@
 #define INFINITE uintBitsToFloat(0x7f800000u)
 // A shadow ray ends this much before its light, relative, so that rounding lets no light shadow itself.
 const float SHADOW_END = 0.9999995;
+
+#include "include/light_mesh.glsl"
 
 // What is kept of a surface for the ray that leaves it: what the lights that the ray meets ask of it.
 struct Departure {
@@ -124,6 +127,7 @@ vec3 lights_along(Double3 origin, vec3 d, float t_end, bool camera, Departure fr
     uint top = 0u;
     light_stack[0] = 0u;
     probability_stack[0] = local_share(weighs ? linked_infinite(from.link_set) : 1.0);
+    if (HAS_MESH_LIGHTS && weighs) probability_stack[0] *= max(first_share(load_light_node(LIGHTING.joint), from.receiver), 0.0);
     while (true) {
         const uint reference = light_stack[top];
         const float probability = probability_stack[top];
@@ -254,12 +258,13 @@ vec3 diffuse_share(Bsdf bsdf, vec3 wo, vec3 wi, float pdf) {
     return vec3(all.x > 0.0 ? d.x / all.x : 0.0, all.y > 0.0 ? d.y / all.y : 0.0, all.z > 0.0 ? d.z / all.z : 0.0);
 }
 
-Ask ask_local(Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiver, vec4 u, bool last) {
+// `share`: probability of asking a local light.
+Ask ask_local(Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiver, vec4 u, bool last, float share) {
     Ask ask = Ask(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u);
     uint index;
     float chosen;
     if (!choose_local_light(receiver, u.x, u.w, index, chosen)) return ask;
-    chosen *= LIGHTING.local_share;
+    chosen *= share;
     const GpuLocalLight light = load_local_light(index);
     if (!is_linked(light.light_link, link_set)) return ask;
     const uint kind = light_kind(light.flags);
@@ -363,15 +368,38 @@ Ask ask_infinite(Bsdf bsdf, vec3 wo, uint link_set, float linked, vec4 u, bool l
     return ask;
 }
 
+// A mesh light.
+Ask ask_mesh(Bsdf bsdf, vec3 wo, Double3 origin, Receiver receiver, vec4 u, vec4 u_mesh, bool last, float share) {
+    Ask ask = Ask(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u);
+    MeshLightPoint point;
+    if (!sample_mesh_light(receiver, origin, u, u_mesh, share, point)) return ask;
+    ask.direction = point.direction;
+    ask.distance = point.reach;
+    float density;
+    const vec3 f = reflected(bsdf, wo, ask.direction, 1.0, 1.0, density);
+    ask.contribution = point.emission * (f / (last ? point.density : point.density + density));
+    return ask;
+}
+
 // One light for a shadow ray. `last`: none but a delta lobe's ray follows, so shadow rays bring all that the other lobes reflect.
-Ask ask_light(Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiver, vec4 u, bool last) {
+// `u_mesh` counts with HAS_MESH_LIGHTS.
+Ask ask_light(Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiver, vec4 u, vec4 u_mesh, bool last) {
+    const Ask nothing = Ask(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u);
     const float linked = linked_infinite(link_set);
-    const float local = HAS_LOCAL_LIGHTS ? local_share(linked) : 0.0;
-    if (HAS_LOCAL_LIGHTS && u.x < local) {
+    const float local = HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS ? local_share(linked) : 0.0;
+    if ((HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS) && u.x < local) {
         u.x = min(u.x / local, 0.99999994);
-        return ask_local(bsdf, wo, origin, link_set, receiver, u, last);
+        if (!HAS_MESH_LIGHTS) return ask_local(bsdf, wo, origin, link_set, receiver, u, last, local);
+        const float first = mesh_light_first(receiver);
+        if (first < 0.0) return nothing;
+        if (HAS_LOCAL_LIGHTS && u.x < first) {
+            u.x = min(u.x / first, 0.99999994);
+            return ask_local(bsdf, wo, origin, link_set, receiver, u, last, local * first);
+        }
+        u.x = min((u.x - first) / (1.0 - first), 0.99999994);
+        return ask_mesh(bsdf, wo, origin, receiver, u, u_mesh, last, local * (1.0 - first));
     }
-    if (LIGHTING.infinite_count == 0u || !(linked > 0.0)) return Ask(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u);
+    if (LIGHTING.infinite_count == 0u || !(linked > 0.0)) return nothing;
     u.x = min((u.x - local) / (1.0 - local), 0.99999994);
     return ask_infinite(bsdf, wo, link_set, linked, u, last);
 }

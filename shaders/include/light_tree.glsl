@@ -32,6 +32,17 @@ float sine(float cosine) {
     return sqrt(max(1.0 - cosine * cosine, 0.0));
 }
 
+// Cosine of the least angle between a direction of child `i`'s cone and the way from a point of its box, of half angle b, to the
+// receiver; `cos_w`: of the angle between the cone's axis and the way from the box's middle.
+float cos_outwards(GpuLightNode node, uint i, float cos_w, float sin_b, float cos_b) {
+    const float sin_w = sine(cos_w);
+    const float cos_o = node.cos_axis[i];
+    const float sin_o = sine(cos_o);
+    const float cos_x = cos_minus(sin_w, cos_w, sin_o, cos_o);
+    const float sin_x = sin_minus(sin_w, cos_w, sin_o, cos_o);
+    return cos_minus(sin_x, cos_x, sin_b, cos_b);
+}
+
 // How much the lights of child `i` may bring to the receiver, up to a factor.
 float importance(GpuLightNode node, uint i, Receiver r) {
     if (!(node.power[i] > 0.0)) return 0.0;
@@ -48,14 +59,14 @@ float importance(GpuLightNode node, uint i, Receiver r) {
     float value = node.power[i] / max(distance2, max(radius2, 1.0e-30));
     // Angle between the lights' directions and the receiver, less their cone and the box's.
     const float cos_w = clamp(-dot3(node.axis[i], w), -1.0, 1.0);
-    const float sin_w = sine(cos_w);
-    const float cos_o = node.cos_axis[i];
-    const float sin_o = sine(cos_o);
-    const float cos_x = inside ? 1.0 : cos_minus(sin_w, cos_w, sin_o, cos_o);
-    const float sin_x = inside ? 0.0 : sin_minus(sin_w, cos_w, sin_o, cos_o);
-    const float cos_out = inside ? 1.0 : cos_minus(sin_x, cos_x, sin_b, cos_b);
-    if (cos_out < node.cos_emission[i] - CONE_SLACK) return 0.0;
-    value *= max(cos_out, 0.05);
+    const float cos_out = inside ? 1.0 : cos_outwards(node, i, cos_w, sin_b, cos_b);
+    float outwards = cos_out < node.cos_emission[i] - CONE_SLACK ? 0.0 : max(cos_out, 0.05);
+    if (HAS_MESH_LIGHTS && node.back[i] > 0.0 && !inside) {
+        const float cos_back = cos_outwards(node, i, -cos_w, sin_b, cos_b);
+        if (!(cos_back < node.cos_emission[i] - CONE_SLACK)) outwards = max(outwards, node.back[i] * max(cos_back, 0.05));
+    }
+    if (!(outwards > 0.0)) return 0.0;
+    value *= outwards;
     if (!inside && dot3(r.n, r.n) > 0.0) {
         const float cos_i = clamp(dot3(w, r.n), -1.0, 1.0);
         const float cos_in = cos_minus(sine(cos_i), cos_i, sin_b, cos_b);
@@ -74,6 +85,10 @@ float first_share(GpuLightNode node, Receiver r) {
 
 GpuLightNode load_light_node(uint index) {
     return LightNodes(LIGHTING.nodes).v[index];
+}
+
+GpuLightNode load_mesh_light_node(uint index) {
+    return LightNodes(LIGHTING.mesh_nodes).v[index];
 }
 
 // Levels after which the second random number takes over, so that none runs out of digits.
@@ -96,6 +111,40 @@ bool choose_local_light(Receiver r, float u, float spare, out uint light, out fl
         if ((child & LIGHT_LEAF) != 0u) return probability > 0.0;
     }
     return false;
+}
+
+// The same among mesh lights, or among the leaves of one: from node `root`, with numbers of its own. `probability` is multiplied.
+bool choose_mesh_leaf(uint root, Receiver r, float u, float spare, out uint leaf, inout float probability) {
+    leaf = root;
+    for (uint level = 0u; level <= LIGHT_TREE_DEPTH; ++level) {
+        if (level == FIRST_DIGITS) u = spare;
+        const GpuLightNode node = load_mesh_light_node(leaf);
+        const float share = first_share(node, r);
+        if (share < 0.0) return false;
+        const bool first = u < share;
+        u = min(first ? u / share : (u - share) / (1.0 - share), 0.99999994);
+        probability *= first ? share : 1.0 - share;
+        const uint child = node.child[first ? 0 : 1];
+        leaf = child & ~LIGHT_LEAF;
+        if ((child & LIGHT_LEAF) != 0u) return probability > 0.0;
+    }
+    return false;
+}
+
+// What choose_mesh_leaf multiplies by on the way of `trail`; 0 where that way is never taken.
+float mesh_leaf_probability(uint root, uvec2 trail, Receiver r, float probability) {
+    uint at = root;
+    for (uint level = 0u; level <= LIGHT_TREE_DEPTH; ++level) {
+        const GpuLightNode node = load_mesh_light_node(at);
+        const float share = first_share(node, r);
+        if (share < 0.0) return 0.0;
+        const bool first = ((trail[level / 32u] >> (level % 32u)) & 1u) == 0u;
+        probability *= first ? share : 1.0 - share;
+        const uint child = node.child[first ? 0 : 1];
+        at = child & ~LIGHT_LEAF;
+        if ((child & LIGHT_LEAF) != 0u) return probability;
+    }
+    return 0.0;
 }
 
 uint light_stack[LIGHT_TREE_DEPTH + 1u];

@@ -40,6 +40,20 @@ bool store_ask(uint path, Double3 origin, uint bounce, Ask ask, vec3 throughput)
     return true;
 }
 
+// Weight of what the ray has met of a mesh that emits light, against the shadow ray of the bounce before.
+float emission_share(uint path, Ray ray, Surface surface, float pdf) {
+    if (ray.bounce == 0u || !(pdf > 0.0)) return 1.0;
+    const Departure from = load_departure(path, ray.o, pdf);
+    const Double3 origin = Double3(ray.o, ray.o_lo);
+    const float distance = dot3(difference(surface.position, origin), ray.d);
+    const float facing = dot3(surface.geometric_normal, ray.d);
+    const uint mesh = surface_material.flags >> SURFACE_MESH_SHIFT;
+    const float share = local_share(linked_infinite(from.link_set));
+    const float other = mesh_light_density(from.receiver, origin, share, uint(surface.prim_id), surface.instance_id, mesh, surface.face,
+                                           surface_material.material, surface.geometric_normal, distance, facing);
+    return ray_weight(pdf, other);
+}
+
 // Shades a hit: `asks` tells that a shadow ray was stored, `go_on` that the next ray was.
 void shade_general(uint path, out bool asks, out bool go_on) {
     asks = false;
@@ -54,7 +68,9 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     uint missing;
     const Shading shading = make_shading(path, surface, missing);
     if (HAS_EMISSION && max_component(shading.emission) > 0.0) {
-        add_radiance(path, admitted(state.throughput * shading.emission, ray.bounce > 0u));
+        const float weight = HAS_MESH_LIGHTS ? emission_share(path, ray, surface, state.pdf) : 1.0;
+        // As for other lights: what shadow rays could bring at bounce 0 is direct.
+        add_radiance(path, admitted(state.throughput * (shading.emission * weight), ray.bounce > (HAS_MESH_LIGHTS ? 1u : 0u)));
     }
     if (HAS_MATERIALS && ray.bounce > FRAME.max_bounces) return;
     const vec3 wo = -ray.d;
@@ -72,7 +88,10 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     const vec4 u_light = sample_4d(index, 2u + 2u * ray.bounce, seed);
     // What goes through leaves on the other side.
     const Double3 beyond = HAS_TRANSMISSION ? add(surface.position, -surface.offset * normal) : origin;
-    const Ask ask = ask_light(bsdf, wo, origin, link_set, receiver, u_light, last);
+    // Another scramble of the same set: mesh lights take more numbers than one has.
+    vec4 u_mesh = vec4(0.0);
+    if (HAS_MESH_LIGHTS) u_mesh = sample_4d(index, 2u + 2u * ray.bounce, hash_u32(seed + 1u));
+    const Ask ask = ask_light(bsdf, wo, origin, link_set, receiver, u_light, u_mesh, last);
     const bool asks_beyond = HAS_TRANSMISSION && dot(ask.direction, normal) < 0.0;
     Double3 ask_from = origin;
     if (asks_beyond) ask_from = beyond;

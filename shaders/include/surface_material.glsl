@@ -11,6 +11,9 @@
 const uint INPUT_OPACITY = 7u;
 const uint INPUT_NORMAL = 9u;
 
+// With HAS_MESH_LIGHTS: where GpuSurfaceMaterial::flags keeps the mesh, up to MAX_LIGHT_MESH of the host.
+const uint SURFACE_MESH_SHIFT = 8u;
+
 // The word of a prim's slot: NO_MATERIAL, or the number of a material with SLOT_PRESENCE.
 uint material_slot(int prim_id, uint subset) {
     const uint index = uint(prim_id + 1);
@@ -87,7 +90,7 @@ GpuSurfaceMaterial gather_material(uint mesh, uint triangle, vec3 weights, uint 
     m.tangent = vec3(0.0);
     m.uv_density = vec2(0.0);
     m.handedness = 0.0;
-    m.flags = 0u;
+    m.flags = HAS_MESH_LIGHTS ? mesh << SURFACE_MESH_SHIFT : 0u;
     for (uint i = 0u; i < 2u; ++i) {
         m.uv[i] = vec2(0.0);
         m.primvars[i] = vec4(0.0);

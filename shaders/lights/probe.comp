@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// No pass of a render: probabilities and densities of local lights as choosing them and as rays that meet them see them, for tests.
+// No pass of a render: probabilities and densities of lights as choosing them and as rays that meet them see them, for tests.
 // One thread per receiver: rays[i] holds its place (o) and its normal (d).
 // arg0 = 0: radiance[i].xy = sum over all lights of the probability of choosing it; probability
 // of ending at a node whose lights bring nothing. arg0 = 1: radiance[i] = (probability by choosing,
 // the same by a ray to a point of the light, 1 + the light's index, density by choosing over the one by the ray); zero when no light
-// is chosen or its point is on the other side.
+// is chosen or its point is on the other side. arg0 = 2, mesh lights: radiance[i] = (density by choosing a point, by a hit there, 1 + the
+// light's index, where the shadow ray ends over the distance); zero when none is chosen.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
@@ -75,6 +76,23 @@ vec4 sampled(Ray ray, Receiver r, vec4 u) {
     return vec4(probability * LIGHTING.local_share, found, float(index + 1u), other > 0.0 ? density / other : 0.0);
 }
 
+vec4 sampled_mesh(Ray ray, Receiver r, vec4 u, vec4 u_mesh) {
+    const Double3 origin = Double3(ray.o, ray.o_lo);
+    const float first = mesh_light_first(r);
+    MeshLightPoint point;
+    if (first < 0.0 || !sample_mesh_light(r, origin, u, u_mesh, LIGHTING.local_share * (1.0 - first), point)) return vec4(0.0);
+    const GpuMeshLight light = load_mesh_light(point.light);
+    uint material = NO_MATERIAL;
+    // The probe's prims have at most two slots; the one that emits what was sampled is meant.
+    for (uint slot = 0u; slot < 2u; ++slot) {
+        const uint candidate = material_number(material_slot(int(light.prim_id), slot));
+        if (material == NO_MATERIAL && constant_emission(candidate) == point.emission) material = candidate;
+    }
+    const float density = mesh_light_density(r, origin, LIGHTING.local_share, light.prim_id, light.instance_id, light.mesh, point.face, material, point.normal,
+                                             point.distance, dot3(point.normal, point.direction));
+    return vec4(point.density, density, float(point.light + 1u), point.reach / point.distance);
+}
+
 void main() {
     const uint at = thread_index();
     if (at >= push.path_count) return;
@@ -83,8 +101,10 @@ void main() {
     vec4 result = vec4(0.0);
     if (push.arg0 == 0u) {
         result.xy = all_probabilities(r);
-    } else {
+    } else if (push.arg0 == 1u) {
         result = sampled(ray, r, sample_4d(at, 1u, FRAME.seed));
+    } else {
+        result = sampled_mesh(ray, r, sample_4d(at, 1u, FRAME.seed), sample_4d(at, 2u, FRAME.seed));
     }
     Vec4s(FRAME.radiance).v[at] = result;
 }

@@ -7,7 +7,7 @@ use crate::assets::{Scene, SceneCache, SceneView};
 use crate::device::{Device, DeviceOptions};
 use crate::error::RenderError;
 use crate::film::Film;
-use crate::lights::{FileCache, LightTable, LightTables};
+use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
 use crate::progress::Progress;
 use crate::request::Severity;
 use crate::schedule::Schedule;
@@ -46,6 +46,7 @@ pub(crate) struct Renderer {
     stream: Option<StreamBuffers>,
     film: Option<Film>,
     light_files: FileCache,
+    mesh_lights: MeshLightCache,
     light_tables: LightTables,
     /// Memory is short: streams even if the scene seems to fit, with few paths at a time.
     is_frugal: bool,
@@ -104,8 +105,12 @@ impl Renderer {
         let dome_visible = job.settings.dome_light_camera_visible;
         let files = &*job.files;
         let has_materials = job.snapshot.features.contains(SceneFeatures::MATERIALS);
-        let (lights, warnings) =
+        let (mut lights, mut warnings) =
             LightTable::new(&job.snapshot, scene_lights, dome_visible, has_materials, files, &mut self.light_files);
+        if let Some(meshes) = self.mesh_lights.get(&job.snapshot) {
+            lights.add_meshes(&meshes);
+            warnings.extend(meshes.warning.clone());
+        }
         for warning in warnings {
             gate.shared().report(Severity::Warning, warning);
         }

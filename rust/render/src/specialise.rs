@@ -71,6 +71,7 @@ pub(crate) fn left_out(features: Features, has_planes: bool) -> Vec<String> {
         (Features::TEXTURES, "textures, and ray cones for them"),
         (Features::CUTOUTS, "cutouts in traversal"),
         (Features::EMISSION, "emission of surfaces"),
+        (Features::MESH_LIGHTS, "emissive meshes sampled as lights"),
         (Features::TRANSMISSION, "transmission"),
         (Features::COAT, "coats"),
     ];

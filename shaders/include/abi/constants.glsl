@@ -33,6 +33,7 @@ const bool HAS_INSTANCE_PRIMVARS = (FEATURES & (1u << 23)) != 0u;
 const bool HAS_INSTANCE_OPACITY = (FEATURES & (1u << 16)) != 0u && HAS_INSTANCE_PRIMVARS && HAS_OPACITY;
 const bool HAS_EMISSION = (FEATURES & (1u << 22)) != 0u && HAS_MATERIALS;
 const bool HAS_LIGHT_TABLE = (FEATURES & (1u << 25)) != 0u;
+const bool HAS_MESH_LIGHTS = (FEATURES & (1u << 27)) != 0u && HAS_EMISSION;
 const bool HAS_LIGHT_TEXTURE = (FEATURES & (1u << 24)) != 0u && HAS_LOCAL_LIGHTS;
 
 const uint LIGHT_RECT = 0u;

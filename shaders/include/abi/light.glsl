@@ -16,6 +16,54 @@ struct Lighting {
     uint link_words;
     float local_share;
     uint prim_count;
+    uint64_t mesh_lights;
+    uint64_t light_meshes;
+    uint64_t mesh_nodes;
+    uint64_t light_leaves;
+    uint64_t light_triangles;
+    uint64_t light_faces;
+    uint mesh_light_count;
+    uint joint;
+};
+
+struct GpuMeshLight {
+    vec3 position;
+    uint light_mesh;
+    vec3 position_lo;
+    float scale;
+    vec3 x;
+    uint prim_id;
+    vec3 y;
+    uint instance_id;
+    vec3 z;
+    uint mesh;
+    float error;
+    uint pad;
+    uint trail[2];
+};
+
+struct GpuLightMesh {
+    uint root;
+    uint first_face;
+    uint face_count;
+    uint pad;
+};
+
+struct GpuLightLeaf {
+    uint first;
+    uint count;
+    float total;
+    uint pad;
+    uint trail[2];
+};
+
+struct GpuLightTriangle {
+    vec3 v0;
+    float cumulative;
+    vec3 v1;
+    uint subset;
+    vec3 v2;
+    uint face;
 };
 
 struct GpuLocalLight {
@@ -62,7 +110,7 @@ struct GpuLightNode {
     float cos_emission[2];
     float power[2];
     uint child[2];
-    uint pad[2];
+    float back[2];
 };
 
 struct GpuLightShaping {

@@ -225,6 +225,38 @@ impl Chunk {
         }
     }
 
+    /// Gives `visit` the records whose target and prim id are `wanted`, at most `most`, as [`Chunk::encode`] computes them; tells
+    /// whether these were all.
+    pub(crate) fn encode_where(
+        &self,
+        wanted: &dyn Fn(Target, i32) -> bool,
+        most: usize,
+        visit: &mut dyn FnMut(InstanceRecord),
+    ) -> bool {
+        let members = self.members();
+        let is_wanted: Vec<bool> = members.iter().map(|member| wanted(member.target, member.prim_id)).collect();
+        if !is_wanted.contains(&true) {
+            return true;
+        }
+        let mut readers = Readers::new(&members, Some(self.origin));
+        let mut count = 0;
+        for (which, rank) in (0..self.len()).filter_map(|at| self.place(at)) {
+            if !is_wanted.get(which as usize).copied().unwrap_or(false) {
+                continue;
+            }
+            if count >= most {
+                return false;
+            }
+            count += 1;
+            if let Some((member, reader)) = readers.get(which)
+                && let Some(placed) = reader.place(rank)
+            {
+                visit(member.record(rank, &placed));
+            }
+        }
+        true
+    }
+
     /// Calls `visit` with number, member, rank and reader of each record of `range`, in order. The records lie without
     /// order in memory: those of a batch are touched first, so that the waits for them overlap.
     pub(crate) fn each<'a>(

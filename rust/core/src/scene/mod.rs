@@ -13,6 +13,7 @@ pub(crate) mod diff;
 mod entries;
 pub(crate) mod instance_primvars;
 mod light;
+mod mesh_placements;
 pub(crate) mod placement;
 pub(crate) mod reader;
 mod report;
@@ -41,6 +42,7 @@ pub use snapshot::{
     SceneCounts, SceneFeatures, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Target, Triangle, blackbody,
 };
 
+pub use mesh_placements::MeshPlacement;
 pub use surfaces::{NO_MATERIAL, PrimRecord};
 
 use crate::partition::{PartitionOptions, PartitionStore, Source, World};

@@ -21,4 +21,6 @@ pub(crate) use catalog::SceneAssets;
 pub(crate) use encode::Writer;
 pub(crate) use loader::Loader;
 pub(crate) use store::{Patience, Store};
+#[cfg(test)]
+pub(crate) use surfaces::SurfaceEntries;
 pub(crate) use tables::{Entries, Tables};

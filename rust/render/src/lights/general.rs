@@ -4,7 +4,7 @@
 use super::files::{FileCache, LightFiles};
 use super::picture::EncodedPicture;
 use super::tree::{self, LightBounds};
-use super::{local, luminance, narrow};
+use super::{EVEN_SHARE, MeshLights, count, local, luminance, narrow};
 use oocpt_core::scene::{AssetRef, DomeTexture, Emitter, IesProfile, Light, LocalLight, Snapshot};
 use oocpt_shader_abi::{
     Features, GpuInfiniteLight, GpuLightKind, GpuLightNode, GpuLightShaping, GpuLocalLight, LightFlags, Lighting,
@@ -16,8 +16,8 @@ use std::sync::Arc;
 
 /// Share of the shadow rays that go to local lights when there are others too.
 const LOCAL_SHARE: f32 = 0.5;
-/// Share of a group's shadow rays that goes to all of its lights alike: dim lights do not starve.
-const EVEN_SHARE: f64 = 0.02;
+/// Least share of the power that is thought of local lights, and of meshes, when there are both.
+const JOINT_SHARE: f64 = 0.05;
 
 /// A picture where it is used.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,7 +43,13 @@ pub(crate) struct GeneralLights {
     pub(crate) prim_sets: Vec<u32>,
     /// What the passes are compiled for.
     pub(crate) features: u32,
+    /// Meshes that emit light.
+    pub(crate) meshes: Option<Arc<MeshLights>>,
+    /// Index of the node over local lights and meshes.
+    joint: u32,
     bounds: Vec<LightBounds>,
+    /// Power of all local lights.
+    local_power: f64,
     profile_words: FxHashMap<AssetRef, (u32, f64)>,
 }
 
@@ -88,6 +94,7 @@ impl GeneralLights {
         table.forget_large_links(&mut reading.warnings);
         table.choose(&powers);
         let total: f64 = table.bounds.iter().map(|b| b.power).sum();
+        table.local_power = total;
         let (even, is_usable) = (1.0 / count(table.bounds.len()), total > 0.0 && total.is_finite());
         for bounds in &mut table.bounds {
             bounds.power = if is_usable { (1.0 - EVEN_SHARE) * bounds.power / total + EVEN_SHARE * even } else { even };
@@ -111,6 +118,25 @@ impl GeneralLights {
         (table, reading.warnings)
     }
 
+    /// Adds the meshes that emit light, beside the local lights.
+    pub(crate) fn add_meshes(&mut self, meshes: &Arc<MeshLights>) {
+        if !self.locals.is_empty() {
+            let locals = self.bounds.iter().fold(tree::NOTHING, |sum, bounds| sum.union(bounds));
+            let (local, mesh) = (self.local_power, meshes.bounds.power);
+            let is_usable = local + mesh > 0.0 && (local + mesh).is_finite();
+            let share = if is_usable { local / (local + mesh) } else { 0.5 };
+            let share = (if share.is_finite() { share } else { 0.5 }).clamp(JOINT_SHARE, 1.0 - JOINT_SHARE);
+            // The tree has fewer nodes than 2^24.
+            self.joint = u32::try_from(self.nodes.len()).unwrap_or_default();
+            self.nodes.push(tree::joint(
+                &LightBounds { power: share, ..locals },
+                &LightBounds { power: 1.0 - share, ..meshes.bounds },
+            ));
+        }
+        self.meshes = Some(Arc::clone(meshes));
+        self.features = self.find_features().bits();
+    }
+
     fn find_features(&self) -> Features {
         let mut features = Features::LIGHT_TABLE;
         let kind = |kind: GpuLightKind| self.infinite.iter().any(|light| light.flags & 15 == kind as u32);
@@ -122,6 +148,7 @@ impl GeneralLights {
         features.set(Features::IES, !self.profiles.is_empty());
         features.set(Features::LIGHT_TEXTURE, self.locals.iter().any(|light| light.map != NO_INDEX));
         features.set(Features::LIGHT_LINKS, !self.link_bits.is_empty());
+        features.set(Features::MESH_LIGHTS, self.meshes.is_some());
         features
     }
 
@@ -270,14 +297,25 @@ impl GeneralLights {
 
     /// The block without addresses.
     pub(crate) fn block(&self) -> Lighting {
-        let local_share = match (self.locals.is_empty(), self.infinite.is_empty()) {
+        let without_place = self.locals.is_empty() && self.meshes.is_none();
+        let local_share = match (without_place, self.infinite.is_empty()) {
             (true, _) => 0.0,
             (false, true) => 1.0,
             (false, false) => LOCAL_SHARE,
         };
         let infinite_count = u32::try_from(self.infinite.len()).unwrap_or(u32::MAX);
         let prim_count = u32::try_from(self.prim_sets.len()).unwrap_or(u32::MAX);
-        Lighting { infinite_count, link_words: self.link_words, local_share, prim_count, ..Lighting::default() }
+        let mesh_light_count =
+            self.meshes.as_ref().map_or(0, |meshes| u32::try_from(meshes.placements.len()).unwrap_or(u32::MAX));
+        Lighting {
+            infinite_count,
+            link_words: self.link_words,
+            local_share,
+            prim_count,
+            mesh_light_count,
+            joint: self.joint,
+            ..Lighting::default()
+        }
     }
 }
 
@@ -296,9 +334,4 @@ fn infinite(light: &Light, kind: GpuLightKind) -> GpuInfiniteLight {
         shadow_link: light.shadow_link,
         shadow_color: if light.has_shadows { local::packed(light.shadow_color) } else { 0 },
     }
-}
-
-#[expect(clippy::cast_precision_loss, reason = "numbers of lights fit f64")]
-fn count(n: usize) -> f64 {
-    n.max(1) as f64
 }

@@ -110,7 +110,11 @@ pub(super) fn bounds(light: &Light, local: &LocalLight, origin: [f64; 3], bright
     let multiplier = f64::from(light.diffuse.max(light.specular));
     let shaped = local.shaping.as_ref().map_or(1.0, |shaping| solid_share(shaping, flat));
     let power = luminance_of(light) * body * multiplier * shaped * brightness;
-    LightBounds { min, max, axis, spread, emission, power: if power.is_finite() { power } else { f64::MAX / 1e9 } }
+    LightBounds { min, max, axis, spread, emission, back: 0.0, power: finite_power(power) }
+}
+
+pub(super) fn finite_power(power: f64) -> f64 {
+    if power.is_finite() { power } else { f64::MAX / 1e9 }
 }
 
 /// Luminance, but not 0 for pure colours.

@@ -3,13 +3,18 @@
 //!
 //! Scenes of constant domes and distant lights take [`LightTable`]'s sums and its table of distant lights (`plain`). All others,
 //! and all with materials, take [`GeneralLights`]: local lights under a light tree (`local`, `tree`), lights at infinity
-//! (`infinite`), pictures (`picture`) and measured profiles. What belongs to the device is laid out by `upload`.
+//! (`infinite`), pictures (`picture`), measured profiles and meshes that emit light (`mesh`, `emitter`). What belongs to the device is
+//! laid out by `upload`.
 //!
 //! Pure but for the reading of files, which goes through [`LightFiles`]. Render thread only.
 
+mod emitter;
 mod files;
 mod general;
 mod local;
+mod mesh;
+#[cfg(test)]
+mod mesh_tests;
 mod picture;
 mod plain;
 mod read;
@@ -21,11 +26,16 @@ mod upload;
 pub(crate) use files::FileCache;
 pub use files::{LightFiles, LightPicture, NoFiles};
 pub(crate) use general::GeneralLights;
+pub(crate) use mesh::{MeshLightCache, MeshLights};
 pub(crate) use upload::LightTables;
 
 use oocpt_core::scene::{Emitter, Light, Snapshot};
 use oocpt_shader_abi::{Features, GpuLight};
 use plain::PlainLights;
+use std::sync::Arc;
+
+/// Share of a group's shadow rays that goes to all of its lights alike: dim lights do not starve.
+const EVEN_SHARE: f64 = 0.02;
 
 /// All lights of a snapshot.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -60,6 +70,13 @@ impl LightTable {
         (Self { plain: PlainLights::new(lights, camera_visible), general }, warnings)
     }
 
+    /// Adds the meshes that emit light to the general table, which a scene with materials has.
+    pub(crate) fn add_meshes(&mut self, meshes: &Arc<MeshLights>) {
+        if let Some(general) = &mut self.general {
+            general.add_meshes(meshes);
+        }
+    }
+
     /// Whether the camera sees a dome.
     pub(crate) fn background_visible(&self) -> bool {
         self.general.as_ref().map_or(self.plain.background_visible, GeneralLights::background_visible)
@@ -86,6 +103,12 @@ impl LightTable {
 /// Rec. 709 luminance.
 fn luminance(rgb: [f32; 3]) -> f64 {
     0.2126 * f64::from(rgb[0]) + 0.7152 * f64::from(rgb[1]) + 0.0722 * f64::from(rgb[2])
+}
+
+/// A number of lights, at least 1.
+#[expect(clippy::cast_precision_loss, reason = "numbers of lights fit f64")]
+fn count(n: usize) -> f64 {
+    n.max(1) as f64
 }
 
 /// Rounded to single precision.

@@ -14,7 +14,15 @@ fn light(i: u32) -> LightBounds {
     let min = scattered(i);
     let turn = f64::from(i);
     let axis = [turn.sin(), turn.cos(), 0.0];
-    LightBounds { min, max: min.map(|x| x + 0.1), axis, spread: 0.0, emission: 1.5, power: 1.0 + f64::from(i % 7) }
+    LightBounds {
+        min,
+        max: min.map(|x| x + 0.1),
+        axis,
+        spread: 0.0,
+        emission: 1.5,
+        back: 0.0,
+        power: 1.0 + f64::from(i % 7),
+    }
 }
 
 /// Every light below `node`, with the depth of its leaf; checks that children are inside what their parent says of them.
@@ -91,18 +99,19 @@ fn an_alias_table_gives_back_its_probabilities() {
 }
 
 /// What the probe pass finds on the device.
-mod probe {
+pub(super) mod probe {
     use super::super::{FileCache, LightTable, LightTables, NoFiles};
+    use crate::assets::SurfaceEntries;
     use crate::device::{Device, DeviceOptions, Specialisation};
     use bytemuck::Zeroable;
     use oocpt_core::{LightDesc, LightKind, PrimDesc, SceneDb};
     use oocpt_gpu::{Buffer, Usage};
-    use oocpt_shader_abi::{Frame, Push, Ray, groups, passes};
+    use oocpt_shader_abi::{Features, Frame, Push, Ray, groups, passes};
     use std::time::Duration;
 
     const RECEIVERS: u32 = 4096;
 
-    fn scattered(i: u32, salt: u32) -> glam::DVec3 {
+    pub(in super::super) fn scattered(i: u32, salt: u32) -> glam::DVec3 {
         let i = f64::from(i) + 0.5 * f64::from(salt);
         glam::DVec3::new(0.754_877_666_246_7 * i, 0.569_840_290_998 * i, 0.381_966_011_250_1 * i).fract()
     }
@@ -133,7 +142,7 @@ mod probe {
         (0..count).map(light).collect()
     }
 
-    fn receivers() -> Vec<Ray> {
+    pub(in super::super) fn receivers() -> Vec<Ray> {
         let receiver = |i: u32| {
             let at = (scattered(i, 11) - 0.5) * 14.0;
             let d = (scattered(i, 13) - 0.5).normalize_or(glam::DVec3::Y);
@@ -153,7 +162,7 @@ mod probe {
             .any(|light| normal == glam::DVec3::ZERO || normal.dot(light.prim.transform.w_axis.truncate() - at) > 0.0)
     }
 
-    /// The results of the probe for `count` lights, both modes.
+    /// The results of the probe for `count` lights, both modes of local lights.
     fn probed(count: u32) -> [Vec<[f32; 4]>; 2] {
         let mut db = SceneDb::new();
         lights(count).into_iter().for_each(|light| db.upsert_light(light));
@@ -161,6 +170,15 @@ mod probe {
         let (table, warnings) =
             LightTable::new(&snapshot, &snapshot.lights, true, false, &NoFiles, &mut FileCache::default());
         assert!(warnings.is_empty(), "{warnings:?}");
+        run(&table, None, [0, 1])
+    }
+
+    /// The results of the probe in some of its modes.
+    pub(in super::super) fn run<const N: usize>(
+        table: &LightTable,
+        surfaces: Option<&SurfaceEntries>,
+        modes: [u32; N],
+    ) -> [Vec<[f32; 4]>; N] {
         let options = DeviceOptions { selector: String::new(), validation: true, budget_mib: 0 };
         let device = Device::open(&options).expect("a device");
         let mut tables = LightTables::default();
@@ -173,11 +191,25 @@ mod probe {
         let back = buffer("back", u64::from(RECEIVERS) * 16, Usage::Readback);
         let frame = buffer("frame", size_of::<Frame>() as u64, Usage::Upload);
         let (rays, radiance) = (rays_buffer.address(), out.address());
-        let block = Frame { rays, radiance, lighting: tables.lighting, seed: 3, ..Frame::zeroed() };
+        let mut block = Frame { rays, radiance, lighting: tables.lighting, seed: 3, ..Frame::zeroed() };
+        let mut features = table.features();
+        let mut kept = Vec::new();
+        if let Some(SurfaceEntries { materials, prims, slots }) = surfaces {
+            features |= Features::MATERIALS | Features::EMISSION;
+            let mut put = |bytes: &[u8]| {
+                let table = buffer("table", bytes.len() as u64, Usage::Upload);
+                table.write(0, bytes).expect("mapped");
+                kept.push(table);
+                kept.last().map_or(0, Buffer::address)
+            };
+            block.materials = put(bytemuck::cast_slice(materials));
+            block.prims = put(bytemuck::cast_slice(prims));
+            block.material_slots = put(bytemuck::cast_slice(slots));
+        }
         frame.write(0, bytemuck::bytes_of(&block)).expect("mapped");
-        let special = Specialisation { max_levels: 1, stack_size: 64, features: table.features().bits() };
+        let special = Specialisation { max_levels: 1, stack_size: 64, features: features.bits() };
         let pipeline = device.pipeline(&passes::LIGHTS_PROBE, special).expect("it compiles");
-        [0, 1].map(|mode| {
+        modes.map(|mode| {
             let push = Push::wave(frame.address(), 0, RECEIVERS, RECEIVERS).with(0, mode);
             let mut commands = device.gpu.commands("probe").expect("a list");
             commands.dispatch(&pipeline, bytemuck::bytes_of(&push), groups(u64::from(RECEIVERS)));

@@ -25,8 +25,21 @@ pub(super) struct LightBounds {
     pub(super) spread: f64,
     /// Angle up to which it shines about each of these.
     pub(super) emission: f64,
+    /// How much goes to the other side, 0 to 1.
+    pub(super) back: f64,
     pub(super) power: f64,
 }
+
+/// What is the same from all sides, has no power and is nowhere.
+pub(super) const NOTHING: LightBounds = LightBounds {
+    min: [0.0; 3],
+    max: [0.0; 3],
+    axis: [0.0, 0.0, 1.0],
+    spread: 0.0,
+    emission: 0.0,
+    back: 0.0,
+    power: 0.0,
+};
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -56,20 +69,25 @@ fn cone_union(a: ([f64; 3], f64), b: ([f64; 3], f64)) -> ([f64; 3], f64) {
 }
 
 impl LightBounds {
-    fn union(&self, other: &Self) -> Self {
+    pub(super) fn union(&self, other: &Self) -> Self {
         if other.power <= 0.0 {
             return *self;
         }
         if self.power <= 0.0 {
             return *other;
         }
-        let (axis, spread) = cone_union((self.axis, self.spread), (other.axis, other.spread));
+        // What shines the same to both sides has no sign.
+        let both = self.back >= 1.0 && other.back >= 1.0;
+        let turn = if both && dot(self.axis, other.axis) < 0.0 { -1.0 } else { 1.0 };
+        let (axis, spread) = cone_union((self.axis, self.spread), (other.axis.map(|x| turn * x), other.spread));
+        let is_alike = self.back.to_bits() == other.back.to_bits();
         Self {
             min: [0, 1, 2].map(|k| self.min[k].min(other.min[k])),
             max: [0, 1, 2].map(|k| self.max[k].max(other.max[k])),
             axis,
-            spread,
+            spread: if is_alike { spread } else { PI },
             emission: self.emission.max(other.emission),
+            back: self.back.max(other.back),
             power: self.power + other.power,
         }
     }
@@ -110,6 +128,45 @@ pub(super) fn build(lights: &[LightBounds]) -> Vec<GpuLightNode> {
     nodes
 }
 
+/// One node over two trees whose roots' bounds are given; its children are not nodes of `nodes`.
+pub(super) fn joint(first: &LightBounds, second: &LightBounds) -> GpuLightNode {
+    let mut nodes = [empty()];
+    set(&mut nodes, 0, 0, first, LIGHT_LEAF);
+    set(&mut nodes, 0, 1, second, LIGHT_LEAF);
+    let [node] = nodes;
+    node
+}
+
+/// Appends a tree of [`build`] whose leaves are to be numbered from `first_leaf`; gives the index of its root.
+pub(super) fn append(nodes: &mut Vec<GpuLightNode>, tree: &[GpuLightNode], first_leaf: u32) -> u32 {
+    // Fewer than 2^25.
+    let root = u32::try_from(nodes.len()).unwrap_or_default();
+    nodes.extend(tree.iter().map(|node| GpuLightNode {
+        child: node.child.map(|child| child + if child & LIGHT_LEAF != 0 { first_leaf } else { root }),
+        ..*node
+    }));
+    root
+}
+
+/// The turns from the root to each of `count` leaves, the first in the lowest bit: 1 is the second child.
+pub(super) fn trails(nodes: &[GpuLightNode], count: usize) -> Vec<u64> {
+    let mut trails = vec![0; count];
+    let mut open = vec![(0_u32, 0_u64, 0_u32)];
+    while let Some((index, trail, depth)) = open.pop() {
+        let Some(node) = nodes.get(index as usize) else { continue };
+        for side in (0..2).filter(|&side| node.power[side] > 0.0) {
+            let trail = trail | (side as u64) << depth;
+            let child = node.child[side];
+            if child & LIGHT_LEAF == 0 {
+                open.push((child, trail, depth + 1));
+            } else if let Some(slot) = trails.get_mut((child & !LIGHT_LEAF) as usize) {
+                *slot = trail;
+            }
+        }
+    }
+    trails
+}
+
 fn empty() -> GpuLightNode {
     GpuLightNode { cos_axis: [-1.0; 2], child: [LIGHT_LEAF; 2], ..bytemuck::Zeroable::zeroed() }
 }
@@ -130,6 +187,7 @@ fn set(nodes: &mut [GpuLightNode], node: usize, side: usize, bounds: &LightBound
     node.cos_axis[side] = narrow(bounds.spread.min(PI).cos());
     node.cos_emission[side] = narrow(bounds.emission.min(PI).cos());
     node.power[side] = narrow(bounds.power);
+    node.back[side] = narrow(bounds.back);
     node.child[side] = child;
 }
 
@@ -143,9 +201,7 @@ impl Builder<'_> {
     }
 
     fn bounds(&self, order: &[u32]) -> LightBounds {
-        let nothing =
-            LightBounds { min: [0.0; 3], max: [0.0; 3], axis: [0.0, 0.0, 1.0], spread: 0.0, emission: 0.0, power: 0.0 };
-        order.iter().filter_map(|&i| self.light(i)).fold(nothing, |sum, light| sum.union(light))
+        order.iter().filter_map(|&i| self.light(i)).fold(NOTHING, |sum, light| sum.union(light))
     }
 
     /// Makes the children of `node` from at least two lights. Depth is bounded, so the recursion is.
@@ -203,20 +259,19 @@ impl Builder<'_> {
         let largest = extent.iter().copied().fold(0.0, f64::max);
         let mut best: Option<(f64, usize, usize)> = None;
         for k in (0..3).filter(|&k| extent[k] > 0.0) {
-            let nothing = self.bounds(&[]);
-            let mut bins = [nothing; BINS];
+            let mut bins = [NOTHING; BINS];
             for light in order.iter().filter_map(|&i| self.light(i)) {
                 if let Some(bin) = bins.get_mut(bin_of(light.center(k), low[k], extent[k])) {
                     *bin = bin.union(light);
                 }
             }
-            let mut right = [nothing; BINS];
-            let mut sum = nothing;
+            let mut right = [NOTHING; BINS];
+            let mut sum = NOTHING;
             for at in (0..BINS).rev() {
                 right[at] = sum;
                 sum = sum.union(&bins[at]);
             }
-            let mut left = nothing;
+            let mut left = NOTHING;
             for at in 0..BINS - 1 {
                 left = left.union(&bins[at]);
                 if left.power <= 0.0 || right[at].power <= 0.0 {

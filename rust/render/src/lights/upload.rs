@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The light table on the device: always resident, in the scene's heap, so that it counts in the budget. Render thread only.
 //!
-//! Pictures stay from frame to frame as long as they are used; the rest is small and is written anew.
+//! Pictures and meshes that emit light stay from frame to frame as long as they are used; the rest is small and is written anew.
 
+use super::MeshLights;
 use super::general::{GeneralLights, Map};
 use super::picture::EncodedPicture;
 use crate::assets::Writer;
@@ -24,10 +25,19 @@ struct Resident {
     alias: Option<HeapRange>,
 }
 
+/// Meshes that emit light, on the device.
+#[derive(Debug)]
+struct ResidentMeshes {
+    lights: Arc<MeshLights>,
+    /// In the order of the addresses in [`Lighting`].
+    tables: Vec<HeapRange>,
+}
+
 /// See the module.
 #[derive(Debug, Default)]
 pub(crate) struct LightTables {
     pictures: Vec<Resident>,
+    meshes: Option<ResidentMeshes>,
     tables: Vec<HeapRange>,
     /// Address of the [`Lighting`]; 0 without a light table.
     pub(crate) lighting: u64,
@@ -40,6 +50,7 @@ impl LightTables {
         self.lighting = 0;
         let Some(lights) = lights else {
             self.pictures.clear();
+            self.meshes = None;
             return Ok(());
         };
         self.pictures.retain(|have| lights.maps.iter().any(|map| Arc::ptr_eq(&map.picture, &have.picture)));
@@ -50,6 +61,8 @@ impl LightTables {
                 self.pictures.push(Resident::new(device, &mut writer, &map.picture)?);
             }
         }
+        let [mesh_lights, light_meshes, mesh_nodes, light_leaves, light_triangles, light_faces] =
+            self.sync_meshes(device, &mut writer, lights.meshes.as_ref())?;
         let maps: Vec<GpuLightMap> = lights.maps.iter().map(|map| self.entry(map)).collect();
         let mut put = |name: &str, bytes: &[u8]| -> Result<u64, RenderError> {
             if bytes.is_empty() {
@@ -62,6 +75,12 @@ impl LightTables {
             Ok(address)
         };
         let block = Lighting {
+            mesh_lights,
+            light_meshes,
+            mesh_nodes,
+            light_leaves,
+            light_triangles,
+            light_faces,
             local_lights: put("local lights", bytemuck::cast_slice(&lights.locals))?,
             nodes: put("light tree", bytemuck::cast_slice(&lights.nodes))?,
             infinite_lights: put("lights at infinity", bytemuck::cast_slice(&lights.infinite))?,
@@ -83,6 +102,21 @@ impl LightTables {
         Ok(())
     }
 
+    /// Addresses of the tables of the meshes that emit light, in the order of [`Lighting`]; 0 without any.
+    fn sync_meshes(
+        &mut self,
+        device: &Device,
+        writer: &mut Writer<'_>,
+        wanted: Option<&Arc<MeshLights>>,
+    ) -> Result<[u64; 6], RenderError> {
+        self.meshes = self.meshes.take().filter(|have| wanted.is_some_and(|wanted| Arc::ptr_eq(wanted, &have.lights)));
+        if let (None, Some(wanted)) = (&self.meshes, wanted) {
+            self.meshes = Some(ResidentMeshes::new(device, writer, wanted)?);
+        }
+        let table = |at: usize| self.meshes.as_ref().and_then(|meshes| meshes.tables.get(at));
+        Ok([0, 1, 2, 3, 4, 5].map(|at| table(at).map_or(0, HeapRange::address)))
+    }
+
     fn entry(&self, map: &Map) -> GpuLightMap {
         let have = self.pictures.iter().find(|have| Arc::ptr_eq(&map.picture, &have.picture));
         let EncodedPicture { width, height, format, columns, rows, .. } = *map.picture;
@@ -90,6 +124,25 @@ impl LightTables {
         let texels = have.map_or(0, |have| have.texels.address());
         let alias = have.and_then(|have| have.alias.as_ref()).map_or(0, HeapRange::address);
         GpuLightMap { texels, alias, width, height, columns, rows, x, format, y, pad0: 0, z, pad1: 0 }
+    }
+}
+
+impl ResidentMeshes {
+    fn new(device: &Device, writer: &mut Writer<'_>, lights: &Arc<MeshLights>) -> Result<Self, RenderError> {
+        let mut put = |name: &str, bytes: &[u8]| -> Result<HeapRange, RenderError> {
+            let range = device.heap.alloc(name, bytes.len() as u64, 16)?;
+            writer.bytes(&range, 0, bytes)?;
+            Ok(range)
+        };
+        let tables = vec![
+            put("mesh lights", bytemuck::cast_slice(&lights.placements))?,
+            put("meshes of mesh lights", bytemuck::cast_slice(&lights.meshes))?,
+            put("trees of mesh lights", bytemuck::cast_slice(&lights.nodes))?,
+            put("leaves of mesh lights", bytemuck::cast_slice(&lights.leaves))?,
+            put("triangles of mesh lights", bytemuck::cast_slice(&lights.triangles))?,
+            put("faces of mesh lights", bytemuck::cast_slice(&lights.faces))?,
+        ];
+        Ok(Self { lights: Arc::clone(lights), tables })
     }
 }
 

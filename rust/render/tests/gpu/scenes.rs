@@ -4,8 +4,8 @@
 use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::TypedArray;
 use oocpt_core::scene::{
-    InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, LightDesc, LightKind, MeshDesc, PrimDesc, Primvar,
-    SceneDb, Subdivision,
+    InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, LightDesc, LightKind, MaterialDesc, MeshDesc,
+    NodeDesc, ParamDesc, ParamValue, PrimDesc, Primvar, SceneDb, Subdivision,
 };
 
 /// A visible prim.
@@ -76,6 +76,17 @@ pub(crate) fn sphere(prim: PrimDesc, prim_id: i32, rings: i32, albedo: f32) -> M
         faces.push(vec![at(rings - 1, column), last, at(rings - 1, column + 1)]);
     }
     mesh(prim, prim_id, points, &faces, albedo)
+}
+
+/// A `UsdPreviewSurface` that emits.
+pub(crate) fn glow(path: &str, radiance: [f32; 3]) -> MaterialDesc {
+    let surface = NodeDesc {
+        path: format!("{path}/surface").into(),
+        kind: "UsdPreviewSurface".into(),
+        params: vec![ParamDesc { name: "emissiveColor".into(), value: ParamValue::Vec3(radiance) }],
+        connections: Vec::new(),
+    };
+    MaterialDesc { path: path.into(), nodes: vec![surface], surface: Some(0) }
 }
 
 /// A dome of constant radiance.

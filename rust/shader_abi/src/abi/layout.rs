@@ -5,9 +5,10 @@
 
 use super::{
     AovClear, AovTargets, Counters, FilmPixel, Frame, GpuAlias, GpuAssembly, GpuAttribute, GpuChunk, GpuChunkInstance,
-    GpuInfiniteLight, GpuInput, GpuInstance, GpuLight, GpuLightMap, GpuLightNode, GpuLightShaping, GpuLocalLight,
-    GpuMaterial, GpuMesh, GpuNode, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs,
-    LbvhBounds, LbvhPush, Lighting, PathState, Pending, Push, Question, Ray, Segment, ShadowRay, Streaming,
+    GpuInfiniteLight, GpuInput, GpuInstance, GpuLight, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode,
+    GpuLightShaping, GpuLightTriangle, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuNode, GpuPrim, GpuSurface,
+    GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush, Lighting, PathState, Pending,
+    Push, Question, Ray, Segment, ShadowRay, Streaming,
 };
 use core::mem::{offset_of, size_of};
 
@@ -197,8 +198,34 @@ pub const LAYOUTS: &[StructLayout] = &[
         infinite_count,
         link_words,
         local_share,
-        prim_count
+        prim_count,
+        mesh_lights,
+        light_meshes,
+        mesh_nodes,
+        light_leaves,
+        light_triangles,
+        light_faces,
+        mesh_light_count,
+        joint
     }),
+    layout!(GpuMeshLight {
+        position,
+        light_mesh,
+        position_lo,
+        scale,
+        x,
+        prim_id,
+        y,
+        instance_id,
+        z,
+        mesh,
+        error,
+        pad,
+        trail
+    }),
+    layout!(GpuLightMesh { root, first_face, face_count, pad }),
+    layout!(GpuLightLeaf { first, count, total, pad, trail }),
+    layout!(GpuLightTriangle { v0, cumulative, v1, subset, v2, face }),
     layout!(GpuLocalLight {
         position,
         flags,
@@ -233,7 +260,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         shadow_link,
         shadow_color
     }),
-    layout!(GpuLightNode { min, max, axis, cos_axis, cos_emission, power, child, pad }),
+    layout!(GpuLightNode { min, max, axis, cos_axis, cos_emission, power, child, back }),
     layout!(GpuLightShaping {
         axis,
         cone_angle,

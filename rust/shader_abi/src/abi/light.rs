@@ -57,7 +57,7 @@ bitflags! {
     }
 }
 
-/// Where the light table is, 80 B.
+/// Where the light table is, 136 B.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct Lighting {
@@ -86,6 +86,102 @@ pub struct Lighting {
     pub local_share: f32,
     /// Entries of `prim_sets`.
     pub prim_count: u32,
+    /// [`GpuMeshLight`] array, by prim id, instance id and mesh; 0 without `Features::MESH_LIGHTS`, as all that follows.
+    pub mesh_lights: u64,
+    /// [`GpuLightMesh`] array.
+    pub light_meshes: u64,
+    /// [`GpuLightNode`] array: the tree over `mesh_lights`, the root first, then those over the leaves of the meshes.
+    pub mesh_nodes: u64,
+    /// [`GpuLightLeaf`] array.
+    pub light_leaves: u64,
+    /// [`GpuLightTriangle`] array.
+    pub light_triangles: u64,
+    /// Faces that shine, mesh by mesh, in order: face and index of its leaf, 8 B.
+    pub light_faces: u64,
+    /// Entries of `mesh_lights`.
+    pub mesh_light_count: u32,
+    /// Index in `nodes` of the node whose first child is the local lights and whose second is the mesh lights.
+    pub joint: u32,
+}
+
+/// A placement of a mesh that emits light, 96 B. World points are `position + x p.x + y p.y + z p.z` for points p of the mesh.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuMeshLight {
+    /// Origin of the mesh's frame, relative to the snapshot's origin, high part.
+    pub position: [f32; 3],
+    /// Index of its [`GpuLightMesh`].
+    pub light_mesh: u32,
+    /// Low part.
+    pub position_lo: [f32; 3],
+    /// What weighs 1: the largest weight of the emissions of the prim's materials.
+    pub scale: f32,
+    /// World vector of the mesh's x.
+    pub x: [f32; 3],
+    /// Prim id of a hit.
+    pub prim_id: u32,
+    /// World vector of the mesh's y.
+    pub y: [f32; 3],
+    /// Instance id of a hit.
+    pub instance_id: u32,
+    /// World vector of the mesh's z.
+    pub z: [f32; 3],
+    /// Index of its mesh among all meshes.
+    pub mesh: u32,
+    /// How far traversal may find the mesh from where it is, in the world.
+    pub error: f32,
+    /// 0.
+    pub pad: u32,
+    /// Turns to it from the root of the tree, the first in the lowest bit.
+    pub trail: [u32; 2],
+}
+
+/// The triangles of a mesh that emit light, with the weights of their slots, 16 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct GpuLightMesh {
+    /// Index of the root of the tree over its leaves.
+    pub root: u32,
+    /// Its first entry in the table of faces.
+    pub first_face: u32,
+    /// Number of its faces there.
+    pub face_count: u32,
+    /// 0.
+    pub pad: u32,
+}
+
+/// Triangles of some faces, chosen by area and weight alone, 24 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuLightLeaf {
+    /// Its first triangle.
+    pub first: u32,
+    /// Number of its triangles.
+    pub count: u32,
+    /// Sum of their areas, in the mesh's frame, times their weights.
+    pub total: f32,
+    /// 0.
+    pub pad: u32,
+    /// As [`GpuMeshLight::trail`], from the root of the mesh's tree.
+    pub trail: [u32; 2],
+}
+
+/// A triangle that emits light, in the mesh's frame, 48 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuLightTriangle {
+    /// A corner.
+    pub v0: [f32; 3],
+    /// Share of its leaf's `total` up to and including it; exactly 1 for the last one.
+    pub cumulative: f32,
+    /// A corner.
+    pub v1: [f32; 3],
+    /// Number of its subset: its slot among its prim's.
+    pub subset: u32,
+    /// A corner.
+    pub v2: [f32; 3],
+    /// Face of a hit.
+    pub face: u32,
 }
 
 /// A light at a place, 144 B. World points are `position + x q.x + y q.y + z q.z` for points q of the unit shape.
@@ -178,8 +274,9 @@ pub struct GpuLightNode {
     pub power: [f32; 2],
     /// Index of a node, or [`LIGHT_LEAF`] and the index of a light.
     pub child: [u32; 2],
-    /// 0.
-    pub pad: [u32; 2],
+    /// How much of the light goes to the other side of its own directions: 0 for lights of one side, 1 for emissive meshes, less for
+    /// closed ones, whose inside is seldom seen.
+    pub back: [f32; 2],
 }
 
 /// Where a light shines, 72 B and padding.

@@ -7,6 +7,7 @@
 mod dome;
 mod files;
 mod many;
+mod mesh;
 mod shapes;
 mod shaping;
 mod switches;

@@ -8,7 +8,7 @@ use std::f64::consts::{PI, TAU};
 
 /// Lambert's formula (1760; Arvo 1995, eq. 2.10): irradiance at the origin, facing up, of a polygon of radiance 1, seen
 /// counterclockwise from its shining side.
-fn polygon(corners: &[DVec3]) -> f64 {
+pub(super) fn polygon(corners: &[DVec3]) -> f64 {
     let mut sum = 0.0;
     for (k, a) in corners.iter().enumerate() {
         let b = corners[(k + 1) % corners.len()];

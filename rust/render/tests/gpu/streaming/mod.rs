@@ -95,6 +95,11 @@ fn lamps_under_a_sky() {
 }
 
 #[test]
+fn bulbs() {
+    same_bits(&SCENES[8]);
+}
+
+#[test]
 fn coloured_instances() {
     same_bits(&SCENES[7]);
 }

@@ -2,7 +2,7 @@
 //! Scenes of many small chunks, each with another way to go wrong.
 
 use crate::lights::TestFiles;
-use crate::scenes::{dome, instanced, instancer, mesh, prim, sphere, square, sun};
+use crate::scenes::{dome, glow, instanced, instancer, mesh, prim, sphere, square, sun};
 use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::scene::{InstancerDesc, Interpolation, MeshDesc, NamedPrimvar, Primvar, SceneDb};
 use oocpt_core::{DomeFormat, LightDesc, LightKind, Shaping, TypedArray};
@@ -16,7 +16,7 @@ pub(crate) struct Scene {
 }
 
 /// All of them.
-pub(crate) const SCENES: [Scene; 8] = [
+pub(crate) const SCENES: [Scene; 9] = [
     Scene { name: "flat", build: flat, eye: DVec3::new(6.0, 5.0, 12.0), target: DVec3::ZERO },
     Scene { name: "nested", build: nested, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO },
     Scene { name: "overlapping chunks", build: overlapping, eye: DVec3::new(0.0, 2.0, 11.0), target: DVec3::ZERO },
@@ -25,6 +25,7 @@ pub(crate) const SCENES: [Scene; 8] = [
     Scene { name: "thin shadow casters", build: poles, eye: DVec3::new(0.0, 6.0, 9.0), target: DVec3::ZERO },
     Scene { name: "lamps under a sky", build: lamps, eye: DVec3::new(6.0, 5.0, 12.0), target: DVec3::ZERO },
     Scene { name: "coloured instances", build: coloured, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO },
+    Scene { name: "bulbs", build: bulbs, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO },
 ];
 
 /// Numbers between 0 and 1 that only depend on `i` (the R2 sequence and one more).
@@ -202,6 +203,43 @@ fn lamps(db: &mut SceneDb) {
             ..LightDesc::default()
         });
     }
+}
+
+/// Clumps of balls of which some glow, a mesh in many clusters that glows too, and a lamp of another kind.
+fn bulbs(db: &mut SceneDb) {
+    nested(db);
+    db.remove("/sun");
+    db.upsert_material(glow("/glow", [2.0, 1.5, 1.0]));
+    db.upsert_material(glow("/ember", [0.4, 0.1, 0.0]));
+    for i in 0..6_u32 {
+        let at = (scattered(i + 40) - 0.5) * DVec3::new(12.0, 2.0, 12.0) + DVec3::Y;
+        let place = DMat4::from_translation(at) * DMat4::from_scale(DVec3::new(0.3, 0.2, 0.25));
+        let mut bulb = sphere(prim(&format!("/bulb_{i}"), place), 100 + i32::try_from(i).expect("small"), 6, 0.5);
+        bulb.material = Some("/glow".into());
+        db.upsert_mesh(bulb);
+    }
+    let mut large = sphere(prim("/large", DMat4::from_translation(DVec3::Y * 3.0)), 90, 40, 0.5);
+    large.material = Some("/ember".into());
+    db.upsert_mesh(large);
+    let root = "/outer/clump/swarm/bulb";
+    let mut swarm = sphere(instanced(prim(root, DMat4::IDENTITY), "/outer/clump/swarm"), 91, 5, 0.5);
+    swarm.material = Some("/glow".into());
+    db.upsert_mesh(swarm);
+    let places: Vec<_> = (0..40)
+        .map(|i| {
+            let at = (scattered(i + 500) - 0.5) * DVec3::new(4.0, 3.0, 4.0);
+            (at, DQuat::from_rotation_y(f64::from(i)), DVec3::new(0.05, 0.03, 0.06))
+        })
+        .collect();
+    let mut inside = instanced(prim("/outer/clump/swarm", DMat4::IDENTITY), "/outer");
+    inside.instanced_by[0].prototype_root = "/outer/clump".into();
+    db.upsert_instancer(instancer(inside, root, &places));
+    db.upsert_light(LightDesc {
+        prim: prim("/lamp", DMat4::from_translation(DVec3::Y * 4.0)),
+        kind: LightKind::Sphere { radius: 0.3, treat_as_point: false },
+        intensity: 2.0,
+        ..LightDesc::default()
+    });
 }
 
 /// Balls on all sides of the camera, some so near that their chunks hold it.

@@ -1,0 +1,309 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Meshes that emit light, as lights: which placements take part, the tree over them, and the tables that hits are looked up in
+//! (`shaders/include/light_mesh.glsl`).
+//!
+//! A placement takes part if its prim has a material that emits a constant colour and has no cutouts, and if the prim, instance and mesh
+//! of a hit tell it from all others. Memory grows with unique triangles and with placements, both bounded; what is beyond is met by
+//! rays alone, which loses no light. Depends on the snapshot only, not on what is on the device. Pure.
+
+use super::emitter::{Emitter, cross, dot, halves};
+use super::local::finite_power;
+use super::tree::{self, LightBounds, NOTHING};
+use super::{EVEN_SHARE, count, luminance, narrow};
+use oocpt_core::material::{Input, InputName};
+use oocpt_core::partition::World;
+use oocpt_core::scene::{MeshPlacement, NO_MATERIAL, SceneFeatures, Snapshot};
+use oocpt_core::{Material, MaterialFlags};
+use oocpt_shader_abi::{GpuLightLeaf, GpuLightMesh, GpuLightNode, GpuLightTriangle, GpuMeshLight};
+use rustc_hash::FxHashMap;
+use std::f64::consts::PI;
+use std::sync::{Arc, Weak};
+
+/// Most placements: 54 MB on the device with their tree.
+const MAX_PLACEMENTS: usize = 1 << 18;
+/// Most triangles of unique meshes: up to 60 MB on the device.
+const MAX_TRIANGLES: usize = 1 << 20;
+/// Meshes from this number on do not fit in what is kept of a hit.
+const MAX_LIGHT_MESH: u32 = 1 << 24;
+/// Emission above which a material is no light: weights stay finite.
+const MAX_EMISSION: f32 = 1e30;
+/// Rounding of single precision in traversal, relative to [`MeshPlacement::reach`]: a few roundings in each frame.
+const TRAVERSAL_ERROR: f64 = 8.0 / (1_u64 << 24) as f64;
+
+/// See the module.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct MeshLights {
+    pub(crate) placements: Vec<GpuMeshLight>,
+    pub(crate) meshes: Vec<GpuLightMesh>,
+    /// The tree over the placements, then those of the meshes.
+    pub(crate) nodes: Vec<GpuLightNode>,
+    pub(crate) leaves: Vec<GpuLightLeaf>,
+    pub(crate) triangles: Vec<GpuLightTriangle>,
+    pub(crate) faces: Vec<[u32; 2]>,
+    /// All placements, with their power.
+    pub(super) bounds: LightBounds,
+    /// Why some that emit are not here.
+    pub(crate) warning: Option<String>,
+}
+
+/// Weights of a prim's slots, the largest 1, and what 1 stands for.
+#[derive(Clone, Debug)]
+struct Weights {
+    by_slot: Vec<f32>,
+    scale: f32,
+}
+
+/// What is kept from frame to frame.
+#[derive(Debug, Default)]
+pub(crate) struct MeshLightCache {
+    last: Option<(u64, Weak<World>, Option<Arc<MeshLights>>)>,
+    emitters: FxHashMap<EmitterKey, Option<Arc<Emitter>>>,
+}
+
+type EmitterKey = (u128, Vec<u32>);
+
+impl MeshLightCache {
+    /// The mesh lights of a snapshot; `None` without any.
+    pub(crate) fn get(&mut self, snapshot: &Snapshot) -> Option<Arc<MeshLights>> {
+        if !snapshot.features.contains(SceneFeatures::EMISSION) {
+            *self = Self::default();
+            return None;
+        }
+        if let Some((version, world, lights)) = &self.last
+            && *version == snapshot.version
+            && Weak::as_ptr(world) == Arc::as_ptr(&snapshot.world)
+        {
+            return lights.clone();
+        }
+        let lights = self.make(snapshot).map(Arc::new);
+        self.last = Some((snapshot.version, Arc::downgrade(&snapshot.world), lights.clone()));
+        lights
+    }
+
+    fn make(&mut self, snapshot: &Snapshot) -> Option<MeshLights> {
+        let weights: Vec<Option<Weights>> = (-1..i64::try_from(snapshot.surfaces.prims.len()).unwrap_or(0) - 1)
+            .map(|id| weights(snapshot, id))
+            .collect();
+        let of_prim = |id: i32| weights.get(usize::try_from(i64::from(id) + 1).ok()?)?.as_ref();
+        let (mut placements, mut is_complete) =
+            snapshot.mesh_placements(&|prim| of_prim(prim).is_some(), MAX_PLACEMENTS);
+        drop_ambiguous(&mut placements);
+        let known = std::mem::take(&mut self.emitters);
+        let mut making = Making::default();
+        for placement in &placements {
+            let (Some(mesh), Some(weights)) =
+                (snapshot.meshes.get(placement.mesh as usize), of_prim(placement.prim_id))
+            else {
+                continue;
+            };
+            if placement.mesh >= MAX_LIGHT_MESH || mesh.opacities.is_some() {
+                continue;
+            }
+            let key: EmitterKey = (mesh.key, weights.by_slot.iter().map(|w| w.to_bits()).collect());
+            let entry = self.emitters.entry(key.clone()).or_insert_with(|| match known.get(&key) {
+                Some(known) => known.clone(),
+                None if mesh.triangles.len() > MAX_TRIANGLES => None,
+                None => Emitter::new(mesh, &weights.by_slot).map(Arc::new),
+            });
+            let Some(emitter) = entry.clone() else {
+                is_complete &= mesh.triangles.len() <= MAX_TRIANGLES;
+                continue;
+            };
+            match making.number(&emitter) {
+                Some(number) => making.add(placement, number, weights.scale, &emitter),
+                None => is_complete = false,
+            }
+        }
+        making.finish((!is_complete).then(|| {
+            format!(
+                "emissive meshes: more than {MAX_PLACEMENTS} placements or {MAX_TRIANGLES} unique triangles emit light; \
+                 the rest is not sampled as lights, but met by chance only, which is noisy"
+            )
+        }))
+    }
+}
+
+/// Sorted by what a hit is called; those that share it are left out.
+fn drop_ambiguous(placements: &mut Vec<MeshPlacement>) {
+    let key = |p: &MeshPlacement| (p.prim_id, p.instance_id, p.mesh);
+    placements.retain(|placement| placement.prim_id >= 0);
+    placements.sort_by_key(key);
+    let keys: Vec<_> = placements.iter().map(key).collect();
+    let mut at = 0_usize;
+    placements.retain(|placement| {
+        let own = key(placement);
+        let before = at.checked_sub(1).and_then(|at| keys.get(at)) == Some(&own);
+        at += 1;
+        !before && keys.get(at) != Some(&own)
+    });
+}
+
+/// What an emission counts for, `emission_weight` of the shaders.
+fn emission_weight(emission: [f32; 3]) -> f32 {
+    narrow(luminance(emission).max(0.01 * emission.iter().map(|&c| f64::from(c)).sum::<f64>()))
+}
+
+/// What a material counts for; 0 if it is none that lights are made of.
+fn material_weight(material: &Material) -> f32 {
+    if !material.flags.contains(MaterialFlags::EMISSIVE) || material.flags.contains(MaterialFlags::PRESENCE) {
+        return 0.0;
+    }
+    match material.input(InputName::EmissiveColor) {
+        Input::Constant([r, g, b, _]) => {
+            let emission = [*r, *g, *b].map(|c| c.max(0.0));
+            let usable = emission.iter().all(|c| *c <= MAX_EMISSION);
+            if usable { emission_weight(emission) } else { 0.0 }
+        }
+        _ => 0.0,
+    }
+}
+
+/// The weights of a prim's slots, if one of them emits.
+fn weights(snapshot: &Snapshot, prim_id: i64) -> Option<Weights> {
+    let slots = snapshot.surfaces.slots(i32::try_from(prim_id).ok()?);
+    let material = |slot: u32| snapshot.surfaces.materials.get(slot as usize).filter(|_| slot != NO_MATERIAL);
+    let mut by_slot: Vec<f32> =
+        slots.iter().map(|&slot| material(slot).map_or(0.0, |material| material_weight(material))).collect();
+    let scale = by_slot.iter().copied().fold(0.0, f32::max);
+    // Weights that are no normal numbers would lose their meaning.
+    if !scale.is_normal() {
+        return None;
+    }
+    by_slot.iter_mut().for_each(|weight| *weight /= scale);
+    Some(Weights { by_slot, scale })
+}
+
+#[derive(Default)]
+struct Making {
+    placements: Vec<GpuMeshLight>,
+    bounds: Vec<LightBounds>,
+    numbers: FxHashMap<*const Emitter, u32>,
+    emitters: Vec<Arc<Emitter>>,
+    triangles: usize,
+}
+
+impl Making {
+    /// The number of an emitter; `None` when there is no room for it.
+    fn number(&mut self, emitter: &Arc<Emitter>) -> Option<u32> {
+        if let Some(&number) = self.numbers.get(&Arc::as_ptr(emitter)) {
+            return Some(number);
+        }
+        let triangles = self.triangles + emitter.triangles.len();
+        if triangles > MAX_TRIANGLES {
+            return None;
+        }
+        self.triangles = triangles;
+        let number = u32::try_from(self.emitters.len()).ok()?;
+        self.numbers.insert(Arc::as_ptr(emitter), number);
+        self.emitters.push(Arc::clone(emitter));
+        Some(number)
+    }
+
+    fn add(&mut self, placement: &MeshPlacement, light_mesh: u32, scale: f32, emitter: &Emitter) {
+        let map = &placement.world_from_object;
+        let columns = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(|column| column.to_array());
+        let at = map.translation.to_array();
+        let position = at.map(narrow);
+        let [x, y, z] = columns.map(|column| column.map(narrow));
+        let error = TRAVERSAL_ERROR * placement.reach;
+        let gpu = GpuMeshLight {
+            position,
+            light_mesh,
+            position_lo: [0, 1, 2].map(|k| narrow(at[k] - f64::from(position[k]))),
+            scale,
+            x,
+            prim_id: placement.prim_id.unsigned_abs(),
+            y,
+            instance_id: placement.instance_id,
+            z,
+            mesh: placement.mesh,
+            error: narrow(error),
+            pad: 0,
+            trail: [0; 2],
+        };
+        let bounds = placed(&emitter.bounds, columns, at, error, f64::from(scale));
+        let numbers = [gpu.position, gpu.x, gpu.y, gpu.z, [gpu.error, narrow(bounds.power), 0.0]];
+        let is_sound = numbers.as_flattened().iter().all(|v| v.is_finite());
+        if is_sound && narrow(map.matrix3.determinant()).is_normal() {
+            self.placements.push(gpu);
+            self.bounds.push(bounds);
+        }
+    }
+
+    fn finish(mut self, warning: Option<String>) -> Option<MeshLights> {
+        if self.placements.is_empty() {
+            return None;
+        }
+        let all = self.bounds.iter().fold(NOTHING, |sum, bounds| sum.union(bounds));
+        let (total, even) = (all.power, 1.0 / count(self.bounds.len()));
+        for bounds in &mut self.bounds {
+            let is_usable = total > 0.0 && total.is_finite();
+            bounds.power = if is_usable { (1.0 - EVEN_SHARE) * bounds.power / total + EVEN_SHARE * even } else { even };
+        }
+        let mut nodes = tree::build(&self.bounds);
+        for (light, trail) in self.placements.iter_mut().zip(tree::trails(&nodes, self.bounds.len())) {
+            light.trail = halves(trail);
+        }
+        let mut lights = MeshLights {
+            placements: self.placements,
+            meshes: Vec::new(),
+            nodes: Vec::new(),
+            leaves: Vec::new(),
+            triangles: Vec::new(),
+            faces: Vec::new(),
+            bounds: all,
+            warning,
+        };
+        let number = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+        for emitter in &self.emitters {
+            let (first_leaf, first_triangle) = (number(lights.leaves.len()), number(lights.triangles.len()));
+            let root = tree::append(&mut nodes, &emitter.nodes, first_leaf);
+            let (first_face, face_count) = (number(lights.faces.len()), number(emitter.faces.len()));
+            lights.meshes.push(GpuLightMesh { root, first_face, face_count, pad: 0 });
+            let leaf = |leaf: &GpuLightLeaf| GpuLightLeaf { first: leaf.first + first_triangle, ..*leaf };
+            lights.leaves.extend(emitter.leaves.iter().map(leaf));
+            lights.triangles.extend_from_slice(&emitter.triangles);
+            lights.faces.extend(emitter.faces.iter().map(|[face, leaf]| [*face, leaf + first_leaf]));
+        }
+        lights.nodes = nodes;
+        Some(lights)
+    }
+}
+
+/// Bounds of a placement in the world.
+fn placed(inside: &LightBounds, columns: [[f64; 3]; 3], at: [f64; 3], error: f64, scale: f64) -> LightBounds {
+    let center = [0, 1, 2].map(|k| 0.5 * (inside.min[k] + inside.max[k]));
+    let half = [0, 1, 2].map(|k| 0.5 * (inside.max[k] - inside.min[k]));
+    let map = |v: [f64; 3]| [0, 1, 2].map(|k| (0..3).map(|c| columns[c][k] * v[c]).sum::<f64>());
+    let middle = map(center);
+    let reach = [0, 1, 2].map(|k| (0..3).map(|c| columns[c][k].abs() * half[c]).sum::<f64>() * (1.0 + 1e-6) + error);
+    // Areas grow by cofactors; normals are covectors.
+    let [x, y, z] = columns;
+    let cofactors = [cross(y, z), cross(z, x), cross(x, y)];
+    let grown = |n: [f64; 3]| [0, 1, 2].map(|k| (0..3).map(|c| cofactors[c][k] * n[c]).sum::<f64>());
+    let length = |v: [f64; 3]| dot(v, v).sqrt();
+    let axis = grown(inside.axis);
+    let along = length(axis);
+    let growth = if inside.spread < 1e-3 { along } else { cofactors.iter().map(|c| length(*c)).sum::<f64>() / 3.0 };
+    let sizes = columns.map(length);
+    let largest = sizes.iter().copied().fold(0.0, f64::max);
+    let is_even = sizes.iter().all(|size| *size > 0.999 * largest)
+        && [dot(x, y), dot(y, z), dot(z, x)].iter().all(|d| d.abs() < 1e-3 * largest * largest);
+    // A mirroring map turns cofactors, and not the outside.
+    let turn = if dot(x, cross(y, z)) < 0.0 { -1.0 } else { 1.0 };
+    let is_direction = along > 0.0 && along.is_finite();
+    let spread = match (is_direction, inside.spread < 1e-3, is_even) {
+        (true, true, _) => inside.spread,
+        (true, false, true) => (inside.spread + 1e-2).min(PI),
+        _ => PI,
+    };
+    LightBounds {
+        min: [0, 1, 2].map(|k| at[k] + middle[k] - reach[k]),
+        max: [0, 1, 2].map(|k| at[k] + middle[k] + reach[k]),
+        axis: if is_direction { axis.map(|v| turn * v / along) } else { [0.0, 0.0, 1.0] },
+        spread,
+        emission: inside.emission,
+        back: inside.back,
+        power: finite_power(scale * inside.power * growth),
+    }
+}
