@@ -5,7 +5,7 @@
 //! `percentDone`…); those under `oocpt:` are ours. Pure; any thread.
 
 use crate::ffi::{NamedValue, ScalarTag, ScalarValue};
-use oocpt_core::stats::{Stats, StreamingStats};
+use oocpt_core::stats::{ErrorRow, Stats, StreamingStats};
 
 /// The list of pairs, sorted as below. Memory in bytes, times in seconds.
 pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
@@ -38,6 +38,31 @@ pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
         text("oocpt:droppedData", &dropped),
     ];
     values.extend(streaming(&stats.streaming));
+    values.extend(stats.error.iter().flat_map(error));
+    values
+}
+
+/// What the last look at the picture's error said; the row's time and samples are not those of the moment of asking.
+fn error(row: &ErrorRow) -> Vec<NamedValue> {
+    let worst: Vec<String> = row.worst.iter().map(|pixel| format!("({}, {})", pixel.x, pixel.y)).collect();
+    let mut values = vec![
+        integer("oocpt:errorSamples", u64::from(row.samples)),
+        real("oocpt:errorSeconds", row.seconds),
+        real("oocpt:errorSecondsTracing", row.seconds_tracing),
+        integer("oocpt:errorRays", row.rays),
+        integer("oocpt:errorBytesPaged", row.bytes_paged),
+        text("oocpt:errorWorstPixels", &worst.join(" ")),
+    ];
+    if let Some(estimate) = row.estimate {
+        values.push(real("oocpt:errorEstimate", estimate.rel_mse));
+        values.push(real("oocpt:errorLow", estimate.low));
+        values.push(real("oocpt:errorHigh", estimate.high));
+    }
+    if let Some(truth) = row.truth {
+        values.push(real("oocpt:errorRelMse", truth.rel_mse));
+        values.push(real("oocpt:errorRmse", truth.rmse));
+        values.push(real("oocpt:errorFlip", truth.flip));
+    }
     values
 }
 

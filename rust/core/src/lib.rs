@@ -9,6 +9,7 @@
 
 pub mod array;
 pub mod camera;
+pub mod convergence;
 pub mod material;
 pub mod mesh;
 pub mod partition;
@@ -34,4 +35,4 @@ pub use scene::{
     SceneWarning, Shaping, Snapshot, SnapshotError, Subdivision, SubsetDesc, SurfaceTables, Target,
 };
 pub use settings::{Descriptor, SettingError, Settings, Value};
-pub use stats::{Stats, StreamingStats};
+pub use stats::{ErrorRow, Stats, StreamingStats, TrueError, WorstPixel};

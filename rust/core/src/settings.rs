@@ -31,6 +31,12 @@ pub struct Settings {
     pub geometry_budget_kib: u32,
     /// File to write a report about the chunks to, empty = none.
     pub chunk_report: String,
+    /// File to write a report of error against time to, empty = none.
+    pub report: String,
+    /// EXR file to compare with, empty = none.
+    pub reference: String,
+    /// Stop when the estimated relMSE is below this with the confidence of its interval, 0 = no such limit.
+    pub target_error: f32,
     /// Show coarse images early (`enableInteractive`).
     pub interactive: bool,
     /// Dome lights are seen by camera rays.
@@ -119,6 +125,9 @@ impl Default for Settings {
             chunk_size_kib: 8192,
             geometry_budget_kib: 0,
             chunk_report: String::new(),
+            report: String::new(),
+            reference: String::new(),
+            target_error: 0.0,
             interactive: true,
             dome_light_camera_visible: true,
             enable_scene_lights: true,
@@ -153,6 +162,19 @@ const TABLE: &[(&str, &str, &str, &str)] = &[
         "Hard limit of device memory for geometry and textures in KiB; 0 = what the memory budget leaves",
     ),
     ("oocpt:chunkReport", "OOCPT_CHUNK_REPORT", "Chunk report", "File for a report about the chunks; empty = none"),
+    (
+        "oocpt:report",
+        "OOCPT_REPORT",
+        "Report",
+        "File for a report of error against time, a JSON object a line; empty = none",
+    ),
+    ("oocpt:reference", "OOCPT_REFERENCE", "Reference", "EXR picture for the report to compare with; empty = none"),
+    (
+        "oocpt:targetError",
+        "OOCPT_TARGET_ERROR",
+        "Target error",
+        "Stop when the relative mean squared error is below this, by the upper end of its interval; 0 = no limit",
+    ),
     ("convergedSamplesPerPixel", "OOCPT_CONVERGED_SAMPLES_PER_PIXEL", "Converged samples", "As oocpt:samplesPerPixel"),
     (
         "enableInteractive",
@@ -219,6 +241,9 @@ impl Settings {
             "oocpt:chunkSize" => Field::Int(&mut self.chunk_size_kib, 16, 1 << 20),
             "oocpt:geometryBudget" => Field::Int(&mut self.geometry_budget_kib, 0, u32::MAX),
             "oocpt:chunkReport" => Field::Text(&mut self.chunk_report),
+            "oocpt:report" => Field::Text(&mut self.report),
+            "oocpt:reference" => Field::Text(&mut self.reference),
+            "oocpt:targetError" => Field::Float(&mut self.target_error, 0.0, 1e9),
             "enableInteractive" => Field::Bool(&mut self.interactive),
             "domeLightCameraVisibility" => Field::Bool(&mut self.dome_light_camera_visible),
             "enableSceneLights" => Field::Bool(&mut self.enable_scene_lights),

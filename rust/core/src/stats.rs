@@ -3,6 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::convergence::Estimate;
 use crate::scene::DroppedData;
 
 /// A reading of a render in progress or done.
@@ -47,6 +48,59 @@ pub struct Stats {
     /// What went on between host and device.
     #[serde(default)]
     pub streaming: StreamingStats,
+    /// What the last look at the picture's error said.
+    #[serde(default)]
+    pub error: Option<ErrorRow>,
+}
+
+/// The picture's error at one moment; also a line of the report that `oocpt:report` names.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct ErrorRow {
+    /// Samples of every pixel, at least.
+    pub samples: u32,
+    /// Since the render began, seconds; comparing with a reference is not counted.
+    pub seconds: f64,
+    /// Of these, while the device traced, seconds.
+    pub seconds_tracing: f64,
+    /// Rays traced, all kinds.
+    pub rays: u64,
+    /// Estimated relMSE with its interval (see [`crate::convergence`]); none while nothing can be said.
+    pub estimate: Option<Estimate>,
+    /// The pixels that are worst, by the same estimate: at most one of every workgroup that measured, worst first.
+    pub worst: Vec<WorstPixel>,
+    /// Bytes of geometry and textures sent to the device so far while rendering.
+    pub bytes_paged: u64,
+    /// Against the reference, if there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub truth: Option<TrueError>,
+    /// No further sample was to come.
+    #[serde(default)]
+    pub is_last: bool,
+}
+
+/// A pixel and its relative squared error, estimated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct WorstPixel {
+    /// From the left.
+    pub x: u32,
+    /// From the top.
+    pub y: u32,
+    /// Relative squared error.
+    pub error: f64,
+}
+
+/// How a picture differs from a reference.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct TrueError {
+    /// Mean of `(x - r)^2 / (r^2 + 0.01)` over pixels and colour channels.
+    pub rel_mse: f64,
+    /// Root of the mean of `(x - r)^2`.
+    pub rmse: f64,
+    /// Mean LDR-FLIP of both as sRGB in 8 bits, 0 to 1.
+    pub flip: f64,
 }
 
 /// How the scene got to the device. Counts and seconds are totals since the render began unless they say "now".

@@ -6,16 +6,27 @@ use crate::publish::Published;
 use crate::request::RenderRequest;
 use crate::sync::lock;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
-use oocpt_shader_abi::{Counters, FilmPixel, Frame};
+use oocpt_shader_abi::{Counters, ERROR_GROUPS, ErrorSums, FilmPixel, Frame, WORKGROUP_SIZE};
 use std::sync::{Arc, Mutex};
+
+/// Slots for what `measure_error` says: octaves 0 to 24 of the samples, and the end.
+pub(crate) const ERROR_SLOTS: u32 = 26;
+
+/// Workgroups of `measure_error` for an image of so many pixels.
+pub(crate) fn error_groups(pixels: u64) -> u32 {
+    let groups = pixels.div_ceil(u64::from(WORKGROUP_SIZE)).clamp(1, u64::from(ERROR_GROUPS));
+    u32::try_from(groups).unwrap_or(ERROR_GROUPS)
+}
 
 /// Film, resolved colour and the planes of the other images.
 #[derive(Debug)]
 pub(crate) struct Film {
     pixels: u64,
     kinds: Vec<AovKind>,
-    /// `FilmPixel` per pixel; only with colour.
+    /// `FilmPixel` per pixel, then what `measure_error` says of them; only with colour.
     film: Option<Buffer>,
+    /// With colour: what `measure_error` said and the counters at each octave of samples, and at the end.
+    errors: Option<Buffer>,
     color: Option<Buffer>,
     planes: Vec<(AovKind, Buffer)>,
     /// One copy of every wanted image, then the counters.
@@ -36,7 +47,11 @@ impl Film {
         let (pixels, kinds) = (request.pixels(), wanted(request));
         let plane = |name: &str, bytes: usize| Buffer::new(gpu, name, pixels * bytes as u64, Usage::Device);
         let has_color = kinds.contains(&AovKind::Color);
-        let film = has_color.then(|| plane("film", size_of::<FilmPixel>())).transpose()?;
+        let parts = error_groups(pixels) as usize * size_of::<ErrorSums>();
+        let film_bytes = pixels * size_of::<FilmPixel>() as u64 + parts as u64;
+        let film = has_color.then(|| Buffer::new(gpu, "film", film_bytes, Usage::Device)).transpose()?;
+        let error_bytes = u64::from(ERROR_SLOTS) * (parts + size_of::<Counters>()) as u64;
+        let errors = has_color.then(|| Buffer::new(gpu, "errors", error_bytes, Usage::Readback)).transpose()?;
         let color = has_color.then(|| plane("color", AovKind::Color.pixel_bytes())).transpose()?;
         let mut planes = Vec::new();
         for kind in kinds.iter().copied().filter(|kind| *kind != AovKind::Color) {
@@ -44,7 +59,7 @@ impl Film {
         }
         let bytes: u64 = kinds.iter().map(|kind| pixels * kind.pixel_bytes() as u64).sum();
         let readback = Buffer::new(gpu, "readback", bytes + size_of::<Counters>() as u64, Usage::Readback)?;
-        Ok(Self { pixels, kinds, film, color, planes, readback })
+        Ok(Self { pixels, kinds, film, errors, color, planes, readback })
     }
 
     /// Whether these images serve `request` too.
@@ -103,6 +118,30 @@ impl Film {
             }
             c.copy(counters, 0, &self.readback, offset, size_of::<Counters>() as u64);
         });
+    }
+
+    /// Copies what `measure_error` wrote, and the counters, to a slot below [`ERROR_SLOTS`] where the host can read them.
+    pub(crate) fn copy_error(&self, commands: &mut Commands, counters: &Buffer, slot: u32) {
+        let (Some(film), Some(errors)) = (&self.film, &self.errors) else { return };
+        let behind = self.pixels * size_of::<FilmPixel>() as u64;
+        let bytes = film.size() - behind;
+        let at = u64::from(slot.min(ERROR_SLOTS - 1)) * (errors.size() / u64::from(ERROR_SLOTS));
+        commands.concurrent(|c| {
+            c.copy(film, behind, errors, at, bytes);
+            c.copy(counters, 0, errors, at + bytes, size_of::<Counters>() as u64);
+        });
+    }
+
+    /// What [`Film::copy_error`] copied to a slot, once its commands are done.
+    pub(crate) fn error(&self, slot: u32) -> Result<Option<(Vec<ErrorSums>, Counters)>, GpuError> {
+        let Some(errors) = &self.errors else { return Ok(None) };
+        let groups = error_groups(self.pixels) as usize;
+        errors.map(|bytes| {
+            let slots = bytes.len() / ERROR_SLOTS as usize;
+            let slot = &bytes[slots * slot.min(ERROR_SLOTS - 1) as usize..][..slots];
+            let (parts, counters) = slot.split_at(groups * size_of::<ErrorSums>());
+            Some((bytemuck::pod_collect_to_vec(parts), bytemuck::pod_read_unaligned(counters)))
+        })
     }
 
     /// Publishes what [`Film::copy_out`] copied, once its commands are done; returns the counters.

@@ -237,7 +237,10 @@ impl Renderer {
         }
         let total = if film.has_color() { progress.total_paths() } else { 0 };
         let start = if is_cpu(device) { 1 << 14 } else { 1 << 19 };
-        let schedule = Schedule::new(total, start, buffers.capacity, WAVE_SECS);
+        let mut schedule = Schedule::new(total, start, buffers.capacity, WAVE_SECS);
+        if progress.wants_octaves() {
+            schedule = schedule.with_octaves(job.request.pixels());
+        }
         waves::trace(&frames, schedule, gate, progress)
     }
 

@@ -3,7 +3,9 @@
 
 use crate::assets::SceneAssets;
 use crate::error::RenderError;
+use crate::error_log::{ErrorLog, Moment};
 use crate::film::Film;
+use crate::measure::{self, LAST_SLOT, next_boundary};
 use crate::progress_bar::ProgressBar;
 use crate::request::Severity;
 use crate::schedule::Wave;
@@ -33,6 +35,8 @@ pub(crate) struct Progress<'a> {
     next_publish: Instant,
     interval: Duration,
     bar: Option<ProgressBar>,
+    log: ErrorLog,
+    size: [u32; 2],
     /// Whether images are published before the last one.
     interactive: bool,
     pub(crate) timings: Timings,
@@ -67,6 +71,8 @@ impl<'a> Progress<'a> {
             next_publish: now + FIRST_INTERVAL,
             interval: FIRST_INTERVAL,
             interactive: job.settings.interactive,
+            log: ErrorLog::start(shared, job),
+            size: [job.request.width, job.request.height],
             bar: job.options.progress_bar.then(ProgressBar::new),
             timings: Timings::default(),
         }
@@ -170,11 +176,65 @@ impl<'a> Progress<'a> {
         Ok(())
     }
 
+    /// Whether waves are to end where octaves of samples do.
+    pub(crate) fn wants_octaves(&self) -> bool {
+        self.log.wants_octaves()
+    }
+
+    /// Whether a submission that completes these octaves is to end with an image, to be compared.
+    pub(crate) fn compares(&self, octaves: &[u32]) -> bool {
+        !octaves.is_empty() && self.log.wants_pictures()
+    }
+
+    /// Paths that may begin, by the target error.
+    pub(crate) fn open_paths(&self) -> u64 {
+        self.log.open_paths().min(self.total_paths())
+    }
+
+    /// Whether the samples done are no octave, whose error is known.
+    pub(crate) fn ends_between_octaves(&self) -> bool {
+        self.done >= self.pixels && self.done != next_boundary(self.done - 1, self.pixels).1
+    }
+
+    /// Takes what the film measured of these octaves, once their submission is done.
+    pub(crate) fn octaves(&mut self, film: &Film, octaves: &[u32]) -> Result<(), RenderError> {
+        octaves.iter().try_for_each(|octave| self.error_row(film, *octave, Some(*octave)))
+    }
+
+    /// As [`Self::octaves`], for the last picture; `measured` unless an octave was its end.
+    pub(crate) fn error_at_end(&mut self, film: &Film, measured: bool) -> Result<(), RenderError> {
+        if measured {
+            self.error_row(film, LAST_SLOT, None)?;
+        }
+        self.log.finish(self.shared);
+        Ok(())
+    }
+
+    fn error_row(&mut self, film: &Film, slot: u32, octave: Option<u32>) -> Result<(), RenderError> {
+        let Some(measured) = measure::read(film, slot, self.size)? else { return Ok(()) };
+        let streaming = lock(&self.shared.stats).streaming.clone();
+        let tracing =
+            if streaming.in_core { self.trace_started.elapsed().as_secs_f64() } else { streaming.seconds_tracing };
+        let moment = Moment {
+            seconds: self.started.elapsed().as_secs_f64(),
+            seconds_tracing: tracing,
+            bytes_paged: streaming.bytes_paged,
+        };
+        let began = Instant::now();
+        self.log.row(self.shared, measured, octave, moment);
+        if self.log.wants_pictures() {
+            // Comparing with a reference is no part of rendering.
+            self.started += began.elapsed();
+            self.trace_started += began.elapsed();
+        }
+        Ok(())
+    }
+
     /// The render has ended as planned.
     pub(crate) fn finish(&mut self) -> Result<(), RenderError> {
         let mut stats = lock(&self.shared.stats);
         stats.seconds_total = self.started.elapsed().as_secs_f64();
-        if self.done >= self.total_paths() {
+        if self.done >= self.open_paths() {
             stats.percent_done = 100.0;
         }
         stats.annotation = "done".into();

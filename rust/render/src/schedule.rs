@@ -5,6 +5,8 @@
 //! image does not depend on where the cuts fall, so wave sizes may follow the clock: they aim at a time per wave short
 //! enough for watchdogs and for pause and stop to be felt at once, and long enough to keep the device busy.
 
+use crate::measure::next_boundary;
+
 /// A contiguous range of paths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Wave {
@@ -21,18 +23,30 @@ pub(crate) struct Schedule {
     min: u32,
     max: u32,
     target_secs: f64,
+    /// Pixels, if waves end where the samples of all are a power of two.
+    octaves_of: Option<u64>,
 }
 
 impl Schedule {
     /// `total` paths in waves of `start` at first, never more than `max`, aiming at `target_secs` a wave.
     pub(crate) fn new(total: u64, start: u32, max: u32, target_secs: f64) -> Self {
         let min = 4096.min(max);
-        Self { total, next: 0, size: start.clamp(min, max), min, max, target_secs }
+        Self { total, next: 0, size: start.clamp(min, max), min, max, target_secs, octaves_of: None }
     }
 
-    /// The next wave, or none when all paths are given out.
-    pub(crate) fn next(&mut self) -> Option<Wave> {
-        let left = self.total.saturating_sub(self.next);
+    /// Ends waves where the samples of all `pixels` are a power of two.
+    pub(crate) fn with_octaves(self, pixels: u64) -> Self {
+        Self { octaves_of: Some(pixels), ..self }
+    }
+
+    /// The next wave, or none when all paths are given out, or all before `open`.
+    pub(crate) fn next(&mut self, open: u64) -> Option<Wave> {
+        let mut left = self.total.min(open).saturating_sub(self.next);
+        if let Some(pixels) = self.octaves_of {
+            left = left.min(next_boundary(self.next, pixels).1 - self.next);
+            // In equal parts, so that none is too small for the device.
+            left = left.div_ceil(left.div_ceil(u64::from(self.size)).max(1));
+        }
         let count = u32::try_from(left.min(u64::from(self.size))).unwrap_or(self.size);
         let wave = Wave { first: self.next, count };
         self.next += u64::from(count);
@@ -63,7 +77,7 @@ mod tests {
         let mut schedule = Schedule::new(100_001, 8192, 1 << 16, 0.05);
         let mut expected = 0;
         let mut odd = false;
-        while let Some(wave) = schedule.next() {
+        while let Some(wave) = schedule.next(u64::MAX) {
             assert_eq!(wave.first, expected, "waves must be contiguous");
             expected += u64::from(wave.count);
             odd = !odd;
@@ -73,17 +87,28 @@ mod tests {
     }
 
     #[test]
+    fn waves_end_with_octaves_and_at_what_is_open() {
+        let mut schedule = Schedule::new(100_000, 8192, 1 << 16, 0.05).with_octaves(5000);
+        let mut ends = Vec::new();
+        while let Some(wave) = schedule.next(60_000) {
+            ends.push(wave.first + u64::from(wave.count));
+        }
+        assert_eq!(ends, [5000, 10_000, 15_000, 20_000, 26_667, 33_334, 40_000, 46_667, 53_334, 60_000], "equal parts");
+        assert!(schedule.next(u64::MAX).is_some(), "the rest when it is open");
+    }
+
+    #[test]
     fn sizes_follow_the_clock_within_bounds() {
         let mut schedule = Schedule::new(u64::MAX, 8192, 1 << 16, 0.05);
         for _ in 0..20 {
-            let wave = schedule.next().expect("endless");
+            let wave = schedule.next(u64::MAX).expect("endless");
             schedule.measured(wave.count, 1e-4);
         }
-        assert_eq!(schedule.next().map(|wave| wave.count), Some(1 << 16), "fast waves must grow to the limit");
+        assert_eq!(schedule.next(u64::MAX).map(|wave| wave.count), Some(1 << 16), "fast waves must grow to the limit");
         for _ in 0..20 {
-            let wave = schedule.next().expect("endless");
+            let wave = schedule.next(u64::MAX).expect("endless");
             schedule.measured(wave.count, 10.0);
         }
-        assert_eq!(schedule.next().map(|wave| wave.count), Some(4096), "slow waves must shrink to the minimum");
+        assert_eq!(schedule.next(u64::MAX).map(|wave| wave.count), Some(4096), "slow waves must shrink to the minimum");
     }
 }

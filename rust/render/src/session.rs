@@ -89,6 +89,8 @@ pub(crate) struct Shared {
     pub(crate) stats: Mutex<Stats>,
     pub(crate) timings: Mutex<Timings>,
     pub(crate) device: Mutex<Option<DeviceReport>>,
+    /// Reports of error that renders of this session have begun.
+    pub(crate) reports: Mutex<Vec<String>>,
     messages: Mutex<Vec<Message>>,
 }
 

@@ -40,6 +40,7 @@ impl Frames<'_> {
         Recorder {
             passes: self.passes,
             buffers: self.buffers,
+            film: self.film,
             frame: self.frame.address(),
             // The request was validated: at most 2^28 pixels.
             pixels: u32::try_from(self.job.request.pixels()).unwrap_or(u32::MAX),
@@ -68,6 +69,8 @@ struct Flight {
     submission: Submission,
     /// The wave, if this is its last part.
     ends: Option<Wave>,
+    /// Octaves of samples that it completes.
+    octaves: Vec<u32>,
     submitted: Instant,
     publishes: bool,
 }
@@ -91,7 +94,7 @@ pub(crate) fn trace_planes(
     let Some(aovs) = &frames.passes.aovs else { return Ok(true) };
     let pixels = frames.recorder().pixels;
     let mut schedule = Schedule::new(u64::from(pixels), 1 << 15, frames.buffers.capacity, 0.05);
-    while let Some(slice) = schedule.next() {
+    while let Some(slice) = schedule.next(u64::MAX) {
         if !gate.proceed() {
             return Ok(false);
         }
@@ -132,7 +135,10 @@ pub(crate) fn trace(
         while more && flights.len() < IN_FLIGHT {
             more = gate.proceed() && !progress.out_of_time();
             if more && parts.is_empty() {
-                let wave = schedule.next();
+                let wave = schedule.next(progress.open_paths());
+                if wave.is_none() && !flights.is_empty() {
+                    break; // What is under way may open more.
+                }
                 more = wave.is_some();
                 let rounds = frames.recorder().parts();
                 parts.extend(wave.into_iter().flat_map(|wave| rounds.clone().into_iter().map(move |r| (wave, r))));
@@ -155,12 +161,18 @@ pub(crate) fn trace(
         if flight.publishes {
             progress.publish(frames.film)?;
         }
+        progress.octaves(frames.film, &flight.octaves)?;
     }
     progress.trace_ended();
     let mut commands = frames.commands("resolve")?;
     frames.copy_out(&mut commands);
+    let measures = progress.ends_between_octaves();
+    if measures {
+        frames.recorder().measure(&mut commands);
+    }
     finish(&commands.submit()?, progress)?;
     progress.publish(frames.film)?;
+    progress.error_at_end(frames.film, measures)?;
     progress.finish()
 }
 
@@ -172,13 +184,13 @@ fn launch(
     progress: &mut Progress<'_>,
 ) -> Result<Flight, RenderError> {
     let mut commands = frames.commands("wave")?;
-    frames.recorder().part(&mut commands, wave, rounds);
-    let publishes = ends && progress.publish_due();
+    let octaves = frames.recorder().part(&mut commands, wave, rounds);
+    let publishes = ends && (progress.publish_due() || progress.compares(&octaves));
     if publishes {
         frames.copy_out(&mut commands);
     }
     let submission = commands.submit()?;
-    Ok(Flight { submission, ends: ends.then_some(wave), submitted: Instant::now(), publishes })
+    Ok(Flight { submission, ends: ends.then_some(wave), octaves, submitted: Instant::now(), publishes })
 }
 
 /// Waits for a submission and notes the times of its passes.

@@ -19,6 +19,7 @@
 //!   prepare_dispatch     [1]                                  q.with(r + 1, PREPARE_TRACE)
 //!   intersect_shadow     indirect Counters::SHADOW_ARGS       q.with(r, 0)      | of r+1: intersect_closest
 //! accumulate             [groups(min(path_count, width*height))]  q
+//!   (cut where every pixel has a power of two of samples: measure_error [min(ERROR_GROUPS, groups(width*height))] there)
 //! resolve                [groups(width*height)]               q                 (only when an image is wanted)
 //! ```
 //! AOVs of the pixels `first_path .. first_path + path_count`, with `a = q.flagged(PushFlags::AOVS)`:

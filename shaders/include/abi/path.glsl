@@ -70,6 +70,25 @@ struct FilmPixel {
     vec4 compensation;
     vec3 m2;
     uint samples;
+    vec3 m2_compensation;
+    uint pad0;
+    vec3 earlier;
+    uint pad1;
+};
+
+struct ErrorSums {
+    float s;
+    float d;
+    float ss;
+    float sd;
+    float dd;
+    float doubt;
+    float worst;
+    uint worst_pixel;
+    uint pixels;
+    uint fewest;
+    uint most;
+    uint pad;
 };
 
 struct LbvhBounds {

@@ -18,6 +18,8 @@ mod cameras;
 #[cfg(test)]
 mod clusters;
 #[cfg(test)]
+mod convergence;
+#[cfg(test)]
 mod edits;
 #[cfg(test)]
 mod faces;

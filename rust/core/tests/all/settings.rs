@@ -82,10 +82,21 @@ fn settings_are_listed_in_order() {
         "oocpt:chunkSize",
         "oocpt:geometryBudget",
         "oocpt:chunkReport",
+        "oocpt:report",
+        "oocpt:reference",
+        "oocpt:targetError",
     ];
     assert_eq!(keys[..ours.len()], ours, "the order");
     assert!(keys[ours.len()..].iter().all(|key| !key.starts_with("oocpt:")), "{keys:?}");
-    let names = ["OOCPT_POLICY", "OOCPT_CHUNK_SIZE", "OOCPT_GEOMETRY_BUDGET", "OOCPT_CHUNK_REPORT"];
+    let names = [
+        "OOCPT_POLICY",
+        "OOCPT_CHUNK_SIZE",
+        "OOCPT_GEOMETRY_BUDGET",
+        "OOCPT_CHUNK_REPORT",
+        "OOCPT_REPORT",
+        "OOCPT_REFERENCE",
+        "OOCPT_TARGET_ERROR",
+    ];
     assert_eq!(ours[7..].iter().filter_map(|key| Settings::env_name(key)).collect::<Vec<_>>(), names, "variables");
 }
 

@@ -243,11 +243,15 @@ impl<'a, 'r> Engine<'a, 'r> {
 
     /// Publishes the images as they are at the end.
     fn finish(&mut self, progress: &mut Progress<'_>) -> Result<(), RenderError> {
-        let submission = self.submit_images()?;
+        let measures = self.setting.film.has_color() && progress.ends_between_octaves();
+        let submission = self.submit_images(measures)?;
         if !submission.wait(WAVE_TIMEOUT)? {
             return Err(RenderError::Internal("the last image did not come".into()));
         }
         progress.publish(self.setting.film)?;
+        if self.setting.film.has_color() {
+            progress.error_at_end(self.setting.film, measures)?;
+        }
         progress.finish()
     }
 

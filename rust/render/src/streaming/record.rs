@@ -4,6 +4,7 @@
 use super::Engine;
 use super::segments::Segment;
 use crate::error::RenderError;
+use crate::measure::{LAST_SLOT, accumulate, measure};
 use crate::wavefront::StreamPasses;
 use oocpt_gpu::{Commands, Pipeline, Submission};
 use oocpt_shader_abi::{
@@ -73,8 +74,13 @@ impl Engine<'_, '_> {
         Ok(())
     }
 
-    /// Records and submits a step.
-    pub(super) fn step(&mut self, kind: Kind, number: u64, plan: &StepPlan) -> Result<Submission, RenderError> {
+    /// Records and submits a step; gives the octaves of samples that it completes.
+    pub(super) fn step(
+        &mut self,
+        kind: Kind,
+        number: u64,
+        plan: &StepPlan,
+    ) -> Result<(Submission, Vec<u32>), RenderError> {
         let mut commands = self.commands("step")?;
         self.residency.record(&mut commands);
         let passes = &self.passes;
@@ -82,10 +88,12 @@ impl Engine<'_, '_> {
             return Err(RenderError::Internal("the streaming passes were not made".into()));
         };
         let q = self.push(kind);
+        let mut octaves = Vec::new();
         if kind == Kind::Samples {
+            let film = (passes, self.setting.film, &self.buffers.paths.counters);
             for segment in &plan.finished {
-                let threads = segment.wave.count.min(self.pixels());
-                direct(&mut commands, &passes.accumulate, self.push_of(kind, segment, 0), threads);
+                let push = self.push_of(kind, segment, 0);
+                octaves.extend(accumulate(&mut commands, film, push, segment.wave, (self.pixels(), u64::MAX)));
             }
         }
         let mut round = plan.round;
@@ -101,7 +109,7 @@ impl Engine<'_, '_> {
             self.copy_images(&mut commands);
         }
         self.buffers.copy_out(&mut commands, number);
-        Ok(commands.submit()?)
+        Ok((commands.submit()?, octaves))
     }
 
     /// Starts new paths, and wakes the rays whose chunk is there, sorted by chunk.
@@ -192,9 +200,13 @@ impl Engine<'_, '_> {
     }
 
     /// Submits the last copy of the images.
-    pub(super) fn submit_images(&self) -> Result<Submission, RenderError> {
+    pub(super) fn submit_images(&self, measures: bool) -> Result<Submission, RenderError> {
         let mut commands = self.commands("resolve")?;
         self.copy_images(&mut commands);
+        if measures {
+            let film = (&self.passes, self.setting.film, &self.buffers.paths.counters);
+            measure(&mut commands, film, self.push(Kind::Samples), LAST_SLOT, self.pixels());
+        }
         Ok(commands.submit()?)
     }
 }

@@ -38,6 +38,8 @@ pub(crate) struct Segments {
     alive: VecDeque<Segment>,
     next: u64,
     total: u64,
+    /// Paths from here on may not begin yet.
+    open: u64,
 }
 
 impl Segments {
@@ -45,7 +47,7 @@ impl Segments {
     pub(crate) fn new(count: u32, size: u32, slots: u32, total: u64) -> Self {
         let free: VecDeque<u32> = (0..count).collect();
         let (count, slots) = (free.len(), u64::from(slots));
-        Self { size, slots, count, free, draining: false, alive: VecDeque::new(), next: 0, total }
+        Self { size, slots, count, free, draining: false, alive: VecDeque::new(), next: 0, total, open: total }
     }
 
     /// Gives a free segment the next paths; none when there is no free segment, no path left, or no slot: `ended` paths have
@@ -54,7 +56,9 @@ impl Segments {
         if !self.can_start(ended) {
             return None;
         }
-        let left = self.total.saturating_sub(self.next);
+        // Slots are taken in turn, and no segment has some of one turn and some of the next.
+        let turn = self.slots - self.next % self.slots.max(1);
+        let left = self.end().saturating_sub(self.next).min(turn);
         let count = u32::try_from(left.min(u64::from(self.size))).unwrap_or(self.size);
         if count == 0 {
             return None;
@@ -79,9 +83,18 @@ impl Segments {
         Some(oldest)
     }
 
-    /// Whether every path that was to be traced has been taken.
+    /// Lets paths before `open` begin, but for those beyond the total.
+    pub(crate) fn open_to(&mut self, open: u64) {
+        self.open = open;
+    }
+
+    fn end(&self) -> u64 {
+        self.total.min(self.open)
+    }
+
+    /// Whether every path that may begin has been taken.
     pub(crate) fn is_done(&self) -> bool {
-        self.alive.is_empty() && self.next >= self.total
+        self.alive.is_empty() && self.next >= self.end()
     }
 
     /// The oldest segment under way.
@@ -97,7 +110,7 @@ impl Segments {
 
     /// Paths that are not yet begun.
     pub(crate) fn unbegun(&self) -> u64 {
-        self.total - self.next
+        self.end().saturating_sub(self.next)
     }
 
     /// Whether a segment could begin when `ended` paths have given their slots back; none while the last ones of a full set of
@@ -105,7 +118,7 @@ impl Segments {
     pub(crate) fn can_start(&self, ended: u64) -> bool {
         !self.draining
             && !self.free.is_empty()
-            && self.next < self.total
+            && self.next < self.end()
             && self.next + u64::from(self.size) <= self.slots + ended
     }
 }

@@ -10,6 +10,7 @@ use super::observe::Observation;
 use super::record::{Kind, StepPlan};
 use super::segments::{Segment, Segments};
 use crate::error::RenderError;
+use crate::measure::pieces;
 use crate::progress::Progress;
 use crate::thread::Gate;
 use crate::waves::WAVE_TIMEOUT;
@@ -38,6 +39,8 @@ struct Flight {
     rounds: u32,
     submitted: Instant,
     publishes: bool,
+    /// Octaves of samples that it completes.
+    octaves: Vec<u32>,
 }
 
 /// How a stage ended.
@@ -105,7 +108,8 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
     }
 
     fn turn_until_done(&mut self, gate: &Gate<'_>, progress: &mut Progress<'_>) -> Result<Outcome, RenderError> {
-        while !self.segments.is_done() {
+        self.open(progress);
+        while !self.segments.is_done() || self.is_undecided() {
             if !gate.proceed() || (self.kind == Kind::Samples && progress.out_of_time()) {
                 return Ok(Outcome::GivenUp);
             }
@@ -124,6 +128,18 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
             }
         }
         Ok(Outcome::Done)
+    }
+
+    /// Lets the paths begin that the target error asks for.
+    fn open(&mut self, progress: &Progress<'_>) {
+        if self.kind == Kind::Samples {
+            self.segments.open_to(progress.open_paths());
+        }
+    }
+
+    /// Whether an octave is under way that may open more.
+    fn is_undecided(&self) -> bool {
+        self.flights.iter().any(|flight| !flight.octaves.is_empty())
     }
 
     /// Whether a step would do anything, as far as the host knows.
@@ -150,8 +166,16 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
         // Rays of steps that are still under way may be waiting by now.
         plan.wakes = self.seen.waiting() > 0 || !self.flights.is_empty();
         let (seen, begun) = (&self.seen, &self.begun);
+        let pixels = self.engine.setting.job.request.pixels();
         while let Some(segment) = self.segments.take_finished(|segment| is_finished(seen, begun, segment)) {
             plan.finished.push(segment);
+            // A step shows one octave at most.
+            if self.kind == Kind::Samples
+                && pieces(segment.wave, pixels, u64::MAX).iter().any(|p| p.completes.is_some())
+            {
+                plan.publishes |= progress.compares(&[0]);
+                break;
+            }
         }
         let mut room = self.room_for_rays();
         while room > 0
@@ -163,7 +187,7 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
             }
             plan.started.push(segment);
         }
-        let submission = self.engine.step(self.kind, number, &plan)?;
+        let (submission, octaves) = self.engine.step(self.kind, number, &plan)?;
         if self.kind == Kind::Samples {
             for segment in &plan.finished {
                 progress.wave_done(segment.wave);
@@ -176,7 +200,8 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
             number,
             rounds: plan.rounds,
             submitted: Instant::now(),
-            publishes,
+            publishes: plan.publishes,
+            octaves,
         });
         self.tick();
         Ok(())
@@ -211,6 +236,8 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
         if flight.publishes {
             progress.publish(self.engine.setting.film)?;
         }
+        progress.octaves(self.engine.setting.film, &flight.octaves)?;
+        self.open(progress);
         match self.seen.counters.stack_overflows {
             0 => Ok(()),
             count => Err(RenderError::StackOverflow { count: u64::from(count) }),

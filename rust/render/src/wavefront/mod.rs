@@ -27,6 +27,7 @@ pub(crate) struct Passes {
     pub(crate) intersect_shadow: Arc<Pipeline>,
     pub(crate) accumulate: Arc<Pipeline>,
     pub(crate) resolve: Arc<Pipeline>,
+    pub(crate) measure_error: Arc<Pipeline>,
     /// Only when an image is traced through pixel centres.
     pub(crate) aovs: Option<AovPasses>,
     /// Only when chunks may be absent.
@@ -96,6 +97,7 @@ impl Passes {
             intersect_shadow,
             accumulate: device.pipeline(&passes::ACCUMULATE, special)?,
             resolve: device.pipeline(&passes::RESOLVE, special)?,
+            measure_error: device.pipeline(&passes::MEASURE_ERROR, special)?,
             aovs: has_planes.then(aovs).transpose()?,
             stream: streams.then(stream).transpose()?,
         })

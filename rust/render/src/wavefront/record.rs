@@ -2,6 +2,8 @@
 //! Records one wave: the ray's straight line from camera to film.
 
 use super::{AovPasses, Passes, PathBuffers};
+use crate::film::Film;
+use crate::measure::{self, LAST_SLOT};
 use crate::schedule::Wave;
 use oocpt_gpu::{Commands, Pipeline};
 use oocpt_shader_abi::{AOV_ESCAPED, AOV_SURFACES, Counters, PREPARE_SHADE, PREPARE_TRACE, Push, PushFlags, groups};
@@ -12,6 +14,7 @@ use std::ops::Range;
 pub(crate) struct Recorder<'a> {
     pub(crate) passes: &'a Passes,
     pub(crate) buffers: &'a PathBuffers,
+    pub(crate) film: &'a Film,
     /// Device address of the frame block.
     pub(crate) frame: u64,
     pub(crate) pixels: u32,
@@ -34,7 +37,8 @@ impl Recorder<'_> {
     }
 
     /// Records some rounds of a wave: camera rays before the first round, the film after the last one.
-    pub(crate) fn part(&self, commands: &mut Commands, wave: Wave, rounds: Range<u32>) {
+    /// Gives the octaves of samples that end with it.
+    pub(crate) fn part(&self, commands: &mut Commands, wave: Wave, rounds: Range<u32>) -> Vec<u32> {
         let q = Push::wave(self.frame, wave.first, wave.count, self.pixels);
         if rounds.start == 0 {
             self.direct(commands, &self.passes.generate_camera_rays, q, wave.count);
@@ -45,8 +49,10 @@ impl Recorder<'_> {
             self.round(commands, q, round);
         }
         if rounds.end > self.last_round {
-            self.direct(commands, &self.passes.accumulate, q, wave.count.min(self.pixels));
+            let film = (self.passes, self.film, &self.buffers.counters);
+            return measure::accumulate(commands, film, q, wave, (self.pixels, u64::MAX));
         }
+        Vec::new()
     }
 
     /// Shades what the rays of a round met; traces the shadow rays beside the rays of the next round.
@@ -76,6 +82,12 @@ impl Recorder<'_> {
             self.indirect(c, &passes.shade_aovs, q.with(0, AOV_SURFACES), Counters::SURFACE_ARGS);
             self.indirect(c, &passes.shade_aovs, q.with(0, AOV_ESCAPED), Counters::ESCAPED_ARGS);
         });
+    }
+
+    /// Asks the film for its error at the end.
+    pub(crate) fn measure(&self, commands: &mut Commands) {
+        let q = Push::wave(self.frame, 0, 0, self.pixels);
+        measure::measure(commands, (self.passes, self.film, &self.buffers.counters), q, LAST_SLOT, self.pixels);
     }
 
     /// The picture of what the film holds.

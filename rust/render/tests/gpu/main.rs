@@ -6,6 +6,7 @@
 mod agreement;
 mod bsdf;
 mod control;
+mod convergence;
 mod determinism;
 mod edits;
 mod failures;

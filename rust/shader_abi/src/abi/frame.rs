@@ -180,8 +180,8 @@ impl Push {
     }
 
     /// For `generate_*` with streaming: the paths become segment `segment` (below 2^24) and take `path_count` free slots.
-    /// `taken` slots were taken before, of `slots`; the caller knows that `taken + path_count <= slots + freed`, and takes as many
-    /// at a time as divide `slots`, but for the last time.
+    /// `taken` slots were taken before, of `slots`; the caller knows that `taken + path_count <= slots + freed`, and that no
+    /// multiple of `slots` lies between.
     #[must_use]
     pub fn into_slots(self, segment: u32, taken: u64, slots: u32) -> Self {
         let slots = u64::from(slots.max(1));

@@ -4,11 +4,11 @@
 //! Guarantees: the members are listed in full: a struct literal pattern without `..` fails to compile otherwise.
 
 use super::{
-    AovClear, AovTargets, Counters, FilmPixel, Frame, GpuAlias, GpuAssembly, GpuAttribute, GpuChunk, GpuChunkInstance,
-    GpuInfiniteLight, GpuInput, GpuInstance, GpuLight, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode,
-    GpuLightShaping, GpuLightTriangle, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuNode, GpuPrim, GpuSurface,
-    GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush, Lighting, PathState, Pending,
-    Push, Question, Ray, Segment, ShadowRay, Streaming,
+    AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAlias, GpuAssembly, GpuAttribute, GpuChunk,
+    GpuChunkInstance, GpuInfiniteLight, GpuInput, GpuInstance, GpuLight, GpuLightLeaf, GpuLightMap, GpuLightMesh,
+    GpuLightNode, GpuLightShaping, GpuLightTriangle, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuNode,
+    GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush, Lighting,
+    PathState, Pending, Push, Question, Ray, Segment, ShadowRay, Streaming,
 };
 use core::mem::{offset_of, size_of};
 
@@ -313,7 +313,8 @@ pub const LAYOUTS: &[StructLayout] = &[
         resolve_base,
         resolve_args
     }),
-    layout!(FilmPixel { sum, compensation, m2, samples }),
+    layout!(FilmPixel { sum, compensation, m2, samples, m2_compensation, pad0, earlier, pad1 }),
+    layout!(ErrorSums { s, d, ss, sd, dd, doubt, worst, worst_pixel, pixels, fewest, most, pad }),
     layout!(LbvhBounds { min, max }),
     layout!(LbvhPush {
         bounds,

@@ -14,7 +14,7 @@ mod scene;
 mod stream;
 mod texture;
 
-pub use film::{FilmPixel, aov_bytes};
+pub use film::{ERROR_GROUPS, ErrorSums, FilmPixel, aov_bytes};
 pub use frame::{
     AOV_ESCAPED, AOV_SURFACES, AovClear, AovTargets, Features, Frame, FrameFlags, MAX_DIRECT_GROUPS, PREPARE_DEMAND,
     PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, Push, PushFlags, SCAN_BLOCK, SCAN_BLOCKS, SCAN_SUMS, SPEC_FEATURES,

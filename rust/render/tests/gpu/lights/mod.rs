@@ -27,7 +27,7 @@ use std::sync::Arc;
 const ALBEDO: f32 = 0.5;
 
 /// A light of radiance 1 that the camera does not see.
-fn light(kind: LightKind, transform: DMat4) -> LightDesc {
+pub(crate) fn light(kind: LightKind, transform: DMat4) -> LightDesc {
     LightDesc { prim: prim("/light", transform), kind, camera_visible: false, ..LightDesc::default() }
 }
 

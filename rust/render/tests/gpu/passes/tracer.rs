@@ -81,7 +81,7 @@ impl<'a> Tracer<'a> {
         tracer.make("counts", 8 * u64::from(CHUNKS));
         tracer.make("sums", 4 * u64::from(sort_blocks(CHUNKS)));
         tracer.make("chunk rays", 4 * u64::from(CHUNKS));
-        tracer.make("chunks", 16 * u64::from(CHUNKS));
+        tracer.make("chunks", size_of::<GpuChunk>() as u64 * u64::from(CHUNKS));
         tracer.make("counters", size_of::<Counters>() as u64);
         tracer.make("film", u64::from(PIXELS) * size_of::<FilmPixel>() as u64);
         tracer.make("depth", 4 * u64::from(PIXELS));

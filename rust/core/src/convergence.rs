@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: Apache-2.0
+//! How far a picture is from what it would become: an estimate of its relative mean squared error with a 95 % confidence
+//! interval, from what the film knows at powers of two of its samples. Pure; `f64`; any thread.
+//!
+//! # What is estimated
+//! `relMSE = mean over pixels of mean over channels of (x - mu)^2 / (mu^2 + 0.01)` (Rousselle et al. 2011, "Adaptive sampling and
+//! reconstruction using greedy error minimization", eq. 12): `x` is this very picture, `mu` the one with endless samples.
+//!
+//! # How
+//! Samples of a pixel are scrambled Sobol points (Owen 1997), not independent: the variance `s` of the samples over their number
+//! says too much. Halves of `2^m` such samples are exchangeable, so the change `d` of the mean from `2^(m-1)` to `2^m` samples has the mean
+//! square `V(2^(m-1)) - V(2^m)`, `V(n)` the variance of the mean. With `V(n) ~ n^-a` near `n`, that is `V(n) (2^a - 1)`. Of `R = d / s`, summed
+//! over all pixels, a Kalman filter over the octaves follows `ln R` and its slope `1 - a`; the estimate is `s R / (2^a - 1)`.
+//! Independent samples give `R = 1`, `a = 1` and the textbook `s`.
+//!
+//! # The interval
+//! Log-normal, of three independent parts: what the filter does not know; by how much this picture's error differs from its mean
+//! (signs of halves may be swapped, so `sum (d - R s)^2` is the variance of `sum x^2` too, for a lone firefly as for Gaussian noise); and
+//! the standard errors of the means that errors are divided by.
+//! Between powers of two the estimate lies between that of independent blocks and the power law, and the interval covers both.
+
+use serde::{Deserialize, Serialize};
+
+/// What rounding in single precision leaves, as relMSE.
+const ROUNDING: f64 = 1e-14;
+/// Slope of `ln R` downwards a priori, per octave in units of `ln 2`, and its standard deviation.
+const SLOPE: (f64, f64) = (0.3, 0.4);
+/// The steepest that is believed: smooth integrands, variance falling as the cube of the samples.
+const STEEPEST: f64 = 2.0;
+/// By how much `ln R` and its slope may change from octave to octave besides.
+const DRIFT: (f64, f64) = (0.1, 0.15);
+/// Variance of the logarithm of the estimate for what the model leaves out.
+const MODEL: f64 = 0.02;
+/// Two-sided 95 % of a normal distribution.
+const Z: f64 = 1.959_963_985;
+
+/// Sums over the pixels of a picture, see the module: `s` and `d` are relative, squared and averaged over the channels.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ErrorSums {
+    /// Pixels of the picture.
+    pub pixels: f64,
+    /// Sum of `s`, the variance of the mean by that of the samples.
+    pub s: f64,
+    /// Sum of `d`, the squared change of the mean since the last power of two below.
+    pub d: f64,
+    /// Sum of `s * s`.
+    pub ss: f64,
+    /// Sum of `s * d`.
+    pub sd: f64,
+    /// Sum of `d * d`.
+    pub dd: f64,
+    /// Sum of `(s * e)^2`, `e` the relative standard error of the divisor.
+    pub doubt: f64,
+}
+
+/// An estimate of relMSE.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Estimate {
+    /// The estimate.
+    pub rel_mse: f64,
+    /// Lower end of the 95 % confidence interval.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+/// Mean and covariance of (`ln R`, slope of `ln G` downwards in units of `ln 2`).
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct State {
+    log_ratio: f64,
+    slope: f64,
+    /// Variance of the ratio, covariance, variance of the slope.
+    covariance: [f64; 3],
+}
+
+/// Follows one render through the octaves.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Convergence {
+    /// The last octave and what is believed since.
+    last: Option<(u32, State)>,
+}
+
+/// Part of the expected `s` that is there because samples which cover the domain evenly spread wider than independent ones:
+/// `E s = sigma^2 / n (n - G) / (n - 1)`, `G` the ratio of the variances of the two kinds of means.
+fn spread_wide(samples: f64, gain: f64) -> f64 {
+    (samples - gain.clamp(0.0, 1.0)) / (samples - 1.0).max(1.0)
+}
+
+/// `V(n)` over `V(n/2) - V(n)`.
+fn share(slope: f64) -> f64 {
+    1.0 / ((1.0 + slope).exp2() - 1.0)
+}
+
+impl ErrorSums {
+    /// The square of the relative scatter of `d` around `ratio * s`.
+    fn scatter(&self, ratio: f64) -> f64 {
+        let around = ratio.mul_add(ratio * self.ss, (-2.0 * ratio).mul_add(self.sd, self.dd));
+        around.max(0.0) / (ratio * self.s).powi(2).max(f64::MIN_POSITIVE)
+    }
+
+    fn is_sound(&self) -> bool {
+        let all = [self.pixels, self.s, self.d, self.ss, self.sd, self.dd, self.doubt];
+        all.iter().all(|v| v.is_finite() && *v >= 0.0) && self.pixels >= 1.0
+    }
+}
+
+impl State {
+    fn first(log_ratio: f64, variance: f64) -> Self {
+        Self { log_ratio, slope: SLOPE.0, covariance: [variance, 0.0, SLOPE.1 * SLOPE.1] }
+    }
+
+    /// One octave on.
+    fn predicted(self) -> Self {
+        let ln2 = std::f64::consts::LN_2;
+        let [ratio, both, slope] = self.covariance;
+        let covariance = [
+            (ln2 * ln2).mul_add(slope, (-2.0 * ln2).mul_add(both, ratio)) + DRIFT.0 * DRIFT.0,
+            both - ln2 * slope,
+            slope + DRIFT.1 * DRIFT.1,
+        ];
+        Self { log_ratio: self.log_ratio - ln2 * self.slope, covariance, ..self }
+    }
+
+    /// Having seen `log_ratio` with the given variance at an octave.
+    fn updated(self, log_ratio: f64, variance: f64, octave: u32) -> Self {
+        let [ratio, both, slope] = self.covariance;
+        let surprise = log_ratio - self.log_ratio;
+        let expected = ratio + variance;
+        if surprise > 0.0 && surprise * surprise > 9.0 * expected {
+            // Something new, such as the first firefly: the past says nothing about it, the way from independent samples a little.
+            let slope = (-log_ratio / (f64::from(octave) * std::f64::consts::LN_2)).clamp(0.0, SLOPE.0);
+            return Self { log_ratio, slope, covariance: [variance, 0.0, SLOPE.1 * SLOPE.1 / 4.0] };
+        }
+        let gain = [ratio / expected, both / expected];
+        Self {
+            log_ratio: gain[0].mul_add(surprise, self.log_ratio),
+            slope: gain[1].mul_add(surprise, self.slope).clamp(0.0, STEEPEST),
+            covariance: [(1.0 - gain[0]) * ratio, (1.0 - gain[0]) * both, slope - gain[1] * both],
+        }
+    }
+
+    /// Variance of the logarithm of the estimate.
+    fn variance(&self) -> f64 {
+        let grown = (1.0 + self.slope).exp2();
+        let by_slope = -grown * std::f64::consts::LN_2 / (grown - 1.0);
+        let [ratio, both, slope] = self.covariance;
+        (by_slope * by_slope).mul_add(slope, (2.0 * by_slope).mul_add(both, ratio)).max(0.0)
+    }
+}
+
+impl Convergence {
+    /// Learns from the film at `2^octave` samples in every pixel, and says what its error is; none below two samples or without
+    /// sound sums. Octaves come in ascending order; some may be missing.
+    pub fn octave(&mut self, octave: u32, sums: &ErrorSums) -> Option<Estimate> {
+        if octave == 0 || octave > 32 || !sums.is_sound() {
+            return None;
+        }
+        if sums.s <= 0.0 || sums.d <= 0.0 {
+            return Some(Estimate { rel_mse: 0.0, low: 0.0, high: ROUNDING });
+        }
+        let samples = f64::from(octave).exp2();
+        let wide = spread_wide(samples, sums.d / sums.s);
+        let ratio = sums.d / sums.s * wide;
+        let scatter = sums.scatter(sums.d / sums.s).max(1e-6).ln_1p();
+        // The mean of a log-normal ratio, not its median.
+        let seen = (0.5_f64.mul_add(scatter.min(1.0), ratio.ln()), scatter);
+        let state = match self.last {
+            None => State::first(seen.0, seen.1),
+            Some((last, mut state)) => {
+                for _ in last..octave {
+                    state = state.predicted();
+                }
+                state.updated(seen.0, seen.1, octave)
+            }
+        };
+        // At two samples `d` and `s` are one and the same.
+        if octave > 1 {
+            self.last = Some((octave, state));
+        }
+        let ratio = state.log_ratio.exp();
+        let value = ratio * share(state.slope) * sums.s / wide;
+        Some(interval(value, sums, state.variance(), sums.scatter(ratio / wide)))
+    }
+
+    /// What the error is at any number of samples, at least that of the last octave.
+    #[must_use]
+    pub fn between(&self, samples: f64, sums: &ErrorSums) -> Option<Estimate> {
+        let (octave, state) = self.last?;
+        if !sums.is_sound() || samples.is_nan() || samples < f64::from(octave).exp2() {
+            return None;
+        }
+        if sums.s <= 0.0 {
+            return Some(Estimate { rel_mse: 0.0, low: 0.0, high: ROUNDING });
+        }
+        let gain = state.log_ratio.exp() * share(state.slope);
+        let by_law = (samples / f64::from(octave).exp2()).powf(-state.slope);
+        let by_blocks = blocks(samples, octave, state.slope).max(by_law);
+        let value = gain * (by_law * by_blocks).sqrt() * sums.s / spread_wide(samples, gain);
+        let between = 0.5 * (by_blocks / by_law).ln();
+        // The scatter of Gaussian noise: an upper bound where fireflies lead.
+        let scatter = 2.0 * sums.ss / (sums.s * sums.s);
+        Some(interval(value, sums, between.mul_add(between, state.variance()), scatter))
+    }
+}
+
+/// Variance of the mean of `samples` in independent blocks of powers of two, over what independent samples would make of that of
+/// `2^octave`.
+fn blocks(samples: f64, octave: u32, slope: f64) -> f64 {
+    let mut rest = samples.floor();
+    let mut sum = 0.0;
+    while rest >= 1.0 {
+        let block = rest.log2().floor().exp2();
+        sum += block * (block / f64::from(octave).exp2()).powf(-slope);
+        rest -= block;
+    }
+    sum / samples.max(1.0)
+}
+
+fn interval(sum: f64, sums: &ErrorSums, state: f64, scatter: f64) -> Estimate {
+    let doubt = sums.doubt / (sums.s * sums.s).max(f64::MIN_POSITIVE);
+    // This picture's error is skewed too: its median lies below its mean.
+    let middle = (-0.5 * scatter.ln_1p().min(1.0)).exp();
+    let spread = (Z * (MODEL + state + scatter.ln_1p() + doubt.ln_1p()).sqrt()).min(60.0);
+    let rel_mse = sum / sums.pixels;
+    Estimate {
+        rel_mse,
+        low: (rel_mse * middle * (-spread).exp() - ROUNDING).max(0.0),
+        high: (rel_mse * middle).mul_add(spread.exp(), ROUNDING),
+    }
+}

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Error against time while a frame renders: takes what the film measured, tells it to the stats and to the report, compares with a
+//! reference, and says when the error is small enough to stop.
+//!
+//! Stopping does not bias the picture to speak of: it is decided for the whole picture, by its error at powers of two of the samples
+//! alone, and a single pixel hardly moves that. Nothing is decided by time unless a time limit is set, and no path beyond an octave begins before that octave is
+//! decided: same scene, same samples. Trouble with files is one warning. Render thread only.
+
+use crate::error_report::{ErrorReportHeader, ReportWriter, VERSION};
+use crate::measure::{Measured, next_boundary};
+use crate::reference::Reference;
+use crate::request::Severity;
+use crate::session::{Job, Shared};
+use crate::sync::lock;
+use oocpt_core::convergence::{Convergence, Estimate};
+use oocpt_core::stats::ErrorRow;
+use std::path::Path;
+
+/// Fewest samples after which an error counts as small enough: before, too little is known.
+const FEWEST_TO_STOP: u32 = 4;
+
+/// The clock and counters of a row.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Moment {
+    pub(crate) seconds: f64,
+    pub(crate) seconds_tracing: f64,
+    pub(crate) bytes_paged: u64,
+}
+
+/// See the module.
+#[derive(Debug)]
+pub(crate) struct ErrorLog {
+    convergence: Convergence,
+    pixels: u64,
+    writer: Option<ReportWriter>,
+    reference: Option<Reference>,
+    target: f64,
+    /// Paths that may begin.
+    open: u64,
+    /// The last row, as long as it may turn out to be the last.
+    last: Option<ErrorRow>,
+}
+
+impl ErrorLog {
+    /// Begins a render; opens the files that the settings name.
+    pub(crate) fn start(shared: &Shared, job: &Job) -> Self {
+        let pixels = job.request.pixels();
+        let target = f64::from(job.settings.target_error);
+        let reference = match job.settings.reference.as_str() {
+            "" => None,
+            file => Reference::read(Path::new(file), [job.request.width, job.request.height])
+                .inspect_err(|error| shared.report(Severity::Warning, format!("oocpt:reference: {error}")))
+                .ok(),
+        };
+        let writer = match job.settings.report.as_str() {
+            "" => None,
+            file => begin(shared, job, file)
+                .inspect_err(|error| shared.report(Severity::Warning, format!("oocpt:report: {file}: {error}")))
+                .ok(),
+        };
+        let open = if target > 0.0 { pixels << FEWEST_TO_STOP } else { u64::MAX };
+        Self { convergence: Convergence::default(), pixels, writer, reference, target, open, last: None }
+    }
+
+    /// Whether waves are to end where octaves do, so that a row has the time of its own samples.
+    pub(crate) fn wants_octaves(&self) -> bool {
+        self.writer.is_some() || self.reference.is_some() || self.target > 0.0
+    }
+
+    /// Whether pictures are to be published with each octave.
+    pub(crate) fn wants_pictures(&self) -> bool {
+        self.reference.is_some()
+    }
+
+    /// Paths that may begin; more when an octave is not good enough.
+    pub(crate) fn open_paths(&self) -> u64 {
+        self.open
+    }
+
+    /// Takes what was measured with `octave`, or at the end.
+    pub(crate) fn row(&mut self, shared: &Shared, measured: Measured, octave: Option<u32>, moment: Moment) {
+        let estimate = match octave {
+            Some(octave) => self.convergence.octave(octave, &measured.sums),
+            None => self.convergence.between(f64::from(measured.fewest), &measured.sums),
+        };
+        if let Some(octave) = octave {
+            self.decide(octave, estimate);
+        }
+        let Measured { worst, fewest, rays, .. } = measured;
+        let truth = self.reference.as_ref().and_then(|reference| reference.compare(&lock(&shared.published)));
+        let Moment { seconds, seconds_tracing, bytes_paged } = moment;
+        let row = ErrorRow {
+            samples: fewest,
+            seconds,
+            seconds_tracing,
+            rays,
+            estimate,
+            worst,
+            bytes_paged,
+            truth,
+            is_last: false,
+        };
+        self.write(shared);
+        lock(&shared.stats).error = Some(row.clone());
+        self.last = Some(row);
+    }
+
+    fn decide(&mut self, octave: u32, estimate: Option<Estimate>) {
+        let (_, next) = next_boundary(self.pixels << octave, self.pixels);
+        let is_good = estimate.is_some_and(|estimate| estimate.high <= self.target);
+        if self.target > 0.0 && octave >= FEWEST_TO_STOP && !is_good && self.open < next {
+            self.open = next;
+        }
+    }
+
+    /// The render has ended: samples of the last row are the picture's.
+    pub(crate) fn finish(&mut self, shared: &Shared) {
+        if let Some(row) = &mut self.last {
+            row.is_last = true;
+            lock(&shared.stats).error = Some(row.clone());
+        }
+        self.write(shared);
+    }
+
+    fn write(&mut self, shared: &Shared) {
+        let (Some(row), Some(writer)) = (self.last.take(), &mut self.writer) else { return };
+        if let Err(error) = writer.line(&row) {
+            shared.report(Severity::Warning, format!("oocpt:report: {error}; no more is written"));
+            self.writer = None;
+        }
+    }
+}
+
+fn begin(shared: &Shared, job: &Job, file: &str) -> std::io::Result<ReportWriter> {
+    let settings = &job.settings;
+    let header = ErrorReportHeader {
+        oocpt_error_report: VERSION,
+        renderer: format!("OocPT {}", env!("CARGO_PKG_VERSION")),
+        device: lock(&shared.device).as_ref().map(|device| device.name.clone()).unwrap_or_default(),
+        width: job.request.width,
+        height: job.request.height,
+        samples_target: settings.samples_per_pixel,
+        max_bounces: settings.max_bounces,
+        seed: settings.seed,
+        geometry_budget_kib: settings.geometry_budget_kib,
+        reference: settings.reference.clone(),
+    };
+    let mut reports = lock(&shared.reports);
+    let is_first = !reports.iter().any(|have| have == file);
+    let writer = ReportWriter::begin(Path::new(file), is_first, &header)?;
+    if is_first {
+        reports.push(file.to_owned());
+    }
+    Ok(writer)
+}

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The report of error against time that `oocpt:report` names: a JSON object a line, first one about the render, then an
+//! [`ErrorRow`] at each power of two of the samples and at the end. `oocpt report plot` draws it.
+//!
+//! Every line is written whole and at once: a render that is killed leaves all lines up to then. The first render of a session
+//! empties the file, later ones go on: each begins with its own [`ErrorReportHeader`].
+
+use oocpt_core::stats::ErrorRow;
+use serde::{Deserialize, Serialize};
+use std::fs::{File, OpenOptions};
+use std::io::{BufRead as _, BufReader, Error, ErrorKind, Read as _, Result, Write as _};
+use std::path::Path;
+
+/// The version of the format.
+pub const VERSION: u32 = 1;
+/// Longest report that is read, bytes; a report is data from strangers.
+const LONGEST: u64 = 64 << 20;
+
+/// What was rendered.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct ErrorReportHeader {
+    /// [`VERSION`]; tells the first line of a render.
+    pub oocpt_error_report: u32,
+    /// The renderer's version.
+    pub renderer: String,
+    /// Name of the device.
+    pub device: String,
+    /// Pixels from left to right.
+    pub width: u32,
+    /// Pixels from top to bottom.
+    pub height: u32,
+    /// Samples per pixel that were asked for.
+    pub samples_target: u32,
+    /// Indirect bounces.
+    pub max_bounces: u32,
+    /// Seed.
+    pub seed: u32,
+    /// Cap on geometry in KiB; 0 = none.
+    pub geometry_budget_kib: u32,
+    /// The reference picture, empty = none.
+    pub reference: String,
+}
+
+/// One render of a report.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ErrorReport {
+    /// What was rendered.
+    pub header: ErrorReportHeader,
+    /// Ascending samples.
+    pub rows: Vec<ErrorRow>,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Line {
+    Header(ErrorReportHeader),
+    Row(Box<ErrorRow>),
+}
+
+impl ErrorReport {
+    /// All renders of a file, in the order in which they were made. A last line that was cut off is left out.
+    ///
+    /// # Errors
+    /// The file cannot be read, is longer than 64 MiB, or has another line that is no part of such a report.
+    pub fn read_all(path: &Path) -> Result<Vec<Self>> {
+        let mut reports: Vec<Self> = Vec::new();
+        let mut broken = None;
+        for (number, line) in BufReader::new(File::open(path)?.take(LONGEST)).lines().enumerate() {
+            let line = line?;
+            if let Some(error) = broken.take() {
+                return Err(error);
+            }
+            match (serde_json::from_str(&line), reports.last_mut()) {
+                (Ok(Line::Header(header)), _) => reports.push(Self { header, rows: Vec::new() }),
+                (Ok(Line::Row(row)), Some(report)) => report.rows.push(*row),
+                (Ok(Line::Row(_)), None) => return Err(bad(path, number, "a row before the first render")),
+                (Err(error), _) => broken = Some(bad(path, number, &error.to_string())),
+            }
+        }
+        if reports.is_empty() {
+            return Err(broken.unwrap_or_else(|| bad(path, 0, "no render")));
+        }
+        Ok(reports)
+    }
+}
+
+fn bad(path: &Path, line: usize, what: &str) -> Error {
+    Error::new(ErrorKind::InvalidData, format!("{}, line {}: {what}", path.display(), line + 1))
+}
+
+/// Appends to a report.
+#[derive(Debug)]
+pub(crate) struct ReportWriter {
+    file: File,
+}
+
+impl ReportWriter {
+    /// Begins a render; empties the file first when `is_first`.
+    pub(crate) fn begin(path: &Path, is_first: bool, header: &ErrorReportHeader) -> Result<Self> {
+        if is_first {
+            File::create(path)?;
+        }
+        let mut writer = Self { file: OpenOptions::new().append(true).open(path)? };
+        writer.line(header)?;
+        Ok(writer)
+    }
+
+    /// Writes a line.
+    pub(crate) fn line(&mut self, value: &impl Serialize) -> Result<()> {
+        let mut text = serde_json::to_string(value)?;
+        text.push('\n');
+        self.file.write_all(text.as_bytes())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header(seed: u32) -> ErrorReportHeader {
+        ErrorReportHeader { oocpt_error_report: VERSION, width: 4, height: 3, seed, ..ErrorReportHeader::default() }
+    }
+
+    #[test]
+    fn what_is_written_is_read_and_a_line_cut_off_is_left_out() {
+        let path = std::env::temp_dir().join(format!("oocpt-report-{}.jsonl", std::process::id()));
+        let row = |samples| ErrorRow { samples, seconds: 0.5, ..ErrorRow::default() };
+        for (seed, is_first) in [(7, true), (1, true), (2, false)] {
+            let mut writer = ReportWriter::begin(&path, is_first, &header(seed)).expect("a temporary file");
+            writer.line(&row(1)).expect("a line");
+            writer.line(&row(2)).expect("a line");
+        }
+        let mut file = OpenOptions::new().append(true).open(&path).expect("it is there");
+        file.write_all(b"{\"samples\":4,\"sec").expect("half a line");
+        let reports = ErrorReport::read_all(&path).expect("a report");
+        assert_eq!(reports.len(), 2, "the first render of a session empties the file, the next one goes on");
+        assert_eq!(reports[0].header, header(1), "what was rendered");
+        assert_eq!(reports[1].rows, [row(1), row(2)], "whole rows");
+        file.write_all(b"\n{}\n").expect("more");
+        assert!(ErrorReport::read_all(&path).is_err(), "a broken line in the middle is no accident");
+        std::fs::remove_file(path).expect("it is there");
+    }
+}

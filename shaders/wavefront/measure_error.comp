@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the film says about its own error: at most ERROR_GROUPS workgroups, each sums the pixels of its threads, which are interleaved.
+// The sums are taken in one order: same film, same bits. Reads: film. Writes: ErrorSums of each workgroup, behind the film's pixels.
+//
+// A pixel's error is divided by the square of what the pixel is, which nobody knows. Its own mean would hide a firefly (divided by
+// itself, it is 1 at most); so the mean is drawn towards its neighbours' as far as it differs from it by no more than its noise
+// explains (positive-part James-Stein).
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "include/wavefront.glsl"
+
+const float EPSILON = 1e-2; // keeps the error of black pixels finite; as is usual
+const float LARGEST = 1e15; // what one pixel may count: squares of it, and sums of those, are floats
+const float TRUST = 4.0; // squared standard errors by which a mean has to differ from its neighbours to be believed
+
+struct PixelError {
+    float s;
+    float d;
+    float doubt; // relative standard error of the divisor
+};
+
+vec3 mean_of(uint pixel) {
+    return ConstFilm(FRAME.film).v[pixel].sum.rgb / float(max(ConstFilm(FRAME.film).v[pixel].samples, 1u));
+}
+
+float average(vec3 v) {
+    // min() takes NaN away as well: it returns its first argument then.
+    return min(LARGEST, (v.x + v.y + v.z) * (1.0 / 3.0));
+}
+
+// Sum and sum of squares of the neighbours' means; how many there are.
+uint neighbours(ivec2 at, out vec3 sum, out vec3 squares) {
+    sum = vec3(0.0);
+    squares = vec3(0.0);
+    uint count = 0u;
+    for (int y = max(at.y - 1, 0); y <= min(at.y + 1, int(FRAME.height) - 1); ++y) {
+        for (int x = max(at.x - 1, 0); x <= min(at.x + 1, int(FRAME.width) - 1); ++x) {
+            if (ivec2(x, y) == at) continue;
+            const vec3 mean = mean_of(uint(y) * FRAME.width + uint(x));
+            sum += mean;
+            squares += mean * mean;
+            ++count;
+        }
+    }
+    return count;
+}
+
+PixelError error_of(uint pixel, uint samples) {
+    const FilmPixel film = ConstFilm(FRAME.film).v[pixel];
+    const float n = float(samples);
+    const vec3 mean = film.sum.rgb / n;
+    const vec3 variance = max(film.m2, vec3(0.0)) / (n - 1.0) / n;
+    const vec3 change = mean - film.earlier;
+    vec3 level = mean;
+    vec3 level_variance = variance;
+    vec3 sum, squares;
+    const uint count = neighbours(ivec2(pixel % FRAME.width, pixel / FRAME.width), sum, squares);
+    if (count > 0u) {
+        const vec3 around = sum / float(count);
+        const vec3 spread = max(squares / float(count) - around * around, vec3(0.0));
+        const vec3 apart = mean - around;
+        const vec3 keep = clamp(1.0 - TRUST * variance / max(apart * apart, vec3(1e-30)), vec3(0.0), vec3(1.0));
+        level = around + keep * apart;
+        level_variance = keep * keep * variance + (1.0 - keep) * (1.0 - keep) * spread;
+    }
+    const vec3 divisor = level * level + EPSILON;
+    const vec3 doubt = 2.0 * abs(level) * sqrt(level_variance) / divisor;
+    PixelError error;
+    error.s = average(variance / divisor);
+    error.d = average(change * change / divisor);
+    error.doubt = min(1.0, max_component(doubt));
+    return error;
+}
+
+shared ErrorSums parts[WORKGROUP_SIZE];
+
+ErrorSums joined(ErrorSums a, ErrorSums b) {
+    const bool first = a.worst >= b.worst;
+    return ErrorSums(a.s + b.s, a.d + b.d, a.ss + b.ss, a.sd + b.sd, a.dd + b.dd, a.doubt + b.doubt, max(a.worst, b.worst),
+                     first ? a.worst_pixel : b.worst_pixel, a.pixels + b.pixels, min(a.fewest, b.fewest), max(a.most, b.most), 0u);
+}
+
+void main() {
+    const uint pixels = FRAME.width * FRAME.height;
+    const uint stride = gl_NumWorkGroups.x * WORKGROUP_SIZE;
+    ErrorSums mine = ErrorSums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0u, 0u, 0xffffffffu, 0u, 0u);
+    for (uint pixel = gl_GlobalInvocationID.x; pixel < pixels; pixel += stride) {
+        const uint samples = ConstFilm(FRAME.film).v[pixel].samples;
+        PixelError e = PixelError(0.0, 0.0, 0.0);
+        if (samples >= 2u) e = error_of(pixel, samples);
+        const float doubt = e.s * e.doubt;
+        mine = joined(mine, ErrorSums(e.s, e.d, e.s * e.s, e.s * e.d, e.d * e.d, doubt * doubt, e.s, pixel,
+                                      samples >= 2u ? 1u : 0u, samples, samples, 0u));
+    }
+    parts[gl_LocalInvocationIndex] = mine;
+    barrier();
+    for (uint step = WORKGROUP_SIZE / 2u; step > 0u; step /= 2u) {
+        if (gl_LocalInvocationIndex < step) {
+            parts[gl_LocalInvocationIndex] = joined(parts[gl_LocalInvocationIndex], parts[gl_LocalInvocationIndex + step]);
+        }
+        barrier();
+    }
+    if (gl_LocalInvocationIndex == 0u) {
+        const uint64_t behind = FRAME.film + uint64_t(pixels) * 80ul;
+        ErrorParts(behind).v[gl_WorkGroupID.x] = parts[0];
+    }
+}
