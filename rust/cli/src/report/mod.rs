@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt report chunks`: draws what `oocpt:chunkReport` wrote.
+//! `oocpt report plot`: see [`error_plot`]. `oocpt report chunks`: draws what `oocpt:chunkReport` wrote.
 //!
 //! `loads.png` and `rays.png` show the boxes of all chunk instances from the render's camera, coloured by the chunk's loads
 //! and by the rays that visited it, on a logarithmic scale; grey is zero. `progress.txt` says how the paths ran out.
 
 mod boxes;
+mod chart;
+mod error_plot;
 mod paint;
 
 use anyhow::{Context, Result, bail};
@@ -36,6 +38,8 @@ pub(crate) struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Error against time of one or more renders, as SVG and PNG, and the times to errors of 1e-1, 1e-2, 1e-3.
+    Plot(error_plot::Arguments),
     /// Pictures of the chunks by loads and by rays, and the table of time against paths left.
     Chunks {
         /// The file that the setting `oocpt:chunkReport` named.
@@ -48,7 +52,10 @@ enum Command {
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let Command::Chunks { file, out } = &arguments.command;
+    let (file, out) = match &arguments.command {
+        Command::Plot(arguments) => return error_plot::run(arguments),
+        Command::Chunks { file, out } => (file, out),
+    };
     let report = ChunkReport::read(file)?;
     if report.width.max(report.height) > MAX_SIDE {
         bail!("{}: a picture of {} x {} pixels", file.display(), report.width, report.height);
