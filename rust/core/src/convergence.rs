@@ -55,6 +55,7 @@ pub struct ErrorSums {
 
 /// An estimate of relMSE.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
 pub struct Estimate {
     /// The estimate.
     pub rel_mse: f64,

@@ -70,7 +70,7 @@ impl Chart {
         let [left, top, right, bottom] = MARGINS;
         let (w, h) = (f64::from(WIDTH) - left - right, f64::from(HEIGHT) - top - bottom);
         let place = |x: f64, y: f64| {
-            let at = [(x.log10() - x0) / (x1 - x0), (y.log10() - y0) / (y1 - y0)].map(|t| t.clamp(-0.2, 1.2));
+            let at = [(x.log10() - x0) / (x1 - x0), (y.log10() - y0) / (y1 - y0)].map(|t| t.clamp(-50.0, 50.0));
             [left + w * at[0], top + h * (1.0 - at[1])]
         };
         let mut shapes = Vec::new();
@@ -110,7 +110,8 @@ impl Chart {
                 }
             }
             for point in points.iter().filter(|p| !curve.is_dashed && p[2] > 0.0) {
-                let (from, to) = (place(point[0], point[2]), place(point[0], point[3]));
+                let [from, to] =
+                    [point[2], point[3]].map(|y| place(point[0], y)).map(|[x, y]| [x, y.clamp(top, top + h)]);
                 shapes.push(Shape::Line { from, to, width: 1.0, color });
             }
             #[expect(clippy::cast_precision_loss, reason = "a place in the picture")]
