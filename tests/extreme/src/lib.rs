@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Stiff and extreme cases through the real renderer, each against a closed form or a small path tracer in f64 ([`tracer`], which shares
+//! Stiff and extreme cases through the real renderer, each against a closed form or a small path tracer in f64 (`tracer`, which shares
 //! no code with the renderer), each with a bound. A run gives one [`Table`].
 //!
 //! A bound that does not hold stays in the table as MISSED, with the error as measured and an explanation, and may not get worse
