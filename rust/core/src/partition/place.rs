@@ -25,7 +25,7 @@ pub(crate) struct Placement {
     pub(crate) id: u32,
     /// Values of primvars so far, those of inner instancers in place of outer ones.
     pub(crate) values: Vec<PlacedValue>,
-    /// Its row in [`World::placed`], or [`NO_ROW`].
+    /// Its row in [`World::placed`], or `NO_ROW`.
     pub(crate) row: u32,
 }
 

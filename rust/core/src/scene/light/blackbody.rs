@@ -38,7 +38,7 @@ const FIT: [[f64; 4]; 19] = [
 /// Colour of a black body, linear Rec. 709 of luminance 1, as `UsdLux` wants it: temperatures clamp to 1000..10000 K, and components
 /// are not negative.
 ///
-/// Cubic Hermite interpolation of [`FIT`]; within 1e-3 of `UsdLux.BlackbodyTemperatureAsRgb` in every component and at every
+/// Cubic Hermite interpolation of `FIT`; within 1e-3 of `UsdLux.BlackbodyTemperatureAsRgb` in every component and at every
 /// temperature (`tests/hydra/test_features_lights.py`). `None` for NaN.
 #[must_use]
 pub fn blackbody(kelvin: f32) -> Option<[f64; 3]> {
