@@ -104,7 +104,7 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     if (!bsdf_sample(bsdf, wo, u, wi, weight, pdf) || (last && pdf > 0.0)) return;
     const vec3 throughput = state.throughput * weight;
     const float largest = max_component(throughput);
-    const float survival = ray.bounce >= ROULETTE_FROM ? min(largest, ROULETTE_CAP) : 1.0;
+    const float survival = ray.bounce >= ROULETTE_FROM ? min(largest, 1.0) : 1.0;
     go_on = largest > 0.0 && u.w < survival && is_finite(throughput);
     if (!go_on) return;
     store_path(path, PathState(throughput / survival, pdf));

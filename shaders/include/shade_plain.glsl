@@ -57,7 +57,7 @@ void shade_plain(uint path, out bool ask, out bool go_on) {
     }
     if (!last && max_component(throughput) > 0.0) {
         const vec4 u = sample_4d(index, 1u + 2u * ray.bounce, seed);
-        const float survival = ray.bounce >= ROULETTE_FROM ? min(max_component(throughput), ROULETTE_CAP) : 1.0;
+        const float survival = ray.bounce >= ROULETTE_FROM ? min(max_component(throughput), 1.0) : 1.0;
         const vec3 direction = lambert_sample(lambert, u.xy);
         const float density = lambert_density(lambert, direction);
         go_on = u.z < survival && density > 0.0;

@@ -15,8 +15,9 @@
 #include "include/bsdf.glsl"
 #include "include/light_sample.glsl"
 
+// Russian roulette (Arvo and Kirk 1990) from this bounce on, by the throughput; a path of full throughput always goes on, so that no weight
+// exceeds 1 by it.
 const uint ROULETTE_FROM = 3u;
-const float ROULETTE_CAP = 0.95;
 
 #include "include/shade_plain.glsl"
 #include "include/shade_general.glsl"

@@ -203,6 +203,12 @@ def test_a_hundred_lights(host, name):
     featured.agree(featured.pictures(host, name, samples=256), _hundred(answers.floor_points(SIZE)), name, relative=1e-3)
 
 
+def test_mesh_light(host):
+    """An emissive rectangle gives what a rectangle light of the same radiance gives."""
+    expected = _floor(_rect(answers.floor_points(SIZE)), (2.0, 1.0, 0.5))
+    featured.agree(featured.pictures(host, "light_mesh", samples=256), expected, "mesh light", relative=1e-3)
+
+
 def test_rect_light_texture(host):
     """Seen in a mirror below: which quarter is where. UsdLux: "a texture file's min coordinates should be at (+X, +Y) and max coordinates at (-X, -Y)",
     the first texel of a file being its upper left one: from its front (-z) the light shows the picture as it is. (OpenUSD's hdEmbree mirrors it.)"""

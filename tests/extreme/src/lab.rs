@@ -281,7 +281,7 @@ fn worst_block(reference: &Estimate, eye: &Eye, shot: &Shot, way: &Way) -> (f64,
     let mut worst = (0.0, 0.0, 0.0);
     for top in (0..height).step_by(8) {
         for left in (0..width).step_by(8) {
-            let (mut expected, mut got, mut variance, mut pixels) = (0.0, 0.0, 0.0, 0.0);
+            let (mut expected, mut got, mut variance, mut pixels, mut squares) = (0.0, 0.0, 0.0, 0.0, 0.0);
             for y in top..height.min(top + 8) {
                 for x in left..width.min(left + 8) {
                     // Images of cases are small.
@@ -293,13 +293,16 @@ fn worst_block(reference: &Estimate, eye: &Eye, shot: &Shot, way: &Way) -> (f64,
                     };
                     expected += mean;
                     got += f64::from(color[0]);
+                    squares += (f64::from(color[0]) - mean).powi(2);
                     // The renderer chooses one light at a time, the tracer asks all: up to three times the variance.
                     variance += own * (1.0 / f64::from(reference.samples) + 3.0 / f64::from(way.samples));
                     pixels += 1.0;
                 }
             }
             let least = 1e-5 * expected;
-            let z = (got - expected).abs() / (variance + least * least).sqrt().max(f64::MIN_POSITIVE);
+            // Where each light alone has no noise, all there is comes from that choice: the pixels tell how much.
+            let scatter = (squares - (got - expected).powi(2) / pixels) * pixels / (pixels - 1.0_f64).max(1.0);
+            let z = (got - expected).abs() / (variance.max(scatter) + least * least).sqrt().max(f64::MIN_POSITIVE);
             if z > worst.0 || z.is_nan() {
                 worst = (z, expected / pixels, got / pixels);
             }
