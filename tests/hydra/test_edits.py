@@ -13,7 +13,8 @@ SIZE = (28, 28)
 
 EDITS = {
     "transform": "UsdGeom.Xformable(at('/World/Box')).GetOrderedXformOps()[0].Set(Gf.Vec3d(0.6, 0.5, -0.4))",
-    "parent_transform": "UsdGeom.Xformable(at('/World')).AddTranslateOp().Set(Gf.Vec3d(0.1, -0.2, 0.3))",
+    # The camera stays: a world that moves with its camera shows the same picture, bit for bit.
+    "parent_transform": "UsdGeom.Xformable(at('/World')).AddTranslateOp().Set(Gf.Vec3d(0.1, -0.2, 0.3))\nUsdGeom.Xformable(at('/World/Camera')).SetResetXformStack(True)",
     "points": "points = UsdGeom.Mesh(at('/World/Box')).GetPointsAttr()\npoints.Set(Vt.Vec3fArray([p * 1.3 for p in points.Get()]))",
     "topology": "mesh = UsdGeom.Mesh(at('/World/Box'))\nmesh.GetFaceVertexCountsAttr().Set([4] * 5)\nmesh.GetFaceVertexIndicesAttr().Set(list(mesh.GetFaceVertexIndicesAttr().Get())[:20])",
     "prototype_points": "points = UsdGeom.Mesh(at('/World/Pebbles/Ball')).GetPointsAttr()\npoints.Set(Vt.Vec3fArray([p * 1.5 for p in points.Get()]))",

@@ -112,7 +112,7 @@ AXES = {"x": 0, "y": 1, "z": 2}
 
 def _box_faces(host, name, edit=None):
     """Mean colour of the box's faces towards +x, +y, +z, away from their edges."""
-    with host.open(featured.path(name), (48, 48), aovs=["color", "normal"], settings=featured.settings(256, 0)) as view:
+    with host.open(featured.path(name), (48, 48), aovs=["color", "normal"], settings=featured.settings(1024, 0)) as view:
         if edit:
             view.edit(edit)
         picture = view.render()
