@@ -11,6 +11,7 @@
 
 const float EPSILON = 1e-2; // keeps the error of black pixels finite; as is usual
 const float LARGEST = 1e15; // what one pixel may count: squares of it, and sums of those, are floats
+const uint64_t FILM_PIXEL_BYTES = 80ul; // as oocpt_shader_abi asserts
 const float TRUST = 4.0; // squared standard errors by which a mean has to differ from its neighbours to be believed
 
 struct PixelError {
@@ -101,7 +102,7 @@ void main() {
         barrier();
     }
     if (gl_LocalInvocationIndex == 0u) {
-        const uint64_t behind = FRAME.film + uint64_t(pixels) * 80ul;
+        const uint64_t behind = FRAME.film + uint64_t(pixels) * FILM_PIXEL_BYTES;
         ErrorParts(behind).v[gl_WorkGroupID.x] = parts[0];
     }
 }

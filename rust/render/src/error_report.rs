@@ -3,7 +3,8 @@
 //! [`ErrorRow`] at each power of two of the samples and at the end. `oocpt report plot` draws it.
 //!
 //! Every line is written whole and at once: a render that is killed leaves all lines up to then. The first render of a session
-//! empties the file, later ones go on: each begins with its own [`ErrorReportHeader`].
+//! empties the file, later ones go on: each begins with its own [`ErrorReportHeader`]. A file that is no report is left as it is:
+//! its name may come from a scene of strangers.
 
 use oocpt_core::stats::ErrorRow;
 use serde::{Deserialize, Serialize};
@@ -15,6 +16,8 @@ use std::path::Path;
 pub const VERSION: u32 = 1;
 /// Longest report that is read, bytes; a report is data from strangers.
 const LONGEST: u64 = 64 << 20;
+/// What a report begins with.
+const MAGIC: &[u8] = b"{\"oocptErrorReport\":";
 
 /// What was rendered.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -96,8 +99,11 @@ pub(crate) struct ReportWriter {
 }
 
 impl ReportWriter {
-    /// Begins a render; empties the file first when `is_first`.
+    /// Begins a render; empties the file first when `is_first`. Fails when the file has something else in it.
     pub(crate) fn begin(path: &Path, is_first: bool, header: &ErrorReportHeader) -> Result<Self> {
+        if !is_report_or_empty(path)? {
+            return Err(Error::new(ErrorKind::AlreadyExists, "the file is no report of errors and is left as it is"));
+        }
         if is_first {
             File::create(path)?;
         }
@@ -114,12 +120,33 @@ impl ReportWriter {
     }
 }
 
+fn is_report_or_empty(path: &Path) -> Result<bool> {
+    let mut start = Vec::new();
+    match File::open(path) {
+        Ok(file) => file.take(MAGIC.len() as u64).read_to_end(&mut start)?,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(true),
+        Err(error) => return Err(error),
+    };
+    Ok(start.is_empty() || start == MAGIC)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn header(seed: u32) -> ErrorReportHeader {
         ErrorReportHeader { oocpt_error_report: VERSION, width: 4, height: 3, seed, ..ErrorReportHeader::default() }
+    }
+
+    #[test]
+    fn a_file_that_is_no_report_is_left_as_it_is() {
+        let path = std::env::temp_dir().join(format!("oocpt-no-report-{}", std::process::id()));
+        std::fs::write(&path, "precious").expect("a temporary file");
+        for is_first in [true, false] {
+            assert!(ReportWriter::begin(&path, is_first, &header(1)).is_err(), "refused");
+        }
+        assert_eq!(std::fs::read_to_string(&path).expect("it is there"), "precious", "nothing is lost");
+        std::fs::remove_file(path).expect("it is there");
     }
 
     #[test]

@@ -31,6 +31,8 @@ pub struct FilmPixel {
     pub pad1: u32,
 }
 
+const _: () = assert!(size_of::<FilmPixel>() == 80, "measure_error.comp writes behind pixels of this size");
+
 /// Workgroups of `measure_error`, at most.
 pub const ERROR_GROUPS: u32 = 1024;
 
