@@ -55,11 +55,12 @@ float refracted_cosine(float cosine, float eta) {
     return sqrt(max(0.0, 1.0 - eta * eta * (1.0 - cosine * cosine)));
 }
 
-// Exact reflectance of a dielectric, from the cosines on the side of the lower index and on the other; ior >= 1.
+// Exact reflectance of a dielectric, from the cosines on the side of the lower index and on the other; ior >= 1. At most 1: the
+// quotient of equal numbers is above 1 where division is only good to 2.5 units in the last place, which Vulkan allows.
 float dielectric_reflectance(float cosine, float inner, float ior) {
     const float a = (cosine - ior * inner) / max(cosine + ior * inner, 1.0e-30);
     const float b = (ior * cosine - inner) / max(ior * cosine + inner, 1.0e-30);
-    return 0.5 * (a * a + b * b);
+    return min(0.5 * (a * a + b * b), 1.0);
 }
 
 #endif

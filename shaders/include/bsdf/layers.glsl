@@ -57,7 +57,7 @@ float mean(vec3 c) {
 float under_coat(Bsdf b, float cosine) {
     if (!HAS_COAT || b.coat <= 0.0) return 1.0;
     const vec2 e = table_albedo(cosine, b.coat_row);
-    return max(0.0, 1.0 - b.coat * (b.coat_f0 * (1.0 - e.x - e.y) + b.coat_f90 * e.y));
+    return clamp(1.0 - b.coat * (b.coat_f0 * (1.0 - e.x - e.y) + b.coat_f90 * e.y), 0.0, 1.0);
 }
 
 // U of the dielectric from outside; `e`: its L and B.
@@ -67,7 +67,7 @@ vec3 under_specular(Bsdf b, float cosine, out vec2 e) {
         return vec3(1.0 - dielectric_reflectance(cosine, refracted_cosine(cosine, 1.0 / b.ior), b.ior));
     }
     e = table_albedo(cosine, b.row);
-    return max(vec3(0.0), 1.0 - (b.base_0 + b.base_l * e.x + b.base_b * e.y));
+    return clamp(1.0 - (b.base_0 + b.base_l * e.x + b.base_b * e.y), 0.0, 1.0);
 }
 
 // U of both for light that goes down to the diffuse lobe or comes up from it, on the viewer's side; `lost`: that of the coat times

@@ -28,18 +28,18 @@ const uint64_t TABLE_AVERAGES = uint64_t(8u * TABLE_ROUGHNESS * TABLE_COSINE);
 const uint64_t TABLE_PRODUCTS = TABLE_AVERAGES + uint64_t(8u * TABLE_ROUGHNESS);
 const uint64_t TABLE_DIELECTRICS = TABLE_PRODUCTS + uint64_t(16u * TABLE_ROUGHNESS * TABLE_ROUGHNESS);
 
-// Index of the cell's lower end, and how far into the cell; x in 0..1.
+// Index of the cell's lower end, and how far into the cell, 0..1; x in 0..1, or past it by what pow is off.
 uint table_cell(float x, uint size, out float part) {
     const float at = x * float(size - 1u);
     const uint index = min(uint(at), size - 2u);
-    part = at - float(index);
+    part = min(at - float(index), 1.0);
     return index;
 }
 
 // Where a roughness of SHARP_ROUGHNESS..1 is among the rows, 0..1; alpha is its square.
 float table_row(float roughness) {
     const float first = 0.15848932; // SHARP_ROUGHNESS^0.4
-    return clamp((pow(roughness, 0.4) - first) / (1.0 - first), 0.0, 1.0);
+    return clamp((pow(max(roughness, 1.0e-3), 0.4) - first) / (1.0 - first), 0.0, 1.0);
 }
 
 // L and B.
@@ -50,7 +50,7 @@ vec2 table_albedo(float cosine, float row) {
     ConstVec2s table = ConstVec2s(BSDF_TABLES);
     const vec2 low = mix(table.v[at], table.v[at + 1u], x);
     const vec2 high = mix(table.v[at + TABLE_COSINE], table.v[at + TABLE_COSINE + 1u], x);
-    return mix(low, high, y);
+    return max(mix(low, high, y), 0.0); // mix may round below both ends
 }
 
 vec2 table_average(float row) {
