@@ -142,7 +142,12 @@ def main() -> None:
     ready = time.monotonic()
     picture = render(scene, arguments.samples, arguments.seed)
     print(f"{ready - start:.1f} s to translate, {time.monotonic() - ready:.1f} s to render", file=sys.stderr)
-    mi.Bitmap(picture.astype(np.float32)).write(arguments.out)
+    bitmap = mi.Bitmap(picture.astype(np.float32))
+    # As OocPT's own pictures say it (`oocpt report picture`).
+    said = {"renderer": f"Mitsuba {mi.__version__} ({mi.variant()})", "samples": arguments.samples, "maxBounces": arguments.bounces, "seed": arguments.seed, "seconds": time.monotonic() - start, "secondsTracing": time.monotonic() - ready}
+    for name, value in said.items():
+        bitmap.metadata()[f"oocpt:{name}"] = value
+    bitmap.write(arguments.out)
     if arguments.picture:
         mi.Bitmap(tone(picture)).write(arguments.picture)
 

@@ -23,7 +23,7 @@ import math
 import pathlib
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdRender, Vt
 
 
 class Arrays:
@@ -107,6 +107,14 @@ def add_camera(stage: Usd.Stage, spec: dict) -> None:
     camera.CreateClippingRangeAttr(Gf.Vec2f(*spec["clipping"]))
 
 
+def add_render_settings(stage: Usd.Stage, report: str) -> None:
+    """Active settings of the stage that ask OocPT for a report of error against time."""
+    settings = UsdRender.Settings.Define(stage, "/Render/Settings")
+    settings.CreateCameraRel().SetTargets(["/World/Camera"])
+    settings.GetPrim().CreateAttribute("oocpt:report", Sdf.ValueTypeNames.String).Set(report)
+    stage.SetMetadata("renderSettingsPrimPath", str(settings.GetPath()))
+
+
 def build(folder: str, out: str) -> Usd.Stage:
     """Makes and saves the stage; returns it."""
     contents = json.loads((pathlib.Path(folder) / "contents.json").read_text())
@@ -131,6 +139,8 @@ def build(folder: str, out: str) -> Usd.Stage:
     for spec in contents["lights"]:
         add_light(stage, spec)
     add_camera(stage, contents["camera"])
+    if contents.get("report"):
+        add_render_settings(stage, contents["report"])
     stage.Save()
     return stage
 

@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from pxr import Usd, UsdGeom, UsdLux
+from pxr import Usd, UsdGeom, UsdLux, UsdRender
 
 import island
 
@@ -32,6 +32,13 @@ def stage_of(oocpt, path, *options):
     done = oocpt("scene", "island", "--instances", "20000", "--unique-quads", str(QUADS), "--out", str(path), *options)
     assert done.returncode == 0, done.stderr
     return Usd.Stage.Open(str(path))
+
+
+def test_a_scene_may_ask_for_a_report(oocpt, tmp_path):
+    stage = stage_of(oocpt, tmp_path / "asks.usdc", "--report", "error of it.jsonl")
+    settings = stage.GetPrimAtPath(stage.GetMetadata("renderSettingsPrimPath"))
+    assert settings.IsA(UsdRender.Settings) and settings.GetAttribute("oocpt:report").Get() == "error of it.jsonl"
+    assert not stage_of(oocpt, tmp_path / "plain.usdc").HasAuthoredMetadata("renderSettingsPrimPath"), "only when asked for"
 
 
 @pytest.mark.parametrize(

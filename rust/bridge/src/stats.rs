@@ -5,6 +5,7 @@
 //! `percentDone`…); those under `oocpt:` are ours. Pure; any thread.
 
 use crate::ffi::{NamedValue, ScalarTag, ScalarValue};
+use oocpt_core::inventory::Inventory;
 use oocpt_core::stats::{ErrorRow, Stats, StreamingStats};
 
 /// The list of pairs, sorted as below. Memory in bytes, times in seconds.
@@ -37,9 +38,39 @@ pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
         integer("oocpt:dropped", stats.dropped.total()),
         text("oocpt:droppedData", &dropped),
     ];
+    values.extend(inventory(&stats.inventory));
     values.extend(streaming(&stats.streaming));
     values.extend(stats.error.iter().flat_map(error));
     values
+}
+
+/// What the render is made of, and what was left out for it, as lists parted by semicolons.
+fn inventory(inventory: &Inventory) -> [NamedValue; 13] {
+    let Inventory { features, passes, buffers, primvars, .. } = inventory;
+    let with_bytes = |name: &str, bytes: u64| format!("{name} {bytes}");
+    let features_present = features.iter().filter(|f| f.present).map(|f| f.name.clone());
+    let features_carried = features.iter().filter(|f| f.carried).map(|f| f.name.clone());
+    let passes_made = passes.iter().filter(|p| p.made).map(|p| p.name.clone());
+    let passes_left_out = passes.iter().filter(|p| !p.made).map(|p| p.name.clone());
+    let made = buffers.iter().filter(|b| b.bytes > 0).map(|b| with_bytes(&b.name, b.bytes));
+    let left_out = buffers.iter().filter(|b| b.bytes == 0).map(|b| with_bytes(&b.name, b.saved));
+    let read = primvars.iter().filter(|p| p.made > 0).map(|p| with_bytes(&p.name, p.bytes));
+    let unread = primvars.iter().filter(|p| p.left_out > 0).map(|p| with_bytes(&p.name, p.saved));
+    [
+        list("oocpt:features", features_present),
+        list("oocpt:featuresCarried", features_carried),
+        list("oocpt:passes", passes_made),
+        list("oocpt:passesLeftOut", passes_left_out),
+        list("oocpt:buffers", made),
+        list("oocpt:buffersLeftOut", left_out),
+        list("oocpt:primvars", read),
+        list("oocpt:primvarsLeftOut", unread),
+        integer("oocpt:pipelines", inventory.pipelines() as u64),
+        integer("oocpt:bufferBytes", inventory.bytes()),
+        integer("oocpt:bytesLeftOut", inventory.saved()),
+        integer("oocpt:maxLevels", u64::from(inventory.max_levels)),
+        integer("oocpt:stackSize", u64::from(inventory.stack_size)),
+    ]
 }
 
 /// What the last look at the picture's error said; the row's time and samples are not those of the moment of asking.
@@ -106,6 +137,10 @@ fn stage(stats: &Stats) -> &'static str {
     if stats.samples_target > 0 && stats.samples_completed >= stats.samples_target { "done" } else { "rendering" }
 }
 
+fn list(key: &str, entries: impl Iterator<Item = String>) -> NamedValue {
+    text(key, &entries.collect::<Vec<_>>().join("; "))
+}
+
 fn empty() -> ScalarValue {
     ScalarValue { tag: ScalarTag::Bool, flag: false, integer: 0, real: 0.0, text: String::new() }
 }
@@ -130,6 +165,7 @@ fn text(key: &str, text: &str) -> NamedValue {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use oocpt_core::inventory::PassUse;
 
     #[test]
     fn hosts_find_what_they_read() {
@@ -174,6 +210,24 @@ mod tests {
                 _ => assert!((value.real - f64::from(number)).abs() < 1e-9, "{key} is {}", value.real),
             }
         }
+    }
+
+    #[test]
+    fn what_a_render_is_made_of_stands_apart_from_what_was_left_out() {
+        let mut stats = Stats::default();
+        stats.inventory.add("rays", 640);
+        stats.inventory.leave_out("cones", 80);
+        stats.inventory.leave_out("hits", 16);
+        stats.inventory.add("hits", 32);
+        let pass = |name: &str, made| PassUse { name: name.into(), made, compile_secs: 0.5 };
+        stats.inventory.passes = vec![pass("resolve", true), pass("count_demand", false)];
+        let values = named_values(&stats);
+        let find = |key: &str| &values.iter().find(|entry| entry.key == key).expect(key).value;
+        assert_eq!(find("oocpt:buffers").text, "rays 640; hits 32", "what is there");
+        assert_eq!(find("oocpt:buffersLeftOut").text, "cones 80", "what is not");
+        assert_eq!((find("oocpt:bufferBytes").integer, find("oocpt:bytesLeftOut").integer), (672, 96), "sums");
+        assert_eq!((&*find("oocpt:passes").text, &*find("oocpt:passesLeftOut").text), ("resolve", "count_demand"));
+        assert_eq!(find("oocpt:pipelines").integer, 1, "one pipeline for each pass");
     }
 
     #[test]

@@ -10,6 +10,7 @@
 pub mod array;
 pub mod camera;
 pub mod convergence;
+pub mod inventory;
 pub mod material;
 pub mod mesh;
 pub mod partition;

@@ -37,6 +37,8 @@ pub struct Settings {
     pub reference: String,
     /// Stop when the estimated relMSE is below this with the confidence of its interval, 0 = no such limit.
     pub target_error: f32,
+    /// Features of the passes to carry although the scene does not need them, by name; "all", or empty = none. For measuring.
+    pub carry: String,
     /// Show coarse images early (`enableInteractive`).
     pub interactive: bool,
     /// Dome lights are seen by camera rays.
@@ -128,6 +130,7 @@ impl Default for Settings {
             report: String::new(),
             reference: String::new(),
             target_error: 0.0,
+            carry: String::new(),
             interactive: true,
             dome_light_camera_visible: true,
             enable_scene_lights: true,
@@ -174,6 +177,12 @@ const TABLE: &[(&str, &str, &str, &str)] = &[
         "OOCPT_TARGET_ERROR",
         "Target error",
         "Stop when the relative mean squared error is below this, by the upper end of its interval; 0 = no limit",
+    ),
+    (
+        "oocpt:carry",
+        "OOCPT_CARRY",
+        "Carry",
+        "Features to compile in although the scene does not need them, to measure what they cost: names, or all; empty = none",
     ),
     ("convergedSamplesPerPixel", "OOCPT_CONVERGED_SAMPLES_PER_PIXEL", "Converged samples", "As oocpt:samplesPerPixel"),
     (
@@ -244,6 +253,7 @@ impl Settings {
             "oocpt:report" => Field::Text(&mut self.report),
             "oocpt:reference" => Field::Text(&mut self.reference),
             "oocpt:targetError" => Field::Float(&mut self.target_error, 0.0, 1e9),
+            "oocpt:carry" => Field::Text(&mut self.carry),
             "enableInteractive" => Field::Bool(&mut self.interactive),
             "domeLightCameraVisibility" => Field::Bool(&mut self.dome_light_camera_visible),
             "enableSceneLights" => Field::Bool(&mut self.enable_scene_lights),

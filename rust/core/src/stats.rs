@@ -4,6 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::convergence::Estimate;
+use crate::inventory::Inventory;
 use crate::scene::DroppedData;
 
 /// A reading of a render in progress or done.
@@ -37,6 +38,9 @@ pub struct Stats {
     pub annotation: String,
     /// Parts of the pipeline that this scene does not need and that were left out.
     pub features_left_out: Vec<String>,
+    /// What it consists of, and what was left out; empty until the passes are compiled.
+    #[serde(default)]
+    pub inventory: Inventory,
     /// Placements of meshes, multiplied out.
     pub instances: u64,
     /// Triangles stored once per mesh.

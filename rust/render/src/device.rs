@@ -13,7 +13,7 @@ use oocpt_gpu::{Buffer, Gpu, GpuError, Heap, OpenOptions, Pipeline, Usage};
 use oocpt_shader_abi::{Features, LbvhPush, Module, Push};
 use rustc_hash::FxHashMap;
 use std::sync::{Arc, Mutex, OnceLock};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Size of the arenas scene data is placed in, bytes, and the smallest.
 const ARENA_BYTES: u64 = 64 << 20;
@@ -45,6 +45,9 @@ pub(crate) struct DeviceOptions {
     pub(crate) budget_mib: u32,
 }
 
+/// A pipeline, and the seconds that compiling it took.
+type Compiled = (Arc<Pipeline>, f64);
+
 /// An open device with what all frames on it share.
 #[derive(Debug)]
 pub(crate) struct Device {
@@ -53,7 +56,7 @@ pub(crate) struct Device {
     options: DeviceOptions,
     loader: OnceLock<Loader>,
     bsdf_tables: Mutex<Option<Buffer>>,
-    pipelines: Mutex<FxHashMap<(&'static str, Specialisation), Arc<Pipeline>>>,
+    pipelines: Mutex<FxHashMap<(&'static str, Specialisation), Compiled>>,
 }
 
 static OPEN: Mutex<Vec<Arc<Device>>> = Mutex::new(Vec::new());
@@ -128,14 +131,40 @@ impl Device {
     /// The pipeline of `module` for `special`, compiled at first use.
     pub(crate) fn pipeline(&self, module: &'static Module, special: Specialisation) -> Result<Arc<Pipeline>, GpuError> {
         let key = (module.name, special);
-        if let Some(pipeline) = lock(&self.pipelines).get(&key) {
+        if let Some((pipeline, _)) = lock(&self.pipelines).get(&key) {
             return Ok(Arc::clone(pipeline));
         }
         let constants = [(0, special.max_levels), (1, special.stack_size), (2, special.features)];
         let push = if module.name.starts_with("lbvh_") { size_of::<LbvhPush>() } else { size_of::<Push>() };
         // Push constants are at most 128 bytes.
         let push_bytes = u32::try_from(push).unwrap_or(u32::MAX);
+        let started = Instant::now();
         let pipeline = Arc::new(Pipeline::new(&self.gpu, module.name, module.words, &constants, push_bytes)?);
-        Ok(Arc::clone(lock(&self.pipelines).entry(key).or_insert(pipeline)))
+        let made = (pipeline, started.elapsed().as_secs_f64());
+        Ok(Arc::clone(&lock(&self.pipelines).entry(key).or_insert(made).0))
+    }
+
+    /// Seconds that compiling `pipeline` took.
+    pub(crate) fn compile_secs(&self, pipeline: &Arc<Pipeline>) -> f64 {
+        let pipelines = lock(&self.pipelines);
+        pipelines.values().find(|(have, _)| Arc::ptr_eq(have, pipeline)).map_or(0.0, |(_, secs)| *secs)
+    }
+
+    /// Name and seconds of the pipelines that build instance trees.
+    pub(crate) fn tree_pipelines(&self) -> Vec<(&'static str, f64)> {
+        let is_of_trees = |name: &str| name.starts_with("lbvh_");
+        let pipelines = lock(&self.pipelines);
+        let mut found: Vec<_> = pipelines
+            .iter()
+            .filter(|((name, _), _)| is_of_trees(name))
+            .map(|((name, _), (_, secs))| (*name, *secs))
+            .collect();
+        found.sort_by_key(|(name, _)| *name);
+        found
+    }
+
+    /// Bytes of the BSDF's tables on this device; 0 before a scene with materials came.
+    pub(crate) fn bsdf_bytes(&self) -> u64 {
+        lock(&self.bsdf_tables).as_ref().map_or(0, Buffer::size)
     }
 }

@@ -6,14 +6,16 @@
 //! alone, and a single pixel hardly moves that. Nothing is decided by time unless a time limit is set, and no path beyond an octave begins before that octave is
 //! decided: same scene, same samples. Trouble with files is one warning. Render thread only.
 
-use crate::error_report::{ErrorReportHeader, ReportWriter, VERSION};
+use crate::error_report::{ErrorReportHeader, InventoryLine, ReportWriter, VERSION};
 use crate::measure::{Measured, next_boundary};
 use crate::reference::Reference;
 use crate::request::Severity;
 use crate::session::{Job, Shared};
 use crate::sync::lock;
 use oocpt_core::convergence::{Convergence, Estimate};
+use oocpt_core::inventory::Inventory;
 use oocpt_core::stats::ErrorRow;
+use std::borrow::Cow;
 use std::path::Path;
 
 /// Fewest samples after which an error counts as small enough: before, too little is known.
@@ -122,11 +124,24 @@ impl ErrorLog {
         self.write(shared);
     }
 
+    /// Writes what the render is made of.
+    pub(crate) fn inventory(&mut self, shared: &Shared, inventory: &Inventory) {
+        if let Some(writer) = &mut self.writer
+            && let Err(error) = writer.line(&InventoryLine { inventory: Cow::Borrowed(inventory) })
+        {
+            self.give_up(shared, &error);
+        }
+    }
+
+    fn give_up(&mut self, shared: &Shared, error: &std::io::Error) {
+        shared.report(Severity::Warning, format!("oocpt:report: {error}; no more is written"));
+        self.writer = None;
+    }
+
     fn write(&mut self, shared: &Shared) {
         let (Some(row), Some(writer)) = (self.last.take(), &mut self.writer) else { return };
         if let Err(error) = writer.line(&row) {
-            shared.report(Severity::Warning, format!("oocpt:report: {error}; no more is written"));
-            self.writer = None;
+            self.give_up(shared, &error);
         }
     }
 }

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The report of error against time that `oocpt:report` names: a JSON object a line, first one about the render, then an
-//! [`ErrorRow`] at each power of two of the samples and at the end. `oocpt report plot` draws it.
+//! The report of error against time that `oocpt:report` names: a JSON object a line, first one about the render, one about what it is
+//! made of ([`Inventory`]), then an [`ErrorRow`] at each power of two of the samples and at the end. `oocpt report plot` draws it.
 //!
 //! Every line is written whole and at once: a render that is killed leaves all lines up to then. The first render of a session
 //! empties the file, later ones go on: each begins with its own [`ErrorReportHeader`]. A file that is no report is left as it is:
 //! its name may come from a scene of strangers.
 
+use oocpt_core::inventory::Inventory;
 use oocpt_core::stats::ErrorRow;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead as _, BufReader, Error, ErrorKind, Read as _, Result, Write as _};
 use std::path::Path;
@@ -45,11 +47,19 @@ pub struct ErrorReportHeader {
     pub reference: String,
 }
 
+/// The line that says what a render is made of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct InventoryLine<'a> {
+    pub(crate) inventory: Cow<'a, Inventory>,
+}
+
 /// One render of a report.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ErrorReport {
     /// What was rendered.
     pub header: ErrorReportHeader,
+    /// What it is made of, and what was left out; none if it ended before its passes were compiled.
+    pub inventory: Option<Inventory>,
     /// Ascending samples.
     pub rows: Vec<ErrorRow>,
 }
@@ -58,6 +68,7 @@ pub struct ErrorReport {
 #[serde(untagged)]
 enum Line {
     Header(ErrorReportHeader),
+    Inventory(InventoryLine<'static>),
     Row(Box<ErrorRow>),
 }
 
@@ -75,9 +86,12 @@ impl ErrorReport {
                 return Err(error);
             }
             match (serde_json::from_str(&line), reports.last_mut()) {
-                (Ok(Line::Header(header)), _) => reports.push(Self { header, rows: Vec::new() }),
+                (Ok(Line::Header(header)), _) => reports.push(Self { header, ..Self::default() }),
+                (Ok(Line::Inventory(line)), Some(report)) => report.inventory = Some(line.inventory.into_owned()),
                 (Ok(Line::Row(row)), Some(report)) => report.rows.push(*row),
-                (Ok(Line::Row(_)), None) => return Err(bad(path, number, "a row before the first render")),
+                (Ok(Line::Row(_) | Line::Inventory(_)), None) => {
+                    return Err(bad(path, number, "a row before the first render"));
+                }
                 (Err(error), _) => broken = Some(bad(path, number, &error.to_string())),
             }
         }
@@ -155,6 +169,8 @@ mod tests {
         let row = |samples| ErrorRow { samples, seconds: 0.5, ..ErrorRow::default() };
         for (seed, is_first) in [(7, true), (1, true), (2, false)] {
             let mut writer = ReportWriter::begin(&path, is_first, &header(seed)).expect("a temporary file");
+            let inventory = Inventory { max_levels: seed, ..Inventory::default() };
+            writer.line(&InventoryLine { inventory: Cow::Borrowed(&inventory) }).expect("a line");
             writer.line(&row(1)).expect("a line");
             writer.line(&row(2)).expect("a line");
         }
@@ -164,6 +180,8 @@ mod tests {
         assert_eq!(reports.len(), 2, "the first render of a session empties the file, the next one goes on");
         assert_eq!(reports[0].header, header(1), "what was rendered");
         assert_eq!(reports[1].rows, [row(1), row(2)], "whole rows");
+        let levels = |report: &ErrorReport| report.inventory.as_ref().map(|inventory| inventory.max_levels);
+        assert_eq!((levels(&reports[0]), levels(&reports[1])), (Some(1), Some(2)), "each with what it is made of");
         file.write_all(b"\n{}\n").expect("more");
         assert!(ErrorReport::read_all(&path).is_err(), "a broken line in the middle is no accident");
         std::fs::remove_file(path).expect("it is there");

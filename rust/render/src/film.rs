@@ -5,6 +5,7 @@ use crate::aov::{AovKind, AovRequest};
 use crate::publish::Published;
 use crate::request::RenderRequest;
 use crate::sync::lock;
+use oocpt_core::inventory::Inventory;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{Counters, ERROR_GROUPS, ErrorSums, FilmPixel, Frame, WORKGROUP_SIZE};
 use std::sync::{Arc, Mutex};
@@ -75,6 +76,25 @@ impl Film {
     /// Whether any image is wanted that is traced through pixel centres.
     pub(crate) fn has_planes(&self) -> bool {
         !self.planes.is_empty()
+    }
+
+    /// Lists the images, and those that nobody wants.
+    pub(crate) fn list(&self, inventory: &mut Inventory) {
+        for buffer in self.film.iter().chain(&self.errors).chain(&self.color) {
+            inventory.add(buffer.name(), buffer.size());
+        }
+        for kind in AovKind::ALL.into_iter().filter(|kind| *kind != AovKind::Color) {
+            match self.planes.iter().find(|(have, _)| *have == kind) {
+                Some((_, plane)) => inventory.add(&format!("image {}", kind.token()), plane.size()),
+                None => {
+                    inventory.leave_out(&format!("image {}", kind.token()), self.pixels * kind.pixel_bytes() as u64)
+                }
+            }
+        }
+        inventory.add(self.readback.name(), self.readback.size());
+        let absent = AovKind::ALL.iter().filter(|kind| !self.kinds.contains(kind));
+        inventory
+            .leave_out(self.readback.name(), self.pixels * absent.map(|kind| kind.pixel_bytes() as u64).sum::<u64>());
     }
 
     /// Writes addresses and clear values into a frame block.

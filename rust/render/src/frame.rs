@@ -7,12 +7,13 @@ use crate::assets::{Scene, SceneCache, SceneView};
 use crate::device::{Device, DeviceOptions};
 use crate::error::RenderError;
 use crate::film::Film;
+use crate::inventory::{self, Compiled};
 use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
 use crate::progress::Progress;
 use crate::request::Severity;
 use crate::schedule::Schedule;
 use crate::session::Job;
-use crate::specialise;
+use crate::specialise::{self, Carry};
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::thread::Gate;
@@ -20,9 +21,10 @@ use crate::wavefront::{Passes, PathBuffers, PathNeeds};
 use crate::waves::{self, Frames};
 use bytemuck::Zeroable;
 use oocpt_core::camera::CameraRays;
+use oocpt_core::inventory::Inventory;
 use oocpt_core::scene::SceneFeatures;
 use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Usage};
-use oocpt_shader_abi::{Frame, FrameFlags, path_bytes};
+use oocpt_shader_abi::{Features, Frame, FrameFlags, path_bytes};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -62,6 +64,11 @@ pub(crate) struct Setting<'a> {
     /// Address of the light table on the device, or 0.
     pub(crate) lighting: u64,
     pub(crate) film: &'a Film,
+    pub(crate) tables: &'a LightTables,
+    /// What is carried although the scene does not need it.
+    pub(crate) carry: &'a Carry,
+    /// Of that, what these lights allow.
+    pub(crate) light_carry: Features,
     /// Memory is short.
     pub(crate) is_frugal: bool,
 }
@@ -111,25 +118,36 @@ impl Renderer {
             lights.add_meshes(&meshes);
             warnings.extend(meshes.warning.clone());
         }
+        let (carry, unknown) = Carry::parse(&job.settings.carry);
+        warnings.extend(unknown.iter().map(|name| format!("oocpt:carry: {name:?} is no feature")));
         for warning in warnings {
             gate.shared().report(Severity::Warning, warning);
         }
+        let light_carry = match &mut lights.general {
+            Some(general) if !carry.is_empty() => general.carry(),
+            _ => Features::empty(),
+        };
         self.light_tables.sync(device, lights.general.as_ref())?;
         self.make_images(device, job)?;
         let Some(film) = self.film.take() else {
             return Err(RenderError::Internal("the frame's images were not made".into()));
         };
+        let tables = std::mem::take(&mut self.light_tables);
         let setting = Setting {
             device,
             job,
             rays: &rays,
             lights: &lights,
-            lighting: self.light_tables.lighting,
+            lighting: tables.lighting,
             film: &film,
+            tables: &tables,
+            carry: &carry,
+            light_carry,
             is_frugal: self.is_frugal,
         };
         let result = self.render_scene(&setting, gate, progress);
         self.film = Some(film);
+        self.light_tables = tables;
         result
     }
 
@@ -214,16 +232,24 @@ impl Renderer {
     ) -> Result<(), RenderError> {
         let Setting { device, job, film, .. } = *setting;
         let view = scene.view(scene.stack_entries())?;
-        self.make_waves(setting, &view)?;
+        let needed = specialise::features(&job.snapshot, setting.lights, setting.rays, &view);
+        let carried = setting.carry.possible(needed, setting.light_carry);
+        let features = needed | carried;
+        let view = if setting.carry.levels { view.deepest(scene.stack_entries()) } else { view };
+        self.make_waves(setting, &view, features)?;
         let Some(buffers) = &self.waves else {
             return Err(RenderError::Internal("the frame's waves were not made".into()));
         };
         progress.stage("compiling passes");
         let started = Instant::now();
-        let features = specialise::features(&job.snapshot, setting.lights, setting.rays, &view);
-        let passes = Passes::new(device, specialise::specialisation(features, &view), film.has_planes())?;
+        let special = specialise::specialisation(features, &view);
+        let passes = Passes::new(device, special, film.has_planes())?;
         progress.timings.compile_secs += started.elapsed().as_secs_f64();
-        progress.left_out(specialise::left_out(features, film.has_planes()));
+        let mut listed = Inventory::default();
+        scene.list(&mut listed, true);
+        buffers.list(&mut listed);
+        let inventory = inventory::of_frame(setting, Compiled { passes: &passes, special, carried }, listed);
+        progress.made_of(specialise::left_out(features, film.has_planes()), inventory);
         let mut block = frame_block(setting, &view);
         block.bsdf_tables = device.bsdf_tables(features)?;
         buffers.bind(&mut block);
@@ -270,15 +296,13 @@ impl Renderer {
 
     /// Wave memory: at most a quarter of what the budget leaves, and no more than the render has paths; less when there is no
     /// memory.
-    fn make_waves(&mut self, setting: &Setting<'_>, view: &SceneView) -> Result<(), RenderError> {
+    fn make_waves(&mut self, setting: &Setting<'_>, view: &SceneView, features: Features) -> Result<(), RenderError> {
         let Setting { device, job, .. } = *setting;
         let light_paths = has_light_paths(setting);
         let most = if is_cpu(device) { 1 << 17 } else { MAX_WAVE };
         let wanted = paths(job).clamp(MIN_WAVE, most).next_power_of_two();
-        let textures = view.textures != 0;
-        let fits = |waves: &PathBuffers| {
-            waves.serves(view.max_levels, light_paths) && waves.asked >= wanted && (waves.has_cones() || !textures)
-        };
+        let needs = PathNeeds { textures: features.contains(Features::TEXTURES), light_paths };
+        let fits = |waves: &PathBuffers| waves.serves(view.max_levels, needs) && waves.asked >= wanted;
         if self.waves.as_ref().is_some_and(fits) {
             return Ok(());
         }
@@ -287,7 +311,7 @@ impl Renderer {
         let room = memory.budget.saturating_sub(memory.used) / 4 / path_bytes(view.max_levels, false, light_paths);
         let capacity = wanted.min(room).max(MIN_WAVE);
         let mut waves = shrinking(capacity, MIN_WAVE, |capacity| {
-            PathBuffers::new(&device.gpu, capacity, capacity, view.max_levels, PathNeeds { textures, light_paths })
+            PathBuffers::new(&device.gpu, capacity, capacity, view.max_levels, needs)
         })?;
         waves.asked = wanted;
         self.waves = Some(waves);

@@ -12,6 +12,7 @@ use crate::schedule::Wave;
 use crate::session::{Job, Shared};
 use crate::sync::lock;
 use crate::timings::Timings;
+use oocpt_core::inventory::Inventory;
 use oocpt_core::stats::{Stats, StreamingStats};
 use oocpt_gpu::Gpu;
 use oocpt_shader_abi::Counters;
@@ -104,9 +105,12 @@ impl<'a> Progress<'a> {
         lock(&self.shared.stats).annotation = annotation.into();
     }
 
-    /// Says in the stats what this render was specialised to do without.
-    pub(crate) fn left_out(&self, features: Vec<String>) {
-        lock(&self.shared.stats).features_left_out = features;
+    /// Says in the stats and the report what this render was specialised to do without, and what it is made of.
+    pub(crate) fn made_of(&mut self, left_out: Vec<String>, inventory: Inventory) {
+        self.log.inventory(self.shared, &inventory);
+        let mut stats = lock(&self.shared.stats);
+        stats.features_left_out = left_out;
+        stats.inventory = inventory;
     }
 
     /// The first wave is about to be submitted.

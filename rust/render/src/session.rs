@@ -17,12 +17,14 @@
 use crate::aov::AovKind;
 use crate::error::RenderError;
 use crate::lights::{LightFiles, NoFiles};
+use crate::picture;
 use crate::publish::Published;
 use crate::request::{Message, RenderRequest, Severity};
 use crate::sync::lock;
 use crate::textures::ImageLibrary;
 use crate::thread;
 use crate::timings::Timings;
+use oocpt_core::inventory::PrimvarUse;
 use oocpt_core::partition::PartitionOptions;
 use oocpt_core::scene::{SceneDb, Snapshot};
 use oocpt_core::settings::{SettingError, Settings, Value};
@@ -33,7 +35,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// What to render; immutable once posted.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Job {
     pub(crate) snapshot: Arc<Snapshot>,
     pub(crate) request: RenderRequest,
@@ -41,6 +43,8 @@ pub(crate) struct Job {
     pub(crate) options: SessionOptions,
     pub(crate) images: Option<Arc<dyn ImageLibrary>>,
     pub(crate) files: Arc<dyn LightFiles>,
+    /// The scene's primvars, and which of them are used.
+    pub(crate) primvars: Arc<[PrimvarUse]>,
 }
 
 /// How a session runs, apart from what it renders.
@@ -130,6 +134,8 @@ pub struct Session {
     options: Mutex<SessionOptions>,
     images: Option<Arc<dyn ImageLibrary>>,
     files: Mutex<Arc<dyn LightFiles>>,
+    /// Of the snapshot of that version.
+    primvars: Mutex<(u64, Arc<[PrimvarUse]>)>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
@@ -148,6 +154,7 @@ impl Session {
             options: Mutex::new(options),
             images: None,
             files: Mutex::new(Arc::new(NoFiles)),
+            primvars: Mutex::default(),
             thread: Mutex::new(None),
         }
     }
@@ -187,6 +194,7 @@ impl Session {
         let mut scene = lock(&self.scene);
         scene.set_partition(PartitionOptions { chunk_bytes });
         let commit = scene.commit();
+        let primvars = self.primvars_of(&scene, commit.snapshot.version);
         drop(scene);
         for warning in commit.warnings {
             self.shared.report(Severity::Warning, format!("{}: {}", warning.path, warning.message));
@@ -204,12 +212,21 @@ impl Session {
             return;
         }
         let images = self.images.clone();
-        control.job = Some(Arc::new(Job { snapshot: commit.snapshot, request, settings, options, images, files }));
+        let snapshot = commit.snapshot;
+        control.job = Some(Arc::new(Job { snapshot, request, settings, options, images, files, primvars }));
         control.generation += 1;
         control.stopped = false;
         drop(control);
         self.shared.notify();
         self.ensure_thread();
+    }
+
+    fn primvars_of(&self, scene: &SceneDb, version: u64) -> Arc<[PrimvarUse]> {
+        let mut known = lock(&self.primvars);
+        if known.0 != version {
+            *known = (version, scene.primvar_uses().into());
+        }
+        Arc::clone(&known.1)
     }
 
     fn ensure_thread(&self) {
@@ -276,10 +293,7 @@ impl Session {
         let options = *lock(&self.options);
         let mut control = self.shared.control();
         if let Some(job) = control.job.take() {
-            let Job { snapshot, request, settings, images, files, .. } = &*job;
-            let (snapshot, request, settings) = (Arc::clone(snapshot), request.clone(), settings.clone());
-            let (images, files) = (images.clone(), Arc::clone(files));
-            control.job = Some(Arc::new(Job { snapshot, request, settings, options, images, files }));
+            control.job = Some(Arc::new(Job { options, ..(*job).clone() }));
         }
         control.stopped = false;
         control.paused = false;
@@ -311,6 +325,13 @@ impl Session {
     /// Counters of the current or last render.
     pub fn stats(&self) -> Stats {
         lock(&self.shared.stats).clone()
+    }
+
+    /// How the picture of the current or last render was made, for its file.
+    pub fn picture_attributes(&self) -> picture::Attributes {
+        let settings = self.settings();
+        let device = self.device_report().map(|device| (device.name, device.driver)).unwrap_or_default();
+        picture::attributes(&self.stats(), &device.0, &device.1, settings.seed, settings.max_bounces)
     }
 
     /// Where the time of the last finished render went.

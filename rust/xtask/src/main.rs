@@ -198,6 +198,11 @@ fn doctor(places: &Places, arguments: &[OsString]) -> Result<()> {
     system::prepare(system::For::Build)?;
     let mut cargo = product::cargo(places, "run");
     cargo.args(["--quiet", "--profile", product::PROFILE, "--package", "oocpt-cli", "--bin", "oocpt", "--", "doctor"]);
+    if names_one_of(arguments, &["--scene"]) {
+        // A USD file is asked about through the host that `record` takes.
+        let (settings, _) = settings_for_recording(places)?;
+        shell::apply(&settings, &mut cargo);
+    }
     Err(cargo.args(arguments).exec()).context("cannot start cargo")
 }
 

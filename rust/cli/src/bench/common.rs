@@ -3,7 +3,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use oocpt_core::stats::Stats;
-use oocpt_render::{AovKind, Session, Severity, Timings};
+use oocpt_render::{AovKind, AovRequest, Session, Severity, Timings};
 use serde::Serialize;
 use std::path::Path;
 use std::time::Duration;
@@ -170,7 +170,7 @@ pub(crate) fn print_passes(passes: &[PassRow]) {
 }
 
 /// Pixels that differ in any bit.
-fn different(a: &[u8], b: &[u8]) -> u64 {
+pub(crate) fn different(a: &[u8], b: &[u8]) -> u64 {
     a.chunks(16).zip(b.chunks(16)).filter(|(a, b)| a != b).count() as u64
 }
 
@@ -204,12 +204,25 @@ pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Writes the colour image as 8-bit sRGB, top row first.
+/// A request's list of images: colour alone.
+pub(crate) fn only_color() -> Vec<AovRequest> {
+    vec![AovRequest { kind: AovKind::Color, clear: [0.0; 4] }]
+}
+
+/// All images there are.
+pub(crate) fn all_images() -> Vec<AovRequest> {
+    AovKind::ALL.into_iter().map(|kind| AovRequest { kind, clear: [0.0; 4] }).collect()
+}
+
+/// Writes the colour image: linear floats with attributes that tell how it was made where the name ends in `.exr`, else 8-bit sRGB.
 pub(crate) fn write_picture(session: &Session, size: [u32; 2], path: &Path) -> Result<()> {
     let [width, height] = size.map(|side| side as usize);
     let mut pixels = vec![0_f32; width * height * 4];
     if !session.read_aov(AovKind::Color, bytemuck::cast_slice_mut(&mut pixels)) {
         bail!("there is no image to write");
+    }
+    if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) {
+        return Ok(oocpt_render::picture::write(path, size, &pixels, &session.picture_attributes())?);
     }
     let mut image = image::RgbImage::new(size[0], size[1]);
     for (x, y, out) in image.enumerate_pixels_mut() {

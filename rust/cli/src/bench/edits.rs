@@ -5,13 +5,14 @@ use anyhow::{Context, Result, ensure};
 use oocpt_core::array::TypedArray;
 use oocpt_core::scene::{InstancerDesc, Snapshot};
 use oocpt_core::settings::{Settings, Value};
-use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions};
+use oocpt_render::{RenderRequest, Session, SessionOptions};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::common::{Machine, finish, write_json};
+use super::common::{self, Machine, finish, write_json};
+use super::observe::Observe;
 use crate::scene::island::{self, Parameters};
 
 /// Options of `oocpt bench edits`.
@@ -47,6 +48,8 @@ pub(crate) struct Arguments {
     /// Also write the report as JSON to this file.
     #[arg(long)]
     json: Option<PathBuf>,
+    #[command(flatten)]
+    observe: Observe,
 }
 
 /// Edits of one size in one island; seconds and counts of the median edit.
@@ -99,6 +102,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             print_row(&row);
             report.rows.push(row);
         }
+        arguments.observe.write(&session, &request(arguments, &island), &instances.to_string())?;
     }
     report.map_or(Ok(()), |report| write_json(&report, arguments.json.as_deref()))
 }
@@ -131,7 +135,7 @@ fn request(arguments: &Arguments, island: &Parameters) -> RenderRequest {
         width: arguments.width,
         height: arguments.height,
         camera: island::camera(island, arguments.width, arguments.height),
-        aovs: vec![AovRequest { kind: AovKind::Color, clear: [0.0; 4] }],
+        aovs: common::only_color(),
     }
 }
 

@@ -5,12 +5,13 @@
 //! is not used, since timestamps cost a little.
 
 use anyhow::{Context, Result};
-use oocpt_core::settings::{Settings, Value};
-use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions, Timings};
+use oocpt_core::settings::Settings;
+use oocpt_render::{RenderRequest, Session, SessionOptions, Timings};
 use serde::Serialize;
 use std::path::PathBuf;
 
-use super::common::{PassRow, finish, median, passes_of, print_passes, write_json, write_picture};
+use super::common::{PassRow, finish, median, only_color, passes_of, print_passes, write_json, write_picture};
+use super::observe::Observe;
 use crate::scene::forest;
 
 /// Options of `oocpt bench forest`.
@@ -40,15 +41,11 @@ pub(crate) struct Arguments {
     /// Also write the report as JSON to this file.
     #[arg(long)]
     json: Option<PathBuf>,
-    /// Also write the picture as PNG (sRGB) to this file.
+    /// Also write the picture to this file: PNG (sRGB), or EXR with how it was made.
     #[arg(long)]
     picture: Option<PathBuf>,
-    /// Also render once more and write a report of error against time to this file.
-    #[arg(long)]
-    report: Option<PathBuf>,
-    /// EXR picture for that report to compare with.
-    #[arg(long, requires = "report")]
-    reference: Option<PathBuf>,
+    #[command(flatten)]
+    observe: Observe,
 }
 
 /// Everything a bench says.
@@ -113,24 +110,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let report = report(arguments, &session, &first, &runs, commit_secs);
     print_table(&report);
     write_json(&report, arguments.json.as_deref())?;
-    write_error_report(arguments, &session)?;
+    arguments.observe.write(&session, &request(arguments), "")?;
     let size = [arguments.width, arguments.height];
     arguments.picture.as_ref().map_or(Ok(()), |path| write_picture(&session, size, path))
-}
-
-/// Renders with a report of error against time, if one is wanted.
-fn write_error_report(arguments: &Arguments, session: &Session) -> Result<()> {
-    let files = [("oocpt:report", &arguments.report), ("oocpt:reference", &arguments.reference)];
-    if arguments.report.is_none() {
-        return Ok(());
-    }
-    for (key, file) in files {
-        let file = file.as_ref().map_or_else(String::new, |file| file.to_string_lossy().into_owned());
-        session.set_setting(key, Value::Text(file))?;
-    }
-    session.set_profiling(false);
-    session.render(request(arguments));
-    finish(session)
 }
 
 fn request(arguments: &Arguments) -> RenderRequest {
@@ -138,7 +120,7 @@ fn request(arguments: &Arguments) -> RenderRequest {
         width: arguments.width,
         height: arguments.height,
         camera: forest::camera(arguments.width, arguments.height),
-        aovs: vec![AovRequest { kind: AovKind::Color, clear: [0.0; 4] }],
+        aovs: only_color(),
     }
 }
 

@@ -15,6 +15,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use super::common::{self, Machine, Runs, budget_kib, budget_rows, finish, write_json, write_picture};
+use super::observe::Observe;
 use crate::scene::island::{self, Parameters};
 
 /// Options of `oocpt bench island`.
@@ -64,12 +65,14 @@ pub(crate) struct Arguments {
     /// Also write the report as JSON to this file.
     #[arg(long)]
     json: Option<PathBuf>,
-    /// Also write the picture as PNG (sRGB) to this file.
+    /// Also write the picture to this file: PNG (sRGB), or EXR with how it was made.
     #[arg(long)]
     picture: Option<PathBuf>,
     /// Also render the last good row once more and write its chunk report to this file (`oocpt report chunks` draws it).
     #[arg(long)]
     chunk_report: Option<PathBuf>,
+    #[command(flatten)]
+    observe: Observe,
 }
 
 /// One budget under one policy.
@@ -224,6 +227,7 @@ fn measure(
     let size = [arguments.width, arguments.height];
     let Runs { trace_secs, timings, stats, different_pixels } =
         common::measure(session, size, arguments.runs, arguments.cold, reference)?;
+    arguments.observe.write(session, &request(arguments), &format!("{percent} {policy}"))?;
     let median_trace_secs = timings.trace_secs;
     let first = report.rows.first().map_or(median_trace_secs, |row| row.median_trace_secs);
     #[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]

@@ -5,12 +5,13 @@
 
 use anyhow::{Context, Result, bail};
 use oocpt_core::settings::{Settings, Value};
-use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions};
+use oocpt_render::{RenderRequest, Session, SessionOptions};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::common::{self, Machine, PassRow, Runs, print_passes, write_json, write_picture};
+use super::observe::Observe;
 use crate::scene::leaves::{self, Leaves};
 use crate::scene::pictures::Pictures;
 
@@ -56,6 +57,8 @@ pub(crate) struct Arguments {
     /// Also write the picture of the cut leaves as PNG (sRGB) to this file.
     #[arg(long)]
     picture: Option<PathBuf>,
+    #[command(flatten)]
+    observe: Observe,
 }
 
 /// One scene.
@@ -151,15 +154,17 @@ fn measure(
     reference: &mut Vec<u8>,
 ) -> Result<Row> {
     let size = [arguments.width, arguments.height];
-    session.render(RenderRequest {
+    let request = RenderRequest {
         width: size[0],
         height: size[1],
         camera: leaves::camera(size[0], size[1]),
-        aovs: vec![AovRequest { kind: AovKind::Color, clear: [0.0; 4] }],
-    });
+        aovs: common::only_color(),
+    };
+    session.render(request.clone());
     let Runs { trace_secs, timings, different_pixels, .. } =
         common::measure(session, size, arguments.runs, false, reference).context(kind.name())?;
     let passes = if arguments.profile { common::profile(session)? } else { Vec::new() };
+    arguments.observe.write(session, &request, kind.name())?;
     let median_trace_secs = timings.trace_secs;
     #[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]
     let mrays_per_sec = (timings.closest_rays + timings.shadow_rays) as f64 / median_trace_secs * 1e-6;

@@ -6,8 +6,12 @@ mod edits;
 mod forest;
 mod island;
 mod leaves;
+mod observe;
 mod partition;
+mod specialise;
 mod textures;
+
+pub(crate) use common::{all_images, finish};
 
 use anyhow::Result;
 use clap::Subcommand;
@@ -32,6 +36,8 @@ enum Command {
     Textures(textures::Arguments),
     /// Instanced leaves: opaque, with an opacity picture that is opaque all over, and cut out.
     Leaves(leaves::Arguments),
+    /// What leaving out saves: scenes by passes made for them and by passes that carry everything; the same bits.
+    Specialise(specialise::Arguments),
     /// Commits flattened islands: instances a second, host bytes an instance.
     Partition(partition::Arguments),
     /// Moves instances in a live session: seconds to the next image, bytes sent again.
@@ -46,6 +52,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Some(Command::Island(arguments)) => island::run(arguments),
         Some(Command::Textures(arguments)) => textures::run(arguments),
         Some(Command::Leaves(arguments)) => leaves::run(arguments),
+        Some(Command::Specialise(arguments)) => specialise::run(arguments),
         Some(Command::Partition(arguments)) => partition::run(arguments),
         Some(Command::Edits(arguments)) => edits::run(arguments),
     }

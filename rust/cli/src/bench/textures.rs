@@ -10,13 +10,14 @@ mod table;
 use anyhow::{Context, Result, bail, ensure};
 use oocpt_core::settings::{Settings, Value};
 use oocpt_core::stats::StreamingStats;
-use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions};
+use oocpt_render::{RenderRequest, Session, SessionOptions};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
 use super::common::{self, Machine, PassRow, Runs, budget_kib, budget_rows, finish, write_json, write_picture};
+use super::observe::Observe;
 use crate::scene::pictures::Pictures;
 use crate::scene::woods::{self, Parameters};
 
@@ -64,9 +65,11 @@ pub(crate) struct Arguments {
     /// Also write the report as JSON to this file.
     #[arg(long)]
     json: Option<PathBuf>,
-    /// Also write the picture as PNG (sRGB) to this file.
+    /// Also write the picture to this file: PNG (sRGB), or EXR with how it was made.
     #[arg(long)]
     picture: Option<PathBuf>,
+    #[command(flatten)]
+    observe: Observe,
 }
 
 /// One budget under one policy.
@@ -196,7 +199,7 @@ fn request(arguments: &Arguments) -> RenderRequest {
         width: arguments.width,
         height: arguments.height,
         camera: woods::camera(arguments.width, arguments.height),
-        aovs: vec![AovRequest { kind: AovKind::Color, clear: [0.0; 4] }],
+        aovs: common::only_color(),
     }
 }
 
@@ -219,6 +222,7 @@ fn measure(
     let Runs { trace_secs, timings, stats, different_pixels } =
         common::measure(session, size, arguments.runs, false, reference)?;
     let passes = if arguments.profile { common::profile(session)? } else { Vec::new() };
+    arguments.observe.write(session, &request(arguments), &format!("{percent} {policy}"))?;
     let median_trace_secs = timings.trace_secs;
     let first = report.rows.first().map_or(median_trace_secs, |row| row.median_trace_secs);
     #[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]

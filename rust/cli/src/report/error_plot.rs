@@ -81,22 +81,26 @@ pub(crate) fn time_to(rows: &[ErrorRow], target: f64) -> Option<f64> {
     }
 }
 
-/// The table: samples, seconds and error at the end, and the seconds to each target.
+/// The table: samples, seconds, estimate and what a reference says at the end, and the seconds to each target: of the true error where
+/// there is a reference.
 fn table(reports: &[(String, ErrorReport)]) -> String {
-    let mut text = format!("{:<24}{:>9}{:>11}{:>12}{:>25}", "report", "samples", "seconds", "relMSE", "95 % interval");
+    let mut text =
+        format!("{:<24}{:>9}{:>11}{:>12}{:>25}", "report", "samples", "seconds", "estimate", "95 % interval");
+    _ = write!(text, "{:>12}{:>12}{:>9}", "true relMSE", "RMSE", "FLIP");
     for target in TARGETS {
         _ = write!(text, "{:>12}", format!("to {target:.0e}"));
     }
     text.push('\n');
     for (name, report) in reports {
         let Some(last) = report.rows.last() else { continue };
-        let error = point(last).map_or(f64::NAN, |p| p[1]);
-        let interval = match (last.truth, last.estimate) {
-            (None, Some(e)) => format!("{:.3e} to {:.3e}", e.low, e.high),
-            (Some(_), _) => "against a reference".to_owned(),
-            (None, None) => "-".to_owned(),
-        };
-        _ = write!(text, "{name:<24}{:>9}{:>11.3}{error:>12.3e}{interval:>25}", last.samples, last.seconds_tracing);
+        let none = || "-".to_owned();
+        let estimate = last.estimate.map_or_else(none, |e| format!("{:.3e}", e.rel_mse));
+        let interval = last.estimate.map_or_else(none, |e| format!("{:.3e} to {:.3e}", e.low, e.high));
+        let rel_mse = last.truth.map_or_else(none, |truth| format!("{:.3e}", truth.rel_mse));
+        let rmse = last.truth.map_or_else(none, |truth| format!("{:.3e}", truth.rmse));
+        let flip = last.truth.map_or_else(none, |truth| format!("{:.4}", truth.flip));
+        _ = write!(text, "{name:<24}{:>9}{:>11.3}{estimate:>12}{interval:>25}", last.samples, last.seconds_tracing);
+        _ = write!(text, "{rel_mse:>12}{rmse:>12}{flip:>9}");
         for target in TARGETS {
             let time = time_to(&report.rows, target).map_or("-".to_owned(), |secs| format!("{secs:.3} s"));
             _ = write!(text, "{time:>12}");
@@ -110,6 +114,7 @@ fn table(reports: &[(String, ErrorReport)]) -> String {
 mod tests {
     use super::*;
     use oocpt_core::convergence::Estimate;
+    use oocpt_core::stats::TrueError;
 
     fn rows(slope: f64) -> Vec<ErrorRow> {
         let row = |k: i32| {
@@ -153,6 +158,20 @@ mod tests {
         assert!(drawn > 5000, "curves, grid and letters: {drawn} pixels");
         let table = table(&reports);
         assert!(table.lines().count() == 3 && table.contains("0.100 s"), "{table}");
+    }
+
+    #[test]
+    fn the_estimate_stands_beside_what_a_reference_says() {
+        let mut rows = rows(-1.0);
+        for row in &mut rows {
+            let rel_mse = 2.0 * row.estimate.expect("an estimate").rel_mse;
+            row.truth = Some(TrueError { rel_mse, rmse: 0.25, flip: 0.0625 });
+        }
+        let reports = [("referenced".to_owned(), ErrorReport { rows, ..ErrorReport::default() })];
+        let table = table(&reports);
+        let words: Vec<&str> = table.lines().nth(1).expect("a row").split_whitespace().collect();
+        assert_eq!(words[3..9], ["1.953e-3", "1.563e-3", "to", "2.441e-3", "3.906e-3", "2.500e-1"], "{table}");
+        assert_eq!((words[9], words[10]), ("0.0625", "0.200"), "FLIP, and the time to a true error of 0.1: {table}");
     }
 
     #[test]

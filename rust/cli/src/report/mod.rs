@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt report plot`: see [`error_plot`]. `oocpt report chunks`: draws what `oocpt:chunkReport` wrote.
+//! `oocpt report plot`: see [`error_plot`]. `oocpt report picture`: see [`picture`]. `oocpt report chunks`: draws what
+//! `oocpt:chunkReport` wrote.
 //!
 //! `loads.png` and `rays.png` show the boxes of all chunk instances from the render's camera, coloured by the chunk's loads
 //! and by the rays that visited it, on a logarithmic scale; grey is zero. `progress.txt` says how the paths ran out.
@@ -8,6 +9,7 @@ mod boxes;
 mod chart;
 mod error_plot;
 mod paint;
+mod picture;
 
 use anyhow::{Context, Result, bail};
 use clap::Subcommand;
@@ -40,6 +42,8 @@ pub(crate) struct Arguments {
 enum Command {
     /// Error against time of one or more renders, as SVG and PNG, and the times to errors of 1e-1, 1e-2, 1e-3.
     Plot(error_plot::Arguments),
+    /// How a picture was made: the attributes of an EXR file of ours, or what a report says of its last render.
+    Picture(picture::Arguments),
     /// Pictures of the chunks by loads and by rays, and the table of time against paths left.
     Chunks {
         /// The file that the setting `oocpt:chunkReport` named.
@@ -54,6 +58,7 @@ enum Command {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let (file, out) = match &arguments.command {
         Command::Plot(arguments) => return error_plot::run(arguments),
+        Command::Picture(arguments) => return picture::run(arguments),
         Command::Chunks { file, out } => (file, out),
     };
     let report = ChunkReport::read(file)?;

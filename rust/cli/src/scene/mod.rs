@@ -2,7 +2,9 @@
 //! The scenes of benches and tests; `oocpt scene` writes them as USD.
 
 pub(crate) mod forest;
+pub(crate) mod generated;
 pub(crate) mod island;
+mod lamps;
 pub(crate) mod leaves;
 pub(crate) mod pictures;
 mod preview;
@@ -33,15 +35,18 @@ enum Command {
         /// A Python that imports usd-core and numpy, as `cargo xtask env` names it.
         #[arg(long, env = "OOCPT_USD_PYTHON", hide_env_values = true)]
         python: Option<OsString>,
+        /// Has the scene ask every host that renders it for a report of error against time in this file (`oocpt:report`).
+        #[arg(long)]
+        report: Option<PathBuf>,
     },
 }
 
 /// Runs the command.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let Command::Island { island, out, python } = &arguments.command;
+    let Command::Island { island, out, python, report } = &arguments.command;
     let python = usd::python(python.as_deref().map(Path::new))?;
     let prims = island::Prims::new(island)?;
-    usd::write(&prims, &island::stage_camera(island), python, out)?;
+    usd::write(&prims, &island::stage_camera(island), report.as_deref(), python, out)?;
     println!("{}: {} instances, {} unique quads", out.display(), island.total_instances(), prims.quads);
     Ok(())
 }

@@ -45,11 +45,17 @@ impl Drop for Folder {
     }
 }
 
-/// Writes the stage.
-pub(crate) fn write(prims: &Prims, camera: &StageCamera, python: &Path, out: &Path) -> Result<()> {
+/// Writes the stage; with `report`, its render settings name that file.
+pub(crate) fn write(
+    prims: &Prims,
+    camera: &StageCamera,
+    report: Option<&Path>,
+    python: &Path,
+    out: &Path,
+) -> Result<()> {
     let folder = Folder(std::env::temp_dir().join(format!("oocpt-island-{}", std::process::id())));
     std::fs::create_dir(&folder.0).with_context(|| format!("cannot make {}", folder.0.display()))?;
-    let contents = write_parts(prims, camera, &folder.0);
+    let contents = write_parts(prims, camera, report, &folder.0);
     contents.with_context(|| format!("cannot write into {} (TMPDIR names another place)", folder.0.display()))?;
     let script = folder.0.join("island.py");
     let mut child = Command::new(python);
@@ -63,7 +69,7 @@ pub(crate) fn write(prims: &Prims, camera: &StageCamera, python: &Path, out: &Pa
     Ok(())
 }
 
-fn write_parts(prims: &Prims, camera: &StageCamera, folder: &Path) -> Result<()> {
+fn write_parts(prims: &Prims, camera: &StageCamera, report: Option<&Path>, folder: &Path) -> Result<()> {
     std::fs::write(folder.join("island.py"), SCRIPT)?;
     let mut arrays =
         Arrays { file: BufWriter::new(File::create(folder.join("arrays"))?), end: 0, known: FxHashMap::default() };
@@ -79,6 +85,7 @@ fn write_parts(prims: &Prims, camera: &StageCamera, folder: &Path) -> Result<()>
             "field_of_view": camera.field_of_view,
             "clipping": camera.clipping,
         },
+        "report": report.map(|report| report.to_string_lossy()),
     });
     std::fs::write(folder.join("contents.json"), contents.to_string())?;
     Ok(())

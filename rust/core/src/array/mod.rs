@@ -114,6 +114,12 @@ impl ElementType {
         component.size() * count
     }
 
+    /// Numbers of one element.
+    #[must_use]
+    pub const fn components(self) -> usize {
+        self.layout().1
+    }
+
     /// True for the three quaternion types.
     #[must_use]
     pub const fn is_quat(self) -> bool {

@@ -15,6 +15,7 @@ pub(crate) mod instance_primvars;
 mod light;
 mod mesh_placements;
 pub(crate) mod placement;
+mod primvar_uses;
 pub(crate) mod reader;
 mod report;
 mod rescan;

@@ -41,6 +41,8 @@ mod partition_cases;
 #[cfg(test)]
 mod partition_edits;
 #[cfg(test)]
+mod primvar_uses;
+#[cfg(test)]
 mod primvars;
 #[cfg(test)]
 mod samplers;

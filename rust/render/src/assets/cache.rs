@@ -4,7 +4,7 @@
 //! [`SceneCache::sync`] lists what a snapshot needs. If it fits the budget, [`Scene::load_all`] brings everything;
 //! else the streaming loop brings what the rays ask for. Render thread only.
 
-use super::catalog::SceneAssets;
+use super::catalog::{MAX_LEVELS, SceneAssets};
 use super::source::AssetKey;
 use super::store::{Patience, Store};
 use super::tables::{Entries, Tables};
@@ -13,6 +13,7 @@ use crate::error::RenderError;
 use crate::textures::{ImageLibrary, TextureCache};
 use crate::thread::Gate;
 use crate::timings::Timings;
+use oocpt_core::inventory::Inventory;
 use oocpt_core::residency::AssetId;
 use oocpt_core::scene::Snapshot;
 use oocpt_gpu::HeapRange;
@@ -54,6 +55,11 @@ pub(crate) struct SceneView {
 }
 
 impl SceneView {
+    /// The same for passes that take the deepest nesting there may be.
+    pub(crate) fn deepest(self, stack_entries: u32) -> Self {
+        Self { max_levels: MAX_LEVELS, ..self }.with_stack(stack_entries)
+    }
+
     /// The same for chunks that need `stack_entries` below the top level.
     pub(crate) fn with_stack(self, stack_entries: u32) -> Self {
         // One more entry per way back to a level above, and one for the end. Rounded up, so that small edits do not ask for
@@ -203,6 +209,16 @@ impl Scene {
         let entries = Entries::new(&self.assets);
         self.tables = Some(Tables::new(device, &self.assets, &entries, lights)?);
         Ok(())
+    }
+
+    /// Lists the tables, and, when all of the scene is there, its assets by what they hold.
+    pub(crate) fn list(&self, inventory: &mut Inventory, in_core: bool) {
+        if let Some(tables) = &self.tables {
+            tables.list(inventory);
+        }
+        if in_core {
+            self.assets.list(inventory);
+        }
     }
 
     /// The parts that a streaming loop works with.

@@ -9,13 +9,14 @@
 use super::source::{AssetKey, Source};
 use crate::error::RenderError;
 use crate::textures::TextureSet;
+use oocpt_core::inventory::Inventory;
 use oocpt_core::residency::{AssetId, Catalog, ChunkId};
 use oocpt_core::scene::{Snapshot, Target};
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::sync::Arc;
 
 /// Longest chain of instance records inside a chunk that traversal supports.
-const MAX_LEVELS: u32 = 16;
+pub(crate) const MAX_LEVELS: u32 = 16;
 /// Most meshes, assemblies or chunk instances: their indices share 32 bits with a flag.
 const MAX_TARGETS: u64 = 1 << 31;
 
@@ -36,6 +37,8 @@ pub(crate) struct SceneAssets {
     pub(crate) tile_bytes: u64,
     /// Most bytes that building one asset takes for a moment.
     pub(crate) workspace_bytes: u64,
+    /// `bytes` by what they hold.
+    sections: [u64; Source::SECTIONS.len()],
     meshes: usize,
     assemblies: usize,
 }
@@ -92,6 +95,10 @@ impl SceneAssets {
         let bytes = of_needed().map(Source::bytes).sum();
         let tile_bytes = sources.iter().skip(first_tile).map(Source::bytes).sum();
         let workspace_bytes = of_needed().map(Source::workspace_bytes).max().unwrap_or(0);
+        let mut sections = [0; Source::SECTIONS.len()];
+        for source in of_needed() {
+            sections.iter_mut().zip(source.sections()).for_each(|(sum, bytes)| *sum += bytes);
+        }
         let catalog = Catalog::new(sources.iter().map(Source::bytes).collect(), per_unit)
             .map_err(|error| RenderError::Internal(format!("the scene's assets: {error}")))?;
         let catalog = Arc::new(catalog);
@@ -104,9 +111,17 @@ impl SceneAssets {
             bytes,
             tile_bytes,
             workspace_bytes,
+            sections,
             meshes,
             assemblies,
         })
+    }
+
+    /// Lists the bytes of the assets that some unit needs, by what they hold.
+    pub(crate) fn list(&self, inventory: &mut Inventory) {
+        for (name, bytes) in Source::SECTIONS.into_iter().zip(self.sections) {
+            inventory.add(name, bytes);
+        }
     }
 
     /// What `asset` stands for.

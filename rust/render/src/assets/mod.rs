@@ -17,7 +17,7 @@ mod tables;
 mod values;
 
 pub(crate) use cache::{Scene, SceneCache, SceneView};
-pub(crate) use catalog::SceneAssets;
+pub(crate) use catalog::{MAX_LEVELS, SceneAssets};
 pub(crate) use encode::Writer;
 pub(crate) use loader::Loader;
 pub(crate) use store::{Patience, Store};

@@ -132,6 +132,45 @@ impl Source {
         }
     }
 
+    /// Names of what assets hold.
+    pub(crate) const SECTIONS: [&str; 12] = [
+        "mesh nodes",
+        "mesh triangles",
+        "mesh corners",
+        "mesh normals",
+        "mesh displayColor",
+        "mesh displayOpacity",
+        "mesh primvars",
+        "instance records",
+        "instance trees",
+        "instance primvars",
+        "texture tiles",
+        "rounding of assets",
+    ];
+
+    /// Its bytes under [`Self::SECTIONS`]; their sum is [`Self::bytes`].
+    pub(crate) fn sections(&self) -> [u64; Self::SECTIONS.len()] {
+        let mut sections = [0; Self::SECTIONS.len()];
+        match self {
+            Self::Mesh(mesh) => {
+                let layout = MeshLayout::new(mesh);
+                let MeshLayout { triangles, corners, normals, colors, opacities, primvars, bytes, .. } = layout;
+                let starts = [0, triangles, corners, normals, colors, opacities, primvars, bytes];
+                for (section, pair) in sections.iter_mut().zip(starts.windows(2)) {
+                    *section = pair[1].saturating_sub(pair[0]);
+                }
+            }
+            Self::Assembly(_) | Self::Chunk(_) => {
+                sections[7] = record_bytes(self.records());
+                sections[8] = node_bytes(self.records());
+                sections[9] = self.size().saturating_sub(self.values_at());
+            }
+            Self::Tile(..) => sections[10] = self.size(),
+        }
+        sections[11] = self.bytes().saturating_sub(self.size());
+        sections
+    }
+
     /// Bytes asked of the heap.
     pub(crate) fn size(&self) -> u64 {
         match self {

@@ -12,6 +12,7 @@ use super::values::ValueLayout;
 use crate::device::Device;
 use crate::error::RenderError;
 use bytemuck::{Pod, Zeroable};
+use oocpt_core::inventory::Inventory;
 use oocpt_core::partition::{ChunkInstance, PlacedValues};
 use oocpt_core::residency::AssetId;
 use oocpt_gpu::{Commands, HeapRange};
@@ -158,6 +159,32 @@ impl Tables {
             .chain(Some(placed).filter(|(_, count)| *count > 0))
             .map(|(count, stride)| ((count * stride).max(16) as u64).next_multiple_of(256))
             .sum()
+    }
+
+    /// Lists the tables there are.
+    pub(crate) fn list(&self, inventory: &mut Inventory) {
+        let Self { top_nodes, chunk_instances, chunks, assemblies, meshes, lights, .. } = self;
+        for table in [top_nodes, chunk_instances, chunks, assemblies, meshes, lights] {
+            inventory.add(table.name(), table.size());
+        }
+        let surfaces = self.surfaces.iter().flat_map(|s| [&s.materials, &s.prims, &s.slots]);
+        let textures = self.textures.iter().flat_map(|t| [&t.records, &t.pages, &t._decode]);
+        for table in surfaces.chain(textures).chain(&self.placed_values) {
+            inventory.add(table.name(), table.size());
+        }
+        let optional = [
+            ("material table", self.surfaces.is_some()),
+            ("prim table", self.surfaces.is_some()),
+            ("material slots", self.surfaces.is_some()),
+            ("texture table", self.textures.is_some()),
+            ("texture pages", self.textures.is_some()),
+            ("sRGB table", self.textures.is_some()),
+            ("values of placements", self.placed_values.is_some()),
+        ];
+        for (name, _) in optional.iter().filter(|(_, is_made)| !is_made) {
+            // Of nothing they would be empty.
+            inventory.leave_out(name, 0);
+        }
     }
 
     /// Makes the tables and fills them.

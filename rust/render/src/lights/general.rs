@@ -137,6 +137,24 @@ impl GeneralLights {
         self.features = self.find_features().bits();
     }
 
+    /// Makes the table such that passes may be compiled with all that they can know of lights, and choose as they would without: an
+    /// empty tree where there is none, and meshes of no power beside the local lights. Gives these features.
+    pub(crate) fn carry(&mut self) -> Features {
+        if self.nodes.is_empty() {
+            self.nodes = tree::build(&[]);
+        }
+        if self.meshes.is_none() && !self.locals.is_empty() {
+            let locals = self.bounds.iter().fold(tree::NOTHING, |sum, bounds| sum.union(bounds));
+            self.joint = u32::try_from(self.nodes.len()).unwrap_or_default();
+            self.nodes.push(tree::joint(&LightBounds { power: 1.0, ..locals }, &tree::NOTHING));
+        }
+        let places = Features::LOCAL_LIGHTS | Features::MESH_LIGHTS | Features::LIGHT_TEXTURE;
+        let mut carried = places | Features::SHAPING | Features::IES | Features::DOME_TEXTURE;
+        // With links the shares of several lights at infinity are summed anew, and round otherwise.
+        carried.set(Features::LIGHT_LINKS, self.infinite.len() < 2);
+        carried
+    }
+
     fn find_features(&self) -> Features {
         let mut features = Features::LIGHT_TABLE;
         let kind = |kind: GpuLightKind| self.infinite.iter().any(|light| light.flags & 15 == kind as u32);

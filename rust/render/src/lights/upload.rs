@@ -9,6 +9,7 @@ use super::picture::EncodedPicture;
 use crate::assets::Writer;
 use crate::device::Device;
 use crate::error::RenderError;
+use oocpt_core::inventory::Inventory;
 use oocpt_gpu::HeapRange;
 use oocpt_shader_abi::{GpuLightMap, Lighting};
 use std::sync::Arc;
@@ -100,6 +101,15 @@ impl LightTables {
         }
         self.lighting = lighting;
         Ok(())
+    }
+
+    /// Lists what is on the device.
+    pub(crate) fn list(&self, inventory: &mut Inventory) {
+        let pictures = self.pictures.iter().flat_map(|have| std::iter::once(&have.texels).chain(&have.alias));
+        let meshes = self.meshes.iter().flat_map(|meshes| &meshes.tables);
+        for range in pictures.chain(meshes).chain(&self.tables) {
+            inventory.add(range.name(), range.size());
+        }
     }
 
     /// Addresses of the tables of the meshes that emit light, in the order of [`Lighting`]; 0 without any.

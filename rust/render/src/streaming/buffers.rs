@@ -4,6 +4,7 @@
 use super::observe::Observation;
 use crate::error::RenderError;
 use crate::wavefront::{CONE_BYTES, PathBuffers, PathNeeds};
+use oocpt_core::inventory::Inventory;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{
     Counters, Frame, GpuSurface, GpuSurfaceMaterial, Pending, Question, Segment, Streaming, TILE_KEYS, path_bytes,
@@ -131,6 +132,32 @@ impl StreamBuffers {
         Ok(buffers)
     }
 
+    /// Lists the memory there is, and what is left out of it.
+    pub(crate) fn list(&self, inventory: &mut Inventory) {
+        self.paths.list(inventory);
+        let Self { progress, places, free_slots, pending, shadow_pending, surfaces, deferred, readback, .. } = self;
+        let waiting = [progress, places, free_slots, pending, shadow_pending, surfaces, &deferred[0], &deferred[1]];
+        let tables =
+            [&self.segments, &self.demand, &self.sort_counts, &self.sort_sums, &self.chunk_rays, &self.streaming];
+        for buffer in waiting.into_iter().chain(tables).chain(readback) {
+            inventory.add(buffer.name(), buffer.size());
+        }
+        let capacity = u64::from(self.paths.capacity);
+        match &self.surface_materials {
+            Some(buffer) => inventory.add(buffer.name(), buffer.size()),
+            None => inventory.leave_out("surface materials", capacity * size_of::<GpuSurfaceMaterial>() as u64),
+        }
+        let Some(textures) = &self.textures else {
+            inventory.leave_out("resolve_queue", 4 * capacity);
+            inventory.leave_out("resolve_progress", 4 * capacity);
+            return list_questions(None, capacity, inventory);
+        };
+        for buffer in [&textures.resolve_queue, &textures.resolved, &textures.resolve_progress] {
+            inventory.add(buffer.name(), buffer.size());
+        }
+        list_questions(textures.questions.as_ref(), capacity, inventory);
+    }
+
     /// Whether this memory serves such a scene and so many paths, or is as much as there could be for them.
     pub(crate) fn serves(&self, needs: Needs, asked: (u64, u64)) -> bool {
         let enough = self.asked.0 >= asked.0 && self.asked.1 >= asked.1;
@@ -228,6 +255,15 @@ impl StreamBuffers {
         commands.copy(&self.chunk_rays, 0, &target, 0, self.chunk_rays.size());
         commands.submit()?.wait(crate::waves::WAVE_TIMEOUT)?;
         Ok(target.map(|bytes| bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect())?)
+    }
+}
+
+fn list_questions(questions: Option<&[Buffer; 2]>, capacity: u64, inventory: &mut Inventory) {
+    for (at, name) in ["questions", "shadow_questions"].into_iter().enumerate() {
+        match questions {
+            Some(questions) => inventory.add(name, questions[at].size()),
+            None => inventory.leave_out(name, capacity * size_of::<Question>() as u64),
+        }
     }
 }
 

@@ -21,8 +21,10 @@ use buffers::Needs;
 pub(crate) use buffers::StreamBuffers;
 
 use crate::assets::{Scene, SceneView};
+use crate::device::Specialisation;
 use crate::error::RenderError;
 use crate::frame::{Setting, frame_block, geometry_cap, has_light_paths, is_cpu, shrinking};
+use crate::inventory::{self, Compiled};
 use crate::progress::Progress;
 use crate::specialise;
 use crate::thread::Gate;
@@ -30,6 +32,7 @@ use crate::wavefront::Passes;
 use crate::waves::WAVE_TIMEOUT;
 use clock::Clock;
 use observe::Observation;
+use oocpt_core::inventory::Inventory;
 use oocpt_core::material::{Input, Material};
 use oocpt_core::scene::{SceneFeatures, Snapshot};
 use oocpt_gpu::{Buffer, Usage};
@@ -90,14 +93,23 @@ pub(crate) fn render(
         return Err(RenderError::Internal("the frame's paths were not made".into()));
     };
     progress.stage("compiling passes");
-    let features = features(setting, &view);
+    let needed = features(setting, &view);
+    let carried = setting.carry.possible(needed, setting.light_carry);
+    let features = needed | carried;
     device.bsdf_tables(features)?; // before geometry takes what is left
     let budget = geometry_budget(setting, scene);
     let policy = job.settings.policy;
+    let mut listed = Inventory::default();
+    scene.list(&mut listed, false);
+    buffers.list(&mut listed);
+    listed.add("geometry and textures, at most", budget);
     let assets = scene.assets.clone();
     let (_, store, tables) = scene.parts()?;
     let residency = Residency::new(Start { device, assets: &assets, store, tables, budget, policy })?;
     let mut engine = Engine::new(setting, buffers, residency, features, view, progress)?;
+    let compiled = Compiled { passes: &engine.passes, special: engine.special(), carried };
+    let inventory = inventory::of_frame(setting, compiled, listed);
+    progress.made_of(specialise::left_out(features, film.has_planes()), inventory);
     tracing::info!(
         mib = budget >> 20,
         of_mib = assets.bytes >> 20,
@@ -205,7 +217,6 @@ impl<'a, 'r> Engine<'a, 'r> {
         let view = view.with_stack(stack_entries + MAX_PENDING);
         let passes = Passes::new(device, specialise::specialisation(features, &view), film.has_planes())?;
         progress.timings.compile_secs += started.elapsed().as_secs_f64();
-        progress.left_out(specialise::left_out(features, film.has_planes()));
         let mut block = frame_block(setting, &view);
         block.bsdf_tables = device.bsdf_tables(features)?;
         buffers.bind(&mut block);
@@ -227,6 +238,10 @@ impl<'a, 'r> Engine<'a, 'r> {
         })
     }
 
+    fn special(&self) -> Specialisation {
+        specialise::specialisation(self.features, &self.view.with_stack(self.stack_entries + MAX_PENDING))
+    }
+
     /// Compiles the passes anew when a chunk on the device needs a deeper stack than they have.
     pub(crate) fn deepen(&mut self, progress: &mut Progress<'_>) -> Result<(), RenderError> {
         if self.residency.stack_entries <= self.stack_entries {
@@ -234,9 +249,7 @@ impl<'a, 'r> Engine<'a, 'r> {
         }
         self.stack_entries = self.residency.stack_entries;
         let started = Instant::now();
-        let view = self.view.with_stack(self.stack_entries + MAX_PENDING);
-        let special = specialise::specialisation(self.features, &view);
-        self.passes = Passes::new(self.setting.device, special, self.setting.film.has_planes())?;
+        self.passes = Passes::new(self.setting.device, self.special(), self.setting.film.has_planes())?;
         progress.timings.compile_secs += started.elapsed().as_secs_f64();
         Ok(())
     }

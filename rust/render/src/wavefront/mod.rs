@@ -56,6 +56,30 @@ pub(crate) struct AovPasses {
 }
 
 impl Passes {
+    /// The pipelines that there are.
+    pub(crate) fn pipelines(&self) -> Vec<&Arc<Pipeline>> {
+        let mut all = vec![
+            &self.generate_camera_rays,
+            &self.prepare_dispatch,
+            &self.intersect_closest,
+            &self.shade_background,
+            &self.shade_surface,
+            &self.intersect_shadow,
+            &self.accumulate,
+            &self.resolve,
+            &self.measure_error,
+        ];
+        all.extend(self.aovs.iter().flat_map(|aovs| [&aovs.generate_aov_rays, &aovs.shade_aovs]));
+        if let Some(stream) = &self.stream {
+            let StreamPasses { record_surfaces, resolve_materials, resolve_cutouts, .. } = stream;
+            all.push(record_surfaces);
+            all.extend(resolve_materials.iter().chain(resolve_cutouts));
+            all.extend([&stream.sort_deferred_count, &stream.sort_deferred_scan, &stream.sort_deferred_scatter]);
+            all.push(&stream.count_demand);
+        }
+        all
+    }
+
     /// Compiles what is not compiled yet, the two traversals side by side since they take longest.
     pub(crate) fn new(device: &Device, special: Specialisation, has_planes: bool) -> Result<Self, RenderError> {
         let aovs = || -> Result<_, RenderError> {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The arrays and queues that paths live in, in core and streaming alike: one entry for each path in flight.
 
+use crate::assets::MAX_LEVELS;
+use oocpt_core::inventory::Inventory;
 use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{Counters, Frame, LIGHT_PATH_BYTES, PathState, Ray, ShadowRay, hit_stride};
 use std::sync::Arc;
@@ -72,14 +74,31 @@ impl PathBuffers {
         })
     }
 
-    /// Whether there is memory for what textures need.
-    pub(crate) fn has_cones(&self) -> bool {
-        self.cones.is_some()
+    /// Lists the memory there is, and what is left out of it.
+    pub(crate) fn list(&self, inventory: &mut Inventory) {
+        let Self { rays, shadow_rays, hits, paths, radiance, ray_queue, .. } = self;
+        let capacity = u64::from(self.capacity);
+        inventory.paths = capacity;
+        let always = [rays, shadow_rays, hits, paths, radiance, &ray_queue[0], &ray_queue[1]];
+        let queues = [&self.shadow_queue, &self.surface_queue, &self.escaped_queue, &self.counters];
+        for buffer in always.into_iter().chain(queues) {
+            inventory.add(buffer.name(), buffer.size());
+        }
+        let deepest = u64::from(hit_stride(MAX_LEVELS)).saturating_sub(u64::from(hit_stride(self.max_levels)));
+        inventory.leave_out("hits", deepest * capacity);
+        let optional = [("cones", &self.cones, CONE_BYTES), ("light_paths", &self.light_paths, LIGHT_PATH_BYTES)];
+        for (name, buffer, stride) in optional {
+            match buffer {
+                Some(buffer) => inventory.add(name, buffer.size()),
+                None => inventory.leave_out(name, stride * capacity),
+            }
+        }
     }
 
-    /// Whether this memory serves scenes of `levels` instance levels, with or without the light table.
-    pub(crate) fn serves(&self, levels: u32, light_paths: bool) -> bool {
-        self.max_levels == levels && (self.light_paths.is_some() || !light_paths)
+    /// Whether this memory is what scenes of `levels` instance levels need, and no more.
+    pub(crate) fn serves(&self, levels: u32, needs: PathNeeds) -> bool {
+        let have = PathNeeds { textures: self.cones.is_some(), light_paths: self.light_paths.is_some() };
+        self.max_levels == levels && have == needs
     }
 
     /// Writes the addresses into a frame block.

@@ -10,6 +10,7 @@ mod convergence;
 mod determinism;
 mod edits;
 mod failures;
+mod features;
 mod furnace;
 mod glass;
 mod last_bounce;

@@ -1,5 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt doctor`: what this machine can render with.
+//! `oocpt doctor`: what this machine can render with; with `--scene`, what a scene needs of the renderer ([`scene`]).
+
+mod host;
+mod scene;
+mod table;
 
 use anyhow::Result;
 use oocpt_gpu::{DeviceReport, enumerate_for};
@@ -10,10 +14,15 @@ pub(crate) struct Arguments {
     /// Device to select: an index or a part of its name.
     #[arg(long, env = "OOCPT_DEVICE")]
     device: Option<String>,
+    #[command(flatten)]
+    scene: scene::Options,
 }
 
 /// Prints the report; fails when no device can be used.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    if let Some(name) = &arguments.scene.scene {
+        return scene::run(name, &arguments.scene, arguments.device.as_deref().unwrap_or_default());
+    }
     println!("OocPT {}", env!("CARGO_PKG_VERSION"));
     let selector = arguments.device.as_deref().filter(|text| !text.is_empty());
     let devices = enumerate_for(selector)?;

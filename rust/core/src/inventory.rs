@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What a render consists of: the parts that its scene, camera and request need, and those that were left out for it.
+//!
+//! Plain data, serialisable; any thread. Bytes are of device memory, unless they are of host memory that the device reaches (readback,
+//! upload). Filled in by the renderer from what it made, not from what it was asked for.
+
+use serde::{Deserialize, Serialize};
+
+/// Most primvars that are listed by name: names come from scenes of strangers.
+pub const MOST_PRIMVARS: usize = 64;
+/// Longest name of a primvar that is listed, characters.
+const LONGEST_NAME: usize = 80;
+
+/// See the module.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct Inventory {
+    /// Parts of the passes that are there only for scenes that need them.
+    pub features: Vec<FeatureUse>,
+    /// Passes; one that was made is one pipeline.
+    pub passes: Vec<PassUse>,
+    /// Buffers and tables by name.
+    pub buffers: Vec<BufferUse>,
+    /// Authored primvars by name, at most [`MOST_PRIMVARS`].
+    pub primvars: Vec<PrimvarUse>,
+    /// Further names of primvars, not listed.
+    #[serde(default)]
+    pub more_primvars: u64,
+    /// Levels of instance records that the passes are compiled for.
+    pub max_levels: u32,
+    /// Entries of a ray's stack that they are compiled for.
+    pub stack_size: u32,
+    /// Paths in flight.
+    pub paths: u64,
+}
+
+/// A feature of the passes.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct FeatureUse {
+    /// As the shaders call it.
+    pub name: String,
+    /// In words.
+    pub what: String,
+    /// Compiled in.
+    pub present: bool,
+    /// Compiled in although the scene does not need it: `oocpt:carry`.
+    #[serde(default)]
+    pub carried: bool,
+}
+
+/// A pass.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct PassUse {
+    /// Name of its shader.
+    pub name: String,
+    /// Whether there is a pipeline of it for this render.
+    pub made: bool,
+    /// Seconds that compiling its pipeline took when this process first needed it; 0 when left out.
+    pub compile_secs: f64,
+}
+
+/// A buffer or table.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct BufferUse {
+    /// What it is called in debuggers and errors.
+    pub name: String,
+    /// Bytes; 0 when left out.
+    pub bytes: u64,
+    /// Bytes that are not there because the scene needs less: all of it where it was left out.
+    pub saved: u64,
+}
+
+/// A primvar of meshes, or with a value per instance.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct PrimvarUse {
+    /// Its name without `primvars:`.
+    pub name: String,
+    /// Meshes and instancers whose values are used.
+    pub made: u64,
+    /// Meshes and instancers that have it and whose values nothing reads.
+    pub left_out: u64,
+    /// Bytes of the values used, as floats, each mesh that is shared counted for each prim.
+    pub bytes: u64,
+    /// Bytes of the authored values that nothing reads, as floats.
+    pub saved: u64,
+}
+
+impl Inventory {
+    /// Bytes of all buffers.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.buffers.iter().map(|buffer| buffer.bytes).fold(0, u64::saturating_add)
+    }
+
+    /// Bytes that are not there because the scene does not need them, primvars included.
+    #[must_use]
+    pub fn saved(&self) -> u64 {
+        let buffers = self.buffers.iter().map(|buffer| buffer.saved);
+        buffers.chain(self.primvars.iter().map(|primvar| primvar.saved)).fold(0, u64::saturating_add)
+    }
+
+    /// Pipelines of this render.
+    #[must_use]
+    pub fn pipelines(&self) -> usize {
+        self.passes.iter().filter(|pass| pass.made).count()
+    }
+
+    /// Notes a buffer that is there.
+    pub fn add(&mut self, name: &str, bytes: u64) {
+        self.note(name, bytes, 0);
+    }
+
+    /// Notes a buffer that would have so many bytes if something needed it.
+    pub fn leave_out(&mut self, name: &str, bytes: u64) {
+        self.note(name, 0, bytes);
+    }
+
+    fn note(&mut self, name: &str, bytes: u64, saved: u64) {
+        match self.buffers.iter_mut().find(|buffer| buffer.name == name) {
+            Some(known) => {
+                known.bytes = known.bytes.saturating_add(bytes);
+                known.saved = known.saved.saturating_add(saved);
+            }
+            None => self.buffers.push(BufferUse { name: name.to_owned(), bytes, saved }),
+        }
+    }
+
+    /// Takes primvars over: those with most bytes first, no more than [`MOST_PRIMVARS`], names cut short.
+    pub fn set_primvars(&mut self, mut primvars: Vec<PrimvarUse>) {
+        let weight = |primvar: &PrimvarUse| primvar.bytes.saturating_add(primvar.saved);
+        primvars.sort_by(|a, b| weight(b).cmp(&weight(a)).then_with(|| a.name.cmp(&b.name)));
+        self.more_primvars = primvars.len().saturating_sub(MOST_PRIMVARS) as u64;
+        primvars.truncate(MOST_PRIMVARS);
+        for primvar in &mut primvars {
+            primvar.name = primvar.name.chars().filter(|c| !c.is_control()).take(LONGEST_NAME).collect();
+        }
+        self.primvars = primvars;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_there_and_what_is_not_are_summed_apart() {
+        let mut inventory = Inventory::default();
+        inventory.add("rays", 100);
+        inventory.add("rays", 20);
+        inventory.leave_out("cones", 7);
+        assert_eq!((inventory.bytes(), inventory.saved()), (120, 7), "{inventory:?}");
+        assert_eq!(inventory.buffers.len(), 2, "one entry for each name");
+        inventory.add("all", u64::MAX);
+        assert_eq!(inventory.bytes(), u64::MAX, "sums do not wrap");
+    }
+
+    #[test]
+    fn names_of_strangers_are_few_and_short() {
+        let primvar =
+            |k: u64| PrimvarUse { name: format!("{k}\n{}", "x".repeat(1000)), saved: k, ..PrimvarUse::default() };
+        let mut inventory = Inventory::default();
+        inventory.set_primvars((0..1000).map(primvar).collect());
+        assert_eq!((inventory.primvars.len() as u64, inventory.more_primvars), (64, 936), "no more than can be read");
+        let first = &inventory.primvars[0];
+        assert!(first.saved == 999 && first.name.starts_with("999x") && first.name.len() == 80, "{first:?}");
+    }
+}

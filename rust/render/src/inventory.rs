@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Lists what a render is made of, for the stats: from the pipelines and buffers that there are. Render thread only.
+
+use crate::bsdf_tables;
+use crate::device::{Device, Specialisation};
+use crate::frame::Setting;
+use crate::specialise;
+use crate::wavefront::Passes;
+use oocpt_core::inventory::{Inventory, PassUse};
+use oocpt_shader_abi::{ALL, Features};
+
+/// What the passes of a frame are.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Compiled<'a> {
+    pub(crate) passes: &'a Passes,
+    pub(crate) special: Specialisation,
+    /// Of the features, those that the scene does not need.
+    pub(crate) carried: Features,
+}
+
+/// The inventory of a frame; the scene and the paths have `listed` what they hold.
+pub(crate) fn of_frame(setting: &Setting<'_>, compiled: Compiled<'_>, listed: Inventory) -> Inventory {
+    let Setting { device, job, film, tables, .. } = *setting;
+    let Compiled { special, carried, .. } = compiled;
+    let features = Features::from_bits_truncate(special.features);
+    let mut inventory = Inventory {
+        features: specialise::list(features, carried),
+        passes: passes(device, compiled.passes),
+        max_levels: special.max_levels,
+        stack_size: special.stack_size,
+        ..listed
+    };
+    film.list(&mut inventory);
+    tables.list(&mut inventory);
+    match features.contains(Features::MATERIALS) {
+        true => inventory.add("BSDF tables", device.bsdf_bytes()),
+        false => inventory.leave_out("BSDF tables", size_of_val(bsdf_tables::floats()) as u64),
+    }
+    inventory.set_primvars(job.primvars.to_vec());
+    inventory
+}
+
+/// Every pass of the renderer, and whether it has a pipeline here.
+fn passes(device: &Device, passes: &Passes) -> Vec<PassUse> {
+    let made = passes.pipelines();
+    let trees = device.tree_pipelines();
+    let entry = |name: &str| {
+        let pipeline = made.iter().find(|pipeline| pipeline.name() == name);
+        let of_trees = trees.iter().find(|(tree, _)| *tree == name);
+        PassUse {
+            name: name.to_owned(),
+            made: pipeline.is_some() || of_trees.is_some(),
+            compile_secs: pipeline.map_or(of_trees.map_or(0.0, |(_, secs)| *secs), |p| device.compile_secs(p)),
+        }
+    };
+    // Shaders in `lights` are programs of tests.
+    let of_tests = |name: &str| name.starts_with("lights_");
+    ALL.iter().filter(|module| !of_tests(module.name)).map(|module| entry(module.name)).collect()
+}

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Pictures as EXR files that say how they were made: `oocpt:` attributes with the time they took, their samples and rays, the error they
+//! are thought to have. Linear light, four floats of 32 bits a pixel, colour premultiplied by alpha.
+//!
+//! Hosts write the files of their own renders, and Hydra gives a render buffer no way to tell them of attributes; for those, the same
+//! numbers stand in the report that `oocpt:report` names. Files that are read come from anywhere: only their headers are, and of these a
+//! bounded part. Any thread.
+
+use exr::meta::attribute::{AttributeValue, Text};
+use exr::prelude::{Encoding, Image, Layer, LayerAttributes, MetaData, SpecificChannels, Vec2, WritableImage as _};
+use oocpt_core::stats::{ErrorRow, Stats};
+use serde::Serialize;
+use std::path::Path;
+
+/// What the names of our attributes begin with.
+const PREFIX: &str = "oocpt:";
+/// Most attributes that are read, and longest text of one, characters.
+const MOST: usize = 64;
+const LONGEST: usize = 400;
+
+/// An attribute's value.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Value {
+    /// Words.
+    Text(String),
+    /// A number; counts are exact below 2^53.
+    Number(f64),
+}
+
+impl std::fmt::Display for Value {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Text(text) => f.write_str(text),
+            Self::Number(number) => write!(f, "{number}"),
+        }
+    }
+}
+
+/// How a picture was made: names without `oocpt:`, and values.
+pub type Attributes = Vec<(String, Value)>;
+
+/// Why a picture was not written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum PictureError {
+    /// As the file's library says.
+    #[error("{0}: {1}")]
+    File(String, String),
+    /// So many floats are no such picture.
+    #[error("{0} floats are no picture of {1} x {2}")]
+    Size(usize, u32, u32),
+}
+
+/// Attributes of the picture that a render has made.
+#[expect(clippy::cast_precision_loss, reason = "counts are exact below 2^53")]
+pub(crate) fn attributes(stats: &Stats, device: &str, driver: &str, seed: u32, max_bounces: u32) -> Attributes {
+    let ErrorRow { samples, seconds, seconds_tracing, rays, estimate, bytes_paged, truth, .. } =
+        stats.error.clone().unwrap_or_else(|| ErrorRow {
+            samples: stats.samples_completed,
+            seconds: stats.seconds_total,
+            rays: stats.rays_traced,
+            ..ErrorRow::default()
+        });
+    let number = |name: &str, number: f64| (name.to_owned(), Value::Number(number));
+    let text = |name: &str, text: &str| (name.to_owned(), Value::Text(text.to_owned()));
+    let mut all = vec![
+        text("renderer", &format!("OocPT {}", env!("CARGO_PKG_VERSION"))),
+        text("device", device),
+        text("driver", driver),
+        number("seed", f64::from(seed)),
+        number("maxBounces", f64::from(max_bounces)),
+        number("samples", f64::from(samples)),
+        number("seconds", seconds),
+        number("secondsTracing", seconds_tracing),
+        number("rays", rays as f64),
+        number("bytesPaged", bytes_paged as f64),
+    ];
+    if let Some(estimate) = estimate {
+        all.push(number("errorEstimate", estimate.rel_mse));
+        all.push(number("errorLow", estimate.low));
+        all.push(number("errorHigh", estimate.high));
+    }
+    if let Some(truth) = truth {
+        all.push(number("errorRelMse", truth.rel_mse));
+        all.push(number("errorRmse", truth.rmse));
+        all.push(number("errorFlip", truth.flip));
+    }
+    all
+}
+
+/// Writes an image of `size` pixels, four floats each and bottom row first as a render's are, with its attributes.
+///
+/// # Errors
+/// [`PictureError`].
+pub fn write(path: &Path, size: [u32; 2], rgba: &[f32], attributes: &Attributes) -> Result<(), PictureError> {
+    let [width, height] = size.map(|side| side as usize);
+    if rgba.len() != width * height * 4 || rgba.is_empty() {
+        return Err(PictureError::Size(rgba.len(), size[0], size[1]));
+    }
+    let pixel = |at: Vec2<usize>| {
+        let start = ((height - 1 - at.y()) * width + at.x()) * 4;
+        (rgba[start], rgba[start + 1], rgba[start + 2], rgba[start + 3])
+    };
+    let mut layer = LayerAttributes::default();
+    for (name, value) in attributes {
+        let value = match value {
+            Value::Text(text) => AttributeValue::Text(Text::from(text.as_str())),
+            Value::Number(number) => AttributeValue::F64(*number),
+        };
+        layer.other.insert(Text::from(format!("{PREFIX}{name}").as_str()), value);
+    }
+    let layer = Layer::new((width, height), layer, Encoding::SMALL_LOSSLESS, SpecificChannels::rgba(pixel));
+    let done = Image::from_layer(layer).write().to_file(path);
+    done.map_err(|error| PictureError::File(path.display().to_string(), error.to_string()))
+}
+
+/// The `oocpt:` attributes of an EXR file, sorted by name; without any it was made by something else.
+///
+/// # Errors
+/// [`PictureError::File`].
+pub fn read_attributes(path: &Path) -> Result<Attributes, PictureError> {
+    let said = |error: exr::error::Error| PictureError::File(path.display().to_string(), error.to_string());
+    let meta = MetaData::read_from_file(path, false).map_err(said)?;
+    let mut found = Attributes::new();
+    for header in &meta.headers {
+        for (name, value) in header.own_attributes.other.iter().chain(&header.shared_attributes.other) {
+            let Some(name) = name.to_string().strip_prefix(PREFIX).map(printable) else { continue };
+            let value = match value {
+                AttributeValue::Text(text) => Value::Text(printable(&text.to_string())),
+                AttributeValue::F64(number) => Value::Number(*number),
+                AttributeValue::F32(number) => Value::Number(f64::from(*number)),
+                AttributeValue::I32(number) => Value::Number(f64::from(*number)),
+                _ => continue,
+            };
+            found.push((name, value));
+        }
+    }
+    found.sort_by(|a, b| a.0.cmp(&b.0));
+    found.dedup_by(|a, b| a.0 == b.0);
+    found.truncate(MOST);
+    Ok(found)
+}
+
+/// What can be shown of a text from a file.
+fn printable(text: &str) -> String {
+    text.chars().filter(|c| !c.is_control()).take(LONGEST).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use oocpt_core::convergence::Estimate;
+
+    fn find<'a>(all: &'a Attributes, name: &str) -> Option<&'a Value> {
+        all.iter().find(|(have, _)| have == name).map(|(_, value)| value)
+    }
+
+    #[test]
+    fn a_picture_says_how_it_was_made_and_keeps_its_pixels() {
+        let estimate = Some(Estimate { rel_mse: 1e-3, low: 5e-4, high: 2e-3 });
+        let row = ErrorRow {
+            samples: 16,
+            seconds: 1.5,
+            seconds_tracing: 1.25,
+            rays: 1 << 40,
+            estimate,
+            ..ErrorRow::default()
+        };
+        let stats = Stats { error: Some(row), ..Stats::default() };
+        let path = std::env::temp_dir().join(format!("oocpt-picture-{}.exr", std::process::id()));
+        let pixels: Vec<f32> = (0_u8..24).map(|k| f32::from(k) / 7.0).collect();
+        write(&path, [2, 3], &pixels, &attributes(&stats, "a\u{7}device", "a driver", u32::MAX, 5)).expect("a file");
+        let read = read_attributes(&path).expect("the file that was written");
+        for (name, number) in [("samples", 16.0), ("seconds", 1.5), ("secondsTracing", 1.25), ("errorHigh", 2e-3)] {
+            assert_eq!(find(&read, name), Some(&Value::Number(number)), "{name}");
+        }
+        assert_eq!(find(&read, "rays"), Some(&Value::Number(1_099_511_627_776.0)), "counts beyond 32 bits");
+        assert_eq!(find(&read, "seed"), Some(&Value::Number(4_294_967_295.0)), "any seed");
+        assert_eq!(find(&read, "device"), Some(&Value::Text("adevice".into())), "no control characters");
+        assert_eq!(find(&read, "errorFlip"), None, "no reference, no truth");
+        let reference = crate::reference::Reference::read(&path, [2, 3]).expect("three channels of it are a reference");
+        drop(reference);
+        let image = exr::prelude::read_first_rgba_layer_from_file(
+            &path,
+            |size, _| vec![[0.0_f32; 4]; size.area()],
+            |pixels: &mut Vec<[f32; 4]>, at, (r, g, b, a): (f32, f32, f32, f32)| {
+                pixels[at.y() * 2 + at.x()] = [r, g, b, a]
+            },
+        );
+        let rows = image.expect("an EXR file").layer_data.channel_data.pixels;
+        let bottom_first: Vec<f32> = rows.chunks(2).rev().flatten().flatten().copied().collect();
+        assert_eq!(bottom_first, pixels, "the same bits, the right way up");
+        std::fs::remove_file(path).expect("it is there");
+    }
+
+    #[test]
+    fn what_is_no_picture_is_an_error() {
+        let path = std::env::temp_dir().join(format!("oocpt-no-picture-{}.exr", std::process::id()));
+        assert!(write(&path, [2, 2], &[0.0; 15], &Attributes::new()).is_err(), "a float short");
+        assert!(write(&path, [0, 0], &[], &Attributes::new()).is_err(), "nothing");
+        std::fs::write(&path, "no picture").expect("a temporary file");
+        assert!(read_attributes(&path).is_err(), "no EXR file");
+        std::fs::remove_file(path).expect("it is there");
+    }
+}
