@@ -16,6 +16,11 @@ uint pending_length(uint path, bool is_shadow) {
     return (ConstUints(ray).v[11] >> RAY_COUNT_SHIFT) & 7u;
 }
 
+bool is_ended(uint path, bool is_shadow) {
+    const uint64_t ray = is_shadow ? shadow_ray_address(path) : ray_address(path);
+    return (ConstUints(ray).v[11] & RAY_ENDED) != 0u;
+}
+
 uint pending_chunk(uint64_t pending, uint path, uint i) {
     const uint instance = PendingLists(pending).v[path].chunk_instance[i];
     return ChunkInstances(FRAME.chunk_instances).v[instance].chunk;
@@ -62,6 +67,9 @@ const uint NOT_READY = 0xffffffffu;
 uint ready_key(uint entry) {
     const bool is_shadow = (entry & SHADOW_BIT) != 0u;
     const uint path = path_of_entry(entry);
+    if (HAS_ROULETTE && (entry & MATERIAL_BIT) == 0u && is_ended(path, is_shadow)) {
+        return is_shadow ? STREAMING.chunk_count : 0u;
+    }
     const uint length = is_shadow && !HAS_CUTOUTS ? pending_length(path, true) : 1u;
     for (uint i = 0u; i < length; ++i) {
         const uint unit = pending_unit(entry, path, i);

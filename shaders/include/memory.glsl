@@ -9,6 +9,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Fra
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer CountersBlock { Counters c; };
 
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer StreamingBlock { Streaming s; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer RouletteBlock { Roulette r; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Segments { Segment v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer PendingLists { Pending v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Questions { Question v[]; };

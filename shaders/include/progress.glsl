@@ -18,6 +18,7 @@ const uint RAY_MORE = 4u;    // there are more absent chunk instances than the l
 const uint RAY_CHANGED = 8u; // the hit was found in this round
 const uint RAY_COUNT_SHIFT = 4u; // length of the pending list
 const uint RAY_ASKED = 128u; // the question counts; cutouts
+const uint RAY_ENDED = 256u; // roulette has ended it: it goes on only to say so
 
 const uint MAX_PENDING = 4u;
 const uint SHADOW_BIT = 1u << 31;   // of an entry in the list of deferred rays

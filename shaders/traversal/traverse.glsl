@@ -356,6 +356,12 @@ uint begin_resumed(uint flags) {
     return pop();
 }
 
+// In place of a walk: nothing was met, nothing is waited for.
+void no_walk() {
+    pending_count = 0u;
+    walk.visits = 0u;
+}
+
 // Traces the ray at `ray` (Ray or ShadowRay) in world space. With streaming, a ray that has waited goes on: `found` and
 // `found_chain` are its hit so far if its flags say so, else set to nothing. Returns whether something was hit in this walk.
 bool traverse(uint64_t ray, uint path, float t_max, uint seed, uint flags, inout Found found) {

@@ -26,8 +26,9 @@ void load_hit(uint path, out Found found) {
     for (uint level = 0u; level < MAX_LEVELS; ++level) found_chain[level] = load_hit_level(path, level);
 }
 
-// Pushes finished paths and rays that wait; `hit` is the one so far, `changed` tells whether this round found it.
-void store_progress(uint path, bool in_range, bool hit, bool changed) {
+// Pushes finished paths and rays that wait; `hit` is the one so far, `changed` tells whether this round found it, `ended` that there
+// is none to find: the path ends.
+void store_progress(uint path, bool in_range, bool hit, bool changed, bool ended) {
     const bool waits = in_range && pending_count > 0u;
     if (in_range) {
         const uint flags = (hit ? RAY_HIT : 0u) | (changed ? RAY_CHANGED : 0u);
@@ -35,7 +36,8 @@ void store_progress(uint path, bool in_range, bool hit, bool changed) {
     }
     if (waits) store_pending(path);
     push_deferred(path, waits);
-    push_finished(path, in_range && !waits ? finish(path, CLOSEST_DONE | (hit ? CLOSEST_HIT : 0u)) : 0u);
+    const uint found = ended ? PATH_ENDS : hit ? CLOSEST_HIT : 0u;
+    push_finished(path, in_range && !waits ? finish(path, CLOSEST_DONE | found) : 0u);
     ADD_EACH(visits, in_range ? walk.visits : 0u);
 }
 
@@ -44,20 +46,26 @@ void main() {
     const bool in_range = at < COUNTERS.ray_count[push.round & 1u];
     bool hit = false;
     bool changed = false;
+    bool ended = false;
     uint path = 0u;
     if (in_range) {
         path = ConstUints(FRAME.ray_queue[push.round & 1u]).v[at];
         const uint64_t ray = ray_address(path);
         const uint bounce = ConstUints(ray).v[3];
         const uint flags = HAS_STREAMING ? ConstUints(ray).v[11] : 0u;
-        Found found;
-        if (HAS_STREAMING && (flags & RAY_HIT) != 0u) load_hit(path, found);
-        changed = traverse(ray, path, ConstFloats(ray).v[7], opacity_seed(path, 2u * bounce), flags, found);
-        hit = changed || (HAS_STREAMING && walk.hit_before);
-        if (changed) store_hit(path, found);
+        ended = HAS_ROULETTE && (flags & RAY_ENDED) != 0u;
+        if (ended) {
+            no_walk();
+        } else {
+            Found found;
+            if (HAS_STREAMING && (flags & RAY_HIT) != 0u) load_hit(path, found);
+            changed = traverse(ray, path, ConstFloats(ray).v[7], opacity_seed(path, 2u * bounce), flags, found);
+            hit = changed || (HAS_STREAMING && walk.hit_before);
+            if (changed) store_hit(path, found);
+        }
     }
     if (HAS_STREAMING) {
-        store_progress(path, in_range, hit, changed);
+        store_progress(path, in_range, hit, changed, ended);
         return;
     }
     uint to;

@@ -34,10 +34,15 @@ void main() {
         const uint bounce = HAS_LIGHT_LINKS ? linked & BOUNCE_MASK : linked;
         walk.shadow_link = HAS_LIGHT_LINKS ? linked >> SHADOW_LINK_SHIFT : 0u;
         const uint flags = HAS_STREAMING ? ConstUints(ray).v[11] : 0u;
+        const bool ended = HAS_ROULETTE && (flags & RAY_ENDED) != 0u;
         Found found;
-        hit = traverse(ray, path, ConstFloats(ray).v[7], opacity_seed(path, 2u * bounce + 1u), flags, found);
+        if (ended) {
+            no_walk();
+        } else {
+            hit = traverse(ray, path, ConstFloats(ray).v[7], opacity_seed(path, 2u * bounce + 1u), flags, found);
+        }
         const uint shadow_color = HAS_LIGHT_TABLE ? ConstUints(ray).v[15] : 0u;
-        if (hit ? shadow_color != 0u : !(HAS_STREAMING && pending_count > 0u)) {
+        if (hit ? shadow_color != 0u : !(ended || (HAS_STREAMING && pending_count > 0u))) {
             vec3 contribution = ConstVec4s(ray).v[3].xyz;
             if (hit) contribution *= vec3(uvec3(shadow_color, shadow_color >> 10, shadow_color >> 20) & 1023u) / 1023.0;
             const uint place = path_place(path);

@@ -15,6 +15,7 @@ KEYS = [
     "rendererName", "rendererVersion", "renderProgressAnnotation", "oocpt:raysPerSecond", "oocpt:dropped",
     "oocpt:inCore", "oocpt:chunks", "oocpt:chunkInstances", "oocpt:residentChunks", "oocpt:loads", "oocpt:reloads", "oocpt:evictions",
     "oocpt:bytesPaged", "oocpt:hitRate", "oocpt:waitingRays", "oocpt:stragglers", "oocpt:geometryPeakBytes",
+    "oocpt:roulettePaths", "oocpt:rouletteShadowRays", "oocpt:rouletteLoadsSaved",
     "oocpt:errorSamples", "oocpt:errorSeconds", "oocpt:errorEstimate", "oocpt:errorLow", "oocpt:errorHigh", "oocpt:errorWorstPixels",
     "oocpt:features", "oocpt:featuresLeftOut", "oocpt:featuresCarried", "oocpt:passes", "oocpt:passesLeftOut", "oocpt:pipelines", "oocpt:buffers",
     "oocpt:buffersLeftOut", "oocpt:bufferBytes", "oocpt:bytesLeftOut", "oocpt:primvars", "oocpt:primvarsLeftOut", "oocpt:maxLevels", "oocpt:stackSize",
@@ -22,7 +23,7 @@ KEYS = [
 ]  # fmt: skip
 DESCRIBED = [
     "oocpt:samplesPerPixel", "oocpt:maxBounces", "oocpt:seed", "oocpt:clamp", "oocpt:timeLimit", "oocpt:memoryBudget",
-    "oocpt:device", "oocpt:policy", "oocpt:chunkSize", "oocpt:geometryBudget", "oocpt:chunkReport", "oocpt:report", "oocpt:reference", "oocpt:targetError", "oocpt:carry", "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility",
+    "oocpt:device", "oocpt:policy", "oocpt:chunkSize", "oocpt:geometryBudget", "oocpt:chunkReport", "oocpt:report", "oocpt:reference", "oocpt:targetError", "oocpt:carry", "oocpt:stragglerRoulette", "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility",
 ]  # fmt: skip
 
 

@@ -179,3 +179,22 @@ def test_a_wrong_policy_is_refused_by_name(host):
     compare.same_picture(after, before, "after a wrong policy")
     lines = [line for line in after.log.splitlines() if "oocpt:policy" in line]
     assert len(lines) == 1 and "random" in lines[0] and "sweep, priority, benefit" in lines[0], after.log
+
+
+def test_straggler_roulette_leaves_what_camera_rays_see(host, whole):
+    """Off, nothing of it is in the passes. On, paths may end: what camera rays see stays, and the bits of before come back with the setting."""
+    text, expected, stats, smallest = whole(host, "patches")
+    assert "roulette" in stats["oocpt:featuresLeftOut"] and stats["oocpt:roulettePaths"] == 0, stats
+    settings = SETTINGS | {"oocpt:geometryBudget": smallest, "oocpt:stragglerRoulette": True}
+    with host.open(text, SIZE, aovs=AOVS, settings=settings) as view:
+        played = view.render()
+        stats = view.stats()
+        assert_within_budget(stats, smallest, True)
+        assert "roulette" not in stats["oocpt:featuresLeftOut"], stats
+        assert stats["oocpt:roulettePaths"] >= 0 and stats["oocpt:rouletteLoadsSaved"] >= 0, stats
+        for name in AOVS[1:]:
+            compare.same_bits(played[name], expected[name], name)
+        compare.same_bits(played["color"][..., 3], expected["color"][..., 3], "alpha")
+        compare.near(played["color"].mean(axis=(0, 1)), expected["color"].mean(axis=(0, 1)), 0.1, "means")
+        view.edit("engine.SetRendererSetting('oocpt:stragglerRoulette', False)")
+        compare.same_picture(view.render(), expected, "without it again")

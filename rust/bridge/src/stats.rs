@@ -98,7 +98,7 @@ fn error(row: &ErrorRow) -> Vec<NamedValue> {
 }
 
 /// What is told about chunks, memory and the overlap of tracing and loading.
-fn streaming(stats: &StreamingStats) -> [NamedValue; 30] {
+fn streaming(stats: &StreamingStats) -> [NamedValue; 33] {
     [
         flag("oocpt:inCore", stats.in_core),
         integer("oocpt:chunks", stats.chunks),
@@ -125,6 +125,9 @@ fn streaming(stats: &StreamingStats) -> [NamedValue; 30] {
         real("oocpt:secondsWaiting", stats.seconds_waiting),
         real("oocpt:secondsOverlapped", stats.seconds_overlapped),
         integer("oocpt:pathsLeft", stats.paths_left),
+        integer("oocpt:roulettePaths", stats.roulette_paths),
+        integer("oocpt:rouletteShadowRays", stats.roulette_shadow_rays),
+        integer("oocpt:rouletteLoadsSaved", stats.roulette_loads_saved),
         integer("oocpt:textureSceneBytes", stats.texture_scene_bytes),
         integer("oocpt:textureBytes", stats.texture_bytes),
         integer("oocpt:textureLoads", stats.texture_loads),

@@ -39,6 +39,8 @@ pub struct Settings {
     pub target_error: f32,
     /// Features of the passes to carry although the scene does not need them, by name; "all", or empty = none. For measuring.
     pub carry: String,
+    /// Rays that wait for a load that is too dear for what they bring may end, unbiased (`residency::roulette`).
+    pub straggler_roulette: bool,
     /// Show coarse images early (`enableInteractive`).
     pub interactive: bool,
     /// Dome lights are seen by camera rays.
@@ -131,6 +133,7 @@ impl Default for Settings {
             reference: String::new(),
             target_error: 0.0,
             carry: String::new(),
+            straggler_roulette: false,
             interactive: true,
             dome_light_camera_visible: true,
             enable_scene_lights: true,
@@ -183,6 +186,12 @@ const TABLE: &[(&str, &str, &str, &str)] = &[
         "OOCPT_CARRY",
         "Carry",
         "Features to compile in although the scene does not need them, to measure what they cost: names, or all; empty = none",
+    ),
+    (
+        "oocpt:stragglerRoulette",
+        "OOCPT_STRAGGLER_ROULETTE",
+        "Straggler roulette",
+        "Russian roulette on rays that wait for expensive loads: unbiased, but other bits at each budget and run",
     ),
     ("convergedSamplesPerPixel", "OOCPT_CONVERGED_SAMPLES_PER_PIXEL", "Converged samples", "As oocpt:samplesPerPixel"),
     (
@@ -254,6 +263,7 @@ impl Settings {
             "oocpt:reference" => Field::Text(&mut self.reference),
             "oocpt:targetError" => Field::Float(&mut self.target_error, 0.0, 1e9),
             "oocpt:carry" => Field::Text(&mut self.carry),
+            "oocpt:stragglerRoulette" => Field::Bool(&mut self.straggler_roulette),
             "enableInteractive" => Field::Bool(&mut self.interactive),
             "domeLightCameraVisibility" => Field::Bool(&mut self.dome_light_camera_visible),
             "enableSceneLights" => Field::Bool(&mut self.enable_scene_lights),

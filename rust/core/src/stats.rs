@@ -162,6 +162,12 @@ pub struct StreamingStats {
     pub seconds_overlapped: f64,
     /// Paths not finished yet of the samples begun, now.
     pub paths_left: u64,
+    /// Paths that roulette on loads has ended.
+    pub roulette_paths: u64,
+    /// Shadow rays that it has.
+    pub roulette_shadow_rays: u64,
+    /// Loads that it has saved: nobody waited for the chunk any more.
+    pub roulette_loads_saved: u64,
     /// Of `scene_bytes`, bytes of textures.
     pub texture_scene_bytes: u64,
     /// Of `geometry_bytes`, bytes of tiles of textures on the device now.

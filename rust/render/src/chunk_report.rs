@@ -2,10 +2,18 @@
 //! What a render says about its chunks at the end, if `oocpt:chunkReport` names a file: which chunks there were, how often
 //! they were loaded, how many rays asked for them, and how the paths ran out. `oocpt report chunks` draws it.
 //!
-//! Plain data and JSON. Positions are in the world minus `origin`, in which the chunk instances' boxes are exact in f32.
+//! Plain data and JSON. Positions are in the world minus `origin`, in which the chunk instances' boxes are exact in f32. A file that is
+//! no such report is left as it is: its name may come from a scene of strangers.
 
+use crate::error_report::begins_with_or_is_empty;
 use serde::{Deserialize, Serialize};
+use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
+
+/// The version of the format.
+pub const VERSION: u32 = 1;
+/// What a report begins with.
+const MAGIC: &[u8] = b"{\"oocptChunkReport\":";
 
 /// Rays affine in the pixel position, as [`oocpt_core::CameraRays`] but in f64: with `px, py` in pixels from the lower left
 /// corner, `origin = o + px * o_x + py * o_y` and `direction = d + px * d_x + py * d_y`.
@@ -63,6 +71,9 @@ pub struct ReportMoment {
 /// A whole report.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ChunkReport {
+    /// [`VERSION`]; tells such a report from other files.
+    #[serde(rename = "oocptChunkReport", default)]
+    pub version: u32,
     /// Image width, pixels.
     pub width: u32,
     /// Image height, pixels.
@@ -88,7 +99,7 @@ pub enum ChunkReportError {
         /// The file.
         path: PathBuf,
         /// What the system says.
-        source: std::io::Error,
+        source: Error,
     },
     /// The file holds something else.
     #[error("chunk report {path}: {source}")]
@@ -116,8 +127,11 @@ impl ChunkReport {
     /// Writes the report as JSON.
     ///
     /// # Errors
-    /// [`ChunkReportError::File`].
+    /// [`ChunkReportError::File`], also when the file has something else in it.
     pub fn write(&self, path: &Path) -> Result<(), ChunkReportError> {
+        let refused = || Error::new(ErrorKind::AlreadyExists, "the file is no report of chunks and is left as it is");
+        let checked = begins_with_or_is_empty(path, MAGIC).and_then(|ours| if ours { Ok(()) } else { Err(refused()) });
+        checked.map_err(|source| ChunkReportError::File { path: path.into(), source })?;
         let json = serde_json::to_vec(self);
         let json = json.map_err(|source| ChunkReportError::Content { path: path.into(), source })?;
         std::fs::write(path, json).map_err(|source| ChunkReportError::File { path: path.into(), source })
@@ -157,6 +171,20 @@ mod tests {
             progress: vec![ReportMoment { seconds: 0.5, paths_left: 12 }],
             ..ChunkReport::default()
         }
+    }
+
+    #[test]
+    fn a_file_that_is_no_report_is_left_as_it_is() {
+        let path = std::env::temp_dir().join(format!("oocpt-no-chunk-report-{}", std::process::id()));
+        for precious in ["precious", "{\"width\": 3}"] {
+            std::fs::write(&path, precious).expect("a temporary file");
+            assert!(report().write(&path).is_err(), "refused");
+            assert_eq!(std::fs::read_to_string(&path).expect("it is there"), precious, "nothing is lost");
+        }
+        std::fs::write(&path, "").expect("a temporary file");
+        report().write(&path).expect("an empty file is nobody's");
+        report().write(&path).expect("a report is written over one of before");
+        std::fs::remove_file(path).expect("it is there");
     }
 
     #[test]

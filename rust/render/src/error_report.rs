@@ -115,7 +115,7 @@ pub(crate) struct ReportWriter {
 impl ReportWriter {
     /// Begins a render; empties the file first when `is_first`. Fails when the file has something else in it.
     pub(crate) fn begin(path: &Path, is_first: bool, header: &ErrorReportHeader) -> Result<Self> {
-        if !is_report_or_empty(path)? {
+        if !begins_with_or_is_empty(path, MAGIC)? {
             return Err(Error::new(ErrorKind::AlreadyExists, "the file is no report of errors and is left as it is"));
         }
         if is_first {
@@ -134,14 +134,15 @@ impl ReportWriter {
     }
 }
 
-fn is_report_or_empty(path: &Path) -> Result<bool> {
+/// Whether a report that begins with `magic` may be written to `path`: there is one, an empty file, or none.
+pub(crate) fn begins_with_or_is_empty(path: &Path, magic: &[u8]) -> Result<bool> {
     let mut start = Vec::new();
     match File::open(path) {
-        Ok(file) => file.take(MAGIC.len() as u64).read_to_end(&mut start)?,
+        Ok(file) => file.take(magic.len() as u64).read_to_end(&mut start)?,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(true),
         Err(error) => return Err(error),
     };
-    Ok(start.is_empty() || start == MAGIC)
+    Ok(start.is_empty() || start == magic)
 }
 
 #[cfg(test)]

@@ -42,4 +42,4 @@ pub use error::RenderError;
 pub use lights::{LightFiles, LightPicture, NoFiles};
 pub use request::{MAX_PIXELS, MAX_SIDE, Message, RenderRequest, Severity};
 pub use session::{Session, SessionOptions};
-pub use timings::{PassTime, Timings};
+pub use timings::{LeftMoment, PassTime, Timings};

@@ -195,6 +195,13 @@ impl<'a> Progress<'a> {
         self.log.open_paths().min(self.total_paths())
     }
 
+    /// Relative variance that a path leaves in its pixel, by the picture's error as last estimated.
+    pub(crate) fn variance_per_path(&self) -> Option<f64> {
+        let stats = lock(&self.shared.stats);
+        let row = stats.error.as_ref()?;
+        Some(row.estimate?.rel_mse * f64::from(row.samples))
+    }
+
     /// Whether the samples done are no octave, whose error is known.
     pub(crate) fn ends_between_octaves(&self) -> bool {
         self.done >= self.pixels && self.done != next_boundary(self.done - 1, self.pixels).1

@@ -59,6 +59,12 @@ pub struct SessionOptions {
     /// Makes rays forget the chunks they would have to wait for: the picture is wrong. For the test that shows that the
     /// comparison of pictures notices.
     pub plant_lost_chunks: bool,
+    /// The probability, in thousandths, with which roulette on loads (`oocpt:stragglerRoulette`) loads whatever it plays for; none = by
+    /// what loads cost and bring. For tests.
+    pub roulette_per_mille: Option<u16>,
+    /// Makes that roulette end rays without weighting those that go on: the picture is too dark. For the test that shows that
+    /// it would be noticed.
+    pub plant_unweighted_roulette: bool,
     /// Makes one request for device memory fail, after this many that succeed. For tests.
     pub fail_allocation_after: Option<u64>,
     /// Draws a progress bar on standard error while samples are traced; for command lines.

@@ -26,7 +26,7 @@ const SURFACES: [(SceneFeatures, Features); 8] = [
 ];
 
 /// The features in words.
-const PARTS: [(Features, &str); 26] = [
+const PARTS: [(Features, &str); 27] = [
     (Features::DOME, "dome light"),
     (Features::DOME_SHADOW_RAYS, "shadow rays to constant domes at every bounce"),
     (Features::DISTANT, "distant lights"),
@@ -53,6 +53,7 @@ const PARTS: [(Features, &str); 26] = [
     (Features::COAT, "coats"),
     (Features::STREAMING, "streaming of what does not fit"),
     (Features::CHUNK_COUNTS, "counts of rays by chunk"),
+    (Features::ROULETTE, "roulette on loads for stragglers"),
 ];
 
 /// The features a frame needs, apart from streaming.

@@ -12,6 +12,19 @@ pub struct PassTime {
     pub runs: u64,
 }
 
+/// A moment of a render that streams.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LeftMoment {
+    /// Since the first sample was begun.
+    pub seconds: f64,
+    /// Paths not finished yet.
+    pub paths_left: u64,
+    /// Loads that completed since the render began, tiles of textures among them.
+    pub loads: u64,
+    /// Their bytes.
+    pub bytes_paged: u64,
+}
+
 /// Where the time of the current or last render went.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Timings {
@@ -33,6 +46,8 @@ pub struct Timings {
     pub paths: u64,
     /// Waves submitted.
     pub waves: u64,
+    /// How the paths ran out: the first moments at which at most 50, 10, 1, 0.1, 0.01, 0 % of them were left, and others. Only when streaming.
+    pub left: Vec<LeftMoment>,
     /// GPU time by pass.
     pub passes: Vec<PassTime>,
 }

@@ -41,6 +41,7 @@
 //! AOVs) and grows through all submissions. Before the first one the host zeroes `Counters` and the segment table.
 //! ```text
 //! (host)                 the chunk table as it now is; fill Streaming::sort_counts with 0
+//! (roulette, with verdicts: roulette_play  indirect Counters::DEFERRED_ARGS  q.with(r, table))
 //! (cutouts: resolve_cutouts  indirect Counters::DEFERRED_ARGS  q.with(r, 0))
 //! sort_deferred_count    indirect Counters::DEFERRED_ARGS     q.with(r, 0)      | generate_camera_rays or generate_aov_rays of
 //!                                                                                 each new segment [groups(count)], g(s)
@@ -58,6 +59,7 @@
 //! prepare_dispatch       [1]                                  q.with(r, PREPARE_DEMAND)
 //! (host)                 fill Streaming::demand with 0
 //! count_demand           indirect Counters::DEFERRED_ARGS     q.with(r, 0)
+//! (roulette: Streaming::worth filled with 0; roulette_level [1] q.with(r, 0), roulette_worth indirect DEFERRED_ARGS q.with(r, 0); copied out too)
 //! (host)                 copy Counters, the segment table and Streaming::demand out
 //! ```
 //! (1) more than 65535 blocks do not happen below 2^25 chunks. A line that only sorts may be left out when no ray is deferred, all four

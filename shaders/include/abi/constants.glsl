@@ -34,6 +34,7 @@ const bool HAS_INSTANCE_OPACITY = (FEATURES & (1u << 16)) != 0u && HAS_INSTANCE_
 const bool HAS_EMISSION = (FEATURES & (1u << 22)) != 0u && HAS_MATERIALS;
 const bool HAS_LIGHT_TABLE = (FEATURES & (1u << 25)) != 0u;
 const bool HAS_MESH_LIGHTS = (FEATURES & (1u << 27)) != 0u && HAS_EMISSION;
+const bool HAS_ROULETTE = (FEATURES & (1u << 26)) != 0u && HAS_STREAMING;
 const bool HAS_LIGHT_TEXTURE = (FEATURES & (1u << 24)) != 0u && HAS_LOCAL_LIGHTS;
 
 const uint LIGHT_RECT = 0u;
@@ -64,6 +65,8 @@ const uint SCAN_BLOCKS = 0u;
 const uint SCAN_SUMS = 1u;
 const uint SCAN_BLOCK = 1024u;
 const uint TILE_KEYS = 256u;
+const uint WORTH_ONE = 4096u;
+const uint WORTH_MUST = 1u << 31;
 const uint AOV_SURFACES = 0u;
 const uint AOV_ESCAPED = 1u;
 const uint PUSH_AOVS = 1u;

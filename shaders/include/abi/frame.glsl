@@ -114,12 +114,22 @@ struct Streaming {
     uint64_t resolve_queue;
     uint64_t resolved;
     uint64_t resolve_progress;
+    uint64_t roulette;
+    uint64_t worth;
+    uint64_t verdicts[2];
     uint segment_size;
     uint chunk_count;
     uint slots;
     uint unit_count;
     uint lookups;
-    uint pad;
+    uint segment_count;
+};
+
+struct Roulette {
+    float mean;
+    float second_moment;
+    uint ended_paths;
+    uint ended_shadows;
 };
 
 struct Segment {

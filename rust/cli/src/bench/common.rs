@@ -2,8 +2,10 @@
 //! What all benches do: wait for renders, take medians, name the machine, write reports and pictures.
 
 use anyhow::{Context, Result, bail, ensure};
+use oocpt_core::camera::Camera;
+use oocpt_core::settings::Settings;
 use oocpt_core::stats::Stats;
-use oocpt_render::{AovKind, AovRequest, Session, Severity, Timings};
+use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, Severity, Timings};
 use serde::Serialize;
 use std::path::Path;
 use std::time::Duration;
@@ -47,6 +49,22 @@ impl std::fmt::Display for Machine {
         }
         date.as_ref().map_or(Ok(()), |date| write!(f, ", {date}"))
     }
+}
+
+/// Settings of a render that shows its last picture only.
+pub(crate) fn plain_settings(samples: u32, bounces: u32, device: &str) -> Settings {
+    Settings {
+        samples_per_pixel: samples,
+        max_bounces: bounces,
+        device: device.to_owned(),
+        interactive: false,
+        ..Settings::default()
+    }
+}
+
+/// A request for the colour alone.
+pub(crate) fn color_request(width: u32, height: u32, camera: Camera) -> RenderRequest {
+    RenderRequest { width, height, camera, aovs: only_color() }
 }
 
 /// Bytes of memory that this process holds now (Linux; 0 elsewhere).

@@ -7,9 +7,9 @@
 mod table;
 
 use anyhow::{Context, Result, bail, ensure};
-use oocpt_core::settings::{Settings, Value};
+use oocpt_core::settings::Value;
 use oocpt_core::stats::StreamingStats;
-use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions};
+use oocpt_render::{RenderRequest, Session, SessionOptions};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -136,13 +136,7 @@ struct Report {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     ensure!(arguments.budgets.first().is_some_and(|&p| p >= 100.0), "--budgets: the first one has to be 100");
     ensure!(arguments.budgets.iter().all(|&p| p > 0.0), "--budgets: only numbers above 0");
-    let settings = Settings {
-        samples_per_pixel: arguments.samples,
-        max_bounces: arguments.bounces,
-        device: arguments.device.clone(),
-        interactive: false,
-        ..Settings::default()
-    };
+    let settings = common::plain_settings(arguments.samples, arguments.bounces, &arguments.device);
     let session = Session::with_options(settings, SessionOptions::default());
     session.set_setting("oocpt:memoryBudget", Value::Int(arguments.memory_budget.into()))?;
     if arguments.chunk_size > 0 {
@@ -195,12 +189,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 fn request(arguments: &Arguments) -> RenderRequest {
-    RenderRequest {
-        width: arguments.width,
-        height: arguments.height,
-        camera: island::camera(&arguments.island, arguments.width, arguments.height),
-        aovs: vec![AovRequest { kind: AovKind::Color, clear: [0.0; 4] }],
-    }
+    let (width, height) = (arguments.width, arguments.height);
+    common::color_request(width, height, island::camera(&arguments.island, width, height))
 }
 
 /// Sets the session up for a row; gives its budget in KiB.

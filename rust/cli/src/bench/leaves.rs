@@ -4,8 +4,8 @@
 //! for bit: their ratio is the price of asking. The third one's rays go on where a card has holes, so rays are counted too.
 
 use anyhow::{Context, Result, bail};
-use oocpt_core::settings::{Settings, Value};
-use oocpt_render::{RenderRequest, Session, SessionOptions};
+use oocpt_core::settings::Value;
+use oocpt_render::{Session, SessionOptions};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -133,13 +133,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 fn session(arguments: &Arguments, kind: Leaves) -> Result<Session> {
-    let settings = Settings {
-        samples_per_pixel: arguments.samples,
-        max_bounces: arguments.bounces,
-        device: arguments.device.clone(),
-        interactive: false,
-        ..Settings::default()
-    };
+    let settings = common::plain_settings(arguments.samples, arguments.bounces, &arguments.device);
     let session = Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(Pictures));
     session.set_setting("oocpt:memoryBudget", Value::Int(arguments.memory_budget.into()))?;
     session.with_scene(|db| leaves::build(db, kind, arguments.leaves, arguments.texture_size))?;
@@ -154,12 +148,7 @@ fn measure(
     reference: &mut Vec<u8>,
 ) -> Result<Row> {
     let size = [arguments.width, arguments.height];
-    let request = RenderRequest {
-        width: size[0],
-        height: size[1],
-        camera: leaves::camera(size[0], size[1]),
-        aovs: common::only_color(),
-    };
+    let request = common::color_request(size[0], size[1], leaves::camera(size[0], size[1]));
     session.render(request.clone());
     let Runs { trace_secs, timings, different_pixels, .. } =
         common::measure(session, size, arguments.runs, false, reference).context(kind.name())?;

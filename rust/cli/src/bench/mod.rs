@@ -9,6 +9,7 @@ mod leaves;
 mod observe;
 mod partition;
 mod specialise;
+mod stragglers;
 mod textures;
 
 pub(crate) use common::{all_images, finish};
@@ -32,6 +33,8 @@ enum Command {
     Forest(forest::Arguments),
     /// The island in core and under shrinking geometry budgets; the pictures have to be the same bits.
     Island(island::Arguments),
+    /// The island under small geometry budgets without and with roulette on loads: time, error, how the paths run out.
+    Stragglers(stragglers::Arguments),
     /// A textured forest in core and under budgets that its geometry and its textures each exceed; the same bits.
     Textures(textures::Arguments),
     /// Instanced leaves: opaque, with an opacity picture that is opaque all over, and cut out.
@@ -50,6 +53,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         None => forest::run(&arguments.forest),
         Some(Command::Forest(arguments)) => forest::run(arguments),
         Some(Command::Island(arguments)) => island::run(arguments),
+        Some(Command::Stragglers(arguments)) => stragglers::run(arguments),
         Some(Command::Textures(arguments)) => textures::run(arguments),
         Some(Command::Leaves(arguments)) => leaves::run(arguments),
         Some(Command::Specialise(arguments)) => specialise::run(arguments),

@@ -25,6 +25,7 @@ mod entry;
 mod holdings;
 mod planner;
 pub mod policy;
+pub mod roulette;
 pub mod simulate;
 mod stats;
 mod step;
@@ -35,6 +36,7 @@ pub use entry::ChunkState;
 pub use planner::{PlanError, Planner, PlannerOptions};
 pub use policy::{Policy, PolicyKind, UnknownPolicy, View};
 pub use stats::ResidencyStats;
+pub use step::Proposal;
 
 /// Index of an asset in the [`Catalog`].
 pub type AssetId = u32;

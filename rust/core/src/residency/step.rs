@@ -42,6 +42,19 @@ enum Try {
     Full,
     /// An asset is on its way for another chunk.
     Shared,
+    /// The caller of [`Planner::step_if`] does not want it.
+    Refused,
+}
+
+/// A load that the planner is about to begin because rays wait for the chunk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Proposal {
+    /// The chunk.
+    pub chunk: ChunkId,
+    /// Bytes that the device does not hold.
+    pub bytes: u64,
+    /// Nearly all rays wait: the device would do nothing else.
+    pub is_idle: bool,
 }
 
 /// How hard a load may press.
@@ -63,16 +76,22 @@ struct Plan<'a> {
     victims: Option<Victims>,
     commands: Vec<Command>,
     issued: usize,
+    agrees: &'a mut dyn FnMut(&Proposal) -> bool,
 }
 
 impl Planner {
     /// Plans one step. Perform the commands in order; see the module's documentation for when memory may be freed.
     pub fn step(&mut self, demand: &Demand<'_>) -> Vec<Command> {
+        self.step_if(demand, &mut |_| true)
+    }
+
+    /// As [`Self::step`], but begins only such loads of demanded chunks as `agrees` agrees to; another step asks again.
+    pub fn step_if(&mut self, demand: &Demand<'_>, agrees: &mut dyn FnMut(&Proposal) -> bool) -> Vec<Command> {
         self.step = self.step.wrapping_add(1);
         self.stats.steps += 1;
         let commands = std::mem::take(&mut self.dropped);
         let mut plan =
-            Plan { demand: *demand, demanded: Vec::new(), rays_waiting: 0, victims: None, commands, issued: 0 };
+            Plan { demand: *demand, demanded: Vec::new(), rays_waiting: 0, victims: None, commands, issued: 0, agrees };
         self.observe(&mut plan);
         self.shrink(&mut plan);
         if self.load_starving(&mut plan) {
@@ -139,7 +158,7 @@ impl Planner {
         }
         starving.sort_unstable();
         for &(_, chunk) in &starving {
-            if self.try_load(plan, chunk, Press::Must) != Try::Issued {
+            if !matches!(self.try_load(plan, chunk, Press::Must), Try::Issued | Try::Refused) {
                 return false;
             }
         }
@@ -163,7 +182,7 @@ impl Planner {
         let mut refusals = 0;
         for &(value, chunk) in &candidates {
             match self.try_load(plan, chunk, Press::Worth(value)) {
-                Try::Issued | Try::Shared => {}
+                Try::Issued | Try::Shared | Try::Refused => {}
                 Try::NoRoom => refusals += 1,
                 Try::Full => break,
             }
@@ -224,6 +243,10 @@ impl Planner {
             if !first.is_some_and(|first| self.may_displace(plan, press, first)) {
                 return Try::NoRoom;
             }
+        }
+        let proposal = Proposal { chunk, bytes: missing, is_idle: is_idle(plan) };
+        if kind == LoadKind::Demanded && !(plan.agrees)(&proposal) {
+            return Try::Refused;
         }
         let mut assets = Vec::new();
         self.holdings.acquire(&self.catalog, chunk, &mut assets);

@@ -7,8 +7,8 @@ use crate::wavefront::{CONE_BYTES, PathBuffers, PathNeeds};
 use oocpt_core::inventory::Inventory;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{
-    Counters, Frame, GpuSurface, GpuSurfaceMaterial, Pending, Question, Segment, Streaming, TILE_KEYS, path_bytes,
-    sort_blocks,
+    Counters, Frame, GpuSurface, GpuSurfaceMaterial, Pending, Question, Roulette, Segment, Streaming, TILE_KEYS,
+    path_bytes, sort_blocks,
 };
 use std::sync::Arc;
 
@@ -39,6 +39,8 @@ pub(crate) struct Needs {
     pub(crate) materials: bool,
     /// Lights ask something of paths.
     pub(crate) light_paths: bool,
+    /// Roulette on loads is played.
+    pub(crate) roulette: bool,
 }
 
 /// What only textures need.
@@ -49,6 +51,15 @@ struct TextureBuffers {
     resolve_progress: Buffer,
     /// With cutouts: of the closest ray and of the shadow ray.
     questions: Option<[Buffer; 2]>,
+}
+
+/// What only roulette on loads needs.
+#[derive(Debug)]
+struct RouletteBuffers {
+    block: Buffer,
+    worth: Buffer,
+    /// Used in turn, by the steps under way.
+    verdicts: [Buffer; 2],
 }
 
 /// See the module.
@@ -62,6 +73,7 @@ pub(crate) struct StreamBuffers {
     asked: (u64, u64),
     needs: Needs,
     textures: Option<TextureBuffers>,
+    roulette: Option<RouletteBuffers>,
     progress: Buffer,
     places: Buffer,
     free_slots: Buffer,
@@ -93,7 +105,8 @@ impl StreamBuffers {
         let segment_size = (capacity / SEGMENTS_PER_FILL).max(1);
         let per_slot = places_per_slot(capacity, asked.1, gpu.limits().max_allocation_bytes);
         let segment_count = capacity / segment_size * per_slot;
-        let read = size_of::<Counters>() + segment_count as usize * size_of::<Segment>() + 8 * units as usize;
+        let played = if needs.roulette { size_of::<Roulette>() + 4 * chunks as usize } else { 0 };
+        let read = size_of::<Counters>() + segment_count as usize * size_of::<Segment>() + 8 * units as usize + played;
         let readback = |name: &str| Buffer::new(gpu, name, read as u64, Usage::Readback);
         let places = segment_count * segment_size;
         let buffers = Self {
@@ -109,6 +122,7 @@ impl StreamBuffers {
             asked,
             needs,
             textures: needs.textures.then(|| TextureBuffers::new(needs, slots)).transpose()?,
+            roulette: needs.roulette.then(|| RouletteBuffers::new(gpu, chunks)).transpose()?,
             progress: slots("progress", 4)?,
             places: slots("places", 4)?,
             free_slots: slots("free_slots", 4)?,
@@ -142,6 +156,12 @@ impl StreamBuffers {
         for buffer in waiting.into_iter().chain(tables).chain(readback) {
             inventory.add(buffer.name(), buffer.size());
         }
+        match &self.roulette {
+            Some(RouletteBuffers { block, worth, verdicts: [one, other] }) => {
+                [block, worth, one, other].into_iter().for_each(|buffer| inventory.add(buffer.name(), buffer.size()));
+            }
+            None => inventory.leave_out("roulette", 3 * 4 * u64::from(self.needs.chunks)),
+        }
         let capacity = u64::from(self.paths.capacity);
         match &self.surface_materials {
             Some(buffer) => inventory.add(buffer.name(), buffer.size()),
@@ -170,7 +190,12 @@ impl StreamBuffers {
         let of = |buffer: &dyn Fn(&TextureBuffers) -> &Buffer| textures.map_or(0, |t| buffer(t).address());
         let questions =
             |kind: usize| textures.and_then(|t| t.questions.as_ref()).map_or(0, |questions| questions[kind].address());
+        let roulette = |of: &dyn Fn(&RouletteBuffers) -> &Buffer| self.roulette.as_ref().map_or(0, |r| of(r).address());
         Streaming {
+            roulette: roulette(&|r| &r.block),
+            worth: roulette(&|r| &r.worth),
+            verdicts: [roulette(&|r| &r.verdicts[0]), roulette(&|r| &r.verdicts[1])],
+            segment_count: self.segment_count,
             segments: self.segments.address(),
             progress: self.progress.address(),
             pending: self.pending.address(),
@@ -194,7 +219,6 @@ impl StreamBuffers {
             slots: self.paths.capacity,
             unit_count: self.needs.units,
             lookups: self.needs.lookups,
-            pad: 0,
         }
     }
 
@@ -209,6 +233,9 @@ impl StreamBuffers {
         for buffer in [&self.paths.counters, &self.segments, &self.chunk_rays] {
             commands.fill(buffer, 0, buffer.size(), 0);
         }
+        if let Some(roulette) = &self.roulette {
+            commands.fill(&roulette.block, 0, roulette.block.size(), 0);
+        }
     }
 
     /// Before the deferred rays are sorted.
@@ -219,6 +246,16 @@ impl StreamBuffers {
     /// Before demand is counted.
     pub(crate) fn clear_demand(&self, commands: &mut Commands) {
         commands.fill(&self.demand, 0, self.demand.size(), 0);
+        if let Some(roulette) = &self.roulette {
+            commands.fill(&roulette.worth, 0, roulette.worth.size(), 0);
+        }
+    }
+
+    /// Writes what the pass that plays roulette reads in step `number`, none of whose two predecessors may still be under way: a weight
+    /// by chunk, where there is one.
+    pub(crate) fn write_verdicts(&self, number: u64, verdicts: &[f32]) -> Result<(), RenderError> {
+        let Some(roulette) = &self.roulette else { return Ok(()) };
+        Ok(roulette.verdicts[verdict_table(number) as usize].write(0, bytemuck::cast_slice(verdicts))?)
     }
 
     /// Workgroups of the scan over the chunks.
@@ -231,7 +268,8 @@ impl StreamBuffers {
         let target = self.readback_of(number);
         commands.concurrent(|c| {
             let mut offset = 0;
-            for source in [&self.paths.counters, &self.segments, &self.demand] {
+            let played = self.roulette.iter().flat_map(|roulette| [&roulette.block, &roulette.worth]);
+            for source in [&self.paths.counters, &self.segments, &self.demand].into_iter().chain(played) {
                 c.copy(source, 0, target, offset, source.size());
                 offset += source.size();
             }
@@ -245,7 +283,8 @@ impl StreamBuffers {
     /// What step `number` left, once it has ended.
     pub(crate) fn observe(&self, number: u64) -> Result<Observation, RenderError> {
         let readback = self.readback_of(number);
-        Ok(readback.map(|bytes| Observation::read(number, bytes, self.segment_count as usize))?)
+        let (segments, units) = (self.segment_count as usize, self.needs.units as usize);
+        Ok(readback.map(|bytes| Observation::read(number, bytes, segments, units))?)
     }
 
     /// Rays that entered each chunk, if they were counted; waits for the device.
@@ -267,6 +306,11 @@ fn list_questions(questions: Option<&[Buffer; 2]>, capacity: u64, inventory: &mu
     }
 }
 
+/// Which table of verdicts step `number` reads.
+pub(super) fn verdict_table(number: u64) -> u32 {
+    u32::from(number & 1 == 1)
+}
+
 /// Places for each of `capacity` slots (a power of two): no more than `total` paths need, nor than the driver gives in one piece.
 fn places_per_slot(capacity: u32, total: u64, max_allocation_bytes: u64) -> u32 {
     let most = total.next_power_of_two().min(max_allocation_bytes / PLACE_BYTES);
@@ -275,6 +319,17 @@ fn places_per_slot(capacity: u32, total: u64, max_allocation_bytes: u64) -> u32 
         per_slot -= 1;
     }
     per_slot
+}
+
+impl RouletteBuffers {
+    fn new(gpu: &Arc<Gpu>, chunks: u32) -> Result<Self, GpuError> {
+        let table = |name: &str, usage| Buffer::new(gpu, name, 4 * u64::from(chunks), usage);
+        Ok(Self {
+            block: Buffer::new(gpu, "roulette", size_of::<Roulette>() as u64, Usage::Device)?,
+            worth: table("worth", Usage::Device)?,
+            verdicts: [table("verdicts 0", Usage::Upload)?, table("verdicts 1", Usage::Upload)?],
+        })
+    }
 }
 
 impl TextureBuffers {

@@ -10,12 +10,14 @@
 
 mod buffers;
 mod clock;
+mod left;
 mod observe;
 mod record;
 mod report;
 mod residency;
 mod segments;
 mod stage;
+mod stragglers;
 
 use buffers::Needs;
 pub(crate) use buffers::StreamBuffers;
@@ -28,9 +30,11 @@ use crate::inventory::{self, Compiled};
 use crate::progress::Progress;
 use crate::specialise;
 use crate::thread::Gate;
+use crate::timings::LeftMoment;
 use crate::wavefront::Passes;
 use crate::waves::WAVE_TIMEOUT;
 use clock::Clock;
+use left::Left;
 use observe::Observation;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::material::{Input, Material};
@@ -41,6 +45,7 @@ use record::Kind;
 use residency::{Residency, Start};
 use stage::{Outcome, Stage};
 use std::time::Instant;
+use stragglers::Stragglers;
 
 /// Most paths in slots.
 const MOST_PATHS: u64 = 1 << 25;
@@ -52,9 +57,6 @@ const MOST_PATHS_CPU: u64 = 1 << 14;
 const FEWEST_PATHS: u64 = 1 << 12;
 /// Stack entries below the top level that the passes are first compiled for; typical scenes stay below.
 const FIRST_STACK: u32 = 64;
-/// When the first entry of the table "time against paths left" is made, seconds, and how much later each next one is.
-const LEFT_FIRST: f64 = 0.05;
-const LEFT_STEP: f64 = 1.1;
 /// Share of the geometry's memory that is left free for workspaces and for holes between ranges.
 const SLACK: u64 = 16;
 
@@ -70,8 +72,10 @@ pub(crate) struct Engine<'a, 'r> {
     pub(crate) clock: Clock,
     /// Stack entries below the top level that the passes are compiled for.
     pub(crate) stack_entries: u32,
-    /// Seconds since the samples were begun, and paths left, at growing intervals.
-    pub(crate) left: Vec<(f64, u64)>,
+    /// How the paths ran out.
+    pub(crate) left: Left,
+    /// Only with `oocpt:stragglerRoulette`.
+    pub(crate) stragglers: Option<Stragglers>,
     /// See [`oocpt_core::stats::StreamingStats::driver_peak_bytes`].
     pub(crate) driver_peak_bytes: u64,
 }
@@ -143,6 +147,7 @@ fn features(setting: &Setting<'_>, view: &SceneView) -> Features {
     let mut features = specialise::features(&job.snapshot, lights, rays, view) | Features::STREAMING;
     features.set(Features::CHUNK_COUNTS, !job.settings.chunk_report.is_empty());
     features.set(Features::PLANT_SKIP_DEFERRED, job.options.plant_lost_chunks);
+    features.set(Features::ROULETTE, job.settings.straggler_roulette);
     features
 }
 
@@ -167,6 +172,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &Scene, kept: &mut Option<StreamBu
         materials: job.snapshot.features.contains(SceneFeatures::MATERIALS),
         cutouts: textures && specialise::has_cutouts(&job.snapshot),
         light_paths: has_light_paths(setting),
+        roulette: job.settings.straggler_roulette,
     };
     let most = match (setting.is_frugal, is_cpu(device), job.settings.interactive) {
         (true, ..) => FEWEST_PATHS,
@@ -223,6 +229,12 @@ impl<'a, 'r> Engine<'a, 'r> {
         let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
         frame.write(0, bytemuck::bytes_of(&block))?;
         let clock = Clock::new(Instant::now());
+        let (settings, options) = (&setting.job.settings, &setting.job.options);
+        let chunks = setting.job.snapshot.world.chunks.len();
+        let play = || {
+            let fixed = options.roulette_per_mille.map(|p| f64::from(p) / 1000.0);
+            Stragglers::new(settings.seed, chunks, fixed, options.plant_unweighted_roulette)
+        };
         Ok(Self {
             setting,
             buffers,
@@ -233,7 +245,8 @@ impl<'a, 'r> Engine<'a, 'r> {
             view,
             clock,
             stack_entries,
-            left: Vec::new(),
+            left: Left::of(progress.total_paths()),
+            stragglers: settings.straggler_roulette.then(play),
             driver_peak_bytes: 0,
         })
     }
@@ -265,14 +278,15 @@ impl<'a, 'r> Engine<'a, 'r> {
         if self.setting.film.has_color() {
             progress.error_at_end(self.setting.film, measures)?;
         }
+        progress.timings.left.clone_from(&self.left.moments);
         progress.finish()
     }
 
-    /// Remembers how many paths were left after `secs`, at intervals that grow with the time.
-    fn note_left(&mut self, secs: f64, paths: u64) {
-        if self.left.last().is_none_or(|(last, _)| secs >= last * LEFT_STEP + LEFT_FIRST) {
-            self.left.push((secs, paths));
-        }
+    /// Remembers how many paths were left `seconds` after the first sample was begun.
+    fn note_left(&mut self, seconds: f64, paths_left: u64) {
+        let planner = self.residency.planner.stats();
+        let (loads, bytes_paged) = (planner.loads, planner.bytes_loaded);
+        self.left.note(LeftMoment { seconds, paths_left, loads, bytes_paged });
     }
 
     /// Asks the driver what this process uses now.
@@ -312,6 +326,9 @@ impl<'a, 'r> Engine<'a, 'r> {
             stats.geometry_peak_bytes = planner.peak_bytes;
             stats.driver_peak_bytes = self.driver_peak_bytes;
             stats.fragmentation = heap.fragmentation;
+            stats.roulette_paths = u64::from(seen.roulette.ended_paths);
+            stats.roulette_shadow_rays = u64::from(seen.roulette.ended_shadows);
+            stats.roulette_loads_saved = self.stragglers.as_ref().map_or(0, Stragglers::loads_saved);
             stats.seconds_tracing = self.clock.tracing;
             stats.seconds_loading = self.clock.loading;
             stats.seconds_waiting = self.clock.waiting;

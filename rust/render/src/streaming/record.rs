@@ -2,6 +2,7 @@
 //! Records one step, in the order that `oocpt_shader_abi` documents ("One submission of streaming").
 
 use super::Engine;
+use super::buffers::verdict_table;
 use super::segments::Segment;
 use crate::error::RenderError;
 use crate::measure::{LAST_SLOT, accumulate, measure};
@@ -34,6 +35,8 @@ pub(super) struct StepPlan {
     pub(super) started: Vec<Segment>,
     /// Whether rays may be waiting.
     pub(super) wakes: bool,
+    /// Whether there are verdicts for rays that wait (roulette on loads).
+    pub(super) plays: bool,
     /// Whether an image is copied out at the end.
     pub(super) publishes: bool,
 }
@@ -97,6 +100,10 @@ impl Engine<'_, '_> {
             }
         }
         let mut round = plan.round;
+        if let (true, Some(roulette)) = (plan.plays, &stream.roulette) {
+            let push = q.with(plan.round, verdict_table(number));
+            self.indirect(&mut commands, &roulette.roulette_play, push, Counters::DEFERRED_ARGS);
+        }
         self.begin(&mut commands, stream, kind, plan)?;
         for _ in 0..plan.rounds {
             self.round(&mut commands, stream, kind, q, round);
@@ -105,6 +112,10 @@ impl Engine<'_, '_> {
         direct(&mut commands, &passes.prepare_dispatch, q.with(round, PREPARE_DEMAND), 1);
         self.buffers.clear_demand(&mut commands);
         self.indirect(&mut commands, &stream.count_demand, q.with(round, 0), Counters::DEFERRED_ARGS);
+        if let (Kind::Samples, Some(roulette)) = (kind, &stream.roulette) {
+            direct(&mut commands, &roulette.roulette_level, q.with(round, 0), 1);
+            self.indirect(&mut commands, &roulette.roulette_worth, q.with(round, 0), Counters::DEFERRED_ARGS);
+        }
         if plan.publishes {
             self.copy_images(&mut commands);
         }

@@ -2,8 +2,9 @@
 //! Writes what `oocpt report chunks` draws: chunks, loads, rays, and how the paths ran out.
 
 use super::Engine;
-use crate::chunk_report::{ChunkReport, ReportCamera, ReportChunk, ReportInstance, ReportMoment};
+use crate::chunk_report::{ChunkReport, ReportCamera, ReportChunk, ReportInstance, ReportMoment, VERSION};
 use crate::error::RenderError;
+use crate::timings::LeftMoment;
 use oocpt_core::residency::ChunkId;
 use std::path::Path;
 
@@ -34,8 +35,9 @@ impl Engine<'_, '_> {
                 is_resident: planner.is_resident(id),
             }
         };
-        let moment = |&(seconds, paths_left): &(f64, u64)| ReportMoment { seconds, paths_left };
+        let moment = |m: &LeftMoment| ReportMoment { seconds: m.seconds, paths_left: m.paths_left };
         ChunkReport {
+            version: VERSION,
             width: job.request.width,
             height: job.request.height,
             origin: job.snapshot.origin.to_array(),
@@ -53,7 +55,7 @@ impl Engine<'_, '_> {
                 .map(|i| ReportInstance { bounds: [i.bounds.min, i.bounds.max], chunk: i.chunk })
                 .collect(),
             chunks: (0..).zip(&world.chunks).map(chunk).collect(),
-            progress: self.left.iter().map(moment).collect(),
+            progress: self.left.moments.iter().map(moment).collect(),
         }
     }
 }

@@ -9,7 +9,9 @@
 use crate::assets::{Entries, Patience, SceneAssets, Store, Tables};
 use crate::device::Device;
 use crate::error::RenderError;
-use oocpt_core::residency::{AssetId, ChunkId, Command, Demand, PlanError, Planner, PlannerOptions, PolicyKind};
+use oocpt_core::residency::{
+    AssetId, ChunkId, Command, Demand, PlanError, Planner, PlannerOptions, PolicyKind, Proposal,
+};
 use oocpt_gpu::{Commands, Submission};
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::collections::VecDeque;
@@ -148,9 +150,13 @@ impl<'a> Residency<'a> {
         self.stack_entries = self.stack_entries.max(self.assets.stack_of(chunk, depth));
     }
 
-    /// Asks the planner what to do about `demand`, and begins to do it.
-    pub(crate) fn plan(&mut self, demand: &Demand<'_>) -> Result<(), RenderError> {
-        for command in self.planner.step(demand) {
+    /// Asks the planner what to do about `demand`, and begins to do it; loads of chunks that rays wait for as far as `agrees` agrees.
+    pub(crate) fn plan(
+        &mut self,
+        demand: &Demand<'_>,
+        agrees: &mut dyn FnMut(&Proposal) -> bool,
+    ) -> Result<(), RenderError> {
+        for command in self.planner.step_if(demand, agrees) {
             match command {
                 Command::Evict { chunk, assets } => self.evict(chunk, &assets),
                 Command::Load { chunk, assets } => self.begin(chunk, assets),

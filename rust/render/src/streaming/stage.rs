@@ -9,12 +9,13 @@ use super::clock::Activity;
 use super::observe::Observation;
 use super::record::{Kind, StepPlan};
 use super::segments::{Segment, Segments};
+use super::stragglers::{Spent, Stragglers};
 use crate::error::RenderError;
 use crate::measure::pieces;
 use crate::progress::Progress;
 use crate::thread::Gate;
 use crate::waves::WAVE_TIMEOUT;
-use oocpt_core::residency::Demand;
+use oocpt_core::residency::{Demand, Proposal};
 use oocpt_gpu::Submission;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -57,6 +58,8 @@ pub(super) struct Stage<'e, 'a, 'r> {
     engine: &'e mut Engine<'a, 'r>,
     kind: Kind,
     segments: Segments,
+    /// Paths that may be in flight.
+    most_paths: u64,
     /// Paths that have ended.
     ended: u64,
     /// The step at which the segment of each index was last begun.
@@ -80,6 +83,7 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
         let segments = Segments::new(buffers.segment_count, buffers.segment_size, buffers.paths.capacity, total);
         let now = Instant::now();
         Self {
+            most_paths: total.min(u64::from(buffers.paths.capacity)),
             ended: 0,
             begun: vec![0; buffers.segment_count as usize],
             seen: Observation::default(),
@@ -124,7 +128,7 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
             } else if !self.flights.is_empty() {
                 self.land(progress)?;
             } else {
-                self.wait_for_loads()?;
+                self.wait_for_loads(progress)?;
             }
         }
         Ok(Outcome::Done)
@@ -144,7 +148,8 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
 
     /// Whether a step would do anything, as far as the host knows.
     fn has_work(&self) -> bool {
-        self.seen.active() > 0 || self.engine.residency.has_changes() || self.can_move_segments()
+        let has_verdicts = self.engine.stragglers.as_ref().is_some_and(Stragglers::has_verdicts);
+        self.seen.active() > 0 || self.engine.residency.has_changes() || has_verdicts || self.can_move_segments()
     }
 
     fn can_move_segments(&self) -> bool {
@@ -187,6 +192,11 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
             }
             plan.started.push(segment);
         }
+        if let Some(verdicts) = self.engine.stragglers.as_mut().and_then(Stragglers::take_verdicts) {
+            self.engine.buffers.write_verdicts(number, &verdicts)?;
+            plan.plays = true;
+            plan.wakes = true;
+        }
         let (submission, octaves) = self.engine.step(self.kind, number, &plan)?;
         if self.kind == Kind::Samples {
             for segment in &plan.finished {
@@ -224,12 +234,10 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
         self.seen = self.engine.buffers.observe(flight.number)?;
         self.ended += u64::from(self.seen.counters.freed.wrapping_sub(freed));
         self.last_event = now;
-        let seen = &self.seen;
-        let demand = Demand { waiting: &seen.waiting, next: &seen.next, visits: &[], active: seen.active() };
-        self.engine.residency.plan(&demand)?;
+        self.plan(self.seen.active(), progress)?;
         self.engine.note_driver_usage();
         if self.kind == Kind::Samples {
-            let left = self.segments.unbegun() + seen.paths_alive();
+            let left = self.segments.unbegun() + self.seen.paths_alive();
             self.engine.note_left(self.started.elapsed().as_secs_f64(), left);
         }
         self.report(progress);
@@ -259,12 +267,38 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
         }
     }
 
-    fn wait_for_loads(&mut self) -> Result<(), RenderError> {
+    /// Asks the planner what to load when `active` rays can be traced.
+    fn plan(&mut self, active: u64, progress: &Progress<'_>) -> Result<(), RenderError> {
+        let (seen, next_step) = (&self.seen, self.next_step);
+        let demand = Demand { waiting: &seen.waiting, next: &seen.next, visits: &[], active };
+        let Engine { residency, stragglers, clock, .. } = &mut *self.engine;
+        match stragglers {
+            Some(stragglers) if self.kind == Kind::Samples => {
+                let spent = Spent {
+                    loading_secs: clock.loading,
+                    bytes_loaded: residency.planner.stats().bytes_loaded,
+                    secs: self.started.elapsed().as_secs_f64(),
+                    paths: self.ended,
+                    variance: progress.variance_per_path(),
+                };
+                let prices = stragglers.prices(&spent, seen);
+                stragglers.observe(seen, |chunk| residency.planner.is_resident(chunk));
+                let may_begin = self.segments.can_start(self.ended);
+                let are_few = !may_begin && stragglers.are_few(seen.paths_alive(), self.most_paths);
+                residency.plan(&demand, &mut |proposal| {
+                    let proposal = Proposal { is_idle: proposal.is_idle && are_few, ..*proposal };
+                    stragglers.agrees(&proposal, seen, &prices, next_step)
+                })
+            }
+            _ => residency.plan(&demand, &mut |_| true),
+        }
+    }
+
+    fn wait_for_loads(&mut self, progress: &Progress<'_>) -> Result<(), RenderError> {
         let copied = self.engine.residency.bytes_copied;
         self.engine.residency.advance(LOAD_WAIT)?;
         // Time passes for the planner too: what it refused for lack of memory is tried again.
-        let seen = &self.seen;
-        self.engine.residency.plan(&Demand { waiting: &seen.waiting, next: &seen.next, visits: &[], active: 0 })?;
+        self.plan(0, progress)?;
         if self.engine.residency.bytes_copied != copied || self.engine.residency.has_changes() {
             self.last_event = Instant::now();
         }

@@ -46,6 +46,16 @@ pub(crate) struct StreamPasses {
     pub(crate) sort_deferred_scan: Arc<Pipeline>,
     pub(crate) sort_deferred_scatter: Arc<Pipeline>,
     pub(crate) count_demand: Arc<Pipeline>,
+    /// Only with roulette on loads.
+    pub(crate) roulette: Option<RoulettePasses>,
+}
+
+/// The passes that only roulette on loads needs.
+#[derive(Debug)]
+pub(crate) struct RoulettePasses {
+    pub(crate) roulette_level: Arc<Pipeline>,
+    pub(crate) roulette_worth: Arc<Pipeline>,
+    pub(crate) roulette_play: Arc<Pipeline>,
 }
 
 /// The passes that only images through pixel centres need.
@@ -76,6 +86,8 @@ impl Passes {
             all.extend(resolve_materials.iter().chain(resolve_cutouts));
             all.extend([&stream.sort_deferred_count, &stream.sort_deferred_scan, &stream.sort_deferred_scatter]);
             all.push(&stream.count_demand);
+            let played = stream.roulette.iter();
+            all.extend(played.flat_map(|r| [&r.roulette_level, &r.roulette_worth, &r.roulette_play]));
         }
         all
     }
@@ -90,6 +102,14 @@ impl Passes {
         };
         let textures = special.features & Features::TEXTURES.bits() != 0;
         let cutouts = textures && special.features & Features::CUTOUTS.bits() != 0;
+        let plays = special.features & Features::ROULETTE.bits() != 0;
+        let roulette = || -> Result<_, RenderError> {
+            Ok(RoulettePasses {
+                roulette_level: device.pipeline(&passes::ROULETTE_LEVEL, special)?,
+                roulette_worth: device.pipeline(&passes::ROULETTE_WORTH, special)?,
+                roulette_play: device.pipeline(&passes::ROULETTE_PLAY, special)?,
+            })
+        };
         let stream = || -> Result<_, RenderError> {
             let resolve = || device.pipeline(&passes::RESOLVE_MATERIALS, special);
             let answer = || device.pipeline(&passes::RESOLVE_CUTOUTS, special);
@@ -101,6 +121,7 @@ impl Passes {
                 sort_deferred_scan: device.pipeline(&passes::SORT_DEFERRED_SCAN, special)?,
                 sort_deferred_scatter: device.pipeline(&passes::SORT_DEFERRED_SCATTER, special)?,
                 count_demand: device.pipeline(&passes::COUNT_DEMAND, special)?,
+                roulette: plays.then(roulette).transpose()?,
             })
         };
         let streams = special.features & Features::STREAMING.bits() != 0;

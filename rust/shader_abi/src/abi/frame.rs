@@ -100,6 +100,8 @@ bitflags! {
         /// Shading in general, with [`crate::Lighting`]: some mesh has a material, or some light is more than a constant dome
         /// or a distant light. `Frame::lights` and what is about domes do not count, but for the flag.
         const LIGHT_TABLE = 1 << 25;
+        /// With `STREAMING`: rays that wait for a load that is too dear for what they bring may end (`Streaming::roulette`).
+        const ROULETTE = 1 << 26;
         /// Some mesh that emits light is sampled as a light.
         const MESH_LIGHTS = 1 << 27;
     }

@@ -8,7 +8,7 @@ use super::{
     GpuChunkInstance, GpuInfiniteLight, GpuInput, GpuInstance, GpuLight, GpuLightLeaf, GpuLightMap, GpuLightMesh,
     GpuLightNode, GpuLightShaping, GpuLightTriangle, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuNode,
     GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush, Lighting,
-    PathState, Pending, Push, Question, Ray, Segment, ShadowRay, Streaming,
+    PathState, Pending, Push, Question, Ray, Roulette, Segment, ShadowRay, Streaming,
 };
 use core::mem::{offset_of, size_of};
 
@@ -141,13 +141,17 @@ pub const LAYOUTS: &[StructLayout] = &[
         resolve_queue,
         resolved,
         resolve_progress,
+        roulette,
+        worth,
+        verdicts,
         segment_size,
         chunk_count,
         slots,
         unit_count,
         lookups,
-        pad
+        segment_count
     }),
+    layout!(Roulette { mean, second_moment, ended_paths, ended_shadows }),
     layout!(Segment { first_pixel, first_sample, count, alive }),
     layout!(Pending { entry, chunk_instance }),
     layout!(Question { t, id, chunk_instance, flags, mean, texture, st, footprint, scale, bias, limit, unit }),

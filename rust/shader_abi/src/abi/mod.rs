@@ -38,8 +38,8 @@ pub use scene::{
     MAX_LEAF_ITEMS, MeshFlags, NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_ROW, NO_VALUE, TARGET_ASSEMBLY,
 };
 pub use stream::{
-    GpuSurface, LIGHT_PATH_BYTES, MATERIAL_BIT, MAX_PENDING, Pending, Question, SHADOW_BIT, Segment, Streaming,
-    TILE_KEYS, path_bytes, sort_blocks,
+    GpuSurface, LIGHT_PATH_BYTES, MATERIAL_BIT, MAX_PENDING, Pending, Question, Roulette, SHADOW_BIT, Segment,
+    Streaming, TILE_KEYS, WORTH_MUST, WORTH_ONE, path_bytes, sort_blocks,
 };
 pub use texture::{
     GpuTexture, PAGE_BROKEN, TEXTURE_CHANNELS, TEXTURE_F16, TEXTURE_F32, TEXTURE_FORMAT_SHIFT, TEXTURE_SRGB,

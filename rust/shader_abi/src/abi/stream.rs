@@ -60,6 +60,13 @@ pub struct Streaming {
     pub resolved: u64,
     /// u32 per slot: how far the material is, 0 = not begun.
     pub resolve_progress: u64,
+    /// One [`Roulette`]; 0 without `Features::ROULETTE`, as the next two.
+    pub roulette: u64,
+    /// u32 `[chunk_count]`: what the rays that wait for each chunk first may bring, see [`WORTH_ONE`]. The host zeroes it before.
+    pub worth: u64,
+    /// Two tables of f32 `[chunk_count]`, used in turn: 0 = nothing, above 0: a weight for the rays that wait for the chunk first, below: they
+    /// end. Written by the host.
+    pub verdicts: [u64; 2],
     /// Places of a segment; the last one may be used in part.
     pub segment_size: u32,
     /// Elements of `Frame::chunks`, at most 2^30.
@@ -70,8 +77,28 @@ pub struct Streaming {
     pub unit_count: u32,
     /// Most lookups of textures that a material makes, at most 16.
     pub lookups: u32,
-    /// 0.
-    pub pad: u32,
+    /// Elements of `segments`.
+    pub segment_count: u32,
+}
+
+/// One in `Streaming::worth`; relative squared radiances.
+pub const WORTH_ONE: u32 = 1 << 12;
+
+/// Set in `Streaming::worth` where a ray waits that roulette is not played with.
+pub const WORTH_MUST: u32 = 1 << 31;
+
+/// What roulette on loads knows and counts, 16 B. Radiances are means of the channels.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct Roulette {
+    /// Mean radiance of the paths so far, of some of them.
+    pub mean: f32,
+    /// Mean of its square.
+    pub second_moment: f32,
+    /// Paths that were ended since the host zeroed it.
+    pub ended_paths: u32,
+    /// Shadow rays that were.
+    pub ended_shadows: u32,
 }
 
 /// A contiguous range of paths in flight, 16 B.

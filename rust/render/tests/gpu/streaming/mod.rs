@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The central promise: the same bits whatever the budget, under every policy; the budget is never exceeded.
 
+mod roulette;
 mod scenes;
 
 use crate::lights::TestFiles;

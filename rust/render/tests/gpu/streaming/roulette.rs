@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Roulette on loads changes no mean: over 64 seeds the picture is the one in core, region by region, when nearly every load is played
+//! for. The same seed renders both, so the noise that they share cancels and what is left is the roulette's own.
+
+use super::scenes::{SCENES, Scene};
+use super::{TestFiles, options, percent, request_of, small_chunks, smallest_budget};
+use crate::support::{read, render};
+use oocpt_core::settings::{Settings, Value};
+use oocpt_core::stats::StreamingStats;
+use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+const SEEDS: u32 = 64;
+/// Probability of every load that is played for.
+const PER_MILLE: u16 = 300;
+/// Regions from left to right and from top to bottom.
+const REGIONS: [usize; 2] = [3, 2];
+
+/// Colour of the regions, and alpha.
+type Regions = (Vec<f64>, Vec<f32>);
+
+/// A session whose seed may be changed, and the totals of what its renders counted.
+struct Renderer {
+    session: Session,
+    view: RenderRequest,
+    totals: StreamingStats,
+    /// In core: pictures of seeds.
+    known: HashMap<u32, Regions>,
+}
+
+impl Renderer {
+    fn new(scene: &Scene, settings: Settings, options: SessionOptions) -> Self {
+        let session = Session::with_options(settings, options);
+        session.set_light_files(Arc::new(TestFiles));
+        session.with_scene(scene.build);
+        let mut view = request_of(scene);
+        view.aovs = vec![AovRequest { kind: AovKind::Color, clear: [0.0; 4] }];
+        Self { session, view, totals: StreamingStats::default(), known: HashMap::new() }
+    }
+
+    /// Mean of the colour, region by region; alpha has to be what it is.
+    fn regions(&mut self, seed: u32) -> Regions {
+        if let Some(known) = self.known.get(&seed) {
+            return known.clone();
+        }
+        self.session.set_setting("oocpt:seed", Value::Int(seed.into())).expect("a seed");
+        render(&self.session, &self.view);
+        let stats = self.session.stats().streaming;
+        self.totals.roulette_paths += stats.roulette_paths;
+        self.totals.roulette_shadow_rays += stats.roulette_shadow_rays;
+        self.totals.roulette_loads_saved += stats.roulette_loads_saved;
+        self.totals.loads += stats.loads;
+        let (width, height) = (self.view.width as usize, self.view.height as usize);
+        let pixels = read::<[f32; 4]>(&self.session, &self.view, AovKind::Color);
+        let mut sums = vec![0.0; REGIONS[0] * REGIONS[1]];
+        for (index, pixel) in pixels.iter().enumerate() {
+            let (x, y) = (index % width * REGIONS[0] / width, index / width * REGIONS[1] / height);
+            let value: f32 = pixel[..3].iter().sum();
+            sums[y * REGIONS[0] + x] += f64::from(value) / 3.0;
+        }
+        let regions = (sums, pixels.iter().map(|pixel| pixel[3]).collect());
+        if stats.in_core {
+            self.known.insert(seed, regions.clone());
+        }
+        regions
+    }
+}
+
+/// Means and their standard errors of `with - without`, region by region.
+fn differences(without: &mut Renderer, with: &mut Renderer, first_seed: u32) -> Vec<(f64, f64)> {
+    let mut sums = vec![(0.0, 0.0); REGIONS[0] * REGIONS[1]];
+    for seed in first_seed..first_seed + SEEDS {
+        let (expected, alpha) = without.regions(seed);
+        let (got, same_alpha) = with.regions(seed);
+        assert!(alpha == same_alpha, "camera rays are not played with");
+        for ((sum, e), g) in sums.iter_mut().zip(expected).zip(got) {
+            let d = g - e;
+            *sum = (sum.0 + d, sum.1 + d * d);
+        }
+    }
+    let n = f64::from(SEEDS);
+    let of = |(sum, squares): (f64, f64)| (sum / n, ((squares / n - (sum / n).powi(2)).max(0.0) / (n - 1.0)).sqrt());
+    sums.into_iter().map(of).collect()
+}
+
+/// Regions outside 3 sigma.
+fn outside(differences: &[(f64, f64)]) -> Vec<usize> {
+    let is_outside = |&(_, &(mean, sigma)): &(usize, &(f64, f64))| mean.abs() > 3.0 * sigma;
+    differences.iter().enumerate().filter(is_outside).map(|(region, _)| region).collect()
+}
+
+/// The regions that differ, at `budget_percent`: outside 3 sigma with 64 seeds and, which decides, with 64 others.
+fn differing(
+    scene: &Scene,
+    without: &mut Renderer,
+    budget_percent: u64,
+    plant: bool,
+) -> (Vec<usize>, StreamingStats, String) {
+    let _ = without.regions(0);
+    let bytes = without.session.stats().streaming.scene_bytes;
+    let budget = percent(bytes, budget_percent).max(smallest_budget(scene));
+    let settings = Settings { geometry_budget_kib: budget, straggler_roulette: true, ..small_chunks() };
+    let played = SessionOptions { roulette_per_mille: Some(PER_MILLE), plant_unweighted_roulette: plant, ..options() };
+    let mut with = Renderer::new(scene, settings, played);
+    let first = differences(without, &mut with, 1);
+    let mut regions = outside(&first);
+    let mut said = format!("{}, {budget_percent} % ({budget} of {} KiB): {first:.3?}", scene.name, bytes >> 10);
+    if !regions.is_empty() {
+        let second = differences(without, &mut with, 1 + SEEDS);
+        said += &format!("; again: {second:.3?}");
+        let again = outside(&second);
+        regions.retain(|region| again.contains(region));
+    }
+    (regions, with.totals, said)
+}
+
+fn has_no_bias(scene: &Scene) {
+    let mut without = Renderer::new(scene, small_chunks(), options());
+    for budget_percent in [25, 10, 5] {
+        let (regions, totals, said) = differing(scene, &mut without, budget_percent, false);
+        assert!(
+            totals.roulette_paths > 1000 && totals.roulette_shadow_rays > 1000 && totals.roulette_loads_saved > 500,
+            "{said}: roulette was played: {totals:?}"
+        );
+        assert!(regions.is_empty(), "regions {regions:?} have another mean: {said}");
+    }
+}
+
+#[test]
+fn no_region_changes_its_mean() {
+    has_no_bias(&SCENES[0]);
+}
+
+#[test]
+fn nor_with_materials_and_lamps() {
+    has_no_bias(&SCENES[6]);
+}
+
+#[test]
+fn rays_that_are_not_weighted_are_noticed() {
+    let mut without = Renderer::new(&SCENES[0], small_chunks(), options());
+    let (regions, _, said) = differing(&SCENES[0], &mut without, 10, true);
+    assert!(!regions.is_empty(), "a picture that is too dark must be seen: {said}");
+}
+
+/// By what loads really cost: a scene so small has no load that is not worth it, or few; what is asked for is that nothing hangs.
+#[test]
+fn with_true_prices_all_paths_come_back() {
+    for scene in &SCENES {
+        let budget = smallest_budget(scene);
+        let settings = Settings { geometry_budget_kib: budget, straggler_roulette: true, ..small_chunks() };
+        let mut with = Renderer::new(scene, settings, SessionOptions { force_streaming: true, ..options() });
+        let (regions, _) = with.regions(1);
+        let stats = with.session.stats().streaming;
+        assert!(regions.iter().all(|v| v.is_finite()) && stats.paths_left == 0, "{}: {stats:?}", scene.name);
+    }
+}

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// Roulette on loads only. Weights or ends the rays that wait for a chunk that was decided about: one thread per deferred ray,
+// Counters::deferred_args. Ended rays go on like those whose chunk is there, so that intersect_* say that they are done.
+// arg0: which table of verdicts.
+// Reads: deferred, pending lists, verdicts. Reads and writes: rays (flags), shadow_rays (flags, contribution), paths (throughput); adds to Roulette.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "include/wavefront.glsl"
+#include "include/roulette.glsl"
+
+void end_ray(uint path, bool is_shadow) {
+    Uints(is_shadow ? shadow_ray_address(path) : ray_address(path)).v[11] = RAY_ENDED;
+    if (is_shadow) {
+        atomicAdd(ROULETTE.ended_shadows, 1u);
+    } else {
+        atomicAdd(ROULETTE.ended_paths, 1u);
+    }
+}
+
+void weigh_ray(uint path, bool is_shadow, float weight) {
+    if (is_shadow) {
+        const uint64_t ray = shadow_ray_address(path);
+        const vec4 contribution = ConstVec4s(ray).v[3];
+        Vec4s(ray).v[3] = vec4(contribution.xyz * weight, contribution.w);
+    } else {
+        PathState state = load_path(path);
+        state.throughput *= weight;
+        store_path(path, state);
+    }
+}
+
+void main() {
+    if (!HAS_ROULETTE) return;
+    const uint at = thread_index();
+    const uint list = COUNTERS.deferred_parity;
+    if (at >= COUNTERS.deferred_count[list]) return;
+    const uint entry = ConstUints(STREAMING.deferred[list]).v[at];
+    const bool is_shadow = (entry & SHADOW_BIT) != 0u;
+    uint chunk;
+    if (!waits_for_chunk(entry, chunk) || !is_played(entry)) return;
+    const float verdict = ConstFloats(STREAMING.verdicts[push.arg0]).v[chunk];
+    if (verdict < 0.0) {
+        end_ray(path_of_entry(entry), is_shadow);
+    } else if (verdict > 0.0) {
+        weigh_ray(path_of_entry(entry), is_shadow, verdict);
+    }
+}
