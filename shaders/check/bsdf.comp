@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // No pass: runs the BSDF for rust/render/tests/gpu/bsdf. One thread per item.
 // A case is 32 floats: geometric normal, normal, wo, wi, u, packed Shading. What is written:
-//   CASES     24 floats per case: ok, wi, weight, pdf of its sample; evaluation there; diffuse, specular, pdf at the case's wi; chances of coat,
-//             specular, diffuse, transmission, multiple scattering
+//   CASES     28 floats per case: ok, wi, weight, pdf of its sample; evaluation there; diffuse, specular, pdf at the case's wi; chances of coat,
+//             specular, diffuse, multiple scattering, glass, its multiple scattering; what a smooth interface lets through; glass's alpha; 0
 //   SUMS      4 floats per case and part: sum of weights over POINTS points of a low-discrepancy sequence, count of samples
 //   SAMPLES   4 floats per thread, all of case 0: wi, pdf; pdf -1: none, 0: sharp
 //   GRID      4 floats per direction (after case 0, 3 floats each): value, pdf
@@ -82,7 +82,7 @@ void run_case(uint item, Bsdf b, vec3 wo) {
     vec3 wi, weight, diffuse, specular;
     float pdf;
     const bool ok = bsdf_sample(b, wo, at4(item * 32u + 12u), wi, weight, pdf);
-    const uint to = item * 24u;
+    const uint to = item * 28u;
     put4(to, vec4(ok ? 1.0 : 0.0, wi));
     put4(to + 4u, vec4(weight, pdf));
     put4(to + 8u, bsdf_evaluate(b, wo, wi));
@@ -90,7 +90,9 @@ void run_case(uint item, Bsdf b, vec3 wo) {
     put3(to + 12u, diffuse);
     put3(to + 15u, specular);
     put3(to + 18u, vec3(pdf, b.chance.xy));
-    put3(to + 21u, vec3(b.chance.z, b.chance_through, b.chance.w));
+    put3(to + 21u, vec3(b.chance.zw, b.chance_glass.x));
+    put3(to + 24u, vec3(b.chance_glass.y, b.glass > 0.0 ? 1.0 - mean(glass_reflectance(b, b.o.z)) : 0.0, b.glass_alpha));
+    Floats(RESULTS_AT).v[to + 27u] = 0.0;
 }
 
 void main() {

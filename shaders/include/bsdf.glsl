@@ -1,17 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // The layered BSDF: coat over GGX reflection over diffuse and transmission, driven by UsdPreviewSurface.
 //
-// From the top, each layer under what the ones above let through; E is a layer's directional albedo, U = 1 - E:
+// The surface is a mixture: (1 - metallic) (1 - opacity) of it is glass, bsdf/glass.glsl, the rest is opaque, on either side the same.
+// The opaque part from the top, each layer under what the ones above let through; E is a layer's directional albedo, U = 1 - E:
 //   coat          GGX, white, F0 from ior, times the amount `clearcoat`. Below it: min(U(wo), U(wi)) for the specular lobe.
 //   specular      GGX with Schlick's Fresnel; F0 and F90 as UsdPreviewSurface 2.5 says. What single scattering loses comes back
 //                 as a broad lobe F_ms U1(wo) U1(wi) / (pi avg U1), U1 for F = 1 (Kulla and Conty 2017). U1 falls with the square
 //                 of alpha / cosine, so this lobe is sampled with a density of 1 / (cosine + alpha), not by the cosine.
 //                 A surface half metallic is a mixture of two: what goes below, (1 - metallic), went through the dielectric's part.
 //   diffuse       color (1 - metallic) opacity U(wo) U(wi) / (pi avg U): reciprocal, and albedo color * U(wo) exactly.
-//   transmission  (1 - metallic) (1 - opacity) U(cosine outside), always sharp, refracted by ior.
-// A transmissive surface seen from inside reflects sharply what it does not let out, 1 - U(cosine outside), all of it at total
-// reflection. It transports basic radiance (L / n^2): light that goes through is not scaled by n^2, transmission is symmetric.
-// With roughness 0 and transmission the metallic workflow's Fresnel is exact, not Schlick's.
 //
 // Normals: directions that leave on the wrong side of the true surface (geometric normal g) are mirrored at it, in density and
 // evaluation alike, so no energy is lost or won (as lambert.glsl does). Only where the viewer is below the shading normal's
@@ -24,7 +21,7 @@
 #define OOCPT_BSDF_GLSL
 
 #include "include/lambert.glsl"
-#include "include/bsdf/layers.glsl"
+#include "include/bsdf/glass.glsl"
 
 const float LEAST_VIEW_COSINE = 1.0e-3;
 
@@ -46,7 +43,6 @@ Bsdf make_bsdf(Shading s, vec3 wo) {
     b.l = lambert.n;
     b.n = b.l;
     b.t = b.b = b.o = vec3(0.0);
-    b.ior = max(s.ior, 1.0);
     b.alpha = s.roughness < SHARP_ROUGHNESS ? 0.0 : s.roughness * s.roughness;
     b.row = HAS_MATERIALS ? table_row(s.roughness) : 0.0;
     b.coat_alpha = b.coat_row = 0.0;
@@ -59,17 +55,19 @@ Bsdf make_bsdf(Shading s, vec3 wo) {
     b.metallic = 0.0;
     b.coat = 0.0;
     b.f0 = vec3(0.0);
-    if (HAS_MATERIALS) set_fresnel(b, s, color);
     const float opacity = HAS_TRANSMISSION && (s.flags & SHADING_PRESENCE) == 0u ? s.opacity : 1.0;
-    const float through = HAS_TRANSMISSION ? (1.0 - b.metallic) * (1.0 - opacity) : 0.0;
+    float through = 0.0;
+    if (HAS_MATERIALS) set_fresnel(b, s, opacity, color, through);
+    b.opaque = 1.0 - through;
     const vec3 base = s.diffuse_color * ((1.0 - b.metallic) * opacity);
-    b.transmitted = vec3(0.0);
     b.scatter = vec3(0.0);
+    b.glass = b.glass_scatter = b.glass_stay = b.glass_alpha = b.glass_row = 0.0;
+    b.glass_ior = b.glass_eta = 1.0;
+    b.chance_glass = vec2(0.0);
     b.under_coat = 1.0;
     if (!HAS_MATERIALS || (largest(b.f0) <= 0.0 && b.coat <= 0.0 && through <= 0.0)) {
         b.diffuse = base;
         b.chance = vec4(0.0, 0.0, mean(base) > 0.0 ? 1.0 : 0.0, 0.0);
-        b.chance_through = 0.0;
         b.flags = BSDF_PLAIN;
         return b;
     }
@@ -77,32 +75,23 @@ Bsdf make_bsdf(Shading s, vec3 wo) {
     b.n = bent_normal(b.l, wo);
     tangents(b.n, b.t, b.b);
     b.o = vec3(dot(b.t, wo), dot(b.b, wo), clamp(dot(b.n, wo), LEAST_VIEW_COSINE, 1.0));
-    if (HAS_TRANSMISSION && through > 0.0) {
-        if (dot(s.geometric_normal, wo) < 0.0) b.flags |= BSDF_INSIDE;
-        if (b.alpha <= 0.0 && (s.flags & SHADING_SPECULAR_WORKFLOW) == 0u) b.flags |= BSDF_EXACT;
-    }
-    const bool inside = HAS_TRANSMISSION && is(b, BSDF_INSIDE);
-
     float lost, average_lost;
     const vec3 under = under_all(b, b.o.z, lost);
-    vec3 average = average_under(b, average_lost);
-    if (inside) average /= b.ior * b.ior;
+    const vec3 average = average_under(b, average_lost);
     const vec3 scale = vec3(average.x > 1.0e-5 ? 1.0 / average.x : 0.0, average.y > 1.0e-5 ? 1.0 / average.y : 0.0,
                             average.z > 1.0e-5 ? 1.0 / average.z : 0.0);
     b.diffuse = base * under * scale;
-    if (!inside && average_lost > 1.0e-9) b.scatter = color * (lost / average_lost);
+    if (average_lost > 1.0e-9) b.scatter = color * (lost / average_lost);
     else color = vec3(0.0);
-    b.transmitted = through * under;
     vec4 weight = vec4(0.0, 0.0, mean(base * under), mean(color) * lost);
-    const float through_weight = mean(b.transmitted);
-    if (!inside) {
-        b.under_coat = under_coat(b, b.o.z);
-        weight.x = 1.0 - b.under_coat;
-    }
+    b.under_coat = under_coat(b, b.o.z);
+    weight.x = b.opaque * (1.0 - b.under_coat);
     weight.y = mean(single_scattering(b));
-    const float sum = weight.x + weight.y + weight.z + weight.w + through_weight;
+    vec2 weight_glass = vec2(0.0);
+    if (HAS_TRANSMISSION && through > 0.0) weight_glass = set_glass(b, s, wo, through);
+    const float sum = weight.x + weight.y + weight.z + weight.w + weight_glass.x + weight_glass.y;
     b.chance = sum > 0.0 ? weight / sum : vec4(0.0);
-    b.chance_through = sum > 0.0 ? through_weight / sum : 0.0;
+    b.chance_glass = sum > 0.0 ? weight_glass / sum : vec2(0.0);
     return b;
 }
 
@@ -112,16 +101,6 @@ vec3 to_frame(Bsdf b, vec3 w) {
 
 vec3 from_frame(Bsdf b, vec3 w) {
     return normalize(w.x * b.t + w.y * b.b + w.z * b.n);
-}
-
-// Density of directions of the lobe of multiple scattering.
-float scatter_density(float alpha, float cosine) {
-    return 1.0 / (2.0 * PI * (cosine + alpha) * log(1.0 + 1.0 / alpha));
-}
-
-// Its cosine, for u in 0..1.
-float scatter_cosine(float alpha, float u) {
-    return clamp(alpha * (exp(u * log(1.0 + 1.0 / alpha)) - 1.0), 1.0e-7, 1.0);
 }
 
 // Adds one direction's part before it is mirrored at the surface, or after.
@@ -139,8 +118,9 @@ void add_reflection(Bsdf b, vec3 wi, inout vec3 diffuse, inout vec3 specular, in
             if (b.chance.w > 0.0) pdf += b.chance.w * scatter_density(b.alpha, cosine);
         }
         pdf += b.chance.z * broad;
+        add_glass_scatter(b, broad * PI, false, specular, pdf);
     }
-    if (is_plain(b) || (HAS_TRANSMISSION && is(b, BSDF_INSIDE))) return;
+    if (is_plain(b)) return;
     const vec3 i = to_frame(b, wi);
     if (i.z <= 0.0) return;
     float density;
@@ -155,9 +135,10 @@ void add_reflection(Bsdf b, vec3 wi, inout vec3 diffuse, inout vec3 specular, in
         const float value = ggx_reflect(b.coat_alpha, b.o, i, density);
         const vec3 h = b.o + i;
         const float cosine = dot(b.o, h) * inversesqrt(max(dot(h, h), 1.0e-30));
-        specular += b.coat * (b.coat_f0 + (b.coat_f90 - b.coat_f0) * power5(1.0 - clamp(cosine, 0.0, 1.0))) * value;
+        specular += b.opaque * b.coat * (b.coat_f0 + (b.coat_f90 - b.coat_f0) * power5(1.0 - clamp(cosine, 0.0, 1.0))) * value;
         pdf += b.chance.x * density;
     }
+    add_glass_reflection(b, i, specular, pdf);
 }
 
 // f * |cosine|, apart for lights' multipliers; pdf of bsdf_sample. Sharp lobes count nothing. wo is that of make_bsdf.
@@ -166,9 +147,13 @@ void bsdf_evaluate_lobes(Bsdf b, vec3 wo, vec3 wi, out vec3 diffuse, out vec3 sp
     specular = vec3(0.0);
     pdf = 0.0;
     const float cosine = dot(b.g, wi);
+    const vec3 mirrored = wi - 2.0 * cosine * b.g;
+    if (HAS_ROUGH_TRANSMISSION && cosine < 0.0 && b.glass_alpha > 0.0) {
+        add_beyond(b, wi, specular, pdf);
+        if (dot(b.l, mirrored) < 0.0 || dot(b.n, mirrored) < 0.0) add_beyond(b, mirrored, specular, pdf);
+    }
     if (!(cosine > 0.0)) return;
     add_reflection(b, wi, diffuse, specular, pdf);
-    const vec3 mirrored = wi - 2.0 * cosine * b.g;
     if (dot(b.l, mirrored) > 0.0 || dot(b.n, mirrored) > 0.0) add_reflection(b, mirrored, diffuse, specular, pdf);
 }
 
@@ -185,10 +170,20 @@ vec3 on_side(Bsdf b, vec3 w, float side) {
     return cosine * side < 0.0 ? w - 2.0 * cosine * b.g : w;
 }
 
+// A direction of a lobe of multiple scattering, on the viewer's side (1) or beyond (-1).
+vec3 scatter_sample(Bsdf b, float alpha, float side, vec2 u) {
+    vec3 x, y;
+    tangents(b.l, x, y);
+    const float cosine = scatter_cosine(alpha, u.x);
+    const float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
+    const float angle = 2.0 * PI * u.y;
+    return on_side(b, normalize(sine * (cos(angle) * x + sin(angle) * y) + side * cosine * b.l), side);
+}
+
 // Whether bsdf_sample may give a direction of density 0.
 bool has_delta_lobe(Bsdf b) {
     if (is_plain(b)) return false;
-    if (HAS_TRANSMISSION && (is(b, BSDF_INSIDE) || b.chance_through > 0.0)) return true;
+    if (HAS_TRANSMISSION && b.chance_glass.x > 0.0 && b.glass_alpha <= 0.0) return true;
     return (b.alpha <= 0.0 && b.chance.y > 0.0) || (HAS_COAT && b.coat_alpha <= 0.0 && b.chance.x > 0.0);
 }
 
@@ -205,35 +200,35 @@ bool bsdf_sample(Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, out floa
         return pdf > 0.0 && b.chance.z > 0.0;
     }
     float at = u.z;
-    uint lobe = 0u; // 4: transmission
+    uint lobe = 0u; // 4: glass
     while (lobe < 4u && at >= b.chance[lobe]) at -= b.chance[lobe++];
-    if (lobe == 4u && b.chance_through <= 0.0) {
+    if (lobe == 4u && (!HAS_TRANSMISSION || b.chance_glass.x <= 0.0)) {
         lobe = 3u; // rounding
         while (lobe > 0u && b.chance[lobe] <= 0.0) --lobe;
     }
     if (lobe < 4u && b.chance[lobe] <= 0.0) return false;
 
     if (HAS_TRANSMISSION && lobe == 4u) {
-        const float eta = is(b, BSDF_INSIDE) ? b.ior : 1.0 / b.ior;
-        const float cosine = refracted_cosine(b.o.z, eta);
-        wi = on_side(b, from_frame(b, vec3(-eta * b.o.xy, -cosine)), -1.0);
-        weight = b.transmitted / b.chance_through;
-        return true;
-    }
-    if (lobe == 2u) {
+        if (!HAS_ROUGH_TRANSMISSION || at < b.chance_glass.x || b.chance_glass.y <= 0.0) {
+            vec3 i;
+            if (!sample_glass(b, vec3(u.xy, at / b.chance_glass.x), i, weight)) return false;
+            wi = on_side(b, from_frame(b, i), i.z);
+            weight *= b.glass / b.chance_glass.x;
+            if (b.glass_alpha <= 0.0) return true;
+        } else {
+            const float part = (at - b.chance_glass.x) / b.chance_glass.y;
+            const float side = part < b.glass_stay ? 1.0 : -1.0;
+            wi = scatter_sample(b, b.glass_alpha, side, u.xy);
+        }
+    } else if (lobe == 2u) {
         wi = lambert_sample(Lambert(b.g, b.l), u.xy);
     } else if (lobe == 3u) {
-        vec3 x, y;
-        tangents(b.l, x, y);
-        const float cosine = scatter_cosine(b.alpha, u.x);
-        const float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
-        const float angle = 2.0 * PI * u.y;
-        wi = on_side(b, normalize(sine * (cos(angle) * x + sin(angle) * y) + cosine * b.l), 1.0);
+        wi = scatter_sample(b, b.alpha, 1.0, u.xy);
     } else {
         const float alpha = lobe == 0u ? b.coat_alpha : b.alpha;
-        if (alpha <= 0.0 || (HAS_TRANSMISSION && is(b, BSDF_INSIDE))) {
+        if (alpha <= 0.0) {
             wi = on_side(b, from_frame(b, vec3(-b.o.xy, b.o.z)), 1.0);
-            weight = (lobe == 0u ? vec3(1.0 - b.under_coat) : single_scattering(b)) / b.chance[lobe];
+            weight = (lobe == 0u ? vec3(b.opaque * (1.0 - b.under_coat)) : single_scattering(b)) / b.chance[lobe];
             return true;
         }
         const vec3 h = ggx_sample(alpha, b.o, u.xy);
@@ -242,6 +237,7 @@ bool bsdf_sample(Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, out floa
         wi = on_side(b, from_frame(b, i), 1.0);
     }
     const vec4 value = bsdf_evaluate(b, wo, wi);
+    weight = vec3(0.0);
     pdf = value.a;
     if (!(pdf > 0.0 && pdf < 3.0e38)) return false;
     weight = value.rgb / pdf;

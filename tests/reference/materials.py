@@ -4,7 +4,8 @@
 The mapping, and why:
 - metallic 1: a perfect mirror's Fresnel and `diffuseColor` as reflectance. UsdPreviewSurface's F0 and F90 are both the albedo there. With
   EXACT_METALS constant ones are compensated.py, exact; else `roughconductor`, which loses light between microfacets (2 % at roughness 0.3, grazing). GGX, alpha = roughness squared.
-- opacity 0: `dielectric` with the same ior, never rough; exact. Its transmission is tinted by diffuseColor.
+- opacity 0: `dielectric` with the same ior; exact. `roughdielectric` if rough, which loses light between microfacets: 0.3 % of an interface at
+  roughness 0.3 seen at 60 degrees, more where it is rougher. Transmission is tinted by diffuseColor.
 - metallic 0: `roughplastic`, a Lambert base below a rough dielectric boundary: the same two lobes; real Fresnel instead of Schlick's, and
   the base is dimmed by the boundary as in nature. Models of the base differ by a few per cent.
 - in between: `blendbsdf` of these by metallic, or by opacity. clearcoat: `principled` (its coat is weaker and of another shape).
@@ -149,6 +150,8 @@ def bsdf(values: dict, notes: list[str]) -> dict:
             return {"type": "mask", "opacity": texture(opacity, notes), "bsdf": solid}
         return solid
     clear = {"type": "dielectric", "int_ior": float(values["ior"]), "ext_ior": 1.0, "specular_transmittance": texture(values["diffuseColor"], notes)}
+    if not _is_smooth(values["roughness"]):
+        clear |= {"type": "roughdielectric", "distribution": "ggx", "alpha": _alpha(values["roughness"], notes)}
     return _blend(clear, solid["bsdf"], opacity, notes)
 
 

@@ -7,6 +7,8 @@
 //! Sources: Heitz 2014 (height-correlated masking), Dupuy and Benyoub 2023 (visible normals by spherical caps), Karis 2013 (B),
 //! Kulla and Conty 2017 (what the albedos are for).
 
+pub mod glass;
+
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::sync::OnceLock;
@@ -17,17 +19,11 @@ pub const COSINES: usize = 64;
 pub const ROUGHNESSES: usize = 48;
 /// Least roughness: lobes below it are sharp.
 pub const SHARPEST: f64 = 0.01;
-/// Indices of refraction, equally far apart in (ior - 1) / (ior + 1).
-pub const DIELECTRICS: usize = 64;
 /// Floats in all.
-pub const FLOATS: usize = 2 * ROUGHNESSES * COSINES + 2 * ROUGHNESSES + 4 * ROUGHNESSES * ROUGHNESSES + DIELECTRICS;
+pub const FLOATS: usize = 2 * ROUGHNESSES * COSINES + 2 * ROUGHNESSES + 4 * ROUGHNESSES * ROUGHNESSES;
 
 /// Points of the quadrature: over half a turn, and over the spherical cap.
 const POINTS: [usize; 2] = [32, 128];
-/// Largest index of refraction of the table of dielectrics, in place of infinity.
-const LARGEST_IOR: f64 = 1e6;
-
-const _: () = assert!(4 * FLOATS <= oocpt_gpu::MAX_UPDATE_BYTES, "one update brings it to the device");
 
 type Pair = [f64; 2];
 type Row = [Pair; COSINES];
@@ -81,22 +77,19 @@ fn sample(cosine: f64, alpha: f64, turn: f64, height: f64) -> (f64, f64) {
     (if denominator > 0.0 { out * (cosine + slope(cosine)) / denominator } else { 0.0 }, half)
 }
 
-/// Fresnel reflectance of a dielectric, unpolarised; `cosine` in the medium of the lower index, `ior` >= 1.
-fn dielectric(cosine: f64, ior: f64) -> f64 {
-    let inner = (1.0 - (1.0 - cosine * cosine) / (ior * ior)).max(0.0).sqrt();
-    let a = (cosine - ior * inner) / (cosine + ior * inner);
-    let b = (ior * cosine - inner) / (ior * cosine + inner);
-    0.5 * (a * a + b * b)
-}
-
 #[expect(clippy::cast_precision_loss, reason = "small numbers")]
 fn part(index: usize, count: usize) -> f64 {
     index as f64 / (count - 1) as f64
 }
 
-fn roughness(index: usize) -> f64 {
+/// The roughness at a place among the rows, 0..=1.
+fn roughness_of(place: f64) -> f64 {
     let first = SHARPEST.powf(0.4);
-    (first + (1.0 - first) * part(index, ROUGHNESSES)).powf(2.5)
+    (first + (1.0 - first) * place).powf(2.5)
+}
+
+fn roughness(index: usize) -> f64 {
+    roughness_of(part(index, ROUGHNESSES))
 }
 
 fn row(index: usize) -> Row {
@@ -104,35 +97,37 @@ fn row(index: usize) -> Row {
     std::array::from_fn(|column| albedo(part(column, COSINES).powi(3), alpha, POINTS))
 }
 
-/// Average over the hemisphere, cosine weighted, of the product of two entries of interpolated rows; an entry is linear in
-/// `x`, the cube root of the cosine, within a cell, and `6 x^5 dx` is the measure, so six points of Gauss and Legendre are exact with room.
+/// Average over the hemisphere, cosine weighted, of the product of two entries of interpolated rows.
 fn average(a: &Row, i: usize, b: &Row, j: usize) -> f64 {
+    integral(COSINES, |cell, at| {
+        let value = |row: &Row, k: usize| row[cell][k] * (1.0 - at) + row[cell + 1][k] * at;
+        value(a, i) * value(b, j)
+    })
+}
+
+/// The same of one interpolated row.
+fn average_of(row: &[f64]) -> f64 {
+    integral(row.len(), |cell, at| row[cell] * (1.0 - at) + row[cell + 1] * at)
+}
+
+/// The average of a function of (cell, place in it); what is interpolated is linear in `x`, the cube root of the cosine, within a cell,
+/// and `6 x^5 dx` is the measure, so six points of Gauss and Legendre are exact with room for a product.
+fn integral(cosines: usize, f: impl Fn(usize, f64) -> f64) -> f64 {
     const NODES: [[f64; 2]; 3] = [
         [0.238_619_186_083_196_9, 0.467_913_934_572_691],
         [0.661_209_386_466_264_5, 0.360_761_573_048_138_6],
         [0.932_469_514_203_152, 0.171_324_492_379_170_3],
     ];
     let mut sum = 0.0;
-    for cell in 0..COSINES - 1 {
+    for cell in 0..cosines - 1 {
         for [node, weight] in NODES {
             for at in [0.5 - 0.5 * node, 0.5 + 0.5 * node] {
-                let x = part(cell, COSINES) + at * part(1, COSINES);
-                let value = |row: &Row, k: usize| row[cell][k] * (1.0 - at) + row[cell + 1][k] * at;
-                sum += 0.5 * weight * part(1, COSINES) * 6.0 * x.powi(5) * value(a, i) * value(b, j);
+                let x = part(cell, cosines) + at * part(1, cosines);
+                sum += 0.5 * weight * part(1, cosines) * 6.0 * x.powi(5) * f(cell, at);
             }
         }
     }
     sum
-}
-
-#[expect(clippy::cast_precision_loss, reason = "small numbers")]
-fn average_dielectric(index: usize) -> f64 {
-    const STEPS: usize = 512;
-    let root = part(index, DIELECTRICS);
-    let ior = ((1.0 + root) / (1.0 - root).max(1.0 / LARGEST_IOR)).min(LARGEST_IOR);
-    let point = |step: usize| ((step as f64 + 0.5) / STEPS as f64).powi(2);
-    // In x = sqrt(cosine): the cosine-weighted average is the integral of 4 x^3.
-    (0..STEPS).map(|step| dielectric(point(step), ior) * 4.0 * point(step).powf(1.5)).sum::<f64>() / STEPS as f64
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "the table is f32")]
@@ -147,7 +142,6 @@ fn compute() -> Vec<f32> {
         |a: usize, b: usize| [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(i, j)| average(&rows[a], i, &rows[b], j));
     let pairs = (0..ROUGHNESSES).flat_map(|a| (0..ROUGHNESSES).map(move |b| (a, b)));
     table.extend(pairs.flat_map(|(a, b)| products(a, b)));
-    table.extend((0..DIELECTRICS).map(average_dielectric));
     table.into_iter().map(|x| x as f32).collect()
 }
 
@@ -178,11 +172,5 @@ mod tests {
         let averages = &table[2 * ROUGHNESSES * COSINES..];
         assert!((averages[1] - 1.0 / 21.0).abs() < 1e-3, "average of Schlick's term: {}", averages[1]);
         assert!(averages[0] < 1e-4, "nearly a mirror loses next to nothing: {}", averages[0]);
-        // Diffuse reflectance of ior 1.5 from outside, 0.0918 (Egan and Hilgeman 1973).
-        let dielectrics = &table[FLOATS - DIELECTRICS..];
-        let at = 0.2 * 63.0;
-        let (low, part) = (12, at - 12.0);
-        let value = dielectrics[low] * (1.0 - part) + dielectrics[low + 1] * part;
-        assert!((value - 0.0918).abs() < 2e-4, "average reflectance of ior 1.5: {value}");
     }
 }

@@ -9,7 +9,7 @@ use crate::assets::Loader;
 use crate::bsdf_tables;
 use crate::error::RenderError;
 use crate::sync::lock;
-use oocpt_gpu::{Buffer, Gpu, GpuError, Heap, OpenOptions, Pipeline, Usage};
+use oocpt_gpu::{Buffer, Gpu, GpuError, Heap, MAX_UPDATE_BYTES, OpenOptions, Pipeline, Usage};
 use oocpt_shader_abi::{Features, LbvhPush, Module, Push};
 use rustc_hash::FxHashMap;
 use std::sync::{Arc, Mutex, OnceLock};
@@ -55,7 +55,7 @@ pub(crate) struct Device {
     pub(crate) heap: Heap,
     options: DeviceOptions,
     loader: OnceLock<Loader>,
-    bsdf_tables: Mutex<Option<Buffer>>,
+    bsdf_tables: [Mutex<Option<Buffer>>; 2],
     pipelines: Mutex<FxHashMap<(&'static str, Specialisation), Compiled>>,
 }
 
@@ -83,7 +83,7 @@ impl Device {
             heap,
             options: options.clone(),
             loader: OnceLock::new(),
-            bsdf_tables: Mutex::default(),
+            bsdf_tables: Default::default(),
             pipelines: Mutex::default(),
         });
         open.push(Arc::clone(&device));
@@ -109,19 +109,25 @@ impl Device {
         Ok(self.loader.get_or_init(|| loader))
     }
 
-    /// Address of the BSDF's albedo tables, brought to the device at first use; 0 for a scene without materials.
+    /// Address of the BSDF's albedo tables, brought to the device at first use, those of rough glass only for a scene that has it; 0 for
+    /// a scene without materials.
     pub(crate) fn bsdf_tables(&self, features: Features) -> Result<u64, RenderError> {
         if !features.contains(Features::MATERIALS) {
             return Ok(0);
         }
-        let mut tables = lock(&self.bsdf_tables);
+        let has_glass = features.contains(Features::ROUGH_TRANSMISSION);
+        let mut tables = lock(&self.bsdf_tables[usize::from(has_glass)]);
         if let Some(tables) = &*tables {
             return Ok(tables.address());
         }
-        let bytes = bytemuck::cast_slice(bsdf_tables::floats());
+        let glass = if has_glass { bsdf_tables::glass::floats() } else { &[] };
+        let floats = [bsdf_tables::floats(), glass].concat();
+        let bytes: &[u8] = bytemuck::cast_slice(&floats);
         let buffer = Buffer::new(&self.gpu, "BSDF tables", bytes.len() as u64, Usage::Device)?;
         let mut commands = self.gpu.commands("BSDF tables")?;
-        commands.update(&buffer, 0, bytes);
+        for (index, part) in bytes.chunks(MAX_UPDATE_BYTES).enumerate() {
+            commands.update(&buffer, (index * MAX_UPDATE_BYTES) as u64, part);
+        }
         if !commands.submit()?.wait(UPLOAD_TIMEOUT)? {
             return Err(RenderError::Internal("the BSDF's tables did not reach the device".into()));
         }
@@ -165,6 +171,6 @@ impl Device {
 
     /// Bytes of the BSDF's tables on this device; 0 before a scene with materials came.
     pub(crate) fn bsdf_bytes(&self) -> u64 {
-        lock(&self.bsdf_tables).as_ref().map_or(0, Buffer::size)
+        self.bsdf_tables.iter().map(|tables| lock(tables).as_ref().map_or(0, Buffer::size)).sum()
     }
 }

@@ -14,11 +14,12 @@ use oocpt_core::scene::{SceneFeatures, Snapshot};
 use oocpt_shader_abi::Features;
 
 /// What materials need.
-const SURFACES: [(SceneFeatures, Features); 8] = [
+const SURFACES: [(SceneFeatures, Features); 9] = [
     (SceneFeatures::MATERIALS, Features::MATERIALS),
     (SceneFeatures::TEXTURES, Features::TEXTURES),
     (SceneFeatures::CUTOUTS, Features::CUTOUTS),
     (SceneFeatures::TRANSMISSION, Features::TRANSMISSION),
+    (SceneFeatures::ROUGH_TRANSMISSION, Features::ROUGH_TRANSMISSION),
     (SceneFeatures::COAT, Features::COAT),
     (SceneFeatures::EMISSION, Features::EMISSION),
     (SceneFeatures::INSTANCE_PRIMVARS, Features::INSTANCE_PRIMVARS),
@@ -26,7 +27,7 @@ const SURFACES: [(SceneFeatures, Features); 8] = [
 ];
 
 /// The features in words.
-const PARTS: [(Features, &str); 27] = [
+const PARTS: [(Features, &str); 28] = [
     (Features::DOME, "dome light"),
     (Features::DOME_SHADOW_RAYS, "shadow rays to constant domes at every bounce"),
     (Features::DISTANT, "distant lights"),
@@ -50,6 +51,7 @@ const PARTS: [(Features, &str); 27] = [
     (Features::EMISSION, "emission of surfaces"),
     (Features::MESH_LIGHTS, "emissive meshes sampled as lights"),
     (Features::TRANSMISSION, "transmission"),
+    (Features::ROUGH_TRANSMISSION, "rough transmission, and tables of what it loses"),
     (Features::COAT, "coats"),
     (Features::STREAMING, "streaming of what does not fit"),
     (Features::CHUNK_COUNTS, "counts of rays by chunk"),
@@ -128,7 +130,7 @@ impl Carry {
         }
         if needed.contains(Features::MATERIALS) {
             possible |= Features::TEXTURES | Features::CUTOUTS | Features::TRANSMISSION;
-            possible |= Features::COAT | Features::EMISSION;
+            possible |= Features::ROUGH_TRANSMISSION | Features::COAT | Features::EMISSION;
         }
         if needed.contains(Features::STREAMING) {
             possible -= Features::TEXTURES | Features::CUTOUTS;

@@ -23,6 +23,7 @@ const bool HAS_MATERIALS = (FEATURES & (1u << 11)) != 0u;
 const bool HAS_TEXTURES = (FEATURES & (1u << 12)) != 0u && HAS_MATERIALS;
 const bool HAS_CUTOUTS = (FEATURES & (1u << 13)) != 0u && HAS_MATERIALS;
 const bool HAS_TRANSMISSION = (FEATURES & (1u << 14)) != 0u && HAS_MATERIALS;
+const bool HAS_ROUGH_TRANSMISSION = (FEATURES & (1u << 28)) != 0u && HAS_TRANSMISSION;
 const bool HAS_COAT = (FEATURES & (1u << 15)) != 0u && HAS_MATERIALS;
 const bool HAS_LOCAL_LIGHTS = (FEATURES & (1u << 17)) != 0u;
 const bool HAS_SHAPING = (FEATURES & (1u << 18)) != 0u;

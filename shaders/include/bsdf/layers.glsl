@@ -7,8 +7,7 @@
 #include "include/bsdf/tables.glsl"
 #include "include/bsdf/ggx.glsl"
 
-const uint BSDF_INSIDE = 1u;   // the viewer is inside of a transmissive surface
-const uint BSDF_EXACT = 2u;    // exact dielectric Fresnel: sharp and transmissive
+const uint BSDF_SCHLICK = 1u;  // glass of the specular workflow: Schlick's Fresnel from specular_color
 const uint BSDF_PLAIN = 4u;    // Lambert and nothing else
 
 struct Bsdf {
@@ -19,19 +18,23 @@ struct Bsdf {
     vec3 o;  // wo in that frame
     vec3 f0, f90;
     vec3 base_0, base_l, base_b; // E of the dielectric with multiple scattering: base_0 + base_l L + base_b B
-    vec3 metal; // F of the metal, times metallic
     vec3 diffuse;     // f * pi is diffuse * U(wi)
     vec3 scatter;     // the same of multiple scattering: scatter * U1(wi)
-    vec3 transmitted; // weight of transmission
     float metallic;
-    float ior;
     float alpha, row; // of the specular layer; 0: sharp. row: in the tables
     float coat;       // amount
     float coat_f0, coat_f90;
     float coat_alpha, coat_row;
     float under_coat; // U(wo) of the coat
     vec4 chance;      // of the lobes: coat, specular, diffuse, multiple scattering
-    float chance_through; // of transmission
+    float opaque;     // share of all that is not glass
+    float glass;      // and of glass, glass.glsl: single scattering
+    float glass_scatter; // multiple scattering, f * pi is this times U(wi) n^2 of its side
+    float glass_stay; // share of multiple scattering that stays on the viewer's side
+    float glass_alpha, glass_row; // 0: sharp
+    float glass_ior;  // index of the denser side / that of the other, >= 1
+    float glass_eta;  // index beyond / index on the viewer's side
+    vec2 chance_glass; // of its single and its multiple scattering
     uint flags;
 };
 
@@ -60,26 +63,15 @@ float under_coat(Bsdf b, float cosine) {
     return clamp(1.0 - b.coat * (b.coat_f0 * (1.0 - e.x - e.y) + b.coat_f90 * e.y), 0.0, 1.0);
 }
 
-// U of the dielectric from outside; `e`: its L and B.
+// U of the dielectric; `e`: its L and B.
 vec3 under_specular(Bsdf b, float cosine, out vec2 e) {
-    e = vec2(0.0);
-    if (HAS_TRANSMISSION && is(b, BSDF_EXACT)) {
-        return vec3(1.0 - dielectric_reflectance(cosine, refracted_cosine(cosine, 1.0 / b.ior), b.ior));
-    }
     e = table_albedo(cosine, b.row);
     return clamp(1.0 - (b.base_0 + b.base_l * e.x + b.base_b * e.y), 0.0, 1.0);
 }
 
-// U of both for light that goes down to the diffuse lobe or comes up from it, on the viewer's side; `lost`: that of the coat times
+// U of both for light that goes down to the diffuse lobe or comes up from it; `lost`: that of the coat times
 // U1, what single scattering with F = 1 loses.
 vec3 under_all(Bsdf b, float cosine, out float lost) {
-    if (HAS_TRANSMISSION && is(b, BSDF_INSIDE)) {
-        const float outer = refracted_cosine(cosine, b.ior);
-        lost = 0.0;
-        if (outer <= 0.0) return vec3(0.0);
-        vec2 ignored;
-        return under_coat(b, outer) * under_specular(b, outer, ignored);
-    }
     const float coat = under_coat(b, cosine);
     vec2 e;
     const vec3 under = under_specular(b, cosine, e);
@@ -87,26 +79,20 @@ vec3 under_all(Bsdf b, float cosine, out float lost) {
     return coat * under;
 }
 
-// Averages of under_all over the outside hemisphere.
+// Averages of under_all over the hemisphere.
 vec3 average_under(Bsdf b, out float lost) {
     const vec2 e = table_average(b.row);
     vec3 average = 1.0 - (b.base_0 + b.base_l * e.x + b.base_b * e.y);
     lost = e.x;
-    const bool exact = HAS_TRANSMISSION && is(b, BSDF_EXACT);
-    if (exact) average = vec3(1.0 - table_dielectric(b.ior));
     if (HAS_COAT && b.coat > 0.0) {
         const vec2 c = table_average(b.coat_row);
         const vec2 f = b.coat * vec2(-b.coat_f0, b.coat_f90 - b.coat_f0); // E of the coat is f0 + f.x L + f.y B
         const float f0 = b.coat * b.coat_f0;
         const float coat = f0 + dot(f, c);
-        if (exact) {
-            average = min(average, vec3(1.0 - coat)); // not less than the average of the product
-        } else {
-            const vec4 p = table_product(b.row, b.coat_row);
-            const vec2 both = f0 * e + vec2(dot(p.xy, f), dot(p.zw, f)); // averages of L and B times E of the coat
-            average = average - coat + b.base_0 * coat + b.base_l * both.x + b.base_b * both.y;
-            lost -= both.x;
-        }
+        const vec4 p = table_product(b.row, b.coat_row);
+        const vec2 both = f0 * e + vec2(dot(p.xy, f), dot(p.zw, f)); // averages of L and B times E of the coat
+        average = average - coat + b.base_0 * coat + b.base_l * both.x + b.base_b * both.y;
+        lost -= both.x;
     }
     return average;
 }
@@ -126,24 +112,26 @@ float largest(vec3 c) {
     return max(c.x, max(c.y, c.z));
 }
 
-// F0, F90 and what hangs on them; `color`: F_ms, 0 for sharp lobes.
-void set_fresnel(inout Bsdf b, Shading s, out vec3 color) {
+// F0, F90 and what hangs on them; `color`: F_ms, 0 for sharp lobes; `through`: the share that is glass.
+void set_fresnel(inout Bsdf b, Shading s, float opacity, out vec3 color, out float through) {
     const float r = (1.0 - s.ior) / (1.0 + s.ior);
     const float f0 = r * r;
     const bool specular = (s.flags & SHADING_SPECULAR_WORKFLOW) != 0u;
     b.metallic = specular ? 0.0 : s.metallic;
-    b.metal = b.metallic * s.diffuse_color;
+    const vec3 metal = b.metallic * s.diffuse_color;
+    through = HAS_TRANSMISSION ? (1.0 - b.metallic) * (1.0 - opacity) : 0.0;
+    const float plastic = (1.0 - b.metallic) * opacity;
     b.base_0 = specular ? s.specular_color : vec3(f0);
     const vec3 f90 = vec3(min(1.0, 1.0e3 * largest(b.base_0)));
-    b.f0 = (1.0 - b.metallic) * b.base_0 + b.metal;
-    b.f90 = (1.0 - b.metallic) * f90 + b.metal;
+    b.f0 = plastic * b.base_0 + metal;
+    b.f90 = plastic * f90 + metal;
     b.base_b = f90 - b.base_0;
     b.base_l = -b.base_0;
     color = vec3(0.0);
     if (largest(b.f0) > 0.0 && b.alpha > 0.0) {
         const float lost = table_average(b.row).x;
         const vec3 back = scattered(b.base_0, f90, lost);
-        color = (1.0 - b.metallic) * back + b.metallic * scattered(s.diffuse_color, s.diffuse_color, lost);
+        color = plastic * back + b.metallic * scattered(s.diffuse_color, s.diffuse_color, lost);
         b.base_l += back;
     }
     b.coat = HAS_COAT && f0 > 0.0 ? s.clearcoat : 0.0;
@@ -153,13 +141,7 @@ void set_fresnel(inout Bsdf b, Shading s, out vec3 color) {
 
 // Albedo of the specular layer at wo without multiple scattering, under the coat: all of a sharp lobe's weight.
 vec3 single_scattering(Bsdf b) {
-    float lost;
-    vec2 e;
-    if (HAS_TRANSMISSION && is(b, BSDF_INSIDE)) return (1.0 - b.metallic) * (1.0 - under_all(b, b.o.z, lost)) + b.metal;
-    if (HAS_TRANSMISSION && is(b, BSDF_EXACT)) {
-        return b.under_coat * ((1.0 - b.metallic) * (1.0 - under_specular(b, b.o.z, e)) + b.metal);
-    }
-    e = table_albedo(b.o.z, b.row);
+    const vec2 e = table_albedo(b.o.z, b.row);
     return b.under_coat * (b.f0 * (1.0 - e.x - e.y) + b.f90 * e.y);
 }
 

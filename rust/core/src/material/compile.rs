@@ -6,6 +6,9 @@ use super::reader::READER;
 use super::{INPUTS, Input, InputName, Material, MaterialFlags, PrimvarSlot, TextureRef, UvSet};
 use crate::scene::{MaterialDesc, NodeDesc};
 
+/// Surfaces that are less rough are sharp (`shaders/include/bsdf/tables.glsl`).
+const SHARP_ROUGHNESS: f32 = 0.01;
+
 /// Most nodes of a network.
 pub const MAX_NODES: usize = 4096;
 
@@ -110,6 +113,10 @@ impl<'a> Compiler<'a> {
         flags.set(MaterialFlags::SPECULAR_WORKFLOW, workflow != 0.0);
         flags.set(MaterialFlags::PRESENCE, is_clear && (is_presence || threshold > 0.0));
         flags.set(MaterialFlags::TRANSMISSIVE, is_clear && !is_presence && threshold <= 0.0);
+        let is_rough = |name: InputName| !matches!(&inputs[name as usize], Input::Constant([value, ..]) if *value < SHARP_ROUGHNESS);
+        let rough = is_rough(InputName::Roughness)
+            || flags.contains(MaterialFlags::COAT) && is_rough(InputName::ClearcoatRoughness);
+        flags.set(MaterialFlags::ROUGH_TRANSMISSION, flags.contains(MaterialFlags::TRANSMISSIVE) && rough);
         Some(Material {
             flags,
             inputs,

@@ -71,6 +71,8 @@ bitflags! {
         const NORMAL_MAP = 32;
         /// Reads a texture.
         const TEXTURED = 64;
+        /// What is transmitted is, somewhere, by a rough surface.
+        const ROUGH_TRANSMISSION = 128;
     }
 }
 

@@ -47,6 +47,8 @@ bitflags! {
         const TRANSMISSION = 1 << 14;
         /// A material with a coat.
         const COAT = 1 << 15;
+        /// One that does by a rough surface.
+        const ROUGH_TRANSMISSION = 1 << 28;
         /// A material that emits light.
         const EMISSION = 1 << 22;
         /// A primvar with a value per instance that something reads.
@@ -100,6 +102,7 @@ impl SurfaceTables {
             (MaterialFlags::TEXTURED, SceneFeatures::TEXTURES),
             (MaterialFlags::PRESENCE, SceneFeatures::CUTOUTS),
             (MaterialFlags::TRANSMISSIVE, SceneFeatures::TRANSMISSION),
+            (MaterialFlags::ROUGH_TRANSMISSION, SceneFeatures::ROUGH_TRANSMISSION),
             (MaterialFlags::COAT, SceneFeatures::COAT),
             (MaterialFlags::EMISSIVE, SceneFeatures::EMISSION),
         ];

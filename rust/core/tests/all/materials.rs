@@ -81,7 +81,8 @@ fn authored_values_and_flags() {
     assert_eq!(made.input(InputName::DiffuseColor), &Input::Constant([0.1, 0.2, 0.3, 1.0]));
     assert_eq!(made.input(InputName::Metallic), &Input::Constant([1.0; 4]));
     let flags = MaterialFlags::SPECULAR_WORKFLOW | MaterialFlags::EMISSIVE | MaterialFlags::COAT;
-    assert_eq!(made.flags, flags | MaterialFlags::TRANSMISSIVE | MaterialFlags::NORMAL_MAP);
+    let glass = MaterialFlags::TRANSMISSIVE | MaterialFlags::ROUGH_TRANSMISSION;
+    assert_eq!(made.flags, flags | glass | MaterialFlags::NORMAL_MAP);
 }
 
 #[test]
@@ -95,8 +96,15 @@ fn opacity_is_transmission_presence_or_a_threshold() {
     let threshold = |v: f32| ("opacityThreshold", ParamValue::Float(v));
     let presence = ("opacityMode", text("presence"));
     let all = |v: f32| Input::Constant([v; 4]);
-    assert_eq!(made(0.5, &[]), (MaterialFlags::TRANSMISSIVE, all(0.5)));
-    assert_eq!(made(0.5, &[("opacityMode", text("transparent"))]), (MaterialFlags::TRANSMISSIVE, all(0.5)));
+    let rough = MaterialFlags::TRANSMISSIVE | MaterialFlags::ROUGH_TRANSMISSION;
+    assert_eq!(made(0.5, &[]), (rough, all(0.5)));
+    assert_eq!(made(0.5, &[("opacityMode", text("transparent"))]), (rough, all(0.5)));
+    // Sharp glass does not ask for the rough one; a rough coat over it does.
+    let number = |name: &'static str, v: f32| (name, ParamValue::Float(v));
+    let sharp = [number("roughness", 0.0), number("clearcoat", 0.0), number("clearcoatRoughness", 0.5)];
+    assert_eq!(made(0.5, &sharp), (MaterialFlags::TRANSMISSIVE, all(0.5)));
+    let coated = [number("roughness", 0.0), number("clearcoat", 1.0), number("clearcoatRoughness", 0.5)];
+    assert_eq!(made(0.5, &coated), (rough | MaterialFlags::COAT, all(0.5)));
     assert_eq!(made(0.5, std::slice::from_ref(&presence)), (MaterialFlags::PRESENCE, all(0.5)));
     // At the threshold the surface is there, all of it.
     assert_eq!(made(0.5, &[threshold(0.5)]), (MaterialFlags::empty(), all(1.0)));

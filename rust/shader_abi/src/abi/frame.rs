@@ -102,6 +102,8 @@ bitflags! {
         const LIGHT_TABLE = 1 << 25;
         /// With `STREAMING`: rays that wait for a load that is too dear for what they bring may end (`Streaming::roulette`).
         const ROULETTE = 1 << 26;
+        /// Some material lets light through a rough surface.
+        const ROUGH_TRANSMISSION = 1 << 28;
         /// Some mesh that emits light is sampled as a light.
         const MESH_LIGHTS = 1 << 27;
     }

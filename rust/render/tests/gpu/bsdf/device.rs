@@ -9,9 +9,11 @@ use oocpt_shader_abi::{SPEC_FEATURES, checks, groups};
 use std::sync::Arc;
 use std::time::Duration;
 
-const RESULT_FLOATS: usize = 24;
-/// MATERIALS, TRANSMISSION, COAT.
-pub(super) const ALL: u32 = 1 << 11 | 1 << 14 | 1 << 15;
+const RESULT_FLOATS: usize = 28;
+/// MATERIALS, TRANSMISSION, COAT, `ROUGH_TRANSMISSION`.
+pub(super) const ALL: u32 = 1 << 11 | 1 << 14 | 1 << 15 | 1 << 28;
+/// The same without what only rough glass needs.
+pub(super) const SHARP_GLASS: u32 = 1 << 11 | 1 << 14 | 1 << 15;
 /// MATERIALS alone.
 pub(super) const PLAIN: u32 = 1 << 11;
 
@@ -29,8 +31,12 @@ pub(super) struct Answer {
     pub(super) diffuse: DVec3,
     pub(super) specular: DVec3,
     pub(super) given_pdf: f64,
-    /// Of coat, specular, diffuse, transmission, multiple scattering.
-    pub(super) chance: [f64; 5],
+    /// Of coat, specular, diffuse, multiple scattering, glass, its multiple scattering.
+    pub(super) chance: [f64; 6],
+    /// What a smooth interface lets through, 1 - F; 0 for what is not glass.
+    pub(super) lets_through: f64,
+    /// Of glass, as the shader takes it; 0: sharp.
+    pub(super) glass_alpha: f64,
     /// All floats, as they came.
     pub(super) raw: [f32; RESULT_FLOATS],
 }
@@ -56,8 +62,8 @@ impl Device {
         let module = &checks::CHECK_BSDF;
         let spec = [(SPEC_FEATURES, features)];
         let pipeline = Pipeline::new(&gpu, module.name, module.words, &spec, 56).expect("the pass compiles");
-        let bytes = bytemuck::cast_slice(bsdf_tables::floats());
-        let tables = upload(&gpu, bytes);
+        let tables = [bsdf_tables::floats(), bsdf_tables::glass::floats()].concat();
+        let tables = upload(&gpu, bytemuck::cast_slice(&tables));
         Self { gpu, pipeline, tables }
     }
 
@@ -147,7 +153,9 @@ impl Answer {
             diffuse: at3(12),
             specular: at3(15),
             given_pdf: at(18),
-            chance: [at(19), at(20), at(21), at(22), at(23)],
+            chance: [at(19), at(20), at(21), at(22), at(23), at(24)],
+            lets_through: at(25),
+            glass_alpha: at(26),
             raw: *raw,
         }
     }

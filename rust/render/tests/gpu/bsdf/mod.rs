@@ -5,6 +5,7 @@
 mod cases;
 mod device;
 mod energy;
+mod glass;
 mod reference;
 mod sampling;
 mod values;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The BSDF in f64, written from its definition (head of `shaders/include/bsdf.glsl`) without its code: albedos by quadrature over normals
-//! (not visible normals), half vectors normalised, cosines where the shader has sums of squares. Opaque surfaces, and the
-//! transmissive ones seen from outside.
+//! (not visible normals), half vectors normalised, cosines where the shader has sums of squares. Opaque surfaces.
 
 use super::cases::{Case, SPECULAR_WORKFLOW};
 use glam::DVec3;
@@ -171,9 +170,8 @@ impl Reference {
         fresnel.at(o.dot(h)) * density(alpha, h.z) * masking(alpha, o.z, i.z) / (4.0 * o.z)
     }
 
-    /// Densities of the coat's and the specular layer's visible normals, of the diffuse lobe, of transmission (sharp), of multiple
-    /// scattering.
-    pub(super) fn densities(&self) -> [f64; 5] {
+    /// Densities of the coat's and the specular layer's visible normals, of the diffuse lobe, of multiple scattering.
+    pub(super) fn densities(&self) -> [f64; 4] {
         let (o, i) = (self.case.wo, self.case.wi);
         let h = (o + i).normalize();
         let visible = |roughness: f64| {
@@ -182,6 +180,6 @@ impl Reference {
         };
         let alpha = self.case.roughness.powi(2);
         let scattered = 1.0 / (TAU * (i.z + alpha) * (1.0 / alpha).ln_1p());
-        [visible(self.case.coat_roughness), visible(self.case.roughness), i.z / PI, 0.0, scattered]
+        [visible(self.case.coat_roughness), visible(self.case.roughness), i.z / PI, scattered]
     }
 }

@@ -14,7 +14,7 @@ const SECTORS: usize = 32;
 const FINE: usize = 12;
 const COUNT: usize = 1 << 16;
 
-struct Chart {
+pub(super) struct Chart {
     axis: DVec3,
     x: DVec3,
     y: DVec3,
@@ -22,7 +22,7 @@ struct Chart {
 }
 
 impl Chart {
-    fn new(axis: DVec3, scale: f64) -> Self {
+    pub(super) fn new(axis: DVec3, scale: f64) -> Self {
         let x = axis.any_orthonormal_vector();
         Self { axis, x, y: axis.cross(x), scale }
     }
@@ -108,14 +108,14 @@ fn deviation(expected: &[f64], counted: &[usize]) -> (f64, usize) {
 
 /// Chi-square of one case, with bins for what is sharp and what is lost; the integral of the density.
 #[expect(clippy::cast_precision_loss, reason = "counts")]
-fn test(device: &Device, name: &str, case: &Case, chart: &Chart, seed: u32) -> f64 {
+pub(super) fn test(device: &Device, name: &str, case: &Case, chart: &Chart, seed: u32) -> f64 {
     let case = case.rounded();
-    let chance = device.cases(&[case])[0].chance;
+    let answer = device.cases(&[case])[0];
+    let chance = answer.chance;
     let mut expected = chart.expected(device, &case);
     let integral: f64 = expected.iter().sum();
-    let inside = case.opacity < 1.0 && case.wo.dot(case.g) < 0.0;
-    let is_sharp = |roughness: f64| roughness < 0.01 || inside;
-    let sharp = chance[3]
+    let is_sharp = |roughness: f64| roughness < 0.01;
+    let sharp = if answer.glass_alpha <= 0.0 { chance[4] } else { 0.0 }
         + if is_sharp(case.coat_roughness) { chance[0] } else { 0.0 }
         + if is_sharp(case.roughness) { chance[1] } else { 0.0 };
     let mut counted = vec![0; expected.len() + 2];
