@@ -62,7 +62,8 @@ private:
 oocpt::LightTag _Kind(const TfToken& type)
 {
     const auto& tokens = *HdOocPTSceneTokens;
-    return type == tokens.domeLight    ? oocpt::LightTag::Dome
+    return type == tokens.mesh         ? oocpt::LightTag::GlowTintedMesh
+        : type == tokens.domeLight     ? oocpt::LightTag::Dome
         : type == tokens.rectLight     ? oocpt::LightTag::Rect
         : type == tokens.sphereLight   ? oocpt::LightTag::Sphere
         : type == tokens.diskLight     ? oocpt::LightTag::Disk
@@ -123,6 +124,16 @@ void _ReadShaping(const _Inputs& inputs, oocpt::LightDesc* desc)
         || !shaping.ies.authored.empty();
 }
 
+/// How the light of a mesh and the mesh's material go together.
+oocpt::LightTag _MaterialSync(const _Inputs& inputs)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    const TfToken mode = inputs.Get(tokens.materialSyncMode, TfToken());
+    return mode == tokens.independent         ? oocpt::LightTag::IndependentMesh
+        : mode == tokens.noMaterialResponse ? oocpt::LightTag::LightOnlyMesh
+                                            : oocpt::LightTag::GlowTintedMesh;
+}
+
 void _WarnOfFiltersAndPortals(const HdOocPTPrimSource& source, const _Inputs& inputs)
 {
     const auto& tokens = *HdOocPTSceneTokens;
@@ -141,6 +152,14 @@ void _WarnOfFiltersAndPortals(const HdOocPTPrimSource& source, const _Inputs& in
 
 } // namespace
 
+bool HdOocPTIsMeshLight(const HdContainerDataSourceHandle& container)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    bool isLight = false;
+    HdOocPTConvert(HdOocPTRead(container, { tokens.light, tokens.isLight }), &isLight);
+    return isLight;
+}
+
 oocpt::LightDesc HdOocPTReadLight(const HdOocPTPrimSource& source, const TfToken& type)
 {
     const auto& tokens = *HdOocPTSceneTokens;
@@ -154,6 +173,11 @@ oocpt::LightDesc HdOocPTReadLight(const HdOocPTPrimSource& source, const TfToken
         prim.transform = inputs.Get(tokens.domeOffset, GfMatrix4d(1.0)) * prim.transform;
     }
     HdOocPTFillPrim(source.path, prim, &desc.prim);
+    if (type == tokens.mesh) {
+        desc.kind = _MaterialSync(inputs);
+        // MESH_LIGHT of the renderer's core: no prim is called so.
+        desc.prim.path = rust::String::lossy(source.path.GetString() + HdOocPTMeshLightSuffix);
+    }
     _ReadShape(inputs, &desc);
     _ReadEmission(inputs, &desc);
     _ReadShaping(inputs, &desc);

@@ -27,6 +27,8 @@ struct HdOocPTSceneReader::_Record
     /// Set for meshes and instancers, according to kind.
     std::unique_ptr<HdOocPTMeshState> mesh;
     std::unique_ptr<HdOocPTInstancerState> instancer;
+    /// A mesh that is a light, too.
+    bool isMeshLight = false;
 };
 
 /// A prim to read, and what came out.
@@ -37,7 +39,10 @@ struct HdOocPTSceneReader::_Job
     _RecordPtr record;
     std::optional<oocpt::MeshDesc> mesh;
     std::optional<oocpt::InstancerDesc> instancer;
+    /// Of a mesh: beside it.
     std::optional<oocpt::LightDesc> light;
+    /// The mesh is no light any more.
+    bool losesLight = false;
     std::optional<oocpt::MaterialDesc> material;
 };
 
@@ -113,8 +118,14 @@ void HdOocPTSceneReader::Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* e
         }
     });
     for (_Job& job : jobs) {
+        if (job.losesLight) {
+            edits->removed.push_back(rust::String::lossy(job.path.GetString() + HdOocPTMeshLightSuffix));
+        }
         if (job.mesh) {
             edits->meshes.push_back(std::move(*job.mesh));
+            if (job.light) {
+                edits->lights.push_back(std::move(*job.light));
+            }
         } else if (job.instancer) {
             edits->instancers.push_back(std::move(*job.instancer));
         } else if (job.light) {
@@ -282,6 +293,14 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
             _AddLinks(*_scene, _links, source, record.mesh.get());
         }
         job->mesh = HdOocPTDescribeMesh(job->path, *record.mesh, primIdOf ? primIdOf(job->path) : -1);
+        if (source.dirtyBits & HdOocPTDirtyLight) {
+            const bool isLight = HdOocPTIsMeshLight(prim.dataSource);
+            job->losesLight = record.isMeshLight && !isLight;
+            record.isMeshLight = isLight;
+        }
+        if (record.isMeshLight) {
+            job->light = HdOocPTReadLight(source, record.type);
+        }
         break;
     case HdOocPTPrimKind::Instancer:
         if (!record.instancer) {

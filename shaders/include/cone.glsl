@@ -34,13 +34,18 @@ float cone_width(uint path, float t) {
     return fma(cone.y, t, cone.x);
 }
 
-// The cone of the next ray, from where the last one was `width` wide, in a direction that was chosen with density `pdf`; 0: by a
-// mirror or a smooth boundary, which leave the growth as it is.
-void store_next_cone(uint path, float width, float pdf) {
+// How the cone of a path grows after a direction that was chosen with density `pdf`; 0: by a mirror or a smooth boundary, which leave
+// the growth as it is.
+float next_spread(uint path, float pdf) {
     const float before = Cones(FRAME.cones).v[path].y;
     // A cone of small angle a fills pi a^2 / 4.
     const float spread = pdf > 0.0 ? sqrt(4.0 / (3.14159265 * CONE_SAMPLES * pdf)) : 0.0;
-    Cones(FRAME.cones).v[path] = vec2(width, max(before, min(spread, CONE_WIDEST)));
+    return max(before, min(spread, CONE_WIDEST));
+}
+
+// The cone of the next ray, from where the last one was `width` wide.
+void store_next_cone(uint path, float width, float pdf) {
+    Cones(FRAME.cones).v[path] = vec2(width, next_spread(path, pdf));
 }
 
 #endif

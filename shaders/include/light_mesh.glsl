@@ -6,8 +6,12 @@
 // tree of a mesh is walked with the receiver taken into its frame: which side of a plane it is on stays the same there, so nothing that
 // shines on the receiver is left out; nearness may be off under uneven scales, which costs noise only. With M the placement's linear map
 // and N the unit normal in the world, areas grow by |det M| / |M^T N|.
-// All tables are always on the device: what is chosen does not depend on which chunks are there. Materials whose emission is no
-// constant, and placements that are not in the table, are met by BSDF rays alone.
+// All tables are always on the device: what is chosen does not depend on which chunks are there. Placements that are not in the table are
+// met by BSDF rays alone.
+// With HAS_MESH_LIGHT_VALUES some emissions are no constants. What a point emits is worked out as at a hit there: a primvar between
+// its values at the corners, a texture through the very lookup and with the cone that a BSDF ray in this direction would have, so that both
+// strategies see one function. Weights are means over faces, made by the host (decisions/0013); they only decide what is chosen.
+// With streaming the texture is looked up before the surface is shaded, as one more lookup of its own (resolve_lights).
 // Emission goes to both sides, as it does for rays that meet it.
 #ifndef OOCPT_LIGHT_MESH_GLSL
 #define OOCPT_LIGHT_MESH_GLSL
@@ -27,6 +31,12 @@ struct MeshLightPoint {
     vec3 normal;   // unit, either side
     uint light;
     uint face;
+    // With HAS_MESH_LIGHT_VALUES, where `emission` is not known yet:
+    uint material;
+    uint triangle;
+    uint subset;
+    vec2 place; // weights of the second and the third corner
+    float area; // twice the triangle's, in the world
 };
 
 GpuMeshLight load_mesh_light(uint index) {
@@ -100,14 +110,19 @@ bool sample_mesh_light(Receiver r, Double3 origin, vec4 u, vec4 u_mesh, float sh
     uint index;
     if (!choose_mesh_leaf(root, receiver_inside(light, origin, r.n), u_mesh.x, u_mesh.y, index, chosen)) return false;
     const GpuLightLeaf leaf = load_light_leaf(index);
-    const GpuLightTriangle t = LightTriangles(LIGHTING.light_triangles).v[choose_triangle(leaf, u_mesh.z)];
+    point.triangle = choose_triangle(leaf, u_mesh.z);
+    const GpuLightTriangle t = LightTriangles(LIGHTING.light_triangles).v[point.triangle];
     point.face = t.face;
-    point.emission = constant_emission(material_number(material_slot(int(light.prim_id), t.subset)));
-    const float weight = emission_weight(point.emission) / light.scale;
+    point.subset = t.subset;
+    point.material = material_number(material_slot(int(light.prim_id), t.subset));
+    point.emission = constant_emission(point.material);
+    const float weight = HAS_MESH_LIGHT_VALUES ? LightValues(LIGHTING.light_values).v[point.triangle].weight
+                                               : emission_weight(point.emission) / light.scale;
     if (!(weight > 0.0)) return false;
 
     const float s = sqrt(u.y);
-    const vec3 q = combine_rows(t.v0, t.v1, t.v2, vec3(1.0 - s, s * (1.0 - u.z), s * u.z));
+    point.place = vec2(s * (1.0 - u.z), s * u.z);
+    const vec3 q = combine_rows(t.v0, t.v1, t.v2, vec3(1.0 - s, point.place));
     const vec3 from_center = combine_rows(light.x, light.y, light.z, q);
     const vec3 e = combine_rows(light.x, light.y, light.z, t.v1 - t.v0);
     const vec3 f = combine_rows(light.x, light.y, light.z, t.v2 - t.v0);
@@ -117,6 +132,7 @@ bool sample_mesh_light(Receiver r, Double3 origin, vec4 u, vec4 u_mesh, float sh
     const vec3 towards = from_center - difference(origin, Double3(light.position, light.position_lo));
     point.distance = sqrt(dot3(towards, towards));
     if (!(squared > 0.0 && point.distance > 0.0)) return false;
+    point.area = size * size * sqrt(squared);
     point.normal = normal * inversesqrt(squared);
     point.direction = towards / point.distance;
     const float cosine = abs(dot3(point.normal, point.direction));
@@ -127,6 +143,47 @@ bool sample_mesh_light(Receiver r, Double3 origin, vec4 u, vec4 u_mesh, float sh
     point.reach = max(point.distance * SHADOW_END - off, 0.5 * point.distance);
     return point.density > 0.0;
 }
+
+#ifdef OOCPT_MATERIAL_GLSL
+// The cone of the surface that asks: its width there, and how it grows where it leaves with this density.
+uint ask_path;
+float ask_width;
+// The unit that the lookup waits for, as texture_lookup gives it.
+uint ask_missing;
+
+// Emission of a chosen point. `pdf`: density of the direction to it by the BSDF.
+vec3 point_emission(MeshLightPoint point, float pdf) {
+    if (!HAS_MESH_LIGHT_VALUES || point.material == NO_MATERIAL) return point.emission;
+    Materials materials = Materials(FRAME.materials);
+    const uint kind = materials.v[point.material].inputs[INPUT_EMISSION].kind & 3u;
+    if (kind == INPUT_CONSTANT) return point.emission;
+    if ((materials.v[point.material].flags & EMISSION_PRESENCE) != 0u) return vec3(0.0);
+    if (kind == INPUT_PRIMVAR) {
+        const uint first = load_mesh_light(point.light).values;
+        if (first != NO_INDEX) {
+            const vec3 given = ConstVec3s(LIGHTING.light_placed_values).v[first + point.subset];
+            if (floatBitsToUint(given.x) != NO_VALUE) return valid_emission(given);
+        }
+    }
+    const GpuLightValue v = LightValues(LIGHTING.light_values).v[point.triangle];
+    vec3 value = v.a;
+    if (v.a != v.b || v.b != v.c) value = v.a * (1.0 - point.place.x - point.place.y) + v.b * point.place.x + v.c * point.place.y;
+    if (kind == INPUT_PRIMVAR) return valid_emission(value);
+    if (!HAS_TEXTURES) return vec3(0.0);
+    GpuSurfaceMaterial m;
+    m.material = point.material;
+    m.flags = 0u;
+    const vec2 e = v.b.xy - v.a.xy;
+    const vec2 f = v.c.xy - v.a.xy;
+    const float density = sqrt(abs(e.x * f.y - e.y * f.x) / point.area) * slant(point.normal, point.direction);
+    for (uint i = 0u; i < 2u; ++i) {
+        m.uv[i] = value.xy;
+        m.uv_density[i] = density;
+    }
+    last_texture = 0xffffffffu;
+    return valid_emission(input_value(m, INPUT_EMISSION, fma(next_spread(ask_path, pdf), point.distance, ask_width), ask_missing).xyz);
+}
+#endif
 
 // The first entry that is not before (prim_id, instance_id, mesh); the number of entries if there is none.
 uint find_mesh_light(uint prim_id, uint instance_id, uint mesh) {
@@ -152,8 +209,8 @@ uint find_mesh_light(uint prim_id, uint instance_id, uint mesh) {
 // asking a light with a place. `r` and `origin`: the receiver that the ray has left; n: unit normal there, `facing`: cosine to the ray.
 float mesh_light_density(Receiver r, Double3 origin, float share, uint prim_id, uint instance_id, uint mesh, uint face, uint material, vec3 n,
                          float distance, float facing) {
-    const vec3 emission = constant_emission(material);
-    if (!(max(emission.x, max(emission.y, emission.z)) > 0.0)) return 0.0;
+    const vec3 emission = HAS_MESH_LIGHT_VALUES ? vec3(0.0) : constant_emission(material);
+    if (!HAS_MESH_LIGHT_VALUES && !(max(emission.x, max(emission.y, emission.z)) > 0.0)) return 0.0;
     const uint index = find_mesh_light(prim_id, instance_id, mesh);
     if (index >= LIGHTING.mesh_light_count) return 0.0;
     const GpuMeshLight light = load_mesh_light(index);
@@ -178,7 +235,8 @@ float mesh_light_density(Receiver r, Double3 origin, float share, uint prim_id, 
     float chosen = share * (1.0 - first);
     chosen = mesh_leaf_probability(0u, uvec2(light.trail[0], light.trail[1]), r, chosen);
     chosen = mesh_leaf_probability(table.root, uvec2(leaf.trail[0], leaf.trail[1]), receiver_inside(light, origin, r.n), chosen);
-    const float weight = emission_weight(emission) / light.scale;
+    const float weight =
+        HAS_MESH_LIGHT_VALUES ? ConstFloats(LIGHTING.light_face_weights).v[low] : emission_weight(emission) / light.scale;
     const float density = chosen * leaf_density(light, leaf, weight, n) * (distance * distance / max(abs(facing), 1.0e-30));
     return density > 0.0 ? density : 0.0;
 }

@@ -377,6 +377,9 @@ Ask ask_mesh(Bsdf bsdf, vec3 wo, Double3 origin, Receiver receiver, vec4 u, vec4
     ask.distance = point.reach;
     float density;
     const vec3 f = reflected(bsdf, wo, ask.direction, 1.0, 1.0, density);
+#ifdef OOCPT_MATERIAL_GLSL
+    if (HAS_MESH_LIGHT_VALUES && max_component(f) > 0.0) point.emission = point_emission(point, density);
+#endif
     ask.contribution = point.emission * (f / (last ? point.density : point.density + density));
     return ask;
 }

@@ -37,6 +37,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Me
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer LightMeshes { GpuLightMesh v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer LightLeaves { GpuLightLeaf v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer LightTriangles { GpuLightTriangle v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer LightValues { GpuLightValue v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Shapings { GpuLightShaping v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer LightMaps { GpuLightMap v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Aliases { GpuAlias v[]; };

@@ -54,6 +54,37 @@ float emission_share(uint path, Ray ray, Surface surface, float pdf) {
     return ray_weight(pdf, other);
 }
 
+// The set of numbers that a path asks its lights with.
+Ask ask_one(uint path, uint bounce, Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, uint packed_normal, bool last, float width) {
+    const uvec2 pixel = pixel_position(path_pixel(path));
+    const uint seed = pixel_seed(pixel.x, pixel.y, FRAME.seed);
+    const uint index = path_sample(path);
+    const Receiver receiver = Receiver(origin.hi, unpack_normal(packed_normal));
+    const vec4 u_light = sample_4d(index, 2u + 2u * bounce, seed);
+    // Another scramble of the same set: mesh lights take more numbers than one has.
+    vec4 u_mesh = vec4(0.0);
+    if (HAS_MESH_LIGHTS) u_mesh = sample_4d(index, 2u + 2u * bounce, hash_u32(seed + 1u));
+    ask_path = path;
+    ask_width = width;
+    ask_missing = TEXTURE_DONE;
+    return ask_light(bsdf, wo, origin, link_set, receiver, u_light, u_mesh, last);
+}
+
+// With streaming, after make_shading: looks up what the light emits that the surface will ask for, the lookup after those of its
+// material. `missing`: TEXTURE_DONE, or the unit that it waits for.
+void resolve_ask(uint path, Surface surface, Shading shading, out uint missing) {
+    missing = TEXTURE_DONE;
+    const Ray ray = load_ray(ray_address(path));
+    if (LIGHTING.textured_mesh_lights == 0u || ray.bounce > FRAME.max_bounces) return;
+    const vec3 wo = -ray.d;
+    const Bsdf bsdf = make_bsdf(shading, wo);
+    const vec3 normal = bsdf_normal(bsdf);
+    const uint packed_normal = HAS_TRANSMISSION ? NO_INDEX : pack_normal(normal);
+    ask_one(path, ray.bounce, bsdf, wo, add(surface.position, surface.offset * normal), prim_link_set(surface.prim_id), packed_normal,
+            ray.bounce >= FRAME.max_bounces, surface.cone);
+    missing = ask_missing;
+}
+
 // Shades a hit: `asks` tells that a shadow ray was stored, `go_on` that the next ray was.
 void shade_general(uint path, out bool asks, out bool go_on) {
     asks = false;
@@ -84,14 +115,9 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     const uint link_set = prim_link_set(surface.prim_id);
     const uint packed_normal = HAS_TRANSMISSION ? NO_INDEX : pack_normal(normal);
 
-    const Receiver receiver = Receiver(origin.hi, unpack_normal(packed_normal));
-    const vec4 u_light = sample_4d(index, 2u + 2u * ray.bounce, seed);
     // What goes through leaves on the other side.
     const Double3 beyond = HAS_TRANSMISSION ? add(surface.position, -surface.offset * normal) : origin;
-    // Another scramble of the same set: mesh lights take more numbers than one has.
-    vec4 u_mesh = vec4(0.0);
-    if (HAS_MESH_LIGHTS) u_mesh = sample_4d(index, 2u + 2u * ray.bounce, hash_u32(seed + 1u));
-    const Ask ask = ask_light(bsdf, wo, origin, link_set, receiver, u_light, u_mesh, last);
+    const Ask ask = ask_one(path, ray.bounce, bsdf, wo, origin, link_set, packed_normal, last, surface.cone);
     const bool asks_beyond = HAS_TRANSMISSION && dot(ask.direction, normal) < 0.0;
     Double3 ask_from = origin;
     if (asks_beyond) ask_from = beyond;

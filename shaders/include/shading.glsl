@@ -40,12 +40,15 @@ vec3 unit_range(vec3 c) {
     return vec3(unit_range(c.x), unit_range(c.y), unit_range(c.z));
 }
 
+vec3 valid_emission(vec3 e) {
+    return vec3(e.x > 0.0 ? min(e.x, 3.0e38) : 0.0, e.y > 0.0 ? min(e.y, 3.0e38) : 0.0, e.z > 0.0 ? min(e.z, 3.0e38) : 0.0);
+}
+
 // Any numbers made into valid ones; normals are left alone.
 Shading valid_shading(Shading s) {
     s.diffuse_color = unit_range(s.diffuse_color);
     s.specular_color = unit_range(s.specular_color);
-    s.emission = vec3(s.emission.x > 0.0 ? min(s.emission.x, 3.0e38) : 0.0, s.emission.y > 0.0 ? min(s.emission.y, 3.0e38) : 0.0,
-                      s.emission.z > 0.0 ? min(s.emission.z, 3.0e38) : 0.0);
+    s.emission = valid_emission(s.emission);
     s.metallic = unit_range(s.metallic);
     s.roughness = unit_range(s.roughness);
     s.ior = s.ior >= 0.0 ? min(s.ior, 1.0e3) : 1.5;

@@ -82,13 +82,7 @@ vec4 sampled_mesh(Ray ray, Receiver r, vec4 u, vec4 u_mesh) {
     MeshLightPoint point;
     if (first < 0.0 || !sample_mesh_light(r, origin, u, u_mesh, LIGHTING.local_share * (1.0 - first), point)) return vec4(0.0);
     const GpuMeshLight light = load_mesh_light(point.light);
-    uint material = NO_MATERIAL;
-    // The probe's prims have at most two slots; the one that emits what was sampled is meant.
-    for (uint slot = 0u; slot < 2u; ++slot) {
-        const uint candidate = material_number(material_slot(int(light.prim_id), slot));
-        if (material == NO_MATERIAL && constant_emission(candidate) == point.emission) material = candidate;
-    }
-    const float density = mesh_light_density(r, origin, LIGHTING.local_share, light.prim_id, light.instance_id, light.mesh, point.face, material, point.normal,
+    const float density = mesh_light_density(r, origin, LIGHTING.local_share, light.prim_id, light.instance_id, light.mesh, point.face, point.material, point.normal,
                                              point.distance, dot3(point.normal, point.direction));
     return vec4(point.density, density, float(point.light + 1u), point.reach / point.distance);
 }

@@ -209,6 +209,44 @@ def test_mesh_light(host):
     featured.agree(featured.pictures(host, "light_mesh", samples=256), expected, "mesh light", relative=1e-3)
 
 
+BIND = "UsdShade.MaterialBindingAPI.Apply(panel).Bind(UsdShade.Material(stage.GetPrimAtPath('/World/Looks/Glow')))"
+MESH_LIGHTS = {
+    # edit of the scene: radiance by colour
+    "plain": ("", (2.0, 1.0, 0.5)),
+    "normalize": ("light.CreateNormalizeAttr(True)", tuple(v / 0.96 for v in (2.0, 1.0, 0.5))),
+    "temperature": ("light.CreateEnableColorTemperatureAttr(True); light.CreateColorTemperatureAttr(3000.0)", "blackbody"),
+    "glow tints": (BIND, (1.0, 1.0, 1.5)),
+    "glow tints, named": (f"{BIND}; sync.Set('materialGlowTintsLight')", (1.0, 1.0, 1.5)),
+    "independent": (f"{BIND}; sync.Set('independent')", (2.0, 1.0, 0.5)),
+    "no response": (f"{BIND}; sync.Set('noMaterialResponse')", (2.0, 1.0, 0.5)),
+    "no light": ("panel.RemoveAppliedSchema('MeshLightAPI')", (0.0, 0.0, 0.0)),
+    "no light, glowing": (f"{BIND}; panel.RemoveAppliedSchema('MeshLightAPI')", (0.5, 1.0, 3.0)),
+}
+
+
+@pytest.mark.parametrize("case", MESH_LIGHTS)
+def test_mesh_light_api(host, case):
+    """A mesh that is a light by MeshLightAPI: the rectangle's irradiance, whatever its material does beside it."""
+    edit, radiance = MESH_LIGHTS[case]
+    if radiance == "blackbody":
+        radiance = tuple(a * b for a, b in zip((2.0, 1.0, 0.5), UsdLux.BlackbodyTemperatureAsRgb(3000.0)))
+    expected = _floor(_rect(answers.floor_points(SIZE)), radiance)
+    begin = "from pxr import UsdLux, UsdShade; panel = stage.GetPrimAtPath('/World/Panel'); light = UsdLux.LightAPI(panel); "
+    sync = "sync = light.CreateMaterialSyncModeAttr(); " if "sync." in edit else ""
+    # The first picture is that of the scene as it is: what follows is an edit.
+    made = featured.pictures(host, "light_mesh_api", samples=256, edit=begin + sync + edit)
+    featured.agree(made, expected, f"mesh light, {case}", relative=2e-3)
+
+
+def test_mesh_light_api_warns_of_what_it_does_not_do(host):
+    edit = "from pxr import UsdLux; shaping = UsdLux.ShapingAPI.Apply(stage.GetPrimAtPath('/World/Panel')); shaping.CreateShapingConeAngleAttr(30.0)"
+    with host.open(featured.path("light_mesh_api"), (16, 16), settings=featured.settings(1, 0), camera="/World/Camera") as view:
+        view.edit(edit)
+        log = view.render().log
+    lines = [line for line in log.splitlines() if "/World/Panel" in line]
+    assert len(lines) == 1 and "shaping" in lines[0], log
+
+
 def test_rect_light_texture(host):
     """Seen in a mirror below: which quarter is where. UsdLux: "a texture file's min coordinates should be at (+X, +Y) and max coordinates at (-X, -Y)",
     the first texel of a file being its upper left one: from its front (-z) the light shows the picture as it is. (OpenUSD's hdEmbree mirrors it.)"""

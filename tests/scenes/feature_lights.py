@@ -226,7 +226,22 @@ def light_mesh(stage, folder):
     shading.bind(panel, shading.material(stage, "/World/Looks/Glow", diffuseColor=(0, 0, 0), emissiveColor=(2.0, 1.0, 0.5), roughness=1.0))
 
 
+def light_mesh_api(stage, folder):
+    """light_rect's rectangle as a mesh that is a light by MeshLightAPI: no material, two stops of 1/2, a scale; and a material that glows, bound to nothing."""
+    floor_and_camera(stage)
+    panel = parts.mesh(stage, "/World/Panel", [(-0.3, 0, -0.8), (0.3, 0, -0.8), (0.3, 0, 0.8), (-0.3, 0, 0.8)], [4], range(4), None)
+    panel.AddTranslateOp().Set(Gf.Vec3d(0.3, 1.5, -0.2))
+    panel.AddScaleOp().Set(Gf.Vec3f(2.0, 1.0, 0.5))
+    UsdLux.MeshLightAPI.Apply(panel.GetPrim())
+    light = UsdLux.LightAPI(panel.GetPrim())
+    light.CreateIntensityAttr(0.5)
+    light.CreateExposureAttr(2.0)
+    light.CreateColorAttr(Gf.Vec3f(1, 0.5, 0.25))
+    shading.material(stage, "/World/Looks/Glow", diffuseColor=(0.5, 0.5, 0.5), emissiveColor=(0.5, 1.0, 3.0), roughness=1.0)
+
+
 SCENES = [
     light_rect, light_rect_tilted, light_rect_texture, light_disk, light_sphere, light_sphere_point, light_cylinder, light_cone, light_ies, light_dome_texture,
     light_dome_axis, light_dome_sun, light_shadow, light_links, light_multipliers, lights_hundred, lights_instanced, light_mesh,
+    light_mesh_api,
 ]  # fmt: skip

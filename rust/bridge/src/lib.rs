@@ -93,6 +93,9 @@ mod ffi {
         Sphere,
         Disk,
         Cylinder,
+        GlowTintedMesh,
+        IndependentMesh,
+        LightOnlyMesh,
     }
 
     /// `texture:format` of a dome.
@@ -248,8 +251,7 @@ mod ffi {
         primvars: Vec<NamedPrimvarDesc>,
     }
 
-    /// An authored input of a shading node. Numbers and vectors lie in `numbers`, asset paths in `asset`, all other text in
-    /// `text`. The color space of an input `name` comes as a text of its own, named `colorSpace:name`.
+    /// An authored input of a node: numbers in `numbers`, asset paths in `asset`, other text in `text`, also `colorSpace:name`.
     struct ParamDesc {
         name: String,
         tag: ParamTag,
@@ -352,8 +354,7 @@ mod ffi {
         Mirror,
     }
 
-    /// What is known of an image. `levels`: width and height of each, finest first; `is_srgb`: 1, 0, or -1 where the file says
-    /// nothing.
+    /// What is known of an image. `levels`: width and height of each, finest first; `is_srgb`: 1, 0, or -1 where it is not said.
     #[derive(Debug, Clone)]
     struct ImageFacts {
         levels: Vec<u32>,

@@ -3,7 +3,7 @@
 
 use crate::convert::{asset, optional_text, prim};
 use crate::ffi;
-use oocpt_core::scene::{DomeFormat, LightDesc, LightKind, Shaping};
+use oocpt_core::scene::{DomeFormat, LightDesc, LightKind, MaterialSync, Shaping};
 
 fn light_kind(desc: &mut ffi::LightDesc) -> LightKind {
     let texture =
@@ -17,6 +17,9 @@ fn light_kind(desc: &mut ffi::LightDesc) -> LightKind {
         ffi::LightTag::Cylinder => {
             LightKind::Cylinder { length: desc.length, radius: desc.radius, treat_as_line: desc.treat_as_line }
         }
+        ffi::LightTag::GlowTintedMesh => LightKind::Mesh { sync: MaterialSync::GlowTintsLight },
+        ffi::LightTag::IndependentMesh => LightKind::Mesh { sync: MaterialSync::Independent },
+        ffi::LightTag::LightOnlyMesh => LightKind::Mesh { sync: MaterialSync::NoResponse },
         _ => LightKind::Dome { texture, format: dome_format(desc.format) },
     }
 }

@@ -114,7 +114,7 @@ impl Renderer {
         let has_materials = job.snapshot.features.contains(SceneFeatures::MATERIALS);
         let (mut lights, mut warnings) =
             LightTable::new(&job.snapshot, scene_lights, dome_visible, has_materials, files, &mut self.light_files);
-        if let Some(meshes) = self.mesh_lights.get(&job.snapshot) {
+        if let Some(meshes) = self.mesh_lights.get(&job.snapshot, job.images.as_deref()) {
             lights.add_meshes(&meshes);
             warnings.extend(meshes.warning.clone());
         }

@@ -27,7 +27,7 @@ const SURFACES: [(SceneFeatures, Features); 9] = [
 ];
 
 /// The features in words.
-const PARTS: [(Features, &str); 28] = [
+const PARTS: [(Features, &str); 29] = [
     (Features::DOME, "dome light"),
     (Features::DOME_SHADOW_RAYS, "shadow rays to constant domes at every bounce"),
     (Features::DISTANT, "distant lights"),
@@ -50,6 +50,7 @@ const PARTS: [(Features, &str); 28] = [
     (Features::CUTOUTS, "cutouts in traversal"),
     (Features::EMISSION, "emission of surfaces"),
     (Features::MESH_LIGHTS, "emissive meshes sampled as lights"),
+    (Features::MESH_LIGHT_VALUES, "emission of lights by textures and primvars"),
     (Features::TRANSMISSION, "transmission"),
     (Features::ROUGH_TRANSMISSION, "rough transmission, and tables of what it loses"),
     (Features::COAT, "coats"),

@@ -24,6 +24,11 @@ struct Lighting {
     uint64_t light_faces;
     uint mesh_light_count;
     uint joint;
+    uint64_t light_values;
+    uint64_t light_face_weights;
+    uint64_t light_placed_values;
+    uint textured_mesh_lights;
+    uint pad;
 };
 
 struct GpuMeshLight {
@@ -38,7 +43,7 @@ struct GpuMeshLight {
     vec3 z;
     uint mesh;
     float error;
-    uint pad;
+    uint values;
     uint trail[2];
 };
 
@@ -64,6 +69,15 @@ struct GpuLightTriangle {
     uint subset;
     vec3 v2;
     uint face;
+};
+
+struct GpuLightValue {
+    vec3 a;
+    float weight;
+    vec3 b;
+    uint pad0;
+    vec3 c;
+    uint pad1;
 };
 
 struct GpuLocalLight {

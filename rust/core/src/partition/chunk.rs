@@ -225,13 +225,13 @@ impl Chunk {
         }
     }
 
-    /// Gives `visit` the records whose target and prim id are `wanted`, at most `most`, as [`Chunk::encode`] computes them; tells
+    /// Gives `visit` the records whose target and prim id are `wanted`, with member and rank, at most `most`, as [`Chunk::encode`] computes them; tells
     /// whether these were all.
     pub(crate) fn encode_where(
         &self,
         wanted: &dyn Fn(Target, i32) -> bool,
         most: usize,
-        visit: &mut dyn FnMut(InstanceRecord),
+        visit: &mut dyn FnMut(InstanceRecord, &Member, u32),
     ) -> bool {
         let members = self.members();
         let is_wanted: Vec<bool> = members.iter().map(|member| wanted(member.target, member.prim_id)).collect();
@@ -251,7 +251,7 @@ impl Chunk {
             if let Some((member, reader)) = readers.get(which)
                 && let Some(placed) = reader.place(rank)
             {
-                visit(member.record(rank, &placed));
+                visit(member.record(rank, &placed), member, rank);
             }
         }
         true

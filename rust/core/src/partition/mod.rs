@@ -28,6 +28,7 @@ use glam::DVec3;
 pub use chunk::Chunk;
 pub(crate) use lattice::Item;
 pub use placed::{NO_ROW, PlacedValues};
+pub(crate) use placed::{PlacedReader, PlacedValue};
 pub(crate) use store::{PartitionStore, Source};
 pub use validate::WorldError;
 

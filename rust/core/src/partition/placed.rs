@@ -16,6 +16,20 @@ pub(crate) struct PlacedValue {
     value: [f32; 4],
 }
 
+impl PlacedValue {
+    /// The number of its name, and all four components as materials see them: one is in all, else what is missing is 0, and alpha 1.
+    pub(crate) fn expanded(&self) -> (u32, [f32; 4]) {
+        let [x, y, z, w] = self.value;
+        let value = match self.column.width {
+            1 => [x; 4],
+            2 => [x, y, 0.0, 1.0],
+            3 => [x, y, z, 1.0],
+            _ => [x, y, z, w],
+        };
+        (self.column.id, value)
+    }
+}
+
 /// The table.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PlacedValues {
@@ -69,6 +83,18 @@ impl PlacedValues {
             }
         }
         table
+    }
+
+    /// The values of a row; none of a row that is not there.
+    pub(crate) fn row(&self, row: u32) -> Vec<PlacedValue> {
+        let value = |column: &InstanceColumn, values: &Vec<u32>| {
+            let width = column.width.max(1) as usize;
+            let bits = values.get((row as usize).checked_mul(width)?..)?.get(..width)?;
+            let mut value = [0.0; 4];
+            value.iter_mut().zip(bits).for_each(|(value, bits)| *value = f32::from_bits(*bits));
+            (bits.first() != Some(&NO_VALUE)).then_some(PlacedValue { column: *column, value })
+        };
+        self.columns.iter().zip(&self.values).filter_map(|(column, values)| value(column, values)).collect()
     }
 
     /// Number of rows.

@@ -223,17 +223,17 @@ impl Assembly {
         }
     }
 
-    /// Gives `visit` the records whose target and prim id are `wanted`, at most `most`, in order; tells whether these were all.
+    /// Gives `visit` the records whose target and prim id are `wanted`, with member and rank, at most `most`, in order; tells whether these were all.
     pub(crate) fn encode_where(
         &self,
         wanted: &dyn Fn(Target, i32) -> bool,
         most: usize,
-        visit: &mut dyn FnMut(InstanceRecord),
+        visit: &mut dyn FnMut(InstanceRecord, &Member, u32),
     ) -> bool {
         let mut room = most;
         for member in self.members.iter().filter(|member| wanted(member.target, member.prim_id)) {
             let count = member.run.len();
-            member.run.encode(0..count.min(room), |_, rank, placed| visit(member.record(rank, placed)));
+            member.run.encode(0..count.min(room), |_, rank, placed| visit(member.record(rank, placed), member, rank));
             if count > room {
                 return false;
             }

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::assembly::{Assembly, Member, Target};
-use super::desc::{InstancedBy, LightDesc};
+use super::desc::{InstancedBy, LightDesc, LightKind};
 use super::entries::InstancerEntry;
 use super::instance_primvars::DISPLAY_OPACITY;
 use super::light::{Emitter, Light, LinkTable, MAX_INSTANCED_LIGHTS, placements};
@@ -128,7 +128,8 @@ pub(crate) fn shining(
     let mut out = Vec::new();
     let mut links = LinkTable::default();
     let mut instanced = 0_usize;
-    for (path, desc) in lights.iter().filter(|(_, desc)| desc.prim.visible) {
+    let is_own = |desc: &LightDesc| desc.prim.visible && !matches!(desc.kind, LightKind::Mesh { .. });
+    for (path, desc) in lights.iter().filter(|(_, desc)| is_own(desc)) {
         let (light_link, shadow_link) =
             (links.category(desc.light_link.as_ref()), links.category(desc.shadow_link.as_ref()));
         let is_there = |by: &InstancedBy| {

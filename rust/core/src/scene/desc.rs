@@ -307,6 +307,23 @@ pub enum LightKind {
         /// Infinitely thin.
         treat_as_line: bool,
     },
+    /// A mesh, by `MeshLightAPI`: the one whose path, with [`super::MESH_LIGHT`] behind it, is the light's. What places and shapes a
+    /// light does not count.
+    Mesh {
+        /// How the light and the mesh's material go together.
+        sync: MaterialSync,
+    },
+}
+
+/// `light:materialSyncMode`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MaterialSync {
+    /// The material's emission times the light's.
+    GlowTintsLight,
+    /// The light's emission; the material reflects.
+    Independent,
+    /// The light's emission alone.
+    NoResponse,
 }
 
 impl LightKind {

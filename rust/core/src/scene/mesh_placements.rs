@@ -8,11 +8,12 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::assembly::{InstanceRecord, Target};
+use super::assembly::{InstanceRecord, Member, Target};
 use super::snapshot::Snapshot;
+use crate::partition::{PlacedReader, PlacedValue};
 
 /// A mesh in the world.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct MeshPlacement {
     /// Index into [`Snapshot::meshes`].
     pub mesh: u32,
@@ -26,6 +27,9 @@ pub struct MeshPlacement {
     /// Sum of the distances, in the world, from the origins of the frames on that way to the farthest corner of the mesh's box:
     /// rounding in traversal is in proportion to it.
     pub reach: f64,
+    /// Values that instancers give it, by number of the name: those of the innermost that has one, in single precision. What the
+    /// mesh itself has wins over them, and is not looked at here.
+    pub values: Vec<(u32, [f32; 4])>,
 }
 
 /// Whether a prim is asked for, by its id.
@@ -60,13 +64,25 @@ impl Snapshot {
             let is_wanted = |target, prim_id| walk.leads_to(target, prim_id);
             let mut records = Vec::new();
             let room = most - walk.found.len();
-            let all = chunk.encode_where(&is_wanted, room, &mut |record| records.push(record));
+            let outer = self.world.placed.row(instance.row);
+            let all = chunk.encode_where(&is_wanted, room, &mut |record, member, rank| {
+                records.push((record, values(member, &outer, rank)));
+            });
             walk.is_complete &= all;
-            for record in &records {
-                walk.visit(record, &chunk_from_world, instance.instance_id, &frames);
+            for (record, values) in &records {
+                walk.visit(record, &chunk_from_world, instance.instance_id, &frames, values);
             }
         }
         (walk.found, walk.is_complete)
+    }
+}
+
+/// The values of a record of `member` inside a placement with the values `outer`.
+fn values(member: &Member, outer: &[PlacedValue], rank: u32) -> Vec<PlacedValue> {
+    if member.primvars.is_empty() {
+        outer.to_vec()
+    } else {
+        PlacedReader::values(&PlacedReader::all_of(member), outer, rank)
     }
 }
 
@@ -79,7 +95,14 @@ impl Walk<'_> {
     }
 
     /// Notes a record's mesh, or those below it. As deep as assemblies are nested.
-    fn visit(&mut self, record: &InstanceRecord, parent_from_world: &DAffine3, parent: u32, frames: &[DVec3]) {
+    fn visit(
+        &mut self,
+        record: &InstanceRecord,
+        parent_from_world: &DAffine3,
+        parent: u32,
+        frames: &[DVec3],
+        values: &[PlacedValue],
+    ) {
         if self.found.len() >= self.most {
             self.is_complete = false;
             return;
@@ -107,7 +130,8 @@ impl Walk<'_> {
                     + matrix.z_axis.abs() * farthest[2];
                 let reach = size.length() + frames.iter().map(|f| f.distance(at) + size.length()).sum::<f64>();
                 let prim_id = record.prim_id;
-                self.found.push(MeshPlacement { mesh, prim_id, instance_id, world_from_object, reach });
+                let values = values.iter().map(PlacedValue::expanded).collect();
+                self.found.push(MeshPlacement { mesh, prim_id, instance_id, world_from_object, reach, values });
             }
             Target::Assembly(index) => {
                 let Some(assembly) = self.snapshot.assemblies.get(index as usize).map(Arc::clone) else { return };
@@ -115,10 +139,12 @@ impl Walk<'_> {
                 let mut records = Vec::new();
                 let room = self.most - self.found.len();
                 let is_wanted = |target, prim_id| self.leads_to(target, prim_id);
-                let all = assembly.encode_where(&is_wanted, room, &mut |record| records.push(record));
+                let all = assembly.encode_where(&is_wanted, room, &mut |record, member, rank| {
+                    records.push((record, self::values(member, values, rank)));
+                });
                 self.is_complete &= all;
-                for record in &records {
-                    self.visit(record, &object_from_world, instance_id, &frames);
+                for (record, values) in &records {
+                    self.visit(record, &object_from_world, instance_id, &frames, values);
                 }
             }
         }

@@ -13,6 +13,7 @@ pub(crate) mod diff;
 mod entries;
 pub(crate) mod instance_primvars;
 mod light;
+mod mesh_lights;
 mod mesh_placements;
 pub(crate) mod placement;
 mod primvar_uses;
@@ -32,8 +33,8 @@ use glam::DVec3;
 
 pub use desc::{
     AssetRef, ConnectionDesc, DomeFormat, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, LightDesc,
-    LightKind, MaterialDesc, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, Primvar, Shaping,
-    Subdivision, SubsetDesc,
+    LightKind, MaterialDesc, MaterialSync, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, Primvar,
+    Shaping, Subdivision, SubsetDesc,
 };
 pub use instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstanceColumn, NO_VALUE};
 pub use resolve::MAX_LEVELS;
@@ -43,12 +44,14 @@ pub use snapshot::{
     SceneCounts, SceneFeatures, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Target, Triangle, blackbody,
 };
 
+pub use mesh_lights::MESH_LIGHT;
 pub use mesh_placements::MeshPlacement;
 pub use surfaces::{NO_MATERIAL, PrimRecord};
 
 use crate::partition::{PartitionOptions, PartitionStore, Source, World};
 use commit::{AssemblyStore, Assets, shining};
 use entries::{InstancerEntry, MeshEntry, MeshStore};
+use mesh_lights::mesh_lights;
 use report::Reports;
 use resolve::{Hierarchy, PlanGroup, PlanTarget, Prims, resolve};
 use surfaces::{MaterialEntry, SurfaceStore};
@@ -251,7 +254,8 @@ impl SceneDb {
             }
         }
         let (meshes, indices) = self.mesh_store.assign(&used);
-        let mut surfaces = self.surface_store.tables(&self.materials, &self.meshes, &reachable, reports);
+        let lights = mesh_lights(&self.lights, &self.meshes, reports);
+        let mut surfaces = self.surface_store.tables(&self.materials, &self.meshes, &lights, &reachable, reports);
         surfaces.trim();
         (plan, Assets { meshes, indices, surfaces })
     }

@@ -10,6 +10,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::desc::{MaterialDesc, MeshDesc};
 use super::entries::{InstancerEntry, MeshEntry};
 use super::instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstancePrimvar, MemberPrimvar};
+use super::mesh_lights::{MESH_LIGHT, MeshLight};
 use super::report::Reports;
 use super::snapshot::SurfaceTables;
 use crate::material::{Compiled, Input, Material, TextureRef, compile};
@@ -184,6 +185,7 @@ impl SurfaceStore {
         &mut self,
         materials: &BTreeMap<Arc<str>, MaterialEntry>,
         meshes: &BTreeMap<Arc<str>, MeshEntry>,
+        lights: &FxHashMap<Arc<str>, MeshLight>,
         shown: &FxHashSet<Arc<str>>,
         reports: &mut Reports,
     ) -> SurfaceTables {
@@ -206,7 +208,22 @@ impl SurfaceStore {
             tables.materials.push(material);
         }
         for (path, entry) in meshes.iter().filter(|(path, e)| shown.contains(*path) && e.built.is_some()) {
-            tables.add(path, &entry.desc, &indices, reports);
+            let of =
+                |material: Option<&Arc<str>>| material.and_then(|m| indices.get(m)).copied().unwrap_or(NO_MATERIAL);
+            let mut slots: Vec<u32> = bindings(&entry.desc).map(of).collect();
+            if let Some(light) = lights.get(path) {
+                for (number, slot) in slots.iter_mut().enumerate() {
+                    let own = tables.materials.get(*slot as usize).map(|material| &**material);
+                    let dressed = light.dress(path, own, reports);
+                    let name: Arc<str> = format!("{path}{MESH_LIGHT}/{number}").into();
+                    let same = known.get(&name).filter(|known| ***known == dressed).cloned();
+                    let dressed = same.unwrap_or_else(|| Arc::new(dressed));
+                    *slot = u32::try_from(tables.materials.len()).unwrap_or(NO_MATERIAL);
+                    self.materials.insert(name, dressed.clone());
+                    tables.materials.push(dressed);
+                }
+            }
+            tables.add(path, &entry.desc, slots, reports);
         }
         tables
     }
@@ -240,10 +257,7 @@ impl SurfaceStore {
 
 impl SurfaceTables {
     /// Notes the bindings of one mesh.
-    fn add(&mut self, path: &Arc<str>, desc: &MeshDesc, indices: &FxHashMap<Arc<str>, u32>, reports: &mut Reports) {
-        let slots: Vec<u32> = bindings(desc)
-            .map(|material| material.and_then(|m| indices.get(m)).copied().unwrap_or(NO_MATERIAL))
-            .collect();
+    fn add(&mut self, path: &Arc<str>, desc: &MeshDesc, slots: Vec<u32>, reports: &mut Reports) {
         let has_material = slots.iter().any(|&slot| slot != NO_MATERIAL);
         let mut categories = desc.categories.clone();
         categories.sort_unstable();

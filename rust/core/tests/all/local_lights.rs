@@ -116,7 +116,12 @@ fn plane_lights_point_along_minus_z_even_without_a_z_axis() {
         let axis = DVec3::from(local(&light).axis().map(f64::from));
         // -z turned about x by -90 degrees is -y.
         assert!((axis - DVec3::NEG_Y).length() < 1e-6, "{scale}: {axis}");
-        assert!(local(&light).world_from_unit.matrix3.determinant().abs() > 1e-3, "{scale}: a regular frame");
+        let unit = local(&light).world_from_unit.matrix3;
+        assert!(unit.determinant().abs() > 1e-3, "{scale}: a regular frame");
+        // The unit square reaches from -1 to 1.
+        for (axis, size) in [(unit.x_axis, scale.x), (unit.y_axis, scale.y)] {
+            assert!((axis.length() - 0.5 * size.abs()).abs() < 1e-6, "{scale}: {} of {size}", axis.length());
+        }
     }
     let sheared = Light::from_desc(&desc(rect(1.0, 1.0), DMat4::from_scale(DVec3::new(0.0, 1.0, 1.0))));
     assert_eq!(sheared, None, "no plane, no light");

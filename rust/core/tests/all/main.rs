@@ -34,6 +34,7 @@ mod lights;
 mod local_lights;
 #[cfg(test)]
 mod materials;
+mod mesh_lights;
 #[cfg(test)]
 mod partition;
 #[cfg(test)]

@@ -2,6 +2,7 @@
 //! The triangles of one mesh that emit light, with the weights that its materials have for one prim: leaves of a few faces each and a
 //! tree over them, all in the mesh's frame. Shared by all placements that weigh the same. Pure.
 
+use super::glow::{Glow, Glows};
 use super::narrow;
 use super::tree::{self, LightBounds, NOTHING};
 use oocpt_core::mesh::MeshAsset;
@@ -22,6 +23,12 @@ pub(super) struct Emitter {
     pub(super) triangles: Vec<GpuLightTriangle>,
     /// Face and leaf, by face.
     pub(super) faces: Vec<[u32; 2]>,
+    /// Weight of a unit of area, by place in `faces`.
+    pub(super) face_weights: Vec<f32>,
+    /// What `triangles` have at their corners, and their weight.
+    pub(super) values: Vec<([[f32; 3]; 3], f32)>,
+    /// Some of it varies, or is not in the material.
+    pub(super) varies: bool,
     /// All of it in the mesh's frame; the power is the sum of areas times weights.
     pub(super) bounds: LightBounds,
 }
@@ -32,6 +39,10 @@ struct Part {
     triangle: usize,
     face: u32,
     slot: u16,
+    weight: f64,
+    varies: bool,
+    area: f64,
+    corners: [[f32; 3]; 3],
     bounds: LightBounds,
 }
 
@@ -50,9 +61,16 @@ pub(super) fn dot(a: Point, b: Point) -> f64 {
 }
 
 impl Emitter {
-    /// `weights`: what a unit of area counts for, by slot. `None` where nothing emits.
-    pub(super) fn new(mesh: &MeshAsset, weights: &[f32]) -> Option<Self> {
-        let mut parts: Vec<Part> = (0..mesh.triangles.len()).filter_map(|at| part(mesh, weights, at)).collect();
+    /// `None` where nothing emits.
+    pub(super) fn new(mesh: &MeshAsset, glows: &Glows) -> Option<Self> {
+        let mut parts: Vec<Part> = (0..mesh.triangles.len()).filter_map(|at| part(mesh, glows, at)).collect();
+        if parts.iter().any(|part| part.varies) {
+            parts.sort_by_key(|part| part.face);
+            for face in parts.chunk_by_mut(|a, b| a.face == b.face).filter(|face| face[0].varies) {
+                even_out(face);
+            }
+            parts.retain(|part| part.bounds.power > 0.0);
+        }
         let closed = if parts.len() == mesh.triangles.len() { closed(mesh) } else { None };
         if let Some(turn) = closed {
             for part in &mut parts {
@@ -70,8 +88,16 @@ impl Emitter {
         let bounds = parts.iter().fold(NOTHING, |sum, part| sum.union(&part.bounds));
         groups.sort_by_cached_key(|group| (morton(&bounds, group), group[0].face));
         let size = groups.len().div_ceil(MAX_LEAVES).max(1);
-        let mut emitter =
-            Self { nodes: Vec::new(), leaves: Vec::new(), triangles: Vec::new(), faces: Vec::new(), bounds };
+        let mut emitter = Self {
+            nodes: Vec::new(),
+            leaves: Vec::new(),
+            triangles: Vec::new(),
+            faces: Vec::new(),
+            face_weights: Vec::new(),
+            values: Vec::new(),
+            varies: parts.iter().any(|part| part.varies),
+            bounds,
+        };
         let mut leaf_bounds = Vec::new();
         for groups in groups.chunks(size) {
             leaf_bounds.push(emitter.add_leaf(mesh, groups, total));
@@ -81,8 +107,16 @@ impl Emitter {
         for (leaf, trail) in emitter.leaves.iter_mut().zip(trails) {
             leaf.trail = halves(trail);
         }
-        emitter.faces.sort_unstable();
-        Some(emitter)
+        let mut faces: Vec<_> = emitter.faces.iter().copied().zip(emitter.face_weights.iter().copied()).collect();
+        faces.sort_unstable_by_key(|(face, _)| *face);
+        (emitter.faces, emitter.face_weights) = faces.into_iter().unzip();
+        emitter.is_sound().then_some(emitter)
+    }
+
+    /// Whether all numbers that shaders divide by and multiply with mean something.
+    fn is_sound(&self) -> bool {
+        self.leaves.iter().all(|leaf| leaf.total > 0.0 && leaf.total.is_finite())
+            && self.face_weights.iter().all(|weight| weight.is_finite())
     }
 
     fn add_leaf(&mut self, mesh: &MeshAsset, groups: &[&[Part]], whole: f64) -> LightBounds {
@@ -98,11 +132,13 @@ impl Emitter {
             let cumulative = narrow(sum / total);
             let (subset, face) = (u32::from(part.slot), part.face);
             self.triangles.push(GpuLightTriangle { v0, cumulative, v1, subset, v2, face });
+            self.values.push((part.corners, narrow(part.weight)));
         }
         if let Some(last) = self.triangles.last_mut() {
             last.cumulative = 1.0;
         }
         self.faces.extend(groups.iter().map(|group| [group[0].face, leaf]));
+        self.face_weights.extend(groups.iter().map(|group| narrow(group[0].weight)));
         let count = number(self.triangles.len() - first);
         self.leaves.push(GpuLightLeaf { first: number(first), count, total: narrow(total), pad: 0, trail: [0; 2] });
         let bounds = parts().fold(NOTHING, |sum, part| sum.union(&part.bounds));
@@ -116,22 +152,38 @@ pub(super) fn halves(x: u64) -> [u32; 2] {
     [x as u32, (x >> 32) as u32]
 }
 
-/// A triangle, if it emits.
-fn part(mesh: &MeshAsset, weights: &[f32], at: usize) -> Option<Part> {
+/// Gives the triangles of a face one weight for a unit of area: a hit knows its face, and no more.
+fn even_out(face: &mut [Part]) {
+    let power: f64 = face.iter().map(|part| part.bounds.power).sum();
+    let area: f64 = face.iter().map(|part| part.area).sum();
+    // As the shaders have it.
+    let weight = f64::from(narrow(power / area));
+    for part in face {
+        part.weight = weight;
+        part.bounds.power = part.area * weight;
+    }
+}
+
+/// A triangle, if its slot emits.
+fn part(mesh: &MeshAsset, glows: &Glows, at: usize) -> Option<Part> {
     let triangle = mesh.triangles.get(at)?;
     let slot = mesh.subsets.get(at).copied().unwrap_or(0);
-    let weight = f64::from(*weights.get(usize::from(slot))?);
+    let glow: &Glow = glows.by_slot.get(usize::from(slot))?;
+    let corners = glow.corners(mesh, at);
+    let weight = glow.weight(&corners, glows.scale);
     let [a, b, c] = triangle.vertices.map(|v| v.map(f64::from));
     let normal = cross(sub(b, a), sub(c, a));
     let length = dot(normal, normal).sqrt();
     let power = 0.5 * length * weight;
-    if !(power > 0.0 && length > 0.0) {
+    let varies = glow.varies();
+    // What is black at one place of a face may not be at another.
+    if !(length > 0.0 && power.is_finite() && (power > 0.0 || varies)) {
         return None;
     }
     let [min, max] = [f64::min, f64::max].map(|f: fn(f64, f64) -> f64| [0, 1, 2].map(|k| f(f(a[k], b[k]), c[k])));
     let axis = normal.map(|x| x / length);
     let bounds = LightBounds { min, max, axis, spread: 0.0, emission: FRAC_PI_2, back: 1.0, power };
-    Some(Part { triangle: at, face: triangle.face, slot, bounds })
+    Some(Part { triangle: at, face: triangle.face, slot, weight, varies, area: 0.5 * length, corners, bounds })
 }
 
 /// Place of a face on a curve through the box, ten bits an axis.

@@ -167,6 +167,7 @@ impl GeneralLights {
         features.set(Features::LIGHT_TEXTURE, self.locals.iter().any(|light| light.map != NO_INDEX));
         features.set(Features::LIGHT_LINKS, !self.link_bits.is_empty());
         features.set(Features::MESH_LIGHTS, self.meshes.is_some());
+        features.set(Features::MESH_LIGHT_VALUES, self.meshes.as_ref().is_some_and(|meshes| !meshes.values.is_empty()));
         features
     }
 
@@ -313,6 +314,11 @@ impl GeneralLights {
         self.infinite.iter().any(|light| is_dome(light) && light.flags & LightFlags::CAMERA_VISIBLE.bits() != 0)
     }
 
+    /// Whether points of meshes that are asked for light emit what a texture says.
+    pub(crate) fn has_textured_meshes(&self) -> bool {
+        self.meshes.as_ref().is_some_and(|meshes| meshes.has_textures)
+    }
+
     /// The block without addresses.
     pub(crate) fn block(&self) -> Lighting {
         let without_place = self.locals.is_empty() && self.meshes.is_none();
@@ -332,6 +338,7 @@ impl GeneralLights {
             prim_count,
             mesh_light_count,
             joint: self.joint,
+            textured_mesh_lights: u32::from(self.has_textured_meshes()),
             ..Lighting::default()
         }
     }

@@ -2,19 +2,21 @@
 //! Meshes that emit light, as lights: which placements take part, the tree over them, and the tables that hits are looked up in
 //! (`shaders/include/light_mesh.glsl`).
 //!
-//! A placement takes part if its prim has a material that emits a constant colour and has no cutouts, and if the prim, instance and mesh
-//! of a hit tell it from all others. Memory grows with unique triangles and with placements, both bounded; what is beyond is met by
+//! A placement takes part if its prim has a material that emits and has no cutouts, and if the prim, instance and mesh
+//! of a hit tell it from all others. Not so where texture coordinates of what it emits come from an instancer. Memory grows with unique triangles and with placements, both bounded; what is beyond is met by
 //! rays alone, which loses no light. Depends on the snapshot only, not on what is on the device. Pure.
 
 use super::emitter::{Emitter, cross, dot, halves};
+use super::glow::{Glow, GlowMaps, Glows, Placed};
 use super::local::finite_power;
 use super::tree::{self, LightBounds, NOTHING};
-use super::{EVEN_SHARE, count, luminance, narrow};
-use oocpt_core::material::{Input, InputName};
+use super::{EVEN_SHARE, count, narrow};
+use crate::textures::ImageLibrary;
 use oocpt_core::partition::World;
-use oocpt_core::scene::{MeshPlacement, NO_MATERIAL, SceneFeatures, Snapshot};
-use oocpt_core::{Material, MaterialFlags};
-use oocpt_shader_abi::{GpuLightLeaf, GpuLightMesh, GpuLightNode, GpuLightTriangle, GpuMeshLight};
+use oocpt_core::scene::{MeshPlacement, SceneFeatures, Snapshot};
+use oocpt_shader_abi::{
+    GpuLightLeaf, GpuLightMesh, GpuLightNode, GpuLightTriangle, GpuLightValue, GpuMeshLight, NO_INDEX,
+};
 use rustc_hash::FxHashMap;
 use std::f64::consts::PI;
 use std::sync::{Arc, Weak};
@@ -25,8 +27,6 @@ const MAX_PLACEMENTS: usize = 1 << 18;
 const MAX_TRIANGLES: usize = 1 << 20;
 /// Meshes from this number on do not fit in what is kept of a hit.
 const MAX_LIGHT_MESH: u32 = 1 << 24;
-/// Emission above which a material is no light: weights stay finite.
-const MAX_EMISSION: f32 = 1e30;
 /// Rounding of single precision in traversal, relative to [`MeshPlacement::reach`]: a few roundings in each frame.
 const TRAVERSAL_ERROR: f64 = 8.0 / (1_u64 << 24) as f64;
 
@@ -40,17 +40,18 @@ pub(crate) struct MeshLights {
     pub(crate) leaves: Vec<GpuLightLeaf>,
     pub(crate) triangles: Vec<GpuLightTriangle>,
     pub(crate) faces: Vec<[u32; 2]>,
+    /// Beside `triangles`; empty, as the next two, where all emissions are constants of materials.
+    pub(crate) values: Vec<GpuLightValue>,
+    /// Beside `faces`.
+    pub(crate) face_weights: Vec<f32>,
+    /// Emissions of slots of placements.
+    pub(crate) placed_values: Vec<[f32; 3]>,
+    /// Some emission is a texture's.
+    pub(crate) has_textures: bool,
     /// All placements, with their power.
     pub(super) bounds: LightBounds,
     /// Why some that emit are not here.
     pub(crate) warning: Option<String>,
-}
-
-/// Weights of a prim's slots, the largest 1, and what 1 stands for.
-#[derive(Clone, Debug)]
-struct Weights {
-    by_slot: Vec<f32>,
-    scale: f32,
 }
 
 /// What is kept from frame to frame.
@@ -58,13 +59,14 @@ struct Weights {
 pub(crate) struct MeshLightCache {
     last: Option<(u64, Weak<World>, Option<Arc<MeshLights>>)>,
     emitters: FxHashMap<EmitterKey, Option<Arc<Emitter>>>,
+    maps: GlowMaps,
 }
 
 type EmitterKey = (u128, Vec<u32>);
 
 impl MeshLightCache {
-    /// The mesh lights of a snapshot; `None` without any.
-    pub(crate) fn get(&mut self, snapshot: &Snapshot) -> Option<Arc<MeshLights>> {
+    /// The mesh lights of a snapshot; `None` without any. Without `images` textures emit nothing.
+    pub(crate) fn get(&mut self, snapshot: &Snapshot, images: Option<&dyn ImageLibrary>) -> Option<Arc<MeshLights>> {
         if !snapshot.features.contains(SceneFeatures::EMISSION) {
             *self = Self::default();
             return None;
@@ -75,42 +77,44 @@ impl MeshLightCache {
         {
             return lights.clone();
         }
-        let lights = self.make(snapshot).map(Arc::new);
+        let lights = self.make(snapshot, images).map(Arc::new);
         self.last = Some((snapshot.version, Arc::downgrade(&snapshot.world), lights.clone()));
         lights
     }
 
-    fn make(&mut self, snapshot: &Snapshot) -> Option<MeshLights> {
-        let weights: Vec<Option<Weights>> = (-1..i64::try_from(snapshot.surfaces.prims.len()).unwrap_or(0) - 1)
-            .map(|id| weights(snapshot, id))
+    fn make(&mut self, snapshot: &Snapshot, images: Option<&dyn ImageLibrary>) -> Option<MeshLights> {
+        let materials = self.maps.glows(snapshot, images);
+        let glows: Vec<Option<Glows>> = (-1..i64::try_from(snapshot.surfaces.prims.len()).unwrap_or(0) - 1)
+            .map(|id| Glows::of_prim(snapshot, id, &materials))
             .collect();
-        let of_prim = |id: i32| weights.get(usize::try_from(i64::from(id) + 1).ok()?)?.as_ref();
+        let of_prim = |id: i32| glows.get(usize::try_from(i64::from(id) + 1).ok()?)?.as_ref();
         let (mut placements, mut is_complete) =
             snapshot.mesh_placements(&|prim| of_prim(prim).is_some(), MAX_PLACEMENTS);
         drop_ambiguous(&mut placements);
         let known = std::mem::take(&mut self.emitters);
         let mut making = Making::default();
         for placement in &placements {
-            let (Some(mesh), Some(weights)) =
-                (snapshot.meshes.get(placement.mesh as usize), of_prim(placement.prim_id))
+            let (Some(mesh), Some(glows)) = (snapshot.meshes.get(placement.mesh as usize), of_prim(placement.prim_id))
             else {
                 continue;
             };
             if placement.mesh >= MAX_LIGHT_MESH || mesh.opacities.is_some() {
                 continue;
             }
-            let key: EmitterKey = (mesh.key, weights.by_slot.iter().map(|w| w.to_bits()).collect());
+            let placed = glows.placed(mesh, &placement.values);
+            let glows = placed.as_ref().map_or(glows, |placed| &placed.glows);
+            let key: EmitterKey = (mesh.key, glows.key());
             let entry = self.emitters.entry(key.clone()).or_insert_with(|| match known.get(&key) {
                 Some(known) => known.clone(),
                 None if mesh.triangles.len() > MAX_TRIANGLES => None,
-                None => Emitter::new(mesh, &weights.by_slot).map(Arc::new),
+                None => Emitter::new(mesh, glows).map(Arc::new),
             });
             let Some(emitter) = entry.clone() else {
                 is_complete &= mesh.triangles.len() <= MAX_TRIANGLES;
                 continue;
             };
             match making.number(&emitter) {
-                Some(number) => making.add(placement, number, weights.scale, &emitter),
+                Some(number) => making.add(placement, number, glows, &emitter, placed.as_ref()),
                 None => is_complete = false,
             }
         }
@@ -138,41 +142,6 @@ fn drop_ambiguous(placements: &mut Vec<MeshPlacement>) {
     });
 }
 
-/// What an emission counts for, `emission_weight` of the shaders.
-fn emission_weight(emission: [f32; 3]) -> f32 {
-    narrow(luminance(emission).max(0.01 * emission.iter().map(|&c| f64::from(c)).sum::<f64>()))
-}
-
-/// What a material counts for; 0 if it is none that lights are made of.
-fn material_weight(material: &Material) -> f32 {
-    if !material.flags.contains(MaterialFlags::EMISSIVE) || material.flags.contains(MaterialFlags::PRESENCE) {
-        return 0.0;
-    }
-    match material.input(InputName::EmissiveColor) {
-        Input::Constant([r, g, b, _]) => {
-            let emission = [*r, *g, *b].map(|c| c.max(0.0));
-            let usable = emission.iter().all(|c| *c <= MAX_EMISSION);
-            if usable { emission_weight(emission) } else { 0.0 }
-        }
-        _ => 0.0,
-    }
-}
-
-/// The weights of a prim's slots, if one of them emits.
-fn weights(snapshot: &Snapshot, prim_id: i64) -> Option<Weights> {
-    let slots = snapshot.surfaces.slots(i32::try_from(prim_id).ok()?);
-    let material = |slot: u32| snapshot.surfaces.materials.get(slot as usize).filter(|_| slot != NO_MATERIAL);
-    let mut by_slot: Vec<f32> =
-        slots.iter().map(|&slot| material(slot).map_or(0.0, |material| material_weight(material))).collect();
-    let scale = by_slot.iter().copied().fold(0.0, f32::max);
-    // Weights that are no normal numbers would lose their meaning.
-    if !scale.is_normal() {
-        return None;
-    }
-    by_slot.iter_mut().for_each(|weight| *weight /= scale);
-    Some(Weights { by_slot, scale })
-}
-
 #[derive(Default)]
 struct Making {
     placements: Vec<GpuMeshLight>,
@@ -180,6 +149,8 @@ struct Making {
     numbers: FxHashMap<*const Emitter, u32>,
     emitters: Vec<Arc<Emitter>>,
     triangles: usize,
+    placed_values: Vec<[f32; 3]>,
+    has_textures: bool,
 }
 
 impl Making {
@@ -199,7 +170,15 @@ impl Making {
         Some(number)
     }
 
-    fn add(&mut self, placement: &MeshPlacement, light_mesh: u32, scale: f32, emitter: &Emitter) {
+    fn add(
+        &mut self,
+        placement: &MeshPlacement,
+        light_mesh: u32,
+        glows: &Glows,
+        emitter: &Emitter,
+        placed: Option<&Placed>,
+    ) {
+        let scale = glows.scale;
         let map = &placement.world_from_object;
         let columns = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(|column| column.to_array());
         let at = map.translation.to_array();
@@ -218,15 +197,17 @@ impl Making {
             z,
             mesh: placement.mesh,
             error: narrow(error),
-            pad: 0,
+            values: placed.map_or(NO_INDEX, |_| u32::try_from(self.placed_values.len()).unwrap_or(NO_INDEX)),
             trail: [0; 2],
         };
-        let bounds = placed(&emitter.bounds, columns, at, error, f64::from(scale));
+        let bounds = in_world(&emitter.bounds, columns, at, error, f64::from(scale));
         let numbers = [gpu.position, gpu.x, gpu.y, gpu.z, [gpu.error, narrow(bounds.power), 0.0]];
         let is_sound = numbers.as_flattened().iter().all(|v| v.is_finite());
         if is_sound && narrow(map.matrix3.determinant()).is_normal() {
             self.placements.push(gpu);
             self.bounds.push(bounds);
+            self.placed_values.extend(placed.iter().flat_map(|placed| &placed.emissions));
+            self.has_textures |= glows.by_slot.iter().any(|glow| matches!(glow, Glow::Picture(_)));
         }
     }
 
@@ -251,9 +232,14 @@ impl Making {
             leaves: Vec::new(),
             triangles: Vec::new(),
             faces: Vec::new(),
+            values: Vec::new(),
+            face_weights: Vec::new(),
+            has_textures: self.has_textures,
             bounds: all,
             warning,
+            placed_values: self.placed_values,
         };
+        let varies = !lights.placed_values.is_empty() || self.emitters.iter().any(|emitter| emitter.varies);
         let number = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         for emitter in &self.emitters {
             let (first_leaf, first_triangle) = (number(lights.leaves.len()), number(lights.triangles.len()));
@@ -264,6 +250,17 @@ impl Making {
             lights.leaves.extend(emitter.leaves.iter().map(leaf));
             lights.triangles.extend_from_slice(&emitter.triangles);
             lights.faces.extend(emitter.faces.iter().map(|[face, leaf]| [*face, leaf + first_leaf]));
+            if varies {
+                lights.face_weights.extend_from_slice(&emitter.face_weights);
+                let value = |([a, b, c], weight): &([[f32; 3]; 3], f32)| GpuLightValue {
+                    a: *a,
+                    weight: *weight,
+                    b: *b,
+                    c: *c,
+                    ..GpuLightValue::default()
+                };
+                lights.values.extend(emitter.values.iter().map(value));
+            }
         }
         lights.nodes = nodes;
         Some(lights)
@@ -271,7 +268,7 @@ impl Making {
 }
 
 /// Bounds of a placement in the world.
-fn placed(inside: &LightBounds, columns: [[f64; 3]; 3], at: [f64; 3], error: f64, scale: f64) -> LightBounds {
+fn in_world(inside: &LightBounds, columns: [[f64; 3]; 3], at: [f64; 3], error: f64, scale: f64) -> LightBounds {
     let center = [0, 1, 2].map(|k| 0.5 * (inside.min[k] + inside.max[k]));
     let half = [0, 1, 2].map(|k| 0.5 * (inside.max[k] - inside.min[k]));
     let map = |v: [f64; 3]| [0, 1, 2].map(|k| (0..3).map(|c| columns[c][k] * v[c]).sum::<f64>());

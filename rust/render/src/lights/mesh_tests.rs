@@ -2,14 +2,15 @@
 //! Mesh lights on the host, and the densities that the device finds for them.
 
 use super::emitter::Emitter;
+use super::glow::{Glow, Glows};
 use super::tests::probe;
 use super::tree::trails;
 use super::{FileCache, LightTable, MeshLightCache, MeshLights, NoFiles, narrow};
 use crate::assets::SurfaceEntries;
 use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::scene::{
-    InstancedBy, InstancerDesc, InstancerPrototype, MaterialDesc, MeshDesc, NodeDesc, ParamDesc, ParamValue, Snapshot,
-    SubsetDesc,
+    ConnectionDesc, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MaterialDesc, MeshDesc,
+    NamedPrimvar, NodeDesc, ParamDesc, ParamValue, Primvar, Snapshot, SubsetDesc,
 };
 use oocpt_core::{LightDesc, LightKind, PrimDesc, SceneDb, TypedArray};
 use oocpt_shader_abi::LIGHT_LEAF;
@@ -71,7 +72,7 @@ fn snapshot(build: impl FnOnce(&mut SceneDb)) -> Arc<Snapshot> {
 }
 
 fn mesh_lights(snapshot: &Snapshot) -> Arc<MeshLights> {
-    MeshLightCache::default().get(snapshot).expect("something emits")
+    MeshLightCache::default().get(snapshot, None).expect("something emits")
 }
 
 #[test]
@@ -81,10 +82,10 @@ fn nothing_that_emits_is_no_light() {
         db.upsert_material(glow("/glow", [0.0; 3]));
         db.upsert_mesh(cube("/cube", 0, DMat4::IDENTITY, false));
     });
-    assert!(cache.get(&dark).is_none(), "black emission");
+    assert!(cache.get(&dark, None).is_none(), "black emission");
     let bright = snapshot(|db| db.upsert_mesh(cube("/cube", 0, DMat4::IDENTITY, false)));
-    let lights = cache.get(&bright).expect("it emits");
-    assert!(Arc::ptr_eq(&lights, &cache.get(&bright).expect("it emits")), "kept as long as the scene stays");
+    let lights = cache.get(&bright, None).expect("it emits");
+    assert!(Arc::ptr_eq(&lights, &cache.get(&bright, None).expect("it emits")), "kept as long as the scene stays");
 }
 
 #[test]
@@ -138,7 +139,8 @@ fn closed_meshes_shine_outwards() {
             mesh.face_vertex_indices = TypedArray::of(faces.concat());
         }
         let scene = snapshot(|db| db.upsert_mesh(mesh));
-        let emitter = Emitter::new(&scene.meshes[0], &[1.0]).expect("it emits");
+        let emitter =
+            Emitter::new(&scene.meshes[0], &Glows { by_slot: vec![Glow::Even(1.0)], scale: 1.0 }).expect("it emits");
         let wanted = if is_open { 20.0 } else { 24.0 };
         assert!((emitter.bounds.power - wanted).abs() < 1e-6, "area: {}", emitter.bounds.power);
         for node in &emitter.nodes {
@@ -202,11 +204,112 @@ fn room(count: u32, has_locals: bool) -> Arc<Snapshot> {
     })
 }
 
+/// Takes what it emits from the primvar "glow".
+fn reading(path: &str) -> MaterialDesc {
+    let node = |kind: &str, name: &str, value: ParamValue| NodeDesc {
+        path: format!("{path}/{kind}").into(),
+        kind: kind.into(),
+        params: vec![ParamDesc { name: name.into(), value }],
+        connections: Vec::new(),
+    };
+    let mut surface = node("UsdPreviewSurface", "roughness", ParamValue::Float(1.0));
+    let connection = ConnectionDesc { input: "emissiveColor".into(), node: 1, output: "result".into() };
+    surface.connections.push(connection);
+    let reader = node("UsdPrimvarReader_float3", "varname", ParamValue::Text("glow".into()));
+    MaterialDesc { path: path.into(), nodes: vec![surface, reader], surface: Some(0) }
+}
+
+fn glow_primvar(interpolation: Interpolation, values: Vec<[f32; 3]>) -> NamedPrimvar {
+    NamedPrimvar {
+        name: "glow".into(),
+        primvar: Primvar { interpolation, values: TypedArray::of(values), indices: None },
+    }
+}
+
+/// A value for each face, for each point, for each instance; and a constant.
+fn varied_room() -> Arc<Snapshot> {
+    snapshot(|db| {
+        db.upsert_material(reading("/read"));
+        for i in 0..100 {
+            let at = (probe::scattered(i, 0) - 0.5) * 10.0;
+            let transform = DMat4::from_scale_rotation_translation(DVec3::splat(0.3), DQuat::from_rotation_y(at.x), at);
+            let mut mesh = cube(&format!("/cube_{i}"), i32::try_from(i).expect("small"), transform, i % 2 == 0);
+            let value = |k: usize| (probe::scattered(i, u32::try_from(k).expect("small")).as_vec3() - 0.3).to_array();
+            let faces = mesh.face_vertex_counts.len();
+            mesh.primvars.extend(match i % 4 {
+                0 => Some(glow_primvar(Interpolation::Uniform, (0..faces).map(value).collect())),
+                1 => Some(glow_primvar(Interpolation::Vertex, (0..8).map(value).collect())),
+                2 => Some(glow_primvar(Interpolation::FaceVarying, (0..4 * faces).map(value).collect())),
+                _ => None,
+            });
+            if i % 4 != 3 {
+                mesh.material = Some("/read".into());
+            }
+            db.upsert_mesh(mesh);
+        }
+        let places: Vec<DVec3> = (0..50).map(|i| (probe::scattered(i, 9) - 0.5) * 10.0).collect();
+        let values = (0..50).map(|i| (probe::scattered(i, 4).as_vec3() * 3.0).to_array()).collect();
+        let mut lamps = instancer(&places);
+        lamps.primvars.push(glow_primvar(Interpolation::Instance, values));
+        db.upsert_instancer(lamps);
+        let mut mesh = lamp(cube("/lamps/lamp", 200, DMat4::IDENTITY, false));
+        mesh.material = Some("/read".into());
+        db.upsert_mesh(mesh);
+    })
+}
+
+/// Weights of faces: means over their corners, of what is above 0.
+#[test]
+fn faces_weigh_what_their_corners_emit() {
+    let scene = snapshot(|db| {
+        db.upsert_material(reading("/read"));
+        let mut mesh = cube("/cube", 3, DMat4::IDENTITY, false);
+        let values = [[0.0; 3], [1.0; 3], [-2.0; 3], [0.0, 0.0, 1.0], [4.0; 3], [0.5; 3]];
+        mesh.primvars.push(glow_primvar(Interpolation::Uniform, values.to_vec()));
+        mesh.material = Some("/read".into());
+        db.upsert_mesh(mesh);
+    });
+    let lights = mesh_lights(&scene);
+    let faces: Vec<u32> = lights.faces.iter().map(|[face, _]| *face).collect();
+    assert_eq!(faces, [1, 3, 4, 5], "what is black or less is left out");
+    for (given, wanted) in lights.face_weights.iter().zip([1.0_f32, 0.0722, 4.0, 0.5]) {
+        assert!((given / wanted - 1.0).abs() < 1e-6, "{given}, not {wanted}");
+    }
+    assert!((lights.bounds.power - 4.0 * 5.5722).abs() < 1e-5, "areas times weights: {}", lights.bounds.power);
+}
+
+/// The innermost instancer's value, and the mesh's own before it.
+#[test]
+fn placements_have_the_values_of_their_instances() {
+    let values: Vec<[f32; 3]> = vec![[1.0; 3], [0.0; 3], [3.0, 0.0, 0.0]];
+    let scene = |own: bool| {
+        snapshot(|db| {
+            db.upsert_material(reading("/read"));
+            let mut lamps = instancer(&[DVec3::ZERO, DVec3::X * 9.0, DVec3::Y * 9.0]);
+            lamps.primvars.push(glow_primvar(Interpolation::Instance, values.clone()));
+            db.upsert_instancer(lamps);
+            let mut mesh = lamp(cube("/lamps/lamp", 3, DMat4::IDENTITY, false));
+            mesh.material = Some("/read".into());
+            if own {
+                mesh.primvars.push(glow_primvar(Interpolation::Constant, vec![[5.0; 3]]));
+            }
+            db.upsert_mesh(mesh);
+        })
+    };
+    let lights = mesh_lights(&scene(false));
+    let told: Vec<[f32; 3]> =
+        lights.placements.iter().map(|light| lights.placed_values[light.values as usize]).collect();
+    assert_eq!(told, [[1.0; 3], [3.0, 0.0, 0.0]], "the black one is no light");
+    assert_eq!(lights.meshes.len(), 1, "one mesh serves both");
+    let lights = mesh_lights(&scene(true));
+    assert_eq!((lights.placements.len(), lights.placed_values.len()), (3, 0), "its own value wins");
+}
+
 /// What choosing a point gives as its density is what a hit there is weighed with.
 #[test]
 fn a_hit_has_the_density_of_choosing_it() {
-    for (count, has_locals) in [(1, false), (3, true), (200, false), (200, true)] {
-        let scene = room(count, has_locals);
+    for (count, has_locals) in [(1, false), (3, true), (200, false), (200, true), (0, false)] {
+        let scene = if count == 0 { varied_room() } else { room(count, has_locals) };
         let lights = mesh_lights(&scene);
         let (mut table, warnings) =
             LightTable::new(&scene, &scene.lights, true, true, &NoFiles, &mut FileCache::default());
@@ -234,6 +337,8 @@ fn a_hit_has_the_density_of_choosing_it() {
         assert!(met as f32 > share * receivers, "{count}: {met} samples");
         assert!(short * 50 < met, "{count}: {short} of {met} shadow rays end far before the mesh");
         let chosen = seen.iter().filter(|seen| **seen).count();
-        assert!(chosen * 10 > seen.len() * 9, "{count}: {chosen} of the cubes are chosen by some");
+        // Some of those of varied emission are all but dark.
+        let least = if count == 0 { 8 } else { 9 };
+        assert!(chosen * 10 > seen.len() * least, "{count}: {chosen} of the cubes are chosen by some");
     }
 }

@@ -11,6 +11,8 @@
 mod emitter;
 mod files;
 mod general;
+mod glow;
+mod glow_map;
 mod local;
 mod mesh;
 #[cfg(test)]
@@ -103,6 +105,12 @@ impl LightTable {
 /// Rec. 709 luminance.
 fn luminance(rgb: [f32; 3]) -> f64 {
     0.2126 * f64::from(rgb[0]) + 0.7152 * f64::from(rgb[1]) + 0.0722 * f64::from(rgb[2])
+}
+
+/// What an emission counts for in choosing: `emission_weight` of the shaders.
+fn emission_weight(rgb: [f64; 3]) -> f64 {
+    let [r, g, b] = rgb;
+    (0.2126 * r + 0.7152 * g + 0.0722 * b).max(0.01 * (r + g + b))
 }
 
 /// A number of lights, at least 1.

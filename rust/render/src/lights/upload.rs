@@ -30,8 +30,41 @@ struct Resident {
 #[derive(Debug)]
 struct ResidentMeshes {
     lights: Arc<MeshLights>,
-    /// In the order of the addresses in [`Lighting`].
-    tables: Vec<HeapRange>,
+    /// In the order of the addresses in [`Lighting`]; `None`: not needed.
+    tables: Vec<Option<HeapRange>>,
+}
+
+/// Addresses of the tables of meshes, as [`ResidentMeshes`] has them; 0 for those that are not needed.
+#[derive(Clone, Copy, Debug)]
+struct MeshTables([u64; 9]);
+
+impl MeshTables {
+    /// The block with these addresses.
+    fn with(self, block: Lighting) -> Lighting {
+        let [
+            mesh_lights,
+            light_meshes,
+            mesh_nodes,
+            light_leaves,
+            light_triangles,
+            light_faces,
+            values,
+            weights,
+            placed,
+        ] = self.0;
+        Lighting {
+            mesh_lights,
+            light_meshes,
+            mesh_nodes,
+            light_leaves,
+            light_triangles,
+            light_faces,
+            light_values: values,
+            light_face_weights: weights,
+            light_placed_values: placed,
+            ..block
+        }
+    }
 }
 
 /// See the module.
@@ -62,8 +95,7 @@ impl LightTables {
                 self.pictures.push(Resident::new(device, &mut writer, &map.picture)?);
             }
         }
-        let [mesh_lights, light_meshes, mesh_nodes, light_leaves, light_triangles, light_faces] =
-            self.sync_meshes(device, &mut writer, lights.meshes.as_ref())?;
+        let meshes = self.sync_meshes(device, &mut writer, lights.meshes.as_ref())?;
         let maps: Vec<GpuLightMap> = lights.maps.iter().map(|map| self.entry(map)).collect();
         let mut put = |name: &str, bytes: &[u8]| -> Result<u64, RenderError> {
             if bytes.is_empty() {
@@ -76,12 +108,6 @@ impl LightTables {
             Ok(address)
         };
         let block = Lighting {
-            mesh_lights,
-            light_meshes,
-            mesh_nodes,
-            light_leaves,
-            light_triangles,
-            light_faces,
             local_lights: put("local lights", bytemuck::cast_slice(&lights.locals))?,
             nodes: put("light tree", bytemuck::cast_slice(&lights.nodes))?,
             infinite_lights: put("lights at infinity", bytemuck::cast_slice(&lights.infinite))?,
@@ -90,7 +116,7 @@ impl LightTables {
             maps: put("light maps", bytemuck::cast_slice(&maps))?,
             link_bits: put("light links", bytemuck::cast_slice(&lights.link_bits))?,
             prim_sets: put("light links of prims", bytemuck::cast_slice(&lights.prim_sets))?,
-            ..lights.block()
+            ..meshes.with(lights.block())
         };
         let lighting = put("lighting", bytemuck::bytes_of(&block))?;
         let (copies, _) = writer.finish()?;
@@ -106,7 +132,7 @@ impl LightTables {
     /// Lists what is on the device.
     pub(crate) fn list(&self, inventory: &mut Inventory) {
         let pictures = self.pictures.iter().flat_map(|have| std::iter::once(&have.texels).chain(&have.alias));
-        let meshes = self.meshes.iter().flat_map(|meshes| &meshes.tables);
+        let meshes = self.meshes.iter().flat_map(|meshes| meshes.tables.iter().flatten());
         for range in pictures.chain(meshes).chain(&self.tables) {
             inventory.add(range.name(), range.size());
         }
@@ -118,13 +144,13 @@ impl LightTables {
         device: &Device,
         writer: &mut Writer<'_>,
         wanted: Option<&Arc<MeshLights>>,
-    ) -> Result<[u64; 6], RenderError> {
+    ) -> Result<MeshTables, RenderError> {
         self.meshes = self.meshes.take().filter(|have| wanted.is_some_and(|wanted| Arc::ptr_eq(wanted, &have.lights)));
         if let (None, Some(wanted)) = (&self.meshes, wanted) {
             self.meshes = Some(ResidentMeshes::new(device, writer, wanted)?);
         }
-        let table = |at: usize| self.meshes.as_ref().and_then(|meshes| meshes.tables.get(at));
-        Ok([0, 1, 2, 3, 4, 5].map(|at| table(at).map_or(0, HeapRange::address)))
+        let table = |at: usize| self.meshes.as_ref().and_then(|meshes| meshes.tables.get(at)?.as_ref());
+        Ok(MeshTables([0, 1, 2, 3, 4, 5, 6, 7, 8].map(|at| table(at).map_or(0, HeapRange::address))))
     }
 
     fn entry(&self, map: &Map) -> GpuLightMap {
@@ -139,10 +165,13 @@ impl LightTables {
 
 impl ResidentMeshes {
     fn new(device: &Device, writer: &mut Writer<'_>, lights: &Arc<MeshLights>) -> Result<Self, RenderError> {
-        let mut put = |name: &str, bytes: &[u8]| -> Result<HeapRange, RenderError> {
+        let mut put = |name: &str, bytes: &[u8]| -> Result<Option<HeapRange>, RenderError> {
+            if bytes.is_empty() {
+                return Ok(None);
+            }
             let range = device.heap.alloc(name, bytes.len() as u64, 16)?;
             writer.bytes(&range, 0, bytes)?;
-            Ok(range)
+            Ok(Some(range))
         };
         let tables = vec![
             put("mesh lights", bytemuck::cast_slice(&lights.placements))?,
@@ -151,6 +180,9 @@ impl ResidentMeshes {
             put("leaves of mesh lights", bytemuck::cast_slice(&lights.leaves))?,
             put("triangles of mesh lights", bytemuck::cast_slice(&lights.triangles))?,
             put("faces of mesh lights", bytemuck::cast_slice(&lights.faces))?,
+            put("emission of mesh lights", bytemuck::cast_slice(&lights.values))?,
+            put("weights of mesh lights", bytemuck::cast_slice(&lights.face_weights))?,
+            put("instances' emission of mesh lights", bytemuck::cast_slice(&lights.placed_values))?,
         ];
         Ok(Self { lights: Arc::clone(lights), tables })
     }

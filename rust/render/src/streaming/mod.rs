@@ -27,6 +27,7 @@ use crate::device::Specialisation;
 use crate::error::RenderError;
 use crate::frame::{Setting, frame_block, geometry_cap, has_light_paths, is_cpu, shrinking};
 use crate::inventory::{self, Compiled};
+use crate::lights::GeneralLights;
 use crate::progress::Progress;
 use crate::specialise;
 use crate::thread::Gate;
@@ -158,6 +159,11 @@ fn lookups(snapshot: &Snapshot) -> u32 {
     u32::try_from(most.unwrap_or(0)).unwrap_or(0)
 }
 
+/// Whether a surface also looks up what the mesh emits that it asks for light.
+fn asks_textures(setting: &Setting<'_>) -> bool {
+    setting.lights.general.as_ref().is_some_and(GeneralLights::has_textured_meshes)
+}
+
 /// Path memory: at most a quarter of what the budget leaves, and no more than the render has paths; less when there is no
 /// memory.
 fn make_buffers(setting: &Setting<'_>, scene: &Scene, kept: &mut Option<StreamBuffers>) -> Result<(), RenderError> {
@@ -168,7 +174,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &Scene, kept: &mut Option<StreamBu
         chunks: scene.chunk_count(),
         units: scene.unit_count(),
         textures,
-        lookups: lookups(&job.snapshot),
+        lookups: lookups(&job.snapshot) + u32::from(asks_textures(setting)),
         materials: job.snapshot.features.contains(SceneFeatures::MATERIALS),
         cutouts: textures && specialise::has_cutouts(&job.snapshot),
         light_paths: has_light_paths(setting),

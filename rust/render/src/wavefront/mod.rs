@@ -111,7 +111,9 @@ impl Passes {
             })
         };
         let stream = || -> Result<_, RenderError> {
-            let resolve = || device.pipeline(&passes::RESOLVE_MATERIALS, special);
+            let asks = special.features & Features::MESH_LIGHT_VALUES.bits() != 0;
+            let pass = if asks { &passes::RESOLVE_LIGHTS } else { &passes::RESOLVE_MATERIALS };
+            let resolve = || device.pipeline(pass, special);
             let answer = || device.pipeline(&passes::RESOLVE_CUTOUTS, special);
             Ok(StreamPasses {
                 resolve_materials: textures.then(resolve).transpose()?,

@@ -368,6 +368,24 @@ fn textures_that_come_and_go_leave_no_trace_in_the_picture() {
     same_bits(squares);
 }
 
+/// Boards that shine with their textures, and little else: what lights emit waits for tiles as well.
+fn signs(db: &mut SceneDb) {
+    squares(db);
+    for (i, file) in (0..).zip(["1000x800x4", "900x700x3", "1100x300x4"]) {
+        let name = format!("/glow_{i}");
+        let own = vec![("diffuseColor", ParamValue::Vec3([0.0; 3]))];
+        db.upsert_material(textured(&name, file, own, &[("emissiveColor", "rgb")]));
+        let at = DMat4::from_translation(DVec3::new(f64::from(i) * 3.0 - 3.0, 0.9, -1.0 - f64::from(i % 2)));
+        let board = at * DMat4::from_rotation_x(1.3) * DMat4::from_scale(DVec3::new(1.5, 1.0, 0.8));
+        db.upsert_mesh(with_st(square(prim(&format!("/sign_{i}"), board), 60 + i, 0.5), 1.0, &name));
+    }
+}
+
+#[test]
+fn emission_of_lights_that_waits_for_its_tiles_leaves_no_trace_in_the_picture() {
+    same_bits(signs);
+}
+
 #[test]
 fn cutouts_that_wait_for_their_tiles_leave_no_trace_in_the_picture() {
     same_bits(leaves);

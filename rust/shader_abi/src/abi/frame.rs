@@ -106,6 +106,8 @@ bitflags! {
         const ROUGH_TRANSMISSION = 1 << 28;
         /// Some mesh that emits light is sampled as a light.
         const MESH_LIGHTS = 1 << 27;
+        /// With `MESH_LIGHTS`: the emission of some is a texture's or a primvar's.
+        const MESH_LIGHT_VALUES = 1 << 29;
     }
 }
 

@@ -6,9 +6,9 @@
 use super::{
     AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAlias, GpuAssembly, GpuAttribute, GpuChunk,
     GpuChunkInstance, GpuInfiniteLight, GpuInput, GpuInstance, GpuLight, GpuLightLeaf, GpuLightMap, GpuLightMesh,
-    GpuLightNode, GpuLightShaping, GpuLightTriangle, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuNode,
-    GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush, Lighting,
-    PathState, Pending, Push, Question, Ray, Roulette, Segment, ShadowRay, Streaming,
+    GpuLightNode, GpuLightShaping, GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight,
+    GpuNode, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush,
+    Lighting, PathState, Pending, Push, Question, Ray, Roulette, Segment, ShadowRay, Streaming,
 };
 use core::mem::{offset_of, size_of};
 
@@ -210,7 +210,12 @@ pub const LAYOUTS: &[StructLayout] = &[
         light_triangles,
         light_faces,
         mesh_light_count,
-        joint
+        joint,
+        light_values,
+        light_face_weights,
+        light_placed_values,
+        textured_mesh_lights,
+        pad
     }),
     layout!(GpuMeshLight {
         position,
@@ -224,12 +229,13 @@ pub const LAYOUTS: &[StructLayout] = &[
         z,
         mesh,
         error,
-        pad,
+        values,
         trail
     }),
     layout!(GpuLightMesh { root, first_face, face_count, pad }),
     layout!(GpuLightLeaf { first, count, total, pad, trail }),
     layout!(GpuLightTriangle { v0, cumulative, v1, subset, v2, face }),
+    layout!(GpuLightValue { a, weight, b, pad0, c, pad1 }),
     layout!(GpuLocalLight {
         position,
         flags,

@@ -102,6 +102,16 @@ pub struct Lighting {
     pub mesh_light_count: u32,
     /// Index in `nodes` of the node whose first child is the local lights and whose second is the mesh lights.
     pub joint: u32,
+    /// [`GpuLightValue`] array, beside `light_triangles`; 0 without `Features::MESH_LIGHT_VALUES`, as the next two.
+    pub light_values: u64,
+    /// f32 weights of a unit of area, relative to the mesh's, beside `light_faces`.
+    pub light_face_weights: u64,
+    /// f32x3 emissions that placements have from their instances: see [`GpuMeshLight::values`].
+    pub light_placed_values: u64,
+    /// 1 when the emission of some mesh light is a texture's.
+    pub textured_mesh_lights: u32,
+    /// 0.
+    pub pad: u32,
 }
 
 /// A placement of a mesh that emits light, 96 B. World points are `position + x p.x + y p.y + z p.z` for points p of the mesh.
@@ -130,8 +140,8 @@ pub struct GpuMeshLight {
     pub mesh: u32,
     /// How far traversal may find the mesh from where it is, in the world.
     pub error: f32,
-    /// 0.
-    pub pad: u32,
+    /// Index in `Lighting::light_placed_values` of its first slot's, or [`NO_INDEX`].
+    pub values: u32,
     /// Turns to it from the root of the tree, the first in the lowest bit.
     pub trail: [u32; 2],
 }
@@ -182,6 +192,24 @@ pub struct GpuLightTriangle {
     pub v2: [f32; 3],
     /// Face of a hit.
     pub face: u32,
+}
+
+/// What [`GpuLightTriangle`] has with `Features::MESH_LIGHT_VALUES`: at its corners the emission, or texture coordinates in x and y; 48 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuLightValue {
+    /// At `v0`.
+    pub a: [f32; 3],
+    /// What a unit of its area counts for, relative to the mesh's.
+    pub weight: f32,
+    /// At `v1`.
+    pub b: [f32; 3],
+    /// 0.
+    pub pad0: u32,
+    /// At `v2`.
+    pub c: [f32; 3],
+    /// 0.
+    pub pad1: u32,
 }
 
 /// A light at a place, 144 B. World points are `position + x q.x + y q.y + z q.z` for points q of the unit shape.

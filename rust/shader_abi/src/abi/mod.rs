@@ -24,8 +24,8 @@ pub use layout::{LAYOUTS, MemberLayout, StructLayout};
 pub use lbvh::{LbvhBounds, LbvhPush};
 pub use light::{
     GpuAlias, GpuInfiniteLight, GpuLightKind, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
-    GpuLightTriangle, GpuLocalLight, GpuMeshLight, LIGHT_LEAF, LIGHT_TREE_DEPTH, LightFlags, Lighting, MAP_FLOAT,
-    MAP_HALF, NO_INDEX,
+    GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMeshLight, LIGHT_LEAF, LIGHT_TREE_DEPTH, LightFlags, Lighting,
+    MAP_FLOAT, MAP_HALF, NO_INDEX,
 };
 pub use material::{
     GpuAttribute, GpuInput, GpuMaterial, GpuPrim, GpuSurfaceMaterial, INPUT_CHANNEL_SHIFT, INPUT_CONSTANT,

@@ -114,7 +114,7 @@ fn shape_of(kind: &LightKind) -> Option<(LocalShape, DVec3, Option<AssetRef>)> {
             let shape = if *treat_as_line || *radius <= 0.0 { LocalShape::Line } else { LocalShape::Cylinder };
             Some((shape, DVec3::new(0.5 * wide(*length), wide(*radius), wide(*radius)), None))
         }
-        LightKind::Dome { .. } | LightKind::Distant { .. } => None,
+        LightKind::Dome { .. } | LightKind::Distant { .. } | LightKind::Mesh { .. } => None,
     }
 }
 

@@ -150,7 +150,7 @@ impl Light {
 
 /// Emitted radiance times `scale`. `None` when a value is not finite. A scale that is not finite belongs to a light without
 /// extent, which gives no light.
-fn radiance(desc: &LightDesc, scale: f64) -> Option<[f32; 3]> {
+pub(super) fn radiance(desc: &LightDesc, scale: f64) -> Option<[f32; 3]> {
     let power = f64::from(desc.intensity) * f64::from(desc.exposure).exp2();
     let tint = desc.color_temperature.map_or(Some([1.0; 3]), blackbody)?;
     let rgb = [0, 1, 2].map(|k| {

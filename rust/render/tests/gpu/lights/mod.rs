@@ -5,6 +5,7 @@
 //! and BSDF rays share it by the balance heuristic.
 
 mod dome;
+mod emission;
 mod files;
 mod many;
 mod mesh;

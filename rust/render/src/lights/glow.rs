@@ -1,0 +1,290 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What the materials of a prim emit, as far as choosing points of it by light needs to know. Render thread only.
+
+use super::glow_map::{Finish, GlowMap};
+use super::{emission_weight, narrow};
+use crate::textures::ImageLibrary;
+use oocpt_core::material::{Input, InputName};
+use oocpt_core::mesh::{AnyAttribute, AttributeRate, MeshAsset};
+use oocpt_core::scene::{NO_MATERIAL, NO_VALUE, Snapshot};
+use oocpt_core::texture::TextureRef;
+use oocpt_core::{Material, MaterialFlags};
+use std::sync::Arc;
+
+/// Emission above which a material is no light: weights stay finite.
+const MAX_EMISSION: f32 = 1e30;
+/// Most maps; what is beyond is taken as even.
+const MAX_MAPS: usize = 1024;
+
+/// What a slot emits.
+#[derive(Clone, Debug)]
+pub(super) enum Glow {
+    /// The same everywhere: what a unit of area counts for, 0: nothing.
+    Even(f32),
+    /// A primvar, by the number of its name, or the fallback where the mesh does not have it.
+    Primvar(u32, [f32; 3]),
+    /// A picture.
+    Picture(Picture),
+}
+
+/// See [`Glow::Picture`].
+#[derive(Clone, Debug)]
+pub(super) struct Picture {
+    map: Arc<GlowMap>,
+    /// Number of the name of its texture coordinates, if it has any.
+    set: Option<u32>,
+    /// Those of a mesh that does not have them.
+    fallback: [f32; 2],
+    rows: [[f32; 3]; 2],
+}
+
+/// The slots of a prim, and the weight that 1 stands for.
+#[derive(Clone, Debug)]
+pub(super) struct Glows {
+    pub(super) by_slot: Vec<Glow>,
+    pub(super) scale: f32,
+}
+
+/// What a prim emits at one of its placements.
+#[derive(Clone, Debug)]
+pub(super) struct Placed {
+    pub(super) glows: Glows,
+    /// By slot; the first float has the bits of `NO_VALUE` where the instance says nothing.
+    pub(super) emissions: Vec<[f32; 3]>,
+}
+
+/// Maps that are kept from snapshot to snapshot.
+#[derive(Debug, Default)]
+pub(super) struct GlowMaps {
+    known: Vec<(TextureRef, Finish, Arc<GlowMap>, bool)>,
+    made: u64,
+}
+
+impl GlowMaps {
+    /// What each material emits. Forgets the maps of others.
+    pub(super) fn glows(&mut self, snapshot: &Snapshot, images: Option<&dyn ImageLibrary>) -> Vec<Option<Glow>> {
+        let materials = snapshot.surfaces.materials.iter();
+        let glows = materials.map(|material| glow(snapshot, material, self, images)).collect();
+        self.known.retain_mut(|(.., is_used)| std::mem::take(is_used));
+        glows
+    }
+
+    fn get(&mut self, texture: &TextureRef, finish: Finish, images: &dyn ImageLibrary) -> Arc<GlowMap> {
+        let is_it = |entry: &&mut (TextureRef, Finish, _, bool)| entry.0 == *texture && entry.1 == finish;
+        if let Some((.., map, is_used)) = self.known.iter_mut().find(is_it) {
+            *is_used = true;
+            return Arc::clone(map);
+        }
+        self.made += 1;
+        let map = Arc::new(self.make(texture, &finish, images));
+        if self.known.len() < MAX_MAPS {
+            self.known.push((texture.clone(), finish, Arc::clone(&map), true));
+        }
+        map
+    }
+
+    /// A file that cannot be read shows its fallback; the textures' own warning says why. Sets of files are taken as even.
+    fn make(&self, texture: &TextureRef, finish: &Finish, images: &dyn ImageLibrary) -> GlowMap {
+        if texture.asset.resolved.contains("<UDIM>") || self.known.len() >= MAX_MAPS {
+            return GlowMap::even(1.0, self.made);
+        }
+        let fallback =
+            || GlowMap::even(emission_weight(finish.color(texture.fallback.map(f64::from), false)), self.made);
+        if texture.asset.resolved.is_empty() {
+            return fallback();
+        }
+        let Ok(image) = images.open(&texture.asset) else { return fallback() };
+        // One that opens and cannot be read here may be read tile by tile.
+        GlowMap::of_image(&*image, texture, finish, self.made).unwrap_or_else(|error| {
+            tracing::debug!(%error, file = &*texture.asset.authored, "emission is taken as even");
+            GlowMap::even(1.0, self.made)
+        })
+    }
+}
+
+impl Glows {
+    /// Those of a prim, if one of its slots emits; `materials` as [`GlowMaps::glows`] gives them.
+    pub(super) fn of_prim(snapshot: &Snapshot, prim_id: i64, materials: &[Option<Glow>]) -> Option<Self> {
+        let slots = snapshot.surfaces.slots(i32::try_from(prim_id).ok()?);
+        let glow = |&slot: &u32| materials.get(slot as usize).filter(|_| slot != NO_MATERIAL).cloned().flatten();
+        Self::scaled(slots.iter().map(|slot| glow(slot).unwrap_or(Glow::Even(0.0))).collect())
+    }
+
+    fn scaled(mut by_slot: Vec<Glow>) -> Option<Self> {
+        let largest = by_slot.iter().map(Glow::typical).fold(0.0, f32::max);
+        // Weights that are no normal numbers would lose their meaning.
+        if !largest.is_normal() {
+            return None;
+        }
+        for glow in &mut by_slot {
+            if let Glow::Even(weight) = glow {
+                *weight /= largest;
+            }
+        }
+        Some(Self { by_slot, scale: largest })
+    }
+
+    /// Those at a placement, where its instance has something to say; `values` by number of the name.
+    pub(super) fn placed(&self, mesh: &MeshAsset, values: &[(u32, [f32; 4])]) -> Option<Placed> {
+        let value = |name: u32| {
+            let is_own = mesh.primvars.iter().any(|primvar| primvar.id == name);
+            values.iter().find(|value| value.0 == name && !is_own).map(|value| value.1)
+        };
+        let has_value = |glow: &Glow| glow.name().is_some_and(|name| value(name).is_some());
+        if values.is_empty() || !self.by_slot.iter().any(has_value) {
+            return None;
+        }
+        let (mut by_slot, mut emissions) = (Vec::new(), Vec::new());
+        for glow in &self.by_slot {
+            let here = glow.name().and_then(value);
+            emissions.push([f32::from_bits(NO_VALUE); 3]);
+            by_slot.push(match (glow, here) {
+                (Glow::Even(weight), _) => Glow::Even(weight * self.scale),
+                (other, None) => other.clone(),
+                // Places in a picture that an instance knows are left to rays.
+                (Glow::Picture(_), Some(_)) => Glow::Even(0.0),
+                (Glow::Primvar(..), Some([r, g, b, _])) => {
+                    if let Some(emission) = emissions.last_mut() {
+                        *emission = [r, g, b];
+                    }
+                    let usable = |v: f32| if v > 0.0 && v <= MAX_EMISSION { f64::from(v) } else { 0.0 };
+                    Glow::Even(narrow(emission_weight([r, g, b].map(usable))))
+                }
+            });
+        }
+        let glows = Self::scaled(by_slot).unwrap_or(Self { by_slot: Vec::new(), scale: 1.0 });
+        Some(Placed { glows, emissions })
+    }
+
+    /// What tells emitters of one mesh apart.
+    pub(super) fn key(&self) -> Vec<u32> {
+        let mut key = Vec::new();
+        for glow in &self.by_slot {
+            match glow {
+                Glow::Even(weight) => key.extend([0, weight.to_bits()]),
+                Glow::Primvar(name, fallback) => {
+                    key.extend([1, self.scale.to_bits(), *name]);
+                    key.extend(fallback.map(f32::to_bits));
+                }
+                Glow::Picture(Picture { map, set, fallback, rows }) => {
+                    let [low, high] = super::emitter::halves(map.number);
+                    key.extend([2, self.scale.to_bits(), low, high, set.unwrap_or(u32::MAX)]);
+                    key.extend(fallback.iter().chain(rows.as_flattened()).map(|v| v.to_bits()));
+                }
+            }
+        }
+        key
+    }
+}
+
+impl Glow {
+    /// A weight of its order of magnitude.
+    fn typical(&self) -> f32 {
+        match self {
+            Self::Even(weight) => *weight,
+            Self::Primvar(..) => 1.0,
+            Self::Picture(picture) => narrow(picture.map.mean()),
+        }
+    }
+
+    /// The primvar that it reads.
+    fn name(&self) -> Option<u32> {
+        match self {
+            Self::Even(_) => None,
+            Self::Primvar(name, _) => Some(*name),
+            Self::Picture(picture) => picture.set,
+        }
+    }
+
+    /// Whether points of a triangle may differ in what they emit, or their emission is not in the material.
+    pub(super) fn varies(&self) -> bool {
+        !matches!(self, Self::Even(_))
+    }
+
+    /// What the corners of a triangle have: colours, or texture coordinates in the first two.
+    pub(super) fn corners(&self, mesh: &MeshAsset, triangle: usize) -> [[f32; 3]; 3] {
+        match self {
+            Self::Even(_) => [[0.0; 3]; 3],
+            Self::Primvar(name, fallback) => primvar(mesh, *name, triangle).unwrap_or([*fallback; 3]),
+            Self::Picture(picture) => {
+                let [s, t] = picture.fallback;
+                picture.set.and_then(|set| primvar(mesh, set, triangle)).unwrap_or([[s, t, 0.0]; 3])
+            }
+        }
+    }
+
+    /// What a unit of a triangle's area counts for; `corners` as they are given by [`Glow::corners`], `scale` of the prim.
+    pub(super) fn weight(&self, corners: &[[f32; 3]; 3], scale: f32) -> f64 {
+        match self {
+            Self::Even(weight) => f64::from(*weight),
+            Self::Primvar(..) => {
+                let usable = |v: f32| if v > 0.0 { f64::from(v.min(MAX_EMISSION)) } else { 0.0 };
+                let sum: f64 = corners.iter().map(|color| emission_weight(color.map(usable))).sum();
+                sum / 3.0 / f64::from(scale)
+            }
+            Self::Picture(picture) => picture.map.over(corners.map(|st| picture.place(st))) / f64::from(scale),
+        }
+    }
+}
+
+impl Picture {
+    fn place(&self, st: [f32; 3]) -> [f64; 2] {
+        let [s, t] = if self.set.is_some() { [st[0], st[1]].map(f64::from) } else { [0.0; 2] };
+        self.rows.map(|[x, y, z]| f64::from(x) * s + f64::from(y) * t + f64::from(z))
+    }
+}
+
+/// What a material emits; `None` if it is none that lights are made of.
+fn glow(
+    snapshot: &Snapshot,
+    material: &Material,
+    maps: &mut GlowMaps,
+    images: Option<&dyn ImageLibrary>,
+) -> Option<Glow> {
+    if !material.flags.contains(MaterialFlags::EMISSIVE) || material.flags.contains(MaterialFlags::PRESENCE) {
+        return None;
+    }
+    match material.input(InputName::EmissiveColor) {
+        Input::Constant([r, g, b, _]) => {
+            let emission = [*r, *g, *b].map(|c| c.max(0.0));
+            let usable = emission.iter().all(|c| *c <= MAX_EMISSION);
+            Some(Glow::Even(if usable { narrow(emission_weight(emission.map(f64::from))) } else { 0.0 }))
+        }
+        Input::Primvar { slot, fallback: [r, g, b, _] } => {
+            Some(Glow::Primvar(material.primvars.get(usize::from(*slot))?.id, [*r, *g, *b]))
+        }
+        Input::Texture { texture, channel, scale, bias, uv, transform } => {
+            let texture = snapshot.surfaces.textures.get(*texture as usize)?;
+            let finish = Finish { channel: *channel, scale: *scale, bias: *bias };
+            // Without images all of them are black.
+            let map = maps.get(texture, finish, images?);
+            let set = match uv {
+                Some(set) => Some(material.uv_sets.get(usize::from(*set))?),
+                None => None,
+            };
+            let fallback = set.map_or([0.0; 2], |set| set.fallback);
+            Some(Glow::Picture(Picture { map, set: set.map(|set| set.id), fallback, rows: *transform }))
+        }
+    }
+}
+
+/// The values of a primvar at the corners of a triangle, as `primvar_corners` of the shaders gives them.
+fn primvar(mesh: &MeshAsset, name: u32, triangle: usize) -> Option<[[f32; 3]; 3]> {
+    let values = &mesh.primvars.iter().find(|primvar| primvar.id == name)?.values;
+    let at = match values.rate() {
+        AttributeRate::Constant => [0; 3],
+        AttributeRate::Uniform => [triangle; 3],
+        AttributeRate::Vertex => mesh.corner_indices.get(triangle)?.map(|corner| corner as usize),
+        AttributeRate::FaceVarying => [3 * triangle, 3 * triangle + 1, 3 * triangle + 2],
+    };
+    let value = |at: usize| {
+        Some(match values {
+            AnyAttribute::One(values) => [*values.values.get(at)?; 3],
+            AnyAttribute::Two(values) => values.values.get(at).map(|[x, y]| [*x, *y, 0.0])?,
+            AnyAttribute::Three(values) => *values.values.get(at)?,
+            AnyAttribute::Four(values) => values.values.get(at).map(|[x, y, z, _]| [*x, *y, *z])?,
+        })
+    };
+    let [a, b, c] = at.map(value);
+    Some([a?, b?, c?])
+}

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+// resolve_materials and resolve_lights: works out the material of each path of resolve_queue and, with RESOLVE_LIGHTS, what the light
+// emits that its surface will ask for. Includes wavefront, progress, path_surface, material before, and shade_general with RESOLVE_LIGHTS.
+#ifndef OOCPT_RESOLVE_GLSL
+#define OOCPT_RESOLVE_GLSL
+
+void main() {
+    if (!HAS_STREAMING || !HAS_TEXTURES) return;
+    const uint at = thread_index();
+    const bool in_range = at < COUNTERS.resolve_count;
+    uint path = 0u;
+    uint said = TEXTURE_DONE;
+    if (in_range) {
+        path = ConstUints(STREAMING.resolve_queue).v[at];
+        noted_count = 0u;
+        const Surface surface = stored_surface(path);
+        const Shading shading = make_shading(path, surface, said);
+#ifdef RESOLVE_LIGHTS
+        if (HAS_MESH_LIGHT_VALUES && said >= TEXTURE_FALLBACK && (push.flags & PUSH_AOVS) == 0u) {
+            resolve_ask(path, surface, shading, said);
+        }
+#endif
+    }
+    const bool waits = in_range && said < TEXTURE_FALLBACK;
+    if (waits) {
+        PendingLists(STREAMING.pending).v[path].chunk_instance[0] = said;
+        for (uint k = 0u; k < noted_count; ++k) PendingLists(STREAMING.pending).v[path].chunk_instance[k + 1u] = noted_units[k];
+        Uints(ray_address(path)).v[11] = RAY_WAITED | (1u + noted_count) << RAY_COUNT_SHIFT;
+    }
+    push_deferred(path | MATERIAL_BIT, waits);
+    uint to;
+    QUEUE_SLOT(to, surface_count, in_range && !waits);
+    if (in_range && !waits) Uints(FRAME.surface_queue).v[to] = path;
+    ADD_EACH(tile_misses, waits ? 1u : 0u);
+}
+
+#endif
