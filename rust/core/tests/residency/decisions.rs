@@ -41,6 +41,28 @@ fn a_shared_mesh_is_loaded_once_and_freed_with_its_last_chunk() {
 }
 
 #[test]
+fn a_load_that_is_not_agreed_to_is_asked_about_again() {
+    for kind in PolicyKind::ALL {
+        let mut planner = Planner::new(catalog(), 120, kind).unwrap();
+        let mut asked = Vec::new();
+        for _ in 0..200 {
+            asked.clear();
+            let commands = planner.step_if(&waiting(&[5, 0, 9, 0]), &mut |proposal| {
+                asked.push((proposal.chunk, proposal.bytes));
+                proposal.chunk != 2
+            });
+            assert!(!commands.contains(&load(2, &[2, 5])), "{kind}: refused");
+            planner.loaded(0);
+        }
+        assert!(
+            planner.is_resident(0) && asked.contains(&(2, 60)),
+            "{kind}: others are loaded, it is asked: {asked:?}"
+        );
+        assert_eq!(planner.step(&waiting(&[0, 0, 9])), [load(2, &[2, 5])], "{kind}: agreed to");
+    }
+}
+
+#[test]
 fn a_chunk_that_never_fits_is_an_error() {
     let refused = Planner::new(catalog(), 59, PolicyKind::Benefit).map(|_| ());
     assert_eq!(refused, Err(PlanError::ClosureTooLarge { chunk: 0, bytes: 60, budget: 59 }), "59 of 60");
