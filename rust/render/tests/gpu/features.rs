@@ -39,6 +39,7 @@ enum Also {
     Lens,
     Depth,
     Streaming,
+    Roulette,
     ChunkReport,
 }
 
@@ -175,8 +176,10 @@ const ROWS: &[Row] = &[
     Row { what: "a material", build: |db| dressed(db, &[]), features: &["LIGHT_TABLE", "MATERIALS"], buffers: OF_MATERIALS, ..BARE },
     Row { what: "a coat", build: |db| dressed(db, &[("clearcoat", ParamValue::Float(1.0))]),
           features: &["LIGHT_TABLE", "MATERIALS", "COAT"], buffers: OF_MATERIALS, ..BARE },
-    Row { what: "glass", build: |db| dressed(db, &[("opacity", ParamValue::Float(0.5))]),
+    Row { what: "glass", build: |db| dressed(db, &[("opacity", ParamValue::Float(0.5)), ("roughness", ParamValue::Float(0.0))]),
           features: &["LIGHT_TABLE", "MATERIALS", "TRANSMISSION"], buffers: OF_MATERIALS, ..BARE },
+    Row { what: "rough glass", build: |db| dressed(db, &[("opacity", ParamValue::Float(0.5)), ("roughness", ParamValue::Float(0.5))]),
+          features: &["LIGHT_TABLE", "MATERIALS", "TRANSMISSION", "ROUGH_TRANSMISSION"], buffers: OF_MATERIALS, ..BARE },
     Row { what: "a texture", build: |db| papered(db, "diffuseColor", "rgb", &[]), features: &["LIGHT_TABLE", "MATERIALS", "TEXTURES"],
           buffers: &["light_paths", "lighting", "material table", "prim table", "material slots", "BSDF tables", "cones", "texture table",
                      "texture pages", "sRGB table", "texture tiles", "mesh primvars", "mesh corners"], primvars: &["st"], ..BARE },
@@ -196,6 +199,12 @@ const ROWS: &[Row] = &[
                      "trees of mesh lights", "leaves of mesh lights", "triangles of mesh lights", "faces of mesh lights",
                      "emission of mesh lights", "weights of mesh lights"], primvars: &["st"], ..BARE },
     Row { what: "a scene that streams", features: &["STREAMING"], passes: STREAM_PASSES, buffers: OF_STREAMING, also: Also::Streaming, ..BARE },
+    Row { what: "roulette on loads", features: &["STREAMING", "ROULETTE"],
+          passes: &["record_surfaces", "sort_deferred_count", "sort_deferred_scan", "sort_deferred_scatter", "count_demand",
+                    "roulette_level", "roulette_worth", "roulette_play"],
+          buffers: &["progress", "places", "free_slots", "pending", "shadow_pending", "surfaces", "deferred 0", "deferred 1", "segments", "demand",
+                     "sort_counts", "sort_sums", "chunk_rays", "streaming", "steps 0", "steps 1", "geometry and textures, at most",
+                     "roulette", "worth", "verdicts 0", "verdicts 1"], also: Also::Roulette, ..BARE },
     Row { what: "a report of chunks", features: &["STREAMING", "CHUNK_COUNTS"], passes: STREAM_PASSES, buffers: OF_STREAMING,
           also: Also::ChunkReport, ..BARE },
     Row { what: "a cutout that streams", build: |db| papered(db, "opacity", "r", &[("opacityThreshold", ParamValue::Float(0.5))]),
@@ -212,11 +221,16 @@ const ROWS: &[Row] = &[
 
 /// Renders a row; gives what it was made of and its images.
 fn render(row: &Row, carry: &str) -> (Inventory, Vec<Vec<u8>>) {
-    let streams = row.also == Also::Streaming;
+    let streams = matches!(row.also, Also::Streaming | Also::Roulette);
     let report = std::env::temp_dir().join(format!("oocpt-features-{}.json", std::process::id()));
     let chunk_report =
         if row.also == Also::ChunkReport { report.to_string_lossy().into_owned() } else { String::new() };
-    let settings = Settings { carry: carry.into(), chunk_report, ..settings(4, 2) };
+    let settings = Settings {
+        carry: carry.into(),
+        chunk_report,
+        straggler_roulette: row.also == Also::Roulette,
+        ..settings(4, 2)
+    };
     let options = SessionOptions { validation: true, force_streaming: streams, ..SessionOptions::default() };
     let session = Session::with_options(settings, options).with_images(Arc::new(Ramps));
     session.set_light_files(Arc::new(TestFiles));
