@@ -8,12 +8,12 @@ use oocpt_core::LightDesc;
 use oocpt_core::scene::{MaterialDesc, NodeDesc, ParamDesc, ParamValue};
 use oocpt_render::AovKind;
 
-fn clear_glass() -> MaterialDesc {
+fn glass(roughness: f32) -> MaterialDesc {
     let param = |name: &str, value| ParamDesc { name: name.into(), value };
     let params = vec![
         param("opacity", ParamValue::Float(0.0)),
         param("ior", ParamValue::Float(1.5)),
-        param("roughness", ParamValue::Float(0.0)),
+        param("roughness", ParamValue::Float(roughness)),
         param("diffuseColor", ParamValue::Vec3([1.0; 3])),
     ];
     let node =
@@ -21,8 +21,8 @@ fn clear_glass() -> MaterialDesc {
     MaterialDesc { path: "/glass".into(), nodes: vec![node], surface: Some(0) }
 }
 
-/// The picture of a tilted block of glass in what `light` gives.
-fn block_in(light: LightDesc) -> Vec<[f32; 4]> {
+/// The picture of a tilted block of glass of this roughness in what `light` gives.
+fn block_in(light: LightDesc, roughness: f32) -> Vec<[f32; 4]> {
     let session = session(settings(64, 24));
     session.with_scene(|db| {
         let corner = |i: u8| [0, 1, 2].map(|k| f32::from(i >> k & 1) - 0.5);
@@ -30,7 +30,7 @@ fn block_in(light: LightDesc) -> Vec<[f32; 4]> {
         let turned = DMat4::from_quat(DQuat::from_euler(EulerRot::XYZ, 0.6, 0.4, 0.2));
         let block = mesh(prim("/block", turned), 1, (0..8).map(corner).collect(), &faces.map(Vec::from), 0.5);
         db.upsert_mesh(oocpt_core::MeshDesc { material: Some("/glass".into()), ..block });
-        db.upsert_material(clear_glass());
+        db.upsert_material(glass(roughness));
         db.upsert_light(light);
     });
     let request = request(orthographic(DVec3::Z * 5.0, DVec3::ZERO, 2.0, [32, 32]));
@@ -41,9 +41,20 @@ fn block_in(light: LightDesc) -> Vec<[f32; 4]> {
 /// Shadow rays take part in this: those that go through must start beyond the surface.
 #[test]
 fn a_clear_block_in_a_white_world_is_not_to_be_seen() {
-    let pixels = block_in(dome([1.0; 3]));
+    let pixels = block_in(dome([1.0; 3]), 0.0);
     let mean = pixels.iter().map(|pixel| f64::from(pixel[0])).sum::<f64>() / 1024.0;
     assert!((mean - 1.0).abs() < 3e-3, "{mean}, not 1");
+    let middle: Vec<f32> = (12..20).flat_map(|y| pixels[y * 32 + 12..y * 32 + 20].iter().map(|p| p[0])).collect();
+    let mean = middle.iter().sum::<f32>() / 64.0;
+    assert!((mean - 1.0).abs() < 1e-2, "{mean} in the middle, not 1");
+}
+
+/// The same of a frosted one, to what its table of multiple scattering is off: the whole way of a scene that has rough glass.
+#[test]
+fn a_frosted_block_in_a_white_world_is_hardly_to_be_seen() {
+    let pixels = block_in(dome([1.0; 3]), 0.4);
+    let mean = pixels.iter().map(|pixel| f64::from(pixel[0])).sum::<f64>() / 1024.0;
+    assert!((mean - 1.0).abs() < 5e-3, "{mean}, not 1");
     let middle: Vec<f32> = (12..20).flat_map(|y| pixels[y * 32 + 12..y * 32 + 20].iter().map(|p| p[0])).collect();
     let mean = middle.iter().sum::<f32>() / 64.0;
     assert!((mean - 1.0).abs() < 1e-2, "{mean} in the middle, not 1");
