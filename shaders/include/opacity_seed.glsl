@@ -6,7 +6,7 @@
 // `ray` numbers the rays of the path: 2 * bounce, + 1 for shadow rays.
 uint opacity_seed(uint path, uint ray) {
     if (!HAS_OPACITY && !HAS_CUTOUTS) return 0u;
-    return hash_combine(hash_combine(hash_combine(FRAME.seed, path_pixel(path)), path_sample(path)), ray);
+    return hash_combine(hash_combine(hash_combine(path_seed(path), path_pixel(path)), path_sample(path)), ray);
 }
 
 #endif

@@ -110,7 +110,7 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     const Double3 origin = add(surface.position, surface.offset * normal);
     const bool last = ray.bounce >= FRAME.max_bounces;
     const uvec2 pixel = pixel_position(path_pixel(path));
-    const uint seed = pixel_seed(pixel.x, pixel.y, FRAME.seed);
+    const uint seed = pixel_seed(pixel.x, pixel.y, path_seed(path));
     const uint index = path_sample(path);
     const uint link_set = prim_link_set(surface.prim_id);
     const uint packed_normal = HAS_TRANSMISSION ? NO_INDEX : pack_normal(normal);

@@ -40,7 +40,7 @@ void shade_plain(uint path, out bool ask, out bool go_on) {
     if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path_place(path)] = vec4(0.0, 0.0, 0.0, 1.0);
 
     const uvec2 pixel = pixel_position(path_pixel(path));
-    const uint seed = pixel_seed(pixel.x, pixel.y, FRAME.seed);
+    const uint seed = pixel_seed(pixel.x, pixel.y, path_seed(path));
     const uint index = path_sample(path);
     const vec3 throughput = load_path(path).throughput * surface.albedo;
 

@@ -11,6 +11,7 @@ layout(push_constant, scalar) uniform PushBlock { Push push; };
 #define FRAME FrameBlock(push.frame).f
 #define COUNTERS CountersBlock(FRAME.counters).c
 #define STREAMING StreamingBlock(FRAME.streaming).s
+#define ADAPTIVE AdaptiveBlock(FRAME.adaptive).a
 
 uint thread_index() {
     return (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * WORKGROUP_SIZE + gl_LocalInvocationIndex;
@@ -31,8 +32,44 @@ uint path_place(uint path) {
     return HAS_STREAMING ? ConstUints(STREAMING.places).v[path] : path;
 }
 
+// Adaptive: pixel, with the stream in the highest bit, and sample number of path `i` of those that begin at entry `first_pixel` of the band
+// and row `first_sample`.
+uint band_width(uint first_sample) {
+    return ADAPTIVE.width[first_sample >> BAND_SHIFT];
+}
+
+uvec2 entry_from(uint first_pixel, uint first_sample, uint i) {
+    const uint width = band_width(first_sample);
+    const uvec2 entry = ConstUVec2s(ADAPTIVE.entries).v[(first_pixel + i) % width];
+    return entry + uvec2(0u, (first_sample & ((1u << BAND_SHIFT) - 1u)) + (first_pixel + i) / width);
+}
+
+uvec2 path_entry(uint path) {
+    if (!HAS_STREAMING) return entry_from(push.first_pixel, push.first_sample, path);
+    const uint place = path_place(path);
+    const uint segment = place / STREAMING.segment_size;
+    return entry_from(Segments(STREAMING.segments).v[segment].first_pixel, Segments(STREAMING.segments).v[segment].first_sample,
+                      place - segment * STREAMING.segment_size);
+}
+
+// Whether paths are numbered by entries; those through pixel centres are not.
+bool has_entries() {
+    return HAS_ADAPTIVE && (push.flags & PUSH_AOVS) == 0u;
+}
+
+// The seed of the samples of an entry: each stream has its own.
+uint entry_seed(uint entry) {
+    return (entry & STREAM_BIT) != 0u ? FRAME.seed ^ STREAM_SEED : FRAME.seed;
+}
+
+// The seed of the samples of a path.
+uint path_seed(uint path) {
+    return has_entries() ? entry_seed(path_entry(path).x) : FRAME.seed;
+}
+
 // Pixel of a path.
 uint path_pixel(uint path) {
+    if (has_entries()) return path_entry(path).x & ~STREAM_BIT;
     if (!HAS_STREAMING) return pixel_from(push.first_pixel, path);
     const uint place = path_place(path);
     const uint segment = place / STREAMING.segment_size;
@@ -41,6 +78,7 @@ uint path_pixel(uint path) {
 
 // Sample number of a path.
 uint path_sample(uint path) {
+    if (has_entries()) return path_entry(path).y;
     if (!HAS_STREAMING) return sample_from(push.first_sample, push.first_pixel, path);
     const uint place = path_place(path);
     const uint segment = place / STREAMING.segment_size;

@@ -1,19 +1,46 @@
 // SPDX-License-Identifier: Apache-2.0
 // Adds the samples of a wave, or of a segment whose first place is arg0, to the film, each pixel's in ascending order: one thread
-// per pixel of it, at least min(path_count, width * height).
-// Reads: radiance. Reads and writes: film.
+// per pixel of it, at least min(path_count, width * height). Adaptive: one thread per entry of it; and notes at powers of two what the
+// samples so far say of their error.
+// Reads: radiance. Reads and writes: film. Adaptive: reads entries, writes said.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
 
 const float LARGEST = 3.0e38;
+const float EPSILON = 1e-2; // as in measure_error
+const float LARGEST_HALF = 6e4;
+
+// The square root of a relative variance of the mean, times the root of the samples.
+float root(vec3 variance, vec3 mean, float samples) {
+    const vec3 relative = variance / (mean * mean + EPSILON);
+    return min(LARGEST_HALF, sqrt(max(0.0, (relative.x + relative.y + relative.z) * (samples / 3.0))));
+}
+
+void say(uint stream, uint pixel, FilmPixel film) {
+    const float n = float(film.samples);
+    const vec3 mean = film.sum.rgb / n;
+    const vec3 change = mean - film.earlier;
+    const float spread = root(film.m2 / (n - 1.0) / n, mean, n);
+    const uint octave = uint(findMSB(film.samples));
+    const uint at = ((octave % SAID_RING) * 2u + stream) * (FRAME.width * FRAME.height) + pixel;
+    Uints(ADAPTIVE.said).v[at] = packHalf2x16(vec2(spread, root(change * change, mean, n)));
+}
 
 void main() {
     const uint thread = thread_index();
-    const uint pixels = FRAME.width * FRAME.height;
+    uint pixels = FRAME.width * FRAME.height; // that have paths here, one after the other
+    if (HAS_ADAPTIVE) pixels = band_width(push.first_sample);
     if (thread >= min(pixels, push.path_count)) return;
-    const uvec2 position = pixel_position(pixel_from(push.first_pixel, thread));
-    const uint pixel = position.y * FRAME.width + position.x;
+    uint index = pixel_from(push.first_pixel, thread);
+    uint stream = 0u;
+    if (HAS_ADAPTIVE) {
+        const uint entry = entry_from(push.first_pixel, push.first_sample, thread).x;
+        index = entry & ~STREAM_BIT;
+        stream = entry >> 31;
+    }
+    const uvec2 position = pixel_position(index);
+    const uint pixel = position.y * FRAME.width + position.x + stream * FRAME.width * FRAME.height;
     FilmPixel film = Film(FRAME.film).v[pixel];
     for (uint path = thread; path < push.path_count; path += pixels) {
         const vec4 value = ConstVec4s(FRAME.radiance).v[push.arg0 + path];
@@ -33,6 +60,9 @@ void main() {
         const bvec3 fits = lessThan(m2, vec3(LARGEST));
         film.m2_compensation = mix(vec3(0.0), lost, fits);
         film.m2 = mix(vec3(LARGEST), m2, fits);
+        if (HAS_ADAPTIVE && film.samples >= 1u << SAID_FIRST && (film.samples & (film.samples - 1u)) == 0u) {
+            say(stream, position.y * FRAME.width + position.x, film);
+        }
     }
     Film(FRAME.film).v[pixel] = film;
 }

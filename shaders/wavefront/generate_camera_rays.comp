@@ -10,9 +10,17 @@
 #include "include/camera.glsl"
 
 void start_path(uint thread, uint path) {
-    const uvec2 pixel = pixel_position(pixel_from(push.first_pixel, thread));
-    const uint index = sample_from(push.first_sample, push.first_pixel, thread);
-    const vec4 u = sample_4d(index, 0u, pixel_seed(pixel.x, pixel.y, FRAME.seed));
+    uint pixel_index = pixel_from(push.first_pixel, thread);
+    uint index = sample_from(push.first_sample, push.first_pixel, thread);
+    uint seed = FRAME.seed;
+    if (HAS_ADAPTIVE) {
+        const uvec2 entry = entry_from(push.first_pixel, push.first_sample, thread);
+        pixel_index = entry.x & ~STREAM_BIT;
+        index = entry.y;
+        seed = entry_seed(entry.x);
+    }
+    const uvec2 pixel = pixel_position(pixel_index);
+    const vec4 u = sample_4d(index, 0u, pixel_seed(pixel.x, pixel.y, seed));
     const vec2 p = vec2(pixel) + u.xy;
     vec3 shift = camera_shift(p);
     vec3 d = camera_direction(p);

@@ -5,6 +5,8 @@
 // A pixel's error is divided by the square of what the pixel is, which nobody knows. Its own mean would hide a firefly (divided by
 // itself, it is 1 at most); so the mean is drawn towards its neighbours' as far as it differs from it by no more than its noise
 // explains (positive-part James-Stein).
+//
+// Adaptive: what is said of the change since half as many samples is said of half the difference of the two streams.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
@@ -20,8 +22,24 @@ struct PixelError {
     float doubt; // relative standard error of the divisor
 };
 
-vec3 mean_of(uint pixel) {
+vec3 stream_mean(uint pixel) {
     return ConstFilm(FRAME.film).v[pixel].sum.rgb / float(max(ConstFilm(FRAME.film).v[pixel].samples, 1u));
+}
+
+vec3 stream_variance(uint pixel) {
+    const float n = float(max(ConstFilm(FRAME.film).v[pixel].samples, 2u));
+    return max(ConstFilm(FRAME.film).v[pixel].m2, vec3(0.0)) / (n - 1.0) / n;
+}
+
+vec3 mean_of(uint pixel) {
+    const vec3 mean = stream_mean(pixel);
+    return HAS_ADAPTIVE ? 0.5 * (mean + stream_mean(FRAME.width * FRAME.height + pixel)) : mean;
+}
+
+// Fewest samples that a stream of the pixel has.
+uint fewest_of(uint pixel) {
+    const uint samples = ConstFilm(FRAME.film).v[pixel].samples;
+    return HAS_ADAPTIVE ? min(samples, ConstFilm(FRAME.film).v[FRAME.width * FRAME.height + pixel].samples) : samples;
 }
 
 float average(vec3 v) {
@@ -46,12 +64,15 @@ uint neighbours(ivec2 at, out vec3 sum, out vec3 squares) {
     return count;
 }
 
-PixelError error_of(uint pixel, uint samples) {
-    const FilmPixel film = ConstFilm(FRAME.film).v[pixel];
-    const float n = float(samples);
-    const vec3 mean = film.sum.rgb / n;
-    const vec3 variance = max(film.m2, vec3(0.0)) / (n - 1.0) / n;
-    const vec3 change = mean - film.earlier;
+PixelError error_of(uint pixel) {
+    const vec3 mean = mean_of(pixel);
+    vec3 variance = stream_variance(pixel);
+    vec3 change = mean - ConstFilm(FRAME.film).v[pixel].earlier;
+    if (HAS_ADAPTIVE) {
+        const uint other = FRAME.width * FRAME.height + pixel;
+        variance = 0.25 * (variance + stream_variance(other));
+        change = 0.5 * (stream_mean(pixel) - stream_mean(other));
+    }
     vec3 level = mean;
     vec3 level_variance = variance;
     vec3 sum, squares;
@@ -86,12 +107,14 @@ void main() {
     const uint stride = gl_NumWorkGroups.x * WORKGROUP_SIZE;
     ErrorSums mine = ErrorSums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0u, 0u, 0xffffffffu, 0u, 0u);
     for (uint pixel = gl_GlobalInvocationID.x; pixel < pixels; pixel += stride) {
-        const uint samples = ConstFilm(FRAME.film).v[pixel].samples;
+        uint samples = ConstFilm(FRAME.film).v[pixel].samples;
         PixelError e = PixelError(0.0, 0.0, 0.0);
-        if (samples >= 2u) e = error_of(pixel, samples);
+        const bool tells = fewest_of(pixel) >= 2u;
+        if (tells) e = error_of(pixel);
+        if (HAS_ADAPTIVE) samples += ConstFilm(FRAME.film).v[pixels + pixel].samples;
         const float doubt = e.s * e.doubt;
         mine = joined(mine, ErrorSums(e.s, e.d, e.s * e.s, e.s * e.d, e.d * e.d, doubt * doubt, e.s, pixel,
-                                      samples >= 2u ? 1u : 0u, samples, samples, 0u));
+                                      tells ? 1u : 0u, samples, samples, 0u));
     }
     parts[gl_LocalInvocationIndex] = mine;
     barrier();
@@ -102,7 +125,7 @@ void main() {
         barrier();
     }
     if (gl_LocalInvocationIndex == 0u) {
-        const uint64_t behind = FRAME.film + uint64_t(pixels) * FILM_PIXEL_BYTES;
+        const uint64_t behind = FRAME.film + uint64_t(pixels) * FILM_PIXEL_BYTES * (HAS_ADAPTIVE ? 2ul : 1ul);
         ErrorParts(behind).v[gl_WorkGroupID.x] = parts[0];
     }
 }

@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // The picture so far: one thread per pixel.
-// Reads: film. Writes: color, premultiplied, over the clear colour.
+// Reads: film. Writes: color, premultiplied, over the clear colour. Adaptive: half of each stream, however many samples they have.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
 
 void main() {
     const uint pixel = thread_index();
-    if (pixel >= FRAME.width * FRAME.height) return;
+    const uint pixels = FRAME.width * FRAME.height;
+    if (pixel >= pixels) return;
     const uint samples = Film(FRAME.film).v[pixel].samples;
-    const vec4 mean = Film(FRAME.film).v[pixel].sum / float(max(samples, 1u));
+    vec4 mean = Film(FRAME.film).v[pixel].sum / float(max(samples, 1u));
+    if (HAS_ADAPTIVE && Film(FRAME.film).v[pixels + pixel].samples > 0u) {
+        const vec4 other = Film(FRAME.film).v[pixels + pixel].sum / float(Film(FRAME.film).v[pixels + pixel].samples);
+        mean = 0.5 * (mean + other);
+    }
     Vec4s(FRAME.color).v[pixel] = mean + FRAME.clear_color * (1.0 - mean.a);
 }

@@ -23,7 +23,7 @@ KEYS = [
 ]  # fmt: skip
 DESCRIBED = [
     "oocpt:samplesPerPixel", "oocpt:maxBounces", "oocpt:seed", "oocpt:clamp", "oocpt:timeLimit", "oocpt:memoryBudget",
-    "oocpt:device", "oocpt:policy", "oocpt:chunkSize", "oocpt:geometryBudget", "oocpt:chunkReport", "oocpt:report", "oocpt:reference", "oocpt:targetError", "oocpt:carry", "oocpt:stragglerRoulette", "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility",
+    "oocpt:device", "oocpt:policy", "oocpt:chunkSize", "oocpt:geometryBudget", "oocpt:chunkReport", "oocpt:report", "oocpt:reference", "oocpt:targetError", "oocpt:carry", "oocpt:stragglerRoulette", "oocpt:adaptiveSampling", "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility",
 ]  # fmt: skip
 
 

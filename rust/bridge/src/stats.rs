@@ -5,6 +5,7 @@
 //! `percentDone`…); those under `oocpt:` are ours. Pure; any thread.
 
 use crate::ffi::{NamedValue, ScalarTag, ScalarValue};
+use oocpt_core::adaptive::Spent;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::stats::{ErrorRow, Stats, StreamingStats};
 
@@ -41,6 +42,7 @@ pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
     values.extend(inventory(&stats.inventory));
     values.extend(streaming(&stats.streaming));
     values.extend(stats.error.iter().flat_map(error));
+    values.extend(stats.adaptive.iter().flat_map(adaptive));
     values
 }
 
@@ -70,6 +72,16 @@ fn inventory(inventory: &Inventory) -> [NamedValue; 13] {
         integer("oocpt:bytesLeftOut", inventory.saved()),
         integer("oocpt:maxLevels", u64::from(inventory.max_levels)),
         integer("oocpt:stackSize", u64::from(inventory.stack_size)),
+    ]
+}
+
+/// How samples were spent at that look.
+fn adaptive(spent: &Spent) -> [NamedValue; 4] {
+    [
+        integer("oocpt:adaptiveEpochs", u64::from(spent.epochs)),
+        integer("oocpt:adaptiveFewestSamples", u64::from(spent.fewest)),
+        integer("oocpt:adaptiveMostSamples", u64::from(spent.most)),
+        real("oocpt:adaptiveDecidedShare", spent.decided),
     ]
 }
 

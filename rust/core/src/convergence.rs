@@ -9,9 +9,11 @@
 //! # How
 //! Samples of a pixel are scrambled Sobol points (Owen 1997), not independent: the variance `s` of the samples over their number
 //! says too much. Halves of `2^m` such samples are exchangeable, so the change `d` of the mean from `2^(m-1)` to `2^m` samples has the mean
-//! square `V(2^(m-1)) - V(2^m)`, `V(n)` the variance of the mean. With `V(n) ~ n^-a` near `n`, that is `V(n) (2^a - 1)`. Of `R = d / s`, summed
-//! over all pixels, a Kalman filter over the octaves follows `ln R` and its slope `1 - a`; the estimate is `s R / (2^a - 1)`.
-//! Independent samples give `R = 1`, `a = 1` and the textbook `s`.
+//! square `V(2^(m-1)) - V(2^m)`, `V(n)` the variance of the mean; and `V(2^m)` is the sum of all changes to come. Of `R = d / s`, summed over all
+//! pixels, a Kalman filter over the octaves follows `ln R` and its slope `-b`. An integrand is a sum of parts whose variances fall with their own
+//! powers of the samples (ANOVA and smoothness: Owen 1997), and those that fall fast die first, so the slope dies too. It is taken for that of two
+//! parts, with the powers of [`PARTS`] on both sides of `b`: that says what the slope is next, and what share of the change is still to come.
+//! Independent samples give `R = 1`, `b = 0` and the textbook `s`.
 //!
 //! # The interval
 //! Log-normal, of three independent parts: what the filter does not know; by how much this picture's error differs from its mean
@@ -27,6 +29,9 @@ const ROUNDING: f64 = 1e-14;
 const SLOPE: (f64, f64) = (0.3, 0.4);
 /// The steepest that is believed: smooth integrands, variance falling as the cube of the samples.
 const STEEPEST: f64 = 2.0;
+/// Slopes of parts of an integrand: noise in many dimensions, edges, edges met by one dimension, smooth. Counted (decisions/0009): with one
+/// part of any slope the estimate is a fifth low.
+const PARTS: [f64; 4] = [0.0, 0.7, 1.0, STEEPEST];
 /// By how much `ln R` and its slope may change from octave to octave besides.
 const DRIFT: (f64, f64) = (0.1, 0.15);
 /// Variance of the logarithm of the estimate for what the model leaves out.
@@ -87,9 +92,23 @@ fn spread_wide(samples: f64, gain: f64) -> f64 {
     (samples - gain.clamp(0.0, 1.0)) / (samples - 1.0).max(1.0)
 }
 
-/// `V(n)` over `V(n/2) - V(n)`.
-fn share(slope: f64) -> f64 {
-    1.0 / ((1.0 + slope).exp2() - 1.0)
+/// What two parts make of a slope: the slope an octave on, and `V(n)` over `V(n/2) - V(n)`.
+fn parts(slope: f64) -> (f64, f64) {
+    let slope = slope.clamp(0.0, STEEPEST);
+    let above = PARTS.iter().skip(1).position(|part| slope <= *part).unwrap_or(PARTS.len() - 2);
+    let (flat, steep) = (PARTS[above], PARTS[above + 1]);
+    let [slow, fast, fell] = [flat, steep, slope].map(|slope| (-slope).exp2());
+    // Share of the steep part in the last change: it had more of the one before.
+    let share = (slow - fell) / (slow - fast) * fast / fell;
+    let next = -((1.0 - share) * slow + share * fast).log2();
+    let to_come = |part: f64| 1.0 / ((1.0 + part).exp2() - 1.0);
+    (next, (1.0 - share) * to_come(flat) + share * to_come(steep))
+}
+
+/// Derivative of `of(slope)`.
+fn derivative(slope: f64, of: impl Fn(f64) -> f64) -> f64 {
+    let (low, high) = ((slope - 1e-3).max(0.0), (slope + 1e-3).min(STEEPEST));
+    (of(high) - of(low)) / (high - low)
 }
 
 impl ErrorSums {
@@ -114,12 +133,16 @@ impl State {
     fn predicted(self) -> Self {
         let ln2 = std::f64::consts::LN_2;
         let [ratio, both, slope] = self.covariance;
+        let (next, _) = parts(self.slope);
+        // At most 1: where a steep part is all there was, how fast it dies is not known better than that.
+        let kept = derivative(self.slope, |slope| parts(slope).0).min(1.0);
+        let step = kept * ln2;
         let covariance = [
-            (ln2 * ln2).mul_add(slope, (-2.0 * ln2).mul_add(both, ratio)) + DRIFT.0 * DRIFT.0,
-            both - ln2 * slope,
-            slope + DRIFT.1 * DRIFT.1,
+            (step * step).mul_add(slope, (-2.0 * step).mul_add(both, ratio)) + DRIFT.0 * DRIFT.0,
+            kept * (both - step * slope),
+            (kept * kept).mul_add(slope, DRIFT.1 * DRIFT.1),
         ];
-        Self { log_ratio: self.log_ratio - ln2 * self.slope, covariance, ..self }
+        Self { log_ratio: self.log_ratio - ln2 * next, slope: next, covariance }
     }
 
     /// Having seen `log_ratio` with the given variance at an octave.
@@ -142,8 +165,7 @@ impl State {
 
     /// Variance of the logarithm of the estimate.
     fn variance(&self) -> f64 {
-        let grown = (1.0 + self.slope).exp2();
-        let by_slope = -grown * std::f64::consts::LN_2 / (grown - 1.0);
+        let by_slope = derivative(self.slope, |slope| parts(slope).1.ln());
         let [ratio, both, slope] = self.covariance;
         (by_slope * by_slope).mul_add(slope, (2.0 * by_slope).mul_add(both, ratio)).max(0.0)
     }
@@ -179,7 +201,7 @@ impl Convergence {
             self.last = Some((octave, state));
         }
         let ratio = state.log_ratio.exp();
-        let value = ratio * share(state.slope) * sums.s / wide;
+        let value = ratio * parts(state.slope).1 * sums.s / wide;
         Some(interval(value, sums, state.variance(), sums.scatter(ratio / wide)))
     }
 
@@ -193,8 +215,8 @@ impl Convergence {
         if sums.s <= 0.0 {
             return Some(Estimate { rel_mse: 0.0, low: 0.0, high: ROUNDING });
         }
-        let gain = state.log_ratio.exp() * share(state.slope);
-        let by_law = (samples / f64::from(octave).exp2()).powf(-state.slope);
+        let gain = state.log_ratio.exp() * parts(state.slope).1;
+        let by_law = (samples / f64::from(octave).exp2()).powf(-parts(state.slope).0);
         let by_blocks = blocks(samples, octave, state.slope).max(by_law);
         let value = gain * (by_law * by_blocks).sqrt() * sums.s / spread_wide(samples, gain);
         let between = 0.5 * (by_blocks / by_law).ln();
@@ -202,6 +224,22 @@ impl Convergence {
         let scatter = 2.0 * sums.ss / (sums.s * sums.s);
         Some(interval(value, sums, between.mul_add(between, state.variance()), scatter))
     }
+}
+
+/// What the error of an adaptive picture is: half the sum of two means that share no sample (see [`crate::adaptive`]). The square of half
+/// their difference, `d` of `sums`, has the same expectation as that of the picture's error, without any model.
+/// None below two samples or without sound sums.
+#[must_use]
+pub fn of_halves(sums: &ErrorSums) -> Option<Estimate> {
+    if !sums.is_sound() {
+        return None;
+    }
+    if sums.s <= 0.0 || sums.d <= 0.0 {
+        return Some(Estimate { rel_mse: 0.0, low: 0.0, high: ROUNDING });
+    }
+    // Estimate and error have the same distribution, and are all but independent.
+    let scatter = sums.scatter(sums.d / sums.s);
+    Some(interval(sums.d, sums, scatter.ln_1p(), scatter))
 }
 
 /// Variance of the mean of `samples` in independent blocks of powers of two, over what independent samples would make of that of

@@ -7,6 +7,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod adaptive;
 pub mod array;
 pub mod camera;
 pub mod convergence;

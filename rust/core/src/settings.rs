@@ -41,6 +41,8 @@ pub struct Settings {
     pub carry: String,
     /// Rays that wait for a load that is too dear for what they bring may end, unbiased (`residency::roulette`).
     pub straggler_roulette: bool,
+    /// Spend samples where the picture's error is largest.
+    pub adaptive_sampling: bool,
     /// Show coarse images early (`enableInteractive`).
     pub interactive: bool,
     /// Dome lights are seen by camera rays.
@@ -134,6 +136,7 @@ impl Default for Settings {
             target_error: 0.0,
             carry: String::new(),
             straggler_roulette: false,
+            adaptive_sampling: false,
             interactive: true,
             dome_light_camera_visible: true,
             enable_scene_lights: true,
@@ -192,6 +195,12 @@ const TABLE: &[(&str, &str, &str, &str)] = &[
         "OOCPT_STRAGGLER_ROULETTE",
         "Straggler roulette",
         "Russian roulette on rays that wait for expensive loads: unbiased, but other bits at each budget and run",
+    ),
+    (
+        "oocpt:adaptiveSampling",
+        "OOCPT_ADAPTIVE_SAMPLING",
+        "Adaptive sampling",
+        "Spend samples where the error is largest; as many in all, and no bias",
     ),
     ("convergedSamplesPerPixel", "OOCPT_CONVERGED_SAMPLES_PER_PIXEL", "Converged samples", "As oocpt:samplesPerPixel"),
     (
@@ -264,6 +273,7 @@ impl Settings {
             "oocpt:targetError" => Field::Float(&mut self.target_error, 0.0, 1e9),
             "oocpt:carry" => Field::Text(&mut self.carry),
             "oocpt:stragglerRoulette" => Field::Bool(&mut self.straggler_roulette),
+            "oocpt:adaptiveSampling" => Field::Bool(&mut self.adaptive_sampling),
             "enableInteractive" => Field::Bool(&mut self.interactive),
             "domeLightCameraVisibility" => Field::Bool(&mut self.dome_light_camera_visible),
             "enableSceneLights" => Field::Bool(&mut self.enable_scene_lights),

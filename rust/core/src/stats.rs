@@ -3,6 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::adaptive::Spent;
 use crate::convergence::Estimate;
 use crate::inventory::Inventory;
 use crate::scene::DroppedData;
@@ -55,6 +56,9 @@ pub struct Stats {
     /// What the last look at the picture's error said.
     #[serde(default)]
     pub error: Option<ErrorRow>,
+    /// With adaptive sampling: how the samples so far were spent.
+    #[serde(default)]
+    pub adaptive: Option<Spent>,
 }
 
 /// The picture's error at one moment; also a line of the report that `oocpt:report` names.

@@ -2,8 +2,8 @@
 //! Error against time while a frame renders: takes what the film measured, tells it to the stats and to the report, compares with a
 //! reference, and says when the error is small enough to stop.
 //!
-//! Stopping does not bias the picture to speak of: it is decided for the whole picture, by its error at powers of two of the samples
-//! alone, and a single pixel hardly moves that. Nothing is decided by time unless a time limit is set, and no path beyond an octave begins before that octave is
+//! Stopping biases the picture by little (counted: decisions/0009): it is decided for the whole picture, by its error at powers of two of the
+//! samples alone, and a single pixel hardly moves that. Nothing is decided by time unless a time limit is set, and no path beyond an octave begins before that octave is
 //! decided: same scene, same samples. Trouble with files is one warning. Render thread only.
 
 use crate::error_report::{ErrorReportHeader, InventoryLine, ReportWriter, VERSION};
@@ -12,7 +12,7 @@ use crate::reference::Reference;
 use crate::request::Severity;
 use crate::session::{Job, Shared};
 use crate::sync::lock;
-use oocpt_core::convergence::{Convergence, Estimate};
+use oocpt_core::convergence::{Convergence, Estimate, of_halves};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::stats::ErrorRow;
 use std::borrow::Cow;
@@ -27,6 +27,8 @@ pub(crate) struct Moment {
     pub(crate) seconds: f64,
     pub(crate) seconds_tracing: f64,
     pub(crate) bytes_paged: u64,
+    /// Of each pixel, on average.
+    pub(crate) samples: u32,
 }
 
 /// See the module.
@@ -37,6 +39,10 @@ pub(crate) struct ErrorLog {
     writer: Option<ReportWriter>,
     reference: Option<Reference>,
     target: f64,
+    /// The target is reached.
+    is_good: bool,
+    /// Two halves of every pixel share no sample.
+    has_halves: bool,
     /// Paths that may begin.
     open: u64,
     /// The last row, as long as it may turn out to be the last.
@@ -61,7 +67,18 @@ impl ErrorLog {
                 .ok(),
         };
         let open = if target > 0.0 { pixels << FEWEST_TO_STOP } else { u64::MAX };
-        Self { convergence: Convergence::default(), pixels, writer, reference, target, open, last: None }
+        let has_halves = job.settings.adaptive_sampling;
+        Self {
+            convergence: Convergence::default(),
+            pixels,
+            writer,
+            reference,
+            target,
+            is_good: false,
+            has_halves,
+            open,
+            last: None,
+        }
     }
 
     /// Whether waves are to end where octaves do, so that a row has the time of its own samples.
@@ -79,29 +96,26 @@ impl ErrorLog {
         self.open
     }
 
+    /// Whether the error is small enough to stop.
+    pub(crate) fn is_good_enough(&self) -> bool {
+        self.is_good
+    }
+
     /// Takes what was measured with `octave`, or at the end.
     pub(crate) fn row(&mut self, shared: &Shared, measured: Measured, octave: Option<u32>, moment: Moment) {
         let estimate = match octave {
+            _ if self.has_halves => of_halves(&measured.sums),
             Some(octave) => self.convergence.octave(octave, &measured.sums),
             None => self.convergence.between(f64::from(measured.fewest), &measured.sums),
         };
         if let Some(octave) = octave {
             self.decide(octave, estimate);
         }
-        let Measured { worst, fewest, rays, .. } = measured;
+        let Measured { worst, rays, .. } = measured;
         let truth = self.reference.as_ref().and_then(|reference| reference.compare(&lock(&shared.published)));
-        let Moment { seconds, seconds_tracing, bytes_paged } = moment;
-        let row = ErrorRow {
-            samples: fewest,
-            seconds,
-            seconds_tracing,
-            rays,
-            estimate,
-            worst,
-            bytes_paged,
-            truth,
-            is_last: false,
-        };
+        let Moment { seconds, seconds_tracing, bytes_paged, samples } = moment;
+        let row =
+            ErrorRow { samples, seconds, seconds_tracing, rays, estimate, worst, bytes_paged, truth, is_last: false };
         self.write(shared);
         lock(&shared.stats).error = Some(row.clone());
         self.last = Some(row);
@@ -110,6 +124,7 @@ impl ErrorLog {
     fn decide(&mut self, octave: u32, estimate: Option<Estimate>) {
         let (_, next) = next_boundary(self.pixels << octave, self.pixels);
         let is_good = estimate.is_some_and(|estimate| estimate.high <= self.target);
+        self.is_good = self.target > 0.0 && octave >= FEWEST_TO_STOP && is_good;
         if self.target > 0.0 && octave >= FEWEST_TO_STOP && !is_good && self.open < next {
             self.open = next;
         }

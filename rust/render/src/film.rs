@@ -1,13 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The images of a frame on the device and their way to the host.
 
+use crate::adaptive::Adaptive;
 use crate::aov::{AovKind, AovRequest};
+use crate::error::RenderError;
+use crate::measure::{Piece, pieces};
 use crate::publish::Published;
 use crate::request::RenderRequest;
+use crate::schedule::Wave;
+use crate::session::Job;
 use crate::sync::lock;
+use oocpt_core::adaptive::STREAMS;
 use oocpt_core::inventory::Inventory;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
-use oocpt_shader_abi::{Counters, ERROR_GROUPS, ErrorSums, FilmPixel, Frame, WORKGROUP_SIZE};
+use oocpt_shader_abi::{Counters, ERROR_GROUPS, ErrorSums, FilmPixel, Frame, Push, WORKGROUP_SIZE};
 use std::sync::{Arc, Mutex};
 
 /// Slots for what `measure_error` says: octaves 0 to 24 of the samples, and the end.
@@ -24,14 +30,22 @@ pub(crate) fn error_groups(pixels: u64) -> u32 {
 pub(crate) struct Film {
     pixels: u64,
     kinds: Vec<AovKind>,
-    /// `FilmPixel` per pixel, then what `measure_error` says of them; only with colour.
+    /// `FilmPixel` per pixel and stream, then what `measure_error` says of them; only with colour.
     film: Option<Buffer>,
     /// With colour: what `measure_error` said and the counters at each octave of samples, and at the end.
     errors: Option<Buffer>,
     color: Option<Buffer>,
+    /// Only with colour and adaptive sampling; `film` is then twice as long.
+    adaptive: Option<Adaptive>,
     planes: Vec<(AovKind, Buffer)>,
     /// One copy of every wanted image, then the counters.
     readback: Buffer,
+}
+
+/// Bytes of what is known of so many pixels.
+fn film_bytes(pixels: u64, adaptive: bool) -> u64 {
+    let streams = if adaptive { STREAMS as u64 } else { 1 };
+    pixels * streams * size_of::<FilmPixel>() as u64
 }
 
 /// The images wanted, each kind once.
@@ -43,13 +57,14 @@ fn wanted(request: &RenderRequest) -> Vec<AovKind> {
 }
 
 impl Film {
-    /// Memory for the images of `request`.
-    pub(crate) fn new(gpu: &Arc<Gpu>, request: &RenderRequest) -> Result<Self, GpuError> {
+    /// Memory for the images of `request`, sampled adaptively or not.
+    pub(crate) fn new(gpu: &Arc<Gpu>, request: &RenderRequest, adaptive: bool) -> Result<Self, GpuError> {
         let (pixels, kinds) = (request.pixels(), wanted(request));
         let plane = |name: &str, bytes: usize| Buffer::new(gpu, name, pixels * bytes as u64, Usage::Device);
         let has_color = kinds.contains(&AovKind::Color);
         let parts = error_groups(pixels) as usize * size_of::<ErrorSums>();
-        let film_bytes = pixels * size_of::<FilmPixel>() as u64 + parts as u64;
+        let adaptive = (has_color && adaptive).then(|| Adaptive::new(gpu, pixels)).transpose()?;
+        let film_bytes = film_bytes(pixels, adaptive.is_some()) + parts as u64;
         let film = has_color.then(|| Buffer::new(gpu, "film", film_bytes, Usage::Device)).transpose()?;
         let error_bytes = u64::from(ERROR_SLOTS) * (parts + size_of::<Counters>()) as u64;
         let errors = has_color.then(|| Buffer::new(gpu, "errors", error_bytes, Usage::Readback)).transpose()?;
@@ -60,12 +75,39 @@ impl Film {
         }
         let bytes: u64 = kinds.iter().map(|kind| pixels * kind.pixel_bytes() as u64).sum();
         let readback = Buffer::new(gpu, "readback", bytes + size_of::<Counters>() as u64, Usage::Readback)?;
-        Ok(Self { pixels, kinds, film, errors, color, planes, readback })
+        Ok(Self { pixels, kinds, film, errors, color, adaptive, planes, readback })
     }
 
     /// Whether these images serve `request` too.
-    pub(crate) fn fits(&self, request: &RenderRequest) -> bool {
-        self.pixels == request.pixels() && self.kinds == wanted(request)
+    pub(crate) fn fits(&self, request: &RenderRequest, adaptive: bool) -> bool {
+        let same = self.pixels == request.pixels() && self.kinds == wanted(request);
+        same && self.adaptive.is_some() == (adaptive && self.has_color())
+    }
+
+    /// Decides the first samples of a render of `job`, if it is adaptive.
+    pub(crate) fn begin(&mut self, job: &Job) -> Result<(), RenderError> {
+        let RenderRequest { width, height, .. } = job.request;
+        let (samples, is_naive) = (job.settings.samples_per_pixel, job.options.plant_naive_sampling);
+        self.adaptive.as_mut().map_or(Ok(()), |adaptive| adaptive.begin([width, height], samples, is_naive))
+    }
+
+    /// What decides where samples go, if they do not go everywhere alike.
+    pub(crate) fn adaptive(&self) -> Option<&Adaptive> {
+        self.adaptive.as_ref()
+    }
+
+    /// The push constants of a wave of samples, and how many pixels' samples follow each other in it.
+    pub(crate) fn push(&self, frame: u64, wave: Wave) -> (Push, u32) {
+        // The request was validated: at most 2^28 pixels.
+        let pixels = u32::try_from(self.pixels).unwrap_or(u32::MAX);
+        let everywhere = || (Push::wave(frame, wave.first, wave.count, pixels), pixels);
+        self.adaptive.as_ref().map_or_else(everywhere, |adaptive| adaptive.push(frame, wave))
+    }
+
+    /// Cuts a wave where its film is to be measured, and leaves out paths from `end` on.
+    pub(crate) fn pieces(&self, wave: Wave, end: u64) -> Vec<Piece> {
+        let everywhere = || pieces(wave, self.pixels, end);
+        self.adaptive.as_ref().map_or_else(everywhere, |adaptive| adaptive.piece(wave, end).into_iter().collect())
     }
 
     /// Whether colour is wanted, which is what samples are for.
@@ -91,6 +133,10 @@ impl Film {
                 }
             }
         }
+        match &self.adaptive {
+            Some(adaptive) => adaptive.buffers().for_each(|buffer| inventory.add(buffer.name(), buffer.size())),
+            None => inventory.leave_out("adaptive sampling", 160 * self.pixels),
+        }
         inventory.add(self.readback.name(), self.readback.size());
         let absent = AovKind::ALL.iter().filter(|kind| !self.kinds.contains(kind));
         inventory
@@ -101,6 +147,7 @@ impl Film {
     pub(crate) fn bind(&self, frame: &mut Frame, aovs: &[AovRequest]) {
         frame.film = self.film.as_ref().map_or(0, Buffer::address);
         frame.color = self.color.as_ref().map_or(0, Buffer::address);
+        frame.adaptive = self.adaptive.as_ref().map_or(0, Adaptive::address);
         for (kind, plane) in &self.planes {
             let address = match kind {
                 AovKind::Color => continue,
@@ -143,7 +190,7 @@ impl Film {
     /// Copies what `measure_error` wrote, and the counters, to a slot below [`ERROR_SLOTS`] where the host can read them.
     pub(crate) fn copy_error(&self, commands: &mut Commands, counters: &Buffer, slot: u32) {
         let (Some(film), Some(errors)) = (&self.film, &self.errors) else { return };
-        let behind = self.pixels * size_of::<FilmPixel>() as u64;
+        let behind = film_bytes(self.pixels, self.adaptive.is_some());
         let bytes = film.size() - behind;
         let at = u64::from(slot.min(ERROR_SLOTS - 1)) * (errors.size() / u64::from(ERROR_SLOTS));
         commands.concurrent(|c| {

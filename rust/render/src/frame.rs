@@ -232,7 +232,8 @@ impl Renderer {
     ) -> Result<(), RenderError> {
         let Setting { device, job, film, .. } = *setting;
         let view = scene.view(scene.stack_entries())?;
-        let needed = specialise::features(&job.snapshot, setting.lights, setting.rays, &view);
+        let mut needed = specialise::features(&job.snapshot, setting.lights, setting.rays, &view);
+        needed.set(Features::ADAPTIVE, film.adaptive().is_some());
         let carried = setting.carry.possible(needed, setting.light_carry);
         let features = needed | carried;
         let view = if setting.carry.levels { view.deepest(scene.stack_entries()) } else { view };
@@ -264,7 +265,7 @@ impl Renderer {
         let total = if film.has_color() { progress.total_paths() } else { 0 };
         let start = if is_cpu(device) { 1 << 14 } else { 1 << 19 };
         let mut schedule = Schedule::new(total, start, buffers.capacity, WAVE_SECS);
-        if progress.wants_octaves() {
+        if progress.wants_octaves() && film.adaptive().is_none() {
             schedule = schedule.with_octaves(job.request.pixels());
         }
         waves::trace(&frames, schedule, gate, progress)
@@ -287,11 +288,12 @@ impl Renderer {
     }
 
     fn make_images(&mut self, device: &Device, job: &Job) -> Result<(), RenderError> {
-        if !self.film.as_ref().is_some_and(|film| film.fits(&job.request)) {
+        let adaptive = job.settings.adaptive_sampling;
+        if !self.film.as_ref().is_some_and(|film| film.fits(&job.request, adaptive)) {
             self.film = None;
-            self.film = Some(Film::new(&device.gpu, &job.request)?);
+            self.film = Some(Film::new(&device.gpu, &job.request, adaptive)?);
         }
-        Ok(())
+        self.film.as_mut().map_or(Ok(()), |film| film.begin(job))
     }
 
     /// Wave memory: at most a quarter of what the budget leaves, and no more than the render has paths; less when there is no

@@ -7,6 +7,7 @@
 //! build, tables) -> traversal. Scenes that do not fit: `streaming`.
 #![forbid(unsafe_code)]
 
+mod adaptive;
 mod aov;
 mod assets;
 pub mod bsdf_tables;

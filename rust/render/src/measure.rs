@@ -62,10 +62,10 @@ pub(crate) fn accumulate(
     (pixels, end): (u32, u64),
 ) -> Vec<u32> {
     let mut octaves = Vec::new();
-    for piece in pieces(wave, u64::from(pixels), end) {
-        let q = Push { flags: push.flags, ..Push::wave(push.frame, piece.wave.first, piece.wave.count, pixels) };
-        let q = q.with(push.round, push.arg0 + piece.offset);
-        let threads = u64::from(piece.wave.count.min(pixels));
+    for piece in film.pieces(wave, end) {
+        let (q, apart) = film.push(push.frame, piece.wave);
+        let q = Push { flags: push.flags, ..q }.with(push.round, push.arg0 + piece.offset);
+        let threads = u64::from(piece.wave.count.min(apart));
         commands.dispatch(&passes.accumulate, bytemuck::bytes_of(&q), groups(threads));
         if let Some(octave) = piece.completes {
             measure(commands, (passes, film, counters), push, octave, pixels);
@@ -96,6 +96,8 @@ pub(crate) struct Measured {
     pub(crate) worst: Vec<WorstPixel>,
     /// Fewest samples of a pixel.
     pub(crate) fewest: u32,
+    /// Most.
+    pub(crate) most: u32,
     /// Rays traced by then.
     pub(crate) rays: u64,
 }
@@ -124,6 +126,7 @@ pub(crate) fn read(film: &Film, slot: u32, [width, height]: [u32; 2]) -> Result<
         sums,
         worst: worst.iter().take(WORST).map(place).collect(),
         fewest: parts.iter().map(|part| part.fewest).min().unwrap_or(0),
+        most: parts.iter().map(|part| part.most).max().unwrap_or(0),
         rays: counters.closest_rays + counters.shadow_rays,
     }))
 }

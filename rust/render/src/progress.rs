@@ -1,17 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Keeps the session's stats, timings and published images up to date while a frame renders.
 
+use crate::adaptive::Adaptive;
 use crate::assets::SceneAssets;
 use crate::error::RenderError;
 use crate::error_log::{ErrorLog, Moment};
 use crate::film::Film;
-use crate::measure::{self, LAST_SLOT, next_boundary};
+use crate::measure::{self, LAST_SLOT, Measured, next_boundary};
 use crate::progress_bar::ProgressBar;
 use crate::request::Severity;
 use crate::schedule::Wave;
 use crate::session::{Job, Shared};
 use crate::sync::lock;
 use crate::timings::Timings;
+use oocpt_core::adaptive::Spent;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::stats::{Stats, StreamingStats};
 use oocpt_gpu::Gpu;
@@ -40,6 +42,8 @@ pub(crate) struct Progress<'a> {
     size: [u32; 2],
     /// Whether images are published before the last one.
     interactive: bool,
+    /// Adaptive: paths that are decided.
+    decided: Option<u64>,
     pub(crate) timings: Timings,
 }
 
@@ -72,6 +76,7 @@ impl<'a> Progress<'a> {
             next_publish: now + FIRST_INTERVAL,
             interval: FIRST_INTERVAL,
             interactive: job.settings.interactive,
+            decided: None,
             log: ErrorLog::start(shared, job),
             size: [job.request.width, job.request.height],
             bar: job.options.progress_bar.then(ProgressBar::new),
@@ -151,7 +156,7 @@ impl<'a> Progress<'a> {
         self.timings.waves += 1;
         let mut stats = lock(&self.shared.stats);
         stats.percent_done = (100.0 * self.done as f64 / self.total_paths().max(1) as f64) as f32;
-        stats.samples_completed = u32::try_from(self.done / self.pixels.max(1)).unwrap_or(u32::MAX);
+        stats.samples_completed = self.samples_done();
         stats.seconds_total = self.started.elapsed().as_secs_f64();
         stats.annotation = format!("sample {} of {}", stats.samples_completed, self.samples);
         let samples = stats.samples_completed;
@@ -160,6 +165,13 @@ impl<'a> Progress<'a> {
         if let Some(bar) = &mut self.bar {
             bar.draw(done, self.started.elapsed(), samples, self.samples);
         }
+    }
+
+    /// Samples of each pixel; adaptive: their mean, to the next whole number, for an epoch ends when what is left is too little.
+    fn samples_done(&self) -> u32 {
+        let pixels = self.pixels.max(1);
+        let samples = if self.decided.is_some() { self.done.div_ceil(pixels) } else { self.done / pixels };
+        u32::try_from(samples).unwrap_or(u32::MAX)
     }
 
     /// Publishes the images that the last finished submission copied out.
@@ -192,7 +204,13 @@ impl<'a> Progress<'a> {
 
     /// Paths that may begin, by the target error.
     pub(crate) fn open_paths(&self) -> u64 {
-        self.log.open_paths().min(self.total_paths())
+        self.log.open_paths().min(self.total_paths()).min(self.decided.unwrap_or(u64::MAX))
+    }
+
+    /// Learns which samples are decided, if they do not go everywhere alike; gives the paths that no wave may go across.
+    pub(crate) fn begin_samples(&mut self, film: &Film) -> Vec<u64> {
+        self.decided = film.adaptive().map(Adaptive::end);
+        film.adaptive().map_or_else(Vec::new, Adaptive::cuts)
     }
 
     /// Relative variance that a path leaves in its pixel, by the picture's error as last estimated.
@@ -204,12 +222,18 @@ impl<'a> Progress<'a> {
 
     /// Whether the samples done are no octave, whose error is known.
     pub(crate) fn ends_between_octaves(&self) -> bool {
-        self.done >= self.pixels && self.done != next_boundary(self.done - 1, self.pixels).1
+        let boundary = || next_boundary(self.done - 1, self.pixels).1;
+        self.done >= self.pixels && self.done != self.decided.unwrap_or_else(boundary)
     }
 
     /// Takes what the film measured of these octaves, once their submission is done.
     pub(crate) fn octaves(&mut self, film: &Film, octaves: &[u32]) -> Result<(), RenderError> {
-        octaves.iter().try_for_each(|octave| self.error_row(film, *octave, Some(*octave)))
+        octaves.iter().try_for_each(|octave| self.error_row(film, *octave, Some(*octave)))?;
+        if let Some(adaptive) = film.adaptive().filter(|_| !octaves.is_empty() && !self.log.is_good_enough()) {
+            adaptive.advance()?;
+            self.decided = Some(adaptive.end());
+        }
+        Ok(())
     }
 
     /// As [`Self::octaves`], for the last picture; `measured` unless an octave was its end.
@@ -230,7 +254,13 @@ impl<'a> Progress<'a> {
             seconds: self.started.elapsed().as_secs_f64(),
             seconds_tracing: tracing,
             bytes_paged: streaming.bytes_paged,
+            // Streaming counts what is handed to the device; an epoch is all there is then.
+            samples: if self.decided.is_some() { self.samples_done() } else { measured.fewest },
         };
+        if let Some(spent) = film.adaptive().and_then(Adaptive::spent) {
+            let Measured { fewest, most, .. } = measured;
+            lock(&self.shared.stats).adaptive = Some(Spent { fewest, most, ..spent });
+        }
         let began = Instant::now();
         self.log.row(self.shared, measured, octave, moment);
         if self.log.wants_pictures() {

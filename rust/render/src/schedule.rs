@@ -25,13 +25,15 @@ pub(crate) struct Schedule {
     target_secs: f64,
     /// Pixels, if waves end where the samples of all are a power of two.
     octaves_of: Option<u64>,
+    /// Paths that no wave may go across, ascending.
+    cuts: Vec<u64>,
 }
 
 impl Schedule {
     /// `total` paths in waves of `start` at first, never more than `max`, aiming at `target_secs` a wave.
     pub(crate) fn new(total: u64, start: u32, max: u32, target_secs: f64) -> Self {
         let min = 4096.min(max);
-        Self { total, next: 0, size: start.clamp(min, max), min, max, target_secs, octaves_of: None }
+        Self { total, next: 0, size: start.clamp(min, max), min, max, target_secs, octaves_of: None, cuts: Vec::new() }
     }
 
     /// Ends waves where the samples of all `pixels` are a power of two.
@@ -39,9 +41,17 @@ impl Schedule {
         Self { octaves_of: Some(pixels), ..self }
     }
 
+    /// Ends waves at these paths too, ascending.
+    pub(crate) fn cut_at(&mut self, cuts: Vec<u64>) {
+        self.cuts = cuts;
+    }
+
     /// The next wave, or none when all paths are given out, or all before `open`.
     pub(crate) fn next(&mut self, open: u64) -> Option<Wave> {
         let mut left = self.total.min(open).saturating_sub(self.next);
+        if let Some(cut) = self.cuts.iter().find(|cut| **cut > self.next) {
+            left = left.min(cut - self.next);
+        }
         if let Some(pixels) = self.octaves_of {
             left = left.min(next_boundary(self.next, pixels).1 - self.next);
             // In equal parts, so that none is too small for the device.

@@ -65,6 +65,9 @@ pub struct SessionOptions {
     /// Makes that roulette end rays without weighting those that go on: the picture is too dark. For the test that shows that
     /// it would be noticed.
     pub plant_unweighted_roulette: bool,
+    /// Lets each pixel's own samples decide how many more it gets: adaptive pictures are biased. For the test that shows that it
+    /// would notice.
+    pub plant_naive_sampling: bool,
     /// Makes one request for device memory fail, after this many that succeed. For tests.
     pub fail_allocation_after: Option<u64>,
     /// Draws a progress bar on standard error while samples are traced; for command lines.

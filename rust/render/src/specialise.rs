@@ -27,7 +27,7 @@ const SURFACES: [(SceneFeatures, Features); 9] = [
 ];
 
 /// The features in words.
-const PARTS: [(Features, &str); 29] = [
+const PARTS: [(Features, &str); 30] = [
     (Features::DOME, "dome light"),
     (Features::DOME_SHADOW_RAYS, "shadow rays to constant domes at every bounce"),
     (Features::DISTANT, "distant lights"),
@@ -54,6 +54,7 @@ const PARTS: [(Features, &str); 29] = [
     (Features::TRANSMISSION, "transmission"),
     (Features::ROUGH_TRANSMISSION, "rough transmission, and tables of what it loses"),
     (Features::COAT, "coats"),
+    (Features::ADAPTIVE, "adaptive sampling: lists of samples, the second stream of the film"),
     (Features::STREAMING, "streaming of what does not fit"),
     (Features::CHUNK_COUNTS, "counts of rays by chunk"),
     (Features::ROULETTE, "roulette on loads for stragglers"),

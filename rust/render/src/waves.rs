@@ -131,6 +131,7 @@ pub(crate) fn trace(
     let mut wave_secs = 0.0;
     let mut more = true;
     progress.trace_started();
+    schedule.cut_at(progress.begin_samples(frames.film));
     loop {
         while more && flights.len() < IN_FLIGHT {
             more = gate.proceed() && !progress.out_of_time();
@@ -161,7 +162,10 @@ pub(crate) fn trace(
         if flight.publishes {
             progress.publish(frames.film)?;
         }
-        progress.octaves(frames.film, &flight.octaves)?;
+        if !flight.octaves.is_empty() {
+            progress.octaves(frames.film, &flight.octaves)?;
+            schedule.cut_at(progress.begin_samples(frames.film));
+        }
     }
     progress.trace_ended();
     let mut commands = frames.commands("resolve")?;

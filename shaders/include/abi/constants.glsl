@@ -37,6 +37,7 @@ const bool HAS_LIGHT_TABLE = (FEATURES & (1u << 25)) != 0u;
 const bool HAS_MESH_LIGHTS = (FEATURES & (1u << 27)) != 0u && HAS_EMISSION;
 const bool HAS_ROULETTE = (FEATURES & (1u << 26)) != 0u && HAS_STREAMING;
 const bool HAS_MESH_LIGHT_VALUES = (FEATURES & (1u << 29)) != 0u && HAS_MESH_LIGHTS;
+const bool HAS_ADAPTIVE = (FEATURES & (1u << 30)) != 0u;
 const bool HAS_LIGHT_TEXTURE = (FEATURES & (1u << 24)) != 0u && HAS_LOCAL_LIGHTS;
 
 const uint LIGHT_RECT = 0u;
@@ -74,6 +75,11 @@ const uint AOV_ESCAPED = 1u;
 const uint PUSH_AOVS = 1u;
 const uint PUSH_FRESH = 2u;
 const uint PUSH_SEGMENT_SHIFT = 8u;
+const uint BAND_SHIFT = 26u;
+const uint STREAM_BIT = 1u << 31;
+const uint STREAM_SEED = 0x5bd1e995u;
+const uint SAID_RING = 8u;
+const uint SAID_FIRST = 3u;
 const uint MAX_DIRECT_GROUPS = 1u << 15;
 const uint WORKGROUP_SIZE = 64u;
 

@@ -93,6 +93,13 @@ struct Frame {
     uint64_t lighting;
     uint64_t light_paths;
     uint64_t placed_values;
+    uint64_t adaptive;
+};
+
+struct Adaptive {
+    uint64_t entries;
+    uint64_t said;
+    uint width[32];
 };
 
 struct Streaming {

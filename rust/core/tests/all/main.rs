@@ -2,6 +2,8 @@
 //! Tests of the core against answers known from elsewhere: brute force, closed forms, published values.
 
 #[cfg(test)]
+mod adaptive;
+#[cfg(test)]
 mod arrays;
 #[cfg(test)]
 mod bad_hierarchies;

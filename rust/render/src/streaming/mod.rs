@@ -135,6 +135,7 @@ pub(crate) fn render(
     if film.has_color() {
         engine.clear(Kind::Samples)?;
         progress.trace_started();
+        progress.begin_samples(film);
         let total = progress.total_paths();
         Stage::new(&mut engine, Kind::Samples, total).run(gate, progress)?;
         progress.trace_ended();
@@ -146,6 +147,7 @@ pub(crate) fn render(
 fn features(setting: &Setting<'_>, view: &SceneView) -> Features {
     let Setting { job, lights, rays, .. } = *setting;
     let mut features = specialise::features(&job.snapshot, lights, rays, view) | Features::STREAMING;
+    features.set(Features::ADAPTIVE, setting.film.adaptive().is_some());
     features.set(Features::CHUNK_COUNTS, !job.settings.chunk_report.is_empty());
     features.set(Features::PLANT_SKIP_DEFERRED, job.options.plant_lost_chunks);
     features.set(Features::ROULETTE, job.settings.straggler_roulette);

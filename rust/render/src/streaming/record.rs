@@ -61,9 +61,14 @@ impl Engine<'_, '_> {
 
     /// The push constants of passes over a segment: `arg0` is its first place.
     fn push_of(&self, kind: Kind, segment: &Segment, round: u32) -> Push {
-        let push = Push::wave(self.frame.address(), segment.wave.first, segment.wave.count, self.pixels());
-        let push = push.with(round, segment.index * self.buffers.segment_size);
-        if kind == Kind::Aovs { push.flagged(PushFlags::AOVS) } else { push }
+        let Segment { index, wave, .. } = *segment;
+        let push = match kind {
+            Kind::Aovs => {
+                Push::wave(self.frame.address(), wave.first, wave.count, self.pixels()).flagged(PushFlags::AOVS)
+            }
+            Kind::Samples => self.setting.film.push(self.frame.address(), wave).0,
+        };
+        push.with(round, index * self.buffers.segment_size)
     }
 
     /// Forgets the samples and paths of the frame or stage before.

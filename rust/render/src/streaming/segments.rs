@@ -40,6 +40,8 @@ pub(crate) struct Segments {
     total: u64,
     /// Paths from here on may not begin yet.
     open: u64,
+    /// Paths that no segment may go across, ascending.
+    cuts: Vec<u64>,
 }
 
 impl Segments {
@@ -47,7 +49,8 @@ impl Segments {
     pub(crate) fn new(count: u32, size: u32, slots: u32, total: u64) -> Self {
         let free: VecDeque<u32> = (0..count).collect();
         let (count, slots) = (free.len(), u64::from(slots));
-        Self { size, slots, count, free, draining: false, alive: VecDeque::new(), next: 0, total, open: total }
+        let (alive, cuts) = (VecDeque::new(), Vec::new());
+        Self { size, slots, count, free, draining: false, alive, next: 0, total, open: total, cuts }
     }
 
     /// Gives a free segment the next paths; none when there is no free segment, no path left, or no slot: `ended` paths have
@@ -58,7 +61,8 @@ impl Segments {
         }
         // Slots are taken in turn, and no segment has some of one turn and some of the next.
         let turn = self.slots - self.next % self.slots.max(1);
-        let left = self.end().saturating_sub(self.next).min(turn);
+        let cut = self.cuts.iter().find(|cut| **cut > self.next).map_or(u64::MAX, |cut| cut - self.next);
+        let left = self.end().saturating_sub(self.next).min(turn).min(cut);
         let count = u32::try_from(left.min(u64::from(self.size))).unwrap_or(self.size);
         if count == 0 {
             return None;
@@ -86,6 +90,11 @@ impl Segments {
     /// Lets paths before `open` begin, but for those beyond the total.
     pub(crate) fn open_to(&mut self, open: u64) {
         self.open = open;
+    }
+
+    /// Ends segments at these paths, ascending.
+    pub(crate) fn cut_at(&mut self, cuts: Vec<u64>) {
+        self.cuts = cuts;
     }
 
     fn end(&self) -> u64 {

@@ -10,8 +10,8 @@ use super::observe::Observation;
 use super::record::{Kind, StepPlan};
 use super::segments::{Segment, Segments};
 use super::stragglers::{Spent, Stragglers};
+use crate::adaptive::Adaptive;
 use crate::error::RenderError;
-use crate::measure::pieces;
 use crate::progress::Progress;
 use crate::thread::Gate;
 use crate::waves::WAVE_TIMEOUT;
@@ -138,6 +138,7 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
     fn open(&mut self, progress: &Progress<'_>) {
         if self.kind == Kind::Samples {
             self.segments.open_to(progress.open_paths());
+            self.segments.cut_at(self.engine.setting.film.adaptive().map_or_else(Vec::new, Adaptive::cuts));
         }
     }
 
@@ -171,13 +172,11 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
         // Rays of steps that are still under way may be waiting by now.
         plan.wakes = self.seen.waiting() > 0 || !self.flights.is_empty();
         let (seen, begun) = (&self.seen, &self.begun);
-        let pixels = self.engine.setting.job.request.pixels();
+        let film = self.engine.setting.film;
         while let Some(segment) = self.segments.take_finished(|segment| is_finished(seen, begun, segment)) {
             plan.finished.push(segment);
             // A step shows one octave at most.
-            if self.kind == Kind::Samples
-                && pieces(segment.wave, pixels, u64::MAX).iter().any(|p| p.completes.is_some())
-            {
+            if self.kind == Kind::Samples && film.pieces(segment.wave, u64::MAX).iter().any(|p| p.completes.is_some()) {
                 plan.publishes |= progress.compares(&[0]);
                 break;
             }

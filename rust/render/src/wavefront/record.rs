@@ -39,7 +39,7 @@ impl Recorder<'_> {
     /// Records some rounds of a wave: camera rays before the first round, the film after the last one.
     /// Gives the octaves of samples that end with it.
     pub(crate) fn part(&self, commands: &mut Commands, wave: Wave, rounds: Range<u32>) -> Vec<u32> {
-        let q = Push::wave(self.frame, wave.first, wave.count, self.pixels);
+        let (q, _) = self.film.push(self.frame, wave);
         if rounds.start == 0 {
             self.direct(commands, &self.passes.generate_camera_rays, q, wave.count);
             self.direct(commands, &self.passes.prepare_dispatch, q.with(0, PREPARE_TRACE), 1);

@@ -17,7 +17,7 @@ use std::path::PathBuf;
 const SIZE: [u32; 2] = [20, 14];
 const SEEDS: usize = 32;
 
-fn view(size: [u32; 2]) -> RenderRequest {
+pub(crate) fn view(size: [u32; 2]) -> RenderRequest {
     let mut view = request(perspective(DVec3::new(2.0, 3.0, 5.0), DVec3::new(0.0, 0.5, 0.0), 0.8, size));
     view.aovs = vec![AovRequest { kind: AovKind::Color, clear: [0.0; 4] }];
     view
@@ -29,29 +29,29 @@ fn through_a_lens() -> RenderRequest {
     view
 }
 
-fn floor(db: &mut SceneDb) {
+pub(crate) fn floor(db: &mut SceneDb) {
     db.upsert_mesh(square(prim("/floor", DMat4::from_scale(DVec3::splat(6.0))), 1, 0.5));
     db.upsert_mesh(sphere(prim("/ball", DMat4::from_translation(DVec3::Y)), 2, 10, 0.7));
 }
 
-fn overcast(db: &mut SceneDb) {
+pub(crate) fn overcast(db: &mut SceneDb) {
     floor(db);
     db.upsert_light(dome([0.6, 0.7, 0.8]));
 }
 
-fn low_sun(db: &mut SceneDb) {
+pub(crate) fn low_sun(db: &mut SceneDb) {
     floor(db);
     db.upsert_light(sun(2.0, 12.0, DMat4::from_rotation_x(-0.4)));
 }
 
-fn lamp(db: &mut SceneDb, radius: f32, at: DVec3, number: u32) {
+pub(crate) fn lamp(db: &mut SceneDb, radius: f32, at: DVec3, number: u32) {
     let mut lamp = light(LightKind::Sphere { radius, treat_as_point: false }, DMat4::from_translation(at));
     lamp.prim.path = format!("/lamp_{number}").into();
     lamp.intensity = 0.4 / (radius * radius);
     db.upsert_light(lamp);
 }
 
-fn lamps(db: &mut SceneDb) {
+pub(crate) fn lamps(db: &mut SceneDb) {
     floor(db);
     for i in 0..24 {
         let angle = f64::from(i) * 2.4;
@@ -59,13 +59,13 @@ fn lamps(db: &mut SceneDb) {
     }
 }
 
-fn window(db: &mut SceneDb) {
+pub(crate) fn window(db: &mut SceneDb) {
     floor(db);
     let kind = LightKind::Rect { width: 2.0, height: 1.0, texture: None };
     db.upsert_light(light(kind, DMat4::from_translation(DVec3::new(0.0, 3.0, 1.0)) * DMat4::from_rotation_x(-1.3)));
 }
 
-fn surface(path: &str, params: &[(&str, ParamValue)]) -> MaterialDesc {
+pub(crate) fn surface(path: &str, params: &[(&str, ParamValue)]) -> MaterialDesc {
     let param = |(name, value): &(&str, ParamValue)| ParamDesc { name: (*name).into(), value: value.clone() };
     let node = NodeDesc {
         path: format!("{path}/surface").into(),
@@ -87,11 +87,11 @@ fn caustic(db: &mut SceneDb, params: &[(&str, ParamValue)]) {
     db.upsert_light(dome([0.05; 3]));
 }
 
-fn mirror(db: &mut SceneDb) {
+pub(crate) fn mirror(db: &mut SceneDb) {
     caustic(db, &[("metallic", ParamValue::Float(1.0)), ("roughness", ParamValue::Float(0.05))]);
 }
 
-fn gloss(db: &mut SceneDb) {
+pub(crate) fn gloss(db: &mut SceneDb) {
     caustic(db, &[("metallic", ParamValue::Float(1.0)), ("roughness", ParamValue::Float(0.3))]);
 }
 

@@ -3,6 +3,7 @@
 //! answers that are known: closed forms, the judge's f64 renderer, another way to say the same scene.
 #![forbid(unsafe_code)]
 
+mod adaptive;
 mod agreement;
 mod bsdf;
 mod control;
@@ -20,4 +21,5 @@ mod passes;
 mod scenes;
 mod streaming;
 mod support;
+mod target;
 mod textures;

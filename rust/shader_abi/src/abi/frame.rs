@@ -108,6 +108,8 @@ bitflags! {
         const MESH_LIGHTS = 1 << 27;
         /// With `MESH_LIGHTS`: the emission of some is a texture's or a primvar's.
         const MESH_LIGHT_VALUES = 1 << 29;
+        /// Pixels have two streams of samples, and not all as many of them: `Frame::adaptive` counts.
+        const ADAPTIVE = 1 << 30;
     }
 }
 
@@ -365,6 +367,22 @@ pub struct Frame {
     pub light_paths: u64,
     /// Table of values as [`crate::GpuChunk::primvars`], by `GpuChunkInstance::row`; 0 without any.
     pub placed_values: u64,
+    /// One [`Adaptive`]; 0 without `Features::ADAPTIVE`.
+    pub adaptive: u64,
+}
+
+/// Which samples the paths of an epoch are, with `Features::ADAPTIVE`. The film then has a [`crate::FilmPixel`] for each pixel of stream 0
+/// and behind all of them one for each of stream 1; `Push::first_pixel` is an entry, and `Push::first_sample` a row, with the band from
+/// bit 26 on.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct Adaptive {
+    /// u32x2 each: number of the pixel in trace order, with the stream in the highest bit; first sample. 8-byte aligned.
+    pub entries: u64,
+    /// u32 by octave & 7, stream, pixel: what the first `2^octave` samples said, as two halves (`oocpt_core::adaptive::Said`).
+    pub said: u64,
+    /// Entries of each band.
+    pub width: [u32; 32],
 }
 
 /// Workgroup counts that give at least `threads` threads; the passes find their thread as

@@ -4,11 +4,11 @@
 //! Guarantees: the members are listed in full: a struct literal pattern without `..` fails to compile otherwise.
 
 use super::{
-    AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAlias, GpuAssembly, GpuAttribute, GpuChunk,
-    GpuChunkInstance, GpuInfiniteLight, GpuInput, GpuInstance, GpuLight, GpuLightLeaf, GpuLightMap, GpuLightMesh,
-    GpuLightNode, GpuLightShaping, GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight,
-    GpuNode, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush,
-    Lighting, PathState, Pending, Push, Question, Ray, Roulette, Segment, ShadowRay, Streaming,
+    Adaptive, AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAlias, GpuAssembly, GpuAttribute,
+    GpuChunk, GpuChunkInstance, GpuInfiniteLight, GpuInput, GpuInstance, GpuLight, GpuLightLeaf, GpuLightMap,
+    GpuLightMesh, GpuLightNode, GpuLightShaping, GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh,
+    GpuMeshLight, GpuNode, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, LbvhBounds,
+    LbvhPush, Lighting, PathState, Pending, Push, Question, Ray, Roulette, Segment, ShadowRay, Streaming,
 };
 use core::mem::{offset_of, size_of};
 
@@ -61,6 +61,7 @@ macro_rules! layout {
 /// Every struct that crosses.
 pub const LAYOUTS: &[StructLayout] = &[
     layout!(Push { frame, first_pixel, first_sample, path_count, round, arg0, flags }),
+    layout!(Adaptive { entries, said, width }),
     layout!(AovTargets { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo }),
     layout!(AovClear { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo }),
     layout!(Frame {
@@ -120,7 +121,8 @@ pub const LAYOUTS: &[StructLayout] = &[
         bsdf_tables,
         lighting,
         light_paths,
-        placed_values
+        placed_values,
+        adaptive
     }),
     layout!(Streaming {
         segments,

@@ -16,9 +16,9 @@ mod texture;
 
 pub use film::{ERROR_GROUPS, ErrorSums, FilmPixel, aov_bytes};
 pub use frame::{
-    AOV_ESCAPED, AOV_SURFACES, AovClear, AovTargets, Features, Frame, FrameFlags, MAX_DIRECT_GROUPS, PREPARE_DEMAND,
-    PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, Push, PushFlags, SCAN_BLOCK, SCAN_BLOCKS, SCAN_SUMS, SPEC_FEATURES,
-    SPEC_MAX_LEVELS, SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
+    AOV_ESCAPED, AOV_SURFACES, Adaptive, AovClear, AovTargets, Features, Frame, FrameFlags, MAX_DIRECT_GROUPS,
+    PREPARE_DEMAND, PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, Push, PushFlags, SCAN_BLOCK, SCAN_BLOCKS, SCAN_SUMS,
+    SPEC_FEATURES, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
 };
 pub use layout::{LAYOUTS, MemberLayout, StructLayout};
 pub use lbvh::{LbvhBounds, LbvhPush};

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Adaptive sampling on the device: the list of who gets samples in an epoch, and what samples said that decides the next one
+//! (`oocpt_core::adaptive` decides). Made only with `oocpt:adaptiveSampling`.
+//!
+//! Lists and answers cross while nothing of an epoch is under way: an epoch is decided when all its samples are in the film, and no path
+//! of the next one begins before. Render thread only.
+
+use crate::error::RenderError;
+use crate::measure::Piece;
+use crate::schedule::Wave;
+use crate::sync::lock;
+use crate::waves::WAVE_TIMEOUT;
+use oocpt_core::adaptive::{BAND_SHIFT, Course, RING, STREAMS, Said, Spent};
+use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
+use oocpt_shader_abi::{Adaptive as Block, Push};
+use std::sync::{Arc, Mutex};
+
+/// See the module.
+#[derive(Debug)]
+pub(crate) struct Adaptive {
+    gpu: Arc<Gpu>,
+    pixels: u64,
+    block: Buffer,
+    entries: Buffer,
+    said: Buffer,
+    course: Mutex<Option<Course>>,
+    /// Planted: each stream decides for itself.
+    is_naive: bool,
+}
+
+impl Adaptive {
+    /// Memory for an image of so many pixels: 80 bytes each.
+    pub(crate) fn new(gpu: &Arc<Gpu>, pixels: u64) -> Result<Self, GpuError> {
+        let streams = pixels * STREAMS as u64;
+        Ok(Self {
+            gpu: Arc::clone(gpu),
+            pixels,
+            block: Buffer::new(gpu, "adaptive", size_of::<Block>() as u64, Usage::Device)?,
+            entries: Buffer::new(gpu, "entries", streams * 8, Usage::Device)?,
+            said: Buffer::new(gpu, "said", streams * 4 * u64::from(RING), Usage::Device)?,
+            course: Mutex::new(None),
+            is_naive: false,
+        })
+    }
+
+    /// Address of the block.
+    pub(crate) fn address(&self) -> u64 {
+        self.block.address()
+    }
+
+    /// What is made for it on the device, apart from the film.
+    pub(crate) fn buffers(&self) -> impl Iterator<Item = &Buffer> {
+        [&self.block, &self.entries, &self.said].into_iter()
+    }
+
+    /// Begins a render with its first epoch.
+    pub(crate) fn begin(&mut self, size: [u32; 2], samples: u32, is_naive: bool) -> Result<(), RenderError> {
+        self.is_naive = is_naive;
+        let course = Course::new(size, samples);
+        self.send(&course)?;
+        *lock(&self.course) = Some(course);
+        Ok(())
+    }
+
+    /// Goes on to the next epoch, if there is one.
+    pub(crate) fn advance(&self) -> Result<(), RenderError> {
+        let mut course = lock(&self.course);
+        let Some(course) = course.as_mut() else { return Ok(()) };
+        let said = self.answers(course.decisive())?;
+        let said = [said[0].as_slice(), said[1].as_slice()];
+        if if self.is_naive { course.advance_naively(said) } else { course.advance(said) } {
+            let spent = course.spent();
+            tracing::debug!(?spent, bands = course.epoch().bands.len(), "next epoch");
+            self.send(course)?;
+        }
+        Ok(())
+    }
+
+    /// What the first samples up to an octave said, by stream and pixel.
+    fn answers(&self, octave: u32) -> Result<[Vec<Said>; STREAMS], RenderError> {
+        let bytes = self.pixels * STREAMS as u64 * 4;
+        let target = Buffer::new(&self.gpu, "answers", bytes, Usage::Readback)?;
+        let mut commands = self.gpu.commands("answers")?;
+        commands.copy(&self.said, u64::from(octave % RING) * bytes, &target, 0, bytes);
+        if !commands.submit()?.wait(WAVE_TIMEOUT)? {
+            return Err(RenderError::Internal("what the samples said did not come".into()));
+        }
+        Ok(target.map(|bytes| {
+            let (one, other) = bytes.split_at(bytes.len() / 2);
+            [one, other]
+                .map(|half| half.chunks_exact(4).map(|word| Said::unpack(bytemuck::pod_read_unaligned(word))).collect())
+        })?)
+    }
+
+    /// Sends the list of an epoch.
+    fn send(&self, course: &Course) -> Result<(), RenderError> {
+        let epoch = course.epoch();
+        let bytes: &[u8] = bytemuck::cast_slice(&epoch.entries);
+        let mut block = Block { entries: self.entries.address(), said: self.said.address(), ..Block::default() };
+        for (width, band) in block.width.iter_mut().zip(&epoch.bands) {
+            *width = band.width;
+        }
+        if epoch.bands.len() > block.width.len() {
+            return Err(RenderError::Internal("an epoch has more bands than the passes know".into()));
+        }
+        let staging = Buffer::new(&self.gpu, "entries to send", (bytes.len() as u64).max(8), Usage::Upload)?;
+        staging.write(0, bytes)?;
+        let mut commands = self.gpu.commands("entries")?;
+        commands.copy(&staging, 0, &self.entries, 0, bytes.len() as u64);
+        commands.update(&self.block, 0, bytemuck::bytes_of(&block));
+        if !commands.submit()?.wait(WAVE_TIMEOUT)? {
+            return Err(RenderError::Internal("the list of an epoch was not taken".into()));
+        }
+        Ok(())
+    }
+
+    /// One behind the last path that is decided.
+    pub(crate) fn end(&self) -> u64 {
+        lock(&self.course).as_ref().map_or(0, |course| course.epoch().end)
+    }
+
+    /// Paths that no wave may go across: the ends of the bands.
+    pub(crate) fn cuts(&self) -> Vec<u64> {
+        lock(&self.course).iter().flat_map(|course| course.epoch().bands.iter().map(|band| band.end())).collect()
+    }
+
+    /// What has been spent when the epoch under way is done.
+    pub(crate) fn spent(&self) -> Option<Spent> {
+        lock(&self.course).as_ref().map(Course::spent)
+    }
+
+    /// The push constants of a wave, which is in one band; and the entries of that.
+    pub(crate) fn push(&self, frame: u64, wave: Wave) -> (Push, u32) {
+        let course = lock(&self.course);
+        let bands = course.as_ref().map_or(&[][..], |course| course.epoch().bands.as_slice());
+        let found = (0_u32..).zip(bands).find(|(_, band)| (band.first..band.end()).contains(&wave.first));
+        let Some((number, band)) = found else { return (Push::wave(frame, 0, 0, 1), 0) };
+        let push = Push::wave(frame, wave.first - band.first, wave.count, band.width);
+        let first_sample = (push.first_sample + band.row) | (number << BAND_SHIFT);
+        (Push { first_sample, ..push }, band.width)
+    }
+
+    /// The wave as one piece, but for what is beyond `end`; it completes an octave when an epoch ends with it.
+    pub(crate) fn piece(&self, wave: Wave, end: u64) -> Option<Piece> {
+        let left = end.saturating_sub(wave.first).min(u64::from(wave.count));
+        let count = u32::try_from(left).unwrap_or(u32::MAX);
+        let course = lock(&self.course);
+        let epoch = course.as_ref()?.epoch();
+        let completes = (wave.first + left == epoch.end).then_some(epoch.octave);
+        (count > 0).then_some(Piece { wave: Wave { first: wave.first, count }, offset: 0, completes })
+    }
+}
