@@ -153,8 +153,13 @@ void bsdf_evaluate_lobes(Bsdf b, vec3 wo, vec3 wi, out vec3 diffuse, out vec3 sp
         if (dot(b.l, mirrored) < 0.0 || dot(b.n, mirrored) < 0.0) add_beyond(b, mirrored, specular, pdf);
     }
     if (!(cosine > 0.0)) return;
-    add_reflection(b, wi, diffuse, specular, pdf);
-    if (dot(b.l, mirrored) > 0.0 || dot(b.n, mirrored) > 0.0) add_reflection(b, mirrored, diffuse, specular, pdf);
+    // Two directions, one copy of the code: unrolled, it would be half of what a pass that shades is made of.
+    vec3 w = wi;
+    [[dont_unroll]] for (uint side = 0u; side < 2u; ++side) {
+        add_reflection(b, w, diffuse, specular, pdf);
+        if (!(dot(b.l, mirrored) > 0.0 || dot(b.n, mirrored) > 0.0)) break;
+        w = mirrored;
+    }
 }
 
 vec4 bsdf_evaluate(Bsdf b, vec3 wo, vec3 wi) {
@@ -178,13 +183,6 @@ vec3 scatter_sample(Bsdf b, float alpha, float side, vec2 u) {
     const float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
     const float angle = 2.0 * PI * u.y;
     return on_side(b, normalize(sine * (cos(angle) * x + sin(angle) * y) + side * cosine * b.l), side);
-}
-
-// Whether bsdf_sample may give a direction of density 0.
-bool has_delta_lobe(Bsdf b) {
-    if (is_plain(b)) return false;
-    if (HAS_TRANSMISSION && b.chance_glass.x > 0.0 && b.glass_alpha <= 0.0) return true;
-    return (b.alpha <= 0.0 && b.chance.y > 0.0) || (HAS_COAT && b.coat_alpha <= 0.0 && b.chance.x > 0.0);
 }
 
 // u.xy: direction, u.z: lobe. False: nothing is reflected. weight = f * |cosine| / pdf; pdf 0: sharp, weight holds all of it.

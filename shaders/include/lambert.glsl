@@ -54,7 +54,9 @@ vec3 lambert_sample(Lambert l, vec2 u) {
     vec3 x, y;
     tangents(l.n, x, y);
     const vec2 p = disk(u);
-    const vec3 w = normalize(x * p.x + y * p.y + l.n * sqrt(max(0.0, 1.0 - dot(p, p))));
+    // At the rim the disk rounds to a radius of 1 or more (sines are only good to 2^-11 there, says Vulkan): the sample stands for what is
+    // half a step of u inside. A cosine of 0 would be a sample lost.
+    const vec3 w = normalize(x * p.x + y * p.y + l.n * sqrt(max(1.2e-7, 1.0 - dot(p, p))));
     const float cosine = dot(l.g, w);
     return cosine < 0.0 ? w - 2.0 * cosine * l.g : w;
 }

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures of domes: directions to picture and back, and sampling by an alias table over cells (Vose 1991).
+// Pictures of domes: directions to picture and back, and sampling by inverting the distribution of rows, then of the cells of a row: the
+// map is monotone in each number, so that well spread numbers give well spread directions (as PBRT's PiecewiseConstant2D; an alias table
+// scatters them). A guide makes the inversion a few steps (Chen and Asau 1974).
 //
 // Layout as OpenEXR's latitude-longitude maps, which UsdLux names: +y is the top, +z the middle, +x a quarter from the left.
 #ifndef OOCPT_LIGHT_MAP_GLSL
@@ -39,21 +41,37 @@ float dome_density(uint index, vec3 w) {
     const vec2 st = dome_st(d);
     const uint column = min(uint(st.x * float(map.columns)), map.columns - 1u);
     const uint row = min(uint(st.y * float(map.rows)), map.rows - 1u);
-    const GpuAlias cell = Aliases(map.alias).v[row * map.columns + column];
+    const GpuCdf cell = Cdfs(map.cells).v[row * map.columns + column];
     return cell.density / (2.0 * PI * PI * dome_sine(d.y));
 }
 
-// A direction, from three random numbers: a cell of a grid, whether to take its alias, a place in it.
-vec3 sample_dome(uint index, vec3 u) {
+// The entry of `count` from `first` that u falls on; u becomes the place in it. The result is right whatever the guide says.
+uint invert_cdf(uint64_t cells, uint first, uint count, inout float u) {
+    const uint step = min(uint(u * float(count)), count - 1u);
+    uint low = Cdfs(cells).v[first + step].guide;
+    uint high = step + 1u < count ? Cdfs(cells).v[first + step + 1u].guide : count - 1u;
+    while (low < high) {
+        const uint middle = (low + high + 1u) / 2u;
+        if (Cdfs(cells).v[first + middle].start <= u) {
+            low = middle;
+        } else {
+            high = middle - 1u;
+        }
+    }
+    // u * count has rounded across a step.
+    while (low > 0u && Cdfs(cells).v[first + low].start > u) --low;
+    const float begin = Cdfs(cells).v[first + low].start;
+    const float end = low + 1u < count ? Cdfs(cells).v[first + low + 1u].start : 1.0;
+    u = clamp((u - begin) / (end - begin), 0.0, 0.99999994);
+    return low;
+}
+
+// A direction, from two random numbers.
+vec3 sample_dome(uint index, vec2 u) {
     const GpuLightMap map = load_light_map(index);
-    const vec2 size = vec2(map.columns, map.rows);
-    const vec2 at = u.xy * size;
-    const uvec2 low = min(uvec2(at), uvec2(map.columns, map.rows) - 1u);
-    uint cell = low.y * map.columns + low.x;
-    const GpuAlias entry = Aliases(map.alias).v[cell];
-    if (u.z >= entry.threshold) cell = entry.other;
-    const vec2 corner = vec2(cell % map.columns, cell / map.columns);
-    const vec2 st = (corner + clamp(at - vec2(low), 0.0, 0.99999994)) / size;
+    const uint row = invert_cdf(map.cells, map.columns * map.rows, map.rows, u.y);
+    const uint column = invert_cdf(map.cells, map.columns * row, map.columns, u.x);
+    const vec2 st = (vec2(column, row) + u) / vec2(map.columns, map.rows);
     const float longitude = (0.5 - st.x) * (2.0 * PI);
     const float theta = st.y * PI;
     const float radius = sin(theta);

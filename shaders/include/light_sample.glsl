@@ -54,12 +54,17 @@ vec3 unpack_normal(uint bits) {
     return n * inversesqrt(dot3(n, n));
 }
 
+// Whether any light asks something of the surface that a ray left: where it was, what it is linked to, what of it is diffuse.
+const bool HAS_DEPARTURES = HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS || HAS_LIGHT_LINKS || HAS_LIGHT_LOBES;
+
 void store_departure(uint path, uint normal, uint link_set, vec3 diffuse) {
+    if (!HAS_DEPARTURES) return;
     UVec4s(FRAME.light_paths).v[path] =
         uvec4(normal, link_set, packUnorm2x16(diffuse.xy), packUnorm2x16(vec2(diffuse.z, 0.0)));
 }
 
 Departure load_departure(uint path, vec3 origin, float pdf) {
+    if (!HAS_DEPARTURES) return Departure(Receiver(origin, vec3(0.0)), 0u, vec3(0.0), pdf);
     const uvec4 a = ConstUVec4s(FRAME.light_paths).v[path];
     return Departure(Receiver(origin, unpack_normal(a.x)), a.y, vec3(unpackUnorm2x16(a.z), unpackUnorm2x16(a.w).x), pdf);
 }
@@ -191,8 +196,8 @@ vec3 infinite_radiance(GpuInfiniteLight light, vec3 w, out float pdf) {
     return light.radiance;
 }
 
-// What a ray that leaves the scene along d brings of the lights at infinity. `alone`: no shadow ray asked for what it meets.
-vec3 lights_at_infinity(vec3 d, Departure from, bool alone) {
+// What a ray that leaves the scene along d brings of the lights at infinity.
+vec3 lights_at_infinity(vec3 d, Departure from) {
     vec3 sum = vec3(0.0);
     const float linked = linked_infinite(from.link_set);
     for (uint i = 0u; i < LIGHTING.infinite_count; ++i) {
@@ -205,7 +210,7 @@ vec3 lights_at_infinity(vec3 d, Departure from, bool alone) {
         const float chosen = (1.0 - LIGHTING.local_share) * light.probability / linked;
         // A constant dome is sampled by the BSDF, delta lobes included.
         if (kind == LIGHT_DOME) {
-            radiance *= alone || is_shadow_only(light.flags) ? 1.0 : 1.0 / (1.0 + chosen);
+            radiance *= is_shadow_only(light.flags) ? 1.0 : 1.0 / (1.0 + chosen);
         } else {
             radiance *= ray_weight(from.pdf, chosen * pdf);
         }
@@ -224,187 +229,6 @@ vec3 domes_behind(vec3 d) {
         sum += infinite_radiance(light, d, pdf);
     }
     return sum;
-}
-
-// A shadow ray to be: `contribution` leaves out the path's throughput; 0: nothing to ask.
-struct Ask {
-    vec3 direction;
-    float distance;
-    vec3 contribution;
-    uint flags; // of the light
-    uint shadow_color;
-    uint shadow_link;
-};
-
-// BSDF times cosine with the light's multipliers; `pdf` of the BSDF's own sampling.
-vec3 reflected(Bsdf bsdf, vec3 wo, vec3 wi, float diffuse, float specular, out float pdf) {
-    if (diffuse == specular) {
-        const vec4 value = bsdf_evaluate(bsdf, wo, wi);
-        pdf = value.w;
-        return value.xyz * diffuse;
-    }
-    vec3 d, s;
-    bsdf_evaluate_lobes(bsdf, wo, wi, d, s, pdf);
-    return d * diffuse + s * specular;
-}
-
-// Share of the BSDF's value that is diffuse, by colour.
-vec3 diffuse_share(Bsdf bsdf, vec3 wo, vec3 wi, float pdf) {
-    if (!(pdf > 0.0)) return vec3(0.0);
-    vec3 d, s;
-    float unused;
-    bsdf_evaluate_lobes(bsdf, wo, wi, d, s, unused);
-    const vec3 all = d + s;
-    return vec3(all.x > 0.0 ? d.x / all.x : 0.0, all.y > 0.0 ? d.y / all.y : 0.0, all.z > 0.0 ? d.z / all.z : 0.0);
-}
-
-// `share`: probability of asking a local light.
-Ask ask_local(Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiver, vec4 u, bool last, float share) {
-    Ask ask = Ask(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u);
-    uint index;
-    float chosen;
-    if (!choose_local_light(receiver, u.x, u.w, index, chosen)) return ask;
-    chosen *= share;
-    const GpuLocalLight light = load_local_light(index);
-    if (!is_linked(light.light_link, link_set)) return ask;
-    const uint kind = light_kind(light.flags);
-    const vec3 place = difference(origin, Double3(light.position, light.position_lo));
-    const vec3 o = apply_rows(light.row_x, light.row_y, light.row_z, place);
-    vec3 q;
-    if (!shape_point(kind, o, u.yz, q)) return ask;
-    const vec3 towards = light.x * q.x + light.y * q.y + light.z * q.z - place;
-    const float distance = sqrt(dot3(towards, towards));
-    if (!(distance > 0.0)) return ask;
-    ask.direction = towards / distance;
-    ask.distance = distance * SHADOW_END;
-    ask.flags = light.flags;
-    ask.shadow_color = light.shadow_color;
-    ask.shadow_link = light.shadow_link;
-    const vec3 emission = local_emission(light, q, -ask.direction);
-    if (!(max_component(emission) > 0.0)) return ask;
-    float density;
-    const vec3 f = reflected(bsdf, wo, ask.direction, light.diffuse, light.specular, density);
-    if (is_thin(kind)) {
-        float scale = 1.0 / (distance * distance * chosen);
-        if (kind == LIGHT_LINE) {
-            const float half_length = sqrt(dot3(light.x, light.x));
-            const vec3 across = cross3(light.x / half_length, ask.direction);
-            scale *= 2.0 * half_length * sqrt(dot3(across, across));
-        }
-        ask.contribution = emission * f * scale;
-        return ask;
-    }
-    const vec3 d = apply_rows(light.row_x, light.row_y, light.row_z, ask.direction);
-    const float own = chosen * shape_density(kind, light.determinant, o, d, q, distance);
-    ask.contribution = emission * (f / (last || is_shadow_only(light.flags) ? own : own + density));
-    return ask;
-}
-
-// The light at infinity that u in [0, 1) falls on, of those that shine on the set; `linked` is the sum of their probabilities.
-uint choose_infinite(float u, uint link_set, float linked) {
-    if (HAS_LIGHT_LINKS) {
-        float rest = u * linked;
-        uint found = 0u;
-        for (uint i = 0u; i < LIGHTING.infinite_count; ++i) {
-            if (!is_linked(InfiniteLights(LIGHTING.infinite_lights).v[i].light_link, link_set)) continue;
-            found = i;
-            rest -= InfiniteLights(LIGHTING.infinite_lights).v[i].probability;
-            if (rest < 0.0) break;
-        }
-        return found;
-    }
-    uint low = 0u;
-    uint high = LIGHTING.infinite_count - 1u;
-    while (low < high) {
-        const uint middle = (low + high) / 2u;
-        if (u < InfiniteLights(LIGHTING.infinite_lights).v[middle].cumulative) {
-            high = middle;
-        } else {
-            low = middle + 1u;
-        }
-    }
-    return low;
-}
-
-Ask ask_infinite(Bsdf bsdf, vec3 wo, uint link_set, float linked, vec4 u, bool last) {
-    Ask ask = Ask(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u);
-    const GpuInfiniteLight light = load_infinite_light(choose_infinite(u.x, link_set, linked));
-    const uint kind = light_kind(light.flags);
-    const float chosen = (1.0 - LIGHTING.local_share) * light.probability / linked;
-    ask.flags = light.flags;
-    ask.shadow_color = light.shadow_color;
-    ask.shadow_link = light.shadow_link;
-    const bool alone = last || is_shadow_only(light.flags);
-    if (kind == LIGHT_DOME) {
-        vec3 weight;
-        float pdf;
-        if (!bsdf_sample(bsdf, wo, u.yzwx, ask.direction, weight, pdf)) return ask;
-        if (light.diffuse != light.specular) {
-            weight *= multiplied(light.diffuse, light.specular, diffuse_share(bsdf, wo, ask.direction, pdf));
-        } else {
-            weight *= light.diffuse;
-        }
-        // Delta lobes of the last surface and those of shadow-only lights are left to the rays.
-        if (pdf > 0.0 || !alone) ask.contribution = light.radiance * weight / (alone ? chosen : 1.0 + chosen);
-        return ask;
-    }
-    float own = chosen;
-    vec3 radiance = light.radiance;
-    const bool is_map = HAS_DOME_TEXTURE && kind == LIGHT_DOME_MAP;
-    const bool is_direction = !is_map && light.one_minus_cos <= 0.0;
-    if (is_map) {
-        ask.direction = sample_dome(light.map, u.yzw);
-        own *= dome_density(light.map, ask.direction);
-        radiance *= dome_color(light.map, ask.direction);
-    } else if (is_direction) {
-        ask.direction = light.direction;
-    } else {
-        ask.direction = sample_cone(light.direction, light.one_minus_cos, u.yz);
-        own *= cone_density(light.one_minus_cos);
-    }
-    float density;
-    const vec3 f = reflected(bsdf, wo, ask.direction, light.diffuse, light.specular, density);
-    ask.contribution = radiance * (f / (alone || is_direction ? own : own + density));
-    return ask;
-}
-
-// A mesh light.
-Ask ask_mesh(Bsdf bsdf, vec3 wo, Double3 origin, Receiver receiver, vec4 u, vec4 u_mesh, bool last, float share) {
-    Ask ask = Ask(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u);
-    MeshLightPoint point;
-    if (!sample_mesh_light(receiver, origin, u, u_mesh, share, point)) return ask;
-    ask.direction = point.direction;
-    ask.distance = point.reach;
-    float density;
-    const vec3 f = reflected(bsdf, wo, ask.direction, 1.0, 1.0, density);
-#ifdef OOCPT_MATERIAL_GLSL
-    if (HAS_MESH_LIGHT_VALUES && max_component(f) > 0.0) point.emission = point_emission(point, density);
-#endif
-    ask.contribution = point.emission * (f / (last ? point.density : point.density + density));
-    return ask;
-}
-
-// One light for a shadow ray. `last`: none but a delta lobe's ray follows, so shadow rays bring all that the other lobes reflect.
-// `u_mesh` counts with HAS_MESH_LIGHTS.
-Ask ask_light(Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiver, vec4 u, vec4 u_mesh, bool last) {
-    const Ask nothing = Ask(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u);
-    const float linked = linked_infinite(link_set);
-    const float local = HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS ? local_share(linked) : 0.0;
-    if ((HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS) && u.x < local) {
-        u.x = min(u.x / local, 0.99999994);
-        if (!HAS_MESH_LIGHTS) return ask_local(bsdf, wo, origin, link_set, receiver, u, last, local);
-        const float first = mesh_light_first(receiver);
-        if (first < 0.0) return nothing;
-        if (HAS_LOCAL_LIGHTS && u.x < first) {
-            u.x = min(u.x / first, 0.99999994);
-            return ask_local(bsdf, wo, origin, link_set, receiver, u, last, local * first);
-        }
-        u.x = min((u.x - first) / (1.0 - first), 0.99999994);
-        return ask_mesh(bsdf, wo, origin, receiver, u, u_mesh, last, local * (1.0 - first));
-    }
-    if (LIGHTING.infinite_count == 0u || !(linked > 0.0)) return nothing;
-    u.x = min((u.x - local) / (1.0 - local), 0.99999994);
-    return ask_infinite(bsdf, wo, link_set, linked, u, last);
 }
 
 #endif

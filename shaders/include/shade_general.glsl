@@ -2,8 +2,8 @@
 // Shading with the light table (Features::LIGHT_TABLE): any BSDF, any light.
 //
 // At each surface: what the ray has met of the lights on its way here (weighed against the shadow ray of the bounce before), one
-// shadow ray, one BSDF ray. The surface of bounce `max_bounces` is the last that is lit: its shadow ray brings all that lobes with a
-// density reflect, and only a delta lobe's ray leaves it, for what shines where that ray ends and nothing else.
+// shadow ray, one BSDF ray. That goes for bounce max_bounces too, where the BSDF ray only looks for lights: shadow rays alone find
+// nothing in a mirror and little in what is almost one. Only Lambert ends there, with a shadow ray that brings all.
 #ifndef OOCPT_SHADE_GENERAL_GLSL
 #define OOCPT_SHADE_GENERAL_GLSL
 
@@ -57,7 +57,7 @@ float emission_share(uint path, Ray ray, Surface surface, float pdf) {
 // The set of numbers that a path asks its lights with.
 Ask ask_one(uint path, uint bounce, Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, uint packed_normal, bool last, float width) {
     const uvec2 pixel = pixel_position(path_pixel(path));
-    const uint seed = pixel_seed(pixel.x, pixel.y, FRAME.seed);
+    const uint seed = pixel_seed(pixel.x, pixel.y, path_seed(path));
     const uint index = path_sample(path);
     const Receiver receiver = Receiver(origin.hi, unpack_normal(packed_normal));
     const vec4 u_light = sample_4d(index, 2u + 2u * bounce, seed);
@@ -81,7 +81,7 @@ void resolve_ask(uint path, Surface surface, Shading shading, out uint missing) 
     const vec3 normal = bsdf_normal(bsdf);
     const uint packed_normal = HAS_TRANSMISSION ? NO_INDEX : pack_normal(normal);
     ask_one(path, ray.bounce, bsdf, wo, add(surface.position, surface.offset * normal), prim_link_set(surface.prim_id), packed_normal,
-            ray.bounce >= FRAME.max_bounces, surface.cone);
+            ray.bounce >= FRAME.max_bounces && is_plain(bsdf), surface.cone);
     missing = ask_missing;
 }
 
@@ -95,6 +95,8 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     if (HAS_CUTOUTS && HAS_TEXTURES) store_next_cone(path, surface.cone, 0.0);
     if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path_place(path)] = vec4(0.0, 0.0, 0.0, 1.0);
     if (HAS_LOCAL_LIGHTS) add_met_lights(path, ray, surface, state);
+    const bool only_lights = HAS_MATERIALS && ray.bounce > FRAME.max_bounces;
+    if (only_lights && !HAS_EMISSION) return;
 
     uint missing;
     const Shading shading = make_shading(path, surface, missing);
@@ -103,12 +105,12 @@ void shade_general(uint path, out bool asks, out bool go_on) {
         // As for other lights: what shadow rays could bring at bounce 0 is direct.
         add_radiance(path, admitted(state.throughput * (shading.emission * weight), ray.bounce > (HAS_MESH_LIGHTS ? 1u : 0u)));
     }
-    if (HAS_MATERIALS && ray.bounce > FRAME.max_bounces) return;
+    if (only_lights) return;
     const vec3 wo = -ray.d;
     const Bsdf bsdf = make_bsdf(shading, wo);
     const vec3 normal = bsdf_normal(bsdf);
     const Double3 origin = add(surface.position, surface.offset * normal);
-    const bool last = ray.bounce >= FRAME.max_bounces;
+    const bool last = ray.bounce >= FRAME.max_bounces && is_plain(bsdf);
     const uvec2 pixel = pixel_position(path_pixel(path));
     const uint seed = pixel_seed(pixel.x, pixel.y, path_seed(path));
     const uint index = path_sample(path);
@@ -122,12 +124,12 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     Double3 ask_from = origin;
     if (asks_beyond) ask_from = beyond;
     asks = store_ask(path, ask_from, ray.bounce, ask, state.throughput);
-    if (last && !has_delta_lobe(bsdf)) return;
+    if (last) return;
 
     const vec4 u = sample_4d(index, 1u + 2u * ray.bounce, seed);
     vec3 wi, weight;
     float pdf;
-    if (!bsdf_sample(bsdf, wo, u, wi, weight, pdf) || (last && pdf > 0.0)) return;
+    if (!bsdf_sample(bsdf, wo, u, wi, weight, pdf) ) return;
     const vec3 throughput = state.throughput * weight;
     const float largest = max_component(throughput);
     const float survival = ray.bounce >= ROULETTE_FROM ? min(largest, 1.0) : 1.0;

@@ -193,13 +193,14 @@ uint descend(uint reference) {
 
 // Tests the triangles of a leaf; true ends the walk.
 bool visit_triangles(uint begin, uint end, float t_max, inout Found found) {
+    const Shear shear = make_shear(walk.d);
     for (uint triangle = begin; triangle < end; ++triangle) {
         const vec3 v0 = ConstVec4s(walk.triangles).v[triangle * 3u].xyz;
         const vec3 v1 = ConstVec4s(walk.triangles).v[triangle * 3u + 1u].xyz;
         const vec3 v2 = ConstVec4s(walk.triangles).v[triangle * 3u + 2u].xyz;
         float t;
         vec2 uv;
-        if (!hit_triangle(v0, v1, v2, walk.o, walk.d, t, uv) || !(t > 0.0)) continue;
+        if (!hit_triangle(v0, v1, v2, walk.o, walk.d, shear, t, uv) || !(t > 0.0)) continue;
 #if ANY_HIT
         if (!(t < t_max)) continue;
 #else

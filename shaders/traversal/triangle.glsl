@@ -1,18 +1,42 @@
 // SPDX-License-Identifier: Apache-2.0
-// Watertight ray-triangle test: vertices relative to the ray origin, three Pluecker edge functions (Woop, Benthin and Wald
-// 2013 prove the idea; Platis and Theoharis 2003 for the coordinates). The edge functions of an edge that two triangles
-// share are exact negatives of each other, so no ray slips between them.
+// Watertight ray-triangle test (Woop, Benthin and Wald 2013): vertices relative to the ray's origin are sheared into the plane across the
+// ray, where each has one place, whichever triangle asks; edge functions there have the sign that those places have exactly, or are 0, and
+// both triangles of an edge take a 0. So a closed surface stays closed, at its vertices too. (Pluecker edge functions agree along an edge,
+// but round edge by edge: at a vertex they left gaps.)
 #ifndef OOCPT_TRIANGLE_GLSL
 #define OOCPT_TRIANGLE_GLSL
 
-// d . ((p - q) x (p + q)); exactly antisymmetric in p and q.
-float edge_function(vec3 p, vec3 q, vec3 d) {
-    precise const vec3 e = p - q;
-    precise const vec3 s = p + q;
-    precise const float x = fma(e.y, s.z, -(e.z * s.y));
-    precise const float y = fma(e.z, s.x, -(e.x * s.z));
-    precise const float z = fma(e.x, s.y, -(e.y * s.x));
-    precise const float r = fma(x, d.x, fma(y, d.y, z * d.z));
+// The plane across a ray: along two axes, sheared along the third, where the direction is largest.
+struct Shear {
+    vec3 u;
+    vec3 v;
+};
+
+Shear make_shear(vec3 d) {
+    const vec3 size = abs(d);
+    Shear shear;
+    if (size.x >= size.y && size.x >= size.z) {
+        shear.u = vec3(-d.y / d.x, 1.0, 0.0);
+        shear.v = vec3(-d.z / d.x, 0.0, 1.0);
+    } else if (size.y >= size.z) {
+        shear.u = vec3(0.0, -d.z / d.y, 1.0);
+        shear.v = vec3(1.0, -d.x / d.y, 0.0);
+    } else {
+        shear.u = vec3(1.0, 0.0, -d.x / d.z);
+        shear.v = vec3(0.0, 1.0, -d.y / d.z);
+    }
+    return shear;
+}
+
+vec2 sheared(Shear shear, vec3 p) {
+    return vec2(dot3(shear.u, p), dot3(shear.v, p));
+}
+
+// Twice the area of (0, p, q). Each product rounds by itself: the difference has the sign of the exact one, or is 0.
+float edge_function(vec2 p, vec2 q) {
+    precise const float a = p.x * q.y;
+    precise const float b = p.y * q.x;
+    precise const float r = a - b;
     return r;
 }
 
@@ -25,13 +49,16 @@ const float GRAZING = 1.0e-4;
 // The distance is that of the plane: the barycentrics round by the triangle's size over its height, and a sum weighted by them would put
 // points of slivers, and of triangles much larger than their distance, anywhere. Along the plane, where that rounds without bound, it is
 // kept between the corners', so that no ray slips behind its own origin.
-bool hit_triangle(vec3 v0, vec3 v1, vec3 v2, vec3 o, vec3 d, out float t, out vec2 uv) {
+bool hit_triangle(vec3 v0, vec3 v1, vec3 v2, vec3 o, vec3 d, Shear shear, out float t, out vec2 uv) {
     const vec3 a = v0 - o;
     const vec3 b = v1 - o;
     const vec3 c = v2 - o;
-    const float wb = edge_function(c, a, d);
-    const float wc = edge_function(a, b, d);
-    const float wa = edge_function(b, c, d);
+    const vec2 p = sheared(shear, a);
+    const vec2 q = sheared(shear, b);
+    const vec2 r = sheared(shear, c);
+    const float wb = edge_function(r, p);
+    const float wc = edge_function(p, q);
+    const float wa = edge_function(q, r);
     const float sum = wa + wb + wc;
     if ((min(wa, min(wb, wc)) < 0.0 && max(wa, max(wb, wc)) > 0.0) || sum == 0.0) return false;
     const float scale = 1.0 / sum;

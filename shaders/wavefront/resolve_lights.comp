@@ -13,6 +13,7 @@
 #include "include/sampler.glsl"
 #include "include/bsdf.glsl"
 #include "include/light_sample.glsl"
+#include "include/light_ask.glsl"
 
 const uint ROULETTE_FROM = 3u; // of no use here
 #include "include/shade_general.glsl"

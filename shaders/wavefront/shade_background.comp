@@ -53,7 +53,7 @@ void shade_general(uint path) {
     }
     const PathState state = load_path(path);
     const Departure from = load_departure(path, ray.o, state.pdf);
-    vec3 sum = lights_at_infinity(ray.d, from, ray.bounce > FRAME.max_bounces);
+    vec3 sum = lights_at_infinity(ray.d, from);
     if (HAS_LOCAL_LIGHTS) sum += lights_along(origin, ray.d, LARGEST, false, from, met);
     const vec3 contribution = admitted(state.throughput * sum, ray.bounce > 1u);
     const vec4 before = ConstVec4s(FRAME.radiance).v[place];

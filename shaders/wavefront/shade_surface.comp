@@ -14,6 +14,7 @@
 #include "include/material.glsl"
 #include "include/bsdf.glsl"
 #include "include/light_sample.glsl"
+#include "include/light_ask.glsl"
 
 // Russian roulette (Arvo and Kirk 1990) from this bounce on, by the throughput; a path of full throughput always goes on, so that no weight
 // exceeds 1 by it.

@@ -18,6 +18,20 @@ def test_mirror(host):
         compare.near(cell, color, 1e-3, f"mirror {color}")
 
 
+def test_mirror_at_the_last_bounce(host):
+    """The ray that leaves the last surface still finds the lights: a mirror shows a lamp with no bounces at all. Shadow rays cannot."""
+    lamp = """
+for prim in list(stage.Traverse()):
+    if prim.IsA(UsdLux.DomeLight):
+        prim.SetActive(False)
+lamp = UsdLux.RectLight.Define(stage, "/World/Behind")
+lamp.CreateWidthAttr(100.0); lamp.CreateHeightAttr(100.0); lamp.CreateIntensityAttr(1.0)
+UsdGeom.XformCommonAPI(lamp).SetTranslate(Gf.Vec3d(0, 0, 50))
+"""
+    for cell, color in zip(featured.row_of(host, "material_mirror", 4, bounces=0, edit=lamp), scenes.MIRRORS):
+        compare.near(cell, color, 1e-3, f"mirror {color}")
+
+
 def test_white_metal_furnace(host):
     """Rough or smooth, a white metal in a white world returns all light (multiple scattering between microfacets included)."""
     for cell, roughness in zip(featured.row_of(host, "material_furnace_metal", 5, samples=1024), scenes.METAL_ROUGHNESS):

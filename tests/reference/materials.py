@@ -28,6 +28,8 @@ import networks
 SMOOTH = 0.03
 EXACT_METALS = False
 """Set by those who compare pictures, not times: Mitsuba runs its own BSDFs faster."""
+PRINCIPLED_PLASTICS = False
+"""Dielectrics that are not clear as `principled`: nearer to UsdPreviewSurface where rough than `roughplastic`, which loses light."""
 
 
 def decode(path: str) -> tuple[np.ndarray, int]:
@@ -80,6 +82,8 @@ def _metal(values, notes) -> dict:
 
 def _plastic(values, notes) -> dict:
     ior = float(values["ior"])
+    if PRINCIPLED_PLASTICS and ior >= 1.05:
+        return _coated({**values, "metallic": 0.0}, notes)
     if values["useSpecularWorkflow"]:
         f0 = float(np.mean(values["specularColor"])) if isinstance(values["specularColor"], tuple) else 0.04
         ior = (1 + f0**0.5) / max(1 - f0**0.5, 1e-3)

@@ -346,9 +346,10 @@ fn paths(job: &Job) -> u64 {
     job.request.pixels() * u64::from(job.settings.samples_per_pixel)
 }
 
-/// Whether paths keep what lights ask of them.
+/// Whether paths keep what lights ask of the surface that a ray left (`HAS_DEPARTURES` of the shaders).
 pub(crate) fn has_light_paths(setting: &Setting<'_>) -> bool {
-    setting.lights.general.is_some()
+    let near = Features::LOCAL_LIGHTS | Features::MESH_LIGHTS;
+    setting.lights.features().intersects(near | Features::LIGHT_LINKS | Features::LIGHT_LOBES)
 }
 
 pub(crate) fn is_cpu(device: &Device) -> bool {

@@ -27,9 +27,9 @@ const SURFACES: [(SceneFeatures, Features); 9] = [
 ];
 
 /// The features in words.
-const PARTS: [(Features, &str); 30] = [
+const PARTS: [(Features, &str); 31] = [
     (Features::DOME, "dome light"),
-    (Features::DOME_SHADOW_RAYS, "shadow rays to constant domes at every bounce"),
+    (Features::DOME_SHADOW_RAYS, "shadow rays to constant domes"),
     (Features::DISTANT, "distant lights"),
     (Features::LIGHT_TABLE, "light table and MIS over it"),
     (Features::LOCAL_LIGHTS, "local lights and light tree"),
@@ -38,6 +38,7 @@ const PARTS: [(Features, &str); 30] = [
     (Features::DOME_TEXTURE, "dome textures"),
     (Features::LIGHT_TEXTURE, "textures of rect lights"),
     (Features::LIGHT_LINKS, "light linking"),
+    (Features::LIGHT_LOBES, "lights' own multipliers for diffuse and specular"),
     (Features::OPACITY, "opacity in traversal"),
     (Features::NORMALS, "interpolated normals"),
     (Features::COLORS, "colours"),

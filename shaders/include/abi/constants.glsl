@@ -38,6 +38,7 @@ const bool HAS_MESH_LIGHTS = (FEATURES & (1u << 27)) != 0u && HAS_EMISSION;
 const bool HAS_ROULETTE = (FEATURES & (1u << 26)) != 0u && HAS_STREAMING;
 const bool HAS_MESH_LIGHT_VALUES = (FEATURES & (1u << 29)) != 0u && HAS_MESH_LIGHTS;
 const bool HAS_ADAPTIVE = (FEATURES & (1u << 30)) != 0u;
+const bool HAS_LIGHT_LOBES = (FEATURES & (1u << 31)) != 0u;
 const bool HAS_LIGHT_TEXTURE = (FEATURES & (1u << 24)) != 0u && HAS_LOCAL_LIGHTS;
 
 const uint LIGHT_RECT = 0u;

@@ -143,7 +143,7 @@ struct GpuLightShaping {
 
 struct GpuLightMap {
     uint64_t texels;
-    uint64_t alias;
+    uint64_t cells;
     uint width;
     uint height;
     uint columns;
@@ -156,9 +156,9 @@ struct GpuLightMap {
     uint pad1;
 };
 
-struct GpuAlias {
-    uint other;
-    float threshold;
+struct GpuCdf {
+    float start;
+    uint guide;
     float density;
 };
 

@@ -161,6 +161,12 @@ impl GeneralLights {
         features.set(Features::LOCAL_LIGHTS, !self.locals.is_empty());
         features.set(Features::DISTANT, kind(GpuLightKind::Distant));
         features.set(Features::DOME, kind(GpuLightKind::Dome) || kind(GpuLightKind::DomeMap));
+        features.set(Features::DOME_SHADOW_RAYS, kind(GpuLightKind::Dome));
+        features.set(
+            Features::LIGHT_LOBES,
+            self.infinite.iter().any(|light| light.diffuse.to_bits() != light.specular.to_bits())
+                || self.locals.iter().any(|light| light.diffuse.to_bits() != light.specular.to_bits()),
+        );
         features.set(Features::DOME_TEXTURE, kind(GpuLightKind::DomeMap));
         features.set(Features::SHAPING, !self.shapings.is_empty());
         features.set(Features::IES, !self.profiles.is_empty());

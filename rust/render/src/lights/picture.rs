@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Pictures of domes and rectangles on the device: texels, and for domes an alias table over cells of the picture. Pure.
+//! Pictures of domes and rectangles on the device: texels, and for domes a distribution over cells of the picture. Pure.
 //!
 //! A cell's weight is the integral over it of the interpolated luminance times the sine of the polar angle, plus a small share of the
-//! mean. Alias table: Vose 1991, "A Linear Algorithm for
-//! Generating Random Numbers with a Given Distribution".
+//! mean. Guide: Chen and Asau 1974, "On Generating Random Variates from an Empirical Distribution".
 
 use super::files::LightPicture;
 use super::{luminance, narrow};
-use oocpt_shader_abi::{GpuAlias, MAP_FLOAT, MAP_HALF};
+use oocpt_shader_abi::{GpuCdf, MAP_FLOAT, MAP_HALF};
 use std::f64::consts::PI;
 
 /// Most texels of a picture: 16 K x 8 K.
 pub(super) const MAX_TEXELS: u64 = 1 << 27;
-/// Most cells along a side of an alias table.
+/// Most cells along a side of a distribution.
 const MAX_CELLS: u32 = 1024;
 /// Share of a dome's samples that goes to all cells alike, by solid angle.
 const EVEN_SHARE: f64 = 0.01;
@@ -30,7 +29,7 @@ pub(crate) struct EncodedPicture {
     pub(crate) columns: u32,
     pub(crate) rows: u32,
     /// Empty for rectangles.
-    pub(crate) alias: Vec<GpuAlias>,
+    pub(crate) cells: Vec<GpuCdf>,
 }
 
 /// Why a picture cannot be used; `None`: it can.
@@ -69,7 +68,7 @@ impl EncodedPicture {
             mean: 0.0,
             columns: 0,
             rows: 0,
-            alias: Vec::new(),
+            cells: Vec::new(),
         };
         if is_dome {
             // Between two texels' middles the picture is linear: cells of half a texel follow it best.
@@ -77,7 +76,7 @@ impl EncodedPicture {
             encoded.rows = height.saturating_mul(2).min(MAX_CELLS);
             let weights = cells(&picture, encoded.columns, encoded.rows);
             encoded.mean = weights.iter().sum::<f64>() / (4.0 * PI);
-            encoded.alias = alias(&weights, encoded.columns, encoded.rows);
+            encoded.cells = distribution(&weights, encoded.columns, encoded.rows);
         } else {
             let sum: f64 = picture.texels.iter().map(|&texel| luminance(texel)).sum();
             #[expect(clippy::cast_precision_loss, reason = "texels fit f64")]
@@ -162,41 +161,58 @@ fn to_f64(value: usize) -> f64 {
     value as f64
 }
 
-/// The table for these weights, mixed with an even share.
-fn alias(weights: &[f64], columns: u32, rows: u32) -> Vec<GpuAlias> {
+/// Entries for these weights, mixed with an even share: the cells of each row, then the rows.
+fn distribution(weights: &[f64], columns: u32, rows: u32) -> Vec<GpuCdf> {
     let total: f64 = weights.iter().sum();
-    let rows_f = f64::from(rows);
-    let even = |cell: usize| {
-        let row = to_f64(cell / columns as usize);
-        0.5 * ((PI * row / rows_f).cos() - (PI * (row + 1.0) / rows_f).cos()) / f64::from(columns)
+    let (width, rows_f) = (columns as usize, f64::from(rows));
+    let even = |row: usize| {
+        let edge = |row: usize| (PI * to_f64(row) / rows_f).cos();
+        0.5 * (edge(row) - edge(row + 1)) / f64::from(columns)
     };
     let share = if total > 0.0 && total.is_finite() { EVEN_SHARE } else { 1.0 };
     let mixed = |(cell, &weight): (usize, &f64)| {
         let own = if share < 1.0 { (1.0 - share) * weight / total } else { 0.0 };
-        own + share * even(cell)
+        own + share * even(cell / width)
     };
     let probabilities: Vec<f64> = weights.iter().enumerate().map(mixed).collect();
-    vose(&probabilities)
+    let of_rows: Vec<f64> = probabilities.chunks(width).map(|row| row.iter().sum()).collect();
+    let of_rows = piecewise(&of_rows);
+    let mut entries: Vec<GpuCdf> = Vec::with_capacity(probabilities.len() + of_rows.len());
+    for (cells, row) in probabilities.chunks(width).zip(&of_rows) {
+        let cells = piecewise(cells);
+        entries.extend(
+            cells
+                .iter()
+                .map(|cell| GpuCdf { density: narrow(f64::from(cell.density) * f64::from(row.density)), ..*cell }),
+        );
+    }
+    entries.extend(of_rows);
+    entries
 }
 
-/// An alias table for probabilities that add up to 1.
-pub(super) fn vose(probabilities: &[f64]) -> Vec<GpuAlias> {
-    let n = to_f64(probabilities.len());
-    let mut scaled: Vec<f64> = probabilities.iter().map(|p| p * n).collect();
-    let mut table: Vec<GpuAlias> =
-        (0..).zip(&scaled).map(|(i, &p)| GpuAlias { other: i, threshold: 1.0, density: narrow(p) }).collect();
-    let (mut small, mut large): (Vec<usize>, Vec<usize>) = (0..scaled.len()).partition(|&i| scaled[i] < 1.0);
-    while let (Some(&less), Some(&more)) = (small.last(), large.last()) {
-        small.pop();
-        table[less].threshold = narrow(scaled[less]);
-        table[less].other = u32::try_from(more).unwrap_or_default();
-        scaled[more] -= 1.0 - scaled[less];
-        if scaled[more] < 1.0 {
-            large.pop();
-            small.push(more);
-        }
+/// The distribution of these weights, not all 0. Densities are those of the rounded starts, as the device draws.
+pub(super) fn piecewise(weights: &[f64]) -> Vec<GpuCdf> {
+    let total: f64 = weights.iter().sum();
+    let count = to_f64(weights.len());
+    let mut sum = 0.0;
+    let mut starts: Vec<f32> = Vec::with_capacity(weights.len() + 1);
+    for weight in weights {
+        starts.push(narrow(f64::min(sum / total, 1.0)));
+        sum += weight;
     }
-    table
+    starts.push(1.0);
+    let mut last = 0_usize;
+    (0..weights.len())
+        .map(|i| {
+            let at = to_f64(i) / count;
+            while last + 1 < weights.len() && starts.get(last + 1).is_some_and(|&start| f64::from(start) <= at) {
+                last += 1;
+            }
+            let [start, end] = [i, i + 1].map(|i| starts.get(i).copied().unwrap_or(1.0));
+            let density = narrow((f64::from(end) - f64::from(start)) * count);
+            GpuCdf { start, guide: u32::try_from(last).unwrap_or_default(), density }
+        })
+        .collect()
 }
 
 #[cfg(test)]

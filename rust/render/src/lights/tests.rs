@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The tables on the host: the tree, alias tables, probabilities.
+//! The tables on the host: the tree, distributions, probabilities.
 
-use super::picture::vose;
+use super::picture::piecewise;
 use super::tree::{LightBounds, build};
 use oocpt_shader_abi::{GpuLightNode, LIGHT_LEAF, LIGHT_TREE_DEPTH};
 
@@ -82,19 +82,22 @@ fn lights_at_one_place_and_on_a_spiral_stay_in_depth() {
 }
 
 #[test]
-fn an_alias_table_gives_back_its_probabilities() {
+fn a_distribution_gives_back_its_probabilities_and_guides_to_them() {
     let weights: Vec<f64> = (0..1000).map(|i| f64::from(i * i % 97) + if i == 3 { 1e4 } else { 0.0 }).collect();
     let total: f64 = weights.iter().sum();
-    let probabilities: Vec<f64> = weights.iter().map(|w| w / total).collect();
-    let table = vose(&probabilities);
-    let mut given = vec![0.0; table.len()];
-    for (i, entry) in table.iter().enumerate() {
-        given[i] += f64::from(entry.threshold) / 1000.0;
-        given[entry.other as usize] += (1.0 - f64::from(entry.threshold)) / 1000.0;
-    }
-    for ((given, wanted), entry) in given.iter().zip(&probabilities).zip(&table) {
-        assert!((given - wanted).abs() < 1e-7 + 1e-5 * wanted, "{given} is not {wanted}");
-        assert!((f64::from(entry.density) - wanted * 1000.0).abs() < 1e-4 * (1.0 + wanted * 1000.0), "density");
+    let entries = piecewise(&weights);
+    let starts: Vec<f64> = entries.iter().map(|entry| f64::from(entry.start)).chain([1.0]).collect();
+    assert!(starts.is_sorted() && starts[0] == 0.0, "starts go from 0 upwards");
+    for (i, (entry, weight)) in entries.iter().zip(&weights).enumerate() {
+        let wanted = weight / total;
+        assert!((starts[i + 1] - starts[i] - wanted).abs() < 1.3e-7, "entry {i}");
+        assert!(
+            (f64::from(entry.density) / 1000.0 - (starts[i + 1] - starts[i])).abs() <= 1e-7 * wanted + 1e-9,
+            "density {i}"
+        );
+        let at = i as f64 / 1000.0;
+        let guide = entry.guide as usize;
+        assert!(starts[guide] <= at && at < starts[guide + 1], "{at} does not fall on entry {guide}");
     }
 }
 

@@ -23,7 +23,7 @@ const WRITE_TIMEOUT: Duration = Duration::from_secs(120);
 struct Resident {
     picture: Arc<EncodedPicture>,
     texels: HeapRange,
-    alias: Option<HeapRange>,
+    cells: Option<HeapRange>,
 }
 
 /// Meshes that emit light, on the device.
@@ -131,7 +131,7 @@ impl LightTables {
 
     /// Lists what is on the device.
     pub(crate) fn list(&self, inventory: &mut Inventory) {
-        let pictures = self.pictures.iter().flat_map(|have| std::iter::once(&have.texels).chain(&have.alias));
+        let pictures = self.pictures.iter().flat_map(|have| std::iter::once(&have.texels).chain(&have.cells));
         let meshes = self.meshes.iter().flat_map(|meshes| meshes.tables.iter().flatten());
         for range in pictures.chain(meshes).chain(&self.tables) {
             inventory.add(range.name(), range.size());
@@ -158,8 +158,8 @@ impl LightTables {
         let EncodedPicture { width, height, format, columns, rows, .. } = *map.picture;
         let [x, y, z] = map.rows;
         let texels = have.map_or(0, |have| have.texels.address());
-        let alias = have.and_then(|have| have.alias.as_ref()).map_or(0, HeapRange::address);
-        GpuLightMap { texels, alias, width, height, columns, rows, x, format, y, pad0: 0, z, pad1: 0 }
+        let cells = have.and_then(|have| have.cells.as_ref()).map_or(0, HeapRange::address);
+        GpuLightMap { texels, cells, width, height, columns, rows, x, format, y, pad0: 0, z, pad1: 0 }
     }
 }
 
@@ -192,13 +192,13 @@ impl Resident {
     fn new(device: &Device, writer: &mut Writer<'_>, picture: &Arc<EncodedPicture>) -> Result<Self, RenderError> {
         let texels = device.heap.alloc("light picture", picture.bytes.len() as u64, 16)?;
         writer.bytes(&texels, 0, &picture.bytes)?;
-        let mut alias = None;
-        if !picture.alias.is_empty() {
-            let bytes: &[u8] = bytemuck::cast_slice(&picture.alias);
-            let range = device.heap.alloc("dome alias table", bytes.len() as u64, 16)?;
+        let mut cells = None;
+        if !picture.cells.is_empty() {
+            let bytes: &[u8] = bytemuck::cast_slice(&picture.cells);
+            let range = device.heap.alloc("dome distribution", bytes.len() as u64, 16)?;
             writer.bytes(&range, 0, bytes)?;
-            alias = Some(range);
+            cells = Some(range);
         }
-        Ok(Self { picture: Arc::clone(picture), texels, alias })
+        Ok(Self { picture: Arc::clone(picture), texels, cells })
     }
 }

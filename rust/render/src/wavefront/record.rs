@@ -18,7 +18,7 @@ pub(crate) struct Recorder<'a> {
     /// Device address of the frame block.
     pub(crate) frame: u64,
     pub(crate) pixels: u32,
-    /// One more than `max_bounces` where surfaces may have delta lobes: their rays leave the last surface that is lit.
+    /// One more than `max_bounces` where there are materials: rays that leave the last surface that is lit still look for lights.
     pub(crate) last_round: u32,
 }
 

@@ -44,8 +44,7 @@ enum Also {
 }
 
 const NONE: Names = &[];
-const OF_MATERIALS: Names =
-    &["light_paths", "lighting", "material table", "prim table", "material slots", "BSDF tables"];
+const OF_MATERIALS: Names = &["lighting", "material table", "prim table", "material slots", "BSDF tables"];
 const OF_STREAMING: Names = &[
     "progress",
     "places",
@@ -152,6 +151,11 @@ const ROWS: &[Row] = &[
           build: |db| db.upsert_mesh(with(bare("/board"), "st", Interpolation::Vertex, coordinates(|st| st))), ..BARE },
     Row { what: "a lamp", build: |db| lit(db, ball()), features: &["LIGHT_TABLE", "LOCAL_LIGHTS"],
           buffers: &["light_paths", "lighting", "local lights", "light tree"], ..BARE },
+    Row { what: "a lamp for gloss", build: |db| lit(db, LightDesc { diffuse: 0.5, ..ball() }),
+          features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "LIGHT_LOBES"], buffers: &["light_paths", "lighting", "local lights", "light tree"], ..BARE },
+    Row { what: "a lamp under a grey sky", build: |db| { lit(db, ball()); db.upsert_light(dome([1.0; 3])); },
+          features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "DOME", "DOME_SHADOW_RAYS"],
+          buffers: &["light_paths", "lighting", "local lights", "light tree", "lights at infinity"], ..BARE },
     Row { what: "a shaped lamp", build: |db| lit(db, LightDesc { shaping: Some(Shaping { cone_angle_degrees: 40.0, ..Shaping::default() }), ..ball() }),
           features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "SHAPING"],
           buffers: &["light_paths", "lighting", "local lights", "light tree", "light shapings"], ..BARE },
@@ -161,7 +165,7 @@ const ROWS: &[Row] = &[
           buffers: &["light_paths", "lighting", "local lights", "light tree", "light shapings", "IES profiles"], ..BARE },
     Row { what: "a sky", build: |db| lit(db, light(LightKind::Dome { texture: Some(TestFiles::asset("halves")), format: DomeFormat::Latlong }, DMat4::IDENTITY)),
           features: &["LIGHT_TABLE", "DOME", "DOME_TEXTURE"],
-          buffers: &["light_paths", "lighting", "lights at infinity", "light maps", "light picture", "dome alias table"], ..BARE },
+          buffers: &["lighting", "lights at infinity", "light maps", "light picture", "dome distribution"], ..BARE },
     Row { what: "a picture of a lamp",
           build: |db| lit(db, light(LightKind::Rect { width: 1.0, height: 1.0, texture: Some(TestFiles::asset("halves")) }, DMat4::from_translation(DVec3::Z * 3.0))),
           features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "LIGHT_TEXTURE"],
@@ -181,11 +185,11 @@ const ROWS: &[Row] = &[
     Row { what: "rough glass", build: |db| dressed(db, &[("opacity", ParamValue::Float(0.5)), ("roughness", ParamValue::Float(0.5))]),
           features: &["LIGHT_TABLE", "MATERIALS", "TRANSMISSION", "ROUGH_TRANSMISSION"], buffers: OF_MATERIALS, ..BARE },
     Row { what: "a texture", build: |db| papered(db, "diffuseColor", "rgb", &[]), features: &["LIGHT_TABLE", "MATERIALS", "TEXTURES"],
-          buffers: &["light_paths", "lighting", "material table", "prim table", "material slots", "BSDF tables", "cones", "texture table",
+          buffers: &["lighting", "material table", "prim table", "material slots", "BSDF tables", "cones", "texture table",
                      "texture pages", "sRGB table", "texture tiles", "mesh primvars", "mesh corners"], primvars: &["st"], ..BARE },
     Row { what: "a cutout", build: |db| papered(db, "opacity", "r", &[("opacityThreshold", ParamValue::Float(0.5))]),
           features: &["LIGHT_TABLE", "MATERIALS", "TEXTURES", "CUTOUTS"],
-          buffers: &["light_paths", "lighting", "material table", "prim table", "material slots", "BSDF tables", "cones", "texture table",
+          buffers: &["lighting", "material table", "prim table", "material slots", "BSDF tables", "cones", "texture table",
                      "texture pages", "sRGB table", "texture tiles", "mesh primvars", "mesh corners"], primvars: &["st"], ..BARE },
     Row { what: "a glow",
           build: |db| { db.upsert_material(glow("/material", [1.0; 3])); db.upsert_mesh(MeshDesc { material: Some("/material".into()), ..bare("/board") }); },
@@ -211,7 +215,7 @@ const ROWS: &[Row] = &[
           features: &["LIGHT_TABLE", "MATERIALS", "TEXTURES", "CUTOUTS", "STREAMING"],
           passes: &["record_surfaces", "sort_deferred_count", "sort_deferred_scan", "sort_deferred_scatter", "count_demand",
                     "resolve_materials", "resolve_cutouts"],
-          buffers: &["light_paths", "lighting", "material table", "prim table", "material slots", "BSDF tables", "cones", "texture table",
+          buffers: &["lighting", "material table", "prim table", "material slots", "BSDF tables", "cones", "texture table",
                      "texture pages", "sRGB table", "progress", "places", "free_slots", "pending", "shadow_pending", "surfaces", "deferred 0",
                      "deferred 1", "segments", "demand", "sort_counts", "sort_sums", "chunk_rays", "streaming", "steps 0", "steps 1",
                      "geometry and textures, at most", "surface materials", "resolve_queue", "resolved", "resolve_progress",

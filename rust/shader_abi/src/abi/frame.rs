@@ -61,7 +61,8 @@ bitflags! {
         /// Some instance record points to an assembly (needed when `MAX_LEVELS` > 1).
         const INSTANCING = 64;
         /// Shadow rays towards the dome at every bounce, joined to the escaping rays by MIS. Without it only the last
-        /// bounce sends them. Either way the estimate is unbiased: this is a choice of rays per path against noise.
+        /// bounce sends them. Either way the estimate is unbiased: this is a choice of rays per path against noise. With `LIGHT_TABLE`: some
+        /// dome has no texture.
         const DOME_SHADOW_RAYS = 128;
         /// Chunks may be absent: rays wait for them, paths live in segments. `Frame::streaming` counts.
         const STREAMING = 256;
@@ -110,6 +111,8 @@ bitflags! {
         const MESH_LIGHT_VALUES = 1 << 29;
         /// Pixels have two streams of samples, and not all as many of them: `Frame::adaptive` counts.
         const ADAPTIVE = 1 << 30;
+        /// Some light has one multiplier for diffuse and another for specular reflection (with `LIGHT_TABLE`).
+        const LIGHT_LOBES = 1 << 31;
     }
 }
 

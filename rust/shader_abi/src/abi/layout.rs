@@ -4,11 +4,11 @@
 //! Guarantees: the members are listed in full: a struct literal pattern without `..` fails to compile otherwise.
 
 use super::{
-    Adaptive, AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAlias, GpuAssembly, GpuAttribute,
-    GpuChunk, GpuChunkInstance, GpuInfiniteLight, GpuInput, GpuInstance, GpuLight, GpuLightLeaf, GpuLightMap,
-    GpuLightMesh, GpuLightNode, GpuLightShaping, GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh,
-    GpuMeshLight, GpuNode, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, LbvhBounds,
-    LbvhPush, Lighting, PathState, Pending, Push, Question, Ray, Roulette, Segment, ShadowRay, Streaming,
+    Adaptive, AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAssembly, GpuAttribute, GpuCdf, GpuChunk,
+    GpuChunkInstance, GpuInfiniteLight, GpuInput, GpuInstance, GpuLight, GpuLightLeaf, GpuLightMap, GpuLightMesh,
+    GpuLightNode, GpuLightShaping, GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight,
+    GpuNode, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush,
+    Lighting, PathState, Pending, Push, Question, Ray, Roulette, Segment, ShadowRay, Streaming,
 };
 use core::mem::{offset_of, size_of};
 
@@ -286,8 +286,8 @@ pub const LAYOUTS: &[StructLayout] = &[
         ies_scale,
         pad
     }),
-    layout!(GpuLightMap { texels, alias, width, height, columns, rows, x, format, y, pad0, z, pad1 }),
-    layout!(GpuAlias { other, threshold, density }),
+    layout!(GpuLightMap { texels, cells, width, height, columns, rows, x, format, y, pad0, z, pad1 }),
+    layout!(GpuCdf { start, guide, density }),
     layout!(GpuChunk { nodes, instances, primvars }),
     layout!(GpuTexture { decode, first_page, flags, width, height, levels, texels, fallback }),
     layout!(GpuChunkInstance { chunk_from_world, origin_lo, chunk, instance_id, row, pad }),

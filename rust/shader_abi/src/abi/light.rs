@@ -341,8 +341,8 @@ pub struct GpuLightShaping {
 pub struct GpuLightMap {
     /// Texels, the top row first.
     pub texels: u64,
-    /// [`GpuAlias`] array over `columns x rows` cells, the top row first; 0 for rectangles.
-    pub alias: u64,
+    /// [`GpuCdf`] entries of the cells of each row, the top row first, then of the rows: `(columns + 1) * rows`; 0 for rectangles.
+    pub cells: u64,
     /// Texels in a row.
     pub width: u32,
     /// Rows of texels.
@@ -365,14 +365,14 @@ pub struct GpuLightMap {
     pub pad1: u32,
 }
 
-/// An entry of an alias table, 12 B (Vose 1991).
+/// An entry of a piecewise constant distribution over [0, 1), 12 B: inverted by way of a guide (Chen and Asau 1974).
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
-pub struct GpuAlias {
-    /// The cell to take instead of this one.
-    pub other: u32,
-    /// Probability of staying here.
-    pub threshold: f32,
-    /// Probability of this cell times the number of cells.
+pub struct GpuCdf {
+    /// Probability of all entries before this one; the last of equal ones is meant.
+    pub start: f32,
+    /// Entry that the number `i / n` falls on, for entry i of n: a search begins there, and ends where the next one begins.
+    pub guide: u32,
+    /// Of a cell: its probability times the number of cells. Of a row: its probability times the number of rows.
     pub density: f32,
 }

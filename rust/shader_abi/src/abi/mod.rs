@@ -23,7 +23,7 @@ pub use frame::{
 pub use layout::{LAYOUTS, MemberLayout, StructLayout};
 pub use lbvh::{LbvhBounds, LbvhPush};
 pub use light::{
-    GpuAlias, GpuInfiniteLight, GpuLightKind, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
+    GpuCdf, GpuInfiniteLight, GpuLightKind, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
     GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMeshLight, LIGHT_LEAF, LIGHT_TREE_DEPTH, LightFlags, Lighting,
     MAP_FLOAT, MAP_HALF, NO_INDEX,
 };
