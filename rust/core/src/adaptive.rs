@@ -42,7 +42,7 @@ const SHRINK: f64 = 0.25;
 const STEPS: i32 = 32;
 /// Octaves below the largest standard deviation that are told apart.
 const DEPTH: i32 = 24;
-/// Where the row of a band begins in [`Band::first_sample`].
+/// Where the row of a band begins in `Band::first_sample`.
 pub const BAND_SHIFT: u32 = 26;
 
 /// What the first `2^octave` samples of a stream said, as `measured` by the film: variance of the mean by that of its samples, and square of

@@ -12,7 +12,7 @@
 //! square `V(2^(m-1)) - V(2^m)`, `V(n)` the variance of the mean; and `V(2^m)` is the sum of all changes to come. Of `R = d / s`, summed over all
 //! pixels, a Kalman filter over the octaves follows `ln R` and its slope `-b`. An integrand is a sum of parts whose variances fall with their own
 //! powers of the samples (ANOVA and smoothness: Owen 1997), and those that fall fast die first, so the slope dies too. It is taken for that of two
-//! parts, with the powers of [`PARTS`] on both sides of `b`: that says what the slope is next, and what share of the change is still to come.
+//! parts, with the powers of `PARTS` on both sides of `b`: that says what the slope is next, and what share of the change is still to come.
 //! Independent samples give `R = 1`, `b = 0` and the textbook `s`.
 //!
 //! # The interval

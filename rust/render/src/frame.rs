@@ -349,7 +349,8 @@ fn paths(job: &Job) -> u64 {
 /// Whether paths keep what lights ask of the surface that a ray left (`HAS_DEPARTURES` of the shaders).
 pub(crate) fn has_light_paths(setting: &Setting<'_>) -> bool {
     let near = Features::LOCAL_LIGHTS | Features::MESH_LIGHTS;
-    setting.lights.features().intersects(near | Features::LIGHT_LINKS | Features::LIGHT_LOBES)
+    let features = setting.lights.features() | (setting.carry.features & setting.light_carry);
+    features.intersects(near | Features::LIGHT_LINKS | Features::LIGHT_LOBES)
 }
 
 pub(crate) fn is_cpu(device: &Device) -> bool {

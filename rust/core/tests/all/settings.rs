@@ -101,6 +101,7 @@ fn settings_are_listed_in_order() {
         "OOCPT_TARGET_ERROR",
         "OOCPT_CARRY",
         "OOCPT_STRAGGLER_ROULETTE",
+        "OOCPT_ADAPTIVE_SAMPLING",
     ];
     assert_eq!(ours[7..].iter().filter_map(|key| Settings::env_name(key)).collect::<Vec<_>>(), names, "variables");
 }

@@ -37,6 +37,7 @@ struct Row {
 enum Also {
     Nothing,
     Lens,
+    Adaptive,
     Depth,
     Streaming,
     Roulette,
@@ -141,6 +142,7 @@ const ROWS: &[Row] = &[
           features: &["OPACITY"], buffers: &["mesh displayOpacity"], primvars: &["displayOpacity"], ..BARE },
     Row { what: "a lens", features: &["LENS"], also: Also::Lens, ..BARE },
     Row { what: "depth", passes: &["generate_aov_rays", "shade_aovs"], buffers: &["image depth"], also: Also::Depth, ..BARE },
+    Row { what: "adaptive sampling", features: &["ADAPTIVE"], buffers: &["adaptive", "entries", "said"], also: Also::Adaptive, ..BARE },
     Row { what: "nesting", build: nested, features: &["INSTANCING"], ..BARE },
     Row { what: "a primvar by instance", build: |db| placed(db, "displayColor", vec![[0.5_f32; 3]; 2]),
           features: &["INSTANCE_PRIMVARS"], buffers: &["instance primvars"], primvars: &["displayColor"], ..BARE },
@@ -202,6 +204,17 @@ const ROWS: &[Row] = &[
                      "texture pages", "sRGB table", "texture tiles", "mesh primvars", "mesh corners", "mesh lights", "meshes of mesh lights",
                      "trees of mesh lights", "leaves of mesh lights", "triangles of mesh lights", "faces of mesh lights",
                      "emission of mesh lights", "weights of mesh lights"], primvars: &["st"], ..BARE },
+    Row { what: "a glowing picture that streams", build: |db| papered(db, "emissiveColor", "rgb", &[]),
+          features: &["LIGHT_TABLE", "MATERIALS", "TEXTURES", "EMISSION", "MESH_LIGHTS", "MESH_LIGHT_VALUES", "STREAMING"],
+          passes: &["record_surfaces", "sort_deferred_count", "sort_deferred_scan", "sort_deferred_scatter", "count_demand",
+                    "resolve_lights"],
+          buffers: &["light_paths", "lighting", "material table", "prim table", "material slots", "BSDF tables", "cones", "texture table",
+                     "texture pages", "sRGB table", "progress", "places", "free_slots", "pending", "shadow_pending", "surfaces", "deferred 0",
+                     "deferred 1", "segments", "demand", "sort_counts", "sort_sums", "chunk_rays", "streaming", "steps 0", "steps 1",
+                     "geometry and textures, at most", "surface materials", "resolve_queue", "resolved", "resolve_progress",
+                     "mesh lights", "meshes of mesh lights", "trees of mesh lights", "leaves of mesh lights", "triangles of mesh lights",
+                     "faces of mesh lights", "emission of mesh lights", "weights of mesh lights"],
+          primvars: &["st"], also: Also::Streaming, ..BARE },
     Row { what: "a scene that streams", features: &["STREAMING"], passes: STREAM_PASSES, buffers: OF_STREAMING, also: Also::Streaming, ..BARE },
     Row { what: "roulette on loads", features: &["STREAMING", "ROULETTE"],
           passes: &["record_surfaces", "sort_deferred_count", "sort_deferred_scan", "sort_deferred_scatter", "count_demand",
@@ -230,6 +243,7 @@ fn render(row: &Row, carry: &str) -> (Inventory, Vec<Vec<u8>>) {
     let chunk_report =
         if row.also == Also::ChunkReport { report.to_string_lossy().into_owned() } else { String::new() };
     let settings = Settings {
+        adaptive_sampling: row.also == Also::Adaptive,
         carry: carry.into(),
         chunk_report,
         straggler_roulette: row.also == Also::Roulette,
