@@ -129,7 +129,7 @@ oocpt::LightTag _MaterialSync(const _Inputs& inputs)
 {
     const auto& tokens = *HdOocPTSceneTokens;
     const TfToken mode = inputs.Get(tokens.materialSyncMode, TfToken());
-    return mode == tokens.independent         ? oocpt::LightTag::IndependentMesh
+    return mode == tokens.independent       ? oocpt::LightTag::IndependentMesh
         : mode == tokens.noMaterialResponse ? oocpt::LightTag::LightOnlyMesh
                                             : oocpt::LightTag::GlowTintedMesh;
 }

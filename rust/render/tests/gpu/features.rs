@@ -214,7 +214,7 @@ const ROWS: &[Row] = &[
                      "geometry and textures, at most", "surface materials", "resolve_queue", "resolved", "resolve_progress",
                      "mesh lights", "meshes of mesh lights", "trees of mesh lights", "leaves of mesh lights", "triangles of mesh lights",
                      "faces of mesh lights", "emission of mesh lights", "weights of mesh lights"],
-          primvars: &["st"], also: Also::Streaming, ..BARE },
+          primvars: &["st"], also: Also::Streaming },
     Row { what: "a scene that streams", features: &["STREAMING"], passes: STREAM_PASSES, buffers: OF_STREAMING, also: Also::Streaming, ..BARE },
     Row { what: "roulette on loads", features: &["STREAMING", "ROULETTE"],
           passes: &["record_surfaces", "sort_deferred_count", "sort_deferred_scan", "sort_deferred_scatter", "count_demand",

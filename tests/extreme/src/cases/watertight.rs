@@ -13,6 +13,8 @@ use crate::tracer::camera::Eye;
 
 /// Height of a bundle of rays at an edge or a vertex, radians: a few steps of a float.
 const NARROW: f64 = 5e-7;
+/// Vertices that are looked at: edge functions that round edge by edge leave gaps at some, and none at others; on an H200, not on lavapipe.
+const VERTICES: usize = 24;
 
 struct Vessel {
     name: &'static str,
@@ -79,8 +81,8 @@ impl Vessel {
             eyes.push(self.bundle(eye, to, normal, true));
         }
         let vertices = self.body.points.len();
-        for i in 0..6 {
-            let at = if i == 0 { 0 } else { (i * vertices) / 6 + i };
+        for i in 0..VERTICES {
+            let at = if i == 0 { 0 } else { (i * vertices) / VERTICES + i };
             let target = crate::build::wide(self.body.points[at.min(vertices - 1)]);
             eyes.push(self.bundle(DVec3::new(0.11, -0.07, 0.19), target, DVec3::new(0.3, 0.5, 0.8), false));
         }
@@ -109,8 +111,8 @@ fn escapes(lab: &mut Lab<'_>, case: &str, stage: &Stage, eyes: &[Eye], way: &Way
 }
 
 fn leaks(lab: &mut Lab<'_>, case: &str, vessel: &Vessel) {
-    // 10 bundles of about 1000 to 2000 pixels, 5 vessels.
-    let samples = lab.amount(32, 2048);
+    // 28 bundles of about 1000 to 2000 pixels, 5 vessels.
+    let samples = lab.amount(16, 1024);
     let way = Way { samples, chunk_kib: vessel.chunk_kib, ..Way::default() };
     let stage = lab.bench.stage(|db| vessel.author(db));
     let (out, rays) = escapes(lab, case, &stage, &vessel.bundles(), &way);

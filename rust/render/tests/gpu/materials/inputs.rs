@@ -18,7 +18,10 @@ fn emission_is_seen_exactly() {
     assert!(pixels.iter().all(|p| *p == [glow[0], glow[1], glow[2], 1.0]), "{:?}", pixels[0]);
     let left_out = session.stats().features_left_out;
     let has = |part: &str| left_out.iter().any(|name| name.contains(part));
-    assert!(!has("materials, and") && !has("emission") && has("coats") && has("transmission"), "{left_out:?}");
+    assert!(
+        !has("materials, and") && !has("emission of surfaces") && has("coats") && has("transmission"),
+        "{left_out:?}"
+    );
 }
 
 #[test]
