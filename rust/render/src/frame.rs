@@ -246,13 +246,14 @@ impl Renderer {
         let special = specialise::specialisation(features, &view);
         let passes = Passes::new(device, special, film.has_planes())?;
         progress.timings.compile_secs += started.elapsed().as_secs_f64();
+        let bsdf_tables = device.bsdf_tables(features)?; // before the list of what there is
         let mut listed = Inventory::default();
         scene.list(&mut listed, true);
         buffers.list(&mut listed);
         let inventory = inventory::of_frame(setting, Compiled { passes: &passes, special, carried }, listed);
         progress.made_of(specialise::left_out(features, film.has_planes()), inventory);
         let mut block = frame_block(setting, &view);
-        block.bsdf_tables = device.bsdf_tables(features)?;
+        block.bsdf_tables = bsdf_tables;
         buffers.bind(&mut block);
         let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
         frame.write(0, bytemuck::bytes_of(&block))?;
