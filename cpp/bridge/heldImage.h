@@ -9,7 +9,7 @@
 
 namespace oocpt {
 
-// Listed in the bridge (rust/bridge/src/lib.rs).
+// Listed in the bridge (rust/bridge/src/ffi_images.rs).
 struct ImageFacts;
 struct TexelBox;
 

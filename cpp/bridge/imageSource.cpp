@@ -2,7 +2,7 @@
 #include "bridge/imageSource.h"
 
 #include "images/imageLibrary.h"
-#include "oocpt-bridge/src/lib.rs.h"
+#include "oocpt-bridge/src/ffi_images.rs.h"
 #include "pxr/base/tf/errorMark.h"
 #include "pxr/usd/ar/asset.h"
 #include "pxr/usd/ar/resolvedPath.h"

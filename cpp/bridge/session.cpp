@@ -258,20 +258,20 @@ bool HdOocPTSession::IsStopped() const
     return stopped;
 }
 
-bool HdOocPTSession::ReadAov(const TfToken& name, void* destination, size_t byteCount) const
+uint64_t HdOocPTSession::ReadAov(const TfToken& name, uint64_t known, void* destination, size_t byteCount) const
 {
-    bool read = false;
+    uint64_t version = 0;
     if (_impl->session && destination) {
         _impl->Try([&] {
             const rust::Slice<uint8_t> bytes(static_cast<uint8_t*>(destination), byteCount);
-            read = (*_impl->session)->read_aov(_Str(name.GetString()), bytes);
+            version = (*_impl->session)->read_aov(_Str(name.GetString()), known, bytes);
         });
     }
-    if (read) {
+    if (version != 0 && version != known) {
         const std::lock_guard<std::mutex> lock(_impl->mutex);
         HdOocPTClearOutside(_impl->request, name, destination, byteCount);
     }
-    return read;
+    return version;
 }
 
 VtDictionary HdOocPTSession::GetStats() const

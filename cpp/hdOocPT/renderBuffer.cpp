@@ -29,13 +29,17 @@ HdOocPTRenderBuffer::~HdOocPTRenderBuffer() = default;
 void HdOocPTRenderBuffer::Bind(HdOocPTAov const* aov, VtValue const& clearValue)
 {
     std::lock_guard<std::mutex> const lock(_mutex);
-    if (_isBound && _aov == aov && _holdsImage) {
+    // Bound at every execution; hosts read few of the images that they bind, so the others stay as they were filled.
+    bool const isFilled = _isFilled && _clearValue == clearValue;
+    if (_isBound && _aov == aov && (_holdsImage || isFilled)) {
         return;
     }
     _isBound = true;
     _aov = aov;
     _holdsImage = false;
-    if (_mapCount == 0) {
+    _isFilled = _mapCount == 0;
+    if (_isFilled) {
+        _clearValue = clearValue;
         HdOocPTFillPixels(clearValue, _pixels.data(), _format, _PixelCount());
     }
 }
@@ -74,6 +78,7 @@ void HdOocPTRenderBuffer::_Deallocate()
     _height = 0;
     _format = HdFormatInvalid;
     _holdsImage = false;
+    _isFilled = false;
     std::vector<unsigned char>().swap(_pixels);
     std::vector<unsigned char>().swap(_unconverted);
 }
@@ -156,12 +161,18 @@ bool HdOocPTRenderBuffer::_CopyLatest() const
 
 bool HdOocPTRenderBuffer::_ReadFrom(HdOocPTAov const& aov) const
 {
-    if (aov.format == _format) {
-        return _session->ReadAov(aov.name, _pixels.data(), _pixels.size());
+    // Hosts resolve at every execution, whether there is another image or not.
+    uint64_t const known = _holdsImage ? _version : 0;
+    bool const isConverted = aov.format != _format;
+    if (isConverted) {
+        _unconverted.resize(_PixelCount() * HdDataSizeOfFormat(aov.format));
     }
-    _unconverted.resize(_PixelCount() * HdDataSizeOfFormat(aov.format));
-    return _session->ReadAov(aov.name, _unconverted.data(), _unconverted.size())
-        && HdOocPTConvertPixels(_unconverted.data(), aov.format, _pixels.data(), _format, _PixelCount());
+    std::vector<unsigned char>& pixels = isConverted ? _unconverted : _pixels;
+    _version = _session->ReadAov(aov.name, known, pixels.data(), pixels.size());
+    if (_version == 0 || _version == known || !isConverted) {
+        return _version != 0;
+    }
+    return HdOocPTConvertPixels(_unconverted.data(), aov.format, _pixels.data(), _format, _PixelCount());
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -12,6 +12,7 @@
 #include "pxr/usd/sdf/path.h"
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <mutex>
 #include <vector>
@@ -70,6 +71,11 @@ private:
     mutable std::vector<unsigned char> _pixels;
     mutable std::vector<unsigned char> _unconverted;
     mutable bool _holdsImage = false;
+    /// It was filled with _clearValue since it was allocated; an image may have come since.
+    bool _isFilled = false;
+    VtValue _clearValue;
+    /// Of the image that it holds.
+    mutable uint64_t _version = 0;
     HdOocPTAov const* _aov = nullptr;
     bool _isBound = false;
     unsigned int _width = 0;

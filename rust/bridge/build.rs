@@ -5,13 +5,16 @@ use std::path::PathBuf;
 
 fn main() {
     let cpp = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../cpp");
-    cxx_build::bridge("src/lib.rs")
+    let bridges = ["src/lib.rs", "src/ffi_images.rs"];
+    cxx_build::bridges(bridges)
         .std("c++17")
         .include(&cpp)
         .flag_if_supported("-fvisibility=hidden")
         .flag_if_supported("-fvisibility-inlines-hidden")
         .compile("oocpt_bridge_cxx");
-    println!("cargo:rerun-if-changed=src/lib.rs");
+    for bridge in bridges {
+        println!("cargo:rerun-if-changed={bridge}");
+    }
     for header in ["bridge/heldArray.h", "bridge/heldImage.h"] {
         println!("cargo:rerun-if-changed={}", cpp.join(header).display());
     }

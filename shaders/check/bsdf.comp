@@ -1,22 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 // No pass: runs the BSDF for rust/render/tests/gpu/bsdf. One thread per item.
-// A case is 32 floats: geometric normal, normal, wo, wi, u, packed Shading. What is written:
+// A case is 36 floats: geometric normal, normal, wo, wi, u, packed Shading, sheen's colour and roughness. What is written:
 //   CASES     28 floats per case: ok, wi, weight, pdf of its sample; evaluation there; diffuse, specular, pdf at the case's wi; chances of coat,
-//             specular, diffuse, multiple scattering, glass, its multiple scattering; what a smooth interface lets through; glass's alpha; 0
+//             specular, diffuse, multiple scattering, glass, its multiple scattering; what a smooth interface lets through; glass's alpha; chance of sheen
 //   SUMS      4 floats per case and part: sum of weights over POINTS points of a low-discrepancy sequence, count of samples
 //   SAMPLES   4 floats per thread, all of case 0: wi, pdf; pdf -1: none, 0: sharp
 //   GRID      4 floats per direction (after case 0, 3 floats each): value, pdf
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #define BSDF_TABLES push[0]
+#define BSDF_SHEEN_TABLE push[7]
 #include "include/memory.glsl"
 
+const uint CASE = 36u; // floats
 const uint CASES = 0u;
 const uint SUMS = 1u;
 const uint SAMPLES = 2u;
 
 layout(local_size_x = 64) in;
-layout(push_constant, scalar) uniform PushBlock { uint64_t push[7]; }; // tables, cases, results, count, mode, samples, seed
+layout(push_constant, scalar) uniform PushBlock { uint64_t push[8]; }; // tables, cases, results, count, mode, samples, seed, sheen's table
 #define CASES_AT push[1]
 #define RESULTS_AT push[2]
 #define COUNT uint(push[3])
@@ -40,8 +42,11 @@ vec4 at4(uint index) {
 
 Shading shading_of(uint item) {
     vec4 packed[4];
-    for (uint i = 0u; i < 4u; ++i) packed[i] = at4(item * 32u + 16u + 4u * i);
-    return valid_shading(unpack_shading(packed, at3(item * 32u), at3(item * 32u + 3u)));
+    for (uint i = 0u; i < 4u; ++i) packed[i] = at4(item * CASE + 16u + 4u * i);
+    Shading s = unpack_shading(packed, at3(item * CASE), at3(item * CASE + 3u));
+    s.sheen_color = at3(item * CASE + 32u);
+    s.sheen_roughness = at(item * CASE + 35u);
+    return valid_shading(s);
 }
 
 void put3(uint index, vec3 value) {
@@ -81,25 +86,25 @@ vec4 random(uint index) {
 void run_case(uint item, Bsdf b, vec3 wo) {
     vec3 wi, weight, diffuse, specular;
     float pdf;
-    const bool ok = bsdf_sample(b, wo, at4(item * 32u + 12u), wi, weight, pdf);
+    const bool ok = bsdf_sample(b, wo, at4(item * CASE + 12u), wi, weight, pdf);
     const uint to = item * 28u;
     put4(to, vec4(ok ? 1.0 : 0.0, wi));
     put4(to + 4u, vec4(weight, pdf));
     put4(to + 8u, bsdf_evaluate(b, wo, wi));
-    bsdf_evaluate_lobes(b, wo, at3(item * 32u + 9u), diffuse, specular, pdf);
+    bsdf_evaluate_lobes(b, wo, at3(item * CASE + 9u), diffuse, specular, pdf);
     put3(to + 12u, diffuse);
     put3(to + 15u, specular);
     put3(to + 18u, vec3(pdf, b.chance.xy));
     put3(to + 21u, vec3(b.chance.zw, b.chance_glass.x));
     put3(to + 24u, vec3(b.chance_glass.y, b.glass > 0.0 ? 1.0 - mean(glass_reflectance(b, b.o.z)) : 0.0, b.glass_alpha));
-    Floats(RESULTS_AT).v[to + 27u] = 0.0;
+    Floats(RESULTS_AT).v[to + 27u] = b.chance_sheen;
 }
 
 void main() {
     const uint thread = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * 64u + gl_LocalInvocationID.x;
     if (thread >= COUNT) return;
     const uint item = MODE == CASES || MODE == SUMS ? thread : 0u;
-    const vec3 wo = at3(item * 32u + 6u);
+    const vec3 wo = at3(item * CASE + 6u);
     const Bsdf b = make_bsdf(shading_of(item), wo);
     vec3 wi, weight;
     float pdf;
@@ -115,6 +120,6 @@ void main() {
         const bool ok = bsdf_sample(b, wo, random(thread), wi, weight, pdf);
         put4(thread * 4u, vec4(wi, ok ? pdf : -1.0));
     } else {
-        put4(thread * 4u, bsdf_evaluate(b, wo, at3(32u + thread * 3u)));
+        put4(thread * 4u, bsdf_evaluate(b, wo, at3(CASE + thread * 3u)));
     }
 }

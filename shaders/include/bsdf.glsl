@@ -3,6 +3,7 @@
 //
 // The surface is a mixture: (1 - metallic) (1 - opacity) of it is glass, bsdf/glass.glsl, the rest is opaque, on either side the same.
 // The opaque part from the top, each layer under what the ones above let through; E is a layer's directional albedo, U = 1 - E:
+//   sheen         bsdf/sheen.glsl, only where it is asked for (LOBES, no scene of today). Below it: min(U(wo), U(wi)) for coat and specular.
 //   coat          GGX, white, F0 from ior, times the amount `clearcoat`. Below it: min(U(wo), U(wi)) for the specular lobe.
 //   specular      GGX with Schlick's Fresnel; F0 and F90 as UsdPreviewSurface 2.5 says. What single scattering loses comes back
 //                 as a broad lobe F_ms U1(wo) U1(wi) / (pi avg U1), U1 for F = 1 (Kulla and Conty 2017). U1 falls with the square
@@ -61,11 +62,19 @@ Bsdf make_bsdf(Shading s, vec3 wo) {
     b.opaque = 1.0 - through;
     const vec3 base = s.diffuse_color * ((1.0 - b.metallic) * opacity);
     b.scatter = vec3(0.0);
-    b.glass = b.glass_scatter = b.glass_stay = b.glass_alpha = b.glass_row = 0.0;
+    b.glass = b.glass_scatter = b.glass_stay = b.glass_alpha = b.glass_row = b.glass_place = 0.0;
     b.glass_ior = b.glass_eta = 1.0;
     b.chance_glass = vec2(0.0);
-    b.under_coat = 1.0;
-    if (!HAS_MATERIALS || (largest(b.f0) <= 0.0 && b.coat <= 0.0 && through <= 0.0)) {
+    b.under_coat = b.under_sheen = 1.0;
+    b.sheen = vec3(0.0);
+    b.sheen_most = b.sheen_roughness = b.sheen_row = b.chance_sheen = 0.0;
+    if (HAS_SHEEN) {
+        b.sheen_most = b.opaque > 0.0 ? largest(s.sheen_color) : 0.0;
+        b.sheen_roughness = s.sheen_roughness;
+        b.sheen_row = sheen_row(s.sheen_roughness);
+        b.sheen = b.opaque * s.sheen_color * sheen_average(b.sheen_row).y;
+    }
+    if (!HAS_MATERIALS || (largest(b.f0) <= 0.0 && b.coat <= 0.0 && through <= 0.0 && b.sheen_most <= 0.0)) {
         b.diffuse = base;
         b.chance = vec4(0.0, 0.0, mean(base) > 0.0 ? 1.0 : 0.0, 0.0);
         b.flags = BSDF_PLAIN;
@@ -75,6 +84,7 @@ Bsdf make_bsdf(Shading s, vec3 wo) {
     b.n = bent_normal(b.l, wo);
     tangents(b.n, b.t, b.b);
     b.o = vec3(dot(b.t, wo), dot(b.b, wo), clamp(dot(b.n, wo), LEAST_VIEW_COSINE, 1.0));
+    b.under_sheen = under_sheen(b, b.o.z);
     float lost, average_lost;
     const vec3 under = under_all(b, b.o.z, lost);
     const vec3 average = average_under(b, average_lost);
@@ -85,13 +95,16 @@ Bsdf make_bsdf(Shading s, vec3 wo) {
     else color = vec3(0.0);
     vec4 weight = vec4(0.0, 0.0, mean(base * under), mean(color) * lost);
     b.under_coat = under_coat(b, b.o.z);
-    weight.x = b.opaque * (1.0 - b.under_coat);
+    weight.x = b.opaque * (1.0 - b.under_coat) * b.under_sheen;
     weight.y = mean(single_scattering(b));
     vec2 weight_glass = vec2(0.0);
     if (HAS_TRANSMISSION && through > 0.0) weight_glass = set_glass(b, s, wo, through);
-    const float sum = weight.x + weight.y + weight.z + weight.w + weight_glass.x + weight_glass.y;
+    float weight_sheen = 0.0;
+    if (HAS_SHEEN && b.sheen_most > 0.0) weight_sheen = b.opaque * mean(s.sheen_color) * sheen_albedo(b.o.z, b.sheen_row);
+    const float sum = weight.x + weight.y + weight.z + weight.w + weight_glass.x + weight_glass.y + weight_sheen;
     b.chance = sum > 0.0 ? weight / sum : vec4(0.0);
     b.chance_glass = sum > 0.0 ? weight_glass / sum : vec2(0.0);
+    b.chance_sheen = sum > 0.0 ? weight_sheen / sum : 0.0;
     return b;
 }
 
@@ -128,15 +141,19 @@ void add_reflection(Bsdf b, vec3 wi, inout vec3 diffuse, inout vec3 specular, in
         const float value = ggx_reflect(b.alpha, b.o, i, density);
         const vec3 h = b.o + i;
         const float cosine = dot(b.o, h) * inversesqrt(max(dot(h, h), 1.0e-30));
-        specular += schlick(b.f0, b.f90, cosine) * (value * through_coat(b, min(i.z, 1.0)));
+        specular += schlick(b.f0, b.f90, cosine) * (value * through_coat(b, min(i.z, 1.0)) * through_sheen(b, i.z));
         pdf += b.chance.y * density;
     }
     if (HAS_COAT && b.coat_alpha > 0.0 && b.chance.x > 0.0) {
         const float value = ggx_reflect(b.coat_alpha, b.o, i, density);
         const vec3 h = b.o + i;
         const float cosine = dot(b.o, h) * inversesqrt(max(dot(h, h), 1.0e-30));
-        specular += b.opaque * b.coat * (b.coat_f0 + (b.coat_f90 - b.coat_f0) * power5(1.0 - clamp(cosine, 0.0, 1.0))) * value;
+        specular += b.opaque * b.coat * (b.coat_f0 + (b.coat_f90 - b.coat_f0) * power5(1.0 - clamp(cosine, 0.0, 1.0))) * value * through_sheen(b, i.z);
         pdf += b.chance.x * density;
+    }
+    if (HAS_SHEEN && b.chance_sheen > 0.0) {
+        specular += b.sheen * sheen_value(b.sheen_roughness, b.o, i);
+        pdf += b.chance_sheen * scatter_density(SHEEN_SPREAD, min(i.z, 1.0));
     }
     add_glass_reflection(b, i, specular, pdf);
 }
@@ -185,8 +202,10 @@ vec3 scatter_sample(Bsdf b, float alpha, float side, vec2 u) {
     return on_side(b, normalize(sine * (cos(angle) * x + sin(angle) * y) + side * cosine * b.l), side);
 }
 
-// u.xy: direction, u.z: lobe. False: nothing is reflected. weight = f * |cosine| / pdf; pdf 0: sharp, weight holds all of it.
-bool bsdf_sample(Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, out float pdf) {
+// A direction, u.xy by the lobe that u.z falls on. False: nothing is reflected. `evaluates`: weight and pdf are for bsdf_weigh to find;
+// else they are here, pdf 0 for sharp lobes.
+bool bsdf_choose(Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, out float pdf, out bool evaluates) {
+    evaluates = false;
     wi = b.g;
     weight = vec3(0.0);
     pdf = 0.0;
@@ -198,15 +217,25 @@ bool bsdf_sample(Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, out floa
         return pdf > 0.0 && b.chance.z > 0.0;
     }
     float at = u.z;
-    uint lobe = 0u; // 4: glass
+    uint lobe = 0u; // 4: sheen or glass
     while (lobe < 4u && at >= b.chance[lobe]) at -= b.chance[lobe++];
-    if (lobe == 4u && (!HAS_TRANSMISSION || b.chance_glass.x <= 0.0)) {
+    bool is_sheen = false;
+    if (HAS_SHEEN && lobe == 4u && b.chance_sheen > 0.0) {
+        is_sheen = at < b.chance_sheen || b.chance_glass.x <= 0.0;
+        if (!is_sheen) at -= b.chance_sheen;
+    }
+    if (!is_sheen && lobe == 4u && (!HAS_TRANSMISSION || b.chance_glass.x <= 0.0)) {
         lobe = 3u; // rounding
         while (lobe > 0u && b.chance[lobe] <= 0.0) --lobe;
     }
     if (lobe < 4u && b.chance[lobe] <= 0.0) return false;
 
-    if (HAS_TRANSMISSION && lobe == 4u) {
+    if (HAS_SHEEN && is_sheen) {
+        const float cosine = scatter_cosine(SHEEN_SPREAD, u.x);
+        const float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
+        const float angle = 2.0 * PI * u.y;
+        wi = on_side(b, from_frame(b, vec3(sine * cos(angle), sine * sin(angle), cosine)), 1.0);
+    } else if (HAS_TRANSMISSION && lobe == 4u) {
         if (!HAS_ROUGH_TRANSMISSION || at < b.chance_glass.x || b.chance_glass.y <= 0.0) {
             vec3 i;
             if (!sample_glass(b, vec3(u.xy, at / b.chance_glass.x), i, weight)) return false;
@@ -226,7 +255,7 @@ bool bsdf_sample(Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, out floa
         const float alpha = lobe == 0u ? b.coat_alpha : b.alpha;
         if (alpha <= 0.0) {
             wi = on_side(b, from_frame(b, vec3(-b.o.xy, b.o.z)), 1.0);
-            weight = (lobe == 0u ? vec3(b.opaque * (1.0 - b.under_coat)) : single_scattering(b)) / b.chance[lobe];
+            weight = (lobe == 0u ? vec3(b.opaque * (1.0 - b.under_coat) * b.under_sheen) : single_scattering(b)) / b.chance[lobe];
             return true;
         }
         const vec3 h = ggx_sample(alpha, b.o, u.xy);
@@ -234,12 +263,28 @@ bool bsdf_sample(Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, out floa
         if (!(i.z > 0.0)) return false;
         wi = on_side(b, from_frame(b, i), 1.0);
     }
-    const vec4 value = bsdf_evaluate(b, wo, wi);
+    evaluates = true;
     weight = vec3(0.0);
-    pdf = value.a;
-    if (!(pdf > 0.0 && pdf < 3.0e38)) return false;
-    weight = value.rgb / pdf;
     return true;
+}
+
+// Weight of a direction that bsdf_choose chose, by its value and density; false where that is no number.
+bool bsdf_weigh(vec3 value, float pdf, out vec3 weight) {
+    weight = vec3(0.0);
+    if (!(pdf > 0.0 && pdf < 3.0e38)) return false;
+    weight = value / pdf;
+    return true;
+}
+
+// A direction and its weight = f * |cosine| / pdf; pdf 0: sharp, weight holds all of it. u as for bsdf_choose. False: nothing is
+// reflected.
+bool bsdf_sample(Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, out float pdf) {
+    bool evaluates;
+    if (!bsdf_choose(b, wo, u, wi, weight, pdf, evaluates)) return false;
+    if (!evaluates) return true;
+    const vec4 value = bsdf_evaluate(b, wo, wi);
+    pdf = value.a;
+    return bsdf_weigh(value.rgb, pdf, weight);
 }
 
 #endif

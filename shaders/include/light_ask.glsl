@@ -18,34 +18,19 @@ struct Ask {
     bool thin;
     bool of_mesh;
     bool weighs; // against a ray of the BSDF
+    bool whole; // `contribution` holds the BSDF already
     float diffuse; // the light's multipliers
     float specular;
 };
 
 Ask no_ask() {
-    return Ask(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u, 0.0, 1.0, false, false, false, 1.0, 1.0);
-}
-
-// BSDF times cosine with the light's multipliers; `pdf` of the BSDF's own sampling.
-vec3 reflected(Bsdf bsdf, vec3 wo, vec3 wi, float diffuse, float specular, out float pdf) {
-    if (!HAS_LIGHT_LOBES || diffuse == specular) {
-        const vec4 value = bsdf_evaluate(bsdf, wo, wi);
-        pdf = value.w;
-        return value.xyz * diffuse;
-    }
-    vec3 d, s;
-    bsdf_evaluate_lobes(bsdf, wo, wi, d, s, pdf);
-    return d * diffuse + s * specular;
+    return Ask(vec3(0.0), INFINITE, vec3(0.0), 0u, 0u, 0u, 0.0, 1.0, false, false, false, false, 1.0, 1.0);
 }
 
 // Share of the BSDF's value that is diffuse, by colour. Not asked for where every light has one multiplier for both.
-vec3 diffuse_share(Bsdf bsdf, vec3 wo, vec3 wi, float pdf) {
-    if (!HAS_LIGHT_LOBES || !(pdf > 0.0)) return vec3(0.0);
-    vec3 d, s;
-    float unused;
-    bsdf_evaluate_lobes(bsdf, wo, wi, d, s, unused);
-    const vec3 all = d + s;
-    return vec3(all.x > 0.0 ? d.x / all.x : 0.0, all.y > 0.0 ? d.y / all.y : 0.0, all.z > 0.0 ? d.z / all.z : 0.0);
+vec3 diffuse_share(vec3 diffuse, vec3 specular) {
+    const vec3 all = diffuse + specular;
+    return vec3(all.x > 0.0 ? diffuse.x / all.x : 0.0, all.y > 0.0 ? diffuse.y / all.y : 0.0, all.z > 0.0 ? diffuse.z / all.z : 0.0);
 }
 
 // `share`: probability of asking a local light.
@@ -115,9 +100,7 @@ uint choose_infinite(float u, uint link_set, float linked) {
     return low;
 }
 
-// `whole`: the contribution holds the BSDF already.
-Ask ask_infinite(Bsdf bsdf, vec3 wo, uint link_set, float linked, vec4 u, bool last, out bool whole) {
-    whole = false;
+Ask ask_infinite(Bsdf bsdf, vec3 wo, uint link_set, float linked, vec4 u, bool last) {
     Ask ask = no_ask();
     const GpuInfiniteLight light = load_infinite_light(choose_infinite(u.x, link_set, linked));
     const uint kind = light_kind(light.flags);
@@ -129,12 +112,15 @@ Ask ask_infinite(Bsdf bsdf, vec3 wo, uint link_set, float linked, vec4 u, bool l
     ask.specular = light.specular;
     const bool alone = last || is_shadow_only(light.flags);
     if (HAS_DOME_SHADOW_RAYS && kind == LIGHT_DOME) {
-        whole = true;
+        ask.whole = true;
         vec3 weight;
         float pdf;
         if (!bsdf_sample(bsdf, wo, u.yzwx, ask.direction, weight, pdf)) return ask;
         if (HAS_LIGHT_LOBES && light.diffuse != light.specular) {
-            weight *= multiplied(light.diffuse, light.specular, diffuse_share(bsdf, wo, ask.direction, pdf));
+            vec3 d = vec3(0.0), s = vec3(0.0);
+            float unused;
+            if (pdf > 0.0) bsdf_evaluate_lobes(bsdf, wo, ask.direction, d, s, unused);
+            weight *= multiplied(light.diffuse, light.specular, diffuse_share(d, s));
         } else {
             weight *= light.diffuse;
         }
@@ -190,33 +176,79 @@ Ask ask_near(Double3 origin, uint link_set, Receiver receiver, vec4 u, vec4 u_me
     return ask_mesh(origin, receiver, u, u_mesh, last, share * (1.0 - first));
 }
 
-// One light for a shadow ray. `last`: no ray follows that could meet the lights, so shadow rays bring all of it. `u_mesh` counts with
-// HAS_MESH_LIGHTS. The BSDF is evaluated in one place for all lights: it is the largest part of this code.
+// One light for a shadow ray, with all but the BSDF, which finish_ask brings in. `last`: no ray follows that could meet the lights, so
+// shadow rays bring all of it. `u_mesh` counts with HAS_MESH_LIGHTS.
 Ask ask_light(Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiver, vec4 u, vec4 u_mesh, bool last) {
     const float linked = linked_infinite(link_set);
     const float near = HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS ? local_share(linked) : 0.0;
-    Ask ask = no_ask();
-    bool whole = false;
     if ((HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS) && u.x < near) {
         u.x = min(u.x / near, 0.99999994);
-        ask = ask_near(origin, link_set, receiver, u, u_mesh, last, near);
-    } else if (LIGHTING.infinite_count != 0u && linked > 0.0) {
-        u.x = min((u.x - near) / (1.0 - near), 0.99999994);
-        ask = ask_infinite(bsdf, wo, link_set, linked, u, last, whole);
+        return ask_near(origin, link_set, receiver, u, u_mesh, last, near);
     }
-    const bool is_looked_up = HAS_MESH_LIGHT_VALUES && ask.of_mesh;
-    if (whole || !(max_component(ask.contribution) > 0.0 || is_looked_up)) return ask;
-    float density;
-    const vec3 f = reflected(bsdf, wo, ask.direction, ask.diffuse, ask.specular, density);
-#ifdef OOCPT_MATERIAL_GLSL
-    if (is_looked_up && max_component(f) > 0.0) ask.contribution = point_emission(ask_point, density);
-#endif
+    if (LIGHTING.infinite_count != 0u && linked > 0.0) {
+        u.x = min((u.x - near) / (1.0 - near), 0.99999994);
+        return ask_infinite(bsdf, wo, link_set, linked, u, last);
+    }
+    return no_ask();
+}
+
+bool is_looked_up(Ask ask) {
+    return HAS_MESH_LIGHT_VALUES && ask.of_mesh;
+}
+
+// Whether finish_ask is to be called.
+bool needs_bsdf(Ask ask) {
+    return !ask.whole && (max_component(ask.contribution) > 0.0 || is_looked_up(ask));
+}
+
+// Brings in the BSDF's value towards the light, its diffuse and its specular part, and its density there.
+void finish_ask(inout Ask ask, vec3 diffuse, vec3 specular, float density) {
+    const bool alike = !HAS_LIGHT_LOBES || ask.diffuse == ask.specular;
+    const vec3 f = alike ? (diffuse + specular) * ask.diffuse : diffuse * ask.diffuse + specular * ask.specular;
+    if (is_looked_up(ask) && max_component(f) > 0.0) ask.contribution = point_emission(ask_point, density);
     if (ask.thin) {
         ask.contribution = ask.contribution * f * ask.scale;
     } else {
         ask.contribution *= f / (ask.weighs ? ask.density + density : ask.density);
     }
-    return ask;
+}
+
+// The set of numbers that a path asks its lights with.
+Ask ask_one(uint path, uint bounce, Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, uint packed_normal, bool last, float width) {
+    const uvec2 pixel = pixel_position(path_pixel(path));
+    const uint seed = pixel_seed(pixel.x, pixel.y, path_seed(path));
+    const uint index = path_sample(path);
+    const Receiver receiver = Receiver(origin.hi, unpack_normal(packed_normal));
+    const vec4 u_light = sample_4d(index, 2u + 2u * bounce, seed);
+    // Another scramble of the same set: mesh lights take more numbers than one has.
+    vec4 u_mesh = vec4(0.0);
+    if (HAS_MESH_LIGHTS) u_mesh = sample_4d(index, 2u + 2u * bounce, hash_u32(seed + 1u));
+    ask_path = path;
+    ask_width = width;
+    ask_missing = TEXTURE_DONE;
+    return ask_light(bsdf, wo, origin, link_set, receiver, u_light, u_mesh, last);
+}
+
+// With streaming, after make_shading: looks up what the light emits that the surface will ask for, the lookup after those of its
+// material. `missing`: TEXTURE_DONE, or the unit that it waits for.
+void resolve_ask(uint path, Surface surface, Shading shading, out uint missing) {
+    missing = TEXTURE_DONE;
+    const Ray ray = load_ray(ray_address(path));
+    if (LIGHTING.textured_mesh_lights == 0u || ray.bounce > FRAME.max_bounces) return;
+    const vec3 wo = -ray.d;
+    const Bsdf bsdf = make_bsdf(shading, wo);
+    const vec3 normal = bsdf_normal(bsdf);
+    const uint packed_normal = HAS_TRANSMISSION ? NO_INDEX : pack_normal(normal);
+    Ask ask =
+        ask_one(path, ray.bounce, bsdf, wo, add(surface.position, surface.offset * normal), prim_link_set(surface.prim_id), packed_normal,
+                ray.bounce >= FRAME.max_bounces && is_plain(bsdf), surface.cone);
+    if (needs_bsdf(ask)) {
+        vec3 diffuse, specular;
+        float density;
+        bsdf_evaluate_lobes(bsdf, wo, ask.direction, diffuse, specular, density);
+        finish_ask(ask, diffuse, specular, density);
+    }
+    missing = ask_missing;
 }
 
 #endif

@@ -91,36 +91,44 @@ Shading make_shading(uint path, Surface s, out uint missing) {
     const float cone = s.cone;
     if (!HAS_MATERIALS || m.material == NO_MATERIAL) return diffuse_shading(s.geometric_normal, s.shading_normal, s.albedo);
     const uint flags = Materials(FRAME.materials).v[m.material].flags;
-    Shading r;
-    r.geometric_normal = s.geometric_normal;
-    r.normal = s.shading_normal;
-    r.flags = (flags & MATERIAL_SPECULAR_WORKFLOW) != 0u ? SHADING_SPECULAR_WORKFLOW : 0u;
-    if ((flags & MATERIAL_PRESENCE) != 0u) r.flags |= SHADING_PRESENCE;
-    r.diffuse_color = input_value(m, INPUT_DIFFUSE_COLOR, cone, missing).xyz;
-    r.specular_color = vec3(0.0);
-    r.metallic = 0.0;
+    Shading r = diffuse_shading(s.geometric_normal, s.shading_normal, vec3(0.0));
+    r.ior = 1.5;
+    r.flags = 0u;
+    uint wanted = 1u << INPUT_DIFFUSE_COLOR | 1u << INPUT_ROUGHNESS | 1u << INPUT_IOR;
     if ((flags & MATERIAL_SPECULAR_WORKFLOW) != 0u) {
-        r.specular_color = input_value(m, INPUT_SPECULAR_COLOR, cone, missing).xyz;
+        r.flags = SHADING_SPECULAR_WORKFLOW;
+        wanted |= 1u << INPUT_SPECULAR_COLOR;
     } else {
-        r.metallic = input_value(m, INPUT_METALLIC, cone, missing).x;
+        wanted |= 1u << INPUT_METALLIC;
     }
-    r.roughness = input_value(m, INPUT_ROUGHNESS, cone, missing).x;
-    r.ior = input_value(m, INPUT_IOR, cone, missing).x;
-    r.emission = vec3(0.0);
-    if (HAS_EMISSION && (flags & MATERIAL_EMISSIVE) != 0u) r.emission = input_value(m, INPUT_EMISSIVE_COLOR, cone, missing).xyz;
-    r.clearcoat = 0.0;
-    r.clearcoat_roughness = 0.01;
-    if (HAS_COAT && (flags & MATERIAL_COAT) != 0u) {
-        r.clearcoat = input_value(m, INPUT_CLEARCOAT, cone, missing).x;
-        r.clearcoat_roughness = input_value(m, INPUT_CLEARCOAT_ROUGHNESS, cone, missing).x;
+    if (HAS_EMISSION && (flags & MATERIAL_EMISSIVE) != 0u) wanted |= 1u << INPUT_EMISSIVE_COLOR;
+    if (HAS_COAT && (flags & MATERIAL_COAT) != 0u) wanted |= 1u << INPUT_CLEARCOAT | 1u << INPUT_CLEARCOAT_ROUGHNESS;
+    if ((flags & MATERIAL_PRESENCE) != 0u) {
+        r.flags |= SHADING_PRESENCE;
+    } else if (HAS_TRANSMISSION) {
+        wanted |= 1u << INPUT_OPACITY;
     }
-    r.opacity = 1.0;
-    if (HAS_TRANSMISSION && (flags & MATERIAL_PRESENCE) == 0u) r.opacity = input_value(m, INPUT_OPACITY, cone, missing).x;
-    if ((flags & MATERIAL_NORMAL_MAP) != 0u && m.handedness != 0.0) {
+    if ((flags & MATERIAL_NORMAL_MAP) != 0u && m.handedness != 0.0) wanted |= 1u << INPUT_NORMAL;
+    vec3 local = vec3(0.0, 0.0, 1.0);
+    // Ten inputs, one copy of the code: unrolled, lookups would be most of what a pass that shades is made of.
+    [[dont_unroll]] for (uint rest = wanted; rest != 0u; rest &= rest - 1u) {
+        const uint name = uint(findLSB(rest));
+        const vec3 value = input_value(m, name, cone, missing).xyz;
+        if (name == INPUT_DIFFUSE_COLOR) r.diffuse_color = value;
+        if (name == INPUT_SPECULAR_COLOR) r.specular_color = value;
+        if (name == INPUT_METALLIC) r.metallic = value.x;
+        if (name == INPUT_ROUGHNESS) r.roughness = value.x;
+        if (name == INPUT_IOR) r.ior = value.x;
+        if (HAS_EMISSION && name == INPUT_EMISSIVE_COLOR) r.emission = value;
+        if (HAS_COAT && name == INPUT_CLEARCOAT) r.clearcoat = value.x;
+        if (HAS_COAT && name == INPUT_CLEARCOAT_ROUGHNESS) r.clearcoat_roughness = value.x;
+        if (HAS_TRANSMISSION && name == INPUT_OPACITY) r.opacity = value.x;
+        if (name == INPUT_NORMAL) local = value;
+    }
+    if ((wanted & (1u << INPUT_NORMAL)) != 0u) {
         const vec3 n = r.normal;
         const vec3 t = normal_or(m.tangent - n * dot3(n, m.tangent), vec3(0.0));
         const vec3 b = cross3(n, t) * m.handedness;
-        const vec3 local = input_value(m, INPUT_NORMAL, cone, missing).xyz;
         r.normal = normal_or(t * local.x + b * local.y + n * local.z, n);
     }
     return valid_shading(r);

@@ -54,37 +54,6 @@ float emission_share(uint path, Ray ray, Surface surface, float pdf) {
     return ray_weight(pdf, other);
 }
 
-// The set of numbers that a path asks its lights with.
-Ask ask_one(uint path, uint bounce, Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, uint packed_normal, bool last, float width) {
-    const uvec2 pixel = pixel_position(path_pixel(path));
-    const uint seed = pixel_seed(pixel.x, pixel.y, path_seed(path));
-    const uint index = path_sample(path);
-    const Receiver receiver = Receiver(origin.hi, unpack_normal(packed_normal));
-    const vec4 u_light = sample_4d(index, 2u + 2u * bounce, seed);
-    // Another scramble of the same set: mesh lights take more numbers than one has.
-    vec4 u_mesh = vec4(0.0);
-    if (HAS_MESH_LIGHTS) u_mesh = sample_4d(index, 2u + 2u * bounce, hash_u32(seed + 1u));
-    ask_path = path;
-    ask_width = width;
-    ask_missing = TEXTURE_DONE;
-    return ask_light(bsdf, wo, origin, link_set, receiver, u_light, u_mesh, last);
-}
-
-// With streaming, after make_shading: looks up what the light emits that the surface will ask for, the lookup after those of its
-// material. `missing`: TEXTURE_DONE, or the unit that it waits for.
-void resolve_ask(uint path, Surface surface, Shading shading, out uint missing) {
-    missing = TEXTURE_DONE;
-    const Ray ray = load_ray(ray_address(path));
-    if (LIGHTING.textured_mesh_lights == 0u || ray.bounce > FRAME.max_bounces) return;
-    const vec3 wo = -ray.d;
-    const Bsdf bsdf = make_bsdf(shading, wo);
-    const vec3 normal = bsdf_normal(bsdf);
-    const uint packed_normal = HAS_TRANSMISSION ? NO_INDEX : pack_normal(normal);
-    ask_one(path, ray.bounce, bsdf, wo, add(surface.position, surface.offset * normal), prim_link_set(surface.prim_id), packed_normal,
-            ray.bounce >= FRAME.max_bounces && is_plain(bsdf), surface.cone);
-    missing = ask_missing;
-}
-
 // Shades a hit: `asks` tells that a shadow ray was stored, `go_on` that the next ray was.
 void shade_general(uint path, out bool asks, out bool go_on) {
     asks = false;
@@ -119,17 +88,37 @@ void shade_general(uint path, out bool asks, out bool go_on) {
 
     // What goes through leaves on the other side.
     const Double3 beyond = HAS_TRANSMISSION ? add(surface.position, -surface.offset * normal) : origin;
-    const Ask ask = ask_one(path, ray.bounce, bsdf, wo, origin, link_set, packed_normal, last, surface.cone);
+    Ask ask = ask_one(path, ray.bounce, bsdf, wo, origin, link_set, packed_normal, last, surface.cone);
+    const vec4 u = sample_4d(index, 1u + 2u * ray.bounce, seed);
+    vec3 wi, weight;
+    float pdf;
+    bool evaluates = false;
+    bool is_sampled = !last && bsdf_choose(bsdf, wo, u, wi, weight, pdf, evaluates);
+    // What is sampled with its density at once is Lambert; what has none is sharp.
+    vec3 share = vec3(0.0);
+    if (HAS_LIGHT_LOBES && is_sampled && !evaluates && pdf > 0.0) share = vec3(1.0);
+    // Two directions, one copy of the BSDF's code, which is the largest part of this: the light's and the next ray's.
+    [[dont_unroll]] for (uint i = 0u; i < 2u; ++i) {
+        if (i == 0u ? !needs_bsdf(ask) : !evaluates) continue;
+        vec3 direction = wi;
+        if (i == 0u) direction = ask.direction;
+        vec3 diffuse, specular;
+        float density;
+        bsdf_evaluate_lobes(bsdf, wo, direction, diffuse, specular, density);
+        if (i == 0u) {
+            finish_ask(ask, diffuse, specular, density);
+        } else {
+            pdf = density;
+            is_sampled = bsdf_weigh(diffuse + specular, density, weight);
+            if (HAS_LIGHT_LOBES && density > 0.0) share = diffuse_share(diffuse, specular);
+        }
+    }
     const bool asks_beyond = HAS_TRANSMISSION && dot(ask.direction, normal) < 0.0;
     Double3 ask_from = origin;
     if (asks_beyond) ask_from = beyond;
     asks = store_ask(path, ask_from, ray.bounce, ask, state.throughput);
-    if (last) return;
+    if (!is_sampled) return;
 
-    const vec4 u = sample_4d(index, 1u + 2u * ray.bounce, seed);
-    vec3 wi, weight;
-    float pdf;
-    if (!bsdf_sample(bsdf, wo, u, wi, weight, pdf) ) return;
     const vec3 throughput = state.throughput * weight;
     const float largest = max_component(throughput);
     const float survival = ray.bounce >= ROULETTE_FROM ? min(largest, 1.0) : 1.0;
@@ -137,7 +126,7 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     if (!go_on) return;
     store_path(path, PathState(throughput / survival, pdf));
     if (HAS_TEXTURES) store_next_cone(path, surface.cone, pdf);
-    store_departure(path, packed_normal, link_set, diffuse_share(bsdf, wo, wi, pdf));
+    store_departure(path, packed_normal, link_set, share);
     const bool goes_beyond = HAS_TRANSMISSION && dot(wi, normal) < 0.0;
     Double3 from = origin;
     if (goes_beyond) from = beyond;

@@ -14,7 +14,4 @@
 #include "include/bsdf.glsl"
 #include "include/light_sample.glsl"
 #include "include/light_ask.glsl"
-
-const uint ROULETTE_FROM = 3u; // of no use here
-#include "include/shade_general.glsl"
 #include "include/resolve.glsl"

@@ -1,41 +1,44 @@
 // SPDX-License-Identifier: Apache-2.0
-// Roulette on loads only. Adds up, chunk by chunk, what the rays that wait for it first may bring to their pixels, squared and relative: one
-// thread per deferred ray, Counters::deferred_args.
-// Reads: deferred, rays, shadow_rays, paths, pending lists, film, Roulette. Adds to: worth.
+// Roulette on loads only. Adds up, chunk by chunk, the second moment of what the rays that wait for it first bring to a pixel together, relative to
+// the pixel, over the pixels: one thread per deferred ray, Counters::deferred_args.
+// Reads: deferred, rays, shadow_rays, paths, pending lists, segments, radiance, film, Roulette. Adds to: worth, worth_sums.
 //
-// A shadow ray brings its contribution. What a closest ray brings is its path's throughput times a radiance nobody knows; its second
-// moment is taken for that of the paths so far. Errors are relative to the pixel, of which the film knows something and the other paths more
-// as long as it has few samples (the mean is shrunk towards theirs).
+// All rays of a load end together, so m rays of a pixel that bring c each add m^2 c^2 to its variance. Each adds its part to a sum of its chunk and
+// pixel, and to the chunk by how much that grows the sum's square. Two sums that share an element by their hash make too much of it, never too little.
+//
+// A shadow ray brings its contribution. What a closest ray brings is its path's throughput times a radiance nobody knows: its moments are taken for
+// those of the paths so far, and what it differs from its mean for independent of all others. Errors are relative to the pixel: the mean of what the
+// film and its other paths know, or that drawn towards the picture's mean where this is less.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
 #include "include/roulette.glsl"
+#include "include/sampler.glsl"
 
-const float EPSILON = 1e-2;       // as in measure_error
+const int OTHERS = 8;             // samples of a pixel before and behind
 const float PRIOR_SAMPLES = 4.0;  // of the picture's mean
-const float MOST = 16.0;          // what one ray may count
+const float PART = 1024.0;        // one in worth_sums
+const float MOST_PART = 16.0;     // what one ray may bring: more is worth a load
+const float MOST = 64.0;          // what it may add to its chunk
 const float LEAST = 1.0;          // in 1 / WORTH_ONE
-
-float average(vec3 v) {
-    return (v.x + v.y + v.z) * (1.0 / 3.0);
-}
 
 float pixel_level(uint path) {
     const uvec2 position = pixel_position(path_pixel(path));
     const uint pixel = position.y * FRAME.width + position.x;
-    const float samples = float(ConstFilm(FRAME.film).v[pixel].samples);
-    const float sum = average(ConstFilm(FRAME.film).v[pixel].sum.rgb);
-    return (sum + PRIOR_SAMPLES * ROULETTE.mean) / (samples + PRIOR_SAMPLES);
-}
-
-float worth_of(uint entry) {
-    const uint path = path_of_entry(entry);
-    const bool is_shadow = (entry & SHADOW_BIT) != 0u;
-    const float factor = average(is_shadow ? ConstVec4s(shadow_ray_address(path)).v[3].xyz : load_path(path).throughput);
-    const float moment = factor * factor * (is_shadow ? 1.0 : ROULETTE.second_moment);
-    const float level = pixel_level(path);
-    const float worth = moment / (level * level + EPSILON);
-    return worth < MOST ? worth : MOST; // MOST for what is no number
+    float samples = float(ConstFilm(FRAME.film).v[pixel].samples);
+    float sum = average(ConstFilm(FRAME.film).v[pixel].sum.rgb);
+    const uint place = path_place(path);
+    Sample of_path;
+    if (sample_of_place(place, of_path)) {
+        for (int i = -OTHERS; i <= OTHERS; ++i) {
+            float radiance;
+            if (i == 0 || !radiance_of_other(place, of_path, i, radiance)) continue;
+            sum += radiance;
+            samples += 1.0;
+        }
+    }
+    const float drawn = (sum + PRIOR_SAMPLES * ROULETTE.mean) / (samples + PRIOR_SAMPLES);
+    return samples > 0.0 ? min(sum / samples, drawn) : drawn;
 }
 
 void main() {
@@ -46,8 +49,27 @@ void main() {
     const uint entry = ConstUints(STREAMING.deferred[list]).v[at];
     uint chunk;
     if (!waits_for_chunk(entry, chunk)) return;
+    const uint path = path_of_entry(entry);
+    const bool is_shadow = (entry & SHADOW_BIT) != 0u;
+    float part = -1.0; // relative
+    float own = 0.0;   // squared, independent of all others
     if (is_played(entry)) {
-        atomicAdd(Uints(STREAMING.worth).v[chunk], uint(max(worth_of(entry) * float(WORTH_ONE), LEAST)));
+        const float level = pixel_level(path);
+        const float squared = level * level + ROULETTE_EPSILON;
+        const float factor = average(is_shadow ? ConstVec4s(shadow_ray_address(path)).v[3].xyz : load_path(path).throughput);
+        const float mean = is_shadow ? 1.0 : max(ROULETTE.mean, level);
+        part = factor * mean / sqrt(squared);
+        own = is_shadow ? 0.0 : factor * factor * max(ROULETTE.second_moment - ROULETTE.mean * ROULETTE.mean, 0.0) / squared;
+    }
+    if (!(part >= 0.0 && part < MOST_PART)) {
+        atomicOr(Uints(STREAMING.worth).v[chunk], WORTH_MUST);
+        return;
+    }
+    const uint key = hash_u32(hash_combine(chunk, path_pixel(path))) & (WORTH_SUMS - 1u);
+    const float before = float(atomicAdd(Uints(STREAMING.worth_sums).v[key], uint(part * PART + 0.5))) / PART;
+    const float added = part * (2.0 * before + part) + own;
+    if (added < MOST) {
+        atomicAdd(Uints(STREAMING.worth).v[chunk], uint(max(added * float(WORTH_ONE), LEAST)));
     } else {
         atomicOr(Uints(STREAMING.worth).v[chunk], WORTH_MUST);
     }

@@ -10,7 +10,7 @@
 #include "include/path_surface.glsl"
 #include "include/material.glsl"
 
-// row . (p, 1), p from Frame::ray_o on: far from the world's origin nothing cancels.
+// row . (p, 1). Of the world's rows, p from Frame::ray_o on: far from the world's origin nothing cancels.
 float row_at(vec4 row, vec3 p) {
     return dot3(row.xyz, p) + row.w;
 }
@@ -20,8 +20,9 @@ AovClear aovs_of(uint path, Surface surface) {
     const Shading shading = make_shading(path, surface, missing);
     AovClear a;
     const vec3 p = difference(surface.position, Double3(FRAME.ray_o, FRAME.ray_o_lo));
-    a.depth = 0.5 * (row_at(FRAME.clip_z, p) / row_at(FRAME.clip_w, p)) + 0.5;
-    a.camera_depth = -row_at(FRAME.view[2], p);
+    const vec3 v = vec3(row_at(FRAME.view[0], p), row_at(FRAME.view[1], p), row_at(FRAME.view[2], p));
+    a.depth = 0.5 * (row_at(FRAME.clip_z, v) / row_at(FRAME.clip_w, v)) + 0.5;
+    a.camera_depth = -v.z;
     a.prim_id = surface.prim_id;
     a.instance_id = int(surface.instance_id);
     a.element_id = int(surface.face);

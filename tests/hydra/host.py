@@ -112,7 +112,7 @@ class Host:
         view.pending_log = self.log
         return view
 
-    def picture(self, stage, size=(32, 32), timeout=120.0, **arguments) -> Picture:
+    def picture(self, stage, size=(32, 32), timeout=300.0, **arguments) -> Picture:
         """Opens, renders once, closes."""
         with self.open(stage, size, **arguments) as view:
             return view.render(timeout)
@@ -147,7 +147,7 @@ class View:
         if self.host.alive:
             self.host.call("close", viewer=self.name)
 
-    def render(self, timeout: float = 120.0) -> Picture:
+    def render(self, timeout: float = 300.0) -> Picture:
         answer = self.host.call("render", viewer=self.name, timeout=timeout, patience=timeout + 60.0)
         with np.load(answer["file"]) as arrays:
             picture = Picture({name: arrays[name] for name in arrays.files}, answer["buffers"], answer["seconds"], self.pending_log + self.host.log)

@@ -36,6 +36,25 @@ def test_any_choice_of_aovs(host, aovs):
         compare.same_bits(some[aov], everything[aov], aov)
 
 
+def test_sample_count_tells_where_adaptive_sampling_went(host):
+    """As many as asked for everywhere; with adaptive sampling what the stats say. Nobody asks: no pass, no image. Both front ends."""
+    path, plain = small.FOLDER / "glow.usda", {"oocpt:samplesPerPixel": 64, "oocpt:maxBounces": 1}
+    with host.open(path, (24, 18), aovs=["color"], settings=plain) as view:
+        view.render()
+        assert "count_samples" in view.stats()["oocpt:passesLeftOut"] and "image sampleCount" not in view.stats()["oocpt:buffers"]
+    with host.open(path, (24, 18), aovs=["color", "sampleCount"], settings=plain) as view:
+        even = view.render()
+        assert even.buffers["sampleCount"]["format"] == "Float32", even.buffers["sampleCount"]
+        assert (even["sampleCount"] == 64).all(), np.unique(even["sampleCount"])
+        view.edit("engine.SetRendererSetting('oocpt:adaptiveSampling', True)")
+        uneven, stats = view.render(), view.stats()
+    counts = uneven["sampleCount"].astype(np.float64)
+    assert (counts.min(), counts.max()) == (stats["oocpt:adaptiveFewestSamples"], stats["oocpt:adaptiveMostSamples"]), stats
+    assert counts.min() < 64 < counts.max() and 62 <= counts.mean() <= 64, counts.mean()
+    alone = host.picture(path, (24, 18), aovs=["sampleCount"], settings=plain | {"oocpt:adaptiveSampling": True})
+    compare.same_bits(alone["sampleCount"], uneven["sampleCount"], "samples are taken for it alone too")
+
+
 def test_normals_turn_with_the_camera(host):
     """Neye is the normal seen from the camera; both are of unit length, and zero where nothing is hit."""
     with host.open(small.FOLDER / "glow.usda", (24, 18), aovs=["normal", "Neye", "primId"], settings=QUICK) as view:

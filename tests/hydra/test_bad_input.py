@@ -131,14 +131,16 @@ def test_bad_settings_are_refused_with_their_name_and_change_nothing(host, key, 
         assert key in after.log, f"no word about {key}: {after.log!r}"
 
 
-@pytest.mark.parametrize("name, value", [("OOCPT_SAMPLES_PER_PIXEL", "lots"), ("OOCPT_MAX_BOUNCES", "-1"), ("OOCPT_CLAMP", "nan")])
-def test_bad_environment_is_reported_and_ignored(fresh_host, name, value):
-    host = fresh_host(**{name: value})
+def test_bad_environment_is_reported_and_ignored(fresh_host):
+    """All in one process, each with a line of its own: a process costs more than what is asked of it."""
+    bad = {"OOCPT_SAMPLES_PER_PIXEL": "lots", "OOCPT_MAX_BOUNCES": "-1", "OOCPT_CLAMP": "nan"}
+    host = fresh_host(**bad)
     with host.open(GOOD, (8, 8), camera="/World/Perspective") as view:
         view.edit("engine.SetRendererSetting('oocpt:samplesPerPixel', 2)")
         picture = view.render()
     compare.near(picture["color"], 1.0, 1e-3, "furnace")
-    assert name in picture.log or value in picture.log, picture.log
+    for name, value in bad.items():
+        assert any(name in line and value in line for line in picture.log.splitlines()), f"no word of {name}: {picture.log}"
 
 
 def test_unknown_device_is_an_error_that_names_it(fresh_host):

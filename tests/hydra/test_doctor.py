@@ -40,8 +40,9 @@ def Xform "World" {
 
 @pytest.fixture(scope="module")
 def oocpt():
-    """Runs the program of this checkout, built with the profile of `cargo xtask`."""
-    base = ["cargo", "run", "--quiet", "--locked", "--profile", "fast", "--package", "oocpt-cli", "--bin", "oocpt", "--"]
+    """Runs the program of this checkout: the one that `cargo xtask test` built, else built here with its profile."""
+    built = os.environ.get("OOCPT_CLI")
+    base = [built] if built else ["cargo", "run", "--quiet", "--locked", "--profile", "fast", "--package", "oocpt-cli", "--bin", "oocpt", "--"]
 
     def run(*arguments, **environment):
         variables = {**os.environ, "RUST_BACKTRACE": "0", **environment}

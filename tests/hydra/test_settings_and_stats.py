@@ -67,6 +67,26 @@ def test_settings_of_a_live_view(host):
     compare.same_picture(picture, host.picture(PATH, (16, 16), settings=QUICK | {"oocpt:samplesPerPixel": 9}), "9 samples")
 
 
+def test_adaptive_sampling_is_a_setting_that_tells_what_it_spent(host):
+    """Off by default and then without a word; on, samples go where they are worth most, the picture stays, and the budget changes no bit."""
+    plain = {"oocpt:samplesPerPixel": 64, "oocpt:maxBounces": 1}
+    adaptive = plain | {"oocpt:adaptiveSampling": True}
+    with host.open(PATH, (24, 24), settings=plain) as view:
+        even = view.render()
+        assert "oocpt:adaptiveEpochs" not in view.stats() and "adaptive sampling" in view.stats()["oocpt:featuresLeftOut"]
+        view.edit("engine.SetRendererSetting('oocpt:adaptiveSampling', True)")
+        uneven = view.render()
+        stats = view.stats()
+    assert stats["numCompletedSamples"] == 64 and stats["oocpt:adaptiveEpochs"] == 3, stats
+    assert stats["oocpt:adaptiveFewestSamples"] < 64 < stats["oocpt:adaptiveMostSamples"], stats
+    assert 0 < stats["oocpt:errorLow"] < stats["oocpt:errorEstimate"] < stats["oocpt:errorHigh"], stats
+    difference = abs(uneven["color"][..., :3] - even["color"][..., :3])
+    assert 0 < difference.mean() < 0.02, difference.mean()
+    capped = host.picture(PATH, (24, 24), settings=adaptive | {"oocpt:geometryBudget": 64, "oocpt:chunkSize": 16})
+    compare.same_picture(host.picture(PATH, (24, 24), settings=adaptive | {"oocpt:chunkSize": 16}), capped, "under a budget")
+    compare.same_picture(uneven, host.picture(PATH, (24, 24), settings=adaptive), "switched on in a live view")
+
+
 def test_environment_mirrors_settings(host, fresh_host):
     other = fresh_host(host.scene_index, OOCPT_SAMPLES_PER_PIXEL="5", OOCPT_MAX_BOUNCES="1", OOCPT_SEED="21")
     with other.open(PATH, (16, 16)) as view:

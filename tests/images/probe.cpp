@@ -2,7 +2,7 @@
 /// Loaded into the wheel host by tests/images: reads files exactly as the renderer has them read, through the host's resolver
 /// and the library of image readers beside this one, and answers in JSON.
 #include "bridge/imageSource.h"
-#include "oocpt-bridge/src/lib.rs.h"
+#include "oocpt-bridge/src/ffi_images.rs.h"
 
 #include <atomic>
 #include <cstring>

@@ -8,7 +8,8 @@ The mapping, and why:
   roughness 0.3 seen at 60 degrees, more where it is rougher. Transmission is tinted by diffuseColor.
 - metallic 0: `roughplastic`, a Lambert base below a rough dielectric boundary: the same two lobes; real Fresnel instead of Schlick's, and
   the base is dimmed by the boundary as in nature. Models of the base differ by a few per cent.
-- in between: `blendbsdf` of these by metallic, or by opacity. clearcoat: `principled` (its coat is weaker and of another shape).
+- in between: `blendbsdf` of these by metallic, or by opacity. clearcoat: `principled`, of our alpha (its coat is a
+  quarter as strong and of another shape).
 - opacityThreshold: `mask` with the picture cut at four times its resolution. Roughness below 0.03 is smooth, as no microfacet model is stable there.
 - emissiveColor: an `area` emitter, one-sided as all of Mitsuba's are.
 """
@@ -99,7 +100,8 @@ def _plastic(values, notes) -> dict:
 
 
 def _coated(values, notes) -> dict:
-    gloss = 1.0 - float(values["clearcoatRoughness"])
+    # Its alpha is 0.1 at gloss 0 and 0.001 at 1; ours is the square of clearcoatRoughness.
+    gloss = min(1.0, max(0.0, (0.1 - float(values["clearcoatRoughness"]) ** 2) / 0.099))
     return {
         "type": "principled", "base_color": texture(values["diffuseColor"], notes), "metallic": texture(values["metallic"], notes), "roughness": texture(values["roughness"], notes),
         "eta": float(values["ior"]), "clearcoat": texture(values["clearcoat"], notes), "clearcoat_gloss": gloss,

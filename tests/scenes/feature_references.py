@@ -72,8 +72,33 @@ def reference_glass(stage, folder):
     parts.camera(stage, "/World/Camera", (0, 0, 5), (0, 0, 0), aperture=(24.0, 18.0), focal=36.0)
 
 
-SCENES = [reference_bounces, reference_area_light, reference_metal, reference_glass]
-BOUNCES = {"reference_glass": 12}
+def reference_frosted_glass(stage, folder):
+    """A frosted ball and a frosted plate in front of a wall of stripes that glow, under a lamp: rough refraction, lit and seen from either side."""
+    images.png(folder / "maps/stripes.png", images.to_8_bit(patterns.checker(64, 8, (0.8, 0.3, 0.1), (0.1, 0.2, 0.6))))
+    wall = solids.put(solids.card(stage, "/World/Wall", 4.0, 4.0), (0, -2, -1.2))
+    color = shading.sample(stage, "/World/Looks/Wall/Color", "./maps/stripes.png", color_space="raw")
+    shading.bind(wall, shading.material(stage, "/World/Looks/Wall", diffuseColor=(0, 0, 0), emissiveColor=color, useSpecularWorkflow=1, specularColor=(0, 0, 0), roughness=1.0))
+    frosted = shading.material(stage, "/World/Looks/Frosted", diffuseColor=(1, 1, 1), opacity=0.0, roughness=0.1, ior=1.5)
+    ball = parts.ball(stage, "/World/Ball", 0.6, 12, None)
+    ball.AddTranslateOp().Set(Gf.Vec3d(-0.75, 0, 0))
+    shading.bind(ball, frosted)
+    plate = parts.box(stage, "/World/Plate", None, 1.0)
+    plate.AddTranslateOp().Set(Gf.Vec3d(0.75, 0, 0))
+    plate.AddRotateXYZOp().Set(Gf.Vec3f(10, 30, 0))
+    plate.AddScaleOp().Set(Gf.Vec3f(1.0, 1.2, 0.1))
+    shading.bind(plate, frosted)
+    parts.dome(stage, 0.3)
+    lamp = UsdLux.RectLight.Define(stage, "/World/Lamp")
+    lamp.CreateIntensityAttr(8.0)
+    lamp.CreateWidthAttr(1.0)
+    lamp.CreateHeightAttr(1.0)
+    lamp.AddTranslateOp().Set(Gf.Vec3d(0, 2.5, 1.0))
+    lamp.AddRotateXOp().Set(-70.0)
+    parts.camera(stage, "/World/Camera", (0, 0, 5), (0, 0, 0), aperture=(24.0, 18.0), focal=36.0)
+
+
+SCENES = [reference_bounces, reference_area_light, reference_metal, reference_glass, reference_frosted_glass]
+BOUNCES = {"reference_glass": 12, "reference_frosted_glass": 12}
 """Indirect bounces where five are not enough."""
 SIZE = (64, 48)
 BLOCKS = (4, 3)

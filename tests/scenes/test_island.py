@@ -18,8 +18,9 @@ QUADS = 20_000
 
 @pytest.fixture(scope="session")
 def oocpt():
-    """Runs the program of this checkout, built with the profile of `cargo xtask`."""
-    base = ["cargo", "run", "--quiet", "--locked", "--profile", "fast", "--package", "oocpt-cli", "--bin", "oocpt", "--"]
+    """Runs the program of this checkout: the one that `cargo xtask test` built, else built here with its profile."""
+    built = os.environ.get("OOCPT_CLI")
+    base = [built] if built else ["cargo", "run", "--quiet", "--locked", "--profile", "fast", "--package", "oocpt-cli", "--bin", "oocpt", "--"]
 
     def run(*arguments, python=sys.executable):
         environment = {**os.environ, "OOCPT_USD_PYTHON": str(python), "RUST_BACKTRACE": "0"}

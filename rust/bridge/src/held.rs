@@ -3,7 +3,7 @@
 //!
 //! [`HeldSource`] owns the C++ object and so keeps the USD array alive; it may be read and dropped on any thread.
 
-use crate::ffi;
+use crate::{ffi, ffi_images};
 use cxx::UniquePtr;
 use oocpt_core::array::{ArraySource, ElementType, TypedArray};
 use std::fmt;
@@ -17,16 +17,16 @@ unsafe impl Send for ffi::HeldArray {}
 unsafe impl Sync for ffi::HeldArray {}
 
 // SAFETY: the contract of heldImage.h: every function and the destructor may run on any thread.
-unsafe impl Send for ffi::HeldImage {}
+unsafe impl Send for ffi_images::HeldImage {}
 
 // SAFETY: the same contract: several threads may be inside at once.
-unsafe impl Sync for ffi::HeldImage {}
+unsafe impl Sync for ffi_images::HeldImage {}
 
 // SAFETY: the same contract.
-unsafe impl Send for ffi::ImageSource {}
+unsafe impl Send for ffi_images::ImageSource {}
 
 // SAFETY: the same contract.
-unsafe impl Sync for ffi::ImageSource {}
+unsafe impl Sync for ffi_images::ImageSource {}
 
 /// A non-null held array.
 struct HeldSource(UniquePtr<ffi::HeldArray>);

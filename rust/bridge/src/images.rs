@@ -3,7 +3,7 @@
 //!
 //! Error texts follow on the name of the file, which the renderer puts in front. Any thread, several at once.
 
-use crate::ffi;
+use crate::ffi_images as ffi;
 use cxx::UniquePtr;
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::{TexelFormat, Wrap};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The boundary between the Hydra shim (C++) and the renderer (Rust); the only `#[cxx::bridge]` of the project.
+//! The boundary between the Hydra shim (C++) and the renderer (Rust); the only `#[cxx::bridge]` of the project besides `ffi_images`.
 //!
 //! Guarantees: no panic leaves it (every function goes through `guard` and returns `Result`, which C++ sees as
 //! `rust::Error`); arrays are read where USD holds them, never copied; matrices arrive as Gf's row-vector data, which read
@@ -9,6 +9,7 @@
 #![deny(unsafe_code)]
 
 mod convert;
+mod ffi_images;
 mod guard;
 #[allow(unsafe_code, reason = "Send and Sync of the C++ types are promised here")]
 mod held;
@@ -334,47 +335,6 @@ mod ffi {
         materials: Vec<MaterialDesc>,
     }
 
-    /// What one channel of a texel is.
-    #[repr(u8)]
-    #[derive(Debug)]
-    enum TexelTag {
-        UInt8,
-        Half,
-        Float,
-    }
-
-    /// How a file says that it is continued outside.
-    #[repr(u8)]
-    #[derive(Debug)]
-    enum WrapTag {
-        Unknown,
-        Black,
-        Clamp,
-        Repeat,
-        Mirror,
-    }
-
-    /// What is known of an image. `levels`: width and height of each, finest first; `is_srgb`: 1, 0, or -1 where it is not said.
-    #[derive(Debug, Clone)]
-    struct ImageFacts {
-        levels: Vec<u32>,
-        channels: u32,
-        format: TexelTag,
-        is_tiled: bool,
-        is_srgb: i8,
-        wrap_s: WrapTag,
-        wrap_t: WrapTag,
-    }
-
-    /// Texels of a level; (0, 0) is the lowest left one.
-    struct TexelBox {
-        level: u32,
-        x: u32,
-        y: u32,
-        width: u32,
-        height: u32,
-    }
-
     /// One image wanted.
     struct AovDesc {
         name: String,
@@ -409,17 +369,7 @@ mod ffi {
         fn copy_array(element: ElementTag, bytes: &[u8]) -> UniquePtr<HeldArray>;
 
         include!("bridge/heldImage.h");
-
-        type HeldImage;
-
-        fn facts(self: &HeldImage) -> Result<ImageFacts>;
-        fn read(self: &HeldImage, texels: &TexelBox, destination: &mut [u8]) -> Result<()>;
-
-        type ImageSource;
-
-        fn open(self: &ImageSource, resolved: &str) -> Result<UniquePtr<HeldImage>>;
-        fn exists(self: &ImageSource, resolved: &str) -> Result<bool>;
-        fn read_file(self: &ImageSource, resolved: &str, limit: u64) -> Result<Vec<u8>>;
+        type ImageSource = crate::ffi_images::ImageSource;
     }
 
     extern "Rust" {
@@ -443,7 +393,7 @@ mod ffi {
         fn stop(self: &Session, blocking: bool) -> Result<()>;
         fn is_stopped(self: &Session) -> Result<bool>;
         fn restart(self: &Session) -> Result<()>;
-        fn read_aov(self: &Session, name: &str, destination: &mut [u8]) -> Result<bool>;
+        fn read_aov(self: &Session, name: &str, known: u64, destination: &mut [u8]) -> Result<u64>;
         fn stats(self: &Session) -> Result<Vec<NamedValue>>;
         fn take_messages(self: &Session) -> Result<Vec<UserMessage>>;
     }

@@ -5,10 +5,11 @@
 
 use crate::convert::{self, Complaints, column_matrix};
 use crate::ffi::{NamedValue, RenderDesc, ScalarValue, SceneEdits, SettingDescriptor, SettingOutcome, UserMessage};
+use crate::ffi_images::ImageSource;
 use crate::guard::{BridgeError, guard};
 use crate::images::HostImages;
 use crate::settings::{self, Layers};
-use crate::{ffi, light, logging, material, stats};
+use crate::{light, logging, material, stats};
 use cxx::UniquePtr;
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::SceneDb;
@@ -32,19 +33,20 @@ fn environment(name: &str) -> Option<String> {
     std::env::var(name).ok()
 }
 
-/// How to run, from `OOCPT_VALIDATION` (the Vulkan validation layer's messages become errors; for tests) and
-/// `OOCPT_PROGRESS` (a progress bar on standard error; set by the command line runner).
+/// How to run, from `OOCPT_VALIDATION` (the Vulkan validation layer's messages become errors; for tests), `OOCPT_PROFILE` (seconds on
+/// the device by pass, in the stats) and `OOCPT_PROGRESS` (a progress bar on standard error; set by the command line runner).
 fn options(variable: impl Fn(&str) -> Option<String>) -> SessionOptions {
     let is_on = |text: String| matches!(text.trim(), "1" | "true" | "on" | "yes");
     SessionOptions {
         validation: variable("OOCPT_VALIDATION").is_some_and(is_on),
+        profile: variable("OOCPT_PROFILE").is_some_and(is_on),
         progress_bar: variable("OOCPT_PROGRESS").is_some_and(is_on),
         ..SessionOptions::default()
     }
 }
 
 /// A new session with an empty scene; reads the `OOCPT_*` variables and sets up the log.
-pub(crate) fn open_session(images: UniquePtr<ffi::ImageSource>) -> Result<Box<Session>, BridgeError> {
+pub(crate) fn open_session(images: UniquePtr<ImageSource>) -> Result<Box<Session>, BridgeError> {
     guard("open_session", || {
         logging::install();
         let (layers, warnings) = Layers::new(environment);
@@ -207,9 +209,11 @@ impl Session {
         })
     }
 
-    /// Copies the newest image named by Hydra's token; false when there is none of that size.
-    pub(crate) fn read_aov(&self, name: &str, destination: &mut [u8]) -> Result<bool, BridgeError> {
-        guard("read_aov", || Ok(AovKind::from_token(name).is_some_and(|kind| self.inner.read_aov(kind, destination))))
+    /// Copies the newest image named by Hydra's token unless it is the `known` one; gives its version, 0 when there is none of that size.
+    pub(crate) fn read_aov(&self, name: &str, known: u64, destination: &mut [u8]) -> Result<u64, BridgeError> {
+        guard("read_aov", || {
+            Ok(AovKind::from_token(name).map_or(0, |kind| self.inner.read_new_aov(kind, known, destination)))
+        })
     }
 
     /// Counters under the keys that hosts read.

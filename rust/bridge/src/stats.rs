@@ -38,6 +38,7 @@ pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
         text("oocpt:featuresLeftOut", &stats.features_left_out.join("; ")),
         integer("oocpt:dropped", stats.dropped.total()),
         text("oocpt:droppedData", &dropped),
+        list("oocpt:passSeconds", stats.passes.iter().map(|(name, secs, runs)| format!("{name} {secs:.6} {runs}"))),
     ];
     values.extend(inventory(&stats.inventory));
     values.extend(streaming(&stats.streaming));

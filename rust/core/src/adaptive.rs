@@ -20,6 +20,8 @@
 //! least a quarter of that mean and at most [`SPAN`] octaves more. What is decided depends on samples alone: same seed, same device, same
 //! counts, at every memory budget.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -42,6 +44,8 @@ const SHRINK: f64 = 0.25;
 const STEPS: i32 = 32;
 /// Octaves below the largest standard deviation that are told apart.
 const DEPTH: i32 = 24;
+/// Pixels that one thread looks at in a row.
+const PART: usize = 1 << 15;
 /// Where the row of a band begins in `Band::first_sample`.
 pub const BAND_SHIFT: u32 = 26;
 
@@ -151,7 +155,8 @@ impl Course {
     pub fn new(size: [u32; 2], samples: u32) -> Self {
         let pixels = size[0].saturating_mul(size[1]);
         let place = |index| pixel_position(index, size);
-        let trace: Vec<u32> = (0..pixels).map(|index| place(index)[1] * size[0] + place(index)[0]).collect();
+        let trace: Vec<u32> =
+            (0..pixels).into_par_iter().map(|index| place(index)[1] * size[0] + place(index)[0]).collect();
         let entries = (0..2).flat_map(|stream| (0..pixels).map(move |index| [index | stream << 31, 0])).collect();
         let width = 2 * pixels;
         let band = Band { first: 0, width, row: 0, rows: 1 << FIRST };
@@ -164,6 +169,12 @@ impl Course {
     #[must_use]
     pub fn epoch(&self) -> &Epoch {
         &self.epoch
+    }
+
+    /// Whether no epoch follows this one: nothing that its samples say decides anything any more.
+    #[must_use]
+    pub fn is_last(&self) -> bool {
+        self.budget(self.number + 1) <= self.budget(self.number)
     }
 
     /// Octave of the samples of each stream whose word decides the next epoch.
@@ -217,21 +228,19 @@ impl Course {
 
     fn list(&self, next: &[Vec<u8>; STREAMS], begin: u64, octave: u32) -> Epoch {
         // By what they get: there are few different numbers.
-        let mut classes: std::collections::BTreeMap<u32, Vec<Entry>> = std::collections::BTreeMap::new();
-        for (stream, (had, next)) in self.levels.iter().zip(next).enumerate() {
-            for (index, pixel) in (0_u32..).zip(&self.trace) {
-                let at = *pixel as usize;
-                let (old, new) = (1_u32 << had[at], 1_u32 << next[at]);
-                if new > old {
-                    let mark = if stream == 0 { 0 } else { 1 << 31 };
-                    classes.entry(new - old).or_default().push([index | mark, old]);
-                }
-            }
-        }
+        let parts: Vec<BTreeMap<u32, Vec<Entry>>> = (0..STREAMS)
+            .flat_map(|stream| (0..self.trace.len().div_ceil(PART)).map(move |part| (stream, part * PART)))
+            .collect::<Vec<_>>()
+            .into_par_iter()
+            .map(|(stream, begin)| self.classes(&next[stream], stream, begin))
+            .collect();
+        let extras: BTreeSet<u32> = parts.iter().flat_map(|part| part.keys().copied()).collect();
         let mut entries = Vec::new();
         let mut ends = Vec::new();
-        for (extra, class) in classes.into_iter().rev() {
-            entries.extend(class);
+        for extra in extras.into_iter().rev() {
+            for class in parts.iter().filter_map(|part| part.get(&extra)) {
+                entries.extend_from_slice(class);
+            }
             ends.push((extra, entries.len()));
         }
         let (mut bands, mut first, mut row) = (Vec::new(), begin, 0);
@@ -245,10 +254,27 @@ impl Course {
         Epoch { entries, bands, end: first, octave }
     }
 
+    /// Those of a part of the pixels, in trace order from `begin` on, that get samples of a stream, by how many more.
+    fn classes(&self, next: &[u8], stream: usize, begin: usize) -> BTreeMap<u32, Vec<Entry>> {
+        let had = &self.levels[stream];
+        let mark = if stream == 0 { 0 } else { 1 << 31 };
+        let mut classes: BTreeMap<u32, Vec<Entry>> = BTreeMap::new();
+        for (index, pixel) in self.trace.iter().enumerate().skip(begin).take(PART) {
+            let at = *pixel as usize;
+            let (old, new) = (1_u32 << had[at], 1_u32 << next[at]);
+            if new > old {
+                // A render has at most 2^28 pixels.
+                #[expect(clippy::cast_possible_truncation, reason = "an index of a pixel")]
+                classes.entry(new - old).or_default().push([index as u32 | mark, old]);
+            }
+        }
+        classes
+    }
+
     /// What has been spent when this epoch is done.
     #[must_use]
     pub fn spent(&self) -> Spent {
-        let counts = || self.levels[0].iter().zip(&self.levels[1]).map(|(a, b)| (1_u32 << a) + (1_u32 << b));
+        let counts = || self.levels[0].par_iter().zip(&self.levels[1]).map(|(a, b)| (1_u32 << a) + (1_u32 << b));
         let all: u64 = counts().map(u64::from).sum();
         let uniform = (self.trace.len() as u64) << (self.least(self.number) + 1);
         #[expect(clippy::cast_precision_loss, reason = "shown, not computed with")]
@@ -323,12 +349,24 @@ fn level(wanted: i32, scale: i32, old: u8, least: u32) -> u8 {
 /// Octaves of samples for all pixels, none below `old` or `least`, of `budget` samples in all, at most, unless the least is more.
 fn allocate(wanted: &[i32], old: &[u8], least: u32, budget: u64, stream: usize) -> Vec<u8> {
     // Pixels by what they have and what they want.
-    let mut groups = vec![[0_u64; 32]; usize::try_from(STEPS * DEPTH + 1).unwrap_or(1)];
-    for (wanted, old) in wanted.iter().zip(old) {
-        if let Some(group) = groups.get_mut(wanted.unsigned_abs() as usize) {
-            group[usize::from(old & 31)] += 1;
+    let count = |wanted: &[i32], old: &[u8]| {
+        let mut groups = vec![[0_u64; 32]; usize::try_from(STEPS * DEPTH + 1).unwrap_or(1)];
+        for (wanted, old) in wanted.iter().zip(old) {
+            if let Some(group) = groups.get_mut(wanted.unsigned_abs() as usize) {
+                group[usize::from(old & 31)] += 1;
+            }
         }
-    }
+        groups
+    };
+    let add = |mut sum: Vec<[u64; 32]>, part: Vec<[u64; 32]>| {
+        sum.iter_mut().flatten().zip(part.iter().flatten()).for_each(|(sum, part)| *sum += part);
+        sum
+    };
+    let groups = wanted
+        .par_chunks(PART)
+        .zip(old.par_chunks(PART))
+        .map(|(wanted, old)| count(wanted, old))
+        .reduce(|| count(&[], &[]), add);
     let total = |scale: i32| -> u64 {
         let of = |(wanted, group): (i32, &[u64; 32])| {
             let counts = (0_u8..).zip(group).filter(|(_, count)| **count > 0);
@@ -342,18 +380,18 @@ fn allocate(wanted: &[i32], old: &[u8], least: u32, budget: u64, stream: usize) 
         let middle = low + (high - low) / 2;
         if total(middle) <= budget { low = middle } else { high = middle }
     }
-    let mut levels: Vec<u8> = wanted.iter().zip(old).map(|(wanted, old)| level(*wanted, low, *old, least)).collect();
+    let mut levels: Vec<u8> =
+        wanted.par_iter().zip(old).map(|(wanted, old)| level(*wanted, low, *old, least)).collect();
     let mut left = budget.saturating_sub(total(low));
     // What is left goes to some of those that are next, by lot.
-    let mut next: Vec<(u32, usize, u8)> = Vec::new();
-    for (at, (wanted, old)) in wanted.iter().zip(old).enumerate() {
+    let lot = |(at, ((wanted, old), level_now)): (usize, ((&i32, &u8), &u8))| {
         let more = level(*wanted, high, *old, least);
-        if more > levels[at] {
-            #[expect(clippy::cast_possible_truncation, reason = "a lot, not a number")]
-            next.push((hash((at as u32) << 1 | stream as u32), at, more));
-        }
-    }
-    next.sort_unstable();
+        #[expect(clippy::cast_possible_truncation, reason = "a lot, not a number")]
+        let lot = hash((at as u32) << 1 | stream as u32);
+        (more > *level_now).then_some((lot, at, more))
+    };
+    let mut next: Vec<(u32, usize, u8)> = wanted.par_iter().zip(old).zip(&levels).enumerate().filter_map(lot).collect();
+    next.par_sort_unstable();
     for (_, at, more) in next {
         let cost = (1_u64 << more) - (1_u64 << levels[at]);
         if cost <= left {

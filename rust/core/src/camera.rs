@@ -51,7 +51,8 @@ pub struct CameraRays {
     pub lens_v: [f32; 3],
     /// Ray parameter of the plane in focus; 1 without a lens.
     pub focus: f32,
-    /// Clip z of a point = dot of this with (p, 1), p relative to `o + o_lo`. Window depth is `0.5 * z / w + 0.5`.
+    /// Clip z of a point = dot of this with (v, 1), v in view space. Window depth is `0.5 * z / w + 0.5`. In view space and not in the
+    /// world's directions: there a wide angle's z and w would each cancel, and not by the same amount.
     pub clip_z: [f32; 4],
     /// Clip w of a point, likewise.
     pub clip_w: [f32; 4],
@@ -123,7 +124,6 @@ impl Camera {
         let start = o.constant - world.translation;
         let from_start = DAffine3 { matrix3: world.matrix3, translation: -start };
         let view_from_world = from_start.inverse();
-        let clip = self.projection * DMat4::from(view_from_world);
         let rays = CameraRays {
             o: high.to_array(),
             o_lo: (o.constant - high.as_dvec3()).as_vec3().to_array(),
@@ -135,8 +135,8 @@ impl Camera {
             lens_u: (world.matrix3.x_axis * radius).as_vec3().to_array(),
             lens_v: (world.matrix3.y_axis * radius).as_vec3().to_array(),
             focus,
-            clip_z: clip.row(2).as_vec4().to_array(),
-            clip_w: clip.row(3).as_vec4().to_array(),
+            clip_z: self.projection.row(2).as_vec4().to_array(),
+            clip_w: self.projection.row(3).as_vec4().to_array(),
             view_from_world: affine_rows(&view_from_world),
             view_normal: matrix_rows(&world.matrix3.transpose()),
         };

@@ -39,6 +39,9 @@ pub struct Stats {
     pub annotation: String,
     /// Parts of the pipeline that this scene does not need and that were left out.
     pub features_left_out: Vec<String>,
+    /// Passes, their seconds on the device in this render and how often they ran; only when profiled.
+    #[serde(default)]
+    pub passes: Vec<(String, f64, u64)>,
     /// What it consists of, and what was left out; empty until the passes are compiled.
     #[serde(default)]
     pub inventory: Inventory,

@@ -149,6 +149,20 @@ impl Commands {
         }
     }
 
+    /// Dispatches `pipeline` without a workgroup, which does nothing, but for drivers that translate a shader when it is first
+    /// dispatched (Mesa's software renderer): they do it in this list.
+    pub fn dispatch_nothing(&mut self, pipeline: &Pipeline) {
+        let push = vec![0; pipeline.push_bytes() as usize];
+        if self.use_pipeline(pipeline, &push) {
+            let bind = Bind::new(pipeline, &push);
+            self.operation(pipeline.name(), |raw, commands| {
+                bind.record(raw, commands);
+                // SAFETY: a compute pipeline is bound and its push constants are set; no invocation reads them.
+                unsafe { raw.cmd_dispatch(commands, 0, 0, 0) };
+            });
+        }
+    }
+
     /// As [`Commands::dispatch`], with the three counts read by the GPU from `arguments` at `offset` (a multiple of 4). The counts
     /// must be within the device's limits: nobody checks them.
     pub fn dispatch_indirect(&mut self, pipeline: &Pipeline, push: &[u8], arguments: &dyn DeviceRange, offset: u64) {

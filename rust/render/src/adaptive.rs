@@ -13,6 +13,7 @@ use crate::waves::WAVE_TIMEOUT;
 use oocpt_core::adaptive::{BAND_SHIFT, Course, RING, STREAMS, Said, Spent};
 use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{Adaptive as Block, Push};
+use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
 
 /// See the module.
@@ -87,8 +88,9 @@ impl Adaptive {
         }
         Ok(target.map(|bytes| {
             let (one, other) = bytes.split_at(bytes.len() / 2);
-            [one, other]
-                .map(|half| half.chunks_exact(4).map(|word| Said::unpack(bytemuck::pod_read_unaligned(word))).collect())
+            [one, other].map(|half| {
+                half.par_chunks_exact(4).map(|word| Said::unpack(bytemuck::pod_read_unaligned(word))).collect()
+            })
         })?)
     }
 
@@ -112,6 +114,12 @@ impl Adaptive {
             return Err(RenderError::Internal("the list of an epoch was not taken".into()));
         }
         Ok(())
+    }
+
+    /// Whether samples of the epoch under way will decide where others go. What happens to both streams at once, as roulette on loads does, must
+    /// not happen to those: the counts of one stream would depend on its own samples.
+    pub(crate) fn decides_more(&self) -> bool {
+        lock(&self.course).as_ref().is_some_and(|course| !course.is_last())
     }
 
     /// One behind the last path that is decided.

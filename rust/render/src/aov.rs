@@ -26,11 +26,13 @@ pub enum AovKind {
     Neye,
     /// Diffuse albedo; 3 x f32.
     Albedo,
+    /// Samples of the pixel so far (`sampleCount`, as `RenderMan` names it); f32. Samples are taken for it as for `Color`.
+    SampleCount,
 }
 
 impl AovKind {
     /// Every kind, in the order of the enum.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Color,
         Self::Depth,
         Self::CameraDepth,
@@ -40,6 +42,7 @@ impl AovKind {
         Self::Normal,
         Self::Neye,
         Self::Albedo,
+        Self::SampleCount,
     ];
 
     /// Hydra's token for this image (`HdAovTokens`).
@@ -54,6 +57,7 @@ impl AovKind {
             Self::Normal => "normal",
             Self::Neye => "Neye",
             Self::Albedo => "albedo",
+            Self::SampleCount => "sampleCount",
         }
     }
 
@@ -72,7 +76,9 @@ impl AovKind {
         match self {
             Self::Color => 4,
             Self::Normal | Self::Neye | Self::Albedo => 3,
-            Self::Depth | Self::CameraDepth | Self::PrimId | Self::InstanceId | Self::ElementId => 1,
+            Self::Depth | Self::CameraDepth | Self::PrimId | Self::InstanceId | Self::ElementId | Self::SampleCount => {
+                1
+            }
         }
     }
 }

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Directional albedos of GGX for `shaders/include/bsdf/tables.glsl`, which says what is in the table.
 //!
-//! Guarantees: [`floats`] is 62 KB, computed in f64 at its first use (half a second of one core), the same on every machine that
-//! rounds alike; all values are finite and in 0..=1. Pure; any thread.
+//! Guarantees: [`bytes`] is 62 KB that are part of the program, made by `examples/bsdf_tables.rs` from [`compute`] in f64 and rounded to f32: no time
+//! is spent on them; all values are finite and in 0..=1. Pure; any thread.
 //!
 //! Sources: Heitz 2014 (height-correlated masking), Dupuy and Benyoub 2023 (visible normals by spherical caps), Karis 2013 (B),
 //! Kulla and Conty 2017 (what the albedos are for).
 
 pub mod glass;
+pub mod sheen;
 
 use rayon::prelude::*;
 use std::f64::consts::PI;
-use std::sync::OnceLock;
 
 /// Cosines of the albedo table, equally far apart in their cube root.
 pub const COSINES: usize = 64;
@@ -28,11 +28,13 @@ const POINTS: [usize; 2] = [32, 128];
 type Pair = [f64; 2];
 type Row = [Pair; COSINES];
 
-/// The table as the shaders read it.
+static TABLE: &[u8] = include_bytes!("bsdf_tables/ggx.bin");
+const _: () = assert!(TABLE.len() == 4 * FLOATS, "run the example `bsdf_tables`");
+
+/// The table as the shaders read it: f32, little-endian.
 #[must_use]
-pub fn floats() -> &'static [f32] {
-    static TABLE: OnceLock<Vec<f32>> = OnceLock::new();
-    TABLE.get_or_init(compute)
+pub fn bytes() -> &'static [u8] {
+    TABLE
 }
 
 /// L and B of the single-scattering albedo `f0 * (1 - L - B) + f90 * B` by a midpoint rule of `points[0]` x `points[1]`, denser at the rim of the
@@ -99,39 +101,36 @@ fn row(index: usize) -> Row {
 
 /// Average over the hemisphere, cosine weighted, of the product of two entries of interpolated rows.
 fn average(a: &Row, i: usize, b: &Row, j: usize) -> f64 {
-    integral(COSINES, |cell, at| {
+    integral(|cell, at| {
         let value = |row: &Row, k: usize| row[cell][k] * (1.0 - at) + row[cell + 1][k] * at;
         value(a, i) * value(b, j)
     })
 }
 
-/// The same of one interpolated row.
-fn average_of(row: &[f64]) -> f64 {
-    integral(row.len(), |cell, at| row[cell] * (1.0 - at) + row[cell + 1] * at)
-}
-
 /// The average of a function of (cell, place in it); what is interpolated is linear in `x`, the cube root of the cosine, within a cell,
 /// and `6 x^5 dx` is the measure, so six points of Gauss and Legendre are exact with room for a product.
-fn integral(cosines: usize, f: impl Fn(usize, f64) -> f64) -> f64 {
+fn integral(f: impl Fn(usize, f64) -> f64) -> f64 {
     const NODES: [[f64; 2]; 3] = [
         [0.238_619_186_083_196_9, 0.467_913_934_572_691],
         [0.661_209_386_466_264_5, 0.360_761_573_048_138_6],
         [0.932_469_514_203_152, 0.171_324_492_379_170_3],
     ];
     let mut sum = 0.0;
-    for cell in 0..cosines - 1 {
+    for cell in 0..COSINES - 1 {
         for [node, weight] in NODES {
             for at in [0.5 - 0.5 * node, 0.5 + 0.5 * node] {
-                let x = part(cell, cosines) + at * part(1, cosines);
-                sum += 0.5 * weight * part(1, cosines) * 6.0 * x.powi(5) * f(cell, at);
+                let x = part(cell, COSINES) + at * part(1, COSINES);
+                sum += 0.5 * weight * part(1, COSINES) * 6.0 * x.powi(5) * f(cell, at);
             }
         }
     }
     sum
 }
 
+/// The bytes of the table: half a second of one core. Only the example and tests ask.
+#[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "the table is f32")]
-fn compute() -> Vec<f32> {
+pub fn compute() -> Vec<u8> {
     let ones: Row = [[1.0; 2]; COSINES];
     // Rounded first, so that averages are those of what the shaders interpolate.
     let rounded = |row: Row| row.map(|pair| pair.map(|x| f64::from(x as f32)));
@@ -142,7 +141,7 @@ fn compute() -> Vec<f32> {
         |a: usize, b: usize| [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(i, j)| average(&rows[a], i, &rows[b], j));
     let pairs = (0..ROUGHNESSES).flat_map(|a| (0..ROUGHNESSES).map(move |b| (a, b)));
     table.extend(pairs.flat_map(|(a, b)| products(a, b)));
-    table.into_iter().map(|x| x as f32).collect()
+    table.into_iter().flat_map(|x| (x as f32).to_le_bytes()).collect()
 }
 
 #[cfg(test)]
@@ -165,8 +164,12 @@ mod tests {
 
     #[test]
     fn averages_are_those_known() {
-        let table = floats();
+        let floats =
+            |bytes: &[u8]| -> Vec<f32> { bytes.as_chunks::<4>().0.iter().map(|x| f32::from_le_bytes(*x)).collect() };
+        let table = floats(bytes());
         assert_eq!(table.len(), FLOATS, "size");
+        let far = table.iter().zip(floats(&compute())).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(far < 1e-6, "what is computed is {far:e} from the table");
         assert!(table.iter().all(|x| (0.0..=1.000_001).contains(x)), "all in 0..=1");
         // Schlick: the average of (1 - c)^5 is 1 / 21, and a mirror loses nothing; the first row is nearly one.
         let averages = &table[2 * ROUGHNESSES * COSINES..];

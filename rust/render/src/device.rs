@@ -9,8 +9,8 @@ use crate::assets::Loader;
 use crate::bsdf_tables;
 use crate::error::RenderError;
 use crate::sync::lock;
-use oocpt_gpu::{Buffer, Gpu, GpuError, Heap, MAX_UPDATE_BYTES, OpenOptions, Pipeline, Usage};
-use oocpt_shader_abi::{Features, LbvhPush, Module, Push};
+use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Heap, MAX_UPDATE_BYTES, OpenOptions, Pipeline, Usage};
+use oocpt_shader_abi::{Features, LbvhPush, Lobes, Module, Push, SPEC_LOBES};
 use rustc_hash::FxHashMap;
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::{Duration, Instant};
@@ -32,6 +32,8 @@ pub(crate) struct Specialisation {
     pub(crate) stack_size: u32,
     /// `oocpt_shader_abi::features` bits.
     pub(crate) features: u32,
+    /// Beyond them; none today.
+    pub(crate) lobes: Lobes,
 }
 
 /// Which device to open and how.
@@ -45,8 +47,18 @@ pub(crate) struct DeviceOptions {
     pub(crate) budget_mib: u32,
 }
 
-/// A pipeline, and the seconds that compiling it took.
-type Compiled = (Arc<Pipeline>, f64);
+/// Longest wait for the translation of one shader, which is single-threaded: what takes 10 s alone may take minutes beside other work.
+const TRANSLATION_TIMEOUT: Duration = Duration::from_secs(1800);
+
+/// A pipeline of this device.
+#[derive(Debug)]
+struct Compiled {
+    pipeline: Arc<Pipeline>,
+    /// What compiling it took.
+    secs: f64,
+    /// Whether a submission had it.
+    is_translated: bool,
+}
 
 /// An open device with what all frames on it share.
 #[derive(Debug)]
@@ -120,9 +132,8 @@ impl Device {
         if let Some(tables) = &*tables {
             return Ok(tables.address());
         }
-        let glass = if has_glass { bsdf_tables::glass::floats() } else { &[] };
-        let floats = [bsdf_tables::floats(), glass].concat();
-        let bytes: &[u8] = bytemuck::cast_slice(&floats);
+        let glass = if has_glass { bsdf_tables::glass::bytes() } else { &[] };
+        let bytes = [bsdf_tables::bytes(), glass].concat();
         let buffer = Buffer::new(&self.gpu, "BSDF tables", bytes.len() as u64, Usage::Device)?;
         let mut commands = self.gpu.commands("BSDF tables")?;
         for (index, part) in bytes.chunks(MAX_UPDATE_BYTES).enumerate() {
@@ -137,23 +148,59 @@ impl Device {
     /// The pipeline of `module` for `special`, compiled at first use.
     pub(crate) fn pipeline(&self, module: &'static Module, special: Specialisation) -> Result<Arc<Pipeline>, GpuError> {
         let key = (module.name, special);
-        if let Some((pipeline, _)) = lock(&self.pipelines).get(&key) {
-            return Ok(Arc::clone(pipeline));
+        if let Some(made) = lock(&self.pipelines).get(&key) {
+            return Ok(Arc::clone(&made.pipeline));
         }
-        let constants = [(0, special.max_levels), (1, special.stack_size), (2, special.features)];
+        let constants = [
+            (0, special.max_levels),
+            (1, special.stack_size),
+            (2, special.features),
+            (SPEC_LOBES, special.lobes.bits()),
+        ];
         let push = if module.name.starts_with("lbvh_") { size_of::<LbvhPush>() } else { size_of::<Push>() };
         // Push constants are at most 128 bytes.
         let push_bytes = u32::try_from(push).unwrap_or(u32::MAX);
         let started = Instant::now();
         let pipeline = Arc::new(Pipeline::new(&self.gpu, module.name, module.words, &constants, push_bytes)?);
-        let made = (pipeline, started.elapsed().as_secs_f64());
-        Ok(Arc::clone(&lock(&self.pipelines).entry(key).or_insert(made).0))
+        let made = Compiled { pipeline, secs: started.elapsed().as_secs_f64(), is_translated: false };
+        Ok(Arc::clone(&lock(&self.pipelines).entry(key).or_insert(made).pipeline))
+    }
+
+    /// Has the driver translate those of `pipelines` that were not used yet, each in a submission of its own; gives their number. Only
+    /// software renderers translate at first use: there it would be part of a wave otherwise, and a wave is bounded in time.
+    pub(crate) fn translate(&self, pipelines: &[&Arc<Pipeline>]) -> Result<u64, RenderError> {
+        if self.gpu.report().kind != DeviceKind::Cpu {
+            return Ok(0);
+        }
+        let mut count = 0;
+        for pipeline in pipelines {
+            let mark = |secs: f64| {
+                let mut all = lock(&self.pipelines);
+                let made = all.values_mut().find(|made| Arc::ptr_eq(&made.pipeline, pipeline));
+                made.is_some_and(|made| {
+                    made.secs += secs;
+                    std::mem::replace(&mut made.is_translated, true)
+                })
+            };
+            if mark(0.0) {
+                continue;
+            }
+            let started = Instant::now();
+            let mut commands = self.gpu.commands("translate")?;
+            commands.dispatch_nothing(pipeline);
+            if !commands.submit()?.wait(TRANSLATION_TIMEOUT)? {
+                return Err(RenderError::Internal(format!("the driver does not get done with {}", pipeline.name())));
+            }
+            mark(started.elapsed().as_secs_f64());
+            count += 1;
+        }
+        Ok(count)
     }
 
     /// Seconds that compiling `pipeline` took.
     pub(crate) fn compile_secs(&self, pipeline: &Arc<Pipeline>) -> f64 {
         let pipelines = lock(&self.pipelines);
-        pipelines.values().find(|(have, _)| Arc::ptr_eq(have, pipeline)).map_or(0.0, |(_, secs)| *secs)
+        pipelines.values().find(|made| Arc::ptr_eq(&made.pipeline, pipeline)).map_or(0.0, |made| made.secs)
     }
 
     /// Name and seconds of the pipelines that build instance trees.
@@ -163,7 +210,7 @@ impl Device {
         let mut found: Vec<_> = pipelines
             .iter()
             .filter(|((name, _), _)| is_of_trees(name))
-            .map(|((name, _), (_, secs))| (*name, *secs))
+            .map(|((name, _), made)| (*name, made.secs))
             .collect();
         found.sort_by_key(|(name, _)| *name);
         found

@@ -35,6 +35,8 @@ pub(crate) struct Film {
     /// With colour: what `measure_error` said and the counters at each octave of samples, and at the end.
     errors: Option<Buffer>,
     color: Option<Buffer>,
+    /// Whether somebody wants to see the colour; sample counts need it too.
+    shows_color: bool,
     /// Only with colour and adaptive sampling; `film` is then twice as long.
     adaptive: Option<Adaptive>,
     planes: Vec<(AovKind, Buffer)>,
@@ -61,7 +63,8 @@ impl Film {
     pub(crate) fn new(gpu: &Arc<Gpu>, request: &RenderRequest, adaptive: bool) -> Result<Self, GpuError> {
         let (pixels, kinds) = (request.pixels(), wanted(request));
         let plane = |name: &str, bytes: usize| Buffer::new(gpu, name, pixels * bytes as u64, Usage::Device);
-        let has_color = kinds.contains(&AovKind::Color);
+        let shows_color = kinds.contains(&AovKind::Color);
+        let has_color = shows_color || kinds.contains(&AovKind::SampleCount);
         let parts = error_groups(pixels) as usize * size_of::<ErrorSums>();
         let adaptive = (has_color && adaptive).then(|| Adaptive::new(gpu, pixels)).transpose()?;
         let film_bytes = film_bytes(pixels, adaptive.is_some()) + parts as u64;
@@ -75,7 +78,7 @@ impl Film {
         }
         let bytes: u64 = kinds.iter().map(|kind| pixels * kind.pixel_bytes() as u64).sum();
         let readback = Buffer::new(gpu, "readback", bytes + size_of::<Counters>() as u64, Usage::Readback)?;
-        Ok(Self { pixels, kinds, film, errors, color, adaptive, planes, readback })
+        Ok(Self { pixels, kinds, film, errors, color, shows_color, adaptive, planes, readback })
     }
 
     /// Whether these images serve `request` too.
@@ -110,14 +113,19 @@ impl Film {
         self.adaptive.as_ref().map_or_else(everywhere, |adaptive| adaptive.piece(wave, end).into_iter().collect())
     }
 
-    /// Whether colour is wanted, which is what samples are for.
+    /// Whether colour or the number of its samples is wanted, which is what samples are for.
     pub(crate) fn has_color(&self) -> bool {
         self.film.is_some()
     }
 
     /// Whether any image is wanted that is traced through pixel centres.
     pub(crate) fn has_planes(&self) -> bool {
-        !self.planes.is_empty()
+        self.planes.iter().any(|(kind, _)| *kind != AovKind::SampleCount)
+    }
+
+    /// Whether the number of samples is wanted.
+    pub(crate) fn has_counts(&self) -> bool {
+        self.kinds.contains(&AovKind::SampleCount)
     }
 
     /// Lists the images, and those that nobody wants.
@@ -159,6 +167,7 @@ impl Film {
                 AovKind::Normal => &mut frame.aov.normal,
                 AovKind::Neye => &mut frame.aov.neye,
                 AovKind::Albedo => &mut frame.aov.albedo,
+                AovKind::SampleCount => &mut frame.aov.sample_count,
             };
             *address = plane.address();
         }
@@ -176,7 +185,8 @@ impl Film {
 
     /// Copies every image and the counters to where the host can read them.
     pub(crate) fn copy_out(&self, commands: &mut Commands, counters: &Buffer) {
-        let sources = self.color.iter().chain(self.planes.iter().map(|(_, plane)| plane));
+        let color = self.color.as_ref().filter(|_| self.shows_color);
+        let sources = color.into_iter().chain(self.planes.iter().map(|(_, plane)| plane));
         commands.concurrent(|c| {
             let mut offset = 0;
             for source in sources {
@@ -213,24 +223,20 @@ impl Film {
 
     /// Publishes what [`Film::copy_out`] copied, once its commands are done; returns the counters.
     pub(crate) fn publish(&self, published: &Mutex<Published>) -> Result<Counters, GpuError> {
-        let mut images = Vec::with_capacity(self.kinds.len());
         let mut counters = Counters::default();
         self.readback.map(|bytes| {
+            let mut published = lock(published);
+            published.retain(&self.kinds, self.pixels);
             let mut rest: &[u8] = bytes;
             for kind in &self.kinds {
                 // Fits: the readback buffer is mapped whole.
                 let bytes = usize::try_from(self.pixels).unwrap_or(usize::MAX).saturating_mul(kind.pixel_bytes());
                 let (image, after) = rest.split_at(bytes);
-                images.push((*kind, image.to_vec()));
+                published.put(*kind, image);
                 rest = after;
             }
             counters = bytemuck::pod_read_unaligned(&rest[..size_of::<Counters>()]);
         })?;
-        let mut published = lock(published);
-        published.retain(&self.kinds, self.pixels);
-        for (kind, image) in images {
-            published.put(kind, image);
-        }
         Ok(counters)
     }
 }
@@ -249,5 +255,7 @@ fn bind_clear(frame: &mut Frame, aov: &AovRequest) {
         AovKind::Normal => frame.aov_clear.normal = [x, y, z],
         AovKind::Neye => frame.aov_clear.neye = [x, y, z],
         AovKind::Albedo => frame.aov_clear.albedo = [x, y, z],
+        // Every pixel has one.
+        AovKind::SampleCount => {}
     }
 }

@@ -3,6 +3,10 @@
 //!
 //! Render thread only. What can be kept from frame to frame (device, scene, wave memory, images) is kept.
 
+mod block;
+
+pub(crate) use block::frame_block;
+
 use crate::assets::{Scene, SceneCache, SceneView};
 use crate::device::{Device, DeviceOptions};
 use crate::error::RenderError;
@@ -11,7 +15,7 @@ use crate::inventory::{self, Compiled};
 use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
 use crate::progress::Progress;
 use crate::request::Severity;
-use crate::schedule::Schedule;
+use crate::schedule::{Schedule, first_wave};
 use crate::session::Job;
 use crate::specialise::{self, Carry};
 use crate::streaming::{self, StreamBuffers};
@@ -19,17 +23,13 @@ use crate::sync::lock;
 use crate::thread::Gate;
 use crate::wavefront::{Passes, PathBuffers, PathNeeds};
 use crate::waves::{self, Frames};
-use bytemuck::Zeroable;
 use oocpt_core::camera::CameraRays;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::scene::SceneFeatures;
 use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Usage};
-use oocpt_shader_abi::{Features, Frame, FrameFlags, path_bytes};
+use oocpt_shader_abi::{Features, Frame, path_bytes};
 use std::sync::Arc;
-use std::time::Instant;
 
-/// Albedo of a surface without a colour, as `UsdPreviewSurface`'s diffuseColor.
-const DEFAULT_ALBEDO: [f32; 3] = [0.18; 3];
 /// Largest wave, paths.
 const MAX_WAVE: u64 = 1 << 22;
 /// Smallest wave, paths.
@@ -242,10 +242,8 @@ impl Renderer {
             return Err(RenderError::Internal("the frame's waves were not made".into()));
         };
         progress.stage("compiling passes");
-        let started = Instant::now();
         let special = specialise::specialisation(features, &view);
-        let passes = Passes::new(device, special, film.has_planes())?;
-        progress.timings.compile_secs += started.elapsed().as_secs_f64();
+        let passes = Passes::new(device, special, film, &mut progress.timings)?;
         let bsdf_tables = device.bsdf_tables(features)?; // before the list of what there is
         let mut listed = Inventory::default();
         scene.list(&mut listed, true);
@@ -264,7 +262,7 @@ impl Renderer {
             return Ok(());
         }
         let total = if film.has_color() { progress.total_paths() } else { 0 };
-        let start = if is_cpu(device) { 1 << 14 } else { 1 << 19 };
+        let start = first_wave(device.gpu.report().kind);
         let mut schedule = Schedule::new(total, start, buffers.capacity, WAVE_SECS);
         if progress.wants_octaves() && film.adaptive().is_none() {
             schedule = schedule.with_octaves(job.request.pixels());
@@ -356,55 +354,4 @@ pub(crate) fn has_light_paths(setting: &Setting<'_>) -> bool {
 
 pub(crate) fn is_cpu(device: &Device) -> bool {
     device.gpu.report().kind == DeviceKind::Cpu
-}
-
-/// The frame block of a setting; path memory is bound by its owner.
-pub(crate) fn frame_block(setting: &Setting<'_>, scene: &SceneView) -> Frame {
-    let Setting { job, lights, rays, film, .. } = *setting;
-    let mut flags = FrameFlags::empty();
-    flags.set(FrameFlags::DOME_CAMERA_VISIBLE, lights.background_visible());
-    let mut block = Frame {
-        top_nodes: scene.top_nodes,
-        chunk_instances: scene.chunk_instances,
-        chunks: scene.chunks,
-        assemblies: scene.assemblies,
-        meshes: scene.meshes,
-        lights: scene.lights,
-        textures: scene.textures,
-        texture_pages: scene.texture_pages,
-        ray_o: rays.o,
-        ray_o_lo: rays.o_lo,
-        ray_o_x: rays.o_x,
-        ray_o_y: rays.o_y,
-        ray_d: rays.d,
-        ray_d_x: rays.d_x,
-        ray_d_y: rays.d_y,
-        lens_u: rays.lens_u,
-        lens_v: rays.lens_v,
-        focus: rays.focus,
-        clip_z: rays.clip_z,
-        clip_w: rays.clip_w,
-        view: rays.view_from_world,
-        view_normal: rays.view_normal,
-        dome_radiance: lights.plain.dome_radiance,
-        dome_background: lights.plain.dome_background,
-        dome_select: lights.plain.dome_select,
-        default_albedo: DEFAULT_ALBEDO,
-        clamp: job.settings.clamp,
-        width: job.request.width,
-        height: job.request.height,
-        seed: job.settings.seed,
-        max_bounces: job.settings.max_bounces,
-        // The table is indexed by u32 and holds at most as many lights as the scene has prims.
-        light_count: u32::try_from(lights.distant().len()).unwrap_or(u32::MAX),
-        flags: flags.bits(),
-        materials: scene.materials,
-        prims: scene.prims,
-        material_slots: scene.material_slots,
-        placed_values: scene.placed_values,
-        lighting: setting.lighting,
-        ..Frame::zeroed()
-    };
-    film.bind(&mut block, &job.request.aovs);
-    block
 }

@@ -34,7 +34,7 @@ pub(crate) fn of_frame(setting: &Setting<'_>, compiled: Compiled<'_>, listed: In
     tables.list(&mut inventory);
     match features.contains(Features::MATERIALS) {
         true => inventory.add("BSDF tables", device.bsdf_bytes()),
-        false => inventory.leave_out("BSDF tables", size_of_val(bsdf_tables::floats()) as u64),
+        false => inventory.leave_out("BSDF tables", bsdf_tables::bytes().len() as u64),
     }
     inventory.set_primvars(job.primvars.to_vec());
     inventory

@@ -279,6 +279,7 @@ impl<'a> Progress<'a> {
             stats.percent_done = 100.0;
         }
         stats.annotation = "done".into();
+        stats.passes = self.timings.passes.iter().map(|pass| (pass.name.clone(), pass.secs, pass.runs)).collect();
         drop(stats);
         *lock(&self.shared.timings) = self.timings.clone();
         Ok(())

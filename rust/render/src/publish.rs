@@ -6,33 +6,49 @@ use crate::aov::AovKind;
 /// The latest images of a session.
 #[derive(Debug, Default)]
 pub(crate) struct Published {
-    images: Vec<(AovKind, Vec<u8>)>,
+    images: Vec<Image>,
+    /// Of the image that came last; they are counted from 1.
+    version: u64,
+}
+
+#[derive(Debug)]
+struct Image {
+    kind: AovKind,
+    version: u64,
+    bytes: Vec<u8>,
 }
 
 impl Published {
-    /// Replaces the image of `kind`.
-    pub(crate) fn put(&mut self, kind: AovKind, pixels: Vec<u8>) {
-        match self.images.iter_mut().find(|(have, _)| *have == kind) {
-            Some(slot) => slot.1 = pixels,
-            None => self.images.push((kind, pixels)),
+    /// Replaces the image of `kind`, in the memory that it had: fresh pages would take longer than the copy.
+    pub(crate) fn put(&mut self, kind: AovKind, pixels: &[u8]) {
+        self.version += 1;
+        match self.images.iter_mut().find(|have| have.kind == kind) {
+            Some(slot) => {
+                slot.version = self.version;
+                slot.bytes.clear();
+                slot.bytes.extend_from_slice(pixels);
+            }
+            None => self.images.push(Image { kind, version: self.version, bytes: pixels.to_vec() }),
         }
     }
 
     /// Forgets every image but those of `kinds` that have exactly the given number of pixels.
     pub(crate) fn retain(&mut self, kinds: &[AovKind], pixels: u64) {
-        self.images
-            .retain(|(kind, bytes)| kinds.contains(kind) && bytes.len() as u64 == pixels * kind.pixel_bytes() as u64);
+        self.images.retain(|have| {
+            kinds.contains(&have.kind) && have.bytes.len() as u64 == pixels * have.kind.pixel_bytes() as u64
+        });
     }
 
-    /// Copies the image of `kind` if there is one of exactly `out.len()` bytes.
-    pub(crate) fn copy(&self, kind: AovKind, out: &mut [u8]) -> bool {
-        match self.images.iter().find(|(have, bytes)| *have == kind && bytes.len() == out.len()) {
-            Some((_, bytes)) => {
-                out.copy_from_slice(bytes);
-                true
-            }
-            None => false,
+    /// The version of the image of `kind` if there is one of exactly `out.len()` bytes, which is copied unless it is the `known` one;
+    /// else 0.
+    pub(crate) fn copy(&self, kind: AovKind, known: u64, out: &mut [u8]) -> u64 {
+        let Some(image) = self.images.iter().find(|have| have.kind == kind && have.bytes.len() == out.len()) else {
+            return 0;
+        };
+        if image.version != known {
+            out.copy_from_slice(&image.bytes);
         }
+        image.version
     }
 }
 
@@ -43,12 +59,27 @@ mod tests {
     #[test]
     fn only_images_of_the_right_size_are_copied() {
         let mut published = Published::default();
-        published.put(AovKind::Depth, vec![1; 8]);
+        published.put(AovKind::Depth, &[1; 8]);
         let mut out = [0_u8; 8];
-        assert!(published.copy(AovKind::Depth, &mut out), "the image is there");
+        assert_ne!(published.copy(AovKind::Depth, 0, &mut out), 0, "the image is there");
         assert_eq!(out, [1; 8], "the pixels must arrive");
-        assert!(!published.copy(AovKind::Depth, &mut [0; 4]), "another size must be refused");
+        assert_eq!(published.copy(AovKind::Depth, 0, &mut [0; 4]), 0, "another size must be refused");
         published.retain(&[AovKind::Depth], 3);
-        assert!(!published.copy(AovKind::Depth, &mut out), "an image of another resolution must be forgotten");
+        assert_eq!(published.copy(AovKind::Depth, 0, &mut out), 0, "an image of another resolution must be forgotten");
+    }
+
+    #[test]
+    fn an_image_that_is_known_is_not_copied_again_and_a_new_one_is() {
+        let mut published = Published::default();
+        published.put(AovKind::Depth, &[1; 8]);
+        published.put(AovKind::PrimId, &[2; 8]);
+        let mut out = [0_u8; 8];
+        let known = published.copy(AovKind::Depth, 0, &mut out);
+        out = [9; 8];
+        assert_eq!(published.copy(AovKind::Depth, known, &mut out), known, "it is still there");
+        assert_eq!(out, [9; 8], "and was not copied");
+        published.put(AovKind::Depth, &[3; 8]);
+        assert_ne!(published.copy(AovKind::Depth, known, &mut out), known, "another one");
+        assert_eq!(out, [3; 8], "is copied");
     }
 }

@@ -76,7 +76,7 @@ impl Reference {
     /// Compares with the colour that is published; none when there is none of this size.
     pub(crate) fn compare(&self, published: &Published) -> Option<TrueError> {
         let mut bytes = vec![0_u8; self.pixels.len() * AovKind::Color.pixel_bytes()];
-        if !published.copy(AovKind::Color, &mut bytes) {
+        if published.copy(AovKind::Color, 0, &mut bytes) == 0 {
             return None;
         }
         let rgba: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&bytes);

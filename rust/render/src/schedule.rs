@@ -6,6 +6,17 @@
 //! enough for watchdogs and for pause and stop to be felt at once, and long enough to keep the device busy.
 
 use crate::measure::next_boundary;
+use oocpt_gpu::DeviceKind;
+
+/// Paths of the first wave, when nothing was measured yet: so few that it is short on the slowest device of its kind (some 10 000 paths a
+/// second, a million on a card), and not too few for the fastest. From there waves grow as the clock says.
+pub(crate) fn first_wave(kind: DeviceKind) -> u32 {
+    match kind {
+        DeviceKind::Cpu => 1 << 12,
+        DeviceKind::Discrete => 1 << 19,
+        _ => 1 << 16,
+    }
+}
 
 /// A contiguous range of paths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,6 +116,31 @@ mod tests {
         }
         assert_eq!(ends, [5000, 10_000, 15_000, 20_000, 26_667, 33_334, 40_000, 46_667, 53_334, 60_000], "equal parts");
         assert!(schedule.next(u64::MAX).is_some(), "the rest when it is open");
+    }
+
+    /// Seconds of the longest of many waves on a device of so many paths a second, a quarter of that from the 30th wave on.
+    fn longest(kind: DeviceKind, rate: f64) -> f64 {
+        let mut schedule = Schedule::new(u64::MAX, first_wave(kind), 1 << 22, 0.2);
+        let mut longest = 0.0_f64;
+        for wave in 0..60 {
+            let rate = if wave < 30 { rate } else { rate / 4.0 };
+            let count = schedule.next(u64::MAX).expect("endless").count;
+            let secs = f64::from(count) / rate;
+            schedule.measured(count, secs);
+            longest = longest.max(secs);
+        }
+        longest
+    }
+
+    #[test]
+    fn no_wave_is_long_on_a_slow_device() {
+        let slowest = [(DeviceKind::Cpu, 1e4), (DeviceKind::Integrated, 1e5), (DeviceKind::Discrete, 1e6)];
+        for (kind, rate) in slowest {
+            for speed in [1.0, 10.0, 1e3, 1e6] {
+                let secs = longest(kind, rate * speed);
+                assert!(secs < 2.0, "{kind:?} at {:.0} paths a second: a wave of {secs} s", rate * speed);
+            }
+        }
     }
 
     #[test]

@@ -68,6 +68,8 @@ pub struct SessionOptions {
     /// Lets each pixel's own samples decide how many more it gets: adaptive pictures are biased. For the test that shows that it
     /// would notice.
     pub plant_naive_sampling: bool,
+    /// A planted fault, for tests, with adaptive sampling: roulette on loads is also played with samples that decide where others go.
+    pub plant_early_roulette: bool,
     /// Makes one request for device memory fail, after this many that succeed. For tests.
     pub fail_allocation_after: Option<u64>,
     /// Draws a progress bar on standard error while samples are traced; for command lines.
@@ -328,7 +330,13 @@ impl Session {
     /// Copies the latest published image of `kind` to `out` (see [`AovKind`] for its layout).
     /// Returns false, with `out` untouched, when there is none yet or when its size in bytes differs.
     pub fn read_aov(&self, kind: AovKind, out: &mut [u8]) -> bool {
-        lock(&self.shared.published).copy(kind, out)
+        self.read_new_aov(kind, 0, out) != 0
+    }
+
+    /// As [`Session::read_aov`], but an image whose version is `known` is not copied again. Returns the version of what `out` holds
+    /// then: 0 if there is no such image, never the same for two images of a session.
+    pub fn read_new_aov(&self, kind: AovKind, known: u64, out: &mut [u8]) -> u64 {
+        lock(&self.shared.published).copy(kind, known, out)
     }
 
     /// Counters of the current or last render.

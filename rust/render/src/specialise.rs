@@ -11,7 +11,7 @@ use crate::lights::LightTable;
 use oocpt_core::camera::CameraRays;
 use oocpt_core::inventory::FeatureUse;
 use oocpt_core::scene::{SceneFeatures, Snapshot};
-use oocpt_shader_abi::Features;
+use oocpt_shader_abi::{Features, Lobes};
 
 /// What materials need.
 const SURFACES: [(SceneFeatures, Features); 9] = [
@@ -84,7 +84,12 @@ pub(crate) fn has_cutouts(snapshot: &Snapshot) -> bool {
 
 /// The specialisation of the passes for these features.
 pub(crate) fn specialisation(features: Features, scene: &SceneView) -> Specialisation {
-    Specialisation { max_levels: scene.max_levels, stack_size: scene.stack_size, features: features.bits() }
+    Specialisation {
+        max_levels: scene.max_levels,
+        stack_size: scene.stack_size,
+        features: features.bits(),
+        lobes: Lobes::empty(),
+    }
 }
 
 /// What is carried along although the scene does not need it: what `oocpt:carry` asks for and what can be had without another

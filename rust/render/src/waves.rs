@@ -9,7 +9,7 @@ use crate::device::Device;
 use crate::error::RenderError;
 use crate::film::Film;
 use crate::progress::Progress;
-use crate::schedule::{Schedule, Wave};
+use crate::schedule::{Schedule, Wave, first_wave};
 use crate::session::Job;
 use crate::thread::Gate;
 use crate::wavefront::{Passes, PathBuffers, Recorder};
@@ -93,7 +93,8 @@ pub(crate) fn trace_planes(
 ) -> Result<bool, RenderError> {
     let Some(aovs) = &frames.passes.aovs else { return Ok(true) };
     let pixels = frames.recorder().pixels;
-    let mut schedule = Schedule::new(u64::from(pixels), 1 << 15, frames.buffers.capacity, 0.05);
+    let start = first_wave(frames.device.gpu.report().kind).min(1 << 15);
+    let mut schedule = Schedule::new(u64::from(pixels), start, frames.buffers.capacity, 0.05);
     while let Some(slice) = schedule.next(u64::MAX) {
         if !gate.proceed() {
             return Ok(false);

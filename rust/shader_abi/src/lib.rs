@@ -59,7 +59,8 @@
 //! prepare_dispatch       [1]                                  q.with(r, PREPARE_DEMAND)
 //! (host)                 fill Streaming::demand with 0
 //! count_demand           indirect Counters::DEFERRED_ARGS     q.with(r, 0)
-//! (roulette: Streaming::worth filled with 0; roulette_level [1] q.with(r, 0), roulette_worth indirect DEFERRED_ARGS q.with(r, 0); copied out too)
+//! (roulette, as long as few paths are left: Streaming::worth and worth_sums filled with 0; roulette_level [1] q.with(r, 0), then roulette_worth
+//!  indirect DEFERRED_ARGS q.with(r, 0); Streaming::worth and roulette copied out too)
 //! (host)                 copy Counters, the segment table and Streaming::demand out
 //! ```
 //! (1) more than 65535 blocks do not happen below 2^25 chunks. A line that only sorts may be left out when no ray is deferred, all four

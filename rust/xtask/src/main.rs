@@ -111,8 +111,8 @@ fn perform(task: Task) -> Result<()> {
         Task::Env => print_env(&places),
         Task::Install { usd, prefix } => install(&places, &usd, &prefix),
         Task::Test { filter } => {
-            build(&places)?;
-            verify::run_tests(&places, filter.as_deref())
+            let interpreter = set_up(&places)?;
+            verify::run_tests(&places, &interpreter, filter.as_deref())
         }
         Task::Check { fast } => {
             system::prepare(system::For::Check)?;

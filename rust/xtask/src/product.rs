@@ -20,7 +20,25 @@ pub(crate) const PROFILE: &str = "fast";
 /// # Errors
 /// If cargo, `CMake` or the build fails.
 pub(crate) fn build_for_wheel(places: &Places, interpreter: &Interpreter) -> Result<()> {
-    let mut options = bridge(places, PROFILE)?;
+    build_bridge(places, PROFILE)?;
+    build_plugin_for_wheel(places, interpreter)
+}
+
+/// Builds every crate with its tests, the bridge of the plugin among them: one set of features, so that nothing is compiled twice, as it is when
+/// the bridge is built by itself first.
+///
+/// # Errors
+/// If cargo fails.
+pub(crate) fn build_workspace(places: &Places) -> Result<()> {
+    run(cargo(places, "build").args(["--workspace", "--all-targets", "--profile", PROFILE]))
+}
+
+/// Builds the plugin for the wheel host around the bridge that is there.
+///
+/// # Errors
+/// If `CMake` or the build fails.
+pub(crate) fn build_plugin_for_wheel(places: &Places, interpreter: &Interpreter) -> Result<()> {
+    let mut options = bridge_options(places, PROFILE);
     options.push(("OOCPT_HOST".into(), "wheel".into()));
     options.push(("OOCPT_HOST_ROOT".into(), path(&places.host())));
     options.push(("OOCPT_PYTHON_INCLUDE".into(), path(&interpreter.include)));
@@ -41,7 +59,8 @@ pub(crate) fn install_for_sdk(places: &Places, usd: &Path, prefix: &Path) -> Res
     ensure!(usd.join("include/pxr/pxr.h").is_file(), "{} has no include/pxr/pxr.h", usd.display());
     fs::create_dir_all(prefix).with_context(|| format!("cannot create {}", prefix.display()))?;
     let prefix = fs::canonicalize(prefix).context("cannot resolve the prefix")?;
-    let mut options = bridge(places, "release")?;
+    build_bridge(places, "release")?;
+    let mut options = bridge_options(places, "release");
     options.push(("OOCPT_HOST".into(), "sdk".into()));
     options.push(("OOCPT_USD_ROOT".into(), path(&usd)));
     options.push(("CMAKE_INSTALL_PREFIX".into(), path(&prefix)));
@@ -56,14 +75,17 @@ fn compile(tree: &Path) -> Result<()> {
     run(Command::new("cmake").arg("--build").arg(tree).args(["--", "--quiet"]))
 }
 
-/// Builds the bridge and returns the `CMake` options that name it.
-fn bridge(places: &Places, profile: &str) -> Result<Vec<(String, String)>> {
-    run(cargo(places, "build").args(["--package", "oocpt-bridge", "--profile", profile]))?;
-    Ok(vec![
+fn build_bridge(places: &Places, profile: &str) -> Result<()> {
+    run(cargo(places, "build").args(["--package", "oocpt-bridge", "--profile", profile]))
+}
+
+/// The `CMake` options that name the bridge.
+fn bridge_options(places: &Places, profile: &str) -> Vec<(String, String)> {
+    vec![
         ("CMAKE_BUILD_TYPE".into(), "Release".into()),
         ("OOCPT_BRIDGE_LIB".into(), path(&places.target.join(profile).join("liboocpt_bridge.a"))),
         ("OOCPT_BRIDGE_INCLUDE".into(), path(&places.target.join("cxxbridge"))),
-    ])
+    ]
 }
 
 /// A cargo subcommand (`nextest run` is one, too) in the clone, by the same cargo that runs this; in CI (`CI` is set) it may

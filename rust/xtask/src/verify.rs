@@ -1,44 +1,73 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Runs every test: Rust by nextest (or cargo), then Python, each file in the interpreter it needs.
+//! Runs every test: Rust by nextest (or cargo), Python each file in the interpreter it needs.
 //!
 //! `tests/host/**` runs in the wheel host's Python (`pxr` is Hydra's), all other Python tests in usd-core's; both see `OOCPT_HOST_PYTHON` and
 //! `OOCPT_USD_PYTHON` to start the other one, and `usdrecord` in `PATH`.
+//!
+//! Without a GPU the plugin is built and Python runs beside the Rust tests, which leave cores idle while they compile shaders; its lines begin
+//! with [`MARK`] then. On a GPU one after the other: two would share its memory.
 
+use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::thread;
 
 use anyhow::{Context as _, Result, bail};
 
-use crate::host::{HOST_VENV, USD_VENV};
+use crate::host::{HOST_VENV, Interpreter, USD_VENV};
 use crate::places::Places;
 use crate::process::{say, succeeds};
-use crate::product::{PROFILE, cargo};
-use crate::shell;
+use crate::product::{self, PROFILE, cargo};
+use crate::{shell, system};
 
 /// pytest's exit status when no test matched.
 const NOTHING_COLLECTED: i32 = 5;
+/// What a line of Python's begins with, where others stand between.
+const MARK: &str = "[python] ";
 
-/// Runs all tests whose name contains `filter`; every runner runs, even if one before it failed.
+/// Builds everything and runs all tests whose name contains `filter`; every runner runs, even if another failed.
 ///
 /// # Errors
-/// Names the runners that failed.
-pub(crate) fn run_tests(places: &Places, filter: Option<&str>) -> Result<()> {
-    let host = places.repo.join("tests/host");
-    let mut failed = Vec::new();
-    let mut note = |name: &str, passed: Result<bool>| -> Result<()> {
-        if !passed? {
-            failed.push(name.to_owned());
-        }
-        Ok(())
+/// Names the runners that failed, or says why a build did.
+pub(crate) fn run_tests(places: &Places, interpreter: &Interpreter, filter: Option<&str>) -> Result<()> {
+    product::build_workspace(places)?;
+    let (rust, python) = if system::has_gpu() {
+        (rust_tests(places, filter), all_python_tests(places, interpreter, filter, ""))
+    } else {
+        thread::scope(|scope| {
+            let python = scope.spawn(|| all_python_tests(places, interpreter, filter, MARK));
+            let rust = rust_tests(places, filter);
+            (rust, python.join().unwrap_or_else(|_| bail!("the thread of the Python tests ended")))
+        })
     };
-    note("Rust", rust_tests(places, filter))?;
-    note("Python (usd-core)", python_tests(places, USD_VENV.name, &places.repo.join("tests"), Some(&host), filter))?;
-    note("Python (wheel host)", python_tests(places, HOST_VENV.name, &host, None, filter))?;
+    let mut failed = python?;
+    if !rust? {
+        failed.insert(0, "Rust");
+    }
     if !failed.is_empty() {
         bail!("tests failed: {}", failed.join(", "));
     }
     say("all tests passed");
     Ok(())
+}
+
+/// Builds the plugin, then runs the Python tests; gives the names of the runners that failed.
+fn all_python_tests(
+    places: &Places,
+    interpreter: &Interpreter,
+    filter: Option<&str>,
+    mark: &str,
+) -> Result<Vec<&'static str>> {
+    product::build_plugin_for_wheel(places, interpreter)?;
+    let (tests, host) = (places.repo.join("tests"), places.repo.join("tests/host"));
+    let mut failed = Vec::new();
+    if !python_tests(places, HOST_VENV.name, &host, None, filter, mark)? {
+        failed.push("Python (wheel host)");
+    }
+    if !python_tests(places, USD_VENV.name, &tests, Some(&host), filter, mark)? {
+        failed.push("Python (usd-core)");
+    }
+    Ok(failed)
 }
 
 fn rust_tests(places: &Places, filter: Option<&str>) -> Result<bool> {
@@ -47,8 +76,9 @@ fn rust_tests(places: &Places, filter: Option<&str>) -> Result<bool> {
         nextest.args(["--workspace", "--cargo-profile", PROFILE, "--no-tests", "pass"]);
         nextest
     } else {
+        // Tests of a binary share a process here, and with it the device.
         let mut plain = cargo(places, "test");
-        plain.args(["--workspace", "--profile", PROFILE]);
+        plain.args(["--workspace", "--profile", PROFILE]).env("RUST_TEST_THREADS", "1");
         plain
     };
     shell::apply(&shell::for_wheel(places), &mut tests);
@@ -61,6 +91,7 @@ fn python_tests(
     folder: &Path,
     without: Option<&Path>,
     filter: Option<&str>,
+    mark: &str,
 ) -> Result<bool> {
     if !folder.is_dir() {
         return Ok(true);
@@ -68,6 +99,8 @@ fn python_tests(
     let mut pytest = Command::new(places.venv_python(venv));
     pytest.current_dir(&places.repo).args(["-I", "-m", "pytest", "-ra", "-v", "--import-mode=importlib"]);
     shell::apply(&shell::for_wheel(places), &mut pytest);
+    // Asking cargo for it would build it anew with the features that it has by itself.
+    pytest.env("OOCPT_CLI", places.target.join(PROFILE).join("oocpt"));
     pytest.arg(folder);
     if let Some(without) = without {
         pytest.arg("--ignore").arg(without);
@@ -75,7 +108,7 @@ fn python_tests(
     if let Some(filter) = filter {
         pytest.args(["-k", filter]);
     }
-    let status = status(&mut pytest)?;
+    let status = if mark.is_empty() { status(&mut pytest)? } else { marked_status(&mut pytest, mark)? };
     Ok(status == 0 || status == NOTHING_COLLECTED)
 }
 
@@ -88,4 +121,38 @@ fn status(command: &mut Command) -> Result<i32> {
     let program = command.get_program().to_owned();
     let status = command.stdin(Stdio::null()).status();
     Ok(status.with_context(|| format!("cannot start {}", program.display()))?.code().unwrap_or(-1))
+}
+
+/// As [`status`]; what the child writes comes out in whole lines that begin with `mark`.
+fn marked_status(command: &mut Command, mark: &str) -> Result<i32> {
+    let program = command.get_program().to_owned();
+    let (reader, writer) = std::io::pipe().context("no pipe")?;
+    let errors = writer.try_clone().context("no pipe")?;
+    let mut child = command
+        .stdin(Stdio::null())
+        .stdout(writer)
+        .stderr(errors)
+        .spawn()
+        .with_context(|| format!("cannot start {}", program.display()))?;
+    // The command holds the pipe's other end, which has to be closed for the last line to be the last.
+    command.stdout(Stdio::null()).stderr(Stdio::null());
+    for line in BufReader::new(reader).split(b'\n') {
+        let line = [mark.as_bytes(), &line.context("the pipe broke")?, b"\n"].concat();
+        std::io::stdout().lock().write_all(&line).context("cannot write")?;
+    }
+    Ok(child.wait().context("lost the child")?.code().unwrap_or(-1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_marked_child_tells_its_status() {
+        let mut child = Command::new("sh");
+        child.args(["-c", "echo out; echo err >&2; exit 3"]);
+        assert_eq!(marked_status(&mut child, "").unwrap(), 3, "of the shell");
+        assert_eq!(marked_status(Command::new("sh").args(["-c", "kill -9 $$"]), "").unwrap(), -1, "a signal");
+        assert!(marked_status(&mut Command::new("/no such program"), "").is_err(), "it cannot be started");
+    }
 }

@@ -6,6 +6,7 @@
 layout(constant_id = 0) const uint MAX_LEVELS = 1u;
 layout(constant_id = 1) const uint STACK_SIZE = 64u;
 layout(constant_id = 2) const uint FEATURES = 0xffffffffu;
+layout(constant_id = 3) const uint LOBES = 0u; // of the BSDF, beyond FEATURES
 
 const bool HAS_DOME = (FEATURES & 1u) != 0u;
 const bool HAS_DISTANT = (FEATURES & 2u) != 0u;
@@ -25,6 +26,7 @@ const bool HAS_CUTOUTS = (FEATURES & (1u << 13)) != 0u && HAS_MATERIALS;
 const bool HAS_TRANSMISSION = (FEATURES & (1u << 14)) != 0u && HAS_MATERIALS;
 const bool HAS_ROUGH_TRANSMISSION = (FEATURES & (1u << 28)) != 0u && HAS_TRANSMISSION;
 const bool HAS_COAT = (FEATURES & (1u << 15)) != 0u && HAS_MATERIALS;
+const bool HAS_SHEEN = (LOBES & 1u) != 0u && HAS_MATERIALS;
 const bool HAS_LOCAL_LIGHTS = (FEATURES & (1u << 17)) != 0u;
 const bool HAS_SHAPING = (FEATURES & (1u << 18)) != 0u;
 const bool HAS_IES = (FEATURES & (1u << 19)) != 0u && HAS_SHAPING;
@@ -71,6 +73,7 @@ const uint SCAN_BLOCK = 1024u;
 const uint TILE_KEYS = 256u;
 const uint WORTH_ONE = 4096u;
 const uint WORTH_MUST = 1u << 31;
+const uint WORTH_SUMS = 1u << 20;
 const uint AOV_SURFACES = 0u;
 const uint AOV_ESCAPED = 1u;
 const uint PUSH_AOVS = 1u;

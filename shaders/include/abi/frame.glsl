@@ -22,6 +22,7 @@ struct AovTargets {
     uint64_t normal;
     uint64_t neye;
     uint64_t albedo;
+    uint64_t sample_count;
 };
 
 struct AovClear {
@@ -123,6 +124,7 @@ struct Streaming {
     uint64_t resolve_progress;
     uint64_t roulette;
     uint64_t worth;
+    uint64_t worth_sums;
     uint64_t verdicts[2];
     uint segment_size;
     uint chunk_count;
@@ -137,6 +139,8 @@ struct Roulette {
     float second_moment;
     uint ended_paths;
     uint ended_shadows;
+    float variance;
+    uint looks;
 };
 
 struct Segment {

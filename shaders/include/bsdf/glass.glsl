@@ -17,6 +17,7 @@
 #define OOCPT_BSDF_GLASS_GLSL
 
 #include "include/bsdf/layers.glsl"
+#include "include/bsdf/glass_table.glsl"
 
 const float GLASS_LEAST_ALPHA = 1.0e-4;
 
@@ -48,11 +49,11 @@ vec2 set_glass(inout Bsdf b, Shading s, vec3 wo, float through) {
     b.glass_alpha = alpha;
     b.glass_row = table_row(roughness);
     if (is(b, BSDF_SCHLICK)) return vec2(through, 0.0);
-    const vec2 lost = table_glass(b.glass_ior, b.glass_row, b.o.z);
-    const vec2 average = table_glass_average(b.glass_ior, b.glass_row) * vec2(1.0, b.glass_ior * b.glass_ior);
+    b.glass_place = glass_place(b.glass_ior, alpha);
+    const vec2 average = table_glass_average(b.glass_place, b.glass_row) * vec2(1.0, b.glass_ior * b.glass_ior);
     const float sum = average.x + average.y;
     if (!(sum > 1.0e-9)) return vec2(through, 0.0);
-    const float here = inside ? lost.y : lost.x;
+    const float here = table_glass(b.glass_place, b.glass_row, b.o.z, inside);
     b.glass_scatter = through * here / sum;
     b.glass_stay = (inside ? average.y : average.x) / sum;
     return through * vec2(1.0 - here, here);
@@ -70,10 +71,9 @@ vec3 glass_reflectance(Bsdf b, float cosine) {
 // Adds multiple scattering to a direction of this cosine (> 0), on the viewer's side or beyond.
 void add_glass_scatter(Bsdf b, float cosine, bool beyond, inout vec3 specular, inout float pdf) {
     if (!HAS_ROUGH_TRANSMISSION || b.chance_glass.y <= 0.0) return;
-    const vec2 lost = table_glass(b.glass_ior, b.glass_row, min(cosine, 1.0));
     const bool dense = is_inside(b) != beyond;
     const float index2 = dense ? b.glass_ior * b.glass_ior : 1.0;
-    specular += b.glass_scatter * index2 * (dense ? lost.y : lost.x) * cosine / GGX_PI;
+    specular += b.glass_scatter * index2 * table_glass(b.glass_place, b.glass_row, min(cosine, 1.0), dense) * cosine / GGX_PI;
     pdf += b.chance_glass.y * (beyond ? 1.0 - b.glass_stay : b.glass_stay) * scatter_density(b.glass_alpha, cosine);
 }
 

@@ -6,6 +6,7 @@
 #include "include/shading.glsl"
 #include "include/bsdf/tables.glsl"
 #include "include/bsdf/ggx.glsl"
+#include "include/bsdf/sheen.glsl"
 
 const uint BSDF_SCHLICK = 1u;  // glass of the specular workflow: Schlick's Fresnel from specular_color
 const uint BSDF_PLAIN = 4u;    // Lambert and nothing else
@@ -31,10 +32,15 @@ struct Bsdf {
     float glass;      // and of glass, glass.glsl: single scattering
     float glass_scatter; // multiple scattering, f * pi is this times U(wi) n^2 of its side
     float glass_stay; // share of multiple scattering that stays on the viewer's side
-    float glass_alpha, glass_row; // 0: sharp
+    float glass_alpha, glass_row, glass_place; // 0: sharp; row and place: in the table
     float glass_ior;  // index of the denser side / that of the other, >= 1
     float glass_eta;  // index beyond / index on the viewer's side
     vec2 chance_glass; // of its single and its multiple scattering
+    vec3 sheen;       // colour, share and scale of its lobe; sheen.glsl
+    float sheen_most; // share of what it takes from what is below, per E
+    float sheen_roughness, sheen_row;
+    float under_sheen; // U(wo) of it
+    float chance_sheen;
     uint flags;
 };
 
@@ -56,6 +62,12 @@ float mean(vec3 c) {
     return (c.x + c.y + c.z) * (1.0 / 3.0);
 }
 
+// U of sheen.
+float under_sheen(Bsdf b, float cosine) {
+    if (!HAS_SHEEN || b.sheen_most <= 0.0) return 1.0;
+    return clamp(1.0 - b.sheen_most * sheen_albedo(cosine, b.sheen_row), 0.0, 1.0);
+}
+
 // U of the coat.
 float under_coat(Bsdf b, float cosine) {
     if (!HAS_COAT || b.coat <= 0.0) return 1.0;
@@ -69,10 +81,10 @@ vec3 under_specular(Bsdf b, float cosine, out vec2 e) {
     return clamp(1.0 - (b.base_0 + b.base_l * e.x + b.base_b * e.y), 0.0, 1.0);
 }
 
-// U of both for light that goes down to the diffuse lobe or comes up from it; `lost`: that of the coat times
+// U of all for light that goes down to the diffuse lobe or comes up from it; `lost`: that of sheen and coat times
 // U1, what single scattering with F = 1 loses.
 vec3 under_all(Bsdf b, float cosine, out float lost) {
-    const float coat = under_coat(b, cosine);
+    const float coat = under_coat(b, cosine) * under_sheen(b, cosine);
     vec2 e;
     const vec3 under = under_specular(b, cosine, e);
     lost = coat * e.x;
@@ -84,6 +96,14 @@ vec3 average_under(Bsdf b, out float lost) {
     const vec2 e = table_average(b.row);
     vec3 average = 1.0 - (b.base_0 + b.base_l * e.x + b.base_b * e.y);
     lost = e.x;
+    vec3 below_sheen = vec3(1.0);
+    float lost_below_sheen = 1.0;
+    if (HAS_SHEEN && b.sheen_most > 0.0) {
+        const float sheen = b.sheen_most * sheen_average(b.sheen_row).x;
+        const vec2 both = b.sheen_most * sheen_product(b.sheen_row, b.row);
+        below_sheen = average - (sheen - (b.base_0 * sheen + b.base_l * both.x + b.base_b * both.y));
+        lost_below_sheen = e.x - both.x;
+    }
     if (HAS_COAT && b.coat > 0.0) {
         const vec2 c = table_average(b.coat_row);
         const vec2 f = b.coat * vec2(-b.coat_f0, b.coat_f90 - b.coat_f0); // E of the coat is f0 + f.x L + f.y B
@@ -94,7 +114,17 @@ vec3 average_under(Bsdf b, out float lost) {
         average = average - coat + b.base_0 * coat + b.base_l * both.x + b.base_b * both.y;
         lost -= both.x;
     }
+    if (HAS_SHEEN && b.sheen_most > 0.0) {
+        // With a coat too the average of all three is at most that of any two: some is lost, and nothing won.
+        average = min(average, below_sheen);
+        lost = min(lost, lost_below_sheen);
+    }
     return average;
+}
+
+// The share of light that a reflection pays to sheen, down and up.
+float through_sheen(Bsdf b, float cosine) {
+    return HAS_SHEEN ? min(b.under_sheen, under_sheen(b, cosine)) : 1.0;
 }
 
 // The share of light that a reflection pays to the coat, down and up.
@@ -139,10 +169,10 @@ void set_fresnel(inout Bsdf b, Shading s, float opacity, out vec3 color, out flo
     b.coat_f90 = min(1.0, 1.0e3 * f0);
 }
 
-// Albedo of the specular layer at wo without multiple scattering, under the coat: all of a sharp lobe's weight.
+// Albedo of the specular layer at wo without multiple scattering, under coat and sheen: all of a sharp lobe's weight.
 vec3 single_scattering(Bsdf b) {
     const vec2 e = table_albedo(b.o.z, b.row);
-    return b.under_coat * (b.f0 * (1.0 - e.x - e.y) + b.f90 * e.y);
+    return b.under_sheen * b.under_coat * (b.f0 * (1.0 - e.x - e.y) + b.f90 * e.y);
 }
 
 #endif

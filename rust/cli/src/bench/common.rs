@@ -7,11 +7,37 @@ use oocpt_core::settings::Settings;
 use oocpt_core::stats::Stats;
 use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, Severity, Timings};
 use serde::Serialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Longest wait for one render.
 const TIMEOUT: Duration = Duration::from_secs(3 * 3600);
+
+/// Options of every bench that writes a report: its device, and where the report goes.
+#[derive(clap::Args)]
+pub(crate) struct Reported {
+    /// Device: an index or a part of its name.
+    #[arg(long, env = "OOCPT_DEVICE", default_value = "")]
+    pub(crate) device: String,
+    /// Date to put into the report.
+    #[arg(long)]
+    pub(crate) date: Option<String>,
+    /// Also write the report as JSON to this file.
+    #[arg(long)]
+    pub(crate) json: Option<PathBuf>,
+}
+
+impl Reported {
+    /// The machine that `session` rendered on.
+    pub(crate) fn machine(&self, session: Option<&Session>) -> Machine {
+        Machine::new(session, self.date.as_deref())
+    }
+
+    /// Writes the report to its file, or prints it.
+    pub(crate) fn write(&self, report: &impl Serialize) -> Result<()> {
+        write_json(report, self.json.as_deref())
+    }
+}
 
 /// The machine and program that a report is of.
 #[derive(Clone, Debug, Serialize)]
@@ -130,13 +156,7 @@ pub(crate) fn measure(
             session.restart();
         }
         finish(session)?;
-        let mut picture = vec![0_u8; size[0] as usize * size[1] as usize * 16];
-        ensure!(session.read_aov(AovKind::Color, &mut picture), "there is no picture");
-        if reference.is_empty() {
-            *reference = picture;
-        } else {
-            different_pixels = different_pixels.max(different(reference, &picture));
-        }
+        different_pixels = different_pixels.max(compare(session, size, reference)?);
         runs.push((session.timings(), session.stats()));
     }
     let trace_secs = runs.iter().map(|(timings, _)| timings.trace_secs).collect();
@@ -187,33 +207,20 @@ pub(crate) fn print_passes(passes: &[PassRow]) {
     }
 }
 
-/// Pixels that differ in any bit.
-pub(crate) fn different(a: &[u8], b: &[u8]) -> u64 {
-    a.chunks(16).zip(b.chunks(16)).filter(|(a, b)| a != b).count() as u64
-}
-
-/// The setting of a budget, KiB, for `percent` of `bytes`; 0 = no further limit.
-pub(crate) fn budget_kib(percent: f64, bytes: u64) -> u32 {
-    if percent >= 100.0 {
-        return 0;
+/// Pixels in which the picture of `session` differs from `reference`; if that is empty, the picture becomes it.
+pub(crate) fn compare(session: &Session, size: [u32; 2], reference: &mut Vec<u8>) -> Result<u64> {
+    let mut picture = vec![0_u8; size[0] as usize * size[1] as usize * 16];
+    ensure!(session.read_aov(AovKind::Color, &mut picture), "there is no picture");
+    if reference.is_empty() {
+        *reference = picture;
+        return Ok(0);
     }
-    #[expect(
-        clippy::cast_precision_loss,
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a budget; float casts saturate"
-    )]
-    let kib = (percent / 100.0 * bytes as f64 / 1024.0) as u32;
-    kib.max(1)
+    Ok(different(reference, &picture))
 }
 
-/// Budgets with the policies of each; in core there is nothing to choose.
-pub(crate) fn budget_rows(budgets: &[f64], policies: &[String]) -> Vec<(f64, String)> {
-    let row = |&percent: &f64| match percent >= 100.0 {
-        true => vec![(percent, String::new())],
-        false => policies.iter().map(|policy| (percent, policy.clone())).collect(),
-    };
-    budgets.iter().flat_map(row).collect()
+/// Pixels that differ in any bit.
+fn different(a: &[u8], b: &[u8]) -> u64 {
+    a.chunks(16).zip(b.chunks(16)).filter(|(a, b)| a != b).count() as u64
 }
 
 /// The middle value; of an even count, the upper one of the two.
@@ -286,12 +293,5 @@ mod tests {
         b[17] ^= 1;
         b[30] ^= 1;
         assert_eq!(different(&a, &b), 1, "two bits of the second pixel");
-    }
-
-    #[test]
-    fn budgets_are_parts_of_the_scene() {
-        assert_eq!(budget_kib(100.0, 1 << 30), 0, "all of it: no limit");
-        assert_eq!(budget_kib(25.0, 1 << 30), 1 << 18, "a quarter of a GiB, in KiB");
-        assert_eq!(budget_kib(0.001, 1000), 1, "never the 0 that means no limit");
     }
 }

@@ -4,14 +4,13 @@
 use anyhow::{Context, Result, ensure};
 use oocpt_core::array::TypedArray;
 use oocpt_core::scene::{InstancerDesc, Snapshot};
-use oocpt_core::settings::{Settings, Value};
+use oocpt_core::settings::Value;
 use oocpt_render::{RenderRequest, Session, SessionOptions};
 use serde::Serialize;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::common::{self, Machine, finish, write_json};
+use super::common::{self, Machine, Reported, finish};
 use super::observe::Observe;
 use crate::scene::island::{self, Parameters};
 
@@ -39,15 +38,8 @@ pub(crate) struct Arguments {
     /// Counted edits of each row.
     #[arg(long, default_value_t = 3)]
     runs: u32,
-    /// Device: an index or a part of its name.
-    #[arg(long, env = "OOCPT_DEVICE", default_value = "")]
-    device: String,
-    /// Date to put into the report.
-    #[arg(long)]
-    date: Option<String>,
-    /// Also write the report as JSON to this file.
-    #[arg(long)]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    reported: Reported,
     #[command(flatten)]
     observe: Observe,
 }
@@ -104,24 +96,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         }
         arguments.observe.write(&session, &request(arguments, &island), &instances.to_string())?;
     }
-    report.map_or(Ok(()), |report| write_json(&report, arguments.json.as_deref()))
+    report.map_or(Ok(()), |report| arguments.reported.write(&report))
 }
 
 fn session(arguments: &Arguments) -> Result<Session> {
-    let settings = Settings {
-        samples_per_pixel: 1,
-        max_bounces: 1,
-        device: arguments.device.clone(),
-        interactive: false,
-        ..Settings::default()
-    };
+    let settings = common::plain_settings(1, 1, &arguments.reported.device);
     let session = Session::with_options(settings, SessionOptions::default());
     session.set_setting("oocpt:geometryBudget", Value::Int(arguments.geometry_budget.into()))?;
     Ok(session)
 }
 
 fn head(arguments: &Arguments, session: &Session) -> Report {
-    let machine = Machine::new(Some(session), arguments.date.as_deref());
+    let machine = arguments.reported.machine(Some(session));
     println!("edits on {machine}");
     println!(
         "{:>12} {:>9} {:>10} {:>9} {:>14} {:>9} {:>9} {:>10}",
@@ -131,12 +117,8 @@ fn head(arguments: &Arguments, session: &Session) -> Report {
 }
 
 fn request(arguments: &Arguments, island: &Parameters) -> RenderRequest {
-    RenderRequest {
-        width: arguments.width,
-        height: arguments.height,
-        camera: island::camera(island, arguments.width, arguments.height),
-        aovs: common::only_color(),
-    }
+    let (width, height) = (arguments.width, arguments.height);
+    common::color_request(width, height, island::camera(island, width, height))
 }
 
 /// Moves `moved` instances of `instancer`, spread over all of it, by a few centimetres.

@@ -5,12 +5,13 @@
 //! is not used, since timestamps cost a little.
 
 use anyhow::{Context, Result};
-use oocpt_core::settings::Settings;
 use oocpt_render::{RenderRequest, Session, SessionOptions, Timings};
 use serde::Serialize;
 use std::path::PathBuf;
 
-use super::common::{PassRow, finish, median, only_color, passes_of, print_passes, write_json, write_picture};
+use super::common::{
+    PassRow, color_request, finish, median, passes_of, plain_settings, print_passes, write_json, write_picture,
+};
 use super::observe::Observe;
 use crate::scene::forest;
 
@@ -84,13 +85,7 @@ struct Report {
 
 /// Runs the bench.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    let settings = Settings {
-        samples_per_pixel: arguments.samples,
-        max_bounces: arguments.bounces,
-        device: arguments.device.clone(),
-        interactive: false,
-        ..Settings::default()
-    };
+    let settings = plain_settings(arguments.samples, arguments.bounces, &arguments.device);
     let session = Session::with_options(settings, SessionOptions::default());
     let started = std::time::Instant::now();
     session.with_scene(|db| forest::build(db, arguments.instances))?;
@@ -116,12 +111,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 fn request(arguments: &Arguments) -> RenderRequest {
-    RenderRequest {
-        width: arguments.width,
-        height: arguments.height,
-        camera: forest::camera(arguments.width, arguments.height),
-        aovs: only_color(),
-    }
+    let (width, height) = (arguments.width, arguments.height);
+    color_request(width, height, forest::camera(width, height))
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]

@@ -10,7 +10,7 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::common::{self, Machine, PassRow, Runs, print_passes, write_json, write_picture};
+use super::common::{self, Machine, PassRow, Reported, Runs, print_passes, write_picture};
 use super::observe::Observe;
 use crate::scene::leaves::{self, Leaves};
 use crate::scene::pictures::Pictures;
@@ -45,15 +45,8 @@ pub(crate) struct Arguments {
     /// Also renders each scene once more with timestamps, for the passes it spends its time in.
     #[arg(long)]
     profile: bool,
-    /// Device: an index or a part of its name.
-    #[arg(long, env = "OOCPT_DEVICE", default_value = "")]
-    device: String,
-    /// Date to put into the report.
-    #[arg(long)]
-    date: Option<String>,
-    /// Also write the report as JSON to this file.
-    #[arg(long)]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    reported: Reported,
     /// Also write the picture of the cut leaves as PNG (sRGB) to this file.
     #[arg(long)]
     picture: Option<PathBuf>,
@@ -112,7 +105,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     let report = Report {
         bench: "leaves",
-        machine: Machine::new(last.as_ref(), arguments.date.as_deref()),
+        machine: arguments.reported.machine(last.as_ref()),
         width: arguments.width,
         height: arguments.height,
         samples: arguments.samples,
@@ -122,7 +115,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         rows,
     };
     println!("on {}", report.machine);
-    write_json(&report, arguments.json.as_deref())?;
+    arguments.reported.write(&report)?;
     if let (Some(path), Some(session)) = (&arguments.picture, &last) {
         write_picture(session, [arguments.width, arguments.height], path)?;
     }
@@ -133,7 +126,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 fn session(arguments: &Arguments, kind: Leaves) -> Result<Session> {
-    let settings = common::plain_settings(arguments.samples, arguments.bounces, &arguments.device);
+    let settings = common::plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
     let session = Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(Pictures));
     session.set_setting("oocpt:memoryBudget", Value::Int(arguments.memory_budget.into()))?;
     session.with_scene(|db| leaves::build(db, kind, arguments.leaves, arguments.texture_size))?;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! `oocpt bench`: speed is measured here and only here; tests never time.
 
+mod budgets;
 mod common;
 mod edits;
 mod forest;

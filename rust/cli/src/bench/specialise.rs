@@ -10,12 +10,14 @@
 use anyhow::{Context, Result, ensure};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::settings::Settings;
-use oocpt_render::{AovKind, RenderRequest, Session, SessionOptions};
+use oocpt_render::{RenderRequest, Session, SessionOptions};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::common::{Machine, all_images, different, finish, median, only_color, write_json, write_picture};
+use super::common::{
+    Machine, Reported, all_images, compare, finish, median, only_color, plain_settings, write_picture,
+};
 use super::observe::Observe;
 use crate::scene::generated::Generated;
 use crate::scene::pictures::Pictures;
@@ -50,15 +52,8 @@ pub(crate) struct Arguments {
     /// Also streams each scene though it fits.
     #[arg(long)]
     streaming: bool,
-    /// Device: an index or a part of its name.
-    #[arg(long, env = "OOCPT_DEVICE", default_value = "")]
-    device: String,
-    /// Date to put into the report.
-    #[arg(long)]
-    date: Option<String>,
-    /// Also write the report as JSON to this file.
-    #[arg(long)]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    reported: Reported,
     /// Also write the picture of the last scene to this file: PNG (sRGB) or EXR.
     #[arg(long)]
     picture: Option<PathBuf>,
@@ -130,7 +125,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             rows.push(row);
         }
         let first = &builds.first().context("no build was rendered")?.session;
-        machine = Some(Machine::new(Some(first), arguments.date.as_deref()));
+        machine = Some(arguments.reported.machine(Some(first)));
         if let (true, Some(path)) = (at + 1 == arguments.scenes.len(), &arguments.picture) {
             write_picture(first, [arguments.width, arguments.height], path)?;
         }
@@ -140,7 +135,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let machine = machine.context("no scene was named")?;
     println!("on {machine}");
     let report = Report { bench: "specialise", machine, scale, width, height, samples, bounces, rows };
-    write_json(&report, arguments.json.as_deref())?;
+    arguments.reported.write(&report)?;
     let wrong = report.rows.iter().find(|row| row.different_pixels > 0);
     ensure!(wrong.is_none(), "what was carried changed the picture: {:?}", wrong.map(|row| (row.scene, &row.build)));
     Ok(())
@@ -169,13 +164,8 @@ fn measure(arguments: &Arguments, scene: Generated) -> Result<Vec<Build>> {
             build.session.restart();
             finish(&build.session).with_context(|| format!("{}, {}", scene.name(), build.name))?;
             build.trace_secs.push(build.session.timings().trace_secs);
-            let mut picture = vec![0_u8; arguments.width as usize * arguments.height as usize * 16];
-            ensure!(build.session.read_aov(AovKind::Color, &mut picture), "there is no picture");
-            if reference.is_empty() {
-                reference = picture;
-            } else {
-                build.different_pixels = build.different_pixels.max(different(&reference, &picture));
-            }
+            let different = compare(&build.session, [arguments.width, arguments.height], &mut reference)?;
+            build.different_pixels = build.different_pixels.max(different);
         }
     }
     Ok(builds)
@@ -183,14 +173,8 @@ fn measure(arguments: &Arguments, scene: Generated) -> Result<Vec<Build>> {
 
 /// A build, rendered once to warm up.
 fn build(arguments: &Arguments, scene: Generated, name: &str, carry: &str, streams: bool) -> Result<Build> {
-    let settings = Settings {
-        samples_per_pixel: arguments.samples,
-        max_bounces: arguments.bounces,
-        device: arguments.device.clone(),
-        carry: carry.to_owned(),
-        interactive: false,
-        ..Settings::default()
-    };
+    let plain = plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
+    let settings = Settings { carry: carry.to_owned(), ..plain };
     let options = SessionOptions { force_streaming: streams, ..SessionOptions::default() };
     let session = Session::with_options(settings, options).with_images(Arc::new(Pictures));
     session.with_scene(|db| scene.build(db, arguments.scale))?;

@@ -14,7 +14,8 @@ use oocpt_render::{AovKind, LeftMoment, RenderRequest, Session, SessionOptions};
 use serde::Serialize;
 use std::path::PathBuf;
 
-use super::common::{Machine, budget_kib, color_request, finish, median, plain_settings, write_json, write_picture};
+use super::budgets;
+use super::common::{Machine, Reported, color_request, finish, median, plain_settings, write_picture};
 use crate::scene::island::{self, Parameters};
 
 /// Seed of the reference: none of those of the runs.
@@ -56,15 +57,8 @@ pub(crate) struct Arguments {
     /// Counted runs of each row, each with another seed.
     #[arg(long, default_value_t = 3)]
     runs: u32,
-    /// Device: an index or a part of its name.
-    #[arg(long, env = "OOCPT_DEVICE", default_value = "")]
-    device: String,
-    /// Date to put into the report.
-    #[arg(long)]
-    date: Option<String>,
-    /// Also write the report as JSON to this file.
-    #[arg(long)]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    reported: Reported,
     /// Also write the last picture as PNG (sRGB) to this file.
     #[arg(long)]
     picture: Option<PathBuf>,
@@ -119,12 +113,9 @@ struct Report {
 /// Runs the bench.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     ensure!(arguments.budget.iter().all(|&p| p > 0.0 && p < 100.0), "--budget: numbers above 0 and below 100");
-    let settings = plain_settings(arguments.samples, arguments.bounces, &arguments.device);
+    let settings = plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
     let session = Session::with_options(settings, SessionOptions::default());
-    session.set_setting("oocpt:memoryBudget", Value::Int(arguments.memory_budget.into()))?;
-    if arguments.chunk_size > 0 {
-        session.set_setting("oocpt:chunkSize", Value::Int(arguments.chunk_size.into()))?;
-    }
+    budgets::limit(&session, arguments.memory_budget, arguments.chunk_size)?;
     session.with_scene(|db| island::build(db, &arguments.island))?;
     let request = request(arguments);
     session.set_setting("oocpt:seed", Value::Int(REFERENCE_SEED))?;
@@ -149,7 +140,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         }
     }
     table::print_left(&report.rows);
-    write_json(&report, arguments.json.as_deref())?;
+    arguments.reported.write(&report)?;
     if let Some(path) = &arguments.picture {
         write_picture(&session, [arguments.width, arguments.height], path)?;
     }
@@ -181,8 +172,7 @@ fn measure(
     scene_bytes: u64,
     reference: &[[f32; 4]],
 ) -> Result<Row> {
-    let budget = budget_kib(percent, scene_bytes);
-    session.set_setting("oocpt:geometryBudget", Value::Int(budget.into()))?;
+    budgets::set(session, percent, scene_bytes, "")?;
     session.set_setting("oocpt:stragglerRoulette", Value::Bool(roulette))?;
     let request = request(arguments);
     session.set_setting("oocpt:seed", Value::Int(0))?;
@@ -232,7 +222,7 @@ fn report(arguments: &Arguments, session: &Session) -> Report {
     let Parameters { unique_quads, copies, flatten, seed, .. } = arguments.island;
     Report {
         bench: "stragglers",
-        machine: Machine::new(Some(session), arguments.date.as_deref()),
+        machine: arguments.reported.machine(Some(session)),
         width: arguments.width,
         height: arguments.height,
         samples: arguments.samples,

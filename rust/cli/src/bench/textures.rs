@@ -7,8 +7,7 @@
 
 mod table;
 
-use anyhow::{Context, Result, bail, ensure};
-use oocpt_core::settings::Value;
+use anyhow::{Context, Result};
 use oocpt_core::stats::StreamingStats;
 use oocpt_render::{RenderRequest, Session, SessionOptions};
 use serde::Serialize;
@@ -16,7 +15,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::common::{self, Machine, PassRow, Runs, budget_kib, budget_rows, finish, write_json, write_picture};
+use super::budgets::{self, Failed};
+use super::common::{self, Machine, PassRow, Reported, Runs, finish, write_picture};
 use super::observe::Observe;
 use crate::scene::pictures::Pictures;
 use crate::scene::woods::{self, Parameters};
@@ -56,15 +56,8 @@ pub(crate) struct Arguments {
     /// Also renders each row once more with timestamps, for the passes it spends its time in.
     #[arg(long)]
     profile: bool,
-    /// Device: an index or a part of its name.
-    #[arg(long, env = "OOCPT_DEVICE", default_value = "")]
-    device: String,
-    /// Date to put into the report.
-    #[arg(long)]
-    date: Option<String>,
-    /// Also write the report as JSON to this file.
-    #[arg(long)]
-    json: Option<PathBuf>,
+    #[command(flatten)]
+    reported: Reported,
     /// Also write the picture to this file: PNG (sRGB), or EXR with how it was made.
     #[arg(long)]
     picture: Option<PathBuf>,
@@ -97,14 +90,6 @@ struct Row {
     streaming: StreamingStats,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     passes: Vec<PassRow>,
-}
-
-/// A row that did not render.
-#[derive(Debug, Serialize)]
-struct Failed {
-    budget_percent: f64,
-    policy: String,
-    message: String,
 }
 
 #[derive(Debug, Serialize)]
@@ -141,14 +126,10 @@ impl Report {
 
 /// Runs the bench.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    ensure!(arguments.budgets.first().is_some_and(|&p| p >= 100.0), "--budgets: the first one has to be 100");
-    ensure!(arguments.budgets.iter().all(|&p| p > 0.0), "--budgets: only numbers above 0");
-    let settings = common::plain_settings(arguments.samples, arguments.bounces, &arguments.device);
+    budgets::check(&arguments.budgets)?;
+    let settings = common::plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
     let session = Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(Pictures));
-    session.set_setting("oocpt:memoryBudget", Value::Int(arguments.memory_budget.into()))?;
-    if arguments.chunk_size > 0 {
-        session.set_setting("oocpt:chunkSize", Value::Int(arguments.chunk_size.into()))?;
-    }
+    budgets::limit(&session, arguments.memory_budget, arguments.chunk_size)?;
     let started = Instant::now();
     session.with_scene(|db| woods::build(db, &arguments.woods))?;
     let generate_secs = started.elapsed().as_secs_f64();
@@ -158,34 +139,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     finish(&session).context("warm-up render")?;
     let mut report = report(arguments, &session, generate_secs, commit_secs);
     table::print_head(&report);
-    let mut reference = Vec::new();
-    for (percent, policy) in budget_rows(&arguments.budgets, &arguments.policies) {
-        match measure(arguments, &session, percent, &policy, &report, &mut reference) {
-            Ok(row) => {
-                table::print_row(&row);
-                report.rows.push(row);
-            }
-            // A budget may be too small for the largest chunk: the other rows are worth having.
-            Err(error) => {
-                let message = format!("{error:#}");
-                println!("{percent:>7} {policy}: {message}");
-                report.failed.push(Failed { budget_percent: percent, policy, message });
-            }
-        }
-    }
+    let (mut reference, bytes) = (Vec::new(), report.lesser_bytes());
+    (report.rows, report.failed) = budgets::each(
+        &arguments.budgets,
+        &arguments.policies,
+        |percent, policy, first| measure(arguments, &session, (percent, policy), bytes, first, &mut reference),
+        table::print_row,
+    );
     report.all_identical = report.rows.iter().all(|row| row.is_identical);
     println!("pictures of all rows: {}", if report.all_identical { "bit-identical" } else { "DIFFERENT" });
-    write_json(&report, arguments.json.as_deref())?;
+    arguments.reported.write(&report)?;
     if let Some(path) = &arguments.picture {
         write_picture(&session, [arguments.width, arguments.height], path)?;
     }
-    if !report.all_identical {
-        bail!("the picture depends on the budget");
-    }
-    if !report.failed.is_empty() {
-        bail!("{} of {} rows did not render", report.failed.len(), report.failed.len() + report.rows.len());
-    }
-    Ok(())
+    budgets::verdict(report.all_identical, report.rows.len(), &report.failed)
 }
 
 fn request(arguments: &Arguments) -> RenderRequest {
@@ -197,16 +164,12 @@ fn request(arguments: &Arguments) -> RenderRequest {
 fn measure(
     arguments: &Arguments,
     session: &Session,
-    percent: f64,
-    policy: &str,
-    report: &Report,
+    (percent, policy): (f64, &str),
+    bytes: u64,
+    first: Option<&Row>,
     reference: &mut Vec<u8>,
 ) -> Result<Row> {
-    let budget = budget_kib(percent, report.lesser_bytes());
-    session.set_setting("oocpt:geometryBudget", Value::Int(budget.into()))?;
-    if !policy.is_empty() {
-        session.set_setting("oocpt:policy", Value::Text(policy.into()))?;
-    }
+    let budget = budgets::set(session, percent, bytes, policy)?;
     session.render(request(arguments));
     let size = [arguments.width, arguments.height];
     let Runs { trace_secs, timings, stats, different_pixels } =
@@ -214,7 +177,7 @@ fn measure(
     let passes = if arguments.profile { common::profile(session)? } else { Vec::new() };
     arguments.observe.write(session, &request(arguments), &format!("{percent} {policy}"))?;
     let median_trace_secs = timings.trace_secs;
-    let first = report.rows.first().map_or(median_trace_secs, |row| row.median_trace_secs);
+    let first = first.map_or(median_trace_secs, |row| row.median_trace_secs);
     #[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]
     let mpaths_per_sec = timings.paths as f64 / median_trace_secs * 1e-6;
     let streaming = stats.streaming;
@@ -244,7 +207,7 @@ fn report(arguments: &Arguments, session: &Session, generate_secs: f64, commit_s
     let stats = session.stats();
     Report {
         bench: "textures",
-        machine: Machine::new(Some(session), arguments.date.as_deref()),
+        machine: arguments.reported.machine(Some(session)),
         width: arguments.width,
         height: arguments.height,
         samples: arguments.samples,

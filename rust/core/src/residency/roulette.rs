@@ -8,10 +8,22 @@
 //! rays of a load, since the load is the work: ended one by one, `n` rays would save it with probability `(1 - p)^n` only.
 //!
 //! # p
-//! The picture's variance and time, of which the product is to be smallest (efficiency: Bolin and Meyer 1997; Vorba and Křivánek 2016), are
-//! `V + sum (1 / p - 1) s` and `T + sum p c` over the loads, `s` the second moment of what a load's rays bring and `c` its time. Derived by
-//! `p`: `p = sqrt((s / V) / (c / T))`, at most 1. `V` and `T` are taken per path, `s` is [`Stakes::worth`]. A weighted ray is worth more, so it
-//! seldom plays again. `p` is at least [`LEAST`]: nobody knows what a ray brings before it does, and weights stay bounded.
+//! A load brings a pixel the sum `F` of what its `m` rays there bring, all or nothing, so it adds `(1 / p - 1) E[F^2]` to the variance of
+//! the pixel's sum: `m^2 c^2` where each ray brings `c`. `s` is the sum over the pixels, relative to them. With `V` the relative variance and `T`
+//! the seconds of a path, `N` paths and `c` the seconds that the picture is done sooner without the load, variance and time of the picture are proportional to
+//! `N V + sum (1 / p - 1) s` and `N T + sum p c`; their product is to be smallest (efficiency: Bolin and Meyer 1997; Vorba and Křivánek 2016). Playing one load
+//! with `p` instead of always loading it changes the logarithm of the product by `-x (1 - p) (1 - p0^2 / p) / N`, with `x = c / T` and
+//! `p0 = sqrt((s / V) / x)`: smallest at `p0`, a gain as long as `p0^2 < p`.
+//!
+//! # Careful
+//! `s`, `V`, `c` are estimates. [`CARE`] times `s` is taken for `s`, hence `p = sqrt(2) p0`: that loses at most a tenth of the gain where
+//! the estimates are right, and is a gain as long as `s / (V c)` is less than `2 / p` times what was thought. A load with `p` above [`MOST`] is not played for:
+//! what it might save is little, and soon wanted again by rays nobody knows of yet. Two accounts of the variance spent, `sum (1 / p - 1) s`, bound the harm:
+//! - of a chunk, since it was loaded last: a share [`PER_LOAD`] of `V x`, what the load costs. So a chunk that is wanted again and again is
+//!   loaded in the end, and what was spent on it in vain is a small part of its price (rent or buy; Karlin et al. 1988, "Competitive snoopy caching").
+//! - of all: a share [`PER_PICTURE`] of the picture's own `N V`.
+//!
+//! `p` is raised to what they leave. It is at least [`LEAST`]: nobody knows what a ray brings before it does, and weights stay bounded.
 //!
 //! # States of a chunk
 //! `Open -> Approved` (until it was resident, or nobody waits) or `Open -> Ending` (until the step that ends its rays was seen). Rays that
@@ -22,18 +34,28 @@ use crate::sampler::{combine, hash};
 
 /// The least probability of a load.
 pub const LEAST: f64 = 1.0 / 16.0;
+/// The greatest one below 1.
+pub const MOST: f64 = 0.5;
+/// How many times more may be at stake than was thought.
+pub const CARE: f64 = 2.0;
+/// Share of a load's cost, in variance, that may be spent in vain before it.
+pub const PER_LOAD: f64 = 0.25;
+/// Share of the picture's own variance that may be spent in all.
+pub const PER_PICTURE: f64 = 0.125;
 /// A dimension of its own among the uses of the seed.
 const DIMENSION: u32 = 0x0005_eed0;
 
 /// What the picture costs, as far as it is known.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Prices {
-    /// Seconds to load a byte.
+    /// Seconds that the picture is done sooner for each byte that is not loaded.
     pub secs_per_byte: f64,
     /// Seconds of a path, with all its share of loads.
     pub secs_per_path: f64,
     /// Relative variance that a path leaves in its pixel.
     pub variance: f64,
+    /// Paths of the picture.
+    pub paths: f64,
     /// For tests: the probability of every load that is played for, whatever it costs.
     pub fixed: Option<f64>,
 }
@@ -45,8 +67,10 @@ pub struct Stakes {
     pub chunk: ChunkId,
     /// Bytes to load.
     pub bytes: u64,
-    /// Second moment of what the rays that wait bring, relative to their pixels, all together. Infinite: they are to be traced.
+    /// Second moment of what the rays that wait bring to a pixel together, relative to it, over the pixels. Infinite: they are to be traced.
     pub worth: f64,
+    /// Their share of the load, which others will use as well; 0 to 1.
+    pub share: f64,
 }
 
 /// What becomes of the rays that wait for a chunk.
@@ -73,6 +97,10 @@ pub struct Roulette {
     seed: u32,
     states: Vec<State>,
     draws: Vec<u32>,
+    /// Variance spent on each chunk since its last load, and in all.
+    lost: Vec<f64>,
+    /// Variance spent in all, in paths' worth of relative variance: over `variance * paths` the share of the picture's own.
+    pub spent: f64,
     /// Chunks that are not open.
     judged: Vec<ChunkId>,
     verdicts: Vec<Verdict>,
@@ -88,6 +116,8 @@ impl Roulette {
             seed,
             states: vec![State::Open; chunks],
             draws: vec![0; chunks],
+            lost: vec![0.0; chunks],
+            spent: 0.0,
             judged: Vec::new(),
             verdicts: Vec::new(),
             loads_saved: 0,
@@ -117,8 +147,15 @@ impl Roulette {
         if *state != State::Open {
             return *state == State::Approved;
         }
-        let p = survival(stakes, prices);
+        let lost = self.lost.get_mut(stakes.chunk as usize);
+        let p = probability(stakes, prices, lost.as_deref().map_or(0.0, |lost| *lost), self.spent);
         let is_approved = p >= 1.0 || draw(self.seed, stakes.chunk, &mut self.draws) < p;
+        if p < 1.0 {
+            self.spent += (1.0 / p - 1.0) * stakes.worth;
+        }
+        if let Some(lost) = lost {
+            *lost = if is_approved { 0.0 } else { *lost + (1.0 / p - 1.0) * stakes.worth };
+        }
         *state = if is_approved { State::Approved } else { State::Ending(step) };
         self.judged.push(stakes.chunk);
         self.loads_saved += u64::from(!is_approved);
@@ -142,16 +179,26 @@ impl Roulette {
     }
 }
 
-/// The probability of a load, [`LEAST`] to 1; 1 where something is not known.
+/// The probability of a load, [`LEAST`] to [`MOST`] or 1, where `lost` and `spent` was spent on its chunk and in all; 1 where something is not known.
 #[must_use]
-pub fn survival(stakes: &Stakes, prices: &Prices) -> f64 {
+pub fn probability(stakes: &Stakes, prices: &Prices, lost: f64, spent: f64) -> f64 {
     if let (Some(fixed), true) = (prices.fixed, stakes.worth.is_finite()) {
         return fixed.clamp(LEAST, 1.0);
     }
     #[expect(clippy::cast_precision_loss, reason = "an estimate")]
-    let cost = stakes.bytes as f64 * prices.secs_per_byte;
-    let square = (stakes.worth / prices.variance) * (prices.secs_per_path / cost);
-    if square < 1.0 { square.sqrt().max(LEAST) } else { 1.0 }
+    let cost = stakes.bytes as f64 * prices.secs_per_byte * stakes.share;
+    let in_paths = cost / prices.secs_per_path;
+    let is_known = in_paths > 0.0 && in_paths.is_finite() && prices.variance > 0.0 && stakes.worth >= 0.0;
+    if !is_known {
+        return 1.0;
+    }
+    let wanted = (CARE * stakes.worth / (prices.variance * in_paths)).sqrt();
+    // Of what is left at least so much is spent: 1 / p - 1 = left / worth.
+    let floor = |left: f64| stakes.worth / (stakes.worth + left.max(0.0));
+    let floors = floor(PER_LOAD * prices.variance * in_paths - lost)
+        .max(floor(PER_PICTURE * prices.variance * prices.paths - spent));
+    let p = wanted.max(LEAST).max(if stakes.worth > 0.0 { floors } else { 0.0 });
+    if p <= MOST { p } else { 1.0 }
 }
 
 /// The next number of a chunk, in 0..1.
@@ -169,34 +216,87 @@ fn draw(seed: u32, chunk: ChunkId, draws: &mut [u32]) -> f64 {
 mod tests {
     use super::*;
 
-    const PRICES: Prices = Prices { secs_per_byte: 1e-9, secs_per_path: 1e-6, variance: 0.1, fixed: None };
+    const PRICES: Prices = Prices { secs_per_byte: 1e-9, secs_per_path: 1e-6, variance: 0.1, paths: 1e9, fixed: None };
 
     fn stakes(chunk: ChunkId, worth: f64) -> Stakes {
-        Stakes { chunk, bytes: 1_000_000, worth }
+        Stakes { chunk, bytes: 1_000_000, worth, share: 1.0 }
     }
 
     #[test]
     fn known_probabilities() {
-        // A load costs as much time as 1000 paths, which leave a variance of 100.
-        let p = |worth| survival(&stakes(0, worth), &PRICES);
-        assert!((p(25.0) - 0.5).abs() < 1e-12, "a quarter of the variance: half, {}", p(25.0));
-        assert!((p(100.0) - 1.0).abs() < 1e-12 && (p(1e6) - 1.0).abs() < 1e-12, "worth it: always");
-        assert!((p(1e-9) - LEAST).abs() < 1e-12, "never below the least");
-        let unknown = Prices { secs_per_byte: 0.0, ..PRICES };
-        assert!((survival(&stakes(0, 0.0), &unknown) - 1.0).abs() < 1e-12, "0 / 0 is not known");
+        // A load costs as much time as 1000 paths, which leave a variance of 100: p = sqrt(2 worth / 100).
+        let p = |worth| probability(&stakes(0, worth), &PRICES, 0.0, 0.0);
+        assert!((p(8.0) - 0.4).abs() < 1e-12, "0.28 would be best, but care is taken: {}", p(8.0));
+        assert!((p(12.5) - 0.5).abs() < 1e-12 && (p(12.6) - 1.0).abs() < 1e-12, "{} {}", p(12.5), p(12.6));
+        assert!((p(1e-9) - LEAST).abs() < 1e-12 && (p(0.0) - LEAST).abs() < 1e-12, "never below the least");
+        let shared = Stakes { share: 0.25, ..stakes(0, 2.0) };
+        assert!((probability(&shared, &PRICES, 0.0, 0.0) - 0.4).abs() < 1e-12, "others need it too");
+        let unknown = [
+            Prices { secs_per_byte: 0.0, ..PRICES },
+            Prices { secs_per_byte: f64::INFINITY, ..PRICES },
+            Prices { secs_per_byte: f64::NAN, ..PRICES },
+            Prices { secs_per_path: f64::INFINITY, ..PRICES },
+            Prices { variance: 0.0, ..PRICES },
+            Prices { variance: f64::NAN, ..PRICES },
+        ];
+        for prices in unknown {
+            let p = probability(&stakes(0, 0.0), &prices, 0.0, 0.0);
+            assert!((p - 1.0).abs() < 1e-12, "not known: {prices:?}");
+        }
         let fixed = Prices { fixed: Some(0.25), ..PRICES };
-        assert!((survival(&stakes(0, 1e9), &fixed) - 0.25).abs() < 1e-12, "as told");
+        assert!((probability(&stakes(0, 1e9), &fixed, 1e9, 1e9) - 0.25).abs() < 1e-12, "as told");
         for prices in [PRICES, fixed] {
-            let must = survival(&stakes(0, f64::INFINITY), &prices);
+            let must = probability(&stakes(0, f64::INFINITY), &prices, 0.0, 0.0);
             assert!((must - 1.0).abs() < 1e-12, "rays that are to be traced");
         }
+    }
+
+    #[test]
+    fn accounts_raise_p_to_what_they_leave() {
+        // Worth 8 is played for with 0.4, at 8 (1 / 0.4 - 1) = 12. A quarter of the load's 100 may be lost on its chunk.
+        let p = |lost, spent, worth| probability(&stakes(0, worth), &PRICES, lost, spent);
+        assert!((p(13.0, 0.0, 8.0) - 0.4).abs() < 1e-12, "just enough");
+        assert!((p(15.0, 0.0, 8.0) - 8.0 / 18.0).abs() < 1e-12, "10 are left: {}", p(15.0, 0.0, 8.0));
+        assert!((p(19.0, 0.0, 8.0) - 1.0).abs() < 1e-12, "6 are left: more than a half");
+        assert!((p(30.0, 0.0, 1e-3) - 1.0).abs() < 1e-12 && (p(30.0, 0.0, 0.0) - LEAST).abs() < 1e-12, "overdrawn");
+        // An eighth of the picture's own 1e8 may be spent.
+        assert!((p(0.0, 12.5e6 - 10.0, 8.0) - 8.0 / 18.0).abs() < 1e-6, "10 are left");
+        assert!((p(0.0, 12.5e6, 8.0) - 1.0).abs() < 1e-12, "nothing is");
+    }
+
+    #[test]
+    fn no_more_is_spent_than_the_picture_may_lose() {
+        // Its own variance is 2000, of which 250 may be spent: 31 times 2 (1 / 0.2 - 1), and once the 2 that are left.
+        let prices = Prices { paths: 20_000.0, ..PRICES };
+        let mut roulette = Roulette::new(3, 1000);
+        let agreed = (0..1000).filter(|&chunk| roulette.judge(&stakes(chunk, 2.0), &prices, 1)).count();
+        assert_eq!(roulette.take_verdicts().len(), 32, "then all are loaded");
+        assert!((968..990).contains(&agreed) && (roulette.spent - 250.0).abs() < 1e-6, "{agreed}, {}", roulette.spent);
+    }
+
+    #[test]
+    fn a_chunk_that_is_wanted_again_and_again_is_loaded() {
+        // Each time 2 (1 / 0.2 - 1) = 8 is lost of 25.
+        let plays = |seed| {
+            let mut roulette = Roulette::new(seed, 1);
+            for step in 1..1000 {
+                if roulette.judge(&stakes(0, 2.0), &PRICES, step) {
+                    return step;
+                }
+                roulette.observe(step, &[1], |_| false);
+            }
+            1000
+        };
+        let (sum, most) = (0..1000).map(plays).fold((0, 0), |(sum, most), n| (sum + n, most.max(n)));
+        assert_eq!(most, 4, "after three times in vain");
+        assert!((2800..3100).contains(&sum), "1 + 0.8 + 0.64 + 0.512 on average: {sum}");
     }
 
     #[test]
     fn weights_make_up_for_what_ends() {
         let chunks = 20_000;
         let mut roulette = Roulette::new(3, chunks);
-        let agreed = (0..20_000).filter(|&chunk| roulette.judge(&stakes(chunk, 4.0), &PRICES, 1)).count();
+        let agreed = (0..20_000).filter(|&chunk| roulette.judge(&stakes(chunk, 2.0), &PRICES, 1)).count();
         let verdicts = roulette.take_verdicts();
         let sum: f64 = verdicts.iter().map(|verdict| f64::from(verdict.weight)).sum();
         // Standard deviation of the sum: sqrt(n (1 / p - 1)) with p = 0.2.

@@ -182,10 +182,11 @@ fn depth_rows_give_window_and_camera_depth() {
         let p = camera.world_from_view.transform_point3(DVec3::new(0.3, -0.2, -7.0)) - origin;
         let start = [0, 1, 2].map(|k| f64::from(rays.o[k]) + f64::from(rays.o_lo[k]));
         let row = |r: [f32; 4]| DVec4::from(r.map(f64::from)).dot((p - DVec3::from(start)).extend(1.0));
-        let depth = 0.5 * row(rays.clip_z) / row(rays.clip_w) + 0.5;
+        let eye = rays.view_from_world.map(row);
+        let clip_of = |r: [f32; 4]| DVec4::from(r.map(f64::from)).dot(DVec3::from(eye).extend(1.0));
+        let depth = 0.5 * clip_of(rays.clip_z) / clip_of(rays.clip_w) + 0.5;
         let clip = projection * DVec4::new(0.3, -0.2, -7.0, 1.0);
         assert!((depth - (0.5 * clip.z / clip.w + 0.5)).abs() < 1e-5, "{depth}");
-        let eye = rays.view_from_world.map(row);
         assert!((DVec3::from(eye) - DVec3::new(0.3, -0.2, -7.0)).length() < 1e-4, "{eye:?}");
         let normal = camera.world_from_view.transform_vector3(DVec3::Y).as_vec3();
         let back = rays.view_normal.map(|r| Vec3::from(r).dot(normal));

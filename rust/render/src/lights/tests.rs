@@ -109,7 +109,7 @@ pub(super) mod probe {
     use bytemuck::Zeroable;
     use oocpt_core::{LightDesc, LightKind, PrimDesc, SceneDb};
     use oocpt_gpu::{Buffer, Usage};
-    use oocpt_shader_abi::{Features, Frame, Push, Ray, groups, passes};
+    use oocpt_shader_abi::{Features, Frame, Lobes, Push, Ray, groups, passes};
     use std::time::Duration;
 
     const RECEIVERS: u32 = 4096;
@@ -210,7 +210,8 @@ pub(super) mod probe {
             block.material_slots = put(bytemuck::cast_slice(slots));
         }
         frame.write(0, bytemuck::bytes_of(&block)).expect("mapped");
-        let special = Specialisation { max_levels: 1, stack_size: 64, features: features.bits() };
+        let special =
+            Specialisation { max_levels: 1, stack_size: 64, features: features.bits(), lobes: Lobes::empty() };
         let pipeline = device.pipeline(&passes::LIGHTS_PROBE, special).expect("it compiles");
         modes.map(|mode| {
             let push = Push::wave(frame.address(), 0, RECEIVERS, RECEIVERS).with(0, mode);

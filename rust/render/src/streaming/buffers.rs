@@ -8,7 +8,7 @@ use oocpt_core::inventory::Inventory;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{
     Counters, Frame, GpuSurface, GpuSurfaceMaterial, Pending, Question, Roulette, Segment, Streaming, TILE_KEYS,
-    path_bytes, sort_blocks,
+    WORTH_SUMS, path_bytes, sort_blocks,
 };
 use std::sync::Arc;
 
@@ -58,6 +58,7 @@ struct TextureBuffers {
 struct RouletteBuffers {
     block: Buffer,
     worth: Buffer,
+    worth_sums: Buffer,
     /// Used in turn, by the steps under way.
     verdicts: [Buffer; 2],
 }
@@ -157,10 +158,12 @@ impl StreamBuffers {
             inventory.add(buffer.name(), buffer.size());
         }
         match &self.roulette {
-            Some(RouletteBuffers { block, worth, verdicts: [one, other] }) => {
-                [block, worth, one, other].into_iter().for_each(|buffer| inventory.add(buffer.name(), buffer.size()));
+            Some(RouletteBuffers { block, worth, worth_sums, verdicts: [one, other] }) => {
+                [block, worth, worth_sums, one, other]
+                    .into_iter()
+                    .for_each(|buffer| inventory.add(buffer.name(), buffer.size()));
             }
-            None => inventory.leave_out("roulette", 3 * 4 * u64::from(self.needs.chunks)),
+            None => inventory.leave_out("roulette", 4 * (3 * u64::from(self.needs.chunks) + u64::from(WORTH_SUMS))),
         }
         let capacity = u64::from(self.paths.capacity);
         match &self.surface_materials {
@@ -194,6 +197,7 @@ impl StreamBuffers {
         Streaming {
             roulette: roulette(&|r| &r.block),
             worth: roulette(&|r| &r.worth),
+            worth_sums: roulette(&|r| &r.worth_sums),
             verdicts: [roulette(&|r| &r.verdicts[0]), roulette(&|r| &r.verdicts[1])],
             segment_count: self.segment_count,
             segments: self.segments.address(),
@@ -246,8 +250,12 @@ impl StreamBuffers {
     /// Before demand is counted.
     pub(crate) fn clear_demand(&self, commands: &mut Commands) {
         commands.fill(&self.demand, 0, self.demand.size(), 0);
-        if let Some(roulette) = &self.roulette {
-            commands.fill(&roulette.worth, 0, roulette.worth.size(), 0);
+    }
+
+    /// Before what rays bring is added up.
+    pub(crate) fn clear_worth(&self, commands: &mut Commands) {
+        for buffer in self.roulette.iter().flat_map(|roulette| [&roulette.worth, &roulette.worth_sums]) {
+            commands.fill(buffer, 0, buffer.size(), 0);
         }
     }
 
@@ -327,6 +335,7 @@ impl RouletteBuffers {
         Ok(Self {
             block: Buffer::new(gpu, "roulette", size_of::<Roulette>() as u64, Usage::Device)?,
             worth: table("worth", Usage::Device)?,
+            worth_sums: Buffer::new(gpu, "worth sums", 4 * u64::from(WORTH_SUMS), Usage::Device)?,
             verdicts: [table("verdicts 0", Usage::Upload)?, table("verdicts 1", Usage::Upload)?],
         })
     }

@@ -227,10 +227,9 @@ impl<'a, 'r> Engine<'a, 'r> {
     ) -> Result<Self, RenderError> {
         let Setting { device, film, .. } = *setting;
         let stack_entries = residency.stack_entries.max(FIRST_STACK);
-        let started = Instant::now();
         let view = view.with_stack(stack_entries + MAX_PENDING);
-        let passes = Passes::new(device, specialise::specialisation(features, &view), film.has_planes())?;
-        progress.timings.compile_secs += started.elapsed().as_secs_f64();
+        let special = specialise::specialisation(features, &view);
+        let passes = Passes::new(device, special, film, &mut progress.timings)?;
         let mut block = frame_block(setting, &view);
         block.bsdf_tables = device.bsdf_tables(features)?;
         buffers.bind(&mut block);
@@ -269,9 +268,8 @@ impl<'a, 'r> Engine<'a, 'r> {
             return Ok(());
         }
         self.stack_entries = self.residency.stack_entries;
-        let started = Instant::now();
-        self.passes = Passes::new(self.setting.device, self.special(), self.setting.film.has_planes())?;
-        progress.timings.compile_secs += started.elapsed().as_secs_f64();
+        let Setting { device, film, .. } = *self.setting;
+        self.passes = Passes::new(device, self.special(), film, &mut progress.timings)?;
         Ok(())
     }
 

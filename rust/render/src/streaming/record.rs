@@ -37,6 +37,8 @@ pub(super) struct StepPlan {
     pub(super) wakes: bool,
     /// Whether there are verdicts for rays that wait (roulette on loads).
     pub(super) plays: bool,
+    /// Whether what rays that wait bring is looked at (roulette on loads).
+    pub(super) weighs: bool,
     /// Whether an image is copied out at the end.
     pub(super) publishes: bool,
 }
@@ -117,7 +119,8 @@ impl Engine<'_, '_> {
         direct(&mut commands, &passes.prepare_dispatch, q.with(round, PREPARE_DEMAND), 1);
         self.buffers.clear_demand(&mut commands);
         self.indirect(&mut commands, &stream.count_demand, q.with(round, 0), Counters::DEFERRED_ARGS);
-        if let (Kind::Samples, Some(roulette)) = (kind, &stream.roulette) {
+        if let (true, Some(roulette)) = (plan.weighs, &stream.roulette) {
+            self.buffers.clear_worth(&mut commands);
             direct(&mut commands, &roulette.roulette_level, q.with(round, 0), 1);
             self.indirect(&mut commands, &roulette.roulette_worth, q.with(round, 0), Counters::DEFERRED_ARGS);
         }
@@ -206,7 +209,13 @@ impl Engine<'_, '_> {
     /// Copies the images out as the film has them now.
     pub(super) fn copy_images(&self, commands: &mut Commands) {
         if self.setting.film.has_color() {
-            direct(commands, &self.passes.resolve, self.push(Kind::Samples), self.pixels());
+            let (q, pixels) = (self.push(Kind::Samples), self.pixels());
+            commands.concurrent(|c| {
+                direct(c, &self.passes.resolve, q, pixels);
+                if let Some(count_samples) = &self.passes.count_samples {
+                    direct(c, count_samples, q, pixels);
+                }
+            });
         }
         self.setting.film.copy_out(commands, &self.buffers.paths.counters);
     }

@@ -9,13 +9,14 @@ use super::clock::Activity;
 use super::observe::Observation;
 use super::record::{Kind, StepPlan};
 use super::segments::{Segment, Segments};
-use super::stragglers::{Spent, Stragglers};
+use super::stragglers::{Moment, Spent, Stragglers};
 use crate::adaptive::Adaptive;
 use crate::error::RenderError;
 use crate::progress::Progress;
 use crate::thread::Gate;
 use crate::waves::WAVE_TIMEOUT;
-use oocpt_core::residency::{Demand, Proposal};
+use oocpt_core::residency::roulette::Prices;
+use oocpt_core::residency::{Demand, Proposal, ResidencyStats};
 use oocpt_gpu::Submission;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -40,6 +41,8 @@ struct Flight {
     rounds: u32,
     submitted: Instant,
     publishes: bool,
+    /// What rays bring was looked at.
+    weighs: bool,
     /// Octaves of samples that it completes.
     octaves: Vec<u32>,
 }
@@ -108,6 +111,9 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
         }
         self.tick();
         self.report(progress);
+        if let (Kind::Samples, Some(stragglers)) = (self.kind, &self.engine.stragglers) {
+            stragglers.log(&self.prices(progress).unwrap_or_default());
+        }
         Ok(outcome)
     }
 
@@ -196,6 +202,7 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
             plan.plays = true;
             plan.wakes = true;
         }
+        plan.weighs = self.are_stragglers();
         let (submission, octaves) = self.engine.step(self.kind, number, &plan)?;
         if self.kind == Kind::Samples {
             for segment in &plan.finished {
@@ -210,6 +217,7 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
             rounds: plan.rounds,
             submitted: Instant::now(),
             publishes: plan.publishes,
+            weighs: plan.weighs,
             octaves,
         });
         self.tick();
@@ -231,6 +239,9 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
         self.adapt(flight.rounds, secs);
         let freed = self.seen.counters.freed;
         self.seen = self.engine.buffers.observe(flight.number)?;
+        if !flight.weighs {
+            self.seen.worth.clear();
+        }
         self.ended += u64::from(self.seen.counters.freed.wrapping_sub(freed));
         self.last_event = now;
         self.plan(self.seen.active(), progress)?;
@@ -268,22 +279,17 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
 
     /// Asks the planner what to load when `active` rays can be traced.
     fn plan(&mut self, active: u64, progress: &Progress<'_>) -> Result<(), RenderError> {
+        let (are_few, prices) = (self.are_stragglers(), self.prices(progress).unwrap_or_default());
         let (seen, next_step) = (&self.seen, self.next_step);
         let demand = Demand { waiting: &seen.waiting, next: &seen.next, visits: &[], active };
-        let Engine { residency, stragglers, clock, .. } = &mut *self.engine;
+        let Engine { residency, stragglers, .. } = &mut *self.engine;
         match stragglers {
             Some(stragglers) if self.kind == Kind::Samples => {
-                let spent = Spent {
-                    loading_secs: clock.loading,
-                    bytes_loaded: residency.planner.stats().bytes_loaded,
-                    secs: self.started.elapsed().as_secs_f64(),
-                    paths: self.ended,
-                    variance: progress.variance_per_path(),
-                };
-                let prices = stragglers.prices(&spent, seen);
+                let &ResidencyStats { loads, bytes_loaded, .. } = residency.planner.stats();
+                let secs = self.started.elapsed().as_secs_f64();
+                let waits = are_few && Stragglers::is_idle(seen) && residency.is_loading();
+                stragglers.note(Moment { secs, loads, bytes_loaded, waits });
                 stragglers.observe(seen, |chunk| residency.planner.is_resident(chunk));
-                let may_begin = self.segments.can_start(self.ended);
-                let are_few = !may_begin && stragglers.are_few(seen.paths_alive(), self.most_paths);
                 residency.plan(&demand, &mut |proposal| {
                     let proposal = Proposal { is_idle: proposal.is_idle && are_few, ..*proposal };
                     stragglers.agrees(&proposal, seen, &prices, next_step)
@@ -291,6 +297,29 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
             }
             _ => residency.plan(&demand, &mut |_| true),
         }
+    }
+
+    /// What loads and paths cost, for roulette on loads.
+    fn prices(&self, progress: &Progress<'_>) -> Option<Prices> {
+        let stragglers = self.engine.stragglers.as_ref()?;
+        let spent = Spent {
+            secs: self.started.elapsed().as_secs_f64(),
+            paths: self.ended,
+            all_paths: self.ended + self.segments.unbegun() + self.seen.paths_alive(),
+            variance: progress.variance_per_path(),
+        };
+        Some(stragglers.prices(&spent, &self.seen))
+    }
+
+    /// Whether only so few paths are left that roulette is played for their loads, and none can begin or be decided about.
+    fn are_stragglers(&self) -> bool {
+        let setting = self.engine.setting;
+        let adaptive = setting.film.adaptive().filter(|_| !setting.job.options.plant_early_roulette);
+        let are_few = |stragglers: &Stragglers| stragglers.are_few(self.seen.paths_alive(), self.most_paths);
+        self.kind == Kind::Samples
+            && !self.segments.can_start(self.ended)
+            && !adaptive.is_some_and(Adaptive::decides_more)
+            && self.engine.stragglers.as_ref().is_some_and(are_few)
     }
 
     fn wait_for_loads(&mut self, progress: &Progress<'_>) -> Result<(), RenderError> {

@@ -3,7 +3,11 @@
 //! the clock says, and what the device is to do with the rays. The decision itself is `oocpt_core::residency::roulette`.
 //!
 //! Loads are decided about when the planner is about to begin them, and only when nearly all rays wait and few paths are left that may begin
-//! or go on: as long as the device has work, loads cost nothing, and as long as there are many paths, others will want the chunk. Tiles of textures are always loaded: many rays share one, and it is small.
+//! or go on: as long as the device has work, loads cost nothing, and as long as there are many paths, others will want the chunk. Tiles of textures are
+//! always loaded: many rays share one, and it is small.
+//!
+//! What a load costs is what the picture waits for it: the seconds of just that time, by the bytes that came in it ([`Price`]). By all the time in
+//! which something is loaded it is many times more, since most of that time the device traces; and ever more, the fewer loads are left.
 
 use super::observe::Observation;
 use oocpt_core::residency::roulette::{Prices, Roulette, Stakes};
@@ -11,30 +15,73 @@ use oocpt_core::residency::{ChunkId, Proposal};
 use oocpt_shader_abi::{WORTH_MUST, WORTH_ONE};
 
 /// Stragglers are so few of the paths that are in flight when there are enough: one in this many.
-const FEW: u64 = 8;
-/// Rays that wait for a chunk from which on it is loaded whatever they bring; far below what sums of [`WORTH_ONE`] can hold.
-const MANY_RAYS: u32 = 1 << 14;
-/// Keeps the relative variance of black pictures finite, as in `measure_error`.
-const EPSILON: f64 = 1e-2;
-/// Share of the second moment of paths that their variance in a pixel is taken for, until an error was measured: pixels differ among
-/// each other, and samples are stratified.
-const VARIANCE_SHARE: f64 = 0.125;
+const FEW: u64 = 64;
+/// Rays that wait for a chunk from which on it is loaded whatever they bring; what `roulette_worth` adds for fewer stays below [`WORTH_MUST`].
+const MANY_RAYS: u32 = 1 << 12;
+/// The device idles when so many times more rays wait than can be traced, as the planner has it.
+const IDLE_RATIO: u64 = 64;
+/// Loads from which on their price is known, and from which on older ones count half.
+const KNOWN_LOADS: f64 = 8.0;
+const WINDOW_LOADS: f64 = 64.0;
 
-/// What loads and paths have cost so far.
+/// What paths have cost so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Spent {
-    pub(super) loading_secs: f64,
-    pub(super) bytes_loaded: u64,
     pub(super) secs: f64,
+    /// Paths that have ended, and all of the picture.
     pub(super) paths: u64,
+    pub(super) all_paths: u64,
     /// Relative variance per path of the picture's error, if it was measured.
     pub(super) variance: Option<f64>,
+}
+
+/// What the host knows at a moment.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Moment {
+    /// Since the stage began.
+    pub(super) secs: f64,
+    pub(super) loads: u64,
+    pub(super) bytes_loaded: u64,
+    /// From now on few paths are left, nearly all wait, and something is being loaded.
+    pub(super) waits: bool,
+}
+
+/// Seconds by byte of the loads that the picture waits for, the latest ones most.
+#[derive(Clone, Copy, Debug, Default)]
+struct Price {
+    last: Moment,
+    secs: f64,
+    bytes: f64,
+    loads: f64,
+}
+
+impl Price {
+    #[expect(clippy::cast_precision_loss, reason = "estimates")]
+    fn note(&mut self, now: Moment) {
+        if self.last.waits {
+            self.secs += (now.secs - self.last.secs).max(0.0);
+            self.bytes += now.bytes_loaded.saturating_sub(self.last.bytes_loaded) as f64;
+            self.loads += now.loads.saturating_sub(self.last.loads) as f64;
+        }
+        if self.loads >= WINDOW_LOADS {
+            for sum in [&mut self.secs, &mut self.bytes, &mut self.loads] {
+                *sum *= 0.5;
+            }
+        }
+        self.last = now;
+    }
+
+    /// None as long as too little was loaded.
+    fn secs_per_byte(&self) -> Option<f64> {
+        (self.loads >= KNOWN_LOADS).then(|| self.secs / self.bytes)
+    }
 }
 
 /// See the module.
 #[derive(Debug)]
 pub(crate) struct Stragglers {
     roulette: Roulette,
+    price: Price,
     chunks: usize,
     fixed: Option<f64>,
     plant_unweighted: bool,
@@ -43,12 +90,25 @@ pub(crate) struct Stragglers {
 impl Stragglers {
     /// For a scene of so many chunks. For tests: `fixed`, see [`Prices`]; `plant_unweighted`, a fault.
     pub(crate) fn new(seed: u32, chunks: usize, fixed: Option<f64>, plant_unweighted: bool) -> Self {
-        Self { roulette: Roulette::new(seed, chunks), chunks, fixed, plant_unweighted }
+        let (roulette, price) = (Roulette::new(seed, chunks), Price::default());
+        Self { roulette, price, chunks, fixed, plant_unweighted }
     }
 
     /// Whether `alive` paths are stragglers, where `most` may be in flight and none can begin.
     pub(super) fn are_few(&self, alive: u64, most: u64) -> bool {
         self.fixed.is_some() || alive.saturating_mul(FEW) <= most
+    }
+
+    /// Tells what it came to.
+    pub(super) fn log(&self, prices: &Prices) {
+        tracing::info!(
+            loads_saved = self.roulette.loads_saved,
+            share_of_variance = self.roulette.spent / (prices.variance * prices.paths),
+            variance_of_path = prices.variance,
+            ns_of_path = 1e9 * prices.secs_per_path,
+            ns_of_byte = 1e9 * prices.secs_per_byte,
+            "roulette on loads"
+        );
     }
 
     /// Loads that nobody waits for any more.
@@ -61,28 +121,41 @@ impl Stragglers {
         self.roulette.observe(seen.step, &seen.waiting, is_resident);
     }
 
-    /// Whether a load may begin, worth what the rays that wait first bring, and as much for each that will come to the chunk later on; rays are weighted or ended in step `next`.
+    /// Takes note of the time.
+    pub(super) fn note(&mut self, now: Moment) {
+        self.price.note(now);
+    }
+
+    /// Whether nearly all rays wait.
+    pub(super) fn is_idle(seen: &Observation) -> bool {
+        seen.waiting() > 0 && seen.waiting() >= seen.active().saturating_mul(IDLE_RATIO)
+    }
+
+    /// Whether a load may begin; rays that wait for it first are weighted or ended in step `next`. Those that will come to the chunk later on pay their
+    /// share of it.
     pub(super) fn agrees(&mut self, proposal: &Proposal, seen: &Observation, prices: &Prices, next: u64) -> bool {
         let of = |values: &[u32]| values.get(proposal.chunk as usize).copied();
         let (first, later) = (of(&seen.waiting).unwrap_or(0), of(&seen.next).unwrap_or(0));
         let worth = match of(&seen.worth) {
             Some(worth) if proposal.is_idle && first > 0 && first < MANY_RAYS && worth & WORTH_MUST == 0 => {
-                f64::from(worth) / f64::from(WORTH_ONE) * (1.0 + f64::from(later) / f64::from(first))
+                f64::from(worth) / f64::from(WORTH_ONE)
             }
             _ => f64::INFINITY,
         };
-        self.roulette.judge(&Stakes { chunk: proposal.chunk, bytes: proposal.bytes, worth }, prices, next)
+        let share = f64::from(first) / (f64::from(first) + f64::from(later)).max(1.0);
+        self.roulette.judge(&Stakes { chunk: proposal.chunk, bytes: proposal.bytes, worth, share }, prices, next)
     }
 
-    /// What is known of costs.
+    /// What is known of costs; what is not, is no number. Of two variances the smaller one.
     #[expect(clippy::cast_precision_loss, reason = "estimates")]
     pub(super) fn prices(&self, spent: &Spent, seen: &Observation) -> Prices {
-        let (mean, moment) = (f64::from(seen.roulette.mean), f64::from(seen.roulette.second_moment));
-        let guess = VARIANCE_SHARE * moment / (mean * mean + EPSILON);
+        let of_paths = f64::from(seen.roulette.variance);
+        let known = spent.variance.into_iter().chain([of_paths]).filter(|variance| *variance > 0.0);
         Prices {
-            secs_per_byte: spent.loading_secs / spent.bytes_loaded as f64,
+            secs_per_byte: self.price.secs_per_byte().unwrap_or(f64::NAN),
             secs_per_path: spent.secs / spent.paths as f64,
-            variance: spent.variance.filter(|variance| *variance > 0.0).unwrap_or(guess),
+            variance: known.fold(f64::NAN, f64::min),
+            paths: spent.all_paths as f64,
             fixed: self.fixed,
         }
     }
@@ -118,7 +191,7 @@ mod tests {
 
     /// Whether load after load of a chunk is agreed to, a hundred times.
     fn agreed(seen: &Observation, is_idle: bool) -> usize {
-        let prices = Prices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, fixed: None };
+        let prices = Prices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, paths: 1e9, fixed: None };
         let proposal = Proposal { chunk: 1, bytes: 1 << 20, is_idle };
         let yes = |seed: u32| Stragglers::new(seed, 2, None, false).agrees(&proposal, seen, &prices, 1);
         (0..100).filter(|&seed| yes(seed)).count()
@@ -134,15 +207,66 @@ mod tests {
     }
 
     #[test]
+    fn rays_that_have_the_chunk_further_down_pay_their_share() {
+        // A load costs 1000 paths, so one ray has p = 0.1; with 24 others to come it pays for 40 of them: p = 0.5, and with more it is not played.
+        let prices = Prices { secs_per_byte: 1e-6, secs_per_path: 1e-3, variance: 0.2, paths: 1e9, fixed: None };
+        let proposal = Proposal { chunk: 1, bytes: 1_000_000, is_idle: true };
+        let agreed = |later: u32| {
+            let seen = Observation { next: vec![0, later], ..seen(1, WORTH_ONE) };
+            (0..400).filter(|&seed| Stragglers::new(seed, 2, None, false).agrees(&proposal, &seen, &prices, 1)).count()
+        };
+        let (alone, shared, many) = (agreed(0), agreed(24), agreed(26));
+        assert!(alone < 70 && (150..250).contains(&shared) && many == 400, "{alone}, {shared}, {many} of 400");
+    }
+
+    #[test]
+    fn a_byte_costs_what_the_picture_waits_for_it() {
+        let mut price = Price::default();
+        let at = |secs, loads, waits| Moment { secs, loads, bytes_loaded: 10 * loads, waits };
+        price.note(at(5.0, 100, true));
+        assert!(price.secs_per_byte().is_none(), "what was loaded while the device had work costs nothing");
+        price.note(at(6.0, 107, false));
+        assert!(price.secs_per_byte().is_none(), "too few");
+        price.note(at(60.0, 500, true));
+        price.note(at(60.5, 510, true));
+        let known = price.secs_per_byte().expect("17 loads");
+        assert!((known - 1.5 / 170.0).abs() < 1e-12, "only while it waits: {known}");
+        // From 64 loads on those so far count half.
+        price.note(at(61.0, 563, true));
+        price.note(at(65.0, 573, true));
+        let known = price.secs_per_byte().expect("more");
+        assert!((known - 5.0 / 450.0).abs() < 1e-12, "half of 2 s and 700, and 4 s and 100: {known}");
+    }
+
+    #[test]
+    fn what_is_not_known_is_no_number() {
+        let stragglers = Stragglers::new(1, 2, None, false);
+        let spent = |variance| Spent { secs: 1.0, paths: 10, all_paths: 20, variance };
+        let of_paths = |variance| Observation {
+            roulette: oocpt_shader_abi::Roulette { variance, ..Default::default() },
+            ..Observation::default()
+        };
+        let known = |measured, said| stragglers.prices(&spent(measured), &of_paths(said)).variance;
+        assert!(known(None, 0.0).is_nan() && known(Some(0.0), 0.0).is_nan(), "nobody said anything");
+        assert!(
+            (known(Some(0.5), 0.25) - 0.25).abs() < 1e-9 && (known(Some(0.5), 1.0) - 0.5).abs() < 1e-9,
+            "the smaller"
+        );
+        assert!((known(None, 0.25) - 0.25).abs() < 1e-9, "the only one");
+        let prices = stragglers.prices(&spent(None), &Observation::default());
+        assert!(prices.secs_per_byte.is_nan() && (prices.secs_per_path - 0.1).abs() < 1e-12, "{prices:?}");
+    }
+
+    #[test]
     fn stragglers_are_few() {
         let stragglers = Stragglers::new(1, 2, None, false);
-        assert!(stragglers.are_few(1000, 8000) && !stragglers.are_few(1001, 8000), "one in eight");
+        assert!(stragglers.are_few(1000, 64_000) && !stragglers.are_few(1001, 64_000), "one in 64");
         assert!(Stragglers::new(1, 2, Some(0.5), false).are_few(8000, 8000), "always, for tests");
     }
 
     #[test]
     fn verdicts_are_a_table_by_chunk() {
-        let prices = Prices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, fixed: None };
+        let prices = Prices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, paths: 1e9, fixed: None };
         let mut stragglers = Stragglers::new(7, 200, None, false);
         let many = Observation { waiting: vec![1; 200], worth: vec![1; 200], ..Observation::default() };
         let yes: Vec<bool> = (0..199)

@@ -12,9 +12,12 @@ pub(crate) use record::Recorder;
 
 use crate::device::{Device, Specialisation};
 use crate::error::RenderError;
+use crate::film::Film;
+use crate::timings::Timings;
 use oocpt_gpu::Pipeline;
 use oocpt_shader_abi::{Features, passes};
 use std::sync::Arc;
+use std::time::Instant;
 
 /// The passes, compiled for one specialisation.
 #[derive(Debug)]
@@ -30,6 +33,8 @@ pub(crate) struct Passes {
     pub(crate) measure_error: Arc<Pipeline>,
     /// Only when an image is traced through pixel centres.
     pub(crate) aovs: Option<AovPasses>,
+    /// Only when the number of samples is wanted as an image.
+    pub(crate) count_samples: Option<Arc<Pipeline>>,
     /// Only when chunks may be absent.
     pub(crate) stream: Option<StreamPasses>,
 }
@@ -80,6 +85,7 @@ impl Passes {
             &self.measure_error,
         ];
         all.extend(self.aovs.iter().flat_map(|aovs| [&aovs.generate_aov_rays, &aovs.shade_aovs]));
+        all.extend(&self.count_samples);
         if let Some(stream) = &self.stream {
             let StreamPasses { record_surfaces, resolve_materials, resolve_cutouts, .. } = stream;
             all.push(record_surfaces);
@@ -92,8 +98,22 @@ impl Passes {
         all
     }
 
-    /// Compiles what is not compiled yet, the two traversals side by side since they take longest.
-    pub(crate) fn new(device: &Device, special: Specialisation, has_planes: bool) -> Result<Self, RenderError> {
+    /// Compiles what is not compiled yet and has it translated (see [`Device::translate`]).
+    pub(crate) fn new(
+        device: &Device,
+        special: Specialisation,
+        film: &Film,
+        timings: &mut Timings,
+    ) -> Result<Self, RenderError> {
+        let started = Instant::now();
+        let passes = Self::compiled(device, special, film)?;
+        timings.translated += device.translate(&passes.pipelines())?;
+        timings.compile_secs += started.elapsed().as_secs_f64();
+        Ok(passes)
+    }
+
+    /// The two traversals side by side since they take longest.
+    fn compiled(device: &Device, special: Specialisation, film: &Film) -> Result<Self, RenderError> {
         let aovs = || -> Result<_, RenderError> {
             Ok(AovPasses {
                 generate_aov_rays: device.pipeline(&passes::GENERATE_AOV_RAYS, special)?,
@@ -145,7 +165,8 @@ impl Passes {
             accumulate: device.pipeline(&passes::ACCUMULATE, special)?,
             resolve: device.pipeline(&passes::RESOLVE, special)?,
             measure_error: device.pipeline(&passes::MEASURE_ERROR, special)?,
-            aovs: has_planes.then(aovs).transpose()?,
+            aovs: film.has_planes().then(aovs).transpose()?,
+            count_samples: film.has_counts().then(|| device.pipeline(&passes::COUNT_SAMPLES, special)).transpose()?,
             stream: streams.then(stream).transpose()?,
         })
     }

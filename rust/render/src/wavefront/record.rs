@@ -93,7 +93,12 @@ impl Recorder<'_> {
     /// The picture of what the film holds.
     pub(crate) fn resolve(&self, commands: &mut Commands) {
         let q = Push::wave(self.frame, 0, 0, self.pixels);
-        self.direct(commands, &self.passes.resolve, q, self.pixels);
+        commands.concurrent(|c| {
+            self.direct(c, &self.passes.resolve, q, self.pixels);
+            if let Some(count_samples) = &self.passes.count_samples {
+                self.direct(c, count_samples, q, self.pixels);
+            }
+        });
     }
 
     fn direct(&self, commands: &mut Commands, pipeline: &Pipeline, push: Push, threads: u32) {

@@ -2,7 +2,7 @@
 //! Light through glass: what enters a clear block leaves it again.
 
 use crate::scenes::{dome, mesh, prim};
-use crate::support::{orthographic, read, render, request, session, settings};
+use crate::support::{color_request, orthographic, read, render, session, settings};
 use glam::{DMat4, DQuat, DVec3, EulerRot};
 use oocpt_core::LightDesc;
 use oocpt_core::scene::{MaterialDesc, NodeDesc, ParamDesc, ParamValue};
@@ -33,7 +33,7 @@ fn block_in(light: LightDesc, roughness: f32) -> Vec<[f32; 4]> {
         db.upsert_material(glass(roughness));
         db.upsert_light(light);
     });
-    let request = request(orthographic(DVec3::Z * 5.0, DVec3::ZERO, 2.0, [32, 32]));
+    let request = color_request(orthographic(DVec3::Z * 5.0, DVec3::ZERO, 2.0, [32, 32]));
     render(&session, &request);
     read(&session, &request, AovKind::Color)
 }

@@ -2,7 +2,7 @@
 //! What lights the last surface of a path: shadow rays what lobes with a density reflect, and the ray of a delta lobe all that it meets.
 
 use crate::scenes::{dome, mesh, prim, square, sun};
-use crate::support::{orthographic, read, render, request, session, settings};
+use crate::support::{color_request, orthographic, read, render, session, settings};
 use glam::{DMat4, DVec3};
 use oocpt_core::scene::{MaterialDesc, NodeDesc, ParamDesc, ParamValue, SceneDb};
 use oocpt_core::{LightDesc, LightKind, MeshDesc};
@@ -35,7 +35,7 @@ fn floor(db: &mut SceneDb, roughness: f32) {
 fn shown(bounces: u32, samples: u32, build: Build<'_>) -> f64 {
     let session = session(settings(samples, bounces));
     session.with_scene(build);
-    let request = request(orthographic(DVec3::new(0.0, 5.0, 5.0), DVec3::ZERO, 0.01, [8, 8]));
+    let request = color_request(orthographic(DVec3::new(0.0, 5.0, 5.0), DVec3::ZERO, 0.01, [8, 8]));
     render(&session, &request);
     let colors: Vec<[f32; 4]> = read(&session, &request, AovKind::Color);
     colors.iter().map(|color| f64::from(color[0])).sum::<f64>() / 64.0

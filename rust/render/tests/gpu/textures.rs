@@ -2,6 +2,9 @@
 //! Textures in renders: colours that are known, warnings, what is left out; and the same bits at every budget, of textured surfaces and
 //! of thousands of leaves with holes.
 
+mod images;
+
+use self::images::{Library, Noise, hash};
 use crate::scenes::{constant, dome, instanced, instancer, mesh, prim, square, sun};
 use crate::support::{self, orthographic, perspective, read, read_all, render_with_messages, request, settings};
 use glam::{DMat4, DQuat, DVec3};
@@ -13,97 +16,9 @@ use oocpt_core::scene::{
 };
 use oocpt_core::settings::Settings;
 use oocpt_core::stats::StreamingStats;
-use oocpt_core::texture::{TexelFormat, linear_from_srgb};
-use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
+use oocpt_core::texture::linear_from_srgb;
 use oocpt_render::{AovKind, RenderRequest, Session, SessionOptions};
 use std::sync::Arc;
-
-fn hash(i: u32) -> u32 {
-    let x = (i ^ (i >> 16)).wrapping_mul(0x21f0_aaad);
-    let x = (x ^ (x >> 15)).wrapping_mul(0x735a_2d97);
-    x ^ (x >> 15)
-}
-
-/// Blocks of three by three texels of random bytes.
-#[derive(Debug)]
-struct Noise {
-    size: [u32; 2],
-    channels: u32,
-    seed: u32,
-}
-
-impl Image for Noise {
-    fn info(&self) -> ImageInfo {
-        let (levels, channels) = (vec![self.size], self.channels);
-        ImageInfo { levels, channels, format: TexelFormat::U8, tile_friendly: true, is_srgb: None, wrap: None }
-    }
-
-    fn read(&self, _level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
-        let channels = self.channels as usize;
-        for (y, row) in (at[1]..).zip(out.chunks_exact_mut(size[0] as usize * channels)) {
-            for (x, texel) in (at[0]..).zip(row.chunks_exact_mut(channels)) {
-                texel.copy_from_slice(&self.texel(x, y)[..channels]);
-            }
-        }
-        Ok(())
-    }
-}
-
-impl Noise {
-    fn texel(&self, x: u32, y: u32) -> [u8; 4] {
-        hash(x / 3 + 7919 * (y / 3) + 104_729 * self.seed).to_le_bytes()
-    }
-}
-
-/// Level `l` of 512 texels and less is `20 l` all over.
-#[derive(Debug)]
-struct Steps;
-
-impl Image for Steps {
-    fn info(&self) -> ImageInfo {
-        let levels = (0..10).map(|level| [512 >> level; 2]).collect();
-        ImageInfo { levels, channels: 1, format: TexelFormat::U8, tile_friendly: true, is_srgb: None, wrap: None }
-    }
-
-    fn read(&self, level: u32, _: [u32; 2], _: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
-        out.fill(20 * u8::try_from(level).expect("ten levels"));
-        Ok(())
-    }
-}
-
-/// 256 texels a side; what lies above the middle of level 0 cannot be read, nor any level made of it.
-#[derive(Debug)]
-struct Torn;
-
-impl Image for Torn {
-    fn info(&self) -> ImageInfo {
-        Noise { size: [256, 256], channels: 3, seed: 1 }.info()
-    }
-
-    fn read(&self, level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
-        if at[1] + size[1] > 128 {
-            return Err(ImageError("it breaks off".into()));
-        }
-        Noise { size: [256, 256], channels: 3, seed: 1 }.read(level, at, size, out)
-    }
-}
-
-/// A file is called by width, height and channels, with an x between; "steps" and "torn" are others.
-#[derive(Debug)]
-struct Library;
-
-impl ImageLibrary for Library {
-    fn open(&self, asset: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
-        match &*asset.resolved {
-            "steps" => return Ok(Arc::new(Steps)),
-            "torn" => return Ok(Arc::new(Torn)),
-            _ => {}
-        }
-        let numbers: Vec<u32> = asset.resolved.split('x').filter_map(|part| part.parse().ok()).collect();
-        let [width, height, channels] = numbers[..] else { return Err(ImageError("no such image".into())) };
-        Ok(Arc::new(Noise { size: [width, height], channels, seed: width }))
-    }
-}
 
 fn text(value: &str) -> ParamValue {
     ParamValue::Text(value.into())

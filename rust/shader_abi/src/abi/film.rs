@@ -80,5 +80,6 @@ pub const fn aov_bytes() -> AovTargets {
         normal: 12,
         neye: 12,
         albedo: 12,
+        sample_count: 4,
     }
 }

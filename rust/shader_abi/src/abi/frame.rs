@@ -22,6 +22,8 @@ pub const SPEC_MAX_LEVELS: u32 = 0;
 pub const SPEC_STACK_SIZE: u32 = 1;
 /// Specialisation constant: bits of [`Features`].
 pub const SPEC_FEATURES: u32 = 2;
+/// Specialisation constant: bits of [`Lobes`].
+pub const SPEC_LOBES: u32 = 3;
 
 /// `arg0` of `prepare_dispatch`: queues for `intersect_closest` and `intersect_shadow`.
 pub const PREPARE_TRACE: u32 = 0;
@@ -113,6 +115,15 @@ bitflags! {
         const ADAPTIVE = 1 << 30;
         /// Some light has one multiplier for diffuse and another for specular reflection (with `LIGHT_TABLE`).
         const LIGHT_LOBES = 1 << 31;
+    }
+}
+
+bitflags! {
+    /// Lobes of the BSDF that no input of today reaches; a material front end that has them sets them with its features.
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+    pub struct Lobes: u32 {
+        /// `Shading::sheen_color` counts.
+        const SHEEN = 1;
     }
 }
 
@@ -223,6 +234,8 @@ pub struct AovTargets {
     pub neye: u64,
     /// f32x3, diffuse albedo, linear.
     pub albedo: u64,
+    /// f32, samples so far; written by `count_samples`.
+    pub sample_count: u64,
 }
 
 /// What `shade_aovs` writes where nothing is hit, plane by plane.
@@ -318,11 +331,11 @@ pub struct Frame {
     pub lens_v: [f32; 3],
     /// Distance of the plane in focus along the view axis.
     pub focus: f32,
-    /// Row z of clip-from-world, for points relative to `ray_o + ray_o_lo`.
+    /// Row z of clip-from-view.
     pub clip_z: [f32; 4],
-    /// Row w of clip-from-world, likewise.
+    /// Row w of clip-from-view.
     pub clip_w: [f32; 4],
-    /// Rows of view-from-world, likewise.
+    /// Rows of view-from-world, for points relative to `ray_o + ray_o_lo`.
     pub view: [[f32; 4]; 3],
     /// Rows of the map of normals from world to view (inverse transpose of `view`).
     pub view_normal: [[f32; 3]; 3],

@@ -62,7 +62,7 @@ macro_rules! layout {
 pub const LAYOUTS: &[StructLayout] = &[
     layout!(Push { frame, first_pixel, first_sample, path_count, round, arg0, flags }),
     layout!(Adaptive { entries, said, width }),
-    layout!(AovTargets { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo }),
+    layout!(AovTargets { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo, sample_count }),
     layout!(AovClear { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo }),
     layout!(Frame {
         top_nodes,
@@ -145,6 +145,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         resolve_progress,
         roulette,
         worth,
+        worth_sums,
         verdicts,
         segment_size,
         chunk_count,
@@ -153,7 +154,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         lookups,
         segment_count
     }),
-    layout!(Roulette { mean, second_moment, ended_paths, ended_shadows }),
+    layout!(Roulette { mean, second_moment, ended_paths, ended_shadows, variance, looks }),
     layout!(Segment { first_pixel, first_sample, count, alive }),
     layout!(Pending { entry, chunk_instance }),
     layout!(Question { t, id, chunk_instance, flags, mean, texture, st, footprint, scale, bias, limit, unit }),

@@ -16,9 +16,9 @@ mod texture;
 
 pub use film::{ERROR_GROUPS, ErrorSums, FilmPixel, aov_bytes};
 pub use frame::{
-    AOV_ESCAPED, AOV_SURFACES, Adaptive, AovClear, AovTargets, Features, Frame, FrameFlags, MAX_DIRECT_GROUPS,
+    AOV_ESCAPED, AOV_SURFACES, Adaptive, AovClear, AovTargets, Features, Frame, FrameFlags, Lobes, MAX_DIRECT_GROUPS,
     PREPARE_DEMAND, PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, Push, PushFlags, SCAN_BLOCK, SCAN_BLOCKS, SCAN_SUMS,
-    SPEC_FEATURES, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
+    SPEC_FEATURES, SPEC_LOBES, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
 };
 pub use layout::{LAYOUTS, MemberLayout, StructLayout};
 pub use lbvh::{LbvhBounds, LbvhPush};
@@ -39,7 +39,7 @@ pub use scene::{
 };
 pub use stream::{
     GpuSurface, LIGHT_PATH_BYTES, MATERIAL_BIT, MAX_PENDING, Pending, Question, Roulette, SHADOW_BIT, Segment,
-    Streaming, TILE_KEYS, WORTH_MUST, WORTH_ONE, path_bytes, sort_blocks,
+    Streaming, TILE_KEYS, WORTH_MUST, WORTH_ONE, WORTH_SUMS, path_bytes, sort_blocks,
 };
 pub use texture::{
     GpuTexture, PAGE_BROKEN, TEXTURE_CHANNELS, TEXTURE_F16, TEXTURE_F32, TEXTURE_FORMAT_SHIFT, TEXTURE_SRGB,

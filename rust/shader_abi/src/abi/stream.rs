@@ -60,10 +60,12 @@ pub struct Streaming {
     pub resolved: u64,
     /// u32 per slot: how far the material is, 0 = not begun.
     pub resolve_progress: u64,
-    /// One [`Roulette`]; 0 without `Features::ROULETTE`, as the next two.
+    /// One [`Roulette`]; 0 without `Features::ROULETTE`, as the next three.
     pub roulette: u64,
     /// u32 `[chunk_count]`: what the rays that wait for each chunk first may bring, see [`WORTH_ONE`]. The host zeroes it before.
     pub worth: u64,
+    /// u32 `[WORTH_SUMS]`: what the rays bring that wait for a chunk and belong to a pixel, by a hash of both. The host zeroes it before.
+    pub worth_sums: u64,
     /// Two tables of f32 `[chunk_count]`, used in turn: 0 = nothing, above 0: a weight for the rays that wait for the chunk first, below: they
     /// end. Written by the host.
     pub verdicts: [u64; 2],
@@ -87,11 +89,15 @@ pub const WORTH_ONE: u32 = 1 << 12;
 /// Set in `Streaming::worth` where a ray waits that roulette is not played with.
 pub const WORTH_MUST: u32 = 1 << 31;
 
-/// What roulette on loads knows and counts, 16 B. Radiances are means of the channels.
+/// Elements of `Streaming::worth_sums`; a power of two.
+pub const WORTH_SUMS: u32 = 1 << 20;
+
+/// What roulette on loads knows and counts, 24 B. Radiances are means of the channels; what is known of paths is of the latest looks at
+/// some of them.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct Roulette {
-    /// Mean radiance of the paths so far, of some of them.
+    /// Mean radiance of paths.
     pub mean: f32,
     /// Mean of its square.
     pub second_moment: f32,
@@ -99,6 +105,10 @@ pub struct Roulette {
     pub ended_paths: u32,
     /// Shadow rays that were.
     pub ended_shadows: u32,
+    /// Relative variance of the mean of a pixel's paths, times their number; 0 = not known.
+    pub variance: f32,
+    /// How often paths were looked at since the host zeroed it.
+    pub looks: u32,
 }
 
 /// A contiguous range of paths in flight, 16 B.

@@ -11,7 +11,7 @@ use anyhow::{Context as _, Result, bail};
 
 use crate::places::Places;
 use crate::process::{capture, run, say};
-use crate::product::cargo;
+use crate::product::{PROFILE, cargo};
 
 /// The pinned formatter: other versions format differently.
 pub(crate) const CLANG_FORMAT: &str = "clang-format-14";
@@ -61,13 +61,23 @@ fn rustfmt(places: &Places) -> Result<()> {
     run(cargo(places, "fmt").args(["--all", "--check"]))
 }
 
+/// In the profile of the tests, so that they find build scripts, procedural macros and shaders ready.
 fn clippy(places: &Places) -> Result<()> {
-    run(cargo(places, "clippy").args(["--quiet", "--workspace", "--all-targets", "--", "-D", "warnings"]))
+    let mut clippy = cargo(places, "clippy");
+    clippy.args(["--quiet", "--workspace", "--all-targets", "--profile", PROFILE, "--", "-D", "warnings"]);
+    run(&mut clippy)
 }
 
 fn documentation(places: &Places) -> Result<()> {
     let mut doc = cargo(places, "doc");
-    run(doc.env("RUSTDOCFLAGS", "-Dwarnings").args(["--quiet", "--workspace", "--no-deps", "--document-private-items"]))
+    run(doc.env("RUSTDOCFLAGS", "-Dwarnings").args([
+        "--quiet",
+        "--workspace",
+        "--no-deps",
+        "--document-private-items",
+        "--profile",
+        PROFILE,
+    ]))
 }
 
 fn clang_format(places: &Places) -> Result<()> {

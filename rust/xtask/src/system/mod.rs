@@ -122,7 +122,7 @@ fn commands_for(missing: &[&'static str], backports: Option<&apt::Backports>) ->
 }
 
 /// Whether a kernel driver of a GPU is there that Vulkan may use.
-fn has_gpu() -> bool {
+pub(crate) fn has_gpu() -> bool {
     let holds = |folder: &str, prefix: &str| {
         let mut entries = fs::read_dir(folder).into_iter().flatten().flatten();
         entries.any(|entry| entry.file_name().to_string_lossy().starts_with(prefix))

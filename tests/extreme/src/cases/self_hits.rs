@@ -19,6 +19,11 @@ enum How {
     Nested,
 }
 
+/// Counted with the same arithmetic in `NumPy`, 15 600 rays at the 78 edges of the ball's silhouette: within 4e-8 radians of one, the triangle behind
+/// the edge, seen from its back, is nearer by rounding, and it is dark. That is 3e-8 of the rays that meet the ball, 0.1 of the 3.7 million of a
+/// full run. Rays that leave the ball met it in none of 2 100 000 tries, though begun at the rim of the hemisphere and at edges.
+const SILHOUETTE: &str = "no ray that leaves it: a camera ray within rounding of a silhouette's edge (4e-8 radians) meets the triangle behind it from its back, 3e-8 of all rays (simulated)";
+
 struct Convex {
     name: &'static str,
     body: Body,
@@ -96,7 +101,9 @@ fn wrong_hits(lab: &mut Lab<'_>, case: &str, convex: &Convex) {
         lit += (f64::from(color[0]) * 2.0 * f64::from(samples)).round();
     }
     if !convex.name.starts_with("displaced") {
-        lab.count(case, &format!("wrong hits of {rays:.0} rays"), rays - lit, None);
+        // Of a closed body's silhouette a ray may meet the back first: see `SILHOUETTE`.
+        let known = lab.options.full.then_some((3.0, SILHOUETTE));
+        lab.count(case, &format!("wrong hits of {rays:.0} rays"), rays - lit, known.filter(|_| rays > lit));
         return;
     }
     // What is not convex, and the 256 bodies of the nested ones, shadow themselves a little.

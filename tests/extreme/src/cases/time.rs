@@ -24,7 +24,7 @@ fn slope(lab: &mut Lab<'_>, case: &str) {
     let eye = Eye::parallel(DVec3::new(0.0, 0.5, 0.0), DVec3::ZERO, 1e-5, [8, 8]);
     let camera = Eye { up: DVec3::X, ..eye }.camera();
     let expected = 0.5 * (1.0 + 0.5_f64.sqrt());
-    let last = lab.amount(13, 23);
+    let last = lab.amount(13, 24);
     let (mut points, mut end) = (Vec::new(), (0.0, 0.0));
     for k in 4..=last {
         let shot = lab.shoot(case, &stage, &camera, &Way { samples: 1 << k, ..Way::default() });

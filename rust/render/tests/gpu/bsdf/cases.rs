@@ -4,7 +4,7 @@
 use glam::DVec3;
 use std::f64::consts::TAU;
 
-pub(super) const CASE_FLOATS: usize = 32;
+pub(super) const CASE_FLOATS: usize = 36;
 /// `SHADING_SPECULAR_WORKFLOW`.
 pub(super) const SPECULAR_WORKFLOW: u32 = 1;
 
@@ -24,6 +24,9 @@ pub(super) struct Case {
     pub(super) coat_roughness: f64,
     pub(super) opacity: f64,
     pub(super) flags: u32,
+    /// Only counts on a device with its lobe.
+    pub(super) sheen: DVec3,
+    pub(super) sheen_roughness: f64,
 }
 
 impl Default for Case {
@@ -44,6 +47,8 @@ impl Default for Case {
             coat_roughness: 0.01,
             opacity: 1.0,
             flags: 0,
+            sheen: DVec3::ZERO,
+            sheen_roughness: 0.5,
         }
     }
 }
@@ -63,16 +68,26 @@ impl Case {
         floats[27] = self.ior as f32;
         floats[28..31].copy_from_slice(&[self.coat, self.coat_roughness, self.opacity].map(|x| x as f32));
         floats[31] = self.flags as f32;
+        floats[32..35].copy_from_slice(&self.sheen.as_vec3().to_array());
+        floats[35] = self.sheen_roughness as f32;
         floats
     }
 
     /// The case as the shader sees it: every number rounded to f32.
     pub(super) fn rounded(mut self) -> Self {
-        for v in [&mut self.g, &mut self.n, &mut self.wo, &mut self.wi, &mut self.diffuse, &mut self.specular] {
+        for v in [
+            &mut self.g,
+            &mut self.n,
+            &mut self.wo,
+            &mut self.wi,
+            &mut self.diffuse,
+            &mut self.specular,
+            &mut self.sheen,
+        ] {
             *v = v.as_vec3().as_dvec3();
         }
         let numbers = [&mut self.metallic, &mut self.roughness, &mut self.ior, &mut self.coat];
-        for x in numbers.into_iter().chain([&mut self.coat_roughness, &mut self.opacity]) {
+        for x in numbers.into_iter().chain([&mut self.coat_roughness, &mut self.opacity, &mut self.sheen_roughness]) {
             #[expect(clippy::cast_possible_truncation, reason = "the purpose")]
             let single = *x as f32;
             *x = f64::from(single);

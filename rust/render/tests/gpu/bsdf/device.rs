@@ -5,7 +5,7 @@ use super::cases::{CASE_FLOATS, Case};
 use glam::DVec3;
 use oocpt_gpu::{Buffer, Gpu, OpenOptions, Pipeline, Usage};
 use oocpt_render::bsdf_tables;
-use oocpt_shader_abi::{SPEC_FEATURES, checks, groups};
+use oocpt_shader_abi::{Lobes, SPEC_FEATURES, SPEC_LOBES, checks, groups};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -33,6 +33,7 @@ pub(super) struct Answer {
     pub(super) given_pdf: f64,
     /// Of coat, specular, diffuse, multiple scattering, glass, its multiple scattering.
     pub(super) chance: [f64; 6],
+    pub(super) chance_sheen: f64,
     /// What a smooth interface lets through, 1 - F; 0 for what is not glass.
     pub(super) lets_through: f64,
     /// Of glass, as the shader takes it; 0: sharp.
@@ -45,6 +46,8 @@ pub(super) struct Device {
     gpu: Arc<Gpu>,
     pipeline: Pipeline,
     tables: Buffer,
+    /// None without its lobe: the pass must not ask.
+    sheen: Option<Buffer>,
 }
 
 #[derive(Clone, Copy)]
@@ -57,14 +60,18 @@ enum Mode {
 
 impl Device {
     pub(super) fn new(features: u32) -> Self {
+        Self::with(features, Lobes::empty())
+    }
+
+    pub(super) fn with(features: u32, lobes: Lobes) -> Self {
         let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
         let gpu = Gpu::open(&OpenOptions { selector, validation: true, ..OpenOptions::default() }).expect("a device");
         let module = &checks::CHECK_BSDF;
-        let spec = [(SPEC_FEATURES, features)];
-        let pipeline = Pipeline::new(&gpu, module.name, module.words, &spec, 56).expect("the pass compiles");
-        let tables = [bsdf_tables::floats(), bsdf_tables::glass::floats()].concat();
-        let tables = upload(&gpu, bytemuck::cast_slice(&tables));
-        Self { gpu, pipeline, tables }
+        let spec = [(SPEC_FEATURES, features), (SPEC_LOBES, lobes.bits())];
+        let pipeline = Pipeline::new(&gpu, module.name, module.words, &spec, 64).expect("the pass compiles");
+        let tables = upload(&gpu, &[bsdf_tables::bytes(), bsdf_tables::glass::bytes()].concat());
+        let sheen = lobes.contains(Lobes::SHEEN).then(|| upload(&gpu, bsdf_tables::sheen::bytes()));
+        Self { gpu, pipeline, tables, sheen }
     }
 
     fn run(&self, mode: Mode, input: &[f32], threads: usize, floats: usize, [points, seed]: [u32; 2]) -> Vec<f32> {
@@ -73,7 +80,8 @@ impl Device {
         let results = Buffer::new(&self.gpu, "results", bytes, Usage::Device).expect("small");
         let copy = Buffer::new(&self.gpu, "copy", bytes, Usage::Readback).expect("small");
         let (tables, from) = (self.tables.address(), input.address());
-        let push = [tables, from, results.address(), threads as u64, mode as u64, points.into(), seed.into()];
+        let sheen = self.sheen.as_ref().map_or(0, Buffer::address);
+        let push = [tables, from, results.address(), threads as u64, mode as u64, points.into(), seed.into(), sheen];
         let mut commands = self.gpu.commands("bsdf").expect("a list");
         commands.dispatch(&self.pipeline, bytemuck::cast_slice(&push), groups(threads as u64));
         commands.copy(&results, 0, &copy, 0, bytes);
@@ -154,6 +162,7 @@ impl Answer {
             specular: at3(15),
             given_pdf: at(18),
             chance: [at(19), at(20), at(21), at(22), at(23), at(24)],
+            chance_sheen: at(27),
             lets_through: at(25),
             glass_alpha: at(26),
             raw: *raw,
@@ -161,4 +170,4 @@ impl Answer {
     }
 }
 
-const _: () = assert!(CASE_FLOATS == 32, "as the shader reads them");
+const _: () = assert!(CASE_FLOATS == 36, "as the shader reads them");

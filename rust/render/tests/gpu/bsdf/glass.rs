@@ -49,25 +49,34 @@ fn density(alpha: f64, cosine: f64) -> f64 {
 fn lost(alpha: f64, cosine: f64, eta: f64) -> f64 {
     const STEPS: [u32; 2] = [64, 600];
     let o = DVec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
+    // Sine and cosine of the normals' angles to the surface's.
+    let slopes: Vec<[f64; 2]> = (0..STEPS[1])
+        .map(|b| {
+            let u = (f64::from(b) + 0.5) / f64::from(STEPS[1]);
+            let tangent = alpha * (u / (1.0 - u)).sqrt();
+            let z = 1.0 / (1.0 + tangent * tangent).sqrt();
+            [tangent * z, z]
+        })
+        .collect();
+    let own = masking(alpha, cosine);
     let (mut sum, mut whole) = (0.0, 0.0);
-    for (a, b) in (0..STEPS[0]).flat_map(|a| (0..STEPS[1]).map(move |b| (a, b))) {
-        let turn = PI * (f64::from(a) + 0.5) / f64::from(STEPS[0]);
-        let u = (f64::from(b) + 0.5) / f64::from(STEPS[1]);
-        let tangent = alpha * (u / (1.0 - u)).sqrt();
-        let h = direction(1.0 / (1.0 + tangent * tangent).sqrt(), turn);
-        let half = o.dot(h);
-        if half <= 0.0 {
-            continue;
+    for a in 0..STEPS[0] {
+        let (sin, cos) = (PI * (f64::from(a) + 0.5) / f64::from(STEPS[0])).sin_cos();
+        for [sine, z] in &slopes {
+            let half = o.dot(DVec3::new(sine * cos, sine * sin, *z));
+            if half <= 0.0 {
+                continue;
+            }
+            let f = fresnel(half, eta);
+            let up = 2.0 * half * z - cosine;
+            let reflected = if up > 0.0 { f * both_masking(alpha, cosine, up) / own } else { 0.0 };
+            let sine2 = (1.0 - half * half) / (eta * eta);
+            let down = if sine2 < 1.0 { cosine / eta - (half / eta - (1.0 - sine2).sqrt()) * z } else { 0.0 };
+            let refracted = if down > 0.0 { (1.0 - f) * masking(alpha, down) } else { 0.0 };
+            let weight = half / (cosine * z);
+            sum += (1.0 - reflected - refracted) * weight;
+            whole += weight;
         }
-        let f = fresnel(half, eta);
-        let up = 2.0 * half * h.z - cosine;
-        let reflected = if up > 0.0 { f * both_masking(alpha, cosine, up) / masking(alpha, cosine) } else { 0.0 };
-        let sine2 = (1.0 - half * half) / (eta * eta);
-        let down = if sine2 < 1.0 { cosine / eta - (half / eta - (1.0 - sine2).sqrt()) * h.z } else { 0.0 };
-        let refracted = if down > 0.0 { (1.0 - f) * masking(alpha, down) } else { 0.0 };
-        let weight = half / (cosine * h.z);
-        sum += (1.0 - reflected - refracted) * weight;
-        whole += weight;
     }
     sum / whole
 }
@@ -198,27 +207,61 @@ fn rough_glass_is_reciprocal() {
     device.close();
 }
 
-/// How much glass may seem to absorb or emit: what the interpolation of its table is off, most of it at grazing angles and, from the denser
-/// side, where the angle of total reflection runs through a rough lobe. Without multiple scattering it is up to two thirds.
+/// How much glass may seem to absorb or emit. The lobe of multiple scattering is normalised to rounding (`bsdf_tables::glass` asks), so a furnace is
+/// off by what the table is off from U; without multiple scattering it is up to two thirds.
+const OFF: f64 = 1e-3;
+
+/// Any roughness, index and cosine, most of them where the table bends: near index 1, at grazing angles and about that of total reflection. The
+/// chance of multiple scattering is U of the shader; samples would have to be millions to tell a thousandth.
+#[test]
+fn any_glass_in_a_white_furnace_disappears() {
+    let device = Device::new(ALL);
+    let mut random = Random(24);
+    let cases: Vec<Case> = (0..1500)
+        .map(|_| {
+            let roughness = 0.015 + 0.985 * random.unit().powf(1.5);
+            let index = 1.0001 + 2.0 * random.unit().powi(3);
+            let critical = (1.0 - 1.0 / (index * index)).sqrt();
+            let about = critical + 4.0 * roughness * roughness * (random.unit() - 0.5);
+            let side = random.pick(&[1.0, -1.0]);
+            let cosine = if side < 0.0 && random.unit() < 0.4 { about } else { random.unit().powi(2) };
+            let wo = direction(cosine.clamp(1.5e-3, 1.0), 0.3) * side;
+            // The other way about: a denser outside.
+            let inverse = random.unit() < 0.3 && index < 2.5;
+            let (ior, wo) = if inverse { (1.0 / index, -wo) } else { (index, wo) };
+            Case { wo, roughness, ior, ..glass() }
+        })
+        .collect();
+    let normals = oocpt_render::bsdf_tables::glass::Normals::new(1 << 15);
+    let mut worst: f64 = 0.0;
+    let mut rough = 0;
+    for (case, answer) in cases.iter().zip(device.cases(&cases)) {
+        if answer.glass_alpha <= 0.0 {
+            continue;
+        }
+        rough += 1;
+        let case = case.rounded();
+        let (here, beyond) = indices(&case);
+        let known = normals.loss(case.wo.z.abs(), case.roughness * case.roughness, beyond / here);
+        let off = (answer.chance[5] - known).abs();
+        worst = worst.max(off);
+        assert!(off < OFF, "U is {}, not {known}: {case:?}", answer.chance[5]);
+    }
+    println!("{rough} kinds of rough glass: off by {worst:.1e} at most");
+    assert!(rough > 1200, "most are rough: {rough}");
+    device.close();
+}
+
+/// The same by samples, to what they tell: nothing is lost, and nothing won, on the way to either side.
 #[test]
 fn glass_in_a_white_furnace_disappears() {
     let device = Device::new(ALL);
-    for (ior, least, most) in [
-        (0.4, 0.995, 1.003),
-        (0.7, 0.995, 1.003),
-        (0.9, 0.995, 1.003),
-        (1.0, 0.9999, 1.0001),
-        (1.0001, 0.997, 1.001),
-        (1.1, 0.995, 1.003),
-        (1.33, 0.997, 1.001),
-        (1.5, 0.997, 1.001),
-        (3.0, 0.997, 1.001),
-    ] {
+    for ior in [0.4, 0.7, 0.9, 1.0, 1.0001, 1.1, 1.33, 1.5, 3.0] {
         for side in [1.0, -1.0] {
             let of = |roughness: f64, c: f64| Case { wo: direction(c, 0.3) * side, roughness, ior, ..glass() };
             let name = format!("glass of ior {ior}, side {side}");
-            let (low, high) = furnace_of(&device, &name, of, [16, 2048]);
-            assert!(low >= least && high <= most, "{name}: {low}..{high}");
+            let (low, high) = furnace_of(&device, &name, of, [16, 2048], 1.0);
+            assert!(low >= 1.0 - OFF && high <= 1.0 + OFF, "{name}: {low}..{high}");
         }
     }
     device.close();
@@ -234,7 +277,8 @@ fn glass_of_the_specular_workflow_wins_nothing() {
                 let (wo, specular, flags) = (direction(c, 0.3) * side, DVec3::splat(f0), SPECULAR_WORKFLOW);
                 Case { wo, roughness, specular, flags, ..glass() }
             };
-            let (_, high) = furnace_of(&device, &format!("glass of specular colour {f0}, side {side}"), of, [8, 1024]);
+            let (_, high) =
+                furnace_of(&device, &format!("glass of specular colour {f0}, side {side}"), of, [8, 1024], 0.0);
             assert!(high <= 1.001, "specular {f0}, side {side}: {high}");
         }
     }

@@ -8,4 +8,5 @@ mod energy;
 mod glass;
 mod reference;
 mod sampling;
+mod sheen;
 mod values;

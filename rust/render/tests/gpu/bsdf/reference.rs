@@ -41,20 +41,27 @@ fn masking(alpha: f64, o: f64, i: f64) -> f64 {
 #[expect(clippy::cast_precision_loss, reason = "few points")]
 fn albedo(alpha: f64, cosine: f64, steps: [usize; 2]) -> [f64; 2] {
     let o = DVec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
-    let mut sum = [0.0; 2];
-    for a in 0..steps[0] {
-        for b in 0..steps[1] {
-            let turn = PI * (a as f64 + 0.5) / steps[0] as f64;
+    let own = lambda(alpha, cosine);
+    // Sine and cosine of the normals' angles to the surface's.
+    let slopes: Vec<[f64; 2]> = (0..steps[1])
+        .map(|b| {
             let u = (b as f64 + 0.5) / steps[1] as f64;
             let tangent = alpha * (u / (1.0 - u)).sqrt();
             let z = 1.0 / (1.0 + tangent * tangent).sqrt();
-            let h = DVec3::new(tangent * z * turn.cos(), tangent * z * turn.sin(), z);
+            [tangent * z, z]
+        })
+        .collect();
+    let mut sum = [0.0; 2];
+    for a in 0..steps[0] {
+        let (sin, cos) = (PI * (a as f64 + 0.5) / steps[0] as f64).sin_cos();
+        for [sine, z] in &slopes {
+            let h = DVec3::new(sine * cos, sine * sin, *z);
             let half = o.dot(h);
             let i = 2.0 * half * h - o;
             if half <= 0.0 || i.z <= 0.0 {
                 continue;
             }
-            let weight = masking(alpha, cosine, i.z) * half / (cosine * z);
+            let weight = half / ((1.0 + own + lambda(alpha, i.z)) * cosine * z);
             let schlick = (1.0 - half).powi(5);
             sum[0] += weight * (1.0 - schlick);
             sum[1] += weight * schlick;
@@ -72,13 +79,15 @@ pub(super) fn layer_albedo(roughness: f64, cosine: f64) -> [f64; 2] {
     albedo(roughness * roughness, cosine, [48, 480])
 }
 
-/// Averages over the hemisphere of a function of the cosine.
-fn average<const N: usize>(f: impl Fn(f64) -> [f64; N]) -> [f64; N] {
-    const STEPS: i32 = 96;
+/// Points at which functions of the cosine are averaged over the hemisphere.
+const STEPS: i32 = 96;
+
+/// The average over the hemisphere of a function of the cosine, which is also told the number of the point.
+fn average<const N: usize>(mut f: impl FnMut(usize, f64) -> [f64; N]) -> [f64; N] {
     let mut sum = [0.0; N];
-    for step in 0..STEPS {
+    for (number, step) in (0..STEPS).enumerate() {
         let x = (f64::from(step) + 0.5) / f64::from(STEPS);
-        let values = f(x.powi(3));
+        let values = f(number, x.powi(3));
         for (sum, value) in sum.iter_mut().zip(values) {
             *sum += value * 6.0 * x.powi(5) / f64::from(STEPS);
         }
@@ -117,7 +126,13 @@ impl Reference {
         let fresnel =
             Fresnel { f0: dielectric.f0.lerp(metal.f0, metallic), f90: dielectric.f90.lerp(metal.f90, metallic) };
         let coat = Fresnel { f0: DVec3::splat(r0), f90: DVec3::splat((1e3 * r0).min(1.0)) };
-        let [a, b] = average(|c| layer_albedo(case.roughness, c));
+        // Of the specular layer, at the points of the averages.
+        let mut layer = Vec::new();
+        let [a, b] = average(|_, c| {
+            let albedo = layer_albedo(case.roughness, c);
+            layer.push(albedo);
+            albedo
+        });
         let scattered = |fresnel: Fresnel| {
             let f = fresnel.average();
             if case.roughness < 0.01 { DVec3::ZERO } else { f * f * (a + b) / (DVec3::ONE - f * (1.0 - a - b)) }
@@ -128,8 +143,8 @@ impl Reference {
         let (diffuse_norm, scatter_norm) = (DVec3::ONE, 1.0);
         let mut made =
             Self { case, fresnel, dielectric, dielectric_scatter, coat, scatter, base, diffuse_norm, scatter_norm };
-        let [x, y, z, lost] = average(|c| {
-            let under = made.under(c);
+        let [x, y, z, lost] = average(|number, c| {
+            let under = made.under_layer(c, layer[number]);
             let all = under.specular * under.coat;
             [all.x, all.y, all.z, under.lost * under.coat]
         });
@@ -139,7 +154,11 @@ impl Reference {
     }
 
     fn under(&self, cosine: f64) -> Under {
-        let [a, b] = layer_albedo(self.case.roughness, cosine);
+        self.under_layer(cosine, layer_albedo(self.case.roughness, cosine))
+    }
+
+    /// The same where the specular layer's albedo is known.
+    fn under_layer(&self, cosine: f64, [a, b]: [f64; 2]) -> Under {
         let [c, d] = if self.case.coat > 0.0 { layer_albedo(self.case.coat_roughness, cosine) } else { [0.0; 2] };
         let lost = 1.0 - a - b;
         let specular = DVec3::ONE - (self.dielectric.f0 * a + self.dielectric.f90 * b + self.dielectric_scatter * lost);

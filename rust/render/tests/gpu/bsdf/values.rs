@@ -336,5 +336,6 @@ fn strange(random: &mut Random, unit: &[f64], tiny: &[f64]) -> Case {
         coat_roughness: random.pick(unit),
         opacity: random.pick(unit),
         flags: u32::from(random.unit() < 0.3) * SPECULAR_WORKFLOW,
+        ..Case::default()
     }
 }

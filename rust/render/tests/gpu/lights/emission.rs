@@ -6,7 +6,7 @@ use super::shapes::polygon;
 use super::{ALBEDO, downwards, expect};
 use crate::materials::{reading, with};
 use crate::scenes::{instanced, instancer, mesh, prim, square};
-use crate::support::{orthographic, read, render, render_with_messages, request, session, settings};
+use crate::support::{color_request, orthographic, read, render, render_with_messages, session, settings};
 use glam::{DMat4, DVec3};
 use oocpt_core::scene::{
     AssetRef, ConnectionDesc, Interpolation, MaterialDesc, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue,
@@ -215,7 +215,7 @@ fn textured(samples: u32, build: &dyn Fn(&mut SceneDb)) -> [(f64, f64); 2] {
             db.upsert_mesh(square(prim("/floor", DMat4::IDENTITY), 1, ALBEDO));
             build(db);
         });
-        let request = request(orthographic(DVec3::new(0.0, 5.0, 3.0), DVec3::ZERO, 0.01, [16, 16]));
+        let request = color_request(orthographic(DVec3::new(0.0, 5.0, 3.0), DVec3::ZERO, 0.01, [16, 16]));
         render(&session, &request);
         let colors: Vec<[f32; 4]> = read(&session, &request, AovKind::Color);
         let values: Vec<f64> = colors.iter().map(|c| PI / f64::from(ALBEDO) * f64::from(c[0])).collect();
@@ -306,7 +306,7 @@ fn a_missing_image_shines_with_its_fallback() {
         db.upsert_material(by_texture("nothing", 7.0));
         screen(db, behind(), true);
     });
-    let request = request(orthographic(DVec3::new(0.0, 5.0, 3.0), DVec3::ZERO, 0.01, [16, 16]));
+    let request = color_request(orthographic(DVec3::new(0.0, 5.0, 3.0), DVec3::ZERO, 0.01, [16, 16]));
     assert_eq!(render_with_messages(&session, &request).len(), 1, "that it is missing");
     let colors: Vec<[f32; 4]> = read(&session, &request, AovKind::Color);
     let given = PI / f64::from(ALBEDO) * colors.iter().map(|c| f64::from(c[0])).sum::<f64>() / 256.0;
@@ -323,7 +323,7 @@ fn scenes_of_constant_emission_leave_textures_of_lights_out() {
             db.upsert_material(material);
             screen(db, DMat4::IDENTITY, true);
         });
-        let request = request(orthographic(DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, 1.0, [8, 8]));
+        let request = color_request(orthographic(DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, 1.0, [8, 8]));
         render(&session, &request);
         let left_out = session.stats().features_left_out;
         ["emissive meshes", "emission of lights"].map(|name| left_out.iter().any(|part| part.starts_with(name)))

@@ -5,7 +5,7 @@ use super::shapes::polygon;
 use super::{ALBEDO, downwards, expect, irradiances, light, rect};
 use crate::materials::{color, plain, reading};
 use crate::scenes::{instanced, instancer, mesh, prim, sphere, square};
-use crate::support::{orthographic, read, render, request, session, settings};
+use crate::support::{color_request, orthographic, read, render, session, settings};
 use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::scene::{MaterialDesc, MeshDesc, ParamValue, SceneDb, SubsetDesc};
 use oocpt_core::{LightDesc, LightKind, TypedArray};
@@ -232,7 +232,7 @@ fn noise(samples: u32, expected: f64, build: &dyn Fn(&mut SceneDb)) -> f64 {
         db.upsert_mesh(square(prim("/floor", DMat4::IDENTITY), 1, ALBEDO));
         build(db);
     });
-    let request = request(orthographic(DVec3::new(0.0, 5.0, 3.0), DVec3::ZERO, 0.01, [32, 32]));
+    let request = color_request(orthographic(DVec3::new(0.0, 5.0, 3.0), DVec3::ZERO, 0.01, [32, 32]));
     render(&session, &request);
     let colors: Vec<[f32; 4]> = read(&session, &request, AovKind::Color);
     let scale = PI / f64::from(ALBEDO) / expected;
@@ -288,7 +288,7 @@ fn scenes_without_emission_leave_it_out() {
             db.upsert_material(material);
             db.upsert_mesh(quad("/quad", 2, DMat4::IDENTITY));
         });
-        let request = request(orthographic(DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, 1.0, [8, 8]));
+        let request = color_request(orthographic(DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, 1.0, [8, 8]));
         render(&session, &request);
         session.stats().features_left_out.iter().any(|part| part.contains("emissive meshes"))
     };
@@ -314,7 +314,7 @@ fn far_away_emitters_do_not_shadow_themselves() {
             // Something at the other end of the world.
             db.upsert_mesh(square(prim("/other", DMat4::IDENTITY), 3, ALBEDO));
         });
-        let request = request(orthographic(far + DVec3::new(0.0, 5.0, 3.0), far, 0.01, [8, 8]));
+        let request = color_request(orthographic(far + DVec3::new(0.0, 5.0, 3.0), far, 0.01, [8, 8]));
         render(&session, &request);
         let colors: Vec<[f32; 4]> = read(&session, &request, AovKind::Color);
         let mean = colors.iter().map(|color| f64::from(color[0])).sum::<f64>() / 64.0;

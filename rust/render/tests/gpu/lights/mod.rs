@@ -16,7 +16,7 @@ mod switches;
 pub(crate) use files::TestFiles;
 
 use crate::scenes::{prim, square};
-use crate::support::{orthographic, read, render, request, session, settings};
+use crate::support::{color_request, orthographic, read, render, session, settings};
 use glam::{DMat4, DVec3};
 use oocpt_core::scene::SceneDb;
 use oocpt_core::settings::Settings;
@@ -61,7 +61,7 @@ fn irradiance_with(settings: Settings, build: &dyn Fn(&mut SceneDb)) -> [f64; 3]
         db.upsert_mesh(square(prim("/floor", DMat4::IDENTITY), 1, ALBEDO));
         build(db);
     });
-    let request = request(orthographic(DVec3::new(0.0, 5.0, 3.0), DVec3::ZERO, 0.01, [8, 8]));
+    let request = color_request(orthographic(DVec3::new(0.0, 5.0, 3.0), DVec3::ZERO, 0.01, [8, 8]));
     render(&session, &request);
     let colors: Vec<[f32; 4]> = read(&session, &request, AovKind::Color);
     assert!(colors.iter().flatten().all(|c| c.is_finite()), "no pixel may be NaN or infinite");

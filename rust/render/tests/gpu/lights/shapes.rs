@@ -158,8 +158,9 @@ fn lights_shine_to_one_side_and_outwards_only() {
         ("a rect that looks away", rect(1.0, 1.0), upwards(1.0)),
         ("a disk that looks away", disk(1.0), upwards(1.0)),
         ("a rect below the floor", rect(1.0, 1.0), downwards(DVec3::NEG_Y)),
-        ("inside a sphere", sphere(2.0), DMat4::IDENTITY),
-        ("inside a cylinder", cylinder(4.0, 2.0), DMat4::IDENTITY),
+        // Not in the middle, where every direction is along the normal.
+        ("inside a sphere", sphere(2.0), DMat4::from_translation(DVec3::new(0.5, 0.7, -0.3))),
+        ("inside a cylinder", cylinder(4.0, 2.0), DMat4::from_translation(DVec3::new(0.5, 0.7, -0.3))),
     ] {
         expect(what, 16, 0.0, 0.0, &|db| db.upsert_light(light(kind.clone(), place)));
     }
@@ -176,12 +177,26 @@ fn lights_far_from_the_origin_stay_exact() {
             super::ALBEDO,
         ));
         db.upsert_light(light(sphere(0.01), DMat4::from_translation(far + DVec3::Y * 0.2)));
+        // As far on the other side, so that the scene cannot be moved to where the light is.
+        let other = DMat4::from_translation(-far);
+        db.upsert_mesh(crate::scenes::square(crate::scenes::prim("/other", other), 2, super::ALBEDO));
     });
     let eye = far + DVec3::new(0.0, 5.0, 3.0);
-    let request = crate::support::request(crate::support::orthographic(eye, far, 0.002, [8, 8]));
+    let request = crate::support::color_request(crate::support::orthographic(eye, far, 0.002, [8, 8]));
     crate::support::render(&session, &request);
     let colors: Vec<[f32; 4]> = crate::support::read(&session, &request, oocpt_render::AovKind::Color);
     let mean = colors.iter().map(|c| f64::from(c[0])).sum::<f64>() / 64.0;
     let expected = f64::from(super::ALBEDO) * 0.01 * 0.01 / 0.04;
     assert!((mean / expected - 1.0).abs() < 5e-3, "{mean}, not {expected}");
+}
+
+/// Where rays meet a light decides what shadows it: a black wall inside of a ball is behind its surface from everywhere.
+#[test]
+fn a_wall_inside_a_ball_takes_nothing() {
+    let (distance, expected) = (1.5, PI / (1.5 * 1.5));
+    expect("a ball with a wall in it", 256, expected, 5e-3, &|db| {
+        db.upsert_light(light(sphere(1.0), DMat4::from_translation(DVec3::Y * distance)));
+        let wall = DMat4::from_translation(DVec3::Y * 0.65) * DMat4::from_scale(DVec3::splat(0.3));
+        db.upsert_mesh(crate::scenes::square(crate::scenes::prim("/wall", wall), 2, 0.0));
+    });
 }

@@ -11,11 +11,19 @@ fn primvars_of_every_rate_reach_the_surface() {
     };
     let ramp = |[x, y]: [f32; 2]| [0.5 + 0.25 * x, 0.5 + 0.25 * y, 0.125];
     let by_face = [[0.0, 0.25, 0.5], [0.25; 3], [0.5; 3], [1.0; 3]];
-    let by_corner: Vec<[f32; 3]> = (0..16_u8).map(|k| by_face[usize::from(k / 4)]).collect();
+    // A ramp of its own on each face, so that every corner counts.
+    let by_corner = |face: usize, at: [f32; 2]| ramp(at).map(|x| x * [1.0, 0.5, 0.25, 0.75][face]);
+    let of_corners: Vec<[f32; 3]> = [[-1.0, -1.0], [0.0, -1.0], [-1.0, 0.0], [0.0, 0.0_f32]]
+        .into_iter()
+        .enumerate()
+        .flat_map(|(face, [x, y])| {
+            [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[u, v]| by_corner(face, [x + u, y + v]))
+        })
+        .collect();
     let cases: Vec<(Interpolation, Vec<[f32; 3]>)> = vec![
         (Interpolation::Constant, vec![[0.5, 0.25, 0.75]]),
         (Interpolation::Uniform, by_face.to_vec()),
-        (Interpolation::FaceVarying, by_corner),
+        (Interpolation::FaceVarying, of_corners),
         (Interpolation::Vertex, corners(ramp)),
         (Interpolation::Varying, corners(ramp)),
     ];
@@ -33,7 +41,8 @@ fn primvars_of_every_rate_reach_the_surface() {
         for (pixel, (albedo, face)) in albedo.iter().zip(faces).enumerate() {
             let expected = match interpolation {
                 Interpolation::Constant => first,
-                Interpolation::Uniform | Interpolation::FaceVarying => by_face[usize::try_from(face).expect("a hit")],
+                Interpolation::Uniform => by_face[usize::try_from(face).expect("a hit")],
+                Interpolation::FaceVarying => by_corner(usize::try_from(face).expect("a hit"), place(pixel)),
                 _ => ramp(place(pixel)),
             };
             let off = (Vec3::from(*albedo) - Vec3::from(expected)).abs().max_element();

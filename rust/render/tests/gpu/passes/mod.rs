@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The passes by themselves, with chunks that come and go without any loader: the same bits as with everything resident.
 
+mod roulette;
 mod stream;
 mod tracer;
 mod world;

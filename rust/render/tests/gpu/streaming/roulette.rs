@@ -17,8 +17,8 @@ const PER_MILLE: u16 = 300;
 /// Regions from left to right and from top to bottom.
 const REGIONS: [usize; 2] = [3, 2];
 
-/// Colour of the regions, and alpha.
-type Regions = (Vec<f64>, Vec<f32>);
+/// Colour of the regions; alpha and the number of samples, pixel by pixel.
+type Regions = (Vec<f64>, [Vec<f32>; 2]);
 
 /// A session whose seed may be changed, and the totals of what its renders counted.
 struct Renderer {
@@ -35,11 +35,11 @@ impl Renderer {
         session.set_light_files(Arc::new(TestFiles));
         session.with_scene(scene.build);
         let mut view = request_of(scene);
-        view.aovs = vec![AovRequest { kind: AovKind::Color, clear: [0.0; 4] }];
+        view.aovs = [AovKind::Color, AovKind::SampleCount].map(|kind| AovRequest { kind, clear: [0.0; 4] }).to_vec();
         Self { session, view, totals: StreamingStats::default(), known: HashMap::new() }
     }
 
-    /// Mean of the colour, region by region; alpha has to be what it is.
+    /// Mean of the colour, region by region; alpha and counts have to be what they are.
     fn regions(&mut self, seed: u32) -> Regions {
         if let Some(known) = self.known.get(&seed) {
             return known.clone();
@@ -59,7 +59,8 @@ impl Renderer {
             let value: f32 = pixel[..3].iter().sum();
             sums[y * REGIONS[0] + x] += f64::from(value) / 3.0;
         }
-        let regions = (sums, pixels.iter().map(|pixel| pixel[3]).collect());
+        let counts = read::<f32>(&self.session, &self.view, AovKind::SampleCount);
+        let regions = (sums, [pixels.iter().map(|pixel| pixel[3]).collect(), counts]);
         if stats.in_core {
             self.known.insert(seed, regions.clone());
         }
@@ -71,8 +72,9 @@ impl Renderer {
 fn differences(without: &mut Renderer, with: &mut Renderer, first_seed: u32) -> Vec<(f64, f64)> {
     let mut sums = vec![(0.0, 0.0); REGIONS[0] * REGIONS[1]];
     for seed in first_seed..first_seed + SEEDS {
-        let (expected, alpha) = without.regions(seed);
-        let (got, same_alpha) = with.regions(seed);
+        let (expected, [alpha, counts]) = without.regions(seed);
+        let (got, [same_alpha, same_counts]) = with.regions(seed);
+        assert!(counts == same_counts, "what is played with decides nothing");
         assert!(alpha == same_alpha, "camera rays are not played with");
         for ((sum, e), g) in sums.iter_mut().zip(expected).zip(got) {
             let d = g - e;
@@ -100,7 +102,7 @@ fn differing(
     let _ = without.regions(0);
     let bytes = without.session.stats().streaming.scene_bytes;
     let budget = percent(bytes, budget_percent).max(smallest_budget(scene));
-    let settings = Settings { geometry_budget_kib: budget, straggler_roulette: true, ..small_chunks() };
+    let settings = Settings { geometry_budget_kib: budget, straggler_roulette: true, ..without.session.settings() };
     let played = SessionOptions { roulette_per_mille: Some(PER_MILLE), plant_unweighted_roulette: plant, ..options() };
     let mut with = Renderer::new(scene, settings, played);
     let first = differences(without, &mut with, 1);
@@ -142,6 +144,49 @@ fn rays_that_are_not_weighted_are_noticed() {
     let mut without = Renderer::new(&SCENES[0], small_chunks(), options());
     let (regions, _, said) = differing(&SCENES[0], &mut without, 10, true);
     assert!(!regions.is_empty(), "a picture that is too dark must be seen: {said}");
+}
+
+/// Two epochs of adaptive sampling.
+fn adaptive() -> Settings {
+    Settings { adaptive_sampling: true, samples_per_pixel: 32, ..small_chunks() }
+}
+
+/// Both streams of a pixel see the same verdicts, so a verdict on samples that decide would make counts depend on the samples that they
+/// count. It is played in the last epoch alone: the counts are those without it, pixel by pixel, and so is the mean.
+#[test]
+fn no_region_changes_its_mean_with_adaptive_sampling() {
+    let scene = &SCENES[0];
+    let mut without = Renderer::new(scene, adaptive(), options());
+    let (regions, totals, said) = differing(scene, &mut without, 10, false);
+    println!("{said}; {totals:?}");
+    assert!(
+        totals.roulette_paths > 1000 && totals.roulette_shadow_rays > 1000 && totals.roulette_loads_saved > 500,
+        "{said}: roulette was played: {totals:?}"
+    );
+    assert!(regions.is_empty(), "regions {regions:?} have another mean: {said}");
+}
+
+#[test]
+fn rays_that_are_not_weighted_are_noticed_with_adaptive_sampling() {
+    let mut without = Renderer::new(&SCENES[0], adaptive(), options());
+    let (regions, _, said) = differing(&SCENES[0], &mut without, 10, true);
+    assert!(!regions.is_empty(), "a picture that is too dark must be seen: {said}");
+}
+
+#[test]
+fn roulette_on_samples_that_decide_is_noticed() {
+    let scene = &SCENES[0];
+    let mut without = Renderer::new(scene, adaptive(), options());
+    let budget_kib = smallest_budget(scene);
+    let settings = Settings { geometry_budget_kib: budget_kib, straggler_roulette: true, ..adaptive() };
+    let mut changed = |plant_early_roulette: bool| {
+        let played = SessionOptions { roulette_per_mille: Some(PER_MILLE), plant_early_roulette, ..options() };
+        let mut with = Renderer::new(scene, settings.clone(), played);
+        (1..=4).filter(|&seed| without.regions(seed).1[1] != with.regions(seed).1[1]).count()
+    };
+    let (right, planted) = (changed(false), changed(true));
+    assert_eq!(right, 0, "counts are decided before");
+    assert!(planted > 0, "counts that verdicts decide must be seen");
 }
 
 /// By what loads really cost: a scene so small has no load that is not worth it, or few; what is asked for is that nothing hangs.

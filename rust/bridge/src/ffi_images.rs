@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The boundary's images: what C++ tells of the host's files, and how Rust asks for texels. Guarantees and threads as said at `bridge/heldImage.h`.
+
+pub(crate) use ffi::{HeldImage, ImageFacts, ImageSource, TexelBox, TexelTag, WrapTag};
+
+/// Declarations that cxx turns into both sides of the boundary.
+#[allow(
+    unsafe_code,
+    missing_docs,
+    missing_debug_implementations,
+    unreachable_pub,
+    unused_qualifications,
+    clippy::multiple_unsafe_ops_per_block,
+    clippy::undocumented_unsafe_blocks,
+    clippy::use_self,
+    reason = "cxx expands this module into extern blocks and shims"
+)]
+#[cxx::bridge(namespace = "oocpt")]
+mod ffi {
+    /// What one channel of a texel is.
+    #[repr(u8)]
+    #[derive(Debug)]
+    enum TexelTag {
+        UInt8,
+        Half,
+        Float,
+    }
+
+    /// How a file says that it is continued outside.
+    #[repr(u8)]
+    #[derive(Debug)]
+    enum WrapTag {
+        Unknown,
+        Black,
+        Clamp,
+        Repeat,
+        Mirror,
+    }
+
+    /// What is known of an image. `levels`: width and height of each, finest first; `is_srgb`: 1, 0, or -1 where it is not said.
+    #[derive(Debug, Clone)]
+    struct ImageFacts {
+        levels: Vec<u32>,
+        channels: u32,
+        format: TexelTag,
+        is_tiled: bool,
+        is_srgb: i8,
+        wrap_s: WrapTag,
+        wrap_t: WrapTag,
+    }
+
+    /// Texels of a level; (0, 0) is the lowest left one.
+    struct TexelBox {
+        level: u32,
+        x: u32,
+        y: u32,
+        width: u32,
+        height: u32,
+    }
+
+    unsafe extern "C++" {
+        include!("bridge/heldImage.h");
+
+        type HeldImage;
+
+        fn facts(self: &HeldImage) -> Result<ImageFacts>;
+        fn read(self: &HeldImage, texels: &TexelBox, destination: &mut [u8]) -> Result<()>;
+
+        type ImageSource;
+
+        fn open(self: &ImageSource, resolved: &str) -> Result<UniquePtr<HeldImage>>;
+        fn exists(self: &ImageSource, resolved: &str) -> Result<bool>;
+        fn read_file(self: &ImageSource, resolved: &str, limit: u64) -> Result<Vec<u8>>;
+    }
+
+    impl UniquePtr<ImageSource> {}
+}

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What the passes are told of a frame: the block of camera, lights, settings and addresses that every one of them reads.
+
+use super::Setting;
+use crate::assets::SceneView;
+use bytemuck::Zeroable;
+use oocpt_shader_abi::{Frame, FrameFlags};
+
+/// Albedo of a surface without a colour, as `UsdPreviewSurface`'s diffuseColor.
+const DEFAULT_ALBEDO: [f32; 3] = [0.18; 3];
+
+/// The frame block of a setting; path memory is bound by its owner.
+pub(crate) fn frame_block(setting: &Setting<'_>, scene: &SceneView) -> Frame {
+    let Setting { job, lights, rays, film, .. } = *setting;
+    let mut flags = FrameFlags::empty();
+    flags.set(FrameFlags::DOME_CAMERA_VISIBLE, lights.background_visible());
+    let mut block = Frame {
+        top_nodes: scene.top_nodes,
+        chunk_instances: scene.chunk_instances,
+        chunks: scene.chunks,
+        assemblies: scene.assemblies,
+        meshes: scene.meshes,
+        lights: scene.lights,
+        textures: scene.textures,
+        texture_pages: scene.texture_pages,
+        ray_o: rays.o,
+        ray_o_lo: rays.o_lo,
+        ray_o_x: rays.o_x,
+        ray_o_y: rays.o_y,
+        ray_d: rays.d,
+        ray_d_x: rays.d_x,
+        ray_d_y: rays.d_y,
+        lens_u: rays.lens_u,
+        lens_v: rays.lens_v,
+        focus: rays.focus,
+        clip_z: rays.clip_z,
+        clip_w: rays.clip_w,
+        view: rays.view_from_world,
+        view_normal: rays.view_normal,
+        dome_radiance: lights.plain.dome_radiance,
+        dome_background: lights.plain.dome_background,
+        dome_select: lights.plain.dome_select,
+        default_albedo: DEFAULT_ALBEDO,
+        clamp: job.settings.clamp,
+        width: job.request.width,
+        height: job.request.height,
+        seed: job.settings.seed,
+        max_bounces: job.settings.max_bounces,
+        // The table is indexed by u32 and holds at most as many lights as the scene has prims.
+        light_count: u32::try_from(lights.distant().len()).unwrap_or(u32::MAX),
+        flags: flags.bits(),
+        materials: scene.materials,
+        prims: scene.prims,
+        material_slots: scene.material_slots,
+        placed_values: scene.placed_values,
+        lighting: setting.lighting,
+        ..Frame::zeroed()
+    };
+    film.bind(&mut block, &job.request.aovs);
+    block
+}

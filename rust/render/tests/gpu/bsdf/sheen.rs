@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Sheen on top of all else: its definition, reciprocity, a white furnace, samples against densities; and nothing of it without its bit.
+
+use super::cases::{Case, Random, direction};
+use super::device::{ALL, Device, PLAIN};
+use super::energy::{extremes, furnace, tilted};
+use super::sampling::{Chart, test};
+use glam::DVec3;
+use oocpt_shader_abi::Lobes;
+use std::f64::consts::{PI, TAU};
+
+const ROUGHNESS: [f64; 8] = [0.0, 0.1, 0.13, 0.2, 0.35, 0.5, 0.75, 1.0];
+const COSINE: [f64; 7] = [0.01, 0.03, 0.1, 0.3, 0.6, 0.9, 1.0];
+
+fn grid(of: impl Fn(f64, f64) -> Case) -> Vec<Case> {
+    ROUGHNESS.iter().flat_map(|r| COSINE.iter().map(|c| of(*r, *c)).collect::<Vec<_>>()).collect()
+}
+
+/// White sheen on black that reflects nothing.
+fn sheen(sheen_roughness: f64, wo: DVec3) -> Case {
+    Case { sheen: DVec3::ONE, sheen_roughness, wo, diffuse: DVec3::ZERO, ior: 1.0, ..Case::default() }
+}
+
+/// The lobe as the head of `shaders/include/bsdf/sheen.glsl` defines it, but for its scale; half vectors normalised, angles.
+fn lobe(roughness: f64, o: DVec3, i: DVec3) -> f64 {
+    let power = 1.0 / roughness.max(0.1);
+    let sine = (o + i).normalize().truncate().length();
+    (2.0 + power) * sine.powf(power) / TAU / (4.0 * (o.z + i.z - o.z * i.z)) * i.z
+}
+
+/// Its albedo, by a midpoint rule over angles.
+fn albedo(roughness: f64, o: DVec3) -> f64 {
+    const STEPS: [i32; 2] = [600, 600];
+    let mut sum = 0.0;
+    for a in 0..STEPS[0] {
+        for b in 0..STEPS[1] {
+            let turn = TAU * (f64::from(a) + 0.5) / f64::from(STEPS[0]);
+            let angle = 0.5 * PI * (f64::from(b) + 0.5) / f64::from(STEPS[1]);
+            sum += lobe(roughness, o, direction(angle.cos(), turn)) * angle.sin();
+        }
+    }
+    sum * TAU * 0.5 * PI / f64::from(STEPS[0] * STEPS[1])
+}
+
+#[test]
+fn values_are_those_of_the_definition() {
+    let device = Device::with(PLAIN, Lobes::SHEEN);
+    let mut random = Random(41);
+    for roughness in ROUGHNESS {
+        // The scale is 1 unless the lobe gives more than it gets at grazing angles.
+        let most = albedo(roughness, direction(1e-6, 0.0));
+        let (least, largest) = if most > 1.0 { (0.99 / most, 1.01 / most) } else { (1.0 - 1e-5, 1.0 + 1e-5) };
+        let cases: Vec<Case> = (0..200)
+            .map(|_| {
+                let wo = direction(0.02 + 0.98 * random.unit(), TAU * random.unit());
+                Case { wi: direction(0.02 + 0.98 * random.unit(), TAU * random.unit()), ..sheen(roughness, wo) }
+            })
+            .collect();
+        for (case, answer) in cases.iter().zip(device.cases(&cases)) {
+            let case = case.rounded();
+            let known = lobe(case.sheen_roughness, case.wo, case.wi);
+            let found = answer.specular.x;
+            let within = |scale: f64| (found - scale * known).abs() <= 2e-4 * known + 1e-6;
+            assert!(within(1.0) || found > least * known && found < largest * known, "{found}, not {known}: {case:?}");
+        }
+    }
+    device.close();
+}
+
+/// By itself it reflects what its definition integrates to; with all below it, it never wins, and white loses little.
+#[test]
+fn sheen_in_a_white_furnace() {
+    let device = Device::with(ALL, Lobes::SHEEN);
+    for roughness in [0.25, 0.4, 0.6, 1.0] {
+        let cases: Vec<Case> = COSINE.iter().map(|c| sheen(roughness, direction(*c, 0.3))).collect();
+        for (case, (found, error, _)) in cases.iter().zip(device.albedos(&cases, 16, 4096)) {
+            let known = albedo(roughness, case.wo);
+            assert!((found.x - known).abs() < 1e-3 + 4.0 * error, "{} +- {error}, not {known}: {case:?}", found.x);
+        }
+    }
+    let white = |sheen_roughness: f64, c: f64| Case {
+        wo: direction(c, 0.3),
+        sheen: DVec3::ONE,
+        sheen_roughness,
+        ..Case::default()
+    };
+    // A white diffuse base gives back all that sheen lets through.
+    let lambert = grid(|r, c| Case { ior: 1.0, ..white(r, c) });
+    for case in &lambert {
+        // By a midpoint rule, denser at the horizon: samples of a low-discrepancy sequence err by more than they tell.
+        const STEPS: [i32; 2] = [128, 192];
+        let place = |i: i32| {
+            let root = (f64::from(i % STEPS[0]) + 0.5) / f64::from(STEPS[0]);
+            (root, TAU * (f64::from(i / STEPS[0]) + 0.5) / f64::from(STEPS[1]))
+        };
+        let places: Vec<(f64, f64)> = (0..STEPS[0] * STEPS[1]).map(place).collect();
+        let directions: Vec<DVec3> = places.iter().map(|(root, turn)| direction(root * root, *turn)).collect();
+        let sum: f64 =
+            device.grid(case, &directions).iter().zip(&places).map(|(v, (root, _))| f64::from(v[0]) * 2.0 * root).sum();
+        let albedo = sum * TAU / f64::from(STEPS[0] * STEPS[1]);
+        assert!((albedo - 1.0).abs() < 1e-3, "sheen on white: {albedo} of {case:?}");
+    }
+    for (name, bound, of) in [
+        ("plastic", 0.97, Box::new(|c| c) as Box<dyn Fn(Case) -> Case>),
+        ("coat", 0.93, Box::new(|c| Case { coat: 1.0, coat_roughness: 0.3, ..c })),
+        ("metal", 0.80, Box::new(|c| Case { metallic: 1.0, ..c })),
+        ("mirror", 0.80, Box::new(|c| Case { metallic: 1.0, roughness: 0.0, ..c })),
+        ("half glass", 0.97, Box::new(|c| Case { opacity: 0.5, ..c })),
+    ] {
+        let cases = grid(|r, c| of(white(r, c)));
+        let (low, _) = furnace(&device, &format!("sheen on {name}"), &cases, 16, 1024);
+        assert!(low >= bound, "sheen on {name}: {low}");
+    }
+    device.close();
+}
+
+fn any(random: &mut Random, case: Case) -> Case {
+    Case { sheen: random.color() * random.pick(&[1.0, 1.0, 0.0]), sheen_roughness: random.unit(), ..case }
+}
+
+#[test]
+fn sheen_gains_no_energy_whatever_is_below() {
+    let device = Device::with(ALL, Lobes::SHEEN);
+    let mut random = Random(42);
+    let mut make = |of: fn(&mut Random) -> Case| -> Vec<Case> {
+        (0..1000)
+            .map(|_| {
+                let case = of(&mut random);
+                any(&mut random, case)
+            })
+            .collect()
+    };
+    let (flat, bent) = (make(Random::case), make(tilted));
+    furnace(&device, "random", &flat, 8, 512);
+    furnace(&device, "random, normals that differ", &bent, 8, 512);
+    device.close();
+}
+
+#[test]
+fn sheen_and_what_is_below_is_reciprocal() {
+    let device = Device::with(ALL, Lobes::SHEEN);
+    let mut random = Random(43);
+    let cases: Vec<Case> = (0..20_000)
+        .map(|_| {
+            let case = random.case();
+            any(&mut random, case)
+        })
+        .collect();
+    let swapped: Vec<Case> = cases.iter().map(|c| Case { wo: c.wi, wi: c.wo, ..*c }).collect();
+    let mut worst: f64 = 0.0;
+    for ((case, there), back) in cases.iter().zip(device.cases(&cases)).zip(device.cases(&swapped)) {
+        for (a, b) in [(there.diffuse, back.diffuse), (there.specular, back.specular)] {
+            let (a, b) = (a / case.wi.z, b / case.wo.z);
+            let error = ((a - b).abs() / (a.max(b) + 1e-3)).max_element();
+            worst = worst.max(error);
+            assert!(error < 1e-3, "{error}: {a} and {b} of {case:?}");
+        }
+    }
+    println!("largest relative difference {worst:.1e}");
+    device.close();
+}
+
+#[test]
+fn samples_follow_the_density() {
+    let device = Device::with(ALL, Lobes::SHEEN);
+    let mut seed = 900;
+    for roughness in [0.07, 0.2, 0.5, 1.0] {
+        for cosine in [0.02, 0.1, 0.3, 0.6, 0.95] {
+            let only = sheen(roughness, direction(cosine, 0.7));
+            for (name, case) in [
+                ("alone", only),
+                ("on plastic", Case { diffuse: DVec3::splat(0.5), ior: 1.5, roughness: 0.7, ..only }),
+                ("on a sharp metal", Case { diffuse: DVec3::ONE, metallic: 1.0, roughness: 0.0, ..only }),
+                ("and sharp glass", Case { diffuse: DVec3::ONE, ior: 1.5, opacity: 0.4, roughness: 0.0, ..only }),
+            ] {
+                seed += 1;
+                let told = format!("sheen {roughness} {name}, cosine {cosine}");
+                test(&device, &told, &case, &Chart::new(DVec3::Z, 1.0), seed);
+                let answer = device.cases(&[case])[0];
+                assert!(answer.chance_sheen > 0.0, "{told}: it is sampled");
+            }
+        }
+    }
+    device.close();
+}
+
+/// Weights have a bound, so samples are good also where the lobe is narrow.
+#[test]
+fn weights_are_bounded() {
+    let device = Device::with(PLAIN, Lobes::SHEEN);
+    let mut random = Random(44);
+    let cases: Vec<Case> = (0..50_000)
+        .map(|_| Case {
+            u: random.units(),
+            ..sheen(random.unit(), direction(0.002 + random.unit().powi(2) * 0.998, 1.0))
+        })
+        .collect();
+    let mut worst: f64 = 0.0;
+    for (case, answer) in cases.iter().zip(device.cases(&cases)) {
+        if answer.ok {
+            let most = 0.5 * (2.0 + 1.0 / case.sheen_roughness.max(0.1));
+            worst = worst.max(answer.weight.x / most);
+            assert!(answer.weight.x <= most, "{answer:?} of {case:?}");
+        }
+    }
+    println!("weights up to {worst:.2} of their bound");
+    device.close();
+}
+
+/// Without the bit the pass has no table of it (its address is 0) and gives, to the bit, what it gives without colour of sheen.
+#[test]
+fn without_its_bit_there_is_nothing_of_it() {
+    let without = Device::new(ALL);
+    let with = Device::with(ALL, Lobes::SHEEN);
+    let mut random = Random(45);
+    let bare: Vec<Case> = (0..5000).map(|_| random.case()).collect();
+    let asked: Vec<Case> = bare.iter().map(|c| Case { sheen: DVec3::ONE, sheen_roughness: 0.3, ..*c }).collect();
+    let expected = without.cases(&bare);
+    for (answer, expected) in without.cases(&asked).iter().zip(&expected) {
+        assert_eq!(answer.raw, expected.raw, "colour of sheen does not count");
+    }
+    let mut differ = 0;
+    for ((bare, asked), expected) in with.cases(&bare).iter().zip(with.cases(&asked)).zip(&expected) {
+        assert_eq!(bare.raw, expected.raw, "no colour, no sheen");
+        differ += usize::from(asked.raw != expected.raw);
+    }
+    assert!(differ > 4000, "it counts where it is asked for: {differ}");
+    let (low, high) = extremes(&with, "no sheen", &[Case { ior: 1.0, ..Case::default() }], 4, 512, 1.0);
+    assert!((low - 1.0).abs() < 1e-3 && (high - 1.0).abs() < 1e-3, "white stays white: {low}..{high}");
+    without.close();
+    with.close();
+}

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Drivers that translate shaders when they are first dispatched do that apart from the waves, which are bounded in time.
+
+use crate::scenes::nested;
+use crate::support::{TIMEOUT, perspective, render, request, settings};
+use glam::DVec3;
+use oocpt_core::settings::Settings;
+use oocpt_gpu::DeviceKind;
+use oocpt_render::{Session, SessionOptions};
+
+/// Nobody else carries these in a process of tests, so that no pipeline of them was used before.
+const RARE: &str = "LENS,COAT";
+
+#[test]
+fn no_wave_is_the_first_use_of_a_pass() {
+    for streams in [false, true] {
+        let options = SessionOptions { force_streaming: streams, validation: true, ..SessionOptions::default() };
+        let session = Session::with_options(Settings { carry: RARE.into(), ..settings(2, 2) }, options);
+        session.with_scene(nested);
+        let view = request(perspective(DVec3::new(3.0, 4.0, 6.0), DVec3::ZERO, 0.7, [16, 12]));
+        render(&session, &view);
+        let is_cpu = session.device_report().is_some_and(|device| device.kind == DeviceKind::Cpu);
+        let inventory = session.stats().inventory;
+        let passes = inventory.passes.iter().filter(|pass| pass.made && !pass.name.starts_with("lbvh_")).count() as u64;
+        let expected = if is_cpu { passes } else { 0 };
+        assert!(passes > 9, "{passes} passes");
+        assert_eq!(session.timings().translated, expected, "streams: {streams}");
+        session.restart();
+        assert!(session.wait_converged(TIMEOUT), "it renders again");
+        assert_eq!(session.timings().translated, 0, "once");
+    }
+}
