@@ -11,7 +11,7 @@ layout(push_constant, scalar) uniform PushBlock { LbvhPush push; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer BoundsArray { LbvhBounds v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Keys { uint64_t v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Words { uint v[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 16) coherent buffer Nodes { GpuNode v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) coherent buffer Nodes { LbvhNode v[]; };
 
 const uint SORT_DIGITS = 256u;
 const uint SORT_ROWS = 16u;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Boxes of the tree, leaves to root: one thread per item. Of two threads that meet at a node the second goes on.
-// Reads: bounds, items_in (sorted), parents. Reads and writes: nodes, visits. Writes: depth.
+// Reads: bounds, items_in (sorted), parents. Reads and writes: nodes, visits. Writes: depth, in levels.
 // With fewer than two items it makes the only node itself, with empty boxes for absent children.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -12,7 +12,7 @@ void lone_node() {
     const LbvhBounds empty = LbvhBounds(vec3(INFINITE), vec3(-INFINITE));
     LbvhBounds box = empty;
     if (push.count != 0u) box = BoundsArray(push.bounds).v[0];
-    Nodes(push.nodes).v[0] = GpuNode(vec3[2](box.min, empty.min), vec3[2](box.max, empty.max), uint[2](0u, 0u), uint[2](1u, 1u));
+    Nodes(push.nodes).v[0] = LbvhNode(vec3[2](box.min, empty.min), vec3[2](box.max, empty.max), uint[2](0u, 0u), uint[2](1u, 1u));
     Words(push.depth).v[0] = 1u;
 }
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ray against the two boxes of a node: the robust slab test of Ize 2013, "Robust BVH Ray Traversal".
+// Ray against a box: the robust slab test of Ize 2013, "Robust BVH Ray Traversal". Trees of meshes and instances: traversal/node.glsl.
 #ifndef OOCPT_BOX_GLSL
 #define OOCPT_BOX_GLSL
 
-// 1 + 2 (gamma(2) + 2.5 units in the last place), rounded up: Vulkan lets the reciprocals be off by as much as that. (Ize counts on
-// correct rounding: 1 + 2 gamma(3).)
+// 1 + 2 (gamma(3) + 2.5 units in the last place), rounded up: a plane of a node from the ray's origin and its product round three times, and
+// Vulkan lets the reciprocals be off by as much as that. (Ize counts on planes in floats and correct rounding: 1 + 2 gamma(3).)
 const float SLAB_PAD = 1.000001;
 const float LARGEST = 3.402823466e38;
 
@@ -14,6 +14,10 @@ vec3 safe_reciprocal(vec3 d) {
     const bvec3 small = lessThan(abs(d), vec3(tiny));
     const uvec3 signs = floatBitsToUint(d) & 0x80000000u;
     return 1.0 / mix(d, uintBitsToFloat(signs | floatBitsToUint(tiny)), small);
+}
+
+float largest_of(vec3 v) {
+    return max(abs(v.x), max(abs(v.y), abs(v.z)));
 }
 
 // Entry distance, or a negative number for a miss. A ray leaves an empty box (+inf, -inf) at infinity, and only such a one.

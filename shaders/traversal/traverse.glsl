@@ -22,6 +22,7 @@
 #include "include/light_links.glsl"
 #include "include/sampler.glsl"
 #include "traversal/box.glsl"
+#include "traversal/node.glsl"
 #include "traversal/stack.glsl"
 #include "traversal/triangle.glsl"
 #include "traversal/pending.glsl"
@@ -43,9 +44,9 @@ struct Found {
 const float TOP_PAD = 1.8e-7;
 
 // Times the largest coordinate of the ray's origin and of the mesh: how far beside a triangle the rounding of its edge functions (14 units of
-// 2^-24 of a corner's distance) can see it met. Boxes in meshes are padded by that: else the triangle that takes a ray at a
+// 2^-24 of a corner's distance) can see it met, and four more for the planes of boxes (traversal/node.glsl). Boxes in meshes are padded by that: else the triangle that takes a ray at a
 // shared edge may be in a box that the ray passes by (Woop et al. 2013, 3.1).
-const float MESH_PAD = 1.5e-6;
+const float MESH_PAD = 1.8e-6;
 
 // Where the walk is: the ray in the frame of the current level or mesh, and the arrays there.
 struct Walk {
@@ -166,29 +167,25 @@ uint pop() {
     return pop_reference(walk.limit, walk.entry);
 }
 
-// From an inner node to the nearer child that is hit; the other one goes to the stack.
+// From a node to the nearest child that is hit; the others go to the stack, the farthest first.
 uint descend(uint reference) {
-    const uint at = reference * 4u;
-    const vec4 a = ConstVec4s(walk.nodes).v[at];
-    const vec4 b = ConstVec4s(walk.nodes).v[at + 1u];
-    const vec4 c = ConstVec4s(walk.nodes).v[at + 2u];
-    const uvec4 links = floatBitsToUint(ConstVec4s(walk.nodes).v[at + 3u]);
-    const vec3 o_lower = walk.o + walk.pad;
-    const vec3 o_upper = walk.o - walk.pad;
-    const float t0 = hit_box(a.xyz, vec3(b.zw, c.x), o_lower, o_upper, walk.reciprocal, walk.limit);
-    const float t1 = hit_box(vec3(a.w, b.xy), c.yzw, o_lower, o_upper, walk.reciprocal, walk.limit);
-    const uint first = child_reference(links.x, links.z);
-    const uint second = child_reference(links.y, links.w);
-    if (t0 >= 0.0 && t1 >= 0.0) {
-        const bool swap = t1 < t0;
-        push_reference(swap ? first : second, max(max(t0, t1), walk.entry));
-        walk.entry = max(min(t0, t1), walk.entry);
-        return swap ? second : first;
-    }
-    walk.entry = max(max(t0, t1), walk.entry);
-    if (t0 >= 0.0) return first;
-    if (t1 >= 0.0) return second;
-    return pop();
+    const bvec3 is_backward = lessThan(walk.reciprocal, vec3(0.0));
+    const vec3 pad = mix(vec3(walk.pad), vec3(-walk.pad), is_backward);
+    const Node node = load_node(walk.nodes, reference, walk.in_mesh, walk.o, is_backward);
+    uvec4 children = node.children;
+    vec4 entries;
+    for (uint i = 0u; i < 4u; ++i) entries[i] = hit_child(node, i, pad, walk.reciprocal, walk.limit);
+    sort_pair(entries, children, 0u, 1u);
+    sort_pair(entries, children, 2u, 3u);
+    sort_pair(entries, children, 0u, 2u);
+    sort_pair(entries, children, 1u, 3u);
+    sort_pair(entries, children, 1u, 2u);
+    if (!(entries.x < MISSED)) return pop();
+    if (entries.w < MISSED) push_reference(children.w, max(entries.w, walk.entry));
+    if (entries.z < MISSED) push_reference(children.z, max(entries.z, walk.entry));
+    if (entries.y < MISSED) push_reference(children.y, max(entries.y, walk.entry));
+    walk.entry = max(entries.x, walk.entry);
+    return children.x;
 }
 
 // Tests the triangles of a leaf; true ends the walk.
@@ -271,20 +268,6 @@ uint enter_chunk(uint reference) {
     return 0u;
 }
 
-float largest_of(vec3 v) {
-    return max(abs(v.x), max(abs(v.y), abs(v.z)));
-}
-
-// The largest coordinate of a mesh: of the boxes at its root. An absent second one is empty, and counts nothing.
-float mesh_reach(uint64_t nodes) {
-    const vec4 a = ConstVec4s(nodes).v[0];
-    const vec4 b = ConstVec4s(nodes).v[1];
-    const vec4 c = ConstVec4s(nodes).v[2];
-    const float first = max(largest_of(a.xyz), largest_of(vec3(b.zw, c.x)));
-    const float second = max(largest_of(vec3(a.w, b.xy)), largest_of(c.yzw));
-    return second < LARGEST ? max(first, second) : first;
-}
-
 // Into the target of an instance record; returns its root, or the next reference where there is no room.
 uint enter(uint record) {
     const Affine map = instance_map(walk.instances, record);
@@ -313,7 +296,7 @@ uint enter(uint record) {
         walk.in_mesh = true;
         walk.mesh = target;
         walk.nodes = Meshes(FRAME.meshes).v[target].nodes;
-        walk.pad = MESH_PAD * (largest_of(o) + mesh_reach(walk.nodes));
+        walk.pad = MESH_PAD * (largest_of(o) + Meshes(FRAME.meshes).v[target].reach);
         walk.triangles = Meshes(FRAME.meshes).v[target].triangles;
     }
     return 0u;
@@ -324,7 +307,7 @@ void begin_top() {
     walk.o = ConstVec4s(walk.ray).v[0].xyz;
     walk.d = ConstVec4s(walk.ray).v[1].xyz;
     walk.reciprocal = safe_reciprocal(walk.d);
-    walk.pad = TOP_PAD * max(abs(walk.o.x), max(abs(walk.o.y), abs(walk.o.z)));
+    walk.pad = TOP_PAD * largest_of(walk.o);
     walk.nodes = FRAME.top_nodes;
 }
 

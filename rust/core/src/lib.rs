@@ -26,7 +26,8 @@ pub use array::{ArrayError, ArraySource, ArrayView, Element, ElementType, TypedA
 pub use camera::{Camera, CameraError, CameraRays};
 pub use material::{ColorSpace, Input, InputName, Material, MaterialFlags, TextureRef, Wrap};
 pub use mesh::{
-    Aabb, AnyAttribute, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, MeshAsset, MeshPrimvar, Triangle,
+    Aabb, AnyAttribute, Attribute, AttributeRate, Bvh2, Bvh4, Bvh4Node, BvhError, BvhNode, LevelNode, MeshAsset,
+    MeshPrimvar, Triangle,
 };
 pub use partition::{Chunk, ChunkInstance, OpenedAssembly, PartitionOptions, RECORD_BYTES, World, WorldError};
 pub use sampler::{pixel_seed, sample_4d};

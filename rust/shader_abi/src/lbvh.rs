@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The plan of a GPU build of an instance tree: Morton keys, sort, Karras hierarchy, refit.
+//! The plan of a GPU build of an instance tree: Morton keys, sort, Karras hierarchy, refit, four children to a node.
 //!
 //! Guarantees: [`steps`] is a pure function; the tree it makes depends only on the bounds (ties by index), not on timing.
 //! Any thread. Sources: Karras 2012, "Maximizing Parallelism in the Construction of BVHs, Octrees, and k-d Trees".
@@ -23,14 +23,14 @@ const RADIX_PASSES: u32 = 8;
 pub struct Job {
     /// [`LbvhBounds`] per item, 4-byte aligned.
     pub bounds: u64,
-    /// Room for `max(count - 1, 1)` [`crate::GpuNode`], 16-byte aligned. The root will be node 0; leaves have count 1 and
-    /// the item index as child.
+    /// Room for `max(count - 1, 1)` [`crate::GpuLevelNode`], 16-byte aligned, not all of which will be used. The root will be node 0; leaves
+    /// name the item.
     pub nodes: u64,
     /// Room for [`scratch_bytes`]`(count)`, 16-byte aligned; contents do not matter before, and are garbage after.
     pub scratch: u64,
-    /// Room for one u32: the number of node levels (1 for up to two items) = stack entries traversal may need.
+    /// Room for one u32: stack entries that a walk may need.
     pub depth: u64,
-    /// Items, at most [`MAX_ITEMS`]. 0 is allowed: one node with two empty children.
+    /// Items, at most [`MAX_ITEMS`]. 0 is allowed: one node without children.
     pub count: u32,
     /// Box around all items, in the same frame. Items outside of it only cost quality.
     pub around: LbvhBounds,
@@ -99,6 +99,7 @@ pub fn steps(job: &Job) -> Vec<Step> {
         steps.push(Step { module: &passes::LBVH_HIERARCHY, push, groups: items });
     }
     steps.push(Step { module: &passes::LBVH_REFIT, push, groups: items });
+    steps.push(Step { module: &passes::LBVH_WIDEN, push, groups: items });
     steps
 }
 

@@ -38,7 +38,7 @@ fn shaders_agree_with_rust() {
     for module in ALL {
         seen.extend(check::check(module.words, &layouts()).expect(module.name));
     }
-    for name in ["Frame", "Push", "Counters", "GpuInstance", "GpuMesh", "GpuLight", "FilmPixel", "GpuNode", "LbvhPush"]
+    for name in ["Frame", "Push", "Counters", "GpuInstance", "GpuMesh", "GpuLight", "FilmPixel", "LbvhNode", "LbvhPush"]
     {
         assert!(seen.contains(name), "{name} is in no pass");
     }

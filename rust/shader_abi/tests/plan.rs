@@ -81,7 +81,7 @@ fn a_build_keeps_to_its_scratch_memory() {
 fn parents_and_visits_do_not_touch_the_sorted_keys() {
     let step = lbvh_steps(&job(5000)).pop().expect("steps");
     assert_eq!((step.push.parents, step.push.visits), (step.push.keys_out, step.push.items_out));
-    assert_eq!(step.module.name, "lbvh_refit");
+    assert_eq!(step.module.name, "lbvh_widen");
 }
 
 #[test]
@@ -91,10 +91,10 @@ fn a_flat_box_gives_no_infinite_scale() {
 }
 
 #[test]
-fn one_item_needs_one_step() {
+fn one_item_needs_no_sort() {
     let names = |count| lbvh_steps(&job(count)).iter().map(|step| step.module.name).collect::<Vec<_>>();
-    assert_eq!(names(0), ["lbvh_refit"]);
-    assert_eq!(names(1), ["lbvh_refit"]);
-    assert_eq!(names(2), ["lbvh_sort_small", "lbvh_hierarchy", "lbvh_refit"]);
-    assert_eq!(names(5000).len(), 1 + 3 * 8 + 2);
+    assert_eq!(names(0), ["lbvh_refit", "lbvh_widen"]);
+    assert_eq!(names(1), ["lbvh_refit", "lbvh_widen"]);
+    assert_eq!(names(2), ["lbvh_sort_small", "lbvh_hierarchy", "lbvh_refit", "lbvh_widen"]);
+    assert_eq!(names(5000).len(), 1 + 3 * 8 + 3);
 }

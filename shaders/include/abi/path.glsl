@@ -96,6 +96,13 @@ struct LbvhBounds {
     vec3 max;
 };
 
+struct LbvhNode {
+    vec3 min[2];
+    vec3 max[2];
+    uint child[2];
+    uint count[2];
+};
+
 struct LbvhPush {
     uint64_t bounds;
     uint64_t keys_in;

@@ -3,11 +3,22 @@
 #ifndef OOCPT_ABI_SCENE_GLSL
 #define OOCPT_ABI_SCENE_GLSL
 
-struct GpuNode {
-    vec3 min[2];
-    vec3 max[2];
-    uint child[2];
-    uint count[2];
+struct GpuMeshNode {
+    uvec3 origin;
+    uint cell_and_counts;
+    uvec3 lower;
+    uvec3 upper;
+    uint first_child;
+    uint first_triangle;
+};
+
+struct GpuLevelNode {
+    uvec3 origin;
+    uint cell;
+    uvec3 lower;
+    uvec3 upper;
+    uint child[4];
+    uint pad[2];
 };
 
 struct GpuTriangle {
@@ -30,15 +41,15 @@ struct GpuInstance {
 struct GpuMesh {
     uint64_t nodes;
     uint64_t triangles;
+    float reach;
+    uint flags;
     uint64_t corner_indices;
     uint64_t normals;
     uint64_t colors;
     uint64_t opacities;
-    uint flags;
-    uint triangle_count;
     uint64_t primvars;
     uint primvar_count;
-    uint pad;
+    uint triangle_count;
 };
 
 struct GpuInput {

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::bvh::{Bvh2, build_bvh};
+use super::bvh4::{Bvh4, build_bvh4};
 use super::normals::smooth_normals;
 use super::primvar::{Layout, Slot, Source, convert, convert_wanted, subset_numbers};
 use super::split::{Order, arrange, expected_bytes, split_ordered};
@@ -66,7 +66,7 @@ pub(crate) fn build_mesh_with(
             clusters = split_ordered(&loose, cluster_bytes, Order::Authored).into_iter().map(Arc::new).collect();
         }
         Some(loose) => {
-            let (bvh, order) = build_bvh(&loose.triangles);
+            let (bvh, order) = build_bvh4(&loose.triangles);
             asset = Some(Arc::new(arrange(&loose, bvh, &order, None)));
         }
         None => (),
@@ -107,7 +107,7 @@ fn read_triangles(
     Some(MeshAsset {
         key,
         bounds: Aabb::EMPTY,
-        bvh: Bvh2::default(),
+        bvh: Bvh4::default(),
         triangles,
         corner_indices: if by_point { sources.iter().map(corner_points).collect() } else { Vec::new() },
         normals,

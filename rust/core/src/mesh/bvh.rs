@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! BVH2 over the triangles of a mesh or over boxes: built by `obvhs` (PLOC, Meister and Bittner 2018; reinsertion, Meister
+//! BVH2 over the triangles of a mesh, of which [`super::bvh4`] makes what the GPU walks, or over boxes: built by `obvhs` (PLOC, Meister and Bittner 2018; reinsertion, Meister
 //! and Bittner 2017), laid out for the GPU. Deterministic and never deeper than [`MAX_DEPTH`]. Pure; one thread per build.
 
 use bytemuck::{Pod, Zeroable};
@@ -13,7 +13,7 @@ use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use super::{Aabb, Triangle};
 
 /// Most triangles in a leaf.
-pub const MAX_LEAF_TRIANGLES: u32 = 4;
+pub const MAX_LEAF_TRIANGLES: u32 = 3;
 /// Deepest hierarchy that is given out; deeper ones (adversarial meshes) are built again, balanced.
 pub const MAX_DEPTH: u32 = 64;
 /// Cost of a node step in triangle tests, for collapsing leaves.
@@ -74,13 +74,13 @@ pub enum BvhError {
     /// A leaf is too large or out of range.
     #[error("node {0} has a leaf out of range")]
     Leaf(usize),
-    /// A box does not hold what is below it, or is larger than that.
+    /// A box does not hold what is below it, or is larger than that needs.
     #[error("node {0} has a box that does not fit its child")]
     Bounds(usize),
     /// An item (triangle or box) or node is not reached exactly once.
     #[error("an item or node is not reached exactly once")]
     Coverage,
-    /// The stored depth is wrong.
+    /// The stored depth, or the stack, is wrong.
     #[error("the depth is wrong")]
     Depth,
 }

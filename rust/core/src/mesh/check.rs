@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Checks every invariant of a [`Bvh2`]. For tests and for snapshots that are validated; pure.
+//! Checks every invariant of a [`Bvh2`] and of a [`Bvh4`]. For tests and for snapshots that are validated; pure.
 
 use super::bvh::{Bvh2, BvhError, MAX_LEAF_TRIANGLES};
+use super::bvh4::{Bvh4, Child, WIDTH};
 use super::{Aabb, Triangle};
 
 /// What a walk has seen so far.
@@ -11,6 +12,7 @@ struct Walk<'a> {
     max_leaf: u32,
     seen: Vec<bool>,
     nodes: usize,
+    /// Of a [`Bvh4`]: of the stack.
     depth: u32,
 }
 
@@ -75,6 +77,56 @@ impl Bvh2 {
             }
         }
         Ok(())
+    }
+}
+
+impl Bvh4 {
+    /// Checks every invariant against the triangles in BVH order: boxes hold what is in them with less than a cell to spare, every triangle and
+    /// node is reached exactly once, parents come before children, the stack is that of the longest way down.
+    ///
+    /// # Errors
+    /// The first broken invariant.
+    pub fn validate(&self, triangles: &[Triangle]) -> Result<(), BvhError> {
+        let boxes: Vec<Aabb> = triangles.iter().map(Triangle::bounds).collect();
+        if self.nodes.is_empty() || boxes.is_empty() {
+            return Err(BvhError::Empty);
+        }
+        let seen = vec![false; boxes.len()];
+        let mut walk = Walk { boxes: &boxes, max_leaf: MAX_LEAF_TRIANGLES, seen, nodes: 0, depth: 0 };
+        self.walk(&mut walk, 0, 0)?;
+        if walk.nodes != self.nodes.len() || walk.seen.contains(&false) {
+            return Err(BvhError::Coverage);
+        }
+        if walk.depth == self.stack { Ok(()) } else { Err(BvhError::Depth) }
+    }
+
+    /// Checks what is below node `at`, where `waiting` children wait on the stack; gives its box.
+    fn walk(&self, walk: &mut Walk<'_>, at: usize, waiting: u32) -> Result<Aabb, BvhError> {
+        let node = self.nodes.get(at).ok_or(BvhError::Child(at))?;
+        walk.nodes += 1;
+        let children: Vec<Child> = (0..4).map(|c| node.child(c)).take_while(|c| *c != Child::Absent).collect();
+        let waiting = waiting + u32::try_from(children.len()).unwrap_or(u32::MAX).saturating_sub(1);
+        walk.depth = walk.depth.max(waiting);
+        if children.is_empty() || (0..).take(WIDTH).skip(children.len()).any(|c| node.child(c) != Child::Absent) {
+            return Err(BvhError::Child(at));
+        }
+        let mut all = Aabb::EMPTY;
+        for (place, child) in children.into_iter().enumerate() {
+            let inside = match child {
+                Child::Inner(child) if child as usize > at => self.walk(walk, child as usize, waiting)?,
+                Child::Leaf { first, count } => walk.leaf(at, first as usize, count)?,
+                _ => return Err(BvhError::Child(at)),
+            };
+            for axis in 0..3 {
+                let [lower, upper] = node.planes(place, axis);
+                let spare = [f64::from(inside.min[axis]) - lower, upper - f64::from(inside.max[axis])];
+                if !spare.iter().all(|spare| (0.0..node.cell(axis)).contains(spare)) {
+                    return Err(BvhError::Bounds(at));
+                }
+            }
+            all = all.union(&inside);
+        }
+        Ok(all)
     }
 }
 

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Mesh assets: what a mesh becomes before it goes to the GPU. Immutable, shared by content.
 //!
-//! Stages: [`build`] runs `topology` (check, holes), `triangulate`, `primvar` and `normals`, and [`bvh`]; `split` cuts large
+//! Stages: [`build`] runs `topology` (check, holes), `triangulate`, `primvar` and `normals`, [`bvh`] and [`bvh4`]; `split` cuts large
 //! meshes into clusters; `key` is the content hash. Pure functions; called from rayon workers during a commit.
 
 mod attribute;
 pub mod build;
 pub mod bvh;
+pub mod bvh4;
 mod check;
 mod key;
 mod normals;
@@ -22,6 +23,7 @@ pub use attribute::{AnyAttribute, Attribute, AttributeRate, MeshPrimvar, WantedP
 pub(crate) use build::build_mesh_with;
 pub use build::{BuiltMesh, build_mesh, build_mesh_split};
 pub use bvh::{Bvh2, BvhError, BvhNode, build_box_bvh};
+pub use bvh4::{Bvh4, Bvh4Node, LevelNode, level_nodes};
 pub use key::mesh_key;
 pub(crate) use key::{is_same_mesh, mesh_key_with};
 pub use split::split_mesh;
@@ -102,7 +104,7 @@ pub struct MeshAsset {
     /// Box of all triangles.
     pub bounds: Aabb,
     /// Hierarchy over `triangles`.
-    pub bvh: Bvh2,
+    pub bvh: Bvh4,
     /// Triangles in BVH order.
     pub triangles: Vec<Triangle>,
     /// Point index of each corner, per triangle; empty unless an attribute has [`AttributeRate::Vertex`].

@@ -8,14 +8,14 @@
 use rayon::prelude::*;
 use xxhash_rust::xxh3::Xxh3;
 
-use super::bvh::build_bvh;
+use super::bvh4::{Bvh4, Bvh4Node, build_bvh4};
 use super::{
-    Aabb, AnyAttribute, Attribute, AttributeRate, Bvh2, BvhNode, MeshAsset, MeshPrimvar, PRIMVAR_BYTES, SECTION_ALIGN,
-    TRIANGLE_BYTES, Triangle, each_width,
+    Aabb, AnyAttribute, Attribute, AttributeRate, MeshAsset, MeshPrimvar, PRIMVAR_BYTES, SECTION_ALIGN, TRIANGLE_BYTES,
+    Triangle, each_width,
 };
 
-/// Expected nodes per 16 triangles. Measured: 5.0 to 5.5 for grids and closed surfaces, 5.3 to 6.2 for soups.
-const NODES_PER_16: u64 = 6;
+/// Expected nodes per 16 triangles. Measured: 3.7 to 4.0 for grids and closed surfaces, 3.4 to 3.5 for soups.
+const NODES_PER_16: u64 = 4;
 /// Clusters are planned this many sixteenths full, so that most need no second cut.
 const FILL_16: u64 = 15;
 
@@ -83,7 +83,7 @@ pub(super) fn expected_bytes(mesh: &MeshAsset) -> u64 {
 }
 
 fn node_bytes(triangles: u64) -> u64 {
-    (triangles * NODES_PER_16).div_ceil(16) * size_of::<BvhNode>() as u64
+    (triangles * NODES_PER_16).div_ceil(16) * size_of::<Bvh4Node>() as u64
 }
 
 impl Splitter<'_> {
@@ -116,7 +116,7 @@ impl Splitter<'_> {
         // The cuts leave them in no order worth keeping; neighbours in the mesh are often neighbours in space.
         members.sort_unstable();
         let triangles: Vec<Triangle> = pick(&self.mesh.triangles, &members);
-        let (bvh, order) = build_bvh(&triangles);
+        let (bvh, order) = build_bvh4(&triangles);
         let order: Vec<u32> = pick(&members, &order);
         let cluster = arrange(self.mesh, bvh, &order, Some(&self.points(&members)));
         (members.len() <= 1 || cluster.device_bytes() <= self.max_bytes).then_some(cluster)
@@ -156,7 +156,7 @@ impl Splitter<'_> {
 
 /// The triangles `order` of `mesh` as an asset with hierarchy `bvh`. With `points` (sorted) its corners and the values of
 /// attributes that go by points are cut down to these, else they stay as they are.
-pub(super) fn arrange(mesh: &MeshAsset, bvh: Bvh2, order: &[u32], points: Option<&[u32]>) -> MeshAsset {
+pub(super) fn arrange(mesh: &MeshAsset, bvh: Bvh4, order: &[u32], points: Option<&[u32]>) -> MeshAsset {
     let triangles = pick(&mesh.triangles, order);
     let mut corner_indices = pick(&mesh.corner_indices, order);
     if let Some(points) = points {

@@ -126,12 +126,12 @@ fn first_leaf(bvh: &Bvh2) -> usize {
 #[test]
 fn device_bytes_are_those_of_the_sections() {
     let mut one = triangle("/t", 0.0);
-    assert_eq!(build_mesh(&one, 1).asset.unwrap().device_bytes(), 64 + 48, "a node and a triangle");
+    assert_eq!(build_mesh(&one, 1).asset.unwrap().device_bytes(), 48 + 48, "a node and a triangle");
     one.display_color = Some(primvar(Interpolation::Vertex, vec![[0.5_f32, 0.5, 0.5]; 3]));
     // 12 bytes of corner indices take 16, 36 of colours 48.
-    assert_eq!(build_mesh(&one, 1).asset.unwrap().device_bytes(), 64 + 48 + 16 + 48, "colours of the points");
+    assert_eq!(build_mesh(&one, 1).asset.unwrap().device_bytes(), 48 + 48 + 16 + 48, "colours of the points");
     one.display_opacity = Some(primvar(Interpolation::Constant, vec![0.5_f32]));
-    assert_eq!(build_mesh(&one, 1).asset.unwrap().device_bytes(), 64 + 48 + 16 + 48 + 16, "and one opacity");
+    assert_eq!(build_mesh(&one, 1).asset.unwrap().device_bytes(), 48 + 48 + 16 + 48 + 16, "and one opacity");
     let grid = build_mesh(&grid("/g", 20), 1).asset.unwrap();
-    assert_eq!(grid.device_bytes(), 64 * grid.bvh.nodes.len() as u64 + 48 * 800, "without attributes");
+    assert_eq!(grid.device_bytes(), 48 * grid.bvh.nodes.len() as u64 + 48 * 800, "without attributes");
 }

@@ -12,7 +12,7 @@ fn ordered(triangles: &[Triangle]) -> (Bvh2, Vec<Triangle>) {
     (bvh, ordered)
 }
 
-fn soup(n: u32, spread: f32) -> Vec<Triangle> {
+pub(crate) fn soup(n: u32, spread: f32) -> Vec<Triangle> {
     let mut state = 1_u32;
     let mut next = move || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -92,7 +92,7 @@ fn the_checker_sees_each_planted_error() {
 }
 
 /// Distance along a ray to a triangle (Moeller and Trumbore 1997), in f64.
-fn hit(triangle: &Triangle, origin: glam::DVec3, direction: glam::DVec3) -> Option<f64> {
+pub(crate) fn hit(triangle: &Triangle, origin: glam::DVec3, direction: glam::DVec3) -> Option<f64> {
     let [a, b, c] = triangle.vertices.map(|v| Vec3::from(v).as_dvec3());
     let (e, f) = (b - a, c - a);
     let p = direction.cross(f);

@@ -15,6 +15,7 @@ mod bindings;
 mod boxes;
 #[cfg(test)]
 mod bvh;
+mod bvh4;
 #[cfg(test)]
 mod cameras;
 #[cfg(test)]

@@ -48,8 +48,8 @@ pub(crate) struct SceneView {
     pub(crate) texture_pages: u64,
     /// Longest chain of instance records inside a chunk.
     pub(crate) max_levels: u32,
-    /// Levels of nodes of the top level.
-    top_depth: u32,
+    /// Stack entries that a walk of the top level needs.
+    top_stack: u32,
     /// Traversal stack entries of a ray.
     pub(crate) stack_size: u32,
 }
@@ -64,7 +64,7 @@ impl SceneView {
     pub(crate) fn with_stack(self, stack_entries: u32) -> Self {
         // One more entry per way back to a level above, and one for the end. Rounded up, so that small edits do not ask for
         // new pipelines.
-        let stack_size = (self.top_depth + stack_entries + self.max_levels + 2).next_multiple_of(16);
+        let stack_size = (self.top_stack + stack_entries + self.max_levels + 2).next_multiple_of(16);
         Self { stack_size, ..self }
     }
 }
@@ -231,12 +231,12 @@ impl Scene {
 
     /// Stack entries that the resident chunks need below the top level.
     pub(crate) fn stack_entries(&self) -> u32 {
-        let depth = |asset: AssetId| {
+        let own = |asset: AssetId| {
             let source = self.assets.sources.get(asset as usize);
-            source.and_then(|source| self.store.get(&source.key())).map_or(0, |resident| resident.depth)
+            source.and_then(|source| self.store.get(&source.key())).map_or(0, |resident| resident.stack)
         };
         let chunks = (0..).take(self.assets.chunk_count());
-        chunks.map(|chunk| self.assets.stack_of(chunk, depth)).max().unwrap_or(0)
+        chunks.map(|chunk| self.assets.stack_of(chunk, own)).max().unwrap_or(0)
     }
 
     /// What the passes need, for chunks that need `stack_entries` below the top level.
@@ -244,7 +244,6 @@ impl Scene {
         let Some(tables) = &self.tables else {
             return Err(RenderError::Internal("the scene's tables were not made".into()));
         };
-        let world = &self.assets.snapshot.world;
         let view = SceneView {
             top_nodes: tables.top_nodes.address(),
             chunk_instances: tables.chunk_instances.address(),
@@ -259,7 +258,7 @@ impl Scene {
             textures: tables.textures.as_ref().map_or(0, |textures| textures.records.address()),
             texture_pages: tables.textures.as_ref().map_or(0, |textures| textures.pages.address()),
             max_levels: self.levels(),
-            top_depth: world.top.depth,
+            top_stack: self.assets.top.stack,
             stack_size: 0,
         };
         Ok(view.with_stack(stack_entries))

@@ -10,6 +10,8 @@ use super::source::{AssetKey, Source};
 use crate::error::RenderError;
 use crate::textures::TextureSet;
 use oocpt_core::inventory::Inventory;
+use oocpt_core::mesh::{LevelNode, level_nodes};
+use oocpt_core::partition::World;
 use oocpt_core::residency::{AssetId, Catalog, ChunkId};
 use oocpt_core::scene::{Snapshot, Target};
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -37,10 +39,27 @@ pub(crate) struct SceneAssets {
     pub(crate) tile_bytes: u64,
     /// Most bytes that building one asset takes for a moment.
     pub(crate) workspace_bytes: u64,
+    /// The tree over chunk instances.
+    pub(crate) top: TopLevel,
     /// `bytes` by what they hold.
     sections: [u64; Source::SECTIONS.len()],
     meshes: usize,
     assemblies: usize,
+}
+
+/// The tree over chunk instances as the device walks it.
+#[derive(Debug)]
+pub(crate) struct TopLevel {
+    pub(crate) nodes: Vec<LevelNode>,
+    /// Stack entries that a walk needs.
+    pub(crate) stack: u32,
+}
+
+impl TopLevel {
+    fn new(world: &World) -> Self {
+        let (nodes, stack) = level_nodes(&world.top);
+        Self { nodes, stack }
+    }
 }
 
 /// What an asset id stands for in the tables.
@@ -101,16 +120,16 @@ impl SceneAssets {
         }
         let catalog = Catalog::new(sources.iter().map(Source::bytes).collect(), per_unit)
             .map_err(|error| RenderError::Internal(format!("the scene's assets: {error}")))?;
-        let catalog = Arc::new(catalog);
         Ok(Self {
             snapshot: Arc::clone(snapshot),
             textures: Arc::clone(textures),
             sources,
-            catalog,
+            catalog: Arc::new(catalog),
             needed,
             bytes,
             tile_bytes,
             workspace_bytes,
+            top: TopLevel::new(world),
             sections,
             meshes,
             assemblies,
@@ -153,9 +172,9 @@ impl SceneAssets {
         self.needed.iter().filter_map(|id| Some((*id, self.sources.get(*id as usize)?.key())))
     }
 
-    /// Traversal stack entries below the top level that a walk through `chunk` may need; `depth` tells the levels of an
-    /// asset's own tree.
-    pub(crate) fn stack_of(&self, chunk: ChunkId, depth: impl Fn(AssetId) -> u32) -> u32 {
+    /// Traversal stack entries below the top level that a walk through `chunk` may need; `own` tells those of an asset's
+    /// own tree.
+    pub(crate) fn stack_of(&self, chunk: ChunkId, own: impl Fn(AssetId) -> u32) -> u32 {
         // Ids of a closure ascend, so children come before what places them and the chunk itself comes last.
         let mut entries: FxHashMap<AssetId, u32> = FxHashMap::default();
         let mut last = 0;
@@ -165,7 +184,7 @@ impl SceneAssets {
                 Some(Source::Chunk(chunk)) => self.deepest(chunk.targets(), &entries),
                 Some(Source::Mesh(_) | Source::Tile(..)) | None => 0,
             };
-            last = depth(asset) + below;
+            last = own(asset) + below;
             entries.insert(asset, last);
         }
         last

@@ -5,10 +5,10 @@ use super::source::{MeshLayout, Source, values};
 use super::surfaces::attributes;
 use super::values::ValueLayout;
 use crate::error::RenderError;
-use oocpt_core::mesh::{BvhNode, MeshAsset, Triangle};
+use oocpt_core::mesh::{Bvh4Node, MeshAsset, Triangle};
 use oocpt_core::scene::{InstanceFlags, InstanceRecord, Target};
 use oocpt_gpu::{Commands, DeviceRange, Gpu, StagingRing, StagingSlice, Submission};
-use oocpt_shader_abi::{GpuInstance, GpuNode, GpuTriangle, LbvhBounds, TARGET_ASSEMBLY};
+use oocpt_shader_abi::{GpuInstance, GpuMeshNode, GpuTriangle, LbvhBounds, TARGET_ASSEMBLY};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -143,7 +143,9 @@ impl<'a> Writer<'a> {
     fn mesh(&mut self, mesh: &MeshAsset, target: &dyn DeviceRange) -> Result<(), RenderError> {
         let layout = MeshLayout::new(mesh);
         let nodes = &mesh.bvh.nodes;
-        self.section(target, 0, (nodes.len(), size_of::<GpuNode>()), |first, out| convert(&nodes[first..], out, node))?;
+        self.section(target, 0, (nodes.len(), size_of::<GpuMeshNode>()), |first, out| {
+            convert(&nodes[first..], out, node)
+        })?;
         let triangles = &mesh.triangles;
         let items = (triangles.len(), size_of::<GpuTriangle>());
         self.section(target, layout.triangles, items, |first, out| {
@@ -225,8 +227,9 @@ fn convert<T, G: bytemuck::Pod>(items: &[T], out: &mut [u8], convert: impl Fn(&T
     }
 }
 
-fn node(node: &BvhNode) -> GpuNode {
-    GpuNode { min: node.min, max: node.max, child: node.child, count: node.count }
+fn node(node: &Bvh4Node) -> GpuMeshNode {
+    let Bvh4Node { origin, cell_and_counts, lower, upper, first_child, first_triangle } = *node;
+    GpuMeshNode { origin, cell_and_counts, lower, upper, first_child, first_triangle }
 }
 
 fn triangle(triangle: &Triangle) -> GpuTriangle {

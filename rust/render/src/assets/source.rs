@@ -11,8 +11,8 @@ use oocpt_core::partition::Chunk;
 use oocpt_core::scene::{Assembly, InstanceColumn, InstanceRecord};
 use oocpt_shader_abi as abi;
 use oocpt_shader_abi::{
-    GpuAssembly, GpuAttribute, GpuInstance, GpuMesh, GpuNode, GpuTriangle, LBVH_MAX_ITEMS, LbvhBounds, LbvhJob,
-    MeshFlags, lbvh_scratch_bytes,
+    GpuAssembly, GpuAttribute, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuTriangle, LBVH_MAX_ITEMS,
+    LbvhBounds, LbvhJob, MeshFlags, lbvh_scratch_bytes,
 };
 use std::ops::Range;
 use std::sync::Arc;
@@ -73,7 +73,7 @@ impl MeshLayout {
             end = (end + bytes).next_multiple_of(ALIGN);
             start
         };
-        section((mesh.bvh.nodes.len() * size_of::<GpuNode>()) as u64);
+        section((mesh.bvh.nodes.len() * size_of::<GpuMeshNode>()) as u64);
         let layout = Self {
             triangles: section((mesh.triangles.len() * size_of::<GpuTriangle>()) as u64),
             corners: section(size_of_val(mesh.corner_indices.as_slice()) as u64),
@@ -94,7 +94,7 @@ fn record_bytes(count: usize) -> u64 {
 }
 
 fn node_bytes(count: usize) -> u64 {
-    (count.saturating_sub(1).max(1) * size_of::<GpuNode>()) as u64
+    (count.saturating_sub(1).max(1) * size_of::<GpuLevelNode>()) as u64
 }
 
 impl Source {
@@ -241,10 +241,10 @@ impl Source {
         if records <= limit { Ok(()) } else { Err(("instances in one instancer", records, limit)) }
     }
 
-    /// Levels of nodes of its own tree where they are known before it is built.
-    pub(crate) fn known_depth(&self) -> Option<u32> {
+    /// Stack entries that a walk of its own tree needs, where they are known before it is built.
+    pub(crate) fn known_stack(&self) -> Option<u32> {
         match self {
-            Self::Mesh(mesh) => Some(mesh.bvh.depth),
+            Self::Mesh(mesh) => Some(mesh.bvh.stack),
             Self::Tile(..) => Some(0),
             _ => None,
         }
@@ -291,6 +291,7 @@ impl Source {
         Some(GpuMesh {
             nodes: base,
             triangles: base + layout.triangles,
+            reach: mesh.bounds.min.iter().chain(&mesh.bounds.max).fold(0.0, |reach, x| x.abs().max(reach)),
             corner_indices: at(!mesh.corner_indices.is_empty(), layout.corners),
             normals: at(mesh.normals.is_some(), layout.normals),
             colors: at(mesh.colors.is_some(), layout.colors),
@@ -304,7 +305,6 @@ impl Source {
             triangle_count: u32::try_from(mesh.triangles.len()).unwrap_or(u32::MAX),
             primvars: at(!mesh.primvars.is_empty(), layout.primvars),
             primvar_count: u32::try_from(mesh.primvars.len()).unwrap_or(0),
-            pad: 0,
         })
     }
 

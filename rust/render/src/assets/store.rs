@@ -20,8 +20,8 @@ use std::time::Duration;
 #[derive(Debug)]
 pub(crate) struct Resident {
     memory: Arc<HeapRange>,
-    /// Levels of nodes of its own tree.
-    pub(crate) depth: u32,
+    /// Stack entries that a walk of its own tree needs.
+    pub(crate) stack: u32,
 }
 
 impl Resident {
@@ -175,12 +175,12 @@ impl Store {
         arrived: &mut Arrived,
     ) {
         arrived.bytes += bytes;
-        let depth = assets.sources.get(asset as usize).and_then(Source::known_depth);
-        match (depth, self.arriving.get_mut(&asset)) {
-            (Some(depth), Some(_)) => {
+        let stack = assets.sources.get(asset as usize).and_then(Source::known_stack);
+        match (stack, self.arriving.get_mut(&asset)) {
+            (Some(stack), Some(_)) => {
                 arrived.copies.extend(copies);
                 if let Some(arriving) = self.arriving.remove(&asset) {
-                    self.ready(assets, asset, arriving.memory, depth);
+                    self.ready(assets, asset, arriving.memory, stack);
                     arrived.ready.push(asset);
                 }
             }
@@ -192,9 +192,9 @@ impl Store {
         }
     }
 
-    fn ready(&mut self, assets: &SceneAssets, asset: AssetId, memory: Arc<HeapRange>, depth: u32) {
+    fn ready(&mut self, assets: &SceneAssets, asset: AssetId, memory: Arc<HeapRange>, stack: u32) {
         if let Some(source) = assets.sources.get(asset as usize) {
-            self.resident.insert(source.key(), Resident { memory, depth });
+            self.resident.insert(source.key(), Resident { memory, stack });
         }
     }
 

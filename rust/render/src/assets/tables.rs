@@ -17,7 +17,7 @@ use oocpt_core::partition::{ChunkInstance, PlacedValues};
 use oocpt_core::residency::AssetId;
 use oocpt_gpu::{Commands, HeapRange};
 use oocpt_shader_abi::{
-    GpuAssembly, GpuChunk, GpuChunkInstance, GpuLight, GpuMesh, GpuNode, GpuTexture, PAGE_BROKEN, TEXTURE_SRGB,
+    GpuAssembly, GpuChunk, GpuChunkInstance, GpuLevelNode, GpuLight, GpuMesh, GpuTexture, PAGE_BROKEN, TEXTURE_SRGB,
 };
 use std::ops::Range;
 use std::time::Duration;
@@ -135,7 +135,7 @@ impl Tables {
     pub(crate) fn bytes(assets: &SceneAssets, lights: usize) -> u64 {
         let (snapshot, world) = (&assets.snapshot, &assets.snapshot.world);
         let tables = [
-            (world.top.nodes.len(), size_of::<GpuNode>()),
+            (assets.top.nodes.len(), size_of::<GpuLevelNode>()),
             (world.instances.len(), size_of::<GpuChunkInstance>()),
             (world.chunks.len(), size_of::<GpuChunk>()),
             (snapshot.assemblies.len(), size_of::<GpuAssembly>()),
@@ -199,8 +199,8 @@ impl Tables {
         let ring = device.loader()?.ring();
         let mut writer = Writer::new(&device.gpu, ring);
         let tables = Self {
-            // BvhNode has the layout of GpuNode; the shader_abi tests compare them.
-            top_nodes: table(device, &mut writer, "top level", bytemuck::cast_slice(&world.top.nodes))?,
+            // LevelNode has the layout of GpuLevelNode.
+            top_nodes: table(device, &mut writer, "top level", bytemuck::cast_slice(&assets.top.nodes))?,
             chunk_instances: table(device, &mut writer, "chunk instances", bytemuck::cast_slice(&instances))?,
             chunks: table(device, &mut writer, "chunk table", bytemuck::cast_slice(&entries.chunks))?,
             assemblies: table(device, &mut writer, "assembly table", bytemuck::cast_slice(&entries.assemblies))?,

@@ -143,11 +143,11 @@ impl<'a> Residency<'a> {
     }
 
     fn grow_stack(&mut self, chunk: ChunkId) {
-        let depth = |asset: AssetId| {
+        let own = |asset: AssetId| {
             let key = self.assets.sources.get(asset as usize).map(|source| source.key());
-            key.and_then(|key| self.store.get(&key)).map_or(0, |resident| resident.depth)
+            key.and_then(|key| self.store.get(&key)).map_or(0, |resident| resident.stack)
         };
-        self.stack_entries = self.stack_entries.max(self.assets.stack_of(chunk, depth));
+        self.stack_entries = self.stack_entries.max(self.assets.stack_of(chunk, own));
     }
 
     /// Asks the planner what to do about `demand`, and begins to do it; loads of chunks that rays wait for as far as `agrees` agrees.

@@ -265,7 +265,7 @@ pub struct AovClear {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Frame {
-    /// [`crate::GpuNode`] array of the top level: leaves are single chunk instances, boxes are in the world; at least one node.
+    /// [`crate::GpuLevelNode`] array of the top level: leaves are single chunk instances, boxes are in the world; at least one node.
     /// 16-byte aligned, as all node, triangle and instance arrays are.
     pub top_nodes: u64,
     /// [`crate::GpuChunkInstance`] array; its order decides ties between equally close hits. 16-byte aligned.

@@ -5,10 +5,11 @@
 
 use super::{
     Adaptive, AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAssembly, GpuAttribute, GpuCdf, GpuChunk,
-    GpuChunkInstance, GpuInfiniteLight, GpuInput, GpuInstance, GpuLight, GpuLightLeaf, GpuLightMap, GpuLightMesh,
-    GpuLightNode, GpuLightShaping, GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight,
-    GpuNode, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, LbvhBounds, LbvhPush,
-    Lighting, PathState, Pending, Push, Question, Ray, Roulette, Segment, ShadowRay, Streaming,
+    GpuChunkInstance, GpuInfiniteLight, GpuInput, GpuInstance, GpuLevelNode, GpuLight, GpuLightLeaf, GpuLightMap,
+    GpuLightMesh, GpuLightNode, GpuLightShaping, GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh,
+    GpuMeshLight, GpuMeshNode, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs,
+    LbvhBounds, LbvhNode, LbvhPush, Lighting, PathState, Pending, Push, Question, Ray, Roulette, Segment, ShadowRay,
+    Streaming,
 };
 use core::mem::{offset_of, size_of};
 
@@ -170,21 +171,23 @@ pub const LAYOUTS: &[StructLayout] = &[
         albedo,
         cone
     }),
-    layout!(GpuNode { min, max, child, count }),
+    layout!(GpuMeshNode { origin, cell_and_counts, lower, upper, first_child, first_triangle }),
+    layout!(GpuLevelNode { origin, cell, lower, upper, child, pad }),
+    layout!(LbvhNode { min, max, child, count }),
     layout!(GpuTriangle { v0, face, v1, pad1, v2, pad2 }),
     layout!(GpuInstance { object_from_parent, target, prim_id, index_in_prototype, prototype_count }),
     layout!(GpuMesh {
         nodes,
         triangles,
+        reach,
+        flags,
         corner_indices,
         normals,
         colors,
         opacities,
-        flags,
-        triangle_count,
         primvars,
         primvar_count,
-        pad
+        triangle_count
     }),
     layout!(GpuInput { value, bias, row_s, kind, row_t, texture }),
     layout!(GpuMaterial { inputs, flags, opacity_threshold, names, set_fallback, pad }),

@@ -21,7 +21,7 @@ pub use frame::{
     SPEC_FEATURES, SPEC_LOBES, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
 };
 pub use layout::{LAYOUTS, MemberLayout, StructLayout};
-pub use lbvh::{LbvhBounds, LbvhPush};
+pub use lbvh::{LbvhBounds, LbvhNode, LbvhPush};
 pub use light::{
     GpuCdf, GpuInfiniteLight, GpuLightKind, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
     GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMeshLight, LIGHT_LEAF, LIGHT_TREE_DEPTH, LightFlags, Lighting,
@@ -34,8 +34,9 @@ pub use material::{
 };
 pub use path::{Counters, IndirectArgs, PathState, Ray, ShadowRay, hit_stride};
 pub use scene::{
-    AttributeRate, GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuLight, GpuMesh, GpuNode, GpuTriangle,
-    MAX_LEAF_ITEMS, MeshFlags, NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_ROW, NO_VALUE, TARGET_ASSEMBLY,
+    AttributeRate, GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuLevelNode, GpuLight, GpuMesh, GpuMeshNode,
+    GpuTriangle, MAX_LEAF_ITEMS, MeshFlags, NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_ROW, NO_VALUE,
+    TARGET_ASSEMBLY,
 };
 pub use stream::{
     GpuSurface, LIGHT_PATH_BYTES, MATERIAL_BIT, MAX_PENDING, Pending, Question, Roulette, SHADOW_BIT, Segment,

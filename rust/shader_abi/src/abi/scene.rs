@@ -21,19 +21,43 @@ pub const NO_ROW: u32 = u32::MAX;
 /// Most triangles a leaf may hold. First triangle of a leaf, node and instance index must be below 2^28.
 pub const MAX_LEAF_ITEMS: u32 = 8;
 
-/// BVH2 node, 64 B, with the boxes of both children; the layout of `oocpt_core::BvhNode`.
-/// The root is node 0. An absent child has the empty box (+inf, -inf).
+/// Node of a hierarchy over instances, 64 B: as [`GpuMeshNode`], but children are named one by one; the layout of `oocpt_core::LevelNode`.
+/// The root is node 0.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct GpuNode {
-    /// Lower corners of the children's boxes.
-    pub min: [[f32; 3]; 2],
-    /// Upper corners of the children's boxes.
-    pub max: [[f32; 3]; 2],
-    /// `count == 0`: index of the child node; else first triangle, or the instance index.
-    pub child: [u32; 2],
-    /// Triangles in the leaf child (1..=8), 1 for an instance, 0 for an inner child.
-    pub count: [u32; 2],
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct GpuLevelNode {
+    /// As [`GpuMeshNode::origin`].
+    pub origin: [u32; 3],
+    /// A byte to an axis, as in [`GpuMeshNode::cell_and_counts`].
+    pub cell: u32,
+    /// As [`GpuMeshNode::lower`].
+    pub lower: [u32; 3],
+    /// As [`GpuMeshNode::upper`].
+    pub upper: [u32; 3],
+    /// A node; bit 31 and an instance; or `u32::MAX`: nothing.
+    pub child: [u32; 4],
+    /// 0.
+    pub pad: [u32; 2],
+}
+
+/// Node of a mesh's hierarchy, 48 B: the boxes of at most four children on a grid of its own; the layout of `oocpt_core::Bvh4Node`.
+/// The root is node 0. Inner children come first, then leaves.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct GpuMeshNode {
+    /// Lower corner of the grid, the bits of three floats.
+    pub origin: [u32; 3],
+    /// A byte to an axis: exponent of the cell's edge, biased as in floats. From bit 24, two bits to a child: triangles of the leaf (1..=3), 0 for
+    /// an inner or absent child.
+    pub cell_and_counts: u32,
+    /// Per axis, a byte to a child: its lower plane, in cells from the origin.
+    pub lower: [u32; 3],
+    /// The same of the upper planes.
+    pub upper: [u32; 3],
+    /// Node of the first inner child, the others follow; how many, in the four highest bits.
+    pub first_child: u32,
+    /// First triangle of the first leaf, the others follow.
+    pub first_triangle: u32,
 }
 
 /// Triangle in its mesh's frame, in BVH order, 48 B, authored winding.
@@ -112,12 +136,16 @@ impl MeshFlags {
 
 /// Where the parts of a mesh are, 72 B. Addresses are device addresses; absent parts are 0.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct GpuMesh {
-    /// [`GpuNode`] array, 16-byte aligned.
+    /// [`GpuMeshNode`] array, 16-byte aligned.
     pub nodes: u64,
     /// [`GpuTriangle`] array, 16-byte aligned.
     pub triangles: u64,
+    /// The largest coordinate of a corner, without its sign.
+    pub reach: f32,
+    /// [`MeshFlags::with_rates`].
+    pub flags: u32,
     /// u32x3 per triangle; needed when an attribute has rate `Vertex`. 4-byte aligned, as all below.
     pub corner_indices: u64,
     /// f32x3 values, in the mesh's frame.
@@ -126,23 +154,19 @@ pub struct GpuMesh {
     pub colors: u64,
     /// f32 values in [0, 1].
     pub opacities: u64,
-    /// [`MeshFlags::with_rates`].
-    pub flags: u32,
-    /// Triangles.
-    pub triangle_count: u32,
     /// [`crate::GpuAttribute`] array, 16-byte aligned: primvars that materials read. 0 without any.
     pub primvars: u64,
     /// Their number.
     pub primvar_count: u32,
-    /// 0.
-    pub pad: u32,
+    /// Triangles.
+    pub triangle_count: u32,
 }
 
 /// Where the parts of an assembly are, 24 B.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct GpuAssembly {
-    /// [`GpuNode`] array over the instances, 16-byte aligned.
+    /// [`GpuLevelNode`] array over the instances, 16-byte aligned.
     pub nodes: u64,
     /// [`GpuInstance`] array, 16-byte aligned.
     pub instances: u64,
@@ -154,7 +178,7 @@ pub struct GpuAssembly {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct GpuChunk {
-    /// [`GpuNode`] array over the records, 16-byte aligned.
+    /// [`GpuLevelNode`] array over the records, 16-byte aligned.
     pub nodes: u64,
     /// [`GpuInstance`] array, 16-byte aligned; the maps start from the chunk's own frame.
     pub instances: u64,

@@ -3,12 +3,12 @@
 //! instances that overlap, far from the origin.
 
 use glam::{DAffine3, DQuat, DVec3};
-use oocpt_core::Aabb;
-use oocpt_core::mesh::build_box_bvh;
+use oocpt_core::mesh::bvh4::build_bvh4;
+use oocpt_core::mesh::{LevelNode, build_box_bvh, level_nodes};
+use oocpt_core::{Aabb, Triangle};
 use oocpt_gpu::{Buffer, Gpu, Usage};
 use oocpt_shader_abi::{
-    GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuMesh, GpuNode, GpuTriangle, MeshFlags, NO_ROW,
-    TARGET_ASSEMBLY,
+    GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuMesh, GpuTriangle, MeshFlags, NO_ROW, TARGET_ASSEMBLY,
 };
 use std::sync::Arc;
 
@@ -92,9 +92,8 @@ fn corners(bounds: &Aabb) -> impl Iterator<Item = DVec3> {
     })
 }
 
-fn nodes(boxes: &[Aabb]) -> Vec<GpuNode> {
-    let node = |n: &oocpt_core::BvhNode| GpuNode { min: n.min, max: n.max, child: n.child, count: n.count };
-    build_box_bvh(boxes).nodes.iter().map(node).collect()
+fn nodes(boxes: &[Aabb]) -> Vec<LevelNode> {
+    level_nodes(&build_box_bvh(boxes)).0
 }
 
 /// Records under a tree, and the box around them.
@@ -161,26 +160,32 @@ impl Scene {
         for face in 0..24 {
             let at = random.point();
             let [v0, v1, v2] = [(); 3].map(|()| (at + 0.6 * random.point()).as_vec3().to_array());
-            triangles.push(GpuTriangle { v0, face, v1, pad1: 0, v2, pad2: 0 });
+            triangles.push(Triangle { vertices: [v0, v1, v2], face });
         }
-        let points = |t: &GpuTriangle| [t.v0, t.v1, t.v2].map(|v| DVec3::from(v.map(f64::from))).into_iter();
-        let boxes: Vec<Aabb> = triangles.iter().map(|t| around(points(t), 0.0)).collect();
+        let (bvh, order) = build_bvh4(&triangles);
+        let ordered = order.iter().map(|&at| {
+            let Triangle { vertices: [v0, v1, v2], face } = triangles[at as usize];
+            GpuTriangle { v0, face, v1, pad1: 0, v2, pad2: 0 }
+        });
+        let ordered: Vec<GpuTriangle> = ordered.collect();
+        let points = |t: &Triangle| t.vertices.map(|v| DVec3::from(v.map(f64::from))).into_iter();
+        let bounds = around(triangles.iter().flat_map(points), 0.0);
         let flags = if is_veil { MeshFlags::HAS_OPACITIES } else { MeshFlags::empty() };
         let constant = oocpt_shader_abi::AttributeRate::Constant;
         let mesh = GpuMesh {
-            nodes: self.put(&nodes(&boxes)),
-            triangles: self.put(&triangles),
+            nodes: self.put(&bvh.nodes),
+            triangles: self.put(&ordered),
+            reach: bounds.min.iter().chain(&bounds.max).fold(0.0, |reach, x| x.abs().max(reach)),
+            flags: flags.with_rates(constant, constant, constant),
             corner_indices: 0,
             normals: 0,
             colors: 0,
             opacities: self.put(&[0.4_f32]),
-            flags: flags.with_rates(constant, constant, constant),
-            triangle_count: 24,
             primvars: 0,
             primvar_count: 0,
-            pad: 0,
+            triangle_count: 24,
         };
-        (mesh, around(triangles.iter().flat_map(points), 0.0))
+        (mesh, bounds)
     }
 
     fn group(&mut self, random: &mut Random, targets: &[(u32, Aabb)], count: u32) -> Group {

@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Hierarchies as the GPU walks them: four children to a node, their boxes in 8 bits per plane on a grid of the node's own (after Ylitie,
+//! Karras and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs").
+//!
+//! Made from a [`Bvh2`]: a node takes up its grandchildren, those of its largest child first. Planes are rounded outwards, so a box holds
+//! what is in it. Over the triangles of a mesh ([`Bvh4`]) the children lie one after the other; over boxes ([`LevelNode`]) each is named, as
+//! the device names them when it builds such a tree itself (`shaders/lbvh/widen.comp`). Pure; one thread per build.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::bvh::{Bvh2, build_bvh};
+use super::{Aabb, Triangle};
+
+/// Children of a node.
+pub const WIDTH: usize = 4;
+/// Cells along an axis of a node's grid: fewer than planes can tell, for the rounding of their number and the margin.
+const CELLS: f64 = 253.0;
+/// Cells that planes over boxes are further out at least. Walks do not pad these boxes as they do those of meshes, and the planes' own
+/// rounding is 2^-24 of the grid's 255 cells at each of two steps.
+const MARGIN: f64 = 1.0 / 8192.0;
+/// In [`LevelNode::child`]: an item.
+pub const LEAF: u32 = 1 << 31;
+/// In [`LevelNode::child`]: nothing.
+pub const ABSENT: u32 = u32::MAX;
+/// Place of the number of inner children in [`Bvh4Node::first_child`].
+const INNER_SHIFT: u32 = 28;
+
+/// A node: the boxes of at most four children, 48 bytes. Inner children come first, then leaves.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct Bvh4Node {
+    /// Lower corner of the grid, the bits of three `f32`.
+    pub origin: [u32; 3],
+    /// From the lowest byte: the exponents of the cell's edges, biased as in `f32` and never 0; then, two bits to a child, the triangles of a leaf
+    /// (1 to 3), 0 for an inner or absent child.
+    pub cell_and_counts: u32,
+    /// Per axis, a byte to a child from the lowest: its lower plane, in cells from the origin.
+    pub lower: [u32; 3],
+    /// The same of the upper planes.
+    pub upper: [u32; 3],
+    /// Node of the first inner child, the others follow; in the four highest bits how many there are.
+    pub first_child: u32,
+    /// First triangle of the first leaf, the others follow; below 2^28.
+    pub first_triangle: u32,
+}
+
+/// What a child is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Child {
+    /// A node.
+    Inner(u32),
+    /// Triangles.
+    Leaf {
+        /// The first one, in BVH order.
+        first: u32,
+        /// How many.
+        count: u32,
+    },
+    /// Nothing.
+    Absent,
+}
+
+impl Bvh4Node {
+    /// Edge of a cell along `axis`.
+    #[must_use]
+    pub fn cell(&self, axis: usize) -> f64 {
+        f64::from(f32::from_bits((self.cell_and_counts >> (8 * axis) & 255) << 23))
+    }
+
+    /// Lower and upper plane of child `at` along `axis`, exact but for the rounding of double precision.
+    #[must_use]
+    pub fn planes(&self, at: usize, axis: usize) -> [f64; 2] {
+        let origin = f64::from(f32::from_bits(self.origin[axis]));
+        [self.lower[axis], self.upper[axis]]
+            .map(|planes| origin + f64::from(planes >> (8 * at) & 255) * self.cell(axis))
+    }
+
+    /// What child `at` (0 to 3) is.
+    #[must_use]
+    pub fn child(&self, at: u32) -> Child {
+        let count = |at: u32| self.cell_and_counts >> (24 + 2 * at) & 3;
+        if at < self.first_child >> INNER_SHIFT {
+            Child::Inner((self.first_child & ((1 << INNER_SHIFT) - 1)) + at)
+        } else if count(at) > 0 {
+            Child::Leaf { first: self.first_triangle + (0..at).map(count).sum::<u32>(), count: count(at) }
+        } else {
+            Child::Absent
+        }
+    }
+}
+
+/// Node of a hierarchy over boxes, 64 bytes: grid and planes as those of [`Bvh4Node`].
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct LevelNode {
+    /// As [`Bvh4Node::origin`].
+    pub origin: [u32; 3],
+    /// Exponents as in [`Bvh4Node::cell_and_counts`], no counts.
+    pub cell: u32,
+    /// As [`Bvh4Node::lower`].
+    pub lower: [u32; 3],
+    /// As [`Bvh4Node::upper`].
+    pub upper: [u32; 3],
+    /// A node, [`LEAF`] and the number of a box, or [`ABSENT`].
+    pub child: [u32; WIDTH],
+    /// 0.
+    pub pad: [u32; 2],
+}
+
+impl LevelNode {
+    /// Planes of child `at` along `axis`, as [`Bvh4Node::planes`].
+    #[must_use]
+    pub fn planes(&self, at: usize, axis: usize) -> [f64; 2] {
+        let Self { origin, cell, lower, upper, .. } = *self;
+        Bvh4Node { origin, cell_and_counts: cell, lower, upper, ..Bvh4Node::default() }.planes(at, axis)
+    }
+}
+
+/// A four-wide hierarchy; node 0 is the root.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Bvh4 {
+    /// Nodes, parents before children.
+    pub nodes: Vec<Bvh4Node>,
+    /// Stack entries that suffice for a walk: on the longest way down, the children that wait.
+    pub stack: u32,
+}
+
+/// Builds the hierarchy over `triangles` (at least one, finite, fewer than 2^28) and the BVH order: `order[k]` is the number of the triangle
+/// at place k.
+#[must_use]
+pub fn build_bvh4(triangles: &[Triangle]) -> (Bvh4, Vec<u32>) {
+    let (bvh, order) = build_bvh(triangles);
+    let mut places = Vec::with_capacity(order.len());
+    let (nodes, stack) = widen(&bvh, |parts, inner, first_child| {
+        let Grid { origin, cell, lower, upper } = encode(parts, 0.0);
+        let mut node = Bvh4Node { origin, cell_and_counts: cell, lower, upper, ..Bvh4Node::default() };
+        node.first_child = index(inner) << INNER_SHIFT | first_child;
+        node.first_triangle = index(places.len());
+        for (at, part) in parts.iter().enumerate() {
+            node.cell_and_counts |= (part.count & 3) << (24 + 2 * at);
+        }
+        for leaf in &parts[inner..] {
+            places.extend(leaf.child..leaf.child + leaf.count);
+        }
+        node
+    });
+    (Bvh4 { nodes, stack }, places.iter().filter_map(|&place| order.get(place as usize).copied()).collect())
+}
+
+/// The hierarchy of `bvh`, which is one over boxes ([`super::build_box_bvh`]), and the stack entries that suffice for a walk. Without
+/// boxes one node without children.
+#[must_use]
+pub fn level_nodes(bvh: &Bvh2) -> (Vec<LevelNode>, u32) {
+    widen(bvh, |parts, inner, first_child| {
+        let Grid { origin, cell, lower, upper } = encode(parts, MARGIN);
+        let mut child = [ABSENT; WIDTH];
+        for ((slot, part), at) in child.iter_mut().zip(parts).zip(0..) {
+            *slot = if (at as usize) < inner { first_child + at } else { LEAF | part.child };
+        }
+        LevelNode { origin, cell, lower, upper, child, pad: [0; 2] }
+    })
+}
+
+/// A child of a node of the binary hierarchy.
+#[derive(Clone, Copy)]
+struct Part {
+    bounds: Aabb,
+    child: u32,
+    /// Triangles of a leaf.
+    count: u32,
+}
+
+/// The nodes that `emit` makes of the parts of a node, how many of them are inner and where these will be; and the stack entries that
+/// suffice for a walk.
+fn widen<N: Copy + Default>(bvh: &Bvh2, mut emit: impl FnMut(&[Part], usize, u32) -> N) -> (Vec<N>, u32) {
+    let (mut nodes, mut stack) = (vec![N::default()], 0);
+    let mut open = vec![(0_u32, 0_usize, 0_u32)];
+    while let Some((node, slot, waiting)) = open.pop() {
+        let parts = parts_of(bvh, node);
+        let inner = parts.iter().take_while(|part| part.count == 0).count();
+        let first_child = nodes.len();
+        nodes.resize(first_child + inner, N::default());
+        nodes[slot] = emit(&parts, inner, index(first_child));
+        let waiting = waiting + index(parts.len().saturating_sub(1));
+        stack = stack.max(waiting);
+        let inner = parts[..inner].iter().enumerate().rev();
+        open.extend(inner.map(|(at, part)| (part.child, first_child + at, waiting)));
+    }
+    (nodes, stack)
+}
+
+fn index(of: usize) -> u32 {
+    u32::try_from(of).unwrap_or(u32::MAX)
+}
+
+/// At most four descendants of a node that hold all that is below it, inner ones first.
+fn parts_of(bvh: &Bvh2, node: u32) -> Vec<Part> {
+    let children = |node: u32| {
+        let node = bvh.nodes.get(node as usize);
+        let sides = node.into_iter().flat_map(|node| (0..2).map(move |side| (node, side)));
+        let parts = sides.map(|(n, side)| Part { bounds: n.bounds(side), child: n.child[side], count: n.count[side] });
+        parts.filter(|part| part.count > 0 || !part.bounds.is_empty())
+    };
+    let mut parts: Vec<Part> = children(node).collect();
+    while parts.len() < WIDTH {
+        let inner = parts.iter().enumerate().filter(|(_, part)| part.count == 0);
+        let largest = inner.max_by(|(_, a), (_, b)| half_area(&a.bounds).total_cmp(&half_area(&b.bounds)));
+        let Some((at, &part)) = largest else { break };
+        parts.splice(at..=at, children(part.child));
+    }
+    parts.sort_by_key(|part| part.count > 0);
+    parts
+}
+
+/// Half the surface of a box, which single precision may not hold.
+fn half_area(b: &Aabb) -> f64 {
+    let [x, y, z] = [0, 1, 2].map(|k| f64::from(b.max[k]) - f64::from(b.min[k]));
+    x * y + y * z + z * x
+}
+
+/// The grid of a node and the planes of its children.
+#[derive(Default)]
+struct Grid {
+    origin: [u32; 3],
+    cell: u32,
+    lower: [u32; 3],
+    upper: [u32; 3],
+}
+
+/// The planes of `parts`, further out by `margin` cells at least.
+fn encode(parts: &[Part], margin: f64) -> Grid {
+    let all = parts.iter().fold(Aabb::EMPTY, |b, part| b.union(&part.bounds));
+    let mut grid = Grid::default();
+    if all.is_empty() {
+        return grid;
+    }
+    for axis in 0..3 {
+        let origin = if margin > 0.0 { below(all.min[axis], all.max[axis]) } else { all.min[axis] };
+        grid.origin[axis] = origin.to_bits();
+        let origin = f64::from(origin);
+        let exponent = cell_exponent((f64::from(all.max[axis]) - origin) / CELLS);
+        let cell = f64::from(f32::from_bits(exponent << 23));
+        grid.cell |= exponent << (8 * axis);
+        for (at, part) in parts.iter().enumerate() {
+            let cells = |plane: f32| (f64::from(plane) - origin) / cell;
+            grid.lower[axis] |= byte((cells(part.bounds.min[axis]) - margin).floor()) << (8 * at);
+            grid.upper[axis] |= byte((cells(part.bounds.max[axis]) + margin).ceil()) << (8 * at);
+        }
+    }
+    grid
+}
+
+/// Where the grid of a box begins, so far below it that the margin fits.
+fn below(min: f32, max: f32) -> f32 {
+    let spare = (max / 256.0 - min / 256.0).max(min.abs() * 2.0_f32.powi(-22)).max(1e-30);
+    min - spare
+}
+
+/// The biased exponent of the smallest power of two that is a normal `f32` and not below `edge`.
+fn cell_exponent(edge: f64) -> u32 {
+    let bits = edge.to_bits();
+    let exponent = (bits >> 52) + u64::from(bits & ((1 << 52) - 1) != 0);
+    u32::try_from(exponent.saturating_sub(1023 - 127)).unwrap_or(253).clamp(1, 253)
+}
+
+/// A whole number from 0 to 255.
+fn byte(cells: f64) -> u32 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    let byte = cells.clamp(0.0, 255.0) as u32;
+    byte
+}

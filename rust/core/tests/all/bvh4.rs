@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The four-wide hierarchies of meshes: invariants, their checker, boxes of any size, and a walk against brute force.
+
+use glam::DVec3;
+use oocpt_core::mesh::build_box_bvh;
+use oocpt_core::mesh::bvh4::{ABSENT, Bvh4, Child, LEAF, build_bvh4, level_nodes};
+use oocpt_core::{Aabb, BvhError, Triangle};
+use proptest::prelude::*;
+
+use crate::bvh::{hit, soup};
+
+fn ordered(triangles: &[Triangle]) -> (Bvh4, Vec<Triangle>) {
+    let (bvh, order) = build_bvh4(triangles);
+    let ordered = order.iter().map(|&i| triangles[i as usize]).collect();
+    (bvh, ordered)
+}
+
+/// `n` triangles, axis `k` stretched by `stretch[k]` and moved by `shift`.
+fn placed(n: u32, stretch: [f32; 3], shift: f32) -> Vec<Triangle> {
+    let mut triangles = soup(n, 20.0);
+    for corner in triangles.iter_mut().flat_map(|t| &mut t.vertices) {
+        for k in 0..3 {
+            corner[k] = corner[k] * stretch[k] + shift;
+        }
+    }
+    triangles
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+    #[test]
+    fn every_triangle_is_in_one_leaf_and_boxes_hold_what_is_in_them(
+        n in 1_u32..400,
+        x in prop_oneof![Just(0.0_f32), Just(1.0), Just(1e-38), Just(1e36)],
+        y in prop_oneof![Just(0.0_f32), Just(1.0), Just(1e-20), Just(1e18)],
+        shift in prop_oneof![Just(0.0_f32), Just(-1e7), Just(1e30)],
+    ) {
+        let (bvh, ordered) = ordered(&placed(n, [x, y, 1.0], shift));
+        prop_assert_eq!(bvh.validate(&ordered), Ok(()));
+        let mut faces: Vec<u32> = ordered.iter().map(|t| t.face).collect();
+        faces.sort_unstable();
+        prop_assert!(faces.iter().copied().eq(0..n));
+    }
+}
+
+#[test]
+fn a_triangle_alone_is_the_only_child() {
+    let (bvh, ordered) = ordered(&soup(1, 1.0));
+    assert_eq!((bvh.nodes.len(), bvh.stack), (1, 0));
+    assert_eq!(bvh.nodes[0].child(0), Child::Leaf { first: 0, count: 1 });
+    assert!((1..4).all(|at| bvh.nodes[0].child(at) == Child::Absent));
+    assert_eq!(bvh.validate(&ordered), Ok(()));
+}
+
+#[test]
+fn nodes_have_three_children_and_more_on_average() {
+    let (bvh, _) = ordered(&soup(10_000, 100.0));
+    let children = bvh.nodes.iter().flat_map(|node| (0..4).map(|at| node.child(at)));
+    let there = children.filter(|child| *child != Child::Absent).count();
+    assert!(there >= 3 * bvh.nodes.len(), "{there} children of {} nodes", bvh.nodes.len());
+}
+
+/// The largest finite numbers, and a plane that is flat in one axis: cells neither overflow nor vanish.
+#[test]
+fn boxes_as_large_and_as_flat_as_single_precision_allows() {
+    let corner = |s: f32| Triangle { vertices: [[s, -s, 7.0], [-s, s, 7.0], [s, s, 7.0]], face: 0 };
+    for s in [f32::MAX, f32::MIN_POSITIVE, 1.0] {
+        let triangles = vec![corner(s), corner(0.5 * s), corner(0.25 * s), corner(0.75 * s)];
+        let (bvh, ordered) = ordered(&triangles);
+        assert_eq!(bvh.validate(&ordered), Ok(()), "{s}");
+        assert!((0..3).all(|axis| bvh.nodes[0].cell(axis) >= f64::from(f32::MIN_POSITIVE)), "{s}: {:?}", bvh.nodes[0]);
+    }
+}
+
+#[test]
+fn the_checker_sees_each_planted_error() {
+    let (good, ordered) = ordered(&soup(100, 10.0));
+    let with = |change: &dyn Fn(&mut Bvh4)| {
+        let mut bvh = good.clone();
+        change(&mut bvh);
+        bvh.validate(&ordered)
+    };
+    let leaf = good.nodes.iter().position(|n| matches!(n.child(0), Child::Leaf { .. })).unwrap();
+    assert_eq!(with(&|_| ()), Ok(()));
+    assert_eq!(with(&|b| b.nodes.clear()), Err(BvhError::Empty));
+    assert_eq!(with(&|b| b.stack += 1), Err(BvhError::Depth));
+    // A plane one cell further in, and one further out, of the first child.
+    assert_eq!(with(&|b| b.nodes[leaf].upper[1] -= 1), Err(BvhError::Bounds(leaf)));
+    assert_eq!(with(&|b| b.nodes[0].lower[1] = 0), Err(BvhError::Bounds(0)));
+    assert_eq!(with(&|b| b.nodes[leaf].first_triangle = 100), Err(BvhError::Leaf(leaf)));
+    assert_eq!(with(&|b| b.nodes[0].first_child &= !0xff), Err(BvhError::Child(0)));
+    assert!(with(&|b| b.nodes[leaf].cell_and_counts &= 0x00ff_ffff).is_err());
+    assert_eq!(with(&|b| b.nodes.push(b.nodes[0])), Err(BvhError::Coverage));
+}
+
+fn nearest(bvh: &Bvh4, triangles: &[Triangle], origin: DVec3, direction: DVec3) -> Option<f64> {
+    let mut best = f64::INFINITY;
+    let mut stack = vec![0_usize];
+    while let Some(node) = stack.pop().map(|n| &bvh.nodes[n]) {
+        for at in 0..4 {
+            let [x, y, z] = [0, 1, 2].map(|axis| node.planes(at as usize, axis));
+            let (min, max) = (DVec3::new(x[0], y[0], z[0]), DVec3::new(x[1], y[1], z[1]));
+            let (t0, t1) = ((min - origin) / direction, (max - origin) / direction);
+            if t0.min(t1).max_element() > t0.max(t1).min_element() {
+                continue;
+            }
+            match node.child(at) {
+                Child::Inner(child) => stack.push(child as usize),
+                Child::Leaf { first, count } => {
+                    let leaf = &triangles[first as usize..][..count as usize];
+                    let hits = leaf.iter().filter_map(|triangle| hit(triangle, origin, direction));
+                    best = hits.fold(best, f64::min);
+                }
+                Child::Absent => {}
+            }
+        }
+        assert!(stack.len() <= bvh.stack as usize + 1, "the stack suffices");
+    }
+    best.is_finite().then_some(best)
+}
+
+#[test]
+fn a_walk_finds_what_brute_force_finds() {
+    let (bvh, ordered) = ordered(&soup(1500, 8.0));
+    let mut hits = 0;
+    for k in 0..300_u32 {
+        let [x, y, z, w] = oocpt_core::sample_4d(k, 0, 3).map(f64::from);
+        let origin = DVec3::new(-2.0, 9.0 * x, 9.0 * y);
+        let direction = DVec3::new(1.0, z - 0.5, w - 0.5);
+        let brute = ordered.iter().filter_map(|t| hit(t, origin, direction)).reduce(f64::min);
+        assert_eq!(nearest(&bvh, &ordered, origin, direction), brute);
+        hits += u32::from(brute.is_some());
+    }
+    assert!(hits > 50, "{hits}");
+}
+
+/// Follows every way down; gives the boxes that were reached and checks that planes hold them with a little to spare, and no more than two cells.
+fn reached(boxes: &[Aabb]) -> Vec<u32> {
+    let (nodes, stack) = level_nodes(&build_box_bvh(boxes));
+    let (mut items, mut most) = (Vec::new(), 0);
+    let mut open = vec![(0_u32, 0_u32)];
+    while let Some((at, waiting)) = open.pop() {
+        let node = &nodes[at as usize];
+        let there: u32 = node.child.iter().map(|&child| u32::from(child != ABSENT)).sum();
+        let waiting = waiting + there.saturating_sub(1);
+        most = most.max(waiting);
+        for (place, &child) in node.child.iter().enumerate().filter(|(_, child)| **child != ABSENT) {
+            if child & LEAF == 0 {
+                open.push((child, waiting));
+                continue;
+            }
+            let item = child & !LEAF;
+            items.push(item);
+            for axis in 0..3 {
+                let [lower, upper] = node.planes(place, axis);
+                let cell = f64::from(f32::from_bits((node.cell >> (8 * axis) & 255) << 23));
+                let item = &boxes[item as usize];
+                for spare in [f64::from(item.min[axis]) - lower, upper - f64::from(item.max[axis])] {
+                    let cells = spare / cell;
+                    assert!((1.2e-4..1.01).contains(&cells), "{cells} cells of {cell} along {axis}: {item:?}");
+                }
+            }
+        }
+    }
+    assert_eq!(most, stack, "the stack of the longest way down");
+    items.sort_unstable();
+    items
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+    #[test]
+    fn every_box_is_one_leaf_with_a_margin(
+        n in 0_u32..300,
+        size in prop_oneof![Just(0.0_f32), Just(1e-20), Just(1.0), Just(1e18)],
+        spread in prop_oneof![Just(0.0_f32), Just(1e-10), Just(30.0), Just(1e18)],
+        shift in prop_oneof![Just(0.0_f32), Just(-1e7), Just(1e17)],
+    ) {
+        let corner = |k: u32, d: u32| oocpt_core::sample_4d(k, d, 5);
+        let boxes: Vec<Aabb> = (0..n).map(|k| {
+            let (a, b) = (corner(k, 0), corner(k, 1));
+            let min = [a[0], a[1], a[2]].map(|v| v * spread + shift);
+            Aabb { min, max: [0, 1, 2].map(|axis| min[axis] + b[axis] * size) }
+        }).collect();
+        prop_assert!(reached(&boxes).into_iter().eq(0..n));
+    }
+}

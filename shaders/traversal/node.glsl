@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+// A node of a tree: four children, their boxes in 8 bits per plane (after Ylitie, Karras and Laine 2017). In meshes it takes three vectors of
+// 16 bytes, and children lie one after the other; in all levels above four, and children are named.
+// Of each box the plane where the ray comes in and the one where it leaves are taken by the signs of its direction.
+//
+// A plane from the ray's origin, fma(number, cell, origin of the grid - origin of the ray), is off by 2^-24 of itself and as much of the grid's
+// distance, which is at most the plane's and the grid's size. What goes with the plane's distance is in SLAB_PAD; what goes with the grid's
+// size, in the padding of meshes and in the margin of all other boxes.
+#ifndef OOCPT_NODE_GLSL
+#define OOCPT_NODE_GLSL
+
+#include "traversal/box.glsl"
+#include "traversal/stack.glsl"
+
+// Entry distance of a child that is not met.
+const float MISSED = LARGEST;
+// Reference of a child that is not there.
+const uint ABSENT = 0xffffffffu;
+
+struct Node {
+    vec3 origin; // of the grid, from the ray's
+    vec3 cell;
+    uvec3 near; // planes where the ray comes in, a byte to a child
+    uvec3 far;
+    uvec4 children; // references
+};
+
+// `counts`: two bits to a child; nodes come first, as many as the highest bits of `first` say.
+uvec4 mesh_children(uint counts, uint first, uint first_triangle) {
+    const uint inner = first >> 28;
+    const uint node = first & 0x0fffffffu;
+    uvec4 children;
+    uint triangle = first_triangle;
+    for (uint i = 0u; i < 4u; ++i) {
+        const uint count = (counts >> (2u * i)) & 3u;
+        children[i] = i < inner ? node + i : count == 0u ? ABSENT : LEAF | (count - 1u) << 28 | triangle;
+        triangle += count;
+    }
+    return children;
+}
+
+Node load_node(uint64_t nodes, uint reference, bool in_mesh, vec3 o, bvec3 is_backward) {
+    const uint at = reference * (in_mesh ? 3u : 4u);
+    const uvec4 a = ConstUVec4s(nodes).v[at];
+    const uvec4 b = ConstUVec4s(nodes).v[at + 1u];
+    const uvec4 c = ConstUVec4s(nodes).v[at + 2u];
+    const uvec3 lower = b.xyz;
+    const uvec3 upper = uvec3(b.w, c.xy);
+    Node node;
+    node.origin = uintBitsToFloat(a.xyz) - o;
+    node.cell = uintBitsToFloat((uvec3(a.w, a.w >> 8, a.w >> 16) & 255u) << 23);
+    node.near = mix(lower, upper, is_backward);
+    node.far = mix(upper, lower, is_backward);
+    node.children = in_mesh ? mesh_children(a.w >> 24, c.z, c.w) : uvec4(c.zw, ConstUVec4s(nodes).v[at + 3u].xy);
+    return node;
+}
+
+// Where the ray enters the box of child `i`, or MISSED. `pad` has the signs of the direction.
+float hit_child(Node node, uint i, vec3 pad, vec3 reciprocal, float limit) {
+    const vec3 a = fma(vec3((node.near >> (8u * i)) & 255u), node.cell, node.origin - pad) * reciprocal;
+    const vec3 b = fma(vec3((node.far >> (8u * i)) & 255u), node.cell, node.origin + pad) * reciprocal;
+    const float enter = max(max(a.x, a.y), max(a.z, 0.0));
+    const float leave = min(min(b.x, b.y), b.z) * SLAB_PAD;
+    return node.children[i] != ABSENT && enter <= min(leave, limit) ? enter : MISSED;
+}
+
+// Puts the nearer of two children first.
+void sort_pair(inout vec4 entries, inout uvec4 children, uint i, uint j) {
+    if (entries[j] < entries[i]) {
+        const float entry = entries[i];
+        const uint child = children[i];
+        entries[i] = entries[j];
+        children[i] = children[j];
+        entries[j] = entry;
+        children[j] = child;
+    }
+}
+
+#endif
