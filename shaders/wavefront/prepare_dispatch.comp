@@ -29,6 +29,7 @@ void prepare_trace() {
     uint shadows = COUNTERS.shadow_count;
     COUNTERS.ray_args = indirect(rays);
     COUNTERS.shadow_args = indirect(shadows);
+    if (rays + shadows + COUNTERS.resolve_count > 0u) COUNTERS.busy_rounds += 1u;
     if (HAS_STREAMING) {
         rays -= COUNTERS.resumed_rays;
         shadows -= COUNTERS.resumed_shadows;

@@ -105,6 +105,26 @@ def test_doctor_says_once_what_is_missing(oocpt, tmp_path, text, flags, words):
     assert not done.stdout, "nothing is told of it"
 
 
+def test_doctor_names_the_device_and_what_is_wrong_with_the_scene(oocpt, tmp_path):
+    """A host warns of bad data and renders the rest, and so does the doctor: one line for each prim, without where in our code it was said."""
+    done = oocpt("doctor", "--scene", small.FOLDER / "bad_data.usda", "--camera", "/World/Camera", "--alone", "--json")
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    assert said["device"], "the device that rendered has a name"
+    for name in small.BAD_PRIMS:
+        warned = [warning for warning in said["warnings"] if f"/World/{name}:" in warning]
+        assert len(warned) == 1 and warned[0].startswith("OocPT: "), (name, said["warnings"])
+    scene = tmp_path / "gone.usda"
+    scene.write_text(PLAIN.replace('"Board" {', '"Board" (references = @gone_away.usda@) {'))
+    words = oocpt("doctor", "--scene", scene, "--camera", "/World/Nowhere", "--alone")
+    assert words.returncode == 0, words.stderr
+    head, _, warned = words.stdout.partition("\nthe host warned\n")
+    assert said["device"] in head.splitlines()[0] and "(1 level of instances" in head, head
+    assert "gone_away.usda" in warned and "/World/Nowhere" in warned and "/World/Board" in warned, words.stdout
+    quiet = oocpt("doctor", "--scene", small.FOLDER / "lambert.usda", "--camera", "/World/Camera", "--alone")
+    assert "warned" not in quiet.stdout, quiet.stdout
+
+
 def test_a_file_that_names_another_report_is_told_apart(oocpt, tmp_path):
     """Settings of the stage win over the environment: the doctor then has nothing to read, and writes over nothing."""
     scene, other = tmp_path / "other.usda", tmp_path / "precious.txt"

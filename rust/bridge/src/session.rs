@@ -277,11 +277,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn validation_is_off_unless_asked_for() {
-        let with = |text: &'static str| options(|name| (name == "OOCPT_VALIDATION").then(|| text.to_owned()));
-        assert!(!options(|_| None).validation, "unset");
-        assert!(!with("0").validation, "zero");
-        assert!(with("1").validation, "one");
+    fn validation_and_profiling_are_off_unless_asked_for() {
+        let with = |key: &'static str, text: &'static str| options(move |name| (name == key).then(|| text.to_owned()));
+        let unset = options(|_| None);
+        assert!(!unset.validation && !unset.profile, "unset");
+        let of = |text| {
+            let (validation, profile) = (with("OOCPT_VALIDATION", text), with("OOCPT_PROFILE", text));
+            assert!(!validation.profile && !profile.validation, "each has its own variable");
+            [validation.validation, profile.profile]
+        };
+        assert_eq!(of("0"), [false; 2], "zero");
+        assert_eq!(of("1"), [true; 2], "one");
     }
 
     #[test]

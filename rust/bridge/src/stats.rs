@@ -191,6 +191,7 @@ mod tests {
             samples_target: 64,
             gpu_bytes: 1 << 20,
             annotation: "16 of 64 samples".into(),
+            passes: vec![("resolve".into(), 0.25, 3), ("accumulate".into(), 1.5, 12)],
             ..Stats::default()
         };
         let values = named_values(&stats);
@@ -201,6 +202,8 @@ mod tests {
         assert_eq!(find("gpuMemoryUsed").integer, 1 << 20, "bytes");
         assert_eq!(find("renderProgressAnnotation").text, "16 of 64 samples", "annotation");
         assert_eq!(find("rendererName").text, "OocPT", "name");
+        let passes = "resolve 0.250000 3; accumulate 1.500000 12";
+        assert_eq!(find("oocpt:passSeconds").text, passes, "seconds by pass");
     }
 
     /// Each number of the streaming statistics is listed under its own name, with the prefix and in camel case.

@@ -50,7 +50,7 @@ pub(crate) struct ErrorLog {
 }
 
 impl ErrorLog {
-    /// Begins a render; opens the files that the settings name.
+    /// Begins a render; reads the picture that the settings name.
     pub(crate) fn start(shared: &Shared, job: &Job) -> Self {
         let pixels = job.request.pixels();
         let target = f64::from(job.settings.target_error);
@@ -60,18 +60,12 @@ impl ErrorLog {
                 .inspect_err(|error| shared.report(Severity::Warning, format!("oocpt:reference: {error}")))
                 .ok(),
         };
-        let writer = match job.settings.report.as_str() {
-            "" => None,
-            file => begin(shared, job, file)
-                .inspect_err(|error| shared.report(Severity::Warning, format!("oocpt:report: {file}: {error}")))
-                .ok(),
-        };
         let open = if target > 0.0 { pixels << FEWEST_TO_STOP } else { u64::MAX };
         let has_halves = job.settings.adaptive_sampling;
         Self {
             convergence: Convergence::default(),
             pixels,
-            writer,
+            writer: None,
             reference,
             target,
             is_good: false,
@@ -79,6 +73,16 @@ impl ErrorLog {
             open,
             last: None,
         }
+    }
+
+    /// Begins the report that the settings name, once the device that it names is open.
+    pub(crate) fn open_report(&mut self, shared: &Shared, job: &Job) {
+        self.writer = match job.settings.report.as_str() {
+            "" => None,
+            file => begin(shared, job, file)
+                .inspect_err(|error| shared.report(Severity::Warning, format!("oocpt:report: {file}: {error}")))
+                .ok(),
+        };
     }
 
     /// Whether waves are to end where octaves do, so that a row has the time of its own samples.

@@ -81,6 +81,7 @@ impl Renderer {
         let mut progress = Progress::start(gate.shared(), job);
         let device = self.open(job)?;
         *lock(&gate.shared().device) = Some(device.gpu.report().clone());
+        progress.device_opened(job);
         if let Some(requests) = job.options.fail_allocation_after {
             device.gpu.fail_allocation_after(requests);
         }

@@ -84,6 +84,11 @@ impl<'a> Progress<'a> {
         }
     }
 
+    /// The device is open: a report names it.
+    pub(crate) fn device_opened(&mut self, job: &Job) {
+        self.log.open_report(self.shared, job);
+    }
+
     /// Paths of the whole render.
     pub(crate) fn total_paths(&self) -> u64 {
         self.pixels * u64::from(self.samples)

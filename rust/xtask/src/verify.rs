@@ -5,7 +5,7 @@
 //! `OOCPT_USD_PYTHON` to start the other one, and `usdrecord` in `PATH`.
 //!
 //! Without a GPU the plugin is built and Python runs beside the Rust tests, which leave cores idle while they compile shaders; its lines begin
-//! with [`MARK`] then. On a GPU one after the other: two would share its memory.
+//! with [`MARK`] then. On a GPU one after the other: two would share its memory. [`WITHOUT_GPU`] says what else differs.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
@@ -24,6 +24,11 @@ use crate::{shell, system};
 const NOTHING_COLLECTED: i32 = 5;
 /// What a line of Python's begins with, where others stand between.
 const MARK: &str = "[python] ";
+/// Profiles of nextest and the threads that Mesa's software renderer has in them, besides the one that submits; none = as many as it likes. With a
+/// GPU one has all tests, without they share them (`.config/nextest.toml` says why).
+type NextestProfile = (&'static str, Option<&'static str>);
+const ON_GPU: &[NextestProfile] = &[("default", None)];
+const WITHOUT_GPU: &[NextestProfile] = &[("software", Some("0")), ("software-threads", None)];
 
 /// Builds everything and runs all tests whose name contains `filter`; every runner runs, even if another failed.
 ///
@@ -71,18 +76,24 @@ fn all_python_tests(
 }
 
 fn rust_tests(places: &Places, filter: Option<&str>) -> Result<bool> {
-    let mut tests = if succeeds("cargo-nextest", ["nextest", "--version"]) {
-        let mut nextest = cargo(places, "nextest run");
-        nextest.args(["--workspace", "--cargo-profile", PROFILE, "--no-tests", "pass"]);
-        nextest
-    } else {
+    if !succeeds("cargo-nextest", ["nextest", "--version"]) {
         // Tests of a binary share a process here, and with it the device.
         let mut plain = cargo(places, "test");
         plain.args(["--workspace", "--profile", PROFILE]).env("RUST_TEST_THREADS", "1");
-        plain
-    };
-    shell::apply(&shell::for_wheel(places), &mut tests);
-    passes(tests.args(filter))
+        shell::apply(&shell::for_wheel(places), &mut plain);
+        return passes(plain.args(filter));
+    }
+    let mut all_pass = true;
+    for (profile, driver_threads) in if system::has_gpu() { ON_GPU } else { WITHOUT_GPU } {
+        let mut nextest = cargo(places, "nextest run");
+        nextest.args(["--workspace", "--profile", profile, "--cargo-profile", PROFILE, "--no-tests", "pass"]);
+        shell::apply(&shell::for_wheel(places), &mut nextest);
+        if let Some(threads) = driver_threads {
+            nextest.env("LP_NUM_THREADS", threads);
+        }
+        all_pass &= passes(nextest.args(filter))?;
+    }
+    Ok(all_pass)
 }
 
 fn python_tests(
@@ -154,5 +165,19 @@ mod tests {
         assert_eq!(marked_status(&mut child, "").unwrap(), 3, "of the shell");
         assert_eq!(marked_status(Command::new("sh").args(["-c", "kill -9 $$"]), "").unwrap(), -1, "a signal");
         assert!(marked_status(&mut Command::new("/no such program"), "").is_err(), "it cannot be started");
+    }
+
+    /// What one profile leaves out the other one has, so that no test is lost between them.
+    #[test]
+    fn the_profiles_without_a_gpu_share_all_tests() {
+        let config = concat!(env!("CARGO_MANIFEST_DIR"), "/../../.config/nextest.toml");
+        let config = std::fs::read_to_string(config).unwrap();
+        let filter_of = |profile: &str| {
+            let section = config.split(&format!("[profile.{profile}]\n")).nth(1).unwrap();
+            section.lines().next().unwrap().strip_prefix("default-filter = ").unwrap().trim_matches('"').to_owned()
+        };
+        let [(most, _), (rest, _)] = WITHOUT_GPU else { panic!("two profiles") };
+        assert_eq!(filter_of(most), format!("not ({})", filter_of(rest)), "of {most}");
+        assert_eq!(config.matches("default-filter").count(), WITHOUT_GPU.len(), "and no other profile leaves any out");
     }
 }

@@ -63,6 +63,8 @@ struct Counters {
     uint resolve_count;
     uint resolve_base;
     IndirectArgs resolve_args;
+    uint busy_rounds;
+    uint pad;
 };
 
 struct FilmPixel {

@@ -21,6 +21,9 @@ static FOLDERS: AtomicU64 = AtomicU64::new(0);
 const TAIL: u64 = 16 << 10;
 /// Lines of it that are shown.
 const LINES: usize = 4;
+/// Warnings of a host that rendered: how much of its standard error is looked at, bytes, and how many lines are told.
+const HEAD: u64 = 256 << 10;
+const WARNINGS: usize = 100;
 
 /// How to ask.
 #[derive(Debug)]
@@ -37,6 +40,14 @@ pub(super) struct Question<'a> {
     pub(super) timeout: Duration,
 }
 
+/// What a host that rendered gave.
+#[derive(Debug)]
+pub(super) struct Answer {
+    pub(super) report: ErrorReport,
+    /// What it said on standard error: prims with bad data, files that are not there.
+    pub(super) warnings: Vec<String>,
+}
+
 /// A folder that is removed with all that is in it.
 struct Folder(PathBuf);
 
@@ -48,15 +59,15 @@ impl Drop for Folder {
     }
 }
 
-/// Renders the file and gives the report of the last render.
-pub(super) fn ask(question: &Question<'_>) -> Result<ErrorReport> {
+/// Renders the file and gives the report of the last render, and what the host said.
+pub(super) fn ask(question: &Question<'_>) -> Result<Answer> {
     let file = std::fs::canonicalize(question.file)
         .with_context(|| format!("cannot open {}: neither a file nor a generated scene", question.file.display()))?;
     let number = FOLDERS.fetch_add(1, Ordering::Relaxed);
     let folder = Folder(std::env::temp_dir().join(format!("oocpt-doctor-{}-{number}", std::process::id())));
     std::fs::create_dir(&folder.0).with_context(|| format!("cannot make {}", folder.0.display()))?;
-    let (report, log) = (folder.0.join("report.jsonl"), folder.0.join("log"));
-    let output = File::create(&log).context("cannot keep the host's output")?;
+    let [report, output, errors] = ["report.jsonl", "output", "errors"].map(|name| folder.0.join(name));
+    let keep = |path: &Path| File::create(path).context("cannot keep the host's output");
     let mut command = Command::new(question.usdrecord);
     command
         .args(["--renderer", "OocPT", "--disableGpu", "--disableCameraLight", "--enableDomeLightVisibility"])
@@ -69,8 +80,8 @@ pub(super) fn ask(question: &Question<'_>) -> Result<ErrorReport> {
         .env("OOCPT_MAX_BOUNCES", question.bounces.to_string())
         .env("OOCPT_CARRY", question.carry)
         .stdin(Stdio::null())
-        .stdout(output.try_clone().context("cannot keep the host's output")?)
-        .stderr(output);
+        .stdout(keep(&output)?)
+        .stderr(keep(&errors)?);
     if !question.device.is_empty() {
         command.env("OOCPT_DEVICE", question.device);
     }
@@ -82,7 +93,7 @@ pub(super) fn ask(question: &Question<'_>) -> Result<ErrorReport> {
         )
     })?;
     let status = wait(&mut child, question.timeout)?;
-    let said = tail(&log);
+    let said = tail(&[&output, &errors]);
     let Some(status) = status else {
         bail!("the host was ended after {} s (--timeout): {said}", question.timeout.as_secs());
     };
@@ -94,7 +105,8 @@ pub(super) fn ask(question: &Question<'_>) -> Result<ErrorReport> {
          one (oocpt:report)"
             .to_owned()
     })?;
-    renders.pop().context("the report is empty")
+    let report = renders.pop().context("the report is empty")?;
+    Ok(Answer { report, warnings: warnings(&errors) })
 }
 
 /// The status, or none when it took too long.
@@ -113,17 +125,38 @@ fn wait(child: &mut Child, timeout: Duration) -> Result<Option<ExitStatus>> {
     }
 }
 
+/// The last bytes of a file, or the first, as text.
+fn part(file: &Path, bytes: u64, is_end: bool) -> std::io::Result<String> {
+    let mut file = File::open(file)?;
+    let length = file.metadata()?.len();
+    file.seek(SeekFrom::Start(if is_end { length.saturating_sub(bytes) } else { 0 }))?;
+    let mut read = Vec::new();
+    file.take(bytes).read_to_end(&mut read)?;
+    Ok(String::from_utf8_lossy(&read).into_owned())
+}
+
+/// The lines of what a host that rendered said, each once, without where in the host's code it was said.
+fn warnings(errors: &Path) -> Vec<String> {
+    let text = part(errors, HEAD, false).unwrap_or_else(|error| error.to_string());
+    let mut lines: Vec<String> = Vec::new();
+    for line in text.lines().map(str::trim).filter(|line| !line.is_empty()) {
+        let plain = line.strip_prefix("Warning: in ").and_then(|line| line.split_once(" -- "));
+        let line: String = plain.map_or(line, |(_, what)| what).chars().filter(|c| !c.is_control()).collect();
+        if !lines.contains(&line) {
+            lines.push(line);
+        }
+    }
+    let more = lines.len().saturating_sub(WARNINGS);
+    lines.truncate(WARNINGS);
+    lines.extend((more > 0).then(|| format!("and {more} more")));
+    lines
+}
+
 /// The last lines of what the host wrote, on one line.
-fn tail(log: &Path) -> String {
-    let read = || -> std::io::Result<Vec<u8>> {
-        let mut file = File::open(log)?;
-        let length = file.metadata()?.len();
-        file.seek(SeekFrom::Start(length.saturating_sub(TAIL)))?;
-        let mut bytes = Vec::new();
-        file.take(TAIL).read_to_end(&mut bytes)?;
-        Ok(bytes)
-    };
-    let text = read().map_or_else(|error| error.to_string(), |bytes| String::from_utf8_lossy(&bytes).into_owned());
+fn tail(logs: &[&Path]) -> String {
+    let read = |log: &&Path| part(log, TAIL, true).unwrap_or_else(|error| error.to_string());
+    let text: Vec<String> = logs.iter().map(read).collect();
+    let text = text.join("\n");
     let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
     let shown = lines.get(lines.len().saturating_sub(LINES)..).unwrap_or_default().join(" | ");
     if shown.is_empty() { "it said nothing".to_owned() } else { shown.chars().filter(|c| !c.is_control()).collect() }
@@ -183,10 +216,13 @@ mod tests {
             "reports",
             "test \"$OOCPT_CARRY\" = \"\" && test \"$OOCPT_SAMPLES_PER_PIXEL\" = 1 || exit 1\n\
              echo '{\"oocptErrorReport\":1,\"renderer\":\"r\",\"device\":\"d\",\"width\":4,\"height\":3,\"samplesTarget\":1,\
-             \"maxBounces\":0,\"seed\":0,\"geometryBudgetKib\":0,\"reference\":\"\"}' > \"$OOCPT_REPORT\"\n",
+             \"maxBounces\":0,\"seed\":0,\"geometryBudgetKib\":0,\"reference\":\"\"}' > \"$OOCPT_REPORT\"\n\
+             echo Camera: /A; for i in 1 2; do echo 'Warning: in F at line 3 of a.cpp -- OocPT: /A: bad data' >&2; done\n\
+             echo No camera >&2\n",
         );
-        let report = ask(&question(&program, program.as_os_str())).expect("a report");
+        let Answer { report, warnings } = ask(&question(&program, program.as_os_str())).expect("a report");
         std::fs::remove_file(&program).expect("it is there");
+        assert_eq!(warnings, ["OocPT: /A: bad data", "No camera"], "each line once, without where it was said");
         assert_eq!((report.header.device.as_str(), report.header.height), ("d", 3), "what the host wrote");
     }
 }

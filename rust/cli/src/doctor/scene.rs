@@ -5,7 +5,7 @@
 //! A generated scene is rendered here; a USD file by a Hydra host ([`super::host`]), so that what is told is what a host's renders are
 //! made of. Bytes and pipelines are exact for a picture of this size; for times see `oocpt bench specialise`.
 
-use super::host::{self, Question};
+use super::host::{self, Answer, Question};
 use super::table;
 use crate::bench::{all_images, finish};
 use crate::scene::generated::Generated;
@@ -59,7 +59,7 @@ pub(crate) struct Options {
 }
 
 /// One build of the passes with its memory.
-#[derive(Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub(super) struct Build {
     pub(super) inventory: Inventory,
     pub(super) pipelines: usize,
@@ -83,7 +83,7 @@ impl Build {
 }
 
 /// What is told about a scene.
-#[derive(Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub(super) struct SceneReport {
     pub(super) scene: String,
     /// "generated", or "host".
@@ -94,6 +94,8 @@ pub(super) struct SceneReport {
     pub(super) own: Build,
     /// With everything that can be carried.
     pub(super) everything: Option<Build>,
+    /// What the host warned of: bad data by prim, files that are not there.
+    pub(super) warnings: Vec<String>,
 }
 
 /// Prints the report of a scene.
@@ -111,9 +113,9 @@ pub(super) fn run(name: &str, options: &Options, device: &str) -> Result<()> {
 
 fn of_file(name: &str, options: &Options, device: &str) -> Result<SceneReport> {
     let usdrecord = host::usdrecord(options.usdrecord.as_ref());
-    let mut last = None;
+    let mut first = None;
     let mut ask = |carry: &str| -> Result<Build> {
-        let report = host::ask(&Question {
+        let Answer { report, warnings } = host::ask(&Question {
             file: Path::new(name),
             usdrecord: &usdrecord,
             camera: options.camera.as_deref(),
@@ -126,14 +128,14 @@ fn of_file(name: &str, options: &Options, device: &str) -> Result<SceneReport> {
         })?;
         let secs = report.rows.last().map_or(0.0, |row| row.seconds_tracing);
         let inventory = report.inventory.context("the host's OocPT is older than this program: no inventory came")?;
-        last = Some(report.header);
+        first.get_or_insert((report.header, warnings));
         Ok(Build::new(inventory, secs))
     };
     let own = ask("")?;
     let everything = (!options.alone).then(|| ask(EVERYTHING)).transpose()?;
-    let Some(header) = last else { bail!("the host said nothing") };
+    let Some((header, warnings)) = first else { bail!("the host said nothing") };
     let (device, width, height) = (header.device, header.width, header.height);
-    Ok(SceneReport { scene: name.to_owned(), by: "host", device, width, height, own, everything })
+    Ok(SceneReport { scene: name.to_owned(), by: "host", device, width, height, own, everything, warnings })
 }
 
 fn of_generated(scene: Generated, options: &Options, device: &str) -> Result<SceneReport> {
@@ -159,5 +161,6 @@ fn of_generated(scene: Generated, options: &Options, device: &str) -> Result<Sce
     };
     let own = render("", false)?;
     let everything = (!options.alone).then(|| render(EVERYTHING, true)).transpose()?;
-    Ok(SceneReport { scene: scene.name().to_owned(), by: "generated", device: named, width, height, own, everything })
+    let scene = scene.name().to_owned();
+    Ok(SceneReport { scene, by: "generated", device: named, width, height, own, everything, warnings: Vec::new() })
 }

@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 
 /// The report as text.
 pub(super) fn text(report: &SceneReport) -> String {
-    let SceneReport { scene, by, device, width, height, own, everything } = report;
+    let SceneReport { scene, by, device, width, height, own, everything, warnings } = report;
     let all = everything.as_ref();
     let mut text = format!("{scene} ({by}), {width} x {height} px, on {device}\n");
     features(&mut text, &own.inventory);
@@ -15,6 +15,12 @@ pub(super) fn text(report: &SceneReport) -> String {
     buffers(&mut text, &own.inventory, all.map(|all| &all.inventory));
     primvars(&mut text, &own.inventory);
     sums(&mut text, own, all);
+    if !warnings.is_empty() {
+        _ = writeln!(text, "\nthe host warned");
+        for warning in warnings {
+            _ = writeln!(text, "  {warning}");
+        }
+    }
     text
 }
 
@@ -22,7 +28,8 @@ pub(super) fn text(report: &SceneReport) -> String {
 
 fn features(text: &mut String, inventory: &Inventory) {
     let Inventory { max_levels, stack_size, .. } = inventory;
-    _ = writeln!(text, "\nfeatures ({max_levels} levels of instances, stack of {stack_size})");
+    let levels = if *max_levels == 1 { "level" } else { "levels" };
+    _ = writeln!(text, "\nfeatures ({max_levels} {levels} of instances, stack of {stack_size})");
     for present in [true, false] {
         for feature in inventory.features.iter().filter(|feature| feature.present == present) {
             let there = if present { "there" } else { "left out" };
@@ -112,7 +119,10 @@ mod tests {
             height: 9,
             own: build(640),
             everything: Some(build(720)),
+            warnings: Vec::new(),
         };
+        let warned = text(&SceneReport { warnings: vec!["/A: bad data".into()], ..report.clone() });
+        assert!(warned.ends_with("\nthe host warned\n  /A: bad data\n"), "{warned}");
         let text = text(&report);
         let line = |start: &str| text.lines().find(|line| line.trim_start().starts_with(start)).expect(start);
         assert!(line("there").contains("LENS") && line("left out").contains("COAT"), "{text}");

@@ -15,6 +15,7 @@ mod observe;
 mod record;
 mod report;
 mod residency;
+mod rounds;
 mod segments;
 mod stage;
 mod stragglers;

@@ -8,6 +8,7 @@ use super::Engine;
 use super::clock::Activity;
 use super::observe::Observation;
 use super::record::{Kind, StepPlan};
+use super::rounds::{self, Done};
 use super::segments::{Segment, Segments};
 use super::stragglers::{Moment, Spent, Stragglers};
 use crate::adaptive::Adaptive;
@@ -23,12 +24,8 @@ use std::time::{Duration, Instant};
 
 /// Steps under way while there is work.
 const IN_FLIGHT: usize = 2;
-/// Seconds that a step should take: short enough for stop and pause to be felt and for demand to be read again.
-const STEP_SECS: f64 = 0.03;
 /// Rays that a step has at hand, about: a few for each thread of a large device.
 const ACTIVE_RAYS: u64 = 1 << 22;
-/// Most rounds of a step.
-const MOST_ROUNDS: u32 = 16;
 /// How long to wait for the loader at a time.
 const LOAD_WAIT: Duration = Duration::from_millis(20);
 /// How long nothing at all may happen.
@@ -236,13 +233,14 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
         let now = Instant::now();
         let secs = now.duration_since(flight.submitted.max(self.last_end)).as_secs_f64();
         self.last_end = now;
-        self.adapt(flight.rounds, secs);
-        let freed = self.seen.counters.freed;
+        let before = self.seen.counters;
         self.seen = self.engine.buffers.observe(flight.number)?;
+        let busy = self.seen.counters.busy_rounds.wrapping_sub(before.busy_rounds);
+        self.rounds = rounds::next(self.rounds, Done { rounds: flight.rounds, busy, secs });
         if !flight.weighs {
             self.seen.worth.clear();
         }
-        self.ended += u64::from(self.seen.counters.freed.wrapping_sub(freed));
+        self.ended += u64::from(self.seen.counters.freed.wrapping_sub(before.freed));
         self.last_event = now;
         self.plan(self.seen.active(), progress)?;
         self.engine.note_driver_usage();
@@ -266,15 +264,6 @@ impl<'e, 'a, 'r> Stage<'e, 'a, 'r> {
         let stragglers = self.segments.oldest().and_then(|oldest| self.seen.alive(oldest.index)).map_or(0, u64::from);
         let left = self.segments.unbegun() + self.seen.paths_alive();
         self.engine.report(progress, &self.seen, stragglers, left);
-    }
-
-    /// More rounds when steps are short, fewer when they are long.
-    fn adapt(&mut self, rounds: u32, secs: f64) {
-        if secs > STEP_SECS {
-            self.rounds = (rounds / 2).max(1);
-        } else if secs < 0.5 * STEP_SECS && rounds == self.rounds {
-            self.rounds = (rounds * 2).min(MOST_ROUNDS);
-        }
     }
 
     /// Asks the planner what to load when `active` rays can be traced.

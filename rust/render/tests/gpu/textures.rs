@@ -108,6 +108,25 @@ fn a_missing_image_is_one_warning_and_its_fallback() {
     assert!(albedo.iter().all(|pixel| *pixel == [0.25, 0.5, 0.75]), "the fallback: {:?}", albedo[0]);
 }
 
+/// Scale and bias are the picture's, not the fallback's; its channels are told apart.
+#[test]
+fn a_fallback_is_what_it_says_in_every_channel() {
+    for (output, expected) in [("rgb", [0.25, 0.5, 0.75]), ("r", [0.25; 3]), ("g", [0.5; 3]), ("b", [0.75; 3])] {
+        let session = Session::with_options(settings(1, 1), options()).with_images(Arc::new(Library));
+        session.with_scene(|db| {
+            board(db, "nothing");
+            let mut desc = textured("/m", "nothing", Vec::new(), &[("diffuseColor", output)]);
+            for (name, value) in [("scale", 0.5), ("bias", 0.125)] {
+                desc.nodes[1].params.push(ParamDesc { name: name.into(), value: ParamValue::Vec4([value; 4]) });
+            }
+            db.upsert_material(desc);
+        });
+        assert_eq!(render_with_messages(&session, &front()).len(), 1, "the file is missing");
+        let albedo: Vec<[f32; 3]> = read(&session, &front(), AovKind::Albedo);
+        assert!(albedo.iter().all(|pixel| *pixel == expected), "{output}: {:?}", albedo[0]);
+    }
+}
+
 #[test]
 fn what_cannot_be_read_is_one_warning_and_the_fallback() {
     let seen = |budget: Option<u32>| {
@@ -133,12 +152,16 @@ fn what_cannot_be_read_is_one_warning_and_the_fallback() {
 
 /// What is seen in the middle of a board of one texture, tilted by an angle, that is 16 texels to the pixel when it faces the camera.
 fn middle(file: &str, own: Vec<(&str, ParamValue)>, input: (&str, &str), tilt: f64) -> f32 {
+    middle_of(textured("/m", file, own, &[input]), tilt)
+}
+
+fn middle_of(material: MaterialDesc, tilt: f64) -> f32 {
     let session = Session::with_options(settings(1, 1), options()).with_images(Arc::new(Library));
     session.with_scene(|db| {
         let points = vec![[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]];
         let desc = mesh(prim("/board", DMat4::from_rotation_x(tilt)), 1, points, &[vec![0, 1, 2, 3]], 0.5);
         db.upsert_mesh(with_st(desc, 1.0, "/m"));
-        db.upsert_material(textured("/m", file, own, &[input]));
+        db.upsert_material(material);
         db.upsert_light(dome([1.0; 3]));
     });
     support::render(&session, &front());
@@ -151,6 +174,19 @@ fn a_slanted_surface_is_looked_up_coarser() {
         let seen = middle("steps", Vec::new(), ("diffuseColor", "r"), degrees.to_radians());
         let got = seen * 255.0 / 20.0;
         assert!((got - level).abs() < 1e-3, "{degrees} degrees: level {got}, not {level}");
+    }
+}
+
+/// The level follows the area in the picture, whatever maps coordinates to it.
+#[test]
+fn a_texture_that_is_scaled_down_is_looked_up_coarser() {
+    for (scale, level) in [([2.0_f32, 2.0], 5.0), ([4.0, 1.0], 5.0), ([-0.5, 0.5], 3.0)] {
+        let mut material = textured("/m", "steps", Vec::new(), &[("diffuseColor", "r")]);
+        material.nodes[1].connections[0].node = 3;
+        let scale = ("scale", ParamValue::Vec2(scale));
+        material.nodes.push(node("/transform", "UsdTransform2d", vec![scale.clone()], &[("in", 2, "result")]));
+        let got = middle_of(material, 0.0) * 255.0 / 20.0;
+        assert!((got - level).abs() < 1e-3, "{scale:?}: level {got}, not {level}");
     }
 }
 

@@ -327,7 +327,9 @@ pub const LAYOUTS: &[StructLayout] = &[
         tile_misses,
         resolve_count,
         resolve_base,
-        resolve_args
+        resolve_args,
+        busy_rounds,
+        pad
     }),
     layout!(FilmPixel { sum, compensation, m2, samples, m2_compensation, pad0, earlier, pad1 }),
     layout!(ErrorSums { s, d, ss, sd, dd, doubt, worst, worst_pixel, pixels, fewest, most, pad }),

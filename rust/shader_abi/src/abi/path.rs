@@ -141,6 +141,10 @@ pub struct Counters {
     pub resolve_base: u32,
     /// For `resolve_materials`.
     pub resolve_args: IndirectArgs,
+    /// Total: rounds that had a ray to trace or a material to resolve; wraps.
+    pub busy_rounds: u32,
+    /// Nothing.
+    pub pad: u32,
 }
 
 impl Counters {

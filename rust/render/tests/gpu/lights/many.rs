@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Many lights: the light tree against sums over all of them in f64; lights of extreme power and size.
 
-use super::{disk, downwards, irradiances, light, sphere};
+use super::mesh::{corners, glow, quad};
+use super::shapes::polygon;
+use super::{disk, downwards, expect, irradiances, light, sphere};
 use crate::scenes::{instanced, instancer, prim};
 use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::{LightDesc, LightKind};
@@ -129,4 +131,49 @@ fn extreme_lights_stay_finite() {
             assert!(given.iter().all(|v| v.is_finite() && *v > 0.0), "{intensity}: {given:?}");
         }
     }
+}
+
+/// Lights that bring nothing take no light away, however bright: one that shines away from the floor counts for the trees by its power, and the
+/// dim one beside it keeps its share, among local lights, and beside a mesh.
+#[test]
+fn a_dim_light_is_seen_beside_one_that_shines_away() {
+    let away = LightDesc {
+        prim: prim("/away", DMat4::from_translation(DVec3::Y * 3.0) * DMat4::from_rotation_x(PI / 2.0)),
+        intensity: 1e30,
+        ..light(disk(1.0), DMat4::IDENTITY)
+    };
+    let dim = |intensity: f32| LightDesc {
+        prim: prim("/dim", DMat4::from_translation(DVec3::Y * 2.0)),
+        intensity,
+        ..light(sphere(0.5), DMat4::IDENTITY)
+    };
+    let above = downwards(DVec3::new(0.0, 1.0, -0.5));
+    for intensity in [1.0_f32, 1e-15] {
+        let brightness = f64::from(intensity);
+        expect("a dim light", 256, brightness * PI / 16.0, 1e-2, &|db| {
+            db.upsert_light(away.clone());
+            db.upsert_light(dim(intensity));
+        });
+        expect("a dim mesh", 1024, brightness * polygon(&corners(above)), 1e-2, &|db| {
+            db.upsert_light(away.clone());
+            db.upsert_material(glow("/glow", [intensity; 3]));
+            db.upsert_mesh(quad("/quad", 2, above));
+        });
+    }
+}
+
+/// Two lights on either side of the receiver are a group around it: it counts for no more than its size allows, and leaves its share to a light
+/// far away.
+#[test]
+fn a_group_around_the_receiver_leaves_light_to_others() {
+    let at = [DVec3::new(2.0, 1.0, 0.0), DVec3::new(-2.0, -1.0, 0.0), DVec3::new(0.0, 20.0, 0.0)];
+    let intensity = [1.0, 1.0, 20.0_f32];
+    let sum: f64 =
+        [0, 2].map(|i: usize| f64::from(intensity[i]) * PI * 0.01 * at[i].y / at[i].length().powi(3)).iter().sum();
+    expect("a group and another", 1024, sum, 1e-2, &|db| {
+        for (i, (at, intensity)) in at.into_iter().zip(intensity).enumerate() {
+            let prim = prim(&format!("/light_{i}"), DMat4::from_translation(at));
+            db.upsert_light(LightDesc { prim, intensity, ..light(sphere(0.1), DMat4::IDENTITY) });
+        }
+    });
 }

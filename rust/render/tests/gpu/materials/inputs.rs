@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Emission and albedo as they are authored, by mesh and by subset.
+//! Emission and albedo as they are authored, by mesh and by subset; what each number of a surface does to what is seen.
 
 use super::*;
+use crate::scenes::sun;
+use std::f64::consts::PI;
 
 #[test]
 fn emission_is_seen_exactly() {
@@ -94,5 +96,79 @@ fn subsets_show_their_materials_and_the_rest_its_color() {
             _ => values[0],
         };
         assert_eq!(*albedo, expected, "face {face}");
+    }
+}
+
+/// What a lobe of GGX with Schlick's Fresnel reflects of a sun, seen along the normal.
+fn shining(f0: f64, roughness: f64, degrees: f64) -> f64 {
+    // The half vector is half way to the sun.
+    let (cosine, half) = (degrees.to_radians().cos(), (0.5 * degrees).to_radians().cos());
+    let alpha2 = roughness.powi(4);
+    let density = alpha2 / (PI * (half * half * (alpha2 - 1.0) + 1.0).powi(2));
+    let slope = (cosine * cosine + alpha2 * (1.0 - cosine * cosine)).sqrt();
+    // Height-correlated masking over 4 cosines, times the sun's; from straight on all is visible.
+    (f0 + (1.0 - f0) * (1.0 - half).powi(5)) * density * cosine / (2.0 * (slope + cosine))
+}
+
+/// Asserts what a black board with these parameters, in the specular workflow, reflects of a sun.
+fn expect_shining(params: &[(&'static str, f64)], specular: f32, degrees: f64, expected: f64) {
+    #[expect(clippy::cast_possible_truncation, reason = "as parameters are")]
+    let floats = params.iter().map(|(name, value)| (*name, ParamValue::Float(*value as f32)));
+    let colors = [("diffuseColor", color([0.0; 3])), ("specularColor", color([specular; 3]))];
+    let all: Vec<_> = floats.chain(colors).chain([("useSpecularWorkflow", ParamValue::Int(1))]).collect();
+    let (session, request) = shown(
+        |db| {
+            db.upsert_material(plain("/m", &all));
+            db.upsert_mesh(board("/a", 5, "/m"));
+            db.upsert_light(sun(1.0, 0.0, DMat4::from_rotation_y(degrees.to_radians())));
+        },
+        1,
+    );
+    for pixel in read::<[f32; 4]>(&session, &request, AovKind::Color) {
+        let off = (f64::from(pixel[0]) / expected - 1.0).abs();
+        assert!(off < 1e-3, "{} of {params:?}, not {expected}", pixel[0]);
+    }
+}
+
+#[test]
+fn a_coat_has_an_amount_an_index_and_a_roughness_of_its_own() {
+    for (amount, ior, roughness, degrees) in [(1.0, 1.5, 0.3, 20.0), (0.5, 1.5, 0.6, 50.0), (1.0, 2.0_f64, 0.9, 70.0)] {
+        let params = [("roughness", 0.1), ("clearcoat", amount), ("clearcoatRoughness", roughness), ("ior", ior)];
+        let f0 = ((1.0 - ior) / (1.0 + ior)).powi(2);
+        expect_shining(&params, 0.0, degrees, amount * shining(f0, roughness, degrees));
+    }
+    // The layer below, by itself: colour and roughness are its own.
+    for (specular, roughness, degrees) in [(0.0625, 0.3, 20.0), (0.03125, 0.2, 10.0_f32)] {
+        let [f0, roughness, degrees] = [specular, roughness, degrees].map(f64::from);
+        let params = [("roughness", roughness), ("ior", 1.5)];
+        expect_shining(&params, specular, degrees, shining(f0, roughness, degrees));
+    }
+}
+
+/// In a white world, straight on: a smooth metal shows its colour, a smooth dielectric its specular one, clear glass of index 1 what is behind.
+#[test]
+fn metals_specular_colours_and_opacity_are_taken_as_they_are() {
+    let float = |name: &'static str, value: f32| (name, ParamValue::Float(value));
+    let tint = [0.25, 0.5, 0.75];
+    let metal = [("diffuseColor", color(tint)), float("metallic", 1.0), float("roughness", 0.0)];
+    let dark = ("diffuseColor", color([0.0; 3]));
+    let workflow = ("useSpecularWorkflow", ParamValue::Int(1));
+    let specular = [dark.clone(), ("specularColor", color(tint)), workflow, float("roughness", 0.0)];
+    let clear = [dark, float("opacity", 0.75), float("ior", 1.0), float("roughness", 0.0)];
+    for (name, params, expected) in
+        [("metal", &metal[..], tint), ("specular", &specular[..], tint), ("clear", &clear[..], [0.25; 3])]
+    {
+        let (session, request) = shown(
+            |db| {
+                db.upsert_material(plain("/m", params));
+                db.upsert_mesh(board("/a", 5, "/m"));
+                db.upsert_light(dome([1.0; 3]));
+            },
+            4,
+        );
+        for pixel in read::<[f32; 4]>(&session, &request, AovKind::Color) {
+            let off = (Vec3::from_slice(&pixel) - Vec3::from(expected)).abs().max_element();
+            assert!(off < 1e-3, "{name}: {pixel:?}, not {expected:?}");
+        }
     }
 }

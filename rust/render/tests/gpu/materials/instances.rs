@@ -115,11 +115,15 @@ fn readers_get_the_value_of_the_instance() {
     albedo_by_instance(&session, &request, |id| tint(id % 4));
 }
 
+/// The outer one of two levels: four blocks, with a value of each primvar.
+fn outer() -> InstancerDesc {
+    let outer = per_instance(instancer(prim("/outer", DMat4::IDENTITY), "/outer/row", &grid(2)), "tint", tints(4));
+    per_instance(outer, "displayColor", (0..4).map(|k| tint(k + 50)).collect())
+}
+
 /// Two levels: four blocks of `inner` x `inner` boards. The outer instancer has all primvars, the inner one what `inside` adds.
 fn nested(db: &mut SceneDb, inner: u16, inside: impl Fn(InstancerDesc) -> InstancerDesc) {
-    let outer = instancer(prim("/outer", DMat4::IDENTITY), "/outer/row", &grid(2));
-    let outer = per_instance(outer, "tint", tints(4));
-    db.upsert_instancer(per_instance(outer, "displayColor", (0..4).map(|k| tint(k + 50)).collect()));
+    db.upsert_instancer(outer());
     let row = instanced(prim("/outer/row", DMat4::IDENTITY), "/outer");
     db.upsert_instancer(inside(instancer(row, "/outer/row/board", &grid(inner))));
     db.upsert_mesh(bare("/outer/row/board", "/outer/row"));
@@ -143,15 +147,54 @@ fn the_innermost_instancer_that_has_it_wins() {
     albedo_by_instance(&session, &request, |id| tint(id / 9));
 }
 
-#[test]
-fn placements_of_opened_assemblies_keep_their_values() {
-    // Nine hundred boards are too many for a chunk of 16 KiB: the outer instancer's records are in no chunk.
+/// Many boards, in chunks of 16 KiB: nine hundred are too many for one, so records of instancers around theirs are in no chunk.
+fn opened(build: impl Fn(&mut SceneDb)) -> (Session, RenderRequest) {
     let session = session(Settings { chunk_size_kib: 16, ..settings(1, 1) });
-    session.with_scene(|db| nested(db, 30, |row| row));
+    session.with_scene(build);
     let request = front();
     render(&session, &request);
     assert!(session.stats().streaming.chunks > 4, "{:?}", session.stats().streaming);
+    (session, request)
+}
+
+#[test]
+fn placements_of_opened_assemblies_keep_their_values() {
+    let (session, request) = opened(|db| nested(db, 30, |row| row));
     albedo_by_instance(&session, &request, |id| tint(id / 900 + 50));
+}
+
+/// A board behind all others, in the prototype `root` of `instancer`: it has no value of its own and no other instancer, so that one's are
+/// read, and are there for all that it places.
+fn behind(db: &mut SceneDb, root: &str, instancer: &str) {
+    let mut desc = bare(&format!("{root}/behind"), instancer);
+    desc.prim.transform = DMat4::from_translation(-DVec3::Z);
+    desc.prim.instanced_by = instanced(prim(root, DMat4::IDENTITY), instancer).instanced_by;
+    db.upsert_mesh(desc);
+}
+
+/// Where nobody reads an outer value it is left out, and cannot win by mistake: here somebody does.
+#[test]
+fn the_innermost_instancer_wins_over_values_that_others_read() {
+    let own = |count: usize| move |row| per_instance(row, "displayColor", (0..count).map(|k| tint(k + 7)).collect());
+    let scene = |db: &mut SceneDb, inner: u16| {
+        nested(db, inner, own(usize::from(inner * inner)));
+        behind(db, "/outer/row", "/outer");
+    };
+    // In one chunk; then with the outer values in the table of placements, and the inner ones in chunks.
+    let (session, request) = shown(|db| scene(db, 3), 1);
+    albedo_by_instance(&session, &request, |id| tint(id % 9 + 7));
+    let (session, request) = opened(|db| scene(db, 30));
+    albedo_by_instance(&session, &request, |id| tint(id % 900 + 7));
+    // Three levels, the outer two of them in that table.
+    let (session, request) = opened(|db| {
+        nested(db, 30, |row| row);
+        let all = instancer(prim("/all", DMat4::IDENTITY), "/outer", &grid(2));
+        db.upsert_instancer(per_instance(all, "displayColor", (0..4).map(|k| tint(k + 20)).collect()));
+        let outer = outer();
+        db.upsert_instancer(InstancerDesc { prim: instanced(outer.prim.clone(), "/all"), ..outer });
+        behind(db, "/outer", "/all");
+    });
+    albedo_by_instance(&session, &request, |id| tint(id / 900 % 4 + 50));
 }
 
 #[test]

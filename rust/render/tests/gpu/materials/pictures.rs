@@ -41,20 +41,46 @@ fn thresholds_cut_out_and_presence_is_a_probability() {
     assert!((mean - 0.25).abs() < 0.004, "{mean} of the rays met it, not a quarter");
 }
 
+/// `UsdPreviewSurface` cuts out what is below the threshold: at it, the surface is there, wherever the opacity comes from.
+#[test]
+fn at_its_threshold_a_surface_is_there() {
+    let threshold = |value: f32| ("opacityThreshold", ParamValue::Float(value));
+    for (limit, id) in [(0.25, 5), (0.25_f32.next_up(), -1)] {
+        let (session, request) = shown(
+            |db| {
+                db.upsert_material(plain("/m", &[("opacity", ParamValue::Float(0.25)), threshold(limit)]));
+                db.upsert_mesh(board("/a", 5, "/m"));
+            },
+            1,
+        );
+        let ids: Vec<i32> = read(&session, &request, AovKind::PrimId);
+        assert!(ids.iter().all(|seen| *seen == id), "a constant against {limit}: {ids:?}");
+        let (session, request) = shown(
+            |db| {
+                db.upsert_material(reading("/m", "opacity", "float", "alpha", &[threshold(limit)]));
+                db.upsert_mesh(with(board("/a", 5, "/m"), "alpha", Interpolation::Constant, vec![0.25_f32]));
+            },
+            1,
+        );
+        let ids: Vec<i32> = read(&session, &request, AovKind::PrimId);
+        assert!(ids.iter().all(|seen| *seen == id), "a primvar against {limit}: {ids:?}");
+    }
+}
+
 #[test]
 fn normals_are_in_tangent_space() {
     // (u, v) to the board's plane: as it is, mirrored, turned by a quarter.
     type Map = fn([f32; 2]) -> [f32; 2];
     let maps: [(&str, Map, [f32; 3]); 3] = [
-        ("plain", |[x, y]| [0.5 * x, 0.5 * y], [0.6, 0.0, 0.8]),
-        ("mirrored", |[x, y]| [-0.5 * x, 2.0 * y], [-0.6, 0.0, 0.8]),
-        ("turned", |[x, y]| [y, -x], [0.0, 0.6, 0.8]),
+        ("plain", |[x, y]| [0.5 * x, 0.5 * y], [0.48, 0.6, 0.64]),
+        ("mirrored", |[x, y]| [-0.5 * x, 2.0 * y], [-0.48, 0.6, 0.64]),
+        ("turned", |[x, y]| [y, -x], [-0.6, 0.48, 0.64]),
     ];
     for (name, map, expected) in maps {
         let st = coordinates(map);
         let (session, request) = shown(
             |db| {
-                db.upsert_material(textured("/bent", "metallic", "r", &[("normal", color([0.6, 0.0, 0.8]))]));
+                db.upsert_material(textured("/bent", "metallic", "r", &[("normal", color([0.48, 0.6, 0.64]))]));
                 db.upsert_mesh(with(board("/a", 5, "/bent"), "st", Interpolation::Vertex, st));
             },
             1,

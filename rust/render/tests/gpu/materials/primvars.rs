@@ -66,3 +66,17 @@ fn a_missing_primvar_is_the_readers_fallback() {
     let albedo: Vec<[f32; 3]> = read(&session, &request, AovKind::Albedo);
     assert!(albedo.iter().all(|a| *a == [0.5, 0.25, 0.125]), "{:?}", albedo[0]);
 }
+
+/// One number stands for all three of a colour.
+#[test]
+fn a_float_makes_a_grey_colour() {
+    let (session, request) = shown(
+        |db| {
+            db.upsert_material(reading("/m", "diffuseColor", "float", "tint", &[]));
+            db.upsert_mesh(with(board("/a", 5, "/m"), "tint", Interpolation::Constant, vec![0.375_f32]));
+        },
+        1,
+    );
+    let albedo: Vec<[f32; 3]> = read(&session, &request, AovKind::Albedo);
+    assert!(albedo.iter().all(|a| *a == [0.375; 3]), "{:?}", albedo[0]);
+}

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+//! How many rounds a step traces: enough to keep the device busy until the next one, few enough for stop and pause to be felt, and not many
+//! more than have rays: a round without any still is half a dozen passes, which a software renderer spends as much time on as on short work. Pure.
+
+/// Seconds that a step should take: short enough for stop and pause to be felt and for demand to be read again.
+const STEP_SECS: f64 = 0.03;
+/// Most rounds of a step.
+const MOST_ROUNDS: u32 = 16;
+
+/// What became of a step.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Done {
+    pub(super) rounds: u32,
+    /// Rounds that had a ray to trace or a material to resolve.
+    pub(super) busy: u32,
+    pub(super) secs: f64,
+}
+
+/// Rounds of the step after `planned`, which those under way have: more when steps are short and use all of theirs, fewer when they are long, and
+/// little by little fewer when the last ones of a step had nothing to trace.
+pub(super) fn next(planned: u32, done: Done) -> u32 {
+    let Done { rounds, busy, secs } = done;
+    if secs > STEP_SECS {
+        (rounds / 2).max(1)
+    } else if busy < rounds {
+        planned.min((busy + 1).max(rounds - rounds / 4))
+    } else if secs < 0.5 * STEP_SECS && rounds == planned {
+        (rounds * 2).min(MOST_ROUNDS)
+    } else {
+        planned
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What becomes of `planned` after many steps that take `secs` per round, of which `busy` rounds at most have rays.
+    fn settled(busy: u32, secs: f64) -> Vec<u32> {
+        let mut planned = 1;
+        let steps = (0..100).map(|_| {
+            let done = Done { rounds: planned, busy: busy.min(planned), secs: secs * f64::from(planned) };
+            planned = next(planned, done);
+            planned
+        });
+        steps.skip(90).collect()
+    }
+
+    #[test]
+    fn short_steps_grow_as_long_as_they_have_rays() {
+        assert_eq!(settled(u32::MAX, 1e-5), [16; 10], "all there are");
+        assert_eq!(settled(u32::MAX, 0.02), [1; 10], "one is long enough");
+        assert_eq!(settled(u32::MAX, 1.0), [1; 10], "one is too long");
+    }
+
+    #[test]
+    fn rounds_without_rays_are_left_out() {
+        assert_eq!(settled(4, 1e-5), [5; 10], "one more than have rays: whether that is enough has to be seen");
+        assert_eq!(settled(0, 1e-5), [1; 10], "nothing to trace");
+        assert!(
+            next(16, Done { rounds: 16, busy: 0, secs: 1e-4 }) >= 12,
+            "not all at once: the next chunk may wake many"
+        );
+    }
+
+    #[test]
+    fn a_step_planned_before_does_not_raise_what_one_after_it_lowered() {
+        assert_eq!(next(4, Done { rounds: 8, busy: 7, secs: 1e-4 }), 4, "two are under way");
+        assert_eq!(next(4, Done { rounds: 8, busy: 8, secs: 1e-4 }), 4, "likewise");
+    }
+}
