@@ -66,10 +66,12 @@ fn a_member_of_another_size_is_seen() {
 
 #[test]
 fn a_missing_member_is_seen() {
+    let mut left = 0;
     let error = planted(&passes::PREPARE_DISPATCH, "Counters", |counters| {
         counters.members.pop();
+        left = counters.members.len();
     });
-    assert!(error.contains("28 members in GLSL, 27 in Rust"), "{error}");
+    assert!(error.contains(&format!("{} members in GLSL, {left} in Rust", left + 1)), "{error}");
 }
 
 #[test]
