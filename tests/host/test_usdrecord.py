@@ -156,3 +156,18 @@ def test_a_foreign_pythonpath_does_not_get_in(scene, tmp_path):
     environment = dict(os.environ, PYTHONPATH=str(tmp_path))
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0 and "usdFilePath" in done.stdout
+
+
+@pytest.mark.parametrize("status", [0, 1])
+def test_python_is_not_finalized(tmp_path, status):
+    """Threads of USD's that take the interpreter's lock while it is, abort the process. All that was said still comes out."""
+    code = f"import atexit, runpy, sys; atexit.register(lambda: print('at exit')); run = runpy.run_path({str(RUNNER)!r}); print('said'); run['leave']({status})"
+    done = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout, done.stderr) == (status, "said\n", ""), done
+
+
+def test_the_runner_leaves_so(scene):
+    """The way out of the script itself, with a file that is not there."""
+    code = f"import atexit, sys, runpy; atexit.register(lambda: print('at exit')); sys.argv = ['usdrecord', {str(scene) + 'x'!r}, 'out.exr']; runpy.run_path({str(RUNNER)!r}, run_name='__main__')"
+    done = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1 and "Could not open layer" in done.stderr and "at exit" not in done.stdout, done
