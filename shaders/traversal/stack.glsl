@@ -21,10 +21,6 @@ uvec2 stack[STACK_SIZE];
 uint stack_top;
 bool stack_overflow;
 
-uint child_reference(uint child, uint count) {
-    return count == 0u ? child : LEAF | (count - 1u) << 28 | child;
-}
-
 void clear_stack() {
 #if ANY_HIT
     if (HAS_STREAMING) stack_entry[0] = 0.0;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! BVH2 over the triangles of a mesh, of which [`super::bvh4`] makes what the GPU walks, or over boxes: built by `obvhs` (PLOC, Meister and Bittner 2018; reinsertion, Meister
-//! and Bittner 2017), laid out for the GPU. Deterministic and never deeper than [`MAX_DEPTH`]. Pure; one thread per build.
+//! BVH2 over the triangles of a mesh or over boxes, of which [`super::bvh4`] makes what the GPU walks: built by `obvhs` (PLOC, Meister
+//! and Bittner 2018; reinsertion, Meister and Bittner 2017). Deterministic and never deeper than [`MAX_DEPTH`]. Pure; one thread per build.
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3A;

@@ -126,17 +126,22 @@ fn nearest(bvh: &Bvh2, triangles: &[Triangle], origin: glam::DVec3, direction: g
     best.is_finite().then_some(best)
 }
 
-#[test]
-fn a_walk_finds_what_brute_force_finds() {
-    let (bvh, ordered) = ordered(&soup(1500, 8.0));
+/// Rays into a soup of triangles: `nearest` gives what a test of all of them gives.
+pub(crate) fn expect_brute_force(triangles: &[Triangle], nearest: impl Fn(glam::DVec3, glam::DVec3) -> Option<f64>) {
     let mut hits = 0;
     for k in 0..300_u32 {
         let [x, y, z, w] = oocpt_core::sample_4d(k, 0, 3).map(f64::from);
         let origin = glam::DVec3::new(-2.0, 9.0 * x, 9.0 * y);
         let direction = glam::DVec3::new(1.0, z - 0.5, w - 0.5);
-        let brute = ordered.iter().filter_map(|t| hit(t, origin, direction)).reduce(f64::min);
-        assert_eq!(nearest(&bvh, &ordered, origin, direction), brute);
+        let brute = triangles.iter().filter_map(|t| hit(t, origin, direction)).reduce(f64::min);
+        assert_eq!(nearest(origin, direction), brute);
         hits += u32::from(brute.is_some());
     }
     assert!(hits > 50, "{hits}");
+}
+
+#[test]
+fn a_walk_finds_what_brute_force_finds() {
+    let (bvh, ordered) = ordered(&soup(1500, 8.0));
+    expect_brute_force(&ordered, |origin, direction| nearest(&bvh, &ordered, origin, direction));
 }

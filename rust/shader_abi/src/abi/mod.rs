@@ -35,8 +35,7 @@ pub use material::{
 pub use path::{Counters, IndirectArgs, PathState, Ray, ShadowRay, hit_stride};
 pub use scene::{
     AttributeRate, GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuLevelNode, GpuLight, GpuMesh, GpuMeshNode,
-    GpuTriangle, MAX_LEAF_ITEMS, MeshFlags, NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_ROW, NO_VALUE,
-    TARGET_ASSEMBLY,
+    GpuTriangle, MeshFlags, NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_ROW, NO_VALUE, TARGET_ASSEMBLY,
 };
 pub use stream::{
     GpuSurface, LIGHT_PATH_BYTES, MATERIAL_BIT, MAX_PENDING, Pending, Question, Roulette, SHADOW_BIT, Segment,

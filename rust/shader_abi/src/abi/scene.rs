@@ -18,9 +18,6 @@ pub const NO_VALUE: u32 = 0x7fc0_0000;
 /// In `GpuChunkInstance::row`: none.
 pub const NO_ROW: u32 = u32::MAX;
 
-/// Most triangles a leaf may hold. First triangle of a leaf, node and instance index must be below 2^28.
-pub const MAX_LEAF_ITEMS: u32 = 8;
-
 /// Node of a hierarchy over instances, 64 B: as [`GpuMeshNode`], but children are named one by one; the layout of `oocpt_core::LevelNode`.
 /// The root is node 0.
 #[repr(C)]
@@ -56,7 +53,7 @@ pub struct GpuMeshNode {
     pub upper: [u32; 3],
     /// Node of the first inner child, the others follow; how many, in the four highest bits.
     pub first_child: u32,
-    /// First triangle of the first leaf, the others follow.
+    /// First triangle of the first leaf, the others follow. Below 2^28, as nodes and instances.
     pub first_triangle: u32,
 }
 
