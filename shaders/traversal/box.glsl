@@ -3,21 +3,22 @@
 #ifndef OOCPT_BOX_GLSL
 #define OOCPT_BOX_GLSL
 
-// 1 + 2 (gamma(3) + 2.5 units in the last place), rounded up: a plane of a node from the ray's origin and its product round three times, and
+// 1 + 2 (gamma(5) + 2.5 units in the last place), rounded up: the distance to a plane of a node rounds five times, and
 // Vulkan lets the reciprocals be off by as much as that. (Ize counts on planes in floats and correct rounding: 1 + 2 gamma(3).)
-const float SLAB_PAD = 1.000001;
+const float SLAB_PAD = 1.0000012;
 const float LARGEST = 3.402823466e38;
-
-// Components of a zero direction get a huge finite reciprocal: no infinity, hence no 0 * inf.
-vec3 safe_reciprocal(vec3 d) {
-    const float tiny = 1.0e-37;
-    const bvec3 small = lessThan(abs(d), vec3(tiny));
-    const uvec3 signs = floatBitsToUint(d) & 0x80000000u;
-    return 1.0 / mix(d, uintBitsToFloat(signs | floatBitsToUint(tiny)), small);
-}
 
 float largest_of(vec3 v) {
     return max(abs(v.x), max(abs(v.y), abs(v.z)));
+}
+
+// Components that are zero beside the largest one get a reciprocal 2^60 times its own: what is at a distance of 1e20, in units of d, still has a
+// finite product with it, hence no infinity and no 0 * inf; and a ray 1e18 times as long as it should be wide is not seen to turn.
+vec3 safe_reciprocal(vec3 d) {
+    const float tiny = max(largest_of(d) * 8.673617e-19, 1.0e-37);
+    const bvec3 small = lessThan(abs(d), vec3(tiny));
+    const uvec3 signs = floatBitsToUint(d) & 0x80000000u;
+    return 1.0 / mix(d, uintBitsToFloat(signs | floatBitsToUint(tiny)), small);
 }
 
 // Entry distance, or a negative number for a miss. A ray leaves an empty box (+inf, -inf) at infinity, and only such a one.

@@ -3,9 +3,10 @@
 // 16 bytes, and children lie one after the other; in all levels above four, and children are named.
 // Of each box the plane where the ray comes in and the one where it leaves are taken by the signs of its direction.
 //
-// A plane from the ray's origin, fma(number, cell, origin of the grid - origin of the ray), is off by 2^-24 of itself and as much of the grid's
-// distance, which is at most the plane's and the grid's size. What goes with the plane's distance is in SLAB_PAD; what goes with the grid's
-// size, in the padding of meshes and in the margin of all other boxes.
+// The distance along the ray to a plane is fma(number, cell * reciprocal, (origin of the grid - origin of the ray) * reciprocal), give or take the
+// padding. Cells are powers of two; what rounds, by 2^-24 each, are the difference, its product, the padding, and the product with the number where
+// a device does not fuse it: of the grid's distance, which is at most the plane's and the grid's size, four times in all, and of the sum once. What
+// goes with the plane's distance is in SLAB_PAD; what goes with the grid's size, in the padding of meshes and in the margin of all other boxes.
 #ifndef OOCPT_NODE_GLSL
 #define OOCPT_NODE_GLSL
 
@@ -18,8 +19,9 @@ const float MISSED = LARGEST;
 const uint ABSENT = 0xffffffffu;
 
 struct Node {
-    vec3 origin; // of the grid, from the ray's
-    vec3 cell;
+    vec3 scale; // distance along the ray from one plane of the grid to the next
+    vec3 near_from; // distance to the planes of number 0: of those where the ray comes in, this side of the box by its padding
+    vec3 far_from;
     uvec3 near; // planes where the ray comes in, a byte to a child
     uvec3 far;
     uvec4 children; // references
@@ -39,26 +41,30 @@ uvec4 mesh_children(uint counts, uint first, uint first_triangle) {
     return children;
 }
 
-Node load_node(uint64_t nodes, uint reference, bool in_mesh, vec3 o, bvec3 is_backward) {
+Node load_node(uint64_t nodes, uint reference, bool in_mesh, vec3 o, vec3 reciprocal, float pad) {
     const uint at = reference * (in_mesh ? 3u : 4u);
     const uvec4 a = ConstUVec4s(nodes).v[at];
     const uvec4 b = ConstUVec4s(nodes).v[at + 1u];
     const uvec4 c = ConstUVec4s(nodes).v[at + 2u];
     const uvec3 lower = b.xyz;
     const uvec3 upper = uvec3(b.w, c.xy);
+    const bvec3 is_backward = lessThan(reciprocal, vec3(0.0));
+    const vec3 from = (uintBitsToFloat(a.xyz) - o) * reciprocal;
+    const vec3 around = pad * abs(reciprocal);
     Node node;
-    node.origin = uintBitsToFloat(a.xyz) - o;
-    node.cell = uintBitsToFloat((uvec3(a.w, a.w >> 8, a.w >> 16) & 255u) << 23);
+    node.scale = uintBitsToFloat((uvec3(a.w, a.w >> 8, a.w >> 16) & 255u) << 23) * reciprocal;
+    node.near_from = from - around;
+    node.far_from = from + around;
     node.near = mix(lower, upper, is_backward);
     node.far = mix(upper, lower, is_backward);
     node.children = in_mesh ? mesh_children(a.w >> 24, c.z, c.w) : uvec4(c.zw, ConstUVec4s(nodes).v[at + 3u].xy);
     return node;
 }
 
-// Where the ray enters the box of child `i`, or MISSED. `pad` has the signs of the direction.
-float hit_child(Node node, uint i, vec3 pad, vec3 reciprocal, float limit) {
-    const vec3 a = fma(vec3((node.near >> (8u * i)) & 255u), node.cell, node.origin - pad) * reciprocal;
-    const vec3 b = fma(vec3((node.far >> (8u * i)) & 255u), node.cell, node.origin + pad) * reciprocal;
+// Where the ray enters the box of child `i`, or MISSED.
+float hit_child(Node node, uint i, float limit) {
+    const vec3 a = fma(vec3((node.near >> (8u * i)) & 255u), node.scale, node.near_from);
+    const vec3 b = fma(vec3((node.far >> (8u * i)) & 255u), node.scale, node.far_from);
     const float enter = max(max(a.x, a.y), max(a.z, 0.0));
     const float leave = min(min(b.x, b.y), b.z) * SLAB_PAD;
     return node.children[i] != ABSENT && enter <= min(leave, limit) ? enter : MISSED;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Walk of a ray through the top level, chunks, nested assemblies and meshes: one loop, one stack, near child first.
+// Walk of a ray through the top level, chunks, nested assemblies and meshes: one stack, near child first. traversal/rays.glsl has the loop.
 //
 // Before including, define ANY_HIT as 1 to stop at the first hit, else 0. A surface of opacity a is met with probability a,
 // decided by a hash of seed, instances and triangle; for AOVs (PUSH_AOVS) it is met if a > 0.
-// traverse() returns the closest hit nearer than t_max; at equal distance the hit with the lower (chunk instance, records,
-// triangle) wins, so the result does not depend on the order of the walk. Reads the scene, writes nothing but a counter of rays
-// that ran out of stack or levels.
+// begin_walk(), then descend() and visit() until `reference` is DONE, then end_walk(): `found` is the closest hit nearer than t_max if walk.hit;
+// at equal distance the hit with the lower (chunk instance, records, triangle) wins, so the result does not depend on the order of the walk.
+// Reads the scene, writes nothing but a counter of rays that ran out of stack or levels.
 //
 // Frames: the top level is walked with the high part of the world origin, boxes padded for the low part; a chunk is entered
 // with the whole (include/double.glsl), and all below it with single floats. Distances are in units of the world direction
@@ -44,9 +44,9 @@ struct Found {
 const float TOP_PAD = 1.8e-7;
 
 // Times the largest coordinate of the ray's origin and of the mesh: how far beside a triangle the rounding of its edge functions (14 units of
-// 2^-24 of a corner's distance) can see it met, and four more for the planes of boxes (traversal/node.glsl). Boxes in meshes are padded by that: else the triangle that takes a ray at a
-// shared edge may be in a box that the ray passes by (Woop et al. 2013, 3.1).
-const float MESH_PAD = 1.8e-6;
+// 2^-24 of a corner's distance) can see it met, and eight more for the planes of boxes (traversal/node.glsl). Boxes in meshes are padded by that:
+// else the triangle that takes a ray at a shared edge may be in a box that the ray passes by (Woop et al. 2013, 3.1).
+const float MESH_PAD = 2.1e-6;
 
 // Where the walk is: the ray in the frame of the current level or mesh, and the arrays there.
 struct Walk {
@@ -76,6 +76,8 @@ struct Walk {
 };
 
 Walk walk;
+Found found;
+uint reference; // what the walk comes to next
 uint chain[MAX_LEVELS];       // instance records from the chunk to here
 #define INSTANCE_CHUNK walk.chunk_instance
 #define INSTANCE_CHAIN chain
@@ -93,7 +95,7 @@ uint level_index() {
 }
 
 // Whether the candidate (chain, triangle) comes before the closest hit in the order of ids.
-bool precedes(uint triangle, Found found) {
+bool precedes(uint triangle) {
     if (walk.chunk_instance != found.chunk_instance) return walk.chunk_instance < found.chunk_instance;
     for (uint i = 0u; i <= level_index(); ++i) {
         if (chain[i] != found_chain[i]) return chain[i] < found_chain[i];
@@ -101,85 +103,25 @@ bool precedes(uint triangle, Found found) {
     return triangle < found.triangle;
 }
 
-// Whether the surface is there for this ray.
-bool is_opaque(uint triangle, vec2 uv) {
-    Meshes meshes = Meshes(FRAME.meshes);
-    const uint flags = meshes.v[walk.mesh].flags;
-    const bool of_mesh = (flags & MESH_HAS_OPACITIES) != 0u;
-    if (!of_mesh && !HAS_INSTANCE_OPACITY) return true;
-    if (HAS_MATERIALS) {
-        // displayOpacity is for surfaces without a material.
-        const uint subset = floatBitsToUint(ConstVec4s(walk.triangles).v[triangle * 3u + 1u].w);
-        if (material_slot(Instances(walk.instances).v[chain[level_index()]].prim_id, subset) != NO_MATERIAL) return true;
-    }
-    float opacity;
-    if (of_mesh) {
-        opacity = attribute_float(meshes.v[walk.mesh].opacities, meshes.v[walk.mesh].corner_indices, (flags >> 4) & 3u, triangle,
-                                  vec3(1.0 - uv.x - uv.y, uv));
-    } else {
-        vec4 value;
-        if (!instance_primvar(NAME_DISPLAY_OPACITY, value)) return true;
-        opacity = value.x;
-    }
-    if ((push.flags & PUSH_AOVS) != 0u) return opacity > 0.0;
-    uint h = hash_combine(walk.seed, walk.chunk_instance);
-    for (uint i = 0u; i <= level_index(); ++i) h = hash_combine(h, chain[i]);
-    return float(hash_u32(hash_combine(h, triangle)) >> 8) * 5.9604644775390625e-8 < opacity;
-}
-
-// Whether the material says that the surface is there for this ray. With streaming, where a tile of its texture is absent, the ray
-// leaves the surface out, asks, and puts the whole chunk instance on the list of pending ones. Of such a chunk instance only the nearest
-// cutout without an answer is asked about; resolve_cutouts answers, without the chunk; the ray comes back with the answer when the
-// chunk is there. All nearer ones are not there, or the ray would have met them. So each tile or chunk that comes, by itself, gets it on.
-bool is_cut_in(uint triangle, vec2 uv, float t) {
-    uint id = walk.chunk_instance;
-    for (uint i = 0u; i <= level_index(); ++i) id = hash_combine(id, chain[i]);
-    id = hash_combine(id, triangle);
-    if (HAS_STREAMING && answer.chunk_instance == walk.chunk_instance) {
-        if (key_before(t, id, answer.t, answer.id)) return false;
-        if (t == answer.t && id == answer.id) return (answer.flags & QUESTION_PRESENT) != 0u;
-    }
-    const Presence presence = presence_of(walk.mesh, Instances(walk.instances).v[chain[level_index()]].prim_id, triangle, uv,
-                                          ray_cone(walk.path, t) * length(walk.d), walk.d);
-    if (!presence.is_asked) return true;
-    const bool chance = presence.threshold <= 0.0;
-    float limit = presence.threshold;
-    if (chance) limit = (push.flags & PUSH_AOVS) != 0u ? 0.0 : float(hash_u32(hash_combine(walk.seed, id)) >> 8) * 5.9604644775390625e-8;
-    TextureProgress progress = TextureProgress(vec4(0.0), 0u);
-    uint said = TEXTURE_FALLBACK;
-    if (presence.texture == NO_TEXTURE) {
-        progress.mean = vec4(presence.bias);
-    } else {
-        said = continue_lookup(presence.texture, presence.st, presence.footprint, progress);
-    }
-    const uint flags = presence.channel << QUESTION_CHANNEL_SHIFT | (chance ? 0u : QUESTION_INCLUSIVE);
-    if (HAS_STREAMING && said < TEXTURE_FALLBACK) {
-        ask(walk.chunk_entry, Question(t, id, walk.chunk_instance, flags | progress.taps, progress.mean, presence.texture, presence.st,
-                                       presence.footprint, presence.scale, presence.bias, limit, STREAMING.chunk_count + said));
-        if (!walk.chunk_pending) remember(walk.chunk_entry, walk.chunk_instance);
-        walk.chunk_pending = true;
-        return false;
-    }
-    return is_there(progress.mean, said, presence.scale, presence.bias, flags, limit);
-}
+#include "traversal/opacity.glsl"
 
 uint pop() {
     return pop_reference(walk.limit, walk.entry);
 }
 
-// From a node to the nearest child that is hit; the others go to the stack, the farthest first.
-uint descend(uint reference) {
-    const bvec3 is_backward = lessThan(walk.reciprocal, vec3(0.0));
-    const vec3 pad = mix(vec3(walk.pad), vec3(-walk.pad), is_backward);
-    const Node node = load_node(walk.nodes, reference, walk.in_mesh, walk.o, is_backward);
+// From a node to the nearest child that is hit; the others go to the stack, for the closest hit the farthest first.
+uint descend(uint at) {
+    const Node node = load_node(walk.nodes, at, walk.in_mesh, walk.o, walk.reciprocal, walk.pad);
     uvec4 children = node.children;
     vec4 entries;
-    for (uint i = 0u; i < 4u; ++i) entries[i] = hit_child(node, i, pad, walk.reciprocal, walk.limit);
+    for (uint i = 0u; i < 4u; ++i) entries[i] = hit_child(node, i, walk.limit);
     sort_pair(entries, children, 0u, 1u);
     sort_pair(entries, children, 2u, 3u);
     sort_pair(entries, children, 0u, 2u);
+#if !ANY_HIT
     sort_pair(entries, children, 1u, 3u);
     sort_pair(entries, children, 1u, 2u);
+#endif
     if (!(entries.x < MISSED)) return pop();
     if (entries.w < MISSED) push_reference(children.w, max(entries.w, walk.entry));
     if (entries.z < MISSED) push_reference(children.z, max(entries.z, walk.entry));
@@ -189,7 +131,7 @@ uint descend(uint reference) {
 }
 
 // Tests the triangles of a leaf; true ends the walk.
-bool visit_triangles(uint begin, uint end, float t_max, inout Found found) {
+bool visit_triangles(uint begin, uint end) {
     const Shear shear = make_shear(walk.d);
     for (uint triangle = begin; triangle < end; ++triangle) {
         const vec3 v0 = ConstVec4s(walk.triangles).v[triangle * 3u].xyz;
@@ -199,11 +141,11 @@ bool visit_triangles(uint begin, uint end, float t_max, inout Found found) {
         vec2 uv;
         if (!hit_triangle(v0, v1, v2, walk.o, walk.d, shear, t, uv) || !(t > 0.0)) continue;
 #if ANY_HIT
-        if (!(t < t_max)) continue;
+        if (!(t < walk.limit)) continue;
 #else
         t = max(t, walk.entry * ENTRY_SCALE);
         const bool has_hit = walk.hit || (HAS_STREAMING && walk.hit_before);
-        if (!(t < found.t || (has_hit && t == found.t && precedes(triangle, found)))) continue;
+        if (!(t < found.t || (has_hit && t == found.t && precedes(triangle)))) continue;
 #endif
         if (HAS_OPACITY && !is_opaque(triangle, uv)) continue;
         if (HAS_CUTOUTS && !is_cut_in(triangle, uv, t)) continue;
@@ -340,15 +282,33 @@ uint begin_resumed(uint flags) {
     return pop();
 }
 
-// In place of a walk: nothing was met, nothing is waited for.
-void no_walk() {
-    pending_count = 0u;
-    walk.visits = 0u;
+// Enters or leaves or tests what is no inner node.
+uint visit(uint at) {
+    const uint first = at & 0x0fffffffu;
+    if (at == RETURN) {
+        leave();
+    } else if (!walk.in_mesh) {
+        return walk.level == 0u ? enter_chunk(at) : enter(first);
+    } else if (visit_triangles(first, first + ((at >> 28) & 7u) + 1u)) {
+        return DONE;
+    }
+    return pop();
 }
 
-// Traces the ray at `ray` (Ray or ShadowRay) in world space. With streaming, a ray that has waited goes on: `found` and
-// `found_chain` are its hit so far if its flags say so, else set to nothing. Returns whether something was hit in this walk.
-bool traverse(uint64_t ray, uint path, float t_max, uint seed, uint flags, inout Found found) {
+// In place of a walk: nothing was met, nothing is waited for.
+void no_walk(uint path) {
+    walk.path = path;
+    walk.hit_before = false;
+    walk.hit = false;
+    walk.visits = 0u;
+    pending_count = 0u;
+    stack_overflow = false;
+    reference = DONE;
+}
+
+// Begins with the ray at `ray` (Ray or ShadowRay) in world space. With streaming, a ray that has waited goes on: `found` and
+// `found_chain` are its hit so far if its flags say so, else set to nothing.
+void begin_walk(uint64_t ray, uint path, float t_max, uint seed, uint flags) {
     walk.hit_before = HAS_STREAMING && (flags & RAY_HIT) != 0u;
     if (!walk.hit_before) found = Found(t_max, vec2(0.0), 0u, 0u);
     walk.ray = ray;
@@ -364,7 +324,7 @@ bool traverse(uint64_t ray, uint path, float t_max, uint seed, uint flags, inout
     walk.hit = false;
     begin_top();
     clear_stack();
-    uint reference = 0u;
+    reference = 0u;
     if (HAS_STREAMING) {
         pending_count = 0u;
         pending_more = false;
@@ -375,23 +335,11 @@ bool traverse(uint64_t ray, uint path, float t_max, uint seed, uint flags, inout
         }
         if ((flags & RAY_WAITED) != 0u) reference = begin_resumed(flags);
     }
-    while (true) {
-        while (reference < LEAF) reference = descend(reference);
-        if (reference == DONE) break;
-        const uint first = reference & 0x0fffffffu;
-        if (reference == RETURN) {
-            leave();
-        } else if (!walk.in_mesh) {
-            reference = walk.level == 0u ? enter_chunk(reference) : enter(first);
-            continue;
-        } else if (visit_triangles(first, first + ((reference >> 28) & 7u) + 1u, t_max, found)) {
-            break;
-        }
-        reference = pop();
-    }
+}
+
+void end_walk() {
     if (HAS_STREAMING) forget_behind(walk.limit);
     if (stack_overflow) atomicAdd(COUNTERS.stack_overflows, 1u);
-    return walk.hit;
 }
 
 #endif

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Closest hit of every ray of a round: one thread per ray, Counters::ray_args.
+// Closest hit of every ray of a round: Counters::trace_args, a thread for one ray or, where there are very many, for some.
 // Reads: ray_queue[round & 1], rays, the scene. Writes: hits of the rays that hit; pushes the path to surface_queue or
 // escaped_queue. With streaming also: rays (flags), pending, progress; pushes to deferred, and to the other two queues only when the path's
 // shadow ray has finished too.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
-#include "include/queue.glsl"
 #define ANY_HIT 0
-#include "traversal/traverse.glsl"
+#define NEXT ray_next
+#include "traversal/rays.glsl"
 #include "include/hit.glsl"
 #include "include/opacity_seed.glsl"
 
-void store_hit(uint path, Found found) {
+void store_hit(uint path) {
     uvec3 first = uvec3(found_chain[0], 0u, 0u);
     if (MAX_LEVELS > 1u) first.y = found_chain[1u % MAX_LEVELS];
     if (MAX_LEVELS > 2u) first.z = found_chain[2u % MAX_LEVELS];
@@ -20,57 +20,60 @@ void store_hit(uint path, Found found) {
     for (uint level = 3u; level < MAX_LEVELS; ++level) store_hit_level(path, level, found_chain[level]);
 }
 
-void load_hit(uint path, out Found found) {
+void load_hit(uint path) {
     const HitHeader hit = load_hit_header(path);
     found = Found(hit.t, hit.uv, hit.triangle, hit.chunk_instance);
     for (uint level = 0u; level < MAX_LEVELS; ++level) found_chain[level] = load_hit_level(path, level);
 }
 
-// Pushes finished paths and rays that wait; `hit` is the one so far, `changed` tells whether this round found it, `ended` that there
-// is none to find: the path ends.
-void store_progress(uint path, bool in_range, bool hit, bool changed, bool ended) {
-    const bool waits = in_range && pending_count > 0u;
-    if (in_range) {
-        const uint flags = (hit ? RAY_HIT : 0u) | (changed ? RAY_CHANGED : 0u);
+// Whether there is none to find: the path ends.
+bool is_path_ended(uint path) {
+    return HAS_ROULETTE && (ConstUints(ray_address(path)).v[11] & RAY_ENDED) != 0u;
+}
+
+void begin_ray(uint at) {
+    const uint path = ConstUints(FRAME.ray_queue[push.round & 1u]).v[at];
+    if (is_path_ended(path)) {
+        no_walk(path);
+        return;
+    }
+    const uint64_t ray = ray_address(path);
+    const uint bounce = ConstUints(ray).v[3];
+    const uint flags = HAS_STREAMING ? ConstUints(ray).v[11] : 0u;
+    if (HAS_STREAMING && (flags & RAY_HIT) != 0u) load_hit(path);
+    begin_walk(ray, path, ConstFloats(ray).v[7], opacity_seed(path, 2u * bounce), flags);
+}
+
+// Pushes finished paths and rays that wait.
+void store_progress(uint path, bool ended) {
+    const bool hit = walk.hit || walk.hit_before;
+    const bool waits = ended && pending_count > 0u;
+    uint bits = CLOSEST_DONE;
+    if (ended) {
+        bits |= is_path_ended(path) ? PATH_ENDS : hit ? CLOSEST_HIT : 0u;
+        const uint flags = (hit ? RAY_HIT : 0u) | (walk.hit ? RAY_CHANGED : 0u);
         Uints(ray_address(path)).v[11] = flags | pending_flags();
     }
     if (waits) store_pending(path);
     push_deferred(path, waits);
-    const uint found = ended ? PATH_ENDS : hit ? CLOSEST_HIT : 0u;
-    push_finished(path, in_range && !waits ? finish(path, CLOSEST_DONE | found) : 0u);
-    ADD_EACH(visits, in_range ? walk.visits : 0u);
+    push_finished(path, ended && !waits ? finish(path, bits) : 0u);
+    ADD_EACH(visits, ended ? walk.visits : 0u);
 }
 
-void main() {
-    const uint at = thread_index();
-    const bool in_range = at < COUNTERS.ray_count[push.round & 1u];
-    bool hit = false;
-    bool changed = false;
-    bool ended = false;
-    uint path = 0u;
-    if (in_range) {
-        path = ConstUints(FRAME.ray_queue[push.round & 1u]).v[at];
-        const uint64_t ray = ray_address(path);
-        const uint bounce = ConstUints(ray).v[3];
-        const uint flags = HAS_STREAMING ? ConstUints(ray).v[11] : 0u;
-        ended = HAS_ROULETTE && (flags & RAY_ENDED) != 0u;
-        if (ended) {
-            no_walk();
-        } else {
-            Found found;
-            if (HAS_STREAMING && (flags & RAY_HIT) != 0u) load_hit(path, found);
-            changed = traverse(ray, path, ConstFloats(ray).v[7], opacity_seed(path, 2u * bounce), flags, found);
-            hit = changed || (HAS_STREAMING && walk.hit_before);
-            if (changed) store_hit(path, found);
-        }
-    }
+void end_ray(bool ended) {
+    const uint path = walk.path;
+    if (ended && walk.hit) store_hit(path);
     if (HAS_STREAMING) {
-        store_progress(path, in_range, hit, changed, ended);
+        store_progress(path, ended);
         return;
     }
     uint to;
-    QUEUE_SLOT(to, surface_count, in_range && hit);
-    if (in_range && hit) Uints(FRAME.surface_queue).v[to] = path;
-    QUEUE_SLOT(to, escaped_count, in_range && !hit);
-    if (in_range && !hit) Uints(FRAME.escaped_queue).v[to] = path;
+    QUEUE_SLOT(to, surface_count, ended && walk.hit);
+    if (ended && walk.hit) Uints(FRAME.surface_queue).v[to] = path;
+    QUEUE_SLOT(to, escaped_count, ended && !walk.hit);
+    if (ended && !walk.hit) Uints(FRAME.escaped_queue).v[to] = path;
+}
+
+void main() {
+    trace_rays(COUNTERS.ray_count[push.round & 1u]);
 }

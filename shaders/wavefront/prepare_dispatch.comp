@@ -9,10 +9,14 @@
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
 
-IndirectArgs indirect(uint threads) {
-    const uint needed = (threads + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE;
+IndirectArgs indirect(uint count) {
+    const uint needed = (count + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE;
     const uint x = min(needed, MAX_DIRECT_GROUPS);
     return IndirectArgs(x, x == 0u ? 0u : (needed + x - 1u) / x, 1u);
+}
+
+uint threads(IndirectArgs of) {
+    return of.x * of.y * WORKGROUP_SIZE;
 }
 
 // Streaming: what the last traversals counted, into the totals.
@@ -27,8 +31,12 @@ void prepare_trace() {
     if (push.round == 0u) COUNTERS.shadow_count = 0u;
     uint rays = COUNTERS.ray_count[push.round & 1u];
     uint shadows = COUNTERS.shadow_count;
+    const uint most = max(FRAME.most_walkers, 1u);
     COUNTERS.ray_args = indirect(rays);
-    COUNTERS.shadow_args = indirect(shadows);
+    COUNTERS.trace_args = indirect(min(rays, most));
+    COUNTERS.ray_next = threads(COUNTERS.trace_args);
+    COUNTERS.shadow_args = indirect(min(shadows, most));
+    COUNTERS.shadow_next = threads(COUNTERS.shadow_args);
     if (rays + shadows + COUNTERS.resolve_count > 0u) COUNTERS.busy_rounds += 1u;
     if (HAS_STREAMING) {
         rays -= COUNTERS.resumed_rays;

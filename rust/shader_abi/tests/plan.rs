@@ -34,6 +34,7 @@ fn sizes_are_what_the_shaders_count_on() {
     assert_eq!([size_of::<Ray>(), size_of::<ShadowRay>(), size_of::<GpuChunkInstance>()], [48, 64, 80]);
     assert_eq!(size_of::<Frame>() % 8, 0);
     assert_eq!((Counters::TOTALS_BYTES, Counters::RAY_ARGS, Counters::SHADOW_ARGS), (40, 96, 132));
+    assert_eq!(Counters::TRACE_ARGS, 188);
 }
 
 #[test]

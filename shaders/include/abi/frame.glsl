@@ -84,6 +84,8 @@ struct Frame {
     uint max_bounces;
     uint light_count;
     uint flags;
+    uint most_walkers;
+    uint pad;
     uint64_t materials;
     uint64_t prims;
     uint64_t material_slots;

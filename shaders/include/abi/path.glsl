@@ -64,7 +64,9 @@ struct Counters {
     uint resolve_base;
     IndirectArgs resolve_args;
     uint busy_rounds;
-    uint pad;
+    IndirectArgs trace_args;
+    uint ray_next;
+    uint shadow_next;
 };
 
 struct FilmPixel {

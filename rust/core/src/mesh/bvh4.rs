@@ -16,7 +16,7 @@ pub const WIDTH: usize = 4;
 /// Cells along an axis of a node's grid: fewer than planes can tell, for the rounding of their number and the margin.
 const CELLS: f64 = 253.0;
 /// Cells that planes over boxes are further out at least. Walks do not pad these boxes as they do those of meshes, and the planes' own
-/// rounding is 2^-24 of the grid's 255 cells at each of two steps.
+/// rounding is 2^-24 of the grid's 255 cells at each of four steps.
 const MARGIN: f64 = 1.0 / 8192.0;
 /// In [`LevelNode::child`]: an item.
 pub const LEAF: u32 = 1 << 31;

@@ -9,6 +9,10 @@ use oocpt_shader_abi::{Frame, FrameFlags};
 /// Albedo of a surface without a colour, as `UsdPreviewSurface`'s diffuseColor.
 const DEFAULT_ALBEDO: [f32; 3] = [0.18; 3];
 
+/// Threads that trace the rays of a round, at most: more than devices run at a time (an H200 runs 118 000), few enough for rays to be left for
+/// those whose walks end early.
+const MOST_WALKERS: u32 = 1 << 18;
+
 /// The frame block of a setting; path memory is bound by its owner.
 pub(crate) fn frame_block(setting: &Setting<'_>, scene: &SceneView) -> Frame {
     let Setting { job, lights, rays, film, .. } = *setting;
@@ -49,6 +53,7 @@ pub(crate) fn frame_block(setting: &Setting<'_>, scene: &SceneView) -> Frame {
         // The table is indexed by u32 and holds at most as many lights as the scene has prims.
         light_count: u32::try_from(lights.distant().len()).unwrap_or(u32::MAX),
         flags: flags.bits(),
+        most_walkers: MOST_WALKERS,
         materials: scene.materials,
         prims: scene.prims,
         material_slots: scene.material_slots,

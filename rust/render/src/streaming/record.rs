@@ -179,7 +179,7 @@ impl Engine<'_, '_> {
         let passes = &self.passes;
         direct(commands, &passes.prepare_dispatch, q.with(round, PREPARE_TRACE), 1);
         commands.concurrent(|c| {
-            self.indirect(c, &passes.intersect_closest, q.with(round, 0), Counters::RAY_ARGS);
+            self.indirect(c, &passes.intersect_closest, q.with(round, 0), Counters::TRACE_ARGS);
             if kind == Kind::Samples {
                 self.indirect(c, &passes.intersect_shadow, q.with(round, 0), Counters::SHADOW_ARGS);
             }

@@ -43,7 +43,7 @@ impl Recorder<'_> {
         if rounds.start == 0 {
             self.direct(commands, &self.passes.generate_camera_rays, q, wave.count);
             self.direct(commands, &self.passes.prepare_dispatch, q.with(0, PREPARE_TRACE), 1);
-            self.indirect(commands, &self.passes.intersect_closest, q.with(0, 0), Counters::RAY_ARGS);
+            self.indirect(commands, &self.passes.intersect_closest, q.with(0, 0), Counters::TRACE_ARGS);
         }
         for round in rounds.clone() {
             self.round(commands, q, round);
@@ -66,7 +66,7 @@ impl Recorder<'_> {
         commands.concurrent(|c| {
             self.indirect(c, &self.passes.intersect_shadow, q.with(round, 0), Counters::SHADOW_ARGS);
             if round < self.last_round {
-                self.indirect(c, &self.passes.intersect_closest, q.with(round + 1, 0), Counters::RAY_ARGS);
+                self.indirect(c, &self.passes.intersect_closest, q.with(round + 1, 0), Counters::TRACE_ARGS);
             }
         });
     }
@@ -76,7 +76,7 @@ impl Recorder<'_> {
         let q = Push::wave(self.frame, slice.first, slice.count, self.pixels).flagged(PushFlags::AOVS);
         self.direct(commands, &passes.generate_aov_rays, q, slice.count);
         self.direct(commands, &self.passes.prepare_dispatch, q.with(0, PREPARE_TRACE), 1);
-        self.indirect(commands, &self.passes.intersect_closest, q, Counters::RAY_ARGS);
+        self.indirect(commands, &self.passes.intersect_closest, q, Counters::TRACE_ARGS);
         self.direct(commands, &self.passes.prepare_dispatch, q.with(0, PREPARE_SHADE), 1);
         commands.concurrent(|c| {
             self.indirect(c, &passes.shade_aovs, q.with(0, AOV_SURFACES), Counters::SURFACE_ARGS);

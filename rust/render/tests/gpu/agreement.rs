@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The images against the judge's f64 renderer: ids exactly, depth and normals to rounding, colour by z-test.
 
-use crate::scenes::{features, flattened, nested};
-use crate::support::{orthographic, perspective, read, render, request, session, settings, snapshot};
-use glam::DVec3;
+use crate::scenes::{features, flattened, mesh, nested, prim, square, sun};
+use crate::support::{color_request, orthographic, perspective, read, render, request, session, settings, snapshot};
+use glam::{DMat4, DVec3, DVec4};
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::SceneDb;
 use oocpt_core::settings::Value;
@@ -123,4 +123,26 @@ fn light_in_nested_instances() {
 #[test]
 fn light_on_colours_normals_and_opacity() {
     light_agrees(features, "features");
+}
+
+#[test]
+fn a_sun_straight_above_casts_shadows_from_afar() {
+    // Two components of the shadow rays are zero, and boxes begin a thousand units beside them: distances along the ray to these are finite.
+    let upwards = DMat4::from_cols(DVec4::X, DVec4::NEG_Z, DVec4::Y, DVec4::W);
+    let corner = |x: f32, z: f32| [x, 300.0, z];
+    let plate = vec![corner(100.0, 500.0), corner(500.0, 500.0), corner(500.0, 100.0), corner(100.0, 100.0)];
+    let session = session(settings(1, 0));
+    session.with_scene(|db| {
+        db.upsert_mesh(square(prim("/floor", DMat4::from_scale(DVec3::splat(1000.0))), 1, 0.5));
+        db.upsert_mesh(mesh(prim("/plate", DMat4::IDENTITY), 2, plate, &[vec![0, 1, 2, 3]], 0.5));
+        db.upsert_light(sun(1.0, 0.0, upwards));
+    });
+    let red = |target: DVec3| {
+        let request = color_request(perspective(DVec3::new(0.0, 600.0, 2000.0), target, 0.001, [4, 4]));
+        render(&session, &request);
+        read::<[f32; 4]>(&session, &request, AovKind::Color).into_iter().map(|pixel| pixel[0]).collect::<Vec<f32>>()
+    };
+    assert!(red(DVec3::new(300.0, 0.0, 300.0)).iter().all(|red| *red == 0.0), "the floor below the plate is dark");
+    let lit = red(DVec3::new(-300.0, 0.0, 300.0));
+    assert!(lit.iter().all(|red| (red * std::f32::consts::PI - 0.5).abs() < 1e-5), "and bright beside it: {lit:?}");
 }

@@ -113,6 +113,8 @@ pub const LAYOUTS: &[StructLayout] = &[
         max_bounces,
         light_count,
         flags,
+        most_walkers,
+        pad,
         materials,
         prims,
         material_slots,
@@ -329,7 +331,9 @@ pub const LAYOUTS: &[StructLayout] = &[
         resolve_base,
         resolve_args,
         busy_rounds,
-        pad
+        trace_args,
+        ray_next,
+        shadow_next
     }),
     layout!(FilmPixel { sum, compensation, m2, samples, m2_compensation, pad0, earlier, pad1 }),
     layout!(ErrorSums { s, d, ss, sd, dd, doubt, worst, worst_pixel, pixels, fewest, most, pad }),

@@ -10,6 +10,7 @@ mod lbvh;
 mod light;
 mod material;
 mod path;
+mod push;
 mod scene;
 mod stream;
 mod texture;
@@ -17,8 +18,8 @@ mod texture;
 pub use film::{ERROR_GROUPS, ErrorSums, FilmPixel, aov_bytes};
 pub use frame::{
     AOV_ESCAPED, AOV_SURFACES, Adaptive, AovClear, AovTargets, Features, Frame, FrameFlags, Lobes, MAX_DIRECT_GROUPS,
-    PREPARE_DEMAND, PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, Push, PushFlags, SCAN_BLOCK, SCAN_BLOCKS, SCAN_SUMS,
-    SPEC_FEATURES, SPEC_LOBES, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
+    PREPARE_DEMAND, PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, SCAN_BLOCK, SCAN_BLOCKS, SCAN_SUMS, SPEC_FEATURES,
+    SPEC_LOBES, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
 };
 pub use layout::{LAYOUTS, MemberLayout, StructLayout};
 pub use lbvh::{LbvhBounds, LbvhNode, LbvhPush};
@@ -33,6 +34,7 @@ pub use material::{
     SLOT_PRESENCE,
 };
 pub use path::{Counters, IndirectArgs, PathState, Ray, ShadowRay, hit_stride};
+pub use push::{Push, PushFlags};
 pub use scene::{
     AttributeRate, GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuLevelNode, GpuLight, GpuMesh, GpuMeshNode,
     GpuTriangle, MeshFlags, NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_ROW, NO_VALUE, TARGET_ASSEMBLY,

@@ -121,7 +121,7 @@ pub struct Counters {
     pub ray_base: u32,
     /// Where in the shadow queue sorted rays begin.
     pub shadow_base: u32,
-    /// For `intersect_closest` and `record_surfaces`.
+    /// For `record_surfaces`.
     pub ray_args: IndirectArgs,
     /// For `shade_surface`.
     pub surface_args: IndirectArgs,
@@ -143,8 +143,12 @@ pub struct Counters {
     pub resolve_args: IndirectArgs,
     /// Total: rounds that had a ray to trace or a material to resolve; wraps.
     pub busy_rounds: u32,
-    /// Nothing.
-    pub pad: u32,
+    /// For `intersect_closest`.
+    pub trace_args: IndirectArgs,
+    /// In the ray queue, the first ray that no thread has begun.
+    pub ray_next: u32,
+    /// In the shadow queue, likewise.
+    pub shadow_next: u32,
 }
 
 impl Counters {
@@ -152,7 +156,9 @@ impl Counters {
     pub const TOTALS_BYTES: u64 = offset_of!(Self, ray_count) as u64;
     /// Byte offset of the indirect arguments of `count_demand`, `sort_deferred_count` and `sort_deferred_scatter`.
     pub const DEFERRED_ARGS: u64 = offset_of!(Self, deferred_args) as u64;
-    /// Byte offset of the indirect arguments of `intersect_closest` and `record_surfaces`.
+    /// Byte offset of the indirect arguments of `intersect_closest`.
+    pub const TRACE_ARGS: u64 = offset_of!(Self, trace_args) as u64;
+    /// Byte offset of the indirect arguments of `record_surfaces`.
     pub const RAY_ARGS: u64 = offset_of!(Self, ray_args) as u64;
     /// Byte offset of the indirect arguments of `shade_surface`.
     pub const SURFACE_ARGS: u64 = offset_of!(Self, surface_args) as u64;

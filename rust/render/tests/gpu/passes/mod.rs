@@ -11,7 +11,7 @@ use oocpt_gpu::{Gpu, OpenOptions};
 use oocpt_shader_abi::{Counters, Features, FilmPixel};
 use std::sync::Arc;
 use stream::Totals;
-use tracer::{Images, Tracer};
+use tracer::{Images, PATHS, Tracer};
 use world::{FAR, Scene};
 
 const IN_CORE: Features = Features::DOME
@@ -61,6 +61,27 @@ fn chunks_that_come_and_go_leave_no_trace_in_the_picture() {
         assert!(images.depth == expected.depth, "depth with {resident} chunks at a time");
         assert!(images.film == expected.film, "colour with {resident} chunks at a time");
     }
+    close_device(&gpu);
+}
+
+#[test]
+fn threads_that_take_one_ray_after_the_other_leave_no_trace_in_the_picture() {
+    let gpu = open();
+    let scene = Scene::new(&gpu, 1, FAR);
+    let (expected, wave) = in_core(&gpu, &scene);
+    for walkers in [1, 128, 1000] {
+        let mut tracer = Tracer::new(&gpu, &scene, IN_CORE).with_walkers(walkers);
+        assert!(tracer.wave() == expected, "{walkers} threads for {PATHS} rays, in core");
+        let counters: Counters = tracer.read("counters")[0];
+        assert_eq!(
+            counters.trace_args.x,
+            walkers.min(counters.ray_args.x * 64).div_ceil(64),
+            "{walkers} threads at most"
+        );
+    }
+    let (images, totals) = Tracer::new(&gpu, &scene, STREAMING).with_walkers(128).stream(36, 2, 3);
+    check(&totals, &wave);
+    assert!(images == expected, "128 threads, streaming");
     close_device(&gpu);
 }
 

@@ -41,6 +41,7 @@ pub(super) struct Tracer<'a> {
     pub(super) buffers: HashMap<&'static str, Buffer>,
     pub(super) streaming: Streaming,
     pub(super) round: u32,
+    walkers: u32,
 }
 
 impl<'a> Tracer<'a> {
@@ -54,6 +55,7 @@ impl<'a> Tracer<'a> {
             buffers: HashMap::new(),
             streaming: Streaming::zeroed(),
             round: 0,
+            walkers: 1 << 18,
         };
         let streams = features.contains(Features::STREAMING);
         let slots = u64::from(if streams { SEGMENTS * SEGMENT_SIZE } else { PATHS });
@@ -94,6 +96,13 @@ impl<'a> Tracer<'a> {
         }
         tracer.fill_blocks();
         tracer
+    }
+
+    /// The same with at most so many threads for the rays of a round.
+    pub(super) fn with_walkers(mut self, walkers: u32) -> Self {
+        self.walkers = walkers;
+        self.fill_blocks();
+        self
     }
 
     fn make(&mut self, name: &'static str, bytes: u64) {
@@ -173,6 +182,7 @@ impl<'a> Tracer<'a> {
             width: SIZE[0],
             height: SIZE[1],
             seed: 5,
+            most_walkers: self.walkers,
             max_bounces: BOUNCES,
             light_count: 1,
             flags: 1,
@@ -248,7 +258,7 @@ impl<'a> Tracer<'a> {
         let streams = self.features.contains(Features::STREAMING);
         self.run(c, &passes::PREPARE_DISPATCH, q.with(q.round, abi::PREPARE_TRACE), Launch::Threads(1));
         if streams || aovs || q.round <= BOUNCES {
-            self.run(c, &passes::INTERSECT_CLOSEST, q, Launch::Indirect(Counters::RAY_ARGS));
+            self.run(c, &passes::INTERSECT_CLOSEST, q, Launch::Indirect(Counters::TRACE_ARGS));
         }
         if !aovs {
             self.run(c, &passes::INTERSECT_SHADOW, q, Launch::Indirect(Counters::SHADOW_ARGS));

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whether a surface that a walk meets is there: by displayOpacity, or by its material's cutouts and presence. A part of traverse.glsl: reads the
+// walk (`walk`, `chain`) and the scene; with streaming, asks for tiles that are absent.
+#ifndef OOCPT_OPACITY_GLSL
+#define OOCPT_OPACITY_GLSL
+
+// Whether the surface is there for this ray.
+bool is_opaque(uint triangle, vec2 uv) {
+    Meshes meshes = Meshes(FRAME.meshes);
+    const uint flags = meshes.v[walk.mesh].flags;
+    const bool of_mesh = (flags & MESH_HAS_OPACITIES) != 0u;
+    if (!of_mesh && !HAS_INSTANCE_OPACITY) return true;
+    if (HAS_MATERIALS) {
+        // displayOpacity is for surfaces without a material.
+        const uint subset = floatBitsToUint(ConstVec4s(walk.triangles).v[triangle * 3u + 1u].w);
+        if (material_slot(Instances(walk.instances).v[chain[level_index()]].prim_id, subset) != NO_MATERIAL) return true;
+    }
+    float opacity;
+    if (of_mesh) {
+        opacity = attribute_float(meshes.v[walk.mesh].opacities, meshes.v[walk.mesh].corner_indices, (flags >> 4) & 3u, triangle,
+                                  vec3(1.0 - uv.x - uv.y, uv));
+    } else {
+        vec4 value;
+        if (!instance_primvar(NAME_DISPLAY_OPACITY, value)) return true;
+        opacity = value.x;
+    }
+    if ((push.flags & PUSH_AOVS) != 0u) return opacity > 0.0;
+    uint h = hash_combine(walk.seed, walk.chunk_instance);
+    for (uint i = 0u; i <= level_index(); ++i) h = hash_combine(h, chain[i]);
+    return float(hash_u32(hash_combine(h, triangle)) >> 8) * 5.9604644775390625e-8 < opacity;
+}
+
+// Whether the material says that the surface is there for this ray. With streaming, where a tile of its texture is absent, the ray
+// leaves the surface out, asks, and puts the whole chunk instance on the list of pending ones. Of such a chunk instance only the nearest
+// cutout without an answer is asked about; resolve_cutouts answers, without the chunk; the ray comes back with the answer when the
+// chunk is there. All nearer ones are not there, or the ray would have met them. So each tile or chunk that comes, by itself, gets it on.
+bool is_cut_in(uint triangle, vec2 uv, float t) {
+    uint id = walk.chunk_instance;
+    for (uint i = 0u; i <= level_index(); ++i) id = hash_combine(id, chain[i]);
+    id = hash_combine(id, triangle);
+    if (HAS_STREAMING && answer.chunk_instance == walk.chunk_instance) {
+        if (key_before(t, id, answer.t, answer.id)) return false;
+        if (t == answer.t && id == answer.id) return (answer.flags & QUESTION_PRESENT) != 0u;
+    }
+    const Presence presence = presence_of(walk.mesh, Instances(walk.instances).v[chain[level_index()]].prim_id, triangle, uv,
+                                          ray_cone(walk.path, t) * length(walk.d), walk.d);
+    if (!presence.is_asked) return true;
+    const bool chance = presence.threshold <= 0.0;
+    float limit = presence.threshold;
+    if (chance) limit = (push.flags & PUSH_AOVS) != 0u ? 0.0 : float(hash_u32(hash_combine(walk.seed, id)) >> 8) * 5.9604644775390625e-8;
+    TextureProgress progress = TextureProgress(vec4(0.0), 0u);
+    uint said = TEXTURE_FALLBACK;
+    if (presence.texture == NO_TEXTURE) {
+        progress.mean = vec4(presence.bias);
+    } else {
+        said = continue_lookup(presence.texture, presence.st, presence.footprint, progress);
+    }
+    const uint flags = presence.channel << QUESTION_CHANNEL_SHIFT | (chance ? 0u : QUESTION_INCLUSIVE);
+    if (HAS_STREAMING && said < TEXTURE_FALLBACK) {
+        ask(walk.chunk_entry, Question(t, id, walk.chunk_instance, flags | progress.taps, progress.mean, presence.texture, presence.st,
+                                       presence.footprint, presence.scale, presence.bias, limit, STREAMING.chunk_count + said));
+        if (!walk.chunk_pending) remember(walk.chunk_entry, walk.chunk_instance);
+        walk.chunk_pending = true;
+        return false;
+    }
+    return is_there(progress.mean, said, presence.scale, presence.bias, flags, limit);
+}
+
+#endif

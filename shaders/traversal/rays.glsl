@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// Walks all rays of a queue so that few threads of a subgroup are idle (0017): the subgroup leaves the nodes when few of its threads are still among
+// them, so that the others need not wait; and threads that have ended their walk take rays that nobody has begun, once enough of them have (after
+// Aila and Laine 2009, "Understanding the Efficiency of Ray Traversal on GPUs"). Which thread walks a ray changes nothing of it.
+//
+// Before including, define NEXT as the member of Counters that says which ray of the queue is the first that nobody has begun, and after it
+//   begin_ray(at): begin_walk() or no_walk() for entry `at` of the queue;
+//   end_ray(ended): stores what became of the ray if `ended`; called by all threads of a subgroup.
+#ifndef OOCPT_RAYS_GLSL
+#define OOCPT_RAYS_GLSL
+
+#include "include/queue.glsl"
+#include "traversal/traverse.glsl"
+
+// Fewer threads than these of a subgroup of 32 do not keep it among the nodes.
+const uint KEEP_DESCENDING = 12u;
+// Fewer than these do not keep it from taking new rays; but for so many visits of leaves and instances it goes on with those that it has: short
+// walks end together.
+const uint KEEP_WALKING = 26u;
+const uint PATIENCE = 16u;
+
+void begin_ray(uint at);
+void end_ray(bool ended);
+
+uint threads_that(bool are) {
+    return subgroupBallotBitCount(subgroupBallot(are));
+}
+
+// `count`: rays in the queue. Call with all threads of the pass.
+void trace_rays(uint count) {
+    const uint keep_descending = KEEP_DESCENDING * gl_SubgroupSize / 32u;
+    const uint keep_walking = KEEP_WALKING * gl_SubgroupSize / 32u;
+    uint at = thread_index();
+    bool has_ray = false;
+    bool more = count > gl_NumWorkGroups.x * gl_NumWorkGroups.y * WORKGROUP_SIZE;
+    reference = DONE;
+    do {
+        if (at < count) {
+            begin_ray(at);
+            has_ray = true;
+        }
+        uint visits = 0u;
+        do {
+            ++visits;
+            while (reference < LEAF) {
+                reference = descend(reference);
+                if (threads_that(reference < LEAF) < keep_descending) break;
+            }
+            if (reference >= LEAF && reference != DONE) reference = visit(reference);
+        } while (threads_that(reference != DONE) >= (more && visits >= PATIENCE ? keep_walking : 1u));
+        const bool ended = has_ray && reference == DONE;
+        if (ended) end_walk();
+        end_ray(ended);
+        has_ray = has_ray && !ended;
+        at = count;
+        if (more) {
+            uint to;
+            QUEUE_SLOT(to, NEXT, !has_ray);
+            if (!has_ray) at = to;
+            more = threads_that(!has_ray && at >= count) == 0u;
+        }
+    } while (threads_that(has_ray || at < count) > 0u);
+}
+
+#endif
