@@ -22,7 +22,7 @@ const SEGMENT_SHIFT: u32 = 8;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct Push {
-    /// Device address of a [`Frame`].
+    /// Device address of a [`super::Frame`].
     pub frame: u64,
     /// First path of the wave: index of its pixel in trace order (`first_path % (width * height)`).
     pub first_pixel: u32,
