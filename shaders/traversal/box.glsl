@@ -12,8 +12,8 @@ float largest_of(vec3 v) {
     return max(abs(v.x), max(abs(v.y), abs(v.z)));
 }
 
-// Components that are zero beside the largest one get a reciprocal 2^60 times its own: what is at a distance of 1e20, in units of d, still has a
-// finite product with it, hence no infinity and no 0 * inf; and a ray 1e18 times as long as it should be wide is not seen to turn.
+// No component counts as smaller than 2^-60 of the largest one: distances up to 1e20, in units of d, have a finite product with the reciprocal,
+// hence no infinity and no 0 * inf; and a ray leaves its line by at most 1e-18 of its length.
 vec3 safe_reciprocal(vec3 d) {
     const float tiny = max(largest_of(d) * 8.673617e-19, 1.0e-37);
     const bvec3 small = lessThan(abs(d), vec3(tiny));

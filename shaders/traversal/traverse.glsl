@@ -55,7 +55,7 @@ struct Walk {
     vec3 reciprocal;
     float pad;   // of boxes; 0 between the top level and meshes
     float entry; // where the boxes above the current node are entered, the farthest; for any hit only with streaming
-    float limit; // boxes entered behind this hold no closer hit
+    float limit; // boxes entered behind this hold no closer hit; any hit: t_max
     uint64_t nodes;
     uint64_t instances;
     uint64_t triangles;

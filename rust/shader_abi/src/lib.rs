@@ -13,7 +13,7 @@
 //! generate_camera_rays   [groups(path_count)]                 q
 //! prepare_dispatch       [1]                                  q.with(0, PREPARE_TRACE)
 //! for r in 0..=max_bounces:   (with Features::MATERIALS one round more, for rays of delta lobes)
-//!   intersect_closest    indirect Counters::TRACE_ARGS          q.with(r, 0)      | of r-1: intersect_shadow, see below
+//!   intersect_closest    indirect Counters::TRACE_ARGS        q.with(r, 0)      | of r-1: intersect_shadow, see below
 //!   prepare_dispatch     [1]                                  q.with(r, PREPARE_SHADE)
 //!   shade_background     indirect Counters::ESCAPED_ARGS      q.with(r, 0)      | shade_surface indirect Counters::SURFACE_ARGS
 //!   prepare_dispatch     [1]                                  q.with(r + 1, PREPARE_TRACE)
@@ -26,7 +26,7 @@
 //! ```text
 //! generate_aov_rays      [groups(path_count)]                 a
 //! prepare_dispatch       [1]                                  a.with(0, PREPARE_TRACE)
-//! intersect_closest      indirect Counters::TRACE_ARGS          a
+//! intersect_closest      indirect Counters::TRACE_ARGS        a
 //! prepare_dispatch       [1]                                  a.with(0, PREPARE_SHADE)
 //! shade_aovs             indirect Counters::SURFACE_ARGS      a.with(0, AOV_SURFACES)
 //!                      | indirect Counters::ESCAPED_ARGS      a.with(0, AOV_ESCAPED)
@@ -50,7 +50,7 @@
 //! sort_deferred_scatter  indirect Counters::DEFERRED_ARGS     q.with(r, 0)
 //! repeat as often as one submission is to last, with r = r + 1 each time:
 //!   prepare_dispatch     [1]                                  q.with(r, PREPARE_TRACE)
-//!   intersect_closest    indirect Counters::TRACE_ARGS          q.with(r, 0)      | intersect_shadow indirect Counters::SHADOW_ARGS
+//!   intersect_closest    indirect Counters::TRACE_ARGS        q.with(r, 0)      | intersect_shadow indirect Counters::SHADOW_ARGS
 //!   prepare_dispatch     [1]                                  q.with(r, PREPARE_SHADE)
 //!                      | record_surfaces indirect RAY_ARGS    q.with(r, 0)
 //!     (textures: PREPARE_RESOLVE beside record_surfaces, then resolve_materials indirect RESOLVE_ARGS q.with(r, 0), then PREPARE_SHADE)
