@@ -162,7 +162,7 @@ impl Renderer {
         let (device, job) = (setting.device, setting.job);
         progress.stage("uploading the scene");
         let mut scenes = std::mem::take(&mut self.scene);
-        let scene = scenes.sync(device, &job.snapshot, job.images.as_deref())?;
+        let scene = scenes.sync(device, &job.snapshot, job.images.as_ref(), &job.settings)?;
         progress.scene(&scene.assets);
         for warning in &scene.assets.textures.warnings {
             gate.shared().report(Severity::Warning, warning.clone());

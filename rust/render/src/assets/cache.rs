@@ -16,6 +16,7 @@ use crate::timings::Timings;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::residency::AssetId;
 use oocpt_core::scene::Snapshot;
+use oocpt_core::settings::Settings;
 use oocpt_gpu::HeapRange;
 use oocpt_shader_abi::GpuLight;
 use rustc_hash::FxHashSet;
@@ -86,16 +87,18 @@ pub(crate) struct SceneCache {
 
 impl SceneCache {
     /// Takes the assets of `snapshot` for what is wanted; lets go of what it does not need.
-    /// `images` opens what textures name.
+    /// `images` opens what textures name; `settings` say where decoded images are kept.
     pub(crate) fn sync(
         &mut self,
         device: &Device,
         snapshot: &Arc<Snapshot>,
-        images: Option<&dyn ImageLibrary>,
+        images: Option<&Arc<dyn ImageLibrary>>,
+        settings: &Settings,
     ) -> Result<&mut Scene, RenderError> {
         let assets = match &self.scene {
             Some(scene) if Arc::ptr_eq(&scene.assets.snapshot, snapshot) => Arc::clone(&scene.assets),
             _ => {
+                self.textures.keep_in(settings);
                 let textures = self.textures.sync(images, &snapshot.surfaces.textures);
                 Arc::new(SceneAssets::new(snapshot, &textures)?)
             }
