@@ -262,8 +262,7 @@ mod tests {
                 }
             }
             assert!(levels.iter().flatten().all(Option::is_some), "{size:?}: a texel is missing");
-            let expected: Vec<_> =
-                (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| Some(byte(x, y)))).collect();
+            let expected: Vec<_> = (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| Some(byte(x, y)))).collect();
             assert!(levels[0] == expected, "{size:?}: level 0");
             let mean = |level: &[Option<u8>]| {
                 level.iter().flatten().map(|byte| f64::from(*byte)).sum::<f64>() / level.len() as f64

@@ -51,7 +51,13 @@ impl DiskCache {
 
     /// A cache in a folder, which is made when the first entry is.
     pub(crate) fn new(folder: PathBuf, limit: u64) -> Self {
-        Self { folder, limit, known_bytes: Mutex::default(), complaint: Mutex::default(), failed: AtomicBool::new(false) }
+        Self {
+            folder,
+            limit,
+            known_bytes: Mutex::default(),
+            complaint: Mutex::default(),
+            failed: AtomicBool::new(false),
+        }
     }
 
     /// What went wrong, once: the render goes on without the cache where it fails.

@@ -28,6 +28,8 @@ pub(crate) struct TextureSet {
     images: Vec<Arc<TextureImage>>,
     /// Number of the first tile of every image, and of one past the last.
     firsts: Vec<u32>,
+    /// Number of the first tile of an image, by the image's own number.
+    by_id: FxHashMap<u64, u32>,
     /// First the textures by their number in the snapshot, then members of sets. `decode` is still 0.
     pub(crate) records: Vec<GpuTexture>,
     /// One for each texture that lacks something.
@@ -51,6 +53,16 @@ impl TextureSet {
         let at = self.firsts.partition_point(|first| *first <= tile).checked_sub(1)?;
         let within = tile - self.firsts.get(at)?;
         self.images.get(at).map(|image| (image, within))
+    }
+
+    /// The number among all tiles of the scene of a tile of an image; `None` for an image of another scene.
+    pub(crate) fn number_of(&self, image: u64, tile: u32) -> Option<u32> {
+        self.by_id.get(&image).map(|first| first + tile)
+    }
+
+    /// Whether the image is one of these.
+    pub(crate) fn has(&self, image: u64) -> bool {
+        self.by_id.contains_key(&image)
     }
 
     /// What went wrong while tiles were read and was not yet told.
@@ -90,11 +102,7 @@ impl TextureCache {
     }
 
     /// The set of `textures`; the same as last time if they are the same.
-    pub(crate) fn sync(
-        &mut self,
-        library: Option<&Arc<dyn ImageLibrary>>,
-        textures: &[TextureRef],
-    ) -> Arc<TextureSet> {
+    pub(crate) fn sync(&mut self, library: Option<&Arc<dyn ImageLibrary>>, textures: &[TextureRef]) -> Arc<TextureSet> {
         if self.textures != textures {
             self.open_all(library, textures);
             let disk = self.stores.disk.clone();
@@ -251,6 +259,7 @@ impl Making<'_> {
             return None;
         }
         self.set.firsts.push(first + count);
+        self.set.by_id.insert(image.id(), first);
         self.set.images.push(image);
         Some(self.set.images.len() - 1)
     }

@@ -53,10 +53,6 @@ impl Texels {
         if self.channels == 3 { 4 } else { self.channels }
     }
 
-    pub(super) fn format(&self) -> TexelFormat {
-        self.format
-    }
-
     /// Whether colours go through the sRGB curve.
     pub(super) fn is_srgb(&self) -> bool {
         self.is_srgb

@@ -67,7 +67,9 @@ fn write(path: &PathBuf, description: &Description) {
 fn every_tile_comes_back() {
     let folder = Folder::new("back");
     for size in [[1, 1], [300, 260], [16384, 1], [128, 128], [129, 3]] {
-        for (channels, format) in [(1, TexelFormat::U8), (3, TexelFormat::U8), (2, TexelFormat::F16), (4, TexelFormat::F32)] {
+        for (channels, format) in
+            [(1, TexelFormat::U8), (3, TexelFormat::U8), (2, TexelFormat::F16), (4, TexelFormat::F32)]
+        {
             for first in [0, 1, 3] {
                 let description = Description::new("key", &info(size, channels, format), first);
                 if !description.is_possible() {
