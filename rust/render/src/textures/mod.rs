@@ -12,6 +12,6 @@ mod set;
 mod tests;
 mod tiles;
 
-pub use image::{Image, ImageError, ImageInfo, ImageLibrary};
+pub use image::{BAND_BYTES, ColorTransform, Image, ImageError, ImageInfo, ImageLibrary};
 pub(crate) use set::{TextureCache, TextureSet};
 pub(crate) use tiles::TextureImage;

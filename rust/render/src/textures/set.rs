@@ -153,7 +153,7 @@ impl Making<'_> {
 
     /// The number of an image in the set; `None` when there is none.
     fn image(&mut self, texture: &TextureRef, member: u32) -> Option<usize> {
-        let key = (Arc::clone(&texture.asset.resolved), member, texture.color_space);
+        let key = (Arc::clone(&texture.asset.resolved), member, texture.color_space.clone());
         if let Some(number) = self.numbers.get(&key) {
             return *number;
         }
@@ -198,7 +198,7 @@ impl Making<'_> {
                 None => return Ok(None),
             },
         };
-        let space = texture.color_space;
+        let space = &texture.color_space;
         let image = TextureImage::new(
             &named(texture),
             image,
