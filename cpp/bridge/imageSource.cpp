@@ -79,7 +79,9 @@ private:
 /// The status of a file that lies on a disk under its resolved path; none for anything else that resolvers serve.
 std::optional<struct stat> _FindPlainFile(const std::string& resolved)
 {
-    struct stat status {};
+    struct stat status
+    {
+    };
     const bool isPlain = !resolved.empty() && stat(resolved.c_str(), &status) == 0 && S_ISREG(status.st_mode);
     return isPlain ? std::optional(status) : std::nullopt;
 }
@@ -174,7 +176,8 @@ public:
             facts.is_plain = !problem;
             facts.canonical = rust::String::lossy(canonical.string());
             facts.size = static_cast<std::uint64_t>(status->st_size);
-            facts.modified_ns = static_cast<std::int64_t>(status->st_mtim.tv_sec) * 1000000000 + status->st_mtim.tv_nsec;
+            facts.modified_ns
+                = static_cast<std::int64_t>(status->st_mtim.tv_sec) * 1000000000 + status->st_mtim.tv_nsec;
         }
         return facts;
     }

@@ -152,7 +152,8 @@ public:
         // Not pooled: one input, which goes through the file once and never back.
         const OpenInput open = HdOocPTOpenInput(*_source);
         const OIIO::ImageSpec spec = _SpecOf(*open.input, level);
-        const std::size_t stride = _facts.channels * TypeOf(_facts.format).size() * static_cast<std::size_t>(spec.width);
+        const std::size_t stride
+            = _facts.channels * TypeOf(_facts.format).size() * static_cast<std::size_t>(spec.width);
         const int most = static_cast<int>(std::clamp<std::size_t>(bandBytes / stride, 1, spec.height));
         const int rows = spec.tile_height > 0 ? std::min(spec.tile_height, spec.height)
             : most > blockRows                ? most / blockRows * blockRows

@@ -172,7 +172,7 @@ impl Image for HostImage {
     }
 }
 
-/// A conversion that OpenColorIO does.
+/// A conversion that `OpenColorIO` does.
 struct HostTransform {
     name: Arc<str>,
     held: UniquePtr<ffi::HeldTransform>,

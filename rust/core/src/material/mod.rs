@@ -179,7 +179,7 @@ pub enum ColorSpace {
     Raw,
     /// The sRGB curve; alpha is linear.
     Srgb,
-    /// The colour space of that name, which OpenColorIO knows or not; none of the names that mean one of the above.
+    /// The colour space of that name, which `OpenColorIO` knows or not; none of the names that mean one of the above.
     Named(Arc<str>),
 }
 
