@@ -4,7 +4,7 @@
 //! One thread decodes, another makes coarser levels and tiles, a few bands apart. Memory: [`BANDS`] bands of rows, and for each level
 //! one row of tiles and two rows of sums (`oocpt_core::texture::Pyramid`); no level is ever whole.
 
-use super::image::{Image, ImageError};
+use super::image::{ColorTransform, Image, ImageError};
 use super::texels::Texels;
 use crossbeam_channel::bounded;
 use oocpt_core::texture::{Layout, Pyramid, TILE_SIDE};
@@ -18,18 +18,26 @@ pub(super) trait TileSink {
     fn tile(&mut self, level: u32, at: [u32; 2], size: [u32; 2], texels: &[u8]) -> Result<(), ImageError>;
 }
 
-/// Gives `sink` every tile of levels `first ..`.
-pub(super) fn convert(
-    image: &dyn Image,
-    texels: &Texels,
-    layout: &Layout,
-    first: u32,
-    sink: &mut dyn TileSink,
-) -> Result<(), ImageError> {
-    let row_bytes = layout.size()[0] as usize * texels.file_bytes();
+/// What is decoded, and into what.
+pub(super) struct Decoding<'a> {
+    pub(super) image: &'a dyn Image,
+    /// How tiles are stored.
+    pub(super) texels: &'a Texels,
+    /// How the image's texels are stored, if not so, and what makes them linear.
+    pub(super) transform: Option<(&'a Texels, &'a dyn ColorTransform)>,
+    pub(super) layout: &'a Layout,
+    /// The finest level that is wanted.
+    pub(super) first: u32,
+}
+
+/// Gives `sink` every tile of the levels that are wanted.
+pub(super) fn convert(decoding: &Decoding<'_>, sink: &mut dyn TileSink) -> Result<(), ImageError> {
+    let image = decoding.image;
+    let from = decoding.transform.map_or(decoding.texels, |(from, _)| from);
+    let row_bytes = decoding.layout.size()[0] as usize * from.file_bytes();
     let (send, bands) = bounded::<(u32, Vec<u8>)>(BANDS);
     let (give_back, used) = bounded::<Vec<u8>>(BANDS + 1);
-    let mut maker = Maker::new(texels, layout, first);
+    let mut maker = Maker::new(decoding);
     let (decoded, made) = std::thread::scope(|scope| {
         let decoder = scope.spawn(move || {
             image.decode(0, &mut |top, rows| {
@@ -70,7 +78,8 @@ struct TileRow {
 
 /// Cuts rows into tiles.
 struct Maker<'a> {
-    texels: &'a Texels,
+    from: &'a Texels,
+    transform: Option<&'a dyn ColorTransform>,
     pyramid: Pyramid,
     /// Rows of the image that came in.
     taken: u32,
@@ -87,7 +96,8 @@ struct Cutter<'a> {
 }
 
 impl<'a> Maker<'a> {
-    fn new(texels: &'a Texels, layout: &Layout, first: u32) -> Self {
+    fn new(decoding: &Decoding<'a>) -> Self {
+        let Decoding { texels, transform, layout, first, .. } = *decoding;
         let level = |level| {
             let size = layout.level_size(level);
             let bytes = if level < first { 0 } else { size[0] as usize * TILE_SIDE.min(size[1]) as usize };
@@ -101,7 +111,8 @@ impl<'a> Maker<'a> {
             tile: Vec::new(),
         };
         let values = vec![0.0; layout.size()[0] as usize * texels.channels()];
-        Self { texels, pyramid: Pyramid::new(layout, texels.channels()), taken: 0, cutter, values }
+        let (from, transform) = transform.map_or((texels, None), |(from, transform)| (from, Some(transform)));
+        Self { from, transform, pyramid: Pyramid::new(layout, texels.channels()), taken: 0, cutter, values }
     }
 
     fn band(&mut self, top: u32, row_bytes: usize, band: &[u8], sink: &mut dyn TileSink) -> Result<(), ImageError> {
@@ -110,8 +121,14 @@ impl<'a> Maker<'a> {
         }
         for row in band.chunks_exact(row_bytes) {
             self.taken += 1;
-            self.cutter.row(0, row, sink)?;
-            self.texels.decode(row, &mut self.values);
+            self.from.decode(row, &mut self.values);
+            if let Some(transform) = self.transform {
+                // At most 4 channels.
+                transform.apply(&mut self.values, u32::try_from(self.from.channels()).unwrap_or(4))?;
+                self.cutter.values(0, &self.values, sink)?;
+            } else {
+                self.cutter.row(0, row, sink)?;
+            }
             let (cutter, mut result) = (&mut self.cutter, Ok(()));
             // The filter is symmetric: from the top down it gives what it gives from the bottom up.
             self.pyramid.push(&self.values, &mut |level, _, values| {
@@ -241,7 +258,8 @@ mod tests {
     fn converted(image: &Rows, first: u32) -> Result<Kept, ImageError> {
         let layout = Layout::new(image.size, 1).expect("supported");
         let mut kept = Kept::default();
-        convert(image, &Texels::new(&image.info(), false), &layout, first, &mut kept)?;
+        let texels = Texels::new(&image.info(), false);
+        convert(&Decoding { image, texels: &texels, transform: None, layout: &layout, first }, &mut kept)?;
         Ok(kept)
     }
 
@@ -292,7 +310,8 @@ mod tests {
             if rows > 259 {
                 let layout = Layout::new([300, 259], 1).expect("supported");
                 let texels = Texels::new(&longer.info(), false);
-                let error = convert(&longer, &texels, &layout, 0, &mut Kept::default());
+                let decoding = Decoding { image: &longer, texels: &texels, transform: None, layout: &layout, first: 0 };
+                let error = convert(&decoding, &mut Kept::default());
                 assert!(error.is_err(), "{rows} rows of 259");
             }
         }

@@ -18,6 +18,6 @@ mod texels;
 mod tiles;
 mod tx;
 
-pub use image::{BAND_BYTES, Image, ImageError, ImageInfo, ImageLibrary};
+pub use image::{BAND_BYTES, ColorTransform, Image, ImageError, ImageInfo, ImageLibrary};
 pub(crate) use set::{TextureCache, TextureSet};
 pub(crate) use tiles::TextureImage;

@@ -4,7 +4,7 @@
 //! What is first asked for decides the finest level that is kept: a picture that shows a wall of 8 K on 200 pixels needs 1/1000 of it on
 //! disk. If something finer is asked for later, the image is decoded a second time, and all of it is kept.
 
-use super::convert::convert;
+use super::convert::{Decoding, convert};
 use super::disk::DiskCache;
 use super::image::{Image, ImageError, ImageInfo, ImageLibrary};
 use super::memory::{Droppable, Levels, MemoryStore};
@@ -82,7 +82,10 @@ struct State {
 #[derive(Debug)]
 pub(super) struct Prepared {
     origin: Origin,
+    /// As it is stored.
     info: ImageInfo,
+    /// The colour space that it is converted from.
+    transform: Option<Arc<str>>,
     layout: Layout,
     texels: Arc<Texels>,
     /// Its key in the cache on disk; none where there is no cache, or nothing that tells the file from others.
@@ -98,6 +101,7 @@ pub(super) struct Prepared {
 pub(super) struct Making {
     pub(super) origin: Origin,
     pub(super) info: ImageInfo,
+    pub(super) transform: Option<Arc<str>>,
     pub(super) layout: Layout,
     pub(super) texels: Arc<Texels>,
     pub(super) disk: Option<(Arc<DiskCache>, String)>,
@@ -108,11 +112,12 @@ pub(super) struct Making {
 
 impl Prepared {
     pub(super) fn new(making: Making) -> Arc<Self> {
-        let Making { origin, info, layout, texels, disk, memory, entry } = making;
+        let Making { origin, info, transform, layout, texels, disk, memory, entry } = making;
         let held = entry.map(|file| Arc::new(Held::Disk(file)));
         Arc::new_cyclic(|this| Self {
             origin,
             info,
+            transform,
             layout,
             texels,
             disk,
@@ -193,14 +198,30 @@ impl Prepared {
         let Some(image) = self.origin.open()? else { return Err(ImageError("is gone".into())) };
         let info = image.info();
         let is_same = info.levels.first() == self.info.levels.first()
-            && (info.channels, info.format) == (self.info.channels, self.info.format);
+            && info.channels == self.info.channels
+            && (info.format == self.info.format || self.transform.is_some());
         if !is_same {
             return Err(ImageError("has changed since it was opened".into()));
         }
+        let transform = match &self.transform {
+            Some(name) => {
+                // The curve of a named space is the conversion's affair.
+                let from = Texels::new(&ImageInfo { is_srgb: None, ..info }, false);
+                Some((from, self.origin.library.color_transform(name)?))
+            }
+            None => None,
+        };
+        let decoding = Decoding {
+            image: &*image,
+            texels: &self.texels,
+            transform: transform.as_ref().map(|(from, transform)| (from, &**transform)),
+            layout: &self.layout,
+            first,
+        };
         if let Some((disk, key)) = &self.disk
             && let Some(mut pending) = disk.begin(Description::new(key, &self.info, first))
         {
-            let decoded = convert(&*image, &self.texels, &self.layout, first, &mut pending);
+            let decoded = convert(&decoding, &mut pending);
             match decoded.map(|()| pending.commit()) {
                 Ok(Some(entry)) => return Ok(Held::Disk(entry)),
                 Ok(None) => {}
@@ -209,7 +230,7 @@ impl Prepared {
             }
         }
         let mut levels = Levels::new(&self.layout, self.texels.file_bytes(), first);
-        convert(&*image, &self.texels, &self.layout, first, &mut levels)?;
+        convert(&decoding, &mut levels)?;
         Ok(Held::Memory(levels))
     }
 }

@@ -9,7 +9,7 @@ use super::image::{ImageError, ImageLibrary};
 use super::tiles::{Stores, TextureImage, Wanted};
 use oocpt_core::scene::AssetRef;
 use oocpt_core::settings::Settings;
-use oocpt_core::texture::{TexelFormat, TextureRef, Wrap, is_srgb};
+use oocpt_core::texture::{TexelFormat, TextureRef, Wrap};
 use oocpt_shader_abi as abi;
 use oocpt_shader_abi::GpuTexture;
 use rayon::prelude::*;
@@ -143,7 +143,7 @@ fn members(texture: &TextureRef) -> std::ops::Range<u32> {
 }
 
 fn image_key(texture: &TextureRef, member: u32) -> ImageKey {
-    (Arc::clone(&texture.asset.resolved), member, texture.color_space)
+    (Arc::clone(&texture.asset.resolved), member, texture.color_space.clone())
 }
 
 fn open(library: Option<&Arc<dyn ImageLibrary>>, texture: &TextureRef, member: u32, stores: &Stores) -> Opened {
@@ -157,11 +157,9 @@ fn open(library: Option<&Arc<dyn ImageLibrary>>, texture: &TextureRef, member: u
         0 => asset.clone(),
         _ => AssetRef { authored: name(&asset.authored), resolved: name(&asset.resolved) },
     };
-    let space = texture.color_space;
-    let way = format!("{space:?}");
-    let wanted = Wanted { name: &named(texture), library, asset, member, file: &file, way: &way };
-    let is_srgb = |info: &super::ImageInfo| is_srgb(space, info.is_srgb, info.format, info.channels);
-    Ok(TextureImage::open(&wanted, is_srgb, stores)?.map(Arc::new))
+    let wanted =
+        Wanted { name: &named(texture), library, asset, member, file: &file, color_space: &texture.color_space };
+    Ok(TextureImage::open(&wanted, stores)?.map(Arc::new))
 }
 
 struct Making<'a> {
@@ -246,6 +244,9 @@ impl Making<'_> {
             self.set.warnings.push(format!("{}: {error}; its fallback is used", named(texture)));
             None
         });
+        if let Some(warning) = opened.as_ref().and_then(|image| image.warning()) {
+            self.set.warnings.push(format!("{}: {warning}", named(texture)));
+        }
         let number = opened.and_then(|image| self.add(image, texture));
         self.numbers.insert(key, number);
         number

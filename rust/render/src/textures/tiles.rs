@@ -8,7 +8,7 @@ use super::prepared::{Making, Origin, Prepared};
 use super::texels::Texels;
 use crate::sync::lock;
 use oocpt_core::scene::AssetRef;
-use oocpt_core::texture::{Layout, Piece};
+use oocpt_core::texture::{ColorSpace, Layout, Piece, TexelFormat, is_srgb};
 use rustc_hash::FxHashSet;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -39,6 +39,8 @@ pub(crate) struct TextureImage {
     info: ImageInfo,
     layout: Layout,
     texels: Arc<Texels>,
+    /// What is not as the scene asks.
+    warning: Option<String>,
     complaint: Mutex<Option<String>>,
     /// Tiles that could not be read. Always the same ones, as long as the file is.
     broken: Mutex<FxHashSet<u32>>,
@@ -55,27 +57,38 @@ pub(super) struct Wanted<'a> {
     pub(super) member: u32,
     /// The file itself: the asset, or the member.
     pub(super) file: &'a AssetRef,
-    /// How it is read, in words that tell it from other ways.
-    pub(super) way: &'a str,
+    pub(super) color_space: &'a ColorSpace,
+}
+
+impl Wanted<'_> {
+    /// The key in the cache on disk of the file, read as of a colour space; none where nothing tells the file from others.
+    fn key(&self, disk: Option<&Arc<DiskCache>>, space: &ColorSpace) -> Option<(Arc<DiskCache>, String)> {
+        let identity = self.library.identity(self.file).ok()?;
+        disk.map(|disk| (Arc::clone(disk), format!("{identity} as {space:?}")))
+    }
 }
 
 impl TextureImage {
     /// Opens an image; `None` for a member of a set that does not exist. What is in the cache on disk is not decoded.
-    pub(super) fn open(
-        wanted: &Wanted<'_>,
-        is_srgb: impl Fn(&ImageInfo) -> bool,
-        stores: &Stores,
-    ) -> Result<Option<Self>, ImageError> {
+    pub(super) fn open(wanted: &Wanted<'_>, stores: &Stores) -> Result<Option<Self>, ImageError> {
         let origin = Origin::new(wanted.library, wanted.asset, wanted.member);
-        let key = stores.disk.as_ref().and_then(|disk| {
-            let identity = wanted.library.identity(wanted.file).ok()?;
-            Some((Arc::clone(disk), format!("{identity} as {}", wanted.way)))
-        });
-        let entry = key.as_ref().and_then(|(disk, key)| disk.find(key));
+        let mut space = wanted.color_space.clone();
+        let mut warning = None;
+        let mut key = wanted.key(stores.disk.as_ref(), &space);
+        let mut entry = key.as_ref().and_then(|(disk, key)| disk.find(key));
+        // An entry would not be there if its colour space were not known.
+        if let (None, ColorSpace::Named(name)) = (&entry, &space)
+            && let Err(error) = wanted.library.color_transform(name)
+        {
+            warning = Some(format!("{error}; the file's own colour space is taken"));
+            space = ColorSpace::Auto;
+            key = wanted.key(stores.disk.as_ref(), &space);
+            entry = key.as_ref().and_then(|(disk, key)| disk.find(key));
+        }
         let (info, image) = match &entry {
             Some(entry) => (entry.description().info(), None),
             None => match origin.open()? {
-                Some(image) => (image.info(), Some(image)),
+                Some(image) => (stored_as(image.info(), &space), Some(image)),
                 None => return Ok(None),
             },
         };
@@ -83,15 +96,21 @@ impl TextureImage {
         if !(1..=4).contains(&info.channels) {
             return Err(ImageError(format!("{} channels are not supported (1 to 4)", info.channels)));
         }
-        let texels = Arc::new(Texels::new(&info, is_srgb(&info)));
+        let is_srgb = is_srgb(&space, info.is_srgb, info.format, info.channels);
+        let texels = Arc::new(Texels::new(&info, is_srgb));
         let bytes = u32::try_from(texels.device_bytes()).unwrap_or(0);
         let layout = Layout::new(size, bytes).map_err(|error| ImageError(error.to_string()))?;
         let has_all = (0..layout.levels()).all(|l| info.levels.get(l as usize) == Some(&layout.level_size(l)));
+        let transform = match space {
+            ColorSpace::Named(name) => Some(name),
+            _ => None,
+        };
         let pixels = match image {
-            Some(image) if info.tile_friendly && has_all => Pixels::File(image),
+            Some(image) if info.tile_friendly && has_all && transform.is_none() => Pixels::File(image),
             _ => Pixels::Prepared(Prepared::new(Making {
                 origin,
                 info: info.clone(),
+                transform,
                 layout,
                 texels: Arc::clone(&texels),
                 disk: key,
@@ -107,6 +126,7 @@ impl TextureImage {
             info,
             layout,
             texels,
+            warning,
             complaint: Mutex::default(),
             broken: Mutex::default(),
         }))
@@ -135,6 +155,11 @@ impl TextureImage {
     /// Whether colours go through the sRGB curve.
     pub(crate) fn is_srgb(&self) -> bool {
         self.texels.is_srgb()
+    }
+
+    /// What is not as the scene asks.
+    pub(super) fn warning(&self) -> Option<&str> {
+        self.warning.as_deref()
     }
 
     /// What went wrong while tiles were read, once.
@@ -190,4 +215,13 @@ impl TextureImage {
         self.texels.widen(raw, out);
         Ok(())
     }
+}
+
+/// What an image of a colour space is once it is decoded: those that go through a conversion become linear, for which 8 bits are too few.
+fn stored_as(info: ImageInfo, space: &ColorSpace) -> ImageInfo {
+    if !matches!(space, ColorSpace::Named(_)) {
+        return info;
+    }
+    let format = if info.format == TexelFormat::F32 { TexelFormat::F32 } else { TexelFormat::F16 };
+    ImageInfo { format, is_srgb: None, ..info }
 }
