@@ -143,10 +143,8 @@ fn what_cannot_be_read_is_one_warning_and_the_fallback() {
         read::<[f32; 3]>(&session, &request, AovKind::Albedo)
     };
     let albedo = seen(None);
-    for (row, pixels) in albedo.chunks(256).enumerate() {
-        let fallbacks = pixels.iter().filter(|pixel| **pixel == [0.25, 0.5, 0.75]).count();
-        assert_eq!(fallbacks, if row < 128 { 0 } else { 256 }, "row {row}");
-    }
+    // An image is decoded as a whole: where it breaks off there are no means of it either.
+    assert!(albedo.iter().all(|pixel| *pixel == [0.25, 0.5, 0.75]), "its fallback everywhere: {:?}", albedo[0]);
     assert!(seen(Some(256)) == albedo, "the same when it streams");
 }
 
