@@ -94,7 +94,7 @@ impl Renderer {
             device.heap.trim();
             result = self.render_on(&device, job, gate, &mut progress);
         }
-        progress.validation(&device.gpu);
+        progress.end(&device.gpu);
         if let Err(RenderError::Gpu(GpuError::DeviceLost { .. })) = &result {
             device.forget();
         }
