@@ -108,7 +108,7 @@ impl Renderer {
             progress.begin_again();
             result = self.render_on(&device, job, gate, &mut progress);
         }
-        progress.validation(&device.gpu);
+        progress.end(&device.gpu);
         if let Err(RenderError::Gpu(GpuError::DeviceLost { .. })) = &result {
             device.forget();
         }
