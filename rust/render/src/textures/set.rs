@@ -216,8 +216,6 @@ impl Making<'_> {
         };
         let srgb = if image.is_srgb() { abi::TEXTURE_SRGB } else { 0 };
         let [width, height] = image.layout().size();
-        #[expect(clippy::cast_possible_truncation, reason = "at most 2^16")]
-        let texels = (f64::from(width) * f64::from(height)).sqrt() as f32;
         GpuTexture {
             decode: 0,
             first_page,
@@ -229,7 +227,7 @@ impl Making<'_> {
             width,
             height,
             levels: image.layout().levels(),
-            texels,
+            pad: 0,
             fallback: texture.fallback,
         }
     }
