@@ -117,6 +117,11 @@ impl TextureCache {
         Arc::clone(&self.set)
     }
 
+    /// The image that a texture reads, if it is open; none for a set of files.
+    pub(crate) fn image(&self, texture: &TextureRef) -> Option<Arc<TextureImage>> {
+        self.open.get(&image_key(texture, 0)).cloned()?.ok()?
+    }
+
     /// Opens what is not open, on all cores.
     fn open_all(&mut self, library: Option<&Arc<dyn ImageLibrary>>, textures: &[TextureRef]) {
         let mut asked: FxHashSet<ImageKey> = FxHashSet::default();

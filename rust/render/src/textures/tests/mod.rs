@@ -6,6 +6,7 @@
 mod bench;
 mod decode;
 mod footprint;
+mod kept;
 
 use super::ImageInfo;
 use bench::{Answer, Bench, Procedural, Query, encoded, hash, image, noise, number_of, texture, unit};
