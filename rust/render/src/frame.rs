@@ -42,7 +42,7 @@ const WAVE_SECS: f64 = 0.2;
 const ROOMY_WAVE: u64 = 1 << 16;
 
 /// A scene counts as fitting only when it leaves room for tiles of textures of so many bytes (or for all there are).
-const FEWEST_TILES: u64 = 32 << 20;
+const FEWEST_TILES: u64 = 8 << 20;
 
 /// What the render thread keeps from frame to frame.
 #[derive(Debug, Default)]

@@ -2,6 +2,7 @@
 //! Textures in renders: colours that are known, warnings, what is left out; and the same bits at every budget, of textured surfaces and
 //! of thousands of leaves with holes.
 
+mod demand;
 mod filter;
 mod images;
 
