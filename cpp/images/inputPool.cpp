@@ -2,6 +2,7 @@
 #include "images/inputPool.h"
 
 #include "images/imageKind.h"
+#include "images/imageLimits.h"
 
 #include <algorithm>
 #include <cstdint>
@@ -84,8 +85,8 @@ void SetUpOnce()
         // The renderer has threads of its own that decode, one image each.
         OIIO::attribute("threads", 1);
         OIIO::attribute("exr_threads", -1);
-        OIIO::attribute("limits:channels", 64);
-        OIIO::attribute("limits:imagesize_MB", 4096);
+        OIIO::attribute("limits:channels", 1024);
+        OIIO::attribute("limits:imagesize_MB", static_cast<int>(HdOocPTMaxLevelBytes >> 20));
     });
 }
 
@@ -102,6 +103,7 @@ std::unique_ptr<OIIO::Filesystem::IOProxy> MakeProxy(
     }
     open->copy.resize(size);
     open->copy.resize(open->bytes->Read(open->copy.data(), size, 0));
+    HdOocPTCheckJpegHeader(reinterpret_cast<const unsigned char*>(open->copy.data()), open->copy.size());
     return std::make_unique<OIIO::Filesystem::IOMemReader>(open->copy.data(), open->copy.size());
 }
 
@@ -123,6 +125,13 @@ OpenInput HdOocPTOpenInput(const InputSource& source)
     }
     if (!open.input->supports("ioproxy")) {
         throw std::runtime_error("cannot be read: this OpenImageIO reads " + format + " only from plain files");
+    }
+    if (format == "openexr") {
+        HdOocPTCheckExrHeader(*open.bytes);
+    } else if (format == "png") {
+        HdOocPTCheckPngHeader(*open.bytes);
+    } else if (format == "tiff") {
+        HdOocPTCheckTiffHeader(*open.bytes);
     }
     open.proxy = MakeProxy(source.name, format, &open);
     OIIO::ImageSpec config;
