@@ -24,6 +24,7 @@ constexpr std::size_t streamPart = std::size_t { 1 } << 20;
 struct _Library
 {
     HdOocPTOpenImageFunction* open = nullptr;
+    HdOocPTMakeColorTransformFunction* makeColorTransform = nullptr;
     /// Why it is not there.
     std::string reason;
 };
@@ -32,26 +33,28 @@ _Library _Load()
 {
     Dl_info own {};
     if (dladdr(reinterpret_cast<const void*>(&HdOocPTMakeImageSource), &own) == 0 || !own.dli_fname) {
-        return { nullptr, "the plugin does not know where it lies" };
+        return { nullptr, nullptr, "the plugin does not know where it lies" };
     }
     const std::filesystem::path path = std::filesystem::path(own.dli_fname).parent_path() / "hdOocPTImages.so";
     // Local: what it brings along must not be found by the host, nor by what the host loads later.
     void* const library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
     void* const symbol = library ? dlsym(library, HDOOCPT_OPEN_IMAGE_NAME) : nullptr;
-    if (!symbol) {
+    void* const colorSymbol = library ? dlsym(library, HDOOCPT_MAKE_COLOR_TRANSFORM_NAME) : nullptr;
+    if (!symbol || !colorSymbol) {
         const char* const text = dlerror();
-        return { nullptr, text ? text : "it lacks its function" };
+        return { nullptr, nullptr, text ? text : "it lacks its functions" };
     }
-    return { reinterpret_cast<HdOocPTOpenImageFunction*>(symbol), std::string() };
+    return { reinterpret_cast<HdOocPTOpenImageFunction*>(symbol),
+        reinterpret_cast<HdOocPTMakeColorTransformFunction*>(colorSymbol), std::string() };
 }
 
-HdOocPTOpenImageFunction& _OpenImageFunction()
+const _Library& _LoadedLibrary()
 {
     static const _Library library = _Load();
     if (!library.open) {
         throw std::runtime_error("cannot be read, since the library of image readers does not load: " + library.reason);
     }
-    return *library.open;
+    return library;
 }
 
 /// The bytes of a file that has to be there.
@@ -112,6 +115,26 @@ private:
     const std::unique_ptr<HdOocPTImageFile> _file;
 };
 
+class _Transform final : public oocpt::HeldTransform
+{
+public:
+    explicit _Transform(std::unique_ptr<HdOocPTColorTransform> transform)
+        : _transform(std::move(transform))
+    {
+    }
+
+    void apply(rust::Slice<float> texels, std::uint32_t channels) const override
+    {
+        if (channels < 1 || channels > 4 || texels.size() % channels != 0) {
+            throw std::runtime_error("was given texels that are not whole");
+        }
+        _transform->Apply(texels.data(), texels.size() / channels, channels);
+    }
+
+private:
+    const std::unique_ptr<HdOocPTColorTransform> _transform;
+};
+
 class _Source final : public oocpt::ImageSource
 {
 public:
@@ -161,7 +184,7 @@ public:
 
     std::unique_ptr<oocpt::HeldTransform> color_transform(rust::Str name) const override
     {
-        throw std::runtime_error("the color space `" + std::string(name) + "` is not known");
+        return std::make_unique<_Transform>(_LoadedLibrary().makeColorTransform(std::string(name)));
     }
 
     rust::Vec<std::uint8_t> read_file(rust::Str resolved, std::uint64_t limit) const override
@@ -189,7 +212,7 @@ std::unique_ptr<HdOocPTImageFile> HdOocPTOpenHostImage(const std::string& resolv
 {
     // Tells what is no file before the library is loaded.
     static_cast<void>(_OpenFile(resolved));
-    return _OpenImageFunction()(resolved, [resolved] { return HdOocPTOpenHostFile(resolved); });
+    return _LoadedLibrary().open(resolved, [resolved] { return HdOocPTOpenHostFile(resolved); });
 }
 
 std::unique_ptr<oocpt::ImageSource> HdOocPTMakeImageSource()

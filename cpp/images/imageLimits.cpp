@@ -54,6 +54,24 @@ double TiffRatio(const OIIO::ImageSpec& spec)
     return ratio * widened;
 }
 
+/// Compressed texts, each of which may have 8 MB when libpng has read it.
+void CheckPngTexts(const HdOocPTImageBytes& bytes)
+{
+    constexpr int most = 16;
+    std::size_t offset = 8;
+    for (int texts = 0; offset < bytes.GetSize();) {
+        std::array<unsigned char, 8> head {};
+        if (bytes.Read(head.data(), head.size(), offset) != head.size()) {
+            return;
+        }
+        texts += std::memcmp(&head[4], "zTXt", 4) == 0 || std::memcmp(&head[4], "iTXt", 4) == 0;
+        if (texts > most) {
+            throw std::runtime_error("has more than " + std::to_string(most) + " texts in its header");
+        }
+        offset += std::size_t { 12 } + BigEndian(head.data(), 4);
+    }
+}
+
 } // namespace
 
 void HdOocPTCheckRatio(double decoded, double stored, double mostPerByte)
@@ -76,6 +94,7 @@ void HdOocPTCheckPngHeader(const HdOocPTImageBytes& bytes)
     CheckSides(width, height);
     const int type = head[9];
     const int channels = type == 2 ? 3 : type == 4 ? 2 : type == 6 ? 4 : 1;
+    CheckPngTexts(bytes);
     const std::uint64_t stored = (width * std::min<unsigned>(head[8], 16) * channels + 7) / 8 * height;
     HdOocPTCheckRatio(static_cast<double>(stored), static_cast<double>(bytes.GetSize()), deflateRatio);
     if (head[12] != 0 && width * height * 4 * (head[8] > 8 ? 2 : 1) > HdOocPTMaxHeldBytes) {
@@ -138,6 +157,14 @@ void HdOocPTCheckSpec(const OIIO::ImageSpec& spec, const std::string& format, st
     }
     if (format == "hdr" && spec.get_int_attribute("Orientation", 1) != 1) {
         throw std::runtime_error("has its rows in another order than -Y +X, the only one that is read");
+    }
+    // A tile of no width, or of 2^32 - 1, is divided by.
+    const bool isTiled = spec.tile_width != 0 || spec.tile_height != 0;
+    if (isTiled
+        && (spec.tile_width < 1 || spec.tile_height < 1 || spec.tile_width > HdOocPTMaxSide
+            || spec.tile_height > HdOocPTMaxSide || spec.tile_depth > 1)) {
+        throw std::runtime_error(
+            "has tiles of " + SizeText(std::max(spec.tile_width, 0), std::max(spec.tile_height, 0)) + " texels");
     }
     const std::size_t texel = spec.pixel_bytes(true);
     const std::size_t level = spec.image_pixels() * texel;

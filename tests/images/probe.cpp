@@ -8,6 +8,7 @@
 #include <atomic>
 #include <cstring>
 #include <exception>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <numeric>
@@ -151,6 +152,24 @@ EXPORT const char* oocpt_image_walk(const char* path, unsigned level)
     });
 }
 
+/// Opens an image, cuts its file to `size` bytes, then decodes it and reads its lowest row.
+EXPORT const char* oocpt_image_shrink(const char* path, unsigned long size)
+{
+    return _Answer([&] {
+        const std::unique_ptr<oocpt::HeldImage> held = _Source().open(path);
+        const std::unique_ptr<HdOocPTImageFile> image = HdOocPTOpenHostImage(path);
+        std::filesystem::resize_file(path, size);
+        unsigned long sum = 0;
+        const oocpt::ImageFacts facts = held->facts();
+        sum += _Read(*held, { 0, 0, 0, facts.levels[0], 1 }).size();
+        image->Decode(0, [&](std::uint32_t, const void*, std::size_t byteCount) {
+            sum += byteCount;
+            return true;
+        });
+        return "{\"sum\": " + std::to_string(sum) + "}";
+    });
+}
+
 /// What is known of a file without opening it, as {"plain": .., "canonical": "..", "size": .., "modified": .., "loaded": ..}; `loaded`
 /// says whether the library of image readers is in the process.
 EXPORT const char* oocpt_image_file_facts(const char* path)
@@ -221,6 +240,22 @@ EXPORT const char* oocpt_image_file(const char* path, unsigned long limit)
             sum += byte;
         }
         return "{\"size\": " + std::to_string(bytes.size()) + ", \"sum\": " + std::to_string(sum) + "}";
+    });
+}
+
+/// Texels (as JSON has numbers, `text`) after the conversion from a color space, as {"texels": [..]}.
+EXPORT const char* oocpt_image_convert(const char* name, unsigned channels, const char* text)
+{
+    return _Answer([&] {
+        std::istringstream in(text);
+        std::vector<float> texels { std::istream_iterator<float>(in), std::istream_iterator<float>() };
+        _Source().color_transform(name)->apply({ texels.data(), texels.size() }, channels);
+        std::ostringstream out;
+        out.precision(9);
+        for (const float value : texels) {
+            out << (out.tellp() > 0 ? ", " : "") << value;
+        }
+        return "{\"texels\": [" + out.str() + "]}";
     });
 }
 
