@@ -48,17 +48,19 @@ bool is_cut_in(uint triangle, vec2 uv, float t) {
     const bool chance = presence.threshold <= 0.0;
     float limit = presence.threshold;
     if (chance) limit = (push.flags & PUSH_AOVS) != 0u ? 0.0 : float(hash_u32(hash_combine(walk.seed, id)) >> 8) * 5.9604644775390625e-8;
-    TextureProgress progress = TextureProgress(vec4(0.0), 0u);
+    TextureProgress progress = TextureProgress(HAS_STREAMING ? vec4(0.0) : UNKNOWN_TEXEL, 0u);
     uint said = TEXTURE_FALLBACK;
     if (presence.texture == NO_TEXTURE) {
         progress.mean = vec4(presence.bias);
+    } else if (HAS_STREAMING) {
+        said = continue_lookup(presence.texture, presence.st, presence.width, progress);
     } else {
-        said = continue_lookup(presence.texture, presence.st, presence.footprint, progress);
+        said = requested_lookup(walk.path, presence.texture, presence.st, presence.width, progress);
     }
     const uint flags = presence.channel << QUESTION_CHANNEL_SHIFT | (chance ? 0u : QUESTION_INCLUSIVE);
     if (HAS_STREAMING && said < TEXTURE_FALLBACK) {
         ask(walk.chunk_entry, Question(t, id, walk.chunk_instance, flags | progress.taps, progress.mean, presence.texture, presence.st,
-                                       presence.footprint, presence.scale, presence.bias, limit, STREAMING.chunk_count + said));
+                                       presence.width, presence.scale, presence.bias, limit, STREAMING.chunk_count + said));
         if (!walk.chunk_pending) remember(walk.chunk_entry, walk.chunk_instance);
         walk.chunk_pending = true;
         return false;

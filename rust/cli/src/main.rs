@@ -6,6 +6,7 @@
 
 mod bench;
 mod doctor;
+mod host;
 mod report;
 mod scene;
 

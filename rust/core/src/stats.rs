@@ -90,6 +90,52 @@ pub struct ErrorRow {
     pub is_last: bool,
 }
 
+/// What a render has used by its end; also a line of the report that `oocpt:report` names.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct Usage {
+    /// Wall clock since the render began, seconds.
+    pub seconds_total: f64,
+    /// The most device memory that was in use, bytes.
+    pub gpu_peak_bytes: u64,
+    /// The most that the driver said, bytes ([`StreamingStats::driver_peak_bytes`]).
+    pub driver_peak_bytes: u64,
+    /// Host memory of scene data that the renderer holds, bytes.
+    pub host_bytes: u64,
+    /// Nothing was streamed: all of the scene is on the device.
+    pub in_core: bool,
+    /// Bytes that all of the scene would take on the device, of these bytes of textures, and bytes of tiles of textures that are there.
+    pub scene_bytes: u64,
+    /// See above.
+    pub texture_scene_bytes: u64,
+    /// See above.
+    pub texture_bytes: u64,
+    /// Tiles of textures that were loaded while rendering, and their bytes; 0 where all were loaded before.
+    pub texture_loads: u64,
+    /// See above.
+    pub texture_bytes_paged: u64,
+}
+
+impl Usage {
+    /// What these stats say of it.
+    #[must_use]
+    pub fn of(stats: &Stats) -> Self {
+        let streaming = &stats.streaming;
+        Self {
+            seconds_total: stats.seconds_total,
+            gpu_peak_bytes: stats.gpu_peak_bytes,
+            driver_peak_bytes: streaming.driver_peak_bytes,
+            host_bytes: stats.host_bytes,
+            in_core: streaming.in_core,
+            scene_bytes: streaming.scene_bytes,
+            texture_scene_bytes: streaming.texture_scene_bytes,
+            texture_bytes: streaming.texture_bytes,
+            texture_loads: streaming.texture_loads,
+            texture_bytes_paged: streaming.texture_bytes_paged,
+        }
+    }
+}
+
 /// A pixel and its relative squared error, estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase")]

@@ -6,7 +6,7 @@
 //! samples alone, and a single pixel hardly moves that. Nothing is decided by time unless a time limit is set, and no path beyond an octave begins before that octave is
 //! decided: same scene, same samples. Trouble with files is one warning. Render thread only.
 
-use crate::error_report::{ErrorReportHeader, InventoryLine, ReportWriter, VERSION};
+use crate::error_report::{ErrorReportHeader, InventoryLine, ReportWriter, UsageLine, VERSION};
 use crate::measure::{Measured, next_boundary};
 use crate::reference::Reference;
 use crate::request::Severity;
@@ -14,7 +14,8 @@ use crate::session::{Job, Shared};
 use crate::sync::lock;
 use oocpt_core::convergence::{Convergence, Estimate, of_halves};
 use oocpt_core::inventory::Inventory;
-use oocpt_core::stats::ErrorRow;
+use oocpt_core::stats::{ErrorRow, Usage};
+use serde::Serialize;
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -73,6 +74,14 @@ impl ErrorLog {
             open,
             last: None,
         }
+    }
+
+    /// The samples so far are forgotten, and taken anew; the report goes on.
+    pub(crate) fn begin_again(&mut self) {
+        self.convergence = Convergence::default();
+        self.is_good = false;
+        self.open = if self.target > 0.0 { self.pixels << FEWEST_TO_STOP } else { u64::MAX };
+        self.last = None;
     }
 
     /// Begins the report that the settings name, once the device that it names is open.
@@ -145,8 +154,17 @@ impl ErrorLog {
 
     /// Writes what the render is made of.
     pub(crate) fn inventory(&mut self, shared: &Shared, inventory: &Inventory) {
+        self.line(shared, &InventoryLine { inventory: Cow::Borrowed(inventory) });
+    }
+
+    /// Writes what the render has used; the last line about it.
+    pub(crate) fn usage(&mut self, shared: &Shared, usage: Usage) {
+        self.line(shared, &UsageLine { usage });
+    }
+
+    fn line(&mut self, shared: &Shared, line: &impl Serialize) {
         if let Some(writer) = &mut self.writer
-            && let Err(error) = writer.line(&InventoryLine { inventory: Cow::Borrowed(inventory) })
+            && let Err(error) = writer.line(line)
         {
             self.give_up(shared, &error);
         }
@@ -158,9 +176,8 @@ impl ErrorLog {
     }
 
     fn write(&mut self, shared: &Shared) {
-        let (Some(row), Some(writer)) = (self.last.take(), &mut self.writer) else { return };
-        if let Err(error) = writer.line(&row) {
-            self.give_up(shared, &error);
+        if let Some(row) = self.last.take() {
+            self.line(shared, &row);
         }
     }
 }

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The report of error against time that `oocpt:report` names: a JSON object a line, first one about the render, one about what it is
-//! made of ([`Inventory`]), then an [`ErrorRow`] at each power of two of the samples and at the end. `oocpt report plot` draws it.
+//! made of ([`Inventory`]), then an [`ErrorRow`] at each power of two of the samples and at the end, last one about what it used ([`Usage`]).
+//! `oocpt report plot` draws it.
 //!
 //! Every line is written whole and at once: a render that is killed leaves all lines up to then. The first render of a session
 //! empties the file, later ones go on: each begins with its own [`ErrorReportHeader`]. A file that is no report is left as it is:
 //! its name may come from a scene of strangers.
 
 use oocpt_core::inventory::Inventory;
-use oocpt_core::stats::ErrorRow;
+use oocpt_core::stats::{ErrorRow, Usage};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::fs::{File, OpenOptions};
@@ -53,6 +54,12 @@ pub(crate) struct InventoryLine<'a> {
     pub(crate) inventory: Cow<'a, Inventory>,
 }
 
+/// The line that says what a render has used.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct UsageLine {
+    pub(crate) usage: Usage,
+}
+
 /// One render of a report.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ErrorReport {
@@ -62,6 +69,8 @@ pub struct ErrorReport {
     pub inventory: Option<Inventory>,
     /// Ascending samples.
     pub rows: Vec<ErrorRow>,
+    /// What it has used; none if it did not come to an end.
+    pub usage: Option<Usage>,
 }
 
 #[derive(Deserialize)]
@@ -69,6 +78,7 @@ pub struct ErrorReport {
 enum Line {
     Header(ErrorReportHeader),
     Inventory(InventoryLine<'static>),
+    Usage(UsageLine),
     Row(Box<ErrorRow>),
 }
 
@@ -89,7 +99,8 @@ impl ErrorReport {
                 (Ok(Line::Header(header)), _) => reports.push(Self { header, ..Self::default() }),
                 (Ok(Line::Inventory(line)), Some(report)) => report.inventory = Some(line.inventory.into_owned()),
                 (Ok(Line::Row(row)), Some(report)) => report.rows.push(*row),
-                (Ok(Line::Row(_) | Line::Inventory(_)), None) => {
+                (Ok(Line::Usage(line)), Some(report)) => report.usage = Some(line.usage),
+                (Ok(Line::Row(_) | Line::Inventory(_) | Line::Usage(_)), None) => {
                     return Err(bad(path, number, "a row before the first render"));
                 }
                 (Err(error), _) => broken = Some(bad(path, number, &error.to_string())),
@@ -174,6 +185,9 @@ mod tests {
             writer.line(&InventoryLine { inventory: Cow::Borrowed(&inventory) }).expect("a line");
             writer.line(&row(1)).expect("a line");
             writer.line(&row(2)).expect("a line");
+            writer
+                .line(&UsageLine { usage: Usage { gpu_peak_bytes: seed.into(), ..Usage::default() } })
+                .expect("a line");
         }
         let mut file = OpenOptions::new().append(true).open(&path).expect("it is there");
         file.write_all(b"{\"samples\":4,\"sec").expect("half a line");
@@ -183,6 +197,8 @@ mod tests {
         assert_eq!(reports[1].rows, [row(1), row(2)], "whole rows");
         let levels = |report: &ErrorReport| report.inventory.as_ref().map(|inventory| inventory.max_levels);
         assert_eq!((levels(&reports[0]), levels(&reports[1])), (Some(1), Some(2)), "each with what it is made of");
+        let peak = |report: &ErrorReport| report.usage.as_ref().map(|usage| usage.gpu_peak_bytes);
+        assert_eq!((peak(&reports[0]), peak(&reports[1])), (Some(1), Some(2)), "each with what it used");
         file.write_all(b"\n{}\n").expect("more");
         assert!(ErrorReport::read_all(&path).is_err(), "a broken line in the middle is no accident");
         std::fs::remove_file(path).expect("it is there");

@@ -15,7 +15,7 @@ use crate::sync::lock;
 use crate::timings::Timings;
 use oocpt_core::adaptive::Spent;
 use oocpt_core::inventory::Inventory;
-use oocpt_core::stats::{Stats, StreamingStats};
+use oocpt_core::stats::{Stats, StreamingStats, Usage};
 use oocpt_gpu::Gpu;
 use oocpt_shader_abi::Counters;
 use std::time::{Duration, Instant};
@@ -87,6 +87,13 @@ impl<'a> Progress<'a> {
     /// The device is open: a report names it.
     pub(crate) fn device_opened(&mut self, job: &Job) {
         self.log.open_report(self.shared, job);
+    }
+
+    /// Another attempt at the whole render begins.
+    pub(crate) fn begin_again(&mut self) {
+        self.done = 0;
+        self.decided = None;
+        self.log.begin_again();
     }
 
     /// Paths of the whole render.
@@ -290,12 +297,15 @@ impl<'a> Progress<'a> {
         Ok(())
     }
 
-    /// Notes memory use, and turns what the validation layer said into errors: it is only on in tests.
-    pub(crate) fn validation(&self, gpu: &Gpu) {
+    /// The render is over, as planned or not: notes memory use, tells the report, and turns what the validation layer said into errors: it is
+    /// only on in tests.
+    pub(crate) fn end(&mut self, gpu: &Gpu) {
         let memory = gpu.memory();
         let mut stats = lock(&self.shared.stats);
         (stats.gpu_bytes, stats.gpu_peak_bytes, stats.gpu_budget_bytes) = (memory.used, memory.peak, memory.budget);
+        let usage = Usage::of(&stats);
         drop(stats);
+        self.log.usage(self.shared, usage);
         for message in gpu.take_validation_messages() {
             self.shared.report(Severity::Error, format!("Vulkan validation: {message}"));
         }

@@ -66,12 +66,22 @@ impl Machine {
     }
 }
 
+impl Machine {
+    /// The device that another process rendered with.
+    pub(crate) fn set_device(&mut self, device: &str) {
+        device.clone_into(&mut self.device);
+    }
+}
+
 impl std::fmt::Display for Machine {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { version, device, driver, cores, date } = self;
         write!(f, "OocPT {version}, {cores} cores")?;
         if !device.is_empty() {
-            write!(f, ", {device} ({driver})")?;
+            write!(f, ", {device}")?;
+        }
+        if !driver.is_empty() {
+            write!(f, " ({driver})")?;
         }
         date.as_ref().map_or(Ok(()), |date| write!(f, ", {date}"))
     }

@@ -11,6 +11,7 @@ mod observe;
 mod partition;
 mod specialise;
 mod stragglers;
+mod texture_files;
 mod textures;
 
 pub(crate) use common::{all_images, finish};
@@ -38,6 +39,8 @@ enum Command {
     Stragglers(stragglers::Arguments),
     /// A textured forest in core and under budgets that its geometry and its textures each exceed; the same bits.
     Textures(textures::Arguments),
+    /// Texture files of real size through a real usdrecord, with an empty and a filled texture cache, beside their decoding.
+    TextureFiles(Box<texture_files::Arguments>),
     /// Instanced leaves: opaque, with an opacity picture that is opaque all over, and cut out.
     Leaves(leaves::Arguments),
     /// What leaving out saves: scenes by passes made for them and by passes that carry everything; the same bits.
@@ -56,6 +59,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Some(Command::Island(arguments)) => island::run(arguments),
         Some(Command::Stragglers(arguments)) => stragglers::run(arguments),
         Some(Command::Textures(arguments)) => textures::run(arguments),
+        Some(Command::TextureFiles(arguments)) => texture_files::run(arguments),
         Some(Command::Leaves(arguments)) => leaves::run(arguments),
         Some(Command::Specialise(arguments)) => specialise::run(arguments),
         Some(Command::Partition(arguments)) => partition::run(arguments),

@@ -112,7 +112,7 @@ pub(super) fn run(name: &str, options: &Options, device: &str) -> Result<()> {
 }
 
 fn of_file(name: &str, options: &Options, device: &str) -> Result<SceneReport> {
-    let usdrecord = host::usdrecord(options.usdrecord.as_ref());
+    let usdrecord = crate::host::usdrecord(options.usdrecord.as_ref());
     let mut first = None;
     let mut ask = |carry: &str| -> Result<Build> {
         let Answer { report, warnings } = host::ask(&Question {

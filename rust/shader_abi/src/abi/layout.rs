@@ -9,7 +9,7 @@ use super::{
     GpuLightMesh, GpuLightNode, GpuLightShaping, GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh,
     GpuMeshLight, GpuMeshNode, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs,
     LbvhBounds, LbvhNode, LbvhPush, Lighting, PathState, Pending, Push, Question, Ray, Roulette, Segment, ShadowRay,
-    Streaming,
+    Streaming, TextureFeedback,
 };
 use core::mem::{offset_of, size_of};
 
@@ -62,6 +62,7 @@ macro_rules! layout {
 /// Every struct that crosses.
 pub const LAYOUTS: &[StructLayout] = &[
     layout!(Push { frame, first_pixel, first_sample, path_count, round, arg0, flags }),
+    layout!(TextureFeedback { requested, incomplete_paths, wanted, wanted_capacity, wanted_count, is_incomplete, pad }),
     layout!(Adaptive { entries, said, width }),
     layout!(AovTargets { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo, sample_count }),
     layout!(AovClear { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo }),
@@ -125,7 +126,8 @@ pub const LAYOUTS: &[StructLayout] = &[
         lighting,
         light_paths,
         placed_values,
-        adaptive
+        adaptive,
+        texture_feedback
     }),
     layout!(Streaming {
         segments,
@@ -160,7 +162,7 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(Roulette { mean, second_moment, ended_paths, ended_shadows, variance, looks }),
     layout!(Segment { first_pixel, first_sample, count, alive }),
     layout!(Pending { entry, chunk_instance }),
-    layout!(Question { t, id, chunk_instance, flags, mean, texture, st, footprint, scale, bias, limit, unit }),
+    layout!(Question { t, id, chunk_instance, flags, mean, texture, st, width, scale, bias, limit, unit }),
     layout!(GpuSurface {
         position,
         offset,
@@ -195,7 +197,7 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(GpuMaterial { inputs, flags, opacity_threshold, names, set_fallback, pad }),
     layout!(GpuPrim { first_slot, slot_count, link_set, pad }),
     layout!(GpuAttribute { values, name, rate_and_width }),
-    layout!(GpuSurfaceMaterial { uv, primvars, tangent, material, uv_density, handedness, flags }),
+    layout!(GpuSurfaceMaterial { uv, primvars, tangent, material, footprints, handedness, flags }),
     layout!(GpuAssembly { nodes, instances, primvars }),
     layout!(GpuLight { direction, one_minus_cos, radiance, probability, cumulative }),
     layout!(Lighting {
@@ -295,7 +297,7 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(GpuLightMap { texels, cells, width, height, columns, rows, x, format, y, pad0, z, pad1 }),
     layout!(GpuCdf { start, guide, density }),
     layout!(GpuChunk { nodes, instances, primvars }),
-    layout!(GpuTexture { decode, first_page, flags, width, height, levels, texels, fallback }),
+    layout!(GpuTexture { decode, first_page, flags, width, height, levels, pad, fallback }),
     layout!(GpuChunkInstance { chunk_from_world, origin_lo, chunk, instance_id, row, pad }),
     layout!(Ray { o, bounce, d, t_max, o_lo, flags }),
     layout!(PathState { throughput, pdf }),

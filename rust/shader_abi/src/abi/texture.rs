@@ -53,8 +53,29 @@ pub struct GpuTexture {
     pub height: u32,
     /// Levels, down to 1 x 1; 0 = there is no image, and `fallback` is what a lookup gives.
     pub levels: u32,
-    /// `sqrt(width * height)`.
-    pub texels: f32,
+    /// 0.
+    pub pad: u32,
     /// See `levels`.
     pub fallback: [f32; 4],
+}
+
+/// Tiles that lookups did not find, in core; one in device memory, emptied by the host before a wave that is to go on. A path that
+/// lacked a tile is traced again when the tile is there; until then the film does not take its wave.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct TextureFeedback {
+    /// u32 for each 32 tiles of the scene, a bit each: it is in `wanted`, or did not fit.
+    pub requested: u64,
+    /// u32 per path of the wave: not 0 if it lacked a tile.
+    pub incomplete_paths: u64,
+    /// u32 each: numbers of tiles, in no order.
+    pub wanted: u64,
+    /// Elements of `wanted`.
+    pub wanted_capacity: u32,
+    /// Tiles that were requested; `wanted` has no more than it holds.
+    pub wanted_count: u32,
+    /// Not 0 if a path lacked a tile.
+    pub is_incomplete: u32,
+    /// Nothing.
+    pub pad: u32,
 }
