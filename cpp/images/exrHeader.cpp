@@ -191,7 +191,7 @@ void CheckPart(const Part& part, std::size_t fileSize, double* tableBytes)
     const int inChunk = part.compression < 10 ? rows[part.compression] : 256;
     const std::int64_t chunk = part.isTiled ? part.tile[0] * part.tile[1] : part.width * inChunk;
     if (static_cast<double>(chunk) * static_cast<double>(part.texelBytes)
-        > static_cast<double>(HdOocPTMaxHeldBytes) / 4) {
+        > static_cast<double>(HdOocPTMaxHeldBytes) / 8) {
         Refuse("what it compresses together has " + std::to_string(chunk) + " texels of "
             + std::to_string(part.texelBytes) + " bytes");
     }

@@ -13,6 +13,8 @@ namespace {
 
 /// Of an image with 65536 texels a side.
 constexpr int maxLevels = 17;
+/// Of a tile in a file, above which a part of the file is not had at little cost. Ordinary tiles have 32 to 256 texels a side.
+constexpr long maxTexelsOfPart = 1024L * 1024L;
 
 /// 16-bit integers become floats: half precision would lose five of their bits.
 HdOocPTTexelFormat FormatOf(OIIO::TypeDesc type)
@@ -108,7 +110,7 @@ HdOocPTImageFacts HdOocPTFindFacts(
     for (const int channel : channels) {
         facts.format = std::max(facts.format, FormatOf(spec.channelformat(channel)));
     }
-    facts.isTiled = spec.tile_width > 0;
+    facts.isTiled = spec.tile_width > 0 && static_cast<long>(spec.tile_width) * spec.tile_height <= maxTexelsOfPart;
     facts.isSrgb = name == "openexr" || name == "hdr" ? 0 : name == "png" ? HdOocPTFindPngColorSpace(bytes) : -1;
     const std::string wrap = spec.get_string_attribute("wrapmodes");
     const std::size_t comma = wrap.find(',');

@@ -54,7 +54,7 @@ struct HdOocPTImageFacts
     /// 1 to 4; a file's further channels are not read.
     std::uint32_t channels = 0;
     HdOocPTTexelFormat format = HdOocPTTexelFormat::UInt8;
-    /// The file is in tiles: parts of it are read alone.
+    /// The file is in tiles of ordinary size: parts of it are read alone.
     bool isTiled = false;
     /// Whether the file itself says that it is sRGB (1) or that it is not (0); -1: it says nothing.
     int isSrgb = -1;

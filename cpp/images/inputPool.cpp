@@ -9,11 +9,14 @@
 #include <list>
 #include <mutex>
 #include <stdexcept>
+#include <thread>
 #include <utility>
 
 namespace {
 
 constexpr std::size_t maxIdle = 64;
+/// Each takes memory for two blocks in every open file.
+constexpr unsigned maxExrThreads = 4;
 constexpr std::size_t maxCopy = std::size_t { 1 } << 30;
 
 /// Lets OpenImageIO read an asset.
@@ -84,7 +87,9 @@ void SetUpOnce()
     std::call_once(once, [] {
         // The renderer has threads of its own that decode, one image each.
         OIIO::attribute("threads", 1);
-        OIIO::attribute("exr_threads", -1);
+        // OpenEXR decompresses blocks of rows and tiles on threads of its own: a single file would else keep one core busy.
+        OIIO::attribute(
+            "exr_threads", static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1U, maxExrThreads)));
         OIIO::attribute("limits:channels", 1024);
         OIIO::attribute("limits:imagesize_MB", static_cast<int>(HdOocPTMaxLevelBytes >> 20));
     });

@@ -10,10 +10,11 @@ from __future__ import annotations
 import struct
 import zlib
 
+import handmade
 import numpy as np
 import OpenEXR
 import pytest
-from image_host import HEIGHT, TYPES, WIDTH, noise, write_exr, write_png16
+from image_host import HEIGHT, TYPES, WIDTH, Reader, noise, write_exr, write_png16
 from PIL import Image
 from pxr import Sdf, Usd, UsdShade, UsdUtils
 
@@ -82,6 +83,61 @@ def test_alpha_is_not_multiplied_into_color(reader, folder):
     for name in ("straight.png", "straight.tif", "straight.tga"):
         Image.fromarray(texels).save(folder / name)
         np.testing.assert_array_equal(reader.texels(folder / name), texels, name)
+
+
+LARGE = ["large.png", "large.jpg", "large.tif", "large.exr", "tiled_large.exr", "large.hdr", "large.tga", "large.bmp"]
+
+
+def write_large(path, texels) -> None:
+    if path.suffix == ".exr":
+        tiles = {"type": OpenEXR.tiledimage, "tiles": OpenEXR.TileDescription()} if "tiled" in path.name else {}
+        write_exr(path, texels.astype(np.float16) / 255, **tiles)
+    elif path.suffix == ".hdr":
+        path.write_bytes(handmade.hdr(np.concatenate([texels, np.full_like(texels[:, :, :1], 129)], axis=2)))
+    else:
+        Image.fromarray(texels).save(path, **({"compression": "tiff_lzw"} if path.suffix == ".tif" else {}))
+
+
+@pytest.mark.parametrize("name", LARGE)
+def test_a_level_is_decoded_in_one_pass(reader, folder, name):
+    """In bands of bounded size from the top down, and no byte of the file is read twice."""
+    path = folder / name
+    write_large(path, noise((1700, 1100, 3), np.uint8))
+    answer = reader.ask("decode", path, 0, 0)
+    tops, row = answer["tops"], len(answer["texels"]) // 2 // 1700
+    assert tops[0] == 0 and len(tops) > 1 and tops == sorted(set(tops)), tops
+    assert answer["most"] <= 4 << 20
+    assert [b - a for a, b in zip(tops, tops[1:])] == [min(answer["most"] // row, tops[1])] * (len(tops) - 1) or "tiled" in name
+    size = path.stat().st_size
+    # JPEG is taken whole into memory; headers are read by us before they are by OpenImageIO.
+    assert answer["read"] < 1.05 * size + 200_000, f"{answer['read']} bytes of {size}"
+    np.testing.assert_array_equal(reader.decoded(path), reader.texels(path))
+    stopped = reader.ask("decode", path, 0, 1)
+    assert stopped["tops"] == [0] and answer["texels"].startswith(stopped["texels"]), "the sink may stop"
+
+
+def test_levels_that_are_not_there_are_not_decoded(reader, folder):
+    write_exr(folder / "one.exr", noise((8, 8, 3), np.float16))
+    assert "no level 1" in reader.ask("decode", folder / "one.exr", 1, 0)["error"]
+
+
+def test_what_is_known_of_files_without_opening_them(image_build, folder):
+    """In a process of its own, since the library of readers must not be loaded by that."""
+    write_exr(folder / "known.exr", noise((8, 8, 3), np.float16))
+    (folder / "link.exr").unlink(missing_ok=True)
+    (folder / "link.exr").symlink_to(folder / "known.exr")
+    reader = Reader(image_build, folder / "known.exr")
+    status = (folder / "known.exr").stat()
+    for path in (folder / "known.exr", folder / "link.exr", folder / "." / "known.exr"):
+        facts = reader.ask("file_facts", path)
+        assert facts == {"plain": True, "canonical": str(folder / "known.exr"), "size": status.st_size, "modified": status.st_mtime_ns, "loaded": False}
+    for path in (folder / "absent.exr", folder, f"{folder}/scene.usdz[inside.png]"):
+        assert reader.ask("file_facts", path)["plain"] is False
+    assert reader.ask("exists", folder / "known.exr") == {"exists": True}
+    assert not reader.ask("file_facts", folder / "known.exr")["loaded"]
+    reader.facts(folder / "known.exr")
+    assert reader.ask("file_facts", folder / "known.exr")["loaded"], "the test sees it when it is"
+    reader.close()
 
 
 @pytest.mark.parametrize("name", ["part.png", "part.exr", "tiled.exr"])

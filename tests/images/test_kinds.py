@@ -278,6 +278,18 @@ def test_textures_by_maketx_have_their_levels(reader, folder, name, kind):
             np.testing.assert_array_equal(found, expected)
 
 
+@pytest.mark.parametrize("mode", ["MIPMAP_LEVELS", "RIPMAP_LEVELS"])
+def test_exr_with_levels_by_openexr(reader, folder, mode):
+    """The finest one is the image; of rip maps no others are used."""
+    tiles = OpenEXR.TileDescription()
+    tiles.xSize, tiles.ySize, tiles.mode = 16, 16, getattr(OpenEXR, mode)
+    channels = exr_channels("RGB")
+    OpenEXR.File({"type": OpenEXR.tiledimage, "tiles": tiles}, channels).write(str(folder / "levels.exr"))
+    facts = holds(reader, folder / "levels.exr", stacked(channels, "RGB"))
+    halved = [[max(1, WIDTH >> level), max(1, HEIGHT >> level)] for level in range(6)]
+    assert facts["levels"] == (halved if mode == "MIPMAP_LEVELS" else [[WIDTH, HEIGHT]]), facts
+
+
 def test_radiance_without_runs_and_with_the_old_kind(reader, folder):
     rgbe = noise((HEIGHT, WIDTH, 4), np.uint8)
     rgbe[:, :, 3] = 129
