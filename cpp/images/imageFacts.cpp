@@ -126,7 +126,11 @@ HdOocPTImageFacts HdOocPTFindFacts(
             break;
         }
         const OIIO::ImageSpec found = level == 0 ? spec : input.spec_dimensions(0, level);
-        if (found.undefined() || found.width < 1 || found.height < 1 || found.nchannels != spec.nchannels) {
+        // Of rip maps the levels have no such order.
+        const bool isHalved
+            = found.width == std::max(1, spec.width >> level) && found.height == std::max(1, spec.height >> level);
+        if (found.undefined() || !isHalved || found.width < 1 || found.height < 1
+            || found.nchannels != spec.nchannels) {
             break;
         }
         HdOocPTCheckSpec(level == 0 ? spec : found, name, bytes.GetSize());
