@@ -5,6 +5,6 @@ import pathlib
 import sys
 
 HERE = pathlib.Path(__file__).resolve().parent
-for folder in ("scenes", "hydra"):
+for folder in ("scenes", "hydra", "images"):
     if str(HERE / folder) not in sys.path:
         sys.path.insert(0, str(HERE / folder))

@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bridge/imageSource.h"
 
-#include "images/imageLibrary.h"
+#include "bridge/hostFile.h"
 #include "oocpt-bridge/src/ffi_images.rs.h"
 #include "pxr/base/tf/errorMark.h"
-#include "pxr/usd/ar/asset.h"
-#include "pxr/usd/ar/resolvedPath.h"
-#include "pxr/usd/ar/resolver.h"
 
 #include <algorithm>
 #include <dlfcn.h>
@@ -14,7 +11,6 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
-#include <sys/stat.h>
 #include <utility>
 #include <vector>
 
@@ -22,10 +18,13 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
+constexpr std::size_t streamPart = std::size_t { 1 } << 20;
+
 /// The library of image readers, once loaded never unloaded.
 struct _Library
 {
     HdOocPTOpenImageFunction* open = nullptr;
+    HdOocPTMakeColorTransformFunction* makeColorTransform = nullptr;
     /// Why it is not there.
     std::string reason;
 };
@@ -34,70 +33,38 @@ _Library _Load()
 {
     Dl_info own {};
     if (dladdr(reinterpret_cast<const void*>(&HdOocPTMakeImageSource), &own) == 0 || !own.dli_fname) {
-        return { nullptr, "the plugin does not know where it lies" };
+        return { nullptr, nullptr, "the plugin does not know where it lies" };
     }
     const std::filesystem::path path = std::filesystem::path(own.dli_fname).parent_path() / "hdOocPTImages.so";
     // Local: what it brings along must not be found by the host, nor by what the host loads later.
     void* const library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
     void* const symbol = library ? dlsym(library, HDOOCPT_OPEN_IMAGE_NAME) : nullptr;
-    if (!symbol) {
+    void* const colorSymbol = library ? dlsym(library, HDOOCPT_MAKE_COLOR_TRANSFORM_NAME) : nullptr;
+    if (!symbol || !colorSymbol) {
         const char* const text = dlerror();
-        return { nullptr, text ? text : "it lacks its function" };
+        return { nullptr, nullptr, text ? text : "it lacks its functions" };
     }
-    return { reinterpret_cast<HdOocPTOpenImageFunction*>(symbol), std::string() };
+    return { reinterpret_cast<HdOocPTOpenImageFunction*>(symbol),
+        reinterpret_cast<HdOocPTMakeColorTransformFunction*>(colorSymbol), std::string() };
 }
 
-HdOocPTOpenImageFunction& _OpenImageFunction()
+const _Library& _LoadedLibrary()
 {
     static const _Library library = _Load();
     if (!library.open) {
         throw std::runtime_error("cannot be read, since the library of image readers does not load: " + library.reason);
     }
-    return *library.open;
+    return library;
 }
 
-class _AssetBytes final : public HdOocPTImageBytes
+/// The bytes of a file that has to be there.
+std::shared_ptr<const HdOocPTImageBytes> _OpenFile(const std::string& resolved)
 {
-public:
-    explicit _AssetBytes(std::shared_ptr<ArAsset> asset)
-        : _asset(std::move(asset))
-    {
+    std::shared_ptr<const HdOocPTImageBytes> bytes = HdOocPTOpenHostFile(resolved);
+    if (!bytes) {
+        throw std::runtime_error("cannot be found or opened");
     }
-
-    std::size_t GetSize() const override { return _asset->GetSize(); }
-
-    std::size_t Read(void* destination, std::size_t count, std::size_t offset) const override
-    {
-        const std::size_t end = _asset->GetSize();
-        return offset < end ? _asset->Read(destination, std::min(count, end - offset), offset) : 0;
-    }
-
-private:
-    const std::shared_ptr<ArAsset> _asset;
-};
-
-/// The status of a file that lies on a disk under its resolved path; none for anything else that resolvers serve.
-std::optional<struct stat> _FindPlainFile(const std::string& resolved)
-{
-    struct stat status
-    {
-    };
-    const bool isPlain = !resolved.empty() && stat(resolved.c_str(), &status) == 0 && S_ISREG(status.st_mode);
-    return isPlain ? std::optional(status) : std::nullopt;
-}
-
-/// Null when the resolver has no such asset. What it has to say about that goes no further: this may be any thread, and the
-/// caller names the file.
-std::shared_ptr<const HdOocPTImageBytes> _OpenAsset(const std::string& resolved)
-{
-    std::error_code ignored;
-    if (resolved.empty() || std::filesystem::is_directory(resolved, ignored)) {
-        return nullptr;
-    }
-    TfErrorMark mark;
-    std::shared_ptr<ArAsset> asset = ArGetResolver().OpenAsset(ArResolvedPath(resolved));
-    mark.Clear();
-    return asset ? std::make_shared<_AssetBytes>(std::move(asset)) : nullptr;
+    return bytes;
 }
 
 static_assert(static_cast<int>(oocpt::TexelTag::Float) == static_cast<int>(HdOocPTTexelFormat::Float));
@@ -148,53 +115,64 @@ private:
     const std::unique_ptr<HdOocPTImageFile> _file;
 };
 
+class _Transform final : public oocpt::HeldTransform
+{
+public:
+    explicit _Transform(std::unique_ptr<HdOocPTColorTransform> transform)
+        : _transform(std::move(transform))
+    {
+    }
+
+    void apply(rust::Slice<float> texels, std::uint32_t channels) const override
+    {
+        if (channels < 1 || channels > 4 || texels.size() % channels != 0) {
+            throw std::runtime_error("was given texels that are not whole");
+        }
+        _transform->Apply(texels.data(), texels.size() / channels, channels);
+    }
+
+private:
+    const std::unique_ptr<HdOocPTColorTransform> _transform;
+};
+
 class _Source final : public oocpt::ImageSource
 {
 public:
     std::unique_ptr<oocpt::HeldImage> open(rust::Str resolved) const override
     {
-        const std::string path(resolved);
-        if (!exists(resolved)) {
-            throw std::runtime_error("cannot be found or opened");
-        }
-        return std::make_unique<_Image>(_OpenImageFunction()(path, [path] { return _OpenAsset(path); }));
+        return std::make_unique<_Image>(HdOocPTOpenHostImage(std::string(resolved)));
     }
 
     bool exists(rust::Str resolved) const override
     {
         const std::string path(resolved);
-        return _FindPlainFile(path) || _OpenAsset(path);
+        try {
+            return HdOocPTFindPlainFile(path) || HdOocPTOpenHostFile(path);
+        } catch (const std::runtime_error&) {
+            return false;
+        }
     }
 
     oocpt::FileFacts file_facts(rust::Str resolved) const override
     {
         const std::string path(resolved);
         oocpt::FileFacts facts {};
-        if (const std::optional<struct stat> status = _FindPlainFile(path)) {
+        if (const std::optional<HdOocPTPlainFile> file = HdOocPTFindPlainFile(path)) {
             std::error_code problem;
-            const std::filesystem::path canonical = std::filesystem::canonical(path, problem);
+            facts.canonical = rust::String::lossy(std::filesystem::canonical(path, problem).string());
             facts.is_plain = !problem;
-            facts.canonical = rust::String::lossy(canonical.string());
-            facts.size = static_cast<std::uint64_t>(status->st_size);
-            facts.modified_ns
-                = static_cast<std::int64_t>(status->st_mtim.tv_sec) * 1000000000 + status->st_mtim.tv_nsec;
+            facts.size = file->size;
+            facts.modified_ns = file->modifiedNanoseconds;
         }
         return facts;
     }
 
     std::uint64_t stream_file(rust::Str resolved, oocpt::ByteSink& sink) const override
     {
-        const auto bytes = _OpenAsset(std::string(resolved));
-        if (!bytes) {
-            throw std::runtime_error("cannot be found or opened");
-        }
-        std::vector<std::uint8_t> part(std::size_t { 1 } << 20);
+        const auto bytes = _OpenFile(std::string(resolved));
+        std::vector<std::uint8_t> part(std::min(streamPart, std::max<std::size_t>(bytes->GetSize(), 1)));
         std::size_t offset = 0;
-        for (;;) {
-            const std::size_t count = bytes->Read(part.data(), part.size(), offset);
-            if (count == 0) {
-                break;
-            }
+        while (const std::size_t count = bytes->Read(part.data(), part.size(), offset)) {
             sink.take({ part.data(), count });
             offset += count;
         }
@@ -206,15 +184,12 @@ public:
 
     std::unique_ptr<oocpt::HeldTransform> color_transform(rust::Str name) const override
     {
-        throw std::runtime_error("the color space `" + std::string(name) + "` is not known");
+        return std::make_unique<_Transform>(_LoadedLibrary().makeColorTransform(std::string(name)));
     }
 
     rust::Vec<std::uint8_t> read_file(rust::Str resolved, std::uint64_t limit) const override
     {
-        const auto bytes = _OpenAsset(std::string(resolved));
-        if (!bytes) {
-            throw std::runtime_error("cannot be found or opened");
-        }
+        const auto bytes = _OpenFile(std::string(resolved));
         const std::size_t size = bytes->GetSize();
         if (size > limit) {
             throw std::runtime_error("has " + std::to_string(size) + " bytes, more than is read");
@@ -232,6 +207,13 @@ public:
 };
 
 } // namespace
+
+std::unique_ptr<HdOocPTImageFile> HdOocPTOpenHostImage(const std::string& resolved)
+{
+    // Tells what is no file before the library is loaded.
+    static_cast<void>(_OpenFile(resolved));
+    return _LoadedLibrary().open(resolved, [resolved] { return HdOocPTOpenHostFile(resolved); });
+}
 
 std::unique_ptr<oocpt::ImageSource> HdOocPTMakeImageSource()
 {

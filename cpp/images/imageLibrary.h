@@ -54,7 +54,7 @@ struct HdOocPTImageFacts
     /// 1 to 4; a file's further channels are not read.
     std::uint32_t channels = 0;
     HdOocPTTexelFormat format = HdOocPTTexelFormat::UInt8;
-    /// The file is in tiles: parts of it are read alone.
+    /// The file is in tiles of ordinary size: parts of it are read alone.
     bool isTiled = false;
     /// Whether the file itself says that it is sRGB (1) or that it is not (0); -1: it says nothing.
     int isSrgb = -1;
@@ -78,9 +78,23 @@ public:
     virtual void Decode(std::uint32_t level, const HdOocPTRowSink& sink) const = 0;
 };
 
-/// The only function of the library; its name is below. Throws std::runtime_error with the reason.
+/// A conversion of colors to linear Rec. 709. Any thread, several at once.
+class HdOocPTColorTransform
+{
+public:
+    virtual ~HdOocPTColorTransform() = default;
+
+    /// In place, `count` texels of 1 to 4 channels. Alpha stays; grey goes through as r = g = b, and the red that comes out is taken.
+    virtual void Apply(float* texels, std::size_t count, std::uint32_t channels) const = 0;
+};
+
+/// The functions of the library; their names are below. Both throw std::runtime_error with the reason.
 using HdOocPTOpenImageFunction = std::unique_ptr<HdOocPTImageFile>(const std::string& name, HdOocPTImageOpener opener);
+/// The conversion from a color space that OpenColorIO knows: by the configuration that $OCIO names, then by one of ours with the
+/// names that OpenUSD and ACES use (colorConfig.h).
+using HdOocPTMakeColorTransformFunction = std::unique_ptr<HdOocPTColorTransform>(const std::string& name);
 
 #define HDOOCPT_OPEN_IMAGE_NAME "HdOocPTOpenImage"
+#define HDOOCPT_MAKE_COLOR_TRANSFORM_NAME "HdOocPTMakeColorTransform"
 
 #endif

@@ -2,17 +2,21 @@
 #include "images/inputPool.h"
 
 #include "images/imageKind.h"
+#include "images/imageLimits.h"
 
 #include <algorithm>
 #include <cstdint>
 #include <list>
 #include <mutex>
 #include <stdexcept>
+#include <thread>
 #include <utility>
 
 namespace {
 
 constexpr std::size_t maxIdle = 64;
+/// Each takes memory for two blocks in every open file.
+constexpr unsigned maxExrThreads = 4;
 constexpr std::size_t maxCopy = std::size_t { 1 } << 30;
 
 /// Lets OpenImageIO read an asset.
@@ -83,9 +87,11 @@ void SetUpOnce()
     std::call_once(once, [] {
         // The renderer has threads of its own that decode, one image each.
         OIIO::attribute("threads", 1);
-        OIIO::attribute("exr_threads", -1);
-        OIIO::attribute("limits:channels", 64);
-        OIIO::attribute("limits:imagesize_MB", 4096);
+        // OpenEXR decompresses blocks of rows and tiles on threads of its own: a single file would else keep one core busy.
+        OIIO::attribute(
+            "exr_threads", static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1U, maxExrThreads)));
+        OIIO::attribute("limits:channels", 1024);
+        OIIO::attribute("limits:imagesize_MB", static_cast<int>(HdOocPTMaxLevelBytes >> 20));
     });
 }
 
@@ -102,6 +108,7 @@ std::unique_ptr<OIIO::Filesystem::IOProxy> MakeProxy(
     }
     open->copy.resize(size);
     open->copy.resize(open->bytes->Read(open->copy.data(), size, 0));
+    HdOocPTCheckJpegHeader(reinterpret_cast<const unsigned char*>(open->copy.data()), open->copy.size());
     return std::make_unique<OIIO::Filesystem::IOMemReader>(open->copy.data(), open->copy.size());
 }
 
@@ -123,6 +130,13 @@ OpenInput HdOocPTOpenInput(const InputSource& source)
     }
     if (!open.input->supports("ioproxy")) {
         throw std::runtime_error("cannot be read: this OpenImageIO reads " + format + " only from plain files");
+    }
+    if (format == "openexr") {
+        HdOocPTCheckExrHeader(*open.bytes);
+    } else if (format == "png") {
+        HdOocPTCheckPngHeader(*open.bytes);
+    } else if (format == "tiff") {
+        HdOocPTCheckTiffHeader(*open.bytes);
     }
     open.proxy = MakeProxy(source.name, format, &open);
     OIIO::ImageSpec config;

@@ -131,6 +131,58 @@ def cut(path) -> None:
     path.write_bytes(path.read_bytes()[:70])
 
 
+ACESCG = np.array([[1.70505, -0.62179, -0.08326], [-0.13026, 1.14080, -0.01055], [-0.02400, -0.12897, 1.15297]])
+
+
+def colored(host, folder, file, source: str = "", metadata: str = ""):
+    """The scene with another `sourceColorSpace` (none where empty) and `colorSpace` metadata of the file."""
+    stage = STAGE.replace('token inputs:sourceColorSpace = "raw"', f'token inputs:sourceColorSpace = "{source}"' if source else "")
+    stage = stage.replace("@FILE@", f"@{file}@" + (f' ( colorSpace = "{metadata}" )' if metadata else ""))
+    (folder / "scene.usda").write_text(stage.replace("EXTENT", "1"))
+    return host.picture(folder / "scene.usda", SIZE, aovs=["color", "albedo"], settings=QUICK)
+
+
+def pale() -> np.ndarray:
+    """Colours that stay between 0 and 1 in other spaces."""
+    return (texels(np.uint8) * 0.3 + 90).astype(np.uint8)
+
+
+def decoded(array) -> np.ndarray:
+    v = array / 255.0
+    return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
+
+
+@pytest.mark.parametrize(
+    "source, metadata, expected",
+    [
+        ("ACEScg", "", lambda array: array / 255.0 @ ACESCG.T),
+        ("", "lin_ap1", lambda array: array / 255.0 @ ACESCG.T),
+        ("auto", "ACEScg", lambda array: array / 255.0 @ ACESCG.T),
+        ("raw", "ACEScg", lambda array: array / 255.0),
+        ("sRGB", "lin_ap1", decoded),
+        ("", "srgb_texture", decoded),
+        ("", "lin_rec709", lambda array: array / 255.0),
+        ("", "", decoded),
+    ],
+)
+def test_color_spaces_by_name(host, tmp_path, source, metadata, expected):
+    write(tmp_path / "a.png", pale())
+    shown = colored(host, tmp_path, "./a.png", source, metadata)
+    is_quiet(shown)
+    np.testing.assert_allclose(shown["albedo"], expected(pale()[::-1]), atol=4e-3)
+
+
+@pytest.mark.parametrize("source, metadata", [("no such space", ""), ("", "no such space")])
+def test_a_color_space_that_nobody_knows_is_one_warning_and_the_files_own(host, tmp_path, source, metadata):
+    write(tmp_path / "a.png", pale())
+    shown = colored(host, tmp_path, "./a.png", source, metadata)
+    lines = [line for line in shown.log.splitlines() if "OocPT" in line]
+    assert len(lines) == 1, shown.log
+    for word in ("no such space", "a.png", "/World/Material/Texture"):
+        assert word in lines[0], lines[0]
+    np.testing.assert_allclose(shown["albedo"], decoded(pale()[::-1]), atol=4e-3)
+
+
 BAD = {
     "absent.png": lambda path: None,
     "empty.png": lambda path: path.write_bytes(b""),

@@ -4,9 +4,14 @@
 #include "bridge/imageSource.h"
 #include "oocpt-bridge/src/ffi_images.rs.h"
 
+#include <algorithm>
 #include <atomic>
 #include <cstring>
 #include <exception>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <numeric>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -58,6 +63,16 @@ std::vector<std::uint8_t> _Read(const oocpt::HeldImage& image, const oocpt::Texe
     return texels;
 }
 
+/// Bytes that this process has read so far, from files and whatever else.
+unsigned long _BytesRead()
+{
+    std::ifstream counters("/proc/self/io");
+    std::string name;
+    unsigned long count = 0;
+    counters >> name >> count;
+    return count;
+}
+
 } // namespace
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
@@ -92,6 +107,83 @@ EXPORT const char* oocpt_image_read(
             out += "0123456789abcdef"[byte & 15];
         }
         return out + "\"}";
+    });
+}
+
+/// A level decoded at once: the bytes of its texels in hexadecimal, the first row of every band, its bytes, how many bytes the process
+/// read meanwhile, as {"texels": "..", "tops": [..], "most": .., "read": ..}. Stops after `bands` bands, if that is not 0.
+EXPORT const char* oocpt_image_decode(const char* path, unsigned level, unsigned bands)
+{
+    return _Answer([&] {
+        const std::unique_ptr<HdOocPTImageFile> image = HdOocPTOpenHostImage(path);
+        std::string texels;
+        std::string tops;
+        std::size_t most = 0;
+        unsigned count = 0;
+        const unsigned long before = _BytesRead();
+        image->Decode(level, [&](std::uint32_t top, const void* rows, std::size_t byteCount) {
+            const auto* const bytes = static_cast<const std::uint8_t*>(rows);
+            for (std::size_t i = 0; i < byteCount; ++i) {
+                texels += "0123456789abcdef"[bytes[i] >> 4];
+                texels += "0123456789abcdef"[bytes[i] & 15];
+            }
+            tops += (tops.empty() ? "" : ", ") + std::to_string(top);
+            most = std::max(most, byteCount);
+            return ++count != bands;
+        });
+        const unsigned long read = _BytesRead() - before;
+        return "{\"texels\": \"" + texels + "\", \"tops\": [" + tops + "], \"most\": " + std::to_string(most)
+            + ", \"read\": " + std::to_string(read) + "}";
+    });
+}
+
+/// Decodes an image without giving its texels: the sum of all bytes, so that nothing is left out, and the rows.
+EXPORT const char* oocpt_image_walk(const char* path, unsigned level)
+{
+    return _Answer([&] {
+        const std::unique_ptr<HdOocPTImageFile> image = HdOocPTOpenHostImage(path);
+        unsigned long sum = 0;
+        image->Decode(level, [&](std::uint32_t, const void* rows, std::size_t byteCount) {
+            const auto* const bytes = static_cast<const std::uint8_t*>(rows);
+            sum = std::accumulate(bytes, bytes + byteCount, sum);
+            return true;
+        });
+        return "{\"sum\": " + std::to_string(sum) + "}";
+    });
+}
+
+/// Opens an image, cuts its file to `size` bytes, then decodes it and reads its lowest row.
+EXPORT const char* oocpt_image_shrink(const char* path, unsigned long size)
+{
+    return _Answer([&] {
+        const std::unique_ptr<oocpt::HeldImage> held = _Source().open(path);
+        const std::unique_ptr<HdOocPTImageFile> image = HdOocPTOpenHostImage(path);
+        std::filesystem::resize_file(path, size);
+        unsigned long sum = 0;
+        const oocpt::ImageFacts facts = held->facts();
+        sum += _Read(*held, { 0, 0, 0, facts.levels[0], 1 }).size();
+        image->Decode(0, [&](std::uint32_t, const void*, std::size_t byteCount) {
+            sum += byteCount;
+            return true;
+        });
+        return "{\"sum\": " + std::to_string(sum) + "}";
+    });
+}
+
+/// What is known of a file without opening it, as {"plain": .., "canonical": "..", "size": .., "modified": .., "loaded": ..}; `loaded`
+/// says whether the library of image readers is in the process.
+EXPORT const char* oocpt_image_file_facts(const char* path)
+{
+    return _Answer([&] {
+        const oocpt::FileFacts facts = _Source().file_facts(path);
+        std::ifstream maps("/proc/self/maps");
+        const std::string all((std::istreambuf_iterator<char>(maps)), std::istreambuf_iterator<char>());
+        std::ostringstream out;
+        out << "{\"plain\": " << (facts.is_plain ? "true" : "false")
+            << ", \"canonical\": " << _Quoted(std::string(facts.canonical).c_str()) << ", \"size\": " << facts.size
+            << ", \"modified\": " << facts.modified_ns
+            << ", \"loaded\": " << (all.find("hdOocPTImages.so") != std::string::npos ? "true" : "false") << "}";
+        return out.str();
     });
 }
 
@@ -148,6 +240,22 @@ EXPORT const char* oocpt_image_file(const char* path, unsigned long limit)
             sum += byte;
         }
         return "{\"size\": " + std::to_string(bytes.size()) + ", \"sum\": " + std::to_string(sum) + "}";
+    });
+}
+
+/// Texels (as JSON has numbers, `text`) after the conversion from a color space, as {"texels": [..]}.
+EXPORT const char* oocpt_image_convert(const char* name, unsigned channels, const char* text)
+{
+    return _Answer([&] {
+        std::istringstream in(text);
+        std::vector<float> texels { std::istream_iterator<float>(in), std::istream_iterator<float>() };
+        _Source().color_transform(name)->apply({ texels.data(), texels.size() }, channels);
+        std::ostringstream out;
+        out.precision(9);
+        for (const float value : texels) {
+            out << (out.tellp() > 0 ? ", " : "") << value;
+        }
+        return "{\"texels\": [" + out.str() + "]}";
     });
 }
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import resource
 import sys
 
 import OpenImageIO as oiio
@@ -19,8 +20,11 @@ def own_reading(path: str) -> list[float]:
     return oiio.ImageBuf(path).get_pixels(oiio.FLOAT).ravel().tolist()
 
 
-def main(library: str, own: str) -> None:
+def main(library: str, own: str, limit: str) -> None:
     before = own_reading(own)
+    if int(limit):
+        # Bytes of addresses: what is asked for beyond is refused, and who does not expect that dies.
+        resource.setrlimit(resource.RLIMIT_AS, (int(limit), int(limit)))
     probe = ctypes.CDLL(library)
     for line in sys.stdin:
         name, *arguments = json.loads(line)

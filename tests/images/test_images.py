@@ -7,98 +7,16 @@ leave the process alive.
 
 from __future__ import annotations
 
-import json
-import os
-import pathlib
 import struct
-import subprocess
 import zlib
 
+import handmade
 import numpy as np
 import OpenEXR
 import pytest
+from image_host import HEIGHT, TYPES, WIDTH, Reader, noise, write_exr, write_png16
 from PIL import Image
 from pxr import Sdf, Usd, UsdShade, UsdUtils
-
-HERE = pathlib.Path(__file__).resolve().parent
-TYPES = {0: np.uint8, 1: np.float16, 2: np.float32}
-WIDTH, HEIGHT = 50, 40
-
-
-class Reader:
-    """The reading process."""
-
-    def __init__(self, build: pathlib.Path, own: pathlib.Path) -> None:
-        command = [os.environ["OOCPT_HOST_PYTHON"], "-I", HERE / "reader.py", build / "plugin/liboocpt_images_probe.so", own]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-
-    def ask(self, function: str, *arguments) -> dict:
-        self._process.stdin.write(json.dumps([f"oocpt_image_{function}", *[str(a) if isinstance(a, pathlib.Path) else a for a in arguments]]) + "\n")
-        self._process.stdin.flush()
-        line = self._process.stdout.readline()
-        assert line, f"the host died of {function}{arguments}, status {self._process.wait()}"
-        answer = json.loads(line)
-        assert "host" not in answer, answer["host"]
-        return answer
-
-    def facts(self, path) -> dict:
-        answer = self.ask("facts", path)
-        assert "error" not in answer, answer
-        return answer
-
-    def texels(self, path, level=0, at=(0, 0), size=None) -> np.ndarray:
-        """Rows from the top, as arrays have them."""
-        facts = self.facts(path)
-        width, height = size or facts["levels"][level]
-        answer = self.ask("read", path, level, *at, width, height)
-        assert "error" not in answer, answer
-        texels = np.frombuffer(bytes.fromhex(answer["texels"]), TYPES[facts["format"]])
-        return texels.reshape(height, width, facts["channels"])[::-1]
-
-    def close(self) -> None:
-        self._process.stdin.close()
-        assert self._process.wait(timeout=30) == 0, "the host ends in good order"
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory) -> pathlib.Path:
-    return tmp_path_factory.mktemp("images")
-
-
-@pytest.fixture(scope="module")
-def reader(folder):
-    for name in ("OOCPT_BUILD", "OOCPT_HOST_PYTHON"):
-        assert os.environ.get(name), f"{name} is not set: run the tests by `cargo xtask test`"
-    build = pathlib.Path(os.environ["OOCPT_BUILD"])
-    subprocess.run(["cmake", "--build", str(build), "--target", "oocpt_images_probe"], check=True)
-    write_exr(folder / "own.exr", noise((8, 8, 3), np.float16))
-    reader = Reader(build, folder / "own.exr")
-    yield reader
-    reader.close()
-
-
-def noise(shape, kind) -> np.ndarray:
-    random = np.random.default_rng(7).random(shape)
-    return (random * 255).astype(kind) if kind == np.uint8 else (random * 65535).astype(kind) if kind == np.uint16 else random.astype(kind)
-
-
-def write_exr(path: pathlib.Path, texels: np.ndarray, **header) -> None:
-    channels = {"RGBA"[i] if texels.shape[2] > 1 else "Y": np.ascontiguousarray(texels[:, :, i]) for i in range(texels.shape[2])}
-    part = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION} | header
-    OpenEXR.File(part, channels).write(str(path))
-
-
-def write_png16(path: pathlib.Path, texels: np.ndarray, chunks=()) -> None:
-    """A PNG of 16 bits, three channels; Pillow writes none."""
-
-    def chunk(name: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-
-    height, width, _ = texels.shape
-    rows = b"".join(b"\0" + row.astype(">u2").tobytes() for row in texels)
-    middle = b"".join(chunk(*each) for each in chunks)
-    head = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, 2, 0, 0, 0))
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + head + middle + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.tif", "a.tga", "a.bmp"])
@@ -167,6 +85,61 @@ def test_alpha_is_not_multiplied_into_color(reader, folder):
         np.testing.assert_array_equal(reader.texels(folder / name), texels, name)
 
 
+LARGE = ["large.png", "large.jpg", "large.tif", "large.exr", "tiled_large.exr", "large.hdr", "large.tga", "large.bmp"]
+
+
+def write_large(path, texels) -> None:
+    if path.suffix == ".exr":
+        tiles = {"type": OpenEXR.tiledimage, "tiles": OpenEXR.TileDescription()} if "tiled" in path.name else {}
+        write_exr(path, texels.astype(np.float16) / 255, **tiles)
+    elif path.suffix == ".hdr":
+        path.write_bytes(handmade.hdr(np.concatenate([texels, np.full_like(texels[:, :, :1], 129)], axis=2)))
+    else:
+        Image.fromarray(texels).save(path, **({"compression": "tiff_lzw"} if path.suffix == ".tif" else {}))
+
+
+@pytest.mark.parametrize("name", LARGE)
+def test_a_level_is_decoded_in_one_pass(reader, folder, name):
+    """In bands of bounded size from the top down, and no byte of the file is read twice."""
+    path = folder / name
+    write_large(path, noise((1700, 1100, 3), np.uint8))
+    answer = reader.ask("decode", path, 0, 0)
+    tops, row = answer["tops"], len(answer["texels"]) // 2 // 1700
+    assert tops[0] == 0 and len(tops) > 1 and tops == sorted(set(tops)), tops
+    assert answer["most"] <= 4 << 20
+    assert [b - a for a, b in zip(tops, tops[1:])] == [min(answer["most"] // row, tops[1])] * (len(tops) - 1) or "tiled" in name
+    size = path.stat().st_size
+    # JPEG is taken whole into memory; headers are read by us before they are by OpenImageIO.
+    assert answer["read"] < 1.05 * size + 200_000, f"{answer['read']} bytes of {size}"
+    np.testing.assert_array_equal(reader.decoded(path), reader.texels(path))
+    stopped = reader.ask("decode", path, 0, 1)
+    assert stopped["tops"] == [0] and answer["texels"].startswith(stopped["texels"]), "the sink may stop"
+
+
+def test_levels_that_are_not_there_are_not_decoded(reader, folder):
+    write_exr(folder / "one.exr", noise((8, 8, 3), np.float16))
+    assert "no level 1" in reader.ask("decode", folder / "one.exr", 1, 0)["error"]
+
+
+def test_what_is_known_of_files_without_opening_them(image_build, folder):
+    """In a process of its own, since the library of readers must not be loaded by that."""
+    write_exr(folder / "known.exr", noise((8, 8, 3), np.float16))
+    (folder / "link.exr").unlink(missing_ok=True)
+    (folder / "link.exr").symlink_to(folder / "known.exr")
+    reader = Reader(image_build, folder / "known.exr")
+    status = (folder / "known.exr").stat()
+    for path in (folder / "known.exr", folder / "link.exr", folder / "." / "known.exr"):
+        facts = reader.ask("file_facts", path)
+        assert facts == {"plain": True, "canonical": str(folder / "known.exr"), "size": status.st_size, "modified": status.st_mtime_ns, "loaded": False}
+    for path in (folder / "absent.exr", folder, f"{folder}/scene.usdz[inside.png]"):
+        assert reader.ask("file_facts", path)["plain"] is False
+    assert reader.ask("exists", folder / "known.exr") == {"exists": True}
+    assert not reader.ask("file_facts", folder / "known.exr")["loaded"]
+    reader.facts(folder / "known.exr")
+    assert reader.ask("file_facts", folder / "known.exr")["loaded"], "the test sees it when it is"
+    reader.close()
+
+
 @pytest.mark.parametrize("name", ["part.png", "part.exr", "tiled.exr"])
 def test_parts_of_an_image(reader, folder, name):
     texels = noise((130, 70, 3), np.float16 if "exr" in name else np.uint8)
@@ -231,7 +204,7 @@ BAD = {
     "far_directory.tif": (lambda folder: b"II\x2a\0\xff\xff\xff\x7f", "cannot be read"),
     "noise.tga": (lambda folder: noise((100,), np.uint8).tobytes(), ""),
     "huge.hdr": (lambda folder: b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 100000 +X 100000\n", ""),
-    "huge.png": (lambda folder: good_png(folder)[:16] + struct.pack(">II", 30000, 30000) + good_png(folder)[24:29] + struct.pack(">I", zlib.crc32(b"IHDR" + struct.pack(">II", 30000, 30000) + good_png(folder)[24:29])) + good_png(folder)[33:], "16384"),  # fmt: skip
+    "huge.png": (lambda folder: good_png(folder)[:16] + struct.pack(">II", 30000, 30000) + good_png(folder)[24:29] + struct.pack(">I", zlib.crc32(b"IHDR" + struct.pack(">II", 30000, 30000) + good_png(folder)[24:29])) + good_png(folder)[33:], "cannot hold that many"),  # fmt: skip
 }
 
 
@@ -270,8 +243,8 @@ def test_every_truncation_and_many_flips_leave_the_host_alive(reader, folder):
 
 def test_a_folder_and_nothing_at_all(reader, folder):
     (folder / "folder.png").mkdir(exist_ok=True)
-    for path in (folder / "folder.png", folder / "absent.png"):
-        assert "cannot be found or opened" in reader.ask("facts", path)["error"]
+    for path, reason in [(folder / "folder.png", "is a folder"), (folder / "absent.png", "cannot be found or opened")]:
+        assert reason in reader.ask("facts", path)["error"]
         assert reader.ask("exists", path) == {"exists": False}
 
 

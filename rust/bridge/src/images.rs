@@ -6,7 +6,7 @@
 use crate::ffi_images as ffi;
 use cxx::UniquePtr;
 use oocpt_core::scene::AssetRef;
-use oocpt_core::texture::{TexelFormat, Wrap};
+use oocpt_core::texture::{TILE_SIDE, TexelFormat, Wrap};
 use oocpt_render::textures::{ColorTransform, Image, ImageError, ImageInfo, ImageLibrary};
 use oocpt_render::{LightFiles, LightPicture};
 use std::fmt;
@@ -208,12 +208,14 @@ fn info(facts: &ffi::ImageFacts) -> Option<ImageInfo> {
         _ => None,
     };
     let wrap = wrap(facts.wrap_s).zip(wrap(facts.wrap_t)).map(|(s, t)| [s, t]);
+    // A part of a level that the file lacks is made of the coarsest one that it has.
+    let has_coarse = levels.last().is_some_and(|size| size.iter().all(|side| *side <= TILE_SIDE));
     let is_usable = !levels.is_empty() && (1..=4).contains(&facts.channels);
     is_usable.then_some(ImageInfo {
         levels,
         channels: facts.channels,
         format,
-        tile_friendly: facts.is_tiled,
+        tile_friendly: facts.is_tiled && has_coarse,
         is_srgb,
         wrap,
     })
@@ -251,6 +253,17 @@ mod tests {
         assert_eq!(info.levels, [[8, 4], [4, 2]], "levels");
         assert_eq!((info.channels, info.format, info.tile_friendly), (3, TexelFormat::F16, true), "texels");
         assert_eq!((info.is_srgb, info.wrap), (Some(false), Some([Wrap::Repeat, Wrap::Clamp])), "metadata");
+    }
+
+    #[test]
+    fn parts_are_cheap_where_the_file_has_tiles_and_coarse_levels() {
+        let friendly = |levels: &[u32], is_tiled| {
+            info(&ffi::ImageFacts { levels: levels.into(), is_tiled, ..facts() }).expect("usable").tile_friendly
+        };
+        assert!(friendly(&[512, 256, 256, 128, 128, 64], true), "down to a tile");
+        assert!(friendly(&[128, 100], true), "needs no more");
+        assert!(!friendly(&[512, 256, 256, 128], true), "coarser ones are made of all of the second");
+        assert!(!friendly(&[128, 100], false), "rows are read from the top");
     }
 
     #[test]

@@ -4,7 +4,7 @@
 use super::compile::Compiler;
 use super::params::{Shape, asset, connection, numbers, param, text};
 use super::reader::READER;
-use super::{ColorSpace, Input, TextureRef, Wrap};
+use super::{Input, TextureRef, Wrap};
 use crate::scene::{NodeDesc, ParamValue};
 use std::sync::Arc;
 
@@ -69,18 +69,6 @@ impl<'a> Compiler<'a> {
             Some(other) => {
                 self.problems.add(format!("`{name}` of {} cannot be `{other}`", node.path));
                 Wrap::UseMetadata
-            }
-        }
-    }
-
-    fn color_space(&mut self, node: &'a NodeDesc) -> ColorSpace {
-        match text(node, "sourceColorSpace", &mut self.problems) {
-            None | Some("auto" | "") => ColorSpace::Auto,
-            Some("raw") => ColorSpace::Raw,
-            Some("sRGB") => ColorSpace::Srgb,
-            Some(other) => {
-                self.problems.add(format!("`sourceColorSpace` of {} cannot be `{other}`", node.path));
-                ColorSpace::Auto
             }
         }
     }

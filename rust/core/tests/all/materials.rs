@@ -151,6 +151,26 @@ fn a_texture_has_its_channels_and_settings() {
 }
 
 #[test]
+fn what_the_node_says_of_its_colors_wins_over_metadata() {
+    let space = |source: Option<&str>, metadata: Option<&str>| {
+        let given = [("sourceColorSpace", source), ("colorSpace:file", metadata)];
+        let named = given.into_iter().filter_map(|(name, value)| Some((name, text(value?))));
+        let params: Vec<_> = [("file", file("a.png"))].into_iter().chain(named).collect();
+        let compiled = of(vec![node(SURFACE, &[], &[("diffuseColor", 1, "rgb")]), node(TEXTURE, &params, &[])]);
+        assert_eq!(compiled.problem, None, "{source:?} with {metadata:?} is in order");
+        compiled.textures.first().expect("a texture").color_space.clone()
+    };
+    let named = |name: &str| ColorSpace::Named(name.into());
+    assert_eq!(space(None, None), ColorSpace::Auto);
+    assert_eq!(space(None, Some("")), ColorSpace::Auto, "new front ends give empty metadata");
+    assert_eq!(space(Some("raw"), Some("srgb_texture")), ColorSpace::Raw, "the input says it");
+    assert_eq!(space(Some("sRGB"), Some("ACEScg")), ColorSpace::Srgb, "the input says it");
+    assert_eq!(space(Some("auto"), Some("ACEScg")), named("ACEScg"), "the input leaves it open");
+    assert_eq!(space(None, Some("lin_rec709")), ColorSpace::Raw, "a common name");
+    assert_eq!(space(Some("lin_ap1"), Some("raw")), named("lin_ap1"), "a name in place of the three tokens");
+}
+
+#[test]
 fn a_texture_without_a_file_is_its_fallback_unscaled() {
     let lost = ParamValue::Asset(AssetRef { authored: "gone.png".into(), resolved: "".into() });
     let more = [("fallback", ParamValue::Vec4([0.1, 0.2, 0.3, 0.4])), ("scale", ParamValue::Vec4([9.0; 4]))];

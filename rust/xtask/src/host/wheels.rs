@@ -102,6 +102,9 @@ pub(crate) const WHEELS: &[Wheel] = wheels! {
     UsdTools "openexr==3.5.3"
         "openexr-3.5.3-cp311-cp311-manylinux_2_28_x86_64.whl"
         "45a35cb35b38b83635dc149d82627a618f8537f339753dc045f409b6dec0ac4c"
+    UsdTools "openimageio==3.2.2.0"
+        "openimageio-3.2.2.0-cp311-cp311-manylinux_2_28_x86_64.whl"
+        "1133b6a6c04270398c419804e0d293b2bb3ce2d7607a17724cc45f385036b05b"
     Tools "packaging==26.3"
         "packaging-26.3-py3-none-any.whl"
         "d7193f7c8e4e93f444fde0262bf90af30e16fa0ad0ad44cb553c87339b23cd1c"
@@ -117,6 +120,9 @@ pub(crate) const WHEELS: &[Wheel] = wheels! {
     Tools "pytest==9.2.0"
         "pytest-9.2.0-py3-none-any.whl"
         "07acdcf88ec174f907dc01af70bf52d49b014bbab03faeeade31c96b18c2e588"
+    UsdTools "tifffile==2026.3.3"
+        "tifffile-2026.3.3-py3-none-any.whl"
+        "e8be15c94273113d31ecb7aa3a39822189dd11c4967e3cc88c178f1ad2fd1170"
 };
 
 /// The wheels with one of `roles`.

@@ -42,6 +42,7 @@ const NEEDS: &[(Probe, &str)] = &[
     (Probe::Program("spirv-val"), "spirv-tools"),
     (Probe::Header("tbb/tbb.h"), "libtbb-dev"),
     (Probe::Header("OpenImageIO/imageio.h"), "libopenimageio-dev"),
+    (Probe::Header("OpenColorIO/OpenColorIO.h"), "libopencolorio-dev"),
     (Probe::Python, PYTHON),
     (Probe::Python, "python3-venv"),
     (Probe::Library("libvulkan.so.1"), "libvulkan1"),

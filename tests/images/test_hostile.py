@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files that lie give texels or one reason, soon, in bounded memory, and the process lives on.
+
+OOCPT_HOSTILE_FILES=N makes N variants of each sort of file in place of a few.
+"""
+
+from __future__ import annotations
+
+import os
+import selectors
+import time
+
+import hostile
+import numpy as np
+import pytest
+import tifffile
+from image_host import Reader, noise, write_exr
+from PIL import Image
+
+VARIANTS = int(os.environ.get("OOCPT_HOSTILE_FILES", "8"))
+# A second of work at most is in any of the files; the rest is room for a busy machine.
+SECONDS = 20
+# Addresses, of which the host's libraries take about half before anything is read.
+BYTES = 6 << 30
+
+
+class Patient(Reader):
+    """A reader that may be killed."""
+
+    def ask(self, function: str, *arguments) -> dict:
+        watch = selectors.DefaultSelector()
+        watch.register(self._process.stdout, selectors.EVENT_READ)
+        import json
+
+        self._process.stdin.write(json.dumps([f"oocpt_image_{function}", *[str(a) if isinstance(a, os.PathLike) else a for a in arguments]]) + "\n")
+        self._process.stdin.flush()
+        assert watch.select(SECONDS), f"{function}{arguments} takes more than {SECONDS} s"
+        line = self._process.stdout.readline()
+        assert line, f"the host died of {function}{arguments}, status {self._process.wait()}"
+        answer = json.loads(line)
+        assert "host" not in answer, answer["host"]
+        return answer
+
+
+@pytest.fixture
+def patient(image_build, tmp_path):
+    write_exr(tmp_path / "own.exr", noise((8, 8, 3), np.float16))
+    patient = Patient(image_build, tmp_path / "own.exr", BYTES)
+    yield patient
+    patient._process.kill()
+    patient._process.wait()
+
+
+def survives(patient, path) -> None:
+    """Decoded and read from its end: a result of the right form, or a reason in words."""
+    facts = patient.ask("facts", path)
+    assert ("error" in facts) != ("levels" in facts), facts
+    if "error" in facts:
+        assert facts["error"] and len(facts["error"]) < 2000, facts
+        return
+    width, height = facts["levels"][-1]
+    for answer in (patient.ask("walk", path, 0), patient.ask("read", path, len(facts["levels"]) - 1, 0, height - 1, min(width, 8), 1)):
+        assert "error" in answer or answer.keys() & {"sum", "texels"}, answer
+
+
+def all_survive(patient, folder, files) -> int:
+    count = 0
+    for name, content in files:
+        path = folder / name
+        path.write_bytes(content)
+        survives(patient, path)
+        path.unlink()
+        count += 1
+    return count
+
+
+def test_headers_that_say_what_cannot_be(patient, tmp_path):
+    assert all_survive(patient, tmp_path, hostile.lies(tmp_path)) > 200
+
+
+def test_files_that_end_early(patient, tmp_path):
+    assert all_survive(patient, tmp_path, hostile.cuts(tmp_path, VARIANTS)) > 300
+
+
+def test_turned_bits(patient, tmp_path):
+    assert all_survive(patient, tmp_path, hostile.flips(tmp_path, VARIANTS, 1)) == VARIANTS * len(hostile.good(tmp_path))
+
+
+def test_sound_files_pass_all_of_that(patient, tmp_path):
+    for name, content in hostile.good(tmp_path).items():
+        (tmp_path / name).write_bytes(content)
+        assert "sum" in patient.ask("walk", tmp_path / name, 0), name
+
+
+@pytest.mark.parametrize("name, reason", [("pipe.png", "pipe"), ("zero.png", "device"), ("folder.png", "folder"), ("circle.png", "circle"), ("empty.png", "empty"), ("dangling.png", "cannot be found")])
+def test_what_is_no_file_is_not_opened(patient, tmp_path, name, reason):
+    path = tmp_path / name
+    {
+        "pipe.png": lambda: os.mkfifo(path),
+        "zero.png": lambda: path.symlink_to("/dev/zero"),
+        "folder.png": path.mkdir,
+        "circle.png": lambda: path.symlink_to(path),
+        "empty.png": path.touch,
+        "dangling.png": lambda: path.symlink_to(tmp_path / "nowhere.png"),
+    }[name]()
+    assert reason in patient.ask("facts", path)["error"]
+    assert "error" in patient.ask("file", path, 100) or name == "empty.png"
+    if name != "empty.png":
+        assert patient.ask("exists", path) == {"exists": False}
+        assert patient.ask("exists", f"{path}[member.png]") == {"exists": False}
+
+
+def test_a_file_that_shrinks_while_it_is_read(patient, tmp_path):
+    """Opened whole, then cut: a reason, or what was read before."""
+    for name, content in hostile.good(tmp_path).items():
+        path = tmp_path / name
+        path.write_bytes(content)
+        assert "levels" in patient.ask("facts", path)
+        answer = patient.ask("shrink", path, len(content) // 3)
+        assert "error" in answer or "sum" in answer, (name, answer)
+
+
+def test_numbers_that_are_none_come_as_they_are(patient, tmp_path):
+    values = np.array([np.nan, np.inf, -np.inf, 1e38, -1e38, 1e-45] * 3, np.float32).reshape(2, 3, 3)
+    tifffile.imwrite(tmp_path / "n.tif", values, photometric="rgb", metadata=None)
+    np.testing.assert_array_equal(patient.texels(tmp_path / "n.tif"), values)
+
+
+def test_large_flat_images_are_no_lies(patient, tmp_path):
+    """Texels that are all the same compress a thousand times: such files are sound."""
+    flat = Image.new("RGB", (6000, 6000), (10, 20, 30))
+    for name in ("flat.png", "flat.jpg", "flat.tif", "flat.tga"):
+        options = {"flat.tif": {"compression": "tiff_lzw"}, "flat.tga": {"compression": "tga_rle"}, "flat.jpg": {"progressive": True}}.get(name, {})
+        flat.save(tmp_path / name, **options)
+        start = time.monotonic()
+        assert "sum" in patient.ask("walk", tmp_path / name, 0), name
+        assert time.monotonic() - start < SECONDS
