@@ -1,10 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes the scene generators importable for every Python test, also when pytest runs isolated (`-I --import-mode=importlib`)."""
+"""Makes the scene generators importable for every Python test, also when pytest runs isolated (`-I --import-mode=importlib`), and keeps
+the texture cache of tests apart from the user's own."""
 
+import atexit
+import os
 import pathlib
+import shutil
 import sys
+import tempfile
 
 HERE = pathlib.Path(__file__).resolve().parent
 for folder in ("scenes", "hydra", "images"):
     if str(HERE / folder) not in sys.path:
         sys.path.insert(0, str(HERE / folder))
+
+# Of every process that a test starts, unless it says otherwise.
+CACHE = tempfile.mkdtemp(prefix="oocpt-test-textures-")
+os.environ["OOCPT_TEXTURE_CACHE"] = CACHE
+atexit.register(shutil.rmtree, CACHE, ignore_errors=True)

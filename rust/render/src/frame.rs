@@ -182,6 +182,9 @@ impl Renderer {
         for warning in &scene.assets.textures.warnings {
             gate.shared().report(Severity::Warning, warning.clone());
         }
+        if let Some(cap) = geometry_cap(job) {
+            scene.keep_within(cap);
+        }
         let mut in_core = self.fits(setting, scene);
         if in_core {
             self.stream = None;

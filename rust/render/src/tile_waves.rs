@@ -63,6 +63,7 @@ impl Tiles<'_> {
                 let held = self.scene.tile_bytes_held();
                 let (loads, paged) = (progress.timings.tiles, progress.timings.tile_bytes);
                 progress.streaming(|stats| {
+                    (stats.loads, stats.bytes_paged) = (loads, paged);
                     (stats.texture_loads, stats.texture_bytes_paged, stats.texture_bytes) = (loads, paged, held);
                 });
                 self.scene.write_entries(&mut commands, &shown);

@@ -41,6 +41,9 @@ pub(crate) struct Arguments {
     /// Budgets in per cent of the lesser of geometry and textures; 100 = in core, and has to be the first.
     #[arg(long, value_delimiter = ',', default_value = "100,25")]
     budgets: Vec<f64>,
+    /// Budgets are all of the geometry and so many per cent of the textures.
+    #[arg(long)]
+    of_textures: bool,
     /// Policies of the rows below 100.
     #[arg(long, value_delimiter = ',', default_value = "benefit,priority,sweep")]
     policies: Vec<String>,
@@ -72,6 +75,8 @@ struct Row {
     budget_bytes: u64,
     /// Empty in core.
     policy: String,
+    /// The first run, which brings what it needs.
+    cold_trace_secs: f64,
     trace_secs: Vec<f64>,
     median_trace_secs: f64,
     /// To the first row.
@@ -118,8 +123,12 @@ struct Report {
 }
 
 impl Report {
-    /// What budgets are parts of.
-    fn lesser_bytes(&self) -> u64 {
+    /// What budgets of a percentage are parts of.
+    #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bytes")]
+    fn whole_bytes(&self, percent: f64, of_textures: bool) -> u64 {
+        if of_textures {
+            return self.texture_bytes + (self.geometry_bytes as f64 * 100.0 / percent) as u64;
+        }
         self.geometry_bytes.min(self.texture_bytes)
     }
 }
@@ -139,13 +148,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     finish(&session).context("warm-up render")?;
     let mut report = report(arguments, &session, generate_secs, commit_secs);
     table::print_head(&report);
-    let (mut reference, bytes) = (Vec::new(), report.lesser_bytes());
-    (report.rows, report.failed) = budgets::each(
+    let mut reference = Vec::new();
+    let bytes = |percent| report.whole_bytes(percent, arguments.of_textures);
+    let (rows, failed) = budgets::each(
         &arguments.budgets,
         &arguments.policies,
-        |percent, policy, first| measure(arguments, &session, (percent, policy), bytes, first, &mut reference),
+        |percent, policy, first| measure(arguments, &session, (percent, policy), bytes(percent), first, &mut reference),
         table::print_row,
     );
+    (report.rows, report.failed) = (rows, failed);
     report.all_identical = report.rows.iter().all(|row| row.is_identical);
     println!("pictures of all rows: {}", if report.all_identical { "bit-identical" } else { "DIFFERENT" });
     arguments.reported.write(&report)?;
@@ -171,6 +182,8 @@ fn measure(
 ) -> Result<Row> {
     let budget = budgets::set(session, percent, bytes, policy)?;
     session.render(request(arguments));
+    finish(session)?;
+    let cold_trace_secs = session.timings().trace_secs;
     let size = [arguments.width, arguments.height];
     let Runs { trace_secs, timings, stats, different_pixels } =
         common::measure(session, size, arguments.runs, false, reference)?;
@@ -185,6 +198,7 @@ fn measure(
         budget_percent: percent,
         budget_bytes: u64::from(budget) << 10,
         policy: policy.into(),
+        cold_trace_secs,
         trace_secs,
         median_trace_secs,
         ratio: median_trace_secs / first,

@@ -154,6 +154,11 @@ impl Scene {
         u32::try_from(self.assets.catalog.chunk_count()).unwrap_or(u32::MAX)
     }
 
+    /// The tables are made anew before the next frame.
+    pub(super) fn forget_tables(&mut self) {
+        self.lights = None;
+    }
+
     pub(super) fn tables(&self) -> Option<&Tables> {
         self.tables.as_ref()
     }

@@ -2,6 +2,7 @@
 //! In core: brings the tiles of textures that waves lacked. Render thread only.
 
 use super::cache::Scene;
+use super::source::AssetKey;
 use super::store::Patience;
 use crate::device::Device;
 use crate::error::RenderError;
@@ -88,6 +89,19 @@ impl Scene {
         timings.tiles += shown.len() as u64;
         timings.tile_bytes += bytes;
         Ok(Brought::All(shown))
+    }
+
+    /// Lets go of tiles that other frames have brought if all that is there takes more than `cap` bytes.
+    pub(crate) fn keep_within(&mut self, cap: u64) {
+        if self.store.bytes() <= cap {
+            return;
+        }
+        let textures = &self.assets.textures;
+        let tiles: Vec<(u64, u32)> = self.store.tiles().filter(|(image, _)| textures.has(*image)).collect();
+        for (image, tile) in tiles {
+            self.store.evict(&AssetKey::Tile(image, tile));
+        }
+        self.forget_tables();
     }
 
     /// Those of `tiles` that are not there, in the order to bring them: the first of each image, then the second of each, so that

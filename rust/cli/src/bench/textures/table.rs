@@ -31,10 +31,11 @@ pub(super) fn print_head(report: &Report) {
         report.commit_secs
     );
     println!(
-        "{:>7} {:>9} {:<9}{:>9} {:>6} {:>9} {:>8} {:>8} {:>10} {:>8} {:>8} {:>10} {:>6} {:>8} {:>8} {:>8} {:>9} {:>5}",
+        "{:>7} {:>9} {:<9}{:>9} {:>9} {:>6} {:>9} {:>8} {:>8} {:>10} {:>8} {:>8} {:>10} {:>6} {:>8} {:>8} {:>8} {:>9} {:>9} {:>5}",
         "budget%",
         "MiB",
         "policy",
+        "cold s",
         "trace s",
         "ratio",
         "Mpaths/s",
@@ -49,6 +50,7 @@ pub(super) fn print_head(report: &Report) {
         "loading",
         "waiting",
         "peak MiB",
+        "device",
         "same"
     );
 }
@@ -61,10 +63,11 @@ pub(super) fn print_row(row: &Row) {
         (false, false) => &row.policy,
     };
     println!(
-        "{:>7} {:>9.1} {:<9}{:>9.3} {:>6.2} {:>9.3} {:>8} {:>8} {:>10.1} {:>8} {:>8} {:>10.1} {:>6.1} {:>8.3} {:>8.3} {:>8.3} {:>9.1} {:>5}",
+        "{:>7} {:>9.1} {:<9}{:>9.3} {:>9.3} {:>6.2} {:>9.3} {:>8} {:>8} {:>10.1} {:>8} {:>8} {:>10.1} {:>6.1} {:>8.3} {:>8.3} {:>8.3} {:>9.1} {:>9.1} {:>5}",
         row.budget_percent,
         mib(row.budget_bytes),
         policy,
+        row.cold_trace_secs,
         row.median_trace_secs,
         row.ratio,
         row.mpaths_per_sec,
@@ -79,6 +82,7 @@ pub(super) fn print_row(row: &Row) {
         s.seconds_loading,
         s.seconds_waiting,
         mib(s.geometry_peak_bytes),
+        mib(row.gpu_peak_bytes),
         if row.is_identical { "yes" } else { "NO" }
     );
     print_passes(&row.passes);
