@@ -12,6 +12,9 @@ namespace oocpt {
 // Listed in the bridge (rust/bridge/src/ffi_images.rs).
 struct ImageFacts;
 struct TexelBox;
+struct FileFacts;
+struct RowSink;
+struct ByteSink;
 
 /// An image that Rust reads when it needs texels, and keeps open by owning this object.
 ///
@@ -30,8 +33,26 @@ public:
     /// Reads a box of texels, its rows from the bottom up, tightly packed.
     virtual void read(const TexelBox& box, rust::Slice<std::uint8_t> texels) const = 0;
 
+    /// Decodes a level once, from the top of the image down, in bands of whole rows.
+    virtual void decode(std::uint32_t level, RowSink& sink) const = 0;
+
 protected:
     HeldImage() = default;
+};
+
+/// A conversion of colours to linear Rec. 709. The same contract.
+class HeldTransform
+{
+public:
+    virtual ~HeldTransform() = default;
+    HeldTransform(const HeldTransform&) = delete;
+    HeldTransform& operator=(const HeldTransform&) = delete;
+
+    /// In place; texels of 1 to 4 channels, of which alpha stays.
+    virtual void apply(rust::Slice<float> texels, std::uint32_t channels) const = 0;
+
+protected:
+    HeldTransform() = default;
 };
 
 /// The host's files, by resolved path. The same contract.
@@ -45,6 +66,15 @@ public:
     virtual std::unique_ptr<HeldImage> open(rust::Str resolved) const = 0;
 
     virtual bool exists(rust::Str resolved) const = 0;
+
+    /// What is known without opening the file.
+    virtual FileFacts file_facts(rust::Str resolved) const = 0;
+
+    /// Hands over all bytes of a file, part by part; how many it was.
+    virtual std::uint64_t stream_file(rust::Str resolved, ByteSink& sink) const = 0;
+
+    /// The conversion from a named colour space.
+    virtual std::unique_ptr<HeldTransform> color_transform(rust::Str name) const = 0;
 
     /// All bytes of a file of at most `limit` bytes.
     virtual rust::Vec<std::uint8_t> read_file(rust::Str resolved, std::uint64_t limit) const = 0;

@@ -11,9 +11,12 @@
 #include <algorithm>
 #include <dlfcn.h>
 #include <filesystem>
+#include <optional>
 #include <stdexcept>
 #include <string>
+#include <sys/stat.h>
 #include <utility>
+#include <vector>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -73,6 +76,16 @@ private:
     const std::shared_ptr<ArAsset> _asset;
 };
 
+/// The status of a file that lies on a disk under its resolved path; none for anything else that resolvers serve.
+std::optional<struct stat> _FindPlainFile(const std::string& resolved)
+{
+    struct stat status
+    {
+    };
+    const bool isPlain = !resolved.empty() && stat(resolved.c_str(), &status) == 0 && S_ISREG(status.st_mode);
+    return isPlain ? std::optional(status) : std::nullopt;
+}
+
 /// Null when the resolver has no such asset. What it has to say about that goes no further: this may be any thread, and the
 /// caller names the file.
 std::shared_ptr<const HdOocPTImageBytes> _OpenAsset(const std::string& resolved)
@@ -122,6 +135,15 @@ public:
         mark.Clear();
     }
 
+    void decode(std::uint32_t level, oocpt::RowSink& sink) const override
+    {
+        TfErrorMark mark;
+        _file->Decode(level, [&](std::uint32_t top, const void* rows, std::size_t byteCount) {
+            return sink.take(top, { static_cast<const std::uint8_t*>(rows), byteCount });
+        });
+        mark.Clear();
+    }
+
 private:
     const std::unique_ptr<HdOocPTImageFile> _file;
 };
@@ -138,7 +160,54 @@ public:
         return std::make_unique<_Image>(_OpenImageFunction()(path, [path] { return _OpenAsset(path); }));
     }
 
-    bool exists(rust::Str resolved) const override { return _OpenAsset(std::string(resolved)) != nullptr; }
+    bool exists(rust::Str resolved) const override
+    {
+        const std::string path(resolved);
+        return _FindPlainFile(path) || _OpenAsset(path);
+    }
+
+    oocpt::FileFacts file_facts(rust::Str resolved) const override
+    {
+        const std::string path(resolved);
+        oocpt::FileFacts facts {};
+        if (const std::optional<struct stat> status = _FindPlainFile(path)) {
+            std::error_code problem;
+            const std::filesystem::path canonical = std::filesystem::canonical(path, problem);
+            facts.is_plain = !problem;
+            facts.canonical = rust::String::lossy(canonical.string());
+            facts.size = static_cast<std::uint64_t>(status->st_size);
+            facts.modified_ns
+                = static_cast<std::int64_t>(status->st_mtim.tv_sec) * 1000000000 + status->st_mtim.tv_nsec;
+        }
+        return facts;
+    }
+
+    std::uint64_t stream_file(rust::Str resolved, oocpt::ByteSink& sink) const override
+    {
+        const auto bytes = _OpenAsset(std::string(resolved));
+        if (!bytes) {
+            throw std::runtime_error("cannot be found or opened");
+        }
+        std::vector<std::uint8_t> part(std::size_t { 1 } << 20);
+        std::size_t offset = 0;
+        for (;;) {
+            const std::size_t count = bytes->Read(part.data(), part.size(), offset);
+            if (count == 0) {
+                break;
+            }
+            sink.take({ part.data(), count });
+            offset += count;
+        }
+        if (offset != bytes->GetSize()) {
+            throw std::runtime_error("cannot be read to its end");
+        }
+        return offset;
+    }
+
+    std::unique_ptr<oocpt::HeldTransform> color_transform(rust::Str name) const override
+    {
+        throw std::runtime_error("the color space `" + std::string(name) + "` is not known");
+    }
 
     rust::Vec<std::uint8_t> read_file(rust::Str resolved, std::uint64_t limit) const override
     {

@@ -15,6 +15,9 @@ namespace {
 constexpr int maxSize = 16384;
 constexpr int maxLevels = 16;
 /// Of one tile in a file, decoded. Ordinary ones are a thousandth of it.
+constexpr std::size_t bandBytes = std::size_t { 4 } << 20;
+/// OpenEXR compresses up to 16 or 32 rows together (256 with DWAB): bands do not cut those.
+constexpr int blockRows = 32;
 constexpr std::size_t maxTileBytes = std::size_t { 256 } << 20;
 
 OIIO::TypeDesc TypeOf(HdOocPTTexelFormat format)
@@ -122,12 +125,7 @@ public:
             throw std::runtime_error("was asked for texels that it does not have");
         }
         InputLease lease(_source);
-        const OIIO::ImageSpec spec = lease.Input().spec_dimensions(0, static_cast<int>(level));
-        if (spec.width != static_cast<int>(_facts.levels[level][0])
-            || spec.height != static_cast<int>(_facts.levels[level][1])
-            || std::min(spec.nchannels, 4) != static_cast<int>(_facts.channels)) {
-            throw std::runtime_error("has changed since it was opened");
-        }
+        const OIIO::ImageSpec spec = _SpecOf(lease.Input(), level);
         const int top = spec.y + spec.height - static_cast<int>(at[1] + size[1]);
         const int left = spec.x + static_cast<int>(at[0]);
         const FileBox want { left, left + static_cast<int>(size[0]), top, top + static_cast<int>(size[1]) };
@@ -146,7 +144,52 @@ public:
         }
     }
 
+    void Decode(std::uint32_t level, const HdOocPTRowSink& sink) const override
+    {
+        if (level >= _facts.levels.size()) {
+            throw std::runtime_error("has no level " + std::to_string(level));
+        }
+        // Not pooled: one input, which goes through the file once and never back.
+        const OpenInput open = HdOocPTOpenInput(*_source);
+        const OIIO::ImageSpec spec = _SpecOf(*open.input, level);
+        const std::size_t stride
+            = _facts.channels * TypeOf(_facts.format).size() * static_cast<std::size_t>(spec.width);
+        const int most = static_cast<int>(std::clamp<std::size_t>(bandBytes / stride, 1, spec.height));
+        const int rows = spec.tile_height > 0 ? std::min(spec.tile_height, spec.height)
+            : most > blockRows                ? most / blockRows * blockRows
+                                              : most;
+        if (stride * rows > maxTileBytes) {
+            throw std::runtime_error("has tiles of " + std::to_string(spec.tile_height) + " rows, more than is read");
+        }
+        std::vector<char> texels(stride * rows);
+        for (int top = 0; top < spec.height; top += rows) {
+            const int end = std::min(top + rows, spec.height);
+            const FileBox box { spec.x, spec.x + spec.width, spec.y + top, spec.y + end };
+            if (!_ReadBox(*open.input, static_cast<int>(level), spec, box, texels.data())) {
+                const std::string reason = open.input->geterror();
+                throw std::runtime_error("cannot be decoded" + (reason.empty() ? "" : ": " + reason));
+            }
+            for (int first = top; first < end; first += most) {
+                const std::size_t count = static_cast<std::size_t>(std::min(most, end - first));
+                if (!sink(static_cast<std::uint32_t>(first), texels.data() + stride * (first - top), stride * count)) {
+                    return;
+                }
+            }
+        }
+    }
+
 private:
+    OIIO::ImageSpec _SpecOf(OIIO::ImageInput& input, std::uint32_t level) const
+    {
+        OIIO::ImageSpec spec = input.spec_dimensions(0, static_cast<int>(level));
+        if (spec.width != static_cast<int>(_facts.levels[level][0])
+            || spec.height != static_cast<int>(_facts.levels[level][1])
+            || std::min(spec.nchannels, 4) != static_cast<int>(_facts.channels)) {
+            throw std::runtime_error("has changed since it was opened");
+        }
+        return spec;
+    }
+
     /// What OpenImageIO can read at once: whole tiles, or whole rows.
     static FileBox _Widened(const OIIO::ImageSpec& spec, const FileBox& box)
     {

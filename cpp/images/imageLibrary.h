@@ -28,6 +28,9 @@ public:
 /// Opens a file's bytes, anew each time; null when they cannot be had.
 using HdOocPTImageOpener = std::function<std::shared_ptr<const HdOocPTImageBytes>()>;
 
+/// Takes rows: the number of the first counted from the top of the image, the rows from there on downwards. False: no more.
+using HdOocPTRowSink = std::function<bool(std::uint32_t top, const void* rows, std::size_t byteCount)>;
+
 enum class HdOocPTTexelFormat : std::uint8_t
 {
     UInt8,
@@ -69,6 +72,10 @@ public:
     /// std::runtime_error with the reason.
     virtual void Read(std::uint32_t level, std::array<std::uint32_t, 2> at, std::array<std::uint32_t, 2> size,
         void* out, std::size_t byteCount) const = 0;
+
+    /// Decodes a level once, from the top of the image down, in bands of whole rows of at most 4 MiB (or one row). Throws as Read,
+    /// and lets pass what the sink throws.
+    virtual void Decode(std::uint32_t level, const HdOocPTRowSink& sink) const = 0;
 };
 
 /// The only function of the library; its name is below. Throws std::runtime_error with the reason.

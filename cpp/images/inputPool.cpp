@@ -105,7 +105,9 @@ std::unique_ptr<OIIO::Filesystem::IOProxy> MakeProxy(
     return std::make_unique<OIIO::Filesystem::IOMemReader>(open->copy.data(), open->copy.size());
 }
 
-OpenInput Open(const InputSource& source)
+} // namespace
+
+OpenInput HdOocPTOpenInput(const InputSource& source)
 {
     SetUpOnce();
     OpenInput open;
@@ -136,8 +138,6 @@ OpenInput Open(const InputSource& source)
     return open;
 }
 
-} // namespace
-
 InputLease::InputLease(std::shared_ptr<const InputSource> source)
     : _source(std::move(source))
 {
@@ -152,7 +152,7 @@ InputLease::InputLease(std::shared_ptr<const InputSource> source)
         }
     }
     if (!_open.input) {
-        _open = Open(*_source);
+        _open = HdOocPTOpenInput(*_source);
     }
 }
 

@@ -53,4 +53,11 @@ void queue_paths(uint thread, uint path) {
     if (in_range) Uints(FRAME.ray_queue[push.round & 1u]).v[to] = path;
 }
 
+// In core: queues those paths of a wave that start. The host has set ray_count[0] to 0.
+void queue_some(uint thread, uint path, bool starts) {
+    uint to;
+    QUEUE_SLOT(to, ray_count[0], starts);
+    if (starts) Uints(FRAME.ray_queue[0]).v[to] = path;
+}
+
 #endif

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A material at a hit: inputs worked out to what the BSDF takes. UsdPreviewSurface; a surface without a material is diffuse in its
 // displayColor.
-// With streaming, begin_lookups (texture.glsl) comes before; textures without images are black and opaque.
+// begin_lookups (texture.glsl) comes before; textures without images are black and opaque.
 #ifndef OOCPT_MATERIAL_GLSL
 #define OOCPT_MATERIAL_GLSL
 
@@ -85,7 +85,7 @@ vec4 input_value(GpuSurfaceMaterial m, uint name, float cone, inout uint missing
 // nothing.
 Shading make_shading(uint path, Surface s, out uint missing) {
     missing = TEXTURE_DONE;
-    if (HAS_STREAMING && HAS_TEXTURES) begin_lookups(path);
+    if (HAS_TEXTURES) begin_lookups(path);
     last_texture = 0xffffffffu;
     const GpuSurfaceMaterial m = surface_material;
     const float cone = s.cone;

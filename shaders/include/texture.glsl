@@ -13,6 +13,7 @@
 
 #include "include/wavefront.glsl"
 #include "include/progress.glsl"
+#include "include/texture_feedback.glsl"
 
 // What a lookup says in place of the number of a unit that it waits for.
 const uint TEXTURE_DONE = 0xffffffffu;
@@ -235,13 +236,27 @@ uint continue_lookup(uint texture, vec2 st, float footprint, inout TextureProgre
     return TEXTURE_DONE;
 }
 
+// In core: a whole lookup. Tiles that are absent are requested, the path is traced again when they are there, and goes on for now
+// without them, so that it requests what lies behind, too.
+const vec4 UNKNOWN_TEXEL = vec4(0.5);
+
+uint requested_lookup(uint path, uint texture, vec2 st, float footprint, inout TextureProgress progress) {
+    uint said = continue_lookup(texture, st, footprint, progress);
+    while (said < TEXTURE_FALLBACK) {
+        request_tile(path, said);
+        ++progress.taps;
+        said = continue_lookup(texture, st, footprint, progress);
+    }
+    return said;
+}
+
 // With streaming the lookups of a path's material are numbered in the order in which it makes them, and the value of each is kept
 // once it is done: a pass that works the material out again finds those, and goes on with the first that is not done. So what is made of
 // them is one code for core and streaming, and each tile that comes is progress, whatever went meanwhile.
 uint lookup_path;
 uint lookup_number;
 
-// Before the material of a path is worked out.
+// Before the material of a path is worked out, in core too.
 void begin_lookups(uint path) {
     lookup_path = path;
     lookup_number = 0u;
@@ -320,8 +335,8 @@ vec4 kept_lookup(uint texture, vec2 st, float footprint, out uint missing_unit) 
 // then means nothing). With streaming after begin_lookups, and always in the same order.
 vec4 texture_lookup(uint texture, vec2 st, float footprint, out uint missing_unit) {
     if (HAS_STREAMING) return kept_lookup(texture, st, footprint, missing_unit);
-    TextureProgress progress = TextureProgress(vec4(0.0), 0u);
-    missing_unit = continue_lookup(texture, st, footprint, progress);
+    TextureProgress progress = TextureProgress(UNKNOWN_TEXEL, 0u);
+    missing_unit = requested_lookup(lookup_path, texture, st, footprint, progress);
     return progress.mean;
 }
 

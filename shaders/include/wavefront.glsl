@@ -12,6 +12,7 @@ layout(push_constant, scalar) uniform PushBlock { Push push; };
 #define COUNTERS CountersBlock(FRAME.counters).c
 #define STREAMING StreamingBlock(FRAME.streaming).s
 #define ADAPTIVE AdaptiveBlock(FRAME.adaptive).a
+#define TEXTURE_FEEDBACK TextureFeedbackBlock(FRAME.texture_feedback).t
 
 uint thread_index() {
     return (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * WORKGROUP_SIZE + gl_LocalInvocationIndex;

@@ -48,12 +48,14 @@ bool is_cut_in(uint triangle, vec2 uv, float t) {
     const bool chance = presence.threshold <= 0.0;
     float limit = presence.threshold;
     if (chance) limit = (push.flags & PUSH_AOVS) != 0u ? 0.0 : float(hash_u32(hash_combine(walk.seed, id)) >> 8) * 5.9604644775390625e-8;
-    TextureProgress progress = TextureProgress(vec4(0.0), 0u);
+    TextureProgress progress = TextureProgress(HAS_STREAMING ? vec4(0.0) : UNKNOWN_TEXEL, 0u);
     uint said = TEXTURE_FALLBACK;
     if (presence.texture == NO_TEXTURE) {
         progress.mean = vec4(presence.bias);
-    } else {
+    } else if (HAS_STREAMING) {
         said = continue_lookup(presence.texture, presence.st, presence.footprint, progress);
+    } else {
+        said = requested_lookup(walk.path, presence.texture, presence.st, presence.footprint, progress);
     }
     const uint flags = presence.channel << QUESTION_CHANNEL_SHIFT | (chance ? 0u : QUESTION_INCLUSIVE);
     if (HAS_STREAMING && said < TEXTURE_FALLBACK) {

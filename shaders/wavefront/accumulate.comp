@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Adds the samples of a wave, or of a segment whose first place is arg0, to the film, each pixel's in ascending order: one thread
 // per pixel of it, at least min(path_count, width * height). Adaptive: one thread per entry of it; and notes at powers of two what the
-// samples so far say of their error.
+// samples so far say of their error. In core, with textures: does nothing while a path of the wave lacks a tile.
 // Reads: radiance. Reads and writes: film. Adaptive: reads entries, writes said.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
+#include "include/texture_feedback.glsl"
 
 const float LARGEST = 3.0e38;
 const float EPSILON = 1e-2; // as in measure_error
@@ -28,6 +29,7 @@ void say(uint stream, uint pixel, FilmPixel film) {
 }
 
 void main() {
+    if (waits_for_tiles()) return;
     const uint thread = thread_index();
     uint pixels = FRAME.width * FRAME.height; // that have paths here, one after the other
     if (HAS_ADAPTIVE) pixels = band_width(push.first_sample);

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Starts the paths of a wave, or of the segment that flags name in free slots from number arg0 on: one thread per path.
+// In core, with textures: of a wave that is traced again, the paths that lacked a tile; of a wave behind an incomplete one, none.
 // Reads: Frame. Writes: rays, paths, radiance of every path. In core: ray_queue[0] and Counters::ray_count[0]. With streaming: the
 // segment, progress; pushes to ray_queue[round & 1].
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
+#include "include/texture_feedback.glsl"
 #include "include/sampler.glsl"
 #include "include/lambert.glsl"
 #include "include/camera.glsl"
@@ -38,10 +40,17 @@ void start_path(uint thread, uint path) {
 
 void main() {
     const uint thread = thread_index();
+    const bool waits = waits_for_tiles();
     uint path = 0u;
-    if (thread < push.path_count) {
+    bool starts = false;
+    if (thread < push.path_count && !waits) {
         path = new_slot(thread);
-        start_path(thread, path);
+        starts = starts_path(path);
+        if (starts) start_path(thread, path);
     }
-    queue_paths(thread, path);
+    if (HAS_TEXTURE_FEEDBACK && (waits || (push.flags & PUSH_RETRACE) != 0u)) {
+        queue_some(thread, path, starts);
+    } else {
+        queue_paths(thread, path);
+    }
 }

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The boundary's images: what C++ tells of the host's files, and how Rust asks for texels. Guarantees and threads as said at `bridge/heldImage.h`.
 
-pub(crate) use ffi::{HeldImage, ImageFacts, ImageSource, TexelBox, TexelTag, WrapTag};
+use crate::images::{ByteSink, RowSink};
+
+pub(crate) use ffi::{HeldImage, HeldTransform, ImageFacts, ImageSource, TexelBox, TexelTag, WrapTag};
 
 /// Declarations that cxx turns into both sides of the boundary.
 #[allow(
@@ -58,6 +60,27 @@ mod ffi {
         height: u32,
     }
 
+    /// What is known of a file without opening it. Not plain: only the host's resolver knows the file, the rest is empty.
+    struct FileFacts {
+        is_plain: bool,
+        /// Absolute, without links.
+        canonical: String,
+        size: u64,
+        modified_ns: i64,
+    }
+
+    extern "Rust" {
+        type RowSink<'a>;
+
+        /// Takes rows from the top of the image down; false: no more are wanted.
+        fn take(self: &mut RowSink<'_>, top: u32, rows: &[u8]) -> Result<bool>;
+
+        type ByteSink<'a>;
+
+        /// Takes the next bytes of a file.
+        fn take(self: &mut ByteSink<'_>, bytes: &[u8]) -> Result<()>;
+    }
+
     unsafe extern "C++" {
         include!("bridge/heldImage.h");
 
@@ -65,11 +88,19 @@ mod ffi {
 
         fn facts(self: &HeldImage) -> Result<ImageFacts>;
         fn read(self: &HeldImage, texels: &TexelBox, destination: &mut [u8]) -> Result<()>;
+        fn decode(self: &HeldImage, level: u32, sink: &mut RowSink<'_>) -> Result<()>;
+
+        type HeldTransform;
+
+        fn apply(self: &HeldTransform, texels: &mut [f32], channels: u32) -> Result<()>;
 
         type ImageSource;
 
         fn open(self: &ImageSource, resolved: &str) -> Result<UniquePtr<HeldImage>>;
         fn exists(self: &ImageSource, resolved: &str) -> Result<bool>;
+        fn file_facts(self: &ImageSource, resolved: &str) -> Result<FileFacts>;
+        fn stream_file(self: &ImageSource, resolved: &str, sink: &mut ByteSink<'_>) -> Result<u64>;
+        fn color_transform(self: &ImageSource, name: &str) -> Result<UniquePtr<HeldTransform>>;
         fn read_file(self: &ImageSource, resolved: &str, limit: u64) -> Result<Vec<u8>>;
     }
 

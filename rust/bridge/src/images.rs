@@ -7,10 +7,12 @@ use crate::ffi_images as ffi;
 use cxx::UniquePtr;
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::{TexelFormat, Wrap};
-use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
+use oocpt_render::textures::{ColorTransform, Image, ImageError, ImageInfo, ImageLibrary};
 use oocpt_render::{LightFiles, LightPicture};
 use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use xxhash_rust::xxh3::Xxh3;
 
 /// Numbers that a set of files may have in place of `<UDIM>`.
 const UDIM_NUMBERS: std::ops::RangeInclusive<u32> = 1001..=1100;
@@ -50,6 +52,29 @@ impl HostImages {
     }
 }
 
+/// Takes the rows of an image that C++ decodes.
+pub(crate) struct RowSink<'a>(&'a mut dyn FnMut(u32, &[u8]) -> bool);
+
+impl RowSink<'_> {
+    /// Called by C++, so nothing may unwind from it.
+    pub(crate) fn take(&mut self, top: u32, rows: &[u8]) -> Result<bool, ImageError> {
+        catch_unwind(AssertUnwindSafe(|| (self.0)(top, rows)))
+            .map_err(|_panic| error("is decoded for one who panicked"))
+    }
+}
+
+/// Takes the bytes of a file that C++ reads.
+pub(crate) struct ByteSink<'a>(&'a mut Xxh3);
+
+impl ByteSink<'_> {
+    /// Called by C++. Never fails; cxx turns what unwinds into the end of the process, and hashing does not.
+    #[expect(clippy::unnecessary_wraps, reason = "the rule of the boundary")]
+    pub(crate) fn take(&mut self, bytes: &[u8]) -> Result<(), ImageError> {
+        self.0.update(bytes);
+        Ok(())
+    }
+}
+
 fn error(reason: impl Into<String>) -> ImageError {
     ImageError(reason.into())
 }
@@ -81,6 +106,24 @@ impl ImageLibrary for HostImages {
     fn open_part(&self, set: &AssetRef, number: u32) -> Option<Result<Arc<dyn Image>, ImageError>> {
         let part = self.part(set, number)?;
         Some(self.open(&part).map_err(|reason| error(format!("{}: {reason}", part.authored))))
+    }
+
+    fn identity(&self, asset: &AssetRef) -> Result<String, ImageError> {
+        found(asset)?;
+        let source = self.source()?;
+        let facts = source.file_facts(&asset.resolved).map_err(|reason| error(reason.what()))?;
+        if facts.is_plain {
+            return Ok(format!("file:{}:{}:{}", facts.canonical, facts.size, facts.modified_ns));
+        }
+        let mut hash = Xxh3::new();
+        let size =
+            source.stream_file(&asset.resolved, &mut ByteSink(&mut hash)).map_err(|reason| error(reason.what()))?;
+        Ok(format!("hash:{:032x}:{size}", hash.digest128()))
+    }
+
+    fn color_transform(&self, name: &str) -> Result<Arc<dyn ColorTransform>, ImageError> {
+        let held = self.source()?.color_transform(name).map_err(|reason| error(reason.what()))?;
+        Ok(Arc::new(HostTransform { name: name.into(), held }))
     }
 }
 
@@ -118,6 +161,34 @@ impl Image for HostImage {
         match self.held.as_ref() {
             Some(held) => held.read(&texels, out).map_err(|reason| error(reason.what())),
             None => Err(error("is closed")),
+        }
+    }
+
+    fn decode(&self, level: u32, sink: &mut dyn FnMut(u32, &[u8]) -> bool) -> Result<(), ImageError> {
+        match self.held.as_ref() {
+            Some(held) => held.decode(level, &mut RowSink(sink)).map_err(|reason| error(reason.what())),
+            None => Err(error("is closed")),
+        }
+    }
+}
+
+/// A conversion that `OpenColorIO` does.
+struct HostTransform {
+    name: Arc<str>,
+    held: UniquePtr<ffi::HeldTransform>,
+}
+
+impl fmt::Debug for HostTransform {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "HostTransform({})", self.name)
+    }
+}
+
+impl ColorTransform for HostTransform {
+    fn apply(&self, texels: &mut [f32], channels: u32) -> Result<(), ImageError> {
+        match self.held.as_ref() {
+            Some(held) => held.apply(texels, channels).map_err(|reason| error(reason.what())),
+            None => Err(error("is not known")),
         }
     }
 }

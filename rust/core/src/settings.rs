@@ -29,6 +29,10 @@ pub struct Settings {
     pub chunk_size_kib: u32,
     /// Hard limit of device memory for geometry in KiB, 0 = what the memory budget leaves.
     pub geometry_budget_kib: u32,
+    /// Folder in which decoded textures are kept, "0" = none, empty = the user's own.
+    pub texture_cache: String,
+    /// Most MiB of decoded textures in that folder.
+    pub texture_cache_mib: u32,
     /// File to write a report about the chunks to, empty = none.
     pub chunk_report: String,
     /// File to write a report of error against time to, empty = none.
@@ -130,6 +134,8 @@ impl Default for Settings {
             policy: PolicyKind::Benefit,
             chunk_size_kib: 8192,
             geometry_budget_kib: 0,
+            texture_cache: String::new(),
+            texture_cache_mib: 32 << 10,
             chunk_report: String::new(),
             report: String::new(),
             reference: String::new(),
@@ -169,6 +175,18 @@ const TABLE: &[(&str, &str, &str, &str)] = &[
         "OOCPT_GEOMETRY_BUDGET",
         "Geometry budget",
         "Hard limit of device memory for geometry and textures in KiB; 0 = what the memory budget leaves",
+    ),
+    (
+        "oocpt:textureCache",
+        "OOCPT_TEXTURE_CACHE",
+        "Texture cache",
+        "Folder in which decoded textures are kept; 0 = none; empty = oocpt/textures in the user's cache folder",
+    ),
+    (
+        "oocpt:textureCacheSize",
+        "OOCPT_TEXTURE_CACHE_SIZE",
+        "Texture cache size",
+        "Most MiB of decoded textures on disk; those not used for longest are removed",
     ),
     ("oocpt:chunkReport", "OOCPT_CHUNK_REPORT", "Chunk report", "File for a report about the chunks; empty = none"),
     (
@@ -267,6 +285,8 @@ impl Settings {
             "oocpt:policy" => Field::Policy(&mut self.policy),
             "oocpt:chunkSize" => Field::Int(&mut self.chunk_size_kib, 16, 1 << 20),
             "oocpt:geometryBudget" => Field::Int(&mut self.geometry_budget_kib, 0, u32::MAX),
+            "oocpt:textureCache" => Field::Text(&mut self.texture_cache),
+            "oocpt:textureCacheSize" => Field::Int(&mut self.texture_cache_mib, 1, u32::MAX),
             "oocpt:chunkReport" => Field::Text(&mut self.chunk_report),
             "oocpt:report" => Field::Text(&mut self.report),
             "oocpt:reference" => Field::Text(&mut self.reference),

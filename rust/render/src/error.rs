@@ -31,6 +31,9 @@ pub enum RenderError {
         /// The budget, bytes.
         budget: u64,
     },
+    /// The textures that a render in core asks for have outgrown what there is; it goes on streaming.
+    #[error("the textures that the picture shows do not fit beside the geometry")]
+    TexturesOutgrow,
     /// A part of the scene that rays need at once is larger than what is left for geometry.
     #[error(
         "the memory budget is too small: chunk {chunk} of the scene needs {} KiB at once, {} KiB are left for geometry; raise \

@@ -76,6 +76,14 @@ impl ErrorLog {
         }
     }
 
+    /// The samples so far are forgotten, and taken anew; the report goes on.
+    pub(crate) fn begin_again(&mut self) {
+        self.convergence = Convergence::default();
+        self.is_good = false;
+        self.open = if self.target > 0.0 { self.pixels << FEWEST_TO_STOP } else { u64::MAX };
+        self.last = None;
+    }
+
     /// Begins the report that the settings name, once the device that it names is open.
     pub(crate) fn open_report(&mut self, shared: &Shared, job: &Job) {
         self.writer = match job.settings.report.as_str() {

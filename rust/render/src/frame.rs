@@ -10,6 +10,7 @@ pub(crate) use block::frame_block;
 use crate::assets::{Scene, SceneCache, SceneView};
 use crate::device::{Device, DeviceOptions};
 use crate::error::RenderError;
+use crate::feedback::Feedback;
 use crate::film::Film;
 use crate::inventory::{self, Compiled};
 use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
@@ -21,11 +22,12 @@ use crate::specialise::{self, Carry};
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::thread::Gate;
+use crate::tile_waves::Tiles;
 use crate::wavefront::{Passes, PathBuffers, PathNeeds};
 use crate::waves::{self, Frames};
 use oocpt_core::camera::CameraRays;
 use oocpt_core::inventory::Inventory;
-use oocpt_core::scene::SceneFeatures;
+use oocpt_core::scene::{SceneFeatures, Snapshot};
 use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{Features, Frame, path_bytes};
 use std::sync::Arc;
@@ -38,6 +40,9 @@ const MIN_WAVE: u64 = 1 << 12;
 const WAVE_SECS: f64 = 0.2;
 /// A scene counts as fitting only when it leaves room for waves of this many paths (or of all there are).
 const ROOMY_WAVE: u64 = 1 << 16;
+
+/// A scene counts as fitting only when it leaves room for tiles of textures of so many bytes (or for all there are).
+const FEWEST_TILES: u64 = 32 << 20;
 
 /// What the render thread keeps from frame to frame.
 #[derive(Debug, Default)]
@@ -52,6 +57,8 @@ pub(crate) struct Renderer {
     light_tables: LightTables,
     /// Memory is short: streams even if the scene seems to fit, with few paths at a time.
     is_frugal: bool,
+    /// The scene whose textures did not fit when it was rendered in core: it is streamed.
+    outgrown: Option<Arc<Snapshot>>,
 }
 
 /// What a frame renders with besides its scene.
@@ -92,6 +99,13 @@ impl Renderer {
             *self = Self { device: Some(Arc::clone(&device)), is_frugal: true, ..Self::default() };
             device.gpu.wait_idle()?;
             device.heap.trim();
+            result = self.render_on(&device, job, gate, &mut progress);
+        }
+        if let Err(error @ RenderError::TexturesOutgrow) = &result {
+            tracing::info!(%error, "streaming");
+            self.outgrown = Some(Arc::clone(&job.snapshot));
+            device.gpu.wait_idle()?;
+            progress.begin_again();
             result = self.render_on(&device, job, gate, &mut progress);
         }
         progress.end(&device.gpu);
@@ -162,7 +176,7 @@ impl Renderer {
         let (device, job) = (setting.device, setting.job);
         progress.stage("uploading the scene");
         let mut scenes = std::mem::take(&mut self.scene);
-        let scene = scenes.sync(device, &job.snapshot, job.images.as_deref())?;
+        let scene = scenes.sync(device, &job.snapshot, job.images.as_ref(), &job.settings)?;
         progress.scene(&scene.assets);
         for warning in &scene.assets.textures.warnings {
             gate.shared().report(Severity::Warning, warning.clone());
@@ -203,11 +217,14 @@ impl Renderer {
         let (gpu, job) = (&setting.device.gpu, setting.job);
         let cap = geometry_cap(job);
         // A report of the chunks counts rays and loads, which only streaming does.
+        let has_outgrown = self.outgrown.as_ref().is_some_and(|snapshot| Arc::ptr_eq(snapshot, &job.snapshot));
         let streams = self.is_frugal || job.options.force_streaming || !job.settings.chunk_report.is_empty();
-        if streams || cap.is_some_and(|cap| scene.assets.bytes > cap) {
+        // Tiles of textures come when they are asked for: few of them may do.
+        let least = scene.assets.geometry_bytes() + scene.assets.tile_bytes.min(FEWEST_TILES);
+        if streams || has_outgrown || cap.is_some_and(|cap| least > cap) {
             return false;
         }
-        let missing = scene.missing_bytes(setting.lights.distant().len());
+        let missing = scene.missing_bytes(setting.lights.distant().len()) + scene.assets.tile_bytes.min(FEWEST_TILES);
         let waves = if self.waves.is_some() {
             0
         } else {
@@ -227,7 +244,7 @@ impl Renderer {
     fn render_in_core(
         &mut self,
         setting: &Setting<'_>,
-        scene: &Scene,
+        scene: &mut Scene,
         gate: &Gate<'_>,
         progress: &mut Progress<'_>,
     ) -> Result<(), RenderError> {
@@ -246,20 +263,28 @@ impl Renderer {
         let special = specialise::specialisation(features, &view);
         let passes = Passes::new(device, special, film, &mut progress.timings)?;
         let bsdf_tables = device.bsdf_tables(features)?; // before the list of what there is
+        let tiles = scene.assets.textures.tile_count();
+        let feedback = buffers.incomplete_paths.as_ref();
+        let feedback = feedback.map(|paths| Feedback::new(&device.gpu, tiles, paths.address())).transpose()?;
         let mut listed = Inventory::default();
         scene.list(&mut listed, true);
         buffers.list(&mut listed);
+        if let Some(feedback) = &feedback {
+            feedback.list(&mut listed);
+        }
         let inventory = inventory::of_frame(setting, Compiled { passes: &passes, special, carried }, listed);
         progress.made_of(specialise::left_out(features, film.has_planes()), inventory);
         let mut block = frame_block(setting, &view);
         block.bsdf_tables = bsdf_tables;
         buffers.bind(&mut block);
+        block.texture_feedback = feedback.as_ref().map_or(0, Feedback::address);
         let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
         frame.write(0, bytemuck::bytes_of(&block))?;
-        let frames = Frames { device, film, buffers, passes: &passes, frame: &frame, job };
+        let frames = Frames { device, film, buffers, passes: &passes, frame: &frame, job, feedback: feedback.as_ref() };
+        let mut tiles = Tiles { scene, cap: geometry_cap(job), feedback: feedback.as_ref() };
         progress.stage("rendering");
         waves::clear(&frames)?;
-        if !waves::trace_planes(&frames, gate, progress)? {
+        if !waves::trace_planes(&frames, &mut tiles, gate, progress)? {
             return Ok(());
         }
         let total = if film.has_color() { progress.total_paths() } else { 0 };
@@ -268,7 +293,7 @@ impl Renderer {
         if progress.wants_octaves() && film.adaptive().is_none() {
             schedule = schedule.with_octaves(job.request.pixels());
         }
-        waves::trace(&frames, schedule, gate, progress)
+        waves::trace(&frames, &mut tiles, schedule, gate, progress)
     }
 
     fn open(&mut self, job: &Job) -> Result<Arc<Device>, RenderError> {
@@ -303,7 +328,8 @@ impl Renderer {
         let light_paths = has_light_paths(setting);
         let most = if is_cpu(device) { 1 << 17 } else { MAX_WAVE };
         let wanted = paths(job).clamp(MIN_WAVE, most).next_power_of_two();
-        let needs = PathNeeds { textures: features.contains(Features::TEXTURES), light_paths };
+        let textures = features.contains(Features::TEXTURES);
+        let needs = PathNeeds { textures, light_paths, feedback: textures };
         let fits = |waves: &PathBuffers| waves.serves(view.max_levels, needs) && waves.asked >= wanted;
         if self.waves.as_ref().is_some_and(fits) {
             return Ok(());

@@ -89,6 +89,13 @@ impl<'a> Progress<'a> {
         self.log.open_report(self.shared, job);
     }
 
+    /// Another attempt at the whole render begins.
+    pub(crate) fn begin_again(&mut self) {
+        self.done = 0;
+        self.decided = None;
+        self.log.begin_again();
+    }
+
     /// Paths of the whole render.
     pub(crate) fn total_paths(&self) -> u64 {
         self.pixels * u64::from(self.samples)

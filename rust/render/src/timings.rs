@@ -32,6 +32,14 @@ pub struct Timings {
     pub upload_secs: f64,
     /// Building the instance levels on the device, seconds.
     pub build_secs: f64,
+    /// Waiting for tiles of textures that waves had asked for, in core, seconds.
+    pub tile_secs: f64,
+    /// Tiles that came so.
+    pub tiles: u64,
+    /// Their bytes.
+    pub tile_bytes: u64,
+    /// Waves of which paths were traced again when their tiles were there.
+    pub retraced_waves: u64,
     /// Compiling the passes for this scene, seconds; zero when they were compiled before.
     pub compile_secs: f64,
     /// Pipelines that the driver was made to translate before the first wave: on a software renderer, those that were never used.

@@ -3,18 +3,22 @@
 //!
 //! A wave is submitted in parts, each a few rounds. Two parts are under way at any time, so the device does not wait for the
 //! host; the host asks the gate before each new one, and a wave that is given up in the middle leaves no trace in the film.
-//! An image is published at growing intervals and at the end.
+//! An image is published at growing intervals and at the end. A wave that lacks tiles of textures is completed before the next one
+//! (`tile_waves`).
 
 use crate::device::Device;
 use crate::error::RenderError;
+use crate::feedback::{Copy, Feedback};
 use crate::film::Film;
 use crate::progress::Progress;
 use crate::schedule::{Schedule, Wave, first_wave};
 use crate::session::Job;
 use crate::thread::Gate;
+use crate::tile_waves::{Completed, Tiles};
 use crate::wavefront::{Passes, PathBuffers, Recorder};
 use oocpt_core::scene::SceneFeatures;
 use oocpt_gpu::{Buffer, Commands, Submission};
+use oocpt_shader_abi::PushFlags;
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::time::{Duration, Instant};
@@ -33,14 +37,27 @@ pub(crate) struct Frames<'a> {
     pub(crate) passes: &'a Passes,
     pub(crate) frame: &'a Buffer,
     pub(crate) job: &'a Job,
+    /// Only where something reads a texture.
+    pub(crate) feedback: Option<&'a Feedback>,
+}
+
+impl Flight {
+    pub(crate) fn submission(&self) -> &Submission {
+        &self.submission
+    }
+
+    pub(crate) fn wave(&self) -> Wave {
+        self.wave
+    }
 }
 
 impl Frames<'_> {
-    fn recorder(&self) -> Recorder<'_> {
+    pub(crate) fn recorder(&self) -> Recorder<'_> {
         Recorder {
             passes: self.passes,
             buffers: self.buffers,
             film: self.film,
+            feedback: self.feedback,
             frame: self.frame.address(),
             // The request was validated: at most 2^28 pixels.
             pixels: u32::try_from(self.job.request.pixels()).unwrap_or(u32::MAX),
@@ -49,7 +66,7 @@ impl Frames<'_> {
         }
     }
 
-    fn commands(&self, label: &str) -> Result<Commands, RenderError> {
+    pub(crate) fn commands(&self, label: &str) -> Result<Commands, RenderError> {
         let mut commands = self.device.gpu.commands(label)?;
         commands.profile(self.job.options.profile);
         Ok(commands)
@@ -65,14 +82,26 @@ impl Frames<'_> {
 }
 
 /// A part of a wave under way.
-struct Flight {
+pub(crate) struct Flight {
     submission: Submission,
-    /// The wave, if this is its last part.
-    ends: Option<Wave>,
+    wave: Wave,
+    rounds: Range<u32>,
+    /// It is the last part of its wave.
+    ends: bool,
     /// Octaves of samples that it completes.
-    octaves: Vec<u32>,
+    pub(crate) octaves: Vec<u32>,
     submitted: Instant,
-    publishes: bool,
+    pub(crate) publishes: bool,
+    /// At the end of a wave: what it lacked.
+    pub(crate) lacking: Option<Copy>,
+}
+
+/// What is handed to the device.
+pub(crate) struct Part {
+    pub(crate) wave: Wave,
+    pub(crate) rounds: Range<u32>,
+    pub(crate) ends: bool,
+    pub(crate) flags: PushFlags,
 }
 
 /// Forgets the samples and counters of the frame before.
@@ -81,6 +110,9 @@ pub(crate) fn clear(frames: &Frames<'_>) -> Result<(), RenderError> {
     let counters = &frames.buffers.counters;
     commands.fill(counters, 0, counters.size(), 0);
     frames.film.clear(&mut commands);
+    if let Some(feedback) = frames.feedback {
+        feedback.reset(&mut commands);
+    }
     commands.submit()?;
     Ok(())
 }
@@ -88,6 +120,7 @@ pub(crate) fn clear(frames: &Frames<'_>) -> Result<(), RenderError> {
 /// Traces the images that go through pixel centres and publishes them; false when the gate said no.
 pub(crate) fn trace_planes(
     frames: &Frames<'_>,
+    tiles: &mut Tiles<'_>,
     gate: &Gate<'_>,
     progress: &mut Progress<'_>,
 ) -> Result<bool, RenderError> {
@@ -100,14 +133,22 @@ pub(crate) fn trace_planes(
             return Ok(false);
         }
         let started = Instant::now();
-        let mut commands = frames.commands("aovs")?;
-        frames.recorder().aovs(&mut commands, aovs, slice);
         let last = slice.first + u64::from(slice.count) == u64::from(pixels);
-        if last && !frames.film.has_color() {
-            frames.copy_out(&mut commands);
+        loop {
+            let mut commands = frames.commands("aovs")?;
+            frames.recorder().aovs(&mut commands, aovs, slice);
+            if last && !frames.film.has_color() {
+                frames.copy_out(&mut commands);
+            }
+            let lacking = frames.feedback.map(|feedback| feedback.copy_out(&mut commands));
+            finish(&commands.submit()?, progress)?;
+            // A slice that lacks tiles is traced again as a whole: it writes the same planes.
+            match tiles.bring(frames, lacking, gate, progress)? {
+                Completed::Whole => break,
+                Completed::Again => {}
+                Completed::GivenUp => return Ok(false),
+            }
         }
-        let submission = commands.submit()?;
-        finish(&submission, progress)?;
         schedule.measured(slice.count, started.elapsed().as_secs_f64());
         if last && !frames.film.has_color() {
             progress.publish(frames.film)?;
@@ -119,6 +160,7 @@ pub(crate) fn trace_planes(
 /// Traces every wave of `schedule`, or as many as gate and time limit allow, and publishes the result.
 pub(crate) fn trace(
     frames: &Frames<'_>,
+    tiles: &mut Tiles<'_>,
     mut schedule: Schedule,
     gate: &Gate<'_>,
     progress: &mut Progress<'_>,
@@ -146,18 +188,31 @@ pub(crate) fn trace(
                 parts.extend(wave.into_iter().flat_map(|wave| rounds.clone().into_iter().map(move |r| (wave, r))));
             }
             if let Some((wave, rounds)) = parts.pop_front().filter(|_| more) {
-                let ends = parts.is_empty();
-                flights.push_back(launch(frames, wave, rounds, ends, progress)?);
+                let ends = parts.front().is_none_or(|(next, _)| *next != wave);
+                let part = Part { wave, rounds, ends, flags: PushFlags::empty() };
+                flights.push_back(launch(frames, part, progress)?);
             }
         }
-        let Some(flight) = flights.pop_front() else { break };
+        let Some(mut flight) = flights.pop_front() else { break };
         finish(&flight.submission, progress)?;
         let begun = flight.submitted.max(last_end);
         last_end = Instant::now();
         wave_secs += last_end.duration_since(begun).as_secs_f64();
-        if let Some(wave) = flight.ends {
-            schedule.measured(wave.count, wave_secs);
-            progress.wave_done(wave);
+        if tiles.is_incomplete(flight.lacking)? {
+            // The passes of the waves behind it did nothing.
+            for later in flights.drain(..).rev().collect::<Vec<_>>() {
+                finish(&later.submission, progress)?;
+                parts.push_front((later.wave, later.rounds));
+            }
+            match tiles.complete(frames, flight, gate, progress)? {
+                Some(completed) => flight = completed,
+                None => break,
+            }
+            last_end = Instant::now(); // Waiting for tiles says nothing about waves.
+        }
+        if flight.ends {
+            schedule.measured(flight.wave.count, wave_secs);
+            progress.wave_done(flight.wave);
             wave_secs = 0.0;
         }
         if flight.publishes {
@@ -181,25 +236,22 @@ pub(crate) fn trace(
     progress.finish()
 }
 
-fn launch(
-    frames: &Frames<'_>,
-    wave: Wave,
-    rounds: Range<u32>,
-    ends: bool,
-    progress: &mut Progress<'_>,
-) -> Result<Flight, RenderError> {
+/// Hands a part of a wave to the device.
+pub(crate) fn launch(frames: &Frames<'_>, part: Part, progress: &mut Progress<'_>) -> Result<Flight, RenderError> {
+    let Part { wave, rounds, ends, flags } = part;
     let mut commands = frames.commands("wave")?;
-    let octaves = frames.recorder().part(&mut commands, wave, rounds);
+    let octaves = frames.recorder().part(&mut commands, wave, rounds.clone(), flags);
     let publishes = ends && (progress.publish_due() || progress.compares(&octaves));
     if publishes {
         frames.copy_out(&mut commands);
     }
+    let lacking = frames.feedback.filter(|_| ends).map(|feedback| feedback.copy_out(&mut commands));
     let submission = commands.submit()?;
-    Ok(Flight { submission, ends: ends.then_some(wave), octaves, submitted: Instant::now(), publishes })
+    Ok(Flight { submission, wave, rounds, ends, octaves, submitted: Instant::now(), publishes, lacking })
 }
 
 /// Waits for a submission and notes the times of its passes.
-fn finish(submission: &Submission, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+pub(crate) fn finish(submission: &Submission, progress: &mut Progress<'_>) -> Result<(), RenderError> {
     if !submission.wait(WAVE_TIMEOUT)? {
         return Err(RenderError::Internal(format!("a wave did not finish within {} s", WAVE_TIMEOUT.as_secs())));
     }

@@ -78,6 +78,7 @@ const uint AOV_SURFACES = 0u;
 const uint AOV_ESCAPED = 1u;
 const uint PUSH_AOVS = 1u;
 const uint PUSH_FRESH = 2u;
+const uint PUSH_RETRACE = 4u;
 const uint PUSH_SEGMENT_SHIFT = 8u;
 const uint BAND_SHIFT = 26u;
 const uint STREAM_BIT = 1u << 31;

@@ -97,6 +97,17 @@ struct Frame {
     uint64_t light_paths;
     uint64_t placed_values;
     uint64_t adaptive;
+    uint64_t texture_feedback;
+};
+
+struct TextureFeedback {
+    uint64_t requested;
+    uint64_t incomplete_paths;
+    uint64_t wanted;
+    uint wanted_capacity;
+    uint wanted_count;
+    uint is_incomplete;
+    uint pad;
 };
 
 struct Adaptive {

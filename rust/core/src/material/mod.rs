@@ -170,7 +170,7 @@ pub enum Wrap {
 }
 
 /// How the numbers of a texture are meant.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ColorSpace {
     /// Told from the file: what it says, else sRGB for 8 bits with 3 or 4 channels, else raw.
     #[default]
@@ -179,6 +179,8 @@ pub enum ColorSpace {
     Raw,
     /// The sRGB curve; alpha is linear.
     Srgb,
+    /// The colour space of that name, which `OpenColorIO` knows or not; none of the names that mean one of the above.
+    Named(Arc<str>),
 }
 
 /// A texture that materials read. Two are equal when they read the same the same way, whoever asks.

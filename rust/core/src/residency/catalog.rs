@@ -53,6 +53,23 @@ impl Catalog {
         Ok(catalog)
     }
 
+    /// Adds `bytes.len()` assets of so many bytes, and for each a chunk that consists of it alone.
+    pub fn push_singles(&mut self, bytes: &[u64]) -> Result<(), CatalogError> {
+        id_count(self.closures.len() + bytes.len())?;
+        let first = self.bytes.len();
+        id_count(first + bytes.len())?;
+        for &size in bytes {
+            self.total = self.total.checked_add(size).ok_or(CatalogError::Overflow)?;
+        }
+        let (start, end) = (self.assets.len() + 1, self.assets.len() + bytes.len());
+        self.bytes.extend_from_slice(bytes);
+        self.closures.extend_from_slice(bytes);
+        // Counted above.
+        self.assets.extend((first..first + bytes.len()).map(|asset| AssetId::try_from(asset).unwrap_or(AssetId::MAX)));
+        self.starts.extend(start..=end);
+        Ok(())
+    }
+
     fn push(&mut self, row: &[AssetId]) -> Result<(), CatalogError> {
         let chunk = id_count(self.closures.len() + 1)?;
         let start = self.assets.len();

@@ -4,10 +4,10 @@
 use super::{ColorSpace, TexelFormat};
 
 /// Whether red, green and blue go through the sRGB curve. `Auto` asks the file's own word (`metadata`) first; without one, an
-/// image of 8 bits with three or four channels is sRGB and every other is not.
-pub fn is_srgb(space: ColorSpace, metadata: Option<bool>, format: TexelFormat, channels: u32) -> bool {
+/// image of 8 bits with three or four channels is sRGB and every other is not. Texels of a named space go through a conversion instead.
+pub fn is_srgb(space: &ColorSpace, metadata: Option<bool>, format: TexelFormat, channels: u32) -> bool {
     match space {
-        ColorSpace::Raw => false,
+        ColorSpace::Raw | ColorSpace::Named(_) => false,
         ColorSpace::Srgb => true,
         ColorSpace::Auto => metadata.unwrap_or(format == TexelFormat::U8 && channels >= 3),
     }
@@ -41,13 +41,13 @@ mod tests {
     #[test]
     fn automatic_color_spaces_follow_the_specification() {
         use TexelFormat::{F16, F32, U8};
-        let auto = |metadata, format, channels| is_srgb(ColorSpace::Auto, metadata, format, channels);
+        let auto = |metadata, format, channels| is_srgb(&ColorSpace::Auto, metadata, format, channels);
         assert!(auto(None, U8, 3) && auto(None, U8, 4), "8 bits, three or four channels");
         assert!(!auto(None, U8, 1) && !auto(None, U8, 2), "8 bits, one or two");
         assert!(!auto(None, F16, 4) && !auto(None, F32, 3), "floats");
         assert!(auto(Some(true), F32, 1) && !auto(Some(false), U8, 3), "the file's own word wins");
-        assert!(!is_srgb(ColorSpace::Raw, Some(true), U8, 3), "raw is raw");
-        assert!(is_srgb(ColorSpace::Srgb, Some(false), F32, 1), "sRGB is sRGB");
+        assert!(!is_srgb(&ColorSpace::Raw, Some(true), U8, 3), "raw is raw");
+        assert!(is_srgb(&ColorSpace::Srgb, Some(false), F32, 1), "sRGB is sRGB");
     }
 
     #[test]

@@ -138,6 +138,17 @@ impl Layout {
         self.pieces(tile).last().map_or(0, |piece| piece.offset + self.bytes_of(piece.size))
     }
 
+    /// Bytes of every tile, in their order.
+    pub fn all_tile_bytes(&self) -> impl Iterator<Item = u64> + '_ {
+        let of_level = move |level: u32| {
+            let (size, tiles) = (self.level_size(level), self.tiles_of(level));
+            let side = move |axis: usize, at: u32| TILE_SIDE.min(size[axis].saturating_sub(at * TILE_SIDE));
+            (0..tiles[1])
+                .flat_map(move |row| (0..tiles[0]).map(move |column| self.bytes_of([side(0, column), side(1, row)])))
+        };
+        (0..self.tail()).flat_map(of_level).chain(std::iter::once(self.tile_bytes(self.tile_count() - 1)))
+    }
+
     /// Bytes of so many texels, rounded up to 4.
     fn bytes_of(&self, size: [u32; 2]) -> u64 {
         let texels = u64::from(size[0]) * u64::from(size[1]);
@@ -171,6 +182,15 @@ mod tests {
                 }
             }
             assert!(seen.iter().flatten().all(|&count| count == 1), "{width} x {height}: each texel once");
+        }
+    }
+
+    #[test]
+    fn bytes_of_all_tiles_are_those_of_each() {
+        for (width, height, texel) in [(1, 1, 1), (300, 257, 4), (128, 128, 8), (1000, 3, 2), (129, 640, 16)] {
+            let layout = Layout::new([width, height], texel).expect("supported");
+            let each: Vec<u64> = (0..layout.tile_count()).map(|tile| layout.tile_bytes(tile)).collect();
+            assert_eq!(layout.all_tile_bytes().collect::<Vec<_>>(), each, "{width} x {height}, {texel} bytes");
         }
     }
 

@@ -140,10 +140,10 @@ fn a_texture_has_its_channels_and_settings() {
     assert!(matches!(made.input(InputName::Roughness), Input::Texture { texture: 0, channel: Some(1), .. }));
     assert!(matches!(made.input(InputName::Opacity), Input::Texture { texture: 1, channel: Some(3), .. }));
     let [first, second] = &compiled.textures[..] else { panic!("one file in two ways is two textures") };
-    assert_eq!((first.wrap, first.color_space), ([Wrap::Repeat, Wrap::Mirror], ColorSpace::Raw));
+    assert_eq!((first.wrap, &first.color_space), ([Wrap::Repeat, Wrap::Mirror], &ColorSpace::Raw));
     assert_eq!(first.fallback, [0.5, 0.5, 1.0, 1.0]);
     assert_eq!(&*first.prim, "/m/UsdUVTexture", "a node is named within its material");
-    assert_eq!((second.wrap, second.color_space), ([Wrap::UseMetadata; 2], ColorSpace::Auto));
+    assert_eq!((second.wrap, &second.color_space), ([Wrap::UseMetadata; 2], &ColorSpace::Auto));
     assert_eq!(second.fallback, [0.0, 0.0, 0.0, 1.0]);
     assert_eq!(&*made.uv_sets[0].name, "st");
     assert_eq!((made.uv_sets.len(), made.uv_sets[0].fallback), (1, [0.25, 0.5]));

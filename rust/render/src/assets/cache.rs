@@ -16,6 +16,7 @@ use crate::timings::Timings;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::residency::AssetId;
 use oocpt_core::scene::Snapshot;
+use oocpt_core::settings::Settings;
 use oocpt_gpu::HeapRange;
 use oocpt_shader_abi::GpuLight;
 use rustc_hash::FxHashSet;
@@ -75,6 +76,10 @@ pub(crate) struct Scene {
     pub(crate) assets: Arc<SceneAssets>,
     pub(crate) store: Store,
     tables: Option<Tables>,
+    /// What the tables hold.
+    entries: Entries,
+    /// The distant lights in the tables, if those are of a scene in core.
+    lights: Option<Vec<GpuLight>>,
 }
 
 /// See the module.
@@ -86,35 +91,38 @@ pub(crate) struct SceneCache {
 
 impl SceneCache {
     /// Takes the assets of `snapshot` for what is wanted; lets go of what it does not need.
-    /// `images` opens what textures name.
+    /// `images` opens what textures name; `settings` say where decoded images are kept.
     pub(crate) fn sync(
         &mut self,
         device: &Device,
         snapshot: &Arc<Snapshot>,
-        images: Option<&dyn ImageLibrary>,
+        images: Option<&Arc<dyn ImageLibrary>>,
+        settings: &Settings,
     ) -> Result<&mut Scene, RenderError> {
-        let assets = match &self.scene {
-            Some(scene) if Arc::ptr_eq(&scene.assets.snapshot, snapshot) => Arc::clone(&scene.assets),
+        match &mut self.scene {
+            // Nothing of it has changed: what is there stays, with its tables.
+            Some(scene) if Arc::ptr_eq(&scene.assets.snapshot, snapshot) => scene.store.forget_arriving()?,
             _ => {
+                self.textures.keep_in(settings);
                 let textures = self.textures.sync(images, &snapshot.surfaces.textures);
-                Arc::new(SceneAssets::new(snapshot, &textures)?)
+                let assets = Arc::new(SceneAssets::new(snapshot, &textures)?);
+                let mut store = match self.scene.take() {
+                    Some(scene) => scene.store,
+                    None => Store::new(device)?,
+                };
+                let keep: FxHashSet<AssetKey> = assets.keys().map(|(_, key)| key).collect();
+                store.retain(&keep, |image| assets.textures.has(image))?;
+                self.scene = Some(Scene { assets, store, tables: None, entries: Entries::default(), lights: None });
             }
-        };
-        let mut store = match self.scene.take() {
-            Some(scene) => scene.store,
-            None => Store::new(device)?,
-        };
-        let keep: FxHashSet<AssetKey> = assets.keys().map(|(_, key)| key).collect();
-        store.retain(&keep)?;
-        Ok(self.scene.insert(Scene { assets, store, tables: None }))
+        }
+        self.scene.as_mut().ok_or_else(|| RenderError::Internal("the scene was not made".into()))
     }
 }
 
 impl Scene {
-    /// Bytes that are still to come, with tables and workspace.
+    /// Bytes that are still to come, with tables and workspace; tiles of textures left out.
     pub(crate) fn missing_bytes(&self, lights: usize) -> u64 {
-        let missing: u64 =
-            self.missing().filter_map(|id| self.assets.sources.get(id as usize)).map(|s| s.bytes()).sum();
+        let missing: u64 = self.missing().filter_map(|id| self.assets.source(id)).map(|s| s.bytes()).sum();
         let workspace = if missing == 0 { 0 } else { self.assets.workspace_bytes };
         missing + workspace + Tables::bytes(&self.assets, lights)
     }
@@ -134,11 +142,26 @@ impl Scene {
         u32::try_from(self.assets.catalog.chunk_count()).unwrap_or(u32::MAX)
     }
 
+    pub(super) fn tables(&self) -> Option<&Tables> {
+        self.tables.as_ref()
+    }
+
+    pub(super) fn entries(&self) -> &Entries {
+        &self.entries
+    }
+
+    /// Notes where a ready asset is, for the tables.
+    pub(super) fn show(&mut self, asset: AssetId) {
+        if let Some(resident) = self.assets.key(asset).and_then(|key| self.store.get(&key)) {
+            self.entries.set(&self.assets, asset, resident.address());
+        }
+    }
+
     fn missing(&self) -> impl Iterator<Item = AssetId> + '_ {
         self.assets.keys().filter(|(_, key)| self.store.get(key).is_none()).map(|(id, _)| id)
     }
 
-    /// Brings every asset and fills the tables. `Ok(false)` when the gate said no.
+    /// Brings every asset but tiles, which come when they are asked for, and fills the tables. `Ok(false)` when the gate said no.
     pub(crate) fn load_all(
         &mut self,
         device: &Device,
@@ -148,6 +171,9 @@ impl Scene {
     ) -> Result<bool, RenderError> {
         let started = Instant::now();
         let mut missing: Vec<AssetId> = self.missing().collect();
+        if missing.is_empty() && self.lights.as_deref().is_some_and(|have| same_lights(have, lights)) {
+            return Ok(true);
+        }
         // Instance records first: their trees are built while meshes are still being copied.
         missing.reverse();
         let mut missing = missing.into_iter().peekable();
@@ -183,31 +209,32 @@ impl Scene {
         }
         timings.upload_secs += started.elapsed().as_secs_f64();
         let started = Instant::now();
-        let mut entries = Entries::new(&self.assets);
-        for (asset, key) in self.assets.keys() {
-            if let Some(resident) = self.store.get(&key) {
-                entries.set(&self.assets, asset, resident.address());
-            }
-        }
-        self.tables = Some(Tables::new(device, &self.assets, &entries, lights)?);
+        self.entries = Entries::new(&self.assets);
+        let first = self.assets.first_tile();
+        let textures = &self.assets.textures;
+        let tiles = self.store.tiles().filter_map(|(image, tile)| Some(first + textures.number_of(image, tile)?));
+        let there: Vec<AssetId> = self.assets.needed.iter().copied().chain(tiles).collect();
+        there.into_iter().for_each(|asset| self.show(asset));
+        self.tables = Some(Tables::new(device, &self.assets, &self.entries, lights)?);
+        self.lights = Some(lights.to_vec());
         timings.build_secs += started.elapsed().as_secs_f64();
         Ok(true)
     }
 
     /// Forgets what is on its way; what is there stays.
     pub(crate) fn forget_loads(&mut self) -> Result<(), RenderError> {
-        let keep: FxHashSet<AssetKey> = self.assets.keys().map(|(_, key)| key).collect();
-        self.store.retain(&keep)
+        self.store.forget_arriving()
     }
 
     fn cost(&self, asset: AssetId) -> u64 {
-        self.assets.sources.get(asset as usize).map_or(0, |source| source.bytes() + source.workspace_bytes())
+        self.assets.source(asset).map_or(0, |source| source.bytes() + source.workspace_bytes())
     }
 
     /// Tables in which every chunk is absent, for streaming.
     pub(crate) fn make_empty_tables(&mut self, device: &Device, lights: &[GpuLight]) -> Result<(), RenderError> {
-        let entries = Entries::new(&self.assets);
-        self.tables = Some(Tables::new(device, &self.assets, &entries, lights)?);
+        self.lights = None;
+        self.entries = Entries::default();
+        self.tables = Some(Tables::new(device, &self.assets, &Entries::new(&self.assets), lights)?);
         Ok(())
     }
 
@@ -232,8 +259,8 @@ impl Scene {
     /// Stack entries that the resident chunks need below the top level.
     pub(crate) fn stack_entries(&self) -> u32 {
         let own = |asset: AssetId| {
-            let source = self.assets.sources.get(asset as usize);
-            source.and_then(|source| self.store.get(&source.key())).map_or(0, |resident| resident.stack)
+            let key = self.assets.key(asset);
+            key.and_then(|key| self.store.get(&key)).map_or(0, |resident| resident.stack)
         };
         let chunks = (0..).take(self.assets.chunk_count());
         chunks.map(|chunk| self.assets.stack_of(chunk, own)).max().unwrap_or(0)
@@ -263,4 +290,8 @@ impl Scene {
         };
         Ok(view.with_stack(stack_entries))
     }
+}
+
+fn same_lights(a: &[GpuLight], b: &[GpuLight]) -> bool {
+    bytemuck::cast_slice::<GpuLight, u8>(a) == bytemuck::cast_slice::<GpuLight, u8>(b)
 }

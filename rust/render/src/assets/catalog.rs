@@ -27,13 +27,13 @@ const MAX_TARGETS: u64 = 1 << 31;
 pub(crate) struct SceneAssets {
     pub(crate) snapshot: Arc<Snapshot>,
     pub(crate) textures: Arc<TextureSet>,
-    /// By asset id.
-    pub(crate) sources: Vec<Source>,
+    /// By asset id, those of tiles left out: there may be millions.
+    sources: Vec<Source>,
     /// Bytes of every asset and the assets of every unit.
     pub(crate) catalog: Arc<Catalog>,
-    /// The assets that some unit needs.
+    /// The assets that some chunk needs: all but tiles.
     pub(crate) needed: Vec<AssetId>,
-    /// Bytes of them.
+    /// Bytes of them and of all tiles.
     pub(crate) bytes: u64,
     /// Of these, bytes of tiles.
     pub(crate) tile_bytes: u64,
@@ -91,13 +91,10 @@ impl SceneAssets {
         let meshes = snapshot.meshes.iter().cloned().map(Source::Mesh);
         let assemblies = snapshot.assemblies.iter().cloned().map(Source::Assembly);
         let chunks = world.chunks.iter().cloned().map(Source::Chunk);
-        let tiles =
-            textures.images().flat_map(|(image, count)| (0..count).map(|tile| Source::Tile(Arc::clone(image), tile)));
-        let sources: Vec<Source> = meshes.chain(assemblies).chain(chunks).chain(tiles).collect();
+        let sources: Vec<Source> = meshes.chain(assemblies).chain(chunks).collect();
         let (meshes, assemblies) = (snapshot.meshes.len(), snapshot.assemblies.len());
         let closures = closures(snapshot, meshes);
-        let first_tile = meshes + assemblies + world.chunks.len();
-        let mut per_unit: Vec<Vec<AssetId>> = world
+        let per_unit: Vec<Vec<AssetId>> = world
             .chunks
             .iter()
             .enumerate()
@@ -106,20 +103,25 @@ impl SceneAssets {
                 closure_of(chunk.targets().iter().copied(), own, meshes, &closures)
             })
             .collect();
-        per_unit.extend((first_tile..sources.len()).map(|tile| vec![asset_id(tile)]));
         let mut needed: Vec<AssetId> =
             per_unit.iter().flatten().copied().collect::<FxHashSet<_>>().into_iter().collect();
         needed.sort_unstable();
         let of_needed = || needed.iter().filter_map(|id| sources.get(*id as usize));
-        let bytes = of_needed().map(Source::bytes).sum();
-        let tile_bytes = sources.iter().skip(first_tile).map(Source::bytes).sum();
+        let tiles: Vec<u64> = textures.images().flat_map(|(image, _)| image.layout().all_tile_bytes()).collect();
+        let tiles: Vec<u64> = tiles.into_iter().map(Source::held_bytes).collect();
+        let tile_bytes = tiles.iter().sum();
+        let bytes = of_needed().map(Source::bytes).sum::<u64>() + tile_bytes;
         let workspace_bytes = of_needed().map(Source::workspace_bytes).max().unwrap_or(0);
         let mut sections = [0; Source::SECTIONS.len()];
         for source in of_needed() {
             sections.iter_mut().zip(source.sections()).for_each(|(sum, bytes)| *sum += bytes);
         }
-        let catalog = Catalog::new(sources.iter().map(Source::bytes).collect(), per_unit)
-            .map_err(|error| RenderError::Internal(format!("the scene's assets: {error}")))?;
+        sections[Source::TILES] = tile_bytes;
+        let listed = Catalog::new(sources.iter().map(Source::bytes).collect(), per_unit).and_then(|mut catalog| {
+            catalog.push_singles(&tiles)?;
+            Ok(catalog)
+        });
+        let catalog = listed.map_err(|error| RenderError::Internal(format!("the scene's assets: {error}")))?;
         Ok(Self {
             snapshot: Arc::clone(snapshot),
             textures: Arc::clone(textures),
@@ -134,6 +136,39 @@ impl SceneAssets {
             meshes,
             assemblies,
         })
+    }
+
+    /// Where an asset's bytes come from.
+    pub(crate) fn source(&self, asset: AssetId) -> Option<Source> {
+        if let Some(source) = self.sources.get(asset as usize) {
+            return Some(source.clone());
+        }
+        let (image, tile) = self.textures.locate(asset.checked_sub(self.first_tile())?)?;
+        Some(Source::Tile(Arc::clone(image), tile))
+    }
+
+    /// Its content key.
+    pub(crate) fn key(&self, asset: AssetId) -> Option<AssetKey> {
+        if let Some(source) = self.sources.get(asset as usize) {
+            return Some(source.key());
+        }
+        let (image, tile) = self.textures.locate(asset.checked_sub(self.first_tile())?)?;
+        Some(AssetKey::Tile(image.id(), tile))
+    }
+
+    /// The asset of the first tile; the others follow.
+    pub(crate) fn first_tile(&self) -> AssetId {
+        asset_id(self.sources.len())
+    }
+
+    /// The unit of a tile of the scene.
+    pub(crate) fn tile_unit(&self, tile: u32) -> ChunkId {
+        u32::try_from(self.chunk_count()).unwrap_or(u32::MAX).saturating_add(tile)
+    }
+
+    /// Bytes of all but tiles.
+    pub(crate) fn geometry_bytes(&self) -> u64 {
+        self.bytes - self.tile_bytes
     }
 
     /// Lists the bytes of the assets that some unit needs, by what they hold.

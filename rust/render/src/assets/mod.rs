@@ -8,6 +8,7 @@
 mod build;
 mod cache;
 mod catalog;
+mod demand;
 mod encode;
 mod loader;
 mod source;
@@ -18,6 +19,7 @@ mod values;
 
 pub(crate) use cache::{Scene, SceneCache, SceneView};
 pub(crate) use catalog::{MAX_LEVELS, SceneAssets};
+pub(crate) use demand::Brought;
 pub(crate) use encode::Writer;
 pub(crate) use loader::Loader;
 pub(crate) use store::{Patience, Store};

@@ -144,9 +144,11 @@ impl Source {
         "instance records",
         "instance trees",
         "instance primvars",
-        "texture tiles",
+        "texture tiles, at most",
         "rounding of assets",
     ];
+    /// The section of tiles, which come when they are asked for.
+    pub(crate) const TILES: usize = 10;
 
     /// Its bytes under [`Self::SECTIONS`]; their sum is [`Self::bytes`].
     pub(crate) fn sections(&self) -> [u64; Self::SECTIONS.len()] {
@@ -165,7 +167,7 @@ impl Source {
                 sections[8] = node_bytes(self.records());
                 sections[9] = self.size().saturating_sub(self.values_at());
             }
-            Self::Tile(..) => sections[10] = self.size(),
+            Self::Tile(..) => sections[Self::TILES] = self.size(),
         }
         sections[11] = self.bytes().saturating_sub(self.size());
         sections
@@ -205,7 +207,12 @@ impl Source {
 
     /// Bytes of device memory while it is resident, as the heap rounds them.
     pub(crate) fn bytes(&self) -> u64 {
-        self.size().next_multiple_of(GRANULE)
+        Self::held_bytes(self.size())
+    }
+
+    /// Bytes of device memory that a range of `size` bytes takes.
+    pub(crate) fn held_bytes(size: u64) -> u64 {
+        size.next_multiple_of(GRANULE)
     }
 
     /// Bytes of device memory that building it takes besides: the records' boxes, then scratch. 0 for a mesh.

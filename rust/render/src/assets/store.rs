@@ -83,14 +83,35 @@ impl Store {
         })
     }
 
-    /// Forgets what is on its way and every asset that `keep` does not have.
-    pub(crate) fn retain(&mut self, keep: &FxHashSet<AssetKey>) -> Result<(), RenderError> {
+    /// Forgets what is on its way and every asset that `keep` does not have, tiles by `keeps_tiles_of` their image.
+    pub(crate) fn retain(
+        &mut self,
+        keep: &FxHashSet<AssetKey>,
+        keeps_tiles_of: impl Fn(u64) -> bool,
+    ) -> Result<(), RenderError> {
+        self.forget_arriving()?;
+        self.resident.retain(|key, _| match key {
+            AssetKey::Tile(image, _) => keeps_tiles_of(*image),
+            _ => keep.contains(key),
+        });
+        Ok(())
+    }
+
+    /// Forgets what is on its way.
+    pub(crate) fn forget_arriving(&mut self) -> Result<(), RenderError> {
         self.builder.finished(true)?;
         self.inbox = Inbox::default();
         self.arriving.clear();
         self.unbuilt.clear();
-        self.resident.retain(|key, _| keep.contains(key));
         Ok(())
+    }
+
+    /// Image and number of every tile that is ready, in no order.
+    pub(crate) fn tiles(&self) -> impl Iterator<Item = (u64, u32)> + '_ {
+        self.resident.keys().filter_map(|key| match key {
+            AssetKey::Tile(image, tile) => Some((*image, *tile)),
+            _ => None,
+        })
     }
 
     /// The asset, if it is ready.
@@ -121,7 +142,7 @@ impl Store {
         asset: AssetId,
         patience: Patience,
     ) -> Result<bool, RenderError> {
-        let Some(source) = assets.sources.get(asset as usize) else {
+        let Some(source) = assets.source(asset) else {
             return Err(RenderError::Internal(format!("asset {asset} does not exist")));
         };
         source.check().map_err(|(what, count, limit)| RenderError::TooMany { what, count, limit })?;
@@ -134,7 +155,7 @@ impl Store {
             };
             workspace = Some(Arc::new(range));
         }
-        device.loader()?.load(&self.inbox, asset, source.clone(), Arc::clone(&memory), workspace.clone())?;
+        device.loader()?.load(&self.inbox, asset, source, Arc::clone(&memory), workspace.clone())?;
         self.arriving.insert(asset, Arriving { memory, workspace, copies: None });
         Ok(true)
     }
@@ -175,7 +196,7 @@ impl Store {
         arrived: &mut Arrived,
     ) {
         arrived.bytes += bytes;
-        let stack = assets.sources.get(asset as usize).and_then(Source::known_stack);
+        let stack = assets.source(asset).as_ref().and_then(Source::known_stack);
         match (stack, self.arriving.get_mut(&asset)) {
             (Some(stack), Some(_)) => {
                 arrived.copies.extend(copies);
@@ -193,8 +214,8 @@ impl Store {
     }
 
     fn ready(&mut self, assets: &SceneAssets, asset: AssetId, memory: Arc<HeapRange>, stack: u32) {
-        if let Some(source) = assets.sources.get(asset as usize) {
-            self.resident.insert(source.key(), Resident { memory, stack });
+        if let Some(key) = assets.key(asset) {
+            self.resident.insert(key, Resident { memory, stack });
         }
     }
 
@@ -202,8 +223,7 @@ impl Store {
         let mut builds = Vec::new();
         let count = self.unbuilt.len().min(MOST_BUILDS);
         for asset in self.unbuilt.drain(..count) {
-            let (Some(arriving), Some(source)) = (self.arriving.get_mut(&asset), assets.sources.get(asset as usize))
-            else {
+            let (Some(arriving), Some(source)) = (self.arriving.get_mut(&asset), assets.source(asset)) else {
                 continue;
             };
             let Some(workspace) = arriving.workspace.take() else { continue };

@@ -87,7 +87,7 @@ impl Entries {
 
     /// Notes that `asset` lies at `address`. A chunk is shown only when everything it needs is noted.
     pub(crate) fn set(&mut self, assets: &SceneAssets, asset: AssetId, address: u64) {
-        let Some(source) = assets.sources.get(asset as usize) else { return };
+        let Some(source) = assets.source(asset) else { return };
         match assets.slot(asset) {
             Slot::Mesh(at) => {
                 if let (Some(slot), Some(entry)) = (self.meshes.get_mut(at), source.mesh_entry(address)) {

@@ -79,7 +79,7 @@ impl GlowMap {
             return Err(ImageError(format!("{width} x {height} texels")));
         }
         let rows = u32::try_from(MOST_BYTES / row_bytes).unwrap_or(u32::MAX).min(height);
-        let is_encoded = is_srgb(texture.color_space, info.is_srgb, info.format, info.channels);
+        let is_encoded = is_srgb(&texture.color_space, info.is_srgb, info.format, info.channels);
         let size = [width, rows].map(|n| 1 << n.min(SIDE).ilog2());
         let mut sums = vec![[0.0_f64; 2]; (size[0] * size[1]) as usize];
         let mut row = vec![0; width as usize * texel_bytes];

@@ -23,7 +23,7 @@ impl LightPicture {
         if count == 0 || count > MAX_TEXELS {
             return Err(ImageError(format!("it has {width} x {height} texels, and lights take 1 to {MAX_TEXELS}")));
         }
-        let encoded = is_srgb(ColorSpace::Auto, info.is_srgb, info.format, info.channels);
+        let encoded = is_srgb(&ColorSpace::Auto, info.is_srgb, info.format, info.channels);
         let channels = info.channels as usize;
         let row_bytes = width as usize * channels * info.format.bytes() as usize;
         let mut texels = vec![[0.0_f32; 3]; width as usize * height as usize];

@@ -116,7 +116,7 @@ impl StreamBuffers {
                 capacity,
                 places,
                 levels,
-                PathNeeds { textures: needs.textures, light_paths: needs.light_paths },
+                PathNeeds { textures: needs.textures, light_paths: needs.light_paths, feedback: false },
             )?,
             segment_count,
             segment_size,

@@ -108,7 +108,12 @@ impl<'a> Residency<'a> {
 
     fn take_over(&mut self) {
         let mut kept: FxHashSet<AssetId> = FxHashSet::default();
-        for chunk in (0..).take(self.assets.catalog.chunk_count()) {
+        let chunks = (0..).take(self.assets.chunk_count());
+        // There may be millions of tiles: only those that are there are looked at.
+        let tiles = self.store.tiles().filter_map(|(image, tile)| self.assets.textures.number_of(image, tile));
+        let mut tiles: Vec<ChunkId> = tiles.map(|tile| self.assets.tile_unit(tile)).collect();
+        tiles.sort_unstable();
+        for chunk in chunks.chain(tiles.iter().copied()) {
             let complete = self.assets.catalog.assets(chunk).iter().all(|&asset| self.is_ready(asset));
             if complete && self.planner.keep_resident(chunk) {
                 let closure: Vec<AssetId> = self.assets.catalog.assets(chunk).to_vec();
@@ -120,22 +125,19 @@ impl<'a> Residency<'a> {
                 self.textures.bytes_held += self.bytes_of_tile(chunk);
             }
         }
-        for &asset in &self.assets.needed {
-            if !kept.contains(&asset)
-                && let Some(source) = self.assets.sources.get(asset as usize)
-            {
-                self.store.evict(&source.key());
-            }
-        }
+        let tiles = tiles.iter().map(|unit| self.assets.own_asset(*unit));
+        let unused: Vec<AssetId> =
+            self.assets.needed.iter().copied().chain(tiles).filter(|asset| !kept.contains(asset)).collect();
+        unused.into_iter().for_each(|asset| self.let_go(asset));
     }
 
     fn is_ready(&self, asset: AssetId) -> bool {
-        self.assets.sources.get(asset as usize).is_some_and(|source| self.store.get(&source.key()).is_some())
+        self.assets.key(asset).is_some_and(|key| self.store.get(&key).is_some())
     }
 
     /// Sets the table entry of a ready asset.
     fn show(&mut self, asset: AssetId) {
-        let key = self.assets.sources.get(asset as usize).map(|source| source.key());
+        let key = self.assets.key(asset);
         if let Some(resident) = key.and_then(|key| self.store.get(&key)) {
             self.entries.set(&self.assets, asset, resident.address());
             self.changed.push(asset);
@@ -144,7 +146,7 @@ impl<'a> Residency<'a> {
 
     fn grow_stack(&mut self, chunk: ChunkId) {
         let own = |asset: AssetId| {
-            let key = self.assets.sources.get(asset as usize).map(|source| source.key());
+            let key = self.assets.key(asset);
             key.and_then(|key| self.store.get(&key)).map_or(0, |resident| resident.stack)
         };
         self.stack_entries = self.stack_entries.max(self.assets.stack_of(chunk, own));
@@ -188,8 +190,8 @@ impl<'a> Residency<'a> {
 
     /// Frees an asset once the submissions made so far have ended.
     fn let_go(&mut self, asset: AssetId) {
-        if let Some(source) = self.assets.sources.get(asset as usize) {
-            self.store.evict(&source.key());
+        if let Some(key) = self.assets.key(asset) {
+            self.store.evict(&key);
         }
     }
 

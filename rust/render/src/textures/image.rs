@@ -21,7 +21,8 @@ pub struct ImageInfo {
     pub channels: u32,
     /// Format that [`Image::read`] gives.
     pub format: TexelFormat,
-    /// Reading a part costs about as much as the part; else whole rows are read at a time where possible.
+    /// Reading a part costs about as much as the part. Else a part may cost as much as all rows above it: take all of the image once
+    /// ([`Image::decode`]) where more than a few texels are wanted.
     pub tile_friendly: bool,
     /// The file says that it is sRGB, or that it is not.
     pub is_srgb: Option<bool>,
@@ -37,6 +38,51 @@ pub trait Image: Send + Sync + Debug {
     /// Reads `size` texels of a level from `at` on (the lowest left one is (0, 0)) to `out`: tightly packed, row by row from the
     /// bottom, `channels` values of `format` each, in the machine's byte order. The range lies inside the level and `out` has its length.
     fn read(&self, level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError>;
+
+    /// Decodes a level once, from the top of the image down. `sink(top, rows)` gets bands of whole rows, of at most [`BAND_BYTES`] or one
+    /// row: `top` is the number of the band's first row counted from the top of the image, and the rows in a band go on downwards (those
+    /// of [`Self::read`] go up). Texels as `read` gives them. Bands come in order, on the calling thread; together they are the level.
+    /// Where the sink gives `false` no more are decoded, which is no error.
+    fn decode(&self, level: u32, sink: &mut dyn FnMut(u32, &[u8]) -> bool) -> Result<(), ImageError> {
+        decode_by_reading(self, level, sink)
+    }
+}
+
+/// Most bytes of a band of rows that [`Image::decode`] gives, unless one row is longer.
+pub const BAND_BYTES: usize = 4 << 20;
+
+/// [`Image::decode`] for images of which any part is read as quickly as any other.
+fn decode_by_reading<I: Image + ?Sized>(
+    image: &I,
+    level: u32,
+    sink: &mut dyn FnMut(u32, &[u8]) -> bool,
+) -> Result<(), ImageError> {
+    let info = image.info();
+    let Some(&[width, height]) = info.levels.get(level as usize) else {
+        return Err(ImageError(format!("it has no level {level}")));
+    };
+    let stride = width as usize * (info.channels * info.format.bytes()) as usize;
+    let most = u32::try_from(BAND_BYTES / stride.max(1)).unwrap_or(u32::MAX).clamp(1, height.max(1));
+    let mut upwards = vec![0; stride * most as usize];
+    let mut downwards = Vec::with_capacity(upwards.len());
+    for top in (0..height).step_by(most as usize) {
+        let rows = most.min(height - top);
+        let part = &mut upwards[..stride * rows as usize];
+        image.read(level, [0, height - top - rows], [width, rows], part)?;
+        downwards.clear();
+        part.rchunks_exact(stride).for_each(|row| downwards.extend_from_slice(row));
+        if !sink(top, &downwards) {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// A conversion of colours to linear Rec. 709. Called by several threads at once.
+pub trait ColorTransform: Send + Sync + Debug {
+    /// Converts texels of 1 to 4 channels, tightly packed, in place. Alpha (the second of two channels, the fourth) stays. Grey goes through
+    /// as r = g = b, and the red that comes out is taken.
+    fn apply(&self, texels: &mut [f32], channels: u32) -> Result<(), ImageError>;
 }
 
 /// Opens images. Called by the render thread.
@@ -49,5 +95,16 @@ pub trait ImageLibrary: Send + Sync + Debug {
         let name = |text: &str| text.replace("<UDIM>", &number.to_string()).into();
         let part = AssetRef { authored: name(&set.authored), resolved: name(&set.resolved) };
         self.open(&part).ok().map(Ok)
+    }
+
+    /// A text that changes when the content of a file may have changed, got without decoding anything: `file:<canonical path>:<bytes>:<time
+    /// of modification in ns>` for a plain file, `hash:<xxh3 of the content, 128 bits, hexadecimal>:<bytes>` for anything else.
+    fn identity(&self, asset: &AssetRef) -> Result<String, ImageError> {
+        Err(ImageError(format!("{} has no identity", asset.authored)))
+    }
+
+    /// The conversion from a named colour space ([`oocpt_core::material::ColorSpace::Named`]).
+    fn color_transform(&self, name: &str) -> Result<Arc<dyn ColorTransform>, ImageError> {
+        Err(ImageError(format!("the colour space `{name}` is not known")))
     }
 }

@@ -4,13 +4,16 @@
 //! Tiles are numbered image by image. Textures that read one file the same way share its tiles. A UDIM set is a record whose
 //! `first_page` is the number of the first of 100 records, one for each member. Images stay open from snapshot to snapshot.
 
+use super::disk::DiskCache;
 use super::image::{ImageError, ImageLibrary};
-use super::mips::MipStore;
-use super::tiles::TextureImage;
-use oocpt_core::texture::{TexelFormat, TextureRef, Wrap, is_srgb};
+use super::tiles::{Stores, TextureImage, Wanted};
+use oocpt_core::scene::AssetRef;
+use oocpt_core::settings::Settings;
+use oocpt_core::texture::{TexelFormat, TextureRef, Wrap};
 use oocpt_shader_abi as abi;
 use oocpt_shader_abi::GpuTexture;
-use rustc_hash::FxHashMap;
+use rayon::prelude::*;
+use rustc_hash::{FxHashMap, FxHashSet};
 use std::sync::Arc;
 
 /// Most tiles: their numbers share 32 bits with those of chunks.
@@ -25,10 +28,13 @@ pub(crate) struct TextureSet {
     images: Vec<Arc<TextureImage>>,
     /// Number of the first tile of every image, and of one past the last.
     firsts: Vec<u32>,
+    /// Number of the first tile of an image, by the image's own number.
+    by_id: FxHashMap<u64, u32>,
     /// First the textures by their number in the snapshot, then members of sets. `decode` is still 0.
     pub(crate) records: Vec<GpuTexture>,
     /// One for each texture that lacks something.
     pub(crate) warnings: Vec<String>,
+    disk: Option<Arc<DiskCache>>,
 }
 
 impl TextureSet {
@@ -42,9 +48,27 @@ impl TextureSet {
         self.images.iter().map(|image| (image, image.layout().tile_count()))
     }
 
+    /// The image of a tile of the scene, and the number of the tile in it.
+    pub(crate) fn locate(&self, tile: u32) -> Option<(&Arc<TextureImage>, u32)> {
+        let at = self.firsts.partition_point(|first| *first <= tile).checked_sub(1)?;
+        let within = tile - self.firsts.get(at)?;
+        self.images.get(at).map(|image| (image, within))
+    }
+
+    /// The number among all tiles of the scene of a tile of an image; `None` for an image of another scene.
+    pub(crate) fn number_of(&self, image: u64, tile: u32) -> Option<u32> {
+        self.by_id.get(&image).map(|first| first + tile)
+    }
+
+    /// Whether the image is one of these.
+    pub(crate) fn has(&self, image: u64) -> bool {
+        self.by_id.contains_key(&image)
+    }
+
     /// What went wrong while tiles were read and was not yet told.
     pub(crate) fn take_complaints(&self) -> Vec<String> {
-        self.images.iter().filter_map(|image| image.take_complaint()).collect()
+        let of_cache = self.disk.iter().filter_map(|disk| disk.take_complaint());
+        of_cache.chain(self.images.iter().filter_map(|image| image.take_complaint())).collect()
     }
 
     /// Whether nothing reads a texture.
@@ -56,18 +80,34 @@ impl TextureSet {
 /// Images that are open.
 #[derive(Debug, Default)]
 pub(crate) struct TextureCache {
-    open: FxHashMap<ImageKey, Result<Option<Arc<TextureImage>>, ImageError>>,
-    store: Arc<MipStore>,
+    open: FxHashMap<ImageKey, Opened>,
+    stores: Stores,
+    /// The settings that `stores` is made from.
+    folder: Option<(String, u32)>,
     set: Arc<TextureSet>,
     textures: Vec<TextureRef>,
 }
 
+/// `None`: a member of a set that does not exist.
+type Opened = Result<Option<Arc<TextureImage>>, ImageError>;
+
 impl TextureCache {
+    /// Keeps decoded images where the settings say, from now on.
+    pub(crate) fn keep_in(&mut self, settings: &Settings) {
+        let folder = (settings.texture_cache.clone(), settings.texture_cache_mib);
+        if self.folder.as_ref() != Some(&folder) {
+            self.stores.disk = DiskCache::of_setting(&folder.0, folder.1).map(Arc::new);
+            self.folder = Some(folder);
+        }
+    }
+
     /// The set of `textures`; the same as last time if they are the same.
-    pub(crate) fn sync(&mut self, library: Option<&dyn ImageLibrary>, textures: &[TextureRef]) -> Arc<TextureSet> {
+    pub(crate) fn sync(&mut self, library: Option<&Arc<dyn ImageLibrary>>, textures: &[TextureRef]) -> Arc<TextureSet> {
         if self.textures != textures {
-            let mut making = Making { cache: self, library, set: TextureSet::default(), numbers: FxHashMap::default() };
-            making.set.firsts.push(0);
+            self.open_all(library, textures);
+            let disk = self.stores.disk.clone();
+            let set = TextureSet { firsts: vec![0], disk, ..TextureSet::default() };
+            let mut making = Making { open: &self.open, set, numbers: FxHashMap::default() };
             making.all(textures);
             let Making { set, numbers, .. } = making;
             self.open.retain(|key, _| numbers.contains_key(key));
@@ -76,11 +116,54 @@ impl TextureCache {
         }
         Arc::clone(&self.set)
     }
+
+    /// Opens what is not open, on all cores.
+    fn open_all(&mut self, library: Option<&Arc<dyn ImageLibrary>>, textures: &[TextureRef]) {
+        let mut asked: FxHashSet<ImageKey> = FxHashSet::default();
+        let missing: Vec<(ImageKey, &TextureRef)> = textures
+            .iter()
+            .flat_map(|texture| members(texture).map(move |member| (image_key(texture, member), texture)))
+            .filter(|(key, _)| !self.open.contains_key(key) && asked.insert(key.clone()))
+            .collect();
+        let stores = &self.stores;
+        let opened: Vec<(ImageKey, Opened)> = missing
+            .into_par_iter()
+            .map(|(key, texture)| {
+                let image = open(library, texture, key.1, stores);
+                (key, image)
+            })
+            .collect();
+        self.open.extend(opened);
+    }
+}
+
+/// The members of a set of files; 0 for a single file.
+fn members(texture: &TextureRef) -> std::ops::Range<u32> {
+    if texture.asset.resolved.contains("<UDIM>") { 1001..1001 + abi::UDIM_PARTS } else { 0..1 }
+}
+
+fn image_key(texture: &TextureRef, member: u32) -> ImageKey {
+    (Arc::clone(&texture.asset.resolved), member, texture.color_space.clone())
+}
+
+fn open(library: Option<&Arc<dyn ImageLibrary>>, texture: &TextureRef, member: u32, stores: &Stores) -> Opened {
+    let Some(library) = library else { return Err(ImageError("nobody here can open images".into())) };
+    let asset = &texture.asset;
+    if asset.resolved.is_empty() {
+        return Err(ImageError("the file was not found".into()));
+    }
+    let name = |text: &str| text.replace("<UDIM>", &member.to_string()).into();
+    let file = match member {
+        0 => asset.clone(),
+        _ => AssetRef { authored: name(&asset.authored), resolved: name(&asset.resolved) },
+    };
+    let wanted =
+        Wanted { name: &named(texture), library, asset, member, file: &file, color_space: &texture.color_space };
+    Ok(TextureImage::open(&wanted, stores)?.map(Arc::new))
 }
 
 struct Making<'a> {
-    cache: &'a mut TextureCache,
-    library: Option<&'a dyn ImageLibrary>,
+    open: &'a FxHashMap<ImageKey, Opened>,
     set: TextureSet,
     /// Numbers of the images in the set.
     numbers: FxHashMap<ImageKey, Option<usize>>,
@@ -153,22 +236,17 @@ impl Making<'_> {
 
     /// The number of an image in the set; `None` when there is none.
     fn image(&mut self, texture: &TextureRef, member: u32) -> Option<usize> {
-        let key = (Arc::clone(&texture.asset.resolved), member, texture.color_space);
+        let key = image_key(texture, member);
         if let Some(number) = self.numbers.get(&key) {
             return *number;
         }
-        let opened = match self.cache.open.get(&key) {
-            Some(opened) => opened.clone(),
-            None => {
-                let opened = self.open(texture, member);
-                self.cache.open.insert(key.clone(), opened.clone());
-                opened
-            }
-        };
-        let opened = opened.unwrap_or_else(|error| {
+        let opened = self.open.get(&key).cloned().unwrap_or(Ok(None)).unwrap_or_else(|error| {
             self.set.warnings.push(format!("{}: {error}; its fallback is used", named(texture)));
             None
         });
+        if let Some(warning) = opened.as_ref().and_then(|image| image.warning()) {
+            self.set.warnings.push(format!("{}: {warning}", named(texture)));
+        }
         let number = opened.and_then(|image| self.add(image, texture));
         self.numbers.insert(key, number);
         number
@@ -182,30 +260,9 @@ impl Making<'_> {
             return None;
         }
         self.set.firsts.push(first + count);
+        self.set.by_id.insert(image.id(), first);
         self.set.images.push(image);
         Some(self.set.images.len() - 1)
-    }
-
-    fn open(&self, texture: &TextureRef, member: u32) -> Result<Option<Arc<TextureImage>>, ImageError> {
-        let Some(library) = self.library else { return Err(ImageError("nobody here can open images".into())) };
-        if texture.asset.resolved.is_empty() {
-            return Err(ImageError("the file was not found".into()));
-        }
-        let image = match member {
-            0 => library.open(&texture.asset)?,
-            _ => match library.open_part(&texture.asset, member) {
-                Some(part) => part?,
-                None => return Ok(None),
-            },
-        };
-        let space = texture.color_space;
-        let image = TextureImage::new(
-            &named(texture),
-            image,
-            |info| is_srgb(space, info.is_srgb, info.format, info.channels),
-            &self.cache.store,
-        )?;
-        Ok(Some(Arc::new(image)))
     }
 }
 

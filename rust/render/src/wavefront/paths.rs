@@ -17,6 +17,8 @@ pub(crate) struct PathNeeds {
     pub(crate) textures: bool,
     /// What lights ask: there is a light table.
     pub(crate) light_paths: bool,
+    /// Whether a path lacks a tile of a texture: they come when they are asked for, in core.
+    pub(crate) feedback: bool,
 }
 
 /// See the module.
@@ -39,6 +41,8 @@ pub(crate) struct PathBuffers {
     cones: Option<Buffer>,
     /// Only with the light table.
     light_paths: Option<Buffer>,
+    /// Only with tiles that come when they are asked for.
+    pub(crate) incomplete_paths: Option<Buffer>,
     /// One `Counters`; also the arguments of the indirect dispatches.
     pub(crate) counters: Buffer,
 }
@@ -70,6 +74,7 @@ impl PathBuffers {
             escaped_queue: per_path("escaped_queue", 4)?,
             cones: needs.textures.then(|| per_path("cones", CONE_BYTES)).transpose()?,
             light_paths: needs.light_paths.then(|| per_path("light_paths", LIGHT_PATH_BYTES)).transpose()?,
+            incomplete_paths: needs.feedback.then(|| per_path("incomplete_paths", 4)).transpose()?,
             counters: Buffer::new(gpu, "counters", size_of::<Counters>() as u64, Usage::Device)?,
         })
     }
@@ -86,7 +91,11 @@ impl PathBuffers {
         }
         let deepest = u64::from(hit_stride(MAX_LEVELS)).saturating_sub(u64::from(hit_stride(self.max_levels)));
         inventory.leave_out("hits", deepest * capacity);
-        let optional = [("cones", &self.cones, CONE_BYTES), ("light_paths", &self.light_paths, LIGHT_PATH_BYTES)];
+        let optional = [
+            ("cones", &self.cones, CONE_BYTES),
+            ("light_paths", &self.light_paths, LIGHT_PATH_BYTES),
+            ("incomplete_paths", &self.incomplete_paths, 4),
+        ];
         for (name, buffer, stride) in optional {
             match buffer {
                 Some(buffer) => inventory.add(name, buffer.size()),
@@ -97,7 +106,11 @@ impl PathBuffers {
 
     /// Whether this memory is what scenes of `levels` instance levels need, and no more.
     pub(crate) fn serves(&self, levels: u32, needs: PathNeeds) -> bool {
-        let have = PathNeeds { textures: self.cones.is_some(), light_paths: self.light_paths.is_some() };
+        let have = PathNeeds {
+            textures: self.cones.is_some(),
+            light_paths: self.light_paths.is_some(),
+            feedback: self.incomplete_paths.is_some(),
+        };
         self.max_levels == levels && have == needs
     }
 

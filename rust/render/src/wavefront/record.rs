@@ -2,6 +2,7 @@
 //! Records one wave: the ray's straight line from camera to film.
 
 use super::{AovPasses, Passes, PathBuffers};
+use crate::feedback::Feedback;
 use crate::film::Film;
 use crate::measure::{self, LAST_SLOT};
 use crate::schedule::Wave;
@@ -15,6 +16,8 @@ pub(crate) struct Recorder<'a> {
     pub(crate) passes: &'a Passes,
     pub(crate) buffers: &'a PathBuffers,
     pub(crate) film: &'a Film,
+    /// Where tiles of textures come when they are asked for.
+    pub(crate) feedback: Option<&'a Feedback>,
     /// Device address of the frame block.
     pub(crate) frame: u64,
     pub(crate) pixels: u32,
@@ -37,10 +40,14 @@ impl Recorder<'_> {
     }
 
     /// Records some rounds of a wave: camera rays before the first round, the film after the last one.
-    /// Gives the octaves of samples that end with it.
-    pub(crate) fn part(&self, commands: &mut Commands, wave: Wave, rounds: Range<u32>) -> Vec<u32> {
+    /// Gives the octaves of samples that end with it. `flags`: `RETRACE` for the paths of the wave that lacked a tile.
+    pub(crate) fn part(&self, commands: &mut Commands, wave: Wave, rounds: Range<u32>, flags: PushFlags) -> Vec<u32> {
         let (q, _) = self.film.push(self.frame, wave);
+        let q = q.flagged(flags);
         if rounds.start == 0 {
+            if let Some(feedback) = self.feedback {
+                feedback.empty_queue(commands, &self.buffers.counters);
+            }
             self.direct(commands, &self.passes.generate_camera_rays, q, wave.count);
             self.direct(commands, &self.passes.prepare_dispatch, q.with(0, PREPARE_TRACE), 1);
             self.indirect(commands, &self.passes.intersect_closest, q.with(0, 0), Counters::TRACE_ARGS);

@@ -312,6 +312,8 @@ pub struct Frame {
     pub placed_values: u64,
     /// One [`Adaptive`]; 0 without `Features::ADAPTIVE`.
     pub adaptive: u64,
+    /// One [`crate::TextureFeedback`]; 0 where all tiles are there, and with `Features::STREAMING`.
+    pub texture_feedback: u64,
 }
 
 /// Which samples the paths of an epoch are, with `Features::ADAPTIVE`. The film then has a [`crate::FilmPixel`] for each pixel of stream 0

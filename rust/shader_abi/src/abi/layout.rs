@@ -9,7 +9,7 @@ use super::{
     GpuLightMesh, GpuLightNode, GpuLightShaping, GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh,
     GpuMeshLight, GpuMeshNode, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs,
     LbvhBounds, LbvhNode, LbvhPush, Lighting, PathState, Pending, Push, Question, Ray, Roulette, Segment, ShadowRay,
-    Streaming,
+    Streaming, TextureFeedback,
 };
 use core::mem::{offset_of, size_of};
 
@@ -62,6 +62,7 @@ macro_rules! layout {
 /// Every struct that crosses.
 pub const LAYOUTS: &[StructLayout] = &[
     layout!(Push { frame, first_pixel, first_sample, path_count, round, arg0, flags }),
+    layout!(TextureFeedback { requested, incomplete_paths, wanted, wanted_capacity, wanted_count, is_incomplete, pad }),
     layout!(Adaptive { entries, said, width }),
     layout!(AovTargets { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo, sample_count }),
     layout!(AovClear { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo }),
@@ -125,7 +126,8 @@ pub const LAYOUTS: &[StructLayout] = &[
         lighting,
         light_paths,
         placed_values,
-        adaptive
+        adaptive,
+        texture_feedback
     }),
     layout!(Streaming {
         segments,

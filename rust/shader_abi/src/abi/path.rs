@@ -152,6 +152,8 @@ pub struct Counters {
 }
 
 impl Counters {
+    /// Byte offset of the lengths of the ray queues.
+    pub const RAY_COUNT: u64 = offset_of!(Self, ray_count) as u64;
     /// Bytes of the totals, at the start of the struct.
     pub const TOTALS_BYTES: u64 = offset_of!(Self, ray_count) as u64;
     /// Byte offset of the indirect arguments of `count_demand`, `sort_deferred_count` and `sort_deferred_scatter`.

@@ -58,3 +58,24 @@ pub struct GpuTexture {
     /// See `levels`.
     pub fallback: [f32; 4],
 }
+
+/// Tiles that lookups did not find, in core; one in device memory, emptied by the host before a wave that is to go on. A path that
+/// lacked a tile is traced again when the tile is there; until then the film does not take its wave.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct TextureFeedback {
+    /// u32 for each 32 tiles of the scene, a bit each: it is in `wanted`, or did not fit.
+    pub requested: u64,
+    /// u32 per path of the wave: not 0 if it lacked a tile.
+    pub incomplete_paths: u64,
+    /// u32 each: numbers of tiles, in no order.
+    pub wanted: u64,
+    /// Elements of `wanted`.
+    pub wanted_capacity: u32,
+    /// Tiles that were requested; `wanted` has no more than it holds.
+    pub wanted_count: u32,
+    /// Not 0 if a path lacked a tile.
+    pub is_incomplete: u32,
+    /// Nothing.
+    pub pad: u32,
+}

@@ -114,7 +114,7 @@ impl Bench {
     pub(super) fn new(images: Vec<Arc<Procedural>>, textures: &[TextureRef]) -> Self {
         let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
         let gpu = Gpu::open(&OpenOptions { selector, validation: true, ..OpenOptions::default() }).expect("a device");
-        let library = Library(images);
+        let library: Arc<dyn ImageLibrary> = Arc::new(Library(images));
         let set = TextureCache::default().sync(Some(&library), textures);
         let tiles: Vec<Vec<u8>> =
             set.images().flat_map(|(image, count)| (0..count).map(|tile| image.tile(tile))).collect();

@@ -4,6 +4,7 @@
 #![expect(clippy::cast_possible_truncation, reason = "images of tests are small")]
 
 mod bench;
+mod decode;
 
 use super::ImageInfo;
 use bench::{Answer, Bench, Procedural, Query, encoded, hash, image, noise, number_of, texture, unit};
@@ -24,8 +25,10 @@ fn texel_centers_are_exact() {
                     if space == ColorSpace::Srgb && format != TexelFormat::U8 {
                         continue;
                     }
-                    let bench =
-                        Bench::new(vec![image(size, channels, format)], &[texture("0", [Wrap::Repeat; 2], space)]);
+                    let bench = Bench::new(
+                        vec![image(size, channels, format)],
+                        &[texture("0", [Wrap::Repeat; 2], space.clone())],
+                    );
                     let places: Vec<[u32; 2]> = (0..500).map(|i| [hash(i) % size[0], hash(i + 7) % size[1]]).collect();
                     let center = |at: u32, side: u32| (at as f32 + 0.5) / side as f32;
                     let query = |p: &[u32; 2]| Query {

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+//! In core: brings the tiles of textures that waves lacked. Render thread only.
+
+use super::cache::Scene;
+use super::store::Patience;
+use crate::device::Device;
+use crate::error::RenderError;
+use crate::thread::Gate;
+use crate::timings::Timings;
+use oocpt_core::residency::AssetId;
+use oocpt_gpu::Commands;
+use rustc_hash::FxHashMap;
+use std::time::{Duration, Instant};
+
+/// Bytes of tiles that may be on their way at the same time.
+const IN_FLIGHT_BYTES: u64 = 256 << 20;
+/// How long nothing may arrive: a large file may have to be decoded.
+const TILE_TIMEOUT: Duration = Duration::from_secs(600);
+
+/// What became of tiles that were asked for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Brought {
+    /// All are there; their entries are to be written.
+    All(Vec<AssetId>),
+    /// There is no memory for them.
+    NoRoom,
+    /// The gate said no.
+    GivenUp,
+}
+
+impl Scene {
+    /// Brings tiles, numbered over the scene, so that all tiles and geometry take at most `cap` bytes.
+    pub(crate) fn bring_tiles(
+        &mut self,
+        device: &Device,
+        tiles: &[u32],
+        cap: Option<u64>,
+        gate: &Gate<'_>,
+        timings: &mut Timings,
+    ) -> Result<Brought, RenderError> {
+        let started = Instant::now();
+        let wanted = self.missing_tiles(tiles);
+        let bytes: u64 = wanted.iter().map(|asset| self.assets.catalog.bytes(*asset)).sum();
+        if cap.is_some_and(|cap| self.store.bytes() + bytes > cap) {
+            return Ok(Brought::NoRoom);
+        }
+        let mut queue = wanted.iter().copied().peekable();
+        let mut on_the_way = 0_u64;
+        let mut last_arrival = Instant::now();
+        while queue.peek().is_some() || self.store.in_flight() > 0 {
+            if !gate.proceed() {
+                self.store.forget_arriving()?;
+                return Ok(Brought::GivenUp);
+            }
+            while let Some(&asset) = queue.peek() {
+                let cost = self.assets.catalog.bytes(asset);
+                if on_the_way > 0 && on_the_way + cost > IN_FLIGHT_BYTES {
+                    break;
+                }
+                if !self.store.begin(device, &self.assets, asset, Patience::Now)? {
+                    self.store.forget_arriving()?;
+                    return Ok(Brought::NoRoom);
+                }
+                on_the_way += cost;
+                queue.next();
+            }
+            let arrived = self.store.advance(device, &self.assets, Patience::Now, Duration::from_millis(50))?;
+            timings.uploaded_bytes += arrived.bytes;
+            for copy in &arrived.copies {
+                if !copy.wait(TILE_TIMEOUT)? {
+                    return Err(RenderError::Internal("a copy to the device did not finish".into()));
+                }
+            }
+            for asset in &arrived.ready {
+                on_the_way = on_the_way.saturating_sub(self.assets.catalog.bytes(*asset));
+                last_arrival = Instant::now();
+            }
+            if last_arrival.elapsed() > TILE_TIMEOUT {
+                return Err(RenderError::Internal("loading textures did not finish".into()));
+            }
+        }
+        let mut shown = wanted;
+        shown.sort_unstable();
+        for &asset in &shown {
+            self.show(asset);
+        }
+        timings.tile_secs += started.elapsed().as_secs_f64();
+        timings.tiles += shown.len() as u64;
+        timings.tile_bytes += bytes;
+        Ok(Brought::All(shown))
+    }
+
+    /// Those of `tiles` that are not there, in the order to bring them: the first of each image, then the second of each, so that
+    /// several files are decoded at a time.
+    fn missing_tiles(&self, tiles: &[u32]) -> Vec<AssetId> {
+        let mut seen: FxHashMap<u64, u32> = FxHashMap::default();
+        let mut wanted: Vec<(u32, AssetId)> = Vec::with_capacity(tiles.len());
+        for &tile in tiles {
+            let Some((image, number)) = self.assets.textures.locate(tile) else { continue };
+            let asset = self.assets.first_tile() + tile;
+            if self.assets.key(asset).is_none_or(|key| self.store.get(&key).is_some()) {
+                continue;
+            }
+            image.expect(number);
+            let turn = seen.entry(image.id()).or_default();
+            wanted.push((*turn, asset));
+            *turn += 1;
+        }
+        wanted.sort_unstable();
+        wanted.into_iter().map(|(_, asset)| asset).collect()
+    }
+
+    /// Bytes of the tiles that are there.
+    pub(crate) fn tile_bytes_held(&self) -> u64 {
+        let textures = &self.assets.textures;
+        let tiles = self.store.tiles().filter_map(|(image, tile)| textures.number_of(image, tile));
+        tiles.map(|tile| self.assets.catalog.bytes(self.assets.first_tile() + tile)).sum()
+    }
+
+    /// Records the entries of assets that have come.
+    pub(crate) fn write_entries(&self, commands: &mut Commands, assets: &[AssetId]) {
+        if let Some(tables) = self.tables() {
+            commands.concurrent(|c| tables.update(c, &self.assets, self.entries(), assets));
+        }
+    }
+}

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Which tiles of textures the waves lacked, in core: what the passes write (`oocpt_shader_abi::TextureFeedback`), and how the host
+//! learns of it. Each wave ends with a copy to one of a few small buffers that the host reads when the wave is done. Render thread only.
+
+use oocpt_core::inventory::Inventory;
+use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
+use oocpt_shader_abi::{Counters, TextureFeedback};
+use std::mem::offset_of;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Most tiles that are told at a time; the rest is requested again.
+const MOST_WANTED: u32 = 1 << 14;
+/// Copies that may be under way; two waves are.
+const COPIES: usize = 4;
+/// What is copied: the last four words of the block, then the list.
+const COUNTS: u64 = offset_of!(TextureFeedback, wanted_capacity) as u64;
+const COUNT_BYTES: u64 = size_of::<TextureFeedback>() as u64 - COUNTS;
+
+/// See the module.
+#[derive(Debug)]
+pub(crate) struct Feedback {
+    block: Buffer,
+    requested: Buffer,
+    wanted: Buffer,
+    copies: Vec<Buffer>,
+    next: AtomicUsize,
+    incomplete_paths: u64,
+}
+
+/// A copy that was recorded.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Copy(usize);
+
+impl Feedback {
+    /// For a scene of `tiles` tiles and paths whose flags are at `incomplete_paths`.
+    pub(crate) fn new(gpu: &Arc<Gpu>, tiles: usize, incomplete_paths: u64) -> Result<Self, GpuError> {
+        let device = |name: &str, bytes: u64| Buffer::new(gpu, name, bytes, Usage::Device);
+        let readback =
+            |_| Buffer::new(gpu, "texture feedback copy", COUNT_BYTES + u64::from(MOST_WANTED) * 4, Usage::Readback);
+        Ok(Self {
+            block: device("texture feedback", size_of::<TextureFeedback>() as u64)?,
+            requested: device("requested tiles", (tiles.div_ceil(32) as u64 * 4).max(16))?,
+            wanted: device("wanted tiles", u64::from(MOST_WANTED) * 4)?,
+            copies: (0..COPIES).map(readback).collect::<Result<_, _>>()?,
+            next: AtomicUsize::new(0),
+            incomplete_paths,
+        })
+    }
+
+    /// For `Frame::texture_feedback`.
+    pub(crate) fn address(&self) -> u64 {
+        self.block.address()
+    }
+
+    /// Lists the memory there is.
+    pub(crate) fn list(&self, inventory: &mut Inventory) {
+        for buffer in [&self.block, &self.requested, &self.wanted].into_iter().chain(&self.copies) {
+            inventory.add(buffer.name(), buffer.size());
+        }
+    }
+
+    /// Records that nothing is lacking, from here on.
+    pub(crate) fn reset(&self, commands: &mut Commands) {
+        let block = TextureFeedback {
+            requested: self.requested.address(),
+            incomplete_paths: self.incomplete_paths,
+            wanted: self.wanted.address(),
+            wanted_capacity: MOST_WANTED,
+            ..TextureFeedback::default()
+        };
+        commands.concurrent(|c| {
+            c.update(&self.block, 0, bytemuck::bytes_of(&block));
+            c.fill(&self.requested, 0, self.requested.size(), 0);
+        });
+    }
+
+    /// Records that no ray is queued: a wave behind an incomplete one starts none.
+    pub(crate) fn empty_queue(&self, commands: &mut Commands, counters: &Buffer) {
+        commands.fill(counters, Counters::RAY_COUNT, 4, 0);
+    }
+
+    /// Records a copy of what is lacking so far.
+    pub(crate) fn copy_out(&self, commands: &mut Commands) -> Copy {
+        let number = self.next.fetch_add(1, Ordering::Relaxed) % COPIES;
+        if let Some(copy) = self.copies.get(number) {
+            commands.concurrent(|c| {
+                c.copy(&self.block, COUNTS, copy, 0, COUNT_BYTES);
+                c.copy(&self.wanted, 0, copy, COUNT_BYTES, self.wanted.size());
+            });
+        }
+        Copy(number)
+    }
+
+    /// The tiles that were lacking when a copy was made, ascending, once its commands are done; `None` if none was.
+    pub(crate) fn read(&self, copy: Copy) -> Result<Option<Vec<u32>>, GpuError> {
+        let Some(copy) = self.copies.get(copy.0) else { return Ok(None) };
+        copy.map(|bytes| {
+            let words: Vec<u32> = bytemuck::pod_collect_to_vec(bytes);
+            let [_, count, is_incomplete, _] = [0, 1, 2, 3].map(|at| words.get(at).copied().unwrap_or(0));
+            let listed = words.get(4..).unwrap_or_default();
+            let mut tiles: Vec<u32> = listed.iter().copied().take(count as usize).collect();
+            tiles.sort_unstable();
+            (is_incomplete != 0).then_some(tiles)
+        })
+    }
+}

@@ -1,0 +1,319 @@
+// SPDX-License-Identifier: Apache-2.0
+//! From rows to tiles: decodes an image once and makes the tiles of all its levels in that one pass.
+//!
+//! One thread decodes, another makes coarser levels and tiles, a few bands apart. Memory: [`BANDS`] bands of rows, and for each level
+//! one row of tiles and two rows of sums (`oocpt_core::texture::Pyramid`); no level is ever whole.
+
+use super::image::{ColorTransform, Image, ImageError};
+use super::texels::Texels;
+use crossbeam_channel::bounded;
+use oocpt_core::texture::{Layout, Pyramid, TILE_SIDE};
+
+/// Bands between the two threads.
+const BANDS: usize = 4;
+
+/// Takes tiles, in any order.
+pub(super) trait TileSink {
+    /// The tile whose lowest left texel is `at` of a level; rows from the bottom up, in the file's channels.
+    fn tile(&mut self, level: u32, at: [u32; 2], size: [u32; 2], texels: &[u8]) -> Result<(), ImageError>;
+}
+
+/// What is decoded, and into what.
+pub(super) struct Decoding<'a> {
+    pub(super) image: &'a dyn Image,
+    /// How tiles are stored.
+    pub(super) texels: &'a Texels,
+    /// How the image's texels are stored, if not so, and what makes them linear.
+    pub(super) transform: Option<(&'a Texels, &'a dyn ColorTransform)>,
+    pub(super) layout: &'a Layout,
+    /// The finest level that is wanted.
+    pub(super) first: u32,
+}
+
+/// Gives `sink` every tile of the levels that are wanted.
+pub(super) fn convert(decoding: &Decoding<'_>, sink: &mut dyn TileSink) -> Result<(), ImageError> {
+    let image = decoding.image;
+    let from = decoding.transform.map_or(decoding.texels, |(from, _)| from);
+    let row_bytes = decoding.layout.size()[0] as usize * from.file_bytes();
+    let (send, bands) = bounded::<(u32, Vec<u8>)>(BANDS);
+    let (give_back, used) = bounded::<Vec<u8>>(BANDS + 1);
+    let mut maker = Maker::new(decoding);
+    let (decoded, made) = std::thread::scope(|scope| {
+        let decoder = scope.spawn(move || {
+            image.decode(0, &mut |top, rows| {
+                let mut band: Vec<u8> = used.try_recv().unwrap_or_default();
+                band.clear();
+                band.extend_from_slice(rows);
+                send.send((top, band)).is_ok()
+            })
+        });
+        let mut made = Ok(());
+        for (top, band) in &bands {
+            made = maker.band(top, row_bytes, &band, sink);
+            if made.is_err() {
+                break;
+            }
+            if give_back.try_send(band).is_err() {
+                continue; // The decoder has enough of them.
+            }
+        }
+        drop(bands);
+        let panicked = |_panic| Err(ImageError("cannot be decoded: its reader panicked".into()));
+        (decoder.join().unwrap_or_else(panicked), made)
+    });
+    decoded?;
+    made?;
+    maker.finish()
+}
+
+/// One row of tiles of a level, filled from its top row down.
+#[derive(Debug)]
+struct TileRow {
+    size: [u32; 2],
+    /// Rows of the level that came in, from the top.
+    taken: u32,
+    /// Rows of the tiles, the lowest first.
+    rows: Vec<u8>,
+}
+
+/// Cuts rows into tiles.
+struct Maker<'a> {
+    from: &'a Texels,
+    transform: Option<&'a dyn ColorTransform>,
+    pyramid: Pyramid,
+    /// Rows of the image that came in.
+    taken: u32,
+    cutter: Cutter<'a>,
+    values: Vec<f32>,
+}
+
+struct Cutter<'a> {
+    texels: &'a Texels,
+    first: u32,
+    levels: Vec<TileRow>,
+    encoded: Vec<u8>,
+    tile: Vec<u8>,
+}
+
+impl<'a> Maker<'a> {
+    fn new(decoding: &Decoding<'a>) -> Self {
+        let Decoding { texels, transform, layout, first, .. } = *decoding;
+        let level = |level| {
+            let size = layout.level_size(level);
+            let bytes = if level < first { 0 } else { size[0] as usize * TILE_SIDE.min(size[1]) as usize };
+            TileRow { size, taken: 0, rows: vec![0; bytes * texels.file_bytes()] }
+        };
+        let cutter = Cutter {
+            texels,
+            first,
+            levels: (0..layout.levels()).map(level).collect(),
+            encoded: Vec::new(),
+            tile: Vec::new(),
+        };
+        let values = vec![0.0; layout.size()[0] as usize * texels.channels()];
+        let (from, transform) = transform.map_or((texels, None), |(from, transform)| (from, Some(transform)));
+        Self { from, transform, pyramid: Pyramid::new(layout, texels.channels()), taken: 0, cutter, values }
+    }
+
+    fn band(&mut self, top: u32, row_bytes: usize, band: &[u8], sink: &mut dyn TileSink) -> Result<(), ImageError> {
+        if top != self.taken || !band.len().is_multiple_of(row_bytes) {
+            return Err(ImageError("cannot be decoded: its rows come in no order".into()));
+        }
+        for row in band.chunks_exact(row_bytes) {
+            self.taken += 1;
+            self.from.decode(row, &mut self.values);
+            if let Some(transform) = self.transform {
+                // At most 4 channels.
+                transform.apply(&mut self.values, u32::try_from(self.from.channels()).unwrap_or(4))?;
+                self.cutter.values(0, &self.values, sink)?;
+            } else {
+                self.cutter.row(0, row, sink)?;
+            }
+            let (cutter, mut result) = (&mut self.cutter, Ok(()));
+            // The filter is symmetric: from the top down it gives what it gives from the bottom up.
+            self.pyramid.push(&self.values, &mut |level, _, values| {
+                if result.is_ok() {
+                    result = cutter.values(level, values, sink);
+                }
+            });
+            result?;
+        }
+        Ok(())
+    }
+
+    fn finish(&self) -> Result<(), ImageError> {
+        let is_done = |level: &TileRow| level.taken == level.size[1];
+        if self.cutter.levels.iter().all(is_done) {
+            return Ok(());
+        }
+        Err(ImageError("cannot be decoded: it ends early".into()))
+    }
+}
+
+impl Cutter<'_> {
+    /// The next row of a level, as values.
+    fn values(&mut self, level: u32, values: &[f32], sink: &mut dyn TileSink) -> Result<(), ImageError> {
+        if level < self.first {
+            return self.row(level, &[], sink);
+        }
+        let mut encoded = std::mem::take(&mut self.encoded);
+        self.texels.encode(values, &mut encoded);
+        let result = self.row(level, &encoded, sink);
+        self.encoded = encoded;
+        result
+    }
+
+    /// The next row of a level from the top, as stored.
+    fn row(&mut self, level: u32, row: &[u8], sink: &mut dyn TileSink) -> Result<(), ImageError> {
+        let Some(tiles) = self.levels.get_mut(level as usize) else { return Ok(()) };
+        tiles.taken += 1;
+        if level < self.first {
+            return Ok(());
+        }
+        let Some(y) = tiles.size[1].checked_sub(tiles.taken) else {
+            return Err(ImageError("cannot be decoded: it has more rows than it says".into()));
+        };
+        let begin = (y % TILE_SIDE) as usize * row.len();
+        let Some(to) = tiles.rows.get_mut(begin..begin + row.len()) else {
+            return Err(ImageError("cannot be decoded: its rows are too long".into()));
+        };
+        to.copy_from_slice(row);
+        if y.is_multiple_of(TILE_SIDE) {
+            self.cut(level, y, sink)?;
+        }
+        Ok(())
+    }
+
+    /// Cuts a row of tiles that is there.
+    fn cut(&mut self, level: u32, bottom: u32, sink: &mut dyn TileSink) -> Result<(), ImageError> {
+        let Some(TileRow { size, rows, .. }) = self.levels.get(level as usize) else { return Ok(()) };
+        let texel = self.texels.file_bytes();
+        let stride = size[0] as usize * texel;
+        let height = TILE_SIDE.min(size[1] - bottom);
+        for left in (0..size[0]).step_by(TILE_SIDE as usize) {
+            let width = TILE_SIDE.min(size[0] - left);
+            let (from, length) = (left as usize * texel, width as usize * texel);
+            self.tile.clear();
+            for row in rows.chunks_exact(stride).take(height as usize) {
+                self.tile.extend_from_slice(&row[from..from + length]);
+            }
+            sink.tile(level, [left, bottom], [width, height], &self.tile)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::textures::ImageInfo;
+    use oocpt_core::texture::TexelFormat;
+
+    /// One channel of 8 bits; the rows come in bands of three.
+    #[derive(Debug)]
+    struct Rows {
+        size: [u32; 2],
+        /// Rows that are there.
+        rows: u32,
+    }
+
+    fn byte(x: u32, y: u32) -> u8 {
+        (x.wrapping_mul(37) ^ y.wrapping_mul(91)) as u8
+    }
+
+    impl Image for Rows {
+        fn info(&self) -> ImageInfo {
+            let levels = vec![self.size];
+            ImageInfo { levels, channels: 1, format: TexelFormat::U8, tile_friendly: false, is_srgb: None, wrap: None }
+        }
+
+        fn read(&self, _: u32, _: [u32; 2], _: [u32; 2], _: &mut [u8]) -> Result<(), ImageError> {
+            Err(ImageError("is decoded from top to bottom".into()))
+        }
+
+        fn decode(&self, _: u32, sink: &mut dyn FnMut(u32, &[u8]) -> bool) -> Result<(), ImageError> {
+            for top in (0..self.rows).step_by(3) {
+                let band: Vec<u8> = (top..self.rows.min(top + 3))
+                    .flat_map(|top| (0..self.size[0]).map(move |x| (x, top)))
+                    .map(|(x, top)| byte(x, self.size[1] - 1 - top))
+                    .collect();
+                if !sink(top, &band) {
+                    return Ok(());
+                }
+            }
+            Ok(())
+        }
+    }
+
+    #[derive(Default)]
+    struct Kept(Vec<(u32, [u32; 2], [u32; 2], Vec<u8>)>);
+
+    impl TileSink for Kept {
+        fn tile(&mut self, level: u32, at: [u32; 2], size: [u32; 2], texels: &[u8]) -> Result<(), ImageError> {
+            self.0.push((level, at, size, texels.to_vec()));
+            Ok(())
+        }
+    }
+
+    fn converted(image: &Rows, first: u32) -> Result<Kept, ImageError> {
+        let layout = Layout::new(image.size, 1).expect("supported");
+        let mut kept = Kept::default();
+        let texels = Texels::new(&image.info(), false);
+        convert(&Decoding { image, texels: &texels, transform: None, layout: &layout, first }, &mut kept)?;
+        Ok(kept)
+    }
+
+    #[test]
+    fn every_tile_of_every_level_comes_once() {
+        for size in [[1, 1], [300, 259], [128, 256], [1, 700], [513, 2]] {
+            let kept = converted(&Rows { size, rows: size[1] }, 0).expect("whole");
+            let layout = Layout::new(size, 1).expect("supported");
+            let mut levels: Vec<Vec<Option<u8>>> = (0..layout.levels())
+                .map(|level| vec![None; layout.level_size(level).iter().product::<u32>() as usize])
+                .collect();
+            for (level, at, tile, texels) in &kept.0 {
+                let width = layout.level_size(*level)[0];
+                for (i, texel) in (0..).zip(texels) {
+                    let (x, y) = (at[0] + i % tile[0], at[1] + i / tile[0]);
+                    let old = levels[*level as usize][(y * width + x) as usize].replace(*texel);
+                    assert_eq!(old, None, "{size:?}: texel {x}, {y} of level {level} comes twice");
+                }
+            }
+            assert!(levels.iter().flatten().all(Option::is_some), "{size:?}: a texel is missing");
+            let expected: Vec<_> = (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| Some(byte(x, y)))).collect();
+            assert!(levels[0] == expected, "{size:?}: level 0");
+            let mean = |level: &[Option<u8>]| {
+                level.iter().flatten().map(|byte| f64::from(*byte)).sum::<f64>() / level.len() as f64
+            };
+            for level in &levels {
+                assert!((mean(level) - mean(&levels[0])).abs() < 1.5, "{size:?}: the mean is kept");
+            }
+        }
+    }
+
+    #[test]
+    fn coarser_levels_alone_are_the_same() {
+        let image = Rows { size: [300, 259], rows: 259 };
+        let all = converted(&image, 0).expect("whole").0;
+        let some = converted(&image, 2).expect("whole").0;
+        let coarse: Vec<_> = all.into_iter().filter(|(level, ..)| *level >= 2).collect();
+        assert!(coarse == some && !some.is_empty(), "levels from 2 on");
+    }
+
+    #[test]
+    fn what_ends_early_or_has_too_many_rows_is_an_error() {
+        for rows in [0, 1, 100, 258, 260, 300] {
+            // What the decoder gives is not what it said.
+            let image = Rows { size: [300, 259], rows: rows.min(259) };
+            let (longer, result) = (Rows { size: [300, rows], rows }, converted(&image, 0));
+            assert_eq!(result.is_ok(), rows >= 259, "{rows} rows");
+            if rows > 259 {
+                let layout = Layout::new([300, 259], 1).expect("supported");
+                let texels = Texels::new(&longer.info(), false);
+                let decoding = Decoding { image: &longer, texels: &texels, transform: None, layout: &layout, first: 0 };
+                let error = convert(&decoding, &mut Kept::default());
+                assert!(error.is_err(), "{rows} rows of 259");
+            }
+        }
+    }
+}

@@ -1,0 +1,381 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The folder in which decoded images are kept from render to render, shared by all processes of a user.
+//!
+//! An entry is a file of `tx`, named by a hash of its key: what tells the source from other files (`ImageLibrary::identity`) and how it
+//! is read. It is written under another name and renamed when it is whole, so nobody reads half of one; each tile has a checksum, and
+//! an entry that is damaged is removed and made again. Entries that were not used for longest are removed when all together are larger
+//! than the limit. Any thread.
+
+use super::convert::TileSink;
+use super::image::ImageError;
+use super::tx::{Description, TxFile, TxWriter};
+use crate::sync::lock;
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, SystemTime};
+use xxhash_rust::xxh3::xxh3_128;
+
+/// How entries end.
+const ENDING: &str = "tx";
+/// How files under way end. One as old as [`STALE`] was left behind by a process that died.
+const UNDER_WAY: &str = "part";
+const STALE: Duration = Duration::from_secs(24 * 60 * 60);
+/// Entries are marked as used no more often than this.
+const MARK_AGE: Duration = Duration::from_secs(60 * 60);
+
+/// See the module.
+#[derive(Debug)]
+pub(crate) struct DiskCache {
+    folder: PathBuf,
+    /// Bytes of all entries.
+    limit: u64,
+    /// What they are, as far as this process knows; none before it has looked.
+    known_bytes: Mutex<Option<u64>>,
+    complaint: Mutex<Option<String>>,
+    failed: AtomicBool,
+}
+
+impl DiskCache {
+    /// The cache of a setting: a folder; empty: the user's own; "0": none.
+    pub(crate) fn of_setting(setting: &str, limit_mib: u32) -> Option<Self> {
+        let folder = match setting {
+            "0" => return None,
+            "" => default_folder()?,
+            path => PathBuf::from(path),
+        };
+        Some(Self::new(folder, u64::from(limit_mib) << 20))
+    }
+
+    /// A cache in a folder, which is made when the first entry is.
+    pub(crate) fn new(folder: PathBuf, limit: u64) -> Self {
+        Self {
+            folder,
+            limit,
+            known_bytes: Mutex::default(),
+            complaint: Mutex::default(),
+            failed: AtomicBool::new(false),
+        }
+    }
+
+    /// What went wrong, once: the render goes on without the cache where it fails.
+    pub(crate) fn take_complaint(&self) -> Option<String> {
+        lock(&self.complaint).take()
+    }
+
+    /// Whether something could not be written; from then on nothing is.
+    pub(crate) fn has_failed(&self) -> bool {
+        self.failed.load(Ordering::Relaxed)
+    }
+
+    fn complain(&self, what: &str, error: &io::Error) {
+        let text = format!("texture cache {}: {what}: {error}; decoded images stay in memory", self.folder.display());
+        tracing::debug!("{text}");
+        if !self.failed.swap(true, Ordering::Relaxed) {
+            *lock(&self.complaint) = Some(text);
+        }
+    }
+
+    fn path(&self, key: &str) -> PathBuf {
+        self.folder.join(format!("{:032x}.{ENDING}", xxh3_128(key.as_bytes())))
+    }
+
+    /// The entry of a key, if there is one that is whole.
+    pub(crate) fn find(&self, key: &str) -> Option<TxFile> {
+        let path = self.path(key);
+        let file = File::open(&path).ok()?;
+        let used = file.metadata().and_then(|metadata| metadata.modified());
+        match TxFile::open(file) {
+            Ok(entry) if entry.description().key == key => {
+                let now = SystemTime::now();
+                if used.is_ok_and(|used| now.duration_since(used).is_ok_and(|age| age > MARK_AGE)) {
+                    // The times of a folder that cannot be written do not matter.
+                    let marked = File::options().append(true).open(&path).and_then(|file| file.set_modified(now));
+                    tracing::trace!(?marked, "used");
+                }
+                Some(entry)
+            }
+            Ok(_other_key) => None,
+            Err(error) => {
+                tracing::debug!(path = %path.display(), %error, "an entry of the texture cache is damaged");
+                self.remove(key);
+                None
+            }
+        }
+    }
+
+    /// Removes the entry of a key; who has it open keeps it.
+    pub(crate) fn remove(&self, key: &str) {
+        if let Err(error) = fs::remove_file(self.path(key)) {
+            tracing::trace!(%error, "no entry to remove");
+        }
+    }
+
+    /// Begins an entry; `None`, with a complaint, where nothing can be written.
+    pub(crate) fn begin(&self, description: Description) -> Option<Pending<'_>> {
+        if self.has_failed() {
+            return None;
+        }
+        static NUMBER: AtomicU64 = AtomicU64::new(0);
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let path = self.path(&description.key);
+        let part = path.with_extension(format!("{}-{number}.{UNDER_WAY}", std::process::id()));
+        let begun = fs::create_dir_all(&self.folder)
+            .and_then(|()| File::options().write(true).create_new(true).open(&part))
+            .and_then(|file| TxWriter::new(file, description));
+        match begun {
+            Ok(writer) => Some(Pending { cache: self, writer: Some(writer), part, path }),
+            Err(error) => {
+                self.complain("cannot be written", &error);
+                None
+            }
+        }
+    }
+
+    /// Takes note of a new entry, and removes old ones if there are too many.
+    fn added(&self, path: &Path, bytes: u64) {
+        let mut known = lock(&self.known_bytes);
+        let sum = match *known {
+            Some(sum) => sum.saturating_add(bytes),
+            None => u64::MAX, // Not looked yet.
+        };
+        if sum <= self.limit {
+            *known = Some(sum);
+            return;
+        }
+        *known = Some(self.clean(path));
+    }
+
+    /// Removes what is stale, and entries, the oldest first, until they are within the limit, but not `newest`. What is left, bytes.
+    fn clean(&self, newest: &Path) -> u64 {
+        let now = SystemTime::now();
+        let mut entries = Vec::new();
+        let mut sum = 0_u64;
+        for file in fs::read_dir(&self.folder).into_iter().flatten().flatten() {
+            let path = file.path();
+            let Ok(metadata) = file.metadata() else { continue };
+            if !is_ours(&path) {
+                continue; // Whoever names a folder with files of his own keeps them.
+            }
+            let used = metadata.modified().unwrap_or(now);
+            match path.extension().and_then(|ending| ending.to_str()) {
+                Some(ENDING) => {
+                    sum = sum.saturating_add(metadata.len());
+                    entries.push((used, metadata.len(), path));
+                }
+                Some(UNDER_WAY) if now.duration_since(used).is_ok_and(|age| age > STALE) => delete(&path),
+                _ => {}
+            }
+        }
+        entries.sort();
+        for (_, bytes, path) in entries {
+            if sum <= self.limit {
+                break;
+            }
+            if path != newest {
+                delete(&path);
+                sum = sum.saturating_sub(bytes);
+            }
+        }
+        sum
+    }
+}
+
+/// Whether a file has the name of an entry: 32 hexadecimal digits before the first dot.
+fn is_ours(path: &Path) -> bool {
+    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    let stem = name.split('.').next().unwrap_or_default();
+    stem.len() == 32 && stem.bytes().all(|byte| byte.is_ascii_hexdigit())
+}
+
+/// Another process may have been faster.
+fn delete(path: &Path) {
+    if let Err(error) = fs::remove_file(path) {
+        tracing::debug!(path = %path.display(), %error, "cannot be removed");
+    }
+}
+
+/// `$XDG_CACHE_HOME/oocpt/textures`, or the same below `~/.cache` (XDG Base Directory Specification 0.8).
+fn default_folder() -> Option<PathBuf> {
+    let variable = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    let caches = variable("XDG_CACHE_HOME").or_else(|| Some(variable("HOME")?.join(".cache")))?;
+    Some(caches.join("oocpt/textures"))
+}
+
+/// An entry under way; removed again unless it is committed.
+#[derive(Debug)]
+pub(crate) struct Pending<'a> {
+    cache: &'a DiskCache,
+    writer: Option<TxWriter<File>>,
+    part: PathBuf,
+    path: PathBuf,
+}
+
+impl Pending<'_> {
+    /// Ends the file and gives it its name; `None`, with a complaint, if that fails.
+    pub(crate) fn commit(mut self) -> Option<TxFile> {
+        let writer = self.writer.take()?;
+        let ended = writer.finish().and_then(|_file| {
+            // Opened before it has its name: from then on another process may remove it.
+            let entry = TxFile::open(File::open(&self.part)?)?;
+            fs::rename(&self.part, &self.path)?;
+            Ok(entry)
+        });
+        match ended {
+            Ok(entry) => {
+                self.cache.added(&self.path, entry.bytes());
+                Some(entry)
+            }
+            Err(error) => {
+                self.cache.complain("cannot be written", &error);
+                None
+            }
+        }
+    }
+}
+
+impl TileSink for Pending<'_> {
+    fn tile(&mut self, level: u32, at: [u32; 2], size: [u32; 2], texels: &[u8]) -> Result<(), ImageError> {
+        let Some(writer) = &mut self.writer else { return Err(ImageError("the texture cache is closed".into())) };
+        writer.tile(level, at, size, texels).map_err(|error| {
+            self.cache.complain("cannot be written", &error);
+            ImageError(format!("the texture cache cannot be written: {error}"))
+        })
+    }
+}
+
+impl Drop for Pending<'_> {
+    fn drop(&mut self) {
+        // After a commit it has another name.
+        if self.part.exists() {
+            delete(&self.part);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::textures::ImageInfo;
+    use oocpt_core::texture::TexelFormat;
+
+    fn cache(name: &str, limit: u64) -> DiskCache {
+        let folder = std::env::temp_dir().join(format!("oocpt-cache-{name}-{}", std::process::id()));
+        if folder.exists() {
+            fs::remove_dir_all(&folder).expect("removed");
+        }
+        DiskCache::new(folder, limit)
+    }
+
+    fn description(key: &str) -> Description {
+        let info = ImageInfo {
+            levels: vec![[100, 100]],
+            channels: 1,
+            format: TexelFormat::U8,
+            tile_friendly: false,
+            is_srgb: None,
+            wrap: None,
+        };
+        Description::new(key, &info, 6)
+    }
+
+    /// Level 6 of 100 x 100 texels is one.
+    fn add(cache: &DiskCache, key: &str, texel: u8) -> TxFile {
+        let mut pending = cache.begin(description(key)).expect("begun");
+        pending.tile(6, [0, 0], [1, 1], &[texel]).expect("written");
+        pending.commit().expect("whole")
+    }
+
+    fn texel(file: &TxFile) -> u8 {
+        let mut out = [0];
+        file.tile(6, [0, 0], [1, 1], &mut out).expect("there");
+        out[0]
+    }
+
+    fn files(cache: &DiskCache) -> usize {
+        fs::read_dir(&cache.folder).map_or(0, Iterator::count)
+    }
+
+    #[test]
+    fn entries_are_found_by_their_key_and_replaced() {
+        let cache = cache("found", 1 << 20);
+        assert!(cache.find("a").is_none(), "nothing is there");
+        assert_eq!(texel(&add(&cache, "a", 1)), 1, "what was written");
+        add(&cache, "b", 2);
+        let old = cache.find("a").expect("there");
+        add(&cache, "a", 3);
+        assert_eq!(texel(&old), 1, "who has the old one open keeps it");
+        assert_eq!(cache.find("a").map(|file| texel(&file)), Some(3), "the new one");
+        assert_eq!(cache.find("b").map(|file| texel(&file)), Some(2), "the other");
+        // A file of another key under this name is not it.
+        fs::copy(cache.path("a"), cache.path("c")).expect("copied");
+        assert!(cache.find("c").is_none(), "keys are compared, not only their hashes");
+        cache.remove("a");
+        assert!(cache.find("a").is_none(), "removed");
+    }
+
+    #[test]
+    fn what_is_not_committed_leaves_nothing() {
+        let cache = cache("dropped", 1 << 20);
+        let mut pending = cache.begin(description("a")).expect("begun");
+        pending.tile(6, [0, 0], [1, 1], &[1]).expect("written");
+        assert_eq!(files(&cache), 1, "under way");
+        drop(pending);
+        assert_eq!(files(&cache), 0, "gone");
+        let empty = cache.begin(description("a")).expect("begun");
+        assert!(empty.commit().is_none(), "its tile is missing");
+        assert_eq!((files(&cache), cache.take_complaint().is_some()), (0, true), "gone, with a complaint");
+        assert!(cache.begin(description("a")).is_none(), "what has failed once is not tried again");
+    }
+
+    #[test]
+    fn damaged_entries_are_removed() {
+        let cache = cache("damaged", 1 << 20);
+        add(&cache, "a", 1);
+        fs::write(cache.path("a"), b"II no").expect("written");
+        assert!(cache.find("a").is_none(), "damaged");
+        assert_eq!(files(&cache), 0, "and removed");
+    }
+
+    #[test]
+    fn the_oldest_go_first() {
+        let one = add(&cache("one", 0), "0", 1).bytes();
+        let cache = cache("limit", 3 * one);
+        let age = |key: &str, hours: u64| {
+            let then = SystemTime::now() - Duration::from_secs(3600 * hours);
+            File::options().append(true).open(cache.path(key)).and_then(|f| f.set_modified(then)).expect("marked");
+        };
+        for (key, hours) in [("a", 3), ("b", 5), ("c", 4)] {
+            add(&cache, key, 1);
+            age(key, hours);
+        }
+        assert!(cache.find("b").is_some(), "it is used, and so the newest");
+        let left = cache.path("left").with_extension("1-1.part");
+        let foreign = cache.folder.join("wood.tx");
+        fs::write(&foreign, b"of the user's own").expect("written");
+        fs::write(&left, b"of a process that died").expect("written");
+        for old in [&left, &foreign] {
+            let days = SystemTime::now() - 3 * STALE;
+            File::options().append(true).open(old).and_then(|f| f.set_modified(days)).expect("marked");
+        }
+        add(&cache, "d", 1);
+        let there: Vec<_> = ["a", "b", "c", "d"].into_iter().filter(|key| cache.find(key).is_some()).collect();
+        assert_eq!(there, ["a", "b", "d"], "c was not used for longest");
+        assert!(!left.exists(), "what was left behind is gone");
+        assert!(foreign.exists(), "a file that is none of ours stays");
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_made_is_one_complaint() {
+        let file = std::env::temp_dir().join(format!("oocpt-cache-file-{}", std::process::id()));
+        fs::write(&file, b"no folder").expect("written");
+        let cache = DiskCache::new(file.join("below"), 1 << 20);
+        assert!(cache.begin(description("a")).is_none() && cache.begin(description("b")).is_none(), "no entry");
+        let complaint = cache.take_complaint().expect("said");
+        assert!(complaint.contains("cannot be written"), "{complaint}");
+        assert!(cache.take_complaint().is_none(), "once");
+        fs::remove_file(file).expect("removed");
+    }
+}

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Decoded images in host memory, for where there is no texture cache on disk.
+//!
+//! The bound: the levels of all images together take at most [`MOST_BYTES`], or those of a single image if they are more. The oldest
+//! are dropped, and decoded again when they are needed again.
+
+use super::convert::TileSink;
+use super::image::ImageError;
+use crate::sync::lock;
+use oocpt_core::texture::Layout;
+use std::collections::VecDeque;
+use std::sync::{Mutex, Weak};
+
+/// Most bytes of decoded images.
+const MOST_BYTES: u64 = 512 << 20;
+
+/// Levels of an image, stored as the file's texels are, rows from the bottom up.
+#[derive(Debug)]
+pub(super) struct Levels {
+    first: u32,
+    texel_bytes: usize,
+    levels: Vec<([u32; 2], Vec<u8>)>,
+}
+
+impl Levels {
+    /// Room for the levels `first ..` of an image.
+    pub(super) fn new(layout: &Layout, texel_bytes: usize, first: u32) -> Self {
+        let level = |level| {
+            let size = layout.level_size(level);
+            (size, vec![0; size[0] as usize * size[1] as usize * texel_bytes])
+        };
+        Self { first, texel_bytes, levels: (first..layout.levels()).map(level).collect() }
+    }
+
+    /// The finest level that is there.
+    pub(super) fn first(&self) -> u32 {
+        self.first
+    }
+
+    fn bytes(&self) -> u64 {
+        self.levels.iter().map(|(_, level)| level.len() as u64).sum()
+    }
+
+    /// Copies a rectangle of a level.
+    pub(super) fn read(&self, level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
+        let missing = || ImageError("has no such texels".into());
+        let index = level.checked_sub(self.first).ok_or_else(missing)?;
+        let (whole, texels) = self.levels.get(index as usize).ok_or_else(missing)?;
+        let stride = whole[0] as usize * self.texel_bytes;
+        let (from, length) = (at[0] as usize * self.texel_bytes, size[0] as usize * self.texel_bytes);
+        let rows = texels.chunks_exact(stride.max(1)).skip(at[1] as usize);
+        for (row, out) in rows.zip(out.chunks_exact_mut(length.max(1))) {
+            out.copy_from_slice(row.get(from..from + length).ok_or_else(missing)?);
+        }
+        Ok(())
+    }
+}
+
+impl TileSink for Levels {
+    fn tile(&mut self, level: u32, at: [u32; 2], size: [u32; 2], texels: &[u8]) -> Result<(), ImageError> {
+        let outside = || ImageError("has a tile outside of it".into());
+        let Some(index) = level.checked_sub(self.first) else { return Ok(()) };
+        let (whole, level) = self.levels.get_mut(index as usize).ok_or_else(outside)?;
+        let stride = whole[0] as usize * self.texel_bytes;
+        let (from, length) = (at[0] as usize * self.texel_bytes, size[0] as usize * self.texel_bytes);
+        let rows = level.chunks_exact_mut(stride.max(1)).skip(at[1] as usize);
+        for (row, texels) in rows.zip(texels.chunks_exact(length.max(1))) {
+            row.get_mut(from..from + length).ok_or_else(outside)?.copy_from_slice(texels);
+        }
+        Ok(())
+    }
+}
+
+/// An image that keeps levels in memory.
+pub(super) trait Droppable: Send + Sync {
+    /// Lets go of them, unless somebody is at work on them.
+    fn drop_levels(&self) -> bool;
+}
+
+/// Remembers which images have levels in memory, the oldest first.
+#[derive(Default)]
+pub(crate) struct MemoryStore {
+    held: Mutex<VecDeque<(Weak<dyn Droppable>, u64)>>,
+}
+
+impl std::fmt::Debug for MemoryStore {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.debug_struct("MemoryStore").field("images", &lock(&self.held).len()).finish()
+    }
+}
+
+impl MemoryStore {
+    /// Takes note of an image's levels; drops older ones if there are too many bytes.
+    pub(super) fn added(&self, image: Weak<dyn Droppable>, levels: &Levels) {
+        let bytes = levels.bytes();
+        let mut held = lock(&self.held);
+        held.retain(|(old, _)| old.strong_count() > 0 && !Weak::ptr_eq(old, &image));
+        let mut sum = held.iter().map(|(_, bytes)| bytes).sum::<u64>().saturating_add(bytes);
+        held.retain(|(old, bytes)| {
+            if sum <= MOST_BYTES {
+                return true;
+            }
+            let gone = old.upgrade().is_none_or(|old| old.drop_levels());
+            if gone {
+                sum = sum.saturating_sub(*bytes);
+            }
+            !gone
+        });
+        held.push_back((image, bytes));
+    }
+}

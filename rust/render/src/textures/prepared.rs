@@ -1,0 +1,247 @@
+// SPDX-License-Identifier: Apache-2.0
+//! An image whose file cannot give parts of its levels at little cost: decoded once, kept on disk or in memory. Any thread.
+//!
+//! What is first asked for decides the finest level that is kept: a picture that shows a wall of 8 K on 200 pixels needs 1/1000 of it on
+//! disk. If something finer is asked for later, the image is decoded a second time, and all of it is kept.
+
+use super::convert::{Decoding, convert};
+use super::disk::DiskCache;
+use super::image::{Image, ImageError, ImageInfo, ImageLibrary};
+use super::memory::{Droppable, Levels, MemoryStore};
+use super::texels::Texels;
+use super::tx::{Description, TxFile};
+use crate::sync::lock;
+use oocpt_core::scene::AssetRef;
+use oocpt_core::texture::Layout;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, TryLockError, Weak};
+
+/// Where an image comes from. Opened when it is first needed: what is on disk needs no decoder.
+#[derive(Debug)]
+pub(crate) struct Origin {
+    library: Arc<dyn ImageLibrary>,
+    asset: AssetRef,
+    /// A member of a set of files, or 0.
+    member: u32,
+    open: OnceLock<Arc<dyn Image>>,
+}
+
+impl Origin {
+    pub(super) fn new(library: &Arc<dyn ImageLibrary>, asset: &AssetRef, member: u32) -> Self {
+        Self { library: Arc::clone(library), asset: asset.clone(), member, open: OnceLock::new() }
+    }
+
+    /// The open image; `None` for a member of a set that does not exist.
+    pub(super) fn open(&self) -> Result<Option<Arc<dyn Image>>, ImageError> {
+        if let Some(image) = self.open.get() {
+            return Ok(Some(Arc::clone(image)));
+        }
+        let image = match self.member {
+            0 => self.library.open(&self.asset)?,
+            _ => match self.library.open_part(&self.asset, self.member) {
+                Some(part) => part?,
+                None => return Ok(None),
+            },
+        };
+        Ok(Some(Arc::clone(self.open.get_or_init(|| image))))
+    }
+}
+
+/// The levels that are there.
+#[derive(Debug)]
+enum Held {
+    Disk(TxFile),
+    Memory(Levels),
+}
+
+impl Held {
+    fn first_level(&self) -> u32 {
+        match self {
+            Self::Disk(file) => file.description().first_level,
+            Self::Memory(levels) => levels.first(),
+        }
+    }
+
+    fn read(&self, level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
+        match self {
+            Self::Disk(file) => file.tile(level, at, size, out).map_err(|error| ImageError(error.to_string())),
+            Self::Memory(levels) => levels.read(level, at, size, out),
+        }
+    }
+}
+
+#[derive(Debug, Default)]
+struct State {
+    held: Option<Arc<Held>>,
+    /// How often it was decoded.
+    decoded: u32,
+    failed: Option<ImageError>,
+}
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct Prepared {
+    origin: Origin,
+    /// As it is stored.
+    info: ImageInfo,
+    /// The colour space that it is converted from.
+    transform: Option<Arc<str>>,
+    layout: Layout,
+    texels: Arc<Texels>,
+    /// Its key in the cache on disk; none where there is no cache, or nothing that tells the file from others.
+    disk: Option<(Arc<DiskCache>, String)>,
+    memory: Arc<MemoryStore>,
+    state: Mutex<State>,
+    /// The finest level that was ever asked for.
+    finest: AtomicU32,
+    this: Weak<Self>,
+}
+
+/// What a [`Prepared`] is made from.
+pub(super) struct Making {
+    pub(super) origin: Origin,
+    pub(super) info: ImageInfo,
+    pub(super) transform: Option<Arc<str>>,
+    pub(super) layout: Layout,
+    pub(super) texels: Arc<Texels>,
+    pub(super) disk: Option<(Arc<DiskCache>, String)>,
+    pub(super) memory: Arc<MemoryStore>,
+    /// What is on disk already.
+    pub(super) entry: Option<TxFile>,
+}
+
+impl Prepared {
+    pub(super) fn new(making: Making) -> Arc<Self> {
+        let Making { origin, info, transform, layout, texels, disk, memory, entry } = making;
+        let held = entry.map(|file| Arc::new(Held::Disk(file)));
+        Arc::new_cyclic(|this| Self {
+            origin,
+            info,
+            transform,
+            layout,
+            texels,
+            disk,
+            memory,
+            state: Mutex::new(State { held, ..State::default() }),
+            finest: AtomicU32::new(u32::MAX),
+            this: Weak::clone(this),
+        })
+    }
+
+    /// Says which level will be read, before any is: one decoding then serves all.
+    pub(super) fn expect(&self, level: u32) {
+        self.finest.fetch_min(level, Ordering::Relaxed);
+    }
+
+    /// Times that the file was decoded.
+    #[cfg(test)]
+    pub(super) fn decoded(&self) -> u32 {
+        lock(&self.state).decoded
+    }
+
+    /// Reads a tile, or a rectangle of a level of the last tile, in the file's channels.
+    pub(super) fn read(&self, level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
+        self.expect(level);
+        let held = self.held(level)?;
+        let result = held.read(level, at, size, out);
+        let (Err(error), Held::Disk(_)) = (&result, &*held) else { return result };
+        tracing::debug!(%error, "an entry of the texture cache is damaged");
+        self.forget(&held);
+        self.held(level)?.read(level, at, size, out)
+    }
+
+    /// Lets go of a damaged entry.
+    fn forget(&self, damaged: &Arc<Held>) {
+        let mut state = lock(&self.state);
+        if state.held.as_ref().is_some_and(|held| Arc::ptr_eq(held, damaged)) {
+            state.held = None;
+            if let Some((disk, key)) = &self.disk {
+                disk.remove(key);
+            }
+        }
+    }
+
+    /// What has `level`; who asks while it is made waits.
+    fn held(&self, level: u32) -> Result<Arc<Held>, ImageError> {
+        let mut state = lock(&self.state);
+        if let Some(error) = &state.failed {
+            return Err(error.clone());
+        }
+        if let Some(held) = state.held.as_ref().filter(|held| held.first_level() <= level) {
+            return Ok(Arc::clone(held));
+        }
+        // A level more than is asked for: the next picture may be a little nearer. All of it if that was not enough.
+        let first = match state.held {
+            None => self.finest.load(Ordering::Relaxed).min(level).saturating_sub(1),
+            Some(_) => 0,
+        };
+        state.decoded += 1;
+        match self.make(first) {
+            Ok(held) => {
+                let held = Arc::new(held);
+                state.held = Some(Arc::clone(&held));
+                drop(state);
+                if let Held::Memory(levels) = &*held {
+                    let this: Weak<dyn Droppable> = self.this.clone();
+                    self.memory.added(this, levels);
+                }
+                Ok(held)
+            }
+            Err(error) => {
+                state.failed = Some(error.clone());
+                Err(error)
+            }
+        }
+    }
+
+    fn make(&self, first: u32) -> Result<Held, ImageError> {
+        let Some(image) = self.origin.open()? else { return Err(ImageError("is gone".into())) };
+        let info = image.info();
+        let is_same = info.levels.first() == self.info.levels.first()
+            && info.channels == self.info.channels
+            && (info.format == self.info.format || self.transform.is_some());
+        if !is_same {
+            return Err(ImageError("has changed since it was opened".into()));
+        }
+        let transform = match &self.transform {
+            Some(name) => {
+                // The curve of a named space is the conversion's affair.
+                let from = Texels::new(&ImageInfo { is_srgb: None, ..info }, false);
+                Some((from, self.origin.library.color_transform(name)?))
+            }
+            None => None,
+        };
+        let decoding = Decoding {
+            image: &*image,
+            texels: &self.texels,
+            transform: transform.as_ref().map(|(from, transform)| (from, &**transform)),
+            layout: &self.layout,
+            first,
+        };
+        if let Some((disk, key)) = &self.disk
+            && let Some(mut pending) = disk.begin(Description::new(key, &self.info, first))
+        {
+            let decoded = convert(&decoding, &mut pending);
+            match decoded.map(|()| pending.commit()) {
+                Ok(Some(entry)) => return Ok(Held::Disk(entry)),
+                Ok(None) => {}
+                Err(error) if !disk.has_failed() => return Err(error),
+                Err(_disk) => {}
+            }
+        }
+        let mut levels = Levels::new(&self.layout, self.texels.file_bytes(), first);
+        convert(&decoding, &mut levels)?;
+        Ok(Held::Memory(levels))
+    }
+}
+
+impl Droppable for Prepared {
+    fn drop_levels(&self) -> bool {
+        match self.state.try_lock() {
+            Ok(mut state) => state.held = None,
+            Err(TryLockError::Poisoned(state)) => state.into_inner().held = None,
+            Err(TryLockError::WouldBlock) => return false,
+        }
+        true
+    }
+}

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Tiled, mip-mapped image files: what decoded images are kept in. `BigTIFF` (the TIFF 6.0 specification; Aldus and Adobe 1992,
+//! extended to 64-bit offsets by libtiff), little-endian, uncompressed, read by every program that reads TIFF.
+//!
+//! The tiles of all levels come in any order and are appended as they come; the directories, one a level, follow behind them. So one
+//! pass over an image writes all of its levels, which no library lets one do: they end a level before they begin the next. A private
+//! field has a checksum for each tile. Rows are stored from the bottom up (orientation 4), as textures count them.
+
+mod read;
+#[cfg(test)]
+mod tests;
+mod write;
+
+pub(super) use read::TxFile;
+pub(super) use write::TxWriter;
+
+use super::image::ImageInfo;
+use oocpt_core::texture::{Layout, TILE_SIDE, TexelFormat, Wrap};
+use serde::{Deserialize, Serialize};
+
+/// Changes whenever files of before cannot be used.
+const VERSION: u32 = 1;
+/// Sides of tiles are multiples of this.
+const TILE_STEP: u32 = 16;
+/// Most bytes of the description.
+const MOST_DESCRIPTION: u64 = 1 << 20;
+
+const NEW_SUBFILE_TYPE: u16 = 254;
+const IMAGE_WIDTH: u16 = 256;
+const IMAGE_LENGTH: u16 = 257;
+const BITS_PER_SAMPLE: u16 = 258;
+const COMPRESSION: u16 = 259;
+const PHOTOMETRIC: u16 = 262;
+const IMAGE_DESCRIPTION: u16 = 270;
+const ORIENTATION: u16 = 274;
+const SAMPLES_PER_PIXEL: u16 = 277;
+const PLANAR_CONFIGURATION: u16 = 284;
+const SOFTWARE: u16 = 305;
+const TILE_WIDTH: u16 = 322;
+const TILE_LENGTH: u16 = 323;
+const TILE_OFFSETS: u16 = 324;
+const TILE_BYTE_COUNTS: u16 = 325;
+const EXTRA_SAMPLES: u16 = 338;
+const SAMPLE_FORMAT: u16 = 339;
+/// Ours: XXH3 (64 bits) of each tile. Above 65000 numbers are for private use.
+const TILE_CHECKSUMS: u16 = 65_100;
+
+const ASCII: u16 = 2;
+const SHORT: u16 = 3;
+const LONG: u16 = 4;
+const LONG8: u16 = 16;
+
+/// What an image is: stored as text in the file's description.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Description {
+    /// [`VERSION`].
+    version: u32,
+    /// What tells the source from other files, and how it is read.
+    pub(super) key: String,
+    /// Texels of level 0, which need not be in the file.
+    pub(super) size: [u32; 2],
+    /// 1 to 4.
+    pub(super) channels: u32,
+    format: Format,
+    /// The finest level in the file.
+    pub(super) first_level: u32,
+    /// What the source says of itself.
+    is_srgb: Option<bool>,
+    wrap: Option<[WrapMode; 2]>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+enum Format {
+    U8,
+    F16,
+    F32,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+enum WrapMode {
+    Black,
+    Clamp,
+    Repeat,
+    Mirror,
+}
+
+impl Description {
+    pub(super) fn new(key: &str, info: &ImageInfo, first_level: u32) -> Self {
+        let wrap = |wrap| match wrap {
+            Wrap::UseMetadata | Wrap::Black => WrapMode::Black,
+            Wrap::Clamp => WrapMode::Clamp,
+            Wrap::Repeat => WrapMode::Repeat,
+            Wrap::Mirror => WrapMode::Mirror,
+        };
+        Self {
+            version: VERSION,
+            key: key.to_owned(),
+            size: info.levels.first().copied().unwrap_or_default(),
+            channels: info.channels,
+            format: match info.format {
+                TexelFormat::U8 => Format::U8,
+                TexelFormat::F16 => Format::F16,
+                TexelFormat::F32 => Format::F32,
+            },
+            first_level,
+            is_srgb: info.is_srgb,
+            wrap: info.wrap.map(|modes| modes.map(wrap)),
+        }
+    }
+
+    /// What the source says of itself, with level 0 alone.
+    pub(super) fn info(&self) -> ImageInfo {
+        let wrap = |mode| match mode {
+            WrapMode::Black => Wrap::Black,
+            WrapMode::Clamp => Wrap::Clamp,
+            WrapMode::Repeat => Wrap::Repeat,
+            WrapMode::Mirror => Wrap::Mirror,
+        };
+        ImageInfo {
+            levels: vec![self.size],
+            channels: self.channels,
+            format: self.format(),
+            tile_friendly: false,
+            is_srgb: self.is_srgb,
+            wrap: self.wrap.map(|modes| modes.map(wrap)),
+        }
+    }
+
+    fn format(&self) -> TexelFormat {
+        match self.format {
+            Format::U8 => TexelFormat::U8,
+            Format::F16 => TexelFormat::F16,
+            Format::F32 => TexelFormat::F32,
+        }
+    }
+
+    fn texel_bytes(&self) -> usize {
+        (self.channels * self.format().bytes()) as usize
+    }
+
+    /// Whether it is of this version and its numbers are possible.
+    fn is_possible(&self) -> bool {
+        let layout = Layout::new(self.size, 4);
+        self.version == VERSION
+            && (1..=4).contains(&self.channels)
+            && layout.is_ok_and(|layout| self.first_level < layout.levels())
+    }
+
+    /// The levels in the file.
+    fn levels(&self) -> Vec<Level> {
+        // The bytes of a texel change nothing of the sizes of levels.
+        let Ok(layout) = Layout::new(self.size, 4) else { return Vec::new() };
+        (self.first_level..layout.levels()).map(|level| Level::new(layout.level_size(level))).collect()
+    }
+}
+
+/// How a level is cut in the file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Level {
+    size: [u32; 2],
+    /// Texels of each tile; those at the right and upper border are filled up.
+    tile: [u32; 2],
+    /// Tiles along s and t.
+    tiles: [u32; 2],
+}
+
+impl Level {
+    fn new(size: [u32; 2]) -> Self {
+        let tile = size.map(|side| TILE_SIDE.min(side.next_multiple_of(TILE_STEP)));
+        Self { size, tile, tiles: [size[0].div_ceil(tile[0]), size[1].div_ceil(tile[1])] }
+    }
+
+    fn count(&self) -> usize {
+        self.tiles[0] as usize * self.tiles[1] as usize
+    }
+
+    /// The number of a tile; TIFF counts them row by row, and row 0 is the bottom one.
+    fn number(&self, at: [u32; 2]) -> usize {
+        at[1] as usize * self.tiles[0] as usize + at[0] as usize
+    }
+
+    fn tile_bytes(&self, texel_bytes: usize) -> usize {
+        self.tile[0] as usize * self.tile[1] as usize * texel_bytes
+    }
+}
