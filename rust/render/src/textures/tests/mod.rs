@@ -5,6 +5,7 @@
 
 mod bench;
 mod decode;
+mod file;
 
 use super::ImageInfo;
 use bench::{Answer, Bench, Procedural, Query, encoded, hash, image, noise, number_of, texture, unit};
