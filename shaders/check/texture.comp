@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // No pass of a render: looks textures up, for tests. One thread per query.
-// Reads: queries at Frame::rays, uvec4 (texture, taps, s, t), then vec4 (footprint, 0, 0, 0); textures and their tiles.
+// Reads: queries at Frame::rays, uvec4 (texture, taps, s, t), then vec4 (width, 0, 0, 0); textures and their tiles.
 // Writes: at Frame::radiance, vec4 value, uvec4 (what the lookup said, taps, 0, 0). A query with taps goes on from the value there.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -10,9 +10,9 @@ void main() {
     const uint at = thread_index();
     if (at >= push.path_count) return;
     const uvec4 query = ConstUVec4s(FRAME.rays).v[2u * at];
-    const float footprint = ConstVec4s(FRAME.rays).v[2u * at + 1u].x;
+    const float width = ConstVec4s(FRAME.rays).v[2u * at + 1u].x;
     TextureProgress progress = TextureProgress(Vec4s(FRAME.radiance).v[2u * at], query.y);
-    const uint said = continue_lookup(query.x, uintBitsToFloat(query.zw), footprint, progress);
+    const uint said = continue_lookup(query.x, uintBitsToFloat(query.zw), width, progress);
     Vec4s(FRAME.radiance).v[2u * at] = progress.mean;
     UVec4s(FRAME.radiance).v[2u * at + 1u] = uvec4(said, progress.taps, 0u, 0u);
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Ray cones (Akenine-Moeller et al. 2021, "Improved Shader and Texture Level of Detail Using Ray Cones", JCGT 10(1)): a width at the
-// origin of a path's ray, and its growth per unit of length. Only with textures. Lookups take the longer side of a cone's cut
-// through a slanted surface, as there. Curvature of surfaces is left out.
+// origin of a path's ray, and its growth per unit of length. Only with textures. What a cone covers of a slanted surface is in
+// include/footprint.glsl. Curvature of surfaces is left out.
 #ifndef OOCPT_CONE_GLSL
 #define OOCPT_CONE_GLSL
 
@@ -13,20 +13,17 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Cones { vec2
 const float CONE_SAMPLES = 64.0;
 const float CONE_WIDEST = 0.5;
 
-// The cone of a camera ray through a pixel: it is a pixel wide, everywhere. `d` is the direction of length 1 along the view axis.
+// Width of a camera ray's cone, in pixels. The samples of a pixel are spread over it, and filter; a filter of a pixel's width for each of them
+// blurs twice. Of half the width, what is left is less than the noise of 64 samples without a filter (decisions/0018).
+const float CAMERA_CONE = 0.5;
+
+// The cone of a camera ray; `d` is the direction of length 1 along the view axis.
 void store_camera_cone(uint path, vec3 d) {
-    const float width = sqrt(length(FRAME.ray_o_x) * length(FRAME.ray_o_y));
-    const float spread = sqrt(length(FRAME.ray_d_x) * length(FRAME.ray_d_y)) * inversesqrt(dot(d, d));
+    // Images other than the color have one sample in a pixel.
+    const float pixels = (push.flags & PUSH_AOVS) != 0u ? 1.0 : CAMERA_CONE;
+    const float width = pixels * sqrt(length(FRAME.ray_o_x) * length(FRAME.ray_o_y));
+    const float spread = pixels * sqrt(length(FRAME.ray_d_x) * length(FRAME.ray_d_y)) * inversesqrt(dot(d, d));
     Cones(FRAME.cones).v[path] = vec2(width, spread);
-}
-
-const float SLANT_MOST = 1.0e4;
-
-// How much longer than wide a cone's cut through a surface with normal n is, for a ray along d: 1 / cos; of any lengths.
-float slant(vec3 n, vec3 d) {
-    const float across = abs(dot3(n, d));
-    const float whole = sqrt(dot3(n, n)) * sqrt(dot3(d, d));
-    return whole < SLANT_MOST * across ? whole / across : SLANT_MOST;
 }
 
 float cone_width(uint path, float t) {

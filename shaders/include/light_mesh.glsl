@@ -36,7 +36,7 @@ struct MeshLightPoint {
     uint triangle;
     uint subset;
     vec2 place; // weights of the second and the third corner
-    float area; // twice the triangle's, in the world
+    vec3 edges[2]; // to these corners, in the world
 };
 
 GpuMeshLight load_mesh_light(uint index) {
@@ -132,7 +132,8 @@ bool sample_mesh_light(Receiver r, Double3 origin, vec4 u, vec4 u_mesh, float sh
     const vec3 towards = from_center - difference(origin, Double3(light.position, light.position_lo));
     point.distance = sqrt(dot3(towards, towards));
     if (!(squared > 0.0 && point.distance > 0.0)) return false;
-    point.area = size * size * sqrt(squared);
+    point.edges[0] = e;
+    point.edges[1] = f;
     point.normal = normal * inversesqrt(squared);
     point.direction = towards / point.distance;
     const float cosine = abs(dot3(point.normal, point.direction));
@@ -173,12 +174,14 @@ vec3 point_emission(MeshLightPoint point, float pdf) {
     GpuSurfaceMaterial m;
     m.material = point.material;
     m.flags = 0u;
-    const vec2 e = v.b.xy - v.a.xy;
-    const vec2 f = v.c.xy - v.a.xy;
-    const float density = sqrt(abs(e.x * f.y - e.y * f.x) / point.area) * slant(point.normal, point.direction);
+    vec3 gradient_u, gradient_v, n;
+    uvec2 footprint = uvec2(0u);
+    if (edge_gradients(v.b.xy - v.a.xy, v.c.xy - v.a.xy, point.edges[0], point.edges[1], gradient_u, gradient_v, n)) {
+        footprint = make_footprint(gradient_u, gradient_v, point.normal, point.direction);
+    }
     for (uint i = 0u; i < 2u; ++i) {
         m.uv[i] = value.xy;
-        m.uv_density[i] = density;
+        m.footprints[i] = footprint;
     }
     last_texture = 0xffffffffu;
     return valid_emission(input_value(m, INPUT_EMISSION, fma(next_spread(ask_path, pdf), point.distance, ask_width), ask_missing).xyz);

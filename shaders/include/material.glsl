@@ -32,11 +32,11 @@ vec2 texture_place(GpuInput i, GpuSurfaceMaterial m) {
     return map_place(i, set == INPUT_NO_SET ? vec2(0.0) : m.uv[set & 1u]);
 }
 
-// Width in the texture of a square that a ray's cone of width `cone` (world) covers.
-float texture_footprint(GpuInput i, GpuSurfaceMaterial m, float cone) {
+// How wide the filter of a lookup at `place` is, in texels, for a ray's cone of width `cone` (world).
+float texture_width(GpuInput i, GpuSurfaceMaterial m, vec2 place, float cone) {
     const uint set = (i.kind >> INPUT_SET_SHIFT) & 3u;
     if (set == INPUT_NO_SET) return 0.0;
-    return cone * m.uv_density[set & 1u] * map_scale(i);
+    return lookup_width(i.texture, place, m.footprints[set & 1u], cone, i.row_s, i.row_t);
 }
 
 vec4 pick_channel(GpuInput i, vec4 value) {
@@ -52,7 +52,7 @@ vec4 finish_texture(GpuInput i, vec4 texel, bool found) {
 // The lookup before: several inputs often read one texture in one place, metallic and roughness for instance.
 uint last_texture;
 vec2 last_place;
-float last_footprint;
+float last_width;
 vec4 last_texel;
 uint last_unit;
 
@@ -68,12 +68,12 @@ vec4 input_value(GpuSurfaceMaterial m, uint name, float cone, inout uint missing
     }
     if (HAS_TEXTURES) {
         const vec2 place = texture_place(i, m);
-        const float footprint = texture_footprint(i, m, cone);
-        if (i.texture != last_texture || place != last_place || footprint != last_footprint) {
-            last_texel = texture_lookup(i.texture, place, footprint, last_unit);
+        const float width = texture_width(i, m, place, cone);
+        if (i.texture != last_texture || place != last_place || width != last_width) {
+            last_texel = texture_lookup(i.texture, place, width, last_unit);
             last_texture = i.texture;
             last_place = place;
-            last_footprint = footprint;
+            last_width = width;
         }
         if (last_unit < TEXTURE_FALLBACK) missing = last_unit;
         return finish_texture(i, last_texel, last_unit != TEXTURE_FALLBACK);

@@ -12,10 +12,7 @@ Surface surface_of_hit(uint path) {
     const HitHeader hit = load_hit_header(path);
     for (uint level = 0u; level < MAX_LEVELS; ++level) surface_chain[level] = load_hit_level(path, level);
     Surface s = make_surface(hit.chunk_instance, hit.triangle, hit.uv, load_ray(ray_address(path)), hit.t);
-    if (HAS_TEXTURES) {
-        s.cone = cone_width(path, hit.t);
-        surface_material.uv_density *= slant(s.geometric_normal, ConstVec4s(ray_address(path)).v[1].xyz);
-    }
+    if (HAS_TEXTURES) s.cone = cone_width(path, hit.t);
     return s;
 }
 

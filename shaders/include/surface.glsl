@@ -157,7 +157,7 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
         const uint subset = floatBitsToUint(ConstVec4s(triangles).v[triangle * 3u + 1u].w);
         surface_material = gather_material(mesh, triangle, weights, material_slot(s.prim_id, subset));
         if (surface_material.material != NO_MATERIAL) {
-            add_tangent(surface_material, mesh, triangle, v1 - v0, v2 - v0, s.geometric_normal, world, map);
+            add_tangent(surface_material, mesh, triangle, v1 - v0, v2 - v0, s.geometric_normal, ray.d, world, map);
         }
     }
     s.albedo = FRAME.default_albedo;

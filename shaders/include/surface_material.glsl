@@ -6,6 +6,7 @@
 
 #include "include/affine.glsl"
 #include "include/attribute.glsl"
+#include "include/footprint.glsl"
 
 // Places of inputs; the others are in material.glsl.
 const uint INPUT_OPACITY = 7u;
@@ -79,20 +80,15 @@ vec2 map_place(GpuInput i, vec2 st) {
     return vec2(i.row_s.x * st.x + i.row_s.y * st.y + i.row_s.z, i.row_t.x * st.x + i.row_t.y * st.y + i.row_t.z);
 }
 
-// How much its map makes lengths grow.
-float map_scale(GpuInput i) {
-    return sqrt(abs(i.row_s.x * i.row_t.y - i.row_s.y * i.row_t.x));
-}
-
 GpuSurfaceMaterial gather_material(uint mesh, uint triangle, vec3 weights, uint slot) {
     GpuSurfaceMaterial m;
     m.material = material_number(slot);
     m.tangent = vec3(0.0);
-    m.uv_density = vec2(0.0);
     m.handedness = 0.0;
     m.flags = HAS_MESH_LIGHTS ? mesh << SURFACE_MESH_SHIFT : 0u;
     for (uint i = 0u; i < 2u; ++i) {
         m.uv[i] = vec2(0.0);
+        m.footprints[i] = uvec2(0u);
         m.primvars[i] = vec4(0.0);
     }
     if (m.material == NO_MATERIAL) return m;
@@ -119,40 +115,43 @@ GpuSurfaceMaterial gather_material(uint mesh, uint triangle, vec3 weights, uint 
     return m;
 }
 
-// Gradients of a set's u and v over a triangle with edges e and f, in the mesh's frame.
-bool uv_gradients(uint mesh, uint set, uint triangle, vec3 e, vec3 f, out vec3 u, out vec3 v) {
-    vec4 a, b, c;
-    primvar_corners(mesh, set, triangle, a, b, c);
+// Gradients of u and v over a triangle with edges e and f, along which they grow by d and g; `n`: a normal, not unit.
+bool edge_gradients(vec2 d, vec2 g, vec3 e, vec3 f, out vec3 u, out vec3 v, out vec3 n) {
     const float scale = 1.0 / max(max(abs(e.x), max(abs(e.y), abs(e.z))), max(abs(f.x), max(abs(f.y), abs(f.z))));
     const vec3 x = e * scale;
     const vec3 y = f * scale;
-    const vec3 n = cross3(x, y);
+    n = cross3(x, y);
     const float area = dot3(n, n);
     const vec3 along_x = cross3(y, n) * (scale / area); // 1 on e, 0 on f
     const vec3 along_y = cross3(n, x) * (scale / area);
-    const vec2 d = b.xy - a.xy;
-    const vec2 g = c.xy - a.xy;
     u = along_x * d.x + along_y * g.x;
     v = along_x * d.y + along_y * g.y;
     return area > 0.0;
 }
 
-// Sets tangent, handedness and densities. Gradients are covectors and go to the world as normals do; with n normal to the plane,
-// dP/du is orthogonal to n and to the gradient of v.
-void add_tangent(inout GpuSurfaceMaterial m, uint mesh, uint triangle, vec3 e, vec3 f, vec3 n, ChunkMap world, Affine map) {
+// Those of a set, in the mesh's frame.
+bool uv_gradients(uint mesh, uint set, uint triangle, vec3 e, vec3 f, out vec3 u, out vec3 v, out vec3 n) {
+    vec4 a, b, c;
+    primvar_corners(mesh, set, triangle, a, b, c);
+    return edge_gradients(b.xy - a.xy, c.xy - a.xy, e, f, u, v, n);
+}
+
+// Sets tangent, handedness and, for a ray along `d`, footprints. Gradients are covectors and go to the world as normals do; with n normal to
+// the plane, dP/du is orthogonal to n and to the gradient of v.
+void add_tangent(inout GpuSurfaceMaterial m, uint mesh, uint triangle, vec3 e, vec3 f, vec3 n, vec3 d, ChunkMap world, Affine map) {
     Materials materials = Materials(FRAME.materials);
     const uint kind = materials.v[m.material].inputs[INPUT_NORMAL].kind;
     const uint wanted = (kind & 3u) == INPUT_TEXTURE ? (kind >> INPUT_SET_SHIFT) & 3u : 0u;
     [[unroll]] for (uint i = 0u; i < 2u; ++i) {
         const uint set = find_primvar(mesh, materials.v[m.material].names[i]);
         if (set == NO_NAME) continue;
-        vec3 u, v;
-        if (!uv_gradients(mesh, set, triangle, e, f, u, v)) continue;
+        vec3 u, v, normal;
+        if (!uv_gradients(mesh, set, triangle, e, f, u, v, normal)) continue;
         u = combine_rows(world.x, world.y, world.z, apply_transposed(map, u));
         v = combine_rows(world.x, world.y, world.z, apply_transposed(map, v));
+        if (HAS_TEXTURES) m.footprints[i] = make_footprint(u, v, n, d);
         const vec3 along = cross3(v, n);
         const float area = dot3(u, along); // in the set per area in the world
-        m.uv_density[i] = sqrt(abs(area));
         const float squared = dot3(along, along);
         if (i != wanted || !(squared > 1.0e-30 && squared < 1.0e30) || area == 0.0) continue;
         m.handedness = area < 0.0 ? -1.0 : 1.0;

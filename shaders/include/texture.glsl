@@ -2,8 +2,8 @@
 // Textures: page lookup, texels, bilinear filter, two levels mixed. The twin in f64 is rust/core/src/texture/twin.rs; tiles and
 // levels are numbered as in rust/core/src/texture/layout.rs.
 //
-// st: (0, 0) is the lower left corner of the image. `footprint`: the width, in st, of a square that the ray's cone covers; in texels
-// of level 0 it is footprint * sqrt(width * height). Between 2^l and 2^(l+1) texels levels l and l + 1 are mixed linearly in it.
+// st: (0, 0) is the lower left corner of the image. `width`: of the filter, in texels of level 0 (include/footprint.glsl). Between 2^l and
+// 2^(l+1) texels levels l and l + 1 are mixed linearly in it.
 //
 // A lookup takes up to eight texels, one after the other, and keeps the mean of those it has (West 1979: mean += (x - mean) * w / W),
 // which for equal texels is that texel exactly. So it can stop at any texel whose tile is absent and go on there later, with the same
@@ -12,6 +12,7 @@
 #define OOCPT_TEXTURE_GLSL
 
 #include "include/wavefront.glsl"
+#include "include/footprint.glsl"
 #include "include/progress.glsl"
 #include "include/texture_feedback.glsl"
 
@@ -149,8 +150,7 @@ int texel_place(float s, uint size, out float share) {
 }
 
 // The finer of two levels, and the share of the next one.
-uint select_level(GpuTexture t, float footprint, out float share) {
-    const float width = footprint * t.texels;
+uint select_level(GpuTexture t, float width, out float share) {
     const uint coarsest = t.levels - 1u;
     share = 0.0;
     if (!(width > 1.0)) return 0u;
@@ -173,9 +173,18 @@ uint texture_part(uint texture, inout vec2 st, out bool exists) {
     return t.first_page + uint(part.x) + 10u * uint(part.y);
 }
 
+// How wide the filter of a lookup at st is, in texels, for a cone of width `cone` that covers `footprint` of the coordinates before the map
+// with rows s and t.
+float lookup_width(uint texture, vec2 st, uvec2 footprint, float cone, vec3 s, vec3 t) {
+    bool exists;
+    const uint part = texture_part(texture, st, exists);
+    const uvec2 size = uvec2(Textures(FRAME.textures).v[part].width, Textures(FRAME.textures).v[part].height);
+    return exists ? footprint_width(footprint, cone, s.xy, t.xy, size) : 0.0;
+}
+
 // Goes on with a lookup until it is done (TEXTURE_DONE, TEXTURE_FALLBACK; the value is progress.mean) or comes to an absent tile: then
 // the number of that tile among all tiles of the scene.
-uint continue_lookup(uint texture, vec2 st, float footprint, inout TextureProgress progress) {
+uint continue_lookup(uint texture, vec2 st, float width, inout TextureProgress progress) {
     bool exists;
     const GpuTexture t = Textures(FRAME.textures).v[texture_part(texture, st, exists)];
     if (!exists || t.levels == 0u) {
@@ -186,7 +195,7 @@ uint continue_lookup(uint texture, vec2 st, float footprint, inout TextureProgre
     const uint wrap_t = (t.flags >> TEXTURE_WRAP_T_SHIFT) & 3u;
     st = vec2(near_image(st.x, wrap_s), near_image(st.y, wrap_t));
     float coarse_share;
-    const uint finer = select_level(t, footprint, coarse_share);
+    const uint finer = select_level(t, width, coarse_share);
     float total = 0.0;
     uint page = 0xffffffffu;
     uint64_t address = 0ul;
@@ -240,12 +249,12 @@ uint continue_lookup(uint texture, vec2 st, float footprint, inout TextureProgre
 // without them, so that it requests what lies behind, too.
 const vec4 UNKNOWN_TEXEL = vec4(0.5);
 
-uint requested_lookup(uint path, uint texture, vec2 st, float footprint, inout TextureProgress progress) {
-    uint said = continue_lookup(texture, st, footprint, progress);
+uint requested_lookup(uint path, uint texture, vec2 st, float width, inout TextureProgress progress) {
+    uint said = continue_lookup(texture, st, width, progress);
     while (said < TEXTURE_FALLBACK) {
         request_tile(path, said);
         ++progress.taps;
-        said = continue_lookup(texture, st, footprint, progress);
+        said = continue_lookup(texture, st, width, progress);
     }
     return said;
 }
@@ -273,7 +282,7 @@ uint noted_count;
 
 // With NOTE_TILES: notes the tiles of a lookup that are absent, so that they come together and not one after the other. A hint: the four
 // texels of a level may lie in other tiles too.
-void note_tiles(uint texture, vec2 st, float footprint, uint but) {
+void note_tiles(uint texture, vec2 st, float width, uint but) {
 #ifdef NOTE_TILES
     bool exists;
     const GpuTexture t = Textures(FRAME.textures).v[texture_part(texture, st, exists)];
@@ -282,7 +291,7 @@ void note_tiles(uint texture, vec2 st, float footprint, uint but) {
     const uint wrap_t = (t.flags >> TEXTURE_WRAP_T_SHIFT) & 3u;
     st = vec2(near_image(st.x, wrap_s), near_image(st.y, wrap_t));
     float coarse_share;
-    const uint finer = select_level(t, footprint, coarse_share);
+    const uint finer = select_level(t, width, coarse_share);
     const uint end = coarse_share > 0.0 ? 2u : 1u;
     for (uint i = 0u; i < end; ++i) {
         const TextureLevel l = texture_level(t, finer + i);
@@ -302,7 +311,7 @@ void note_tiles(uint texture, vec2 st, float footprint, uint but) {
 #endif
 }
 
-vec4 kept_lookup(uint texture, vec2 st, float footprint, out uint missing_unit) {
+vec4 kept_lookup(uint texture, vec2 st, float width, out uint missing_unit) {
     const uint k = lookup_number++;
     const uint word = ConstUints(STREAMING.resolve_progress).v[lookup_path];
     const uint done = word & 0xffu;
@@ -310,12 +319,12 @@ vec4 kept_lookup(uint texture, vec2 st, float footprint, out uint missing_unit) 
     missing_unit = (word >> (LOOKUPS_FALLBACK_SHIFT + k) & 1u) != 0u ? TEXTURE_FALLBACK : TEXTURE_DONE;
     if (k < done) return ConstVec4s(STREAMING.resolved).v[at];
     if (k > done) { // another one waits
-        note_tiles(texture, st, footprint, 0xffffffffu);
+        note_tiles(texture, st, width, 0xffffffffu);
         return vec4(0.0);
     }
     TextureProgress progress = TextureProgress(vec4(0.0), (word >> LOOKUPS_TAPS_SHIFT) & 0xffu);
     if (progress.taps != 0u) progress.mean = ConstVec4s(STREAMING.resolved).v[at];
-    const uint said = continue_lookup(texture, st, footprint, progress);
+    const uint said = continue_lookup(texture, st, width, progress);
     Vec4s(STREAMING.resolved).v[at] = progress.mean;
     const uint others = word & ~0xffffu;
     if (said >= TEXTURE_FALLBACK) {
@@ -326,17 +335,17 @@ vec4 kept_lookup(uint texture, vec2 st, float footprint, out uint missing_unit) 
         missing_unit = said + STREAMING.chunk_count;
         Uints(STREAMING.resolve_progress).v[lookup_path] = others | progress.taps << LOOKUPS_TAPS_SHIFT | done;
         noted_count = 0u;
-        note_tiles(texture, st, footprint, missing_unit);
+        note_tiles(texture, st, width, missing_unit);
     }
     return progress.mean;
 }
 
 // A whole lookup. `missing_unit` is TEXTURE_DONE, TEXTURE_FALLBACK, or with streaming the unit of the planner to wait for (the value
 // then means nothing). With streaming after begin_lookups, and always in the same order.
-vec4 texture_lookup(uint texture, vec2 st, float footprint, out uint missing_unit) {
-    if (HAS_STREAMING) return kept_lookup(texture, st, footprint, missing_unit);
+vec4 texture_lookup(uint texture, vec2 st, float width, out uint missing_unit) {
+    if (HAS_STREAMING) return kept_lookup(texture, st, width, missing_unit);
     TextureProgress progress = TextureProgress(UNKNOWN_TEXEL, 0u);
-    missing_unit = requested_lookup(lookup_path, texture, st, footprint, progress);
+    missing_unit = requested_lookup(lookup_path, texture, st, width, progress);
     return progress.mean;
 }
 

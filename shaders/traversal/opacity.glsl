@@ -53,14 +53,14 @@ bool is_cut_in(uint triangle, vec2 uv, float t) {
     if (presence.texture == NO_TEXTURE) {
         progress.mean = vec4(presence.bias);
     } else if (HAS_STREAMING) {
-        said = continue_lookup(presence.texture, presence.st, presence.footprint, progress);
+        said = continue_lookup(presence.texture, presence.st, presence.width, progress);
     } else {
-        said = requested_lookup(walk.path, presence.texture, presence.st, presence.footprint, progress);
+        said = requested_lookup(walk.path, presence.texture, presence.st, presence.width, progress);
     }
     const uint flags = presence.channel << QUESTION_CHANNEL_SHIFT | (chance ? 0u : QUESTION_INCLUSIVE);
     if (HAS_STREAMING && said < TEXTURE_FALLBACK) {
         ask(walk.chunk_entry, Question(t, id, walk.chunk_instance, flags | progress.taps, progress.mean, presence.texture, presence.st,
-                                       presence.footprint, presence.scale, presence.bias, limit, STREAMING.chunk_count + said));
+                                       presence.width, presence.scale, presence.bias, limit, STREAMING.chunk_count + said));
         if (!walk.chunk_pending) remember(walk.chunk_entry, walk.chunk_instance);
         walk.chunk_pending = true;
         return false;

@@ -15,7 +15,7 @@ struct Presence {
     bool is_asked;
     uint texture;
     vec2 st;
-    float footprint;
+    float width; // of the lookup's filter, in texels
     uint channel;
     float scale;
     float bias;
@@ -59,6 +59,7 @@ Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone,
         p.bias = 1.0;
         if (!HAS_TEXTURES) return p; // there are no images: opaque
         vec2 st = vec2(0.0);
+        uvec2 footprint = uvec2(0u);
         if (set != INPUT_NO_SET) {
             st = materials.v[material].set_fallback[set & 1u];
             const uint entry = find_primvar(mesh, materials.v[material].names[set & 1u]);
@@ -69,17 +70,15 @@ Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone,
                 const vec3 v0 = ConstVec4s(triangles).v[triangle * 3u].xyz;
                 const vec3 v1 = ConstVec4s(triangles).v[triangle * 3u + 1u].xyz;
                 const vec3 v2 = ConstVec4s(triangles).v[triangle * 3u + 2u].xyz;
-                vec3 u, v;
-                if (uv_gradients(mesh, entry, triangle, v1 - v0, v2 - v0, u, v)) {
-                    const vec3 area = cross3(u, v); // along the normal
-                    p.footprint = cone * sqrt(sqrt(dot3(area, area))) * map_scale(i) * slant(area, d);
-                }
+                vec3 u, v, n;
+                if (uv_gradients(mesh, entry, triangle, v1 - v0, v2 - v0, u, v, n)) footprint = make_footprint(u, v, n, d);
             }
         }
         const uint channel = (i.kind >> INPUT_CHANNEL_SHIFT) & 7u;
         p.channel = channel == 0u ? 0u : channel - 1u;
         p.texture = i.texture;
         p.st = map_place(i, st);
+        p.width = lookup_width(i.texture, p.st, footprint, cone, i.row_s, i.row_t);
         p.scale = i.value[p.channel];
         p.bias = i.bias[p.channel];
     }

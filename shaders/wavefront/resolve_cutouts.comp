@@ -21,7 +21,7 @@ void main() {
     const Question q = questions.v[path];
     if (q.unit == OWN_UNIT || !is_resident(q.unit)) return;
     TextureProgress progress = TextureProgress(q.mean, q.flags & QUESTION_TAPS);
-    const uint said = continue_lookup(q.texture, q.st, q.footprint, progress);
+    const uint said = continue_lookup(q.texture, q.st, q.width, progress);
     uint flags = (q.flags & ~QUESTION_TAPS) | progress.taps;
     if (said >= TEXTURE_FALLBACK && is_there(progress.mean, said, q.scale, q.bias, flags, q.limit)) flags |= QUESTION_PRESENT;
     questions.v[path].mean = progress.mean;

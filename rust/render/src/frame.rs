@@ -129,7 +129,8 @@ impl Renderer {
         let has_materials = job.snapshot.features.contains(SceneFeatures::MATERIALS);
         let (mut lights, mut warnings) =
             LightTable::new(&job.snapshot, scene_lights, dome_visible, has_materials, files, &mut self.light_files);
-        if let Some(meshes) = self.mesh_lights.get(&job.snapshot, job.images.as_deref()) {
+        let textures = self.scene.open_textures(&job.snapshot, job.images.as_ref(), &job.settings);
+        if let Some(meshes) = self.mesh_lights.get(&job.snapshot, job.images.as_ref().map(|_| textures)) {
             lights.add_meshes(&meshes);
             warnings.extend(meshes.warning.clone());
         }

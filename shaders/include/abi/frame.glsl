@@ -176,7 +176,7 @@ struct Question {
     vec4 mean;
     uint texture;
     vec2 st;
-    float footprint;
+    float width;
     float scale;
     float bias;
     float limit;

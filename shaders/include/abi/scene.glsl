@@ -88,7 +88,7 @@ struct GpuSurfaceMaterial {
     vec4 primvars[2];
     vec3 tangent;
     uint material;
-    vec2 uv_density;
+    uvec2 footprints[2];
     float handedness;
     uint flags;
 };
@@ -145,7 +145,7 @@ struct GpuTexture {
     uint width;
     uint height;
     uint levels;
-    float texels;
+    uint pad;
     vec4 fallback;
 };
 

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The filter of `shaders/include/texture.glsl` in f64, for tests.
 //!
-//! The footprint is the width of a square of st; in texels of level 0 it is `footprint * sqrt(width * height)`. Between widths of
-//! 2^l and 2^(l+1) texels the levels l and l + 1 are mixed linearly in the width (the usual choice is linear in its logarithm;
+//! Widths of filters are in texels of level 0 (`footprint.rs`). Between widths of 2^l and 2^(l+1) texels the levels l and l + 1 are mixed linearly in the width (the usual choice is linear in its logarithm;
 //! the two agree at powers of two and differ by at most 0.086 of a level; this one needs no transcendental function).
 
 use super::{Layout, Wrap};
 
-/// The finer level and the share of the next coarser one, for a footprint that is `width` texels of level 0 wide.
+/// The finer level and the share of the next coarser one, for a filter that is `width` texels of level 0 wide.
 pub fn select_level(width: f64, levels: u32) -> (u32, f64) {
     let coarsest = levels.max(1) - 1;
     let (mut level, mut scale) = (0, 1.0);
@@ -33,10 +32,9 @@ pub struct Sampler<T> {
 }
 
 impl<T: Fn(u32, u32, u32) -> [f64; 4]> Sampler<T> {
-    /// The value at `st`.
-    pub fn lookup(&self, st: [f64; 2], footprint: f64) -> [f64; 4] {
-        let [width, height] = self.layout.size().map(f64::from);
-        let (level, blend) = select_level(footprint * (width * height).sqrt(), self.layout.levels());
+    /// The value at `st`, by a filter of `width`.
+    pub fn lookup(&self, st: [f64; 2], width: f64) -> [f64; 4] {
+        let (level, blend) = select_level(width, self.layout.levels());
         let fine = self.bilinear(st, level);
         if blend == 0.0 {
             return fine;

@@ -90,6 +90,18 @@ pub(crate) struct SceneCache {
 }
 
 impl SceneCache {
+    /// Opens the images that the textures of a snapshot read: `images` knows them, `settings` say where they are kept when decoded.
+    pub(crate) fn open_textures(
+        &mut self,
+        snapshot: &Snapshot,
+        images: Option<&Arc<dyn ImageLibrary>>,
+        settings: &Settings,
+    ) -> &TextureCache {
+        self.textures.keep_in(settings);
+        self.textures.sync(images, &snapshot.surfaces.textures);
+        &self.textures
+    }
+
     /// Takes the assets of `snapshot` for what is wanted; lets go of what it does not need.
     /// `images` opens what textures name; `settings` say where decoded images are kept.
     pub(crate) fn sync(
@@ -103,7 +115,7 @@ impl SceneCache {
             // Nothing of it has changed: what is there stays, with its tables.
             Some(scene) if Arc::ptr_eq(&scene.assets.snapshot, snapshot) => scene.store.forget_arriving()?,
             _ => {
-                self.textures.keep_in(settings);
+                self.open_textures(snapshot, images, settings);
                 let textures = self.textures.sync(images, &snapshot.surfaces.textures);
                 let assets = Arc::new(SceneAssets::new(snapshot, &textures)?);
                 let mut store = match self.scene.take() {

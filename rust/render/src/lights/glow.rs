@@ -3,7 +3,7 @@
 
 use super::glow_map::{Finish, GlowMap};
 use super::{emission_weight, narrow};
-use crate::textures::ImageLibrary;
+use crate::textures::TextureCache;
 use oocpt_core::material::{Input, InputName};
 use oocpt_core::mesh::{AnyAttribute, AttributeRate, MeshAsset};
 use oocpt_core::scene::{NO_MATERIAL, NO_VALUE, Snapshot};
@@ -62,14 +62,14 @@ pub(super) struct GlowMaps {
 
 impl GlowMaps {
     /// What each material emits. Forgets the maps of others.
-    pub(super) fn glows(&mut self, snapshot: &Snapshot, images: Option<&dyn ImageLibrary>) -> Vec<Option<Glow>> {
+    pub(super) fn glows(&mut self, snapshot: &Snapshot, images: Option<&TextureCache>) -> Vec<Option<Glow>> {
         let materials = snapshot.surfaces.materials.iter();
         let glows = materials.map(|material| glow(snapshot, material, self, images)).collect();
         self.known.retain_mut(|(.., is_used)| std::mem::take(is_used));
         glows
     }
 
-    fn get(&mut self, texture: &TextureRef, finish: Finish, images: &dyn ImageLibrary) -> Arc<GlowMap> {
+    fn get(&mut self, texture: &TextureRef, finish: Finish, images: &TextureCache) -> Arc<GlowMap> {
         let is_it = |entry: &&mut (TextureRef, Finish, _, bool)| entry.0 == *texture && entry.1 == finish;
         if let Some((.., map, is_used)) = self.known.iter_mut().find(is_it) {
             *is_used = true;
@@ -84,7 +84,7 @@ impl GlowMaps {
     }
 
     /// A file that cannot be read shows its fallback; the textures' own warning says why. Sets of files are taken as even.
-    fn make(&self, texture: &TextureRef, finish: &Finish, images: &dyn ImageLibrary) -> GlowMap {
+    fn make(&self, texture: &TextureRef, finish: &Finish, images: &TextureCache) -> GlowMap {
         if texture.asset.resolved.contains("<UDIM>") || self.known.len() >= MAX_MAPS {
             return GlowMap::even(1.0, self.made);
         }
@@ -93,7 +93,7 @@ impl GlowMaps {
         if texture.asset.resolved.is_empty() {
             return fallback();
         }
-        let Ok(image) = images.open(&texture.asset) else { return fallback() };
+        let Some(image) = images.image(texture) else { return fallback() };
         // One that opens and cannot be read here may be read tile by tile.
         GlowMap::of_image(&*image, texture, finish, self.made).unwrap_or_else(|error| {
             tracing::debug!(%error, file = &*texture.asset.authored, "emission is taken as even");
@@ -235,12 +235,7 @@ impl Picture {
 }
 
 /// What a material emits; `None` if it is none that lights are made of.
-fn glow(
-    snapshot: &Snapshot,
-    material: &Material,
-    maps: &mut GlowMaps,
-    images: Option<&dyn ImageLibrary>,
-) -> Option<Glow> {
+fn glow(snapshot: &Snapshot, material: &Material, maps: &mut GlowMaps, images: Option<&TextureCache>) -> Option<Glow> {
     if !material.flags.contains(MaterialFlags::EMISSIVE) || material.flags.contains(MaterialFlags::PRESENCE) {
         return None;
     }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! How much a picture emits where: what triangles that show it are weighed by. Only choices depend on it, no radiance does.
 //!
-//! Bounds: a map has at most 256 x 256 cells and a third more; making it reads at most [`MOST_BYTES`] of a picture, from the coarsest
-//! level of the file that is fine enough, in evenly spaced rows where that level is larger. Render thread only.
+//! Bounds: a map has at most 256 x 256 cells and a third more; making it looks at at most [`MOST_BYTES`] of a picture, of the
+//! coarsest level that is fine enough, in evenly spaced rows where that level is larger. Render thread only.
 
 use super::emission_weight;
 use crate::textures::{Image, ImageError};
@@ -82,20 +82,22 @@ impl GlowMap {
         let is_encoded = is_srgb(&texture.color_space, info.is_srgb, info.format, info.channels);
         let size = [width, rows].map(|n| 1 << n.min(SIDE).ilog2());
         let mut sums = vec![[0.0_f64; 2]; (size[0] * size[1]) as usize];
-        let mut row = vec![0; width as usize * texel_bytes];
-        for y in 0..rows {
-            let from = u64::from(y) * u64::from(height) / u64::from(rows);
-            let level = u32::try_from(level).unwrap_or(0);
-            image.read(level, [0, u32::try_from(from).unwrap_or(0)], [width, 1], &mut row)?;
-            let line = u64::from(y) * u64::from(size[1]) / u64::from(rows) * u64::from(size[0]);
-            for (x, texel) in (0_u64..).zip(row.chunks_exact(texel_bytes)) {
-                let cell = line + x * u64::from(size[0]) / u64::from(width);
-                let color = finish.color(decode(texel, info.format, is_encoded), true);
-                if let Some(sum) = usize::try_from(cell).ok().and_then(|cell| sums.get_mut(cell)) {
-                    *sum = [sum[0] + emission_weight(color), sum[1] + 1.0];
+        let level = u32::try_from(level).unwrap_or(0);
+        // In one pass over the level: of a file that is not in tiles each row would cost all those above it.
+        image.decode(level, &mut |top, band| {
+            for (top, row) in (top..height).zip(band.chunks_exact(width as usize * texel_bytes)) {
+                let Some(y) = sampled_row(height - 1 - top, rows, height) else { continue };
+                let line = y * u64::from(size[1]) / u64::from(rows) * u64::from(size[0]);
+                for (x, texel) in (0_u64..).zip(row.chunks_exact(texel_bytes)) {
+                    let cell = line + x * u64::from(size[0]) / u64::from(width);
+                    let color = finish.color(decode(texel, info.format, is_encoded), true);
+                    if let Some(sum) = usize::try_from(cell).ok().and_then(|cell| sums.get_mut(cell)) {
+                        *sum = [sum[0] + emission_weight(color), sum[1] + 1.0];
+                    }
                 }
             }
-        }
+            true
+        })?;
         #[expect(clippy::cast_possible_truncation, reason = "at most 1e31")]
         let cells = sums.iter().map(|[sum, count]| (sum / count.max(1.0)) as f32).collect();
         let metadata = info.wrap.unwrap_or([Wrap::Black; 2]);
@@ -212,6 +214,13 @@ fn wrapped(s: f64, wrap: Wrap) -> Option<f64> {
     }
 }
 
+/// Of `rows` rows spread evenly over `height`, the one that is row `from`, if one is.
+fn sampled_row(from: u32, rows: u32, height: u32) -> Option<u64> {
+    let (from, rows, height) = (u64::from(from), u64::from(rows), u64::from(height));
+    let y = (from * rows).div_ceil(height);
+    (y < rows && y * height / rows == from).then_some(y)
+}
+
 /// A texel in linear colours; what is not finite is 0.
 fn decode(bytes: &[u8], format: TexelFormat, is_encoded: bool) -> [f64; 4] {
     let mut values = [0.0_f64; 4];
@@ -235,6 +244,17 @@ mod tests {
 
     fn map(size: [u32; 2], cells: Vec<f32>, wrap: Wrap) -> GlowMap {
         GlowMap::of_cells(Level { size, cells }, [wrap; 2], 0)
+    }
+
+    #[test]
+    fn sampled_rows_are_spread_evenly() {
+        for (rows, height) in [(1, 1), (1, 7), (3, 7), (7, 7), (100, 1001), (4096, 16384)] {
+            let expected: Vec<u64> = (0..u64::from(rows)).map(|y| y * u64::from(height) / u64::from(rows)).collect();
+            let found: Vec<(u64, u64)> =
+                (0..height).filter_map(|from| Some((sampled_row(from, rows, height)?, from.into()))).collect();
+            assert!(found.iter().map(|row| row.0).eq(0..u64::from(rows)), "{rows} of {height}: each once, in order");
+            assert!(found.iter().map(|row| row.1).eq(expected), "{rows} of {height}: where they are");
+        }
     }
 
     const WHOLE: [[f64; 2]; 3] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];

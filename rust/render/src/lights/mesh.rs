@@ -11,7 +11,7 @@ use super::glow::{Glow, GlowMaps, Glows, Placed};
 use super::local::finite_power;
 use super::tree::{self, LightBounds, NOTHING};
 use super::{EVEN_SHARE, count, narrow};
-use crate::textures::ImageLibrary;
+use crate::textures::TextureCache;
 use oocpt_core::partition::World;
 use oocpt_core::scene::{MeshPlacement, SceneFeatures, Snapshot};
 use oocpt_shader_abi::{
@@ -66,7 +66,7 @@ type EmitterKey = (u128, Vec<u32>);
 
 impl MeshLightCache {
     /// The mesh lights of a snapshot; `None` without any. Without `images` textures emit nothing.
-    pub(crate) fn get(&mut self, snapshot: &Snapshot, images: Option<&dyn ImageLibrary>) -> Option<Arc<MeshLights>> {
+    pub(crate) fn get(&mut self, snapshot: &Snapshot, images: Option<&TextureCache>) -> Option<Arc<MeshLights>> {
         if !snapshot.features.contains(SceneFeatures::EMISSION) {
             *self = Self::default();
             return None;
@@ -82,7 +82,7 @@ impl MeshLightCache {
         lights
     }
 
-    fn make(&mut self, snapshot: &Snapshot, images: Option<&dyn ImageLibrary>) -> Option<MeshLights> {
+    fn make(&mut self, snapshot: &Snapshot, images: Option<&TextureCache>) -> Option<MeshLights> {
         let materials = self.maps.glows(snapshot, images);
         let glows: Vec<Option<Glows>> = (-1..i64::try_from(snapshot.surfaces.prims.len()).unwrap_or(0) - 1)
             .map(|id| Glows::of_prim(snapshot, id, &materials))

@@ -73,8 +73,6 @@ impl Held {
 #[derive(Debug, Default)]
 struct State {
     held: Option<Arc<Held>>,
-    /// How often it was decoded.
-    decoded: u32,
     failed: Option<ImageError>,
 }
 
@@ -133,12 +131,6 @@ impl Prepared {
         self.finest.fetch_min(level, Ordering::Relaxed);
     }
 
-    /// Times that the file was decoded.
-    #[cfg(test)]
-    pub(super) fn decoded(&self) -> u32 {
-        lock(&self.state).decoded
-    }
-
     /// Reads a tile, or a rectangle of a level of the last tile, in the file's channels.
     pub(super) fn read(&self, level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
         self.expect(level);
@@ -175,7 +167,6 @@ impl Prepared {
             None => self.finest.load(Ordering::Relaxed).min(level).saturating_sub(1),
             Some(_) => 0,
         };
-        state.decoded += 1;
         match self.make(first) {
             Ok(held) => {
                 let held = Arc::new(held);

@@ -117,6 +117,11 @@ impl TextureCache {
         Arc::clone(&self.set)
     }
 
+    /// The image that a texture reads, if it is open; none for a set of files.
+    pub(crate) fn image(&self, texture: &TextureRef) -> Option<Arc<TextureImage>> {
+        self.open.get(&image_key(texture, 0)).cloned()?.ok()?
+    }
+
     /// Opens what is not open, on all cores.
     fn open_all(&mut self, library: Option<&Arc<dyn ImageLibrary>>, textures: &[TextureRef]) {
         let mut asked: FxHashSet<ImageKey> = FxHashSet::default();
@@ -216,8 +221,6 @@ impl Making<'_> {
         };
         let srgb = if image.is_srgb() { abi::TEXTURE_SRGB } else { 0 };
         let [width, height] = image.layout().size();
-        #[expect(clippy::cast_possible_truncation, reason = "at most 2^16")]
-        let texels = (f64::from(width) * f64::from(height)).sqrt() as f32;
         GpuTexture {
             decode: 0,
             first_page,
@@ -229,7 +232,7 @@ impl Making<'_> {
             width,
             height,
             levels: image.layout().levels(),
-            texels,
+            pad: 0,
             fallback: texture.fallback,
         }
     }

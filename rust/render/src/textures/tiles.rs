@@ -8,7 +8,7 @@ use super::prepared::{Making, Origin, Prepared};
 use super::texels::Texels;
 use crate::sync::lock;
 use oocpt_core::scene::AssetRef;
-use oocpt_core::texture::{ColorSpace, Layout, Piece, TexelFormat, is_srgb};
+use oocpt_core::texture::{ColorSpace, Layout, Piece, TILE_SIDE, TexelFormat, is_srgb};
 use rustc_hash::FxHashSet;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -225,6 +225,43 @@ impl TextureImage {
         raw.resize(size[0] as usize * size[1] as usize * self.texels.file_bytes(), 0);
         read(raw)?;
         self.texels.widen(raw, out);
+        Ok(())
+    }
+}
+
+/// All levels of a texture's image, for whoever looks at texels on the host: nothing is decoded for it a second time.
+impl Image for TextureImage {
+    fn info(&self) -> ImageInfo {
+        let levels = (0..self.layout.levels()).map(|level| self.layout.level_size(level)).collect();
+        ImageInfo { levels, tile_friendly: true, ..self.info.clone() }
+    }
+
+    fn read(&self, level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
+        let prepared = match &self.pixels {
+            Pixels::File(image) => return image.read(level, at, size, out),
+            Pixels::Prepared(prepared) => prepared,
+        };
+        let texel = self.texels.file_bytes();
+        let whole = self.layout.level_size(level);
+        let row = size[0] as usize * texel;
+        let mut tile = Vec::new();
+        let tiles = |axis: usize| (at[axis] / TILE_SIDE * TILE_SIDE..at[axis] + size[axis]).step_by(TILE_SIDE as usize);
+        for (x, y) in tiles(1).flat_map(|y| tiles(0).map(move |x| (x, y))) {
+            let side = [whole[0].saturating_sub(x).min(TILE_SIDE), whole[1].saturating_sub(y).min(TILE_SIDE)];
+            tile.clear();
+            tile.resize(side[0] as usize * side[1] as usize * texel, 0);
+            prepared.read(level, [x, y], side, &mut tile)?;
+            let (left, right) = (x.max(at[0]), (x + side[0]).min(at[0] + size[0]));
+            for line in y.max(at[1])..(y + side[1]).min(at[1] + size[1]) {
+                let from = ((line - y) * side[0] + left - x) as usize * texel;
+                let to = (line - at[1]) as usize * row + (left - at[0]) as usize * texel;
+                let length = right.saturating_sub(left) as usize * texel;
+                let (Some(from), Some(to)) = (tile.get(from..from + length), out.get_mut(to..to + length)) else {
+                    return Err(ImageError("has no such texels".into()));
+                };
+                to.copy_from_slice(from);
+            }
+        }
         Ok(())
     }
 }

@@ -162,7 +162,7 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(Roulette { mean, second_moment, ended_paths, ended_shadows, variance, looks }),
     layout!(Segment { first_pixel, first_sample, count, alive }),
     layout!(Pending { entry, chunk_instance }),
-    layout!(Question { t, id, chunk_instance, flags, mean, texture, st, footprint, scale, bias, limit, unit }),
+    layout!(Question { t, id, chunk_instance, flags, mean, texture, st, width, scale, bias, limit, unit }),
     layout!(GpuSurface {
         position,
         offset,
@@ -197,7 +197,7 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(GpuMaterial { inputs, flags, opacity_threshold, names, set_fallback, pad }),
     layout!(GpuPrim { first_slot, slot_count, link_set, pad }),
     layout!(GpuAttribute { values, name, rate_and_width }),
-    layout!(GpuSurfaceMaterial { uv, primvars, tangent, material, uv_density, handedness, flags }),
+    layout!(GpuSurfaceMaterial { uv, primvars, tangent, material, footprints, handedness, flags }),
     layout!(GpuAssembly { nodes, instances, primvars }),
     layout!(GpuLight { direction, one_minus_cos, radiance, probability, cumulative }),
     layout!(Lighting {
@@ -297,7 +297,7 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(GpuLightMap { texels, cells, width, height, columns, rows, x, format, y, pad0, z, pad1 }),
     layout!(GpuCdf { start, guide, density }),
     layout!(GpuChunk { nodes, instances, primvars }),
-    layout!(GpuTexture { decode, first_page, flags, width, height, levels, texels, fallback }),
+    layout!(GpuTexture { decode, first_page, flags, width, height, levels, pad, fallback }),
     layout!(GpuChunkInstance { chunk_from_world, origin_lo, chunk, instance_id, row, pad }),
     layout!(Ray { o, bounce, d, t_max, o_lo, flags }),
     layout!(PathState { throughput, pdf }),

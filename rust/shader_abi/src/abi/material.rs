@@ -90,7 +90,7 @@ pub struct GpuAttribute {
     pub rate_and_width: u32,
 }
 
-/// What is kept of a hit to evaluate its material, 80 B.
+/// What is kept of a hit to evaluate its material, 88 B.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct GpuSurfaceMaterial {
@@ -102,8 +102,8 @@ pub struct GpuSurfaceMaterial {
     pub tangent: [f32; 3],
     /// Number of the material, or [`NO_MATERIAL`].
     pub material: u32,
-    /// Lengths in the sets per length in the world.
-    pub uv_density: [f32; 2],
+    /// What a cone of width 1 covers of the sets, packed (`shaders/include/footprint.glsl`).
+    pub footprints: [[u32; 2]; 2],
     /// 1 or -1: v grows along `cross(normal, tangent)` or against it; 0: no tangent.
     pub handedness: f32,
     /// Bit 0, bit 1: the mesh has the primvar.

@@ -154,8 +154,8 @@ pub struct Question {
     pub texture: u32,
     /// Where.
     pub st: [f32; 2],
-    /// How wide.
-    pub footprint: f32,
+    /// How wide the filter is, in texels.
+    pub width: f32,
     /// What the opacity is from the texel.
     pub scale: f32,
     /// See `scale`.

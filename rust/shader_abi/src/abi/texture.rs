@@ -53,8 +53,8 @@ pub struct GpuTexture {
     pub height: u32,
     /// Levels, down to 1 x 1; 0 = there is no image, and `fallback` is what a lookup gives.
     pub levels: u32,
-    /// `sqrt(width * height)`.
-    pub texels: f32,
+    /// 0.
+    pub pad: u32,
     /// See `levels`.
     pub fallback: [f32; 4],
 }

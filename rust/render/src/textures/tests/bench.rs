@@ -104,16 +104,21 @@ pub(super) struct Bench {
 pub(super) struct Query {
     pub(super) texture: u32,
     pub(super) st: [f32; 2],
-    pub(super) footprint: f32,
+    pub(super) width: f32,
 }
 
 /// Value, what the lookup said, texels it is done with.
 pub(super) type Answer = ([f32; 4], u32, u32);
 
+/// The device that tests run on.
+pub(super) fn open() -> Arc<Gpu> {
+    let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
+    Gpu::open(&OpenOptions { selector, validation: true, ..OpenOptions::default() }).expect("a device")
+}
+
 impl Bench {
     pub(super) fn new(images: Vec<Arc<Procedural>>, textures: &[TextureRef]) -> Self {
-        let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
-        let gpu = Gpu::open(&OpenOptions { selector, validation: true, ..OpenOptions::default() }).expect("a device");
+        let gpu = open();
         let library: Arc<dyn ImageLibrary> = Arc::new(Library(images));
         let set = TextureCache::default().sync(Some(&library), textures);
         let tiles: Vec<Vec<u8>> =
@@ -157,7 +162,7 @@ impl Bench {
         let asked: Vec<[u32; 8]> = queries
             .iter()
             .zip(before)
-            .map(|(q, b)| [q.texture, b.2, q.st[0].to_bits(), q.st[1].to_bits(), q.footprint.to_bits(), 0, 0, 0])
+            .map(|(q, b)| [q.texture, b.2, q.st[0].to_bits(), q.st[1].to_bits(), q.width.to_bits(), 0, 0, 0])
             .collect();
         let kept: Vec<[f32; 8]> = before.iter().map(|b| [b.0[0], b.0[1], b.0[2], b.0[3], 0.0, 0.0, 0.0, 0.0]).collect();
         let bytes = 32 * queries.len() as u64;

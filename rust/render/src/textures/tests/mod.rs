@@ -6,6 +6,8 @@
 mod bench;
 mod decode;
 mod file;
+mod footprint;
+mod kept;
 
 use super::ImageInfo;
 use bench::{Answer, Bench, Procedural, Query, encoded, hash, image, noise, number_of, texture, unit};
@@ -35,7 +37,7 @@ fn texel_centers_are_exact() {
                     let query = |p: &[u32; 2]| Query {
                         texture: 0,
                         st: [center(p[0], size[0]), center(p[1], size[1])],
-                        footprint: 0.0,
+                        width: 0.0,
                     };
                     let answers = bench.ask(&places.iter().map(query).collect::<Vec<_>>());
                     for (place, (value, said, _)) in places.iter().zip(answers) {
@@ -58,6 +60,7 @@ fn texel_centers_are_exact() {
 
 /// The largest error of lookups all over an image, against f64, in units of 2^-24 of the largest texel (1).
 fn largest_error(size: [u32; 2], format: TexelFormat, wrap: [Wrap; 2], widest: f32) -> f64 {
+    let widest = widest * size.map(|side| side as f32).iter().product::<f32>().sqrt();
     let bench = Bench::new(vec![image(size, 4, format)], &[texture("0", wrap, ColorSpace::Raw)]);
     let (layout, levels) = bench.texels(0, false);
     let texel = |level: u32, x: u32, y: u32| levels[level as usize][(y * layout.level_size(level)[0] + x) as usize];
@@ -66,13 +69,13 @@ fn largest_error(size: [u32; 2], format: TexelFormat, wrap: [Wrap; 2], widest: f
         .map(|i| {
             let reach = [1.0, 3.0, 40.0][(i % 3) as usize];
             let st = [unit(2 * i) - 0.5, unit(2 * i + 1) - 0.5].map(|u| 0.5 + reach * u);
-            Query { texture: 0, st, footprint: if i % 2 == 0 { 0.0 } else { widest * unit(i + 9).powi(4) } }
+            Query { texture: 0, st, width: if i % 2 == 0 { 0.0 } else { widest * unit(i + 9).powi(4) } }
         })
         .collect();
     let mut worst = 0.0_f64;
     for (query, (value, said, _)) in queries.iter().zip(bench.ask(&queries)) {
         assert_eq!(said, DONE, "everything is there");
-        let expected = sampler.lookup(query.st.map(f64::from), f64::from(query.footprint));
+        let expected = sampler.lookup(query.st.map(f64::from), f64::from(query.width));
         for (a, b) in value.iter().zip(expected) {
             let error = (f64::from(*a) - b).abs() * f64::from(1 << 24);
             assert!(error.is_finite(), "{query_st:?}: {value:?}", query_st = query.st);
@@ -109,8 +112,8 @@ fn srgb_is_decoded_before_it_is_filtered() {
         info: image([2, 1], 3, TexelFormat::U8).info.clone(),
     };
     let bench = Bench::new(vec![Arc::new(black_and_white)], &[texture("0", [Wrap::Clamp; 2], ColorSpace::Auto)]);
-    let middle = Query { texture: 0, st: [0.5, 0.5], footprint: 0.0 };
-    let all = Query { footprint: 8.0, ..middle };
+    let middle = Query { texture: 0, st: [0.5, 0.5], width: 0.0 };
+    let all = Query { width: 8.0, ..middle };
     let answers = bench.ask(&[middle, all]);
     assert_eq!(answers[0].0, [0.5, 0.5, 0.5, 1.0], "half the light, not half the byte");
     // The level of one texel is made in linear light and stored as a byte: 0.5 is 187.5 and becomes 188.
@@ -126,7 +129,7 @@ fn outside_is_what_the_wrap_mode_says() {
     };
     let textures: Vec<TextureRef> = WRAPS.iter().map(|wrap| texture("0", [*wrap; 2], ColorSpace::Raw)).collect();
     let bench = Bench::new(vec![Arc::new(corners)], &textures);
-    let at = |texture: u32, s: f32, t: f32| Query { texture, st: [s, t], footprint: 0.0 };
+    let at = |texture: u32, s: f32, t: f32| Query { texture, st: [s, t], width: 0.0 };
     let cases = [
         (at(0, 1.75, 0.25), 0.0, 0.0),
         (at(0, 1.0, 0.25), 10.0, 0.5), // half way from the last texel to nothing
@@ -147,15 +150,14 @@ fn outside_is_what_the_wrap_mode_says() {
 }
 
 #[test]
-fn levels_are_chosen_by_the_width_of_the_cone() {
+fn levels_are_chosen_by_the_width_of_the_filter() {
     let levels: Vec<[u32; 2]> = (0..10).map(|level| [512 >> level, (256_u32 >> level).max(1)]).collect();
     let info = ImageInfo { levels, ..image([512, 256], 1, TexelFormat::U8).info.clone() };
     let steps = Procedural { byte: |level, _, _, _| (level * 20) as u8, info };
     let bench = Bench::new(vec![Arc::new(steps)], &[texture("0", [Wrap::Repeat; 2], ColorSpace::Raw)]);
-    let texels = (512.0_f32 * 256.0).sqrt();
     let widths = [0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 40.0, 256.0, 512.0, 1e20, f32::INFINITY];
     let expected = [0.0, 0.0, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 5.25, 8.0, 9.0, 9.0, 9.0];
-    let query = |width: &f32| Query { texture: 0, st: [0.3, 0.9], footprint: width / texels };
+    let query = |width: &f32| Query { texture: 0, st: [0.3, 0.9], width: *width };
     let answers = bench.ask(&widths.iter().map(query).collect::<Vec<_>>());
     for ((width, level), (value, ..)) in widths.iter().zip(expected).zip(answers) {
         let got = value[0] * 255.0 / 20.0;
@@ -178,7 +180,7 @@ fn members_of_a_set_and_what_is_missing() {
     ];
     let bench = Bench::new(images, &textures);
     assert_eq!(bench.set.warnings.len(), 2, "one for each texture that is not there: {:?}", bench.set.warnings);
-    let at = |texture: u32, s: f32, t: f32| Query { texture, st: [s, t], footprint: 0.0 };
+    let at = |texture: u32, s: f32, t: f32| Query { texture, st: [s, t], width: 0.0 };
     let there = ([0.2, 0.2, 0.2, 1.0], DONE);
     let fallback = ([0.25, 0.5, 0.75, 1.0], FALLBACK);
     let cases = [
@@ -210,7 +212,7 @@ fn a_lookup_that_waits_for_each_tile_in_turn_gives_the_same_bits() {
             let (u, v) = (unit(2 * i), unit(2 * i + 1));
             let border = [near(128.0, 300.0, u), near(128.0, 260.0, v)];
             let st = [border, [u, v], [near(0.0, 300.0, u), near(256.0, 260.0, v)]][(i % 3) as usize];
-            Query { texture: 0, st, footprint: if i % 2 == 0 { 0.0 } else { 0.03 * unit(i + 3) } }
+            Query { texture: 0, st, width: if i % 2 == 0 { 0.0 } else { 8.4 * unit(i + 3) } }
         })
         .collect();
     let whole = bench.ask(&queries);

@@ -59,6 +59,37 @@ impl Image for Steps {
     }
 }
 
+/// Texels along a side of "checks".
+pub(super) const CHECKS: u32 = 256;
+
+/// Eight by eight fields of 0.1 and 0.8 (as bytes), by level as the mean of four texels makes them.
+pub(super) fn check(level: u32, x: u32, y: u32) -> u8 {
+    if level > 5 {
+        return 115;
+    }
+    let field = |texel: u32| (texel >> (5 - level)) & 1;
+    if field(x) == field(y) { 26 } else { 204 }
+}
+
+#[derive(Debug)]
+struct Checks;
+
+impl Image for Checks {
+    fn info(&self) -> ImageInfo {
+        let levels = (0..=8).map(|level| [CHECKS >> level; 2]).collect();
+        ImageInfo { levels, channels: 1, format: TexelFormat::U8, tile_friendly: true, is_srgb: None, wrap: None }
+    }
+
+    fn read(&self, level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
+        for (y, row) in (at[1]..).zip(out.chunks_exact_mut(size[0] as usize)) {
+            for (x, texel) in (at[0]..).zip(row) {
+                *texel = check(level, x, y);
+            }
+        }
+        Ok(())
+    }
+}
+
 /// 256 texels a side; what lies above the middle of level 0 cannot be read, nor any level made of it.
 #[derive(Debug)]
 struct Torn;
@@ -76,7 +107,7 @@ impl Image for Torn {
     }
 }
 
-/// A file is called by width, height and channels, with an x between; "steps" and "torn" are others.
+/// A file is called by width, height and channels, with an x between; "steps", "checks" and "torn" are others.
 #[derive(Debug)]
 pub(super) struct Library;
 
@@ -84,6 +115,7 @@ impl ImageLibrary for Library {
     fn open(&self, asset: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
         match &*asset.resolved {
             "steps" => return Ok(Arc::new(Steps)),
+            "checks" => return Ok(Arc::new(Checks)),
             "torn" => return Ok(Arc::new(Torn)),
             _ => {}
         }
