@@ -72,7 +72,7 @@ def test_sixteen_bits_keep_all_of_them(reader, folder):
     np.testing.assert_array_equal(np.rint(reader.texels(folder / "deep.png") * 65535.0).astype(np.uint16), texels)
 
 
-@pytest.mark.parametrize("chunks, srgb", [((), -1), (((b"sRGB", b"\0"),), 1), (((b"gAMA", struct.pack(">I", 100000)),), 0), (((b"gAMA", struct.pack(">I", 45455)),), -1)])  # fmt: skip
+@pytest.mark.parametrize("chunks, srgb", [((), -1), (((b"sRGB", b"\0"),), 1), (((b"gAMA", struct.pack(">I", 100000)),), 0), (((b"gAMA", struct.pack(">I", 45455)),), -1), (((b"iCCP", b"sRGB IEC61966-2.1\0\0" + zlib.compress(b"profile")),), 1), (((b"iCCP", b"Display P3\0\0" + zlib.compress(b"profile")),), -1)])  # fmt: skip
 def test_a_png_is_srgb_only_if_it_says_so(reader, folder, chunks, srgb):
     write_png16(folder / "space.png", noise((4, 4, 3), np.uint16), chunks)
     assert reader.facts(folder / "space.png")["srgb"] == srgb

@@ -20,8 +20,10 @@ mod material;
 mod session;
 mod settings;
 mod stats;
+mod texture_file;
 
 use session::{Session, close_session, open_session, setting_descriptors};
+use texture_file::texture_file;
 
 /// Declarations that cxx turns into both sides of the boundary.
 #[allow(
@@ -378,6 +380,12 @@ mod ffi {
         fn open_session(images: UniquePtr<ImageSource>) -> Result<Box<Session>>;
         fn close_session(session: Box<Session>) -> Result<()>;
         fn setting_descriptors() -> Result<Vec<SettingDescriptor>>;
+        fn texture_file(
+            images: UniquePtr<ImageSource>,
+            command: &str,
+            resolved: &str,
+            color_space: &str,
+        ) -> Result<String>;
 
         fn apply_edits(self: &Session, edits: SceneEdits) -> Result<()>;
         fn clear_scene(self: &Session) -> Result<()>;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! `oocpt`: looks at the machine (`doctor`), measures the renderer (`bench`), draws what it reports (`report`), makes scenes
-//! (`scene`).
+//! (`scene`), fills the cache of textures (`texture`).
 #![forbid(unsafe_code)]
 #![expect(clippy::print_stdout, reason = "a command line program reports on standard output")]
 
@@ -9,6 +9,7 @@ mod doctor;
 mod host;
 mod report;
 mod scene;
+mod texture;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
@@ -30,6 +31,8 @@ enum Command {
     Report(report::Arguments),
     /// Writes a generated scene as USD.
     Scene(scene::Arguments),
+    /// Looks at texture files and fills the cache of decoded ones.
+    Texture(texture::Arguments),
 }
 
 fn main() -> Result<()> {
@@ -42,5 +45,6 @@ fn main() -> Result<()> {
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),
+        Command::Texture(arguments) => texture::run(&arguments),
     }
 }

@@ -15,6 +15,10 @@ use crate::process::{run, say, shell_word};
 /// cargo profile of everything that is built to be run from the clone.
 pub(crate) const PROFILE: &str = "fast";
 
+/// Programs of ours that run in the wheel host's Python: their names in `build/wheel/bin`, and their scripts.
+const HOST_PROGRAMS: [(&str, &str); 2] =
+    [("usdrecord", "plugin/usdrecord"), ("oocpt-texture-host", "plugin/texture-host")];
+
 /// Builds the plugin for the wheel host into `build/wheel`, with a `usdrecord` beside it.
 ///
 /// # Errors
@@ -47,7 +51,7 @@ pub(crate) fn build_plugin_for_wheel(places: &Places, interpreter: &Interpreter)
     compile(&tree)?;
     let resources = places.wheel_resources();
     ensure!(resources.join("plugInfo.json").is_file(), "the build left no plugInfo.json in {}", resources.display());
-    write_usdrecord(places)
+    HOST_PROGRAMS.iter().try_for_each(|(name, script)| write_program(places, name, script))
 }
 
 /// Builds release code against the SDK at `usd` and installs the plugin below `prefix`.
@@ -123,22 +127,22 @@ fn sdk_tree_name(usd: &Path) -> String {
     format!("sdk{name}")
 }
 
-/// Writes `build/wheel/bin/usdrecord`, which starts the runner in the wheel host with the plugin in its path.
-fn write_usdrecord(places: &Places) -> Result<()> {
-    let script = places.wheel_bin().join("usdrecord");
-    let text = usdrecord_script(places);
-    if fs::read_to_string(&script).is_ok_and(|found| found == text) {
+/// Writes `build/wheel/bin/NAME`, which starts a script in the wheel host with the plugin in its path.
+fn write_program(places: &Places, name: &str, script: &str) -> Result<()> {
+    let program = places.wheel_bin().join(name);
+    let text = program_script(places, script);
+    if fs::read_to_string(&program).is_ok_and(|found| found == text) {
         return Ok(());
     }
-    fs::create_dir_all(places.wheel_bin()).context("cannot create the folder of usdrecord")?;
-    fs::write(&script, text).context("cannot write usdrecord")?;
+    fs::create_dir_all(places.wheel_bin()).with_context(|| format!("cannot create the folder of {name}"))?;
+    fs::write(&program, text).with_context(|| format!("cannot write {name}"))?;
     let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
-    fs::set_permissions(&script, mode).context("cannot make usdrecord executable")
+    fs::set_permissions(&program, mode).with_context(|| format!("cannot make {name} executable"))
 }
 
-fn usdrecord_script(places: &Places) -> String {
+fn program_script(places: &Places, script: &str) -> String {
     let python = shell_word(&path(&places.venv_python(crate::host::HOST_VENV.name)));
-    let runner = shell_word(&path(&places.repo.join("plugin/usdrecord")));
+    let runner = shell_word(&path(&places.repo.join(script)));
     let resources = shell_word(&path(&places.wheel_resources()));
     // -I: a PYTHONPATH that leads to another OpenUSD must not get into this process.
     format!(
@@ -164,7 +168,7 @@ mod tests {
     #[test]
     fn usdrecord_keeps_the_users_plugins() {
         let places = Places { repo: "/r p".into(), cache: "/c".into(), target: "/t".into() };
-        let script = usdrecord_script(&places);
+        let script = program_script(&places, "plugin/usdrecord");
         assert!(script.contains("exec /c/venv-host/bin/python -I '/r p/plugin/usdrecord' \"$@\""), "{script}");
         assert!(script.contains("${PXR_PLUGINPATH_NAME:+:$PXR_PLUGINPATH_NAME}"), "{script}");
     }

@@ -78,7 +78,8 @@ impl DiskCache {
         }
     }
 
-    fn path(&self, key: &str) -> PathBuf {
+    /// Where the entry of a key is, or would be.
+    pub(crate) fn path(&self, key: &str) -> PathBuf {
         self.folder.join(format!("{:032x}.{ENDING}", xxh3_128(key.as_bytes())))
     }
 

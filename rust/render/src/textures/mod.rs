@@ -8,6 +8,7 @@
 
 mod convert;
 mod disk;
+mod file;
 mod image;
 mod memory;
 mod prepared;
@@ -18,6 +19,7 @@ mod texels;
 mod tiles;
 mod tx;
 
+pub use file::{CacheEntry, FileReport, TextureFile};
 pub use image::{BAND_BYTES, ColorTransform, Image, ImageError, ImageInfo, ImageLibrary};
 pub(crate) use set::{TextureCache, TextureSet};
 pub(crate) use tiles::TextureImage;

@@ -62,7 +62,7 @@ pub(super) struct Wanted<'a> {
 
 impl Wanted<'_> {
     /// The key in the cache on disk of the file, read as of a colour space; none where nothing tells the file from others.
-    fn key(&self, disk: Option<&Arc<DiskCache>>, space: &ColorSpace) -> Option<(Arc<DiskCache>, String)> {
+    pub(super) fn key(&self, disk: Option<&Arc<DiskCache>>, space: &ColorSpace) -> Option<(Arc<DiskCache>, String)> {
         let identity = self.library.identity(self.file).ok()?;
         disk.map(|disk| (Arc::clone(disk), format!("{identity} as {space:?}")))
     }
@@ -157,6 +157,11 @@ impl TextureImage {
         self.texels.is_srgb()
     }
 
+    /// Whether tiles are read from the file as it is.
+    pub(super) fn is_direct(&self) -> bool {
+        matches!(self.pixels, Pixels::File(_))
+    }
+
     /// What is not as the scene asks.
     pub(super) fn warning(&self) -> Option<&str> {
         self.warning.as_deref()
@@ -198,6 +203,13 @@ impl TextureImage {
             }
         }
         out
+    }
+
+    /// Reads the first tile of the finest level: whether the image can be decoded.
+    pub(super) fn try_finest(&self) -> Result<(), ImageError> {
+        let Some(piece) = self.layout.pieces(0).first().copied() else { return Ok(()) };
+        let bytes = piece.size[0] as usize * piece.size[1] as usize * self.texels.device_bytes();
+        self.piece(&piece, &mut Vec::new(), &mut vec![0; bytes])
     }
 
     fn piece(&self, piece: &Piece, raw: &mut Vec<u8>, out: &mut [u8]) -> Result<(), ImageError> {

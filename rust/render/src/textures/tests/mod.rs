@@ -5,6 +5,7 @@
 
 mod bench;
 mod decode;
+mod file;
 mod footprint;
 mod kept;
 
