@@ -75,7 +75,7 @@ fn random(i: u32) -> Query {
     let number = |k: u32| 2.0 * unit(40 * i + k) - 1.0;
     let vector = |k: u32| DVec3::new(f64::from(number(k)), f64::from(number(k + 1)), f64::from(number(k + 2)));
     let scale = |k: u32| f64::from(20.0 * number(k)).exp2();
-    let is_round = i % 4 == 0;
+    let is_round = i.is_multiple_of(4);
     let normal = vector(0).normalize_or(DVec3::Z);
     let (x, y) = normal.any_orthonormal_pair();
     let u = x * f64::from(number(3)) + y * f64::from(number(4));
@@ -83,7 +83,7 @@ fn random(i: u32) -> Query {
     let v = if is_round { normal.cross(u) + 0.2 * u.length() * other } else { other };
     let turn = f64::from(number(9)) * std::f64::consts::PI;
     let steepest = if is_round { 0.3 } else { 10.0 };
-    let cosine = f64::from(-steepest * unit(40 * i + 10)).exp2() * if i % 2 == 0 { 1.0 } else { -1.0 };
+    let cosine = f64::from(-steepest * unit(40 * i + 10)).exp2() * if i.is_multiple_of(2) { 1.0 } else { -1.0 };
     let direction = normal * cosine + (x * turn.cos() + y * turn.sin()) * (1.0 - cosine * cosine).sqrt();
     let stretch = if i % 8 == 1 { 8.0 } else { 1.0 };
     let f = |v: DVec3| v.as_vec3().to_array();
