@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The program that looks at files inside the host: `oocpt-texture-host` (plugin/texture-host). It is told a file a line and answers a line for
-//! each, in any order. Its answers are bounded and checked: files come from strangers.
+//! The program that looks at files inside the host: `oocpt-texture-host` (plugin/texture-host). It is told a file a
+//! line and answers a line for each, in any order. Its answers are bounded and checked: files come from strangers.
 
 use anyhow::{Context as _, Result, ensure};
 use serde::{Deserialize, Serialize};
