@@ -125,7 +125,7 @@ def test_a_render_finds_what_a_scene_was_converted_to(oocpt, tmp_path):
     assert rendered.mean() > 150, "texels, not the fallback"
     assert [path.name for path in cache.iterdir()] == [entry.name], "no other entry was made"
     lost = record(scene, tmp_path / "lost.png", tmp_path / "elsewhere")
-    assert lost.mean() < 50, "without the entry there is the fallback, which is black"
+    assert lost.mean() < 100, "without the entry there is the fallback: black, but for what it reflects"
 
 
 def record(scene, out, cache) -> np.ndarray:

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Texture files without a render: `oocpt texture` has them looked at and converted inside a host, so that the host's resolver and readers
-//! give the entries of the cache the keys that its renders look for. Any thread, several files at once.
+//! Texture files without a render: `oocpt texture` has them looked at and converted inside a host, so that the host's
+//! resolver and readers give the entries of the cache the keys that its renders look for. Any thread, several files at
+//! once.
 
 use crate::ffi_images::ImageSource;
 use crate::guard::{BridgeError, guard};

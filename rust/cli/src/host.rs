@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Programs of the Hydra host that commands start: which one, and what it said. Output comes from strangers: of it a bounded part is read.
+//! Programs of the Hydra host that commands start: which one, and what it said. Output comes from strangers: of it a
+//! bounded part is read.
 
 use std::ffi::OsString;
 use std::fs::File;

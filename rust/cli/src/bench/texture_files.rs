@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt bench texture-files`: what texture files cost from the start of a real `usdrecord` to the written picture, without and with the texture
-//! cache filled, beside one decode of the same files by `OpenImageIO` alone. The files are noise that does not compress to nothing; they stay in
-//! `--work` for the next time. All runs of a row's files must give the same picture, bit for bit.
+//! `oocpt bench texture-files`: what texture files cost from the start of a real `usdrecord` to the written picture,
+//! without and with the texture cache filled, beside one decode of the same files by `OpenImageIO` alone. The files are
+//! noise that does not compress to nothing; they stay in `--work` for the next time. All runs of a row's files must
+//! give the same picture, bit for bit.
 //!
-//! A cold run finds its cache folder empty, a warm one as the run before left it. The files themselves are in the system's page cache either way:
-//! disks are not measured. The first row is a tiny file: what a picture costs without textures to speak of.
+//! A cold run finds its cache folder empty, a warm one as the run before left it. The files themselves are in the
+//! system's page cache either way: disks are not measured. The first row is a tiny file: what a picture costs without
+//! textures to speak of.
 
 mod files;
 mod process;

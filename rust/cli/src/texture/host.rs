@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The program that looks at files inside the host: `oocpt-texture-host` (plugin/texture-host). It is told a file a line and answers a line for
-//! each, in any order. Its answers are bounded and checked: files come from strangers.
+//! The program that looks at files inside the host: `oocpt-texture-host` (plugin/texture-host). It is told a file a
+//! line and answers a line for each, in any order. Its answers are bounded and checked: files come from strangers.
 
 use anyhow::{Context as _, Result, ensure};
 use serde::{Deserialize, Serialize};
@@ -186,7 +186,7 @@ mod tests {
     #[test]
     fn files_are_told_and_answers_heard() {
         let script = "[ \"$1 $2 $3 $OOCPT_TEXTURE_CACHE\" = 'info --jobs 3 /c' ] || exit 7\n\
-                      read first; [ \"$first\" = '[\"/a \\\"b\\\".png\",\"raw\"]' ] || exit 8\n\
+                      read -r first; [ \"$first\" = '[\"/a \\\"b\\\".png\",\"raw\"]' ] || exit 8\n\
                       echo a library greets; echo '{\"files\": 2}'\n\
                       echo '{\"file\": \"/b.png\", \"error\": \"cannot be found\"}'; echo '{\"file\": \"/a.png\", \"levels\": 3}'";
         let (heard, result) = hear("answers", script);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt texture`: texture files and the cache of decoded ones. The work is done inside a Hydra host ([`host`]): what a file is, and by which key
-//! renders look for it, is for the host's resolver and the plugin's readers to say.
+//! `oocpt texture`: texture files and the cache of decoded ones. The work is done inside a Hydra host ([`host`]): what
+//! a file is, and by which key renders look for it, is for the host's resolver and the plugin's readers to say.
 
 mod bar;
 mod files;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! One texture file by itself, without a scene: what it is and what the cache on disk has of it, and filling that beforehand. Any thread,
-//! several files at once; the entries are those that renders look for, as long as the same library names the files.
+//! One texture file by itself, without a scene: what it is and what the cache on disk has of it, and filling that
+//! beforehand. Any thread, several files at once; the entries are those that renders look for, as long as the same
+//! library names the files.
 
 use super::disk::DiskCache;
 use super::image::{ImageError, ImageLibrary};

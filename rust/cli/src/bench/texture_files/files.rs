@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The texture files of the bench: written once by `oocpt-texture-file`, which is built beside the plugin, and reused by later runs; and one decode of
-//! them by `OpenImageIO` alone, to compare with.
+//! The texture files of the bench: written once by `oocpt-texture-file`, which is built beside the plugin, and reused
+//! by later runs; and one decode of them by `OpenImageIO` alone, to compare with.
 
 use anyhow::{Context, Result, bail, ensure};
 use serde::Deserialize;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Runs a program and says what it used: seconds, processor seconds, peak of memory. Linux and other Unix systems.
 //!
-//! The peak is the kernel's own (`ru_maxrss`), which begins with this program's, from which the other one was made; so nothing large may ever be
-//! held here. Of descendants, those count that the program waited for.
+//! The peak is the kernel's own (`ru_maxrss`), which begins with this program's, from which the other one was made; so
+//! nothing large may ever be held here. Of descendants, those count that the program waited for.
 
 use anyhow::{Context, Result, bail};
 use std::process::Command;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The scene of a row: quads side by side that fill the frame, each a square of texture space with one texel file, under a dome. One file is one quad;
-//! UDIM members lie as their numbers say, at most ten in a row.
+//! The scene of a row: quads side by side that fill the frame, each a square of texture space with one texel file,
+//! under a dome. One file is one quad; UDIM members lie as their numbers say, at most ten in a row.
 
 /// Number of the first member.
 pub(super) const FIRST_MEMBER: u32 = 1001;
