@@ -110,6 +110,21 @@ def test_a_texture_in_a_package(host, tmp_path):
     is_file(host.picture(tmp_path / "scene.usdz", SIZE, aovs=["color", "albedo"], settings=QUICK), texels(np.uint8))
 
 
+def test_a_texture_in_a_package_is_known_by_its_content(fresh_host, tmp_path_factory, tmp_path):
+    """One entry in the cache for the same texels in two packages, another for other ones."""
+    cache = tmp_path / "cache"
+    host = fresh_host(OOCPT_TEXTURE_CACHE=str(cache))
+    for shift, count in ((0, 1), (0, 1), (1, 2)):
+        folder, array = tmp_path_factory.mktemp("package"), texels(np.uint8) // 2 + np.uint8(shift)
+        write(folder / "inside.png", array)
+        (folder / "scene.usda").write_text(STAGE.replace("FILE", "./inside.png").replace("EXTENT", "1"))
+        assert UsdUtils.CreateNewUsdzPackage(str(folder / "scene.usda"), str(folder / "scene.usdz"))
+        (folder / "inside.png").unlink()
+        is_file(host.picture(folder / "scene.usdz", SIZE, aovs=["color", "albedo"], settings=QUICK), array)
+        entries = [path for path in cache.rglob("*") if path.is_file() and path.stat().st_size > 100]
+        assert len(entries) == count, entries
+
+
 def test_tiles_by_number(host, tmp_path):
     """Three of the four tiles that the square reaches are there, the fourth has the fallback: no reason to complain. One that cannot be read is."""
     colors = {1001: (255, 0, 0), 1002: (0, 255, 0), 1011: (0, 0, 255)}

@@ -223,6 +223,13 @@ def test_exr(reader, folder, compression, tiled, kind):
         (["N.X", "N.Y", "N.Z"], ["N.X", "N.Y", "N.Z"]),
         (["X", "Y", "Z"], ["X", "Y", "Z"]),
         (["u", "v"], ["u", "v"]),
+        # OpenImageIO has these in the order R, G, B, real, A.
+        (["R", "G", "B", "A", "real"], ["R", "G", "B", "A"]),
+        (["red", "green", "blue"], ["red", "green", "blue"]),
+        (["L.red", "L.green", "L.blue", "L.alpha"], ["L.red", "L.green", "L.blue", "L.alpha"]),
+        (["Y", "A", "Z"], ["Y", "A"]),
+        (["a.B", "a.G", "a.R", "z.A", "z.R", "z.G", "z.B"], ["a.R", "a.G", "a.B"]),
+        (["left.x", "left.y", "right.r", "right.b", "right.g", "right.mask"], ["right.r", "right.g", "right.b"]),
     ],
     ids=lambda names: "+".join(names),
 )
