@@ -121,6 +121,16 @@ impl ImageLibrary for HostImages {
         Ok(format!("hash:{:032x}:{size}", hash.digest128()))
     }
 
+    /// `$OCIO`, with the size and time of the file that it names; the configuration of ours does not change.
+    fn color_config(&self) -> String {
+        let Some(path) = std::env::var_os("OCIO").filter(|path| !path.is_empty()) else { return String::new() };
+        let said = std::fs::metadata(&path).ok().and_then(|metadata| {
+            let age = metadata.modified().ok()?.duration_since(std::time::UNIX_EPOCH).ok()?;
+            Some(format!("{}:{}", metadata.len(), age.as_nanos()))
+        });
+        format!("{}:{}", path.to_string_lossy(), said.unwrap_or_default())
+    }
+
     fn color_transform(&self, name: &str) -> Result<Arc<dyn ColorTransform>, ImageError> {
         let held = self.source()?.color_transform(name).map_err(|reason| error(reason.what()))?;
         Ok(Arc::new(HostTransform { name: name.into(), held }))

@@ -103,6 +103,11 @@ pub trait ImageLibrary: Send + Sync + Debug {
         Err(ImageError(format!("{} has no identity", asset.authored)))
     }
 
+    /// A text that changes when what names of colour spaces mean may have changed.
+    fn color_config(&self) -> String {
+        String::new()
+    }
+
     /// The conversion from a named colour space ([`oocpt_core::material::ColorSpace::Named`]).
     fn color_transform(&self, name: &str) -> Result<Arc<dyn ColorTransform>, ImageError> {
         Err(ImageError(format!("the colour space `{name}` is not known")))

@@ -64,7 +64,11 @@ impl Wanted<'_> {
     /// The key in the cache on disk of the file, read as of a colour space; none where nothing tells the file from others.
     pub(super) fn key(&self, disk: Option<&Arc<DiskCache>>, space: &ColorSpace) -> Option<(Arc<DiskCache>, String)> {
         let identity = self.library.identity(self.file).ok()?;
-        disk.map(|disk| (Arc::clone(disk), format!("{identity} as {space:?}")))
+        let config = match space {
+            ColorSpace::Named(_) => format!(" of {}", self.library.color_config()),
+            _ => String::new(),
+        };
+        disk.map(|disk| (Arc::clone(disk), format!("{identity} as {space:?}{config}")))
     }
 }
 

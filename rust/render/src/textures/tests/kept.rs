@@ -58,6 +58,7 @@ struct Library {
     decoded: Arc<AtomicU32>,
     opened: AtomicU32,
     breaks: bool,
+    config: String,
 }
 
 impl Library {
@@ -75,6 +76,10 @@ impl ImageLibrary for Library {
 
     fn identity(&self, asset: &AssetRef) -> Result<String, ImageError> {
         Ok(format!("test:{}", asset.resolved))
+    }
+
+    fn color_config(&self) -> String {
+        self.config.clone()
     }
 
     fn color_transform(&self, name: &str) -> Result<Arc<dyn ColorTransform>, ImageError> {
@@ -231,6 +236,9 @@ fn named_colour_spaces_go_through_their_conversion() {
     assert_eq!(image.info().format, TexelFormat::F16, "8 bits are too few for linear values");
     let (again, _) = open(&library, &folder.settings(), ColorSpace::Named("half".into()));
     assert!(again.tile(0) == tile && library.decoded() == 1, "the same from disk");
+    let other = Arc::new(Library { config: "another".into(), ..Library::default() });
+    open(&other, &folder.settings(), ColorSpace::Named("half".into())).0.tile(0);
+    assert_eq!(other.decoded(), 1, "names may mean something else there");
     let (unknown, warnings) = open(&library, &folder.settings(), ColorSpace::Named("nobody's".into()));
     assert!(warnings.len() == 1 && warnings[0].contains("nobody's"), "one warning: {warnings:?}");
     let (auto, _) = open(&library, &no_disk(), ColorSpace::Auto);
