@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a ray's cone covers of a texture: an ellipse, the affine image of the cone's circular cross section (Heckbert 1989, 3.5). It is kept
-// for a cone of width 1, in 8 bytes, and worked out from those in core as well, so the bits are those of streaming. decisions/0018.
+// What a ray's cone covers of a texture: an ellipse, the affine image of the cone's circular cross section (Heckbert
+// 1989, 3.5). It is kept for a cone of width 1, in 8 bytes, and worked out from those in core as well, so the bits are
+// those of streaming. decisions/0018.
 //
-// A lookup is filtered as wide as the ellipse's shorter axis. Along the longer one the samples of a pixel, which are spread over the same
-// ellipse, do the rest; so that a few of them do, no more than MOST_ANISOTROPY widths go to its length. The twin in f64 is
-// rust/core/src/texture/footprint.rs.
+// A lookup is filtered as wide as the ellipse's shorter axis. Along the longer one the samples of a pixel, which are
+// spread over the same ellipse, do the rest; so that a few of them do, no more than MOST_ANISOTROPY widths go to its
+// length. The twin in f64 is rust/core/src/texture/footprint.rs.
 #ifndef OOCPT_FOOTPRINT_GLSL
 #define OOCPT_FOOTPRINT_GLSL
 
@@ -21,9 +22,10 @@ float larger_eigenvalue(float a, float b, float c) {
     return 0.5 * (a + c) + sqrt(half_difference * half_difference + b * b);
 }
 
-// An ellipse: its longer axis, length and direction (of length 1 or more; either end), and the shorter one over the longer one.
-// x: the length's bits. y, lower half: x / (|x| + |y|) of the direction's end with y >= 0, in units of 1 / 32767; upper half: the ratio
-// with 9 bits of mantissa. Integers round, so that all drivers agree. 0: no footprint, the finest level.
+// An ellipse: its longer axis, length and direction (of length 1 or more; either end), and the shorter one over the
+// longer one. x: the length's bits. y, lower half: x / (|x| + |y|) of the direction's end with y >= 0, in units of 1 /
+// 32767; upper half: the ratio with 9 bits of mantissa. Integers round, so that all drivers agree. 0: no footprint, the
+// finest level.
 uvec2 pack_footprint(float length, vec2 direction, float ratio) {
     const float sum = abs(direction.x) + abs(direction.y);
     const float x = sum > 0.0 ? (direction.y < 0.0 ? -direction.x : direction.x) / sum : 1.0;
@@ -41,11 +43,12 @@ mat2 unpack_footprint(uvec2 footprint, out float length) {
     return mat2(along, vec2(-along.y, along.x) * uintBitsToFloat((footprint.y >> 16) << 14));
 }
 
-// Of a cone of width 1 along d (of any length) that cuts a plane with normal n (the same) on which a texture's coordinates have gradients u
-// and v. 0 where these are 0 or no numbers.
+// Of a cone of width 1 along d (of any length) that cuts a plane with normal n (the same) on which a texture's
+// coordinates have gradients u and v. 0 where these are 0 or no numbers.
 uvec2 make_footprint(vec3 u, vec3 v, vec3 n, vec3 d) {
-    // Points move along d onto the plane: gradients on the cross section are those on the plane less what is along n, so that nothing is
-    // left along d. Their products are those of the rows of the map from the section, in any basis of it.
+    // Points move along d onto the plane: gradients on the cross section are those on the plane less what is along n,
+    // so that nothing is left along d. Their products are those of the rows of the map from the section, in any basis
+    // of it.
     const float across = dot3(n, d);
     const float least = sqrt(dot3(n, n)) * sqrt(dot3(d, d)) / SLANT_MOST;
     const float bounded = abs(across) > least ? across : (across < 0.0 ? -least : least);
@@ -68,8 +71,8 @@ uvec2 make_footprint(vec3 u, vec3 v, vec3 n, vec3 d) {
     return pack_footprint(min(largest * sqrt(most), LONGEST_FOOTPRINT), direction, sqrt(dot3(area, area)) / most);
 }
 
-// How wide a filter has to be, in texels of level 0, for a cone of width `cone`. `s` and `t`: the linear part of the map from the coordinates to
-// the texture's square; `size`: its texels. Never NaN.
+// How wide a filter has to be, in texels of level 0, for a cone of width `cone`. `s` and `t`: the linear part of the
+// map from the coordinates to the texture's square; `size`: its texels. Never NaN.
 float footprint_width(uvec2 footprint, float cone, vec2 s, vec2 t, uvec2 size) {
     float length;
     const mat2 axes = unpack_footprint(footprint, length);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `shaders/include/footprint.glsl` in f64, by the singular values of the map from a cone's cross section to texels, for tests.
+//! `shaders/include/footprint.glsl` in f64, by the singular values of the map from a cone's cross section to texels,
+//! for tests.
 //!
 //! Vectors are in one frame, of any lengths; widths in texels of level 0.
 
@@ -8,9 +9,9 @@ use glam::{DMat2, DVec2, DVec3};
 /// How many widths of a filter go to the length of an ellipse, at most.
 pub const MOST_ANISOTROPY: f64 = 16.0;
 
-/// The longer and the shorter axis of the ellipse that a cone of width 1 covers: a cone along `direction`, cutting a plane with normal
-/// `normal` on which the texture's coordinates have the `gradients`, which `map` (by columns) takes to the unit square of an image of
-/// `size` texels. The cosine is not 0.
+/// The longer and the shorter axis of the ellipse that a cone of width 1 covers: a cone along `direction`, cutting a
+/// plane with normal `normal` on which the texture's coordinates have the `gradients`, which `map` (by columns) takes
+/// to the unit square of an image of `size` texels. The cosine is not 0.
 #[must_use]
 pub fn ellipse(gradients: [DVec3; 2], normal: DVec3, direction: DVec3, map: DMat2, size: [u32; 2]) -> [f64; 2] {
     let (x, y) = direction.normalize().any_orthonormal_pair();

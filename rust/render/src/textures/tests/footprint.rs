@@ -107,8 +107,8 @@ fn widths_agree_with_singular_values_in_double_precision() {
         thin += u32::from(axes[0] > 16.0 * axes[1]);
         flat += u32::from(axes[0] < 1.1 * axes[1]);
         let error = (f64::from(width) - want).abs();
-        // Where the map stretches the shorter axis, what packing rounds is stretched as well: steps of the ratio are 2^-10 of it, those of
-        // the direction 2^-15 of the longer axis.
+        // Where the map stretches the shorter axis, what packing rounds is stretched as well: steps of the ratio are
+        // 2^-10 of it, those of the direction 2^-15 of the longer axis.
         let stretch = f64::from(q.size[0].max(q.size[1])) / f64::from(q.size[0].min(q.size[1]));
         let bound = (2e-3_f64).max(1e-4 * stretch);
         packed = packed.max(error / want / bound);
@@ -157,8 +157,8 @@ fn what_is_no_ellipse_has_a_width_all_the_same() {
     }
 }
 
-/// A texture that is stretched in st as its image is, so that its texels are squares: what is thin in st is round in texels, and must not
-/// have lost its shorter axis when it was packed.
+/// A texture that is stretched in st as its image is, so that its texels are squares: what is thin in st is round in
+/// texels, and must not have lost its shorter axis when it was packed.
 #[test]
 fn strips_keep_their_shorter_axis() {
     let strip = |i: u32, size: [u32; 2]| {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How coarsely textures are looked up: levels that are known, and a ground seen at a grazing angle against the same picture
-//! without a filter, worked out in f64.
+//! How coarsely textures are looked up: levels that are known, and a ground seen at a grazing angle against the same
+//! picture without a filter, worked out in f64.
 
 use super::images::{CHECKS, Library, check};
 use super::{node, options, text, textured};
@@ -40,7 +40,8 @@ fn front() -> Camera {
     orthographic(DVec3::Z * 400.0, DVec3::ZERO, 2.0, [32, 32])
 }
 
-/// A large board behind the whole picture, 16 texels of "steps" to the pixel when it faces the camera, turned away from it by `tilt`.
+/// A large board behind the whole picture, 16 texels of "steps" to the pixel when it faces the camera, turned away from
+/// it by `tilt`.
 fn board(db: &mut SceneDb, tilt: f64) {
     db.upsert_mesh(quad(DMat4::from_rotation_x(tilt), 128.0, [128.0; 2], "/m"));
 }
@@ -157,7 +158,8 @@ fn ground(density: [f32; 2], material: MaterialDesc, samples: u32) -> Vec<f64> {
     color(&session, &color_request(eye()))
 }
 
-/// The picture of the ground by n x n samples in a pixel, each by a filter whose width is that of the ellipse of a pixel's cone by `width`.
+/// The picture of the ground by n x n samples in a pixel, each by a filter whose width is that of the ellipse of a
+/// pixel's cone by `width`.
 fn expected(density: [f32; 2], n: u32, width: fn([f64; 2]) -> f64) -> Vec<f64> {
     let density = density.map(f64::from);
     let layout = Layout::new([CHECKS; 2], 1).expect("a layout");
@@ -208,7 +210,8 @@ fn glowing() -> MaterialDesc {
     textured("/m", "checks", vec![("diffuseColor", ParamValue::Vec3([0.0; 3]))], &[("emissiveColor", "r")])
 }
 
-/// A filter by the longer axis, with no noise at all, is farther from the picture without a filter than the renderer at 64 samples.
+/// A filter by the longer axis, with no noise at all, is farther from the picture without a filter than the renderer at
+/// 64 samples.
 #[test]
 fn a_ground_is_nearer_to_the_unfiltered_one_than_by_an_isotropic_filter() {
     for density in [[0.25, 0.25], [1.0, 0.125]] {
