@@ -223,6 +223,11 @@ pub(crate) fn trace(
             schedule.cut_at(progress.begin_samples(frames.film));
         }
     }
+    end(frames, progress)
+}
+
+/// Publishes the film as it is, and what it says of its error.
+fn end(frames: &Frames<'_>, progress: &mut Progress<'_>) -> Result<(), RenderError> {
     progress.trace_ended();
     let mut commands = frames.commands("resolve")?;
     frames.copy_out(&mut commands);

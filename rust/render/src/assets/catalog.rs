@@ -74,20 +74,8 @@ pub(crate) enum Slot {
 impl SceneAssets {
     /// Lists the assets of `snapshot`, of which these are the textures.
     pub(crate) fn new(snapshot: &Arc<Snapshot>, textures: &Arc<TextureSet>) -> Result<Self, RenderError> {
+        check(snapshot)?;
         let world = &snapshot.world;
-        if world.levels > MAX_LEVELS {
-            return Err(RenderError::TooDeep { levels: world.levels, limit: MAX_LEVELS });
-        }
-        let counts = [
-            ("meshes", snapshot.meshes.len()),
-            ("instancers", snapshot.assemblies.len()),
-            ("chunk placements", world.instances.len()),
-        ];
-        for (what, count) in counts {
-            if count as u64 >= MAX_TARGETS {
-                return Err(RenderError::TooMany { what, count: count as u64, limit: MAX_TARGETS });
-            }
-        }
         let meshes = snapshot.meshes.iter().cloned().map(Source::Mesh);
         let assemblies = snapshot.assemblies.iter().cloned().map(Source::Assembly);
         let chunks = world.chunks.iter().cloned().map(Source::Chunk);
@@ -232,6 +220,25 @@ impl SceneAssets {
         };
         targets.iter().filter_map(|target| entries.get(&asset(target))).copied().max().unwrap_or(0)
     }
+}
+
+/// Whether the tables can number what there is.
+fn check(snapshot: &Snapshot) -> Result<(), RenderError> {
+    let world = &snapshot.world;
+    if world.levels > MAX_LEVELS {
+        return Err(RenderError::TooDeep { levels: world.levels, limit: MAX_LEVELS });
+    }
+    let counts = [
+        ("meshes", snapshot.meshes.len()),
+        ("instancers", snapshot.assemblies.len()),
+        ("chunk placements", world.instances.len()),
+    ];
+    for (what, count) in counts {
+        if count as u64 >= MAX_TARGETS {
+            return Err(RenderError::TooMany { what, count: count as u64, limit: MAX_TARGETS });
+        }
+    }
+    Ok(())
 }
 
 /// Ids were counted against [`MAX_TARGETS`].

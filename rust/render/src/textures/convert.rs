@@ -218,8 +218,11 @@ mod tests {
     }
 
     fn byte(x: u32, y: u32) -> u8 {
-        (x.wrapping_mul(37) ^ y.wrapping_mul(91)) as u8
+        (x.wrapping_mul(37) ^ y.wrapping_mul(91)).to_le_bytes()[0]
     }
+
+    /// Level, place, size and texels of a tile.
+    type Tile = (u32, [u32; 2], [u32; 2], Vec<u8>);
 
     impl Image for Rows {
         fn info(&self) -> ImageInfo {
@@ -246,7 +249,7 @@ mod tests {
     }
 
     #[derive(Default)]
-    struct Kept(Vec<(u32, [u32; 2], [u32; 2], Vec<u8>)>);
+    struct Kept(Vec<Tile>);
 
     impl TileSink for Kept {
         fn tile(&mut self, level: u32, at: [u32; 2], size: [u32; 2], texels: &[u8]) -> Result<(), ImageError> {

@@ -46,11 +46,8 @@ impl TxFile {
         let mut levels: Vec<Level> = Vec::new();
         let mut tables = Vec::new();
         while at != 0 && (description.is_none() || tables.len() < levels.len()) {
-            let count = u64::from_le_bytes(read_at(&file, at)?);
-            if count > MOST_FIELDS {
-                return Err(damaged());
-            }
-            let mut fields = vec![0; 20 * count as usize + 8];
+            let count = bounded(u64::from_le_bytes(read_at(&file, at)?), MOST_FIELDS)?;
+            let mut fields = vec![0; 20 * count + 8];
             file.read_exact_at(&mut fields, at.checked_add(8).ok_or_else(damaged)?)?;
             let field = |tag: u16| {
                 let found = fields.chunks_exact(20).find(|field| field[..2] == tag.to_le_bytes());
@@ -58,10 +55,7 @@ impl TxFile {
             };
             if description.is_none() {
                 let (_, length, at) = field(IMAGE_DESCRIPTION).ok_or_else(damaged)?;
-                if length == 0 || length > MOST_DESCRIPTION {
-                    return Err(damaged());
-                }
-                let mut text = vec![0; length as usize];
+                let mut text = vec![0; bounded(length, MOST_DESCRIPTION)?];
                 file.read_exact_at(&mut text, at)?;
                 text.pop();
                 let said: Description = serde_json::from_slice(&text).map_err(io::Error::other)?;
@@ -88,7 +82,7 @@ impl TxFile {
             }
             let (offsets_at, checksums_at) = (place(TILE_OFFSETS)?, place(TILE_CHECKSUMS)?);
             tables.push(Table { level, offsets_at, checksums_at, tiles: OnceLock::new() });
-            at = u64_of(&fields, 20 * count as usize);
+            at = u64_of(&fields, 20 * count);
         }
         match description {
             Some(description) if tables.len() == levels.len() => Ok(Self { file, bytes, description, tables }),
@@ -134,12 +128,9 @@ impl TxFile {
             return Ok(tiles);
         }
         // The file is at least as long as what it has tiles for: nobody asks for more memory than that.
-        let length = table.level.count() as u64 * 8;
-        if length > self.bytes {
-            return Err(damaged());
-        }
+        let length = bounded(table.level.count() as u64 * 8, self.bytes)?;
         let read = |at: u64| -> io::Result<Vec<u8>> {
-            let mut values = vec![0; length as usize];
+            let mut values = vec![0; length];
             self.file.read_exact_at(&mut values, at)?;
             Ok(values)
         };
@@ -148,6 +139,11 @@ impl TxFile {
         let tiles = pairs.map(|(offset, checksum)| (u64_of(offset, 0), u64_of(checksum, 0))).collect();
         Ok(table.tiles.get_or_init(|| tiles))
     }
+}
+
+/// A number of things that a file says, if it is not above `most`.
+fn bounded(count: u64, most: u64) -> io::Result<usize> {
+    usize::try_from(count).ok().filter(|_| count <= most).ok_or_else(damaged)
 }
 
 fn read_at<const N: usize>(file: &File, at: u64) -> io::Result<[u8; N]> {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Files written, read, and damaged.
 
+#![expect(clippy::cast_possible_truncation, reason = "images of tests are small")]
+
 use super::*;
 use std::fs::File;
 use std::path::PathBuf;
@@ -31,8 +33,11 @@ fn byte(level: u32, x: u32, y: u32, k: usize) -> u8 {
     ((level * 31 + x * 7 + y * 13) as usize + k * 3) as u8
 }
 
+/// Level, place, size and texels of a tile.
+type Tile = (u32, [u32; 2], [u32; 2], Vec<u8>);
+
 /// The tiles of an image and what they hold.
-fn tiles(description: &Description) -> Vec<(u32, [u32; 2], [u32; 2], Vec<u8>)> {
+fn tiles(description: &Description) -> Vec<Tile> {
     let mut all = Vec::new();
     for (level, cut) in (description.first_level..).zip(description.levels()) {
         for row in 0..cut.tiles[1] {

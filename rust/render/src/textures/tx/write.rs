@@ -10,7 +10,7 @@ use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Bytes of the file's head: marks, and where the first directory is.
-const HEAD: u64 = 16;
+const HEAD: usize = 16;
 const BUFFER_BYTES: usize = 1 << 20;
 
 /// Where the tiles of a level lie.
@@ -45,10 +45,10 @@ impl<W: Write + Seek> TxWriter<W> {
     /// Begins a file.
     pub(crate) fn new(out: W, description: Description) -> io::Result<Self> {
         let mut out = BufWriter::with_capacity(BUFFER_BYTES, out);
-        out.write_all(&[0; HEAD as usize])?;
+        out.write_all(&[0; HEAD])?;
         let table = |level: Level| Table { level, offsets: vec![0; level.count()], checksums: vec![0; level.count()] };
         let tables = description.levels().into_iter().map(table).collect();
-        Ok(Self { out, position: HEAD, description, tables, padded: Vec::new() })
+        Ok(Self { out, position: HEAD as u64, description, tables, padded: Vec::new() })
     }
 
     /// Appends the tile that begins at texel `at` of a level: `size` texels, rows from the bottom up. Levels before the first
@@ -107,7 +107,7 @@ impl<W: Write + Seek> TxWriter<W> {
             at += bytes;
         }
         self.out.seek(SeekFrom::Start(0))?;
-        let mut head = [0; HEAD as usize];
+        let mut head = [0; HEAD];
         head[..8].copy_from_slice(&[b'I', b'I', 43, 0, 8, 0, 0, 0]);
         head[8..].copy_from_slice(&first.to_le_bytes());
         self.out.write_all(&head)?;
@@ -179,8 +179,9 @@ impl<W: Write + Seek> TxWriter<W> {
 
     /// Goes on at a multiple of 8 bytes; where that is.
     fn align(&mut self) -> io::Result<u64> {
-        let gap = (self.position.next_multiple_of(8) - self.position) as usize;
-        self.put(&[0; 8][..gap])?;
+        while !self.position.is_multiple_of(8) {
+            self.put(&[0])?;
+        }
         Ok(self.position)
     }
 }
