@@ -245,16 +245,18 @@ uint continue_lookup(uint texture, vec2 st, float width, inout TextureProgress p
     return TEXTURE_DONE;
 }
 
-// In core: a whole lookup. A tile that is absent is requested, the path is traced again when it is there, and goes on for now
-// without it, so that it requests what lies behind, too.
+// In core: a whole lookup. Tiles that are absent are requested, the path is traced again when they are there, and goes on for now
+// without them, so that it requests what lies behind, too.
 const vec4 UNKNOWN_TEXEL = vec4(0.5);
 
 uint requested_lookup(uint path, uint texture, vec2 st, float width, inout TextureProgress progress) {
-    const uint said = continue_lookup(texture, st, width, progress);
-    if (said >= TEXTURE_FALLBACK) return said;
-    request_tile(path, said);
-    if (progress.taps == 0u) progress.mean = UNKNOWN_TEXEL;
-    return TEXTURE_DONE;
+    uint said = continue_lookup(texture, st, width, progress);
+    while (said < TEXTURE_FALLBACK) {
+        request_tile(path, said);
+        ++progress.taps;
+        said = continue_lookup(texture, st, width, progress);
+    }
+    return said;
 }
 
 // With streaming the lookups of a path's material are numbered in the order in which it makes them, and the value of each is kept

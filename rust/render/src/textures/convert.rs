@@ -95,6 +95,20 @@ struct Cutter<'a> {
     tile: Vec<u8>,
 }
 
+/// Puts 0 in place of what is no number and the largest half in place of what is infinite: one such texel would be all that is left of
+/// the coarser levels. Whether there were any.
+fn make_finite(values: &mut [f32]) -> bool {
+    if values.iter().all(|value| value.is_finite()) {
+        return false;
+    }
+    for value in values {
+        if !value.is_finite() {
+            *value = if value.is_nan() { 0.0 } else { 65504.0_f32.copysign(*value) };
+        }
+    }
+    true
+}
+
 impl<'a> Maker<'a> {
     fn new(decoding: &Decoding<'a>) -> Self {
         let Decoding { texels, transform, layout, first, .. } = *decoding;
@@ -122,9 +136,13 @@ impl<'a> Maker<'a> {
         for row in band.chunks_exact(row_bytes) {
             self.taken += 1;
             self.from.decode(row, &mut self.values);
+            let is_changed = make_finite(&mut self.values);
             if let Some(transform) = self.transform {
                 // At most 4 channels.
                 transform.apply(&mut self.values, u32::try_from(self.from.channels()).unwrap_or(4))?;
+                make_finite(&mut self.values);
+            }
+            if is_changed || self.transform.is_some() {
                 self.cutter.values(0, &self.values, sink)?;
             } else {
                 self.cutter.row(0, row, sink)?;
@@ -292,6 +310,38 @@ mod tests {
                 assert!((mean(level) - mean(&levels[0])).abs() < 1.5, "{size:?}: the mean is kept");
             }
         }
+    }
+
+    /// Ones, with texels that are none.
+    #[derive(Debug)]
+    struct Wild;
+
+    impl Image for Wild {
+        fn info(&self) -> ImageInfo {
+            let levels = vec![[4, 4]];
+            ImageInfo { levels, channels: 1, format: TexelFormat::F32, tile_friendly: true, is_srgb: None, wrap: None }
+        }
+
+        fn read(&self, _: u32, _: [u32; 2], _: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
+            let mut texels = [1.0_f32; 16];
+            [texels[0], texels[5], texels[15]] = [f32::NAN, f32::NEG_INFINITY, f32::INFINITY];
+            out.copy_from_slice(bytemuck::cast_slice(&texels));
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn texels_that_are_no_numbers_spoil_no_level() {
+        let layout = Layout::new([4, 4], 4).expect("supported");
+        let texels = Texels::new(&Wild.info(), false);
+        let mut kept = Kept::default();
+        let decoding = Decoding { image: &Wild, texels: &texels, transform: None, layout: &layout, first: 0 };
+        convert(&decoding, &mut kept).expect("it can be read");
+        let values = |level: usize| bytemuck::pod_collect_to_vec::<u8, f32>(&kept.0[level].3);
+        let (whole, half) = (values(0), values(1));
+        assert_eq!([whole[0], whole[1], whole[5], whole[15]], [0.0, 1.0, -65504.0, 65504.0], "where they were");
+        assert!(half[1] == 1.0 && half.iter().all(|value| value.is_finite()), "means of what is there: {half:?}");
+        assert!((half[0] - (0.0 + 1.0 + 1.0 - 65504.0) / 4.0).abs() < 0.01, "and of what stands for them: {half:?}");
     }
 
     #[test]
