@@ -253,6 +253,8 @@ impl Renderer {
         progress: &mut Progress<'_>,
     ) -> Result<(), RenderError> {
         let Setting { device, job, film, .. } = *setting;
+        let held = scene.tile_bytes_held();
+        progress.streaming(|stats| stats.texture_bytes = held);
         let view = scene.view(scene.stack_entries())?;
         let mut needed = specialise::features(&job.snapshot, setting.lights, setting.rays, &view);
         needed.set(Features::ADAPTIVE, film.adaptive().is_some());
