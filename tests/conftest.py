@@ -10,7 +10,8 @@ import sys
 import tempfile
 
 HERE = pathlib.Path(__file__).resolve().parent
-for folder in ("scenes", "hydra", "images"):
+# The last one is found first: `conftest` is that of `hydra`.
+for folder in ("scenes", "images", "hydra"):
     if str(HERE / folder) not in sys.path:
         sys.path.insert(0, str(HERE / folder))
 

@@ -176,18 +176,6 @@ const TABLE: &[(&str, &str, &str, &str)] = &[
         "Geometry budget",
         "Hard limit of device memory for geometry and textures in KiB; 0 = what the memory budget leaves",
     ),
-    (
-        "oocpt:textureCache",
-        "OOCPT_TEXTURE_CACHE",
-        "Texture cache",
-        "Folder in which decoded textures are kept; 0 = none; empty = oocpt/textures in the user's cache folder",
-    ),
-    (
-        "oocpt:textureCacheSize",
-        "OOCPT_TEXTURE_CACHE_SIZE",
-        "Texture cache size",
-        "Most MiB of decoded textures on disk; those not used for longest are removed",
-    ),
     ("oocpt:chunkReport", "OOCPT_CHUNK_REPORT", "Chunk report", "File for a report about the chunks; empty = none"),
     (
         "oocpt:report",
@@ -219,6 +207,18 @@ const TABLE: &[(&str, &str, &str, &str)] = &[
         "OOCPT_ADAPTIVE_SAMPLING",
         "Adaptive sampling",
         "Spend samples where the error is largest; as many in all, and no bias",
+    ),
+    (
+        "oocpt:textureCache",
+        "OOCPT_TEXTURE_CACHE",
+        "Texture cache",
+        "Folder in which decoded textures are kept; 0 = none; empty = oocpt/textures in the user's cache folder",
+    ),
+    (
+        "oocpt:textureCacheSize",
+        "OOCPT_TEXTURE_CACHE_SIZE",
+        "Texture cache size",
+        "Most MiB of decoded textures on disk; those not used for longest are removed",
     ),
     ("convergedSamplesPerPixel", "OOCPT_CONVERGED_SAMPLES_PER_PIXEL", "Converged samples", "As oocpt:samplesPerPixel"),
     (

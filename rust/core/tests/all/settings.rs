@@ -88,6 +88,8 @@ fn settings_are_listed_in_order() {
         "oocpt:carry",
         "oocpt:stragglerRoulette",
         "oocpt:adaptiveSampling",
+        "oocpt:textureCache",
+        "oocpt:textureCacheSize",
     ];
     assert_eq!(keys[..ours.len()], ours, "the order");
     assert!(keys[ours.len()..].iter().all(|key| !key.starts_with("oocpt:")), "{keys:?}");
@@ -102,6 +104,8 @@ fn settings_are_listed_in_order() {
         "OOCPT_CARRY",
         "OOCPT_STRAGGLER_ROULETTE",
         "OOCPT_ADAPTIVE_SAMPLING",
+        "OOCPT_TEXTURE_CACHE",
+        "OOCPT_TEXTURE_CACHE_SIZE",
     ];
     assert_eq!(ours[7..].iter().filter_map(|key| Settings::env_name(key)).collect::<Vec<_>>(), names, "variables");
 }
@@ -152,7 +156,7 @@ fn every_descriptor_can_be_set_to_its_default_and_has_an_own_variable() {
         let name = Settings::env_name(descriptor.key).unwrap();
         assert!(name.starts_with("OOCPT_") && names.insert(name), "{name}");
     }
-    assert_eq!(names.len(), 21);
+    assert_eq!(names.len(), 23);
     assert_eq!(Settings::env_name("oocpt:samplesPerPixel"), Some("OOCPT_SAMPLES_PER_PIXEL"));
     assert_eq!(Settings::env_name("other"), None);
 }
