@@ -13,7 +13,7 @@ from host import Host
 from test_textures import STAGE
 from PIL import Image
 
-SIZE = (300, 200)
+SIZE = (260, 260)
 QUICK = {"oocpt:samplesPerPixel": 1, "oocpt:maxBounces": 0}
 
 

@@ -262,12 +262,28 @@ mod tests {
     use crate::textures::ImageInfo;
     use oocpt_core::texture::TexelFormat;
 
-    fn cache(name: &str, limit: u64) -> DiskCache {
-        let folder = std::env::temp_dir().join(format!("oocpt-cache-{name}-{}", std::process::id()));
-        if folder.exists() {
-            fs::remove_dir_all(&folder).expect("removed");
+    /// A cache whose folder is gone at the end.
+    struct Scratch(DiskCache);
+
+    impl std::ops::Deref for Scratch {
+        type Target = DiskCache;
+
+        fn deref(&self) -> &DiskCache {
+            &self.0
         }
-        DiskCache::new(folder, limit)
+    }
+
+    impl Drop for Scratch {
+        fn drop(&mut self) {
+            if self.folder.exists() {
+                fs::remove_dir_all(&self.folder).expect("removed");
+            }
+        }
+    }
+
+    fn cache(name: &str, limit: u64) -> Scratch {
+        let folder = std::env::temp_dir().join(format!("oocpt-cache-{name}-{}", std::process::id()));
+        Scratch(DiskCache::new(folder, limit))
     }
 
     fn description(key: &str) -> Description {
