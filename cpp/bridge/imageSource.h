@@ -15,7 +15,8 @@ PXR_NAMESPACE_OPEN_SCOPE
 /// the library in cpp/images, which is loaded when the first one is opened.
 std::unique_ptr<oocpt::ImageSource> HdOocPTMakeImageSource();
 
-/// One of them: what the source's images are made of. Throws std::runtime_error with the reason, which follows on the file's name.
+/// One of them: what the source's images are made of. Throws std::runtime_error with the reason, which follows on the
+/// file's name.
 std::unique_ptr<HdOocPTImageFile> HdOocPTOpenHostImage(const std::string& resolved);
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Headers of OpenEXR files, before OpenEXR takes memory for what they say. Source: "OpenEXR File Layout" of its documentation.
+/// Headers of OpenEXR files, before OpenEXR takes memory for what they say. Source: "OpenEXR File Layout" of its
+/// documentation.
 #include "images/imageLimits.h"
 
 #include <algorithm>

@@ -13,7 +13,8 @@ namespace {
 
 /// Of an image with 65536 texels a side.
 constexpr int maxLevels = 17;
-/// Of a tile in a file, above which a part of the file is not had at little cost. Ordinary tiles have 32 to 256 texels a side.
+/// Of a tile in a file, above which a part of the file is not had at little cost. Ordinary tiles have 32 to 256 texels
+/// a side.
 constexpr long maxTexelsOfPart = 1024L * 1024L;
 
 /// 16-bit integers become floats: half precision would lose five of their bits.
@@ -118,7 +119,8 @@ HdOocPTImageFacts HdOocPTFindFacts(
         facts.wrap
             = { WrapOf(wrap.substr(0, comma)), WrapOf(comma == std::string::npos ? wrap : wrap.substr(comma + 1)) };
     }
-    // Other formats have no levels, and give the same one for every number. (ImageInput::supports("mipmap") says no for all.)
+    // Other formats have no levels, and give the same one for every number. (ImageInput::supports("mipmap") says no
+    // for all.)
     const int most = name == "openexr" || name == "tiff" ? maxLevels : 1;
     for (int level = 0; level < most; ++level) {
         // spec_dimensions() gives what it has for a level that is not there.

@@ -10,7 +10,8 @@
 #include <string>
 #include <vector>
 
-/// Which channels of a file are its texels, by their numbers in the file, 1 to 4: by name where a file has more than a texture
+/// Which channels of a file are its texels, by their numbers in the file, 1 to 4: by name where a file has more than a
+/// texture
 /// needs (layers, depth, ids).
 std::vector<int> HdOocPTChooseChannels(const std::vector<std::string>& names);
 

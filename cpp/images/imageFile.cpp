@@ -39,9 +39,11 @@ public:
         const auto [first, last] = std::minmax_element(_channels.begin(), _channels.end());
         _first = *first;
         _end = *last + 1;
-        // Of whole strips OpenImageIO decompresses what it could not read, beyond the end of its memory; rows are libtiff's work.
+        // Of whole strips OpenImageIO decompresses what it could not read, beyond the end of its memory; rows are
+        // libtiff's work.
         _readsRowByRow = std::strcmp(lease.Input().format_name(), "tiff") == 0;
-        // OpenImageIO's reader of TIFF is spoilt when it was asked for a level that is not there: it forgets how many bits a
+        // OpenImageIO's reader of TIFF is spoilt when it was asked for a level that is not there: it forgets how many
+        // bits a
         // channel has.
         lease.Discard();
     }

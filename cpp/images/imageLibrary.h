@@ -28,7 +28,8 @@ public:
 /// Opens a file's bytes, anew each time; null when they cannot be had.
 using HdOocPTImageOpener = std::function<std::shared_ptr<const HdOocPTImageBytes>()>;
 
-/// Takes rows: the number of the first counted from the top of the image, the rows from there on downwards. False: no more.
+/// Takes rows: the number of the first counted from the top of the image, the rows from there on downwards. False: no
+/// more.
 using HdOocPTRowSink = std::function<bool(std::uint32_t top, const void* rows, std::size_t byteCount)>;
 
 enum class HdOocPTTexelFormat : std::uint8_t
@@ -73,7 +74,8 @@ public:
     virtual void Read(std::uint32_t level, std::array<std::uint32_t, 2> at, std::array<std::uint32_t, 2> size,
         void* out, std::size_t byteCount) const = 0;
 
-    /// Decodes a level once, from the top of the image down, in bands of whole rows of at most 4 MiB (or one row). Throws as Read,
+    /// Decodes a level once, from the top of the image down, in bands of whole rows of at most 4 MiB (or one row).
+    /// Throws as Read,
     /// and lets pass what the sink throws.
     virtual void Decode(std::uint32_t level, const HdOocPTRowSink& sink) const = 0;
 };
@@ -84,13 +86,15 @@ class HdOocPTColorTransform
 public:
     virtual ~HdOocPTColorTransform() = default;
 
-    /// In place, `count` texels of 1 to 4 channels. Alpha stays; grey goes through as r = g = b, and the red that comes out is taken.
+    /// In place, `count` texels of 1 to 4 channels. Alpha stays; grey goes through as r = g = b, and the red that
+    /// comes out is taken.
     virtual void Apply(float* texels, std::size_t count, std::uint32_t channels) const = 0;
 };
 
 /// The functions of the library; their names are below. Both throw std::runtime_error with the reason.
 using HdOocPTOpenImageFunction = std::unique_ptr<HdOocPTImageFile>(const std::string& name, HdOocPTImageOpener opener);
-/// The conversion from a color space that OpenColorIO knows: by the configuration that $OCIO names, then by one of ours with the
+/// The conversion from a color space that OpenColorIO knows: by the configuration that $OCIO names, then by one of
+/// ours with the
 /// names that OpenUSD and ACES use (colorConfig.h).
 using HdOocPTMakeColorTransformFunction = std::unique_ptr<HdOocPTColorTransform>(const std::string& name);
 

@@ -33,8 +33,10 @@ void CheckSides(std::uint64_t width, std::uint64_t height)
     }
 }
 
-/// Most decoded bytes of a byte of a TIFF. Of LZW the longest strings of a table of 4096; RLE in zstd's blocks of 128 KiB; the fax
-/// codes, where a white row is one bit, and anything else: no limit (what is decoded at once is bounded by strips and tiles).
+/// Most decoded bytes of a byte of a TIFF. Of LZW the longest strings of a table of 4096; RLE in zstd's blocks of 128
+/// KiB; the fax
+/// codes, where a white row is one bit, and anything else: no limit (what is decoded at once is bounded by strips and
+/// tiles).
 double TiffRatio(const OIIO::ImageSpec& spec)
 {
     const std::string compression = spec.get_string_attribute("compression", "none");
@@ -119,7 +121,8 @@ void HdOocPTCheckJpegHeader(const unsigned char* content, std::size_t size)
             const std::uint64_t width = BigEndian(content + at + 7, 2);
             const std::uint64_t decoded = width * height * std::min<unsigned>(content[at + 9], 4);
             CheckSides(width, height);
-            // A block of 8 x 8 takes at least a bit in each scan that has it, and chroma may have a quarter of the blocks.
+            // A block of 8 x 8 takes at least a bit in each scan that has it, and chroma may have a quarter of the
+            // blocks.
             HdOocPTCheckRatio(static_cast<double>(decoded), static_cast<double>(size), 2000.0);
             std::size_t scans = 0;
             const unsigned char* const end = content + size;
@@ -182,7 +185,8 @@ void HdOocPTCheckSpec(const OIIO::ImageSpec& spec, const std::string& format, st
                                            : "has tiles of " + SizeText(spec.tile_width, spec.tile_height)
                     + " texels, which is more than is read");
     }
-    // Runs of TGA: 128 texels for two bytes (of a palette of four channels: 256 times). Of BMP: 255 texels for two bytes; rows
+    // Runs of TGA: 128 texels for two bytes (of a palette of four channels: 256 times). Of BMP: 255 texels for two
+    // bytes; rows
     // may be left out. Of Radiance: 127 for two bytes, in each of four channels that become three floats.
     const double ratio = format == "tiff" ? TiffRatio(spec)
         : format == "targa"               ? 260.0

@@ -87,7 +87,8 @@ void SetUpOnce()
     std::call_once(once, [] {
         // The renderer has threads of its own that decode, one image each.
         OIIO::attribute("threads", 1);
-        // OpenEXR decompresses blocks of rows and tiles on threads of its own: a single file would else keep one core busy.
+        // OpenEXR decompresses blocks of rows and tiles on threads of its own: a single file would else keep one core
+        // busy.
         OIIO::attribute(
             "exr_threads", static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1U, maxExrThreads)));
         OIIO::attribute("limits:channels", 1024);

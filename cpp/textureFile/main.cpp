@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/// oocpt-texture-file: what `oocpt bench texture-files` needs of OpenImageIO and the `oocpt` program has not got: it writes a texture file of
-/// noise, row by row, and reads files whole, to be compared with. A program of its own: nobody else's memory is in its peak.
+/// oocpt-texture-file: what `oocpt bench texture-files` needs of OpenImageIO and the `oocpt` program has not got: it
+/// writes a texture file of
+/// noise, row by row, and reads files whole, to be compared with. A program of its own: nobody else's memory is in its
+/// peak.
 ///
 ///     oocpt-texture-file write SIZE SEED FILE      the name's end says which kind: .jpg .png .tif .exr
 ///     oocpt-texture-file read THREADS FILE...      each file once, a file per thread; 0 = as many threads as cores
@@ -43,7 +45,8 @@ bool EndsWith(const std::string& name, const std::string& end)
     return name.size() >= end.size() && name.compare(name.size() - end.size(), end.size(), end) == 0;
 }
 
-/// How artists' programs save: JPEG at quality 92, TIFF with deflate, half EXR with zip. PNG is packed as fast as zlib can, which hardly
+/// How artists' programs save: JPEG at quality 92, TIFF with deflate, half EXR with zip. PNG is packed as fast as zlib
+/// can, which hardly
 /// changes how long it takes to unpack.
 OIIO::ImageSpec SpecOf(const std::string& file, int size)
 {

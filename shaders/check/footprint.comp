@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // No pass of a render: footprints of cones and the widths of filters, for tests. One thread per query.
-// Reads: at Frame::rays five vec4 a query: u and the cone's width, v and the image's width, n and the image's height, d, the map's rows.
+// Reads: at Frame::rays five vec4 a query: u and the cone's width, v and the image's width, n and the image's height,
+// d, the map's rows.
 // Writes: at Frame::radiance uvec4 (the footprint, the filter's width as bits, 0).
 #version 460
 #extension GL_GOOGLE_include_directive : require

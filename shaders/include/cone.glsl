@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Ray cones (Akenine-Moeller et al. 2021, "Improved Shader and Texture Level of Detail Using Ray Cones", JCGT 10(1)): a width at the
-// origin of a path's ray, and its growth per unit of length. Only with textures. What a cone covers of a slanted surface is in
+// origin of a path's ray, and its growth per unit of length. Only with textures. What a cone covers of a slanted
+// surface is in
 // include/footprint.glsl. Curvature of surfaces is left out.
 #ifndef OOCPT_CONE_GLSL
 #define OOCPT_CONE_GLSL
@@ -13,8 +14,10 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Cones { vec2
 const float CONE_SAMPLES = 64.0;
 const float CONE_WIDEST = 0.5;
 
-// Width of a camera ray's cone, in pixels. The samples of a pixel are spread over it, and filter; a filter of a pixel's width
-// for each of them blurs twice. By half the width the blur's error at 64 samples is about that of their noise without a filter
+// Width of a camera ray's cone, in pixels. The samples of a pixel are spread over it, and filter; a filter of a
+// pixel's width
+// for each of them blurs twice. By half the width the blur's error at 64 samples is about that of their noise without
+// a filter
 // (decisions/0018).
 const float CAMERA_CONE = 0.5;
 

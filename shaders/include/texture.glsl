@@ -2,7 +2,8 @@
 // Textures: page lookup, texels, bilinear filter, two levels mixed. The twin in f64 is rust/core/src/texture/twin.rs; tiles and
 // levels are numbered as in rust/core/src/texture/layout.rs.
 //
-// st: (0, 0) is the lower left corner of the image. `width`: of the filter, in texels of level 0 (include/footprint.glsl). Between 2^l and
+// st: (0, 0) is the lower left corner of the image. `width`: of the filter, in texels of level 0
+// (include/footprint.glsl). Between 2^l and
 // 2^(l+1) texels levels l and l + 1 are mixed linearly in it.
 //
 // A lookup takes up to eight texels, one after the other, and keeps the mean of those it has (West 1979: mean += (x - mean) * w / W),
@@ -173,7 +174,8 @@ uint texture_part(uint texture, inout vec2 st, out bool exists) {
     return t.first_page + uint(part.x) + 10u * uint(part.y);
 }
 
-// How wide the filter of a lookup at st is, in texels, for a cone of width `cone` that covers `footprint` of the coordinates before the map
+// How wide the filter of a lookup at st is, in texels, for a cone of width `cone` that covers `footprint` of the
+// coordinates before the map
 // with rows s and t.
 float lookup_width(uint texture, vec2 st, uvec2 footprint, float cone, vec3 s, vec3 t) {
     bool exists;
@@ -245,7 +247,8 @@ uint continue_lookup(uint texture, vec2 st, float width, inout TextureProgress p
     return TEXTURE_DONE;
 }
 
-// In core: a whole lookup. Tiles that are absent are requested, the path is traced again when they are there, and goes on for now
+// In core: a whole lookup. Tiles that are absent are requested, the path is traced again when they are there, and goes
+// on for now
 // without them, so that it requests what lies behind, too.
 const vec4 UNKNOWN_TEXEL = vec4(0.5);
 

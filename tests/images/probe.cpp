@@ -110,8 +110,10 @@ EXPORT const char* oocpt_image_read(
     });
 }
 
-/// A level decoded at once: the bytes of its texels in hexadecimal, the first row of every band, its bytes, how many bytes the process
-/// read meanwhile, as {"texels": "..", "tops": [..], "most": .., "read": ..}. Stops after `bands` bands, if that is not 0.
+/// A level decoded at once: the bytes of its texels in hexadecimal, the first row of every band, its bytes, how many
+/// bytes the process
+/// read meanwhile, as {"texels": "..", "tops": [..], "most": .., "read": ..}. Stops after `bands` bands, if that is
+/// not 0.
 EXPORT const char* oocpt_image_decode(const char* path, unsigned level, unsigned bands)
 {
     return _Answer([&] {
@@ -170,7 +172,8 @@ EXPORT const char* oocpt_image_shrink(const char* path, unsigned long size)
     });
 }
 
-/// What is known of a file without opening it, as {"plain": .., "canonical": "..", "size": .., "modified": .., "loaded": ..}; `loaded`
+/// What is known of a file without opening it, as {"plain": .., "canonical": "..", "size": .., "modified": ..,
+/// "loaded": ..}; `loaded`
 /// says whether the library of image readers is in the process.
 EXPORT const char* oocpt_image_file_facts(const char* path)
 {

@@ -60,7 +60,8 @@ mod ffi {
         height: u32,
     }
 
-    /// What is known of a file without opening it. Not plain: only the host's resolver knows the file, the rest is empty.
+    /// What is known of a file without opening it. Not plain: only the host's resolver knows the file, the rest is
+    /// empty.
     struct FileFacts {
         is_plain: bool,
         /// Absolute, without links.

@@ -104,7 +104,8 @@ pub struct Usage {
     pub host_bytes: u64,
     /// Nothing was streamed: all of the scene is on the device.
     pub in_core: bool,
-    /// Bytes that all of the scene would take on the device, of these bytes of textures, and bytes of tiles of textures that are there.
+    /// Bytes that all of the scene would take on the device, of these bytes of textures, and bytes of tiles of
+    /// textures that are there.
     pub scene_bytes: u64,
     /// See above.
     pub texture_scene_bytes: u64,

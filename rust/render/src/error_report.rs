@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The report of error against time that `oocpt:report` names: a JSON object a line, first one about the render, one about what it is
-//! made of ([`Inventory`]), then an [`ErrorRow`] at each power of two of the samples and at the end, last one about what it used ([`Usage`]).
+//! made of ([`Inventory`]), then an [`ErrorRow`] at each power of two of the samples and at the end, last one about
+//! what it used ([`Usage`]).
 //! `oocpt report plot` draws it.
 //!
 //! Every line is written whole and at once: a render that is killed leaves all lines up to then. The first render of a session

@@ -177,7 +177,7 @@ impl Renderer {
         let (device, job) = (setting.device, setting.job);
         progress.stage("uploading the scene");
         let mut scenes = std::mem::take(&mut self.scene);
-        let scene = scenes.sync(device, &job.snapshot, job.images.as_ref(), &job.settings)?;
+        let scene = scenes.sync(device, &job.snapshot, job.images.as_ref())?;
         progress.scene(&scene.assets);
         for warning in &scene.assets.textures.warnings {
             gate.shared().report(Severity::Warning, warning.clone());
@@ -223,7 +223,7 @@ impl Renderer {
         // A report of the chunks counts rays and loads, which only streaming does.
         let has_outgrown = self.outgrown.as_ref().is_some_and(|snapshot| Arc::ptr_eq(snapshot, &job.snapshot));
         let streams = self.is_frugal || job.options.force_streaming || !job.settings.chunk_report.is_empty();
-        // Tiles of textures come when they are asked for: few of them may do.
+        // Texture tiles are loaded on demand: a few of them may be enough.
         let least = scene.assets.geometry_bytes() + scene.assets.tile_bytes.min(FEWEST_TILES);
         if streams || has_outgrown || cap.is_some_and(|cap| least > cap) {
             return false;

@@ -297,7 +297,8 @@ impl<'a> Progress<'a> {
         Ok(())
     }
 
-    /// The render is over, as planned or not: notes memory use, tells the report, and turns what the validation layer said into errors: it is
+    /// The render is over, as planned or not: notes memory use, tells the report, and turns what the validation layer
+    /// said into errors: it is
     /// only on in tests.
     pub(crate) fn end(&mut self, gpu: &Gpu) {
         let memory = gpu.memory();

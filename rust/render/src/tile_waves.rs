@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! In core, tiles of textures come when a wave has asked for them: brings what a wave lacked, and traces those of its paths again that
+//! In core, tiles of textures come when a wave has asked for them: brings what a wave lacked, and traces those of its
+//! paths again that
 //! lacked it, until none does. Then the film takes the wave, as if all tiles had been there. Render thread only.
 
 use crate::assets::{Brought, Scene};
@@ -74,7 +75,8 @@ impl Tiles<'_> {
         }
     }
 
-    /// Traces the paths of a wave again that lacked tiles, until the film has it. Gives its last part; none when the gate said no: then
+    /// Traces the paths of a wave again that lacked tiles, until the film has it. Gives its last part; none when the
+    /// gate said no: then
     /// the wave has left no trace.
     pub(crate) fn complete(
         &mut self,

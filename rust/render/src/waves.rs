@@ -3,7 +3,8 @@
 //!
 //! A wave is submitted in parts, each a few rounds. Two parts are under way at any time, so the device does not wait for the
 //! host; the host asks the gate before each new one, and a wave that is given up in the middle leaves no trace in the film.
-//! An image is published at growing intervals and at the end. A wave that lacks tiles of textures is completed before the next one
+//! An image is published at growing intervals and at the end. A wave that lacks tiles of textures is completed before
+//! the next one
 //! (`tile_waves`).
 
 use crate::device::Device;

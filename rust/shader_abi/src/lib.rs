@@ -22,7 +22,8 @@
 //!   (cut where every pixel has a power of two of samples: measure_error [min(ERROR_GROUPS, groups(width*height))] there)
 //! resolve                [groups(width*height)]               q                 (only when an image is wanted)
 //! ```
-//! With `Frame::texture_feedback` the host sets `Counters::ray_count[0]` to 0 before the wave and reads the [`TextureFeedback`] after it. If paths lacked tiles, it
+//! With `Frame::texture_feedback` the host sets `Counters::ray_count[0]` to 0 before the wave and reads the
+//! [`TextureFeedback`] after it. If paths lacked tiles, it
 //! brings them, empties the feedback, and repeats the wave with `q.flagged(PushFlags::RETRACE)`, until none does.
 //!
 //! AOVs of the pixels `first_path .. first_path + path_count`, with `a = q.flagged(PushFlags::AOVS)`:

@@ -39,7 +39,8 @@ enum Command {
     Stragglers(stragglers::Arguments),
     /// A textured forest in core and under budgets that its geometry and its textures each exceed; the same bits.
     Textures(textures::Arguments),
-    /// Texture files of real size through a real usdrecord, with an empty and a filled texture cache, beside their decoding.
+    /// Texture files of real size through a real usdrecord, with an empty and a filled texture cache, beside their
+    /// decoding.
     TextureFiles(Box<texture_files::Arguments>),
     /// Instanced leaves: opaque, with an opacity picture that is opaque all over, and cut out.
     Leaves(leaves::Arguments),

@@ -23,7 +23,8 @@ pub(crate) struct Arguments {
 
 #[derive(clap::Subcommand)]
 enum Command {
-    /// Decodes files into the texture cache, so that no render has to. What is there already, or read as it is, is left alone.
+    /// Decodes files into the texture cache, so that no render has to. What is there already, or read as it is, is
+    /// left alone.
     Convert(Convert),
     /// Says what files are, how they are read, and what the cache has of them.
     Info(Info),
@@ -32,10 +33,12 @@ enum Command {
 /// What both take.
 #[derive(clap::Args)]
 struct Common {
-    /// Texture files, sets of them with `<UDIM>` in their names, folders, or scenes, whose textures are taken as they are read there.
+    /// Texture files, sets of them with `<UDIM>` in their names, folders, or scenes, whose textures are taken as they
+    /// are read there.
     #[arg(required = true)]
     files: Vec<PathBuf>,
-    /// `sourceColorSpace` of the textures that will read the files, several after commas; for each the cache keeps another entry. Scenes say it
+    /// `sourceColorSpace` of the textures that will read the files, several after commas; for each the cache keeps
+    /// another entry. Scenes say it
     /// themselves.
     #[arg(long, value_delimiter = ',', default_value = "auto")]
     color_space: Vec<String>,

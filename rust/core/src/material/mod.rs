@@ -4,7 +4,8 @@
 //! Guarantees: pure; never panics on any network; work is bounded by the number of nodes and connections; every number of a
 //! [`Material`] is finite. Colours are linear Rec. 709.
 //!
-//! Stages: `compile` reads the surface node and follows its connections (`texture`, `reader`, `spaces`); `params` reads authored
+//! Stages: `compile` reads the surface node and follows its connections (`texture`, `reader`, `spaces`); `params`
+//! reads authored
 //! values. Rules and defaults: the specification of `UsdPreviewSurface` 2.5.
 
 mod compile;

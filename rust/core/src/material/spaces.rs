@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Names of colour spaces, and which of those that a texture node has counts. Pure.
 //!
-//! The rule: `sourceColorSpace`, where it is authored and not `auto`, wins; then the `colorSpace` metadata of the attribute `file`; then
-//! the file itself (`auto` of the `UsdPreviewSurface` specification 2.6). The specification knows `raw`, `sRGB` and `auto` and no
-//! metadata, and `HdStorm` reads nothing else, so a scene that says one of the two looks here as it does there; metadata, which `HdStorm`
+//! The rule: `sourceColorSpace`, where it is authored and not `auto`, wins; then the `colorSpace` metadata of the
+//! attribute `file`; then
+//! the file itself (`auto` of the `UsdPreviewSurface` specification 2.6). The specification knows `raw`, `sRGB` and
+//! `auto` and no
+//! metadata, and `HdStorm` reads nothing else, so a scene that says one of the two looks here as it does there;
+//! metadata, which `HdStorm`
 //! ignores, counts only where the scene leaves the question open.
 
 use super::ColorSpace;
@@ -11,7 +14,8 @@ use super::compile::Compiler;
 use super::params::text;
 use crate::scene::NodeDesc;
 
-/// The sRGB curve with the primaries of Rec. 709: of `UsdUVTexture`, `GfColorSpaceNames`, the Color Interop Forum, and the
+/// The sRGB curve with the primaries of Rec. 709: of `UsdUVTexture`, `GfColorSpaceNames`, the Color Interop Forum, and
+/// the
 /// configurations of ACES.
 const SRGB: &[&str] = &[
     "srgb",

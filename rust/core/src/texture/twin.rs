@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The filter of `shaders/include/texture.glsl` in f64, for tests.
 //!
-//! Widths of filters are in texels of level 0 (`footprint.rs`). Between widths of 2^l and 2^(l+1) texels the levels l and l + 1 are mixed linearly in the width (the usual choice is linear in its logarithm;
+//! Widths of filters are in texels of level 0 (`footprint.rs`). Between widths of 2^l and 2^(l+1) texels the levels l
+//! and l + 1 are mixed linearly in the width (the usual choice is linear in its logarithm;
 //! the two agree at powers of two and differ by at most 0.086 of a level; this one needs no transcendental function).
 
 use super::{Layout, Wrap};

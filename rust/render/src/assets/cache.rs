@@ -90,7 +90,8 @@ pub(crate) struct SceneCache {
 }
 
 impl SceneCache {
-    /// Opens the images that the textures of a snapshot read: `images` knows them, `settings` say where they are kept when decoded.
+    /// Opens the images that the textures of a snapshot read: `images` knows them, `settings` say where they are kept
+    /// when decoded.
     pub(crate) fn open_textures(
         &mut self,
         snapshot: &Snapshot,
@@ -103,19 +104,17 @@ impl SceneCache {
     }
 
     /// Takes the assets of `snapshot` for what is wanted; lets go of what it does not need.
-    /// `images` opens what textures name; `settings` say where decoded images are kept.
+    /// `images` opens what textures name.
     pub(crate) fn sync(
         &mut self,
         device: &Device,
         snapshot: &Arc<Snapshot>,
         images: Option<&Arc<dyn ImageLibrary>>,
-        settings: &Settings,
     ) -> Result<&mut Scene, RenderError> {
         match &mut self.scene {
             // Nothing of it has changed: what is there stays, with its tables.
             Some(scene) if Arc::ptr_eq(&scene.assets.snapshot, snapshot) => scene.store.forget_arriving()?,
             _ => {
-                self.open_textures(snapshot, images, settings);
                 let textures = self.textures.sync(images, &snapshot.surfaces.textures);
                 let assets = Arc::new(SceneAssets::new(snapshot, &textures)?);
                 let mut store = match self.scene.take() {
@@ -178,7 +177,8 @@ impl Scene {
         self.assets.keys().filter(|(_, key)| self.store.get(key).is_none()).map(|(id, _)| id)
     }
 
-    /// Brings every asset but tiles, which come when they are asked for, and fills the tables. `Ok(false)` when the gate said no.
+    /// Loads every asset except texture tiles, which are loaded on demand, and fills the tables. `Ok(false)` when the
+    /// gate said no.
     pub(crate) fn load_all(
         &mut self,
         device: &Device,

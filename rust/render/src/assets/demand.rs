@@ -104,7 +104,8 @@ impl Scene {
         self.forget_tables();
     }
 
-    /// Those of `tiles` that are not there, in the order to bring them: the first of each image, then the second of each, so that
+    /// Those of `tiles` that are not there, in the order to bring them: the first of each image, then the second of
+    /// each, so that
     /// several files are decoded at a time.
     fn missing_tiles(&self, tiles: &[u32]) -> Vec<AssetId> {
         let mut seen: FxHashMap<u64, u32> = FxHashMap::default();

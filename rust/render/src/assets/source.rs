@@ -147,7 +147,7 @@ impl Source {
         "texture tiles, at most",
         "rounding of assets",
     ];
-    /// The section of tiles, which come when they are asked for.
+    /// The section of texture tiles, which are loaded on demand.
     pub(crate) const TILES: usize = 10;
 
     /// Its bytes under [`Self::SECTIONS`]; their sum is [`Self::bytes`].

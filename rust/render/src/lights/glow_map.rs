@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! How much a picture emits where: what triangles that show it are weighed by. Only choices depend on it, no radiance does.
 //!
-//! Bounds: a map has at most 256 x 256 cells and a third more; making it looks at at most [`MOST_BYTES`] of a picture, of the
+//! Bounds: a map has at most 256 x 256 cells and a third more; making it looks at at most [`MOST_BYTES`] of a picture,
+//! of the
 //! coarsest level that is fine enough, in evenly spaced rows where that level is larger. Render thread only.
 
 use super::emission_weight;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! From rows to tiles: decodes an image once and makes the tiles of all its levels in that one pass.
 //!
-//! One thread decodes, another makes coarser levels and tiles, a few bands apart. Memory: [`BANDS`] bands of rows, and for each level
+//! One thread decodes, another makes coarser levels and tiles, a few bands apart. Memory: [`BANDS`] bands of rows, and
+//! for each level
 //! one row of tiles and two rows of sums (`oocpt_core::texture::Pyramid`); no level is ever whole.
 
 use super::image::{ColorTransform, Image, ImageError};
@@ -95,7 +96,8 @@ struct Cutter<'a> {
     tile: Vec<u8>,
 }
 
-/// Puts 0 in place of what is no number and the largest half in place of what is infinite: one such texel would be all that is left of
+/// Puts 0 in place of what is no number and the largest half in place of what is infinite: one such texel would be all
+/// that is left of
 /// the coarser levels. Whether there were any.
 fn make_finite(values: &mut [f32]) -> bool {
     if values.iter().all(|value| value.is_finite()) {

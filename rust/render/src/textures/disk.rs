@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The folder in which decoded images are kept from render to render, shared by all processes of a user.
 //!
-//! An entry is a file of `tx`, named by a hash of its key: what tells the source from other files (`ImageLibrary::identity`) and how it
-//! is read. It is written under another name and renamed when it is whole, so nobody reads half of one; each tile has a checksum, and
-//! an entry that is damaged is removed and made again. Entries that were not used for longest are removed when all together are larger
+//! An entry is a file of `tx`, named by a hash of its key: what tells the source from other files
+//! (`ImageLibrary::identity`) and how it
+//! is read. It is written under another name and renamed when it is whole, so nobody reads half of one; each tile has
+//! a checksum, and
+//! an entry that is damaged is removed and made again. Entries that were not used for longest are removed when all
+//! together are larger
 //! than the limit. Any thread.
 
 use super::convert::TileSink;
@@ -149,7 +152,8 @@ impl DiskCache {
         *known = Some(self.clean(path));
     }
 
-    /// Removes what is stale, and entries, the oldest first, until they are within the limit, but not `newest`. What is left, bytes.
+    /// Removes what is stale, and entries, the oldest first, until they are within the limit, but not `newest`. What
+    /// is left, bytes.
     fn clean(&self, newest: &Path) -> u64 {
         let now = SystemTime::now();
         let mut entries = Vec::new();

@@ -21,7 +21,8 @@ pub struct ImageInfo {
     pub channels: u32,
     /// Format that [`Image::read`] gives.
     pub format: TexelFormat,
-    /// Reading a part costs about as much as the part. Else a part may cost as much as all rows above it: take all of the image once
+    /// Reading a part costs about as much as the part. Else a part may cost as much as all rows above it: take all of
+    /// the image once
     /// ([`Image::decode`]) where more than a few texels are wanted.
     pub tile_friendly: bool,
     /// The file says that it is sRGB, or that it is not.
@@ -39,9 +40,12 @@ pub trait Image: Send + Sync + Debug {
     /// bottom, `channels` values of `format` each, in the machine's byte order. The range lies inside the level and `out` has its length.
     fn read(&self, level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError>;
 
-    /// Decodes a level once, from the top of the image down. `sink(top, rows)` gets bands of whole rows, of at most [`BAND_BYTES`] or one
-    /// row: `top` is the number of the band's first row counted from the top of the image, and the rows in a band go on downwards (those
-    /// of [`Self::read`] go up). Texels as `read` gives them. Bands come in order, on the calling thread; together they are the level.
+    /// Decodes a level once, from the top of the image down. `sink(top, rows)` gets bands of whole rows, of at most
+    /// [`BAND_BYTES`] or one
+    /// row: `top` is the number of the band's first row counted from the top of the image, and the rows in a band go
+    /// on downwards (those
+    /// of [`Self::read`] go up). Texels as `read` gives them. Bands come in order, on the calling thread; together
+    /// they are the level.
     /// Where the sink gives `false` no more are decoded, which is no error.
     fn decode(&self, level: u32, sink: &mut dyn FnMut(u32, &[u8]) -> bool) -> Result<(), ImageError> {
         decode_by_reading(self, level, sink)
@@ -80,7 +84,8 @@ fn decode_by_reading<I: Image + ?Sized>(
 
 /// A conversion of colours to linear Rec. 709. Called by several threads at once.
 pub trait ColorTransform: Send + Sync + Debug {
-    /// Converts texels of 1 to 4 channels, tightly packed, in place. Alpha (the second of two channels, the fourth) stays. Grey goes through
+    /// Converts texels of 1 to 4 channels, tightly packed, in place. Alpha (the second of two channels, the fourth)
+    /// stays. Grey goes through
     /// as r = g = b, and the red that comes out is taken.
     fn apply(&self, texels: &mut [f32], channels: u32) -> Result<(), ImageError>;
 }
@@ -97,8 +102,10 @@ pub trait ImageLibrary: Send + Sync + Debug {
         self.open(&part).ok().map(Ok)
     }
 
-    /// A text that changes when the content of a file may have changed, got without decoding anything: `file:<canonical path>:<bytes>:<time
-    /// of modification in ns>` for a plain file, `hash:<xxh3 of the content, 128 bits, hexadecimal>:<bytes>` for anything else.
+    /// A text that changes when the content of a file may have changed, got without decoding anything:
+    /// `file:<canonical path>:<bytes>:<time
+    /// of modification in ns>` for a plain file, `hash:<xxh3 of the content, 128 bits, hexadecimal>:<bytes>` for
+    /// anything else.
     fn identity(&self, asset: &AssetRef) -> Result<String, ImageError> {
         Err(ImageError(format!("{} has no identity", asset.authored)))
     }

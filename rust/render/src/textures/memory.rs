@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Decoded images in host memory, for where there is no texture cache on disk.
 //!
-//! The bound: the levels of all images together take at most [`MOST_BYTES`], or those of a single image if they are more. The oldest
+//! The bound: the levels of all images together take at most [`MOST_BYTES`], or those of a single image if they are
+//! more. The oldest
 //! are dropped, and decoded again when they are needed again.
 
 use super::convert::TileSink;

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Textures: where images come from (`image`), what their texels mean (`texels`), one image as tiles (`tiles`), and all textures of a
+//! Textures: where images come from (`image`), what their texels mean (`texels`), one image as tiles (`tiles`), and
+//! all textures of a
 //! snapshot (`set`).
 //!
 //! An image is cut into tiles (`oocpt_core::texture::Layout`); a tile is an asset and a unit of the planner, brought by the loader's
-//! threads as meshes are. Files that cannot give tiles of all levels at little cost are decoded once (`convert`) and kept
-//! (`prepared`), as tiled and mip-mapped files (`tx`) in a folder (`disk`) or in host memory (`memory`). Nothing here touches the device.
+//! threads as meshes are. Files that cannot give tiles of all levels at little cost are decoded once (`convert`) and
+//! kept
+//! (`prepared`), as tiled and mip-mapped files (`tx`) in a folder (`disk`) or in host memory (`memory`). Nothing here
+//! touches the device.
 
 mod convert;
 mod disk;

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! An image whose file cannot give parts of its levels at little cost: decoded once, kept on disk or in memory. Any thread.
+//! An image whose file cannot give parts of its levels at little cost: decoded once, kept on disk or in memory. Any
+//! thread.
 //!
-//! What is first asked for decides the finest level that is kept: a picture that shows a wall of 8 K on 200 pixels needs 1/1000 of it on
+//! What is first asked for decides the finest level that is kept: a picture that shows a wall of 8 K on 200 pixels
+//! needs 1/1000 of it on
 //! disk. If something finer is asked for later, the image is decoded a second time, and all of it is kept.
 
 use super::convert::{Decoding, convert};

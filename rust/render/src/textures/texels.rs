@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! How the texels of an image are stored, and what they mean: from bytes of a file to linear values and back.
 //!
-//! Mip levels are means of linear values, stored as the file's texels are. The device takes 1, 2 or 4 channels: three become four.
+//! Mip levels are means of linear values, stored as the file's texels are. The device takes 1, 2 or 4 channels: three
+//! become four.
 
 use super::image::ImageInfo;
 use half::f16;

@@ -61,14 +61,17 @@ pub(super) struct Wanted<'a> {
 }
 
 impl Wanted<'_> {
-    /// The key in the cache on disk of the file, read as of a colour space; none where nothing tells the file from others.
+    /// The key in the cache on disk of the file, read as of a colour space; none where nothing tells the file from
+    /// others.
     pub(super) fn key(&self, disk: Option<&Arc<DiskCache>>, space: &ColorSpace) -> Option<(Arc<DiskCache>, String)> {
+        // First: without a cache no file need be hashed.
+        let disk = disk?;
         let identity = self.library.identity(self.file).ok()?;
         let config = match space {
             ColorSpace::Named(_) => format!(" of {}", self.library.color_config()),
             _ => String::new(),
         };
-        disk.map(|disk| (Arc::clone(disk), format!("{identity} as {space:?}{config}")))
+        Some((Arc::clone(disk), format!("{identity} as {space:?}{config}")))
     }
 }
 
@@ -181,7 +184,8 @@ impl TextureImage {
         lock(&self.broken).contains(&tile)
     }
 
-    /// Says that a tile will be read. Said of all tiles that are wanted before the first is read, one decoding serves them.
+    /// Says that a tile will be read. Said of all tiles that are wanted before the first is read, one decoding serves
+    /// them.
     pub(crate) fn expect(&self, tile: u32) {
         let Pixels::Prepared(prepared) = &self.pixels else { return };
         if let Some(piece) = self.layout.pieces(tile).first() {
@@ -270,7 +274,8 @@ impl Image for TextureImage {
     }
 }
 
-/// What an image of a colour space is once it is decoded: those that go through a conversion become linear, for which 8 bits are too few.
+/// What an image of a colour space is once it is decoded: those that go through a conversion become linear, for which
+/// 8 bits are too few.
 fn stored_as(info: ImageInfo, space: &ColorSpace) -> ImageInfo {
     if !matches!(space, ColorSpace::Named(_)) {
         return info;

@@ -17,7 +17,7 @@ pub(crate) struct PathNeeds {
     pub(crate) textures: bool,
     /// What lights ask: there is a light table.
     pub(crate) light_paths: bool,
-    /// Whether a path lacks a tile of a texture: they come when they are asked for, in core.
+    /// A flag per path that lacks a texture tile: in core, tiles are loaded on demand.
     pub(crate) feedback: bool,
 }
 
@@ -41,7 +41,7 @@ pub(crate) struct PathBuffers {
     cones: Option<Buffer>,
     /// Only with the light table.
     light_paths: Option<Buffer>,
-    /// Only with tiles that come when they are asked for.
+    /// Only where texture tiles are loaded on demand.
     pub(crate) incomplete_paths: Option<Buffer>,
     /// One `Counters`; also the arguments of the indirect dispatches.
     pub(crate) counters: Buffer,

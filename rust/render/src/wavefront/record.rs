@@ -16,7 +16,7 @@ pub(crate) struct Recorder<'a> {
     pub(crate) passes: &'a Passes,
     pub(crate) buffers: &'a PathBuffers,
     pub(crate) film: &'a Film,
-    /// Where tiles of textures come when they are asked for.
+    /// Only where texture tiles are loaded on demand.
     pub(crate) feedback: Option<&'a Feedback>,
     /// Device address of the frame block.
     pub(crate) frame: u64,

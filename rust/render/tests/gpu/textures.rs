@@ -166,7 +166,8 @@ fn lights(db: &mut SceneDb) {
     db.upsert_light(sun(2.0, 2.0, DMat4::from_rotation_x(-0.8) * DMat4::from_rotation_y(0.5)));
 }
 
-/// Tilted squares over a ground, and a wall beside the view on which a texture is stretched by eight; five textures, some inputs of one and some of another kind.
+/// Tilted squares over a ground, and a wall beside the view on which a texture is stretched by eight; five textures,
+/// some inputs of one and some of another kind.
 fn squares(db: &mut SceneDb) {
     lights(db);
     let both = [("diffuseColor", "rgb"), ("roughness", "a")];

@@ -12,7 +12,8 @@ bitflags! {
         const AOVS = 1;
         /// `generate_*`, streaming: the slots from `arg0` on have never been used.
         const FRESH = 2;
-        /// `generate_camera_rays`, in core: only paths that lacked a tile of a texture start ([`super::TextureFeedback`]).
+        /// `generate_camera_rays`, in core: only paths that lacked a tile of a texture start
+        /// ([`super::TextureFeedback`]).
         const RETRACE = 4;
     }
 }

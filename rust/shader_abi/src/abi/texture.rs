@@ -59,7 +59,8 @@ pub struct GpuTexture {
     pub fallback: [f32; 4],
 }
 
-/// Tiles that lookups did not find, in core; one in device memory, emptied by the host before a wave that is to go on. A path that
+/// Tiles that lookups did not find, in core; one in device memory, emptied by the host before a wave that is to go on.
+/// A path that
 /// lacked a tile is traced again when the tile is there; until then the film does not take its wave.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]

@@ -13,7 +13,8 @@
 //!     include/pxr/external/boost      symlink to the headers of pxr_boost
 //!   venv-pip/                         pip to download with, made only when something must be downloaded
 //!   venv-host/                        Python 3.11 that imports `pxr` of the host; numpy, pytest
-//!   venv-usd/                         Python 3.11 with usd-core, to author scenes; numpy, pytest, OpenEXR, Pillow, OpenImageIO, tifffile
+//!   venv-usd/                         Python 3.11 with usd-core, to author scenes; numpy, pytest, OpenEXR, Pillow,
+//! OpenImageIO, tifffile
 //!   venv-reference/                   the same with Mitsuba 3, made only when references are
 //! ```
 //! `include/` has neither `pxr/pxr.h` nor `pxr/imaging`: those are ours, under `cpp/abi/25.08`. The host and usd-core never share a process.

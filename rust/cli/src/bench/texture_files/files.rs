@@ -100,7 +100,8 @@ impl Tool {
         Ok(files)
     }
 
-    /// Decodes all of the files once, on all cores: of one file `OpenImageIO`'s own threads, of several one thread a file. The seconds are those
+    /// Decodes all of the files once, on all cores: of one file `OpenImageIO`'s own threads, of several one thread a
+    /// file. The seconds are those
     /// from the first file's opening to the last one's end, without those of the program's start.
     pub(super) fn decode(&self, folder: &Path, files: &Files) -> Result<Used> {
         let words = ["read", "0"].map(OsStr::new);
