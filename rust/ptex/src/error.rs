@@ -46,15 +46,15 @@ pub enum PtexError {
         /// Logarithms of base 2 of its resolution along u and v, as the file has them.
         log2: [i8; 2],
     },
-    /// The texels of a face are more than [`crate::MAX_FACE_BYTES`].
-    #[error("face {face} has {bytes} bytes of texels, which is too many")]
+    /// A part is more than [`crate::MAX_BYTES`] once inflated.
+    #[error("{part} would be {bytes} bytes, which is too many")]
     TooLarge {
-        /// Which face.
-        face: u32,
-        /// Bytes of its texels.
+        /// Which part.
+        part: &'static str,
+        /// Bytes once inflated.
         bytes: u64,
     },
-    /// An edit that the format does not have, or more than [`crate::MAX_EDITS`].
+    /// An edit that the format does not have, or one more than [`crate::MAX_EDITS`].
     #[error("the edit at byte {0} is damaged")]
     Edit(u64),
     /// There is no memory for this many bytes.
