@@ -21,6 +21,7 @@ use bitflags::bitflags;
 use crate::scene::AssetRef;
 
 pub use compile::{Compiled, MAX_NODES, compile};
+pub use texture::is_ptex_name;
 
 /// Inputs of a material, the length of [`Material::inputs`].
 pub const INPUTS: usize = 10;

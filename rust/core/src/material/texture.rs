@@ -16,10 +16,11 @@ pub(super) fn is_texture(node: &NodeDesc) -> bool {
     matches!(&*node.kind, "UsdUVTexture" | PTEX_NODE)
 }
 
-/// Whether a texture node reads Ptex from a file; `resolved` may name a file in a package.
-fn is_ptex(node: &NodeDesc, resolved: &str) -> bool {
+/// Whether a file is Ptex by its resolved name, which may be that of a file in a package.
+#[must_use]
+pub fn is_ptex_name(resolved: &str) -> bool {
     let name = resolved.trim_end_matches(']').as_bytes();
-    &*node.kind == PTEX_NODE || name.last_chunk::<4>().is_some_and(|end| end.eq_ignore_ascii_case(b".ptx"))
+    name.last_chunk::<4>().is_some_and(|end| end.eq_ignore_ascii_case(b".ptx"))
 }
 
 /// Most `UsdTransform2d` in a row.
@@ -63,7 +64,7 @@ impl<'a> Compiler<'a> {
         };
         let wrap = [self.wrap(node, "wrapS"), self.wrap(node, "wrapT")];
         let color_space = self.color_space(node);
-        let is_ptex = is_ptex(node, &asset.resolved);
+        let is_ptex = &*node.kind == PTEX_NODE || is_ptex_name(&asset.resolved);
         let (uv, transform) = if is_ptex { self.ptex_coordinates(node) } else { self.coordinates(node) };
         if is_ptex && uv.is_none() {
             return Some(Input::Constant(picked(fallback)));
@@ -96,7 +97,8 @@ impl<'a> Compiler<'a> {
         let known = self.uv_sets.iter().position(|set| &*set.name == PTEX_SET);
         let set = known.unwrap_or(self.uv_sets.len());
         if set >= MAX_UV_SETS {
-            self.problems.add(format!("more than {MAX_UV_SETS} sets of texture coordinates: the Ptex of {}", node.path));
+            self.problems
+                .add(format!("more than {MAX_UV_SETS} sets of texture coordinates: the Ptex of {}", node.path));
             return (None, IDENTITY);
         }
         if known.is_none() {

@@ -221,7 +221,9 @@ fn build_normals(
     };
     let authored = desc.normals.as_ref().and_then(|p| convert(p, layout, dropped, read_normal, replacement));
     let is_smooth = matches!(desc.subdivision, Subdivision::CatmullClark | Subdivision::Loop);
-    authored.or_else(|| is_smooth.then(|| Attribute { rate: AttributeRate::Vertex, values: extend_points(layout, smooth().clone()) }))
+    authored.or_else(|| {
+        is_smooth.then(|| Attribute { rate: AttributeRate::Vertex, values: extend_points(layout, smooth().clone()) })
+    })
 }
 
 fn read_normal(values: &ArrayView<'_>, i: usize) -> Option<[f32; 3]> {

@@ -121,9 +121,9 @@ impl Passes {
                 shade_aovs: device.pipeline(&passes::SHADE_AOVS, special)?,
             })
         };
-        let textures = special.features & Features::TEXTURES.bits() != 0;
-        let cutouts = textures && special.features & Features::CUTOUTS.bits() != 0;
-        let plays = special.features & Features::ROULETTE.bits() != 0;
+        let textures = special.features.contains(Features::TEXTURES);
+        let cutouts = textures && special.features.contains(Features::CUTOUTS);
+        let plays = special.features.contains(Features::ROULETTE);
         let roulette = || -> Result<_, RenderError> {
             Ok(RoulettePasses {
                 roulette_level: device.pipeline(&passes::ROULETTE_LEVEL, special)?,
@@ -132,7 +132,7 @@ impl Passes {
             })
         };
         let stream = || -> Result<_, RenderError> {
-            let asks = special.features & Features::MESH_LIGHT_VALUES.bits() != 0;
+            let asks = special.features.contains(Features::MESH_LIGHT_VALUES);
             let pass = if asks { &passes::RESOLVE_LIGHTS } else { &passes::RESOLVE_MATERIALS };
             let resolve = || device.pipeline(pass, special);
             let answer = || device.pipeline(&passes::RESOLVE_CUTOUTS, special);
@@ -147,7 +147,7 @@ impl Passes {
                 roulette: plays.then(roulette).transpose()?,
             })
         };
-        let streams = special.features & Features::STREAMING.bits() != 0;
+        let streams = special.features.contains(Features::STREAMING);
         let mut wanted = vec![
             &passes::INTERSECT_CLOSEST,
             &passes::SHADE_SURFACE,

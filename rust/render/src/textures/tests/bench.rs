@@ -83,7 +83,7 @@ pub(super) fn image(size: [u32; 2], channels: u32, format: TexelFormat) -> Arc<P
 
 pub(super) fn texture(name: &str, wrap: [Wrap; 2], color_space: ColorSpace) -> TextureRef {
     let asset = AssetRef { authored: name.into(), resolved: name.into() };
-    TextureRef { prim: "/Material/Texture".into(), asset, wrap, color_space, fallback: [0.25, 0.5, 0.75, 1.0] }
+    TextureRef { prim: "/Material/Texture".into(), asset, wrap, color_space, fallback: [0.25, 0.5, 0.75, 1.0], is_ptex: false }
 }
 
 /// A set on the device.
@@ -147,7 +147,7 @@ impl Bench {
         let pages = upload("pages", bytemuck::cast_slice(&addresses));
         let frame = upload("frame", bytemuck::bytes_of(&Frame::zeroed()));
         let features = Features::MATERIALS | Features::TEXTURES;
-        let spec = [(0, 1), (1, 1), (2, features.bits())];
+        let spec = [(0, 1), (1, 1), (2, features.words()[0])];
         let module = &checks::CHECK_TEXTURE;
         let pipeline = Pipeline::new(&gpu, module.name, module.words, &spec, 32).expect("the pass compiles");
         Self { gpu, pipeline, set, tiles, addresses, records, pages, frame, _kept: vec![texels, decode] }
