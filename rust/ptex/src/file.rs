@@ -6,7 +6,7 @@ use crate::format::{
     BARRIER_BYTES, EXTENDED_BYTES, Encoding, Extended, FACE_BYTES, Fields, HEADER_BYTES, Header, LEVEL_BYTES,
     parse_block, parse_face,
 };
-use crate::inflate::{FileBytes, Inflater, Part};
+use crate::inflate::{FileBytes, Inflater, Part, check_table};
 use crate::texels::Texel;
 use crate::{BorderMode, DataType, Face, MeshType, PtexError, ReadAt};
 
@@ -153,11 +153,14 @@ impl Parts {
 fn read_tables(bytes: &FileBytes, header: &Header, parts: &Parts) -> Result<Tables, PtexError> {
     let texel = Texel { data_type: header.data_type, channels: header.channels.into() };
     let count = u64::from(header.faces);
+    let [face_bytes, constant_bytes] = [count * u64::from(FACE_BYTES), count * texel.bytes() as u64];
+    // Before anything is inflated, so that a file that lies of the number of its faces costs nothing.
+    check_table(parts.faces, face_bytes)?;
+    check_table(parts.constants, constant_bytes)?;
     let mut inflater = Inflater::new();
-    // The smallest first, so that a file that lies of the number of its faces costs little.
     let blocks = read_blocks(bytes, header, parts, &mut inflater)?;
-    let faces = read_faces(&inflater.table(bytes, parts.faces, count * u64::from(FACE_BYTES))?, header)?;
-    let mut constants = inflater.table(bytes, parts.constants, count * texel.bytes() as u64)?;
+    let faces = read_faces(&inflater.table(bytes, parts.faces, face_bytes)?, header)?;
+    let mut constants = inflater.table(bytes, parts.constants, constant_bytes)?;
     texel.swap_bytes(&mut constants);
     Ok(Tables { texel, faces, blocks, constants })
 }

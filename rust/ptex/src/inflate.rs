@@ -82,16 +82,21 @@ impl Inflater {
 
     /// A part that inflates to `bytes`.
     pub(crate) fn table(&mut self, file: &FileBytes, part: Part, bytes: u64) -> Result<Vec<u8>, PtexError> {
-        if bytes > MAX_BYTES {
-            return Err(PtexError::TooLarge { part: part.name, bytes });
-        }
-        check_ratio(part, bytes)?;
+        check_table(part, bytes)?;
         file.check(part)?;
         let mut out = Vec::new();
         resize(&mut out, bytes)?;
         self.fill(file, part, &mut out)?;
         Ok(out)
     }
+}
+
+/// Fails if a part cannot be a table of `bytes`.
+pub(crate) fn check_table(part: Part, bytes: u64) -> Result<(), PtexError> {
+    if bytes > MAX_BYTES {
+        return Err(PtexError::TooLarge { part: part.name, bytes });
+    }
+    check_ratio(part, bytes)
 }
 
 /// Fails if no stream of this length inflates to `bytes`.
