@@ -36,6 +36,11 @@ impl OpenFiles {
         Some(held)
     }
 
+    fn forget(&self, name: &str) {
+        let mut open = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        open.retain(|(other, _)| **other != *name);
+    }
+
     fn keep(&self, name: &Arc<str>, held: &Arc<Held>) {
         let mut open = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         open.retain(|(other, _)| other != name);
@@ -66,6 +71,8 @@ impl HostFile {
         files: &Arc<OpenFiles>,
         name: Arc<str>,
     ) -> io::Result<Self> {
+        // The file may have changed since it was last open.
+        files.forget(&name);
         let mut file = Self { source: Arc::clone(source), files: Arc::clone(files), name, size: 0 };
         file.size = file.held()?.get()?.size();
         Ok(file)

@@ -87,12 +87,7 @@ pub(crate) fn has_cutouts(snapshot: &Snapshot) -> bool {
 
 /// The specialisation of the passes for these features.
 pub(crate) fn specialisation(features: Features, scene: &SceneView) -> Specialisation {
-    Specialisation {
-        max_levels: scene.max_levels,
-        stack_size: scene.stack_size,
-        features,
-        lobes: Lobes::empty(),
-    }
+    Specialisation { max_levels: scene.max_levels, stack_size: scene.stack_size, features, lobes: Lobes::empty() }
 }
 
 /// What is carried along although the scene does not need it: what `oocpt:carry` asks for and what can be had without another
@@ -150,7 +145,8 @@ impl Carry {
         // These two are asked for together.
         carried.set(Features::OPACITY, carried.intersects(Features::OPACITY | Features::INSTANCE_OPACITY));
         // Without textures there is nothing that it could be compiled into.
-        carried.set(Features::PTEX, carried.contains(Features::PTEX) && (carried | needed).contains(Features::TEXTURES));
+        carried
+            .set(Features::PTEX, carried.contains(Features::PTEX) && (carried | needed).contains(Features::TEXTURES));
         carried - needed
     }
 }

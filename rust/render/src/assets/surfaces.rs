@@ -90,7 +90,8 @@ fn input(input: &Input, material_sets: &[UvSet]) -> GpuInput {
             plain(abi::INPUT_PRIMVAR | u32::from(slot & 1) << abi::INPUT_SET_SHIFT, fallback)
         }
         Input::Texture { texture, channel, scale, bias, uv, transform } => {
-            let is_ptex = uv.is_some_and(|uv| material_sets.get(usize::from(uv)).is_some_and(|set| set.id == PTEX_SET_ID));
+            let is_ptex =
+                uv.is_some_and(|uv| material_sets.get(usize::from(uv)).is_some_and(|set| set.id == PTEX_SET_ID));
             let channel = channel.map_or(0, |c| u32::from(c & 3) + 1);
             let set = uv.map_or(abi::INPUT_NO_SET, |uv| u32::from(uv & 1));
             let kind = abi::INPUT_TEXTURE | channel << abi::INPUT_CHANNEL_SHIFT | set << abi::INPUT_SET_SHIFT;
@@ -116,14 +117,17 @@ mod tests {
 
     #[test]
     fn inputs_keep_their_kind_channel_and_set() {
-        let made = input(&Input::Texture {
-            texture: 7,
-            channel: Some(3),
-            scale: [1.0, 2.0, 3.0, 4.0],
-            bias: [5.0; 4],
-            uv: Some(1),
-            transform: [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]],
-        }, &[]);
+        let made = input(
+            &Input::Texture {
+                texture: 7,
+                channel: Some(3),
+                scale: [1.0, 2.0, 3.0, 4.0],
+                bias: [5.0; 4],
+                uv: Some(1),
+                transform: [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]],
+            },
+            &[],
+        );
         assert_eq!(made.kind, 1 | 4 << 2 | 1 << 5);
         assert_eq!((made.texture, made.value, made.bias), (7, [1.0, 2.0, 3.0, 4.0], [5.0; 4]));
         assert_eq!((made.row_s, made.row_t), ([1.0, 2.0, 3.0], [4.0, 5.0, 6.0]));

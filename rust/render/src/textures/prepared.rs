@@ -249,7 +249,7 @@ impl Prepared {
             (None, Source::Image(_)) => Err(ImageError("is gone".into())),
         };
         if let Some((disk, key)) = &self.disk
-            && let Some(mut pending) = disk.begin(Description::new(key, &self.info, &self.layout, first))
+            && let Some(mut pending) = disk.begin(Description::new(key, &self.info, self.layout.is_flat(), first))
         {
             let decoded = convert(&mut pending);
             match decoded.map(|()| pending.commit()) {

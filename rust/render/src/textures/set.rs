@@ -164,16 +164,15 @@ fn open(library: Option<&Arc<dyn ImageLibrary>>, texture: &TextureRef, member: u
         0 => asset.clone(),
         _ => AssetRef { authored: name(&asset.authored), resolved: name(&asset.resolved) },
     };
-    let wanted =
-        Wanted {
-            name: &named(texture),
-            library,
-            asset,
-            member,
-            file: &file,
-            color_space: &texture.color_space,
-            is_ptex: texture.is_ptex,
-        };
+    let wanted = Wanted {
+        name: &named(texture),
+        library,
+        asset,
+        member,
+        file: &file,
+        color_space: &texture.color_space,
+        is_ptex: texture.is_ptex,
+    };
     Ok(TextureImage::open(&wanted, stores)?.map(Arc::new))
 }
 

@@ -129,11 +129,7 @@ impl Surroundings<'_> {
         else {
             // Edges 0 and 2 end v.
             let is_black = self.border_modes[usize::from(edge % 2 == 0)] == BorderMode::Black && found.is_none();
-            return if is_black {
-                vec![0.0; self.channels]
-            } else {
-                own.at(level, edge, i, self.channels).to_vec()
-            };
+            return if is_black { vec![0.0; self.channels] } else { own.at(level, edge, i, self.channels).to_vec() };
         };
         let log2 = self.faces.get(other as usize).map_or([0; 2], |face| face.log2);
         let fine = 1_u64 << log2[usize::from(other_edge % 2)];
@@ -150,15 +146,7 @@ impl Surroundings<'_> {
 
     /// The texel beyond a corner: such that all faces around agree on the value at the corner, the mean of their texels
     /// there. With four faces it is the texel of the one across.
-    fn beyond_corner(
-        &self,
-        face: u32,
-        corner: u8,
-        class: u32,
-        own: &[f32],
-        before: &[f32],
-        after: &[f32],
-    ) -> Vec<f32> {
+    fn beyond_corner(&self, face: u32, corner: u8, class: u32, own: &[f32], before: &[f32], after: &[f32]) -> Vec<f32> {
         let mean = |k: usize| 0.5 * (before.get(k).unwrap_or(&0.0) + after.get(k).unwrap_or(&0.0));
         let all = around(self.faces, face, corner).filter(|all| !all.is_empty());
         let texel = |&(other, corner): &(u32, u8)| {

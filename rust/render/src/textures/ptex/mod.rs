@@ -5,8 +5,6 @@
 mod assemble;
 mod border;
 mod pyramid;
-#[cfg(test)]
-mod tests;
 
 use super::convert::{TileSink, make_finite};
 use super::image::{ColorTransform, ImageError, ImageInfo};

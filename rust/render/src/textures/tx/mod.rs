@@ -91,7 +91,7 @@ enum WrapMode {
 }
 
 impl Description {
-    pub(super) fn new(key: &str, info: &ImageInfo, layout: &Layout, first_level: u32) -> Self {
+    pub(super) fn new(key: &str, info: &ImageInfo, is_flat: bool, first_level: u32) -> Self {
         let wrap = |wrap| match wrap {
             Wrap::UseMetadata | Wrap::Black => WrapMode::Black,
             Wrap::Clamp => WrapMode::Clamp,
@@ -111,7 +111,7 @@ impl Description {
             first_level,
             is_srgb: info.is_srgb,
             wrap: info.wrap.map(|modes| modes.map(wrap)),
-            is_flat: layout.is_flat(),
+            is_flat,
         }
     }
 
