@@ -4,7 +4,7 @@
 /// What all faces of the mesh are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum MeshType {
-    /// Triangles, each a square image cut into "even" and "odd" texels (see the [crate](crate) documentation).
+    /// Triangles, each a square image cut into "even" and "odd" texels (see the [crate] documentation).
     Triangle,
     /// Quads, and other polygons as one quad per corner.
     Quad,

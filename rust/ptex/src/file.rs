@@ -105,7 +105,7 @@ impl PtexFile {
         self.border_modes
     }
 
-    /// All faces, in the order of the mesh (see the [crate](crate) documentation).
+    /// All faces, in the order of the mesh (see the [crate] documentation).
     pub fn faces(&self) -> &[Face] {
         &self.tables.faces
     }

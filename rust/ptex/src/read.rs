@@ -40,12 +40,12 @@ impl PtexFile {
         Ok(bytes)
     }
 
-    /// Replaces `out` by the texels of a face at its full resolution: rows of increasing v, u fastest, the channels of a
-    /// texel together, values in the byte order of this machine. After an error `out` may hold anything, but never more
-    /// than [`Self::face_bytes`].
+    /// Replaces `out` by the texels of a face at its full resolution: rows of increasing v, u fastest, the channels of
+    /// a texel together, values in the byte order of this machine. After an error `out` may hold anything, but never
+    /// more than [`Self::face_bytes`].
     ///
     /// A constant face has the resolution that the file says, with one texel everywhere. Faces of triangle meshes are
-    /// given as squares (see the [crate](crate) documentation).
+    /// given as squares (see the [crate] documentation).
     ///
     /// Nothing is allocated before the lengths in the file are known to be possible. A face in one piece needs as much
     /// memory once more while it is read; one in tiles needs that of a tile.

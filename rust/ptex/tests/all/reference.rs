@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Files that the reference writer wrote: every texel and every neighbour against the formulas of `tests/data/README.md`.
+//! Files that the reference writer wrote: every texel and every neighbour against the formulas of
+//! `tests/data/README.md`.
 
 use oocpt_ptex::BorderMode::{Black, Clamp, Periodic};
 use oocpt_ptex::{BorderMode, DataType, MeshType, PtexFile};
@@ -30,99 +31,98 @@ const QUAD: Fixture = Fixture {
 };
 const TRIANGLE: Fixture = Fixture { mesh_type: MeshType::Triangle, ..QUAD };
 
-fn fixtures() -> Vec<Fixture> {
-    const EIGHT: &[([u8; 2], Kind)] = &[
-        ([3, 2], Varied),
-        ([1, 4], Varied),
-        ([2, 2], Constant),
-        ([0, 0], Varied),
-        ([4, 0], Varied),
-        ([2, 3], Missing),
-        ([5, 5], Quarter),
-        ([0, 3], Varied),
-    ];
-    const EDITS: &[([u8; 2], Kind)] =
-        &[([2, 3], Varied), ([3, 1], Constant), ([1, 1], Varied), ([2, 2], Quarter), ([0, 2], Missing)];
-    vec![
-        Fixture { name: "quad_u8_3.ptx", channels: 3, seed: 1, faces: EIGHT, ..QUAD },
-        Fixture {
-            name: "quad_u16_4_alpha.ptx",
-            data_type: DataType::U16,
-            channels: 4,
-            alpha_channel: Some(3),
-            border_modes: [Periodic, Black],
-            seed: 2,
-            faces: &[([2, 3], Varied), ([3, 3], Quarter), ([1, 1], Constant)],
-            ..QUAD
-        },
-        Fixture {
-            name: "quad_f16_1.ptx",
-            data_type: DataType::F16,
-            channels: 1,
-            border_modes: [Black, Clamp],
-            seed: 3,
-            faces: &[([4, 3], Varied), ([2, 2], Constant), ([1, 3], Varied)],
-            ..QUAD
-        },
-        Fixture {
-            name: "quad_f32_2.ptx",
-            data_type: DataType::F32,
-            channels: 2,
-            border_modes: [Clamp, Periodic],
-            seed: 4,
-            faces: &[([2, 1], Varied), ([3, 3], Quarter), ([0, 0], Constant)],
-            ..QUAD
-        },
-        Fixture {
-            name: "quad_u8_5_alpha0.ptx",
-            channels: 5,
-            alpha_channel: Some(0),
-            seed: 5,
-            faces: &[([3, 3], Varied), ([1, 2], Varied)],
-            ..QUAD
-        },
-        Fixture {
-            name: "triangle_u8_4.ptx",
-            channels: 4,
-            seed: 6,
-            faces: &[([3, 3], Varied), ([2, 2], Constant), ([4, 4], Quarter), ([0, 0], Varied)],
-            ..TRIANGLE
-        },
-        Fixture {
-            name: "triangle_f32_3.ptx",
-            data_type: DataType::F32,
-            channels: 3,
-            seed: 7,
-            faces: &[([2, 2], Varied), ([1, 1], Varied)],
-            ..TRIANGLE
-        },
-        Fixture { name: "edits_u16_2.ptx", data_type: DataType::U16, channels: 2, seed: 8, faces: EDITS, ..QUAD },
-        Fixture {
-            name: "edits_bare_u8_3.ptx",
-            channels: 3,
-            alpha_channel: Some(2),
-            seed: 9,
-            faces: &[([3, 2], Varied), ([2, 2], Varied), ([2, 1], Constant), ([3, 3], Varied)],
-            ..QUAD
-        },
-        Fixture {
-            name: "tiled_u8_1.ptx",
-            channels: 1,
-            seed: 10,
-            faces: &[([9, 8], Quarter), ([8, 10], Quarter), ([2, 2], Varied)],
-            ..QUAD
-        },
-        Fixture {
-            name: "tiled_f32_1.ptx",
-            data_type: DataType::F32,
-            channels: 1,
-            seed: 11,
-            faces: &[([8, 7], Quarter), ([7, 8], Constant)],
-            ..QUAD
-        },
-        Fixture { name: "tiled_triangle_u8_2.ptx", channels: 2, seed: 12, faces: &[([8, 8], Quarter)], ..TRIANGLE },
-    ]
-}
+const EIGHT: &[([u8; 2], Kind)] = &[
+    ([3, 2], Varied),
+    ([1, 4], Varied),
+    ([2, 2], Constant),
+    ([0, 0], Varied),
+    ([4, 0], Varied),
+    ([2, 3], Missing),
+    ([5, 5], Quarter),
+    ([0, 3], Varied),
+];
+const EDITED: &[([u8; 2], Kind)] =
+    &[([2, 3], Varied), ([3, 1], Constant), ([1, 1], Varied), ([2, 2], Quarter), ([0, 2], Missing)];
+
+const FIXTURES: [Fixture; 12] = [
+    Fixture { name: "quad_u8_3.ptx", channels: 3, seed: 1, faces: EIGHT, ..QUAD },
+    Fixture {
+        name: "quad_u16_4_alpha.ptx",
+        data_type: DataType::U16,
+        channels: 4,
+        alpha_channel: Some(3),
+        border_modes: [Periodic, Black],
+        seed: 2,
+        faces: &[([2, 3], Varied), ([3, 3], Quarter), ([1, 1], Constant)],
+        ..QUAD
+    },
+    Fixture {
+        name: "quad_f16_1.ptx",
+        data_type: DataType::F16,
+        channels: 1,
+        border_modes: [Black, Clamp],
+        seed: 3,
+        faces: &[([4, 3], Varied), ([2, 2], Constant), ([1, 3], Varied)],
+        ..QUAD
+    },
+    Fixture {
+        name: "quad_f32_2.ptx",
+        data_type: DataType::F32,
+        channels: 2,
+        border_modes: [Clamp, Periodic],
+        seed: 4,
+        faces: &[([2, 1], Varied), ([3, 3], Quarter), ([0, 0], Constant)],
+        ..QUAD
+    },
+    Fixture {
+        name: "quad_u8_5_alpha0.ptx",
+        channels: 5,
+        alpha_channel: Some(0),
+        seed: 5,
+        faces: &[([3, 3], Varied), ([1, 2], Varied)],
+        ..QUAD
+    },
+    Fixture {
+        name: "triangle_u8_4.ptx",
+        channels: 4,
+        seed: 6,
+        faces: &[([3, 3], Varied), ([2, 2], Constant), ([4, 4], Quarter), ([0, 0], Varied)],
+        ..TRIANGLE
+    },
+    Fixture {
+        name: "triangle_f32_3.ptx",
+        data_type: DataType::F32,
+        channels: 3,
+        seed: 7,
+        faces: &[([2, 2], Varied), ([1, 1], Varied)],
+        ..TRIANGLE
+    },
+    Fixture { name: "edits_u16_2.ptx", data_type: DataType::U16, channels: 2, seed: 8, faces: EDITED, ..QUAD },
+    Fixture {
+        name: "edits_bare_u8_3.ptx",
+        channels: 3,
+        alpha_channel: Some(2),
+        seed: 9,
+        faces: &[([3, 2], Varied), ([2, 2], Varied), ([2, 1], Constant), ([3, 3], Varied)],
+        ..QUAD
+    },
+    Fixture {
+        name: "tiled_u8_1.ptx",
+        channels: 1,
+        seed: 10,
+        faces: &[([9, 8], Quarter), ([8, 10], Quarter), ([2, 2], Varied)],
+        ..QUAD
+    },
+    Fixture {
+        name: "tiled_f32_1.ptx",
+        data_type: DataType::F32,
+        channels: 1,
+        seed: 11,
+        faces: &[([8, 7], Quarter), ([7, 8], Constant)],
+        ..QUAD
+    },
+    Fixture { name: "tiled_triangle_u8_2.ptx", channels: 2, seed: 12, faces: &[([8, 8], Quarter)], ..TRIANGLE },
+];
 
 /// What an edited face became, and its seed. The second edit has the faces after those of the first.
 fn edited(face: u32, seed: u32, log2: [u8; 2], kind: Kind) -> (u32, [u8; 2], Kind) {
@@ -166,7 +166,7 @@ fn check_face(fixture: &Fixture, file: &PtexFile, number: u32) {
 
 #[test]
 fn all_is_read_as_the_reference_wrote_it() {
-    for fixture in fixtures() {
+    for fixture in FIXTURES {
         let file = open(crate::support::fixture(fixture.name)).unwrap();
         assert_eq!(file.mesh_type(), fixture.mesh_type, "{}", fixture.name);
         assert_eq!(file.data_type(), fixture.data_type, "{}", fixture.name);
