@@ -221,9 +221,15 @@ fn build_normals(
     };
     let authored = desc.normals.as_ref().and_then(|p| convert(p, layout, dropped, read_normal, replacement));
     let is_smooth = matches!(desc.subdivision, Subdivision::CatmullClark | Subdivision::Loop);
-    authored.or_else(|| {
-        is_smooth.then(|| Attribute { rate: AttributeRate::Vertex, values: extend_points(layout, smooth().clone()) })
-    })
+    let smoothed = || Attribute { rate: AttributeRate::Vertex, values: extend_points(layout, smooth().clone()) };
+    let mut normals = authored.or_else(|| is_smooth.then(smoothed));
+    if !layout.centers.is_empty() {
+        // The mean of unit vectors is none.
+        for normal in normals.iter_mut().flat_map(|normals| &mut normals.values) {
+            *normal = Vec3::from(*normal).try_normalize().unwrap_or(Vec3::Z).to_array();
+        }
+    }
+    normals
 }
 
 fn read_normal(values: &ArrayView<'_>, i: usize) -> Option<[f32; 3]> {

@@ -2,6 +2,7 @@
 //! Ptex: blocks with borders against their neighbours, and the shaders' lookups against the filter in f64.
 
 use super::super::image::{Image, ImageError, ImageLibrary};
+use super::super::set::TextureCache;
 use super::bench::{Answer, Bench, Query, number_of};
 use super::{DONE, FALLBACK};
 use oocpt_core::scene::AssetRef;
@@ -331,4 +332,45 @@ fn a_lookup_goes_on_where_a_tile_was_absent() {
     for (got, expected) in answers.iter().zip(&whole) {
         assert_eq!((got.0, got.1), (expected.0, DONE), "the same bits");
     }
+}
+
+/// Files that lie: neighbours at random, bytes changed, ends cut off. An error or tiles, in time, whatever they say.
+#[test]
+fn hostile_files_end() {
+    let mut state = 7_u32;
+    let mut next = move |below: u32| {
+        state = super::hash(state);
+        state % below
+    };
+    let (mut refused, mut made) = (0, 0);
+    for round in 0..300 {
+        let count = 1 + next(40);
+        let faces: Vec<Face> = (0..count)
+            .map(|_| Face {
+                adjacent: std::array::from_fn(|_| (next(5) > 0).then(|| (next(count + 2), next(4) as u8))),
+                is_subface: next(3) == 0,
+                ..Face::new([next(7) as u8, next(7) as u8])
+            })
+            .collect();
+        let mut file = ptex_file(&faces, DataType::U8, 1 + next(5), random);
+        if round % 2 == 1 {
+            for _ in 0..1 + next(20) {
+                let at = next(u32::try_from(file.len()).expect("small")) as usize;
+                file[at] ^= 1 << next(8);
+            }
+            if next(3) == 0 {
+                file.truncate(next(u32::try_from(file.len()).expect("small")) as usize);
+            }
+        }
+        let library: Arc<dyn ImageLibrary> = Arc::new(PtexLibrary(vec![file.into()]));
+        let set = TextureCache::default().sync(Some(&library), &[ptex_texture("0", ColorSpace::Auto)]);
+        let tiles: usize =
+            set.images().map(|(image, count)| (0..count).map(|tile| image.tile(tile).len()).sum::<usize>()).sum();
+        let complaints = set.warnings.len() + set.take_complaints().len();
+        assert!(round % 2 == 1 || (complaints == 0 && tiles > 0), "neighbours that are none are no error");
+        assert!(complaints <= 1, "one line for a file");
+        refused += complaints;
+        made += tiles.min(1);
+    }
+    assert!(refused > 50 && made > 150, "some of both: {refused}, {made}");
 }
