@@ -32,8 +32,10 @@
 //! # Neighbours
 //!
 //! Edges are walked counter-clockwise, and the edges of two neighbours run against each other, always: parameter t
-//! along one is 1 - t along the other. So a neighbour is reached by a rotation of (edge - its edge + 2) quarter
-//! turns, never by a mirror; a mesh whose faces are not oriented alike cannot be said.
+//! along one is 1 - t along the other. So a neighbour is reached by a shift and a rotation, never by a mirror; a mesh
+//! whose faces are not oriented alike cannot be said. If (u, v) is a point beyond edge e of a quad, less the one unit
+//! that brings it into the unit square, and e' the neighbour's edge, then the neighbour's coordinates of it are, by
+//! (e - e' + 2) mod 4: 0 (u, v), 1 (v, 1 - u), 2 (1 - u, 1 - v), 3 (1 - v, u).
 //!
 //! Beyond the edge of a quad may be two subfaces, of one polygon. [`Face::adjacent`] names the one at the first half
 //! of the edge, walked counter-clockwise (t < 1/2), with its edge there, which is 3. The other one, at t > 1/2, is

@@ -4,7 +4,8 @@
 use oocpt_ptex::{MAX_BYTES, PtexError, PtexFile, ReadAt};
 
 use crate::raw::{
-    CONSTANTS_LENGTH, EXTENDED_LENGTH, FACE_COUNT, FACES_LENGTH, LEVEL_DATA_LENGTH, LEVEL_INFO_LENGTH, Raw, put, u64_at,
+    CONSTANTS_LENGTH, EXTENDED_LENGTH, FACE_COUNT, FACES_LENGTH, LEVEL_DATA_LENGTH, LEVEL_INFO_LENGTH, Raw, put,
+    u32_at, u64_at,
 };
 use crate::support::{fixture, open, read};
 
@@ -144,10 +145,35 @@ fn tables_have_the_length_that_the_number_of_faces_wants() {
 }
 
 #[test]
+fn levels_lie_inside_their_part() {
+    let good = Raw::new(&fixture(NAME)).build();
+    let lengths = [EXTENDED_LENGTH, FACES_LENGTH, CONSTANTS_LENGTH].map(|length| u32_at(&good, length) as usize);
+    let level = 64 + lengths.iter().sum::<usize>();
+    let data = u64_at(&good, LEVEL_DATA_LENGTH);
+    let refused = |at: usize, field: &[u8]| {
+        let mut bytes = good.clone();
+        put(&mut bytes, at, field);
+        open(bytes).unwrap_err().to_string()
+    };
+    let expected = "level 0 does not end inside the file: cut short, or its length is wrong";
+    assert_eq!(refused(level, &(data + 1).to_le_bytes()), expected, "a byte of the metadata");
+    assert_eq!(refused(level, &10_u64.to_le_bytes()), expected, "shorter than its table");
+    assert_eq!(refused(level + 8, &u32::try_from(data + 1).unwrap().to_le_bytes()), expected, "a longer table");
+}
+
+#[test]
+fn a_face_of_one_texel_has_it_where_constant_faces_have_theirs() {
+    let file = changed(|raw| raw.faces[3 * 20 + 3] = 0).unwrap();
+    assert!(file.faces()[3].is_constant, "though the file does not say so");
+    let before = read(&open(fixture(NAME)).unwrap(), 3).unwrap();
+    assert_eq!(read(&file, 3).unwrap(), before, "the same texel");
+}
+
+#[test]
 fn damage_inside_of_texels_is_found_by_their_checksum() {
     let good = Raw::new(&fixture(NAME));
     let mut raw = good.clone();
-    let last = usize::try_from(crate::raw::u32_at(&raw.words, 0) & 0x3fff_ffff).unwrap() - 1;
+    let last = usize::try_from(u32_at(&raw.words, 0) & 0x3fff_ffff).unwrap() - 1;
     raw.blocks[last] ^= 1;
     let file = open(raw.build()).unwrap();
     assert_eq!(read(&file, 0).unwrap_err().to_string(), "the face is damaged");
