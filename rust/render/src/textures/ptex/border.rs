@@ -124,15 +124,14 @@ impl Surroundings<'_> {
     fn beyond_edge(&self, face: u32, edge: u8, (i, count): (usize, usize), level: usize, own: &Edges) -> Vec<f32> {
         let t = (i as f64 + 0.5) / count as f64;
         let found = beyond(self.faces, face, edge, t);
-        let Some((edges, (other, other_edge, place, share))) =
+        let Some((edges, (_, other_edge, place, share))) =
             found.and_then(|found| Some((self.edges.get(&found.0)?, found)))
         else {
             // Edges 0 and 2 end v.
             let is_black = self.border_modes[usize::from(edge % 2 == 0)] == BorderMode::Black && found.is_none();
             return if is_black { vec![0.0; self.channels] } else { own.at(level, edge, i, self.channels).to_vec() };
         };
-        let log2 = self.faces.get(other as usize).map_or([0; 2], |face| face.log2);
-        let fine = 1_u64 << log2[usize::from(other_edge % 2)];
+        let fine = edges.count(0, other_edge, self.channels) as u64;
         // The level of the neighbour at which its texels are as long as ours.
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small and positive")]
         let wanted = ((count as f64 / share).ceil() as u64).max(1);
@@ -151,9 +150,8 @@ impl Surroundings<'_> {
         let all = around(self.faces, face, corner).filter(|all| !all.is_empty());
         let texel = |&(other, corner): &(u32, u8)| {
             let edges = self.edges.get(&other)?;
-            let log2 = self.faces.get(other as usize)?.log2;
-            let level = u32::from(log2[0].max(log2[1])).saturating_sub(class) as usize;
-            Some(edges.at(level.min(edges.levels().saturating_sub(1)), corner, 0, self.channels))
+            let level = edges.levels().saturating_sub(1 + class as usize);
+            Some(edges.at(level, corner, 0, self.channels))
         };
         let texels: Option<Vec<&[f32]>> = all.as_ref().and_then(|all| all.iter().map(texel).collect());
         let Some(texels) = texels else { return (0..self.channels).map(mean).collect() };

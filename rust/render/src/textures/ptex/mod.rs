@@ -12,7 +12,7 @@ use super::texels::Texels;
 use assemble::Assembler;
 use border::{Surroundings, fits, neighbours};
 use oocpt_core::texture::{FaceLayout, TILE_SIDE, TexelFormat};
-use oocpt_ptex::{DataType, MeshType, PtexFile, ReadAt};
+use oocpt_ptex::{DataType, Face, MeshType, PtexFile, ReadAt};
 use pyramid::{Edges, FacePyramid};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
@@ -24,6 +24,12 @@ const BATCH_TEXELS: u64 = 1 << 21;
 const BATCH_FACES: u32 = 1 << 14;
 /// Most bytes of edges that are kept for faces to come.
 const MOST_EDGE_BYTES: usize = 256 << 20;
+/// Constant faces are kept at no more texels a side than this, as a power of two: they blend with their neighbours over 1/32 of a side.
+const CONSTANT_LOG2: u8 = 4;
+/// A file of any size may have that many bytes of texels; beyond, at most [`MOST_PER_BYTE`] for each byte of it. (Deflate gives at most
+/// 1032; the rest is for tiles of one colour.)
+const ALWAYS_ALLOWED_BYTES: u64 = 64 << 20;
+const MOST_PER_BYTE: u64 = 2048;
 /// Most texels of a face: its levels are held as floats.
 const MOST_FACE_TEXELS: u64 = 1 << 26;
 
@@ -49,16 +55,21 @@ pub(super) struct Meaning<'a> {
 
 impl PtexSource {
     pub(super) fn open(bytes: Box<dyn ReadAt>) -> Result<Self, ImageError> {
+        let file_bytes = bytes.size();
         let file = PtexFile::open(bytes).map_err(|error| ImageError(error.to_string()))?;
         if file.mesh_type() != MeshType::Quad {
             return Err(ImageError("is Ptex for triangles, which is not supported".into()));
         }
-        let too_large = file.faces().iter().find(|face| texels(face.log2) > MOST_FACE_TEXELS);
+        let too_large = file.faces().iter().find(|face| texels(kept_log2(face)) > MOST_FACE_TEXELS);
         if let Some(face) = too_large {
             return Err(ImageError(format!("a face of 2^{} by 2^{} texels is too large", face.log2[0], face.log2[1])));
         }
-        let layout = FaceLayout::new(file.faces().iter().map(|face| face.log2).collect());
+        let layout = FaceLayout::new(file.faces().iter().map(kept_log2).collect());
         let layout = layout.map_err(|error| ImageError(error.to_string()))?;
+        let decoded = u64::from(layout.texels()) * file.texel_bytes() as u64;
+        if decoded > ALWAYS_ALLOWED_BYTES.max(file_bytes.saturating_mul(MOST_PER_BYTE)) {
+            return Err(ImageError(format!("says that it has {decoded} bytes of texels, in a file of {file_bytes}")));
+        }
         let picked = pick(file.channels(), file.alpha_channel());
         let info = ImageInfo {
             levels: vec![[TILE_SIDE, layout.texels().div_ceil(TILE_SIDE)]],
@@ -132,8 +143,8 @@ impl PtexSource {
     /// The next faces to make.
     fn batch(&self, first: u32) -> Option<std::ops::Range<u32>> {
         let mut sum = 0;
-        let fits = |face: &&oocpt_ptex::Face| {
-            let own = texels(face.log2);
+        let fits = |face: &&Face| {
+            let own = texels(kept_log2(face));
             let is_first = sum == 0;
             sum += own;
             is_first || sum <= BATCH_TEXELS
@@ -143,11 +154,22 @@ impl PtexSource {
         (end > first).then_some(first..end)
     }
 
+    /// Texels of a face as they are kept, as powers of two.
+    fn log2(&self, face: u32) -> [u8; 2] {
+        self.file.faces().get(face as usize).map_or([0; 2], kept_log2)
+    }
+
     /// The levels of a face as linear values.
     fn pyramid(&self, face: u32, meaning: Meaning<'_>) -> Result<FacePyramid, ImageError> {
+        let log2 = self.log2(face);
         let mut bytes = Vec::new();
-        self.file.read_face(face, &mut bytes).map_err(|error| ImageError(format!("face {face}: {error}")))?;
-        let log2 = self.file.faces().get(face as usize).map_or([0; 2], |face| face.log2);
+        match self.file.constant(face) {
+            Some(texel) => bytes = texel.repeat(usize::try_from(texels(log2)).unwrap_or(0)),
+            None => {
+                let wrong = |error| ImageError(format!("face {face}: {error}"));
+                self.file.read_face(face, &mut bytes).map_err(wrong)?;
+            }
+        }
         let channels = self.picked.len();
         let stored = self.stored(&bytes);
         let count = usize::try_from(texels(log2)).unwrap_or(0);
@@ -192,7 +214,7 @@ impl PtexSource {
     ) -> Result<Vec<(u32, u32, Vec<u8>)>, ImageError> {
         let wrong = || ImageError(format!("face {face} has no place"));
         let own = surroundings.edges.get(&face).ok_or_else(wrong)?;
-        let log2 = self.file.faces().get(face as usize).map_or([0; 2], |face| face.log2);
+        let log2 = self.log2(face);
         let block = |level: usize| {
             let class = pyramid.class_of(level);
             let block = self.layout.block(class, face).filter(|block| fits(block, log2, class)).ok_or_else(wrong)?;
@@ -202,6 +224,11 @@ impl PtexSource {
         };
         (0..pyramid.levels()).map(block).collect()
     }
+}
+
+/// Texels of a face as they are kept, as powers of two.
+fn kept_log2(face: &Face) -> [u8; 2] {
+    if face.is_constant { face.log2.map(|log2| log2.min(CONSTANT_LOG2)) } else { face.log2 }
 }
 
 /// Texels of a face.

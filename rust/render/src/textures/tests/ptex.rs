@@ -220,7 +220,8 @@ fn faces_of_other_sizes_and_subfaces_show_what_is_beyond() {
     let (layout, texels) = decoded(&bench, 0, false);
     let sampler = PtexSampler { layout: &layout, texel: |at: u32| texels[at as usize] };
     for (number, face) in (0_u32..).zip(&faces) {
-        let own = u32::from(face.log2[0].max(face.log2[1]));
+        // Faces of one colour are kept small.
+        let own = (0..layout.classes()).rev().find(|class| layout.block(*class, number).is_some()).expect("some");
         for edge in 0..4_u8 {
             for t in [0.3, 0.7] {
                 // Worked out by hand: the prism's quads meet the subfaces of an n-gon, whose edge has two halves.
@@ -373,4 +374,30 @@ fn hostile_files_end() {
         made += tiles.min(1);
     }
     assert!(refused > 50 && made > 150, "some of both: {refused}, {made}");
+}
+
+/// A few hundred bytes that say they are gigabytes.
+#[test]
+fn small_files_of_many_texels_are_refused_and_constant_faces_are_small() {
+    let write = |log2: [u8; 2], constant: bool, count: u32| {
+        let mut writer = PtexWriter::new(Vec::new(), MeshType::Quad, DataType::U8, 4, None, count).expect("begun");
+        let face = Face { is_constant: constant, ..Face::new(log2) };
+        let texel = [10, 20, 30, 255];
+        let texels = if constant { texel.to_vec() } else { texel.repeat(1 << (log2[0] + log2[1])) };
+        (0..count).for_each(|_| writer.push_face(&face, &texels).expect("written"));
+        writer.finish().expect("whole")
+    };
+    let open = |file: Vec<u8>| {
+        let library: Arc<dyn ImageLibrary> = Arc::new(PtexLibrary(vec![file.into()]));
+        TextureCache::default().sync(Some(&library), &[ptex_texture("0", ColorSpace::Raw)])
+    };
+    let constant = open(write([14, 14], true, 30));
+    assert!(constant.warnings.is_empty(), "{:?}", constant.warnings);
+    let (image, count) = constant.images().next().expect("there");
+    assert!(count < 10, "30 faces of 16 x 16: {count} tiles");
+    let texel = |tile: &Vec<u8>| tile[..4].to_vec();
+    assert_eq!(texel(&image.tile(0)), [10, 20, 30, 255]);
+    // Nothing tells them apart, so the file is next to nothing.
+    let refused = open(write([14, 14], true, 200_000));
+    assert!(refused.images().count() == 0 && refused.warnings.len() == 1, "{:?}", refused.warnings);
 }
