@@ -97,10 +97,10 @@ roles: {{ default: working, scene_linear: working{roles} }}
 displays: {{ d: [ !<View> {{ name: v, colorspace: working }} ] }}
 colorspaces:
   - !<ColorSpace> {{ name: working }}
-  - !<ColorSpace> {{ name: aces, to_scene_reference:
-      !<MatrixTransform> {{ matrix: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1] }} }}
-  - !<ColorSpace> {{ name: Studio Half, to_scene_reference:
-      !<MatrixTransform> {{ matrix: [0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 1] }} }}
+  - !<ColorSpace> {{ name: aces,
+      to_scene_reference: !<MatrixTransform> {{ matrix: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1] }} }}
+  - !<ColorSpace> {{ name: Studio Half,
+      to_scene_reference: !<MatrixTransform> {{ matrix: [0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 1] }} }}
   - !<ColorSpace> {{ name: Plates, isdata: true }}
 {more}"""
 

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! `cargo xtask`: the one door of OocPT for people and CI.
 //!
-//! Each command sets up what it needs (system packages, wheel host, Python environments, build) and is quick when that is done. Answers go to
-//! stdout, everything else to stderr. Paths are in [`places`], the wheel host is described in [`host`].
+//! Each command sets up what it needs (system packages, wheel host, Python environments, build) and is quick when that
+//! is done. Answers go to stdout, everything else to stderr. Paths are in [`places`], the wheel host is described in
+//! [`host`].
 #![forbid(unsafe_code)]
 
 mod check;
@@ -76,7 +77,8 @@ enum Task {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         arguments: Vec<OsString>,
     },
-    /// Make the references of the feature scenes anew with Mitsuba: `reference [to_mitsuba|check_answers|time_to_error] ...`
+    /// Make the references of the feature scenes anew with Mitsuba: `reference [to_mitsuba|check_answers|time_to_error]
+    /// ...`
     #[command(disable_help_flag = true)]
     Reference {
         /// A program of `tests/reference` and its arguments
