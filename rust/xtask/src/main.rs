@@ -6,6 +6,7 @@
 //! [`host`].
 #![forbid(unsafe_code)]
 
+mod book;
 mod check;
 mod host;
 mod picture;
@@ -64,12 +65,14 @@ enum Task {
         /// Part of a test's name
         filter: Option<String>,
     },
-    /// Formatting, lints, documentation, crate graph, words, file lengths, C++ formatting
+    /// Formatting, lints, documentation, crate graph, words, lengths of files and lines, documents
     Check {
-        /// Only what needs no compiler: words, file lengths, crate graph, formatting
+        /// Only what needs no compiler: words, lengths, documents, crate graph, formatting
         #[arg(long)]
         fast: bool,
     },
+    /// Generate the tables of the documents, check links and paths, build the book into `target/book`
+    Book,
     /// Render the gallery's scenes and put them on one sheet, `build/gallery/gallery.jpg`
     #[command(disable_help_flag = true)]
     Gallery {
@@ -120,6 +123,7 @@ fn perform(task: Task) -> Result<()> {
             system::prepare(system::For::Check)?;
             check::run_all(&places, if fast { check::Depth::Text } else { check::Depth::Compiled })
         }
+        Task::Book => book::make(&places),
         Task::Gallery { arguments } => {
             build(&places)?;
             picture::gallery(&places, &arguments)
