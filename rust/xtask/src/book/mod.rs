@@ -24,6 +24,8 @@ use crate::process::{run, say, succeeds};
 pub(crate) const COLUMNS: usize = 120;
 /// Most lines of the README.
 const README_LINES: usize = 150;
+/// Most words of a decision, its appendices left out: a page.
+const DECISION_WORDS: usize = 600;
 const BOOK: &str = "rust/book";
 const DECISIONS: &str = "rust/decisions/";
 
@@ -75,8 +77,14 @@ pub(crate) fn check(places: &Places) -> Result<()> {
     Ok(())
 }
 
+/// A README of more than a few screens, or a decision of more than a page before its first appendix.
 fn too_long(file: &str, text: &str) -> Option<String> {
     let lines = text.lines().count();
+    if file.starts_with(DECISIONS) {
+        let body = text.split("\n## Appendix").next().unwrap_or(text);
+        let words = body.split_whitespace().count();
+        return (words > DECISION_WORDS).then(|| format!("{file}: {words} words, more than {DECISION_WORDS}"));
+    }
     (file == "README.md" && lines > README_LINES).then(|| format!("{file}: {lines} lines, more than {README_LINES}"))
 }
 
@@ -147,6 +155,13 @@ mod tests {
         let long = "x\n".repeat(README_LINES + 1);
         assert_eq!(too_long("README.md", &long), Some("README.md: 151 lines, more than 150".to_owned()), "a line more");
         assert_eq!(too_long("rust/book/src/a.md", &long), None, "pages may be longer");
+    }
+
+    #[test]
+    fn a_decision_is_a_page() {
+        let (page, rest) = ("word ".repeat(DECISION_WORDS), "\n## Appendix: measurements\n more");
+        assert_eq!(too_long("rust/decisions/0001-a.md", &format!("{page}{rest}")), None, "appendices do not count");
+        assert!(too_long("rust/decisions/0001-a.md", &format!("{page}{page}{rest}")).is_some(), "two pages");
     }
 
     #[test]
