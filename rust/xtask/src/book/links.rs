@@ -56,13 +56,14 @@ impl<'a> Clone<'a> {
     }
 
     /// Whether a code span looks like a path of the repository: it begins with a folder of the root or beside `file`.
+    /// `NAME` stands for a name that the reader chooses.
     fn is_path(&self, file: &str, span: &str) -> bool {
         let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-./*".contains(c);
         let Some((first, rest)) = span.split_once('/') else {
             return false;
         };
         let begins = self.known.contains(first) || self.known.contains(joined(file, first).as_str());
-        !first.is_empty() && !rest.is_empty() && span.chars().all(is_plain) && begins
+        begins && !first.is_empty() && !rest.is_empty() && span.chars().all(is_plain) && !span.contains("NAME")
     }
 
     /// Whether there is such a file or folder; `*` stands for any part of a name.
@@ -103,7 +104,7 @@ mod tests {
     #[test]
     fn what_is_there_passes() {
         let text = "[b](b.md#some-heading) ![p](../../../tests/x.jpg) [w](https://example.com/no)\n\n\
-                    `rust/book` `tests/*.jpg` `src/unknown.rs` `a / b` `and/or`\n";
+                    `rust/book` `tests/*.jpg` `src/unknown.rs` `a / b` `and/or` `tests/NAME.rs`\n";
         assert_eq!(findings(text), Vec::<String>::new(), "links, a picture, paths, other code");
     }
 

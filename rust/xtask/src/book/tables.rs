@@ -12,7 +12,8 @@ use crate::places::Places;
 
 /// Folder of the sources.
 const FOLDER: &str = "rust/book/measurements";
-const BEGIN: &str = "<!-- table: ";
+/// At the beginning of a line; elsewhere it is an example.
+const BEGIN: &str = "\n<!-- table: ";
 const END: &str = "<!-- end of table -->";
 
 /// A table as it was measured.
@@ -145,8 +146,9 @@ mod tests {
 
     #[test]
     fn faults_are_found() {
-        assert!(filled("<!-- table: u -->\n<!-- end of table -->", &tables()).is_err(), "a table that is not there");
-        assert!(filled("<!-- table: t -->\n| a |", &tables()).is_err(), "no end");
+        assert!(filled("\n<!-- table: u -->\n<!-- end of table -->", &tables()).is_err(), "a table that is not there");
+        assert!(filled("\n<!-- table: t -->\n| a |", &tables()).is_err(), "no end");
+        assert!(filled("    <!-- table: u -->\n", &tables()).is_ok(), "an example");
         assert!(parse(&SOURCE.replace(r#", "b"]"#, "]")).is_err(), "fewer columns than cells");
         assert!(parse(&SOURCE.replace(r#""date""#, r#""day""#)).is_err(), "no date");
     }
