@@ -3,9 +3,9 @@
 """Writes the feature scenes: one thing to test per scene, into `features/`, with their small pictures in
 `features/maps/`.
 
-The scenes are in feature_lights.py, feature_surfaces.py, feature_textures.py and feature_references.py; the
-last have Mitsuba's answers beside them (`cargo xtask reference` makes those). Committed files are checked against this source by test_features.py.
-Needs usd-core, numpy, OpenEXR.
+The scenes are in feature_lights.py, feature_surfaces.py, feature_textures.py and feature_references.py; the last have
+Mitsuba's answers beside them (`cargo xtask reference` makes those). Committed files are checked against this source by
+test_features.py. Needs usd-core, numpy, OpenEXR.
 """
 
 from __future__ import annotations

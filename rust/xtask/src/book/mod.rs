@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! `cargo xtask book`: generates the tables of the documents, checks the documents, builds the book with mdBook.
 //!
-//! The documents are `README.md`, the book, the decisions and the READMEs of folders. [`check`] is a step of
-//! `cargo xtask check` and changes nothing. Pages of the book refer to files outside of it by relative links, which work
-//! where the clone is looked at; for mdBook, which takes one folder, a copy with everything inside is made in the target
+//! The documents are `README.md`, the book, the decisions and the READMEs of folders. [`check`] is a step of `cargo
+//! xtask check` and changes nothing. Pages of the book refer to files outside of it by relative links, which work where
+//! the clone is looked at; for mdBook, which takes one folder, a copy with everything inside is made in the target
 //! folder.
 
 mod links;

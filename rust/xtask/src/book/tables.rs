@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Tables of measurements: `rust/book/measurements/NAME.json` is the source, pages hold what is generated from it between
-//! `<!-- table: NAME -->` and `<!-- end of table -->`. Pure but for [`read_all`].
+//! Tables of measurements: `rust/book/measurements/NAME.json` is the source, pages hold what is generated from it
+//! between `<!-- table: NAME -->` and `<!-- end of table -->`. Pure but for [`read_all`].
 
 use std::collections::BTreeMap;
 use std::fs;
