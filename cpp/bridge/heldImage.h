@@ -40,6 +40,23 @@ protected:
     HeldImage() = default;
 };
 
+/// The bytes of a file, which stays open. The same contract.
+class HeldFile
+{
+public:
+    virtual ~HeldFile() = default;
+    HeldFile(const HeldFile&) = delete;
+    HeldFile& operator=(const HeldFile&) = delete;
+
+    virtual std::uint64_t size() const = 0;
+
+    /// Reads from `offset` on as many bytes as `destination` has; fails where the file has fewer.
+    virtual void read(std::uint64_t offset, rust::Slice<std::uint8_t> destination) const = 0;
+
+protected:
+    HeldFile() = default;
+};
+
 /// A conversion of colours to linear Rec. 709. The same contract.
 class HeldTransform
 {
@@ -69,6 +86,9 @@ public:
 
     /// What is known without opening the file.
     virtual FileFacts file_facts(rust::Str resolved) const = 0;
+
+    /// The bytes of a file, to be read in parts.
+    virtual std::unique_ptr<HeldFile> open_file(rust::Str resolved) const = 0;
 
     /// Hands over all bytes of a file, part by part; how many it was.
     virtual std::uint64_t stream_file(rust::Str resolved, ByteSink& sink) const = 0;

@@ -115,6 +115,29 @@ private:
     const std::unique_ptr<HdOocPTImageFile> _file;
 };
 
+class _File final : public oocpt::HeldFile
+{
+public:
+    explicit _File(std::shared_ptr<const HdOocPTImageBytes> bytes)
+        : _bytes(std::move(bytes))
+    {
+    }
+
+    std::uint64_t size() const override { return _bytes->GetSize(); }
+
+    void read(std::uint64_t offset, rust::Slice<std::uint8_t> destination) const override
+    {
+        const std::size_t size = _bytes->GetSize();
+        if (offset > size || destination.size() > size - offset
+            || _bytes->Read(destination.data(), destination.size(), offset) != destination.size()) {
+            throw std::runtime_error("cannot be read to its end");
+        }
+    }
+
+private:
+    const std::shared_ptr<const HdOocPTImageBytes> _bytes;
+};
+
 class _Transform final : public oocpt::HeldTransform
 {
 public:
@@ -165,6 +188,11 @@ public:
             facts.modified_ns = file->modifiedNanoseconds;
         }
         return facts;
+    }
+
+    std::unique_ptr<oocpt::HeldFile> open_file(rust::Str resolved) const override
+    {
+        return std::make_unique<_File>(_OpenFile(std::string(resolved)));
     }
 
     std::uint64_t stream_file(rust::Str resolved, oocpt::ByteSink& sink) const override

@@ -154,7 +154,7 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
         s.shading_normal = normal_or(in_world, s.geometric_normal);
     }
     if (HAS_MATERIALS) {
-        const uint subset = floatBitsToUint(ConstVec4s(triangles).v[triangle * 3u + 1u].w);
+        const uint subset = floatBitsToUint(ConstVec4s(triangles).v[triangle * 3u + 1u].w) & SUBSET_MASK;
         surface_material = gather_material(mesh, triangle, weights, material_slot(s.prim_id, subset));
         if (surface_material.material != NO_MATERIAL) {
             add_tangent(surface_material, mesh, triangle, v1 - v0, v2 - v0, s.geometric_normal, ray.d, world, map);

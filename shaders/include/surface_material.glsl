@@ -7,6 +7,7 @@
 #include "include/affine.glsl"
 #include "include/attribute.glsl"
 #include "include/footprint.glsl"
+#include "include/ptex.glsl"
 
 // Places of inputs; the others are in material.glsl.
 const uint INPUT_OPACITY = 7u;
@@ -77,6 +78,7 @@ vec4 primvar_value(uint mesh, uint entry, uint triangle, vec3 weights) {
 
 // Where a texture input looks, given the coordinates of its set.
 vec2 map_place(GpuInput i, vec2 st) {
+    if (HAS_PTEX && (i.kind & INPUT_PTEX) != 0u) return st;
     return vec2(i.row_s.x * st.x + i.row_s.y * st.y + i.row_s.z, i.row_t.x * st.x + i.row_t.y * st.y + i.row_t.z);
 }
 
@@ -97,7 +99,9 @@ GpuSurfaceMaterial gather_material(uint mesh, uint triangle, vec3 weights, uint 
         const uint set = find_primvar(mesh, materials.v[m.material].names[i]);
         vec4 value;
         m.uv[i] = materials.v[m.material].set_fallback[i];
-        if (set != NO_NAME) {
+        if (HAS_PTEX && materials.v[m.material].names[i] == NAME_PTEX) {
+            m.uv[i] = ptex_place(ptex_word(Meshes(FRAME.meshes).v[mesh].triangles, triangle), weights);
+        } else if (set != NO_NAME) {
             m.uv[i] = primvar_value(mesh, set, triangle, weights).xy;
         } else if (instance_primvar(materials.v[m.material].names[i], value)) {
             m.uv[i] = value.xy;
@@ -129,8 +133,15 @@ bool edge_gradients(vec2 d, vec2 g, vec3 e, vec3 f, out vec3 u, out vec3 v, out 
     return area > 0.0;
 }
 
-// Those of a set, in the mesh's frame.
-bool uv_gradients(uint mesh, uint set, uint triangle, vec3 e, vec3 f, out vec3 u, out vec3 v, out vec3 n) {
+// Those of the set of this name at its place st, in the mesh's frame; false where the mesh does not have it.
+bool set_gradients(uint mesh, uint name, uint triangle, vec2 st, vec3 e, vec3 f, out vec3 u, out vec3 v, out vec3 n) {
+    if (HAS_PTEX && name == NAME_PTEX) {
+        vec2 a, b, c;
+        ptex_corners_at(ptex_word(Meshes(FRAME.meshes).v[mesh].triangles, triangle), st, a, b, c);
+        return edge_gradients(b - a, c - a, e, f, u, v, n);
+    }
+    const uint set = find_primvar(mesh, name);
+    if (set == NO_NAME) return false;
     vec4 a, b, c;
     primvar_corners(mesh, set, triangle, a, b, c);
     return edge_gradients(b.xy - a.xy, c.xy - a.xy, e, f, u, v, n);
@@ -144,10 +155,8 @@ void add_tangent(inout GpuSurfaceMaterial m, uint mesh, uint triangle, vec3 e, v
     const uint kind = materials.v[m.material].inputs[INPUT_NORMAL].kind;
     const uint wanted = (kind & 3u) == INPUT_TEXTURE ? (kind >> INPUT_SET_SHIFT) & 3u : 0u;
     [[unroll]] for (uint i = 0u; i < 2u; ++i) {
-        const uint set = find_primvar(mesh, materials.v[m.material].names[i]);
-        if (set == NO_NAME) continue;
         vec3 u, v, normal;
-        if (!uv_gradients(mesh, set, triangle, e, f, u, v, normal)) continue;
+        if (!set_gradients(mesh, materials.v[m.material].names[i], triangle, m.uv[i], e, f, u, v, normal)) continue;
         u = combine_rows(world.x, world.y, world.z, apply_transposed(map, u));
         v = combine_rows(world.x, world.y, world.z, apply_transposed(map, v));
         if (HAS_TEXTURES) m.footprints[i] = make_footprint(u, v, n, d);

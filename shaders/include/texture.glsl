@@ -15,6 +15,7 @@
 #include "include/wavefront.glsl"
 #include "include/footprint.glsl"
 #include "include/progress.glsl"
+#include "include/ptex.glsl"
 #include "include/texture_feedback.glsl"
 
 // What a lookup says in place of the number of a unit that it waits for.
@@ -23,6 +24,7 @@ const uint TEXTURE_FALLBACK = 0xfffffffeu; // no image there, or none that could
 
 const uint TILE_SIDE = 128u;
 const uint TAIL_SIDE = 64u;
+const uint TILE_TEXELS = TILE_SIDE * TILE_SIDE;
 
 // How far a lookup is: the mean of the texels so far, and how many of the eight it is done with.
 struct TextureProgress {
@@ -150,9 +152,8 @@ int texel_place(float s, uint size, out float share) {
     return int(place >> shift);
 }
 
-// The finer of two levels, and the share of the next one.
-uint select_level(GpuTexture t, float width, out float share) {
-    const uint coarsest = t.levels - 1u;
+// The finer of two levels up to `coarsest`, and the share of the next one.
+uint select_level(uint coarsest, float width, out float share) {
     share = 0.0;
     if (!(width > 1.0)) return 0u;
     const uint bits = floatBitsToUint(width);
@@ -174,14 +175,97 @@ uint texture_part(uint texture, inout vec2 st, out bool exists) {
     return t.first_page + uint(part.x) + 10u * uint(part.y);
 }
 
+// A face of a Ptex texture: log2 of its texels along u and v, and the place there; false for a face that the file does not have.
+bool ptex_face(GpuTexture t, vec2 st, out uint face, out vec2 uv, out uvec2 log2_size) {
+    uv = unpack_ptex(st, face);
+    log2_size = uvec2(0u);
+    if (face >= t.width) return false;
+    const uint word = ConstUints(t.directory).v[face];
+    log2_size = uvec2(word & 0xffu, word >> 8);
+    return true;
+}
+
+uvec2 ptex_size(uint texture, vec2 st) {
+    uint face;
+    vec2 uv;
+    uvec2 log2_size;
+    const GpuTexture t = Textures(FRAME.textures).v[texture];
+    return t.levels != 0u && ptex_face(t, st, face, uv, log2_size) ? uvec2(1u) << log2_size : uvec2(1u);
+}
+
+// A level of a face: the number of the texel left of and below its place among all of the file, the texels of a row, and the shares of
+// the texels to the right and above. All texels around it are there, since a block has a border of one texel.
+struct PtexLevel {
+    uint texel;
+    uint stride;
+    vec2 share;
+};
+
+PtexLevel ptex_level(GpuTexture t, uint face, vec2 uv, uvec2 log2_size, uint level) {
+    const uvec2 size = uvec2(1u) << uvec2(max(ivec2(log2_size) - int(level), ivec2(0)));
+    const uint size_class = max(log2_size.x, log2_size.y) - level;
+    const vec2 place = uv * vec2(size) + 0.5; // in the block
+    const vec2 whole = floor(place);
+    PtexLevel l;
+    l.stride = size.x + 2u;
+    l.texel = ConstUints(t.directory).v[t.width * (1u + size_class) + face] + uint(whole.y) * l.stride + uint(whole.x);
+    l.share = place - whole;
+    return l;
+}
+
 // How wide the filter of a lookup at st is, in texels, for a cone of width `cone` that covers `footprint` of the
 // coordinates before the map
 // with rows s and t.
 float lookup_width(uint texture, vec2 st, uvec2 footprint, float cone, vec3 s, vec3 t) {
     bool exists;
     const uint part = texture_part(texture, st, exists);
-    const uvec2 size = uvec2(Textures(FRAME.textures).v[part].width, Textures(FRAME.textures).v[part].height);
+    uvec2 size = uvec2(Textures(FRAME.textures).v[part].width, Textures(FRAME.textures).v[part].height);
+    if (HAS_PTEX && (Textures(FRAME.textures).v[part].flags & TEXTURE_PTEX) != 0u) size = ptex_size(part, st);
     return exists ? footprint_width(footprint, cone, s.xy, t.xy, size) : 0.0;
+}
+
+// continue_lookup of a Ptex texture.
+uint continue_ptex(GpuTexture t, vec2 st, float width, inout TextureProgress progress) {
+    uint face;
+    vec2 uv;
+    uvec2 log2_size;
+    if (!ptex_face(t, st, face, uv, log2_size)) {
+        progress.mean = t.fallback;
+        return TEXTURE_FALLBACK;
+    }
+    float coarse_share;
+    const uint finer = select_level(max(log2_size.x, log2_size.y), width, coarse_share);
+    float total = 0.0;
+    for (uint i = 0u; i < 2u; ++i) {
+        const float level_share = i == 0u ? 1.0 - coarse_share : coarse_share;
+        if (level_share == 0.0) continue;
+        const PtexLevel l = ptex_level(t, face, uv, log2_size, finer + i);
+        for (uint k = 0u; k < 4u; ++k) {
+            const bool right = (k & 1u) != 0u;
+            const bool upper = (k & 2u) != 0u;
+            const float weight =
+                level_share * ((right ? l.share.x : 1.0 - l.share.x) * (upper ? l.share.y : 1.0 - l.share.y));
+            const uint tap = 4u * i + k;
+            if (weight == 0.0) continue;
+            const bool first = total == 0.0;
+            total += weight;
+            if (tap < progress.taps) continue;
+            const uint index = l.texel + (right ? 1u : 0u) + (upper ? l.stride : 0u);
+            const uint page = t.first_page + index / TILE_TEXELS;
+            const uint64_t address = TexturePages(FRAME.texture_pages).v[page];
+            if (address == 0ul) {
+                progress.taps = tap;
+                return page;
+            }
+            if ((uint(address) & PAGE_BROKEN) != 0u) {
+                progress.mean = t.fallback;
+                return TEXTURE_FALLBACK;
+            }
+            const vec4 texel = decode_texel(t, address, index % TILE_TEXELS);
+            progress.mean = first ? texel : fma(texel - progress.mean, vec4(weight / total), progress.mean);
+        }
+    }
+    return TEXTURE_DONE;
 }
 
 // Goes on with a lookup until it is done (TEXTURE_DONE, TEXTURE_FALLBACK; the value is progress.mean) or comes to an absent tile: then
@@ -193,11 +277,12 @@ uint continue_lookup(uint texture, vec2 st, float width, inout TextureProgress p
         progress.mean = exists ? t.fallback : Textures(FRAME.textures).v[texture].fallback;
         return TEXTURE_FALLBACK;
     }
+    if (HAS_PTEX && (t.flags & TEXTURE_PTEX) != 0u) return continue_ptex(t, st, width, progress);
     const uint wrap_s = (t.flags >> TEXTURE_WRAP_S_SHIFT) & 3u;
     const uint wrap_t = (t.flags >> TEXTURE_WRAP_T_SHIFT) & 3u;
     st = vec2(near_image(st.x, wrap_s), near_image(st.y, wrap_t));
     float coarse_share;
-    const uint finer = select_level(t, width, coarse_share);
+    const uint finer = select_level(t.levels - 1u, width, coarse_share);
     float total = 0.0;
     uint page = 0xffffffffu;
     uint64_t address = 0ul;
@@ -283,6 +368,31 @@ const uint MOST_NOTED = MAX_PENDING - 1u;
 uint noted_units[MOST_NOTED];
 uint noted_count;
 
+#ifdef NOTE_TILES
+// Notes a tile, unless it is there, is known, or is `but`.
+void note_tile(uint page, uint but) {
+    const uint unit = page + STREAMING.chunk_count;
+    bool known = unit == but || noted_count == MOST_NOTED || TexturePages(FRAME.texture_pages).v[page] != 0ul;
+    for (uint k = 0u; k < noted_count; ++k) known = known || noted_units[k] == unit;
+    if (known) return;
+    noted_units[noted_count] = unit;
+    ++noted_count;
+}
+
+void note_ptex(GpuTexture t, vec2 st, float width, uint but) {
+    uint face;
+    vec2 uv;
+    uvec2 log2_size;
+    if (!ptex_face(t, st, face, uv, log2_size)) return;
+    float coarse_share;
+    const uint finer = select_level(max(log2_size.x, log2_size.y), width, coarse_share);
+    const uint end = coarse_share > 0.0 ? 2u : 1u;
+    for (uint i = 0u; i < end; ++i) {
+        note_tile(t.first_page + ptex_level(t, face, uv, log2_size, finer + i).texel / TILE_TEXELS, but);
+    }
+}
+#endif
+
 // With NOTE_TILES: notes the tiles of a lookup that are absent, so that they come together and not one after the other. A hint: the four
 // texels of a level may lie in other tiles too.
 void note_tiles(uint texture, vec2 st, float width, uint but) {
@@ -290,11 +400,15 @@ void note_tiles(uint texture, vec2 st, float width, uint but) {
     bool exists;
     const GpuTexture t = Textures(FRAME.textures).v[texture_part(texture, st, exists)];
     if (!exists || t.levels == 0u) return;
+    if (HAS_PTEX && (t.flags & TEXTURE_PTEX) != 0u) {
+        note_ptex(t, st, width, but);
+        return;
+    }
     const uint wrap_s = (t.flags >> TEXTURE_WRAP_S_SHIFT) & 3u;
     const uint wrap_t = (t.flags >> TEXTURE_WRAP_T_SHIFT) & 3u;
     st = vec2(near_image(st.x, wrap_s), near_image(st.y, wrap_t));
     float coarse_share;
-    const uint finer = select_level(t, width, coarse_share);
+    const uint finer = select_level(t.levels - 1u, width, coarse_share);
     const uint end = coarse_share > 0.0 ? 2u : 1u;
     for (uint i = 0u; i < end; ++i) {
         const TextureLevel l = texture_level(t, finer + i);
@@ -304,12 +418,7 @@ void note_tiles(uint texture, vec2 st, float width, uint but) {
         if (x < 0 || y < 0) continue;
         const uint tiles_x = (l.size.x + TILE_SIDE - 1u) / TILE_SIDE;
         const uint tile = l.in_tail ? 0u : uint(y) / TILE_SIDE * tiles_x + uint(x) / TILE_SIDE;
-        const uint unit = l.page + tile + STREAMING.chunk_count;
-        bool known = unit == but || noted_count == MOST_NOTED || TexturePages(FRAME.texture_pages).v[l.page + tile] != 0ul;
-        for (uint k = 0u; k < noted_count; ++k) known = known || noted_units[k] == unit;
-        if (known) continue;
-        noted_units[noted_count] = unit;
-        ++noted_count;
+        note_tile(l.page + tile, but);
     }
 #endif
 }

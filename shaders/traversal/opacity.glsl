@@ -12,7 +12,7 @@ bool is_opaque(uint triangle, vec2 uv) {
     if (!of_mesh && !HAS_INSTANCE_OPACITY) return true;
     if (HAS_MATERIALS) {
         // displayOpacity is for surfaces without a material.
-        const uint subset = floatBitsToUint(ConstVec4s(walk.triangles).v[triangle * 3u + 1u].w);
+        const uint subset = floatBitsToUint(ConstVec4s(walk.triangles).v[triangle * 3u + 1u].w) & SUBSET_MASK;
         if (material_slot(Instances(walk.instances).v[chain[level_index()]].prim_id, subset) != NO_MATERIAL) return true;
     }
     float opacity;

@@ -36,7 +36,7 @@ float ray_cone(uint path, float t) {
 Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone, vec3 d) {
     Presence p = Presence(false, NO_TEXTURE, vec2(0.0), 0.0, 0u, 1.0, 0.0, 0.0);
     const uint64_t triangles = Meshes(FRAME.meshes).v[mesh].triangles;
-    const uint subset = floatBitsToUint(ConstVec4s(triangles).v[triangle * 3u + 1u].w);
+    const uint subset = floatBitsToUint(ConstVec4s(triangles).v[triangle * 3u + 1u].w) & SUBSET_MASK;
     const uint slot = material_slot(prim_id, subset);
     if (slot == NO_MATERIAL || (slot & SLOT_PRESENCE) == 0u) return p;
     const uint material = material_number(slot);
@@ -62,16 +62,21 @@ Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone,
         uvec2 footprint = uvec2(0u);
         if (set != INPUT_NO_SET) {
             st = materials.v[material].set_fallback[set & 1u];
-            const uint entry = find_primvar(mesh, materials.v[material].names[set & 1u]);
+            const uint name = materials.v[material].names[set & 1u];
+            const bool is_ptex = HAS_PTEX && name == NAME_PTEX;
+            const uint entry = find_primvar(mesh, name);
             vec4 value;
-            if (entry == NO_NAME && instance_primvar(materials.v[material].names[set & 1u], value)) st = value.xy;
-            if (entry != NO_NAME) {
-                st = primvar_value(mesh, entry, triangle, weights).xy;
+            if (entry == NO_NAME && instance_primvar(name, value)) st = value.xy;
+            if (is_ptex) st = ptex_place(ptex_word(triangles, triangle), weights);
+            if (entry != NO_NAME) st = primvar_value(mesh, entry, triangle, weights).xy;
+            if (is_ptex || entry != NO_NAME) {
                 const vec3 v0 = ConstVec4s(triangles).v[triangle * 3u].xyz;
                 const vec3 v1 = ConstVec4s(triangles).v[triangle * 3u + 1u].xyz;
                 const vec3 v2 = ConstVec4s(triangles).v[triangle * 3u + 2u].xyz;
                 vec3 u, v, n;
-                if (uv_gradients(mesh, entry, triangle, v1 - v0, v2 - v0, u, v, n)) footprint = make_footprint(u, v, n, d);
+                if (set_gradients(mesh, name, triangle, st, v1 - v0, v2 - v0, u, v, n)) {
+                    footprint = make_footprint(u, v, n, d);
+                }
             }
         }
         const uint channel = (i.kind >> INPUT_CHANNEL_SHIFT) & 7u;

@@ -4,7 +4,7 @@
 
 use crate::images::{ByteSink, RowSink};
 
-pub(crate) use ffi::{HeldImage, HeldTransform, ImageFacts, ImageSource, TexelBox, TexelTag, WrapTag};
+pub(crate) use ffi::{HeldFile, HeldImage, HeldTransform, ImageFacts, ImageSource, TexelBox, TexelTag, WrapTag};
 
 /// Declarations that cxx turns into both sides of the boundary.
 #[allow(
@@ -93,6 +93,12 @@ mod ffi {
         fn read(self: &HeldImage, texels: &TexelBox, destination: &mut [u8]) -> Result<()>;
         fn decode(self: &HeldImage, level: u32, sink: &mut RowSink<'_>) -> Result<()>;
 
+        type HeldFile;
+
+        fn size(self: &HeldFile) -> u64;
+        #[cxx_name = "read"]
+        fn read_bytes(self: &HeldFile, offset: u64, destination: &mut [u8]) -> Result<()>;
+
         type HeldTransform;
 
         fn apply(self: &HeldTransform, texels: &mut [f32], channels: u32) -> Result<()>;
@@ -102,6 +108,7 @@ mod ffi {
         fn open(self: &ImageSource, resolved: &str) -> Result<UniquePtr<HeldImage>>;
         fn exists(self: &ImageSource, resolved: &str) -> Result<bool>;
         fn file_facts(self: &ImageSource, resolved: &str) -> Result<FileFacts>;
+        fn open_file(self: &ImageSource, resolved: &str) -> Result<UniquePtr<HeldFile>>;
         fn stream_file(self: &ImageSource, resolved: &str, sink: &mut ByteSink<'_>) -> Result<u64>;
         fn color_transform(self: &ImageSource, name: &str) -> Result<UniquePtr<HeldTransform>>;
         fn read_file(self: &ImageSource, resolved: &str, limit: u64) -> Result<Vec<u8>>;

@@ -24,6 +24,12 @@ unsafe impl Send for ffi_images::HeldImage {}
 unsafe impl Sync for ffi_images::HeldImage {}
 
 // SAFETY: the same contract.
+unsafe impl Send for ffi_images::HeldFile {}
+
+// SAFETY: the same contract.
+unsafe impl Sync for ffi_images::HeldFile {}
+
+// SAFETY: the same contract.
 unsafe impl Send for ffi_images::HeldTransform {}
 
 // SAFETY: the same contract.

@@ -4,9 +4,11 @@
 //! Error texts follow on the name of the file, which the renderer puts in front. Any thread, several at once.
 
 use crate::ffi_images as ffi;
+use crate::host_file::{HostFile, OpenFiles};
 use cxx::UniquePtr;
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::{TILE_SIDE, TexelFormat, Wrap};
+use oocpt_ptex::ReadAt;
 use oocpt_render::textures::{ColorTransform, Image, ImageError, ImageInfo, ImageLibrary};
 use oocpt_render::{LightFiles, LightPicture};
 use std::fmt;
@@ -20,7 +22,10 @@ const UDIM_NUMBERS: std::ops::RangeInclusive<u32> = 1001..=1100;
 const UDIM: &str = "<UDIM>";
 
 /// The host's files.
-pub(crate) struct HostImages(UniquePtr<ffi::ImageSource>);
+pub(crate) struct HostImages {
+    source: Arc<UniquePtr<ffi::ImageSource>>,
+    files: Arc<OpenFiles>,
+}
 
 impl fmt::Debug for HostImages {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -31,11 +36,11 @@ impl fmt::Debug for HostImages {
 impl HostImages {
     /// Files of this source; a null source has none.
     pub(crate) fn new(source: UniquePtr<ffi::ImageSource>) -> Self {
-        Self(source)
+        Self { source: Arc::new(source), files: Arc::default() }
     }
 
     fn source(&self) -> Result<&ffi::ImageSource, ImageError> {
-        self.0.as_ref().ok_or_else(|| error("cannot be read: the host gives no files"))
+        self.source.as_ref().as_ref().ok_or_else(|| error("cannot be read: the host gives no files"))
     }
 
     /// The bytes of a file of at most `limit` bytes.
@@ -47,7 +52,7 @@ impl HostImages {
     /// The member of a set of files, if it is there.
     fn part(&self, set: &AssetRef, number: u32) -> Option<AssetRef> {
         let part = numbered(set, number)?;
-        let exists = self.0.as_ref()?.exists(&part.resolved).unwrap_or(false);
+        let exists = self.source.as_ref().as_ref()?.exists(&part.resolved).unwrap_or(false);
         exists.then_some(part)
     }
 }
@@ -119,6 +124,12 @@ impl ImageLibrary for HostImages {
         let size =
             source.stream_file(&asset.resolved, &mut ByteSink(&mut hash)).map_err(|reason| error(reason.what()))?;
         Ok(format!("hash:{:032x}:{size}", hash.digest128()))
+    }
+
+    fn bytes(&self, asset: &AssetRef) -> Result<Box<dyn ReadAt>, ImageError> {
+        found(asset)?;
+        let file = HostFile::open(&self.source, &self.files, Arc::clone(&asset.resolved));
+        Ok(Box::new(file.map_err(|reason| error(reason.to_string()))?))
     }
 
     /// `$OCIO`, with the size and time of the file that it names; the configuration of ours does not change.

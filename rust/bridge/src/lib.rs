@@ -14,6 +14,7 @@ mod ffi_images;
 mod guard;
 #[allow(unsafe_code, reason = "Send and Sync of the C++ types are promised here")]
 mod held;
+mod host_file;
 mod images;
 mod light;
 mod logging;

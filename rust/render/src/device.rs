@@ -10,7 +10,7 @@ use crate::bsdf_tables;
 use crate::error::RenderError;
 use crate::sync::lock;
 use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Heap, MAX_UPDATE_BYTES, OpenOptions, Pipeline, Usage};
-use oocpt_shader_abi::{Features, LbvhPush, Lobes, Module, Push, SPEC_LOBES};
+use oocpt_shader_abi::{Features, LbvhPush, Lobes, Module, Push, SPEC_FEATURES, SPEC_FEATURES_HIGH, SPEC_LOBES};
 use rustc_hash::FxHashMap;
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::{Duration, Instant};
@@ -30,8 +30,8 @@ pub(crate) struct Specialisation {
     pub(crate) max_levels: u32,
     /// Traversal stack entries of a ray.
     pub(crate) stack_size: u32,
-    /// `oocpt_shader_abi::features` bits.
-    pub(crate) features: u32,
+    /// What is compiled in.
+    pub(crate) features: Features,
     /// Beyond them; none today.
     pub(crate) lobes: Lobes,
 }
@@ -151,10 +151,12 @@ impl Device {
         if let Some(made) = lock(&self.pipelines).get(&key) {
             return Ok(Arc::clone(&made.pipeline));
         }
+        let [low, high] = special.features.words();
         let constants = [
             (0, special.max_levels),
             (1, special.stack_size),
-            (2, special.features),
+            (SPEC_FEATURES, low),
+            (SPEC_FEATURES_HIGH, high),
             (SPEC_LOBES, special.lobes.bits()),
         ];
         let push = if module.name.starts_with("lbvh_") { size_of::<LbvhPush>() } else { size_of::<Push>() };

@@ -22,7 +22,7 @@ pub(crate) struct Compiled<'a> {
 pub(crate) fn of_frame(setting: &Setting<'_>, compiled: Compiled<'_>, listed: Inventory) -> Inventory {
     let Setting { device, job, film, tables, .. } = *setting;
     let Compiled { special, carried, .. } = compiled;
-    let features = Features::from_bits_truncate(special.features);
+    let features = special.features;
     let mut inventory = Inventory {
         features: specialise::list(features, carried),
         passes: passes(device, compiled.passes),

@@ -14,9 +14,10 @@ use oocpt_core::scene::{SceneFeatures, Snapshot};
 use oocpt_shader_abi::{Features, Lobes};
 
 /// What materials need.
-const SURFACES: [(SceneFeatures, Features); 9] = [
+const SURFACES: [(SceneFeatures, Features); 10] = [
     (SceneFeatures::MATERIALS, Features::MATERIALS),
     (SceneFeatures::TEXTURES, Features::TEXTURES),
+    (SceneFeatures::PTEX, Features::PTEX),
     (SceneFeatures::CUTOUTS, Features::CUTOUTS),
     (SceneFeatures::TRANSMISSION, Features::TRANSMISSION),
     (SceneFeatures::ROUGH_TRANSMISSION, Features::ROUGH_TRANSMISSION),
@@ -27,7 +28,7 @@ const SURFACES: [(SceneFeatures, Features); 9] = [
 ];
 
 /// The features in words.
-const PARTS: [(Features, &str); 31] = [
+const PARTS: [(Features, &str); 32] = [
     (Features::DOME, "dome light"),
     (Features::DOME_SHADOW_RAYS, "shadow rays to constant domes"),
     (Features::DISTANT, "distant lights"),
@@ -48,6 +49,7 @@ const PARTS: [(Features, &str); 31] = [
     (Features::INSTANCING, "nested instance levels"),
     (Features::MATERIALS, "materials, and tables of them"),
     (Features::TEXTURES, "textures, and ray cones for them"),
+    (Features::PTEX, "Ptex"),
     (Features::CUTOUTS, "cutouts in traversal"),
     (Features::EMISSION, "emission of surfaces"),
     (Features::MESH_LIGHTS, "emissive meshes sampled as lights"),
@@ -74,6 +76,7 @@ pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRa
     }
     // Without images there are no tables of them.
     features.set(Features::TEXTURES, features.contains(Features::TEXTURES) && scene.textures != 0);
+    features.set(Features::PTEX, features.contains(Features::PTEX | Features::TEXTURES));
     features
 }
 
@@ -84,12 +87,7 @@ pub(crate) fn has_cutouts(snapshot: &Snapshot) -> bool {
 
 /// The specialisation of the passes for these features.
 pub(crate) fn specialisation(features: Features, scene: &SceneView) -> Specialisation {
-    Specialisation {
-        max_levels: scene.max_levels,
-        stack_size: scene.stack_size,
-        features: features.bits(),
-        lobes: Lobes::empty(),
-    }
+    Specialisation { max_levels: scene.max_levels, stack_size: scene.stack_size, features, lobes: Lobes::empty() }
 }
 
 /// What is carried along although the scene does not need it: what `oocpt:carry` asks for and what can be had without another
@@ -138,14 +136,17 @@ impl Carry {
         }
         if needed.contains(Features::MATERIALS) {
             possible |= Features::TEXTURES | Features::CUTOUTS | Features::TRANSMISSION;
-            possible |= Features::ROUGH_TRANSMISSION | Features::COAT | Features::EMISSION;
+            possible |= Features::ROUGH_TRANSMISSION | Features::COAT | Features::EMISSION | Features::PTEX;
         }
         if needed.contains(Features::STREAMING) {
-            possible -= Features::TEXTURES | Features::CUTOUTS;
+            possible -= Features::TEXTURES | Features::CUTOUTS | Features::PTEX;
         }
         let mut carried = self.features & possible;
         // These two are asked for together.
         carried.set(Features::OPACITY, carried.intersects(Features::OPACITY | Features::INSTANCE_OPACITY));
+        // Without textures there is nothing that it could be compiled into.
+        carried
+            .set(Features::PTEX, carried.contains(Features::PTEX) && (carried | needed).contains(Features::TEXTURES));
         carried - needed
     }
 }

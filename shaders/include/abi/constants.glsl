@@ -7,6 +7,7 @@ layout(constant_id = 0) const uint MAX_LEVELS = 1u;
 layout(constant_id = 1) const uint STACK_SIZE = 64u;
 layout(constant_id = 2) const uint FEATURES = 0xffffffffu;
 layout(constant_id = 3) const uint LOBES = 0u; // of the BSDF, beyond FEATURES
+layout(constant_id = 4) const uint FEATURES_HIGH = 0u; // bits 32 to 63
 
 const bool HAS_DOME = (FEATURES & 1u) != 0u;
 const bool HAS_DISTANT = (FEATURES & 2u) != 0u;
@@ -22,6 +23,7 @@ const bool HAS_CHUNK_COUNTS = (FEATURES & 512u) != 0u && HAS_STREAMING;
 const bool PLANT_SKIP_DEFERRED = (FEATURES & 1024u) != 0u;
 const bool HAS_MATERIALS = (FEATURES & (1u << 11)) != 0u;
 const bool HAS_TEXTURES = (FEATURES & (1u << 12)) != 0u && HAS_MATERIALS;
+const bool HAS_PTEX = (FEATURES_HIGH & 1u) != 0u && HAS_TEXTURES;
 const bool HAS_CUTOUTS = (FEATURES & (1u << 13)) != 0u && HAS_MATERIALS;
 const bool HAS_TRANSMISSION = (FEATURES & (1u << 14)) != 0u && HAS_MATERIALS;
 const bool HAS_ROUGH_TRANSMISSION = (FEATURES & (1u << 28)) != 0u && HAS_TRANSMISSION;
@@ -98,9 +100,11 @@ const uint MESH_HAS_NORMALS = 1u << 10;
 const uint MESH_HAS_COLORS = 1u << 11;
 const uint MESH_HAS_OPACITIES = 1u << 12;
 
+const uint SUBSET_MASK = 0xffffu; // of GpuTriangle::subset_and_sides
 const uint NO_MATERIAL = 0xffffffffu;
 const uint SLOT_PRESENCE = 1u << 31;
 const uint NO_NAME = 0xffffffffu;
+const uint NAME_PTEX = 0xfffffffeu; // in place of a primvar's: Ptex coordinates
 const uint NAME_DISPLAY_COLOR = 0u;
 const uint NAME_DISPLAY_OPACITY = 1u;
 const uint NO_VALUE = 0x7fc00000u;
@@ -112,5 +116,6 @@ const uint INPUT_PRIMVAR = 2u;
 const uint INPUT_CHANNEL_SHIFT = 2u;
 const uint INPUT_SET_SHIFT = 5u;
 const uint INPUT_NO_SET = 2u;
+const uint INPUT_PTEX = 1u << 7;
 
 #endif

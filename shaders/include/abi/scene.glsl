@@ -25,9 +25,9 @@ struct GpuTriangle {
     vec3 v0;
     uint face;
     vec3 v1;
-    uint pad1;
+    uint subset_and_sides;
     vec3 v2;
-    uint pad2;
+    uint ptex;
 };
 
 struct GpuInstance {
@@ -130,6 +130,7 @@ const uint TEXTURE_F16 = 1u;
 const uint TEXTURE_F32 = 2u;
 const uint TEXTURE_SRGB = 1u << 6;
 const uint TEXTURE_UDIM = 1u << 7;
+const uint TEXTURE_PTEX = 1u << 12;
 const uint TEXTURE_WRAP_S_SHIFT = 8u;
 const uint TEXTURE_WRAP_T_SHIFT = 10u;
 const uint WRAP_BLACK = 0u;
@@ -140,6 +141,7 @@ const uint PAGE_BROKEN = 1u; // of the address of a tile
 
 struct GpuTexture {
     uint64_t decode;
+    uint64_t directory;
     uint first_page;
     uint flags;
     uint width;

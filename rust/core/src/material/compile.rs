@@ -3,7 +3,8 @@
 
 use super::params::{Problems, Shape, connection, numbers, text};
 use super::reader::READER;
-use super::{INPUTS, Input, InputName, Material, MaterialFlags, PrimvarSlot, TextureRef, UvSet};
+use super::texture::is_texture;
+use super::{INPUTS, Input, InputName, Material, MaterialFlags, PTEX_SET, PrimvarSlot, TextureRef, UvSet};
 use crate::scene::{MaterialDesc, NodeDesc};
 
 /// Surfaces that are less rough are sharp (`shaders/include/bsdf/tables.glsl`).
@@ -110,6 +111,7 @@ impl<'a> Compiler<'a> {
         }
         let is_clear = !matches!(opacity, Input::Constant([value, ..]) if *value >= 1.0);
         let mut flags = needs(&inputs);
+        flags.set(MaterialFlags::PTEX, self.uv_sets.iter().any(|set| &*set.name == PTEX_SET));
         flags.set(MaterialFlags::SPECULAR_WORKFLOW, workflow != 0.0);
         flags.set(MaterialFlags::PRESENCE, is_clear && (is_presence || threshold > 0.0));
         flags.set(MaterialFlags::TRANSMISSIVE, is_clear && !is_presence && threshold <= 0.0);
@@ -130,7 +132,7 @@ impl<'a> Compiler<'a> {
     fn input(&mut self, node: &'a NodeDesc, name: &str, shape: Shape, default: [f32; 4]) -> Input {
         if let Some(source) = connection(node, name) {
             let found = match self.nodes.get(source.node) {
-                Some(next) if &*next.kind == "UsdUVTexture" => self.texture(next, &source.output),
+                Some(next) if is_texture(next) => self.texture(next, &source.output),
                 Some(next) if next.kind.starts_with(READER) => self.reader(next),
                 Some(next) => {
                     self.unsupported(next);

@@ -21,6 +21,7 @@ use bitflags::bitflags;
 use crate::scene::AssetRef;
 
 pub use compile::{Compiled, MAX_NODES, compile};
+pub use texture::is_ptex_name;
 
 /// Inputs of a material, the length of [`Material::inputs`].
 pub const INPUTS: usize = 10;
@@ -75,6 +76,8 @@ bitflags! {
         const TEXTURED = 64;
         /// What is transmitted is, somewhere, by a rough surface.
         const ROUGH_TRANSMISSION = 128;
+        /// Reads a Ptex texture.
+        const PTEX = 256;
     }
 }
 
@@ -106,6 +109,11 @@ pub enum Input {
         fallback: [f32; 4],
     },
 }
+
+/// Name of the set of Ptex coordinates: face and place in it, made of the topology and not of a primvar.
+pub const PTEX_SET: &str = "Ptex face";
+/// Its number, which no primvar has.
+pub const PTEX_SET_ID: u32 = u32::MAX - 1;
 
 /// A texture coordinate set that a material reads.
 #[derive(Clone, Debug, PartialEq)]
@@ -198,12 +206,18 @@ pub struct TextureRef {
     pub color_space: ColorSpace,
     /// What it gives where the file cannot be read, before scale and bias.
     pub fallback: [f32; 4],
+    /// The file is Ptex: looked up by face, not by st.
+    pub is_ptex: bool,
 }
 
 impl PartialEq for TextureRef {
     fn eq(&self, other: &Self) -> bool {
-        let Self { prim: _, asset, wrap, color_space, fallback } = self;
-        *asset == other.asset && *wrap == other.wrap && *color_space == other.color_space && *fallback == other.fallback
+        let Self { prim: _, asset, wrap, color_space, fallback, is_ptex } = self;
+        *asset == other.asset
+            && *wrap == other.wrap
+            && *color_space == other.color_space
+            && *fallback == other.fallback
+            && *is_ptex == other.is_ptex
     }
 }
 
@@ -211,6 +225,6 @@ impl TextureRef {
     /// True when the name stands for many files.
     #[must_use]
     pub fn is_udim(&self) -> bool {
-        self.asset.resolved.contains("<UDIM>")
+        !self.is_ptex && self.asset.resolved.contains("<UDIM>")
     }
 }

@@ -1,12 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `UsdUVTexture` and `UsdTransform2d`. Pure.
+//! `UsdUVTexture`, `HwPtexTexture_1` and `UsdTransform2d`. Pure.
 
 use super::compile::Compiler;
 use super::params::{Shape, asset, connection, numbers, param, text};
 use super::reader::READER;
-use super::{Input, TextureRef, Wrap};
+use super::{Input, MAX_UV_SETS, PTEX_SET, PTEX_SET_ID, TextureRef, UvSet, Wrap};
 use crate::scene::{NodeDesc, ParamValue};
 use std::sync::Arc;
+
+/// Storm's node for Ptex; `UsdUVTexture` reads Ptex, too, from files that end in `.ptx`.
+const PTEX_NODE: &str = "HwPtexTexture_1";
+
+/// Whether a node is a texture.
+pub(super) fn is_texture(node: &NodeDesc) -> bool {
+    matches!(&*node.kind, "UsdUVTexture" | PTEX_NODE)
+}
+
+/// Whether a file is Ptex by its resolved name, which may be that of a file in a package.
+#[must_use]
+pub fn is_ptex_name(resolved: &str) -> bool {
+    let name = resolved.trim_end_matches(']').as_bytes();
+    name.last_chunk::<4>().is_some_and(|end| end.eq_ignore_ascii_case(b".ptx"))
+}
 
 /// Most `UsdTransform2d` in a row.
 const MAX_TRANSFORMS: usize = 16;
@@ -49,13 +64,17 @@ impl<'a> Compiler<'a> {
         };
         let wrap = [self.wrap(node, "wrapS"), self.wrap(node, "wrapT")];
         let color_space = self.color_space(node);
-        let reference = TextureRef { prim: Arc::clone(&node.path), asset, wrap, color_space, fallback };
+        let is_ptex = &*node.kind == PTEX_NODE || is_ptex_name(&asset.resolved);
+        let (uv, transform) = if is_ptex { self.ptex_coordinates(node) } else { self.coordinates(node) };
+        if is_ptex && uv.is_none() {
+            return Some(Input::Constant(picked(fallback)));
+        }
+        let reference = TextureRef { prim: Arc::clone(&node.path), asset, wrap, color_space, fallback, is_ptex };
         let known = self.textures.iter().position(|texture| *texture == reference);
         let texture = known.unwrap_or(self.textures.len());
         if known.is_none() {
             self.textures.push(reference);
         }
-        let (uv, transform) = self.coordinates(node);
         Some(Input::Texture { texture: u32::try_from(texture).ok()?, channel, scale, bias, uv, transform })
     }
 
@@ -71,6 +90,21 @@ impl<'a> Compiler<'a> {
                 Wrap::UseMetadata
             }
         }
+    }
+
+    /// The set of Ptex coordinates. They come from the topology: what `st` is connected to does not count.
+    fn ptex_coordinates(&mut self, node: &'a NodeDesc) -> (Option<u8>, [[f32; 3]; 2]) {
+        let known = self.uv_sets.iter().position(|set| &*set.name == PTEX_SET);
+        let set = known.unwrap_or(self.uv_sets.len());
+        if set >= MAX_UV_SETS {
+            self.problems
+                .add(format!("more than {MAX_UV_SETS} sets of texture coordinates: the Ptex of {}", node.path));
+            return (None, IDENTITY);
+        }
+        if known.is_none() {
+            self.uv_sets.push(UvSet { name: PTEX_SET.into(), id: PTEX_SET_ID, fallback: [0.0; 2] });
+        }
+        (u8::try_from(set).ok(), IDENTITY)
     }
 
     /// Where a texture node looks: the set, and the map from it.

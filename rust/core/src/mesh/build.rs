@@ -9,12 +9,14 @@ use glam::Vec3;
 
 use super::bvh4::{Bvh4, build_bvh4};
 use super::normals::smooth_normals;
-use super::primvar::{Layout, Slot, Source, convert, convert_wanted, subset_numbers};
+use super::primvar::{Layout, Slot, Source, convert, convert_wanted, extend_points, subset_numbers};
+use super::ptex::{PtexNumbers, PtexTriangle};
 use super::split::{Order, arrange, expected_bytes, split_ordered};
 use super::topology::{Topology, read_topology};
 use super::triangulate::Triangulator;
 use super::{Aabb, Attribute, AttributeRate, MeshAsset, Triangle, WantedPrimvar};
 use crate::array::ArrayView;
+use crate::material::PTEX_SET_ID;
 use crate::scene::{DroppedData, MeshDesc, Subdivision};
 
 /// Twice the smallest area of a triangle we keep, in squares of its longest edge: three times the rounding of the products in
@@ -82,7 +84,10 @@ fn read_triangles(
     topology: &Topology,
     dropped: &mut DroppedData,
 ) -> Option<MeshAsset> {
-    let (triangles, sources) = triangulate(topology, dropped);
+    let mut numbers =
+        wanted.iter().any(|w| w.id == PTEX_SET_ID).then(|| PtexNumbers::new(&desc.face_vertex_counts.view()));
+    let Faces { triangles, sources, ptex } = triangulate(topology, numbers.as_mut(), dropped);
+    let centers = numbers.map(|numbers| numbers.centers).unwrap_or_default();
     if triangles.is_empty() {
         dropped.empty_meshes += 1;
         return None;
@@ -91,7 +96,9 @@ fn read_triangles(
         face_count: topology.face_count,
         point_count: topology.points.len(),
         corner_count: topology.corners.len(),
+        corners: &topology.corners,
         sources: &sources,
+        centers: &centers,
     };
     let normals = build_normals(desc, topology, layout, &triangles, dropped);
     let colors = desc.display_color.as_ref().and_then(|p| convert(p, layout, dropped, read_color, |_| Some([0.18; 3])));
@@ -101,7 +108,7 @@ fn read_triangles(
     let primvars = convert_wanted(desc, wanted, layout, dropped);
     let subsets = subset_numbers(desc, layout, dropped);
     let rates = [rate(&normals), rate(&colors), rate(&opacities)];
-    let corner_points = |s: &Source| s.corners.map(|c| topology.corners.get(c as usize).copied().unwrap_or(0));
+    let corner_points = |s: &Source| s.corners.map(|c| layout.point(c));
     let by_point = rates.contains(&Some(AttributeRate::Vertex))
         || primvars.iter().any(|primvar| primvar.values.rate() == AttributeRate::Vertex);
     Some(MeshAsset {
@@ -115,6 +122,7 @@ fn read_triangles(
         opacities,
         primvars,
         subsets,
+        ptex,
         double_sided: desc.double_sided,
         left_handed: desc.left_handed,
     })
@@ -124,18 +132,42 @@ fn rate<T>(attribute: &Option<Attribute<T>>) -> Option<AttributeRate> {
     attribute.as_ref().map(|a| a.rate)
 }
 
+/// Triangles in authored order.
+#[derive(Default)]
+struct Faces {
+    triangles: Vec<Triangle>,
+    sources: Vec<Source>,
+    /// Of each triangle, where a material asks for Ptex.
+    ptex: Vec<PtexTriangle>,
+}
+
 /// All triangles with area, in authored order. A face that keeps some area has lost nothing: quads that close to a point, as
 /// at the tip of a cone, are no bad data. Only the triangles of faces without any area count as dropped.
-fn triangulate(topology: &Topology, dropped: &mut DroppedData) -> (Vec<Triangle>, Vec<Source>) {
+fn triangulate(topology: &Topology, mut numbers: Option<&mut PtexNumbers>, dropped: &mut DroppedData) -> Faces {
     let mut triangulator = Triangulator::default();
     let (mut points, mut ears) = (Vec::new(), Vec::new());
-    let (mut triangles, mut sources) = (Vec::new(), Vec::new());
+    let Faces { mut triangles, mut sources, mut ptex } = Faces::default();
     for face in topology.faces.iter().filter(|face| !face.is_hole) {
         let corners = topology.face_corners(face);
         points.clear();
         points.extend(corners.iter().map(|&c| topology.position(c)));
         triangulator.triangulate(&points, topology.face_normal(face), &mut ears);
         let kept = triangles.len();
+        if let Some(numbers) = numbers.as_deref_mut()
+            && let Some((center, at)) = numbers.center(topology, face, &ears)
+        {
+            for (k, next) in (0..face.count).zip((1..face.count).chain([0])) {
+                let vertex = |k: u32| corners.get(k as usize).and_then(|&p| topology.points.get(p as usize));
+                let [Some(&a), Some(&b)] = [k, next].map(vertex) else { continue };
+                let triangle = Triangle { vertices: [a, b, at], face: face.index };
+                if has_area(&triangle) {
+                    triangles.push(triangle);
+                    sources.push(Source { face: face.index, corners: [face.first + k, face.first + next, center] });
+                    ptex.push(numbers.wedge(face, k));
+                }
+            }
+            ears.clear();
+        }
         for ear in &ears {
             let vertex = |k: u32| corners.get(k as usize).and_then(|&p| topology.points.get(p as usize));
             let [Some(&a), Some(&b), Some(&c)] = ear.map(vertex) else {
@@ -145,13 +177,14 @@ fn triangulate(topology: &Topology, dropped: &mut DroppedData) -> (Vec<Triangle>
             if has_area(&triangle) {
                 triangles.push(triangle);
                 sources.push(Source { face: face.index, corners: ear.map(|k| face.first + k) });
+                ptex.extend(numbers.as_deref().map(|numbers| numbers.ear(face, *ear)));
             }
         }
         if triangles.len() == kept {
             dropped.zero_area_triangles += (corners.len() - 2) as u64;
         }
     }
-    (triangles, sources)
+    Faces { triangles, sources, ptex }
 }
 
 /// True when the normal is meaningful in double precision and not zero in single precision.
@@ -188,7 +221,15 @@ fn build_normals(
     };
     let authored = desc.normals.as_ref().and_then(|p| convert(p, layout, dropped, read_normal, replacement));
     let is_smooth = matches!(desc.subdivision, Subdivision::CatmullClark | Subdivision::Loop);
-    authored.or_else(|| is_smooth.then(|| Attribute { rate: AttributeRate::Vertex, values: smooth().clone() }))
+    let smoothed = || Attribute { rate: AttributeRate::Vertex, values: extend_points(layout, smooth().clone()) };
+    let mut normals = authored.or_else(|| is_smooth.then(smoothed));
+    if !layout.centers.is_empty() {
+        // The mean of unit vectors is none.
+        for normal in normals.iter_mut().flat_map(|normals| &mut normals.values) {
+            *normal = Vec3::from(*normal).try_normalize().unwrap_or(Vec3::Z).to_array();
+        }
+    }
+    normals
 }
 
 fn read_normal(values: &ArrayView<'_>, i: usize) -> Option<[f32; 3]> {

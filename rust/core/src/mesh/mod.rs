@@ -12,6 +12,7 @@ mod check;
 mod key;
 mod normals;
 mod primvar;
+mod ptex;
 mod split;
 mod topology;
 mod triangulate;
@@ -26,6 +27,7 @@ pub use bvh::{Bvh2, BvhError, BvhNode, build_box_bvh};
 pub use bvh4::{Bvh4, Bvh4Node, LevelNode, level_nodes};
 pub use key::mesh_key;
 pub(crate) use key::{is_same_mesh, mesh_key_with};
+pub use ptex::{MAX_PTEX_FACES, PtexPart, PtexTriangle};
 pub use split::split_mesh;
 
 /// Device bytes of a triangle.
@@ -119,6 +121,8 @@ pub struct MeshAsset {
     pub primvars: Vec<MeshPrimvar>,
     /// Per triangle: 0, or the number of its subset counted from 1; empty for a mesh without subsets.
     pub subsets: Vec<u16>,
+    /// Place of each triangle in a Ptex file; empty unless a material reads one.
+    pub ptex: Vec<PtexTriangle>,
     /// False: seen from the front only.
     pub double_sided: bool,
     /// The geometric normal is minus the right-handed one.

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Authored primvars to attributes, triangle by triangle: length checks, indices, replacement of unusable values. Pure.
 
+use super::ptex::Center;
 use super::{AnyAttribute, Attribute, AttributeRate, MeshPrimvar, WantedPrimvar};
 use crate::array::{ArrayView, ElementType};
+use crate::material::PTEX_SET_ID;
 use crate::scene::{DroppedData, Interpolation, MeshDesc, Primvar};
 
 /// Where a triangle came from.
@@ -10,7 +12,7 @@ use crate::scene::{DroppedData, Interpolation, MeshDesc, Primvar};
 pub(crate) struct Source {
     /// Authored face.
     pub(crate) face: u32,
-    /// Authored corners (positions in `face_vertex_indices`).
+    /// Corners: positions in `face_vertex_indices`, or behind them the points of [`Layout::centers`].
     pub(crate) corners: [u32; 3],
 }
 
@@ -23,8 +25,40 @@ pub(crate) struct Layout<'a> {
     pub(crate) point_count: usize,
     /// Authored corners.
     pub(crate) corner_count: usize,
+    /// Point of each authored corner.
+    pub(crate) corners: &'a [u32],
     /// Triangles in the order in which attributes list them.
     pub(crate) sources: &'a [Source],
+    /// Points that are not authored, with the mean of a face's values: corners and points behind the authored ones.
+    pub(crate) centers: &'a [Center],
+}
+
+impl Layout<'_> {
+    /// The point of a corner.
+    pub(crate) fn point(&self, corner: u32) -> u32 {
+        match (corner as usize).checked_sub(self.corner_count) {
+            None => self.corners.get(corner as usize).copied().unwrap_or(0),
+            Some(center) => u32::try_from(self.point_count + center).unwrap_or(0),
+        }
+    }
+
+    /// The authored corners that a corner is the mean of.
+    fn parents(&self, corner: u32) -> std::ops::Range<u32> {
+        let center = (corner as usize).checked_sub(self.corner_count).and_then(|center| self.centers.get(center));
+        center.map_or(corner..corner + 1, |center| center.first..center.first + center.count)
+    }
+}
+
+/// Values by point with those of [`Layout::centers`] behind them.
+pub(crate) fn extend_points<T: Value>(layout: Layout<'_>, mut values: Vec<T>) -> Vec<T> {
+    values.reserve_exact(layout.centers.len());
+    for center in layout.centers {
+        let corners = layout.corners.get(center.first as usize..(center.first + center.count) as usize);
+        let of_corner = |&point: &u32| values.get(point as usize).copied();
+        let mean = T::mean(corners.unwrap_or_default().iter().filter_map(of_corner));
+        values.push(mean);
+    }
+    values
 }
 
 /// Where a value of an attribute belongs, for replacements.
@@ -62,11 +96,18 @@ impl Elements<'_> {
 pub(crate) trait Value: Copy {
     /// True when the elements of a (not empty) array have a fitting type.
     fn has_type(values: &ArrayView<'_>) -> bool;
+    /// The mean of some values; 0 of none.
+    fn mean(values: impl Iterator<Item = Self>) -> Self;
 }
 
 impl Value for f32 {
     fn has_type(values: &ArrayView<'_>) -> bool {
         values.scalar(0).is_some()
+    }
+
+    fn mean(values: impl Iterator<Item = Self>) -> Self {
+        let [mean] = mean(values.map(|value| [value]));
+        mean
     }
 }
 
@@ -74,11 +115,19 @@ impl Value for [f32; 3] {
     fn has_type(values: &ArrayView<'_>) -> bool {
         values.vec3(0).is_some()
     }
+
+    fn mean(values: impl Iterator<Item = Self>) -> Self {
+        mean(values)
+    }
 }
 
 impl Value for [f32; 2] {
     fn has_type(values: &ArrayView<'_>) -> bool {
         values.vec2(0).is_some()
+    }
+
+    fn mean(values: impl Iterator<Item = Self>) -> Self {
+        mean(values)
     }
 }
 
@@ -86,6 +135,21 @@ impl Value for [f32; 4] {
     fn has_type(values: &ArrayView<'_>) -> bool {
         values.vec4(0).is_some()
     }
+
+    fn mean(values: impl Iterator<Item = Self>) -> Self {
+        mean(values)
+    }
+}
+
+/// In double precision: the mean of finite numbers is finite.
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
+fn mean<const N: usize>(values: impl Iterator<Item = [f32; N]>) -> [f32; N] {
+    let (mut sum, mut count) = ([0.0_f64; N], 0.0_f64);
+    for value in values {
+        count += 1.0;
+        sum.iter_mut().zip(value).for_each(|(sum, value)| *sum += f64::from(value));
+    }
+    sum.map(|sum| (sum / count.max(1.0)) as f32)
 }
 
 /// The primvars `wanted` of `desc` that can be used, whatever their widths; unusable values become 0.
@@ -96,7 +160,7 @@ pub(crate) fn convert_wanted(
     dropped: &mut DroppedData,
 ) -> Vec<MeshPrimvar> {
     let mut out = Vec::new();
-    for WantedPrimvar { name, id } in wanted {
+    for WantedPrimvar { name, id } in wanted.iter().filter(|wanted| wanted.id != PTEX_SET_ID) {
         let Some(primvar) = desc.authored_primvar(name) else { continue };
         let view = primvar.values.view();
         let values = if view.vec2(0).is_some() {
@@ -190,10 +254,20 @@ pub(crate) fn convert<T: Value>(
     let values: Option<Vec<T>> = match rate {
         AttributeRate::Constant => get(0, Slot::Mesh).map(|v| vec![v]),
         AttributeRate::Uniform => triangles().map(|(t, s)| get(s.face as usize, Slot::Triangle(t))).collect(),
-        AttributeRate::Vertex => (0..wanted).map(|p| get(p, Slot::Point(p))).collect(),
+        AttributeRate::Vertex => {
+            let values: Option<Vec<T>> = (0..wanted).map(|p| get(p, Slot::Point(p))).collect();
+            values.map(|values| extend_points(layout, values))
+        }
         AttributeRate::FaceVarying => triangles()
             .flat_map(|(t, s)| s.corners.map(|c| (t, c)))
-            .map(|(t, c)| get(c as usize, Slot::Triangle(t)))
+            .map(|(t, c)| {
+                let parents = layout.parents(c);
+                if parents.len() == 1 {
+                    return get(parents.start as usize, Slot::Triangle(t));
+                }
+                let values: Option<Vec<T>> = parents.map(|c| get(c as usize, Slot::Triangle(t))).collect();
+                values.map(|values| T::mean(values.into_iter()))
+            })
             .collect(),
     };
     dropped.primvar_values += bad;

@@ -176,6 +176,7 @@ pub(super) fn arrange(mesh: &MeshAsset, bvh: Bvh4, order: &[u32], points: Option
         opacities: mesh.opacities.as_ref().map(|a| arrange_values(a, order, points)),
         primvars: mesh.primvars.iter().map(|p| arrange_primvar(p, order, points)).collect(),
         subsets: pick(&mesh.subsets, order),
+        ptex: pick(&mesh.ptex, order),
         double_sided: mesh.double_sided,
         left_handed: mesh.left_handed,
     }

@@ -55,6 +55,8 @@ bitflags! {
         const INSTANCE_PRIMVARS = 1 << 23;
         /// A `displayOpacity` below 1 among them.
         const INSTANCE_OPACITY = 1 << 16;
+        /// A material that reads a Ptex texture.
+        const PTEX = 1 << 29;
         /// A light with a place.
         const LOCAL_LIGHTS = 1 << 17;
     }
@@ -105,6 +107,7 @@ impl SurfaceTables {
             (MaterialFlags::ROUGH_TRANSMISSION, SceneFeatures::ROUGH_TRANSMISSION),
             (MaterialFlags::COAT, SceneFeatures::COAT),
             (MaterialFlags::EMISSIVE, SceneFeatures::EMISSION),
+            (MaterialFlags::PTEX, SceneFeatures::PTEX),
         ];
         let mut features = SceneFeatures::empty();
         features.set(SceneFeatures::MATERIALS, !self.materials.is_empty());

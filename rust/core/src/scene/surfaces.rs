@@ -13,7 +13,7 @@ use super::instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstancePrimvar, 
 use super::mesh_lights::{MESH_LIGHT, MeshLight};
 use super::report::Reports;
 use super::snapshot::SurfaceTables;
-use crate::material::{Compiled, Input, Material, TextureRef, compile};
+use crate::material::{Compiled, Input, Material, PTEX_SET, PTEX_SET_ID, TextureRef, compile};
 use crate::mesh::WantedPrimvar;
 
 /// In [`SurfaceTables::material_slots`]: no material.
@@ -79,6 +79,11 @@ fn bindings(desc: &MeshDesc) -> impl Iterator<Item = Option<&Arc<str>>> {
     std::iter::once(bound(desc.material.as_ref())).chain(desc.subsets.iter().map(|s| bound(s.material.as_ref())))
 }
 
+/// Whether a mesh has a primvar, be it empty.
+fn has_authored(desc: &MeshDesc, name: &str) -> bool {
+    desc.authored_primvar(name).is_some()
+}
+
 /// Whether a mesh has a primvar of its own.
 fn has(desc: &MeshDesc, name: &str) -> bool {
     desc.authored_primvar(name).is_some_and(|primvar| !primvar.values.is_empty())
@@ -114,10 +119,10 @@ impl SurfaceStore {
                     continue;
                 };
                 for name in material.primvar_names() {
-                    if is_instanced && !has(&entry.desc, name) {
+                    if is_instanced && &**name != PTEX_SET && !has(&entry.desc, name) {
                         lacks.push(self.id(name));
                     }
-                    names.extend(entry.desc.authored_primvar(name).map(|_| name));
+                    names.extend(Some(name).filter(|name| &***name == PTEX_SET || has_authored(&entry.desc, name)));
                 }
             }
             lacks.sort_unstable();
@@ -176,6 +181,9 @@ impl SurfaceStore {
     }
 
     fn id(&mut self, name: &Arc<str>) -> u32 {
+        if &**name == PTEX_SET {
+            return PTEX_SET_ID;
+        }
         let next = u32::try_from(self.names.len()).unwrap_or(u32::MAX);
         *self.names.entry(name.clone()).or_insert(next)
     }

@@ -4,6 +4,9 @@
 //! Level `l` has `max(1, size >> l)` texels a side, down to 1 x 1. A tile is up to 128 x 128 texels of one level, numbered row by
 //! row, level by level, the finest first; at the right and upper border it is cut to what there is. All levels of at most 64 x 64
 //! share the last tile, one after the other, each at a multiple of 4 bytes.
+//!
+//! A layout of rows has one level, 128 texels wide and of any height: tile `i` has its texels `i * 128 * 128` and following
+//! (`FaceLayout` numbers them).
 
 /// Side of a tile, texels.
 pub const TILE_SIDE: u32 = 128;
@@ -17,6 +20,8 @@ pub const MAX_SIDE: u32 = 1 << 16;
 pub struct Layout {
     size: [u32; 2],
     texel_bytes: u32,
+    /// One level, whatever its size, and no shared tile.
+    is_flat: bool,
 }
 
 /// Why an image cannot be a texture.
@@ -30,6 +35,15 @@ pub enum LayoutError {
         /// Texels along t.
         height: u32,
     },
+    /// A Ptex file without faces.
+    #[error("it has no faces")]
+    NoFaces,
+    /// A face of too many texels.
+    #[error("a face of 2^{0} texels a side is not supported (2^14)")]
+    Face(u8),
+    /// Faces of too many texels in all.
+    #[error("its faces have more than 2^32 texels")]
+    Texels,
     /// Not 1 to 16 bytes.
     #[error("texels of {0} bytes are not supported")]
     Texel(u32),
@@ -58,7 +72,18 @@ impl Layout {
         if !matches!(texel_bytes, 1 | 2 | 4 | 8 | 16) {
             return Err(LayoutError::Texel(texel_bytes));
         }
-        Ok(Self { size, texel_bytes })
+        Ok(Self { size, texel_bytes, is_flat: false })
+    }
+
+    /// The layout of `texels` texels in rows of [`TILE_SIDE`].
+    pub fn of_rows(texels: u32, texel_bytes: u32) -> Result<Self, LayoutError> {
+        let height = texels.div_ceil(TILE_SIDE).max(1);
+        Ok(Self { size: [TILE_SIDE, height], is_flat: true, ..Self::new([1, 1], texel_bytes)? })
+    }
+
+    /// Whether it has one level of rows ([`Self::of_rows`]).
+    pub fn is_flat(&self) -> bool {
+        self.is_flat
     }
 
     /// Texels of level 0.
@@ -73,7 +98,7 @@ impl Layout {
 
     /// Number of levels.
     pub fn levels(&self) -> u32 {
-        32 - self.size[0].max(self.size[1]).leading_zeros()
+        if self.is_flat { 1 } else { 32 - self.size[0].max(self.size[1]).leading_zeros() }
     }
 
     /// Texels of a level.
@@ -83,6 +108,9 @@ impl Layout {
 
     /// The first level of the last tile.
     pub fn tail(&self) -> u32 {
+        if self.is_flat {
+            return 1;
+        }
         (0..self.levels()).find(|&level| self.level_size(level).iter().all(|&side| side <= TAIL_SIDE)).unwrap_or(0)
     }
 
@@ -107,7 +135,7 @@ impl Layout {
 
     /// Number of tiles.
     pub fn tile_count(&self) -> u32 {
-        self.first_tile(self.tail()) + 1
+        self.first_tile(self.tail()) + u32::from(!self.is_flat)
     }
 
     /// What a tile consists of.
@@ -146,7 +174,8 @@ impl Layout {
             (0..tiles[1])
                 .flat_map(move |row| (0..tiles[0]).map(move |column| self.bytes_of([side(0, column), side(1, row)])))
         };
-        (0..self.tail()).flat_map(of_level).chain(std::iter::once(self.tile_bytes(self.tile_count() - 1)))
+        let shared = (!self.is_flat).then(|| self.tile_bytes(self.tile_count() - 1));
+        (0..self.tail()).flat_map(of_level).chain(shared)
     }
 
     /// Bytes of so many texels, rounded up to 4.
@@ -202,6 +231,19 @@ mod tests {
         assert_eq!(layout.tile_count(), tiles + 1, "tiles of eight levels and the tail");
         assert_eq!(layout.tile_bytes(0), 64 << 10, "a whole tile");
         assert_eq!(layout.tile_bytes(tiles), 4 * (0..7).map(|level| (64_u64 >> level).pow(2)).sum::<u64>(), "the tail");
+    }
+
+    #[test]
+    fn rows_have_one_level_and_no_shared_tile() {
+        for (texels, bytes) in [(128, 4), (128 * 300, 1), (128 * 128, 8), (1 << 31, 4)] {
+            let rows = Layout::of_rows(texels, bytes).expect("supported");
+            let tiles = texels.div_ceil(128 * 128);
+            assert_eq!((rows.levels(), rows.tile_count()), (1, tiles), "{texels} texels");
+            let last = u64::from(texels - (tiles - 1) * 128 * 128) * u64::from(bytes);
+            assert_eq!(rows.tile_bytes(tiles - 1), last, "{texels} texels: the last tile");
+            assert_eq!(rows.pieces(tiles - 1)[0].at, [0, (tiles - 1) * 128], "{texels} texels: where it begins");
+            assert_eq!(rows.all_tile_bytes().count(), tiles as usize, "{texels} texels");
+        }
     }
 
     #[test]

@@ -7,16 +7,18 @@
 //! IEC 61966-2-1 (sRGB).
 
 mod color;
+mod faces;
 mod footprint;
 mod layout;
 mod pyramid;
 mod twin;
 
 pub use color::{expand, is_srgb, linear_from_srgb, srgb_from_linear};
+pub use faces::{FaceBlock, FaceLayout, MAX_FACE_LOG2, TILE_TEXELS, class_size};
 pub use footprint::{MOST_ANISOTROPY, ellipse, filter_width};
 pub use layout::{Layout, LayoutError, MAX_SIDE, Piece, TAIL_SIDE, TILE_SIDE};
 pub use pyramid::{Pyramid, weights};
-pub use twin::{Sampler, select_level};
+pub use twin::{PtexSampler, Sampler, pack_ptex, select_level, unpack_ptex};
 
 pub use crate::material::{ColorSpace, TextureRef, Wrap};
 

@@ -5,7 +5,7 @@
 //! and l + 1 are mixed linearly in the width (the usual choice is linear in its logarithm;
 //! the two agree at powers of two and differ by at most 0.086 of a level; this one needs no transcendental function).
 
-use super::{Layout, Wrap};
+use super::{FaceLayout, Layout, Wrap};
 
 /// The finer level and the share of the next coarser one, for a filter that is `width` texels of level 0 wide.
 pub fn select_level(width: f64, levels: u32) -> (u32, f64) {
@@ -19,6 +19,60 @@ pub fn select_level(width: f64, levels: u32) -> (u32, f64) {
         scale *= 2.0;
     }
     if level == coarsest { (level, 0.0) } else { (level, width / scale - 1.0) }
+}
+
+/// Steps along u and v of a packed Ptex place.
+const PTEX_STEPS: f64 = 131_072.0;
+
+/// A place in a Ptex file as two floats, `pack_ptex` of `shaders/include/ptex.glsl`: 26 bits for the face, 17 each for u and v in
+/// 0 to 1.
+pub fn pack_ptex(face: u32, uv: [f64; 2]) -> [f32; 2] {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 2^17 - 1")]
+    let [u, v] = uv.map(|x| (x * PTEX_STEPS).clamp(0.0, PTEX_STEPS - 1.0) as u32);
+    let float = |bits: u32| f32::from_bits((bits >> 29) << 31 | 0x2000_0000 | (bits & 0x1fff_ffff));
+    [float(face | (u >> 13) << 26), float((u & 0x1fff) | v << 13)]
+}
+
+/// Face, u and v of what [`pack_ptex`] gave: in the middle of a step.
+pub fn unpack_ptex(st: [f32; 2]) -> (u32, [f64; 2]) {
+    let [x, y] = st.map(|v| (v.to_bits() >> 31) << 29 | (v.to_bits() & 0x1fff_ffff));
+    let steps = [(x >> 26) << 13 | (y & 0x1fff), y >> 13];
+    (x & 0x03ff_ffff, steps.map(|step| (f64::from(step) + 0.5) / PTEX_STEPS))
+}
+
+/// A Ptex file and its texels, by their numbers in the layout.
+#[derive(Clone, Copy, Debug)]
+pub struct PtexSampler<'a, T> {
+    /// Where texels are.
+    pub layout: &'a FaceLayout,
+    /// The decoded texel of a number.
+    pub texel: T,
+}
+
+impl<T: Fn(u32) -> [f64; 4]> PtexSampler<'_, T> {
+    /// The value at a place of a face, by a filter of `width` texels of its own size; `None` for a face that is not there.
+    pub fn lookup(&self, face: u32, uv: [f64; 2], width: f64) -> Option<[f64; 4]> {
+        let own = (0..self.layout.classes()).rev().find(|class| self.layout.block(*class, face).is_some())?;
+        let (level, blend) = select_level(width, own + 1);
+        let fine = self.bilinear(face, uv, own - level)?;
+        if blend == 0.0 {
+            return Some(fine);
+        }
+        Some(mix(fine, self.bilinear(face, uv, own - level - 1)?, blend))
+    }
+
+    /// The value at a place of a reduction of a face.
+    pub fn bilinear(&self, face: u32, uv: [f64; 2], class: u32) -> Option<[f64; 4]> {
+        let block = self.layout.block(class, face)?;
+        let place = |axis: usize| {
+            let x = uv[axis] * f64::from(block.size[axis]) + 0.5;
+            (x.floor(), x - x.floor())
+        };
+        let ((x, fx), (y, fy)) = (place(0), place(1));
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the block")]
+        let at = |dx: u32, dy: u32| (self.texel)(block.first + (y as u32 + dy) * (block.size[0] + 2) + x as u32 + dx);
+        Some(mix(mix(at(0, 0), at(1, 0), fx), mix(at(0, 1), at(1, 1), fx), fy))
+    }
 }
 
 /// An image and how to look it up.
@@ -85,6 +139,17 @@ fn wrapped(x: f64, size: u32, wrap: Wrap) -> Option<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn packed_places_come_back() {
+        for (face, u, v) in [(0, 0.0, 0.0), (1, 1.0, 1.0), ((1 << 26) - 1, 0.3, 0.999), (12345, 0.5, 1e-9)] {
+            let packed = pack_ptex(face, [u, v]);
+            assert!(packed.iter().all(|v| v.is_normal()), "nothing on its way changes {packed:?}");
+            let (back, uv) = unpack_ptex(packed);
+            assert_eq!(back, face);
+            assert!((uv[0] - u).abs() <= 1.0 / 131_072.0 && (uv[1] - v).abs() <= 1.0 / 131_072.0, "{uv:?}");
+        }
+    }
 
     #[test]
     fn levels_follow_the_width() {

@@ -48,6 +48,7 @@ mod partition_edits;
 mod primvar_uses;
 #[cfg(test)]
 mod primvars;
+mod ptex;
 #[cfg(test)]
 mod samplers;
 #[cfg(test)]

@@ -21,7 +21,11 @@ const PIECE_RECORDS: usize = 4096;
 /// Records that one thread encodes at a time.
 const PART_RECORDS: usize = 4096;
 /// Where a triangle keeps the number of its subset.
-const SUBSET: usize = std::mem::offset_of!(GpuTriangle, pad1);
+const SUBSET: usize = std::mem::offset_of!(GpuTriangle, subset_and_sides);
+/// Where it keeps the sides of its authored face.
+const SIDES: usize = SUBSET + 2;
+/// Where it keeps its place in a Ptex file.
+const PTEX: usize = std::mem::offset_of!(GpuTriangle, ptex);
 /// Set in `prototype_count` of a record whose map flips handedness.
 const FLIPS_HANDEDNESS: u32 = 1 << 31;
 
@@ -151,7 +155,11 @@ impl<'a> Writer<'a> {
         self.section(target, layout.triangles, items, |first, out| {
             convert(&triangles[first..], out, triangle);
             for (subset, bytes) in mesh.subsets.iter().skip(first).zip(out.chunks_exact_mut(size_of::<GpuTriangle>())) {
-                bytes[SUBSET..SUBSET + 4].copy_from_slice(&u32::from(*subset).to_ne_bytes());
+                bytes[SUBSET..SUBSET + 2].copy_from_slice(&subset.to_le_bytes());
+            }
+            for (place, bytes) in mesh.ptex.iter().skip(first).zip(out.chunks_exact_mut(size_of::<GpuTriangle>())) {
+                bytes[SIDES..SIDES + 2].copy_from_slice(&place.sides.to_le_bytes());
+                bytes[PTEX..PTEX + 4].copy_from_slice(&place.word().to_le_bytes());
             }
         })?;
         let sections: [(u64, &[u8]); 4] = [
@@ -234,7 +242,7 @@ fn node(node: &Bvh4Node) -> GpuMeshNode {
 
 fn triangle(triangle: &Triangle) -> GpuTriangle {
     let [v0, v1, v2] = triangle.vertices;
-    GpuTriangle { v0, face: triangle.face, v1, pad1: 0, v2, pad2: 0 }
+    GpuTriangle { v0, face: triangle.face, v1, subset_and_sides: 0, v2, ptex: 0 }
 }
 
 fn instance(record: &InstanceRecord) -> GpuInstance {

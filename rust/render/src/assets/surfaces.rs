@@ -2,7 +2,7 @@
 //! The tables of materials and of who has them, and the sections of a mesh that materials read. Pure.
 
 use super::source::rate_of;
-use oocpt_core::material::{Input, Material, MaterialFlags};
+use oocpt_core::material::{Input, Material, MaterialFlags, PTEX_SET_ID, UvSet};
 use oocpt_core::mesh::MeshAsset;
 use oocpt_core::scene::{NO_MATERIAL, PrimRecord, SurfaceTables};
 use oocpt_shader_abi as abi;
@@ -65,7 +65,7 @@ fn material(material: &Material) -> GpuMaterial {
         *name = slot.id;
     }
     GpuMaterial {
-        inputs: material.inputs.map(|i| input(&i)),
+        inputs: material.inputs.map(|i| input(&i, &material.uv_sets)),
         flags: material.flags.bits(),
         opacity_threshold: material.opacity_threshold,
         names,
@@ -74,7 +74,8 @@ fn material(material: &Material) -> GpuMaterial {
     }
 }
 
-fn input(input: &Input) -> GpuInput {
+/// `material_sets`: the sets of texture coordinates of its material.
+fn input(input: &Input, material_sets: &[UvSet]) -> GpuInput {
     let plain = |kind: u32, value: [f32; 4]| GpuInput {
         value,
         bias: [0.0; 4],
@@ -89,9 +90,12 @@ fn input(input: &Input) -> GpuInput {
             plain(abi::INPUT_PRIMVAR | u32::from(slot & 1) << abi::INPUT_SET_SHIFT, fallback)
         }
         Input::Texture { texture, channel, scale, bias, uv, transform } => {
+            let is_ptex =
+                uv.is_some_and(|uv| material_sets.get(usize::from(uv)).is_some_and(|set| set.id == PTEX_SET_ID));
             let channel = channel.map_or(0, |c| u32::from(c & 3) + 1);
             let set = uv.map_or(abi::INPUT_NO_SET, |uv| u32::from(uv & 1));
             let kind = abi::INPUT_TEXTURE | channel << abi::INPUT_CHANNEL_SHIFT | set << abi::INPUT_SET_SHIFT;
+            let kind = if is_ptex { kind | abi::INPUT_PTEX } else { kind };
             GpuInput { bias, row_s: transform[0], row_t: transform[1], texture, ..plain(kind, scale) }
         }
     }
@@ -113,14 +117,17 @@ mod tests {
 
     #[test]
     fn inputs_keep_their_kind_channel_and_set() {
-        let made = input(&Input::Texture {
-            texture: 7,
-            channel: Some(3),
-            scale: [1.0, 2.0, 3.0, 4.0],
-            bias: [5.0; 4],
-            uv: Some(1),
-            transform: [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]],
-        });
+        let made = input(
+            &Input::Texture {
+                texture: 7,
+                channel: Some(3),
+                scale: [1.0, 2.0, 3.0, 4.0],
+                bias: [5.0; 4],
+                uv: Some(1),
+                transform: [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]],
+            },
+            &[],
+        );
         assert_eq!(made.kind, 1 | 4 << 2 | 1 << 5);
         assert_eq!((made.texture, made.value, made.bias), (7, [1.0, 2.0, 3.0, 4.0], [5.0; 4]));
         assert_eq!((made.row_s, made.row_t), ([1.0, 2.0, 3.0], [4.0, 5.0, 6.0]));
@@ -132,15 +139,15 @@ mod tests {
             uv: None,
             transform: [[0.0; 3]; 2],
         };
-        assert_eq!(input(&placed).kind, 1 | 2 << 5);
-        assert_eq!(input(&Input::Primvar { slot: 1, fallback: [0.5; 4] }).kind, 2 | 1 << 5);
-        assert_eq!(input(&Input::Constant([0.5; 4])).kind, 0);
+        assert_eq!(input(&placed, &[]).kind, 1 | 2 << 5);
+        assert_eq!(input(&Input::Primvar { slot: 1, fallback: [0.5; 4] }, &[]).kind, 2 | 1 << 5);
+        assert_eq!(input(&Input::Constant([0.5; 4]), &[]).kind, 0);
     }
 
     #[test]
     fn inputs_and_flags_are_those_of_the_shaders() {
         assert_eq!(abi::MATERIAL_INPUTS, oocpt_core::material::INPUTS);
-        assert_eq!(abi::NO_MATERIAL, NO_MATERIAL);
+        assert_eq!((abi::NO_MATERIAL, abi::NAME_PTEX), (NO_MATERIAL, PTEX_SET_ID));
         let bits = MaterialFlags::SPECULAR_WORKFLOW.bits() | MaterialFlags::PRESENCE.bits() << 8;
         let more = MaterialFlags::EMISSIVE.bits() << 16 | MaterialFlags::COAT.bits() << 24;
         // As in shaders/include/material.glsl.

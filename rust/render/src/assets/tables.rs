@@ -11,6 +11,7 @@ use super::surfaces::SurfaceEntries;
 use super::values::ValueLayout;
 use crate::device::Device;
 use crate::error::RenderError;
+use crate::textures::TextureSet;
 use bytemuck::{Pod, Zeroable};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::partition::{ChunkInstance, PlacedValues};
@@ -59,6 +60,8 @@ pub(crate) struct SurfaceRanges {
 pub(crate) struct TextureTables {
     pub(crate) records: HeapRange,
     pub(crate) pages: HeapRange,
+    /// Where the texels of the faces of Ptex textures are; the records point to it.
+    _directories: Option<HeapRange>,
     /// What the bytes of sRGB images stand for; the records point to it.
     _decode: HeapRange,
 }
@@ -149,6 +152,7 @@ impl Tables {
             (textures.tile_count(), size_of::<u64>()),
             (256, size_of::<f32>()),
         ];
+        let directories = directory_words(textures);
         let placed = ValueLayout::new(&world.placed.columns, world.placed.rows()).bytes;
         let placed = (usize::try_from(placed).unwrap_or(usize::MAX), usize::from(placed > 0));
         let of_textures = of_textures.into_iter().filter(|_| !textures.is_empty());
@@ -157,6 +161,7 @@ impl Tables {
             .chain(surfaces)
             .chain(of_textures)
             .chain(Some(placed).filter(|(_, count)| *count > 0))
+            .chain(Some((directories, size_of::<u32>())).filter(|(count, _)| *count > 0))
             .map(|(count, stride)| ((count * stride).max(16) as u64).next_multiple_of(256))
             .sum()
     }
@@ -169,7 +174,8 @@ impl Tables {
         }
         let surfaces = self.surfaces.iter().flat_map(|s| [&s.materials, &s.prims, &s.slots]);
         let textures = self.textures.iter().flat_map(|t| [&t.records, &t.pages, &t._decode]);
-        for table in surfaces.chain(textures).chain(&self.placed_values) {
+        let directories = self.textures.iter().filter_map(|t| t._directories.as_ref());
+        for table in surfaces.chain(textures).chain(directories).chain(&self.placed_values) {
             inventory.add(table.name(), table.size());
         }
         let optional = [
@@ -300,11 +306,42 @@ fn texture_tables(
     for record in &mut records {
         record.decode = if record.flags & TEXTURE_SRGB == 0 { 0 } else { decode.address() };
     }
+    let directories = directories(device, writer, &assets.textures, &mut records)?;
     Ok(Some(TextureTables {
         records: table(device, writer, "texture table", bytemuck::cast_slice(&records))?,
         pages: table(device, writer, "texture pages", bytemuck::cast_slice(&entries.pages))?,
+        _directories: directories,
         _decode: decode,
     }))
+}
+
+/// Words of the directories of all Ptex textures.
+fn directory_words(textures: &TextureSet) -> usize {
+    textures.directories.iter().map(|(_, faces)| faces.directory_words()).sum()
+}
+
+/// The directories of Ptex textures, one behind the other; tells their records where.
+fn directories(
+    device: &Device,
+    writer: &mut Writer<'_>,
+    textures: &TextureSet,
+    records: &mut [GpuTexture],
+) -> Result<Option<HeapRange>, RenderError> {
+    let words = directory_words(textures);
+    if words == 0 {
+        return Ok(None);
+    }
+    let range = device.heap.alloc("Ptex directories", (words * size_of::<u32>()) as u64, 16)?;
+    let mut at = 0;
+    for (record, faces) in &textures.directories {
+        let directory = faces.directory();
+        writer.bytes(&range, at, bytemuck::cast_slice(&directory))?;
+        if let Some(record) = records.get_mut(*record) {
+            record.directory = range.address() + at;
+        }
+        at += size_of_val(&directory[..]) as u64;
+    }
+    Ok(Some(range))
 }
 
 fn write<T: Pod>(commands: &mut Commands, table: &HeapRange, entries: &[T], at: usize) {

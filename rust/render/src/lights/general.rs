@@ -42,7 +42,7 @@ pub(crate) struct GeneralLights {
     /// Set of categories of each prim id + 1.
     pub(crate) prim_sets: Vec<u32>,
     /// What the passes are compiled for.
-    pub(crate) features: u32,
+    pub(crate) features: Features,
     /// Meshes that emit light.
     pub(crate) meshes: Option<Arc<MeshLights>>,
     /// Index of the node over local lights and meshes.
@@ -111,7 +111,7 @@ impl GeneralLights {
             table.link_words = u32::try_from(snapshot.links.words()).unwrap_or(u32::MAX);
             table.prim_sets = surfaces.prims.iter().map(|prim| prim.category_set).collect();
         }
-        table.features = table.find_features().bits();
+        table.features = table.find_features();
         reading.cache.forget_unused();
         reading.warnings.sort();
         reading.warnings.dedup();
@@ -134,7 +134,7 @@ impl GeneralLights {
             ));
         }
         self.meshes = Some(Arc::clone(meshes));
-        self.features = self.find_features().bits();
+        self.features = self.find_features();
     }
 
     /// Makes the table such that passes may be compiled with all that they can know of lights, and choose as they would without: an

@@ -234,7 +234,8 @@ impl Picture {
     }
 }
 
-/// What a material emits; `None` if it is none that lights are made of.
+/// What a material emits; `None` if it is none that lights are made of: those that are not there everywhere, and Ptex, which
+/// shines on what rays that are reflected find it.
 fn glow(snapshot: &Snapshot, material: &Material, maps: &mut GlowMaps, images: Option<&TextureCache>) -> Option<Glow> {
     if !material.flags.contains(MaterialFlags::EMISSIVE) || material.flags.contains(MaterialFlags::PRESENCE) {
         return None;
@@ -250,6 +251,9 @@ fn glow(snapshot: &Snapshot, material: &Material, maps: &mut GlowMaps, images: O
         }
         Input::Texture { texture, channel, scale, bias, uv, transform } => {
             let texture = snapshot.surfaces.textures.get(*texture as usize)?;
+            if texture.is_ptex {
+                return None;
+            }
             let finish = Finish { channel: *channel, scale: *scale, bias: *bias };
             // Without images all of them are black.
             let map = maps.get(texture, finish, images?);

@@ -92,7 +92,7 @@ impl LightTable {
     /// What the passes need for these lights.
     pub(crate) fn features(&self) -> Features {
         if let Some(general) = &self.general {
-            return Features::from_bits_truncate(general.features);
+            return general.features;
         }
         let mut features = Features::empty();
         features.set(Features::DOME, self.plain.has_dome);

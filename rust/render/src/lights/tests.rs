@@ -210,8 +210,7 @@ pub(super) mod probe {
             block.material_slots = put(bytemuck::cast_slice(slots));
         }
         frame.write(0, bytemuck::bytes_of(&block)).expect("mapped");
-        let special =
-            Specialisation { max_levels: 1, stack_size: 64, features: features.bits(), lobes: Lobes::empty() };
+        let special = Specialisation { max_levels: 1, stack_size: 64, features, lobes: Lobes::empty() };
         let pipeline = device.pipeline(&passes::LIGHTS_PROBE, special).expect("it compiles");
         modes.map(|mode| {
             let push = Push::wave(frame.address(), 0, RECEIVERS, RECEIVERS).with(0, mode);

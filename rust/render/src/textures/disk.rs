@@ -299,7 +299,7 @@ mod tests {
             is_srgb: None,
             wrap: None,
         };
-        Description::new(key, &info, 6)
+        Description::new(key, &info, false, 6)
     }
 
     /// Level 6 of 100 x 100 texels is one.

@@ -6,6 +6,7 @@
 use super::disk::DiskCache;
 use super::image::{ImageError, ImageLibrary};
 use super::tiles::{Stores, TextureImage, Wanted};
+use oocpt_core::material::is_ptex_name;
 use oocpt_core::scene::AssetRef;
 use oocpt_core::settings::Settings;
 use oocpt_core::texture::{ColorSpace, TexelFormat};
@@ -15,8 +16,11 @@ use std::sync::Arc;
 /// What a texture file is.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct FileReport {
-    /// Texels of the finest level.
+    /// Texels of the finest level; of Ptex the texels of all faces and their reductions, in rows.
     pub size: [u32; 2],
+    /// Of Ptex: the number of faces.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub faces: Option<u32>,
     /// Levels in the file; 1 where only the entry in the cache was looked at.
     pub levels: usize,
     /// 1 to 4.
@@ -100,7 +104,8 @@ impl TextureFile<'_> {
 
     fn wanted<'a>(&'a self, name: &'a Arc<str>) -> Wanted<'a> {
         let (library, asset) = (self.library, self.asset);
-        Wanted { name, library, asset, member: 0, file: asset, color_space: self.color_space }
+        let is_ptex = is_ptex_name(&asset.resolved);
+        Wanted { name, library, asset, member: 0, file: asset, color_space: self.color_space, is_ptex }
     }
 
     fn open(&self, disk: Option<Arc<DiskCache>>) -> Result<TextureImage, ImageError> {
@@ -124,9 +129,13 @@ impl TextureFile<'_> {
             cache.key = key;
         }
         // An entry does not tell what levels and tiles its source has.
-        let source = self.library.open(self.asset)?.info();
+        let source = match image.faces() {
+            Some(_) => image.info().clone(),
+            None => self.library.open(self.asset)?.info(),
+        };
         Ok(FileReport {
             size: image.layout().size(),
+            faces: image.faces().map(|faces| faces.faces()),
             levels: source.levels.len(),
             channels: source.channels,
             format: match source.format {

@@ -3,6 +3,7 @@
 
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::{TexelFormat, Wrap};
+use oocpt_ptex::ReadAt;
 use std::fmt::Debug;
 use std::sync::Arc;
 
@@ -100,6 +101,11 @@ pub trait ImageLibrary: Send + Sync + Debug {
         let name = |text: &str| text.replace("<UDIM>", &number.to_string()).into();
         let part = AssetRef { authored: name(&set.authored), resolved: name(&set.resolved) };
         self.open(&part).ok().map(Ok)
+    }
+
+    /// The bytes of a file, for formats that are not read through [`Self::open`] (Ptex).
+    fn bytes(&self, asset: &AssetRef) -> Result<Box<dyn ReadAt>, ImageError> {
+        Err(ImageError(format!("{} cannot be read in parts", asset.authored)))
     }
 
     /// A text that changes when the content of a file may have changed, got without decoding anything:

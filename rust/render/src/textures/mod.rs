@@ -15,6 +15,7 @@ mod file;
 mod image;
 mod memory;
 mod prepared;
+mod ptex;
 mod set;
 #[cfg(test)]
 mod tests;

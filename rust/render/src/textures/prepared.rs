@@ -6,10 +6,11 @@
 //! needs 1/1000 of it on
 //! disk. If something finer is asked for later, the image is decoded a second time, and all of it is kept.
 
-use super::convert::{Decoding, convert};
+use super::convert::{Decoding, TileSink, convert};
 use super::disk::DiskCache;
-use super::image::{Image, ImageError, ImageInfo, ImageLibrary};
+use super::image::{ColorTransform, Image, ImageError, ImageInfo, ImageLibrary};
 use super::memory::{Droppable, Levels, MemoryStore};
+use super::ptex::{Meaning, PtexSource};
 use super::texels::Texels;
 use super::tx::{Description, TxFile};
 use crate::sync::lock;
@@ -49,6 +50,24 @@ impl Origin {
     }
 }
 
+/// What is decoded.
+#[derive(Debug)]
+pub(super) enum Source {
+    /// An image, through its library.
+    Image(Origin),
+    /// A Ptex file; its texels are those of an image of one level.
+    Ptex(Arc<dyn ImageLibrary>, Box<PtexSource>),
+}
+
+impl Source {
+    fn color_transform(&self, name: &str) -> Result<Arc<dyn ColorTransform>, ImageError> {
+        match self {
+            Self::Image(origin) => origin.library.color_transform(name),
+            Self::Ptex(library, _) => library.color_transform(name),
+        }
+    }
+}
+
 /// The levels that are there.
 #[derive(Debug)]
 enum Held {
@@ -81,7 +100,7 @@ struct State {
 /// See the module.
 #[derive(Debug)]
 pub(super) struct Prepared {
-    origin: Origin,
+    source: Source,
     /// As it is stored.
     info: ImageInfo,
     /// The colour space that it is converted from.
@@ -99,7 +118,7 @@ pub(super) struct Prepared {
 
 /// What a [`Prepared`] is made from.
 pub(super) struct Making {
-    pub(super) origin: Origin,
+    pub(super) source: Source,
     pub(super) info: ImageInfo,
     pub(super) transform: Option<Arc<str>>,
     pub(super) layout: Layout,
@@ -112,10 +131,10 @@ pub(super) struct Making {
 
 impl Prepared {
     pub(super) fn new(making: Making) -> Arc<Self> {
-        let Making { origin, info, transform, layout, texels, disk, memory, entry } = making;
+        let Making { source, info, transform, layout, texels, disk, memory, entry } = making;
         let held = entry.map(|file| Arc::new(Held::Disk(file)));
         Arc::new_cyclic(|this| Self {
-            origin,
+            source,
             info,
             transform,
             layout,
@@ -188,8 +207,18 @@ impl Prepared {
     }
 
     fn make(&self, first: u32) -> Result<Held, ImageError> {
-        let Some(image) = self.origin.open()? else { return Err(ImageError("is gone".into())) };
-        let info = image.info();
+        let image = match &self.source {
+            Source::Image(origin) => match origin.open()? {
+                Some(image) => Some(image),
+                None => return Err(ImageError("is gone".into())),
+            },
+            Source::Ptex(..) => None,
+        };
+        let info = match (&image, &self.source) {
+            (Some(image), _) => image.info(),
+            (None, Source::Ptex(_, ptex)) => ptex.info().clone(),
+            (None, Source::Image(_)) => return Err(ImageError("is gone".into())),
+        };
         let is_same = info.levels.first() == self.info.levels.first()
             && info.channels == self.info.channels
             && (info.format == self.info.format || self.transform.is_some());
@@ -200,21 +229,29 @@ impl Prepared {
             Some(name) => {
                 // The curve of a named space is the conversion's affair.
                 let from = Texels::new(&ImageInfo { is_srgb: None, ..info }, false);
-                Some((from, self.origin.library.color_transform(name)?))
+                Some((from, self.source.color_transform(name)?))
             }
             None => None,
         };
-        let decoding = Decoding {
-            image: &*image,
-            texels: &self.texels,
-            transform: transform.as_ref().map(|(from, transform)| (from, &**transform)),
-            layout: &self.layout,
-            first,
+        let transform = transform.as_ref().map(|(from, transform)| (from, &**transform));
+        let convert = |sink: &mut dyn TileSink| match (&image, &self.source) {
+            (Some(image), _) => {
+                let (texels, layout) = (&*self.texels, &self.layout);
+                convert(&Decoding { image: &**image, texels, transform, layout, first }, sink)
+            }
+            (None, Source::Ptex(_, ptex)) => {
+                let (from, transform) = match transform {
+                    Some((from, transform)) => (from, Some(transform)),
+                    None => (&*self.texels, None),
+                };
+                ptex.convert(Meaning { from, to: &self.texels, transform }, sink)
+            }
+            (None, Source::Image(_)) => Err(ImageError("is gone".into())),
         };
         if let Some((disk, key)) = &self.disk
-            && let Some(mut pending) = disk.begin(Description::new(key, &self.info, first))
+            && let Some(mut pending) = disk.begin(Description::new(key, &self.info, self.layout.is_flat(), first))
         {
-            let decoded = convert(&decoding, &mut pending);
+            let decoded = convert(&mut pending);
             match decoded.map(|()| pending.commit()) {
                 Ok(Some(entry)) => return Ok(Held::Disk(entry)),
                 Ok(None) => {}
@@ -223,7 +260,7 @@ impl Prepared {
             }
         }
         let mut levels = Levels::new(&self.layout, self.texels.file_bytes(), first);
-        convert(&decoding, &mut levels)?;
+        convert(&mut levels)?;
         Ok(Held::Memory(levels))
     }
 }

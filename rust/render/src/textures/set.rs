@@ -9,7 +9,7 @@ use super::image::{ImageError, ImageLibrary};
 use super::tiles::{Stores, TextureImage, Wanted};
 use oocpt_core::scene::AssetRef;
 use oocpt_core::settings::Settings;
-use oocpt_core::texture::{TexelFormat, TextureRef, Wrap};
+use oocpt_core::texture::{FaceLayout, TexelFormat, TextureRef, Wrap};
 use oocpt_shader_abi as abi;
 use oocpt_shader_abi::GpuTexture;
 use rayon::prelude::*;
@@ -19,8 +19,8 @@ use std::sync::Arc;
 /// Most tiles: their numbers share 32 bits with those of chunks.
 const MOST_TILES: u64 = 1 << 30;
 
-/// A file read one way: path, member of the set (0: no set), through the sRGB curve or not or by the file.
-type ImageKey = (Arc<str>, u32, oocpt_core::texture::ColorSpace);
+/// A file read one way: path, member of the set (0: no set), through the sRGB curve or not or by the file, as Ptex or not.
+type ImageKey = (Arc<str>, u32, oocpt_core::texture::ColorSpace, bool);
 
 /// See the module.
 #[derive(Debug, Default)]
@@ -30,8 +30,10 @@ pub(crate) struct TextureSet {
     firsts: Vec<u32>,
     /// Number of the first tile of an image, by the image's own number.
     by_id: FxHashMap<u64, u32>,
-    /// First the textures by their number in the snapshot, then members of sets. `decode` is still 0.
+    /// First the textures by their number in the snapshot, then members of sets. `decode` and `directory` are still 0.
     pub(crate) records: Vec<GpuTexture>,
+    /// Records of Ptex textures, with what their directories say.
+    pub(crate) directories: Vec<(usize, Arc<FaceLayout>)>,
     /// One for each texture that lacks something.
     pub(crate) warnings: Vec<String>,
     disk: Option<Arc<DiskCache>>,
@@ -144,11 +146,11 @@ impl TextureCache {
 
 /// The members of a set of files; 0 for a single file.
 fn members(texture: &TextureRef) -> std::ops::Range<u32> {
-    if texture.asset.resolved.contains("<UDIM>") { 1001..1001 + abi::UDIM_PARTS } else { 0..1 }
+    if texture.is_udim() { 1001..1001 + abi::UDIM_PARTS } else { 0..1 }
 }
 
 fn image_key(texture: &TextureRef, member: u32) -> ImageKey {
-    (Arc::clone(&texture.asset.resolved), member, texture.color_space.clone())
+    (Arc::clone(&texture.asset.resolved), member, texture.color_space.clone(), texture.is_ptex)
 }
 
 fn open(library: Option<&Arc<dyn ImageLibrary>>, texture: &TextureRef, member: u32, stores: &Stores) -> Opened {
@@ -162,8 +164,15 @@ fn open(library: Option<&Arc<dyn ImageLibrary>>, texture: &TextureRef, member: u
         0 => asset.clone(),
         _ => AssetRef { authored: name(&asset.authored), resolved: name(&asset.resolved) },
     };
-    let wanted =
-        Wanted { name: &named(texture), library, asset, member, file: &file, color_space: &texture.color_space };
+    let wanted = Wanted {
+        name: &named(texture),
+        library,
+        asset,
+        member,
+        file: &file,
+        color_space: &texture.color_space,
+        is_ptex: texture.is_ptex,
+    };
     Ok(TextureImage::open(&wanted, stores)?.map(Arc::new))
 }
 
@@ -178,7 +187,7 @@ impl Making<'_> {
     fn all(&mut self, textures: &[TextureRef]) {
         let mut members = Vec::new();
         for texture in textures {
-            if !texture.asset.resolved.contains("<UDIM>") {
+            if !texture.is_udim() {
                 let record = self.record(texture, 0, texture.wrap);
                 self.set.records.push(record);
                 continue;
@@ -220,9 +229,17 @@ impl Making<'_> {
             TexelFormat::F32 => abi::TEXTURE_F32,
         };
         let srgb = if image.is_srgb() { abi::TEXTURE_SRGB } else { 0 };
+        if let Some(faces) = image.faces() {
+            let flags = image.channels() | format << abi::TEXTURE_FORMAT_SHIFT | srgb | abi::TEXTURE_PTEX;
+            let (width, height) = (faces.faces(), faces.classes());
+            let directories = &mut self.set.directories;
+            directories.push((self.set.records.len(), Arc::clone(faces)));
+            return GpuTexture { first_page, flags, width, height, levels: 1, ..missing };
+        }
         let [width, height] = image.layout().size();
         GpuTexture {
             decode: 0,
+            directory: 0,
             first_page,
             flags: image.channels()
                 | format << abi::TEXTURE_FORMAT_SHIFT

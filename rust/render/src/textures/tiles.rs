@@ -4,11 +4,12 @@
 use super::disk::DiskCache;
 use super::image::{Image, ImageError, ImageInfo, ImageLibrary};
 use super::memory::MemoryStore;
-use super::prepared::{Making, Origin, Prepared};
+use super::prepared::{Making, Origin, Prepared, Source};
+use super::ptex::PtexSource;
 use super::texels::Texels;
 use crate::sync::lock;
 use oocpt_core::scene::AssetRef;
-use oocpt_core::texture::{ColorSpace, Layout, Piece, TILE_SIDE, TexelFormat, is_srgb};
+use oocpt_core::texture::{ColorSpace, FaceLayout, Layout, Piece, TILE_SIDE, TexelFormat, is_srgb};
 use rustc_hash::FxHashSet;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -38,6 +39,8 @@ pub(crate) struct TextureImage {
     pixels: Pixels,
     info: ImageInfo,
     layout: Layout,
+    /// Of Ptex: where the texels of faces are.
+    faces: Option<Arc<FaceLayout>>,
     texels: Arc<Texels>,
     /// What is not as the scene asks.
     warning: Option<String>,
@@ -58,6 +61,8 @@ pub(super) struct Wanted<'a> {
     /// The file itself: the asset, or the member.
     pub(super) file: &'a AssetRef,
     pub(super) color_space: &'a ColorSpace,
+    /// The file is Ptex.
+    pub(super) is_ptex: bool,
 }
 
 impl Wanted<'_> {
@@ -71,13 +76,17 @@ impl Wanted<'_> {
             ColorSpace::Named(_) => format!(" of {}", self.library.color_config()),
             _ => String::new(),
         };
-        Some((Arc::clone(disk), format!("{identity} as {space:?}{config}")))
+        let by_face = if self.is_ptex { " by face" } else { "" };
+        Some((Arc::clone(disk), format!("{identity} as {space:?}{config}{by_face}")))
     }
 }
 
 impl TextureImage {
     /// Opens an image; `None` for a member of a set that does not exist. What is in the cache on disk is not decoded.
     pub(super) fn open(wanted: &Wanted<'_>, stores: &Stores) -> Result<Option<Self>, ImageError> {
+        if wanted.is_ptex {
+            return Self::open_ptex(wanted, stores).map(Some);
+        }
         let origin = Origin::new(wanted.library, wanted.asset, wanted.member);
         let mut space = wanted.color_space.clone();
         let mut warning = None;
@@ -115,7 +124,7 @@ impl TextureImage {
         let pixels = match image {
             Some(image) if info.tile_friendly && has_all && transform.is_none() => Pixels::File(image),
             _ => Pixels::Prepared(Prepared::new(Making {
-                origin,
+                source: Source::Image(origin),
                 info: info.clone(),
                 transform,
                 layout,
@@ -125,18 +134,71 @@ impl TextureImage {
                 entry,
             })),
         };
-        static NEXT: AtomicU64 = AtomicU64::new(0);
         Ok(Some(Self {
-            id: NEXT.fetch_add(1, Ordering::Relaxed),
+            id: next_id(),
             name: Arc::clone(wanted.name),
             pixels,
             info,
             layout,
+            faces: None,
             texels,
             warning,
             complaint: Mutex::default(),
             broken: Mutex::default(),
         }))
+    }
+
+    /// Opens a Ptex file. Its table of faces is read even where its texels are in the cache: it says where they are.
+    fn open_ptex(wanted: &Wanted<'_>, stores: &Stores) -> Result<Self, ImageError> {
+        let source = PtexSource::open(wanted.library.bytes(wanted.file)?)?;
+        let mut space = wanted.color_space.clone();
+        let mut warning = None;
+        if let ColorSpace::Named(name) = &space
+            && let Err(error) = wanted.library.color_transform(name)
+        {
+            warning = Some(format!("{error}; the file's own colour space is taken"));
+            space = ColorSpace::Auto;
+        }
+        let info = stored_as(source.info().clone(), &space);
+        let is_srgb = is_srgb(&space, info.is_srgb, info.format, info.channels);
+        let texels = Arc::new(Texels::new(&info, is_srgb));
+        let bytes = u32::try_from(texels.device_bytes()).unwrap_or(0);
+        let layout = Layout::of_rows(source.layout().texels(), bytes).map_err(|e| ImageError(e.to_string()))?;
+        let key = wanted.key(stores.disk.as_ref(), &space);
+        let entry = key.as_ref().and_then(|(disk, key)| disk.find(key));
+        let entry = entry.filter(|entry| entry.description().info().levels.first() == Some(&layout.size()));
+        let transform = match space {
+            ColorSpace::Named(name) => Some(name),
+            _ => None,
+        };
+        let faces = Some(Arc::clone(source.layout()));
+        let pixels = Pixels::Prepared(Prepared::new(Making {
+            source: Source::Ptex(Arc::clone(wanted.library), Box::new(source)),
+            info: info.clone(),
+            transform,
+            layout,
+            texels: Arc::clone(&texels),
+            disk: key,
+            memory: Arc::clone(&stores.memory),
+            entry,
+        }));
+        Ok(Self {
+            id: next_id(),
+            name: Arc::clone(wanted.name),
+            pixels,
+            info,
+            layout,
+            faces,
+            texels,
+            warning,
+            complaint: Mutex::default(),
+            broken: Mutex::default(),
+        })
+    }
+
+    /// Of Ptex: where the texels of faces are.
+    pub(crate) fn faces(&self) -> Option<&Arc<FaceLayout>> {
+        self.faces.as_ref()
     }
 
     /// Its number.
@@ -272,6 +334,12 @@ impl Image for TextureImage {
         }
         Ok(())
     }
+}
+
+/// A number that no image has.
+fn next_id() -> u64 {
+    static NEXT: AtomicU64 = AtomicU64::new(0);
+    NEXT.fetch_add(1, Ordering::Relaxed)
 }
 
 /// What an image of a colour space is once it is decoded: those that go through a conversion become linear, for which

@@ -16,6 +16,7 @@ use crate::film::Film;
 use crate::timings::Timings;
 use oocpt_gpu::Pipeline;
 use oocpt_shader_abi::{Features, passes};
+use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -112,7 +113,7 @@ impl Passes {
         Ok(passes)
     }
 
-    /// The two traversals side by side since they take longest.
+    /// Compiles on all threads.
     fn compiled(device: &Device, special: Specialisation, film: &Film) -> Result<Self, RenderError> {
         let aovs = || -> Result<_, RenderError> {
             Ok(AovPasses {
@@ -120,9 +121,9 @@ impl Passes {
                 shade_aovs: device.pipeline(&passes::SHADE_AOVS, special)?,
             })
         };
-        let textures = special.features & Features::TEXTURES.bits() != 0;
-        let cutouts = textures && special.features & Features::CUTOUTS.bits() != 0;
-        let plays = special.features & Features::ROULETTE.bits() != 0;
+        let textures = special.features.contains(Features::TEXTURES);
+        let cutouts = textures && special.features.contains(Features::CUTOUTS);
+        let plays = special.features.contains(Features::ROULETTE);
         let roulette = || -> Result<_, RenderError> {
             Ok(RoulettePasses {
                 roulette_level: device.pipeline(&passes::ROULETTE_LEVEL, special)?,
@@ -131,7 +132,7 @@ impl Passes {
             })
         };
         let stream = || -> Result<_, RenderError> {
-            let asks = special.features & Features::MESH_LIGHT_VALUES.bits() != 0;
+            let asks = special.features.contains(Features::MESH_LIGHT_VALUES);
             let pass = if asks { &passes::RESOLVE_LIGHTS } else { &passes::RESOLVE_MATERIALS };
             let resolve = || device.pipeline(pass, special);
             let answer = || device.pipeline(&passes::RESOLVE_CUTOUTS, special);
@@ -146,22 +147,30 @@ impl Passes {
                 roulette: plays.then(roulette).transpose()?,
             })
         };
-        let streams = special.features & Features::STREAMING.bits() != 0;
-        let (closest, rest) = rayon::join(
-            || device.pipeline(&passes::INTERSECT_CLOSEST, special),
-            || -> Result<_, RenderError> {
-                let shadow = device.pipeline(&passes::INTERSECT_SHADOW, special)?;
-                Ok((shadow, device.pipeline(&passes::SHADE_SURFACE, special)?))
-            },
-        );
-        let (intersect_shadow, shade_surface) = rest?;
+        let streams = special.features.contains(Features::STREAMING);
+        let mut wanted = vec![
+            &passes::INTERSECT_CLOSEST,
+            &passes::SHADE_SURFACE,
+            &passes::INTERSECT_SHADOW,
+            &passes::SHADE_BACKGROUND,
+            &passes::GENERATE_CAMERA_RAYS,
+            &passes::MEASURE_ERROR,
+            &passes::ACCUMULATE,
+            &passes::PREPARE_DISPATCH,
+            &passes::RESOLVE,
+        ];
+        if film.has_planes() {
+            wanted.extend([&passes::SHADE_AOVS, &passes::GENERATE_AOV_RAYS]);
+        }
+        // Side by side, the longest first; below each is found compiled.
+        wanted.par_iter().try_for_each(|module| device.pipeline(module, special).map(|_pipeline| ()))?;
         Ok(Self {
             generate_camera_rays: device.pipeline(&passes::GENERATE_CAMERA_RAYS, special)?,
             prepare_dispatch: device.pipeline(&passes::PREPARE_DISPATCH, special)?,
-            intersect_closest: closest?,
+            intersect_closest: device.pipeline(&passes::INTERSECT_CLOSEST, special)?,
             shade_background: device.pipeline(&passes::SHADE_BACKGROUND, special)?,
-            shade_surface,
-            intersect_shadow,
+            shade_surface: device.pipeline(&passes::SHADE_SURFACE, special)?,
+            intersect_shadow: device.pipeline(&passes::INTERSECT_SHADOW, special)?,
             accumulate: device.pipeline(&passes::ACCUMULATE, special)?,
             resolve: device.pipeline(&passes::RESOLVE, special)?,
             measure_error: device.pipeline(&passes::MEASURE_ERROR, special)?,

@@ -20,10 +20,12 @@ pub const SPEC_MAX_LEVELS: u32 = 0;
 /// deepest chain, of the depth of the deepest instance tree at that level (the chunk's first), plus the depth of the deepest
 /// mesh tree, plus `MAX_LEVELS` + 2, plus [`crate::MAX_PENDING`] with streaming.
 pub const SPEC_STACK_SIZE: u32 = 1;
-/// Specialisation constant: bits of [`Features`].
+/// Specialisation constant: bits 0 to 31 of [`Features`].
 pub const SPEC_FEATURES: u32 = 2;
 /// Specialisation constant: bits of [`Lobes`].
 pub const SPEC_LOBES: u32 = 3;
+/// Specialisation constant: bits 32 to 63 of [`Features`].
+pub const SPEC_FEATURES_HIGH: u32 = 4;
 
 /// `arg0` of `prepare_dispatch`: queues for `intersect_closest` and `intersect_shadow`.
 pub const PREPARE_TRACE: u32 = 0;
@@ -45,9 +47,9 @@ pub const AOV_SURFACES: u32 = 0;
 pub const AOV_ESCAPED: u32 = 1;
 
 bitflags! {
-    /// What the scene and the frame need; the passes are compiled without the rest (specialisation constant 2).
-    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-    pub struct Features: u32 {
+    /// What the scene and the frame need; the passes are compiled without the rest (specialisation constants 2 and 4).
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+    pub struct Features: u64 {
         /// A constant dome light: `Frame::dome_radiance` counts.
         const DOME = 1;
         /// At least one distant light: `Frame::lights` and `Frame::light_count` count.
@@ -115,6 +117,17 @@ bitflags! {
         const ADAPTIVE = 1 << 30;
         /// Some light has one multiplier for diffuse and another for specular reflection (with `LIGHT_TABLE`).
         const LIGHT_LOBES = 1 << 31;
+        /// Some texture is Ptex (with `TEXTURES`).
+        const PTEX = 1 << 32;
+    }
+}
+
+impl Features {
+    /// The values of the specialisation constants [`SPEC_FEATURES`] and [`SPEC_FEATURES_HIGH`].
+    #[must_use]
+    pub fn words(self) -> [u32; 2] {
+        let [a, b, c, d, e, f, g, h] = self.bits().to_le_bytes();
+        [u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h])]
     }
 }
 

@@ -178,7 +178,7 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(GpuMeshNode { origin, cell_and_counts, lower, upper, first_child, first_triangle }),
     layout!(GpuLevelNode { origin, cell, lower, upper, child, pad }),
     layout!(LbvhNode { min, max, child, count }),
-    layout!(GpuTriangle { v0, face, v1, pad1, v2, pad2 }),
+    layout!(GpuTriangle { v0, face, v1, subset_and_sides, v2, ptex }),
     layout!(GpuInstance { object_from_parent, target, prim_id, index_in_prototype, prototype_count }),
     layout!(GpuMesh {
         nodes,
@@ -297,7 +297,7 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(GpuLightMap { texels, cells, width, height, columns, rows, x, format, y, pad0, z, pad1 }),
     layout!(GpuCdf { start, guide, density }),
     layout!(GpuChunk { nodes, instances, primvars }),
-    layout!(GpuTexture { decode, first_page, flags, width, height, levels, pad, fallback }),
+    layout!(GpuTexture { decode, directory, first_page, flags, width, height, levels, pad, fallback }),
     layout!(GpuChunkInstance { chunk_from_world, origin_lo, chunk, instance_id, row, pad }),
     layout!(Ray { o, bounce, d, t_max, o_lo, flags }),
     layout!(PathState { throughput, pdf }),

@@ -11,6 +11,10 @@ pub const MATERIAL_INPUTS: usize = 10;
 pub const NO_MATERIAL: u32 = u32::MAX;
 /// In `Frame::material_slots`: traversal has to ask the material whether the surface is there.
 pub const SLOT_PRESENCE: u32 = 1 << 31;
+/// In `GpuMaterial::names`, in place of a primvar: Ptex coordinates.
+pub const NAME_PTEX: u32 = u32::MAX - 1;
+/// `GpuInput::kind`: the texture is Ptex, and its set is [`NAME_PTEX`].
+pub const INPUT_PTEX: u32 = 1 << 7;
 /// In `GpuMaterial::names`: no primvar.
 pub const NO_NAME: u32 = u32::MAX;
 /// Largest prim id that the table of prims knows.

@@ -20,6 +20,8 @@ pub const TEXTURE_F32: u32 = 2;
 pub const TEXTURE_SRGB: u32 = 1 << 6;
 /// A set of up to 100 textures, side by side in the table from number `first_page` on; those without levels are missing.
 pub const TEXTURE_UDIM: u32 = 1 << 7;
+/// Texels by face: `width` is the number of faces, `directory` says where they are.
+pub const TEXTURE_PTEX: u32 = 1 << 12;
 /// Where the flags hold the wrap mode along s, two bits.
 pub const TEXTURE_WRAP_S_SHIFT: u32 = 8;
 /// Where the flags hold the wrap mode along t, two bits.
@@ -37,12 +39,15 @@ pub const PAGE_BROKEN: u64 = 1;
 /// Members of a UDIM set, 1001 to 1100.
 pub const UDIM_PARTS: u32 = 100;
 
-/// A texture, 48 B.
+/// A texture, 56 B.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct GpuTexture {
     /// With `TEXTURE_SRGB` and bytes: 256 floats, what a byte stands for.
     pub decode: u64,
+    /// With `TEXTURE_PTEX`: u32 for each face, log2 of its texels along u, and along v << 8; then, for each class of sizes from 1 texel on
+    /// and each face, the number of the first texel of its block (`oocpt_core::texture::FaceLayout`).
+    pub directory: u64,
     /// Number of the first tile among all tiles.
     pub first_page: u32,
     /// See the constants.

@@ -13,11 +13,12 @@ use crate::product::cargo;
 /// Arrows of the design: each crate, and what of ours it may use in shipped code.
 const ARROWS: &[(&str, &[&str])] = &[
     ("oocpt-core", &[]),
+    ("oocpt-ptex", &[]),
     ("oocpt-shader-abi", &[]),
     ("oocpt-gpu", &[]),
-    ("oocpt-render", &["oocpt-core", "oocpt-shader-abi", "oocpt-gpu"]),
-    ("oocpt-bridge", &["oocpt-render", "oocpt-core"]),
-    ("oocpt-cli", &["oocpt-render", "oocpt-core", "oocpt-gpu"]),
+    ("oocpt-render", &["oocpt-core", "oocpt-ptex", "oocpt-shader-abi", "oocpt-gpu"]),
+    ("oocpt-bridge", &["oocpt-render", "oocpt-core", "oocpt-ptex"]),
+    ("oocpt-cli", &["oocpt-render", "oocpt-core", "oocpt-gpu", "oocpt-ptex"]),
     ("oocpt-judge", &["oocpt-core"]),
     ("oocpt-extreme", &["oocpt-render", "oocpt-core"]),
     ("xtask", &[]),

@@ -83,7 +83,14 @@ pub(super) fn image(size: [u32; 2], channels: u32, format: TexelFormat) -> Arc<P
 
 pub(super) fn texture(name: &str, wrap: [Wrap; 2], color_space: ColorSpace) -> TextureRef {
     let asset = AssetRef { authored: name.into(), resolved: name.into() };
-    TextureRef { prim: "/Material/Texture".into(), asset, wrap, color_space, fallback: [0.25, 0.5, 0.75, 1.0] }
+    TextureRef {
+        prim: "/Material/Texture".into(),
+        asset,
+        wrap,
+        color_space,
+        fallback: [0.25, 0.5, 0.75, 1.0],
+        is_ptex: false,
+    }
 }
 
 /// A set on the device.
@@ -118,8 +125,12 @@ pub(super) fn open() -> Arc<Gpu> {
 
 impl Bench {
     pub(super) fn new(images: Vec<Arc<Procedural>>, textures: &[TextureRef]) -> Self {
+        Self::with(Arc::new(Library(images)), textures, Features::empty())
+    }
+
+    /// With a library, and with more than plain textures.
+    pub(super) fn with(library: Arc<dyn ImageLibrary>, textures: &[TextureRef], more: Features) -> Self {
         let gpu = open();
-        let library: Arc<dyn ImageLibrary> = Arc::new(Library(images));
         let set = TextureCache::default().sync(Some(&library), textures);
         let tiles: Vec<Vec<u8>> =
             set.images().flat_map(|(image, count)| (0..count).map(|tile| image.tile(tile))).collect();
@@ -142,15 +153,21 @@ impl Bench {
         for record in &mut records {
             record.decode = decode.address();
         }
+        let mut kept = vec![texels, decode];
+        for (record, faces) in &set.directories {
+            let directory = upload("directory", bytemuck::cast_slice(&faces.directory()));
+            records[*record].directory = directory.address();
+            kept.push(directory);
+        }
         let records = upload("records", bytemuck::cast_slice::<GpuTexture, u8>(&records));
-        let addresses: Vec<u64> = offsets.iter().map(|offset| texels.address() + offset).collect();
+        let addresses: Vec<u64> = offsets.iter().map(|offset| kept[0].address() + offset).collect();
         let pages = upload("pages", bytemuck::cast_slice(&addresses));
         let frame = upload("frame", bytemuck::bytes_of(&Frame::zeroed()));
-        let features = Features::MATERIALS | Features::TEXTURES;
-        let spec = [(0, 1), (1, 1), (2, features.bits())];
+        let [low, high] = (Features::MATERIALS | Features::TEXTURES | more).words();
+        let spec = [(0, 1), (1, 1), (2, low), (4, high)];
         let module = &checks::CHECK_TEXTURE;
         let pipeline = Pipeline::new(&gpu, module.name, module.words, &spec, 32).expect("the pass compiles");
-        Self { gpu, pipeline, set, tiles, addresses, records, pages, frame, _kept: vec![texels, decode] }
+        Self { gpu, pipeline, set, tiles, addresses, records, pages, frame, _kept: kept }
     }
 
     pub(super) fn ask(&self, queries: &[Query]) -> Vec<Answer> {
@@ -189,6 +206,13 @@ impl Bench {
         assert!(messages.is_empty(), "Vulkan validation: {messages:?}");
         let words: Vec<[u32; 8]> = output.map(|bytes| bytemuck::pod_collect_to_vec(bytes)).expect("mapped");
         words.iter().map(|w| ([0, 1, 2, 3].map(|i: usize| f32::from_bits(w[i])), w[4], w[5])).collect()
+    }
+
+    /// The bytes of all tiles of image `number`.
+    pub(super) fn bytes(&self, number: usize) -> Vec<u8> {
+        let first: u32 = self.set.images().take(number).map(|(_, count)| count).sum();
+        let count = self.set.images().nth(number).expect("there").1;
+        self.tiles[first as usize..(first + count) as usize].concat()
     }
 
     /// The texels of image `number`, decoded from its tiles, level by level.

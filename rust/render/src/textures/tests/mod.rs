@@ -8,6 +8,7 @@ mod decode;
 mod file;
 mod footprint;
 mod kept;
+mod ptex;
 
 use super::ImageInfo;
 use bench::{Answer, Bench, Procedural, Query, encoded, hash, image, noise, number_of, texture, unit};

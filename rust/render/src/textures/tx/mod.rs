@@ -18,7 +18,7 @@ pub(super) use read::TxFile;
 pub(super) use write::TxWriter;
 
 use super::image::ImageInfo;
-use oocpt_core::texture::{Layout, TILE_SIDE, TexelFormat, Wrap};
+use oocpt_core::texture::{Layout, LayoutError, TILE_SIDE, TexelFormat, Wrap};
 use serde::{Deserialize, Serialize};
 
 /// Changes whenever files of before cannot be used.
@@ -70,6 +70,9 @@ pub(super) struct Description {
     /// What the source says of itself.
     is_srgb: Option<bool>,
     wrap: Option<[WrapMode; 2]>,
+    /// One level of rows ([`Layout::of_rows`]).
+    #[serde(default)]
+    is_flat: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -88,7 +91,7 @@ enum WrapMode {
 }
 
 impl Description {
-    pub(super) fn new(key: &str, info: &ImageInfo, first_level: u32) -> Self {
+    pub(super) fn new(key: &str, info: &ImageInfo, is_flat: bool, first_level: u32) -> Self {
         let wrap = |wrap| match wrap {
             Wrap::UseMetadata | Wrap::Black => WrapMode::Black,
             Wrap::Clamp => WrapMode::Clamp,
@@ -108,6 +111,7 @@ impl Description {
             first_level,
             is_srgb: info.is_srgb,
             wrap: info.wrap.map(|modes| modes.map(wrap)),
+            is_flat,
         }
     }
 
@@ -143,16 +147,23 @@ impl Description {
 
     /// Whether it is of this version and its numbers are possible.
     fn is_possible(&self) -> bool {
-        let layout = Layout::new(self.size, 4);
+        let layout = self.layout();
         self.version == VERSION
             && (1..=4).contains(&self.channels)
             && layout.is_ok_and(|layout| self.first_level < layout.levels())
     }
 
+    /// How level 0 is cut, for texels of 4 bytes: the bytes of a texel change nothing of the sizes of levels.
+    fn layout(&self) -> Result<Layout, LayoutError> {
+        match self.size {
+            [TILE_SIDE, height] if self.is_flat => Layout::of_rows(height.saturating_mul(TILE_SIDE), 4),
+            size => Layout::new(size, 4),
+        }
+    }
+
     /// The levels in the file.
     fn levels(&self) -> Vec<Level> {
-        // The bytes of a texel change nothing of the sizes of levels.
-        let Ok(layout) = Layout::new(self.size, 4) else { return Vec::new() };
+        let Ok(layout) = self.layout() else { return Vec::new() };
         (self.first_level..layout.levels()).map(|level| Level::new(layout.level_size(level))).collect()
     }
 }

@@ -76,7 +76,7 @@ fn every_tile_comes_back() {
             [(1, TexelFormat::U8), (3, TexelFormat::U8), (2, TexelFormat::F16), (4, TexelFormat::F32)]
         {
             for first in [0, 1, 3] {
-                let description = Description::new("key", &info(size, channels, format), first);
+                let description = Description::new("key", &info(size, channels, format), false, first);
                 if !description.is_possible() {
                     continue;
                 }
@@ -101,7 +101,7 @@ fn every_tile_comes_back() {
 #[test]
 fn a_file_that_was_not_finished_is_none() {
     let folder = Folder::new("half");
-    let description = Description::new("key", &info([300, 260], 4, TexelFormat::U8), 0);
+    let description = Description::new("key", &info([300, 260], 4, TexelFormat::U8), false, 0);
     let path = folder.0.join("a.tx");
     let mut writer = TxWriter::new(File::create(&path).expect("created"), description.clone()).expect("begun");
     let all = tiles(&description);
@@ -116,7 +116,7 @@ fn a_file_that_was_not_finished_is_none() {
 #[test]
 fn damaged_files_are_errors() {
     let folder = Folder::new("damage");
-    let description = Description::new("key", &info([200, 150], 3, TexelFormat::U8), 0);
+    let description = Description::new("key", &info([200, 150], 3, TexelFormat::U8), false, 0);
     let path = folder.0.join("a.tx");
     write(&path, &description);
     let whole = std::fs::read(&path).expect("there");

@@ -116,7 +116,7 @@ impl Waiting {
         };
         let push = Push::wave(upload(bytemuck::bytes_of(&frame)), 0, 0, PIXELS);
         let features = Features::STREAMING | Features::ROULETTE;
-        let spec = [(0, 2), (1, 64), (2, features.bits())];
+        let spec = [(0, 2), (1, 64), (2, features.words()[0])];
         let pipeline = Pipeline::new(gpu, module.name, module.words, &spec, 32).expect("the pass compiles");
         let mut commands = gpu.commands("roulette").expect("a list");
         commands.fill(&worth, 0, worth.size(), 0);

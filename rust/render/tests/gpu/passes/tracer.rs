@@ -195,7 +195,7 @@ impl<'a> Tracer<'a> {
     }
 
     pub(super) fn run(&mut self, commands: &mut Commands, module: &'static Module, push: Push, launch: Launch) {
-        let spec = [(0, LEVELS), (1, STACK), (2, self.features.bits())];
+        let spec = [(0, LEVELS), (1, STACK), (2, self.features.words()[0])];
         let pipeline = self.pipelines.entry(module.name).or_insert_with(|| {
             Pipeline::new(&self.gpu, module.name, module.words, &spec, 32).expect("the pass compiles")
         });

@@ -165,7 +165,7 @@ impl Scene {
         let (bvh, order) = build_bvh4(&triangles);
         let ordered = order.iter().map(|&at| {
             let Triangle { vertices: [v0, v1, v2], face } = triangles[at as usize];
-            GpuTriangle { v0, face, v1, pad1: 0, v2, pad2: 0 }
+            GpuTriangle { v0, face, v1, subset_and_sides: 0, v2, ptex: 0 }
         });
         let ordered: Vec<GpuTriangle> = ordered.collect();
         let points = |t: &Triangle| t.vertices.map(|v| DVec3::from(v.map(f64::from))).into_iter();

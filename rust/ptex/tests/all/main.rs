@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Tests of the reader and the writer: files of the reference writer, files of ours, and files that lie.
+
+#[cfg(test)]
+mod extremes;
+#[cfg(test)]
+mod hostile;
+#[cfg(test)]
+mod raw;
+#[cfg(test)]
+mod reference;
+#[cfg(test)]
+mod round_trip;
+#[cfg(test)]
+mod support;
+#[cfg(test)]
+mod tiles;
