@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes the scene generators importable for every Python test, also when pytest runs isolated (`-I --import-mode=importlib`), and keeps
-the texture cache of tests apart from the user's own."""
+"""Makes the scene generators importable for every Python test, also when pytest runs isolated (`-I
+--import-mode=importlib`), and keeps the texture cache of tests apart from the user's own."""
 
 import atexit
 import os

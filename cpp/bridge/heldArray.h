@@ -16,8 +16,8 @@ enum class ElementTag : std::uint8_t;
 /// An array that Rust reads in place and keeps alive by owning this object.
 ///
 /// Contract for every subclass: bytes() is the same memory with the same content from construction to destruction, and
-/// bytes(), element() and the destructor may run on any thread. No USD type appears here, so that the Rust side compiles
-/// without USD.
+/// bytes(), element() and the destructor may run on any thread. No USD type appears here, so that the Rust side
+/// compiles without USD.
 class HeldArray
 {
 public:

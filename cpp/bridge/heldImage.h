@@ -18,9 +18,9 @@ struct ByteSink;
 
 /// An image that Rust reads when it needs texels, and keeps open by owning this object.
 ///
-/// Contract for every subclass: all functions and the destructor may run on any thread, several at once; facts() is always the
-/// same; failures are std::exceptions whose text follows on the name of the file. No USD type appears here, so that the Rust
-/// side compiles without USD.
+/// Contract for every subclass: all functions and the destructor may run on any thread, several at once; facts() is
+/// always the same; failures are std::exceptions whose text follows on the name of the file. No USD type appears here,
+/// so that the Rust side compiles without USD.
 class HeldImage
 {
 public:

@@ -11,8 +11,8 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// Files by the host's asset resolver: plain ones, members of usdz packages, whatever its plugins serve. Images are decoded by
-/// the library in cpp/images, which is loaded when the first one is opened.
+/// Files by the host's asset resolver: plain ones, members of usdz packages, whatever its plugins serve. Images are
+/// decoded by the library in cpp/images, which is loaded when the first one is opened.
 std::unique_ptr<oocpt::ImageSource> HdOocPTMakeImageSource();
 
 /// One of them: what the source's images are made of. Throws std::runtime_error with the reason, which follows on the

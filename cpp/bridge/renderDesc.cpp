@@ -27,7 +27,8 @@ oocpt::AovDesc _DescribeAov(const HdOocPTAovRequest& aov)
     return desc;
 }
 
-/// The inverse of a matrix that Hydra has itself got by inverting: what is affine but for rounding comes out exactly affine.
+/// The inverse of a matrix that Hydra has itself got by inverting: what is affine but for rounding comes out exactly
+/// affine.
 GfMatrix4d _InverseOfView(const GfMatrix4d& worldToView)
 {
     GfMatrix4d viewToWorld = worldToView.GetInverse();

@@ -19,8 +19,9 @@ PXR_NAMESPACE_OPEN_SCOPE
 /// HdOocPTClearOutside() when the image is read.
 oocpt::RenderDesc HdOocPTDescribeRender(const HdOocPTRenderRequest& request, const HdOocPTLens& lens);
 
-/// Overwrites the pixels of an image (bottom row first) that lie outside of the request's data window with the AOV's clear
-/// value. Does nothing when the window covers the buffer, when it is empty, or when the size is not that of the request.
+/// Overwrites the pixels of an image (bottom row first) that lie outside of the request's data window with the AOV's
+/// clear value. Does nothing when the window covers the buffer, when it is empty, or when the size is not that of the
+/// request.
 void HdOocPTClearOutside(const HdOocPTRenderRequest& request, const TfToken& aov, void* pixels, size_t byteCount);
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -22,7 +22,8 @@ VtValue HdOocPTSettingFromScalar(const oocpt::ScalarValue& scalar);
 /// A value from Rust as a statistic: whole numbers as size_t and real ones as double, so that nothing is cut.
 VtValue HdOocPTStatisticFromScalar(const oocpt::ScalarValue& scalar);
 
-/// A clear value: the components of a number or vector, zero where it has fewer than four. False if value holds neither.
+/// A clear value: the components of a number or vector, zero where it has fewer than four. False if value holds
+/// neither.
 bool HdOocPTToClear(const VtValue& value, std::array<float, 4>* clear);
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -28,7 +28,8 @@ struct HdOocPTAovRequest
     VtValue clearValue;
 };
 
-/// Everything one image needs from the render pass state. Matrices are Gf's (row vectors), exactly as Hydra hands them out.
+/// Everything one image needs from the render pass state. Matrices are Gf's (row vectors), exactly as Hydra hands them
+/// out.
 struct HdOocPTRenderRequest
 {
     /// Size of the render buffers in pixels.
@@ -36,11 +37,12 @@ struct HdOocPTRenderRequest
     int height = 0;
     /// The camera prim, for its lens (fStop, focalLength, focusDistance); empty means a pinhole.
     SdfPath cameraPath;
-    /// HdRenderPassState::GetWorldToViewMatrix() and GetProjectionMatrix(): GL clip space, window policy and framing applied.
+    /// HdRenderPassState::GetWorldToViewMatrix() and GetProjectionMatrix(): GL clip space, window policy and framing
+    /// applied.
     GfMatrix4d worldToView { 1.0 };
     GfMatrix4d projection { 1.0 };
-    /// CameraUtilFraming's data window, y down with inclusive maximum, as Hydra hands it out: the projection's [-1, 1] square
-    /// lands on it, and the rest of the buffer is cleared. An empty one means the whole buffer.
+    /// CameraUtilFraming's data window, y down with inclusive maximum, as Hydra hands it out: the projection's [-1, 1]
+    /// square lands on it, and the rest of the buffer is cleared. An empty one means the whole buffer.
     GfRect2i dataWindow;
     std::vector<HdOocPTAovRequest> aovs;
     /// Render tags of the pass ("geometry" = default purpose, "render", "proxy", "guide"); empty means all.
@@ -56,13 +58,15 @@ struct HdOocPTSettingDescriptor
     VtValue defaultValue;
 };
 
-/// The renderer as Hydra sees it: owns the Rust session, the scene observer and the chain of scene indices in front of it.
+/// The renderer as Hydra sees it: owns the Rust session, the scene observer and the chain of scene indices in front of
+/// it.
 ///
-/// One per render delegate. Nothing thrown by Rust leaves this class: every failure becomes a message that DrainMessages()
-/// posts. No function blocks for longer than a wave, but for Stop(true) and the destructor, which wait for the render thread.
+/// One per render delegate. Nothing thrown by Rust leaves this class: every failure becomes a message that
+/// DrainMessages() posts. No function blocks for longer than a wave, but for Stop(true) and the destructor, which wait
+/// for the render thread.
 ///
-/// Threads: unless said otherwise, call from the thread that drives Hydra (one at a time). IsConverged, ReadAov, GetStats,
-/// Pause, Resume and IsPaused/IsStopped may be called from any thread.
+/// Threads: unless said otherwise, call from the thread that drives Hydra (one at a time). IsConverged, ReadAov,
+/// GetStats, Pause, Resume and IsPaused/IsStopped may be called from any thread.
 class HdOocPTSession
 {
 public:
@@ -73,8 +77,8 @@ public:
 
     // ---- scene ----
 
-    /// Takes the host's terminal scene index; implicit shapes and ext computations are resolved on the way to the observer.
-    /// A second call drops the scene of the first. A null pointer drops the scene.
+    /// Takes the host's terminal scene index; implicit shapes and ext computations are resolved on the way to the
+    /// observer. A second call drops the scene of the first. A null pointer drops the scene.
     void SetTerminalSceneIndex(const HdSceneIndexBaseRefPtr& terminal);
 
     /// How a mesh's Hydra prim id is found (HdRprim::GetPrimId by path, -1 when unknown). Called from several threads
@@ -87,16 +91,17 @@ public:
 
     // ---- settings ----
 
-    /// Forwards one setting that the host sets explicitly: it wins over OOCPT_* variables, which win over defaults.
-    /// An empty value takes the explicit one back. Keys of other renderers are ignored; an unknown oocpt: key, a value of the
-    /// wrong type or one out of range warns and changes nothing.
+    /// Forwards one setting that the host sets explicitly: it wins over OOCPT_* variables, which win over defaults. An
+    /// empty value takes the explicit one back. Keys of other renderers are ignored; an unknown oocpt: key, a value of
+    /// the wrong type or one out of range warns and changes nothing.
     void SetSetting(const TfToken& key, const VtValue& value);
 
     std::vector<HdOocPTSettingDescriptor> GetSettingDescriptors() const;
 
     // ---- rendering ----
 
-    /// Asks for this image. Returns at once; restarts only if scene, camera, AOVs or settings changed since the last request.
+    /// Asks for this image. Returns at once; restarts only if scene, camera, AOVs or settings changed since the last
+    /// request.
     void Render(const HdOocPTRenderRequest& request);
 
     /// True when the latest image is final and resolved, or when rendering ended for good (error, stop).
@@ -109,17 +114,18 @@ public:
     bool IsPaused() const;
     bool IsStopped() const;
 
-    /// Copies the newest resolved image of an AOV into destination: tightly packed, bottom row first, in the AOV's own format
-    /// (color f32x4; depth, cameraDepth, sampleCount f32; primId, instanceId, elementId i32; normal, Neye, albedo f32x3).
-    /// An image whose version is `known` is not copied again: destination must hold it. Returns the version of what destination
-    /// holds then; 0, destination untouched, if there is none yet, the name is unknown or the size differs.
+    /// Copies the newest resolved image of an AOV into destination: tightly packed, bottom row first, in the AOV's own
+    /// format (color f32x4; depth, cameraDepth, sampleCount f32; primId, instanceId, elementId i32; normal, Neye,
+    /// albedo f32x3). An image whose version is `known` is not copied again: destination must hold it. Returns the
+    /// version of what destination holds then; 0, destination untouched, if there is none yet, the name is unknown or
+    /// the size differs.
     uint64_t ReadAov(const TfToken& name, uint64_t known, void* destination, size_t byteCount) const;
 
     /// GetRenderStats() of the delegate, with the keys that hosts read.
     VtDictionary GetStats() const;
 
-    /// Posts what the renderer has to say as TF_WARN and TF_RUNTIME_ERROR. Call it on the host's thread: errors posted on
-    /// another one are lost to the host.
+    /// Posts what the renderer has to say as TF_WARN and TF_RUNTIME_ERROR. Call it on the host's thread: errors posted
+    /// on another one are lost to the host.
     void DrainMessages();
 
 private:

@@ -29,8 +29,8 @@ namespace {
 
 using oocpt::ElementTag;
 
-/// Shares a VtArray with Rust. The array is const and this object holds one reference of it, so its data never moves, even if
-/// the scene writes to its own copy (VtArray copies on write).
+/// Shares a VtArray with Rust. The array is const and this object holds one reference of it, so its data never moves,
+/// even if the scene writes to its own copy (VtArray copies on write).
 template <typename Element>
 class _HeldVtArray final : public oocpt::HeldArray
 {

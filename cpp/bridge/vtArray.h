@@ -26,13 +26,14 @@ enum class HdOocPTArrayRole
 
 /// Brings whatever a scene holds into a form that the renderer reads in place for this role.
 ///
-/// Arrays of a fitting type come back as they are (sharing the data). A single value becomes an array of one. Unsigned and
-/// 64-bit integers, byte masks, and quaternions given as (real, i, j, k) four-vectors are converted, which copies them.
-/// For any other type the result is empty and reason says what was found; an empty value gives an empty result and no reason.
+/// Arrays of a fitting type come back as they are (sharing the data). A single value becomes an array of one. Unsigned
+/// and 64-bit integers, byte masks, and quaternions given as (real, i, j, k) four-vectors are converted, which copies
+/// them. For any other type the result is empty and reason says what was found; an empty value gives an empty result
+/// and no reason.
 VtValue HdOocPTNormalizeArray(const VtValue& value, HdOocPTArrayRole role, std::string* reason);
 
-/// Hands an array to Rust, which reads it in place and keeps it alive; the data is shared, not copied. Null when the value
-/// holds no array of an element type that the bridge knows.
+/// Hands an array to Rust, which reads it in place and keeps it alive; the data is shared, not copied. Null when the
+/// value holds no array of an element type that the bridge knows.
 std::unique_ptr<oocpt::HeldArray> HdOocPTHoldArray(const VtValue& value);
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -7,7 +7,8 @@ if(DEFINED ENV{OOCPT_CACHE})
 else()
     set(oocpt_cache "$ENV{HOME}/.cache/oocpt")
 endif()
-set(OOCPT_HOST_ROOT "${oocpt_cache}/host-25.08" CACHE PATH "Folder of the wheel host, as `cargo xtask` puts it together")
+set(OOCPT_HOST_ROOT "${oocpt_cache}/host-25.08" CACHE PATH
+    "Folder of the wheel host, as `cargo xtask` puts it together")
 set(OOCPT_PYTHON_INCLUDE "" CACHE PATH "Folder of Python.h of CPython 3.11")
 
 set(oocpt_usd_library "${OOCPT_HOST_ROOT}/python/bpy/lib/libusd_ms.so")

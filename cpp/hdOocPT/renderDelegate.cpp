@@ -15,11 +15,14 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
+// clang-format off
 TF_DEFINE_PRIVATE_TOKENS(_tokens,
     // prim types
-    (mesh)(sphere)(cube)(cone)(cylinder)(capsule)(plane)(camera)(distantLight)(domeLight)(rectLight)(sphereLight)(diskLight)(cylinderLight)(material)(extComputation)(renderBuffer)(renderSettings)
+    (mesh)(sphere)(cube)(cone)(cylinder)(capsule)(plane)(camera)(distantLight)(domeLight)(rectLight)
+    (sphereLight)(diskLight)(cylinderLight)(material)(extComputation)(renderBuffer)(renderSettings)
     // names of settings, purposes and commands
     (oocpt)(full)(restart)(stop));
+// clang-format on
 
 HdOocPTRenderDelegate::HdOocPTRenderDelegate(HdRenderSettingsMap const& settingsMap)
     : _session(std::make_shared<HdOocPTSession>())

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /// What the library of image readers (hdOocPTImages.so) gives to the plugin: files, read by OpenImageIO.
 ///
-/// It is a library of its own, and opened by the plugin when the first image is wanted, so that its OpenImageIO and the 200
-/// libraries behind that meet the host's own copies nowhere (rust/decisions/0007-images.md), and scenes without images do not
-/// load them. No type of USD or OpenImageIO appears here. Both sides are built together, by one compiler.
+/// It is a library of its own, and opened by the plugin when the first image is wanted, so that its OpenImageIO and the
+/// 200 libraries behind that meet the host's own copies nowhere (rust/decisions/0007-images.md), and scenes without
+/// images do not load them. No type of USD or OpenImageIO appears here. Both sides are built together, by one compiler.
 #ifndef HDOOCPT_IMAGES_IMAGE_LIBRARY_H
 #define HDOOCPT_IMAGES_IMAGE_LIBRARY_H
 
@@ -69,8 +69,8 @@ public:
     virtual ~HdOocPTImageFile() = default;
     virtual const HdOocPTImageFacts& GetFacts() const = 0;
 
-    /// Reads a rectangle of a level, its rows from the bottom up (row 0 is the lowest of the image), tightly packed. Throws
-    /// std::runtime_error with the reason.
+    /// Reads a rectangle of a level, its rows from the bottom up (row 0 is the lowest of the image), tightly packed.
+    /// Throws std::runtime_error with the reason.
     virtual void Read(std::uint32_t level, std::array<std::uint32_t, 2> at, std::array<std::uint32_t, 2> size,
         void* out, std::size_t byteCount) const = 0;
 

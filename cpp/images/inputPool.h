@@ -32,8 +32,8 @@ struct OpenInput
 /// Opens an image for one who closes it himself. Throws std::runtime_error with the reason.
 OpenInput HdOocPTOpenInput(const InputSource& source);
 
-/// The use of an open input by one thread. Inputs are kept when a lease ends, at most 64 of them in the process, since a scene
-/// may have more images than a process may have open files.
+/// The use of an open input by one thread. Inputs are kept when a lease ends, at most 64 of them in the process, since
+/// a scene may have more images than a process may have open files.
 class InputLease
 {
 public:

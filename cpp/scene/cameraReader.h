@@ -15,8 +15,9 @@ struct HdOocPTLens
     double focusDistance = 0.0;
 };
 
-/// The lens of a camera prim: radius = focalLength / (2 fStop). A pinhole if fStop is 0, focusDistance is 0, the camera is
-/// orthographic, or there is no such prim. Hydra hands focalLength out in scene units (UsdGeomCamera has tenths of them).
+/// The lens of a camera prim: radius = focalLength / (2 fStop). A pinhole if fStop is 0, focusDistance is 0, the camera
+/// is orthographic, or there is no such prim. Hydra hands focalLength out in scene units (UsdGeomCamera has tenths of
+/// them).
 HdOocPTLens HdOocPTReadLens(const HdSceneIndexBase& scene, const SdfPath& path);
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -25,7 +25,8 @@ HdContainerDataSourceHandle HdOocPTFindContainer(
 VtValue HdOocPTSample(const HdDataSourceBaseHandle& source);
 VtValue HdOocPTRead(const HdContainerDataSourceHandle& container, std::initializer_list<TfToken> names);
 
-// Conversions from whatever number, vector or text type a value holds. False, and the result untouched, if it does not fit.
+// Conversions from whatever number, vector or text type a value holds. False, and the result untouched, if it does not
+// fit.
 bool HdOocPTConvert(const VtValue& value, bool* result);
 bool HdOocPTConvert(const VtValue& value, double* result);
 bool HdOocPTConvert(const VtValue& value, float* result);

@@ -17,8 +17,8 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-/// The inputs of a light. Both front ends serve them by name in the container "light"; what a front end serves only as a
-/// parameter of the light's shading node is found there.
+/// The inputs of a light. Both front ends serve them by name in the container "light"; what a front end serves only as
+/// a parameter of the light's shading node is found there.
 class _Inputs
 {
 public:

@@ -18,8 +18,8 @@ inline constexpr const char* HdOocPTMeshLightSuffix = "/{light}";
 /// Whether a mesh is a light too (MeshLightAPI). Both front ends say so in the container "light" of the mesh itself.
 bool HdOocPTIsMeshLight(const HdContainerDataSourceHandle& container);
 
-/// Reads a light whole; simple lights (a host's camera light) are distant lights. What is not supported is named in a warning
-/// and left out. For the type "mesh" it is the light of the mesh.
+/// Reads a light whole; simple lights (a host's camera light) are distant lights. What is not supported is named in a
+/// warning and left out. For the type "mesh" it is the light of the mesh.
 oocpt::LightDesc HdOocPTReadLight(const HdOocPTPrimSource& source, const TfToken& type);
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -15,8 +15,8 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// The collections that a light and its shadows are linked to, where the front end hands out collections: expressions over paths.
-/// Collections of everything are none.
+/// The collections that a light and its shadows are linked to, where the front end hands out collections: expressions
+/// over paths. Collections of everything are none.
 struct HdOocPTLightLinks
 {
     std::optional<SdfPathExpression> light;
@@ -25,9 +25,9 @@ struct HdOocPTLightLinks
 
 /// Which prims the lights of a scene are linked to.
 ///
-/// Only UsdImaging's scene delegate says itself in which collections a prim is ("categories"); the new front end hands out the
-/// collections, and this works out the rest. Hydra has a scene index for it, HdsiLightLinkingSceneIndex, which in OpenUSD 25.08
-/// copies a freed expression when a collection is edited.
+/// Only UsdImaging's scene delegate says itself in which collections a prim is ("categories"); the new front end hands
+/// out the collections, and this works out the rest. Hydra has a scene index for it, HdsiLightLinkingSceneIndex, which
+/// in OpenUSD 25.08 copies a freed expression when a collection is edited.
 ///
 /// Threads: Match() from several at once, between calls of the others.
 class HdOocPTLinks
@@ -36,8 +36,8 @@ public:
     /// Reads the collections of a light. Safe on any thread.
     static HdOocPTLightLinks Read(const HdOocPTPrimSource& light);
 
-    /// Takes what was read of a light; whether anything is different now. Warns of expressions that cannot be used, and links
-    /// the light to everything then.
+    /// Takes what was read of a light; whether anything is different now. Warns of expressions that cannot be used, and
+    /// links the light to everything then.
     bool Set(const SdfPath& light, const HdOocPTLightLinks& links, HdOocPTWarnings* warnings);
     void Remove(const SdfPath& light);
 
@@ -46,8 +46,8 @@ public:
 
     bool IsEmpty() const { return _lights.empty(); }
 
-    /// The categories of a prim: those whose collections hold its path or, where it is the prototype of native instances, the
-    /// paths of all of them.
+    /// The categories of a prim: those whose collections hold its path or, where it is the prototype of native
+    /// instances, the paths of all of them.
     TfTokenVector Match(const SdfPath& path, const SdfPathVector& instances, HdOocPTWarnings* warnings) const;
 
 private:

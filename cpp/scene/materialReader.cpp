@@ -93,7 +93,8 @@ void _ReadParams(const HdContainerDataSourceHandle& node, oocpt::NodeDesc* desc)
         const VtValue value = HdOocPTRead(params, { name, tokens.value });
         oocpt::ParamDesc param {};
         param.name = _Text(name);
-        // Matrices, arrays and the like have no meaning in the nodes that the renderer knows, which says so if they are asked for.
+        // Matrices, arrays and the like have no meaning in the nodes that the renderer knows, which says so if they are
+        // asked for.
         if (_TakeScalar(value, &param) || _TakeVectors(value, &param)) {
             desc->params.push_back(std::move(param));
         }

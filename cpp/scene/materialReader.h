@@ -11,8 +11,8 @@ struct MaterialDesc;
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// Reads the network of a material for the universal render context, whole: nodes, authored inputs, connections, the surface
-/// terminal. Which nodes and inputs mean something is not decided here.
+/// Reads the network of a material for the universal render context, whole: nodes, authored inputs, connections, the
+/// surface terminal. Which nodes and inputs mean something is not decided here.
 oocpt::MaterialDesc HdOocPTReadMaterial(const HdOocPTPrimSource& source);
 
 PXR_NAMESPACE_CLOSE_SCOPE

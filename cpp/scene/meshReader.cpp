@@ -149,7 +149,8 @@ oocpt::MeshDesc HdOocPTDescribeMesh(const SdfPath& path, const HdOocPTMeshState&
     desc.primvars = HdOocPTDescribePrimvars(state.primvars);
     desc.material = _Text(state.material);
     for (const HdOocPTSubsetState& subset : state.subsets) {
-        // The new front end hands the mesh's binding down to subsets that have none, such as those that only group faces.
+        // The new front end hands the mesh's binding down to subsets that have none, such as those that only group
+        // faces.
         if (subset.material != state.material) {
             desc.subsets.push_back({ _Text(subset.path), _Text(subset.material), HdOocPTHoldArray(subset.faces) });
         }

@@ -48,7 +48,8 @@ void HdOocPTReadPrim(const HdOocPTPrimSource& source, HdOocPTPrimState* state);
 /// The state as it goes to Rust.
 void HdOocPTFillPrim(const SdfPath& path, const HdOocPTPrimState& state, oocpt::PrimDesc* desc);
 
-/// Reads an array and brings it into a usable form; warns and gives an empty value when it has a type of no use for the role.
+/// Reads an array and brings it into a usable form; warns and gives an empty value when it has a type of no use for the
+/// role.
 VtValue HdOocPTReadArray(const HdOocPTPrimSource& source, std::initializer_list<TfToken> names, HdOocPTArrayRole role);
 
 /// The collections that the prim is in, of those that lights and shadows are linked to; sorted.

@@ -33,8 +33,8 @@ using HdOocPTNamedPrimvars = std::vector<std::pair<TfToken, HdOocPTPrimvarState>
 /// Reads one primvar; warns when its values are of no use for the role.
 HdOocPTPrimvarState HdOocPTReadPrimvar(const HdOocPTPrimSource& source, const TfToken& name, HdOocPTArrayRole role);
 
-/// Reads all primvars but `except`, for shaders to ask for by name. What no shader can read (text, matrices) is left out without
-/// a word: scenes are full of it.
+/// Reads all primvars but `except`, for shaders to ask for by name. What no shader can read (text, matrices) is left
+/// out without a word: scenes are full of it.
 HdOocPTNamedPrimvars HdOocPTReadOtherPrimvars(const HdOocPTPrimSource& source, std::initializer_list<TfToken> except);
 
 /// A primvar as it goes to Rust.

@@ -54,15 +54,16 @@ struct HdOocPTPrimChange
     TfToken type;
 };
 
-/// What happened to the scene since the last take. Removals come first: whatever was added below a removed path afterwards
-/// is among the changes.
+/// What happened to the scene since the last take. Removals come first: whatever was added below a removed path
+/// afterwards is among the changes.
 struct HdOocPTSceneChanges
 {
     std::vector<SdfPath> removed;
     SdfPathTable<HdOocPTPrimChange> changes;
 };
 
-/// Listens to the scene index and remembers what was touched. Reads nothing: notices arrive while the scene is being built.
+/// Listens to the scene index and remembers what was touched. Reads nothing: notices arrive while the scene is being
+/// built.
 ///
 /// Threads: any; one at a time per call, guarded by a mutex.
 class HdOocPTSceneObserver final : public HdSceneIndexObserver

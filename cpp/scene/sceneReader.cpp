@@ -48,7 +48,8 @@ struct HdOocPTSceneReader::_Job
 
 namespace {
 
-/// Whether the renderer, for which a path is text and "below" means after a slash, counts the path as below its ancestors.
+/// Whether the renderer, for which a path is text and "below" means after a slash, counts the path as below its
+/// ancestors.
 bool _IsPlain(const SdfPath& path)
 {
     return path.IsPrimPath() && !path.ContainsPrimVariantSelection();

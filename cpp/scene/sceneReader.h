@@ -27,8 +27,8 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 /// Turns what happened to a scene index into edits for the renderer.
 ///
-/// Keeps the last state of every mesh and instancer, whose arrays share their data with the scene, so that an edit reads only
-/// what it dirtied. Which edits come out, and in which order, does not depend on threads.
+/// Keeps the last state of every mesh and instancer, whose arrays share their data with the scene, so that an edit
+/// reads only what it dirtied. Which edits come out, and in which order, does not depend on threads.
 ///
 /// Threads: one at a time; Read() itself reads prims in parallel.
 class HdOocPTSceneReader

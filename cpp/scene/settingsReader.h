@@ -15,8 +15,8 @@ PXR_NAMESPACE_OPEN_SCOPE
 /// Settings by key, in a fixed order.
 using HdOocPTSettingMap = std::map<TfToken, VtValue>;
 
-/// The namespaced settings of a render settings prim. Empty unless the prim is the one that the scene's globals name as active;
-/// where a host has no globals, unless the prim calls itself active.
+/// The namespaced settings of a render settings prim. Empty unless the prim is the one that the scene's globals name as
+/// active; where a host has no globals, unless the prim calls itself active.
 HdOocPTSettingMap HdOocPTReadRenderSettings(const HdSceneIndexBase& scene, const SdfPath& path);
 
 PXR_NAMESPACE_CLOSE_SCOPE

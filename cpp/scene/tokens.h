@@ -7,30 +7,47 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// Names of the scene index prims and data sources that OocPT reads. They are spelled out here, and not taken from Hydra's
-/// schema classes, so that the same source builds against every host.
-#define HDOOCPT_SCENE_TOKENS                                                                                                                                                                                                                                                                                                                        \
-    /* prim types */                                                                                                                                                                                                                                                                                                                                \
-    (mesh)(instancer)(                                                                                                                                                                                                                                                                                                                              \
-        domeLight)(distantLight)(simpleLight)(rectLight)(sphereLight)(diskLight)(cylinderLight)(geomSubset)(renderSettings) /* every prim */                                                                                                                                                                                                        \
-        (xform)(matrix)(visibility)(purpose)(instancedBy)(paths)(prototypeRoots) /* meshes */                                                                                                                                                                                                                                                       \
-        (topology)(faceVertexCounts)(faceVertexIndices)(holeIndices)(orientation)(leftHanded)(subdivisionScheme)(catmullClark)(loop)(bilinear)(doubleSided)(type)(typeFaceSet)(categories)(instanceCategories)(collections)(membershipExpression)(instanceLocations)(categoriesValues) /* bindings */                                               \
-        (materialBindings)(path)(full)((allPurpose, "")) /* materials */ ((universal, ""))(                                                                                                                                                                                                                                                         \
-            nodes)(parameters)(value)(colorSpace)(inputConnections)(upstreamNodePath)(upstreamNodeOutputName)(nodeIdentifier)(terminals)(surface)(volume) /* primvars */                                                                                                                                                                            \
-        (primvars)(primvarValue)(indexedPrimvarValue)(indices)(interpolation)(extComputationPrimvars)(points)(normals)(displayColor)(displayOpacity)(constant)(uniform)(varying)(vertex)(faceVarying)(instance) /* instancers */                                                                                                                    \
-        (instancerTopology)(prototypes)(instanceIndices)(mask)((instanceTranslations, "hydra:instanceTranslations"))(                                                                                                                                                                                                                               \
-            (instanceRotations, "hydra:instanceRotations"))((instanceScales, "hydra:instanceScales"))(                                                                                                                                                                                                                                              \
-            (instanceTransforms, "hydra:instanceTransforms")) /* lights */                                                                                                                                                                                                                                                                          \
-        (                                                                                                                                                                                                                                                                                                                                           \
-            light)(material)(color)(intensity)(exposure)(enableColorTemperature)(colorTemperature)(normalize)(angle)(diffuse)(specular)(width)(height)(radius)(length)(treatAsPoint)(treatAsLine)(lightLink)(shadowLink)(filters)(portals)(isLight)(materialSyncMode)(independent)(noMaterialResponse)(meshLight)(domeOffset)(automatic)(latlong)(( \
-            textureFile, "texture:file"))((textureFormat, "texture:format"))((shadowEnable, "shadow:enable"))((                                                                                                                                                                                                                                     \
-            shadowColor, "shadow:color"))((coneAngle, "shaping:cone:angle"))((coneSoftness, "shaping:cone:softness"))(                                                                                                                                                                                                                              \
-            (shapingFocus, "shaping:focus"))((focusTint, "shaping:focusTint"))((iesFile, "shaping:ies:file"))(                                                                                                                                                                                                                                      \
-            (iesAngleScale, "shaping:ies:angleScale"))((iesNormalize, "shaping:ies:normalize"))(                                                                                                                                                                                                                                                    \
-            (cameraVisibility, "ri:attributes:visibility:camera")) /* cameras */                                                                                                                                                                                                                                                                    \
-        (camera)(focalLength)(fStop)(focusDistance)(projection)(orthographic) /* render settings */                                                                                                                                                                                                                                                 \
-        (namespacedSettings)(active)(sceneGlobals)(activeRenderSettingsPrim) /* purposes and render tags */                                                                                                                                                                                                                                         \
-        (geometry)((defaultPurpose, "default"))
+/// Names of the scene index prims and data sources that OocPT reads. They are spelled out here, and not taken from
+/// Hydra's schema classes, so that the same source builds against every host.
+// clang-format off
+#define HDOOCPT_SCENE_TOKENS                                                                                          \
+    /* prim types */                                                                                                  \
+    (mesh)(instancer)(domeLight)(distantLight)(simpleLight)(rectLight)(sphereLight)(diskLight)(cylinderLight)         \
+    (geomSubset)(renderSettings)                                                                                      \
+    /* every prim */                                                                                                  \
+    (xform)(matrix)(visibility)(purpose)(instancedBy)(paths)(prototypeRoots)                                          \
+    /* meshes */                                                                                                      \
+    (topology)(faceVertexCounts)(faceVertexIndices)(holeIndices)(orientation)(leftHanded)(subdivisionScheme)          \
+    (catmullClark)(loop)(bilinear)(doubleSided)(type)(typeFaceSet)(categories)(instanceCategories)(collections)       \
+    (membershipExpression)(instanceLocations)(categoriesValues)                                                       \
+    /* bindings */                                                                                                    \
+    (materialBindings)(path)(full)((allPurpose, ""))                                                                  \
+    /* materials */                                                                                                   \
+    ((universal, ""))(nodes)(parameters)(value)(colorSpace)(inputConnections)(upstreamNodePath)                       \
+    (upstreamNodeOutputName)(nodeIdentifier)(terminals)(surface)(volume)                                              \
+    /* primvars */                                                                                                    \
+    (primvars)(primvarValue)(indexedPrimvarValue)(indices)(interpolation)(extComputationPrimvars)(points)(normals)    \
+    (displayColor)(displayOpacity)(constant)(uniform)(varying)(vertex)(faceVarying)(instance)                         \
+    /* instancers */                                                                                                  \
+    (instancerTopology)(prototypes)(instanceIndices)(mask)((instanceTranslations, "hydra:instanceTranslations"))      \
+    ((instanceRotations, "hydra:instanceRotations"))((instanceScales, "hydra:instanceScales"))                        \
+    ((instanceTransforms, "hydra:instanceTransforms"))                                                                \
+    /* lights */                                                                                                      \
+    (light)(material)(color)(intensity)(exposure)(enableColorTemperature)(colorTemperature)(normalize)(angle)         \
+    (diffuse)(specular)(width)(height)(radius)(length)(treatAsPoint)(treatAsLine)(lightLink)(shadowLink)(filters)     \
+    (portals)(isLight)(materialSyncMode)(independent)(noMaterialResponse)(meshLight)(domeOffset)(automatic)(latlong)  \
+    ((textureFile, "texture:file"))((textureFormat, "texture:format"))((shadowEnable, "shadow:enable"))               \
+    ((shadowColor, "shadow:color"))((coneAngle, "shaping:cone:angle"))((coneSoftness, "shaping:cone:softness"))       \
+    ((shapingFocus, "shaping:focus"))((focusTint, "shaping:focusTint"))((iesFile, "shaping:ies:file"))                \
+    ((iesAngleScale, "shaping:ies:angleScale"))((iesNormalize, "shaping:ies:normalize"))                              \
+    ((cameraVisibility, "ri:attributes:visibility:camera"))                                                           \
+    /* cameras */                                                                                                     \
+    (camera)(focalLength)(fStop)(focusDistance)(projection)(orthographic)                                             \
+    /* render settings */                                                                                             \
+    (namespacedSettings)(active)(sceneGlobals)(activeRenderSettingsPrim)                                              \
+    /* purposes and render tags */                                                                                    \
+    (geometry)((defaultPurpose, "default"))
+// clang-format on
 
 TF_DECLARE_PUBLIC_TOKENS(HdOocPTSceneTokens, HDOOCPT_SCENE_TOKENS);
 

@@ -53,7 +53,8 @@ class Library:
         return found
 
     def slots(self, *class_names):
-        """The slots of a class's virtual table, first destructor first, each a set of candidate names (linkers fold)."""
+        """The slots of a class's virtual table, first destructor first, each a set of candidate names (linkers
+        fold)."""
         symbol = "_ZTV" + mangle(self.namespace, *class_names)
         return self.slots_of_symbol(symbol)
 

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The C++ shim under the address and undefined-behavior sanitizers, through the life of a session in both front ends of Hydra.
+"""The C++ shim under the address and undefined-behavior sanitizers, through the life of a session in both front ends of
+Hydra.
 
-The shim is built a second time, into build/asan, with the sanitizers on and over the same Rust library; the host's Python preloads the
-sanitizers' runtimes. Everything a session does to the shim happens there, and any report ends the process with a status of its own, which
-is a failure. What the pictures show is compared elsewhere (tests/hydra); here they must be there.
+The shim is built a second time, into build/asan, with the sanitizers on and over the same Rust library; the host's
+Python preloads the sanitizers' runtimes. Everything a session does to the shim happens there, and any report ends the
+process with a status of its own, which is a failure. What the pictures show is compared elsewhere (tests/hydra); here
+they must be there.
 
-Leak detection is off: Python and OpenUSD keep interned objects and registries to the end of the process on purpose, thousands of reports
-that bury any of the shim's. Leaks of the shim show as growth in tests/hydra/test_lifecycle.py.
+Leak detection is off: Python and OpenUSD keep interned objects and registries to the end of the process on purpose,
+thousands of reports that bury any of the shim's. Leaks of the shim show as growth in tests/hydra/test_lifecycle.py.
 """
 
 from __future__ import annotations
@@ -31,7 +33,10 @@ REPO = HERE.parents[1]
 TREE = REPO / "build/asan"
 SANITIZERS = "address,undefined"
 OPTIONS = {
-    "ASAN_OPTIONS": "halt_on_error=1:exitcode=97:detect_leaks=0:detect_stack_use_after_return=1:strict_string_checks=1:check_initialization_order=1:malloc_context_size=12",
+    "ASAN_OPTIONS": (
+        "halt_on_error=1:exitcode=97:detect_leaks=0:detect_stack_use_after_return=1:"
+        "strict_string_checks=1:check_initialization_order=1:malloc_context_size=12"
+    ),
     "UBSAN_OPTIONS": "halt_on_error=1:exitcode=98:print_stacktrace=1",
 }
 MODES = {"legacy": False, "scene_index": True}
@@ -40,7 +45,10 @@ SIZE = (16, 16)
 QUICK = {"oocpt:samplesPerPixel": 1, "oocpt:maxBounces": 1}
 ENDLESS = {"oocpt:samplesPerPixel": 1 << 20, "oocpt:maxBounces": 1}
 AOVS = ["color", "depth", "cameraDepth", "primId", "instanceId", "elementId", "normal", "Neye", "albedo"]
-SCENES = ["nested", "primvars", "native", "implicit", "bad_data", "hidden_instances", "polygons", "smooth", "mirrored", "visibility", "transforms", "far_away"]
+SCENES = [
+    "nested", "primvars", "native", "implicit", "bad_data", "hidden_instances", "polygons", "smooth", "mirrored",
+    "visibility", "transforms", "far_away",
+]
 
 
 def cached(tree: pathlib.Path, name: str) -> str:
@@ -73,7 +81,9 @@ def runtimes(product) -> list[str]:
     compiler, paths = cached(product, "CMAKE_CXX_COMPILER"), []
     for library in ("libasan.so", "libubsan.so", "libstdc++.so"):
         path = pathlib.Path(run(compiler, f"-print-file-name={library}").strip())
-        assert path.is_absolute() and path.exists(), f"{compiler} has no {library}: this test needs the sanitizers that come with g++"
+        assert (
+            path.is_absolute() and path.exists()
+        ), f"{compiler} has no {library}: this test needs the sanitizers that come with g++"
         paths.append(str(path.resolve()))
     return paths
 
@@ -115,7 +125,10 @@ class Watched:
 
     def __init__(self, folder: pathlib.Path, runtimes: list[str], plugin: pathlib.Path) -> None:
         self.folder, self._plugin = folder, plugin
-        self._environment = {"LD_PRELOAD": " ".join(runtimes), "PXR_PLUGINPATH_NAME": str(plugin.parent / "hdOocPT/resources")}
+        self._environment = {
+            "LD_PRELOAD": " ".join(runtimes),
+            "PXR_PLUGINPATH_NAME": str(plugin.parent / "hdOocPT/resources"),
+        }
         self._environment |= OPTIONS
         # tests/hydra has the validation layer on; here its records would go through the sanitizers' allocator.
         self._environment["OOCPT_VALIDATION"] = "0"
@@ -137,7 +150,11 @@ class Watched:
                 host.close()
             except HostDied as error:
                 said = last_words.read().decode(errors="replace") if last_words else ""
-                raise AssertionError(f"{error}\nreports: {self.reports() or 'no file'}\nstandard error: {said or 'nothing'}") from error
+                raise AssertionError(
+                    f"{error}\n"
+                    f"reports: {self.reports() or 'no file'}\n"
+                    f"standard error: {said or 'nothing'}"
+                ) from error
             finally:
                 with contextlib.suppress(HostDied):
                     host.close()
@@ -172,14 +189,19 @@ def scenes(host) -> None:
         with host.open(small.FOLDER / f"{name}.usda", SIZE, settings=QUICK, aovs=AOVS) as view:
             picture = view.render()
             seen(picture, name)
-            view.decode({(prim, instance) for prim, instance in zip(picture["primId"].ravel(), picture["instanceId"].ravel()) if prim >= 0})
+            view.decode({
+                (prim, instance)
+                for prim, instance in zip(picture["primId"].ravel(), picture["instanceId"].ravel())
+                if prim >= 0
+            })
             assert view.stats()["numCompletedSamples"] == 1, name
     for camera in ("Plain", "Orthographic", "Offset", "Wide", "Lens"):
         seen(host.picture(small.FOLDER / "cameras.usda", SIZE, camera=f"/World/{camera}", settings=QUICK), camera)
 
 
 def edits(host) -> None:
-    """Every edit of tests/hydra in one live engine, undone each time; then the same engine without any prim, and with them again."""
+    """Every edit of tests/hydra in one live engine, undone each time; then the same engine without any prim, and with
+    them again."""
     with host.open(small.FOLDER / "glow.usda", SIZE, settings=QUICK, aovs=AOVS) as view:
         seen(view.render(), "before the edits")
         view.edit("view.saved = stage.GetRootLayer().ExportToString()")
@@ -193,7 +215,11 @@ def edits(host) -> None:
         view.edit("view.aovs = ['color', 'depth']")
         seen(view.render(), "fewer AOVs")
         seen(view.render(), "all undone")
-        view.edit("for child in stage.GetPrimAtPath('/World').GetChildren():\n    if child.GetName() not in ('Camera', 'Pebbles', 'Dome'):\n        stage.RemovePrim(child.GetPath())")
+        view.edit(
+            "for child in stage.GetPrimAtPath('/World').GetChildren():\n"
+            "    if child.GetName() not in ('Camera', 'Pebbles', 'Dome'):\n"
+            "        stage.RemovePrim(child.GetPath())"
+        )
         seen(view.render(), "most prims removed")
         view.edit("stage.GetRootLayer().ImportFromString(view.saved)")
         seen(view.render(), "prims back")
@@ -203,7 +229,9 @@ def materials(host) -> None:
     """Materials, subsets, links and lights of every kind with edits of them; good, damaged and missing textures."""
     folder = host._folder
     (folder / "a.1001.png").write_bytes(b"no image")
-    (folder / "arrivals.usda").write_text(test_arrivals.SCENE.replace("@TEXTURE@", "@./a.<UDIM>.png@", 1).replace("@TEXTURE@", "@./a.1001.png@"))
+    (folder / "arrivals.usda").write_text(
+        test_arrivals.SCENE.replace("@TEXTURE@", "@./a.<UDIM>.png@", 1).replace("@TEXTURE@", "@./a.1001.png@")
+    )
     with host.open(folder / "arrivals.usda", SIZE, settings=QUICK) as view:
         view.render()
         for code in test_arrivals.EDITS:
@@ -218,17 +246,33 @@ def materials(host) -> None:
 
 
 def control(host) -> None:
-    """Pause, resume, stop, restart, edits and resizes in the middle, engines side by side and destroyed while they render."""
+    """Pause, resume, stop, restart, edits and resizes in the middle, engines side by side and destroyed while they
+    render."""
     path = small.FOLDER / "glow.usda"
-    with host.open(path, SIZE, settings=ENDLESS) as view, host.open(small.FOLDER / "nested.usda", SIZE, settings=QUICK) as other:
+    with (
+        host.open(path, SIZE, settings=ENDLESS) as view,
+        host.open(small.FOLDER / "nested.usda", SIZE, settings=QUICK) as other,
+    ):
         view.edit("view.prepare(); view.step(); time.sleep(0.05); view.step()")
         seen(other.render(), "beside an engine that renders")
         view.edit("engine.PauseRenderer(); view.step(); engine.ResumeRenderer(); view.step()")
-        view.edit(test_edits.PRELUDE + test_edits.EDITS["instance_positions"] + "\nview.step(); view.size = (20, 12); view.prepare(); view.step()")
-        assert view.edit(
-            "engine.StopRenderer()\nstart = time.monotonic()\nwhile not view.step() and time.monotonic() - start < 60:\n    time.sleep(0.01)\nresult = engine.IsConverged()"
+        view.edit(
+            test_edits.PRELUDE
+            + test_edits.EDITS["instance_positions"]
+            + "\nview.step(); view.size = (20, 12); view.prepare(); view.step()"
         )
-        view.edit("engine.SetRendererSetting('oocpt:samplesPerPixel', 2)\nengine.SetRendererSetting('oocpt:noSuchThing', 1)\nengine.SetRendererSetting('oocpt:clamp', 'much')")
+        assert view.edit(
+            "engine.StopRenderer()\n"
+            "start = time.monotonic()\n"
+            "while not view.step() and time.monotonic() - start < 60:\n"
+            "    time.sleep(0.01)\n"
+            "result = engine.IsConverged()"
+        )
+        view.edit(
+            "engine.SetRendererSetting('oocpt:samplesPerPixel', 2)\n"
+            "engine.SetRendererSetting('oocpt:noSuchThing', 1)\n"
+            "engine.SetRendererSetting('oocpt:clamp', 'much')"
+        )
         view.edit("result = len(engine.GetRendererSettingsList())\nengine.RestartRenderer()")
         seen(view.render(), "restarted")
     gone = host.open(path, SIZE, settings=ENDLESS)
@@ -239,7 +283,10 @@ def control(host) -> None:
 
 def errors(host) -> None:
     """Renders that end in an error of the delegate, and a camera that nothing can be seen by."""
-    with host.open(small.FOLDER / "glow.usda", (64, 64), settings=QUICK | {"oocpt:memoryBudget": 1}) as view, pytest.raises(HostError, match="(?i)memory|budget"):
+    with (
+        host.open(small.FOLDER / "glow.usda", (64, 64), settings=QUICK | {"oocpt:memoryBudget": 1}) as view,
+        pytest.raises(HostError, match="(?i)memory|budget"),
+    ):
         view.render(60)
     for size in ((100_000, 100_000), (0, 0)):
         with host.open(small.FOLDER / "glow.usda", size, settings=QUICK) as view, contextlib.suppress(HostError):
@@ -259,7 +306,9 @@ def test_a_session_without_a_report(watched, mode):
         materials(host)
         control(host)
         errors(host)
-        host.call("record", stage=str(small.FOLDER / "native.usda"), out=str(watched.folder / "recorded.exr"), width=SIZE[0])
+        host.call(
+            "record", stage=str(small.FOLDER / "native.usda"), out=str(watched.folder / "recorded.exr"), width=SIZE[0]
+        )
         assert (watched.folder / "recorded.exr").stat().st_size > 0
         host.call("cycles", stage=str(small.FOLDER / "hidden_instances.usda"), count=20, every=20)
 
@@ -267,8 +316,12 @@ def test_a_session_without_a_report(watched, mode):
 PLANTED = r"""
 #include <climits>
 #include <vector>
-extern "C" int overflow(int length) { std::vector<int> values(length, 7); volatile int *data = values.data(); return data[length]; }
-extern "C" int after_free(int length) { int *values = new int[length]; volatile int *data = values; delete[] values; return data[0]; }
+extern "C" int overflow(int length) {
+    std::vector<int> values(length, 7); volatile int *data = values.data(); return data[length];
+}
+extern "C" int after_free(int length) {
+    int *values = new int[length]; volatile int *data = values; delete[] values; return data[0];
+}
 extern "C" int undefined(int step) { volatile int most = INT_MAX; return most + step; }
 extern "C" int harmless(int length) { std::vector<int> values(length, 7); return values[length - 1]; }
 """
@@ -280,11 +333,16 @@ def planted(product, tmp_path_factory) -> pathlib.Path:
     folder = tmp_path_factory.mktemp("planted")
     source, library = folder / "planted.cpp", folder / "planted.so"
     source.write_text(PLANTED)
-    run(cached(product, "CMAKE_CXX_COMPILER"), "-shared", "-fPIC", "-O1", f"-fsanitize={SANITIZERS}", source, "-o", library)
+    run(
+        cached(product, "CMAKE_CXX_COMPILER"), "-shared", "-fPIC", "-O1", f"-fsanitize={SANITIZERS}", source, "-o",
+        library,
+    )
     return library
 
 
-FAULTS = {"overflow": "heap-buffer-overflow", "after_free": "heap-use-after-free", "undefined": "signed integer overflow"}
+FAULTS = {
+    "overflow": "heap-buffer-overflow", "after_free": "heap-use-after-free", "undefined": "signed integer overflow"
+}
 
 
 @pytest.mark.parametrize("fault", FAULTS)

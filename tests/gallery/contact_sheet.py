@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Puts pictures on one sheet with their names below: `contact_sheet.py OUT.jpg [--columns 3] [--width 426] PICTURE[=LABEL] ...`.
+"""Puts pictures on one sheet with their names below: `contact_sheet.py OUT.jpg [--columns 3] [--width 426]
+PICTURE[=LABEL] ...`.
 
-Pictures are .exr (linear; shown through the sRGB curve, `--exposure` in stops) or anything Pillow reads (shown as it is). Needs the usd-core
-environment (numpy, OpenEXR, Pillow).
+Pictures are .exr (linear; shown through the sRGB curve, `--exposure` in stops) or anything Pillow reads (shown as it
+is). Needs the usd-core environment (numpy, OpenEXR, Pillow).
 """
 
 from __future__ import annotations
@@ -74,8 +75,12 @@ def main() -> None:
     for text in arguments.pictures:
         path, _, label = text.partition("=")
         path = pathlib.Path(path)
-        entries.append((label or path.stem.replace("_", " "), load(path, arguments.exposure) if path.exists() else None))
-    options = {"quality": 82, "optimize": True} if arguments.out.suffix.lower() in (".jpg", ".jpeg") else {"optimize": True}
+        entries.append(
+            (label or path.stem.replace("_", " "), load(path, arguments.exposure) if path.exists() else None)
+        )
+    options = (
+        {"quality": 82, "optimize": True} if arguments.out.suffix.lower() in (".jpg", ".jpeg") else {"optimize": True}
+    )
     sheet(entries, arguments.columns, arguments.width).save(arguments.out, **options)
 
 

@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Renders the gallery and makes its contact sheet: what `cargo xtask gallery` runs, in the usd-core environment with `usdrecord` in PATH.
+"""Renders the gallery and makes its contact sheet: what `cargo xtask gallery` runs, in the usd-core environment with
+`usdrecord` in PATH.
 
-    render.py [--out build/gallery] [--only NAME ...] [--samples 64] [--width 640] [--bounces 6] [--set NAME.OPTION=VALUE ...]
+    render.py [--out build/gallery] [--only NAME ...] [--samples 64] [--width 640] [--bounces 6] [--set
+        NAME.OPTION=VALUE ...]
 
-Writes OUT/scenes/NAME, OUT/NAME.exr (linear), OUT/NAME.log (what the renderer said) and OUT/gallery.jpg. Warnings are counted, not judged: this
-makes pictures to look at. Exits with 1 if a scene gave no picture.
+Writes OUT/scenes/NAME, OUT/NAME.exr (linear), OUT/NAME.log (what the renderer said) and OUT/gallery.jpg. Warnings are
+counted, not judged: this makes pictures to look at. Exits with 1 if a scene gave no picture.
 """
 
 from __future__ import annotations
@@ -27,12 +29,20 @@ import gallery  # noqa: E402
 
 def record(scene: pathlib.Path, out: pathlib.Path, width: int, samples: int, bounces: int) -> float | None:
     """Renders by usdrecord; seconds of the whole process, None if it failed."""
-    environment = {**os.environ, "OOCPT_SAMPLES_PER_PIXEL": str(samples), "OOCPT_MAX_BOUNCES": str(bounces), "OOCPT_ENABLE_INTERACTIVE": "false"}
-    command = ["usdrecord", "--renderer", "OocPT", "--disableCameraLight", "--enableDomeLightVisibility", "--camera", "/World/Camera", "--imageWidth", str(width), str(scene), str(out)]
+    environment = {
+        **os.environ, "OOCPT_SAMPLES_PER_PIXEL": str(samples), "OOCPT_MAX_BOUNCES": str(bounces),
+        "OOCPT_ENABLE_INTERACTIVE": "false",
+    }
+    command = [
+        "usdrecord", "--renderer", "OocPT", "--disableCameraLight", "--enableDomeLightVisibility", "--camera",
+        "/World/Camera", "--imageWidth", str(width), str(scene), str(out),
+    ]
     out.unlink(missing_ok=True)
     start = time.monotonic()
     with open(out.with_suffix(".log"), "wb") as log:
-        status = subprocess.run(command, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log, check=False).returncode
+        status = subprocess.run(
+            command, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log, check=False
+        ).returncode
     return time.monotonic() - start if status == 0 and out.exists() else None
 
 
@@ -44,7 +54,8 @@ def main() -> int:
     for name, default in (("samples", 64), ("width", 640), ("bounces", 6)):
         parser.add_argument(f"--{name}", type=int, default=default)
     arguments = parser.parse_args()
-    # The scenes' process is another one: usd-core is not loaded where it is not needed, and large scenes give their memory back.
+    # The scenes' process is another one: usd-core is not loaded where it is not needed, and large scenes give their
+    # memory back.
     make = [sys.executable, "-m", "gallery", str(arguments.out / "scenes")]
     for name in arguments.only or ():
         make += ["--only", name]
@@ -55,7 +66,9 @@ def main() -> int:
     failed = []
     for name in arguments.only or gallery.NAMES:
         out = arguments.out / f"{name}.exr"
-        seconds = record(arguments.out / "scenes" / name / f"{name}.usdc", out, arguments.width, arguments.samples, arguments.bounces)
+        seconds = record(
+            arguments.out / "scenes" / name / f"{name}.usdc", out, arguments.width, arguments.samples, arguments.bounces
+        )
         said = out.with_suffix(".log").read_text(errors="replace")
         warnings = sum("Warning" in line for line in said.splitlines())
         if seconds is None:
@@ -64,7 +77,9 @@ def main() -> int:
         else:
             print(f"{name}: {seconds:.1f} s, {warnings} warnings", file=sys.stderr)
     pictures = [(name.replace("_", " "), arguments.out / f"{name}.exr") for name in gallery.NAMES]
-    page = contact_sheet.sheet([(label, contact_sheet.load(path, 0.0) if path.exists() else None) for label, path in pictures], 3, 426)
+    page = contact_sheet.sheet(
+        [(label, contact_sheet.load(path, 0.0) if path.exists() else None) for label, path in pictures], 3, 426
+    )
     page.save(arguments.out / "gallery.jpg", quality=82, optimize=True)
     print(arguments.out / "gallery.jpg")
     return 1 if failed else 0

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The gallery's scenes can be written, hold together, and are the same twice; the contact sheet shows what it is given."""
+"""The gallery's scenes can be written, hold together, and are the same twice; the contact sheet shows what it is
+given."""
 
 import pathlib
 import sys
@@ -14,12 +15,16 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 import contact_sheet
 import gallery
 
-SMALL = {"woods": {"kinds": 2, "size": 32, "cards": 10, "trees": 8, "detail": 4}, "lanterns": {"lights": 20}, "bush": {"leaves": 20}}
+SMALL = {
+    "woods": {"kinds": 2, "size": 32, "cards": 10, "trees": 8, "detail": 4}, "lanterns": {"lights": 20},
+    "bush": {"leaves": 20},
+}
 
 
 @pytest.mark.parametrize("name", gallery.NAMES)
 def test_scene_holds_together(name, tmp_path):
-    """Every file it names is there, every material it binds has a surface, there is a camera of 16:9 and something to see."""
+    """Every file it names is there, every material it binds has a surface, there is a camera of 16:9 and something to
+    see."""
     path = gallery.write(name, tmp_path, SMALL.get(name))
     _, _, missing = UsdUtils.ComputeAllDependencies(Sdf.AssetPath(str(path)))
     # Tiles are looked up by whoever draws them.
@@ -37,7 +42,9 @@ def test_scene_holds_together(name, tmp_path):
 @pytest.mark.parametrize("name", ["glass", "woods"])
 def test_same_arguments_same_scene(name, tmp_path):
     first, second = (gallery.write(name, tmp_path / folder, SMALL.get(name)) for folder in "ab")
-    assert [path.name for path in sorted(first.parent.iterdir())] == [path.name for path in sorted(second.parent.iterdir())]
+    assert [path.name for path in sorted(first.parent.iterdir())] == [
+        path.name for path in sorted(second.parent.iterdir())
+    ]
     for path in first.parent.iterdir():
         if path.suffix == ".usdc":
             texts = [Sdf.Layer.OpenAsAnonymous(str(file)).ExportToString() for file in (first, second)]
@@ -61,7 +68,9 @@ def test_sheet_shows_pictures_in_order_and_what_is_missing():
     assert page.shape == (contact_sheet.GAP + 2 * height, contact_sheet.GAP + 2 * (64 + contact_sheet.GAP), 3)
     assert page[contact_sheet.GAP + 5, contact_sheet.GAP + 5].tolist() == [255, 0, 0]
     assert page[contact_sheet.GAP + height + 5, contact_sheet.GAP + 5].tolist() == [0, 0, 255]
-    assert page[contact_sheet.GAP, 2 * contact_sheet.GAP + 64].tolist() == list(contact_sheet.INK), "the frame of what is missing"
+    assert page[contact_sheet.GAP, 2 * contact_sheet.GAP + 64].tolist() == list(
+        contact_sheet.INK
+    ), "the frame of what is missing"
 
 
 def test_what_is_no_number_is_seen():

@@ -92,7 +92,9 @@ def test_eight_bit_files_stay_premultiplied(runner, tmp_path, extension, channel
     pixels[...] = (0.50196, 0.50196, 0.50196, 0.6)
     linear, target = tmp_path / "linear.exr", tmp_path / f"out.{extension}"
     output = oiio.ImageOutput.create(str(linear))
-    assert output.open(str(linear), oiio.ImageSpec(6, 4, 4, oiio.FLOAT)) and output.write_image(pixels) and output.close()
+    assert (
+        output.open(str(linear), oiio.ImageSpec(6, 4, 4, oiio.FLOAT)) and output.write_image(pixels) and output.close()
+    )
     runner.convert(str(linear), str(target), mode)
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)  # read what the file holds
@@ -160,14 +162,21 @@ def test_a_foreign_pythonpath_does_not_get_in(scene, tmp_path):
 
 @pytest.mark.parametrize("status", [0, 1])
 def test_python_is_not_finalized(tmp_path, status):
-    """Threads of USD's that take the interpreter's lock while it is, abort the process. All that was said still comes out."""
-    code = f"import atexit, runpy, sys; atexit.register(lambda: print('at exit')); run = runpy.run_path({str(RUNNER)!r}); print('said'); run['leave']({status})"
+    """Threads of USD's that take the interpreter's lock while it is, abort the process. All that was said still comes
+    out."""
+    code = (
+        f"import atexit, runpy, sys; atexit.register(lambda: print('at exit')); run = runpy.run_path({str(RUNNER)!r});"
+        f" print('said'); run['leave']({status})"
+    )
     done = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stdout, done.stderr) == (status, "said\n", ""), done
 
 
 def test_the_runner_leaves_so(scene):
     """The way out of the script itself, with a file that is not there."""
-    code = f"import atexit, sys, runpy; atexit.register(lambda: print('at exit')); sys.argv = ['usdrecord', {str(scene) + 'x'!r}, 'out.exr']; runpy.run_path({str(RUNNER)!r}, run_name='__main__')"
+    code = (
+        "import atexit, sys, runpy; atexit.register(lambda: print('at exit')); sys.argv = ['usdrecord',"
+        f" {str(scene) + 'x'!r}, 'out.exr']; runpy.run_path({str(RUNNER)!r}, run_name='__main__')"
+    )
     done = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, timeout=120)
     assert done.returncode == 1 and "Could not open layer" in done.stderr and "at exit" not in done.stdout, done

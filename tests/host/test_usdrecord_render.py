@@ -44,7 +44,8 @@ def scene(tmp_path):
 def test_exr_is_linear_and_png_is_its_srgb_twin(scene, tmp_path, front_end):
     linear, display = tmp_path / "out.exr", tmp_path / "out.png"
     for target in (linear, display):
-        done = usdrecord("--renderer", "OocPT", "--imageWidth", 48, "--camera", "front", "--disableCameraLight", scene, target,
+        done = usdrecord("--renderer", "OocPT", "--imageWidth", 48, "--camera", "front", "--disableCameraLight",
+                         scene, target,
                          USDIMAGINGGL_ENGINE_ENABLE_SCENE_INDEX=front_end)  # fmt: skip
         assert done.returncode == 0, done.stderr
         assert "Camera: /front" in done.stdout and "Renderer plugin: HdOocPTRendererPlugin" in done.stdout

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Irradiance that lights of UsdLux give a floor, in f64: closed forms, and quadrature over the light for those that have none.
+"""Irradiance that lights of UsdLux give a floor, in f64: closed forms, and quadrature over the light for those that
+have none.
 
-Points are (..., 3) arrays on the plane y = 0 facing up; nothing is in the way. `test_answers.py` checks them against each other.
+Points are (..., 3) arrays on the plane y = 0 facing up; nothing is in the way. `test_answers.py` checks them against
+each other.
 """
 
 from __future__ import annotations
@@ -14,7 +16,8 @@ UP = np.array([0.0, 1.0, 0.0])
 
 
 def floor_points(size: int, width: float = 2.0, over: int = 2) -> np.ndarray:
-    """Points seen from straight above with -z up in the picture, rows bottom-up; `over` x `over` points a pixel: (size, size, over^2, 3)."""
+    """Points seen from straight above with -z up in the picture, rows bottom-up; `over` x `over` points a pixel: (size,
+    size, over^2, 3)."""
     at = lambda sign: sign * ((np.arange(size * over) + 0.5) / (size * over) - 0.5) * width
     x, z = np.meshgrid(at(1), at(-1))
     points = np.stack([x, np.zeros_like(x), z], axis=-1).reshape(size, over, size, over, 3)
@@ -22,9 +25,11 @@ def floor_points(size: int, width: float = 2.0, over: int = 2) -> np.ndarray:
 
 
 def polygon(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Lambert's formula: irradiance per radiance of a polygon wholly above the floor, shining to the side from which its corners run clockwise.
+    """Lambert's formula: irradiance per radiance of a polygon wholly above the floor, shining to the side from which
+    its corners run clockwise.
 
-    J. H. Lambert, Photometria (1760); sum over edges of the angle they span times the floor's share of the edge's plane.
+    J. H. Lambert, Photometria (1760); sum over edges of the angle they span times the floor's share of the edge's
+    plane.
     """
     total = np.zeros(points.shape[:-1])
     for a, b in zip(corners, np.roll(corners, -1, axis=0)):
@@ -51,8 +56,11 @@ def ball(points: np.ndarray, center, radius: float) -> np.ndarray:
     return math.pi * (radius / distance) ** 2 * to[..., 1] / distance
 
 
-def quadrature(points: np.ndarray, places: np.ndarray, normals: np.ndarray, areas: np.ndarray, shape=None) -> np.ndarray:
-    """The sum over small pieces of a light; `shape(cosine)` scales what leaves at an angle to the light's axis -y. Pieces behind either side give nothing."""
+def quadrature(
+    points: np.ndarray, places: np.ndarray, normals: np.ndarray, areas: np.ndarray, shape=None
+) -> np.ndarray:
+    """The sum over small pieces of a light; `shape(cosine)` scales what leaves at an angle to the light's axis -y.
+    Pieces behind either side give nothing."""
     total = np.zeros(points.shape[:-1])
     for place, normal, area in zip(places, normals, areas):
         to = place - points
@@ -72,7 +80,10 @@ def rect_pieces(matrix: np.ndarray, width: float, height: float, count: int = 40
     x, y = matrix[0, :3], matrix[1, :3]
     cross = np.cross(x, y)
     normal = -cross / np.linalg.norm(cross) * np.sign(np.linalg.det(matrix[:3, :3]))
-    return local @ matrix[:3, :3] + matrix[3, :3], np.broadcast_to(normal, local.shape), np.full(len(local), np.linalg.norm(cross) * width * height / count**2)
+    return (
+        local @ matrix[:3, :3] + matrix[3, :3], np.broadcast_to(normal, local.shape),
+        np.full(len(local), np.linalg.norm(cross) * width * height / count**2),
+    )
 
 
 def disk_pieces(center, radius: float, rings: int = 8, sides: int = 24):
@@ -86,11 +97,16 @@ def disk_pieces(center, radius: float, rings: int = 8, sides: int = 24):
 
 def tube_pieces(matrix: np.ndarray, length: float, radius: float, along: int = 64, around: int = 96):
     """The mantle of a cylinder along x of `matrix` (no ends: UsdLux's cylinders do not shine there)."""
-    x, a = np.meshgrid(((np.arange(along) + 0.5) / along - 0.5) * length, 2 * math.pi * (np.arange(around) + 0.5) / around)
+    x, a = np.meshgrid(
+        ((np.arange(along) + 0.5) / along - 0.5) * length, 2 * math.pi * (np.arange(around) + 0.5) / around
+    )
     x, a = x.ravel(), a.ravel()
     normal = np.stack([np.zeros_like(a), np.cos(a), np.sin(a)], axis=1)
     places = np.stack([x, radius * np.cos(a), radius * np.sin(a)], axis=1)
-    return places @ matrix[:3, :3] + matrix[3, :3], normal @ matrix[:3, :3], np.full(len(places), 2 * math.pi * radius * length / len(places))
+    return (
+        places @ matrix[:3, :3] + matrix[3, :3], normal @ matrix[:3, :3],
+        np.full(len(places), 2 * math.pi * radius * length / len(places)),
+    )
 
 
 def cone(angle: float, softness: float = 0.0, focus: float = 0.0):
@@ -106,7 +122,8 @@ def cone(angle: float, softness: float = 0.0, focus: float = 0.0):
 
 
 def smooth_pixels(values: np.ndarray, limit: float = 0.05) -> np.ndarray:
-    """Pixels whose points (last axis) and neighbours differ by less than `limit` of the largest value: no edge runs there."""
+    """Pixels whose points (last axis) and neighbours differ by less than `limit` of the largest value: no edge runs
+    there."""
     steady = np.ptp(values, axis=-1) < limit * values.max()
     mean = values.mean(axis=-1)
     for axis in (0, 1):

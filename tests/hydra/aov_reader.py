@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads every AOV of a UsdImagingGL.Engine, and decodes picks, which the Python binding does not offer.
 
-Runs inside the wheel host only (OpenUSD 25.08, Itanium ABI): calls the C++ functions of the loaded libusd_ms through ctypes.
-Symbols are looked up by their mangled names, virtual functions by their slot in `HdRenderBuffer`; both are checked on import
-against a concrete class of the runtime by tests/abi. All functions must be called on the thread that owns the engine.
+Runs inside the wheel host only (OpenUSD 25.08, Itanium ABI): calls the C++ functions of the loaded libusd_ms through
+ctypes. Symbols are looked up by their mangled names, virtual functions by their slot in `HdRenderBuffer`; both are
+checked on import against a concrete class of the runtime by tests/abi. All functions must be called on the thread that
+owns the engine.
 """
 
 from __future__ import annotations
@@ -18,7 +19,10 @@ _NAMESPACE = "pxrBlender_v25_08__pxrReserved__"
 _N = f"{len(_NAMESPACE)}{_NAMESPACE}"
 
 # HdFormat of 25.08: number -> (numpy type, components).
-FORMATS = {12: ("f4", 1), 13: ("f4", 2), 14: ("f4", 3), 15: ("f4", 4), 24: ("i4", 1), 8: ("f2", 1), 11: ("f2", 4), 3: ("u1", 4)}
+FORMATS = {
+    12: ("f4", 1), 13: ("f4", 2), 14: ("f4", 3), 15: ("f4", 4), 24: ("i4", 1), 8: ("f2", 1), 11: ("f2", 4),
+    3: ("u1", 4),
+}
 FORMAT_NAMES = {12: "Float32", 14: "Float32Vec3", 15: "Float32Vec4", 24: "Int32"}
 # Slots of HdRenderBuffer's virtual table.
 _WIDTH, _HEIGHT, _FORMAT, _MAP, _UNMAP, _RESOLVE, _IS_CONVERGED = 6, 7, 9, 11, 12, 14, 15
@@ -48,10 +52,18 @@ def _function(mangled: str, result, *arguments):
 
 
 _query = _function(f"_ZN{_N}9pxr_boost6python9converter8registry5queryENS1_9type_infoE", c_void_p, c_char_p)
-_lvalue = _function(f"_ZN{_N}9pxr_boost6python9converter22get_lvalue_from_pythonEP7_objectRKNS2_12registrationE", c_void_p, ctypes.py_object, c_void_p)
+_lvalue = _function(
+    f"_ZN{_N}9pxr_boost6python9converter22get_lvalue_from_pythonEP7_objectRKNS2_12registrationE", c_void_p,
+    ctypes.py_object, c_void_p,
+)
 _token = _function(f"_ZN{_N}7TfTokenC1EPKc", None, c_void_p, c_char_p)
-_set_aovs = _function(f"_ZN{_N}18UsdImagingGLEngine15SetRendererAovsERKSt6vectorINS_7TfTokenESaIS2_EE", c_uint8, c_void_p, POINTER(_Vector))
-_get_buffer = _function(f"_ZNK{_N}18UsdImagingGLEngine18GetAovRenderBufferERKNS_7TfTokenE", c_void_p, c_void_p, POINTER(c_uint64))
+_set_aovs = _function(
+    f"_ZN{_N}18UsdImagingGLEngine15SetRendererAovsERKSt6vectorINS_7TfTokenESaIS2_EE", c_uint8, c_void_p,
+    POINTER(_Vector),
+)
+_get_buffer = _function(
+    f"_ZNK{_N}18UsdImagingGLEngine18GetAovRenderBufferERKNS_7TfTokenE", c_void_p, c_void_p, POINTER(c_uint64)
+)
 _decode = _function(
     f"_ZN{_N}18UsdImagingGLEngine18DecodeIntersectionEiiPNS_7SdfPathES2_PiPSt6vectorISt4pairIS1_iESaIS6_EE",
     c_uint8, c_void_p, c_int, c_int, c_void_p, c_void_p, POINTER(c_int), POINTER(_Vector),
@@ -104,7 +116,8 @@ def buffer_state(engine, name: str) -> dict | None:
 
 
 def read(engine, name: str) -> np.ndarray | None:
-    """A copy of a bound AOV, (height, width[, components]), row 0 at the bottom; None if there is no buffer or no data."""
+    """A copy of a bound AOV, (height, width[, components]), row 0 at the bottom; None if there is no buffer or no
+    data."""
     token = _tokens([name])
     buffer = _get_buffer(_engine(engine), ctypes.cast(token, POINTER(c_uint64)))
     if not buffer:
@@ -125,10 +138,14 @@ def read(engine, name: str) -> np.ndarray | None:
 
 
 def decode(engine, prim_id: int, instance_id: int) -> dict | None:
-    """What Hydra makes of the ids of a pixel: paths of prim and instancer, instance index, and all levels outer to inner."""
+    """What Hydra makes of the ids of a pixel: paths of prim and instancer, instance index, and all levels outer to
+    inner."""
     prim, instancer = (c_uint64 * 1)(), (c_uint64 * 1)()
     index, context = c_int(-1), _Vector(None, None, None)
-    found = _decode(_engine(engine), prim_id, instance_id, ctypes.addressof(prim), ctypes.addressof(instancer), byref(index), byref(context))
+    found = _decode(
+        _engine(engine), prim_id, instance_id, ctypes.addressof(prim), ctypes.addressof(instancer), byref(index),
+        byref(context),
+    )
     if not found:
         return None
     text = lambda address: (_path_text(address) or b"").decode()
@@ -137,4 +154,7 @@ def decode(engine, prim_id: int, instance_id: int) -> dict | None:
         # std::pair<SdfPath, int>: 8 + 4 bytes, padded to 12 (SdfPath is two 4-byte handles).
         for address in range(context.begin, context.end, 12):
             levels.append((text(address), c_int.from_address(address + 8).value))
-    return {"prim": text(ctypes.addressof(prim)), "instancer": text(ctypes.addressof(instancer)), "index": index.value, "levels": levels}
+    return {
+        "prim": text(ctypes.addressof(prim)), "instancer": text(ctypes.addressof(instancer)), "index": index.value,
+        "levels": levels,
+    }

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The comparisons that tests rest on. Each raises AssertionError with numbers; test_comparisons.py plants a fault in front of each."""
+"""The comparisons that tests rest on. Each raises AssertionError with numbers; test_comparisons.py plants a fault in
+front of each."""
 
 from __future__ import annotations
 
@@ -34,7 +35,9 @@ def near(values: np.ndarray, expected, tolerance: float, what: str) -> None:
     assert values.size, f"{what}: nothing to compare"
     error = np.abs(values - np.asarray(expected, dtype=np.float64))
     # Written so that a NaN is wrong.
-    assert (error <= tolerance).all(), f"{what}: off by up to {np.nanmax(error):g} (allowed {tolerance:g}), mean {np.nanmean(values):g}"
+    assert (
+        error <= tolerance
+    ).all(), f"{what}: off by up to {np.nanmax(error):g} (allowed {tolerance:g}), mean {np.nanmean(values):g}"
 
 
 def clear_pixels(unclear: np.ndarray, what: str) -> np.ndarray:
@@ -45,7 +48,8 @@ def clear_pixels(unclear: np.ndarray, what: str) -> np.ndarray:
 
 
 def means_agree(a: np.ndarray, a_deviation: np.ndarray, b: np.ndarray, b_deviation: np.ndarray, what: str) -> None:
-    """Two noisy pictures with known standard deviations of their pixels: z-test per pixel (Sidak-corrected, 99.75 % must pass) and of the mean.
+    """Two noisy pictures with known standard deviations of their pixels: z-test per pixel (Sidak-corrected, 99.75 %
+    must pass) and of the mean.
 
     As Mitsuba 3's test_renders.py; the test of the picture's mean finds a small bias that no single pixel shows.
     """
@@ -59,7 +63,9 @@ def means_agree(a: np.ndarray, a_deviation: np.ndarray, b: np.ndarray, b_deviati
     alpha = 1.0 - (1.0 - 0.01) ** (1.0 / z.size)
     passed = (p > alpha).mean()
     mean_z = abs(difference.sum()) / math.sqrt((variance + floor).sum())
-    assert passed >= 0.9975 and mean_z <= 3.3, f"{what}: {100 * passed:.2f} % of the pixels pass, z of the mean {mean_z:.2f}"
+    assert (
+        passed >= 0.9975 and mean_z <= 3.3
+    ), f"{what}: {100 * passed:.2f} % of the pixels pass, z of the mean {mean_z:.2f}"
 
 
 def batches(pictures: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fixtures: one long-lived rendering process per front end of Hydra, replaced when a test kills it. A missing host is a failure, never a skip."""
+"""Fixtures: one long-lived rendering process per front end of Hydra, replaced when a test kills it. A missing host is a
+failure, never a skip."""
 
 from __future__ import annotations
 

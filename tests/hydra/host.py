@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tests' end of a rendering process: starts host_process.py in the wheel host, sends it commands, survives its death.
+"""The tests' end of a rendering process: starts host_process.py in the wheel host, sends it commands, survives its
+death.
 
-The wheel host and usd-core never share a process: tests author and reckon with usd-core, and look at pictures that another process made.
+The wheel host and usd-core never share a process: tests author and reckon with usd-core, and look at pictures that
+another process made.
 """
 
 from __future__ import annotations
@@ -46,11 +48,15 @@ class Picture:
 class Host:
     """One rendering process. `scene_index` selects Hydra's new front end; `environment` adds variables."""
 
-    def __init__(self, folder: pathlib.Path, scene_index: bool = False, environment: dict[str, str] | None = None) -> None:
+    def __init__(
+        self, folder: pathlib.Path, scene_index: bool = False, environment: dict[str, str] | None = None
+    ) -> None:
         variables = dict(os.environ)
         for name in ("OOCPT_HOST_PYTHON", "PXR_PLUGINPATH_NAME"):
             if not variables.get(name):
-                raise RuntimeError(f"{name} is not set: run the tests by `cargo xtask test`, or after eval \"$(cargo xtask env)\"")
+                raise RuntimeError(
+                    f"{name} is not set: run the tests by `cargo xtask test`, or after eval \"$(cargo xtask env)\""
+                )
         variables["USDIMAGINGGL_ENGINE_ENABLE_SCENE_INDEX"] = "1" if scene_index else "0"
         # The canary: any message of the Vulkan validation layer becomes an error of the render.
         variables["OOCPT_VALIDATION"] = "1"
@@ -150,7 +156,10 @@ class View:
     def render(self, timeout: float = 300.0) -> Picture:
         answer = self.host.call("render", viewer=self.name, timeout=timeout, patience=timeout + 60.0)
         with np.load(answer["file"]) as arrays:
-            picture = Picture({name: arrays[name] for name in arrays.files}, answer["buffers"], answer["seconds"], self.pending_log + self.host.log)
+            picture = Picture(
+                {name: arrays[name] for name in arrays.files}, answer["buffers"], answer["seconds"],
+                self.pending_log + self.host.log,
+            )
         os.unlink(answer["file"])
         self.pending_log = ""
         return picture

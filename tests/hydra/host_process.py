@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The program that renders: started by host.py in the wheel host's Python, it takes one JSON command a line and answers each.
+"""The program that renders: started by host.py in the wheel host's Python, it takes one JSON command a line and answers
+each.
 
-Holds named viewers, each a stage and a live UsdImagingGL.Engine with the OocPT delegate and no GPU of the host (`gpuEnabled=False`).
-Commands are the methods of `Commands`; answers are {"result": …, "log": …} or {"error": …, "log": …}, where log is everything that was
-written to standard error, by anyone in the process, while the command ran. Arrays come back in .npz files. One thread.
+Holds named viewers, each a stage and a live UsdImagingGL.Engine with the OocPT delegate and no GPU of the host
+(`gpuEnabled=False`). Commands are the methods of `Commands`; answers are {"result": …, "log": …} or {"error": …, "log":
+…}, where log is everything that was written to standard error, by anyone in the process, while the command ran. Arrays
+come back in .npz files. One thread.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ RENDERER = "HdOocPTRendererPlugin"
 class Viewer:
     """A stage, an engine, and what the next picture is to be."""
 
-    def __init__(self, stage: Usd.Stage, size, camera: str, aovs: list[str], settings: dict, purposes: list[str]) -> None:
+    def __init__(
+        self, stage: Usd.Stage, size, camera: str, aovs: list[str], settings: dict, purposes: list[str]
+    ) -> None:
         # The camera is a path, or a pair of matrices: view and projection.
         self.stage, self.size, self.camera, self.aovs = stage, tuple(size), camera, list(aovs)
         # A CameraUtil.Framing, if the picture is not the whole view.
@@ -107,13 +111,20 @@ class Commands:
         path = os.path.join(self._folder, f"{os.getpid()}-{self._files}.npz")
         arrays = {name: aov_reader.read(view.engine, name) for name in view.aovs}
         np.savez(path, **{name: array for name, array in arrays.items() if array is not None})
-        return {"file": path, "seconds": seconds, "buffers": {name: aov_reader.buffer_state(view.engine, name) for name in view.aovs}}
+        return {
+            "file": path, "seconds": seconds,
+            "buffers": {name: aov_reader.buffer_state(view.engine, name) for name in view.aovs},
+        }
 
     def edit(self, viewer, code):
-        """Runs Python statements with `stage`, `engine`, `view` and the pxr modules in scope; returns what they leave in `result`."""
+        """Runs Python statements with `stage`, `engine`, `view` and the pxr modules in scope; returns what they leave
+        in `result`."""
         view = self._viewers[viewer]
         scope = {"stage": view.stage, "engine": view.engine, "view": view, "result": None, "time": time}
-        scope.update(CameraUtil=CameraUtil, Gf=Gf, Sdf=Sdf, Tf=Tf, Usd=Usd, UsdGeom=UsdGeom, UsdImagingGL=UsdImagingGL, UsdLux=UsdLux, Vt=Vt, aov_reader=aov_reader)
+        scope.update(
+            CameraUtil=CameraUtil, Gf=Gf, Sdf=Sdf, Tf=Tf, Usd=Usd, UsdGeom=UsdGeom, UsdImagingGL=UsdImagingGL,
+            UsdLux=UsdLux, Vt=Vt, aov_reader=aov_reader,
+        )
         exec(compile(code, "<edit>", "exec"), scope)  # noqa: S102  the tests' own code
         return scope["result"]
 
@@ -125,7 +136,17 @@ class Commands:
     def stats(self, viewer):
         return self._viewers[viewer].stats()
 
-    def record(self, stage, out, camera="/World/Camera", width=32, purposes=("default", "proxy"), render_settings=None, dome_visible=True, camera_light=False):
+    def record(
+        self,
+        stage,
+        out,
+        camera="/World/Camera",
+        width=32,
+        purposes=("default", "proxy"),
+        render_settings=None,
+        dome_visible=True,
+        camera_light=False,
+    ):
         """One frame by UsdAppUtils.FrameRecorder, the core of usdrecord."""
         recorder = UsdAppUtils.FrameRecorder(RENDERER, False)
         recorder.SetImageWidth(width)
@@ -141,7 +162,8 @@ class Commands:
             raise RuntimeError("Record returned False")
 
     def cycles(self, stage, count, size=(8, 8), camera="/World/Camera", every=50, planted=0):
-        """`count` engines made, rendered once with 1 sample and destroyed; what the process holds after each `every` of them.
+        """`count` engines made, rendered once with 1 sample and destroyed; what the process holds after each `every` of
+        them.
 
         `planted` bytes are taken from the allocator in each cycle and never given back.
         """
@@ -166,7 +188,10 @@ class Commands:
 class _MallInfo(ctypes.Structure):
     """glibc's struct mallinfo2."""
 
-    _fields_ = [(name, ctypes.c_size_t) for name in "arena ordblks smblks hblks hblkhd usmblks fsmblks uordblks fordblks keepcost".split()]
+    _fields_ = [
+        (name, ctypes.c_size_t)
+        for name in "arena ordblks smblks hblks hblkhd usmblks fsmblks uordblks fordblks keepcost".split()
+    ]
 
 
 _LIBC = ctypes.CDLL(None)
@@ -177,7 +202,8 @@ _LIBC.malloc.restype = ctypes.c_void_p
 def _held() -> dict[str, int]:
     """What the process holds: bytes in use by the C allocator, resident bytes, mappings, file descriptors and threads.
 
-    Bytes that lie in a thread's cache of the allocator count as used: switch the caches off (GLIBC_TUNABLES) for exact numbers.
+    Bytes that lie in a thread's cache of the allocator count as used: switch the caches off (GLIBC_TUNABLES) for exact
+    numbers.
     """
     gc.collect()
     used = _LIBC.mallinfo2()

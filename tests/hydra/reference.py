@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a picture must hold, reckoned from the stage alone: numpy in f64, no acceleration structure, no triangulation.
 
-Walks the composed stage as USD defines it (transforms, visibility, purposes, point and native instances), makes the ray of each
-pixel centre from the camera's attributes, and meets every polygon by its plane and an even-odd test. Shares nothing with the product
-but the scene file. Rows are bottom-up, as in Hydra's buffers.
+Walks the composed stage as USD defines it (transforms, visibility, purposes, point and native instances), makes the ray
+of each pixel centre from the camera's attributes, and meets every polygon by its plane and an even-odd test. Shares
+nothing with the product but the scene file. Rows are bottom-up, as in Hydra's buffers.
 """
 
 from __future__ import annotations
@@ -69,7 +69,11 @@ def _mesh(prim: Usd.Prim, to_world: Gf.Matrix4d, levels: tuple) -> Item:
     indices = np.array(mesh.GetFaceVertexIndicesAttr().Get())
     holes = set(mesh.GetHoleIndicesAttr().Get() or [])
     ends = np.cumsum(counts)
-    faces = [(number, indices[end - count : end]) for number, (count, end) in enumerate(zip(counts, ends)) if number not in holes]
+    faces = [
+        (number, indices[end - count : end])
+        for number, (count, end) in enumerate(zip(counts, ends))
+        if number not in holes
+    ]
     left = mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded
     mirrored = to_world.GetDeterminant3() < 0
     return Item(str(prim.GetPath()), levels, _apply(to_world, points), faces, left != mirrored)
@@ -87,8 +91,11 @@ def flatten(stage: Usd.Stage, purposes=("default", "proxy")) -> list[Item]:
     return items
 
 
-def _walk(root: Usd.Prim, root_to_world: Gf.Matrix4d, placed: Gf.Matrix4d, levels: tuple, purposes, items: list) -> None:
-    """Meshes below `root`; `placed` replaces the world transform `root_to_world` that the stage gives to the root's parent."""
+def _walk(
+    root: Usd.Prim, root_to_world: Gf.Matrix4d, placed: Gf.Matrix4d, levels: tuple, purposes, items: list
+) -> None:
+    """Meshes below `root`; `placed` replaces the world transform `root_to_world` that the stage gives to the root's
+    parent."""
     prims = iter(Usd.PrimRange(root, Usd.TraverseInstanceProxies()))
     for prim in prims:
         if prim.IsA(UsdGeom.PointInstancer) or prim.IsA(UsdGeom.Mesh):
@@ -108,7 +115,9 @@ def _instances(prim: Usd.Prim, to_world: Gf.Matrix4d, levels: tuple, purposes, i
     instancer = UsdGeom.PointInstancer(prim)
     kinds = instancer.GetProtoIndicesAttr().Get()
     mask = instancer.ComputeMaskAtTime(0) or [True] * len(kinds)
-    placed = instancer.ComputeInstanceTransformsAtTime(0, 0, UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask)
+    placed = instancer.ComputeInstanceTransformsAtTime(
+        0, 0, UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
+    )
     targets = instancer.GetPrototypesRel().GetTargets()
     stage = prim.GetStage()
     cache = UsdGeom.XformCache()
@@ -119,7 +128,9 @@ def _instances(prim: Usd.Prim, to_world: Gf.Matrix4d, levels: tuple, purposes, i
             _walk(prototype, parent, matrix * to_world, (*levels, (str(prim.GetPath()), number)), purposes, items)
 
 
-def pixel_rays(stage: Usd.Stage, path: str, width: int, height: int, policy: str = "matchVertically", shift=(0.0, 0.0)) -> Rays:
+def pixel_rays(
+    stage: Usd.Stage, path: str, width: int, height: int, policy: str = "matchVertically", shift=(0.0, 0.0)
+) -> Rays:
     """Rays through the pixel centres (moved by `shift` pixels), with the window conformed as CameraUtil defines."""
     camera = UsdGeom.Camera(stage.GetPrimAtPath(path)).GetCamera(Usd.TimeCode.Default())
     window = camera.frustum.window
@@ -199,7 +210,9 @@ def _nearest(items: list[Item], rays: Rays):
     return best, second, item_of, face_of, normal_of
 
 
-def first_hits(stage: Usd.Stage, camera: str, width: int, height: int, policy="matchVertically", purposes=("default", "proxy")) -> FirstHits:
+def first_hits(
+    stage: Usd.Stage, camera: str, width: int, height: int, policy="matchVertically", purposes=("default", "proxy")
+) -> FirstHits:
     """The nearest polygon of each pixel centre."""
     items = flatten(stage, purposes)
     rays = pixel_rays(stage, camera, width, height, policy)
@@ -212,4 +225,7 @@ def first_hits(stage: Usd.Stage, camera: str, width: int, height: int, policy="m
     with np.errstate(invalid="ignore"):
         depth = np.where(item >= 0, _window_depth(rays.camera, best), 1.0)
     best = np.where(item >= 0, best, 0.0)
-    return FirstHits(items, item.reshape(shape), face.reshape(shape), best.reshape(shape), depth.reshape(shape), normal.reshape(*shape, 3), unclear.reshape(shape))
+    return FirstHits(
+        items, item.reshape(shape), face.reshape(shape), best.reshape(shape), depth.reshape(shape),
+        normal.reshape(*shape, 3), unclear.reshape(shape),
+    )

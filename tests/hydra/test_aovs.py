@@ -9,7 +9,8 @@ import small
 
 FORMATS = {
     "color": ("Float32Vec4", 0.0), "depth": ("Float32", 1.0), "cameraDepth": ("Float32", 0.0), "primId": ("Int32", -1),
-    "instanceId": ("Int32", -1), "elementId": ("Int32", -1), "normal": ("Float32Vec3", 0.0), "Neye": ("Float32Vec3", 0.0),
+    "instanceId": ("Int32", -1), "elementId": ("Int32", -1), "normal": ("Float32Vec3", 0.0),
+    "Neye": ("Float32Vec3", 0.0),
     "albedo": ("Float32Vec3", 0.0),
 }  # fmt: skip
 QUICK = {"oocpt:samplesPerPixel": 2, "oocpt:maxBounces": 0}
@@ -18,11 +19,16 @@ QUICK = {"oocpt:samplesPerPixel": 2, "oocpt:maxBounces": 0}
 def test_formats_sizes_and_clear_values(host):
     """A stage with nothing but a camera: every buffer holds its clear value."""
     with host.open(small.FOLDER / "glow.usda", (17, 9), aovs=list(FORMATS), settings=QUICK) as view:
-        view.edit("[child.SetActive(False) for child in stage.GetPrimAtPath('/World').GetChildren() if child.GetName() != 'Camera']")
+        view.edit(
+            "[child.SetActive(False) for child in stage.GetPrimAtPath('/World').GetChildren() if child.GetName() !="
+            " 'Camera']"
+        )
         picture = view.render()
     for aov, (kind, clear) in FORMATS.items():
         state = picture.buffers[aov]
-        assert (state["format"], state["width"], state["height"], state["converged"]) == (kind, 17, 9, True), f"{aov}: {state}"
+        assert (state["format"], state["width"], state["height"], state["converged"]) == (
+            kind, 17, 9, True
+        ), f"{aov}: {state}"
         assert (picture[aov] == clear).all(), f"clear value of {aov}: {np.unique(picture[aov])[:4]}"
 
 
@@ -37,11 +43,15 @@ def test_any_choice_of_aovs(host, aovs):
 
 
 def test_sample_count_tells_where_adaptive_sampling_went(host):
-    """As many as asked for everywhere; with adaptive sampling what the stats say. Nobody asks: no pass, no image. Both front ends."""
+    """As many as asked for everywhere; with adaptive sampling what the stats say. Nobody asks: no pass, no image. Both
+    front ends."""
     path, plain = small.FOLDER / "glow.usda", {"oocpt:samplesPerPixel": 64, "oocpt:maxBounces": 1}
     with host.open(path, (24, 18), aovs=["color"], settings=plain) as view:
         view.render()
-        assert "count_samples" in view.stats()["oocpt:passesLeftOut"] and "image sampleCount" not in view.stats()["oocpt:buffers"]
+        assert (
+            "count_samples" in view.stats()["oocpt:passesLeftOut"]
+            and "image sampleCount" not in view.stats()["oocpt:buffers"]
+        )
     with host.open(path, (24, 18), aovs=["color", "sampleCount"], settings=plain) as view:
         even = view.render()
         assert even.buffers["sampleCount"]["format"] == "Float32", even.buffers["sampleCount"]
@@ -49,7 +59,10 @@ def test_sample_count_tells_where_adaptive_sampling_went(host):
         view.edit("engine.SetRendererSetting('oocpt:adaptiveSampling', True)")
         uneven, stats = view.render(), view.stats()
     counts = uneven["sampleCount"].astype(np.float64)
-    assert (counts.min(), counts.max()) == (stats["oocpt:adaptiveFewestSamples"], stats["oocpt:adaptiveMostSamples"]), stats
+    assert (counts.min(), counts.max()) == (
+        stats["oocpt:adaptiveFewestSamples"],
+        stats["oocpt:adaptiveMostSamples"],
+    ), stats
     assert counts.min() < 64 < counts.max() and 62 <= counts.mean() <= 64, counts.mean()
     alone = host.picture(path, (24, 18), aovs=["sampleCount"], settings=plain | {"oocpt:adaptiveSampling": True})
     compare.same_bits(alone["sampleCount"], uneven["sampleCount"], "samples are taken for it alone too")
@@ -59,7 +72,10 @@ def test_normals_turn_with_the_camera(host):
     """Neye is the normal seen from the camera; both are of unit length, and zero where nothing is hit."""
     with host.open(small.FOLDER / "glow.usda", (24, 18), aovs=["normal", "Neye", "primId"], settings=QUICK) as view:
         picture = view.render()
-        rows = view.edit("result = [list(row) for row in UsdGeom.Camera(stage.GetPrimAtPath('/World/Camera')).GetCamera(0).transform.GetInverse()]")
+        rows = view.edit(
+            "result = [list(row) for row in"
+            " UsdGeom.Camera(stage.GetPrimAtPath('/World/Camera')).GetCamera(0).transform.GetInverse()]"
+        )
     hit = picture["primId"] >= 0
     assert hit.any() and not hit.all()
     to_view = np.array(rows)[:3, :3]
@@ -80,7 +96,9 @@ def test_resizing_a_live_view(host):
     with host.open(path, (24, 18), aovs=["color", "depth"], settings=QUICK) as view:
         first = view.render()
         view.edit("view.size = (13, 30)")
-        compare.same_picture(view.render(), host.picture(path, (13, 30), aovs=["color", "depth"], settings=QUICK), "13 x 30")
+        compare.same_picture(
+            view.render(), host.picture(path, (13, 30), aovs=["color", "depth"], settings=QUICK), "13 x 30"
+        )
         view.edit("view.size = (24, 18)")
         compare.same_picture(view.render(), first, "back to 24 x 18")
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whatever comes in: one clear message with the prim's path, nothing else lost, the host lives.
 
-Not here: instancers that hold each other. UsdImaging 25.08 itself recurses without end over them, in both front ends, before a delegate
-sees anything; the scene database's own tests cover cycles.
+Not here: instancers that hold each other. UsdImaging 25.08 itself recurses without end over them, in both front ends,
+before a delegate sees anything; the scene database's own tests cover cycles.
 """
 
 import re
@@ -21,7 +21,9 @@ GOOD = small.FOLDER / "furnace.usda"
 def still_works(host):
     """The host renders a good scene afterwards, exactly."""
     assert host.alive
-    compare.near(host.picture(GOOD, (8, 8), camera="/World/Perspective", settings=QUICK)["color"], 1.0, 1e-3, "afterwards")
+    compare.near(
+        host.picture(GOOD, (8, 8), camera="/World/Perspective", settings=QUICK)["color"], 1.0, 1e-3, "afterwards"
+    )
 
 
 def warnings_about(log: str, path: str) -> list[str]:
@@ -35,7 +37,9 @@ def bad(pool):
 
     def get(host):
         if host.scene_index not in made:
-            with host.open(small.FOLDER / "bad_data.usda", (48, 48), aovs=["color", "primId", "cameraDepth"], settings=QUICK) as view:
+            with host.open(
+                small.FOLDER / "bad_data.usda", (48, 48), aovs=["color", "primId", "cameraDepth"], settings=QUICK
+            ) as view:
                 picture = view.render()
                 ids = sorted(set(picture["primId"].ravel()) - {-1})
                 paths = {number: answer["prim"] for number, answer in zip(ids, view.decode([(i, 0) for i in ids]))}
@@ -103,14 +107,18 @@ def test_a_missing_camera_prim(host):
     still_works(host)
 
 
-@pytest.mark.parametrize("size", [(100_000, 100_000), (1 << 30, 1), (0, 0), (16, 0), (-5, 16)], ids=lambda size: f"{size[0]}x{size[1]}")
+@pytest.mark.parametrize(
+    "size", [(100_000, 100_000), (1 << 30, 1), (0, 0), (16, 0), (-5, 16)], ids=lambda size: f"{size[0]}x{size[1]}"
+)
 def test_absurd_sizes(host, size):
     """Too large: an error that says so. Empty: nothing, at once."""
     with host.open(GOOD, size, camera="/World/Perspective", settings=QUICK) as view:
         if min(size) > 1000 or max(size) > 1 << 20:
             with pytest.raises(HostError) as raised:
                 view.render(30)
-            assert re.search(r"(?i)memory|size|large|pixels", str(raised.value)) and "not converged" not in str(raised.value), str(raised.value)
+            assert re.search(r"(?i)memory|size|large|pixels", str(raised.value)) and "not converged" not in str(
+                raised.value
+            ), str(raised.value)
         else:
             try:
                 view.render(20)
@@ -120,7 +128,11 @@ def test_absurd_sizes(host, size):
 
 
 @pytest.mark.parametrize(
-    "key, value", [("oocpt:samplesPerPixel", "'many'"), ("oocpt:samplesPerPixel", "-3"), ("oocpt:samplesPerPixel", "1 << 40"), ("oocpt:maxBounces", "1.5"), ("oocpt:clamp", "float('nan')"), ("oocpt:noSuchThing", "1")]
+    "key, value",
+    [
+        ("oocpt:samplesPerPixel", "'many'"), ("oocpt:samplesPerPixel", "-3"), ("oocpt:samplesPerPixel", "1 << 40"),
+        ("oocpt:maxBounces", "1.5"), ("oocpt:clamp", "float('nan')"), ("oocpt:noSuchThing", "1"),
+    ]
 )  # fmt: skip
 def test_bad_settings_are_refused_with_their_name_and_change_nothing(host, key, value):
     with host.open(small.FOLDER / "glow.usda", (12, 12), settings=QUICK) as view:
@@ -140,7 +152,9 @@ def test_bad_environment_is_reported_and_ignored(fresh_host):
         picture = view.render()
     compare.near(picture["color"], 1.0, 1e-3, "furnace")
     for name, value in bad.items():
-        assert any(name in line and value in line for line in picture.log.splitlines()), f"no word of {name}: {picture.log}"
+        assert any(
+            name in line and value in line for line in picture.log.splitlines()
+        ), f"no word of {name}: {picture.log}"
 
 
 def test_unknown_device_is_an_error_that_names_it(fresh_host):
@@ -160,16 +174,26 @@ def test_a_budget_too_small_is_an_error_that_says_so(host):
 
 def test_other_input_that_must_not_matter(host):
     """Prims of other kinds, unknown types, empty instancers, materials: rendered without, or around, them."""
-    text = GOOD.read_text() + (
-        'def Xform "Other" {\n'
-        '  def BasisCurves "Curve" { int[] curveVertexCounts = [4]; point3f[] points = [(0,0,0), (1,0,0), (1,1,0), (0,1,0)]; }\n'
+    text = (
+        GOOD.read_text()
+        + 'def Xform "Other" {\n'
+        '  def BasisCurves "Curve" { int[] curveVertexCounts = [4]; point3f[] points = [(0,0,0), (1,0,0), (1,1,0),'
+        ' (0,1,0)]; }\n'
         '  def Points "Points" { point3f[] points = [(0, 0, 0)]; }\n'
         '  def PointInstancer "Empty" { int[] protoIndices = []; point3f[] positions = []; }\n'
-        '  def PointInstancer "Dangling" { rel prototypes = </No/Such/Prim>; int[] protoIndices = [0, 0]; point3f[] positions = [(0,0,0), (1,1,1)]; }\n'
-        '  def Volume "Volume" {}\n  def NoSuchType "Strange" {}\n  def Mesh "NoAttributes" {}\n'
+        '  def PointInstancer "Dangling" { rel prototypes = </No/Such/Prim>; int[] protoIndices = [0, 0]; point3f[]'
+        ' positions = [(0,0,0), (1,1,1)]; }\n'
+        '  def Volume "Volume" {}\n'
+        '  def NoSuchType "Strange" {}\n'
+        '  def Mesh "NoAttributes" {}\n'
         '  def RectLight "Rect" { float inputs:intensity = 0; }\n'
         '  def Material "Material" { token outputs:surface.connect = </Other/Material/S.outputs:surface>\n'
-        '    def Shader "S" {\n uniform token info:id = "UsdPreviewSurface"\n token outputs:surface\n }\n  }\n}\n'
+        '    def Shader "S" {\n'
+        ' uniform token info:id = "UsdPreviewSurface"\n'
+        ' token outputs:surface\n'
+        ' }\n'
+        '  }\n'
+        '}\n'
     )
     picture = host.picture(text, (12, 12), camera="/World/Perspective", settings=QUICK)
     compare.near(picture["color"], 1.0, 1e-3, "furnace with strangers")

@@ -77,7 +77,11 @@ def test_reference_knows_a_square():
 
 def test_reference_respects_concavity_holes_and_hidden_instances():
     polygons = reference.first_hits(small.build(small.polygons), "/World/Camera", 28, 28)
-    seen = {(polygons.items[item].path, face) for item, face in zip(polygons.item.ravel(), polygons.face.ravel()) if item >= 0}
+    seen = {
+        (polygons.items[item].path, face)
+        for item, face in zip(polygons.item.ravel(), polygons.face.ravel())
+        if item >= 0
+    }
     assert {("/World/Holes", face) for face in (0, 2, 4, 5)} <= seen, "faces around the holes"
     assert not {("/World/Holes", 1), ("/World/Holes", 3)} & seen, "hole faces"
     # The notch of the arrow and the inside of the spiral are empty.
@@ -99,7 +103,13 @@ def test_reference_twins_have_the_same_points():
 def test_reference_conforms_windows():
     """CameraUtil's policies on a 2:1 window and a square picture."""
     stage = small.build(small.cameras)
-    for policy, half in (("matchVertically", (1, 1)), ("matchHorizontally", (2, 2)), ("fit", (2, 2)), ("crop", (1, 1)), ("dontConform", (2, 1))):
+    for policy, half in (
+        ("matchVertically", (1, 1)),
+        ("matchHorizontally", (2, 2)),
+        ("fit", (2, 2)),
+        ("crop", (1, 1)),
+        ("dontConform", (2, 1)),
+    ):
         rays = reference.pixel_rays(stage, "/World/Wide", 2, 2, policy)
         to_view = Gf.Matrix4d(rays.camera.transform.GetInverse())
         corner = to_view.TransformDir(Gf.Vec3d(*rays.directions[3]))

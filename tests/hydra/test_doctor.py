@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a scene is made of, as a host is told it: in GetRenderStats, in the report beside a picture, by `oocpt doctor --scene`."""
+"""What a scene is made of, as a host is told it: in GetRenderStats, in the report beside a picture, by `oocpt doctor
+--scene`."""
 
 import json
 import os
@@ -42,11 +43,20 @@ def Xform "World" {
 def oocpt():
     """Runs the program of this checkout: the one that `cargo xtask test` built, else built here with its profile."""
     built = os.environ.get("OOCPT_CLI")
-    base = [built] if built else ["cargo", "run", "--quiet", "--locked", "--profile", "fast", "--package", "oocpt-cli", "--bin", "oocpt", "--"]
+    base = (
+        [built]
+        if built
+        else [
+            "cargo", "run", "--quiet", "--locked", "--profile", "fast", "--package", "oocpt-cli", "--bin", "oocpt",
+            "--",
+        ]
+    )
 
     def run(*arguments, **environment):
         variables = {**os.environ, "RUST_BACKTRACE": "0", **environment}
-        return subprocess.run(base + [str(a) for a in arguments], cwd=REPO, env=variables, capture_output=True, text=True, timeout=1800)
+        return subprocess.run(
+            base + [str(a) for a in arguments], cwd=REPO, env=variables, capture_output=True, text=True, timeout=1800
+        )
 
     return run
 
@@ -61,11 +71,16 @@ def test_stats_list_what_is_there_and_what_was_left_out(host):
         stats = view.stats()
     assert names(stats["oocpt:features"]) == ["DISTANT", "COLORS"], stats["oocpt:features"]
     assert "shade_surface" in names(stats["oocpt:passes"]) and "count_demand" in names(stats["oocpt:passesLeftOut"])
-    assert stats["oocpt:primvars"].startswith("displayColor ") and stats["oocpt:primvarsLeftOut"] == "st 32", stats["oocpt:primvarsLeftOut"]
+    assert stats["oocpt:primvars"].startswith("displayColor ") and stats["oocpt:primvarsLeftOut"] == "st 32", stats[
+        "oocpt:primvarsLeftOut"
+    ]
     made = dict(entry.rsplit(" ", 1) for entry in names(stats["oocpt:buffers"]))
     assert int(made["film"]) > 0 and "cones" not in made and "mesh primvars" not in made, made
     assert sum(map(int, made.values())) == stats["oocpt:bufferBytes"] > 0
-    assert any(entry.startswith("cones ") for entry in names(stats["oocpt:buffersLeftOut"])) and stats["oocpt:bytesLeftOut"] > 0
+    assert (
+        any(entry.startswith("cones ") for entry in names(stats["oocpt:buffersLeftOut"]))
+        and stats["oocpt:bytesLeftOut"] > 0
+    )
 
 
 def test_what_is_carried_along_changes_no_bit(host):
@@ -93,7 +108,10 @@ def test_doctor_asks_the_host_about_a_file(oocpt, tmp_path):
 
 @pytest.mark.parametrize(
     "text, flags, words",
-    [(None, [], "neither a file nor a generated scene"), ("no USD", [], "could not render"), (PLAIN, ["--usdrecord", "/no/host"], "cannot start the Hydra host")],
+    [
+        (None, [], "neither a file nor a generated scene"), ("no USD", [], "could not render"),
+        (PLAIN, ["--usdrecord", "/no/host"], "cannot start the Hydra host"),
+    ],
     ids=["file", "bad_file", "host"],
 )
 def test_doctor_says_once_what_is_missing(oocpt, tmp_path, text, flags, words):
@@ -106,7 +124,8 @@ def test_doctor_says_once_what_is_missing(oocpt, tmp_path, text, flags, words):
 
 
 def test_doctor_names_the_device_and_what_is_wrong_with_the_scene(oocpt, tmp_path):
-    """A host warns of bad data and renders the rest, and so does the doctor: one line for each prim, without where in our code it was said."""
+    """A host warns of bad data and renders the rest, and so does the doctor: one line for each prim, without where in
+    our code it was said."""
     done = oocpt("doctor", "--scene", small.FOLDER / "bad_data.usda", "--camera", "/World/Camera", "--alone", "--json")
     assert done.returncode == 0, done.stderr
     said = json.loads(done.stdout)
@@ -129,8 +148,14 @@ def test_a_file_that_names_another_report_is_told_apart(oocpt, tmp_path):
     """Settings of the stage win over the environment: the doctor then has nothing to read, and writes over nothing."""
     scene, other = tmp_path / "other.usda", tmp_path / "precious.txt"
     other.write_text("precious")
-    settings = f'def RenderSettings "Settings" {{\n  string oocpt:report = "{other}"\n  rel camera = </World/Camera>\n}}\n'
-    scene.write_text(PLAIN.replace("(\n    defaultPrim", '(\n    renderSettingsPrimPath = "/Settings"\n    defaultPrim', 1) + settings)
+    settings = (
+        'def RenderSettings "Settings" {\n'
+        f'  string oocpt:report = "{other}"\n'
+        '  rel camera = </World/Camera>\n'
+        '}\n'
+    )
+    default = '(\n    renderSettingsPrimPath = "/Settings"\n    defaultPrim'
+    scene.write_text(PLAIN.replace("(\n    defaultPrim", default, 1) + settings)
     done = oocpt("doctor", "--scene", scene, "--alone")
     assert done.returncode == 1 and "oocpt:report" in done.stderr, done.stderr
     assert other.read_text() == "precious"
@@ -146,13 +171,17 @@ def test_the_report_stands_in_for_attributes_that_hosts_do_not_write(oocpt, fres
     """FrameRecorder writes the file itself, with no attributes of ours: the report beside it has them."""
     scene, picture, report = tmp_path / "plain.usda", tmp_path / "plain.exr", tmp_path / "plain.jsonl"
     scene.write_text(PLAIN)
-    host = fresh_host(False, OOCPT_REPORT=str(report), OOCPT_SAMPLES_PER_PIXEL="4", OOCPT_MAX_BOUNCES="1", OOCPT_SEED="9")
+    host = fresh_host(
+        False, OOCPT_REPORT=str(report), OOCPT_SAMPLES_PER_PIXEL="4", OOCPT_MAX_BOUNCES="1", OOCPT_SEED="9"
+    )
     host.call("record", stage=str(scene), out=str(picture), width=16)
     bare = oocpt("report", "picture", picture)
     assert bare.returncode == 1 and "oocpt:report" in bare.stderr, f"{bare.stdout}{bare.stderr}"
     said = said_of(oocpt, report)
     assert said["samples"] == 4 and said["seed"] == 9 and said["maxBounces"] == 1 and said["rays"] > 0, said
-    assert 0 < said["secondsTracing"] <= said["seconds"] and said["errorLow"] <= said["errorEstimate"] <= said["errorHigh"], said
+    assert (
+        0 < said["secondsTracing"] <= said["seconds"] and said["errorLow"] <= said["errorEstimate"] <= said["errorHigh"]
+    ), said
 
 
 def test_our_usdrecord_writes_them_into_exr_files(oocpt, tmp_path):
@@ -163,7 +192,10 @@ def test_our_usdrecord_writes_them_into_exr_files(oocpt, tmp_path):
         picture = tmp_path / name
         variables = dict(os.environ, OOCPT_SAMPLES_PER_PIXEL="4", OOCPT_MAX_BOUNCES="1", **environment)
         variables.pop("PYTHONPATH", None)
-        command = ["usdrecord", "--renderer", "OocPT", "--disableGpu", "--imageWidth", "16", "--camera", "/World/Camera", str(scene), str(picture)]
+        command = [
+            "usdrecord", "--renderer", "OocPT", "--disableGpu", "--imageWidth", "16", "--camera", "/World/Camera",
+            str(scene), str(picture),
+        ]
         subprocess.run(command, env=variables, check=True, capture_output=True, timeout=300)
         return picture
 
@@ -175,4 +207,9 @@ def test_our_usdrecord_writes_them_into_exr_files(oocpt, tmp_path):
         assert attributes.keys() == rows.keys()
         for key, value in rows.items():
             assert attributes[key] == (value if isinstance(value, str) else pytest.approx(value, rel=1e-6)), key
-        assert sorted(path.name for path in tmp_path.iterdir()) == ["plain.exr", "plain.jsonl", "plain.usda", "told.exr"], "nothing is left behind"
+        assert sorted(path.name for path in tmp_path.iterdir()) == [
+            "plain.exr",
+            "plain.jsonl",
+            "plain.usda",
+            "told.exr",
+        ], "nothing is left behind"

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Edits in a live engine: after each, the picture is bit for bit that of a fresh engine on the edited stage, and differs from before."""
+"""Edits in a live engine: after each, the picture is bit for bit that of a fresh engine on the edited stage, and
+differs from before."""
 
 import pytest
 
@@ -14,33 +15,56 @@ SIZE = (28, 28)
 EDITS = {
     "transform": "UsdGeom.Xformable(at('/World/Box')).GetOrderedXformOps()[0].Set(Gf.Vec3d(0.6, 0.5, -0.4))",
     # The camera stays: a world that moves with its camera shows the same picture, bit for bit.
-    "parent_transform": "UsdGeom.Xformable(at('/World')).AddTranslateOp().Set(Gf.Vec3d(0.1, -0.2, 0.3))\nUsdGeom.Xformable(at('/World/Camera')).SetResetXformStack(True)",
-    "points": "points = UsdGeom.Mesh(at('/World/Box')).GetPointsAttr()\npoints.Set(Vt.Vec3fArray([p * 1.3 for p in points.Get()]))",
-    "topology": "mesh = UsdGeom.Mesh(at('/World/Box'))\nmesh.GetFaceVertexCountsAttr().Set([4] * 5)\nmesh.GetFaceVertexIndicesAttr().Set(list(mesh.GetFaceVertexIndicesAttr().Get())[:20])",
-    "prototype_points": "points = UsdGeom.Mesh(at('/World/Pebbles/Ball')).GetPointsAttr()\npoints.Set(Vt.Vec3fArray([p * 1.5 for p in points.Get()]))",
-    "instance_positions": "positions = pebbles.GetPositionsAttr()\npositions.Set(Vt.Vec3fArray([p + Gf.Vec3f(0, 0.3, 0) for p in positions.Get()]))",
-    "instance_count": "pebbles.GetProtoIndicesAttr().Set([0] * 3)\npebbles.GetPositionsAttr().Set(list(pebbles.GetPositionsAttr().Get())[:3])\npebbles.GetScalesAttr().Set([Gf.Vec3f(0.3)] * 3)",
+    "parent_transform": "UsdGeom.Xformable(at('/World')).AddTranslateOp().Set(Gf.Vec3d(0.1, -0.2, 0.3))\n"
+                        "UsdGeom.Xformable(at('/World/Camera')).SetResetXformStack(True)",
+    "points": "points = UsdGeom.Mesh(at('/World/Box')).GetPointsAttr()\n"
+              "points.Set(Vt.Vec3fArray([p * 1.3 for p in points.Get()]))",
+    "topology": "mesh = UsdGeom.Mesh(at('/World/Box'))\n"
+                "mesh.GetFaceVertexCountsAttr().Set([4] * 5)\n"
+                "mesh.GetFaceVertexIndicesAttr().Set(list(mesh.GetFaceVertexIndicesAttr().Get())[:20])",
+    "prototype_points": "points = UsdGeom.Mesh(at('/World/Pebbles/Ball')).GetPointsAttr()\n"
+                        "points.Set(Vt.Vec3fArray([p * 1.5 for p in points.Get()]))",
+    "instance_positions": "positions = pebbles.GetPositionsAttr()\n"
+                          "positions.Set(Vt.Vec3fArray([p + Gf.Vec3f(0, 0.3, 0) for p in positions.Get()]))",
+    "instance_count": "pebbles.GetProtoIndicesAttr().Set([0] * 3)\n"
+                      "pebbles.GetPositionsAttr().Set(list(pebbles.GetPositionsAttr().Get())[:3])\n"
+                      "pebbles.GetScalesAttr().Set([Gf.Vec3f(0.3)] * 3)",
     "instance_visibility": "pebbles.CreateInvisibleIdsAttr([1, 3])",
-    "new_prototype": "UsdGeom.Mesh.Define(stage, '/World/Pebbles/Tri')\nmesh = UsdGeom.Mesh(at('/World/Pebbles/Tri'))\nmesh.CreatePointsAttr([(-1, -1, 0), (1, -1, 0), (0, 1, 0)])\nmesh.CreateFaceVertexCountsAttr([3])\nmesh.CreateFaceVertexIndicesAttr([0, 1, 2])\npebbles.GetPrototypesRel().AddTarget('/World/Pebbles/Tri')\npebbles.GetProtoIndicesAttr().Set([0, 1, 0, 1, 0])",
+    "new_prototype": "UsdGeom.Mesh.Define(stage, '/World/Pebbles/Tri')\n"
+                     "mesh = UsdGeom.Mesh(at('/World/Pebbles/Tri'))\n"
+                     "mesh.CreatePointsAttr([(-1, -1, 0), (1, -1, 0), (0, 1, 0)])\n"
+                     "mesh.CreateFaceVertexCountsAttr([3])\n"
+                     "mesh.CreateFaceVertexIndicesAttr([0, 1, 2])\n"
+                     "pebbles.GetPrototypesRel().AddTarget('/World/Pebbles/Tri')\n"
+                     "pebbles.GetProtoIndicesAttr().Set([0, 1, 0, 1, 0])",
     "light_intensity": "UsdLux.DistantLight(at('/World/Sun')).GetIntensityAttr().Set(9.0)",
     "light_direction": "UsdGeom.Xformable(at('/World/Sun')).AddRotateXOp().Set(25.0)",
     "light_off": "UsdGeom.Imageable(at('/World/Sun')).MakeInvisible()",
     "light_removed": "stage.RemovePrim('/World/Dome')",
-    "light_added": "light = UsdLux.DistantLight.Define(stage, '/World/Moon')\nlight.CreateIntensityAttr(1.0)\nlight.CreateAngleAttr(0.0)\nlight.CreateColorAttr(Gf.Vec3f(0.2, 0.3, 1.0))",
+    "light_added": "light = UsdLux.DistantLight.Define(stage, '/World/Moon')\n"
+                   "light.CreateIntensityAttr(1.0)\n"
+                   "light.CreateAngleAttr(0.0)\n"
+                   "light.CreateColorAttr(Gf.Vec3f(0.2, 0.3, 1.0))",
     "visibility": "UsdGeom.Imageable(at('/World/Veil')).MakeInvisible()",
     "purpose": "UsdGeom.Imageable(at('/World/Wall')).CreatePurposeAttr('render')",
     "color": "UsdGeom.Mesh(at('/World/Wall')).GetDisplayColorPrimvar().Set([Gf.Vec3f(0.1, 0.9, 0.2)])",
     "opacity": "UsdGeom.Mesh(at('/World/Veil')).GetDisplayOpacityPrimvar().Set([1.0])",
     "camera": "UsdGeom.Xformable(at('/World/Camera')).AddTranslateOp().Set(Gf.Vec3d(0.5, 0.2, -0.3))",
-    "lens": "camera = UsdGeom.Camera(at('/World/Camera'))\ncamera.CreateFStopAttr(0.3)\ncamera.CreateFocusDistanceAttr(4.0)",
+    "lens": "camera = UsdGeom.Camera(at('/World/Camera'))\n"
+            "camera.CreateFStopAttr(0.3)\n"
+            "camera.CreateFocusDistanceAttr(4.0)",
     "removed": "stage.RemovePrim('/World/Box')",
     "deactivated": "at('/World/Pebbles').SetActive(False)",
-    "added": "sphere = UsdGeom.Sphere.Define(stage, '/World/Extra')\nsphere.CreateRadiusAttr(0.4)\nsphere.AddTranslateOp().Set(Gf.Vec3d(1, 1, 1.5))",
-    "renamed_copy": "Sdf.CopySpec(stage.GetRootLayer(), '/World/Box', stage.GetRootLayer(), '/World/Twin')\nUsdGeom.Xformable(at('/World/Twin')).GetOrderedXformOps()[0].Set(Gf.Vec3d(1.2, 0.5, 0))",
+    "added": "sphere = UsdGeom.Sphere.Define(stage, '/World/Extra')\n"
+             "sphere.CreateRadiusAttr(0.4)\n"
+             "sphere.AddTranslateOp().Set(Gf.Vec3d(1, 1, 1.5))",
+    "renamed_copy": "Sdf.CopySpec(stage.GetRootLayer(), '/World/Box', stage.GetRootLayer(), '/World/Twin')\n"
+                    "UsdGeom.Xformable(at('/World/Twin')).GetOrderedXformOps()[0].Set(Gf.Vec3d(1.2, 0.5, 0))",
 }  # fmt: skip
 
-# What the host itself gets wrong: (edit, scene-index mode) -> the errors it posts once, without our code being involved. The error
-# must come (an unexpected pass fails too, so that the entry goes when the host is mended), and the next render must be right.
+# What the host itself gets wrong: (edit, scene-index mode) -> the errors it posts once, without our code being
+# involved. The error must come (an unexpected pass fails too, so that the entry goes when the host is mended), and the
+# next render must be right.
 HOST_FAULTS = {
     # OpenUSD 25.08: removal of a PointInstancer; see the project's notes on hosts.
     ("deactivated", True): "UsdImaging_InstanceProxyPathTranslationSceneIndex::_UpdateInstancerLocations",
@@ -60,7 +84,8 @@ PRELUDE = "at = stage.GetPrimAtPath\npebbles = UsdGeom.PointInstancer(at('/World
 
 @pytest.fixture(scope="module")
 def live(pool):
-    """One live view per front end for the whole module: every edit comes on top of the ones before, and is then undone."""
+    """One live view per front end for the whole module: every edit comes on top of the ones before, and is then
+    undone."""
     views = {}
 
     def get(host):
@@ -92,7 +117,9 @@ def test_edit_and_undo(host, live, edit):
 
 
 def test_several_edits_at_once(host):
-    edits = [EDITS[name] for name in ("transform", "points", "instance_positions", "light_intensity", "color", "camera")]
+    edits = [
+        EDITS[name] for name in ("transform", "points", "instance_positions", "light_intensity", "color", "camera")
+    ]
     with host.open(small.FOLDER / "glow.usda", SIZE, settings=SETTINGS, aovs=AOVS) as view:
         view.render()
         text = view.edit(PRELUDE + "\n".join(edits) + "\nresult = stage.GetRootLayer().ExportToString()")
@@ -103,14 +130,25 @@ def test_an_edit_in_the_middle_of_a_render(host):
     """The picture in progress is thrown away: no sample of the old scene may remain."""
     settings = SETTINGS | {"oocpt:samplesPerPixel": 64}
     with host.open(small.FOLDER / "glow.usda", SIZE, settings=settings, aovs=AOVS) as view:
-        text = view.edit(PRELUDE + "view.prepare()\nview.step()\ntime.sleep(0.05)\nview.step()\n" + EDITS["light_intensity"] + "\nresult = stage.GetRootLayer().ExportToString()")
-        compare.same_picture(view.render(), host.picture(text, SIZE, settings=settings, aovs=AOVS), "edited while rendering")
+        text = view.edit(
+            PRELUDE
+            + "view.prepare()\nview.step()\ntime.sleep(0.05)\nview.step()\n"
+            + EDITS["light_intensity"]
+            + "\nresult = stage.GetRootLayer().ExportToString()"
+        )
+        compare.same_picture(
+            view.render(), host.picture(text, SIZE, settings=settings, aovs=AOVS), "edited while rendering"
+        )
 
 
 def test_time_samples(host):
     """The frame of the render parameters is what is shown."""
     with host.open(small.FOLDER / "glow.usda", SIZE, settings=SETTINGS, aovs=AOVS) as view:
-        view.edit("op = UsdGeom.Xformable(stage.GetPrimAtPath('/World/Box')).GetOrderedXformOps()[0]\nop.Set(Gf.Vec3d(0, 0.5, 0), 1)\nop.Set(Gf.Vec3d(1, 0.5, 0), 3)")
+        view.edit(
+            "op = UsdGeom.Xformable(stage.GetPrimAtPath('/World/Box')).GetOrderedXformOps()[0]\n"
+            "op.Set(Gf.Vec3d(0, 0.5, 0), 1)\n"
+            "op.Set(Gf.Vec3d(1, 0.5, 0), 3)"
+        )
         pictures = []
         for frame in (1, 2, 3, 1):
             view.edit(f"view.params.frame = Usd.TimeCode({frame})")

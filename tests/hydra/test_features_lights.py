@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feature scenes of lights against known answers (answers.py), both front ends. The scenes are described in tests/scenes/feature_lights.py."""
+"""Feature scenes of lights against known answers (answers.py), both front ends. The scenes are described in
+tests/scenes/feature_lights.py."""
 
 import math
 
@@ -38,8 +39,14 @@ LIGHTS = {
     "light_rect": (_rect, (2.0, 1.0, 0.5), 1.2 * 0.8),
     "light_disk": (lambda points: answers.disk(points, (-0.2, 1.4, 0.1), 0.6), (2.0, 2.0, 2.0), math.pi * 0.36),
     "light_sphere": (lambda points: answers.ball(points, (0.25, 1.7, 0.3), 0.4), (2.0, 4.0, 3.0), 4 * math.pi * 0.16),
-    "light_cylinder": (lambda points: answers.quadrature(points, *answers.tube_pieces(_matrix("light_cylinder"), 1.5, 0.2)), (3.0, 3.0, 3.0), 2 * math.pi * 0.2 * 1.5),
-    "light_rect_tilted": (lambda points: answers.quadrature(points, *answers.rect_pieces(_matrix("light_rect_tilted"), 0.5, 1.0)), (3.0, 3.0, 3.0), 0.5 * 2.0 * 1.0 * 0.5),
+    "light_cylinder": (
+        lambda points: answers.quadrature(points, *answers.tube_pieces(_matrix("light_cylinder"), 1.5, 0.2)),
+        (3.0, 3.0, 3.0), 2 * math.pi * 0.2 * 1.5,
+    ),
+    "light_rect_tilted": (
+        lambda points: answers.quadrature(points, *answers.rect_pieces(_matrix("light_rect_tilted"), 0.5, 1.0)),
+        (3.0, 3.0, 3.0), 0.5 * 2.0 * 1.0 * 0.5,
+    ),
 }
 
 
@@ -68,42 +75,69 @@ def test_color_temperatures(host):
     with host.open(scene, (4, 4), camera="/Camera", settings=featured.settings(1, 0)) as view:
         for kelvin in kelvins:
             view.edit(f"UsdLux.LightAPI(stage.GetPrimAtPath('/Dome')).CreateColorTemperatureAttr({kelvin})")
-            compare.near(view.render()["color"][..., :3], list(UsdLux.BlackbodyTemperatureAsRgb(kelvin)), 1e-3, f"{kelvin} K")
+            compare.near(
+                view.render()["color"][..., :3], list(UsdLux.BlackbodyTemperatureAsRgb(kelvin)), 1e-3, f"{kelvin} K"
+            )
 
 
 @pytest.mark.parametrize("kelvin", [1500.0, 2700.0, 6500.0, 10000.0])
 def test_color_temperature(host, kelvin):
     """Colour and exposure of the ball times UsdLux's own blackbody colour."""
-    edit = f"light = UsdLux.LightAPI(stage.GetPrimAtPath('/World/Light')); light.CreateEnableColorTemperatureAttr(True); light.CreateColorTemperatureAttr({kelvin}); light.CreateExposureAttr(1.5)"
+    edit = (
+        "light = UsdLux.LightAPI(stage.GetPrimAtPath('/World/Light')); light.CreateEnableColorTemperatureAttr(True);"
+        f" light.CreateColorTemperatureAttr({kelvin}); light.CreateExposureAttr(1.5)"
+    )
     answer, radiance, _ = LIGHTS["light_sphere"]
-    expected = _floor(answer(answers.floor_points(SIZE)), np.array(radiance) * 2**1.5 * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin)))
+    expected = _floor(
+        answer(answers.floor_points(SIZE)),
+        np.array(radiance) * 2**1.5 * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin)),
+    )
     featured.agree(featured.pictures(host, "light_sphere", edit=edit), expected, f"{kelvin} K", relative=2e-3)
 
 
-@pytest.mark.parametrize(("angle", "softness", "focus"), [(25, 0.0, 0.0), (25, 0.6, 0.0), (40, 1.0, 0.0), (90, 0.0, 8.0), (30, 0.5, 3.0)])
+@pytest.mark.parametrize(
+    ("angle", "softness", "focus"), [(25, 0.0, 0.0), (25, 0.6, 0.0), (40, 1.0, 0.0), (90, 0.0, 8.0), (30, 0.5, 3.0)]
+)
 def test_cone(host, angle, softness, focus):
-    """1 - smoothstep over the soft part of the cone, times cos^focus; away from hard edges. Where the cone fades out, light falls with the square of
-    the distance to its edge: four points a pixel are off by 3 % there, 64 by 0.2 %."""
-    edit = f"s = UsdLux.ShapingAPI(stage.GetPrimAtPath('/World/Light')); s.CreateShapingConeAngleAttr({angle}); s.CreateShapingConeSoftnessAttr({softness}); s.CreateShapingFocusAttr({focus})"
+    """1 - smoothstep over the soft part of the cone, times cos^focus; away from hard edges. Where the cone fades out,
+    light falls with the square of the distance to its edge: four points a pixel are off by 3 % there, 64 by 0.2 %."""
+    edit = (
+        f"s = UsdLux.ShapingAPI(stage.GetPrimAtPath('/World/Light')); s.CreateShapingConeAngleAttr({angle});"
+        f" s.CreateShapingConeSoftnessAttr({softness}); s.CreateShapingFocusAttr({focus})"
+    )
     soft = softness > 0
     points = answers.floor_points(SIZE, over=8 if soft else 2)
-    values = answers.quadrature(points, *answers.disk_pieces((0, 1.5, 0), 0.03, *(4, 12) if soft else (8, 24)), shape=answers.cone(angle, softness, focus))
+    values = answers.quadrature(
+        points, *answers.disk_pieces((0, 1.5, 0), 0.03, *(4, 12) if soft else (8, 24)),
+        shape=answers.cone(angle, softness, focus),
+    )
     mask = None if soft else answers.smooth_pixels(values)
     assert mask is None or mask.mean() > 0.6
-    featured.agree(featured.pictures(host, "light_cone", edit=edit), _floor(values, [200.0] * 3), f"cone {angle} {softness} {focus}", mask, relative=3e-3)
+    featured.agree(
+        featured.pictures(host, "light_cone", edit=edit), _floor(values, [200.0] * 3),
+        f"cone {angle} {softness} {focus}", mask, relative=3e-3,
+    )
 
 
 def test_ies_profile(host):
-    """What leaves at an angle is as the profile says, linearly between its lines; only ratios to straight down are told by UsdLux."""
+    """What leaves at an angle is as the profile says, linearly between its lines; only ratios to straight down are told
+    by UsdLux."""
     points = answers.floor_points(SIZE)
-    relative = lambda cosine: np.interp(np.degrees(np.arccos(np.clip(cosine, -1, 1))), feature_lights.IES, feature_lights.IES_CANDELA) / feature_lights.IES_CANDELA[0]
+    relative = (
+        lambda cosine: np.interp(
+            np.degrees(np.arccos(np.clip(cosine, -1, 1))), feature_lights.IES, feature_lights.IES_CANDELA
+        )
+        / feature_lights.IES_CANDELA[0]
+    )
     to = np.array([0, 1.5, 0]) - points
     distance = np.linalg.norm(to, axis=-1)
     shape = (relative(to[..., 1] / distance) * to[..., 1] / distance**3).mean(axis=-1)
     made = np.mean(featured.pictures(host, "light_ies"), axis=0)
     assert made.max() > 0
     middle = slice(SIZE // 2 - 2, SIZE // 2 + 2)
-    ratios, wanted = featured.blocks(made / made[middle, middle].mean(), np.ones(shape.shape, bool), 8, 8), featured.blocks((shape / shape[middle, middle].mean())[..., None], np.ones(shape.shape, bool), 8, 8)
+    ratios, wanted = featured.blocks(
+        made / made[middle, middle].mean(), np.ones(shape.shape, bool), 8, 8
+    ), featured.blocks((shape / shape[middle, middle].mean())[..., None], np.ones(shape.shape, bool), 8, 8)
     compare.near(ratios, wanted, 0.02, "profile")
 
 
@@ -112,7 +146,9 @@ AXES = {"x": 0, "y": 1, "z": 2}
 
 def _box_faces(host, name, edit=None):
     """Mean colour of the box's faces towards +x, +y, +z, away from their edges."""
-    with host.open(featured.path(name), (48, 48), aovs=["color", "normal"], settings=featured.settings(1024, 0)) as view:
+    with host.open(
+        featured.path(name), (48, 48), aovs=["color", "normal"], settings=featured.settings(1024, 0)
+    ) as view:
         if edit:
             view.edit(edit)
         picture = view.render()
@@ -128,14 +164,21 @@ def _box_faces(host, name, edit=None):
 TURNS = {
     # edit -> matrix from the picture's directions to the world
     "as it is": (None, np.eye(3)),
-    "about y": ("UsdGeom.Xformable(stage.GetPrimAtPath('/World/Dome')).AddRotateYOp().Set(90.0)", np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]])),
-    "about x": ("UsdGeom.Xformable(stage.GetPrimAtPath('/World/Dome')).AddRotateXOp().Set(90.0)", np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])),
+    "about y": (
+        "UsdGeom.Xformable(stage.GetPrimAtPath('/World/Dome')).AddRotateYOp().Set(90.0)",
+        np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]]),
+    ),
+    "about x": (
+        "UsdGeom.Xformable(stage.GetPrimAtPath('/World/Dome')).AddRotateXOp().Set(90.0)",
+        np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]),
+    ),
 }
 
 
 @pytest.mark.parametrize("turn", TURNS)
 def test_dome_texture(host, turn):
-    """Radiance 1 + d.k in channel k, d in the dome's frame: a face n gets pi + 2/3 pi n.k. OpenEXR's rule for latlongs, and the dome's transform."""
+    """Radiance 1 + d.k in channel k, d in the dome's frame: a face n gets pi + 2/3 pi n.k. OpenEXR's rule for latlongs,
+    and the dome's transform."""
     edit, matrix = TURNS[turn]
     for axis, color in _box_faces(host, "light_dome_texture", edit).items():
         normal = matrix.T @ np.eye(3)[AXES[axis]]
@@ -151,7 +194,8 @@ def test_dome_pole_axis(host):
 
 
 def test_dome_sun_is_sampled(host):
-    """A square of 2 x 2 bright texels: irradiance by the sum over texels; noise that only importance sampling reaches."""
+    """A square of 2 x 2 bright texels: irradiance by the sum over texels; noise that only importance sampling
+    reaches."""
     height, width = 64, 128
     latitude = math.pi / 2 - math.pi * (np.arange(height * 8) + 0.5) / (height * 8)
     longitude = math.pi - 2 * math.pi * (np.arange(width * 8) + 0.5) / (width * 8)
@@ -170,14 +214,17 @@ def test_dome_sun_is_sampled(host):
 @pytest.mark.parametrize("shadow", [True, False])
 def test_shadow_enable(host, shadow):
     """Sun of irradiance pi on albedo 1/2: 1/2 in the light; below the roof 0, or 1/2 with shadows off."""
-    made = featured.picture(host, "light_shadow", edit=f"UsdLux.ShadowAPI(stage.GetPrimAtPath('/World/Sun')).CreateShadowEnableAttr({shadow})")
+    made = featured.picture(
+        host, "light_shadow",
+        edit=f"UsdLux.ShadowAPI(stage.GetPrimAtPath('/World/Sun')).CreateShadowEnableAttr({shadow})",
+    )
     compare.near(made[:, SIZE // 2 + 1 :], 0.5, 1e-5, "in the light")
     compare.near(made[:, : SIZE // 2 - 1], 0.0 if shadow else 0.5, 1e-5, "below the roof")
 
 
 def test_light_and_shadow_links(host):
-    """Each sun shines on one square; the roof shadows the green one only, as the others have their shadows from Square0 alone. Suns
-    that are not linked to a square are not asked there: no noise."""
+    """Each sun shines on one square; the roof shadows the green one only, as the others have their shadows from Square0
+    alone. Suns that are not linked to a square are not asked there: no noise."""
     made = featured.picture(host, "light_links", size=(54, 54))
     for index, expected in enumerate(((0.5, 0, 0), (0, 0, 0), (0, 0, 0.5))):
         left = 3 + 18 * index
@@ -200,7 +247,9 @@ def _hundred(points) -> np.ndarray:
 @pytest.mark.parametrize("name", ["lights_hundred", "lights_instanced"])
 def test_a_hundred_lights(host, name):
     """The sum of a hundred balls, as prims and as instances of twelve."""
-    featured.agree(featured.pictures(host, name, samples=256), _hundred(answers.floor_points(SIZE)), name, relative=1e-3)
+    featured.agree(
+        featured.pictures(host, name, samples=256), _hundred(answers.floor_points(SIZE)), name, relative=1e-3
+    )
 
 
 def test_mesh_light(host):
@@ -214,7 +263,10 @@ MESH_LIGHTS = {
     # edit of the scene: radiance by colour
     "plain": ("", (2.0, 1.0, 0.5)),
     "normalize": ("light.CreateNormalizeAttr(True)", tuple(v / 0.96 for v in (2.0, 1.0, 0.5))),
-    "temperature": ("light.CreateEnableColorTemperatureAttr(True); light.CreateColorTemperatureAttr(3000.0)", "blackbody"),
+    "temperature": (
+        "light.CreateEnableColorTemperatureAttr(True); light.CreateColorTemperatureAttr(3000.0)",
+        "blackbody",
+    ),
     "glow tints": (BIND, (1.0, 1.0, 1.5)),
     "glow tints, named": (f"{BIND}; sync.Set('materialGlowTintsLight')", (1.0, 1.0, 1.5)),
     "independent": (f"{BIND}; sync.Set('independent')", (2.0, 1.0, 0.5)),
@@ -231,7 +283,10 @@ def test_mesh_light_api(host, case):
     if radiance == "blackbody":
         radiance = tuple(a * b for a, b in zip((2.0, 1.0, 0.5), UsdLux.BlackbodyTemperatureAsRgb(3000.0)))
     expected = _floor(_rect(answers.floor_points(SIZE)), radiance)
-    begin = "from pxr import UsdLux, UsdShade; panel = stage.GetPrimAtPath('/World/Panel'); light = UsdLux.LightAPI(panel); "
+    begin = (
+        "from pxr import UsdLux, UsdShade; panel = stage.GetPrimAtPath('/World/Panel'); light ="
+        " UsdLux.LightAPI(panel); "
+    )
     sync = "sync = light.CreateMaterialSyncModeAttr(); " if "sync." in edit else ""
     # The first picture is that of the scene as it is: what follows is an edit.
     made = featured.pictures(host, "light_mesh_api", samples=256, edit=begin + sync + edit)
@@ -239,8 +294,13 @@ def test_mesh_light_api(host, case):
 
 
 def test_mesh_light_api_warns_of_what_it_does_not_do(host):
-    edit = "from pxr import UsdLux; shaping = UsdLux.ShapingAPI.Apply(stage.GetPrimAtPath('/World/Panel')); shaping.CreateShapingConeAngleAttr(30.0)"
-    with host.open(featured.path("light_mesh_api"), (16, 16), settings=featured.settings(1, 0), camera="/World/Camera") as view:
+    edit = (
+        "from pxr import UsdLux; shaping = UsdLux.ShapingAPI.Apply(stage.GetPrimAtPath('/World/Panel'));"
+        " shaping.CreateShapingConeAngleAttr(30.0)"
+    )
+    with host.open(
+        featured.path("light_mesh_api"), (16, 16), settings=featured.settings(1, 0), camera="/World/Camera"
+    ) as view:
         view.edit(edit)
         log = view.render().log
     lines = [line for line in log.splitlines() if "/World/Panel" in line]
@@ -248,11 +308,17 @@ def test_mesh_light_api_warns_of_what_it_does_not_do(host):
 
 
 def test_rect_light_texture(host):
-    """Seen in a mirror below: which quarter is where. UsdLux: "a texture file's min coordinates should be at (+X, +Y) and max coordinates at (-X, -Y)",
-    the first texel of a file being its upper left one: from its front (-z) the light shows the picture as it is. (OpenUSD's hdEmbree mirrors it.)"""
+    """Seen in a mirror below: which quarter is where. UsdLux: "a texture file's min coordinates should be at (+X, +Y)
+    and max coordinates at (-X, -Y)", the first texel of a file being its upper left one: from its front (-z) the light
+    shows the picture as it is. (OpenUSD's hdEmbree mirrors it.)"""
     made = featured.picture(host, "light_rect_texture", samples=64, bounces=1)
-    # The light lies at -90 degrees about x: its +y is the world's -z, which is up in the picture; its +x is the world's +x.
-    quarters = {"upper right": (slice(20, 28), slice(20, 28), (1, 0, 0)), "upper left": (slice(20, 28), slice(4, 12), (0, 1, 0)), "lower right": (slice(4, 12), slice(20, 28), (0, 0, 1)), "lower left": (slice(4, 12), slice(4, 12), (1, 1, 1))}
+    # The light lies at -90 degrees about x: its +y is the world's -z, which is up in the picture; its +x is the world's
+    # +x.
+    quarters = {
+        "upper right": (slice(20, 28), slice(20, 28), (1, 0, 0)),
+        "upper left": (slice(20, 28), slice(4, 12), (0, 1, 0)), "lower right": (slice(4, 12), slice(20, 28), (0, 0, 1)),
+        "lower left": (slice(4, 12), slice(4, 12), (1, 1, 1)),
+    }
     for where, (rows, columns, color) in quarters.items():
         compare.near(made[rows, columns], color, 0.02, where)
 

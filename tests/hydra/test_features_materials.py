@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feature scenes of materials against known answers, both front ends. The scenes are described in tests/scenes/feature_surfaces.py."""
+"""Feature scenes of materials against known answers, both front ends. The scenes are described in
+tests/scenes/feature_surfaces.py."""
 
 import compare
 import feature_surfaces as scenes
@@ -8,7 +9,9 @@ import numpy as np
 
 def test_emission(host):
     """What glows shows its emissiveColor, whatever its size; black stays black."""
-    for cell, color in zip(featured.row_of(host, "material_emission", 4), ((1, 0, 0), (0.25, 0.5, 0.75), (4, 2, 1), (0, 0, 0))):
+    for cell, color in zip(
+        featured.row_of(host, "material_emission", 4), ((1, 0, 0), (0.25, 0.5, 0.75), (4, 2, 1), (0, 0, 0))
+    ):
         compare.near(cell, color, 1e-5, f"emission {color}")
 
 
@@ -19,7 +22,8 @@ def test_mirror(host):
 
 
 def test_mirror_at_the_last_bounce(host):
-    """The ray that leaves the last surface still finds the lights: a mirror shows a lamp with no bounces at all. Shadow rays cannot."""
+    """The ray that leaves the last surface still finds the lights: a mirror shows a lamp with no bounces at all. Shadow
+    rays cannot."""
     lamp = """
 for prim in list(stage.Traverse()):
     if prim.IsA(UsdLux.DomeLight):
@@ -33,14 +37,19 @@ UsdGeom.XformCommonAPI(lamp).SetTranslate(Gf.Vec3d(0, 0, 50))
 
 
 def test_white_metal_furnace(host):
-    """Rough or smooth, a white metal in a white world returns all light (multiple scattering between microfacets included)."""
-    for cell, roughness in zip(featured.row_of(host, "material_furnace_metal", 5, samples=1024), scenes.METAL_ROUGHNESS):
+    """Rough or smooth, a white metal in a white world returns all light (multiple scattering between microfacets
+    included)."""
+    for cell, roughness in zip(
+        featured.row_of(host, "material_furnace_metal", 5, samples=1024), scenes.METAL_ROUGHNESS
+    ):
         compare.near(cell.mean(), 1.0, 5e-3, f"roughness {roughness}")
 
 
 def test_white_plastic_furnace(host):
     """A white dielectric may lose some light to its model, but nothing is gained."""
-    for cell, roughness in zip(featured.row_of(host, "material_furnace_plastic", 5, samples=1024), scenes.METAL_ROUGHNESS):
+    for cell, roughness in zip(
+        featured.row_of(host, "material_furnace_plastic", 5, samples=1024), scenes.METAL_ROUGHNESS
+    ):
         assert 0.93 < cell.mean() < 1.003, f"roughness {roughness}: {cell.mean()}"
 
 
@@ -90,13 +99,18 @@ def test_normal_map(host):
 
 def test_subsets(host):
     """Faces of a GeomSubset have its material; the others the mesh's."""
-    for cell, color in zip(featured.row_of(host, "material_subsets", 4), ((1.0, 0.0, 0.5), (1.0, 0.0, 0.5), (0.0, 1.0, 0.25), (0.1, 0.2, 0.3))):
+    for cell, color in zip(
+        featured.row_of(host, "material_subsets", 4),
+        ((1.0, 0.0, 0.5), (1.0, 0.0, 0.5), (0.0, 1.0, 0.25), (0.1, 0.2, 0.3)),
+    ):
         compare.near(cell, color, 1e-5, f"face {color}")
 
 
 def test_bindings(host):
     """Inherited, own, and by a collection of an ancestor."""
-    for cell, color in zip(featured.row_of(host, "material_collection", 3), ((0.5, 0.25, 0.0), (0.0, 0.5, 0.25), (0.25, 0.0, 0.5))):
+    for cell, color in zip(
+        featured.row_of(host, "material_collection", 3), ((0.5, 0.25, 0.0), (0.0, 0.5, 0.25), (0.25, 0.0, 0.5))
+    ):
         compare.near(cell, color, 1e-5, f"binding {color}")
 
 
@@ -104,10 +118,13 @@ def test_primvar_readers(host):
     """Every interpolation, at points where its value is plain: the middle of the left face."""
     made = featured.picture(host, "material_primvars", (6 * featured.CELL, 6 * featured.CELL), samples=64)
     value = lambda k: np.array([0.125 * (k + 1), 1 - 0.0625 * k, 0.5 * (k % 2)])
-    corners = {"constant": [0], "uniform": [0], "varying": [0, 1, 4, 3], "vertex": [0, 1, 4, 3], "faceVarying": [0, 1, 2, 3]}
+    corners = {
+        "constant": [0], "uniform": [0], "varying": [0, 1, 4, 3], "vertex": [0, 1, 4, 3], "faceVarying": [0, 1, 2, 3]
+    }
     middle = 3 * featured.CELL
     for index, (interpolation, numbers) in enumerate(corners.items()):
-        # The left face is from -0.45 to 0 of the cell; the mean over it is that of its corners where the quad is flat in the values.
+        # The left face is from -0.45 to 0 of the cell; the mean over it is that of its corners where the quad is flat
+        # in the values.
         face = made[middle - 3 : middle + 3, index * featured.CELL + 2 : index * featured.CELL + 7]
         expected = np.mean([value(k) for k in numbers], axis=0)
         if len(numbers) == 1:
@@ -116,7 +133,9 @@ def test_primvar_readers(host):
             # Two of the channels are planar over the quad; the third depends on how it is cut into triangles.
             compare.near(face.mean(axis=(0, 1))[:2], expected[:2], 0.04, interpolation)
             assert 0 <= face[..., 2].min() and face[..., 2].max() <= 0.5, interpolation
-    compare.near(made[middle - 3 : middle + 3, 5 * featured.CELL + 3 : 5 * featured.CELL + 13], (0.3, 0.6, 0.9), 1e-5, "fallback")
+    compare.near(
+        made[middle - 3 : middle + 3, 5 * featured.CELL + 3 : 5 * featured.CELL + 13], (0.3, 0.6, 0.9), 1e-5, "fallback"
+    )
 
 
 def test_instance_primvars(host):
@@ -153,7 +172,9 @@ def test_edits_of_instance_colors(host):
         made = featured.cells(view.render()["color"][..., :3].astype(np.float64), 4)
         for index, color in enumerate(colors):
             compare.near(made[index], color, 1e-5, f"instance {index}")
-        view.edit(f"{row}.CreatePrimvar('displayOpacity', Sdf.ValueTypeNames.FloatArray, 'vertex').Set([0.0, 1.0, 0.5])")
+        view.edit(
+            f"{row}.CreatePrimvar('displayOpacity', Sdf.ValueTypeNames.FloatArray, 'vertex').Set([0.0, 1.0, 0.5])"
+        )
         alpha = featured.cells(view.render()["color"][..., 3:].astype(np.float64), 4)
         assert alpha[0].max() == 0.0 and alpha[1].min() == 1.0 and alpha[3].min() == 1.0, "not there, and there"
         # 64 pixels of 64 samples.

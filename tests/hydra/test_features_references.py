@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feature scenes without a closed form against Mitsuba's converged means that lie beside them (`cargo xtask reference`), both front ends."""
+"""Feature scenes without a closed form against Mitsuba's converged means that lie beside them (`cargo xtask
+reference`), both front ends."""
 
 import json
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ground to the horizon and a wall along the view, through the host, against the same pictures without a filter (`scenes/filtering.py`)."""
+"""A ground to the horizon and a wall along the view, through the host, against the same pictures without a filter
+(`scenes/filtering.py`)."""
 
 from __future__ import annotations
 

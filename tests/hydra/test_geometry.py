@@ -24,7 +24,14 @@ def check(view, stage, camera, size, policy="matchVertically", purposes=("defaul
     compare.near(picture["depth"][hit], hits.depth[hit], 2e-6, "depth")
     assert (picture["elementId"][hit] == hits.face[hit]).all(), "elementId"
     compare.near(picture["normal"][hit], hits.normal[hit], 2e-5, "normal")
-    for aov, clear_value in (("cameraDepth", 0.0), ("depth", 1.0), ("primId", -1), ("instanceId", -1), ("elementId", -1), ("normal", 0.0)):
+    for aov, clear_value in (
+        ("cameraDepth", 0.0),
+        ("depth", 1.0),
+        ("primId", -1),
+        ("instanceId", -1),
+        ("elementId", -1),
+        ("normal", 0.0),
+    ):
         assert (picture[aov][miss] == clear_value).all(), f"clear value of {aov}"
     check_ids(view, picture, hits, hit)
     return picture, hits
@@ -47,7 +54,11 @@ def check_ids(view, picture, hits, hit):
 
 
 @pytest.mark.parametrize(
-    "scene", [small.nested, small.flattened, small.hidden_instances, small.polygons, small.mirrored, small.transforms, small.native],
+    "scene",
+    [
+        small.nested, small.flattened, small.hidden_instances, small.polygons, small.mirrored, small.transforms,
+        small.native,
+    ],
     ids=lambda scene: scene.__name__,
 )  # fmt: skip
 def test_first_hits(host, scene):
@@ -94,8 +105,8 @@ def test_free_camera_without_prim(host):
 @pytest.mark.parametrize("data", [(0, 0, 40, 40), (6, 12, 26, 30), (17, 3, 40, 22)], ids=["all", "crop", "corner"])
 @pytest.mark.parametrize("display", [(0, 0, 40, 40), (-8, -4, 48, 52)], ids=["view", "larger_view"])
 def test_framing(host, display, data):
-    """The camera's view lands on the display window, the pixels of the data window are rendered, the rest of the buffer is clear.
-    Windows count in pixels of the buffer, y down, as CameraUtilFraming defines them."""
+    """The camera's view lands on the display window, the pixels of the data window are rendered, the rest of the buffer
+    is clear. Windows count in pixels of the buffer, y down, as CameraUtilFraming defines them."""
     stage, full = small.build(small.cameras), 40
     left, top, right, bottom = display
     whole = reference.first_hits(stage, "/World/Offset", right - left, bottom - top)
@@ -120,7 +131,8 @@ def test_framing(host, display, data):
 
 
 def test_depth_of_field_blurs_by_the_circle_of_confusion(host):
-    """The edge of a half plane at twice the focus distance: coverage across it is that of a disk of the known radius."""
+    """The edge of a half plane at twice the focus distance: coverage across it is that of a disk of the known
+    radius."""
     distance, focus, lens_radius = 8.0, 4.0, 1.0
 
     def edge(stage):
@@ -160,7 +172,8 @@ def test_millimetres_at_ten_thousand_kilometres(host):
 
 
 def test_implicit_shapes_are_where_they_should_be(host):
-    """Tessellated, so inside the true shape by little: depth, and the picture's outline, within the error of the polygons."""
+    """Tessellated, so inside the true shape by little: depth, and the picture's outline, within the error of the
+    polygons."""
     stage = small.build(small.implicit)
     size = (180, 180)
     with host.open(stage, size, aovs=AOVS, settings=QUICK) as view:
@@ -179,7 +192,9 @@ def test_implicit_shapes_are_where_they_should_be(host):
         front = _front(kind, dx, y)
         covered, expected = on.sum(), np.isfinite(front).sum()
         assert 0.88 * expected <= covered <= 1.01 * expected, f"{kind} covers {covered} pixels, not {expected}"
-        assert not (on & ~np.isfinite(front) & ~np.isfinite(_front(kind, dx * 0.97, y * 0.97))).any(), f"{kind} sticks out"
+        assert not (
+            on & ~np.isfinite(front) & ~np.isfinite(_front(kind, dx * 0.97, y * 0.97))
+        ).any(), f"{kind} sticks out"
         both = on & np.isfinite(front)
         behind = (6.0 - picture["cameraDepth"][both]) - front[both]
         assert behind.max() <= 1e-4, f"{kind}: {behind.max()} in front of the true surface"

@@ -11,9 +11,9 @@ import small
 CYCLES, EVERY, WARM_UP = 2000, 50, 500
 # Measurements in a window: 500 cycles.
 WINDOW = 10
-# Of the allocator, in the calmest window. USD's tables of paths, which engines name after addresses, grow in bouts, the more so beside other
-# programs: 380 bytes per cycle over a window were seen, between windows of 20 (no call of ours is left in a heap profile). A leak of ours
-# once per engine adds at least its own size in every window.
+# Of the allocator, in the calmest window. USD's tables of paths, which engines name after addresses, grow in bouts, the
+# more so beside other programs: 380 bytes per cycle over a window were seen, between windows of 20 (no call of ours is
+# left in a heap profile). A leak of ours once per engine adds at least its own size in every window.
 ALLOWED_BYTES_PER_CYCLE = 160
 PLANTED_BYTES_PER_CYCLE = 200
 # Of the system: pages that do not come from the allocator, where one page per cycle would be a leak.
@@ -23,7 +23,8 @@ ENVIRONMENT = {"OOCPT_VALIDATION": "0", "GLIBC_TUNABLES": "glibc.malloc.tcache_c
 
 
 def slope(measured: np.ndarray) -> float:
-    """Growth per cycle: the median slope between all pairs of measurements (Theil 1950, Sen 1968), which a step changes little."""
+    """Growth per cycle: the median slope between all pairs of measurements (Theil 1950, Sen 1968), which a step changes
+    little."""
     first, last = np.triu_indices(len(measured), k=1)
     return float(np.median((measured[last] - measured[first]) / ((last - first) * EVERY)))
 
@@ -46,8 +47,12 @@ def test_two_thousand_cycles_do_not_grow(fresh_host, scene_index):
     held = measure(fresh_host(scene_index, **ENVIRONMENT), CYCLES)
     assert len(held) == CYCLES // EVERY
     allocated, resident = growth(held, "allocated"), growth(held, "resident")
-    assert allocated <= ALLOWED_BYTES_PER_CYCLE, f"{allocated:.0f} bytes per cycle: {[entry['allocated'] for entry in held]}"
-    assert resident <= ALLOWED_RESIDENT_PER_CYCLE, f"{resident:.0f} bytes per cycle: {[entry['resident'] for entry in held]}"
+    assert (
+        allocated <= ALLOWED_BYTES_PER_CYCLE
+    ), f"{allocated:.0f} bytes per cycle: {[entry['allocated'] for entry in held]}"
+    assert (
+        resident <= ALLOWED_RESIDENT_PER_CYCLE
+    ), f"{resident:.0f} bytes per cycle: {[entry['resident'] for entry in held]}"
     settled, last = held[WARM_UP // EVERY], held[-1]
     # Those of one engine would be hundreds by now; a few come and go with the host's pools.
     for what in ("mappings", "files", "threads"):
@@ -65,4 +70,6 @@ def test_the_validation_layer_watches(host):
     """The canary of all these tests is alive: the layer is in the rendering process."""
     with host.open(small.FOLDER / "hidden_instances.usda", (8, 8), settings={"oocpt:samplesPerPixel": 1}) as view:
         view.render()
-        assert "validation" in pathlib.Path(f"/proc/{host.pid}/maps").read_text().lower(), "no validation layer in the process"
+        assert (
+            "validation" in pathlib.Path(f"/proc/{host.pid}/maps").read_text().lower()
+        ), "no validation layer in the process"

@@ -55,7 +55,9 @@ def test_lambert_under_a_distant_light(host):
 
 def test_wide_sun_and_dome_add_up(host):
     """A normalised sun gives its intensity whatever its angle; the dome adds pi times its radiance."""
-    picture = host.picture(small.FOLDER / "sun_disk.usda", (16, 16), settings={"oocpt:samplesPerPixel": 256, "oocpt:maxBounces": 2})
+    picture = host.picture(
+        small.FOLDER / "sun_disk.usda", (16, 16), settings={"oocpt:samplesPerPixel": 256, "oocpt:maxBounces": 2}
+    )
     irradiance = 2.0 * math.cos(math.radians(40)) * np.array([1.0, 0.5, 0.25]) + 0.3 * math.pi
     mean = picture["color"][..., :3].astype(np.float64).mean(axis=(0, 1))
     compare.near(mean, 0.5 / math.pi * irradiance, 2e-3, "sun and dome")
@@ -67,14 +69,17 @@ def test_light_inputs_multiply(host):
         view.edit("stage.GetPrimAtPath('/World/Ball').SetActive(False)")
         view.edit(
             "light = UsdLux.DomeLight(stage.GetPrimAtPath('/World/Dome'))\n"
-            "light.CreateIntensityAttr(3.0); light.CreateExposureAttr(-1.5); light.CreateColorAttr(Gf.Vec3f(1.0, 0.5, 0.25))"
+            "light.CreateIntensityAttr(3.0); light.CreateExposureAttr(-1.5); light.CreateColorAttr(Gf.Vec3f(1.0, 0.5,"
+            " 0.25))"
         )
         expected = 3.0 * 2.0**-1.5 * np.array([1.0, 0.5, 0.25, 0.0]) + [0, 0, 0, 1]
         compare.near(view.render()["color"], expected, 1e-5, "dome")
 
 
 def test_dome_visibility_changes_only_the_background(host):
-    with host.open(small.FOLDER / "furnace.usda", (24, 24), camera="/World/Perspective", aovs=["color", "primId"], settings=QUICK) as view:
+    with host.open(
+        small.FOLDER / "furnace.usda", (24, 24), camera="/World/Perspective", aovs=["color", "primId"], settings=QUICK
+    ) as view:
         view.edit("engine.SetRendererSetting('domeLightCameraVisibility', False)")
         picture = view.render()
         ball = picture["primId"] >= 0
@@ -97,7 +102,9 @@ def test_subdivision_surfaces_shade_smoothly_and_polygon_meshes_flat(host):
     rays = reference.pixel_rays(stage, "/World/Camera", 40, 40)
     centre = np.array([-1.2, 0, 0])
     points = (rays.origins + rays.directions * hits.camera_depth.reshape(-1, 1)).reshape(40, 40, 3)[on_smooth] - centre
-    compare.near(picture["normal"][on_smooth], points / np.linalg.norm(points, axis=-1, keepdims=True), 1e-4, "smooth normals")
+    compare.near(
+        picture["normal"][on_smooth], points / np.linalg.norm(points, axis=-1, keepdims=True), 1e-4, "smooth normals"
+    )
 
 
 def test_camera_light_shows_a_scene_without_lights(host, tmp_path):
@@ -105,7 +112,13 @@ def test_camera_light_shows_a_scene_without_lights(host, tmp_path):
     import exr
 
     scene = tmp_path / "dark.usda"
-    stage = small.build(lambda stage: (small.quad(stage, "/World/Square", 2.0), small.camera(stage, "/World/Camera", (0, 0, 3), (0, 0, 0))), doc="dark")
+    stage = small.build(
+        lambda stage: (
+            small.quad(stage, "/World/Square", 2.0),
+            small.camera(stage, "/World/Camera", (0, 0, 3), (0, 0, 0)),
+        ),
+        doc="dark",
+    )
     stage.GetRootLayer().Export(str(scene))
     pictures = []
     for on in (True, False):

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""displayColor, displayOpacity and normals in every interpolation, indexed too: the picture against numpy, value by value."""
+"""displayColor, displayOpacity and normals in every interpolation, indexed too: the picture against numpy, value by
+value."""
 
 import itertools
 
@@ -66,7 +67,9 @@ def pictures(pool):
     def get(mode):
         if mode not in made:
             settings = {"oocpt:samplesPerPixel": SAMPLES, "oocpt:maxBounces": 0}
-            made[mode] = pool.get(mode).picture(small.FOLDER / "primvars.usda", SIZE, aovs=["color", "albedo", "normal"], settings=settings)
+            made[mode] = pool.get(mode).picture(
+                small.FOLDER / "primvars.usda", SIZE, aovs=["color", "albedo", "normal"], settings=settings
+            )
         return made[mode]
 
     return get
@@ -81,7 +84,8 @@ def residual(values: np.ndarray, expected: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("mode", ["legacy", "scene_index"])
 @pytest.mark.parametrize("kind, interpolation", list(itertools.product(["color", "indexed"], small.INTERPOLATIONS)))
 def test_display_color(pictures, stage, patches, mode, kind, interpolation):
-    """A sun of irradiance pi straight on: the picture is the albedo. Filtering over a pixel of a linear function changes nothing but at the diagonal."""
+    """A sun of irradiance pi straight on: the picture is the albedo. Filtering over a pixel of a linear function
+    changes nothing but at the diagonal."""
     picture, path = pictures(mode), f"/World/{kind}_{interpolation}"
     corners = corner_values(stage.GetPrimAtPath(path), "displayColor")
     for face in range(2):
@@ -90,7 +94,9 @@ def test_display_color(pictures, stage, patches, mode, kind, interpolation):
         error = residual(picture["albedo"][mask], expected)
         assert error.max() <= 2e-4, f"albedo of {path} face {face} is off by {error.max():g}"
         error = residual(picture["color"][mask][:, :3], expected)
-        assert np.median(error) <= 4e-3 and error.max() <= 0.06, f"colour of {path} face {face} is off by {np.median(error):g}, {error.max():g}"
+        assert (
+            np.median(error) <= 4e-3 and error.max() <= 0.06
+        ), f"colour of {path} face {face} is off by {np.median(error):g}, {error.max():g}"
 
 
 @pytest.mark.parametrize("mode", ["legacy", "scene_index"])
@@ -105,7 +111,9 @@ def test_display_opacity(pictures, stage, patches, mode, interpolation):
         alpha = picture["color"][mask][:, 3:4]
         # Binomial deviation of the patch's mean and of a pixel, at most.
         mean_error = np.abs((alpha[None] - expected).mean(axis=1)).min()
-        assert mean_error <= 4.5 * 0.5 / np.sqrt(SAMPLES * mask.sum()), f"mean alpha of {path} face {face} is off by {mean_error:g}"
+        assert mean_error <= 4.5 * 0.5 / np.sqrt(
+            SAMPLES * mask.sum()
+        ), f"mean alpha of {path} face {face} is off by {mean_error:g}"
         assert residual(alpha, expected).max() <= 5.0 * 0.5 / np.sqrt(SAMPLES), f"alpha of {path} face {face}"
         compare.near(picture["color"][mask][:, :3], 0.6 * alpha, 1e-5, f"{path}: colour is premultiplied")
 
@@ -123,7 +131,9 @@ def test_normals(pictures, stage, patches, mode, interpolation):
         error = residual(picture["normal"][mask], expected)
         assert error.max() <= 2e-4, f"normal of {path} face {face} is off by {error.max():g}"
         error = residual(picture["color"][mask][:, :1], 0.6 * expected[..., 2:])
-        assert np.median(error) <= 4e-3 and error.max() <= 0.06, f"shading of {path} face {face} is off by {np.median(error):g}"
+        assert (
+            np.median(error) <= 4e-3 and error.max() <= 0.06
+        ), f"shading of {path} face {face} is off by {np.median(error):g}"
 
 
 def test_planted_faults_are_seen():

@@ -78,7 +78,9 @@ def mesh() -> tuple[list[list[int]], np.ndarray]:
 
 def color(places: np.ndarray) -> np.ndarray:
     x, y = places[..., 0], places[..., 1]
-    return np.stack([0.5 + 0.4 * np.sin(2.1 * x + 0.7 * y), 0.5 + 0.4 * np.cos(1.7 * y - x), 0.5 + 0.3 * x * y], axis=-1)
+    return np.stack(
+        [0.5 + 0.4 * np.sin(2.1 * x + 0.7 * y), 0.5 + 0.4 * np.cos(1.7 * y - x), 0.5 + 0.3 * x * y], axis=-1
+    )
 
 
 def sizes(number: int) -> tuple[int, int]:
@@ -87,7 +89,9 @@ def sizes(number: int) -> tuple[int, int]:
 
 def stage(folder, file="./a.ptx", node="UsdUVTexture", opacity="") -> str:
     faces, points = mesh()
-    tuples = lambda rows: "[" + ", ".join("(" + ", ".join(f"{v:.9g}" for v in row) + ")" for row in rows) + "]"  # noqa: E731
+    tuples = (
+        lambda rows: "[" + ", ".join("(" + ", ".join(f"{v:.9g}" for v in row) + ")" for row in rows) + "]"
+    )  # noqa: E731
     text = STAGE.replace("COUNTS", str([len(face) for face in faces])).replace("INDICES", str(sum(faces, [])))
     text = text.replace("POINTS", tuples(points)).replace("ST", tuples(points[:, :2] / 2 + 0.5))
     (folder / "scene.usda").write_text(text.replace("FILE", file).replace("NODE", node).replace("OPACITY", opacity))
@@ -158,7 +162,12 @@ def test_bits_are_the_same_at_every_budget_and_from_the_cache(fresh_host, tmp_pa
     paint(tmp_path / "a.ptx", np.uint8, size=lambda _: (8, 8))
     aovs, pictures = ["color", "albedo"], []
     settings = {"oocpt:samplesPerPixel": 16, "oocpt:maxBounces": 2}
-    for run in ({}, {}, {"oocpt:chunkSize": 16, "oocpt:geometryBudget": 3000}, {"oocpt:chunkSize": 16, "oocpt:geometryBudget": 600}):
+    for run in (
+        {},
+        {},
+        {"oocpt:chunkSize": 16, "oocpt:geometryBudget": 3000},
+        {"oocpt:chunkSize": 16, "oocpt:geometryBudget": 600},
+    ):
         host = fresh_host(OOCPT_TEXTURE_CACHE=str(tmp_path / "cache"))
         shown = host.picture(stage(tmp_path), SIZE, aovs=aovs, settings={"oocpt:chunkSize": 16, **settings, **run})
         assert not says(shown), shown.log
@@ -174,7 +183,10 @@ def test_alpha_cuts_out(host, tmp_path):
     hole = lambda places: np.concatenate(  # noqa: E731
         [color(places), np.where(np.hypot(places[..., :1], places[..., 1:2]) < 0.5, 0.0, 1.0)], axis=-1)
     paint(tmp_path / "a.ptx", np.uint8, channels=4, size=lambda _: (6, 6), picture=hole)
-    opacity = "float inputs:opacity.connect = </World/Material/Texture.outputs:a>\n            float inputs:opacityThreshold = 0.5"
+    opacity = (
+        "float inputs:opacity.connect = </World/Material/Texture.outputs:a>\n"
+        "            float inputs:opacityThreshold = 0.5"
+    )
     shown = host.picture(stage(tmp_path, opacity=opacity), SIZE, aovs=["color", "depth"], settings=QUICK)
     x = (np.arange(SIZE[0]) + 0.5) / SIZE[0] * 2 - 1
     radius = np.hypot(*np.meshgrid(x, x))

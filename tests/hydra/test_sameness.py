@@ -34,22 +34,36 @@ def test_a_restarted_engine_continues_with_the_same_bits(host):
         compare.same_picture(view.render(), fresh, "after another size and seed")
 
 
-@pytest.mark.parametrize("scene", ["glow", "nested", "hidden_instances", "polygons", "primvars", "implicit", "transforms", "visibility", "cameras", "mirrored"])
+@pytest.mark.parametrize(
+    "scene",
+    [
+        "glow", "nested", "hidden_instances", "polygons", "primvars", "implicit", "transforms", "visibility", "cameras",
+        "mirrored",
+    ],
+)
 def test_both_front_ends_give_the_same_picture(pool, scene):
     camera = "/World/Plain" if scene == "cameras" else "/World/Camera"
     path = small.FOLDER / f"{scene}.usda"
-    legacy, modern = (pool.get(mode).picture(path, (32, 32), camera=camera, settings=SETTINGS, aovs=AOVS) for mode in ("legacy", "scene_index"))
+    legacy, modern = (
+        pool.get(mode).picture(path, (32, 32), camera=camera, settings=SETTINGS, aovs=AOVS)
+        for mode in ("legacy", "scene_index")
+    )
     assert (legacy["cameraDepth"] > 0).any(), "nothing in the picture"
     compare.same_picture(legacy, modern, scene)
 
 
 def test_native_instances_are_the_same_up_to_rounding_in_both_front_ends(pool):
-    """UsdImaging multiplies the matrices of native instances in another order in each front end: the last bit of a depth may differ."""
+    """UsdImaging multiplies the matrices of native instances in another order in each front end: the last bit of a
+    depth may differ."""
     aovs = [*AOVS, "Neye"]
-    legacy, modern = (pool.get(mode).picture(small.FOLDER / "native.usda", (32, 32), settings=SETTINGS, aovs=aovs) for mode in ("legacy", "scene_index"))
+    legacy, modern = (
+        pool.get(mode).picture(small.FOLDER / "native.usda", (32, 32), settings=SETTINGS, aovs=aovs)
+        for mode in ("legacy", "scene_index")
+    )
     for aov, tolerance in (("depth", 3e-7), ("normal", 1e-6), ("albedo", 0.0), ("elementId", 0.0)):
         compare.near(legacy[aov], modern[aov], tolerance, aov)
-    # The slope of a face magnifies the rounding of its distance: compare the distances of the planes. The camera's tangent is 0.4.
+    # The slope of a face magnifies the rounding of its distance: compare the distances of the planes. The camera's
+    # tangent is 0.4.
     across = 0.4 * ((np.arange(32) + 0.5) / 16 - 1)
     rays = np.stack([*np.meshgrid(across, across), -np.ones((32, 32))], axis=-1)
     slope = np.abs((legacy["Neye"] * rays).sum(axis=-1))
@@ -58,10 +72,12 @@ def test_native_instances_are_the_same_up_to_rounding_in_both_front_ends(pool):
 
 
 def test_nested_instancers_equal_their_flattened_twin(host):
-    """Other matrices are multiplied in other order, so bits may differ, but the random numbers are the same: only paths that pass an
-    edge within rounding may part. Depth and faces agree exactly where they are clear."""
+    """Other matrices are multiplied in other order, so bits may differ, but the random numbers are the same: only paths
+    that pass an edge within rounding may part. Depth and faces agree exactly where they are clear."""
     stages = [small.build(scene) for scene in (small.nested, small.flattened)]
-    nested, flat = (host.picture(stage, (40, 40), settings=SETTINGS | {"oocpt:samplesPerPixel": 32}, aovs=AOVS) for stage in stages)
+    nested, flat = (
+        host.picture(stage, (40, 40), settings=SETTINGS | {"oocpt:samplesPerPixel": 32}, aovs=AOVS) for stage in stages
+    )
     clear = compare.clear_pixels(reference.first_hits(stages[0], "/World/Camera", 40, 40).unclear, "twins")
     compare.near(nested["cameraDepth"][clear], flat["cameraDepth"][clear], 1e-5, "cameraDepth")
     assert (nested["elementId"][clear] == flat["elementId"][clear]).all(), "elementId"
@@ -88,7 +104,9 @@ def test_the_mean_does_not_depend_on_seed_or_sample_count(host):
 
     def estimate(seeds, samples):
         settings = SETTINGS | {"oocpt:samplesPerPixel": samples}
-        pictures = [host.picture(path, (20, 20), settings=settings | {"oocpt:seed": seed})["color"][..., :3] for seed in seeds]
+        pictures = [
+            host.picture(path, (20, 20), settings=settings | {"oocpt:seed": seed})["color"][..., :3] for seed in seeds
+        ]
         mean, deviation = compare.batches(pictures)
         # The deviation of a handful of pictures is rough: share it among neighbours.
         blocks = np.square(deviation).reshape(5, 4, 5, 4, 3).max(axis=(1, 3), keepdims=True)

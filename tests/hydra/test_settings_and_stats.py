@@ -11,19 +11,26 @@ import small
 PATH = small.FOLDER / "glow.usda"
 QUICK = {"oocpt:samplesPerPixel": 4, "oocpt:maxBounces": 1}
 KEYS = [
-    "percentDone", "fractionDone", "totalClockTime", "numCompletedSamples", "gpuMemoryUsed", "totalMemory", "peakMemory",
+    "percentDone", "fractionDone", "totalClockTime", "numCompletedSamples", "gpuMemoryUsed", "totalMemory",
+    "peakMemory",
     "rendererName", "rendererVersion", "renderProgressAnnotation", "oocpt:raysPerSecond", "oocpt:dropped",
-    "oocpt:inCore", "oocpt:chunks", "oocpt:chunkInstances", "oocpt:residentChunks", "oocpt:loads", "oocpt:reloads", "oocpt:evictions",
+    "oocpt:inCore", "oocpt:chunks", "oocpt:chunkInstances", "oocpt:residentChunks", "oocpt:loads", "oocpt:reloads",
+    "oocpt:evictions",
     "oocpt:bytesPaged", "oocpt:hitRate", "oocpt:waitingRays", "oocpt:stragglers", "oocpt:geometryPeakBytes",
     "oocpt:roulettePaths", "oocpt:rouletteShadowRays", "oocpt:rouletteLoadsSaved",
-    "oocpt:errorSamples", "oocpt:errorSeconds", "oocpt:errorEstimate", "oocpt:errorLow", "oocpt:errorHigh", "oocpt:errorWorstPixels",
-    "oocpt:features", "oocpt:featuresLeftOut", "oocpt:featuresCarried", "oocpt:passes", "oocpt:passesLeftOut", "oocpt:pipelines", "oocpt:buffers",
-    "oocpt:buffersLeftOut", "oocpt:bufferBytes", "oocpt:bytesLeftOut", "oocpt:primvars", "oocpt:primvarsLeftOut", "oocpt:maxLevels", "oocpt:stackSize",
+    "oocpt:errorSamples", "oocpt:errorSeconds", "oocpt:errorEstimate", "oocpt:errorLow", "oocpt:errorHigh",
+    "oocpt:errorWorstPixels",
+    "oocpt:features", "oocpt:featuresLeftOut", "oocpt:featuresCarried", "oocpt:passes", "oocpt:passesLeftOut",
+    "oocpt:pipelines", "oocpt:buffers",
+    "oocpt:buffersLeftOut", "oocpt:bufferBytes", "oocpt:bytesLeftOut", "oocpt:primvars", "oocpt:primvarsLeftOut",
+    "oocpt:maxLevels", "oocpt:stackSize",
     "oocpt:secondsTracing", "oocpt:secondsLoading", "oocpt:secondsWaiting", "oocpt:secondsOverlapped",
 ]  # fmt: skip
 DESCRIBED = [
     "oocpt:samplesPerPixel", "oocpt:maxBounces", "oocpt:seed", "oocpt:clamp", "oocpt:timeLimit", "oocpt:memoryBudget",
-    "oocpt:device", "oocpt:policy", "oocpt:chunkSize", "oocpt:geometryBudget", "oocpt:chunkReport", "oocpt:report", "oocpt:reference", "oocpt:targetError", "oocpt:carry", "oocpt:stragglerRoulette", "oocpt:adaptiveSampling", "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility",
+    "oocpt:device", "oocpt:policy", "oocpt:chunkSize", "oocpt:geometryBudget", "oocpt:chunkReport", "oocpt:report",
+    "oocpt:reference", "oocpt:targetError", "oocpt:carry", "oocpt:stragglerRoulette", "oocpt:adaptiveSampling",
+    "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility",
 ]  # fmt: skip
 
 
@@ -44,7 +51,9 @@ def test_stats_of_a_finished_render(host):
 
 def test_settings_are_listed_with_types_usdview_knows(host):
     with host.open(PATH, settings=QUICK) as view:
-        listed = view.edit("result = [(s.key, s.name, type(s.defValue).__name__) for s in engine.GetRendererSettingsList()]")
+        listed = view.edit(
+            "result = [(s.key, s.name, type(s.defValue).__name__) for s in engine.GetRendererSettingsList()]"
+        )
     by_key = {key: (name, kind) for key, name, kind in listed}
     assert set(DESCRIBED) <= set(by_key), sorted(set(DESCRIBED) - set(by_key))
     for key, (name, kind) in by_key.items():
@@ -64,16 +73,21 @@ def test_settings_of_a_live_view(host):
         view.edit("engine.SetRendererSetting('oocpt:samplesPerPixel', 9)")
         picture = view.render()
         assert view.stats()["numCompletedSamples"] == 9
-    compare.same_picture(picture, host.picture(PATH, (16, 16), settings=QUICK | {"oocpt:samplesPerPixel": 9}), "9 samples")
+    compare.same_picture(
+        picture, host.picture(PATH, (16, 16), settings=QUICK | {"oocpt:samplesPerPixel": 9}), "9 samples"
+    )
 
 
 def test_adaptive_sampling_is_a_setting_that_tells_what_it_spent(host):
-    """Off by default and then without a word; on, samples go where they are worth most, the picture stays, and the budget changes no bit."""
+    """Off by default and then without a word; on, samples go where they are worth most, the picture stays, and the
+    budget changes no bit."""
     plain = {"oocpt:samplesPerPixel": 64, "oocpt:maxBounces": 1}
     adaptive = plain | {"oocpt:adaptiveSampling": True}
     with host.open(PATH, (24, 24), settings=plain) as view:
         even = view.render()
-        assert "oocpt:adaptiveEpochs" not in view.stats() and "adaptive sampling" in view.stats()["oocpt:featuresLeftOut"]
+        assert (
+            "oocpt:adaptiveEpochs" not in view.stats() and "adaptive sampling" in view.stats()["oocpt:featuresLeftOut"]
+        )
         view.edit("engine.SetRendererSetting('oocpt:adaptiveSampling', True)")
         uneven = view.render()
         stats = view.stats()
@@ -83,7 +97,9 @@ def test_adaptive_sampling_is_a_setting_that_tells_what_it_spent(host):
     difference = abs(uneven["color"][..., :3] - even["color"][..., :3])
     assert 0 < difference.mean() < 0.02, difference.mean()
     capped = host.picture(PATH, (24, 24), settings=adaptive | {"oocpt:geometryBudget": 64, "oocpt:chunkSize": 16})
-    compare.same_picture(host.picture(PATH, (24, 24), settings=adaptive | {"oocpt:chunkSize": 16}), capped, "under a budget")
+    compare.same_picture(
+        host.picture(PATH, (24, 24), settings=adaptive | {"oocpt:chunkSize": 16}), capped, "under a budget"
+    )
     compare.same_picture(uneven, host.picture(PATH, (24, 24), settings=adaptive), "switched on in a live view")
 
 
@@ -97,19 +113,25 @@ def test_environment_mirrors_settings(host, fresh_host):
 
 
 def test_render_settings_prim_reaches_the_delegate(host, tmp_path):
-    """Through FrameRecorder, as usdrecord does: namespaced settings of the active prim give the same bits as settings of the engine."""
+    """Through FrameRecorder, as usdrecord does: namespaced settings of the active prim give the same bits as settings
+    of the engine."""
     import exr
 
     text = PATH.read_text() + (
         'def RenderSettings "Settings" {\n'
-        "  int oocpt:samplesPerPixel = 5\n  int oocpt:maxBounces = 1\n  int oocpt:seed = 33\n"
-        "  rel camera = </World/Camera>\n}\n"
+        "  int oocpt:samplesPerPixel = 5\n"
+        "  int oocpt:maxBounces = 1\n"
+        "  int oocpt:seed = 33\n"
+        "  rel camera = </World/Camera>\n"
+        "}\n"
     )
     scene = tmp_path / "settings.usda"
     scene.write_text(text)
     out = tmp_path / "settings.exr"
     host.call("record", stage=str(scene), out=str(out), width=16, render_settings="/Settings")
-    expected = host.picture(PATH, (16, 16), settings={"oocpt:samplesPerPixel": 5, "oocpt:maxBounces": 1, "oocpt:seed": 33})
+    expected = host.picture(
+        PATH, (16, 16), settings={"oocpt:samplesPerPixel": 5, "oocpt:maxBounces": 1, "oocpt:seed": 33}
+    )
     compare.same_bits(exr.read(out, expected["color"].dtype), expected["color"], "settings prim")
 
 
@@ -128,9 +150,15 @@ def test_pause_stops_progress_and_resume_ends_with_the_same_bits(host):
     with host.open(PATH, (24, 24), settings=settings) as view:
         assert view.edit("result = engine.IsPauseRendererSupported()") is True
         samples = view.edit(
-            "view.prepare(); view.step()\nresult = [engine.PauseRenderer()]\ntime.sleep(0.3)\n"
-            "for _ in range(3):\n    result.append(view.stats()['numCompletedSamples'])\n    time.sleep(0.15)\n    view.step()\n"
-            "result.append(engine.IsConverged())\nresult.append(engine.ResumeRenderer())"
+            "view.prepare(); view.step()\n"
+            "result = [engine.PauseRenderer()]\n"
+            "time.sleep(0.3)\n"
+            "for _ in range(3):\n"
+            "    result.append(view.stats()['numCompletedSamples'])\n"
+            "    time.sleep(0.15)\n"
+            "    view.step()\n"
+            "result.append(engine.IsConverged())\n"
+            "result.append(engine.ResumeRenderer())"
         )
         assert samples[0] is True and samples[-1] is True, samples
         assert samples[1] == samples[2] == samples[3] < 256, f"samples while paused: {samples}"
@@ -143,14 +171,19 @@ def test_stop_converges_at_once_and_restart_renders_all(host):
     with host.open(PATH, (24, 24), settings=settings) as view:
         assert view.edit("result = engine.IsStopRendererSupported()") is True
         stopped = view.edit(
-            "view.prepare(); view.step(); time.sleep(0.2); view.step()\nresult = [engine.StopRenderer()]\nstart = time.monotonic()\n"
-            "while not view.step() and time.monotonic() - start < 20:\n    time.sleep(0.01)\n"
+            "view.prepare(); view.step(); time.sleep(0.2); view.step()\n"
+            "result = [engine.StopRenderer()]\n"
+            "start = time.monotonic()\n"
+            "while not view.step() and time.monotonic() - start < 20:\n"
+            "    time.sleep(0.01)\n"
             "result += [engine.IsConverged(), time.monotonic() - start, view.stats()['numCompletedSamples']]"
         )
         assert stopped[0] is True and stopped[1] is True, f"stopped: {stopped}"
         assert stopped[2] < 5.0 and stopped[3] < 1 << 20, f"stopped: {stopped}"
         view.edit("engine.SetRendererSetting('oocpt:samplesPerPixel', 4)\nengine.RestartRenderer()")
-        compare.same_picture(view.render(), host.picture(PATH, (24, 24), settings=settings | {"oocpt:samplesPerPixel": 4}), "restarted")
+        compare.same_picture(
+            view.render(), host.picture(PATH, (24, 24), settings=settings | {"oocpt:samplesPerPixel": 4}), "restarted"
+        )
 
 
 @pytest.mark.parametrize("when", ["before", "during"])
@@ -161,12 +194,18 @@ def test_an_engine_may_go_at_any_time(host, when):
     start = time.monotonic()
     host.call("close", viewer=view.name)
     assert time.monotonic() - start < 10, "a render in progress must not hold up the end of its engine"
-    compare.near(host.picture(small.FOLDER / "furnace.usda", (8, 8), camera="/World/Perspective", settings=QUICK)["color"], 1.0, 1e-3, "afterwards")
+    compare.near(
+        host.picture(small.FOLDER / "furnace.usda", (8, 8), camera="/World/Perspective", settings=QUICK)["color"], 1.0,
+        1e-3, "afterwards",
+    )
 
 
 def test_two_engines_side_by_side(host):
     expected = host.picture(PATH, (24, 24), settings=QUICK)
-    with host.open(PATH, (24, 24), settings=QUICK) as one, host.open(small.FOLDER / "nested.usda", (24, 24), settings=QUICK) as two:
+    with (
+        host.open(PATH, (24, 24), settings=QUICK) as one,
+        host.open(small.FOLDER / "nested.usda", (24, 24), settings=QUICK) as two,
+    ):
         first, second = one.render(), two.render()
         compare.same_picture(one.render(), first, "first again")
     compare.same_picture(first, expected, "side by side")

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes that do not fit: the same bits at every geometry budget and under every policy, an edit included; one error where nothing helps."""
+"""Scenes that do not fit: the same bits at every geometry budget and under every policy, an edit included; one error
+where nothing helps."""
 
 import math
 import re
@@ -16,11 +17,15 @@ SETTINGS = {"oocpt:samplesPerPixel": 2, "oocpt:maxBounces": 2, "oocpt:seed": 5, 
 SIZE = (28, 28)
 SMALLEST = "smallest"
 # Every policy at one budget in between and at the smallest; the budgets between under one policy.
-RUNS = [(50, "benefit"), (25, "benefit"), (25, "priority"), (25, "sweep"), (SMALLEST, "benefit"), (SMALLEST, "priority"), (SMALLEST, "sweep")]
+RUNS = [
+    (50, "benefit"), (25, "benefit"), (25, "priority"), (25, "sweep"), (SMALLEST, "benefit"), (SMALLEST, "priority"),
+    (SMALLEST, "sweep"),
+]
 
 
 def patches(stage):
-    """A field of 36 patches on a floor, each four balls of a mesh of its own: one instancer, a chunk or so per patch."""
+    """A field of 36 patches on a floor, each four balls of a mesh of its own: one instancer, a chunk or so per
+    patch."""
     scenery(stage)
     names = [f"/World/Field/Ball{kind}" for kind in range(36)]
     kinds, positions = [], []
@@ -29,18 +34,24 @@ def patches(stage):
         for place in range(4):
             kinds.append(kind)
             positions.append((x + 0.8 * (place % 2) - 0.4, 0.3 + 0.02 * kind, z + 0.8 * (place // 2) - 0.4))
-    instancer(stage, "/World/Field", names, kinds, positions, scales=[(1, 0.8 + 0.01 * i, 1) for i in range(len(kinds))])
+    instancer(
+        stage, "/World/Field", names, kinds, positions, scales=[(1, 0.8 + 0.01 * i, 1) for i in range(len(kinds))]
+    )
     for kind, name in enumerate(names):
         ball(stage, name, 0.35, 6 + kind % 2, (0.3 + 0.018 * kind, 0.8 - 0.015 * kind, 0.4))
 
 
 def thickets(stage):
-    """Four thickets of ten meshes each, too large to stay whole, in nine turned places: nested instancers, shared chunks."""
+    """Four thickets of ten meshes each, too large to stay whole, in nine turned places: nested instancers, shared
+    chunks."""
     scenery(stage)
     names = [f"/World/Places/Thicket{kind}" for kind in range(4)]
     positions = [(3.6 * (i % 3) - 3.6, 0.4, 3.6 * (i // 3) - 3.6) for i in range(9)]
     turns = [turned((0, 1, 0), 37.0 * i) for i in range(9)]
-    instancer(stage, "/World/Places", names, [i % 4 for i in range(9)], positions, turns, [(1 + 0.03 * i,) * 3 for i in range(9)])
+    instancer(
+        stage, "/World/Places", names, [i % 4 for i in range(9)], positions, turns,
+        [(1 + 0.03 * i,) * 3 for i in range(9)],
+    )
     for kind, name in enumerate(names):
         meshes = [f"{name}/Ball{i}" for i in range(10)]
         around = [(1.2 * math.cos(0.6283 * i), 0.1 * i, 1.2 * math.sin(0.6283 * i)) for i in range(10)]
@@ -62,7 +73,8 @@ SCENES = {"patches": patches, "thickets": thickets}
 
 @pytest.fixture(scope="module")
 def whole(pool):
-    """By front end and scene: its text, its picture with everything resident, the stats of that, and the smallest budget in KiB."""
+    """By front end and scene: its text, its picture with everything resident, the stats of that, and the smallest
+    budget in KiB."""
     made = {}
 
     def get(host, name):
@@ -105,10 +117,14 @@ def budget_kib(stats, smallest, share) -> int:
 def test_same_bits_at_every_budget_under_every_policy(host, whole, name):
     text, expected, stats, smallest = whole(host, name)
     assert_everything_resident(stats)
-    assert smallest << 10 < stats["oocpt:sceneBytes"] * 0.12, f"the smallest budget is {smallest} KiB of {stats['oocpt:sceneBytes'] >> 10}"
+    assert (
+        smallest << 10 < stats["oocpt:sceneBytes"] * 0.12
+    ), f"the smallest budget is {smallest} KiB of {stats['oocpt:sceneBytes'] >> 10}"
     for share, policy in RUNS:
         kib = budget_kib(stats, smallest, share)
-        with host.open(text, SIZE, aovs=AOVS, settings=SETTINGS | {"oocpt:geometryBudget": kib, "oocpt:policy": policy}) as view:
+        with host.open(
+            text, SIZE, aovs=AOVS, settings=SETTINGS | {"oocpt:geometryBudget": kib, "oocpt:policy": policy}
+        ) as view:
             picture = view.render()
             assert_within_budget(view.stats(), kib, share == SMALLEST)
         compare.same_picture(picture, expected, f"{name}, {kib} KiB, {policy}")
@@ -116,15 +132,18 @@ def test_same_bits_at_every_budget_under_every_policy(host, whole, name):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_an_edit_under_a_small_budget_is_a_fresh_picture(host, whole, name):
-    """Instances move in a live engine that holds a few chunks of the old scene; then the budget grows and everything is resident."""
+    """Instances move in a live engine that holds a few chunks of the old scene; then the budget grows and everything is
+    resident."""
     text, before, _, smallest = whole(host, name)
     settings = SETTINGS | {"oocpt:geometryBudget": smallest + smallest // 2}
     path = {"patches": "/World/Field", "thickets": "/World/Places"}[name]
     with host.open(text, SIZE, aovs=AOVS, settings=settings) as view:
         compare.same_picture(view.render(), before, "before the edit")
         edited = view.edit(
-            f"positions = UsdGeom.PointInstancer(stage.GetPrimAtPath('{path}')).GetPositionsAttr()\n"
-            "positions.Set(Vt.Vec3fArray([p + Gf.Vec3f(0.3, 0.2 * (i % 3), 0) for i, p in enumerate(positions.Get())]))\n"
+            "positions ="
+            f" UsdGeom.PointInstancer(stage.GetPrimAtPath('{path}')).GetPositionsAttr()\n"
+            "positions.Set(Vt.Vec3fArray([p + Gf.Vec3f(0.3, 0.2 * (i % 3), 0) for i, p in"
+            " enumerate(positions.Get())]))\n"
             "result = stage.GetRootLayer().ExportToString()"
         )
         after = view.render()
@@ -140,8 +159,17 @@ def test_an_edit_under_a_small_budget_is_a_fresh_picture(host, whole, name):
 def test_budget_and_policy_may_change_in_a_live_view(host, whole):
     text, expected, stats, smallest = whole(host, "patches")
     with host.open(text, SIZE, aovs=AOVS, settings=SETTINGS) as view:
-        for kib, policy in [(0, "sweep"), (smallest, "sweep"), (budget_kib(stats, smallest, 25), "priority"), (smallest, "benefit"), (0, "benefit")]:
-            view.edit(f"engine.SetRendererSetting('oocpt:geometryBudget', {kib}); engine.SetRendererSetting('oocpt:policy', '{policy}')")
+        for kib, policy in [
+            (0, "sweep"),
+            (smallest, "sweep"),
+            (budget_kib(stats, smallest, 25), "priority"),
+            (smallest, "benefit"),
+            (0, "benefit"),
+        ]:
+            view.edit(
+                f"engine.SetRendererSetting('oocpt:geometryBudget', {kib}); engine.SetRendererSetting('oocpt:policy',"
+                f" '{policy}')"
+            )
             compare.same_picture(view.render(), expected, f"{kib} KiB, {policy}")
             if kib:
                 assert_within_budget(view.stats(), kib, False)
@@ -182,7 +210,8 @@ def test_a_wrong_policy_is_refused_by_name(host):
 
 
 def test_straggler_roulette_leaves_what_camera_rays_see(host, whole):
-    """Off, nothing of it is in the passes. On, paths may end: what camera rays see stays, and the bits of before come back with the setting."""
+    """Off, nothing of it is in the passes. On, paths may end: what camera rays see stays, and the bits of before come
+    back with the setting."""
     text, expected, stats, smallest = whole(host, "patches")
     assert "roulette" in stats["oocpt:featuresLeftOut"] and stats["oocpt:roulettePaths"] == 0, stats
     settings = SETTINGS | {"oocpt:geometryBudget": smallest, "oocpt:stragglerRoulette": True}

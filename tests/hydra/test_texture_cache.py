@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The texture cache of a user, through real hosts: what is in it, what is taken from it, when a file is decoded again."""
+"""The texture cache of a user, through real hosts: what is in it, what is taken from it, when a file is decoded
+again."""
 
 from __future__ import annotations
 
@@ -50,7 +51,9 @@ def test_a_file_is_decoded_by_the_first_host_alone(tmp_path):
     [entry] = entries(cache)
     # Another program reads it: tiles of all levels, rows from the bottom up.
     with tifffile.TiffFile(entry) as tiff:
-        assert [page.shape[:2] for page in tiff.pages] == [(max(1, SIZE[1] >> level), max(1, SIZE[0] >> level)) for level in range(9)]
+        assert [page.shape[:2] for page in tiff.pages] == [
+            (max(1, SIZE[1] >> level), max(1, SIZE[0] >> level)) for level in range(9)
+        ]
         assert tiff.pages[0].is_tiled and tiff.pages[0].tags["Orientation"].value == 4
         np.testing.assert_array_equal(tiff.pages[0].asarray(), texels(1)[::-1])
         mean = tiff.pages[8].asarray().astype(float).ravel()
@@ -79,7 +82,12 @@ def test_a_damaged_entry_is_made_again(tmp_path):
     first, _, _ = shown(tmp_path, str(cache))
     [entry] = entries(cache)
     whole = entry.read_bytes()
-    for damaged in (whole[:-1000], whole[:3000] + bytes([whole[3000] ^ 255]) + whole[3001:], b"", b"II+\0\x08\0\0\0" + b"\xff" * 100):
+    for damaged in (
+        whole[:-1000],
+        whole[:3000] + bytes([whole[3000] ^ 255]) + whole[3001:],
+        b"",
+        b"II+\0\x08\0\0\0" + b"\xff" * 100,
+    ):
         entry.write_bytes(damaged)
         again, log, _ = shown(tmp_path, str(cache))
         assert np.array_equal(first, again) and not says(log), log

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of textures through a whole render: what is in the file is on the surface, in both front ends; what is wrong with a file is said once.
+"""Files of textures through a whole render: what is in the file is on the surface, in both front ends; what is wrong
+with a file is said once.
 
-The albedo output of a square that fills an orthographic view has one texel of the texture in each pixel's middle, so it is the file.
+The albedo output of a square that fills an orthographic view has one texel of the texture in each pixel's middle, so it
+is the file.
 """
 
 from __future__ import annotations
@@ -75,7 +77,10 @@ def texels(kind) -> np.ndarray:
 
 def write(path, array) -> None:
     if path.suffix == ".exr":
-        OpenEXR.File({"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}, {name: np.ascontiguousarray(array[:, :, i]) for i, name in enumerate("RGB")}).write(str(path))
+        OpenEXR.File(
+            {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION},
+            {name: np.ascontiguousarray(array[:, :, i]) for i, name in enumerate("RGB")},
+        ).write(str(path))
     else:
         Image.fromarray(array).save(path)
 
@@ -96,7 +101,9 @@ def is_file(picture, array) -> None:
     np.testing.assert_allclose(picture["albedo"], expected, atol=2e-3)
 
 
-@pytest.mark.parametrize("name, kind", [("a.png", np.uint8), ("a.tif", np.uint8), ("a.exr", np.float16), ("b.exr", np.float32)])
+@pytest.mark.parametrize(
+    "name, kind", [("a.png", np.uint8), ("a.tif", np.uint8), ("a.exr", np.float16), ("b.exr", np.float32)]
+)
 def test_the_file_is_on_the_surface(host, tmp_path, name, kind):
     write(tmp_path / name, texels(kind))
     is_file(picture(host, tmp_path, f"./{name}"), texels(kind))
@@ -126,7 +133,8 @@ def test_a_texture_in_a_package_is_known_by_its_content(fresh_host, tmp_path_fac
 
 
 def test_tiles_by_number(host, tmp_path):
-    """Three of the four tiles that the square reaches are there, the fourth has the fallback: no reason to complain. One that cannot be read is."""
+    """Three of the four tiles that the square reaches are there, the fourth has the fallback: no reason to complain.
+    One that cannot be read is."""
     colors = {1001: (255, 0, 0), 1002: (0, 255, 0), 1011: (0, 0, 255)}
     for number, color in colors.items():
         write(tmp_path / f"t.{number}.png", np.full((4, 4, 3), color, np.uint8))
@@ -151,7 +159,9 @@ ACESCG = np.array([[1.70505, -0.62179, -0.08326], [-0.13026, 1.14080, -0.01055],
 
 def colored(host, folder, file, source: str = "", metadata: str = ""):
     """The scene with another `sourceColorSpace` (none where empty) and `colorSpace` metadata of the file."""
-    stage = STAGE.replace('token inputs:sourceColorSpace = "raw"', f'token inputs:sourceColorSpace = "{source}"' if source else "")
+    stage = STAGE.replace(
+        'token inputs:sourceColorSpace = "raw"', f'token inputs:sourceColorSpace = "{source}"' if source else ""
+    )
     stage = stage.replace("@FILE@", f"@{file}@" + (f' ( colorSpace = "{metadata}" )' if metadata else ""))
     (folder / "scene.usda").write_text(stage.replace("EXTENT", "1"))
     return host.picture(folder / "scene.usda", SIZE, aovs=["color", "albedo"], settings=QUICK)

@@ -21,14 +21,18 @@ def usdrecord(request, tmp_path):
         variables = dict(os.environ, USDIMAGINGGL_ENGINE_ENABLE_SCENE_INDEX=request.param, OOCPT_VALIDATION="1")
         variables.update({"OOCPT_SAMPLES_PER_PIXEL": "4", "OOCPT_MAX_BOUNCES": "1"} | environment)
         variables.pop("PYTHONPATH", None)
-        command = ["usdrecord", "--renderer", "OocPT", "--disableGpu", "--disableCameraLight", *flags, str(scene), str(out)]
+        command = [
+            "usdrecord", "--renderer", "OocPT", "--disableGpu", "--disableCameraLight", *flags, str(scene), str(out)
+        ]
         return subprocess.run(command, env=variables, capture_output=True, text=True, timeout=120, check=False), out
 
     return run
 
 
 def test_exr_holds_the_bits_of_the_buffer(usdrecord, pool):
-    done, out = usdrecord(small.FOLDER / "glow.usda", "--camera", "/World/Camera", "--imageWidth", "24", "--enableDomeLightVisibility")
+    done, out = usdrecord(
+        small.FOLDER / "glow.usda", "--camera", "/World/Camera", "--imageWidth", "24", "--enableDomeLightVisibility"
+    )
     assert done.returncode == 0, done.stderr
     settings = {"oocpt:samplesPerPixel": 4, "oocpt:maxBounces": 1}
     expected = pool.get("legacy").picture(small.FOLDER / "glow.usda", (24, 24), settings=settings)["color"]
@@ -46,7 +50,10 @@ def test_dome_is_hidden_by_default_as_in_pixars(usdrecord):
 def test_png_is_srgb(usdrecord):
     from PIL import Image
 
-    done, out = usdrecord(small.FOLDER / "sun_disk.usda", "--camera", "/World/Camera", "--imageWidth", "16", name="out.png", OOCPT_SAMPLES_PER_PIXEL="64")
+    done, out = usdrecord(
+        small.FOLDER / "sun_disk.usda", "--camera", "/World/Camera", "--imageWidth", "16", name="out.png",
+        OOCPT_SAMPLES_PER_PIXEL="64",
+    )
     assert done.returncode == 0, done.stderr
     mean = np.asarray(Image.open(out).convert("RGB"), dtype=np.float64).mean(axis=(0, 1)) / 255
     linear = 0.5 / np.pi * (2.0 * np.cos(np.radians(40)) * np.array([1.0, 0.5, 0.25]) + 0.3 * np.pi)

@@ -35,7 +35,9 @@ def bmp(indices: np.ndarray, palette: np.ndarray, bits: int, top_down: bool = Fa
     packed = sum(padded[:, i::digits] << (bits * (digits - 1 - i)) for i in range(digits)).astype(np.uint8)
     rows = (packed if top_down else packed[::-1]).tobytes()
     colors = b"".join(bytes([*color[::-1], 0]) for color in palette)
-    head = struct.pack("<IiiHHIIiiII", 40, width, -height if top_down else height, 1, bits, 0, len(rows), 2835, 2835, len(palette), 0)
+    head = struct.pack(
+        "<IiiHHIIiiII", 40, width, -height if top_down else height, 1, bits, 0, len(rows), 2835, 2835, len(palette), 0
+    )
     return b"BM" + struct.pack("<IHHI", 54 + len(colors) + len(rows), 0, 0, 54 + len(colors)) + head + colors + rows
 
 
@@ -44,15 +46,29 @@ def bmp_true(texels: np.ndarray, top_down: bool = False) -> bytes:
     height, width, channels = texels.shape
     order = texels[:, :, [2, 1, 0, 3][:channels]]
     rows = b"".join(row.tobytes() + bytes(-width * channels % 4) for row in (order if top_down else order[::-1]))
-    head = struct.pack("<IiiHHIIiiII", 40, width, -height if top_down else height, 1, 8 * channels, 0, len(rows), 2835, 2835, 0, 0)
+    head = struct.pack(
+        "<IiiHHIIiiII", 40, width, -height if top_down else height, 1, 8 * channels, 0, len(rows), 2835, 2835, 0, 0
+    )
     return b"BM" + struct.pack("<IHHI", 54 + len(rows), 0, 0, 54) + head + rows
 
 
-def tga(width: int, height: int, kind: int, bits: int, body: bytes, palette: bytes = b"", palette_bits: int = 0, top_left: bool = False) -> bytes:
+def tga(
+    width: int,
+    height: int,
+    kind: int,
+    bits: int,
+    body: bytes,
+    palette: bytes = b"",
+    palette_bits: int = 0,
+    top_left: bool = False,
+) -> bytes:
     """`kind`: 1 palette, 2 colours, 3 grey, 9 to 11 the same in runs."""
     entries = len(palette) * 8 // palette_bits if palette_bits else 0
     alpha_bits = {32: 8, 16: 1}.get(bits, 0)
-    head = struct.pack("<BBBHHBHHHHBB", 0, bool(palette), kind, 0, entries, palette_bits, 0, 0, width, height, bits, alpha_bits | 0x20 * top_left)
+    head = struct.pack(
+        "<BBBHHBHHHHBB", 0, bool(palette), kind, 0, entries, palette_bits, 0, 0, width, height, bits,
+        alpha_bits | 0x20 * top_left,
+    )
     return head + palette + body
 
 

@@ -22,11 +22,17 @@ class Reader:
     """The reading process."""
 
     def __init__(self, build: pathlib.Path, own: pathlib.Path, limit: int = 0) -> None:
-        command = [os.environ["OOCPT_HOST_PYTHON"], "-I", HERE / "reader.py", build / "plugin/liboocpt_images_probe.so", own, str(limit)]
+        command = [
+            os.environ["OOCPT_HOST_PYTHON"], "-I", HERE / "reader.py", build / "plugin/liboocpt_images_probe.so", own,
+            str(limit),
+        ]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def ask(self, function: str, *arguments) -> dict:
-        self._process.stdin.write(json.dumps([f"oocpt_image_{function}", *[str(a) if isinstance(a, pathlib.Path) else a for a in arguments]]) + "\n")
+        self._process.stdin.write(
+            json.dumps([f"oocpt_image_{function}", *[str(a) if isinstance(a, pathlib.Path) else a for a in arguments]])
+            + "\n"
+        )
         self._process.stdin.flush()
         line = self._process.stdout.readline()
         assert line, f"the host died of {function}{arguments}, status {self._process.wait()}"
@@ -54,7 +60,9 @@ class Reader:
         width, height = facts["levels"][level]
         answer = self.ask("decode", path, level, 0)
         assert "error" not in answer, answer
-        return np.frombuffer(bytes.fromhex(answer["texels"]), TYPES[facts["format"]]).reshape(height, width, facts["channels"])
+        return np.frombuffer(bytes.fromhex(answer["texels"]), TYPES[facts["format"]]).reshape(
+            height, width, facts["channels"]
+        )
 
     def close(self) -> None:
         self._process.stdin.close()
@@ -63,11 +71,17 @@ class Reader:
 
 def noise(shape, kind) -> np.ndarray:
     random = np.random.default_rng(7).random(shape)
-    return (random * 255).astype(kind) if kind == np.uint8 else (random * 65535).astype(kind) if kind == np.uint16 else random.astype(kind)
+    return (
+        (random * 255).astype(kind)
+        if kind == np.uint8
+        else (random * 65535).astype(kind) if kind == np.uint16 else random.astype(kind)
+    )
 
 
 def write_exr(path: pathlib.Path, texels: np.ndarray, **header) -> None:
-    channels = {"RGBA"[i] if texels.shape[2] > 1 else "Y": np.ascontiguousarray(texels[:, :, i]) for i in range(texels.shape[2])}
+    channels = {
+        "RGBA"[i] if texels.shape[2] > 1 else "Y": np.ascontiguousarray(texels[:, :, i]) for i in range(texels.shape[2])
+    }
     part = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION} | header
     OpenEXR.File(part, channels).write(str(path))
 

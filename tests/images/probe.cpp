@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// Loaded into the wheel host by tests/images: reads files exactly as the renderer has them read, through the host's resolver
-/// and the library of image readers beside this one, and answers in JSON.
+/// Loaded into the wheel host by tests/images: reads files exactly as the renderer has them read, through the host's
+/// resolver and the library of image readers beside this one, and answers in JSON.
 #include "bridge/imageSource.h"
 #include "oocpt-bridge/src/ffi_images.rs.h"
 
@@ -190,8 +190,8 @@ EXPORT const char* oocpt_image_file_facts(const char* path)
     });
 }
 
-/// Reads an image in boxes from several threads at once, all of them again and again; how many boxes differ from the image read
-/// whole by one thread.
+/// Reads an image in boxes from several threads at once, all of them again and again; how many boxes differ from the
+/// image read whole by one thread.
 EXPORT const char* oocpt_image_race(const char* path, unsigned threads, unsigned size)
 {
     return _Answer([&] {

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes Ptex files (Burley and Lacewell 2008; version 1 of the format) for meshes of any faces, without the renderer's code."""
+"""Writes Ptex files (Burley and Lacewell 2008; version 1 of the format) for meshes of any faces, without the renderer's
+code."""
 
 from __future__ import annotations
 
@@ -15,7 +16,11 @@ TYPES = {np.uint8: 0, np.uint16: 1, np.float16: 2, np.float32: 3}
 
 def faces_of(mesh: Sequence[Sequence[int]]) -> list[tuple[int, int]]:
     """The Ptex faces of a mesh: number of its face, and its corner (-1 for a quad)."""
-    return [(number, corner) for number, face in enumerate(mesh) for corner in ([-1] if len(face) == 4 else range(len(face)))]
+    return [
+        (number, corner)
+        for number, face in enumerate(mesh)
+        for corner in ([-1] if len(face) == 4 else range(len(face)))
+    ]
 
 
 def adjacency(mesh: Sequence[Sequence[int]]) -> tuple[list[list[int]], list[list[int]]]:
@@ -52,8 +57,11 @@ def adjacency(mesh: Sequence[Sequence[int]]) -> tuple[list[list[int]], list[list
     return faces, edges
 
 
-def place(mesh: Sequence[Sequence[int]], points: np.ndarray, face: tuple[int, int], u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """The points at (u, v) of a Ptex face. Those of n-gons go linearly over both triangles at its diagonal, as they are drawn."""
+def place(
+    mesh: Sequence[Sequence[int]], points: np.ndarray, face: tuple[int, int], u: np.ndarray, v: np.ndarray
+) -> np.ndarray:
+    """The points at (u, v) of a Ptex face. Those of n-gons go linearly over both triangles at its diagonal, as they are
+    drawn."""
     number, corner = face
     at = np.asarray(points, float)[list(mesh[number])]
     u, v = u[..., None], v[..., None]
@@ -65,7 +73,9 @@ def place(mesh: Sequence[Sequence[int]], points: np.ndarray, face: tuple[int, in
     return here * (1 - near) + side * (near - far) + middle * far
 
 
-def texels(mesh, points, size: Callable[[int], tuple[int, int]], color: Callable[[np.ndarray], np.ndarray]) -> list[np.ndarray]:
+def texels(
+    mesh, points, size: Callable[[int], tuple[int, int]], color: Callable[[np.ndarray], np.ndarray]
+) -> list[np.ndarray]:
     """For each Ptex face of 2^size texels, `color` of the places of its texels: (v, u, channel)."""
     out = []
     for number, face in enumerate(faces_of(mesh)):
@@ -96,7 +106,9 @@ def content(mesh: Sequence[Sequence[int]], faces: Sequence[np.ndarray], alpha: i
         constants += texels.mean(axis=(0, 1)).astype(kind).tobytes()
     infos, constants, words = zlib.compress(infos), zlib.compress(constants), zlib.compress(words)
     level = struct.pack("<QII", len(words) + len(blocks), len(words), len(faces))
-    header = struct.pack("<4sIIIiHHIIIIIIQII", b"Ptex", 1, 1, TYPES[kind.type], alpha, channels, 1, len(faces), 40, len(infos),
-                         len(constants), len(level), 4, len(words) + len(blocks), 0, 0)
+    header = struct.pack(
+        "<4sIIIiHHIIIIIIQII", b"Ptex", 1, 1, TYPES[kind.type], alpha, channels, 1, len(faces), 40, len(infos),
+        len(constants), len(level), 4, len(words) + len(blocks), 0, 0,
+    )
     assert len(header) == 64
     return header + bytes(40) + infos + constants + level + words + blocks

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The program that reads images in the wheel host: one JSON request a line, [function, argument..], one JSON answer a line.
+"""The program that reads images in the wheel host: one JSON request a line, [function, argument..], one JSON answer a
+line.
 
-The host's own OpenImageIO and OpenEXR read an image before the library of image readers is loaded and another after each request, as
-an application would; what they say must stay the same.
+The host's own OpenImageIO and OpenEXR read an image before the library of image readers is loaded and another after
+each request, as an application would; what they say must stay the same.
 """
 
 from __future__ import annotations
@@ -30,7 +31,11 @@ def main(library: str, own: str, limit: str) -> None:
         name, *arguments = json.loads(line)
         function = getattr(probe, name)
         function.restype = ctypes.c_char_p
-        answer = json.loads(function(*[argument.encode() if isinstance(argument, str) else argument for argument in arguments]).decode(errors="replace"))
+        answer = json.loads(
+            function(*[argument.encode() if isinstance(argument, str) else argument for argument in arguments]).decode(
+                errors="replace"
+            )
+        )
         if own_reading(own) != before:
             answer["host"] = "the host's own OpenImageIO reads another image than before"
         print(json.dumps(answer), flush=True)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Named colour spaces become linear Rec. 709: against published matrices, with a configuration of the user's, and names that nobody knows."""
+"""Named colour spaces become linear Rec. 709: against published matrices, with a configuration of the user's, and names
+that nobody knows."""
 
 from __future__ import annotations
 
@@ -7,7 +8,8 @@ import numpy as np
 import pytest
 from image_host import Reader, noise, write_exr
 
-# Published to some digits: the Academy's "ACES to Rec. 709" by Bradford, ITU-R BT.2087 (709 from 2020), Apple's P3 to sRGB.
+# Published to some digits: the Academy's "ACES to Rec. 709" by Bradford, ITU-R BT.2087 (709 from 2020), Apple's P3 to
+# sRGB.
 MATRICES = {
     "ACEScg": [[1.70505, -0.62179, -0.08326], [-0.13026, 1.14080, -0.01055], [-0.02400, -0.12897, 1.15297]],
     "ACES2065-1": [[2.52169, -1.13413, -0.38756], [-0.27648, 1.37272, -0.09624], [-0.01538, -0.15298, 1.16835]],
@@ -16,15 +18,24 @@ MATRICES = {
     "lin_adobergb": [[1.39836, -0.39836, 0.0], [0.0, 1.0, 0.0], [0.0, -0.04293, 1.04293]],
     "lin_ciexyzd65": [[3.24097, -1.53738, -0.49861], [-0.96924, 1.87597, 0.04156], [0.05563, -0.20398, 1.05697]],
 }
-SAME = {"lin_ap1": "ACEScg", "lin_ap1_scene": "ACEScg", "acescg": "ACEScg", "lin_ap0": "ACES2065-1", "lin_displayp3": "lin_p3d65", "CIEXYZ": "lin_ciexyzd65", "lin_rec2020_scene": "lin_rec2020"}
+SAME = {
+    "lin_ap1": "ACEScg", "lin_ap1_scene": "ACEScg", "acescg": "ACEScg", "lin_ap0": "ACES2065-1",
+    "lin_displayp3": "lin_p3d65", "CIEXYZ": "lin_ciexyzd65", "lin_rec2020_scene": "lin_rec2020",
+}
 CURVES = {
     "srgb_texture": lambda v: np.where(v <= 0.04045, v / 12.92, ((np.maximum(v, 0) + 0.055) / 1.055) ** 2.4),
     "g18_rec709": lambda v: v**1.8,
     "g22_rec709": lambda v: v**2.2,
     "g24_rec709": lambda v: v**2.4,
 }
-MIXED = {"g22_ap1": ("g22_rec709", "ACEScg"), "g18_ap1": ("g18_rec709", "ACEScg"), "srgb_ap1": ("srgb_texture", "ACEScg"), "srgb_p3d65": ("srgb_texture", "lin_p3d65"), "srgb_displayp3": ("srgb_texture", "lin_p3d65")}
-TEXELS = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.18, 0.18, 0.18], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.02, 0.3, 0.9], [0.7, 0.01, 0.4]])
+MIXED = {
+    "g22_ap1": ("g22_rec709", "ACEScg"), "g18_ap1": ("g18_rec709", "ACEScg"), "srgb_ap1": ("srgb_texture", "ACEScg"),
+    "srgb_p3d65": ("srgb_texture", "lin_p3d65"), "srgb_displayp3": ("srgb_texture", "lin_p3d65"),
+}
+TEXELS = np.array([
+    [0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.18, 0.18, 0.18], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0],
+    [0.02, 0.3, 0.9], [0.7, 0.01, 0.4],
+])
 
 
 def converted(reader, name: str, texels: np.ndarray) -> np.ndarray:
@@ -54,7 +65,9 @@ def test_curves(reader, name):
 @pytest.mark.parametrize("name", MIXED)
 def test_curves_then_matrices(reader, name):
     curve, matrix = MIXED[name]
-    np.testing.assert_allclose(converted(reader, name, TEXELS), CURVES[curve](TEXELS) @ np.array(MATRICES[matrix]).T, atol=3e-5)
+    np.testing.assert_allclose(
+        converted(reader, name, TEXELS), CURVES[curve](TEXELS) @ np.array(MATRICES[matrix]).T, atol=3e-5
+    )
 
 
 @pytest.mark.parametrize("name", ["ACEScg", "g22_rec709", "srgb_ap1", "lin_p3d65"])
@@ -84,8 +97,10 @@ roles: {{ default: working, scene_linear: working{roles} }}
 displays: {{ d: [ !<View> {{ name: v, colorspace: working }} ] }}
 colorspaces:
   - !<ColorSpace> {{ name: working }}
-  - !<ColorSpace> {{ name: aces, to_scene_reference: !<MatrixTransform> {{ matrix: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1] }} }}
-  - !<ColorSpace> {{ name: Studio Half, to_scene_reference: !<MatrixTransform> {{ matrix: [0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 1] }} }}
+  - !<ColorSpace> {{ name: aces,
+      to_scene_reference: !<MatrixTransform> {{ matrix: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1] }} }}
+  - !<ColorSpace> {{ name: Studio Half,
+      to_scene_reference: !<MatrixTransform> {{ matrix: [0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 1] }} }}
   - !<ColorSpace> {{ name: Plates, isdata: true }}
 {more}"""
 
@@ -113,12 +128,16 @@ def test_the_users_configuration_comes_first(reader_with):
     np.testing.assert_array_equal(converted(reader, "Plates", TEXELS).astype(np.float32), TEXELS.astype(np.float32))
     np.testing.assert_allclose(converted(reader, "scene_linear", TEXELS), TEXELS, atol=1e-6)
     # What it does not have is still known by its common name.
-    np.testing.assert_allclose(converted(reader, "lin_p3d65", TEXELS), TEXELS @ np.array(MATRICES["lin_p3d65"]).T, atol=3e-5)
+    np.testing.assert_allclose(
+        converted(reader, "lin_p3d65", TEXELS), TEXELS @ np.array(MATRICES["lin_p3d65"]).T, atol=3e-5
+    )
 
 
 def test_a_configuration_without_rec709_is_reached_through_aces(reader_with):
     reader = reader_with(CONFIG.format(roles=", aces_interchange: aces", more=""))
-    np.testing.assert_allclose(converted(reader, "Studio Half", TEXELS), TEXELS @ np.array(MATRICES["ACES2065-1"]).T / 2, atol=3e-5)
+    np.testing.assert_allclose(
+        converted(reader, "Studio Half", TEXELS), TEXELS @ np.array(MATRICES["ACES2065-1"]).T / 2, atol=3e-5
+    )
 
 
 @pytest.mark.parametrize("text", ["this is no configuration", CONFIG.format(roles="", more="")])

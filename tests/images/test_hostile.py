@@ -39,7 +39,10 @@ class Patient(Reader):
     def ask(self, function: str, *arguments) -> dict:
         watch = selectors.DefaultSelector()
         watch.register(self._process.stdout, selectors.EVENT_READ)
-        self._process.stdin.write(json.dumps([f"oocpt_image_{function}", *[str(a) if isinstance(a, os.PathLike) else a for a in arguments]]) + "\n")
+        self._process.stdin.write(
+            json.dumps([f"oocpt_image_{function}", *[str(a) if isinstance(a, os.PathLike) else a for a in arguments]])
+            + "\n"
+        )
         self._process.stdin.flush()
         assert watch.select(SECONDS), f"{function}{arguments} takes more than {SECONDS} s"
         line = self._process.stdout.readline()
@@ -73,7 +76,10 @@ def survives(patient, path) -> None:
         is_reason(facts)
         return
     width, height = facts["levels"][-1]
-    for answer in (patient.ask("walk", path, 0), patient.ask("read", path, len(facts["levels"]) - 1, 0, height - 1, min(width, 8), 1)):
+    for answer in (
+        patient.ask("walk", path, 0),
+        patient.ask("read", path, len(facts["levels"]) - 1, 0, height - 1, min(width, 8), 1),
+    ):
         assert answer.keys() & {"error", "sum", "texels"}, answer
         is_reason(answer)
 
@@ -104,13 +110,25 @@ def test_headers_that_say_what_cannot_be(patient, tmp_path):
         ("block.exr", hostile.exr_of((0, 0, 65535, 255), 9, channels=100), "compresses together"),
         ("window.exr", hostile.exr_of((0, 0, 65536, 9)), "65536 x 65536 are the most"),
         ("deep.exr", hostile.exr_of((0, 0, 9, 9), version=0x802), "a deep image"),
-        ("note.exr", hostile.exr_of((0, 0, 9, 9), extra=hostile.exr_attribute("note", "string", b"x", 0x7FFFFFFF)), "breaks off"),
+        (
+            "note.exr", hostile.exr_of((0, 0, 9, 9), extra=hostile.exr_attribute("note", "string", b"x", 0x7FFFFFFF)),
+            "breaks off",
+        ),
         ("large.png", hostile.png_of(40000, 30000), "cannot hold that many"),
-        ("woven.png", hostile.png_of(30000, 30000, interlaced=1, data=bytes(4 << 20)) + bytes(3 << 20), "without interlacing"),
-        ("texts.png", hostile.png_of(9, 9) + b"".join(hostile.handmade.chunk(b"zTXt", b"a\0\0") for _ in range(20)), "texts"),
+        (
+            "woven.png", hostile.png_of(30000, 30000, interlaced=1, data=bytes(4 << 20)) + bytes(3 << 20),
+            "without interlacing",
+        ),
+        (
+            "texts.png", hostile.png_of(9, 9) + b"".join(hostile.handmade.chunk(b"zTXt", b"a\0\0") for _ in range(20)),
+            "texts",
+        ),
         ("large.tga", hostile.handmade.tga(65535, 65535, 10, 32, bytes(100)), "is too large for that"),
         ("run.tga", hostile.handmade.tga(20000, 20000, 10, 32, bytes(100)), "cannot hold that many"),
-        ("tile.tif", hostile.tiff_of(64, 64, {322: (4, 0xFFFFFFFF), 323: (4, 1), 324: (4, 8), 325: (4, 100)}), "has tiles of"),
+        (
+            "tile.tif", hostile.tiff_of(64, 64, {322: (4, 0xFFFFFFFF), 323: (4, 1), 324: (4, 8), 325: (4, 100)}),
+            "has tiles of",
+        ),
         ("flat.tif", hostile.tiff_of(60000, 60000, {278: (4, 1)}), "cannot hold that many"),
     ],
 )
@@ -124,7 +142,9 @@ def test_files_that_end_early(patient, tmp_path):
 
 
 def test_turned_bits(patient, tmp_path):
-    assert all_survive(patient, tmp_path, hostile.flips(tmp_path, VARIANTS, 1)) == VARIANTS * len(hostile.good(tmp_path))
+    assert all_survive(patient, tmp_path, hostile.flips(tmp_path, VARIANTS, 1)) == VARIANTS * len(
+        hostile.good(tmp_path)
+    )
 
 
 def test_sound_files_pass_all_of_that(patient, tmp_path):
@@ -133,7 +153,13 @@ def test_sound_files_pass_all_of_that(patient, tmp_path):
         assert "sum" in patient.ask("walk", tmp_path / name, 0), name
 
 
-@pytest.mark.parametrize("name, reason", [("pipe.png", "pipe"), ("zero.png", "device"), ("folder.png", "folder"), ("circle.png", "circle"), ("empty.png", "empty"), ("dangling.png", "cannot be found")])
+@pytest.mark.parametrize(
+    "name, reason",
+    [
+        ("pipe.png", "pipe"), ("zero.png", "device"), ("folder.png", "folder"), ("circle.png", "circle"),
+        ("empty.png", "empty"), ("dangling.png", "cannot be found"),
+    ],
+)
 def test_what_is_no_file_is_not_opened(patient, tmp_path, name, reason):
     path = tmp_path / name
     {
@@ -171,7 +197,10 @@ def test_large_flat_images_are_no_lies(patient, tmp_path):
     """Texels that are all the same compress a thousand times: such files are sound."""
     flat = Image.new("RGB", (6000, 6000), (10, 20, 30))
     for name in ("flat.png", "flat.jpg", "flat.tif", "flat.tga"):
-        options = {"flat.tif": {"compression": "tiff_lzw"}, "flat.tga": {"compression": "tga_rle"}, "flat.jpg": {"progressive": True}}.get(name, {})
+        options = {
+            "flat.tif": {"compression": "tiff_lzw"}, "flat.tga": {"compression": "tga_rle"},
+            "flat.jpg": {"progressive": True},
+        }.get(name, {})
         flat.save(tmp_path / name, **options)
         start = time.monotonic()
         assert "sum" in patient.ask("walk", tmp_path / name, 0), name

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Image files as the renderer gets them: through the host's resolver and our OpenImageIO, in a process where the host's own is in use.
+"""Image files as the renderer gets them: through the host's resolver and our OpenImageIO, in a process where the host's
+own is in use.
 
-Every texel of every kind of file against the array that was written; files that are damaged, missing or no images give one reason and
-leave the process alive.
+Every texel of every kind of file against the array that was written; files that are damaged, missing or no images give
+one reason and leave the process alive.
 """
 
 from __future__ import annotations
@@ -58,11 +59,15 @@ def test_a_radiance_file(reader, folder):
     rgbe[:, :, 3] = 129
     # Widths below 8 or uncompressed rows: bytes as they are. A row must not begin like a compressed one.
     rgbe[:, 0, :2] = 77
-    (folder / "a.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n" + f"-Y {HEIGHT} +X {WIDTH}\n".encode() + rgbe.tobytes())
+    (folder / "a.hdr").write_bytes(
+        b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n" + f"-Y {HEIGHT} +X {WIDTH}\n".encode() + rgbe.tobytes()
+    )
     facts = reader.facts(folder / "a.hdr")
     assert (facts["channels"], facts["format"], facts["srgb"]) == (3, 2, 0), facts
     expected = (rgbe[:, :, :3].astype(np.float64) + 0.5) / 256 * 2
-    assert np.abs(reader.texels(folder / "a.hdr") - expected).max() <= 2 / 256, "within half a step, whichever way it is rounded"
+    assert (
+        np.abs(reader.texels(folder / "a.hdr") - expected).max() <= 2 / 256
+    ), "within half a step, whichever way it is rounded"
 
 
 def test_sixteen_bits_keep_all_of_them(reader, folder):
@@ -72,7 +77,17 @@ def test_sixteen_bits_keep_all_of_them(reader, folder):
     np.testing.assert_array_equal(np.rint(reader.texels(folder / "deep.png") * 65535.0).astype(np.uint16), texels)
 
 
-@pytest.mark.parametrize("chunks, srgb", [((), -1), (((b"sRGB", b"\0"),), 1), (((b"gAMA", struct.pack(">I", 100000)),), 0), (((b"gAMA", struct.pack(">I", 45455)),), -1), (((b"iCCP", b"sRGB IEC61966-2.1\0\0" + zlib.compress(b"profile")),), 1), (((b"iCCP", b"Display P3\0\0" + zlib.compress(b"profile")),), -1)])  # fmt: skip
+@pytest.mark.parametrize(
+    "chunks, srgb",
+    [
+        ((), -1),
+        (((b"sRGB", b"\0"),), 1),
+        (((b"gAMA", struct.pack(">I", 100000)),), 0),
+        (((b"gAMA", struct.pack(">I", 45455)),), -1),
+        (((b"iCCP", b"sRGB IEC61966-2.1\0\0" + zlib.compress(b"profile")),), 1),
+        (((b"iCCP", b"Display P3\0\0" + zlib.compress(b"profile")),), -1),
+    ],
+)
 def test_a_png_is_srgb_only_if_it_says_so(reader, folder, chunks, srgb):
     write_png16(folder / "space.png", noise((4, 4, 3), np.uint16), chunks)
     assert reader.facts(folder / "space.png")["srgb"] == srgb
@@ -107,7 +122,9 @@ def test_a_level_is_decoded_in_one_pass(reader, folder, name):
     tops, row = answer["tops"], len(answer["texels"]) // 2 // 1700
     assert tops[0] == 0 and len(tops) > 1 and tops == sorted(set(tops)), tops
     assert answer["most"] <= 4 << 20
-    assert [b - a for a, b in zip(tops, tops[1:])] == [min(answer["most"] // row, tops[1])] * (len(tops) - 1) or "tiled" in name
+    assert [b - a for a, b in zip(tops, tops[1:])] == [min(answer["most"] // row, tops[1])] * (
+        len(tops) - 1
+    ) or "tiled" in name
     size = path.stat().st_size
     # JPEG is taken whole into memory; headers are read by us before they are by OpenImageIO.
     assert answer["read"] < 1.05 * size + 200_000, f"{answer['read']} bytes of {size}"
@@ -130,7 +147,10 @@ def test_what_is_known_of_files_without_opening_them(image_build, folder):
     status = (folder / "known.exr").stat()
     for path in (folder / "known.exr", folder / "link.exr", folder / "." / "known.exr"):
         facts = reader.ask("file_facts", path)
-        assert facts == {"plain": True, "canonical": str(folder / "known.exr"), "size": status.st_size, "modified": status.st_mtime_ns, "loaded": False}
+        assert facts == {
+            "plain": True, "canonical": str(folder / "known.exr"), "size": status.st_size,
+            "modified": status.st_mtime_ns, "loaded": False,
+        }
     for path in (folder / "absent.exr", folder, f"{folder}/scene.usdz[inside.png]"):
         assert reader.ask("file_facts", path)["plain"] is False
     assert reader.ask("exists", folder / "known.exr") == {"exists": True}
@@ -144,10 +164,19 @@ def test_what_is_known_of_files_without_opening_them(image_build, folder):
 def test_parts_of_an_image(reader, folder, name):
     texels = noise((130, 70, 3), np.float16 if "exr" in name else np.uint8)
     if "exr" in name:
-        write_exr(folder / name, texels, **({"type": OpenEXR.tiledimage, "tiles": OpenEXR.TileDescription()} if name == "tiled.exr" else {}))
+        write_exr(
+            folder / name, texels,
+            **({"type": OpenEXR.tiledimage, "tiles": OpenEXR.TileDescription()} if name == "tiled.exr" else {}),
+        )
     else:
         Image.fromarray(texels).save(folder / name)
-    for at, size in [((0, 0), (70, 1)), ((0, 129), (70, 1)), ((3, 5), (17, 40)), ((33, 63), (37, 67)), ((69, 0), (1, 130))]:
+    for at, size in [
+        ((0, 0), (70, 1)),
+        ((0, 129), (70, 1)),
+        ((3, 5), (17, 40)),
+        ((33, 63), (37, 67)),
+        ((69, 0), (1, 130)),
+    ]:
         below = texels[::-1][at[1] : at[1] + size[1], at[0] : at[0] + size[0]][::-1]
         np.testing.assert_array_equal(reader.texels(folder / name, 0, at, size), below, f"{size} texels at {at}")
     for box in [(0, 0, 71, 1), (0, 130, 1, 1), (0, 0, 0, 1)]:
@@ -204,7 +233,14 @@ BAD = {
     "far_directory.tif": (lambda folder: b"II\x2a\0\xff\xff\xff\x7f", "cannot be read"),
     "noise.tga": (lambda folder: noise((100,), np.uint8).tobytes(), ""),
     "huge.hdr": (lambda folder: b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 100000 +X 100000\n", ""),
-    "huge.png": (lambda folder: good_png(folder)[:16] + struct.pack(">II", 30000, 30000) + good_png(folder)[24:29] + struct.pack(">I", zlib.crc32(b"IHDR" + struct.pack(">II", 30000, 30000) + good_png(folder)[24:29])) + good_png(folder)[33:], "cannot hold that many"),  # fmt: skip
+    "huge.png": (
+        lambda folder: good_png(folder)[:16]
+        + struct.pack(">II", 30000, 30000)
+        + good_png(folder)[24:29]
+        + struct.pack(">I", zlib.crc32(b"IHDR" + struct.pack(">II", 30000, 30000) + good_png(folder)[24:29]))
+        + good_png(folder)[33:],
+        "cannot hold that many",
+    ),
 }
 
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every kind of image file, written by another program (Pillow, tifffile, OpenEXR, a newer OpenImageIO) or by hand, texel by texel.
+"""Every kind of image file, written by another program (Pillow, tifffile, OpenEXR, a newer OpenImageIO) or by hand,
+texel by texel.
 
 Each file is read in one box and decoded as a whole; both must be what the writer was given.
 """
@@ -29,13 +30,17 @@ def holds(reader, path, expected: np.ndarray, scale: float = 1.0, tolerance: flo
     assert facts["levels"][0] == [expected.shape[1], expected.shape[0]], facts
     assert facts["channels"] == expected.shape[2], facts
     for found in (reader.texels(path), reader.decoded(path)):
-        np.testing.assert_allclose(found.astype(np.float64) * scale, expected.astype(np.float64), rtol=0, atol=tolerance)
+        np.testing.assert_allclose(
+            found.astype(np.float64) * scale, expected.astype(np.float64), rtol=0, atol=tolerance
+        )
     return facts
 
 
 def write_oiio(path, texels: np.ndarray, **attributes) -> None:
     """By the OpenImageIO of the test environment, which is not the one that reads."""
-    kind = {np.uint8: "uint8", np.uint16: "uint16", np.uint32: "uint32", np.float16: "half", np.float32: "float"}[texels.dtype.type]
+    kind = {np.uint8: "uint8", np.uint16: "uint16", np.uint32: "uint32", np.float16: "half", np.float32: "float"}[
+        texels.dtype.type
+    ]
     spec = oiio.ImageSpec(texels.shape[1], texels.shape[0], texels.shape[2], kind)
     for name, value in attributes.items():
         if name == "tiles":
@@ -43,7 +48,9 @@ def write_oiio(path, texels: np.ndarray, **attributes) -> None:
         else:
             spec.attribute(name.replace("__", ":"), value)
     output = oiio.ImageOutput.create(str(path))
-    assert output and output.open(str(path), spec) and output.write_image(np.ascontiguousarray(texels)) and output.close(), output.geterror()
+    assert (
+        output and output.open(str(path), spec) and output.write_image(np.ascontiguousarray(texels)) and output.close()
+    ), output.geterror()
 
 
 @pytest.mark.parametrize("texels", [GREY, GREY_ALPHA, RGB, RGBA], ids=["1", "2", "3", "4"])
@@ -108,12 +115,15 @@ def test_jpeg_of_inks(reader, folder):
 
 @pytest.mark.parametrize("orientation", range(1, 9))
 def test_turned_pictures_stay_as_they_are_stored(reader, folder, orientation):
-    """Hydra's own readers of images know no orientation either, and texture coordinates were made for what they show."""
+    """Hydra's own readers of images know no orientation either, and texture coordinates were made for what they
+    show."""
     exif = Image.Exif()
     exif[0x112] = orientation
     Image.fromarray(smooth(3)).save(folder / "turned.jpg", quality=100, subsampling=0, exif=exif)
     holds(reader, folder / "turned.jpg", smooth(3), 1.0, 4)
-    tifffile.imwrite(folder / "turned.tif", RGB, photometric="rgb", extratags=[(274, 3, 1, orientation, True)], metadata=None)
+    tifffile.imwrite(
+        folder / "turned.tif", RGB, photometric="rgb", extratags=[(274, 3, 1, orientation, True)], metadata=None
+    )
     holds(reader, folder / "turned.tif", RGB)
 
 
@@ -126,9 +136,16 @@ def test_tiff(reader, folder, kind, tile, planar, order):
     whole = np.issubdtype(kind, np.integer)
     texels = (texels * np.iinfo(kind).max).astype(kind) if whole else texels.astype(kind)
     data = texels if planar == "contig" else np.moveaxis(texels, 2, 0)
-    tifffile.imwrite(folder / "k.tif", data, photometric="rgb", planarconfig=planar, tile=tile, byteorder=order, metadata=None, **({} if tile else {"rowsperstrip": 7}))
+    tifffile.imwrite(
+        folder / "k.tif", data, photometric="rgb", planarconfig=planar, tile=tile, byteorder=order, metadata=None,
+        **({} if tile else {"rowsperstrip": 7}),
+    )
     integer = {np.uint8: 1.0, np.uint16: 65535.0, np.uint32: 4294967295.0}.get(kind, 1.0)
-    tolerance = 0.0 if kind in (np.uint8, np.float16, np.float32) else 1e-2 if kind == np.uint16 else 300.0 if kind == np.uint32 else 0.0
+    tolerance = (
+        0.0
+        if kind in (np.uint8, np.float16, np.float32)
+        else 1e-2 if kind == np.uint16 else 300.0 if kind == np.uint32 else 0.0
+    )
     facts = holds(reader, folder / "k.tif", texels, integer, tolerance)
     assert facts["tiled"] == bool(tile)
 
@@ -147,17 +164,29 @@ def test_tiff_of_other_channels(reader, folder, texels, planar):
     alpha = ["unassalpha"] if texels.shape[2] in (2, 4) else None
     if texels.shape[2] == 1:
         data = texels[:, :, 0]
-    tifffile.imwrite(folder / "c.tif", data, photometric="minisblack" if grey else "rgb", planarconfig=planar if alpha else None, extrasamples=alpha, metadata=None)
+    tifffile.imwrite(
+        folder / "c.tif", data, photometric="minisblack" if grey else "rgb", planarconfig=planar if alpha else None,
+        extrasamples=alpha, metadata=None,
+    )
     holds(reader, folder / "c.tif", texels)
 
 
-@pytest.mark.parametrize("compression", ["tiff_lzw", "tiff_adobe_deflate", "packbits", "tiff_deflate", "jpeg", "zstd", "lzma"])
+@pytest.mark.parametrize(
+    "compression", ["tiff_lzw", "tiff_adobe_deflate", "packbits", "tiff_deflate", "jpeg", "zstd", "lzma"]
+)
 def test_compressed_tiff(reader, folder, compression):
     Image.fromarray(RGB).save(folder / "z.tif", compression=compression)
     holds(reader, folder / "z.tif", np.asarray(Image.open(folder / "z.tif")), 1.0, 1 if compression == "jpeg" else 0)
 
 
-@pytest.mark.parametrize("attributes", [{"compression": "lzw"}, {"compression": "zip", "tiff__predictor": 2}, {"compression": "zip", "tiles": (16, 16)}, {"compression": "lzw", "planarconfig": "separate"}], ids=str)
+@pytest.mark.parametrize(
+    "attributes",
+    [
+        {"compression": "lzw"}, {"compression": "zip", "tiff__predictor": 2}, {"compression": "zip", "tiles": (16, 16)},
+        {"compression": "lzw", "planarconfig": "separate"},
+    ],
+    ids=str,
+)
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
 def test_tiff_with_predictors(reader, folder, attributes, kind):
     texels = noise((HEIGHT, WIDTH, 3), kind)
@@ -235,13 +264,17 @@ def test_exr(reader, folder, compression, tiled, kind):
 )
 def test_exr_channels_by_name(reader, folder, names, wanted):
     channels = exr_channels(names)
-    OpenEXR.File({"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}, channels).write(str(folder / "n.exr"))
+    OpenEXR.File({"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}, channels).write(
+        str(folder / "n.exr")
+    )
     holds(reader, folder / "n.exr", stacked(channels, wanted))
 
 
 def test_exr_of_mixed_channels_has_the_precision_of_those_that_are_read(reader, folder):
     channels = exr_channels("RGB") | {"Z": noise((HEIGHT, WIDTH), np.float32)}
-    OpenEXR.File({"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}, channels).write(str(folder / "m.exr"))
+    OpenEXR.File({"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}, channels).write(
+        str(folder / "m.exr")
+    )
     assert holds(reader, folder / "m.exr", stacked(channels, "RGB"))["format"] == 1
 
 
@@ -261,7 +294,10 @@ def test_the_data_window_is_the_image(reader, folder, at, tiles):
 
 def test_exr_of_several_parts_is_its_first(reader, folder):
     first, second = exr_channels("RGB"), exr_channels("RGBA", np.float32)
-    parts = [OpenEXR.Part({"type": OpenEXR.scanlineimage, "name": name}, channels) for name, channels in (("beauty", first), ("other", second))]
+    parts = [
+        OpenEXR.Part({"type": OpenEXR.scanlineimage, "name": name}, channels)
+        for name, channels in (("beauty", first), ("other", second))
+    ]
     OpenEXR.File(parts).write(str(folder / "parts.exr"))
     holds(reader, folder / "parts.exr", stacked(first, "RGB"))
 
@@ -272,13 +308,17 @@ def test_textures_by_maketx_have_their_levels(reader, folder, name, kind):
     if (kind == np.uint8) == (name == "m.exr"):
         pytest.skip("TIFF for integers, EXR for floats")
     source = oiio.ImageBuf(oiio.ImageSpec(256, 128, 3, "uint8" if kind == np.uint8 else "half"))
-    source.set_pixels(oiio.ROI(0, 256, 0, 128, 0, 1, 0, 3), noise((128, 256, 3), kind if kind == np.uint8 else np.float32))
+    source.set_pixels(
+        oiio.ROI(0, 256, 0, 128, 0, 1, 0, 3), noise((128, 256, 3), kind if kind == np.uint8 else np.float32)
+    )
     path = folder / name
     made = folder / ("made.tif" if kind == np.uint8 else "made.exr")
     assert oiio.ImageBufAlgo.make_texture(oiio.MakeTxTexture, source, str(made)), oiio.geterror()
     made.rename(path)
     facts = reader.facts(path)
-    assert facts["levels"] == [[max(1, 256 >> level), max(1, 128 >> level)] for level in range(9)] and facts["tiled"], facts
+    assert (
+        facts["levels"] == [[max(1, 256 >> level), max(1, 128 >> level)] for level in range(9)] and facts["tiled"]
+    ), facts
     for level in range(9):
         expected = oiio.ImageBuf(str(path), 0, level).get_pixels(oiio.UINT8 if kind == np.uint8 else oiio.HALF)
         for found in (reader.texels(path, level), reader.decoded(path, level)):
@@ -335,7 +375,9 @@ def test_tga_with_a_palette_and_of_16_bits(reader, folder):
     body = INDEX[::-1].tobytes()
     (folder / "p.tga").write_bytes(handmade.tga(WIDTH, HEIGHT, 1, 8, body, PALETTE[:, ::-1].tobytes(), 24))
     holds(reader, folder / "p.tga", PALETTE[INDEX])
-    (folder / "pt.tga").write_bytes(handmade.tga(WIDTH, HEIGHT, 1, 8, INDEX.tobytes(), PALETTE[:, ::-1].tobytes(), 24, True))
+    (folder / "pt.tga").write_bytes(
+        handmade.tga(WIDTH, HEIGHT, 1, 8, INDEX.tobytes(), PALETTE[:, ::-1].tobytes(), 24, True)
+    )
     holds(reader, folder / "pt.tga", PALETTE[INDEX])
     five = noise((HEIGHT, WIDTH, 3), np.uint8) >> 3
     packed = five[:, :, 0].astype("<u2") << 10 | five[:, :, 1].astype("<u2") << 5 | five[:, :, 2] | 0x8000

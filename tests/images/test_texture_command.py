@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`oocpt texture` as a user runs it: files, sets, folders and scenes through a real host; what it keeps is what a render then finds."""
+"""`oocpt texture` as a user runs it: files, sets, folders and scenes through a real host; what it keeps is what a
+render then finds."""
 
 from __future__ import annotations
 
@@ -64,12 +65,21 @@ def Xform "World" {
 @pytest.fixture(scope="module")
 def oocpt():
     built = os.environ.get("OOCPT_CLI")
-    base = [built] if built else ["cargo", "run", "--quiet", "--locked", "--profile", "fast", "--package", "oocpt-cli", "--bin", "oocpt", "--"]
+    base = (
+        [built]
+        if built
+        else [
+            "cargo", "run", "--quiet", "--locked", "--profile", "fast", "--package", "oocpt-cli", "--bin", "oocpt",
+            "--",
+        ]
+    )
     path = f"{os.environ['OOCPT_BUILD']}/bin{os.pathsep}{os.environ['PATH']}"
 
     def run(*arguments):
         variables = {**os.environ, "RUST_BACKTRACE": "0", "PATH": path}
-        return subprocess.run(base + [str(a) for a in arguments], cwd=REPO, env=variables, capture_output=True, text=True, timeout=1800)
+        return subprocess.run(
+            base + [str(a) for a in arguments], cwd=REPO, env=variables, capture_output=True, text=True, timeout=1800
+        )
 
     return run
 
@@ -94,16 +104,23 @@ def test_files_sets_and_folders_are_converted_and_told(oocpt, tmp_path):
     set_of_two = tmp_path / "one/wood.<UDIM>.png"
     [first, second] = info(oocpt, "--cache", cache, set_of_two)
     assert first["file"].endswith("wood.1001.png") and second["file"].endswith("wood.1002.png"), "in order"
-    assert (first["size"], first["channels"], first["format"], first["is_srgb"], first["cache"]["bytes"]) == ([300, 200], 3, "u8", True, None)
+    assert (first["size"], first["channels"], first["format"], first["is_srgb"], first["cache"]["bytes"]) == (
+        [300, 200], 3, "u8", True, None
+    )
     done = oocpt("texture", "convert", "--cache", cache, set_of_two, tmp_path / "two", tmp_path / "none.png")
     assert done.returncode == 1
     lines = done.stderr.splitlines()
     assert len(lines) == 3 and "2 files cannot be used" in lines[2], done.stderr
-    assert any("cut.png: " in line for line in lines) and any("none.png: cannot be found" in line for line in lines), done.stderr
+    assert any("cut.png: " in line for line in lines) and any(
+        "none.png: cannot be found" in line for line in lines
+    ), done.stderr
     assert "3 files are ready" in done.stdout, done.stdout
     assert len(list(cache.iterdir())) == 3, "an entry for each file that is whole"
     for told in info(oocpt, "--cache", cache, set_of_two, tmp_path / "two/deep"):
-        assert told["cache"]["first_level"] == 0 and pathlib.Path(told["cache"]["path"]).stat().st_size == told["cache"]["bytes"], told
+        assert (
+            told["cache"]["first_level"] == 0
+            and pathlib.Path(told["cache"]["path"]).stat().st_size == told["cache"]["bytes"]
+        ), told
     words = oocpt("texture", "info", "--cache", cache, set_of_two).stdout
     assert "300 x 200, levels: 1, not tiled" in words and "cache         all levels" in words, words
 
@@ -130,7 +147,10 @@ def test_a_render_finds_what_a_scene_was_converted_to(oocpt, tmp_path):
 
 def record(scene, out, cache) -> np.ndarray:
     """The middle of the picture."""
-    command = [f"{os.environ['OOCPT_BUILD']}/bin/usdrecord", "--disableCameraLight", "--imageWidth", "32", "--camera", "Camera", scene, out]
+    command = [
+        f"{os.environ['OOCPT_BUILD']}/bin/usdrecord", "--disableCameraLight", "--imageWidth", "32", "--camera",
+        "Camera", scene, out,
+    ]
     variables = {**os.environ, "OOCPT_SAMPLES_PER_PIXEL": "4", "OOCPT_TEXTURE_CACHE": str(cache)}
     done = subprocess.run([str(word) for word in command], env=variables, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr

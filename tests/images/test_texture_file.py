@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""oocpt-texture-file, which `oocpt bench texture-files` writes and decodes its files with: what it writes is read by other programs."""
+"""oocpt-texture-file, which `oocpt bench texture-files` writes and decodes its files with: what it writes is read by
+other programs."""
 
 from __future__ import annotations
 
@@ -35,10 +36,14 @@ def test_all_kinds_hold_the_same_picture(files):
     png = np.asarray(Image.open(files["png"])).astype(float)
     assert png.shape == (SIZE, SIZE, 3)
     np.testing.assert_array_equal(png, np.asarray(Image.open(files["tif"])))
-    assert np.abs(png - np.asarray(Image.open(files["jpg"]))).mean() < 12, "within the loss of quality 92 and halved color"
+    assert (
+        np.abs(png - np.asarray(Image.open(files["jpg"]))).mean() < 12
+    ), "within the loss of quality 92 and halved color"
     exr = OpenEXR.File(str(files["exr"])).channels()["RGB"].pixels
     assert exr.dtype == np.float16
-    assert np.abs(png / 255 - np.sqrt(exr.astype(float))).max() < 0.003, "its square, within half a step of 8 bits and of half floats"
+    assert (
+        np.abs(png / 255 - np.sqrt(exr.astype(float))).max() < 0.003
+    ), "its square, within half a step of 8 bits and of half floats"
 
 
 def test_it_is_noise_and_the_same_each_time(files, tmp_path):
@@ -60,13 +65,20 @@ def test_it_decodes_each_file(files, tmp_path, threads):
     assert failed.returncode == 1 and "cut.png" in failed.stderr and not failed.stdout, "one that ends early fails all"
 
 
-@pytest.mark.parametrize("words", [[], ["write", 3, 1, "a.png"], ["write", 8, "x", "a.png"], ["read", 0], ["read", -1, "a"], ["read", "1x", "a"]])
+@pytest.mark.parametrize(
+    "words",
+    [[], ["write", 3, 1, "a.png"], ["write", 8, "x", "a.png"], ["read", 0], ["read", -1, "a"], ["read", "1x", "a"]],
+)
 def test_bad_arguments_are_refused(words):
     done = call(*words)
     assert done.returncode == 2 and done.stderr.startswith("usage:"), done
 
 
 def test_what_cannot_be_done_is_one_line(tmp_path):
-    for words in (["write", 8, 1, tmp_path / "a.txt"], ["write", 8, 1, tmp_path / "none/a.png"], ["read", 1, tmp_path / "none.png"]):
+    for words in (
+        ["write", 8, 1, tmp_path / "a.txt"],
+        ["write", 8, 1, tmp_path / "none/a.png"],
+        ["read", 1, tmp_path / "none.png"],
+    ):
         done = call(*words)
         assert done.returncode == 1 and str(words[-1]) in done.stderr and len(done.stderr.splitlines()) == 1, done

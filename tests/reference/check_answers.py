@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the tests of the feature scenes with Mitsuba in the renderer's place: are their answers right, and is the translation?
+"""Runs the tests of the feature scenes with Mitsuba in the renderer's place: are their answers right, and is the
+translation?
 
     check_answers.py [FILTER]
 
-A test that asks for something without a counterpart in Mitsuba (links, cones, ...) must fail here: those are listed in MISSING with the
-reason, and it is an error if one of them passes. Prints a line per case; exits with 1 if anything is not as expected.
+A test that asks for something without a counterpart in Mitsuba (links, cones, ...) must fail here: those are listed in
+MISSING with the reason, and it is an error if one of them passes. Prints a line per case; exits with 1 if anything is
+not as expected.
 """
 
 from __future__ import annotations
@@ -30,9 +32,12 @@ MORE_SAMPLES = 16
 """Mitsuba's independent samples against our Sobol points."""
 
 MISSING = {
-    "test_cone": "no cones on area lights", "test_ies_profile": "no IES profiles", "test_shadow_enable[False]": "all lights cast shadows", "test_light_and_shadow_links": "no links",
-    "test_light_multipliers": "no multipliers", "test_cutout": "emitters have no holes", "test_texture_values": "emitters have no holes",
-    "test_coat_straight_on": "another coat", "test_fresnel_straight_on": "real Fresnel", "test_primvar_readers": "readers are not translated",
+    "test_cone": "no cones on area lights", "test_ies_profile": "no IES profiles",
+    "test_shadow_enable[False]": "all lights cast shadows", "test_light_and_shadow_links": "no links",
+    "test_light_multipliers": "no multipliers", "test_cutout": "emitters have no holes",
+    "test_texture_values": "emitters have no holes",
+    "test_coat_straight_on": "another coat", "test_fresnel_straight_on": "real Fresnel",
+    "test_primvar_readers": "readers are not translated",
     "test_instance_primvars": "readers are not translated", "test_texture_wrap": "no black outside",
     "test_white_plastic_furnace": "another base",
 }  # fmt: skip
@@ -75,12 +80,22 @@ class View:
         pass
 
     def edit(self, code: str) -> None:
-        exec(code, {"stage": self.stage, "engine": self.engine, "Gf": Gf, "Sdf": Sdf, "Usd": Usd, "UsdGeom": UsdGeom, "UsdLux": UsdLux, "Vt": Vt})  # noqa: S102
+        exec(
+            code,
+            {
+                "stage": self.stage, "engine": self.engine, "Gf": Gf, "Sdf": Sdf, "Usd": Usd, "UsdGeom": UsdGeom,
+                "UsdLux": UsdLux, "Vt": Vt,
+            },
+        )  # noqa: S102
 
     def render(self) -> Picture:
         settings = self.engine.settings
-        scene, _ = to_mitsuba.translate(self.stage, *self.size, camera=self.camera, bounces=settings["oocpt:maxBounces"], blocks=False)
-        color = to_mitsuba.render(scene, MORE_SAMPLES * settings["oocpt:samplesPerPixel"], settings.get("oocpt:seed", 0))[::-1]
+        scene, _ = to_mitsuba.translate(
+            self.stage, *self.size, camera=self.camera, bounces=settings["oocpt:maxBounces"], blocks=False
+        )
+        color = to_mitsuba.render(
+            scene, MORE_SAMPLES * settings["oocpt:samplesPerPixel"], settings.get("oocpt:seed", 0)
+        )[::-1]
         made = Picture(color=np.concatenate([color, np.ones_like(color[..., :1])], axis=-1))
         if "normal" in self.aovs:
             integrator = mi.load_dict({"type": "aov", "aovs": "n:sh_normal"})
@@ -97,7 +112,9 @@ def cases(function):
     """(label, arguments) of a test by its parametrize marks."""
     axes = []
     for mark in getattr(function, "pytestmark", []):
-        names = [name.strip() for name in mark.args[0].split(",")] if isinstance(mark.args[0], str) else list(mark.args[0])
+        names = (
+            [name.strip() for name in mark.args[0].split(",")] if isinstance(mark.args[0], str) else list(mark.args[0])
+        )
         values = [value if len(names) > 1 else (value,) for value in mark.args[1]]
         axes.append([dict(zip(names, value)) for value in values])
     for combination in itertools.product(*axes):
@@ -122,7 +139,9 @@ def main() -> int:
                     function(Host(), **arguments)
                     result = "as expected" if reason is None else "PASSES, though listed as missing"
                 except AssertionError as error:
-                    result = f"WRONG: {str(error).splitlines()[0][:300]}" if reason is None else f"not in Mitsuba ({reason})"
+                    result = (
+                        f"WRONG: {str(error).splitlines()[0][:300]}" if reason is None else f"not in Mitsuba ({reason})"
+                    )
                 wrong += result.startswith(("WRONG", "PASSES"))
                 print(f"{test}{label}: {result}", flush=True)
     return 1 if wrong else 0

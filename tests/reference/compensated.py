@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A rough metal that gives back what single scattering loses, for Mitsuba, whose own `roughconductor` does not. The variant must be set before this is
-imported.
+"""A rough metal that gives back what single scattering loses, for Mitsuba, whose own `roughconductor` does not. The
+variant must be set before this is imported.
 
-GGX with height-correlated Smith masking (E. Heitz, Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs, 2014; Mitsuba's is the
-product of both directions' masking, up to 2 % darker at grazing), and the lobe of Kulla and Conty.
+GGX with height-correlated Smith masking (E. Heitz, Understanding the Masking-Shadowing Function in Microfacet-Based
+BRDFs, 2014; Mitsuba's is the product of both directions' masking, up to 2 % darker at grazing), and the lobe of Kulla
+and Conty.
 
-The lobe (C. Kulla and A. Conty, Revisiting Physically Based Shading at Imageworks, 2017) is F U(o) U(i) / (pi avg U), U = 1 - E, E the directional
-albedo of the mirror of the same roughness, F = c^2 (1 - avg U) / (1 - c avg U) for a metal of colour c at every angle. E is computed here, by quadrature over
-normals in f64, not taken from the renderer that is judged.
+The lobe (C. Kulla and A. Conty, Revisiting Physically Based Shading at Imageworks, 2017) is F U(o) U(i) / (pi avg U), U
+= 1 - E, E the directional albedo of the mirror of the same roughness, F = c^2 (1 - avg U) / (1 - c avg U) for a metal
+of colour c at every angle. E is computed here, by quadrature over normals in f64, not taken from the renderer that is
+judged.
 """
 
 from __future__ import annotations
@@ -26,7 +28,9 @@ def lost(alpha: float, cosine: np.ndarray, turns: int = 96, radii: int = 1024) -
     u = (np.arange(radii) + 0.5) / radii
     tangent = alpha * np.sqrt(u / (1 - u))
     hz = 1 / np.sqrt(1 + tangent**2)
-    h = np.stack([np.outer(np.cos(phi), tangent * hz), np.outer(np.sin(phi), tangent * hz), np.broadcast_to(hz, (turns, radii))])
+    h = np.stack(
+        [np.outer(np.cos(phi), tangent * hz), np.outer(np.sin(phi), tangent * hz), np.broadcast_to(hz, (turns, radii))]
+    )
     lam = lambda c: 0.5 * (np.sqrt(1 + alpha**2 * (1 - c**2) / c**2) - 1)
     made = []
     for c in cosine:
@@ -72,7 +76,11 @@ class Compensated(mi.BSDF):
         above = (mi.Frame3f.cos_theta(si.wi) > 0) & (mi.Frame3f.cos_theta(wo) > 0)
         i, cosine = dr.maximum(mi.Frame3f.cos_theta(si.wi), 1e-6), dr.maximum(mi.Frame3f.cos_theta(wo), 0)
         # D G / (4 i): G = 1 / (1 + Lambda + Lambda').
-        single = self.color * (self.normals.eval(dr.normalize(si.wi + wo)) * cosine / (2 * (i * self._slope(cosine) + cosine * self._slope(i))))
+        single = self.color * (
+            self.normals.eval(dr.normalize(si.wi + wo))
+            * cosine
+            / (2 * (i * self._slope(cosine) + cosine * self._slope(i)))
+        )
         back = self.broad * (self._lost(mi.Frame3f.cos_theta(si.wi)) * self._lost(cosine) * cosine)
         return dr.select(above, single + back, 0)
 

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """UsdLux lights as Mitsuba's emitters. The variant must be set before this is imported.
 
-Rectangles, disks, spheres and cylinders are Mitsuba's shapes of the same name with an `area` emitter: exact. Lights of UsdLux are no geometry: nothing is
-in their shadow, and a ray goes on behind them (as in hdPrman, where lights are not in the way unless asked for). With `blocks` off they are
-the same here, index-matched surfaces that `volpath` goes through; with it they are black. A distant light is `directional`,
-or with an angle a far disk of that size. A latlong follows the same rule in both (OpenEXR's: its middle is +z); Mitsuba's
-rows stand on texel edges, so the picture is resampled to those. Cones, focus, IES, links, shadow
-and diffuse/specular settings have no counterpart: one note each, the light shines without.
+Rectangles, disks, spheres and cylinders are Mitsuba's shapes of the same name with an `area` emitter: exact. Lights of
+UsdLux are no geometry: nothing is in their shadow, and a ray goes on behind them (as in hdPrman, where lights are not
+in the way unless asked for). With `blocks` off they are the same here, index-matched surfaces that `volpath` goes
+through; with it they are black. A distant light is `directional`, or with an angle a far disk of that size. A latlong
+follows the same rule in both (OpenEXR's: its middle is +z); Mitsuba's rows stand on texel edges, so the picture is
+resampled to those. Cones, focus, IES, links, shadow and diffuse/specular settings have no counterpart: one note each,
+the light shines without.
 """
 
 from __future__ import annotations
@@ -32,7 +33,11 @@ def _get(prim, name, default):
 def radiance(prim) -> np.ndarray:
     """intensity * 2^exposure * color * blackbody."""
     api = UsdLux.LightAPI(prim)
-    value = np.array(_get(prim, "color", (1, 1, 1)), dtype=np.float64) * _get(prim, "intensity", 1.0) * 2.0 ** _get(prim, "exposure", 0.0)
+    value = (
+        np.array(_get(prim, "color", (1, 1, 1)), dtype=np.float64)
+        * _get(prim, "intensity", 1.0)
+        * 2.0 ** _get(prim, "exposure", 0.0)
+    )
     if _get(prim, "enableColorTemperature", False):
         value = value * np.array(UsdLux.BlackbodyTemperatureAsRgb(api.GetColorTemperatureAttr().Get()))
     return value
@@ -50,7 +55,10 @@ def _note(prim, notes) -> None:
     if prim.HasAPI(UsdLux.ShadowAPI) and not _get(prim, "shadow:enable", True):
         notes.append(f"{prim.GetPath()}: shadow:enable left out")
     for name in ("lightLink", "shadowLink"):
-        if not prim.GetAttribute(f"collection:{name}:includeRoot").Get() or prim.GetRelationship(f"collection:{name}:excludes").GetTargets():
+        if (
+            not prim.GetAttribute(f"collection:{name}:includeRoot").Get()
+            or prim.GetRelationship(f"collection:{name}:excludes").GetTargets()
+        ):
             notes.append(f"{prim.GetPath()}: {name} left out")
     if _get(prim, "diffuse", 1.0) != 1 or _get(prim, "specular", 1.0) != 1:
         notes.append(f"{prim.GetPath()}: diffuse and specular multipliers left out")
@@ -90,9 +98,15 @@ def emitter(lamp, center: np.ndarray, radius: float, notes: list[str], blocks: b
     texture = prim.GetAttribute("inputs:texture:file")
     if texture and texture.Get() and texture.Get().resolvedPath:
         pixels = networks.load(texture.Get().resolvedPath, "auto", materials.decode)[..., :3] * value
-        # s runs along the light's x and t along its y, seen from the back, as in OpenUSD's own hdEmbree; the shape above is turned about y.
-        shine = materials.texture(networks.Picture(np.ascontiguousarray(pixels[:, ::-1], np.float32), ("clamp", "clamp"), np.eye(3)), notes)
-    return {"type": kind, "to_world": mi.ScalarTransform4f(matrix @ local), "emitter": {"type": "area", "radiance": shine}, "bsdf": {"type": "diffuse", "reflectance": 0.0} if blocks else {"type": "null"}}
+        # s runs along the light's x and t along its y, seen from the back, as in OpenUSD's own hdEmbree; the shape
+        # above is turned about y.
+        shine = materials.texture(
+            networks.Picture(np.ascontiguousarray(pixels[:, ::-1], np.float32), ("clamp", "clamp"), np.eye(3)), notes
+        )
+    return {
+        "type": kind, "to_world": mi.ScalarTransform4f(matrix @ local), "emitter": {"type": "area", "radiance": shine},
+        "bsdf": {"type": "diffuse", "reflectance": 0.0} if blocks else {"type": "null"},
+    }
 
 
 def _distant(prim, matrix, center, radius) -> dict:
@@ -107,9 +121,14 @@ def _distant(prim, matrix, center, radius) -> dict:
         value = value / factor
     distance = FAR * radius
     up = [0, 1, 0] if abs(direction[1]) < 0.9 else [1, 0, 0]
-    place = mi.ScalarTransform4f().look_at(origin=list(map(float, center - distance * direction)), target=list(map(float, center)), up=up)
+    place = mi.ScalarTransform4f().look_at(
+        origin=list(map(float, center - distance * direction)), target=list(map(float, center)), up=up
+    )
     size = distance * math.tan(half)
-    return {"type": "disk", "to_world": place @ mi.ScalarTransform4f().scale([size, size, 1]), "emitter": {"type": "area", "radiance": _rgb(value)}}
+    return {
+        "type": "disk", "to_world": place @ mi.ScalarTransform4f().scale([size, size, 1]),
+        "emitter": {"type": "area", "radiance": _rgb(value)},
+    }
 
 
 def _dome(prim, matrix, notes) -> dict:
@@ -127,11 +146,15 @@ def _dome(prim, matrix, notes) -> dict:
             turn = turn @ np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
     to_world = np.eye(4)
     to_world[:3, :3] = turn
-    return {"type": "envmap", "bitmap": mi.Bitmap(_rows_on_edges(pixels).astype(np.float32)), "to_world": mi.ScalarTransform4f(to_world)}
+    return {
+        "type": "envmap", "bitmap": mi.Bitmap(_rows_on_edges(pixels).astype(np.float32)),
+        "to_world": mi.ScalarTransform4f(to_world),
+    }
 
 
 def _rows_on_edges(pixels: np.ndarray) -> np.ndarray:
-    """From rows at (j + 1/2) / n of the height to Mitsuba's at j / (n - 1), twice as many, so that little is smeared; columns are the same."""
+    """From rows at (j + 1/2) / n of the height to Mitsuba's at j / (n - 1), twice as many, so that little is smeared;
+    columns are the same."""
     rows = pixels.shape[0]
     positions = np.arange(2 * rows + 1) / 2 - 0.5
     low = np.floor(positions).astype(int)

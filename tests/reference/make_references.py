@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Makes the references of the feature scenes anew: NAME.json beside NAME.usda, means over blocks of the picture with their standard errors.
+"""Makes the references of the feature scenes anew: NAME.json beside NAME.usda, means over blocks of the picture with
+their standard errors.
 
     make_references.py [NAME ...] [--samples 4096] [--batches 16] [--date YYYY-MM-DD]
 
-Every batch is a render with a seed of its own; the error is their standard deviation over the root of their number. Tests never write these.
+Every batch is a render with a seed of its own; the error is their standard deviation over the root of their number.
+Tests never write these.
 """
 
 from __future__ import annotations
@@ -48,7 +50,8 @@ def make(name: str, samples: int, batches: int, date: str) -> dict:
         "scene": path.name,
         "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
         "made": {
-            "command": f"cargo xtask reference {name} --samples {samples} --batches {batches}", "date": date, "mitsuba": mi.__version__, "drjit": drjit.__version__, "variant": mi.variant(),
+            "command": f"cargo xtask reference {name} --samples {samples} --batches {batches}", "date": date,
+            "mitsuba": mi.__version__, "drjit": drjit.__version__, "variant": mi.variant(),
             "size": [width, height], "bounces": bounces, "samples": samples * batches, "notes": notes,
         },
         "mean": rounded(means.mean(axis=0)),
@@ -70,7 +73,9 @@ def main() -> None:
             parser.error(f"{name} is none of {names}")
         reference = make(name, arguments.samples, arguments.batches, arguments.date)
         # One line per key: rows of numbers stay readable in a diff.
-        text = "{\n" + ",\n".join(f" {json.dumps(key)}: {json.dumps(value)}" for key, value in reference.items()) + "\n}"
+        text = (
+            "{\n" + ",\n".join(f" {json.dumps(key)}: {json.dumps(value)}" for key, value in reference.items()) + "\n}"
+        )
         (features.FOLDER / f"{name}.json").write_text(text + "\n")
 
 

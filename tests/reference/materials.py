@@ -2,15 +2,18 @@
 """UsdPreviewSurface as Mitsuba's own BSDFs. The variant must be set before this is imported.
 
 The mapping, and why:
-- metallic 1: a perfect mirror's Fresnel and `diffuseColor` as reflectance. UsdPreviewSurface's F0 and F90 are both the albedo there. With
-  EXACT_METALS constant ones are compensated.py, exact; else `roughconductor`, which loses light between microfacets (2 % at roughness 0.3, grazing). GGX, alpha = roughness squared.
-- opacity 0: `dielectric` with the same ior; exact. `roughdielectric` if rough, which loses light between microfacets: 0.3 % of an interface at
-  roughness 0.3 seen at 60 degrees, more where it is rougher. Transmission is tinted by diffuseColor.
-- metallic 0: `roughplastic`, a Lambert base below a rough dielectric boundary: the same two lobes; real Fresnel instead of Schlick's, and
-  the base is dimmed by the boundary as in nature. Models of the base differ by a few per cent.
+- metallic 1: a perfect mirror's Fresnel and `diffuseColor` as reflectance. UsdPreviewSurface's F0 and F90 are both the
+  albedo there. With EXACT_METALS constant ones are compensated.py, exact; else `roughconductor`, which loses light
+  between microfacets (2 % at roughness 0.3, grazing). GGX, alpha = roughness squared.
+- opacity 0: `dielectric` with the same ior; exact. `roughdielectric` if rough, which loses light between microfacets:
+  0.3 % of an interface at roughness 0.3 seen at 60 degrees, more where it is rougher. Transmission is tinted by
+  diffuseColor.
+- metallic 0: `roughplastic`, a Lambert base below a rough dielectric boundary: the same two lobes; real Fresnel instead
+  of Schlick's, and the base is dimmed by the boundary as in nature. Models of the base differ by a few per cent.
 - in between: `blendbsdf` of these by metallic, or by opacity. clearcoat: `principled`, of our alpha (its coat is a
   quarter as strong and of another shape).
-- opacityThreshold: `mask` with the picture cut at four times its resolution. Roughness below 0.03 is smooth, as no microfacet model is stable there.
+- opacityThreshold: `mask` with the picture cut at four times its resolution. Roughness below 0.03 is smooth, as no
+  microfacet model is stable there.
 - emissiveColor: an `area` emitter, one-sided as all of Mitsuba's are.
 """
 
@@ -30,14 +33,18 @@ SMOOTH = 0.03
 EXACT_METALS = False
 """Set by those who compare pictures, not times: Mitsuba runs its own BSDFs faster."""
 PRINCIPLED_PLASTICS = False
-"""Dielectrics that are not clear as `principled`: nearer to UsdPreviewSurface where rough than `roughplastic`, which loses light."""
+"""Dielectrics that are not clear as `principled`: nearer to UsdPreviewSurface where rough than `roughplastic`, which
+loses light."""
 
 
 def decode(path: str) -> tuple[np.ndarray, int]:
     """(pixels as floats, encoded 0 .. 1 for integer files; bits of a channel)."""
     package, _, inside = path.partition("[")
     if inside:
-        with zipfile.ZipFile(package) as opened, tempfile.NamedTemporaryFile(suffix=pathlib.Path(inside[:-1]).suffix) as file:
+        with (
+            zipfile.ZipFile(package) as opened,
+            tempfile.NamedTemporaryFile(suffix=pathlib.Path(inside[:-1]).suffix) as file,
+        ):
             file.write(opened.read(inside[:-1]))
             file.flush()
             return decode(file.name)
@@ -51,19 +58,28 @@ def decode(path: str) -> tuple[np.ndarray, int]:
 def texture(value, notes: list[str]) -> dict:
     """A Mitsuba texture of a constant or a Picture; every number is linear already."""
     if not isinstance(value, networks.Picture):
-        return {"type": "rgb", "value": [float(x) for x in value]} if isinstance(value, tuple) else {"type": "uniform", "value": float(value)}
+        return (
+            {"type": "rgb", "value": [float(x) for x in value]}
+            if isinstance(value, tuple)
+            else {"type": "uniform", "value": float(value)}
+        )
     modes = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp"}
     if value.wrap[0] != value.wrap[1] or value.wrap[0] not in modes:
         notes.append(f"wrap modes {value.wrap} are taken as {modes.get(value.wrap[0], 'clamp')}")
     return {
-        "type": "bitmap", "bitmap": mi.Bitmap(value.pixels if value.pixels.shape[2] > 1 else value.pixels[..., 0]), "raw": True,
-        "wrap_mode": modes.get(value.wrap[0], "clamp"), "filter_type": "bilinear", "to_uv": mi.ScalarTransform3f(value.transform),
+        "type": "bitmap", "bitmap": mi.Bitmap(value.pixels if value.pixels.shape[2] > 1 else value.pixels[..., 0]),
+        "raw": True,
+        "wrap_mode": modes.get(value.wrap[0], "clamp"), "filter_type": "bilinear",
+        "to_uv": mi.ScalarTransform3f(value.transform),
     }  # fmt: skip
 
 
 def _alpha(roughness, notes):
     if isinstance(roughness, networks.Picture):
-        return texture(networks.Picture(np.square(np.maximum(roughness.pixels, SMOOTH)), roughness.wrap, roughness.transform), notes)
+        return texture(
+            networks.Picture(np.square(np.maximum(roughness.pixels, SMOOTH)), roughness.wrap, roughness.transform),
+            notes,
+        )
     return float(roughness) ** 2
 
 
@@ -75,7 +91,11 @@ def _metal(values, notes) -> dict:
     made = {"material": "none", "specular_reflectance": texture(values["diffuseColor"], notes)}
     if _is_smooth(values["roughness"]):
         return {"type": "conductor", **made}
-    if EXACT_METALS and not isinstance(values["roughness"], networks.Picture) and isinstance(values["diffuseColor"], tuple):
+    if (
+        EXACT_METALS
+        and not isinstance(values["roughness"], networks.Picture)
+        and isinstance(values["diffuseColor"], tuple)
+    ):
         color = dict(zip("rgb", map(float, values["diffuseColor"])))
         return {"type": "compensated", "alpha": float(values["roughness"]) ** 2, **color}
     return {"type": "roughconductor", "distribution": "ggx", "alpha": _alpha(values["roughness"], notes), **made}
@@ -95,7 +115,10 @@ def _plastic(values, notes) -> dict:
         return {"type": "plastic", **made}
     if isinstance(values["roughness"], networks.Picture):
         notes.append("a textured roughness of a dielectric is taken as its mean")
-        return {"type": "roughplastic", "distribution": "ggx", "alpha": float(np.mean(values["roughness"].pixels)) ** 2, **made}
+        return {
+            "type": "roughplastic", "distribution": "ggx", "alpha": float(np.mean(values["roughness"].pixels)) ** 2,
+            **made,
+        }
     return {"type": "roughplastic", "distribution": "ggx", "alpha": float(values["roughness"]) ** 2, **made}
 
 
@@ -103,7 +126,8 @@ def _coated(values, notes) -> dict:
     # Its alpha is 0.1 at gloss 0 and 0.001 at 1; ours is the square of clearcoatRoughness.
     gloss = min(1.0, max(0.0, (0.1 - float(values["clearcoatRoughness"]) ** 2) / 0.099))
     return {
-        "type": "principled", "base_color": texture(values["diffuseColor"], notes), "metallic": texture(values["metallic"], notes), "roughness": texture(values["roughness"], notes),
+        "type": "principled", "base_color": texture(values["diffuseColor"], notes),
+        "metallic": texture(values["metallic"], notes), "roughness": texture(values["roughness"], notes),
         "eta": float(values["ior"]), "clearcoat": texture(values["clearcoat"], notes), "clearcoat_gloss": gloss,
     }  # fmt: skip
 
@@ -131,7 +155,9 @@ def _doubled(grey: np.ndarray) -> np.ndarray:
 def _cut(picture: networks.Picture, threshold: float, notes) -> dict:
     grey = picture.pixels[..., 0]
     big = _doubled(_doubled(grey))
-    made = texture(networks.Picture((big >= threshold).astype(np.float32)[..., None], picture.wrap, picture.transform), notes)
+    made = texture(
+        networks.Picture((big >= threshold).astype(np.float32)[..., None], picture.wrap, picture.transform), notes
+    )
     made["filter_type"] = "nearest"
     return made
 
@@ -140,7 +166,11 @@ def bsdf(values: dict, notes: list[str]) -> dict:
     """The BSDF of UsdPreviewSurface's inputs as `networks.inputs` reads them."""
     opacity, threshold = values["opacity"], float(values["opacityThreshold"])
     coat = isinstance(values["clearcoat"], networks.Picture) or values["clearcoat"] > 0
-    solid = _coated(values, notes) if coat else _blend(_plastic(values, notes), _metal(values, notes), values["metallic"], notes)
+    solid = (
+        _coated(values, notes)
+        if coat
+        else _blend(_plastic(values, notes), _metal(values, notes), values["metallic"], notes)
+    )
     if isinstance(values["normal"], networks.Picture):
         normal = values["normal"]
         encoded = networks.Picture((normal.pixels * 0.5 + 0.5).astype(np.float32), normal.wrap, normal.transform)
@@ -155,7 +185,10 @@ def bsdf(values: dict, notes: list[str]) -> dict:
             notes.append("a textured opacity without threshold is taken as a mask")
             return {"type": "mask", "opacity": texture(opacity, notes), "bsdf": solid}
         return solid
-    clear = {"type": "dielectric", "int_ior": float(values["ior"]), "ext_ior": 1.0, "specular_transmittance": texture(values["diffuseColor"], notes)}
+    clear = {
+        "type": "dielectric", "int_ior": float(values["ior"]), "ext_ior": 1.0,
+        "specular_transmittance": texture(values["diffuseColor"], notes),
+    }
     if not _is_smooth(values["roughness"]):
         clear |= {"type": "roughdielectric", "distribution": "ggx", "alpha": _alpha(values["roughness"], notes)}
     return _blend(clear, solid["bsdf"], opacity, notes)
@@ -163,6 +196,10 @@ def bsdf(values: dict, notes: list[str]) -> dict:
 
 def unbound(color, opacity: float) -> dict:
     """What meshes without a material are: Lambert of displayColor (None: 0.18), holes by displayOpacity."""
-    reflectance = {"type": "mesh_attribute", "name": "vertex_color"} if isinstance(color, str) else {"type": "rgb", "value": [float(x) for x in (color if color is not None else (0.18,) * 3)]}
+    reflectance = (
+        {"type": "mesh_attribute", "name": "vertex_color"}
+        if isinstance(color, str)
+        else {"type": "rgb", "value": [float(x) for x in (color if color is not None else (0.18,) * 3)]}
+    )
     made = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": reflectance}}
     return made if opacity >= 1 else {"type": "mask", "opacity": opacity, "bsdf": made}

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""UsdPreviewSurface networks read for a reference renderer: constants, pictures with all of UsdUVTexture's rules applied. Needs usd-core, numpy.
+"""UsdPreviewSurface networks read for a reference renderer: constants, pictures with all of UsdUVTexture's rules
+applied. Needs usd-core, numpy.
 
-Pictures are decoded with Mitsuba's reader (`decode`, handed in), converted to linear by the `sourceColorSpace` rules, scaled and biased,
-and turned so that row 0 is t = 0.
+Pictures are decoded with Mitsuba's reader (`decode`, handed in), converted to linear by the `sourceColorSpace` rules,
+scaled and biased, and turned so that row 0 is t = 0.
 """
 
 from __future__ import annotations
@@ -15,15 +16,18 @@ import numpy as np
 from pxr import Sdf, UsdShade
 
 DEFAULTS = {
-    "diffuseColor": (0.18, 0.18, 0.18), "emissiveColor": (0.0, 0.0, 0.0), "useSpecularWorkflow": 0, "specularColor": (0.0, 0.0, 0.0), "metallic": 0.0, "roughness": 0.5,
-    "clearcoat": 0.0, "clearcoatRoughness": 0.01, "opacity": 1.0, "opacityThreshold": 0.0, "ior": 1.5, "normal": (0.0, 0.0, 1.0),
+    "diffuseColor": (0.18, 0.18, 0.18), "emissiveColor": (0.0, 0.0, 0.0), "useSpecularWorkflow": 0,
+    "specularColor": (0.0, 0.0, 0.0), "metallic": 0.0, "roughness": 0.5,
+    "clearcoat": 0.0, "clearcoatRoughness": 0.01, "opacity": 1.0, "opacityThreshold": 0.0, "ior": 1.5,
+    "normal": (0.0, 0.0, 1.0),
 }  # fmt: skip
 CHANNELS = {"r": [0], "g": [1], "b": [2], "a": [3], "rgb": [0, 1, 2]}
 
 
 @dataclasses.dataclass
 class Picture:
-    """A texture as (height, width, channels) float32, row 0 at t = 0; `transform` maps st to the picture's own unit square."""
+    """A texture as (height, width, channels) float32, row 0 at t = 0; `transform` maps st to the picture's own unit
+    square."""
 
     pixels: np.ndarray
     wrap: tuple[str, str]
@@ -82,7 +86,10 @@ def _coordinates(node) -> np.ndarray:
     found = _source(node, "st")
     while found is not None and found[0].GetIdAttr().Get() == "UsdTransform2d":
         shader = found[0]
-        scale, rotation, move = _value(shader, "scale", (1, 1)), math.radians(_value(shader, "rotation", 0.0)), _value(shader, "translation", (0, 0))
+        scale, rotation, move = (
+            _value(shader, "scale", (1, 1)), math.radians(_value(shader, "rotation", 0.0)),
+            _value(shader, "translation", (0, 0)),
+        )
         c, s = math.cos(rotation), math.sin(rotation)
         own = np.array([[c * scale[0], -s * scale[1], move[0]], [s * scale[0], c * scale[1], move[1]], [0, 0, 1]])
         matrix = matrix @ own
@@ -123,7 +130,10 @@ def _texture(node, output, decode, notes) -> Picture:
     anchor = node.GetInput("file").GetAttr().GetPropertyStack()[0].layer
     if "<UDIM>" in asset.path:
         folder = pathlib.Path(anchor.realPath).parent
-        tiles = {int(path.name.split(".")[-2]): path for path in folder.glob(asset.path.replace("<UDIM>", "1[0-9][0-9][0-9]"))}
+        tiles = {
+            int(path.name.split(".")[-2]): path
+            for path in folder.glob(asset.path.replace("<UDIM>", "1[0-9][0-9][0-9]"))
+        }
         across, rows = max((tile - 1001) % 10 for tile in tiles) + 1, max((tile - 1001) // 10 for tile in tiles) + 1
         loaded = {tile: load(str(path), space, decode) for tile, path in tiles.items()}
         height, width = next(iter(loaded.values())).shape[:2]

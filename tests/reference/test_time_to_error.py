@@ -18,7 +18,9 @@ def rows_of(cost, variance, counts=(1, 2, 4, 8, 16)):
 
 def test_the_time_is_read_off_between_two_rows():
     rows = rows_of(0.5, 0.08)
-    assert time_to_error.time_to(rows, 0.0062) == pytest.approx(0.5 * 0.08 / 0.0062), "error falls as one over time: exact in log-log"
+    assert time_to_error.time_to(rows, 0.0062) == pytest.approx(
+        0.5 * 0.08 / 0.0062
+    ), "error falls as one over time: exact in log-log"
     assert time_to_error.time_to(rows, 0.0062, "cpu") == pytest.approx(1.5 * 0.08 / 0.0062), "of processor time as well"
     assert time_to_error.time_to(rows[:1], 0.1) == 0.5, "met at once"
     assert time_to_error.time_to(rows, 1e-3) is None, "not met"
@@ -43,4 +45,6 @@ def test_processor_time_of_another_process_is_its_own():
 
 def test_relative_mse_is_the_mean_of_squares_over_squares():
     reference = np.array([[[1.0, 0.0, 3.0]]])
-    assert time_to_error.relative_mse(reference + 0.1, reference) == pytest.approx((0.01 / 1.01 + 1.0 + 0.01 / 9.01) / 3)
+    assert time_to_error.relative_mse(reference + 0.1, reference) == pytest.approx(
+        (0.01 / 1.01 + 1.0 + 0.01 / 9.01) / 3
+    )

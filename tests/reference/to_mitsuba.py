@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Renders a USD scene with Mitsuba 3: an independent second opinion, a test tool and never a part of the product.
 
-    to_mitsuba.py SCENE OUT.exr [--picture OUT.png] [--width 640] [--samples 256] [--bounces 5] [--seed 0] [--camera /World/Camera]
+    to_mitsuba.py SCENE OUT.exr [--picture OUT.png] [--width 640] [--samples 256] [--bounces 5] [--seed 0] [--camera
+        /World/Camera]
 
-Runs in the environment that `cargo xtask reference` makes (mitsuba, usd-core, numpy). Same pixels as `usdrecord`: box filter, vertical fit.
-How materials and lights are mapped stands in materials.py and lights.py; what could not be is printed, one line each.
+Runs in the environment that `cargo xtask reference` makes (mitsuba, usd-core, numpy). Same pixels as `usdrecord`: box
+filter, vertical fit. How materials and lights are mapped stands in materials.py and lights.py; what could not be is
+printed, one line each.
 """
 
 from __future__ import annotations
@@ -47,8 +49,13 @@ def _shape(number: int, part: usd_scene.Part, notes: list[str]):
         color = None if part.colors is None else (part.colors[0] if constant else "varying")
         properties["bsdf"] = mi.load_dict(materials.unbound(color, part.opacity))
     if values is not None and (isinstance(values["emissiveColor"], networks.Picture) or any(values["emissiveColor"])):
-        properties["emitter"] = mi.load_dict({"type": "area", "radiance": materials.texture(values["emissiveColor"], notes)})
-    mesh = mi.Mesh(f"part{number}", count, count // 3, has_vertex_normals=part.normals is not None, has_vertex_texcoords=part.st is not None, props=properties)
+        properties["emitter"] = mi.load_dict(
+            {"type": "area", "radiance": materials.texture(values["emissiveColor"], notes)}
+        )
+    mesh = mi.Mesh(
+        f"part{number}", count, count // 3, has_vertex_normals=part.normals is not None,
+        has_vertex_texcoords=part.st is not None, props=properties,
+    )
     if not constant:
         mesh.add_attribute("vertex_color", 3, np.ascontiguousarray(part.colors, np.float32).ravel())
     parameters = mi.traverse(mesh)
@@ -72,20 +79,40 @@ def sensor(stage: Usd.Stage, path: str, width: int, height: int, samples: int, s
     # Mitsuba's camera looks along +z with +x to the left.
     place = usd_scene.columns(camera.transform) @ np.diag([-1.0, 1.0, -1.0, 1.0])
     made = {
-        "film": {"type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"}, "pixel_format": "rgb", "component_format": "float32"},
+        "film": {"type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"},
+            "pixel_format": "rgb", "component_format": "float32"},
         "sampler": {"type": sampler, "sample_count": samples, "seed": seed},
         "near_clip": 1e-3, "far_clip": 1e6,
     }  # fmt: skip
     if camera.projection == camera.Orthographic:
         place = place @ np.diag([half * width / height, half * width / height, 1.0, 1.0])
         return {"type": "orthographic", "to_world": mi.ScalarTransform4f(place), **made}
-    shift = [camera.horizontalApertureOffset / camera.verticalAperture * height / width, -camera.verticalApertureOffset / camera.verticalAperture]
-    return {"type": "perspective", "fov": 2 * math.degrees(math.atan(half)), "fov_axis": "y", "to_world": mi.ScalarTransform4f(place), "principal_point_offset_x": -shift[0], "principal_point_offset_y": -shift[1], **made}
+    shift = [
+        camera.horizontalApertureOffset / camera.verticalAperture * height / width,
+        -camera.verticalApertureOffset / camera.verticalAperture,
+    ]
+    return {
+        "type": "perspective", "fov": 2 * math.degrees(math.atan(half)), "fov_axis": "y",
+        "to_world": mi.ScalarTransform4f(place), "principal_point_offset_x": -shift[0],
+        "principal_point_offset_y": -shift[1], **made,
+    }
 
 
-def translate(path, width: int, height: int | None = None, camera="/World/Camera", samples=64, bounces=5, seed=0, hide=False, sampler="independent", blocks=True, roulette=1000):
-    """(Mitsuba scene, notes). `bounces` are indirect bounces, as `oocpt:maxBounces`; `hide` keeps lights out of the camera's sight, `blocks` off out of all rays' ways.
-    `roulette`: depth from which paths end at random."""
+def translate(
+    path,
+    width: int,
+    height: int | None = None,
+    camera="/World/Camera",
+    samples=64,
+    bounces=5,
+    seed=0,
+    hide=False,
+    sampler="independent",
+    blocks=True,
+    roulette=1000,
+):
+    """(Mitsuba scene, notes). `bounces` are indirect bounces, as `oocpt:maxBounces`; `hide` keeps lights out of the
+    camera's sight, `blocks` off out of all rays' ways. `roulette`: depth from which paths end at random."""
     stage = path if isinstance(path, Usd.Stage) else Usd.Stage.Open(str(path))
     scene = usd_scene.read(stage)
     parts = usd_scene.merged(scene.parts)
@@ -98,7 +125,14 @@ def translate(path, width: int, height: int | None = None, camera="/World/Camera
     shapes = [_shape(number, part, scene.notes) for number, part in enumerate(parts)]
     # `path` counts holes as bounces and its shadow rays stop at them; `volpath` goes through.
     holes = any("Mask[" in str(shape.bsdf()) or "Null" in str(shape.bsdf()) for shape in shapes)
-    made = {"type": "scene", "integrator": {"type": "volpath" if holes or (scene.lamps and not blocks) else "path", "max_depth": bounces + 2, "rr_depth": roulette, "hide_emitters": hide}, "sensor": sensor(stage, camera, width, height, samples, seed, sampler)}
+    made = {
+        "type": "scene",
+        "integrator": {
+            "type": "volpath" if holes or (scene.lamps and not blocks) else "path", "max_depth": bounces + 2,
+            "rr_depth": roulette, "hide_emitters": hide,
+        },
+        "sensor": sensor(stage, camera, width, height, samples, seed, sampler),
+    }
     for number, shape in enumerate(shapes):
         made[f"part{number}"] = shape
     for number, lamp in enumerate(scene.lamps):
@@ -123,7 +157,9 @@ def render(scene, samples: int, seed: int = 0, at_once: int = 1 << 27) -> np.nda
 def tone(linear: np.ndarray) -> np.ndarray:
     """sRGB, 8 bits."""
     linear = np.clip(linear, 0, 1)
-    return np.rint(255 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)).astype(np.uint8)
+    return np.rint(255 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)).astype(
+        np.uint8
+    )
 
 
 def main() -> None:
@@ -136,7 +172,9 @@ def main() -> None:
         parser.add_argument(f"--{name}", type=int, default=default)
     arguments = parser.parse_args()
     start = time.monotonic()
-    scene, notes = translate(arguments.scene, arguments.width, camera=arguments.camera, samples=arguments.samples, bounces=arguments.bounces)
+    scene, notes = translate(
+        arguments.scene, arguments.width, camera=arguments.camera, samples=arguments.samples, bounces=arguments.bounces
+    )
     for note in notes:
         print(f"note: {note}", file=sys.stderr)
     ready = time.monotonic()
@@ -144,7 +182,11 @@ def main() -> None:
     print(f"{ready - start:.1f} s to translate, {time.monotonic() - ready:.1f} s to render", file=sys.stderr)
     bitmap = mi.Bitmap(picture.astype(np.float32))
     # As OocPT's own pictures say it (`oocpt report picture`).
-    said = {"renderer": f"Mitsuba {mi.__version__} ({mi.variant()})", "samples": arguments.samples, "maxBounces": arguments.bounces, "seed": arguments.seed, "seconds": time.monotonic() - start, "secondsTracing": time.monotonic() - ready}
+    said = {
+        "renderer": f"Mitsuba {mi.__version__} ({mi.variant()})", "samples": arguments.samples,
+        "maxBounces": arguments.bounces, "seed": arguments.seed, "seconds": time.monotonic() - start,
+        "secondsTracing": time.monotonic() - ready,
+    }
     for name, value in said.items():
         bitmap.metadata()[f"oocpt:{name}"] = value
     bitmap.write(arguments.out)

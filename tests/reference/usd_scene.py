@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A USD stage as plain arrays: what a reference renderer needs, with every instance multiplied out. Needs usd-core and numpy.
+"""A USD stage as plain arrays: what a reference renderer needs, with every instance multiplied out. Needs usd-core and
+numpy.
 
-Walks the composed stage as USD defines it: transforms, visibility, purposes `default`, `proxy` and `render`, point and native instances,
-GeomSubsets, inherited bindings (usd-core resolves them). Shares no code with the product. What it does not know it puts into `notes`.
+Walks the composed stage as USD defines it: transforms, visibility, purposes `default`, `proxy` and `render`, point and
+native instances, GeomSubsets, inherited bindings (usd-core resolves them). Shares no code with the product. What it
+does not know it puts into `notes`.
 """
 
 from __future__ import annotations
@@ -12,7 +14,10 @@ import dataclasses
 import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade
 
-LIGHTS = (UsdLux.DistantLight, UsdLux.DomeLight, UsdLux.DomeLight_1, UsdLux.RectLight, UsdLux.SphereLight, UsdLux.DiskLight, UsdLux.CylinderLight)
+LIGHTS = (
+    UsdLux.DistantLight, UsdLux.DomeLight, UsdLux.DomeLight_1, UsdLux.RectLight, UsdLux.SphereLight, UsdLux.DiskLight,
+    UsdLux.CylinderLight,
+)
 
 
 @dataclasses.dataclass
@@ -109,7 +114,10 @@ class _Reader:
         if normals is None and mesh.GetNormalsAttr().HasAuthoredValue():
             values = np.array(mesh.GetNormalsAttr().Get(), dtype=np.float64)
             interpolation = mesh.GetNormalsInterpolation()
-            normals = _expanded(values[flat] if interpolation == UsdGeom.Tokens.faceVarying else values, interpolation, corner_points, corner_faces)
+            normals = _expanded(
+                values[flat] if interpolation == UsdGeom.Tokens.faceVarying else values, interpolation, corner_points,
+                corner_faces,
+            )
         st, colors, opacity = primvar("st"), primvar("displayColor"), primvar("displayOpacity")
         left = mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded
         whole = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0] or None
@@ -117,14 +125,21 @@ class _Reader:
         for subset in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets():
             mask = np.zeros(len(counts), dtype=bool)
             mask[np.array(subset.GetIndicesAttr().Get())] = True
-            groups.append((mask & rest, UsdShade.MaterialBindingAPI(subset.GetPrim()).ComputeBoundMaterial()[0] or None))
+            groups.append(
+                (mask & rest, UsdShade.MaterialBindingAPI(subset.GetPrim()).ComputeBoundMaterial()[0] or None)
+            )
             rest &= ~mask
         parts = []
         for mask, material in [*groups, (rest, whole)]:
             chosen = mask[corner_faces]
             if chosen.any():
                 take = lambda values: None if values is None else values[chosen]
-                parts.append(Part(str(prim.GetPath()), points[corner_points][chosen], take(normals), take(st), take(colors), 1.0 if opacity is None else float(opacity.mean()), material, left))
+                parts.append(
+                    Part(
+                        str(prim.GetPath()), points[corner_points][chosen], take(normals), take(st), take(colors),
+                        1.0 if opacity is None else float(opacity.mean()), material, left,
+                    )
+                )
         return parts
 
 
@@ -139,8 +154,12 @@ def _placed(part: Part, matrix: np.ndarray, color=None) -> Part:
         normals = normals / np.where(length > 0, length, 1)
     st, colors = part.st, part.colors if color is None else np.broadcast_to(color, part.points.shape)
     if left:
-        turn = lambda values: None if values is None else values.reshape(-1, 3, values.shape[-1])[:, [0, 2, 1]].reshape(values.shape)
-        points, normals, st, colors = turn(points), turn(normals), turn(st), turn(np.array(colors)) if colors is not None else None
+        turn = lambda values: (
+            None if values is None else values.reshape(-1, 3, values.shape[-1])[:, [0, 2, 1]].reshape(values.shape)
+        )
+        points, normals, st, colors = (
+            turn(points), turn(normals), turn(st), turn(np.array(colors)) if colors is not None else None
+        )
     return dataclasses.replace(part, points=points, normals=normals, st=st, colors=colors, left_handed=False)
 
 
@@ -156,7 +175,9 @@ def _walk(scene: Scene, reader: _Reader, root: Usd.Prim, placed: np.ndarray, col
     prims = iter(Usd.PrimRange(root, Usd.TraverseInstanceProxies()))
     for prim in prims:
         image = UsdGeom.Imageable(prim)
-        if image and (image.ComputeVisibility() == UsdGeom.Tokens.invisible or image.ComputePurpose() == UsdGeom.Tokens.guide):
+        if image and (
+            image.ComputeVisibility() == UsdGeom.Tokens.invisible or image.ComputePurpose() == UsdGeom.Tokens.guide
+        ):
             prims.PruneChildren()
             continue
         if not prim.IsA(UsdGeom.Xformable):
@@ -177,14 +198,25 @@ def _instances(scene: Scene, reader: _Reader, prim: Usd.Prim, to_world: np.ndarr
     instancer = UsdGeom.PointInstancer(prim)
     kinds = instancer.GetProtoIndicesAttr().Get()
     mask = instancer.ComputeMaskAtTime(0) or [True] * len(kinds)
-    matrices = instancer.ComputeInstanceTransformsAtTime(0, 0, UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask)
+    matrices = instancer.ComputeInstanceTransformsAtTime(
+        0, 0, UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
+    )
     targets = [prim.GetStage().GetPrimAtPath(path) for path in instancer.GetPrototypesRel().GetTargets()]
-    above = [np.linalg.inv(columns(UsdGeom.XformCache().GetLocalToWorldTransform(target.GetParent()))) for target in targets]
+    above = [
+        np.linalg.inv(columns(UsdGeom.XformCache().GetLocalToWorldTransform(target.GetParent()))) for target in targets
+    ]
     primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar("displayColor")
-    colors = np.array(primvar.ComputeFlattened()) if primvar and primvar.HasValue() and primvar.GetInterpolation() != UsdGeom.Tokens.constant else None
+    colors = (
+        np.array(primvar.ComputeFlattened())
+        if primvar and primvar.HasValue() and primvar.GetInterpolation() != UsdGeom.Tokens.constant
+        else None
+    )
     for number, (kind, matrix) in enumerate(zip(kinds, matrices)):
         if mask[number]:
-            _walk(scene, reader, targets[kind], to_world @ columns(matrix) @ above[kind], None if colors is None else colors[number])
+            _walk(
+                scene, reader, targets[kind], to_world @ columns(matrix) @ above[kind],
+                None if colors is None else colors[number],
+            )
 
 
 def merged(parts: list[Part]) -> list[Part]:
@@ -195,5 +227,13 @@ def merged(parts: list[Part]) -> list[Part]:
         color = None if part.colors is None else (tuple(part.colors[0]) if constant else "varying")
         key = (part.path, str(part.material.GetPath()) if part.material else "", color, part.opacity)
         groups.setdefault(key, []).append(part)
-    together = lambda group, name: None if getattr(group[0], name) is None else np.concatenate([getattr(part, name) for part in group])
-    return [dataclasses.replace(group[0], points=together(group, "points"), normals=together(group, "normals"), st=together(group, "st"), colors=together(group, "colors")) for group in groups.values()]
+    together = lambda group, name: (
+        None if getattr(group[0], name) is None else np.concatenate([getattr(part, name) for part in group])
+    )
+    return [
+        dataclasses.replace(
+            group[0], points=together(group, "points"), normals=together(group, "normals"), st=together(group, "st"),
+            colors=together(group, "colors"),
+        )
+        for group in groups.values()
+    ]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Feature scenes of lights: one thing each, answers in tests/hydra/test_features_lights.py. Written by features.py.
 
-Where not said otherwise: a Lambertian floor of albedo 1/2 in the plane y = 0, seen from straight above by an orthographic camera two units wide
-that stands at y = 1; lights are above the camera, which does not see them.
+Where not said otherwise: a Lambertian floor of albedo 1/2 in the plane y = 0, seen from straight above by an
+orthographic camera two units wide that stands at y = 1; lights are above the camera, which does not see them.
 """
 
 from __future__ import annotations
@@ -48,23 +48,30 @@ def lamp(stage, kind, path="/World/Light", intensity=1.0, color=(1, 1, 1), **att
 def light_rect(stage, folder):
     """A rectangle of 1.2 x 0.8, radiance (2, 1, 0.5), facing down from y = 1.5, off the middle."""
     floor_and_camera(stage)
-    place(lamp(stage, UsdLux.RectLight, intensity=2.0, color=(1, 0.5, 0.25), width=1.2, height=0.8), (0.3, 1.5, -0.2), -90)
+    place(
+        lamp(stage, UsdLux.RectLight, intensity=2.0, color=(1, 0.5, 0.25), width=1.2, height=0.8), (0.3, 1.5, -0.2), -90
+    )
 
 
 def light_rect_tilted(stage, folder):
     """A rectangle with a scaled and turned transform; parts of the floor are behind it."""
     floor_and_camera(stage)
-    place(lamp(stage, UsdLux.RectLight, intensity=3.0, width=0.5, height=1.0), (-0.8, 1.6, 0.1), -90, 35, (2.0, 0.5, 1.0))
+    place(
+        lamp(stage, UsdLux.RectLight, intensity=3.0, width=0.5, height=1.0), (-0.8, 1.6, 0.1), -90, 35, (2.0, 0.5, 1.0)
+    )
 
 
 def light_rect_texture(stage, folder):
-    """A rectangle whose picture is red, green (upper half: left, right), blue and white (lower half), seen by a mirror: which way round it is."""
+    """A rectangle whose picture is red, green (upper half: left, right), blue and white (lower half), seen by a mirror:
+    which way round it is."""
     write_quarters(folder)
     light = place(lamp(stage, UsdLux.RectLight, intensity=1.0, width=2.0, height=2.0), (0.0, 3.0, 0.0), -90)
     light.CreateTextureFileAttr("./maps/quarters.png")
     mirror = parts.quad(stage, "/World/Mirror", 6.0, None)
     mirror.AddRotateXOp().Set(-90.0)
-    shading.bind(mirror, shading.material(stage, "/World/Looks/Mirror", diffuseColor=(1, 1, 1), metallic=1.0, roughness=0.0))
+    shading.bind(
+        mirror, shading.material(stage, "/World/Looks/Mirror", diffuseColor=(1, 1, 1), metallic=1.0, roughness=0.0)
+    )
     parts.orthographic(stage, "/World/Camera", (0, 1, 0), (0, 0, 0), 2.0, up=(0, 0, -1))
 
 
@@ -81,7 +88,8 @@ def light_sphere(stage, folder):
 
 
 def light_sphere_point(stage, folder):
-    """A point light: a ball with treatAsPoint and normalize, so that its intensity is what a facing square a unit away gets, times pi / pi."""
+    """A point light: a ball with treatAsPoint and normalize, so that its intensity is what a facing square a unit away
+    gets, times pi / pi."""
     floor_and_camera(stage)
     light = lamp(stage, UsdLux.SphereLight, intensity=4.0 * math.pi, radius=0.05, treatAsPoint=True)
     light.CreateNormalizeAttr(True)
@@ -97,7 +105,8 @@ def light_cylinder(stage, folder):
 
 
 def light_cone(stage, folder):
-    """A small disk behind a cone of 25 degrees with a hard edge, straight down from y = 1.5; softness and focus are set by edits."""
+    """A small disk behind a cone of 25 degrees with a hard edge, straight down from y = 1.5; softness and focus are set
+    by edits."""
     floor_and_camera(stage)
     light = place(lamp(stage, UsdLux.DiskLight, intensity=200.0, radius=0.03), (0, 1.5, 0), -90)
     shaping = UsdLux.ShapingAPI.Apply(light.GetPrim())
@@ -111,10 +120,18 @@ IES_CANDELA = (1000.0, 900.0, 600.0, 300.0, 100.0, 20.0, 0.0)
 
 
 def light_ies(stage, folder):
-    """A small ball with an IES profile that is the same all around and falls from 1000 candela straight down to 0 at the side."""
+    """A small ball with an IES profile that is the same all around and falls from 1000 candela straight down to 0 at
+    the side."""
     floor_and_camera(stage)
     numbers = " ".join(f"{angle:g}" for angle in IES) + "\n0\n" + " ".join(f"{value:g}" for value in IES_CANDELA)
-    (folder / "maps/fall.ies").write_text(f"IESNA:LM-63-2002\n[TEST] made by a script\nTILT=NONE\n1 -1 1 {len(IES)} 1 1 2 0 0 0\n1 1 1\n{numbers}\n")
+    (folder / "maps/fall.ies").write_text(
+        "IESNA:LM-63-2002\n"
+        "[TEST] made by a script\n"
+        "TILT=NONE\n"
+        f"1 -1 1 {len(IES)} 1 1 2 0 0 0\n"
+        "1 1 1\n"
+        f"{numbers}\n"
+    )
     # The light's -z is straight down.
     light = place(lamp(stage, UsdLux.SphereLight, intensity=100.0, radius=0.02), (0, 1.5, 0), -90)
     shaping = UsdLux.ShapingAPI.Apply(light.GetPrim())
@@ -133,7 +150,8 @@ def slope_map(folder):
 
 
 def light_dome_texture(stage, folder):
-    """A box under a latlong that is brighter towards +x in red, +y in green, +z in blue; three of its faces are seen."""
+    """A box under a latlong that is brighter towards +x in red, +y in green, +z in blue; three of its faces are
+    seen."""
     slope_map(folder)
     parts.box(stage, "/World/Box", (ALBEDO,) * 3, 1.0)
     parts.dome(stage).CreateTextureFileAttr("./maps/slope.exr")
@@ -151,7 +169,8 @@ def light_dome_axis(stage, folder):
 
 
 def light_dome_sun(stage, folder):
-    """A floor under a dark latlong with one square of 2 x 2 texels, 1e4 bright, 45 degrees up: what only importance sampling gets quiet."""
+    """A floor under a dark latlong with one square of 2 x 2 texels, 1e4 bright, 45 degrees up: what only importance
+    sampling gets quiet."""
     floor_and_camera(stage)
     picture = np.full((64, 128, 3), 0.02)
     picture[15:17, 40:42] = 1e4
@@ -160,15 +179,19 @@ def light_dome_sun(stage, folder):
 
 
 def light_shadow(stage, folder):
-    """A square over the left half of the floor, in the light of a sun straight above; shadow:enable is switched by edits."""
+    """A square over the left half of the floor, in the light of a sun straight above; shadow:enable is switched by
+    edits."""
     floor_and_camera(stage)
-    parts.quad(stage, "/World/Roof", 2.0, (0.1, 0.1, 0.1)).AddTransformOp().Set(Gf.Matrix4d().SetRotate(Gf.Rotation(Gf.Vec3d(1, 0, 0), -90)) * Gf.Matrix4d().SetTranslate(Gf.Vec3d(-1, 1.5, 0)))
+    parts.quad(stage, "/World/Roof", 2.0, (0.1, 0.1, 0.1)).AddTransformOp().Set(
+        Gf.Matrix4d().SetRotate(Gf.Rotation(Gf.Vec3d(1, 0, 0), -90)) * Gf.Matrix4d().SetTranslate(Gf.Vec3d(-1, 1.5, 0))
+    )
     sun = parts.distant(stage, "/World/Sun", (0, -1, 0), math.pi)
     UsdLux.ShadowAPI.Apply(sun.GetPrim()).CreateShadowEnableAttr(True)
 
 
 def light_links(stage, folder):
-    """Three squares and three suns of one colour each: each sun is linked to one square. A roof over all casts the shadow of the green sun only."""
+    """Three squares and three suns of one colour each: each sun is linked to one square. A roof over all casts the
+    shadow of the green sun only."""
     for index in range(3):
         square = parts.quad(stage, f"/World/Square{index}", 1.0, (ALBEDO,) * 3)
         square.AddTranslateOp().Set(Gf.Vec3d(1.2 * index - 1.2, 0, 0))
@@ -201,11 +224,17 @@ def grid_places():
 
 
 def lights_hundred(stage, folder):
-    """A hundred balls of radius 0.05 with powers 1, 2, 3, 4 in turn, in three colours: the sum of a hundred known answers."""
+    """A hundred balls of radius 0.05 with powers 1, 2, 3, 4 in turn, in three colours: the sum of a hundred known
+    answers."""
     floor_and_camera(stage)
     for number, position in enumerate(grid_places()):
         color = [1.0 if number % 3 == channel else 0.2 for channel in range(3)]
-        place(lamp(stage, UsdLux.SphereLight, f"/World/Lights/Ball{number:03}", 10.0 * (1 + number % 4), color, radius=0.05), position)
+        place(
+            lamp(
+                stage, UsdLux.SphereLight, f"/World/Lights/Ball{number:03}", 10.0 * (1 + number % 4), color, radius=0.05
+            ),
+            position,
+        )
 
 
 def lights_instanced(stage, folder):
@@ -221,15 +250,25 @@ def lights_instanced(stage, folder):
 def light_mesh(stage, folder):
     """light_rect's rectangle as a mesh with an emissive material, facing down."""
     floor_and_camera(stage)
-    panel = parts.mesh(stage, "/World/Panel", [(-0.6, 0, -0.4), (0.6, 0, -0.4), (0.6, 0, 0.4), (-0.6, 0, 0.4)], [4], range(4), None)
+    panel = parts.mesh(
+        stage, "/World/Panel", [(-0.6, 0, -0.4), (0.6, 0, -0.4), (0.6, 0, 0.4), (-0.6, 0, 0.4)], [4], range(4), None
+    )
     panel.AddTranslateOp().Set(Gf.Vec3d(0.3, 1.5, -0.2))
-    shading.bind(panel, shading.material(stage, "/World/Looks/Glow", diffuseColor=(0, 0, 0), emissiveColor=(2.0, 1.0, 0.5), roughness=1.0))
+    shading.bind(
+        panel,
+        shading.material(
+            stage, "/World/Looks/Glow", diffuseColor=(0, 0, 0), emissiveColor=(2.0, 1.0, 0.5), roughness=1.0
+        ),
+    )
 
 
 def light_mesh_api(stage, folder):
-    """light_rect's rectangle as a mesh that is a light by MeshLightAPI: no material, two stops of 1/2, a scale; and a material that glows, bound to nothing."""
+    """light_rect's rectangle as a mesh that is a light by MeshLightAPI: no material, two stops of 1/2, a scale; and a
+    material that glows, bound to nothing."""
     floor_and_camera(stage)
-    panel = parts.mesh(stage, "/World/Panel", [(-0.3, 0, -0.8), (0.3, 0, -0.8), (0.3, 0, 0.8), (-0.3, 0, 0.8)], [4], range(4), None)
+    panel = parts.mesh(
+        stage, "/World/Panel", [(-0.3, 0, -0.8), (0.3, 0, -0.8), (0.3, 0, 0.8), (-0.3, 0, 0.8)], [4], range(4), None
+    )
     panel.AddTranslateOp().Set(Gf.Vec3d(0.3, 1.5, -0.2))
     panel.AddScaleOp().Set(Gf.Vec3f(2.0, 1.0, 0.5))
     UsdLux.MeshLightAPI.Apply(panel.GetPrim())
@@ -237,11 +276,15 @@ def light_mesh_api(stage, folder):
     light.CreateIntensityAttr(0.5)
     light.CreateExposureAttr(2.0)
     light.CreateColorAttr(Gf.Vec3f(1, 0.5, 0.25))
-    shading.material(stage, "/World/Looks/Glow", diffuseColor=(0.5, 0.5, 0.5), emissiveColor=(0.5, 1.0, 3.0), roughness=1.0)
+    shading.material(
+        stage, "/World/Looks/Glow", diffuseColor=(0.5, 0.5, 0.5), emissiveColor=(0.5, 1.0, 3.0), roughness=1.0
+    )
 
 
 SCENES = [
-    light_rect, light_rect_tilted, light_rect_texture, light_disk, light_sphere, light_sphere_point, light_cylinder, light_cone, light_ies, light_dome_texture,
-    light_dome_axis, light_dome_sun, light_shadow, light_links, light_multipliers, lights_hundred, lights_instanced, light_mesh,
+    light_rect, light_rect_tilted, light_rect_texture, light_disk, light_sphere, light_sphere_point, light_cylinder,
+    light_cone, light_ies, light_dome_texture,
+    light_dome_axis, light_dome_sun, light_shadow, light_links, light_multipliers, lights_hundred, lights_instanced,
+    light_mesh,
     light_mesh_api,
 ]  # fmt: skip

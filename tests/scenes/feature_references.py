@@ -19,7 +19,8 @@ def corner(stage):
     """A corner of three walls that bleed colour."""
     for name, size, place, color in (
         ("Floor", (4, 0.1, 4), (0, -0.05, 0), (0.6, 0.6, 0.6)), ("Back", (4, 3, 0.1), (0, 1.5, -2.05), (0.6, 0.6, 0.6)),
-        ("Left", (0.1, 3, 4), (-2.05, 1.5, 0), (0.7, 0.15, 0.1)), ("Right", (0.1, 3, 4), (2.05, 1.5, 0), (0.15, 0.5, 0.2)),
+        ("Left", (0.1, 3, 4), (-2.05, 1.5, 0), (0.7, 0.15, 0.1)),
+        ("Right", (0.1, 3, 4), (2.05, 1.5, 0), (0.15, 0.5, 0.2)),
     ):  # fmt: skip
         solids.put(solids.block(stage, f"/World/{name}", size, color), place)
     parts.camera(stage, "/World/Camera", (0, 1.4, 6.5), (0, 1.1, 0), aperture=(24.0, 18.0), focal=30.0)
@@ -55,7 +56,12 @@ def reference_metal(stage, folder):
     solids.ground(stage, "/World/Ground", 8.0, color=(0.2, 0.2, 0.2))
     for index, value in enumerate((0.1, 0.2, 0.3)):
         ball = solids.put(parts.ball(stage, f"/World/Ball{index}", 0.5, 12, None), (1.15 * index - 1.15, 0.5, 0))
-        shading.bind(ball, shading.material(stage, f"/World/Looks/Metal{index}", diffuseColor=(0.9, 0.7, 0.4), metallic=1.0, roughness=value))
+        shading.bind(
+            ball,
+            shading.material(
+                stage, f"/World/Looks/Metal{index}", diffuseColor=(0.9, 0.7, 0.4), metallic=1.0, roughness=value
+            ),
+        )
     parts.dome(stage).CreateTextureFileAttr("./maps/dull_sky.exr")
     parts.camera(stage, "/World/Camera", (0, 1.3, 5), (0, 0.45, 0), aperture=(24.0, 18.0), focal=36.0)
 
@@ -65,20 +71,37 @@ def reference_glass(stage, folder):
     images.png(folder / "maps/checker.png", images.to_8_bit(patterns.checker(64, 8, (0.8, 0.3, 0.1), (0.1, 0.2, 0.6))))
     wall = solids.put(solids.card(stage, "/World/Wall", 4.0, 4.0), (0, -2, -1.2))
     color = shading.sample(stage, "/World/Looks/Wall/Color", "./maps/checker.png", color_space="raw")
-    shading.bind(wall, shading.material(stage, "/World/Looks/Wall", diffuseColor=(0, 0, 0), emissiveColor=color, useSpecularWorkflow=1, specularColor=(0, 0, 0), roughness=1.0))
+    shading.bind(
+        wall,
+        shading.material(
+            stage, "/World/Looks/Wall", diffuseColor=(0, 0, 0), emissiveColor=color, useSpecularWorkflow=1,
+            specularColor=(0, 0, 0), roughness=1.0,
+        ),
+    )
     ball = parts.ball(stage, "/World/Ball", 0.8, 12, None)
-    shading.bind(ball, shading.material(stage, "/World/Looks/Glass", diffuseColor=(1, 1, 1), opacity=0.0, roughness=0.0, ior=1.5))
+    shading.bind(
+        ball, shading.material(stage, "/World/Looks/Glass", diffuseColor=(1, 1, 1), opacity=0.0, roughness=0.0, ior=1.5)
+    )
     parts.dome(stage, 0.5)
     parts.camera(stage, "/World/Camera", (0, 0, 5), (0, 0, 0), aperture=(24.0, 18.0), focal=36.0)
 
 
 def reference_frosted_glass(stage, folder):
-    """A frosted ball and a frosted plate in front of a wall of stripes that glow, under a lamp: rough refraction, lit and seen from either side."""
+    """A frosted ball and a frosted plate in front of a wall of stripes that glow, under a lamp: rough refraction, lit
+    and seen from either side."""
     images.png(folder / "maps/stripes.png", images.to_8_bit(patterns.checker(64, 8, (0.8, 0.3, 0.1), (0.1, 0.2, 0.6))))
     wall = solids.put(solids.card(stage, "/World/Wall", 4.0, 4.0), (0, -2, -1.2))
     color = shading.sample(stage, "/World/Looks/Wall/Color", "./maps/stripes.png", color_space="raw")
-    shading.bind(wall, shading.material(stage, "/World/Looks/Wall", diffuseColor=(0, 0, 0), emissiveColor=color, useSpecularWorkflow=1, specularColor=(0, 0, 0), roughness=1.0))
-    frosted = shading.material(stage, "/World/Looks/Frosted", diffuseColor=(1, 1, 1), opacity=0.0, roughness=0.1, ior=1.5)
+    shading.bind(
+        wall,
+        shading.material(
+            stage, "/World/Looks/Wall", diffuseColor=(0, 0, 0), emissiveColor=color, useSpecularWorkflow=1,
+            specularColor=(0, 0, 0), roughness=1.0,
+        ),
+    )
+    frosted = shading.material(
+        stage, "/World/Looks/Frosted", diffuseColor=(1, 1, 1), opacity=0.0, roughness=0.1, ior=1.5
+    )
     ball = parts.ball(stage, "/World/Ball", 0.6, 12, None)
     ball.AddTranslateOp().Set(Gf.Vec3d(-0.75, 0, 0))
     shading.bind(ball, frosted)

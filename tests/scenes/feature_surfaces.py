@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Feature scenes of materials and textures; answers in tests/hydra/test_features_materials.py and test_features_textures.py. Written by features.py.
+"""Feature scenes of materials; answers in tests/hydra/test_features_materials.py. Written by features.py.
 
-Where not said otherwise: squares in the plane z = 0 facing +z, one unit from the next, seen straight on by an orthographic camera. Pictures are
-made of squares of 8 x 8 texels of one value, so that what is in their middles does not depend on filters.
+Where not said otherwise: squares in the plane z = 0 facing +z, one unit from the next, seen straight on by an
+orthographic camera. Pictures are made of squares of 8 x 8 texels of one value, so that what is in their middles does
+not depend on filters.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdUtils, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 import images
 import parts
@@ -18,8 +19,18 @@ import patterns
 import shading
 from feature_lights import slope_map
 
-EIGHT = np.array([[(200, 40, 90), (30, 180, 60), (60, 90, 220), (240, 240, 240)], [(128, 64, 32), (16, 32, 64), (99, 199, 149), (7, 77, 177)]], dtype=np.uint8)
+EIGHT = np.array(
+    [
+        [(200, 40, 90), (30, 180, 60), (60, 90, 220), (240, 240, 240)],
+        [(128, 64, 32), (16, 32, 64), (99, 199, 149), (7, 77, 177)],
+    ],
+    dtype=np.uint8,
+)
 """Eight colours, rows from the top."""
+
+
+def write_eight(folder):
+    images.png(folder / "maps/eight.png", patterns.blocks(EIGHT, 8))
 
 
 def row(stage, looks, camera_width=None, size=0.9):
@@ -35,17 +46,32 @@ def row(stage, looks, camera_width=None, size=0.9):
 
 def glow(stage, name, value, **inputs):
     """A black material that shows `value`."""
-    return shading.material(stage, f"/World/Looks/{name}", diffuseColor=(0, 0, 0), emissiveColor=value, useSpecularWorkflow=1, specularColor=(0, 0, 0), roughness=1.0, **inputs)
+    return shading.material(
+        stage, f"/World/Looks/{name}", diffuseColor=(0, 0, 0), emissiveColor=value, useSpecularWorkflow=1,
+        specularColor=(0, 0, 0), roughness=1.0, **inputs,
+    )
 
 
 def material_emission(stage, folder):
     """Four squares that glow, in the dark."""
-    row(stage, [glow(stage, f"Glow{index}", color) for index, color in enumerate(((1, 0, 0), (0.25, 0.5, 0.75), (4, 2, 1), (0, 0, 0)))])
+    row(
+        stage,
+        [
+            glow(stage, f"Glow{index}", color)
+            for index, color in enumerate(((1, 0, 0), (0.25, 0.5, 0.75), (4, 2, 1), (0, 0, 0)))
+        ],
+    )
 
 
 def material_mirror(stage, folder):
     """Mirrors of four albedos in a white world: each shows its albedo."""
-    row(stage, [shading.material(stage, f"/World/Looks/Mirror{index}", diffuseColor=color, metallic=1.0, roughness=0.0) for index, color in enumerate(MIRRORS)])
+    row(
+        stage,
+        [
+            shading.material(stage, f"/World/Looks/Mirror{index}", diffuseColor=color, metallic=1.0, roughness=0.0)
+            for index, color in enumerate(MIRRORS)
+        ],
+    )
     parts.dome(stage)
 
 
@@ -55,13 +81,25 @@ METAL_ROUGHNESS = (0.0, 0.15, 0.35, 0.6, 1.0)
 
 def material_furnace_metal(stage, folder):
     """White metals of five roughnesses in a white world: nothing is lost, nothing gained."""
-    row(stage, [shading.material(stage, f"/World/Looks/Metal{index}", diffuseColor=(1, 1, 1), metallic=1.0, roughness=value) for index, value in enumerate(METAL_ROUGHNESS)])
+    row(
+        stage,
+        [
+            shading.material(stage, f"/World/Looks/Metal{index}", diffuseColor=(1, 1, 1), metallic=1.0, roughness=value)
+            for index, value in enumerate(METAL_ROUGHNESS)
+        ],
+    )
     parts.dome(stage)
 
 
 def material_furnace_plastic(stage, folder):
     """White dielectrics of five roughnesses in a white world: nothing may be gained."""
-    row(stage, [shading.material(stage, f"/World/Looks/Plastic{index}", diffuseColor=(1, 1, 1), roughness=value) for index, value in enumerate(METAL_ROUGHNESS)])
+    row(
+        stage,
+        [
+            shading.material(stage, f"/World/Looks/Plastic{index}", diffuseColor=(1, 1, 1), roughness=value)
+            for index, value in enumerate(METAL_ROUGHNESS)
+        ],
+    )
     parts.dome(stage)
 
 
@@ -70,19 +108,33 @@ SPECULARS = ((0.2, 0.4, 0.6), (1, 1, 1), (0, 0, 0), (0.04, 0.04, 0.04))
 
 
 def material_fresnel(stage, folder):
-    """Smooth black dielectrics of four iors (lower row) and of four specular colours (upper), straight on in a white world: each shows its F0."""
+    """Smooth black dielectrics of four iors (lower row) and of four specular colours (upper), straight on in a white
+    world: each shows its F0."""
     for index in range(4):
-        for level, inputs in enumerate((dict(ior=IORS[index]), dict(useSpecularWorkflow=1, specularColor=SPECULARS[index]))):
+        for level, inputs in enumerate(
+            (dict(ior=IORS[index]), dict(useSpecularWorkflow=1, specularColor=SPECULARS[index]))
+        ):
             square = parts.quad(stage, f"/World/Square{level}{index}", 0.9, None)
             square.AddTranslateOp().Set(Gf.Vec3d(index - 1.5, level - 0.5, 0))
-            shading.bind(square, shading.material(stage, f"/World/Looks/Black{level}{index}", diffuseColor=(0, 0, 0), roughness=0.0, **inputs))
+            shading.bind(
+                square,
+                shading.material(
+                    stage, f"/World/Looks/Black{level}{index}", diffuseColor=(0, 0, 0), roughness=0.0, **inputs
+                ),
+            )
     parts.dome(stage)
     parts.orthographic(stage, "/World/Camera", (0, 0, 5), (0, 0, 0), 4.0)
 
 
 def material_coat(stage, folder):
     """Smooth coats of 0, 1/2 and 1 over a black base of F0 = 0, straight on in a white world."""
-    looks = [shading.material(stage, f"/World/Looks/Coat{index}", diffuseColor=(0, 0, 0), useSpecularWorkflow=1, specularColor=(0, 0, 0), roughness=1.0, clearcoat=value, clearcoatRoughness=0.0) for index, value in enumerate((0.0, 0.5, 1.0))]
+    looks = [
+        shading.material(
+            stage, f"/World/Looks/Coat{index}", diffuseColor=(0, 0, 0), useSpecularWorkflow=1, specularColor=(0, 0, 0),
+            roughness=1.0, clearcoat=value, clearcoatRoughness=0.0,
+        )
+        for index, value in enumerate((0.0, 0.5, 1.0))
+    ]
     row(stage, looks)
     parts.dome(stage)
 
@@ -91,13 +143,17 @@ def material_glass(stage, folder):
     """A tilted block of clear glass in a white world: all light comes out again, so it cannot be seen."""
     block = parts.box(stage, "/World/Block", None, 1.0)
     block.AddRotateXYZOp().Set(Gf.Vec3f(35, 25, 10))
-    shading.bind(block, shading.material(stage, "/World/Looks/Glass", diffuseColor=(1, 1, 1), opacity=0.0, roughness=0.0, ior=1.5))
+    shading.bind(
+        block,
+        shading.material(stage, "/World/Looks/Glass", diffuseColor=(1, 1, 1), opacity=0.0, roughness=0.0, ior=1.5),
+    )
     parts.dome(stage)
     parts.orthographic(stage, "/World/Camera", (0, 0, 5), (0, 0, 0), 2.0)
 
 
 def material_cutout(stage, folder):
-    """A square whose opacity is 0.2, 0.4, 0.6, 0.8 from left to right with a threshold of 1/2, over a square that glows."""
+    """A square whose opacity is 0.2, 0.4, 0.6, 0.8 from left to right with a threshold of 1/2, over a square that
+    glows."""
     alpha = np.array([[51, 102, 153, 204]], dtype=np.uint8)
     images.png(folder / "maps/alpha.png", patterns.blocks(alpha[..., None], 8)[:, :, 0])
     opacity = shading.sample(stage, "/World/Looks/Leaf/Opacity", "./maps/alpha.png", "r", wrap="clamp")
@@ -112,9 +168,16 @@ def material_cutout_shadow(stage, folder):
     parts.quad(stage, "/World/Floor", 3.0, (0.5, 0.5, 0.5)).AddRotateXOp().Set(-90.0)
     roof = parts.mesh(stage, "/World/Roof", [(-1, 2, 1), (1, 2, 1), (1, 2, -1), (-1, 2, -1)], [4], range(4), None)
     shading.coordinates(roof, [(0, 0), (1, 0), (1, 1), (0, 1)])
-    images.png(folder / "maps/alpha.png", patterns.blocks(np.array([[[51], [102], [153], [204]]], dtype=np.uint8), 8)[:, :, 0])
+    images.png(
+        folder / "maps/alpha.png", patterns.blocks(np.array([[[51], [102], [153], [204]]], dtype=np.uint8), 8)[:, :, 0]
+    )
     opacity = shading.sample(stage, "/World/Looks/Leaf/Opacity", "./maps/alpha.png", "r", wrap="clamp")
-    shading.bind(roof, shading.material(stage, "/World/Looks/Leaf", diffuseColor=(0, 0, 0), opacity=opacity, opacityThreshold=0.5, roughness=1.0))
+    shading.bind(
+        roof,
+        shading.material(
+            stage, "/World/Looks/Leaf", diffuseColor=(0, 0, 0), opacity=opacity, opacityThreshold=0.5, roughness=1.0
+        ),
+    )
     parts.distant(stage, "/World/Sun", (0, -1, 0), math.pi)
     parts.orthographic(stage, "/World/Camera", (0, 1, 0), (0, 0, 0), 2.0, up=(0, 0, -1))
 
@@ -123,22 +186,31 @@ NORMALS = ((0.0, 0.0, 1.0), (0.3, 0.0, 0.954), (0.0, 0.3, 0.954), (-0.25, -0.25,
 
 
 def material_normal_map(stage, folder):
-    """Mirrors with normal maps of one direction each under a sloped latlong: the direction they show tells the normal, its sign and its frame."""
+    """Mirrors with normal maps of one direction each under a sloped latlong: the direction they show tells the normal,
+    its sign and its frame."""
     slope_map(folder)
     looks = []
     for index, normal in enumerate(NORMALS):
         encoded = np.rint((np.array(normal) * 0.5 + 0.5) * 65535).astype(np.uint16)
         images.png(folder / f"maps/normal{index}.png", np.broadcast_to(encoded, (8, 8, 3)))
         path = f"/World/Looks/Bent{index}"
-        looks.append(shading.material(stage, path, diffuseColor=(1, 1, 1), metallic=1.0, roughness=0.0, normal=shading.normal_map(stage, f"{path}/Normal", f"./maps/normal{index}.png")))
+        looks.append(
+            shading.material(
+                stage, path, diffuseColor=(1, 1, 1), metallic=1.0, roughness=0.0,
+                normal=shading.normal_map(stage, f"{path}/Normal", f"./maps/normal{index}.png"),
+            )
+        )
     row(stage, looks)
     parts.dome(stage).CreateTextureFileAttr("./maps/slope.exr")
 
 
 def material_subsets(stage, folder):
-    """Four faces of one mesh: two GeomSubsets with materials of their own, one face in both (the first has it), one in none."""
+    """Four faces of one mesh: two GeomSubsets with materials of their own, one face in both (the first has it), one in
+    none."""
     points = [(x, y, 0) for y in (-0.5, 0.5) for x in (-2, -1, 0, 1, 2)]
-    prim = parts.mesh(stage, "/World/Strip", points, [4] * 4, [c for i in range(4) for c in (i, i + 1, i + 6, i + 5)], None)
+    prim = parts.mesh(
+        stage, "/World/Strip", points, [4] * 4, [c for i in range(4) for c in (i, i + 1, i + 6, i + 5)], None
+    )
     shading.bind(prim, glow(stage, "Whole", (0.1, 0.2, 0.3)))
     shading.subset(prim, "first", [0, 1], glow(stage, "First", (1.0, 0.0, 0.5)))
     shading.subset(prim, "second", [2], glow(stage, "Second", (0.0, 1.0, 0.25)))
@@ -158,7 +230,8 @@ def material_collection(stage, folder):
 
 
 def material_primvars(stage, folder):
-    """Emission read from a primvar at every interpolation, and a reader's fallback where the mesh has no such primvar."""
+    """Emission read from a primvar at every interpolation, and a reader's fallback where the mesh has no such
+    primvar."""
     look = glow(stage, "Tint", shading.primvar(stage, "/World/Looks/Tint/Reader", "tint", "float3", (0.3, 0.6, 0.9)))
     counts = {"constant": 1, "uniform": 2, "varying": 6, "vertex": 6, "faceVarying": 8, None: 0}
     for index, (interpolation, count) in enumerate(counts.items()):
@@ -168,7 +241,9 @@ def material_primvars(stage, folder):
         shading.bind(prim, look)
         if interpolation:
             values = [Gf.Vec3f(0.125 * (k + 1), 1 - 0.0625 * k, 0.5 * (k % 2)) for k in range(count)]
-            UsdGeom.PrimvarsAPI(prim).CreatePrimvar("tint", Sdf.ValueTypeNames.Float3Array, interpolation).Set(Vt.Vec3fArray(values))
+            UsdGeom.PrimvarsAPI(prim).CreatePrimvar("tint", Sdf.ValueTypeNames.Float3Array, interpolation).Set(
+                Vt.Vec3fArray(values)
+            )
     parts.orthographic(stage, "/World/Camera", (0, 0, 5), (0, 0, 0), 6.0)
 
 
@@ -176,17 +251,23 @@ def material_instance_primvars(stage, folder):
     """Four instances of one square; its emission is an instance-rate primvar of the instancer."""
     prim = parts.instancer(stage, "/World/Row", ["/World/Row/Square"], [0] * 4, [(k - 1.5, 0, 0) for k in range(4)])
     parts.quad(stage, "/World/Row/Square", 0.9, None)
-    shading.bind(stage.GetPrimAtPath("/World/Row/Square"), glow(stage, "Tint", shading.primvar(stage, "/World/Looks/Tint/Reader", "tint", "float3", (9, 9, 9))))
+    shading.bind(
+        stage.GetPrimAtPath("/World/Row/Square"),
+        glow(stage, "Tint", shading.primvar(stage, "/World/Looks/Tint/Reader", "tint", "float3", (9, 9, 9))),
+    )
     values = [Gf.Vec3f(0.25 * k, 1 - 0.25 * k, 0.5) for k in range(4)]
     UsdGeom.PrimvarsAPI(prim).CreatePrimvar("tint", Sdf.ValueTypeNames.Float3Array, "vertex").Set(Vt.Vec3fArray(values))
     parts.orthographic(stage, "/World/Camera", (0, 0, 5), (0, 0, 0), 4.0)
 
 
 def material_display_color(stage, folder):
-    """Meshes without a material: Lambert of displayColor, also where the instancer gives it per instance; 0.18 without one. Under a sun straight on."""
+    """Meshes without a material: Lambert of displayColor, also where the instancer gives it per instance; 0.18 without
+    one. Under a sun straight on."""
     prim = parts.instancer(stage, "/World/Row", ["/World/Row/Square"], [0] * 3, [(k - 1.5, 0, 0) for k in range(3)])
     parts.quad(stage, "/World/Row/Square", 0.9, None)
-    UsdGeom.PrimvarsAPI(prim).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, "vertex").Set(Vt.Vec3fArray([Gf.Vec3f(0.25 * (k + 1), 0.5, 0.1 * k) for k in range(3)]))
+    UsdGeom.PrimvarsAPI(prim).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, "vertex").Set(
+        Vt.Vec3fArray([Gf.Vec3f(0.25 * (k + 1), 0.5, 0.1 * k) for k in range(3)])
+    )
     parts.quad(stage, "/World/Grey", 0.9, None).AddTranslateOp().Set(Gf.Vec3d(1.5, 0, 0))
     parts.distant(stage, "/World/Sun", (0, 0, -1), math.pi)
     parts.orthographic(stage, "/World/Camera", (0, 0, 5), (0, 0, 0), 4.0)
@@ -205,11 +286,14 @@ def colored(prim, interpolation, colors):
 
 
 def material_instance_levels(stage, folder):
-    """Whose displayColor wins: the outer of two nested instancers twice two times, those of two native instances, one that a prototype inherits as a constant, the mesh's own. Under a sun straight on."""
+    """Whose displayColor wins: the outer of two nested instancers twice two times, those of two native instances, one
+    that a prototype inherits as a constant, the mesh's own. Under a sun straight on."""
     outer = parts.instancer(stage, "/World/Outer", ["/World/Outer/Pair"], [0, 0], [(-3, 0, 0), (-1, 0, 0)])
     colored(outer, "vertex", OUTER_COLORS)
     stage.DefinePrim("/World/Outer/Pair", "Xform")
-    parts.instancer(stage, "/World/Outer/Pair/Inner", ["/World/Outer/Pair/Inner/Square"], [0, 0], [(-0.5, 0, 0), (0.5, 0, 0)])
+    parts.instancer(
+        stage, "/World/Outer/Pair/Inner", ["/World/Outer/Pair/Inner/Square"], [0, 0], [(-0.5, 0, 0), (0.5, 0, 0)]
+    )
     parts.quad(stage, "/World/Outer/Pair/Inner/Square", 0.9, None)
     stage.CreateClassPrim("/Source")
     parts.quad(stage, "/Source/Square", 0.9, None)
@@ -229,106 +313,9 @@ def material_instance_levels(stage, folder):
     parts.orthographic(stage, "/World/Camera", (0, 0, 5), (0, 0, 0), 8.0)
 
 
-def write_eight(folder):
-    images.png(folder / "maps/eight.png", patterns.blocks(EIGHT, 8))
-
-
-def texture_orientation(stage, folder):
-    """A picture of eight colours on a square, raw: st starts at the lower left."""
-    write_eight(folder)
-    row(stage, [glow(stage, "Eight", shading.sample(stage, "/World/Looks/Eight/Picture", "./maps/eight.png", color_space="raw", wrap="clamp"))], 1.0, 1.0)
-
-
-WRAPS = (None, "black", "clamp", "repeat", "mirror")
-
-
-def texture_wrap(stage, folder):
-    """The picture on st from -1 to 2, with every wrap mode; none authored is useMetadata, which is black here."""
-    write_eight(folder)
-    for index, mode in enumerate(WRAPS):
-        square = parts.quad(stage, f"/World/Square{index}", 0.9, None)
-        square.AddTranslateOp().Set(Gf.Vec3d(index - 2, 0, 0))
-        shading.coordinates(square, [(-1, -1), (2, -1), (2, 2), (-1, 2)])
-        shading.bind(square, glow(stage, f"Wrap{index}", shading.sample(stage, f"/World/Looks/Wrap{index}/Picture", "./maps/eight.png", color_space="raw", wrap=mode)))
-    parts.orthographic(stage, "/World/Camera", (0, 0, 5), (0, 0, 0), 5.0)
-
-
-def texture_values(stage, folder):
-    """scale and bias; fallback of a file that is not there; the channels of a one-, two- and four-channel picture."""
-    flat = lambda name, *value: images.png(folder / f"maps/{name}.png", np.broadcast_to(np.array(value, np.uint8), (8, 8, len(value))))
-    flat("grey", 51), flat("grey_alpha", 102, 204), flat("rgba", 51, 102, 153, 204)
-    sample = lambda index, *a, **o: shading.sample(stage, f"/World/Looks/Value{index}/Picture", *a, color_space="raw", **o)
-    looks = [
-        glow(stage, "Value0", sample(0, "./maps/rgba.png", scale=(2, 1, 0.5, 1), bias=(0.1, 0.2, 0.3, 0))),
-        glow(stage, "Value1", sample(1, "./maps/not_there.png", fallback=(0.7, 0.5, 0.3, 1))),
-        glow(stage, "Value2", sample(2, "./maps/grey.png")),
-        glow(stage, "Value3", sample(3, "./maps/grey_alpha.png")),
-        glow(stage, "Value4", (0.5, 0.5, 0.5), opacity=sample(4, "./maps/grey_alpha.png", "a"), opacityThreshold=0.75),
-        glow(stage, "Value5", (0.5, 0.5, 0.5), opacity=sample(5, "./maps/rgba.png", "a"), opacityThreshold=0.85),
-    ]
-    row(stage, looks)
-
-
-SPACES = (("rgba8", "auto"), ("rgba8", "sRGB"), ("rgba8", "raw"), ("rgb16", "auto"), ("grey8", "auto"), ("grey8", "sRGB"), ("float", "auto"))
-
-
-def texture_color_space(stage, folder):
-    """0.5 in pictures of several kinds, with sourceColorSpace auto, sRGB, raw: which are decoded."""
-    images.png(folder / "maps/rgba8.png", np.full((8, 8, 4), 128, np.uint8))
-    images.png(folder / "maps/rgb16.png", np.full((8, 8, 3), 32768, np.uint16))
-    images.png(folder / "maps/grey8.png", np.full((8, 8, 1), 128, np.uint8))
-    images.exr(folder / "maps/float.exr", np.full((8, 8, 3), 0.5))
-    looks = []
-    for index, (file, space) in enumerate(SPACES):
-        name = f"./maps/{file}.{'exr' if file == 'float' else 'png'}"
-        looks.append(glow(stage, f"Space{index}", shading.sample(stage, f"/World/Looks/Space{index}/Picture", name, color_space=space)))
-    row(stage, looks)
-
-
-TRANSFORM = dict(scale=(2.0, 0.5), rotation=90.0, translation=(1.0, 0.25))
-
-
-def texture_transform(stage, folder):
-    """UsdTransform2d: scale, rotate, translate, in that order."""
-    write_eight(folder)
-    st = shading.primvar(stage, "/World/Looks/Moved/St", "st")
-    moved = shading.transform2d(stage, "/World/Looks/Moved/Transform", st, **TRANSFORM)
-    row(stage, [glow(stage, "Moved", shading.sample(stage, "/World/Looks/Moved/Picture", "./maps/eight.png", st=moved, color_space="raw"))], 1.0, 1.0)
-
-
-UDIMS = {1001: (255, 51, 0), 1002: (0, 255, 102), 1011: (51, 0, 255)}
-
-
-def texture_udim(stage, folder):
-    """st from 0 to 2: three tiles of four are there, the fourth shows the fallback or black."""
-    for tile, color in UDIMS.items():
-        images.png(folder / f"maps/tiles.{tile}.png", np.broadcast_to(np.array(color, np.uint8), (8, 8, 3)))
-    square = parts.quad(stage, "/World/Square", 1.0, None)
-    shading.coordinates(square, [(0, 0), (2, 0), (2, 2), (0, 2)])
-    shading.bind(square, glow(stage, "Tiles", shading.sample(stage, "/World/Looks/Tiles/Picture", "./maps/tiles.<UDIM>.png", color_space="raw", wrap=None)))
-    parts.orthographic(stage, "/World/Camera", (0, 0, 5), (0, 0, 0), 1.0)
-
-
-def texture_usdz(stage, folder):
-    """A square with its material and picture from a .usdz package."""
-    write_eight(folder)
-    inner = Usd.Stage.CreateNew(str(folder / "maps/packed.usda"))
-    inner.SetDefaultPrim(inner.DefinePrim("/Asset", "Xform"))
-    square = parts.quad(inner, "/Asset/Square", 1.0, None)
-    shading.coordinates(square, [(0, 0), (1, 0), (1, 1), (0, 1)])
-    path = "/Asset/Look"
-    picture = shading.sample(inner, f"{path}/Picture", "./eight.png", color_space="raw", wrap="clamp")
-    shading.bind(square, shading.material(inner, path, diffuseColor=(0, 0, 0), emissiveColor=picture, useSpecularWorkflow=1, specularColor=(0, 0, 0), roughness=1.0))
-    inner.GetRootLayer().Save()
-    UsdUtils.CreateNewUsdzPackage(str(folder / "maps/packed.usda"), str(folder / "maps/packed.usdz"))
-    (folder / "maps/packed.usda").unlink()
-    stage.DefinePrim("/World/Asset", "Xform").GetReferences().AddReference("./maps/packed.usdz")
-    parts.orthographic(stage, "/World/Camera", (0, 0, 5), (0, 0, 0), 1.0)
-
-
 SCENES = [
-    material_emission, material_mirror, material_furnace_metal, material_furnace_plastic, material_fresnel, material_coat, material_glass, material_cutout,
-    material_cutout_shadow, material_normal_map, material_subsets, material_collection, material_primvars, material_instance_primvars, material_display_color,
+    material_emission, material_mirror, material_furnace_metal, material_furnace_plastic, material_fresnel,
+    material_coat, material_glass, material_cutout, material_cutout_shadow, material_normal_map, material_subsets,
+    material_collection, material_primvars, material_instance_primvars, material_display_color,
     material_instance_levels,
-    texture_orientation, texture_wrap, texture_values, texture_color_space, texture_transform, texture_udim, texture_usdz,
 ]  # fmt: skip

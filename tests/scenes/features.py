@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the feature scenes: one thing to test per scene, into `features/`, with their small pictures in `features/maps/`.
+"""Writes the feature scenes: one thing to test per scene, into `features/`, with their small pictures in
+`features/maps/`.
 
-The scenes are in feature_lights.py, feature_surfaces.py and feature_references.py; the last have Mitsuba's answers beside them (`cargo xtask
-reference` makes those). Committed files are checked against this source by test_features.py. Needs usd-core, numpy, OpenEXR.
+The scenes are in feature_lights.py, feature_surfaces.py, feature_textures.py and feature_references.py; the last have
+Mitsuba's answers beside them (`cargo xtask reference` makes those). Committed files are checked against this source by
+test_features.py. Needs usd-core, numpy, OpenEXR.
 """
 
 from __future__ import annotations
@@ -16,9 +18,12 @@ from pxr import Usd, UsdGeom
 import feature_lights
 import feature_references
 import feature_surfaces
+import feature_textures
 
 FOLDER = pathlib.Path(__file__).parent / "features"
-SCENES = [*feature_lights.SCENES, *feature_surfaces.SCENES, *feature_references.SCENES]
+SCENES = [
+    *feature_lights.SCENES, *feature_surfaces.SCENES, *feature_textures.SCENES, *feature_references.SCENES,
+]  # fmt: skip
 
 
 def write(scene, folder: pathlib.Path) -> pathlib.Path:

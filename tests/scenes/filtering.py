@@ -1,12 +1,15 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes scenes that show how textures are filtered, works out the same pictures without a filter, and says how far a render is from them.
+"""Writes scenes that show how textures are filtered, works out the same pictures without a filter, and says how far a
+render is from them.
 
     filtering.py write FOLDER                           ground.usda and wall.usda, with their textures
-    filtering.py reference SCENE WIDTH OUT.exr          SAMPLES x SAMPLES points in each pixel, each the texture as it is between its texels
+    filtering.py reference SCENE WIDTH OUT.exr SAMPLES x SAMPLES points in each pixel, each the texture as it is between
+        its texels
     filtering.py compare REFERENCE.exr PICTURE.exr ...  relMSE, and how much of the reference's edges is there
 
-Both surfaces glow with their texture and nothing else shines, so a picture is an integral over its pixels alone. Needs numpy, and OpenEXR but for `write`.
+Both surfaces glow with their texture and nothing else shines, so a picture is an integral over its pixels alone. Needs
+numpy, and OpenEXR but for `write`.
 """
 
 from __future__ import annotations
@@ -115,7 +118,10 @@ def write(folder: pathlib.Path) -> None:
     for name, scene in SCENES.items():
         a, (e, f), (s, t) = np.array(scene.corner, float), np.array(scene.edges, float), scene.st
         points = [tuple(float(v) for v in p) for p in (a, a + e, a + e + f, a + f)]
-        values = {"name": name, "points": points, "st": [(0, 0), (s, 0), (s, t), (0, t)], "focal": scene.focal, "aperture": APERTURE}
+        values = {
+            "name": name, "points": points, "st": [(0, 0), (s, 0), (s, t), (0, t)], "focal": scene.focal,
+            "aperture": APERTURE,
+        }
         values |= {"vertical": APERTURE / ASPECT, "pitch": scene.pitch, "yaw": scene.yaw}
         (folder / f"{name}.usda").write_text(STAGE % values)
         images.png(folder / f"{name}.png", texture(name), packed=True)
@@ -164,7 +170,8 @@ def error(picture: np.ndarray, expected: np.ndarray) -> float:
 
 
 def sharpness(picture: np.ndarray, expected: np.ndarray) -> float:
-    """How much of the reference's second differences the picture has: 1 for all, 0 for none; noise counts for nothing."""
+    """How much of the reference's second differences the picture has: 1 for all, 0 for none; noise counts for
+    nothing."""
     edges = lambda i: 4 * i[1:-1, 1:-1] - i[1:-1, :-2] - i[1:-1, 2:] - i[:-2, 1:-1] - i[2:, 1:-1]
     a, b = edges(picture), edges(expected)
     return float(np.sum(a * b) / np.sum(b * b))

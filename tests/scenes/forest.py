@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the forest: a displaced terrain with instances of 16 meshes in nested point instancers, a dome, a sun, a camera.
+"""Writes the forest: a displaced terrain with instances of 16 meshes in nested point instancers, a dome, a sun, a
+camera.
 
     forest.py OUT.usdc [--instances 100000] [--terrain 224] [--seed 7]
 
-`--instances` counts leaf placements (a clump of 30 plants counts 30); the scene holds exactly that many. `--terrain` is the
-number of quads along one side of the ground. Same arguments, same scene. Needs usd-core (or any pxr) and numpy.
+`--instances` counts leaf placements (a clump of 30 plants counts 30); the scene holds exactly that many. `--terrain` is
+the number of quads along one side of the ground. Same arguments, same scene. Needs usd-core (or any pxr) and numpy.
 
 Layout of the stage:
     /World/Terrain            mesh, 2 * terrain^2 triangles, smooth normals, vertex colours
@@ -32,12 +33,42 @@ SIDE = 420.0
 
 CLUMPS = {
     # kind: (radius, [(prototype, how many, least and greatest scale)])
-    "spruces": (8.0, [("conifer_tall", 4, 0.7, 1.15), ("conifer_wide", 3, 0.6, 1.1), ("conifer_young", 4, 0.5, 1.2), ("tuft_fern", 8, 0.7, 1.3), ("rock_log", 1, 0.7, 1.0)]),
-    "firs": (7.0, [("conifer_blue", 4, 0.7, 1.2), ("conifer_tall", 2, 0.6, 0.9), ("conifer_young", 5, 0.4, 1.0), ("bush_low", 6, 0.7, 1.2)]),
+    "spruces": (
+        8.0,
+        [
+            ("conifer_tall", 4, 0.7, 1.15), ("conifer_wide", 3, 0.6, 1.1), ("conifer_young", 4, 0.5, 1.2),
+            ("tuft_fern", 8, 0.7, 1.3), ("rock_log", 1, 0.7, 1.0),
+        ],
+    ),
+    "firs": (
+        7.0,
+        [
+            ("conifer_blue", 4, 0.7, 1.2), ("conifer_tall", 2, 0.6, 0.9), ("conifer_young", 5, 0.4, 1.0),
+            ("bush_low", 6, 0.7, 1.2),
+        ],
+    ),
     "birches": (6.5, [("broadleaf_birch", 5, 0.75, 1.15), ("bush_low", 4, 0.8, 1.3), ("tuft_grass", 12, 0.7, 1.2)]),
-    "autumn": (7.5, [("broadleaf_gold", 2, 0.8, 1.15), ("broadleaf_orange", 2, 0.7, 1.1), ("broadleaf_maple", 1, 0.8, 1.2), ("bush_red", 4, 0.7, 1.3), ("tuft_fern", 10, 0.8, 1.3)]),
-    "mixed": (8.0, [("broadleaf_green", 2, 0.8, 1.1), ("broadleaf_gold", 1, 0.7, 1.0), ("conifer_wide", 2, 0.7, 1.0), ("bush_green", 5, 0.8, 1.5), ("tuft_fern", 9, 0.7, 1.3)]),
-    "shrubs": (3.5, [("bush_green", 3, 0.7, 1.4), ("bush_red", 2, 0.6, 1.2), ("bush_low", 6, 0.7, 1.4), ("tuft_grass", 14, 0.7, 1.3)]),
+    "autumn": (
+        7.5,
+        [
+            ("broadleaf_gold", 2, 0.8, 1.15), ("broadleaf_orange", 2, 0.7, 1.1), ("broadleaf_maple", 1, 0.8, 1.2),
+            ("bush_red", 4, 0.7, 1.3), ("tuft_fern", 10, 0.8, 1.3),
+        ],
+    ),
+    "mixed": (
+        8.0,
+        [
+            ("broadleaf_green", 2, 0.8, 1.1), ("broadleaf_gold", 1, 0.7, 1.0), ("conifer_wide", 2, 0.7, 1.0),
+            ("bush_green", 5, 0.8, 1.5), ("tuft_fern", 9, 0.7, 1.3),
+        ],
+    ),
+    "shrubs": (
+        3.5,
+        [
+            ("bush_green", 3, 0.7, 1.4), ("bush_red", 2, 0.6, 1.2), ("bush_low", 6, 0.7, 1.4),
+            ("tuft_grass", 14, 0.7, 1.3),
+        ],
+    ),
     "meadow": (3.0, [("tuft_grass", 26, 0.6, 1.3), ("tuft_fern", 3, 0.6, 1.0), ("bush_low", 1, 0.4, 0.9)]),
     "stones": (3.5, [("rock_boulder", 6, 0.25, 1.3), ("tuft_grass", 9, 0.6, 1.1), ("bush_low", 3, 0.5, 1.0)]),
 }
@@ -100,7 +131,9 @@ class Land:
         return self._patches(x + shift, z - shift, wavelength, 3)
 
 
-def add_mesh(stage: Usd.Stage, path: str, points, counts, indices, colors, interpolation: str, normals=None, double_sided=False) -> UsdGeom.Mesh:
+def add_mesh(
+    stage: Usd.Stage, path: str, points, counts, indices, colors, interpolation: str, normals=None, double_sided=False
+) -> UsdGeom.Mesh:
     """Defines a polygon mesh with displayColor, an extent and no subdivision."""
     mesh = UsdGeom.Mesh.Define(stage, path)
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
@@ -141,7 +174,9 @@ def add_terrain(stage: Usd.Stage, land: Land, resolution: int) -> None:
     color = color * np.exp(0.10 * land.patch(x, z, 4.0, 11.0))[:, None]
     counts, quads = grid(resolution, resolution)
     height = land.height(x, z) - 0.16 * trodden[:, 0]
-    add_mesh(stage, "/World/Terrain", np.stack([x, height, z], axis=1), counts, quads, color, UsdGeom.Tokens.vertex, normal)
+    add_mesh(
+        stage, "/World/Terrain", np.stack([x, height, z], axis=1), counts, quads, color, UsdGeom.Tokens.vertex, normal
+    )
 
 
 def add_ridges(stage: Usd.Stage, seed: int) -> None:
@@ -155,7 +190,9 @@ def add_ridges(stage: Usd.Stage, seed: int) -> None:
         crest = 0.60 + 0.60 * noise(x, z * 0.35 + 900.0 * index, distance * 0.42, 5)
         height = peak * np.clip(crest, 0.12, None) * np.sin(np.clip(depth, 0, 1) * np.pi * 0.62) - 6.0
         color = rgb(tone) * np.exp(0.12 * noise(x, height * 2.0, distance * 0.12, 2))[:, None]
-        snow = np.clip((height / peak - 0.62 + 0.08 * noise(x, z, distance * 0.2, 2)) * 6.0, 0, 1)[:, None] * (index == 2)
+        snow = np.clip((height / peak - 0.62 + 0.08 * noise(x, z, distance * 0.2, 2)) * 6.0, 0, 1)[:, None] * (
+            index == 2
+        )
         color = color * (1 - snow) + rgb("e4ebf2") * snow
         points = np.stack([x, height, z], axis=1)
         rows = points.reshape(25, 161, 3)
@@ -163,7 +200,10 @@ def add_ridges(stage: Usd.Stage, seed: int) -> None:
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         counts, quads = grid(160, 24)
         quads = quads.reshape(-1, 4)[:, ::-1].reshape(-1)
-        add_mesh(stage, f"/World/Ridge{index}", points, counts, quads, color, UsdGeom.Tokens.vertex, normal, double_sided=True)
+        add_mesh(
+            stage, f"/World/Ridge{index}", points, counts, quads, color, UsdGeom.Tokens.vertex, normal,
+            double_sided=True,
+        )
 
 
 def quaternions(yaw: np.ndarray, up: np.ndarray) -> np.ndarray:
@@ -172,7 +212,10 @@ def quaternions(yaw: np.ndarray, up: np.ndarray) -> np.ndarray:
     tilt = np.stack([1.0 + up[:, 1], up[:, 2], 0 * yaw, -up[:, 0]], axis=1)
     tilt /= np.linalg.norm(tilt, axis=1, keepdims=True)
     (a, b, c, d), (e, f, g, h) = tilt.T, turn.T
-    product = [a * e - b * f - c * g - d * h, a * f + b * e + c * h - d * g, a * g - b * h + c * e + d * f, a * h + b * g - c * f + d * e]
+    product = [
+        a * e - b * f - c * g - d * h, a * f + b * e + c * h - d * g, a * g - b * h + c * e + d * f,
+        a * h + b * g - c * f + d * e,
+    ]
     return np.stack(product, axis=1)
 
 
@@ -272,21 +315,30 @@ def add_forest(stage: Usd.Stage, land: Land, names: list[str], sizes: dict[str, 
     targets = [f"/World/Groves/Clumps/{kind}" for kind in kinds]
     add_instancer(stage, "/World/Groves", targets, pick, position, rotation, size)
 
-    share = {name: {"conifer": 1.2, "broadleaf": 0.8, "bush": 1.2, "tuft": 3.0, "rock": 0.35}[name.split("_")[0]] for name in names}
+    share = {
+        name: {"conifer": 1.2, "broadleaf": 0.8, "bush": 1.2, "tuft": 3.0, "rock": 0.35}[name.split("_")[0]]
+        for name in names
+    }
     chance = np.array([share[name] for name in names])
     pick = rng.choice(len(names), singles, p=chance / chance.sum())
     trees = np.array([name.split("_")[0] in ("conifer", "broadleaf") for name in names])[pick]
     place = np.zeros((2, singles))
     for is_tree in (False, True):
         members = trees == is_tree
-        gate = (lambda x, z: clump_weights(land, x, z)["mixed"] + 0.2 * clump_weights(land, x, z)["birches"]) if is_tree else (lambda x, z: np.clip((land.off_path(x, z) - 2.6) / 2.0, 0, 1))
+        gate = (
+            (lambda x, z: clump_weights(land, x, z)["mixed"] + 0.2 * clump_weights(land, x, z)["birches"])
+            if is_tree
+            else (lambda x, z: np.clip((land.off_path(x, z) - 2.6) / 2.0, 0, 1))
+        )
         found = scatter(rng, land, int(members.sum()), gate)
         place[:, members] = np.stack(found)
     x, z = place
     position = np.stack([x, land.height(x, z) - np.where(trees, 0.2, 0.04), z], axis=1)
     rotation = quaternions(rng.uniform(0, 2 * np.pi, singles), np.tile([0.0, 1.0, 0.0], (singles, 1)))
     size = rng.uniform(0.55, 1.2, (singles, 1)) * np.ones(3)
-    add_instancer(stage, "/World/Trees", [f"/World/Groves/Prototypes/{name}" for name in names], pick, position, rotation, size)
+    add_instancer(
+        stage, "/World/Trees", [f"/World/Groves/Prototypes/{name}" for name in names], pick, position, rotation, size
+    )
 
 
 def add_lights(stage: Usd.Stage) -> None:
@@ -338,7 +390,10 @@ def build(path: str, instances: int = 100_000, terrain: int = 224, seed: int = 7
     soups = plants.all_sixteen(seed)
     for name, soup in soups.items():
         points, counts, indices, colors = soup.arrays()
-        add_mesh(stage, f"/World/Groves/Prototypes/{name}", points, counts, indices, colors, UsdGeom.Tokens.uniform, double_sided=True)
+        add_mesh(
+            stage, f"/World/Groves/Prototypes/{name}", points, counts, indices, colors, UsdGeom.Tokens.uniform,
+            double_sided=True,
+        )
     names = list(soups)
     sizes = add_clumps(stage, names, seed)
     add_forest(stage, land, names, sizes, instances, seed)

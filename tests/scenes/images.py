@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes small pictures: PNG, Radiance HDR, OpenEXR. Arrays are (height, width[, channels]), row 0 at the top. Same array, same bytes.
+"""Writes small pictures: PNG, Radiance HDR, OpenEXR. Arrays are (height, width[, channels]), row 0 at the top. Same
+array, same bytes.
 
-Needs numpy, and OpenEXR for `exr`. PNG data are stored without compression unless `packed`, so that the bytes do not depend on zlib's version.
+Needs numpy, and OpenEXR for `exr`. PNG data are stored without compression unless `packed`, so that the bytes do not
+depend on zlib's version.
 """
 
 from __future__ import annotations
@@ -50,7 +52,9 @@ def png(path: pathlib.Path, array: np.ndarray, packed: bool = False) -> None:
     chunk = lambda name, data: struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
     header = struct.pack(">IIBBBBB", width, height, bits, COLOR_TYPES[channels], 0, 0, 0)
     body = zlib.compress(raw, 6 if packed else 0)
-    pathlib.Path(path).write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", body) + chunk(b"IEND", b""))
+    pathlib.Path(path).write_bytes(
+        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", body) + chunk(b"IEND", b"")
+    )
 
 
 def hdr(path: pathlib.Path, array: np.ndarray) -> None:
@@ -74,6 +78,9 @@ def exr(path: pathlib.Path, array: np.ndarray, half: bool = False, packed: bool 
     names = {1: ["Y"], 3: ["R", "G", "B"], 4: ["R", "G", "B", "A"]}[array.shape[2]]
     kind = np.float16 if half else np.float32
     channels = {name: np.ascontiguousarray(array[..., index], dtype=kind) for index, name in enumerate(names)}
-    header = {"compression": OpenEXR.ZIP_COMPRESSION if packed else OpenEXR.NO_COMPRESSION, "type": OpenEXR.scanlineimage}
+    header = {
+        "compression": OpenEXR.ZIP_COMPRESSION if packed else OpenEXR.NO_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+    }
     with OpenEXR.File(header, channels) as file:
         file.write(str(path))

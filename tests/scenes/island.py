@@ -4,12 +4,13 @@
 
     island.py FOLDER OUT.usdc
 
-FOLDER holds `contents.json` (prims, with places of arrays) and `arrays` (their bytes, native order). Needs usd-core (or any pxr)
-and numpy.
+FOLDER holds `contents.json` (prims, with places of arrays) and `arrays` (their bytes, native order). Needs usd-core (or
+any pxr) and numpy.
 
 Layout of the stage, where BASE is /World/Island, or /World/Copies/Island below the point instancer /World/Copies:
-    BASE/Unique/...      terrain, reefs and trees, one mesh each (flattened copies: prototypes of the instancer BASE/Unique)
-    BASE/Library/...     meshes, and point instancers of them: the prototypes. Library is an instancer of nothing, so that what
+    BASE/Unique/... terrain, reefs and trees, one mesh each (flattened copies: prototypes of the instancer BASE/Unique)
+    BASE/Library/... meshes, and point instancers of them: the prototypes. Library is an instancer of nothing, so that
+        what
                          is below it shows only through the others
     BASE/Palms ...       point instancers, one per species (flattened copies: one per species and copy, Palms_c000 ...)
     /World/Ocean, /World/Sky, /World/Sun, /World/Camera

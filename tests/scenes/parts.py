@@ -43,7 +43,10 @@ def ball(stage, path, radius=1.0, rings=12, color=(0.5, 0.5, 0.5)):
         polar = math.pi * ring / rings
         for side in range(sides):
             angle = 2 * math.pi * side / sides
-            points.append((radius * math.sin(polar) * math.sin(angle), radius * math.cos(polar), radius * math.sin(polar) * math.cos(angle)))
+            points.append((
+                radius * math.sin(polar) * math.sin(angle), radius * math.cos(polar),
+                radius * math.sin(polar) * math.cos(angle),
+            ))
     points.append((0.0, -radius, 0.0))
     at = lambda ring, side: 1 + (ring - 1) * sides + side % sides
     counts, indices = [], []

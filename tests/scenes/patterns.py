@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures for the test scenes, reckoned by numpy: skies, checkers, wood, bricks, leaves, maps made from heights. Row 0 at the top.
+"""Pictures for the test scenes, reckoned by numpy: skies, checkers, wood, bricks, leaves, maps made from heights. Row 0
+at the top.
 
 Colours are linear unless a name says otherwise. Everything is a pure function of its arguments.
 """
@@ -47,15 +48,26 @@ def smooth_step(low: float, high: float, x: np.ndarray) -> np.ndarray:
 
 
 def latlong_directions(width: int, height: int) -> np.ndarray:
-    """Directions of a latlong's texel centres: its middle is +z, +x is a quarter from the left, +y at the top (OpenEXR's rule, which UsdLux follows)."""
+    """Directions of a latlong's texel centres: its middle is +z, +x is a quarter from the left, +y at the top
+    (OpenEXR's rule, which UsdLux follows)."""
     longitude = math.pi - 2 * math.pi * (np.arange(width) + 0.5) / width
     latitude = math.pi / 2 - math.pi * (np.arange(height) + 0.5) / height
     longitude, latitude = np.meshgrid(longitude, latitude)
-    return np.stack([np.cos(latitude) * np.sin(longitude), np.sin(latitude), np.cos(latitude) * np.cos(longitude)], axis=-1)
+    return np.stack(
+        [np.cos(latitude) * np.sin(longitude), np.sin(latitude), np.cos(latitude) * np.cos(longitude)], axis=-1
+    )
 
 
-def sky(width: int = 512, sun=(0.55, 0.5, 0.62), sun_degrees: float = 1.4, sun_radiance: float = 1800.0, warmth: float = 1.0, haze: float = 0.0) -> np.ndarray:
-    """A latlong sky with some clouds, ground below the horizon (behind haze down to `-haze`), and a small bright sun towards `sun`."""
+def sky(
+    width: int = 512,
+    sun=(0.55, 0.5, 0.62),
+    sun_degrees: float = 1.4,
+    sun_radiance: float = 1800.0,
+    warmth: float = 1.0,
+    haze: float = 0.0,
+) -> np.ndarray:
+    """A latlong sky with some clouds, ground below the horizon (behind haze down to `-haze`), and a small bright sun
+    towards `sun`."""
     d = latlong_directions(width, width // 2)
     up = d[..., 1]
     high = np.clip(up, 0, 1)
@@ -78,7 +90,11 @@ def studio(width: int = 512) -> np.ndarray:
     d = latlong_directions(width, width // 2)
     picture = mix((0.03, 0.03, 0.035), (0.10, 0.11, 0.13), smooth_step(-0.2, 1.0, d[..., 1]))
     azimuth, height = np.degrees(np.arctan2(d[..., 0], d[..., 2])), np.degrees(np.arcsin(np.clip(d[..., 1], -1, 1)))
-    for middle, wide, low, high, color in ((-65, 22, 12, 62, (6, 5.6, 5)), (75, 14, 5, 70, (2.2, 2.8, 4)), (170, 40, 30, 45, (4, 4, 4))):
+    for middle, wide, low, high, color in (
+        (-65, 22, 12, 62, (6, 5.6, 5)),
+        (75, 14, 5, 70, (2.2, 2.8, 4)),
+        (170, 40, 30, 45, (4, 4, 4)),
+    ):
         inside = np.abs((azimuth - middle + 180) % 360 - 180) < wide
         inside &= (height > low) & (height < high)
         picture = np.where(inside[..., None], color, picture)
@@ -125,7 +141,8 @@ def bricks(size: int, seed: int = 5) -> tuple[np.ndarray, np.ndarray]:
 
 
 def normals_of(height: np.ndarray, strength: float) -> np.ndarray:
-    """Tangent space normals of a height field that repeats, encoded to 0 .. 1; `strength` is its height in widths of the picture."""
+    """Tangent space normals of a height field that repeats, encoded to 0 .. 1; `strength` is its height in widths of
+    the picture."""
     rows, columns = height.shape
     along_s = (np.roll(height, -1, 1) - np.roll(height, 1, 1)) * 0.5 * columns * strength
     along_t = (np.roll(height, 1, 0) - np.roll(height, -1, 0)) * 0.5 * rows * strength

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Procedural plants and stones for the forest: plain polygon soups with colours, made with numpy.
 
-Every maker takes a numpy Generator and returns a Soup. Units are metres, y is up, the foot of the thing is at the origin.
-Same generator state, same soup, bit for bit.
+Every maker takes a numpy Generator and returns a Soup. Units are metres, y is up, the foot of the thing is at the
+origin. Same generator state, same soup, bit for bit.
 """
 
 from __future__ import annotations
@@ -103,7 +103,9 @@ def _shade(rng: np.random.Generator, count: int, palette: list[str], spread: flo
     return picks * np.exp(rng.normal(0.0, spread, (count, 1)))
 
 
-def leaves(soup: Soup, rng: np.random.Generator, centres: np.ndarray, outward: np.ndarray, size: float, colors: np.ndarray) -> None:
+def leaves(
+    soup: Soup, rng: np.random.Generator, centres: np.ndarray, outward: np.ndarray, size: float, colors: np.ndarray
+) -> None:
     """One bent leaf card (two triangles over a spine) per centre, roughly facing outward."""
     count = len(centres)
     normal = _unit(outward + rng.normal(0.0, 0.55, (count, 3)))
@@ -119,7 +121,9 @@ def leaves(soup: Soup, rng: np.random.Generator, centres: np.ndarray, outward: n
     soup.add(points, faces, np.repeat(colors, 2, axis=0))
 
 
-def _trunk(soup: Soup, rng: np.random.Generator, height: float, radius: float, bark: list[str], lean: float = 0.04) -> np.ndarray:
+def _trunk(
+    soup: Soup, rng: np.random.Generator, height: float, radius: float, bark: list[str], lean: float = 0.04
+) -> np.ndarray:
     steps = 7
     up = np.linspace(0.0, 1.0, steps)
     wander = np.cumsum(rng.normal(0.0, lean, (steps, 2)), axis=0) * height * up[:, None]
@@ -160,7 +164,9 @@ def conifer(rng: np.random.Generator, height: float, spread: float, palette: lis
     return soup
 
 
-def broadleaf(rng: np.random.Generator, height: float, spread: float, palette: list[str], bark: list[str], cards: int = 1500) -> Soup:
+def broadleaf(
+    rng: np.random.Generator, height: float, spread: float, palette: list[str], bark: list[str], cards: int = 1500
+) -> Soup:
     """A tree with a crown of leaf cards on a cluster of blobs, carried by a few branches."""
     soup = Soup()
     path = _trunk(soup, rng, height * 0.62, height * 0.022 + 0.03, bark)
@@ -182,7 +188,10 @@ def broadleaf(rng: np.random.Generator, height: float, spread: float, palette: l
     points = centres[pick] + outward * radii[pick][:, None] * rng.uniform(0.72, 1.04, (cards, 1)) * [1.0, 0.78, 1.0]
     crown = points - [0.0, height * 0.66, 0.0]
     light = 0.78 + 0.34 * np.clip(crown[:, 1:2] / (height * 0.33), -1.0, 1.0)
-    leaves(soup, rng, points, _unit(crown + outward * spread * 0.5), 0.052 * spread + 0.05, _shade(rng, cards, palette, 0.17) * light)
+    leaves(
+        soup, rng, points, _unit(crown + outward * spread * 0.5), 0.052 * spread + 0.05,
+        _shade(rng, cards, palette, 0.17) * light,
+    )
     return soup
 
 
@@ -192,10 +201,14 @@ def bush(rng: np.random.Generator, height: float, spread: float, palette: list[s
     for twig in range(6):
         angle = 2 * np.pi * twig / 6 + rng.uniform(0, 0.7)
         end = np.array([np.cos(angle) * spread * 0.6, height * 0.7, np.sin(angle) * spread * 0.6])
-        tube(soup, np.array([[0, -0.1, 0], end * [0.4, 0.6, 0.4], end]), np.array([0.03, 0.02, 0.006]), 4, rgb("4b3a2a"))
+        tube(
+            soup, np.array([[0, -0.1, 0], end * [0.4, 0.6, 0.4], end]), np.array([0.03, 0.02, 0.006]), 4, rgb("4b3a2a")
+        )
     outward = _unit(rng.normal(0.0, 1.0, (cards, 3)) * [1, 0.8, 1] + [0.0, 0.35, 0.0])
     lumps = 1.0 + 0.22 * np.sin(5 * outward[:, :1] + 2.0) * np.cos(4 * outward[:, 2:])
-    points = outward * [spread, height * 0.6, spread] * lumps * rng.uniform(0.6, 1.0, (cards, 1)) + [0, height * 0.42, 0]
+    points = outward * [spread, height * 0.6, spread] * lumps * rng.uniform(0.6, 1.0, (cards, 1)) + [
+        0, height * 0.42, 0
+    ]
     points[:, 1] = np.maximum(points[:, 1], 0.03)
     light = 0.7 + 0.5 * np.clip(points[:, 1:2] / height, 0.0, 1.0)
     leaves(soup, rng, points, outward, 0.09 * spread + 0.02, _shade(rng, cards, palette, 0.16) * light)

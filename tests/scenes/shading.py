@@ -14,7 +14,10 @@ SURFACE_TYPES = {
 }
 """Types of UsdPreviewSurface's inputs; the others are floats."""
 
-OUTPUT_TYPES = {"rgb": Sdf.ValueTypeNames.Float3, "r": Sdf.ValueTypeNames.Float, "g": Sdf.ValueTypeNames.Float, "b": Sdf.ValueTypeNames.Float, "a": Sdf.ValueTypeNames.Float}
+OUTPUT_TYPES = {
+    "rgb": Sdf.ValueTypeNames.Float3, "r": Sdf.ValueTypeNames.Float, "g": Sdf.ValueTypeNames.Float,
+    "b": Sdf.ValueTypeNames.Float, "a": Sdf.ValueTypeNames.Float,
+}
 
 
 def _shader(stage, path, kind) -> UsdShade.Shader:
@@ -24,7 +27,8 @@ def _shader(stage, path, kind) -> UsdShade.Shader:
 
 
 def material(stage, path, **inputs) -> UsdShade.Material:
-    """A material of one UsdPreviewSurface. An input is a number, a colour, or what `sample` or `primvar` returned: it is connected."""
+    """A material of one UsdPreviewSurface. An input is a number, a colour, or what `sample` or `primvar` returned: it
+    is connected."""
     made = UsdShade.Material.Define(stage, path)
     surface = _shader(stage, f"{path}/Surface", "UsdPreviewSurface")
     for name, value in inputs.items():
@@ -45,7 +49,10 @@ def connect(port, value) -> None:
 
 def primvar(stage, path, name, kind="float2", fallback=None) -> UsdShade.Output:
     """A UsdPrimvarReader of `name`; kind is the ending of its id."""
-    types = {"float": Sdf.ValueTypeNames.Float, "float2": Sdf.ValueTypeNames.Float2, "float3": Sdf.ValueTypeNames.Float3, "float4": Sdf.ValueTypeNames.Float4}
+    types = {
+        "float": Sdf.ValueTypeNames.Float, "float2": Sdf.ValueTypeNames.Float2, "float3": Sdf.ValueTypeNames.Float3,
+        "float4": Sdf.ValueTypeNames.Float4,
+    }
     reader = _shader(stage, path, f"UsdPrimvarReader_{kind}")
     reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set(name)
     if fallback is not None:
@@ -63,8 +70,11 @@ def transform2d(stage, path, source, scale=(1, 1), rotation=0.0, translation=(0,
     return node.CreateOutput("result", Sdf.ValueTypeNames.Float2)
 
 
-def sample(stage, path, file, output="rgb", st=None, wrap="repeat", color_space=None, scale=None, bias=None, fallback=None) -> UsdShade.Output:
-    """A UsdUVTexture and the reader of `st` below `path`; `st` replaces that reader. `wrap`: one mode, a pair, or None to author none.
+def sample(
+    stage, path, file, output="rgb", st=None, wrap="repeat", color_space=None, scale=None, bias=None, fallback=None
+) -> UsdShade.Output:
+    """A UsdUVTexture and the reader of `st` below `path`; `st` replaces that reader. `wrap`: one mode, a pair, or None
+    to author none.
 
     Asked again for the same path, only another output is made.
     """
@@ -105,6 +115,9 @@ def coordinates(prim, values, interpolation="vertex", name="st") -> None:
 
 def subset(prim, name, faces, what) -> UsdGeom.Subset:
     """A GeomSubset of the family materialBind with a material of its own."""
-    made = UsdGeom.Subset.CreateGeomSubset(prim, name, UsdGeom.Tokens.face, Vt.IntArray(list(faces)), UsdShade.Tokens.materialBind, UsdGeom.Tokens.nonOverlapping)
+    made = UsdGeom.Subset.CreateGeomSubset(
+        prim, name, UsdGeom.Tokens.face, Vt.IntArray(list(faces)), UsdShade.Tokens.materialBind,
+        UsdGeom.Tokens.nonOverlapping,
+    )
     bind(made, what)
     return made

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The small test scenes, one function each. `small.py` writes them all as .usda beside this file, into `small/`.
 
-Each function fills an empty y-up stage with a unit of one metre; what is special about the scene stands in its docstring.
-Needs any pxr, nothing else. The committed files are checked against this source by test_scenes.py.
+Each function fills an empty y-up stage with a unit of one metre; what is special about the scene stands in its
+docstring. Needs any pxr, nothing else. The committed files are checked against this source by test_scenes.py.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ def furnace(stage):
 
 
 def lambert(stage):
-    """Squares tilted by 0, 30, 60 and 85 degrees away from a sun straight above, side by side under a camera that looks down."""
+    """Squares tilted by 0, 30, 60 and 85 degrees away from a sun straight above, side by side under a camera that looks
+    down."""
     for index, tilt in enumerate((0, 30, 60, 85)):
         prim = quad(stage, f"/World/Tilt{tilt}", 1.6, (0.8, 0.4, 0.2))
         # First face up, then tilt about x; stretched so that it still fills its cell when seen from above.
@@ -47,7 +48,8 @@ def lambert(stage):
 
 
 def sun_disk(stage):
-    """As `lambert`'s first square, under a wide normalised sun 40 degrees off, and a dome: sums and angles of lights."""
+    """As `lambert`'s first square, under a wide normalised sun 40 degrees off, and a dome: sums and angles of
+    lights."""
     quad(stage, "/World/Floor", 4.0, (0.5, 0.5, 0.5)).AddRotateXOp().Set(-90.0)
     lean = math.radians(40)
     distant(stage, "/World/Sun", (math.sin(lean), -math.cos(lean), 0), 2.0, angle=10.0, color=(1.0, 0.5, 0.25))
@@ -56,14 +58,21 @@ def sun_disk(stage):
 
 
 CLUSTER = [((0.0, 0.0, 0.0), 0, 1.0), ((0.9, 0.2, 0.1), 40, 0.6), ((-0.7, 0.5, -0.4), 75, 0.8)]
-PLACES = [((-2.0, 0.0, 0.0), 15, 1.0), ((1.5, -0.5, -1.0), 100, 0.8), ((0.5, 1.6, 0.5), -60, 0.7), ((2.3, 1.0, -2.0), 10, 1.2)]
+PLACES = [
+    ((-2.0, 0.0, 0.0), 15, 1.0), ((1.5, -0.5, -1.0), 100, 0.8), ((0.5, 1.6, 0.5), -60, 0.7),
+    ((2.3, 1.0, -2.0), 10, 1.2),
+]
 
 
 def nested(stage):
-    """Boxes and balls in clusters, clusters in the world: a point instancer of point instancers. Twin of `flattened`."""
+    """Boxes and balls in clusters, clusters in the world: a point instancer of point instancers. Twin of
+    `flattened`."""
     twin_stage_lights_and_camera(stage)
     instancer(stage, "/World/Outer", ["/World/Outer/Cluster"], [0] * len(PLACES), *places(PLACES))
-    instancer(stage, "/World/Outer/Cluster", ["/World/Outer/Cluster/Box", "/World/Outer/Cluster/Ball"], [0, 1, 0], *places(CLUSTER))
+    instancer(
+        stage, "/World/Outer/Cluster", ["/World/Outer/Cluster/Box", "/World/Outer/Cluster/Ball"], [0, 1, 0],
+        *places(CLUSTER),
+    )
     box(stage, "/World/Outer/Cluster/Box", (0.8, 0.3, 0.2))
     ball(stage, "/World/Outer/Cluster/Ball", 0.6, 6, (0.2, 0.5, 0.8))
 
@@ -82,7 +91,9 @@ def flattened(stage):
 
 
 def places(table):
-    return [p for p, _, _ in table], [turned((0, 1, 0), angle) for _, angle, _ in table], [(s, s, s) for _, _, s in table]
+    return (
+        [p for p, _, _ in table], [turned((0, 1, 0), angle) for _, angle, _ in table], [(s, s, s) for _, _, s in table]
+    )
 
 
 def place_matrix(place):
@@ -100,12 +111,15 @@ def twin_stage_lights_and_camera(stage):
 
 
 def native(stage):
-    """Native instances: three of one asset that itself holds two instances of another, plus an overridden ancestor transform."""
+    """Native instances: three of one asset that itself holds two instances of another, plus an overridden ancestor
+    transform."""
     stage.CreateClassPrim("/Parts")
     UsdGeom.Xform.Define(stage, "/Parts/Post")
     box(stage, "/Parts/Post/Shape", (0.7, 0.6, 0.2)).AddScaleOp().Set(Gf.Vec3f(0.3, 1.6, 0.3))
     UsdGeom.Xform.Define(stage, "/Parts/Gate")
-    quad(stage, "/Parts/Gate/Beam", 1.0, (0.3, 0.7, 0.4)).AddTransformOp().Set(Gf.Matrix4d().SetScale(Gf.Vec3d(1.6, 0.3, 1)) * Gf.Matrix4d().SetTranslate(Gf.Vec3d(0, 0.7, 0.1)))
+    quad(stage, "/Parts/Gate/Beam", 1.0, (0.3, 0.7, 0.4)).AddTransformOp().Set(
+        Gf.Matrix4d().SetScale(Gf.Vec3d(1.6, 0.3, 1)) * Gf.Matrix4d().SetTranslate(Gf.Vec3d(0, 0.7, 0.1))
+    )
     for index, x in enumerate((-0.6, 0.6)):
         post = UsdGeom.Xform.Define(stage, f"/Parts/Gate/Post{index}")
         post.GetPrim().GetReferences().AddInternalReference("/Parts/Post")
@@ -123,7 +137,10 @@ def native(stage):
 def hidden_instances(stage):
     """A row of seven places of three prototypes with authored ids; two are invisible, one is inactive."""
     kinds = [0, 1, 2, 0, 1, 2, 0]
-    prim = instancer(stage, "/World/Row", [f"/World/Row/{name}" for name in ("Box", "Ball", "Quad")], kinds, [(1.2 * i - 3.6, 0, 0) for i in range(7)])
+    prim = instancer(
+        stage, "/World/Row", [f"/World/Row/{name}" for name in ("Box", "Ball", "Quad")], kinds,
+        [(1.2 * i - 3.6, 0, 0) for i in range(7)],
+    )
     prim.CreateIdsAttr(Vt.Int64Array([100, 101, 102, 103, 104, 105, 106]))
     prim.CreateInvisibleIdsAttr(Vt.Int64Array([101, 105]))
     prim.GetPrim().SetMetadata("inactiveIds", Sdf.Int64ListOp.CreateExplicit([103]))
@@ -139,7 +156,9 @@ def implicit(stage):
     kinds = [UsdGeom.Sphere, UsdGeom.Cube, UsdGeom.Cylinder, UsdGeom.Cone, UsdGeom.Capsule, UsdGeom.Plane]
     for index, kind in enumerate(kinds):
         prim = kind.Define(stage, f"/World/{kind.__name__}")
-        prim.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set(Vt.Vec3fArray([Gf.Vec3f(0.2 + 0.12 * index, 0.5, 0.9 - 0.14 * index)]))
+        prim.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set(
+            Vt.Vec3fArray([Gf.Vec3f(0.2 + 0.12 * index, 0.5, 0.9 - 0.14 * index)])
+        )
         prim.AddTranslateOp().Set(Gf.Vec3d(1.5 * index - 3.75, 0, 0))
         if kind is UsdGeom.Sphere:
             prim.CreateRadiusAttr(0.6)
@@ -158,12 +177,19 @@ def implicit(stage):
 
 
 def polygons(stage):
-    """Pentagon and hexagon in one mesh, a concave arrow, a comb with a hole face, a left-handed square: all in planes z = const."""
-    ngon = lambda n, x, y, r: [(x + r * math.cos(2 * math.pi * k / n + 0.3), y + r * math.sin(2 * math.pi * k / n + 0.3), 0.0) for k in range(n)]
+    """Pentagon and hexagon in one mesh, a concave arrow, a comb with a hole face, a left-handed square: all in planes z
+    = const."""
+    ngon = lambda n, x, y, r: [
+        (x + r * math.cos(2 * math.pi * k / n + 0.3), y + r * math.sin(2 * math.pi * k / n + 0.3), 0.0)
+        for k in range(n)
+    ]
     mesh(stage, "/World/Convex", ngon(5, -2.4, 1.2, 0.9) + ngon(6, -0.3, 1.2, 0.9), [5, 6], range(11), (0.8, 0.3, 0.3))
     arrow = [(0.9, 0.4, 0.5), (3.2, 1.2, 0.5), (0.9, 2.0, 0.5), (1.7, 1.2, 0.5)]
     mesh(stage, "/World/Arrow", arrow, [4], range(4), (0.3, 0.8, 0.3))
-    spiral = [(-3.2, -2.2), (-0.4, -2.2), (-0.4, -0.2), (-2.6, -0.2), (-2.6, -1.5), (-1.2, -1.5), (-1.2, -1.1), (-2.2, -1.1), (-2.2, -0.6), (-0.8, -0.6), (-0.8, -1.8), (-3.2, -1.8)]
+    spiral = [
+        (-3.2, -2.2), (-0.4, -2.2), (-0.4, -0.2), (-2.6, -0.2), (-2.6, -1.5), (-1.2, -1.5), (-1.2, -1.1), (-2.2, -1.1),
+        (-2.2, -0.6), (-0.8, -0.6), (-0.8, -1.8), (-3.2, -1.8),
+    ]
     mesh(stage, "/World/Spiral", [(x, y, -0.5) for x, y in spiral], [12], range(12), (0.3, 0.3, 0.8))
     grid = [(0.3 + 0.9 * i, -2.2 + 0.9 * j, 0.25) for j in range(3) for i in range(4)]
     cells = [c for j in range(2) for i in range(3) for c in (4 * j + i, 4 * j + i + 1, 4 * j + i + 5, 4 * j + i + 4)]
@@ -195,13 +221,17 @@ INTERPOLATIONS = ("constant", "uniform", "varying", "vertex", "faceVarying")
 
 
 def primvars(stage):
-    """A patch of 2 x 1 quads per interpolation (columns) and kind (rows): colours, indexed colours, opacities, normals."""
+    """A patch of 2 x 1 quads per interpolation (columns) and kind (rows): colours, indexed colours, opacities,
+    normals."""
     points = [(0.45 * i - 0.45, 0.45 * j - 0.225, 0) for j in range(2) for i in range(3)]
     indices = [0, 1, 4, 3, 1, 2, 5, 4]
     sizes = {"constant": 1, "uniform": 2, "varying": 6, "vertex": 6, "faceVarying": 8}
     for column, interpolation in enumerate(INTERPOLATIONS):
         count = sizes[interpolation]
-        colors = [Gf.Vec3f(0.1 + 0.8 * k / max(count - 1, 1), 0.9 - 0.7 * k / max(count - 1, 1), 0.25 if k % 2 else 0.75) for k in range(count)]
+        colors = [
+            Gf.Vec3f(0.1 + 0.8 * k / max(count - 1, 1), 0.9 - 0.7 * k / max(count - 1, 1), 0.25 if k % 2 else 0.75)
+            for k in range(count)
+        ]
         for row, kind in enumerate(("color", "indexed", "opacity", "normals")):
             path = f"/World/{kind}_{interpolation}"
             prim = mesh(stage, path, points, [4, 4], indices, None if row < 2 else (0.6, 0.6, 0.6))
@@ -217,9 +247,14 @@ def primvars(stage):
                 primvar.Set(Vt.Vec3fArray(palette))
                 primvar.SetIndices(Vt.IntArray([(2 * k + 1) % len(palette) for k in range(count)]))
             elif kind == "opacity":
-                prim.CreateDisplayOpacityPrimvar(interpolation).Set(Vt.FloatArray([0.2 + 0.6 * k / max(count - 1, 1) for k in range(count)]))
+                prim.CreateDisplayOpacityPrimvar(interpolation).Set(
+                    Vt.FloatArray([0.2 + 0.6 * k / max(count - 1, 1) for k in range(count)])
+                )
             else:
-                tilted = [Gf.Vec3f(0.5 * math.sin(2.0 * k), 0.5 * math.cos(2.0 * k), 1.0).GetNormalized() for k in range(count)]
+                tilted = [
+                    Gf.Vec3f(0.5 * math.sin(2.0 * k), 0.5 * math.cos(2.0 * k), 1.0).GetNormalized()
+                    for k in range(count)
+                ]
                 primvar = api.CreatePrimvar("normals", Sdf.ValueTypeNames.Normal3fArray, interpolation)
                 primvar.Set(Vt.Vec3fArray(tilted))
     distant(stage, "/World/Sun", (0.0, 0.0, -1.0), math.pi)
@@ -274,7 +309,8 @@ def cameras(stage):
 
 
 def visibility(stage):
-    """Squares that must not be seen (invisible, invisible parent, guide, proxy or render by choice) beside ones that must."""
+    """Squares that must not be seen (invisible, invisible parent, guide, proxy or render by choice) beside ones that
+    must."""
     names = ["plain", "invisible", "child_of_invisible", "guide", "proxy", "render"]
     for index, name in enumerate(names):
         if name == "child_of_invisible":
@@ -303,7 +339,8 @@ def far_away(stage):
 
 
 def glow(stage):
-    """A small closed-in corner with colour bleeding, opacity, sun, dome: the picture that seeds and edits are tried on."""
+    """A small closed-in corner with colour bleeding, opacity, sun, dome: the picture that seeds and edits are tried
+    on."""
     floor = quad(stage, "/World/Floor", 6.0, (0.6, 0.6, 0.6))
     floor.AddRotateXOp().Set(-90.0)
     wall = quad(stage, "/World/Wall", 6.0, (0.8, 0.2, 0.1))
@@ -314,7 +351,10 @@ def glow(stage):
     veil = quad(stage, "/World/Veil", 1.0, (0.9, 0.9, 0.9))
     veil.CreateDisplayOpacityPrimvar(UsdGeom.Tokens.constant).Set(Vt.FloatArray([0.5]))
     veil.AddTranslateOp().Set(Gf.Vec3d(0.9, 0.6, 1.0))
-    instancer(stage, "/World/Pebbles", ["/World/Pebbles/Ball"], [0] * 5, [(1.6 - 0.7 * i, 0.2, 1.4) for i in range(5)], scales=[(0.2, 0.2, 0.2)] * 5)
+    instancer(
+        stage, "/World/Pebbles", ["/World/Pebbles/Ball"], [0] * 5, [(1.6 - 0.7 * i, 0.2, 1.4) for i in range(5)],
+        scales=[(0.2, 0.2, 0.2)] * 5,
+    )
     ball(stage, "/World/Pebbles/Ball", 1.0, 5, (0.9, 0.8, 0.3))
     dome(stage, 0.4)
     distant(stage, "/World/Sun", (-0.5, -1.0, -0.4), 2.5, angle=2.0, color=(1.0, 0.9, 0.8))
@@ -322,7 +362,8 @@ def glow(stage):
 
 
 SCENES = [
-    furnace, lambert, sun_disk, nested, flattened, native, hidden_instances, implicit, polygons, mirrored, primvars, smooth,
+    furnace, lambert, sun_disk, nested, flattened, native, hidden_instances, implicit, polygons, mirrored, primvars,
+    smooth,
     transforms, cameras, visibility, far_away, bad_data, glow,
 ]  # fmt: skip
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Smooth meshes with normals and texture coordinates: solids of revolution, cards, boxes, height fields. Needs numpy and any pxr."""
+"""Smooth meshes with normals and texture coordinates: solids of revolution, cards, boxes, height fields. Needs numpy
+and any pxr."""
 
 from __future__ import annotations
 
@@ -23,12 +24,16 @@ def raw_mesh(stage, path, points, counts, indices, normals=None, st=None, color=
         prim.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(normals, dtype=np.float32)))
         prim.SetNormalsInterpolation(UsdGeom.Tokens.faceVarying)
     if st is not None:
-        primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
+        primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(
+            "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying
+        )
         primvar.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(st, dtype=np.float32)))
     if color is not None:
         prim.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set(Vt.Vec3fArray([Gf.Vec3f(*color)]))
     points = np.asarray(points)
-    prim.CreateExtentAttr(Vt.Vec3fArray([Gf.Vec3f(*map(float, points.min(axis=0))), Gf.Vec3f(*map(float, points.max(axis=0)))]))
+    prim.CreateExtentAttr(
+        Vt.Vec3fArray([Gf.Vec3f(*map(float, points.min(axis=0))), Gf.Vec3f(*map(float, points.max(axis=0)))])
+    )
     return prim
 
 
@@ -46,7 +51,8 @@ def _profile_normals(profile: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def lathe(stage, path, profile, sides=48, color=None, tiles=(1.0, 1.0)):
-    """The profile, (radius, height) from the bottom up with the outside on its right, turned about y. st runs to `tiles`."""
+    """The profile, (radius, height) from the bottom up with the outside on its right, turned about y. st runs to
+    `tiles`."""
     profile = np.asarray(profile, dtype=np.float64)
     low, high = _profile_normals(profile)
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(profile, axis=0), axis=1))])
@@ -90,25 +96,38 @@ def ground(stage, path, size, tiles=1.0, color=None):
     """A square in the plane y = 0, facing up, with st to `tiles`."""
     h = size / 2
     points = [(-h, 0, h), (h, 0, h), (h, 0, -h), (-h, 0, -h)]
-    return raw_mesh(stage, path, points, [4], [0, 1, 2, 3], [(0, 1, 0)] * 4, [(0, 0), (tiles, 0), (tiles, tiles), (0, tiles)], color)
+    return raw_mesh(
+        stage, path, points, [4], [0, 1, 2, 3], [(0, 1, 0)] * 4, [(0, 0), (tiles, 0), (tiles, tiles), (0, tiles)], color
+    )
 
 
 def card(stage, path, width=1.0, height=1.0, columns=1, rows=1, bend=0.0, color=None):
-    """A sheet in the xy plane from (-width/2, 0) to (width/2, height), facing +z, st 0 .. 1; `bend` is how far its top leans to +z."""
+    """A sheet in the xy plane from (-width/2, 0) to (width/2, height), facing +z, st 0 .. 1; `bend` is how far its top
+    leans to +z."""
     u, v = np.meshgrid(np.linspace(0, 1, columns + 1), np.linspace(0, 1, rows + 1))
-    points = np.stack([width * (u - 0.5), height * v, bend * v**2 + 0.3 * bend * (2 * u - 1) ** 2], axis=-1).reshape(-1, 3)
+    points = np.stack([width * (u - 0.5), height * v, bend * v**2 + 0.3 * bend * (2 * u - 1) ** 2], axis=-1).reshape(
+        -1, 3
+    )
     slope_y, slope_x = np.full_like(v, height), 1.2 * bend * (2 * u - 1) / max(width, 1e-9)
     normal = np.stack([-slope_x, -2 * bend * v / slope_y, np.ones_like(v)], axis=-1).reshape(-1, 3)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     st = np.stack([u, v], axis=-1).reshape(-1, 2)
-    cells = np.array([(j * (columns + 1) + i + a) for j in range(rows) for i in range(columns) for a in (0, 1, columns + 2, columns + 1)])
+    cells = np.array([
+        (j * (columns + 1) + i + a)
+        for j in range(rows)
+        for i in range(columns)
+        for a in (0, 1, columns + 2, columns + 1)
+    ])
     return raw_mesh(stage, path, points, [4] * (columns * rows), cells, normal[cells], st[cells], color)
 
 
 def block(stage, path, size=(1, 1, 1), color=None, tiles=1.0):
     """A box about the origin; every side has st 0 .. `tiles`."""
     half = np.asarray(size, dtype=np.float64) / 2
-    sides = [((0, 0, 1), (1, 0, 0)), ((0, 0, -1), (-1, 0, 0)), ((1, 0, 0), (0, 0, -1)), ((-1, 0, 0), (0, 0, 1)), ((0, 1, 0), (1, 0, 0)), ((0, -1, 0), (1, 0, 0))]
+    sides = [
+        ((0, 0, 1), (1, 0, 0)), ((0, 0, -1), (-1, 0, 0)), ((1, 0, 0), (0, 0, -1)), ((-1, 0, 0), (0, 0, 1)),
+        ((0, 1, 0), (1, 0, 0)), ((0, -1, 0), (1, 0, 0)),
+    ]
     points, normals, st = [], [], []
     for normal, right in sides:
         up = np.cross(normal, right)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The committed feature scenes and their pictures are what features.py writes; references belong to the scenes they lie beside; writers of pictures write what they say."""
+"""The committed feature scenes and their pictures are what features.py writes; references belong to the scenes they lie
+beside; writers of pictures write what they say."""
 
 import hashlib
 import json
@@ -31,9 +32,13 @@ def content(path):
 
 
 def test_committed_files_are_current(written):
-    listed = lambda root: {path.relative_to(root) for path in root.rglob("*") if path.is_file() and path.suffix != ".json"}
+    listed = lambda root: {
+        path.relative_to(root) for path in root.rglob("*") if path.is_file() and path.suffix != ".json"
+    }
     assert listed(written) == listed(features.FOLDER), f"run {features.__file__}"
-    stale = [str(path) for path in sorted(listed(written)) if content(written / path) != content(features.FOLDER / path)]
+    stale = [
+        str(path) for path in sorted(listed(written)) if content(written / path) != content(features.FOLDER / path)
+    ]
     assert not stale, f"run {features.__file__}: {stale}"
 
 
@@ -74,4 +79,6 @@ def test_exr_and_hdr_are_read_back(tmp_path):
     data = (tmp_path / "a.hdr").read_bytes()
     texels = np.frombuffer(data[-4 * 24 :], np.uint8).reshape(4, 6, 4).astype(np.float64)
     decoded = texels[..., :3] * 2.0 ** (texels[..., 3:] - 136) * (texels[..., 3:] > 0)
-    assert (np.abs(decoded - values) <= values.max(axis=2, keepdims=True) / 128).all(), "eight bits of the largest channel"
+    assert (
+        np.abs(decoded - values) <= values.max(axis=2, keepdims=True) / 128
+    ).all(), "eight bits of the largest channel"

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`oocpt scene island` writes a stage that opens, holds exactly what was asked for, and says in one sentence what is missing."""
+"""`oocpt scene island` writes a stage that opens, holds exactly what was asked for, and says in one sentence what is
+missing."""
 
 import os
 import pathlib
@@ -20,11 +21,20 @@ QUADS = 20_000
 def oocpt():
     """Runs the program of this checkout: the one that `cargo xtask test` built, else built here with its profile."""
     built = os.environ.get("OOCPT_CLI")
-    base = [built] if built else ["cargo", "run", "--quiet", "--locked", "--profile", "fast", "--package", "oocpt-cli", "--bin", "oocpt", "--"]
+    base = (
+        [built]
+        if built
+        else [
+            "cargo", "run", "--quiet", "--locked", "--profile", "fast", "--package", "oocpt-cli", "--bin", "oocpt",
+            "--",
+        ]
+    )
 
     def run(*arguments, python=sys.executable):
         environment = {**os.environ, "OOCPT_USD_PYTHON": str(python), "RUST_BACKTRACE": "0"}
-        return subprocess.run(base + list(arguments), cwd=REPO, env=environment, capture_output=True, text=True, timeout=1800)
+        return subprocess.run(
+            base + list(arguments), cwd=REPO, env=environment, capture_output=True, text=True, timeout=1800
+        )
 
     return run
 
@@ -39,7 +49,9 @@ def test_a_scene_may_ask_for_a_report(oocpt, tmp_path):
     stage = stage_of(oocpt, tmp_path / "asks.usdc", "--report", "error of it.jsonl")
     settings = stage.GetPrimAtPath(stage.GetMetadata("renderSettingsPrimPath"))
     assert settings.IsA(UsdRender.Settings) and settings.GetAttribute("oocpt:report").Get() == "error of it.jsonl"
-    assert not stage_of(oocpt, tmp_path / "plain.usdc").HasAuthoredMetadata("renderSettingsPrimPath"), "only when asked for"
+    assert not stage_of(oocpt, tmp_path / "plain.usdc").HasAuthoredMetadata(
+        "renderSettingsPrimPath"
+    ), "only when asked for"
 
 
 @pytest.mark.parametrize(
@@ -62,7 +74,11 @@ def test_island_has_the_counts_asked_for(oocpt, tmp_path, options, copies):
         if kinds:
             transforms = np.array(instancer.ComputeInstanceTransformsAtTime(0, 0))
             assert len(transforms) == len(kinds) and np.isfinite(transforms).all(), str(instancer.GetPath())
-    is_nested = any(str(target).rsplit("/", 1)[-1].startswith("grove") for i in instancers for target in i.GetPrototypesRel().GetTargets())
+    is_nested = any(
+        str(target).rsplit("/", 1)[-1].startswith("grove")
+        for i in instancers
+        for target in i.GetPrototypesRel().GetTargets()
+    )
     assert is_nested == ("--flatten" not in options)
 
 
@@ -75,11 +91,15 @@ def test_island_can_be_seen(oocpt, tmp_path):
     view = np.array(camera.transform.GetInverse())
     seen = np.hstack([points, np.ones((len(points), 1))]) @ view
     ahead = -seen[:, 2]
-    inside = (ahead > 0) & (np.abs(seen[:, 0]) < ahead * np.tan(np.radians(camera.GetFieldOfView(camera.FOVHorizontal) / 2)))
+    inside = (ahead > 0) & (
+        np.abs(seen[:, 0]) < ahead * np.tan(np.radians(camera.GetFieldOfView(camera.FOVHorizontal) / 2))
+    )
     assert inside.mean() > 0.25, "the camera looks at the island"
     eye = np.array(camera.transform.ExtractTranslation())
     assert 1.0 < eye[1] < 6.0, "from the height of a person"
-    assert stage.GetPrimAtPath("/World/Sky").IsA(UsdLux.DomeLight) and stage.GetPrimAtPath("/World/Sun").IsA(UsdLux.DistantLight)
+    assert stage.GetPrimAtPath("/World/Sky").IsA(UsdLux.DomeLight) and stage.GetPrimAtPath("/World/Sun").IsA(
+        UsdLux.DistantLight
+    )
 
 
 def test_same_arguments_same_stage(oocpt, tmp_path):

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The committed scenes are what small.py writes, parse, and hold what the other tests take for granted; so does the forest."""
+"""The committed scenes are what small.py writes, parse, and hold what the other tests take for granted; so does the
+forest."""
 
 import math
 

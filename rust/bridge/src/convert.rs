@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Turns the plain structs that cross the boundary into the core's descriptions.
 //!
-//! Pure; any thread. A part whose bytes make no sense is left out and named in [`Complaints`]; the rest of the prim lives.
+//! Pure; any thread. A part whose bytes make no sense is left out and named in [`Complaints`]; the rest of the prim
+//! lives.
 
 use crate::ffi;
 use crate::held::typed_array;
@@ -81,8 +82,8 @@ pub(crate) fn asset(desc: ffi::AssetDesc) -> Option<AssetRef> {
     is_named.then(|| AssetRef { authored: Arc::from(desc.authored), resolved: Arc::from(desc.resolved) })
 }
 
-/// `GfMatrix4d` data, which lies row by row for row vectors, as the matrix for column vectors: read column by column, the
-/// same sixteen numbers are its transpose, and that is the one wanted.
+/// `GfMatrix4d` data, which lies row by row for row vectors, as the matrix for column vectors: read column by column,
+/// the same sixteen numbers are its transpose, and that is the one wanted.
 pub(crate) fn column_matrix(gf_data: &[f64; 16]) -> DMat4 {
     DMat4::from_cols_array(gf_data)
 }

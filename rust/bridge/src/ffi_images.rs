@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The boundary's images: what C++ tells of the host's files, and how Rust asks for texels. Guarantees and threads as said at `bridge/heldImage.h`.
+//! The boundary's images: what C++ tells of the host's files, and how Rust asks for texels. Guarantees and threads as
+//! said at `bridge/heldImage.h`.
 
 use crate::images::{ByteSink, RowSink};
 
@@ -39,7 +40,8 @@ mod ffi {
         Mirror,
     }
 
-    /// What is known of an image. `levels`: width and height of each, finest first; `is_srgb`: 1, 0, or -1 where it is not said.
+    /// What is known of an image. `levels`: width and height of each, finest first; `is_srgb`: 1, 0, or -1 where it is
+    /// not said.
     #[derive(Debug, Clone)]
     struct ImageFacts {
         levels: Vec<u32>,

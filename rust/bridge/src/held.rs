@@ -9,11 +9,12 @@ use oocpt_core::array::{ArraySource, ElementType, TypedArray};
 use std::fmt;
 use std::sync::Arc;
 
-// SAFETY: a HeldArray is immutable from construction on. It owns a VtValue that holds a VtArray; copying and destroying one
-// only touches an atomic reference count and calls no Python, so the destructor may run on any thread.
+// SAFETY: a HeldArray is immutable from construction on. It owns a VtValue that holds a VtArray; copying and destroying
+// one only touches an atomic reference count and calls no Python, so the destructor may run on any thread.
 unsafe impl Send for ffi::HeldArray {}
 
-// SAFETY: the only methods, bytes() and element(), are const and read members that are never written after construction.
+// SAFETY: the only methods, bytes() and element(), are const and read members that are never written after
+// construction.
 unsafe impl Sync for ffi::HeldArray {}
 
 // SAFETY: the contract of heldImage.h: every function and the destructor may run on any thread.

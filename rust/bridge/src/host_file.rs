@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Files of the host that are read in parts, while textures are made of them. A scene may have more of them than a process
-//! may have open: each is opened when it is read, and the ones read last stay open. Any thread, several at once.
+//! Files of the host that are read in parts, while textures are made of them. A scene may have more of them than a
+//! process may have open: each is opened when it is read, and the ones read last stay open. Any thread, several at
+//! once.
 
 use crate::ffi_images as ffi;
 use cxx::UniquePtr;

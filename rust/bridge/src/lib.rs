@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The boundary between the Hydra shim (C++) and the renderer (Rust); the only `#[cxx::bridge]` of the project besides `ffi_images`.
+//! The boundary between the Hydra shim (C++) and the renderer (Rust); the only `#[cxx::bridge]` of the project besides
+//! `ffi_images`.
 //!
 //! Guarantees: no panic leaves it (every function goes through `guard` and returns `Result`, which C++ sees as
-//! `rust::Error`); arrays are read where USD holds them, never copied; matrices arrive as Gf's row-vector data, which read
-//! column by column are the column-vector matrices of the core.
+//! `rust::Error`); arrays are read where USD holds them, never copied; matrices arrive as Gf's row-vector data, which
+//! read column by column are the column-vector matrices of the core.
 //!
 //! Threads: `Session` may be used from any thread. C++ owns the objects; Rust owns every `HeldArray` it was given.
 #![deny(unsafe_code)]
@@ -255,7 +256,8 @@ mod ffi {
         primvars: Vec<NamedPrimvarDesc>,
     }
 
-    /// An authored input of a node: numbers in `numbers`, asset paths in `asset`, other text in `text`, also `colorSpace:name`.
+    /// An authored input of a node: numbers in `numbers`, asset paths in `asset`, other text in `text`, also
+    /// `colorSpace:name`.
     struct ParamDesc {
         name: String,
         tag: ParamTag,
@@ -299,7 +301,8 @@ mod ffi {
         ies_normalize: bool,
     }
 
-    /// A light in `UsdLux` terms. What its kind has no use for is zero or empty; links are categories, empty for all prims.
+    /// A light in `UsdLux` terms. What its kind has no use for is zero or empty; links are categories, empty for all
+    /// prims.
     struct LightDesc {
         prim: PrimDesc,
         kind: LightTag,

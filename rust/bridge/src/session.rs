@@ -33,8 +33,9 @@ fn environment(name: &str) -> Option<String> {
     std::env::var(name).ok()
 }
 
-/// How to run, from `OOCPT_VALIDATION` (the Vulkan validation layer's messages become errors; for tests), `OOCPT_PROFILE` (seconds on
-/// the device by pass, in the stats) and `OOCPT_PROGRESS` (a progress bar on standard error; set by the command line runner).
+/// How to run, from `OOCPT_VALIDATION` (the Vulkan validation layer's messages become errors; for tests),
+/// `OOCPT_PROFILE` (seconds on the device by pass, in the stats) and `OOCPT_PROGRESS` (a progress bar on standard
+/// error; set by the command line runner).
 fn options(variable: impl Fn(&str) -> Option<String>) -> SessionOptions {
     let is_on = |text: String| matches!(text.trim(), "1" | "true" | "on" | "yes");
     SessionOptions {
@@ -209,7 +210,8 @@ impl Session {
         })
     }
 
-    /// Copies the newest image named by Hydra's token unless it is the `known` one; gives its version, 0 when there is none of that size.
+    /// Copies the newest image named by Hydra's token unless it is the `known` one; gives its version, 0 when there is
+    /// none of that size.
     pub(crate) fn read_aov(&self, name: &str, known: u64, destination: &mut [u8]) -> Result<u64, BridgeError> {
         guard("read_aov", || {
             Ok(AovKind::from_token(name).map_or(0, |kind| self.inner.read_new_aov(kind, known, destination)))

@@ -55,10 +55,11 @@ pub(crate) struct ArenaUsage {
     pub(crate) largest_free: u64,
 }
 
-/// The largest size up to `bytes` (a multiple of [`GRANULE`]) that an empty arena of this size can give away as a whole.
+/// The largest size up to `bytes` (a multiple of [`GRANULE`]) that an empty arena of this size can give away as a
+/// whole.
 ///
-/// The allocator looks among holes that are surely large enough: it rounds requests up, and holes down, to sizes of four
-/// significant bits (Aaltonen's `SmallFloat`), in units of [`GRANULE`].
+/// The allocator looks among holes that are surely large enough: it rounds requests up, and holes down, to sizes of
+/// four significant bits (Aaltonen's `SmallFloat`), in units of [`GRANULE`].
 pub(crate) fn size_class_below(bytes: u64) -> u64 {
     let units = bytes / GRANULE;
     let cut = u64::BITS.saturating_sub(units.leading_zeros()).saturating_sub(4);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Counts bytes against the hard budget. Pure bookkeeping, no Vulkan.
 //!
-//! Guarantee: `used <= budget` after every successful `reserve`, whatever threads do; `reserve` comes before the driver is asked,
-//! `release` after the driver has freed. Any thread.
+//! Guarantee: `used <= budget` after every successful `reserve`, whatever threads do; `reserve` comes before the driver
+//! is asked, `release` after the driver has freed. Any thread.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

@@ -15,8 +15,9 @@ use crate::range::{Block, DeviceRange};
 
 /// Device or host memory with a device address. Put it in an [`Arc`] to share it.
 ///
-/// Dropping it does not wait: its memory goes back to the budget when the last submission made so far has finished. A command
-/// list that only knows the *address* must be submitted before the drop, or be told by [`Commands::keep`](crate::Commands::keep).
+/// Dropping it does not wait: its memory goes back to the budget when the last submission made so far has finished. A
+/// command list that only knows the *address* must be submitted before the drop, or be told by
+/// [`Commands::keep`](crate::Commands::keep).
 #[derive(Debug)]
 pub struct Buffer {
     block: Arc<Block>,
@@ -70,16 +71,16 @@ impl Buffer {
         self.usage
     }
 
-    /// Copies `bytes` to `offset`. Seen by every submission made after this returns. What a submission in flight sees of it is
-    /// unspecified.
+    /// Copies `bytes` to `offset`. Seen by every submission made after this returns. What a submission in flight sees
+    /// of it is unspecified.
     ///
     /// # Errors
     /// [`GpuError::Usage`] when the buffer is not mapped or the range does not fit.
     pub fn write(&self, offset: u64, bytes: &[u8]) -> Result<(), GpuError> {
         let start = self.mapped_range(offset, bytes.len())?;
         let _exclusive = self.host.write().unwrap_or_else(PoisonError::into_inner);
-        // SAFETY: `bytes.len()` bytes from `start` are mapped, the lock keeps other host threads away, and a mapping does not
-        // overlap Rust memory.
+        // SAFETY: `bytes.len()` bytes from `start` are mapped, the lock keeps other host threads away, and a mapping
+        // does not overlap Rust memory.
         unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), start, bytes.len()) };
         Ok(())
     }
@@ -97,8 +98,9 @@ impl Buffer {
         Ok(())
     }
 
-    /// Lends all mapped bytes to `f`, which may split them among threads. No other host thread uses the buffer meanwhile, and the
-    /// caller sees to it that no submission in flight does. Do not read from an `Upload` buffer: it may be very slow.
+    /// Lends all mapped bytes to `f`, which may split them among threads. No other host thread uses the buffer
+    /// meanwhile, and the caller sees to it that no submission in flight does. Do not read from an `Upload` buffer: it
+    /// may be very slow.
     ///
     /// # Errors
     /// [`GpuError::Usage`] when the buffer is not mapped or larger than the host can address.
@@ -106,7 +108,8 @@ impl Buffer {
         let length = usize::try_from(self.size).map_err(|_too_large| self.misuse("too large to map"))?;
         let start = self.mapped_range(0, length)?;
         let _exclusive = self.host.write().unwrap_or_else(PoisonError::into_inner);
-        // SAFETY: `length` bytes from `start` are mapped as long as `self` lives, and the lock makes this the only reference.
+        // SAFETY: `length` bytes from `start` are mapped as long as `self` lives, and the lock makes this the only
+        // reference.
         let bytes = unsafe { std::slice::from_raw_parts_mut(start, length) };
         Ok(f(bytes))
     }

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The pipeline cache on disk: one file for each device and driver version, in a folder of the caller's.
 //!
-//! A file that is damaged, cut, too large or another device's is ignored and replaced; nothing that goes wrong with the disk fails
-//! anything, it is only logged. Files are written beside and renamed, so that readers see a whole one, old or new. The checksum
-//! finds accidents, not malice: what is in the folder is as trusted as the program itself. Any thread.
+//! A file that is damaged, cut, too large or another device's is ignored and replaced; nothing that goes wrong with the
+//! disk fails anything, it is only logged. Files are written beside and renamed, so that readers see a whole one, old
+//! or new. The checksum finds accidents, not malice: what is in the folder is as trusted as the program itself. Any
+//! thread.
 
 use std::fs::File;
 use std::io::{self, Read, Write};

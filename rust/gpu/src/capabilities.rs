@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What a device can do, probed once, and what of that is switched on.
 //!
-//! `probe` reads, [`Capabilities::missing`] decides, `FeatureChain::enable` asks for exactly what was found. Any thread.
+//! `probe` reads, [`Capabilities::missing`] decides, `FeatureChain::enable` asks for exactly what was found. Any
+//! thread.
 
 use ash::vk;
 

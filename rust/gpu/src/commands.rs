@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Command lists: what the GPU is to do, in order.
 //!
-//! Every operation sees what all earlier ones wrote, in this list and in earlier submissions of its queue; what a submission of
-//! another queue wrote is seen after [`Commands::wait_for`]. A wrong argument is remembered and
-//! returned by [`Commands::submit`]; nothing of the list runs then. A list is recorded by one thread at a time; several threads may
-//! each record and submit their own.
+//! Every operation sees what all earlier ones wrote, in this list and in earlier submissions of its queue; what a
+//! submission of another queue wrote is seen after [`Commands::wait_for`]. A wrong argument is remembered and returned
+//! by [`Commands::submit`]; nothing of the list runs then. A list is recorded by one thread at a time; several threads
+//! may each record and submit their own.
 
 use std::sync::Arc;
 
@@ -79,7 +79,8 @@ impl Commands {
             return self.misuse(target.name(), format!("fill of {bytes} bytes at {offset}: not multiples of 4"));
         }
         if bytes > 0 {
-            // SAFETY: the range lies in the buffer, which has TRANSFER_DST usage and is kept alive; 4-byte steps were checked.
+            // SAFETY: the range lies in the buffer, which has TRANSFER_DST usage and is kept alive; 4-byte steps were
+            // checked.
             self.operation("fill", |raw, commands| unsafe {
                 raw.cmd_fill_buffer(commands, buffer, start, bytes, value);
             });
@@ -113,7 +114,8 @@ impl Commands {
         }
     }
 
-    /// Writes `bytes` (at most [`MAX_UPDATE_BYTES`]) at `offset`; length and offset are multiples of 4. The bytes are copied now.
+    /// Writes `bytes` (at most [`MAX_UPDATE_BYTES`]) at `offset`; length and offset are multiples of 4. The bytes are
+    /// copied now.
     pub fn update(&mut self, target: &dyn DeviceRange, offset: u64, bytes: &[u8]) {
         let Some((buffer, start)) = self.place(target, offset, bytes.len() as u64) else {
             return;
@@ -126,7 +128,8 @@ impl Commands {
             return self.misuse(target.name(), message);
         }
         if !bytes.is_empty() {
-            // SAFETY: the range lies in the buffer, which has TRANSFER_DST usage and is kept alive; steps and size were checked.
+            // SAFETY: the range lies in the buffer, which has TRANSFER_DST usage and is kept alive; steps and size were
+            // checked.
             self.operation("update", |raw, commands| unsafe {
                 raw.cmd_update_buffer(commands, buffer, start, bytes);
             });
@@ -143,14 +146,15 @@ impl Commands {
             let bind = Bind::new(pipeline, push);
             self.operation(pipeline.name(), |raw, commands| {
                 bind.record(raw, commands);
-                // SAFETY: a compute pipeline is bound, its push constants are set, and the counts are within the limits.
+                // SAFETY: a compute pipeline is bound, its push constants are set, and the counts are within the
+                // limits.
                 unsafe { raw.cmd_dispatch(commands, groups[0], groups[1], groups[2]) };
             });
         }
     }
 
-    /// Dispatches `pipeline` without a workgroup, which does nothing, but for drivers that translate a shader when it is first
-    /// dispatched (Mesa's software renderer): they do it in this list.
+    /// Dispatches `pipeline` without a workgroup, which does nothing, but for drivers that translate a shader when it
+    /// is first dispatched (Mesa's software renderer): they do it in this list.
     pub fn dispatch_nothing(&mut self, pipeline: &Pipeline) {
         let push = vec![0; pipeline.push_bytes() as usize];
         if self.use_pipeline(pipeline, &push) {
@@ -163,8 +167,8 @@ impl Commands {
         }
     }
 
-    /// As [`Commands::dispatch`], with the three counts read by the GPU from `arguments` at `offset` (a multiple of 4). The counts
-    /// must be within the device's limits: nobody checks them.
+    /// As [`Commands::dispatch`], with the three counts read by the GPU from `arguments` at `offset` (a multiple of 4).
+    /// The counts must be within the device's limits: nobody checks them.
     pub fn dispatch_indirect(&mut self, pipeline: &Pipeline, push: &[u8], arguments: &dyn DeviceRange, offset: u64) {
         let size = size_of::<vk::DispatchIndirectCommand>() as u64;
         let Some((buffer, start)) = self.place(arguments, offset, size) else {
@@ -184,15 +188,16 @@ impl Commands {
         }
     }
 
-    /// Records what `f` records without barriers in between: those operations may overlap and must not depend on each other. What
-    /// follows waits for all of them.
+    /// Records what `f` records without barriers in between: those operations may overlap and must not depend on each
+    /// other. What follows waits for all of them.
     pub fn concurrent(&mut self, f: impl FnOnce(&mut Self)) {
         self.recorder.enter_concurrent();
         f(self);
         self.recorder.leave_concurrent();
     }
 
-    /// Groups what `f` records under a name: a label for debuggers and, when profiling, one more timing around all of it.
+    /// Groups what `f` records under a name: a label for debuggers and, when profiling, one more timing around all of
+    /// it.
     pub fn span(&mut self, name: &str, f: impl FnOnce(&mut Self)) {
         if self.error.is_some() {
             return;
@@ -208,7 +213,8 @@ impl Commands {
         }
     }
 
-    /// Keeps `range` alive until this work is done although no operation names it: for memory that shaders reach by address.
+    /// Keeps `range` alive until this work is done although no operation names it: for memory that shaders reach by
+    /// address.
     pub fn keep(&mut self, range: &dyn DeviceRange) {
         let parts = range.parts();
         if std::ptr::eq(parts.device, Arc::as_ptr(&self.recorder.device)) {
@@ -218,9 +224,9 @@ impl Commands {
         }
     }
 
-    /// Lets nothing of this list run before `earlier`, a submission of any queue of this device, has finished, and lets it see all
-    /// that `earlier` wrote. The host does not wait. It counts for the whole list, wherever it is said; earlier submissions of the
-    /// list's own queue need no word.
+    /// Lets nothing of this list run before `earlier`, a submission of any queue of this device, has finished, and lets
+    /// it see all that `earlier` wrote. The host does not wait. It counts for the whole list, wherever it is said;
+    /// earlier submissions of the list's own queue need no word.
     pub fn wait_for(&mut self, earlier: &Submission) {
         if self.same_device(earlier.label(), Arc::as_ptr(earlier.gpu().device())) {
             self.waits.raise(earlier.lane, earlier.value);
@@ -234,8 +240,8 @@ impl Commands {
 
     /// Hands the list to the GPU and returns at once.
     ///
-    /// # Errors
-    /// The first mistake made while recording ([`GpuError::Usage`]), [`GpuError::DeviceLost`], or a failed call. Nothing runs then.
+    /// # Errors The first mistake made while recording ([`GpuError::Usage`]), [`GpuError::DeviceLost`], or a failed
+    /// call. Nothing runs then.
     pub fn submit(self) -> Result<Submission, GpuError> {
         let device = Arc::clone(&self.recorder.device);
         let submission = self.enqueue()?;

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The logical device and everything that must live as long as any object made from it.
 //!
-//! `Device` is shared by `Arc` from every buffer, heap, pipeline and submission; [`Gpu`](crate::Gpu) is the public handle.
-//! Work in flight (held by the queue) and retired ranges point back at the device: `Gpu`'s Drop waits and clears them, after which
-//! nothing can be submitted and retiring frees at once, so no cycle outlives the last public object. Any thread.
+//! `Device` is shared by `Arc` from every buffer, heap, pipeline and submission; [`Gpu`](crate::Gpu) is the public
+//! handle. Work in flight (held by the queue) and retired ranges point back at the device: `Gpu`'s Drop waits and
+//! clears them, after which nothing can be submitted and retiring frees at once, so no cycle outlives the last public
+//! object. Any thread.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
@@ -113,7 +114,8 @@ impl Device {
         automatic_budget(free.saturating_add(self.budget.counts().used))
     }
 
-    /// Turns a failed call into this crate's error, and notices a lost device. Never called with a lock of this crate held.
+    /// Turns a failed call into this crate's error, and notices a lost device. Never called with a lock of this crate
+    /// held.
     pub(crate) fn check<T>(&self, call: &'static str, result: Result<T, vk::Result>) -> Result<T, GpuError> {
         result.map_err(|code| match code {
             vk::Result::ERROR_DEVICE_LOST => self.lose(),
@@ -318,7 +320,8 @@ impl Drop for Device {
         self.save_pipeline_cache();
         // SAFETY: no pipeline is being made: each making holds the device. Null is allowed.
         unsafe { self.raw.destroy_pipeline_cache(self.pipeline_cache, None) };
-        // SAFETY: all objects made from the device are destroyed: buffers, pipelines and pools hold an Arc of it or went above.
+        // SAFETY: all objects made from the device are destroyed: buffers, pipelines and pools hold an Arc of it or
+        // went above.
         unsafe { self.raw.destroy_device(None) };
     }
 }

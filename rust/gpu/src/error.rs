@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What can go wrong on the device, as few variants as callers can act on.
 //!
-//! Plain data, any thread. Running out of memory is an event for the caller's planner (evict, shrink, try again), not the end.
+//! Plain data, any thread. Running out of memory is an event for the caller's planner (evict, shrink, try again), not
+//! the end.
 
 /// Every error of this crate. Cheap to clone, so that it can be both returned and kept.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GpuError {
-    /// There is no Vulkan loader, no driver, or no device that the selector names. `reason` is one sentence for the user
-    /// that says what to install or which names exist.
+    /// There is no Vulkan loader, no driver, or no device that the selector names. `reason` is one sentence for the
+    /// user that says what to install or which names exist.
     #[error("no usable Vulkan device: {reason}")]
     NoDevice {
         /// One sentence: what is missing and what to do.
@@ -44,7 +45,8 @@ pub enum GpuError {
         /// Largest piece in bytes.
         limit: u64,
     },
-    /// The device is gone (crash, watchdog, unplugged). Every later call on this [`Gpu`](crate::Gpu) gives the same error.
+    /// The device is gone (crash, watchdog, unplugged). Every later call on this [`Gpu`](crate::Gpu) gives the same
+    /// error.
     #[error("the GPU was lost; last pass known to have finished: {last_pass}")]
     DeviceLost {
         /// Name of the last pass that wrote its marker, or of what was submitted last when there is no marker.

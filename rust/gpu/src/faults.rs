@@ -22,8 +22,8 @@ fn the_validation_canary_sings() {
     let device = gpu.device();
     assert_eq!(gpu.take_validation_messages(), Vec::<String>::new(), "silent before");
     let info = vk::BufferCreateInfo::default().size(0).usage(vk::BufferUsageFlags::STORAGE_BUFFER);
-    // SAFETY: deliberately breaks VUID-VkBufferCreateInfo-size-00912; the layer only reports it, and a software or NVIDIA
-    // driver makes an empty buffer.
+    // SAFETY: deliberately breaks VUID-VkBufferCreateInfo-size-00912; the layer only reports it, and a software or
+    // NVIDIA driver makes an empty buffer.
     if let Ok(buffer) = unsafe { device.raw.create_buffer(&info, None) } {
         // SAFETY: just created, never used.
         unsafe { device.raw.destroy_buffer(buffer, None) };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Tests in which the host holds the GPU back: a list of one lane waits for a submission of the other that is only pretended, until
-//! the host says it is done. So both timelines are told apart also on a device with one queue.
+//! Tests in which the host holds the GPU back: a list of one lane waits for a submission of the other that is only
+//! pretended, until the host says it is done. So both timelines are told apart also on a device with one queue.
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -25,16 +25,18 @@ pub struct OpenOptions {
     pub validation: bool,
     /// With `validation`: also look for hazards between operations. Slow.
     pub sync_validation: bool,
-    /// Hard budget for device memory in bytes. None = nine tenths of what the driver says is free when the device is opened.
+    /// Hard budget for device memory in bytes. None = nine tenths of what the driver says is free when the device is
+    /// opened.
     pub budget_bytes: Option<u64>,
     /// Take timestamps around every operation of every command list, if the device can.
     pub profile: bool,
     /// Let each operation stamp its number into host memory, so that [`GpuError::DeviceLost`] names the last pass.
     pub crash_markers: bool,
-    /// Let transfer lists run on a queue of their own, if the device has one to spare. False = on the main queue, to compare.
+    /// Let transfer lists run on a queue of their own, if the device has one to spare. False = on the main queue, to
+    /// compare.
     pub transfer_queue: bool,
-    /// Folder for the compiled pipelines of each device and driver, kept from run to run; made when needed. None = in memory only.
-    /// See [`Gpu::save_pipeline_cache`].
+    /// Folder for the compiled pipelines of each device and driver, kept from run to run; made when needed. None = in
+    /// memory only. See [`Gpu::save_pipeline_cache`].
     pub pipeline_cache: Option<PathBuf>,
 }
 
@@ -94,9 +96,8 @@ pub struct Gpu {
 impl Gpu {
     /// Opens the device that `options.selector` names, or the best one.
     ///
-    /// # Errors
-    /// [`GpuError::NoDevice`] when there is no loader, driver, or match; [`GpuError::MissingCapability`] when the named device
-    /// lacks something; [`GpuError::Vulkan`] when the driver refuses.
+    /// # Errors [`GpuError::NoDevice`] when there is no loader, driver, or match; [`GpuError::MissingCapability`] when
+    /// the named device lacks something; [`GpuError::Vulkan`] when the driver refuses.
     pub fn open(options: &OpenOptions) -> Result<Arc<Self>, GpuError> {
         let validation = match (options.validation, options.sync_validation) {
             (false, _) => Validation::Off,
@@ -138,9 +139,9 @@ impl Gpu {
         self.device.budget.counts()
     }
 
-    /// Bytes that the driver says this process uses of device-local memory, by whatever it holds: other devices, pipelines and the
-    /// driver's own things too. None without `VK_EXT_memory_budget`. Mesa's software renderer (25.0.7) tells of the whole machine
-    /// instead.
+    /// Bytes that the driver says this process uses of device-local memory, by whatever it holds: other devices,
+    /// pipelines and the driver's own things too. None without `VK_EXT_memory_budget`. Mesa's software renderer
+    /// (25.0.7) tells of the whole machine instead.
     #[must_use]
     pub fn driver_usage(&self) -> Option<u64> {
         let device = &self.device;
@@ -148,8 +149,8 @@ impl Gpu {
         known.then(|| device_usage(&device.instance, device.physical))
     }
 
-    /// Changes the hard budget; None = nine tenths of what this process could hold now. What is held stays held: below that, every
-    /// request fails until enough was dropped.
+    /// Changes the hard budget; None = nine tenths of what this process could hold now. What is held stays held: below
+    /// that, every request fails until enough was dropped.
     pub fn set_budget(&self, budget_bytes: Option<u64>) {
         self.device.budget.set_budget(budget_bytes.unwrap_or_else(|| self.device.automatic_budget()));
     }
@@ -182,14 +183,15 @@ impl Gpu {
         Ok(())
     }
 
-    /// Writes the pipelines compiled so far to the folder of [`OpenOptions::pipeline_cache`], as closing the device does: for hosts
-    /// that end without closing it. Cheap when nothing is new. What fails is logged.
+    /// Writes the pipelines compiled so far to the folder of [`OpenOptions::pipeline_cache`], as closing the device
+    /// does: for hosts that end without closing it. Cheap when nothing is new. What fails is logged.
     pub fn save_pipeline_cache(&self) {
         self.device.save_pipeline_cache();
     }
 
-    /// For tests: after `n` more requests for memory ([`Buffer::new`](crate::Buffer::new), [`Heap::alloc`](crate::Heap::alloc),
-    /// [`Heap::try_alloc`](crate::Heap::try_alloc)), one fails with [`GpuError::OutOfMemory`]; 0 = the next one.
+    /// For tests: after `n` more requests for memory ([`Buffer::new`](crate::Buffer::new),
+    /// [`Heap::alloc`](crate::Heap::alloc), [`Heap::try_alloc`](crate::Heap::try_alloc)), one fails with
+    /// [`GpuError::OutOfMemory`]; 0 = the next one.
     pub fn fail_allocation_after(&self, n: u64) {
         self.device.budget.fail_after(n);
     }
@@ -202,8 +204,8 @@ impl Gpu {
         Commands::new(self, Lane::Main, label)
     }
 
-    /// A new command list that only copies, fills and updates. It runs beside other lists where [`Gpu::has_transfer_queue`], and in
-    /// any case in no order with them but that of [`Commands::wait_for`].
+    /// A new command list that only copies, fills and updates. It runs beside other lists where
+    /// [`Gpu::has_transfer_queue`], and in any case in no order with them but that of [`Commands::wait_for`].
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`], or a failed call.

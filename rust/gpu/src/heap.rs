@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Device memory for many small and middling things: few big arenas, cut into ranges.
 //!
-//! Ranges are found by `offset-allocator` in units of 256 bytes. Arenas are made when needed, smaller ones when the budget
-//! is short, and go back when empty (one is kept until [`Heap::trim`]). A request that would fill half an arena (a whole one, with
-//! [`HeapOptions::whole_arenas`]) gets memory of its own. Any thread.
+//! Ranges are found by `offset-allocator` in units of 256 bytes. Arenas are made when needed, smaller ones when the
+//! budget is short, and go back when empty (one is kept until [`Heap::trim`]). A request that would fill half an arena
+//! (a whole one, with [`HeapOptions::whole_arenas`]) gets memory of its own. Any thread.
 //!
 //! Locks: the list of arenas before an arena's own; neither is held while memory is allocated or anything is dropped.
 
@@ -33,8 +33,8 @@ pub struct Heap {
 pub struct HeapOptions {
     /// Size of an arena, bounded to what the driver allows in one piece.
     pub arena_bytes: u64,
-    /// Serve requests of up to a whole arena from arenas, not only those of up to half of one. The size of arenas is rounded down
-    /// by up to an eighth, so that the range allocator finds a whole one; see [`Heap::largest_shared`].
+    /// Serve requests of up to a whole arena from arenas, not only those of up to half of one. The size of arenas is
+    /// rounded down by up to an eighth, so that the range allocator finds a whole one; see [`Heap::largest_shared`].
     pub whole_arenas: bool,
     /// Most bytes of memory that this heap may hold, besides the device's budget; None = no limit of its own.
     pub limit_bytes: Option<u64>,
@@ -84,8 +84,8 @@ impl Heap {
     /// A usual size of arenas.
     pub const DEFAULT_ARENA_BYTES: u64 = 256 << 20;
 
-    /// Makes an empty heap; memory is taken by the first [`Heap::alloc`]. `arena_bytes` is bounded to what the driver allows in one
-    /// piece.
+    /// Makes an empty heap; memory is taken by the first [`Heap::alloc`]. `arena_bytes` is bounded to what the driver
+    /// allows in one piece.
     ///
     /// # Errors
     /// [`GpuError::DeviceLost`].
@@ -121,15 +121,15 @@ impl Heap {
 
     /// Takes `bytes` at an address that is a multiple of `align` (a power of two). The bytes are arbitrary.
     ///
-    /// # Errors
-    /// [`GpuError::OutOfMemory`] when neither the arenas nor the budget (or the heap's own limit) have room even after waiting for
-    /// what is retired, [`GpuError::TooLarge`], [`GpuError::Usage`] for a bad alignment, [`GpuError::DeviceLost`].
+    /// # Errors [`GpuError::OutOfMemory`] when neither the arenas nor the budget (or the heap's own limit) have room
+    /// even after waiting for what is retired, [`GpuError::TooLarge`], [`GpuError::Usage`] for a bad alignment,
+    /// [`GpuError::DeviceLost`].
     pub fn alloc(&self, name: &str, bytes: u64, align: u64) -> Result<HeapRange, GpuError> {
         self.core.alloc(name, bytes, align, Patience::WaitForRetired)
     }
 
-    /// As [`Heap::alloc`], but never waits for the GPU: None when there is no room now (budget, limit, fragmentation, or the driver
-    /// refuses). What is retired and done is taken back first.
+    /// As [`Heap::alloc`], but never waits for the GPU: None when there is no room now (budget, limit, fragmentation,
+    /// or the driver refuses). What is retired and done is taken back first.
     ///
     /// # Errors
     /// As [`Heap::alloc`], without [`GpuError::OutOfMemory`].
@@ -141,15 +141,15 @@ impl Heap {
         }
     }
 
-    /// Largest request in bytes that is served from an arena, if it is aligned to no more than 256 bytes. An empty arena of full
-    /// size has room for it.
+    /// Largest request in bytes that is served from an arena, if it is aligned to no more than 256 bytes. An empty
+    /// arena of full size has room for it.
     #[must_use]
     pub fn largest_shared(&self) -> u64 {
         self.core.largest_shared
     }
 
-    /// Changes the heap's own limit ([`HeapOptions::limit_bytes`]). What is held stays held: below that, everything that needs more
-    /// memory fails until enough was dropped.
+    /// Changes the heap's own limit ([`HeapOptions::limit_bytes`]). What is held stays held: below that, everything
+    /// that needs more memory fails until enough was dropped.
     pub fn set_limit(&self, limit_bytes: Option<u64>) {
         self.core.counters.set_limit(limit_bytes);
     }

@@ -3,10 +3,10 @@
 //!
 //! Guarantees that messenger and log outlive everything made from the instance.
 //!
-//! One plain instance is shared by everything and kept until the process ends, because it keeps the drivers' libraries loaded:
-//! NVIDIA's (580.159) can be loaded and unloaded only some tens of times in one process, after which no device is found, and a
-//! Hydra host makes and drops render delegates at will. With validation, every [`Gpu`](crate::Gpu) has an instance of its own
-//! besides, so that its messages are its own.
+//! One plain instance is shared by everything and kept until the process ends, because it keeps the drivers' libraries
+//! loaded: NVIDIA's (580.159) can be loaded and unloaded only some tens of times in one process, after which no device
+//! is found, and a Hydra host makes and drops render delegates at will. With validation, every [`Gpu`](crate::Gpu) has
+//! an instance of its own besides, so that its messages are its own.
 
 use std::ffi::CStr;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -53,9 +53,8 @@ struct Wanted {
 impl Instance {
     /// An instance with this much validation; the shared one without.
     ///
-    /// # Errors
-    /// [`GpuError::NoDevice`] when there is no loader, it is older than Vulkan 1.2, or no driver is installed. Tried anew by the
-    /// next call.
+    /// # Errors [`GpuError::NoDevice`] when there is no loader, it is older than Vulkan 1.2, or no driver is installed.
+    /// Tried anew by the next call.
     pub(crate) fn get(validation: Validation) -> Result<Arc<Self>, GpuError> {
         let mut plain = PLAIN.lock().unwrap_or_else(PoisonError::into_inner);
         let shared = match &*plain {
@@ -71,11 +70,12 @@ impl Instance {
 
     /// Loads libvulkan and makes an instance.
     fn new(validation: Validation) -> Result<Self, GpuError> {
-        // SAFETY: loads the system's Vulkan loader and runs its constructors; nothing else in this process relies on it not
-        // being loaded, and `entry` keeps it loaded as long as any function pointer from it is used.
+        // SAFETY: loads the system's Vulkan loader and runs its constructors; nothing else in this process relies on it
+        // not being loaded, and `entry` keeps it loaded as long as any function pointer from it is used.
         let entry = unsafe { ash::Entry::load() }.map_err(|error| GpuError::NoDevice {
             reason: format!(
-                "the Vulkan loader did not load ({error}); install it and a driver (on Debian: libvulkan1 mesa-vulkan-drivers)"
+                "the Vulkan loader did not load ({error}); install it and a driver (on Debian: libvulkan1 \
+                mesa-vulkan-drivers)"
             ),
         })?;
         // SAFETY: no preconditions beyond a loaded entry.
@@ -151,7 +151,8 @@ impl Wanted {
             .application_info(&application)
             .enabled_layer_names(&layers)
             .enabled_extension_names(&extensions);
-        // Reports what happens inside vkCreateInstance and vkDestroyInstance, where the messenger itself does not exist.
+        // Reports what happens inside vkCreateInstance and vkDestroyInstance, where the messenger itself does not
+        // exist.
         let mut messenger = log.messenger_info();
         if !layers.is_empty() && self.extensions.contains(&ash::ext::debug_utils::NAME) {
             info = info.push_next(&mut messenger);
@@ -195,7 +196,8 @@ impl Drop for Instance {
             // SAFETY: made from this instance, destroyed once.
             unsafe { utils.destroy_debug_utils_messenger(messenger, None) };
         }
-        // SAFETY: `Device` drops its children and itself before its `Instance` field; the log is still alive for messages.
+        // SAFETY: `Device` drops its children and itself before its `Instance` field; the log is still alive for
+        // messages.
         unsafe { self.raw.destroy_instance(None) };
     }
 }

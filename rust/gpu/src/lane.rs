@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The two lanes of work, and which Vulkan queue serves each.
 //!
-//! The main lane computes, the transfer lane only copies. Each has a timeline of its own. Where the device has no queue to spare
-//! both submit to the same one, in the order of submission; everything else is the same. The choice is pure. Any thread.
+//! The main lane computes, the transfer lane only copies. Each has a timeline of its own. Where the device has no queue
+//! to spare both submit to the same one, in the order of submission; everything else is the same. The choice is pure.
+//! Any thread.
 
 use ash::vk;
 
@@ -70,7 +71,8 @@ pub(crate) struct QueueChoice {
 /// The queue of each lane; the same one twice when there is none to spare.
 pub(crate) type QueueChoices = [QueueChoice; LANES];
 
-/// Main: the first family that computes. Transfer: a family made for transfers, else a second queue beside the main one.
+/// Main: the first family that computes. Transfer: a family made for transfers, else a second queue beside the main
+/// one.
 pub(crate) fn choose_queues(families: &[vk::QueueFamilyProperties]) -> Option<QueueChoices> {
     let choice = |family: u32, index, found: &vk::QueueFamilyProperties| QueueChoice {
         family,

@@ -1,21 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Vulkan made safe: the only crate of OocPT that calls Vulkan.
 //!
-//! What it gives: a device chosen by name or by rank ([`Gpu`]), memory under a hard budget ([`Buffer`], [`Heap`]), compute
-//! [`Pipeline`]s, command lists with barriers of their own ([`Commands`]), on the main queue or one for
-//! transfers, and submissions to wait for ([`Submission`]). All memory
-//! is reached by address; there are no descriptor sets.
+//! What it gives: a device chosen by name or by rank ([`Gpu`]), memory under a hard budget ([`Buffer`], [`Heap`]),
+//! compute [`Pipeline`]s, command lists with barriers of their own ([`Commands`]), on the main queue or one for
+//! transfers, and submissions to wait for ([`Submission`]). All memory is reached by address; there are no descriptor
+//! sets.
 //!
 //! What it promises:
-//! - The bytes of device memory held never exceed the budget; running out is [`GpuError::OutOfMemory`] and changes nothing.
+//! - The bytes of device memory held never exceed the budget; running out is [`GpuError::OutOfMemory`] and changes
+//!   nothing.
 //! - Nothing the GPU may still use is destroyed: dropping retires, and a timeline semaphore says when it can go.
 //! - A lost device, a missing driver or a wrong argument is an error with one clear sentence, never a panic.
 //! - Everything may be used from any thread, except that a command list is recorded by one thread at a time.
 //!
 //! What it cannot promise: that shaders stay inside the memory they are given (see [`Pipeline`]).
 //!
-//! The way of a piece of work: `gpu` -> `commands` (checks) -> `recorder` (barriers, markers, timestamps) -> `queue` (submits, keeps
-//! alive) -> `retire` (lets go).
+//! The way of a piece of work: `gpu` -> `commands` (checks) -> `recorder` (barriers, markers, timestamps) -> `queue`
+//! (submits, keeps alive) -> `retire` (lets go).
 #![allow(unsafe_code, reason = "this crate exists to contain it; one operation per block, each with its reason")]
 
 mod arena;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Crash markers: a word of host memory for each lane that its operations stamp, so that the error of a lost device names the last pass.
+//! Crash markers: a word of host memory for each lane that its operations stamp, so that the error of a lost device
+//! names the last pass.
 //!
-//! Before each operation, behind the barrier that waits for the one before, a 4-byte fill writes the operation's number; the fill
-//! overlaps the operation itself. After a loss the word tells how far the GPU came.
+//! Before each operation, behind the barrier that waits for the one before, a 4-byte fill writes the operation's
+//! number; the fill overlaps the operation itself. After a loss the word tells how far the GPU came.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU32, Ordering};

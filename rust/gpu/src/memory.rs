@@ -27,7 +27,8 @@ pub enum Usage {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Mapped(NonNull<u8>);
 
-// SAFETY: a mapped address may be used from any thread; who may access the bytes when is decided by the owner (`Buffer` locks).
+// SAFETY: a mapped address may be used from any thread; who may access the bytes when is decided by the owner (`Buffer`
+// locks).
 unsafe impl Send for Mapped {}
 // SAFETY: as for Send: sharing the address gives no access by itself.
 unsafe impl Sync for Mapped {}
@@ -50,7 +51,8 @@ pub(crate) struct RawBuffer {
     pub(crate) mapped: Option<Mapped>,
 }
 
-/// Smallest buffer, and what sizes are rounded up to: Vulkan has no empty buffers, and addresses stay aligned for vectors.
+/// Smallest buffer, and what sizes are rounded up to: Vulkan has no empty buffers, and addresses stay aligned for
+/// vectors.
 const SIZE_STEP: u64 = 16;
 
 const KNOWN_FLAGS: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
@@ -60,7 +62,8 @@ const KNOWN_FLAGS: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
         | vk::MemoryPropertyFlags::HOST_CACHED.as_raw(),
 );
 
-/// The memory type for a usage among those in `allowed` (a bit each): required flags, then fewest unwanted and most wanted ones.
+/// The memory type for a usage among those in `allowed` (a bit each): required flags, then fewest unwanted and most
+/// wanted ones.
 fn choose_type(types: &[vk::MemoryType], allowed: u32, usage: Usage) -> Option<u32> {
     type F = vk::MemoryPropertyFlags;
     let host = F::HOST_VISIBLE | F::HOST_COHERENT;
@@ -115,11 +118,13 @@ impl Device {
                 | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS,
         );
         if families[0] != families[1] {
-            // Shaders reach memory by address, so no command list knows all that it touches, and what it would have to hand over
-            // from family to family. Sharing changes how images are laid out; for buffers drivers do nothing with it.
+            // Shaders reach memory by address, so no command list knows all that it touches, and what it would have to
+            // hand over from family to family. Sharing changes how images are laid out; for buffers drivers do nothing
+            // with it.
             info = info.sharing_mode(vk::SharingMode::CONCURRENT).queue_family_indices(&families);
         }
-        // SAFETY: the device is alive, the size is not zero, the families differ and are the device's, and bufferDeviceAddress is enabled.
+        // SAFETY: the device is alive, the size is not zero, the families differ and are the device's, and
+        // bufferDeviceAddress is enabled.
         let buffer = self.check("vkCreateBuffer", unsafe { self.raw.create_buffer(&info, None) })?;
         let mut raw = RawBuffer {
             buffer,
@@ -209,7 +214,8 @@ impl Device {
             .allocation_size(bytes)
             .memory_type_index(memory_type)
             .push_next(&mut flags);
-        // SAFETY: the size is not zero and within maxMemoryAllocationSize; the type index comes from this device's list.
+        // SAFETY: the size is not zero and within maxMemoryAllocationSize; the type index comes from this device's
+        // list.
         match unsafe { self.raw.allocate_memory(&info, None) } {
             Ok(memory) => {
                 raw.reserved = bytes;
@@ -227,8 +233,8 @@ impl Device {
         }
     }
 
-    /// Destroys a buffer's parts and gives its bytes back to the budget. The GPU no longer uses it, and `raw` has no other copy
-    /// that is used later.
+    /// Destroys a buffer's parts and gives its bytes back to the budget. The GPU no longer uses it, and `raw` has no
+    /// other copy that is used later.
     pub(crate) fn destroy_raw(&self, raw: RawBuffer) {
         // SAFETY: the caller says that no submission uses it any more; null is allowed.
         unsafe { self.raw.destroy_buffer(raw.buffer, None) };

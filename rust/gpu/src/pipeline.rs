@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Compute pipelines from SPIR-V.
 //!
-//! Trust: shaders reach memory by address, so a wrong shader or a wrong address in a push constant can fault the device (reported
-//! as [`GpuError::DeviceLost`]; on a software renderer it can fault the process). Give this only SPIR-V that was validated when it
-//! was built. Any thread; several pipelines may be made at once and share one cache,
-//! which may be kept on disk ([`OpenOptions::pipeline_cache`](crate::OpenOptions::pipeline_cache)).
+//! Trust: shaders reach memory by address, so a wrong shader or a wrong address in a push constant can fault the device
+//! (reported as [`GpuError::DeviceLost`]; on a software renderer it can fault the process). Give this only SPIR-V that
+//! was validated when it was built. Any thread; several pipelines may be made at once and share one cache, which may be
+//! kept on disk ([`OpenOptions::pipeline_cache`](crate::OpenOptions::pipeline_cache)).
 
 use std::sync::Arc;
 
@@ -36,12 +36,11 @@ const OP_ENTRY_POINT: u32 = 15;
 const EXECUTION_MODEL_GL_COMPUTE: u32 = 5;
 
 impl Pipeline {
-    /// Compiles `words` for its compute entry point `main`, with 32-bit specialisation constants `(id, value)` and `push_bytes` of
-    /// push constants. May take seconds on a software renderer.
+    /// Compiles `words` for its compute entry point `main`, with 32-bit specialisation constants `(id, value)` and
+    /// `push_bytes` of push constants. May take seconds on a software renderer.
     ///
-    /// # Errors
-    /// [`GpuError::Usage`] for words that are no compute shader or a push size that is no multiple of 4 or above the limit;
-    /// [`GpuError::Vulkan`] when the driver refuses; [`GpuError::DeviceLost`].
+    /// # Errors [`GpuError::Usage`] for words that are no compute shader or a push size that is no multiple of 4 or
+    /// above the limit; [`GpuError::Vulkan`] when the driver refuses; [`GpuError::DeviceLost`].
     pub fn new(
         gpu: &Arc<Gpu>,
         name: &str,
@@ -62,7 +61,8 @@ impl Pipeline {
             )));
         }
         let info = vk::ShaderModuleCreateInfo::default().code(words);
-        // SAFETY: the words are SPIR-V with the magic number and an entry point; the caller vouches for their validity (see module).
+        // SAFETY: the words are SPIR-V with the magic number and an entry point; the caller vouches for their validity
+        // (see module).
         let module = device.check("vkCreateShaderModule", unsafe { device.raw.create_shader_module(&info, None) })?;
         let made = PipelineInner::new(device, name, module, spec, push_bytes);
         // SAFETY: the module is needed only while the pipeline is made.
@@ -112,8 +112,8 @@ impl PipelineInner {
             .name(c"main")
             .specialization_info(&specialization);
         let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout)];
-        // SAFETY: module, layout and cache are alive and of this device; the cache synchronises itself (it was not made with
-        // EXTERNALLY_SYNCHRONIZED).
+        // SAFETY: module, layout and cache are alive and of this device; the cache synchronises itself (it was not made
+        // with EXTERNALLY_SYNCHRONIZED).
         match unsafe { device.raw.create_compute_pipelines(device.pipeline_cache, &info, None) } {
             Ok(made) => inner.raw = made.first().copied().unwrap_or_default(),
             Err((_, code)) => return device.check("vkCreateComputePipelines", Err(code)),
@@ -133,7 +133,8 @@ impl Drop for PipelineInner {
     }
 }
 
-/// Whether the words start as SPIR-V and declare a compute entry point called `main`. Bounds are checked: words may be anything.
+/// Whether the words start as SPIR-V and declare a compute entry point called `main`. Bounds are checked: words may be
+/// anything.
 fn has_compute_main(words: &[u32]) -> bool {
     if words.first() != Some(&SPIRV_MAGIC) {
         return false;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The queue of a lane: numbered submissions, what each keeps alive, and waiting for them.
 //!
-//! Submission n is done when the lane's timeline semaphore has reached n. Submissions of a lane run in order (each command list
-//! begins with a full barrier); those of different lanes do not, unless one waits for the other. Any thread.
+//! Submission n is done when the lane's timeline semaphore has reached n. Submissions of a lane run in order (each
+//! command list begins with a full barrier); those of different lanes do not, unless one waits for the other. Any
+//! thread.
 //!
 //! Locks: a lane's own before the Vulkan queue's, which lanes without a queue of their own share.
 
@@ -172,7 +173,8 @@ impl Queue {
         let others = Lane::ALL.into_iter().filter(|&lane| lane != self.lane && work.waits.of(lane) > 0);
         let waits: Vec<_> = others.map(|lane| (device.queue(lane).timeline, work.waits.of(lane))).collect();
         let (wait_semaphores, wait_values): (Vec<_>, Vec<_>) = waits.into_iter().unzip();
-        // A signal makes all writes before it available, a wait makes them visible to these stages: no barrier is needed besides.
+        // A signal makes all writes before it available, a wait makes them visible to these stages: no barrier is
+        // needed besides.
         let wait_stages = vec![vk::PipelineStageFlags::ALL_COMMANDS; wait_semaphores.len()];
         let mut timeline = vk::TimelineSemaphoreSubmitInfo::default()
             .wait_semaphore_values(&wait_values)
@@ -184,9 +186,9 @@ impl Queue {
             .signal_semaphores(&semaphores)
             .push_next(&mut timeline)];
         let queue = self.raw.lock().unwrap_or_else(PoisonError::into_inner);
-        // SAFETY: the lock gives this thread alone the queue; the buffer is executable and recorded for its family, the value is
-        // one above the newest of this timeline (the caller holds the lane), those waited for were submitted before, and the
-        // caller keeps alive what the buffer names.
+        // SAFETY: the lock gives this thread alone the queue; the buffer is executable and recorded for its family, the
+        // value is one above the newest of this timeline (the caller holds the lane), those waited for were submitted
+        // before, and the caller keeps alive what the buffer names.
         unsafe { device.raw.queue_submit(*queue, &info, vk::Fence::null()) }
     }
 

@@ -42,10 +42,11 @@ pub(crate) mod sealed {
     }
 }
 
-/// When something may be destroyed: after the newest submissions, of both lanes, at the time its public handle was dropped.
+/// When something may be destroyed: after the newest submissions, of both lanes, at the time its public handle was
+/// dropped.
 ///
-/// Work recorded before that keeps the object itself, so the object outlives such work anyway; this bounds work that only knows
-/// the address.
+/// Work recorded before that keeps the object itself, so the object outlives such work anyway; this bounds work that
+/// only knows the address.
 #[derive(Debug, Default)]
 pub(crate) struct RetirePoint(OnceLock<Points>);
 

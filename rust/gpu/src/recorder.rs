@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Wraps each recorded operation: barrier before, crash marker, label, timestamps.
 //!
-//! Barriers are full ones between all operations of a lane (compute and transfer only, memory reached by address), except inside a
-//! concurrent section, where one comes before the section and one after it. Used by one thread at a time.
+//! Barriers are full ones between all operations of a lane (compute and transfer only, memory reached by address),
+//! except inside a concurrent section, where one comes before the section and one after it. Used by one thread at a
+//! time.
 
 use std::sync::Arc;
 
@@ -78,7 +79,8 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// Debug labels were long allowed on computing queues only (VUID-vkCmdBeginDebugUtilsLabelEXT-commandBuffer-cmdpool of 1.3).
+    /// Debug labels were long allowed on computing queues only (VUID-vkCmdBeginDebugUtilsLabelEXT-commandBuffer-cmdpool
+    /// of 1.3).
     fn begin_label(&self, name: &str) {
         if self.device.queue(self.lane).choice.computes {
             self.device.names.begin(self.buffer, name);

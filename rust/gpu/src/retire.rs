@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Things nobody holds any more but the GPU may still use, each with the submissions after which it can go.
 //!
-//! Bookkeeping only: [`RetireQueue::take_ready`] hands out what is ready, the caller destroys it outside the lock (destroying may
-//! retire more). Any thread.
+//! Bookkeeping only: [`RetireQueue::take_ready`] hands out what is ready, the caller destroys it outside the lock
+//! (destroying may retire more). Any thread.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};

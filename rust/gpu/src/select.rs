@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Decides which device is used. Pure: reports in, a choice and its reasons out.
 //!
-//! Order: discrete GPU, integrated, virtual, CPU, other; then the larger device memory; then the driver's order. A selector
-//! (an index, or a part of the name in any case) narrows the list first.
+//! Order: discrete GPU, integrated, virtual, CPU, other; then the larger device memory; then the driver's order. A
+//! selector (an index, or a part of the name in any case) narrows the list first.
 
 use crate::error::GpuError;
 use crate::report::DeviceReport;
 
 /// The index into `reports` of the device to use.
 ///
-/// # Errors
-/// [`GpuError::NoDevice`] when nothing matches or nothing is usable, [`GpuError::MissingCapability`] when the user named a
-/// device and every match lacks something.
+/// # Errors [`GpuError::NoDevice`] when nothing matches or nothing is usable, [`GpuError::MissingCapability`] when the
+/// user named a device and every match lacks something.
 pub(crate) fn choose(reports: &[DeviceReport], selector: Option<&str>) -> Result<usize, GpuError> {
     if reports.is_empty() {
         return Err(GpuError::NoDevice {

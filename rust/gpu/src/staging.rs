@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Host memory through which data goes to the device: one mapped buffer, used as a ring by several threads.
 //!
-//! A thread reserves a [`StagingSlice`], fills it with no lock held, and records copies from it; the space comes back when the last
-//! submission that copies from it has finished, or when the slice is dropped unused. Space is free again when all that was reserved
-//! before it (or all after it) is back too, so a slice that is held long holds up the ring.
+//! A thread reserves a [`StagingSlice`], fills it with no lock held, and records copies from it; the space comes back
+//! when the last submission that copies from it has finished, or when the slice is dropped unused. Space is free again
+//! when all that was reserved before it (or all after it) is back too, so a slice that is held long holds up the ring.
 //!
-//! Waiting: threads are served in the order they asked. The first waits for the GPU when that holds the oldest part, else for other
-//! threads; a wait never lasts longer than [`POLL`] before everything is looked at anew, so nothing depends on being woken, and the
-//! loss of the device ends it. A thread that holds the rest of the ring itself, in slices or unsubmitted lists, waits for ever.
+//! Waiting: threads are served in the order they asked. The first waits for the GPU when that holds the oldest part,
+//! else for other threads; a wait never lasts longer than [`POLL`] before everything is looked at anew, so nothing
+//! depends on being woken, and the loss of the device ends it. A thread that holds the rest of the ring itself, in
+//! slices or unsubmitted lists, waits for ever.
 //!
-//! Locks: the ring's own is held for bookkeeping only, never while anything is collected, dropped, waited for or filled.
+//! Locks: the ring's own is held for bookkeeping only, never while anything is collected, dropped, waited for or
+//! filled.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -101,11 +103,11 @@ impl StagingRing {
         self.core.lock().space.used()
     }
 
-    /// Reserves `bytes` at an offset that is a multiple of `align` (a power of two), and waits until they are free. The bytes are
-    /// arbitrary.
+    /// Reserves `bytes` at an offset that is a multiple of `align` (a power of two), and waits until they are free. The
+    /// bytes are arbitrary.
     ///
-    /// # Errors
-    /// [`GpuError::Usage`] for more bytes than the ring has or a bad alignment, [`GpuError::DeviceLost`], or a failed call.
+    /// # Errors [`GpuError::Usage`] for more bytes than the ring has or a bad alignment, [`GpuError::DeviceLost`], or a
+    /// failed call.
     pub fn reserve(&self, bytes: u64, align: u64) -> Result<StagingSlice, GpuError> {
         let length = self.check(bytes, align)?;
         let turn = Turn::take(&self.core);
@@ -225,15 +227,16 @@ impl Drop for StagingPart {
 }
 
 impl StagingSlice {
-    /// The bytes, to be filled. Do not read them (it may be very slow), and do not write them once copies from them are submitted:
-    /// what the device sees then is unspecified.
+    /// The bytes, to be filled. Do not read them (it may be very slow), and do not write them once copies from them are
+    /// submitted: what the device sees then is unspecified.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         let mapped = self.part.core.mapped.as_ptr();
         let start = usize::try_from(self.part.start).unwrap_or_default();
         // SAFETY: the part lies in the mapped buffer, whose size fits in a usize (`StagingRing::new`).
         let first = unsafe { mapped.add(start) };
-        // SAFETY: `length` bytes from here are the part's, mapped as long as the part keeps the ring alive; parts do not overlap,
-        // each has one slice, and `self` is borrowed mutably, so this is the only reference. Bytes of any value are valid.
+        // SAFETY: `length` bytes from here are the part's, mapped as long as the part keeps the ring alive; parts do
+        // not overlap, each has one slice, and `self` is borrowed mutably, so this is the only reference. Bytes of any
+        // value are valid.
         unsafe { std::slice::from_raw_parts_mut(first, self.length) }
     }
 

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Which parts of a ring are taken. Pure bookkeeping, no Vulkan, no locks.
 //!
-//! Parts are taken in the order of the ring and may be given back in any order; space is free again when all older parts are back,
-//! or all newer ones.
-//! Guarantee: parts that are taken do not overlap.
+//! Parts are taken in the order of the ring and may be given back in any order; space is free again when all older
+//! parts are back, or all newer ones. Guarantee: parts that are taken do not overlap.
 
 use std::collections::VecDeque;
 
@@ -35,8 +34,8 @@ impl RingSpace {
         Self { bytes, parts: VecDeque::new(), oldest: 0 }
     }
 
-    /// Takes `bytes` (not 0) at a multiple of `align`; gives the part's number and its start. None = not now. Numbers are used again
-    /// once the part is back.
+    /// Takes `bytes` (not 0) at a multiple of `align`; gives the part's number and its start. None = not now. Numbers
+    /// are used again once the part is back.
     pub(crate) fn take(&mut self, bytes: u64, align: u64) -> Option<(u64, u64)> {
         let start = self.place(bytes, align)?;
         self.parts.push_back(Part { start, end: start + bytes, returned: false, user: None });

@@ -48,8 +48,8 @@ impl Submission {
         Ok(done)
     }
 
-    /// Name and seconds of each operation and span, in recording order. Empty when not profiled, not done, or lost. Operations of a
-    /// concurrent section overlap, so their times do not add up.
+    /// Name and seconds of each operation and span, in recording order. Empty when not profiled, not done, or lost.
+    /// Operations of a concurrent section overlap, so their times do not add up.
     #[must_use]
     pub fn timings(&self) -> Vec<(String, f64)> {
         let device = self.gpu.device();

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Timestamps around operations of one command list.
 //!
-//! Used only when profiling is on. A [`Timer`] belongs to one command list while it is recorded and is read after its submission
-//! has finished; the query pools go back to the device when the last holder drops it.
+//! Used only when profiling is on. A [`Timer`] belongs to one command list while it is recorded and is read after its
+//! submission has finished; the query pools go back to the device when the last holder drops it.
 
 use std::sync::Arc;
 
@@ -45,8 +45,8 @@ impl Timer {
             self.pools.push(self.device.query_pool()?);
         }
         let raw = self.pools[pool as usize];
-        // SAFETY: `commands` is recording, the query exists, was reset by the host and is written once; the list's queue family
-        // has timestamps (else no Timer is made).
+        // SAFETY: `commands` is recording, the query exists, was reset by the host and is written once; the list's
+        // queue family has timestamps (else no Timer is made).
         unsafe {
             self.device.raw.cmd_write_timestamp(commands, vk::PipelineStageFlags::BOTTOM_OF_PIPE, raw, query);
         }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Collects what the Vulkan validation layer says.
 //!
-//! The layer calls back on whatever thread made the faulty call; messages are kept in a [`ValidationLog`] that outlives the
-//! [`Gpu`](crate::Gpu), so that leaks reported when the device is destroyed can be read too. Known false alarms are dropped by
-//! `SUPPRESSED`, each with its reason.
+//! The layer calls back on whatever thread made the faulty call; messages are kept in a [`ValidationLog`] that outlives
+//! the [`Gpu`](crate::Gpu), so that leaks reported when the device is destroyed can be read too. Known false alarms are
+//! dropped by `SUPPRESSED`, each with its reason.
 
 use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -81,12 +81,14 @@ unsafe extern "system" fn on_message(
     data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
     user_data: *mut c_void,
 ) -> vk::Bool32 {
-    // SAFETY: the layer passes null or a pointer that is valid during the call (VUID-PFN_vkDebugUtilsMessengerCallbackEXT).
+    // SAFETY: the layer passes null or a pointer that is valid during the call
+    // (VUID-PFN_vkDebugUtilsMessengerCallbackEXT).
     let Some(data) = (unsafe { data.as_ref() }) else {
         return vk::FALSE;
     };
     let messages = user_data.cast_const().cast::<Mutex<Vec<String>>>();
-    // SAFETY: `user_data` came from `Arc::as_ptr` of a log that the instance keeps alive, so a strong count is there to add to.
+    // SAFETY: `user_data` came from `Arc::as_ptr` of a log that the instance keeps alive, so a strong count is there to
+    // add to.
     unsafe { Arc::increment_strong_count(messages) };
     // SAFETY: the count added above is the one this Arc gives back when it is dropped.
     let messages = unsafe { Arc::from_raw(messages) };

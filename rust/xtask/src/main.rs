@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! `cargo xtask`: the one door of OocPT for people and CI.
 //!
-//! Each command sets up what it needs (system packages, wheel host, Python environments, build) and is quick when that is done. Answers go to
-//! stdout, everything else to stderr. Paths are in [`places`], the wheel host is described in [`host`].
+//! Each command sets up what it needs (system packages, wheel host, Python environments, build) and is quick when that
+//! is done. Answers go to stdout, everything else to stderr. Paths are in [`places`], the wheel host is described in
+//! [`host`].
 #![forbid(unsafe_code)]
 
+mod book;
 mod check;
 mod host;
 mod picture;
@@ -63,12 +65,14 @@ enum Task {
         /// Part of a test's name
         filter: Option<String>,
     },
-    /// Formatting, lints, documentation, crate graph, words, file lengths, C++ formatting
+    /// Formatting, lints, documentation, crate graph, words, lengths of files and lines, documents
     Check {
-        /// Only what needs no compiler: words, file lengths, crate graph, formatting
+        /// Only what needs no compiler: words, lengths, documents, crate graph, formatting
         #[arg(long)]
         fast: bool,
     },
+    /// Generate the tables of the documents, check links and paths, build the book into `target/book`
+    Book,
     /// Render the gallery's scenes and put them on one sheet, `build/gallery/gallery.jpg`
     #[command(disable_help_flag = true)]
     Gallery {
@@ -76,7 +80,8 @@ enum Task {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         arguments: Vec<OsString>,
     },
-    /// Make the references of the feature scenes anew with Mitsuba: `reference [to_mitsuba|check_answers|time_to_error] ...`
+    /// Make the references of the feature scenes anew with Mitsuba: `reference [to_mitsuba|check_answers|time_to_error]
+    /// ...`
     #[command(disable_help_flag = true)]
     Reference {
         /// A program of `tests/reference` and its arguments
@@ -118,6 +123,7 @@ fn perform(task: Task) -> Result<()> {
             system::prepare(system::For::Check)?;
             check::run_all(&places, if fast { check::Depth::Text } else { check::Depth::Compiled })
         }
+        Task::Book => book::make(&places),
         Task::Gallery { arguments } => {
             build(&places)?;
             picture::gallery(&places, &arguments)

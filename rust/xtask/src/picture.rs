@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Pictures to look at and to compare with: the gallery, and references made with Mitsuba 3.
 //!
-//! Mitsuba is a test tool in an environment of its own; nothing of the product and none of its tests needs it. The work is done by Python programs
-//! below `tests/gallery` and `tests/reference`; here they are given their interpreter and their paths.
+//! Mitsuba is a test tool in an environment of its own; nothing of the product and none of its tests needs it. The work
+//! is done by Python programs below `tests/gallery` and `tests/reference`; here they are given their interpreter and
+//! their paths.
 
 use std::ffi::OsString;
 use std::os::unix::process::CommandExt as _;
@@ -25,7 +26,8 @@ pub(crate) fn gallery(places: &Places, arguments: &[OsString]) -> Result<()> {
     Err(render.exec()).context("cannot start the gallery")
 }
 
-/// Becomes a program of `tests/reference`, `make_references` unless the first argument names one; the plugin need not be built.
+/// Becomes a program of `tests/reference`, `make_references` unless the first argument names one; the plugin need not
+/// be built.
 ///
 /// # Errors
 /// If the environment cannot be made, there is no LLVM, or no such program.
@@ -40,7 +42,8 @@ pub(crate) fn reference(places: &Places, interpreter: &Interpreter, arguments: &
     Err(reference.arg(script).args(rest).exec()).context("cannot start the reference renderer")
 }
 
-/// The program that the first argument names, and what is left for it; words with a dash are options of the default one.
+/// The program that the first argument names, and what is left for it; words with a dash are options of the default
+/// one.
 fn program_of(arguments: &[OsString]) -> (String, &[OsString]) {
     const PROGRAMS: &[&str] = &["make_references", "to_mitsuba", "check_answers", "time_to_error"];
     match arguments.split_first() {

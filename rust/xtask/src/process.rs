@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Child processes: run one, fail with the command line, keep stdout clean.
 //!
-//! `cargo xtask env` is evaluated by a shell, so nothing but its answer may reach stdout: children write to stderr unless they are captured.
+//! `cargo xtask env` is evaluated by a shell, so nothing but its answer may reach stdout: children write to stderr
+//! unless they are captured.
 
 use std::ffi::OsStr;
 use std::fmt::Display;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Builds the product: the Rust bridge with cargo, then the plugin with `CMake`; cargo and ninja decide what is out of date.
+//! Builds the product: the Rust bridge with cargo, then the plugin with `CMake`; cargo and ninja decide what is out of
+//! date.
 
 use std::env;
 use std::fs;
@@ -28,8 +29,8 @@ pub(crate) fn build_for_wheel(places: &Places, interpreter: &Interpreter) -> Res
     build_plugin_for_wheel(places, interpreter)
 }
 
-/// Builds every crate with its tests, the bridge of the plugin among them: one set of features, so that nothing is compiled twice, as it is when
-/// the bridge is built by itself first.
+/// Builds every crate with its tests, the bridge of the plugin among them: one set of features, so that nothing is
+/// compiled twice, as it is when the bridge is built by itself first.
 ///
 /// # Errors
 /// If cargo fails.
@@ -92,8 +93,8 @@ fn bridge_options(places: &Places, profile: &str) -> Vec<(String, String)> {
     ]
 }
 
-/// A cargo subcommand (`nextest run` is one, too) in the clone, by the same cargo that runs this; in CI (`CI` is set) it may
-/// not change `Cargo.lock`.
+/// A cargo subcommand (`nextest run` is one, too) in the clone, by the same cargo that runs this; in CI (`CI` is set)
+/// it may not change `Cargo.lock`.
 pub(crate) fn cargo(places: &Places, subcommand: &str) -> Command {
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo.current_dir(&places.repo).env("CARGO_TARGET_DIR", &places.target).args(subcommand.split(' '));
@@ -146,7 +147,8 @@ fn program_script(places: &Places, script: &str) -> String {
     let resources = shell_word(&path(&places.wheel_resources()));
     // -I: a PYTHONPATH that leads to another OpenUSD must not get into this process.
     format!(
-        "#!/bin/sh\n# Written by `cargo xtask build`.\nPXR_PLUGINPATH_NAME={resources}${{PXR_PLUGINPATH_NAME:+:$PXR_PLUGINPATH_NAME}}\n\
+        "#!/bin/sh\n# Written by `cargo xtask \
+        build`.\nPXR_PLUGINPATH_NAME={resources}${{PXR_PLUGINPATH_NAME:+:$PXR_PLUGINPATH_NAME}}\n\
          export PXR_PLUGINPATH_NAME\nexec {python} -I {runner} \"$@\"\n"
     )
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The environment in which `usdrecord --renderer OocPT` works: with an SDK (`OOCPT_USD_ROOT`) its own tools, else the wheel host's.
+//! The environment in which `usdrecord --renderer OocPT` works: with an SDK (`OOCPT_USD_ROOT`) its own tools, else the
+//! wheel host's.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -44,7 +45,8 @@ pub(crate) fn for_wheel(places: &Places) -> Vec<Setting> {
     settings
 }
 
-/// What the tests need to start other interpreters: one that imports the wheel host's `pxr`, one that imports usd-core's.
+/// What the tests need to start other interpreters: one that imports the wheel host's `pxr`, one that imports
+/// usd-core's.
 pub(crate) fn interpreters(places: &Places) -> Vec<Setting> {
     vec![
         Setting::Set("OOCPT_HOST_PYTHON", places.venv_python(HOST_VENV.name)),

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Runs every test: Rust by nextest (or cargo), Python each file in the interpreter it needs.
 //!
-//! `tests/host/**` runs in the wheel host's Python (`pxr` is Hydra's), all other Python tests in usd-core's; both see `OOCPT_HOST_PYTHON` and
-//! `OOCPT_USD_PYTHON` to start the other one, and `usdrecord` in `PATH`.
+//! `tests/host/**` runs in the wheel host's Python (`pxr` is Hydra's), all other Python tests in usd-core's; both see
+//! `OOCPT_HOST_PYTHON` and `OOCPT_USD_PYTHON` to start the other one, and `usdrecord` in `PATH`.
 //!
-//! Without a GPU the plugin is built and Python runs beside the Rust tests, which leave cores idle while they compile shaders; its lines begin
-//! with [`MARK`] then. On a GPU one after the other: two would share its memory. [`WITHOUT_GPU`] says what else differs.
+//! Without a GPU the plugin is built and Python runs beside the Rust tests, which leave cores idle while they compile
+//! shaders; its lines begin with [`MARK`] then. On a GPU one after the other: two would share its memory.
+//! [`WITHOUT_GPU`] says what else differs.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
@@ -24,8 +25,8 @@ use crate::{shell, system};
 const NOTHING_COLLECTED: i32 = 5;
 /// What a line of Python's begins with, where others stand between.
 const MARK: &str = "[python] ";
-/// Profiles of nextest and the threads that Mesa's software renderer has in them, besides the one that submits; none = as many as it likes. With a
-/// GPU one has all tests, without they share them (`.config/nextest.toml` says why).
+/// Profiles of nextest and the threads that Mesa's software renderer has in them, besides the one that submits; none =
+/// as many as it likes. With a GPU one has all tests, without they share them (`.config/nextest.toml` says why).
 type NextestProfile = (&'static str, Option<&'static str>);
 const ON_GPU: &[NextestProfile] = &[("default", None)];
 const WITHOUT_GPU: &[NextestProfile] = &[("software", Some("0")), ("software-threads", None)];

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What all cases do: render, compare with the f64 tracer, write rows. Whatever a render does wrong by itself (NaN, hang, error) is a row too.
+//! What all cases do: render, compare with the f64 tracer, write rows. Whatever a render does wrong by itself (NaN,
+//! hang, error) is a row too.
 
 #![expect(clippy::too_many_arguments, reason = "a comparison takes what is compared")]
 
@@ -232,10 +233,12 @@ pub(crate) fn mean(shot: &Shot) -> f64 {
     shot.color.iter().map(|color| f64::from(color[0])).sum::<f64>() / pixels
 }
 
-/// Rays this far beside a pixel's centre, in pixels, tell whether it is on an edge; farther where distances may be off by more.
+/// Rays this far beside a pixel's centre, in pixels, tell whether it is on an edge; farther where distances may be off
+/// by more.
 const BESIDE: f64 = 0.02;
 
-/// Compares distances through pixel centres. `edge`: pixels that are off by more than so many ulps are looked at for edges.
+/// Compares distances through pixel centres. `edge`: pixels that are off by more than so many ulps are looked at for
+/// edges.
 pub(crate) fn distances(tracer: &Tracer, eye: &Eye, shot: &Shot, edge: f64) -> Distances {
     let mut result = Distances { ulps: 0.0, wrong: 0, hits: 0 };
     let beside = BESIDE.max(2.0 * edge * ULP / eye.pixel());

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Stiff and extreme cases through the real renderer, each against a closed form or a small path tracer in f64 (`tracer`, which shares
-//! no code with the renderer), each with a bound. A run gives one [`Table`].
+//! Stiff and extreme cases through the real renderer, each against a closed form or a small path tracer in f64
+//! (`tracer`, which shares no code with the renderer), each with a bound. A run gives one [`Table`].
 //!
-//! A bound that does not hold stays in the table as MISSED, with the error as measured and an explanation, and may not get worse
-//! ([`Row::known`]); nothing is dropped and no bound is loosened for it. Every render of every case is looked through for NaN, Inf,
-//! errors, hangs.
+//! A bound that does not hold stays in the table as MISSED, with the error as measured and an explanation, and may not
+//! get worse ([`Row::known`]); nothing is dropped and no bound is loosened for it. Every render of every case is looked
+//! through for NaN, Inf, errors, hangs.
 //!
-//! Where: `tests/table.rs` is the test, `oocpt-extreme` the same as a program that runs on any machine with a Vulkan device
-//! and no file besides. Both render on the device that `OOCPT_TEST_DEVICE` (the program: `--device`) names.
+//! Where: `tests/table.rs` is the test, `oocpt-extreme` the same as a program that runs on any machine with a Vulkan
+//! device and no file besides. Both render on the device that `OOCPT_TEST_DEVICE` (the program: `--device`) names.
 #![forbid(unsafe_code)]
 
 mod build;

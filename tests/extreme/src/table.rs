@@ -90,7 +90,8 @@ impl Table {
         text
     }
 
-    /// How another device's table differs: rows of which `got` differs by more than `tolerance`, relative, or that only one has.
+    /// How another device's table differs: rows of which `got` differs by more than `tolerance`, relative, or that only
+    /// one has.
     #[must_use]
     pub fn against(&self, other: &Self, tolerance: f64) -> String {
         let mut text = format!("{}  against  {}\n", self.device, other.device);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The table on the device that `OOCPT_TEST_DEVICE` names, with the validation layer on. `OOCPT_EXTREME_FULL=1`: with all rays.
+//! The table on the device that `OOCPT_TEST_DEVICE` names, with the validation layer on. `OOCPT_EXTREME_FULL=1`: with
+//! all rays.
 #![forbid(unsafe_code)]
 
 use oocpt_extreme::{Options, run};

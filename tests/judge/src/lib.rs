@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The judge: a plain f64 CPU renderer and the tests that compare OocPT's pictures with its own.
 //!
-//! It reads the same [`oocpt_core`] snapshot as the product, but shares no traversal, sampling or camera code with it: every
-//! placement is multiplied out to world triangles, searched by a median-split BVH in f64, and camera rays come from the
-//! inverse of the projection matrix. It is slow and holds everything in memory, on purpose. Test code only; any thread.
+//! It reads the same [`oocpt_core`] snapshot as the product, but shares no traversal, sampling or camera code with it:
+//! every placement is multiplied out to world triangles, searched by a median-split BVH in f64, and camera rays come
+//! from the inverse of the projection matrix. It is slow and holds everything in memory, on purpose. Test code only;
+//! any thread.
 //!
 //! ```text
 //! Snapshot -> World::flatten -> first_hits (depth, ids, normals; exact)      -> compare_exact

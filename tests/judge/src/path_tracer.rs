@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! A plain path tracer: the definition of light transport that OocPT's pictures are held to.
 //!
-//! Lambert surfaces lit by constant domes (found by cosine-sampled rays that escape) and distant lights (by shadow rays).
-//! With a shading normal the cosine lobe is about that one, and what of it falls below the true surface is mirrored at it, so
-//! that no light is lost. Albedo is clamped to `[0, 1]`.
-//! `displayOpacity` is the chance that a crossing stops a ray of any kind. A path has one camera hit and at most
-//! `max_bounces` further ones; each of them gathers the light that reaches it directly. No Russian roulette, no MIS: slow, but
-//! there is little to get wrong. Colour is premultiplied; alpha is 1 where the camera ray stops or sees a visible dome.
+//! Lambert surfaces lit by constant domes (found by cosine-sampled rays that escape) and distant lights (by shadow
+//! rays). With a shading normal the cosine lobe is about that one, and what of it falls below the true surface is
+//! mirrored at it, so that no light is lost. Albedo is clamped to `[0, 1]`. `displayOpacity` is the chance that a
+//! crossing stops a ray of any kind. A path has one camera hit and at most `max_bounces` further ones; each of them
+//! gathers the light that reaches it directly. No Russian roulette, no MIS: slow, but there is little to get wrong.
+//! Colour is premultiplied; alpha is 1 where the camera ray stops or sees a visible dome.
 
 use glam::{DVec2, DVec3, DVec4};
 use oocpt_core::camera::Camera;
@@ -161,7 +161,8 @@ impl Tracer<'_> {
     }
 }
 
-/// Reflection of a white surface: cosine over pi about the shading normal, mirrored up where it falls below the surface.
+/// Reflection of a white surface: cosine over pi about the shading normal, mirrored up where it falls below the
+/// surface.
 struct Lobe {
     geometric: DVec3,
     shading: DVec3,

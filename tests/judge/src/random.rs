@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `SplitMix64` (Steele, Lea, Flood 2014): independent random numbers, nothing in common with the product's Sobol points.
+//! `SplitMix64` (Steele, Lea, Flood 2014): independent random numbers, nothing in common with the product's Sobol
+//! points.
 
 use std::f64::consts::TAU;
 

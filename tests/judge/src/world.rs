@@ -37,7 +37,8 @@ pub struct World {
 pub struct WorldHit {
     /// Distance in units of the ray's direction.
     pub t: f64,
-    /// Distance of the next other triangle on the ray, infinite if there is none. A tiny gap means a tie that f32 may break otherwise.
+    /// Distance of the next other triangle on the ray, infinite if there is none. A tiny gap means a tie that f32 may
+    /// break otherwise.
     pub runner_up: f64,
     u: f64,
     v: f64,

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The verdict on a Monte Carlo picture: a z-test of every pixel against a reference with known variance.
 //!
-//! Method of Mitsuba 3's `test_renders.py` (Jakob et al.; after Subr and Arvo 2007): two-sided z-test per pixel and channel,
-//! significance level corrected for the number of pixels after Sidak (1967), accepted if at least 99.75 % of the pixels pass.
-//! To that comes one test of the mean of the whole picture, which sees a small bias that no single pixel can show.
+//! Method of Mitsuba 3's `test_renders.py` (Jakob et al.; after Subr and Arvo 2007): two-sided z-test per pixel and
+//! channel, significance level corrected for the number of pixels after Sidak (1967), accepted if at least 99.75 % of
+//! the pixels pass. To that comes one test of the mean of the whole picture, which sees a small bias that no single
+//! pixel can show.
 
 use std::path::Path;
 

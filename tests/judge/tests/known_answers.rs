@@ -206,7 +206,8 @@ fn bounces_between_two_walls_form_a_geometric_series() {
     let world = World::flatten(&snapshot).unwrap();
     let options = PathTracerOptions { samples: 20_000, max_bounces: 40, ..Default::default() };
     let mean = path_trace(&world, &snapshot, &camera(2), &options).unwrap().mean.mean()[0];
-    // f = albedo * (half + half * c), c = albedo * f (the ceiling's lower side sees only the floor): f = 0.25 / (1 - 0.125).
+    // f = albedo * (half + half * c), c = albedo * f (the ceiling's lower side sees only the floor): f = 0.25 / (1 -
+    // 0.125).
     let expected = 0.25 / 0.875;
     assert!((mean - expected).abs() < 2e-3, "{mean} instead of {expected}");
 }

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The gallery: one module per scene, each with `build(stage, folder, options)`, which fills a y-up stage in metres and writes pictures beside it.
+"""The gallery: one module per scene, each with `build(stage, folder, options)`, which fills a y-up stage in metres and
+writes pictures beside it.
 
 Nothing made is committed: `cargo xtask gallery` writes and renders all of them, and
 

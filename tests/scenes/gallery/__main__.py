@@ -12,7 +12,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="gallery")
     parser.add_argument("out", type=pathlib.Path, help="folder to write to; each scene gets one below it")
     parser.add_argument("--only", action="append", choices=NAMES, help="this scene; may be given more than once")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME.OPTION=VALUE", help="an option of a scene, for example woods.kinds=64")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="NAME.OPTION=VALUE",
+        help="an option of a scene, for example woods.kinds=64",
+    )
     arguments = parser.parse_args()
     options: dict[str, dict] = {}
     for text in arguments.set:

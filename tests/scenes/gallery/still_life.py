@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Spheres of five roughnesses, dielectric and metal, on boards under a sky with a sun: textured dome, roughness x metallic."""
+"""Spheres of five roughnesses, dielectric and metal, on boards under a sky with a sun: textured dome, roughness x
+metallic."""
 
 import images
 import parts
@@ -24,7 +25,9 @@ def build(stage, folder, options):
     shading.bind(solids.ground(stage, "/World/Table", 70.0, 20.0), boards)
     for row, (name, metallic, base) in enumerate(ROWS):
         for column, value in enumerate(ROUGHNESS):
-            look = shading.material(stage, f"/World/Looks/{name}{column}", diffuseColor=base, metallic=metallic, roughness=value)
+            look = shading.material(
+                stage, f"/World/Looks/{name}{column}", diffuseColor=base, metallic=metallic, roughness=value
+            )
             ball = solids.sphere(stage, f"/World/{name}{column}", 0.46, 32)
             solids.put(ball, (1.04 * column - 2.08 + 0.3 * (row - 1) + 0.25, 0.46, 1.3 - 1.3 * row))
             shading.bind(ball, look)

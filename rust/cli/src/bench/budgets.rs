@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the benches of budgets share: one session whose scene is rendered in core and under budgets, each under some policies. A budget may be
-//! too small for the largest chunk; such a row fails by itself, and the bench at its end.
+//! What the benches of budgets share: one session whose scene is rendered in core and under budgets, each under some
+//! policies. A budget may be too small for the largest chunk; such a row fails by itself, and the bench at its end.
 
 use anyhow::{Result, bail, ensure};
 use oocpt_core::settings::Value;
@@ -25,7 +25,8 @@ pub(crate) fn check(budgets: &[f64]) -> Result<()> {
     Ok(())
 }
 
-/// Sets what holds for all rows: all device memory in MiB and the size of chunks in KiB, each as it is by itself where it is 0.
+/// Sets what holds for all rows: all device memory in MiB and the size of chunks in KiB, each as it is by itself where
+/// it is 0.
 pub(crate) fn limit(session: &Session, memory_mib: u32, chunk_kib: u32) -> Result<()> {
     session.set_setting("oocpt:memoryBudget", Value::Int(memory_mib.into()))?;
     if chunk_kib > 0 {
@@ -44,7 +45,8 @@ pub(crate) fn set(session: &Session, percent: f64, bytes: u64, policy: &str) -> 
     Ok(budget)
 }
 
-/// Measures the row of every budget under every policy and prints it; `measure` is told the first row too, once there is one.
+/// Measures the row of every budget under every policy and prints it; `measure` is told the first row too, once there
+/// is one.
 pub(crate) fn each<Row>(
     budgets: &[f64],
     policies: &[String],

@@ -149,8 +149,8 @@ pub(crate) struct Runs {
     pub(crate) different_pixels: u64,
 }
 
-/// Measures a render of `size` that was asked for already: it is waited for and not counted, unless `is_cold`, then `count` runs are. Each
-/// picture is compared with `reference`; if that is empty, the first one becomes it.
+/// Measures a render of `size` that was asked for already: it is waited for and not counted, unless `is_cold`, then
+/// `count` runs are. Each picture is compared with `reference`; if that is empty, the first one becomes it.
 pub(crate) fn measure(
     session: &Session,
     size: [u32; 2],
@@ -249,7 +249,8 @@ pub(crate) fn all_images() -> Vec<AovRequest> {
     AovKind::ALL.into_iter().map(|kind| AovRequest { kind, clear: [0.0; 4] }).collect()
 }
 
-/// Writes the colour image: linear floats with attributes that tell how it was made where the name ends in `.exr`, else 8-bit sRGB.
+/// Writes the colour image: linear floats with attributes that tell how it was made where the name ends in `.exr`, else
+/// 8-bit sRGB.
 pub(crate) fn write_picture(session: &Session, size: [u32; 2], path: &Path) -> Result<()> {
     let [width, height] = size.map(|side| side as usize);
     let mut pixels = vec![0_f32; width * height * 4];

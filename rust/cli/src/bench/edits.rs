@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt bench edits`: a live session in which some of N instances move: what does an edit cost, and does it depend on N?
+//! `oocpt bench edits`: a live session in which some of N instances move: what does an edit cost, and does it depend on
+//! N?
 
 use anyhow::{Context, Result, ensure};
 use oocpt_core::array::TypedArray;

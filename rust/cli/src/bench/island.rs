@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt bench island`: the same picture of the island under shrinking geometry budgets and every policy, in one process
-//! on one device. The first row is in core; all other rows must give its picture bit for bit.
+//! `oocpt bench island`: the same picture of the island under shrinking geometry budgets and every policy, in one
+//! process on one device. The first row is in core; all other rows must give its picture bit for bit.
 //!
-//! Each row is rendered once to warm up (unless `--cold`), then `--runs` times; its counters are those of the median run.
+//! Each row is rendered once to warm up (unless `--cold`), then `--runs` times; its counters are those of the median
+//! run.
 
 mod table;
 
@@ -62,7 +63,8 @@ pub(crate) struct Arguments {
     /// Also write the picture to this file: PNG (sRGB), or EXR with how it was made.
     #[arg(long)]
     picture: Option<PathBuf>,
-    /// Also render the last good row once more and write its chunk report to this file (`oocpt report chunks` draws it).
+    /// Also render the last good row once more and write its chunk report to this file (`oocpt report chunks` draws
+    /// it).
     #[arg(long)]
     chunk_report: Option<PathBuf>,
     #[command(flatten)]

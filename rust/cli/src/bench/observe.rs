@@ -11,8 +11,8 @@ use super::common::finish;
 /// Options of every bench that renders.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct Observe {
-    /// Renders once more with a report of error against time to this file (`oocpt report plot` draws it); of a bench with several rows,
-    /// one file for each, with the row's name before the extension.
+    /// Renders once more with a report of error against time to this file (`oocpt report plot` draws it); of a bench
+    /// with several rows, one file for each, with the row's name before the extension.
     #[arg(long)]
     pub(crate) report: Option<PathBuf>,
     /// EXR picture for that report to compare with.

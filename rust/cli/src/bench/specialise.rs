@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt bench specialise`: what leaving out saves. Each scene is rendered by passes that are compiled for it, and by passes that carry
-//! what it does not need, in turn, in one process on one device. All builds have to give the same picture bit for bit.
+//! `oocpt bench specialise`: what leaving out saves. Each scene is rendered by passes that are compiled for it, and by
+//! passes that carry what it does not need, in turn, in one process on one device. All builds have to give the same
+//! picture bit for bit.
 //!
-//! Builds: `own`; `features`, every feature that can be compiled in without another picture, all images and their memory (materials and the
-//! light table are other estimators and are not carried where a scene has none); `everything`, with passes and memory for the deepest
-//! nesting as well; with `--each`, every such feature by itself; with `--streaming`, the scene streamed though it fits. Each build has a
-//! session of its own, is rendered once to warm up, then all builds of a scene in turn, `--runs` times.
+//! Builds: `own`; `features`, every feature that can be compiled in without another picture, all images and their
+//! memory (materials and the light table are other estimators and are not carried where a scene has none);
+//! `everything`, with passes and memory for the deepest nesting as well; with `--each`, every such feature by itself;
+//! with `--streaming`, the scene streamed though it fits. Each build has a session of its own, is rendered once to warm
+//! up, then all builds of a scene in turn, `--runs` times.
 
 use anyhow::{Context, Result, ensure};
 use oocpt_core::inventory::Inventory;

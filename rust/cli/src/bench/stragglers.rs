@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt bench stragglers`: what roulette on loads (`oocpt:stragglerRoulette`) gains. The island under small geometry budgets, each without
-//! and with it, in one process on one device: seconds, loads, and the true error against a picture in core with more samples; and when
-//! how many of the paths were left (the table of L. Berchtold's thesis, 2022), with loads and bytes until then.
+//! `oocpt bench stragglers`: what roulette on loads (`oocpt:stragglerRoulette`) gains. The island under small geometry
+//! budgets, each without and with it, in one process on one device: seconds, loads, and the true error against a
+//! picture in core with more samples; and when how many of the paths were left (the table of L. Berchtold's thesis,
+//! 2022), with loads and bytes until then.
 //!
-//! Each row is rendered once to warm up, then once with each of `--runs` seeds; its table of paths left is that of the run with the median time.
+//! Each row is rendered once to warm up, then once with each of `--runs` seeds; its table of paths left is that of the
+//! run with the median time.
 
 mod table;
 

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt bench textures`: the woods in core, and under budgets that their geometry and their textures each exceed, under every
-//! policy, in one process on one device. All rows must give the first one's picture bit for bit.
+//! `oocpt bench textures`: the woods in core, and under budgets that their geometry and their textures each exceed,
+//! under every policy, in one process on one device. All rows must give the first one's picture bit for bit.
 //!
-//! A budget of 25 % is a quarter of the lesser of geometry and textures: each of the two is at least four times what is there
-//! for both together. Each row is rendered once to warm up, then `--runs` times; its counters are those of the median run.
+//! A budget of 25 % is a quarter of the lesser of geometry and textures: each of the two is at least four times what is
+//! there for both together. Each row is rendered once to warm up, then `--runs` times; its counters are those of the
+//! median run.
 
 mod table;
 
@@ -47,7 +48,8 @@ pub(crate) struct Arguments {
     /// Policies of the rows below 100.
     #[arg(long, value_delimiter = ',', default_value = "benefit,priority,sweep")]
     policies: Vec<String>,
-    /// Chunk size, KiB; 0 = the renderer's default. A chunk may need up to 64 times that, so the default here suits the default woods.
+    /// Chunk size, KiB; 0 = the renderer's default. A chunk may need up to 64 times that, so the default here suits the
+    /// default woods.
     #[arg(long, default_value_t = 256)]
     chunk_size: u32,
     /// Hard limit of all device memory, MiB; 0 = automatic.

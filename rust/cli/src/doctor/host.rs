@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Asks a Hydra host what a USD file needs: `usdrecord` renders a tiny picture of it, and the renderer's own report (`oocpt:report`) says
-//! what that was made of. So a file goes the way that it goes in every host: composition, scene index, delegate.
+//! Asks a Hydra host what a USD file needs: `usdrecord` renders a tiny picture of it, and the renderer's own report
+//! (`oocpt:report`) says what that was made of. So a file goes the way that it goes in every host: composition, scene
+//! index, delegate.
 //!
-//! The file comes from strangers. It is handed over as an absolute path, in an environment of the user's; the host is ended after a time;
-//! of its output only the end is shown; the report is read with the bounds of all reports.
+//! The file comes from strangers. It is handed over as an absolute path, in an environment of the user's; the host is
+//! ended after a time; of its output only the end is shown; the report is read with the bounds of all reports.
 
 use crate::host::{tail, warnings};
 use anyhow::{Context, Result, bail};
@@ -94,7 +95,8 @@ pub(super) fn ask(question: &Question<'_>) -> Result<Answer> {
         bail!("the host could not render {}: {said}", file.display());
     }
     let mut renders = ErrorReport::read_all(&report).with_context(|| {
-        "the host rendered without a report: its OocPT is older than this program, or the file's render settings name another \
+        "the host rendered without a report: its OocPT is older than this program, or the file's render settings name \
+        another \
          one (oocpt:report)"
             .to_owned()
     })?;
@@ -166,9 +168,11 @@ mod tests {
         let program = script(
             "reports",
             "test \"$OOCPT_CARRY\" = \"\" && test \"$OOCPT_SAMPLES_PER_PIXEL\" = 1 || exit 1\n\
-             echo '{\"oocptErrorReport\":1,\"renderer\":\"r\",\"device\":\"d\",\"width\":4,\"height\":3,\"samplesTarget\":1,\
+             echo \
+             '{\"oocptErrorReport\":1,\"renderer\":\"r\",\"device\":\"d\",\"width\":4,\"height\":3,\"samplesTarget\":1,\
              \"maxBounces\":0,\"seed\":0,\"geometryBudgetKib\":0,\"reference\":\"\"}' > \"$OOCPT_REPORT\"\n\
-             echo Camera: /A; for i in 1 2; do echo 'Warning: in F at line 3 of a.cpp -- OocPT: /A: bad data' >&2; done\n\
+             echo Camera: /A; for i in 1 2; do echo 'Warning: in F at line 3 of a.cpp -- OocPT: /A: bad data' >&2; \
+             done\n\
              echo No camera >&2\n",
         );
         let Answer { report, warnings } = ask(&question(&program, program.as_os_str())).expect("a report");

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt doctor --scene S`: what a scene needs of the renderer and what was left out for it, beside the build that carries everything
-//! that can be carried without another picture.
+//! `oocpt doctor --scene S`: what a scene needs of the renderer and what was left out for it, beside the build that
+//! carries everything that can be carried without another picture.
 //!
-//! A generated scene is rendered here; a USD file by a Hydra host ([`super::host`]), so that what is told is what a host's renders are
-//! made of. Bytes and pipelines are exact for a picture of this size; for times see `oocpt bench specialise`.
+//! A generated scene is rendered here; a USD file by a Hydra host ([`super::host`]), so that what is told is what a
+//! host's renders are made of. Bytes and pipelines are exact for a picture of this size; for times see `oocpt bench
+//! specialise`.
 
 use super::host::{self, Answer, Question};
 use super::table;

@@ -49,8 +49,8 @@ impl Boxes {
         Self { boxes, bvh, camera: report.camera, width: f64::from(report.width.max(1)) }
     }
 
-    /// The nearest boxes that the ray through `(x, y)`, in pixels from the lower left corner, enters from outside, near to
-    /// far. Boxes around the camera are left out: they would cover everything.
+    /// The nearest boxes that the ray through `(x, y)`, in pixels from the lower left corner, enters from outside, near
+    /// to far. Boxes around the camera are left out: they would cover everything.
     pub(crate) fn enter(&self, x: f64, y: f64) -> Vec<Entry> {
         let at =
             |base: [f64; 3], dx: [f64; 3], dy: [f64; 3]| DVec3::from(base) + x * DVec3::from(dx) + y * DVec3::from(dy);

@@ -124,7 +124,8 @@ impl Chart {
     /// As SVG.
     pub(crate) fn svg(&self) -> String {
         let mut text = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" font-family=\"sans-serif\" font-size=\"13\">\n\
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" font-family=\"sans-serif\" \
+            font-size=\"13\">\n\
              <rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"{}\"/>\n",
             hex(PAPER)
         );
@@ -133,7 +134,8 @@ impl Chart {
             _ = match shape {
                 Shape::Line { from: [x0, y0], to: [x1, y1], width, color } => writeln!(
                     text,
-                    "<line x1=\"{x0:.2}\" y1=\"{y0:.2}\" x2=\"{x1:.2}\" y2=\"{y1:.2}\" stroke=\"{}\" stroke-width=\"{width}\"/>",
+                    "<line x1=\"{x0:.2}\" y1=\"{y0:.2}\" x2=\"{x1:.2}\" y2=\"{y1:.2}\" stroke=\"{}\" \
+                    stroke-width=\"{width}\"/>",
                     hex(color)
                 ),
                 Shape::Text { at: [x, y], text: words, color, anchor } => writeln!(

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt report plot`: draws error against time of the reports that `oocpt:report` made, and tells the time to given errors.
+//! `oocpt report plot`: draws error against time of the reports that `oocpt:report` made, and tells the time to given
+//! errors.
 //!
-//! Of each file the last render counts. The error is the true relMSE where there is a reference, else the estimate with its
-//! interval. The dashed line falls as the inverse of the time from the last row on: relMSE is a squared error, so that is the slope -1/2
-//! of the root.
+//! Of each file the last render counts. The error is the true relMSE where there is a reference, else the estimate with
+//! its interval. The dashed line falls as the inverse of the time from the last row on: relMSE is a squared error, so
+//! that is the slope -1/2 of the root.
 
 use super::chart::{Chart, Curve};
 use anyhow::{Context, Result};
@@ -67,7 +68,8 @@ fn chart(reports: &[(String, ErrorReport)]) -> Chart {
     Chart { curves, x_title: "seconds tracing", y_title: "relMSE" }
 }
 
-/// Seconds at which the error falls to `target` for good, between two rows as a straight line of the logarithms; none if it never does.
+/// Seconds at which the error falls to `target` for good, between two rows as a straight line of the logarithms; none
+/// if it never does.
 pub(crate) fn time_to(rows: &[ErrorRow], target: f64) -> Option<f64> {
     let points: Vec<[f64; 4]> = rows.iter().filter_map(point).collect();
     let last_above = points.iter().rposition(|p| p[1] > target);
@@ -81,8 +83,8 @@ pub(crate) fn time_to(rows: &[ErrorRow], target: f64) -> Option<f64> {
     }
 }
 
-/// The table: samples, seconds, estimate and what a reference says at the end, and the seconds to each target: of the true error where
-/// there is a reference.
+/// The table: samples, seconds, estimate and what a reference says at the end, and the seconds to each target: of the
+/// true error where there is a reference.
 fn table(reports: &[(String, ErrorReport)]) -> String {
     let mut text =
         format!("{:<24}{:>9}{:>11}{:>12}{:>25}", "report", "samples", "seconds", "estimate", "95 % interval");

@@ -2,8 +2,9 @@
 //! `oocpt report plot`: see [`error_plot`]. `oocpt report picture`: see [`picture`]. `oocpt report chunks`: draws what
 //! `oocpt:chunkReport` wrote.
 //!
-//! `loads.png` and `rays.png` show the boxes of all chunk instances from the render's camera, coloured by the chunk's loads
-//! and by the rays that visited it, on a logarithmic scale; grey is zero. `progress.txt` says how the paths ran out.
+//! `loads.png` and `rays.png` show the boxes of all chunk instances from the render's camera, coloured by the chunk's
+//! loads and by the rays that visited it, on a logarithmic scale; grey is zero. `progress.txt` says how the paths ran
+//! out.
 
 mod boxes;
 mod chart;
@@ -131,7 +132,8 @@ fn summary(report: &ChunkReport) -> String {
     let never = chunks.iter().filter(|chunk| chunk.loads == 0).count();
     let resident = chunks.iter().filter(|chunk| chunk.is_resident).count();
     let mut text = format!(
-        "{} chunks of {} MiB (what they share counted for each), {} chunk instances; {never} never loaded, {resident} resident \
+        "{} chunks of {} MiB (what they share counted for each), {} chunk instances; {never} never loaded, {resident} \
+        resident \
          at the end\n",
         chunks.len(),
         sum(|chunk| chunk.bytes) >> 20,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt report picture`: how a picture was made. EXR files that our own programs write say it in their attributes; for those that a
-//! host writes, the report that `oocpt:report` named stands beside them, and its last render is told in the same words.
+//! `oocpt report picture`: how a picture was made. EXR files that our own programs write say it in their attributes;
+//! for those that a host writes, the report that `oocpt:report` named stands beside them, and its last render is told
+//! in the same words.
 
 use anyhow::{Context, Result, ensure};
 use oocpt_core::stats::ErrorRow;

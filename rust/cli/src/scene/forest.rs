@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The forest bench scene, made straight into the core: displaced spheres scattered over a hilly terrain.
 //!
-//! It is the scene of the project's reference figures: `instances` placements of 16 meshes of 10 000 triangles each on a
-//! terrain of 100 352 triangles, a constant dome, every surface diffuse with albedo 0.5.
+//! It is the scene of the project's reference figures: `instances` placements of 16 meshes of 10 000 triangles each on
+//! a terrain of 100 352 triangles, a constant dome, every surface diffuse with albedo 0.5.
 
 use anyhow::Result;
 use glam::{DMat4, DQuat, DVec3, DVec4};

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The forest by night: the same ground and blobs, lit by small lamps of every shape that stand between them, some of them shaped.
+//! The forest by night: the same ground and blobs, lit by small lamps of every shape that stand between them, some of
+//! them shaped.
 
 use anyhow::Result;
 use glam::{DMat4, DVec3};

@@ -35,7 +35,8 @@ enum Command {
         /// A Python that imports usd-core and numpy, as `cargo xtask env` names it.
         #[arg(long, env = "OOCPT_USD_PYTHON", hide_env_values = true)]
         python: Option<OsString>,
-        /// Has the scene ask every host that renders it for a report of error against time in this file (`oocpt:report`).
+        /// Has the scene ask every host that renders it for a report of error against time in this file
+        /// (`oocpt:report`).
         #[arg(long)]
         report: Option<PathBuf>,
     },

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Prims to a USD file: raw arrays and a table of contents in a temporary folder, from which `tests/scenes/island.py` makes
-//! the stage in a Python that has usd-core.
+//! Prims to a USD file: raw arrays and a table of contents in a temporary folder, from which `tests/scenes/island.py`
+//! makes the stage in a Python that has usd-core.
 
 use anyhow::{Context, Result, bail};
 use glam::DMat4;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The woods: a forest whose trees each have a mesh and pictures of their own, so that geometry and textures grow together.
+//! The woods: a forest whose trees each have a mesh and pictures of their own, so that geometry and textures grow
+//! together.
 //!
-//! A tree is a cone of displaced quads with a colour and a surface picture, and cards of leaves that a third picture cuts out. Trees
-//! stand on the ground of the forest bench, those of a kind together, under a dome and a sun.
+//! A tree is a cone of displaced quads with a colour and a surface picture, and cards of leaves that a third picture
+//! cuts out. Trees stand on the ground of the forest bench, those of a kind together, under a dome and a sun.
 
 use anyhow::{Result, ensure};
 use glam::{DQuat, DVec3};
@@ -26,7 +27,8 @@ pub(crate) struct Parameters {
     /// Cards of leaves of a tree.
     #[arg(long, default_value_t = 400)]
     pub(crate) cards: u32,
-    /// Side of the two pictures of a body, texels; the leaves' are half as wide. A tree has 12 bytes for each square texel of it.
+    /// Side of the two pictures of a body, texels; the leaves' are half as wide. A tree has 12 bytes for each square
+    /// texel of it.
     #[arg(long, default_value_t = 256)]
     pub(crate) texture_size: u32,
     /// Trees that stand there.

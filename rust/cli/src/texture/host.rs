@@ -188,7 +188,8 @@ mod tests {
         let script = "[ \"$1 $2 $3 $OOCPT_TEXTURE_CACHE\" = 'info --jobs 3 /c' ] || exit 7\n\
                       read -r first; [ \"$first\" = '[\"/a \\\"b\\\".png\",\"raw\"]' ] || exit 8\n\
                       echo a library greets; echo '{\"files\": 2}'\n\
-                      echo '{\"file\": \"/b.png\", \"error\": \"cannot be found\"}'; echo '{\"file\": \"/a.png\", \"levels\": 3}'";
+                      echo '{\"file\": \"/b.png\", \"error\": \"cannot be found\"}'; echo '{\"file\": \"/a.png\", \
+                      \"levels\": 3}'";
         let (heard, result) = hear("answers", script);
         result.expect("all are answered");
         assert_eq!(heard, ["2", "/b.png Some(\"cannot be found\")", "/a.png None"], "in its order");

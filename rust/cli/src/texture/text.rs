@@ -64,8 +64,10 @@ mod tests {
             ..Answer::default()
         };
         let text = describe(&answer);
-        let expected = "/a.png\n    size          8 x 4, levels: 1, not tiled\n    texels        3 channels of u8\n    color space   sRGB: the file says sRGB \
-                        (sourceColorSpace auto)\n    cache         all levels, 3.0 MiB\n    key           k\n    entry         /c/x.tx\n";
+        let expected = "/a.png\n    size          8 x 4, levels: 1, not tiled\n    texels        3 channels of \
+        u8\n    color space   sRGB: the file says sRGB \
+                        (sourceColorSpace auto)\n    cache         all levels, 3.0 MiB\n    key           k\n    \
+                        entry         /c/x.tx\n";
         assert_eq!(text, expected, "without control characters");
         let with = |cache: Entry| state(&Answer { cache, ..answer.clone() });
         assert_eq!(with(Entry { bytes: None, first_level: None, ..answer.cache.clone() }), "nothing yet", "no entry");

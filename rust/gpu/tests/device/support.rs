@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the tests share: an opened device that checks its validation log at the end, shaders compiled on the spot, plain casts.
+//! What the tests share: an opened device that checks its validation log at the end, shaders compiled on the spot,
+//! plain casts.
 
 use std::ops::Deref;
 use std::path::{Path, PathBuf};

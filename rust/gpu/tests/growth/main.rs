@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Many cycles of making and dropping do not grow the process. A program of its own with one test, because it reads the memory of the
-//! whole process.
+//! Many cycles of making and dropping do not grow the process. A program of its own with one test, because it reads the
+//! memory of the whole process.
 
 #[path = "../device/support.rs"]
 #[allow(dead_code, reason = "shared with the other test program, which uses the rest")]

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Everything that can be judged without running the product. Shaders are compiled and validated by the build of `oocpt-shader-abi`, which clippy drives.
+//! Everything that can be judged without running the product. Shaders are compiled and validated by the build of
+//! `oocpt-shader-abi`, which clippy drives.
 
+mod columns;
 mod graph;
 mod text;
 
@@ -9,6 +11,7 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result, bail};
 
+use crate::book;
 use crate::places::Places;
 use crate::process::{capture, run, say};
 use crate::product::{PROFILE, cargo};
@@ -30,6 +33,8 @@ type Step = (Depth, &'static str, fn(&Places) -> Result<()>);
 
 const STEPS: &[Step] = &[
     (Depth::Text, "words and lengths", text::check),
+    (Depth::Text, "columns", columns::check),
+    (Depth::Text, "documents", book::check),
     (Depth::Text, "crate graph", graph::check),
     (Depth::Text, "rustfmt", rustfmt),
     (Depth::Text, "clang-format", clang_format),
@@ -94,7 +99,7 @@ fn is_cpp(file: &str) -> bool {
 }
 
 /// Files of the clone that git knows or would take, with forward slashes, relative to the root.
-fn tracked_files(places: &Places) -> Result<Vec<String>> {
+pub(crate) fn tracked_files(places: &Places) -> Result<Vec<String>> {
     let mut git = Command::new("git");
     git.current_dir(&places.repo).args(["ls-files", "-z", "--cached", "--others", "--exclude-standard"]);
     let listed = capture(&mut git).context("the checks need a git clone")?;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What every source file must and must not contain: licence line, length, words that mean "not finished", paths of one machine, unsafe code out of its place.
+//! What every source file must and must not contain: licence line, length, words that mean "not finished", paths of one
+//! machine, unsafe code out of its place.
 
 use std::fs;
 
@@ -14,7 +15,8 @@ const LONG: usize = 400;
 /// Longest file that passes at all.
 const TOO_LONG: usize = 450;
 
-/// Words that may not stand alone; one with an issue number behind it (`WORD(#12)`) may. Written in halves so that this file passes.
+/// Words that may not stand alone; one with an issue number behind it (`WORD(#12)`) may. Written in halves so that this
+/// file passes.
 const UNFINISHED: &[&str] = &[concat!("TO", "DO"), concat!("FIX", "ME"), concat!("XX", "X"), concat!("HA", "CK")];
 
 /// Where unsafe code lives: the Vulkan crate and the bridge's side of the C++ boundary.

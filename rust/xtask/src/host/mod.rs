@@ -4,8 +4,8 @@
 //! ```text
 //! $OOCPT_CACHE/                       default ~/.cache/oocpt
 //!   downloads/*.whl                   as downloaded; checked against the pins on every use
-//!   host-25.08/                       appears at once, finished (atomic rename); `.stamp` names the pins it was made from
-//!     python/bpy/lib/libusd_ms.so     the runtime, with its libraries and lib/usd plugins, in the wheel's own relative places
+//!   host-25.08/                       appears at once, finished (atomic rename); `.stamp` names its pins
+//!     python/bpy/lib/libusd_ms.so     the runtime, its libraries and lib/usd plugins, placed as in the wheel
 //!     python/bpy/5.0/python/lib/python3.11/site-packages/{pxr,OpenImageIO,PyOpenColorIO}
 //!     dev/pxr-{tf,gf,...}/include     the header wheels, untouched
 //!     include/pxr/{tf,gf,...}         symlinks into dev/, as the headers name each other
@@ -14,11 +14,12 @@
 //!   venv-pip/                         pip to download with, made only when something must be downloaded
 //!   venv-host/                        Python 3.11 that imports `pxr` of the host; numpy, pytest
 //!   venv-usd/                         Python 3.11 with usd-core, to author scenes; numpy, pytest, OpenEXR, Pillow,
-//! OpenImageIO, tifffile
+//!                                     OpenImageIO, tifffile
 //!   venv-reference/                   the same with Mitsuba 3, made only when references are
 //! ```
-//! `include/` has neither `pxr/pxr.h` nor `pxr/imaging`: those are ours, under `cpp/abi/25.08`. The host and usd-core never share a process.
-//! Only what OpenUSD needs is unpacked (about 350 MB of 840). The wheel is a tool that the user's machine downloads; nothing of it is ever redistributed.
+//! `include/` has neither `pxr/pxr.h` nor `pxr/imaging`: those are ours, under `cpp/abi/25.08`. The host and usd-core
+//! never share a process. Only what OpenUSD needs is unpacked (about 350 MB of 840). The wheel is a tool that the
+//! user's machine downloads; nothing of it is ever redistributed.
 
 mod python;
 mod wheels;

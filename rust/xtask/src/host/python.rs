@@ -73,7 +73,8 @@ impl Places {
     }
 }
 
-/// A Python with pip, to download with: Debian's own has none, so it comes from an environment of its own, made on first use.
+/// A Python with pip, to download with: Debian's own has none, so it comes from an environment of its own, made on
+/// first use.
 pub(super) fn with_pip(places: &Places, interpreter: &Interpreter) -> Result<PathBuf> {
     let python = places.venv_python("venv-pip");
     if !succeeds(&python, ["-m", "pip", "--version"]) {

@@ -136,7 +136,8 @@ pub(crate) fn stamp(layout: u32, wheels: &[&Wheel]) -> String {
     format!("layout {layout}\n{}", lines.collect::<String>())
 }
 
-/// Makes sure that `wheels` lie in `downloads` with the pinned bytes. `pip` gives a Python with pip; it is asked for only if a file is absent.
+/// Makes sure that `wheels` lie in `downloads` with the pinned bytes. `pip` gives a Python with pip; it is asked for
+/// only if a file is absent.
 ///
 /// # Errors
 /// If a download fails, or if any file (old or new) differs from its pin: then nothing may be built from it.

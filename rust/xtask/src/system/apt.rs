@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! apt-get, as root: install packages, and Mesa from the backports where the stock one is too old, of the running Debian release.
+//! apt-get, as root: install packages, and Mesa from the backports where the stock one is too old, of the running
+//! Debian release.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the machine itself must bring: tools, headers, libraries, a Vulkan driver; installed with apt when root, named in one line when not.
+//! What the machine itself must bring: tools, headers, libraries, a Vulkan driver; installed with apt when root, named
+//! in one line when not.
 
 mod apt;
 mod sources;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Triangles at the limits: slivers, without area, repeated, coincident, huge, a million in a pixel, seen edge on, with the eye on them.
+//! Triangles at the limits: slivers, without area, repeated, coincident, huge, a million in a pixel, seen edge on, with
+//! the eye on them.
 
 use glam::{DMat4, DVec3};
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Light at the limits, on surfaces without materials: intensities, tiny and huge sources, many bounces, grazing views, long sums.
+//! Light at the limits, on surfaces without materials: intensities, tiny and huge sources, many bounces, grazing views,
+//! long sums.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -142,12 +143,14 @@ fn cavity(lab: &mut Lab<'_>, case: &str, rings: usize) {
     let samples = lab.amount(64, 1 << 15);
     let way = Way { samples, bounces: 1000, ..Way::default() };
     let shot = lab.shoot(case, &stage, &eye.camera(), &way);
-    // A path brings 0 to 2 as MIS splits its way out. What 256 pixels scatter tells how much that leaves in their mean, and in a pixel.
+    // A path brings 0 to 2 as MIS splits its way out. What 256 pixels scatter tells how much that leaves in their mean,
+    // and in a pixel.
     let squares: f64 = shot.color.iter().map(|c| (f64::from(c[0]) - mean(&shot)).powi(2)).sum();
     let pixel = (squares / 255.0).sqrt();
     let (off, sigma) = ((mean(&shot) - 1.0).abs(), pixel / 16.0);
     let why = format!(
-        "noise: {samples} paths a pixel leave {pixel:.1e} in a pixel and {sigma:.1e} in the mean (standard deviations); `--full` takes 32768"
+        "noise: {samples} paths a pixel leave {pixel:.1e} in a pixel and {sigma:.1e} in the mean (standard \
+        deviations); `--full` takes 32768"
     );
     lab.mean(case, "radiance inside, relative", 1.0, &shot, 1e-3, Some((0.01, &why)));
     let found = Found {

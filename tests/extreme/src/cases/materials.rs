@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Materials at the ends of their ranges, in a white world, in which all of them are white; and a nearly sharp mirror of a lamp.
+//! Materials at the ends of their ranges, in a white world, in which all of them are white; and a nearly sharp mirror
+//! of a lamp.
 //!
 //! One scene for all: the passes are compiled once.
 
@@ -73,8 +74,8 @@ pub(crate) fn run(lab: &mut Lab<'_>) {
     lab.case("materials/nearly sharp mirror of a lamp", mirror);
 }
 
-/// A metal of roughness just above sharp shows the middle of a lamp as bright as it is: the lobe is far narrower than the lamp, which shadow
-/// rays sample all the same.
+/// A metal of roughness just above sharp shows the middle of a lamp as bright as it is: the lobe is far narrower than
+/// the lamp, which shadow rays sample all the same.
 fn mirror(lab: &mut Lab<'_>, case: &str) {
     let stage = stage(lab, &Body::square(1.0), DMat4::from_scale(DVec3::splat(20.0)), &metal(0.0101));
     stage.edit(|db| {

@@ -21,7 +21,8 @@ const MESH_FRAME: Miss = Miss {
     ulps: 1e16,
     wrong_pixels: 100.0,
     sigmas: 1e4,
-    why: "rays come into a mesh's own frame in single precision (into its chunk's in 48 bits): there the ground is at 0.998 to 1, steps are \
+    why: "rays come into a mesh's own frame in single precision (into its chunk's in 48 bits): there the ground is at \
+    0.998 to 1, steps are \
           2^-24, which are 0.38 units of the planet, 76 times the eye's height of 0.005",
 };
 

@@ -16,7 +16,8 @@ const BEYOND: Miss = Miss {
     ulps: 0.0,
     wrong_pixels: 1536.0,
     sigmas: 200.0,
-    why: "6e18 from the origin: placements beyond 1e18 are dropped, with a warning, so that squares and sums of them stay below the 3.4e38 of single precision",
+    why: "6e18 from the origin: placements beyond 1e18 are dropped, with a warning, so that squares and sums of them \
+    stay below the 3.4e38 of single precision",
 };
 
 /// Ground, ball and box under sky and sun.
@@ -87,7 +88,8 @@ pub(crate) fn run(lab: &mut Lab<'_>) {
     }
 }
 
-/// Renders the world at a scale and a place and compares distances with f64, light with f64 and with the picture at scale 1.
+/// Renders the world at a scale and a place and compares distances with f64, light with f64 and with the picture at
+/// scale 1.
 #[expect(clippy::too_many_arguments, reason = "one case")]
 fn look(
     lab: &mut Lab<'_>,

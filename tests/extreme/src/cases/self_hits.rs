@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Rays that leave a convex body do not meet it again. The body is lit by the sky through one shadow ray a sample, and not seen where it is
-//! not: what it covers less what it reflects is the number of wrong hits.
+//! Rays that leave a convex body do not meet it again. The body is lit by the sky through one shadow ray a sample, and
+//! not seen where it is not: what it covers less what it reflects is the number of wrong hits.
 
 use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::scene::{SceneDb, Subdivision};
@@ -19,10 +19,12 @@ enum How {
     Nested,
 }
 
-/// Counted with the same arithmetic in `NumPy`, 15 600 rays at the 78 edges of the ball's silhouette: within 4e-8 radians of one, the triangle behind
-/// the edge, seen from its back, is nearer by rounding, and it is dark. That is 3e-8 of the rays that meet the ball, 0.1 of the 3.7 million of a
-/// full run. Rays that leave the ball met it in none of 2 100 000 tries, though begun at the rim of the hemisphere and at edges.
-const SILHOUETTE: &str = "no ray that leaves it: a camera ray within rounding of a silhouette's edge (4e-8 radians) meets the triangle behind it from its back, 3e-8 of all rays (simulated)";
+/// Counted with the same arithmetic in `NumPy`, 15 600 rays at the 78 edges of the ball's silhouette: within 4e-8
+/// radians of one, the triangle behind the edge, seen from its back, is nearer by rounding, and it is dark. That is
+/// 3e-8 of the rays that meet the ball, 0.1 of the 3.7 million of a full run. Rays that leave the ball met it in none
+/// of 2 100 000 tries, though begun at the rim of the hemisphere and at edges.
+const SILHOUETTE: &str = "no ray that leaves it: a camera ray within rounding of a silhouette's edge (4e-8 radians) \
+meets the triangle behind it from its back, 3e-8 of all rays (simulated)";
 
 struct Convex {
     name: &'static str,

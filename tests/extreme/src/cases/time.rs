@@ -12,7 +12,8 @@ pub(crate) fn run(lab: &mut Lab<'_>) {
     lab.case("time/samples of one pixel", slope);
 }
 
-/// A white floor beside a black wall, as far from it as it is high: of the sky's light, that of (1 + cos 45 degrees) / 2 is left.
+/// A white floor beside a black wall, as far from it as it is high: of the sky's light, that of (1 + cos 45 degrees) /
+/// 2 is left.
 fn slope(lab: &mut Lab<'_>, case: &str) {
     let long = 1e4;
     let floor = Placed { body: Body::square(1.0), place: DMat4::from_scale(DVec3::splat(long)) };

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Maps that are far from rigid: nested eight deep, stretched, sheared, mirrored, nearly singular, singular; quaternions as files have them.
+//! Maps that are far from rigid: nested eight deep, stretched, sheared, mirrored, nearly singular, singular;
+//! quaternions as files have them.
 
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use half::f16;
@@ -158,8 +159,8 @@ pub(crate) fn run(lab: &mut Lab<'_>) {
     lab.case("transforms/half quaternions, not normalised", half_quaternions);
 }
 
-/// How much a map magnifies the rounding of its own coefficients, componentwise: the norm of `|M| |M^-1|` (Skeel 1979). 1 for scales
-/// along the axes, however different.
+/// How much a map magnifies the rounding of its own coefficients, componentwise: the norm of `|M| |M^-1|` (Skeel 1979).
+/// 1 for scales along the axes, however different.
 fn condition(map: &DMat3) -> f64 {
     let size = |m: &DMat3| DMat3::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs());
     let product = size(map) * size(&map.inverse());

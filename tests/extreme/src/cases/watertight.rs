@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Rays at shared edges and vertices of closed meshes, from inside: none gets out. The mesh is black, the dome outside white: a sample is 1
-//! if and only if its ray got out.
+//! Rays at shared edges and vertices of closed meshes, from inside: none gets out. The mesh is black, the dome outside
+//! white: a sample is 1 if and only if its ray got out.
 
 use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::scene::SceneDb;
@@ -13,7 +13,8 @@ use crate::tracer::camera::Eye;
 
 /// Height of a bundle of rays at an edge or a vertex, radians: a few steps of a float.
 const NARROW: f64 = 5e-7;
-/// Vertices that are looked at: edge functions that round edge by edge leave gaps at some, and none at others; on an H200, not on lavapipe.
+/// Vertices that are looked at: edge functions that round edge by edge leave gaps at some, and none at others; on an
+/// H200, not on lavapipe.
 const VERTICES: usize = 24;
 
 struct Vessel {
@@ -60,7 +61,8 @@ impl Vessel {
         db.upsert_light(dome(1.0));
     }
 
-    /// A bundle from `eye` to `target`, both in the body's frame. `normal`: of the plane through both in which an edge is.
+    /// A bundle from `eye` to `target`, both in the body's frame. `normal`: of the plane through both in which an edge
+    /// is.
     fn bundle(&self, eye: DVec3, target: DVec3, normal: DVec3, line: bool) -> Eye {
         let place = |p: DVec3| self.place.transform_point3(p);
         let up = self.place.inverse().transpose().transform_vector3(normal).normalize();

@@ -85,7 +85,8 @@ impl Bvh {
         self.build(middle, end);
     }
 
-    /// The nearest crossing in front of the ray's origin and before `limit`; `without` is a triangle that does not count.
+    /// The nearest crossing in front of the ray's origin and before `limit`; `without` is a triangle that does not
+    /// count.
     pub(crate) fn nearest(&self, ray: &Ray, limit: f64, without: Option<usize>) -> Option<Crossing> {
         self.walk(ray, limit, without, false)
     }

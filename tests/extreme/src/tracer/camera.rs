@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The cameras of the cases: one description, from which the renderer gets matrices and the f64 tracer gets rays by trigonometry.
+//! The cameras of the cases: one description, from which the renderer gets matrices and the f64 tracer gets rays by
+//! trigonometry.
 
 use glam::{DMat4, DVec3, DVec4};
 use oocpt_core::camera::Camera;
@@ -97,7 +98,8 @@ impl Eye {
         }
     }
 
-    /// The ray through a point of the picture, pixels from the lower left; the parameter is the distance along the axis.
+    /// The ray through a point of the picture, pixels from the lower left; the parameter is the distance along the
+    /// axis.
     pub(crate) fn ray(&self, px: f64, py: f64) -> Ray {
         let [right, up, back] = self.axes();
         let (x, y) = self.half();

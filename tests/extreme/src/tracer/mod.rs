@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A small path tracer in f64: triangles, Lambert, constant domes, distant lights. It shares no code with the renderer: own scene, tree,
-//! intersection, random numbers, cameras and estimator (no next event estimation for domes, no roulette).
+//! A small path tracer in f64: triangles, Lambert, constant domes, distant lights. It shares no code with the renderer:
+//! own scene, tree, intersection, random numbers, cameras and estimator (no next event estimation for domes, no
+//! roulette).
 //!
-//! A path that leaves a triangle does not meet this triangle again; neighbours are met from 1e-14 of the scene's size on.
+//! A path that leaves a triangle does not meet this triangle again; neighbours are met from 1e-14 of the scene's size
+//! on.
 
 pub(crate) mod bvh;
 pub(crate) mod camera;
@@ -83,7 +85,8 @@ impl Tracer {
         e.normalize_or_zero().cross(f.normalize_or_zero()).normalize_or_zero()
     }
 
-    /// Radiance along a ray; surfaces reflect up to `bounces` more times after the first. The dome is seen by camera rays if `sees_dome`.
+    /// Radiance along a ray; surfaces reflect up to `bounces` more times after the first. The dome is seen by camera
+    /// rays if `sees_dome`.
     fn radiance(&self, mut ray: Ray, bounces: u32, sees_dome: bool, random: &mut Random) -> f64 {
         let mut sum = 0.0;
         let mut throughput = 1.0;

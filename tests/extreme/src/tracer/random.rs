@@ -41,7 +41,8 @@ impl Random {
         bits / 9_007_199_254_740_992.0
     }
 
-    /// Distributed by the cosine about the unit vector `n`: a point of a sphere that touches the surface (Lambert's cosine law).
+    /// Distributed by the cosine about the unit vector `n`: a point of a sphere that touches the surface (Lambert's
+    /// cosine law).
     pub(crate) fn cosine(&mut self, n: DVec3) -> DVec3 {
         let z = 2.0 * self.uniform() - 1.0;
         let (sin, cos) = (TAU * self.uniform()).sin_cos();

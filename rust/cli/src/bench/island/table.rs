@@ -61,7 +61,8 @@ pub(super) fn print_row(row: &Row) {
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
     let s = &row.streaming;
     println!(
-        "{:>7} {:>9.1} {:<9}{:>9.3} {:>6.2} {:>9.3} {:>8} {:>8} {:>8} {:>10.1} {:>6.1} {:>8.3} {:>8.3} {:>8.3} {:>8.3} {:>9.1} {:>5}",
+        "{:>7} {:>9.1} {:<9}{:>9.3} {:>6.2} {:>9.3} {:>8} {:>8} {:>8} {:>10.1} {:>6.1} {:>8.3} {:>8.3} {:>8.3} \
+        {:>8.3} {:>9.1} {:>5}",
         row.budget_percent,
         mib(row.geometry_budget_bytes),
         policy_name(row),

@@ -19,7 +19,8 @@ fn name(row: &Row) -> &'static str {
 pub(super) fn print_head(report: &Report) {
     println!("stragglers on {}", report.machine);
     println!(
-        "{} x {} px, {} samples against {}, {} bounces; {} instances, {} unique quads, {} chunks, {:.1} MiB of geometry",
+        "{} x {} px, {} samples against {}, {} bounces; {} instances, {} unique quads, {} chunks, {:.1} MiB of \
+        geometry",
         report.width,
         report.height,
         report.samples,

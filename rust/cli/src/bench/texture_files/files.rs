@@ -148,7 +148,8 @@ mod tests {
     #[test]
     fn files_are_written_once_and_then_reused() {
         let script = "[ $1 = read ] && { shift 2; echo \"{\\\"seconds\\\": $#.5}\"; exit; }\n\
-                      printf %s \"$2 $3\" > \"$4\" && echo \"$4\" >> \"$(dirname \"$0\")/log\" && echo '{\"seconds\": 1}'";
+                      printf %s \"$2 $3\" > \"$4\" && echo \"$4\" >> \"$(dirname \"$0\")/log\" && echo '{\"seconds\": \
+                      1}'";
         let (folder, tool) = tool("reuse", script);
         for _ in 0..2 {
             let files = tool.files(&folder, Kind::Tiff, 16, 2).expect("written");

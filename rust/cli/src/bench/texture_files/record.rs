@@ -144,7 +144,8 @@ mod tests {
     fn a_run_brings_back_what_was_used_and_the_picture() {
         let script = format!(
             "[ \"$OOCPT_TEXTURE_CACHE $OOCPT_SAMPLES_PER_PIXEL\" = '/the/cache 3' ] || exit 9\n\
-             cp texture.exr \"$last\"; printf '%s\\n' '{HEADER}' '{USAGE}' > \"$OOCPT_REPORT\"; echo 'Warning: in F at line 3 of a.cpp -- bad file' >&2"
+             cp texture.exr \"$last\"; printf '%s\\n' '{HEADER}' '{USAGE}' > \"$OOCPT_REPORT\"; echo 'Warning: in F \
+             at line 3 of a.cpp -- bad file' >&2"
         );
         let (folder, run) = run("whole", &script);
         let run = run.expect("it renders");

@@ -10,7 +10,8 @@ fn mib(bytes: u64) -> f64 {
 
 pub(super) fn print_head(arguments: &Arguments) {
     println!(
-        "usdrecord, {} px wide, {} samples, median of {} runs of the whole process; files are in the system's page cache; MiB are peaks of the \
+        "usdrecord, {} px wide, {} samples, median of {} runs of the whole process; files are in the system's page \
+        cache; MiB are peaks of the \
          process and of the device's memory, tiles and MiB of textures what was brought to the device",
         arguments.width, arguments.samples, arguments.runs
     );

@@ -22,7 +22,8 @@ pub(super) fn print_head(report: &Report) {
         report.meshes
     );
     println!(
-        "{} chunks, {} chunk instances; {:.1} MiB of geometry, {:.1} MiB of textures; generated in {:.2} s, committed in {:.2} s",
+        "{} chunks, {} chunk instances; {:.1} MiB of geometry, {:.1} MiB of textures; generated in {:.2} s, committed \
+        in {:.2} s",
         report.chunks,
         report.chunk_instances,
         mib(report.geometry_bytes),
@@ -31,7 +32,8 @@ pub(super) fn print_head(report: &Report) {
         report.commit_secs
     );
     println!(
-        "{:>7} {:>9} {:<9}{:>9} {:>9} {:>6} {:>9} {:>8} {:>8} {:>10} {:>8} {:>8} {:>10} {:>6} {:>8} {:>8} {:>8} {:>9} {:>9} {:>5}",
+        "{:>7} {:>9} {:<9}{:>9} {:>9} {:>6} {:>9} {:>8} {:>8} {:>10} {:>8} {:>8} {:>10} {:>6} {:>8} {:>8} {:>8} {:>9} \
+        {:>9} {:>5}",
         "budget%",
         "MiB",
         "policy",
@@ -63,7 +65,8 @@ pub(super) fn print_row(row: &Row) {
         (false, false) => &row.policy,
     };
     println!(
-        "{:>7} {:>9.1} {:<9}{:>9.3} {:>9.3} {:>6.2} {:>9.3} {:>8} {:>8} {:>10.1} {:>8} {:>8} {:>10.1} {:>6.1} {:>8.3} {:>8.3} {:>8.3} {:>9.1} {:>9.1} {:>5}",
+        "{:>7} {:>9.1} {:<9}{:>9.3} {:>9.3} {:>6.2} {:>9.3} {:>8} {:>8} {:>10.1} {:>8} {:>8} {:>10.1} {:>6.1} {:>8.3} \
+        {:>8.3} {:>8.3} {:>9.1} {:>9.1} {:>5}",
         row.budget_percent,
         mib(row.budget_bytes),
         policy,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The ground of the island: heights, colours, and where what grows gladly. +x is right, -z is away from the camera, y is
-//! up, the sea is y = 0; metres. Pure; any thread.
+//! The ground of the island: heights, colours, and where what grows gladly. +x is right, -z is away from the camera, y
+//! is up, the sea is y = 0; metres. Pure; any thread.
 
 use glam::{DVec2, DVec3};
 
@@ -106,8 +106,8 @@ impl Land {
         ground.lerp(rock, smooth(0.30, 0.42, 1.0 - normal.y)) * shade
     }
 
-    /// How gladly `habitat` is grown at a place: 0 where it is not, and beyond that with log-normal patches, so that some
-    /// places are a thousand times denser than others.
+    /// How gladly `habitat` is grown at a place: 0 where it is not, and beyond that with log-normal patches, so that
+    /// some places are a thousand times denser than others.
     pub(crate) fn density(&self, habitat: Habitat, x: f64, z: f64, stream: u64) -> f64 {
         let inland = self.inland(x, z);
         if inland < -0.03 {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The island: a generated stand-in for Disney's Moana island, with its statistics at full size (39.3 M instances
-//! flattened, 261 M unique quads): few large unique meshes, many small plants in nested clumps, a beach full of pebbles,
-//! sizes over three orders of magnitude and density over more.
+//! flattened, 261 M unique quads): few large unique meshes, many small plants in nested clumps, a beach full of
+//! pebbles, sizes over three orders of magnitude and density over more.
 //!
-//! A pure function of [`Parameters`], made on the rayon pool. The result is a list of prims ([`Prims`]), which goes into a
-//! [`SceneDb`] or to a USD file.
+//! A pure function of [`Parameters`], made on the rayon pool. The result is a list of prims ([`Prims`]), which goes
+//! into a [`SceneDb`] or to a USD file.
 
 mod land;
 mod plants;

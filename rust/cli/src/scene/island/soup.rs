@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Meshes of quads, and the makers of things with an exact number of them. Units are metres, y is up, the foot of a thing
-//! is at the origin. Pure; any thread.
+//! Meshes of quads, and the makers of things with an exact number of them. Units are metres, y is up, the foot of a
+//! thing is at the origin. Pure; any thread.
 
 use glam::DVec3;
 use std::f64::consts::TAU;

@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+//! No line is wider than 120 columns: of documents and Python everything, of Rust, C++ and GLSL the comments (their
+//! formatters see to the code, but for strings).
+
+use std::fs;
+
+use anyhow::{Result, bail};
+
+use super::{path, tracked_files};
+use crate::book::COLUMNS;
+use crate::places::Places;
+
+/// Folders whose comments are not held to it yet.
+const NOT_YET: &[&str] = &["rust/core/", "rust/render/", "rust/shader_abi/", "shaders/"];
+
+/// Python programs without an extension.
+const PROGRAMS: &[&str] = &["plugin/usdrecord", "plugin/texture-host"];
+
+/// What of a file is held to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Held {
+    /// Everything but table rows, pictures and what a URL makes wide.
+    Markdown,
+    All,
+    Comments,
+    Nothing,
+}
+
+pub(super) fn check(places: &Places) -> Result<()> {
+    let mut findings = Vec::new();
+    for file in tracked_files(places)? {
+        if held(&file) == Held::Nothing {
+            continue;
+        }
+        if let Ok(text) = fs::read_to_string(path(places, &file)) {
+            findings.extend(findings_in(&file, &text));
+        }
+    }
+    if !findings.is_empty() {
+        bail!("\n  {}", findings.join("\n  "));
+    }
+    Ok(())
+}
+
+fn held(file: &str) -> Held {
+    let extension = file.rsplit_once('.').map_or("", |(_, extension)| extension);
+    match extension {
+        "md" => Held::Markdown,
+        "py" => Held::All,
+        "rs" | "h" | "cpp" | "comp" | "glsl" if !NOT_YET.iter().any(|folder| file.starts_with(folder)) => {
+            Held::Comments
+        }
+        _ if PROGRAMS.contains(&file) => Held::All,
+        _ => Held::Nothing,
+    }
+}
+
+fn findings_in(file: &str, text: &str) -> Vec<String> {
+    let held = held(file);
+    let is_wide = |line: &str| line.chars().count() > COLUMNS && counts(held, line.trim_start());
+    let wide = (1..).zip(text.lines()).filter(|(_, line)| is_wide(line));
+    wide.map(|(number, line)| format!("{file}:{number}: {} columns, more than {COLUMNS}", line.chars().count()))
+        .collect()
+}
+
+fn counts(held: Held, line: &str) -> bool {
+    match held {
+        Held::Markdown => !line.starts_with(['|', '!']) && !line.contains("://"),
+        Held::All => true,
+        Held::Comments => line.starts_with("//"),
+        Held::Nothing => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn count(file: &str, line: &str) -> usize {
+        findings_in(file, &format!("short\n{line}\n")).len()
+    }
+
+    #[test]
+    fn wide_lines_are_found() {
+        let wide = "x".repeat(COLUMNS + 1);
+        assert_eq!(
+            findings_in("a.py", &format!("\n{wide}\n")),
+            ["a.py:2: 121 columns, more than 120"],
+            "with its place"
+        );
+        assert_eq!(count("a.py", &wide[1..]), 0, "as wide as it may be");
+        assert_eq!(count("a.py", &"ä".repeat(COLUMNS)), 0, "columns, not bytes");
+        assert_eq!(count("plugin/usdrecord", &wide), 1, "a program");
+        assert_eq!(count("README.md", &wide), 1, "text");
+        assert_eq!(count("README.md", &format!("| {wide} |")), 0, "a row");
+        assert_eq!(count("README.md", &format!("![p](a.jpg) {wide}")), 0, "a picture");
+        assert_eq!(count("README.md", &format!("https://{wide}")), 0, "an address");
+        assert_eq!(count("rust/gpu/a.rs", &format!("    /// {wide}")), 1, "a comment");
+        assert_eq!(count("rust/gpu/a.rs", &format!("let x = \"{wide}\";")), 0, "code is the formatter's");
+        assert_eq!(count("a.json", &wide), 0, "no text");
+    }
+}
