@@ -71,21 +71,6 @@ uvec2 make_footprint(vec3 u, vec3 v, vec3 n, vec3 d) {
     return pack_footprint(min(largest * sqrt(most), LONGEST_FOOTPRINT), direction, sqrt(dot3(area, area)) / most);
 }
 
-// For a cone of width 1 along d that cuts a triangle with edges e and f, along which the coordinates grow by a and b: what it covers
-// of them, by area, as a length. Cheaper than an ellipse; for shadow rays, of which only the mean is seen.
-float area_footprint(vec2 a, vec2 b, vec3 e, vec3 f, vec3 d) {
-    const vec3 n = cross3(e, f);
-    const float across = max(abs(dot3(n, d)), sqrt(dot3(n, n) * dot3(d, d)) / SLANT_MOST);
-    const float covered = abs(a.x * b.y - a.y * b.x) * (sqrt(dot3(d, d)) / across);
-    return covered > 0.0 && covered < LONGEST_FOOTPRINT ? sqrt(covered) : 0.0;
-}
-
-// How wide a filter has to be, in texels of level 0, for a cone of width `cone` that covers `length` of the coordinates by area.
-float area_width(float length, float cone, vec2 s, vec2 t, uvec2 size) {
-    const float width = cone * length * sqrt(abs(s.x * t.y - s.y * t.x) * (float(size.x) * float(size.y)));
-    return width > 0.0 ? width : 0.0;
-}
-
 // How wide a filter has to be, in texels of level 0, for a cone of width `cone`. `s` and `t`: the linear part of the
 // map from the coordinates to the texture's square; `size`: its texels. Never NaN.
 float footprint_width(uvec2 footprint, float cone, vec2 s, vec2 t, uvec2 size) {

@@ -133,23 +133,18 @@ bool edge_gradients(vec2 d, vec2 g, vec3 e, vec3 f, out vec3 u, out vec3 v, out 
     return area > 0.0;
 }
 
-// How much the coordinates of the set of this name, which are st here, grow along both edges of a triangle from its first corner; false
-// where the mesh does not have it.
-bool set_edges(uint mesh, uint name, uint triangle, vec2 st, out vec2 along_e, out vec2 along_f) {
+// Those of the set of this name at its place st, in the mesh's frame; false where the mesh does not have it.
+bool set_gradients(uint mesh, uint name, uint triangle, vec2 st, vec3 e, vec3 f, out vec3 u, out vec3 v, out vec3 n) {
     if (HAS_PTEX && name == NAME_PTEX) {
         vec2 a, b, c;
         ptex_corners_at(ptex_word(Meshes(FRAME.meshes).v[mesh].triangles, triangle), st, a, b, c);
-        along_e = b - a;
-        along_f = c - a;
-        return true;
+        return edge_gradients(b - a, c - a, e, f, u, v, n);
     }
     const uint set = find_primvar(mesh, name);
     if (set == NO_NAME) return false;
     vec4 a, b, c;
     primvar_corners(mesh, set, triangle, a, b, c);
-    along_e = b.xy - a.xy;
-    along_f = c.xy - a.xy;
-    return true;
+    return edge_gradients(b.xy - a.xy, c.xy - a.xy, e, f, u, v, n);
 }
 
 // Sets tangent, handedness and, for a ray along `d`, footprints. Gradients are covectors and go to the world as
@@ -161,9 +156,7 @@ void add_tangent(inout GpuSurfaceMaterial m, uint mesh, uint triangle, vec3 e, v
     const uint wanted = (kind & 3u) == INPUT_TEXTURE ? (kind >> INPUT_SET_SHIFT) & 3u : 0u;
     [[unroll]] for (uint i = 0u; i < 2u; ++i) {
         vec3 u, v, normal;
-        vec2 along_e, along_f;
-        if (!set_edges(mesh, materials.v[m.material].names[i], triangle, m.uv[i], along_e, along_f)) continue;
-        if (!edge_gradients(along_e, along_f, e, f, u, v, normal)) continue;
+        if (!set_gradients(mesh, materials.v[m.material].names[i], triangle, m.uv[i], e, f, u, v, normal)) continue;
         u = combine_rows(world.x, world.y, world.z, apply_transposed(map, u));
         v = combine_rows(world.x, world.y, world.z, apply_transposed(map, v));
         if (HAS_TEXTURES) m.footprints[i] = make_footprint(u, v, n, d);

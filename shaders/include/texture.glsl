@@ -177,20 +177,14 @@ uint texture_part(uint texture, inout vec2 st, out bool exists) {
 
 #include "include/texture_ptex.glsl"
 
-// Texels of what a lookup at st reads; 0 where there is nothing.
-uvec2 lookup_size(uint texture, vec2 st) {
-    bool exists;
-    const uint part = texture_part(texture, st, exists);
-    if (!exists) return uvec2(0u);
-    uvec2 size = uvec2(Textures(FRAME.textures).v[part].width, Textures(FRAME.textures).v[part].height);
-    if (HAS_PTEX && (Textures(FRAME.textures).v[part].flags & TEXTURE_PTEX) != 0u) size = ptex_size(part, st);
-    return size;
-}
-
 // How wide the filter of a lookup at st is, in texels, for a cone of width `cone` that covers `footprint` of the
 // coordinates before the map with rows s and t.
 float lookup_width(uint texture, vec2 st, uvec2 footprint, float cone, vec3 s, vec3 t) {
-    return footprint_width(footprint, cone, s.xy, t.xy, lookup_size(texture, st));
+    bool exists;
+    const uint part = texture_part(texture, st, exists);
+    uvec2 size = uvec2(Textures(FRAME.textures).v[part].width, Textures(FRAME.textures).v[part].height);
+    if (HAS_PTEX && (Textures(FRAME.textures).v[part].flags & TEXTURE_PTEX) != 0u) size = ptex_size(part, st);
+    return exists ? footprint_width(footprint, cone, s.xy, t.xy, size) : 0.0;
 }
 
 // Goes on with a lookup until it is done (TEXTURE_DONE, TEXTURE_FALLBACK; the value is progress.mean) or comes to an absent tile: then

@@ -59,11 +59,7 @@ Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone,
         p.bias = 1.0;
         if (!HAS_TEXTURES) return p; // there are no images: opaque
         vec2 st = vec2(0.0);
-#if ANY_HIT
-        float covered = 0.0;
-#else
         uvec2 footprint = uvec2(0u);
-#endif
         if (set != INPUT_NO_SET) {
             st = materials.v[material].set_fallback[set & 1u];
             const uint name = materials.v[material].names[set & 1u];
@@ -77,14 +73,9 @@ Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone,
                 const vec3 v0 = ConstVec4s(triangles).v[triangle * 3u].xyz;
                 const vec3 v1 = ConstVec4s(triangles).v[triangle * 3u + 1u].xyz;
                 const vec3 v2 = ConstVec4s(triangles).v[triangle * 3u + 2u].xyz;
-                vec2 along_e, along_f;
-                if (set_edges(mesh, name, triangle, st, along_e, along_f)) {
-#if ANY_HIT
-                    covered = area_footprint(along_e, along_f, v1 - v0, v2 - v0, d);
-#else
-                    vec3 u, v, n;
-                    if (edge_gradients(along_e, along_f, v1 - v0, v2 - v0, u, v, n)) footprint = make_footprint(u, v, n, d);
-#endif
+                vec3 u, v, n;
+                if (set_gradients(mesh, name, triangle, st, v1 - v0, v2 - v0, u, v, n)) {
+                    footprint = make_footprint(u, v, n, d);
                 }
             }
         }
@@ -92,11 +83,7 @@ Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone,
         p.channel = channel == 0u ? 0u : channel - 1u;
         p.texture = i.texture;
         p.st = map_place(i, st);
-#if ANY_HIT
-        p.width = area_width(covered, cone, i.row_s.xy, i.row_t.xy, lookup_size(i.texture, p.st));
-#else
         p.width = lookup_width(i.texture, p.st, footprint, cone, i.row_s, i.row_t);
-#endif
         p.scale = i.value[p.channel];
         p.bias = i.bias[p.channel];
     }

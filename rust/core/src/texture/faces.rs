@@ -4,7 +4,7 @@
 //!
 //! A face has `2^u` by `2^v` texels. Its reduction of class `c` halves both sides until the longer one has `2^c` texels,
 //! the shorter one at least 1. Each reduction is a block of (width + 2) x (height + 2) texels, row by row from v = 0: the
-//! border of one texel repeats those of the neighbours, so that a bilinear lookup needs no other block (McDonald and
+//! border of one texel repeats those of the neighbours, so that a bilinear lookup needs no other block (`McDonald` and
 //! Burley 2011, "Per-Face Texture Mapping for Real-time Rendering"). Blocks of a class lie together, the coarsest class
 //! first, so that a distant view needs few tiles. A tile has [`TILE_TEXELS`] texels; a block that fits a tile lies in
 //! one. Pure.
@@ -67,11 +67,12 @@ impl FaceLayout {
                 if next % tile + texels > tile {
                     next = next.next_multiple_of(tile);
                 }
-                first.push(u32::try_from(next).map_err(|_| LayoutError::Texels)?);
+                first.push(u32::try_from(next).map_err(|_too_many| LayoutError::Texels)?);
                 next += texels;
             }
         }
-        let texels = u32::try_from(next.next_multiple_of(u64::from(TILE_SIDE))).map_err(|_| LayoutError::Texels)?;
+        let texels =
+            u32::try_from(next.next_multiple_of(u64::from(TILE_SIDE))).map_err(|_too_many| LayoutError::Texels)?;
         Ok(Self { log2, first, classes, texels })
     }
 

@@ -3,7 +3,7 @@
 //! primvars of each are exactly those of the bare scene and what is written in its row; a feature without a row fails.
 
 use crate::lights::{TestFiles, light};
-use crate::materials::{Ramps, board, coordinates, plain, textured, with};
+use crate::materials::{Ramps, board, coordinates, painted, plain, textured, with};
 use crate::scenes::{constant, dome, glow, instanced, instancer, prim, sun};
 use crate::support::{self, orthographic, read, request, settings};
 use glam::{DMat4, DQuat, DVec3};
@@ -192,6 +192,12 @@ const ROWS: &[Row] = &[
           buffers: &["lighting", "material table", "prim table", "material slots", "BSDF tables", "cones", "texture table",
                      "texture pages", "sRGB table", "texture tiles, at most", "incomplete_paths", "texture feedback",
                      "requested tiles", "wanted tiles", "texture feedback copy", "mesh primvars", "mesh corners"], primvars: &["st"], ..BARE },
+    Row { what: "Ptex",
+          build: |db| { db.upsert_material(painted("/material")); db.upsert_mesh(MeshDesc { material: Some("/material".into()), ..bare("/board") }); },
+          features: &["LIGHT_TABLE", "MATERIALS", "TEXTURES", "PTEX"],
+          buffers: &["lighting", "material table", "prim table", "material slots", "BSDF tables", "cones", "texture table", "texture pages",
+                     "sRGB table", "Ptex directories", "texture tiles, at most", "incomplete_paths", "texture feedback", "requested tiles",
+                     "wanted tiles", "texture feedback copy"], ..BARE },
     Row { what: "a cutout", build: |db| papered(db, "opacity", "r", &[("opacityThreshold", ParamValue::Float(0.5))]),
           features: &["LIGHT_TABLE", "MATERIALS", "TEXTURES", "CUTOUTS"],
           buffers: &["lighting", "material table", "prim table", "material slots", "BSDF tables", "cones", "texture table",

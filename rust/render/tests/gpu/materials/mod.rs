@@ -16,6 +16,7 @@ use oocpt_core::scene::{
 };
 use oocpt_core::texture::TexelFormat;
 use oocpt_core::{Element, TypedArray};
+use oocpt_ptex::{DataType, Face, MeshType, PtexWriter, ReadAt};
 use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
 use oocpt_render::{AovKind, RenderRequest, Session, SessionOptions};
 use std::sync::Arc;
@@ -94,6 +95,15 @@ impl ImageLibrary for Ramps {
     fn open(&self, _: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
         Ok(Arc::new(Self))
     }
+
+    /// A Ptex file of a face of 2 x 2 texels for each of the board's four.
+    fn bytes(&self, _: &AssetRef) -> Result<Box<dyn ReadAt>, ImageError> {
+        let written = PtexWriter::new(Vec::new(), MeshType::Quad, DataType::U8, 1, None, 4).and_then(|mut writer| {
+            (0..4).try_for_each(|face| writer.push_face(&Face::new([1, 1]), &[51 * face, 80, 120, 255]))?;
+            writer.finish()
+        });
+        Ok(Box::new(written.map_err(|error| ImageError(error.to_string()))?))
+    }
 }
 
 impl Image for Ramps {
@@ -132,6 +142,17 @@ pub(super) fn textured(path: &str, input: &str, output: &str, params: &[(&str, P
     ];
     let mut desc = material(path, nodes);
     desc.nodes[0].connections[0].output = output.into();
+    desc
+}
+
+/// A material whose diffuse colour is Ptex.
+pub(super) fn painted(path: &str) -> MaterialDesc {
+    let nodes = vec![
+        node("UsdPreviewSurface", &[], &[("diffuseColor", 1)]),
+        node("UsdUVTexture", &[("file", ParamValue::Text("ramps.ptx".into()))], &[]),
+    ];
+    let mut desc = material(path, nodes);
+    desc.nodes[0].connections[0].output = "rgb".into();
     desc
 }
 
