@@ -83,8 +83,7 @@ fn a_third_set_of_coordinates_is_left_out() {
 #[test]
 fn faces_are_numbered_as_ptex_does() {
     // A quad, a triangle, a face of two corners, a pentagon that is a hole, and a quad.
-    let points: Vec<[f32; 3]> =
-        (0..9_u8).map(|k| f32::from(k)).map(|k| [k % 3.0, (k / 3.0).floor(), 0.1 * k * k]).collect();
+    let points: Vec<[f32; 3]> = (0..9_u8).map(f32::from).map(|k| [k % 3.0, (k / 3.0).floor(), 0.1 * k * k]).collect();
     let mut desc = polygons("/a", &[4, 3, 2, 5, 4], &[0, 1, 4, 3, 1, 2, 4, 0, 1, 3, 4, 7, 6, 3, 4, 5, 8, 7], &points);
     desc.hole_indices = Some(TypedArray::of(vec![3]));
     let (mesh, features) = built(desc);

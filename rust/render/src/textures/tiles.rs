@@ -117,10 +117,7 @@ impl TextureImage {
         let bytes = u32::try_from(texels.device_bytes()).unwrap_or(0);
         let layout = Layout::new(size, bytes).map_err(|error| ImageError(error.to_string()))?;
         let has_all = (0..layout.levels()).all(|l| info.levels.get(l as usize) == Some(&layout.level_size(l)));
-        let transform = match space {
-            ColorSpace::Named(name) => Some(name),
-            _ => None,
-        };
+        let transform = name_of(space);
         let pixels = match image {
             Some(image) if info.tile_friendly && has_all && transform.is_none() => Pixels::File(image),
             _ => Pixels::Prepared(Prepared::new(Making {
@@ -167,10 +164,7 @@ impl TextureImage {
         let key = wanted.key(stores.disk.as_ref(), &space);
         let entry = key.as_ref().and_then(|(disk, key)| disk.find(key));
         let entry = entry.filter(|entry| entry.description().info().levels.first() == Some(&layout.size()));
-        let transform = match space {
-            ColorSpace::Named(name) => Some(name),
-            _ => None,
-        };
+        let transform = name_of(space);
         let faces = Some(Arc::clone(source.layout()));
         let pixels = Pixels::Prepared(Prepared::new(Making {
             source: Source::Ptex(Arc::clone(wanted.library), Box::new(source)),
@@ -333,6 +327,14 @@ impl Image for TextureImage {
             }
         }
         Ok(())
+    }
+}
+
+/// The name of a colour space that has one.
+fn name_of(space: ColorSpace) -> Option<Arc<str>> {
+    match space {
+        ColorSpace::Named(name) => Some(name),
+        _ => None,
     }
 }
 

@@ -148,22 +148,7 @@ impl Passes {
             })
         };
         let streams = special.features.contains(Features::STREAMING);
-        let mut wanted = vec![
-            &passes::INTERSECT_CLOSEST,
-            &passes::SHADE_SURFACE,
-            &passes::INTERSECT_SHADOW,
-            &passes::SHADE_BACKGROUND,
-            &passes::GENERATE_CAMERA_RAYS,
-            &passes::MEASURE_ERROR,
-            &passes::ACCUMULATE,
-            &passes::PREPARE_DISPATCH,
-            &passes::RESOLVE,
-        ];
-        if film.has_planes() {
-            wanted.extend([&passes::SHADE_AOVS, &passes::GENERATE_AOV_RAYS]);
-        }
-        // Side by side, the longest first; below each is found compiled.
-        wanted.par_iter().try_for_each(|module| device.pipeline(module, special).map(|_pipeline| ()))?;
+        compile_side_by_side(device, special, film)?;
         Ok(Self {
             generate_camera_rays: device.pipeline(&passes::GENERATE_CAMERA_RAYS, special)?,
             prepare_dispatch: device.pipeline(&passes::PREPARE_DISPATCH, special)?,
@@ -179,4 +164,24 @@ impl Passes {
             stream: streams.then(stream).transpose()?,
         })
     }
+}
+
+/// Compiles what every render needs, on all threads, the longest first.
+fn compile_side_by_side(device: &Device, special: Specialisation, film: &Film) -> Result<(), RenderError> {
+    let mut wanted = vec![
+        &passes::INTERSECT_CLOSEST,
+        &passes::SHADE_SURFACE,
+        &passes::INTERSECT_SHADOW,
+        &passes::SHADE_BACKGROUND,
+        &passes::GENERATE_CAMERA_RAYS,
+        &passes::MEASURE_ERROR,
+        &passes::ACCUMULATE,
+        &passes::PREPARE_DISPATCH,
+        &passes::RESOLVE,
+    ];
+    if film.has_planes() {
+        wanted.extend([&passes::SHADE_AOVS, &passes::GENERATE_AOV_RAYS]);
+    }
+    wanted.par_iter().try_for_each(|module| device.pipeline(module, special).map(|_pipeline| ()))?;
+    Ok(())
 }

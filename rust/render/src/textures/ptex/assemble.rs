@@ -30,7 +30,7 @@ impl Assembler {
             let end = |block: oocpt_core::texture::FaceBlock| u64::from(block.first) + u64::from(block.texels());
             Class {
                 done: blocks().next().map_or(0, |block| u64::from(block.first)),
-                end: blocks().last().map_or(0, end),
+                end: blocks().next_back().map_or(0, end),
             }
         };
         Self {

@@ -69,6 +69,14 @@ fn around(faces: &[Face], face: u32, corner: u8) -> Option<Vec<(u32, u8)>> {
     None
 }
 
+/// The texel of a face at a corner, and those beyond its edges beside that.
+#[derive(Clone, Copy)]
+struct Around<'a> {
+    own: &'a [f32],
+    before: &'a [f32],
+    after: &'a [f32],
+}
+
 /// Everything around that blocks are made of.
 pub(super) struct Surroundings<'a> {
     pub(super) faces: &'a [Face],
@@ -97,7 +105,7 @@ impl Surroundings<'_> {
         };
         let mut strips: [Vec<f32>; 4] = std::array::from_fn(|_| Vec::new());
         for (edge, strip) in (0_u8..).zip(&mut strips) {
-            let count = if edge % 2 == 0 { width } else { height };
+            let count = if edge.is_multiple_of(2) { width } else { height };
             for i in 0..count {
                 let texel = self.beyond_edge(face, edge, (i, count), level, own);
                 let (x, y) = match edge {
@@ -114,7 +122,8 @@ impl Surroundings<'_> {
         for (corner, (x, y)) in (0_u8..).zip([(0, 0), (width + 1, 0), (width + 1, height + 1), (0, height + 1)]) {
             let before = strips[(usize::from(corner) + 3) % 4].rchunks_exact(channels).next().unwrap_or_default();
             let after = strips[usize::from(corner)].chunks_exact(channels).next().unwrap_or_default();
-            let texel = self.beyond_corner(face, corner, class, own.at(level, corner, 0, channels), before, after);
+            let own = own.at(level, corner, 0, channels);
+            let texel = self.beyond_corner((face, corner), class, Around { own, before, after });
             put(x, y, &texel);
         }
         block
@@ -128,7 +137,8 @@ impl Surroundings<'_> {
             found.and_then(|found| Some((self.edges.get(&found.0)?, found)))
         else {
             // Edges 0 and 2 end v.
-            let is_black = self.border_modes[usize::from(edge % 2 == 0)] == BorderMode::Black && found.is_none();
+            let is_black =
+                self.border_modes[usize::from(edge.is_multiple_of(2))] == BorderMode::Black && found.is_none();
             return if is_black { vec![0.0; self.channels] } else { own.at(level, edge, i, self.channels).to_vec() };
         };
         let fine = edges.count(0, other_edge, self.channels) as u64;
@@ -145,7 +155,8 @@ impl Surroundings<'_> {
 
     /// The texel beyond a corner: such that all faces around agree on the value at the corner, the mean of their texels
     /// there. With four faces it is the texel of the one across.
-    fn beyond_corner(&self, face: u32, corner: u8, class: u32, own: &[f32], before: &[f32], after: &[f32]) -> Vec<f32> {
+    fn beyond_corner(&self, (face, corner): (u32, u8), class: u32, at: Around<'_>) -> Vec<f32> {
+        let Around { own, before, after } = at;
         let mean = |k: usize| 0.5 * (before.get(k).unwrap_or(&0.0) + after.get(k).unwrap_or(&0.0));
         let all = around(self.faces, face, corner).filter(|all| !all.is_empty());
         let texel = |&(other, corner): &(u32, u8)| {
