@@ -164,6 +164,7 @@ impl Device {
         let push_bytes = u32::try_from(push).unwrap_or(u32::MAX);
         let started = Instant::now();
         let pipeline = Arc::new(Pipeline::new(&self.gpu, module.name, module.words, &constants, push_bytes)?);
+        tracing::debug!(pass = module.name, secs = started.elapsed().as_secs_f64(), "compiled");
         let made = Compiled { pipeline, secs: started.elapsed().as_secs_f64(), is_translated: false };
         Ok(Arc::clone(&lock(&self.pipelines).entry(key).or_insert(made).pipeline))
     }
@@ -193,6 +194,7 @@ impl Device {
             if !commands.submit()?.wait(TRANSLATION_TIMEOUT)? {
                 return Err(RenderError::Internal(format!("the driver does not get done with {}", pipeline.name())));
             }
+            tracing::debug!(pass = pipeline.name(), secs = started.elapsed().as_secs_f64(), "translated");
             mark(started.elapsed().as_secs_f64());
             count += 1;
         }

@@ -169,8 +169,9 @@ impl Passes {
 /// Compiles what every render needs, on all threads, the longest first.
 fn compile_side_by_side(device: &Device, special: Specialisation, film: &Film) -> Result<(), RenderError> {
     let mut wanted = vec![
-        &passes::INTERSECT_CLOSEST,
+        // Takes as long as all others together.
         &passes::SHADE_SURFACE,
+        &passes::INTERSECT_CLOSEST,
         &passes::INTERSECT_SHADOW,
         &passes::SHADE_BACKGROUND,
         &passes::GENERATE_CAMERA_RAYS,
@@ -182,6 +183,6 @@ fn compile_side_by_side(device: &Device, special: Specialisation, film: &Film) -
     if film.has_planes() {
         wanted.extend([&passes::SHADE_AOVS, &passes::GENERATE_AOV_RAYS]);
     }
-    wanted.par_iter().try_for_each(|module| device.pipeline(module, special).map(|_pipeline| ()))?;
+    wanted.par_iter().with_max_len(1).try_for_each(|module| device.pipeline(module, special).map(|_pipeline| ()))?;
     Ok(())
 }
