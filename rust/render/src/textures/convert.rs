@@ -138,7 +138,7 @@ impl<'a> Maker<'a> {
         for row in band.chunks_exact(row_bytes) {
             self.taken += 1;
             self.from.decode(row, &mut self.values);
-            let is_changed = make_finite(&mut self.values);
+            let is_changed = !self.from.is_bounded() && make_finite(&mut self.values);
             if let Some(transform) = self.transform {
                 // At most 4 channels.
                 transform.apply(&mut self.values, u32::try_from(self.from.channels()).unwrap_or(4))?;

@@ -54,6 +54,11 @@ impl Texels {
         if self.channels == 3 { 4 } else { self.channels }
     }
 
+    /// Whether every texel is a number between 0 and 1.
+    pub(super) fn is_bounded(&self) -> bool {
+        self.format == TexelFormat::U8
+    }
+
     /// Whether colours go through the sRGB curve.
     pub(super) fn is_srgb(&self) -> bool {
         self.is_srgb
