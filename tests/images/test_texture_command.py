@@ -10,6 +10,7 @@ import pathlib
 import subprocess
 
 import numpy as np
+import ptex_files
 import pytest
 from PIL import Image
 from pxr import Sdf, Usd, UsdShade
@@ -123,6 +124,25 @@ def test_files_sets_and_folders_are_converted_and_told(oocpt, tmp_path):
         ), told
     words = oocpt("texture", "info", "--cache", cache, set_of_two).stdout
     assert "300 x 200, levels: 1, not tiled" in words and "cache         all levels" in words, words
+
+
+def test_ptex_is_converted_and_told(oocpt, tmp_path):
+    cache, file = tmp_path / "cache", tmp_path / "folder/a.ptx"
+    file.parent.mkdir()
+    faces = [[0, 1, 2, 3], [1, 4, 2]]
+    ptex_files.write(file, faces, [np.full((8, 4, 3), 40 * k, np.uint8) for k in range(4)])
+    [before] = info(oocpt, "--cache", cache, file.parent)
+    assert (before["faces"], before["channels"], before["format"], before["is_srgb"]) == (4, 3, "u8", True), before
+    assert before["cache"]["bytes"] is None and not before["is_direct"]
+    done = oocpt("texture", "convert", "--cache", cache, file)
+    assert done.returncode == 0 and "1 files are ready" in done.stdout, done.stdout + done.stderr
+    [after] = info(oocpt, "--cache", cache, file)
+    [entry] = cache.iterdir()
+    assert after["cache"]["first_level"] == 0 and entry.stat().st_size == after["cache"]["bytes"], after
+    assert "Ptex, faces: 4" in oocpt("texture", "info", "--cache", cache, file).stdout
+    file.write_bytes(file.read_bytes()[:200])
+    done = oocpt("texture", "convert", "--cache", cache, file)
+    assert done.returncode == 1 and "a.ptx: " in done.stderr, done.stderr
 
 
 def test_a_render_finds_what_a_scene_was_converted_to(oocpt, tmp_path):

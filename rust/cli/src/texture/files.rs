@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Ends of the names that are taken from folders.
-const ENDINGS: [&str; 11] = ["bmp", "exr", "hdr", "jpeg", "jpg", "pic", "png", "tga", "tif", "tiff", "tx"];
+const ENDINGS: [&str; 12] = ["bmp", "exr", "hdr", "jpeg", "jpg", "pic", "png", "ptx", "tga", "tif", "tiff", "tx"];
 const UDIM: &str = "<UDIM>";
 /// Numbers of members.
 const MEMBERS: std::ops::RangeInclusive<u32> = 1001..=1100;

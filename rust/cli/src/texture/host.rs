@@ -20,6 +20,8 @@ pub(super) struct Answer {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) error: Option<String>,
     pub(super) size: [u32; 2],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) faces: Option<u32>,
     pub(super) levels: u64,
     pub(super) channels: u32,
     pub(super) format: String,

@@ -19,8 +19,12 @@ pub(super) fn describe(answer: &Answer) -> String {
     }
     let kind = if answer.is_tiled { "tiled" } else { "not tiled" };
     let color = if answer.is_srgb { "sRGB" } else { "linear" };
+    let size = match answer.faces {
+        Some(faces) => format!("Ptex, faces: {faces}"),
+        None => format!("{} x {}, levels: {levels}, {kind}", size[0], size[1]),
+    };
     let mut lines = vec![
-        ("size", format!("{} x {}, levels: {levels}, {kind}", size[0], size[1])),
+        ("size", size),
         ("texels", format!("{} channels of {format}", channels)),
         ("color space", format!("{color}: {} (sourceColorSpace {})", plain(&answer.why), plain(&answer.space))),
         ("cache", state(answer)),
@@ -74,6 +78,8 @@ mod tests {
         assert_eq!(with(Entry { first_level: Some(2), ..answer.cache.clone() }), "from level 2 on, 3.0 MiB", "a part");
         assert!(with(Entry::default()).starts_with("turned off"), "no cache");
         assert!(state(&Answer { is_direct: true, ..answer.clone() }).starts_with("not needed"), "tiled");
+        let ptex = describe(&Answer { faces: Some(30), ..answer.clone() });
+        assert!(ptex.contains("size          Ptex, faces: 30\n"), "faces have sizes of their own: {ptex}");
         assert!(describe(&Answer::failed("/b", "is\nbad")).contains("error         isbad"), "one line");
     }
 }
