@@ -58,6 +58,17 @@ impl Pyramid {
         self.push_to(0, row, out);
     }
 
+    /// Takes the next row of level 1 from whoever has halved two rows of level 0 himself; for images whose sides are even, in place of two
+    /// calls of [`Self::push`].
+    pub fn push_halved(&mut self, row: &[f32], out: &mut impl FnMut(u32, u32, &[f32])) {
+        let Some(level) = self.levels.first_mut() else { return };
+        level.taken += 2;
+        let done = level.done;
+        level.done += 1;
+        out(1, done, row);
+        self.push_to(1, row, out);
+    }
+
     fn push_to(&mut self, index: usize, row: &[f32], out: &mut impl FnMut(u32, u32, &[f32])) {
         let fine = if index == 0 { self.base } else { self.levels[index - 1].size };
         let channels = self.channels;

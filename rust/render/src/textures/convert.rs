@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! From rows to tiles: decodes an image once and makes the tiles of all its levels in that one pass.
 //!
-//! One thread decodes, another makes coarser levels and tiles, a few bands apart. Memory: [`BANDS`] bands of rows, and
+//! One thread decodes, another makes coarser levels and tiles, a few bands apart; where other files keep the cores busy, one does
+//! both. Memory: [`BANDS`] bands of rows, and
 //! for each level
 //! one row of tiles and two rows of sums (`oocpt_core::texture::Pyramid`); no level is ever whole.
 
@@ -9,6 +10,7 @@ use super::image::{ColorTransform, Image, ImageError};
 use super::texels::Texels;
 use crossbeam_channel::bounded;
 use oocpt_core::texture::{Layout, Pyramid, TILE_SIDE};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Bands between the two threads.
 const BANDS: usize = 4;
@@ -39,6 +41,17 @@ pub(super) fn convert(decoding: &Decoding<'_>, sink: &mut dyn TileSink) -> Resul
     let (send, bands) = bounded::<(u32, Vec<u8>)>(BANDS);
     let (give_back, used) = bounded::<Vec<u8>>(BANDS + 1);
     let mut maker = Maker::new(decoding);
+    let busy = Busy::new();
+    if busy.has_cores() {
+        // On this thread, without copies of rows.
+        let mut made = Ok(());
+        image.decode(0, &mut |top, rows| {
+            made = maker.band(top, row_bytes, rows, sink);
+            made.is_ok()
+        })?;
+        made?;
+        return maker.finish();
+    }
     let (decoded, made) = std::thread::scope(|scope| {
         let decoder = scope.spawn(move || {
             image.decode(0, &mut |top, rows| {
@@ -67,6 +80,28 @@ pub(super) fn convert(decoding: &Decoding<'_>, sink: &mut dyn TileSink) -> Resul
     maker.finish()
 }
 
+/// Files that are converted at the moment, this one included.
+struct Busy(usize);
+
+static BUSY: AtomicUsize = AtomicUsize::new(0);
+
+impl Busy {
+    fn new() -> Self {
+        Self(BUSY.fetch_add(1, Ordering::Relaxed) + 1)
+    }
+
+    /// Whether a second thread for each would be more than there are cores.
+    fn has_cores(&self) -> bool {
+        std::thread::available_parallelism().is_ok_and(|cores| 2 * self.0 > cores.get())
+    }
+}
+
+impl Drop for Busy {
+    fn drop(&mut self) {
+        BUSY.fetch_sub(1, Ordering::Relaxed);
+    }
+}
+
 /// One row of tiles of a level, filled from its top row down.
 #[derive(Debug)]
 struct TileRow {
@@ -86,6 +121,10 @@ struct Maker<'a> {
     taken: u32,
     cutter: Cutter<'a>,
     values: Vec<f32>,
+    /// Two rows of bytes make one of level 1, which goes on from there.
+    halves: bool,
+    /// The first of the two.
+    upper: Vec<u8>,
 }
 
 struct Cutter<'a> {
@@ -128,7 +167,10 @@ impl<'a> Maker<'a> {
         };
         let values = vec![0.0; layout.size()[0] as usize * texels.channels()];
         let (from, transform) = transform.map_or((texels, None), |(from, transform)| (from, Some(transform)));
-        Self { from, transform, pyramid: Pyramid::new(layout, texels.channels()), taken: 0, cutter, values }
+        let halves =
+            from.is_bounded() && transform.is_none() && layout.size().iter().all(|side| side.is_multiple_of(2));
+        let pyramid = Pyramid::new(layout, texels.channels());
+        Self { from, transform, pyramid, taken: 0, cutter, values, halves, upper: Vec::new() }
     }
 
     fn band(&mut self, top: u32, row_bytes: usize, band: &[u8], sink: &mut dyn TileSink) -> Result<(), ImageError> {
@@ -137,6 +179,10 @@ impl<'a> Maker<'a> {
         }
         for row in band.chunks_exact(row_bytes) {
             self.taken += 1;
+            if self.halves {
+                self.halve(row, sink)?;
+                continue;
+            }
             self.from.decode(row, &mut self.values);
             let is_changed = !self.from.is_bounded() && make_finite(&mut self.values);
             if let Some(transform) = self.transform {
@@ -159,6 +205,25 @@ impl<'a> Maker<'a> {
             result?;
         }
         Ok(())
+    }
+
+    /// The next row, two of which make one of level 1: most of the work is in the finest level.
+    fn halve(&mut self, row: &[u8], sink: &mut dyn TileSink) -> Result<(), ImageError> {
+        self.cutter.row(0, row, sink)?;
+        if self.taken % 2 == 1 {
+            self.upper.clear();
+            self.upper.extend_from_slice(row);
+            return Ok(());
+        }
+        let Self { from, pyramid, cutter, values, upper, .. } = self;
+        from.halve(upper, row, values);
+        let mut result = Ok(());
+        pyramid.push_halved(values, &mut |level, _, values| {
+            if result.is_ok() {
+                result = cutter.values(level, values, sink);
+            }
+        });
+        result
     }
 
     fn finish(&self) -> Result<(), ImageError> {
@@ -329,6 +394,39 @@ mod tests {
             [texels[0], texels[5], texels[15]] = [f32::NAN, f32::NEG_INFINITY, f32::INFINITY];
             out.copy_from_slice(bytemuck::cast_slice(&texels));
             Ok(())
+        }
+    }
+
+    /// Bytes by the way of floats, texel by texel.
+    #[test]
+    fn halved_bytes_have_the_bits_of_the_pyramid() {
+        for (channels, is_srgb) in [(1, false), (1, true), (2, true), (3, true), (4, true), (4, false)] {
+            let info = ImageInfo {
+                levels: vec![[16, 2]],
+                channels,
+                format: TexelFormat::U8,
+                tile_friendly: false,
+                is_srgb: None,
+                wrap: None,
+            };
+            let texels = Texels::new(&info, is_srgb);
+            let rows = [0, 1].map(|y| (0..16 * channels).map(|x| byte(x, y)).collect::<Vec<u8>>());
+            let mut halved = Vec::new();
+            texels.halve(&rows[0], &rows[1], &mut halved);
+            let layout = Layout::new([16, 2], channels.next_power_of_two()).expect("supported");
+            let mut pyramid = Pyramid::new(&layout, channels as usize);
+            let mut level = Vec::new();
+            for row in &rows {
+                let mut values = vec![0.0; row.len()];
+                texels.decode(row, &mut values);
+                pyramid.push(&values, &mut |at, _, row| {
+                    if at == 1 {
+                        level.extend_from_slice(row)
+                    }
+                });
+            }
+            let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+            assert_eq!(bits(&halved), bits(&level), "{channels} channels, sRGB {is_srgb}");
         }
     }
 

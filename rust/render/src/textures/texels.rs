@@ -115,6 +115,21 @@ impl Texels {
         }
     }
 
+    /// The mean of each 2 x 2 texels of two rows of bytes: the bits that [`Self::decode`] and `Pyramid` give one after the other, since
+    /// factors of 1/2 are exact. For bytes only.
+    pub(super) fn halve(&self, upper: &[u8], lower: &[u8], out: &mut Vec<f32>) {
+        let unit: [f32; 256] = std::array::from_fn(|byte| byte as f32 / 255.0);
+        let tables: [&[f32; 256]; 4] =
+            std::array::from_fn(|channel| if self.is_color(channel) { &self.decoded } else { &unit });
+        out.clear();
+        match self.channels {
+            1 => halve_rows::<1>(upper, lower, tables, out),
+            2 => halve_rows::<2>(upper, lower, tables, out),
+            3 => halve_rows::<3>(upper, lower, tables, out),
+            _ => halve_rows::<4>(upper, lower, tables, out),
+        }
+    }
+
     fn through_curve(&self, values: &mut [f32], curve: impl Fn(f32) -> f32) {
         if !self.is_srgb {
             return;
@@ -178,6 +193,20 @@ impl Texels {
                 to[from.len()..].copy_from_slice(one);
             }
         }
+    }
+}
+
+fn halve_rows<const CHANNELS: usize>(upper: &[u8], lower: &[u8], tables: [&[f32; 256]; 4], out: &mut Vec<f32>) {
+    let pairs = |row: &'_ [u8]| row.as_chunks::<CHANNELS>().0.len() / 2;
+    out.reserve(pairs(upper).min(pairs(lower)) * CHANNELS);
+    let upper = upper.as_chunks::<CHANNELS>().0.as_chunks::<2>().0;
+    let lower = lower.as_chunks::<CHANNELS>().0.as_chunks::<2>().0;
+    for ([a, b], [c, d]) in upper.iter().zip(lower) {
+        let value = |k: usize, texel: &[u8; CHANNELS]| tables[k][usize::from(texel[k])];
+        let mean = std::array::from_fn::<f32, CHANNELS, _>(|k| {
+            0.25 * ((value(k, a) + value(k, b)) + (value(k, c) + value(k, d)))
+        });
+        out.extend_from_slice(&mean);
     }
 }
 
