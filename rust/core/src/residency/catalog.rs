@@ -58,9 +58,8 @@ impl Catalog {
         id_count(self.closures.len() + bytes.len())?;
         let first = self.bytes.len();
         id_count(first + bytes.len())?;
-        for &size in bytes {
-            self.total = self.total.checked_add(size).ok_or(CatalogError::Overflow)?;
-        }
+        let total = bytes.iter().try_fold(self.total, |total, size| total.checked_add(*size));
+        self.total = total.ok_or(CatalogError::Overflow)?;
         let (start, end) = (self.assets.len() + 1, self.assets.len() + bytes.len());
         self.bytes.extend_from_slice(bytes);
         self.closures.extend_from_slice(bytes);
@@ -141,4 +140,36 @@ impl Catalog {
 /// The last id of `count` things, an error when ids do not reach.
 fn id_count(count: usize) -> Result<u32, CatalogError> {
     u32::try_from(count).map(|count| count.saturating_sub(1)).map_err(|_out_of_range| CatalogError::TooMany(count))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Tiles of textures are added so: as if each had been named as a row.
+    #[test]
+    fn singles_are_rows_of_one_asset() {
+        let rows: [&[AssetId]; 3] = [&[0, 1], &[1], &[]];
+        let mut added = Catalog::new(vec![10, 20], rows).expect("sound");
+        added.push_singles(&[5, 0, 7]).expect("small");
+        let whole: [&[AssetId]; 6] = [&[0, 1], &[1], &[], &[2], &[3], &[4]];
+        let named = Catalog::new(vec![10, 20, 5, 0, 7], whole).expect("sound");
+        assert_eq!((added.chunk_count(), added.asset_count(), added.total_bytes()), (6, 5, 42));
+        for chunk in 0..7 {
+            assert_eq!(added.assets(chunk), named.assets(chunk), "chunk {chunk}");
+            assert_eq!(added.closure_bytes(chunk), named.closure_bytes(chunk), "chunk {chunk}");
+        }
+        assert_eq!((0..6).map(|asset| added.bytes(asset)).sum::<u64>(), 42);
+        assert_eq!(added.largest_closure(), named.largest_closure());
+        added.push_singles(&[]).expect("nothing");
+        assert_eq!(added.chunk_count(), 6, "nothing more");
+    }
+
+    #[test]
+    fn singles_that_are_too_much_are_refused_and_leave_nothing_half_done() {
+        let mut catalog = Catalog::new(vec![u64::MAX - 10], [[0]]).expect("it fits");
+        assert_eq!(catalog.push_singles(&[4, 7]), Err(CatalogError::Overflow));
+        assert_eq!((catalog.chunk_count(), catalog.asset_count()), (1, 1), "no asset was added");
+        assert_eq!(catalog.total_bytes(), u64::MAX - 10, "nor its bytes");
+    }
 }
