@@ -195,7 +195,8 @@ mod tests {
             let coarse = (0..32).flat_map(|at| (0..channels).map(move |c| (at, c)));
             let general = |(at, c): (usize, usize)| {
                 let (first, parts) = weights(64, u32::try_from(at).expect("small"));
-                (0..2).fold(0.0_f32, |sum, k| sum + parts[k] as f32 * row[(first as usize + k) * channels + c])
+                assert_eq!(parts, [0.5, 0.5, 0.0]);
+                (0..2).fold(0.0_f32, |sum, k| sum + 0.5 * row[(first as usize + k) * channels + c])
             };
             let expected: Vec<f32> = coarse.map(general).collect();
             assert_eq!(narrowed(&row, 64, 32, channels), expected, "{channels} channels");
