@@ -4,7 +4,8 @@
 #ifndef OOCPT_TEXTURE_PTEX_GLSL
 #define OOCPT_TEXTURE_PTEX_GLSL
 
-// A face of a Ptex texture: log2 of its texels along u and v, and the place there; false for a face that the file does not have.
+// A face of a Ptex texture: log2 of its texels along u and v, and the place there; false for a face that the file does
+// not have.
 bool ptex_face(GpuTexture t, vec2 st, out uint face, out vec2 uv, out uvec2 log2_size) {
     uv = unpack_ptex(st, face);
     log2_size = uvec2(0u);
@@ -22,8 +23,9 @@ uvec2 ptex_size(uint texture, vec2 st) {
     return t.levels != 0u && ptex_face(t, st, face, uv, log2_size) ? uvec2(1u) << log2_size : uvec2(1u);
 }
 
-// A level of a face: the number of the texel left of and below its place among all of the file, the texels of a row, and the shares of
-// the texels to the right and above. All texels around it are there, since a block has a border of one texel.
+// A level of a face: the number of the texel left of and below its place among all of the file, the texels of a row,
+// and the shares of the texels to the right and above. All texels around it are there, since a block has a border of
+// one texel.
 struct PtexLevel {
     uint texel;
     uint stride;

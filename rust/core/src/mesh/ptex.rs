@@ -124,8 +124,8 @@ impl PtexNumbers {
         }
     }
 
-    /// Adds the mean of the corners of an n-gon; its number as a corner, and where it is. `None` where the triangles around
-    /// it would overlap: `ears` are then the triangles.
+    /// Adds the mean of the corners of an n-gon; its number as a corner, and where it is. `None` where the triangles
+    /// around it would overlap: `ears` are then the triangles.
     pub(super) fn center(&mut self, topology: &Topology, face: &Face, ears: &Ears) -> Option<(u32, [f32; 3])> {
         let corners = topology.face_corners(face);
         if corners.len() == 4 || corners.len() != face.count as usize || ears.len() + 2 != corners.len() {

@@ -2,12 +2,12 @@
 //! Texels of a Ptex file in one row: blocks of faces and of their reductions. The shaders' twin is in
 //! `include/texture.glsl`.
 //!
-//! A face has `2^u` by `2^v` texels. Its reduction of class `c` halves both sides until the longer one has `2^c` texels,
-//! the shorter one at least 1. Each reduction is a block of (width + 2) x (height + 2) texels, row by row from v = 0: the
-//! border of one texel repeats those of the neighbours, so that a bilinear lookup needs no other block (`McDonald` and
-//! Burley 2011, "Per-Face Texture Mapping for Real-time Rendering"). Blocks of a class lie together, the coarsest class
-//! first, so that a distant view needs few tiles. A tile has [`TILE_TEXELS`] texels; a block that fits a tile lies in
-//! one. Pure.
+//! A face has `2^u` by `2^v` texels. Its reduction of class `c` halves both sides until the longer one has `2^c`
+//! texels, the shorter one at least 1. Each reduction is a block of (width + 2) x (height + 2) texels, row by row from
+//! v = 0: the border of one texel repeats those of the neighbours, so that a bilinear lookup needs no other block
+//! (`McDonald` and Burley 2011, "Per-Face Texture Mapping for Real-time Rendering"). Blocks of a class lie together,
+//! the coarsest class first, so that a distant view needs few tiles. A tile has [`TILE_TEXELS`] texels; a block that
+//! fits a tile lies in one. Pure.
 
 use super::layout::{LayoutError, TILE_SIDE};
 
@@ -102,8 +102,8 @@ impl FaceLayout {
         Some(FaceBlock { first, size })
     }
 
-    /// What the shaders read: for each face log2 of its texels along u and, from bit 8 on, along v; then the first texels
-    /// of blocks, by class and face.
+    /// What the shaders read: for each face log2 of its texels along u and, from bit 8 on, along v; then the first
+    /// texels of blocks, by class and face.
     #[must_use]
     pub fn directory(&self) -> Vec<u32> {
         let sizes = self.log2.iter().map(|[u, v]| u32::from(*u) | u32::from(*v) << 8);

@@ -5,8 +5,8 @@
 //! row, level by level, the finest first; at the right and upper border it is cut to what there is. All levels of at most 64 x 64
 //! share the last tile, one after the other, each at a multiple of 4 bytes.
 //!
-//! A layout of rows has one level, 128 texels wide and of any height: tile `i` has its texels `i * 128 * 128` and following
-//! (`FaceLayout` numbers them).
+//! A layout of rows has one level, 128 texels wide and of any height: tile `i` has its texels `i * 128 * 128` and
+//! following (`FaceLayout` numbers them).
 
 /// Side of a tile, texels.
 pub const TILE_SIDE: u32 = 128;

@@ -58,8 +58,8 @@ impl Pyramid {
         self.push_to(0, row, out);
     }
 
-    /// Takes the next row of level 1 from whoever has halved two rows of level 0 himself; for images whose sides are even, in place of two
-    /// calls of [`Self::push`].
+    /// Takes the next row of level 1 from whoever has halved two rows of level 0 himself; for images whose sides are
+    /// even, in place of two calls of [`Self::push`].
     pub fn push_halved(&mut self, row: &[f32], out: &mut impl FnMut(u32, u32, &[f32])) {
         let Some(level) = self.levels.first_mut() else { return };
         level.taken += 2;

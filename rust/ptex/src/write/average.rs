@@ -41,7 +41,7 @@ fn decode(data_type: DataType, value: &[u8]) -> f64 {
     }
 }
 
-#[allow(clippy::cast_possible_truncation, reason = "rounded, and `as` keeps what is out of range at the limits")]
+#[expect(clippy::cast_possible_truncation, reason = "rounded, and `as` keeps what is out of range at the limits")]
 fn encode(data_type: DataType, value: f64) -> Vec<u8> {
     match data_type {
         DataType::U8 => (value.round() as u8).to_ne_bytes().to_vec(),

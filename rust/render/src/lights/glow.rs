@@ -234,8 +234,8 @@ impl Picture {
     }
 }
 
-/// What a material emits; `None` if it is none that lights are made of: those that are not there everywhere, and Ptex, which
-/// shines on what rays that are reflected find it.
+/// What a material emits; `None` if it is none that lights are made of: those that are not there everywhere, and Ptex,
+/// which shines on what rays that are reflected find it.
 fn glow(snapshot: &Snapshot, material: &Material, maps: &mut GlowMaps, images: Option<&TextureCache>) -> Option<Glow> {
     if !material.flags.contains(MaterialFlags::EMISSIVE) || material.flags.contains(MaterialFlags::PRESENCE) {
         return None;

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! From rows to tiles: decodes an image once and makes the tiles of all its levels in that one pass.
 //!
-//! One thread decodes, another makes coarser levels and tiles, a few bands apart; where other files keep the cores busy, one does
-//! both. Memory: [`BANDS`] bands of rows, and
-//! for each level
-//! one row of tiles and two rows of sums (`oocpt_core::texture::Pyramid`); no level is ever whole.
+//! One thread decodes, another makes coarser levels and tiles, a few bands apart; where other files keep the cores
+//! busy, one does both. Memory: [`BANDS`] bands of rows, and for each level one row of tiles and two rows of sums
+//! (`oocpt_core::texture::Pyramid`); no level is ever whole.
 
 use super::image::{ColorTransform, Image, ImageError};
 use super::texels::Texels;

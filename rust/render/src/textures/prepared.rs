@@ -59,6 +59,12 @@ pub(super) enum Source {
     Ptex(Arc<dyn ImageLibrary>, Box<PtexSource>),
 }
 
+/// A source that is open.
+enum Opened<'a> {
+    Image(Arc<dyn Image>),
+    Ptex(&'a PtexSource),
+}
+
 impl Source {
     fn color_transform(&self, name: &str) -> Result<Arc<dyn ColorTransform>, ImageError> {
         match self {
@@ -207,17 +213,13 @@ impl Prepared {
     }
 
     fn make(&self, first: u32) -> Result<Held, ImageError> {
-        let image = match &self.source {
-            Source::Image(origin) => match origin.open()? {
-                Some(image) => Some(image),
-                None => return Err(ImageError("is gone".into())),
-            },
-            Source::Ptex(..) => None,
+        let opened = match &self.source {
+            Source::Image(origin) => Opened::Image(origin.open()?.ok_or_else(|| ImageError("is gone".into()))?),
+            Source::Ptex(_, ptex) => Opened::Ptex(ptex),
         };
-        let info = match (&image, &self.source) {
-            (Some(image), _) => image.info(),
-            (None, Source::Ptex(_, ptex)) => ptex.info().clone(),
-            (None, Source::Image(_)) => return Err(ImageError("is gone".into())),
+        let info = match &opened {
+            Opened::Image(image) => image.info(),
+            Opened::Ptex(ptex) => ptex.info().clone(),
         };
         let is_same = info.levels.first() == self.info.levels.first()
             && info.channels == self.info.channels
@@ -234,19 +236,16 @@ impl Prepared {
             None => None,
         };
         let transform = transform.as_ref().map(|(from, transform)| (from, &**transform));
-        let convert = |sink: &mut dyn TileSink| match (&image, &self.source) {
-            (Some(image), _) => {
+        let convert = |sink: &mut dyn TileSink| match &opened {
+            Opened::Image(image) => {
                 let (texels, layout) = (&*self.texels, &self.layout);
                 convert(&Decoding { image: &**image, texels, transform, layout, first }, sink)
             }
-            (None, Source::Ptex(_, ptex)) => {
-                let (from, transform) = match transform {
-                    Some((from, transform)) => (from, Some(transform)),
-                    None => (&*self.texels, None),
-                };
+            Opened::Ptex(ptex) => {
+                let from = transform.map_or(&*self.texels, |(from, _)| from);
+                let transform = transform.map(|(_, transform)| transform);
                 ptex.convert(Meaning { from, to: &self.texels, transform }, sink)
             }
-            (None, Source::Image(_)) => Err(ImageError("is gone".into())),
         };
         if let Some((disk, key)) = &self.disk
             && let Some(mut pending) = disk.begin(Description::new(key, &self.info, self.layout.is_flat(), first))

@@ -19,7 +19,8 @@ use std::sync::Arc;
 /// Most tiles: their numbers share 32 bits with those of chunks.
 const MOST_TILES: u64 = 1 << 30;
 
-/// A file read one way: path, member of the set (0: no set), through the sRGB curve or not or by the file, as Ptex or not.
+/// A file read one way: path, member of the set (0: no set), through the sRGB curve or not or by the file, as Ptex or
+/// not.
 type ImageKey = (Arc<str>, u32, oocpt_core::texture::ColorSpace, bool);
 
 /// See the module.

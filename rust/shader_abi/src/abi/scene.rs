@@ -67,12 +67,13 @@ pub struct GpuTriangle {
     pub face: u32,
     /// Second vertex.
     pub v1: [f32; 3],
-    /// Bits 0 to 15: number of the subset that the face is in, from 1; 0 = none. Bits 16 to 31: with `ptex`, sides of the
-    /// authored face; 0 = a quad.
+    /// Bits 0 to 15: number of the subset that the face is in, from 1; 0 = none. Bits 16 to 31: with `ptex`, sides of
+    /// the authored face; 0 = a quad.
     pub subset_and_sides: u32,
     /// Third vertex.
     pub v2: [f32; 3],
-    /// Number of the Ptex face, and which part of it this is (`oocpt_core::mesh::PtexTriangle::word`); 0 where no material asks.
+    /// Number of the Ptex face, and which part of it this is (`oocpt_core::mesh::PtexTriangle::word`); 0 where no
+    /// material asks.
     pub ptex: u32,
 }
 

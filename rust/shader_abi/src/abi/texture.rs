@@ -45,8 +45,9 @@ pub const UDIM_PARTS: u32 = 100;
 pub struct GpuTexture {
     /// With `TEXTURE_SRGB` and bytes: 256 floats, what a byte stands for.
     pub decode: u64,
-    /// With `TEXTURE_PTEX`: u32 for each face, log2 of its texels along u, and along v << 8; then, for each class of sizes from 1 texel on
-    /// and each face, the number of the first texel of its block (`oocpt_core::texture::FaceLayout`).
+    /// With `TEXTURE_PTEX`: u32 for each face, log2 of its texels along u, and along v << 8; then, for each class of
+    /// sizes from 1 texel on and each face, the number of the first texel of its block
+    /// (`oocpt_core::texture::FaceLayout`).
     pub directory: u64,
     /// Number of the first tile among all tiles.
     pub first_page: u32,

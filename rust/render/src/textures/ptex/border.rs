@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What lies beyond the edges and corners of a Ptex face: the texels of its block's border. Pure.
 //!
-//! Edge 0 is v = 0, then counterclockwise: u = 1, v = 1, u = 0; corner `k` is where edge `k` begins. Along a shared edge
-//! the two faces go in opposite directions. A face of a quad mesh that meets an n-gon has two of its faces (subfaces)
-//! along one edge: the file names the one at the first half of the edge, and the other one is next to that. Files may
-//! lie: every number is looked up with a check, and walks are bounded.
+//! Edge 0 is v = 0, then counterclockwise: u = 1, v = 1, u = 0; corner `k` is where edge `k` begins. Along a shared
+//! edge the two faces go in opposite directions. A face of a quad mesh that meets an n-gon has two of its faces
+//! (subfaces) along one edge: the file names the one at the first half of the edge, and the other one is next to that.
+//! Files may lie: every number is looked up with a check, and walks are bounded.
 
 use super::pyramid::{Edges, FacePyramid};
 use oocpt_core::texture::{FaceBlock, class_size};
@@ -26,8 +26,8 @@ pub(super) fn neighbours(faces: &[Face], face: u32) -> Vec<u32> {
     all
 }
 
-/// What is beyond the place `t` (0 to 1) of an edge: face, its edge, the place there, and how many of its edges' lengths
-/// one length of ours is.
+/// What is beyond the place `t` (0 to 1) of an edge: face, its edge, the place there, and how many of its edges'
+/// lengths one length of ours is.
 fn beyond(faces: &[Face], face: u32, edge: u8, t: f64) -> Option<(u32, u8, f64, f64)> {
     let own = faces.get(face as usize)?;
     let (other, other_edge) = (*own.adjacent.get(usize::from(edge))?)?;

@@ -24,10 +24,11 @@ const BATCH_TEXELS: u64 = 1 << 21;
 const BATCH_FACES: u32 = 1 << 14;
 /// Most bytes of edges that are kept for faces to come.
 const MOST_EDGE_BYTES: usize = 256 << 20;
-/// Constant faces are kept at no more texels a side than this, as a power of two: they blend with their neighbours over 1/32 of a side.
+/// Constant faces are kept at no more texels a side than this, as a power of two: they blend with their neighbours over
+/// 1/32 of a side.
 const CONSTANT_LOG2: u8 = 4;
-/// A file of any size may have that many bytes of texels; beyond, at most [`MOST_PER_BYTE`] for each byte of it. (Deflate gives at most
-/// 1032; the rest is for tiles of one colour.)
+/// A file of any size may have that many bytes of texels; beyond, at most [`MOST_PER_BYTE`] for each byte of it.
+/// (Deflate gives at most 1032; the rest is for tiles of one colour.)
 const ALWAYS_ALLOWED_BYTES: u64 = 64 << 20;
 const MOST_PER_BYTE: u64 = 2048;
 /// Most texels of a face: its levels are held as floats.
@@ -117,11 +118,15 @@ impl PtexSource {
             around.dedup();
             around.retain(|face| !batch.contains(face) && !kept.contains_key(face));
             let channels = meaning.to.channels();
-            let edges: Vec<(u32, Edges)> = around
-                .into_par_iter()
-                .map(|face| Ok((face, self.pyramid(face, meaning)?.edges(channels))))
-                .chain(batch.clone().into_par_iter().zip(&pyramids).map(|(face, own)| Ok((face, own.edges(channels)))))
-                .collect::<Result<_, ImageError>>()?;
+            // Large faces one after the other: a thread each would hold all of them as floats.
+            let is_large = |face: &u32| texels(self.log2(*face)) > BATCH_TEXELS;
+            let (large, small): (Vec<u32>, Vec<u32>) = around.into_iter().partition(is_large);
+            let edges_of = |face: u32| Ok((face, self.pyramid(face, meaning)?.edges(channels)));
+            let mut edges = small.into_par_iter().map(edges_of).collect::<Result<Vec<_>, ImageError>>()?;
+            for face in large {
+                edges.push(edges_of(face)?);
+            }
+            edges.extend(batch.clone().zip(&pyramids).map(|(face, own)| (face, own.edges(channels))));
             kept_bytes += edges.iter().map(|(_, edges)| edges.bytes()).sum::<usize>();
             kept.extend(edges);
             let border_modes = self.file.border_modes();
