@@ -8,6 +8,7 @@
 #include <mutex>
 #include <set>
 #include <string>
+#include <utility>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -20,13 +21,17 @@ public:
     /// Notes "path: text".
     void Add(const SdfPath& path, const std::string& text);
 
-    /// Posts the new lines as TF_WARN, sorted, so that their order does not depend on threads.
+    /// Posts the new lines as TF_WARN, sorted, so that their order does not depend on threads. Where many prims say the
+    /// like, one line does for all.
     void Post();
 
 private:
+    /// Path and text.
+    using _Line = std::pair<std::string, std::string>;
+
     std::mutex _mutex;
-    std::set<std::string> _pending;
-    std::set<std::string> _posted;
+    std::set<_Line> _pending;
+    std::set<_Line> _posted;
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE

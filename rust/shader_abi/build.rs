@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Compiles every `shaders/**/NAME.comp`, makes its arithmetic exact, validates it, and compares the structs in it with the
-//! Rust structs.
+//! Compiles every `shaders/**/NAME.comp`, makes its arithmetic exact, validates it, and compares the structs in it with
+//! the Rust structs.
 //!
 //! Needs `glslangValidator` (or what `GLSLANG_VALIDATOR` names) and `spirv-val` (`SPIRV_VAL`); fails with one clear
 //! message when one is missing, when a shader is wrong, or when GLSL and Rust disagree about a struct.
@@ -42,13 +42,17 @@ fn build() -> Result<(), String> {
     let mut sources = Vec::new();
     collect(&shaders, &mut sources)?;
     sources.sort();
+    let include = out.join("include");
+    fs::create_dir_all(include.join("generated")).map_err(|error| format!("{}: {error}", include.display()))?;
+    let numbers = include.join("generated/constants.glsl");
+    fs::write(&numbers, constants()?).map_err(|error| format!("{}: {error}", numbers.display()))?;
     let tools = Tools::from_env();
     let layouts = layouts();
     let mut seen = BTreeSet::new();
     let mut passes = Vec::new();
     for source in sources.iter().filter(|path| path.extension().is_some_and(|extension| extension == "comp")) {
         let name = pass_name(source)?;
-        let words = tools.compile(source, &shaders, &out.join(format!("{name}.spv")))?;
+        let words = tools.compile(source, [&shaders, &include], &out.join(format!("{name}.spv")))?;
         seen.extend(check::check(&words, &layouts).map_err(|error| format!("{}:\n{error}", source.display()))?);
         passes.push(name);
     }
@@ -104,10 +108,10 @@ impl Tools {
         }
     }
 
-    fn compile(&self, source: &Path, include: &Path, output: &Path) -> Result<Vec<u32>, String> {
+    fn compile(&self, source: &Path, include: [&Path; 2], output: &Path) -> Result<Vec<u32>, String> {
         let mut compiler = Command::new(&self.compiler);
         compiler.args(["--quiet", "--target-env", "vulkan1.2", "-o"]).arg(output);
-        compiler.arg(format!("-I{}", include.display())).arg(source);
+        compiler.args(include.map(|folder| format!("-I{}", folder.display()))).arg(source);
         run(compiler, "glslang-tools")?;
         let bytes = fs::read(output).map_err(|error| format!("{}: {error}", output.display()))?;
         let words: Vec<u32> = bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word)).collect();
@@ -119,6 +123,28 @@ impl Tools {
         run(validator, "spirv-tools").map_err(|error| format!("{}: {error}", source.display()))?;
         Ok(words)
     }
+}
+
+/// `generated/constants.glsl`: `HAS_NAME` of every feature, and every number that host and shaders share.
+fn constants() -> Result<String, String> {
+    let mut text =
+        String::from("// Written by rust/shader_abi/build.rs, from src/abi/features.rs and constants.rs.\n\n");
+    let mut above = abi::Features::empty();
+    for abi::Feature { name, bit, needs, .. } in abi::FEATURES {
+        if !above.contains(*needs) {
+            return Err(format!("feature {name} needs one that is not above it in the table"));
+        }
+        above |= *bit;
+        let at = bit.bits().trailing_zeros();
+        let (word, at) = if at < 32 { ("FEATURES", at) } else { ("FEATURES_HIGH", at - 32) };
+        let needed: String = needs.iter_names().map(|(name, _)| format!(" && HAS_{name}")).collect();
+        let _infallible = writeln!(text, "const bool HAS_{name} = ({word} & (1u << {at})) != 0u{needed};");
+    }
+    text.push('\n');
+    for (name, value) in abi::CONSTANTS {
+        let _infallible = writeln!(text, "const uint {name} = {value}u;");
+    }
+    Ok(text)
 }
 
 /// Runs a tool; what it printed is the error.
@@ -159,7 +185,8 @@ fn generated(modules: &[String]) -> String {
         for name in names {
             let _infallible = writeln!(
                 text,
-                "    /// `{name}`.\n    pub static {}: Module = Module {{ name: \"{name}\", words: words!(\"{name}\") }};",
+                "    /// `{name}`.\n    \
+                 pub static {}: Module = Module {{ name: \"{name}\", words: words!(\"{name}\") }};",
                 name.to_uppercase()
             );
         }

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // No pass: runs the BSDF for rust/render/tests/gpu/bsdf. One thread per item.
-// A case is 36 floats: geometric normal, normal, wo, wi, u, packed Shading, sheen's colour and roughness. What is written:
-//   CASES     28 floats per case: ok, wi, weight, pdf of its sample; evaluation there; diffuse, specular, pdf at the case's wi; chances of coat,
-//             specular, diffuse, multiple scattering, glass, its multiple scattering; what a smooth interface lets through; glass's alpha; chance of sheen
-//   SUMS      4 floats per case and part: sum of weights over POINTS points of a low-discrepancy sequence, count of samples
+// A case is 36 floats: geometric normal, normal, wo, wi, u, packed Shading, sheen's colour and roughness. What is
+// written:
+//   CASES     28 floats per case: ok, wi, weight, pdf of its sample; evaluation there; diffuse, specular, pdf at the
+//             case's wi; chances of coat,
+//             specular, diffuse, multiple scattering, glass, its multiple scattering; what a smooth interface lets
+//             through; glass's alpha; chance of sheen
+//   SUMS      4 floats per case and part: sum of weights over POINTS points of a low-discrepancy sequence, count of
+//             samples
 //   SAMPLES   4 floats per thread, all of case 0: wi, pdf; pdf -1: none, 0: sharp
 //   GRID      4 floats per direction (after case 0, 3 floats each): value, pdf
 #version 460
@@ -18,7 +22,8 @@ const uint SUMS = 1u;
 const uint SAMPLES = 2u;
 
 layout(local_size_x = 64) in;
-layout(push_constant, scalar) uniform PushBlock { uint64_t push[8]; }; // tables, cases, results, count, mode, samples, seed, sheen's table
+// Tables, cases, results, count, mode, samples, seed, sheen's table.
+layout(push_constant, scalar) uniform PushBlock { uint64_t push[8]; };
 #define CASES_AT push[1]
 #define RESULTS_AT push[2]
 #define COUNT uint(push[3])

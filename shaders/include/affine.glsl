@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Affine maps as three rows, the maps into chunks, and reading both. All products are explicit fma chains: the same bits in every
-// pass, which traversal, surface.glsl and its error bounds count on.
+// Affine maps as three rows, the maps into chunks, and reading both. All products are explicit fma chains: the same
+// bits in every pass, which traversal, surface.glsl and its error bounds count on.
 #ifndef OOCPT_AFFINE_GLSL
 #define OOCPT_AFFINE_GLSL
 
@@ -28,8 +28,8 @@ vec3 cross3(vec3 a, vec3 b) {
     return vec3(fma(a.y, b.z, -(a.z * b.y)), fma(a.z, b.x, -(a.x * b.z)), fma(a.x, b.y, -(a.y * b.x)));
 }
 
-// A normal of a triangle, not unit, from its two shorter edges: as good as their angle, which is never a small one. `size` bounds what is
-// summed: each component is off by less than 4 units in the last place of that of `size`.
+// A normal of a triangle, not unit, from its two shorter edges: as good as their angle, which is never a small one.
+// `size` bounds what is summed: each component is off by less than 4 units in the last place of that of `size`.
 vec3 triangle_normal(vec3 v0, vec3 v1, vec3 v2, out vec3 size) {
     const vec3 a = v1 - v0;
     const vec3 b = v2 - v0;

@@ -1,23 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 // The layered BSDF: coat over GGX reflection over diffuse and transmission, driven by UsdPreviewSurface.
 //
-// The surface is a mixture: (1 - metallic) (1 - opacity) of it is glass, bsdf/glass.glsl, the rest is opaque, on either side the same.
-// The opaque part from the top, each layer under what the ones above let through; E is a layer's directional albedo, U = 1 - E:
-//   sheen         bsdf/sheen.glsl, only where it is asked for (LOBES, no scene of today). Below it: min(U(wo), U(wi)) for coat and specular.
-//   coat          GGX, white, F0 from ior, times the amount `clearcoat`. Below it: min(U(wo), U(wi)) for the specular lobe.
-//   specular      GGX with Schlick's Fresnel; F0 and F90 as UsdPreviewSurface 2.5 says. What single scattering loses comes back
-//                 as a broad lobe F_ms U1(wo) U1(wi) / (pi avg U1), U1 for F = 1 (Kulla and Conty 2017). U1 falls with the square
-//                 of alpha / cosine, so this lobe is sampled with a density of 1 / (cosine + alpha), not by the cosine.
-//                 A surface half metallic is a mixture of two: what goes below, (1 - metallic), went through the dielectric's part.
+// The surface is a mixture: (1 - metallic) (1 - opacity) of it is glass, bsdf/glass.glsl, the rest is opaque, on either
+// side the same. The opaque part from the top, each layer under what the ones above let through; E is a layer's
+// directional albedo, U = 1 - E:
+//   sheen         bsdf/sheen.glsl, with SHEEN, which no scene of today has. Below it: min(U(wo), U(wi))
+//                 for coat and specular.
+//   coat          GGX, white, F0 from ior, times the amount `clearcoat`. Below it: min(U(wo), U(wi)) for the specular
+//                 lobe.
+//   specular      GGX with Schlick's Fresnel; F0 and F90 as UsdPreviewSurface 2.5 says. What single scattering loses
+//                 comes back as a broad lobe F_ms U1(wo) U1(wi) / (pi avg U1), U1 for F = 1 (Kulla and Conty 2017). U1
+//                 falls with the square of alpha / cosine, so this lobe is sampled with a density of 1 / (cosine +
+//                 alpha), not by the cosine.
+//                 A surface half metallic is a mixture of two: what goes below, (1 - metallic), went through the
+//                 dielectric's part.
 //   diffuse       color (1 - metallic) opacity U(wo) U(wi) / (pi avg U): reciprocal, and albedo color * U(wo) exactly.
 //
-// Normals: directions that leave on the wrong side of the true surface (geometric normal g) are mirrored at it, in density and
-// evaluation alike, so no energy is lost or won (as lambert.glsl does). Only where the viewer is below the shading normal's
-// horizon the normal of the specular layers is bent to see him.
+// Normals: directions that leave on the wrong side of the true surface (geometric normal g) are mirrored at it, in
+// density and evaluation alike, so no energy is lost or won (as lambert.glsl does). Only where the viewer is below the
+// shading normal's horizon the normal of the specular layers is bent to see him.
 //
-// Numbers: lobes of roughness < 0.01 (alpha < 1e-4) are sharp: at 0.01 f32 directions still give the density to 1e-4 (median) and
-// 5e-3 (worst). Their albedos are the tables' first row, so sums are as exact as for rough ones.
-// F90 fades to 0 with F0 below 1e-3: what reflects nothing head on does not at grazing either, and F0 = 0 is plain Lambert.
+// Numbers: lobes of roughness < 0.01 (alpha < 1e-4) are sharp: at 0.01 f32 directions still give the density to 1e-4
+// (median) and 5e-3 (worst). Their albedos are the tables' first row, so sums are as exact as for rough ones.
+// F90 fades to 0 with F0 below 1e-3: what reflects nothing head on does not at grazing either, and F0 = 0 is plain
+// Lambert.
 #ifndef OOCPT_BSDF_GLSL
 #define OOCPT_BSDF_GLSL
 
@@ -202,8 +208,8 @@ vec3 scatter_sample(Bsdf b, float alpha, float side, vec2 u) {
     return on_side(b, normalize(sine * (cos(angle) * x + sin(angle) * y) + side * cosine * b.l), side);
 }
 
-// A direction, u.xy by the lobe that u.z falls on. False: nothing is reflected. `evaluates`: weight and pdf are for bsdf_weigh to find;
-// else they are here, pdf 0 for sharp lobes.
+// A direction, u.xy by the lobe that u.z falls on. False: nothing is reflected. `evaluates`: weight and pdf are for
+// bsdf_weigh to find; else they are here, pdf 0 for sharp lobes.
 bool bsdf_choose(Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, out float pdf, out bool evaluates) {
     evaluates = false;
     wi = b.g;
@@ -276,8 +282,8 @@ bool bsdf_weigh(vec3 value, float pdf, out vec3 weight) {
     return true;
 }
 
-// A direction and its weight = f * |cosine| / pdf; pdf 0: sharp, weight holds all of it. u as for bsdf_choose. False: nothing is
-// reflected.
+// A direction and its weight = f * |cosine| / pdf; pdf 0: sharp, weight holds all of it. u as for bsdf_choose. False:
+// nothing is reflected.
 bool bsdf_sample(Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, out float pdf) {
     bool evaluates;
     if (!bsdf_choose(b, wo, u, wi, weight, pdf, evaluates)) return false;

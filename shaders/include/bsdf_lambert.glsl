@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The BSDF interface over plain Lambert, for scenes without materials. Same signatures as bsdf.glsl.
 //
-// wo and wi point away from the surface, world. bsdf_evaluate: rgb = f * |cos|, a = density of bsdf_sample per solid angle.
-// Lambert has no delta lobe, so densities are above 0 wherever something is reflected.
+// wo and wi point away from the surface, world. bsdf_evaluate: rgb = f * |cos|, a = density of bsdf_sample per solid
+// angle. Lambert has no delta lobe, so densities are above 0 wherever something is reflected.
 #ifndef OOCPT_BSDF_LAMBERT_GLSL
 #define OOCPT_BSDF_LAMBERT_GLSL
 

@@ -25,8 +25,8 @@ void start_ray(uint path, vec3 shift, vec3 d) {
     store_ray(ray_address(path), Ray(o.hi, 0u, normalize(d), uintBitsToFloat(0x7f800000u), o.lo, 0u));
 }
 
-// The slot of a new path: its number in a wave. With streaming the slot number arg0 + thread of all that were ever free: first every
-// slot once, then those that ended paths have given back.
+// The slot of a new path: its number in a wave. With streaming the slot number arg0 + thread of all that were ever
+// free: first every slot once, then those that ended paths have given back.
 uint new_slot(uint thread) {
     if (!HAS_STREAMING || (push.flags & PUSH_FRESH) != 0u) return push.arg0 + thread;
     return ConstUints(STREAMING.free_slots).v[(push.arg0 + thread) % STREAMING.slots];

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ray cones (Akenine-Moeller et al. 2021, "Improved Shader and Texture Level of Detail Using Ray Cones", JCGT 10(1)): a width at the
-// origin of a path's ray, and its growth per unit of length. Only with textures. What a cone covers of a slanted
-// surface is in
-// include/footprint.glsl. Curvature of surfaces is left out.
+// Ray cones (Akenine-Moeller et al. 2021, "Improved Shader and Texture Level of Detail Using Ray Cones", JCGT 10(1)): a
+// width at the origin of a path's ray, and its growth per unit of length. Only with textures. What a cone covers of a
+// slanted surface is in include/footprint.glsl. Curvature of surfaces is left out.
 #ifndef OOCPT_CONE_GLSL
 #define OOCPT_CONE_GLSL
 
@@ -10,7 +9,8 @@
 
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Cones { vec2 v[]; };
 
-// Share of a direction's density that a cone stands for: as if so many samples of a pixel went to the hemisphere, a cone each.
+// Share of a direction's density that a cone stands for: as if so many samples of a pixel went to the hemisphere, a
+// cone each.
 const float CONE_SAMPLES = 64.0;
 const float CONE_WIDEST = 0.5;
 
@@ -35,8 +35,8 @@ float cone_width(uint path, float t) {
     return fma(cone.y, t, cone.x);
 }
 
-// How the cone of a path grows after a direction that was chosen with density `pdf`; 0: by a mirror or a smooth boundary, which leave
-// the growth as it is.
+// How the cone of a path grows after a direction that was chosen with density `pdf`; 0: by a mirror or a smooth
+// boundary, which leave the growth as it is.
 float next_spread(uint path, float pdf) {
     const float before = Cones(FRAME.cones).v[path].y;
     // A cone of small angle a fills pi a^2 / 4.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Streaming only: deferred rays and materials, the units they wait for, and which of them may go on. Units are chunks, then tiles of
-// textures.
+// Streaming only: deferred rays and materials, the units they wait for, and which of them may go on. Units are chunks,
+// then tiles of textures.
 #ifndef OOCPT_DEFERRED_GLSL
 #define OOCPT_DEFERRED_GLSL
 
@@ -61,9 +61,9 @@ uint path_of_entry(uint entry) {
 
 const uint NOT_READY = 0xffffffffu;
 
-// Where a ray belongs among those that go on: its chunk, shadow rays behind all others, materials behind these. A closest ray waits
-// for the first of its units, a shadow ray for any, a material for the first. With cutouts a shadow ray too waits for the first: its
-// question is about that one.
+// Where a ray belongs among those that go on: its chunk, shadow rays behind all others, materials behind these. A
+// closest ray waits for the first of its units, a shadow ray for any, a material for the first. With cutouts a shadow
+// ray too waits for the first: its question is about that one.
 uint ready_key(uint entry) {
     const bool is_shadow = (entry & SHADOW_BIT) != 0u;
     const uint path = path_of_entry(entry);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Points as unevaluated sums of two floats, |lo| <= half an ulp of hi (Dekker 1971; Knuth, TAOCP 2, 4.2.2): 48 bits, enough for a
-// millimetre at 10^7 m. Every operation is exact to that unless its comment says else.
+// Points as unevaluated sums of two floats, |lo| <= half an ulp of hi (Dekker 1971; Knuth, TAOCP 2, 4.2.2): 48 bits,
+// enough for a millimetre at 10^7 m. Every operation is exact to that unless its comment says else.
 #ifndef OOCPT_DOUBLE_GLSL
 #define OOCPT_DOUBLE_GLSL
 

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The value that a primvar has for an instance: what instance_primvar (surface_material.glsl) does. Before including, define
-// INSTANCE_CHUNK as the chunk instance and INSTANCE_CHAIN as the array of instance records from the chunk's down to the mesh's.
+// The value that a primvar has for an instance: what instance_primvar
+// (surface_material.glsl) does. Before including, define INSTANCE_CHUNK as the chunk instance and INSTANCE_CHAIN as the
+// array of instance records from the chunk's down to the mesh's.
 //
-// Each level holds the values of its own records, beside them, so they come and go with their chunk. The innermost level that has a
-// value wins; the mesh's own primvar, which wins over all of them, is for the caller to look for.
+// Each level holds the values of its own records, beside them, so they come and go with their chunk. The innermost
+// level that has a value wins; the mesh's own primvar, which wins over all of them, is for the caller to look for.
 #ifndef OOCPT_INSTANCE_PRIMVARS_GLSL
 #define OOCPT_INSTANCE_PRIMVARS_GLSL
 
@@ -33,7 +34,7 @@ bool instance_primvar(uint name, out vec4 value) {
         const uint record = INSTANCE_CHAIN[level];
         take_value(table, record, name, value, found);
         const uint target = Instances(instances).v[record].target;
-        if (!HAS_INSTANCING || (target & TARGET_ASSEMBLY) == 0u) break;
+        if (!HAS_NESTING || (target & TARGET_ASSEMBLY) == 0u) break;
         table = Assemblies(FRAME.assemblies).v[target & ~TARGET_ASSEMBLY].primvars;
         instances = Assemblies(FRAME.assemblies).v[target & ~TARGET_ASSEMBLY].instances;
     }

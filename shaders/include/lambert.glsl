@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Lambertian reflection about an interpolated normal, without loss of energy.
 //
-// Directions are cosine distributed about the shading normal n; those that fall below the true surface (geometric normal g)
-// are mirrored at it. So the density of a direction w above the surface is
-//   p(w) = (max(0, n.w) + max(0, n.m(w))) / pi,  m(w) = w - 2 (g.w) g,
-// it integrates to 1 over the hemisphere of g, and BSDF * cosine is albedo * p(w). With n = g it is plain Lambert; else it
-// differs from the usual truncation only within the angle between n and g of the horizon, and a white surface stays white.
+// Directions are cosine distributed about the shading normal n; those that fall below the true surface (geometric
+// normal g) are mirrored at it. So the density of a direction w above the surface is
+//   p(w) = (max(0, n.w) + max(0, n.m(w))) / pi,  m(w) = w - 2 (g.w) g, it integrates to 1 over the hemisphere of g, and
+//                                                BSDF * cosine is albedo * p(w). With n = g it is plain Lambert; else
+//                                                it differs from the usual truncation only within the angle between n
+//                                                and g of the horizon, and a white surface stays white.
 #ifndef OOCPT_LAMBERT_GLSL
 #define OOCPT_LAMBERT_GLSL
 
@@ -54,8 +55,8 @@ vec3 lambert_sample(Lambert l, vec2 u) {
     vec3 x, y;
     tangents(l.n, x, y);
     const vec2 p = disk(u);
-    // At the rim the disk rounds to a radius of 1 or more (sines are only good to 2^-11 there, says Vulkan): the sample stands for what is
-    // half a step of u inside. A cosine of 0 would be a sample lost.
+    // At the rim the disk rounds to a radius of 1 or more (sines are only good to 2^-11 there, says Vulkan): the sample
+    // stands for what is half a step of u inside. A cosine of 0 would be a sample lost.
     const vec3 w = normalize(x * p.x + y * p.y + l.n * sqrt(max(1.2e-7, 1.0 - dot(p, p))));
     const float cosine = dot(l.g, w);
     return cosine < 0.0 ? w - 2.0 * cosine * l.g : w;

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures of domes: directions to picture and back, and sampling by inverting the distribution of rows, then of the cells of a row: the
-// map is monotone in each number, so that well spread numbers give well spread directions (as PBRT's PiecewiseConstant2D; an alias table
-// scatters them). A guide makes the inversion a few steps (Chen and Asau 1974).
+// Pictures of domes: directions to picture and back, and sampling by inverting the distribution of rows, then of the
+// cells of a row: the map is monotone in each number, so that well spread numbers give well spread directions (as
+// PBRT's PiecewiseConstant2D; an alias table scatters them). A guide makes the inversion a few steps (Chen and Asau
+// 1974).
 //
-// Layout as OpenEXR's latitude-longitude maps, which UsdLux names: +y is the top, +z the middle, +x a quarter from the left.
+// Layout as OpenEXR's latitude-longitude maps, which UsdLux names: +y is the top, +z the middle, +x a quarter from the
+// left.
 #ifndef OOCPT_LIGHT_MAP_GLSL
 #define OOCPT_LIGHT_MAP_GLSL
 
@@ -45,7 +47,8 @@ float dome_density(uint index, vec3 w) {
     return cell.density / (2.0 * PI * PI * dome_sine(d.y));
 }
 
-// The entry of `count` from `first` that u falls on; u becomes the place in it. The result is right whatever the guide says.
+// The entry of `count` from `first` that u falls on; u becomes the place in it. The result is right whatever the guide
+// says.
 uint invert_cdf(uint64_t cells, uint first, uint count, inout float u) {
     const uint step = min(uint(u * float(count)), count - 1u);
     uint low = Cdfs(cells).v[first + step].guide;

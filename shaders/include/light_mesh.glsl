@@ -1,16 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// Meshes that emit light, sampled as lights (Features::MESH_LIGHTS): a tree over their placements, below it one over the faces of each
-// mesh in the mesh's own frame, then a triangle by area times weight, then a point of it, uniform (Pharr et al. 2023, 12.6.3).
+// Meshes that emit light, sampled as lights (Features::MESH_LIGHTS): a tree over their placements, below it one over
+// the faces of each mesh in the mesh's own frame, then a triangle by area times weight, then a point of it, uniform
+// (Pharr et al. 2023, 12.6.3).
 //
-// The density per solid angle of a point is a function of what a hit there knows: prim, instance, mesh, face, material and normal. The
-// tree of a mesh is walked with the receiver taken into its frame: which side of a plane it is on stays the same there, so nothing that
-// shines on the receiver is left out; nearness may be off under uneven scales, which costs noise only. With M the placement's linear map
-// and N the unit normal in the world, areas grow by |det M| / |M^T N|.
-// All tables are always on the device: what is chosen does not depend on which chunks are there. Placements that are not in the table are
-// met by BSDF rays alone.
-// With HAS_MESH_LIGHT_VALUES some emissions are no constants. What a point emits is worked out as at a hit there: a primvar between
-// its values at the corners, a texture through the very lookup and with the cone that a BSDF ray in this direction would have, so that both
-// strategies see one function. Weights are means over faces, made by the host (decisions/0013); they only decide what is chosen.
+// The density per solid angle of a point is a function of what a hit there knows: prim, instance, mesh, face, material
+// and normal. The tree of a mesh is walked with the receiver taken into its frame: which side of a plane it is on stays
+// the same there, so nothing that shines on the receiver is left out; nearness may be off under uneven scales, which
+// costs noise only. With M the placement's linear map and N the unit normal in the world, areas grow by |det M| / |M^T
+// N|.
+// All tables are always on the device: what is chosen does not depend on which chunks are there. Placements that are
+// not in the table are met by BSDF rays alone.
+// With HAS_MESH_LIGHT_VALUES some emissions are no constants. What a point emits is worked out as at a hit there: a
+// primvar between its values at the corners, a texture through the very lookup and with the cone that a BSDF ray in
+// this direction would have, so that both strategies see one function. Weights are means over faces, made by the host
+// (decisions/0013); they only decide what is chosen.
 // With streaming the texture is looked up before the surface is shaded, as one more lookup of its own (resolve_lights).
 // Emission goes to both sides, as it does for rays that meet it.
 #ifndef OOCPT_LIGHT_MESH_GLSL
@@ -79,7 +82,8 @@ Receiver receiver_inside(GpuMeshLight light, Double3 origin, vec3 n) {
                     squared > 0.0 ? normal * inversesqrt(squared) : vec3(0.0));
 }
 
-// Density per area of the world, among the points of a leaf, of one whose triangle has weight `weight` and unit normal `n`.
+// Density per area of the world, among the points of a leaf, of one whose triangle has weight `weight` and unit normal
+// `n`.
 float leaf_density(GpuMeshLight light, GpuLightLeaf leaf, float weight, vec3 n) {
     const float determinant = abs(dot3(light.x, cross3(light.y, light.z)));
     const vec3 covector = vec3(dot3(light.x, n), dot3(light.y, n), dot3(light.z, n));
@@ -101,7 +105,8 @@ uint choose_triangle(GpuLightLeaf leaf, float u) {
     return low;
 }
 
-// A point of some mesh light. `share`: probability of coming here. u.x and u.w choose the placement, u_mesh what is below, u.yz the point.
+// A point of some mesh light. `share`: probability of coming here. u.x and u.w choose the placement, u_mesh what is
+// below, u.yz the point.
 bool sample_mesh_light(Receiver r, Double3 origin, vec4 u, vec4 u_mesh, float share, out MeshLightPoint point) {
     float chosen = share;
     if (!choose_mesh_leaf(0u, r, u.x, u.w, point.light, chosen)) return false;
@@ -208,8 +213,9 @@ uint find_mesh_light(uint prim_id, uint instance_id, uint mesh) {
     return low;
 }
 
-// Density per solid angle with which a light would have been asked at the point of a mesh that a ray has met. `share`: probability of
-// asking a light with a place. `r` and `origin`: the receiver that the ray has left; n: unit normal there, `facing`: cosine to the ray.
+// Density per solid angle with which a light would have been asked at the point of a mesh that a ray has met. `share`:
+// probability of asking a light with a place. `r` and `origin`: the receiver that the ray has left; n: unit normal
+// there, `facing`: cosine to the ray.
 float mesh_light_density(Receiver r, Double3 origin, float share, uint prim_id, uint instance_id, uint mesh, uint face, uint material, vec3 n,
                          float distance, float facing) {
     const vec3 emission = HAS_MESH_LIGHT_VALUES ? vec3(0.0) : constant_emission(material);

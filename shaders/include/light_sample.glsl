@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Light at surfaces, in general: one light for a shadow ray, and what a BSDF ray brings, weighted by the balance heuristic.
+// Light at surfaces, in general: one light for a shadow ray, and what a BSDF ray brings, weighted by the balance
+// heuristic.
 //
-// Lights are in two groups: those with a place (local ones, and meshes that emit light: light_mesh.glsl), chosen by light trees, and
-// those at infinity, by fixed probabilities. Each light is a
-// strategy of its own against the BSDF's: a ray that meets several gets each with its own weight. A constant dome is sampled by
-// the BSDF. Lights without shadows, or with coloured or linked ones, are sampled by shadow rays only, and so are points, lines and single
-// directions; a delta lobe's rays (density 0) bring all that they meet.
+// Lights are in two groups: those with a place (local ones, and meshes that emit light: light_mesh.glsl), chosen by
+// light trees, and those at infinity, by fixed probabilities. Each light is a strategy of its own against the BSDF's: a
+// ray that meets several gets each with its own weight. A constant dome is sampled by the BSDF. Lights without shadows,
+// or with coloured or linked ones, are sampled by shadow rays only, and so are points, lines and single directions; a
+// delta lobe's rays (density 0) bring all that they meet.
 // Needs: Bsdf and its functions (bsdf.glsl or bsdf_lambert.glsl), wavefront.glsl.
 #ifndef OOCPT_LIGHT_SAMPLE_GLSL
 #define OOCPT_LIGHT_SAMPLE_GLSL
@@ -26,7 +27,7 @@ const float SHADOW_END = 0.9999995;
 #include "include/light_mesh.glsl"
 
 // What is kept of a surface for the ray that leaves it: what the lights that the ray meets ask of it.
-struct Departure {
+struct PreviousVertex {
     Receiver receiver;
     uint link_set;
     vec3 diffuse; // share of the BSDF's value for the ray that is diffuse, by colour
@@ -54,19 +55,20 @@ vec3 unpack_normal(uint bits) {
     return n * inversesqrt(dot3(n, n));
 }
 
-// Whether any light asks something of the surface that a ray left: where it was, what it is linked to, what of it is diffuse.
-const bool HAS_DEPARTURES = HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS || HAS_LIGHT_LINKS || HAS_LIGHT_LOBES;
+// Whether any light asks something of the surface that a ray left: where it was, what it is linked to, what of it is
+// diffuse.
+const bool HAS_PREVIOUS_VERTICES = HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS || HAS_LIGHT_LINKS || HAS_LIGHT_LOBES;
 
-void store_departure(uint path, uint normal, uint link_set, vec3 diffuse) {
-    if (!HAS_DEPARTURES) return;
+void store_previous_vertex(uint path, uint normal, uint link_set, vec3 diffuse) {
+    if (!HAS_PREVIOUS_VERTICES) return;
     UVec4s(FRAME.light_paths).v[path] =
         uvec4(normal, link_set, packUnorm2x16(diffuse.xy), packUnorm2x16(vec2(diffuse.z, 0.0)));
 }
 
-Departure load_departure(uint path, vec3 origin, float pdf) {
-    if (!HAS_DEPARTURES) return Departure(Receiver(origin, vec3(0.0)), 0u, vec3(0.0), pdf);
+PreviousVertex load_previous_vertex(uint path, vec3 origin, float pdf) {
+    if (!HAS_PREVIOUS_VERTICES) return PreviousVertex(Receiver(origin, vec3(0.0)), 0u, vec3(0.0), pdf);
     const uvec4 a = ConstUVec4s(FRAME.light_paths).v[path];
-    return Departure(Receiver(origin, unpack_normal(a.x)), a.y, vec3(unpackUnorm2x16(a.z), unpackUnorm2x16(a.w).x), pdf);
+    return PreviousVertex(Receiver(origin, unpack_normal(a.x)), a.y, vec3(unpackUnorm2x16(a.z), unpackUnorm2x16(a.w).x), pdf);
 }
 
 // The balance heuristic for a ray of density `pdf` (0: delta) against a light sampled with density `other`.
@@ -74,7 +76,8 @@ float ray_weight(float pdf, float other) {
     return pdf > 0.0 ? pdf / (pdf + other) : 1.0;
 }
 
-// Sum of the probabilities of the lights at infinity that shine on the prims of a set: shadow rays choose among these alone.
+// Sum of the probabilities of the lights at infinity that shine on the prims of a set: shadow rays choose among these
+// alone.
 float linked_infinite(uint link_set) {
     if (!HAS_LIGHT_LINKS) return 1.0;
     float sum = 0.0;
@@ -101,7 +104,7 @@ vec3 multiplied(float diffuse, float specular, vec3 share) {
 }
 
 // What the ray brings of one local light; 0 when it does not meet it before t_end.
-vec3 local_along(uint index, float chosen, vec3 o_hi, vec3 o_lo, vec3 d, float t_end, bool camera, Departure from) {
+vec3 local_along(uint index, float chosen, vec3 o_hi, vec3 o_lo, vec3 d, float t_end, bool camera, PreviousVertex from) {
     const GpuLocalLight light = load_local_light(index);
     const uint kind = light_kind(light.flags);
     if (is_thin(kind)) return vec3(0.0);
@@ -121,7 +124,7 @@ vec3 local_along(uint index, float chosen, vec3 o_hi, vec3 o_lo, vec3 d, float t
 }
 
 // What the ray brings of the local lights that it meets before t_end. `met`: there is at least one that shines.
-vec3 lights_along(Double3 origin, vec3 d, float t_end, bool camera, Departure from, out bool met) {
+vec3 lights_along(Double3 origin, vec3 d, float t_end, bool camera, PreviousVertex from, out bool met) {
     vec3 sum = vec3(0.0);
     met = false;
     const vec3 reciprocal = safe_reciprocal(d);
@@ -180,7 +183,8 @@ GpuInfiniteLight load_infinite_light(uint index) {
     return InfiniteLights(LIGHTING.infinite_lights).v[index];
 }
 
-// Radiance of a light at infinity from direction w, without its single directions; `pdf` of sampling it, without choosing.
+// Radiance of a light at infinity from direction w, without its single directions; `pdf` of sampling it, without
+// choosing.
 vec3 infinite_radiance(GpuInfiniteLight light, vec3 w, out float pdf) {
     pdf = 0.0;
     const uint kind = light_kind(light.flags);
@@ -197,7 +201,7 @@ vec3 infinite_radiance(GpuInfiniteLight light, vec3 w, out float pdf) {
 }
 
 // What a ray that leaves the scene along d brings of the lights at infinity.
-vec3 lights_at_infinity(vec3 d, Departure from) {
+vec3 lights_at_infinity(vec3 d, PreviousVertex from) {
     vec3 sum = vec3(0.0);
     const float linked = linked_infinite(from.link_set);
     for (uint i = 0u; i < LIGHTING.infinite_count; ++i) {

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shapes of local lights under any affine map M: hits, points for shadow rays, and their densities per solid angle at the receiver.
+// Shapes of local lights under any affine map M: hits, points for shadow rays, and their densities per solid angle at
+// the receiver.
 //
-// All in the light's unit frame: o is the receiver and d a direction there, d = M^-1 w for a unit world direction w, so that
-// distances t are the world's. A shape's area element is |det M| |n . M^-1 w| / |w . N| times the unit shape's, hence a density p
-// over the unit shape's area is p t^2 / (|det M| |n . d|) per world solid angle. Spheres are sampled in the cone that they fill
-// in the unit frame; dw/dw' = |det M| |d|^3. Exact for ellipsoids and elliptic cylinders too.
+// All in the light's unit frame: o is the receiver and d a direction there, d = M^-1 w for a unit world direction w, so
+// that distances t are the world's. A shape's area element is |det M| |n . M^-1 w| / |w . N| times the unit shape's,
+// hence a density p over the unit shape's area is p t^2 / (|det M| |n . d|) per world solid angle. Spheres are sampled
+// in the cone that they fill in the unit frame; dw/dw' = |det M| |d|^3. Exact for ellipsoids and elliptic cylinders
+// too.
 // All shapes shine to one side: planes to -z, the others outwards.
 #ifndef OOCPT_LIGHT_SHAPE_GLSL
 #define OOCPT_LIGHT_SHAPE_GLSL

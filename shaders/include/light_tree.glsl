@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The light tree: choosing a local light in proportion to what it may bring to a receiver, and finding the lights on a ray.
+// The light tree: choosing a local light in proportion to what it may bring to a receiver, and finding the lights on a
+// ray.
 //
-// A BVH2 whose children carry a box, a cone of directions and a power (Conty Estevez and Kulla 2018, "Importance Sampling of Many
-// Lights with Adaptive Tree Splitting"; Pharr et al. 2023, 12.6.3). The probability of a light is the product of the shares on its
-// way from the root; the walk along a ray carries that product along, so it is the very number that choosing gives.
+// A BVH2 whose children carry a box, a cone of directions and a power (Conty Estevez and Kulla 2018, "Importance
+// Sampling of Many Lights with Adaptive Tree Splitting"; Pharr et al. 2023, 12.6.3). The probability of a light is the
+// product of the shares on its way from the root; the walk along a ray carries that product along, so it is the very
+// number that choosing gives.
 #ifndef OOCPT_LIGHT_TREE_GLSL
 #define OOCPT_LIGHT_TREE_GLSL
 
@@ -32,8 +34,8 @@ float sine(float cosine) {
     return sqrt(max(1.0 - cosine * cosine, 0.0));
 }
 
-// Cosine of the least angle between a direction of child `i`'s cone and the way from a point of its box, of half angle b, to the
-// receiver; `cos_w`: of the angle between the cone's axis and the way from the box's middle.
+// Cosine of the least angle between a direction of child `i`'s cone and the way from a point of its box, of half angle
+// b, to the receiver; `cos_w`: of the angle between the cone's axis and the way from the box's middle.
 float cos_outwards(GpuLightNode node, uint i, float cos_w, float sin_b, float cos_b) {
     const float sin_w = sine(cos_w);
     const float cos_o = node.cos_axis[i];
@@ -113,7 +115,8 @@ bool choose_local_light(Receiver r, float u, float spare, out uint light, out fl
     return false;
 }
 
-// The same among mesh lights, or among the leaves of one: from node `root`, with numbers of its own. `probability` is multiplied.
+// The same among mesh lights, or among the leaves of one: from node `root`, with numbers of its own. `probability` is
+// multiplied.
 bool choose_mesh_leaf(uint root, Receiver r, float u, float spare, out uint leaf, inout float probability) {
     leaf = root;
     for (uint level = 0u; level <= LIGHT_TREE_DEPTH; ++level) {

@@ -3,7 +3,7 @@
 #ifndef OOCPT_LIGHTS_GLSL
 #define OOCPT_LIGHTS_GLSL
 
-GpuLight load_light(uint index) {
+GpuDistantLight load_light(uint index) {
     return Lights(FRAME.lights).v[index];
 }
 

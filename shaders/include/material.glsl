@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A material at a hit: inputs worked out to what the BSDF takes. UsdPreviewSurface; a surface without a material is diffuse in its
-// displayColor.
+// A material at a hit: inputs worked out to what the BSDF takes. UsdPreviewSurface; a surface without a material is
+// diffuse in its displayColor.
 // begin_lookups (texture.glsl) comes before; textures without images are black and opaque.
 #ifndef OOCPT_MATERIAL_GLSL
 #define OOCPT_MATERIAL_GLSL
@@ -56,7 +56,8 @@ float last_width;
 vec4 last_texel;
 uint last_unit;
 
-// The value of an input. `missing`: the unit that a lookup waits for, as texture_lookup gives it; not touched where all is there.
+// The value of an input. `missing`: the unit that a lookup waits for, as texture_lookup gives it; not touched where all
+// is there.
 vec4 input_value(GpuSurfaceMaterial m, uint name, float cone, inout uint missing) {
     Materials materials = Materials(FRAME.materials);
     const uint kind = materials.v[m.material].inputs[name].kind & 3u;
@@ -81,8 +82,8 @@ vec4 input_value(GpuSurfaceMaterial m, uint name, float cone, inout uint missing
     return pick_channel(i, vec4(0.0, 0.0, 0.0, 1.0));
 }
 
-// The material of a path's hit, or what stands for one. `missing`: TEXTURE_DONE, or the unit that it waits for; the result then means
-// nothing.
+// The material of a path's hit, or what stands for one. `missing`: TEXTURE_DONE, or the unit that it waits for; the
+// result then means nothing.
 Shading make_shading(uint path, Surface s, out uint missing) {
     missing = TEXTURE_DONE;
     if (HAS_TEXTURES) begin_lookups(path);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Streaming only: how far the rays of each path are. A path is shaded when its closest ray and the shadow ray of the bounce before
-// are both finished, so that what is added to its radiance comes in one order; whichever of the two finishes last pushes it.
+// Streaming only: how far the rays of each path are. A path is shaded when its closest ray and the shadow ray of the
+// bounce before are both finished, so that what is added to its radiance comes in one order; whichever of the two
+// finishes last pushes it.
 #ifndef OOCPT_PROGRESS_GLSL
 #define OOCPT_PROGRESS_GLSL
 
@@ -44,8 +45,8 @@ void end_path(uint path, bool ended) {
     if (ended) Uints(STREAMING.free_slots).v[to % STREAMING.slots] = path;
 }
 
-// Pushes paths to be shaded, with textures to have their materials resolved first, and ends those that end; `all` as finish
-// returned it.
+// Pushes paths to be shaded, with textures to have their materials resolved first, and ends those that end; `all` as
+// finish returned it.
 void push_finished(uint path, uint all) {
     const bool ends = (all & PATH_ENDS) != 0u;
     const bool hit = (all & CLOSEST_HIT) != 0u;

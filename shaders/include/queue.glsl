@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pushes to queues, one atomic per subgroup. Queues hold all paths, so they cannot overflow; their order is not deterministic
-// and nothing may depend on it.
+// Pushes to queues, one atomic per subgroup. Queues hold all paths, so they cannot overflow; their order is not
+// deterministic and nothing may depend on it.
 #ifndef OOCPT_QUEUE_GLSL
 #define OOCPT_QUEUE_GLSL
 

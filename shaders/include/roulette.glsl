@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Roulette on loads only: which waiting rays it is about, and what is known of their pixels. oocpt_core::residency::roulette decides.
+// Roulette on loads only: which waiting rays it is about, and what is known of their pixels.
+// oocpt_core::residency::roulette decides.
 #ifndef OOCPT_ROULETTE_GLSL
 #define OOCPT_ROULETTE_GLSL
 
@@ -33,7 +34,8 @@ struct Sample {
     uint stride; // places from there to the next sample of the pixel, if it is under way too
 };
 
-// False where there was no path since the host zeroed the segments. One that has gone into the film already may be found again.
+// False where there was no path since the host zeroed the segments. One that has gone into the film already may be
+// found again.
 bool sample_of_place(uint place, out Sample of_path) {
     const uint segment = place / STREAMING.segment_size;
     const uint i = place - segment * STREAMING.segment_size;
@@ -53,7 +55,8 @@ bool sample_of_place(uint place, out Sample of_path) {
     return true;
 }
 
-// Radiance of the path that is `steps` samples of its pixel on from a place: as far as it is known, and only if it is found.
+// Radiance of the path that is `steps` samples of its pixel on from a place: as far as it is known, and only if it is
+// found.
 bool radiance_of_other(uint place, Sample from, int steps, out float radiance) {
     const int64_t places = int64_t(STREAMING.segment_count) * int64_t(STREAMING.segment_size);
     int64_t other = (int64_t(place) + int64_t(steps) * int64_t(from.stride)) % places;

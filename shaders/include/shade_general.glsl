@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Shading with the light table (Features::LIGHT_TABLE): any BSDF, any light.
 //
-// At each surface: what the ray has met of the lights on its way here (weighed against the shadow ray of the bounce before), one
-// shadow ray, one BSDF ray. That goes for bounce max_bounces too, where the BSDF ray only looks for lights: shadow rays alone find
-// nothing in a mirror and little in what is almost one. Only Lambert ends there, with a shadow ray that brings all.
+// At each surface: what the ray has met of the lights on its way here (weighed against the shadow ray of the bounce
+// before), one shadow ray, one BSDF ray. That goes for bounce max_bounces too, where the BSDF ray only looks for
+// lights: shadow rays alone find nothing in a mirror and little in what is almost one. Only Lambert ends there, with a
+// shadow ray that brings all.
 #ifndef OOCPT_SHADE_GENERAL_GLSL
 #define OOCPT_SHADE_GENERAL_GLSL
 
@@ -18,32 +19,32 @@ void add_met_lights(uint path, Ray ray, Surface surface, PathState state) {
     const Double3 origin = Double3(ray.o, ray.o_lo);
     const float t_end = dot3(difference(surface.position, origin), ray.d);
     const bool camera = ray.bounce == 0u;
-    Departure from = Departure(Receiver(vec3(0.0), vec3(0.0)), 0u, vec3(0.0), 0.0);
-    if (!camera) from = load_departure(path, ray.o, state.pdf);
+    PreviousVertex from = PreviousVertex(Receiver(vec3(0.0), vec3(0.0)), 0u, vec3(0.0), 0.0);
+    if (!camera) from = load_previous_vertex(path, ray.o, state.pdf);
     bool met;
     const vec3 lights = lights_along(origin, ray.d, t_end, camera, from, met);
-    if (met) add_radiance(path, admitted(state.throughput * lights, ray.bounce > 1u));
+    if (met) add_radiance(path, clamp_contribution(state.throughput * lights, ray.bounce > 1u));
 }
 
 // Stores the shadow ray, or adds its contribution where nothing can be in its way. Gives whether there is a ray.
-bool store_ask(uint path, Double3 origin, uint bounce, Ask ask, vec3 throughput) {
-    const vec3 contribution = admitted(throughput * ask.contribution, bounce > 0u);
+bool store_shadow_ray(uint path, Double3 origin, uint bounce, LightSample ls, vec3 throughput) {
+    const vec3 contribution = clamp_contribution(throughput * ls.contribution, bounce > 0u);
     if (!(max_component(contribution) > 0.0)) return false;
-    if ((ask.flags & LIGHT_NO_SHADOWS) != 0u) {
+    if ((ls.flags & LIGHT_NO_SHADOWS) != 0u) {
         add_radiance(path, contribution);
         return false;
     }
     const uint64_t to = shadow_ray_address(path);
-    if (HAS_LIGHT_LINKS) bounce |= ask.shadow_link << SHADOW_LINK_SHIFT;
-    store_ray(to, Ray(origin.hi, bounce, ask.direction, ask.distance, origin.lo, 0u));
-    Vec4s(to).v[3] = vec4(contribution, uintBitsToFloat(ask.shadow_color));
+    if (HAS_LIGHT_LINKS) bounce |= ls.shadow_link << SHADOW_LINK_SHIFT;
+    store_ray(to, Ray(origin.hi, bounce, ls.direction, ls.distance, origin.lo, 0u));
+    Vec4s(to).v[3] = vec4(contribution, uintBitsToFloat(ls.shadow_color));
     return true;
 }
 
 // Weight of what the ray has met of a mesh that emits light, against the shadow ray of the bounce before.
 float emission_share(uint path, Ray ray, Surface surface, float pdf) {
     if (ray.bounce == 0u || !(pdf > 0.0)) return 1.0;
-    const Departure from = load_departure(path, ray.o, pdf);
+    const PreviousVertex from = load_previous_vertex(path, ray.o, pdf);
     const Double3 origin = Double3(ray.o, ray.o_lo);
     const float distance = dot3(difference(surface.position, origin), ray.d);
     const float facing = dot3(surface.geometric_normal, ray.d);
@@ -72,7 +73,7 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     if (HAS_EMISSION && max_component(shading.emission) > 0.0) {
         const float weight = HAS_MESH_LIGHTS ? emission_share(path, ray, surface, state.pdf) : 1.0;
         // As for other lights: what shadow rays could bring at bounce 0 is direct.
-        add_radiance(path, admitted(state.throughput * (shading.emission * weight), ray.bounce > (HAS_MESH_LIGHTS ? 1u : 0u)));
+        add_radiance(path, clamp_contribution(state.throughput * (shading.emission * weight), ray.bounce > (HAS_MESH_LIGHTS ? 1u : 0u)));
     }
     if (only_lights) return;
     const vec3 wo = -ray.d;
@@ -88,7 +89,7 @@ void shade_general(uint path, out bool asks, out bool go_on) {
 
     // What goes through leaves on the other side.
     const Double3 beyond = HAS_TRANSMISSION ? add(surface.position, -surface.offset * normal) : origin;
-    Ask ask = ask_one(path, ray.bounce, bsdf, wo, origin, link_set, packed_normal, last, surface.cone);
+    LightSample ls = sample_one_light(path, ray.bounce, bsdf, wo, origin, link_set, packed_normal, last, surface.cone);
     const vec4 u = sample_4d(index, 1u + 2u * ray.bounce, seed);
     vec3 wi, weight;
     float pdf;
@@ -99,24 +100,24 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     if (HAS_LIGHT_LOBES && is_sampled && !evaluates && pdf > 0.0) share = vec3(1.0);
     // Two directions, one copy of the BSDF's code, which is the largest part of this: the light's and the next ray's.
     [[dont_unroll]] for (uint i = 0u; i < 2u; ++i) {
-        if (i == 0u ? !needs_bsdf(ask) : !evaluates) continue;
+        if (i == 0u ? !needs_bsdf(ls) : !evaluates) continue;
         vec3 direction = wi;
-        if (i == 0u) direction = ask.direction;
+        if (i == 0u) direction = ls.direction;
         vec3 diffuse, specular;
         float density;
         bsdf_evaluate_lobes(bsdf, wo, direction, diffuse, specular, density);
         if (i == 0u) {
-            finish_ask(ask, diffuse, specular, density);
+            finish_light_sample(ls, diffuse, specular, density);
         } else {
             pdf = density;
             is_sampled = bsdf_weigh(diffuse + specular, density, weight);
             if (HAS_LIGHT_LOBES && density > 0.0) share = diffuse_share(diffuse, specular);
         }
     }
-    const bool asks_beyond = HAS_TRANSMISSION && dot(ask.direction, normal) < 0.0;
+    const bool asks_beyond = HAS_TRANSMISSION && dot(ls.direction, normal) < 0.0;
     Double3 ask_from = origin;
     if (asks_beyond) ask_from = beyond;
-    asks = store_ask(path, ask_from, ray.bounce, ask, state.throughput);
+    asks = store_shadow_ray(path, ask_from, ray.bounce, ls, state.throughput);
     if (!is_sampled) return;
 
     const vec3 throughput = state.throughput * weight;
@@ -126,7 +127,7 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     if (!go_on) return;
     store_path(path, PathState(throughput / survival, pdf));
     if (HAS_TEXTURES) store_next_cone(path, surface.cone, pdf);
-    store_departure(path, packed_normal, link_set, share);
+    store_previous_vertex(path, packed_normal, link_set, share);
     const bool goes_beyond = HAS_TRANSMISSION && dot(wi, normal) < 0.0;
     Double3 from = origin;
     if (goes_beyond) from = beyond;

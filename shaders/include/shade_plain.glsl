@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shading of scenes without materials whose lights are constant domes and distant lights only (no Features::LIGHT_TABLE).
+// Shading of scenes without materials whose lights are constant domes and distant lights only (no
+// Features::LIGHT_TABLE).
 #ifndef OOCPT_SHADE_PLAIN_GLSL
 #define OOCPT_SHADE_PLAIN_GLSL
 
-// Chooses a light and a direction; `contribution` excludes throughput and albedo, and is 0 when there is nothing to ask.
-// `last`: no ray follows that could meet the lights, so shadow rays bring all of it.
+// Chooses a light and a direction; `contribution` excludes throughput and albedo, and is 0 when there is nothing to
+// ask. `last`: no ray follows that could meet the lights, so shadow rays bring all of it.
 void sample_light(Lambert lambert, vec4 u, bool last, out vec3 direction, out vec3 contribution) {
     direction = lambert.g;
     contribution = vec3(0.0);
@@ -15,7 +16,7 @@ void sample_light(Lambert lambert, vec4 u, bool last, out vec3 direction, out ve
         return;
     }
     if (!HAS_DISTANT || FRAME.light_count == 0u) return;
-    const GpuLight light = load_light(choose_distant(min((u.x - dome) / (1.0 - dome), 0.99999994)));
+    const GpuDistantLight light = load_light(choose_distant(min((u.x - dome) / (1.0 - dome), 0.99999994)));
     const float chosen = (1.0 - dome) * light.probability;
     if (light.one_minus_cos <= 0.0) {
         direction = light.direction;
@@ -47,7 +48,7 @@ void shade_plain(uint path, out bool ask, out bool go_on) {
     if (HAS_DISTANT || last || HAS_DOME_SHADOW_RAYS) {
         vec3 direction, contribution;
         sample_light(lambert, sample_4d(index, 2u + 2u * ray.bounce, seed), last, direction, contribution);
-        contribution = admitted(throughput * contribution, ray.bounce > 0u);
+        contribution = clamp_contribution(throughput * contribution, ray.bounce > 0u);
         ask = max_component(contribution) > 0.0;
         if (ask) {
             const uint64_t to = shadow_ray_address(path);

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // What material evaluation hands to the BSDF: the inputs of UsdPreviewSurface after textures, and the normals.
 //
-// Guarantee of valid_shading: every number is finite and in its range, so bsdf.glsl need not ask again.
-// Packed, the inputs of today (not the normals, which a surface has anyway) are four vec4s of plain floats: nothing is rounded, so core
-// and streaming need not agree on a rounding.
+// Guarantee of valid_shading: every number is finite and in its range, so bsdf.glsl need not ask again. Packed, the
+// inputs of today (not the normals, which a surface has anyway) are four vec4s of plain floats: nothing is rounded, so
+// core and streaming need not agree on a rounding.
 #ifndef OOCPT_SHADING_GLSL
 #define OOCPT_SHADING_GLSL
 
 const uint SHADING_SPECULAR_WORKFLOW = 1u; // specular_color is F0; else ior and metallic give F0
-const uint SHADING_PRESENCE = 2u; // opacity was asked for in traversal (opacityThreshold > 0 or opacityMode = presence): none here
+// Opacity was asked for in traversal (opacityThreshold > 0 or opacityMode = presence): none here.
+const uint SHADING_PRESENCE = 2u;
 
 struct Shading {
     vec3 geometric_normal; // unit, authored side: outside of what is transmissive

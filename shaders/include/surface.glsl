@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // A hit made into a surface point: position with an error bound, normals, albedo, ids; and what its material will need.
 //
-// Self-intersection: a spawned ray is tested against the surface after its origin went through the same chain of maps as here,
-// so we run that chain forwards from the computed world position (two floats), into the chunk and on, carry a bound on its rounding,
-// and see how far from the triangle's plane it may land in the mesh's frame. The origin is moved along the normal by just that
-// much, again in two floats. No scene epsilon.
-// (Ideas: Waechter and Binder, Ray Tracing Gems ch. 6; NVIDIA 2023, "Solving Self-Intersection Artifacts in DirectX
-// Raytracing".)
+// Self-intersection: a spawned ray is tested against the surface after its origin went through the same chain of maps
+// as here, so we run that chain forwards from the computed world position (two floats), into the chunk and on, carry a
+// bound on its rounding, and see how far from the triangle's plane it may land in the mesh's frame. The origin is moved
+// along the normal by just that much, again in two floats. No scene epsilon. (Ideas: Waechter and Binder, Ray Tracing
+// Gems ch. 6; NVIDIA 2023, "Solving Self-Intersection Artifacts in DirectX Raytracing".)
 #ifndef OOCPT_SURFACE_GLSL
 #define OOCPT_SURFACE_GLSL
 
@@ -53,7 +52,7 @@ Affine follow_chain(uint chunk_instance, out uint mesh, out int prim_id, out uin
     Affine map = instance_map(instances, record);
     uint target = Instances(instances).v[record].target;
     instance_id = placement_id(ChunkInstances(FRAME.chunk_instances).v[chunk_instance].instance_id, instances, record);
-    if (HAS_INSTANCING) {
+    if (HAS_NESTING) {
         for (uint level = 1u; level < MAX_LEVELS && (target & TARGET_ASSEMBLY) != 0u; ++level) {
             instances = Assemblies(FRAME.assemblies).v[target & ~TARGET_ASSEMBLY].instances;
             record = surface_chain[level];
@@ -67,8 +66,9 @@ Affine follow_chain(uint chunk_instance, out uint mesh, out int prim_id, out uin
     return map;
 }
 
-// Takes p from the world to the chunk's frame as traversal does; `error` bounds the components' errors. A start point is p moved
-// by its offset and rounded to two floats (4 u^2), and `difference` drops a few u^2 of both terms and rounds once.
+// Takes p from the world to the chunk's frame as traversal does; `error` bounds the components' errors. A start point
+// is p moved by its offset and rounded to two floats (4 u^2), and `difference` drops a few u^2 of both terms and rounds
+// once.
 vec3 chunk_with_error(ChunkMap m, Double3 p, out vec3 error) {
     const vec3 r = difference(p, m.origin);
     const float u2 = 8.0 * UNIT_ROUNDOFF * UNIT_ROUNDOFF;
@@ -77,7 +77,8 @@ vec3 chunk_with_error(ChunkMap m, Double3 p, out vec3 error) {
     return apply_rows(m.x, m.y, m.z, r);
 }
 
-// Takes p from the chunk's frame to the mesh's as traversal does, and `error`, a bound on its components' errors, along.
+// Takes p from the chunk's frame to the mesh's as traversal does, and `error`, a bound on its components' errors,
+// along.
 vec3 forward_with_error(uint chunk_instance, vec3 p, inout vec3 error) {
     uint64_t instances = chunk_records(chunk_instance);
     for (uint level = 0u; level < MAX_LEVELS; ++level) {
@@ -87,7 +88,7 @@ vec3 forward_with_error(uint chunk_instance, vec3 p, inout vec3 error) {
         error = apply_vector(size, error) + 4.0 * UNIT_ROUNDOFF * apply_point(size, abs(p));
         p = apply_point(m, p);
         const uint target = Instances(instances).v[record].target;
-        if (!HAS_INSTANCING || (target & TARGET_ASSEMBLY) == 0u) break;
+        if (!HAS_NESTING || (target & TARGET_ASSEMBLY) == 0u) break;
         instances = Assemblies(FRAME.assemblies).v[target & ~TARGET_ASSEMBLY].instances;
     }
     return p;
@@ -100,8 +101,9 @@ vec3 normal_or(vec3 v, vec3 fallback) {
     return scaled * inversesqrt(dot3(scaled, scaled));
 }
 
-// The point p of a plane, moved in the plane to where the ray meets it, if that is farther than what the ray itself rounds: barycentrics
-// round by the triangle's size over its height, which for slivers, and for triangles much larger than their distance, is a lot.
+// The point p of a plane, moved in the plane to where the ray meets it, if that is farther than what the ray itself
+// rounds: barycentrics round by the triangle's size over its height, which for slivers, and for triangles much larger
+// than their distance, is a lot.
 Double3 on_ray(Double3 p, vec3 normal, Ray ray, float t) {
     const vec3 off = difference(p, add(Double3(ray.o, ray.o_lo), t * ray.d));
     const vec3 aside = off - dot3(off, normal) * normal;

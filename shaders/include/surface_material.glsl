@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a material needs of its mesh at a hit: which material, texture coordinates, primvars, the direction in which u grows.
-// All of it is geometry: it is gathered while the chunk is there, and the textures may come later (material.glsl).
+// What a material needs of its mesh at a hit: which material, texture coordinates, primvars, the direction in which u
+// grows. All of it is geometry: it is gathered while the chunk is there, and the textures may come later
+// (material.glsl).
 #ifndef OOCPT_SURFACE_MATERIAL_GLSL
 #define OOCPT_SURFACE_MATERIAL_GLSL
 
@@ -39,7 +40,8 @@ uint find_primvar(uint mesh, uint name) {
     return NO_NAME;
 }
 
-// Value `index`, of `width` floats, of those at `values`: one is in all components, else what is missing is 0, and alpha 1.
+// Value `index`, of `width` floats, of those at `values`: one is in all components, else what is missing is 0, and
+// alpha 1.
 vec4 primvar_at(uint64_t values, uint index, uint width) {
     const uint at = index * width;
     ConstFloats v = ConstFloats(values);
@@ -49,8 +51,8 @@ vec4 primvar_at(uint64_t values, uint index, uint width) {
     return vec4(v.v[at], v.v[at + 1u], v.v[at + 2u], v.v[at + 3u]);
 }
 
-// The value of a primvar that the mesh does not have at the instance that is looked at; false when no instancer has it. Made by
-// instance_primvars.glsl, which needs to know where the instance is.
+// The value of a primvar that the mesh does not have at the instance that is looked at; false when no instancer has it.
+// Made by instance_primvars.glsl, which needs to know where the instance is.
 bool instance_primvar(uint name, out vec4 value);
 
 // The values of a primvar at the corners of a triangle.

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Textures: page lookup, texels, bilinear filter, two levels mixed. The twin in f64 is rust/core/src/texture/twin.rs; tiles and
-// levels are numbered as in rust/core/src/texture/layout.rs.
+// Textures: page lookup, texels, bilinear filter, two levels mixed. The twin in f64 is rust/core/src/texture/twin.rs;
+// tiles and levels are numbered as in rust/core/src/texture/layout.rs.
 //
 // st: (0, 0) is the lower left corner of the image. `width`: of the filter, in texels of level 0
 // (include/footprint.glsl). Between 2^l and
 // 2^(l+1) texels levels l and l + 1 are mixed linearly in it.
 //
-// A lookup takes up to eight texels, one after the other, and keeps the mean of those it has (West 1979: mean += (x - mean) * w / W),
-// which for equal texels is that texel exactly. So it can stop at any texel whose tile is absent and go on there later, with the same
-// bits as if it had never stopped: each tile that comes is progress, and no two need to be there at once.
+// A lookup takes up to eight texels, one after the other, and keeps the mean of those it has (West 1979: mean += (x -
+// mean) * w / W), which for equal texels is that texel exactly. So it can stop at any texel whose tile is absent and go
+// on there later, with the same bits as if it had never stopped: each tile that comes is progress, and no two need to
+// be there at once.
 #ifndef OOCPT_TEXTURE_GLSL
 #define OOCPT_TEXTURE_GLSL
 
@@ -20,7 +21,8 @@
 
 // What a lookup says in place of the number of a unit that it waits for.
 const uint TEXTURE_DONE = 0xffffffffu;
-const uint TEXTURE_FALLBACK = 0xfffffffeu; // no image there, or none that could be read; the value is the fallback, to which no scale or bias applies
+// No image there, or none that could be read; the value is the fallback, to which no scale or bias applies.
+const uint TEXTURE_FALLBACK = 0xfffffffeu;
 
 const uint TILE_SIDE = 128u;
 const uint TAIL_SIDE = 64u;
@@ -32,7 +34,8 @@ struct TextureProgress {
     uint taps;
 };
 
-// A level: its size, the number of its first tile, and for levels that share the last tile the byte where it begins there.
+// A level: its size, the number of its first tile, and for levels that share the last tile the byte where it begins
+// there.
 struct TextureLevel {
     uint level;
     uvec2 size;
@@ -64,7 +67,8 @@ TextureLevel texture_level(GpuTexture t, uint level) {
     return l;
 }
 
-// v / 255, correctly rounded for 0 to 255: v * 257 / 65536 is exact and lacks v * (1 / 255 - 257 / 65536). (No fma: a driver may split it.)
+// v / 255, correctly rounded for 0 to 255: v * 257 / 65536 is exact and lacks v * (1 / 255 - 257 / 65536). (No fma: a
+// driver may split it.)
 vec4 byte_to_unit(vec4 v) {
     return v * (257.0 / 65536.0) + v * 5.983839201917363e-8;
 }
@@ -128,7 +132,8 @@ int wrap_texel(int x, int size, uint wrap) {
     return m < size ? m : period - 1 - m;
 }
 
-// A coordinate brought near the image, by whole periods where there are any; exact, since what is small and negative stays.
+// A coordinate brought near the image, by whole periods where there are any; exact, since what is small and negative
+// stays.
 float near_image(float s, uint wrap) {
     if (!(abs(s) < 1.0e9)) return 0.0;
     if (s >= -1.0 && s <= 2.0) return s;
@@ -137,8 +142,8 @@ float near_image(float s, uint wrap) {
     return clamp(s, -1.0, 2.0);
 }
 
-// The lower of the two texels around s, and the share of the upper one. s * size - 0.5 is worked out in integers: exact but for one
-// rounding of the share, so a wide image is filtered as well as a small one. |s| < 4.
+// The lower of the two texels around s, and the share of the upper one. s * size - 0.5 is worked out in integers: exact
+// but for one rounding of the share, so a wide image is filtered as well as a small one. |s| < 4.
 int texel_place(float s, uint size, out float share) {
     const uint bits = floatBitsToUint(s);
     const int shift = 150 - int((bits >> 23) & 0xffu); // s is its mantissa / 2^shift
@@ -187,8 +192,8 @@ float lookup_width(uint texture, vec2 st, uvec2 footprint, float cone, vec3 s, v
     return exists ? footprint_width(footprint, cone, s.xy, t.xy, size) : 0.0;
 }
 
-// Goes on with a lookup until it is done (TEXTURE_DONE, TEXTURE_FALLBACK; the value is progress.mean) or comes to an absent tile: then
-// the number of that tile among all tiles of the scene.
+// Goes on with a lookup until it is done (TEXTURE_DONE, TEXTURE_FALLBACK; the value is progress.mean) or comes to an
+// absent tile: then the number of that tile among all tiles of the scene.
 uint continue_lookup(uint texture, vec2 st, float width, inout TextureProgress progress) {
     bool exists;
     const GpuTexture t = Textures(FRAME.textures).v[texture_part(texture, st, exists)];
@@ -266,9 +271,10 @@ uint requested_lookup(uint path, uint texture, vec2 st, float width, inout Textu
     return said;
 }
 
-// With streaming the lookups of a path's material are numbered in the order in which it makes them, and the value of each is kept
-// once it is done: a pass that works the material out again finds those, and goes on with the first that is not done. So what is made of
-// them is one code for core and streaming, and each tile that comes is progress, whatever went meanwhile.
+// With streaming the lookups of a path's material are numbered in the order in which it makes them, and the value of
+// each is kept once it is done: a pass that works the material out again finds those, and goes on with the first that
+// is not done. So what is made of them is one code for core and streaming, and each tile that comes is progress,
+// whatever went meanwhile.
 uint lookup_path;
 uint lookup_number;
 
@@ -312,8 +318,8 @@ void note_ptex(GpuTexture t, vec2 st, float width, uint but) {
 }
 #endif
 
-// With NOTE_TILES: notes the tiles of a lookup that are absent, so that they come together and not one after the other. A hint: the four
-// texels of a level may lie in other tiles too.
+// With NOTE_TILES: notes the tiles of a lookup that are absent, so that they come together and not one after the other.
+// A hint: the four texels of a level may lie in other tiles too.
 void note_tiles(uint texture, vec2 st, float width, uint but) {
 #ifdef NOTE_TILES
     bool exists;
@@ -371,8 +377,8 @@ vec4 kept_lookup(uint texture, vec2 st, float width, out uint missing_unit) {
     return progress.mean;
 }
 
-// A whole lookup. `missing_unit` is TEXTURE_DONE, TEXTURE_FALLBACK, or with streaming the unit of the planner to wait for (the value
-// then means nothing). With streaming after begin_lookups, and always in the same order.
+// A whole lookup. `missing_unit` is TEXTURE_DONE, TEXTURE_FALLBACK, or with streaming the unit of the planner to wait
+// for (the value then means nothing). With streaming after begin_lookups, and always in the same order.
 vec4 texture_lookup(uint texture, vec2 st, float width, out uint missing_unit) {
     if (HAS_STREAMING) return kept_lookup(texture, st, width, missing_unit);
     TextureProgress progress = TextureProgress(UNKNOWN_TEXEL, 0u);

@@ -27,14 +27,15 @@ uint sample_from(uint first_sample, uint first_pixel, uint i) {
     return first_sample + (first_pixel + i) / (FRAME.width * FRAME.height);
 }
 
-// Where the radiance of the path in a slot is: the slot itself in a wave. With streaming a place in one of the segments, of which
-// there are more than slots: what little is left of a path that has ended does not keep its slot from the next one.
+// Where the radiance of the path in a slot is: the slot itself in a wave. With streaming a place in one of the
+// segments, of which there are more than slots: what little is left of a path that has ended does not keep its slot
+// from the next one.
 uint path_place(uint path) {
     return HAS_STREAMING ? ConstUints(STREAMING.places).v[path] : path;
 }
 
-// Adaptive: pixel, with the stream in the highest bit, and sample number of path `i` of those that begin at entry `first_pixel` of the band
-// and row `first_sample`.
+// Adaptive: pixel, with the stream in the highest bit, and sample number of path `i` of those that begin at entry
+// `first_pixel` of the band and row `first_sample`.
 uint band_width(uint first_sample) {
     return ADAPTIVE.width[first_sample >> BAND_SHIFT];
 }
@@ -88,7 +89,8 @@ uint path_sample(uint path) {
                        Segments(STREAMING.segments).v[segment].first_pixel, i);
 }
 
-// Trace order to image position: strips of 8 rows, cut into tiles of 8 columns, row by row inside. A bijection for any size.
+// Trace order to image position: strips of 8 rows, cut into tiles of 8 columns, row by row inside. A bijection for any
+// size.
 uvec2 pixel_position(uint index) {
     const uint width = FRAME.width;
     const uint strip = index / (8u * width);
@@ -140,8 +142,9 @@ float max_component(vec3 v) {
     return max(v.x, max(v.y, v.z));
 }
 
-// What may be added to the radiance of a path: zero, and counted, when not finite; bounded when indirect and a bound is set.
-vec3 admitted(vec3 contribution, bool indirect) {
+// What may be added to the radiance of a path: zero, and counted, when not finite; bounded when indirect and a bound is
+// set.
+vec3 clamp_contribution(vec3 contribution, bool indirect) {
     if (!is_finite(contribution)) {
         atomicAdd(COUNTERS.nonfinite, 1u);
         return vec3(0.0);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Radix sort, step 2 of a pass: running sums over the tiles. One workgroup per digit (256).
-// Reads and writes: histogram[digit][tile], each replaced by the sum of those before it. Writes: the total of the digit, at
-// histogram[256 * tiles + digit].
+// Reads and writes: histogram[digit][tile], each replaced by the sum of those before it. Writes: the total of the
+// digit, at histogram[256 * tiles + digit].
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/lbvh.glsl"

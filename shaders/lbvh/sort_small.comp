@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Morton keys and their sort in one workgroup, for up to SMALL items: bitonic, by (key, item), which is what the radix sort
-// gives too. One workgroup.
+// Morton keys and their sort in one workgroup, for up to SMALL items: bitonic, by (key, item), which is what the radix
+// sort gives too. One workgroup.
 // Reads: bounds. Writes: keys_in, items_in, sorted.
 #version 460
 #extension GL_GOOGLE_include_directive : require

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The binary tree to one four wide, in place: a node at an even depth takes up its grandchildren, one thread per node. Nobody else reads
-// such a node; those at odd depths, which nobody writes, are read by their parent and then used no more.
-// Planes are rounded outwards and a little further (core/src/mesh/bvh4.rs, which makes the same nodes on the host).
+// The binary tree to one four wide, in place: a node at an even depth takes up its grandchildren, one thread per node.
+// Nobody else reads such a node; those at odd depths, which nobody writes, are read by their parent and then used no
+// more. Planes are rounded outwards and a little further (core/src/mesh/bvh4.rs, which makes the same nodes on the
+// host).
 // Reads: parents, depth. Reads and writes: nodes. Writes: depth, as stack entries that a walk may need.
 #version 460
 #extension GL_GOOGLE_include_directive : require

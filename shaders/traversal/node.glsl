@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// A node of a tree: four children, their boxes in 8 bits per plane (after Ylitie, Karras and Laine 2017). In meshes it takes three vectors of
-// 16 bytes, and children lie one after the other; in all levels above four, and children are named.
-// Of each box the plane where the ray comes in and the one where it leaves are taken by the signs of its direction.
+// A node of a tree: four children, their boxes in 8 bits per plane (after Ylitie, Karras and Laine 2017). In meshes it
+// takes three vectors of 16 bytes, and children lie one after the other; in all levels above four, and children are
+// named. Of each box the plane where the ray comes in and the one where it leaves are taken by the signs of its
+// direction.
 //
-// The distance along the ray to a plane is fma(number, cell * reciprocal, (origin of the grid - origin of the ray) * reciprocal), give or take the
-// padding. Cells are powers of two; what rounds, by 2^-24 each, are the difference, its product, the padding, and the product with the number where
-// a device does not fuse it: of the grid's distance, which is at most the plane's and the grid's size, four times in all, and of the sum once. What
-// goes with the plane's distance is in SLAB_PAD; what goes with the grid's size, in the padding of meshes and in the margin of all other boxes.
+// The distance along the ray to a plane is fma(number, cell * reciprocal, (origin of the grid - origin of the ray) *
+// reciprocal), give or take the padding. Cells are powers of two; what rounds, by 2^-24 each, are the difference, its
+// product, the padding, and the product with the number where a device does not fuse it: of the grid's distance, which
+// is at most the plane's and the grid's size, four times in all, and of the sum once. What goes with the plane's
+// distance is in SLAB_PAD; what goes with the grid's size, in the padding of meshes and in the margin of all other
+// boxes.
 #ifndef OOCPT_NODE_GLSL
 #define OOCPT_NODE_GLSL
 
@@ -20,7 +23,8 @@ const uint ABSENT = 0xffffffffu;
 
 struct Node {
     vec3 scale; // distance along the ray from one plane of the grid to the next
-    vec3 near_from; // distance to the planes of number 0: of those where the ray comes in, this side of the box by its padding
+    // Distance to the planes of number 0: of those where the ray comes in, this side of the box by its padding.
+    vec3 near_from;
     vec3 far_from;
     uvec3 near; // planes where the ray comes in, a byte to a child
     uvec3 far;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether a surface that a walk meets is there: by displayOpacity, or by its material's cutouts and presence. A part of traverse.glsl: reads the
-// walk (`walk`, `chain`) and the scene; with streaming, asks for tiles that are absent.
+// Whether a surface that a walk meets is there: by displayOpacity, or by its material's cutouts and presence. A part of
+// traverse.glsl: reads the walk (`walk`, `chain`) and the scene; with streaming, asks for tiles that are absent.
 #ifndef OOCPT_OPACITY_GLSL
 #define OOCPT_OPACITY_GLSL
 
@@ -30,10 +30,11 @@ bool is_opaque(uint triangle, vec2 uv) {
     return float(hash_u32(hash_combine(h, triangle)) >> 8) * 5.9604644775390625e-8 < opacity;
 }
 
-// Whether the material says that the surface is there for this ray. With streaming, where a tile of its texture is absent, the ray
-// leaves the surface out, asks, and puts the whole chunk instance on the list of pending ones. Of such a chunk instance only the nearest
-// cutout without an answer is asked about; resolve_cutouts answers, without the chunk; the ray comes back with the answer when the
-// chunk is there. All nearer ones are not there, or the ray would have met them. So each tile or chunk that comes, by itself, gets it on.
+// Whether the material says that the surface is there for this ray. With streaming, where a tile of its texture is
+// absent, the ray leaves the surface out, asks, and puts the whole chunk instance on the list of pending ones. Of such
+// a chunk instance only the nearest cutout without an answer is asked about; resolve_cutouts answers, without the
+// chunk; the ray comes back with the answer when the chunk is there. All nearer ones are not there, or the ray would
+// have met them. So each tile or chunk that comes, by itself, gets it on.
 bool is_cut_in(uint triangle, vec2 uv, float t) {
     uint id = walk.chunk_instance;
     for (uint i = 0u; i <= level_index(); ++i) id = hash_combine(id, chain[i]);

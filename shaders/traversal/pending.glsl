@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Streaming only: the absent chunk instances that a ray has come to. It keeps those with the smallest keys (entry distance, chunk
-// instance), in order, and knows whether there were others. A walk goes on to the end with everything that is resident; a ray
-// that comes back visits those of the list that are resident now, then, if there were others, everything behind the last one.
-// So a chunk instance is done or not begun; visiting one twice changes nothing.
+// Streaming only: the absent chunk instances that a ray has come to. It keeps those
+// with the smallest keys (entry distance, chunk instance), in order, and knows whether there were others. A walk goes
+// on to the end with everything that is resident; a ray that comes back visits those of the list that are resident now,
+// then, if there were others, everything behind the last one. So a chunk instance is done or not begun; visiting one
+// twice changes nothing.
 #ifndef OOCPT_PENDING_GLSL
 #define OOCPT_PENDING_GLSL
 
@@ -17,8 +18,8 @@ bool key_before(float entry, uint instance, float other_entry, uint other_instan
     return entry < other_entry || (entry == other_entry && instance < other_instance);
 }
 
-// Cutouts: the nearest one, in the chunk instance with the smallest key, that cannot be answered because a tile is absent
-// (unit = OWN_UNIT: there is none), and the answer that the ray came back with.
+// Cutouts: the nearest one, in the chunk instance with the smallest key, that cannot be answered because a tile is
+// absent (unit = OWN_UNIT: there is none), and the answer that the ray came back with.
 Question question;
 float question_entry; // of its chunk instance
 Question answer;
@@ -45,7 +46,7 @@ void ask(float entry, Question q) {
 #endif
 
 void remember(float entry, uint instance) {
-    if (PLANT_SKIP_DEFERRED) return;
+    if (FAULT == FAULT_SKIP_DEFERRED) return;
     uint at = pending_count;
     if (at == MAX_PENDING) {
         pending_more = true;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cutouts: whether a material makes a surface be there or not, asked in traversal at every candidate of a hit. Without CUTOUTS none of it
-// is compiled in; with it a surface whose material does not ask costs the look at its prim.
+// Cutouts: whether a material makes a surface be there or not, asked in traversal at every candidate of a hit. Without
+// CUTOUTS none of it is compiled in; with it a surface whose material does not ask costs the look at its prim.
 #ifndef OOCPT_TRAVERSAL_PRESENCE_GLSL
 #define OOCPT_TRAVERSAL_PRESENCE_GLSL
 
@@ -32,7 +32,8 @@ float ray_cone(uint path, float t) {
 #endif
 }
 
-// What the material of a triangle asks. `cone`: the width of the ray's cone there, in the mesh's frame; `d`: where it goes, in that frame.
+// What the material of a triangle asks. `cone`: the width of the ray's cone there, in the mesh's frame; `d`: where it
+// goes, in that frame.
 Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone, vec3 d) {
     Presence p = Presence(false, NO_TEXTURE, vec2(0.0), 0.0, 0u, 1.0, 0.0, 0.0);
     const uint64_t triangles = Meshes(FRAME.meshes).v[mesh].triangles;

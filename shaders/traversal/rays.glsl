@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Walks all rays of a queue so that few threads of a subgroup are idle (0017): the subgroup leaves the nodes when few of its threads are still among
-// them, so that the others need not wait; and threads that have ended their walk take rays that nobody has begun, once enough of them have (after
-// Aila and Laine 2009, "Understanding the Efficiency of Ray Traversal on GPUs"). Which thread walks a ray changes nothing of it.
+// Walks all rays of a queue so that few threads of a subgroup are idle (0017): the subgroup leaves the nodes when few
+// of its threads are still among them, so that the others need not wait; and threads that have ended their walk take
+// rays that nobody has begun, once enough of them have (after Aila and Laine 2009, "Understanding the Efficiency of Ray
+// Traversal on GPUs"). Which thread walks a ray changes nothing of it.
 //
-// Before including, define NEXT as the member of Counters that says which ray of the queue is the first that nobody has begun, and after it
+// Before including, define NEXT as the member of Counters that says which ray of the queue is the first that nobody has
+// begun, and after it
 //   begin_ray(at): begin_walk() or no_walk() for entry `at` of the queue;
 //   end_ray(ended): stores what became of the ray if `ended`; called by all threads of a subgroup.
 #ifndef OOCPT_RAYS_GLSL
@@ -14,8 +16,8 @@
 
 // Fewer threads than these of a subgroup of 32 do not keep it among the nodes.
 const uint KEEP_DESCENDING = 12u;
-// Fewer than these do not keep it from taking new rays; but for so many visits of leaves and instances it goes on with those that it has: short
-// walks end together.
+// Fewer than these do not keep it from taking new rays; but for so many visits of leaves and instances it goes on with
+// those that it has: short walks end together.
 const uint KEEP_WALKING = 26u;
 const uint PATIENCE = 16u;
 

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// The stack of a walk: references to nodes and leaves still to visit. When the closest hit is wanted, a reference keeps its entry
-// distance, so that what lies behind a hit found since is dropped unseen (3 % on an H200); for any hit it does not pay, and is kept
-// only when rays may have to wait, for the order of what they wait for.
+// The stack of a walk: references to nodes and leaves still to visit. When the closest hit is wanted, a reference keeps
+// its entry distance, so that what lies behind a hit found since is dropped unseen (3 % on an H200); for any hit it
+// does not pay, and is kept only when rays may have to wait, for the order of what they wait for.
 #ifndef OOCPT_STACK_GLSL
 #define OOCPT_STACK_GLSL
 
 // References: an inner node, or LEAF | (count - 1) << 28 | first, or one of RETURN and DONE.
 const uint LEAF = 1u << 31;
-const uint LISTED = 1u << 28; // of a chunk instance, which is never in a leaf with others: from the list of pending ones
+// Of a chunk instance, which is never in a leaf with others: from the list of pending ones.
+const uint LISTED = 1u << 28;
 const uint RETURN = 0xfffffffeu; // back to the parent level
 const uint DONE = 0xffffffffu;
 

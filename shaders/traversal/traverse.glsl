@@ -1,19 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// Walk of a ray through the top level, chunks, nested assemblies and meshes: one stack, near child first. traversal/rays.glsl has the loop.
+// Walk of a ray through the top level, chunks, nested assemblies and meshes: one
+// stack, near child first. traversal/rays.glsl has the loop.
 //
-// Before including, define ANY_HIT as 1 to stop at the first hit, else 0. A surface of opacity a is met with probability a,
-// decided by a hash of seed, instances and triangle; for AOVs (PUSH_AOVS) it is met if a > 0.
-// begin_walk(), then descend() and visit() until `reference` is DONE, then end_walk(): `found` is the closest hit nearer than t_max if walk.hit;
-// at equal distance the hit with the lower (chunk instance, records, triangle) wins, so the result does not depend on the order of the walk.
-// Reads the scene, writes nothing but a counter of rays that ran out of stack or levels.
+// Before including, define ANY_HIT as 1 to stop at the first hit, else 0. A surface of opacity a is met with
+// probability a, decided by a hash of seed, instances and triangle; for AOVs (PUSH_AOVS) it is met if a > 0.
+// begin_walk(), then descend() and visit() until `reference` is DONE, then end_walk(): `found` is the closest hit
+// nearer than t_max if walk.hit; at equal distance the hit with the lower (chunk instance, records, triangle) wins, so
+// the result does not depend on the order of the walk. Reads the scene, writes nothing but a counter of rays that ran
+// out of stack or levels.
 //
-// Frames: the top level is walked with the high part of the world origin, boxes padded for the low part; a chunk is entered
-// with the whole (include/double.glsl), and all below it with single floats. Distances are in units of the world direction
-// throughout. The world ray is read from memory when a walk comes back to the top level: registers are dearer.
+// Frames: the top level is walked with the high part of the world origin, boxes padded for the low part; a chunk is
+// entered with the whole (include/double.glsl), and all below it with single floats. Distances are in units of the
+// world direction throughout. The world ray is read from memory when a walk comes back to the top level: registers are
+// dearer.
 //
-// Distance of a hit: what the triangle test says, but not before the ray has entered every box above it, up to CULL_PAD. The two differ by
-// rounding only; the rule makes "closest" the minimum of a number that does not depend on what was visited before, since a
-// box is left out only when everything in it is farther.
+// Distance of a hit: what the triangle test says, but not before the ray has entered every box above it, up to
+// CULL_PAD. The two differ by rounding only; the rule makes "closest" the minimum of a number that does not depend on
+// what was visited before, since a box is left out only when everything in it is farther.
 #ifndef OOCPT_TRAVERSE_GLSL
 #define OOCPT_TRAVERSE_GLSL
 
@@ -43,9 +46,10 @@ struct Found {
 // The largest component of an origin times this covers its low part (2^-24) and the rounding of the padding itself.
 const float TOP_PAD = 1.8e-7;
 
-// Times the largest coordinate of the ray's origin and of the mesh: how far beside a triangle the rounding of its edge functions (14 units of
-// 2^-24 of a corner's distance) can see it met, and eight more for the planes of boxes (traversal/node.glsl). Boxes in meshes are padded by that:
-// else the triangle that takes a ray at a shared edge may be in a box that the ray passes by (Woop et al. 2013, 3.1).
+// Times the largest coordinate of the ray's origin and of the mesh: how far beside a triangle the rounding of its edge
+// functions (14 units of 2^-24 of a corner's distance) can see it met, and eight more for the planes of boxes
+// (traversal/node.glsl). Boxes in meshes are padded by that: else the triangle that takes a ray at a shared edge may be
+// in a box that the ray passes by (Woop et al. 2013, 3.1).
 const float MESH_PAD = 2.1e-6;
 
 // Where the walk is: the ray in the frame of the current level or mesh, and the arrays there.
@@ -176,7 +180,8 @@ void begin_level(vec3 o, vec3 d, uint64_t nodes, uint64_t instances) {
     level_instances[at] = instances;
 }
 
-// From the top level into a chunk; returns its root, or the next reference where it is absent or done or there is no room.
+// From the top level into a chunk; returns its root, or the next reference where it is absent or done or there is no
+// room.
 uint enter_chunk(uint reference) {
     const uint chunk_instance = reference & 0x0fffffffu;
     const uint chunk = ChunkInstances(FRAME.chunk_instances).v[chunk_instance].chunk;
@@ -214,7 +219,7 @@ uint enter_chunk(uint reference) {
 uint enter(uint record) {
     const Affine map = instance_map(walk.instances, record);
     const uint target = Instances(walk.instances).v[record].target;
-    const bool nested = HAS_INSTANCING && (target & TARGET_ASSEMBLY) != 0u;
+    const bool nested = HAS_NESTING && (target & TARGET_ASSEMBLY) != 0u;
 #if ANY_HIT
     if (HAS_LIGHT_LINKS && !nested && walk.shadow_link != 0u) {
         if (!is_linked(walk.shadow_link, prim_link_set(Instances(walk.instances).v[record].prim_id))) return pop();
@@ -306,8 +311,8 @@ void no_walk(uint path) {
     reference = DONE;
 }
 
-// Begins with the ray at `ray` (Ray or ShadowRay) in world space. With streaming, a ray that has waited goes on: `found` and
-// `found_chain` are its hit so far if its flags say so, else set to nothing.
+// Begins with the ray at `ray` (Ray or ShadowRay) in world space. With streaming, a ray that has waited goes on:
+// `found` and `found_chain` are its hit so far if its flags say so, else set to nothing.
 void begin_walk(uint64_t ray, uint path, float t_max, uint seed, uint flags) {
     walk.hit_before = HAS_STREAMING && (flags & RAY_HIT) != 0u;
     if (!walk.hit_before) found = Found(t_max, vec2(0.0), 0u, 0u);

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Watertight ray-triangle test (Woop, Benthin and Wald 2013): vertices relative to the ray's origin are sheared into the plane across the
-// ray, where each has one place, whichever triangle asks; edge functions there have the sign that those places have exactly, or are 0, and
-// both triangles of an edge take a 0. So a closed surface stays closed, at its vertices too. (Pluecker edge functions agree along an edge,
-// but round edge by edge: 3 of 10 000 rays at vertices got out on an H200.)
+// Watertight ray-triangle test (Woop, Benthin and Wald 2013): vertices relative to the ray's origin are sheared into
+// the plane across the ray, where each has one place, whichever triangle asks; edge functions there have the sign that
+// those places have exactly, or are 0, and both triangles of an edge take a 0. So a closed surface stays closed, at its
+// vertices too. (Pluecker edge functions agree along an edge, but round edge by edge: 3 of 10 000 rays at vertices got
+// out on an H200.)
 #ifndef OOCPT_TRIANGLE_GLSL
 #define OOCPT_TRIANGLE_GLSL
 
@@ -43,12 +44,12 @@ float edge_function(vec2 p, vec2 q) {
 // A triangle is seen along its plane below this squared cosine.
 const float GRAZING = 1.0e-4;
 
-// Sets distance (in units of d) and barycentrics (weights of v1, v2) and returns true when the line of the ray meets the
-// triangle, edges included. The caller compares distances; NaN compares false.
+// Sets distance (in units of d) and barycentrics (weights of v1, v2) and returns true when the line of the ray meets
+// the triangle, edges included. The caller compares distances; NaN compares false.
 //
-// The distance is that of the plane: the barycentrics round by the triangle's size over its height, and a sum weighted by them would put
-// points of slivers, and of triangles much larger than their distance, anywhere. Along the plane, where that rounds without bound, it is
-// kept between the corners', so that no ray slips behind its own origin.
+// The distance is that of the plane: the barycentrics round by the triangle's size over its height, and a sum weighted
+// by them would put points of slivers, and of triangles much larger than their distance, anywhere. Along the plane,
+// where that rounds without bound, it is kept between the corners', so that no ray slips behind its own origin.
 bool hit_triangle(vec3 v0, vec3 v1, vec3 v2, vec3 o, vec3 d, Shear shear, out float t, out vec2 uv) {
     const vec3 a = v0 - o;
     const vec3 b = v1 - o;

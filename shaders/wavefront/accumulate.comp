@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adds the samples of a wave, or of a segment whose first place is arg0, to the film, each pixel's in ascending order: one thread
-// per pixel of it, at least min(path_count, width * height). Adaptive: one thread per entry of it; and notes at powers of two what the
-// samples so far say of their error. In core, with textures: does nothing while a path of the wave lacks a tile.
-// Reads: radiance. Reads and writes: film. Adaptive: reads entries, writes said.
+// Adds the samples of a wave, or of a segment whose first place is arg0, to the
+// film, each pixel's in ascending order: one thread per pixel of it, at least min(path_count, width * height).
+// Adaptive: one thread per entry of it; and notes at powers of two what the samples so far say of their error. In core,
+// with textures: does nothing while a path of the wave lacks a tile. Reads: radiance. Reads and writes: film. Adaptive:
+// reads entries, writes said.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
@@ -24,7 +25,7 @@ void say(uint stream, uint pixel, FilmPixel film) {
     const vec3 change = mean - film.earlier;
     const float spread = root(film.m2 / (n - 1.0) / n, mean, n);
     const uint octave = uint(findMSB(film.samples));
-    const uint at = ((octave % SAID_RING) * 2u + stream) * (FRAME.width * FRAME.height) + pixel;
+    const uint at = ((octave % ESTIMATE_RING) * 2u + stream) * (FRAME.width * FRAME.height) + pixel;
     Uints(ADAPTIVE.said).v[at] = packHalf2x16(vec2(spread, root(change * change, mean, n)));
 }
 
@@ -62,7 +63,7 @@ void main() {
         const bvec3 fits = lessThan(m2, vec3(LARGEST));
         film.m2_compensation = mix(vec3(0.0), lost, fits);
         film.m2 = mix(vec3(LARGEST), m2, fits);
-        if (HAS_ADAPTIVE && film.samples >= 1u << SAID_FIRST && (film.samples & (film.samples - 1u)) == 0u) {
+        if (HAS_ADAPTIVE && film.samples >= 1u << ESTIMATE_FIRST && (film.samples & (film.samples - 1u)) == 0u) {
             say(stream, position.y * FRAME.width + position.x, film);
         }
     }

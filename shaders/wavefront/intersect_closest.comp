@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Closest hit of every ray of a round: Counters::trace_args, a thread for one ray or, where there are very many, for some.
+// Closest hit of every ray of a round: Counters::trace_args, a thread for one ray or, where there are very many, for
+// some.
 // Reads: ray_queue[round & 1], rays, the scene. Writes: hits of the rays that hit; pushes the path to surface_queue or
-// escaped_queue. With streaming also: rays (flags), pending, progress; pushes to deferred, and to the other two queues only when the path's
-// shadow ray has finished too.
+// escaped_queue. With streaming also: rays (flags), pending, progress; pushes to deferred, and to the other two queues
+// only when the path's shadow ray has finished too.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the film says about its own error: at most ERROR_GROUPS workgroups, each sums the pixels of its threads, which are interleaved.
-// The sums are taken in one order: same film, same bits. Reads: film. Writes: ErrorSums of each workgroup, behind the film's pixels.
+// What the film says about its own error: at most ERROR_GROUPS workgroups, each sums the pixels of its threads, which
+// are interleaved. The sums are taken in one order: same film, same bits. Reads: film. Writes: ErrorSums of each
+// workgroup, behind the film's pixels.
 //
-// A pixel's error is divided by the square of what the pixel is, which nobody knows. Its own mean would hide a firefly (divided by
-// itself, it is 1 at most); so the mean is drawn towards its neighbours' as far as it differs from it by no more than its noise
-// explains (positive-part James-Stein).
+// A pixel's error is divided by the square of what the pixel is, which nobody knows. Its own mean would hide a firefly
+// (divided by itself, it is 1 at most); so the mean is drawn towards its neighbours' as far as it differs from it by no
+// more than its noise explains (positive-part James-Stein).
 //
 // Adaptive: what is said of the change since half as many samples is said of half the difference of the two streams.
 #version 460

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Streaming only. Keeps the surface of every hit that this round has found, while its chunk is there: one thread per ray,
-// Counters::ray_args.
+// Streaming only. Keeps the surface of every hit that this round has found, while its chunk is there: one thread per
+// ray, Counters::ray_args.
 // Reads: ray_queue[round & 1], rays (flags), hits, the scene. Writes: surfaces; with textures, resolve_progress.
 #version 460
 #extension GL_GOOGLE_include_directive : require

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// In place of resolve_materials where meshes are lights that shine with textures (Features::MESH_LIGHT_VALUES): the same, and then the
-// emission of the light that the surface will ask, as one more lookup (decisions/0013). One thread per path, Counters::resolve_args.
+// In place of resolve_materials where meshes are lights that shine with textures (Features::MESH_LIGHT_VALUES): the
+// same, and then the emission of the light that the surface will ask, as one more lookup (decisions/0013). One thread
+// per path, Counters::resolve_args.
 // Reads: resolve_queue, surfaces, rays, cones, lights, textures and tiles. Otherwise as resolve_materials.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -13,5 +14,5 @@
 #include "include/sampler.glsl"
 #include "include/bsdf.glsl"
 #include "include/light_sample.glsl"
-#include "include/light_ask.glsl"
+#include "include/light_sampling.glsl"
 #include "include/resolve.glsl"

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Roulette on loads only. How bright paths are and how much they differ: mean radiance, second moment, and what variance the means of pixels
-// have. Of some pixels, all their samples that are found; those still under way with what they have. One workgroup.
+// Roulette on loads only. How bright paths are and how much they differ: mean radiance, second moment, and what
+// variance the means of pixels have. Of some pixels, all their samples that are found; those still under way with what
+// they have. One workgroup.
 // Reads: segments, radiance. Reads and writes: Roulette.
 //
-// The error of a mean of scrambled Sobol points is not told by the variance of the points. The mean of the first half of them differs from the
-// mean of all by V(n / 2) - V(n), squared (measure_error); where V falls as n^-r that is V(n) times 2^r - 1. Half of it is taken, r = 1.6:
-// between r = 1 (no better than random points) and r = 2 (edges).
+// The error of a mean of scrambled Sobol points is not told by the variance of the points. The mean of the first half
+// of them differs from the mean of all by V(n / 2) - V(n), squared (measure_error); where V falls as n^-r that is V(n)
+// times 2^r - 1. Half of it is taken, r = 1.6: between r = 1 (no better than random points) and r = 2 (edges).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"

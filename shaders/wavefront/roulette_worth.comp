@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Roulette on loads only. Adds up, chunk by chunk, the second moment of what the rays that wait for it first bring to a pixel together, relative to
-// the pixel, over the pixels: one thread per deferred ray, Counters::deferred_args.
-// Reads: deferred, rays, shadow_rays, paths, pending lists, segments, radiance, film, Roulette. Adds to: worth, worth_sums.
+// Roulette on loads only. Adds up, chunk by chunk, the second moment of what the rays that wait for it first bring to a
+// pixel together, relative to the pixel, over the pixels: one thread per deferred ray, Counters::deferred_args.
+// Reads: deferred, rays, shadow_rays, paths, pending lists, segments, radiance, film, Roulette. Adds to: worth,
+// worth_sums.
 //
-// All rays of a load end together, so m rays of a pixel that bring c each add m^2 c^2 to its variance. Each adds its part to a sum of its chunk and
-// pixel, and to the chunk by how much that grows the sum's square. Two sums that share an element by their hash make too much of it, never too little.
+// All rays of a load end together, so m rays of a pixel that bring c each add m^2 c^2 to its variance. Each adds its
+// part to a sum of its chunk and pixel, and to the chunk by how much that grows the sum's square. Two sums that share
+// an element by their hash make too much of it, never too little.
 //
-// A shadow ray brings its contribution. What a closest ray brings is its path's throughput times a radiance nobody knows: its moments are taken for
-// those of the paths so far, and what it differs from its mean for independent of all others. Errors are relative to the pixel: the mean of what the
-// film and its other paths know, or that drawn towards the picture's mean where this is less.
+// A shadow ray brings its contribution. What a closest ray brings is its path's throughput times a radiance nobody
+// knows: its moments are taken for those of the paths so far, and what it differs from its mean for independent of all
+// others. Errors are relative to the pixel: the mean of what the film and its other paths know, or that drawn towards
+// the picture's mean where this is less.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"

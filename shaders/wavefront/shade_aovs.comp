@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the rays of generate_aov_rays met: one thread per ray of a queue. arg0 = AOV_SURFACES: surface_queue,
 // Counters::surface_args; arg0 = AOV_ESCAPED: escaped_queue, Counters::escaped_args.
-// Reads: the queue, hits, the scene; with streaming, surfaces in place of the last two. Writes: the planes of Frame::aov that are not
-// 0; with streaming, segments. Surfaces of opacity 0 are not seen, all others are.
+// Reads: the queue, hits, the scene; with streaming, surfaces in place of the last two. Writes: the planes of
+// Frame::aov that are not 0; with streaming, segments. Surfaces of opacity 0 are not seen, all others are.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"

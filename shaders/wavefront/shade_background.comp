@@ -13,20 +13,21 @@
 // Camera rays see the domes that want to be seen, and no distant light.
 vec4 seen_by_camera() {
     if (!HAS_DOME || (FRAME.flags & FLAG_DOME_CAMERA_VISIBLE) == 0u) return vec4(0.0);
-    return vec4(admitted(FRAME.dome_background, false), 1.0);
+    return vec4(clamp_contribution(FRAME.dome_background, false), 1.0);
 }
 
 // Radiance along d, weighted by the balance heuristic; `pdf` is the density with which d was chosen.
 vec3 gathered(vec3 d, float pdf) {
     vec3 sum = vec3(0.0);
     if (HAS_DOME) {
-        // Shadow rays to the dome have the density of the BSDF itself, so their ratio is the probability of choosing it.
+        // Shadow rays to the dome have the density of the BSDF itself, so their ratio is the probability of choosing
+        // it.
         sum += FRAME.dome_radiance / (1.0 + (HAS_DOME_SHADOW_RAYS ? dome_probability() : 0.0));
     }
     if (HAS_DISTANT) {
         const float chosen = HAS_DOME_SHADOW_RAYS ? 1.0 - dome_probability() : 1.0;
         for (uint i = 0u; i < FRAME.light_count; ++i) {
-            const GpuLight light = load_light(i);
+            const GpuDistantLight light = load_light(i);
             if (light.one_minus_cos <= 0.0 || one_minus_dot(d, light.direction) > light.one_minus_cos) continue;
             const float other = chosen * light.probability * cone_density(light.one_minus_cos);
             sum += light.radiance * (pdf / (pdf + other));
@@ -42,20 +43,20 @@ void shade_general(uint path) {
     const uint place = path_place(path);
     bool met = false;
     if (ray.bounce == 0u) {
-        Departure nowhere = Departure(Receiver(vec3(0.0), vec3(0.0)), 0u, vec3(0.0), 0.0);
+        PreviousVertex nowhere = PreviousVertex(Receiver(vec3(0.0), vec3(0.0)), 0u, vec3(0.0), 0.0);
         vec3 seen = HAS_LOCAL_LIGHTS ? lights_along(origin, ray.d, LARGEST, true, nowhere, met) : vec3(0.0);
         if (HAS_DOME && (FRAME.flags & FLAG_DOME_CAMERA_VISIBLE) != 0u) {
             seen += domes_behind(ray.d);
             met = true;
         }
-        Vec4s(FRAME.radiance).v[place] = met ? vec4(admitted(seen, false), 1.0) : vec4(0.0);
+        Vec4s(FRAME.radiance).v[place] = met ? vec4(clamp_contribution(seen, false), 1.0) : vec4(0.0);
         return;
     }
     const PathState state = load_path(path);
-    const Departure from = load_departure(path, ray.o, state.pdf);
+    const PreviousVertex from = load_previous_vertex(path, ray.o, state.pdf);
     vec3 sum = lights_at_infinity(ray.d, from);
     if (HAS_LOCAL_LIGHTS) sum += lights_along(origin, ray.d, LARGEST, false, from, met);
-    const vec3 contribution = admitted(state.throughput * sum, ray.bounce > 1u);
+    const vec3 contribution = clamp_contribution(state.throughput * sum, ray.bounce > 1u);
     const vec4 before = ConstVec4s(FRAME.radiance).v[place];
     Vec4s(FRAME.radiance).v[place] = vec4(before.xyz + contribution, before.w);
 }
@@ -67,7 +68,7 @@ void shade(uint path) {
         return;
     }
     const PathState state = load_path(path);
-    const vec3 contribution = admitted(state.throughput * gathered(ray.d, state.pdf), ray.bounce > 1u);
+    const vec3 contribution = clamp_contribution(state.throughput * gathered(ray.d, state.pdf), ray.bounce > 1u);
     const uint place = path_place(path);
     const vec4 before = ConstVec4s(FRAME.radiance).v[place];
     Vec4s(FRAME.radiance).v[place] = vec4(before.xyz + contribution, before.w);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Shades every hit of a round: a shadow ray towards one light, and the ray of the next bounce. One thread per hit,
 // Counters::surface_args.
-// Reads: surface_queue, hits, rays, paths, the scene. Writes: paths, rays (the next one in place of this one), shadow_rays and,
-// at bounce 0, radiance (alpha 1); pushes the path to shadow_queue and ray_queue[(round + 1) & 1]. With streaming: reads surfaces
-// in place of hits and the scene; writes progress, segments. With Features::LIGHT_TABLE also: reads and writes light_paths, adds to
-// radiance what the ray brings of the lights that it has met.
+// Reads: surface_queue, hits, rays, paths, the scene. Writes: paths, rays (the next one in place of this one),
+// shadow_rays and, at bounce 0, radiance (alpha 1); pushes the path to shadow_queue and ray_queue[(round + 1) & 1].
+// With streaming: reads surfaces in place of hits and the scene; writes progress, segments. With Features::LIGHT_TABLE
+// also: reads and writes light_paths, adds to radiance what the ray brings of the lights that it has met.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
@@ -14,10 +14,10 @@
 #include "include/material.glsl"
 #include "include/bsdf.glsl"
 #include "include/light_sample.glsl"
-#include "include/light_ask.glsl"
+#include "include/light_sampling.glsl"
 
-// Russian roulette (Arvo and Kirk 1990) from this bounce on, by the throughput; a path of full throughput always goes on, so that no weight
-// exceeds 1 by it.
+// Russian roulette (Arvo and Kirk 1990) from this bounce on, by the throughput; a path of full throughput always goes
+// on, so that no weight exceeds 1 by it.
 const uint ROULETTE_FROM = 3u;
 
 #include "include/shade_plain.glsl"

@@ -11,18 +11,18 @@ use glam::DMat4;
 use oocpt_core::array::{Element, TypedArray};
 use oocpt_core::scene::{
     AssetRef, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshDesc, NamedPrimvar, PrimDesc, Primvar,
-    Subdivision, SubsetDesc,
+    SceneWarning, Subdivision, SubsetDesc,
 };
 use std::fmt::Debug;
 use std::sync::Arc;
 
-/// What was left out, one line each: "path: part: reason".
+/// What was left out: "part: reason" of a prim.
 #[derive(Debug, Default)]
-pub(crate) struct Complaints(pub(crate) Vec<String>);
+pub(crate) struct Complaints(pub(crate) Vec<SceneWarning>);
 
 impl Complaints {
     pub(crate) fn add(&mut self, path: &str, part: &str, reason: &str) {
-        self.0.push(format!("{path}: {part}: {reason}"));
+        self.0.push(SceneWarning::of_notes(path.into(), vec![format!("{part}: {reason}")]));
     }
 
     fn optional(&mut self, path: &str, part: &str, held: UniquePtr<ffi::HeldArray>) -> Option<TypedArray> {
@@ -266,7 +266,8 @@ pub(crate) mod tests {
         assert!(mesh.display_color.is_none(), "13 bytes are not vectors");
         assert_eq!(mesh.points.len(), 3, "the points must survive");
         assert_eq!(complaints.0.len(), 1, "one complaint: {:?}", complaints.0);
-        assert!(complaints.0[0].starts_with("/World/mesh: displayColor: "), "{}", complaints.0[0]);
+        let SceneWarning { path, message, .. } = &complaints.0[0];
+        assert!(&**path == "/World/mesh" && message.starts_with("displayColor: "), "{path}: {message}");
     }
 
     #[test]
@@ -310,7 +311,7 @@ pub(crate) mod tests {
         let names: Vec<&str> = mesh.primvars.iter().map(|primvar| &*primvar.name).collect();
         assert_eq!(names, ["st"], "what cannot be read is left out");
         assert_eq!(complaints.0.len(), 1, "and named: {:?}", complaints.0);
-        assert!(complaints.0[0].starts_with("/World/mesh: bad: "), "{}", complaints.0[0]);
+        assert!(complaints.0[0].message.starts_with("bad: "), "{:?}", complaints.0[0]);
         assert_eq!(mesh.material.as_deref(), Some("/Looks/Red"), "the binding");
         assert_eq!(mesh.subsets.len(), 1, "a subset without faces is none");
         assert_eq!(mesh.subsets[0].faces.index(0), Some(0), "its face");

@@ -19,12 +19,14 @@ mod images;
 mod light;
 mod logging;
 mod material;
+mod runner;
 mod session;
 mod settings;
 mod stats;
 mod texture_file;
 
-use session::{Session, close_session, open_session, setting_descriptors};
+use runner::{begin_picture, interrupt, interrupted, picture_rendered};
+use session::{Session, close_session, open_session, setting_descriptors, summed_warnings};
 use texture_file::texture_file;
 
 /// Declarations that cxx turns into both sides of the boundary.
@@ -175,6 +177,21 @@ mod ffi {
     struct UserMessage {
         fatal: bool,
         text: String,
+    }
+
+    /// What a reader complains about.
+    #[derive(Debug, Clone)]
+    struct PrimWarning {
+        path: String,
+        text: String,
+    }
+
+    /// How far the picture of an interrupted command line is; `samples` is 0 where nothing of it is to be written.
+    #[derive(Debug, Clone, Copy)]
+    struct Interrupted {
+        is_interrupted: bool,
+        samples: u32,
+        target: u32,
     }
 
     /// A primvar; absent when `values` is null.
@@ -390,6 +407,13 @@ mod ffi {
             resolved: &str,
             color_space: &str,
         ) -> Result<String>;
+
+        fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>>;
+
+        fn begin_picture(folder: &str) -> Result<bool>;
+        fn picture_rendered() -> Result<()>;
+        fn interrupt() -> Result<bool>;
+        fn interrupted() -> Result<Interrupted>;
 
         fn apply_edits(self: &Session, edits: SceneEdits) -> Result<()>;
         fn clear_scene(self: &Session) -> Result<()>;

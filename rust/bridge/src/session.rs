@@ -4,22 +4,24 @@
 //! Every method may be called from any thread; none panics out (see [`crate::guard`]).
 
 use crate::convert::{self, Complaints, column_matrix};
-use crate::ffi::{NamedValue, RenderDesc, ScalarValue, SceneEdits, SettingDescriptor, SettingOutcome, UserMessage};
+use crate::ffi::{
+    NamedValue, PrimWarning, RenderDesc, ScalarValue, SceneEdits, SettingDescriptor, SettingOutcome, UserMessage,
+};
 use crate::ffi_images::ImageSource;
 use crate::guard::{BridgeError, guard};
 use crate::images::HostImages;
 use crate::settings::{self, Layers};
-use crate::{light, logging, material, stats};
+use crate::{light, logging, material, runner, stats};
 use cxx::UniquePtr;
 use oocpt_core::camera::Camera;
-use oocpt_core::scene::SceneDb;
+use oocpt_core::scene::{SceneDb, SceneWarning, summary};
 use oocpt_render::textures::ImageLibrary;
 use oocpt_render::{AovKind, AovRequest, RenderRequest, SessionOptions, Severity};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// One renderer.
 pub(crate) struct Session {
-    inner: oocpt_render::Session,
+    inner: Arc<oocpt_render::Session>,
     layers: Mutex<Layers>,
     /// Warnings of the boundary itself, handed out before the renderer's.
     warnings: Mutex<Vec<String>>,
@@ -55,6 +57,8 @@ pub(crate) fn open_session(images: UniquePtr<ImageSource>) -> Result<Box<Session
         let inner = oocpt_render::Session::with_options(layers.settings(), options(environment))
             .with_images(Arc::clone(&files) as Arc<dyn ImageLibrary>);
         inner.set_light_files(files);
+        let inner = Arc::new(inner);
+        runner::session_opened(&inner);
         Ok(Box::new(Session { inner, layers: Mutex::new(layers), warnings: Mutex::new(warnings) }))
     })
 }
@@ -65,6 +69,14 @@ pub(crate) fn close_session(session: Box<Session>) -> Result<(), BridgeError> {
     guard("close_session", move || {
         drop(session);
         Ok(())
+    })
+}
+
+/// What to post for the warnings of a reader of prims: few lines where many prims say the like.
+pub(crate) fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>, BridgeError> {
+    guard("summed_warnings", || {
+        let warning = |w: PrimWarning| SceneWarning::of_notes(w.path.into(), vec![w.text]);
+        Ok(summary(&warnings.into_iter().map(warning).collect::<Vec<_>>()))
     })
 }
 
@@ -104,7 +116,7 @@ impl Session {
                     scene.upsert_light(light);
                 }
             });
-            lock(&self.warnings).append(&mut complaints.0);
+            lock(&self.warnings).append(&mut summary(&complaints.0));
             Ok(())
         })
     }

@@ -30,8 +30,11 @@ pub(crate) fn warnings(errors: &Path) -> Vec<String> {
     let text = part(errors, HEAD, false).unwrap_or_else(|error| error.to_string());
     let mut lines: Vec<String> = Vec::new();
     for line in text.lines().map(str::trim).filter(|line| !line.is_empty()) {
+        // Pixar's usdrecord says where, ours what kind of message it is.
         let plain = line.strip_prefix("Warning: in ").and_then(|line| line.split_once(" -- "));
-        let line: String = plain.map_or(line, |(_, what)| what).chars().filter(|c| !c.is_control()).collect();
+        let plain = plain.map_or(line, |(_, what)| what);
+        let plain = plain.strip_prefix("USD: warning: ").unwrap_or(plain).replacen("OocPT: warning: ", "OocPT: ", 1);
+        let line: String = plain.chars().filter(|c| !c.is_control()).collect();
         if !lines.contains(&line) {
             lines.push(line);
         }

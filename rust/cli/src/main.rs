@@ -9,6 +9,7 @@ mod doctor;
 mod host;
 mod report;
 mod scene;
+mod stop;
 mod texture;
 
 use anyhow::Result;
@@ -40,7 +41,14 @@ fn main() -> Result<()> {
         .with_env_filter(tracing_subscriber::EnvFilter::from_env("OOCPT_LOG"))
         .with_writer(std::io::stderr)
         .init();
-    match Arguments::parse().command {
+    stop::listen()?;
+    let result = run(Arguments::parse().command);
+    stop::done();
+    result
+}
+
+fn run(command: Command) -> Result<()> {
+    match command {
         Command::Doctor(arguments) => doctor::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),

@@ -1,24 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Adaptive sampling: which pixel gets how many samples, so that relMSE falls fastest and nothing is biased. Pure; any thread.
+//! Adaptive sampling: which pixel gets how many samples, so that relMSE falls fastest and nothing is biased. Pure; any
+//! thread.
 //!
 //! # Why it is unbiased
-//! Each pixel has two streams of samples, independent of each other: scrambled Sobol sequences of their own. A picture is half the mean of one
-//! plus half the mean of the other, whatever their numbers. How many samples of stream 0 a pixel gets is decided by what samples of
-//! stream 1 said alone, and the other way round; and only by a first part of them that *every* pixel has, the same number everywhere. So a
-//! count is independent of all samples that it counts, and the mean of each stream has the right expectation, exactly. (Decided from its own samples a
-//! pixel that has missed what is bright so far would look easy, and stay too dark: Kirk and Arvo 1991, "Unbiased sampling techniques for
-//! image synthesis".)
+//! Each pixel has two streams of samples, independent of each other: scrambled Sobol sequences of their own. A picture
+//! is half the mean of one plus half the mean of the other, whatever their numbers. How many samples of stream 0 a
+//! pixel gets is decided by what samples of stream 1 said alone, and the other way round; and only by a first part of
+//! them that *every* pixel has, the same number everywhere. So a count is independent of all samples that it counts,
+//! and the mean of each stream has the right expectation, exactly. (Decided from its own samples a pixel that has
+//! missed what is bright so far would look easy, and stay too dark: Kirk and Arvo 1991, "Unbiased sampling techniques
+//! for image synthesis".)
 //!
 //! # Who gets how many
-//! With variance `v` of a pixel's mean at `n` samples, falling as `1/n`, the sum over pixels is least at counts proportional to `sqrt(v n)`
-//! (Neyman 1934). `v` is relMSE's own: divided by the square of the pixel. It is taken from the change of the mean since half as many samples, a
-//! noisy number but right for points that stratify, and to a lesser part from the variance of the samples; both summed over
-//! 5 x 5 pixels. Counts are powers of two: a prefix of a Sobol sequence is best there, and at most a factor `sqrt(2)` off costs 2 %.
+//! With variance `v` of a pixel's mean at `n` samples, falling as `1/n`, the sum over pixels is least at counts
+//! proportional to `sqrt(v n)` (Neyman 1934). `v` is relMSE's own: divided by the square of the pixel. It is taken from
+//! the change of the mean since half as many samples, a noisy number but right for points that stratify, and to a
+//! lesser part from the variance of the samples; both summed over 5 x 5 pixels. Counts are powers of two: a prefix of a
+//! Sobol sequence is best there, and at most a factor `sqrt(2)` off costs 2 %.
 //!
 //! # Epochs
-//! First every pixel gets [`FIRST`] samples of each stream; then epochs double the mean number of samples. In an epoch every pixel gets at
-//! least a quarter of that mean and at most [`SPAN`] octaves more. What is decided depends on samples alone: same seed, same device, same
-//! counts, at every memory budget.
+//! First every pixel gets [`FIRST`] samples of each stream; then epochs double the mean number of samples. In an epoch
+//! every pixel gets at least a quarter of that mean and at most [`SPAN`] octaves more. What is decided depends on
+//! samples alone: same seed, same device, same counts, at every memory budget.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -49,17 +52,17 @@ const PART: usize = 1 << 15;
 /// Where the row of a band begins in `Band::first_sample`.
 pub const BAND_SHIFT: u32 = 26;
 
-/// What the first `2^octave` samples of a stream said, as `measured` by the film: variance of the mean by that of its samples, and square of
-/// the mean's change since half as many, both relative to the pixel and times the samples.
+/// What the first `2^octave` samples of a stream said, as `measured` by the film: variance of the mean by that of its
+/// samples, and square of the mean's change since half as many, both relative to the pixel and times the samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Said {
+pub struct VarianceEstimate {
     /// By the variance of the samples.
     pub spread: f32,
     /// By the change of the mean.
     pub change: f32,
 }
 
-impl Said {
+impl VarianceEstimate {
     /// From the square roots of both as halves, the first in the low bits: what the film keeps.
     #[must_use]
     pub fn unpack(bits: u32) -> Self {
@@ -72,7 +75,8 @@ impl Said {
     }
 }
 
-/// One pixel of one stream in an epoch: its number in trace order, with the stream in the highest bit; and its first sample.
+/// One pixel of one stream in an epoch: its number in trace order, with the stream in the highest bit; and its first
+/// sample.
 pub type Entry = [u32; 2];
 
 /// Samples of an epoch that the same pixels get: `rows` for each of the first `width` entries.
@@ -136,7 +140,8 @@ pub struct Course {
     number: u32,
 }
 
-/// Position of a pixel in trace order: strips of 8 rows, cut into tiles of 8 columns. The twin of `pixel_position` of the shaders.
+/// Position of a pixel in trace order: strips of 8 rows, cut into tiles of 8 columns. The twin of `pixel_position` of
+/// the shaders.
 #[must_use]
 pub fn pixel_position(index: u32, [width, height]: [u32; 2]) -> [u32; 2] {
     let (width, height) = (width.max(1), height.max(1));
@@ -196,20 +201,21 @@ impl Course {
         half.min(pixels << (FIRST + number).min(HIGHEST))
     }
 
-    /// Goes on to the next epoch, once all paths of this one are done; `said` is what the first `2^decisive` samples of each stream
-    /// said, by pixel. False when there are no more samples to spend.
-    pub fn advance(&mut self, said: [&[Said]; STREAMS]) -> bool {
+    /// Goes on to the next epoch, once all paths of this one are done; `said` is what the first `2^decisive` samples of
+    /// each stream said, by pixel. False when there are no more samples to spend.
+    pub fn advance(&mut self, said: [&[VarianceEstimate]; STREAMS]) -> bool {
         let [one, other] = said;
         // Each is decided by the other.
         self.advance_by([other, one])
     }
 
-    /// As [`Course::advance`], but each stream decides for itself: biased. For the tests that show that they would notice.
-    pub fn advance_naively(&mut self, said: [&[Said]; STREAMS]) -> bool {
+    /// As [`Course::advance`], but each stream decides for itself: biased. For the tests that show that they would
+    /// notice.
+    pub fn advance_naively(&mut self, said: [&[VarianceEstimate]; STREAMS]) -> bool {
         self.advance_by(said)
     }
 
-    fn advance_by(&mut self, deciding: [&[Said]; STREAMS]) -> bool {
+    fn advance_by(&mut self, deciding: [&[VarianceEstimate]; STREAMS]) -> bool {
         let number = self.number + 1;
         let budget = self.budget(number);
         if budget <= self.budget(self.number) || deciding.iter().any(|said| said.len() != self.trace.len()) {
@@ -288,8 +294,9 @@ impl Course {
     }
 }
 
-/// Relative variance of a sample at each pixel, as far as the mean of many such is concerned, of what it and its neighbours said.
-fn weights(said: &[Said], size: [u32; 2]) -> Vec<f64> {
+/// Relative variance of a sample at each pixel, as far as the mean of many such is concerned, of what it and its
+/// neighbours said.
+fn weights(said: &[VarianceEstimate], size: [u32; 2]) -> Vec<f64> {
     let spread = blurred(said, |said| said.spread, size);
     let change = blurred(said, |said| said.change, size);
     let [all_spread, all_change] = [&spread, &change].map(|all| all.iter().sum::<f64>());
@@ -298,7 +305,7 @@ fn weights(said: &[Said], size: [u32; 2]) -> Vec<f64> {
 }
 
 /// Means over 5 x 5 pixels, weighted 1 2 3 2 1 each way, of those that there are.
-fn blurred(said: &[Said], value: fn(&Said) -> f32, [width, height]: [u32; 2]) -> Vec<f64> {
+fn blurred(said: &[VarianceEstimate], value: fn(&VarianceEstimate) -> f32, [width, height]: [u32; 2]) -> Vec<f64> {
     let finite = |value: f32| if value.is_finite() { f64::from(value.max(0.0)) } else { 0.0 };
     let values: Vec<f64> = said.par_iter().map(|said| finite(value(said))).collect();
     let (width, height) = (width as usize, height as usize);
@@ -346,7 +353,8 @@ fn level(wanted: i32, scale: i32, old: u8, least: u32) -> u8 {
     u8::try_from(bounded).unwrap_or(old)
 }
 
-/// Octaves of samples for all pixels, none below `old` or `least`, of `budget` samples in all, at most, unless the least is more.
+/// Octaves of samples for all pixels, none below `old` or `least`, of `budget` samples in all, at most, unless the
+/// least is more.
 fn allocate(wanted: &[i32], old: &[u8], least: u32, budget: u64, stream: usize) -> Vec<u8> {
     // Pixels by what they have and what they want.
     let count = |wanted: &[i32], old: &[u8]| {

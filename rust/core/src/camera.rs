@@ -24,16 +24,17 @@ pub struct Camera {
 /// Rays for the GPU, relative to the origin given to [`Camera::rays`].
 ///
 /// With `px, py` in pixels from the lower left corner of the data window (pixel centres at +0.5):
-/// `origin = (o + o_lo) + px * o_x + py * o_y`, `direction = d + px * d_x + py * d_y`. The direction is not normalised: it goes one
-/// unit along the view axis, so the ray parameter is the camera depth (of a camera without scale).
-/// With a lens: `p = origin + direction * focus`, `origin' = origin + u * lens_u + v * lens_v`,
-/// `direction' = (p - origin') / focus`, for `(u, v)` in the unit disk.
+/// `origin = (o + o_lo) + px * o_x + py * o_y`, `direction = d + px * d_x + py * d_y`. The direction is not normalised:
+/// it goes one unit along the view axis, so the ray parameter is the camera depth (of a camera without scale). With a
+/// lens: `p = origin + direction * focus`, `origin' = origin + u * lens_u + v * lens_v`, `direction' = (p - origin') /
+/// focus`, for `(u, v)` in the unit disk.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CameraRays {
     /// Ray origin at pixel position (0, 0), rounded to single precision.
     pub o: [f32; 3],
-    /// What the rounding took: `o + o_lo` (summed in f64) is the origin to 2^-48 of itself, per component, so that a camera
-    /// 10^7 units away keeps a ten-millionth of a unit. Smaller than half a step of `o`; below 10^-30 nothing is promised.
+    /// What the rounding took: `o + o_lo` (summed in f64) is the origin to 2^-48 of itself, per component, so that a
+    /// camera 10^7 units away keeps a ten-millionth of a unit. Smaller than half a step of `o`; below 10^-30 nothing is
+    /// promised.
     pub o_lo: [f32; 3],
     /// Its change per pixel to the right (zero for perspective).
     pub o_x: [f32; 3],
@@ -51,8 +52,8 @@ pub struct CameraRays {
     pub lens_v: [f32; 3],
     /// Ray parameter of the plane in focus; 1 without a lens.
     pub focus: f32,
-    /// Clip z of a point = dot of this with (v, 1), v in view space. Window depth is `0.5 * z / w + 0.5`. In view space and not in the
-    /// world's directions: there a wide angle's z and w would each cancel, and not by the same amount.
+    /// Clip z of a point = dot of this with (v, 1), v in view space. Window depth is `0.5 * z / w + 0.5`. In view space
+    /// and not in the world's directions: there a wide angle's z and w would each cancel, and not by the same amount.
     pub clip_z: [f32; 4],
     /// Clip w of a point, likewise.
     pub clip_w: [f32; 4],
@@ -120,7 +121,8 @@ impl Camera {
         let d = view.direction.map(vector).substitute(at, scale);
         let high = o.constant.as_vec3();
         let (radius, focus) = self.lens()?;
-        // As seen from where rays begin: offsets of a camera far from the origin would not be exact in single precision.
+        // As seen from where rays begin: offsets of a camera far from the origin would not be exact in single
+        // precision.
         let start = o.constant - world.translation;
         let from_start = DAffine3 { matrix3: world.matrix3, translation: -start };
         let view_from_world = from_start.inverse();

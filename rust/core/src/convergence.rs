@@ -1,25 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How far a picture is from what it would become: an estimate of its relative mean squared error with a 95 % confidence
-//! interval, from what the film knows at powers of two of its samples. Pure; `f64`; any thread.
+//! How far a picture is from what it would become: an estimate of its relative mean squared error with a 95 %
+//! confidence interval, from what the film knows at powers of two of its samples. Pure; `f64`; any thread.
 //!
 //! # What is estimated
-//! `relMSE = mean over pixels of mean over channels of (x - mu)^2 / (mu^2 + 0.01)` (Rousselle et al. 2011, "Adaptive sampling and
-//! reconstruction using greedy error minimization", eq. 12): `x` is this very picture, `mu` the one with endless samples.
+//! `relMSE = mean over pixels of mean over channels of (x - mu)^2 / (mu^2 + 0.01)` (Rousselle et al. 2011, "Adaptive
+//! sampling and reconstruction using greedy error minimization", eq. 12): `x` is this very picture, `mu` the one with
+//! endless samples.
 //!
 //! # How
-//! Samples of a pixel are scrambled Sobol points (Owen 1997), not independent: the variance `s` of the samples over their number
-//! says too much. Halves of `2^m` such samples are exchangeable, so the change `d` of the mean from `2^(m-1)` to `2^m` samples has the mean
-//! square `V(2^(m-1)) - V(2^m)`, `V(n)` the variance of the mean; and `V(2^m)` is the sum of all changes to come. Of `R = d / s`, summed over all
-//! pixels, a Kalman filter over the octaves follows `ln R` and its slope `-b`. An integrand is a sum of parts whose variances fall with their own
-//! powers of the samples (ANOVA and smoothness: Owen 1997), and those that fall fast die first, so the slope dies too. It is taken for that of two
-//! parts, with the powers of `PARTS` on both sides of `b`: that says what the slope is next, and what share of the change is still to come.
-//! Independent samples give `R = 1`, `b = 0` and the textbook `s`.
+//! Samples of a pixel are scrambled Sobol points (Owen 1997), not independent: the variance `s` of the samples over
+//! their number says too much. Halves of `2^m` such samples are exchangeable, so the change `d` of the mean from
+//! `2^(m-1)` to `2^m` samples has the mean square `V(2^(m-1)) - V(2^m)`, `V(n)` the variance of the mean; and `V(2^m)`
+//! is the sum of all changes to come. Of `R = d / s`, summed over all pixels, a Kalman filter over the octaves follows
+//! `ln R` and its slope `-b`. An integrand is a sum of parts whose variances fall with their own powers of the samples
+//! (ANOVA and smoothness: Owen 1997), and those that fall fast die first, so the slope dies too. It is taken for that
+//! of two parts, with the powers of `PARTS` on both sides of `b`: that says what the slope is next, and what share of
+//! the change is still to come. Independent samples give `R = 1`, `b = 0` and the textbook `s`.
 //!
 //! # The interval
-//! Log-normal, of three independent parts: what the filter does not know; by how much this picture's error differs from its mean
-//! (signs of halves may be swapped, so `sum (d - R s)^2` is the variance of `sum x^2` too, for a lone firefly as for Gaussian noise); and
-//! the standard errors of the means that errors are divided by.
-//! Between powers of two the estimate lies between that of independent blocks and the power law, and the interval covers both.
+//! Log-normal, of three independent parts: what the filter does not know; by how much this picture's error differs from
+//! its mean (signs of halves may be swapped, so `sum (d - R s)^2` is the variance of `sum x^2` too, for a lone firefly
+//! as for Gaussian noise); and the standard errors of the means that errors are divided by.
+//! Between powers of two the estimate lies between that of independent blocks and the power law, and the interval
+//! covers both.
 
 use serde::{Deserialize, Serialize};
 
@@ -29,8 +32,8 @@ const ROUNDING: f64 = 1e-14;
 const SLOPE: (f64, f64) = (0.3, 0.4);
 /// The steepest that is believed: smooth integrands, variance falling as the cube of the samples.
 const STEEPEST: f64 = 2.0;
-/// Slopes of parts of an integrand: noise in many dimensions, edges, edges met by one dimension, smooth. Counted (decisions/0009): with one
-/// part of any slope the estimate is a fifth low.
+/// Slopes of parts of an integrand: noise in many dimensions, edges, edges met by one dimension, smooth. Counted
+/// (decisions/0009): with one part of any slope the estimate is a fifth low.
 const PARTS: [f64; 4] = [0.0, 0.7, 1.0, STEEPEST];
 /// By how much `ln R` and its slope may change from octave to octave besides.
 const DRIFT: (f64, f64) = (0.1, 0.15);
@@ -86,8 +89,8 @@ pub struct Convergence {
     last: Option<(u32, State)>,
 }
 
-/// Part of the expected `s` that is there because samples which cover the domain evenly spread wider than independent ones:
-/// `E s = sigma^2 / n (n - G) / (n - 1)`, `G` the ratio of the variances of the two kinds of means.
+/// Part of the expected `s` that is there because samples which cover the domain evenly spread wider than independent
+/// ones: `E s = sigma^2 / n (n - G) / (n - 1)`, `G` the ratio of the variances of the two kinds of means.
 fn spread_wide(samples: f64, gain: f64) -> f64 {
     (samples - gain.clamp(0.0, 1.0)) / (samples - 1.0).max(1.0)
 }
@@ -151,7 +154,8 @@ impl State {
         let surprise = log_ratio - self.log_ratio;
         let expected = ratio + variance;
         if surprise > 0.0 && surprise * surprise > 9.0 * expected {
-            // Something new, such as the first firefly: the past says nothing about it, the way from independent samples a little.
+            // Something new, such as the first firefly: the past says nothing about it, the way from independent
+            // samples a little.
             let slope = (-log_ratio / (f64::from(octave) * std::f64::consts::LN_2)).clamp(0.0, SLOPE.0);
             return Self { log_ratio, slope, covariance: [variance, 0.0, SLOPE.1 * SLOPE.1 / 4.0] };
         }
@@ -172,8 +176,8 @@ impl State {
 }
 
 impl Convergence {
-    /// Learns from the film at `2^octave` samples in every pixel, and says what its error is; none below two samples or without
-    /// sound sums. Octaves come in ascending order; some may be missing.
+    /// Learns from the film at `2^octave` samples in every pixel, and says what its error is; none below two samples or
+    /// without sound sums. Octaves come in ascending order; some may be missing.
     pub fn octave(&mut self, octave: u32, sums: &ErrorSums) -> Option<Estimate> {
         if octave == 0 || octave > 32 || !sums.is_sound() {
             return None;
@@ -226,9 +230,9 @@ impl Convergence {
     }
 }
 
-/// What the error of an adaptive picture is: half the sum of two means that share no sample (see [`crate::adaptive`]). The square of half
-/// their difference, `d` of `sums`, has the same expectation as that of the picture's error, without any model.
-/// None below two samples or without sound sums.
+/// What the error of an adaptive picture is: half the sum of two means that share no sample (see [`crate::adaptive`]).
+/// The square of half their difference, `d` of `sums`, has the same expectation as that of the picture's error, without
+/// any model. None below two samples or without sound sums.
 #[must_use]
 pub fn of_halves(sums: &ErrorSums) -> Option<Estimate> {
     if !sums.is_sound() {
@@ -242,8 +246,8 @@ pub fn of_halves(sums: &ErrorSums) -> Option<Estimate> {
     Some(interval(sums.d, sums, scatter.ln_1p(), scatter))
 }
 
-/// Variance of the mean of `samples` in independent blocks of powers of two, over what independent samples would make of that of
-/// `2^octave`.
+/// Variance of the mean of `samples` in independent blocks of powers of two, over what independent samples would make
+/// of that of `2^octave`.
 fn blocks(samples: f64, octave: u32, slope: f64) -> f64 {
     let mut rest = samples.floor();
     let mut sum = 0.0;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What a render consists of: the parts that its scene, camera and request need, and those that were left out for it.
 //!
-//! Plain data, serialisable; any thread. Bytes are of device memory, unless they are of host memory that the device reaches (readback,
-//! upload). Filled in by the renderer from what it made, not from what it was asked for.
+//! Plain data, serialisable; any thread. Bytes are of device memory, unless they are of host memory that the device
+//! reaches (readback, upload). Filled in by the renderer from what it made, not from what it was asked for.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! OocPT's decisions, free of Vulkan, clocks, threads of its own and files: the scene database (edits in, immutable
-//! snapshots out), mesh preparation (checking, triangulation, hierarchies), materials, camera rays, lights, settings and the sampler.
+//! snapshots out), mesh preparation (checking, triangulation, hierarchies), materials, camera rays, lights, settings
+//! and the sampler.
 //!
 //! Guarantees: nothing here panics on any input; everything is a pure function of its arguments; work is spread over
 //! the caller's rayon pool and the result does not depend on the number of its threads.
@@ -11,6 +12,7 @@ pub mod adaptive;
 pub mod array;
 pub mod camera;
 pub mod convergence;
+pub mod desc;
 pub mod inventory;
 pub mod material;
 pub mod mesh;

@@ -59,7 +59,8 @@ pub const fn combine(seed: u32, value: u32) -> u32 {
     seed ^ hash(value).wrapping_add(0x9e37_79b9).wrapping_add(seed << 6).wrapping_add(seed >> 2)
 }
 
-/// Laine-Karras style permutation with Burley's constants (2020, listing 1): each output bit depends on lower bits only.
+/// Laine-Karras style permutation with Burley's constants (2020, listing 1): each output bit depends on lower bits
+/// only.
 #[must_use]
 pub const fn laine_karras(mut x: u32, seed: u32) -> u32 {
     x = x.wrapping_add(seed);

@@ -41,7 +41,8 @@ pub struct Settings {
     pub reference: String,
     /// Stop when the estimated relMSE is below this with the confidence of its interval, 0 = no such limit.
     pub target_error: f32,
-    /// Features of the passes to carry although the scene does not need them, by name; "all", or empty = none. For measuring.
+    /// Features of the passes to carry although the scene does not need them, by name; "all", or empty = none. For
+    /// measuring.
     pub carry: String,
     /// Rays that wait for a load that is too dear for what they bring may end, unbiased (`residency::roulette`).
     pub straggler_roulette: bool,

@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Adaptive sampling on the device: the list of who gets samples in an epoch, and what samples said that decides the next one
-//! (`oocpt_core::adaptive` decides). Made only with `oocpt:adaptiveSampling`.
+//! Adaptive sampling on the device: the list of who gets samples in an epoch, and what samples said that decides the
+//! next one (`oocpt_core::adaptive` decides). Made only with `oocpt:adaptiveSampling`.
 //!
-//! Lists and answers cross while nothing of an epoch is under way: an epoch is decided when all its samples are in the film, and no path
-//! of the next one begins before. Render thread only.
+//! Lists and answers cross while nothing of an epoch is under way: an epoch is decided when all its samples are in the
+//! film, and no path of the next one begins before. Render thread only.
 
+use crate::device::WAVE_TIMEOUT;
 use crate::error::RenderError;
-use crate::measure::Piece;
-use crate::schedule::Wave;
 use crate::sync::lock;
-use crate::waves::WAVE_TIMEOUT;
-use oocpt_core::adaptive::{BAND_SHIFT, Course, RING, STREAMS, Said, Spent};
+use crate::wave::{Piece, Wave};
+use oocpt_core::adaptive::{Course, RING, STREAMS, Spent, VarianceEstimate};
 use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{Adaptive as Block, Push};
 use rayon::prelude::*;
@@ -78,7 +77,7 @@ impl Adaptive {
     }
 
     /// What the first samples up to an octave said, by stream and pixel.
-    fn answers(&self, octave: u32) -> Result<[Vec<Said>; STREAMS], RenderError> {
+    fn answers(&self, octave: u32) -> Result<[Vec<VarianceEstimate>; STREAMS], RenderError> {
         let bytes = self.pixels * STREAMS as u64 * 4;
         let target = Buffer::new(&self.gpu, "answers", bytes, Usage::Readback)?;
         let mut commands = self.gpu.commands("answers")?;
@@ -89,7 +88,9 @@ impl Adaptive {
         Ok(target.map(|bytes| {
             let (one, other) = bytes.split_at(bytes.len() / 2);
             [one, other].map(|half| {
-                half.par_chunks_exact(4).map(|word| Said::unpack(bytemuck::pod_read_unaligned(word))).collect()
+                half.par_chunks_exact(4)
+                    .map(|word| VarianceEstimate::unpack(bytemuck::pod_read_unaligned(word)))
+                    .collect()
             })
         })?)
     }
@@ -116,8 +117,8 @@ impl Adaptive {
         Ok(())
     }
 
-    /// Whether samples of the epoch under way will decide where others go. What happens to both streams at once, as roulette on loads does, must
-    /// not happen to those: the counts of one stream would depend on its own samples.
+    /// Whether samples of the epoch under way will decide where others go. What happens to both streams at once, as
+    /// roulette on loads does, must not happen to those: the counts of one stream would depend on its own samples.
     pub(crate) fn decides_more(&self) -> bool {
         lock(&self.course).as_ref().is_some_and(|course| !course.is_last())
     }
@@ -144,8 +145,7 @@ impl Adaptive {
         let found = (0_u32..).zip(bands).find(|(_, band)| (band.first..band.end()).contains(&wave.first));
         let Some((number, band)) = found else { return (Push::wave(frame, 0, 0, 1), 0) };
         let push = Push::wave(frame, wave.first - band.first, wave.count, band.width);
-        let first_sample = (push.first_sample + band.row) | (number << BAND_SHIFT);
-        (Push { first_sample, ..push }, band.width)
+        (push.in_band(number, band.row), band.width)
     }
 
     /// The wave as one piece, but for what is beyond `end`; it completes an octave when an epoch ends with it.

@@ -26,7 +26,8 @@ pub enum AovKind {
     Neye,
     /// Diffuse albedo; 3 x f32.
     Albedo,
-    /// Samples of the pixel so far (`sampleCount`, as `RenderMan` names it); f32. Samples are taken for it as for `Color`.
+    /// Samples of the pixel so far (`sampleCount`, as `RenderMan` names it); f32. Samples are taken for it as for
+    /// `Color`.
     SampleCount,
 }
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Directional albedos of GGX for `shaders/include/bsdf/tables.glsl`, which says what is in the table.
 //!
-//! Guarantees: [`bytes`] is 62 KB that are part of the program, made by `examples/bsdf_tables.rs` from [`compute`] in f64 and rounded to f32: no time
-//! is spent on them; all values are finite and in 0..=1. Pure; any thread.
+//! Guarantees: [`bytes`] is 62 KB that are part of the program, made by `examples/bsdf_tables.rs` from [`compute`] in
+//! f64 and rounded to f32: no time is spent on them; all values are finite and in 0..=1. Pure; any thread.
 //!
-//! Sources: Heitz 2014 (height-correlated masking), Dupuy and Benyoub 2023 (visible normals by spherical caps), Karis 2013 (B),
-//! Kulla and Conty 2017 (what the albedos are for).
+//! Sources: Heitz 2014 (height-correlated masking), Dupuy and Benyoub 2023 (visible normals by spherical caps), Karis
+//! 2013 (B), Kulla and Conty 2017 (what the albedos are for).
 
 pub mod glass;
 pub mod sheen;
@@ -15,7 +15,8 @@ use std::f64::consts::PI;
 
 /// Cosines of the albedo table, equally far apart in their cube root.
 pub const COSINES: usize = 64;
-/// Roughnesses from [`SHARPEST`] to 1, equally far apart in their power 0.4: what a surface loses changes with alpha / cosine.
+/// Roughnesses from [`SHARPEST`] to 1, equally far apart in their power 0.4: what a surface loses changes with alpha /
+/// cosine.
 pub const ROUGHNESSES: usize = 48;
 /// Least roughness: lobes below it are sharp.
 pub const SHARPEST: f64 = 0.01;
@@ -37,8 +38,8 @@ pub fn bytes() -> &'static [u8] {
     TABLE
 }
 
-/// L and B of the single-scattering albedo `f0 * (1 - L - B) + f90 * B` by a midpoint rule of `points[0]` x `points[1]`, denser at the rim of the
-/// spherical cap, where the few normals are that look aside.
+/// L and B of the single-scattering albedo `f0 * (1 - L - B) + f90 * B` by a midpoint rule of `points[0]` x
+/// `points[1]`, denser at the rim of the spherical cap, where the few normals are that look aside.
 #[must_use]
 #[expect(clippy::cast_precision_loss, reason = "few points")]
 pub fn albedo(cosine: f64, alpha: f64, points: [usize; 2]) -> [f64; 2] {
@@ -107,8 +108,9 @@ fn average(a: &Row, i: usize, b: &Row, j: usize) -> f64 {
     })
 }
 
-/// The average of a function of (cell, place in it); what is interpolated is linear in `x`, the cube root of the cosine, within a cell,
-/// and `6 x^5 dx` is the measure, so six points of Gauss and Legendre are exact with room for a product.
+/// The average of a function of (cell, place in it); what is interpolated is linear in `x`, the cube root of the
+/// cosine, within a cell, and `6 x^5 dx` is the measure, so six points of Gauss and Legendre are exact with room for a
+/// product.
 fn integral(f: impl Fn(usize, f64) -> f64) -> f64 {
     const NODES: [[f64; 2]; 3] = [
         [0.238_619_186_083_196_9, 0.467_913_934_572_691],

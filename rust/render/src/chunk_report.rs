@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a render says about its chunks at the end, if `oocpt:chunkReport` names a file: which chunks there were, how often
-//! they were loaded, how many rays asked for them, and how the paths ran out. `oocpt report chunks` draws it.
+//! What a render says about its chunks at the end, if `oocpt:chunkReport` names a file: which chunks there were, how
+//! often they were loaded, how many rays asked for them, and how the paths ran out. `oocpt report chunks` draws it.
 //!
-//! Plain data and JSON. Positions are in the world minus `origin`, in which the chunk instances' boxes are exact in f32. A file that is
-//! no such report is left as it is: its name may come from a scene of strangers.
+//! Plain data and JSON. Positions are in the world minus `origin`, in which the chunk instances' boxes are exact in
+//! f32. A file that is no such report is left as it is: its name may come from a scene of strangers.
 
 use crate::error_report::begins_with_or_is_empty;
 use serde::{Deserialize, Serialize};
@@ -15,8 +15,8 @@ pub const VERSION: u32 = 1;
 /// What a report begins with.
 const MAGIC: &[u8] = b"{\"oocptChunkReport\":";
 
-/// Rays affine in the pixel position, as [`oocpt_core::CameraRays`] but in f64: with `px, py` in pixels from the lower left
-/// corner, `origin = o + px * o_x + py * o_y` and `direction = d + px * d_x + py * d_y`.
+/// Rays affine in the pixel position, as [`oocpt_core::CameraRays`] but in f64: with `px, py` in pixels from the lower
+/// left corner, `origin = o + px * o_x + py * o_y` and `direction = d + px * d_x + py * d_y`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ReportCamera {
     /// Ray origin at pixel position (0, 0).

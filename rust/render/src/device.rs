@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 //! One open device of the process, shared by all sessions that ask for the same: its memory heap and its pipelines.
 //!
-//! A device stays open until it is lost or another one is opened while nobody uses it: hosts make and drop delegates all
-//! the time, and compiling the passes again for each would cost seconds. Sessions with different budgets do not share, so
-//! that no session's budget bounds another one.
+//! A device stays open until it is lost or another one is opened while nobody uses it: hosts make and drop delegates
+//! all the time, and compiling the passes again for each would cost seconds. Sessions with different budgets do not
+//! share, so that no session's budget bounds another one.
 
-use crate::assets::Loader;
 use crate::bsdf_tables;
 use crate::error::RenderError;
+use crate::loader::Loader;
 use crate::sync::lock;
 use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Heap, MAX_UPDATE_BYTES, OpenOptions, Pipeline, Usage};
-use oocpt_shader_abi::{Features, LbvhPush, Lobes, Module, Push, SPEC_FEATURES, SPEC_FEATURES_HIGH, SPEC_LOBES};
+use oocpt_shader_abi::{Features, LbvhPush, Module, Push, SPEC_FAULT, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
 use rustc_hash::FxHashMap;
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::{Duration, Instant};
@@ -20,6 +20,8 @@ const ARENA_BYTES: u64 = 64 << 20;
 const LEAST_ARENA_BYTES: u64 = 1 << 20;
 /// Share of the budget that an arena takes at most: under a small one others have to find room too.
 const ARENA_SHARE: u64 = 16;
+/// How long one submission of a frame may take before the device counts as lost.
+pub(crate) const WAVE_TIMEOUT: Duration = Duration::from_secs(120);
 /// Longest wait for a small upload.
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(60);
 
@@ -32,8 +34,8 @@ pub(crate) struct Specialisation {
     pub(crate) stack_size: u32,
     /// What is compiled in.
     pub(crate) features: Features,
-    /// Beyond them; none today.
-    pub(crate) lobes: Lobes,
+    /// For tests: what the passes do wrong (`SPEC_FAULT`), 0 = nothing.
+    pub(crate) fault: u32,
 }
 
 /// Which device to open and how.
@@ -47,7 +49,8 @@ pub(crate) struct DeviceOptions {
     pub(crate) budget_mib: u32,
 }
 
-/// Longest wait for the translation of one shader, which is single-threaded: what takes 10 s alone may take minutes beside other work.
+/// Longest wait for the translation of one shader, which is single-threaded: what takes 10 s alone may take minutes
+/// beside other work.
 const TRANSLATION_TIMEOUT: Duration = Duration::from_secs(1800);
 
 /// A pipeline of this device.
@@ -121,8 +124,8 @@ impl Device {
         Ok(self.loader.get_or_init(|| loader))
     }
 
-    /// Address of the BSDF's albedo tables, brought to the device at first use, those of rough glass only for a scene that has it; 0 for
-    /// a scene without materials.
+    /// Address of the BSDF's albedo tables, brought to the device at first use, those of rough glass only for a scene
+    /// that has it; 0 for a scene without materials.
     pub(crate) fn bsdf_tables(&self, features: Features) -> Result<u64, RenderError> {
         if !features.contains(Features::MATERIALS) {
             return Ok(0);
@@ -151,14 +154,9 @@ impl Device {
         if let Some(made) = lock(&self.pipelines).get(&key) {
             return Ok(Arc::clone(&made.pipeline));
         }
-        let [low, high] = special.features.words();
-        let constants = [
-            (0, special.max_levels),
-            (1, special.stack_size),
-            (SPEC_FEATURES, low),
-            (SPEC_FEATURES_HIGH, high),
-            (SPEC_LOBES, special.lobes.bits()),
-        ];
+        let [low, high] = special.features.constants();
+        let (levels, stack) = ((SPEC_MAX_LEVELS, special.max_levels), (SPEC_STACK_SIZE, special.stack_size));
+        let constants = [levels, stack, low, high, (SPEC_FAULT, special.fault)];
         let push = if module.name.starts_with("lbvh_") { size_of::<LbvhPush>() } else { size_of::<Push>() };
         // Push constants are at most 128 bytes.
         let push_bytes = u32::try_from(push).unwrap_or(u32::MAX);
@@ -169,8 +167,9 @@ impl Device {
         Ok(Arc::clone(&lock(&self.pipelines).entry(key).or_insert(made).pipeline))
     }
 
-    /// Has the driver translate those of `pipelines` that were not used yet, each in a submission of its own; gives their number. Only
-    /// software renderers translate at first use: there it would be part of a wave otherwise, and a wave is bounded in time.
+    /// Has the driver translate those of `pipelines` that were not used yet, each in a submission of its own; gives
+    /// their number. Only software renderers translate at first use: there it would be part of a wave otherwise, and a
+    /// wave is bounded in time.
     pub(crate) fn translate(&self, pipelines: &[&Arc<Pipeline>]) -> Result<u64, RenderError> {
         if self.gpu.report().kind != DeviceKind::Cpu {
             return Ok(0);

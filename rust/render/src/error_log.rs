@@ -1,17 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Error against time while a frame renders: takes what the film measured, tells it to the stats and to the report, compares with a
-//! reference, and says when the error is small enough to stop.
+//! Error against time while a frame renders: takes what the film measured, tells it to the stats and to the report,
+//! compares with a reference, and says when the error is small enough to stop.
 //!
-//! Stopping biases the picture by little (counted: decisions/0009): it is decided for the whole picture, by its error at powers of two of the
-//! samples alone, and a single pixel hardly moves that. Nothing is decided by time unless a time limit is set, and no path beyond an octave begins before that octave is
-//! decided: same scene, same samples. Trouble with files is one warning. Render thread only.
+//! Stopping biases the picture by little (counted: decisions/0009): it is decided for the whole picture, by its error
+//! at powers of two of the samples alone, and a single pixel hardly moves that. Nothing is decided by time unless a
+//! time limit is set, and no path beyond an octave begins before that octave is decided: same scene, same samples.
+//! Trouble with files is one warning. Render thread only.
 
 use crate::error_report::{ErrorReportHeader, InventoryLine, ReportWriter, UsageLine, VERSION};
-use crate::measure::{Measured, next_boundary};
+use crate::job::Job;
+use crate::measure::Measured;
 use crate::reference::Reference;
 use crate::request::Severity;
-use crate::session::{Job, Shared};
+use crate::shared::Shared;
 use crate::sync::lock;
+use crate::wave::next_boundary;
 use oocpt_core::convergence::{Convergence, Estimate, of_halves};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::stats::{ErrorRow, Usage};

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The report of error against time that `oocpt:report` names: a JSON object a line, first one about the render, one about what it is
-//! made of ([`Inventory`]), then an [`ErrorRow`] at each power of two of the samples and at the end, last one about
-//! what it used ([`Usage`]).
+//! The report of error against time that `oocpt:report` names: a JSON object a line, first one about the render, one
+//! about what it is made of ([`Inventory`]), then an [`ErrorRow`] at each power of two of the samples and at the end,
+//! last one about what it used ([`Usage`]).
 //! `oocpt report plot` draws it.
 //!
-//! Every line is written whole and at once: a render that is killed leaves all lines up to then. The first render of a session
-//! empties the file, later ones go on: each begins with its own [`ErrorReportHeader`]. A file that is no report is left as it is:
-//! its name may come from a scene of strangers.
+//! Every line is written whole and at once: a render that is killed leaves all lines up to then. The first render of a
+//! session empties the file, later ones go on: each begins with its own [`ErrorReportHeader`]. A file that is no report
+//! is left as it is: its name may come from a scene of strangers.
 
 use oocpt_core::inventory::Inventory;
 use oocpt_core::stats::{ErrorRow, Usage};

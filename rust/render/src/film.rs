@@ -4,20 +4,16 @@
 use crate::adaptive::Adaptive;
 use crate::aov::{AovKind, AovRequest};
 use crate::error::RenderError;
-use crate::measure::{Piece, pieces};
+use crate::job::Job;
 use crate::publish::Published;
 use crate::request::RenderRequest;
-use crate::schedule::Wave;
-use crate::session::Job;
 use crate::sync::lock;
+use crate::wave::{ERROR_SLOTS, Piece, Wave, pieces};
 use oocpt_core::adaptive::STREAMS;
 use oocpt_core::inventory::Inventory;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{Counters, ERROR_GROUPS, ErrorSums, FilmPixel, Frame, Push, WORKGROUP_SIZE};
 use std::sync::{Arc, Mutex};
-
-/// Slots for what `measure_error` says: octaves 0 to 24 of the samples, and the end.
-pub(crate) const ERROR_SLOTS: u32 = 26;
 
 /// Workgroups of `measure_error` for an image of so many pixels.
 pub(crate) fn error_groups(pixels: u64) -> u32 {
@@ -197,7 +193,8 @@ impl Film {
         });
     }
 
-    /// Copies what `measure_error` wrote, and the counters, to a slot below [`ERROR_SLOTS`] where the host can read them.
+    /// Copies what `measure_error` wrote, and the counters, to a slot below [`ERROR_SLOTS`] where the host can read
+    /// them.
     pub(crate) fn copy_error(&self, commands: &mut Commands, counters: &Buffer, slot: u32) {
         let (Some(film), Some(errors)) = (&self.film, &self.errors) else { return };
         let behind = film_bytes(self.pixels, self.adaptive.is_some());

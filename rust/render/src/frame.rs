@@ -3,32 +3,25 @@
 //!
 //! Render thread only. What can be kept from frame to frame (device, scene, wave memory, images) is kept.
 
-mod block;
-
-pub(crate) use block::frame_block;
-
 use crate::assets::{Scene, SceneCache, SceneView};
 use crate::device::{Device, DeviceOptions};
+use crate::engine::{self, Parts, Tiles, Tracer, Waves};
 use crate::error::RenderError;
 use crate::feedback::Feedback;
 use crate::film::Film;
-use crate::inventory::{self, Compiled};
+use crate::job::Job;
 use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
 use crate::progress::Progress;
 use crate::request::Severity;
-use crate::schedule::{Schedule, first_wave};
-use crate::session::Job;
-use crate::specialise::{self, Carry};
+use crate::setting::{Setting, geometry_cap, has_light_paths, is_cpu, paths, shrinking};
+use crate::shared::Gate;
+use crate::specialise::Carry;
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
-use crate::thread::Gate;
-use crate::tile_waves::Tiles;
-use crate::wavefront::{Passes, PathBuffers, PathNeeds};
-use crate::waves::{self, Frames};
-use oocpt_core::camera::CameraRays;
+use crate::wavefront::{PathBuffers, PathNeeds};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::scene::{SceneFeatures, Snapshot};
-use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Usage};
+use oocpt_gpu::{Gpu, GpuError};
 use oocpt_shader_abi::{Features, Frame, path_bytes};
 use std::sync::Arc;
 
@@ -36,8 +29,6 @@ use std::sync::Arc;
 const MAX_WAVE: u64 = 1 << 22;
 /// Smallest wave, paths.
 const MIN_WAVE: u64 = 1 << 12;
-/// What a wave should take, seconds; it is submitted in parts of about a third of that.
-const WAVE_SECS: f64 = 0.2;
 /// A scene counts as fitting only when it leaves room for waves of this many paths (or of all there are).
 const ROOMY_WAVE: u64 = 1 << 16;
 
@@ -61,28 +52,9 @@ pub(crate) struct Renderer {
     outgrown: Option<Arc<Snapshot>>,
 }
 
-/// What a frame renders with besides its scene.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Setting<'a> {
-    pub(crate) device: &'a Arc<Device>,
-    pub(crate) job: &'a Job,
-    pub(crate) rays: &'a CameraRays,
-    pub(crate) lights: &'a LightTable,
-    /// Address of the light table on the device, or 0.
-    pub(crate) lighting: u64,
-    pub(crate) film: &'a Film,
-    pub(crate) tables: &'a LightTables,
-    /// What is carried although the scene does not need it.
-    pub(crate) carry: &'a Carry,
-    /// Of that, what these lights allow.
-    pub(crate) light_carry: Features,
-    /// Memory is short.
-    pub(crate) is_frugal: bool,
-}
-
 impl Renderer {
-    /// Renders `job` until it is done or `gate` says no; publishes images and stats on the way. Running out of memory gives back
-    /// everything that is held and tries once more with as little as possible.
+    /// Renders `job` until it is done or `gate` says no; publishes images and stats on the way. Running out of memory
+    /// gives back everything that is held and tries once more with as little as possible.
     pub(crate) fn render(&mut self, job: &Job, gate: &Gate<'_>) -> Result<(), RenderError> {
         job.request.validate()?;
         let mut progress = Progress::start(gate.shared(), job);
@@ -252,54 +224,29 @@ impl Renderer {
         gate: &Gate<'_>,
         progress: &mut Progress<'_>,
     ) -> Result<(), RenderError> {
-        let Setting { device, job, film, .. } = *setting;
+        let device = setting.device;
         let held = scene.tile_bytes_held();
         progress.streaming(|stats| stats.texture_bytes = held);
         let view = scene.view(scene.stack_entries())?;
-        let mut needed = specialise::features(&job.snapshot, setting.lights, setting.rays, &view);
-        needed.set(Features::ADAPTIVE, film.adaptive().is_some());
-        let carried = setting.carry.possible(needed, setting.light_carry);
-        let features = needed | carried;
+        let parts = Parts::new(setting, &view, false);
         let view = if setting.carry.levels { view.deepest(scene.stack_entries()) } else { view };
-        self.make_waves(setting, &view, features)?;
-        let Some(buffers) = &self.waves else {
+        self.make_waves(setting, &view, parts.features)?;
+        let Some(paths) = &self.waves else {
             return Err(RenderError::Internal("the frame's waves were not made".into()));
         };
-        progress.stage("compiling passes");
-        let special = specialise::specialisation(features, &view);
-        let passes = Passes::new(device, special, film, &mut progress.timings)?;
-        let bsdf_tables = device.bsdf_tables(features)?; // before the list of what there is
         let tiles = scene.assets.textures.tile_count();
-        let feedback = buffers.incomplete_paths.as_ref();
+        let feedback = paths.incomplete_paths.as_ref();
         let feedback = feedback.map(|paths| Feedback::new(&device.gpu, tiles, paths.address())).transpose()?;
         let mut listed = Inventory::default();
         scene.list(&mut listed, true);
-        buffers.list(&mut listed);
+        paths.list(&mut listed);
         if let Some(feedback) = &feedback {
             feedback.list(&mut listed);
         }
-        let inventory = inventory::of_frame(setting, Compiled { passes: &passes, special, carried }, listed);
-        progress.made_of(specialise::left_out(features, film.has_planes()), inventory);
-        let mut block = frame_block(setting, &view);
-        block.bsdf_tables = bsdf_tables;
-        buffers.bind(&mut block);
-        block.texture_feedback = feedback.as_ref().map_or(0, Feedback::address);
-        let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
-        frame.write(0, bytemuck::bytes_of(&block))?;
-        let frames = Frames { device, film, buffers, passes: &passes, frame: &frame, job, feedback: feedback.as_ref() };
-        let mut tiles = Tiles { scene, cap: geometry_cap(job), feedback: feedback.as_ref() };
-        progress.stage("rendering");
-        waves::clear(&frames)?;
-        if !waves::trace_planes(&frames, &mut tiles, gate, progress)? {
-            return Ok(());
-        }
-        let total = if film.has_color() { progress.total_paths() } else { 0 };
-        let start = first_wave(device.gpu.report().kind);
-        let mut schedule = Schedule::new(total, start, buffers.capacity, WAVE_SECS);
-        if progress.wants_octaves() && film.adaptive().is_none() {
-            schedule = schedule.with_octaves(job.request.pixels());
-        }
-        waves::trace(&frames, &mut tiles, schedule, gate, progress)
+        let bind = |block: &mut Frame| block.texture_feedback = feedback.as_ref().map_or(0, Feedback::address);
+        let tracer = Tracer::new(setting, paths, (&view, parts), listed, bind, progress)?;
+        let tiles = Tiles { scene, cap: geometry_cap(setting.job), feedback: feedback.as_ref() };
+        engine::render(&mut Waves::new(tracer, tiles, feedback.as_ref()), gate, progress)
     }
 
     fn open(&mut self, job: &Job) -> Result<Arc<Device>, RenderError> {
@@ -327,8 +274,8 @@ impl Renderer {
         self.film.as_mut().map_or(Ok(()), |film| film.begin(job))
     }
 
-    /// Wave memory: at most a quarter of what the budget leaves, and no more than the render has paths; less when there is no
-    /// memory.
+    /// Wave memory: at most a quarter of what the budget leaves, and no more than the render has paths; less when there
+    /// is no memory.
     fn make_waves(&mut self, setting: &Setting<'_>, view: &SceneView, features: Features) -> Result<(), RenderError> {
         let Setting { device, job, .. } = *setting;
         let light_paths = has_light_paths(setting);
@@ -351,40 +298,4 @@ impl Renderer {
         self.waves = Some(waves);
         Ok(())
     }
-}
-
-/// Calls `make` with `wanted`, then with half as much as long as there is no memory and it is above `least`.
-pub(crate) fn shrinking<T>(
-    wanted: u64,
-    least: u64,
-    make: impl Fn(u32) -> Result<T, GpuError>,
-) -> Result<T, RenderError> {
-    let mut capacity = wanted;
-    loop {
-        match make(u32::try_from(capacity).unwrap_or(u32::MAX)) {
-            Err(GpuError::OutOfMemory { .. }) if capacity / 2 >= least => capacity /= 2,
-            result => return Ok(result?),
-        }
-    }
-}
-
-/// The user's own cap on geometry, bytes.
-pub(crate) fn geometry_cap(job: &Job) -> Option<u64> {
-    (job.settings.geometry_budget_kib > 0).then(|| u64::from(job.settings.geometry_budget_kib) << 10)
-}
-
-/// Paths of the whole render.
-fn paths(job: &Job) -> u64 {
-    job.request.pixels() * u64::from(job.settings.samples_per_pixel)
-}
-
-/// Whether paths keep what lights ask of the surface that a ray left (`HAS_DEPARTURES` of the shaders).
-pub(crate) fn has_light_paths(setting: &Setting<'_>) -> bool {
-    let near = Features::LOCAL_LIGHTS | Features::MESH_LIGHTS;
-    let features = setting.lights.features() | (setting.carry.features & setting.light_carry);
-    features.intersects(near | Features::LIGHT_LINKS | Features::LIGHT_LOBES)
-}
-
-pub(crate) fn is_cpu(device: &Device) -> bool {
-    device.gpu.report().kind == DeviceKind::Cpu
 }

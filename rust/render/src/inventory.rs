@@ -3,7 +3,7 @@
 
 use crate::bsdf_tables;
 use crate::device::{Device, Specialisation};
-use crate::frame::Setting;
+use crate::setting::Setting;
 use crate::specialise;
 use crate::wavefront::Passes;
 use oocpt_core::inventory::{Inventory, PassUse};
@@ -42,7 +42,7 @@ pub(crate) fn of_frame(setting: &Setting<'_>, compiled: Compiled<'_>, listed: In
 
 /// Every pass of the renderer, and whether it has a pipeline here.
 fn passes(device: &Device, passes: &Passes) -> Vec<PassUse> {
-    let made = passes.pipelines();
+    let made: Vec<_> = passes.all().collect();
     let trees = device.tree_pipelines();
     let entry = |name: &str| {
         let pipeline = made.iter().find(|pipeline| pipeline.name() == name);

@@ -1,18 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 //! OocPT's renderer: a [`Session`] takes scene edits and requests, and renders them on its own thread.
 //!
-//! The straight line of a ray: `frame` (what a render consists of) -> `waves` (what is submitted when) ->
-//! `wavefront` (the passes of one wave: generate, intersect, shade, accumulate) -> `film` (images) -> the session's
-//! published images. The straight line of a mesh: `oocpt_core::scene` -> `assets` (load,
-//! build, tables) -> traversal. Scenes that do not fit: `streaming`.
+//! The straight line of a ray: `frame` (what a render consists of) -> `engine` (what is submitted when) ->
+//! `wavefront` (the passes: generate, intersect, shade, accumulate) -> `film` (images) -> the session's published
+//! images. The straight line of a mesh: `oocpt_core::scene` -> `assets` (load, build, tables) -> traversal. Scenes that
+//! do not fit: `streaming`, a feed of the engine.
+//!
+//! Modules use those below them and no other: `cargo xtask check` finds a circle.
 #![forbid(unsafe_code)]
 
 mod adaptive;
 mod aov;
 mod assets;
+mod block;
 pub mod bsdf_tables;
 pub mod chunk_report;
 mod device;
+mod early;
+mod engine;
 mod error;
 mod error_log;
 pub mod error_report;
@@ -20,7 +25,10 @@ mod feedback;
 mod film;
 mod frame;
 mod inventory;
+mod job;
+mod light_files;
 mod lights;
+mod loader;
 mod measure;
 pub mod picture;
 mod progress;
@@ -30,19 +38,22 @@ mod reference;
 mod request;
 mod schedule;
 mod session;
+mod setting;
+mod shared;
 mod specialise;
 mod streaming;
 mod sync;
 pub mod textures;
 mod thread;
-mod tile_waves;
 mod timings;
+mod wave;
 mod wavefront;
-mod waves;
 
 pub use aov::{AovKind, AovRequest};
+pub use early::Early;
 pub use error::RenderError;
-pub use lights::{LightFiles, LightPicture, NoFiles};
+pub use job::SessionOptions;
+pub use light_files::{LightFiles, LightPicture, NoFiles};
 pub use request::{MAX_PIXELS, MAX_SIDE, Message, RenderRequest, Severity};
-pub use session::{Session, SessionOptions};
+pub use session::Session;
 pub use timings::{LeftMoment, PassTime, Timings};

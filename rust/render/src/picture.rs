@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Pictures as EXR files that say how they were made: `oocpt:` attributes with the time they took, their samples and rays, the error they
-//! are thought to have. Linear light, four floats of 32 bits a pixel, colour premultiplied by alpha.
+//! Pictures as EXR files that say how they were made: `oocpt:` attributes with the time they took, their samples and
+//! rays, the error they are thought to have. Linear light, four floats of 32 bits a pixel, colour premultiplied by
+//! alpha.
 //!
-//! Hosts write the files of their own renders, and Hydra gives a render buffer no way to tell them of attributes; for those, the same
-//! numbers stand in the report that `oocpt:report` names. Files that are read come from anywhere: only their headers are, and of these a
-//! bounded part. Any thread.
+//! Hosts write the files of their own renders, and Hydra gives a render buffer no way to tell them of attributes; for
+//! those, the same numbers stand in the report that `oocpt:report` names. Files that are read come from anywhere: only
+//! their headers are, and of these a bounded part. Any thread.
 
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::prelude::{Encoding, Image, Layer, LayerAttributes, MetaData, SpecificChannels, Vec2, WritableImage as _};

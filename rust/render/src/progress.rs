@@ -6,13 +6,14 @@ use crate::assets::SceneAssets;
 use crate::error::RenderError;
 use crate::error_log::{ErrorLog, Moment};
 use crate::film::Film;
-use crate::measure::{self, LAST_SLOT, Measured, next_boundary};
+use crate::job::Job;
+use crate::measure::{self, Measured};
 use crate::progress_bar::ProgressBar;
 use crate::request::Severity;
-use crate::schedule::Wave;
-use crate::session::{Job, Shared};
+use crate::shared::Shared;
 use crate::sync::lock;
 use crate::timings::Timings;
+use crate::wave::{LAST_SLOT, Wave, next_boundary};
 use oocpt_core::adaptive::Spent;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::stats::{Stats, StreamingStats, Usage};
@@ -33,6 +34,7 @@ pub(crate) struct Progress<'a> {
     trace_started: Instant,
     pixels: u64,
     samples: u32,
+    generation: u64,
     limit: Option<Duration>,
     done: u64,
     next_publish: Instant,
@@ -71,6 +73,7 @@ impl<'a> Progress<'a> {
             trace_started: now,
             pixels: job.request.pixels(),
             samples: job.settings.samples_per_pixel,
+            generation: job.generation,
             limit: (limit > 0.0).then(|| Duration::try_from_secs_f32(limit).unwrap_or(Duration::MAX)),
             done: 0,
             next_publish: now + FIRST_INTERVAL,
@@ -93,6 +96,7 @@ impl<'a> Progress<'a> {
     pub(crate) fn begin_again(&mut self) {
         self.done = 0;
         self.decided = None;
+        *lock(&self.shared.reached) = (self.generation, 0);
         self.log.begin_again();
     }
 
@@ -173,13 +177,15 @@ impl<'a> Progress<'a> {
         stats.annotation = format!("sample {} of {}", stats.samples_completed, self.samples);
         let samples = stats.samples_completed;
         drop(stats);
+        *lock(&self.shared.reached) = (self.generation, samples);
         let done = self.done as f64 / self.total_paths().max(1) as f64;
         if let Some(bar) = &mut self.bar {
             bar.draw(done, self.started.elapsed(), samples, self.samples);
         }
     }
 
-    /// Samples of each pixel; adaptive: their mean, to the next whole number, for an epoch ends when what is left is too little.
+    /// Samples of each pixel; adaptive: their mean, to the next whole number, for an epoch ends when what is left is
+    /// too little.
     fn samples_done(&self) -> u32 {
         let pixels = self.pixels.max(1);
         let samples = if self.decided.is_some() { self.done.div_ceil(pixels) } else { self.done / pixels };
@@ -219,7 +225,8 @@ impl<'a> Progress<'a> {
         self.log.open_paths().min(self.total_paths()).min(self.decided.unwrap_or(u64::MAX))
     }
 
-    /// Learns which samples are decided, if they do not go everywhere alike; gives the paths that no wave may go across.
+    /// Learns which samples are decided, if they do not go everywhere alike; gives the paths that no wave may go
+    /// across.
     pub(crate) fn begin_samples(&mut self, film: &Film) -> Vec<u64> {
         self.decided = film.adaptive().map(Adaptive::end);
         film.adaptive().map_or_else(Vec::new, Adaptive::cuts)

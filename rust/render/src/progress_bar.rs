@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The progress bar of command line renders: elapsed time, samples, time left, drawn over itself on standard error.
 //!
-//! Render thread only. The host's process may be blocked in the host's own loop meanwhile, which is why the bar is drawn
-//! here and not there.
+//! Render thread only. The host's process may be blocked in the host's own loop meanwhile, which is why the bar is
+//! drawn here and not there.
 
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};

@@ -39,8 +39,8 @@ impl Published {
         });
     }
 
-    /// The version of the image of `kind` if there is one of exactly `out.len()` bytes, which is copied unless it is the `known` one;
-    /// else 0.
+    /// The version of the image of `kind` if there is one of exactly `out.len()` bytes, which is copied unless it is
+    /// the `known` one; else 0.
     pub(crate) fn copy(&self, kind: AovKind, known: u64, out: &mut [u8]) -> u64 {
         let Some(image) = self.images.iter().find(|have| have.kind == kind && have.bytes.len() == out.len()) else {
             return 0;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! A picture to compare with, from an EXR file, and how far another one is from it.
 //!
-//! Errors are in linear light and double precision; FLIP (Andersson et al. 2020) is that of the two pictures as sRGB in 8 bits, at 67 pixels
-//! per degree. The file comes from the user: its size is checked before its pixels are read.
+//! Errors are in linear light and double precision; FLIP (Andersson et al. 2020) is that of the two pictures as sRGB in
+//! 8 bits, at 67 pixels per degree. The file comes from the user: its size is checked before its pixels are read.
 
 use crate::aov::AovKind;
 use crate::publish::Published;

@@ -5,24 +5,18 @@
 //! image does not depend on where the cuts fall, so wave sizes may follow the clock: they aim at a time per wave short
 //! enough for watchdogs and for pause and stop to be felt at once, and long enough to keep the device busy.
 
-use crate::measure::next_boundary;
+use crate::wave::{Wave, next_boundary};
 use oocpt_gpu::DeviceKind;
 
-/// Paths of the first wave, when nothing was measured yet: so few that it is short on the slowest device of its kind (some 10 000 paths a
-/// second, a million on a card), and not too few for the fastest. From there waves grow as the clock says.
+/// Paths of the first wave, when nothing was measured yet: so few that it is short on the slowest device of its kind
+/// (some 10 000 paths a second, a million on a card), and not too few for the fastest. From there waves grow as the
+/// clock says.
 pub(crate) fn first_wave(kind: DeviceKind) -> u32 {
     match kind {
         DeviceKind::Cpu => 1 << 12,
         DeviceKind::Discrete => 1 << 19,
         _ => 1 << 16,
     }
-}
-
-/// A contiguous range of paths.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Wave {
-    pub(crate) first: u64,
-    pub(crate) count: u32,
 }
 
 /// Hands out waves until all paths are given out.
@@ -118,7 +112,8 @@ mod tests {
         assert!(schedule.next(u64::MAX).is_some(), "the rest when it is open");
     }
 
-    /// Seconds of the longest of many waves on a device of so many paths a second, a quarter of that from the 30th wave on.
+    /// Seconds of the longest of many waves on a device of so many paths a second, a quarter of that from the 30th wave
+    /// on.
     fn longest(kind: DeviceKind, rate: f64) -> f64 {
         let mut schedule = Schedule::new(u64::MAX, first_wave(kind), 1 << 22, 0.2);
         let mut longest = 0.0_f64;

@@ -16,130 +16,29 @@
 
 use crate::aov::AovKind;
 use crate::error::RenderError;
-use crate::lights::{LightFiles, NoFiles};
+use crate::job::{Job, SessionOptions};
+use crate::light_files::{LightFiles, NoFiles};
 use crate::picture;
-use crate::publish::Published;
 use crate::request::{Message, RenderRequest, Severity};
+use crate::shared::Shared;
 use crate::sync::lock;
 use crate::textures::ImageLibrary;
 use crate::thread;
 use crate::timings::Timings;
 use oocpt_core::inventory::PrimvarUse;
 use oocpt_core::partition::PartitionOptions;
-use oocpt_core::scene::{SceneDb, Snapshot};
+use oocpt_core::scene::{SceneDb, summary};
 use oocpt_core::settings::{SettingError, Settings, Value};
 use oocpt_core::stats::Stats;
 use oocpt_gpu::DeviceReport;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
-
-/// What to render; immutable once posted.
-#[derive(Clone, Debug)]
-pub(crate) struct Job {
-    pub(crate) snapshot: Arc<Snapshot>,
-    pub(crate) request: RenderRequest,
-    pub(crate) settings: Settings,
-    pub(crate) options: SessionOptions,
-    pub(crate) images: Option<Arc<dyn ImageLibrary>>,
-    pub(crate) files: Arc<dyn LightFiles>,
-    /// The scene's primvars, and which of them are used.
-    pub(crate) primvars: Arc<[PrimvarUse]>,
-}
-
-/// How a session runs, apart from what it renders.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct SessionOptions {
-    /// Turns Vulkan's validation layer on; its messages become errors. For tests.
-    pub validation: bool,
-    /// Measures the GPU time of each pass ([`Session::timings`]); costs a little speed.
-    pub profile: bool,
-    /// Streams the scene even if it fits. For tests and benches.
-    pub force_streaming: bool,
-    /// Makes rays forget the chunks they would have to wait for: the picture is wrong. For the test that shows that the
-    /// comparison of pictures notices.
-    pub plant_lost_chunks: bool,
-    /// The probability, in thousandths, with which roulette on loads (`oocpt:stragglerRoulette`) loads whatever it plays for; none = by
-    /// what loads cost and bring. For tests.
-    pub roulette_per_mille: Option<u16>,
-    /// Makes that roulette end rays without weighting those that go on: the picture is too dark. For the test that shows that
-    /// it would be noticed.
-    pub plant_unweighted_roulette: bool,
-    /// Lets each pixel's own samples decide how many more it gets: adaptive pictures are biased. For the test that shows that it
-    /// would notice.
-    pub plant_naive_sampling: bool,
-    /// A planted fault, for tests, with adaptive sampling: roulette on loads is also played with samples that decide where others go.
-    pub plant_early_roulette: bool,
-    /// Makes one request for device memory fail, after this many that succeed. For tests.
-    pub fail_allocation_after: Option<u64>,
-    /// Draws a progress bar on standard error while samples are traced; for command lines.
-    pub progress_bar: bool,
-}
-
-/// What the host wants of the render thread.
-#[derive(Debug, Default)]
-pub(crate) struct Control {
-    pub(crate) job: Option<Arc<Job>>,
-    /// Grows with every posted or restarted job.
-    pub(crate) generation: u64,
-    /// Generation that the thread has finished with (rendered, failed or given up).
-    pub(crate) finished: u64,
-    pub(crate) paused: bool,
-    pub(crate) stopped: bool,
-    pub(crate) quit: bool,
-}
-
-impl Control {
-    fn is_rendering(&self) -> bool {
-        self.job.is_some() && self.finished != self.generation && !self.stopped
-    }
-}
-
-/// State shared between the host's threads and the render thread.
-#[derive(Debug, Default)]
-pub(crate) struct Shared {
-    control: Mutex<Control>,
-    changed: Condvar,
-    pub(crate) published: Mutex<Published>,
-    pub(crate) stats: Mutex<Stats>,
-    pub(crate) timings: Mutex<Timings>,
-    pub(crate) device: Mutex<Option<DeviceReport>>,
-    /// Reports of error that renders of this session have begun.
-    pub(crate) reports: Mutex<Vec<String>>,
-    messages: Mutex<Vec<Message>>,
-}
-
-impl Shared {
-    pub(crate) fn control(&self) -> MutexGuard<'_, Control> {
-        lock(&self.control)
-    }
-
-    pub(crate) fn wait<'a>(&self, guard: MutexGuard<'a, Control>) -> MutexGuard<'a, Control> {
-        self.changed.wait(guard).unwrap_or_else(PoisonError::into_inner)
-    }
-
-    pub(crate) fn notify(&self) {
-        self.changed.notify_all();
-    }
-
-    pub(crate) fn report(&self, severity: Severity, text: String) {
-        let message = Message { severity, text };
-        let mut messages = lock(&self.messages);
-        if !messages.contains(&message) {
-            messages.push(message);
-        }
-    }
-
-    pub(crate) fn fail(&self, error: &RenderError) {
-        tracing::error!(%error, "render ended early");
-        self.report(Severity::Error, error.to_string());
-    }
-}
 
 /// One scene, one camera, one render thread.
 #[derive(Debug)]
 pub struct Session {
-    shared: Arc<Shared>,
+    pub(crate) shared: Arc<Shared>,
     scene: Mutex<SceneDb>,
     settings: Mutex<Settings>,
     options: Mutex<SessionOptions>,
@@ -178,7 +77,8 @@ impl Session {
         session
     }
 
-    /// Says who reads the files that lights name; without, none can be read. Takes effect with the next [`Session::render`].
+    /// Says who reads the files that lights name; without, none can be read. Takes effect with the next
+    /// [`Session::render`].
     pub fn set_light_files(&self, files: Arc<dyn LightFiles>) {
         *lock(&self.files) = files;
     }
@@ -188,7 +88,8 @@ impl Session {
         edit(&mut lock(&self.scene))
     }
 
-    /// Changes one setting by its Hydra key; takes effect with the next [`Session::render`]. Returns whether it changed.
+    /// Changes one setting by its Hydra key; takes effect with the next [`Session::render`]. Returns whether it
+    /// changed.
     pub fn set_setting(&self, key: &str, value: Value) -> Result<bool, SettingError> {
         lock(&self.settings).set(key, value)
     }
@@ -207,8 +108,8 @@ impl Session {
         let commit = scene.commit();
         let primvars = self.primvars_of(&scene, commit.snapshot.version);
         drop(scene);
-        for warning in commit.warnings {
-            self.shared.report(Severity::Warning, format!("{}: {}", warning.path, warning.message));
+        for line in summary(&commit.warnings) {
+            self.shared.report(Severity::Warning, line);
         }
         let (settings, options) = (self.settings(), *lock(&self.options));
         let files = Arc::clone(&lock(&self.files));
@@ -224,8 +125,10 @@ impl Session {
         }
         let images = self.images.clone();
         let snapshot = commit.snapshot;
-        control.job = Some(Arc::new(Job { snapshot, request, settings, options, images, files, primvars }));
         control.generation += 1;
+        let generation = control.generation;
+        let job = Job { snapshot, request, settings, options, images, files, primvars, generation };
+        control.job = Some(Arc::new(job));
         control.stopped = false;
         drop(control);
         self.shared.notify();
@@ -303,12 +206,13 @@ impl Session {
     pub fn restart(&self) {
         let options = *lock(&self.options);
         let mut control = self.shared.control();
+        control.generation += 1;
+        let generation = control.generation;
         if let Some(job) = control.job.take() {
-            control.job = Some(Arc::new(Job { options, ..(*job).clone() }));
+            control.job = Some(Arc::new(Job { options, generation, ..(*job).clone() }));
         }
         control.stopped = false;
         control.paused = false;
-        control.generation += 1;
         drop(control);
         self.shared.notify();
     }
@@ -322,7 +226,7 @@ impl Session {
             if left.is_zero() {
                 return false;
             }
-            control = self.shared.changed.wait_timeout(control, left).unwrap_or_else(PoisonError::into_inner).0;
+            control = self.shared.wait_at_most(control, left);
         }
         true
     }
@@ -333,8 +237,8 @@ impl Session {
         self.read_new_aov(kind, 0, out) != 0
     }
 
-    /// As [`Session::read_aov`], but an image whose version is `known` is not copied again. Returns the version of what `out` holds
-    /// then: 0 if there is no such image, never the same for two images of a session.
+    /// As [`Session::read_aov`], but an image whose version is `known` is not copied again. Returns the version of what
+    /// `out` holds then: 0 if there is no such image, never the same for two images of a session.
     pub fn read_new_aov(&self, kind: AovKind, known: u64, out: &mut [u8]) -> u64 {
         lock(&self.shared.published).copy(kind, known, out)
     }

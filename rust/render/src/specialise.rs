@@ -2,8 +2,8 @@
 //! What this scene and camera need of the passes, and what is left out for them.
 //!
 //! Pure. The answer becomes specialisation constants: pipelines are compiled without the absent parts, and the host
-//! does not make their buffers. To measure what that saves, `oocpt:carry` compiles parts in that the scene does not need ([`Carry`]):
-//! the same picture, bit for bit.
+//! does not make their buffers. To measure what that saves, `oocpt:carry` compiles parts in that the scene does not
+//! need ([`Carry`]): the same picture, bit for bit.
 
 use crate::assets::SceneView;
 use crate::device::Specialisation;
@@ -11,73 +11,33 @@ use crate::lights::LightTable;
 use oocpt_core::camera::CameraRays;
 use oocpt_core::inventory::FeatureUse;
 use oocpt_core::scene::{SceneFeatures, Snapshot};
-use oocpt_shader_abi::{Features, Lobes};
+use oocpt_shader_abi::{CarryRule, FEATURES, Feature, Features};
 
-/// What materials need.
-const SURFACES: [(SceneFeatures, Features); 10] = [
-    (SceneFeatures::MATERIALS, Features::MATERIALS),
-    (SceneFeatures::TEXTURES, Features::TEXTURES),
-    (SceneFeatures::PTEX, Features::PTEX),
-    (SceneFeatures::CUTOUTS, Features::CUTOUTS),
-    (SceneFeatures::TRANSMISSION, Features::TRANSMISSION),
-    (SceneFeatures::ROUGH_TRANSMISSION, Features::ROUGH_TRANSMISSION),
-    (SceneFeatures::COAT, Features::COAT),
-    (SceneFeatures::EMISSION, Features::EMISSION),
-    (SceneFeatures::INSTANCE_PRIMVARS, Features::INSTANCE_PRIMVARS),
-    (SceneFeatures::INSTANCE_OPACITY, Features::INSTANCE_OPACITY),
-];
+/// What the frame decides, whatever the scene has.
+const OF_FRAME: Features = Features::DOME
+    .union(Features::DISTANT)
+    .union(Features::LOCAL_LIGHTS)
+    .union(Features::LENS)
+    .union(Features::INSTANCING);
 
-/// The features in words.
-const PARTS: [(Features, &str); 32] = [
-    (Features::DOME, "dome light"),
-    (Features::DOME_SHADOW_RAYS, "shadow rays to constant domes"),
-    (Features::DISTANT, "distant lights"),
-    (Features::LIGHT_TABLE, "light table and MIS over it"),
-    (Features::LOCAL_LIGHTS, "local lights and light tree"),
-    (Features::SHAPING, "light shaping"),
-    (Features::IES, "IES profiles"),
-    (Features::DOME_TEXTURE, "dome textures"),
-    (Features::LIGHT_TEXTURE, "textures of rect lights"),
-    (Features::LIGHT_LINKS, "light linking"),
-    (Features::LIGHT_LOBES, "lights' own multipliers for diffuse and specular"),
-    (Features::OPACITY, "opacity in traversal"),
-    (Features::NORMALS, "interpolated normals"),
-    (Features::COLORS, "colours"),
-    (Features::INSTANCE_PRIMVARS, "primvars with a value per instance"),
-    (Features::INSTANCE_OPACITY, "opacity with a value per instance"),
-    (Features::LENS, "lens"),
-    (Features::INSTANCING, "nested instance levels"),
-    (Features::MATERIALS, "materials, and tables of them"),
-    (Features::TEXTURES, "textures, and ray cones for them"),
-    (Features::PTEX, "Ptex"),
-    (Features::CUTOUTS, "cutouts in traversal"),
-    (Features::EMISSION, "emission of surfaces"),
-    (Features::MESH_LIGHTS, "emissive meshes sampled as lights"),
-    (Features::MESH_LIGHT_VALUES, "emission of lights by textures and primvars"),
-    (Features::TRANSMISSION, "transmission"),
-    (Features::ROUGH_TRANSMISSION, "rough transmission, and tables of what it loses"),
-    (Features::COAT, "coats"),
-    (Features::ADAPTIVE, "adaptive sampling: lists of samples, the second stream of the film"),
-    (Features::STREAMING, "streaming of what does not fit"),
-    (Features::CHUNK_COUNTS, "counts of rays by chunk"),
-    (Features::ROULETTE, "roulette on loads for stragglers"),
-];
+/// What no material of today has: only tests of the BSDF compile it.
+const UNREACHABLE: Features = Features::SHEEN;
 
 /// The features a frame needs, apart from streaming.
 pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRays, scene: &SceneView) -> Features {
-    let mut features = lights.features();
-    features.set(Features::OPACITY, snapshot.features.contains(SceneFeatures::OPACITY));
-    features.set(Features::NORMALS, snapshot.features.contains(SceneFeatures::NORMALS));
-    features.set(Features::COLORS, snapshot.features.contains(SceneFeatures::COLORS));
+    let mut features = lights.features() | of_scene(snapshot.features);
     features.set(Features::LENS, rays.lens_u != [0.0; 3] || rays.lens_v != [0.0; 3]);
     features.set(Features::INSTANCING, scene.max_levels > 1);
-    for (scene, feature) in SURFACES {
-        features.set(feature, snapshot.features.contains(scene));
-    }
     // Without images there are no tables of them.
     features.set(Features::TEXTURES, features.contains(Features::TEXTURES) && scene.textures != 0);
     features.set(Features::PTEX, features.contains(Features::PTEX | Features::TEXTURES));
     features
+}
+
+/// What the surfaces of a scene need: features of the same name.
+fn of_scene(scene: SceneFeatures) -> Features {
+    let named = scene.iter_names().filter_map(|(name, _)| Features::from_name(name));
+    named.fold(Features::empty(), Features::union) - OF_FRAME
 }
 
 /// Whether some material makes surfaces be there or not.
@@ -87,12 +47,12 @@ pub(crate) fn has_cutouts(snapshot: &Snapshot) -> bool {
 
 /// The specialisation of the passes for these features.
 pub(crate) fn specialisation(features: Features, scene: &SceneView) -> Specialisation {
-    Specialisation { max_levels: scene.max_levels, stack_size: scene.stack_size, features, lobes: Lobes::empty() }
+    Specialisation { max_levels: scene.max_levels, stack_size: scene.stack_size, features, fault: 0 }
 }
 
-/// What is carried along although the scene does not need it: what `oocpt:carry` asks for and what can be had without another
-/// picture. The light table is another estimator, and materials need it, so these two are never carried. In core only, but for parts that
-/// need no memory.
+/// What is carried along although the scene does not need it: what `oocpt:carry` asks for and what can be had without
+/// another picture. The light table is another estimator, and materials need it, so these two are never carried. In
+/// core only, but for parts that need no memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Carry {
     pub(crate) features: Features,
@@ -103,7 +63,8 @@ pub(crate) struct Carry {
 impl Carry {
     const NOTHING: Self = Self { features: Features::empty(), levels: false };
 
-    /// What a setting names: features as the shaders call them, `LEVELS`, or `all`, parted by commas. Gives names that are none.
+    /// What a setting names: features as the shaders call them, `LEVELS`, or `all`, parted by commas. Gives names that
+    /// are none.
     pub(crate) fn parse(text: &str) -> (Self, Vec<String>) {
         let mut carry = Self::NOTHING;
         let mut unknown = Vec::new();
@@ -126,21 +87,20 @@ impl Carry {
 
     /// Of what is asked for, what passes that need `needed` can carry; `of_lights` is what the light table allows.
     pub(crate) fn possible(&self, needed: Features, of_lights: Features) -> Features {
-        let mut possible = Features::OPACITY | Features::NORMALS | Features::COLORS | Features::LENS;
-        possible |= Features::INSTANCING | Features::INSTANCE_PRIMVARS | Features::INSTANCE_OPACITY | Features::OPACITY;
-        if needed.contains(Features::LIGHT_TABLE) {
-            possible |= of_lights | Features::DOME | Features::DISTANT;
-        } else {
-            possible |= Features::DOME | Features::DISTANT;
-            possible.set(Features::DOME_SHADOW_RAYS, needed.contains(Features::DISTANT));
-        }
-        if needed.contains(Features::MATERIALS) {
-            possible |= Features::TEXTURES | Features::CUTOUTS | Features::TRANSMISSION;
-            possible |= Features::ROUGH_TRANSMISSION | Features::COAT | Features::EMISSION | Features::PTEX;
-        }
-        if needed.contains(Features::STREAMING) {
-            possible -= Features::TEXTURES | Features::CUTOUTS | Features::PTEX;
-        }
+        let [has_lights, has_materials, in_core] = [
+            needed.contains(Features::LIGHT_TABLE),
+            needed.contains(Features::MATERIALS),
+            !needed.contains(Features::STREAMING),
+        ];
+        let may = |feature: &&Feature| match feature.carry {
+            CarryRule::Never => false,
+            CarryRule::Always => true,
+            CarryRule::Lights if has_lights => of_lights.contains(feature.bit),
+            CarryRule::Lights => feature.bit == Features::DOME_SHADOW_RAYS && needed.contains(Features::DISTANT),
+            CarryRule::Materials => has_materials,
+            CarryRule::MaterialsInCore => has_materials && in_core,
+        };
+        let possible = FEATURES.iter().filter(may).fold(Features::empty(), |sum, feature| sum | feature.bit);
         let mut carried = self.features & possible;
         // These two are asked for together.
         carried.set(Features::OPACITY, carried.intersects(Features::OPACITY | Features::INSTANCE_OPACITY));
@@ -153,20 +113,20 @@ impl Carry {
 
 /// Each feature, and whether it is there.
 pub(crate) fn list(features: Features, carried: Features) -> Vec<FeatureUse> {
-    let entry = |(feature, what): &(Features, &str)| FeatureUse {
-        name: feature.iter_names().map(|(name, _)| name).collect(),
-        what: (*what).to_owned(),
-        present: features.contains(*feature),
-        carried: carried.contains(*feature),
+    let entry = |feature: &Feature| FeatureUse {
+        name: feature.name.to_owned(),
+        what: feature.what.to_owned(),
+        present: features.contains(feature.bit),
+        carried: carried.contains(feature.bit),
     };
-    PARTS.iter().map(entry).collect()
+    FEATURES.iter().filter(|feature| feature.bit != UNREACHABLE).map(entry).collect()
 }
 
 /// What was left out, in words for the stats.
 pub(crate) fn left_out(features: Features, has_planes: bool) -> Vec<String> {
-    let always = Features::STREAMING | Features::CHUNK_COUNTS | Features::DOME_SHADOW_RAYS;
-    let parts = PARTS.iter().filter(|(part, _)| !always.contains(*part));
-    let absent = parts.filter(|(part, _)| !features.contains(*part)).map(|(_, name)| *name);
+    let always = Features::STREAMING | Features::CHUNK_COUNTS | Features::DOME_SHADOW_RAYS | UNREACHABLE;
+    let absent =
+        FEATURES.iter().filter(|feature| !(always | features).contains(feature.bit)).map(|feature| feature.what);
     let planes = (!has_planes).then_some("passes generate_aov_rays and shade_aovs, and their images");
     let in_core = !features.contains(Features::STREAMING);
     let streaming = in_core.then_some("streaming: the whole scene is resident");
@@ -188,22 +148,30 @@ mod tests {
     }
 
     #[test]
-    fn every_feature_is_listed_once_but_for_the_planted_fault() {
-        let listed = PARTS.iter().fold(Features::empty(), |sum, (part, _)| {
-            assert!(!sum.intersects(*part) && part.bits().count_ones() == 1, "{part:?} is listed twice");
-            sum | *part
-        });
-        assert_eq!(listed, Features::all() - Features::PLANT_SKIP_DEFERRED, "a feature has no words");
+    fn every_feature_is_listed_by_the_shaders_name() {
         let list = list(Features::LENS, Features::LENS);
         let lens = list.iter().find(|entry| entry.name == "LENS").expect("by the shaders' name");
         assert!(lens.present && lens.carried && list.iter().filter(|entry| entry.present).count() == 1, "{list:?}");
     }
 
     #[test]
+    fn what_a_scene_has_is_needed_under_the_same_name() {
+        let all = of_scene(SceneFeatures::all());
+        for (name, _) in SceneFeatures::all().iter_names() {
+            // Traversal asks the mesh, not the pass.
+            let named = Features::from_name(name).or((name == "SINGLE_SIDED").then(Features::empty));
+            let named = named.unwrap_or_else(|| panic!("{name} is no feature of the shaders"));
+            assert!(all.contains(named - OF_FRAME), "{name}");
+        }
+        assert_eq!(of_scene(SceneFeatures::PTEX | SceneFeatures::COAT), Features::PTEX | Features::COAT);
+        assert_eq!(of_scene(SceneFeatures::LENS | SceneFeatures::DOME), Features::empty(), "the frame says so");
+    }
+
+    #[test]
     fn what_would_change_the_picture_is_not_carried() {
         let (all, unknown) = Carry::parse("all");
         assert!(unknown.is_empty() && all.levels);
-        let never = Features::LIGHT_TABLE | Features::MATERIALS | Features::STREAMING | Features::PLANT_SKIP_DEFERRED;
+        let never = Features::LIGHT_TABLE | Features::MATERIALS | Features::STREAMING;
         for needed in [Features::empty(), Features::DOME, Features::LIGHT_TABLE | Features::MATERIALS] {
             let carried = all.possible(needed, Features::LOCAL_LIGHTS);
             assert!(!carried.intersects(never | needed), "{needed:?}: {carried:?}");

@@ -6,43 +6,16 @@
 
 use crate::error::RenderError;
 use crate::frame::Renderer;
-use crate::session::{Job, Shared};
+use crate::job::Job;
+use crate::shared::{Gate, Shared};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
-
-/// What the frame asks between waves: may it go on?
-#[derive(Debug)]
-pub(crate) struct Gate<'a> {
-    shared: &'a Shared,
-    generation: u64,
-}
-
-impl Gate<'_> {
-    /// Waits out a pause; false when the image is to be given up (stop, a newer job, the end of the session).
-    pub(crate) fn proceed(&self) -> bool {
-        let mut control = self.shared.control();
-        loop {
-            if control.quit || control.stopped || control.generation != self.generation {
-                return false;
-            }
-            if !control.paused {
-                return true;
-            }
-            control = self.shared.wait(control);
-        }
-    }
-
-    /// Where results go.
-    pub(crate) fn shared(&self) -> &Shared {
-        self.shared
-    }
-}
 
 /// Runs until the session ends.
 pub(crate) fn run(shared: &Shared) {
     let mut renderer = Renderer::default();
     while let Some((job, generation)) = next_job(shared) {
-        let gate = Gate { shared, generation };
+        let gate = Gate::new(shared, generation);
         match catch_unwind(AssertUnwindSafe(|| renderer.render(&job, &gate))) {
             Ok(Ok(())) => {}
             Ok(Err(error)) => {

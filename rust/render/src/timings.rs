@@ -42,7 +42,8 @@ pub struct Timings {
     pub retraced_waves: u64,
     /// Compiling the passes for this scene, seconds; zero when they were compiled before.
     pub compile_secs: f64,
-    /// Pipelines that the driver was made to translate before the first wave: on a software renderer, those that were never used.
+    /// Pipelines that the driver was made to translate before the first wave: on a software renderer, those that were
+    /// never used.
     pub translated: u64,
     /// From the first wave's submission to the last wave's end, seconds.
     pub trace_secs: f64,
@@ -56,7 +57,8 @@ pub struct Timings {
     pub paths: u64,
     /// Waves submitted.
     pub waves: u64,
-    /// How the paths ran out: the first moments at which at most 50, 10, 1, 0.1, 0.01, 0 % of them were left, and others. Only when streaming.
+    /// How the paths ran out: the first moments at which at most 50, 10, 1, 0.1, 0.01, 0 % of them were left, and
+    /// others. Only when streaming.
     pub left: Vec<LeftMoment>,
     /// GPU time by pass.
     pub passes: Vec<PassTime>,

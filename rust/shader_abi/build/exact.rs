@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Forbids drivers to merge floating-point operations, so that one expression gives the same bits in every pass and under every
-//! specialisation. Where a merged operation is wanted, the shaders say `fma`.
+//! Forbids drivers to merge floating-point operations, so that one expression gives the same bits in every pass and
+//! under every specialisation. Where a merged operation is wanted, the shaders say `fma`.
 //!
-//! Shared by `build.rs` and the tests. Pure; any thread. Source: SPIR-V 1.5, 2.3 (physical layout), 2.4 (logical layout), 3.20
-//! (`NoContraction`).
+//! Shared by `build.rs` and the tests. Pure; any thread. Source: SPIR-V 1.5, 2.3 (physical layout), 2.4 (logical
+//! layout), 3.20 (`NoContraction`).
 
 use std::collections::BTreeSet;
 

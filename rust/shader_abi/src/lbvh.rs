@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The plan of a GPU build of an instance tree: Morton keys, sort, Karras hierarchy, refit, four children to a node.
 //!
-//! Guarantees: [`steps`] is a pure function; the tree it makes depends only on the bounds (ties by index), not on timing.
-//! Any thread. Sources: Karras 2012, "Maximizing Parallelism in the Construction of BVHs, Octrees, and k-d Trees".
+//! Guarantees: [`steps`] is a pure function; the tree it makes depends only on the bounds (ties by index), not on
+//! timing. Any thread. Sources: Karras 2012, "Maximizing Parallelism in the Construction of BVHs, Octrees, and k-d
+//! Trees".
 
 use crate::{LbvhBounds, LbvhPush, Module, WORKGROUP_SIZE, groups, passes};
 
@@ -23,8 +24,8 @@ const RADIX_PASSES: u32 = 8;
 pub struct Job {
     /// [`LbvhBounds`] per item, 4-byte aligned.
     pub bounds: u64,
-    /// Room for `max(count - 1, 1)` [`crate::GpuLevelNode`], 16-byte aligned, not all of which will be used. The root will be node 0; leaves
-    /// name the item.
+    /// Room for `max(count - 1, 1)` [`crate::GpuLevelNode`], 16-byte aligned, not all of which will be used. The root
+    /// will be node 0; leaves name the item.
     pub nodes: u64,
     /// Room for [`scratch_bytes`]`(count)`, 16-byte aligned; contents do not matter before, and are garbage after.
     pub scratch: u64,
@@ -103,8 +104,8 @@ pub fn steps(job: &Job) -> Vec<Step> {
     steps
 }
 
-/// What the first step is given. Parents and visits take over the second halves of the sort's memory, which are free after an
-/// even number of passes.
+/// What the first step is given. Parents and visits take over the second halves of the sort's memory, which are free
+/// after an even number of passes.
 fn first_push(job: &Job) -> LbvhPush {
     let layout = Layout::new(job.count);
     let at = |offset: u64| job.scratch + offset;

@@ -38,7 +38,8 @@ fn shaders_agree_with_rust() {
     for module in ALL {
         seen.extend(check::check(module.words, &layouts()).expect(module.name));
     }
-    for name in ["Frame", "Push", "Counters", "GpuInstance", "GpuMesh", "GpuLight", "FilmPixel", "LbvhNode", "LbvhPush"]
+    for name in
+        ["Frame", "Push", "Counters", "GpuInstance", "GpuMesh", "GpuDistantLight", "FilmPixel", "LbvhNode", "LbvhPush"]
     {
         assert!(seen.contains(name), "{name} is in no pass");
     }
@@ -60,7 +61,7 @@ fn a_renamed_member_is_seen() {
 
 #[test]
 fn a_member_of_another_size_is_seen() {
-    let error = planted(&passes::SHADE_SURFACE, "GpuLight", |light| light.members[0].size = 16);
+    let error = planted(&passes::SHADE_SURFACE, "GpuDistantLight", |light| light.members[0].size = 16);
     assert!(error.contains("direction"), "{error}");
 }
 

@@ -114,30 +114,13 @@ struct GpuChunkInstance {
     uint pad[2];
 };
 
-struct GpuLight {
+struct GpuDistantLight {
     vec3 direction;
     float one_minus_cos;
     vec3 radiance;
     float probability;
     float cumulative;
 };
-
-// Bits of GpuTexture::flags.
-const uint TEXTURE_CHANNELS = 7u;
-const uint TEXTURE_FORMAT_SHIFT = 4u;
-const uint TEXTURE_U8 = 0u;
-const uint TEXTURE_F16 = 1u;
-const uint TEXTURE_F32 = 2u;
-const uint TEXTURE_SRGB = 1u << 6;
-const uint TEXTURE_UDIM = 1u << 7;
-const uint TEXTURE_PTEX = 1u << 12;
-const uint TEXTURE_WRAP_S_SHIFT = 8u;
-const uint TEXTURE_WRAP_T_SHIFT = 10u;
-const uint WRAP_BLACK = 0u;
-const uint WRAP_CLAMP = 1u;
-const uint WRAP_REPEAT = 2u;
-const uint WRAP_MIRROR = 3u;
-const uint PAGE_BROKEN = 1u; // of the address of a tile
 
 struct GpuTexture {
     uint64_t decode;

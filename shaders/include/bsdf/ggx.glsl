@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Isotropic GGX in the frame of its normal (z): density of normals, height-correlated Smith masking, sampling of visible normals;
-// Fresnel reflectances.
+// Isotropic GGX in the frame of its normal (z): density of normals, height-correlated Smith masking, sampling of
+// visible normals; Fresnel reflectances.
 //
-// Half vectors are not normalised, and sines are sums of squares, not 1 - cos^2: so alpha may be as small as 1e-4 in f32.
-// (Walter et al. 2007; Heitz 2014, 2018; Dupuy and Benyoub 2023, "Sampling visible GGX normals with spherical caps".)
+// Half vectors are not normalised, and sines are sums of squares, not 1 - cos^2: so alpha may be as small as 1e-4 in
+// f32. (Walter et al. 2007; Heitz 2014, 2018; Dupuy and Benyoub 2023, "Sampling visible GGX normals with spherical
+// caps".)
 #ifndef OOCPT_BSDF_GGX_GLSL
 #define OOCPT_BSDF_GGX_GLSL
 
@@ -55,8 +56,9 @@ float refracted_cosine(float cosine, float eta) {
     return sqrt(max(0.0, 1.0 - eta * eta * (1.0 - cosine * cosine)));
 }
 
-// Exact reflectance of a dielectric, from the cosines on the side of the lower index and on the other; ior >= 1. At most 1: the
-// quotient of equal numbers is above 1 where division is only good to 2.5 units in the last place, which Vulkan allows.
+// Exact reflectance of a dielectric, from the cosines on the side of the lower index and on the other; ior >= 1. At
+// most 1: the quotient of equal numbers is above 1 where division is only good to 2.5 units in the last place, which
+// Vulkan allows.
 float dielectric_reflectance(float cosine, float inner, float ior) {
     const float a = (cosine - ior * inner) / max(cosine + ior * inner, 1.0e-30);
     const float b = (ior * cosine - inner) / max(ior * cosine + inner, 1.0e-30);

@@ -1,18 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// Glass: reflection and refraction by one interface, rough or sharp (Walter et al. 2007, "Microfacet Models for Refraction through
-// Rough Surfaces"; visible normals as in ggx.glsl). With N = index there / index here, h the normal that refracts o to i:
+// Glass: reflection and refraction by one interface, rough or sharp (Walter et al. 2007, "Microfacet Models for
+// Refraction through Rough Surfaces"; visible normals as in ggx.glsl). With N = index there / index here, h the normal
+// that refracts o to i:
 //   reflection  F(o.h) D G2(o, i) / (4 o.z), height-correlated
-//   refraction  (1 - F(o.h)) D G1(o) G1(i) |o.h| |i.h| N^2 / (o.z (o.h + N i.h)^2), times |cosine|
-// F is exact; in the specular workflow it is Schlick's of specular_color, at the cosine on the side of the lower index.
-// It transports basic radiance (L / n^2), so refracted light is not scaled by n^2, and what is symmetric is value / (n^2 |cosine| there).
+//   refraction  (1 - F(o.h)) D G1(o) G1(i) |o.h| |i.h| N^2 / (o.z (o.h + N i.h)^2), times |cosine| F is exact; in the
+//               specular workflow it is Schlick's of specular_color, at the cosine on the side of the lower index. It
+//               transports basic radiance (L / n^2), so refracted light is not scaled by n^2, and what is symmetric is
+//               value / (n^2 |cosine| there).
 //
-// What single scattering loses, U = 1 - E on either side (table_glass), comes back as a lobe to both sides as Kulla and Conty (2017)
-// have it for reflection: U(o) U(i) / (pi (avg U_1 + N^2 avg U_2)), indices of the two sides and light to either by n^2: symmetric, and
-// nothing is lost. In the specular workflow E is not known, and single scattering is all there is.
+// What single scattering loses, U = 1 - E on either side (table_glass), comes back as a lobe to both sides as Kulla and
+// Conty (2017) have it for reflection: U(o) U(i) / (pi (avg U_1 + N^2 avg U_2)), indices of the two sides and light to
+// either by n^2: symmetric, and nothing is lost. In the specular workflow E is not known, and single scattering is all
+// there is.
 //
-// Where alpha times what refraction bends is below what f32 directions resolve, the interface is sharp; so is one of ior 1, which
-// bends nothing. A coat has the index of the glass: between the two there is nothing to see, and what shows of it is its roughness.
-// An ior below 1 is a denser outside.
+// Where alpha times what refraction bends is below what f32 directions resolve, the interface is sharp; so is one of
+// ior 1, which bends nothing. A coat has the index of the glass: between the two there is nothing to see, and what
+// shows of it is its roughness. An ior below 1 is a denser outside.
 #ifndef OOCPT_BSDF_GLASS_GLSL
 #define OOCPT_BSDF_GLASS_GLSL
 
@@ -35,7 +38,8 @@ bool is_inside(Bsdf b) {
     return b.glass_eta < 1.0;
 }
 
-// Sets what is about glass; b.o is set, `through` > 0. Gives what single and multiple scattering reflect and transmit at wo.
+// Sets what is about glass; b.o is set, `through` > 0. Gives what single and multiple scattering reflect and transmit
+// at wo.
 vec2 set_glass(inout Bsdf b, Shading s, vec3 wo, float through) {
     const bool inside = (dot(s.geometric_normal, wo) < 0.0) != (s.ior < 1.0);
     b.glass = through;
@@ -113,8 +117,8 @@ void add_beyond(Bsdf b, vec3 wi, inout vec3 specular, inout float pdf) {
     if (i.z < 0.0) add_glass_refraction(b, i, specular, pdf);
 }
 
-// A sample of single scattering in the frame: u.xy a normal, u.z whether it reflects; false: none. `weight` is that of a sharp
-// interface, over the chance of the lobe.
+// A sample of single scattering in the frame: u.xy a normal, u.z whether it reflects; false: none. `weight` is that of
+// a sharp interface, over the chance of the lobe.
 bool sample_glass(Bsdf b, vec3 u, out vec3 i, out vec3 weight) {
     weight = vec3(0.0);
     const bool sharp = b.glass_alpha <= 0.0;

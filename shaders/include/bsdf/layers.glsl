@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The BSDF's parameters, and how much light goes through its layers: U and its averages. What the letters mean is in bsdf.glsl.
+// The BSDF's parameters, and how much light goes through its layers: U and its averages. What the letters mean is in
+// bsdf.glsl.
 #ifndef OOCPT_BSDF_LAYERS_GLSL
 #define OOCPT_BSDF_LAYERS_GLSL
 

@@ -7,11 +7,12 @@
 //! ended after a time; of its output only the end is shown; the report is read with the bounds of all reports.
 
 use crate::host::{tail, warnings};
+use crate::stop::{self, Folder};
 use anyhow::{Context, Result, bail};
 use oocpt_render::error_report::ErrorReport;
 use std::ffi::OsStr;
 use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -42,25 +43,14 @@ pub(super) struct Answer {
     pub(super) warnings: Vec<String>,
 }
 
-/// A folder that is removed with all that is in it.
-struct Folder(PathBuf);
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        if let Err(error) = std::fs::remove_dir_all(&self.0) {
-            tracing::warn!(folder = %self.0.display(), %error, "a temporary folder is left");
-        }
-    }
-}
-
 /// Renders the file and gives the report of the last render, and what the host said.
 pub(super) fn ask(question: &Question<'_>) -> Result<Answer> {
     let file = std::fs::canonicalize(question.file)
         .with_context(|| format!("cannot open {}: neither a file nor a generated scene", question.file.display()))?;
     let number = FOLDERS.fetch_add(1, Ordering::Relaxed);
-    let folder = Folder(std::env::temp_dir().join(format!("oocpt-doctor-{}-{number}", std::process::id())));
-    std::fs::create_dir(&folder.0).with_context(|| format!("cannot make {}", folder.0.display()))?;
-    let [report, output, errors] = ["report.jsonl", "output", "errors"].map(|name| folder.0.join(name));
+    let folder = std::env::temp_dir().join(format!("oocpt-doctor-{}-{number}", std::process::id()));
+    let folder = Folder::create(folder)?;
+    let [report, output, errors] = ["report.jsonl", "output", "errors"].map(|name| folder.path().join(name));
     let keep = |path: &Path| File::create(path).context("cannot keep the host's output");
     let mut command = Command::new(question.usdrecord);
     command
@@ -68,7 +58,7 @@ pub(super) fn ask(question: &Question<'_>) -> Result<Answer> {
         .args(["--imageWidth", &question.width.to_string()])
         .args(question.camera.iter().flat_map(|camera| ["--camera", camera]))
         .arg(&file)
-        .arg(folder.0.join("picture.exr"))
+        .arg(folder.path().join("picture.exr"))
         .env("OOCPT_REPORT", &report)
         .env("OOCPT_SAMPLES_PER_PIXEL", question.samples.to_string())
         .env("OOCPT_MAX_BOUNCES", question.bounces.to_string())
@@ -79,7 +69,7 @@ pub(super) fn ask(question: &Question<'_>) -> Result<Answer> {
     if !question.device.is_empty() {
         command.env("OOCPT_DEVICE", question.device);
     }
-    let mut child = command.spawn().with_context(|| {
+    let (mut child, started) = stop::start(&mut command).with_context(|| {
         format!(
             "cannot start the Hydra host {}: install a usdrecord, name one by --usdrecord, or in the clone: \
              eval \"$(cargo xtask env)\"",
@@ -87,6 +77,7 @@ pub(super) fn ask(question: &Question<'_>) -> Result<Answer> {
         )
     })?;
     let status = wait(&mut child, question.timeout)?;
+    drop(started);
     let said = tail(&[&output, &errors]);
     let Some(status) = status else {
         bail!("the host was ended after {} s (--timeout): {said}", question.timeout.as_secs());
@@ -123,6 +114,7 @@ fn wait(child: &mut Child, timeout: Duration) -> Result<Option<ExitStatus>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::PathBuf;
 
     fn question<'a>(file: &'a Path, usdrecord: &'a OsStr) -> Question<'a> {
         let timeout = Duration::from_millis(300);

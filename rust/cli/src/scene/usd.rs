@@ -2,6 +2,7 @@
 //! Prims to a USD file: raw arrays and a table of contents in a temporary folder, from which `tests/scenes/island.py`
 //! makes the stage in a Python that has usd-core.
 
+use crate::stop::{self, Folder};
 use anyhow::{Context, Result, bail};
 use glam::DMat4;
 use oocpt_core::array::{ElementType, TypedArray};
@@ -10,7 +11,7 @@ use rustc_hash::FxHashMap;
 use serde_json::{Value, json};
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use super::island::Prims;
@@ -34,17 +35,6 @@ pub(crate) fn python(named: Option<&Path>) -> Result<&Path> {
     )
 }
 
-/// A folder that is removed with everything in it.
-struct Folder(PathBuf);
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        if let Err(error) = std::fs::remove_dir_all(&self.0) {
-            tracing::warn!(folder = %self.0.display(), %error, "a temporary folder is left");
-        }
-    }
-}
-
 /// Writes the stage; with `report`, its render settings name that file.
 pub(crate) fn write(
     prims: &Prims,
@@ -53,14 +43,16 @@ pub(crate) fn write(
     python: &Path,
     out: &Path,
 ) -> Result<()> {
-    let folder = Folder(std::env::temp_dir().join(format!("oocpt-island-{}", std::process::id())));
-    std::fs::create_dir(&folder.0).with_context(|| format!("cannot make {}", folder.0.display()))?;
-    let contents = write_parts(prims, camera, report, &folder.0);
-    contents.with_context(|| format!("cannot write into {} (TMPDIR names another place)", folder.0.display()))?;
-    let script = folder.0.join("island.py");
+    let folder = Folder::create(std::env::temp_dir().join(format!("oocpt-island-{}", std::process::id())))?;
+    let place = folder.path();
+    let contents = write_parts(prims, camera, report, place);
+    contents.with_context(|| format!("cannot write into {} (TMPDIR names another place)", place.display()))?;
+    let script = place.join("island.py");
     let mut child = Command::new(python);
-    child.arg("-I").arg(&script).arg(&folder.0).arg(out).stdin(Stdio::null());
-    let output = child.output().with_context(|| format!("cannot start OOCPT_USD_PYTHON={}", python.display()))?;
+    child.arg("-I").arg(&script).arg(place).arg(out).stdin(Stdio::null());
+    child.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let ended = stop::start(&mut child).and_then(|(child, _started)| child.wait_with_output());
+    let output = ended.with_context(|| format!("cannot start OOCPT_USD_PYTHON={}", python.display()))?;
     if !output.status.success() {
         let errors = String::from_utf8_lossy(&output.stderr);
         let last = errors.trim_end().lines().last().unwrap_or("no message");

@@ -2,6 +2,7 @@
 //! The program that looks at files inside the host: `oocpt-texture-host` (plugin/texture-host). It is told a file a
 //! line and answers a line for each, in any order. Its answers are bounded and checked: files come from strangers.
 
+use crate::stop;
 use anyhow::{Context as _, Result, ensure};
 use serde::{Deserialize, Serialize};
 use std::ffi::{OsStr, OsString};
@@ -63,6 +64,8 @@ pub(super) enum Line {
 pub(super) struct Host {
     child: Child,
     name: OsString,
+    /// Goes after the child was waited for.
+    _started: stop::Started,
 }
 
 impl Drop for Host {
@@ -87,10 +90,10 @@ impl Host {
         if let Some(cache) = cache {
             start.env("OOCPT_TEXTURE_CACHE", cache);
         }
-        let child = start.spawn().with_context(|| {
+        let (child, started) = stop::start(&mut start).with_context(|| {
             format!("cannot start {}: name it by --host; in the clone: eval \"$(cargo xtask env)\"", name.display())
         })?;
-        Ok(Self { child, name })
+        Ok(Self { child, name, _started: started })
     }
 
     /// Asks for all of the files with their color spaces; `each` gets every line as it comes.

@@ -5,7 +5,7 @@ use super::params::{Problems, Shape, connection, numbers, text};
 use super::reader::READER;
 use super::texture::is_texture;
 use super::{INPUTS, Input, InputName, Material, MaterialFlags, PTEX_SET, PrimvarSlot, TextureRef, UvSet};
-use crate::scene::{MaterialDesc, NodeDesc};
+use crate::desc::{MaterialDesc, NodeDesc};
 
 /// Surfaces that are less rough are sharp (`shaders/include/bsdf/tables.glsl`).
 const SHARP_ROUGHNESS: f32 = 0.01;

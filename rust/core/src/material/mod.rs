@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Materials: networks of `UsdPreviewSurface` nodes worked out to flat tables.
 //!
-//! Guarantees: pure; never panics on any network; work is bounded by the number of nodes and connections; every number of a
-//! [`Material`] is finite. Colours are linear Rec. 709.
+//! Guarantees: pure; never panics on any network; work is bounded by the number of nodes and connections; every number
+//! of a [`Material`] is finite. Colours are linear Rec. 709.
 //!
 //! Stages: `compile` reads the surface node and follows its connections (`texture`, `reader`, `spaces`); `params`
 //! reads authored
@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 use bitflags::bitflags;
 
-use crate::scene::AssetRef;
+use crate::desc::AssetRef;
 
 pub use compile::{Compiled, MAX_NODES, compile};
 pub use texture::is_ptex_name;
@@ -62,7 +62,8 @@ bitflags! {
     pub struct MaterialFlags: u32 {
         /// `specularColor` is the reflectance at normal incidence; else metallic and ior give it.
         const SPECULAR_WORKFLOW = 1;
-        /// Opacity is whether the surface is there, asked for in traversal (`opacityThreshold` or `opacityMode` presence).
+        /// Opacity is whether the surface is there, asked for in traversal (`opacityThreshold` or `opacityMode`
+        /// presence).
         const PRESENCE = 2;
         /// What opacity leaves is transmitted.
         const TRANSMISSIVE = 4;

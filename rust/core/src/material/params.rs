@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Authored values of a node's inputs as numbers. Pure. What does not fit is a problem, told once for the material.
 
-use crate::scene::{AssetRef, ConnectionDesc, NodeDesc, ParamValue};
+use crate::desc::{AssetRef, ConnectionDesc, NodeDesc, ParamValue};
 
 /// What was wrong with a material, each kind once.
 #[derive(Debug, Default)]
@@ -66,8 +66,8 @@ pub(super) fn asset(node: &NodeDesc, name: &str, problems: &mut Problems) -> Opt
     }
 }
 
-/// The number or numbers of an input, or `default`. A number in place of a bool or of an integer, and the other way round, is taken;
-/// so are four in place of three.
+/// The number or numbers of an input, or `default`. A number in place of a bool or of an integer, and the other way
+/// round, is taken; so are four in place of three.
 pub(super) fn numbers(
     node: &NodeDesc,
     name: &str,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::compile::Compiler;
 use super::params::{Shape, numbers, text};
 use super::{Input, MAX_PRIMVARS, MAX_UV_SETS, PrimvarSlot, UvSet};
-use crate::scene::NodeDesc;
+use crate::desc::NodeDesc;
 
 /// What all kinds of readers begin with.
 pub(super) const READER: &str = "UsdPrimvarReader_";

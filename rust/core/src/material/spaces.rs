@@ -12,7 +12,7 @@
 use super::ColorSpace;
 use super::compile::Compiler;
 use super::params::text;
-use crate::scene::NodeDesc;
+use crate::desc::NodeDesc;
 
 /// The sRGB curve with the primaries of Rec. 709: of `UsdUVTexture`, `GfColorSpaceNames`, the Color Interop Forum, and
 /// the

@@ -5,7 +5,7 @@ use super::compile::Compiler;
 use super::params::{Shape, asset, connection, numbers, param, text};
 use super::reader::READER;
 use super::{Input, MAX_UV_SETS, PTEX_SET, PTEX_SET_ID, TextureRef, UvSet, Wrap};
-use crate::scene::{NodeDesc, ParamValue};
+use crate::desc::{NodeDesc, ParamValue};
 use std::sync::Arc;
 
 /// Storm's node for Ptex; `UsdUVTexture` reads Ptex, too, from files that end in `.ptx`.

@@ -16,11 +16,11 @@ use super::topology::{Topology, read_topology};
 use super::triangulate::Triangulator;
 use super::{Aabb, Attribute, AttributeRate, MeshAsset, Triangle, WantedPrimvar};
 use crate::array::ArrayView;
+use crate::desc::{DroppedData, MeshDesc, Subdivision};
 use crate::material::PTEX_SET_ID;
-use crate::scene::{DroppedData, MeshDesc, Subdivision};
 
-/// Twice the smallest area of a triangle we keep, in squares of its longest edge: three times the rounding of the products in
-/// double precision, so that the normal's direction means something. The same at every scale.
+/// Twice the smallest area of a triangle we keep, in squares of its longest edge: three times the rounding of the
+/// products in double precision, so that the normal's direction means something. The same at every scale.
 pub const MIN_RELATIVE_DOUBLE_AREA: f64 = 1e-15;
 /// Twice the smallest area that we keep at all: the device computes it in single precision, without denormal numbers.
 pub const MIN_DOUBLE_AREA: f64 = 1e-36;
@@ -42,11 +42,11 @@ pub fn build_mesh(desc: &MeshDesc, key: u128) -> BuiltMesh {
     build_mesh_split(desc, key, u64::MAX, u64::MAX)
 }
 
-/// Builds the asset of `desc`, or, where it would take more than about `limit_bytes` on the device, its clusters of at most
-/// `cluster_bytes` each. A split mesh never gets a hierarchy of its own. `key` is its [`super::mesh_key`].
+/// Builds the asset of `desc`, or, where it would take more than about `limit_bytes` on the device, its clusters of at
+/// most `cluster_bytes` each. A split mesh never gets a hierarchy of its own. `key` is its [`super::mesh_key`].
 ///
-/// Whether to split is decided by the numbers of triangles and attribute values, hence the same everywhere. Clusters are
-/// the same bits for any number of threads, but not the ones that [`super::split_mesh`] makes of the whole asset.
+/// Whether to split is decided by the numbers of triangles and attribute values, hence the same everywhere. Clusters
+/// are the same bits for any number of threads, but not the ones that [`super::split_mesh`] makes of the whole asset.
 #[must_use]
 pub fn build_mesh_split(desc: &MeshDesc, key: u128, limit_bytes: u64, cluster_bytes: u64) -> BuiltMesh {
     build_mesh_with(desc, &[], key, limit_bytes, cluster_bytes)
@@ -141,8 +141,8 @@ struct Faces {
     ptex: Vec<PtexTriangle>,
 }
 
-/// All triangles with area, in authored order. A face that keeps some area has lost nothing: quads that close to a point, as
-/// at the tip of a cone, are no bad data. Only the triangles of faces without any area count as dropped.
+/// All triangles with area, in authored order. A face that keeps some area has lost nothing: quads that close to a
+/// point, as at the tip of a cone, are no bad data. Only the triangles of faces without any area count as dropped.
 fn triangulate(topology: &Topology, mut numbers: Option<&mut PtexNumbers>, dropped: &mut DroppedData) -> Faces {
     let mut triangulator = Triangulator::default();
     let (mut points, mut ears) = (Vec::new(), Vec::new());

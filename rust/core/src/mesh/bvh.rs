@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! BVH2 over the triangles of a mesh or over boxes, of which [`super::bvh4`] makes what the GPU walks: built by `obvhs` (PLOC, Meister
-//! and Bittner 2018; reinsertion, Meister and Bittner 2017). Deterministic and never deeper than [`MAX_DEPTH`]. Pure; one thread per build.
+//! BVH2 over the triangles of a mesh or over boxes, of which [`super::bvh4`] makes what the GPU walks: built by `obvhs`
+//! (PLOC, Meister and Bittner 2018; reinsertion, Meister and Bittner 2017). Deterministic and never deeper than
+//! [`MAX_DEPTH`]. Pure; one thread per build.
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3A;
@@ -92,11 +93,11 @@ pub fn build_bvh(triangles: &[Triangle]) -> (Bvh2, Vec<u32>) {
     build(&triangle_boxes(triangles), MAX_LEAF_TRIANGLES)
 }
 
-/// Builds the hierarchy over `boxes`: leaves of exactly one item, whose `child` is the number of the box. A single box gives
-/// one node with an absent second child, no boxes one node with two absent children.
+/// Builds the hierarchy over `boxes`: leaves of exactly one item, whose `child` is the number of the box. A single box
+/// gives one node with an absent second child, no boxes one node with two absent children.
 ///
-/// The result depends on the boxes and their order only. Boxes must not be empty: a walk may not find such an item. Boxes
-/// whose common surface overflows single precision (1e19 and more across) get a balanced, poorer hierarchy.
+/// The result depends on the boxes and their order only. Boxes must not be empty: a walk may not find such an item.
+/// Boxes whose common surface overflows single precision (1e19 and more across) get a balanced, poorer hierarchy.
 #[must_use]
 pub fn build_box_bvh(boxes: &[Aabb]) -> Bvh2 {
     if boxes.is_empty() {
@@ -128,8 +129,8 @@ fn triangle_boxes(triangles: &[Triangle]) -> Vec<Aabb> {
     triangles.iter().map(Triangle::bounds).collect()
 }
 
-/// True when no box is empty or NaN and all surfaces are finite. PLOC compares surfaces: infinite ones make it merge a pair per
-/// pass, which takes quadratic time, and NaN makes it panic.
+/// True when no box is empty or NaN and all surfaces are finite. PLOC compares surfaces: infinite ones make it merge a
+/// pair per pass, which takes quadratic time, and NaN makes it panic.
 fn has_surface(boxes: &[Aabb]) -> bool {
     let is_box = |b: &Aabb| (0..3).all(|k| b.min[k] <= b.max[k]);
     let all = boxes.iter().fold(Aabb::EMPTY, |a, b| a.union(b));

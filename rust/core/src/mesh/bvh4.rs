@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Hierarchies as the GPU walks them: four children to a node, their boxes in 8 bits per plane on a grid of the node's own (after Ylitie,
-//! Karras and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs").
+//! Hierarchies as the GPU walks them: four children to a node, their boxes in 8 bits per plane on a grid of the node's
+//! own (after Ylitie, Karras and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide
+//! BVHs").
 //!
-//! Made from a [`Bvh2`]: a node takes up its grandchildren, those of its largest child first. Planes are rounded outwards, so a box holds
-//! what is in it. Over the triangles of a mesh ([`Bvh4`]) the children lie one after the other; over boxes ([`LevelNode`]) each is named, as
-//! the device names them when it builds such a tree itself (`shaders/lbvh/widen.comp`). Pure; one thread per build.
+//! Made from a [`Bvh2`]: a node takes up its grandchildren, those of its largest child first. Planes are rounded
+//! outwards, so a box holds what is in it. Over the triangles of a mesh ([`Bvh4`]) the children lie one after the
+//! other; over boxes ([`LevelNode`]) each is named, as the device names them when it builds such a tree itself
+//! (`shaders/lbvh/widen.comp`). Pure; one thread per build.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -15,8 +17,8 @@ use super::{Aabb, Triangle};
 pub const WIDTH: usize = 4;
 /// Cells along an axis of a node's grid: fewer than planes can tell, for the rounding of their number and the margin.
 const CELLS: f64 = 253.0;
-/// Cells that planes over boxes are further out at least. Walks do not pad these boxes as they do those of meshes, and the planes' own
-/// rounding is 2^-24 of the grid's 255 cells at each of four steps.
+/// Cells that planes over boxes are further out at least. Walks do not pad these boxes as they do those of meshes, and
+/// the planes' own rounding is 2^-24 of the grid's 255 cells at each of four steps.
 const MARGIN: f64 = 1.0 / 8192.0;
 /// In [`LevelNode::child`]: an item.
 pub const LEAF: u32 = 1 << 31;
@@ -31,8 +33,8 @@ const INNER_SHIFT: u32 = 28;
 pub struct Bvh4Node {
     /// Lower corner of the grid, the bits of three `f32`.
     pub origin: [u32; 3],
-    /// From the lowest byte: the exponents of the cell's edges, biased as in `f32` and never 0; then, two bits to a child, the triangles of a leaf
-    /// (1 to 3), 0 for an inner or absent child.
+    /// From the lowest byte: the exponents of the cell's edges, biased as in `f32` and never 0; then, two bits to a
+    /// child, the triangles of a leaf (1 to 3), 0 for an inner or absent child.
     pub cell_and_counts: u32,
     /// Per axis, a byte to a child from the lowest: its lower plane, in cells from the origin.
     pub lower: [u32; 3],
@@ -125,8 +127,8 @@ pub struct Bvh4 {
     pub stack: u32,
 }
 
-/// Builds the hierarchy over `triangles` (at least one, finite, fewer than 2^28) and the BVH order: `order[k]` is the number of the triangle
-/// at place k.
+/// Builds the hierarchy over `triangles` (at least one, finite, fewer than 2^28) and the BVH order: `order[k]` is the
+/// number of the triangle at place k.
 #[must_use]
 pub fn build_bvh4(triangles: &[Triangle]) -> (Bvh4, Vec<u32>) {
     let (bvh, order) = build_bvh(triangles);
@@ -147,8 +149,8 @@ pub fn build_bvh4(triangles: &[Triangle]) -> (Bvh4, Vec<u32>) {
     (Bvh4 { nodes, stack }, places.iter().filter_map(|&place| order.get(place as usize).copied()).collect())
 }
 
-/// The hierarchy of `bvh`, which is one over boxes ([`super::build_box_bvh`]), and the stack entries that suffice for a walk. Without
-/// boxes one node without children.
+/// The hierarchy of `bvh`, which is one over boxes ([`super::build_box_bvh`]), and the stack entries that suffice for a
+/// walk. Without boxes one node without children.
 #[must_use]
 pub fn level_nodes(bvh: &Bvh2) -> (Vec<LevelNode>, u32) {
     widen(bvh, |parts, inner, first_child| {
@@ -170,8 +172,8 @@ struct Part {
     count: u32,
 }
 
-/// The nodes that `emit` makes of the parts of a node, how many of them are inner and where these will be; and the stack entries that
-/// suffice for a walk.
+/// The nodes that `emit` makes of the parts of a node, how many of them are inner and where these will be; and the
+/// stack entries that suffice for a walk.
 fn widen<N: Copy + Default>(bvh: &Bvh2, mut emit: impl FnMut(&[Part], usize, u32) -> N) -> (Vec<N>, u32) {
     let (mut nodes, mut stack) = (vec![N::default()], 0);
     let mut open = vec![(0_u32, 0_usize, 0_u32)];

@@ -81,8 +81,9 @@ impl Bvh2 {
 }
 
 impl Bvh4 {
-    /// Checks every invariant against the triangles in BVH order: boxes hold what is in them with less than a cell to spare, every triangle and
-    /// node is reached exactly once, parents come before children, the stack is that of the longest way down.
+    /// Checks every invariant against the triangles in BVH order: boxes hold what is in them with less than a cell to
+    /// spare, every triangle and node is reached exactly once, parents come before children, the stack is that of the
+    /// longest way down.
     ///
     /// # Errors
     /// The first broken invariant.

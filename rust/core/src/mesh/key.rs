@@ -5,16 +5,17 @@ use xxhash_rust::xxh3::Xxh3;
 
 use super::WantedPrimvar;
 use crate::array::TypedArray;
-use crate::scene::{MeshDesc, Primvar};
+use crate::desc::{MeshDesc, Primvar};
 
-/// Hashes everything of `desc` that its asset depends on: arrays, orientation, sidedness, subdivision. Not the path, the
-/// transform, the prim id or the visibility.
+/// Hashes everything of `desc` that its asset depends on: arrays, orientation, sidedness, subdivision. Not the path,
+/// the transform, the prim id or the visibility.
 #[must_use]
 pub fn mesh_key(desc: &MeshDesc) -> u128 {
     mesh_key_with(desc, &[])
 }
 
-/// [`mesh_key`] of a mesh that is built with the primvars `wanted`. Which faces are in which subset counts, their materials do not.
+/// [`mesh_key`] of a mesh that is built with the primvars `wanted`. Which faces are in which subset counts, their
+/// materials do not.
 pub(crate) fn mesh_key_with(desc: &MeshDesc, wanted: &[WantedPrimvar]) -> u128 {
     let mut hasher = Xxh3::new();
     hasher.update(&[u8::from(desc.double_sided), u8::from(desc.left_handed), desc.subdivision as u8]);

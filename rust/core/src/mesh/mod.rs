@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Mesh assets: what a mesh becomes before it goes to the GPU. Immutable, shared by content.
 //!
-//! Stages: [`build`] runs `topology` (check, holes), `triangulate`, `primvar` and `normals`, [`bvh`] and [`bvh4`]; `split` cuts large
-//! meshes into clusters; `key` is the content hash. Pure functions; called from rayon workers during a commit.
+//! Stages: [`build`] runs `topology` (check, holes), `triangulate`, `primvar` and `normals`, [`bvh`] and [`bvh4`];
+//! `split` cuts large meshes into clusters; `key` is the content hash. Pure functions; called from rayon workers during
+//! a commit.
 
 mod attribute;
 pub mod build;
@@ -80,7 +81,8 @@ impl Aabb {
     }
 }
 
-/// A triangle in object space, corners in authored order (a left-handed mesh flips the geometric normal, not the order).
+/// A triangle in object space, corners in authored order (a left-handed mesh flips the geometric normal, not the
+/// order).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Triangle {

@@ -4,8 +4,8 @@
 use super::ptex::Center;
 use super::{AnyAttribute, Attribute, AttributeRate, MeshPrimvar, WantedPrimvar};
 use crate::array::{ArrayView, ElementType};
+use crate::desc::{DroppedData, Interpolation, MeshDesc, Primvar};
 use crate::material::PTEX_SET_ID;
-use crate::scene::{DroppedData, Interpolation, MeshDesc, Primvar};
 
 /// Where a triangle came from.
 #[derive(Clone, Copy, Debug)]
@@ -188,7 +188,8 @@ fn usable<const N: usize>(value: [f64; N]) -> Option<[f32; N]> {
     value.iter().all(|v| v.is_finite()).then_some(value)
 }
 
-/// Subset number of each triangle of `sources`: a face belongs to the first subset that names it. Empty without subsets.
+/// Subset number of each triangle of `sources`: a face belongs to the first subset that names it. Empty without
+/// subsets.
 pub(crate) fn subset_numbers(desc: &MeshDesc, layout: Layout<'_>, dropped: &mut DroppedData) -> Vec<u16> {
     if desc.subsets.is_empty() {
         return Vec::new();
@@ -217,8 +218,9 @@ pub(crate) fn subset_numbers(desc: &MeshDesc, layout: Layout<'_>, dropped: &mut 
 
 /// Converts one primvar.
 ///
-/// `read` gives the usable value at a position or `None`; `replacement` gives the value of a slot whose own is unusable,
-/// `None` meaning that the whole attribute must go. `None` is returned (and counted) for primvars that cannot be used.
+/// `read` gives the usable value at a position or `None`; `replacement` gives the value of a slot whose own is
+/// unusable, `None` meaning that the whole attribute must go. `None` is returned (and counted) for primvars that cannot
+/// be used.
 pub(crate) fn convert<T: Value>(
     primvar: &Primvar,
     layout: Layout<'_>,

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Large meshes to spatial clusters, each an asset of its own with its own hierarchy.
 //!
-//! Guarantees: every triangle is in exactly one cluster; its corners, face number and attribute values keep their bits; the
-//! clusters depend on the mesh and on the size asked for only, not on the number of threads. Work is spread over the
-//! caller's rayon pool: clusters are independent, only the first cuts go over all triangles on one thread.
+//! Guarantees: every triangle is in exactly one cluster; its corners, face number and attribute values keep their bits;
+//! the clusters depend on the mesh and on the size asked for only, not on the number of threads. Work is spread over
+//! the caller's rayon pool: clusters are independent, only the first cuts go over all triangles on one thread.
 
 use rayon::prelude::*;
 use xxhash_rust::xxh3::Xxh3;
@@ -42,11 +42,11 @@ struct Splitter<'a> {
     max_bytes: u64,
 }
 
-/// Splits `mesh` into clusters of at most `max_bytes` on the device ([`MeshAsset::device_bytes`]); a single triangle may take
-/// more. A mesh that fits gives one cluster.
+/// Splits `mesh` into clusters of at most `max_bytes` on the device ([`MeshAsset::device_bytes`]); a single triangle
+/// may take more. A mesh that fits gives one cluster.
 ///
-/// A cluster's `key` is the xxh3-128 of the mesh's key, `max_bytes`, the cluster's number and whether the triangles came in
-/// authored order or in that of a hierarchy: equal keys mean equal clusters.
+/// A cluster's `key` is the xxh3-128 of the mesh's key, `max_bytes`, the cluster's number and whether the triangles
+/// came in authored order or in that of a hierarchy: equal keys mean equal clusters.
 /// Attributes keep their rates; values of points that a cluster does not use are left out of it.
 #[must_use]
 pub fn split_mesh(mesh: &MeshAsset, max_bytes: u64) -> Vec<MeshAsset> {
@@ -154,8 +154,8 @@ impl Splitter<'_> {
     }
 }
 
-/// The triangles `order` of `mesh` as an asset with hierarchy `bvh`. With `points` (sorted) its corners and the values of
-/// attributes that go by points are cut down to these, else they stay as they are.
+/// The triangles `order` of `mesh` as an asset with hierarchy `bvh`. With `points` (sorted) its corners and the values
+/// of attributes that go by points are cut down to these, else they stay as they are.
 pub(super) fn arrange(mesh: &MeshAsset, bvh: Bvh4, order: &[u32], points: Option<&[u32]>) -> MeshAsset {
     let triangles = pick(&mesh.triangles, order);
     let mut corner_indices = pick(&mesh.corner_indices, order);

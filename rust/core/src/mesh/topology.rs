@@ -4,7 +4,7 @@
 
 use super::triangulate::MAX_FACE_CORNERS;
 use crate::array::{ArrayView, ElementType};
-use crate::scene::{DroppedData, MeshDesc};
+use crate::desc::{DroppedData, MeshDesc};
 
 /// Most corners of a mesh; keeps every index below 2^32.
 pub(crate) const MAX_CORNERS: usize = 1 << 29;

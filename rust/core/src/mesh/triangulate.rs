@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Faces to triangles: n - 2 triangles per simple n-gon, same orientation as the face. Pure and deterministic.
 //!
-//! Convex faces become fans; others are projected on the plane of Newell's normal and clipped ear by ear, best ear first,
-//! so that corners on a straight edge stay in use (no cracks at T-vertices). Very large faces go to `earcut`.
+//! Convex faces become fans; others are projected on the plane of Newell's normal and clipped ear by ear, best ear
+//! first, so that corners on a straight edge stay in use (no cracks at T-vertices). Very large faces go to `earcut`.
 
 use earcut::Earcut;
 use glam::{DVec2, DVec3};

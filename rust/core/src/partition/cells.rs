@@ -2,8 +2,8 @@
 //! Cuts the sorted members of an assembly into cells.
 //!
 //! A cell is a Morton prefix; one that the rule forbids is cut at the highest bit in which its members differ, so that
-//! cells hold no empty halves and a chunk's cell follows from its members alone. A small cell is cut too where one half would be far
-//! smaller than the frame that it had to share ([`is_scattered`]). Members of equal codes are cut in the
+//! cells hold no empty halves and a chunk's cell follows from its members alone. A small cell is cut too where one half
+//! would be far smaller than the frame that it had to share ([`is_scattered`]). Members of equal codes are cut in the
 //! middle of their order. The result is a function of the members and the rule, whatever chunks are kept from before.
 
 use std::sync::Arc;
@@ -18,8 +18,8 @@ use crate::scene::Target;
 
 /// Cells with more members are not looked at for what is small in a large box: patches may keep them as they are.
 pub(crate) const SCATTERED: usize = 64;
-/// A cell is cut where one of its halves is smaller than its box by more than this: in a chunk's frame of single precision the half would have
-/// 6 bits fewer than in its own.
+/// A cell is cut where one of its halves is smaller than its box by more than this: in a chunk's frame of single
+/// precision the half would have 6 bits fewer than in its own.
 const APART: f64 = 64.0;
 /// Cells with more members are cut in parallel.
 const PARALLEL: u64 = 1 << 15;
@@ -197,9 +197,9 @@ impl Cutter<'_> {
     }
 }
 
-/// Whether sorted items, where they would be cut, fall into parts of which one is far smaller than all of them together: in one
-/// chunk, with a frame of single precision about the middle of all, that part would lose what tells its points apart. Never of
-/// items of equal codes, nor of more than [`SCATTERED`].
+/// Whether sorted items, where they would be cut, fall into parts of which one is far smaller than all of them
+/// together: in one chunk, with a frame of single precision about the middle of all, that part would lose what tells
+/// its points apart. Never of items of equal codes, nor of more than [`SCATTERED`].
 pub(crate) fn is_scattered(items: &[Item], lattice: &Lattice) -> bool {
     let (Some(first), Some(last)) = (items.first(), items.last()) else { return false };
     let differing = first.code() ^ last.code();

@@ -134,8 +134,8 @@ impl Chunk {
         Self { key: 0, origin, bounds, targets, columns, codes, ids, counts, members, ranks, which, blocks }
     }
 
-    /// A stamp, unique in its [`crate::scene::SceneDb`]: chunks of equal keys have the same records bit for bit, a chunk
-    /// that an edit did not touch keeps its key.
+    /// A stamp, unique in its [`crate::scene::SceneDb`]: chunks of equal keys have the same records bit for bit, a
+    /// chunk that an edit did not touch keeps its key.
     #[must_use]
     pub fn key(&self) -> u64 {
         self.key
@@ -225,8 +225,8 @@ impl Chunk {
         }
     }
 
-    /// Gives `visit` the records whose target and prim id are `wanted`, with member and rank, at most `most`, as [`Chunk::encode`] computes them; tells
-    /// whether these were all.
+    /// Gives `visit` the records whose target and prim id are `wanted`, with member and rank, at most `most`, as
+    /// [`Chunk::encode`] computes them; tells whether these were all.
     pub(crate) fn encode_where(
         &self,
         wanted: &dyn Fn(Target, i32) -> bool,
@@ -343,8 +343,9 @@ fn local(present: &[u32], member: u32) -> u32 {
     u32::try_from(at).unwrap_or(u32::MAX)
 }
 
-/// Box of a few records in the assembly's frame, and the largest [`Footprint::spread`](crate::scene::placement::Footprint), measured exactly: what
-/// is much smaller than a step of the lattice gets a frame about its own middle. `None` for many.
+/// Box of a few records in the assembly's frame, and the largest
+/// [`Footprint::spread`](crate::scene::placement::Footprint), measured exactly: what is much smaller than a step of the
+/// lattice gets a frame about its own middle. `None` for many.
 fn measured_box(members: &[Member], ranks: &[u32], which: &[u32]) -> Option<([DVec3; 2], f64)> {
     if ranks.len() > SCATTERED {
         return None;

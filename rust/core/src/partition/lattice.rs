@@ -2,9 +2,9 @@
 //! The Morton lattice of an assembly and the items that are sorted along it.
 //!
 //! Canonical: a function of the assembly's box only, and it changes only when that box's longest side passes a power of
-//! two or its lower corner a multiple of it. The quantum is a power of two, the lattice passes through the frame's 0, so
-//! moving a member never moves the cells of the others. 21 bits per axis (G. M. Morton, "A computer oriented geodetic
-//! data base", 1966), and one bit on top for members too large to share cells with the rest.
+//! two or its lower corner a multiple of it. The quantum is a power of two, the lattice passes through the frame's 0,
+//! so moving a member never moves the cells of the others. 21 bits per axis (G. M. Morton, "A computer oriented
+//! geodetic data base", 1966), and one bit on top for members too large to share cells with the rest.
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -15,7 +15,8 @@ use crate::scene::placement::{Footprint, MATRIX_ERROR, nearest};
 
 /// Bits per axis.
 const BITS: u32 = 21;
-/// Lattice steps that the longest side of the box takes at most; the code has room for twice as many, wherever it begins.
+/// Lattice steps that the longest side of the box takes at most; the code has room for twice as many, wherever it
+/// begins.
 const STEPS: f64 = 1_048_576.0;
 /// Members with a half side above this many quanta are kept apart: between 1/32 and 1/16 of the longest side.
 const LARGE: f64 = 32_768.0;

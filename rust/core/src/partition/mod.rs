@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The partition of a scene: chunks in space, and the top level that places them.
 //!
-//! The root and every assembly too large to be loaded whole are *opened*: their records are cut into [`Chunk`]s, and each
-//! placement of an opened assembly puts its chunks into the top level once more, as [`ChunkInstance`]s. Small assemblies
-//! are referenced whole by the records of chunks. Nothing here depends on a memory budget.
+//! The root and every assembly too large to be loaded whole are *opened*: their records are cut into [`Chunk`]s, and
+//! each placement of an opened assembly puts its chunks into the top level once more, as [`ChunkInstance`]s. Small
+//! assemblies are referenced whole by the records of chunks. Nothing here depends on a memory budget.
 //!
 //! Stages of a commit: `cost` says what is large, `store` opens assemblies and keeps what did not change, `lattice` and
 //! `cells` cut their members into chunks, `place` composes the placements in f64, `top` builds the hierarchy over them.

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The partition of one opened assembly, brought up to date by what changed.
 //!
-//! Chunks in which nothing changed stay as they are; those in which little did are patched; the members of the others, and
-//! new ones, are sorted anew and cut together with them. The result is the one that cutting everything anew would give.
-//! Costs: a few steps per chunk, a copy of what is in touched ones, and some measuring per edited record.
+//! Chunks in which nothing changed stay as they are; those in which little did are patched; the members of the others,
+//! and new ones, are sorted anew and cut together with them. The result is the one that cutting everything anew would
+//! give. Costs: a few steps per chunk, a copy of what is in touched ones, and some measuring per edited record.
 
 use std::sync::Arc;
 
@@ -166,8 +166,8 @@ impl Part {
         self.next_id = changes.next_id;
     }
 
-    /// Records that go, as they were, with lasting ids in place of members; sorted. Without those of members that are gone
-    /// when they are many.
+    /// Records that go, as they were, with lasting ids in place of members; sorted. Without those of members that are
+    /// gone when they are many.
     fn lost_items(&self, changes: &Changes, lattice: &Lattice) -> Vec<Item> {
         let mut lost: Vec<Item> = Vec::new();
         let mut add = |known: &Known, ranks: &[u32]| {

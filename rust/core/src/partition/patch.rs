@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Chunks with a few records taken out and put in: the same as made anew of all their items, for the price of a copy, some
-//! measuring for each edited record, and whole blocks only where the outermost records went. Pure.
+//! Chunks with a few records taken out and put in: the same as made anew of all their items, for the price of a copy,
+//! some measuring for each edited record, and whole blocks only where the outermost records went. Pure.
 
 use std::ops::Range;
 
@@ -30,8 +30,8 @@ pub(crate) struct Edits {
 }
 
 impl Edits {
-    /// By chunk: which items, both sorted, are edits of it. Items between two chunks are taken to belong to the one with
-    /// which they share more of their code. Chunks of equal codes may share items.
+    /// By chunk: which items, both sorted, are edits of it. Items between two chunks are taken to belong to the one
+    /// with which they share more of their code. Chunks of equal codes may share items.
     pub(crate) fn of_chunks(chunks: &[std::sync::Arc<Chunk>], lost: &[Item], gained: &[Item]) -> Vec<Self> {
         let range = |items: &[Item], codes: [u64; 2]| {
             items.partition_point(|i| i.code() < codes[0])..items.partition_point(|i| i.code() <= codes[1])
@@ -87,8 +87,8 @@ struct Patch<'a> {
 }
 
 impl Cutter<'_> {
-    /// A chunk after edits, without key; `None` when it cannot be patched: then it must be made anew. `lost` have lasting
-    /// ids in place of members, `gained` are in order; no other chunk has records of the same codes.
+    /// A chunk after edits, without key; `None` when it cannot be patched: then it must be made anew. `lost` have
+    /// lasting ids in place of members, `gained` are in order; no other chunk has records of the same codes.
     pub(crate) fn patch(&self, chunk: &Chunk, lost: &[Item], gained: &[Item]) -> Option<Chunk> {
         let members = chunk.members();
         let starts = chunk.blocks.iter().scan(0, |at, block| Some(std::mem::replace(at, *at + block.len as usize)));

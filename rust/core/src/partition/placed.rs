@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Values of instance-rate primvars at the placements of opened assemblies. Records of these are in no chunk, so their values are in a
-//! table of the world, one row for each placement that has any. Pure.
+//! Values of instance-rate primvars at the placements of opened assemblies. Records of these are in no chunk, so their
+//! values are in a table of the world, one row for each placement that has any. Pure.
 
 use super::place::Placement;
 use crate::scene::assembly::Member;
@@ -17,7 +17,8 @@ pub(crate) struct PlacedValue {
 }
 
 impl PlacedValue {
-    /// The number of its name, and all four components as materials see them: one is in all, else what is missing is 0, and alpha 1.
+    /// The number of its name, and all four components as materials see them: one is in all, else what is missing is 0,
+    /// and alpha 1.
     pub(crate) fn expanded(&self) -> (u32, [f32; 4]) {
         let [x, y, z, w] = self.value;
         let value = match self.column.width {

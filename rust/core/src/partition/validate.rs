@@ -63,8 +63,8 @@ struct Check<'a> {
 
 impl World {
     /// Checks that every record of every opened assembly is in exactly one chunk, in Morton order, in canonical cells
-    /// within the limits; that boxes hold what is in them, in f64; that chunk instances are the composed placements; and
-    /// that the top level reaches each of them once.
+    /// within the limits; that boxes hold what is in them, in f64; that chunk instances are the composed placements;
+    /// and that the top level reaches each of them once.
     ///
     /// # Errors
     /// The first broken invariant.

@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Decides which chunks live on the device.
 //!
-//! Pure: [`Planner::step`] takes what the rays ask for and returns commands; it performs none of them. No clock (time is
-//! the number of steps), no thread, no I/O; equal calls give equal commands.
+//! Pure: [`Planner::step`] takes what the rays ask for and returns commands; it performs none of them. No clock (time
+//! is the number of steps), no thread, no I/O; equal calls give equal commands.
 //!
 //! States of a chunk: `Absent -> Requested -> Loading -> Resident -> Absent`. An eviction is one command, after which
 //! the planner holds the chunk no more: the caller takes it out of the chunk table of its next submission and frees the
 //! listed assets when earlier submissions are done, *before* it allocates the loads that follow in the list.
 //!
 //! Guarantees, for every policy:
-//! - The bytes of all assets of chunks that are loading or resident never exceed the budget, at any place in the command
-//!   list. (After [`Planner::set_budget`] to less than is held: from the next step on, loads in flight excepted.)
+//! - The bytes of all assets of chunks that are loading or resident never exceed the budget, at any place in the
+//!   command list. (After [`Planner::set_budget`] to less than is held: from the next step on, loads in flight
+//!   excepted.)
 //! - A load lists all its chunk still needs; it relies on no other load in flight.
 //! - A chunk is not evicted before [`PlannerOptions::pin_steps`] steps have seen it usable.
-//! - No starvation: a chunk with waiting rays is loaded after at most a bounded number of loads and steps, also when the
-//!   budget holds a single chunk.
+//! - No starvation: a chunk with waiting rays is loaded after at most a bounded number of loads and steps, also when
+//!   the budget holds a single chunk.
 //! - Prefetches take no room from a chunk with waiting rays and keep room for the largest chunk free of themselves.
 //!
 //! Units: bytes, rays, steps. Called by one thread. Sources: GPU-Motunui's loop over partitions (`sweep`), the schedule

@@ -25,11 +25,12 @@ pub enum PlanError {
 /// Settings of a planner that depend on the device rather than on the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PlannerOptions {
-    /// Bytes of demanded loads in flight at a time (one load is always allowed; four times as many when the device would
-    /// idle). 0 = an eighth of the budget (a half when idle), 128 MiB at most. Less = demand is read again sooner.
+    /// Bytes of demanded loads in flight at a time (one load is always allowed; four times as many when the device
+    /// would idle). 0 = an eighth of the budget (a half when idle), 128 MiB at most. Less = demand is read again
+    /// sooner.
     pub in_flight_bytes: u64,
-    /// Steps that see a chunk usable before it may be evicted, 0 = 2: with one submission in flight the first step after
-    /// a load still sees the demand of before. More submissions in flight need as many more.
+    /// Steps that see a chunk usable before it may be evicted, 0 = 2: with one submission in flight the first step
+    /// after a load still sees the demand of before. More submissions in flight need as many more.
     pub pin_steps: u32,
 }
 
@@ -148,9 +149,9 @@ impl Planner {
         self.allowance += (self.budget.saturating_sub(self.allowance)).div_ceil(RECOVERY);
     }
 
-    /// A load found no memory. Nothing the load was to bring is on the device; what the chunk shared with evicted ones is
-    /// freed by the next step's first commands. The planner fills less until loads succeed again, and tries this chunk
-    /// again after some steps. Ignored for a chunk that is not loading.
+    /// A load found no memory. Nothing the load was to bring is on the device; what the chunk shared with evicted ones
+    /// is freed by the next step's first commands. The planner fills less until loads succeed again, and tries this
+    /// chunk again after some steps. Ignored for a chunk that is not loading.
     pub fn failed(&mut self, chunk: ChunkId) {
         let Some(load) = self.take_load(chunk) else { return };
         self.holdings.set_in_flight(&load.assets, false);
@@ -170,8 +171,8 @@ impl Planner {
         self.count_bytes();
     }
 
-    /// Sets another budget. What is above it is evicted by the next step. An error, and no change, when a chunk does not
-    /// fit.
+    /// Sets another budget. What is above it is evicted by the next step. An error, and no change, when a chunk does
+    /// not fit.
     pub fn set_budget(&mut self, budget: u64) -> Result<(), PlanError> {
         check_budget(&self.catalog, budget)?;
         self.budget = budget;

@@ -1,33 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Russian roulette on loads (`oocpt:stragglerRoulette`): a chunk that few rays wait for is loaded with a probability `p`. If it is, all
-//! rays that wait for it count `1 / p` times; if not, they end where they are.
+//! Russian roulette on loads (`oocpt:stragglerRoulette`): a chunk that few rays wait for is loaded with a probability
+//! `p`. If it is, all rays that wait for it count `1 / p` times; if not, they end where they are.
 //!
 //! # Unbiased
-//! A ray is weighted by `1 / p` exactly if a number `u`, drawn for this load alone, is below `p`; `p` is fixed before `u` is looked at, so
-//! the expectation over `u` is what the ray would have brought, whatever `p` was made of (Arvo and Kirk 1990). One `u` for all
-//! rays of a load, since the load is the work: ended one by one, `n` rays would save it with probability `(1 - p)^n` only.
+//! A ray is weighted by `1 / p` exactly if a number `u`, drawn for this load alone, is below `p`; `p` is fixed before
+//! `u` is looked at, so the expectation over `u` is what the ray would have brought, whatever `p` was made of (Arvo and
+//! Kirk 1990). One `u` for all rays of a load, since the load is the work: ended one by one, `n` rays would save it
+//! with probability `(1 - p)^n` only.
 //!
 //! # p
-//! A load brings a pixel the sum `F` of what its `m` rays there bring, all or nothing, so it adds `(1 / p - 1) E[F^2]` to the variance of
-//! the pixel's sum: `m^2 c^2` where each ray brings `c`. `s` is the sum over the pixels, relative to them. With `V` the relative variance and `T`
-//! the seconds of a path, `N` paths and `c` the seconds that the picture is done sooner without the load, variance and time of the picture are proportional to
-//! `N V + sum (1 / p - 1) s` and `N T + sum p c`; their product is to be smallest (efficiency: Bolin and Meyer 1997; Vorba and Křivánek 2016). Playing one load
-//! with `p` instead of always loading it changes the logarithm of the product by `-x (1 - p) (1 - p0^2 / p) / N`, with `x = c / T` and
-//! `p0 = sqrt((s / V) / x)`: smallest at `p0`, a gain as long as `p0^2 < p`.
+//! A load brings a pixel the sum `F` of what its `m` rays there bring, all or nothing, so it adds `(1 / p - 1) E[F^2]`
+//! to the variance of the pixel's sum: `m^2 c^2` where each ray brings `c`. `s` is the sum over the pixels, relative to
+//! them. With `V` the relative variance and `T` the seconds of a path, `N` paths and `c` the seconds that the picture
+//! is done sooner without the load, variance and time of the picture are proportional to `N V + sum (1 / p - 1) s` and
+//! `N T + sum p c`; their product is to be smallest (efficiency: Bolin and Meyer 1997; Vorba and Křivánek 2016).
+//! Playing one load with `p` instead of always loading it changes the logarithm of the product by `-x (1 - p) (1 - p0^2
+//! / p) / N`, with `x = c / T` and `p0 = sqrt((s / V) / x)`: smallest at `p0`, a gain as long as `p0^2 < p`.
 //!
 //! # Careful
-//! `s`, `V`, `c` are estimates. [`CARE`] times `s` is taken for `s`, hence `p = sqrt(2) p0`: that loses at most a tenth of the gain where
-//! the estimates are right, and is a gain as long as `s / (V c)` is less than `2 / p` times what was thought. A load with `p` above [`MOST`] is not played for:
-//! what it might save is little, and soon wanted again by rays nobody knows of yet. Two accounts of the variance spent, `sum (1 / p - 1) s`, bound the harm:
-//! - of a chunk, since it was loaded last: a share [`PER_LOAD`] of `V x`, what the load costs. So a chunk that is wanted again and again is
-//!   loaded in the end, and what was spent on it in vain is a small part of its price (rent or buy; Karlin et al. 1988, "Competitive snoopy caching").
+//! `s`, `V`, `c` are estimates. [`CARE`] times `s` is taken for `s`, hence `p = sqrt(2) p0`: that loses at most a tenth
+//! of the gain where the estimates are right, and is a gain as long as `s / (V c)` is less than `2 / p` times what was
+//! thought. A load with `p` above [`MOST`] is not played for: what it might save is little, and soon wanted again by
+//! rays nobody knows of yet. Two accounts of the variance spent, `sum (1 / p - 1) s`, bound the harm:
+//! - of a chunk, since it was loaded last: a share [`PER_LOAD`] of `V x`, what the load costs. So a chunk that is
+//!   wanted again and again is loaded in the end, and what was spent on it in vain is a small part of its price (rent
+//!   or buy; Karlin et al. 1988, "Competitive snoopy caching").
 //! - of all: a share [`PER_PICTURE`] of the picture's own `N V`.
 //!
-//! `p` is raised to what they leave. It is at least [`LEAST`]: nobody knows what a ray brings before it does, and weights stay bounded.
+//! `p` is raised to what they leave. It is at least [`LEAST`]: nobody knows what a ray brings before it does, and
+//! weights stay bounded.
 //!
 //! # States of a chunk
-//! `Open -> Approved` (until it was resident, or nobody waits) or `Open -> Ending` (until the step that ends its rays was seen). Rays that
-//! come to an approved chunk get on without a weight: its load is paid for. Pure; called by one thread.
+//! `Open -> Approved` (until it was resident, or nobody waits) or `Open -> Ending` (until the step that ends its rays
+//! was seen). Rays that come to an approved chunk get on without a weight: its load is paid for. Pure; called by one
+//! thread.
 
 use super::ChunkId;
 use crate::sampler::{combine, hash};
@@ -67,7 +73,8 @@ pub struct Stakes {
     pub chunk: ChunkId,
     /// Bytes to load.
     pub bytes: u64,
-    /// Second moment of what the rays that wait bring to a pixel together, relative to it, over the pixels. Infinite: they are to be traced.
+    /// Second moment of what the rays that wait bring to a pixel together, relative to it, over the pixels. Infinite:
+    /// they are to be traced.
     pub worth: f64,
     /// Their share of the load, which others will use as well; 0 to 1.
     pub share: f64,
@@ -99,7 +106,8 @@ pub struct Roulette {
     draws: Vec<u32>,
     /// Variance spent on each chunk since its last load, and in all.
     lost: Vec<f64>,
-    /// Variance spent in all, in paths' worth of relative variance: over `variance * paths` the share of the picture's own.
+    /// Variance spent in all, in paths' worth of relative variance: over `variance * paths` the share of the picture's
+    /// own.
     pub spent: f64,
     /// Chunks that are not open.
     judged: Vec<ChunkId>,
@@ -140,8 +148,8 @@ impl Roulette {
         });
     }
 
-    /// Whether the chunk may be loaded; draws if it was not decided. What has to become of rays is in [`Self::take_verdicts`], to be done in step
-    /// `step` at the latest, and before the chunk is shown.
+    /// Whether the chunk may be loaded; draws if it was not decided. What has to become of rays is in
+    /// [`Self::take_verdicts`], to be done in step `step` at the latest, and before the chunk is shown.
     pub fn judge(&mut self, stakes: &Stakes, prices: &Prices, step: u64) -> bool {
         let Some(state) = self.states.get_mut(stakes.chunk as usize) else { return true };
         if *state != State::Open {
@@ -179,7 +187,8 @@ impl Roulette {
     }
 }
 
-/// The probability of a load, [`LEAST`] to [`MOST`] or 1, where `lost` and `spent` was spent on its chunk and in all; 1 where something is not known.
+/// The probability of a load, [`LEAST`] to [`MOST`] or 1, where `lost` and `spent` was spent on its chunk and in all; 1
+/// where something is not known.
 #[must_use]
 pub fn probability(stakes: &Stakes, prices: &Prices, lost: f64, spent: f64) -> f64 {
     if let (Some(fixed), true) = (prices.fixed, stakes.worth.is_finite()) {
@@ -253,7 +262,8 @@ mod tests {
 
     #[test]
     fn accounts_raise_p_to_what_they_leave() {
-        // Worth 8 is played for with 0.4, at 8 (1 / 0.4 - 1) = 12. A quarter of the load's 100 may be lost on its chunk.
+        // Worth 8 is played for with 0.4, at 8 (1 / 0.4 - 1) = 12. A quarter of the load's 100 may be lost on its
+        // chunk.
         let p = |lost, spent, worth| probability(&stakes(0, worth), &PRICES, lost, spent);
         assert!((p(13.0, 0.0, 8.0) - 0.4).abs() < 1e-12, "just enough");
         assert!((p(15.0, 0.0, 8.0) - 8.0 / 18.0).abs() < 1e-12, "10 are left: {}", p(15.0, 0.0, 8.0));

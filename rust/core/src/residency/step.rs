@@ -140,8 +140,8 @@ impl Planner {
         }
     }
 
-    /// Loads what waited out of all proportion, oldest first. `false` when one of them has to wait for room: then nothing
-    /// else is loaded, so that the room comes.
+    /// Loads what waited out of all proportion, oldest first. `false` when one of them has to wait for room: then
+    /// nothing else is loaded, so that the room comes.
     fn load_starving(&mut self, plan: &mut Plan<'_>) -> bool {
         let demanded = u32::try_from(plan.demanded.len()).unwrap_or(u32::MAX);
         let limit = demanded.saturating_mul(PATIENCE).saturating_add(PATIENCE_MIN);
@@ -295,8 +295,8 @@ impl Planner {
         }
     }
 
-    /// With all that is held now, demanded loads still find room for all that may be in flight and one chunk more: in what
-    /// is free and what only unpinned chunks hold.
+    /// With all that is held now, demanded loads still find room for all that may be in flight and one chunk more: in
+    /// what is free and what only unpinned chunks hold.
     fn leaves_room(&self, plan: &Plan<'_>) -> bool {
         let unpinned = self.residents.iter().filter(|&&chunk| self.is_unpinned(chunk));
         let evictable: u64 = unpinned.map(|&chunk| self.holdings.exclusive(chunk)).sum();
@@ -308,7 +308,8 @@ impl Planner {
         self.step.wrapping_sub(self.entries[chunk as usize].usable) >= self.pin_steps()
     }
 
-    /// Lists who may go: first some of the resident chunks, from a hand that goes round; when these are used up the rest.
+    /// Lists who may go: first some of the resident chunks, from a hand that goes round; when these are used up the
+    /// rest.
     fn find_victims(&mut self, plan: &mut Plan<'_>) {
         let mut victims = plan.victims.take().unwrap_or_else(|| {
             let count = self.residents.len();

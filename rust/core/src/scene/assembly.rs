@@ -180,8 +180,8 @@ impl Assembly {
         &self.columns
     }
 
-    /// Writes the values that records `range` have in `column`, one after the other, [`InstanceColumn::width`] floats each;
-    /// [`NO_VALUE`](super::NO_VALUE) in all of them for a record without. As [`Assembly::encode`] otherwise.
+    /// Writes the values that records `range` have in `column`, one after the other, [`InstanceColumn::width`] floats
+    /// each; [`NO_VALUE`](super::NO_VALUE) in all of them for a record without. As [`Assembly::encode`] otherwise.
     pub fn encode_values(&self, column: InstanceColumn, range: Range<usize>, out: &mut [f32]) {
         let width = column.width.max(1) as usize;
         let end = range.end.min(self.len()).min(range.start.saturating_add(out.len() / width));
@@ -223,7 +223,8 @@ impl Assembly {
         }
     }
 
-    /// Gives `visit` the records whose target and prim id are `wanted`, with member and rank, at most `most`, in order; tells whether these were all.
+    /// Gives `visit` the records whose target and prim id are `wanted`, with member and rank, at most `most`, in order;
+    /// tells whether these were all.
     pub(crate) fn encode_where(
         &self,
         wanted: &dyn Fn(Target, i32) -> bool,

@@ -10,7 +10,6 @@ use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::assembly::{Assembly, Member, Target};
-use super::desc::{InstancedBy, LightDesc, LightKind};
 use super::entries::InstancerEntry;
 use super::instance_primvars::DISPLAY_OPACITY;
 use super::light::{Emitter, Light, LinkTable, MAX_INSTANCED_LIGHTS, placements};
@@ -18,6 +17,7 @@ use super::report::Reports;
 use super::resolve::{GroupId, PlanGroup, PlanMember, PlanTarget};
 use super::run::{Run, RunSpec};
 use super::snapshot::{SceneCounts, SceneFeatures, Snapshot, SurfaceTables};
+use crate::desc::{InstancedBy, LightDesc, LightKind};
 use crate::mesh::{Aabb, MeshAsset};
 
 /// The origin moves when the scene's centre is farther from it than this many times the scene's half size.
@@ -119,7 +119,8 @@ fn origin_shift(bounds: &Aabb) -> Option<DVec3> {
     (!bounds.is_empty() && is_far).then_some(center)
 }
 
-/// The lights that shine, by path, those inside prototypes once for each of their places; and the numbers of their categories.
+/// The lights that shine, by path, those inside prototypes once for each of their places; and the numbers of their
+/// categories.
 pub(crate) fn shining(
     lights: &BTreeMap<Arc<str>, LightDesc>,
     instancers: &BTreeMap<Arc<str>, InstancerEntry>,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which instances of an instancer differ between two sets of arrays, told at the speed of memory: blocks are compared as
-//! bytes, elements only where a block differs. Pure; work is spread over the caller's rayon pool.
+//! Which instances of an instancer differ between two sets of arrays, told at the speed of memory: blocks are compared
+//! as bytes, elements only where a block differs. Pure; work is spread over the caller's rayon pool.
 
 use rayon::prelude::*;
 
@@ -22,8 +22,8 @@ pub(crate) struct ChangedNumbers {
 }
 
 impl ChangedNumbers {
-    /// The instances whose elements differ bit for bit, or that one side only has; `None` unless the same arrays are there,
-    /// of the same types, and with equal masks.
+    /// The instances whose elements differ bit for bit, or that one side only has; `None` unless the same arrays are
+    /// there, of the same types, and with equal masks.
     pub(crate) fn between(old: &InstanceArrays, new: &InstanceArrays) -> Option<Self> {
         let [old_mask, old_arrays @ ..] = old.all();
         let [new_mask, new_arrays @ ..] = new.all();
@@ -50,7 +50,8 @@ impl ChangedNumbers {
         same_mask.then_some(numbers)
     }
 
-    /// The instances that have another value in one of these lists; `None` unless both have the same primvars, of the same types.
+    /// The instances that have another value in one of these lists; `None` unless both have the same primvars, of the
+    /// same types.
     pub(crate) fn of_values(old: &[MemberPrimvar], new: &[MemberPrimvar]) -> Option<Self> {
         let mut numbers = Self { bits: Vec::new(), tail: usize::MAX, len: 0 };
         let mut add = |a: &TypedArray, b: &TypedArray| {

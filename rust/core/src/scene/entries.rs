@@ -7,11 +7,11 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::desc::{InstancerDesc, MeshDesc};
 use super::instance_primvars::{InstancePrimvar, MemberPrimvar};
 use super::placement::InstanceArrays;
-use super::report::DroppedData;
 use crate::array::ArrayView;
+use crate::desc::DroppedData;
+use crate::desc::{InstancerDesc, MeshDesc};
 use crate::mesh::{BuiltMesh, MeshAsset, WantedPrimvar, build_mesh_with, is_same_mesh, mesh_key_with};
 use crate::partition::PartitionOptions;
 

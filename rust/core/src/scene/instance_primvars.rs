@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Primvars with a value per instance: which of them anybody reads, and the value of a placement.
 //!
-//! Rules, those of Storm (`HdSt_CodeGen`, instance primvars): a primvar that the mesh itself has wins; else the innermost instancer
-//! that has it, whatever its value. Only `instance` interpolation counts. Values stay in the borrowed arrays; those of a chunk or
-//! an assembly are computed record by record when it is loaded, like the records themselves. Pure; any thread.
+//! Rules, those of Storm (`HdSt_CodeGen`, instance primvars): a primvar that the mesh itself has wins; else the
+//! innermost instancer that has it, whatever its value. Only `instance` interpolation counts. Values stay in the
+//! borrowed arrays; those of a chunk or an assembly are computed record by record when it is loaded, like the records
+//! themselves. Pure; any thread.
 
 use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
-use super::desc::{InstancerDesc, Interpolation, Primvar};
 use super::reader::Numbers;
 use super::run::Run;
 use crate::array::{ArrayView, ElementType, TypedArray};
+use crate::desc::{InstancerDesc, Interpolation, Primvar};
 
 /// Number of the name `displayColor`.
 pub const DISPLAY_COLOR: u32 = 0;

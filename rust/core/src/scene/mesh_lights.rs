@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Meshes that are lights by `MeshLightAPI`: what their surfaces look like and emit. Pure.
 //!
-//! The emission of such a mesh becomes that of its material, so it is sampled, seen and met as any emissive mesh is. With `L` the light's
-//! radiance (`UsdLux`, as for other lights; normalised: over the mesh's area in the world):
+//! The emission of such a mesh becomes that of its material, so it is sampled, seen and met as any emissive mesh is.
+//! With `L` the light's radiance (`UsdLux`, as for other lights; normalised: over the mesh's area in the world):
 //! - [`MaterialSync::NoResponse`], or no material: the surface emits `L` and reflects nothing;
 //! - [`MaterialSync::Independent`]: it reflects as its material does, and emits `L`;
-//! - [`MaterialSync::GlowTintsLight`]: it reflects as its material does and emits `L` times what that emits, or `L` if that emits nothing.
+//! - [`MaterialSync::GlowTintsLight`]: it reflects as its material does and emits `L` times what that emits, or `L` if
+//!   that emits nothing.
 //!
 //! Camera rays see what the mesh emits as a light, also where `UsdLux` would have them see the material's own glow.
 
@@ -15,10 +16,10 @@ use std::sync::Arc;
 use glam::DVec3;
 use rustc_hash::FxHashMap;
 
-use super::desc::{LightDesc, LightKind, MaterialSync, MeshDesc};
 use super::entries::MeshEntry;
 use super::light;
 use super::report::Reports;
+use crate::desc::{LightDesc, LightKind, MaterialSync, MeshDesc};
 use crate::material::{INPUTS, Input, InputName, Material, MaterialFlags};
 
 /// What follows the path of a mesh in the path of its light: no prim is called so.

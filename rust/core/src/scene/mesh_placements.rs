@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The placements of some prims' meshes, multiplied out: where traversal finds them, and what a hit there is called.
 //!
-//! Pure. Records of prims that are not asked for are passed over without being computed; assemblies and chunks without any are not
-//! looked into.
+//! Pure. Records of prims that are not asked for are passed over without being computed; assemblies and chunks without
+//! any are not looked into.
 
 use std::sync::Arc;
 
@@ -21,14 +21,14 @@ pub struct MeshPlacement {
     pub prim_id: i32,
     /// Instance id of a hit, wrapping.
     pub instance_id: u32,
-    /// From the mesh's frame to the world's, minus [`Snapshot::origin`]: what the single precision maps that traversal goes through
-    /// amount to.
+    /// From the mesh's frame to the world's, minus [`Snapshot::origin`]: what the single precision maps that traversal
+    /// goes through amount to.
     pub world_from_object: DAffine3,
-    /// Sum of the distances, in the world, from the origins of the frames on that way to the farthest corner of the mesh's box:
-    /// rounding in traversal is in proportion to it.
+    /// Sum of the distances, in the world, from the origins of the frames on that way to the farthest corner of the
+    /// mesh's box: rounding in traversal is in proportion to it.
     pub reach: f64,
-    /// Values that instancers give it, by number of the name: those of the innermost that has one, in single precision. What the
-    /// mesh itself has wins over them, and is not looked at here.
+    /// Values that instancers give it, by number of the name: those of the innermost that has one, in single precision.
+    /// What the mesh itself has wins over them, and is not looked at here.
     pub values: Vec<(u32, [f32; 4])>,
 }
 
@@ -46,8 +46,8 @@ struct Walk<'a> {
 }
 
 impl Snapshot {
-    /// Placements of the prims that `wanted` says yes to, at most `most`, in an order that depends on the snapshot only; and
-    /// whether these are all. Those whose map cannot be inverted are left out.
+    /// Placements of the prims that `wanted` says yes to, at most `most`, in an order that depends on the snapshot
+    /// only; and whether these are all. Those whose map cannot be inverted are left out.
     #[must_use]
     pub fn mesh_placements(&self, wanted: &dyn Fn(i32) -> bool, most: usize) -> (Vec<MeshPlacement>, bool) {
         let mut walk = Walk { snapshot: self, wanted, holds: Vec::new(), most, found: Vec::new(), is_complete: true };

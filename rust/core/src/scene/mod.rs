@@ -7,8 +7,6 @@
 
 pub(crate) mod assembly;
 mod commit;
-pub mod desc;
-mod desc_defaults;
 pub(crate) mod diff;
 mod entries;
 pub(crate) mod instance_primvars;
@@ -23,6 +21,7 @@ mod rescan;
 pub(crate) mod resolve;
 pub(crate) mod run;
 pub mod snapshot;
+mod summary;
 mod surfaces;
 pub(crate) mod validate;
 
@@ -31,21 +30,22 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-pub use desc::{
-    AssetRef, ConnectionDesc, DomeFormat, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, LightDesc,
-    LightKind, MaterialDesc, MaterialSync, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, Primvar,
-    Shaping, Subdivision, SubsetDesc,
+pub use crate::desc::{
+    AssetRef, ConnectionDesc, DomeFormat, DroppedData, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation,
+    LightDesc, LightKind, MaterialDesc, MaterialSync, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue,
+    PrimDesc, Primvar, Shaping, Subdivision, SubsetDesc,
 };
 pub use instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstanceColumn, NO_VALUE};
 pub use resolve::MAX_LEVELS;
 pub use snapshot::{
-    Aabb, Assembly, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, DomeTexture, DroppedData, Emitter, IesError,
-    IesProfile, InstanceFlags, InstanceRecord, Light, LightShaping, LinkTable, LocalLight, LocalShape, MeshAsset,
-    SceneCounts, SceneFeatures, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Target, Triangle, blackbody,
+    Aabb, Assembly, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, DomeTexture, Emitter, IesError, IesProfile,
+    InstanceFlags, InstanceRecord, Light, LightShaping, LinkTable, LocalLight, LocalShape, MeshAsset, SceneCounts,
+    SceneFeatures, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Target, Triangle, blackbody,
 };
 
 pub use mesh_lights::MESH_LIGHT;
 pub use mesh_placements::MeshPlacement;
+pub use summary::summary;
 pub use surfaces::{NO_MATERIAL, PrimRecord};
 
 use crate::partition::{PartitionOptions, PartitionStore, Source, World};
@@ -260,14 +260,13 @@ impl SceneDb {
         (plan, Assets { meshes, indices, surfaces })
     }
 
-    /// The messages that differ from the last one given for the same prim.
+    /// The warnings that say something else than the last one for the same prim.
     fn new_warnings(&mut self, reports: &Reports) -> Vec<SceneWarning> {
-        let messages = reports.messages();
-        let new = messages.iter().filter(|(path, message)| self.warned.get(*path) != Some(*message));
-        let warnings =
-            new.map(|(path, message)| SceneWarning { path: path.clone(), message: message.clone() }).collect();
-        self.warned = messages;
-        warnings
+        let warnings = reports.warnings();
+        let is_new = |warning: &&SceneWarning| self.warned.get(&warning.path) != Some(&warning.message);
+        let new = warnings.values().filter(is_new).cloned().collect();
+        self.warned = warnings.into_iter().map(|(path, warning)| (path, warning.message)).collect();
+        new
     }
 }
 

@@ -7,10 +7,10 @@ use std::sync::{Arc, OnceLock, Weak};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4};
 
 use super::assembly::InstanceFlags;
-use super::desc::InstancerDesc;
 use super::diff::ChangedNumbers;
-use super::report::DroppedData;
 use crate::array::{ArrayView, ElementType, TypedArray};
+use crate::desc::DroppedData;
+use crate::desc::InstancerDesc;
 use crate::mesh::Aabb;
 
 /// Columns are called dependent when `det^2` is below this times the product of their squared lengths.
@@ -48,9 +48,9 @@ impl InstanceArrays {
         }
     }
 
-    /// The instances whose elements differ, when both have the same kinds of arrays and the same mask. Kept, so that it is worked
-    /// out once for all prototypes; whoever asks before it is kept works it out too, and nobody waits: a thread of the pool
-    /// that helps out while it waits could come back here and wait for itself.
+    /// The instances whose elements differ, when both have the same kinds of arrays and the same mask. Kept, so that it
+    /// is worked out once for all prototypes; whoever asks before it is kept works it out too, and nobody waits: a
+    /// thread of the pool that helps out while it waits could come back here and wait for itself.
     pub(crate) fn changes(old: &Arc<Self>, new: &Arc<Self>) -> Option<Arc<ChangedNumbers>> {
         if new.changes.get().is_none() {
             let changes = ChangedNumbers::between(old, new).map(Arc::new);
@@ -223,8 +223,8 @@ impl<'a> Placer<'a> {
         Some(if self.after_is_identity { m } else { m * self.after })
     }
 
-    /// Places instance `number` (see [`Placer::matrix`]); `None` when its matrix is singular, not finite, or too extreme
-    /// for single precision.
+    /// Places instance `number` (see [`Placer::matrix`]); `None` when its matrix is singular, not finite, or too
+    /// extreme for single precision.
     #[inline]
     pub(crate) fn place(&self, number: Option<usize>) -> Option<Placed> {
         let m = self.matrix(number)?;
@@ -261,8 +261,8 @@ impl<'a> Placer<'a> {
         sound.then_some(Placed { object_from_parent, bounds, flags })
     }
 
-    /// Box of the target placed by `m`, and also where the f32 rounding `A + E` of the inverse `A = (rows, offset)` puts
-    /// it: a point x moves by `M E x`, with `|E| <= 2^-24 |A|`.
+    /// Box of the target placed by `m`, and also where the f32 rounding `A + E` of the inverse `A = (rows, offset)`
+    /// puts it: a point x moves by `M E x`, with `|E| <= 2^-24 |A|`.
     #[inline]
     fn placed_box(&self, m: &DAffine3, inverse: &Inverse) -> ([DVec3; 2], Footprint) {
         let Inverse { rows, offset, .. } = inverse;

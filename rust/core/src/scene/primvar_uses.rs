@@ -2,8 +2,8 @@
 //! Which of the authored primvars were built, and which were left out because nothing reads them.
 
 use super::SceneDb;
-use super::desc::Primvar;
 use super::entries::{InstancerEntry, MeshEntry};
+use crate::desc::Primvar;
 use crate::inventory::PrimvarUse;
 use crate::mesh::Attribute;
 use rustc_hash::FxHashMap;
@@ -66,7 +66,8 @@ impl<'a> Uses<'a> {
 }
 
 impl SceneDb {
-    /// The authored primvars of meshes that are shown and of instancers, by name: what of them the last commit built, and what it left out.
+    /// The authored primvars of meshes that are shown and of instancers, by name: what of them the last commit built,
+    /// and what it left out.
     #[must_use]
     pub fn primvar_uses(&self) -> Vec<PrimvarUse> {
         let mut uses = Uses::default();

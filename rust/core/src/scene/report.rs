@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What was dropped because it was bad: counters, and one line of warning per prim.
+//! What was dropped because it was bad: one line of warning per prim.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
+use crate::desc::DroppedData;
 
 /// One warning about one prim.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -14,107 +13,27 @@ pub struct SceneWarning {
     pub path: Arc<str>,
     /// What is wrong and how often, one line, without the path.
     pub message: String,
+    /// Of that, what was dropped, by kind.
+    pub dropped: DroppedData,
+    /// Of that, the rest.
+    pub notes: Vec<String>,
 }
 
-macro_rules! dropped {
-    ($($(#[$doc:meta])* $field:ident: $text:literal),* $(,)?) => {
-        /// Counters of bad data, by kind. Totals over the visible scene.
-        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-        #[serde(default)]
-        pub struct DroppedData {
-            $($(#[$doc])* pub $field: u64,)*
+impl SceneWarning {
+    /// The warning about a prim; none where there is nothing to say.
+    pub(crate) fn new(path: Arc<str>, notes: Vec<String>, dropped: DroppedData) -> Option<Self> {
+        let mut message = String::new();
+        notes.iter().for_each(|note| join(&mut message, note));
+        if let Some(text) = dropped.message() {
+            join(&mut message, &text);
         }
-
-        impl DroppedData {
-            /// Nothing dropped.
-            pub const NONE: Self = Self { $($field: 0),* };
-
-            /// Adds the counters of `other`.
-            pub fn add(&mut self, other: &Self) {
-                $(self.$field = self.$field.saturating_add(other.$field);)*
-            }
-
-            /// Every counter with its text for users, in a fixed order.
-            #[must_use]
-            pub fn entries(&self) -> Vec<(&'static str, u64)> {
-                vec![$(($text, self.$field)),*]
-            }
-        }
-    };
-}
-
-dropped! {
-    /// Meshes or instancers whose arrays have the wrong element type.
-    wrong_array_types: "arrays of the wrong type",
-    /// Meshes without a single usable face.
-    empty_meshes: "meshes without a usable face",
-    /// Meshes above the size limit.
-    oversized_meshes: "meshes above the size limit",
-    /// Faces with a negative number of corners.
-    negative_counts: "faces with a negative vertex count",
-    /// Faces with fewer than three corners.
-    small_faces: "faces with fewer than 3 vertices",
-    /// Faces with more corners than we triangulate.
-    huge_faces: "faces with too many vertices",
-    /// Faces whose corners run past the end of the index array.
-    faces_past_end: "faces past the end of faceVertexIndices",
-    /// Indices that belong to no face.
-    surplus_indices: "faceVertexIndices that belong to no face",
-    /// Faces with a point index out of range.
-    point_indices: "faces with point indices out of range",
-    /// Faces with a NaN, infinite or huge point.
-    non_finite_points: "faces with non-finite points",
-    /// Triangles without area.
-    zero_area_triangles: "zero-area triangles",
-    /// Hole indices that name no face.
-    hole_indices: "hole indices out of range",
-    /// Primvars dropped: too short, wrong type or unusable interpolation.
-    primvars: "primvars of the wrong length, type or interpolation",
-    /// Primvars that are longer than needed (they are used).
-    long_primvars: "primvars longer than needed",
-    /// Primvar values replaced: not finite or index out of range.
-    primvar_values: "primvar values not finite or out of range",
-    /// Prims with a singular or non-finite transform.
-    prim_transforms: "singular or non-finite transforms",
-    /// Instances with a singular or non-finite matrix.
-    instance_transforms: "instances with singular or non-finite matrices",
-    /// Instance indices that name no instance.
-    instance_indices: "instance indices out of range",
-    /// Faces of subsets that the mesh does not have.
-    subset_faces: "subset faces out of range",
-    /// Mask entries missing.
-    short_masks: "masks shorter than the instances",
-    /// Instancers that contain themselves.
-    instancer_cycles: "instancers that contain themselves",
-    /// Instancers nested deeper than we go.
-    deep_instancers: "instancers nested too deeply",
-    /// References to an instancer or prototype that does not exist.
-    missing_instancers: "missing instancers or prototypes",
-    /// Lights with unusable values.
-    lights: "lights with unusable values",
-    /// Lights inside prototypes with more places than are multiplied out.
-    instanced_lights: "lights inside prototypes with too many places, some of which are left out",
-}
-
-impl DroppedData {
-    /// Sum of all counters.
-    #[must_use]
-    pub fn total(&self) -> u64 {
-        self.entries().iter().fold(0, |sum, (_, n)| sum.saturating_add(*n))
+        (!message.is_empty()).then_some(Self { path, message, dropped, notes })
     }
 
-    /// One line naming every kind with its count, or `None` when nothing was dropped.
+    /// A warning that counts nothing.
     #[must_use]
-    pub fn message(&self) -> Option<String> {
-        let mut line = String::new();
-        for (text, n) in self.entries() {
-            if n > 0 {
-                let separator = if line.is_empty() { "bad data: " } else { ", " };
-                // Writing to a String cannot fail.
-                write!(line, "{separator}{n} {text}").unwrap_or_default();
-            }
-        }
-        (!line.is_empty()).then_some(line)
+    pub fn of_notes(path: Arc<str>, notes: Vec<String>) -> Self {
+        Self { path, message: notes.join("; "), dropped: DroppedData::NONE, notes }
     }
 }
 
@@ -123,7 +42,7 @@ impl DroppedData {
 pub(crate) struct Reports {
     dropped: BTreeMap<Arc<str>, DroppedData>,
     /// What is no dropped data, in words.
-    notes: BTreeMap<Arc<str>, String>,
+    notes: BTreeMap<Arc<str>, Vec<String>>,
 }
 
 impl Reports {
@@ -146,22 +65,22 @@ impl Reports {
         total
     }
 
-    /// The message of every prim that has one, in path order.
-    pub(crate) fn messages(&self) -> BTreeMap<Arc<str>, String> {
-        let mut messages = self.notes.clone();
-        for (path, dropped) in &self.dropped {
-            if let Some(message) = dropped.message() {
-                join(messages.entry(path.clone()).or_default(), &message);
-            }
-        }
-        messages
+    /// The warning of every prim that has one, in path order.
+    pub(crate) fn warnings(&self) -> BTreeMap<Arc<str>, SceneWarning> {
+        let paths = self.notes.keys().chain(self.dropped.keys());
+        let warning = |path: &Arc<str>| {
+            let notes = self.notes.get(path).cloned().unwrap_or_default();
+            let dropped = self.dropped.get(path).copied().unwrap_or(DroppedData::NONE);
+            Some((path.clone(), SceneWarning::new(path.clone(), notes, dropped)?))
+        };
+        paths.filter_map(warning).collect()
     }
 
     /// Says something about a prim that is no count of dropped data.
     pub(crate) fn note(&mut self, path: &Arc<str>, text: String) {
-        let line = self.notes.entry(path.clone()).or_default();
-        if !line.contains(&text) {
-            join(line, &text);
+        let notes = self.notes.entry(path.clone()).or_default();
+        if !notes.iter().any(|note| note.contains(&text)) {
+            notes.push(text);
         }
     }
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Runs made from older ones: when arrays change in a few elements, only those instances are placed again, and what shares
-//! a block of boxes with them. Gives what a scan gives.
+//! Runs made from older ones: when arrays change in a few elements, only those instances are placed again, and what
+//! shares a block of boxes with them. Gives what a scan gives.
 
 use std::sync::{Arc, Mutex};
 
@@ -50,8 +50,8 @@ impl Run {
         Some(run)
     }
 
-    /// Number and new content of the block of the given ranks, which are all of it that differ from `old`. Bad ranks that
-    /// are not among them may be left out.
+    /// Number and new content of the block of the given ranks, which are all of it that differ from `old`. Bad ranks
+    /// that are not among them may be left out.
     fn rescan(&self, old: &Self, ranks: &[u32]) -> Option<(usize, Scan)> {
         let block = *ranks.first()? as usize / BLOCK;
         let end = ((block + 1) * BLOCK).min(self.ranks as usize);

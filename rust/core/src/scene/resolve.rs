@@ -8,12 +8,12 @@ use std::sync::Arc;
 use glam::DAffine3;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::desc::{InstancedBy, PrimDesc};
 use super::entries::{InstancerEntry, MeshEntry};
 use super::instance_primvars::MemberPrimvar;
 use super::placement::usable_affine;
 use super::report::Reports;
 use super::run::Instances;
+use crate::desc::{InstancedBy, PrimDesc};
 use crate::mesh::MeshAsset;
 
 /// Most levels of instance records.

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 
 use super::placement::{InstanceArrays, Placed, Placer, round_down, round_up};
 use super::reader::{Numbers, Reader};
-use super::report::DroppedData;
 use crate::array::{ArrayView, ElementType, TypedArray};
+use crate::desc::DroppedData;
 use crate::mesh::Aabb;
 use crate::partition::Item;
 
@@ -220,8 +220,8 @@ impl Run {
         self.spec.instances.is_some()
     }
 
-    /// Calls `write` with the position in `places`, the rank and the placement of each of the run's placements `places`.
-    /// No allocation.
+    /// Calls `write` with the position in `places`, the rank and the placement of each of the run's placements
+    /// `places`. No allocation.
     pub(crate) fn encode(&self, places: std::ops::Range<usize>, mut write: impl FnMut(usize, u32, &Placed)) {
         let placer = self.spec.placer();
         let numbers = self.numbers();

@@ -7,6 +7,7 @@ use bitflags::bitflags;
 use glam::DVec3;
 
 use super::surfaces::PrimRecord;
+use crate::desc::DroppedData;
 use crate::material::{Material, MaterialFlags, TextureRef};
 use crate::partition::World;
 
@@ -14,11 +15,11 @@ pub use super::assembly::{Assembly, InstanceFlags, InstanceRecord, Target};
 pub use super::light::{
     DomeTexture, Emitter, IesError, IesProfile, Light, LightShaping, LinkTable, LocalLight, LocalShape, blackbody,
 };
-pub use super::report::{DroppedData, SceneWarning};
+pub use super::report::SceneWarning;
 pub use crate::mesh::{Aabb, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, MeshAsset, Triangle};
 
 bitflags! {
-    /// What a scene uses. The bits are those of the shaders' FEATURES constant.
+    /// What a scene uses. The names are those of the features of the passes (`oocpt_shader_abi::Features`).
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
     pub struct SceneFeatures: u32 {
         /// A dome light.
@@ -79,7 +80,8 @@ pub struct SceneCounts {
     pub assemblies: u64,
 }
 
-/// What surfaces look like: materials, and which prim has which. Empty where no mesh has a material and none is in a collection.
+/// What surfaces look like: materials, and which prim has which. Empty where no mesh has a material and none is in a
+/// collection.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SurfaceTables {
     /// Materials in use.
@@ -88,8 +90,8 @@ pub struct SurfaceTables {
     pub textures: Vec<TextureRef>,
     /// By prim id + 1 (0: meshes without an id); may be shorter than the largest id.
     pub prims: Vec<PrimRecord>,
-    /// Material of each slot, or [`NO_MATERIAL`](super::NO_MATERIAL). A triangle's slot is that of its prim's record plus its subset
-    /// number ([`MeshAsset::subsets`]).
+    /// Material of each slot, or [`NO_MATERIAL`](super::NO_MATERIAL). A triangle's slot is that of its prim's record
+    /// plus its subset number ([`MeshAsset::subsets`]).
     pub material_slots: Vec<u32>,
     /// Collections that prims are in, sorted; the first is empty.
     pub category_sets: Vec<Vec<Arc<str>>>,

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Who has which material: bindings of meshes and subsets worked out to the tables of a snapshot, and what the meshes have to
-//! build for them. A material is compiled once after an edit, and only when a mesh shows it.
+//! Who has which material: bindings of meshes and subsets worked out to the tables of a snapshot, and what the meshes
+//! have to build for them. A material is compiled once after an edit, and only when a mesh shows it.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::desc::{MaterialDesc, MeshDesc};
 use super::entries::{InstancerEntry, MeshEntry};
 use super::instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstancePrimvar, MemberPrimvar};
 use super::mesh_lights::{MESH_LIGHT, MeshLight};
 use super::report::Reports;
 use super::snapshot::SurfaceTables;
+use crate::desc::{MaterialDesc, MeshDesc};
 use crate::material::{Compiled, Input, Material, PTEX_SET, PTEX_SET_ID, TextureRef, compile};
 use crate::mesh::WantedPrimvar;
 
@@ -90,8 +90,8 @@ fn has(desc: &MeshDesc, name: &str) -> bool {
 }
 
 impl SurfaceStore {
-    /// Compiles the materials of the meshes `shown` and tells every mesh which primvars it has to build; a mesh that has others
-    /// forgets its asset.
+    /// Compiles the materials of the meshes `shown` and tells every mesh which primvars it has to build; a mesh that
+    /// has others forgets its asset.
     pub(crate) fn prepare(
         &mut self,
         materials: &mut BTreeMap<Arc<str>, MaterialEntry>,
@@ -144,7 +144,8 @@ impl SurfaceStore {
         }
     }
 
-    /// Tells every instancer `shown` which of its primvars some mesh lacks. A `displayOpacity` that is 1 everywhere says nothing.
+    /// Tells every instancer `shown` which of its primvars some mesh lacks. A `displayOpacity` that is 1 everywhere
+    /// says nothing.
     pub(crate) fn offer(
         &self,
         meshes: &BTreeMap<Arc<str>, MeshEntry>,

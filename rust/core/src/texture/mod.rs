@@ -2,9 +2,9 @@
 //! Textures without a device: how an image is cut into tiles, how coarser levels are made, which images are sRGB, and a
 //! reference of the shaders' filter in f64.
 //!
-//! Guarantees: pure functions, any thread, no panic on any input. Rows are counted from the bottom: texel (0, 0) is at the
-//! origin of st. Sources: `UsdUVTexture` of the `UsdPreviewSurface` specification 2.6 (wrap modes, colour spaces, channels);
-//! IEC 61966-2-1 (sRGB).
+//! Guarantees: pure functions, any thread, no panic on any input. Rows are counted from the bottom: texel (0, 0) is at
+//! the origin of st. Sources: `UsdUVTexture` of the `UsdPreviewSurface` specification 2.6 (wrap modes, colour spaces,
+//! channels); IEC 61966-2-1 (sRGB).
 
 mod color;
 mod faces;

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Coarser levels by box filter, row by row: a row of level 0 goes in, finished rows of all coarser levels come out.
 //!
-//! A texel of a level is the mean of what it covers of the level before, weighted by area (for sides that are not even three texels
-//! share: "polyphase" box, NVIDIA 2002, Guthe and Heckbert 2005). Memory: two rows of sums a level, 4/3 of a row of level 0 in all for
-//! each channel. Values are decoded ones; whoever stores rows encodes them.
+//! A texel of a level is the mean of what it covers of the level before, weighted by area (for sides that are not even
+//! three texels share: "polyphase" box, NVIDIA 2002, Guthe and Heckbert 2005). Memory: two rows of sums a level, 4/3 of
+//! a row of level 0 in all for each channel. Values are decoded ones; whoever stores rows encodes them.
 
 use super::Layout;
 
-/// The texels of a side of `fine` that texel `at` of the next coarser level covers: the first one, and the weights of three.
+/// The texels of a side of `fine` that texel `at` of the next coarser level covers: the first one, and the weights of
+/// three.
 pub fn weights(fine: u32, at: u32) -> (u32, [f64; 3]) {
     if fine == 1 {
         return (0, [1.0, 0.0, 0.0]);
@@ -52,8 +53,8 @@ impl Pyramid {
         Self { channels, base: layout.size(), levels: (1..layout.levels()).map(level).collect() }
     }
 
-    /// Takes the next row of level 0, from the bottom; gives (level, row number, row) of what it finishes. Rows of another length
-    /// are taken as far as they reach.
+    /// Takes the next row of level 0, from the bottom; gives (level, row number, row) of what it finishes. Rows of
+    /// another length are taken as far as they reach.
     pub fn push(&mut self, row: &[f32], out: &mut impl FnMut(u32, u32, &[f32])) {
         self.push_to(0, row, out);
     }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Adaptive sampling: every sample once, no more than there may be, where they are worth most, and no bias.
 
-use oocpt_core::adaptive::{Course, FIRST, SPAN, STREAMS, Said, pixel_position};
+use oocpt_core::adaptive::{Course, FIRST, SPAN, STREAMS, VarianceEstimate, pixel_position};
 use oocpt_core::{pixel_seed, sample_4d};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
@@ -25,8 +25,8 @@ fn given(course: &Course, begin: u64) -> BTreeMap<(u32, u32), (u32, u32)> {
     given
 }
 
-fn said(words: &[(f32, f32)], pixels: usize) -> Vec<Said> {
-    words.iter().cycle().take(pixels).map(|&(spread, change)| Said { spread, change }).collect()
+fn said(words: &[(f32, f32)], pixels: usize) -> Vec<VarianceEstimate> {
+    words.iter().cycle().take(pixels).map(|&(spread, change)| VarianceEstimate { spread, change }).collect()
 }
 
 proptest! {
@@ -77,9 +77,9 @@ proptest! {
 #[test]
 fn what_a_stream_says_decides_the_other_alone() {
     let size = [24, 16];
-    let said = |phase: u32| -> Vec<Said> {
+    let said = |phase: u32| -> Vec<VarianceEstimate> {
         (0..24 * 16_u32)
-            .map(|p| Said { spread: 0.1, change: if p / 24 % 8 < 4 + phase { 1.0 } else { 0.01 } })
+            .map(|p| VarianceEstimate { spread: 0.1, change: if p / 24 % 8 < 4 + phase { 1.0 } else { 0.01 } })
             .collect()
     };
     let entries = |one: u32, other: u32, stream: u32| {
@@ -100,12 +100,15 @@ fn what_a_stream_says_decides_the_other_alone() {
 #[test]
 fn counts_follow_standard_deviations() {
     let size = [64_u32, 32];
-    let words: Vec<Said> =
-        (0..64 * 32_u32)
-            .map(|pixel| {
-                if pixel % 64 < 32 { Said { spread: 0.01, change: 0.01 } } else { Said { spread: 0.64, change: 0.64 } }
-            })
-            .collect();
+    let words: Vec<VarianceEstimate> = (0..64 * 32_u32)
+        .map(|pixel| {
+            if pixel % 64 < 32 {
+                VarianceEstimate { spread: 0.01, change: 0.01 }
+            } else {
+                VarianceEstimate { spread: 0.64, change: 0.64 }
+            }
+        })
+        .collect();
     let mut course = Course::new(size, 288);
     let mut have = BTreeMap::new();
     loop {
@@ -142,7 +145,7 @@ fn adaptive_mean(seed: u32, naive: bool) -> f64 {
     let pixels = 128_usize;
     let mut course = Course::new(size, 64);
     // Sum, sum of squares, samples, what was said; by stream and pixel.
-    let mut film = vec![(0.0_f64, 0.0_f64, 0_u32, Said::default()); pixels * STREAMS];
+    let mut film = vec![(0.0_f64, 0.0_f64, 0_u32, VarianceEstimate::default()); pixels * STREAMS];
     loop {
         for ((index, stream), (first, count)) in given(&course, course.epoch().bands[0].first) {
             let [x, y] = pixel_position(index, size);
@@ -156,11 +159,11 @@ fn adaptive_mean(seed: u32, naive: bool) -> f64 {
                     let variance = (*squares / f64::from(*samples) - mean * mean).max(0.0);
                     #[expect(clippy::cast_possible_truncation, reason = "a test")]
                     let spread = (variance / (mean * mean + 0.01)) as f32;
-                    *said = Said { spread, change: spread };
+                    *said = VarianceEstimate { spread, change: spread };
                 }
             }
         }
-        let words: Vec<Said> = film.iter().map(|pixel| pixel.3).collect();
+        let words: Vec<VarianceEstimate> = film.iter().map(|pixel| pixel.3).collect();
         let words = [&words[..pixels], &words[pixels..]];
         // Decided once more only: the octave that decides is the first.
         if !(if naive { course.advance_naively(words) } else { course.advance(words) }) {

@@ -125,7 +125,8 @@ fn a_walk_finds_what_brute_force_finds() {
     expect_brute_force(&ordered, |origin, direction| nearest(&bvh, &ordered, origin, direction));
 }
 
-/// Follows every way down; gives the boxes that were reached and checks that planes hold them with a little to spare, and hardly more than a cell.
+/// Follows every way down; gives the boxes that were reached and checks that planes hold them with a little to spare,
+/// and hardly more than a cell.
 fn reached(boxes: &[Aabb]) -> Vec<u32> {
     let (nodes, stack) = level_nodes(&build_box_bvh(boxes));
     let (mut items, mut most) = (Vec::new(), 0);

@@ -163,7 +163,8 @@ proptest! {
         let position = DVec3::from(p) * DVec3::from(scale.map(|e| 10.0_f64.powi(e)));
         camera.world_from_view.w_axis = position.extend(1.0);
         let rays = camera.rays(DVec3::ZERO).unwrap();
-        // The origin at the corner of the image, in f64, as `unproject` has it: the near plane's point moved to the eye.
+        // The origin at the corner of the image, in f64, as `unproject` has it: the near plane's point moved to the
+        // eye.
         let corner = if ortho { camera.world_from_view.transform_vector3(DVec3::new(-3.0, 2.0, 0.0)) } else { DVec3::ZERO };
         let wanted = position + corner;
         let sum = Vec3::from(rays.o).as_dvec3() + Vec3::from(rays.o_lo).as_dvec3();

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The error that a picture states, against what it is: pixels of known means, sampled as the renderer samples and independently.
+//! The error that a picture states, against what it is: pixels of known means, sampled as the renderer samples and
+//! independently.
 
 use oocpt_core::convergence::{Convergence, ErrorSums, Estimate};
 use oocpt_core::{pixel_seed, sample_4d};
 
 const PIXELS: u32 = 256;
 
-/// The films of all pixels at each power of two up to `samples`, and the true relMSE; `value(pixel, sample)` has mean `mean(pixel)`.
+/// The films of all pixels at each power of two up to `samples`, and the true relMSE; `value(pixel, sample)` has mean
+/// `mean(pixel)`.
 fn octaves(samples: u32, value: &dyn Fn(u32, u32) -> f64, mean: &dyn Fn(u32) -> f64) -> Vec<(u32, ErrorSums, f64)> {
     let mut film = vec![(0.0_f64, 0.0_f64, 0.0_f64); PIXELS as usize];
     let mut octaves = Vec::new();

@@ -216,8 +216,8 @@ fn a_path_changes_its_kind() {
     assert_eq!(committed(&mut db).counts.instances, 0);
 }
 
-/// Prototypes that share arrays ask for what changed in them from all threads at once, and whoever works it out does so in
-/// parallel: a thread that helps out meanwhile must not come to wait for itself.
+/// Prototypes that share arrays ask for what changed in them from all threads at once, and whoever works it out does so
+/// in parallel: a thread that helps out meanwhile must not come to wait for itself.
 #[test]
 fn many_prototypes_of_one_edited_array_do_not_wait_for_each_other() {
     const PROTOTYPES: u16 = 48;

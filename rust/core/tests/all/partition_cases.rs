@@ -120,8 +120,8 @@ fn arrays_may_grow_into_the_indices() {
     }
 }
 
-/// Thirty meshes of 50 KiB in one place, and again in another: few records, none of the meshes exclusive to either place,
-/// and still too much to be loaded at once.
+/// Thirty meshes of 50 KiB in one place, and again in another: few records, none of the meshes exclusive to either
+/// place, and still too much to be loaded at once.
 #[test]
 fn cells_with_large_closures_are_cut() {
     let mut db = SceneDb::new();

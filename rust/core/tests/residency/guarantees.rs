@@ -71,7 +71,8 @@ fn play(witness: &mut Witness, events: &[Event], weather: Weather) -> Vec<Comman
 proptest! {
     #![proptest_config(ProptestConfig { cases: 512, ..ProptestConfig::default() })]
 
-    /// Budget, reference counts, pins, states, evictions only for need, prefetches behind demand: see [`Witness::step`].
+    /// Budget, reference counts, pins, states, evictions only for need, prefetches behind demand: see
+    /// [`Witness::step`].
     #[test]
     fn every_command_is_right(
         catalog in catalogs(), percent in 0_u64..=100, kind in kinds(), events in events(), in_flight in 0_u64..300,

@@ -7,8 +7,8 @@ use oocpt_core::residency::{Catalog, Command, Demand, PolicyKind};
 use proptest::prelude::*;
 use std::sync::Arc;
 
-/// Steps within which a chunk is resident, by the planner's documented patience: it starves after `64 + 4 n` steps, then
-/// at most n older ones go before it, each for its load, its pin and a step to leave.
+/// Steps within which a chunk is resident, by the planner's documented patience: it starves after `64 + 4 n` steps,
+/// then at most n older ones go before it, each for its load, its pin and a step to leave.
 fn bound(chunks: usize, latency: u32) -> u32 {
     let chunks = u32::try_from(chunks).expect("few");
     64 + 4 * chunks + 2 + (chunks + 1) * (2 * latency + 6)

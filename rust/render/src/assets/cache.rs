@@ -10,15 +10,15 @@ use super::store::{Patience, Store};
 use super::tables::{Entries, Tables};
 use crate::device::Device;
 use crate::error::RenderError;
+use crate::shared::Gate;
 use crate::textures::{ImageLibrary, TextureCache};
-use crate::thread::Gate;
 use crate::timings::Timings;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::residency::AssetId;
 use oocpt_core::scene::Snapshot;
 use oocpt_core::settings::Settings;
 use oocpt_gpu::HeapRange;
-use oocpt_shader_abi::GpuLight;
+use oocpt_shader_abi::GpuDistantLight;
 use rustc_hash::FxHashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -63,8 +63,8 @@ impl SceneView {
 
     /// The same for chunks that need `stack_entries` below the top level.
     pub(crate) fn with_stack(self, stack_entries: u32) -> Self {
-        // One more entry per way back to a level above, and one for the end. Rounded up, so that small edits do not ask for
-        // new pipelines.
+        // One more entry per way back to a level above, and one for the end. Rounded up, so that small edits do not ask
+        // for new pipelines.
         let stack_size = (self.top_stack + stack_entries + self.max_levels + 2).next_multiple_of(16);
         Self { stack_size, ..self }
     }
@@ -79,7 +79,7 @@ pub(crate) struct Scene {
     /// What the tables hold.
     entries: Entries,
     /// The distant lights in the tables, if those are of a scene in core.
-    lights: Option<Vec<GpuLight>>,
+    lights: Option<Vec<GpuDistantLight>>,
 }
 
 /// See the module.
@@ -182,7 +182,7 @@ impl Scene {
     pub(crate) fn load_all(
         &mut self,
         device: &Device,
-        lights: &[GpuLight],
+        lights: &[GpuDistantLight],
         gate: &Gate<'_>,
         timings: &mut Timings,
     ) -> Result<bool, RenderError> {
@@ -248,7 +248,7 @@ impl Scene {
     }
 
     /// Tables in which every chunk is absent, for streaming.
-    pub(crate) fn make_empty_tables(&mut self, device: &Device, lights: &[GpuLight]) -> Result<(), RenderError> {
+    pub(crate) fn make_empty_tables(&mut self, device: &Device, lights: &[GpuDistantLight]) -> Result<(), RenderError> {
         self.lights = None;
         self.entries = Entries::default();
         self.tables = Some(Tables::new(device, &self.assets, &Entries::new(&self.assets), lights)?);
@@ -309,6 +309,6 @@ impl Scene {
     }
 }
 
-fn same_lights(a: &[GpuLight], b: &[GpuLight]) -> bool {
-    bytemuck::cast_slice::<GpuLight, u8>(a) == bytemuck::cast_slice::<GpuLight, u8>(b)
+fn same_lights(a: &[GpuDistantLight], b: &[GpuDistantLight]) -> bool {
+    bytemuck::cast_slice::<GpuDistantLight, u8>(a) == bytemuck::cast_slice::<GpuDistantLight, u8>(b)
 }

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a snapshot consists of as device data: assets (meshes, assemblies that are referenced whole, chunks' own blocks, tiles of
-//! textures) and the units that the planner brings and evicts: chunks, each with all it needs, then tiles.
+//! What a snapshot consists of as device data: assets (meshes, assemblies that are referenced whole, chunks' own
+//! blocks, tiles of textures) and the units that the planner brings and evicts: chunks, each with all it needs, then
+//! tiles.
 //!
-//! Asset ids: meshes first (the mesh index), then assemblies (index + meshes), then chunks (index + meshes + assemblies), then
-//! tiles (their number + all those). Unit ids: chunks first, then tiles; the planner calls all of them chunks.
-//! Pure; any thread.
+//! Asset ids: meshes first (the mesh index), then assemblies (index + meshes), then chunks (index + meshes +
+//! assemblies), then tiles (their number + all those). Unit ids: chunks first, then tiles; the planner calls all of
+//! them chunks. Pure; any thread.
 
 use super::source::{AssetKey, Source};
 use crate::error::RenderError;
@@ -195,8 +196,8 @@ impl SceneAssets {
         self.needed.iter().filter_map(|id| Some((*id, self.sources.get(*id as usize)?.key())))
     }
 
-    /// Traversal stack entries below the top level that a walk through `chunk` may need; `own` tells those of an asset's
-    /// own tree.
+    /// Traversal stack entries below the top level that a walk through `chunk` may need; `own` tells those of an
+    /// asset's own tree.
     pub(crate) fn stack_of(&self, chunk: ChunkId, own: impl Fn(AssetId) -> u32) -> u32 {
         // Ids of a closure ascend, so children come before what places them and the chunk itself comes last.
         let mut entries: FxHashMap<AssetId, u32> = FxHashMap::default();

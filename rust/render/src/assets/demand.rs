@@ -6,7 +6,7 @@ use super::source::AssetKey;
 use super::store::Patience;
 use crate::device::Device;
 use crate::error::RenderError;
-use crate::thread::Gate;
+use crate::shared::Gate;
 use crate::timings::Timings;
 use oocpt_core::residency::AssetId;
 use oocpt_gpu::Commands;

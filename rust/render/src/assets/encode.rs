@@ -53,7 +53,8 @@ impl<'a> Writer<'a> {
         Self { gpu, ring, commands: None, pending: 0, submissions: Vec::new(), bytes: 0 }
     }
 
-    /// Fills `count` items of `stride` bytes at `offset` of `target`: `fill` writes items `first..` to the bytes it is given.
+    /// Fills `count` items of `stride` bytes at `offset` of `target`: `fill` writes items `first..` to the bytes it is
+    /// given.
     fn section(
         &mut self,
         target: &dyn DeviceRange,
@@ -73,8 +74,8 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// Staging memory. Nobody waits for it with copies in hand that are not submitted: space comes back in order, so the one
-    /// who holds the oldest would wait for himself.
+    /// Staging memory. Nobody waits for it with copies in hand that are not submitted: space comes back in order, so
+    /// the one who holds the oldest would wait for himself.
     fn reserve(&mut self, bytes: usize) -> Result<StagingSlice, RenderError> {
         if let Some(slice) = self.ring.try_reserve(bytes as u64, 16)? {
             return Ok(slice);

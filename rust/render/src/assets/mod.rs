@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Scene data on the device: what there is (`catalog`), where its bytes come from (`source`), how they get there (`loader`,
-//! `encode`, `build`), what is there now (`store`), the tables that rays go through (`tables`), and all of it from frame to
-//! frame (`cache`).
+//! Scene data on the device: what there is (`catalog`), where its bytes come from (`source`), how they get there
+//! (`load`, `encode`, `build`), what is there now (`store`), the tables that rays go through (`tables`), and all of
+//! it from frame to frame (`cache`).
 //!
-//! The straight line of a mesh from a snapshot to a ray: `catalog` -> `store` -> `loader` -> `encode` -> `build` -> `tables`.
+//! The straight line of a mesh from a snapshot to a ray: `catalog` -> `store` -> `load` -> `encode` -> `build` ->
+//! `tables`.
 
 mod build;
 mod cache;
 mod catalog;
 mod demand;
 mod encode;
-mod loader;
+mod load;
 mod source;
 mod store;
 mod surfaces;
@@ -21,7 +22,6 @@ pub(crate) use cache::{Scene, SceneCache, SceneView};
 pub(crate) use catalog::{MAX_LEVELS, SceneAssets};
 pub(crate) use demand::Brought;
 pub(crate) use encode::Writer;
-pub(crate) use loader::Loader;
 pub(crate) use store::{Patience, Store};
 #[cfg(test)]
 pub(crate) use surfaces::SurfaceEntries;

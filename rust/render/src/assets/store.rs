@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The assets on the device and those on their way: memory -> copied -> built -> ready.
 //!
-//! Kept from frame to frame by content key, so that an edit brings only what changed. Render thread only; the copying is done
-//! by the loader's threads.
+//! Kept from frame to frame by content key, so that an edit brings only what changed. Render thread only; the copying
+//! is done by the loader's threads.
 
 use super::build::{Build, Builder, MOST_BUILDS};
 use super::catalog::SceneAssets;
-use super::loader::Inbox;
+use super::load::Inbox;
 use super::source::{ALIGN, AssetKey, Source};
 use crate::device::Device;
 use crate::error::RenderError;
@@ -155,7 +155,7 @@ impl Store {
             };
             workspace = Some(Arc::new(range));
         }
-        device.loader()?.load(&self.inbox, asset, source, Arc::clone(&memory), workspace.clone())?;
+        self.inbox.load(device.loader()?, asset, source, Arc::clone(&memory), workspace.clone())?;
         self.arriving.insert(asset, Arriving { memory, workspace, copies: None });
         Ok(true)
     }

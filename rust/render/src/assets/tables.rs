@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The tables of addresses that rays go through: chunk instances and the tree over them, chunks, assemblies, meshes, lights,
-//! textures and the pages of their tiles.
+//! The tables of addresses that rays go through: chunk instances and the tree over them, chunks, assemblies, meshes,
+//! lights, textures and the pages of their tiles.
 //!
-//! Always resident. An entry that is zero is absent. The host keeps a mirror and writes changes in a command list, so that
-//! they take effect between two submissions and never inside one. Render thread only.
+//! Always resident. An entry that is zero is absent. The host keeps a mirror and writes changes in a command list, so
+//! that they take effect between two submissions and never inside one. Render thread only.
 
 use super::catalog::{SceneAssets, Slot};
 use super::encode::Writer;
@@ -18,7 +18,8 @@ use oocpt_core::partition::{ChunkInstance, PlacedValues};
 use oocpt_core::residency::AssetId;
 use oocpt_gpu::{Commands, HeapRange};
 use oocpt_shader_abi::{
-    GpuAssembly, GpuChunk, GpuChunkInstance, GpuLevelNode, GpuLight, GpuMesh, GpuTexture, PAGE_BROKEN, TEXTURE_SRGB,
+    GpuAssembly, GpuChunk, GpuChunkInstance, GpuDistantLight, GpuLevelNode, GpuMesh, GpuTexture, PAGE_BROKEN,
+    TEXTURE_SRGB,
 };
 use std::ops::Range;
 use std::time::Duration;
@@ -143,7 +144,7 @@ impl Tables {
             (world.chunks.len(), size_of::<GpuChunk>()),
             (snapshot.assemblies.len(), size_of::<GpuAssembly>()),
             (snapshot.meshes.len(), size_of::<GpuMesh>()),
-            (lights, size_of::<GpuLight>()),
+            (lights, size_of::<GpuDistantLight>()),
         ];
         let surfaces = SurfaceEntries::sizes(&snapshot.surfaces);
         let textures = &assets.textures;
@@ -198,7 +199,7 @@ impl Tables {
         device: &Device,
         assets: &SceneAssets,
         entries: &Entries,
-        lights: &[GpuLight],
+        lights: &[GpuDistantLight],
     ) -> Result<Self, RenderError> {
         let world = &assets.snapshot.world;
         let instances: Vec<GpuChunkInstance> = world.instances.iter().map(chunk_instance).collect();
@@ -225,8 +226,8 @@ impl Tables {
         Ok(tables)
     }
 
-    /// Records that the entries of `changed` (sorted) become what `entries` says. There may be thousands of tiles in a step: those that
-    /// lie near each other go in one command, with what is between.
+    /// Records that the entries of `changed` (sorted) become what `entries` says. There may be thousands of tiles in a
+    /// step: those that lie near each other go in one command, with what is between.
     pub(crate) fn update(&self, commands: &mut Commands, assets: &SceneAssets, entries: &Entries, changed: &[AssetId]) {
         let mut tiles = Vec::new();
         for &asset in changed {

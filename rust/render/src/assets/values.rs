@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Tables of values by instance: entries of the columns, one more that ends them, then the values of each column in the order of the
-//! rows. Pure.
+//! Tables of values by instance: entries of the columns, one more that ends them, then the values of each column in the
+//! order of the rows. Pure.
 
 use super::source::ALIGN;
 use oocpt_core::scene::InstanceColumn;

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What single scattering by rough glass loses, for `shaders/include/bsdf/glass.glsl`, which says what it is for.
 //!
-//! Guarantees: [`bytes`] is 1.4 MB that are part of the program, made by `examples/bsdf_tables.rs` from what stands here: no time is spent
-//! on it. What is looked up in it is right to 1e-3 for any roughness, cosine and index of refraction (a test asks), and its averages are
-//! those of what is looked up, to rounding. Pure; any thread. Only scenes with rough glass ask.
+//! Guarantees: [`bytes`] is 1.4 MB that are part of the program, made by `examples/bsdf_tables.rs` from what stands
+//! here: no time is spent on it. What is looked up in it is right to 1e-3 for any roughness, cosine and index of
+//! refraction (a test asks), and its averages are those of what is looked up, to rounding. Pure; any thread. Only
+//! scenes with rough glass ask.
 //!
-//! A node is a roughness and an index; each has two rows of losses over the cosine, one per side, with columns of its own, since what
-//! bends follows alpha and the angle of total reflection. A lookup asks the four nodes about it, each at the cosine, and mixes: so an average
-//! of lookups is the mixture of the nodes' averages.
+//! A node is a roughness and an index; each has two rows of losses over the cosine, one per side, with columns of its
+//! own, since what bends follows alpha and the angle of total reflection. A lookup asks the four nodes about it, each
+//! at the cosine, and mixes: so an average of lookups is the mixture of the nodes' averages.
 //!
-//! Sources: Walter et al. 2007 (refraction by microfacets), Heitz 2014 (masking), Dupuy and Benyoub 2023 (visible normals), Kulla and
-//! Conty 2017 (what the averages are for).
+//! Sources: Walter et al. 2007 (refraction by microfacets), Heitz 2014 (masking), Dupuy and Benyoub 2023 (visible
+//! normals), Kulla and Conty 2017 (what the averages are for).
 
 use super::{part, roughness_of};
 use std::f64::consts::PI;
@@ -21,7 +22,8 @@ pub const ROUGHNESSES: usize = 64;
 pub const IORS: usize = 64;
 /// Cosines on the side of the lower index, and on the other, placed by `Columns`.
 pub const COSINES: [usize; 2] = [64, 96];
-/// Floats of a node: 1 / alpha, cosine of total reflection, then for each side what places a column (factor, offset), averages.
+/// Floats of a node: 1 / alpha, cosine of total reflection, then for each side what places a column (factor, offset),
+/// averages.
 pub const NODE_FLOATS: usize = 8;
 /// Bytes in all: nodes, then the losses as 16 bits of 0..=1, both sides of a node one after the other.
 pub const BYTES: usize = IORS * ROUGHNESSES * (4 * NODE_FLOATS + 2 * (COSINES[0] + COSINES[1]));
@@ -41,7 +43,8 @@ pub fn bytes() -> &'static [u8] {
 /// Numbers that are worked out side by side.
 const LANES: usize = 8;
 
-/// Places on the spherical cap of visible normals: a lattice that is denser at the rim, where the few normals are that look aside.
+/// Places on the spherical cap of visible normals: a lattice that is denser at the rim, where the few normals are that
+/// look aside.
 #[derive(Debug)]
 pub struct Normals {
     /// Cosine and sine of the turn, height below the top of the cap over its whole height, measure.
@@ -68,8 +71,8 @@ impl Normals {
         Self { points, whole }
     }
 
-    /// The loss at one cosine: `1 - F G2 / G1 - (1 - F) G1` over these normals. A sum of losses, as it is small where it is a difference.
-    /// `eta` = index beyond / index on the viewer's side.
+    /// The loss at one cosine: `1 - F G2 / G1 - (1 - F) G1` over these normals. A sum of losses, as it is small where
+    /// it is a difference. `eta` = index beyond / index on the viewer's side.
     #[must_use]
     pub fn loss(&self, cosine: f64, alpha: f64, eta: f64) -> f64 {
         let cosine = cosine.max(1e-7);
@@ -106,7 +109,8 @@ impl Normals {
     }
 }
 
-/// How the root of (ior - 1) / (ior + 1) is spread at an alpha: logarithmically above `near`, from `least` on, below which glass is sharp.
+/// How the root of (ior - 1) / (ior + 1) is spread at an alpha: logarithmically above `near`, from `least` on, below
+/// which glass is sharp.
 struct Spread {
     near: f64,
     least: f64,
@@ -131,8 +135,8 @@ impl Spread {
     }
 }
 
-/// Where the columns of a side of a node are: equally far apart in `(shape(cosine) - offset) * factor`. They crowd where the cosine is about
-/// alpha, and on the denser side at the angle of total reflection.
+/// Where the columns of a side of a node are: equally far apart in `(shape(cosine) - offset) * factor`. They crowd
+/// where the cosine is about alpha, and on the denser side at the angle of total reflection.
 #[derive(Clone, Copy, Debug)]
 struct Columns {
     alpha: f64,

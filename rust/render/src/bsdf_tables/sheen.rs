@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Directional albedo of sheen, for `shaders/include/bsdf/sheen.glsl`, which says what sheen is.
 //!
-//! Guarantees: [`bytes`] is 23 KB that are part of the program, made by `examples/bsdf_tables.rs` from [`compute`] in f64; all values are finite and in
-//! 0..=1. Pure; any thread. No scene asks today.
+//! Guarantees: [`bytes`] is 23 KB that are part of the program, made by `examples/bsdf_tables.rs` from [`compute`] in
+//! f64; all values are finite and in 0..=1. Pure; any thread. No scene asks today.
 //!
-//! Sources: Conty and Kulla 2017, "Production friendly microfacet sheen BRDF" (the distribution of normals, layering by albedo); Neubelt and Pettineo
-//! 2013, "Crafting a next-gen material pipeline for The Order: 1886" (what stands for masking).
+//! Sources: Conty and Kulla 2017, "Production friendly microfacet sheen BRDF" (the distribution of normals, layering by
+//! albedo); Neubelt and Pettineo 2013, "Crafting a next-gen material pipeline for The Order: 1886" (what stands for
+//! masking).
 
 use super::{Row, part};
 use rayon::prelude::*;
@@ -144,8 +145,9 @@ mod tests {
 
     #[test]
     fn albedos_are_those_known() {
-        // Seen from above with roughness 1: D = 3 sin(t / 2) / (2 pi) and 1 / 4 instead of masking, so E is the integral of
-        // 3 / 4 sin(t / 2) cos t sin t over t = 0..pi/2, which with s = sin(t / 2) is that of 3 s^2 (1 - 2 s^2) over 0..sqrt(1/2) = sqrt(2) / 10.
+        // Seen from above with roughness 1: D = 3 sin(t / 2) / (2 pi) and 1 / 4 instead of masking, so E is the
+        // integral of 3 / 4 sin(t / 2) cos t sin t over t = 0..pi/2, which with s = sin(t / 2) is that of 3 s^2 (1 - 2
+        // s^2) over 0..sqrt(1/2) = sqrt(2) / 10.
         let known = f64::sqrt(2.0) / 10.0;
         let found = albedo(1.0, 1.0, [16, 4096]);
         assert!((found - known).abs() < 1e-5, "{found}, not {known}");

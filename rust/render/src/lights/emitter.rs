@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The triangles of one mesh that emit light, with the weights that its materials have for one prim: leaves of a few faces each and a
-//! tree over them, all in the mesh's frame. Shared by all placements that weigh the same. Pure.
+//! The triangles of one mesh that emit light, with the weights that its materials have for one prim: leaves of a few
+//! faces each and a tree over them, all in the mesh's frame. Shared by all placements that weigh the same. Pure.
 
-use super::glow::{Glow, Glows};
+use super::glow::{EmittedPower, Glows};
 use super::narrow;
 use super::tree::{self, LightBounds, NOTHING};
 use oocpt_core::mesh::MeshAsset;
@@ -168,7 +168,7 @@ fn even_out(face: &mut [Part]) {
 fn part(mesh: &MeshAsset, glows: &Glows, at: usize) -> Option<Part> {
     let triangle = mesh.triangles.get(at)?;
     let slot = mesh.subsets.get(at).copied().unwrap_or(0);
-    let glow: &Glow = glows.by_slot.get(usize::from(slot))?;
+    let glow: &EmittedPower = glows.by_slot.get(usize::from(slot))?;
     let corners = glow.corners(mesh, at);
     let weight = glow.weight(&corners, glows.scale);
     let [a, b, c] = triangle.vertices.map(|v| v.map(f64::from));

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The light table: all lights of a scene whose lights are more than constant domes and distant lights.
 
-use super::files::{FileCache, LightFiles};
+use super::files::FileCache;
 use super::picture::EncodedPicture;
 use super::tree::{self, LightBounds};
 use super::{EVEN_SHARE, MeshLights, count, local, luminance, narrow};
+use crate::light_files::LightFiles;
 use oocpt_core::scene::{AssetRef, DomeTexture, Emitter, IesProfile, Light, LocalLight, Snapshot};
 use oocpt_shader_abi::{
     Features, GpuInfiniteLight, GpuLightKind, GpuLightNode, GpuLightShaping, GpuLocalLight, LightFlags, Lighting,
@@ -137,8 +138,9 @@ impl GeneralLights {
         self.features = self.find_features();
     }
 
-    /// Makes the table such that passes may be compiled with all that they can know of lights, and choose as they would without: an
-    /// empty tree where there is none, and meshes of no power beside the local lights. Gives these features.
+    /// Makes the table such that passes may be compiled with all that they can know of lights, and choose as they would
+    /// without: an empty tree where there is none, and meshes of no power beside the local lights. Gives these
+    /// features.
     pub(crate) fn carry(&mut self) -> Features {
         if self.nodes.is_empty() {
             self.nodes = tree::build(&[]);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What the materials of a prim emit, as far as choosing points of it by light needs to know. Render thread only.
 
-use super::glow_map::{Finish, GlowMap};
+use super::emission_map::{EmissionMap, Finish};
 use super::{emission_weight, narrow};
 use crate::textures::TextureCache;
 use oocpt_core::material::{Input, InputName};
@@ -18,7 +18,7 @@ const MAX_MAPS: usize = 1024;
 
 /// What a slot emits.
 #[derive(Clone, Debug)]
-pub(super) enum Glow {
+pub(super) enum EmittedPower {
     /// The same everywhere: what a unit of area counts for, 0: nothing.
     Even(f32),
     /// A primvar, by the number of its name, or the fallback where the mesh does not have it.
@@ -27,10 +27,10 @@ pub(super) enum Glow {
     Picture(Picture),
 }
 
-/// See [`Glow::Picture`].
+/// See [`EmittedPower::Picture`].
 #[derive(Clone, Debug)]
 pub(super) struct Picture {
-    map: Arc<GlowMap>,
+    map: Arc<EmissionMap>,
     /// Number of the name of its texture coordinates, if it has any.
     set: Option<u32>,
     /// Those of a mesh that does not have them.
@@ -41,7 +41,7 @@ pub(super) struct Picture {
 /// The slots of a prim, and the weight that 1 stands for.
 #[derive(Clone, Debug)]
 pub(super) struct Glows {
-    pub(super) by_slot: Vec<Glow>,
+    pub(super) by_slot: Vec<EmittedPower>,
     pub(super) scale: f32,
 }
 
@@ -55,21 +55,21 @@ pub(super) struct Placed {
 
 /// Maps that are kept from snapshot to snapshot.
 #[derive(Debug, Default)]
-pub(super) struct GlowMaps {
-    known: Vec<(TextureRef, Finish, Arc<GlowMap>, bool)>,
+pub(super) struct EmissionMaps {
+    known: Vec<(TextureRef, Finish, Arc<EmissionMap>, bool)>,
     made: u64,
 }
 
-impl GlowMaps {
+impl EmissionMaps {
     /// What each material emits. Forgets the maps of others.
-    pub(super) fn glows(&mut self, snapshot: &Snapshot, images: Option<&TextureCache>) -> Vec<Option<Glow>> {
+    pub(super) fn glows(&mut self, snapshot: &Snapshot, images: Option<&TextureCache>) -> Vec<Option<EmittedPower>> {
         let materials = snapshot.surfaces.materials.iter();
         let glows = materials.map(|material| glow(snapshot, material, self, images)).collect();
         self.known.retain_mut(|(.., is_used)| std::mem::take(is_used));
         glows
     }
 
-    fn get(&mut self, texture: &TextureRef, finish: Finish, images: &TextureCache) -> Arc<GlowMap> {
+    fn get(&mut self, texture: &TextureRef, finish: Finish, images: &TextureCache) -> Arc<EmissionMap> {
         let is_it = |entry: &&mut (TextureRef, Finish, _, bool)| entry.0 == *texture && entry.1 == finish;
         if let Some((.., map, is_used)) = self.known.iter_mut().find(is_it) {
             *is_used = true;
@@ -83,41 +83,42 @@ impl GlowMaps {
         map
     }
 
-    /// A file that cannot be read shows its fallback; the textures' own warning says why. Sets of files are taken as even.
-    fn make(&self, texture: &TextureRef, finish: &Finish, images: &TextureCache) -> GlowMap {
+    /// A file that cannot be read shows its fallback; the textures' own warning says why. Sets of files are taken as
+    /// even.
+    fn make(&self, texture: &TextureRef, finish: &Finish, images: &TextureCache) -> EmissionMap {
         if texture.asset.resolved.contains("<UDIM>") || self.known.len() >= MAX_MAPS {
-            return GlowMap::even(1.0, self.made);
+            return EmissionMap::even(1.0, self.made);
         }
         let fallback =
-            || GlowMap::even(emission_weight(finish.color(texture.fallback.map(f64::from), false)), self.made);
+            || EmissionMap::even(emission_weight(finish.color(texture.fallback.map(f64::from), false)), self.made);
         if texture.asset.resolved.is_empty() {
             return fallback();
         }
         let Some(image) = images.image(texture) else { return fallback() };
         // One that opens and cannot be read here may be read tile by tile.
-        GlowMap::of_image(&*image, texture, finish, self.made).unwrap_or_else(|error| {
+        EmissionMap::of_image(&*image, texture, finish, self.made).unwrap_or_else(|error| {
             tracing::debug!(%error, file = &*texture.asset.authored, "emission is taken as even");
-            GlowMap::even(1.0, self.made)
+            EmissionMap::even(1.0, self.made)
         })
     }
 }
 
 impl Glows {
-    /// Those of a prim, if one of its slots emits; `materials` as [`GlowMaps::glows`] gives them.
-    pub(super) fn of_prim(snapshot: &Snapshot, prim_id: i64, materials: &[Option<Glow>]) -> Option<Self> {
+    /// Those of a prim, if one of its slots emits; `materials` as [`EmissionMaps::glows`] gives them.
+    pub(super) fn of_prim(snapshot: &Snapshot, prim_id: i64, materials: &[Option<EmittedPower>]) -> Option<Self> {
         let slots = snapshot.surfaces.slots(i32::try_from(prim_id).ok()?);
         let glow = |&slot: &u32| materials.get(slot as usize).filter(|_| slot != NO_MATERIAL).cloned().flatten();
-        Self::scaled(slots.iter().map(|slot| glow(slot).unwrap_or(Glow::Even(0.0))).collect())
+        Self::scaled(slots.iter().map(|slot| glow(slot).unwrap_or(EmittedPower::Even(0.0))).collect())
     }
 
-    fn scaled(mut by_slot: Vec<Glow>) -> Option<Self> {
-        let largest = by_slot.iter().map(Glow::typical).fold(0.0, f32::max);
+    fn scaled(mut by_slot: Vec<EmittedPower>) -> Option<Self> {
+        let largest = by_slot.iter().map(EmittedPower::typical).fold(0.0, f32::max);
         // Weights that are no normal numbers would lose their meaning.
         if !largest.is_normal() {
             return None;
         }
         for glow in &mut by_slot {
-            if let Glow::Even(weight) = glow {
+            if let EmittedPower::Even(weight) = glow {
                 *weight /= largest;
             }
         }
@@ -130,7 +131,7 @@ impl Glows {
             let is_own = mesh.primvars.iter().any(|primvar| primvar.id == name);
             values.iter().find(|value| value.0 == name && !is_own).map(|value| value.1)
         };
-        let has_value = |glow: &Glow| glow.name().is_some_and(|name| value(name).is_some());
+        let has_value = |glow: &EmittedPower| glow.name().is_some_and(|name| value(name).is_some());
         if values.is_empty() || !self.by_slot.iter().any(has_value) {
             return None;
         }
@@ -139,16 +140,16 @@ impl Glows {
             let here = glow.name().and_then(value);
             emissions.push([f32::from_bits(NO_VALUE); 3]);
             by_slot.push(match (glow, here) {
-                (Glow::Even(weight), _) => Glow::Even(weight * self.scale),
+                (EmittedPower::Even(weight), _) => EmittedPower::Even(weight * self.scale),
                 (other, None) => other.clone(),
                 // Places in a picture that an instance knows are left to rays.
-                (Glow::Picture(_), Some(_)) => Glow::Even(0.0),
-                (Glow::Primvar(..), Some([r, g, b, _])) => {
+                (EmittedPower::Picture(_), Some(_)) => EmittedPower::Even(0.0),
+                (EmittedPower::Primvar(..), Some([r, g, b, _])) => {
                     if let Some(emission) = emissions.last_mut() {
                         *emission = [r, g, b];
                     }
                     let usable = |v: f32| if v > 0.0 && v <= MAX_EMISSION { f64::from(v) } else { 0.0 };
-                    Glow::Even(narrow(emission_weight([r, g, b].map(usable))))
+                    EmittedPower::Even(narrow(emission_weight([r, g, b].map(usable))))
                 }
             });
         }
@@ -161,12 +162,12 @@ impl Glows {
         let mut key = Vec::new();
         for glow in &self.by_slot {
             match glow {
-                Glow::Even(weight) => key.extend([0, weight.to_bits()]),
-                Glow::Primvar(name, fallback) => {
+                EmittedPower::Even(weight) => key.extend([0, weight.to_bits()]),
+                EmittedPower::Primvar(name, fallback) => {
                     key.extend([1, self.scale.to_bits(), *name]);
                     key.extend(fallback.map(f32::to_bits));
                 }
-                Glow::Picture(Picture { map, set, fallback, rows }) => {
+                EmittedPower::Picture(Picture { map, set, fallback, rows }) => {
                     let [low, high] = super::emitter::halves(map.number);
                     key.extend([2, self.scale.to_bits(), low, high, set.unwrap_or(u32::MAX)]);
                     key.extend(fallback.iter().chain(rows.as_flattened()).map(|v| v.to_bits()));
@@ -177,7 +178,7 @@ impl Glows {
     }
 }
 
-impl Glow {
+impl EmittedPower {
     /// A weight of its order of magnitude.
     fn typical(&self) -> f32 {
         match self {
@@ -213,7 +214,8 @@ impl Glow {
         }
     }
 
-    /// What a unit of a triangle's area counts for; `corners` as they are given by [`Glow::corners`], `scale` of the prim.
+    /// What a unit of a triangle's area counts for; `corners` as they are given by [`EmittedPower::corners`], `scale`
+    /// of the prim.
     pub(super) fn weight(&self, corners: &[[f32; 3]; 3], scale: f32) -> f64 {
         match self {
             Self::Even(weight) => f64::from(*weight),
@@ -236,7 +238,12 @@ impl Picture {
 
 /// What a material emits; `None` if it is none that lights are made of: those that are not there everywhere, and Ptex,
 /// which shines on what rays that are reflected find it.
-fn glow(snapshot: &Snapshot, material: &Material, maps: &mut GlowMaps, images: Option<&TextureCache>) -> Option<Glow> {
+fn glow(
+    snapshot: &Snapshot,
+    material: &Material,
+    maps: &mut EmissionMaps,
+    images: Option<&TextureCache>,
+) -> Option<EmittedPower> {
     if !material.flags.contains(MaterialFlags::EMISSIVE) || material.flags.contains(MaterialFlags::PRESENCE) {
         return None;
     }
@@ -244,10 +251,10 @@ fn glow(snapshot: &Snapshot, material: &Material, maps: &mut GlowMaps, images: O
         Input::Constant([r, g, b, _]) => {
             let emission = [*r, *g, *b].map(|c| c.max(0.0));
             let usable = emission.iter().all(|c| *c <= MAX_EMISSION);
-            Some(Glow::Even(if usable { narrow(emission_weight(emission.map(f64::from))) } else { 0.0 }))
+            Some(EmittedPower::Even(if usable { narrow(emission_weight(emission.map(f64::from))) } else { 0.0 }))
         }
         Input::Primvar { slot, fallback: [r, g, b, _] } => {
-            Some(Glow::Primvar(material.primvars.get(usize::from(*slot))?.id, [*r, *g, *b]))
+            Some(EmittedPower::Primvar(material.primvars.get(usize::from(*slot))?.id, [*r, *g, *b]))
         }
         Input::Texture { texture, channel, scale, bias, uv, transform } => {
             let texture = snapshot.surfaces.textures.get(*texture as usize)?;
@@ -262,7 +269,7 @@ fn glow(snapshot: &Snapshot, material: &Material, maps: &mut GlowMaps, images: O
                 None => None,
             };
             let fallback = set.map_or([0.0; 2], |set| set.fallback);
-            Some(Glow::Picture(Picture { map, set: set.map(|set| set.id), fallback, rows: *transform }))
+            Some(EmittedPower::Picture(Picture { map, set: set.map(|set| set.id), fallback, rows: *transform }))
         }
     }
 }

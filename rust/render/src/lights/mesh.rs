@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Meshes that emit light, as lights: which placements take part, the tree over them, and the tables that hits are looked up in
-//! (`shaders/include/light_mesh.glsl`).
+//! Meshes that emit light, as lights: which placements take part, the tree over them, and the tables that hits are
+//! looked up in (`shaders/include/light_mesh.glsl`).
 //!
 //! A placement takes part if its prim has a material that emits and has no cutouts, and if the prim, instance and mesh
-//! of a hit tell it from all others. Not so where texture coordinates of what it emits come from an instancer. Memory grows with unique triangles and with placements, both bounded; what is beyond is met by
-//! rays alone, which loses no light. Depends on the snapshot only, not on what is on the device. Pure.
+//! of a hit tell it from all others. Not so where texture coordinates of what it emits come from an instancer. Memory
+//! grows with unique triangles and with placements, both bounded; what is beyond is met by rays alone, which loses no
+//! light. Depends on the snapshot only, not on what is on the device. Pure.
 
 use super::emitter::{Emitter, cross, dot, halves};
-use super::glow::{Glow, GlowMaps, Glows, Placed};
+use super::glow::{EmissionMaps, EmittedPower, Glows, Placed};
 use super::local::finite_power;
 use super::tree::{self, LightBounds, NOTHING};
 use super::{EVEN_SHARE, count, narrow};
@@ -59,7 +60,7 @@ pub(crate) struct MeshLights {
 pub(crate) struct MeshLightCache {
     last: Option<(u64, Weak<World>, Option<Arc<MeshLights>>)>,
     emitters: FxHashMap<EmitterKey, Option<Arc<Emitter>>>,
-    maps: GlowMaps,
+    maps: EmissionMaps,
 }
 
 type EmitterKey = (u128, Vec<u32>);
@@ -207,7 +208,7 @@ impl Making {
             self.placements.push(gpu);
             self.bounds.push(bounds);
             self.placed_values.extend(placed.iter().flat_map(|placed| &placed.emissions));
-            self.has_textures |= glows.by_slot.iter().any(|glow| matches!(glow, Glow::Picture(_)));
+            self.has_textures |= glows.by_slot.iter().any(|glow| matches!(glow, EmittedPower::Picture(_)));
         }
     }
 

@@ -2,10 +2,11 @@
 //! Mesh lights on the host, and the densities that the device finds for them.
 
 use super::emitter::Emitter;
-use super::glow::{Glow, Glows};
+use super::glow::{EmittedPower, Glows};
 use super::tests::probe;
 use super::tree::trails;
-use super::{FileCache, LightTable, MeshLightCache, MeshLights, NoFiles, narrow};
+use super::{FileCache, LightTable, MeshLightCache, MeshLights, narrow};
+use crate::NoFiles;
 use crate::assets::SurfaceEntries;
 use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::scene::{
@@ -139,8 +140,8 @@ fn closed_meshes_shine_outwards() {
             mesh.face_vertex_indices = TypedArray::of(faces.concat());
         }
         let scene = snapshot(|db| db.upsert_mesh(mesh));
-        let emitter =
-            Emitter::new(&scene.meshes[0], &Glows { by_slot: vec![Glow::Even(1.0)], scale: 1.0 }).expect("it emits");
+        let emitter = Emitter::new(&scene.meshes[0], &Glows { by_slot: vec![EmittedPower::Even(1.0)], scale: 1.0 })
+            .expect("it emits");
         let wanted = if is_open { 20.0 } else { 24.0 };
         assert!((emitter.bounds.power - wanted).abs() < 1e-6, "area: {}", emitter.bounds.power);
         for node in &emitter.nodes {

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The lights as the passes need them.
 //!
-//! Scenes of constant domes and distant lights take [`LightTable`]'s sums and its table of distant lights (`plain`). All others,
-//! and all with materials, take [`GeneralLights`]: local lights under a light tree (`local`, `tree`), lights at infinity
-//! (`infinite`), pictures (`picture`), measured profiles and meshes that emit light (`mesh`, `emitter`). What belongs to the device is
-//! laid out by `upload`.
+//! Scenes of constant domes and distant lights take [`LightTable`]'s sums and its table of distant lights (`plain`).
+//! All others, and all with materials, take [`GeneralLights`]: local lights under a light tree (`local`, `tree`),
+//! lights at infinity (`infinite`), pictures (`picture`), measured profiles and meshes that emit light (`mesh`,
+//! `emitter`). What belongs to the device is laid out by `upload`.
 //!
 //! Pure but for the reading of files, which goes through [`LightFiles`]. Render thread only.
 
+mod emission_map;
 mod emitter;
 mod files;
 mod general;
 mod glow;
-mod glow_map;
 mod local;
 mod mesh;
 #[cfg(test)]
@@ -26,13 +26,13 @@ mod tree;
 mod upload;
 
 pub(crate) use files::FileCache;
-pub use files::{LightFiles, LightPicture, NoFiles};
 pub(crate) use general::GeneralLights;
 pub(crate) use mesh::{MeshLightCache, MeshLights};
 pub(crate) use upload::LightTables;
 
+use crate::light_files::LightFiles;
 use oocpt_core::scene::{Emitter, Light, Snapshot};
-use oocpt_shader_abi::{Features, GpuLight};
+use oocpt_shader_abi::{Features, GpuDistantLight};
 use plain::PlainLights;
 use std::sync::Arc;
 
@@ -49,8 +49,8 @@ pub(crate) struct LightTable {
 }
 
 impl LightTable {
-    /// Sorts the lights. `camera_visible` is the setting that hides every dome from the camera when false; `has_materials` asks for
-    /// the general table whatever the lights are. Gives warnings about files.
+    /// Sorts the lights. `camera_visible` is the setting that hides every dome from the camera when false;
+    /// `has_materials` asks for the general table whatever the lights are. Gives warnings about files.
     pub(crate) fn new(
         snapshot: &Snapshot,
         lights: &[Light],
@@ -85,7 +85,7 @@ impl LightTable {
     }
 
     /// The table of distant lights for passes without the light table.
-    pub(crate) fn distant(&self) -> &[GpuLight] {
+    pub(crate) fn distant(&self) -> &[GpuDistantLight] {
         if self.general.is_some() { &[] } else { &self.plain.distant }
     }
 

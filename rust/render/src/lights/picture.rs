@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Pictures of domes and rectangles on the device: texels, and for domes a distribution over cells of the picture. Pure.
+//! Pictures of domes and rectangles on the device: texels, and for domes a distribution over cells of the picture.
+//! Pure.
 //!
-//! A cell's weight is the integral over it of the interpolated luminance times the sine of the polar angle, plus a small share of the
-//! mean. Guide: Chen and Asau 1974, "On Generating Random Variates from an Empirical Distribution".
+//! A cell's weight is the integral over it of the interpolated luminance times the sine of the polar angle, plus a
+//! small share of the mean. Guide: Chen and Asau 1974, "On Generating Random Variates from an Empirical Distribution".
 
-use super::files::LightPicture;
 use super::{luminance, narrow};
+use crate::light_files::LightPicture;
 use oocpt_shader_abi::{GpuCdf, MAP_FLOAT, MAP_HALF};
 use std::f64::consts::PI;
 
@@ -99,8 +100,9 @@ fn encode(picture: &LightPicture, format: u32) -> Vec<u8> {
     }
 }
 
-/// Integral of the luminance over each cell, in solid angle, the top row first: of the interpolated picture, exactly, but that the solid
-/// angle counts as even within a cell. So what a sample brings is nearly the same wherever it falls, at the rim of a sun too.
+/// Integral of the luminance over each cell, in solid angle, the top row first: of the interpolated picture, exactly,
+/// but that the solid angle counts as even within a cell. So what a sample brings is nearly the same wherever it falls,
+/// at the rim of a sun too.
 fn cells(picture: &LightPicture, columns: u32, rows: u32) -> Vec<f64> {
     let (width, height) = (picture.width as usize, picture.height as usize);
     let (columns, rows) = (columns as usize, rows as usize);
@@ -128,8 +130,8 @@ fn cells(picture: &LightPicture, columns: u32, rows: u32) -> Vec<f64> {
     weights
 }
 
-/// Texels (by `place`, which brings numbers outside of `0..texels` inside) that cell `cell` of `cells` along a side shows by linear
-/// interpolation, each with its share of the cell's mean.
+/// Texels (by `place`, which brings numbers outside of `0..texels` inside) that cell `cell` of `cells` along a side
+/// shows by linear interpolation, each with its share of the cell's mean.
 fn shares(cell: usize, cells: usize, texels: usize, place: impl Fn(i64) -> i64) -> Vec<(usize, f64)> {
     let size = to_f64(texels) / to_f64(cells);
     let (from, to) = (to_f64(cell) * size, to_f64(cell + 1) * size);
@@ -219,7 +221,8 @@ pub(super) fn piecewise(weights: &[f64]) -> Vec<GpuCdf> {
 mod tests {
     use super::*;
 
-    /// The picture's luminance, interpolated, at a point in texels from the upper left; around the sides, repeated above and below.
+    /// The picture's luminance, interpolated, at a point in texels from the upper left; around the sides, repeated
+    /// above and below.
     fn interpolated(picture: &LightPicture, x: f64, y: f64) -> f64 {
         let (width, height) = (i64::from(picture.width), i64::from(picture.height));
         let (left, top) = ((x - 0.5).floor(), (y - 0.5).floor());

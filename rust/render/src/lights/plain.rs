@@ -3,7 +3,7 @@
 
 use super::luminance;
 use oocpt_core::scene::{Emitter, Light};
-use oocpt_shader_abi::GpuLight;
+use oocpt_shader_abi::GpuDistantLight;
 
 /// The constant domes and the distant lights of a snapshot.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -19,7 +19,7 @@ pub(crate) struct PlainLights {
     /// Probability of choosing the dome for a shadow ray.
     pub(crate) dome_select: f32,
     /// The distant lights, probabilities in proportion to their irradiance.
-    pub(crate) distant: Vec<GpuLight>,
+    pub(crate) distant: Vec<GpuDistantLight>,
 }
 
 impl PlainLights {
@@ -42,7 +42,7 @@ impl PlainLights {
                 Emitter::Distant { direction, one_minus_cos } => {
                     let solid_angle = std::f64::consts::TAU * f64::from(one_minus_cos);
                     powers.push(luminance(radiance) * if one_minus_cos > 0.0 { solid_angle } else { 1.0 });
-                    table.distant.push(GpuLight {
+                    table.distant.push(GpuDistantLight {
                         direction,
                         one_minus_cos,
                         radiance,

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Pictures of lights read from images: the finest level, linear, the top row first.
 
-use super::LightPicture;
 use super::picture::MAX_TEXELS;
+use crate::light_files::LightPicture;
 use crate::textures::{Image, ImageError};
 use half::f16;
 

@@ -25,7 +25,8 @@ fn light(i: u32) -> LightBounds {
     }
 }
 
-/// Every light below `node`, with the depth of its leaf; checks that children are inside what their parent says of them.
+/// Every light below `node`, with the depth of its leaf; checks that children are inside what their parent says of
+/// them.
 fn leaves(nodes: &[GpuLightNode], node: usize, depth: u32, found: &mut Vec<(u32, u32)>) -> ([f32; 3], [f32; 3], f64) {
     let at = &nodes[node];
     let (mut min, mut max, mut power) = ([f32::MAX; 3], [f32::MIN; 3], 0.0);
@@ -103,13 +104,14 @@ fn a_distribution_gives_back_its_probabilities_and_guides_to_them() {
 
 /// What the probe pass finds on the device.
 pub(super) mod probe {
-    use super::super::{FileCache, LightTable, LightTables, NoFiles};
+    use super::super::{FileCache, LightTable, LightTables};
+    use crate::NoFiles;
     use crate::assets::SurfaceEntries;
     use crate::device::{Device, DeviceOptions, Specialisation};
     use bytemuck::Zeroable;
     use oocpt_core::{LightDesc, LightKind, PrimDesc, SceneDb};
     use oocpt_gpu::{Buffer, Usage};
-    use oocpt_shader_abi::{Features, Frame, Lobes, Push, Ray, groups, passes};
+    use oocpt_shader_abi::{Features, Frame, Push, Ray, groups, passes};
     use std::time::Duration;
 
     const RECEIVERS: u32 = 4096;
@@ -210,7 +212,7 @@ pub(super) mod probe {
             block.material_slots = put(bytemuck::cast_slice(slots));
         }
         frame.write(0, bytemuck::bytes_of(&block)).expect("mapped");
-        let special = Specialisation { max_levels: 1, stack_size: 64, features, lobes: Lobes::empty() };
+        let special = Specialisation { max_levels: 1, stack_size: 64, features, fault: 0 };
         let pipeline = device.pipeline(&passes::LIGHTS_PROBE, special).expect("it compiles");
         modes.map(|mode| {
             let push = Push::wave(frame.address(), 0, RECEIVERS, RECEIVERS).with(0, mode);
@@ -251,9 +253,9 @@ pub(super) mod probe {
                 assert_eq!(chosen.to_bits(), seen.to_bits(), "{count} lights: light {light}");
                 apart.push((ratio - 1.0).abs());
             }
-            // At a silhouette the ray to a sampled point may meet the shape a little before it, where the cosine, near 0 in both
-            // places, is another: there, and only there, the two densities may be apart by any factor. (Measured: all within 5e-4
-            // but for the last per cent; the worst of 3586 is 4.2.)
+            // At a silhouette the ray to a sampled point may meet the shape a little before it, where the cosine, near
+            // 0 in both places, is another: there, and only there, the two densities may be apart by any factor.
+            // (Measured: all within 5e-4 but for the last per cent; the worst of 3586 is 4.2.)
             apart.sort_by(f32::total_cmp);
             let typical = apart[apart.len() * 99 / 100];
             assert!(typical < 1e-3, "{count} lights: densities differ by {typical} at one sample of a hundred");

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The light tree: which lights are near each other and look the same way (`shaders/include/light_tree.glsl` walks it).
 //!
-//! Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting" (surface area orientation
-//! heuristic, eq. 1); cones after Pharr et al. 2023, 3.8.4 and 12.6.3. Built top down in bins; below `HEURISTIC_DEPTH` halves are cut
-//! off by number, so that no way is longer than [`LIGHT_TREE_DEPTH`]. Pure; the result depends on the lights' order only.
+//! Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting" (surface area
+//! orientation heuristic, eq. 1); cones after Pharr et al. 2023, 3.8.4 and 12.6.3. Built top down in bins; below
+//! `HEURISTIC_DEPTH` halves are cut off by number, so that no way is longer than [`LIGHT_TREE_DEPTH`]. Pure; the result
+//! depends on the lights' order only.
 
 use super::narrow;
 use oocpt_shader_abi::{GpuLightNode, LIGHT_LEAF, LIGHT_TREE_DEPTH};
@@ -109,8 +110,8 @@ impl LightBounds {
     }
 }
 
-/// The nodes, the root first; leaves name lights by their number in `lights`. Not more than [`MAX_LIGHTS`] are taken. Lights of
-/// power 0 are never chosen, nor found by rays.
+/// The nodes, the root first; leaves name lights by their number in `lights`. Not more than [`MAX_LIGHTS`] are taken.
+/// Lights of power 0 are never chosen, nor found by rays.
 pub(super) fn build(lights: &[LightBounds]) -> Vec<GpuLightNode> {
     let count = u32::try_from(lights.len().min(MAX_LIGHTS)).unwrap_or_default();
     let mut order: Vec<u32> = (0..count).collect();

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The light table on the device: always resident, in the scene's heap, so that it counts in the budget. Render thread only.
+//! The light table on the device: always resident, in the scene's heap, so that it counts in the budget. Render thread
+//! only.
 //!
-//! Pictures and meshes that emit light stay from frame to frame as long as they are used; the rest is small and is written anew.
+//! Pictures and meshes that emit light stay from frame to frame as long as they are used; the rest is small and is
+//! written anew.
 
 use super::MeshLights;
 use super::general::{GeneralLights, Map};

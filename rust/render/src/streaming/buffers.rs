@@ -14,8 +14,8 @@ use std::sync::Arc;
 
 /// Segments as large as all slots together.
 const SEGMENTS_PER_FILL: u32 = 64;
-/// Most places for every slot: how many more paths may have ended than are in flight, while stragglers of the oldest segment
-/// keep all from the film.
+/// Most places for every slot: how many more paths may have ended than are in flight, while stragglers of the oldest
+/// segment keep all from the film.
 const PLACES_PER_SLOT: u32 = 8;
 /// Bytes of a place: the radiance of a path.
 const PLACE_BYTES: u64 = 16;
@@ -259,8 +259,8 @@ impl StreamBuffers {
         }
     }
 
-    /// Writes what the pass that plays roulette reads in step `number`, none of whose two predecessors may still be under way: a weight
-    /// by chunk, where there is one.
+    /// Writes what the pass that plays roulette reads in step `number`, none of whose two predecessors may still be
+    /// under way: a weight by chunk, where there is one.
     pub(crate) fn write_verdicts(&self, number: u64, verdicts: &[f32]) -> Result<(), RenderError> {
         let Some(roulette) = &self.roulette else { return Ok(()) };
         Ok(roulette.verdicts[verdict_table(number) as usize].write(0, bytemuck::cast_slice(verdicts))?)
@@ -300,7 +300,7 @@ impl StreamBuffers {
         let target = Buffer::new(gpu, "chunk rays", self.chunk_rays.size(), Usage::Readback)?;
         let mut commands = gpu.commands("chunk rays")?;
         commands.copy(&self.chunk_rays, 0, &target, 0, self.chunk_rays.size());
-        commands.submit()?.wait(crate::waves::WAVE_TIMEOUT)?;
+        commands.submit()?.wait(crate::device::WAVE_TIMEOUT)?;
         Ok(target.map(|bytes| bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect())?)
     }
 }
@@ -319,7 +319,8 @@ pub(super) fn verdict_table(number: u64) -> u32 {
     u32::from(number & 1 == 1)
 }
 
-/// Places for each of `capacity` slots (a power of two): no more than `total` paths need, nor than the driver gives in one piece.
+/// Places for each of `capacity` slots (a power of two): no more than `total` paths need, nor than the driver gives in
+/// one piece.
 fn places_per_slot(capacity: u32, total: u64, max_allocation_bytes: u64) -> u32 {
     let most = total.next_power_of_two().min(max_allocation_bytes / PLACE_BYTES);
     let mut per_slot = PLACES_PER_SLOT;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Renders a scene that does not fit: paths wait for chunks, the planner brings what most of them wait for.
 //!
-//! [`render`] makes the memory and runs two stages (first hits through pixel centres, samples), each by a `stage::Stage`
-//! loop: take what the device has finished (`observe`), move the loads on and ask the planner (`residency`), hand the device
-//! its next step (`record`). A step writes the chunk table, wakes the rays whose chunk is there, traces some rounds and
-//! counts who waits for what. Loads go on beside the steps on the loader's threads and the transfer queue.
+//! [`render`] makes the memory and lets the engine run over a [`Stage`]: take what the device has finished (`observe`),
+//! move the loads on and ask the planner (`residency`), hand the device its next step (`record`). A step writes the
+//! chunk table, wakes the rays whose chunk is there, traces some rounds and counts who waits for what. Loads go on
+//! beside the steps on the loader's threads and the transfer queue.
 //!
 //! The picture does not depend on any of this: `shaders/README.md` ("Streaming") and decisions/0005 say why.
 
@@ -24,28 +24,23 @@ use buffers::Needs;
 pub(crate) use buffers::StreamBuffers;
 
 use crate::assets::{Scene, SceneView};
-use crate::device::Specialisation;
+use crate::engine::{self, Parts, Tracer};
 use crate::error::RenderError;
-use crate::frame::{Setting, frame_block, geometry_cap, has_light_paths, is_cpu, shrinking};
-use crate::inventory::{self, Compiled};
 use crate::lights::GeneralLights;
 use crate::progress::Progress;
+use crate::setting::{Setting, geometry_cap, has_light_paths, is_cpu, shrinking};
+use crate::shared::Gate;
 use crate::specialise;
-use crate::thread::Gate;
 use crate::timings::LeftMoment;
-use crate::wavefront::Passes;
-use crate::waves::WAVE_TIMEOUT;
 use clock::Clock;
 use left::Left;
 use observe::Observation;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::material::{Input, Material};
 use oocpt_core::scene::{SceneFeatures, Snapshot};
-use oocpt_gpu::{Buffer, Usage};
-use oocpt_shader_abi::{Features, Frame, MAX_PENDING};
-use record::Kind;
+use oocpt_shader_abi::{Frame, MAX_PENDING};
 use residency::{Residency, Start};
-use stage::{Outcome, Stage};
+use stage::Stage;
 use std::time::Instant;
 use stragglers::Stragglers;
 
@@ -62,18 +57,16 @@ const FIRST_STACK: u32 = 64;
 /// Share of the geometry's memory that is left free for workspaces and for holes between ranges.
 const SLACK: u64 = 16;
 
-/// What a stage works with; the passes are compiled again when a chunk arrives that needs a deeper stack.
-pub(crate) struct Engine<'a, 'r> {
-    pub(crate) setting: &'a Setting<'a>,
+/// What the stages of a frame share.
+#[derive(Debug)]
+pub(crate) struct Streamer<'a, 'r> {
+    pub(crate) tracer: Tracer<'a>,
     pub(crate) buffers: &'a StreamBuffers,
     pub(crate) residency: Residency<'r>,
-    pub(crate) frame: Buffer,
-    pub(crate) passes: Passes,
-    pub(crate) features: Features,
-    pub(crate) view: SceneView,
     pub(crate) clock: Clock,
     /// Stack entries below the top level that the passes are compiled for.
     pub(crate) stack_entries: u32,
+    view: SceneView,
     /// How the paths ran out.
     pub(crate) left: Left,
     /// Only with `oocpt:stragglerRoulette`.
@@ -90,7 +83,7 @@ pub(crate) fn render(
     gate: &Gate<'_>,
     progress: &mut Progress<'_>,
 ) -> Result<(), RenderError> {
-    let Setting { device, job, film, .. } = *setting;
+    let Setting { device, job, .. } = *setting;
     // Paths first: the heap takes what it can get.
     make_buffers(setting, scene, kept)?;
     scene.make_empty_tables(device, setting.lights.distant())?;
@@ -98,11 +91,8 @@ pub(crate) fn render(
     let Some(buffers) = kept.as_ref() else {
         return Err(RenderError::Internal("the frame's paths were not made".into()));
     };
-    progress.stage("compiling passes");
-    let needed = features(setting, &view);
-    let carried = setting.carry.possible(needed, setting.light_carry);
-    let features = needed | carried;
-    device.bsdf_tables(features)?; // before geometry takes what is left
+    let parts = Parts::new(setting, &view, true);
+    device.bsdf_tables(parts.features)?; // before geometry takes what is left
     let budget = geometry_budget(setting, scene);
     let policy = job.settings.policy;
     let mut listed = Inventory::default();
@@ -112,10 +102,10 @@ pub(crate) fn render(
     let assets = scene.assets.clone();
     let (_, store, tables) = scene.parts()?;
     let residency = Residency::new(Start { device, assets: &assets, store, tables, budget, policy })?;
-    let mut engine = Engine::new(setting, buffers, residency, features, view, progress)?;
-    let compiled = Compiled { passes: &engine.passes, special: engine.special(), carried };
-    let inventory = inventory::of_frame(setting, compiled, listed);
-    progress.made_of(specialise::left_out(features, film.has_planes()), inventory);
+    let stack_entries = residency.stack_entries.max(FIRST_STACK);
+    let view = view.with_stack(stack_entries + MAX_PENDING);
+    let bind = |block: &mut Frame| buffers.bind(block);
+    let tracer = Tracer::new(setting, &buffers.paths, (&view, parts), listed, bind, progress)?;
     tracing::info!(
         mib = budget >> 20,
         of_mib = assets.bytes >> 20,
@@ -125,34 +115,25 @@ pub(crate) fn render(
         %policy,
         "streaming"
     );
-    progress.stage("rendering");
-    if film.has_planes() {
-        engine.clear(Kind::Aovs)?;
-        let outcome = Stage::new(&mut engine, Kind::Aovs, setting.job.request.pixels()).run(gate, progress)?;
-        if outcome == Outcome::GivenUp {
-            return Ok(());
-        }
-    }
-    if film.has_color() {
-        engine.clear(Kind::Samples)?;
-        progress.trace_started();
-        progress.begin_samples(film);
-        let total = progress.total_paths();
-        Stage::new(&mut engine, Kind::Samples, total).run(gate, progress)?;
-        progress.trace_ended();
-    }
-    engine.finish(progress)?;
-    engine.write_report()
+    let streamer = Streamer {
+        tracer,
+        buffers,
+        residency,
+        clock: Clock::new(Instant::now()),
+        stack_entries,
+        view,
+        left: Left::of(progress.total_paths()),
+        stragglers: job.settings.straggler_roulette.then(|| stragglers(setting)),
+        driver_peak_bytes: 0,
+    };
+    engine::render(&mut Stage::new(streamer), gate, progress)
 }
 
-fn features(setting: &Setting<'_>, view: &SceneView) -> Features {
-    let Setting { job, lights, rays, .. } = *setting;
-    let mut features = specialise::features(&job.snapshot, lights, rays, view) | Features::STREAMING;
-    features.set(Features::ADAPTIVE, setting.film.adaptive().is_some());
-    features.set(Features::CHUNK_COUNTS, !job.settings.chunk_report.is_empty());
-    features.set(Features::PLANT_SKIP_DEFERRED, job.options.plant_lost_chunks);
-    features.set(Features::ROULETTE, job.settings.straggler_roulette);
-    features
+fn stragglers(setting: &Setting<'_>) -> Stragglers {
+    let (settings, options) = (&setting.job.settings, &setting.job.options);
+    let fixed = options.roulette_per_mille.map(|p| f64::from(p) / 1000.0);
+    let chunks = setting.job.snapshot.world.chunks.len();
+    Stragglers::new(settings.seed, chunks, fixed, options.plant_unweighted_roulette)
 }
 
 /// Most lookups of textures that a material of the scene makes.
@@ -167,8 +148,8 @@ fn asks_textures(setting: &Setting<'_>) -> bool {
     setting.lights.general.as_ref().is_some_and(GeneralLights::has_textured_meshes)
 }
 
-/// Path memory: at most a quarter of what the budget leaves, and no more than the render has paths; less when there is no
-/// memory.
+/// Path memory: at most a quarter of what the budget leaves, and no more than the render has paths; less when there is
+/// no memory.
 fn make_buffers(setting: &Setting<'_>, scene: &Scene, kept: &mut Option<StreamBuffers>) -> Result<(), RenderError> {
     let Setting { device, job, .. } = *setting;
     let textures = !scene.assets.textures.is_empty();
@@ -205,8 +186,8 @@ fn make_buffers(setting: &Setting<'_>, scene: &Scene, kept: &mut Option<StreamBu
     Ok(())
 }
 
-/// Bytes that chunks, meshes and assemblies may take: what the budget leaves, less some slack, and no more than the user's
-/// own cap.
+/// Bytes that chunks, meshes and assemblies may take: what the budget leaves, less some slack, and no more than the
+/// user's own cap.
 fn geometry_budget(setting: &Setting<'_>, scene: &Scene) -> u64 {
     let memory = setting.device.gpu.memory();
     let heap = setting.device.heap.stats();
@@ -217,76 +198,15 @@ fn geometry_budget(setting: &Setting<'_>, scene: &Scene) -> u64 {
     geometry_cap(setting.job).map_or(left, |cap| cap.min(left))
 }
 
-impl<'a, 'r> Engine<'a, 'r> {
-    fn new(
-        setting: &'a Setting<'a>,
-        buffers: &'a StreamBuffers,
-        residency: Residency<'r>,
-        features: Features,
-        view: SceneView,
-        progress: &mut Progress<'_>,
-    ) -> Result<Self, RenderError> {
-        let Setting { device, film, .. } = *setting;
-        let stack_entries = residency.stack_entries.max(FIRST_STACK);
-        let view = view.with_stack(stack_entries + MAX_PENDING);
-        let special = specialise::specialisation(features, &view);
-        let passes = Passes::new(device, special, film, &mut progress.timings)?;
-        let mut block = frame_block(setting, &view);
-        block.bsdf_tables = device.bsdf_tables(features)?;
-        buffers.bind(&mut block);
-        let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
-        frame.write(0, bytemuck::bytes_of(&block))?;
-        let clock = Clock::new(Instant::now());
-        let (settings, options) = (&setting.job.settings, &setting.job.options);
-        let chunks = setting.job.snapshot.world.chunks.len();
-        let play = || {
-            let fixed = options.roulette_per_mille.map(|p| f64::from(p) / 1000.0);
-            Stragglers::new(settings.seed, chunks, fixed, options.plant_unweighted_roulette)
-        };
-        Ok(Self {
-            setting,
-            buffers,
-            residency,
-            frame,
-            passes,
-            features,
-            view,
-            clock,
-            stack_entries,
-            left: Left::of(progress.total_paths()),
-            stragglers: settings.straggler_roulette.then(play),
-            driver_peak_bytes: 0,
-        })
-    }
-
-    fn special(&self) -> Specialisation {
-        specialise::specialisation(self.features, &self.view.with_stack(self.stack_entries + MAX_PENDING))
-    }
-
+impl Streamer<'_, '_> {
     /// Compiles the passes anew when a chunk on the device needs a deeper stack than they have.
     pub(crate) fn deepen(&mut self, progress: &mut Progress<'_>) -> Result<(), RenderError> {
         if self.residency.stack_entries <= self.stack_entries {
             return Ok(());
         }
         self.stack_entries = self.residency.stack_entries;
-        let Setting { device, film, .. } = *self.setting;
-        self.passes = Passes::new(device, self.special(), film, &mut progress.timings)?;
-        Ok(())
-    }
-
-    /// Publishes the images as they are at the end.
-    fn finish(&mut self, progress: &mut Progress<'_>) -> Result<(), RenderError> {
-        let measures = self.setting.film.has_color() && progress.ends_between_octaves();
-        let submission = self.submit_images(measures)?;
-        if !submission.wait(WAVE_TIMEOUT)? {
-            return Err(RenderError::Internal("the last image did not come".into()));
-        }
-        progress.publish(self.setting.film)?;
-        if self.setting.film.has_color() {
-            progress.error_at_end(self.setting.film, measures)?;
-        }
-        progress.timings.left.clone_from(&self.left.moments);
-        progress.finish()
+        let view = self.view.with_stack(self.stack_entries + MAX_PENDING);
+        self.tracer.deepen(view.stack_size, &mut progress.timings)
     }
 
     /// Remembers how many paths were left `seconds` after the first sample was begun.
@@ -298,7 +218,7 @@ impl<'a, 'r> Engine<'a, 'r> {
 
     /// Asks the driver what this process uses now.
     fn note_driver_usage(&mut self) {
-        let device = self.setting.device;
+        let device = self.tracer.setting.device;
         // Mesa's software renderer tells of the whole machine.
         if !is_cpu(device) {
             self.driver_peak_bytes = self.driver_peak_bytes.max(device.gpu.driver_usage().unwrap_or(0));
@@ -307,7 +227,7 @@ impl<'a, 'r> Engine<'a, 'r> {
 
     /// Brings the stats up to date.
     fn report(&self, progress: &mut Progress<'_>, seen: &Observation, stragglers: u64, paths_left: u64) {
-        let heap = self.setting.device.heap.stats();
+        let heap = self.tracer.setting.device.heap.stats();
         let planner = self.residency.planner.stats();
         let counters = &seen.counters;
         let (visits, misses) = (counters.chunk_visits as f64, counters.chunk_misses as f64);

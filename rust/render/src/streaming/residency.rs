@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Carries out what the planner decides: starts loads, lets go of what is evicted, shows chunks to the rays when everything
-//! they need is there.
+//! Carries out what the planner decides: starts loads, lets go of what is evicted, shows chunks to the rays when
+//! everything they need is there.
 //!
 //! A chunk is shown and hidden by its entry in the chunk table, written between two submissions: inside a submission
 //! nothing appears or disappears. Memory of evicted assets is free when the submissions made before have ended.
@@ -18,8 +18,8 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Share of the budget that may be on its way at a time, and the most bytes of it: throughput is what is on its way over the
-/// time of a load, about two steps.
+/// Share of the budget that may be on its way at a time, and the most bytes of it: throughput is what is on its way
+/// over the time of a load, about two steps.
 const IN_FLIGHT_SHARE: u64 = 6;
 const MOST_IN_FLIGHT: u64 = 2 << 30;
 
@@ -152,7 +152,8 @@ impl<'a> Residency<'a> {
         self.stack_entries = self.stack_entries.max(self.assets.stack_of(chunk, own));
     }
 
-    /// Asks the planner what to do about `demand`, and begins to do it; loads of chunks that rays wait for as far as `agrees` agrees.
+    /// Asks the planner what to do about `demand`, and begins to do it; loads of chunks that rays wait for as far as
+    /// `agrees` agrees.
     pub(crate) fn plan(
         &mut self,
         demand: &Demand<'_>,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How many rounds a step traces: enough to keep the device busy until the next one, few enough for stop and pause to be felt, and not many
-//! more than have rays: a round without any still is half a dozen passes, which a software renderer spends as much time on as on short work. Pure.
+//! How many rounds a step traces: enough to keep the device busy until the next one, few enough for stop and pause to
+//! be felt, and not many more than have rays: a round without any still is half a dozen passes, which a software
+//! renderer spends as much time on as on short work. Pure.
 
 /// Seconds that a step should take: short enough for stop and pause to be felt and for demand to be read again.
 const STEP_SECS: f64 = 0.03;
@@ -16,8 +17,8 @@ pub(super) struct Done {
     pub(super) secs: f64,
 }
 
-/// Rounds of the step after `planned`, which those under way have: more when steps are short and use all of theirs, fewer when they are long, and
-/// little by little fewer when the last ones of a step had nothing to trace.
+/// Rounds of the step after `planned`, which those under way have: more when steps are short and use all of theirs,
+/// fewer when they are long, and little by little fewer when the last ones of a step had nothing to trace.
 pub(super) fn next(planned: u32, done: Done) -> u32 {
     let Done { rounds, busy, secs } = done;
     if secs > STEP_SECS {

@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which paths are under way: segments, each a contiguous range of paths with a place for the radiance of each. There are more
-//! places than slots (paths in flight): a path that ends gives its slot to a new one and leaves only its radiance behind.
+//! Which paths are under way: segments, each a contiguous range of paths with a place for the radiance of each. There
+//! are more places than slots (paths in flight): a path that ends gives its slot to a new one and leaves only its
+//! radiance behind.
 //!
-//! A segment is added to the film when all its paths are dead and every earlier segment has been added: samples of a pixel
-//! are summed in ascending order whatever came back first.
+//! A segment is added to the film when all its paths are dead and every earlier segment has been added: samples of a
+//! pixel are summed in ascending order whatever came back first.
 //!
-//! When all segments are in use, the paths that keep the oldest ones alive wait for chunks that few others want. Were a new
-//! segment begun for each that ends, its camera rays would drive those chunks out again; so no segment begins until all are
-//! free: the chunks of the stragglers are loaded once for all paths that wait for them (measured: decisions/0006). Pure.
+//! When all segments are in use, the paths that keep the oldest ones alive wait for chunks that few others want. Were a
+//! new segment begun for each that ends, its camera rays would drive those chunks out again; so no segment begins until
+//! all are free: the chunks of the stragglers are loaded once for all paths that wait for them (measured:
+//! decisions/0006). Pure.
 
-use crate::schedule::Wave;
+use crate::wave::Wave;
 use std::collections::VecDeque;
 
 /// A segment under way.
@@ -53,8 +55,8 @@ impl Segments {
         Self { size, slots, count, free, draining: false, alive, next: 0, total, open: total, cuts }
     }
 
-    /// Gives a free segment the next paths; none when there is no free segment, no path left, or no slot: `ended` paths have
-    /// given theirs back so far.
+    /// Gives a free segment the next paths; none when there is no free segment, no path left, or no slot: `ended` paths
+    /// have given theirs back so far.
     pub(crate) fn start(&mut self, ended: u64) -> Option<Segment> {
         if !self.can_start(ended) {
             return None;
@@ -122,8 +124,8 @@ impl Segments {
         self.end().saturating_sub(self.next)
     }
 
-    /// Whether a segment could begin when `ended` paths have given their slots back; none while the last ones of a full set of
-    /// segments end.
+    /// Whether a segment could begin when `ended` paths have given their slots back; none while the last ones of a full
+    /// set of segments end.
     pub(crate) fn can_start(&self, ended: u64) -> bool {
         !self.draining
             && !self.free.is_empty()

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Roulette on loads as the loop of a stage plays it: what the rays at stake are worth as the device said, what loads and paths cost as
-//! the clock says, and what the device is to do with the rays. The decision itself is `oocpt_core::residency::roulette`.
+//! Roulette on loads as the loop of a stage plays it: what the rays at stake are worth as the device said, what loads
+//! and paths cost as the clock says, and what the device is to do with the rays. The decision itself is
+//! `oocpt_core::residency::roulette`.
 //!
-//! Loads are decided about when the planner is about to begin them, and only when nearly all rays wait and few paths are left that may begin
-//! or go on: as long as the device has work, loads cost nothing, and as long as there are many paths, others will want the chunk. Tiles of textures are
-//! always loaded: many rays share one, and it is small.
+//! Loads are decided about when the planner is about to begin them, and only when nearly all rays wait and few paths
+//! are left that may begin or go on: as long as the device has work, loads cost nothing, and as long as there are many
+//! paths, others will want the chunk. Tiles of textures are always loaded: many rays share one, and it is small.
 //!
-//! What a load costs is what the picture waits for it: the seconds of just that time, by the bytes that came in it ([`Price`]). By all the time in
-//! which something is loaded it is many times more, since most of that time the device traces; and ever more, the fewer loads are left.
+//! What a load costs is what the picture waits for it: the seconds of just that time, by the bytes that came in it
+//! ([`Price`]). By all the time in which something is loaded it is many times more, since most of that time the device
+//! traces; and ever more, the fewer loads are left.
 
 use super::observe::Observation;
 use oocpt_core::residency::roulette::{Prices, Roulette, Stakes};
@@ -16,7 +18,8 @@ use oocpt_shader_abi::{WORTH_MUST, WORTH_ONE};
 
 /// Stragglers are so few of the paths that are in flight when there are enough: one in this many.
 const FEW: u64 = 64;
-/// Rays that wait for a chunk from which on it is loaded whatever they bring; what `roulette_worth` adds for fewer stays below [`WORTH_MUST`].
+/// Rays that wait for a chunk from which on it is loaded whatever they bring; what `roulette_worth` adds for fewer
+/// stays below [`WORTH_MUST`].
 const MANY_RAYS: u32 = 1 << 12;
 /// The device idles when so many times more rays wait than can be traced, as the planner has it.
 const IDLE_RATIO: u64 = 64;
@@ -131,8 +134,8 @@ impl Stragglers {
         seen.waiting() > 0 && seen.waiting() >= seen.active().saturating_mul(IDLE_RATIO)
     }
 
-    /// Whether a load may begin; rays that wait for it first are weighted or ended in step `next`. Those that will come to the chunk later on pay their
-    /// share of it.
+    /// Whether a load may begin; rays that wait for it first are weighted or ended in step `next`. Those that will come
+    /// to the chunk later on pay their share of it.
     pub(super) fn agrees(&mut self, proposal: &Proposal, seen: &Observation, prices: &Prices, next: u64) -> bool {
         let of = |values: &[u32]| values.get(proposal.chunk as usize).copied();
         let (first, later) = (of(&seen.waiting).unwrap_or(0), of(&seen.next).unwrap_or(0));
@@ -165,7 +168,8 @@ impl Stragglers {
         self.roulette.has_verdicts()
     }
 
-    /// The table of verdicts for the next step: by chunk, 0 = nothing, above: a weight, below: the rays end. None when nothing was decided.
+    /// The table of verdicts for the next step: by chunk, 0 = nothing, above: a weight, below: the rays end. None when
+    /// nothing was decided.
     pub(super) fn take_verdicts(&mut self) -> Option<Vec<f32>> {
         if !self.has_verdicts() {
             return None;
@@ -208,7 +212,8 @@ mod tests {
 
     #[test]
     fn rays_that_have_the_chunk_further_down_pay_their_share() {
-        // A load costs 1000 paths, so one ray has p = 0.1; with 24 others to come it pays for 40 of them: p = 0.5, and with more it is not played.
+        // A load costs 1000 paths, so one ray has p = 0.1; with 24 others to come it pays for 40 of them: p = 0.5, and
+        // with more it is not played.
         let prices = Prices { secs_per_byte: 1e-6, secs_per_path: 1e-3, variance: 0.2, paths: 1e9, fixed: None };
         let proposal = Proposal { chunk: 1, bytes: 1_000_000, is_idle: true };
         let agreed = |later: u32| {

@@ -12,6 +12,7 @@
 use super::convert::TileSink;
 use super::image::ImageError;
 use super::tx::{Description, TxFile, TxWriter};
+use super::under_way;
 use crate::sync::lock;
 use std::fs::{self, File};
 use std::io;
@@ -126,12 +127,14 @@ impl DiskCache {
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let path = self.path(&description.key);
         let part = path.with_extension(format!("{}-{number}.{UNDER_WAY}", std::process::id()));
+        under_way::begin(&part);
         let begun = fs::create_dir_all(&self.folder)
             .and_then(|()| File::options().write(true).create_new(true).open(&part))
             .and_then(|file| TxWriter::new(file, description));
         match begun {
             Ok(writer) => Some(Pending { cache: self, writer: Some(writer), part, path }),
             Err(error) => {
+                under_way::end(&part);
                 self.complain("cannot be written", &error);
                 None
             }
@@ -257,6 +260,7 @@ impl Drop for Pending<'_> {
         if self.part.exists() {
             delete(&self.part);
         }
+        under_way::end(&self.part);
     }
 }
 

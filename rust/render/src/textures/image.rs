@@ -15,8 +15,8 @@ pub struct ImageError(pub String);
 /// What is known of an image before its texels are read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ImageInfo {
-    /// Texels of the levels in the file, the finest first; at least one. Levels that are not `max(1, size >> level)` are not used,
-    /// nor any after them; what lacks is made.
+    /// Texels of the levels in the file, the finest first; at least one. Levels that are not `max(1, size >> level)`
+    /// are not used, nor any after them; what lacks is made.
     pub levels: Vec<[u32; 2]>,
     /// 1 to 4.
     pub channels: u32,
@@ -37,8 +37,9 @@ pub trait Image: Send + Sync + Debug {
     /// What is known of it; always the same.
     fn info(&self) -> ImageInfo;
 
-    /// Reads `size` texels of a level from `at` on (the lowest left one is (0, 0)) to `out`: tightly packed, row by row from the
-    /// bottom, `channels` values of `format` each, in the machine's byte order. The range lies inside the level and `out` has its length.
+    /// Reads `size` texels of a level from `at` on (the lowest left one is (0, 0)) to `out`: tightly packed, row by row
+    /// from the bottom, `channels` values of `format` each, in the machine's byte order. The range lies inside the
+    /// level and `out` has its length.
     fn read(&self, level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError>;
 
     /// Decodes a level once, from the top of the image down. `sink(top, rows)` gets bands of whole rows, of at most

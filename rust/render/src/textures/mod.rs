@@ -3,11 +3,10 @@
 //! all textures of a
 //! snapshot (`set`).
 //!
-//! An image is cut into tiles (`oocpt_core::texture::Layout`); a tile is an asset and a unit of the planner, brought by the loader's
-//! threads as meshes are. Files that cannot give tiles of all levels at little cost are decoded once (`convert`) and
-//! kept
-//! (`prepared`), as tiled and mip-mapped files (`tx`) in a folder (`disk`) or in host memory (`memory`). Nothing here
-//! touches the device.
+//! An image is cut into tiles (`oocpt_core::texture::Layout`); a tile is an asset and a unit of the planner, brought by
+//! the loader's threads as meshes are. Files that cannot give tiles of all levels at little cost are decoded once
+//! (`convert`) and kept (`prepared`), as tiled and mip-mapped files (`tx`) in a folder (`disk`) or in host memory
+//! (`memory`). Nothing here touches the device.
 
 mod convert;
 mod disk;
@@ -22,8 +21,10 @@ mod tests;
 mod texels;
 mod tiles;
 mod tx;
+mod under_way;
 
 pub use file::{CacheEntry, FileReport, TextureFile};
 pub use image::{BAND_BYTES, ColorTransform, Image, ImageError, ImageInfo, ImageLibrary};
 pub(crate) use set::{TextureCache, TextureSet};
 pub(crate) use tiles::TextureImage;
+pub use under_way::remove_unfinished;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! All textures of a snapshot: which images they are, the numbers of their tiles, their records on the device.
 //!
-//! Tiles are numbered image by image. Textures that read one file the same way share its tiles. A UDIM set is a record whose
-//! `first_page` is the number of the first of 100 records, one for each member. Images stay open from snapshot to snapshot.
+//! Tiles are numbered image by image. Textures that read one file the same way share its tiles. A UDIM set is a record
+//! whose `first_page` is the number of the first of 100 records, one for each member. Images stay open from snapshot to
+//! snapshot.
 
 use super::disk::DiskCache;
 use super::image::{ImageError, ImageLibrary};

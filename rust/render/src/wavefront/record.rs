@@ -1,118 +1,172 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Records one wave: the ray's straight line from camera to film.
+//! Records what the device does with paths: the ray's straight line from camera to film.
+//!
+//! A round is [`Recorder::trace`], then [`Recorder::shade`]. A wave in core has all its rounds one after the other; a
+//! step of streaming has some, between waking rays and counting demand (`streaming/record.rs`). Passes that a frame has
+//! not are left out.
 
-use super::{AovPasses, Passes, PathBuffers};
-use crate::feedback::Feedback;
-use crate::film::Film;
-use crate::measure::{self, LAST_SLOT};
-use crate::schedule::Wave;
-use oocpt_gpu::{Commands, Pipeline};
-use oocpt_shader_abi::{AOV_ESCAPED, AOV_SURFACES, Counters, PREPARE_SHADE, PREPARE_TRACE, Push, PushFlags, groups};
-use std::ops::Range;
+use super::Passes;
+use crate::film::{Film, error_groups};
+use crate::wave::Wave;
+use oocpt_gpu::{Buffer, Commands};
+use oocpt_shader_abi::{
+    AOV_ESCAPED, AOV_SURFACES, Counters, Launch, PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, Pass, Push, PushFlags,
+    groups,
+};
 
-/// Records the passes of waves of one frame.
-#[derive(Debug)]
+/// What paths are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// First hits through pixel centres; a path is a pixel.
+    Aovs,
+    /// Samples of the colour.
+    Samples,
+}
+
+/// The rays of a round that are traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Traced {
+    /// Those that continue paths.
+    Closest,
+    /// Those that look for light from the surfaces shaded last.
+    Shadow,
+    /// Both.
+    All,
+}
+
+/// See the module.
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Recorder<'a> {
     pub(crate) passes: &'a Passes,
-    pub(crate) buffers: &'a PathBuffers,
     pub(crate) film: &'a Film,
-    /// Only where texture tiles are loaded on demand.
-    pub(crate) feedback: Option<&'a Feedback>,
+    pub(crate) counters: &'a Buffer,
     /// Device address of the frame block.
     pub(crate) frame: u64,
     pub(crate) pixels: u32,
-    /// One more than `max_bounces` where there are materials: rays that leave the last surface that is lit still look for lights.
-    pub(crate) last_round: u32,
 }
 
 impl Recorder<'_> {
-    /// The parts that a wave is submitted in: rounds `0`, `1`, `2..4`, `4..8` and so on. Short enough each for the host to be
-    /// heard between them, and later rounds have few rays left.
-    pub(crate) fn parts(&self) -> Vec<Range<u32>> {
-        let mut parts = Vec::new();
-        let mut first = 0_u32;
-        while first <= self.last_round {
-            let end = first.saturating_mul(2).clamp(1, self.last_round + 1);
-            parts.push(first..end);
-            first = end;
-        }
-        parts
+    /// The push constants of passes over all paths in flight.
+    pub(crate) fn push(&self, kind: Kind) -> Push {
+        let push = Push::wave(self.frame, 0, 0, self.pixels);
+        if kind == Kind::Aovs { push.flagged(PushFlags::AOVS) } else { push }
     }
 
-    /// Records some rounds of a wave: camera rays before the first round, the film after the last one.
-    /// Gives the octaves of samples that end with it. `flags`: `RETRACE` for the paths of the wave that lacked a tile.
-    pub(crate) fn part(&self, commands: &mut Commands, wave: Wave, rounds: Range<u32>, flags: PushFlags) -> Vec<u32> {
-        let (q, _) = self.film.push(self.frame, wave);
-        let q = q.flagged(flags);
-        if rounds.start == 0 {
-            if let Some(feedback) = self.feedback {
-                feedback.empty_queue(commands, &self.buffers.counters);
+    /// The push constants of passes over the paths of `wave`.
+    pub(crate) fn push_of(&self, kind: Kind, wave: Wave) -> Push {
+        match kind {
+            Kind::Aovs => Push::wave(self.frame, wave.first, wave.count, self.pixels).flagged(PushFlags::AOVS),
+            Kind::Samples => self.film.push(self.frame, wave).0,
+        }
+    }
+
+    /// Starts `count` paths; `push` is that of their wave or segment.
+    pub(crate) fn generate(&self, commands: &mut Commands, kind: Kind, push: Push, count: u32) {
+        let pass = match kind {
+            Kind::Aovs => Pass::GenerateAovRays,
+            Kind::Samples => Pass::GenerateCameraRays,
+        };
+        self.direct(commands, pass, push, count);
+    }
+
+    /// Traces the rays of a round.
+    pub(crate) fn trace(&self, commands: &mut Commands, q: Push, round: u32, traced: Traced) {
+        self.direct(commands, Pass::PrepareDispatch, q.with(round, PREPARE_TRACE), 1);
+        commands.concurrent(|c| {
+            if traced != Traced::Shadow {
+                self.indirect(c, Pass::IntersectClosest, q.with(round, 0));
             }
-            self.direct(commands, &self.passes.generate_camera_rays, q, wave.count);
-            self.direct(commands, &self.passes.prepare_dispatch, q.with(0, PREPARE_TRACE), 1);
-            self.indirect(commands, &self.passes.intersect_closest, q.with(0, 0), Counters::TRACE_ARGS);
-        }
-        for round in rounds.clone() {
-            self.round(commands, q, round);
-        }
-        if rounds.end > self.last_round {
-            let film = (self.passes, self.film, &self.buffers.counters);
-            return measure::accumulate(commands, film, q, wave, (self.pixels, u64::MAX));
-        }
-        Vec::new()
-    }
-
-    /// Shades what the rays of a round met; traces the shadow rays beside the rays of the next round.
-    fn round(&self, commands: &mut Commands, q: Push, round: u32) {
-        self.direct(commands, &self.passes.prepare_dispatch, q.with(round, PREPARE_SHADE), 1);
-        commands.concurrent(|c| {
-            self.indirect(c, &self.passes.shade_background, q.with(round, 0), Counters::ESCAPED_ARGS);
-            self.indirect(c, &self.passes.shade_surface, q.with(round, 0), Counters::SURFACE_ARGS);
-        });
-        self.direct(commands, &self.passes.prepare_dispatch, q.with(round + 1, PREPARE_TRACE), 1);
-        commands.concurrent(|c| {
-            self.indirect(c, &self.passes.intersect_shadow, q.with(round, 0), Counters::SHADOW_ARGS);
-            if round < self.last_round {
-                self.indirect(c, &self.passes.intersect_closest, q.with(round + 1, 0), Counters::TRACE_ARGS);
+            if traced != Traced::Closest {
+                self.indirect(c, Pass::IntersectShadow, q.with(round, 0));
             }
         });
     }
 
-    /// First hits through the pixel centres of `slice`, a wave of pixels.
-    pub(crate) fn aovs(&self, commands: &mut Commands, passes: &AovPasses, slice: Wave) {
-        let q = Push::wave(self.frame, slice.first, slice.count, self.pixels).flagged(PushFlags::AOVS);
-        self.direct(commands, &passes.generate_aov_rays, q, slice.count);
-        self.direct(commands, &self.passes.prepare_dispatch, q.with(0, PREPARE_TRACE), 1);
-        self.indirect(commands, &self.passes.intersect_closest, q, Counters::TRACE_ARGS);
-        self.direct(commands, &self.passes.prepare_dispatch, q.with(0, PREPARE_SHADE), 1);
+    /// Shades what the rays of a round met; with streaming those of earlier rounds too whose last ray is done now.
+    pub(crate) fn shade(&self, commands: &mut Commands, kind: Kind, q: Push, round: u32) {
+        let resolve = [Pass::ResolveMaterials, Pass::ResolveLights].into_iter().find(|pass| self.has(*pass));
+        let first = if resolve.is_some() { PREPARE_RESOLVE } else { PREPARE_SHADE };
         commands.concurrent(|c| {
-            self.indirect(c, &passes.shade_aovs, q.with(0, AOV_SURFACES), Counters::SURFACE_ARGS);
-            self.indirect(c, &passes.shade_aovs, q.with(0, AOV_ESCAPED), Counters::ESCAPED_ARGS);
+            self.direct(c, Pass::PrepareDispatch, q.with(round, first), 1);
+            self.indirect(c, Pass::RecordSurfaces, q.with(round, 0));
         });
-    }
-
-    /// Asks the film for its error at the end.
-    pub(crate) fn measure(&self, commands: &mut Commands) {
-        let q = Push::wave(self.frame, 0, 0, self.pixels);
-        measure::measure(commands, (self.passes, self.film, &self.buffers.counters), q, LAST_SLOT, self.pixels);
-    }
-
-    /// The picture of what the film holds.
-    pub(crate) fn resolve(&self, commands: &mut Commands) {
-        let q = Push::wave(self.frame, 0, 0, self.pixels);
-        commands.concurrent(|c| {
-            self.direct(c, &self.passes.resolve, q, self.pixels);
-            if let Some(count_samples) = &self.passes.count_samples {
-                self.direct(c, count_samples, q, self.pixels);
+        if let Some(resolve) = resolve {
+            self.indirect(commands, resolve, q.with(round, 0));
+            self.direct(commands, Pass::PrepareDispatch, q.with(round, PREPARE_SHADE), 1);
+        }
+        commands.concurrent(|c| match kind {
+            Kind::Aovs => {
+                self.indirect_by(c, Pass::ShadeAovs, q.with(round, AOV_SURFACES), Counters::SURFACE_ARGS);
+                self.indirect_by(c, Pass::ShadeAovs, q.with(round, AOV_ESCAPED), Counters::ESCAPED_ARGS);
+            }
+            Kind::Samples => {
+                self.indirect(c, Pass::ShadeBackground, q.with(round, 0));
+                self.indirect(c, Pass::ShadeSurface, q.with(round, 0));
             }
         });
     }
 
-    fn direct(&self, commands: &mut Commands, pipeline: &Pipeline, push: Push, threads: u32) {
-        commands.dispatch(pipeline, bytemuck::bytes_of(&push), groups(u64::from(threads)));
+    /// Adds the samples of a wave to the film, measuring on the way; `push` is the wave's, `arg0` its first place.
+    /// Gives the octaves measured.
+    pub(crate) fn accumulate(&self, commands: &mut Commands, push: Push, wave: Wave) -> Vec<u32> {
+        let mut octaves = Vec::new();
+        for piece in self.film.pieces(wave, u64::MAX) {
+            let (q, apart) = self.film.push(push.frame, piece.wave);
+            let q = Push { flags: push.flags, ..q }.with(push.round, push.arg0 + piece.offset);
+            self.direct(commands, Pass::Accumulate, q, piece.wave.count.min(apart));
+            if let Some(octave) = piece.completes {
+                self.measure(commands, octave);
+                octaves.push(octave);
+            }
+        }
+        octaves
     }
 
-    fn indirect(&self, commands: &mut Commands, pipeline: &Pipeline, push: Push, arguments: u64) {
-        commands.dispatch_indirect(pipeline, bytemuck::bytes_of(&push), &self.buffers.counters, arguments);
+    /// Asks the film for its error; the answer goes to `slot`.
+    pub(crate) fn measure(&self, commands: &mut Commands, slot: u32) {
+        let groups = [error_groups(u64::from(self.pixels)), 1, 1];
+        self.workgroups(commands, Pass::MeasureError, self.push(Kind::Samples), groups);
+        self.film.copy_error(commands, self.counters, slot);
+    }
+
+    /// Makes the picture of what the film holds, and copies all images to where the host can read them.
+    pub(crate) fn copy_out(&self, commands: &mut Commands) {
+        if self.film.has_color() {
+            commands.concurrent(|c| {
+                self.direct(c, Pass::Resolve, self.push(Kind::Samples), self.pixels);
+                self.direct(c, Pass::CountSamples, self.push(Kind::Samples), self.pixels);
+            });
+        }
+        self.film.copy_out(commands, self.counters);
+    }
+
+    /// Whether the frame has a pass.
+    pub(crate) fn has(&self, pass: Pass) -> bool {
+        self.passes.get(pass).is_some()
+    }
+
+    /// Records a pass with so many threads.
+    pub(crate) fn direct(&self, commands: &mut Commands, pass: Pass, push: Push, threads: u32) {
+        self.workgroups(commands, pass, push, groups(u64::from(threads)));
+    }
+
+    /// Records a pass with so many workgroups.
+    pub(crate) fn workgroups(&self, commands: &mut Commands, pass: Pass, push: Push, groups: [u32; 3]) {
+        if let Some(pipeline) = self.passes.get(pass) {
+            commands.dispatch(pipeline, bytemuck::bytes_of(&push), groups);
+        }
+    }
+
+    /// Records a pass whose threads the counters tell, where its row says.
+    pub(crate) fn indirect(&self, commands: &mut Commands, pass: Pass, push: Push) {
+        if let Launch::Indirect(arguments) = pass.info().launch {
+            self.indirect_by(commands, pass, push, arguments);
+        }
+    }
+
+    fn indirect_by(&self, commands: &mut Commands, pass: Pass, push: Push, arguments: u64) {
+        if let Some(pipeline) = self.passes.get(pass) {
+            commands.dispatch_indirect(pipeline, bytemuck::bytes_of(&push), self.counters, arguments);
+        }
     }
 }

@@ -127,7 +127,8 @@ fn light_on_colours_normals_and_opacity() {
 
 #[test]
 fn a_sun_straight_above_casts_shadows_from_afar() {
-    // Two components of the shadow rays are zero, and boxes begin a thousand units beside them: distances along the ray to these are finite.
+    // Two components of the shadow rays are zero, and boxes begin a thousand units beside them: distances along the ray
+    // to these are finite.
     let upwards = DMat4::from_cols(DVec4::X, DVec4::NEG_Z, DVec4::Y, DVec4::W);
     let corner = |x: f32, z: f32| [x, 300.0, z];
     let plate = vec![corner(100.0, 500.0), corner(500.0, 500.0), corner(500.0, 100.0), corner(100.0, 100.0)];

@@ -75,6 +75,32 @@ fn a_time_limit_ends_the_render_with_an_image() {
 }
 
 #[test]
+fn a_render_that_ends_early_has_whole_samples() {
+    let session = long_render();
+    let end = Instant::now() + TIMEOUT;
+    let before = session.generation() - 1;
+    assert_eq!(session.finish_early(before + 1), None, "no job is newer than that one");
+    let early = loop {
+        if let Some(early) = session.finish_early(before) {
+            break early;
+        }
+        assert!(Instant::now() < end, "no sample of each pixel is done: {:?}", session.take_messages());
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    assert!(session.wait_converged(Duration::from_secs(20)), "it ends soon");
+    let reached = session.reached(before).expect("it is the same job");
+    assert!(early.samples >= 1 && reached.samples >= early.samples && reached.target == 1 << 20, "{reached:?}");
+    assert_eq!(reached.samples, session.stats().samples_completed, "as the stats say");
+    assert!(session.stats().percent_done < 100.0 && !session.is_stopped(), "not to the end, and not given up");
+    let request =
+        RenderRequest { aovs: vec![AovRequest { kind: AovKind::SampleCount, clear: [0.0; 4] }], ..view([128, 96]) };
+    assert!(read::<[f32; 4]>(&session, &view([128, 96]), AovKind::Color).iter().any(|c| c[3] > 0.0), "it is there");
+    session.render(request);
+    assert!(!session.is_converged() && session.reached(before).is_none(), "another job begins at its beginning");
+    session.stop(true);
+}
+
+#[test]
 fn a_newer_request_replaces_the_one_under_way() {
     let session = long_render();
     assert!(

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The picture's error as the renderer states it: counted against what it is, over scenes and seeds; the same whatever the budget; a
-//! report that survives; stopping at a target.
+//! The picture's error as the renderer states it: counted against what it is, over scenes and seeds; the same whatever
+//! the budget; a report that survives; stopping at a target.
 
 use crate::lights::light;
 use crate::scenes::{dome, features, nested, prim, sphere, square, sun};
@@ -76,7 +76,8 @@ pub(crate) fn surface(path: &str, params: &[(&str, ParamValue)]) -> MaterialDesc
     MaterialDesc { path: path.into(), nodes: vec![node], surface: Some(0) }
 }
 
-/// A small lamp and a ball of the given material: rays from the floor find the lamp by way of the ball, seldom: fireflies.
+/// A small lamp and a ball of the given material: rays from the floor find the lamp by way of the ball, seldom:
+/// fireflies.
 fn caustic(db: &mut SceneDb, params: &[(&str, ParamValue)]) {
     floor(db);
     db.upsert_material(surface("/shiny", params));
@@ -108,7 +109,8 @@ fn pictures(build: fn(&mut SceneDb), view: &RenderRequest, bounces: u32) -> Vec<
     (0..).take(SEEDS).map(one).collect()
 }
 
-/// relMSE of a picture against the mean of the others. That mean has noise of its own, one part in `SEEDS - 1` of the picture's.
+/// relMSE of a picture against the mean of the others. That mean has noise of its own, one part in `SEEDS - 1` of the
+/// picture's.
 fn true_error(pictures: &[(Vec<f32>, ErrorRow)], index: usize) -> f64 {
     let mut sum = vec![0.0; pictures[index].0.len()];
     for (other, _) in pictures.iter().enumerate().filter(|(other, _)| *other != index).map(|(_, picture)| picture) {

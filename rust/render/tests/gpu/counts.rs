@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The image of sample counts: known numbers without adaptive sampling, those that were decided with it, and nothing at all unless asked for.
+//! The image of sample counts: known numbers without adaptive sampling, those that were decided with it, and nothing at
+//! all unless asked for.
 
 use crate::convergence::{mirror, view};
 use crate::scenes::nested;

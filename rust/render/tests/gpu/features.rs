@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Leave out what a scene does not need: for every feature a scene that needs it, held against a bare one. Passes, pipelines, buffers and
-//! primvars of each are exactly those of the bare scene and what is written in its row; a feature without a row fails.
+//! Leave out what a scene does not need: for every feature a scene that needs it, held against a bare one. Passes,
+//! pipelines, buffers and primvars of each are exactly those of the bare scene and what is written in its row; a
+//! feature without a row fails.
 
 use crate::lights::{TestFiles, light};
 use crate::materials::{Ramps, board, coordinates, painted, plain, textured, with};
@@ -295,7 +296,8 @@ fn made(inventory: &Inventory) -> [BTreeSet<String>; 4] {
     ]
 }
 
-/// Rows that are rendered with everything carried along too, one for each kind of need: compiling everything takes long on a software renderer.
+/// Rows that are rendered with everything carried along too, one for each kind of need: compiling everything takes long
+/// on a software renderer.
 const CARRIED: Names = &[
     "a bare board",
     "a sun",
@@ -307,7 +309,8 @@ const CARRIED: Names = &[
     "a cutout that streams",
 ];
 
-/// Both checks of a row in one test, so that the passes it has compiled are there when it is rendered with everything carried along.
+/// Both checks of a row in one test, so that the passes it has compiled are there when it is rendered with everything
+/// carried along.
 fn check(rows: &[Row]) {
     let bare = made(&render(&BARE, "").0);
     for row in rows {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Drivers that translate shaders when they are first dispatched do that apart from the waves, which are bounded in time.
+//! Drivers that translate shaders when they are first dispatched do that apart from the waves, which are bounded in
+//! time.
 
 use crate::scenes::nested;
 use crate::support::{TIMEOUT, perspective, render, request, settings};

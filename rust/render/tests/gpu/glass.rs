@@ -49,7 +49,8 @@ fn a_clear_block_in_a_white_world_is_not_to_be_seen() {
     assert!((mean - 1.0).abs() < 1e-2, "{mean} in the middle, not 1");
 }
 
-/// The same of a frosted one, to what its table of multiple scattering is off: the whole way of a scene that has rough glass.
+/// The same of a frosted one, to what its table of multiple scattering is off: the whole way of a scene that has rough
+/// glass.
 #[test]
 fn a_frosted_block_in_a_white_world_is_hardly_to_be_seen() {
     let pixels = block_in(dome([1.0; 3]), 0.4);

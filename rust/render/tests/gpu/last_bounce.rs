@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What lights the last surface of a path: shadow rays what lobes with a density reflect, and the ray of a delta lobe all that it meets.
+//! What lights the last surface of a path: shadow rays what lobes with a density reflect, and the ray of a delta lobe
+//! all that it meets.
 
 use crate::scenes::{dome, mesh, prim, square, sun};
 use crate::support::{color_request, orthographic, read, render, session, settings};

@@ -80,7 +80,8 @@ pub(crate) fn request(camera: Camera) -> RenderRequest {
     }
 }
 
-/// A request for the colour alone: the passes of the other images are not compiled, which takes a software renderer long.
+/// A request for the colour alone: the passes of the other images are not compiled, which takes a software renderer
+/// long.
 pub(crate) fn color_request(camera: Camera) -> RenderRequest {
     let mut request = request(camera);
     request.aovs.retain(|aov| aov.kind == AovKind::Color);

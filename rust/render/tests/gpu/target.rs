@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Renders that stop at a target error: whether stopping biases the picture, and how far below its target the true error then is.
+//! Renders that stop at a target error: whether stopping biases the picture, and how far below its target the true
+//! error then is.
 
 use crate::convergence::{mirror, view, window};
 use crate::scenes::nested;
@@ -84,7 +85,8 @@ fn stopped(build: fn(&mut SceneDb), target: f32) -> Stopped {
     }
 }
 
-/// Stopping does bias where fireflies are: pictures that have met none stop earlier. The bounds are what decisions/0009 states.
+/// Stopping does bias where fireflies are: pictures that have met none stop earlier. The bounds are what decisions/0009
+/// states.
 #[test]
 fn stopping_at_a_target_does_not_bias_to_speak_of() {
     type Case = (&'static str, fn(&mut SceneDb), f32);

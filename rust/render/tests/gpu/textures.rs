@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Textures in renders: colours that are known, warnings, what is left out; and the same bits at every budget, of textured surfaces and
-//! of thousands of leaves with holes.
+//! Textures in renders: colours that are known, warnings, what is left out; and the same bits at every budget, of
+//! textured surfaces and of thousands of leaves with holes.
 
 mod demand;
 mod filter;

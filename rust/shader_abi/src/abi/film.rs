@@ -7,8 +7,8 @@ use super::AovTargets;
 use bytemuck::{Pod, Zeroable};
 
 /// What the film knows of a pixel, 80 B. All zero = no sample yet.
-/// Sums are compensated (Kahan 1965) and taken in ascending sample order, so they do not depend on the size of the waves, and hold
-/// at 2^24 samples.
+/// Sums are compensated (Kahan 1965) and taken in ascending sample order, so they do not depend on the size of the
+/// waves, and hold at 2^24 samples.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct FilmPixel {
@@ -36,9 +36,9 @@ const _: () = assert!(size_of::<FilmPixel>() == 80, "measure_error.comp writes b
 /// Workgroups of `measure_error`, at most.
 pub const ERROR_GROUPS: u32 = 1024;
 
-/// What a workgroup of `measure_error` says about its pixels, 48 B. For a pixel `s` is the variance of its mean by that of its samples,
-/// and `d` the square of the mean's change since half as many samples, both divided by the square of the pixel (+ 0.01), mean of the
-/// channels.
+/// What a workgroup of `measure_error` says about its pixels, 48 B. For a pixel `s` is the variance of its mean by that
+/// of its samples, and `d` the square of the mean's change since half as many samples, both divided by the square of
+/// the pixel (+ 0.01), mean of the channels.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct ErrorSums {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a pass is given: the frame block, specialisation constants, and how to launch ([`super::Push`] has the push constants).
+//! What a pass is given: the frame block, specialisation constants, and how to launch ([`super::Push`] has the push
+//! constants).
 //!
 //! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
 
@@ -16,16 +17,15 @@ pub const MAX_DIRECT_GROUPS: u32 = 1 << 15;
 /// Specialisation constant: instance records on the longest chain from a chunk's record to a mesh, 1..=16. The chunk
 /// instance itself does not count.
 pub const SPEC_MAX_LEVELS: u32 = 0;
-/// Specialisation constant: traversal stack entries: the depth of the top level's tree, plus the sum, over the levels of the
-/// deepest chain, of the depth of the deepest instance tree at that level (the chunk's first), plus the depth of the deepest
-/// mesh tree, plus `MAX_LEVELS` + 2, plus [`crate::MAX_PENDING`] with streaming.
+/// Specialisation constant: traversal stack entries: the depth of the top level's tree, plus the sum, over the levels
+/// of the deepest chain, of the depth of the deepest instance tree at that level (the chunk's first), plus the depth of
+/// the deepest mesh tree, plus `MAX_LEVELS` + 2, plus [`crate::MAX_PENDING`] with streaming.
 pub const SPEC_STACK_SIZE: u32 = 1;
-/// Specialisation constant: bits 0 to 31 of [`Features`].
-pub const SPEC_FEATURES: u32 = 2;
-/// Specialisation constant: bits of [`Lobes`].
-pub const SPEC_LOBES: u32 = 3;
-/// Specialisation constant: bits 32 to 63 of [`Features`].
-pub const SPEC_FEATURES_HIGH: u32 = 4;
+/// Specialisation constant, for tests: a fault that the passes commit, 0 = none.
+pub const SPEC_FAULT: u32 = 4;
+
+/// [`SPEC_FAULT`], with streaming: an absent chunk is not remembered, and the ray goes on without it.
+pub const FAULT_SKIP_DEFERRED: u32 = 1;
 
 /// `arg0` of `prepare_dispatch`: queues for `intersect_closest` and `intersect_shadow`.
 pub const PREPARE_TRACE: u32 = 0;
@@ -45,100 +45,6 @@ pub const SCAN_BLOCK: u32 = 1024;
 pub const AOV_SURFACES: u32 = 0;
 /// `arg0` of `shade_aovs`: the rays that left the scene.
 pub const AOV_ESCAPED: u32 = 1;
-
-bitflags! {
-    /// What the scene and the frame need; the passes are compiled without the rest (specialisation constants 2 and 4).
-    #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
-    pub struct Features: u64 {
-        /// A constant dome light: `Frame::dome_radiance` counts.
-        const DOME = 1;
-        /// At least one distant light: `Frame::lights` and `Frame::light_count` count.
-        const DISTANT = 2;
-        /// Some mesh has opacities: traversal decides per hit, stochastically.
-        const OPACITY = 4;
-        /// Some mesh has normals to interpolate; without it all shading is flat.
-        const NORMALS = 8;
-        /// Some mesh has colours; without it every surface is `Frame::default_albedo`.
-        const COLORS = 16;
-        /// The camera has an open lens: `lens_u`, `lens_v`, `focus` count.
-        const LENS = 32;
-        /// Some instance record points to an assembly (needed when `MAX_LEVELS` > 1).
-        const INSTANCING = 64;
-        /// Shadow rays towards the dome at every bounce, joined to the escaping rays by MIS. Without it only the last
-        /// bounce sends them. Either way the estimate is unbiased: this is a choice of rays per path against noise. With `LIGHT_TABLE`: some
-        /// dome has no texture.
-        const DOME_SHADOW_RAYS = 128;
-        /// Chunks may be absent: rays wait for them, paths live in segments. `Frame::streaming` counts.
-        const STREAMING = 256;
-        /// With `STREAMING`: `Streaming::chunk_rays` counts the rays that entered each chunk.
-        const CHUNK_COUNTS = 512;
-        /// A planted fault, for tests, with `STREAMING`: an absent chunk is not remembered, and the ray goes on without it.
-        const PLANT_SKIP_DEFERRED = 1024;
-        /// Some mesh has a material: `Frame::materials`, `prims` and `material_slots` count.
-        const MATERIALS = 1 << 11;
-        /// Some material reads a texture: `Frame::textures` and `texture_pages` count.
-        const TEXTURES = 1 << 12;
-        /// Some material's opacity has to be asked for in traversal.
-        const CUTOUTS = 1 << 13;
-        /// Some material lets light through.
-        const TRANSMISSION = 1 << 14;
-        /// Some material has a coat.
-        const COAT = 1 << 15;
-        /// With `INSTANCE_PRIMVARS`: some displayOpacity at instance rate is below 1.
-        const INSTANCE_OPACITY = 1 << 16;
-        /// Lights with a place: rectangles, spheres, disks, cylinders; and the light tree.
-        const LOCAL_LIGHTS = 1 << 17;
-        /// Some light is shaped.
-        const SHAPING = 1 << 18;
-        /// Some light has an IES profile.
-        const IES = 1 << 19;
-        /// The dome has a texture.
-        const DOME_TEXTURE = 1 << 20;
-        /// Some light lights or shadows only some prims.
-        const LIGHT_LINKS = 1 << 21;
-        /// Some material emits light.
-        const EMISSION = 1 << 22;
-        /// Some primvar has a value per instance: `primvars` of chunks and assemblies, and `Frame::placed_values`, count.
-        const INSTANCE_PRIMVARS = 1 << 23;
-        /// Some light with a place has a texture.
-        const LIGHT_TEXTURE = 1 << 24;
-        /// Shading in general, with [`crate::Lighting`]: some mesh has a material, or some light is more than a constant dome
-        /// or a distant light. `Frame::lights` and what is about domes do not count, but for the flag.
-        const LIGHT_TABLE = 1 << 25;
-        /// With `STREAMING`: rays that wait for a load that is too dear for what they bring may end (`Streaming::roulette`).
-        const ROULETTE = 1 << 26;
-        /// Some material lets light through a rough surface.
-        const ROUGH_TRANSMISSION = 1 << 28;
-        /// Some mesh that emits light is sampled as a light.
-        const MESH_LIGHTS = 1 << 27;
-        /// With `MESH_LIGHTS`: the emission of some is a texture's or a primvar's.
-        const MESH_LIGHT_VALUES = 1 << 29;
-        /// Pixels have two streams of samples, and not all as many of them: `Frame::adaptive` counts.
-        const ADAPTIVE = 1 << 30;
-        /// Some light has one multiplier for diffuse and another for specular reflection (with `LIGHT_TABLE`).
-        const LIGHT_LOBES = 1 << 31;
-        /// Some texture is Ptex (with `TEXTURES`).
-        const PTEX = 1 << 32;
-    }
-}
-
-impl Features {
-    /// The values of the specialisation constants [`SPEC_FEATURES`] and [`SPEC_FEATURES_HIGH`].
-    #[must_use]
-    pub fn words(self) -> [u32; 2] {
-        let [a, b, c, d, e, f, g, h] = self.bits().to_le_bytes();
-        [u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h])]
-    }
-}
-
-bitflags! {
-    /// Lobes of the BSDF that no input of today reaches; a material front end that has them sets them with its features.
-    #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
-    pub struct Lobes: u32 {
-        /// `Shading::sheen_color` counts.
-        const SHEEN = 1;
-    }
-}
 
 bitflags! {
     /// Switches of a frame that do not need another pipeline (`Frame::flags`).
@@ -201,8 +107,8 @@ pub struct AovClear {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Frame {
-    /// [`crate::GpuLevelNode`] array of the top level: leaves are single chunk instances, boxes are in the world; at least one node.
-    /// 16-byte aligned, as all node, triangle and instance arrays are.
+    /// [`crate::GpuLevelNode`] array of the top level: leaves are single chunk instances, boxes are in the world; at
+    /// least one node. 16-byte aligned, as all node, triangle and instance arrays are.
     pub top_nodes: u64,
     /// [`crate::GpuChunkInstance`] array; its order decides ties between equally close hits. 16-byte aligned.
     pub chunk_instances: u64,
@@ -212,7 +118,7 @@ pub struct Frame {
     pub assemblies: u64,
     /// [`crate::GpuMesh`] by mesh index.
     pub meshes: u64,
-    /// [`crate::GpuLight`] array: the distant lights. May be 0 without `Features::DISTANT`.
+    /// [`crate::GpuDistantLight`] array: the distant lights. May be 0 without `Features::DISTANT`.
     pub lights: u64,
     /// [`crate::Ray`] per path. 16-byte aligned, as are all arrays by path.
     pub rays: u64,
@@ -224,8 +130,8 @@ pub struct Frame {
     pub paths: u64,
     /// f32x4 (rgb, alpha) per path.
     pub radiance: u64,
-    /// Two queues of u32 path numbers, wave size, used in turn: round `r` reads `ray_queue[r & 1]`. 4-byte aligned, as are all
-    /// queues.
+    /// Two queues of u32 path numbers, wave size, used in turn: round `r` reads `ray_queue[r & 1]`. 4-byte aligned, as
+    /// are all queues.
     pub ray_queue: [u64; 2],
     /// Queue of the paths with a shadow ray to trace, wave size.
     pub shadow_queue: u64,
@@ -247,7 +153,8 @@ pub struct Frame {
     pub aov_clear: AovClear,
     /// What `resolve` puts under the picture: `color = premultiplied + clear_color * (1 - alpha)`.
     pub clear_color: [f32; 4],
-    /// Camera ray of image point (px, py), pixel centres at + 0.5: origin `ray_o + ray_o_lo + px * ray_o_x + py * ray_o_y`.
+    /// Camera ray of image point (px, py), pixel centres at + 0.5: origin `ray_o + ray_o_lo + px * ray_o_x + py *
+    /// ray_o_y`.
     pub ray_o: [f32; 3],
     /// What `ray_o` lacks of the camera's place in f64, at most half an ulp of it.
     pub ray_o_lo: [f32; 3],
@@ -298,7 +205,8 @@ pub struct Frame {
     pub light_count: u32,
     /// Bits of [`FrameFlags`].
     pub flags: u32,
-    /// Threads of a round that trace its rays, at most and rounded up to workgroups: where there are more rays, each takes some, one after the other.
+    /// Threads of a round that trace its rays, at most and rounded up to workgroups: where there are more rays, each
+    /// takes some, one after the other.
     pub most_walkers: u32,
     /// Nothing.
     pub pad: u32,
@@ -329,15 +237,17 @@ pub struct Frame {
     pub texture_feedback: u64,
 }
 
-/// Which samples the paths of an epoch are, with `Features::ADAPTIVE`. The film then has a [`crate::FilmPixel`] for each pixel of stream 0
-/// and behind all of them one for each of stream 1; `Push::first_pixel` is an entry, and `Push::first_sample` a row, with the band from
-/// bit 26 on.
+/// Which samples the paths of an epoch are, with `Features::ADAPTIVE`. The film then has a [`crate::FilmPixel`] for
+/// each pixel of stream 0 and behind all of them one for each of stream 1; `Push::first_pixel` is an entry, and
+/// `Push::first_sample` a row, with the band from bit 26 on.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Adaptive {
-    /// u32x2 each: number of the pixel in trace order, with the stream in the highest bit; first sample. 8-byte aligned.
+    /// u32x2 each: number of the pixel in trace order, with the stream in the highest bit; first sample. 8-byte
+    /// aligned.
     pub entries: u64,
-    /// u32 by octave & 7, stream, pixel: what the first `2^octave` samples said, as two halves (`oocpt_core::adaptive::Said`).
+    /// u32 by octave & 7, stream, pixel: what the first `2^octave` samples said, as two halves
+    /// (`oocpt_core::adaptive::VarianceEstimate`).
     pub said: u64,
     /// Entries of each band.
     pub width: [u32; 32],

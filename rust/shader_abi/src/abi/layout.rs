@@ -5,11 +5,11 @@
 
 use super::{
     Adaptive, AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAssembly, GpuAttribute, GpuCdf, GpuChunk,
-    GpuChunkInstance, GpuInfiniteLight, GpuInput, GpuInstance, GpuLevelNode, GpuLight, GpuLightLeaf, GpuLightMap,
-    GpuLightMesh, GpuLightNode, GpuLightShaping, GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh,
-    GpuMeshLight, GpuMeshNode, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs,
-    LbvhBounds, LbvhNode, LbvhPush, Lighting, PathState, Pending, Push, Question, Ray, Roulette, Segment, ShadowRay,
-    Streaming, TextureFeedback,
+    GpuChunkInstance, GpuDistantLight, GpuInfiniteLight, GpuInput, GpuInstance, GpuLevelNode, GpuLightLeaf,
+    GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping, GpuLightTriangle, GpuLightValue, GpuLocalLight,
+    GpuMaterial, GpuMesh, GpuMeshLight, GpuMeshNode, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle,
+    IndirectArgs, LbvhBounds, LbvhNode, LbvhPush, Lighting, PathState, Pending, Push, Question, Ray, Roulette, Segment,
+    ShadowRay, Streaming, TextureFeedback,
 };
 use core::mem::{offset_of, size_of};
 
@@ -199,7 +199,7 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(GpuAttribute { values, name, rate_and_width }),
     layout!(GpuSurfaceMaterial { uv, primvars, tangent, material, footprints, handedness, flags }),
     layout!(GpuAssembly { nodes, instances, primvars }),
-    layout!(GpuLight { direction, one_minus_cos, radiance, probability, cumulative }),
+    layout!(GpuDistantLight { direction, one_minus_cos, radiance, probability, cumulative }),
     layout!(Lighting {
         local_lights,
         nodes,

@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The light table (`Features::LIGHT_TABLE`): local lights and the tree over them, lights at infinity, shaping, pictures.
+//! The light table (`Features::LIGHT_TABLE`): local lights and the tree over them, lights at infinity, shaping,
+//! pictures.
 //!
-//! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread. Scenes whose lights are constant domes and
-//! distant lights, and that have no materials, use [`crate::GpuLight`] instead.
+//! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread. Scenes whose lights are constant
+//! domes and distant lights, and that have no materials, use [`crate::GpuDistantLight`] instead.
 
 use bitflags::bitflags;
 use bytemuck::{Pod, Zeroable};
 
 /// Of [`GpuLocalLight::shaping`] and other indices: nothing.
 pub const NO_INDEX: u32 = u32::MAX;
+/// The bits of a light's `flags` that hold its [`GpuLightKind`].
+pub const LIGHT_KIND_MASK: u32 = 15;
 /// Set in [`GpuLightNode::child`] of a light; the other bits are its index.
 pub const LIGHT_LEAF: u32 = 1 << 31;
 /// Most nodes on a way from the root to a light.
@@ -69,8 +72,8 @@ pub struct Lighting {
     pub infinite_lights: u64,
     /// [`GpuLightShaping`] array; 0 without `Features::SHAPING`.
     pub shapings: u64,
-    /// Profiles, one after the other, in words: numbers of vertical and of horizontal angles (u32), these angles (degrees), candelas
-    /// by horizontal, then vertical angle. 0 without `Features::IES`.
+    /// Profiles, one after the other, in words: numbers of vertical and of horizontal angles (u32), these angles
+    /// (degrees), candelas by horizontal, then vertical angle. 0 without `Features::IES`.
     pub ies: u64,
     /// [`GpuLightMap`] array; 0 without pictures.
     pub maps: u64,
@@ -86,7 +89,8 @@ pub struct Lighting {
     pub local_share: f32,
     /// Entries of `prim_sets`.
     pub prim_count: u32,
-    /// [`GpuMeshLight`] array, by prim id, instance id and mesh; 0 without `Features::MESH_LIGHTS`, as all that follows.
+    /// [`GpuMeshLight`] array, by prim id, instance id and mesh; 0 without `Features::MESH_LIGHTS`, as all that
+    /// follows.
     pub mesh_lights: u64,
     /// [`GpuLightMesh`] array.
     pub light_meshes: u64,
@@ -114,7 +118,8 @@ pub struct Lighting {
     pub pad: u32,
 }
 
-/// A placement of a mesh that emits light, 96 B. World points are `position + x p.x + y p.y + z p.z` for points p of the mesh.
+/// A placement of a mesh that emits light, 96 B. World points are `position + x p.x + y p.y + z p.z` for points p of
+/// the mesh.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct GpuMeshLight {
@@ -194,7 +199,8 @@ pub struct GpuLightTriangle {
     pub face: u32,
 }
 
-/// What [`GpuLightTriangle`] has with `Features::MESH_LIGHT_VALUES`: at its corners the emission, or texture coordinates in x and y; 48 B.
+/// What [`GpuLightTriangle`] has with `Features::MESH_LIGHT_VALUES`: at its corners the emission, or texture
+/// coordinates in x and y; 48 B.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct GpuLightValue {
@@ -260,7 +266,7 @@ pub struct GpuLocalLight {
 pub struct GpuInfiniteLight {
     /// Of a distant light: unit vector from the scene towards it.
     pub direction: [f32; 3],
-    /// Of a distant light: see [`crate::GpuLight::one_minus_cos`].
+    /// Of a distant light: see [`crate::GpuDistantLight::one_minus_cos`].
     pub one_minus_cos: f32,
     /// Radiance; of a single direction, irradiance; of a picture, its factor.
     pub radiance: [f32; 3],
@@ -302,8 +308,8 @@ pub struct GpuLightNode {
     pub power: [f32; 2],
     /// Index of a node, or [`LIGHT_LEAF`] and the index of a light.
     pub child: [u32; 2],
-    /// How much of the light goes to the other side of its own directions: 0 for lights of one side, 1 for emissive meshes, less for
-    /// closed ones, whose inside is seldom seen.
+    /// How much of the light goes to the other side of its own directions: 0 for lights of one side, 1 for emissive
+    /// meshes, less for closed ones, whose inside is seldom seen.
     pub back: [f32; 2],
 }
 
@@ -341,7 +347,8 @@ pub struct GpuLightShaping {
 pub struct GpuLightMap {
     /// Texels, the top row first.
     pub texels: u64,
-    /// [`GpuCdf`] entries of the cells of each row, the top row first, then of the rows: `(columns + 1) * rows`; 0 for rectangles.
+    /// [`GpuCdf`] entries of the cells of each row, the top row first, then of the rows: `(columns + 1) * rows`; 0 for
+    /// rectangles.
     pub cells: u64,
     /// Texels in a row.
     pub width: u32,
@@ -371,7 +378,8 @@ pub struct GpuLightMap {
 pub struct GpuCdf {
     /// Probability of all entries before this one; the last of equal ones is meant.
     pub start: f32,
-    /// Entry that the number `i / n` falls on, for entry i of n: a search begins there, and ends where the next one begins.
+    /// Entry that the number `i / n` falls on, for entry i of n: a search begins there, and ends where the next one
+    /// begins.
     pub guide: u32,
     /// Of a cell: its probability times the number of cells. Of a row: its probability times the number of rows.
     pub density: f32,

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Materials as the shaders read them: tables of materials, of prims, of primvars; and what is kept of a material at a hit.
+//! Materials as the shaders read them: tables of materials, of prims, of primvars; and what is kept of a material at a
+//! hit.
 //!
 //! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
 

@@ -3,6 +3,8 @@
 //!
 //! Guarantees: depends on nothing else of this crate, because `build.rs` includes it too. Any thread.
 
+mod constants;
+mod features;
 mod film;
 mod frame;
 mod layout;
@@ -15,18 +17,20 @@ mod scene;
 mod stream;
 mod texture;
 
+pub use constants::CONSTANTS;
+pub use features::{CarryRule, FEATURES, Feature, Features, SPEC_FEATURES, SPEC_FEATURES_HIGH};
 pub use film::{ERROR_GROUPS, ErrorSums, FilmPixel, aov_bytes};
 pub use frame::{
-    AOV_ESCAPED, AOV_SURFACES, Adaptive, AovClear, AovTargets, Features, Frame, FrameFlags, Lobes, MAX_DIRECT_GROUPS,
-    PREPARE_DEMAND, PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, SCAN_BLOCK, SCAN_BLOCKS, SCAN_SUMS, SPEC_FEATURES,
-    SPEC_FEATURES_HIGH, SPEC_LOBES, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
+    AOV_ESCAPED, AOV_SURFACES, Adaptive, AovClear, AovTargets, FAULT_SKIP_DEFERRED, Frame, FrameFlags,
+    MAX_DIRECT_GROUPS, PREPARE_DEMAND, PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, SCAN_BLOCK, SCAN_BLOCKS,
+    SCAN_SUMS, SPEC_FAULT, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
 };
 pub use layout::{LAYOUTS, MemberLayout, StructLayout};
 pub use lbvh::{LbvhBounds, LbvhNode, LbvhPush};
 pub use light::{
     GpuCdf, GpuInfiniteLight, GpuLightKind, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
-    GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMeshLight, LIGHT_LEAF, LIGHT_TREE_DEPTH, LightFlags, Lighting,
-    MAP_FLOAT, MAP_HALF, NO_INDEX,
+    GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMeshLight, LIGHT_KIND_MASK, LIGHT_LEAF, LIGHT_TREE_DEPTH,
+    LightFlags, Lighting, MAP_FLOAT, MAP_HALF, NO_INDEX,
 };
 pub use material::{
     GpuAttribute, GpuInput, GpuMaterial, GpuPrim, GpuSurfaceMaterial, INPUT_CHANNEL_SHIFT, INPUT_CONSTANT,
@@ -34,10 +38,13 @@ pub use material::{
     NO_MATERIAL, NO_NAME, SLOT_PRESENCE,
 };
 pub use path::{Counters, IndirectArgs, PathState, Ray, ShadowRay, hit_stride};
-pub use push::{Push, PushFlags};
+pub use push::{
+    BAND_SHIFT, ESTIMATE_FIRST, ESTIMATE_RING, PUSH_SEGMENT_SHIFT, Push, PushFlags, STREAM_BIT, STREAM_SEED,
+};
 pub use scene::{
-    AttributeRate, GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuLevelNode, GpuLight, GpuMesh, GpuMeshNode,
-    GpuTriangle, MeshFlags, NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_ROW, NO_VALUE, TARGET_ASSEMBLY,
+    AttributeRate, GpuAssembly, GpuChunk, GpuChunkInstance, GpuDistantLight, GpuInstance, GpuLevelNode, GpuMesh,
+    GpuMeshNode, GpuTriangle, MeshFlags, NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_ROW, NO_VALUE, SUBSET_MASK,
+    TARGET_ASSEMBLY,
 };
 pub use stream::{
     GpuSurface, LIGHT_PATH_BYTES, MATERIAL_BIT, MAX_PENDING, Pending, Question, Roulette, SHADOW_BIT, Segment,

@@ -34,15 +34,15 @@ pub struct PathState {
     pub pdf: f32,
 }
 
-/// A ray that adds `contribution` to its path's radiance unless something is in the way, 64 B; one per path. Starts with the
-/// members of [`Ray`].
+/// A ray that adds `contribution` to its path's radiance unless something is in the way, 64 B; one per path. Starts
+/// with the members of [`Ray`].
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct ShadowRay {
     /// Origin, world, high part.
     pub o: [f32; 3],
-    /// Bounce of the ray that met the surface it starts from. With `Features::LIGHT_LINKS` in the low 16 bits; above them the
-    /// category of the prims that are in its way, 0 for all.
+    /// Bounce of the ray that met the surface it starts from. With `Features::LIGHT_LINKS` in the low 16 bits; above
+    /// them the category of the prims that are in its way, 0 for all.
     pub bounce: u32,
     /// Direction, world, unit up to rounding.
     pub d: [f32; 3],
@@ -58,8 +58,8 @@ pub struct ShadowRay {
     pub pad: u32,
 }
 
-/// Bytes of a hit record: f32 u, f32 v, u32 triangle, u32 chunk instance, f32 t, then `max_levels` u32 instance records, the
-/// chunk's first, rounded up to 16. Barycentrics: `p = (1 - u - v) v0 + u v1 + v v2`.
+/// Bytes of a hit record: f32 u, f32 v, u32 triangle, u32 chunk instance, f32 t, then `max_levels` u32 instance
+/// records, the chunk's first, rounded up to 16. Barycentrics: `p = (1 - u - v) v0 + u v1 + v v2`.
 #[must_use]
 pub const fn hit_stride(max_levels: u32) -> u32 {
     (20 + 4 * max_levels).next_multiple_of(16)
@@ -79,8 +79,8 @@ pub struct IndirectArgs {
 
 /// Queue lengths, what `prepare_dispatch` makes of them, and totals.
 ///
-/// The host zeroes all of it once before the first wave of a render; between waves nothing needs zeroing. The totals grow
-/// until the host zeroes them again (between waves, at the offsets up to [`Counters::TOTALS_BYTES`]).
+/// The host zeroes all of it once before the first wave of a render; between waves nothing needs zeroing. The totals
+/// grow until the host zeroes them again (between waves, at the offsets up to [`Counters::TOTALS_BYTES`]).
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Counters {
@@ -94,10 +94,11 @@ pub struct Counters {
     pub chunk_misses: u64,
     /// Total: contributions that were NaN or infinite and were dropped.
     pub nonfinite: u32,
-    /// Total: rays for which traversal ran out of stack and left nodes out; must stay 0, else `STACK_SIZE` is too small.
+    /// Total: rays for which traversal ran out of stack and left nodes out; must stay 0, else `STACK_SIZE` is too
+    /// small.
     pub stack_overflows: u32,
-    /// Paths in `Frame::ray_queue[i]`. After a submission of streaming that ended before round `r`, `ray_count[r & 1]` rays and
-    /// `shadow_count` shadow rays are ready to be traced.
+    /// Paths in `Frame::ray_queue[i]`. After a submission of streaming that ended before round `r`, `ray_count[r & 1]`
+    /// rays and `shadow_count` shadow rays are ready to be traced.
     pub ray_count: [u32; 2],
     /// Paths in `Frame::surface_queue`.
     pub surface_count: u32,

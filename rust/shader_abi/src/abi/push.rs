@@ -19,7 +19,17 @@ bitflags! {
 }
 
 /// Where `generate_*` finds the number of the segment in `Push::flags`, streaming.
-const SEGMENT_SHIFT: u32 = 8;
+pub const PUSH_SEGMENT_SHIFT: u32 = 8;
+/// Where `first_sample` has the number of the band with [`super::Features::ADAPTIVE`]; below it is the row.
+pub const BAND_SHIFT: u32 = 26;
+/// Set in the pixel of an entry of the second stream.
+pub const STREAM_BIT: u32 = 1 << 31;
+/// The second stream's seed differs from the first one's by this, xor.
+pub const STREAM_SEED: u32 = 0x5bd1_e995;
+/// Octaves of variance estimates that the film keeps for each stream.
+pub const ESTIMATE_RING: u32 = 8;
+/// First octave of samples at which a stream estimates its variance.
+pub const ESTIMATE_FIRST: u32 = 3;
 
 /// Push constants of every wavefront pass, 32 B.
 #[repr(C)]
@@ -33,8 +43,9 @@ pub struct Push {
     pub first_sample: u32,
     /// Paths in the wave. `width * height + path_count` must stay below 2^32.
     pub path_count: u32,
-    /// Round: 0 = camera rays. In a wave all rays of round `r` are at bounce `r`; passes ask the ray for its bounce, and the
-    /// round only for which of the two ray queues is read. With streaming, rounds are numbered through all submissions.
+    /// Round: 0 = camera rays. In a wave all rays of round `r` are at bounce `r`; passes ask the ray for its bounce,
+    /// and the round only for which of the two ray queues is read. With streaming, rounds are numbered through all
+    /// submissions.
     pub round: u32,
     /// Meaning depends on the pass; 0 where none is told.
     pub arg0: u32,
@@ -43,8 +54,8 @@ pub struct Push {
 }
 
 impl Push {
-    /// The push constants of the wave that traces `first_path .. first_path + path_count` of an image of `pixels` pixels,
-    /// in round 0 with `arg0` and flags 0. `pixels` of 0 counts as 1. Sample numbers wrap at 2^32.
+    /// The push constants of the wave that traces `first_path .. first_path + path_count` of an image of `pixels`
+    /// pixels, in round 0 with `arg0` and flags 0. `pixels` of 0 counts as 1. Sample numbers wrap at 2^32.
     #[must_use]
     pub fn wave(frame: u64, first_path: u64, path_count: u32, pixels: u32) -> Self {
         let pixels = u64::from(pixels.max(1));
@@ -66,20 +77,26 @@ impl Push {
         Self { round, arg0, ..self }
     }
 
+    /// The same wave in band `band` of the list of entries, `row` rows further on ([`super::Features::ADAPTIVE`]).
+    #[must_use]
+    pub fn in_band(self, band: u32, row: u32) -> Self {
+        Self { first_sample: (self.first_sample + row) | (band << BAND_SHIFT), ..self }
+    }
+
     /// The same wave with rays of the kind that `flags` say.
     #[must_use]
     pub fn flagged(self, flags: PushFlags) -> Self {
         Self { flags: flags.bits(), ..self }
     }
 
-    /// For `generate_*` with streaming: the paths become segment `segment` (below 2^24) and take `path_count` free slots.
-    /// `taken` slots were taken before, of `slots`; the caller knows that `taken + path_count <= slots + freed`, and that no
-    /// multiple of `slots` lies between.
+    /// For `generate_*` with streaming: the paths become segment `segment` (below 2^24) and take `path_count` free
+    /// slots. `taken` slots were taken before, of `slots`; the caller knows that `taken + path_count <= slots + freed`,
+    /// and that no multiple of `slots` lies between.
     #[must_use]
     pub fn into_slots(self, segment: u32, taken: u64, slots: u32) -> Self {
         let slots = u64::from(slots.max(1));
         let fresh = if taken < slots { PushFlags::FRESH.bits() } else { 0 };
         let arg0 = u32::try_from(taken % slots).unwrap_or_default();
-        Self { arg0, flags: self.flags | fresh | segment << SEGMENT_SHIFT, ..self }
+        Self { arg0, flags: self.flags | fresh | segment << PUSH_SEGMENT_SHIFT, ..self }
     }
 }

@@ -15,11 +15,13 @@ pub const NAME_DISPLAY_COLOR: u32 = 0;
 pub const NAME_DISPLAY_OPACITY: u32 = 1;
 /// Bits of the first float of a value by instance where there is none.
 pub const NO_VALUE: u32 = 0x7fc0_0000;
+/// The bits of [`GpuTriangle::subset_and_sides`] that hold the subset.
+pub const SUBSET_MASK: u32 = 0xffff;
 /// In `GpuChunkInstance::row`: none.
 pub const NO_ROW: u32 = u32::MAX;
 
-/// Node of a hierarchy over instances, 64 B: as [`GpuMeshNode`], but children are named one by one; the layout of `oocpt_core::LevelNode`.
-/// The root is node 0.
+/// Node of a hierarchy over instances, 64 B: as [`GpuMeshNode`], but children are named one by one; the layout of
+/// `oocpt_core::LevelNode`. The root is node 0.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct GpuLevelNode {
@@ -37,15 +39,15 @@ pub struct GpuLevelNode {
     pub pad: [u32; 2],
 }
 
-/// Node of a mesh's hierarchy, 48 B: the boxes of at most four children on a grid of its own; the layout of `oocpt_core::Bvh4Node`.
-/// The root is node 0. Inner children come first, then leaves.
+/// Node of a mesh's hierarchy, 48 B: the boxes of at most four children on a grid of its own; the layout of
+/// `oocpt_core::Bvh4Node`. The root is node 0. Inner children come first, then leaves.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 pub struct GpuMeshNode {
     /// Lower corner of the grid, the bits of three floats.
     pub origin: [u32; 3],
-    /// A byte to an axis: exponent of the cell's edge, biased as in floats. From bit 24, two bits to a child: triangles of the leaf (1..=3), 0 for
-    /// an inner or absent child.
+    /// A byte to an axis: exponent of the cell's edge, biased as in floats. From bit 24, two bits to a child: triangles
+    /// of the leaf (1..=3), 0 for an inner or absent child.
     pub cell_and_counts: u32,
     /// Per axis, a byte to a child: its lower plane, in cells from the origin.
     pub lower: [u32; 3],
@@ -181,12 +183,13 @@ pub struct GpuChunk {
     pub nodes: u64,
     /// [`GpuInstance`] array, 16-byte aligned; the maps start from the chunk's own frame.
     pub instances: u64,
-    /// [`crate::GpuAttribute`] array, 16-byte aligned, the last with the name [`crate::NO_NAME`]: values by record, of which
-    /// [`NO_VALUE`] in the first float says that there is none. 0 without any.
+    /// [`crate::GpuAttribute`] array, 16-byte aligned, the last with the name [`crate::NO_NAME`]: values by record, of
+    /// which [`NO_VALUE`] in the first float says that there is none. 0 without any.
     pub primvars: u64,
 }
 
-/// A chunk in the world, 80 B. A world point `p` (relative to `Snapshot::origin`) is `L (p - origin)` in the chunk's frame.
+/// A chunk in the world, 80 B. A world point `p` (relative to `Snapshot::origin`) is `L (p - origin)` in the chunk's
+/// frame.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct GpuChunkInstance {
@@ -221,7 +224,7 @@ impl GpuChunkInstance {
 /// A distant light, 36 B.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct GpuLight {
+pub struct GpuDistantLight {
     /// Unit vector from the scene towards the light, world.
     pub direction: [f32; 3],
     /// 1 - cos(half angle) = 2 sin^2(half angle / 2), in [0, 2]; 0 = all light comes from `direction`. Kept apart from

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What paths need when chunks may be absent: lists of chunks that rays wait for, surfaces kept while their chunk leaves,
-//! segments of paths, and the demand that the host reads.
+//! What paths need when chunks may be absent: lists of chunks that rays wait for, surfaces kept while their chunk
+//! leaves, segments of paths, and the demand that the host reads.
 //!
 //! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
 
@@ -16,15 +16,17 @@ pub const SHADOW_BIT: u32 = 1 << 31;
 /// Set in an entry of `Streaming::deferred` when neither waits but the path's material, for a tile of a texture.
 pub const MATERIAL_BIT: u32 = 1 << 30;
 
-/// With textures, `Streaming::sort_counts` has so many more elements: paths whose materials wait are sorted by tile modulo this.
+/// With textures, `Streaming::sort_counts` has so many more elements: paths whose materials wait are sorted by tile
+/// modulo this.
 pub const TILE_KEYS: u32 = 256;
 
-/// Addresses of what streaming adds to a frame. `slots` paths are in flight; the segments have `segments * segment_size` *places*, at
-/// least as many, one radiance each. Both below 2^31.
+/// Addresses of what streaming adds to a frame. `slots` paths are in flight; the segments have `segments *
+/// segment_size` *places*, at least as many, one radiance each. Both below 2^31.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Streaming {
-    /// [`Segment`] array: places `s * segment_size ..` belong to segment `s`. Written by `generate_*`, read by the host.
+    /// [`Segment`] array: places `s * segment_size ..` belong to segment `s`. Written by `generate_*`, read by the
+    /// host.
     pub segments: u64,
     /// u32 per slot.
     pub progress: u64,
@@ -42,7 +44,8 @@ pub struct Streaming {
     pub sort_counts: u64,
     /// u32 per block, see [`sort_blocks`]. Any contents.
     pub sort_sums: u64,
-    /// u32 `[chunk_count]`: rays that entered each chunk since the host zeroed it. May be 0 without `Features::CHUNK_COUNTS`.
+    /// u32 `[chunk_count]`: rays that entered each chunk since the host zeroed it. May be 0 without
+    /// `Features::CHUNK_COUNTS`.
     pub chunk_rays: u64,
     /// u32 per slot: the place of its path in the segments, which is where its radiance is.
     pub places: u64,
@@ -62,12 +65,14 @@ pub struct Streaming {
     pub resolve_progress: u64,
     /// One [`Roulette`]; 0 without `Features::ROULETTE`, as the next three.
     pub roulette: u64,
-    /// u32 `[chunk_count]`: what the rays that wait for each chunk first may bring, see [`WORTH_ONE`]. The host zeroes it before.
+    /// u32 `[chunk_count]`: what the rays that wait for each chunk first may bring, see [`WORTH_ONE`]. The host zeroes
+    /// it before.
     pub worth: u64,
-    /// u32 `[WORTH_SUMS]`: what the rays bring that wait for a chunk and belong to a pixel, by a hash of both. The host zeroes it before.
+    /// u32 `[WORTH_SUMS]`: what the rays bring that wait for a chunk and belong to a pixel, by a hash of both. The host
+    /// zeroes it before.
     pub worth_sums: u64,
-    /// Two tables of f32 `[chunk_count]`, used in turn: 0 = nothing, above 0: a weight for the rays that wait for the chunk first, below: they
-    /// end. Written by the host.
+    /// Two tables of f32 `[chunk_count]`, used in turn: 0 = nothing, above 0: a weight for the rays that wait for the
+    /// chunk first, below: they end. Written by the host.
     pub verdicts: [u64; 2],
     /// Places of a segment; the last one may be used in part.
     pub segment_size: u32,
@@ -92,8 +97,8 @@ pub const WORTH_MUST: u32 = 1 << 31;
 /// Elements of `Streaming::worth_sums`; a power of two.
 pub const WORTH_SUMS: u32 = 1 << 20;
 
-/// What roulette on loads knows and counts, 24 B. Radiances are means of the channels; what is known of paths is of the latest looks at
-/// some of them.
+/// What roulette on loads knows and counts, 24 B. Radiances are means of the channels; what is known of paths is of the
+/// latest looks at some of them.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct Roulette {
@@ -135,8 +140,8 @@ pub struct Pending {
     pub chunk_instance: [u32; 4],
 }
 
-/// Whether a cutout is there, which a ray could not tell because a tile of its texture is absent, 64 B. It is about the first chunk
-/// instance of the ray's list: all its cutouts nearer than this one are known not to be there.
+/// Whether a cutout is there, which a ray could not tell because a tile of its texture is absent, 64 B. It is about the
+/// first chunk instance of the ray's list: all its cutouts nearer than this one are known not to be there.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct Question {

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Textures: one record each, and a page table of all their tiles together.
 //!
-//! `Frame::texture_pages` is u64 per tile of the scene: its device address, 0 = absent, with [`PAGE_BROKEN`] when it could not be read. Texels of a tile are tightly packed, row by row from
-//! the bottom. Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread.
+//! `Frame::texture_pages` is u64 per tile of the scene: its device address, 0 = absent, with [`PAGE_BROKEN`] when it
+//! could not be read. Texels of a tile are tightly packed, row by row from the bottom. Guarantees: plain data with the
+//! offsets of `shaders/include/abi.glsl`. Any thread.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -18,7 +19,8 @@ pub const TEXTURE_F16: u32 = 1;
 pub const TEXTURE_F32: u32 = 2;
 /// Red, green and blue go through the sRGB curve.
 pub const TEXTURE_SRGB: u32 = 1 << 6;
-/// A set of up to 100 textures, side by side in the table from number `first_page` on; those without levels are missing.
+/// A set of up to 100 textures, side by side in the table from number `first_page` on; those without levels are
+/// missing.
 pub const TEXTURE_UDIM: u32 = 1 << 7;
 /// Texels by face: `width` is the number of faces, `directory` says where they are.
 pub const TEXTURE_PTEX: u32 = 1 << 12;

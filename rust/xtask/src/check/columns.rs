@@ -10,9 +10,6 @@ use super::{path, tracked_files};
 use crate::book::COLUMNS;
 use crate::places::Places;
 
-/// Folders whose comments are not held to it yet.
-const NOT_YET: &[&str] = &["rust/core/", "rust/render/", "rust/shader_abi/", "shaders/"];
-
 /// Python programs without an extension.
 const PROGRAMS: &[&str] = &["plugin/usdrecord", "plugin/texture-host"];
 
@@ -47,9 +44,7 @@ fn held(file: &str) -> Held {
     match extension {
         "md" => Held::Markdown,
         "py" => Held::All,
-        "rs" | "h" | "cpp" | "comp" | "glsl" if !NOT_YET.iter().any(|folder| file.starts_with(folder)) => {
-            Held::Comments
-        }
+        "rs" | "h" | "cpp" | "comp" | "glsl" => Held::Comments,
         _ if PROGRAMS.contains(&file) => Held::All,
         _ => Held::Nothing,
     }

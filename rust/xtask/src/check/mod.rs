@@ -4,6 +4,7 @@
 
 mod columns;
 mod graph;
+mod modules;
 mod text;
 
 use std::path::PathBuf;
@@ -34,6 +35,7 @@ type Step = (Depth, &'static str, fn(&Places) -> Result<()>);
 const STEPS: &[Step] = &[
     (Depth::Text, "words and lengths", text::check),
     (Depth::Text, "columns", columns::check),
+    (Depth::Text, "modules", modules::check),
     (Depth::Text, "documents", book::check),
     (Depth::Text, "crate graph", graph::check),
     (Depth::Text, "rustfmt", rustfmt),

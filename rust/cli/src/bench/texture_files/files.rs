@@ -67,7 +67,7 @@ pub(super) struct Files {
 
 /// What the program says.
 #[derive(Deserialize)]
-struct Said {
+struct VarianceEstimate {
     seconds: f64,
 }
 
@@ -110,7 +110,7 @@ impl Tool {
         Ok(Used { secs: said.seconds, ..used })
     }
 
-    fn call<'a>(&self, folder: &Path, words: impl Iterator<Item = &'a OsStr>) -> Result<(Said, Used)> {
+    fn call<'a>(&self, folder: &Path, words: impl Iterator<Item = &'a OsStr>) -> Result<(VarianceEstimate, Used)> {
         let [output, errors] = ["tool-output", "tool-errors"].map(|name| folder.join(name));
         let keep = |path: &Path| File::create(path).with_context(|| format!("cannot write {}", path.display()));
         let mut command = Command::new(&self.program);
@@ -122,7 +122,7 @@ impl Tool {
             bail!("{} failed: {}", self.program.display(), crate::host::tail(&[&output, &errors]));
         }
         let text = std::fs::read_to_string(&output).context("cannot read what it said")?;
-        let said: Said =
+        let said: VarianceEstimate =
             serde_json::from_str(&text).with_context(|| format!("{} said {text:?}", self.program.display()))?;
         ensure!(said.seconds.is_finite(), "{} said {text:?}", self.program.display());
         Ok((said, used))

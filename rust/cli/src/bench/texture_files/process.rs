@@ -4,6 +4,7 @@
 //! The peak is the kernel's own (`ru_maxrss`), which begins with this program's, from which the other one was made; so
 //! nothing large may ever be held here. Of descendants, those count that the program waited for.
 
+use crate::stop;
 use anyhow::{Context, Result, bail};
 use std::process::Command;
 use std::sync::mpsc;
@@ -25,7 +26,8 @@ pub(super) struct Used {
 /// Runs a program to its end; one that takes longer than `timeout` is ended, and that is an error.
 pub(super) fn run(command: &mut Command, timeout: Duration) -> Result<Used> {
     let started = Instant::now();
-    let mut child = command.spawn().with_context(|| format!("cannot start {}", command.get_program().display()))?;
+    let (mut child, running) =
+        stop::start(command).with_context(|| format!("cannot start {}", command.get_program().display()))?;
     let id = rustix::process::Pid::from_child(&child);
     let (done, is_done) = mpsc::channel::<()>();
     let (ended, is_late) = std::thread::scope(|scope| {
@@ -38,6 +40,7 @@ pub(super) fn run(command: &mut Command, timeout: Duration) -> Result<Used> {
         drop(done);
         (ended, watch.join().unwrap_or(false))
     });
+    drop(running);
     let secs = started.elapsed().as_secs_f64();
     let used = ended.with_context(|| format!("cannot wait for {}", command.get_program().display()))?;
     if is_late {

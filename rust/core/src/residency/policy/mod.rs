@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What a policy decides: which chunk is worth loading first, which is worth keeping, and when the one is worth the
-//! other. Everything that must always hold (budget, pins, starvation, loads in flight) is the planner's, not a policy's.
+//! other. Everything that must always hold (budget, pins, starvation, loads in flight) is the planner's, not a
+//! policy's.
 
 mod benefit;
 mod priority;

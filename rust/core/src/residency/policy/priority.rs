@@ -3,8 +3,8 @@
 //! resident; chunks are loaded from the top of the list while their value is not ten times below the best.
 //!
 //! Where we differ: there, rays queue at resident chunks too and are traced from the queue; here they go on at once, so
-//! a resident chunk's n is what it was visited by since the last step (0 when nobody counts), and the best value is taken
-//! among absent chunks. Equal losses: the least recently used goes.
+//! a resident chunk's n is what it was visited by since the last step (0 when nobody counts), and the best value is
+//! taken among absent chunks. Equal losses: the least recently used goes.
 
 use super::super::ChunkId;
 use super::{Policy, View, top};

@@ -10,9 +10,10 @@ const STEP: f64 = 500.0;
 
 /// Green and blue relative to red, and their slopes per 1000 K.
 ///
-/// Source: values and finite differences (10 K) of `UsdLux.BlackbodyTemperatureAsRgb` of usd-core 25.08, which gives the colour of a
-/// black body (Planck's law, CIE 1931 observer) in linear Rec. 709. It departs from the Planckian locus below 2000 K, where that
-/// leaves the gamut; hosts show their users the function's colours, so these are followed, not the locus.
+/// Source: values and finite differences (10 K) of `UsdLux.BlackbodyTemperatureAsRgb` of usd-core 25.08, which gives
+/// the colour of a black body (Planck's law, CIE 1931 observer) in linear Rec. 709. It departs from the Planckian locus
+/// below 2000 K, where that leaves the gamut; hosts show their users the function's colours, so these are followed, not
+/// the locus.
 const FIT: [[f64; 4]; 19] = [
     [0.02749, 0.00000, 0.12228, 0.00000],
     [0.14966, 0.00000, 0.23027, 0.00810],
@@ -35,11 +36,11 @@ const FIT: [[f64; 4]; 19] = [
     [1.14090, 1.64020, 0.02079, 0.07890],
 ];
 
-/// Colour of a black body, linear Rec. 709 of luminance 1, as `UsdLux` wants it: temperatures clamp to 1000..10000 K, and components
-/// are not negative.
+/// Colour of a black body, linear Rec. 709 of luminance 1, as `UsdLux` wants it: temperatures clamp to 1000..10000 K,
+/// and components are not negative.
 ///
-/// Cubic Hermite interpolation of `FIT`; within 1e-3 of `UsdLux.BlackbodyTemperatureAsRgb` in every component and at every
-/// temperature (`tests/hydra/test_features_lights.py`). `None` for NaN.
+/// Cubic Hermite interpolation of `FIT`; within 1e-3 of `UsdLux.BlackbodyTemperatureAsRgb` in every component and at
+/// every temperature (`tests/hydra/test_features_lights.py`). `None` for NaN.
 #[must_use]
 pub fn blackbody(kelvin: f32) -> Option<[f64; 3]> {
     if kelvin.is_nan() {

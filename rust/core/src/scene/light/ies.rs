@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Measured profiles of luminaires: IES files (ANSI/IES LM-63, 1986 to 2019). Pure; the bytes come from outside.
 //!
-//! Guarantees: no allocation is larger than the file allows; every number of a profile is finite, candelas are not negative, angles
-//! grow. Only type C photometry is read (the usual one): vertical angle 0 is straight down, which is where a light points.
+//! Guarantees: no allocation is larger than the file allows; every number of a profile is finite, candelas are not
+//! negative, angles grow. Only type C photometry is read (the usual one): vertical angle 0 is straight down, which is
+//! where a light points.
 
 use std::f64::consts::PI;
 

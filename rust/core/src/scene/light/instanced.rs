@@ -7,8 +7,8 @@ use std::sync::Arc;
 use glam::DAffine3;
 
 use crate::array::ElementType;
+use crate::desc::PrimDesc;
 use crate::mesh::Aabb;
-use crate::scene::desc::PrimDesc;
 use crate::scene::entries::InstancerEntry;
 use crate::scene::placement::{Placer, usable_affine};
 use crate::scene::resolve::MAX_LEVELS;
@@ -16,9 +16,9 @@ use crate::scene::resolve::MAX_LEVELS;
 /// Most places of lights in a scene.
 pub(crate) const MAX_INSTANCED_LIGHTS: usize = 1 << 20;
 
-/// World transforms of a prim: one, or one for each instance of the prototypes that it is in, in the order of the instancers'
-/// arrays. Hidden instancers, unusable matrices and instancers inside themselves give none. Not more than `most`; the flag tells
-/// that there would be.
+/// World transforms of a prim: one, or one for each instance of the prototypes that it is in, in the order of the
+/// instancers' arrays. Hidden instancers, unusable matrices and instancers inside themselves give none. Not more than
+/// `most`; the flag tells that there would be.
 pub(crate) fn placements(
     prim: &PrimDesc,
     instancers: &BTreeMap<Arc<str>, InstancerEntry>,
@@ -42,7 +42,8 @@ struct Places<'a> {
 const MAX_STEPS: usize = 1 << 16;
 
 impl Places<'_> {
-    /// Appends the world transforms of `prim`. Depth is bounded, so the recursion is; so is what an instancer inside itself gives.
+    /// Appends the world transforms of `prim`. Depth is bounded, so the recursion is; so is what an instancer inside
+    /// itself gives.
     fn of(&mut self, prim: &PrimDesc, depth: u32, out: &mut Vec<DAffine3>) {
         let Some(local) = affine(&prim.transform) else { return };
         if prim.instanced_by.is_empty() {

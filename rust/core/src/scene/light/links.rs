@@ -2,7 +2,8 @@
 //! Light linking: the categories that lights name. Pure.
 //!
 //! Hydra computes each collection of a light as a category; a prim lists the categories that it is in
-//! ([`SurfaceTables::category_sets`](crate::scene::SurfaceTables::category_sets)). Only those that some light names are numbered.
+//! ([`SurfaceTables::category_sets`](crate::scene::SurfaceTables::category_sets)). Only those that some light names are
+//! numbered.
 
 use std::sync::Arc;
 

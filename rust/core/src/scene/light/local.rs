@@ -5,15 +5,15 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use super::shape::LocalShape;
 use super::{narrow, orthonormal};
-use crate::scene::desc::{AssetRef, LightDesc, LightKind, Shaping};
+use crate::desc::{AssetRef, LightDesc, LightKind, Shaping};
 
 /// A light at a place.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LocalLight {
     /// Shape of unit size.
     pub shape: LocalShape,
-    /// World (not relative to the snapshot's origin) from the unit shape. Regular; of a plane shape, the z axis is the unit
-    /// normal.
+    /// World (not relative to the snapshot's origin) from the unit shape. Regular; of a plane shape, the z axis is the
+    /// unit normal.
     pub world_from_unit: DAffine3,
     /// Unit perpendicular axes (columns) of the light: it points along -z.
     pub frame: DMat3,
@@ -118,8 +118,9 @@ fn shape_of(kind: &LightKind) -> Option<(LocalShape, DVec3, Option<AssetRef>)> {
     }
 }
 
-/// The factor from the authored emission to the stored one. A convex body of area A shines, averaged over directions, as a point
-/// of intensity `L A / 4` (Cauchy); a thin cylinder of area A as a line of intensity `L A / (pi length)` per length.
+/// The factor from the authored emission to the stored one. A convex body of area A shines, averaged over directions,
+/// as a point of intensity `L A / 4` (Cauchy); a thin cylinder of area A as a line of intensity `L A / (pi length)` per
+/// length.
 fn finished(shape: LocalShape, area: f64, unit: &DMat3, desc: &LightDesc) -> (LocalShape, f64) {
     let body = match shape {
         LocalShape::Point => LocalShape::Sphere.area(unit),

@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::desc::{AssetRef, DomeFormat, LightDesc, LightKind};
+use crate::desc::{AssetRef, DomeFormat, LightDesc, LightKind};
 
 pub use blackbody::blackbody;
 pub use ies::{IesError, IesProfile};
@@ -32,8 +32,8 @@ pub struct Light {
     pub path: Arc<str>,
     /// Where its light comes from.
     pub emitter: Emitter,
-    /// Radiance, linear Rec. 709. Of a distant light without extent: irradiance on a facing surface; of a point: radiant
-    /// intensity; of a line: radiant intensity per unit of length, seen from the side.
+    /// Radiance, linear Rec. 709. Of a distant light without extent: irradiance on a facing surface; of a point:
+    /// radiant intensity; of a line: radiant intensity per unit of length, seen from the side.
     pub radiance: [f32; 3],
     /// Seen directly by camera rays.
     pub camera_visible: bool,
@@ -63,16 +63,16 @@ pub enum Emitter {
     Distant {
         /// Unit, world space, from the scene towards the light.
         direction: [f32; 3],
-        /// `1 - cos` of half the opening angle; exactly 0 = a single direction. Kept apart from the cosine, which in f32
-        /// is 0.3 % coarse in the solid angle of a sun of half a degree.
+        /// `1 - cos` of half the opening angle; exactly 0 = a single direction. Kept apart from the cosine, which in
+        /// f32 is 0.3 % coarse in the solid angle of a sun of half a degree.
         one_minus_cos: f32,
     },
     /// Light from a place in the world.
     Local(Arc<LocalLight>),
 }
 
-/// The picture of a dome: longitude and latitude, as the `OpenEXR` format has it. A direction d of the dome's frame is at
-/// `u = 1/2 - atan2(d.x, d.z) / 2 pi` from the left and `v = acos(d.y) / pi` from the top.
+/// The picture of a dome: longitude and latitude, as the `OpenEXR` format has it. A direction d of the dome's frame is
+/// at `u = 1/2 - atan2(d.x, d.z) / 2 pi` from the left and `v = acos(d.y) / pi` from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DomeTexture {
     /// The file.
@@ -87,9 +87,9 @@ impl Light {
     /// Works out one light. `None` when a value is not finite or the transform gives no direction; a light that shines
     /// nothing is a light of radiance 0.
     ///
-    /// `UsdLux`: `L = intensity * 2^exposure * color * blackbody(temperature)`. A normalised light is divided by its area in
-    /// the world; a distant one of half angle t by `pi sin^2 t` (t <= 90 degrees) or `pi (2 - sin^2 t)`: at angle 0, or
-    /// below `MIN_HALF_ANGLE`, it is a single direction of the same irradiance.
+    /// `UsdLux`: `L = intensity * 2^exposure * color * blackbody(temperature)`. A normalised light is divided by its
+    /// area in the world; a distant one of half angle t by `pi sin^2 t` (t <= 90 degrees) or `pi (2 - sin^2 t)`: at
+    /// angle 0, or below `MIN_HALF_ANGLE`, it is a single direction of the same irradiance.
     #[must_use]
     pub fn from_desc(desc: &LightDesc) -> Option<Self> {
         let transform = DAffine3::from_mat4(desc.prim.transform);
@@ -148,8 +148,8 @@ impl Light {
     }
 }
 
-/// Emitted radiance times `scale`. `None` when a value is not finite. A scale that is not finite belongs to a light without
-/// extent, which gives no light.
+/// Emitted radiance times `scale`. `None` when a value is not finite. A scale that is not finite belongs to a light
+/// without extent, which gives no light.
 pub(super) fn radiance(desc: &LightDesc, scale: f64) -> Option<[f32; 3]> {
     let power = f64::from(desc.intensity) * f64::from(desc.exposure).exp2();
     let tint = desc.color_temperature.map_or(Some([1.0; 3]), blackbody)?;
@@ -202,9 +202,9 @@ fn distant_size(t: f64) -> f64 {
     PI * if t <= FRAC_PI_2 { sin_squared } else { 2.0 - sin_squared }
 }
 
-/// The frame next to `m` whose axes are unit and perpendicular: z as the planes z = const face, x next to the x axis, and the
-/// handedness of `m`. A z axis that lies in the plane of the others, or is missing, is replaced by their normal. `None` when x
-/// and y do not span a plane.
+/// The frame next to `m` whose axes are unit and perpendicular: z as the planes z = const face, x next to the x axis,
+/// and the handedness of `m`. A z axis that lies in the plane of the others, or is missing, is replaced by their
+/// normal. `None` when x and y do not span a plane.
 fn orthonormal(m: &DMat3) -> Option<DMat3> {
     let normal = m.x_axis.normalize_or_zero().cross(m.y_axis.normalize_or_zero()).try_normalize()?;
     let mirrored = normal.dot(m.z_axis) < 0.0;

@@ -163,8 +163,7 @@ impl Bench {
         let addresses: Vec<u64> = offsets.iter().map(|offset| kept[0].address() + offset).collect();
         let pages = upload("pages", bytemuck::cast_slice(&addresses));
         let frame = upload("frame", bytemuck::bytes_of(&Frame::zeroed()));
-        let [low, high] = (Features::MATERIALS | Features::TEXTURES | more).words();
-        let spec = [(0, 1), (1, 1), (2, low), (4, high)];
+        let spec = (Features::MATERIALS | Features::TEXTURES | more).constants();
         let module = &checks::CHECK_TEXTURE;
         let pipeline = Pipeline::new(&gpu, module.name, module.words, &spec, 32).expect("the pass compiles");
         Self { gpu, pipeline, set, tiles, addresses, records, pages, frame, _kept: kept }

@@ -29,7 +29,7 @@ const FRONT: Query = Query {
 /// The packed ellipse and the filter's width of each.
 fn ask(queries: &[Query]) -> Vec<([u32; 2], f32)> {
     let gpu = open();
-    let spec = [(0, 1), (1, 1), (2, (Features::MATERIALS | Features::TEXTURES).words()[0])];
+    let spec = (Features::MATERIALS | Features::TEXTURES).constants();
     let module = &checks::CHECK_FOOTPRINT;
     let pipeline = Pipeline::new(&gpu, module.name, module.words, &spec, 32).expect("the pass compiles");
     let asked: Vec<[f32; 20]> = queries

@@ -5,17 +5,17 @@ use super::cases::{CASE_FLOATS, Case};
 use glam::DVec3;
 use oocpt_gpu::{Buffer, Gpu, OpenOptions, Pipeline, Usage};
 use oocpt_render::bsdf_tables;
-use oocpt_shader_abi::{Lobes, SPEC_FEATURES, SPEC_LOBES, checks, groups};
+use oocpt_shader_abi::{Features, checks, groups};
 use std::sync::Arc;
 use std::time::Duration;
 
 const RESULT_FLOATS: usize = 28;
-/// MATERIALS, TRANSMISSION, COAT, `ROUGH_TRANSMISSION`.
-pub(super) const ALL: u32 = 1 << 11 | 1 << 14 | 1 << 15 | 1 << 28;
+/// Every lobe of today's materials.
+pub(super) const ALL: Features = SHARP_GLASS.union(Features::ROUGH_TRANSMISSION);
 /// The same without what only rough glass needs.
-pub(super) const SHARP_GLASS: u32 = 1 << 11 | 1 << 14 | 1 << 15;
-/// MATERIALS alone.
-pub(super) const PLAIN: u32 = 1 << 11;
+pub(super) const SHARP_GLASS: Features = PLAIN.union(Features::TRANSMISSION).union(Features::COAT);
+/// What every material has.
+pub(super) const PLAIN: Features = Features::MATERIALS;
 
 /// What one case gave.
 #[derive(Debug, Clone, Copy)]
@@ -59,18 +59,14 @@ enum Mode {
 }
 
 impl Device {
-    pub(super) fn new(features: u32) -> Self {
-        Self::with(features, Lobes::empty())
-    }
-
-    pub(super) fn with(features: u32, lobes: Lobes) -> Self {
+    pub(super) fn new(features: Features) -> Self {
         let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
         let gpu = Gpu::open(&OpenOptions { selector, validation: true, ..OpenOptions::default() }).expect("a device");
         let module = &checks::CHECK_BSDF;
-        let spec = [(SPEC_FEATURES, features), (SPEC_LOBES, lobes.bits())];
-        let pipeline = Pipeline::new(&gpu, module.name, module.words, &spec, 64).expect("the pass compiles");
+        let pipeline =
+            Pipeline::new(&gpu, module.name, module.words, &features.constants(), 64).expect("the pass compiles");
         let tables = upload(&gpu, &[bsdf_tables::bytes(), bsdf_tables::glass::bytes()].concat());
-        let sheen = lobes.contains(Lobes::SHEEN).then(|| upload(&gpu, bsdf_tables::sheen::bytes()));
+        let sheen = features.contains(Features::SHEEN).then(|| upload(&gpu, bsdf_tables::sheen::bytes()));
         Self { gpu, pipeline, tables, sheen }
     }
 
@@ -96,7 +92,8 @@ impl Device {
         results.as_chunks::<RESULT_FLOATS>().0.iter().map(Answer::new).collect()
     }
 
-    /// Albedo of each case with the standard error of its mean, over `parts * points` samples, and the share of samples that gave a direction.
+    /// Albedo of each case with the standard error of its mean, over `parts * points` samples, and the share of samples
+    /// that gave a direction.
     pub(super) fn albedos(&self, cases: &[Case], parts: usize, points: u32) -> Vec<(DVec3, f64, f64)> {
         let input: Vec<f32> = cases.iter().flat_map(Case::floats).collect();
         let mut sums = vec![Vec::new(); cases.len()];

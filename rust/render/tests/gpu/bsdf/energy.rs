@@ -28,7 +28,8 @@ pub(super) fn furnace_of(
     extremes(device, name, &grid(of), points[0] as usize, points[1], least)
 }
 
-/// Prints and returns least and largest albedo, each by four standard errors nearer to the other. `least`: what no albedo should be below.
+/// Prints and returns least and largest albedo, each by four standard errors nearer to the other. `least`: what no
+/// albedo should be below.
 pub(super) fn extremes(
     device: &Device,
     name: &str,
@@ -38,7 +39,8 @@ pub(super) fn extremes(
     least: f64,
 ) -> (f64, f64) {
     let mut albedos = device.albedos(cases, parts, points);
-    // What seems to gain or to lose is asked again, more closely: the errors of a few sets of points are rough themselves.
+    // What seems to gain or to lose is asked again, more closely: the errors of a few sets of points are rough
+    // themselves.
     let seems = |albedo: DVec3| albedo.max_element() > 1.0 + GAIN || albedo.min_element() < least - GAIN;
     let suspects: Vec<usize> = (0..cases.len()).filter(|i| seems(albedos[*i].0)).collect();
     let again: Vec<Case> = suspects.iter().map(|i| cases[*i]).collect();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Rough glass by itself: against its definition in f64, reciprocity with both indices, a white furnace over roughness and index, samples
-//! against densities on both sides, and the limit of a smooth interface.
+//! Rough glass by itself: against its definition in f64, reciprocity with both indices, a white furnace over roughness
+//! and index, samples against densities on both sides, and the limit of a smooth interface.
 
 use super::cases::{Case, Random, SPECULAR_WORKFLOW, direction};
 use super::device::{ALL, Device, SHARP_GLASS};
@@ -44,8 +44,8 @@ fn density(alpha: f64, cosine: f64) -> f64 {
     a2 / (PI * (cosine * cosine * (a2 - 1.0) + 1.0).powi(2))
 }
 
-/// What single scattering loses at a cosine on a side, by quadrature over normals with density D cos, not over visible ones. The sum over
-/// what is visible is 1, and is made so.
+/// What single scattering loses at a cosine on a side, by quadrature over normals with density D cos, not over visible
+/// ones. The sum over what is visible is 1, and is made so.
 fn lost(alpha: f64, cosine: f64, eta: f64) -> f64 {
     const STEPS: [u32; 2] = [64, 600];
     let o = DVec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
@@ -90,8 +90,9 @@ fn average(alpha: f64, eta: f64) -> f64 {
         .sum()
 }
 
-/// Value of single and of multiple scattering, the density of single scattering, and the share of multiple scattering on that side, as the head of `shaders/include/bsdf/glass.glsl`
-/// defines them, with absolute indices as in Walter et al. 2007.
+/// Value of single and of multiple scattering, the density of single scattering, and the share of multiple scattering
+/// on that side, as the head of `shaders/include/bsdf/glass.glsl` defines them, with absolute indices as in Walter et
+/// al. 2007.
 fn reference(case: &Case) -> [f64; 4] {
     let case = case.rounded();
     let alpha = case.roughness * case.roughness;
@@ -229,12 +230,14 @@ fn rough_glass_is_reciprocal() {
     device.close();
 }
 
-/// How much glass may seem to absorb or emit. The lobe of multiple scattering is normalised to rounding (`bsdf_tables::glass` asks), so a furnace is
-/// off by what the table is off from U; without multiple scattering it is up to two thirds.
+/// How much glass may seem to absorb or emit. The lobe of multiple scattering is normalised to rounding
+/// (`bsdf_tables::glass` asks), so a furnace is off by what the table is off from U; without multiple scattering it is
+/// up to two thirds.
 const OFF: f64 = 1e-3;
 
-/// Any roughness, index and cosine, most of them where the table bends: near index 1, at grazing angles and about that of total reflection. The
-/// chance of multiple scattering is U of the shader; samples would have to be millions to tell a thousandth.
+/// Any roughness, index and cosine, most of them where the table bends: near index 1, at grazing angles and about that
+/// of total reflection. The chance of multiple scattering is U of the shader; samples would have to be millions to tell
+/// a thousandth.
 #[test]
 fn any_glass_in_a_white_furnace_disappears() {
     let device = Device::new(ALL);
@@ -329,7 +332,8 @@ fn samples_follow_the_density_on_both_sides() {
     device.close();
 }
 
-/// With less and less roughness it is Snell's and Fresnel's glass, and without any the passes need nothing of the rough one.
+/// With less and less roughness it is Snell's and Fresnel's glass, and without any the passes need nothing of the rough
+/// one.
 #[test]
 fn less_and_less_rough_glass_is_smooth_glass() {
     let device = Device::new(ALL);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The BSDF by itself (`shaders/check/bsdf.comp`): against its definition in f64, energy, reciprocity, sampling, and strange input.
+//! The BSDF by itself (`shaders/check/bsdf.comp`): against its definition in f64, energy, reciprocity, sampling, and
+//! strange input.
 #![expect(clippy::print_stdout, reason = "what was measured is worth reading")]
 
 mod cases;

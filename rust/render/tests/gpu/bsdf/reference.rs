@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The BSDF in f64, written from its definition (head of `shaders/include/bsdf.glsl`) without its code: albedos by quadrature over normals
-//! (not visible normals), half vectors normalised, cosines where the shader has sums of squares. Opaque surfaces.
+//! The BSDF in f64, written from its definition (head of `shaders/include/bsdf.glsl`) without its code: albedos by
+//! quadrature over normals (not visible normals), half vectors normalised, cosines where the shader has sums of
+//! squares. Opaque surfaces.
 
 use super::cases::{Case, SPECULAR_WORKFLOW};
 use glam::DVec3;
@@ -165,7 +166,8 @@ impl Reference {
         Under { specular, lost, coat: 1.0 - self.case.coat * (self.coat.f0 * c + self.coat.f90 * d).x }
     }
 
-    /// Diffuse, single and multiple specular scattering, each BSDF * cosine, for a flat surface with both directions above it.
+    /// Diffuse, single and multiple specular scattering, each BSDF * cosine, for a flat surface with both directions
+    /// above it.
     pub(super) fn evaluate(&self) -> [DVec3; 3] {
         let (o, i) = (self.case.wo, self.case.wi);
         let (above, below) = (self.under(o.z), self.under(i.z));

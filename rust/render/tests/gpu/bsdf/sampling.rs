@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Samples are distributed as the density says (chi-square), which integrates to what they are; counts of sharp and lost samples too.
+//! Samples are distributed as the density says (chi-square), which integrates to what they are; counts of sharp and
+//! lost samples too.
 //!
-//! Directions are counted on a chart of the whole sphere about an axis: with `T = tan^2(angle / 2)`, `t = T / (scale^2 + T)` is uniform for a
-//! lobe about as wide as `scale`; `scale` 1 is area.
+//! Directions are counted on a chart of the whole sphere about an axis: with `T = tan^2(angle / 2)`,
+//! `t = T / (scale^2 + T)` is uniform for a lobe about as wide as `scale`; `scale` 1 is area.
 
 use super::cases::{Case, SPECULAR_WORKFLOW, direction};
 use super::device::{ALL, Device};
@@ -79,7 +80,8 @@ impl Chart {
     }
 }
 
-/// How many standard deviations chi-square is off (Wilson and Hilferty 1931); bins that expect few are counted together.
+/// How many standard deviations chi-square is off (Wilson and Hilferty 1931); bins that expect few are counted
+/// together.
 #[expect(clippy::cast_precision_loss, reason = "counts")]
 fn deviation(expected: &[f64], counted: &[usize]) -> (f64, usize) {
     let mut sum = 0.0;

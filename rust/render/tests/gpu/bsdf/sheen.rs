@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Sheen on top of all else: its definition, reciprocity, a white furnace, samples against densities; and nothing of it without its bit.
+//! Sheen on top of all else: its definition, reciprocity, a white furnace, samples against densities; and nothing of it
+//! without its bit.
 
 use super::cases::{Case, Random, direction};
 use super::device::{ALL, Device, PLAIN};
@@ -7,7 +8,7 @@ use super::energy::{extremes, furnace, tilted};
 use super::sampling::{Chart, test};
 use super::values::expect_reciprocal;
 use glam::DVec3;
-use oocpt_shader_abi::Lobes;
+use oocpt_shader_abi::Features;
 use std::f64::consts::{PI, TAU};
 
 const ROUGHNESS: [f64; 8] = [0.0, 0.1, 0.13, 0.2, 0.35, 0.5, 0.75, 1.0];
@@ -22,7 +23,8 @@ fn sheen(sheen_roughness: f64, wo: DVec3) -> Case {
     Case { sheen: DVec3::ONE, sheen_roughness, wo, diffuse: DVec3::ZERO, ior: 1.0, ..Case::default() }
 }
 
-/// The lobe as the head of `shaders/include/bsdf/sheen.glsl` defines it, but for its scale; half vectors normalised, angles.
+/// The lobe as the head of `shaders/include/bsdf/sheen.glsl` defines it, but for its scale; half vectors normalised,
+/// angles.
 fn lobe(roughness: f64, o: DVec3, i: DVec3) -> f64 {
     let power = 1.0 / roughness.max(0.1);
     let sine = (o + i).normalize().truncate().length();
@@ -45,7 +47,7 @@ fn albedo(roughness: f64, o: DVec3) -> f64 {
 
 #[test]
 fn values_are_those_of_the_definition() {
-    let device = Device::with(PLAIN, Lobes::SHEEN);
+    let device = Device::new(PLAIN | Features::SHEEN);
     let mut random = Random(41);
     for roughness in ROUGHNESS {
         // The scale is 1 unless the lobe gives more than it gets at grazing angles.
@@ -71,7 +73,7 @@ fn values_are_those_of_the_definition() {
 /// By itself it reflects what its definition integrates to; with all below it, it never wins, and white loses little.
 #[test]
 fn sheen_in_a_white_furnace() {
-    let device = Device::with(ALL, Lobes::SHEEN);
+    let device = Device::new(ALL | Features::SHEEN);
     for roughness in [0.25, 0.4, 0.6, 1.0] {
         let cases: Vec<Case> = COSINE.iter().map(|c| sheen(roughness, direction(*c, 0.3))).collect();
         for (case, (found, error, _)) in cases.iter().zip(device.albedos(&cases, 16, 4096)) {
@@ -121,7 +123,7 @@ fn any(random: &mut Random, case: Case) -> Case {
 
 #[test]
 fn sheen_gains_no_energy_whatever_is_below() {
-    let device = Device::with(ALL, Lobes::SHEEN);
+    let device = Device::new(ALL | Features::SHEEN);
     let mut random = Random(42);
     let mut make = |of: fn(&mut Random) -> Case| -> Vec<Case> {
         (0..1000)
@@ -139,7 +141,7 @@ fn sheen_gains_no_energy_whatever_is_below() {
 
 #[test]
 fn sheen_and_what_is_below_is_reciprocal() {
-    let device = Device::with(ALL, Lobes::SHEEN);
+    let device = Device::new(ALL | Features::SHEEN);
     let mut random = Random(43);
     let cases: Vec<Case> = (0..20_000)
         .map(|_| {
@@ -153,7 +155,7 @@ fn sheen_and_what_is_below_is_reciprocal() {
 
 #[test]
 fn samples_follow_the_density() {
-    let device = Device::with(ALL, Lobes::SHEEN);
+    let device = Device::new(ALL | Features::SHEEN);
     let mut seed = 900;
     for roughness in [0.07, 0.2, 0.5, 1.0] {
         for cosine in [0.02, 0.1, 0.3, 0.6, 0.95] {
@@ -178,7 +180,7 @@ fn samples_follow_the_density() {
 /// Weights have a bound, so samples are good also where the lobe is narrow.
 #[test]
 fn weights_are_bounded() {
-    let device = Device::with(PLAIN, Lobes::SHEEN);
+    let device = Device::new(PLAIN | Features::SHEEN);
     let mut random = Random(44);
     let cases: Vec<Case> = (0..50_000)
         .map(|_| Case {
@@ -198,11 +200,12 @@ fn weights_are_bounded() {
     device.close();
 }
 
-/// Without the bit the pass has no table of it (its address is 0) and gives, to the bit, what it gives without colour of sheen.
+/// Without the bit the pass has no table of it (its address is 0) and gives, to the bit, what it gives without colour
+/// of sheen.
 #[test]
 fn without_its_bit_there_is_nothing_of_it() {
     let without = Device::new(ALL);
-    let with = Device::with(ALL, Lobes::SHEEN);
+    let with = Device::new(ALL | Features::SHEEN);
     let mut random = Random(45);
     let bare: Vec<Case> = (0..5000).map(|_| random.case()).collect();
     let asked: Vec<Case> = bare.iter().map(|c| Case { sheen: DVec3::ONE, sheen_roughness: 0.3, ..*c }).collect();

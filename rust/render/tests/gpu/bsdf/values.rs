@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Values: those of the definition, symmetric, those of the samples; Lambert where nothing reflects; finite whatever comes.
+//! Values: those of the definition, symmetric, those of the samples; Lambert where nothing reflects; finite whatever
+//! comes.
 
 use super::cases::{Case, Random, SPECULAR_WORKFLOW, direction};
 use super::device::{ALL, Answer, Device, PLAIN};
@@ -34,7 +35,8 @@ fn values_are_those_of_the_definition() {
     }
     for case in &mut cases {
         case.roughness = case.roughness.max(0.15);
-        // At smaller cosines and for narrower lobes the reference's quadrature is not good enough; the furnace and reciprocity look there.
+        // At smaller cosines and for narrower lobes the reference's quadrature is not good enough; the furnace and
+        // reciprocity look there.
         case.wi = DVec3::new(case.wi.x, case.wi.y, case.wi.z.max(0.1)).normalize();
         case.wo = DVec3::new(case.wo.x, case.wo.y, case.wo.z.max(0.1)).normalize();
     }
@@ -44,7 +46,8 @@ fn values_are_those_of_the_definition() {
         let [diffuse, single, multiple] = reference.evaluate();
         let specular = single + multiple;
         let pdf: f64 = reference.densities().iter().zip(answer.chance).map(|(d, c)| d * c).sum();
-        // Relative to the value and to white; multiple scattering of narrow lobes is a few per mille of light known to a tenth.
+        // Relative to the value and to white; multiple scattering of narrow lobes is a few per mille of light known to
+        // a tenth.
         let white = 0.2 * case.wi.z / PI;
         let off = |a: DVec3, b: DVec3, more: DVec3| ((a - b).abs() / (a + 5.0 * more + white)).max_element();
         let diffuse_error = off(diffuse, answer.diffuse, DVec3::ZERO);

@@ -13,7 +13,8 @@ fn dome(name: &str, transform: DMat4) -> LightDesc {
     light(LightKind::Dome { texture: Some(TestFiles::asset(name)), format: DomeFormat::Latlong }, transform)
 }
 
-/// Direction of the middle of texel (x, y) of 64 x 32 as `OpenEXR` has it: +z in the middle, +x a quarter from the left, +y up.
+/// Direction of the middle of texel (x, y) of 64 x 32 as `OpenEXR` has it: +z in the middle, +x a quarter from the
+/// left, +y up.
 fn direction(x: u32, y: u32) -> DVec3 {
     let longitude = (0.5 - (f64::from(x) + 0.5) / 64.0) * TAU;
     let latitude = (0.5 - (f64::from(y) + 0.5) / 32.0) * PI;
@@ -96,7 +97,8 @@ fn a_picture_that_cannot_be_read_is_one_warning() {
 #[test]
 fn a_rect_shows_its_picture() {
     let kind = LightKind::Rect { width: 0.2, height: 0.2, texture: Some(TestFiles::asset("halves")) };
-    // Only the half of the light that is at x > 0 (u < 1/2), or at the light's y > 0 (v < 1/2), is red or green: half each.
+    // Only the half of the light that is at x > 0 (u < 1/2), or at the light's y > 0 (v < 1/2), is red or green: half
+    // each.
     let small = light(kind.clone(), downwards(DVec3::Y * 2.0));
     for given in irradiances(256, &|db| db.upsert_light(small.clone())) {
         let whole = 0.04 / 4.0;
@@ -114,7 +116,8 @@ fn a_rect_shows_its_picture() {
         assert!((given[0] / (0.5 * whole) - 1.0).abs() < 3e-2, "red is at +x: {given:?}");
         assert!((given[1] / (0.25 * whole) - 1.0).abs() < 3e-2, "green is half hidden: {given:?}");
     }
-    // A blind over the light's y < 0 (world z > 0: -z of the light is down, so its y is the world's -z) leaves green whole.
+    // A blind over the light's y < 0 (world z > 0: -z of the light is down, so its y is the world's -z) leaves green
+    // whole.
     let blind = DMat4::from_translation(DVec3::new(0.0, 1.9, 0.5)) * DMat4::from_scale(DVec3::splat(0.5));
     for given in irradiances(256, &|db| {
         db.upsert_light(small.clone());

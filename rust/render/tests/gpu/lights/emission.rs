@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Mesh lights whose emission is a primvar's or a texture's: closed forms by polygons, and the same light met by chance.
+//! Mesh lights whose emission is a primvar's or a texture's: closed forms by polygons, and the same light met by
+//! chance.
 
 use super::mesh::{black, corners, quad, small};
 use super::shapes::polygon;
@@ -53,8 +54,8 @@ fn by_texture(file: &str, scale: f32) -> MaterialDesc {
     MaterialDesc { path: "/glow".into(), nodes, surface: Some(0) }
 }
 
-/// "steps": level `l` of 512 texels is `25 l + 25` all over. "letters": 64 texels, bright in some of them, all levels made. "atlas": four by
-/// four texels, texel number `k` is `17 k`.
+/// "steps": level `l` of 512 texels is `25 l + 25` all over. "letters": 64 texels, bright in some of them, all levels
+/// made. "atlas": four by four texels, texel number `k` is `17 k`.
 #[derive(Debug)]
 struct Library(&'static str);
 
@@ -243,7 +244,8 @@ fn an_atlas_gives_each_face_its_texel() {
     }
 }
 
-/// A square with st from 0 to 1; `is_alone`: sampled as a light. Else another one below the floor shares its id, and both are met by chance.
+/// A square with st from 0 to 1; `is_alone`: sampled as a light. Else another one below the floor shares its id, and
+/// both are met by chance.
 fn screen(db: &mut SceneDb, transform: DMat4, is_alone: bool) {
     let mut desc = quad("/quad", 2, transform);
     add(&mut desc, "st", Interpolation::Vertex, vec![[0.0_f32, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Meshes that emit light, sampled as lights: closed forms, sums over many, and how noisy they are beside lights of the same shape.
+//! Meshes that emit light, sampled as lights: closed forms, sums over many, and how noisy they are beside lights of the
+//! same shape.
 
 use super::shapes::polygon;
 use super::{ALBEDO, downwards, expect, irradiances, light, rect};
@@ -275,7 +276,8 @@ fn a_small_mesh_is_no_noisier_than_a_light_of_its_shape() {
         db.upsert_light(light(kind, DMat4::from_translation(at)));
     });
     println!("relative MSE at 16 samples: ball mesh {ball:.3e}, sphere {round:.3e}");
-    // Faces are chosen by bounds of what they bring, which a cone around the whole is not: measured 36 times the sphere's, 2.5e-2.
+    // Faces are chosen by bounds of what they bring, which a cone around the whole is not: measured 36 times the
+    // sphere's, 2.5e-2.
     assert!(ball < 0.04, "a ball mesh: {ball}, a sphere: {round}");
 }
 

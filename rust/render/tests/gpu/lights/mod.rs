@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Lights against closed forms: a small patch of a white-ish floor at the origin, facing up, and the irradiance on it.
 //!
-//! Every answer is asked for twice: with direct light only, where shadow rays bring all of it, and with a bounce, where shadow rays
-//! and BSDF rays share it by the balance heuristic.
+//! Every answer is asked for twice: with direct light only, where shadow rays bring all of it, and with a bounce, where
+//! shadow rays and BSDF rays share it by the balance heuristic.
 
 mod dome;
 mod emission;
@@ -53,7 +53,8 @@ fn cylinder(length: f32, radius: f32) -> LightKind {
     LightKind::Cylinder { length, radius, treat_as_line: false }
 }
 
-/// Irradiance at the origin, by colour, in the scene that `build` adds to the floor, and how many contributions were not finite.
+/// Irradiance at the origin, by colour, in the scene that `build` adds to the floor, and how many contributions were
+/// not finite.
 fn irradiance_with(settings: Settings, build: &dyn Fn(&mut SceneDb)) -> [f64; 3] {
     let session = session(settings);
     session.set_light_files(Arc::new(TestFiles));

@@ -18,8 +18,8 @@ pub(super) fn polygon(corners: &[DVec3]) -> f64 {
     0.5 * sum.abs()
 }
 
-/// Irradiance at the origin, facing up, of the surface `point(u, v)` of radiance 1, by midpoints: parts that look away, and what is
-/// below the floor, give nothing. `normal` need not be unit.
+/// Irradiance at the origin, facing up, of the surface `point(u, v)` of radiance 1, by midpoints: parts that look away,
+/// and what is below the floor, give nothing. `normal` need not be unit.
 fn surface(m: &DMat3, at: DVec3, u: (f64, f64), point: impl Fn(f64, f64) -> (DVec3, DVec3, f64)) -> f64 {
     const STEPS: u32 = 1000;
     let cofactor = DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
@@ -190,7 +190,8 @@ fn lights_far_from_the_origin_stay_exact() {
     assert!((mean / expected - 1.0).abs() < 5e-3, "{mean}, not {expected}");
 }
 
-/// Where rays meet a light decides what shadows it: a black wall inside of a ball is behind its surface from everywhere.
+/// Where rays meet a light decides what shadows it: a black wall inside of a ball is behind its surface from
+/// everywhere.
 #[test]
 fn a_wall_inside_a_ball_takes_nothing() {
     let (distance, expected) = (1.5, PI / (1.5 * 1.5));

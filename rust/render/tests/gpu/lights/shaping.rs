@@ -9,8 +9,8 @@ use std::f64::consts::PI;
 
 const RADIUS: f32 = 0.01;
 
-/// A small sphere at distance 2, `degrees` away from straight above the floor, that points straight down: the floor sees
-/// it under that angle to its axis. And its irradiance without shaping.
+/// A small sphere at distance 2, `degrees` away from straight above the floor, that points straight down: the floor
+/// sees it under that angle to its axis. And its irradiance without shaping.
 fn leaning(degrees: f64, shaping: Shaping) -> (LightDesc, f64) {
     let angle = degrees.to_radians();
     let at = DVec3::new(2.0 * angle.sin(), 2.0 * angle.cos(), 0.0);

@@ -145,7 +145,8 @@ fn a_coat_has_an_amount_an_index_and_a_roughness_of_its_own() {
     }
 }
 
-/// In a white world, straight on: a smooth metal shows its colour, a smooth dielectric its specular one, clear glass of index 1 what is behind.
+/// In a white world, straight on: a smooth metal shows its colour, a smooth dielectric its specular one, clear glass of
+/// index 1 what is behind.
 #[test]
 fn metals_specular_colours_and_opacity_are_taken_as_they_are() {
     let float = |name: &'static str, value: f32| (name, ParamValue::Float(value));

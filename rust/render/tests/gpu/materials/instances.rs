@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Primvars with a value per instance: each instance shows its own, the mesh's and the innermost instancer's win, at any nesting and
-//! any budget.
+//! Primvars with a value per instance: each instance shows its own, the mesh's and the innermost instancer's win, at
+//! any nesting and any budget.
 
 use super::*;
 use oocpt_core::scene::InstancerDesc;
@@ -121,7 +121,8 @@ fn outer() -> InstancerDesc {
     per_instance(outer, "displayColor", (0..4).map(|k| tint(k + 50)).collect())
 }
 
-/// Two levels: four blocks of `inner` x `inner` boards. The outer instancer has all primvars, the inner one what `inside` adds.
+/// Two levels: four blocks of `inner` x `inner` boards. The outer instancer has all primvars, the inner one what
+/// `inside` adds.
 fn nested(db: &mut SceneDb, inner: u16, inside: impl Fn(InstancerDesc) -> InstancerDesc) {
     db.upsert_instancer(outer());
     let row = instanced(prim("/outer/row", DMat4::IDENTITY), "/outer");
@@ -147,7 +148,8 @@ fn the_innermost_instancer_that_has_it_wins() {
     albedo_by_instance(&session, &request, |id| tint(id / 9));
 }
 
-/// Many boards, in chunks of 16 KiB: nine hundred are too many for one, so records of instancers around theirs are in no chunk.
+/// Many boards, in chunks of 16 KiB: nine hundred are too many for one, so records of instancers around theirs are in
+/// no chunk.
 fn opened(build: impl Fn(&mut SceneDb)) -> (Session, RenderRequest) {
     let session = session(Settings { chunk_size_kib: 16, ..settings(1, 1) });
     session.with_scene(build);
@@ -163,8 +165,8 @@ fn placements_of_opened_assemblies_keep_their_values() {
     albedo_by_instance(&session, &request, |id| tint(id / 900 + 50));
 }
 
-/// A board behind all others, in the prototype `root` of `instancer`: it has no value of its own and no other instancer, so that one's are
-/// read, and are there for all that it places.
+/// A board behind all others, in the prototype `root` of `instancer`: it has no value of its own and no other
+/// instancer, so that one's are read, and are there for all that it places.
 fn behind(db: &mut SceneDb, root: &str, instancer: &str) {
     let mut desc = bare(&format!("{root}/behind"), instancer);
     desc.prim.transform = DMat4::from_translation(-DVec3::Z);

@@ -41,7 +41,8 @@ fn thresholds_cut_out_and_presence_is_a_probability() {
     assert!((mean - 0.25).abs() < 0.004, "{mean} of the rays met it, not a quarter");
 }
 
-/// `UsdPreviewSurface` cuts out what is below the threshold: at it, the surface is there, wherever the opacity comes from.
+/// `UsdPreviewSurface` cuts out what is below the threshold: at it, the surface is there, wherever the opacity comes
+/// from.
 #[test]
 fn at_its_threshold_a_surface_is_there() {
     let threshold = |value: f32| ("opacityThreshold", ParamValue::Float(value));

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The passes by themselves, with chunks that come and go without any loader: the same bits as with everything resident.
+//! The passes by themselves, with chunks that come and go without any loader: the same bits as with everything
+//! resident.
 
 mod roulette;
 mod stream;
@@ -8,7 +9,7 @@ mod world;
 
 use glam::DVec3;
 use oocpt_gpu::{Gpu, OpenOptions};
-use oocpt_shader_abi::{Counters, Features, FilmPixel};
+use oocpt_shader_abi::{Counters, FAULT_SKIP_DEFERRED, Features, FilmPixel};
 use std::sync::Arc;
 use stream::Totals;
 use tracer::{Images, PATHS, Tracer};
@@ -90,7 +91,9 @@ fn a_chunk_that_is_skipped_shows() {
     let gpu = open();
     let scene = Scene::new(&gpu, 1, FAR);
     let (expected, _) = in_core(&gpu, &scene);
-    let (images, totals) = Tracer::new(&gpu, &scene, STREAMING | Features::PLANT_SKIP_DEFERRED).stream(5, 3, 3);
+    let mut tracer = Tracer::new(&gpu, &scene, STREAMING);
+    tracer.fault = FAULT_SKIP_DEFERRED;
+    let (images, totals) = tracer.stream(5, 3, 3);
     assert_eq!(totals.counters.chunk_misses, 0, "nobody waits");
     assert!(images.film != expected.film, "a picture without the absent chunks is another one");
     close_device(&gpu);

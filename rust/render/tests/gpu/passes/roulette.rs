@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Known answers of the passes that say what the rays that wait for a chunk are worth, on rays and radiances that were made up.
+//! Known answers of the passes that say what the rays that wait for a chunk are worth, on rays and radiances that were
+//! made up.
 
 use super::{close_device, open};
 use bytemuck::{Pod, Zeroable};
@@ -116,7 +117,8 @@ impl Waiting {
         };
         let push = Push::wave(upload(bytemuck::bytes_of(&frame)), 0, 0, PIXELS);
         let features = Features::STREAMING | Features::ROULETTE;
-        let spec = [(0, 2), (1, 64), (2, features.words()[0])];
+        let [low, high] = features.constants();
+        let spec = [(0, 2), (1, 64), low, high];
         let pipeline = Pipeline::new(gpu, module.name, module.words, &spec, 32).expect("the pass compiles");
         let mut commands = gpu.commands("roulette").expect("a list");
         commands.fill(&worth, 0, worth.size(), 0);

@@ -16,7 +16,8 @@ pub(super) struct Totals {
 }
 
 impl Tracer<'_> {
-    /// The same images with at most `resident` chunks at a time, `rounds` rounds a submission; chunks come by demand and go at random.
+    /// The same images with at most `resident` chunks at a time, `rounds` rounds a submission; chunks come by demand
+    /// and go at random.
     pub(super) fn stream(&mut self, resident: usize, rounds: u32, seed: u64) -> (Images, Totals) {
         self.clear(&["film", "chunk rays"]);
         let mut random = Random(seed);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Runs the passes on a scene, with everything resident or with chunks that come and go, in the order that `shader_abi` tells.
+//! Runs the passes on a scene, with everything resident or with chunks that come and go, in the order that `shader_abi`
+//! tells.
 
 use super::world::{CHUNKS, Scene};
 use bytemuck::{Pod, Zeroable};
@@ -7,8 +8,8 @@ use glam::DVec3;
 use oocpt_gpu::{Buffer, Commands, Gpu, Pipeline, Usage};
 use oocpt_shader_abi as abi;
 use oocpt_shader_abi::{
-    Counters, Features, FilmPixel, Frame, GpuChunk, GpuLight, Module, Push, PushFlags, Streaming, groups, passes,
-    sort_blocks,
+    Counters, Features, FilmPixel, Frame, GpuChunk, GpuDistantLight, Module, Push, PushFlags, Streaming, groups,
+    passes, sort_blocks,
 };
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -42,6 +43,7 @@ pub(super) struct Tracer<'a> {
     pub(super) streaming: Streaming,
     pub(super) round: u32,
     walkers: u32,
+    pub(super) fault: u32,
 }
 
 impl<'a> Tracer<'a> {
@@ -56,6 +58,7 @@ impl<'a> Tracer<'a> {
             streaming: Streaming::zeroed(),
             round: 0,
             walkers: 1 << 18,
+            fault: 0,
         };
         let streams = features.contains(Features::STREAMING);
         let slots = u64::from(if streams { SEGMENTS * SEGMENT_SIZE } else { PATHS });
@@ -88,8 +91,11 @@ impl<'a> Tracer<'a> {
         tracer.make("film", u64::from(PIXELS) * size_of::<FilmPixel>() as u64);
         tracer.make("depth", 4 * u64::from(PIXELS));
         tracer.make("ids", 4 * u64::from(PIXELS));
-        let blocks =
-            [("light", size_of::<GpuLight>()), ("streaming", size_of::<Streaming>()), ("frame", size_of::<Frame>())];
+        let blocks = [
+            ("light", size_of::<GpuDistantLight>()),
+            ("streaming", size_of::<Streaming>()),
+            ("frame", size_of::<Frame>()),
+        ];
         for (name, bytes) in blocks {
             let buffer = Buffer::new(gpu, name, bytes as u64, Usage::Upload).expect("small");
             tracer.buffers.insert(name, buffer);
@@ -134,7 +140,7 @@ impl<'a> Tracer<'a> {
             unit_count: CHUNKS,
             ..Streaming::zeroed()
         };
-        let light = GpuLight {
+        let light = GpuDistantLight {
             direction: [0.6, 0.8, 0.0],
             one_minus_cos: 0.02,
             radiance: [9.0; 3],
@@ -195,7 +201,8 @@ impl<'a> Tracer<'a> {
     }
 
     pub(super) fn run(&mut self, commands: &mut Commands, module: &'static Module, push: Push, launch: Launch) {
-        let spec = [(0, LEVELS), (1, STACK), (2, self.features.words()[0])];
+        let [low, high] = self.features.constants();
+        let spec = [(0, LEVELS), (1, STACK), low, high, (abi::SPEC_FAULT, self.fault)];
         let pipeline = self.pipelines.entry(module.name).or_insert_with(|| {
             Pipeline::new(&self.gpu, module.name, module.words, &spec, 32).expect("the pass compiles")
         });

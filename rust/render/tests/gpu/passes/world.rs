@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A world made by hand, all of it on the device: meshes of few triangles, an assembly of them, chunks of records, and chunk
-//! instances that overlap, far from the origin.
+//! A world made by hand, all of it on the device: meshes of few triangles, an assembly of them, chunks of records, and
+//! chunk instances that overlap, far from the origin.
 
 use glam::{DAffine3, DQuat, DVec3};
 use oocpt_core::mesh::bvh4::build_bvh4;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Roulette on loads changes no mean: over 64 seeds the picture is the one in core, region by region, when nearly every load is played
-//! for. The same seed renders both, so the noise that they share cancels and what is left is the roulette's own.
+//! Roulette on loads changes no mean: over 64 seeds the picture is the one in core, region by region, when nearly every
+//! load is played for. The same seed renders both, so the noise that they share cancels and what is left is the
+//! roulette's own.
 
 use super::scenes::{SCENES, Scene};
 use super::{TestFiles, options, percent, request_of, small_chunks, smallest_budget};
@@ -95,7 +96,8 @@ fn outside(differences: &[(f64, f64)]) -> Vec<usize> {
     differences.iter().enumerate().filter(is_outside).map(|(region, _)| region).collect()
 }
 
-/// The regions that differ, at `budget_percent`: outside 3 sigma with all seeds and, which decides, with as many others.
+/// The regions that differ, at `budget_percent`: outside 3 sigma with all seeds and, which decides, with as many
+/// others.
 fn differing(
     scene: &Scene,
     without: &mut Renderer,
@@ -156,8 +158,9 @@ fn adaptive() -> Settings {
     Settings { adaptive_sampling: true, samples_per_pixel: 32, ..small_chunks() }
 }
 
-/// Both streams of a pixel see the same verdicts, so a verdict on samples that decide would make counts depend on the samples that they
-/// count. It is played in the last epoch alone: the counts are those without it, pixel by pixel, and so is the mean.
+/// Both streams of a pixel see the same verdicts, so a verdict on samples that decide would make counts depend on the
+/// samples that they count. It is played in the last epoch alone: the counts are those without it, pixel by pixel, and
+/// so is the mean.
 #[test]
 fn no_region_changes_its_mean_with_adaptive_sampling() {
     let scene = &SCENES[0];
@@ -195,7 +198,8 @@ fn roulette_on_samples_that_decide_is_noticed() {
     assert!(planted > 0, "counts that verdicts decide must be seen");
 }
 
-/// By what loads really cost: a scene so small has no load that is not worth it, or few; what is asked for is that nothing hangs.
+/// By what loads really cost: a scene so small has no load that is not worth it, or few; what is asked for is that
+/// nothing hangs.
 #[test]
 fn with_true_prices_all_paths_come_back() {
     for scene in &SCENES {

@@ -3,7 +3,7 @@
 
 use glam::DMat4;
 
-use super::desc::{InstancerDesc, LightDesc, LightKind, MeshDesc, PrimDesc, Shaping, Subdivision};
+use super::{InstancerDesc, LightDesc, LightKind, MeshDesc, PrimDesc, Shaping, Subdivision};
 use crate::array::TypedArray;
 
 impl Default for PrimDesc {

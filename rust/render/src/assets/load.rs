@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Threads that bring assets to the device while the render thread traces: encode into pinned staging memory, copy on the
-//! transfer queue.
-//!
-//! One loader per open device, shared by its sessions. A job belongs to an [`Inbox`]; what was asked for by an inbox that is
-//! gone is skipped. Thread counts: one per core up to [`MOST_THREADS`], since one thread fills only a quarter of the bus.
+//! Brings assets to the device on the loader's threads while the render thread traces: encode into pinned staging
+//! memory, copy on the transfer queue. A load belongs to an [`Inbox`]; what was asked for by an inbox that is gone is
+//! skipped.
 
 use super::encode::{Part, Writer};
 use super::source::Source;
 use crate::error::RenderError;
+use crate::loader::Loader;
 use crate::sync::lock;
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use oocpt_core::residency::AssetId;
@@ -15,13 +14,7 @@ use oocpt_gpu::{DeviceRange, Gpu, HeapRange, StagingRing, Submission};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, Weak};
-use std::thread::JoinHandle;
 use std::time::Duration;
-
-/// Most threads that fill staging memory.
-const MOST_THREADS: usize = 16;
-/// Pinned staging memory per thread, bytes.
-const RING_PER_THREAD: u64 = 8 << 20;
 
 /// An asset that is to come to the device.
 #[derive(Debug)]
@@ -93,54 +86,10 @@ impl Inbox {
         Some(loaded)
     }
 
-    /// Jobs whose results have not been taken.
-    pub(crate) fn in_flight(&self) -> u64 {
-        self.in_flight.load(Ordering::Relaxed)
-    }
-}
-
-/// The threads and their staging memory.
-#[derive(Debug)]
-pub(crate) struct Loader {
-    jobs: Option<Sender<Job>>,
-    threads: Vec<JoinHandle<()>>,
-    ring: Arc<StagingRing>,
-}
-
-impl Loader {
-    /// Starts the threads.
-    pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self, RenderError> {
-        let count = std::thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
-        let ring = Arc::new(StagingRing::new(gpu, count as u64 * RING_PER_THREAD)?);
-        let (jobs, queue) = unbounded::<Job>();
-        let mut threads = Vec::with_capacity(count);
-        for _ in 0..count {
-            let (gpu, ring, queue) = (Arc::clone(gpu), Arc::clone(&ring), queue.clone());
-            let thread = std::thread::Builder::new().name("oocpt-load".into()).spawn(move || {
-                for job in queue {
-                    job.run(&gpu, &ring);
-                }
-            });
-            match thread {
-                Ok(handle) => threads.push(handle),
-                Err(error) if threads.is_empty() => {
-                    return Err(RenderError::Internal(format!("cannot start a loader thread: {error}")));
-                }
-                Err(_) => break,
-            }
-        }
-        Ok(Self { jobs: Some(jobs), threads, ring })
-    }
-
-    /// The staging memory, for small writes of other threads.
-    pub(crate) fn ring(&self) -> &StagingRing {
-        &self.ring
-    }
-
-    /// Asks for `source` to be written to `target` (and its boxes to `workspace`); the result comes to `inbox`.
+    /// Asks for `source` to be written to `target` (and its boxes to `workspace`); the result comes here.
     pub(crate) fn load(
         &self,
-        inbox: &Inbox,
+        loader: &Loader,
         asset: AssetId,
         source: Source,
         target: Arc<HeapRange>,
@@ -152,29 +101,21 @@ impl Loader {
             source,
             target,
             workspace,
-            reply: inbox.reply.clone(),
-            wanted: Arc::downgrade(&inbox.wanted),
+            reply: self.reply.clone(),
+            wanted: Arc::downgrade(&self.wanted),
             progress: Mutex::new(Progress { left: parts.len(), sum: Ok((Vec::new(), 0)) }),
         });
         for part in parts {
             let job = Job { load: Arc::clone(&load), part };
-            if self.jobs.as_ref().is_none_or(|jobs| jobs.send(job).is_err()) {
-                return Err(RenderError::Internal("the loader's threads have ended".into()));
-            }
+            loader.run(Box::new(|gpu, ring| job.run(gpu, ring)))?;
         }
-        inbox.in_flight.fetch_add(1, Ordering::Relaxed);
+        self.in_flight.fetch_add(1, Ordering::Relaxed);
         Ok(())
     }
-}
 
-impl Drop for Loader {
-    fn drop(&mut self) {
-        self.jobs = None;
-        for thread in self.threads.drain(..) {
-            if thread.join().is_err() {
-                tracing::error!("a loader thread had panicked");
-            }
-        }
+    /// Jobs whose results have not been taken.
+    pub(crate) fn in_flight(&self) -> u64 {
+        self.in_flight.load(Ordering::Relaxed)
     }
 }
 

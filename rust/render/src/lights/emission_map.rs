@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How much a picture emits where: what triangles that show it are weighed by. Only choices depend on it, no radiance does.
+//! How much a picture emits where: what triangles that show it are weighed by. Only choices depend on it, no radiance
+//! does.
 //!
 //! Bounds: a map has at most 256 x 256 cells and a third more; making it looks at at most [`MOST_BYTES`] of a picture,
 //! of the
@@ -53,7 +54,7 @@ struct Level {
 
 /// See the module.
 #[derive(Clone, Debug)]
-pub(super) struct GlowMap {
+pub(super) struct EmissionMap {
     /// The finest first; the last has one cell.
     levels: Vec<Level>,
     wrap: [Wrap; 2],
@@ -62,7 +63,7 @@ pub(super) struct GlowMap {
     pub(super) number: u64,
 }
 
-impl GlowMap {
+impl EmissionMap {
     /// The map of an image as `texture` reads it.
     pub(super) fn of_image(
         image: &dyn Image,
@@ -130,8 +131,8 @@ impl GlowMap {
         self.mean
     }
 
-    /// Mean weight over the triangle with these places in the picture: a lattice of points, in cells as large as its steps. Never 0
-    /// where the picture emits anything.
+    /// Mean weight over the triangle with these places in the picture: a lattice of points, in cells as large as its
+    /// steps. Never 0 where the picture emits anything.
     pub(super) fn over(&self, st: [[f64; 2]; 3]) -> f64 {
         let [a, b, c] = st;
         let longest = [(a, b), (b, c), (c, a)].map(|(p, q)| (p[0] - q[0]).abs().max((p[1] - q[1]).abs()));
@@ -243,8 +244,8 @@ fn decode(bytes: &[u8], format: TexelFormat, is_encoded: bool) -> [f64; 4] {
 mod tests {
     use super::*;
 
-    fn map(size: [u32; 2], cells: Vec<f32>, wrap: Wrap) -> GlowMap {
-        GlowMap::of_cells(Level { size, cells }, [wrap; 2], 0)
+    fn map(size: [u32; 2], cells: Vec<f32>, wrap: Wrap) -> EmissionMap {
+        EmissionMap::of_cells(Level { size, cells }, [wrap; 2], 0)
     }
 
     #[test]

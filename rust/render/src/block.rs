@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the passes are told of a frame: the block of camera, lights, settings and addresses that every one of them reads.
+//! What the passes are told of a frame: the block of camera, lights, settings and addresses that every one of them
+//! reads.
 
-use super::Setting;
 use crate::assets::SceneView;
+use crate::setting::Setting;
 use bytemuck::Zeroable;
 use oocpt_shader_abi::{Frame, FrameFlags};
 
 /// Albedo of a surface without a colour, as `UsdPreviewSurface`'s diffuseColor.
 const DEFAULT_ALBEDO: [f32; 3] = [0.18; 3];
 
-/// Threads that trace the rays of a round, at most: more than devices run at a time (an H200 runs 118 000), few enough for rays to be left for
-/// those whose walks end early.
+/// Threads that trace the rays of a round, at most: more than devices run at a time (an H200 runs 118 000), few enough
+/// for rays to be left for those whose walks end early.
 const MOST_WALKERS: u32 = 1 << 18;
 
 /// The frame block of a setting; path memory is bound by its owner.

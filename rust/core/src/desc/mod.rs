@@ -3,6 +3,11 @@
 //!
 //! Arrays are borrowed ([`TypedArray`]). Matrices are column-vector (`p' = M p`). Any thread.
 
+mod defaults;
+mod dropped;
+
+pub use dropped::DroppedData;
+
 use std::sync::Arc;
 
 use glam::DMat4;
@@ -307,8 +312,8 @@ pub enum LightKind {
         /// Infinitely thin.
         treat_as_line: bool,
     },
-    /// A mesh, by `MeshLightAPI`: the one whose path, with [`super::MESH_LIGHT`] behind it, is the light's. What places and shapes a
-    /// light does not count.
+    /// A mesh, by `MeshLightAPI`: the one whose path, with [`crate::scene::MESH_LIGHT`] behind it, is the light's. What
+    /// places and shapes a light does not count.
     Mesh {
         /// How the light and the mesh's material go together.
         sync: MaterialSync,

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "bridge/plainMessages.h"
+
+#include "pxr/base/tf/diagnosticMgr.h"
+#include "pxr/base/tf/error.h"
+#include "pxr/base/tf/status.h"
+#include "pxr/base/tf/stringUtils.h"
+#include "pxr/base/tf/warning.h"
+
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+namespace {
+
+/// The text without line ends and other control characters; blanks beside a line end go with it.
+std::string _OneLine(const std::string& text)
+{
+    std::string line;
+    for (const std::string& part : TfStringSplit(text, "\n")) {
+        const std::string trimmed = TfStringTrim(part);
+        if (!trimmed.empty()) {
+            line += (line.empty() ? "" : " ") + trimmed;
+        }
+    }
+    for (char& letter : line) {
+        if (static_cast<unsigned char>(letter) < 0x20 || letter == 0x7f) {
+            letter = ' ';
+        }
+    }
+    return line;
+}
+
+/// Who says it stands in front of our own texts already.
+void _Print(const char* kind, const std::string& text)
+{
+    static const std::string ours = "OocPT: ";
+    const bool isOurs = TfStringStartsWith(text, ours);
+    const std::string line = std::string(isOurs ? "OocPT" : "USD") + ": " + kind + ": "
+        + _OneLine(isOurs ? text.substr(ours.size()) : text) + "\n";
+    // One call, so that lines of several threads do not mix.
+    std::fwrite(line.data(), 1, line.size(), stderr);
+    std::fflush(stderr);
+}
+
+class _PlainMessages final : public TfDiagnosticMgr::Delegate
+{
+public:
+    void IssueError(const TfError& error) override { _Print("error", error.GetCommentary()); }
+
+    void IssueFatalError(const TfCallContext& context, const std::string& text) override
+    {
+        // A defect: here the place in the source is what there is to know.
+        _Print("fatal error",
+            text + TfStringPrintf(" (%s, %s:%zu)", context.GetFunction(), context.GetFile(), context.GetLine()));
+        std::abort();
+    }
+
+    void IssueStatus(const TfStatus& status) override { _Print("status", status.GetCommentary()); }
+
+    void IssueWarning(const TfWarning& warning) override { _Print("warning", warning.GetCommentary()); }
+};
+
+} // namespace
+
+void HdOocPTPrintPlainMessages()
+{
+    // Never removed: the host says things until the process ends.
+    TfDiagnosticMgr::GetInstance().AddDelegate(new _PlainMessages);
+}
+
+PXR_NAMESPACE_CLOSE_SCOPE

@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What a command line of ours is told when its user interrupts it: whether there is a picture to wait for.
+//!
+//! A command line makes one picture after the other. While one is made, the first interrupt has the render end with
+//! the samples that it has, if it has any of each pixel; while a finished one is written, it is waited for. In every
+//! other case, and at the second interrupt, the process is to end at once: what is temporary is removed here, and C++
+//! ends it. Hosts that are not ours never call this, and nothing here knows of signals.
+//!
+//! Any thread; the calls of a command line come from one, [`interrupt`] from another.
+
+use crate::ffi::Interrupted;
+use crate::guard::{BridgeError, guard};
+use oocpt_render::{Early, Session};
+use std::io::{IsTerminal as _, Write as _};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+
+/// What the command line is doing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Phase {
+    /// Nothing that could be delivered.
+    #[default]
+    Preparing,
+    /// A picture is asked for.
+    Rendering,
+    /// It is rendered, and is about to be written.
+    Writing,
+}
+
+/// One per process.
+#[derive(Debug, Default)]
+struct State {
+    phase: Phase,
+    is_interrupted: bool,
+    /// Holds what is temporary of the picture under way; empty for none.
+    folder: PathBuf,
+    /// The sessions of this process, and their newest jobs when the picture was begun.
+    sessions: Vec<(Weak<Session>, u64)>,
+}
+
+static STATE: Mutex<State> =
+    Mutex::new(State { phase: Phase::Preparing, is_interrupted: false, folder: PathBuf::new(), sessions: Vec::new() });
+
+fn state() -> MutexGuard<'static, State> {
+    STATE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl State {
+    /// The first answer of a session that has rendered for the picture under way.
+    fn of_picture(&self, ask: impl Fn(&Session, u64) -> Option<Early>) -> Option<Early> {
+        self.sessions.iter().find_map(|(session, after)| ask(&*session.upgrade()?, *after))
+    }
+
+    /// Whether there is a picture to wait for.
+    fn interrupt(&mut self) -> bool {
+        let is_first = !std::mem::replace(&mut self.is_interrupted, true);
+        is_first
+            && match self.phase {
+                Phase::Preparing => false,
+                Phase::Rendering => self.of_picture(Session::finish_early).is_some(),
+                Phase::Writing => true,
+            }
+    }
+}
+
+/// A session was made.
+pub(crate) fn session_opened(session: &Arc<Session>) {
+    let mut state = state();
+    state.sessions.retain(|(session, _)| session.strong_count() > 0);
+    state.sessions.push((Arc::downgrade(session), 0));
+}
+
+/// A picture is begun, whose temporary files are in `folder`; false when the command line was interrupted before.
+pub(crate) fn begin_picture(folder: &str) -> Result<bool, BridgeError> {
+    guard("begin_picture", || {
+        let mut state = state();
+        state.folder = PathBuf::from(folder);
+        state.phase = Phase::Rendering;
+        for (session, newest) in &mut state.sessions {
+            *newest = session.upgrade().map_or(0, |session| session.generation());
+        }
+        Ok(!state.is_interrupted)
+    })
+}
+
+/// The picture is rendered.
+pub(crate) fn picture_rendered() -> Result<(), BridgeError> {
+    guard("picture_rendered", || {
+        state().phase = Phase::Writing;
+        Ok(())
+    })
+}
+
+/// The user wants no more. False when the process is to end at once: then nothing temporary is left, and the user was
+/// told.
+pub(crate) fn interrupt() -> Result<bool, BridgeError> {
+    guard("interrupt", || {
+        let mut state = state();
+        let is_second = state.is_interrupted;
+        if state.interrupt() {
+            return Ok(true);
+        }
+        oocpt_render::textures::remove_unfinished();
+        remove(&state.folder);
+        let when = match (is_second, state.phase) {
+            (true, _) => "a second time",
+            (false, Phase::Preparing) => "before a picture was begun",
+            (false, _) => "before the first sample was done",
+        };
+        say(&format!("OocPT: interrupted {when}; nothing is written"));
+        Ok(false)
+    })
+}
+
+/// Whether the command line was interrupted, and how far the picture under way is.
+pub(crate) fn interrupted() -> Result<Interrupted, BridgeError> {
+    guard("interrupted", || {
+        let state = state();
+        let early = state.of_picture(Session::reached).unwrap_or(Early { samples: 0, target: 0 });
+        Ok(Interrupted { is_interrupted: state.is_interrupted, samples: early.samples, target: early.target })
+    })
+}
+
+/// Others may still be writing into the folder.
+fn remove(folder: &Path) {
+    const TIMES: u32 = 10;
+    for _ in 0..TIMES {
+        if folder.as_os_str().is_empty() || !folder.exists() || std::fs::remove_dir_all(folder).is_ok() {
+            return;
+        }
+    }
+}
+
+fn say(line: &str) {
+    let mut errors = std::io::stderr().lock();
+    // A terminal shows `^C`, or a progress bar, on the line where it stands.
+    let start = if errors.is_terminal() { "\n" } else { "" };
+    if let Err(error) = writeln!(errors, "{start}{line}") {
+        tracing::debug!(%error, "nobody hears");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_rendered_picture_is_waited_for() {
+        let interrupt = |phase| State { phase, ..State::default() }.interrupt();
+        assert!(!interrupt(Phase::Preparing), "nothing is there");
+        assert!(!interrupt(Phase::Rendering), "nothing is rendered yet");
+        assert!(interrupt(Phase::Writing), "it is there");
+    }
+
+    #[test]
+    fn a_second_interrupt_waits_for_nothing() {
+        let mut state = State { phase: Phase::Writing, ..State::default() };
+        assert!(state.interrupt() && !state.interrupt(), "one picture, one wait");
+    }
+
+    #[test]
+    fn a_session_without_a_job_has_no_picture() {
+        let session = Arc::new(Session::new(oocpt_core::settings::Settings::default()));
+        let sessions = vec![(Arc::downgrade(&session), 0)];
+        let mut state = State { phase: Phase::Rendering, sessions, ..State::default() };
+        assert!(!state.interrupt() && state.of_picture(Session::reached).is_none(), "nothing was asked of it");
+    }
+
+    #[test]
+    fn a_temporary_folder_is_removed_with_its_files() {
+        let folder = std::env::temp_dir().join(format!("oocpt-runner-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a temporary folder");
+        std::fs::write(folder.join("part.exr"), "x").expect("a file");
+        remove(&folder);
+        remove(&folder);
+        assert!(!folder.exists(), "nothing is left");
+        remove(Path::new(""));
+    }
+}

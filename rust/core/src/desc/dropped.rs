@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Counters of what a description says that cannot be used.
+
+use std::fmt::Write as _;
+
+use serde::{Deserialize, Serialize};
+
+macro_rules! dropped {
+    ($($(#[$doc:meta])* $field:ident: $text:literal),* $(,)?) => {
+        /// Counters of bad data, by kind. Totals over the visible scene.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+        #[serde(default)]
+        pub struct DroppedData {
+            $($(#[$doc])* pub $field: u64,)*
+        }
+
+        impl DroppedData {
+            /// Nothing dropped.
+            pub const NONE: Self = Self { $($field: 0),* };
+
+            /// Adds the counters of `other`.
+            pub fn add(&mut self, other: &Self) {
+                $(self.$field = self.$field.saturating_add(other.$field);)*
+            }
+
+            /// Every counter with its text for users, in a fixed order.
+            #[must_use]
+            pub fn entries(&self) -> Vec<(&'static str, u64)> {
+                vec![$(($text, self.$field)),*]
+            }
+        }
+    };
+}
+
+dropped! {
+    /// Meshes or instancers whose arrays have the wrong element type.
+    wrong_array_types: "arrays of the wrong type",
+    /// Meshes without a single usable face.
+    empty_meshes: "meshes without a usable face",
+    /// Meshes above the size limit.
+    oversized_meshes: "meshes above the size limit",
+    /// Faces with a negative number of corners.
+    negative_counts: "faces with a negative vertex count",
+    /// Faces with fewer than three corners.
+    small_faces: "faces with fewer than 3 vertices",
+    /// Faces with more corners than we triangulate.
+    huge_faces: "faces with too many vertices",
+    /// Faces whose corners run past the end of the index array.
+    faces_past_end: "faces past the end of faceVertexIndices",
+    /// Indices that belong to no face.
+    surplus_indices: "faceVertexIndices that belong to no face",
+    /// Faces with a point index out of range.
+    point_indices: "faces with point indices out of range",
+    /// Faces with a NaN, infinite or huge point.
+    non_finite_points: "faces with non-finite points",
+    /// Triangles without area.
+    zero_area_triangles: "zero-area triangles",
+    /// Hole indices that name no face.
+    hole_indices: "hole indices out of range",
+    /// Primvars dropped: too short, wrong type or unusable interpolation.
+    primvars: "primvars of the wrong length, type or interpolation",
+    /// Primvars that are longer than needed (they are used).
+    long_primvars: "primvars longer than needed",
+    /// Primvar values replaced: not finite or index out of range.
+    primvar_values: "primvar values not finite or out of range",
+    /// Prims with a singular or non-finite transform.
+    prim_transforms: "singular or non-finite transforms",
+    /// Instances with a singular or non-finite matrix.
+    instance_transforms: "instances with singular or non-finite matrices",
+    /// Instance indices that name no instance.
+    instance_indices: "instance indices out of range",
+    /// Faces of subsets that the mesh does not have.
+    subset_faces: "subset faces out of range",
+    /// Mask entries missing.
+    short_masks: "masks shorter than the instances",
+    /// Instancers that contain themselves.
+    instancer_cycles: "instancers that contain themselves",
+    /// Instancers nested deeper than we go.
+    deep_instancers: "instancers nested too deeply",
+    /// References to an instancer or prototype that does not exist.
+    missing_instancers: "missing instancers or prototypes",
+    /// Lights with unusable values.
+    lights: "lights with unusable values",
+    /// Lights inside prototypes with more places than are multiplied out.
+    instanced_lights: "lights inside prototypes with too many places, some of which are left out",
+}
+
+impl DroppedData {
+    /// Sum of all counters.
+    #[must_use]
+    pub fn total(&self) -> u64 {
+        self.entries().iter().fold(0, |sum, (_, n)| sum.saturating_add(*n))
+    }
+
+    /// One line naming every kind with its count, or `None` when nothing was dropped.
+    #[must_use]
+    pub fn message(&self) -> Option<String> {
+        let mut line = String::new();
+        for (text, n) in self.entries() {
+            if n > 0 {
+                let separator = if line.is_empty() { "bad data: " } else { ", " };
+                // Writing to a String cannot fail.
+                write!(line, "{separator}{n} {text}").unwrap_or_default();
+            }
+        }
+        (!line.is_empty()).then_some(line)
+    }
+}

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Makes few lines of the warnings of many prims: where more than a few say the like, one line names the first of them,
+//! how many more there are, and what was dropped in all.
+//!
+//! Pure. Lines come in the order of the first prims; nobody is left out of the counts.
+
+use super::report::SceneWarning;
+use crate::desc::DroppedData;
+use rustc_hash::{FxHashMap, FxHashSet};
+use std::fmt::Write as _;
+
+/// Prims that say the like and are still told one by one.
+const FEW: usize = 4;
+/// Most lines of one summary. Kinds of warning are few, but texts come from scenes.
+const MOST_LINES: usize = 100;
+
+/// Prims that say the like.
+struct Group<'a> {
+    members: Vec<&'a SceneWarning>,
+    dropped: DroppedData,
+    /// Whether all say the same notes.
+    is_same: bool,
+}
+
+/// One line or more for users, with paths.
+#[must_use]
+pub fn summary(warnings: &[SceneWarning]) -> Vec<String> {
+    let mut numbers = FxHashMap::default();
+    let mut groups: Vec<Group<'_>> = Vec::new();
+    for warning in warnings {
+        let number = *numbers.entry(kind(&warning.message)).or_insert(groups.len());
+        if number == groups.len() {
+            groups.push(Group { members: Vec::new(), dropped: DroppedData::NONE, is_same: true });
+        }
+        let Some(group) = groups.get_mut(number) else { continue };
+        group.is_same &= group.members.first().is_none_or(|first| first.notes == warning.notes);
+        group.dropped.add(&warning.dropped);
+        group.members.push(warning);
+    }
+    // In path order, as they came, those that are told one by one.
+    let mut lines: Vec<(&str, String)> = groups.iter().flat_map(Group::lines).collect();
+    lines.sort_by_key(|(path, _)| *path);
+    let more = lines.len().saturating_sub(MOST_LINES);
+    let mut lines: Vec<String> = lines.into_iter().take(MOST_LINES).map(|(_, line)| line).collect();
+    lines.extend((more > 0).then(|| format!("{more} more warnings of other kinds or of other prims")));
+    lines
+}
+
+impl<'a> Group<'a> {
+    /// The lines, each with the path of its first prim.
+    fn lines(&self) -> Vec<(&'a str, String)> {
+        let prims: FxHashSet<&str> = self.members.iter().map(|warning| &*warning.path).collect();
+        let Some(first) = self.members.first().filter(|_| prims.len() > FEW) else {
+            let line = |warning: &&'a SceneWarning| (&*warning.path, format!("{}: {}", warning.path, warning.message));
+            return self.members.iter().map(line).collect();
+        };
+        let more = prims.len() - 1;
+        let (path, message) = (&first.path, &first.message);
+        let mut line = match self.is_same {
+            true => format!("{path} and {more} more prims: {message}"),
+            false => format!("{path}: {message}; and the like for {more} more prims"),
+        };
+        let sums: Vec<String> =
+            self.dropped.entries().iter().filter(|(_, n)| *n > 0).map(|(_, n)| n.to_string()).collect();
+        if !sums.is_empty() {
+            // Writing to a String cannot fail.
+            write!(line, " ({} in all)", sums.join(", ")).unwrap_or_default();
+        }
+        vec![(&*first.path, line)]
+    }
+}
+
+/// The text without what is a prim's own: numbers, paths and what stands in quotes.
+fn kind(text: &str) -> String {
+    let mut kind = String::with_capacity(text.len());
+    for word in text.split(' ') {
+        let own = word.starts_with(['/', '<', '"', '\'']);
+        let digits = word.trim_matches(|c: char| c.is_ascii_punctuation());
+        let is_number = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
+        kind.push_str(if own || is_number { "*" } else { word });
+        kind.push(' ');
+    }
+    kind
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn note(path: &str, text: &str) -> SceneWarning {
+        SceneWarning::of_notes(path.into(), vec![text.to_owned()])
+    }
+
+    fn areas(path: &str, count: u64) -> SceneWarning {
+        let dropped = DroppedData { zero_area_triangles: count, ..DroppedData::NONE };
+        SceneWarning::new(path.into(), Vec::new(), dropped).expect("something was dropped")
+    }
+
+    #[test]
+    fn the_like_of_many_prims_is_one_line() {
+        let many: Vec<SceneWarning> = (3..19).map(|n| areas(&format!("/World/Proto_{n:02}"), 4)).collect();
+        let line = "/World/Proto_03 and 15 more prims: bad data: 4 zero-area triangles (64 in all)";
+        assert_eq!(summary(&many), [line], "the first, how many, and the sum");
+        let mut other = many.clone();
+        other[7] = areas("/World/Proto_10", 40);
+        assert_eq!(summary(&other), [line.replace("64", "100")], "counts may differ");
+        other.push(note("/World/A", "its material /Looks/A does not exist"));
+        let lines = summary(&other);
+        assert_eq!(lines.len(), 2, "another kind is another line: {lines:?}");
+        assert_eq!(lines[0], "/World/A: its material /Looks/A does not exist", "by path");
+    }
+
+    #[test]
+    fn a_few_are_told_one_by_one() {
+        let few: Vec<SceneWarning> = (0..4).map(|n| areas(&format!("/{n}"), n + 1)).collect();
+        let lines = summary(&few);
+        assert_eq!(lines.len(), 4, "{lines:?}");
+        assert_eq!(lines[1], "/1: bad data: 2 zero-area triangles", "as it is");
+        assert!(summary(&[]).is_empty(), "nothing to say");
+    }
+
+    #[test]
+    fn other_texts_of_a_kind_are_not_taken_for_the_first() {
+        let missing = |n: u32| note(&format!("/M{n}"), &format!("its material /Looks/{n} does not exist"));
+        let lines = summary(&(0..7).map(missing).collect::<Vec<_>>());
+        assert_eq!(lines, ["/M0: its material /Looks/0 does not exist; and the like for 6 more prims"], "its own path");
+        let same: Vec<_> = (0..7).map(|n| note(&format!("/M{n}"), "a Volume is not supported")).collect();
+        assert_eq!(summary(&same), ["/M0 and 6 more prims: a Volume is not supported"], "the same words");
+    }
+
+    #[test]
+    fn a_summary_has_an_end() {
+        let word = |n: usize| note(&format!("/{n}"), &format!("word{n}"));
+        let lines = summary(&(0..500).map(word).collect::<Vec<_>>());
+        assert_eq!(lines.len(), MOST_LINES + 1, "bounded");
+        assert_eq!(lines[MOST_LINES], "400 more warnings of other kinds or of other prims", "and says so");
+    }
+}

@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The loop of a stage: keeps the device busy with what its feed gives until every path is done.
+//!
+//! Two submissions are under way at any time, so the device does not wait for the host. Stop, pause and newer jobs take
+//! effect between submissions, which are short.
+
+use super::{Tracer, finish};
+use crate::error::RenderError;
+use crate::progress::Progress;
+use crate::shared::Gate;
+use crate::wavefront::Kind;
+use oocpt_gpu::Submission;
+use std::collections::VecDeque;
+use std::time::Instant;
+
+/// Submissions under way at the same time.
+pub(crate) const IN_FLIGHT: usize = 2;
+
+/// How a stage ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Outcome {
+    /// Every path is in the film.
+    Done,
+    /// The gate or the clock said no; the film has the paths up to some point.
+    GivenUp,
+}
+
+/// What a feed handed to the device.
+#[derive(Debug)]
+pub(crate) struct Work<T> {
+    pub(crate) submission: Submission,
+    /// It ends with an image to be published.
+    pub(crate) publishes: bool,
+    /// Octaves of samples that it completes.
+    pub(crate) octaves: Vec<u32>,
+    /// What the feed remembers of it.
+    pub(crate) of: T,
+}
+
+/// Work under way.
+#[derive(Debug)]
+pub(crate) struct Flight<T> {
+    pub(crate) work: Work<T>,
+    submitted: Instant,
+}
+
+/// Where the paths of a frame come from.
+pub(crate) trait Feed {
+    /// What is remembered of a submission.
+    type Of;
+
+    fn tracer(&self) -> &Tracer<'_>;
+
+    /// Begins a stage: forgets the samples and counters of the one before.
+    fn begin(&mut self, kind: Kind, progress: &mut Progress<'_>) -> Result<(), RenderError>;
+
+    /// The stage that has begun.
+    fn kind(&self) -> Kind;
+
+    /// Whether nothing is left to do, given what is under way.
+    fn is_done(&self, flights: &VecDeque<Flight<Self::Of>>) -> bool;
+
+    /// Moves on what goes on beside the device.
+    fn advance(
+        &mut self,
+        _flights: &VecDeque<Flight<Self::Of>>,
+        _progress: &mut Progress<'_>,
+    ) -> Result<(), RenderError> {
+        Ok(())
+    }
+
+    /// Hands the device its next submission; none when there is nothing to do before those under way have ended.
+    fn launch(
+        &mut self,
+        flights: &VecDeque<Flight<Self::Of>>,
+        progress: &mut Progress<'_>,
+    ) -> Result<Option<Work<Self::Of>>, RenderError>;
+
+    /// Learns from the oldest submission, `secs` long, which has ended; may take back what was launched behind it, and
+    /// do it over. None: the gate said no in the middle of it, and it left no trace.
+    fn land(
+        &mut self,
+        work: Work<Self::Of>,
+        secs: f64,
+        flights: &mut VecDeque<Flight<Self::Of>>,
+        gate: &Gate<'_>,
+        progress: &mut Progress<'_>,
+    ) -> Result<Option<Work<Self::Of>>, RenderError>;
+
+    /// After the images and the error of a submission were taken.
+    fn landed(&mut self, progress: &mut Progress<'_>) -> Result<(), RenderError>;
+
+    /// Nothing is under way and there is nothing to launch: waits for something to change. False: nothing will.
+    fn wait(&mut self, progress: &mut Progress<'_>) -> Result<bool, RenderError>;
+
+    /// The stage has ended.
+    fn ended(&mut self, _progress: &mut Progress<'_>) {}
+
+    /// The frame has ended, its images are published.
+    fn end(&mut self) -> Result<(), RenderError> {
+        Ok(())
+    }
+}
+
+/// Runs the stage that has begun.
+pub(super) fn run<F: Feed>(feed: &mut F, gate: &Gate<'_>, progress: &mut Progress<'_>) -> Result<Outcome, RenderError> {
+    let mut flights = VecDeque::with_capacity(IN_FLIGHT);
+    let mut last_end = Instant::now();
+    let mut outcome = Outcome::Done;
+    while !feed.is_done(&flights) {
+        if !gate.proceed() || (feed.kind() == Kind::Samples && progress.out_of_time()) {
+            outcome = Outcome::GivenUp;
+            break;
+        }
+        while flights.front().is_some_and(|flight: &Flight<F::Of>| flight.work.submission.is_done()) {
+            land(feed, &mut flights, &mut last_end, gate, progress)?;
+        }
+        feed.advance(&flights, progress)?;
+        let launched = if flights.len() < IN_FLIGHT { feed.launch(&flights, progress)? } else { None };
+        if let Some(work) = launched {
+            flights.push_back(Flight { work, submitted: Instant::now() });
+        } else if !flights.is_empty() {
+            land(feed, &mut flights, &mut last_end, gate, progress)?;
+        } else if !feed.wait(progress)? {
+            break;
+        }
+    }
+    while !flights.is_empty() {
+        land(feed, &mut flights, &mut last_end, gate, progress)?;
+    }
+    feed.advance(&flights, progress)?;
+    feed.ended(progress);
+    Ok(outcome)
+}
+
+/// Waits for the oldest submission and takes what it left.
+fn land<F: Feed>(
+    feed: &mut F,
+    flights: &mut VecDeque<Flight<F::Of>>,
+    last_end: &mut Instant,
+    gate: &Gate<'_>,
+    progress: &mut Progress<'_>,
+) -> Result<(), RenderError> {
+    let Some(Flight { work, submitted }) = flights.pop_front() else { return Ok(()) };
+    finish(&work.submission, progress)?;
+    let now = Instant::now();
+    let secs = now.duration_since(submitted.max(*last_end)).as_secs_f64();
+    *last_end = now;
+    let before = flights.len();
+    let work = feed.land(work, secs, flights, gate, progress)?;
+    if flights.len() < before || work.is_none() {
+        *last_end = Instant::now(); // What was done over says nothing about how long work takes.
+    }
+    let Some(work) = work else { return Ok(()) };
+    let film = feed.tracer().setting.film;
+    if work.publishes {
+        progress.publish(film)?;
+    }
+    progress.octaves(film, &work.octaves)?;
+    feed.landed(progress)
+}

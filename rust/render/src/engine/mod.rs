@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The path engine: one host loop for scenes that are resident as a whole and for those that stream.
+//!
+//! [`render`] runs the stages of a frame (first hits through pixel centres, then samples) over a [`Feed`]. The feed
+//! says which paths go to the device next: [`Waves`] cuts them into waves, `streaming::Stage` into segments whose rays
+//! may wait for chunks. Both record by one [`Recorder`], with the passes and the frame block of one [`Tracer`]. Render
+//! thread only.
+
+mod drive;
+mod tiles;
+mod waves;
+
+pub(crate) use drive::{Feed, Flight, Work};
+pub(crate) use tiles::Tiles;
+pub(crate) use waves::Waves;
+
+use crate::block::frame_block;
+use crate::device::Specialisation;
+use crate::error::RenderError;
+use crate::inventory::{self, Compiled};
+use crate::progress::Progress;
+use crate::setting::Setting;
+use crate::shared::Gate;
+use crate::specialise;
+use crate::timings::Timings;
+use crate::wave::LAST_SLOT;
+use crate::wavefront::{Kind, Passes, PathBuffers, Recorder};
+use crate::{assets::SceneView, device::WAVE_TIMEOUT};
+use drive::{Outcome, run};
+use oocpt_core::inventory::Inventory;
+use oocpt_gpu::{Buffer, Commands, Submission, Usage};
+use oocpt_shader_abi::{FAULT_SKIP_DEFERRED, Features, Frame};
+
+/// What every submission of a frame refers to.
+#[derive(Debug)]
+pub(crate) struct Tracer<'a> {
+    pub(crate) setting: &'a Setting<'a>,
+    pub(crate) paths: &'a PathBuffers,
+    passes: Passes,
+    special: Specialisation,
+    /// The frame block.
+    frame: Buffer,
+}
+
+/// What a frame is compiled for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Parts {
+    /// What is compiled in.
+    pub(crate) features: Features,
+    /// Of that, what the scene does not need.
+    pub(crate) carried: Features,
+}
+
+impl Parts {
+    /// What a scene needs, and what is carried beside that.
+    pub(crate) fn new(setting: &Setting<'_>, view: &SceneView, streams: bool) -> Self {
+        let Setting { job, lights, rays, film, .. } = *setting;
+        let mut needed = specialise::features(&job.snapshot, lights, rays, view);
+        needed.set(Features::ADAPTIVE, film.adaptive().is_some());
+        needed.set(Features::STREAMING, streams);
+        needed.set(Features::CHUNK_COUNTS, streams && !job.settings.chunk_report.is_empty());
+        needed.set(Features::ROULETTE, streams && job.settings.straggler_roulette);
+        let carried = setting.carry.possible(needed, setting.light_carry);
+        Self { features: needed | carried, carried }
+    }
+}
+
+impl<'a> Tracer<'a> {
+    /// Compiles the passes and tells the stats what the frame is made of; the scene, the paths and what else there is
+    /// have `listed` what they hold. `bind` writes addresses of memory into the frame block.
+    pub(crate) fn new(
+        setting: &'a Setting<'a>,
+        paths: &'a PathBuffers,
+        (view, parts): (&SceneView, Parts),
+        listed: Inventory,
+        bind: impl FnOnce(&mut Frame),
+        progress: &mut Progress<'_>,
+    ) -> Result<Self, RenderError> {
+        let Setting { device, film, .. } = *setting;
+        let Parts { features, carried } = parts;
+        progress.stage("compiling passes");
+        let special = specialisation(setting, features, view);
+        let passes = Passes::new(device, special, film, &mut progress.timings)?;
+        let mut block = frame_block(setting, view);
+        block.bsdf_tables = device.bsdf_tables(features)?; // before the list of what there is
+        let inventory = inventory::of_frame(setting, Compiled { passes: &passes, special, carried }, listed);
+        progress.made_of(specialise::left_out(features, film.has_planes()), inventory);
+        paths.bind(&mut block);
+        bind(&mut block);
+        let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
+        frame.write(0, bytemuck::bytes_of(&block))?;
+        Ok(Self { setting, paths, passes, special, frame })
+    }
+
+    /// Compiles the passes anew, for deeper stacks.
+    pub(crate) fn deepen(&mut self, stack_size: u32, timings: &mut Timings) -> Result<(), RenderError> {
+        self.special.stack_size = stack_size;
+        self.passes = Passes::new(self.setting.device, self.special, self.setting.film, timings)?;
+        Ok(())
+    }
+
+    pub(crate) fn recorder(&self) -> Recorder<'_> {
+        Recorder {
+            passes: &self.passes,
+            film: self.setting.film,
+            counters: &self.paths.counters,
+            frame: self.frame.address(),
+            // The request was validated: at most 2^28 pixels.
+            pixels: u32::try_from(self.setting.job.request.pixels()).unwrap_or(u32::MAX),
+        }
+    }
+
+    pub(crate) fn commands(&self, label: &str) -> Result<Commands, RenderError> {
+        let mut commands = self.setting.device.gpu.commands(label)?;
+        commands.profile(self.setting.job.options.profile);
+        Ok(commands)
+    }
+
+    /// Publishes the images as they are, and what the film says of its error.
+    fn end(&self, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+        let film = self.setting.film;
+        let measures = film.has_color() && progress.ends_between_octaves();
+        let mut commands = self.commands("resolve")?;
+        self.recorder().copy_out(&mut commands);
+        if measures {
+            self.recorder().measure(&mut commands, LAST_SLOT);
+        }
+        finish(&commands.submit()?, progress)?;
+        progress.publish(film)?;
+        if film.has_color() {
+            progress.error_at_end(film, measures)?;
+        }
+        progress.finish()
+    }
+}
+
+fn specialisation(setting: &Setting<'_>, features: Features, view: &SceneView) -> Specialisation {
+    let fault = if setting.job.options.plant_lost_chunks { FAULT_SKIP_DEFERRED } else { 0 };
+    Specialisation { fault, ..specialise::specialisation(features, view) }
+}
+
+/// Runs the stages of a frame until `gate` says no; publishes images and stats on the way.
+pub(crate) fn render<F: Feed>(feed: &mut F, gate: &Gate<'_>, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+    progress.stage("rendering");
+    let film = feed.tracer().setting.film;
+    let (has_planes, has_color) = (film.has_planes(), film.has_color());
+    if has_planes {
+        feed.begin(Kind::Aovs, progress)?;
+        if run(feed, gate, progress)? == Outcome::GivenUp {
+            return Ok(());
+        }
+    }
+    if has_color {
+        feed.begin(Kind::Samples, progress)?;
+        progress.trace_started();
+        run(feed, gate, progress)?;
+        progress.trace_ended();
+    }
+    feed.tracer().end(progress)?;
+    feed.end()
+}
+
+/// Waits for a submission and notes the times of its passes.
+pub(crate) fn finish(submission: &Submission, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+    if !submission.wait(WAVE_TIMEOUT)? {
+        let secs = WAVE_TIMEOUT.as_secs();
+        return Err(RenderError::Internal(format!("a submission did not finish within {secs} s")));
+    }
+    for (pass, secs) in submission.timings() {
+        progress.timings.add_pass(&pass, secs);
+    }
+    Ok(())
+}

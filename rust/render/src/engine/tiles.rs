@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+//! In core, tiles of textures come when a wave has asked for them: reads what a wave lacked, and brings it. Then the
+//! film takes the wave as if all tiles had been there. Render thread only.
+
+use super::Tracer;
+use crate::assets::{Brought, Scene};
+use crate::error::RenderError;
+use crate::feedback::{Copy, Feedback};
+use crate::progress::Progress;
+use crate::shared::Gate;
+
+/// The textures of a frame in core.
+#[derive(Debug)]
+pub(crate) struct Tiles<'a> {
+    pub(crate) scene: &'a mut Scene,
+    /// Most bytes of geometry and tiles.
+    pub(crate) cap: Option<u64>,
+    /// Where the waves say what they lack.
+    pub(crate) feedback: Option<&'a Feedback>,
+}
+
+impl Tiles<'_> {
+    /// What the wave that ended with this copy lacked.
+    pub(super) fn lacking(&self, lacking: Option<Copy>) -> Result<Option<Vec<u32>>, RenderError> {
+        match (self.feedback, lacking) {
+            (Some(feedback), Some(copy)) => Ok(feedback.read(copy)?),
+            _ => Ok(None),
+        }
+    }
+
+    /// Brings `tiles`, and records that nothing is lacking. False: the gate said no.
+    pub(super) fn bring(
+        &mut self,
+        tracer: &Tracer<'_>,
+        tiles: &[u32],
+        gate: &Gate<'_>,
+        progress: &mut Progress<'_>,
+    ) -> Result<bool, RenderError> {
+        tracing::debug!(tiles = tiles.len(), "tiles are wanted");
+        let shown = match self.scene.bring_tiles(tracer.setting.device, tiles, self.cap, gate, &mut progress.timings)? {
+            Brought::NoRoom => return Err(RenderError::TexturesOutgrow),
+            Brought::GivenUp => return Ok(false),
+            Brought::All(shown) => shown,
+        };
+        let mut commands = tracer.commands("tiles")?;
+        let held = self.scene.tile_bytes_held();
+        let (loads, paged) = (progress.timings.tiles, progress.timings.tile_bytes);
+        progress.streaming(|stats| {
+            (stats.loads, stats.bytes_paged) = (loads, paged);
+            (stats.texture_loads, stats.texture_bytes_paged, stats.texture_bytes) = (loads, paged, held);
+        });
+        self.scene.write_entries(&mut commands, &shown);
+        if let Some(feedback) = self.feedback {
+            feedback.reset(&mut commands);
+        }
+        commands.submit()?;
+        Ok(true)
+    }
+}

@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The paths of a scene that is resident as a whole: waves, one after the other.
+//!
+//! A wave of samples is submitted in parts, each a few rounds, so that the host is heard between them; one that is
+//! given up in the middle leaves no trace in the film. A wave that lacks tiles of textures is completed before the next
+//! one (`tiles`).
+
+use super::{Feed, Flight, Tiles, Tracer, Work, finish};
+use crate::error::RenderError;
+use crate::feedback::{Copy, Feedback};
+use crate::progress::Progress;
+use crate::schedule::{Schedule, first_wave};
+use crate::shared::Gate;
+use crate::wave::Wave;
+use crate::wavefront::{Kind, Traced};
+use oocpt_core::scene::SceneFeatures;
+use oocpt_gpu::Commands;
+use oocpt_shader_abi::{Push, PushFlags};
+use std::collections::VecDeque;
+use std::ops::Range;
+
+/// What a wave should take, seconds; it is submitted in parts of about a third of that.
+const WAVE_SECS: f64 = 0.2;
+/// Most pixels in the first wave of first hits, and what a wave of them should take, seconds.
+const FIRST_PIXELS: u32 = 1 << 15;
+const PIXELS_SECS: f64 = 0.05;
+
+/// A part of a wave.
+#[derive(Clone, Debug)]
+pub(crate) struct Part {
+    wave: Wave,
+    rounds: Range<u32>,
+    /// It is the last part of its wave.
+    ends: bool,
+    /// At the end of a wave: what it lacked.
+    lacking: Option<Copy>,
+}
+
+/// See the module.
+#[derive(Debug)]
+pub(crate) struct Waves<'e> {
+    tracer: Tracer<'e>,
+    tiles: Tiles<'e>,
+    /// Only where something reads a texture.
+    feedback: Option<&'e Feedback>,
+    kind: Kind,
+    schedule: Schedule,
+    /// Of the wave that is being launched.
+    parts: VecDeque<(Wave, Range<u32>)>,
+    /// Of the wave that is ending.
+    wave_secs: f64,
+    /// Its last part has ended; none when it was only a part.
+    ended: Option<Wave>,
+}
+
+impl<'e> Waves<'e> {
+    pub(crate) fn new(tracer: Tracer<'e>, tiles: Tiles<'e>, feedback: Option<&'e Feedback>) -> Self {
+        let (kind, schedule) = (Kind::Samples, Schedule::new(0, 1, 1, WAVE_SECS));
+        Self { tracer, tiles, feedback, kind, schedule, parts: VecDeque::new(), wave_secs: 0.0, ended: None }
+    }
+
+    /// The last round of a wave: the one of `max_bounces`; with materials one more: rays that leave the last surface
+    /// that is lit still look for lights.
+    fn last_round(&self) -> u32 {
+        let job = self.tracer.setting.job;
+        match self.kind {
+            Kind::Aovs => 0,
+            Kind::Samples => {
+                let has_materials = job.snapshot.features.contains(SceneFeatures::MATERIALS);
+                job.settings.max_bounces + u32::from(has_materials)
+            }
+        }
+    }
+
+    /// Records some rounds of a wave: camera rays before the first round, the film after the last one. Gives the
+    /// octaves of samples that end with it.
+    fn record(&self, commands: &mut Commands, wave: Wave, rounds: Range<u32>, q: Push) -> Vec<u32> {
+        let (recorder, last) = (self.tracer.recorder(), self.last_round());
+        if rounds.start == 0 {
+            if let Some(feedback) = self.feedback {
+                feedback.empty_queue(commands, &self.tracer.paths.counters);
+            }
+            recorder.generate(commands, self.kind, q, wave.count);
+            recorder.trace(commands, q, 0, Traced::Closest);
+        }
+        for round in rounds.clone() {
+            recorder.shade(commands, self.kind, q, round);
+            match self.kind {
+                Kind::Samples if round < last => recorder.trace(commands, q, round + 1, Traced::All),
+                Kind::Samples => recorder.trace(commands, q, round + 1, Traced::Shadow),
+                Kind::Aovs => {}
+            }
+        }
+        let ends = rounds.end > last && self.kind == Kind::Samples;
+        if ends { recorder.accumulate(commands, q, wave) } else { Vec::new() }
+    }
+
+    /// Hands a part of a wave to the device; `flags`: `RETRACE` for those paths of the wave that lacked a tile.
+    fn submit(
+        &self,
+        (wave, rounds): (Wave, Range<u32>),
+        ends: bool,
+        flags: PushFlags,
+        progress: &mut Progress<'_>,
+    ) -> Result<Work<Part>, RenderError> {
+        let mut commands = self.tracer.commands("wave")?;
+        let q = self.tracer.recorder().push_of(self.kind, wave);
+        let q = Push { flags: q.flags | flags.bits(), ..q };
+        let octaves = self.record(&mut commands, wave, rounds.clone(), q);
+        let is_due = self.kind == Kind::Samples && (progress.publish_due() || progress.compares(&octaves));
+        let publishes = ends && is_due;
+        if publishes {
+            self.tracer.recorder().copy_out(&mut commands);
+        }
+        let lacking = self.feedback.filter(|_| ends).map(|feedback| feedback.copy_out(&mut commands));
+        let submission = commands.submit()?;
+        Ok(Work { submission, publishes, octaves, of: Part { wave, rounds, ends, lacking } })
+    }
+
+    /// Traces those paths of a wave again that lacked tiles, until the film has it; first hits all of them: they write
+    /// the same planes. Gives its last part; none when the gate said no: then the wave has left no trace.
+    fn complete(
+        &mut self,
+        mut work: Work<Part>,
+        gate: &Gate<'_>,
+        progress: &mut Progress<'_>,
+    ) -> Result<Option<Work<Part>>, RenderError> {
+        if self.kind == Kind::Samples {
+            progress.timings.retraced_waves += 1;
+        }
+        while let Some(tiles) = self.tiles.lacking(work.of.lacking)? {
+            if !self.tiles.bring(&self.tracer, &tiles, gate, progress)? {
+                return Ok(None);
+            }
+            let flags = if self.kind == Kind::Samples { PushFlags::RETRACE } else { PushFlags::empty() };
+            let parts = parts(self.last_round());
+            let last = parts.len().saturating_sub(1);
+            for (index, rounds) in parts.into_iter().enumerate() {
+                if !gate.proceed() {
+                    return Ok(None);
+                }
+                work = self.submit((work.of.wave, rounds), index == last, flags, progress)?;
+                finish(&work.submission, progress)?;
+            }
+        }
+        Ok(Some(work))
+    }
+}
+
+impl Feed for Waves<'_> {
+    type Of = Part;
+
+    fn tracer(&self) -> &Tracer<'_> {
+        &self.tracer
+    }
+
+    fn kind(&self) -> Kind {
+        self.kind
+    }
+
+    fn begin(&mut self, kind: Kind, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+        let (setting, paths) = (self.tracer.setting, self.tracer.paths);
+        let mut commands = self.tracer.commands("clear")?;
+        commands.fill(&paths.counters, 0, paths.counters.size(), 0);
+        setting.film.clear(&mut commands);
+        if let Some(feedback) = self.feedback {
+            feedback.reset(&mut commands);
+        }
+        commands.submit()?;
+        let first = first_wave(setting.device.gpu.report().kind);
+        self.kind = kind;
+        self.schedule = match kind {
+            Kind::Aovs => {
+                Schedule::new(setting.job.request.pixels(), first.min(FIRST_PIXELS), paths.capacity, PIXELS_SECS)
+            }
+            Kind::Samples => Schedule::new(progress.total_paths(), first, paths.capacity, WAVE_SECS),
+        };
+        if kind == Kind::Samples {
+            if progress.wants_octaves() && setting.film.adaptive().is_none() {
+                self.schedule = self.schedule.clone().with_octaves(setting.job.request.pixels());
+            }
+            self.schedule.cut_at(progress.begin_samples(setting.film));
+        }
+        Ok(())
+    }
+
+    fn is_done(&self, _flights: &VecDeque<Flight<Part>>) -> bool {
+        false // The schedule knows when it is asked.
+    }
+
+    fn launch(
+        &mut self,
+        _flights: &VecDeque<Flight<Part>>,
+        progress: &mut Progress<'_>,
+    ) -> Result<Option<Work<Part>>, RenderError> {
+        if self.parts.is_empty() {
+            let open = if self.kind == Kind::Samples { progress.open_paths() } else { u64::MAX };
+            let Some(wave) = self.schedule.next(open) else { return Ok(None) };
+            self.parts.extend(parts(self.last_round()).into_iter().map(|rounds| (wave, rounds)));
+        }
+        let Some((wave, rounds)) = self.parts.pop_front() else { return Ok(None) };
+        let ends = self.parts.front().is_none_or(|(next, _)| *next != wave);
+        self.submit((wave, rounds), ends, PushFlags::empty(), progress).map(Some)
+    }
+
+    fn land(
+        &mut self,
+        mut work: Work<Part>,
+        secs: f64,
+        flights: &mut VecDeque<Flight<Part>>,
+        gate: &Gate<'_>,
+        progress: &mut Progress<'_>,
+    ) -> Result<Option<Work<Part>>, RenderError> {
+        self.wave_secs += secs;
+        if self.tiles.lacking(work.of.lacking)?.is_some() {
+            // The passes of the waves behind it did nothing.
+            for later in flights.drain(..).rev().collect::<Vec<_>>() {
+                finish(&later.work.submission, progress)?;
+                let Part { wave, rounds, .. } = later.work.of;
+                self.parts.push_front((wave, rounds));
+            }
+            let Some(completed) = self.complete(work, gate, progress)? else { return Ok(None) };
+            work = completed;
+        }
+        if work.of.ends {
+            self.schedule.measured(work.of.wave.count, std::mem::take(&mut self.wave_secs));
+            if self.kind == Kind::Samples {
+                progress.wave_done(work.of.wave);
+            }
+        }
+        self.ended = (!work.octaves.is_empty()).then_some(work.of.wave);
+        Ok(Some(work))
+    }
+
+    fn landed(&mut self, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+        if self.ended.take().is_some() {
+            self.schedule.cut_at(progress.begin_samples(self.tracer.setting.film));
+        }
+        Ok(())
+    }
+
+    fn wait(&mut self, _progress: &mut Progress<'_>) -> Result<bool, RenderError> {
+        Ok(false)
+    }
+}
+
+/// The parts that a wave is submitted in: rounds `0`, `1`, `2..4`, `4..8` and so on. Short enough each for the host to
+/// be heard between them, and later rounds have few rays left.
+fn parts(last_round: u32) -> Vec<Range<u32>> {
+    let mut parts = Vec::new();
+    let mut first = 0_u32;
+    while first <= last_round {
+        let end = first.saturating_mul(2).clamp(1, last_round + 1);
+        parts.push(first..end);
+        first = end;
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_have_every_round_once() {
+        for last in 0..40 {
+            let parts = parts(last);
+            let rounds: Vec<u32> = parts.iter().cloned().flatten().collect();
+            assert_eq!(rounds, (0..=last).collect::<Vec<_>>(), "{parts:?}");
+        }
+        assert_eq!(parts(5), [0..1, 1..2, 2..4, 4..6]);
+    }
+}

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Threads that fill pinned staging memory, one set for each open device, shared by its sessions.
+//!
+//! One thread per core up to [`MOST_THREADS`], since one thread fills only a quarter of the bus.
+
+use crate::error::RenderError;
+use crossbeam_channel::{Sender, unbounded};
+use oocpt_gpu::{Gpu, StagingRing};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+/// Most threads that fill staging memory.
+const MOST_THREADS: usize = 16;
+/// Pinned staging memory per thread, bytes.
+const RING_PER_THREAD: u64 = 8 << 20;
+
+/// What a thread does. Must not panic.
+pub(crate) type Task = Box<dyn FnOnce(&Arc<Gpu>, &StagingRing) + Send>;
+
+/// The threads and their staging memory.
+#[derive(Debug)]
+pub(crate) struct Loader {
+    tasks: Option<Sender<Task>>,
+    threads: Vec<JoinHandle<()>>,
+    ring: Arc<StagingRing>,
+}
+
+impl Loader {
+    /// Starts the threads.
+    pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self, RenderError> {
+        let count = std::thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
+        let ring = Arc::new(StagingRing::new(gpu, count as u64 * RING_PER_THREAD)?);
+        let (tasks, queue) = unbounded::<Task>();
+        let mut threads = Vec::with_capacity(count);
+        for _ in 0..count {
+            let (gpu, ring, queue) = (Arc::clone(gpu), Arc::clone(&ring), queue.clone());
+            let thread = std::thread::Builder::new().name("oocpt-load".into()).spawn(move || {
+                for task in queue {
+                    task(&gpu, &ring);
+                }
+            });
+            match thread {
+                Ok(handle) => threads.push(handle),
+                Err(error) if threads.is_empty() => {
+                    return Err(RenderError::Internal(format!("cannot start a loader thread: {error}")));
+                }
+                Err(_) => break,
+            }
+        }
+        Ok(Self { tasks: Some(tasks), threads, ring })
+    }
+
+    /// The staging memory, for small writes of other threads.
+    pub(crate) fn ring(&self) -> &StagingRing {
+        &self.ring
+    }
+
+    /// Hands `task` to the next thread that is free.
+    pub(crate) fn run(&self, task: Task) -> Result<(), RenderError> {
+        match self.tasks.as_ref().map(|tasks| tasks.send(task)) {
+            Some(Ok(())) => Ok(()),
+            _ => Err(RenderError::Internal("the loader's threads have ended".into())),
+        }
+    }
+}
+
+impl Drop for Loader {
+    fn drop(&mut self) {
+        self.tasks = None;
+        for thread in self.threads.drain(..) {
+            if thread.join().is_err() {
+                tracing::error!("a loader thread had panicked");
+            }
+        }
+    }
+}

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What a frame is rendered with, beside its scene. Render thread only.
+
+use crate::device::Device;
+use crate::error::RenderError;
+use crate::film::Film;
+use crate::job::Job;
+use crate::lights::{LightTable, LightTables};
+use crate::specialise::Carry;
+use oocpt_core::camera::CameraRays;
+use oocpt_gpu::{DeviceKind, GpuError};
+use oocpt_shader_abi::Features;
+use std::sync::Arc;
+
+/// What a frame renders with besides its scene.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Setting<'a> {
+    pub(crate) device: &'a Arc<Device>,
+    pub(crate) job: &'a Job,
+    pub(crate) rays: &'a CameraRays,
+    pub(crate) lights: &'a LightTable,
+    /// Address of the light table on the device, or 0.
+    pub(crate) lighting: u64,
+    pub(crate) film: &'a Film,
+    pub(crate) tables: &'a LightTables,
+    /// What is carried although the scene does not need it.
+    pub(crate) carry: &'a Carry,
+    /// Of that, what these lights allow.
+    pub(crate) light_carry: Features,
+    /// Memory is short.
+    pub(crate) is_frugal: bool,
+}
+
+/// Calls `make` with `wanted`, then with half as much as long as there is no memory and it is above `least`.
+pub(crate) fn shrinking<T>(
+    wanted: u64,
+    least: u64,
+    make: impl Fn(u32) -> Result<T, GpuError>,
+) -> Result<T, RenderError> {
+    let mut capacity = wanted;
+    loop {
+        match make(u32::try_from(capacity).unwrap_or(u32::MAX)) {
+            Err(GpuError::OutOfMemory { .. }) if capacity / 2 >= least => capacity /= 2,
+            result => return Ok(result?),
+        }
+    }
+}
+
+/// The user's own cap on geometry, bytes.
+pub(crate) fn geometry_cap(job: &Job) -> Option<u64> {
+    (job.settings.geometry_budget_kib > 0).then(|| u64::from(job.settings.geometry_budget_kib) << 10)
+}
+
+/// Paths of the whole render.
+pub(crate) fn paths(job: &Job) -> u64 {
+    job.request.pixels() * u64::from(job.settings.samples_per_pixel)
+}
+
+/// Whether paths keep what lights ask of the surface that a ray left (`HAS_PREVIOUS_VERTICES` of the shaders).
+pub(crate) fn has_light_paths(setting: &Setting<'_>) -> bool {
+    let near = Features::LOCAL_LIGHTS | Features::MESH_LIGHTS;
+    let features = setting.lights.features() | (setting.carry.features & setting.light_carry);
+    features.intersects(near | Features::LIGHT_LINKS | Features::LIGHT_LOBES)
+}
+
+pub(crate) fn is_cpu(device: &Device) -> bool {
+    device.gpu.report().kind == DeviceKind::Cpu
+}

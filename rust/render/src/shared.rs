@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What the host's threads and the render thread share: who wants what, images, stats, messages; and the gate that a
+//! frame asks whether it may go on.
+
+use crate::error::RenderError;
+use crate::job::Job;
+use crate::publish::Published;
+use crate::request::{Message, Severity};
+use crate::sync::lock;
+use crate::timings::Timings;
+use oocpt_core::stats::Stats;
+use oocpt_gpu::DeviceReport;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// What the host wants of the render thread.
+#[derive(Debug, Default)]
+pub(crate) struct Control {
+    pub(crate) job: Option<Arc<Job>>,
+    /// Grows with every posted or restarted job.
+    pub(crate) generation: u64,
+    /// Generation that the thread has finished with (rendered, failed or given up).
+    pub(crate) finished: u64,
+    /// Generation that is to end with the samples that it has.
+    pub(crate) ends_early: u64,
+    pub(crate) paused: bool,
+    pub(crate) stopped: bool,
+    pub(crate) quit: bool,
+}
+
+impl Control {
+    pub(crate) fn is_rendering(&self) -> bool {
+        self.job.is_some() && self.finished != self.generation && !self.stopped
+    }
+}
+
+/// State shared between the host's threads and the render thread.
+#[derive(Debug, Default)]
+pub(crate) struct Shared {
+    control: Mutex<Control>,
+    changed: Condvar,
+    pub(crate) published: Mutex<Published>,
+    pub(crate) stats: Mutex<Stats>,
+    pub(crate) timings: Mutex<Timings>,
+    pub(crate) device: Mutex<Option<DeviceReport>>,
+    /// A generation, and samples of each of its pixels that are done.
+    pub(crate) reached: Mutex<(u64, u32)>,
+    /// Reports of error that renders of this session have begun.
+    pub(crate) reports: Mutex<Vec<String>>,
+    pub(crate) messages: Mutex<Vec<Message>>,
+}
+
+impl Shared {
+    pub(crate) fn control(&self) -> MutexGuard<'_, Control> {
+        lock(&self.control)
+    }
+
+    pub(crate) fn wait<'a>(&self, guard: MutexGuard<'a, Control>) -> MutexGuard<'a, Control> {
+        self.changed.wait(guard).unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn wait_at_most<'a>(&self, guard: MutexGuard<'a, Control>, time: Duration) -> MutexGuard<'a, Control> {
+        self.changed.wait_timeout(guard, time).unwrap_or_else(PoisonError::into_inner).0
+    }
+
+    pub(crate) fn notify(&self) {
+        self.changed.notify_all();
+    }
+
+    pub(crate) fn report(&self, severity: Severity, text: String) {
+        let message = Message { severity, text };
+        let mut messages = lock(&self.messages);
+        if !messages.contains(&message) {
+            messages.push(message);
+        }
+    }
+
+    pub(crate) fn fail(&self, error: &RenderError) {
+        tracing::error!(%error, "render ended early");
+        self.report(Severity::Error, error.to_string());
+    }
+}
+
+/// What the frame asks between waves: may it go on?
+#[derive(Debug)]
+pub(crate) struct Gate<'a> {
+    shared: &'a Shared,
+    generation: u64,
+}
+
+impl<'a> Gate<'a> {
+    /// The gate of the job of `generation`.
+    pub(crate) fn new(shared: &'a Shared, generation: u64) -> Self {
+        Self { shared, generation }
+    }
+
+    /// Waits out a pause; false when the image is to be given up (stop, a newer job, the end of the session), or
+    /// to end with the samples that it has.
+    pub(crate) fn proceed(&self) -> bool {
+        let mut control = self.shared.control();
+        loop {
+            let is_over = control.ends_early == self.generation || control.generation != self.generation;
+            if control.quit || control.stopped || is_over {
+                return false;
+            }
+            if !control.paused {
+                return true;
+            }
+            control = self.shared.wait(control);
+        }
+    }
+
+    /// Where results go.
+    pub(crate) fn shared(&self) -> &Shared {
+        self.shared
+    }
+}

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Which files this process writes into texture caches, so that one that is ended in the midst leaves none of them.
+//!
+//! They have names of their own until they are whole ([`super::disk`]), so what is left is never taken for an entry; it
+//! would only lie there until it is stale.
+
+use crate::sync::lock;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+static FILES: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+/// This file is about to be written.
+pub(super) fn begin(file: &Path) {
+    lock(&FILES).insert(file.to_path_buf());
+}
+
+/// This file is whole, or gone.
+pub(super) fn end(file: &Path) {
+    lock(&FILES).remove(file);
+}
+
+/// Removes what this process has begun and not ended. For a process that is about to end; what writes a file then goes
+/// on into one without a name. Any thread.
+pub fn remove_unfinished() {
+    for file in std::mem::take(&mut *lock(&FILES)) {
+        if let Err(error) = std::fs::remove_file(&file) {
+            tracing::debug!(file = %file.display(), %error, "an unfinished file cannot be removed");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_is_unfinished_is_removed() {
+        let file = |name: &str| std::env::temp_dir().join(format!("oocpt-under-way-{name}-{}", std::process::id()));
+        let [done, open] = ["done", "open"].map(file);
+        for file in [&done, &open] {
+            std::fs::write(file, "x").expect("a temporary file");
+            begin(file);
+        }
+        end(&done);
+        remove_unfinished();
+        assert!(done.exists() && !open.exists(), "what is whole stays, what is not goes");
+        std::fs::remove_file(done).expect("it is ours");
+    }
+}

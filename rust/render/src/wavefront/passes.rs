@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The pipelines of a frame: those rows of `oocpt_shader_abi::PASSES` whose conditions hold, compiled for one
+//! specialisation. Render thread only.
+
+use crate::device::{Device, Specialisation};
+use crate::error::RenderError;
+use crate::film::Film;
+use crate::timings::Timings;
+use oocpt_gpu::Pipeline;
+use oocpt_shader_abi::{Image, PASSES, Pass, PassInfo};
+use rayon::prelude::*;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// See the module.
+#[derive(Debug)]
+pub(crate) struct Passes {
+    /// By pass; none where a condition does not hold.
+    pipelines: [Option<Arc<Pipeline>>; PASSES.len()],
+}
+
+impl Passes {
+    /// Compiles what is not compiled yet, on all threads, and has it translated (see [`Device::translate`]).
+    pub(crate) fn new(
+        device: &Device,
+        special: Specialisation,
+        film: &Film,
+        timings: &mut Timings,
+    ) -> Result<Self, RenderError> {
+        let started = Instant::now();
+        let wants = |image| match image {
+            Image::PixelCentres => film.has_planes(),
+            Image::SampleCount => film.has_counts(),
+        };
+        let mut wanted: Vec<&PassInfo> = PASSES.iter().filter(|row| row.when.holds(special.features, wants)).collect();
+        // The longest first: `shade_surface` takes as long as all others together.
+        wanted.sort_by_key(|row| std::cmp::Reverse(row.module.words.len()));
+        let made = wanted.par_iter().with_max_len(1).map(|row| Ok((row.pass, device.pipeline(row.module, special)?)));
+        let made: Vec<(Pass, Arc<Pipeline>)> = made.collect::<Result<_, RenderError>>()?;
+        let mut pipelines = [const { None }; PASSES.len()];
+        for (pass, pipeline) in made {
+            pipelines[pass as usize] = Some(pipeline);
+        }
+        let passes = Self { pipelines };
+        timings.translated += device.translate(&passes.all().collect::<Vec<_>>())?;
+        timings.compile_secs += started.elapsed().as_secs_f64();
+        Ok(passes)
+    }
+
+    /// The pipeline of `pass`; none where the frame does not need it.
+    pub(crate) fn get(&self, pass: Pass) -> Option<&Arc<Pipeline>> {
+        self.pipelines[pass as usize].as_ref()
+    }
+
+    /// The pipelines that there are.
+    pub(crate) fn all(&self) -> impl Iterator<Item = &Arc<Pipeline>> {
+        self.pipelines.iter().flatten()
+    }
+}

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The numbers that host and shaders share, by their names in the shaders. The build writes a `const uint` of each.
+
+use super::*;
+
+/// Entries of [`CONSTANTS`]: a constant of this crate by its own name, or `NAME = value`.
+macro_rules! constants {
+    (@value $name:ident) => { $name };
+    (@value $name:ident = $value:expr) => { $value };
+    ($($name:ident $(= $value:expr)?;)+) => {
+        /// Name and value of every `const uint` that the build writes for the shaders.
+        pub const CONSTANTS: &[(&str, u32)] = &[$((stringify!($name), constants!(@value $name $(= $value)?)),)+];
+    };
+}
+
+constants! {
+    LIGHT_RECT = GpuLightKind::Rect as u32;
+    LIGHT_DISK = GpuLightKind::Disk as u32;
+    LIGHT_SPHERE = GpuLightKind::Sphere as u32;
+    LIGHT_CYLINDER = GpuLightKind::Cylinder as u32;
+    LIGHT_POINT = GpuLightKind::Point as u32;
+    LIGHT_LINE = GpuLightKind::Line as u32;
+    LIGHT_DISTANT = GpuLightKind::Distant as u32;
+    LIGHT_DOME = GpuLightKind::Dome as u32;
+    LIGHT_DOME_MAP = GpuLightKind::DomeMap as u32;
+    LIGHT_KIND_MASK;
+    LIGHT_CAMERA_VISIBLE = LightFlags::CAMERA_VISIBLE.bits();
+    LIGHT_NO_SHADOWS = LightFlags::NO_SHADOWS.bits();
+    LIGHT_SHADOW_COLOR = LightFlags::SHADOW_COLOR.bits();
+    LIGHT_SHADOW_LINK = LightFlags::SHADOW_LINK.bits();
+    LIGHT_LEAF;
+    LIGHT_TREE_DEPTH;
+    MAP_HALF;
+    MAP_FLOAT;
+
+    FLAG_DOME_CAMERA_VISIBLE = FrameFlags::DOME_CAMERA_VISIBLE.bits();
+    PREPARE_TRACE;
+    PREPARE_SHADE;
+    PREPARE_DEMAND;
+    PREPARE_RESOLVE;
+    SCAN_BLOCKS;
+    SCAN_SUMS;
+    SCAN_BLOCK;
+    TILE_KEYS;
+    WORTH_ONE;
+    WORTH_MUST;
+    WORTH_SUMS;
+    AOV_SURFACES;
+    AOV_ESCAPED;
+    PUSH_AOVS = PushFlags::AOVS.bits();
+    PUSH_FRESH = PushFlags::FRESH.bits();
+    PUSH_RETRACE = PushFlags::RETRACE.bits();
+    PUSH_SEGMENT_SHIFT;
+    BAND_SHIFT;
+    STREAM_BIT;
+    STREAM_SEED;
+    ESTIMATE_RING;
+    ESTIMATE_FIRST;
+    MAX_DIRECT_GROUPS;
+    WORKGROUP_SIZE;
+    FAULT_SKIP_DEFERRED;
+
+    TARGET_ASSEMBLY;
+    RATE_CONSTANT = AttributeRate::Constant as u32;
+    RATE_UNIFORM = AttributeRate::Uniform as u32;
+    RATE_VERTEX = AttributeRate::Vertex as u32;
+    RATE_FACE_VARYING = AttributeRate::FaceVarying as u32;
+    MESH_LEFT_HANDED = MeshFlags::LEFT_HANDED.bits();
+    MESH_HAS_NORMALS = MeshFlags::HAS_NORMALS.bits();
+    MESH_HAS_COLORS = MeshFlags::HAS_COLORS.bits();
+    MESH_HAS_OPACITIES = MeshFlags::HAS_OPACITIES.bits();
+
+    SUBSET_MASK;
+    NO_MATERIAL;
+    SLOT_PRESENCE;
+    NO_NAME;
+    NAME_PTEX;
+    NAME_DISPLAY_COLOR;
+    NAME_DISPLAY_OPACITY;
+    NO_VALUE;
+    NO_ROW;
+    MAX_PRIM_ID;
+    INPUT_CONSTANT;
+    INPUT_TEXTURE;
+    INPUT_PRIMVAR;
+    INPUT_CHANNEL_SHIFT;
+    INPUT_SET_SHIFT;
+    INPUT_NO_SET;
+    INPUT_PTEX;
+
+    TEXTURE_CHANNELS;
+    TEXTURE_FORMAT_SHIFT;
+    TEXTURE_U8;
+    TEXTURE_F16;
+    TEXTURE_F32;
+    TEXTURE_SRGB;
+    TEXTURE_UDIM;
+    TEXTURE_PTEX;
+    TEXTURE_WRAP_S_SHIFT;
+    TEXTURE_WRAP_T_SHIFT;
+    WRAP_BLACK;
+    WRAP_CLAMP;
+    WRAP_REPEAT;
+    WRAP_MIRROR;
+    PAGE_BROKEN = 1;
+}

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The table of features: what a scene and a frame may need, and what the passes are compiled without otherwise.
+//!
+//! A row is all there is to declare. Its place is its bit; the build writes `HAS_NAME` for the shaders from it, the
+//! renderer takes its words for the stats and `oocpt doctor` from it. `rust/render/src/specialise.rs` says when a frame
+//! needs it. Pure, any thread.
+
+use bitflags::bitflags;
+
+/// Specialisation constant: bits 0 to 31 of [`Features`].
+pub const SPEC_FEATURES: u32 = 2;
+/// Specialisation constant: bits 32 to 63 of [`Features`].
+pub const SPEC_FEATURES_HIGH: u32 = 3;
+
+/// Whether a feature can be compiled in for a scene that does not need it without changing a bit of the picture
+/// (`oocpt:carry`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CarryRule {
+    /// It selects another estimator, or needs memory that only its scenes have.
+    Never,
+    /// For every scene.
+    Always,
+    /// Where the light table allows it; without a light table never.
+    Lights,
+    /// For scenes with materials.
+    Materials,
+    /// For scenes with materials that are resident as a whole.
+    MaterialsInCore,
+}
+
+/// A row of [`FEATURES`].
+#[derive(Debug, Clone, Copy)]
+pub struct Feature {
+    /// As in `HAS_NAME` of the shaders, in `oocpt:carry` and in the stats.
+    pub name: &'static str,
+    /// Its bit.
+    pub bit: Features,
+    /// In words, for the stats.
+    pub what: &'static str,
+    /// Without all of these the shaders do not look at the bit. Rows above this one.
+    pub needs: Features,
+    /// See [`CarryRule`].
+    pub carry: CarryRule,
+}
+
+macro_rules! features {
+    ($($(#[doc = $doc:literal])+ $name:ident: $what:literal, [$($needs:ident),*], $carry:ident;)+) => {
+        #[expect(non_camel_case_types, clippy::upper_case_acronyms, reason = "names of constants")]
+        enum Bit {
+            $($name,)+
+        }
+
+        bitflags! {
+            /// What the scene and the frame need; the passes are compiled without the rest (specialisation constants
+            /// [`SPEC_FEATURES`] and [`SPEC_FEATURES_HIGH`]).
+            #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+            pub struct Features: u64 {
+                $($(#[doc = $doc])+ const $name = 1 << (Bit::$name as u32);)+
+            }
+        }
+
+        /// Every feature, by bit.
+        pub const FEATURES: &[Feature] = &[$(Feature {
+            name: stringify!($name),
+            bit: Features::$name,
+            what: $what,
+            needs: Features::empty()$(.union(Features::$needs))*,
+            carry: CarryRule::$carry,
+        },)+];
+    };
+}
+
+features! {
+    /// A constant dome light: `Frame::dome_radiance` counts.
+    DOME: "dome light", [], Always;
+    /// At least one distant light: `Frame::lights` and `Frame::light_count` count.
+    DISTANT: "distant lights", [], Always;
+    /// Some mesh has opacities: traversal decides per hit, stochastically.
+    OPACITY: "opacity in traversal", [], Always;
+    /// Some mesh has normals to interpolate; without it all shading is flat.
+    NORMALS: "interpolated normals", [], Always;
+    /// Some mesh has colours; without it every surface is `Frame::default_albedo`.
+    COLORS: "colours", [], Always;
+    /// The camera has an open lens: `lens_u`, `lens_v`, `focus` count.
+    LENS: "lens", [], Always;
+    /// Some instance record points to an assembly (needed when `MAX_LEVELS` > 1).
+    INSTANCING: "nested instance levels", [], Always;
+    /// Shadow rays towards the dome at every bounce, joined to the escaping rays by MIS. Without it only the last
+    /// bounce sends them. Either way the estimate is unbiased: this is a choice of rays per path against noise. With
+    /// `LIGHT_TABLE`: some dome has no texture.
+    DOME_SHADOW_RAYS: "shadow rays to constant domes", [DOME], Lights;
+    /// Chunks may be absent: rays wait for them, paths live in segments. `Frame::streaming` counts.
+    STREAMING: "streaming of what does not fit", [], Never;
+    /// `Streaming::chunk_rays` counts the rays that entered each chunk.
+    CHUNK_COUNTS: "counts of rays by chunk", [STREAMING], Never;
+    /// Rays that wait for a load that is too dear for what they bring may end (`Streaming::roulette`).
+    ROULETTE: "roulette on loads for stragglers", [STREAMING], Never;
+    /// Some mesh has a material: `Frame::materials`, `prims` and `material_slots` count.
+    MATERIALS: "materials, and tables of them", [], Never;
+    /// Some material reads a texture: `Frame::textures` and `texture_pages` count.
+    TEXTURES: "textures, and ray cones for them", [MATERIALS], MaterialsInCore;
+    /// Some texture is Ptex.
+    PTEX: "Ptex", [TEXTURES], MaterialsInCore;
+    /// Some material's opacity has to be asked for in traversal.
+    CUTOUTS: "cutouts in traversal", [MATERIALS], MaterialsInCore;
+    /// Some material lets light through.
+    TRANSMISSION: "transmission", [MATERIALS], Materials;
+    /// Some material lets light through a rough surface.
+    ROUGH_TRANSMISSION: "rough transmission, and tables of what it loses", [TRANSMISSION], Materials;
+    /// Some material has a coat.
+    COAT: "coats", [MATERIALS], Materials;
+    /// `Shading::sheen_color` counts. No material front end has it yet: only tests of the BSDF compile it.
+    SHEEN: "sheen", [MATERIALS], Never;
+    /// Some material emits light.
+    EMISSION: "emission of surfaces", [MATERIALS], Materials;
+    /// Some primvar has a value per instance: `primvars` of chunks and assemblies, and `Frame::placed_values`, count.
+    INSTANCE_PRIMVARS: "primvars with a value per instance", [], Always;
+    /// Some displayOpacity at instance rate is below 1.
+    INSTANCE_OPACITY: "opacity with a value per instance", [INSTANCE_PRIMVARS, OPACITY], Always;
+    /// Shading in general, with [`crate::Lighting`]: some mesh has a material, or some light is more than a constant
+    /// dome or a distant light. `Frame::lights` and what is about domes do not count, but for the flag.
+    LIGHT_TABLE: "light table and MIS over it", [], Never;
+    /// Lights with a place: rectangles, spheres, disks, cylinders; and the light tree.
+    LOCAL_LIGHTS: "local lights and light tree", [], Lights;
+    /// Some light is shaped.
+    SHAPING: "light shaping", [], Lights;
+    /// Some light has an IES profile.
+    IES: "IES profiles", [SHAPING], Lights;
+    /// The dome has a texture.
+    DOME_TEXTURE: "dome textures", [DOME], Lights;
+    /// Some light with a place has a texture.
+    LIGHT_TEXTURE: "textures of rect lights", [LOCAL_LIGHTS], Lights;
+    /// Some light lights or shadows only some prims.
+    LIGHT_LINKS: "light linking", [], Lights;
+    /// Some light has one multiplier for diffuse and another for specular reflection.
+    LIGHT_LOBES: "lights' own multipliers for diffuse and specular", [], Lights;
+    /// Some mesh that emits light is sampled as a light.
+    MESH_LIGHTS: "emissive meshes sampled as lights", [EMISSION], Lights;
+    /// The emission of some such mesh is a texture's or a primvar's.
+    MESH_LIGHT_VALUES: "emission of lights by textures and primvars", [MESH_LIGHTS], Lights;
+    /// Pixels have two streams of samples, and not all as many of them: `Frame::adaptive` counts.
+    ADAPTIVE: "adaptive sampling: lists of samples, the second stream of the film", [], Never;
+}
+
+impl Features {
+    /// The specialisation constants [`SPEC_FEATURES`] and [`SPEC_FEATURES_HIGH`] with their values.
+    #[must_use]
+    pub fn constants(self) -> [(u32, u32); 2] {
+        let [a, b, c, d, e, f, g, h] = self.bits().to_le_bytes();
+        [(SPEC_FEATURES, u32::from_le_bytes([a, b, c, d])), (SPEC_FEATURES_HIGH, u32::from_le_bytes([e, f, g, h]))]
+    }
+}
