@@ -3,7 +3,7 @@
 
 use glam::DMat4;
 
-use super::{InstancerDesc, LightDesc, LightKind, MeshDesc, PrimDesc, Shaping, Subdivision};
+use super::{InstancerDesc, LightDesc, LightKind, MeshDesc, PrimDesc, Shaping, Subdivision, SubdivisionTags};
 use crate::array::TypedArray;
 
 impl Default for PrimDesc {
@@ -28,6 +28,8 @@ impl Default for MeshDesc {
             double_sided: false,
             left_handed: false,
             subdivision: Subdivision::None,
+            subdivision_tags: SubdivisionTags::default(),
+            refine_level: 0,
             face_vertex_counts: TypedArray::of(Vec::<i32>::new()),
             face_vertex_indices: TypedArray::of(Vec::<i32>::new()),
             hole_indices: None,

@@ -57,6 +57,14 @@ dropped! {
     zero_area_triangles: "zero-area triangles",
     /// Hole indices that name no face.
     hole_indices: "hole indices out of range",
+    /// Faces of subdivision meshes that have a point twice, but not in a row.
+    folded_faces: "faces with a point twice",
+    /// Creases and corners with indices, lengths or sharpnesses that make no sense.
+    creases: "creases or corners that name no edge or have no usable sharpness",
+    /// Subdivision meshes that OpenSubdiv cannot refine.
+    unrefined_meshes: "meshes that cannot be subdivided, seen as polygons",
+    /// Subdivision meshes with more triangles than a mesh may have at the wanted rate.
+    coarse_meshes: "subdivision meshes that are cut more coarsely than asked, to stay below the limit of triangles",
     /// Primvars dropped: too short, wrong type or unusable interpolation.
     primvars: "primvars of the wrong length, type or interpolation",
     /// Primvars that are longer than needed (they are used).

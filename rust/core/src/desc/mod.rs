@@ -5,8 +5,10 @@
 
 mod defaults;
 mod dropped;
+mod subdivision;
 
 pub use dropped::DroppedData;
+pub use subdivision::{Boundary, Creasing, FaceVaryingLinear, Subdivision, SubdivisionTags, TriangleRule};
 
 use std::sync::Arc;
 
@@ -71,20 +73,6 @@ pub struct SubsetDesc {
     pub faces: TypedArray,
 }
 
-/// Subdivision scheme. Refinement is not done yet; the scheme decides the normals: `CatmullClark` and `Loop` without
-/// authored normals get smooth area-weighted vertex normals, the others are flat.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Subdivision {
-    /// A polygon mesh.
-    None,
-    /// Refined without smoothing.
-    Bilinear,
-    /// Catmull-Clark.
-    CatmullClark,
-    /// Loop.
-    Loop,
-}
-
 /// "This prim is part of the prototype `prototype_root` of `instancer`".
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct InstancedBy {
@@ -122,6 +110,10 @@ pub struct MeshDesc {
     pub left_handed: bool,
     /// Subdivision scheme.
     pub subdivision: Subdivision,
+    /// Rules, creases and corners of the scheme.
+    pub subdivision_tags: SubdivisionTags,
+    /// Hydra's refine level (`complexity`): edges are cut into at least `2^refine_level` pieces.
+    pub refine_level: u8,
     /// Corners per face (ints).
     pub face_vertex_counts: TypedArray,
     /// Point of each corner (ints).

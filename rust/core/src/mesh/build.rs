@@ -8,9 +8,11 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::bvh4::{Bvh4, build_bvh4};
+use super::dicing::Dicing;
 use super::normals::smooth_normals;
 use super::primvar::{Layout, Slot, Source, convert, convert_wanted, extend_points, subset_numbers};
 use super::ptex::{PtexNumbers, PtexTriangle};
+use super::refine::refine;
 use super::split::{Order, arrange, expected_bytes, split_ordered};
 use super::topology::{Topology, read_topology};
 use super::triangulate::Triangulator;
@@ -49,19 +51,30 @@ pub fn build_mesh(desc: &MeshDesc, key: u128) -> BuiltMesh {
 /// are the same bits for any number of threads, but not the ones that [`super::split_mesh`] makes of the whole asset.
 #[must_use]
 pub fn build_mesh_split(desc: &MeshDesc, key: u128, limit_bytes: u64, cluster_bytes: u64) -> BuiltMesh {
-    build_mesh_with(desc, &[], key, limit_bytes, cluster_bytes)
+    build_mesh_with(desc, &[], &Dicing::default(), key, limit_bytes, cluster_bytes)
 }
 
-/// [`build_mesh_split`] with the primvars `wanted` besides.
-pub(crate) fn build_mesh_with(
+/// [`build_mesh_split`] with the primvars `wanted` besides, on its limit surface if it is a subdivision surface.
+#[must_use]
+pub fn build_mesh_with(
     desc: &MeshDesc,
     wanted: &[WantedPrimvar],
+    dicing: &Dicing,
     key: u128,
     limit_bytes: u64,
     cluster_bytes: u64,
 ) -> BuiltMesh {
     let mut dropped = DroppedData::default();
-    let loose = read_topology(desc, &mut dropped).and_then(|t| read_triangles(desc, wanted, key, &t, &mut dropped));
+    let loose = read_topology(desc, &mut dropped).and_then(|topology| {
+        let Some(refined) = refine(desc, wanted, &topology, dicing, &mut dropped) else {
+            return read_triangles(desc, wanted, key, &topology, &mut dropped);
+        };
+        // A limit surface may close to a point, as at a pole: that is no bad data.
+        let zero_area_triangles = dropped.zero_area_triangles;
+        let loose = read_triangles(&refined.desc, wanted, key, &refined.topology, &mut dropped);
+        dropped.zero_area_triangles = zero_area_triangles;
+        loose
+    });
     let (mut asset, mut clusters) = (None, Vec::new());
     match loose {
         Some(loose) if expected_bytes(&loose) > limit_bytes => {

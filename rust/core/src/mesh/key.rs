@@ -3,7 +3,7 @@
 
 use xxhash_rust::xxh3::Xxh3;
 
-use super::WantedPrimvar;
+use super::{Dicing, WantedPrimvar, is_refined};
 use crate::array::TypedArray;
 use crate::desc::{MeshDesc, Primvar};
 
@@ -11,12 +11,12 @@ use crate::desc::{MeshDesc, Primvar};
 /// the transform, the prim id or the visibility.
 #[must_use]
 pub fn mesh_key(desc: &MeshDesc) -> u128 {
-    mesh_key_with(desc, &[])
+    mesh_key_with(desc, &[], &Dicing::default())
 }
 
-/// [`mesh_key`] of a mesh that is built with the primvars `wanted`. Which faces are in which subset counts, their
+/// [`mesh_key`] of a mesh that is built with the primvars `wanted` and refined as `dicing` says. Which faces are in which subset counts, their
 /// materials do not.
-pub(crate) fn mesh_key_with(desc: &MeshDesc, wanted: &[WantedPrimvar]) -> u128 {
+pub(crate) fn mesh_key_with(desc: &MeshDesc, wanted: &[WantedPrimvar], dicing: &Dicing) -> u128 {
     let mut hasher = Xxh3::new();
     hasher.update(&[u8::from(desc.double_sided), u8::from(desc.left_handed), desc.subdivision as u8]);
     add_array(&mut hasher, Some(&desc.face_vertex_counts));
@@ -25,6 +25,12 @@ pub(crate) fn mesh_key_with(desc: &MeshDesc, wanted: &[WantedPrimvar]) -> u128 {
     add_array(&mut hasher, Some(&desc.points));
     for primvar in [&desc.normals, &desc.display_color, &desc.display_opacity] {
         add_primvar(&mut hasher, primvar.as_ref());
+    }
+    if is_refined(desc, dicing.pixels) {
+        hasher.update(&desc.subdivision_tags.rules());
+        hasher.update(&[desc.refine_level]);
+        desc.subdivision_tags.arrays().into_iter().for_each(|array| add_array(&mut hasher, array));
+        dicing.hash(&mut hasher);
     }
     // Tells subsets from primvars; absent for most.
     if !(desc.subsets.is_empty() && wanted.is_empty()) {
@@ -73,7 +79,10 @@ pub(crate) fn is_same_mesh(a: &MeshDesc, b: &MeshDesc, wanted: &[WantedPrimvar])
         }
         _ => false,
     };
-    (a.double_sided, a.left_handed, a.subdivision) == (b.double_sided, b.left_handed, b.subdivision)
+    let plain = |m: &MeshDesc| (m.double_sided, m.left_handed, m.subdivision, m.refine_level, m.subdivision_tags.rules());
+    let mut tags = a.subdivision_tags.arrays().into_iter().zip(b.subdivision_tags.arrays());
+    plain(a) == plain(b)
+        && tags.all(|(a, b)| optional(&a.cloned(), &b.cloned()))
         && array(&a.face_vertex_counts, &b.face_vertex_counts)
         && array(&a.face_vertex_indices, &b.face_vertex_indices)
         && optional(&a.hole_indices, &b.hole_indices)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Mesh assets: what a mesh becomes before it goes to the GPU. Immutable, shared by content.
 //!
-//! Stages: [`build`] runs `topology` (check, holes), `triangulate`, `primvar` and `normals`, [`bvh`] and [`bvh4`];
+//! Stages: [`build`] runs `topology` (check, holes), `refine` (limit surfaces, cut as [`Dicing`] says), `triangulate`, `primvar` and `normals`, [`bvh`] and [`bvh4`];
 //! `split` cuts large meshes into clusters; `key` is the content hash. Pure functions; called from rayon workers during
 //! a commit.
 
@@ -10,10 +10,14 @@ pub mod build;
 pub mod bvh;
 pub mod bvh4;
 mod check;
+mod creases;
+mod dicing;
 mod key;
 mod normals;
 mod primvar;
 mod ptex;
+mod refine;
+mod refine_values;
 mod split;
 mod topology;
 mod triangulate;
@@ -22,13 +26,15 @@ use bytemuck::{Pod, Zeroable};
 
 pub(crate) use attribute::each_width;
 pub use attribute::{AnyAttribute, Attribute, AttributeRate, MeshPrimvar, WantedPrimvar};
-pub(crate) use build::build_mesh_with;
-pub use build::{BuiltMesh, build_mesh, build_mesh_split};
+pub use build::{BuiltMesh, build_mesh, build_mesh_split, build_mesh_with};
 pub use bvh::{Bvh2, BvhError, BvhNode, build_box_bvh};
 pub use bvh4::{Bvh4, Bvh4Node, LevelNode, level_nodes};
+pub use dicing::{Dicing, Eye};
 pub use key::mesh_key;
 pub(crate) use key::{is_same_mesh, mesh_key_with};
 pub use ptex::{MAX_PTEX_FACES, PtexPart, PtexTriangle};
+pub use refine::MAX_REFINED_TRIANGLES;
+pub(crate) use refine::is_refined;
 pub use split::split_mesh;
 
 /// Device bytes of a triangle.

@@ -12,7 +12,7 @@ use super::placement::InstanceArrays;
 use crate::array::ArrayView;
 use crate::desc::DroppedData;
 use crate::desc::{InstancerDesc, MeshDesc};
-use crate::mesh::{BuiltMesh, MeshAsset, WantedPrimvar, build_mesh_with, is_same_mesh, mesh_key_with};
+use crate::mesh::{BuiltMesh, Dicing, MeshAsset, WantedPrimvar, build_mesh_with, is_same_mesh, mesh_key_with};
 use crate::partition::PartitionOptions;
 
 /// A mesh prim.
@@ -21,6 +21,8 @@ pub(crate) struct MeshEntry {
     pub(crate) desc: MeshDesc,
     /// The asset, once the prim was needed; none again when the arrays change.
     pub(crate) built: Option<Arc<BuiltMesh>>,
+    /// How finely its limit surface is cut.
+    pub(crate) dicing: Dicing,
     /// Primvars that materials read.
     pub(crate) wanted: Vec<WantedPrimvar>,
     /// Numbers of the primvars that are read here and that the mesh does not have.
@@ -35,9 +37,12 @@ impl MeshEntry {
                 let changed = old.desc.prim != desc.prim
                     || old.desc.prim_id != desc.prim_id
                     || !is_dressed_alike(&old.desc, &desc);
-                (Self { desc, built: old.built, wanted: old.wanted, lacks: old.lacks }, changed)
+                (Self { desc, ..old }, changed)
             }
-            _ => (Self { desc, built: None, wanted: Vec::new(), lacks: Vec::new() }, true),
+            _ => {
+                let (dicing, wanted, lacks) = (Dicing::default(), Vec::new(), Vec::new());
+                (Self { desc, built: None, dicing, wanted, lacks }, true)
+            }
         }
     }
 }
@@ -144,10 +149,12 @@ impl MeshStore {
     /// Makes sure that every mesh of `wanted` is built, the missing ones in parallel.
     pub(crate) fn build(&mut self, meshes: &mut BTreeMap<Arc<str>, MeshEntry>, wanted: &FxHashSet<Arc<str>>) {
         let (limit, cluster) = (self.options.mesh_limit(), self.options.chunk_bytes());
-        let build = |key, entry: &MeshEntry| Arc::new(build_mesh_with(&entry.desc, &entry.wanted, key, limit, cluster));
+        let build = |key, entry: &MeshEntry| {
+            Arc::new(build_mesh_with(&entry.desc, &entry.wanted, &entry.dicing, key, limit, cluster))
+        };
         let mut missing: Vec<&mut MeshEntry> =
             meshes.iter_mut().filter(|(path, e)| e.built.is_none() && wanted.contains(*path)).map(|(_, e)| e).collect();
-        let keys: Vec<u128> = missing.par_iter().map(|e| mesh_key_with(&e.desc, &e.wanted)).collect();
+        let keys: Vec<u128> = missing.par_iter().map(|e| mesh_key_with(&e.desc, &e.wanted, &e.dicing)).collect();
         let mut begun: FxHashSet<u128> = FxHashSet::default();
         let new: Vec<(u128, &MeshEntry)> = keys
             .iter()

@@ -33,7 +33,7 @@ use glam::DVec3;
 pub use crate::desc::{
     AssetRef, ConnectionDesc, DomeFormat, DroppedData, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation,
     LightDesc, LightKind, MaterialDesc, MaterialSync, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue,
-    PrimDesc, Primvar, Shaping, Subdivision, SubsetDesc,
+    PrimDesc, Primvar, Shaping, Subdivision, SubdivisionTags, SubsetDesc,
 };
 pub use instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstanceColumn, NO_VALUE};
 pub use resolve::MAX_LEVELS;

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+// Limit surfaces of subdivision meshes, through OpenSubdiv's Bfr. Called from the crate `oocpt-subdiv` only.
+//
+// Everything that the crate passes has been checked by it. Any thread; objects are not changed once made. Errors are
+// exceptions, which cxx turns into results.
+#pragma once
+
+#include "rust/cxx.h"
+
+#include <opensubdiv/far/topologyRefiner.h>
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+namespace oocpt::subdiv {
+
+struct Rules;
+struct Topology;
+struct Values;
+
+/// Triangles on a limit surface. A vertex has a position, a normal (zero where the surface has none) and values; where
+/// normals or values differ from face to face, several vertices have the same position.
+class Facets
+{
+public:
+    rust::Slice<const float> positions() const { return _Slice(positionData); }
+    rust::Slice<const float> normals() const { return _Slice(normalData); }
+    rust::Slice<const float> vertex() const { return _Slice(vertexData); }
+    rust::Slice<const float> varying() const { return _Slice(varyingData); }
+    rust::Slice<const float> face_varying() const { return _Slice(faceVaryingData); }
+    rust::Slice<const int32_t> triangles() const { return _Slice(triangleData); }
+    rust::Slice<const int32_t> faces() const { return _Slice(faceData); }
+
+    std::vector<float> positionData;
+    std::vector<float> normalData;
+    std::vector<float> vertexData;
+    std::vector<float> varyingData;
+    std::vector<float> faceVaryingData;
+    std::vector<int32_t> triangleData;
+    /// Control face of each triangle.
+    std::vector<int32_t> faceData;
+
+private:
+    template <typename T>
+    static rust::Slice<const T> _Slice(const std::vector<T>& values)
+    {
+        return { values.data(), values.size() };
+    }
+};
+
+/// The surface of a control mesh.
+class LimitSurface
+{
+public:
+    LimitSurface(const Rules& rules, const Topology& topology);
+
+    rust::Slice<const int32_t> edges() const { return { _edges.data(), _edges.size() }; }
+    uint64_t expected_facets(rust::Slice<const int32_t> rates) const;
+    std::unique_ptr<Facets> tessellate(rust::Slice<const int32_t> rates, const Values& values) const;
+
+private:
+    std::unique_ptr<OpenSubdiv::Far::TopologyRefiner> _refiner;
+    std::vector<int32_t> _edges;
+    size_t _channelCount;
+};
+
+std::unique_ptr<LimitSurface> new_limit_surface(Rules rules, const Topology& topology);
+
+} // namespace oocpt::subdiv

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Into how many pieces the edges of a subdivision surface are cut. Pure.
+
+use glam::DVec3;
+use oocpt_subdiv::MAX_RATE;
+use xxhash_rust::xxh3::Xxh3;
+
+/// How finely the limit surface of a mesh is cut: so that no piece of an edge of the control mesh is longer than so
+/// many pixels, where the surface is nearest to the camera.
+///
+/// Everything is in object space. A length covers as many pixels as it has units, times [`Self::density`], or where a
+/// view is near, times `focal / distance`; the larger one counts.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Dicing {
+    /// Longest piece in pixels; 0 = edges are cut as the refine level says.
+    pub pixels: f64,
+    /// Pixels of a unit of length, at least.
+    pub density: f64,
+    /// Pixels of a unit of length at distance 1.
+    pub focal: f64,
+    /// Places of the camera, as the nearest placements see it.
+    pub eyes: Vec<Eye>,
+}
+
+/// A place of the camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Eye {
+    /// Where it is.
+    pub position: DVec3,
+    /// What is nearer counts as this far away. Above zero.
+    pub nearest: f64,
+}
+
+impl Dicing {
+    /// Pieces of the edge from `a` to `b`, at least `least`. The same for both directions.
+    #[must_use]
+    pub fn pieces(&self, a: DVec3, b: DVec3, least: i32) -> i32 {
+        let least = least.clamp(1, MAX_RATE);
+        if self.pixels <= 0.0 {
+            return least;
+        }
+        let length = a.distance(b);
+        let density = |eye: &Eye| self.focal / distance(eye.position, a, b).max(eye.nearest);
+        let density = self.eyes.iter().map(density).fold(self.density, f64::max);
+        let pieces = (length * density / self.pixels).ceil();
+        // NaN gives the smaller number.
+        if pieces >= f64::from(MAX_RATE) { MAX_RATE } else { whole(pieces).max(least) }
+    }
+
+    /// Adds everything that [`Self::pieces`] depends on.
+    pub(crate) fn hash(&self, hasher: &mut Xxh3) {
+        let mut add = |number: f64| hasher.update(&number.to_le_bytes());
+        [self.pixels, self.density, self.focal].into_iter().for_each(&mut add);
+        for eye in &self.eyes {
+            eye.position.to_array().into_iter().for_each(&mut add);
+            add(eye.nearest);
+        }
+    }
+}
+
+/// The distance of a point from a segment, the same bits whichever end comes first.
+fn distance(point: DVec3, a: DVec3, b: DVec3) -> f64 {
+    let (a, b) = if a.to_array() <= b.to_array() { (a, b) } else { (b, a) };
+    let along = b - a;
+    let share = (point - a).dot(along) / along.length_squared();
+    // A segment without length gives NaN, which `clamp` keeps.
+    let share = if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) };
+    point.distance(a + along * share)
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "below MAX_RATE")]
+fn whole(value: f64) -> i32 {
+    value as i32
+}

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The boundary to C++ (`cpp/subdiv/limitSurface.h`). C++ checks nothing that [`crate::Control`] has checked.
+#![allow(unsafe_code, reason = "cxx writes the calls")]
+#![allow(missing_docs, unreachable_pub, unused_qualifications, reason = "cxx writes the calls")]
+#![allow(clippy::multiple_unsafe_ops_per_block, reason = "cxx writes the calls")]
+
+pub(crate) use bridge::*;
+
+#[cxx::bridge(namespace = "oocpt::subdiv")]
+mod bridge {
+    /// Rules of subdivision, as the numbers of OpenSubdiv's enumerations.
+    #[derive(Clone, Copy, Debug)]
+    struct Rules {
+        scheme: i32,
+        boundary: i32,
+        face_varying: i32,
+        creasing: i32,
+        triangles: i32,
+    }
+
+    /// Checked topology.
+    struct Topology<'a> {
+        point_count: i32,
+        face_counts: &'a [i32],
+        face_points: &'a [i32],
+        crease_pairs: &'a [i32],
+        crease_weights: &'a [f32],
+        corner_points: &'a [i32],
+        corner_weights: &'a [f32],
+        holes: &'a [i32],
+        /// Values of each channel.
+        channel_counts: &'a [i32],
+        /// Value of each corner, channel by channel.
+        channel_values: &'a [i32],
+    }
+
+    /// What is evaluated. Widths are floats of a value.
+    struct Values<'a> {
+        positions: &'a [f32],
+        vertex: &'a [f32],
+        vertex_width: i32,
+        varying: &'a [f32],
+        varying_width: i32,
+        /// Channel by channel.
+        face_varying: &'a [f32],
+        face_varying_widths: &'a [i32],
+    }
+
+    unsafe extern "C++" {
+        include!("subdiv/limitSurface.h");
+
+        type LimitSurface;
+        type Facets;
+
+        fn new_limit_surface(rules: Rules, topology: &Topology<'_>) -> Result<UniquePtr<LimitSurface>>;
+        /// End points of the edges, two for each.
+        fn edges(self: &LimitSurface) -> &[i32];
+        /// Triangles that these rates give, more or less.
+        fn expected_facets(self: &LimitSurface, rates: &[i32]) -> Result<u64>;
+        fn tessellate(self: &LimitSurface, rates: &[i32], values: &Values<'_>) -> Result<UniquePtr<Facets>>;
+
+        fn positions(self: &Facets) -> &[f32];
+        fn normals(self: &Facets) -> &[f32];
+        fn vertex(self: &Facets) -> &[f32];
+        fn varying(self: &Facets) -> &[f32];
+        fn face_varying(self: &Facets) -> &[f32];
+        fn triangles(self: &Facets) -> &[i32];
+        fn faces(self: &Facets) -> &[i32];
+    }
+}

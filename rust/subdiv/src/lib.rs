@@ -1,0 +1,318 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Limit surfaces of subdivision meshes, by Pixar's OpenSubdiv (its interface `Bfr`): Catmull-Clark, Loop and bilinear,
+//! with creases, corners, holes and the rules of `UsdGeomMesh`.
+//!
+//! [`LimitSurface::new`] takes a control mesh, [`LimitSurface::tessellate`] gives triangles whose vertices lie on the
+//! limit surface, with exact normals. Each edge of the control mesh is cut into as many pieces as its rate says, so
+//! neighbours always fit: faces share the positions on their edges, bit for bit. Positions and normals are in object
+//! space, in the units of the points.
+//!
+//! Any thread; a call works on the thread that makes it. Nothing that a control mesh says can crash a call: what does
+//! not fit is an [`Error`]. The library is linked statically with hidden symbols, beside whatever a host has loaded.
+
+mod check;
+mod ffi;
+
+use std::fmt;
+
+use cxx::UniquePtr;
+
+pub use check::{MAX_FACE_POINTS, MAX_RATE, MAX_VALENCE};
+
+/// `subdivisionScheme`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Scheme {
+    /// Faces become bilinear patches.
+    Bilinear,
+    /// Catmull and Clark 1978.
+    #[default]
+    CatmullClark,
+    /// Loop 1987; triangles only.
+    Loop,
+}
+
+/// `interpolateBoundary`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Boundary {
+    /// Faces at a boundary have no surface.
+    None,
+    /// Boundaries are smooth curves.
+    EdgeOnly,
+    /// Boundaries are smooth curves with sharp corners where a vertex has one face.
+    #[default]
+    EdgeAndCorner,
+}
+
+/// `faceVaryingLinearInterpolation`: where face-varying values are not smoothed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum FaceVaryingLinear {
+    /// Nowhere.
+    None,
+    /// At corners.
+    CornersOnly,
+    /// At corners, and where more than two islands meet.
+    #[default]
+    CornersPlus1,
+    /// As `CornersPlus1`, and at darts.
+    CornersPlus2,
+    /// Along boundaries.
+    Boundaries,
+    /// Everywhere.
+    All,
+}
+
+/// `triangleSubdivisionRule`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum TriangleRule {
+    /// Triangles are as other faces.
+    #[default]
+    CatmullClark,
+    /// Weights that make triangles of a Catmull-Clark mesh smoother.
+    Smooth,
+}
+
+/// How sharpness goes down from level to level.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Creasing {
+    /// By one a level.
+    #[default]
+    Uniform,
+    /// Averaged along the crease.
+    Chaikin,
+}
+
+/// The rules of a control mesh.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Rules {
+    /// Scheme.
+    pub scheme: Scheme,
+    /// At boundaries.
+    pub boundary: Boundary,
+    /// For face-varying values.
+    pub face_varying: FaceVaryingLinear,
+    /// For triangles of a Catmull-Clark mesh.
+    pub triangles: TriangleRule,
+    /// For semi-sharp creases.
+    pub creasing: Creasing,
+}
+
+/// Values that belong to corners of faces, and how corners share them.
+#[derive(Clone, Copy, Debug)]
+pub struct Channel<'a> {
+    /// Number of the value of each corner.
+    pub corners: &'a [i32],
+    /// Values.
+    pub count: usize,
+}
+
+/// A control mesh. All indices are of points, all arrays may be empty.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Control<'a> {
+    /// Rules.
+    pub rules: Rules,
+    /// Points.
+    pub point_count: usize,
+    /// Corners of each face.
+    pub face_counts: &'a [i32],
+    /// Point of each corner.
+    pub face_points: &'a [i32],
+    /// Two points for each sharp edge.
+    pub crease_pairs: &'a [i32],
+    /// Sharpness of each sharp edge; 10 and more is infinitely sharp.
+    pub crease_weights: &'a [f32],
+    /// Sharp points.
+    pub corner_points: &'a [i32],
+    /// Their sharpness.
+    pub corner_weights: &'a [f32],
+    /// Faces without a surface.
+    pub holes: &'a [i32],
+    /// Face-varying values.
+    pub channels: &'a [Channel<'a>],
+}
+
+/// Some values of `width` floats each.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Values<'a> {
+    /// Floats of a value; 0 = there are none.
+    pub width: usize,
+    /// The values, one after the other.
+    pub floats: &'a [f32],
+}
+
+/// What is evaluated on a surface.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Data<'a> {
+    /// Position of each point, 3 floats.
+    pub positions: &'a [f32],
+    /// Smooth values of points.
+    pub vertex: Values<'a>,
+    /// Values of points, linear over faces.
+    pub varying: Values<'a>,
+    /// Values of each channel.
+    pub channels: &'a [Values<'a>],
+}
+
+/// Triangles on a limit surface. Where normals or face-varying values differ from face to face, several vertices have
+/// one position.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Facets {
+    /// Three floats a vertex.
+    pub positions: Vec<f32>,
+    /// Unit normals of the right-handed surface, three floats a vertex; zero where the surface has none.
+    pub normals: Vec<f32>,
+    /// `Data::vertex` at each vertex.
+    pub vertex: Vec<f32>,
+    /// `Data::varying` at each vertex.
+    pub varying: Vec<f32>,
+    /// All channels at each vertex, one behind the other.
+    pub face_varying: Vec<f32>,
+    /// Three vertices a triangle.
+    pub triangles: Vec<u32>,
+    /// Control face of each triangle.
+    pub faces: Vec<u32>,
+}
+
+/// Why there is no surface.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Error {
+    /// The control mesh is not usable.
+    #[error("{0}")]
+    Invalid(&'static str),
+    /// OpenSubdiv said so.
+    #[error("{0}")]
+    Library(String),
+}
+
+impl From<cxx::Exception> for Error {
+    fn from(exception: cxx::Exception) -> Self {
+        Self::Library(exception.what().to_owned())
+    }
+}
+
+/// The surface of a control mesh, without positions.
+pub struct LimitSurface {
+    inner: UniquePtr<ffi::LimitSurface>,
+    point_count: usize,
+    channel_counts: Vec<usize>,
+}
+
+impl fmt::Debug for LimitSurface {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("LimitSurface").field("points", &self.point_count).field("edges", &self.edges().len()).finish()
+    }
+}
+
+impl LimitSurface {
+    /// The surface of `control`.
+    ///
+    /// # Errors
+    /// When an index or length is out of range, a face has a point twice, fewer than three or more than
+    /// [`MAX_FACE_POINTS`] points, more than [`MAX_VALENCE`] faces meet at a point, or Loop's scheme meets a face that
+    /// is no triangle.
+    pub fn new(control: &Control<'_>) -> Result<Self, Error> {
+        check::control(control)?;
+        let channel_counts: Vec<usize> = control.channels.iter().map(|channel| channel.count).collect();
+        let counts = channel_counts.iter().map(|&count| check::int(count)).collect::<Result<Vec<_>, _>>()?;
+        let channel_values: Vec<i32> = control.channels.iter().flat_map(|channel| channel.corners).copied().collect();
+        let topology = ffi::Topology {
+            point_count: check::int(control.point_count)?,
+            face_counts: control.face_counts,
+            face_points: control.face_points,
+            crease_pairs: control.crease_pairs,
+            crease_weights: control.crease_weights,
+            corner_points: control.corner_points,
+            corner_weights: control.corner_weights,
+            holes: control.holes,
+            channel_counts: &counts,
+            channel_values: &channel_values,
+        };
+        let inner = ffi::new_limit_surface(rules(control.rules), &topology)?;
+        Ok(Self { inner, point_count: control.point_count, channel_counts })
+    }
+
+    /// The two points of each edge.
+    #[must_use]
+    pub fn edges(&self) -> &[[i32; 2]] {
+        self.inner.edges().as_chunks().0
+    }
+
+    /// Triangles that [`Self::tessellate`] makes with these rates, within a factor of two; at least as many as faces.
+    ///
+    /// # Errors
+    /// As [`Self::tessellate`].
+    pub fn expected_facets(&self, rates: &[i32]) -> Result<u64, Error> {
+        check::rates(rates, self.edges().len())?;
+        Ok(self.inner.expected_facets(rates)?)
+    }
+
+    /// Triangles on the surface; `rates` says into how many pieces each of [`Self::edges`] is cut.
+    ///
+    /// # Errors
+    /// When lengths do not fit, or a rate is not in `1..=MAX_RATE`.
+    pub fn tessellate(&self, rates: &[i32], data: &Data<'_>) -> Result<Facets, Error> {
+        check::rates(rates, self.edges().len())?;
+        check::data(data, self.point_count, &self.channel_counts)?;
+        let widths = data.channels.iter().map(|values| check::int(values.width)).collect::<Result<Vec<_>, _>>()?;
+        let face_varying: Vec<f32> = data.channels.iter().flat_map(|values| values.floats).copied().collect();
+        let values = ffi::Values {
+            positions: data.positions,
+            vertex: data.vertex.floats,
+            vertex_width: check::int(data.vertex.width)?,
+            varying: data.varying.floats,
+            varying_width: check::int(data.varying.width)?,
+            face_varying: &face_varying,
+            face_varying_widths: &widths,
+        };
+        let facets = self.inner.tessellate(rates, &values)?;
+        let facets = facets.as_ref().ok_or(Error::Invalid("no triangles"))?;
+        let numbers = |numbers: &[i32]| numbers.iter().map(|number| number.cast_unsigned()).collect();
+        Ok(Facets {
+            positions: facets.positions().to_vec(),
+            normals: facets.normals().to_vec(),
+            vertex: facets.vertex().to_vec(),
+            varying: facets.varying().to_vec(),
+            face_varying: facets.face_varying().to_vec(),
+            triangles: numbers(facets.triangles()),
+            faces: numbers(facets.faces()),
+        })
+    }
+}
+
+// SAFETY: the object is never changed once it is made, and has no state that depends on a thread.
+#[allow(unsafe_code, reason = "cxx cannot know that a C++ object may be shared")]
+unsafe impl Send for ffi::LimitSurface {}
+// SAFETY: all calls are `const`; each makes its own factory, whose cache is the only thing that changes.
+#[allow(unsafe_code, reason = "cxx cannot know that a C++ object may be shared")]
+unsafe impl Sync for ffi::LimitSurface {}
+
+/// As OpenSubdiv numbers them (`Sdc::SchemeType`, `Sdc::Options`).
+fn rules(rules: Rules) -> ffi::Rules {
+    ffi::Rules {
+        scheme: match rules.scheme {
+            Scheme::Bilinear => 0,
+            Scheme::CatmullClark => 1,
+            Scheme::Loop => 2,
+        },
+        boundary: match rules.boundary {
+            Boundary::None => 0,
+            Boundary::EdgeOnly => 1,
+            Boundary::EdgeAndCorner => 2,
+        },
+        face_varying: match rules.face_varying {
+            FaceVaryingLinear::None => 0,
+            FaceVaryingLinear::CornersOnly => 1,
+            FaceVaryingLinear::CornersPlus1 => 2,
+            FaceVaryingLinear::CornersPlus2 => 3,
+            FaceVaryingLinear::Boundaries => 4,
+            FaceVaryingLinear::All => 5,
+        },
+        triangles: match rules.triangles {
+            TriangleRule::CatmullClark => 0,
+            TriangleRule::Smooth => 1,
+        },
+        creasing: match rules.creasing {
+            Creasing::Uniform => 0,
+            Creasing::Chaikin => 1,
+        },
+    }
+}
