@@ -12,6 +12,27 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
+void _ReadSubdivision(const HdOocPTPrimSource& source, HdOocPTSubdivisionState* state)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    const auto rule = [&](const TfToken& name, const TfToken& fallback) {
+        TfToken value = fallback;
+        HdOocPTConvert(HdOocPTRead(source.container, { tokens.mesh, tokens.subdivisionTags, name }), &value);
+        return value.IsEmpty() ? fallback : value;
+    };
+    state->interpolateBoundary = rule(tokens.interpolateBoundary, tokens.edgeAndCorner);
+    state->faceVaryingLinearInterpolation = rule(tokens.faceVaryingLinearInterpolation, tokens.cornersPlus1);
+    state->triangleSubdivisionRule = rule(tokens.triangleSubdivisionRule, tokens.catmullClark);
+    const auto array = [&](const TfToken& name, HdOocPTArrayRole role) {
+        return HdOocPTReadArray(source, { tokens.mesh, tokens.subdivisionTags, name }, role);
+    };
+    state->creaseIndices = array(tokens.creaseIndices, HdOocPTArrayRole::Integers);
+    state->creaseLengths = array(tokens.creaseLengths, HdOocPTArrayRole::Integers);
+    state->creaseSharpnesses = array(tokens.creaseSharpnesses, HdOocPTArrayRole::Scalars);
+    state->cornerIndices = array(tokens.cornerIndices, HdOocPTArrayRole::Integers);
+    state->cornerSharpnesses = array(tokens.cornerSharpnesses, HdOocPTArrayRole::Scalars);
+}
+
 void _ReadTopology(const HdOocPTPrimSource& source, HdOocPTMeshState* state)
 {
     const auto& tokens = *HdOocPTSceneTokens;
@@ -30,6 +51,10 @@ void _ReadTopology(const HdOocPTPrimSource& source, HdOocPTMeshState* state)
     HdOocPTConvert(HdOocPTRead(source.container, { tokens.mesh, tokens.subdivisionScheme }), &state->subdivisionScheme);
     state->doubleSided = false;
     HdOocPTConvert(HdOocPTRead(source.container, { tokens.mesh, tokens.doubleSided }), &state->doubleSided);
+    _ReadSubdivision(source, &state->subdivision);
+    double refineLevel = 0;
+    HdOocPTConvert(HdOocPTRead(source.container, { tokens.displayStyle, tokens.refineLevel }), &refineLevel);
+    state->refineLevel = refineLevel;
 }
 
 void _ReadPoints(const HdOocPTPrimSource& source, HdOocPTMeshState* state)
@@ -50,6 +75,26 @@ oocpt::SubdivisionTag _SubdivisionTag(const TfToken& scheme)
         : scheme == tokens.loop          ? oocpt::SubdivisionTag::Loop
         : scheme == tokens.bilinear      ? oocpt::SubdivisionTag::Bilinear
                                          : oocpt::SubdivisionTag::None;
+}
+
+oocpt::SubdivisionDesc _DescribeSubdivision(const HdOocPTSubdivisionState& state)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    const auto place = [](const TfToken& name, std::initializer_list<TfToken> names, uint8_t fallback) {
+        const auto found = std::find(names.begin(), names.end(), name);
+        return found == names.end() ? fallback : static_cast<uint8_t>(found - names.begin());
+    };
+    oocpt::SubdivisionDesc desc;
+    desc.boundary = place(state.interpolateBoundary, { tokens.none, tokens.edgeOnly, tokens.edgeAndCorner }, 2);
+    desc.face_varying = place(state.faceVaryingLinearInterpolation,
+        { tokens.none, tokens.cornersOnly, tokens.cornersPlus1, tokens.cornersPlus2, tokens.boundaries, tokens.all }, 2);
+    desc.smooth_triangles = state.triangleSubdivisionRule == tokens.smooth;
+    desc.crease_indices = HdOocPTHoldArray(state.creaseIndices);
+    desc.crease_lengths = HdOocPTHoldArray(state.creaseLengths);
+    desc.crease_sharpnesses = HdOocPTHoldArray(state.creaseSharpnesses);
+    desc.corner_indices = HdOocPTHoldArray(state.cornerIndices);
+    desc.corner_sharpnesses = HdOocPTHoldArray(state.cornerSharpnesses);
+    return desc;
 }
 
 /// The material bound for the purpose "full", which is the one that the delegate asks for, else for all purposes.
@@ -139,6 +184,8 @@ oocpt::MeshDesc HdOocPTDescribeMesh(const SdfPath& path, const HdOocPTMeshState&
     desc.double_sided = state.doubleSided;
     desc.left_handed = state.leftHanded;
     desc.subdivision = _SubdivisionTag(state.subdivisionScheme);
+    desc.subdivision_tags = _DescribeSubdivision(state.subdivision);
+    desc.refine_level = static_cast<uint8_t>(std::clamp(state.refineLevel, 0.0, 255.0));
     desc.face_vertex_counts = HdOocPTHoldArray(state.faceVertexCounts);
     desc.face_vertex_indices = HdOocPTHoldArray(state.faceVertexIndices);
     desc.hole_indices = HdOocPTHoldArray(state.holeIndices);

@@ -27,6 +27,19 @@ struct HdOocPTSubsetState
     VtValue faces;
 };
 
+/// Rules, creases and corners of a subdivision surface, as last read.
+struct HdOocPTSubdivisionState
+{
+    TfToken interpolateBoundary;
+    TfToken faceVaryingLinearInterpolation;
+    TfToken triangleSubdivisionRule;
+    VtValue creaseIndices;
+    VtValue creaseLengths;
+    VtValue creaseSharpnesses;
+    VtValue cornerIndices;
+    VtValue cornerSharpnesses;
+};
+
 /// A mesh as last read. The arrays share their data with the scene.
 struct HdOocPTMeshState
 {
@@ -35,6 +48,8 @@ struct HdOocPTMeshState
     VtValue faceVertexIndices;
     VtValue holeIndices;
     TfToken subdivisionScheme;
+    HdOocPTSubdivisionState subdivision;
+    double refineLevel = 0;
     bool leftHanded = false;
     bool doubleSided = false;
     VtValue points;

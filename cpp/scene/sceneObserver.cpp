@@ -22,6 +22,7 @@ std::vector<_Row> _MakeTable()
         { HdDataSourceLocator(tokens.purpose), HdOocPTDirtyPurpose },
         { HdDataSourceLocator(tokens.instancedBy), HdOocPTDirtyInstancedBy },
         { HdDataSourceLocator(tokens.mesh), HdOocPTDirtyTopology },
+        { HdDataSourceLocator(tokens.displayStyle, tokens.refineLevel), HdOocPTDirtyTopology },
         { HdDataSourceLocator(tokens.primvars, tokens.points), HdOocPTDirtyPoints },
         { HdDataSourceLocator(tokens.primvars, tokens.normals), HdOocPTDirtyNormals },
         { HdDataSourceLocator(tokens.primvars, tokens.displayColor), HdOocPTDirtyColor },

@@ -18,7 +18,10 @@ PXR_NAMESPACE_OPEN_SCOPE
     (xform)(matrix)(visibility)(purpose)(instancedBy)(paths)(prototypeRoots)                                          \
     /* meshes */                                                                                                      \
     (topology)(faceVertexCounts)(faceVertexIndices)(holeIndices)(orientation)(leftHanded)(subdivisionScheme)          \
-    (catmullClark)(loop)(bilinear)(doubleSided)(type)(typeFaceSet)(categories)(instanceCategories)(collections)       \
+    (catmullClark)(loop)(bilinear)(subdivisionTags)(interpolateBoundary)(faceVaryingLinearInterpolation)              \
+    (triangleSubdivisionRule)(creaseIndices)(creaseLengths)(creaseSharpnesses)(cornerIndices)(cornerSharpnesses)      \
+    (none)(edgeOnly)(edgeAndCorner)(cornersOnly)(cornersPlus1)(cornersPlus2)(boundaries)(all)(smooth)                 \
+    (displayStyle)(refineLevel)(doubleSided)(type)(typeFaceSet)(categories)(instanceCategories)(collections)       \
     (membershipExpression)(instanceLocations)(categoriesValues)                                                       \
     /* bindings */                                                                                                    \
     (materialBindings)(path)(full)((allPurpose, ""))                                                                  \

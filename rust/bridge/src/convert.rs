@@ -9,9 +9,10 @@ use crate::held::typed_array;
 use cxx::UniquePtr;
 use glam::DMat4;
 use oocpt_core::array::{Element, TypedArray};
+use oocpt_core::desc::{Boundary, FaceVaryingLinear, TriangleRule};
 use oocpt_core::scene::{
     AssetRef, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshDesc, NamedPrimvar, PrimDesc, Primvar,
-    SceneWarning, Subdivision, SubsetDesc,
+    SceneWarning, Subdivision, SubdivisionTags, SubsetDesc,
 };
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -60,6 +61,31 @@ impl Complaints {
             Some(NamedPrimvar { name: Arc::from(desc.name), primvar })
         };
         descs.into_iter().filter_map(named).collect()
+    }
+
+    fn subdivision_tags(&mut self, path: &str, desc: ffi::SubdivisionDesc) -> SubdivisionTags {
+        SubdivisionTags {
+            boundary: match desc.boundary {
+                0 => Boundary::None,
+                1 => Boundary::EdgeOnly,
+                _ => Boundary::EdgeAndCorner,
+            },
+            face_varying: match desc.face_varying {
+                0 => FaceVaryingLinear::None,
+                1 => FaceVaryingLinear::CornersOnly,
+                3 => FaceVaryingLinear::CornersPlus2,
+                4 => FaceVaryingLinear::Boundaries,
+                5 => FaceVaryingLinear::All,
+                _ => FaceVaryingLinear::CornersPlus1,
+            },
+            triangles: if desc.smooth_triangles { TriangleRule::Smooth } else { TriangleRule::CatmullClark },
+            crease_indices: self.optional(path, "creaseIndices", desc.crease_indices),
+            crease_lengths: self.optional(path, "creaseLengths", desc.crease_lengths),
+            crease_sharpnesses: self.optional(path, "creaseSharpnesses", desc.crease_sharpnesses),
+            corner_indices: self.optional(path, "cornerIndices", desc.corner_indices),
+            corner_sharpnesses: self.optional(path, "cornerSharpnesses", desc.corner_sharpnesses),
+            ..SubdivisionTags::default()
+        }
     }
 
     fn subsets(&mut self, descs: Vec<ffi::SubsetDesc>) -> Vec<SubsetDesc> {
@@ -134,6 +160,8 @@ pub(crate) fn mesh(desc: ffi::MeshDesc, complaints: &mut Complaints) -> MeshDesc
         double_sided: desc.double_sided,
         left_handed: desc.left_handed,
         subdivision: subdivision(desc.subdivision),
+        subdivision_tags: complaints.subdivision_tags(&path, desc.subdivision_tags),
+        refine_level: desc.refine_level,
         face_vertex_counts: complaints.required::<i32>(&path, "faceVertexCounts", desc.face_vertex_counts),
         face_vertex_indices: complaints.required::<i32>(&path, "faceVertexIndices", desc.face_vertex_indices),
         hole_indices: complaints.optional(&path, "holeIndices", desc.hole_indices),
@@ -217,6 +245,17 @@ pub(crate) mod tests {
             double_sided: true,
             left_handed: false,
             subdivision: ffi::SubdivisionTag::Loop,
+            subdivision_tags: ffi::SubdivisionDesc {
+                boundary: 1,
+                face_varying: 4,
+                smooth_triangles: true,
+                crease_indices: ints(&[0, 1]),
+                crease_lengths: ints(&[2]),
+                crease_sharpnesses: UniquePtr::null(),
+                corner_indices: UniquePtr::null(),
+                corner_sharpnesses: UniquePtr::null(),
+            },
+            refine_level: 3,
             face_vertex_counts: ints(&[3]),
             face_vertex_indices: ints(&[0, 1, 2]),
             hole_indices: UniquePtr::null(),
@@ -242,6 +281,11 @@ pub(crate) mod tests {
         assert_eq!(mesh.points.vec3(2), Some(DVec3::new(0.0, 1.5, 0.0)), "the third point");
         assert_eq!(mesh.face_vertex_indices.index(2), Some(2), "the third index");
         assert_eq!((mesh.prim_id, mesh.subdivision), (7, Subdivision::Loop), "plain members");
+        let tags = &mesh.subdivision_tags;
+        assert_eq!((tags.boundary, tags.face_varying), (Boundary::EdgeOnly, FaceVaryingLinear::Boundaries), "rules");
+        assert_eq!((tags.triangles, mesh.refine_level), (TriangleRule::Smooth, 3), "rule of triangles, level");
+        let creases = [&tags.crease_indices, &tags.crease_lengths, &tags.crease_sharpnesses].map(Option::is_some);
+        assert_eq!(creases, [true, true, false], "null means absent");
         assert_eq!(&*mesh.prim.instanced_by[0].prototype_root, "/I/P", "the prototype root");
         assert!(mesh.hole_indices.is_none() && mesh.normals.is_none(), "null means absent");
     }

@@ -235,6 +235,19 @@ mod ffi {
         faces: UniquePtr<HeldArray>,
     }
 
+    /// Rules, creases and corners of a subdivision surface: the places of the rules' tokens in USD's lists of allowed
+    /// tokens. Null arrays are absent.
+    struct SubdivisionDesc {
+        boundary: u8,
+        face_varying: u8,
+        smooth_triangles: bool,
+        crease_indices: UniquePtr<HeldArray>,
+        crease_lengths: UniquePtr<HeldArray>,
+        crease_sharpnesses: UniquePtr<HeldArray>,
+        corner_indices: UniquePtr<HeldArray>,
+        corner_sharpnesses: UniquePtr<HeldArray>,
+    }
+
     /// A mesh; null arrays are absent, so is the material when its path is empty.
     struct MeshDesc {
         prim: PrimDesc,
@@ -242,6 +255,8 @@ mod ffi {
         double_sided: bool,
         left_handed: bool,
         subdivision: SubdivisionTag,
+        subdivision_tags: SubdivisionDesc,
+        refine_level: u8,
         face_vertex_counts: UniquePtr<HeldArray>,
         face_vertex_indices: UniquePtr<HeldArray>,
         hole_indices: UniquePtr<HeldArray>,

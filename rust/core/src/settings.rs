@@ -33,6 +33,8 @@ pub struct Settings {
     pub texture_cache: String,
     /// Most MiB of decoded textures in that folder.
     pub texture_cache_mib: u32,
+    /// Longest piece of an edge of a subdivision surface, in pixels; 0 = edges are cut as the refine level says.
+    pub dicing_rate: f32,
     /// File to write a report about the chunks to, empty = none.
     pub chunk_report: String,
     /// File to write a report of error against time to, empty = none.
@@ -137,6 +139,7 @@ impl Default for Settings {
             geometry_budget_kib: 0,
             texture_cache: String::new(),
             texture_cache_mib: 32 << 10,
+            dicing_rate: 2.0,
             chunk_report: String::new(),
             report: String::new(),
             reference: String::new(),
@@ -176,6 +179,12 @@ const TABLE: &[(&str, &str, &str, &str)] = &[
         "OOCPT_GEOMETRY_BUDGET",
         "Geometry budget",
         "Hard limit of device memory for geometry and textures in KiB; 0 = what the memory budget leaves",
+    ),
+    (
+        "oocpt:dicingRate",
+        "OOCPT_DICING_RATE",
+        "Dicing rate",
+        "Longest edge of subdivision surfaces in pixels; 0 = as the complexity says",
     ),
     ("oocpt:chunkReport", "OOCPT_CHUNK_REPORT", "Chunk report", "File for a report about the chunks; empty = none"),
     (
@@ -288,6 +297,7 @@ impl Settings {
             "oocpt:geometryBudget" => Field::Int(&mut self.geometry_budget_kib, 0, u32::MAX),
             "oocpt:textureCache" => Field::Text(&mut self.texture_cache),
             "oocpt:textureCacheSize" => Field::Int(&mut self.texture_cache_mib, 1, u32::MAX),
+            "oocpt:dicingRate" => Field::Float(&mut self.dicing_rate, 0.0, 1e6),
             "oocpt:chunkReport" => Field::Text(&mut self.chunk_report),
             "oocpt:report" => Field::Text(&mut self.report),
             "oocpt:reference" => Field::Text(&mut self.reference),

@@ -27,7 +27,7 @@ use crate::thread;
 use crate::timings::Timings;
 use oocpt_core::inventory::PrimvarUse;
 use oocpt_core::partition::PartitionOptions;
-use oocpt_core::scene::{SceneDb, summary};
+use oocpt_core::scene::{DicingCamera, SceneDb, summary};
 use oocpt_core::settings::{SettingError, Settings, Value};
 use oocpt_core::stats::Stats;
 use oocpt_gpu::DeviceReport;
@@ -102,9 +102,13 @@ impl Session {
     /// Commits the scene's edits and renders `request` in the background; an image under way is given up if anything
     /// it depends on has changed, and goes on undisturbed otherwise. Returns at once.
     pub fn render(&self, request: RenderRequest) {
-        let chunk_bytes = u64::from(lock(&self.settings).chunk_size_kib) << 10;
+        let (chunk_bytes, dicing_rate) = {
+            let settings = lock(&self.settings);
+            (u64::from(settings.chunk_size_kib) << 10, settings.dicing_rate)
+        };
         let mut scene = lock(&self.scene);
         scene.set_partition(PartitionOptions { chunk_bytes });
+        scene.set_dicing(DicingCamera::new(&request.camera, dicing_rate));
         let commit = scene.commit();
         let primvars = self.primvars_of(&scene, commit.snapshot.version);
         drop(scene);

@@ -146,8 +146,21 @@ impl MeshStore {
         }
     }
 
-    /// Makes sure that every mesh of `wanted` is built, the missing ones in parallel.
-    pub(crate) fn build(&mut self, meshes: &mut BTreeMap<Arc<str>, MeshEntry>, wanted: &FxHashSet<Arc<str>>) {
+    /// Makes sure that every mesh of `wanted` is built, subdivision surfaces cut as `cuts` says, the missing ones in
+    /// parallel.
+    pub(crate) fn build(
+        &mut self,
+        meshes: &mut BTreeMap<Arc<str>, MeshEntry>,
+        wanted: &FxHashSet<Arc<str>>,
+        mut cuts: FxHashMap<Arc<str>, Dicing>,
+    ) {
+        for (path, entry) in meshes.iter_mut() {
+            let dicing = cuts.remove(path).unwrap_or_default();
+            if entry.dicing != dicing {
+                entry.dicing = dicing;
+                entry.built = None;
+            }
+        }
         let (limit, cluster) = (self.options.mesh_limit(), self.options.chunk_bytes());
         let build = |key, entry: &MeshEntry| {
             Arc::new(build_mesh_with(&entry.desc, &entry.wanted, &entry.dicing, key, limit, cluster))

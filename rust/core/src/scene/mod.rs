@@ -7,6 +7,7 @@
 
 pub(crate) mod assembly;
 mod commit;
+mod dicing;
 pub(crate) mod diff;
 mod entries;
 pub(crate) mod instance_primvars;
@@ -35,6 +36,7 @@ pub use crate::desc::{
     LightDesc, LightKind, MaterialDesc, MaterialSync, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue,
     PrimDesc, Primvar, Shaping, Subdivision, SubdivisionTags, SubsetDesc,
 };
+pub use dicing::DicingCamera;
 pub use instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstanceColumn, NO_VALUE};
 pub use resolve::MAX_LEVELS;
 pub use snapshot::{
@@ -49,7 +51,9 @@ pub use summary::summary;
 pub use surfaces::{NO_MATERIAL, PrimRecord};
 
 use crate::partition::{PartitionOptions, PartitionStore, Source, World};
+use crate::mesh::is_refined;
 use commit::{AssemblyStore, Assets, shining};
+use dicing::dice;
 use entries::{InstancerEntry, MeshEntry, MeshStore};
 use mesh_lights::mesh_lights;
 use report::Reports;
@@ -91,6 +95,7 @@ pub struct SceneDb {
     surface_store: SurfaceStore,
     assembly_store: AssemblyStore,
     partition: PartitionStore,
+    dicing: DicingCamera,
     /// Last message given for each prim.
     warned: BTreeMap<Arc<str>, String>,
     snapshot: Arc<Snapshot>,
@@ -117,6 +122,7 @@ impl SceneDb {
             surface_store: SurfaceStore::default(),
             assembly_store: AssemblyStore::default(),
             partition: PartitionStore::default(),
+            dicing: DicingCamera::default(),
             warned: BTreeMap::new(),
             snapshot: Arc::new(Snapshot::nothing()),
         }
@@ -190,6 +196,16 @@ impl SceneDb {
         self.edited |= self.partition.set_options(options);
     }
 
+    /// Sets the camera that decides how finely subdivision surfaces are cut, from the next commit on. Before the first
+    /// call they are cut as their refine levels say.
+    pub fn set_dicing(&mut self, camera: DicingCamera) {
+        if self.dicing != camera {
+            let was = std::mem::replace(&mut self.dicing, camera);
+            let rate = f64::max(was.pixels(), self.dicing.pixels());
+            self.edited |= self.meshes.values().any(|entry| is_refined(&entry.desc, rate));
+        }
+    }
+
     /// The snapshot of the last commit; an empty scene before the first.
     #[must_use]
     pub fn snapshot(&self) -> &Arc<Snapshot> {
@@ -236,7 +252,9 @@ impl SceneDb {
         self.surface_store.prepare(&mut self.materials, &mut self.meshes, &reachable, reports);
         self.surface_store.offer(&self.meshes, &mut self.instancers, &reachable, reports);
         self.mesh_store.set_options(&mut self.meshes, self.partition.options());
-        self.mesh_store.build(&mut self.meshes, &reachable);
+        let prims = Prims { meshes: &self.meshes, instancers: &self.instancers };
+        let cuts = dice(prims, &hierarchy, &reachable, &self.dicing);
+        self.mesh_store.build(&mut self.meshes, &reachable, cuts);
         for (path, entry) in self.meshes.iter().filter(|(path, _)| reachable.contains(*path)) {
             if let Some(built) = &entry.built {
                 reports.add(path, &built.dropped);

@@ -131,7 +131,7 @@ impl Hierarchy {
         }
     }
 
-    fn content(&self, id: &GroupId) -> &Content {
+    pub(crate) fn content(&self, id: &GroupId) -> &Content {
         self.groups.get(id).unwrap_or(&self.nothing)
     }
 

@@ -22,6 +22,7 @@ mod cameras;
 mod clusters;
 #[cfg(test)]
 mod convergence;
+mod dicing;
 #[cfg(test)]
 mod edits;
 #[cfg(test)]
@@ -49,6 +50,7 @@ mod primvar_uses;
 #[cfg(test)]
 mod primvars;
 mod ptex;
+mod refine;
 #[cfg(test)]
 mod samplers;
 #[cfg(test)]

@@ -1,0 +1,313 @@
+// SPDX-License-Identifier: Apache-2.0
+//! How finely the subdivision surfaces of a scene are cut: as their nearest placements need it.
+//!
+//! Prototypes are looked at as a whole where the camera is farther from them than their size; only near placements are
+//! gone into. What comes out is coarse on purpose, so that small movements of the camera change nothing: sizes are
+//! rounded up to the next half power of two, places of the camera to a quarter of their distance from the surface. A function of the
+//! scene and the camera, not of what was before. Pure; reads every instance of instancers with subdivision surfaces.
+
+mod camera;
+mod found;
+
+use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
+use rustc_hash::{FxHashMap, FxHashSet};
+use std::sync::Arc;
+
+pub use camera::DicingCamera;
+use found::Found;
+
+use super::entries::{InstancerEntry, MeshEntry};
+use super::placement::{Placer, usable_affine};
+use super::resolve::{GroupId, Hierarchy, MAX_LEVELS, Prims};
+use crate::array::ElementType;
+use crate::desc::{InstancedBy, InstancerPrototype};
+use crate::mesh::{Aabb, Dicing, is_refined, mesh_key_with};
+
+/// Near placements of a prototype that are gone into, from one place.
+const MOST_NEAR: usize = 8;
+/// Near placements that are gone into in all: each reads the instances below it.
+const MOST_VISITS: usize = 64;
+/// Smallest distance that counts, as a share of the radius of what is looked at as a whole.
+const NEAREST: f64 = 0.05;
+
+/// How finely each of the `reachable` subdivision surfaces is cut, by path.
+pub(crate) fn dice(
+    prims: Prims<'_>,
+    hierarchy: &Hierarchy,
+    reachable: &FxHashSet<Arc<str>>,
+    camera: &DicingCamera,
+) -> FxHashMap<Arc<str>, Dicing> {
+    let is_wanted = |entry: &MeshEntry| is_refined(&entry.desc, camera.pixels);
+    let bounds: FxHashMap<Arc<str>, Ball> = prims
+        .meshes
+        .iter()
+        .filter(|(path, entry)| reachable.contains(*path) && is_wanted(entry))
+        .map(|(path, entry)| (path.clone(), Ball::of(&points_box(entry))))
+        .collect();
+    let mut walk = Walk {
+        prims,
+        hierarchy,
+        camera,
+        bounds: &bounds,
+        boxes: FxHashMap::default(),
+        found: FxHashMap::default(),
+        far: FxHashMap::default(),
+        visits: 0,
+    };
+    if camera.pixels > 0.0 && !bounds.is_empty() {
+        walk.visit(&GroupId::Root, &DAffine3::IDENTITY, 0);
+        let far: Vec<(GroupId, f64)> = walk.far.drain().collect();
+        for (group, density) in far {
+            walk.spread(&group, density, 0);
+        }
+    }
+    share(prims, walk.found, &bounds, camera)
+}
+
+/// Prims with the same content are cut alike, so that they stay one mesh.
+fn share(
+    prims: Prims<'_>,
+    mut found: FxHashMap<Arc<str>, Found>,
+    bounds: &FxHashMap<Arc<str>, Ball>,
+    camera: &DicingCamera,
+) -> FxHashMap<Arc<str>, Dicing> {
+    let entries = prims.meshes.iter().filter(|(path, _)| bounds.contains_key(*path));
+    let plain = Dicing { pixels: camera.pixels, ..Dicing::default() };
+    let entries: Vec<(&Arc<str>, &MeshEntry)> = entries.collect();
+    let keys: Vec<u128> = entries.par_iter().map(|(_, e)| mesh_key_with(&e.desc, &e.wanted, &plain)).collect();
+    let mut shared: FxHashMap<u128, Found> = FxHashMap::default();
+    for ((path, _), key) in entries.iter().zip(&keys) {
+        let of_content = shared.entry(*key).or_default();
+        of_content.add(found.remove(*path).unwrap_or_default());
+    }
+    let dicing = |key: &u128| shared.get(key).map(|found| found.dicing(camera)).unwrap_or_default();
+    entries.into_iter().zip(&keys).map(|((path, _), key)| (path.clone(), dicing(key))).collect()
+}
+
+/// The box of the control points that can be used. The limit surface may leave it, at boundaries with sharp corners
+/// never.
+fn points_box(entry: &MeshEntry) -> Aabb {
+    let points = entry.desc.points.view();
+    let usable = (0..points.len()).filter_map(|at| points.vec3(at)).filter(|point| point.is_finite());
+    usable.fold(Aabb::EMPTY, |bounds, point| bounds.with_point(point.as_vec3().to_array()))
+}
+
+/// A ball around a box.
+#[derive(Clone, Copy, Debug)]
+struct Ball {
+    center: DVec3,
+    radius: f64,
+}
+
+impl Ball {
+    fn of(bounds: &Aabb) -> Self {
+        if bounds.is_empty() {
+            return Self { center: DVec3::ZERO, radius: 0.0 };
+        }
+        let [min, max] = [bounds.min, bounds.max].map(|corner| DVec3::from(corner.map(f64::from)));
+        Self { center: 0.5 * (min + max), radius: 0.5 * min.distance(max) }
+    }
+
+    fn placed(&self, map: &DAffine3) -> Self {
+        Self { center: map.transform_point3(self.center), radius: self.radius * stretch(map) }
+    }
+
+    /// Its distance from a point, not less than a share of its size.
+    fn distance(&self, from: DVec3) -> f64 {
+        (self.center.distance(from) - self.radius).max(NEAREST * self.radius)
+    }
+
+    fn is_near(&self, from: DVec3) -> bool {
+        self.center.distance(from) < 2.0 * self.radius
+    }
+}
+
+/// By how much a map makes lengths longer, at most.
+fn stretch(map: &DAffine3) -> f64 {
+    let m = &map.matrix3;
+    // The longest axis, or the Frobenius norm where axes are sheared; for rotations with scales it is the first.
+    let longest = m.x_axis.length().max(m.y_axis.length()).max(m.z_axis.length());
+    let shear = m.x_axis.dot(m.y_axis).abs() + m.y_axis.dot(m.z_axis).abs() + m.z_axis.dot(m.x_axis).abs();
+    if shear <= 1e-6 * longest * longest { longest } else { (longest * longest + shear).sqrt() }
+}
+
+struct Walk<'a> {
+    prims: Prims<'a>,
+    hierarchy: &'a Hierarchy,
+    camera: &'a DicingCamera,
+    /// The surfaces that are cut, in their own frames.
+    bounds: &'a FxHashMap<Arc<str>, Ball>,
+    /// Boxes of what is cut in each prototype, in its own frame; empty where nothing is.
+    boxes: FxHashMap<GroupId, Aabb>,
+    found: FxHashMap<Arc<str>, Found>,
+    /// Pixels of a unit of length in a prototype's frame, for those of its placements that are not gone into.
+    far: FxHashMap<GroupId, f64>,
+    visits: usize,
+}
+
+/// A placement that is near.
+struct Near {
+    distance: f64,
+    map: DAffine3,
+}
+
+impl<'a> Walk<'a> {
+    fn instancers(&self, group: &GroupId) -> Vec<(&'a InstancerEntry, DAffine3)> {
+        let content = self.hierarchy.content(group);
+        let usable = |path: &Arc<str>| {
+            let entry = self.prims.instancers.get(path).filter(|entry| entry.is_usable)?;
+            Some((entry, usable_affine(&entry.desc.prim.transform)?))
+        };
+        content.instancers.iter().filter_map(usable).collect()
+    }
+
+    /// The surfaces of a group, with their places in it.
+    fn surfaces(&self, group: &GroupId) -> Vec<(&'a Arc<str>, Ball, DAffine3)> {
+        let content = self.hierarchy.content(group);
+        let surface = |path: &'a Arc<str>| {
+            let transform = &self.prims.meshes.get(path)?.desc.prim.transform;
+            Some((path, *self.bounds.get(path)?, usable_affine(transform)?))
+        };
+        content.meshes.iter().filter_map(surface).collect()
+    }
+
+    /// Looks at all placements in a group that is itself placed by `world_from_group`.
+    fn visit(&mut self, group: &GroupId, world_from_group: &DAffine3, depth: u32) {
+        for (path, ball, map) in self.surfaces(group) {
+            let map = *world_from_group * map;
+            self.found.entry(path.clone()).or_default().see(self.camera, &ball.placed(&map), ball.radius, &map);
+        }
+        if depth >= MAX_LEVELS {
+            return;
+        }
+        for (entry, before) in self.instancers(group) {
+            for prototype in &entry.desc.prototypes {
+                let id = id_of(entry, prototype);
+                let bounds = self.box_of(&id, depth);
+                if bounds.is_empty() {
+                    continue;
+                }
+                let (mut near, far) = self.look(entry, prototype, &bounds, *world_from_group * before);
+                near.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+                let room = MOST_NEAR.min(MOST_VISITS - self.visits.min(MOST_VISITS));
+                let rest = near.split_off(room.min(near.len()));
+                let ball = Ball::of(&bounds);
+                let rest = rest.iter().map(|near| self.density(&ball, &near.map)).fold(far, f64::max);
+                let known = self.far.entry(id.clone()).or_default();
+                *known = known.max(rest);
+                self.visits += near.len();
+                for placement in near {
+                    self.visit(&id, &placement.map, depth + 1);
+                }
+            }
+        }
+    }
+
+    /// Pixels of a unit of a prototype's frame.
+    fn density(&self, ball: &Ball, map: &DAffine3) -> f64 {
+        let placed = ball.placed(map);
+        let distance = placed.distance(self.camera.position);
+        self.camera.density_in(placed.center, placed.radius, distance) * stretch(map)
+    }
+
+    /// The near placements of a prototype, and the largest density of the others.
+    fn look(
+        &self,
+        entry: &InstancerEntry,
+        prototype: &InstancerPrototype,
+        bounds: &Aabb,
+        before: DAffine3,
+    ) -> (Vec<Near>, f64) {
+        let ball = Ball::of(bounds);
+        let look = |(mut near, far): (Vec<Near>, f64), map: DAffine3| {
+            let placed = ball.placed(&map);
+            if placed.is_near(self.camera.position) {
+                near.push(Near { distance: placed.center.distance(self.camera.position), map });
+                (near, far)
+            } else {
+                (near, far.max(self.density(&ball, &map)))
+            }
+        };
+        let join = |(mut near, far): (Vec<Near>, f64), (more, other): (Vec<Near>, f64)| {
+            near.extend(more);
+            (near, far.max(other))
+        };
+        maps(entry, prototype, bounds, before).fold(|| (Vec::new(), 0.0), look).reduce(|| (Vec::new(), 0.0), join)
+    }
+
+    /// The box of what is cut in a prototype.
+    fn box_of(&mut self, id: &GroupId, depth: u32) -> Aabb {
+        if let Some(known) = self.boxes.get(id) {
+            return *known;
+        }
+        // Met again below itself, a prototype is empty.
+        self.boxes.insert(id.clone(), Aabb::EMPTY);
+        let mut bounds = Aabb::EMPTY;
+        for (_, ball, map) in self.surfaces(id) {
+            bounds = bounds.union(&placed_box(&ball.placed(&map)));
+        }
+        if depth < MAX_LEVELS {
+            for (entry, before) in self.instancers(id) {
+                for prototype in &entry.desc.prototypes {
+                    let inner = self.box_of(&id_of(entry, prototype), depth + 1);
+                    let ball = Ball::of(&inner);
+                    let placed = maps(entry, prototype, &inner, before).map(|map| placed_box(&ball.placed(&map)));
+                    bounds = bounds.union(&placed.reduce(|| Aabb::EMPTY, |a, b| a.union(&b)));
+                }
+            }
+        }
+        self.boxes.insert(id.clone(), bounds);
+        bounds
+    }
+
+    /// Hands the density of a prototype down to all surfaces in it.
+    fn spread(&mut self, id: &GroupId, density: f64, depth: u32) {
+        if density <= self.far.get(id).copied().unwrap_or(0.0) || depth > MAX_LEVELS {
+            return;
+        }
+        self.far.insert(id.clone(), density);
+        for (path, _, map) in self.surfaces(id) {
+            self.found.entry(path.clone()).or_default().cover(density * stretch(&map));
+        }
+        for (entry, before) in self.instancers(id) {
+            for prototype in &entry.desc.prototypes {
+                let inner = id_of(entry, prototype);
+                let bounds = self.box_of(&inner, depth);
+                let largest = maps(entry, prototype, &bounds, before).map(|map| stretch(&map)).reduce(|| 0.0, f64::max);
+                self.spread(&inner, density * largest, depth + 1);
+            }
+        }
+    }
+}
+
+fn id_of(entry: &InstancerEntry, prototype: &InstancerPrototype) -> GroupId {
+    let (instancer, prototype_root) = (entry.desc.prim.path.clone(), prototype.root.clone());
+    GroupId::Prototype(InstancedBy { instancer, prototype_root })
+}
+
+fn placed_box(ball: &Ball) -> Aabb {
+    let corner = |sign: f64| (ball.center + DVec3::splat(sign * ball.radius)).as_vec3().to_array();
+    Aabb { min: corner(-1.0), max: corner(1.0) }
+}
+
+/// The maps of all shown instances of a prototype with the box `bounds`; none for an empty box.
+fn maps<'a>(
+    entry: &'a InstancerEntry,
+    prototype: &'a InstancerPrototype,
+    bounds: &Aabb,
+    before: DAffine3,
+) -> impl ParallelIterator<Item = DAffine3> + 'a {
+    let indices = prototype.indices.view();
+    let is_usable = !bounds.is_empty() && indices.element() == ElementType::I32;
+    let placer = Placer::new(before, DAffine3::IDENTITY, Some(&entry.arrays), bounds);
+    let mask = entry.arrays.mask.as_ref();
+    let map = move |at: usize| {
+        let number = usize::try_from(indices.index(at)?).ok()?;
+        if mask.is_some_and(|mask| mask.view().boolean(number) == Some(false)) {
+            return None;
+        }
+        placer.matrix(Some(number)).filter(DAffine3::is_finite)
+    };
+    (0..if is_usable { indices.len() } else { 0 }).into_par_iter().with_min_len(1 << 12).filter_map(map)
+}
