@@ -88,10 +88,10 @@ def test_dome_visibility_changes_only_the_background(host):
         compare.near(picture["color"][:2], 0.0, 0.0, "background")
 
 
-def test_subdivision_surfaces_shade_smoothly_and_polygon_meshes_flat(host):
+def test_cages_of_subdivision_surfaces_shade_smoothly_and_polygon_meshes_flat(host):
     stage = small.build(small.smooth)
     hits = reference.first_hits(stage, "/World/Camera", 40, 40)
-    settings = {"oocpt:samplesPerPixel": 4, "oocpt:maxBounces": 0}
+    settings = {"oocpt:samplesPerPixel": 4, "oocpt:maxBounces": 0, "oocpt:dicingRate": 0.0}
     picture = host.picture(stage, (40, 40), aovs=["color", "normal"], settings=settings)
     flat = next(n for n, item in enumerate(hits.items) if item.path == "/World/none")
     clear = compare.clear_pixels(hits.unclear, "smooth")

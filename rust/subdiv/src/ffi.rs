@@ -68,3 +68,8 @@ mod bridge {
         fn faces(self: &Facets) -> &[i32];
     }
 }
+
+// SAFETY: the object is never changed once it is made, and has no state that depends on a thread.
+unsafe impl Send for LimitSurface {}
+// SAFETY: all calls are `const`; each makes its own factory, whose cache is the only thing that changes.
+unsafe impl Sync for LimitSurface {}

@@ -278,13 +278,6 @@ impl LimitSurface {
     }
 }
 
-// SAFETY: the object is never changed once it is made, and has no state that depends on a thread.
-#[allow(unsafe_code, reason = "cxx cannot know that a C++ object may be shared")]
-unsafe impl Send for ffi::LimitSurface {}
-// SAFETY: all calls are `const`; each makes its own factory, whose cache is the only thing that changes.
-#[allow(unsafe_code, reason = "cxx cannot know that a C++ object may be shared")]
-unsafe impl Sync for ffi::LimitSurface {}
-
 /// As OpenSubdiv numbers them (`Sdc::SchemeType`, `Sdc::Options`).
 fn rules(rules: Rules) -> ffi::Rules {
     ffi::Rules {

@@ -103,7 +103,7 @@ fn try_refine(
         channels: &channels,
     };
     let surface = LimitSurface::new(&control)?;
-    let rates = rates(&surface, desc, topology, dicing, dropped)?;
+    let rates = rates(&surface, desc, topology, dicing, MAX_REFINED_TRIANGLES, dropped)?;
     // Points of no face may be anything.
     let positions: Vec<[f32; 3]> =
         topology.points.iter().map(|point| if point[0].is_nan() { [0.0; 3] } else { *point }).collect();
@@ -165,12 +165,13 @@ fn int(count: usize) -> Result<i32, Error> {
     i32::try_from(count).map_err(|_too_large| Error::Invalid("more than can be numbered"))
 }
 
-/// Pieces of each edge, fewer than wanted where the mesh would have too many triangles.
+/// Pieces of each edge, fewer than wanted where the mesh would have more than `most` triangles.
 fn rates(
     surface: &LimitSurface,
     desc: &MeshDesc,
     topology: &Topology,
     dicing: &Dicing,
+    most: u64,
     dropped: &mut DroppedData,
 ) -> Result<Vec<i32>, Error> {
     let least = 1 << desc.refine_level.min(MAX_LEVEL);
@@ -182,10 +183,10 @@ fn rates(
     };
     let mut rates: Vec<i32> = surface.edges().iter().map(pieces).collect();
     let expected = surface.expected_facets(&rates)?;
-    if expected > MAX_REFINED_TRIANGLES && rates.iter().any(|&rate| rate > 1) {
+    if expected > most && rates.iter().any(|&rate| rate > 1) {
         dropped.coarse_meshes += 1;
         #[expect(clippy::cast_precision_loss, reason = "a ratio")]
-        let share = (MAX_REFINED_TRIANGLES as f64 / expected as f64).sqrt();
+        let share = (most as f64 / expected as f64).sqrt();
         #[expect(clippy::cast_possible_truncation, reason = "below MAX_RATE")]
         rates.iter_mut().for_each(|rate| *rate = ((f64::from(*rate) * share) as i32).max(1));
     }
@@ -231,5 +232,55 @@ fn refined_topology(control: &Topology, cage: &Cage, facets: &Facets) -> Topolog
         corners: facets.triangles.clone(),
         points: facets.positions.as_chunks::<3>().0.to_vec(),
         face_count: control.face_count,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::topology::read_topology;
+    use super::*;
+
+    /// A flat grid of `side` squared quads.
+    fn grid(side: i32, refine_level: u8) -> MeshDesc {
+        let points = side + 1;
+        let quad = |k: i32| {
+            let at = k / side * points + k % side;
+            [at, at + 1, at + 1 + points, at + points]
+        };
+        #[expect(clippy::cast_precision_loss, reason = "small numbers")]
+        let place = |k: i32| [(k % points) as f32, (k / points) as f32, 0.0];
+        MeshDesc {
+            subdivision: Subdivision::CatmullClark,
+            refine_level,
+            face_vertex_counts: TypedArray::of((0..side * side).map(|_| 4).collect::<Vec<i32>>()),
+            face_vertex_indices: TypedArray::of::<i32>((0..side * side).flat_map(quad).collect()),
+            points: TypedArray::of::<[f32; 3]>((0..points * points).map(place).collect()),
+            ..MeshDesc::default()
+        }
+    }
+
+    #[test]
+    fn a_mesh_has_at_most_so_many_triangles() {
+        let desc = grid(4, 5);
+        let mut dropped = DroppedData::default();
+        let topology = read_topology(&desc, &mut dropped).unwrap();
+        let cage = Cage::new(&topology, &mut dropped).unwrap();
+        let control = Control {
+            point_count: topology.points.len(),
+            face_counts: &cage.counts,
+            face_points: &cage.points,
+            ..Control::default()
+        };
+        let surface = LimitSurface::new(&control).unwrap();
+        let mut rates = |most| {
+            dropped = DroppedData::default();
+            let rates = rates(&surface, &desc, &topology, &Dicing::default(), most, &mut dropped).unwrap();
+            (rates, dropped.coarse_meshes)
+        };
+        let all = 16 * 2 * 32 * 32;
+        assert_eq!(rates(all), (vec![32; 40], 0), "all that was asked for");
+        assert_eq!(rates(all - 1), (vec![31; 40], 1), "one triangle too many");
+        assert_eq!(rates(all / 16), (vec![8; 40], 1), "a sixteenth");
+        assert_eq!(rates(1), (vec![1; 40], 1), "an edge has one piece at least");
     }
 }

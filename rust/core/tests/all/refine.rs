@@ -3,7 +3,7 @@
 
 use glam::{DVec3, Vec3};
 use oocpt_core::desc::{FaceVaryingLinear, SubdivisionTags};
-use oocpt_core::mesh::{BuiltMesh, Dicing, Eye, MAX_REFINED_TRIANGLES, WantedPrimvar, build_mesh_with};
+use oocpt_core::mesh::{BuiltMesh, Dicing, Eye, WantedPrimvar, build_mesh_with};
 use oocpt_core::{
     AnyAttribute, AttributeRate, DroppedData, Interpolation, MeshAsset, MeshDesc, NamedPrimvar, Primvar, Subdivision,
     SubsetDesc, TypedArray,
@@ -217,28 +217,4 @@ fn edges_are_cut_as_their_size_in_the_picture_says() {
     assert_eq!(odd.pieces(a, b, 1), odd.pieces(b, a, 1), "both directions");
     let no_length = odd.pieces(a, a, 1);
     assert_eq!(no_length, 1, "an edge without length is one piece");
-}
-
-#[test]
-fn a_mesh_has_at_most_so_many_triangles() {
-    let desc = MeshDesc { refine_level: 8, ..grid_of(16) };
-    let built = build(&desc);
-    assert_eq!(built.dropped, DroppedData { coarse_meshes: 1, ..DroppedData::NONE });
-    let count = built.asset.unwrap().triangles.len() as u64;
-    assert!((MAX_REFINED_TRIANGLES / 4..=MAX_REFINED_TRIANGLES).contains(&count), "{count} triangles");
-}
-
-/// A flat grid of `side` squared quads.
-fn grid_of(side: i32) -> MeshDesc {
-    let points = side + 1;
-    let quad = |k: i32| {
-        let at = k / side * points + k % side;
-        [at, at + 1, at + 1 + points, at + points]
-    };
-    MeshDesc {
-        face_vertex_counts: TypedArray::of(vec![4_i32; (side * side) as usize]),
-        face_vertex_indices: TypedArray::of::<i32>((0..side * side).flat_map(quad).collect()),
-        points: TypedArray::of::<[f32; 3]>((0..points * points).map(|k| [(k % points) as f32, (k / points) as f32, 0.0]).collect()),
-        ..cube()
-    }
 }
