@@ -33,9 +33,17 @@ void _ReadSubdivision(const HdOocPTPrimSource& source, HdOocPTSubdivisionState* 
     state->cornerSharpnesses = array(tokens.cornerSharpnesses, HdOocPTArrayRole::Scalars);
 }
 
-void _ReadTopology(const HdOocPTPrimSource& source, HdOocPTMeshState* state)
+void _ReadTopology(const TfToken& primType, const HdOocPTPrimSource& source, HdOocPTMeshState* state)
 {
     const auto& tokens = *HdOocPTSceneTokens;
+    double refineLevel = 0;
+    HdOocPTConvert(HdOocPTRead(source.container, { tokens.displayStyle, tokens.refineLevel }), &refineLevel);
+    state->refineLevel = refineLevel;
+    if (primType != tokens.mesh) {
+        state->subdivisionScheme = tokens.none;
+        HdOocPTReadShape(primType, source, &state->shape, &state->points, &state->widths);
+        return;
+    }
     const auto integers = [&](const TfToken& name) {
         return HdOocPTReadArray(source, { tokens.mesh, tokens.topology, name }, HdOocPTArrayRole::Integers);
     };
@@ -52,9 +60,6 @@ void _ReadTopology(const HdOocPTPrimSource& source, HdOocPTMeshState* state)
     state->doubleSided = false;
     HdOocPTConvert(HdOocPTRead(source.container, { tokens.mesh, tokens.doubleSided }), &state->doubleSided);
     _ReadSubdivision(source, &state->subdivision);
-    double refineLevel = 0;
-    HdOocPTConvert(HdOocPTRead(source.container, { tokens.displayStyle, tokens.refineLevel }), &refineLevel);
-    state->refineLevel = refineLevel;
 }
 
 void _ReadPoints(const HdOocPTPrimSource& source, HdOocPTMeshState* state)
@@ -142,15 +147,19 @@ rust::String _Text(const SdfPath& path)
 
 } // namespace
 
-void HdOocPTReadMesh(const HdSceneIndexBase& scene, const HdOocPTPrimSource& source, HdOocPTMeshState* state)
+void HdOocPTReadMesh(
+    const HdSceneIndexBase& scene, const TfToken& primType, const HdOocPTPrimSource& source, HdOocPTMeshState* state)
 {
     const auto& tokens = *HdOocPTSceneTokens;
     HdOocPTReadPrim(source, &state->prim);
     if (source.dirtyBits & HdOocPTDirtyTopology) {
-        _ReadTopology(source, state);
+        _ReadTopology(primType, source, state);
     }
-    if (source.dirtyBits & HdOocPTDirtyPoints) {
+    if ((source.dirtyBits & HdOocPTDirtyPoints) && !HdOocPTIsExactShape(primType)) {
         _ReadPoints(source, state);
+        state->widths = primType == tokens.mesh
+            ? HdOocPTPrimvarState()
+            : HdOocPTReadPrimvar(source, tokens.widths, HdOocPTArrayRole::Scalars);
     }
     if (source.dirtyBits & HdOocPTDirtyNormals) {
         state->normals = HdOocPTReadPrimvar(source, tokens.normals, HdOocPTArrayRole::Vectors3);
@@ -163,7 +172,7 @@ void HdOocPTReadMesh(const HdSceneIndexBase& scene, const HdOocPTPrimSource& sou
     }
     if (source.dirtyBits & HdOocPTDirtyPrimvars) {
         state->primvars = HdOocPTReadOtherPrimvars(
-            source, { tokens.points, tokens.normals, tokens.displayColor, tokens.displayOpacity });
+            source, { tokens.points, tokens.widths, tokens.normals, tokens.displayColor, tokens.displayOpacity });
     }
     if (source.dirtyBits & HdOocPTDirtyMaterialBinding) {
         state->material = _ReadMaterial(source.container);
@@ -190,6 +199,8 @@ oocpt::MeshDesc HdOocPTDescribeMesh(const SdfPath& path, const HdOocPTMeshState&
     desc.face_vertex_indices = HdOocPTHoldArray(state.faceVertexIndices);
     desc.hole_indices = HdOocPTHoldArray(state.holeIndices);
     desc.points = HdOocPTHoldArray(state.points);
+    desc.shape = HdOocPTDescribeShape(state.shape);
+    desc.widths = HdOocPTDescribePrimvar(state.widths);
     desc.normals = HdOocPTDescribePrimvar(state.normals);
     desc.display_color = HdOocPTDescribePrimvar(state.displayColor);
     desc.display_opacity = HdOocPTDescribePrimvar(state.displayOpacity);

@@ -9,6 +9,7 @@
 #include "pxr/usd/sdf/path.h"
 #include "scene/primReader.h"
 #include "scene/primvarReader.h"
+#include "scene/shapeReader.h"
 
 #include <cstdint>
 #include <vector>
@@ -40,7 +41,7 @@ struct HdOocPTSubdivisionState
     VtValue cornerSharpnesses;
 };
 
-/// A mesh as last read. The arrays share their data with the scene.
+/// A mesh, or what else has a surface, as last read. The arrays share their data with the scene.
 struct HdOocPTMeshState
 {
     HdOocPTPrimState prim;
@@ -53,6 +54,8 @@ struct HdOocPTMeshState
     bool leftHanded = false;
     bool doubleSided = false;
     VtValue points;
+    HdOocPTShapeState shape;
+    HdOocPTPrimvarState widths;
     HdOocPTPrimvarState normals;
     HdOocPTPrimvarState displayColor;
     HdOocPTPrimvarState displayOpacity;
@@ -62,8 +65,9 @@ struct HdOocPTMeshState
     TfTokenVector categories;
 };
 
-/// Reads the dirty parts of a mesh. Its subsets are children of it in `scene`.
-void HdOocPTReadMesh(const HdSceneIndexBase& scene, const HdOocPTPrimSource& source, HdOocPTMeshState* state);
+/// Reads the dirty parts of a mesh, curves, points, a sphere or a capsule. Its subsets are children of it in `scene`.
+void HdOocPTReadMesh(const HdSceneIndexBase& scene, const TfToken& primType, const HdOocPTPrimSource& source,
+    HdOocPTMeshState* state);
 
 /// The mesh as it goes to Rust.
 oocpt::MeshDesc HdOocPTDescribeMesh(const SdfPath& path, const HdOocPTMeshState& state, int32_t primId);

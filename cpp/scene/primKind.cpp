@@ -10,11 +10,11 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 TF_DEFINE_PRIVATE_TOKENS(_unsupported,
     /* geometry */
-    (basisCurves)(nurbsCurves)(nurbsPatch)(points)(tetMesh)(volume)
+    (nurbsCurves)(nurbsPatch)(tetMesh)(volume)
     /* lights */
     (geometryLight)(meshLight)(pluginLight)(portalLight)(lightFilter)
     /* implicit shapes that no filter has turned into meshes */
-    (capsule)(cone)(cube)(cylinder)(plane)(sphere));
+    (cone)(cube)(cylinder)(plane));
 
 namespace {
 
@@ -25,6 +25,10 @@ _KindMap _MakeKinds()
     const auto& tokens = *HdOocPTSceneTokens;
     _KindMap kinds {
         { tokens.mesh, HdOocPTPrimKind::Mesh },
+        { tokens.basisCurves, HdOocPTPrimKind::Mesh },
+        { tokens.points, HdOocPTPrimKind::Mesh },
+        { tokens.sphere, HdOocPTPrimKind::Mesh },
+        { tokens.capsule, HdOocPTPrimKind::Mesh },
         { tokens.instancer, HdOocPTPrimKind::Instancer },
         { tokens.domeLight, HdOocPTPrimKind::Light },
         { tokens.distantLight, HdOocPTPrimKind::Light },

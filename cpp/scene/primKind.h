@@ -12,6 +12,7 @@ enum class HdOocPTPrimKind
 {
     /// Nothing: a group, a camera…
     Other,
+    /// A mesh, curves, points, a sphere, a capsule.
     Mesh,
     /// Faces of the mesh above it.
     GeomSubset,

@@ -11,7 +11,7 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-TF_DEFINE_PRIVATE_TOKENS(_tokens, (toMesh)(capsule)(cone)(cube)(cylinder)(plane)(sphere));
+TF_DEFINE_PRIVATE_TOKENS(_tokens, (toMesh)(cone)(cube)(cylinder)(plane));
 
 namespace {
 
@@ -32,13 +32,14 @@ private:
     const TfToken _token;
 };
 
-/// Arguments of the implicit surface scene index: make a mesh of every kind of shape.
-class _AllShapesToMesh final : public HdContainerDataSource
+/// Arguments of the implicit surface scene index: make a mesh of every kind of shape but spheres and capsules, which
+/// scene/shapeReader.h reads.
+class _OtherShapesToMesh final : public HdContainerDataSource
 {
 public:
     TfTokenVector GetNames() override
     {
-        return { _tokens->capsule, _tokens->cone, _tokens->cube, _tokens->cylinder, _tokens->plane, _tokens->sphere };
+        return { _tokens->cone, _tokens->cube, _tokens->cylinder, _tokens->plane };
     }
 
     HdDataSourceBaseHandle Get(const TfToken& name) override
@@ -57,7 +58,7 @@ public:
 HdSceneIndexBaseRefPtr HdOocPTChainSceneIndices(const HdSceneIndexBaseRefPtr& terminal)
 {
     const HdSceneIndexBaseRefPtr computed = HdSiExtComputationPrimvarPruningSceneIndex::New(terminal);
-    return HdsiImplicitSurfaceSceneIndex::New(computed, std::make_shared<_AllShapesToMesh>());
+    return HdsiImplicitSurfaceSceneIndex::New(computed, std::make_shared<_OtherShapesToMesh>());
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -289,7 +289,7 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
             record.mesh = std::make_unique<HdOocPTMeshState>();
             source.dirtyBits = HdOocPTDirtyAll;
         }
-        HdOocPTReadMesh(*_scene, source, record.mesh.get());
+        HdOocPTReadMesh(*_scene, record.type, source, record.mesh.get());
         if (!_links.IsEmpty() && (source.dirtyBits & HdOocPTDirtyCategories)) {
             _AddLinks(*_scene, _links, source, record.mesh.get());
         }

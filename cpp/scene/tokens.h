@@ -21,6 +21,10 @@ PXR_NAMESPACE_OPEN_SCOPE
     (catmullClark)(loop)(bilinear)(subdivisionTags)(interpolateBoundary)(faceVaryingLinearInterpolation)              \
     (triangleSubdivisionRule)(creaseIndices)(creaseLengths)(creaseSharpnesses)(cornerIndices)(cornerSharpnesses)      \
     (none)(edgeOnly)(edgeAndCorner)(cornersOnly)(cornersPlus1)(cornersPlus2)(boundaries)(all)(smooth)                 \
+    /* curves, points, shapes that are drawn as what they are */                                                      \
+    (basisCurves)(curveVertexCounts)(curveIndices)(basis)(wrap)(linear)(cubic)(bezier)(bspline)(catmullRom)           \
+    (nonperiodic)(periodic)(pinned)(segmented)(widths)(sphere)(capsule)(axis)((axisX, "X"))((axisY, "Y"))             \
+    ((axisZ, "Z"))(radiusTop)(radiusBottom)                                                                           \
     (displayStyle)(refineLevel)(doubleSided)(type)(typeFaceSet)(categories)(instanceCategories)(collections)       \
     (membershipExpression)(instanceLocations)(categoriesValues)                                                       \
     /* bindings */                                                                                                    \

@@ -104,4 +104,8 @@ ChunkMap chunk_map(uint chunk_instance) {
     return ChunkMap(x.xyz, y.xyz, z.xyz, Double3(vec3(x.w, y.w, z.w), instances.v[chunk_instance].origin_lo));
 }
 
+float largest_of(vec3 v) {
+    return max(abs(v.x), max(abs(v.y), abs(v.z)));
+}
+
 #endif

@@ -26,6 +26,8 @@ struct Surface {
 };
 
 const float UNIT_ROUNDOFF = 5.9604645e-8;
+// Of the test of round items (traversal/round.glsl): 32 operations that each may lose a unit.
+const float ROUND_ROUNDOFF = 32.0 * UNIT_ROUNDOFF;
 
 GpuSurfaceMaterial surface_material; // with HAS_MATERIALS: set by make_surface
 uint surface_chain[MAX_LEVELS]; // instance records of the hit, the chunk's first: set before make_surface
@@ -112,6 +114,13 @@ Double3 on_ray(Double3 p, vec3 normal, Ray ray, float t) {
     return add(p, -aside);
 }
 
+// Where a ray is at distance t, in the frame of the mesh of surface_chain.
+vec3 met_by(Ray ray, float t, uint chunk_instance, ChunkMap world) {
+    vec3 error;
+    const vec3 in_chunk = chunk_with_error(world, add(Double3(ray.o, ray.o_lo), t * ray.d), error);
+    return forward_with_error(chunk_instance, in_chunk, error);
+}
+
 // `ray` met it at distance `t`.
 Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float t) {
     Surface s;
@@ -129,24 +138,42 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
     s.face = floatBitsToUint(first.w);
     s.cone = 0.0;
     const vec3 weights = vec3(1.0 - uv.x - uv.y, uv);
-    const vec3 local = fma(v0, vec3(weights.x), fma(v1, vec3(weights.y), v2 * weights.z));
-
-    vec3 size;
-    const vec3 normal = triangle_normal(v0, v1, v2, size);
-    const vec3 winding = normal_or(normal, vec3(0.0, 0.0, 1.0));
-    const vec3 object_normal = (flags & MESH_LEFT_HANDED) != 0u ? -winding : winding;
+    const bool is_round = HAS_ROUND && (flags & MESH_ROUND) != 0u;
+    vec3 local, object_normal, size, normal;
+    if (is_round) {
+        // The ball that touches the surface there, and where the ray meets it.
+        const vec3 met = met_by(ray, t, chunk_instance, world);
+        local = mix(v0, v1, uv.x);
+        normal = normal_or(met - local, vec3(0.0, 0.0, 1.0));
+        object_normal = normal;
+        local += mix(v2.x, v2.y, uv.x) * normal;
+        size = vec3(0.0);
+    } else {
+        local = fma(v0, vec3(weights.x), fma(v1, vec3(weights.y), v2 * weights.z));
+        normal = triangle_normal(v0, v1, v2, size);
+        const vec3 winding = normal_or(normal, vec3(0.0, 0.0, 1.0));
+        object_normal = (flags & MESH_LEFT_HANDED) != 0u ? -winding : winding;
+    }
     const vec3 covector = combine_rows(world.x, world.y, world.z, apply_transposed(map, object_normal));
     s.geometric_normal = normal_or(covector, vec3(0.0, 0.0, 1.0));
 
     s.position = add(world.origin, unapply_rows(world.x, world.y, world.z, unapply_point(map, local)));
-    s.position = on_ray(s.position, s.geometric_normal, ray, t);
+    if (!is_round) s.position = on_ray(s.position, s.geometric_normal, ray, t);
     vec3 error;
     const vec3 in_chunk = chunk_with_error(world, s.position, error);
     const vec3 landed = forward_with_error(chunk_instance, in_chunk, error);
     error += 8.0 * UNIT_ROUNDOFF * max(abs(v0), max(abs(v1), abs(v2)));
     // The triangle test rounds in proportion to what its normal and the way to a corner are summed from.
-    const float test = 8.0 * UNIT_ROUNDOFF * dot3(size, abs(v0 - landed)) / max(sqrt(dot3(normal, normal)), 1.0e-30);
-    const float distance = abs(dot3(object_normal, landed - local)) + dot3(abs(object_normal), error) + test;
+    float test = 8.0 * UNIT_ROUNDOFF * dot3(size, abs(v0 - landed)) / max(sqrt(dot3(normal, normal)), 1.0e-30);
+    float beside = abs(dot3(object_normal, landed - local));
+    if (is_round) {
+        // The test of a round item rounds in proportion to its size, and to how far the origin is from its centres.
+        const vec3 out_of_ball = landed - mix(v0, v1, uv.x);
+        beside = abs(sqrt(dot3(out_of_ball, out_of_ball)) - mix(v2.x, v2.y, uv.x));
+        const vec3 reach = max(abs(v0), abs(v1)) + abs(landed);
+        test = ROUND_ROUNDOFF * (max(reach.x, max(reach.y, reach.z)) + max(v2.x, v2.y) + largest_of(v1 - v0));
+    }
+    const float distance = beside + dot3(abs(object_normal), error) + test;
     s.offset = distance / max(sqrt(dot3(covector, covector)), 1.0e-30);
 
     s.shading_normal = s.geometric_normal;
@@ -159,7 +186,9 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
         const uint subset = floatBitsToUint(ConstVec4s(triangles).v[triangle * 3u + 1u].w) & SUBSET_MASK;
         surface_material = gather_material(mesh, triangle, weights, material_slot(s.prim_id, subset));
         if (surface_material.material != NO_MATERIAL) {
-            add_tangent(surface_material, mesh, triangle, v1 - v0, v2 - v0, s.geometric_normal, ray.d, world, map);
+            vec3 e, f;
+            leaf_edges(mesh, triangle, e, f);
+            add_tangent(surface_material, mesh, triangle, e, f, s.geometric_normal, ray.d, world, map);
         }
     }
     s.albedo = FRAME.default_albedo;

@@ -9,6 +9,7 @@
 #include "include/attribute.glsl"
 #include "include/footprint.glsl"
 #include "include/ptex.glsl"
+#include "include/round_edges.glsl"
 
 // Places of inputs; the others are in material.glsl.
 const uint INPUT_OPACITY = 7u;

@@ -10,10 +10,6 @@
 const float SLAB_PAD = 1.0000012;
 const float LARGEST = 3.402823466e38;
 
-float largest_of(vec3 v) {
-    return max(abs(v.x), max(abs(v.y), abs(v.z)));
-}
-
 // No component counts as smaller than 2^-60 of the largest one: distances up to 1e20, in units of d, have a finite
 // product with the reciprocal, hence no infinity and no 0 * inf; and a ray leaves its line by at most 1e-18 of its
 // length.

@@ -71,11 +71,9 @@ Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone,
             if (is_ptex) st = ptex_place(ptex_word(triangles, triangle), weights);
             if (entry != NO_NAME) st = primvar_value(mesh, entry, triangle, weights).xy;
             if (is_ptex || entry != NO_NAME) {
-                const vec3 v0 = ConstVec4s(triangles).v[triangle * 3u].xyz;
-                const vec3 v1 = ConstVec4s(triangles).v[triangle * 3u + 1u].xyz;
-                const vec3 v2 = ConstVec4s(triangles).v[triangle * 3u + 2u].xyz;
-                vec3 u, v, n;
-                if (set_gradients(mesh, name, triangle, st, v1 - v0, v2 - v0, u, v, n)) {
+                vec3 e, f, u, v, n;
+                leaf_edges(mesh, triangle, e, f);
+                if (set_gradients(mesh, name, triangle, st, e, f, u, v, n)) {
                     footprint = make_footprint(u, v, n, d);
                 }
             }

@@ -28,6 +28,7 @@
 #include "traversal/node.glsl"
 #include "traversal/stack.glsl"
 #include "traversal/triangle.glsl"
+#include "traversal/round.glsl"
 #include "traversal/pending.glsl"
 #include "traversal/presence.glsl"
 
@@ -74,6 +75,7 @@ struct Walk {
     float chunk_entry; // where the chunk was entered, as its parent said; cutouts with streaming only
     bool chunk_pending; // something in the chunk waits for a tile; the same
     bool in_mesh;
+    bool round; // the mesh's items are no triangles
     bool resumed; // the ray has waited, and everything not behind the last of its list is done
     bool hit_before;
     bool hit;
@@ -134,7 +136,7 @@ uint descend(uint at) {
     return children.x;
 }
 
-// Tests the triangles of a leaf; true ends the walk.
+// Tests the items of a leaf; true ends the walk.
 bool visit_triangles(uint begin, uint end) {
     const Shear shear = make_shear(walk.d);
     for (uint triangle = begin; triangle < end; ++triangle) {
@@ -143,7 +145,12 @@ bool visit_triangles(uint begin, uint end) {
         const vec3 v2 = ConstVec4s(walk.triangles).v[triangle * 3u + 2u].xyz;
         float t;
         vec2 uv;
-        if (!hit_triangle(v0, v1, v2, walk.o, walk.d, shear, t, uv) || !(t > 0.0)) continue;
+        if (HAS_ROUND && walk.round) {
+            uv = vec2(0.0);
+            if (!hit_round(v0, v1, v2.x, v2.y, walk.o, walk.d, t, uv.x)) continue;
+        } else if (!hit_triangle(v0, v1, v2, walk.o, walk.d, shear, t, uv) || !(t > 0.0)) {
+            continue;
+        }
 #if ANY_HIT
         if (!(t < walk.limit)) continue;
 #else
@@ -245,6 +252,7 @@ uint enter(uint record) {
         walk.nodes = Meshes(FRAME.meshes).v[target].nodes;
         walk.pad = MESH_PAD * (largest_of(o) + Meshes(FRAME.meshes).v[target].reach);
         walk.triangles = Meshes(FRAME.meshes).v[target].triangles;
+        walk.round = HAS_ROUND && (Meshes(FRAME.meshes).v[target].flags & MESH_ROUND) != 0u;
     }
     return 0u;
 }
@@ -325,6 +333,7 @@ void begin_walk(uint64_t ray, uint path, float t_max, uint seed, uint flags) {
     walk.seed = seed;
     walk.visits = 0u;
     walk.in_mesh = false;
+    walk.round = false;
     walk.resumed = false;
     walk.hit = false;
     begin_top();

@@ -9,7 +9,7 @@ use crate::held::typed_array;
 use cxx::UniquePtr;
 use glam::DMat4;
 use oocpt_core::array::{Element, TypedArray};
-use oocpt_core::desc::{Boundary, FaceVaryingLinear, TriangleRule};
+use oocpt_core::desc::{Boundary, CurveBasis, CurveWrap, CurvesDesc, FaceVaryingLinear, Shape, TriangleRule};
 use oocpt_core::scene::{
     AssetRef, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshDesc, NamedPrimvar, PrimDesc, Primvar,
     SceneWarning, Subdivision, SubdivisionTags, SubsetDesc,
@@ -85,6 +85,29 @@ impl Complaints {
             corner_indices: self.optional(path, "cornerIndices", desc.corner_indices),
             corner_sharpnesses: self.optional(path, "cornerSharpnesses", desc.corner_sharpnesses),
             ..SubdivisionTags::default()
+        }
+    }
+
+    fn shape(&mut self, path: &str, desc: ffi::ShapeDesc) -> Shape {
+        match desc.tag {
+            ffi::ShapeTag::Curves => Shape::Curves(CurvesDesc {
+                basis: match desc.basis {
+                    ffi::BasisTag::Linear => CurveBasis::Linear,
+                    ffi::BasisTag::BSpline => CurveBasis::BSpline,
+                    ffi::BasisTag::CatmullRom => CurveBasis::CatmullRom,
+                    _ => CurveBasis::Bezier,
+                },
+                wrap: match desc.wrap {
+                    ffi::WrapTag::Periodic => CurveWrap::Periodic,
+                    ffi::WrapTag::Pinned => CurveWrap::Pinned,
+                    ffi::WrapTag::Segmented => CurveWrap::Segmented,
+                    _ => CurveWrap::Nonperiodic,
+                },
+                counts: self.required::<i32>(path, "curveVertexCounts", desc.counts),
+                indices: self.optional(path, "curveIndices", desc.indices),
+            }),
+            ffi::ShapeTag::Points => Shape::Points,
+            _ => Shape::Mesh,
         }
     }
 
@@ -166,6 +189,8 @@ pub(crate) fn mesh(desc: ffi::MeshDesc, complaints: &mut Complaints) -> MeshDesc
         face_vertex_indices: complaints.required::<i32>(&path, "faceVertexIndices", desc.face_vertex_indices),
         hole_indices: complaints.optional(&path, "holeIndices", desc.hole_indices),
         points: complaints.required::<[f32; 3]>(&path, "points", desc.points),
+        shape: complaints.shape(&path, desc.shape),
+        widths: complaints.primvar(&path, "widths", desc.widths),
         normals: complaints.primvar(&path, "normals", desc.normals),
         display_color: complaints.primvar(&path, "displayColor", desc.display_color),
         display_opacity: complaints.primvar(&path, "displayOpacity", desc.display_opacity),
@@ -260,6 +285,14 @@ pub(crate) mod tests {
             face_vertex_indices: ints(&[0, 1, 2]),
             hole_indices: UniquePtr::null(),
             points: floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.5, 0.0]),
+            shape: ffi::ShapeDesc {
+                tag: ffi::ShapeTag::Curves,
+                basis: ffi::BasisTag::BSpline,
+                wrap: ffi::WrapTag::Pinned,
+                counts: ints(&[3]),
+                indices: UniquePtr::null(),
+            },
+            widths: no_primvar(),
             normals: no_primvar(),
             display_color: no_primvar(),
             display_opacity: no_primvar(),
@@ -284,6 +317,9 @@ pub(crate) mod tests {
         let tags = &mesh.subdivision_tags;
         assert_eq!((tags.boundary, tags.face_varying), (Boundary::EdgeOnly, FaceVaryingLinear::Boundaries), "rules");
         assert_eq!((tags.triangles, mesh.refine_level), (TriangleRule::Smooth, 3), "rule of triangles, level");
+        let Shape::Curves(curves) = &mesh.shape else { panic!("curves stay curves") };
+        assert_eq!((curves.basis, curves.wrap), (CurveBasis::BSpline, CurveWrap::Pinned), "basis and wrap");
+        assert!(curves.counts.len() == 1 && curves.indices.is_none() && mesh.widths.is_none(), "arrays of curves");
         let creases = [&tags.crease_indices, &tags.crease_lengths, &tags.crease_sharpnesses].map(Option::is_some);
         assert_eq!(creases, [true, true, false], "null means absent");
         assert_eq!(&*mesh.prim.instanced_by[0].prototype_root, "/I/P", "the prototype root");

@@ -248,6 +248,38 @@ mod ffi {
         corner_sharpnesses: UniquePtr<HeldArray>,
     }
 
+    /// What points are.
+    enum ShapeTag {
+        Mesh,
+        Curves,
+        Points,
+    }
+
+    /// How points make curves.
+    enum BasisTag {
+        Linear,
+        Bezier,
+        BSpline,
+        CatmullRom,
+    }
+
+    /// What curves do at their ends.
+    enum WrapTag {
+        Nonperiodic,
+        Periodic,
+        Pinned,
+        Segmented,
+    }
+
+    /// What the points of a prim are; all but the tag is for curves.
+    struct ShapeDesc {
+        tag: ShapeTag,
+        basis: BasisTag,
+        wrap: WrapTag,
+        counts: UniquePtr<HeldArray>,
+        indices: UniquePtr<HeldArray>,
+    }
+
     /// A mesh; null arrays are absent, so is the material when its path is empty.
     struct MeshDesc {
         prim: PrimDesc,
@@ -261,6 +293,8 @@ mod ffi {
         face_vertex_indices: UniquePtr<HeldArray>,
         hole_indices: UniquePtr<HeldArray>,
         points: UniquePtr<HeldArray>,
+        shape: ShapeDesc,
+        widths: PrimvarDesc,
         normals: PrimvarDesc,
         display_color: PrimvarDesc,
         display_opacity: PrimvarDesc,

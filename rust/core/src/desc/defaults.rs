@@ -3,7 +3,7 @@
 
 use glam::DMat4;
 
-use super::{InstancerDesc, LightDesc, LightKind, MeshDesc, PrimDesc, Shaping, Subdivision, SubdivisionTags};
+use super::{InstancerDesc, LightDesc, LightKind, MeshDesc, PrimDesc, Shape, Shaping, Subdivision, SubdivisionTags};
 use crate::array::TypedArray;
 
 impl Default for PrimDesc {
@@ -34,6 +34,8 @@ impl Default for MeshDesc {
             face_vertex_indices: TypedArray::of(Vec::<i32>::new()),
             hole_indices: None,
             points: TypedArray::of(Vec::<[f32; 3]>::new()),
+            shape: Shape::Mesh,
+            widths: None,
             normals: None,
             display_color: None,
             display_opacity: None,

@@ -65,6 +65,10 @@ dropped! {
     unrefined_meshes: "meshes that cannot be subdivided, seen as polygons",
     /// Subdivision meshes with more triangles than a mesh may have at the wanted rate.
     coarse_meshes: "subdivision meshes that are cut more coarsely than asked, to stay below the limit of triangles",
+    /// Curves with fewer points than a segment has, a negative number of them, or points that cannot be used.
+    curves: "curves with too few or unusable points",
+    /// Points that are not finite, or have no finite width.
+    points: "points without a usable place or width",
     /// Primvars dropped: too short, wrong type or unusable interpolation.
     primvars: "primvars of the wrong length, type or interpolation",
     /// Primvars that are longer than needed (they are used).

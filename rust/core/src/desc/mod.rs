@@ -5,9 +5,11 @@
 
 mod defaults;
 mod dropped;
+mod shape;
 mod subdivision;
 
 pub use dropped::DroppedData;
+pub use shape::{CurveBasis, CurveWrap, CurvesDesc, Shape};
 pub use subdivision::{Boundary, Creasing, FaceVaryingLinear, Subdivision, SubdivisionTags, TriangleRule};
 
 use std::sync::Arc;
@@ -97,7 +99,7 @@ pub struct PrimDesc {
     pub instanced_by: Vec<InstancedBy>,
 }
 
-/// A polygon mesh.
+/// A mesh, curves or points: what has a surface. The "faces" of curves are the curves, those of points the points.
 #[derive(Clone, Debug)]
 pub struct MeshDesc {
     /// Path, placement, visibility.
@@ -122,6 +124,10 @@ pub struct MeshDesc {
     pub hole_indices: Option<TypedArray>,
     /// Positions in object space.
     pub points: TypedArray,
+    /// What they are.
+    pub shape: Shape,
+    /// Diameters of curves and points; 1 where there are none.
+    pub widths: Option<Primvar>,
     /// Authored normals, object space.
     pub normals: Option<Primvar>,
     /// `displayColor`, linear.

@@ -13,12 +13,13 @@ use super::normals::smooth_normals;
 use super::primvar::{Layout, Slot, Source, convert, convert_wanted, extend_points, subset_numbers};
 use super::ptex::{PtexNumbers, PtexTriangle};
 use super::refine::refine;
+use super::round::{Rounds, read_rounds};
 use super::split::{Order, arrange, expected_bytes, split_ordered};
 use super::topology::{Topology, read_topology};
 use super::triangulate::Triangulator;
-use super::{Aabb, Attribute, AttributeRate, MeshAsset, Triangle, WantedPrimvar};
+use super::{Aabb, Attribute, AttributeRate, LeafKind, MeshAsset, Triangle, WantedPrimvar};
 use crate::array::ArrayView;
-use crate::desc::{DroppedData, MeshDesc, Subdivision};
+use crate::desc::{DroppedData, MeshDesc, Shape, Subdivision};
 use crate::material::PTEX_SET_ID;
 
 /// Twice the smallest area of a triangle we keep, in squares of its longest edge: three times the rounding of the
@@ -65,41 +66,65 @@ pub fn build_mesh_with(
     cluster_bytes: u64,
 ) -> BuiltMesh {
     let mut dropped = DroppedData::default();
+    let (mut asset, mut clusters) = (None, Vec::new());
+    if let Some(rounds) = read_rounds(desc, wanted, dicing, &mut dropped) {
+        let zero_area_triangles = dropped.zero_area_triangles;
+        let Rounds { topology, desc, radii } = &rounds;
+        let loose = read_triangles(desc, wanted, key, topology, radii.as_deref(), &mut dropped);
+        // Ribbons may have no width somewhere.
+        dropped.zero_area_triangles = zero_area_triangles;
+        arrange_or_split(loose, limit_bytes, cluster_bytes, &mut asset, &mut clusters);
+        return BuiltMesh { asset, clusters, dropped };
+    }
     let loose = read_topology(desc, &mut dropped).and_then(|topology| {
         let Some(refined) = refine(desc, wanted, &topology, dicing, &mut dropped) else {
-            return read_triangles(desc, wanted, key, &topology, &mut dropped);
+            return read_triangles(desc, wanted, key, &topology, None, &mut dropped);
         };
         // A limit surface may close to a point, as at a pole: that is no bad data.
         let zero_area_triangles = dropped.zero_area_triangles;
-        let loose = read_triangles(&refined.desc, wanted, key, &refined.topology, &mut dropped);
+        let loose = read_triangles(&refined.desc, wanted, key, &refined.topology, None, &mut dropped);
         dropped.zero_area_triangles = zero_area_triangles;
         loose
     });
-    let (mut asset, mut clusters) = (None, Vec::new());
-    match loose {
-        Some(loose) if expected_bytes(&loose) > limit_bytes => {
-            clusters = split_ordered(&loose, cluster_bytes, Order::Authored).into_iter().map(Arc::new).collect();
-        }
-        Some(loose) => {
-            let (bvh, order) = build_bvh4(&loose.triangles);
-            asset = Some(Arc::new(arrange(&loose, bvh, &order, None)));
-        }
-        None => (),
-    }
+    arrange_or_split(loose, limit_bytes, cluster_bytes, &mut asset, &mut clusters);
     BuiltMesh { asset, clusters, dropped }
 }
 
-/// The mesh in authored order, without a hierarchy.
+/// Gives `loose` its hierarchy, or cuts it into clusters if it would take more than about `limit_bytes`.
+fn arrange_or_split(
+    loose: Option<MeshAsset>,
+    limit_bytes: u64,
+    cluster_bytes: u64,
+    asset: &mut Option<Arc<MeshAsset>>,
+    clusters: &mut Vec<Arc<MeshAsset>>,
+) {
+    match loose {
+        Some(loose) if expected_bytes(&loose) > limit_bytes => {
+            *clusters = split_ordered(&loose, cluster_bytes, Order::Authored).into_iter().map(Arc::new).collect();
+        }
+        Some(loose) => {
+            let (bvh, order) = build_bvh4(&loose.triangles, loose.kind);
+            *asset = Some(Arc::new(arrange(&loose, bvh, &order, None)));
+        }
+        None => (),
+    }
+}
+
+/// The mesh in authored order, without a hierarchy. With `radii` by point its faces are round.
 fn read_triangles(
     desc: &MeshDesc,
     wanted: &[WantedPrimvar],
     key: u128,
     topology: &Topology,
+    radii: Option<&[f32]>,
     dropped: &mut DroppedData,
 ) -> Option<MeshAsset> {
     let mut numbers =
         wanted.iter().any(|w| w.id == PTEX_SET_ID).then(|| PtexNumbers::new(&desc.face_vertex_counts.view()));
-    let Faces { triangles, sources, ptex } = triangulate(topology, numbers.as_mut(), dropped);
+    let Faces { triangles, sources, ptex } = match radii {
+        None => triangulate(topology, numbers.as_mut(), dropped),
+        Some(radii) => rounds(topology, radii),
+    };
     let centers = numbers.map(|numbers| numbers.centers).unwrap_or_default();
     if triangles.is_empty() {
         dropped.empty_meshes += 1;
@@ -113,7 +138,8 @@ fn read_triangles(
         sources: &sources,
         centers: &centers,
     };
-    let normals = build_normals(desc, topology, layout, &triangles, dropped);
+    let normals =
+        if radii.is_some() { None } else { build_normals(desc, topology, layout, &triangles, dropped) };
     let colors = desc.display_color.as_ref().and_then(|p| convert(p, layout, dropped, read_color, |_| Some([0.18; 3])));
     let opacities =
         desc.display_opacity.as_ref().and_then(|p| convert(p, layout, dropped, read_opacity, |_| Some(1.0)));
@@ -128,6 +154,7 @@ fn read_triangles(
         key,
         bounds: Aabb::EMPTY,
         bvh: Bvh4::default(),
+        kind: if radii.is_some() { LeafKind::Rounds } else { LeafKind::Triangles },
         triangles,
         corner_indices: if by_point { sources.iter().map(corner_points).collect() } else { Vec::new() },
         normals,
@@ -136,9 +163,24 @@ fn read_triangles(
         primvars,
         subsets,
         ptex,
-        double_sided: desc.double_sided,
-        left_handed: desc.left_handed,
+        // Curves and points have no side from which they are not seen.
+        double_sided: desc.double_sided || !matches!(desc.shape, Shape::Mesh),
+        left_handed: desc.left_handed && matches!(desc.shape, Shape::Mesh),
     })
+}
+
+/// Hulls of two balls, as [`LeafKind::Rounds`] says.
+fn rounds(topology: &Topology, radii: &[f32]) -> Faces {
+    let mut faces = Faces::default();
+    for face in &topology.faces {
+        let &[a, b, _] = topology.face_corners(face) else { continue };
+        let place = |at: u32| Some((*topology.points.get(at as usize)?, *radii.get(at as usize)?));
+        if let (Some((first, from)), Some((second, to))) = (place(a), place(b)) {
+            faces.triangles.push(Triangle { vertices: [first, second, [from, to, 0.0]], face: face.index });
+            faces.sources.push(Source { face: face.index, corners: [face.first, face.first + 1, face.first + 2] });
+        }
+    }
+    faces
 }
 
 fn rate<T>(attribute: &Option<Attribute<T>>) -> Option<AttributeRate> {

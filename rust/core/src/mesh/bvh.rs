@@ -11,7 +11,7 @@ use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 
-use super::{Aabb, Triangle};
+use super::{Aabb, LeafKind, Triangle};
 
 /// Most triangles in a leaf.
 pub const MAX_LEAF_TRIANGLES: u32 = 3;
@@ -89,8 +89,9 @@ pub enum BvhError {
 /// Builds the hierarchy over `triangles` (at least one, finite) and the BVH order: `order[k]` is the number of the
 /// triangle at place k.
 #[must_use]
-pub fn build_bvh(triangles: &[Triangle]) -> (Bvh2, Vec<u32>) {
-    build(&triangle_boxes(triangles), MAX_LEAF_TRIANGLES)
+pub fn build_bvh(triangles: &[Triangle], kind: LeafKind) -> (Bvh2, Vec<u32>) {
+    let boxes: Vec<Aabb> = triangles.iter().map(|triangle| triangle.bounds(kind)).collect();
+    build(&boxes, MAX_LEAF_TRIANGLES)
 }
 
 /// Builds the hierarchy over `boxes`: leaves of exactly one item, whose `child` is the number of the box. A single box
@@ -123,10 +124,6 @@ fn build(boxes: &[Aabb], max_leaf: u32) -> (Bvh2, Vec<u32>) {
         }
     }
     Layout::balanced(boxes, max_leaf)
-}
-
-fn triangle_boxes(triangles: &[Triangle]) -> Vec<Aabb> {
-    triangles.iter().map(Triangle::bounds).collect()
 }
 
 /// True when no box is empty or NaN and all surfaces are finite. PLOC compares surfaces: infinite ones make it merge a

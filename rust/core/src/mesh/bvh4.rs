@@ -11,7 +11,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::bvh::{Bvh2, build_bvh};
-use super::{Aabb, Triangle};
+use super::{Aabb, LeafKind, Triangle};
 
 /// Children of a node.
 pub const WIDTH: usize = 4;
@@ -130,8 +130,8 @@ pub struct Bvh4 {
 /// Builds the hierarchy over `triangles` (at least one, finite, fewer than 2^28) and the BVH order: `order[k]` is the
 /// number of the triangle at place k.
 #[must_use]
-pub fn build_bvh4(triangles: &[Triangle]) -> (Bvh4, Vec<u32>) {
-    let (bvh, order) = build_bvh(triangles);
+pub fn build_bvh4(triangles: &[Triangle], kind: LeafKind) -> (Bvh4, Vec<u32>) {
+    let (bvh, order) = build_bvh(triangles, kind);
     let mut places = Vec::with_capacity(order.len());
     let (nodes, stack) = widen(&bvh, |parts, inner, first_child| {
         let Grid { origin, cell, lower, upper } = encode(parts, 0.0);

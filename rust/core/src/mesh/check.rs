@@ -3,7 +3,7 @@
 
 use super::bvh::{Bvh2, BvhError, MAX_LEAF_TRIANGLES};
 use super::bvh4::{Bvh4, Child, WIDTH};
-use super::{Aabb, Triangle};
+use super::{Aabb, LeafKind, Triangle};
 
 /// What a walk has seen so far.
 struct Walk<'a> {
@@ -22,8 +22,8 @@ impl Bvh2 {
     ///
     /// # Errors
     /// The first broken invariant.
-    pub fn validate(&self, triangles: &[Triangle]) -> Result<(), BvhError> {
-        let boxes: Vec<Aabb> = triangles.iter().map(Triangle::bounds).collect();
+    pub fn validate(&self, triangles: &[Triangle], kind: LeafKind) -> Result<(), BvhError> {
+        let boxes: Vec<Aabb> = triangles.iter().map(|triangle| triangle.bounds(kind)).collect();
         if boxes.is_empty() { Err(BvhError::Empty) } else { self.check(&boxes, MAX_LEAF_TRIANGLES) }
     }
 
@@ -87,8 +87,8 @@ impl Bvh4 {
     ///
     /// # Errors
     /// The first broken invariant.
-    pub fn validate(&self, triangles: &[Triangle]) -> Result<(), BvhError> {
-        let boxes: Vec<Aabb> = triangles.iter().map(Triangle::bounds).collect();
+    pub fn validate(&self, triangles: &[Triangle], kind: LeafKind) -> Result<(), BvhError> {
+        let boxes: Vec<Aabb> = triangles.iter().map(|triangle| triangle.bounds(kind)).collect();
         if self.nodes.is_empty() || boxes.is_empty() {
             return Err(BvhError::Empty);
         }

@@ -39,12 +39,16 @@ impl Dicing {
         if self.pixels <= 0.0 {
             return least;
         }
-        let length = a.distance(b);
-        let density = |eye: &Eye| self.focal / distance(eye.position, a, b).max(eye.nearest);
-        let density = self.eyes.iter().map(density).fold(self.density, f64::max);
-        let pieces = (length * density / self.pixels).ceil();
+        let pieces = (a.distance(b) * self.density_of(a, b) / self.pixels).ceil();
         // NaN gives the smaller number.
         if pieces >= f64::from(MAX_RATE) { MAX_RATE } else { whole(pieces).max(least) }
+    }
+
+    /// Pixels of a unit of length between `a` and `b`; 0 where no camera sees it.
+    #[must_use]
+    pub fn density_of(&self, a: DVec3, b: DVec3) -> f64 {
+        let density = |eye: &Eye| self.focal / distance(eye.position, a, b).max(eye.nearest);
+        if self.pixels > 0.0 { self.eyes.iter().map(density).fold(self.density, f64::max) } else { 0.0 }
     }
 
     /// Adds everything that [`Self::pieces`] depends on.

@@ -5,7 +5,7 @@ use xxhash_rust::xxh3::Xxh3;
 
 use super::{Dicing, WantedPrimvar, is_refined};
 use crate::array::TypedArray;
-use crate::desc::{MeshDesc, Primvar};
+use crate::desc::{MeshDesc, Primvar, Shape};
 
 /// Hashes everything of `desc` that its asset depends on: arrays, orientation, sidedness, subdivision. Not the path,
 /// the transform, the prim id or the visibility.
@@ -25,6 +25,15 @@ pub(crate) fn mesh_key_with(desc: &MeshDesc, wanted: &[WantedPrimvar], dicing: &
     add_array(&mut hasher, Some(&desc.points));
     for primvar in [&desc.normals, &desc.display_color, &desc.display_opacity] {
         add_primvar(&mut hasher, primvar.as_ref());
+    }
+    if let Shape::Curves(curves) = &desc.shape {
+        hasher.update(&[curves.basis as u8, curves.wrap as u8]);
+        add_array(&mut hasher, Some(&curves.counts));
+        add_array(&mut hasher, curves.indices.as_ref());
+    }
+    if !matches!(desc.shape, Shape::Mesh) {
+        hasher.update(&[u8::from(matches!(desc.shape, Shape::Points))]);
+        add_primvar(&mut hasher, desc.widths.as_ref());
     }
     if is_refined(desc, dicing.pixels) {
         hasher.update(&desc.subdivision_tags.rules());
@@ -83,6 +92,8 @@ pub(crate) fn is_same_mesh(a: &MeshDesc, b: &MeshDesc, wanted: &[WantedPrimvar])
     let mut tags = a.subdivision_tags.arrays().into_iter().zip(b.subdivision_tags.arrays());
     plain(a) == plain(b)
         && tags.all(|(a, b)| optional(&a.cloned(), &b.cloned()))
+        && same_shape(a, b, array, optional)
+        && primvar(a.widths.as_ref(), b.widths.as_ref())
         && array(&a.face_vertex_counts, &b.face_vertex_counts)
         && array(&a.face_vertex_indices, &b.face_vertex_indices)
         && optional(&a.hole_indices, &b.hole_indices)
@@ -93,4 +104,19 @@ pub(crate) fn is_same_mesh(a: &MeshDesc, b: &MeshDesc, wanted: &[WantedPrimvar])
         && a.subsets.len() == b.subsets.len()
         && a.subsets.iter().zip(&b.subsets).all(|(a, b)| array(&a.faces, &b.faces))
         && wanted.iter().all(|w| primvar(a.authored_primvar(&w.name), b.authored_primvar(&w.name)))
+}
+
+fn same_shape(
+    a: &MeshDesc,
+    b: &MeshDesc,
+    array: impl Fn(&TypedArray, &TypedArray) -> bool,
+    optional: impl Fn(&Option<TypedArray>, &Option<TypedArray>) -> bool,
+) -> bool {
+    match (&a.shape, &b.shape) {
+        (Shape::Mesh, Shape::Mesh) | (Shape::Points, Shape::Points) => true,
+        (Shape::Curves(a), Shape::Curves(b)) => {
+            (a.basis, a.wrap) == (b.basis, b.wrap) && array(&a.counts, &b.counts) && optional(&a.indices, &b.indices)
+        }
+        _ => false,
+    }
 }

@@ -18,6 +18,7 @@ mod primvar;
 mod ptex;
 mod refine;
 mod refine_values;
+pub(crate) mod round;
 mod split;
 mod topology;
 mod triangulate;
@@ -98,12 +99,31 @@ pub struct Triangle {
     pub face: u32,
 }
 
+/// What the items of an asset are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum LeafKind {
+    /// Triangles.
+    #[default]
+    Triangles,
+    /// Hulls of two balls: `vertices[0]` and `vertices[1]` are the centres, `vertices[2]` has both radii and 0. Corners
+    /// 0 and 2 are the first centre, corner 1 the second one.
+    Rounds,
+}
+
 impl Triangle {
-    /// The box around the three corners.
+    /// The box around it.
     #[must_use]
-    pub fn bounds(&self) -> Aabb {
-        self.vertices.iter().fold(Aabb::EMPTY, |b, &v| b.with_point(v))
+    pub fn bounds(&self, kind: LeafKind) -> Aabb {
+        match (kind, self.vertices) {
+            (LeafKind::Triangles, vertices) => vertices.iter().fold(Aabb::EMPTY, |b, &v| b.with_point(v)),
+            (LeafKind::Rounds, [first, second, [a, b, _]]) => ball_box(first, a).union(&ball_box(second, b)),
+        }
     }
+}
+
+/// The box around a ball, rounded outwards.
+fn ball_box(center: [f32; 3], radius: f32) -> Aabb {
+    Aabb { min: center.map(|v| (v - radius).next_down()), max: center.map(|v| (v + radius).next_up()) }
 }
 
 /// A mesh ready for upload: at least one triangle, every number finite, every index in range.
@@ -115,7 +135,9 @@ pub struct MeshAsset {
     pub bounds: Aabb,
     /// Hierarchy over `triangles`.
     pub bvh: Bvh4,
-    /// Triangles in BVH order.
+    /// What `triangles` are.
+    pub kind: LeafKind,
+    /// Triangles, or what [`Self::kind`] says, in BVH order.
     pub triangles: Vec<Triangle>,
     /// Point index of each corner, per triangle; empty unless an attribute has [`AttributeRate::Vertex`].
     pub corner_indices: Vec<[u32; 3]>,

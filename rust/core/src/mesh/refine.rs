@@ -15,7 +15,7 @@ use super::dicing::Dicing;
 use super::refine_values::ControlValues;
 use super::topology::{Face, Topology};
 use crate::array::TypedArray;
-use crate::desc::{DroppedData, Interpolation, MeshDesc, Primvar, Subdivision};
+use crate::desc::{CurveBasis, DroppedData, Interpolation, MeshDesc, Primvar, Shape, Subdivision};
 use crate::material::PTEX_SET_ID;
 
 /// Triangles of one mesh above which its edges are cut into fewer pieces.
@@ -34,11 +34,13 @@ pub(crate) struct Refined {
 /// True where a mesh is refined at all. Ptex is laid out for faces, not for what they are cut into: such meshes stay
 /// as they are ([`DroppedData::unrefined_meshes`] counts them).
 pub(crate) fn is_refined(desc: &MeshDesc, pixels: f64) -> bool {
-    match desc.subdivision {
-        Subdivision::None => false,
+    match (&desc.shape, desc.subdivision) {
+        // Cubic curves are cut; what nothing is cut of stays the same at any rate.
+        (Shape::Curves(curves), _) => curves.basis != CurveBasis::Linear && (pixels > 0.0 || desc.refine_level > 0),
+        (Shape::Points, _) | (_, Subdivision::None) => false,
         // Flat where it is seen as flat: only who asks for more gets it.
-        Subdivision::Bilinear => desc.refine_level > 0,
-        Subdivision::CatmullClark | Subdivision::Loop => pixels > 0.0 || desc.refine_level > 0,
+        (_, Subdivision::Bilinear) => desc.refine_level > 0,
+        (_, Subdivision::CatmullClark | Subdivision::Loop) => pixels > 0.0 || desc.refine_level > 0,
     }
 }
 

@@ -219,7 +219,7 @@ fn push(floats: &mut Vec<f32>, width: usize, value: Option<[f64; 4]>, dropped: &
 }
 
 /// Width and values of a primvar with a value for each point.
-fn by_point(primvar: &Primvar, points: usize, dropped: &mut DroppedData) -> Option<(usize, Vec<f32>)> {
+pub(super) fn by_point(primvar: &Primvar, points: usize, dropped: &mut DroppedData) -> Option<(usize, Vec<f32>)> {
     let view = primvar.values.view();
     let indices = primvar.indices.as_ref().map(TypedArray::view);
     let count = indices.map_or(view.len(), |indices| indices.len());
@@ -246,7 +246,11 @@ fn interleaved(arrays: &[(usize, Vec<f32>)], points: usize) -> Vec<f32> {
 /// One primvar out of many.
 fn column(floats: &[f32], stride: usize, offset: usize, width: usize) -> Primvar {
     let values = floats.chunks_exact(stride.max(1)).flat_map(|value| &value[offset..offset + width]);
-    let values: Vec<f32> = values.copied().collect();
+    primvar_of(width, values.copied().collect())
+}
+
+/// A primvar with a value of `width` floats (1 to 4) for each point.
+pub(super) fn primvar_of(width: usize, values: Vec<f32>) -> Primvar {
     let element = match width {
         1 => ElementType::F32,
         2 => ElementType::Vec2f,

@@ -56,7 +56,7 @@ pub fn split_mesh(mesh: &MeshAsset, max_bytes: u64) -> Vec<MeshAsset> {
 /// [`split_mesh`] for a mesh in any order; its own hierarchy is not looked at.
 pub(super) fn split_ordered(mesh: &MeshAsset, max_bytes: u64, order: Order) -> Vec<MeshAsset> {
     let item = |(triangle, t): (u32, &Triangle)| {
-        let b = t.bounds();
+        let b = t.bounds(mesh.kind);
         Item { center: [0, 1, 2].map(|k| b.min[k] + b.max[k]), triangle }
     };
     let count = u32::try_from(mesh.triangles.len()).unwrap_or(u32::MAX);
@@ -116,7 +116,7 @@ impl Splitter<'_> {
         // The cuts leave them in no order worth keeping; neighbours in the mesh are often neighbours in space.
         members.sort_unstable();
         let triangles: Vec<Triangle> = pick(&self.mesh.triangles, &members);
-        let (bvh, order) = build_bvh4(&triangles);
+        let (bvh, order) = build_bvh4(&triangles, self.mesh.kind);
         let order: Vec<u32> = pick(&members, &order);
         let cluster = arrange(self.mesh, bvh, &order, Some(&self.points(&members)));
         (members.len() <= 1 || cluster.device_bytes() <= self.max_bytes).then_some(cluster)
@@ -167,8 +167,9 @@ pub(super) fn arrange(mesh: &MeshAsset, bvh: Bvh4, order: &[u32], points: Option
     }
     MeshAsset {
         key: mesh.key,
-        bounds: triangles.iter().fold(Aabb::EMPTY, |b, t| b.union(&t.bounds())),
+        bounds: triangles.iter().fold(Aabb::EMPTY, |b, t| b.union(&t.bounds(mesh.kind))),
         bvh,
+        kind: mesh.kind,
         triangles,
         corner_indices,
         normals: mesh.normals.as_ref().map(|a| arrange_values(a, order, points)),

@@ -18,7 +18,7 @@ use super::resolve::{GroupId, PlanGroup, PlanMember, PlanTarget};
 use super::run::{Run, RunSpec};
 use super::snapshot::{SceneCounts, SceneFeatures, Snapshot, SurfaceTables};
 use crate::desc::{InstancedBy, LightDesc, LightKind};
-use crate::mesh::{Aabb, MeshAsset};
+use crate::mesh::{Aabb, LeafKind, MeshAsset};
 
 /// The origin moves when the scene's centre is farther from it than this many times the scene's half size.
 const FAR: f64 = 4.0;
@@ -185,6 +185,7 @@ impl Snapshot {
             };
         }
         for mesh in &self.meshes {
+            features.set(SceneFeatures::ROUND, features.contains(SceneFeatures::ROUND) || mesh.kind == LeafKind::Rounds);
             features.set(SceneFeatures::OPACITY, features.contains(SceneFeatures::OPACITY) || mesh.opacities.is_some());
             features.set(SceneFeatures::NORMALS, features.contains(SceneFeatures::NORMALS) || mesh.normals.is_some());
             features.set(SceneFeatures::COLORS, features.contains(SceneFeatures::COLORS) || mesh.colors.is_some());

@@ -32,9 +32,9 @@ use std::sync::Arc;
 use glam::DVec3;
 
 pub use crate::desc::{
-    AssetRef, ConnectionDesc, DomeFormat, DroppedData, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation,
+    AssetRef, ConnectionDesc, CurveBasis, CurveWrap, CurvesDesc, DomeFormat, DroppedData, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation,
     LightDesc, LightKind, MaterialDesc, MaterialSync, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue,
-    PrimDesc, Primvar, Shaping, Subdivision, SubdivisionTags, SubsetDesc,
+    PrimDesc, Primvar, Shape, Shaping, Subdivision, SubdivisionTags, SubsetDesc,
 };
 pub use dicing::DicingCamera;
 pub use instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstanceColumn, NO_VALUE};

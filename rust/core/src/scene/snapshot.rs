@@ -56,6 +56,8 @@ bitflags! {
         const INSTANCE_PRIMVARS = 1 << 23;
         /// A `displayOpacity` below 1 among them.
         const INSTANCE_OPACITY = 1 << 16;
+        /// Curves as tubes, or points.
+        const ROUND = 1 << 30;
         /// A material that reads a Ptex texture.
         const PTEX = 1 << 29;
         /// A light with a place.

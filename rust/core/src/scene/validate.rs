@@ -102,8 +102,8 @@ pub(crate) fn validate_record(record: &InstanceRecord, inside: &Aabb, around: &A
 }
 
 fn validate_mesh(mesh: &MeshAsset) -> Result<(), String> {
-    mesh.bvh.validate(&mesh.triangles).map_err(|error| error.to_string())?;
-    let around = mesh.triangles.iter().fold(Aabb::EMPTY, |b, t| b.union(&t.bounds()));
+    mesh.bvh.validate(&mesh.triangles, mesh.kind).map_err(|error| error.to_string())?;
+    let around = mesh.triangles.iter().fold(Aabb::EMPTY, |b, t| b.union(&t.bounds(mesh.kind)));
     if mesh.triangles.is_empty() || around != mesh.bounds {
         return Err("the box is not that of the triangles".to_owned());
     }

@@ -7,7 +7,7 @@
 
 use super::values::ValueLayout;
 use crate::textures::TextureImage;
-use oocpt_core::mesh::{Attribute, AttributeRate, MeshAsset};
+use oocpt_core::mesh::{Attribute, AttributeRate, LeafKind, MeshAsset};
 use oocpt_core::partition::Chunk;
 use oocpt_core::scene::{Assembly, InstanceColumn, InstanceRecord};
 use oocpt_shader_abi as abi;
@@ -296,6 +296,7 @@ impl Source {
         flags.set(MeshFlags::HAS_NORMALS, mesh.normals.is_some());
         flags.set(MeshFlags::HAS_COLORS, mesh.colors.is_some());
         flags.set(MeshFlags::HAS_OPACITIES, mesh.opacities.is_some());
+        flags.set(MeshFlags::ROUND, mesh.kind == LeafKind::Rounds);
         Some(GpuMesh {
             nodes: base,
             triangles: base + layout.triangles,

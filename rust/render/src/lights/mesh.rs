@@ -13,6 +13,7 @@ use super::local::finite_power;
 use super::tree::{self, LightBounds, NOTHING};
 use super::{EVEN_SHARE, count, narrow};
 use crate::textures::TextureCache;
+use oocpt_core::mesh::LeafKind;
 use oocpt_core::partition::World;
 use oocpt_core::scene::{MeshPlacement, SceneFeatures, Snapshot};
 use oocpt_shader_abi::{
@@ -99,7 +100,8 @@ impl MeshLightCache {
             else {
                 continue;
             };
-            if placement.mesh >= MAX_LIGHT_MESH || mesh.opacities.is_some() {
+            // What is round is met by BSDF sampling only, as what is cut out is.
+            if placement.mesh >= MAX_LIGHT_MESH || mesh.opacities.is_some() || mesh.kind == LeafKind::Rounds {
                 continue;
             }
             let placed = glows.placed(mesh, &placement.values);

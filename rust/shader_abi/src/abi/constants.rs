@@ -69,6 +69,7 @@ constants! {
     MESH_HAS_NORMALS = MeshFlags::HAS_NORMALS.bits();
     MESH_HAS_COLORS = MeshFlags::HAS_COLORS.bits();
     MESH_HAS_OPACITIES = MeshFlags::HAS_OPACITIES.bits();
+    MESH_ROUND = MeshFlags::ROUND.bits();
 
     SUBSET_MASK;
     NO_MATERIAL;

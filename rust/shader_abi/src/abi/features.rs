@@ -138,6 +138,8 @@ features! {
     MESH_LIGHTS: "emissive meshes sampled as lights", [EMISSION], Lights;
     /// The emission of some such mesh is a texture's or a primvar's.
     MESH_LIGHT_VALUES: "emission of lights by textures and primvars", [MESH_LIGHTS], Lights;
+    /// Some mesh is made of hulls of two balls: curves or points.
+    ROUND: "curves and points", [], Always;
     /// Pixels have two streams of samples, and not all as many of them: `Frame::adaptive` counts.
     ADAPTIVE: "adaptive sampling: lists of samples, the second stream of the film", [], Never;
 }

@@ -124,6 +124,8 @@ bitflags! {
         const HAS_COLORS = 1 << 11;
         /// `opacities` counts.
         const HAS_OPACITIES = 1 << 12;
+        /// The items of its leaves are hulls of two balls: `v0` and `v1` are the centres, `v2.x` and `v2.y` the radii.
+        const ROUND = 1 << 13;
     }
 }
 

@@ -1,0 +1,291 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Curves cut into straight pieces. Pure.
+//!
+//! A cubic segment with second derivatives of at most `b` leaves its chord by at most `b / (8 k^2)` when it is cut into
+//! `k` pieces; the radius, which is cubic too, is taken as a fourth coordinate. `k` is such that this is at most
+//! [`TOLERANCE`] of the dicing rate where the curve is nearest. Thick curves, whose bends show in their shading, turn by
+//! at most [`THICK_TURN`] from piece to piece.
+
+use glam::{DVec3, DVec4};
+
+use super::super::dicing::Dicing;
+use super::basis::{Segment, segments, varying_count};
+use super::{DEFAULT_WIDTH, is_width, point};
+use crate::array::{ArrayView, ElementType, TypedArray};
+use crate::desc::{CurvesDesc, DroppedData, Interpolation, MeshDesc, Primvar};
+
+/// Largest distance of a piece from its curve, in dicing rates.
+const TOLERANCE: f64 = 0.05;
+/// Radius in pixels above which a curve is thick.
+const THICK: f64 = 2.0;
+/// Largest angle between pieces of thick curves, and of thin ones.
+const THICK_TURN: f64 = 0.08;
+const THIN_TURN: f64 = 0.8;
+/// Pieces of a cubic segment where no camera says how many.
+const UNSEEN_PIECES: u32 = 8;
+/// Most pieces of a segment.
+const MOST_PIECES: u32 = 64;
+
+/// A straight piece between two of the cut's points.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Piece {
+    pub(super) ends: [u32; 2],
+    pub(super) curve: u32,
+}
+
+/// Where a point of the cut comes from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stencil {
+    /// Points of the prim and their weights.
+    pub(super) vertex: [(u32, f32); 4],
+    /// The two nearest values of a varying primvar, and how far it is from the first to the second.
+    pub(super) varying: [u32; 2],
+    pub(super) along: f32,
+}
+
+/// All curves of a prim.
+#[derive(Debug, Default)]
+pub(super) struct Cut {
+    pub(super) curve_count: usize,
+    pub(super) pieces: Vec<Piece>,
+    pub(super) points: Vec<[f32; 3]>,
+    pub(super) radii: Vec<f32>,
+    pub(super) stencils: Vec<Stencil>,
+    /// Unit directions of the curves, for ribbons.
+    tangents: Vec<DVec3>,
+    /// Values that a varying primvar must have.
+    pub(super) varying_count: usize,
+    /// Curve of each point.
+    pub(super) curves: Vec<u32>,
+}
+
+/// The points of ribbons, two for each point of the cut, and their normals.
+pub(super) struct Ribbon {
+    pub(super) points: Vec<[f32; 3]>,
+    pub(super) normals: Primvar,
+}
+
+/// A curve while it is cut.
+struct Curve<'a> {
+    number: u32,
+    /// Points of its vertices.
+    vertices: &'a [u32],
+    /// Its first value of a varying primvar, and how many it has.
+    varying: (usize, usize),
+}
+
+/// Radii by whatever widths go by.
+struct Radii<'a> {
+    interpolation: Interpolation,
+    view: Option<ArrayView<'a>>,
+}
+
+impl Cut {
+    pub(super) fn new(desc: &MeshDesc, curves: &CurvesDesc, dicing: &Dicing, dropped: &mut DroppedData) -> Self {
+        let counts = curves.counts.view();
+        let indices = curves.indices.as_ref().map(TypedArray::view).filter(|indices| !indices.is_empty());
+        let is_int = |view: &ArrayView<'_>| view.is_empty() || view.element() == ElementType::I32;
+        if !is_int(&counts) || !indices.as_ref().is_none_or(is_int) {
+            dropped.wrong_array_types += 1;
+            return Self::default();
+        }
+        let points = desc.points.view();
+        let available = indices.map_or(points.len(), |indices| indices.len());
+        let radii = Radii::of(desc.widths.as_ref(), dropped);
+        let mut cut = Self { curve_count: counts.len(), ..Self::default() };
+        let (mut first, mut vertices) = (0_usize, Vec::new());
+        for (at, number) in (0..counts.len()).zip(0_u32..) {
+            let Ok(count) = usize::try_from(counts.index(at).unwrap_or(-1)) else {
+                dropped.curves += 1;
+                continue;
+            };
+            if count > available - first {
+                dropped.curves += (counts.len() - at) as u64;
+                break;
+            }
+            vertices.clear();
+            vertices.extend((first..first + count).filter_map(|vertex| {
+                let index = match indices {
+                    Some(indices) => indices.index(vertex).and_then(|index| u32::try_from(index).ok()),
+                    None => u32::try_from(vertex).ok(),
+                }?;
+                point(&points, index as usize).map(|_| index)
+            }));
+            first += count;
+            let segments = segments(curves.basis, curves.wrap, count);
+            let varying = varying_count(curves.basis, curves.wrap, segments.len(), count);
+            let curve = Curve { number, vertices: &vertices, varying: (cut.varying_count, varying) };
+            cut.varying_count += varying;
+            if vertices.len() < count || segments.is_empty() {
+                dropped.curves += 1;
+            } else {
+                cut.add(&curve, curves, &segments, &points, &radii, dicing, desc.refine_level);
+            }
+        }
+        if cut.points.iter().flatten().chain(&cut.radii).any(|v| !v.is_finite()) {
+            dropped.curves += cut.curve_count as u64;
+            return Self { curve_count: cut.curve_count, varying_count: cut.varying_count, ..Self::default() };
+        }
+        cut
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "all of them differ from curve to curve or from prim to prim")]
+    fn add(
+        &mut self,
+        curve: &Curve<'_>,
+        desc: &CurvesDesc,
+        segments: &[Segment],
+        points: &ArrayView<'_>,
+        radii: &Radii<'_>,
+        dicing: &Dicing,
+        level: u8,
+    ) {
+        let control = |vertex: usize, varying: f64| {
+            let at = curve.vertices.get(vertex).copied().unwrap_or(0);
+            let place = points.vec3(at as usize).unwrap_or(DVec3::ZERO);
+            place.extend(radii.at(at as usize, varying, curve))
+        };
+        let sum = |segment: &Segment, weights: [f64; 4], varying: f64| -> DVec4 {
+            segment.vertices.iter().zip(weights).map(|(&vertex, weight)| control(vertex, varying) * weight).sum()
+        };
+        let start = self.points.len();
+        for (number, segment) in segments.iter().enumerate() {
+            let is_new = number == 0 || desc.wrap == crate::desc::CurveWrap::Segmented;
+            let pieces = pieces(segment, desc, dicing, level, |weights| sum(segment, weights, number as f64));
+            for piece in u32::from(!is_new)..=pieces {
+                let t = f64::from(piece) / f64::from(pieces);
+                let along = number as f64 + t;
+                let weights = segment.weights(desc.basis, t);
+                let place = sum(segment, weights, along);
+                let stencil = stencil(segment, weights, number, t, curve);
+                let is_last = number + 1 == segments.len() && piece == pieces;
+                if is_last && desc.wrap == crate::desc::CurveWrap::Periodic && self.points.len() > start + 1 {
+                    self.piece(self.points.len() - 1, start, curve.number);
+                    continue;
+                }
+                let tangent = sum(segment, segment.slopes(desc.basis, t), along).truncate();
+                self.push(place, tangent, stencil, curve.number);
+                if piece > 0 {
+                    self.piece(self.points.len() - 2, self.points.len() - 1, curve.number);
+                }
+            }
+        }
+    }
+
+    fn piece(&mut self, a: usize, b: usize, curve: u32) {
+        if let (Ok(a), Ok(b)) = (u32::try_from(a), u32::try_from(b)) {
+            self.pieces.push(Piece { ends: [a, b], curve });
+        }
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
+    fn push(&mut self, place: DVec4, tangent: DVec3, stencil: Stencil, curve: u32) {
+        self.points.push(place.truncate().as_vec3().to_array());
+        // Splines of positive widths may be negative.
+        self.radii.push(place.w.max(0.0) as f32);
+        self.tangents.push(tangent.normalize_or_zero());
+        self.stencils.push(stencil);
+        self.curves.push(curve);
+    }
+
+    /// The cut as ribbons, if the prim has normals that can be used.
+    pub(super) fn ribbon(&self, desc: &MeshDesc, dropped: &mut DroppedData) -> Option<Ribbon> {
+        let primvar = desc.normals.as_ref()?;
+        let (width, floats) = super::values::on_points(primvar, desc, self, dropped)?;
+        let (normals, _) = floats.as_chunks::<3>();
+        if width != 3 || normals.len() != self.points.len() {
+            dropped.primvars += 1;
+            return None;
+        }
+        let (mut points, mut out) = (Vec::new(), Vec::new());
+        for (((point, radius), tangent), normal) in
+            self.points.iter().zip(&self.radii).zip(&self.tangents).zip(normals)
+        {
+            let normal = DVec3::from(normal.map(f64::from));
+            let side = tangent.cross(normal).normalize_or_zero() * f64::from(*radius);
+            let center = DVec3::from(point.map(f64::from));
+            points.extend([center - side, center + side].map(|p| p.as_vec3().to_array()));
+            // What is seen is perpendicular to the ribbon.
+            let across = side.cross(*tangent).normalize_or(normal.normalize_or(DVec3::Z));
+            out.extend([across.as_vec3().to_array(); 2]);
+        }
+        let normals =
+            Primvar { interpolation: Interpolation::Vertex, values: TypedArray::of(out), indices: None };
+        Some(Ribbon { points, normals })
+    }
+}
+
+/// Pieces of a segment; `sum` gives place and radius for weights.
+fn pieces(
+    segment: &Segment,
+    curves: &CurvesDesc,
+    dicing: &Dicing,
+    level: u8,
+    sum: impl Fn([f64; 4]) -> DVec4,
+) -> u32 {
+    if curves.basis == crate::desc::CurveBasis::Linear {
+        return 1;
+    }
+    let [from, to] = [0.0, 1.0].map(|t| sum(segment.weights(curves.basis, t)));
+    let bend = segment.bends(curves.basis).map(|weights| sum(weights)).map(DVec4::length);
+    let bend = f64::max(bend[0], bend[1]);
+    let density = dicing.density_of(from.truncate(), to.truncate());
+    if !(density > 0.0) {
+        return UNSEEN_PIECES << level.min(3);
+    }
+    let for_shape = (bend * density / (8.0 * TOLERANCE * dicing.pixels)).sqrt();
+    let turn = if from.w.max(to.w) * density > THICK { THICK_TURN } else { THIN_TURN };
+    let speed = from.truncate().distance(to.truncate());
+    // The curve turns by about its second derivative over its speed; back on itself, by half a turn and more.
+    let for_turn = f64::min(bend / speed, 2.0 * std::f64::consts::PI) / turn;
+    let wanted = for_shape.max(for_turn).ceil().clamp(1.0, f64::from(MOST_PIECES));
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 1 and 64; NaN gives 0")]
+    let wanted = wanted as u32;
+    wanted.clamp(1, MOST_PIECES)
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
+fn stencil(segment: &Segment, weights: [f64; 4], number: usize, t: f64, curve: &Curve<'_>) -> Stencil {
+    let vertex = |k: usize| {
+        let at = segment.vertices.get(k).and_then(|&v| curve.vertices.get(v)).copied().unwrap_or(0);
+        (at, weights.get(k).copied().unwrap_or(0.0) as f32)
+    };
+    let (first, count) = curve.varying;
+    let varying = |k: usize| u32::try_from(first + k % count.max(1)).unwrap_or(0);
+    Stencil {
+        vertex: [0, 1, 2, 3].map(vertex),
+        varying: [varying(number), varying(number + 1)],
+        along: t as f32,
+    }
+}
+
+impl<'a> Radii<'a> {
+    fn of(primvar: Option<&'a Primvar>, dropped: &mut DroppedData) -> Self {
+        let usable = primvar.filter(|p| p.values.view().scalar(0).is_some() && p.indices.is_none());
+        dropped.primvars += u64::from(primvar.is_some() && usable.is_none());
+        let one = |p: &Primvar| if p.values.len() == 1 { Interpolation::Constant } else { p.interpolation };
+        Self {
+            interpolation: usable.map_or(Interpolation::Constant, one),
+            view: usable.map(|primvar| primvar.values.view()),
+        }
+    }
+
+    /// Radius at a vertex, or so many segments along a curve. What is missing or makes no sense has no width.
+    fn at(&self, point: usize, along: f64, curve: &Curve<'_>) -> f64 {
+        let Some(view) = &self.view else { return 0.5 * DEFAULT_WIDTH };
+        let width = |at: usize| view.scalar(at).filter(|width| is_width(*width)).unwrap_or(0.0);
+        0.5 * match self.interpolation {
+            Interpolation::Constant | Interpolation::Instance => width(0),
+            Interpolation::Uniform => width(curve.number as usize),
+            Interpolation::Vertex => width(point),
+            Interpolation::Varying | Interpolation::FaceVarying => {
+                let (first, count) = curve.varying;
+                let whole = along.floor();
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of segments")]
+                let at = whole as usize;
+                let [a, b] = [at, at + 1].map(|k| width(first + k % count.max(1)));
+                a + (b - a) * (along - whole)
+            }
+        }
+    }
+}

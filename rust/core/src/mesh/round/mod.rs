@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Curves and points: round things ([`super::LeafKind::Rounds`]), or ribbons of triangles. Pure.
+//!
+//! [`basis`] says how control points make a curve, [`curves`] cuts curves into pieces, [`values`] brings primvars along.
+//! A piece of a tube is the hull of the balls at its ends, so pieces fit without a gap, and linear curves are exact. A
+//! piece of a cubic curve is straight: [`curves`] says how far it is from the curve. A point is a ball, a piece of no
+//! length.
+
+mod basis;
+mod curves;
+mod values;
+
+use super::WantedPrimvar;
+use super::dicing::Dicing;
+use super::topology::{Face, MAX_CORNERS, MAX_COORDINATE, Topology};
+use crate::array::ArrayView;
+use crate::desc::{DroppedData, Interpolation, MeshDesc, Primvar, Shape};
+use curves::{Cut, Ribbon};
+
+/// Width of curves and points that have none.
+const DEFAULT_WIDTH: f64 = 1.0;
+
+/// Curves or points, ready to be items of an asset.
+pub(crate) struct Rounds {
+    /// A face for each piece or point, with the number of the curve or point: corners are the first end, the second and
+    /// the first again. Of ribbons: triangles.
+    pub(crate) topology: Topology,
+    /// The description with values for these.
+    pub(crate) desc: MeshDesc,
+    /// Radius at each of the topology's points; none for ribbons.
+    pub(crate) radii: Option<Vec<f32>>,
+}
+
+/// The curves or points of `desc`; `None` for a mesh.
+pub(crate) fn read_rounds(
+    desc: &MeshDesc,
+    wanted: &[WantedPrimvar],
+    dicing: &Dicing,
+    dropped: &mut DroppedData,
+) -> Option<Rounds> {
+    let view = desc.points.view();
+    let is_usable = view.is_empty() || view.vec3(0).is_some();
+    let points = |dropped: &mut DroppedData| {
+        dropped.wrong_array_types += u64::from(!is_usable);
+        dropped.oversized_meshes += u64::from(view.len() > MAX_CORNERS / 4);
+        is_usable && view.len() <= MAX_CORNERS / 4
+    };
+    match &desc.shape {
+        Shape::Mesh => None,
+        Shape::Points if points(dropped) => Some(read_points(desc, &view, dropped)),
+        Shape::Curves(curves) if points(dropped) => {
+            let cut = Cut::new(desc, curves, dicing, dropped);
+            Some(match cut.ribbon(desc, dropped) {
+                Some(ribbon) => as_ribbons(desc, wanted, &cut, &ribbon, dropped),
+                None => as_tubes(desc, wanted, cut, dropped),
+            })
+        }
+        _ => Some(nothing(desc)),
+    }
+}
+
+fn nothing(desc: &MeshDesc) -> Rounds {
+    Rounds { topology: Topology::default(), desc: desc.clone(), radii: Some(Vec::new()) }
+}
+
+/// A usable point in single precision.
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
+fn point(view: &ArrayView<'_>, at: usize) -> Option<[f32; 3]> {
+    let point = view.vec3(at)?;
+    (point.abs().max_element() <= MAX_COORDINATE && point.is_finite()).then(|| point.to_array().map(|v| v as f32))
+}
+
+/// A usable width.
+fn is_width(width: f64) -> bool {
+    (0.0..=MAX_COORDINATE).contains(&width)
+}
+
+/// Balls.
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
+fn read_points(desc: &MeshDesc, view: &ArrayView<'_>, dropped: &mut DroppedData) -> Rounds {
+    let widths = Widths::of_points(desc.widths.as_ref(), view.len(), dropped);
+    let (mut topology, mut radii) = (Topology { face_count: view.len(), ..Topology::default() }, Vec::new());
+    for (at, index) in (0..view.len()).zip(0_u32..) {
+        let width = widths.at(at);
+        radii.push((0.5 * width) as f32);
+        topology.points.push(point(view, at).unwrap_or_default());
+        if point(view, at).is_none() || !is_width(width) {
+            dropped.points += 1;
+        } else if width > 0.0 {
+            let first = u32::try_from(topology.corners.len()).unwrap_or(u32::MAX);
+            topology.faces.push(Face { index, first, count: 3, is_hole: false });
+            topology.corners.extend([index; 3]);
+        }
+    }
+    // "Uniform" is one value for all points.
+    let constant = |primvar: &Option<Primvar>| {
+        primvar.clone().map(|primvar| match primvar.interpolation {
+            Interpolation::Uniform => Primvar { interpolation: Interpolation::Constant, ..primvar },
+            _ => primvar,
+        })
+    };
+    let mut desc = MeshDesc { normals: None, ..desc.clone() };
+    desc.display_color = constant(&desc.display_color);
+    desc.display_opacity = constant(&desc.display_opacity);
+    for named in &mut desc.primvars {
+        if named.primvar.interpolation == Interpolation::Uniform {
+            named.primvar.interpolation = Interpolation::Constant;
+        }
+    }
+    Rounds { topology, desc, radii: Some(radii) }
+}
+
+/// Widths by point.
+enum Widths<'a> {
+    Constant(f64),
+    ByPoint(ArrayView<'a>),
+}
+
+impl<'a> Widths<'a> {
+    fn of_points(primvar: Option<&'a Primvar>, points: usize, dropped: &mut DroppedData) -> Self {
+        let Some(primvar) = primvar else { return Self::Constant(DEFAULT_WIDTH) };
+        let view = primvar.values.view();
+        let is_one = matches!(primvar.interpolation, Interpolation::Constant | Interpolation::Uniform) || view.len() == 1;
+        match view.scalar(0) {
+            Some(width) if is_one => Self::Constant(width),
+            Some(_) if view.len() >= points && primvar.indices.is_none() => Self::ByPoint(view),
+            _ => {
+                dropped.primvars += 1;
+                Self::Constant(DEFAULT_WIDTH)
+            }
+        }
+    }
+
+    fn at(&self, point: usize) -> f64 {
+        match self {
+            Self::Constant(width) => *width,
+            Self::ByPoint(view) => view.scalar(point).unwrap_or(f64::NAN),
+        }
+    }
+}
+
+/// Pieces as hulls of balls.
+fn as_tubes(desc: &MeshDesc, wanted: &[WantedPrimvar], cut: Cut, dropped: &mut DroppedData) -> Rounds {
+    let mut topology = Topology { face_count: cut.curve_count, ..Topology::default() };
+    for piece in &cut.pieces {
+        let [a, b] = piece.ends;
+        let is_seen = piece.ends.iter().any(|&end| cut.radii.get(end as usize).is_some_and(|&radius| radius > 0.0));
+        if let (true, Ok(first)) = (is_seen, u32::try_from(topology.corners.len())) {
+            topology.faces.push(Face { index: piece.curve, first, count: 3, is_hole: false });
+            topology.corners.extend([a, b, a]);
+        }
+    }
+    let desc = values::on_curves(desc, wanted, &cut, 1, dropped);
+    topology.points = cut.points;
+    Rounds { topology, desc, radii: Some(cut.radii) }
+}
+
+/// Pieces as two triangles each, across the normals. The two points of an end have the values of the end.
+fn as_ribbons(
+    desc: &MeshDesc,
+    wanted: &[WantedPrimvar],
+    cut: &Cut,
+    ribbon: &Ribbon,
+    dropped: &mut DroppedData,
+) -> Rounds {
+    let mut topology = Topology { face_count: cut.curve_count, points: ribbon.points.clone(), ..Topology::default() };
+    for piece in &cut.pieces {
+        let [a, b] = piece.ends.map(|end| 2 * end);
+        // Right-handed around the normals.
+        for corners in [[a, b + 1, b], [a, a + 1, b + 1]] {
+            let Ok(first) = u32::try_from(topology.corners.len()) else { continue };
+            topology.faces.push(Face { index: piece.curve, first, count: 3, is_hole: false });
+            topology.corners.extend(corners);
+        }
+    }
+    let mut desc = values::on_curves(desc, wanted, cut, 2, dropped);
+    desc.normals = Some(ribbon.normals.clone());
+    Rounds { topology, desc, radii: None }
+}

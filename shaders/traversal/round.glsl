@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+// Ray against the hull of two balls: a piece of a curve, or a point. The hull is convex, so a line enters and leaves it
+// once. Its surface is that of a cone between the circles where it touches the balls, and of the balls beyond them; and
+// all of both balls is inside. So the entry is the least of what the balls and the cone say, the exit the largest, and
+// nothing has to be decided about where a ball ends: pieces that share a ball leave no gap.
+//
+// The cone in terms of the distance s along the axis, from the first centre: the ball around the centre at u * axis has
+// radius r0 + u (r1 - r0); the envelope of these balls is at the distance (L r0 + (r1 - r0) s) / sqrt(g) from the axis,
+// g = L^2 - (r1 - r0)^2, and touches the ball u = (L s + (r1 - r0) r0) / g. (Barr 1984, "Global and local deformations of
+// solid primitives", has the envelope; the terms here are kept apart along and across the axis, so that a piece that is
+// much longer than thick keeps its digits.)
+#ifndef OOCPT_ROUND_GLSL
+#define OOCPT_ROUND_GLSL
+
+struct RoundHit {
+    float entry;
+    float entry_u;
+    float exit;
+    float exit_u;
+};
+
+void note_round(inout RoundHit hit, float t, float u) {
+    if (t < hit.entry) {
+        hit.entry = t;
+        hit.entry_u = u;
+    }
+    if (t > hit.exit) {
+        hit.exit = t;
+        hit.exit_u = u;
+    }
+}
+
+// `c`: from the centre to the ray's origin; dd: |d|^2. What is left across the ray keeps its digits.
+void meet_ball(inout RoundHit hit, vec3 c, float radius, vec3 d, float dd, float u) {
+    const float b = dot3(c, d) / dd;
+    const vec3 across = c - b * d;
+    const float rest = (radius - sqrt(dot3(across, across))) * (radius + sqrt(dot3(across, across)));
+    if (!(rest >= 0.0) || !(radius > 0.0)) return;
+    const float half_chord = sqrt(rest / dd);
+    note_round(hit, -b - half_chord, u);
+    note_round(hit, -b + half_chord, u);
+}
+
+// Sets the distance, in units of d, to where the ray enters the hull, or leaves it if the ray begins inside, and the
+// ball u in [0, 1] that touches the hull there; true if it does. NaN is no hit.
+bool hit_round(vec3 p0, vec3 p1, float r0, float r1, vec3 o, vec3 d, out float t, out float u) {
+    t = 0.0;
+    u = 0.0;
+    const float dd = dot3(d, d);
+    const vec3 axis = p1 - p0;
+    // From here on, distances along the ray are from the point nearest to the middle.
+    const vec3 from = o - p0;
+    const float nearest = dot3(0.5 * axis - from, d) / dd;
+    const vec3 c = from + nearest * d;
+    RoundHit hit = RoundHit(3.0e38, 0.0, -3.0e38, 0.0);
+    meet_ball(hit, c, r0, d, dd, 0.0);
+    const float squared = dot3(axis, axis);
+    if (squared > 0.0) {
+        meet_ball(hit, c - axis, r1, d, dd, 1.0);
+        const float taper = r1 - r0;
+        const float g = squared - taper * taper;
+        if (g > 1.0e-6 * squared) {
+            const float len = sqrt(squared);
+            const vec3 along = axis / len;
+            const float cs = dot3(c, along);
+            const float ds = dot3(d, along);
+            const vec3 ca = c - cs * along;
+            const vec3 da = d - ds * along;
+            const float root = inversesqrt(g);
+            const float slope = taper * root;
+            const float radius = (len * r0 + taper * cs) * root;
+            const float a = dot3(da, da) - slope * slope * ds * ds;
+            const float b = dot3(ca, da) - slope * ds * radius;
+            const float size = sqrt(dot3(ca, ca));
+            const float k = (size - radius) * (size + radius);
+            const float rest = b * b - a * k;
+            if (rest >= 0.0 && abs(a) > 1.0e-12 * dd) {
+                const float h = sqrt(rest);
+                for (uint i = 0u; i < 2u; ++i) {
+                    const float at = (i == 0u ? -b - h : -b + h) / a;
+                    const float s = cs + at * ds;
+                    const float ball = (len * s + taper * r0) / g;
+                    if (ball >= 0.0 && ball <= 1.0 && r0 + ball * taper >= 0.0) note_round(hit, at, ball);
+                }
+            }
+        }
+    }
+    if (!(hit.entry <= hit.exit)) return false;
+    const bool inside = !(nearest + hit.entry > 0.0);
+    t = nearest + (inside ? hit.exit : hit.entry);
+    u = inside ? hit.exit_u : hit.entry_u;
+    return t > 0.0;
+}
+
+#endif
