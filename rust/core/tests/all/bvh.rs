@@ -2,12 +2,13 @@
 //! Mesh hierarchies: invariants, their checker, and a walk against brute force.
 
 use glam::Vec3;
+use oocpt_core::mesh::LeafKind;
 use oocpt_core::mesh::bvh::{MAX_DEPTH, MAX_LEAF_TRIANGLES, build_bvh};
 use oocpt_core::{Bvh2, BvhError, Triangle};
 use proptest::prelude::*;
 
 fn ordered(triangles: &[Triangle]) -> (Bvh2, Vec<Triangle>) {
-    let (bvh, order) = build_bvh(triangles);
+    let (bvh, order) = build_bvh(triangles, LeafKind::Triangles);
     let ordered = order.iter().map(|&i| triangles[i as usize]).collect();
     (bvh, ordered)
 }
@@ -33,7 +34,7 @@ proptest! {
     fn every_triangle_is_in_one_leaf_in_exact_boxes(n in 1_u32..400, spread in prop_oneof![Just(0.0_f32), Just(30.0)]) {
         let triangles = soup(n, spread);
         let (bvh, ordered) = ordered(&triangles);
-        prop_assert_eq!(bvh.validate(&ordered), Ok(()));
+        prop_assert_eq!(bvh.validate(&ordered, LeafKind::Triangles), Ok(()));
         let mut faces: Vec<u32> = ordered.iter().map(|t| t.face).collect();
         faces.sort_unstable();
         prop_assert!(faces.iter().copied().eq(0..n));
@@ -45,14 +46,14 @@ fn tiny_meshes_have_one_node_and_perhaps_no_second_child() {
     let (bvh, ordered) = ordered(&soup(1, 1.0));
     assert_eq!((bvh.nodes.len(), bvh.depth, bvh.nodes[0].count), (1, 1, [1, 0]));
     assert!(bvh.nodes[0].bounds(1).is_empty());
-    assert_eq!(bvh.validate(&ordered), Ok(()));
+    assert_eq!(bvh.validate(&ordered, LeafKind::Triangles), Ok(()));
 }
 
 #[test]
 fn identical_triangles_stay_shallow() {
     let triangles = vec![soup(1, 1.0)[0]; 5000];
     let (bvh, ordered) = ordered(&triangles);
-    assert_eq!(bvh.validate(&ordered), Ok(()));
+    assert_eq!(bvh.validate(&ordered, LeafKind::Triangles), Ok(()));
     assert!(bvh.depth <= MAX_DEPTH, "{}", bvh.depth);
 }
 
@@ -66,7 +67,7 @@ fn adversarial_meshes_stay_within_the_stack() {
         })
         .collect();
     let (bvh, ordered) = ordered(&triangles);
-    assert_eq!(bvh.validate(&ordered), Ok(()));
+    assert_eq!(bvh.validate(&ordered, LeafKind::Triangles), Ok(()));
     assert!(bvh.depth <= MAX_DEPTH, "{}", bvh.depth);
 }
 
@@ -76,7 +77,7 @@ fn the_checker_sees_each_planted_error() {
     let with = |change: &dyn Fn(&mut Bvh2)| {
         let mut bvh = good.clone();
         change(&mut bvh);
-        bvh.validate(&ordered)
+        bvh.validate(&ordered, LeafKind::Triangles)
     };
     let leaf = good.nodes.iter().position(|n| n.count[0] > 0).unwrap();
     let inner = good.nodes.iter().position(|n| n.count[1] == 0).unwrap();

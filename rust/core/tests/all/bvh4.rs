@@ -2,7 +2,7 @@
 //! The four-wide hierarchies of meshes: invariants, their checker, boxes of any size, and a walk against brute force.
 
 use glam::DVec3;
-use oocpt_core::mesh::build_box_bvh;
+use oocpt_core::mesh::{LeafKind, build_box_bvh};
 use oocpt_core::mesh::bvh4::{ABSENT, Bvh4, Child, LEAF, build_bvh4, level_nodes};
 use oocpt_core::{Aabb, BvhError, Triangle};
 use proptest::prelude::*;
@@ -10,7 +10,7 @@ use proptest::prelude::*;
 use crate::bvh::{expect_brute_force, hit, soup};
 
 fn ordered(triangles: &[Triangle]) -> (Bvh4, Vec<Triangle>) {
-    let (bvh, order) = build_bvh4(triangles);
+    let (bvh, order) = build_bvh4(triangles, LeafKind::Triangles);
     let ordered = order.iter().map(|&i| triangles[i as usize]).collect();
     (bvh, ordered)
 }
@@ -36,7 +36,7 @@ proptest! {
         shift in prop_oneof![Just(0.0_f32), Just(-1e7), Just(1e30)],
     ) {
         let (bvh, ordered) = ordered(&placed(n, [x, y, 1.0], shift));
-        prop_assert_eq!(bvh.validate(&ordered), Ok(()));
+        prop_assert_eq!(bvh.validate(&ordered, LeafKind::Triangles), Ok(()));
         let mut faces: Vec<u32> = ordered.iter().map(|t| t.face).collect();
         faces.sort_unstable();
         prop_assert!(faces.iter().copied().eq(0..n));
@@ -49,7 +49,7 @@ fn a_triangle_alone_is_the_only_child() {
     assert_eq!((bvh.nodes.len(), bvh.stack), (1, 0));
     assert_eq!(bvh.nodes[0].child(0), Child::Leaf { first: 0, count: 1 });
     assert!((1..4).all(|at| bvh.nodes[0].child(at) == Child::Absent));
-    assert_eq!(bvh.validate(&ordered), Ok(()));
+    assert_eq!(bvh.validate(&ordered, LeafKind::Triangles), Ok(()));
 }
 
 #[test]
@@ -67,7 +67,7 @@ fn boxes_as_large_and_as_flat_as_single_precision_allows() {
     for s in [f32::MAX, f32::MIN_POSITIVE, 1.0] {
         let triangles = vec![corner(s), corner(0.5 * s), corner(0.25 * s), corner(0.75 * s)];
         let (bvh, ordered) = ordered(&triangles);
-        assert_eq!(bvh.validate(&ordered), Ok(()), "{s}");
+        assert_eq!(bvh.validate(&ordered, LeafKind::Triangles), Ok(()), "{s}");
         assert!((0..3).all(|axis| bvh.nodes[0].cell(axis) >= f64::from(f32::MIN_POSITIVE)), "{s}: {:?}", bvh.nodes[0]);
     }
 }
@@ -78,7 +78,7 @@ fn the_checker_sees_each_planted_error() {
     let with = |change: &dyn Fn(&mut Bvh4)| {
         let mut bvh = good.clone();
         change(&mut bvh);
-        bvh.validate(&ordered)
+        bvh.validate(&ordered, LeafKind::Triangles)
     };
     let leaf = good.nodes.iter().position(|n| matches!(n.child(0), Child::Leaf { .. })).unwrap();
     assert_eq!(with(&|_| ()), Ok(()));

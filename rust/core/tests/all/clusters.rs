@@ -56,10 +56,10 @@ fn check(mesh: &MeshAsset, clusters: &[&MeshAsset], max_bytes: u64) -> Result<()
     prop_assert_eq!(looks(clusters.iter().copied()), looks([mesh]), "every triangle once, with all its bits");
     let mut keys: Vec<u128> = clusters.iter().map(|c| c.key).collect();
     for cluster in clusters {
-        prop_assert_eq!(cluster.bvh.validate(&cluster.triangles), Ok(()), "the hierarchy");
+        prop_assert_eq!(cluster.bvh.validate(&cluster.triangles, cluster.kind), Ok(()), "the hierarchy");
         let bytes = cluster.device_bytes();
         prop_assert!(bytes <= max_bytes || cluster.triangles.len() == 1, "{bytes} bytes of {max_bytes}");
-        let bounds = cluster.triangles.iter().fold(Aabb::EMPTY, |b, t| b.union(&t.bounds()));
+        let bounds = cluster.triangles.iter().fold(Aabb::EMPTY, |b, t| b.union(&t.bounds(cluster.kind)));
         prop_assert_eq!(cluster.bounds, bounds, "the box");
         let flags = |m: &MeshAsset| (m.double_sided, m.left_handed);
         prop_assert_eq!(flags(cluster), flags(mesh), "the flags");

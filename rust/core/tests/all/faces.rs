@@ -109,7 +109,7 @@ proptest! {
         // Equal area and equal area vector: no overlap, no fold.
         prop_assert!((area(&asset) - newell.length()).abs() < 1e-4 * newell.length());
         prop_assert!((area_vector(&asset) - newell).length() < 1e-4 * newell.length());
-        prop_assert_eq!(asset.bvh.validate(&asset.triangles), Ok(()));
+        prop_assert_eq!(asset.bvh.validate(&asset.triangles, asset.kind), Ok(()));
     }
 
     #[test]
@@ -202,7 +202,7 @@ fn small_and_large_meshes_keep_their_triangles() {
             assert_eq!(asset.triangles.len(), whole.triangles.len(), "scale {scale}: triangles");
             let wanted = area(&whole) * scale * scale;
             assert!((area(&asset) - wanted).abs() < 1e-5 * wanted, "scale {scale}: {} of {wanted}", area(&asset));
-            assert_eq!(asset.bvh.validate(&asset.triangles), Ok(()), "scale {scale}: the hierarchy");
+            assert_eq!(asset.bvh.validate(&asset.triangles, asset.kind), Ok(()), "scale {scale}: the hierarchy");
             let normals = asset.normals.iter().flat_map(|a| &a.values);
             let lengths = normals.map(|n| Vec3::from(*n).length());
             assert!(lengths.into_iter().all(|l| (l - 1.0).abs() < 1e-5), "scale {scale}: unit normals");

@@ -51,6 +51,7 @@ mod primvar_uses;
 mod primvars;
 mod ptex;
 mod refine;
+mod round;
 #[cfg(test)]
 mod samplers;
 #[cfg(test)]

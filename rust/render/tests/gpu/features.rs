@@ -11,7 +11,7 @@ use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::array::TypedArray;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::scene::{
-    Interpolation, LightDesc, LightKind, MeshDesc, NamedPrimvar, ParamValue, Primvar, SceneDb, Shaping, Subdivision,
+    Interpolation, LightDesc, LightKind, MeshDesc, NamedPrimvar, ParamValue, Primvar, SceneDb, Shape, Shaping, Subdivision,
 };
 use oocpt_core::settings::Settings;
 use oocpt_core::{DomeFormat, Element};
@@ -135,6 +135,7 @@ const BARE: Row = Row {
 #[rustfmt::skip]
 const ROWS: &[Row] = &[
     Row { what: "a dome", build: |db| lit(db, dome([1.0; 3])), features: &["DOME", "DOME_SHADOW_RAYS"], ..BARE },
+    Row { what: "points", build: |db| db.upsert_mesh(MeshDesc { shape: Shape::Points, ..bare("/board") }), features: &["ROUND"], ..BARE },
     Row { what: "a sun", build: |db| lit(db, sun(1.0, 1.0, DMat4::IDENTITY)), features: &["DISTANT"], ..BARE },
     Row { what: "normals", build: |db| db.upsert_mesh(MeshDesc { subdivision: Subdivision::CatmullClark, ..bare("/board") }),
           features: &["NORMALS"], buffers: &["mesh normals", "mesh corners"], ..BARE },

@@ -20,6 +20,7 @@ mod last_bounce;
 mod lights;
 mod materials;
 mod passes;
+mod round;
 mod scenes;
 mod streaming;
 mod support;

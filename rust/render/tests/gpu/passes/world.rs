@@ -4,7 +4,7 @@
 
 use glam::{DAffine3, DQuat, DVec3};
 use oocpt_core::mesh::bvh4::build_bvh4;
-use oocpt_core::mesh::{LevelNode, build_box_bvh, level_nodes};
+use oocpt_core::mesh::{LeafKind, LevelNode, build_box_bvh, level_nodes};
 use oocpt_core::{Aabb, Triangle};
 use oocpt_gpu::{Buffer, Gpu, Usage};
 use oocpt_shader_abi::{
@@ -162,7 +162,7 @@ impl Scene {
             let [v0, v1, v2] = [(); 3].map(|()| (at + 0.6 * random.point()).as_vec3().to_array());
             triangles.push(Triangle { vertices: [v0, v1, v2], face });
         }
-        let (bvh, order) = build_bvh4(&triangles);
+        let (bvh, order) = build_bvh4(&triangles, LeafKind::Triangles);
         let ordered = order.iter().map(|&at| {
             let Triangle { vertices: [v0, v1, v2], face } = triangles[at as usize];
             GpuTriangle { v0, face, v1, subset_and_sides: 0, v2, ptex: 0 }

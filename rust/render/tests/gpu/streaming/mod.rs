@@ -101,6 +101,11 @@ fn bulbs() {
 }
 
 #[test]
+fn curves_and_points_are_the_same_at_every_budget() {
+    same_bits(&SCENES[9]);
+}
+
+#[test]
 fn coloured_instances() {
     same_bits(&SCENES[7]);
 }

@@ -2,9 +2,11 @@
 //! Scenes of many small chunks, each with another way to go wrong.
 
 use crate::lights::TestFiles;
-use crate::scenes::{dome, glow, instanced, instancer, mesh, prim, sphere, square, sun};
+use crate::scenes::{constant, dome, glow, instanced, instancer, mesh, prim, sphere, square, sun};
 use glam::{DMat4, DQuat, DVec3};
-use oocpt_core::scene::{InstancerDesc, Interpolation, MeshDesc, NamedPrimvar, Primvar, SceneDb};
+use oocpt_core::scene::{
+    CurveBasis, CurveWrap, CurvesDesc, InstancerDesc, Interpolation, MeshDesc, NamedPrimvar, Primvar, SceneDb, Shape,
+};
 use oocpt_core::{DomeFormat, LightDesc, LightKind, Shaping, TypedArray};
 
 /// A scene, where its camera stands and what it looks at.
@@ -16,7 +18,7 @@ pub(crate) struct Scene {
 }
 
 /// All of them.
-pub(crate) const SCENES: [Scene; 9] = [
+pub(crate) const SCENES: [Scene; 10] = [
     Scene { name: "flat", build: flat, eye: DVec3::new(6.0, 5.0, 12.0), target: DVec3::ZERO },
     Scene { name: "nested", build: nested, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO },
     Scene { name: "overlapping chunks", build: overlapping, eye: DVec3::new(0.0, 2.0, 11.0), target: DVec3::ZERO },
@@ -26,6 +28,7 @@ pub(crate) const SCENES: [Scene; 9] = [
     Scene { name: "lamps under a sky", build: lamps, eye: DVec3::new(6.0, 5.0, 12.0), target: DVec3::ZERO },
     Scene { name: "coloured instances", build: coloured, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO },
     Scene { name: "bulbs", build: bulbs, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO },
+    Scene { name: "fur and spray", build: fur, eye: DVec3::new(3.0, 3.0, 9.0), target: DVec3::ZERO },
 ];
 
 /// Numbers between 0 and 1 that only depend on `i` (the R2 sequence and one more).
@@ -54,6 +57,43 @@ fn flat(db: &mut SceneDb) {
         let albedo = 0.3 + 0.01 * f32::from(u8::try_from(i).expect("small"));
         db.upsert_mesh(sphere(prim(&format!("/ball_{i}"), place), 10 + i32::try_from(i).expect("small"), 6, albedo));
     }
+}
+
+/// Cubic curves of many pieces, in clusters and in instances, and points.
+fn fur(db: &mut SceneDb) {
+    lights(db);
+    ground(db, 12.0, -1.2);
+    let roots = 0..600_u32;
+    let along = |i: u32, k: u32| {
+        let root = (scattered(i) - 0.5) * DVec3::new(5.0, 0.0, 5.0) - DVec3::Y;
+        let bend = (scattered(i + 3000) - 0.5) * 0.4 * f64::from(k * k);
+        (root + bend + DVec3::Y * 0.4 * f64::from(k)).as_vec3().to_array()
+    };
+    let curves = CurvesDesc {
+        basis: CurveBasis::BSpline,
+        wrap: CurveWrap::Pinned,
+        counts: TypedArray::of(vec![4_i32; 600]),
+        indices: None,
+    };
+    let hair = MeshDesc {
+        shape: Shape::Curves(curves),
+        points: TypedArray::of::<[f32; 3]>(roots.flat_map(|i| (0..4).map(move |k| along(i, k))).collect()),
+        widths: constant(0.05_f32),
+        ..mesh(prim("/hair", DMat4::IDENTITY), 2, Vec::new(), &[], 0.4)
+    };
+    let tufts: Vec<_> = (0..30)
+        .map(|i| ((scattered(i) - 0.5) * DVec3::new(9.0, 1.0, 9.0), DQuat::IDENTITY, DVec3::splat(0.3)))
+        .collect();
+    db.upsert_instancer(instancer(prim("/tufts", DMat4::IDENTITY), "/tufts/hair", &tufts));
+    db.upsert_mesh(MeshDesc { prim: instanced(prim("/tufts/hair", DMat4::IDENTITY), "/tufts"), ..hair.clone() });
+    db.upsert_mesh(hair);
+    let spray = (0..900).map(|i| ((scattered(i) - 0.5) * DVec3::new(6.0, 4.0, 6.0)).as_vec3().to_array());
+    db.upsert_mesh(MeshDesc {
+        shape: Shape::Points,
+        points: TypedArray::of::<[f32; 3]>(spray.collect()),
+        widths: constant(0.09_f32),
+        ..mesh(prim("/spray", DMat4::IDENTITY), 3, Vec::new(), &[], 0.8)
+    });
 }
 
 /// Clumps of hundreds of balls, too large to be loaded whole.
