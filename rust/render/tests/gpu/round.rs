@@ -63,21 +63,44 @@ fn ball(center: DVec3, radius: f64, o: DVec3, d: DVec3) -> Option<f64> {
     (rest >= 0.0).then(|| (along - (rest * squared).sqrt()) / squared)
 }
 
-/// Where the ray first meets the balls between both ends, and their number there: the least over a fine grid, made
-/// better by halving around it.
+/// Where a convex function on an interval is least, by thirds.
+fn least(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
+    for _ in 0..70 {
+        let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
+        if f(a) < f(b) { high = b } else { low = a }
+    }
+    0.5 * (low + high)
+}
+
+/// Where the ray first meets the balls between both ends, and the number of that ball. How far a ball is from the line
+/// is convex along the piece, and so is where the line enters those that it meets: the hull is convex.
 fn hull(piece: &Piece, o: DVec3, d: DVec3) -> Option<(f64, f64)> {
     let [(p0, r0), (p1, r1)] = *piece;
-    let at = |u: f64| ball(p0 + (p1 - p0) * u, r0 + (r1 - r0) * u, o, d).map(|t| (t, u));
-    let best = |low: f64, high: f64, count: u32| {
-        let steps = (0..=count).map(|k| low + (high - low) * f64::from(k) / f64::from(count));
-        steps.filter_map(at).min_by(|a, b| a.0.total_cmp(&b.0))
-    };
-    let (mut found, mut step) = (best(0.0, 1.0, 2000)?, 1.0 / 2000.0);
-    for _ in 0..8 {
-        found = best((found.1 - step).max(0.0), (found.1 + step).min(1.0), 16)?;
-        step /= 8.0;
+    let center = |u: f64| p0 + (p1 - p0) * u;
+    let radius = |u: f64| r0 + (r1 - r0) * u;
+    let across = |p: DVec3| ((p - o) - d * ((p - o).dot(d) / d.length_squared())).length();
+    if across(center(0.5)) > 0.5 * p0.distance(p1) + r0.max(r1) {
+        return None;
     }
-    Some(found)
+    let beside = |u: f64| across(center(u)) - radius(u);
+    let deepest = least(0.0, 1.0, beside);
+    if beside(deepest) > 0.0 {
+        return None;
+    }
+    let edge = |mut outside: f64, mut inside: f64| {
+        if beside(outside) <= 0.0 {
+            return outside;
+        }
+        for _ in 0..60 {
+            let middle = 0.5 * (outside + inside);
+            if beside(middle) <= 0.0 { inside = middle } else { outside = middle }
+        }
+        inside
+    };
+    let at = |u: f64| ball(center(u), radius(u), o, d).unwrap_or(f64::INFINITY);
+    let u = least(edge(0.0, deepest), edge(1.0, deepest), at);
+    let ends = [0.0, 1.0, u, deepest].map(|u| (at(u), u));
+    ends.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).filter(|(t, _)| t.is_finite())
 }
 
 /// Origin and direction of the ray through a pixel's centre; the direction is one unit along the view.

@@ -24,7 +24,7 @@ const THIN_TURN: f64 = 0.8;
 /// Pieces of a cubic segment where no camera says how many.
 const UNSEEN_PIECES: u32 = 8;
 /// Most pieces of a segment.
-const MOST_PIECES: u32 = 64;
+const MOST_PIECES: u32 = 256;
 
 /// A straight piece between two of the cut's points.
 #[derive(Clone, Copy, Debug)]
@@ -122,6 +122,7 @@ impl Cut {
                 cut.add(&curve, curves, &segments, &points, &radii, dicing, desc.refine_level);
             }
         }
+        dropped.primvars += u64::from(radii.is_short(counts.len(), points.len(), cut.varying_count));
         if cut.points.iter().flatten().chain(&cut.radii).any(|v| !v.is_finite()) {
             dropped.curves += cut.curve_count as u64;
             return Self { curve_count: cut.curve_count, varying_count: cut.varying_count, ..Self::default() };
@@ -239,7 +240,7 @@ fn pieces(
     // The curve turns by about its second derivative over its speed; back on itself, by half a turn and more.
     let for_turn = f64::min(bend / speed, 2.0 * std::f64::consts::PI) / turn;
     let wanted = for_shape.max(for_turn).ceil().clamp(1.0, f64::from(MOST_PIECES));
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 1 and 64; NaN gives 0")]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 1 and MOST_PIECES; NaN gives 0")]
     let wanted = wanted as u32;
     wanted.clamp(1, MOST_PIECES)
 }
@@ -270,10 +271,22 @@ impl<'a> Radii<'a> {
         }
     }
 
-    /// Radius at a vertex, or so many segments along a curve. What is missing or makes no sense has no width.
+    /// True where there are fewer widths than the interpolation needs.
+    fn is_short(&self, curves: usize, points: usize, ends: usize) -> bool {
+        let needed = match self.interpolation {
+            Interpolation::Constant | Interpolation::Instance => 1,
+            Interpolation::Uniform => curves,
+            Interpolation::Vertex => points,
+            Interpolation::Varying | Interpolation::FaceVarying => ends,
+        };
+        self.view.is_some_and(|view| view.len() < needed)
+    }
+
+    /// Radius at a vertex, or so many segments along a curve. What is missing is as wide as the first, what makes no
+    /// sense has no width.
     fn at(&self, point: usize, along: f64, curve: &Curve<'_>) -> f64 {
         let Some(view) = &self.view else { return 0.5 * DEFAULT_WIDTH };
-        let width = |at: usize| view.scalar(at).filter(|width| is_width(*width)).unwrap_or(0.0);
+        let width = |at: usize| view.scalar(at).or(view.scalar(0)).filter(|width| is_width(*width)).unwrap_or(0.0);
         0.5 * match self.interpolation {
             Interpolation::Constant | Interpolation::Instance => width(0),
             Interpolation::Uniform => width(curve.number as usize),
