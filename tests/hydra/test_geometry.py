@@ -172,8 +172,8 @@ def test_millimetres_at_ten_thousand_kilometres(host):
 
 
 def test_implicit_shapes_are_where_they_should_be(host):
-    """The cages that Hydra makes of them: inside the true shape by little; depth, and the picture's outline, within the
-    error of the polygons."""
+    """The cages that Hydra makes of most are inside the true shape by little: depth, and the picture's outline, within
+    the error of the polygons."""
     stage = small.build(small.implicit)
     size = (180, 180)
     with host.open(stage, size, aovs=AOVS, settings={**QUICK, "oocpt:dicingRate": 0.0}) as view:
@@ -198,7 +198,8 @@ def test_implicit_shapes_are_where_they_should_be(host):
         both = on & np.isfinite(front)
         behind = (6.0 - picture["cameraDepth"][both]) - front[both]
         assert behind.max() <= 1e-4, f"{kind}: {behind.max()} in front of the true surface"
-        allowed = {"Cube": 1e-5, "Plane": 1e-5}.get(kind, 0.12)
+        # Spheres and capsules are what they are; of the others there are cages.
+        allowed = {"Cube": 1e-5, "Plane": 1e-5, "Sphere": 1e-5, "Capsule": 1e-5}.get(kind, 0.12)
         assert -np.median(behind) <= allowed, f"{kind}: {-np.median(behind)} behind the true surface"
 
 

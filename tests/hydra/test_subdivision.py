@@ -165,22 +165,3 @@ def test_primvars_by_corner_are_smoothed_by_their_rule(host):
         picture = host.picture(stage, SIZE, aovs=["color"], settings={**SETTINGS, "oocpt:maxBounces": 1})
         peak[rule] = picture["color"][35:37, 35:37, 0].mean()
     assert peak["none"] == pytest.approx(4 / 9, abs=0.015) and peak["all"] > 0.9, f"{peak}"
-
-
-def test_implicit_shapes_are_smooth(host):
-    """Hydra hands a sphere over as a cage, whose limit surface is smooth, and somewhat smaller than the sphere."""
-    def ball(stage):
-        UsdGeom.Sphere.Define(stage, "/World/Ball").CreateRadiusAttr(1.0)
-        small.dome(stage)
-        small.orthographic(stage, "/World/Camera", (0, 0, 6), (0, 0, 0), 2.4)
-
-    picture = host.picture(small.build(ball, DOC), SIZE, aovs=["elementId", "normal"], settings=SETTINGS)
-    y, x = np.mgrid[: SIZE[1], : SIZE[0]]
-    away = np.hypot(x - 35.5, y - 35.5)
-    outside = away[picture["elementId"] < 0].min()
-    inside = away[picture["elementId"] >= 0].max()
-    assert inside - outside < 2.0, f"a circle: pixels at {inside} are inside, at {outside} outside"
-    assert 0.9 < inside / 30.0 <= 1.0, "a little smaller than the sphere"
-    outer = (picture["elementId"] >= 0) & (away > 15)
-    radial = (picture["normal"][..., 0] * (x - 35.5) + picture["normal"][..., 1] * (y - 35.5)) / np.maximum(away, 1)
-    assert np.abs(radial[outer] - away[outer] / inside).max() < 0.1, "normals turn as those of a sphere"
