@@ -13,7 +13,7 @@ import small
 
 SIZE = (96, 96)
 WIDTH = 4.0
-SETTINGS = {"oocpt:samplesPerPixel": 1, "oocpt:maxBounces": 0}
+SETTINGS = {"oocpt:samplesPerPixel": 1, "oocpt:maxBounces": 0, "oocpt:dicingRate": 0.2}
 AOVS = ["color", "cameraDepth", "normal", "elementId", "primId"]
 DOC = "curves and points"
 EYE = 6.0
@@ -39,15 +39,26 @@ def agree(picture, front, what):
     """`front`: z of the surface at each pixel, NaN beside it."""
     on, expected = picture["primId"] >= 0, np.isfinite(front)
     assert expected.sum() > 300, f"{what}: {expected.sum()} pixels"
-    assert (on != expected).sum() <= 4, f"{what}: {(on != expected).sum()} pixels of the outline differ"
+    assert (on != expected).sum() <= 8, f"{what}: {(on != expected).sum()} pixels of the outline differ"
     both = on & expected
     off = np.abs((EYE - picture["cameraDepth"]) - front)[both]
-    assert np.quantile(off, 0.99) < 1e-3, f"{what}: {np.quantile(off, [0.5, 0.99, 1])}"
+    # Pieces are within a hundredth of a pixel, 4e-4, of their curves; depth moves by more where they are seen aslant.
+    assert np.quantile(off, 0.99) < 3e-3 and np.median(off) < 4e-4, f"{what}: {np.quantile(off, [0.5, 0.99, 1])}"
 
 
 def ball(x, y, centre, radius):
     with np.errstate(invalid="ignore"):
         return centre[2] + np.sqrt(radius**2 - (x - centre[0]) ** 2 - (y - centre[1]) ** 2)
+
+
+def smooth_but_smaller(picture, front):
+    """The old front end hands shapes over as subdivision surfaces, whose limit is inside of the shape."""
+    on, expected = picture["primId"] >= 0, np.isfinite(front)
+    assert not (on & ~expected).any(), "inside"
+    assert 0.8 < on.sum() / expected.sum() <= 1.0, f"{on.sum()} of {expected.sum()} pixels"
+    inner = on & np.roll(on, 1, 0) & np.roll(on, -1, 0) & np.roll(on, 1, 1) & np.roll(on, -1, 1)
+    turn = (picture["normal"][:, 1:] * picture["normal"][:, :-1]).sum(axis=-1)[inner[:, 1:] & inner[:, :-1]]
+    assert np.quantile(turn, 0.01) > 0.8, "normals turn smoothly"
 
 
 def test_spheres_are_exact(host):
@@ -59,6 +70,9 @@ def test_spheres_are_exact(host):
     x, y = pixels()
     picture = seen(host, build)
     front = ball(x, y, (0.3, -0.2, 0.5), 1.3)
+    if not host.scene_index:
+        smooth_but_smaller(picture, front)
+        return
     agree(picture, front, "sphere")
     on = (picture["primId"] >= 0) & np.isfinite(front)
     normal = np.stack([x - 0.3, y + 0.2, front - 0.5], axis=-1) / 1.3
@@ -79,7 +93,11 @@ def test_capsules_are_exact(host, axis):
     beyond = np.maximum(np.abs(along) - 0.8, 0)
     with np.errstate(invalid="ignore"):
         front = np.sqrt(0.7**2 - across**2 - beyond**2) + (0.8 if axis == "Z" else 0.0)
-    agree(seen(host, build), front, f"capsule along {axis}")
+    picture = seen(host, build)
+    if host.scene_index:
+        agree(picture, front, f"capsule along {axis}")
+    else:
+        smooth_but_smaller(picture, front)
 
 
 def bezier(points, t):
