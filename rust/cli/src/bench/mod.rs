@@ -3,6 +3,7 @@
 
 mod budgets;
 mod common;
+mod curves;
 mod edits;
 mod forest;
 mod island;
@@ -44,6 +45,8 @@ enum Command {
     TextureFiles(Box<texture_files::Arguments>),
     /// Instanced leaves: opaque, with an opacity picture that is opaque all over, and cut out.
     Leaves(leaves::Arguments),
+    /// Hair, points and a limit surface: rays a second, memory for each.
+    Curves(curves::Arguments),
     /// What leaving out saves: scenes by passes made for them and by passes that carry everything; the same bits.
     Specialise(specialise::Arguments),
     /// Commits flattened islands: instances a second, host bytes an instance.
@@ -62,6 +65,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Some(Command::Textures(arguments)) => textures::run(arguments),
         Some(Command::TextureFiles(arguments)) => texture_files::run(arguments),
         Some(Command::Leaves(arguments)) => leaves::run(arguments),
+        Some(Command::Curves(arguments)) => curves::run(arguments),
         Some(Command::Specialise(arguments)) => specialise::run(arguments),
         Some(Command::Partition(arguments)) => partition::run(arguments),
         Some(Command::Edits(arguments)) => edits::run(arguments),

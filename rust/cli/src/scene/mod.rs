@@ -2,6 +2,7 @@
 //! The scenes of benches and tests; `oocpt scene` writes them as USD.
 
 pub(crate) mod forest;
+pub(crate) mod fur;
 pub(crate) mod generated;
 pub(crate) mod island;
 mod lamps;

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+//! A ball with hair, a cloud of points, a creature as a subdivision surface: what leaves that are no plain triangles
+//! cost.
+
+use anyhow::Result;
+use glam::DVec3;
+use oocpt_core::array::TypedArray;
+use oocpt_core::camera::Camera;
+use oocpt_core::scene::{
+    CurveBasis, CurveWrap, CurvesDesc, Interpolation, LightDesc, MeshDesc, Primvar, SceneDb, Shape, Subdivision,
+};
+
+use super::forest::{self, grid, prim};
+use super::island::Random;
+
+/// What is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Subject {
+    /// Cubic B-splines of five points, pinned, on a ball.
+    Hair,
+    /// Balls in a box.
+    Points,
+    /// A bumpy surface of quads, cut to the dicing rate.
+    Limit,
+    /// The same quads, as they are.
+    Polygons,
+}
+
+impl Subject {
+    pub(crate) const ALL: [Self; 4] = [Self::Hair, Self::Points, Self::Limit, Self::Polygons];
+
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Hair => "hair",
+            Self::Points => "points",
+            Self::Limit => "limit surface",
+            Self::Polygons => "polygons",
+        }
+    }
+}
+
+/// Fills `db` with `count` hairs or points, or a surface of about so many quads, under a dome.
+pub(crate) fn build(db: &mut SceneDb, subject: Subject, count: u32) -> Result<()> {
+    let mut mesh = match subject {
+        Subject::Hair => hair(count),
+        Subject::Points => points(count),
+        Subject::Limit => creature(count, Subdivision::CatmullClark)?,
+        Subject::Polygons => creature(count, Subdivision::None)?,
+    };
+    mesh.prim = prim("/subject", Vec::new());
+    mesh.prim_id = 1;
+    mesh.double_sided = true;
+    db.upsert_mesh(mesh);
+    db.upsert_light(LightDesc { prim: prim("/dome", Vec::new()), ..LightDesc::default() });
+    Ok(())
+}
+
+/// A camera that the subject fills most of the picture of.
+pub(crate) fn camera(width: u32, height: u32) -> Camera {
+    forest::view(DVec3::new(0.0, 0.6, 3.6), DVec3::ZERO, width, height)
+}
+
+fn hair(count: u32) -> MeshDesc {
+    let mut random = Random::new(&[11]);
+    let mut points = Vec::new();
+    for _ in 0..count {
+        let (root, bend) = (random.direction(), random.direction() * 0.02);
+        for k in 0..5 {
+            let along = f64::from(k) * 0.06;
+            points.push((root * (0.8 + along) + bend * f64::from(k * k) * 0.4).as_vec3().to_array());
+        }
+    }
+    MeshDesc {
+        shape: Shape::Curves(CurvesDesc {
+            basis: CurveBasis::BSpline,
+            wrap: CurveWrap::Pinned,
+            counts: TypedArray::of((0..count).map(|_| 5).collect::<Vec<i32>>()),
+            indices: None,
+        }),
+        points: TypedArray::of(points),
+        widths: width(0.6 / f64::from(count.max(1)).sqrt()),
+        ..MeshDesc::default()
+    }
+}
+
+fn points(count: u32) -> MeshDesc {
+    let mut random = Random::new(&[12]);
+    let mut coordinate = || random.range(-1.0, 1.0);
+    let place = |_| DVec3::new(coordinate(), coordinate(), coordinate()).as_vec3().to_array();
+    MeshDesc {
+        shape: Shape::Points,
+        points: TypedArray::of((0..count).map(place).collect::<Vec<[f32; 3]>>()),
+        widths: width(1.0 / f64::from(count.max(1)).cbrt()),
+        ..MeshDesc::default()
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "single precision is enough")]
+fn width(width: f64) -> Option<Primvar> {
+    let values = TypedArray::of(vec![width as f32]);
+    Some(Primvar { interpolation: Interpolation::Constant, values, indices: None })
+}
+
+fn creature(count: u32, subdivision: Subdivision) -> Result<MeshDesc> {
+    let side = count.max(1).isqrt();
+    let place = |u: f64, v: f64| {
+        let (a, b) = (u * std::f64::consts::TAU, (v - 0.5) * std::f64::consts::PI);
+        let radius = 1.0 + 0.08 * (9.0 * a).sin() * (7.0 * b).cos();
+        DVec3::new(a.cos() * b.cos(), b.sin(), a.sin() * b.cos()) * radius
+    };
+    Ok(MeshDesc { subdivision, ..grid("/subject", side, side, place)? })
+}
