@@ -52,6 +52,8 @@ mod staging_space;
 mod submission;
 mod timer;
 mod validation;
+#[cfg(feature = "faults")]
+mod watch;
 
 pub use budget::MemoryUse;
 pub use buffer::Buffer;
@@ -68,3 +70,5 @@ pub use report::{DeviceKind, DeviceReport, HeapReport, enumerate, enumerate_for}
 pub use staging::{StagingRing, StagingSlice};
 pub use submission::Submission;
 pub use validation::ValidationLog;
+#[cfg(feature = "faults")]
+pub use watch::{Call, DriverMemory, Failure};

@@ -25,7 +25,8 @@ pub(crate) struct Adaptive {
     said: Buffer,
     course: Mutex<Option<Course>>,
     /// Planted: each stream decides for itself.
-    is_naive: bool,
+    #[cfg(feature = "faults")]
+    pub(crate) is_naive: bool,
 }
 
 impl Adaptive {
@@ -39,6 +40,7 @@ impl Adaptive {
             entries: Buffer::new(gpu, "entries", streams * 8, Usage::Device)?,
             said: Buffer::new(gpu, "said", streams * 4 * u64::from(RING), Usage::Device)?,
             course: Mutex::new(None),
+            #[cfg(feature = "faults")]
             is_naive: false,
         })
     }
@@ -54,8 +56,7 @@ impl Adaptive {
     }
 
     /// Begins a render with its first epoch.
-    pub(crate) fn begin(&mut self, size: [u32; 2], samples: u32, is_naive: bool) -> Result<(), RenderError> {
-        self.is_naive = is_naive;
+    pub(crate) fn begin(&mut self, size: [u32; 2], samples: u32) -> Result<(), RenderError> {
         let course = Course::new(size, samples);
         self.send(&course)?;
         *lock(&self.course) = Some(course);
@@ -68,7 +69,11 @@ impl Adaptive {
         let Some(course) = course.as_mut() else { return Ok(()) };
         let said = self.answers(course.decisive())?;
         let said = [said[0].as_slice(), said[1].as_slice()];
-        if if self.is_naive { course.advance_naively(said) } else { course.advance(said) } {
+        #[cfg(feature = "faults")]
+        let goes_on = if self.is_naive { course.advance_by(said) } else { course.advance(said) };
+        #[cfg(not(feature = "faults"))]
+        let goes_on = course.advance(said);
+        if goes_on {
             let spent = course.spent();
             tracing::debug!(?spent, bands = course.epoch().bands.len(), "next epoch");
             self.send(course)?;

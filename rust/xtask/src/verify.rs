@@ -111,8 +111,7 @@ fn python_tests(
     let mut pytest = Command::new(places.venv_python(venv));
     pytest.current_dir(&places.repo).args(["-I", "-m", "pytest", "-ra", "-v", "--import-mode=importlib"]);
     shell::apply(&shell::for_wheel(places), &mut pytest);
-    // Asking cargo for it would build it anew with the features that it has by itself.
-    pytest.env("OOCPT_CLI", places.target.join(PROFILE).join("oocpt"));
+    pytest.env("OOCPT_CLI", product::kept(places, PROFILE, product::COMMAND_FILE));
     pytest.arg(folder);
     if let Some(without) = without {
         pytest.arg("--ignore").arg(without);

@@ -8,7 +8,7 @@ use crate::support::{perspective, read, render, settings};
 use glam::{DMat4, DVec3};
 use oocpt_core::scene::SceneDb;
 use oocpt_core::settings::{Settings, Value};
-use oocpt_render::{AovKind, RenderRequest, Session, SessionOptions};
+use oocpt_render::{AovKind, Faults, RenderRequest, Session, SessionOptions};
 
 /// Mean of `(x - r)^2 / (r^2 + 0.01)` over pixels and colour channels.
 fn rel_mse(picture: &[f32], reference: &[f64]) -> f64 {
@@ -98,8 +98,9 @@ fn regions(pictures: &[Vec<f32>], size: [u32; 2]) -> Vec<(f64, f64)> {
     regions.iter().map(of).collect()
 }
 
-fn adaptive_pictures(build: fn(&mut SceneDb), view: &RenderRequest, plant_naive_sampling: bool) -> Vec<Vec<f32>> {
-    let options = SessionOptions { plant_naive_sampling, ..SessionOptions::default() };
+fn adaptive_pictures(build: fn(&mut SceneDb), view: &RenderRequest, naive_sampling: bool) -> Vec<Vec<f32>> {
+    let faults = Faults { naive_sampling, ..Faults::default() };
+    let options = SessionOptions { faults, ..SessionOptions::default() };
     let session = open(adaptive(64, 2), options, build);
     (0..128).map(|seed| picture(&session, view, seed)).collect()
 }

@@ -7,9 +7,10 @@ use super::*;
 macro_rules! constants {
     (@value $name:ident) => { $name };
     (@value $name:ident = $value:expr) => { $value };
-    ($($name:ident $(= $value:expr)?;)+) => {
+    ($($(#[$only:meta])* $name:ident $(= $value:expr)?;)+) => {
         /// Name and value of every `const uint` that the build writes for the shaders.
-        pub const CONSTANTS: &[(&str, u32)] = &[$((stringify!($name), constants!(@value $name $(= $value)?)),)+];
+        pub const CONSTANTS: &[(&str, u32)] =
+            &[$($(#[$only])* (stringify!($name), constants!(@value $name $(= $value)?)),)+];
     };
 }
 
@@ -58,7 +59,10 @@ constants! {
     ESTIMATE_FIRST;
     MAX_DIRECT_GROUPS;
     WORKGROUP_SIZE;
-    FAULT_SKIP_DEFERRED;
+    #[cfg(feature = "faults")]
+    FAULT_ONE_IN;
+    #[cfg(feature = "faults")]
+    FAULT_ALL;
 
     TARGET_ASSEMBLY;
     RATE_CONSTANT = AttributeRate::Constant as u32;

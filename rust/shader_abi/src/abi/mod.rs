@@ -21,10 +21,12 @@ pub use constants::CONSTANTS;
 pub use features::{CarryRule, FEATURES, Feature, Features, SPEC_FEATURES, SPEC_FEATURES_HIGH};
 pub use film::{ERROR_GROUPS, ErrorSums, FilmPixel, aov_bytes};
 pub use frame::{
-    AOV_ESCAPED, AOV_SURFACES, Adaptive, AovClear, AovTargets, FAULT_SKIP_DEFERRED, Frame, FrameFlags,
-    MAX_DIRECT_GROUPS, PREPARE_DEMAND, PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, SCAN_BLOCK, SCAN_BLOCKS,
-    SCAN_SUMS, SPEC_FAULT, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
+    AOV_ESCAPED, AOV_SURFACES, Adaptive, AovClear, AovTargets, Frame, FrameFlags, MAX_DIRECT_GROUPS, PREPARE_DEMAND,
+    PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, SCAN_BLOCK, SCAN_BLOCKS, SCAN_SUMS, SPEC_MAX_LEVELS,
+    SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
 };
+#[cfg(feature = "faults")]
+pub use frame::{FAULT_ALL, FAULT_ONE_IN, SPEC_FAULT};
 pub use layout::{LAYOUTS, MemberLayout, StructLayout};
 pub use lbvh::{LbvhBounds, LbvhNode, LbvhPush};
 pub use light::{

@@ -4,11 +4,11 @@
 //! roulette's own.
 
 use super::scenes::{SCENES, Scene};
-use super::{TestFiles, options, percent, request_of, small_chunks, smallest_budget};
+use super::{TestFiles, options, percent, planting, request_of, small_chunks, smallest_budget};
 use crate::support::{read, render};
 use oocpt_core::settings::{Settings, Value};
 use oocpt_core::stats::StreamingStats;
-use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions};
+use oocpt_render::{AovKind, AovRequest, Faults, RenderRequest, Session, SessionOptions};
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
@@ -23,6 +23,11 @@ const REGIONS: [usize; 2] = [3, 2];
 
 /// Colour of the regions; alpha and the number of samples, pixel by pixel.
 type Regions = (Vec<f64>, [Vec<f32>; 2]);
+
+/// Nearly every load is played for.
+fn played() -> Faults {
+    Faults { roulette_per_mille: Some(PER_MILLE), ..Faults::default() }
+}
 
 /// A session whose seed may be changed, and the totals of what its renders counted.
 struct Renderer {
@@ -108,7 +113,7 @@ fn differing(
     let bytes = without.session.stats().streaming.scene_bytes;
     let budget = percent(bytes, budget_percent).max(smallest_budget(scene));
     let settings = Settings { geometry_budget_kib: budget, straggler_roulette: true, ..without.session.settings() };
-    let played = SessionOptions { roulette_per_mille: Some(PER_MILLE), plant_unweighted_roulette: plant, ..options() };
+    let played = planting(Faults { unweighted_roulette: plant, ..played() });
     let mut with = Renderer::new(scene, settings, played);
     let seeds = if plant { SEEDS_OF_FAULTS } else { SEEDS };
     let first = differences(without, &mut with, 1..1 + seeds);
@@ -188,8 +193,8 @@ fn roulette_on_samples_that_decide_is_noticed() {
     let mut without = Renderer::new(scene, adaptive(), options());
     let budget_kib = smallest_budget(scene);
     let settings = Settings { geometry_budget_kib: budget_kib, straggler_roulette: true, ..adaptive() };
-    let mut changed = |plant_early_roulette: bool| {
-        let played = SessionOptions { roulette_per_mille: Some(PER_MILLE), plant_early_roulette, ..options() };
+    let mut changed = |early_roulette: bool| {
+        let played = planting(Faults { early_roulette, ..played() });
         let mut with = Renderer::new(scene, settings.clone(), played);
         (1..=4).filter(|&seed| without.regions(seed).1[1] != with.regions(seed).1[1]).count()
     };
