@@ -12,13 +12,15 @@ pub struct Faults {
     /// The probability, in thousandths, with which roulette on loads (`oocpt:stragglerRoulette`) loads whatever it
     /// plays for; none = by what loads cost and bring.
     pub roulette_per_mille: Option<u16>,
+    /// What a byte of a load costs that roulette in nanoseconds, whatever the clock says; all else is as without.
+    pub roulette_ns_per_byte: Option<u32>,
     /// Makes that roulette end rays without weighting those that go on: the picture is too dark.
     pub unweighted_roulette: bool,
     /// With adaptive sampling: roulette on loads is also played with samples that decide where others go.
     pub early_roulette: bool,
     /// Lets each pixel's own samples decide how many more it gets: adaptive pictures are biased.
     pub naive_sampling: bool,
-    /// Makes calls that take memory fail.
+    /// Makes calls that take memory fail, in the first render of the session.
     pub failure: Option<Failure>,
 }
 

@@ -62,7 +62,7 @@ impl Renderer {
         *lock(&gate.shared().device) = Some(device.gpu.report().clone());
         progress.device_opened(job);
         #[cfg(feature = "faults")]
-        if let Some(failure) = job.options.faults.failure {
+        if let Some(failure) = job.options.faults.failure.filter(|_| job.generation == 1) {
             device.gpu.plant_failure(failure);
         }
         self.is_frugal = false;

@@ -177,8 +177,11 @@ impl Stragglers {
     pub(super) fn prices(&self, spent: &Spent, seen: &Observation) -> Prices {
         let of_paths = f64::from(seen.roulette.variance);
         let known = spent.variance.into_iter().chain([of_paths]).filter(|variance| *variance > 0.0);
+        let secs_per_byte = self.price.secs_per_byte();
+        #[cfg(feature = "faults")]
+        let secs_per_byte = self.faults.roulette_ns_per_byte.map(|ns| 1e-9 * f64::from(ns)).or(secs_per_byte);
         Prices {
-            secs_per_byte: self.price.secs_per_byte().unwrap_or(f64::NAN),
+            secs_per_byte: secs_per_byte.unwrap_or(f64::NAN),
             secs_per_path: spent.secs / spent.paths as f64,
             variance: known.fold(f64::NAN, f64::min),
             paths: spent.all_paths as f64,

@@ -11,7 +11,8 @@ use oocpt_core::residency::PolicyKind;
 use oocpt_core::settings::Settings;
 use oocpt_core::stats::StreamingStats;
 use oocpt_render::{Faults, RenderRequest, Session, SessionOptions};
-use scenes::{BEACH, SCENES, Scene};
+use scenes::BEACH;
+pub(crate) use scenes::{SCENES, Scene};
 use std::sync::Arc;
 
 const POLICIES: [PolicyKind; 3] = [PolicyKind::Sweep, PolicyKind::Priority, PolicyKind::Benefit];
