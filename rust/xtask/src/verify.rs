@@ -23,6 +23,8 @@ use crate::{shell, system};
 
 /// pytest's exit status when no test matched.
 const NOTHING_COLLECTED: i32 = 5;
+/// Set for tests that are to take all seeds.
+const FULL: &str = "OOCPT_TEST_FULL";
 /// What a line of Python's begins with, where others stand between.
 const MARK: &str = "[python] ";
 /// Profiles of nextest and the threads that Mesa's software renderer has in them, besides the one that submits; none =
@@ -31,18 +33,38 @@ type NextestProfile = (&'static str, Option<&'static str>);
 const ON_GPU: &[NextestProfile] = &[("default", None)];
 const WITHOUT_GPU: &[NextestProfile] = &[("software", Some("0")), ("software-threads", None)];
 
-/// Builds everything and runs all tests whose name contains `filter`; every runner runs, even if another failed.
+/// Which tests run, and how far they go.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extent<'a> {
+    /// Part of the names; all without.
+    pub(crate) filter: Option<&'a str>,
+    /// Tests that count over seeds take all of them.
+    pub(crate) full: bool,
+}
+
+impl Extent<'_> {
+    /// Tells the tests.
+    fn tell(self, tests: &mut Command) {
+        if self.full {
+            tests.env(FULL, "1");
+        } else {
+            tests.env_remove(FULL);
+        }
+    }
+}
+
+/// Builds everything and runs all tests of an extent; every runner runs, even if another failed.
 ///
 /// # Errors
 /// Names the runners that failed, or says why a build did.
-pub(crate) fn run_tests(places: &Places, interpreter: &Interpreter, filter: Option<&str>) -> Result<()> {
+pub(crate) fn run_tests(places: &Places, interpreter: &Interpreter, extent: Extent<'_>) -> Result<()> {
     product::build_workspace(places)?;
     let (rust, python) = if system::has_gpu() {
-        (rust_tests(places, filter), all_python_tests(places, interpreter, filter, ""))
+        (rust_tests(places, extent), all_python_tests(places, interpreter, extent, ""))
     } else {
         thread::scope(|scope| {
-            let python = scope.spawn(|| all_python_tests(places, interpreter, filter, MARK));
-            let rust = rust_tests(places, filter);
+            let python = scope.spawn(|| all_python_tests(places, interpreter, extent, MARK));
+            let rust = rust_tests(places, extent);
             (rust, python.join().unwrap_or_else(|_| bail!("the thread of the Python tests ended")))
         })
     };
@@ -61,28 +83,29 @@ pub(crate) fn run_tests(places: &Places, interpreter: &Interpreter, filter: Opti
 fn all_python_tests(
     places: &Places,
     interpreter: &Interpreter,
-    filter: Option<&str>,
+    extent: Extent<'_>,
     mark: &str,
 ) -> Result<Vec<&'static str>> {
     product::build_plugin_for_wheel(places, interpreter)?;
     let (tests, host) = (places.repo.join("tests"), places.repo.join("tests/host"));
     let mut failed = Vec::new();
-    if !python_tests(places, HOST_VENV.name, &host, None, filter, mark)? {
+    if !python_tests(places, HOST_VENV.name, &host, None, extent, mark)? {
         failed.push("Python (wheel host)");
     }
-    if !python_tests(places, USD_VENV.name, &tests, Some(&host), filter, mark)? {
+    if !python_tests(places, USD_VENV.name, &tests, Some(&host), extent, mark)? {
         failed.push("Python (usd-core)");
     }
     Ok(failed)
 }
 
-fn rust_tests(places: &Places, filter: Option<&str>) -> Result<bool> {
+fn rust_tests(places: &Places, extent: Extent<'_>) -> Result<bool> {
     if !succeeds("cargo-nextest", ["nextest", "--version"]) {
         // Tests of a binary share a process here, and with it the device.
         let mut plain = cargo(places, "test");
         plain.args(["--workspace", "--profile", PROFILE]).env("RUST_TEST_THREADS", "1");
         shell::apply(&shell::for_wheel(places), &mut plain);
-        return passes(plain.args(filter));
+        extent.tell(&mut plain);
+        return passes(plain.args(extent.filter));
     }
     let mut all_pass = true;
     for (profile, driver_threads) in if system::has_gpu() { ON_GPU } else { WITHOUT_GPU } {
@@ -92,7 +115,8 @@ fn rust_tests(places: &Places, filter: Option<&str>) -> Result<bool> {
         if let Some(threads) = driver_threads {
             nextest.env("LP_NUM_THREADS", threads);
         }
-        all_pass &= passes(nextest.args(filter))?;
+        extent.tell(&mut nextest);
+        all_pass &= passes(nextest.args(extent.filter))?;
     }
     Ok(all_pass)
 }
@@ -102,21 +126,30 @@ fn python_tests(
     venv: &str,
     folder: &Path,
     without: Option<&Path>,
-    filter: Option<&str>,
+    extent: Extent<'_>,
     mark: &str,
 ) -> Result<bool> {
     if !folder.is_dir() {
         return Ok(true);
     }
     let mut pytest = Command::new(places.venv_python(venv));
-    pytest.current_dir(&places.repo).args(["-I", "-m", "pytest", "-ra", "-v", "--import-mode=importlib"]);
+    pytest.current_dir(&places.repo).args([
+        "-I",
+        "-m",
+        "pytest",
+        "-ra",
+        "-v",
+        "--durations=20",
+        "--import-mode=importlib",
+    ]);
     shell::apply(&shell::for_wheel(places), &mut pytest);
     pytest.env("OOCPT_CLI", product::kept(places, PROFILE, product::COMMAND_FILE));
     pytest.arg(folder);
     if let Some(without) = without {
         pytest.arg("--ignore").arg(without);
     }
-    if let Some(filter) = filter {
+    extent.tell(&mut pytest);
+    if let Some(filter) = extent.filter {
         pytest.args(["-k", filter]);
     }
     let status = if mark.is_empty() { status(&mut pytest)? } else { marked_status(&mut pytest, mark)? };
