@@ -15,6 +15,9 @@ use oocpt_shader_abi::{Adaptive as Block, Push};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
 
+// The rows that the core gives out are those that the passes take.
+const _: () = assert!(oocpt_core::adaptive::BAND_SHIFT == oocpt_shader_abi::BAND_SHIFT, "rows of bands differ");
+
 /// See the module.
 #[derive(Debug)]
 pub(crate) struct Adaptive {

@@ -4,9 +4,9 @@
 //! `tests/host/**` runs in the wheel host's Python (`pxr` is Hydra's), all other Python tests in usd-core's; both see
 //! `OOCPT_HOST_PYTHON` and `OOCPT_USD_PYTHON` to start the other one, and `usdrecord` in `PATH`.
 //!
-//! Without a GPU the plugin is built and Python runs beside the Rust tests, which leave cores idle while they compile
-//! shaders; its lines begin with [`MARK`] then. On a GPU one after the other: two would share its memory.
-//! [`WITHOUT_GPU`] says what else differs.
+//! Without a GPU the plugin is built and Python runs beside the Rust tests, in two processes: all of them wait much, for
+//! shaders that are compiled on one core and for hosts. Its lines begin with [`MARK`] then. On a GPU one after the
+//! other: two would share its memory. [`WITHOUT_GPU`] says what else differs.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
@@ -79,7 +79,8 @@ pub(crate) fn run_tests(places: &Places, interpreter: &Interpreter, extent: Exte
     Ok(())
 }
 
-/// Builds the plugin, then runs the Python tests; gives the names of the runners that failed.
+/// Builds the plugin, then runs the Python tests; gives the names of the runners that failed. Without a GPU (with a
+/// `mark`) those through Hydra, which are the half of them, run beside the others.
 fn all_python_tests(
     places: &Places,
     interpreter: &Interpreter,
@@ -87,15 +88,24 @@ fn all_python_tests(
     mark: &str,
 ) -> Result<Vec<&'static str>> {
     product::build_plugin_for_wheel(places, interpreter)?;
-    let (tests, host) = (places.repo.join("tests"), places.repo.join("tests/host"));
-    let mut failed = Vec::new();
-    if !python_tests(places, HOST_VENV.name, &host, None, extent, mark)? {
-        failed.push("Python (wheel host)");
-    }
-    if !python_tests(places, USD_VENV.name, &tests, Some(&host), extent, mark)? {
-        failed.push("Python (usd-core)");
-    }
-    Ok(failed)
+    let tests = places.repo.join("tests");
+    let [hydra, host] = ["hydra", "host"].map(|folder| tests.join(folder));
+    let run =
+        |venv: &str, folder: &Path, without: &[&Path]| python_tests(places, venv, (folder, without), extent, mark);
+    let through_hydra = || run(USD_VENV.name, &hydra, &[]);
+    let others =
+        || Ok::<_, anyhow::Error>((run(HOST_VENV.name, &host, &[])?, run(USD_VENV.name, &tests, &[&hydra, &host])?));
+    let (others, through_hydra) = if mark.is_empty() {
+        (others(), through_hydra())
+    } else {
+        thread::scope(|scope| {
+            let through_hydra = scope.spawn(through_hydra);
+            (others(), through_hydra.join().unwrap_or_else(|_| bail!("the thread of the Python tests ended")))
+        })
+    };
+    let (in_host, others) = others?;
+    let passed = [("Python (wheel host)", in_host), ("Python (usd-core)", others), ("Python (Hydra)", through_hydra?)];
+    Ok(passed.into_iter().filter(|(_, passed)| !passed).map(|(name, _)| name).collect())
 }
 
 fn rust_tests(places: &Places, extent: Extent<'_>) -> Result<bool> {
@@ -124,8 +134,7 @@ fn rust_tests(places: &Places, extent: Extent<'_>) -> Result<bool> {
 fn python_tests(
     places: &Places,
     venv: &str,
-    folder: &Path,
-    without: Option<&Path>,
+    (folder, without): (&Path, &[&Path]),
     extent: Extent<'_>,
     mark: &str,
 ) -> Result<bool> {
@@ -145,8 +154,8 @@ fn python_tests(
     shell::apply(&shell::for_wheel(places), &mut pytest);
     pytest.env("OOCPT_CLI", product::kept(places, PROFILE, product::COMMAND_FILE));
     pytest.arg(folder);
-    if let Some(without) = without {
-        pytest.arg("--ignore").arg(without);
+    for folder in without {
+        pytest.arg("--ignore").arg(folder);
     }
     extent.tell(&mut pytest);
     if let Some(filter) = extent.filter {

@@ -52,6 +52,10 @@ constants! {
     PUSH_FRESH = PushFlags::FRESH.bits();
     PUSH_RETRACE = PushFlags::RETRACE.bits();
     PUSH_SEGMENT_SHIFT;
+    RAY_WORD_BOUNCE;
+    RAY_WORD_T_MAX;
+    RAY_WORD_FLAGS;
+    RAY_WORD_IN_SHADOW;
     BAND_SHIFT;
     STREAM_BIT;
     STREAM_SEED;

@@ -39,9 +39,13 @@ pub use material::{
     INPUT_NO_SET, INPUT_PRIMVAR, INPUT_PTEX, INPUT_SET_SHIFT, INPUT_TEXTURE, MATERIAL_INPUTS, MAX_PRIM_ID, NAME_PTEX,
     NO_MATERIAL, NO_NAME, SLOT_PRESENCE,
 };
-pub use path::{Counters, IndirectArgs, PathState, Ray, ShadowRay, hit_stride};
+pub use path::{
+    Counters, IndirectArgs, PathState, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW, RAY_WORD_T_MAX, Ray,
+    ShadowRay, hit_stride, pack_color, unpack_color,
+};
 pub use push::{
-    BAND_SHIFT, ESTIMATE_FIRST, ESTIMATE_RING, PUSH_SEGMENT_SHIFT, Push, PushFlags, STREAM_BIT, STREAM_SEED,
+    BAND_SHIFT, ESTIMATE_FIRST, ESTIMATE_RING, PUSH_SEGMENT_SHIFT, Push, PushFlags, STREAM_BIT, STREAM_SEED, pack_band,
+    unpack_band,
 };
 pub use scene::{
     AttributeRate, GpuAssembly, GpuChunk, GpuChunkInstance, GpuDistantLight, GpuInstance, GpuLevelNode, GpuMesh,

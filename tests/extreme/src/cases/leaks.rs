@@ -57,7 +57,7 @@ pub(crate) fn run(lab: &mut Lab<'_>) {
 const PLANES: [(DVec3, DVec3); 3] = [(DVec3::X, DVec3::Z), (DVec3::NEG_Z, DVec3::X), (DVec3::Y, DVec3::X)];
 
 fn way(lab: &Lab<'_>, chunk_kib: u32) -> Way {
-    Way { samples: lab.amount(16, 1024), chunk_kib, ..Way::default() }
+    Way { samples: lab.amount(8, 1024), chunk_kib, ..Way::default() }
 }
 
 /// Rays that got out, and how many there were.

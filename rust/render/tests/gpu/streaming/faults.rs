@@ -43,7 +43,7 @@ struct Failed {
     struck: u64,
     /// The same picture, or what was said instead.
     outcome: Result<bool, Vec<Message>>,
-    /// Whether the next one has the same picture.
+    /// Whether the next one has the same picture, if there was need of one.
     next: bool,
 }
 
@@ -52,7 +52,7 @@ fn needs_device(call: Call) -> bool {
     matches!(call, Call::Pipeline | Call::CommandPool)
 }
 
-/// Renders with a failure planted, then once more without.
+/// Renders with a failure planted, and after an error once more without.
 fn failed(scene: &Scene, settings: Settings, streams: bool, failure: Failure, whole: &Render) -> Failed {
     static DEVICES: AtomicU32 = AtomicU32::new(0);
     let planted = planting(Faults { failure: Some(failure), ..Faults::default() });
@@ -68,28 +68,32 @@ fn failed(scene: &Scene, settings: Settings, streams: bool, failure: Failure, wh
     let is_same = || read_all(&session, &request) == whole.images;
     let outcome = if messages.is_empty() { Ok(is_same()) } else { Err(messages) };
     let struck = session.witness().struck;
-    session.restart();
-    let said = render_with_messages(&session, &request);
-    Failed { what, struck, outcome, next: said.is_empty() && is_same() }
+    let again = || {
+        session.restart();
+        render_with_messages(&session, &request).is_empty() && is_same()
+    };
+    let next = outcome.is_ok() || again();
+    Failed { what, struck, outcome, next }
 }
 
-/// Calls that take memory, and after how many calls one fails: as far as there are so many in core, and in streaming.
+/// Calls that take memory, and after how many of them one fails: as far as there are so many, in core and streaming.
 const FAILURES: [(Call, &[u64]); 6] = [
-    (Call::Buffer, &[0, 1, 2, 3, 5, 8, 13]),
-    (Call::Range, &[0, 1, 2, 3, 5, 8, 13, 21, 34]),
-    (Call::Memory, &[0, 1, 2, 3, 5, 8, 13]),
+    (Call::Buffer, &[0, 2, 5, 13]),
+    (Call::Range, &[0, 3, 13, 34]),
+    (Call::Memory, &[0, 2, 5, 13]),
     (Call::Mapping, &[0, 1, 2]),
-    (Call::Pipeline, &[0, 3, 8]),
+    (Call::Pipeline, &[0, 8]),
     (Call::CommandPool, &[0, 1]),
 ];
 
-fn fail_everywhere(times: u32, judge: impl Fn(&Failed)) {
+/// Fails at `most` of the places of each call.
+fn fail_everywhere(times: u32, most: usize, judge: impl Fn(&Failed)) {
     let scene = &SCENES[0];
     let whole = render(scene, small_chunks(), options());
     let part = quarter(scene, &whole);
     let mut before = 0;
     for (call, places) in FAILURES {
-        for (&after, streams) in places.iter().flat_map(|after| [(after, false), (after, true)]) {
+        for (&after, streams) in places.iter().take(most).flat_map(|after| [(after, false), (after, true)]) {
             let settings = if streams { part.clone() } else { small_chunks() };
             let failure = Failure { call, after, times };
             let found = failed(scene, settings, streams, failure, &whole);
@@ -105,7 +109,7 @@ fn fail_everywhere(times: u32, judge: impl Fn(&Failed)) {
 
 #[test]
 fn one_failed_call_anywhere_does_not_show() {
-    fail_everywhere(1, |failed| {
+    fail_everywhere(1, usize::MAX, |failed| {
         assert!(matches!(failed.outcome, Ok(true)), "{}: {:?}", failed.what, failed.outcome);
     });
 }
@@ -113,7 +117,7 @@ fn one_failed_call_anywhere_does_not_show() {
 /// What failed twice is given up, with one error, or did not matter.
 #[test]
 fn two_failed_calls_in_a_row_are_one_error_at_most() {
-    fail_everywhere(2, |failed| match &failed.outcome {
+    fail_everywhere(2, 2, |failed| match &failed.outcome {
         Ok(is_same) => assert!(is_same, "{}: another picture", failed.what),
         Err(messages) => {
             let is_clear = messages.len() == 1 && messages[0].text.contains("memory");

@@ -110,6 +110,12 @@ fn limit(seeds: u32) -> f64 {
     terms[0] + terms[1] / nu + terms[2] / nu.powi(2) + third / nu.powi(3)
 }
 
+/// Whether rays ended so often, over all seeds, that the test says something.
+fn was_played(totals: &StreamingStats) -> bool {
+    let most = totals.roulette_paths.min(totals.roulette_shadow_rays).min(2 * totals.roulette_loads_saved);
+    most > u64::from(16 * seeds(SEEDS))
+}
+
 /// Regions further from no difference than [`limit`].
 fn outside(differences: &[(f64, f64)], seeds: u32) -> Vec<usize> {
     let limit = limit(seeds);
@@ -130,7 +136,7 @@ fn differing(
     let budget = percent(bytes, budget_percent).max(smallest_budget(scene));
     let settings = Settings { geometry_budget_kib: budget, straggler_roulette: true, ..without.session.settings() };
     let mut with = Renderer::new(scene, settings, SessionOptions { force_streaming: true, ..planting(faults) });
-    let seeds = if faults == unweighted() { SEEDS_OF_FAULTS } else { seeds(SEEDS) };
+    let seeds = if faults.unweighted_roulette { SEEDS_OF_FAULTS } else { seeds(SEEDS) };
     let first = differences(without, &mut with, 1..1 + seeds);
     let mut regions = outside(&first, seeds);
     let mut said = format!("{}, {budget_percent} % ({budget} of {} KiB): {first:.3?}", scene.name, bytes >> 10);
@@ -147,10 +153,7 @@ fn has_no_bias(scene: &Scene) {
     let mut without = Renderer::new(scene, small_chunks(), options());
     for budget_percent in [25, 10, 5] {
         let (regions, totals, said) = differing(scene, &mut without, budget_percent, played());
-        assert!(
-            totals.roulette_paths > 1000 && totals.roulette_shadow_rays > 1000 && totals.roulette_loads_saved > 500,
-            "{said}: roulette was played: {totals:?}"
-        );
+        assert!(was_played(&totals), "{said}: roulette was played: {totals:?}");
         assert!(regions.is_empty(), "regions {regions:?} have another mean: {said}");
     }
 }
@@ -187,10 +190,7 @@ fn no_region_changes_its_mean_with_adaptive_sampling() {
     let mut without = Renderer::new(scene, adaptive(), options());
     let (regions, totals, said) = differing(scene, &mut without, 10, played());
     println!("{said}; {totals:?}");
-    assert!(
-        totals.roulette_paths > 1000 && totals.roulette_shadow_rays > 1000 && totals.roulette_loads_saved > 500,
-        "{said}: roulette was played: {totals:?}"
-    );
+    assert!(was_played(&totals), "{said}: roulette was played: {totals:?}");
     assert!(regions.is_empty(), "regions {regions:?} have another mean: {said}");
 }
 
