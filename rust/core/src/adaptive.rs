@@ -209,7 +209,7 @@ impl Course {
         self.advance_by([other, one])
     }
 
-    /// As [`Course::advance`], where `deciding[s]` decides about stream `s`. Biased, unless it shares no sample with it.
+    /// As [`Course::advance`], where `deciding[s]` decides about stream `s`: biased if it shares samples with it.
     pub fn advance_by(&mut self, deciding: [&[VarianceEstimate]; STREAMS]) -> bool {
         let number = self.number + 1;
         let budget = self.budget(number);

@@ -41,6 +41,8 @@ mod markers;
 mod memory;
 mod names;
 mod pipeline;
+#[cfg(feature = "faults")]
+mod planted;
 mod queue;
 mod range;
 mod recorder;

@@ -10,10 +10,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use ash::vk::{self, Handle as _};
 
-use crate::device::Device;
-use crate::error::GpuError;
-use crate::gpu::Gpu;
-
 /// What can be made to fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Call {
@@ -98,7 +94,7 @@ impl Watch {
     }
 
     /// Counts a call; true if it is to fail.
-    fn strikes(&self, call: Call) -> bool {
+    pub(crate) fn strikes(&self, call: Call) -> bool {
         let state = &mut *self.lock();
         let is_meant = |failure: &Failure| {
             failure.call == call || (failure.call == Call::Request && matches!(call, Call::Buffer | Call::Range))
@@ -123,35 +119,21 @@ impl std::fmt::Debug for Watch {
     }
 }
 
-impl Device {
-    /// An error if a test planted a failure of this request.
-    pub(crate) fn planted(&self, call: Call, name: &str, bytes: u64) -> Result<(), GpuError> {
-        if self.watch.strikes(call) { Err(self.budget.refused(name, bytes)) } else { Ok(()) }
-    }
-}
-
-impl Gpu {
+/// What tests ask of a watch.
+impl Watch {
     /// Makes calls fail, in place of what was planted before.
-    pub fn plant_failure(&self, failure: Failure) {
-        self.device().watch.lock().planted = Some(failure);
+    pub(crate) fn plant(&self, failure: Failure) {
+        self.lock().planted = Some(failure);
     }
 
-    /// How many calls failed because a test wanted it.
-    #[must_use]
-    pub fn failures_struck(&self) -> u64 {
-        self.device().watch.lock().struck
+    /// Calls that failed because a test wanted it.
+    pub(crate) fn struck(&self) -> u64 {
+        self.lock().struck
     }
 
-    /// What the driver gave, as counted at its own functions.
-    #[must_use]
-    pub fn driver_memory(&self) -> DriverMemory {
-        self.device().watch.lock().memory
-    }
-
-    /// Most bytes that the budget ever had on its books, of host and device together.
-    #[must_use]
-    pub fn most_on_the_books(&self) -> u64 {
-        self.device().budget.most()
+    /// What the driver gave.
+    pub(crate) fn memory(&self) -> DriverMemory {
+        self.lock().memory
     }
 }
 

@@ -4,8 +4,8 @@
 //! `tests/host/**` runs in the wheel host's Python (`pxr` is Hydra's), all other Python tests in usd-core's; both see
 //! `OOCPT_HOST_PYTHON` and `OOCPT_USD_PYTHON` to start the other one, and `usdrecord` in `PATH`.
 //!
-//! Without a GPU the plugin is built and Python runs beside the Rust tests, in two processes: all of them wait much, for
-//! shaders that are compiled on one core and for hosts. Its lines begin with [`MARK`] then. On a GPU one after the
+//! Without a GPU the plugin is built and Python runs beside the Rust tests, in two processes: all of them wait much,
+//! for shaders that are compiled on one core and for hosts. Its lines begin with [`MARK`] then. On a GPU one after the
 //! other: two would share its memory. [`WITHOUT_GPU`] says what else differs.
 
 use std::io::{BufRead as _, BufReader, Write as _};

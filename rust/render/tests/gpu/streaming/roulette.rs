@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Roulette on loads changes no mean: over many seeds the picture is the one in core, region by region, when nearly every
-//! load is played for. The same seed renders both, so the noise that they share cancels and what is left is the
-//! roulette's own.
+//! Roulette on loads changes no mean: over many seeds the picture is the one in core, region by region, when nearly
+//! every load is played for, and when production's prices decide. The same seed renders both, so the noise that they
+//! share cancels and what is left is the roulette's own.
 
 use super::scenes::{SCENES, Scene};
 use super::{TestFiles, options, percent, planting, request_of, small_chunks, smallest_budget};
@@ -123,8 +123,8 @@ fn outside(differences: &[(f64, f64)], seeds: u32) -> Vec<usize> {
     differences.iter().enumerate().filter(is_outside).map(|(region, _)| region).collect()
 }
 
-/// The regions that differ, at `budget_percent`, as it is played by `faults`: with all seeds and, which decides, with as
-/// many others.
+/// The regions that differ, at `budget_percent`, as it is played by `faults`: with all seeds and, which decides, with
+/// as many others.
 fn differing(
     scene: &Scene,
     without: &mut Renderer,
