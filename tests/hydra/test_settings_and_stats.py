@@ -69,9 +69,10 @@ def test_settings_of_developers_work_although_no_host_lists_them(host, fresh_hos
     by_host, by_prim, by_variable = (tmp_path / f"{place}.json" for place in ("host", "prim", "variable"))
     with host.open(PATH, (16, 16), settings=QUICK | {"oocpt:chunkReport": str(by_host)}) as view:
         view.render()
-        view.edit("engine.SetRendererSetting('oocpt:carry', 'COAT')")
+        assert view.stats()["oocpt:featuresCarried"] == "", view.stats()["oocpt:featuresCarried"]
+        view.edit("engine.SetRendererSetting('oocpt:carry', 'LENS')")
         view.render()
-        assert view.stats()["oocpt:featuresCarried"] == "COAT", view.stats()["oocpt:featuresCarried"]
+        assert view.stats()["oocpt:featuresCarried"] == "LENS", view.stats()["oocpt:featuresCarried"]
     scene = tmp_path / "settings.usda"
     scene.write_text(
         PATH.read_text() + 'def RenderSettings "Settings" {\n'
