@@ -48,7 +48,12 @@ struct State {
 impl Budget {
     pub(crate) fn new(budget: u64) -> Self {
         let counts = MemoryUse { budget, ..MemoryUse::default() };
-        Self { state: Mutex::new(State { counts, ..State::default() }) }
+        let state = State {
+            counts,
+            #[cfg(feature = "faults")]
+            most: 0,
+        };
+        Self { state: Mutex::new(state) }
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {

@@ -204,9 +204,9 @@ unsafe extern "system" fn create_compute_pipelines(
     pipelines: *mut vk::Pipeline,
 ) -> vk::Result {
     let Some(watch) = of(device).filter(|watch| !watch.strikes(Call::Pipeline)) else {
-        for at in 0..count as usize {
+        for place in (0..count as usize).map(|at| pipelines.wrapping_add(at)) {
             // SAFETY: there is room for `count` by the rules of the function; those that failed are null.
-            unsafe { pipelines.add(at).write(vk::Pipeline::null()) };
+            unsafe { place.write(vk::Pipeline::null()) };
         }
         return NO_DEVICE_MEMORY;
     };

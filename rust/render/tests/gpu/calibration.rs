@@ -61,9 +61,9 @@ fn true_error(pictures: &[(Vec<f32>, ErrorRow)], index: usize) -> f64 {
     total / count / (1.0 + 1.0 / others)
 }
 
-/// Pictures whose interval holds the true error, and all of them.
-fn inside(cases: &[Case]) -> (i32, i32) {
-    let (mut inside, mut all) = (0, 0);
+/// Pictures whose interval holds the true error, and all of them; a line about each case.
+fn inside(cases: &[Case]) -> (i32, i32, String) {
+    let (mut inside, mut all, mut said) = (0, 0, String::new());
     for case in cases {
         let pictures = pictures(case);
         let number = i32::try_from(pictures.len()).expect("few");
@@ -75,15 +75,15 @@ fn inside(cases: &[Case]) -> (i32, i32) {
             let width = (told.high / told.low.max(1e-30)).sqrt();
             [truth, told.rel_mse, width].iter().zip(&mut sums).for_each(|(v, sum)| *sum += v / f64::from(number));
         }
-        println!(
-            "{:<10} {:>3} samples: true {:.3e}, told {:.3e}, interval x / {:.2}; below {below}, above {above} of {number}",
+        said += &format!(
+            "{:<10} {:>3} samples: true {:.3e}, told {:.3e}, interval x / {:.2}; below {below}, above {above} of {number}\n",
             case.name, case.samples, sums[0], sums[1], sums[2]
         );
         inside += number - below - above;
         all += number;
     }
-    println!("{inside} of {all} inside: {:.3}", f64::from(inside) / f64::from(all));
-    (inside, all)
+    said += &format!("{inside} of {all} inside: {:.3}", f64::from(inside) / f64::from(all));
+    (inside, all, said)
 }
 
 /// Four standard deviations fewer than 95 % of so many.
@@ -111,7 +111,8 @@ fn the_interval_holds_the_true_error_as_often_as_it_says() {
         ("gloss", gloss, plain, 3),
     ];
     let cases = rows.map(|(name, build, view, bounces)| Case { name, build, view, bounces, samples: 64 });
-    let (inside, all) = inside(&cases);
+    let (inside, all, said) = inside(&cases);
+    println!("{said}");
     let share = f64::from(inside) / f64::from(all);
     assert!(share <= 0.99 && inside >= fewest(all), "a 95 % interval holds {inside} of {all}");
 }
@@ -124,7 +125,8 @@ fn nor_does_it_fail_where_nobody_looked() {
     let scenes = [2, 4, 5, 6, 8].map(|at| &SCENES[at]);
     for samples in [24, 96] {
         let of = |scene: &&Scene| Case { name: scene.name, build: scene.build, view: view(scene), bounces: 1, samples };
-        let (inside, all) = inside(&scenes.iter().map(of).collect::<Vec<_>>());
+        let (inside, all, said) = inside(&scenes.iter().map(of).collect::<Vec<_>>());
+        println!("{said}");
         assert!(inside >= fewest(all), "{samples}: a 95 % interval holds {inside} of {all}");
     }
 }
