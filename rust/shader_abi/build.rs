@@ -111,6 +111,9 @@ impl Tools {
     fn compile(&self, source: &Path, include: [&Path; 2], output: &Path) -> Result<Vec<u32>, String> {
         let mut compiler = Command::new(&self.compiler);
         compiler.args(["--quiet", "--target-env", "vulkan1.2", "-o"]).arg(output);
+        if cfg!(feature = "faults") {
+            compiler.arg("-DOOCPT_FAULTS");
+        }
         compiler.args(include.map(|folder| format!("-I{}", folder.display()))).arg(source);
         run(compiler, "glslang-tools")?;
         let bytes = fs::read(output).map_err(|error| format!("{}: {error}", output.display()))?;

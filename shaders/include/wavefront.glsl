@@ -36,14 +36,22 @@ uint path_place(uint path) {
 
 // Adaptive: pixel, with the stream in the highest bit, and sample number of path `i` of those that begin at entry
 // `first_pixel` of the band and row `first_sample`.
+uint band_of(uint first_sample) {
+    return first_sample >> BAND_SHIFT;
+}
+
+uint row_of(uint first_sample) {
+    return first_sample & ((1u << BAND_SHIFT) - 1u);
+}
+
 uint band_width(uint first_sample) {
-    return ADAPTIVE.width[first_sample >> BAND_SHIFT];
+    return ADAPTIVE.width[band_of(first_sample)];
 }
 
 uvec2 entry_from(uint first_pixel, uint first_sample, uint i) {
     const uint width = band_width(first_sample);
     const uvec2 entry = ConstUVec2s(ADAPTIVE.entries).v[(first_pixel + i) % width];
-    return entry + uvec2(0u, (first_sample & ((1u << BAND_SHIFT) - 1u)) + (first_pixel + i) / width);
+    return entry + uvec2(0u, row_of(first_sample) + (first_pixel + i) / width);
 }
 
 uvec2 path_entry(uint path) {

@@ -46,7 +46,9 @@ void ask(float entry, Question q) {
 #endif
 
 void remember(float entry, uint instance) {
-    if (FAULT == FAULT_SKIP_DEFERRED) return;
+#ifdef OOCPT_FAULTS
+    if (FAULT == FAULT_ALL || (FAULT != 0u && instance % FAULT_ONE_IN == FAULT - 1u)) return;
+#endif
     uint at = pending_count;
     if (at == MAX_PENDING) {
         pending_more = true;

@@ -10,7 +10,7 @@
 #include "include/roulette.glsl"
 
 void end_ray(uint path, bool is_shadow) {
-    Uints(is_shadow ? shadow_ray_address(path) : ray_address(path)).v[11] = RAY_ENDED;
+    Uints(is_shadow ? shadow_ray_address(path) : ray_address(path)).v[RAY_WORD_FLAGS] = RAY_ENDED;
     if (is_shadow) {
         atomicAdd(ROULETTE.ended_shadows, 1u);
     } else {

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Settings from hosts, environment and stage; statistics; pause, stop, restart."""
 
+import json
 import time
 
 import pytest
@@ -26,12 +27,14 @@ KEYS = [
     "oocpt:maxLevels", "oocpt:stackSize",
     "oocpt:secondsTracing", "oocpt:secondsLoading", "oocpt:secondsWaiting", "oocpt:secondsOverlapped",
 ]  # fmt: skip
-DESCRIBED = [
+LISTED = [
     "oocpt:samplesPerPixel", "oocpt:maxBounces", "oocpt:seed", "oocpt:clamp", "oocpt:timeLimit", "oocpt:memoryBudget",
-    "oocpt:device", "oocpt:policy", "oocpt:chunkSize", "oocpt:geometryBudget", "oocpt:chunkReport", "oocpt:report",
-    "oocpt:reference", "oocpt:targetError", "oocpt:carry", "oocpt:stragglerRoulette", "oocpt:adaptiveSampling",
-    "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility",
+    "oocpt:device", "oocpt:chunkSize", "oocpt:geometryBudget", "oocpt:report", "oocpt:targetError",
+    "oocpt:stragglerRoulette", "oocpt:adaptiveSampling", "oocpt:textureCache", "oocpt:textureCacheSize",
+    "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility", "enableSceneLights",
 ]  # fmt: skip
+# Tools for developing the renderer: they work wherever a setting can be given, and no host lists them.
+UNLISTED = ["oocpt:policy", "oocpt:chunkReport", "oocpt:reference", "oocpt:carry"]
 
 
 def test_stats_of_a_finished_render(host):
@@ -55,9 +58,34 @@ def test_settings_are_listed_with_types_usdview_knows(host):
             "result = [(s.key, s.name, type(s.defValue).__name__) for s in engine.GetRendererSettingsList()]"
         )
     by_key = {key: (name, kind) for key, name, kind in listed}
-    assert set(DESCRIBED) <= set(by_key), sorted(set(DESCRIBED) - set(by_key))
+    ours = {key for key in by_key if key.startswith("oocpt:")}
+    assert set(LISTED) <= set(by_key) and ours <= set(LISTED), sorted(ours ^ set(LISTED))
     for key, (name, kind) in by_key.items():
         assert kind in ("bool", "int", "float", "str") and name, f"{key}: {name!r} {kind}"
+
+
+def test_settings_of_developers_work_although_no_host_lists_them(host, fresh_host, tmp_path):
+    """From the host, from the RenderSettings prim and from the environment."""
+    by_host, by_prim, by_variable = (tmp_path / f"{place}.json" for place in ("host", "prim", "variable"))
+    with host.open(PATH, (16, 16), settings=QUICK | {"oocpt:chunkReport": str(by_host)}) as view:
+        view.render()
+        assert view.stats()["oocpt:featuresCarried"] == "", view.stats()["oocpt:featuresCarried"]
+        view.edit("engine.SetRendererSetting('oocpt:carry', 'LENS')")
+        view.render()
+        assert view.stats()["oocpt:featuresCarried"] == "LENS", view.stats()["oocpt:featuresCarried"]
+    scene = tmp_path / "settings.usda"
+    scene.write_text(
+        PATH.read_text() + 'def RenderSettings "Settings" {\n'
+        "  int oocpt:samplesPerPixel = 1\n"
+        f'  string oocpt:chunkReport = "{by_prim}"\n'
+        "  rel camera = </World/Camera>\n"
+        "}\n"
+    )
+    host.call("record", stage=str(scene), out=str(tmp_path / "out.exr"), width=16, render_settings="/Settings")
+    other = fresh_host(host.scene_index, OOCPT_CHUNK_REPORT=str(by_variable))
+    other.picture(PATH, (16, 16), settings=QUICK)
+    for report in (by_host, by_prim, by_variable):
+        assert json.loads(report.read_text())["chunks"], report
 
 
 def test_samples_setting_and_its_common_name(host):

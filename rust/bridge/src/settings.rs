@@ -4,7 +4,7 @@
 //! Pure but for the variables, which are read once through the function given to [`Layers::new`].
 
 use crate::ffi::{ScalarTag, ScalarValue, SettingDescriptor};
-use oocpt_core::settings::{Settings, Value};
+use oocpt_core::settings::{Audience, Settings, Value};
 
 /// The explicit settings and the environment's, by key.
 #[derive(Debug, Default)]
@@ -59,12 +59,13 @@ impl Layers {
         before != self.explicit.len()
     }
 
-    /// What hosts list; the default shown is the environment's value where there is one.
+    /// What hosts list, which is what users need; the default shown is the environment's value where there is one.
     pub(crate) fn descriptors(&self) -> Vec<SettingDescriptor> {
         let mut settings = Settings::default();
         apply(&mut settings, &self.environment);
         Settings::descriptors()
             .into_iter()
+            .filter(|descriptor| descriptor.audience == Audience::User)
             .map(|descriptor| SettingDescriptor {
                 key: descriptor.key.to_owned(),
                 name: descriptor.name.to_owned(),
@@ -161,7 +162,24 @@ mod tests {
         assert_eq!(samples.default_value.integer, 7, "the variable's value");
         let twin = list.iter().find(|entry| entry.key == "convergedSamplesPerPixel").expect("the setting is listed");
         assert_eq!(twin.default_value.integer, 7, "another key for the same thing must not bring the default back");
-        assert_eq!(list.len(), Settings::descriptors().len(), "every setting is listed");
+    }
+
+    #[test]
+    fn hosts_list_what_users_need_and_developers_set_the_rest_all_the_same() {
+        let (mut layers, complaints) = with_variable("OOCPT_POLICY", "sweep");
+        assert!(complaints.is_empty(), "{complaints:?}");
+        assert_eq!(layers.settings().policy.name(), "sweep", "by environment");
+        layers.set("oocpt:policy", Value::Text("priority".into()));
+        assert_eq!(layers.settings().policy.name(), "priority", "by the host");
+        let listed: Vec<String> = layers.descriptors().into_iter().map(|entry| entry.key).collect();
+        let of = |audience| {
+            let all = Settings::descriptors().into_iter();
+            all.filter(move |entry| entry.audience == audience).map(|entry| entry.key).collect::<Vec<_>>()
+        };
+        assert_eq!(listed, of(Audience::User), "what is listed");
+        for key in of(Audience::Developer) {
+            assert!(is_known(key) && layers.resolved().iter().any(|(have, _)| have == key), "{key} still works");
+        }
     }
 
     #[test]

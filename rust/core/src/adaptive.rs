@@ -209,13 +209,8 @@ impl Course {
         self.advance_by([other, one])
     }
 
-    /// As [`Course::advance`], but each stream decides for itself: biased. For the tests that show that they would
-    /// notice.
-    pub fn advance_naively(&mut self, said: [&[VarianceEstimate]; STREAMS]) -> bool {
-        self.advance_by(said)
-    }
-
-    fn advance_by(&mut self, deciding: [&[VarianceEstimate]; STREAMS]) -> bool {
+    /// As [`Course::advance`], where `deciding[s]` decides about stream `s`: biased if it shares samples with it.
+    pub fn advance_by(&mut self, deciding: [&[VarianceEstimate]; STREAMS]) -> bool {
         let number = self.number + 1;
         let budget = self.budget(number);
         if budget <= self.budget(self.number) || deciding.iter().any(|said| said.len() != self.trace.len()) {

@@ -39,5 +39,5 @@ pub use scene::{
     NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, PrimRecord, Primvar, SceneCounts, SceneDb, SceneFeatures,
     SceneWarning, Shaping, Snapshot, SnapshotError, Subdivision, SubsetDesc, SurfaceTables, Target,
 };
-pub use settings::{Descriptor, SettingError, Settings, Value};
+pub use settings::{Audience, Descriptor, SettingError, Settings, Value};
 pub use stats::{ErrorRow, Stats, StreamingStats, TrueError, WorstPixel};

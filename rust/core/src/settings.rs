@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The user's settings: defaults, bounds, names. Core reads no environment; [`Settings::env_name`] says what to read.
 
+mod table;
+
 use serde::{Deserialize, Serialize};
 
 use crate::residency::PolicyKind;
+pub use table::Audience;
+use table::TABLE;
 
 /// All settings. Values are inside their bounds as long as they are changed through [`Settings::set`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -111,7 +115,7 @@ pub enum SettingError {
     },
 }
 
-/// A setting as hosts list it.
+/// A setting as it is listed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Descriptor {
     /// Hydra key.
@@ -122,6 +126,8 @@ pub struct Descriptor {
     pub default: Value,
     /// One line of help.
     pub doc: &'static str,
+    /// Hosts list only what is for users.
+    pub audience: Audience,
 }
 
 impl Default for Settings {
@@ -162,89 +168,6 @@ enum Field<'a> {
     Text(&'a mut String),
     Policy(&'a mut PolicyKind),
 }
-
-/// (key, environment variable, name, help), in the order hosts show them. Several keys may share a field.
-const TABLE: &[(&str, &str, &str, &str)] = &[
-    ("oocpt:samplesPerPixel", "OOCPT_SAMPLES_PER_PIXEL", "Samples per pixel", "Samples per pixel to converge at"),
-    ("oocpt:maxBounces", "OOCPT_MAX_BOUNCES", "Max bounces", "Indirect bounces; 0 = direct light only"),
-    ("oocpt:seed", "OOCPT_SEED", "Seed", "Seed of all random numbers"),
-    ("oocpt:clamp", "OOCPT_CLAMP", "Clamp", "Largest indirect contribution of a sample; 0 = no limit"),
-    ("oocpt:timeLimit", "OOCPT_TIME_LIMIT", "Time limit", "Stop after this many seconds; 0 = no limit"),
-    ("oocpt:memoryBudget", "OOCPT_MEMORY_BUDGET", "Memory budget", "Hard limit of device memory in MiB; 0 = automatic"),
-    ("oocpt:device", "OOCPT_DEVICE", "Device", "Device by index or part of its name; empty = best"),
-    ("oocpt:policy", "OOCPT_POLICY", "Policy", "Which chunks to load first: sweep, priority or benefit"),
-    ("oocpt:chunkSize", "OOCPT_CHUNK_SIZE", "Chunk size", "Device memory of a chunk of the scene in KiB"),
-    (
-        "oocpt:geometryBudget",
-        "OOCPT_GEOMETRY_BUDGET",
-        "Geometry budget",
-        "Hard limit of device memory for geometry and textures in KiB; 0 = what the memory budget leaves",
-    ),
-    (
-        "oocpt:dicingRate",
-        "OOCPT_DICING_RATE",
-        "Dicing rate",
-        "Longest edge of subdivision surfaces in pixels; 0 = as the complexity says",
-    ),
-    ("oocpt:chunkReport", "OOCPT_CHUNK_REPORT", "Chunk report", "File for a report about the chunks; empty = none"),
-    (
-        "oocpt:report",
-        "OOCPT_REPORT",
-        "Report",
-        "File for a report of error against time, a JSON object a line; empty = none",
-    ),
-    ("oocpt:reference", "OOCPT_REFERENCE", "Reference", "EXR picture for the report to compare with; empty = none"),
-    (
-        "oocpt:targetError",
-        "OOCPT_TARGET_ERROR",
-        "Target error",
-        "Stop when the relative mean squared error is below this, by the upper end of its interval; 0 = no limit",
-    ),
-    (
-        "oocpt:carry",
-        "OOCPT_CARRY",
-        "Carry",
-        "Features to compile in although the scene does not need them, to measure what they cost: names, or all; empty = none",
-    ),
-    (
-        "oocpt:stragglerRoulette",
-        "OOCPT_STRAGGLER_ROULETTE",
-        "Straggler roulette",
-        "Russian roulette on rays that wait for expensive loads: unbiased, but other bits at each budget and run",
-    ),
-    (
-        "oocpt:adaptiveSampling",
-        "OOCPT_ADAPTIVE_SAMPLING",
-        "Adaptive sampling",
-        "Spend samples where the error is largest; as many in all, and no bias",
-    ),
-    (
-        "oocpt:textureCache",
-        "OOCPT_TEXTURE_CACHE",
-        "Texture cache",
-        "Folder in which decoded textures are kept; 0 = none; empty = oocpt/textures in the user's cache folder",
-    ),
-    (
-        "oocpt:textureCacheSize",
-        "OOCPT_TEXTURE_CACHE_SIZE",
-        "Texture cache size",
-        "Most MiB of decoded textures on disk; those not used for longest are removed",
-    ),
-    ("convergedSamplesPerPixel", "OOCPT_CONVERGED_SAMPLES_PER_PIXEL", "Converged samples", "As oocpt:samplesPerPixel"),
-    (
-        "enableInteractive",
-        "OOCPT_ENABLE_INTERACTIVE",
-        "Interactive",
-        "Show images while rendering; off = only the last one",
-    ),
-    (
-        "domeLightCameraVisibility",
-        "OOCPT_DOME_LIGHT_CAMERA_VISIBILITY",
-        "Dome light camera visibility",
-        "Camera rays see the dome light",
-    ),
-    ("enableSceneLights", "OOCPT_ENABLE_SCENE_LIGHTS", "Scene lights", "Use the lights of the scene"),
-];
 
 /// Most samples per pixel: sample indices stay exact in f32.
 const MAX_SAMPLES: u32 = 1 << 24;
@@ -325,20 +248,23 @@ impl Settings {
         })
     }
 
-    /// All settings for the host's user interface, with their defaults.
+    /// All settings with their defaults, in the order in which hosts show those that are for users.
     #[must_use]
     pub fn descriptors() -> Vec<Descriptor> {
         let defaults = Self::default();
         TABLE
             .iter()
-            .filter_map(|&(key, _, name, doc)| Some(Descriptor { key, name, default: defaults.get(key)?, doc }))
+            .filter_map(|row| {
+                let (key, name, doc, audience) = (row.key, row.name, row.help, row.audience);
+                Some(Descriptor { key, name, default: defaults.get(key)?, doc, audience })
+            })
             .collect()
     }
 
     /// The environment variable that sets `key`, e.g. `OOCPT_SAMPLES_PER_PIXEL`; `None` for an unknown key.
     #[must_use]
     pub fn env_name(key: &str) -> Option<&'static str> {
-        TABLE.iter().find(|row| row.0 == key).map(|row| row.1)
+        TABLE.iter().find(|row| row.key == key).map(|row| row.variable)
     }
 }
 

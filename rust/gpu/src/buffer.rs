@@ -36,7 +36,8 @@ impl Buffer {
     /// [`GpuError::TooLarge`], [`GpuError::DeviceLost`].
     pub fn new(gpu: &Arc<Gpu>, name: &str, bytes: u64, usage: Usage) -> Result<Self, GpuError> {
         let device = gpu.device();
-        device.budget.injected_failure(name, bytes)?;
+        #[cfg(feature = "faults")]
+        device.planted(crate::watch::Call::Buffer, name, bytes)?;
         let raw = device.allocate(name, bytes, usage, Patience::WaitForRetired)?;
         Ok(Self {
             block: Arc::new(Block::new(device, raw)),

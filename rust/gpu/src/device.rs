@@ -58,6 +58,8 @@ pub(crate) struct Device {
     retired: RetireQueue<Retired>,
     query_pools: Mutex<Vec<vk::QueryPool>>,
     lost: OnceLock<String>,
+    #[cfg(feature = "faults")]
+    pub(crate) watch: Arc<crate::watch::Watch>,
     /// Last: everything above is made from it.
     pub(crate) instance: Arc<Instance>,
 }
@@ -70,6 +72,8 @@ impl Device {
             choices[Lane::Transfer.index()] = choices[Lane::Main.index()];
         }
         let raw = create_raw(&instance, &probed, &choices)?;
+        #[cfg(feature = "faults")]
+        let (raw, watch) = crate::watch::taken_over(&raw);
         // SAFETY: the physical device comes from this instance.
         let memory_types = unsafe { instance.raw.get_physical_device_memory_properties(probed.physical) };
         let heaps = &probed.report.heaps;
@@ -91,6 +95,8 @@ impl Device {
             retired: RetireQueue::new(),
             query_pools: Mutex::new(Vec::new()),
             lost: OnceLock::new(),
+            #[cfg(feature = "faults")]
+            watch,
             report: probed.report,
             raw,
             instance,

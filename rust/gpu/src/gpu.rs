@@ -189,13 +189,6 @@ impl Gpu {
         self.device.save_pipeline_cache();
     }
 
-    /// For tests: after `n` more requests for memory ([`Buffer::new`](crate::Buffer::new),
-    /// [`Heap::alloc`](crate::Heap::alloc), [`Heap::try_alloc`](crate::Heap::try_alloc)), one fails with
-    /// [`GpuError::OutOfMemory`]; 0 = the next one.
-    pub fn fail_allocation_after(&self, n: u64) {
-        self.device.budget.fail_after(n);
-    }
-
     /// A new command list. The label is shown by debuggers, errors and crash reports.
     ///
     /// # Errors

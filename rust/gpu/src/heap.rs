@@ -194,7 +194,8 @@ impl HeapCore {
 
     fn alloc(self: &Arc<Self>, name: &str, bytes: u64, align: u64, patience: Patience) -> Result<HeapRange, GpuError> {
         self.device.check_alive()?;
-        self.device.budget.injected_failure(name, bytes)?;
+        #[cfg(feature = "faults")]
+        self.device.planted(crate::watch::Call::Range, name, bytes)?;
         if !align.is_power_of_two() {
             let message = format!("alignment {align} is not a power of two");
             return Err(GpuError::Usage { name: name.to_owned(), message });

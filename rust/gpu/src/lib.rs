@@ -41,6 +41,8 @@ mod markers;
 mod memory;
 mod names;
 mod pipeline;
+#[cfg(feature = "faults")]
+mod planted;
 mod queue;
 mod range;
 mod recorder;
@@ -52,6 +54,8 @@ mod staging_space;
 mod submission;
 mod timer;
 mod validation;
+#[cfg(feature = "faults")]
+mod watch;
 
 pub use budget::MemoryUse;
 pub use buffer::Buffer;
@@ -68,3 +72,5 @@ pub use report::{DeviceKind, DeviceReport, HeapReport, enumerate, enumerate_for}
 pub use staging::{StagingRing, StagingSlice};
 pub use submission::Submission;
 pub use validation::ValidationLog;
+#[cfg(feature = "faults")]
+pub use watch::{Call, DriverMemory, Failure};

@@ -15,6 +15,9 @@ use oocpt_shader_abi::{Adaptive as Block, Push};
 use rayon::prelude::*;
 use std::sync::{Arc, Mutex};
 
+// The rows that the core gives out are those that the passes take.
+const _: () = assert!(oocpt_core::adaptive::BAND_SHIFT == oocpt_shader_abi::BAND_SHIFT, "rows of bands differ");
+
 /// See the module.
 #[derive(Debug)]
 pub(crate) struct Adaptive {
@@ -25,7 +28,8 @@ pub(crate) struct Adaptive {
     said: Buffer,
     course: Mutex<Option<Course>>,
     /// Planted: each stream decides for itself.
-    is_naive: bool,
+    #[cfg(feature = "faults")]
+    pub(crate) is_naive: bool,
 }
 
 impl Adaptive {
@@ -39,6 +43,7 @@ impl Adaptive {
             entries: Buffer::new(gpu, "entries", streams * 8, Usage::Device)?,
             said: Buffer::new(gpu, "said", streams * 4 * u64::from(RING), Usage::Device)?,
             course: Mutex::new(None),
+            #[cfg(feature = "faults")]
             is_naive: false,
         })
     }
@@ -54,8 +59,7 @@ impl Adaptive {
     }
 
     /// Begins a render with its first epoch.
-    pub(crate) fn begin(&mut self, size: [u32; 2], samples: u32, is_naive: bool) -> Result<(), RenderError> {
-        self.is_naive = is_naive;
+    pub(crate) fn begin(&mut self, size: [u32; 2], samples: u32) -> Result<(), RenderError> {
         let course = Course::new(size, samples);
         self.send(&course)?;
         *lock(&self.course) = Some(course);
@@ -68,7 +72,11 @@ impl Adaptive {
         let Some(course) = course.as_mut() else { return Ok(()) };
         let said = self.answers(course.decisive())?;
         let said = [said[0].as_slice(), said[1].as_slice()];
-        if if self.is_naive { course.advance_naively(said) } else { course.advance(said) } {
+        #[cfg(feature = "faults")]
+        let goes_on = if self.is_naive { course.advance_by(said) } else { course.advance(said) };
+        #[cfg(not(feature = "faults"))]
+        let goes_on = course.advance(said);
+        if goes_on {
             let spent = course.spent();
             tracing::debug!(?spent, bands = course.epoch().bands.len(), "next epoch");
             self.send(course)?;

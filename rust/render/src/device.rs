@@ -10,7 +10,7 @@ use crate::error::RenderError;
 use crate::loader::Loader;
 use crate::sync::lock;
 use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Heap, MAX_UPDATE_BYTES, OpenOptions, Pipeline, Usage};
-use oocpt_shader_abi::{Features, LbvhPush, Module, Push, SPEC_FAULT, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
+use oocpt_shader_abi::{Features, LbvhPush, Module, Push, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
 use rustc_hash::FxHashMap;
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::{Duration, Instant};
@@ -26,7 +26,7 @@ pub(crate) const WAVE_TIMEOUT: Duration = Duration::from_secs(120);
 const UPLOAD_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// What a pipeline is specialised by, in the order of the specialisation constants' ids (`shader_abi`).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(crate) struct Specialisation {
     /// Deepest chain of instance records, at least 1.
     pub(crate) max_levels: u32,
@@ -34,7 +34,8 @@ pub(crate) struct Specialisation {
     pub(crate) stack_size: u32,
     /// What is compiled in.
     pub(crate) features: Features,
-    /// For tests: what the passes do wrong (`SPEC_FAULT`), 0 = nothing.
+    /// What the passes do wrong (`SPEC_FAULT`), 0 = nothing.
+    #[cfg(feature = "faults")]
     pub(crate) fault: u32,
 }
 
@@ -156,7 +157,14 @@ impl Device {
         }
         let [low, high] = special.features.constants();
         let (levels, stack) = ((SPEC_MAX_LEVELS, special.max_levels), (SPEC_STACK_SIZE, special.stack_size));
-        let constants = [levels, stack, low, high, (SPEC_FAULT, special.fault)];
+        let constants = [
+            levels,
+            stack,
+            low,
+            high,
+            #[cfg(feature = "faults")]
+            (oocpt_shader_abi::SPEC_FAULT, special.fault),
+        ];
         let push = if module.name.starts_with("lbvh_") { size_of::<LbvhPush>() } else { size_of::<Push>() };
         // Push constants are at most 128 bytes.
         let push_bytes = u32::try_from(push).unwrap_or(u32::MAX);

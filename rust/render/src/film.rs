@@ -86,8 +86,12 @@ impl Film {
     /// Decides the first samples of a render of `job`, if it is adaptive.
     pub(crate) fn begin(&mut self, job: &Job) -> Result<(), RenderError> {
         let RenderRequest { width, height, .. } = job.request;
-        let (samples, is_naive) = (job.settings.samples_per_pixel, job.options.plant_naive_sampling);
-        self.adaptive.as_mut().map_or(Ok(()), |adaptive| adaptive.begin([width, height], samples, is_naive))
+        let samples = job.settings.samples_per_pixel;
+        #[cfg(feature = "faults")]
+        if let Some(adaptive) = &mut self.adaptive {
+            adaptive.is_naive = job.options.faults.naive_sampling;
+        }
+        self.adaptive.as_mut().map_or(Ok(()), |adaptive| adaptive.begin([width, height], samples))
     }
 
     /// What decides where samples go, if they do not go everywhere alike.

@@ -61,8 +61,9 @@ impl Renderer {
         let device = self.open(job)?;
         *lock(&gate.shared().device) = Some(device.gpu.report().clone());
         progress.device_opened(job);
-        if let Some(requests) = job.options.fail_allocation_after {
-            device.gpu.fail_allocation_after(requests);
+        #[cfg(feature = "faults")]
+        if let Some(failure) = job.options.faults.failure.filter(|_| job.generation == 1) {
+            device.gpu.plant_failure(failure);
         }
         self.is_frugal = false;
         let mut result = self.render_on(&device, job, gate, &mut progress);
@@ -81,6 +82,10 @@ impl Renderer {
             result = self.render_on(&device, job, gate, &mut progress);
         }
         progress.end(&device.gpu);
+        #[cfg(feature = "faults")]
+        {
+            *lock(&gate.shared().witness) = crate::faults::Witness::of(&device.gpu);
+        }
         if let Err(RenderError::Gpu(GpuError::DeviceLost { .. })) = &result {
             device.forget();
         }

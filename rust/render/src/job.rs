@@ -33,23 +33,9 @@ pub struct SessionOptions {
     pub profile: bool,
     /// Streams the scene even if it fits. For tests and benches.
     pub force_streaming: bool,
-    /// Makes rays forget the chunks they would have to wait for: the picture is wrong. For the test that shows that the
-    /// comparison of pictures notices.
-    pub plant_lost_chunks: bool,
-    /// The probability, in thousandths, with which roulette on loads (`oocpt:stragglerRoulette`) loads whatever it
-    /// plays for; none = by what loads cost and bring. For tests.
-    pub roulette_per_mille: Option<u16>,
-    /// Makes that roulette end rays without weighting those that go on: the picture is too dark. For the test that
-    /// shows that it would be noticed.
-    pub plant_unweighted_roulette: bool,
-    /// Lets each pixel's own samples decide how many more it gets: adaptive pictures are biased. For the test that
-    /// shows that it would notice.
-    pub plant_naive_sampling: bool,
-    /// A planted fault, for tests, with adaptive sampling: roulette on loads is also played with samples that decide
-    /// where others go.
-    pub plant_early_roulette: bool,
-    /// Makes one request for device memory fail, after this many that succeed. For tests.
-    pub fail_allocation_after: Option<u64>,
     /// Draws a progress bar on standard error while samples are traced; for command lines.
     pub progress_bar: bool,
+    /// What tests plant.
+    #[cfg(feature = "faults")]
+    pub faults: crate::faults::Faults,
 }

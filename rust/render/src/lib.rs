@@ -21,6 +21,8 @@ mod engine;
 mod error;
 mod error_log;
 pub mod error_report;
+#[cfg(feature = "faults")]
+mod faults;
 mod feedback;
 mod film;
 mod frame;
@@ -52,6 +54,8 @@ mod wavefront;
 pub use aov::{AovKind, AovRequest};
 pub use early::Early;
 pub use error::RenderError;
+#[cfg(feature = "faults")]
+pub use faults::{Faults, Witness};
 pub use job::SessionOptions;
 pub use light_files::{LightFiles, LightPicture, NoFiles};
 pub use request::{MAX_PIXELS, MAX_SIDE, Message, RenderRequest, Severity};

@@ -264,6 +264,12 @@ impl Session {
         lock(&self.shared.timings).clone()
     }
 
+    /// What became of planted failures, and what the driver gave, by the end of the last render.
+    #[cfg(feature = "faults")]
+    pub fn witness(&self) -> crate::faults::Witness {
+        *lock(&self.shared.witness)
+    }
+
     /// The device that rendered last; none before the first render opened one.
     pub fn device_report(&self) -> Option<DeviceReport> {
         lock(&self.shared.device).clone()

@@ -48,6 +48,8 @@ pub(crate) struct Shared {
     /// Reports of error that renders of this session have begun.
     pub(crate) reports: Mutex<Vec<String>>,
     pub(crate) messages: Mutex<Vec<Message>>,
+    #[cfg(feature = "faults")]
+    pub(crate) witness: Mutex<crate::faults::Witness>,
 }
 
 impl Shared {

@@ -47,7 +47,13 @@ pub(crate) fn has_cutouts(snapshot: &Snapshot) -> bool {
 
 /// The specialisation of the passes for these features.
 pub(crate) fn specialisation(features: Features, scene: &SceneView) -> Specialisation {
-    Specialisation { max_levels: scene.max_levels, stack_size: scene.stack_size, features, fault: 0 }
+    Specialisation {
+        max_levels: scene.max_levels,
+        stack_size: scene.stack_size,
+        features,
+        #[cfg(feature = "faults")]
+        fault: 0,
+    }
 }
 
 /// What is carried along although the scene does not need it: what `oocpt:carry` asks for and what can be had without

@@ -3,8 +3,9 @@
 #![allow(missing_docs, reason = "a test")]
 
 use oocpt_shader_abi::{
-    Counters, Frame, GpuChunkInstance, LBVH_MAX_ITEMS, LbvhBounds, LbvhJob, LbvhPush, Push, PushFlags, Ray, ShadowRay,
-    WORKGROUP_SIZE, groups, hit_stride, lbvh_scratch_bytes, lbvh_steps,
+    Counters, Frame, GpuChunkInstance, LBVH_MAX_ITEMS, LbvhBounds, LbvhJob, LbvhPush, Push, PushFlags, RAY_WORD_BOUNCE,
+    RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW, RAY_WORD_T_MAX, Ray, ShadowRay, WORKGROUP_SIZE, groups, hit_stride,
+    lbvh_scratch_bytes, lbvh_steps, pack_band, pack_color, unpack_band, unpack_color,
 };
 
 #[test]
@@ -98,4 +99,30 @@ fn one_item_needs_no_sort() {
     assert_eq!(names(1), ["lbvh_refit", "lbvh_widen"]);
     assert_eq!(names(2), ["lbvh_sort_small", "lbvh_hierarchy", "lbvh_refit", "lbvh_widen"]);
     assert_eq!(names(5000).len(), 1 + 3 * 8 + 3);
+}
+
+#[test]
+fn bands_and_rows_share_a_word() {
+    for (band, row) in [(0, 0), (0, (1 << 26) - 1), (1, 0), (63, 5), (63, (1 << 26) - 1)] {
+        assert_eq!(unpack_band(pack_band(band, row)), (band, row), "{band}, {row}");
+    }
+    assert_eq!(pack_band(3, 7), 0x0c00_0007, "the bits that the passes read");
+    let push = Push::wave(1, 0, 64, 100).in_band(3, 7);
+    assert_eq!(unpack_band(push.first_sample), (3, 7), "of a wave");
+}
+
+#[test]
+fn a_colour_in_shadow_has_ten_bits_a_channel() {
+    assert_eq!(pack_color([1.0, 0.0, 1.0]), 0x3ff0_03ff, "the bits that the passes read");
+    assert_eq!(pack_color([2.0, -1.0, f32::NAN]), 0x3ff, "what is no share");
+    for color in [[0.0; 3], [1.0; 3], [0.25, 0.5, 0.75]] {
+        let back = unpack_color(pack_color(color));
+        let off = color.iter().zip(back).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(off <= 0.5 / 1023.0, "{color:?} comes back as {back:?}");
+    }
+}
+
+#[test]
+fn words_of_rays_are_where_traversal_looks() {
+    assert_eq!([RAY_WORD_BOUNCE, RAY_WORD_T_MAX, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW], [3, 7, 11, 15], "the words");
 }

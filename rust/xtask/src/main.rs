@@ -64,6 +64,9 @@ enum Task {
     Test {
         /// Part of a test's name
         filter: Option<String>,
+        /// Count over all seeds, where a few tell nearly as much
+        #[arg(long)]
+        full: bool,
     },
     /// Formatting, lints, documentation, crate graph, words, lengths of files and lines, documents
     Check {
@@ -115,9 +118,9 @@ fn perform(task: Task) -> Result<()> {
         Task::Record { arguments } => record(&places, &arguments),
         Task::Env => print_env(&places),
         Task::Install { usd, prefix } => install(&places, &usd, &prefix),
-        Task::Test { filter } => {
+        Task::Test { filter, full } => {
             let interpreter = set_up(&places)?;
-            verify::run_tests(&places, &interpreter, filter.as_deref())
+            verify::run_tests(&places, &interpreter, verify::Extent { filter: filter.as_deref(), full })
         }
         Task::Check { fast } => {
             system::prepare(system::For::Check)?;

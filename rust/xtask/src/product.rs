@@ -3,6 +3,7 @@
 //! date.
 
 use std::env;
+use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -15,6 +16,13 @@ use crate::process::{run, say, shell_word};
 
 /// cargo profile of everything that is built to be run from the clone.
 pub(crate) const PROFILE: &str = "fast";
+
+/// What people get: the bridge of the plugin, and the command.
+const PRODUCT: [&str; 2] = [BRIDGE, "oocpt-cli"];
+const BRIDGE: &str = "oocpt-bridge";
+const BRIDGE_FILE: &str = "liboocpt_bridge.a";
+/// The command as cargo builds it.
+pub(crate) const COMMAND_FILE: &str = "oocpt";
 
 /// Programs of ours that run in the wheel host's Python: their names in `build/wheel/bin`, and their scripts.
 const HOST_PROGRAMS: [(&str, &str); 2] =
@@ -29,13 +37,38 @@ pub(crate) fn build_for_wheel(places: &Places, interpreter: &Interpreter) -> Res
     build_plugin_for_wheel(places, interpreter)
 }
 
-/// Builds every crate with its tests, the bridge of the plugin among them: one set of features, so that nothing is
-/// compiled twice, as it is when the bridge is built by itself first.
+/// Builds every crate with its tests, then the product, which has none of what tests turn on (feature `faults`) and
+/// shares everything else with them.
 ///
 /// # Errors
 /// If cargo fails.
 pub(crate) fn build_workspace(places: &Places) -> Result<()> {
-    run(cargo(places, "build").args(["--workspace", "--all-targets", "--profile", PROFILE]))
+    run(cargo(places, "build").args(["--workspace", "--all-targets", "--profile", PROFILE]))?;
+    run(cargo(places, "build").args(packages()).args(["--profile", PROFILE]))?;
+    [BRIDGE_FILE, COMMAND_FILE].iter().try_for_each(|file| keep(places, PROFILE, file))
+}
+
+/// cargo's arguments that name the product.
+pub(crate) fn packages() -> Vec<OsString> {
+    PRODUCT.iter().flat_map(|package| ["--package", package]).map(OsString::from).collect()
+}
+
+/// Where a file of the product is kept: other builds put their own, with what tests turn on, at cargo's place.
+pub(crate) fn kept(places: &Places, profile: &str, file: &str) -> PathBuf {
+    places.target.join("product").join(profile).join(file)
+}
+
+/// Keeps what cargo has just built. A file that is the same stays, so that nothing is linked anew.
+fn keep(places: &Places, profile: &str, file: &str) -> Result<()> {
+    let (built, kept) = (places.target.join(profile).join(file), kept(places, profile, file));
+    let bytes = fs::read(&built).with_context(|| format!("cargo left no {}", built.display()))?;
+    if fs::read(&kept).is_ok_and(|found| found == bytes) {
+        return Ok(());
+    }
+    let folder = kept.parent().context("a path without a folder")?;
+    fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
+    fs::copy(&built, &kept).with_context(|| format!("cannot copy {}", built.display()))?;
+    Ok(())
 }
 
 /// Builds the plugin for the wheel host around the bridge that is there.
@@ -81,14 +114,15 @@ fn compile(tree: &Path) -> Result<()> {
 }
 
 fn build_bridge(places: &Places, profile: &str) -> Result<()> {
-    run(cargo(places, "build").args(["--package", "oocpt-bridge", "--profile", profile]))
+    run(cargo(places, "build").args(["--package", BRIDGE, "--profile", profile]))?;
+    keep(places, profile, BRIDGE_FILE)
 }
 
 /// The `CMake` options that name the bridge.
 fn bridge_options(places: &Places, profile: &str) -> Vec<(String, String)> {
     vec![
         ("CMAKE_BUILD_TYPE".into(), "Release".into()),
-        ("OOCPT_BRIDGE_LIB".into(), path(&places.target.join(profile).join("liboocpt_bridge.a"))),
+        ("OOCPT_BRIDGE_LIB".into(), path(&kept(places, profile, BRIDGE_FILE))),
         ("OOCPT_BRIDGE_INCLUDE".into(), path(&places.target.join("cxxbridge"))),
     ]
 }

@@ -4,9 +4,9 @@
 //! `tests/host/**` runs in the wheel host's Python (`pxr` is Hydra's), all other Python tests in usd-core's; both see
 //! `OOCPT_HOST_PYTHON` and `OOCPT_USD_PYTHON` to start the other one, and `usdrecord` in `PATH`.
 //!
-//! Without a GPU the plugin is built and Python runs beside the Rust tests, which leave cores idle while they compile
-//! shaders; its lines begin with [`MARK`] then. On a GPU one after the other: two would share its memory.
-//! [`WITHOUT_GPU`] says what else differs.
+//! Without a GPU the plugin is built and Python runs beside the Rust tests, in two processes: all of them wait much,
+//! for shaders that are compiled on one core and for hosts. Its lines begin with [`MARK`] then. On a GPU one after the
+//! other: two would share its memory. [`WITHOUT_GPU`] says what else differs.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
@@ -23,6 +23,8 @@ use crate::{shell, system};
 
 /// pytest's exit status when no test matched.
 const NOTHING_COLLECTED: i32 = 5;
+/// Set for tests that are to take all seeds.
+const FULL: &str = "OOCPT_TEST_FULL";
 /// What a line of Python's begins with, where others stand between.
 const MARK: &str = "[python] ";
 /// Profiles of nextest and the threads that Mesa's software renderer has in them, besides the one that submits; none =
@@ -31,18 +33,38 @@ type NextestProfile = (&'static str, Option<&'static str>);
 const ON_GPU: &[NextestProfile] = &[("default", None)];
 const WITHOUT_GPU: &[NextestProfile] = &[("software", Some("0")), ("software-threads", None)];
 
-/// Builds everything and runs all tests whose name contains `filter`; every runner runs, even if another failed.
+/// Which tests run, and how far they go.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extent<'a> {
+    /// Part of the names; all without.
+    pub(crate) filter: Option<&'a str>,
+    /// Tests that count over seeds take all of them.
+    pub(crate) full: bool,
+}
+
+impl Extent<'_> {
+    /// Tells the tests.
+    fn tell(self, tests: &mut Command) {
+        if self.full {
+            tests.env(FULL, "1");
+        } else {
+            tests.env_remove(FULL);
+        }
+    }
+}
+
+/// Builds everything and runs all tests of an extent; every runner runs, even if another failed.
 ///
 /// # Errors
 /// Names the runners that failed, or says why a build did.
-pub(crate) fn run_tests(places: &Places, interpreter: &Interpreter, filter: Option<&str>) -> Result<()> {
+pub(crate) fn run_tests(places: &Places, interpreter: &Interpreter, extent: Extent<'_>) -> Result<()> {
     product::build_workspace(places)?;
     let (rust, python) = if system::has_gpu() {
-        (rust_tests(places, filter), all_python_tests(places, interpreter, filter, ""))
+        (rust_tests(places, extent), all_python_tests(places, interpreter, extent, ""))
     } else {
         thread::scope(|scope| {
-            let python = scope.spawn(|| all_python_tests(places, interpreter, filter, MARK));
-            let rust = rust_tests(places, filter);
+            let python = scope.spawn(|| all_python_tests(places, interpreter, extent, MARK));
+            let rust = rust_tests(places, extent);
             (rust, python.join().unwrap_or_else(|_| bail!("the thread of the Python tests ended")))
         })
     };
@@ -57,32 +79,43 @@ pub(crate) fn run_tests(places: &Places, interpreter: &Interpreter, filter: Opti
     Ok(())
 }
 
-/// Builds the plugin, then runs the Python tests; gives the names of the runners that failed.
+/// Builds the plugin, then runs the Python tests; gives the names of the runners that failed. Without a GPU (with a
+/// `mark`) those through Hydra, which are the half of them, run beside the others.
 fn all_python_tests(
     places: &Places,
     interpreter: &Interpreter,
-    filter: Option<&str>,
+    extent: Extent<'_>,
     mark: &str,
 ) -> Result<Vec<&'static str>> {
     product::build_plugin_for_wheel(places, interpreter)?;
-    let (tests, host) = (places.repo.join("tests"), places.repo.join("tests/host"));
-    let mut failed = Vec::new();
-    if !python_tests(places, HOST_VENV.name, &host, None, filter, mark)? {
-        failed.push("Python (wheel host)");
-    }
-    if !python_tests(places, USD_VENV.name, &tests, Some(&host), filter, mark)? {
-        failed.push("Python (usd-core)");
-    }
-    Ok(failed)
+    let tests = places.repo.join("tests");
+    let [hydra, host] = ["hydra", "host"].map(|folder| tests.join(folder));
+    let run =
+        |venv: &str, folder: &Path, without: &[&Path]| python_tests(places, venv, (folder, without), extent, mark);
+    let through_hydra = || run(USD_VENV.name, &hydra, &[]);
+    let others =
+        || Ok::<_, anyhow::Error>((run(HOST_VENV.name, &host, &[])?, run(USD_VENV.name, &tests, &[&hydra, &host])?));
+    let (others, through_hydra) = if mark.is_empty() {
+        (others(), through_hydra())
+    } else {
+        thread::scope(|scope| {
+            let through_hydra = scope.spawn(through_hydra);
+            (others(), through_hydra.join().unwrap_or_else(|_| bail!("the thread of the Python tests ended")))
+        })
+    };
+    let (in_host, others) = others?;
+    let passed = [("Python (wheel host)", in_host), ("Python (usd-core)", others), ("Python (Hydra)", through_hydra?)];
+    Ok(passed.into_iter().filter(|(_, passed)| !passed).map(|(name, _)| name).collect())
 }
 
-fn rust_tests(places: &Places, filter: Option<&str>) -> Result<bool> {
+fn rust_tests(places: &Places, extent: Extent<'_>) -> Result<bool> {
     if !succeeds("cargo-nextest", ["nextest", "--version"]) {
         // Tests of a binary share a process here, and with it the device.
         let mut plain = cargo(places, "test");
         plain.args(["--workspace", "--profile", PROFILE]).env("RUST_TEST_THREADS", "1");
         shell::apply(&shell::for_wheel(places), &mut plain);
-        return passes(plain.args(filter));
+        extent.tell(&mut plain);
+        return passes(plain.args(extent.filter));
     }
     let mut all_pass = true;
     for (profile, driver_threads) in if system::has_gpu() { ON_GPU } else { WITHOUT_GPU } {
@@ -92,7 +125,8 @@ fn rust_tests(places: &Places, filter: Option<&str>) -> Result<bool> {
         if let Some(threads) = driver_threads {
             nextest.env("LP_NUM_THREADS", threads);
         }
-        all_pass &= passes(nextest.args(filter))?;
+        extent.tell(&mut nextest);
+        all_pass &= passes(nextest.args(extent.filter))?;
     }
     Ok(all_pass)
 }
@@ -100,24 +134,31 @@ fn rust_tests(places: &Places, filter: Option<&str>) -> Result<bool> {
 fn python_tests(
     places: &Places,
     venv: &str,
-    folder: &Path,
-    without: Option<&Path>,
-    filter: Option<&str>,
+    (folder, without): (&Path, &[&Path]),
+    extent: Extent<'_>,
     mark: &str,
 ) -> Result<bool> {
     if !folder.is_dir() {
         return Ok(true);
     }
     let mut pytest = Command::new(places.venv_python(venv));
-    pytest.current_dir(&places.repo).args(["-I", "-m", "pytest", "-ra", "-v", "--import-mode=importlib"]);
+    pytest.current_dir(&places.repo).args([
+        "-I",
+        "-m",
+        "pytest",
+        "-ra",
+        "-v",
+        "--durations=20",
+        "--import-mode=importlib",
+    ]);
     shell::apply(&shell::for_wheel(places), &mut pytest);
-    // Asking cargo for it would build it anew with the features that it has by itself.
-    pytest.env("OOCPT_CLI", places.target.join(PROFILE).join("oocpt"));
+    pytest.env("OOCPT_CLI", product::kept(places, PROFILE, product::COMMAND_FILE));
     pytest.arg(folder);
-    if let Some(without) = without {
-        pytest.arg("--ignore").arg(without);
+    for folder in without {
+        pytest.arg("--ignore").arg(folder);
     }
-    if let Some(filter) = filter {
+    extent.tell(&mut pytest);
+    if let Some(filter) = extent.filter {
         pytest.args(["-k", filter]);
     }
     let status = if mark.is_empty() { status(&mut pytest)? } else { marked_status(&mut pytest, mark)? };

@@ -25,8 +25,13 @@ struct ShadowRay {
     vec3 o_lo;
     uint flags;
     vec3 contribution;
-    uint pad;
+    uint in_shadow;
 };
+
+// A colour of 10 bits a channel (rust/shader_abi/src/abi/path.rs packs it).
+vec3 unpack_color(uint color) {
+    return vec3(uvec3(color, color >> 10, color >> 20) & 1023u) / 1023.0;
+}
 
 struct IndirectArgs {
     uint x;

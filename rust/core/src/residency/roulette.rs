@@ -62,8 +62,6 @@ pub struct Prices {
     pub variance: f64,
     /// Paths of the picture.
     pub paths: f64,
-    /// For tests: the probability of every load that is played for, whatever it costs.
-    pub fixed: Option<f64>,
 }
 
 /// What is at stake with a load.
@@ -151,12 +149,17 @@ impl Roulette {
     /// Whether the chunk may be loaded; draws if it was not decided. What has to become of rays is in
     /// [`Self::take_verdicts`], to be done in step `step` at the latest, and before the chunk is shown.
     pub fn judge(&mut self, stakes: &Stakes, prices: &Prices, step: u64) -> bool {
+        self.judge_by(stakes, step, |lost, spent| probability(stakes, prices, lost, spent))
+    }
+
+    /// As [`Self::judge`], where `p` gives the probability for the variance spent on the chunk and in all.
+    pub fn judge_by(&mut self, stakes: &Stakes, step: u64, p: impl FnOnce(f64, f64) -> f64) -> bool {
         let Some(state) = self.states.get_mut(stakes.chunk as usize) else { return true };
         if *state != State::Open {
             return *state == State::Approved;
         }
         let lost = self.lost.get_mut(stakes.chunk as usize);
-        let p = probability(stakes, prices, lost.as_deref().map_or(0.0, |lost| *lost), self.spent);
+        let p = p(lost.as_deref().map_or(0.0, |lost| *lost), self.spent);
         let is_approved = p >= 1.0 || draw(self.seed, stakes.chunk, &mut self.draws) < p;
         if p < 1.0 {
             self.spent += (1.0 / p - 1.0) * stakes.worth;
@@ -191,9 +194,6 @@ impl Roulette {
 /// where something is not known.
 #[must_use]
 pub fn probability(stakes: &Stakes, prices: &Prices, lost: f64, spent: f64) -> f64 {
-    if let (Some(fixed), true) = (prices.fixed, stakes.worth.is_finite()) {
-        return fixed.clamp(LEAST, 1.0);
-    }
     #[expect(clippy::cast_precision_loss, reason = "an estimate")]
     let cost = stakes.bytes as f64 * prices.secs_per_byte * stakes.share;
     let in_paths = cost / prices.secs_per_path;
@@ -225,7 +225,7 @@ fn draw(seed: u32, chunk: ChunkId, draws: &mut [u32]) -> f64 {
 mod tests {
     use super::*;
 
-    const PRICES: Prices = Prices { secs_per_byte: 1e-9, secs_per_path: 1e-6, variance: 0.1, paths: 1e9, fixed: None };
+    const PRICES: Prices = Prices { secs_per_byte: 1e-9, secs_per_path: 1e-6, variance: 0.1, paths: 1e9 };
 
     fn stakes(chunk: ChunkId, worth: f64) -> Stakes {
         Stakes { chunk, bytes: 1_000_000, worth, share: 1.0 }
@@ -252,12 +252,8 @@ mod tests {
             let p = probability(&stakes(0, 0.0), &prices, 0.0, 0.0);
             assert!((p - 1.0).abs() < 1e-12, "not known: {prices:?}");
         }
-        let fixed = Prices { fixed: Some(0.25), ..PRICES };
-        assert!((probability(&stakes(0, 1e9), &fixed, 1e9, 1e9) - 0.25).abs() < 1e-12, "as told");
-        for prices in [PRICES, fixed] {
-            let must = probability(&stakes(0, f64::INFINITY), &prices, 0.0, 0.0);
-            assert!((must - 1.0).abs() < 1e-12, "rays that are to be traced");
-        }
+        let must = probability(&stakes(0, f64::INFINITY), &PRICES, 0.0, 0.0);
+        assert!((must - 1.0).abs() < 1e-12, "rays that are to be traced");
     }
 
     #[test]

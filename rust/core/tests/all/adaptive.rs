@@ -166,7 +166,7 @@ fn adaptive_mean(seed: u32, naive: bool) -> f64 {
         let words: Vec<VarianceEstimate> = film.iter().map(|pixel| pixel.3).collect();
         let words = [&words[..pixels], &words[pixels..]];
         // Decided once more only: the octave that decides is the first.
-        if !(if naive { course.advance_naively(words) } else { course.advance(words) }) {
+        if !(if naive { course.advance_by(words) } else { course.advance(words) }) {
             break;
         }
         assert_eq!(course.decisive(), FIRST, "so few samples are decided by the first octave");

@@ -2,7 +2,7 @@
 //! Settings: bounds, types, names.
 
 use oocpt_core::residency::PolicyKind;
-use oocpt_core::{SettingError, Settings, Value};
+use oocpt_core::{Audience, SettingError, Settings, Value};
 
 #[test]
 fn samples_are_bounded_and_keep_their_value_on_error() {
@@ -108,6 +108,14 @@ fn settings_are_listed_in_order() {
         "OOCPT_TEXTURE_CACHE_SIZE",
     ];
     assert_eq!(ours[7..].iter().filter_map(|key| Settings::env_name(key)).collect::<Vec<_>>(), names, "variables");
+}
+
+#[test]
+fn developers_have_four_settings_of_their_own() {
+    let mut theirs = Settings::descriptors();
+    theirs.retain(|descriptor| descriptor.audience == Audience::Developer);
+    let keys: Vec<&str> = theirs.iter().map(|descriptor| descriptor.key).collect();
+    assert_eq!(keys, ["oocpt:policy", "oocpt:chunkReport", "oocpt:reference", "oocpt:carry"], "no host lists these");
 }
 
 #[test]

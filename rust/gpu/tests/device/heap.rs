@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Heaps: ranges do not overlap, space comes back, statistics tell the truth.
 
-use oocpt_gpu::{Buffer, GpuError, Heap, HeapOptions, HeapRange, OpenOptions, Usage};
+use oocpt_gpu::{Buffer, Call, Failure, GpuError, Heap, HeapOptions, HeapRange, OpenOptions, Usage};
 
 use crate::support::{self, finish, read_words};
 
@@ -120,7 +120,7 @@ fn trying_says_no_where_space_is_in_pieces() {
 fn a_planted_failure_makes_a_try_fail() {
     let gpu = support::open();
     let heap = Heap::new(&gpu, "heap", 1 << 20).expect("a heap");
-    gpu.fail_allocation_after(1);
+    gpu.plant_failure(Failure { call: Call::Range, after: 1, times: 1 });
     let tries: Vec<_> = (0..3).map(|_| heap.try_alloc("a", 1000, 16).expect("alive").is_some()).collect();
     assert_eq!(tries, [true, false, true], "the second fails");
     assert!(matches!(heap.try_alloc("odd", 64, 3), Err(GpuError::Usage { .. })), "a mistake stays an error");

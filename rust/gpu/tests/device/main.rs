@@ -6,6 +6,7 @@ mod budget;
 mod buffers;
 mod commands;
 mod devices;
+mod failures;
 mod heap;
 mod lifetime;
 mod pipeline_cache;

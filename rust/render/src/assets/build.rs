@@ -6,7 +6,7 @@ use crate::device::{Device, Specialisation};
 use crate::error::RenderError;
 use oocpt_core::residency::AssetId;
 use oocpt_gpu::{Buffer, HeapRange, Submission, Usage};
-use oocpt_shader_abi::{Features, LbvhJob, LbvhStep, lbvh_steps};
+use oocpt_shader_abi::{LbvhJob, LbvhStep, lbvh_steps};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -59,7 +59,7 @@ impl Builder {
 
     /// Submits a batch; only when none is under way.
     pub(crate) fn submit(&mut self, device: &Device, builds: Vec<Build>) -> Result<(), RenderError> {
-        let plain = Specialisation { max_levels: 1, stack_size: 1, features: Features::empty(), fault: 0 };
+        let plain = Specialisation { max_levels: 1, stack_size: 1, ..Specialisation::default() };
         let mut commands = device.gpu.commands("build instance levels")?;
         let steps: Vec<Vec<LbvhStep>> = builds.iter().map(|build| lbvh_steps(&build.job)).collect();
         for build in &builds {

@@ -29,7 +29,7 @@ use crate::{assets::SceneView, device::WAVE_TIMEOUT};
 use drive::{Outcome, run};
 use oocpt_core::inventory::Inventory;
 use oocpt_gpu::{Buffer, Commands, Submission, Usage};
-use oocpt_shader_abi::{FAULT_SKIP_DEFERRED, Features, Frame};
+use oocpt_shader_abi::{Features, Frame};
 
 /// What every submission of a frame refers to.
 #[derive(Debug)]
@@ -79,7 +79,9 @@ impl<'a> Tracer<'a> {
         let Setting { device, film, .. } = *setting;
         let Parts { features, carried } = parts;
         progress.stage("compiling passes");
-        let special = specialisation(setting, features, view);
+        let special = specialise::specialisation(features, view);
+        #[cfg(feature = "faults")]
+        let special = Specialisation { fault: setting.job.options.faults.lost_chunks, ..special };
         let passes = Passes::new(device, special, film, &mut progress.timings)?;
         let mut block = frame_block(setting, view);
         block.bsdf_tables = device.bsdf_tables(features)?; // before the list of what there is
@@ -132,11 +134,6 @@ impl<'a> Tracer<'a> {
         }
         progress.finish()
     }
-}
-
-fn specialisation(setting: &Setting<'_>, features: Features, view: &SceneView) -> Specialisation {
-    let fault = if setting.job.options.plant_lost_chunks { FAULT_SKIP_DEFERRED } else { 0 };
-    Specialisation { fault, ..specialise::specialisation(features, view) }
 }
 
 /// Runs the stages of a frame until `gate` says no; publishes images and stats on the way.

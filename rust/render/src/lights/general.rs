@@ -9,7 +9,7 @@ use crate::light_files::LightFiles;
 use oocpt_core::scene::{AssetRef, DomeTexture, Emitter, IesProfile, Light, LocalLight, Snapshot};
 use oocpt_shader_abi::{
     Features, GpuInfiniteLight, GpuLightKind, GpuLightNode, GpuLightShaping, GpuLocalLight, LightFlags, Lighting,
-    NO_INDEX,
+    NO_INDEX, pack_color,
 };
 use rustc_hash::FxHashMap;
 use std::f64::consts::{PI, TAU};
@@ -365,6 +365,6 @@ fn infinite(light: &Light, kind: GpuLightKind) -> GpuInfiniteLight {
         map: NO_INDEX,
         light_link: light.light_link,
         shadow_link: light.shadow_link,
-        shadow_color: if light.has_shadows { local::packed(light.shadow_color) } else { 0 },
+        shadow_color: if light.has_shadows { pack_color(light.shadow_color) } else { 0 },
     }
 }

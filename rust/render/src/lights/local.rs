@@ -4,7 +4,7 @@
 use super::tree::LightBounds;
 use super::{luminance, narrow};
 use oocpt_core::scene::{Light, LightShaping, LocalLight, LocalShape};
-use oocpt_shader_abi::{GpuLightKind, GpuLightShaping, GpuLocalLight, LightFlags, NO_INDEX};
+use oocpt_shader_abi::{GpuLightKind, GpuLightShaping, GpuLocalLight, LightFlags, NO_INDEX, pack_color};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Kind and flags of a light.
@@ -12,16 +12,9 @@ pub(super) fn flags(light: &Light, kind: GpuLightKind) -> u32 {
     let mut flags = LightFlags::empty();
     flags.set(LightFlags::CAMERA_VISIBLE, light.camera_visible);
     flags.set(LightFlags::NO_SHADOWS, !light.has_shadows);
-    flags.set(LightFlags::SHADOW_COLOR, light.has_shadows && packed(light.shadow_color) != 0);
+    flags.set(LightFlags::SHADOW_COLOR, light.has_shadows && pack_color(light.shadow_color) != 0);
     flags.set(LightFlags::SHADOW_LINK, light.has_shadows && light.shadow_link != 0);
     kind as u32 | flags.bits()
-}
-
-/// Ten bits for each colour.
-pub(super) fn packed(color: [f32; 3]) -> u32 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to ten bits")]
-    let [r, g, b] = color.map(|c| (c.clamp(0.0, 1.0) * 1023.0).round() as u32);
-    r | g << 10 | b << 20
 }
 
 fn kind(shape: LocalShape) -> GpuLightKind {
@@ -62,7 +55,7 @@ pub(super) fn encode(light: &Light, local: &LocalLight, origin: [f64; 3]) -> Opt
         row_z: axis(inverse.z_axis.to_array()),
         specular: light.specular,
         radiance: light.radiance,
-        shadow_color: if light.has_shadows { packed(light.shadow_color) } else { 0 },
+        shadow_color: if light.has_shadows { pack_color(light.shadow_color) } else { 0 },
     };
     let numbers = [gpu.position, gpu.x, gpu.y, gpu.z, gpu.row_x, gpu.row_y, gpu.row_z];
     let sound = numbers.as_flattened().iter().all(|v| v.is_finite()) && gpu.determinant.is_normal();

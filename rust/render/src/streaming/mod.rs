@@ -130,10 +130,11 @@ pub(crate) fn render(
 }
 
 fn stragglers(setting: &Setting<'_>) -> Stragglers {
-    let (settings, options) = (&setting.job.settings, &setting.job.options);
-    let fixed = options.roulette_per_mille.map(|p| f64::from(p) / 1000.0);
     let chunks = setting.job.snapshot.world.chunks.len();
-    Stragglers::new(settings.seed, chunks, fixed, options.plant_unweighted_roulette)
+    let stragglers = Stragglers::new(setting.job.settings.seed, chunks);
+    #[cfg(feature = "faults")]
+    let stragglers = stragglers.with_faults(setting.job.options.faults);
+    stragglers
 }
 
 /// Most lookups of textures that a material of the scene makes.

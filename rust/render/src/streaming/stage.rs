@@ -151,7 +151,9 @@ impl<'a, 'r> Stage<'a, 'r> {
     /// about.
     fn are_stragglers(&self) -> bool {
         let setting = self.streamer.tracer.setting;
-        let adaptive = setting.film.adaptive().filter(|_| !setting.job.options.plant_early_roulette);
+        let adaptive = setting.film.adaptive();
+        #[cfg(feature = "faults")]
+        let adaptive = adaptive.filter(|_| !setting.job.options.faults.early_roulette);
         let are_few = |stragglers: &Stragglers| stragglers.are_few(self.seen.paths_alive(), self.most_paths);
         self.kind == Kind::Samples
             && !self.segments.can_start(self.ended)

@@ -12,6 +12,8 @@
 //! traces; and ever more, the fewer loads are left.
 
 use super::observe::Observation;
+#[cfg(feature = "faults")]
+use oocpt_core::residency::roulette::LEAST;
 use oocpt_core::residency::roulette::{Prices, Roulette, Stakes};
 use oocpt_core::residency::{ChunkId, Proposal};
 use oocpt_shader_abi::{WORTH_MUST, WORTH_ONE};
@@ -86,20 +88,35 @@ pub(crate) struct Stragglers {
     roulette: Roulette,
     price: Price,
     chunks: usize,
-    fixed: Option<f64>,
-    plant_unweighted: bool,
+    #[cfg(feature = "faults")]
+    faults: crate::faults::Faults,
 }
 
 impl Stragglers {
-    /// For a scene of so many chunks. For tests: `fixed`, see [`Prices`]; `plant_unweighted`, a fault.
-    pub(crate) fn new(seed: u32, chunks: usize, fixed: Option<f64>, plant_unweighted: bool) -> Self {
-        let (roulette, price) = (Roulette::new(seed, chunks), Price::default());
-        Self { roulette, price, chunks, fixed, plant_unweighted }
+    /// For a scene of so many chunks.
+    pub(crate) fn new(seed: u32, chunks: usize) -> Self {
+        Self {
+            roulette: Roulette::new(seed, chunks),
+            price: Price::default(),
+            chunks,
+            #[cfg(feature = "faults")]
+            faults: crate::faults::Faults::default(),
+        }
+    }
+
+    /// The same, with what a test plants.
+    #[cfg(feature = "faults")]
+    pub(crate) fn with_faults(self, faults: crate::faults::Faults) -> Self {
+        Self { faults, ..self }
     }
 
     /// Whether `alive` paths are stragglers, where `most` may be in flight and none can begin.
     pub(super) fn are_few(&self, alive: u64, most: u64) -> bool {
-        self.fixed.is_some() || alive.saturating_mul(FEW) <= most
+        #[cfg(feature = "faults")]
+        if self.faults.roulette_per_mille.is_some() {
+            return true;
+        }
+        alive.saturating_mul(FEW) <= most
     }
 
     /// Tells what it came to.
@@ -146,7 +163,13 @@ impl Stragglers {
             _ => f64::INFINITY,
         };
         let share = f64::from(first) / (f64::from(first) + f64::from(later)).max(1.0);
-        self.roulette.judge(&Stakes { chunk: proposal.chunk, bytes: proposal.bytes, worth, share }, prices, next)
+        let stakes = Stakes { chunk: proposal.chunk, bytes: proposal.bytes, worth, share };
+        #[cfg(feature = "faults")]
+        if let Some(per_mille) = self.faults.roulette_per_mille {
+            let p = if worth.is_finite() { (f64::from(per_mille) / 1000.0).clamp(LEAST, 1.0) } else { 1.0 };
+            return self.roulette.judge_by(&stakes, next, |_, _| p);
+        }
+        self.roulette.judge(&stakes, prices, next)
     }
 
     /// What is known of costs; what is not, is no number. Of two variances the smaller one.
@@ -154,12 +177,14 @@ impl Stragglers {
     pub(super) fn prices(&self, spent: &Spent, seen: &Observation) -> Prices {
         let of_paths = f64::from(seen.roulette.variance);
         let known = spent.variance.into_iter().chain([of_paths]).filter(|variance| *variance > 0.0);
+        let secs_per_byte = self.price.secs_per_byte();
+        #[cfg(feature = "faults")]
+        let secs_per_byte = self.faults.roulette_ns_per_byte.map(|ns| 1e-9 * f64::from(ns)).or(secs_per_byte);
         Prices {
-            secs_per_byte: self.price.secs_per_byte().unwrap_or(f64::NAN),
+            secs_per_byte: secs_per_byte.unwrap_or(f64::NAN),
             secs_per_path: spent.secs / spent.paths as f64,
             variance: known.fold(f64::NAN, f64::min),
             paths: spent.all_paths as f64,
-            fixed: self.fixed,
         }
     }
 
@@ -176,7 +201,9 @@ impl Stragglers {
         }
         let mut table = vec![0.0; self.chunks];
         for verdict in self.roulette.take_verdicts() {
-            let weight = if self.plant_unweighted { verdict.weight.min(1.0) } else { verdict.weight };
+            let weight = verdict.weight;
+            #[cfg(feature = "faults")]
+            let weight = if self.faults.unweighted_roulette { weight.min(1.0) } else { weight };
             if let Some(entry) = table.get_mut(verdict.chunk as usize) {
                 *entry = if verdict.weight > 0.0 { weight } else { -1.0 };
             }
@@ -195,9 +222,9 @@ mod tests {
 
     /// Whether load after load of a chunk is agreed to, a hundred times.
     fn agreed(seen: &Observation, is_idle: bool) -> usize {
-        let prices = Prices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, paths: 1e9, fixed: None };
+        let prices = Prices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, paths: 1e9 };
         let proposal = Proposal { chunk: 1, bytes: 1 << 20, is_idle };
-        let yes = |seed: u32| Stragglers::new(seed, 2, None, false).agrees(&proposal, seen, &prices, 1);
+        let yes = |seed: u32| Stragglers::new(seed, 2).agrees(&proposal, seen, &prices, 1);
         (0..100).filter(|&seed| yes(seed)).count()
     }
 
@@ -214,11 +241,11 @@ mod tests {
     fn rays_that_have_the_chunk_further_down_pay_their_share() {
         // A load costs 1000 paths, so one ray has p = 0.1; with 24 others to come it pays for 40 of them: p = 0.5, and
         // with more it is not played.
-        let prices = Prices { secs_per_byte: 1e-6, secs_per_path: 1e-3, variance: 0.2, paths: 1e9, fixed: None };
+        let prices = Prices { secs_per_byte: 1e-6, secs_per_path: 1e-3, variance: 0.2, paths: 1e9 };
         let proposal = Proposal { chunk: 1, bytes: 1_000_000, is_idle: true };
         let agreed = |later: u32| {
             let seen = Observation { next: vec![0, later], ..seen(1, WORTH_ONE) };
-            (0..400).filter(|&seed| Stragglers::new(seed, 2, None, false).agrees(&proposal, &seen, &prices, 1)).count()
+            (0..400).filter(|&seed| Stragglers::new(seed, 2).agrees(&proposal, &seen, &prices, 1)).count()
         };
         let (alone, shared, many) = (agreed(0), agreed(24), agreed(26));
         assert!(alone < 70 && (150..250).contains(&shared) && many == 400, "{alone}, {shared}, {many} of 400");
@@ -245,7 +272,7 @@ mod tests {
 
     #[test]
     fn what_is_not_known_is_no_number() {
-        let stragglers = Stragglers::new(1, 2, None, false);
+        let stragglers = Stragglers::new(1, 2);
         let spent = |variance| Spent { secs: 1.0, paths: 10, all_paths: 20, variance };
         let of_paths = |variance| Observation {
             roulette: oocpt_shader_abi::Roulette { variance, ..Default::default() },
@@ -264,15 +291,16 @@ mod tests {
 
     #[test]
     fn stragglers_are_few() {
-        let stragglers = Stragglers::new(1, 2, None, false);
+        let stragglers = Stragglers::new(1, 2);
         assert!(stragglers.are_few(1000, 64_000) && !stragglers.are_few(1001, 64_000), "one in 64");
-        assert!(Stragglers::new(1, 2, Some(0.5), false).are_few(8000, 8000), "always, for tests");
+        let faults = crate::faults::Faults { roulette_per_mille: Some(500), ..Default::default() };
+        assert!(Stragglers::new(1, 2).with_faults(faults).are_few(8000, 8000), "always, where a test sets the odds");
     }
 
     #[test]
     fn verdicts_are_a_table_by_chunk() {
-        let prices = Prices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, paths: 1e9, fixed: None };
-        let mut stragglers = Stragglers::new(7, 200, None, false);
+        let prices = Prices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, paths: 1e9 };
+        let mut stragglers = Stragglers::new(7, 200);
         let many = Observation { waiting: vec![1; 200], worth: vec![1; 200], ..Observation::default() };
         let yes: Vec<bool> = (0..199)
             .map(|chunk| stragglers.agrees(&Proposal { chunk, bytes: 1 << 20, is_idle: true }, &many, &prices, 1))

@@ -6,6 +6,7 @@
 mod adaptive;
 mod agreement;
 mod bsdf;
+mod calibration;
 mod control;
 mod convergence;
 mod counts;

@@ -17,6 +17,11 @@ pub(crate) fn settings(samples: u32, bounces: u32) -> Settings {
     Settings { samples_per_pixel: samples, max_bounces: bounces, interactive: false, ..Settings::default() }
 }
 
+/// How many seeds a test counts over: a few, or, by `cargo xtask test --full`, many.
+pub(crate) fn seeds([few, many]: [u32; 2]) -> u32 {
+    if std::env::var_os("OOCPT_TEST_FULL").is_some() { many } else { few }
+}
+
 /// A session whose Vulkan mistakes are errors.
 pub(crate) fn session(settings: Settings) -> Session {
     Session::with_options(settings, SessionOptions { validation: true, ..SessionOptions::default() })

@@ -7,9 +7,10 @@ use super::*;
 macro_rules! constants {
     (@value $name:ident) => { $name };
     (@value $name:ident = $value:expr) => { $value };
-    ($($name:ident $(= $value:expr)?;)+) => {
+    ($($(#[$only:meta])* $name:ident $(= $value:expr)?;)+) => {
         /// Name and value of every `const uint` that the build writes for the shaders.
-        pub const CONSTANTS: &[(&str, u32)] = &[$((stringify!($name), constants!(@value $name $(= $value)?)),)+];
+        pub const CONSTANTS: &[(&str, u32)] =
+            &[$($(#[$only])* (stringify!($name), constants!(@value $name $(= $value)?)),)+];
     };
 }
 
@@ -51,6 +52,10 @@ constants! {
     PUSH_FRESH = PushFlags::FRESH.bits();
     PUSH_RETRACE = PushFlags::RETRACE.bits();
     PUSH_SEGMENT_SHIFT;
+    RAY_WORD_BOUNCE;
+    RAY_WORD_T_MAX;
+    RAY_WORD_FLAGS;
+    RAY_WORD_IN_SHADOW;
     BAND_SHIFT;
     STREAM_BIT;
     STREAM_SEED;
@@ -58,7 +63,10 @@ constants! {
     ESTIMATE_FIRST;
     MAX_DIRECT_GROUPS;
     WORKGROUP_SIZE;
-    FAULT_SKIP_DEFERRED;
+    #[cfg(feature = "faults")]
+    FAULT_ONE_IN;
+    #[cfg(feature = "faults")]
+    FAULT_ALL;
 
     TARGET_ASSEMBLY;
     RATE_CONSTANT = AttributeRate::Constant as u32;

@@ -21,11 +21,16 @@ pub const SPEC_MAX_LEVELS: u32 = 0;
 /// of the deepest chain, of the depth of the deepest instance tree at that level (the chunk's first), plus the depth of
 /// the deepest mesh tree, plus `MAX_LEVELS` + 2, plus [`crate::MAX_PENDING`] with streaming.
 pub const SPEC_STACK_SIZE: u32 = 1;
-/// Specialisation constant, for tests: a fault that the passes commit, 0 = none.
+/// Specialisation constant of a build with the feature `faults`: with streaming, n > 0 has rays forget absent chunk
+/// instances whose number is n - 1, modulo [`FAULT_ONE_IN`], and go on without them; [`FAULT_ALL`] has them forget all.
+#[cfg(feature = "faults")]
 pub const SPEC_FAULT: u32 = 4;
-
-/// [`SPEC_FAULT`], with streaming: an absent chunk is not remembered, and the ray goes on without it.
-pub const FAULT_SKIP_DEFERRED: u32 = 1;
+/// See [`SPEC_FAULT`].
+#[cfg(feature = "faults")]
+pub const FAULT_ONE_IN: u32 = 100;
+/// See [`SPEC_FAULT`].
+#[cfg(feature = "faults")]
+pub const FAULT_ALL: u32 = u32::MAX;
 
 /// `arg0` of `prepare_dispatch`: queues for `intersect_closest` and `intersect_shadow`.
 pub const PREPARE_TRACE: u32 = 0;

@@ -301,7 +301,7 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(GpuChunkInstance { chunk_from_world, origin_lo, chunk, instance_id, row, pad }),
     layout!(Ray { o, bounce, d, t_max, o_lo, flags }),
     layout!(PathState { throughput, pdf }),
-    layout!(ShadowRay { o, bounce, d, t_max, o_lo, flags, contribution, pad }),
+    layout!(ShadowRay { o, bounce, d, t_max, o_lo, flags, contribution, in_shadow }),
     layout!(IndirectArgs { x, y, z }),
     layout!(Counters {
         closest_rays,

@@ -21,10 +21,12 @@ pub use constants::CONSTANTS;
 pub use features::{CarryRule, FEATURES, Feature, Features, SPEC_FEATURES, SPEC_FEATURES_HIGH};
 pub use film::{ERROR_GROUPS, ErrorSums, FilmPixel, aov_bytes};
 pub use frame::{
-    AOV_ESCAPED, AOV_SURFACES, Adaptive, AovClear, AovTargets, FAULT_SKIP_DEFERRED, Frame, FrameFlags,
-    MAX_DIRECT_GROUPS, PREPARE_DEMAND, PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, SCAN_BLOCK, SCAN_BLOCKS,
-    SCAN_SUMS, SPEC_FAULT, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
+    AOV_ESCAPED, AOV_SURFACES, Adaptive, AovClear, AovTargets, Frame, FrameFlags, MAX_DIRECT_GROUPS, PREPARE_DEMAND,
+    PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, SCAN_BLOCK, SCAN_BLOCKS, SCAN_SUMS, SPEC_MAX_LEVELS,
+    SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
 };
+#[cfg(feature = "faults")]
+pub use frame::{FAULT_ALL, FAULT_ONE_IN, SPEC_FAULT};
 pub use layout::{LAYOUTS, MemberLayout, StructLayout};
 pub use lbvh::{LbvhBounds, LbvhNode, LbvhPush};
 pub use light::{
@@ -37,9 +39,13 @@ pub use material::{
     INPUT_NO_SET, INPUT_PRIMVAR, INPUT_PTEX, INPUT_SET_SHIFT, INPUT_TEXTURE, MATERIAL_INPUTS, MAX_PRIM_ID, NAME_PTEX,
     NO_MATERIAL, NO_NAME, SLOT_PRESENCE,
 };
-pub use path::{Counters, IndirectArgs, PathState, Ray, ShadowRay, hit_stride};
+pub use path::{
+    Counters, IndirectArgs, PathState, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW, RAY_WORD_T_MAX, Ray,
+    ShadowRay, hit_stride, pack_color, unpack_color,
+};
 pub use push::{
-    BAND_SHIFT, ESTIMATE_FIRST, ESTIMATE_RING, PUSH_SEGMENT_SHIFT, Push, PushFlags, STREAM_BIT, STREAM_SEED,
+    BAND_SHIFT, ESTIMATE_FIRST, ESTIMATE_RING, PUSH_SEGMENT_SHIFT, Push, PushFlags, STREAM_BIT, STREAM_SEED, pack_band,
+    unpack_band,
 };
 pub use scene::{
     AttributeRate, GpuAssembly, GpuChunk, GpuChunkInstance, GpuDistantLight, GpuInstance, GpuLevelNode, GpuMesh,

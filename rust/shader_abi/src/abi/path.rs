@@ -54,8 +54,39 @@ pub struct ShadowRay {
     pub flags: u32,
     /// What the path gains, linear rgb.
     pub contribution: [f32; 3],
-    /// With `Features::LIGHT_TABLE`: the share that it gains in shadow, 10 bits for each colour; else 0.
-    pub pad: u32,
+    /// With `Features::LIGHT_TABLE`: the share that it gains in shadow, of [`pack_color`]; else 0.
+    pub in_shadow: u32,
+}
+
+/// Ten bits for each channel of a colour, from 0 to 1; `unpack_color` of the shaders takes it apart.
+#[must_use]
+pub fn pack_color(color: [f32; 3]) -> u32 {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to ten bits")]
+    let [r, g, b] = color.map(|c| (c.clamp(0.0, 1.0) * 1023.0).round() as u32);
+    r | g << 10 | b << 20
+}
+
+/// As `unpack_color` of the shaders.
+#[must_use]
+pub fn unpack_color(color: u32) -> [f32; 3] {
+    #[allow(clippy::cast_precision_loss, reason = "ten bits")]
+    [color, color >> 10, color >> 20].map(|bits| (bits & 1023) as f32 / 1023.0)
+}
+
+/// Words of a [`Ray`], and of the same members of a [`ShadowRay`], by which traversal reads and writes them alone.
+pub const RAY_WORD_BOUNCE: u32 = word(offset_of!(Ray, bounce), offset_of!(ShadowRay, bounce));
+/// See [`RAY_WORD_BOUNCE`].
+pub const RAY_WORD_T_MAX: u32 = word(offset_of!(Ray, t_max), offset_of!(ShadowRay, t_max));
+/// See [`RAY_WORD_BOUNCE`].
+pub const RAY_WORD_FLAGS: u32 = word(offset_of!(Ray, flags), offset_of!(ShadowRay, flags));
+/// Word of [`ShadowRay::in_shadow`].
+pub const RAY_WORD_IN_SHADOW: u32 = word(offset_of!(ShadowRay, in_shadow), offset_of!(ShadowRay, in_shadow));
+
+/// The word at an offset that both structs have.
+#[allow(clippy::cast_possible_truncation, reason = "within a struct of 64 bytes")]
+const fn word(of_ray: usize, of_shadow_ray: usize) -> u32 {
+    assert!(of_ray == of_shadow_ray && of_ray.is_multiple_of(4), "a shadow ray begins as a ray");
+    (of_ray / 4) as u32
 }
 
 /// Bytes of a hit record: f32 u, f32 v, u32 triangle, u32 chunk instance, f32 t, then `max_levels` u32 instance

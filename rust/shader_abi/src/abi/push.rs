@@ -22,6 +22,19 @@ bitflags! {
 pub const PUSH_SEGMENT_SHIFT: u32 = 8;
 /// Where `first_sample` has the number of the band with [`super::Features::ADAPTIVE`]; below it is the row.
 pub const BAND_SHIFT: u32 = 26;
+
+/// `first_sample` of a row (below 2^[`BAND_SHIFT`]) of a band; `band_of` and `row_of` of the shaders take it apart.
+#[must_use]
+pub const fn pack_band(band: u32, row: u32) -> u32 {
+    row | band << BAND_SHIFT
+}
+
+/// Band and row, as `band_of` and `row_of` of the shaders.
+#[must_use]
+pub const fn unpack_band(first_sample: u32) -> (u32, u32) {
+    (first_sample >> BAND_SHIFT, first_sample & ((1 << BAND_SHIFT) - 1))
+}
+
 /// Set in the pixel of an entry of the second stream.
 pub const STREAM_BIT: u32 = 1 << 31;
 /// The second stream's seed differs from the first one's by this, xor.
@@ -39,7 +52,8 @@ pub struct Push {
     pub frame: u64,
     /// First path of the wave: index of its pixel in trace order (`first_path % (width * height)`).
     pub first_pixel: u32,
-    /// First path of the wave: its sample number (`first_path / (width * height)`).
+    /// First path of the wave: its sample number (`first_path / (width * height)`), or, with
+    /// [`super::Features::ADAPTIVE`], band and row of [`pack_band`].
     pub first_sample: u32,
     /// Paths in the wave. `width * height + path_count` must stay below 2^32.
     pub path_count: u32,
@@ -80,7 +94,7 @@ impl Push {
     /// The same wave in band `band` of the list of entries, `row` rows further on ([`super::Features::ADAPTIVE`]).
     #[must_use]
     pub fn in_band(self, band: u32, row: u32) -> Self {
-        Self { first_sample: (self.first_sample + row) | (band << BAND_SHIFT), ..self }
+        Self { first_sample: pack_band(band, self.first_sample + row), ..self }
     }
 
     /// The same wave with rays of the kind that `flags` say.

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::places::Places;
 use crate::process::capture;
-use crate::product::cargo;
+use crate::product::{self, cargo};
 
 /// Arrows of the design: each crate, and what of ours it may use in shipped code.
 const ARROWS: &[(&str, &[&str])] = &[
@@ -36,6 +36,33 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("opensubdiv-petite-sys", &["oocpt-subdiv"]),
 ];
 
+/// The feature that only tests turn on: faults and knobs.
+const FAULTS: &str = "faults";
+
+/// Nothing that is only for tests is compiled into the product.
+pub(super) fn product(places: &Places) -> Result<()> {
+    let mut tree = cargo(places, "tree");
+    tree.args(product::packages()).args(["--prefix", "none", "--edges", "normal,build", "--format", "{f} {p}"]);
+    let tree = capture(&mut tree)?;
+    if !tree.contains(" oocpt-render ") {
+        bail!("cargo tree does not tell of what the product is made: {tree}");
+    }
+    let found = faulty(&tree);
+    if !found.is_empty() {
+        bail!("the product is built with what only tests may turn on: {}", found.join(", "));
+    }
+    Ok(())
+}
+
+/// Packages of a list of features and packages that have the feature.
+fn faulty(tree: &str) -> Vec<&str> {
+    let has_it = |line: &&str| line.split(' ').next().is_some_and(|features| features.split(',').any(|f| f == FAULTS));
+    let mut found: Vec<&str> = tree.lines().filter(has_it).filter_map(|line| line.split(' ').nth(1)).collect();
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
 pub(super) fn check(places: &Places) -> Result<()> {
     let metadata = capture(cargo(places, "metadata").args(["--no-deps", "--format-version", "1"]))?;
     let metadata = serde_json::from_str(&metadata).context("cargo metadata is no JSON")?;
@@ -61,7 +88,8 @@ fn violations(metadata: &Value) -> Result<Vec<String>> {
             let used = dependency["name"].as_str().context("a dependency without a name")?;
             let for_tests = dependency["kind"] == "dev";
             let is_allowed = if ours.contains(used) {
-                allowed.contains(&used) || (for_tests && TEST_ARROWS.contains(&used))
+                // Of itself a crate's tests ask for features.
+                allowed.contains(&used) || (for_tests && (used == name || TEST_ARROWS.contains(&used)))
             } else {
                 CONFINED.iter().all(|(outside, homes)| *outside != used || homes.contains(&name))
             };
@@ -82,6 +110,14 @@ mod tests {
     fn package(name: &str, dependencies: &[(&str, Value)]) -> Value {
         let listed: Vec<Value> = dependencies.iter().map(|(used, kind)| json!({"name": used, "kind": kind})).collect();
         json!({"name": name, "dependencies": listed})
+    }
+
+    #[test]
+    fn a_product_with_faults_is_noticed() {
+        let clean = "default,std bytemuck v1.25.2\n oocpt-gpu v0.1.0 (/faults/rust/gpu)\n oocpt-render v0.1.0 (/r)";
+        assert!(faulty(clean).is_empty(), "a folder of that name is none: {:?}", faulty(clean));
+        let planted = format!("{clean}\ndefault,faults oocpt-gpu v0.1.0 (/r)\nfaults oocpt-gpu v0.1.0 (/r) (*)");
+        assert_eq!(faulty(&planted), ["oocpt-gpu"], "named once");
     }
 
     fn found(packages: Vec<Value>) -> Vec<String> {

@@ -7,6 +7,7 @@ mod graph;
 mod modules;
 mod text;
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -15,7 +16,7 @@ use anyhow::{Context as _, Result, bail};
 use crate::book;
 use crate::places::Places;
 use crate::process::{capture, run, say};
-use crate::product::{PROFILE, cargo};
+use crate::product::{self, PROFILE, cargo};
 
 /// The pinned formatter: other versions format differently.
 pub(crate) const CLANG_FORMAT: &str = "clang-format-14";
@@ -38,6 +39,7 @@ const STEPS: &[Step] = &[
     (Depth::Text, "modules", modules::check),
     (Depth::Text, "documents", book::check),
     (Depth::Text, "crate graph", graph::check),
+    (Depth::Text, "no faults in the product", graph::product),
     (Depth::Text, "rustfmt", rustfmt),
     (Depth::Text, "clang-format", clang_format),
     (Depth::Compiled, "clippy and shaders", clippy),
@@ -70,9 +72,14 @@ fn rustfmt(places: &Places) -> Result<()> {
 
 /// In the profile of the tests, so that they find build scripts, procedural macros and shaders ready.
 fn clippy(places: &Places) -> Result<()> {
-    let mut clippy = cargo(places, "clippy");
-    clippy.args(["--quiet", "--workspace", "--all-targets", "--profile", PROFILE, "--", "-D", "warnings"]);
-    run(&mut clippy)
+    let all = ["--workspace", "--all-targets"].map(OsString::from).to_vec();
+    // What tests turn on (`faults`) is not in the product: it is compiled in another way.
+    for packages in [all, product::packages()] {
+        let mut clippy = cargo(places, "clippy");
+        clippy.arg("--quiet").args(packages).args(["--profile", PROFILE, "--", "-D", "warnings"]);
+        run(&mut clippy)?;
+    }
+    Ok(())
 }
 
 fn documentation(places: &Places) -> Result<()> {

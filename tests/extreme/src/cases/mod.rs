@@ -3,6 +3,7 @@
 
 mod camera;
 mod geometry;
+mod leaks;
 mod light;
 mod materials;
 mod place;
@@ -21,6 +22,7 @@ pub(crate) fn run(lab: &mut Lab<'_>) {
     transforms::run(lab);
     geometry::run(lab);
     watertight::run(lab);
+    leaks::run(lab);
     self_hits::run(lab);
     light::run(lab);
     materials::run(lab);

@@ -5,7 +5,7 @@
 use super::cases::{Case, Random, SPECULAR_WORKFLOW, direction};
 use super::device::{ALL, Device, SHARP_GLASS};
 use super::energy::furnace_of;
-use super::sampling::{Chart, test};
+use super::sampling::{Chart, mirror, test};
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
@@ -321,14 +321,39 @@ fn samples_follow_the_density_on_both_sides() {
                 seed += 1;
                 // Refraction by ior 1.1 is narrow: bins about it.
                 let chart = if ior == 1.1 { Chart::new(-case.wo, 0.15) } else { Chart::new(DVec3::Z, 1.0) };
-                test(&device, &format!("glass {ior}, roughness {roughness}, {cosine}, {side}"), &case, &chart, seed);
+                test(&device, &format!("glass {ior}, roughness {roughness}, {cosine}, {side}"), &case, &[chart], seed);
             }
         }
     }
     // Total reflection is narrow and alone, so bins of its size suit it.
     let case = Case { wo: -direction(0.4, 0.7), roughness: 0.2, ..glass() };
     let chart = Chart::new(-direction(0.4, 0.7 + PI), 0.04);
-    test(&device, "total reflection", &case, &chart, seed + 1);
+    test(&device, "total reflection", &case, &[chart], seed + 1);
+    device.close();
+}
+
+/// Below what bins of the whole sphere resolve: each side has its own narrow lobe.
+#[test]
+fn samples_of_nearly_smooth_glass_follow_the_density() {
+    let device = Device::new(ALL);
+    let mut seed = 700;
+    for roughness in [0.05, 0.1, 0.2] {
+        for (ior, cosine, side) in
+            [(1.5, 0.9, 1.0), (1.5, 0.4, 1.0), (1.5, 0.9, -1.0), (0.7, 0.9, 1.0), (2.4, 0.3, 1.0)]
+        {
+            let case = Case { wo: direction(cosine, 0.7) * side, roughness, ior, ..glass() };
+            let (here, beyond) = indices(&case);
+            let ratio = here / beyond;
+            let sine2 = ratio * ratio * (1.0 - cosine * cosine);
+            let through = (-ratio * case.wo).with_z(-side * (1.0 - sine2).sqrt());
+            seed += 1;
+            let alpha = roughness * roughness;
+            // By refraction a lobe is turned by about the half vector's turn times 1 - ratio.
+            let charts =
+                [Chart::twofold(mirror(case.wo), alpha), Chart::twofold(through, alpha * (1.0 - ratio).abs().max(0.2))];
+            test(&device, &format!("glass {ior}, roughness {roughness}, {cosine}, {side}"), &case, &charts, seed);
+        }
+    }
     device.close();
 }
 

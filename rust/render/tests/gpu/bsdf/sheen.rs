@@ -168,7 +168,7 @@ fn samples_follow_the_density() {
             ] {
                 seed += 1;
                 let told = format!("sheen {roughness} {name}, cosine {cosine}");
-                test(&device, &told, &case, &Chart::new(DVec3::Z, 1.0), seed);
+                test(&device, &told, &case, &[Chart::new(DVec3::Z, 1.0)], seed);
                 let answer = device.cases(&[case])[0];
                 assert!(answer.chance_sheen > 0.0, "{told}: it is sampled");
             }

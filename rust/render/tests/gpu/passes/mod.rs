@@ -9,7 +9,7 @@ mod world;
 
 use glam::DVec3;
 use oocpt_gpu::{Gpu, OpenOptions};
-use oocpt_shader_abi::{Counters, FAULT_SKIP_DEFERRED, Features, FilmPixel};
+use oocpt_shader_abi::{Counters, FAULT_ALL, Features, FilmPixel};
 use std::sync::Arc;
 use stream::Totals;
 use tracer::{Images, PATHS, Tracer};
@@ -92,7 +92,7 @@ fn a_chunk_that_is_skipped_shows() {
     let scene = Scene::new(&gpu, 1, FAR);
     let (expected, _) = in_core(&gpu, &scene);
     let mut tracer = Tracer::new(&gpu, &scene, STREAMING);
-    tracer.fault = FAULT_SKIP_DEFERRED;
+    tracer.fault = FAULT_ALL;
     let (images, totals) = tracer.stream(5, 3, 3);
     assert_eq!(totals.counters.chunk_misses, 0, "nobody waits");
     assert!(images.film != expected.film, "a picture without the absent chunks is another one");

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The central promise: the same bits whatever the budget, under every policy; the budget is never exceeded.
 
+mod faults;
 mod roulette;
 mod scenes;
 
@@ -9,8 +10,9 @@ use crate::support::{self, perspective, read_all, render_with_messages, request,
 use oocpt_core::residency::PolicyKind;
 use oocpt_core::settings::Settings;
 use oocpt_core::stats::StreamingStats;
-use oocpt_render::{RenderRequest, Session, SessionOptions};
-use scenes::{BEACH, SCENES, Scene};
+use oocpt_render::{Faults, RenderRequest, Session, SessionOptions};
+use scenes::BEACH;
+pub(crate) use scenes::{SCENES, Scene};
 use std::sync::Arc;
 
 const POLICIES: [PolicyKind; 3] = [PolicyKind::Sweep, PolicyKind::Priority, PolicyKind::Benefit];
@@ -23,6 +25,10 @@ struct Render {
 
 fn options() -> SessionOptions {
     SessionOptions { validation: true, ..SessionOptions::default() }
+}
+
+fn planting(faults: Faults) -> SessionOptions {
+    SessionOptions { faults, ..options() }
 }
 
 /// Small chunks, so that a small scene has many.
@@ -162,32 +168,4 @@ fn paths_that_end_make_room_for_others() {
     let part = render(scene, Settings { geometry_budget_kib: budget, ..many }, options());
     assert!(part.images == whole.images, "the picture differs");
     assert!(!part.stats.in_core && part.stats.paths_left == 0, "all paths came back: {:?}", part.stats);
-}
-
-#[test]
-fn a_chunk_lost_when_deferred_is_noticed() {
-    for scene in &SCENES {
-        let whole = render(scene, small_chunks(), options());
-        let budget = percent(whole.stats.scene_bytes, 25).max(smallest_budget(scene));
-        let settings = Settings { geometry_budget_kib: budget, ..small_chunks() };
-        let planted = SessionOptions { force_streaming: true, plant_lost_chunks: true, ..options() };
-        let part = render(scene, settings, planted);
-        assert!(part.images != whole.images, "{}: the comparison must see lost chunks", scene.name);
-    }
-}
-
-#[test]
-fn one_failed_allocation_anywhere_does_not_show() {
-    let scene = &SCENES[0];
-    let whole = render(scene, small_chunks(), options());
-    let budget = percent(whole.stats.scene_bytes, 25).max(smallest_budget(scene));
-    let settings = Settings { geometry_budget_kib: budget, ..small_chunks() };
-    for after in (0..40).chain([50, 70, 100, 150]) {
-        for force_streaming in [false, true] {
-            let settings = if force_streaming { settings.clone() } else { small_chunks() };
-            let failing = SessionOptions { fail_allocation_after: Some(after), force_streaming, ..options() };
-            let part = render(scene, settings, failing);
-            assert!(part.images == whole.images, "request {after} failed (streaming {force_streaming}): other picture");
-        }
-    }
 }

@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Roulette on loads changes no mean: over 64 seeds the picture is the one in core, region by region, when nearly every
-//! load is played for. The same seed renders both, so the noise that they share cancels and what is left is the
-//! roulette's own.
+//! Roulette on loads changes no mean: over many seeds the picture is the one in core, region by region, when nearly
+//! every load is played for, and when production's prices decide. The same seed renders both, so the noise that they
+//! share cancels and what is left is the roulette's own.
 
 use super::scenes::{SCENES, Scene};
-use super::{TestFiles, options, percent, request_of, small_chunks, smallest_budget};
-use crate::support::{read, render};
+use super::{TestFiles, options, percent, planting, request_of, small_chunks, smallest_budget};
+use crate::support::{read, render, seeds};
 use oocpt_core::settings::{Settings, Value};
 use oocpt_core::stats::StreamingStats;
-use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions};
+use oocpt_render::{AovKind, AovRequest, Faults, RenderRequest, Session, SessionOptions};
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-const SEEDS: u32 = 64;
+/// Seeds, and with all tests.
+const SEEDS: [u32; 2] = [24, 64];
 /// What is planted is so large that fewer show it, by the same decision.
 const SEEDS_OF_FAULTS: u32 = 8;
 /// Probability of every load that is played for.
@@ -23,6 +24,16 @@ const REGIONS: [usize; 2] = [3, 2];
 
 /// Colour of the regions; alpha and the number of samples, pixel by pixel.
 type Regions = (Vec<f64>, [Vec<f32>; 2]);
+
+/// Nearly every load is played for.
+fn played() -> Faults {
+    Faults { roulette_per_mille: Some(PER_MILLE), ..Faults::default() }
+}
+
+/// The same without weights.
+fn unweighted() -> Faults {
+    Faults { unweighted_roulette: true, ..played() }
+}
 
 /// A session whose seed may be changed, and the totals of what its renders counted.
 struct Renderer {
@@ -90,34 +101,49 @@ fn differences(without: &mut Renderer, with: &mut Renderer, seeds: Range<u32>) -
     sums.into_iter().map(of).collect()
 }
 
-/// Regions outside 3 sigma.
-fn outside(differences: &[(f64, f64)]) -> Vec<usize> {
-    let is_outside = |&(_, &(mean, sigma)): &(usize, &(f64, f64))| mean.abs() > 3.0 * sigma;
+/// As unlikely for a mean of so many seeds, by Student's distribution, as 3 standard deviations for one of very many
+/// (Abramowitz and Stegun 26.7.5).
+fn limit(seeds: u32) -> f64 {
+    let (z, nu) = (3.0_f64, f64::from(seeds - 1));
+    let terms = [z, (z.powi(3) + z) / 4.0, (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / 96.0];
+    let third = (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / 384.0;
+    terms[0] + terms[1] / nu + terms[2] / nu.powi(2) + third / nu.powi(3)
+}
+
+/// Whether rays ended so often, over all seeds, that the test says something.
+fn was_played(totals: &StreamingStats) -> bool {
+    let most = totals.roulette_paths.min(totals.roulette_shadow_rays).min(2 * totals.roulette_loads_saved);
+    most > u64::from(16 * seeds(SEEDS))
+}
+
+/// Regions further from no difference than [`limit`].
+fn outside(differences: &[(f64, f64)], seeds: u32) -> Vec<usize> {
+    let limit = limit(seeds);
+    let is_outside = |&(_, &(mean, sigma)): &(usize, &(f64, f64))| mean.abs() > limit * sigma;
     differences.iter().enumerate().filter(is_outside).map(|(region, _)| region).collect()
 }
 
-/// The regions that differ, at `budget_percent`: outside 3 sigma with all seeds and, which decides, with as many
-/// others.
+/// The regions that differ, at `budget_percent`, as it is played by `faults`: with all seeds and, which decides, with
+/// as many others.
 fn differing(
     scene: &Scene,
     without: &mut Renderer,
     budget_percent: u64,
-    plant: bool,
+    faults: Faults,
 ) -> (Vec<usize>, StreamingStats, String) {
     let _ = without.regions(0);
     let bytes = without.session.stats().streaming.scene_bytes;
     let budget = percent(bytes, budget_percent).max(smallest_budget(scene));
     let settings = Settings { geometry_budget_kib: budget, straggler_roulette: true, ..without.session.settings() };
-    let played = SessionOptions { roulette_per_mille: Some(PER_MILLE), plant_unweighted_roulette: plant, ..options() };
-    let mut with = Renderer::new(scene, settings, played);
-    let seeds = if plant { SEEDS_OF_FAULTS } else { SEEDS };
+    let mut with = Renderer::new(scene, settings, SessionOptions { force_streaming: true, ..planting(faults) });
+    let seeds = if faults.unweighted_roulette { SEEDS_OF_FAULTS } else { seeds(SEEDS) };
     let first = differences(without, &mut with, 1..1 + seeds);
-    let mut regions = outside(&first);
+    let mut regions = outside(&first, seeds);
     let mut said = format!("{}, {budget_percent} % ({budget} of {} KiB): {first:.3?}", scene.name, bytes >> 10);
     if !regions.is_empty() {
         let second = differences(without, &mut with, 1 + seeds..1 + 2 * seeds);
         said += &format!("; again: {second:.3?}");
-        let again = outside(&second);
+        let again = outside(&second, seeds);
         regions.retain(|region| again.contains(region));
     }
     (regions, with.totals, said)
@@ -126,11 +152,8 @@ fn differing(
 fn has_no_bias(scene: &Scene) {
     let mut without = Renderer::new(scene, small_chunks(), options());
     for budget_percent in [25, 10, 5] {
-        let (regions, totals, said) = differing(scene, &mut without, budget_percent, false);
-        assert!(
-            totals.roulette_paths > 1000 && totals.roulette_shadow_rays > 1000 && totals.roulette_loads_saved > 500,
-            "{said}: roulette was played: {totals:?}"
-        );
+        let (regions, totals, said) = differing(scene, &mut without, budget_percent, played());
+        assert!(was_played(&totals), "{said}: roulette was played: {totals:?}");
         assert!(regions.is_empty(), "regions {regions:?} have another mean: {said}");
     }
 }
@@ -148,7 +171,7 @@ fn nor_with_materials_and_lamps() {
 #[test]
 fn rays_that_are_not_weighted_are_noticed() {
     let mut without = Renderer::new(&SCENES[0], small_chunks(), options());
-    let (regions, _, said) = differing(&SCENES[0], &mut without, 10, true);
+    let (regions, _, said) = differing(&SCENES[0], &mut without, 10, unweighted());
     println!("{said}");
     assert!(!regions.is_empty(), "a picture that is too dark must be seen: {said}");
 }
@@ -165,19 +188,16 @@ fn adaptive() -> Settings {
 fn no_region_changes_its_mean_with_adaptive_sampling() {
     let scene = &SCENES[0];
     let mut without = Renderer::new(scene, adaptive(), options());
-    let (regions, totals, said) = differing(scene, &mut without, 10, false);
+    let (regions, totals, said) = differing(scene, &mut without, 10, played());
     println!("{said}; {totals:?}");
-    assert!(
-        totals.roulette_paths > 1000 && totals.roulette_shadow_rays > 1000 && totals.roulette_loads_saved > 500,
-        "{said}: roulette was played: {totals:?}"
-    );
+    assert!(was_played(&totals), "{said}: roulette was played: {totals:?}");
     assert!(regions.is_empty(), "regions {regions:?} have another mean: {said}");
 }
 
 #[test]
 fn rays_that_are_not_weighted_are_noticed_with_adaptive_sampling() {
     let mut without = Renderer::new(&SCENES[0], adaptive(), options());
-    let (regions, _, said) = differing(&SCENES[0], &mut without, 10, true);
+    let (regions, _, said) = differing(&SCENES[0], &mut without, 10, unweighted());
     println!("{said}");
     assert!(!regions.is_empty(), "a picture that is too dark must be seen: {said}");
 }
@@ -188,8 +208,8 @@ fn roulette_on_samples_that_decide_is_noticed() {
     let mut without = Renderer::new(scene, adaptive(), options());
     let budget_kib = smallest_budget(scene);
     let settings = Settings { geometry_budget_kib: budget_kib, straggler_roulette: true, ..adaptive() };
-    let mut changed = |plant_early_roulette: bool| {
-        let played = SessionOptions { roulette_per_mille: Some(PER_MILLE), plant_early_roulette, ..options() };
+    let mut changed = |early_roulette: bool| {
+        let played = planting(Faults { early_roulette, ..played() });
         let mut with = Renderer::new(scene, settings.clone(), played);
         (1..=4).filter(|&seed| without.regions(seed).1[1] != with.regions(seed).1[1]).count()
     };
@@ -210,4 +230,33 @@ fn with_true_prices_all_paths_come_back() {
         let stats = with.session.stats().streaming;
         assert!(regions.iter().all(|v| v.is_finite()) && stats.paths_left == 0, "{}: {stats:?}", scene.name);
     }
+}
+
+/// By the decision of production, in which only the price of a byte is that of a slow disk: probabilities of all sizes,
+/// accounts that run out, few stragglers.
+fn of_production() -> Faults {
+    Faults { roulette_ns_per_byte: Some(1000), ..Faults::default() }
+}
+
+#[test]
+fn no_region_changes_its_mean_by_production_prices() {
+    for scene in [&SCENES[0], &SCENES[6]] {
+        let mut without = Renderer::new(scene, small_chunks(), options());
+        let (regions, totals, said) = differing(scene, &mut without, 10, of_production());
+        println!("{said}; {totals:?}");
+        assert!(
+            totals.roulette_paths > 100 && totals.roulette_shadow_rays > 100 && totals.roulette_loads_saved > 100,
+            "{said}: roulette was played: {totals:?}"
+        );
+        assert!(regions.is_empty(), "regions {regions:?} have another mean: {said}");
+    }
+}
+
+#[test]
+fn rays_that_are_not_weighted_are_noticed_by_production_prices() {
+    let mut without = Renderer::new(&SCENES[0], small_chunks(), options());
+    let faults = Faults { unweighted_roulette: true, ..of_production() };
+    let (regions, _, said) = differing(&SCENES[0], &mut without, 10, faults);
+    println!("{said}");
+    assert!(!regions.is_empty(), "a picture that is too dark must be seen: {said}");
 }

@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Stands between this crate and the driver, for tests: counts every byte of `vkAllocateMemory`, and makes calls that
+//! take memory fail. Compiled with the feature `faults` alone.
+//!
+//! The calls are taken over in the device's table of functions, so that none goes by, wherever it is made. Any thread.
+
+use std::collections::BTreeMap;
+use std::ffi::c_void;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use ash::vk::{self, Handle as _};
+
+/// What can be made to fail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Call {
+    /// [`Buffer::new`](crate::Buffer::new), [`Heap::alloc`](crate::Heap::alloc) and
+    /// [`Heap::try_alloc`](crate::Heap::try_alloc), whatever they would take it from.
+    Request,
+    /// [`Buffer::new`](crate::Buffer::new) alone.
+    Buffer,
+    /// [`Heap::alloc`](crate::Heap::alloc) and [`Heap::try_alloc`](crate::Heap::try_alloc) alone.
+    Range,
+    /// `vkAllocateMemory`.
+    Memory,
+    /// `vkMapMemory`.
+    Mapping,
+    /// `vkCreateComputePipelines`.
+    Pipeline,
+    /// `vkCreateCommandPool`.
+    CommandPool,
+}
+
+/// A failure that a test plants: for lack of memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Failure {
+    /// What fails.
+    pub call: Call,
+    /// Calls that succeed before; 0 = the next one fails.
+    pub after: u64,
+    /// How many fail then, one after the other.
+    pub times: u32,
+}
+
+/// Bytes of all memory that the driver gave, of whatever type.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DriverMemory {
+    /// Held now.
+    pub held: u64,
+    /// Most ever held.
+    pub peak: u64,
+    /// Calls of `vkAllocateMemory` that succeeded.
+    pub calls: u64,
+}
+
+/// What a device's calls go through.
+pub(crate) struct Watch {
+    driver: ash::DeviceFnV1_0,
+    state: Mutex<State>,
+}
+
+#[derive(Default)]
+struct State {
+    memory: DriverMemory,
+    sizes: BTreeMap<u64, u64>,
+    planted: Option<Failure>,
+    struck: u64,
+}
+
+/// The watches of open devices, by handle: a function of the driver's knows no more.
+static WATCHES: Mutex<BTreeMap<u64, Arc<Watch>>> = Mutex::new(BTreeMap::new());
+
+fn watches() -> MutexGuard<'static, BTreeMap<u64, Arc<Watch>>> {
+    WATCHES.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The same device, with the calls taken over.
+pub(crate) fn taken_over(raw: &ash::Device) -> (ash::Device, Arc<Watch>) {
+    let mut table = raw.fp_v1_0().clone();
+    let watch = Arc::new(Watch { driver: table.clone(), state: Mutex::default() });
+    watches().insert(raw.handle().as_raw(), Arc::clone(&watch));
+    table.allocate_memory = allocate_memory;
+    table.free_memory = free_memory;
+    table.map_memory = map_memory;
+    table.create_compute_pipelines = create_compute_pipelines;
+    table.create_command_pool = create_command_pool;
+    table.destroy_device = destroy_device;
+    let (v11, v12, v13) = (raw.fp_v1_1().clone(), raw.fp_v1_2().clone(), raw.fp_v1_3().clone());
+    (ash::Device::from_parts_1_3(raw.handle(), table, v11, v12, v13), watch)
+}
+
+impl Watch {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Counts a call; true if it is to fail.
+    pub(crate) fn strikes(&self, call: Call) -> bool {
+        let state = &mut *self.lock();
+        let is_meant = |failure: &Failure| {
+            failure.call == call || (failure.call == Call::Request && matches!(call, Call::Buffer | Call::Range))
+        };
+        let Some(failure) = state.planted.as_mut().filter(|failure| is_meant(failure)) else { return false };
+        if failure.after > 0 {
+            failure.after -= 1;
+            return false;
+        }
+        failure.times = failure.times.saturating_sub(1);
+        if failure.times == 0 {
+            state.planted = None;
+        }
+        state.struck += 1;
+        true
+    }
+}
+
+impl std::fmt::Debug for Watch {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Watch").field("memory", &self.lock().memory).finish_non_exhaustive()
+    }
+}
+
+/// What tests ask of a watch.
+impl Watch {
+    /// Makes calls fail, in place of what was planted before.
+    pub(crate) fn plant(&self, failure: Failure) {
+        self.lock().planted = Some(failure);
+    }
+
+    /// Calls that failed because a test wanted it.
+    pub(crate) fn struck(&self) -> u64 {
+        self.lock().struck
+    }
+
+    /// What the driver gave.
+    pub(crate) fn memory(&self) -> DriverMemory {
+        self.lock().memory
+    }
+}
+
+/// The watch of a device. Every device of this crate has one until it is destroyed.
+fn of(device: vk::Device) -> Option<Arc<Watch>> {
+    watches().get(&device.as_raw()).cloned()
+}
+
+const NO_HOST_MEMORY: vk::Result = vk::Result::ERROR_OUT_OF_HOST_MEMORY;
+const NO_DEVICE_MEMORY: vk::Result = vk::Result::ERROR_OUT_OF_DEVICE_MEMORY;
+
+unsafe extern "system" fn allocate_memory(
+    device: vk::Device,
+    info: *const vk::MemoryAllocateInfo<'_>,
+    callbacks: *const vk::AllocationCallbacks<'_>,
+    memory: *mut vk::DeviceMemory,
+) -> vk::Result {
+    let Some(watch) = of(device).filter(|watch| !watch.strikes(Call::Memory)) else { return NO_DEVICE_MEMORY };
+    // SAFETY: the arguments are the caller's, who keeps to the rules of the function.
+    let result = unsafe { (watch.driver.allocate_memory)(device, info, callbacks, memory) };
+    if result == vk::Result::SUCCESS {
+        // SAFETY: valid by the rules of the function.
+        let bytes = unsafe { (*info).allocation_size };
+        // SAFETY: the driver has written it.
+        let handle = unsafe { *memory }.as_raw();
+        let mut state = watch.lock();
+        state.sizes.insert(handle, bytes);
+        state.memory.held += bytes;
+        state.memory.peak = state.memory.peak.max(state.memory.held);
+        state.memory.calls += 1;
+    }
+    result
+}
+
+unsafe extern "system" fn free_memory(
+    device: vk::Device,
+    memory: vk::DeviceMemory,
+    callbacks: *const vk::AllocationCallbacks<'_>,
+) {
+    let Some(watch) = of(device) else { return };
+    let mut state = watch.lock();
+    let bytes = state.sizes.remove(&memory.as_raw()).unwrap_or(0);
+    state.memory.held -= bytes;
+    drop(state);
+    // SAFETY: the arguments are the caller's, who keeps to the rules of the function.
+    unsafe { (watch.driver.free_memory)(device, memory, callbacks) }
+}
+
+unsafe extern "system" fn map_memory(
+    device: vk::Device,
+    memory: vk::DeviceMemory,
+    offset: vk::DeviceSize,
+    size: vk::DeviceSize,
+    flags: vk::MemoryMapFlags,
+    data: *mut *mut c_void,
+) -> vk::Result {
+    let Some(watch) = of(device).filter(|watch| !watch.strikes(Call::Mapping)) else { return NO_HOST_MEMORY };
+    // SAFETY: the arguments are the caller's, who keeps to the rules of the function.
+    unsafe { (watch.driver.map_memory)(device, memory, offset, size, flags, data) }
+}
+
+unsafe extern "system" fn create_compute_pipelines(
+    device: vk::Device,
+    cache: vk::PipelineCache,
+    count: u32,
+    infos: *const vk::ComputePipelineCreateInfo<'_>,
+    callbacks: *const vk::AllocationCallbacks<'_>,
+    pipelines: *mut vk::Pipeline,
+) -> vk::Result {
+    let Some(watch) = of(device).filter(|watch| !watch.strikes(Call::Pipeline)) else {
+        for place in (0..count as usize).map(|at| pipelines.wrapping_add(at)) {
+            // SAFETY: there is room for `count` by the rules of the function; those that failed are null.
+            unsafe { place.write(vk::Pipeline::null()) };
+        }
+        return NO_DEVICE_MEMORY;
+    };
+    // SAFETY: the arguments are the caller's, who keeps to the rules of the function.
+    unsafe { (watch.driver.create_compute_pipelines)(device, cache, count, infos, callbacks, pipelines) }
+}
+
+unsafe extern "system" fn create_command_pool(
+    device: vk::Device,
+    info: *const vk::CommandPoolCreateInfo<'_>,
+    callbacks: *const vk::AllocationCallbacks<'_>,
+    pool: *mut vk::CommandPool,
+) -> vk::Result {
+    let Some(watch) = of(device).filter(|watch| !watch.strikes(Call::CommandPool)) else { return NO_HOST_MEMORY };
+    // SAFETY: the arguments are the caller's, who keeps to the rules of the function.
+    unsafe { (watch.driver.create_command_pool)(device, info, callbacks, pool) }
+}
+
+unsafe extern "system" fn destroy_device(device: vk::Device, callbacks: *const vk::AllocationCallbacks<'_>) {
+    let Some(watch) = watches().remove(&device.as_raw()) else { return };
+    // SAFETY: the arguments are the caller's, who keeps to the rules of the function.
+    unsafe { (watch.driver.destroy_device)(device, callbacks) }
+}

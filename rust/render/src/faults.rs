@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Faults and knobs that tests set. Compiled with the feature `faults` alone, which the tests of this workspace turn
+//! on: the product has none of them.
+
+use oocpt_gpu::{DriverMemory, Failure};
+
+/// What a session does wrong, or otherwise than its scene asks for; nothing by default.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Faults {
+    /// Makes rays forget chunks that they would have to wait for (`SPEC_FAULT`): the picture is wrong. 0 = none.
+    pub lost_chunks: u32,
+    /// The probability, in thousandths, with which roulette on loads (`oocpt:stragglerRoulette`) loads whatever it
+    /// plays for; none = by what loads cost and bring.
+    pub roulette_per_mille: Option<u16>,
+    /// What a byte of a load costs that roulette in nanoseconds, whatever the clock says; all else is as without.
+    pub roulette_ns_per_byte: Option<u32>,
+    /// Makes that roulette end rays without weighting those that go on: the picture is too dark.
+    pub unweighted_roulette: bool,
+    /// With adaptive sampling: roulette on loads is also played with samples that decide where others go.
+    pub early_roulette: bool,
+    /// Lets each pixel's own samples decide how many more it gets: adaptive pictures are biased.
+    pub naive_sampling: bool,
+    /// Makes calls that take memory fail, in the first render of the session.
+    pub failure: Option<Failure>,
+}
+
+/// What became of them, and what the driver gave, when a render ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Witness {
+    /// Failures that struck since the device was opened.
+    pub struck: u64,
+    /// Bytes by the driver's own function.
+    pub driver: DriverMemory,
+    /// Most bytes of host and device together that the books of the budget ever had.
+    pub most_on_the_books: u64,
+    /// Bytes on the books now.
+    pub on_the_books: u64,
+}
+
+impl Witness {
+    pub(crate) fn of(gpu: &oocpt_gpu::Gpu) -> Self {
+        let memory = gpu.memory();
+        Self {
+            struck: gpu.failures_struck(),
+            driver: gpu.driver_memory(),
+            most_on_the_books: gpu.most_on_the_books(),
+            on_the_books: memory.used + memory.host_used,
+        }
+    }
+}

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Intervals of the picture's error hold what it is as often as they say, counted over scenes and seeds.
+
+use crate::convergence::{SIZE, gloss, lamps, low_sun, mirror, overcast, view, window};
+use crate::lights::TestFiles;
+use crate::scenes::{features, nested};
+use crate::streaming::{SCENES, Scene};
+use crate::support::{color_request, perspective, read, render, seeds, settings};
+use oocpt_core::scene::SceneDb;
+use oocpt_core::settings::Value;
+use oocpt_core::stats::ErrorRow;
+use oocpt_render::{AovKind, RenderRequest, Session, SessionOptions};
+use std::sync::Arc;
+
+/// Pictures of a case, and with all tests: each is compared with the mean of the others.
+const SEEDS: [u32; 2] = [16, 32];
+
+/// Scene, view, bounces, samples.
+struct Case {
+    name: &'static str,
+    build: fn(&mut SceneDb),
+    view: RenderRequest,
+    bounces: u32,
+    samples: u32,
+}
+
+fn through_a_lens() -> RenderRequest {
+    let mut view = view(SIZE);
+    (view.camera.lens_radius, view.camera.focus_distance) = (0.15, 5.0);
+    view
+}
+
+/// Renders the scene with each seed; gives the pictures and what was said of their errors.
+fn pictures(case: &Case) -> Vec<(Vec<f32>, ErrorRow)> {
+    let session = Session::with_options(settings(case.samples, case.bounces), SessionOptions::default());
+    session.set_light_files(Arc::new(TestFiles));
+    session.with_scene(case.build);
+    let one = |seed| {
+        session.set_setting("oocpt:seed", Value::Int(seed)).expect("a seed");
+        render(&session, &case.view);
+        let row = session.stats().error.expect("every picture's error is told");
+        (read::<f32>(&session, &case.view, AovKind::Color), row)
+    };
+    (0..i64::from(seeds(SEEDS))).map(one).collect()
+}
+
+/// relMSE of a picture against the mean of the others. That mean has noise of its own, one part in as many of
+/// the picture's as they are.
+fn true_error(pictures: &[(Vec<f32>, ErrorRow)], index: usize) -> f64 {
+    let mut sum = vec![0.0; pictures[index].0.len()];
+    for (other, _) in pictures.iter().enumerate().filter(|(other, _)| *other != index).map(|(_, picture)| picture) {
+        sum.iter_mut().zip(other).for_each(|(sum, x)| *sum += f64::from(*x));
+    }
+    #[expect(clippy::cast_precision_loss, reason = "few")]
+    let (others, mut total, mut count) = ((pictures.len() - 1) as f64, 0.0, 0.0);
+    for (_, (x, sum)) in pictures[index].0.iter().zip(&sum).enumerate().filter(|(k, _)| k % 4 != 3) {
+        let (x, r) = (f64::from(*x), sum / others);
+        total += (x - r).powi(2) / (r * r + 1e-2);
+        count += 1.0;
+    }
+    total / count / (1.0 + 1.0 / others)
+}
+
+/// Pictures whose interval holds the true error, and all of them; a line about each case.
+fn inside(cases: &[Case]) -> (i32, i32, String) {
+    let (mut inside, mut all, mut said) = (0, 0, String::new());
+    for case in cases {
+        let pictures = pictures(case);
+        let number = i32::try_from(pictures.len()).expect("few");
+        let (mut below, mut above, mut sums) = (0, 0, [0.0; 3]);
+        for (index, (_, row)) in pictures.iter().enumerate() {
+            let (truth, told) = (true_error(&pictures, index), row.estimate.expect("so many samples tell something"));
+            below += i32::from(truth < told.low);
+            above += i32::from(truth > told.high);
+            let width = (told.high / told.low.max(1e-30)).sqrt();
+            [truth, told.rel_mse, width].iter().zip(&mut sums).for_each(|(v, sum)| *sum += v / f64::from(number));
+        }
+        said += &format!(
+            "{:<10} {:>3} samples: true {:.3e}, told {:.3e}, interval x / {:.2}; below {below}, above {above} of {number}\n",
+            case.name, case.samples, sums[0], sums[1], sums[2]
+        );
+        inside += number - below - above;
+        all += number;
+    }
+    said += &format!("{inside} of {all} inside: {:.3}", f64::from(inside) / f64::from(all));
+    (inside, all, said)
+}
+
+/// Four standard deviations fewer than 95 % of so many.
+fn fewest(all: i32) -> i32 {
+    let all = f64::from(all);
+    #[expect(clippy::cast_possible_truncation, reason = "few")]
+    let fewest = (0.95 * all - 4.0 * (0.95 * 0.05 * all).sqrt()).ceil() as i32;
+    fewest
+}
+
+#[test]
+fn the_interval_holds_the_true_error_as_often_as_it_says() {
+    let plain = view(SIZE);
+    type Row = (&'static str, fn(&mut SceneDb), RenderRequest, u32);
+    let rows: [Row; 10] = [
+        ("nested", nested, plain.clone(), 3),
+        ("features", features, plain.clone(), 3),
+        ("lens", nested, through_a_lens(), 2),
+        ("direct", nested, plain.clone(), 0),
+        ("overcast", overcast, plain.clone(), 3),
+        ("sun", low_sun, plain.clone(), 2),
+        ("window", window, plain.clone(), 2),
+        ("lamps", lamps, plain.clone(), 2),
+        ("mirror", mirror, plain.clone(), 3),
+        ("gloss", gloss, plain, 3),
+    ];
+    let cases = rows.map(|(name, build, view, bounces)| Case { name, build, view, bounces, samples: 64 });
+    let (inside, all, said) = inside(&cases);
+    println!("{said}");
+    let share = f64::from(inside) / f64::from(all);
+    assert!(share <= 0.99 && inside >= fewest(all), "a 95 % interval holds {inside} of {all}");
+}
+
+/// The estimator was made with the scenes above and their samples before one's eyes. These are those of streaming, in
+/// front of which nothing was ever adjusted, at two other counts.
+#[test]
+fn nor_does_it_fail_where_nobody_looked() {
+    let view = |scene: &Scene| color_request(perspective(scene.eye, scene.target, 0.8, SIZE));
+    let scenes = [2, 4, 5, 6, 8].map(|at| &SCENES[at]);
+    for samples in [24, 96] {
+        let of = |scene: &&Scene| Case { name: scene.name, build: scene.build, view: view(scene), bounces: 1, samples };
+        let (inside, all, said) = inside(&scenes.iter().map(of).collect::<Vec<_>>());
+        println!("{said}");
+        assert!(inside >= fewest(all), "{samples}: a 95 % interval holds {inside} of {all}");
+    }
+}
