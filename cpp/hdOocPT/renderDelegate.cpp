@@ -53,8 +53,8 @@ HdOocPTRenderDelegate::~HdOocPTRenderDelegate()
 TfTokenVector const& HdOocPTRenderDelegate::GetSupportedRprimTypes() const
 {
     // Implicit shapes are listed so that they get prim ids; a scene index in front of the reader makes meshes of most.
-    static TfTokenVector const types { _tokens->mesh, _tokens->basisCurves, _tokens->points, _tokens->sphere, _tokens->cube, _tokens->cone, _tokens->cylinder,
-        _tokens->capsule, _tokens->plane };
+    static TfTokenVector const types { _tokens->mesh, _tokens->basisCurves, _tokens->points, _tokens->sphere,
+        _tokens->cube, _tokens->cone, _tokens->cylinder, _tokens->capsule, _tokens->plane };
     return types;
 }
 

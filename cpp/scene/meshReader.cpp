@@ -73,26 +73,19 @@ void _ReadPoints(const HdOocPTPrimSource& source, HdOocPTMeshState* state)
     }
 }
 
-oocpt::SubdivisionTag _SubdivisionTag(const TfToken& scheme)
+oocpt::SubdivisionDesc _DescribeSubdivision(const HdOocPTMeshState& mesh)
 {
     const auto& tokens = *HdOocPTSceneTokens;
-    return scheme == tokens.catmullClark ? oocpt::SubdivisionTag::CatmullClark
-        : scheme == tokens.loop          ? oocpt::SubdivisionTag::Loop
-        : scheme == tokens.bilinear      ? oocpt::SubdivisionTag::Bilinear
-                                         : oocpt::SubdivisionTag::None;
-}
-
-oocpt::SubdivisionDesc _DescribeSubdivision(const HdOocPTSubdivisionState& state)
-{
-    const auto& tokens = *HdOocPTSceneTokens;
-    const auto place = [](const TfToken& name, std::initializer_list<TfToken> names, uint8_t fallback) {
-        const auto found = std::find(names.begin(), names.end(), name);
-        return found == names.end() ? fallback : static_cast<uint8_t>(found - names.begin());
-    };
+    const HdOocPTSubdivisionState& state = mesh.subdivision;
     oocpt::SubdivisionDesc desc;
-    desc.boundary = place(state.interpolateBoundary, { tokens.none, tokens.edgeOnly, tokens.edgeAndCorner }, 2);
-    desc.face_varying = place(state.faceVaryingLinearInterpolation,
-        { tokens.none, tokens.cornersOnly, tokens.cornersPlus1, tokens.cornersPlus2, tokens.boundaries, tokens.all }, 2);
+    desc.scheme
+        = HdOocPTPlaceOf(mesh.subdivisionScheme, { tokens.none, tokens.bilinear, tokens.catmullClark, tokens.loop }, 0);
+    desc.refine_level = static_cast<uint8_t>(std::clamp(mesh.refineLevel, 0.0, 255.0));
+    desc.boundary
+        = HdOocPTPlaceOf(state.interpolateBoundary, { tokens.none, tokens.edgeOnly, tokens.edgeAndCorner }, 2);
+    desc.face_varying = HdOocPTPlaceOf(state.faceVaryingLinearInterpolation,
+        { tokens.none, tokens.cornersOnly, tokens.cornersPlus1, tokens.cornersPlus2, tokens.boundaries, tokens.all },
+        2);
     desc.smooth_triangles = state.triangleSubdivisionRule == tokens.smooth;
     desc.crease_indices = HdOocPTHoldArray(state.creaseIndices);
     desc.crease_lengths = HdOocPTHoldArray(state.creaseLengths);
@@ -157,9 +150,8 @@ void HdOocPTReadMesh(
     }
     if ((source.dirtyBits & HdOocPTDirtyPoints) && !HdOocPTIsExactShape(primType)) {
         _ReadPoints(source, state);
-        state->widths = primType == tokens.mesh
-            ? HdOocPTPrimvarState()
-            : HdOocPTReadPrimvar(source, tokens.widths, HdOocPTArrayRole::Scalars);
+        state->widths = primType == tokens.mesh ? HdOocPTPrimvarState()
+                                                : HdOocPTReadPrimvar(source, tokens.widths, HdOocPTArrayRole::Scalars);
     }
     if (source.dirtyBits & HdOocPTDirtyNormals) {
         state->normals = HdOocPTReadPrimvar(source, tokens.normals, HdOocPTArrayRole::Vectors3);
@@ -192,9 +184,7 @@ oocpt::MeshDesc HdOocPTDescribeMesh(const SdfPath& path, const HdOocPTMeshState&
     desc.prim_id = primId;
     desc.double_sided = state.doubleSided;
     desc.left_handed = state.leftHanded;
-    desc.subdivision = _SubdivisionTag(state.subdivisionScheme);
-    desc.subdivision_tags = _DescribeSubdivision(state.subdivision);
-    desc.refine_level = static_cast<uint8_t>(std::clamp(state.refineLevel, 0.0, 255.0));
+    desc.subdivision = _DescribeSubdivision(state);
     desc.face_vertex_counts = HdOocPTHoldArray(state.faceVertexCounts);
     desc.face_vertex_indices = HdOocPTHoldArray(state.faceVertexIndices);
     desc.hole_indices = HdOocPTHoldArray(state.holeIndices);

@@ -66,8 +66,8 @@ struct HdOocPTMeshState
 };
 
 /// Reads the dirty parts of a mesh, curves, points, a sphere or a capsule. Its subsets are children of it in `scene`.
-void HdOocPTReadMesh(const HdSceneIndexBase& scene, const TfToken& primType, const HdOocPTPrimSource& source,
-    HdOocPTMeshState* state);
+void HdOocPTReadMesh(
+    const HdSceneIndexBase& scene, const TfToken& primType, const HdOocPTPrimSource& source, HdOocPTMeshState* state);
 
 /// The mesh as it goes to Rust.
 oocpt::MeshDesc HdOocPTDescribeMesh(const SdfPath& path, const HdOocPTMeshState& state, int32_t primId);

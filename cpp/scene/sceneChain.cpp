@@ -37,10 +37,7 @@ private:
 class _OtherShapesToMesh final : public HdContainerDataSource
 {
 public:
-    TfTokenVector GetNames() override
-    {
-        return { _tokens->cone, _tokens->cube, _tokens->cylinder, _tokens->plane };
-    }
+    TfTokenVector GetNames() override { return { _tokens->cone, _tokens->cube, _tokens->cylinder, _tokens->plane }; }
 
     HdDataSourceBaseHandle Get(const TfToken& name) override
     {

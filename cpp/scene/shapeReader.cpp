@@ -7,6 +7,8 @@
 #include "scene/dataSource.h"
 #include "scene/tokens.h"
 
+#include <algorithm>
+
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
@@ -59,8 +61,8 @@ void _ReadCapsule(
     const int along = axis == tokens.axisX ? 0 : axis == tokens.axisY ? 1 : 2;
     GfVec3f half(0.0F);
     half[along] = static_cast<float>(0.5 * height);
-    _SetBalls({ -half, half }, { static_cast<float>(2.0 * bottom), static_cast<float>(2.0 * top) }, state, points,
-        widths);
+    _SetBalls(
+        { -half, half }, { static_cast<float>(2.0 * bottom), static_cast<float>(2.0 * top) }, state, points, widths);
 }
 
 void _ReadCurves(const HdOocPTPrimSource& source, HdOocPTShapeState* state)
@@ -87,6 +89,12 @@ void _ReadCurves(const HdOocPTPrimSource& source, HdOocPTShapeState* state)
 }
 
 } // namespace
+
+uint8_t HdOocPTPlaceOf(const TfToken& name, std::initializer_list<TfToken> names, uint8_t fallback)
+{
+    const auto found = std::find(names.begin(), names.end(), name);
+    return found == names.end() ? fallback : static_cast<uint8_t>(found - names.begin());
+}
 
 bool HdOocPTIsExactShape(const TfToken& primType)
 {
@@ -115,17 +123,10 @@ oocpt::ShapeDesc HdOocPTDescribeShape(const HdOocPTShapeState& state)
 {
     const auto& tokens = *HdOocPTSceneTokens;
     oocpt::ShapeDesc desc;
-    desc.tag = state.kind == HdOocPTShapeState::Kind::Curves ? oocpt::ShapeTag::Curves
-        : state.kind == HdOocPTShapeState::Kind::Points      ? oocpt::ShapeTag::Points
-                                                             : oocpt::ShapeTag::Mesh;
-    desc.basis = state.type == tokens.linear ? oocpt::BasisTag::Linear
-        : state.basis == tokens.bspline      ? oocpt::BasisTag::BSpline
-        : state.basis == tokens.catmullRom   ? oocpt::BasisTag::CatmullRom
-                                             : oocpt::BasisTag::Bezier;
-    desc.wrap = state.wrap == tokens.periodic ? oocpt::WrapTag::Periodic
-        : state.wrap == tokens.pinned         ? oocpt::WrapTag::Pinned
-        : state.wrap == tokens.segmented      ? oocpt::WrapTag::Segmented
-                                              : oocpt::WrapTag::Nonperiodic;
+    desc.kind = static_cast<uint8_t>(state.kind);
+    const TfToken& basis = state.type == tokens.linear ? tokens.linear : state.basis;
+    desc.basis = HdOocPTPlaceOf(basis, { tokens.linear, tokens.bezier, tokens.bspline, tokens.catmullRom }, 1);
+    desc.wrap = HdOocPTPlaceOf(state.wrap, { tokens.nonperiodic, tokens.periodic, tokens.pinned, tokens.segmented }, 0);
     desc.counts = HdOocPTHoldArray(state.counts);
     desc.indices = HdOocPTHoldArray(state.indices);
     return desc;

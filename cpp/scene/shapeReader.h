@@ -8,6 +8,9 @@
 #include "scene/primReader.h"
 #include "scene/primvarReader.h"
 
+#include <cstdint>
+#include <initializer_list>
+
 namespace oocpt {
 struct ShapeDesc;
 }
@@ -35,10 +38,13 @@ struct HdOocPTShapeState
 /// True for prims whose points, widths and curves HdOocPTReadShape makes: spheres, capsules.
 bool HdOocPTIsExactShape(const TfToken& primType);
 
-/// Reads what the points of curves, points, a sphere or a capsule are. Spheres and capsules are a ball and a tube, which
+/// Reads what the points of curves, points, a sphere or a capsule are. Spheres and capsules are a ball and a tube, and
 /// are drawn as what they are: `points` and `widths` are set for them.
 void HdOocPTReadShape(const TfToken& primType, const HdOocPTPrimSource& source, HdOocPTShapeState* state,
     VtValue* points, HdOocPTPrimvarState* widths);
+
+/// The place of a token in a list, which is how variants are named to Rust.
+uint8_t HdOocPTPlaceOf(const TfToken& name, std::initializer_list<TfToken> names, uint8_t fallback);
 
 /// The shape as it goes to Rust.
 oocpt::ShapeDesc HdOocPTDescribeShape(const HdOocPTShapeState& state);

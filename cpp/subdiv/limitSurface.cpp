@@ -36,9 +36,7 @@ constexpr float _sameValue = 1e-4F;
 constexpr int32_t _none = -1;
 
 /// OpenSubdiv reports errors to one function for the whole process; they come back as failures of the calls, too.
-void _Ignore(Far::ErrorType, const char*)
-{
-}
+void _Ignore(Far::ErrorType, const char*) { }
 
 void _Silence()
 {
@@ -63,10 +61,7 @@ struct _Patch
         surface.PreparePatchPoints(values, width, points.data(), width);
     }
 
-    void Evaluate(const Real* coord, Real* value) const
-    {
-        surface.Evaluate(coord, points.data(), width, value);
-    }
+    void Evaluate(const Real* coord, Real* value) const { surface.Evaluate(coord, points.data(), width, value); }
 };
 
 bool _AreSame(const float* a, const float* b, size_t count)
@@ -251,7 +246,8 @@ private:
             vertex = _next[vertex];
         }
         if (vertex == _none) {
-            vertex = _Push(first == _none ? _at.position : _facets->positionData.data() + 3 * static_cast<size_t>(first));
+            vertex
+                = _Push(first == _none ? _at.position : _facets->positionData.data() + 3 * static_cast<size_t>(first));
             // The first one stays at the head: its position is everybody's.
             if (first == _none) {
                 _sites[site] = vertex;
@@ -277,7 +273,8 @@ private:
             return false;
         }
         // Vertex and varying values are those of the place; only face-varying ones can differ.
-        return _AreSame(_facets->faceVaryingData.data() + vertex * _channelWidth, _at.faceVarying.data(), _channelWidth);
+        return _AreSame(
+            _facets->faceVaryingData.data() + vertex * _channelWidth, _at.faceVarying.data(), _channelWidth);
     }
 
     /// A new vertex at `position` with the normal and values of `_at`.
@@ -288,9 +285,8 @@ private:
         if (count >= static_cast<size_t>(std::numeric_limits<int32_t>::max())) {
             throw std::length_error("more vertices than can be numbered");
         }
-        const auto append = [](std::vector<float>* to, const float* from, size_t size) {
-            to->insert(to->end(), from, from + size);
-        };
+        const auto append
+            = [](std::vector<float>* to, const float* from, size_t size) { to->insert(to->end(), from, from + size); };
         append(&_facets->positionData, copy, 3);
         append(&_facets->normalData, _at.normal, 3);
         append(&_facets->vertexData, _at.vertex.data(), _at.vertex.size());
@@ -372,8 +368,7 @@ LimitSurface::LimitSurface(const Rules& rules, const Topology& topology)
     descriptor.fvarChannels = channels.data();
 
     using Factory = Far::TopologyRefinerFactory<Far::TopologyDescriptor>;
-    _refiner.reset(Factory::Create(
-        descriptor, Factory::Options(static_cast<Sdc::SchemeType>(rules.scheme), options)));
+    _refiner.reset(Factory::Create(descriptor, Factory::Options(static_cast<Sdc::SchemeType>(rules.scheme), options)));
     if (!_refiner) {
         throw std::invalid_argument("OpenSubdiv refuses the topology");
     }

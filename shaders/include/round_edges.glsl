@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The edges of a leaf's item, along which values by corner change: those of a triangle from its first corner; of a round
-// one (traversal/round.glsl) its axis, and one across, along which nothing changes. Reads the mesh's triangles.
+// The edges of a leaf's item, along which values by corner change: those of a triangle from its first corner; of a
+// round one (traversal/round.glsl) its axis, and one across, along which nothing changes. Reads the mesh's triangles.
 #ifndef OOCPT_ROUND_EDGES_GLSL
 #define OOCPT_ROUND_EDGES_GLSL
 
@@ -15,8 +15,8 @@ void leaf_edges(uint mesh, uint triangle, out vec3 e, out vec3 f) {
         const float radius = max(v2.x, v2.y);
         if (!(dot3(e, e) > 0.0)) e = vec3(radius, 0.0, 0.0);
         const vec3 size = abs(e);
-        const vec3 least = size.x <= size.y && size.x <= size.z ? vec3(1.0, 0.0, 0.0) : size.y <= size.z ? vec3(0.0, 1.0, 0.0) : vec3(0.0, 0.0, 1.0);
-        const vec3 aside = cross3(e, least);
+        const vec3 least = size.x <= size.y && size.x <= size.z ? vec3(1.0, 0.0, 0.0) : size.y <= size.z ? vec3(0.0,
+  1.0, 0.0) : vec3(0.0, 0.0, 1.0);       const vec3 aside = cross3(e, least);
         f = aside * (radius * inversesqrt(max(dot3(aside, aside), 1.0e-38)));
     }
 }

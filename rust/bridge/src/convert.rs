@@ -89,24 +89,24 @@ impl Complaints {
     }
 
     fn shape(&mut self, path: &str, desc: ffi::ShapeDesc) -> Shape {
-        match desc.tag {
-            ffi::ShapeTag::Curves => Shape::Curves(CurvesDesc {
+        match desc.kind {
+            1 => Shape::Curves(CurvesDesc {
                 basis: match desc.basis {
-                    ffi::BasisTag::Linear => CurveBasis::Linear,
-                    ffi::BasisTag::BSpline => CurveBasis::BSpline,
-                    ffi::BasisTag::CatmullRom => CurveBasis::CatmullRom,
+                    0 => CurveBasis::Linear,
+                    2 => CurveBasis::BSpline,
+                    3 => CurveBasis::CatmullRom,
                     _ => CurveBasis::Bezier,
                 },
                 wrap: match desc.wrap {
-                    ffi::WrapTag::Periodic => CurveWrap::Periodic,
-                    ffi::WrapTag::Pinned => CurveWrap::Pinned,
-                    ffi::WrapTag::Segmented => CurveWrap::Segmented,
+                    1 => CurveWrap::Periodic,
+                    2 => CurveWrap::Pinned,
+                    3 => CurveWrap::Segmented,
                     _ => CurveWrap::Nonperiodic,
                 },
                 counts: self.required::<i32>(path, "curveVertexCounts", desc.counts),
                 indices: self.optional(path, "curveIndices", desc.indices),
             }),
-            ffi::ShapeTag::Points => Shape::Points,
+            2 => Shape::Points,
             _ => Shape::Mesh,
         }
     }
@@ -149,11 +149,11 @@ fn interpolation(tag: ffi::InterpolationTag) -> Option<Interpolation> {
     })
 }
 
-fn subdivision(tag: ffi::SubdivisionTag) -> Subdivision {
-    match tag {
-        ffi::SubdivisionTag::Bilinear => Subdivision::Bilinear,
-        ffi::SubdivisionTag::CatmullClark => Subdivision::CatmullClark,
-        ffi::SubdivisionTag::Loop => Subdivision::Loop,
+fn subdivision(scheme: u8) -> Subdivision {
+    match scheme {
+        1 => Subdivision::Bilinear,
+        2 => Subdivision::CatmullClark,
+        3 => Subdivision::Loop,
         _ => Subdivision::None,
     }
 }
@@ -182,9 +182,9 @@ pub(crate) fn mesh(desc: ffi::MeshDesc, complaints: &mut Complaints) -> MeshDesc
         prim_id: desc.prim_id,
         double_sided: desc.double_sided,
         left_handed: desc.left_handed,
-        subdivision: subdivision(desc.subdivision),
-        subdivision_tags: complaints.subdivision_tags(&path, desc.subdivision_tags),
-        refine_level: desc.refine_level,
+        subdivision: subdivision(desc.subdivision.scheme),
+        refine_level: desc.subdivision.refine_level,
+        subdivision_tags: complaints.subdivision_tags(&path, desc.subdivision),
         face_vertex_counts: complaints.required::<i32>(&path, "faceVertexCounts", desc.face_vertex_counts),
         face_vertex_indices: complaints.required::<i32>(&path, "faceVertexIndices", desc.face_vertex_indices),
         hole_indices: complaints.optional(&path, "holeIndices", desc.hole_indices),
@@ -269,8 +269,9 @@ pub(crate) mod tests {
             prim_id: 7,
             double_sided: true,
             left_handed: false,
-            subdivision: ffi::SubdivisionTag::Loop,
-            subdivision_tags: ffi::SubdivisionDesc {
+            subdivision: ffi::SubdivisionDesc {
+                scheme: 3,
+                refine_level: 3,
                 boundary: 1,
                 face_varying: 4,
                 smooth_triangles: true,
@@ -280,18 +281,11 @@ pub(crate) mod tests {
                 corner_indices: UniquePtr::null(),
                 corner_sharpnesses: UniquePtr::null(),
             },
-            refine_level: 3,
             face_vertex_counts: ints(&[3]),
             face_vertex_indices: ints(&[0, 1, 2]),
             hole_indices: UniquePtr::null(),
             points: floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.5, 0.0]),
-            shape: ffi::ShapeDesc {
-                tag: ffi::ShapeTag::Curves,
-                basis: ffi::BasisTag::BSpline,
-                wrap: ffi::WrapTag::Pinned,
-                counts: ints(&[3]),
-                indices: UniquePtr::null(),
-            },
+            shape: ffi::ShapeDesc { kind: 1, basis: 2, wrap: 2, counts: ints(&[3]), indices: UniquePtr::null() },
             widths: no_primvar(),
             normals: no_primvar(),
             display_color: no_primvar(),

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The boundary between the Hydra shim (C++) and the renderer (Rust); the only `#[cxx::bridge]` of the project besides
-//! `ffi_images`.
+//! The boundary between the Hydra shim (C++) and the renderer (Rust); `ffi_images` has the part about images.
 //!
 //! Guarantees: no panic leaves it (every function goes through `guard` and returns `Result`, which C++ sees as
 //! `rust::Error`); arrays are read where USD holds them, never copied; matrices arrive as Gf's row-vector data, which
@@ -78,16 +77,6 @@ mod ffi {
         Vertex,
         FaceVarying,
         Instance,
-    }
-
-    /// `subdivisionScheme`.
-    #[repr(u8)]
-    #[derive(Debug)]
-    enum SubdivisionTag {
-        None,
-        Bilinear,
-        CatmullClark,
-        Loop,
     }
 
     /// Kinds of light.
@@ -235,9 +224,10 @@ mod ffi {
         faces: UniquePtr<HeldArray>,
     }
 
-    /// Rules, creases and corners of a subdivision surface: the places of the rules' tokens in USD's lists of allowed
-    /// tokens. Null arrays are absent.
+    /// A subdivision surface: scheme and rules by place among the variants of the core. Null arrays are absent.
     struct SubdivisionDesc {
+        scheme: u8,
+        refine_level: u8,
         boundary: u8,
         face_varying: u8,
         smooth_triangles: bool,
@@ -248,34 +238,11 @@ mod ffi {
         corner_sharpnesses: UniquePtr<HeldArray>,
     }
 
-    /// What points are.
-    enum ShapeTag {
-        Mesh,
-        Curves,
-        Points,
-    }
-
-    /// How points make curves.
-    enum BasisTag {
-        Linear,
-        Bezier,
-        BSpline,
-        CatmullRom,
-    }
-
-    /// What curves do at their ends.
-    enum WrapTag {
-        Nonperiodic,
-        Periodic,
-        Pinned,
-        Segmented,
-    }
-
-    /// What the points of a prim are; all but the tag is for curves.
+    /// What the points of a prim are, by place among the variants of the core's `Shape`, `CurveBasis`, `CurveWrap`.
     struct ShapeDesc {
-        tag: ShapeTag,
-        basis: BasisTag,
-        wrap: WrapTag,
+        kind: u8,
+        basis: u8,
+        wrap: u8,
         counts: UniquePtr<HeldArray>,
         indices: UniquePtr<HeldArray>,
     }
@@ -286,9 +253,7 @@ mod ffi {
         prim_id: i32,
         double_sided: bool,
         left_handed: bool,
-        subdivision: SubdivisionTag,
-        subdivision_tags: SubdivisionDesc,
-        refine_level: u8,
+        subdivision: SubdivisionDesc,
         face_vertex_counts: UniquePtr<HeldArray>,
         face_vertex_indices: UniquePtr<HeldArray>,
         hole_indices: UniquePtr<HeldArray>,

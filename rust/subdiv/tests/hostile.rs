@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Topologies that make no sense: an error or triangles, never a crash; and what is refused is named.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test ends where it fails")]
+#![allow(clippy::cast_possible_truncation, reason = "small numbers")]
 
 use oocpt_subdiv::{
     Boundary, Channel, Control, Creasing, Data, Error, FaceVaryingLinear, LimitSurface, Rules, Scheme, TriangleRule,
@@ -108,12 +110,18 @@ fn what_does_not_fit_is_refused() {
         ("corners that belong to no face", Control { face_counts: &[3], ..quad() }),
         ("a crease names no point", Control { crease_pairs: &[0, 4], crease_weights: &[1.0], ..quad() }),
         ("one sharpness for each sharp edge", Control { crease_pairs: &[0, 1], ..quad() }),
-        ("a sharpness is not a number from 0 on", Control { corner_points: &[0], corner_weights: &[f32::NAN], ..quad() }),
+        (
+            "a sharpness is not a number from 0 on",
+            Control { corner_points: &[0], corner_weights: &[f32::NAN], ..quad() },
+        ),
         ("one sharpness for each sharp point", Control { corner_points: &[0], ..quad() }),
         ("a hole names no face", Control { holes: &[1], ..quad() }),
         ("one value for each corner", Control { channels: &[Channel { corners: &[0], count: 1 }], ..quad() }),
         ("a corner names no value", Control { channels: &[Channel { corners: &[0, 0, 0, 1], count: 1 }], ..quad() }),
-        ("Loop's scheme subdivides triangles only", Control { rules: Rules { scheme: Scheme::Loop, ..Rules::default() }, ..quad() }),
+        (
+            "Loop's scheme subdivides triangles only",
+            Control { rules: Rules { scheme: Scheme::Loop, ..Rules::default() }, ..quad() },
+        ),
     ];
     for (reason, control) in cases {
         assert_eq!(refusal(&control), reason);

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Limit surfaces against closed forms.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test ends where it fails")]
+#![allow(clippy::cast_possible_truncation, reason = "small numbers")]
 
 mod shapes;
 
 use std::collections::HashMap;
 
-use oocpt_subdiv::{Boundary, Channel, Control, Data, Facets, FaceVaryingLinear, LimitSurface, Rules, Scheme, Values};
+use oocpt_subdiv::{Boundary, Channel, Control, Data, FaceVaryingLinear, Facets, LimitSurface, Rules, Scheme, Values};
 use shapes::{Shape, cube, grid, octahedron};
 
 fn tessellate(shape: &Shape, control: &Control<'_>, pieces: impl Fn(usize) -> i32) -> Facets {
@@ -26,9 +28,9 @@ fn normalized(a: [f64; 3]) -> [f64; 3] {
     a.map(|v| v / dot(a, a).sqrt())
 }
 
-/// Halstead, Kass and DeRose 1993, "Efficient, fair interpolation using Catmull-Clark surfaces": a vertex v with n edges
-/// to points e, and faces with centres such that f are the points after one step, goes to (n^2 v + 4 sum e + sum f) /
-/// (n (n + 5)), with v, e, f of the first step.
+/// Halstead, Kass and `DeRose` 1993, "Efficient, fair interpolation using Catmull-Clark surfaces": a vertex v with n
+/// edges to points e, and faces with centres such that f are the points after one step, goes to (n^2 v + 4 sum e + sum
+/// f) / (n (n + 5)), with v, e, f of the first step.
 #[test]
 fn corners_of_a_cube_go_where_they_must() {
     let shape = cube();
@@ -51,7 +53,14 @@ fn inside_a_grid_the_surface_is_a_bicubic_spline() {
     let shape = grid(7, |x, y| [x, y, height(x, y)]);
     let facets = tessellate(&shape, &shape.control(Rules::default()), |edge| 1 + i32::try_from(edge % 5).unwrap());
     // The uniform cubic B-spline of values at whole numbers, and its slope.
-    let basis = |t: f64| [(1.0 - t).powi(3), 3.0 * t.powi(3) - 6.0 * t * t + 4.0, -3.0 * t.powi(3) + 3.0 * t * t + 3.0 * t + 1.0, t.powi(3)];
+    let basis = |t: f64| {
+        [
+            (1.0 - t).powi(3),
+            3.0 * t.powi(3) - 6.0 * t * t + 4.0,
+            -3.0 * t.powi(3) + 3.0 * t * t + 3.0 * t + 1.0,
+            t.powi(3),
+        ]
+    };
     let slope = |t: f64| [-3.0 * (1.0 - t).powi(2), 9.0 * t * t - 12.0 * t, -9.0 * t * t + 6.0 * t + 3.0, 3.0 * t * t];
     let spline = |wx: [f64; 4], wy: [f64; 4], (i, j): (f64, f64)| -> f64 {
         let terms = (0..4).flat_map(|a| (0..4).map(move |b| (a, b)));
@@ -177,7 +186,7 @@ fn values_by_corner_keep_their_seams() {
     let control = Control { channels: &channels, ..shape.control(rules) };
     let surface = LimitSurface::new(&control).unwrap();
     let values = [Values { width: 1, floats: &floats }];
-    let smooth: Vec<f32> = shape.points.iter().map(|p| p[0] as f32).collect();
+    let smooth: Vec<f32> = shape.points.iter().map(|p| p[0]).collect();
     let by_point = Values { width: 1, floats: &smooth };
     let data = Data { positions: shape.positions(), vertex: by_point, varying: by_point, channels: &values };
     let facets = surface.tessellate(&vec![2; surface.edges().len()], &data).unwrap();

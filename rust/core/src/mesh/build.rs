@@ -138,8 +138,7 @@ fn read_triangles(
         sources: &sources,
         centers: &centers,
     };
-    let normals =
-        if radii.is_some() { None } else { build_normals(desc, topology, layout, &triangles, dropped) };
+    let normals = if radii.is_some() { None } else { build_normals(desc, topology, layout, &triangles, dropped) };
     let colors = desc.display_color.as_ref().and_then(|p| convert(p, layout, dropped, read_color, |_| Some([0.18; 3])));
     let opacities =
         desc.display_opacity.as_ref().and_then(|p| convert(p, layout, dropped, read_opacity, |_| Some(1.0)));

@@ -14,8 +14,8 @@ pub fn mesh_key(desc: &MeshDesc) -> u128 {
     mesh_key_with(desc, &[], &Dicing::default())
 }
 
-/// [`mesh_key`] of a mesh that is built with the primvars `wanted` and refined as `dicing` says. Which faces are in which subset counts, their
-/// materials do not.
+/// [`mesh_key`] of a mesh that is built with the primvars `wanted` and refined as `dicing` says. Which faces are in
+/// which subset counts, their materials do not.
 pub(crate) fn mesh_key_with(desc: &MeshDesc, wanted: &[WantedPrimvar], dicing: &Dicing) -> u128 {
     let mut hasher = Xxh3::new();
     hasher.update(&[u8::from(desc.double_sided), u8::from(desc.left_handed), desc.subdivision as u8]);
@@ -88,7 +88,8 @@ pub(crate) fn is_same_mesh(a: &MeshDesc, b: &MeshDesc, wanted: &[WantedPrimvar])
         }
         _ => false,
     };
-    let plain = |m: &MeshDesc| (m.double_sided, m.left_handed, m.subdivision, m.refine_level, m.subdivision_tags.rules());
+    let plain =
+        |m: &MeshDesc| (m.double_sided, m.left_handed, m.subdivision, m.refine_level, m.subdivision_tags.rules());
     let mut tags = a.subdivision_tags.arrays().into_iter().zip(b.subdivision_tags.arrays());
     plain(a) == plain(b)
         && tags.all(|(a, b)| optional(&a.cloned(), &b.cloned()))

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Mesh assets: what a mesh becomes before it goes to the GPU. Immutable, shared by content.
 //!
-//! Stages: [`build`] runs `topology` (check, holes), `refine` (limit surfaces, cut as [`Dicing`] says), `triangulate`, `primvar` and `normals`, [`bvh`] and [`bvh4`];
-//! `split` cuts large meshes into clusters; `key` is the content hash. Pure functions; called from rayon workers during
-//! a commit.
+//! Stages: [`build`] runs `topology` (check, holes), `refine` (limit surfaces, cut as [`Dicing`] says), `triangulate`,
+//! `primvar` and `normals`, [`bvh`] and [`bvh4`]; `split` cuts large meshes into clusters; `key` is the content hash.
+//! Pure functions; called from rayon workers during a commit.
 
 mod attribute;
 pub mod build;

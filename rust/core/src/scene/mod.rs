@@ -32,9 +32,9 @@ use std::sync::Arc;
 use glam::DVec3;
 
 pub use crate::desc::{
-    AssetRef, ConnectionDesc, CurveBasis, CurveWrap, CurvesDesc, DomeFormat, DroppedData, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation,
-    LightDesc, LightKind, MaterialDesc, MaterialSync, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue,
-    PrimDesc, Primvar, Shape, Shaping, Subdivision, SubdivisionTags, SubsetDesc,
+    AssetRef, ConnectionDesc, CurveBasis, CurveWrap, CurvesDesc, DomeFormat, DroppedData, InstancedBy, InstancerDesc,
+    InstancerPrototype, Interpolation, LightDesc, LightKind, MaterialDesc, MaterialSync, MeshDesc, NamedPrimvar,
+    NodeDesc, ParamDesc, ParamValue, PrimDesc, Primvar, Shape, Shaping, Subdivision, SubdivisionTags, SubsetDesc,
 };
 pub use dicing::DicingCamera;
 pub use instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstanceColumn, NO_VALUE};
@@ -50,8 +50,8 @@ pub use mesh_placements::MeshPlacement;
 pub use summary::summary;
 pub use surfaces::{NO_MATERIAL, PrimRecord};
 
-use crate::partition::{PartitionOptions, PartitionStore, Source, World};
 use crate::mesh::is_refined;
+use crate::partition::{PartitionOptions, PartitionStore, Source, World};
 use commit::{AssemblyStore, Assets, shining};
 use dicing::dice;
 use entries::{InstancerEntry, MeshEntry, MeshStore};

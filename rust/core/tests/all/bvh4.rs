@@ -2,8 +2,8 @@
 //! The four-wide hierarchies of meshes: invariants, their checker, boxes of any size, and a walk against brute force.
 
 use glam::DVec3;
-use oocpt_core::mesh::{LeafKind, build_box_bvh};
 use oocpt_core::mesh::bvh4::{ABSENT, Bvh4, Child, LEAF, build_bvh4, level_nodes};
+use oocpt_core::mesh::{LeafKind, build_box_bvh};
 use oocpt_core::{Aabb, BvhError, Triangle};
 use proptest::prelude::*;
 

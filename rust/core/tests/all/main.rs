@@ -22,6 +22,7 @@ mod cameras;
 mod clusters;
 #[cfg(test)]
 mod convergence;
+#[cfg(test)]
 mod dicing;
 #[cfg(test)]
 mod edits;
@@ -50,7 +51,9 @@ mod primvar_uses;
 #[cfg(test)]
 mod primvars;
 mod ptex;
+#[cfg(test)]
 mod refine;
+#[cfg(test)]
 mod round;
 #[cfg(test)]
 mod samplers;

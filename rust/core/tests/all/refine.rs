@@ -125,8 +125,8 @@ fn values_by_point_and_corner_are_those_of_the_surface() {
     let (smooth, linear, corner) = (values(7), values(8), values(9));
     assert_eq!([smooth.rate, linear.rate, corner.rate], [AttributeRate::Vertex; 3], "all by vertex");
     for (triangle, indices) in asset.triangles.iter().zip(&asset.corner_indices) {
-        for k in 0..3 {
-            let (vertex, at) = (Vec3::from(triangle.vertices[k]), indices[k] as usize);
+        for (vertex, index) in triangle.vertices.iter().zip(indices) {
+            let (vertex, at) = (Vec3::from(*vertex), *index as usize);
             assert!(vertex.distance(Vec3::from(smooth.values[at])) < 1e-5, "positions as values are positions");
             let flat = Vec3::from(linear.values[at]);
             assert!((flat.abs().max_element() - 1.0).abs() < 1e-6, "linear values stay on the cube");
@@ -159,7 +159,11 @@ fn creases_are_read_by_crease_and_by_edge() {
         (&[1, 4], &[10.0, 10.0], 1, "a crease of one point"),
         (&[5], &[], 1, "no sharpness"),
     ] {
-        assert_eq!(with(tags(lengths, sharpnesses)).dropped, DroppedData { creases: bad, ..DroppedData::NONE }, "{what}");
+        assert_eq!(
+            with(tags(lengths, sharpnesses)).dropped,
+            DroppedData { creases: bad, ..DroppedData::NONE },
+            "{what}"
+        );
     }
     let corner = SubdivisionTags {
         corner_indices: ints(&[7, 99]),
@@ -178,7 +182,13 @@ fn faces_that_have_a_point_twice() {
     let desc = MeshDesc {
         face_vertex_counts: TypedArray::of(vec![4_i32, 4, 4]),
         face_vertex_indices: TypedArray::of::<i32>(vec![0, 1, 2, 2, 0, 2, 3, 4, 0, 1, 0, 4]),
-        points: TypedArray::of(vec![[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]),
+        points: TypedArray::of(vec![
+            [0.0_f32, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [1.0, 1.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [-1.0, 0.0, 0.0],
+        ]),
         ..cube()
     };
     let built = build(&desc);

@@ -5,7 +5,8 @@ use glam::{DVec3, Vec3};
 use oocpt_core::desc::{CurveBasis, CurveWrap, CurvesDesc, Shape};
 use oocpt_core::mesh::{BuiltMesh, Dicing, LeafKind, WantedPrimvar, build_mesh_with, split_mesh};
 use oocpt_core::{
-    Aabb, AnyAttribute, AttributeRate, DroppedData, Interpolation, MeshAsset, MeshDesc, NamedPrimvar, Primvar, TypedArray,
+    Aabb, AnyAttribute, AttributeRate, DroppedData, Interpolation, MeshAsset, MeshDesc, NamedPrimvar, Primvar,
+    TypedArray,
 };
 use proptest::prelude::*;
 
@@ -39,7 +40,7 @@ fn asset(built: &BuiltMesh) -> MeshAsset {
 
 /// The pieces in the order of their faces and ends, as (curve, ends, radii).
 fn pieces(asset: &MeshAsset) -> Vec<(u32, [Vec3; 2], [f32; 2])> {
-    assert_eq!(asset.kind, LeafKind::Rounds);
+    assert_eq!(asset.kind, LeafKind::Rounds, "no triangles");
     let piece = |t: &oocpt_core::Triangle| {
         let [a, b, radii] = t.vertices;
         (t.face, [a, b].map(Vec3::from), [radii[0], radii[1]])
@@ -148,8 +149,8 @@ fn values_go_along() {
     assert_eq!([smooth.rate, curve.rate], [AttributeRate::Vertex, AttributeRate::Uniform], "rates");
     for (at, (triangle, corners)) in asset.triangles.iter().zip(&asset.corner_indices).enumerate() {
         assert_eq!(corners[0], corners[2], "the third corner is the first one");
-        for k in 0..2 {
-            let (x, vertex) = (triangle.vertices[k][0], corners[k] as usize);
+        for (place, corner) in triangle.vertices.iter().zip(corners).take(2) {
+            let (x, vertex) = (place[0], *corner as usize);
             assert!((smooth.values[vertex] - x).abs() < 1e-4, "by point at {x}");
             assert!((ends.values[vertex] - x).abs() < 1e-4, "by end at {x}");
         }
@@ -161,7 +162,12 @@ fn values_go_along() {
 fn normals_make_ribbons() {
     let desc = MeshDesc {
         normals: Some(primvar(Interpolation::Vertex, vec![[0.0_f32, 0.0, 1.0]; 4])),
-        ..curves(CurveBasis::Linear, CurveWrap::Nonperiodic, &[4], &[[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]])
+        ..curves(
+            CurveBasis::Linear,
+            CurveWrap::Nonperiodic,
+            &[4],
+            &[[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]],
+        )
     };
     let asset = asset(&build(&desc));
     assert_eq!((asset.kind, asset.triangles.len()), (LeafKind::Triangles, 6), "two triangles a piece");
@@ -220,7 +226,11 @@ fn what_makes_no_sense_is_counted() {
     assert_eq!(dropped(CurveBasis::Linear, &[2, 9, 2], &ZIGZAG), (2, 1), "past the end");
     assert_eq!(dropped(CurveBasis::BSpline, &[3], &ZIGZAG), (1, 0), "too few points");
     assert_eq!(dropped(CurveBasis::Linear, &[1, 0, 2], &ZIGZAG), (2, 1), "nothing to draw");
-    let wide = MeshDesc { shape: Shape::Points, widths: Some(primvar(Interpolation::Vertex, vec![1.0, f32::INFINITY, -1.0, 1.0])), ..curves(CurveBasis::Linear, CurveWrap::Nonperiodic, &[], &nan) };
+    let wide = MeshDesc {
+        shape: Shape::Points,
+        widths: Some(primvar(Interpolation::Vertex, vec![1.0, f32::INFINITY, -1.0, 1.0])),
+        ..curves(CurveBasis::Linear, CurveWrap::Nonperiodic, &[], &nan)
+    };
     let built = build(&wide);
     assert_eq!((built.dropped.points, built.asset.unwrap().triangles.len()), (2, 2), "points without place or width");
 }

@@ -11,7 +11,8 @@ use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::array::TypedArray;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::scene::{
-    Interpolation, LightDesc, LightKind, MeshDesc, NamedPrimvar, ParamValue, Primvar, SceneDb, Shape, Shaping, Subdivision,
+    Interpolation, LightDesc, LightKind, MeshDesc, NamedPrimvar, ParamValue, Primvar, SceneDb, Shape, Shaping,
+    Subdivision,
 };
 use oocpt_core::settings::Settings;
 use oocpt_core::{DomeFormat, Element};

@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Curves and points on the device against a solver in f64 that knows nothing of cones: a hull of two balls is met where
-//! the first of all balls between them is met.
+//! Curves and points on the device against a solver in f64 that knows nothing of cones: a hull of two balls is met
+//! where the first of all balls between them is met.
 
 use crate::scenes::{constant, dome, prim};
 use crate::support::{orthographic, perspective, read, render, request, session, settings};
 use glam::{DMat4, DVec3};
 use oocpt_core::TypedArray;
 use oocpt_core::camera::Camera;
-use oocpt_core::scene::{
-    CurveBasis, CurveWrap, CurvesDesc, Interpolation, MeshDesc, Primvar, SceneDb, Shape,
-};
+use oocpt_core::scene::{CurveBasis, CurveWrap, CurvesDesc, Interpolation, MeshDesc, Primvar, SceneDb, Shape};
 use oocpt_render::{AovKind, Session};
 
 const SIZE: [u32; 2] = [96, 64];
@@ -23,10 +21,15 @@ fn scattered(i: u32) -> DVec3 {
 /// Centres and radii of a piece.
 type Piece = [(DVec3, f64); 2];
 
+#[expect(clippy::cast_possible_truncation, reason = "single precision is what a scene has")]
+fn width(radius: f64) -> f32 {
+    2.0 * radius as f32
+}
+
 /// Linear curves through the points of `pieces`, two points each.
 fn lines(path: &str, id: i32, pieces: &[Piece]) -> MeshDesc {
     let points: Vec<[f32; 3]> = pieces.iter().flatten().map(|(at, _)| at.as_vec3().to_array()).collect();
-    let widths: Vec<f32> = pieces.iter().flatten().map(|(_, radius)| 2.0 * *radius as f32).collect();
+    let widths: Vec<f32> = pieces.iter().flatten().map(|(_, radius)| width(*radius)).collect();
     MeshDesc {
         prim: prim(path, DMat4::IDENTITY),
         prim_id: id,
@@ -45,7 +48,7 @@ fn lines(path: &str, id: i32, pieces: &[Piece]) -> MeshDesc {
 
 /// Points with the widths of the first ends of `pieces`.
 fn points(path: &str, id: i32, pieces: &[Piece]) -> MeshDesc {
-    let widths: Vec<f32> = pieces.iter().map(|piece| 2.0 * piece[0].1 as f32).collect();
+    let widths: Vec<f32> = pieces.iter().map(|piece| width(piece[0].1)).collect();
     let places: Vec<[f32; 3]> = pieces.iter().map(|piece| piece[0].0.as_vec3().to_array()).collect();
     MeshDesc {
         shape: Shape::Points,
@@ -133,7 +136,7 @@ fn see(session: &Session, camera: &Camera) -> Seen {
 fn compare(name: &str, seen: &Seen, camera: &Camera, pieces: &[Piece], allowed: f64) {
     let (mut hits, mut doubtful) = (0, 0);
     for (pixel, id) in seen.ids.iter().enumerate() {
-        let pixel_u32 = u32::try_from(pixel).unwrap();
+        let pixel_u32 = u32::try_from(pixel).expect("small");
         let (o, d) = ray(camera, pixel_u32 % SIZE[0], pixel_u32 / SIZE[0]);
         let nearest = pieces.iter().filter_map(|piece| Some((hull(piece, o, d)?, piece)));
         let nearest = nearest.filter(|((t, _), _)| *t > 0.0).min_by(|a, b| a.0.0.total_cmp(&b.0.0));
@@ -141,9 +144,7 @@ fn compare(name: &str, seen: &Seen, camera: &Camera, pieces: &[Piece], allowed: 
         let grow = |piece: &Piece, by: f64| piece.map(|(at, radius)| (at, (radius + by).max(0.0)));
         let misses = |by: f64| pieces.iter().all(|piece| hull(&grow(piece, by), o, d).is_none());
         let Some(((t, u), piece)) = nearest else {
-            if *id >= 0 && misses(allowed) {
-                panic!("{name}: pixel {pixel} shows something where there is nothing");
-            }
+            assert!(*id < 0 || !misses(allowed), "{name}: pixel {pixel} shows something where there is nothing");
             continue;
         };
         if *id < 0 {
@@ -160,7 +161,10 @@ fn compare(name: &str, seen: &Seen, camera: &Camera, pieces: &[Piece], allowed: 
             doubtful += 1;
             continue;
         }
-        assert!((depth - t).abs() <= allowed / facing, "{name}: pixel {pixel}: depth {depth}, not {t}, facing {facing}");
+        assert!(
+            (depth - t).abs() <= allowed / facing,
+            "{name}: pixel {pixel}: depth {depth}, not {t}, facing {facing}"
+        );
         let shown = DVec3::from(seen.normals[pixel].map(f64::from));
         let cosine = shown.dot(normal);
         assert!(cosine > 1.0 - 1e-3, "{name}: pixel {pixel}: normal {shown}, not {normal}");
@@ -172,7 +176,10 @@ fn compare(name: &str, seen: &Seen, camera: &Camera, pieces: &[Piece], allowed: 
 
 fn cameras() -> [(&'static str, Camera); 2] {
     let eye = DVec3::new(0.4, 0.7, 5.0);
-    [("perspective", perspective(eye, DVec3::ZERO, 0.6, SIZE)), ("orthographic", orthographic(eye, DVec3::ZERO, 2.6, SIZE))]
+    [
+        ("perspective", perspective(eye, DVec3::ZERO, 0.6, SIZE)),
+        ("orthographic", orthographic(eye, DVec3::ZERO, 2.6, SIZE)),
+    ]
 }
 
 fn check(name: &str, pieces: &[Piece], build: impl Fn(&[Piece]) -> MeshDesc, scale: f64) {

@@ -3,8 +3,8 @@
 //!
 //! A cubic segment with second derivatives of at most `b` leaves its chord by at most `b / (8 k^2)` when it is cut into
 //! `k` pieces; the radius, which is cubic too, is taken as a fourth coordinate. `k` is such that this is at most
-//! [`TOLERANCE`] of the dicing rate where the curve is nearest. Thick curves, whose bends show in their shading, turn by
-//! at most [`THICK_TURN`] from piece to piece.
+//! [`TOLERANCE`] of the dicing rate where the curve is nearest. Thick curves, whose bends show in their shading, turn
+//! by at most [`THICK_TURN`] from piece to piece.
 
 use glam::{DVec3, DVec4};
 
@@ -199,8 +199,7 @@ impl Cut {
             return None;
         }
         let (mut points, mut out) = (Vec::new(), Vec::new());
-        for (((point, radius), tangent), normal) in
-            self.points.iter().zip(&self.radii).zip(&self.tangents).zip(normals)
+        for (((point, radius), tangent), normal) in self.points.iter().zip(&self.radii).zip(&self.tangents).zip(normals)
         {
             let normal = DVec3::from(normal.map(f64::from));
             let side = tangent.cross(normal).normalize_or_zero() * f64::from(*radius);
@@ -210,28 +209,21 @@ impl Cut {
             let across = side.cross(*tangent).normalize_or(normal.normalize_or(DVec3::Z));
             out.extend([across.as_vec3().to_array(); 2]);
         }
-        let normals =
-            Primvar { interpolation: Interpolation::Vertex, values: TypedArray::of(out), indices: None };
+        let normals = Primvar { interpolation: Interpolation::Vertex, values: TypedArray::of(out), indices: None };
         Some(Ribbon { points, normals })
     }
 }
 
 /// Pieces of a segment; `sum` gives place and radius for weights.
-fn pieces(
-    segment: &Segment,
-    curves: &CurvesDesc,
-    dicing: &Dicing,
-    level: u8,
-    sum: impl Fn([f64; 4]) -> DVec4,
-) -> u32 {
+fn pieces(segment: &Segment, curves: &CurvesDesc, dicing: &Dicing, level: u8, sum: impl Fn([f64; 4]) -> DVec4) -> u32 {
     if curves.basis == crate::desc::CurveBasis::Linear {
         return 1;
     }
     let [from, to] = [0.0, 1.0].map(|t| sum(segment.weights(curves.basis, t)));
-    let bend = segment.bends(curves.basis).map(|weights| sum(weights)).map(DVec4::length);
+    let bend = segment.bends(curves.basis).map(&sum).map(DVec4::length);
     let bend = f64::max(bend[0], bend[1]);
     let density = dicing.density_of(from.truncate(), to.truncate());
-    if !(density > 0.0) {
+    if density.is_nan() || density <= 0.0 {
         return UNSEEN_PIECES << level.min(3);
     }
     let for_shape = (bend * density / (8.0 * TOLERANCE * dicing.pixels)).sqrt();
@@ -240,7 +232,11 @@ fn pieces(
     // The curve turns by about its second derivative over its speed; back on itself, by half a turn and more.
     let for_turn = f64::min(bend / speed, 2.0 * std::f64::consts::PI) / turn;
     let wanted = for_shape.max(for_turn).ceil().clamp(1.0, f64::from(MOST_PIECES));
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 1 and MOST_PIECES; NaN gives 0")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "between 1 and MOST_PIECES; NaN gives 0"
+    )]
     let wanted = wanted as u32;
     wanted.clamp(1, MOST_PIECES)
 }
@@ -253,11 +249,7 @@ fn stencil(segment: &Segment, weights: [f64; 4], number: usize, t: f64, curve: &
     };
     let (first, count) = curve.varying;
     let varying = |k: usize| u32::try_from(first + k % count.max(1)).unwrap_or(0);
-    Stencil {
-        vertex: [0, 1, 2, 3].map(vertex),
-        varying: [varying(number), varying(number + 1)],
-        along: t as f32,
-    }
+    Stencil { vertex: [0, 1, 2, 3].map(vertex), varying: [varying(number), varying(number + 1)], along: t as f32 }
 }
 
 impl<'a> Radii<'a> {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Curves and points: round things ([`super::LeafKind::Rounds`]), or ribbons of triangles. Pure.
 //!
-//! [`basis`] says how control points make a curve, [`curves`] cuts curves into pieces, [`values`] brings primvars along.
-//! A piece of a tube is the hull of the balls at its ends, so pieces fit without a gap, and linear curves are exact. A
-//! piece of a cubic curve is straight: [`curves`] says how far it is from the curve. A point is a ball, a piece of no
-//! length.
+//! [`basis`] says how control points make a curve, [`curves`] cuts curves into pieces, [`values`] brings primvars
+//! along. A piece of a tube is the hull of the balls at its ends, so pieces fit without a gap, and linear curves are
+//! exact. A piece of a cubic curve is straight: [`curves`] says how far it is from the curve. A point is a ball, a
+//! piece of no length.
 
 mod basis;
 mod curves;
@@ -12,7 +12,7 @@ mod values;
 
 use super::WantedPrimvar;
 use super::dicing::Dicing;
-use super::topology::{Face, MAX_CORNERS, MAX_COORDINATE, Topology};
+use super::topology::{Face, MAX_COORDINATE, MAX_CORNERS, Topology};
 use crate::array::ArrayView;
 use crate::desc::{DroppedData, Interpolation, MeshDesc, Primvar, Shape};
 use curves::{Cut, Ribbon};
@@ -120,7 +120,8 @@ impl<'a> Widths<'a> {
     fn of_points(primvar: Option<&'a Primvar>, points: usize, dropped: &mut DroppedData) -> Self {
         let Some(primvar) = primvar else { return Self::Constant(DEFAULT_WIDTH) };
         let view = primvar.values.view();
-        let is_one = matches!(primvar.interpolation, Interpolation::Constant | Interpolation::Uniform) || view.len() == 1;
+        let is_one =
+            matches!(primvar.interpolation, Interpolation::Constant | Interpolation::Uniform) || view.len() == 1;
         match view.scalar(0) {
             Some(width) if is_one => Self::Constant(width),
             Some(_) if view.len() >= points && primvar.indices.is_none() => Self::ByPoint(view),

@@ -21,7 +21,8 @@ pub(super) fn on_curves(
                 dropped.primvars += 1;
                 return None;
             };
-            let repeated = floats.chunks_exact(width).flat_map(|value| (0..times).flat_map(move |_| value.iter().copied()));
+            let repeated =
+                floats.chunks_exact(width).flat_map(|value| (0..times).flat_map(move |_| value.iter().copied()));
             Some(primvar_of(width, repeated.collect()))
         }
     };

@@ -103,7 +103,10 @@ mod tests {
         // 8 units wide.
         let parallel = columns(0.25, 0.5, DVec4::Z * -0.02, DVec4::W);
         let seen = DicingCamera::new(&camera(parallel), 2.0);
-        assert!((seen.density_in(DVec3::ZERO, 1.0, 1e9) - 25.0).abs() < 1e-9, "200 pixels for 8 units, at any distance");
+        assert!(
+            (seen.density_in(DVec3::ZERO, 1.0, 1e9) - 25.0).abs() < 1e-9,
+            "200 pixels for 8 units, at any distance"
+        );
     }
 
     #[test]

@@ -3,8 +3,9 @@
 //!
 //! Prototypes are looked at as a whole where the camera is farther from them than their size; only near placements are
 //! gone into. What comes out is coarse on purpose, so that small movements of the camera change nothing: sizes are
-//! rounded up to the next half power of two, places of the camera to a quarter of their distance from the surface. A function of the
-//! scene and the camera, not of what was before. Pure; reads every instance of instancers with subdivision surfaces.
+//! rounded up to the next half power of two, places of the camera to a quarter of their distance from the surface. A
+//! function of the scene and the camera, not of what was before. Pure; reads every instance of instancers with
+//! subdivision surfaces.
 
 mod camera;
 mod found;
