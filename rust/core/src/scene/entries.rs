@@ -2,11 +2,12 @@
 //! What the database keeps per prim, and the store of mesh assets shared by content.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
+use super::dicing::Outline;
 use super::instance_primvars::{InstancePrimvar, MemberPrimvar};
 use super::placement::InstanceArrays;
 use crate::array::ArrayView;
@@ -23,6 +24,8 @@ pub(crate) struct MeshEntry {
     pub(crate) built: Option<Arc<BuiltMesh>>,
     /// How finely its limit surface is cut.
     pub(crate) dicing: Dicing,
+    /// What [`super::dicing`] has to know of it, once that was asked for; none again when the arrays or `wanted` change.
+    pub(crate) outline: OnceLock<Outline>,
     /// Primvars that materials read.
     pub(crate) wanted: Vec<WantedPrimvar>,
     /// Numbers of the primvars that are read here and that the mesh does not have.
@@ -41,7 +44,7 @@ impl MeshEntry {
             }
             _ => {
                 let (dicing, wanted, lacks) = (Dicing::default(), Vec::new(), Vec::new());
-                (Self { desc, built: None, dicing, wanted, lacks }, true)
+                (Self { desc, built: None, dicing, outline: OnceLock::new(), wanted, lacks }, true)
             }
         }
     }

@@ -3,7 +3,7 @@
 //! have to build for them. A material is compiled once after an edit, and only when a mesh shows it.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
@@ -135,6 +135,7 @@ impl SurfaceStore {
             if entry.wanted != wanted {
                 entry.wanted = wanted;
                 entry.built = None;
+                entry.outline = OnceLock::new();
             }
         }
         for (path, entry) in materials.iter() {

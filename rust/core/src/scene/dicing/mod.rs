@@ -10,10 +10,11 @@
 mod camera;
 mod found;
 
+use std::sync::Arc;
+
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
-use std::sync::Arc;
 
 pub use camera::DicingCamera;
 use found::Found;
@@ -40,12 +41,10 @@ pub(crate) fn dice(
     camera: &DicingCamera,
 ) -> FxHashMap<Arc<str>, Dicing> {
     let is_wanted = |entry: &MeshEntry| is_refined(&entry.desc, camera.pixels);
-    let bounds: FxHashMap<Arc<str>, Ball> = prims
-        .meshes
-        .iter()
-        .filter(|(path, entry)| reachable.contains(*path) && is_wanted(entry))
-        .map(|(path, entry)| (path.clone(), Ball::of(&points_box(entry))))
-        .collect();
+    let refined: Vec<(&Arc<str>, &MeshEntry)> =
+        prims.meshes.iter().filter(|(path, entry)| reachable.contains(*path) && is_wanted(entry)).collect();
+    let bounds: FxHashMap<Arc<str>, Ball> =
+        refined.par_iter().map(|(path, entry)| ((*path).clone(), Outline::of(entry).ball)).collect();
     let mut walk = Walk {
         prims,
         hierarchy,
@@ -63,27 +62,40 @@ pub(crate) fn dice(
             walk.spread(&group, density, 0);
         }
     }
-    share(prims, walk.found, &bounds, camera)
+    share(&refined, walk.found, camera)
+}
+
+/// What does not change with the camera.
+#[derive(Debug)]
+pub(crate) struct Outline {
+    ball: Ball,
+    /// Hash of all that the mesh is built from but the dicing.
+    content: u128,
+}
+
+impl Outline {
+    fn of(entry: &MeshEntry) -> &Self {
+        entry.outline.get_or_init(|| {
+            let plain = Dicing { pixels: 1.0, ..Dicing::default() };
+            let content = mesh_key_with(&entry.desc, &entry.wanted, &plain);
+            Self { ball: Ball::of(&points_box(entry)), content }
+        })
+    }
 }
 
 /// Prims with the same content are cut alike, so that they stay one mesh.
 fn share(
-    prims: Prims<'_>,
+    refined: &[(&Arc<str>, &MeshEntry)],
     mut found: FxHashMap<Arc<str>, Found>,
-    bounds: &FxHashMap<Arc<str>, Ball>,
     camera: &DicingCamera,
 ) -> FxHashMap<Arc<str>, Dicing> {
-    let entries = prims.meshes.iter().filter(|(path, _)| bounds.contains_key(*path));
-    let plain = Dicing { pixels: camera.pixels, ..Dicing::default() };
-    let entries: Vec<(&Arc<str>, &MeshEntry)> = entries.collect();
-    let keys: Vec<u128> = entries.par_iter().map(|(_, e)| mesh_key_with(&e.desc, &e.wanted, &plain)).collect();
     let mut shared: FxHashMap<u128, Found> = FxHashMap::default();
-    for ((path, _), key) in entries.iter().zip(&keys) {
-        let of_content = shared.entry(*key).or_default();
+    for (path, entry) in refined {
+        let of_content = shared.entry(Outline::of(entry).content).or_default();
         of_content.add(found.remove(*path).unwrap_or_default());
     }
-    let dicing = |key: &u128| shared.get(key).map(|found| found.dicing(camera)).unwrap_or_default();
-    entries.into_iter().zip(&keys).map(|((path, _), key)| (path.clone(), dicing(key))).collect()
+    let dicing = |entry: &MeshEntry| shared.get(&Outline::of(entry).content).map(|found| found.dicing(camera));
+    refined.iter().map(|(path, entry)| ((*path).clone(), dicing(entry).unwrap_or_default())).collect()
 }
 
 /// The box of the control points that can be used. The limit surface may leave it, at boundaries with sharp corners
