@@ -177,9 +177,10 @@ def test_other_input_that_must_not_matter(host):
     text = (
         GOOD.read_text()
         + 'def Xform "Other" {\n'
-        '  def BasisCurves "Curve" { int[] curveVertexCounts = [4]; point3f[] points = [(0,0,0), (1,0,0), (1,1,0),'
-        ' (0,1,0)]; }\n'
-        '  def Points "Points" { point3f[] points = [(0, 0, 0)]; }\n'
+        '  def NurbsCurves "Curve" { int[] curveVertexCounts = [4]; int[] order = [4]; point3f[] points = [(0,0,0),'
+        ' (1,0,0), (1,1,0), (0,1,0)]; double[] knots = [0, 0, 0, 0, 1, 1, 1, 1]; }\n'
+        '  def BasisCurves "NoPoints" { int[] curveVertexCounts = [4]; }\n'
+        '  def Points "NoPlace" { float[] widths = [1]; }\n'
         '  def PointInstancer "Empty" { int[] protoIndices = []; point3f[] positions = []; }\n'
         '  def PointInstancer "Dangling" { rel prototypes = </No/Such/Prim>; int[] protoIndices = [0, 0]; point3f[]'
         ' positions = [(0,0,0), (1,1,1)]; }\n'
