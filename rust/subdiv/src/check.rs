@@ -1,14 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What C++ relies on.
 
+use std::collections::BTreeSet;
+
 use crate::{Control, Data, Error, Scheme, Values};
 
 /// Most pieces of an edge.
 pub const MAX_RATE: i32 = 256;
 /// Most points of a face.
 pub const MAX_FACE_POINTS: usize = 256;
-/// Most faces around a point: the work at it grows with the square, and OpenSubdiv counts them in 16 bits.
-pub const MAX_VALENCE: u16 = 2048;
+/// Most faces around a point; with sharp edges at it, and where many points have many faces, fewer.
+pub const MAX_VALENCE: u16 = 256;
+/// Largest work of a mesh at its points with many faces. It grows with the third power of the faces, once for all points
+/// that are alike; with the fourth where sharpness makes all faces differ. Some seconds.
+const MAX_WORK: u64 = 1 << 28;
+/// Points with more faces than this, and faces with more points, count.
+const MANY: u64 = 8;
 
 /// A length as C++ counts.
 pub(crate) fn int(length: usize) -> Result<i32, Error> {
@@ -66,7 +73,37 @@ fn faces(control: &Control<'_>) -> Result<(), Error> {
         first += count;
     }
     ensure(first == control.face_points.len(), "corners that belong to no face")?;
-    ensure(valences.iter().all(|&valence| valence <= MAX_VALENCE), "too many faces meet at a point")
+    ensure(valences.iter().all(|&valence| valence <= MAX_VALENCE), "too many faces meet at a point")?;
+    ensure(work(control, &valences) <= MAX_WORK, "too many faces meet at too many points")
+}
+
+/// What evaluation takes around points with many faces and in faces with many points, measured in nanoseconds or so.
+fn work(control: &Control<'_>, valences: &[u16]) -> u64 {
+    let mut is_sharp = vec![false; valences.len()];
+    for &point in control.crease_pairs.iter().chain(control.corner_points) {
+        if let Some(is_sharp) = usize::try_from(point).ok().and_then(|point| is_sharp.get_mut(point)) {
+            *is_sharp = true;
+        }
+    }
+    let mut alike = BTreeSet::new();
+    let mut total = 0_u64;
+    for (&valence, is_sharp) in valences.iter().zip(is_sharp) {
+        let valence = u64::from(valence);
+        if valence <= MANY {
+            continue;
+        }
+        if is_sharp {
+            total = total.saturating_add(valence.pow(4));
+        } else if alike.insert((false, valence)) {
+            total = total.saturating_add(8 * valence.pow(3));
+        }
+    }
+    for count in control.face_counts.iter().filter_map(|&count| u64::try_from(count).ok()) {
+        if count > MANY && alike.insert((true, count)) {
+            total = total.saturating_add(8 * count.pow(3));
+        }
+    }
+    total
 }
 
 /// Checks the rates of edges.

@@ -145,3 +145,40 @@ fn rates_and_values_must_fit() {
     assert!(fails(&[1; 4], &Data { vertex: Values { width: 2, floats: &[0.0; 7] }, ..data }), "half a value");
     assert!(fails(&[1; 4], &Data { channels: &[Values::default()], ..data }), "a channel too many");
 }
+
+/// A fan of `count` triangles around a point, whose edges have all kinds of sharpness up to `sharpness`.
+fn fan(count: i32, sharpness: f32) -> Result<usize, Error> {
+    let corners: Vec<i32> = (0..count).flat_map(|k| [0, k + 1, (k + 1) % count + 1]).collect();
+    let number = usize::try_from(count).unwrap();
+    let pairs: Vec<i32> = (0..count).flat_map(|k| [0, k + 1]).collect();
+    let weights: Vec<f32> = (0..37_u8).cycle().take(number).map(|k| sharpness * f32::from(k) * 0.1).collect();
+    let is_sharp = sharpness > 0.0;
+    let control = Control {
+        point_count: number + 1,
+        face_counts: &vec![3; number],
+        face_points: &corners,
+        crease_pairs: if is_sharp { &pairs } else { &[] },
+        crease_weights: if is_sharp { &weights } else { &[] },
+        ..Control::default()
+    };
+    let surface = LimitSurface::new(&control)?;
+    let around = |k: i32| [(k as f32).cos(), (k as f32).sin(), 0.0];
+    let positions: Vec<f32> = (0..=count).flat_map(around).collect();
+    let data = Data { positions: &positions, ..Data::default() };
+    Ok(surface.tessellate(&vec![1; surface.edges().len()], &data)?.triangles.len() / 3)
+}
+
+/// The work around a point grows with the third power of its faces, or the fourth: what is allowed ends in seconds.
+#[test]
+fn points_with_many_faces_end() {
+    assert_eq!(fan(256, 0.0), Ok(256), "one triangle a face");
+    assert_eq!(fan(120, 1.0), Ok(120), "with sharp edges");
+    assert_eq!(fan(257, 0.0), Err(Error::Invalid("too many faces meet at a point")));
+    assert_eq!(fan(200, 1.0), Err(Error::Invalid("too many faces meet at too many points")));
+    let corners: Vec<i32> = (0..256).collect();
+    let polygon = Control { point_count: 256, face_counts: &[256], face_points: &corners, ..Control::default() };
+    let surface = LimitSurface::new(&polygon).unwrap();
+    let positions = vec![0.5; 3 * 256];
+    let data = Data { positions: &positions, ..Data::default() };
+    assert!(surface.tessellate(&vec![2; 256], &data).is_ok(), "a face with many points");
+}
