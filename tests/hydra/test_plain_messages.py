@@ -20,6 +20,7 @@ def scene(tmp_path):
     path = tmp_path / "many.usda"
     squares = "".join(
         f'    def Mesh "Proto_{n:02}"\n    {{\n'
+        '        uniform token subdivisionScheme = "none"\n'
         "        int[] faceVertexCounts = [4, 3, 3, 3, 3]\n"
         "        int[] faceVertexIndices = [0, 1, 2, 3, 0, 0, 1, 0, 0, 2, 1, 1, 2, 3, 3, 0]\n"
         f"        point3f[] points = [({n}, 0, 0), ({n}.9, 0, 0), ({n}.9, 1, 0), ({n}, 1, 0)]\n    }}\n"

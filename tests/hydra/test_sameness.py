@@ -37,7 +37,7 @@ def test_a_restarted_engine_continues_with_the_same_bits(host):
 @pytest.mark.parametrize(
     "scene",
     [
-        "glow", "nested", "hidden_instances", "polygons", "primvars", "implicit", "transforms", "visibility", "cameras",
+        "glow", "nested", "hidden_instances", "polygons", "primvars", "transforms", "visibility", "cameras",
         "mirrored",
     ],
 )
@@ -50,6 +50,22 @@ def test_both_front_ends_give_the_same_picture(pool, scene):
     )
     assert (legacy["cameraDepth"] > 0).any(), "nothing in the picture"
     compare.same_picture(legacy, modern, scene)
+
+
+def test_both_front_ends_give_the_same_shapes_but_spheres_and_capsules(pool):
+    """Those are exact in the new front end; the old one hands cages over."""
+    pictures, others = [], np.ones((32, 32), dtype=bool)
+    for mode in ("legacy", "scene_index"):
+        path = small.FOLDER / "implicit.usda"
+        with pool.get(mode).open(path, (32, 32), settings=SETTINGS, aovs=[*AOVS, "primId"]) as view:
+            picture = view.render()
+            ids = sorted(set(picture["primId"].ravel()) - {-1})
+            names = [answer["prim"].rsplit("/", 1)[1] for answer in view.decode([(i, 0) for i in ids])]
+        others &= ~np.isin(picture["primId"], [i for i, name in zip(ids, names) if name in ("Sphere", "Capsule")])
+        pictures.append(picture)
+    assert (pictures[0]["primId"][others] >= 0).sum() > 50, "other shapes are in the picture"
+    for aov in ("cameraDepth", "normal", "elementId", "albedo"):
+        compare.same_bits(pictures[0][aov][others], pictures[1][aov][others], aov)
 
 
 def test_native_instances_are_the_same_up_to_rounding_in_both_front_ends(pool):
