@@ -64,8 +64,10 @@ def test_both_front_ends_give_the_same_shapes_but_spheres_and_capsules(pool):
         others &= ~np.isin(picture["primId"], [i for i, name in zip(ids, names) if name in ("Sphere", "Capsule")])
         pictures.append(picture)
     assert (pictures[0]["primId"][others] >= 0).sum() > 50, "other shapes are in the picture"
-    for aov in ("cameraDepth", "normal", "elementId", "albedo"):
-        compare.same_bits(pictures[0][aov][others], pictures[1][aov][others], aov)
+    compare.same_bits(pictures[0]["elementId"][others], pictures[1]["elementId"][others], "elements")
+    # Another box around the scene is another frame, so the last bits differ.
+    for aov in ("cameraDepth", "normal", "albedo"):
+        compare.near(pictures[0][aov][others], pictures[1][aov][others], 3e-6, aov)
 
 
 def test_native_instances_are_the_same_up_to_rounding_in_both_front_ends(pool):
