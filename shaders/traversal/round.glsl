@@ -7,8 +7,8 @@
 // The cone in terms of the distance s along the axis, from the first centre: the ball around the centre at u * axis has
 // radius r0 + u (r1 - r0); the envelope of these balls is at the distance (L r0 + (r1 - r0) s) / sqrt(g) from the axis,
 // g = L^2 - (r1 - r0)^2, and touches the ball u = (L s + (r1 - r0) r0) / g. (Both follow from the derivative by u
-// of the ball's equation. Terms are kept apart along and across the axis, so that a piece that is much longer than thick
-// keeps its digits.)
+// of the ball's equation. Terms are kept apart along and across the axis, so that a piece that is much longer than
+// thick keeps its digits.)
 #ifndef OOCPT_ROUND_GLSL
 #define OOCPT_ROUND_GLSL
 

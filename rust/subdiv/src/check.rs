@@ -11,8 +11,8 @@ pub const MAX_RATE: i32 = 256;
 pub const MAX_FACE_POINTS: usize = 256;
 /// Most faces around a point; with sharp edges at it, and where many points have many faces, fewer.
 pub const MAX_VALENCE: u16 = 256;
-/// Largest work of a mesh at its points with many faces. It grows with the third power of the faces, once for all points
-/// that are alike; with the fourth where sharpness makes all faces differ. Some seconds.
+/// Largest work of a mesh at its points with many faces. It grows with the third power of the faces, once for all
+/// points that are alike; with the fourth where sharpness makes all faces differ. Some seconds.
 const MAX_WORK: u64 = 1 << 28;
 /// Points with more faces than this, and faces with more points, count.
 const MANY: u64 = 8;

@@ -24,7 +24,8 @@ pub(crate) struct MeshEntry {
     pub(crate) built: Option<Arc<BuiltMesh>>,
     /// How finely its limit surface is cut.
     pub(crate) dicing: Dicing,
-    /// What [`super::dicing`] has to know of it, once that was asked for; none again when the arrays or `wanted` change.
+    /// What [`super::dicing`] has to know of it, once that was asked for; none again when the arrays or `wanted`
+    /// change.
     pub(crate) outline: OnceLock<Outline>,
     /// Primvars that materials read.
     pub(crate) wanted: Vec<WantedPrimvar>,
