@@ -98,6 +98,7 @@ fn settings_are_listed_in_order() {
         "OOCPT_POLICY",
         "OOCPT_CHUNK_SIZE",
         "OOCPT_GEOMETRY_BUDGET",
+        "OOCPT_DICING_RATE",
         "OOCPT_CHUNK_REPORT",
         "OOCPT_REPORT",
         "OOCPT_REFERENCE",
