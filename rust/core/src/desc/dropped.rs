@@ -63,8 +63,8 @@ dropped! {
     creases: "creases or corners that name no edge or have no usable sharpness",
     /// Subdivision meshes that OpenSubdiv cannot refine.
     unrefined_meshes: "meshes that cannot be subdivided, seen as polygons",
-    /// Subdivision meshes with more triangles than a mesh may have at the wanted rate.
-    coarse_meshes: "subdivision meshes that are cut more coarsely than asked, to stay below the limit of triangles",
+    /// Subdivision meshes and curves with more triangles or pieces than a prim may have at the wanted rate.
+    coarse_meshes: "meshes or curves that are cut more coarsely than asked, to stay below the limit of their size",
     /// Curves with fewer points than a segment has, a negative number of them, or points that cannot be used.
     curves: "curves with too few or unusable points",
     /// Points that are not finite, or have no finite width.

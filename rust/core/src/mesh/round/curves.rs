@@ -25,6 +25,9 @@ const THIN_TURN: f64 = 0.8;
 const UNSEEN_PIECES: u32 = 8;
 /// Most pieces of a segment.
 const MOST_PIECES: u32 = 256;
+/// Pieces of one prim above which its segments are cut into fewer, though always into up to [`ALWAYS_PIECES`].
+const MOST_IN_ALL: usize = 1 << 23;
+const ALWAYS_PIECES: u32 = 8;
 
 /// A straight piece between two of the cut's points.
 #[derive(Clone, Copy, Debug)]
@@ -57,6 +60,9 @@ pub(super) struct Cut {
     pub(super) varying_count: usize,
     /// Curve of each point.
     pub(super) curves: Vec<u32>,
+    /// Most pieces of a segment, and whether some segment would have more.
+    most_pieces: u32,
+    is_coarse: bool,
 }
 
 /// The points of ribbons, two for each point of the cut, and their normals.
@@ -92,7 +98,7 @@ impl Cut {
         let points = desc.points.view();
         let available = indices.map_or(points.len(), |indices| indices.len());
         let radii = Radii::of(desc.widths.as_ref(), dropped);
-        let mut cut = Self { curve_count: counts.len(), ..Self::default() };
+        let mut cut = Self { curve_count: counts.len(), most_pieces: most_pieces(available), ..Self::default() };
         let (mut first, mut vertices) = (0_usize, Vec::new());
         for (at, number) in (0..counts.len()).zip(0_u32..) {
             let Ok(count) = usize::try_from(counts.index(at).unwrap_or(-1)) else {
@@ -122,6 +128,7 @@ impl Cut {
                 cut.add(&curve, curves, &segments, &points, &radii, dicing, desc.refine_level);
             }
         }
+        dropped.coarse_meshes += u64::from(cut.is_coarse);
         dropped.primvars += u64::from(radii.is_short(counts.len(), points.len(), cut.varying_count));
         if cut.points.iter().flatten().chain(&cut.radii).any(|v| !v.is_finite()) {
             dropped.curves += cut.curve_count as u64;
@@ -152,7 +159,9 @@ impl Cut {
         let start = self.points.len();
         for (number, segment) in segments.iter().enumerate() {
             let is_new = number == 0 || desc.wrap == crate::desc::CurveWrap::Segmented;
-            let pieces = pieces(segment, desc, dicing, level, |weights| sum(segment, weights, number as f64));
+            let wanted = pieces(segment, desc, dicing, level, |weights| sum(segment, weights, number as f64));
+            let pieces = wanted.min(self.most_pieces);
+            self.is_coarse |= pieces < wanted;
             for piece in u32::from(!is_new)..=pieces {
                 let t = f64::from(piece) / f64::from(pieces);
                 let along = number as f64 + t;
@@ -212,6 +221,12 @@ impl Cut {
         let normals = Primvar { interpolation: Interpolation::Vertex, values: TypedArray::of(out), indices: None };
         Some(Ribbon { points, normals })
     }
+}
+
+/// Most pieces of a segment of curves with so many vertices, which have no more segments than that.
+fn most_pieces(vertices: usize) -> u32 {
+    let share = u32::try_from(MOST_IN_ALL / vertices.max(1)).unwrap_or(MOST_PIECES);
+    share.clamp(ALWAYS_PIECES, MOST_PIECES)
 }
 
 /// Pieces of a segment; `sum` gives place and radius for weights.
@@ -292,5 +307,32 @@ impl<'a> Radii<'a> {
                 a + (b - a) * (along - whole)
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::desc::{CurveBasis, CurveWrap};
+
+    #[test]
+    fn a_prim_has_so_many_pieces_that_memory_lasts() {
+        assert_eq!([1, 1 << 15, 1 << 17, 1 << 20, 1 << 27].map(most_pieces), [256, 256, 64, 8, 8], "by vertices");
+        let count = 1_i32 << 16;
+        let points: Vec<[f32; 3]> = (0..count).map(|k| [k as f32, (k * k % 7) as f32, 0.0]).collect();
+        let curves = CurvesDesc {
+            basis: CurveBasis::BSpline,
+            wrap: CurveWrap::Nonperiodic,
+            counts: TypedArray::of(vec![5_i32]),
+            indices: None,
+        };
+        let desc = MeshDesc { points: TypedArray::of(points), ..MeshDesc::default() };
+        let near = Dicing { pixels: 2.0, density: 1e12, ..Dicing::default() };
+        let mut dropped = DroppedData::default();
+        let cut = Cut::new(&desc, &curves, &near, &mut dropped);
+        assert_eq!((cut.pieces.len(), dropped.coarse_meshes), (2 * 128, 1), "two segments, cut as all would be");
+        let mut dropped = DroppedData::default();
+        let cut = Cut::new(&desc, &curves, &Dicing { density: 1.0, ..near }, &mut dropped);
+        assert_eq!(dropped.coarse_meshes, 0, "far away {} pieces are enough", cut.pieces.len());
     }
 }
