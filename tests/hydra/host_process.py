@@ -185,34 +185,33 @@ class Commands:
         return held
 
 
-class _MallInfo(ctypes.Structure):
-    """glibc's struct mallinfo2."""
-
-    _fields_ = [
-        (name, ctypes.c_size_t)
-        for name in "arena ordblks smblks hblks hblkhd usmblks fsmblks uordblks fordblks keepcost".split()
-    ]
-
-
 _LIBC = ctypes.CDLL(None)
-_LIBC.mallinfo2.restype = _MallInfo
-_LIBC.malloc.restype = ctypes.c_void_p
+_LIBC.malloc.restype, _LIBC.malloc.argtypes = ctypes.c_void_p, [ctypes.c_size_t]
+
+
+def _allocated() -> int:
+    """Bytes that the process has of jemalloc, which must be preloaded."""
+    epoch, allocated, size = ctypes.c_uint64(1), ctypes.c_size_t(), ctypes.c_size_t(8)
+    # Statistics are those of the last epoch.
+    failed = _LIBC.mallctl(b"epoch", None, None, ctypes.byref(epoch), ctypes.c_size_t(8))
+    failed |= _LIBC.mallctl(b"stats.allocated", ctypes.byref(allocated), ctypes.byref(size), None, ctypes.c_size_t(0))
+    if failed:
+        raise RuntimeError(f"jemalloc has no statistics: error {failed}")
+    return allocated.value
 
 
 def _held() -> dict[str, int]:
-    """What the process holds: bytes in use by the C allocator, resident bytes, mappings, file descriptors and threads.
+    """What the process holds: bytes in use by the allocator, resident bytes, mappings, file descriptors and threads.
 
-    Bytes that lie in a thread's cache of the allocator count as used: switch the caches off (GLIBC_TUNABLES) for exact
-    numbers.
+    Bytes that lie in a thread's cache of the allocator count as used: switch the caches off for exact numbers.
     """
     gc.collect()
-    used = _LIBC.mallinfo2()
     with open("/proc/self/statm", encoding="ascii") as statm:
         resident = int(statm.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     with open("/proc/self/maps", encoding="utf-8", errors="replace") as maps:
         mappings = sum(1 for _ in maps)
     return {
-        "allocated": used.uordblks + used.hblkhd,
+        "allocated": _allocated(),
         "resident": resident,
         "mappings": mappings,
         "files": len(os.listdir("/proc/self/fd")),

@@ -49,6 +49,7 @@ const NEEDS: &[(Probe, &str)] = &[
     (Probe::Library("libvulkan.so.1"), "libvulkan1"),
     (Probe::Vulkan("explicit_layer.d", "VkLayer_khronos_validation"), "vulkan-validationlayers"),
     (Probe::Vulkan("icd.d", ""), apt::MESA),
+    (Probe::Library("libjemalloc.so.2"), "libjemalloc2"),
     (Probe::Library("libGL.so.1"), "libgl1"),
     (Probe::Library("libX11.so.6"), "libx11-6"),
     (Probe::Library("libXext.so.6"), "libxext6"),
