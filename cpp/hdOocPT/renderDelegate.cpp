@@ -21,7 +21,7 @@ TF_DEFINE_PRIVATE_TOKENS(_tokens,
     (mesh)(basisCurves)(points)(sphere)(cube)(cone)(cylinder)(capsule)(plane)(camera)(distantLight)(domeLight)(rectLight)
     (sphereLight)(diskLight)(cylinderLight)(material)(extComputation)(renderBuffer)(renderSettings)
     // names of settings, purposes and commands
-    (oocpt)(full)(restart)(stop));
+    (oocpt)(full)(restart)(stop)(mtlx));
 // clang-format on
 
 HdOocPTRenderDelegate::HdOocPTRenderDelegate(HdRenderSettingsMap const& settingsMap)
@@ -85,7 +85,7 @@ TfToken HdOocPTRenderDelegate::GetMaterialBindingPurpose() const
 
 TfTokenVector HdOocPTRenderDelegate::GetMaterialRenderContexts() const
 {
-    return { TfToken() };
+    return { _tokens->mtlx, TfToken() };
 }
 
 TfTokenVector HdOocPTRenderDelegate::GetRenderSettingsNamespaces() const

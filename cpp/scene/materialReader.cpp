@@ -149,8 +149,10 @@ oocpt::MaterialDesc HdOocPTReadMaterial(const HdOocPTPrimSource& source)
     oocpt::MaterialDesc desc {};
     desc.path = rust::String::lossy(source.path.GetString());
     desc.surface = -1;
-    const HdContainerDataSourceHandle network
-        = HdOocPTFindContainer(source.container, { tokens.material, tokens.universal });
+    HdContainerDataSourceHandle network = HdOocPTFindContainer(source.container, { tokens.material, tokens.mtlx });
+    if (!network) {
+        network = HdOocPTFindContainer(source.container, { tokens.material, tokens.universal });
+    }
     const HdContainerDataSourceHandle nodes = HdOocPTFindContainer(network, { tokens.nodes });
     const TfTokenVector names = _SortedNames(nodes);
     for (const TfToken& name : names) {

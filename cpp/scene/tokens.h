@@ -30,7 +30,7 @@ PXR_NAMESPACE_OPEN_SCOPE
     /* bindings */                                                                                                    \
     (materialBindings)(path)(full)((allPurpose, ""))                                                                  \
     /* materials */                                                                                                   \
-    ((universal, ""))(nodes)(parameters)(value)(colorSpace)(inputConnections)(upstreamNodePath)                       \
+    ((universal, ""))(mtlx)(nodes)(parameters)(value)(colorSpace)(inputConnections)(upstreamNodePath)                       \
     (upstreamNodeOutputName)(nodeIdentifier)(terminals)(surface)(volume)                                              \
     /* primvars */                                                                                                    \
     (primvars)(primvarValue)(indexedPrimvarValue)(indices)(interpolation)(extComputationPrimvars)(points)(normals)    \

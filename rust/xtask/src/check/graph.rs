@@ -12,7 +12,8 @@ use crate::product::{self, cargo};
 
 /// Arrows of the design: each crate, and what of ours it may use in shipped code.
 const ARROWS: &[(&str, &[&str])] = &[
-    ("oocpt-core", &["oocpt-subdiv"]),
+    ("oocpt-core", &["oocpt-materialx", "oocpt-subdiv"]),
+    ("oocpt-materialx", &[]),
     ("oocpt-ptex", &[]),
     ("oocpt-subdiv", &[]),
     ("oocpt-shader-abi", &[]),
