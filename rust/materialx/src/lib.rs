@@ -1,9 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 //! `MaterialX` networks: definitions of nodes, translation of surfaces to `OpenPBR`, patterns as programs.
 //!
+//! [`translate`] takes a [`network::Network`] and the [`library::Library`] of definitions. It walks from the surface's
+//! inputs upwards (`walk`), through the graphs that implement nodes, and makes expressions of what it finds (`nodes`,
+//! `expression`). The surface model becomes a slab of `OpenPBR` (`surface`), the slab the inputs of the renderer's
+//! BSDF. An input is a constant, a texture, a primvar, or else a register of the material's program (`assemble`).
+//!
 //! Guarantees: no unsafe code; no network or library file makes this crate panic or loop without end; work and memory
 //! are bounded by the limits that each module names. Any thread.
 
 #![forbid(unsafe_code)]
 
+mod assemble;
+pub mod eval;
+mod expression;
+pub mod library;
+pub mod network;
+mod nodes;
+mod noise;
 pub mod program;
+pub mod surface;
+pub mod uses;
+pub mod value;
+mod walk;
+
+pub use assemble::{InputSource, Translation, translate};

@@ -1,0 +1,343 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The inputs of a surface and the program that works out those that are neither constants, textures nor primvars.
+//!
+//! What an expression is, is told by trying it: one that depends on one texel alone is worked out for a few texels, and
+//! where it multiplies and adds by channel it is that texture with scale and bias. Coordinates of a lookup that are an
+//! affine function of one set are told in the same way.
+
+use std::collections::HashMap;
+
+use crate::expression::{Expressions, Val};
+use crate::library::Library;
+use crate::network::{MAX_NODES, Network};
+use crate::program::{
+    Geometry, Instruction, Lookup, MAX_CONSTANTS, MAX_INSTRUCTIONS, MAX_LOOKUPS, Op, Operand, Program, REGISTERS,
+};
+use crate::surface::{INPUTS, SHAPES};
+use crate::uses::{LookupUse, Uses};
+use crate::walk::Walker;
+
+/// Where an input of the surface comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum InputSource {
+    /// A value.
+    Constant([f32; 4]),
+    /// A texture, as [`Lookup`] says; then one channel of it in all components, or all of it.
+    Texture(Lookup, Option<u8>),
+    /// A primvar of [`Uses::primvars`].
+    Primvar(u8),
+    /// A register of the program.
+    Register(u8),
+}
+
+/// A network translated.
+#[derive(Clone, Debug)]
+pub struct Translation {
+    /// By [`crate::surface::Input`]; `None` where the surface is not understood.
+    pub inputs: Option<[InputSource; INPUTS]>,
+    /// `specularColor` is the reflectance at normal incidence; else metallic and index are.
+    pub specular_workflow: bool,
+    /// 0: the opacity is a probability; else what is below is not there.
+    pub opacity_threshold: f32,
+    /// Empty where no input is a register.
+    pub program: Program,
+    /// Textures by number, sets of texture coordinates, primvars.
+    pub uses: Uses,
+    /// What is not understood, one line each.
+    pub problems: Vec<String>,
+}
+
+/// Translates a network.
+#[must_use]
+pub fn translate(network: &Network, library: &Library) -> Translation {
+    let mut nothing = Translation {
+        inputs: None,
+        specular_workflow: false,
+        opacity_threshold: 0.0,
+        program: Program::default(),
+        uses: Uses::default(),
+        problems: Vec::new(),
+    };
+    if network.nodes.len() > MAX_NODES || network.surface >= network.nodes.len() {
+        nothing.problems.push("there is no surface, or too many nodes".to_owned());
+        return nothing;
+    }
+    let mut walker = Walker::new(network, library);
+    let Some(slab) = walker.slab() else {
+        nothing.problems = walker.problems;
+        return nothing;
+    };
+    let lowered = walker.lower(&slab);
+    let Walker { expressions, uses, mut problems, .. } = walker;
+    let mut assembler = Assembler { expressions: &expressions, lookups: &uses.lookups, program: Program::default() };
+    let mut inputs: [Option<InputSource>; INPUTS] = [None; INPUTS];
+    for ((val, (width, _)), input) in lowered.inputs.iter().zip(SHAPES).zip(&mut inputs) {
+        *input = assembler.simple(*val, width);
+    }
+    let rest: Vec<Val> = lowered.inputs.iter().zip(&inputs).filter(|(_, known)| known.is_none()).map(|(v, _)| *v).collect();
+    let registers = assembler.compile(&rest);
+    if let Err(what) = &registers {
+        problems.push(format!("the patterns have {what}: values in their middle stand for them"));
+        assembler.program = Program::default();
+    }
+    let registers = registers.unwrap_or_default();
+    let program = std::mem::take(&mut assembler.program);
+    let inputs = std::array::from_fn(|k| {
+        inputs[k].unwrap_or_else(|| match (lowered.inputs[k], registers.get(&lowered.inputs[k].index())) {
+            (_, Some(register)) => InputSource::Register(*register),
+            (val, None) => InputSource::Constant(expressions.value(val, &|_| [0.5; 4], &|_| [0.5; 4])),
+        })
+    });
+    Translation {
+        inputs: Some(inputs),
+        specular_workflow: lowered.specular_workflow,
+        opacity_threshold: lowered.opacity_threshold,
+        program,
+        uses,
+        problems,
+    }
+}
+
+impl Val {
+    /// The number of the operation; `None` of a constant.
+    fn index(self) -> Option<u32> {
+        match self {
+            Self::Node(at) => Some(at),
+            Self::Constant(_) => None,
+        }
+    }
+}
+
+struct Assembler<'a> {
+    expressions: &'a Expressions,
+    lookups: &'a [LookupUse],
+    program: Program,
+}
+
+/// Texels that tell what an expression does with them, after black.
+const PROBES: [[f32; 4]; 6] = [
+    [1.0, 0.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0, 0.0],
+    [0.0, 0.0, 1.0, 0.0],
+    [0.0, 0.0, 0.0, 1.0],
+    [0.25, 0.625, 0.875, 0.5],
+    [0.75, 0.125, 0.375, 1.0],
+];
+
+/// Whether two numbers are the same but for rounding.
+fn near(a: f32, b: f32) -> bool {
+    (a - b).abs() <= 2.0e-6 * (1.0 + a.abs().max(b.abs()))
+}
+
+impl Assembler<'_> {
+    /// A constant, a texture or a primvar, if it is one in its first `width` components.
+    fn simple(&self, val: Val, width: usize) -> Option<InputSource> {
+        if let Val::Constant(value) = val {
+            return Some(InputSource::Constant(value));
+        }
+        let leaves = self.expressions.leaves(val);
+        if leaves.geometry == 0 && leaves.lookups.count_ones() == 1 {
+            return self.texture(val, width, leaves.lookups.trailing_zeros());
+        }
+        let slot = match leaves.geometry {
+            g if g == 1 << Geometry::Primvar0 as u32 => 0,
+            g if g == 1 << Geometry::Primvar1 as u32 => 1,
+            _ => return None,
+        };
+        let given = [0.25, 0.5, 0.75, 1.0];
+        let value = self.expressions.value(val, &|_| given, &|_| [0.0; 4]);
+        let is_it = value.iter().zip(given).take(width).all(|(a, b)| *a == b);
+        (leaves.lookups == 0 && is_it).then_some(InputSource::Primvar(slot))
+    }
+
+    fn texture(&self, val: Val, width: usize, lookup: u32) -> Option<InputSource> {
+        let mut lookup = self.lookup(lookup)?;
+        if !lookup.1 {
+            return None; // its place has to be worked out
+        }
+        let of = |texel: [f32; 4]| self.expressions.value(val, &|_| [0.0; 4], &move |_| texel);
+        let black = of([0.0; 4]);
+        let answers = PROBES.map(of);
+        let (mut scale, mut bias) = ([0.0; 4], [0.0; 4]);
+        let follows = |scale: [f32; 4], bias: [f32; 4], channel: Option<usize>| {
+            PROBES.iter().zip(&answers).all(|(texel, answer)| {
+                (0..width).all(|k| near(texel[channel.unwrap_or(k)] * scale[k] + bias[k], answer[k]))
+            })
+        };
+        for k in 0..4 {
+            bias[k] = black[k];
+            scale[k] = answers[k][k] - black[k];
+        }
+        if width > 1 && follows(scale, bias, None) {
+            (lookup.0.scale, lookup.0.bias) = (scale, bias);
+            return Some(InputSource::Texture(lookup.0, None));
+        }
+        for channel in 0..4_u8 {
+            let at = usize::from(channel);
+            let scale: [f32; 4] = std::array::from_fn(|k| answers[at][k] - black[k]);
+            let is_one = (1..width).all(|k| scale[k] == scale[0] && bias[k] == bias[0]);
+            if is_one && follows(scale, bias, Some(at)) {
+                (lookup.0.scale, lookup.0.bias) = ([scale[0]; 4], [bias[0]; 4]);
+                return Some(InputSource::Texture(lookup.0, Some(channel)));
+            }
+        }
+        None
+    }
+
+    /// A lookup, and whether its place is told by its set and transform alone.
+    fn lookup(&self, number: u32) -> Option<(Lookup, bool)> {
+        let LookupUse { texture, place } = *self.lookups.get(number as usize)?;
+        let mut lookup =
+            Lookup { texture, uv: None, transform: [[0.0; 3]; 2], scale: [1.0; 4], bias: [0.0; 4] };
+        let leaves = self.expressions.leaves(place);
+        let (uv0, uv1) = (1 << Geometry::Uv0 as u32, 1 << Geometry::Uv1 as u32);
+        let set = match leaves.geometry & (uv0 | uv1) {
+            0 => None,
+            g if g & uv0 != 0 => Some(0_u8),
+            _ => Some(1),
+        };
+        let of = |u: f32, v: f32| {
+            let [s, t, ..] = self.expressions.value(place, &|_| [u, v, 0.0, 0.0], &|_| [0.5; 4]);
+            [s, t]
+        };
+        let Some(set) = set else {
+            if leaves.geometry == 0 && leaves.lookups == 0 {
+                let at = of(0.0, 0.0);
+                lookup.transform = at.map(|at| [0.0, 0.0, at]);
+                return Some((lookup, true));
+            }
+            return Some((lookup, false));
+        };
+        lookup.uv = Some(set);
+        let is_alone = leaves.lookups == 0 && leaves.geometry.count_ones() == 1;
+        let (origin, along, up) = (of(0.0, 0.0), of(1.0, 0.0), of(0.0, 1.0));
+        let rows: [[f32; 3]; 2] =
+            std::array::from_fn(|k| [along[k] - origin[k], up[k] - origin[k], origin[k]]);
+        let follows = [[0.375, -1.75], [13.25, 7.5], [-3.125, 0.0625], [0.5, 0.5]].into_iter().all(|[u, v]| {
+            let at = of(u, v);
+            (0..2).all(|k| near(rows[k][0] * u + rows[k][1] * v + rows[k][2], at[k]))
+        });
+        lookup.transform = rows;
+        if is_alone && follows {
+            return Some((lookup, true));
+        }
+        // For the filter: how it grows near the middle.
+        let (u, v, h) = (0.375, 0.4375, 1.0 / 1024.0);
+        let (at, along, up) = (of(u, v), of(u + h, v), of(u, v + h));
+        lookup.transform = std::array::from_fn(|k| [(along[k] - at[k]) / h, (up[k] - at[k]) / h, 0.0]);
+        Some((lookup, false))
+    }
+
+    /// The operations in the order in which they are worked out: each as late as its reader allows.
+    fn order(&self, roots: &[Val], places: &HashMap<u16, (Lookup, bool)>) -> Vec<u32> {
+        let mut order = Vec::new();
+        let mut state: HashMap<u32, bool> = HashMap::new(); // true: done
+        for root in roots {
+            let mut stack: Vec<u32> = root.index().into_iter().collect();
+            while let Some(&at) = stack.last() {
+                if state.get(&at) == Some(&true) {
+                    stack.pop();
+                    continue;
+                }
+                let arguments = self.arguments(at, places);
+                let open = arguments.iter().filter_map(|val| val.index()).filter(|at| !state.contains_key(at));
+                let before = stack.len();
+                stack.extend(open.collect::<Vec<_>>());
+                if stack.len() == before {
+                    stack.pop();
+                    state.insert(at, true);
+                    order.push(at);
+                }
+            }
+        }
+        order
+    }
+
+    /// The operands of an operation; none of a lookup that knows its place.
+    fn arguments(&self, at: u32, places: &HashMap<u16, (Lookup, bool)>) -> [Val; 3] {
+        match self.expressions.get(at) {
+            Some(node) if node.op == Op::Texture && places.get(&node.immediate).is_none_or(|(_, known)| *known) => {
+                [Val::ZERO; 3]
+            }
+            Some(node) => node.arguments,
+            None => [Val::ZERO; 3],
+        }
+    }
+
+    /// Makes the program for these values; the register of each.
+    fn compile(&mut self, roots: &[Val]) -> Result<HashMap<Option<u32>, u8>, &'static str> {
+        let mut places: HashMap<u16, (Lookup, bool)> = HashMap::new();
+        for at in self.expressions.needed(roots) {
+            if let Some(node) = self.expressions.get(at).filter(|node| node.op == Op::Texture)
+                && let Some(found) = self.lookup(u32::from(node.immediate))
+            {
+                places.insert(node.immediate, found);
+            }
+        }
+        let order = self.order(roots, &places);
+        if order.len() > MAX_INSTRUCTIONS {
+            return Err("more operations than a program may have");
+        }
+        let mut last: HashMap<u32, usize> = HashMap::new();
+        for (time, at) in order.iter().enumerate() {
+            for argument in self.arguments(*at, &places).iter().filter_map(|val| val.index()) {
+                last.insert(argument, time);
+            }
+        }
+        for root in roots.iter().filter_map(|root| root.index()) {
+            last.insert(root, usize::MAX);
+        }
+        let mut free: Vec<u8> = (0..u8::try_from(REGISTERS).unwrap_or(u8::MAX)).rev().collect();
+        let mut registers: HashMap<Option<u32>, u8> = HashMap::new();
+        for (time, at) in order.iter().enumerate() {
+            let arguments = self.arguments(*at, &places);
+            let mut operands = [Operand::Constant(0); 3];
+            for (operand, argument) in operands.iter_mut().zip(arguments) {
+                *operand = match argument {
+                    Val::Constant(value) => self.constant(value)?,
+                    node => Operand::Register(*registers.get(&node.index()).ok_or("a value before it is known")?),
+                };
+            }
+            let mut ended: Vec<u32> = arguments.iter().filter_map(|val| val.index()).collect();
+            ended.sort_unstable();
+            ended.dedup();
+            for argument in ended.into_iter().filter(|argument| last.get(argument) == Some(&time)) {
+                if let Some(register) = registers.remove(&Some(argument)) {
+                    free.push(register);
+                }
+            }
+            let to = free.pop().ok_or("more values at a time than there are registers")?;
+            registers.insert(Some(*at), to);
+            let node = *self.expressions.get(*at).ok_or("an operation that is not there")?;
+            let immediate = if node.op == Op::Texture { self.place(node.immediate, &places)? } else { node.immediate };
+            self.program.instructions.push(Instruction { op: node.op, to, operands, immediate });
+        }
+        Ok(registers)
+    }
+
+    /// The number of a lookup in the program; bit 8: its place is known without the operand.
+    fn place(&mut self, number: u16, places: &HashMap<u16, (Lookup, bool)>) -> Result<u16, &'static str> {
+        let (lookup, known) = *places.get(&number).ok_or("a texture that is not there")?;
+        if self.program.lookups.len() >= MAX_LOOKUPS {
+            return Err("more texture lookups than a program may have");
+        }
+        self.program.lookups.push(lookup);
+        let at = u16::try_from(self.program.lookups.len() - 1).unwrap_or(0);
+        Ok(at | if known { 256 } else { 0 })
+    }
+
+    fn constant(&mut self, value: [f32; 4]) -> Result<Operand, &'static str> {
+        let same = |known: &[f32; 4]| known.map(f32::to_bits) == value.map(f32::to_bits);
+        let at = match self.program.constants.iter().position(same) {
+            Some(at) => at,
+            None => {
+                self.program.constants.push(value);
+                self.program.constants.len() - 1
+            }
+        };
+        if at >= MAX_CONSTANTS {
+            return Err("more constants than a program may have");
+        }
+        u8::try_from(at).map(Operand::Constant).or(Err("more constants than a program may have"))
+    }
+}

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Geometric nodes, and primvar readers of `UsdPreviewSurface`.
+
+use crate::expression::Val;
+use crate::program::{Geometry, Op};
+use crate::uses::Uses;
+use crate::value::Type;
+use crate::walk::{At, Walker};
+
+impl Walker<'_> {
+    pub(super) fn geometric(&mut self, at: At, category: &str, ty: Type) -> Option<Val> {
+        Some(match category {
+            "position" if self.is_world(at) => self.expressions.geometry(Geometry::Position),
+            "position" => self.primvar(Uses::POSITION, [0.0; 4]),
+            "normal" if self.is_world(at) => self.expressions.geometry(Geometry::Normal),
+            "normal" => self.primvar(Uses::NORMAL, [0.0, 1.0, 0.0, 0.0]),
+            "tangent" => self.expressions.geometry(Geometry::Tangent),
+            "bitangent" => self.expressions.geometry(Geometry::Bitangent),
+            "viewdirection" => self.expressions.geometry(Geometry::ViewDirection),
+            "facingratio" => self.facing_ratio(at),
+            "texcoord" => {
+                let index = self.number_or(at, "index", 0.0).constant().map_or(0.0, |index| index[0]);
+                if index >= 0.5 { self.texcoord(&format!("st{index:.0}")) } else { self.texcoord("st") }
+            }
+            "geomcolor" => {
+                let color = self.primvar("displayColor", [0.0, 0.0, 0.0, 1.0]);
+                if ty == Type::Float { self.expressions.component(color, 0) } else { color }
+            }
+            "geompropvalue" | "geompropvalueuniform" => self.named(at, "geomprop", "default", ty)?,
+            "UsdPrimvarReader" => self.named(at, "varname", "fallback", ty)?,
+            "frame" => Val::ONE,
+            "time" => Val::ZERO,
+            "normalmap" => self.normal_map(at),
+            // Spaces other than the world are not told apart in vectors that come from the surface.
+            "transformpoint" | "transformvector" | "transformnormal" => {
+                let (from, to) = (self.text(at, "fromspace"), self.text(at, "tospace"));
+                if from != to {
+                    let path = self.path(at);
+                    self.problem(format!("`{category}` ({path}) changes nothing: spaces are not supported"));
+                }
+                self.input_in(at)
+            }
+            _ => return None,
+        })
+    }
+
+    fn is_world(&mut self, at: At) -> bool {
+        self.text(at, "space").as_deref() == Some("world")
+    }
+
+    /// The primvar that an input names.
+    fn named(&mut self, at: At, name: &str, fallback: &str, ty: Type) -> Option<Val> {
+        let Some(variable) = self.text(at, name).filter(|text| !text.is_empty()) else {
+            return self.number(at, fallback);
+        };
+        if ty == Type::Vector2 {
+            return Some(self.texcoord(&variable));
+        }
+        if ty.width() == 0 {
+            return None;
+        }
+        let fallback = self.number_or(at, fallback, 0.0).constant().unwrap_or_default();
+        let value = self.primvar(&variable, fallback);
+        Some(if ty == Type::Float { self.expressions.component(value, 0) } else { value })
+    }
+
+    /// |V . N|, or 1 less it.
+    fn facing_ratio(&mut self, at: At) -> Val {
+        let toward = self.expressions.geometry(Geometry::ViewDirection);
+        let normal = self.expressions.geometry(Geometry::Normal);
+        let cosine = self.expressions.dot(toward, normal, 3);
+        let facing = self.number(at, "faceforward").unwrap_or(Val::ONE);
+        let ratio = if facing.is(0.0, 1) {
+            self.expressions.subtract(Val::ZERO, cosine)
+        } else {
+            self.expressions.unary(Op::Absolute, cosine)
+        };
+        if self.number_or(at, "invert", 0.0).is(0.0, 1) { ratio } else { self.expressions.complement(ratio) }
+    }
+
+    /// The vector in the frame of the surface that a normal map says, not normalised.
+    pub(crate) fn tangent_space_normal(&mut self, at: At) -> Val {
+        let value = self.number(at, "in").unwrap_or(Val::Constant([0.5, 0.5, 1.0, 0.0]));
+        let scale = self.number_or(at, "scale", 1.0);
+        let e = &mut self.expressions;
+        let twice = e.multiply(value, Val::number(2.0));
+        let vector = e.subtract(twice, Val::ONE);
+        let scale = e.splice(scale, 2, Val::ONE);
+        e.multiply(vector, scale)
+    }
+
+    /// In the world.
+    fn normal_map(&mut self, at: At) -> Val {
+        let local = self.tangent_space_normal(at);
+        let normal = self.number(at, "normal").unwrap_or(Val::ZERO);
+        let e = &mut self.expressions;
+        let frame = [e.geometry(Geometry::Tangent), e.geometry(Geometry::Bitangent), normal];
+        let mut sum = Val::ZERO;
+        for (axis, along) in frame.into_iter().zip(0..) {
+            let share = e.component(local, along);
+            let part = e.multiply(axis, share);
+            sum = e.add(sum, part);
+        }
+        e.normalize(sum, 3)
+    }
+}

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The nodes that are no graphs of others, as `MaterialX` 1.39 specifies them; and some that are, where a shorter way
+//! is known. One file for each group of the specification.
+
+mod channel;
+mod color;
+mod flow;
+mod geometric;
+mod math;
+mod procedural;
+mod texture;
+
+use std::sync::Arc;
+
+use crate::expression::Val;
+use crate::value::Type;
+use crate::walk::{At, Bound, Walker};
+
+impl Walker<'_> {
+    /// The output of a node of `category`, whose type is `ty`; `None` where it is not one of these.
+    pub(crate) fn node(&mut self, at: At, category: &str, ty: Type, output: &Arc<str>) -> Option<Bound> {
+        if matches!(category, "dot" | "constant") {
+            return self.input(at, if category == "dot" { "in" } else { "value" });
+        }
+        self.value_node(at, category, ty, output).map(Bound::Number)
+    }
+
+    fn value_node(&mut self, at: At, category: &str, ty: Type, output: &Arc<str>) -> Option<Val> {
+        if let Some(found) = self.math(at, category) {
+            return Some(found);
+        }
+        if let Some(found) = self.channel(at, category, ty, output) {
+            return Some(found);
+        }
+        if let Some(found) = self.color(at, category, ty) {
+            return Some(found);
+        }
+        if let Some(found) = self.flow(at, category) {
+            return Some(found);
+        }
+        if let Some(found) = self.geometric(at, category, ty) {
+            return Some(found);
+        }
+        if let Some(found) = self.procedural(at, category, ty) {
+            return Some(found);
+        }
+        self.texture_node(at, category, ty, output)
+    }
+
+    /// `in`.
+    fn input_in(&mut self, at: At) -> Val {
+        self.number_or(at, "in", 0.0)
+    }
+
+    /// `in1` and `in2`.
+    fn pair(&mut self, at: At) -> [Val; 2] {
+        [self.number_or(at, "in1", 0.0), self.number_or(at, "in2", 0.0)]
+    }
+}

@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Graphs of closures (`surface` of BSDF and EDF nodes) reduced to one slab: what is layered is a coat, a fuzz or the
+//! base, what is mixed or added goes into the slab's shares.
+//!
+//! Exact for one diffuse, one dielectric or one metal; else the shares are kept and roughnesses and colours are means.
+
+use super::Slab;
+use crate::expression::Val;
+use crate::program::Op;
+use crate::walk::{At, Walker};
+
+/// Closures one within the other, at most.
+const MAX_CLOSURES: usize = 32;
+
+impl Walker<'_> {
+    pub(super) fn closures(&mut self, at: At) -> Option<Slab> {
+        let mut slab = match self.source_node(at, "bsdf") {
+            Some(bsdf) => self.bsdf(bsdf, 0)?,
+            None => Slab::BLACK,
+        };
+        if let Some(edf) = self.source_node(at, "edf") {
+            slab.emission = self.edf(edf, 0);
+        }
+        slab.opacity = self.number_or(at, "opacity", 1.0);
+        Some(slab)
+    }
+
+    fn edf(&mut self, at: At, depth: usize) -> Val {
+        let category = self.category(at);
+        match &*category {
+            "uniform_edf" | "conical_edf" | "measured_edf" => self.number_or(at, "color", 1.0),
+            "generalized_schlick_edf" => {
+                let base = self.source_node(at, "base");
+                let color = self.number_or(at, "color0", 1.0);
+                let below = base.filter(|_| depth < MAX_CLOSURES).map_or(Val::ONE, |base| self.edf(base, depth + 1));
+                self.expressions.multiply(below, color)
+            }
+            "multiply" if depth < MAX_CLOSURES => {
+                let inner = self.source_node(at, "in1").map_or(Val::ZERO, |inner| self.edf(inner, depth + 1));
+                let factor = self.number_or(at, "in2", 1.0);
+                self.expressions.multiply(inner, factor)
+            }
+            "add" | "mix" if depth < MAX_CLOSURES => {
+                let names = if &*category == "add" { ["in1", "in2"] } else { ["bg", "fg"] };
+                let [a, b] = names.map(|name| self.source_node(at, name));
+                let [a, b] = [a, b].map(|inner| inner.map_or(Val::ZERO, |inner| self.edf(inner, depth + 1)));
+                if &*category == "add" {
+                    return self.expressions.add(a, b);
+                }
+                let share = self.number_or(at, "mix", 0.0);
+                self.expressions.mix(a, b, share)
+            }
+            _ => match self.implementation(at) {
+                Some(inner) if depth < MAX_CLOSURES => self.edf(inner, depth + 1),
+                _ => {
+                    self.problem(format!("emission of kind `{category}` is not supported"));
+                    Val::ZERO
+                }
+            },
+        }
+    }
+
+    fn bsdf(&mut self, at: At, depth: usize) -> Option<Slab> {
+        if depth > MAX_CLOSURES {
+            self.problem("closures are connected in a circle, or too deep".to_owned());
+            return None;
+        }
+        let category = self.category(at);
+        if let Some(slab) = self.lobe(at, &category) {
+            return Some(slab);
+        }
+        let inner = |walker: &mut Self, name: &str| {
+            let found = walker.source_node(at, name);
+            found.and_then(|found| walker.bsdf(found, depth + 1))
+        };
+        match &*category {
+            "layer" => {
+                let base = inner(self, "base").unwrap_or(Slab::BLACK);
+                match inner(self, "top") {
+                    Some(top) => Some(self.layered(&top, base)),
+                    None => Some(base),
+                }
+            }
+            "mix" => {
+                let front = inner(self, "fg").unwrap_or(Slab::BLACK);
+                let back = inner(self, "bg").unwrap_or(Slab::BLACK);
+                let share = self.number_or(at, "mix", 0.0);
+                Some(self.shared(back, front, share))
+            }
+            "add" => {
+                let (a, b) = (inner(self, "in1"), inner(self, "in2"));
+                match (a, b) {
+                    (Some(a), Some(b)) => Some(self.added(a, b)),
+                    (a, b) => a.or(b),
+                }
+            }
+            "multiply" => {
+                let factor = self.number_or(at, "in2", 1.0);
+                let mut slab = inner(self, "in1")?;
+                for color in [&mut slab.base_color, &mut slab.specular_weight, &mut slab.fuzz, &mut slab.subsurface_color] {
+                    *color = self.expressions.multiply(*color, factor);
+                }
+                Some(slab)
+            }
+            _ => match self.implementation(at) {
+                Some(found) => self.bsdf(found, depth + 1),
+                None => {
+                    self.problem(format!("closures of kind `{category}` are not supported"));
+                    None
+                }
+            },
+        }
+    }
+
+    /// One lobe.
+    fn lobe(&mut self, at: At, category: &str) -> Option<Slab> {
+        let weight = self.number_or(at, "weight", 1.0);
+        let roughness = self.lobe_roughness(at);
+        Some(match category {
+            "oren_nayar_diffuse_bsdf" | "burley_diffuse_bsdf" | "subsurface_bsdf" | "translucent_bsdf" => {
+                let color = self.number_or(at, "color", 0.18);
+                let base_color = self.expressions.multiply(color, weight);
+                Slab { base_color, normal: self.normal(at, "normal"), ..Slab::BLACK }
+            }
+            "sheen_bsdf" => {
+                let color = self.number_or(at, "color", 1.0);
+                let fuzz = self.expressions.multiply(color, weight);
+                Slab { fuzz, fuzz_roughness: self.number_or(at, "roughness", 0.3), ..Slab::BLACK }
+            }
+            "dielectric_bsdf" => {
+                let mode = self.text(at, "scatter_mode");
+                let tint = self.number_or(at, "tint", 1.0);
+                let transmission = if matches!(mode.as_deref(), Some("T" | "RT")) { weight } else { Val::ZERO };
+                let reflects = mode.as_deref() != Some("T");
+                Slab {
+                    specular_weight: if reflects { weight } else { Val::ONE },
+                    specular_color: if reflects && transmission == Val::ZERO { tint } else { Val::ONE },
+                    transmission,
+                    transmission_color: tint,
+                    roughness,
+                    ior: self.number_or(at, "ior", 1.5),
+                    normal: self.normal(at, "normal"),
+                    ..Slab::BLACK
+                }
+            }
+            "conductor_bsdf" => {
+                let (index, extinction) = (self.number_or(at, "ior", 0.2), self.number_or(at, "extinction", 3.9));
+                let base_color = self.conductor(index, extinction);
+                let base_color = self.expressions.multiply(base_color, weight);
+                Slab { base_color, metalness: Val::ONE, specular_weight: Val::ONE, roughness, ..Slab::BLACK }
+            }
+            "generalized_schlick_bsdf" => {
+                let color = self.number_or(at, "color0", 1.0);
+                let base_color = self.expressions.multiply(color, weight);
+                Slab { base_color, metalness: Val::ONE, specular_weight: Val::ONE, roughness, ..Slab::BLACK }
+            }
+            _ => return None,
+        })
+    }
+
+    /// Roughness of the two alphas that a lobe has: the root of their mean.
+    fn lobe_roughness(&mut self, at: At) -> Val {
+        let alphas = self.number_or(at, "roughness", 0.05);
+        let e = &mut self.expressions;
+        let mean = e.dot(alphas, Val::number(0.5), 2);
+        e.unary(Op::Sqrt, mean)
+    }
+
+    /// ((n - 1)^2 + k^2) / ((n + 1)^2 + k^2).
+    fn conductor(&mut self, index: Val, extinction: Val) -> Val {
+        let e = &mut self.expressions;
+        let square = e.multiply(extinction, extinction);
+        let [above, below] = [-1.0, 1.0].map(|step| {
+            let off = e.add(index, Val::number(step));
+            e.op(Op::MultiplyAdd, [off, off, square], 0)
+        });
+        e.divide(above, below)
+    }
+
+    /// A layer over a slab: fuzz, the dielectric of the base, or a coat where there is one already.
+    fn layered(&mut self, top: &Slab, base: Slab) -> Slab {
+        if !top.fuzz.is(0.0, 3) {
+            return Slab { fuzz: top.fuzz, fuzz_roughness: top.fuzz_roughness, ..base };
+        }
+        let is_bare = base.specular_weight.is(0.0, 1) && base.metalness.is(0.0, 1) && base.transmission.is(0.0, 1);
+        if is_bare {
+            return Slab {
+                specular_weight: top.specular_weight,
+                specular_color: top.specular_color,
+                roughness: top.roughness,
+                ior: top.ior,
+                normal: top.normal,
+                ..base
+            };
+        }
+        Slab { coat: top.specular_weight, coat_roughness: top.roughness, coat_ior: top.ior, ..base }
+    }
+
+    /// A mixture: shares of metal and glass are those of the parts.
+    fn shared(&mut self, back: Slab, front: Slab, share: Val) -> Slab {
+        // A part that has no specular lobe of its own takes the other's.
+        let lends = |to: Slab, from: &Slab| {
+            let is_bare = to.specular_weight.is(0.0, 1);
+            if is_bare { Slab { roughness: from.roughness, ior: from.ior, ..to } } else { to }
+        };
+        let (back, front) = (lends(back, &front), lends(front, &back));
+        // Metal's colour and diffuse colour are one: a part that has neither lends nothing to it.
+        let blank = |slab: &Slab| slab.base_color.is(0.0, 3);
+        let (back_color, front_color) = (back.base_color, front.base_color);
+        let mut whole = self.mixed(back, front, share);
+        if blank(&back) && back.transmission != Val::ZERO {
+            whole.base_color = front_color;
+        } else if blank(&front) && front.transmission != Val::ZERO {
+            whole.base_color = back_color;
+        }
+        whole
+    }
+
+    /// A sum: colours add, the rest is the first's where it has any.
+    fn added(&mut self, a: Slab, b: Slab) -> Slab {
+        let mut whole = if a.specular_weight.is(0.0, 1) { b } else { a };
+        whole.base_color = self.expressions.add(a.base_color, b.base_color);
+        whole.fuzz = self.expressions.add(a.fuzz, b.fuzz);
+        whole.transmission = self.expressions.add(a.transmission, b.transmission);
+        whole
+    }
+}

@@ -1,0 +1,310 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Surface shaders as slabs of `OpenPBR` 1.1, and what the renderer's BSDF takes of them.
+//!
+//! What is an approximation: subsurface scattering is diffuse reflection in its colour; what is transmitted is tinted
+//! by `transmission_color` at every interface, whatever the depth; a coat's colour tints the base as seen from above;
+//! specular colours of metals (F82) do not count. Anisotropy, thin films, dispersion, scattering media, thin walls and
+//! diffuse roughness are left out, each with a note where a material asks for it.
+
+mod closure;
+mod models;
+
+use std::sync::Arc;
+
+use crate::expression::Val;
+use crate::program::{Geometry, Op};
+use crate::walk::{At, Walker};
+
+/// Inputs of the renderer's BSDF.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[repr(usize)]
+pub enum Input {
+    /// Diffuse reflectance, and reflectance of the metallic part.
+    DiffuseColor = 0,
+    /// Radiance.
+    EmissiveColor = 1,
+    /// Reflectance at normal incidence, in the specular workflow.
+    SpecularColor = 2,
+    /// Share of metal.
+    Metallic = 3,
+    /// Of the base.
+    Roughness = 4,
+    /// Share of the coat.
+    Clearcoat = 5,
+    /// Of the coat.
+    ClearcoatRoughness = 6,
+    /// Whether the surface is there.
+    Opacity = 7,
+    /// Of the base.
+    Ior = 8,
+    /// In the frame of the surface.
+    Normal = 9,
+    /// Share of what is not metal that is glass.
+    Transmission = 10,
+    /// What a refraction is multiplied by.
+    TransmissionColor = 11,
+    /// Of the coat.
+    CoatIor = 12,
+    /// Colour of the fuzz, times its weight.
+    SheenColor = 13,
+    /// Of the fuzz.
+    SheenRoughness = 14,
+}
+
+/// Number of [`Input`].
+pub const INPUTS: usize = 15;
+
+/// Name for messages, components that count, value where nothing is said; by [`Input`].
+pub(crate) const SHAPES: [(usize, [f32; 4]); INPUTS] = [
+    (3, [0.8, 0.8, 0.8, 1.0]),
+    (3, [0.0, 0.0, 0.0, 1.0]),
+    (3, [0.0, 0.0, 0.0, 1.0]),
+    (1, [0.0; 4]),
+    (1, [0.3; 4]),
+    (1, [0.0; 4]),
+    (1, [0.0; 4]),
+    (1, [1.0; 4]),
+    (1, [1.5; 4]),
+    (3, [0.0, 0.0, 1.0, 1.0]),
+    (1, [0.0; 4]),
+    (3, [1.0; 4]),
+    (1, [1.5; 4]),
+    (3, [0.0, 0.0, 0.0, 1.0]),
+    (1, [0.3; 4]),
+];
+
+/// A slab of `OpenPBR`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Slab {
+    pub(crate) base_color: Val,
+    pub(crate) metalness: Val,
+    pub(crate) specular_weight: Val,
+    pub(crate) specular_color: Val,
+    pub(crate) roughness: Val,
+    pub(crate) ior: Val,
+    pub(crate) transmission: Val,
+    pub(crate) transmission_color: Val,
+    pub(crate) subsurface: Val,
+    pub(crate) subsurface_color: Val,
+    pub(crate) coat: Val,
+    pub(crate) coat_color: Val,
+    pub(crate) coat_roughness: Val,
+    pub(crate) coat_ior: Val,
+    pub(crate) fuzz: Val,
+    pub(crate) fuzz_roughness: Val,
+    pub(crate) emission: Val,
+    pub(crate) opacity: Val,
+    /// 0: the opacity is a probability.
+    pub(crate) opacity_threshold: f32,
+    /// In the frame of the surface.
+    pub(crate) normal: Val,
+}
+
+impl Slab {
+    /// Black, and nothing else.
+    pub(crate) const BLACK: Self = Self {
+        base_color: Val::ZERO,
+        metalness: Val::ZERO,
+        specular_weight: Val::ZERO,
+        specular_color: Val::ONE,
+        roughness: Val::Constant([0.3; 4]),
+        ior: Val::Constant([1.5; 4]),
+        transmission: Val::ZERO,
+        transmission_color: Val::ONE,
+        subsurface: Val::ZERO,
+        subsurface_color: Val::ZERO,
+        coat: Val::ZERO,
+        coat_color: Val::ONE,
+        coat_roughness: Val::ZERO,
+        coat_ior: Val::Constant([1.6; 4]),
+        fuzz: Val::ZERO,
+        fuzz_roughness: Val::Constant([0.5; 4]),
+        emission: Val::ZERO,
+        opacity: Val::ONE,
+        opacity_threshold: 0.0,
+        normal: Val::Constant([0.0, 0.0, 1.0, 1.0]),
+    };
+
+    fn values(&mut self) -> [&mut Val; 19] {
+        [
+            &mut self.base_color,
+            &mut self.metalness,
+            &mut self.specular_weight,
+            &mut self.specular_color,
+            &mut self.roughness,
+            &mut self.ior,
+            &mut self.transmission,
+            &mut self.transmission_color,
+            &mut self.subsurface,
+            &mut self.subsurface_color,
+            &mut self.coat,
+            &mut self.coat_color,
+            &mut self.coat_roughness,
+            &mut self.coat_ior,
+            &mut self.fuzz,
+            &mut self.fuzz_roughness,
+            &mut self.emission,
+            &mut self.opacity,
+            &mut self.normal,
+        ]
+    }
+}
+
+/// What the BSDF takes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lowered {
+    pub(crate) inputs: [Val; INPUTS],
+    pub(crate) specular_workflow: bool,
+    pub(crate) opacity_threshold: f32,
+}
+
+impl Walker<'_> {
+    /// The slab of the network's surface; `None` where it is no surface that is understood.
+    pub(crate) fn slab(&mut self) -> Option<Slab> {
+        let at = self.surface();
+        self.shader(at, 0)
+    }
+
+    /// The slab of a surface shader, through graphs and mixtures of shaders.
+    fn shader(&mut self, at: At, depth: usize) -> Option<Slab> {
+        if depth > 16 {
+            self.problem("surface shaders are connected in a circle, or too deep".to_owned());
+            return None;
+        }
+        let category = self.category(at);
+        if let Some(slab) = self.model(at, &category) {
+            return Some(slab);
+        }
+        match &*category {
+            "surface" => self.closures(at),
+            "mix" => {
+                let (front, back) = (self.source_node(at, "fg"), self.source_node(at, "bg"));
+                let front = self.shader(front?, depth + 1)?;
+                let back = self.shader(back?, depth + 1)?;
+                let share = self.number_or(at, "mix", 0.0);
+                Some(self.mixed(back, front, share))
+            }
+            _ => match self.implementation(at) {
+                Some(inner) => self.shader(inner, depth + 1),
+                None => {
+                    let path = self.path(at);
+                    self.problem(format!("surfaces of kind `{category}` ({path}) are not supported"));
+                    None
+                }
+            },
+        }
+    }
+
+    /// Each value of two slabs mixed: exact where they differ in what the BSDF is linear in.
+    pub(crate) fn mixed(&mut self, mut back: Slab, mut front: Slab, share: Val) -> Slab {
+        let mut whole = back;
+        let threshold = back.opacity_threshold.max(front.opacity_threshold);
+        let pairs: Vec<(Val, Val)> =
+            back.values().into_iter().zip(front.values()).map(|(a, b)| (*a, *b)).collect();
+        for (to, (a, b)) in whole.values().into_iter().zip(pairs) {
+            *to = self.expressions.mix(a, b, share);
+        }
+        whole.opacity_threshold = threshold;
+        whole
+    }
+
+    /// The normal that an input says, in the frame of the surface.
+    pub(crate) fn normal(&mut self, at: At, name: &str) -> Val {
+        if !self.is_said(at, name) {
+            return Slab::BLACK.normal;
+        }
+        if let Some(source) = self.source_node(at, name)
+            && &*self.category(source) == "normalmap"
+        {
+            return self.tangent_space_normal(source);
+        }
+        let Some(normal) = self.number(at, name) else { return Slab::BLACK.normal };
+        let e = &mut self.expressions;
+        let own = e.geometry(Geometry::Normal);
+        if normal == own || normal.constant().is_some() {
+            return Slab::BLACK.normal;
+        }
+        let frame = [e.geometry(Geometry::Tangent), e.geometry(Geometry::Bitangent), own];
+        let parts = frame.map(|axis| e.dot(normal, axis, 3));
+        e.combine(&parts)
+    }
+
+    /// A slab as inputs of the BSDF.
+    pub(crate) fn lower(&mut self, slab: &Slab) -> Lowered {
+        let e = &mut self.expressions;
+        let scattered = e.complement(slab.metalness);
+        let scattered = e.multiply(slab.subsurface, scattered);
+        let mut color = e.mix(slab.base_color, slab.subsurface_color, scattered);
+        let tint = e.mix(Val::ONE, slab.coat_color, slab.coat);
+        color = e.multiply(color, tint);
+        let emission = e.multiply(slab.emission, tint);
+        let is_plain = slab.specular_weight.is(1.0, 1) && slab.specular_color.is(1.0, 3);
+        let is_metal = slab.metalness.is(1.0, 1);
+        let mut ior = slab.ior;
+        let mut specular = Val::ZERO;
+        let mut metallic = slab.metalness;
+        let mut specular_workflow = false;
+        if !is_plain && !is_metal {
+            let (above, below) = (e.subtract(ior, Val::ONE), e.add(ior, Val::ONE));
+            let root = e.divide(above, below);
+            let square = e.multiply(root, root);
+            let reflectance = e.multiply(square, slab.specular_weight);
+            if slab.specular_color.is(1.0, 3) && slab.transmission.is(0.0, 1) {
+                // The index that reflects so much.
+                let reflectance = e.op(Op::Clamp, [reflectance, Val::ZERO, Val::number(0.98)], 0);
+                let root = e.unary(Op::Sqrt, reflectance);
+                let (above, below) = (e.add(Val::ONE, root), e.complement(root));
+                ior = e.divide(above, below);
+            } else {
+                specular_workflow = true;
+                let dielectric = e.multiply(reflectance, slab.specular_color);
+                specular = e.mix(dielectric, color, slab.metalness);
+                let rest = e.complement(slab.metalness);
+                color = e.multiply(color, rest);
+                metallic = Val::ZERO;
+            }
+        }
+        let mut transmission = slab.transmission;
+        if specular_workflow {
+            // There it is the share of all; metal has none.
+            let rest = e.complement(slab.metalness);
+            transmission = e.multiply(transmission, rest);
+        }
+        let mut inputs = SHAPES.map(|(_, default)| Val::Constant(default));
+        let mut set = |input: Input, val: Val| inputs[input as usize] = val;
+        set(Input::DiffuseColor, color);
+        set(Input::EmissiveColor, emission);
+        set(Input::SpecularColor, specular);
+        set(Input::Metallic, metallic);
+        set(Input::Roughness, slab.roughness);
+        set(Input::Clearcoat, slab.coat);
+        set(Input::ClearcoatRoughness, slab.coat_roughness);
+        set(Input::CoatIor, slab.coat_ior);
+        set(Input::Opacity, slab.opacity);
+        set(Input::Ior, ior);
+        set(Input::Normal, slab.normal);
+        set(Input::Transmission, transmission);
+        set(Input::TransmissionColor, slab.transmission_color);
+        set(Input::SheenColor, slab.fuzz);
+        set(Input::SheenRoughness, slab.fuzz_roughness);
+        Lowered { inputs, specular_workflow, opacity_threshold: slab.opacity_threshold }
+    }
+
+    /// Notes inputs that ask for what is not there: `(input, value where it asks for nothing, what)`.
+    pub(crate) fn leave_out(&mut self, at: At, asked: &[(&str, f32, &str)]) {
+        let mut missing: Vec<&str> = Vec::new();
+        for (name, nothing, what) in asked {
+            let width = usize::from(self.input_type(at, name).width().max(1));
+            if self.is_said(at, name)
+                && self.number(at, name).is_some_and(|val| !val.is(*nothing, width))
+                && !missing.contains(what)
+            {
+                missing.push(what);
+            }
+        }
+        if !missing.is_empty() {
+            let path: Arc<str> = self.path(at);
+            self.problem(format!("{path}: not supported yet: {}", missing.join(", ")));
+        }
+    }
+}

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What a material reads of its mesh, and its textures.
+
+use std::sync::Arc;
+
+use crate::expression::Val;
+use crate::value::FileRef;
+
+/// What a texture does outside the unit square.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum AddressMode {
+    /// The default colour of the node; transparent black here.
+    Constant,
+    /// The edge goes on.
+    Clamp,
+    /// Repeats.
+    Periodic,
+    /// Repeats, every second time mirrored.
+    Mirror,
+    /// As the file says (`useMetadata` of `UsdUVTexture`).
+    UseMetadata,
+}
+
+/// A texture that a material reads.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Texture {
+    /// The file.
+    pub file: FileRef,
+    /// In u and v.
+    pub address: [AddressMode; 2],
+    /// What it is where the file cannot be read.
+    pub fallback: [f32; 4],
+    /// The colour space is told from the file where none is said; else it is linear.
+    pub auto_color_space: bool,
+}
+
+/// A primvar that a material reads.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Primvar {
+    /// Its name, or [`Uses::POSITION`] or [`Uses::NORMAL`].
+    pub name: Arc<str>,
+    /// Its value where the mesh does not have it.
+    pub fallback: [f32; 4],
+}
+
+/// A lookup: a texture and where it looks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct LookupUse {
+    pub(crate) texture: u32,
+    pub(crate) place: Val,
+}
+
+/// See the module.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Uses {
+    /// Names of sets of texture coordinates.
+    pub uv_sets: Vec<Arc<str>>,
+    /// Other primvars.
+    pub primvars: Vec<Primvar>,
+    /// Textures.
+    pub textures: Vec<Texture>,
+    pub(crate) lookups: Vec<LookupUse>,
+}
+
+impl Uses {
+    /// Sets of texture coordinates, and other primvars, at most.
+    pub const MOST: usize = 2;
+    /// Name of the point in the frame of the mesh, which every mesh has.
+    pub const POSITION: &'static str = "object position";
+    /// Name of the normal in the frame of the mesh, which every mesh has.
+    pub const NORMAL: &'static str = "object normal";
+    /// Most lookups before those that nothing reads are left out.
+    const MOST_LOOKUPS: usize = 64;
+
+    pub(crate) fn uv_set(&mut self, name: &str) -> Option<usize> {
+        if let Some(known) = self.uv_sets.iter().position(|set| &**set == name) {
+            return Some(known);
+        }
+        if self.uv_sets.len() >= Self::MOST {
+            return None;
+        }
+        self.uv_sets.push(name.into());
+        Some(self.uv_sets.len() - 1)
+    }
+
+    pub(crate) fn primvar(&mut self, name: &str, fallback: [f32; 4]) -> Option<usize> {
+        if let Some(known) = self.primvars.iter().position(|primvar| &*primvar.name == name) {
+            return Some(known);
+        }
+        if self.primvars.len() >= Self::MOST {
+            return None;
+        }
+        self.primvars.push(Primvar { name: name.into(), fallback });
+        Some(self.primvars.len() - 1)
+    }
+
+    /// The number of a lookup; `None` when there are too many.
+    pub(crate) fn lookup(&mut self, texture: &Texture, place: Val) -> Option<u16> {
+        let known = self.textures.iter().position(|known| known == texture);
+        let at = known.unwrap_or_else(|| {
+            self.textures.push(texture.clone());
+            self.textures.len() - 1
+        });
+        let lookup = LookupUse { texture: u32::try_from(at).ok()?, place };
+        if let Some(known) = self.lookups.iter().position(|known| *known == lookup) {
+            return u16::try_from(known).ok();
+        }
+        if self.lookups.len() >= Self::MOST_LOOKUPS {
+            return None;
+        }
+        self.lookups.push(lookup);
+        u16::try_from(self.lookups.len() - 1).ok()
+    }
+}

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Types and values of `MaterialX` ports.
+
+use std::sync::Arc;
+
+/// Type of a port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Type {
+    /// `float`, `integer` and `boolean`: one number, in all components.
+    Float,
+    /// `vector2`.
+    Vector2,
+    /// `vector3`.
+    Vector3,
+    /// `vector4`.
+    Vector4,
+    /// `color3`.
+    Color3,
+    /// `color4`.
+    Color4,
+    /// `string`.
+    Text,
+    /// `filename`.
+    File,
+    /// Anything else: closures, matrices, arrays.
+    Other,
+}
+
+impl Type {
+    /// The type of a name.
+    #[must_use]
+    pub fn named(name: &str) -> Self {
+        match name {
+            "float" | "integer" | "boolean" => Self::Float,
+            "vector2" => Self::Vector2,
+            "vector3" => Self::Vector3,
+            "vector4" => Self::Vector4,
+            "color3" => Self::Color3,
+            "color4" => Self::Color4,
+            "string" => Self::Text,
+            "filename" => Self::File,
+            _ => Self::Other,
+        }
+    }
+
+    /// Components that count; 0 where it is no number.
+    #[must_use]
+    pub fn width(self) -> u16 {
+        match self {
+            Self::Float => 1,
+            Self::Vector2 => 2,
+            Self::Vector3 | Self::Color3 => 3,
+            Self::Vector4 | Self::Color4 => 4,
+            Self::Text | Self::File | Self::Other => 0,
+        }
+    }
+}
+
+/// A file that a node names.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct FileRef {
+    /// As the scene has it.
+    pub authored: Arc<str>,
+    /// What it resolves to; empty where nothing was found.
+    pub resolved: Arc<str>,
+    /// The colour space that the input says, if it does.
+    pub color_space: Option<Arc<str>>,
+    /// The node that names it.
+    pub node: Arc<str>,
+}
+
+/// The value of an input.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// Numbers: one in all components; what is missing is 0.
+    Numbers([f32; 4]),
+    /// Text.
+    Text(Arc<str>),
+    /// A file.
+    File(FileRef),
+}
+
+impl Value {
+    /// Reads a value as library files write it; `None` where it is none of that type.
+    #[must_use]
+    pub fn parse(ty: Type, text: &str) -> Option<Self> {
+        match ty {
+            Type::Text => return Some(Self::Text(text.into())),
+            Type::Float if text == "true" => return Some(Self::Numbers([1.0; 4])),
+            Type::Float if text == "false" => return Some(Self::Numbers([0.0; 4])),
+            Type::File | Type::Other => return None,
+            _ => {}
+        }
+        let mut numbers = [0.0; 4];
+        let mut count = 0;
+        for part in text.split(',') {
+            let number = part.trim().parse::<f32>().ok().filter(|number| number.is_finite())?;
+            *numbers.get_mut(count)? = number;
+            count += 1;
+        }
+        match (count, usize::from(ty.width())) {
+            (1, _) => Some(Self::Numbers([numbers[0]; 4])),
+            (count, width) if count == width => Some(Self::Numbers(numbers)),
+            _ => None,
+        }
+    }
+}

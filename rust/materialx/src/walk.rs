@@ -1,0 +1,335 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Walks a network from an input upwards and makes expressions of it, through the graphs that implement nodes.
+//!
+//! Limits: [`MAX_STEPS`] nodes, [`MAX_DEPTH`] nodes one after the other; circles are found. What is not understood is
+//! a problem, and the input that asks is as if it were not connected.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use crate::expression::{Expressions, Val};
+use crate::library::{Definition, Graph, Library, Source};
+use crate::network::Network;
+use crate::program::Geometry;
+use crate::uses::Uses;
+use crate::value::{FileRef, Type, Value};
+
+/// Most nodes that are visited.
+const MAX_STEPS: usize = 1 << 14;
+/// Most nodes one after the other.
+const MAX_DEPTH: usize = 128;
+
+/// What an input or output is.
+#[derive(Clone, Debug)]
+pub(crate) enum Bound {
+    Number(Val),
+    Text(Arc<str>),
+    File(FileRef),
+}
+
+impl Bound {
+    fn of(value: &Value) -> Self {
+        match value {
+            Value::Numbers(numbers) => Self::Number(Val::Constant(*numbers)),
+            Value::Text(text) => Self::Text(Arc::clone(text)),
+            Value::File(file) => Self::File(file.clone()),
+        }
+    }
+}
+
+/// A node: of the network (frame 0), or of a graph that implements another node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct At {
+    frame: usize,
+    node: usize,
+}
+
+/// A graph, and the node that it implements.
+struct Frame {
+    graph: Arc<Graph>,
+    owner: At,
+}
+
+/// What is known of a node's output.
+#[derive(Clone, Debug)]
+enum Memo {
+    /// It is being worked out.
+    Open,
+    Known(Option<Bound>),
+}
+
+/// See the module.
+pub(crate) struct Walker<'a> {
+    network: &'a Network,
+    library: &'a Library,
+    frames: Vec<Frame>,
+    frame_of: HashMap<At, usize>,
+    memo: HashMap<(At, Arc<str>), Memo>,
+    steps: usize,
+    depth: usize,
+    pub(crate) expressions: Expressions,
+    pub(crate) uses: Uses,
+    pub(crate) problems: Vec<String>,
+}
+
+impl<'a> Walker<'a> {
+    pub(crate) fn new(network: &'a Network, library: &'a Library) -> Self {
+        Self {
+            network,
+            library,
+            frames: Vec::new(),
+            frame_of: HashMap::new(),
+            memo: HashMap::new(),
+            steps: 0,
+            depth: 0,
+            expressions: Expressions::default(),
+            uses: Uses::default(),
+            problems: Vec::new(),
+        }
+    }
+
+    /// Notes what is not understood, once.
+    pub(crate) fn problem(&mut self, text: String) {
+        if !self.problems.contains(&text) {
+            self.problems.push(text);
+        }
+    }
+
+    /// The node of the network's surface.
+    pub(crate) fn surface(&self) -> At {
+        At { frame: 0, node: self.network.surface }
+    }
+
+    /// Its definition.
+    pub(crate) fn definition(&self, at: At) -> Option<Arc<Definition>> {
+        if at.frame == 0 {
+            let node = self.network.nodes.get(at.node)?;
+            return self.library.definition(&node.kind).cloned();
+        }
+        let node = self.frames.get(at.frame - 1)?.graph.nodes.get(at.node)?;
+        self.library.matching(node).cloned()
+    }
+
+    /// What kind of node it is.
+    pub(crate) fn category(&self, at: At) -> Arc<str> {
+        if at.frame > 0
+            && let Some(node) = self.frames.get(at.frame - 1).and_then(|frame| frame.graph.nodes.get(at.node))
+        {
+            return Arc::clone(&node.category);
+        }
+        if let Some(definition) = self.definition(at) {
+            return Arc::clone(&definition.category);
+        }
+        let kind = self.network.nodes.get(at.node).map_or("", |node| &*node.kind);
+        kind.trim_start_matches("ND_").into()
+    }
+
+    /// The node of the network that it is, or is part of: its path, for messages.
+    pub(crate) fn path(&self, mut at: At) -> Arc<str> {
+        while at.frame > 0 {
+            match self.frames.get(at.frame - 1) {
+                Some(frame) => at = frame.owner,
+                None => break,
+            }
+        }
+        self.network.nodes.get(at.node).map(|node| Arc::clone(&node.path)).unwrap_or_default()
+    }
+
+    /// Whether something is said of an input: a value or a connection.
+    pub(crate) fn is_said(&self, at: At, name: &str) -> bool {
+        if at.frame == 0 {
+            let Some(node) = self.network.nodes.get(at.node) else { return false };
+            return node.connection(name).is_some() || node.value(name).is_some();
+        }
+        let Some(frame) = self.frames.get(at.frame - 1) else { return false };
+        let Some(node) = frame.graph.nodes.get(at.node) else { return false };
+        match node.inputs.iter().find(|input| &*input.name == name).map(|input| &input.source) {
+            Some(Source::Interface(outer)) => self.is_said(frame.owner, outer),
+            found => found.is_some(),
+        }
+    }
+
+    /// An input: what it is connected to, else what is said, else its default.
+    pub(crate) fn input(&mut self, at: At, name: &str) -> Option<Bound> {
+        if let Some(said) = self.said(at, name) {
+            return Some(said);
+        }
+        let definition = self.definition(at)?;
+        let input = definition.input(name)?;
+        if let Some(geometry) = &input.geometry {
+            return self.geometry_named(geometry).map(Bound::Number);
+        }
+        input.value.as_ref().map(Bound::of)
+    }
+
+    fn said(&mut self, at: At, name: &str) -> Option<Bound> {
+        let network = self.network;
+        if at.frame == 0 {
+            let node = network.nodes.get(at.node)?;
+            if let Some((upstream, output)) = node.connection(name) {
+                return self.output(At { frame: 0, node: upstream }, output);
+            }
+            return node.value(name).map(Bound::of);
+        }
+        let frame = self.frames.get(at.frame - 1)?;
+        let (graph, owner) = (Arc::clone(&frame.graph), frame.owner);
+        let input = graph.nodes.get(at.node)?.inputs.iter().find(|input| &*input.name == name)?;
+        match &input.source {
+            Source::Value(value) => Some(Bound::of(value)),
+            Source::Node(node, output) => self.output(At { frame: at.frame, node: *node }, output),
+            Source::Interface(outer) => self.input(owner, outer),
+        }
+    }
+
+    /// A number.
+    pub(crate) fn number(&mut self, at: At, name: &str) -> Option<Val> {
+        match self.input(at, name)? {
+            Bound::Number(val) => Some(val),
+            _ => None,
+        }
+    }
+
+    /// A number, or this one.
+    pub(crate) fn number_or(&mut self, at: At, name: &str, default: f32) -> Val {
+        self.number(at, name).unwrap_or(Val::number(default))
+    }
+
+    /// A text.
+    pub(crate) fn text(&mut self, at: At, name: &str) -> Option<Arc<str>> {
+        match self.input(at, name)? {
+            Bound::Text(text) => Some(text),
+            _ => None,
+        }
+    }
+
+    /// The node that an input is connected to, through the interfaces of graphs.
+    pub(crate) fn source_node(&self, at: At, name: &str) -> Option<At> {
+        let (mut at, mut name): (At, Arc<str>) = (at, name.into());
+        for _ in 0..MAX_DEPTH {
+            if at.frame == 0 {
+                let (node, _) = self.network.nodes.get(at.node)?.connection(&name)?;
+                return (node < self.network.nodes.len()).then_some(At { frame: 0, node });
+            }
+            let frame = self.frames.get(at.frame - 1)?;
+            let input = frame.graph.nodes.get(at.node)?.inputs.iter().find(|input| input.name == name)?;
+            match &input.source {
+                Source::Node(node, _) => return Some(At { frame: at.frame, node: *node }),
+                Source::Interface(outer) => (at, name) = (frame.owner, Arc::clone(outer)),
+                Source::Value(_) => return None,
+            }
+        }
+        None
+    }
+
+    /// The node of the graph that implements a node whose output it is.
+    pub(crate) fn implementation(&mut self, at: At) -> Option<At> {
+        let graph = self.definition(at)?.graph.clone()?;
+        let frame = self.enter(at, &graph)?;
+        match graph.outputs.first()?.1 {
+            Source::Node(node, _) => Some(At { frame, node }),
+            _ => None,
+        }
+    }
+
+    /// The frame of a graph that implements a node.
+    fn enter(&mut self, at: At, graph: &Arc<Graph>) -> Option<usize> {
+        if let Some(frame) = self.frame_of.get(&at) {
+            return Some(*frame);
+        }
+        if self.frames.len() >= MAX_STEPS {
+            return None;
+        }
+        self.frames.push(Frame { graph: Arc::clone(graph), owner: at });
+        self.frame_of.insert(at, self.frames.len());
+        Some(self.frames.len())
+    }
+
+    /// The type of an input.
+    pub(crate) fn input_type(&self, at: At, name: &str) -> Type {
+        let found = self.definition(at).and_then(|definition| definition.input(name).map(|input| input.ty));
+        found.unwrap_or(Type::Other)
+    }
+
+    /// An output of a node.
+    pub(crate) fn output(&mut self, at: At, output: &Arc<str>) -> Option<Bound> {
+        let key = (at, Arc::clone(output));
+        match self.memo.get(&key) {
+            Some(Memo::Known(known)) => return known.clone(),
+            Some(Memo::Open) => {
+                let path = self.path(at);
+                self.problem(format!("{path} is connected in a circle"));
+                return None;
+            }
+            None => {}
+        }
+        self.steps += 1;
+        if self.depth >= MAX_DEPTH || self.steps > MAX_STEPS || self.expressions.is_full {
+            self.problem("the network is too large".to_owned());
+            return None;
+        }
+        self.memo.insert(key.clone(), Memo::Open);
+        self.depth += 1;
+        let found = self.work_out(at, output);
+        self.depth -= 1;
+        self.memo.insert(key, Memo::Known(found.clone()));
+        found
+    }
+
+    fn work_out(&mut self, at: At, output: &Arc<str>) -> Option<Bound> {
+        let category = self.category(at);
+        let definition = self.definition(at);
+        let ty = definition.as_ref().and_then(|definition| definition.output(output)).unwrap_or(Type::Other);
+        if let Some(found) = self.node(at, &category, ty, output) {
+            return Some(found);
+        }
+        let Some(graph) = definition.as_ref().and_then(|definition| definition.graph.as_ref()) else {
+            let path = self.path(at);
+            self.problem(format!("`{category}` ({path}) is not supported"));
+            return None;
+        };
+        let graph = Arc::clone(graph);
+        let frame = self.enter(at, &graph)?;
+        let found = graph.outputs.iter().find(|(name, _)| output.is_empty() || name == output);
+        match &found.or(graph.outputs.first())?.1 {
+            Source::Value(value) => Some(Bound::of(value)),
+            Source::Node(node, output) => self.output(At { frame, node: *node }, output),
+            Source::Interface(name) => self.input(at, name),
+        }
+    }
+
+    /// What a default property of the geometry is.
+    fn geometry_named(&mut self, name: &str) -> Option<Val> {
+        match name {
+            "UV0" => Some(self.texcoord("st")),
+            "Pobject" => Some(self.primvar(Uses::POSITION, [0.0; 4])),
+            "Nobject" => Some(self.primvar(Uses::NORMAL, [0.0, 1.0, 0.0, 0.0])),
+            "Pworld" => Some(self.expressions.geometry(Geometry::Position)),
+            "Nworld" => Some(self.expressions.geometry(Geometry::Normal)),
+            "Tworld" | "Tobject" => Some(self.expressions.geometry(Geometry::Tangent)),
+            "Bworld" | "Bobject" => Some(self.expressions.geometry(Geometry::Bitangent)),
+            _ => None,
+        }
+    }
+
+    /// A set of texture coordinates.
+    pub(crate) fn texcoord(&mut self, name: &str) -> Val {
+        match self.uses.uv_set(name) {
+            Some(set) => self.expressions.geometry(if set == 0 { Geometry::Uv0 } else { Geometry::Uv1 }),
+            None => {
+                self.problem(format!("more than {} sets of texture coordinates: {name} is left out", Uses::MOST));
+                Val::ZERO
+            }
+        }
+    }
+
+    /// A primvar, or `fallback` where the mesh does not have it.
+    pub(crate) fn primvar(&mut self, name: &str, fallback: [f32; 4]) -> Val {
+        match self.uses.primvar(name, fallback) {
+            Some(slot) => self.expressions.geometry(if slot == 0 { Geometry::Primvar0 } else { Geometry::Primvar1 }),
+            None => {
+                self.problem(format!("more than {} primvars: {name} is left out", Uses::MOST));
+                Val::Constant(fallback)
+            }
+        }
+    }
+}
