@@ -6,4 +6,6 @@
 
 #![forbid(unsafe_code)]
 
+pub mod eval;
+mod noise;
 pub mod program;
