@@ -130,8 +130,9 @@ impl Tools {
 
 /// `generated/constants.glsl`: `HAS_NAME` of every feature, and every number that host and shaders share.
 fn constants() -> Result<String, String> {
-    let mut text =
-        String::from("// Written by rust/shader_abi/build.rs, from src/abi/features.rs, constants.rs and pattern.rs.\n\n");
+    let mut text = String::from(
+        "// Written by rust/shader_abi/build.rs, from src/abi/features.rs, constants.rs and pattern.rs.\n\n",
+    );
     let mut above = abi::Features::empty();
     for abi::Feature { name, bit, needs, .. } in abi::FEATURES {
         if !above.contains(*needs) {
