@@ -130,8 +130,9 @@ impl Tools {
 
 /// `generated/constants.glsl`: `HAS_NAME` of every feature, and every number that host and shaders share.
 fn constants() -> Result<String, String> {
-    let mut text =
-        String::from("// Written by rust/shader_abi/build.rs, from src/abi/features.rs and constants.rs.\n\n");
+    let mut text = String::from(
+        "// Written by rust/shader_abi/build.rs, from src/abi/features.rs, constants.rs and pattern.rs.\n\n",
+    );
     let mut above = abi::Features::empty();
     for abi::Feature { name, bit, needs, .. } in abi::FEATURES {
         if !above.contains(*needs) {
@@ -144,7 +145,8 @@ fn constants() -> Result<String, String> {
         let _infallible = writeln!(text, "const bool HAS_{name} = ({word} & (1u << {at})) != 0u{needed};");
     }
     text.push('\n');
-    for (name, value) in abi::CONSTANTS {
+    let patterns = abi::PATTERN_OPS.iter().chain(&abi::PATTERN_GEOMETRY);
+    for (name, value) in abi::CONSTANTS.iter().chain(patterns) {
         let _infallible = writeln!(text, "const uint {name} = {value}u;");
     }
     Ok(text)

@@ -31,6 +31,8 @@ pub use mesh::{
     Aabb, AnyAttribute, Attribute, AttributeRate, Bvh2, Bvh4, Bvh4Node, BvhError, BvhNode, LevelNode, MeshAsset,
     MeshPrimvar, Triangle,
 };
+/// Programs of patterns.
+pub use oocpt_materialx as materialx;
 pub use partition::{Chunk, ChunkInstance, OpenedAssembly, PartitionOptions, RECORD_BYTES, World, WorldError};
 pub use sampler::{pixel_seed, sample_4d};
 pub use scene::{

@@ -15,7 +15,8 @@ pub const MAX_INSTRUCTIONS: usize = 1024;
 pub const MAX_LOOKUPS: usize = 12;
 
 /// What an instruction does. `a`, `b`, `c` are its operands; by component unless said otherwise. What is undefined in
-/// `MaterialX` (a division by 0, a root of a negative number) gives 0 here; results that are no finite numbers are 0.
+/// `MaterialX` (a division by 0, a root of a negative number) gives 0 here. Results that are no finite numbers are 0, and
+/// so are those below 2^-126; there is no -0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Op {
@@ -39,11 +40,11 @@ pub enum Op {
     Floor = 8,
     /// The integer not below a.
     Ceil = 9,
-    /// floor(a + 0.5).
+    /// floor(a + 0.5), without rounding in between.
     Round = 10,
     /// a - floor(a).
     Fract = 11,
-    /// a to the power of b.
+    /// a to the power of b; 1 where b = 0, else 0 where a = 0. Of a negative a only with a whole b.
     Power = 12,
     /// Square root.
     Sqrt = 13,
@@ -71,7 +72,7 @@ pub enum Op {
     Mix = 24,
     /// a limited to b..c.
     Clamp = 25,
-    /// Hermite step of a from b to c.
+    /// Hermite step of a from b to c; 1 where a >= c, else 0 where a <= b.
     Smoothstep = 26,
     /// a b + c.
     MultiplyAdd = 27,
@@ -113,14 +114,16 @@ pub enum Op {
     /// `mx_cell_noise_float` of a.xyz in all components.
     CellNoise3 = 45,
     /// Worley noise (2D) of a.xy with jitter b.x; `immediate`: 0 F1 in all components, 1 (F1, F2, 0, 0), 2 (F1, F2,
-    /// F3, 0).
+    /// F3, 0), 3 cell noise of the nearest point in all components (`MaterialX`'s style 1), 4 the same as a vector
+    /// (`mx_cell_noise_vec3`; w = 0).
     Worley2 = 46,
     /// The same in 3D, of a.xyz.
     Worley3 = 47,
-    /// Fractal sum of Perlin noise (3D) of a.xyz: b = (octaves, lacunarity, diminish); `immediate`: 0 one number in
-    /// all components, 1 a vector (as [`Op::Noise3Vector`]).
+    /// Fractal sum of Perlin noise (3D) of a.xyz: b = (octaves, lacunarity, diminish), at most 32 octaves;
+    /// `immediate`: 0 one number in all components, 1 a vector in xyz and the number at a.xyz + (19, 193, 17) in w, 2 the
+    /// number and the one of w as a vector of two (`MaterialX`'s vector2), zw = 0.
     Fractal3 = 48,
-    /// The same in 2D, of a.xy.
+    /// The same in 2D, of a.xy; the offset is (19, 193).
     Fractal2 = 49,
     /// What the surface has: `immediate` is a [`Geometry`].
     Surface = 50,

@@ -12,6 +12,7 @@ mod lbvh;
 mod light;
 mod material;
 mod path;
+mod pattern;
 mod push;
 mod scene;
 mod stream;
@@ -43,6 +44,7 @@ pub use path::{
     Counters, IndirectArgs, PathState, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW, RAY_WORD_T_MAX, Ray,
     ShadowRay, hit_stride, pack_color, unpack_color,
 };
+pub use pattern::{PATTERN_GEOMETRY, PATTERN_OPS};
 pub use push::{
     BAND_SHIFT, ESTIMATE_FIRST, ESTIMATE_RING, PUSH_SEGMENT_SHIFT, Push, PushFlags, STREAM_BIT, STREAM_SEED, pack_band,
     unpack_band,

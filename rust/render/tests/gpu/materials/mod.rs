@@ -3,6 +3,7 @@
 
 mod inputs;
 mod instances;
+mod patterns;
 mod pictures;
 mod primvars;
 mod sameness;
