@@ -71,6 +71,7 @@ Bsdf make_bsdf(Shading s, vec3 wo) {
     b.glass = b.glass_scatter = b.glass_stay = b.glass_alpha = b.glass_row = b.glass_place = 0.0;
     b.glass_ior = b.glass_eta = 1.0;
     b.chance_glass = vec2(0.0);
+    b.glass_tint = HAS_OPEN_PBR && (s.flags & SHADING_OPEN_PBR) != 0u ? s.transmission_color : vec3(1.0);
     b.under_coat = b.under_sheen = 1.0;
     b.sheen = vec3(0.0);
     b.sheen_most = b.sheen_roughness = b.sheen_row = b.chance_sheen = 0.0;

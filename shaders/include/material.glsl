@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A material at a hit: inputs worked out to what the BSDF takes. UsdPreviewSurface; a surface without a material is
+// A material at a hit: inputs worked out to what the BSDF takes. UsdPreviewSurface and OpenPBR; a surface without a material is
 // diffuse in its displayColor.
 // begin_lookups (texture.glsl) comes before; textures without images are black and opaque.
 #ifndef OOCPT_MATERIAL_GLSL
@@ -8,6 +8,7 @@
 #include "include/shading.glsl"
 #include "include/surface.glsl"
 #include "include/texture.glsl"
+#include "include/pattern.glsl"
 
 // MaterialFlags of core.
 const uint MATERIAL_SPECULAR_WORKFLOW = 1u;
@@ -15,6 +16,9 @@ const uint MATERIAL_PRESENCE = 2u;
 const uint MATERIAL_EMISSIVE = 8u;
 const uint MATERIAL_COAT = 16u;
 const uint MATERIAL_NORMAL_MAP = 32u;
+const uint MATERIAL_OPEN_PBR = 512u;
+const uint MATERIAL_SHEEN = 1024u;
+const uint MATERIAL_PATTERNS = 2048u;
 
 // Places of the inputs.
 const uint INPUT_DIFFUSE_COLOR = 0u;
@@ -25,6 +29,11 @@ const uint INPUT_ROUGHNESS = 4u;
 const uint INPUT_CLEARCOAT = 5u;
 const uint INPUT_CLEARCOAT_ROUGHNESS = 6u;
 const uint INPUT_IOR = 8u;
+const uint INPUT_TRANSMISSION = 10u;
+const uint INPUT_TRANSMISSION_COLOR = 11u;
+const uint INPUT_COAT_IOR = 12u;
+const uint INPUT_SHEEN_COLOR = 13u;
+const uint INPUT_SHEEN_ROUGHNESS = 14u;
 
 // Where a texture input looks.
 vec2 texture_place(GpuInput i, GpuSurfaceMaterial m) {
@@ -67,6 +76,7 @@ vec4 input_value(GpuSurfaceMaterial m, uint name, float cone, inout uint missing
         const uint slot = (i.kind >> INPUT_SET_SHIFT) & 1u;
         return (m.flags & (1u << slot)) != 0u ? m.primvars[slot] : i.value;
     }
+    if (HAS_PATTERNS && kind == INPUT_REGISTER) return pattern_registers[i.texture & (PROGRAM_REGISTERS - 1u)];
     if (HAS_TEXTURES) {
         const vec2 place = texture_place(i, m);
         const float width = texture_width(i, m, place, cone);
@@ -106,12 +116,21 @@ Shading make_shading(uint path, Surface s, out uint missing) {
     if (HAS_COAT && (flags & MATERIAL_COAT) != 0u) wanted |= 1u << INPUT_CLEARCOAT | 1u << INPUT_CLEARCOAT_ROUGHNESS;
     if ((flags & MATERIAL_PRESENCE) != 0u) {
         r.flags |= SHADING_PRESENCE;
-    } else if (HAS_TRANSMISSION) {
+    } else if (HAS_TRANSMISSION && (flags & MATERIAL_OPEN_PBR) == 0u) {
         wanted |= 1u << INPUT_OPACITY;
+    }
+    if (HAS_OPEN_PBR && (flags & MATERIAL_OPEN_PBR) != 0u) {
+        r.flags = (r.flags & ~SHADING_PRESENCE) | SHADING_OPEN_PBR;
+        if (HAS_TRANSMISSION) wanted |= 1u << INPUT_TRANSMISSION | 1u << INPUT_TRANSMISSION_COLOR;
+        if (HAS_COAT && (flags & MATERIAL_COAT) != 0u) wanted |= 1u << INPUT_COAT_IOR;
+        if (HAS_SHEEN && (flags & MATERIAL_SHEEN) != 0u) wanted |= 1u << INPUT_SHEEN_COLOR | 1u << INPUT_SHEEN_ROUGHNESS;
+    }
+    if (HAS_PATTERNS && (flags & MATERIAL_PATTERNS) != 0u) {
+        run_program(m, s, load_ray(ray_address(path)).d, missing);
     }
     if ((flags & MATERIAL_NORMAL_MAP) != 0u && m.handedness != 0.0) wanted |= 1u << INPUT_NORMAL;
     vec3 local = vec3(0.0, 0.0, 1.0);
-    // Ten inputs, one copy of the code: unrolled, lookups would be most of what a pass that shades is made of.
+    // Fifteen inputs, one copy of the code: unrolled, lookups would be most of what a pass that shades is made of.
     [[dont_unroll]] for (uint rest = wanted; rest != 0u; rest &= rest - 1u) {
         const uint name = uint(findLSB(rest));
         const vec3 value = input_value(m, name, cone, missing).xyz;
@@ -125,6 +144,11 @@ Shading make_shading(uint path, Surface s, out uint missing) {
         if (HAS_COAT && name == INPUT_CLEARCOAT_ROUGHNESS) r.clearcoat_roughness = value.x;
         if (HAS_TRANSMISSION && name == INPUT_OPACITY) r.opacity = value.x;
         if (name == INPUT_NORMAL) local = value;
+        if (HAS_OPEN_PBR && HAS_TRANSMISSION && name == INPUT_TRANSMISSION) r.opacity = 1.0 - value.x;
+        if (HAS_OPEN_PBR && name == INPUT_TRANSMISSION_COLOR) r.transmission_color = value;
+        if (HAS_OPEN_PBR && HAS_COAT && name == INPUT_COAT_IOR) r.coat_ior = value.x;
+        if (HAS_SHEEN && name == INPUT_SHEEN_COLOR) r.sheen_color = value;
+        if (HAS_SHEEN && name == INPUT_SHEEN_ROUGHNESS) r.sheen_roughness = value.x;
     }
     if ((wanted & (1u << INPUT_NORMAL)) != 0u) {
         const vec3 n = r.normal;

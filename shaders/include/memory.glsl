@@ -24,6 +24,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Chu
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Assemblies { GpuAssembly v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Meshes { GpuMesh v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Materials { GpuMaterial v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Inputs { GpuInput v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Prims { GpuPrim v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Attributes { GpuAttribute v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer SurfaceMaterials { GpuSurfaceMaterial v[]; };

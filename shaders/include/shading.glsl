@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// What material evaluation hands to the BSDF: the inputs of UsdPreviewSurface after textures, and the normals.
+// What material evaluation hands to the BSDF: the inputs of UsdPreviewSurface and OpenPBR after textures, and the
+// normals.
 //
-// Guarantee of valid_shading: every number is finite and in its range, so bsdf.glsl need not ask again. Packed, the
-// inputs of today (not the normals, which a surface has anyway) are four vec4s of plain floats: nothing is rounded, so
-// core and streaming need not agree on a rounding.
+// Guarantee of valid_shading: every number is finite and in its range, so bsdf.glsl need not ask again.
 #ifndef OOCPT_SHADING_GLSL
 #define OOCPT_SHADING_GLSL
 
 const uint SHADING_SPECULAR_WORKFLOW = 1u; // specular_color is F0; else ior and metallic give F0
 // Opacity was asked for in traversal (opacityThreshold > 0 or opacityMode = presence): none here.
 const uint SHADING_PRESENCE = 2u;
+
+// coat_ior and transmission_color count; else the coat has the index of the base, and glass is clear.
+const uint SHADING_OPEN_PBR = 4u;
 
 struct Shading {
     vec3 geometric_normal; // unit, authored side: outside of what is transmissive
@@ -24,8 +26,10 @@ struct Shading {
     float clearcoat_roughness; // 0..1
     float opacity;         // 0..1: what is left of it is transmitted
     uint flags;            // SHADING_*
-    vec3 sheen_color;      // 0..1; no input of today sets it, so it is not packed (rust/decisions/0014)
+    vec3 sheen_color;      // 0..1; rust/decisions/0014
     float sheen_roughness; // 0..1
+    vec3 transmission_color; // 0..1: of each refraction
+    float coat_ior;        // >= 1
 };
 
 const uint SHADING_VEC4S = 4u;
@@ -33,7 +37,7 @@ const uint SHADING_VEC4S = 4u;
 // The material of a surface that has none: diffuse and nothing else (specular F0 = 0).
 Shading diffuse_shading(vec3 geometric_normal, vec3 normal, vec3 color) {
     return Shading(geometric_normal, normal, color, vec3(0.0), vec3(0.0), 0.0, 0.5, 1.5, 0.0, 0.01, 1.0, SHADING_SPECULAR_WORKFLOW,
-                   vec3(0.0), 0.5);
+                   vec3(0.0), 0.5, vec3(1.0), 1.5);
 }
 
 float unit_range(float x) {
@@ -60,6 +64,8 @@ Shading valid_shading(Shading s) {
     s.clearcoat_roughness = unit_range(s.clearcoat_roughness);
     s.sheen_color = unit_range(s.sheen_color);
     s.sheen_roughness = unit_range(s.sheen_roughness);
+    s.transmission_color = unit_range(s.transmission_color);
+    s.coat_ior = s.coat_ior >= 1.0 ? min(s.coat_ior, 1.0e3) : 1.0;
     s.opacity = s.opacity < 1.0 ? max(s.opacity, 0.0) : 1.0; // NaN is 1
     return s;
 }
@@ -73,7 +79,7 @@ void pack_shading(Shading s, out vec4 packed[4]) {
 
 Shading unpack_shading(vec4 packed[4], vec3 geometric_normal, vec3 normal) {
     return Shading(geometric_normal, normal, packed[0].xyz, packed[1].xyz, packed[2].xyz, packed[0].w, packed[1].w, packed[2].w,
-                   packed[3].x, packed[3].y, packed[3].z, uint(packed[3].w), vec3(0.0), 0.5);
+                   packed[3].x, packed[3].y, packed[3].z, uint(packed[3].w), vec3(0.0), 0.5, vec3(1.0), 1.5);
 }
 
 #endif

@@ -177,14 +177,16 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
     s.offset = distance / max(sqrt(dot3(covector, covector)), 1.0e-30);
 
     s.shading_normal = s.geometric_normal;
+    vec3 smooth_normal = object_normal;
     if (HAS_NORMALS && (flags & MESH_HAS_NORMALS) != 0u) {
         const vec3 n = attribute_vec3(meshes.v[mesh].normals, meshes.v[mesh].corner_indices, flags & 3u, triangle, weights);
         const vec3 in_world = combine_rows(world.x, world.y, world.z, apply_transposed(map, n));
         s.shading_normal = normal_or(in_world, s.geometric_normal);
+        if (HAS_PATTERNS) smooth_normal = normal_or(n, object_normal);
     }
     if (HAS_MATERIALS) {
         const uint subset = floatBitsToUint(ConstVec4s(triangles).v[triangle * 3u + 1u].w) & SUBSET_MASK;
-        surface_material = gather_material(mesh, triangle, weights, material_slot(s.prim_id, subset));
+        surface_material = gather_material(mesh, triangle, weights, material_slot(s.prim_id, subset), local, smooth_normal);
         if (surface_material.material != NO_MATERIAL) {
             vec3 e, f;
             leaf_edges(mesh, triangle, e, f);

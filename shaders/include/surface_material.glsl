@@ -85,7 +85,8 @@ vec2 map_place(GpuInput i, vec2 st) {
     return vec2(i.row_s.x * st.x + i.row_s.y * st.y + i.row_s.z, i.row_t.x * st.x + i.row_t.y * st.y + i.row_t.z);
 }
 
-GpuSurfaceMaterial gather_material(uint mesh, uint triangle, vec3 weights, uint slot) {
+// `point` and `normal`: of the hit, in the mesh's frame.
+GpuSurfaceMaterial gather_material(uint mesh, uint triangle, vec3 weights, uint slot, vec3 point, vec3 normal) {
     GpuSurfaceMaterial m;
     m.material = material_number(slot);
     m.tangent = vec3(0.0);
@@ -110,7 +111,11 @@ GpuSurfaceMaterial gather_material(uint mesh, uint triangle, vec3 weights, uint 
             m.uv[i] = value.xy;
         }
         const uint entry = find_primvar(mesh, materials.v[m.material].names[2u + i]);
-        if (entry != NO_NAME) {
+        if (HAS_PATTERNS && materials.v[m.material].names[2u + i] == NAME_POSITION) {
+            m.primvars[i] = vec4(point, 0.0);
+        } else if (HAS_PATTERNS && materials.v[m.material].names[2u + i] == NAME_NORMAL) {
+            m.primvars[i] = vec4(normal, 0.0);
+        } else if (entry != NO_NAME) {
             m.primvars[i] = primvar_value(mesh, entry, triangle, weights);
         } else if (instance_primvar(materials.v[m.material].names[2u + i], value)) {
             m.primvars[i] = value;

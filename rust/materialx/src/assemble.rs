@@ -74,7 +74,8 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
     for ((val, (width, _)), input) in lowered.inputs.iter().zip(SHAPES).zip(&mut inputs) {
         *input = assembler.simple(*val, width);
     }
-    let rest: Vec<Val> = lowered.inputs.iter().zip(&inputs).filter(|(_, known)| known.is_none()).map(|(v, _)| *v).collect();
+    let rest: Vec<Val> =
+        lowered.inputs.iter().zip(&inputs).filter(|(_, known)| known.is_none()).map(|(v, _)| *v).collect();
     let registers = assembler.compile(&rest);
     if let Err(what) = &registers {
         problems.push(format!("the patterns have {what}: values in their middle stand for them"));
@@ -187,8 +188,7 @@ impl Assembler<'_> {
     /// A lookup, and whether its place is told by its set and transform alone.
     fn lookup(&self, number: u32) -> Option<(Lookup, bool)> {
         let LookupUse { texture, place } = *self.lookups.get(number as usize)?;
-        let mut lookup =
-            Lookup { texture, uv: None, transform: [[0.0; 3]; 2], scale: [1.0; 4], bias: [0.0; 4] };
+        let mut lookup = Lookup { texture, uv: None, transform: [[0.0; 3]; 2], scale: [1.0; 4], bias: [0.0; 4] };
         let leaves = self.expressions.leaves(place);
         let (uv0, uv1) = (1 << Geometry::Uv0 as u32, 1 << Geometry::Uv1 as u32);
         let set = match leaves.geometry & (uv0 | uv1) {
@@ -211,8 +211,7 @@ impl Assembler<'_> {
         lookup.uv = Some(set);
         let is_alone = leaves.lookups == 0 && leaves.geometry.count_ones() == 1;
         let (origin, along, up) = (of(0.0, 0.0), of(1.0, 0.0), of(0.0, 1.0));
-        let rows: [[f32; 3]; 2] =
-            std::array::from_fn(|k| [along[k] - origin[k], up[k] - origin[k], origin[k]]);
+        let rows: [[f32; 3]; 2] = std::array::from_fn(|k| [along[k] - origin[k], up[k] - origin[k], origin[k]]);
         let follows = [[0.375, -1.75], [13.25, 7.5], [-3.125, 0.0625], [0.5, 0.5]].into_iter().all(|[u, v]| {
             let at = of(u, v);
             (0..2).all(|k| near(rows[k][0] * u + rows[k][1] * v + rows[k][2], at[k]))

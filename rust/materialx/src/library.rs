@@ -9,7 +9,7 @@ mod parse;
 use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::value::{Type, Value};
 
@@ -17,6 +17,24 @@ use crate::value::{Type, Value};
 pub const MAX_FILE_BYTES: u64 = 16 << 20;
 /// Most files of a library.
 pub const MAX_FILES: usize = 512;
+
+/// Folders of data libraries, as OpenUSD takes them from the environment.
+const SEARCH_PATHS: &str = "PXR_MTLX_STDLIB_SEARCH_PATHS";
+
+static STANDARD: OnceLock<Library> = OnceLock::new();
+
+/// The data libraries of this process: those of the folders of `PXR_MTLX_STDLIB_SEARCH_PATHS`, read at first use. Any
+/// thread; empty where there are none.
+pub fn standard() -> &'static Library {
+    STANDARD.get_or_init(|| {
+        let paths = std::env::var_os(SEARCH_PATHS).unwrap_or_default();
+        let library = Library::read(&std::env::split_paths(&paths).collect::<Vec<_>>());
+        for problem in library.problems() {
+            tracing::warn!("MaterialX library {problem}");
+        }
+        library
+    })
+}
 
 /// An input of a definition.
 #[derive(Clone, Debug, PartialEq)]
@@ -191,9 +209,10 @@ impl Library {
             let is_multi = &*node.type_name == "multioutput" && definition.outputs.len() > 1;
             let has_type = definition.outputs.first().is_some_and(|(.., name)| *name == node.type_name);
             (is_multi || has_type)
-                && node.inputs.iter().all(|input| {
-                    definition.input(&input.name).is_some_and(|found| !exactly || found.ty == input.ty)
-                })
+                && node
+                    .inputs
+                    .iter()
+                    .all(|input| definition.input(&input.name).is_some_and(|found| !exactly || found.ty == input.ty))
         };
         let candidates = self.by_category.get(&node.category)?;
         let find = |exactly: bool, default: bool| {

@@ -58,6 +58,7 @@ pub(crate) fn frame_block(setting: &Setting<'_>, scene: &SceneView) -> Frame {
         materials: scene.materials,
         prims: scene.prims,
         material_slots: scene.material_slots,
+        programs: scene.programs,
         placed_values: scene.placed_values,
         lighting: setting.lighting,
         ..Frame::zeroed()

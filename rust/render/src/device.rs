@@ -71,7 +71,7 @@ pub(crate) struct Device {
     pub(crate) heap: Heap,
     options: DeviceOptions,
     loader: OnceLock<Loader>,
-    bsdf_tables: [Mutex<Option<Buffer>>; 2],
+    bsdf_tables: [Mutex<Option<Buffer>>; 4],
     pipelines: Mutex<FxHashMap<(&'static str, Specialisation), Compiled>>,
 }
 
@@ -125,19 +125,23 @@ impl Device {
         Ok(self.loader.get_or_init(|| loader))
     }
 
-    /// Address of the BSDF's albedo tables, brought to the device at first use, those of rough glass only for a scene
-    /// that has it; 0 for a scene without materials.
-    pub(crate) fn bsdf_tables(&self, features: Features) -> Result<u64, RenderError> {
+    /// Addresses of the BSDF's albedo tables and of those of sheen, brought to the device at first use, those of rough
+    /// glass and of sheen only for a scene that has it; 0 for a scene without materials or without sheen.
+    pub(crate) fn bsdf_tables(&self, features: Features) -> Result<[u64; 2], RenderError> {
         if !features.contains(Features::MATERIALS) {
-            return Ok(0);
+            return Ok([0; 2]);
         }
         let has_glass = features.contains(Features::ROUGH_TRANSMISSION);
-        let mut tables = lock(&self.bsdf_tables[usize::from(has_glass)]);
-        if let Some(tables) = &*tables {
-            return Ok(tables.address());
-        }
+        let has_sheen = features.contains(Features::SHEEN);
         let glass = if has_glass { bsdf_tables::glass::bytes() } else { &[] };
-        let bytes = [bsdf_tables::bytes(), glass].concat();
+        let sheen = if has_sheen { bsdf_tables::sheen::bytes() } else { &[] };
+        let sheen_at = (bsdf_tables::bytes().len() + glass.len()) as u64;
+        let addresses = |tables: &Buffer| [tables.address(), if has_sheen { tables.address() + sheen_at } else { 0 }];
+        let mut tables = lock(&self.bsdf_tables[usize::from(has_glass) + 2 * usize::from(has_sheen)]);
+        if let Some(tables) = &*tables {
+            return Ok(addresses(tables));
+        }
+        let bytes = [bsdf_tables::bytes(), glass, sheen].concat();
         let buffer = Buffer::new(&self.gpu, "BSDF tables", bytes.len() as u64, Usage::Device)?;
         let mut commands = self.gpu.commands("BSDF tables")?;
         for (index, part) in bytes.chunks(MAX_UPDATE_BYTES).enumerate() {
@@ -146,7 +150,7 @@ impl Device {
         if !commands.submit()?.wait(UPLOAD_TIMEOUT)? {
             return Err(RenderError::Internal("the BSDF's tables did not reach the device".into()));
         }
-        Ok(tables.insert(buffer).address())
+        Ok(addresses(tables.insert(buffer)))
     }
 
     /// The pipeline of `module` for `special`, compiled at first use.

@@ -20,9 +20,6 @@ const OF_FRAME: Features = Features::DOME
     .union(Features::LENS)
     .union(Features::INSTANCING);
 
-/// What no material of today has: only tests of the BSDF compile it.
-const UNREACHABLE: Features = Features::SHEEN;
-
 /// The features a frame needs, apart from streaming.
 pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRays, scene: &SceneView) -> Features {
     let mut features = lights.features() | of_scene(snapshot.features);
@@ -125,12 +122,12 @@ pub(crate) fn list(features: Features, carried: Features) -> Vec<FeatureUse> {
         present: features.contains(feature.bit),
         carried: carried.contains(feature.bit),
     };
-    FEATURES.iter().filter(|feature| feature.bit != UNREACHABLE).map(entry).collect()
+    FEATURES.iter().map(entry).collect()
 }
 
 /// What was left out, in words for the stats.
 pub(crate) fn left_out(features: Features, has_planes: bool) -> Vec<String> {
-    let always = Features::STREAMING | Features::CHUNK_COUNTS | Features::DOME_SHADOW_RAYS | UNREACHABLE;
+    let always = Features::STREAMING | Features::CHUNK_COUNTS | Features::DOME_SHADOW_RAYS;
     let absent =
         FEATURES.iter().filter(|feature| !(always | features).contains(feature.bit)).map(|feature| feature.what);
     let planes = (!has_planes).then_some("passes generate_aov_rays and shade_aovs, and their images");

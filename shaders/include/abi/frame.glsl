@@ -98,6 +98,8 @@ struct Frame {
     uint64_t placed_values;
     uint64_t adaptive;
     uint64_t texture_feedback;
+    uint64_t programs;
+    uint64_t sheen_tables;
 };
 
 struct TextureFeedback {

@@ -62,12 +62,14 @@ struct GpuInput {
 };
 
 struct GpuMaterial {
-    GpuInput inputs[10];
+    GpuInput inputs[15];
     uint flags;
     float opacity_threshold;
     uint names[4];
     vec2 set_fallback[2];
-    uint pad[2];
+    uint program;
+    uint program_sizes;
+    vec4 primvar_fallback[2];
 };
 
 struct GpuPrim {

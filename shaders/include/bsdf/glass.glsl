@@ -77,7 +77,8 @@ void add_glass_scatter(Bsdf b, float cosine, bool beyond, inout vec3 specular, i
     if (!HAS_ROUGH_TRANSMISSION || b.chance_glass.y <= 0.0) return;
     const bool dense = is_inside(b) != beyond;
     const float index2 = dense ? b.glass_ior * b.glass_ior : 1.0;
-    specular += b.glass_scatter * index2 * table_glass(b.glass_place, b.glass_row, min(cosine, 1.0), dense) * cosine / GGX_PI;
+    const vec3 tint = HAS_OPEN_PBR && beyond ? b.glass_tint : vec3(1.0);
+    specular += tint * (b.glass_scatter * index2 * table_glass(b.glass_place, b.glass_row, min(cosine, 1.0), dense) * cosine / GGX_PI);
     pdf += b.chance_glass.y * (beyond ? 1.0 - b.glass_stay : b.glass_stay) * scatter_density(b.glass_alpha, cosine);
 }
 
@@ -105,7 +106,8 @@ void add_glass_refraction(Bsdf b, vec3 i, inout vec3 specular, inout float pdf) 
     const float jacobian = b.glass_eta * b.glass_eta / length2 * (-ih / length2);
     const float visible = ggx_density(b.glass_alpha, h) * 2.0 * oh / (b.o.z + ggx_slope(b.glass_alpha, b.o));
     const float masking = 2.0 * -i.z / (-i.z + ggx_slope(b.glass_alpha, i));
-    specular += b.glass * visible * jacobian * masking * (1.0 - f);
+    const vec3 through = HAS_OPEN_PBR ? (1.0 - f) * b.glass_tint : 1.0 - f;
+    specular += b.glass * visible * jacobian * masking * through;
     pdf += b.chance_glass.x * (1.0 - mean(f)) * visible * jacobian;
 }
 
@@ -134,6 +136,7 @@ bool sample_glass(Bsdf b, vec3 u, out vec3 i, out vec3 weight) {
     const float eta = 1.0 / b.glass_eta;
     i = (eta * cosine - refracted_cosine(cosine, eta)) * h - eta * b.o;
     weight = (1.0 - f) / (1.0 - chance);
+    if (HAS_OPEN_PBR) weight *= b.glass_tint;
     return i.z < 0.0 && chance < 1.0;
 }
 

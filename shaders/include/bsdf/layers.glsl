@@ -36,6 +36,7 @@ struct Bsdf {
     float glass_alpha, glass_row, glass_place; // 0: sharp; row and place: in the table
     float glass_ior;  // index of the denser side / that of the other, >= 1
     float glass_eta;  // index beyond / index on the viewer's side
+    vec3 glass_tint;  // of what is refracted
     vec2 chance_glass; // of its single and its multiple scattering
     vec3 sheen;       // colour, share and scale of its lobe; sheen.glsl
     float sheen_most; // share of what it takes from what is below, per E
@@ -165,9 +166,14 @@ void set_fresnel(inout Bsdf b, Shading s, float opacity, out vec3 color, out flo
         color = plastic * back + b.metallic * scattered(s.diffuse_color, s.diffuse_color, lost);
         b.base_l += back;
     }
-    b.coat = HAS_COAT && f0 > 0.0 ? s.clearcoat : 0.0;
-    b.coat_f0 = f0;
-    b.coat_f90 = min(1.0, 1.0e3 * f0);
+    float coat_f0 = f0;
+    if (HAS_OPEN_PBR && HAS_COAT && (s.flags & SHADING_OPEN_PBR) != 0u) {
+        const float c = (s.coat_ior - 1.0) / (s.coat_ior + 1.0);
+        coat_f0 = c * c;
+    }
+    b.coat = HAS_COAT && coat_f0 > 0.0 ? s.clearcoat : 0.0;
+    b.coat_f0 = coat_f0;
+    b.coat_f90 = min(1.0, 1.0e3 * coat_f0);
 }
 
 // Albedo of the specular layer at wo without multiple scattering, under coat and sheen: all of a sharp lobe's weight.

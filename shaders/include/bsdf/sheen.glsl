@@ -25,7 +25,7 @@ const float SHEEN_SHARPEST = 0.1;
 const float SHEEN_SPREAD = 0.5; // of the cosines that are sampled
 
 #ifndef BSDF_SHEEN_TABLE
-#define BSDF_SHEEN_TABLE uint64_t(0u)
+#define BSDF_SHEEN_TABLE FRAME.sheen_tables
 #endif
 
 const uint64_t SHEEN_AVERAGES = uint64_t(4u * SHEEN_ROUGHNESS * SHEEN_COSINE);

@@ -6,9 +6,10 @@ use super::reader::READER;
 use super::texture::is_texture;
 use super::{INPUTS, Input, InputName, Material, MaterialFlags, PTEX_SET, PrimvarSlot, TextureRef, UvSet};
 use crate::desc::{MaterialDesc, NodeDesc};
+use oocpt_materialx::program::Program;
 
 /// Surfaces that are less rough are sharp (`shaders/include/bsdf/tables.glsl`).
-const SHARP_ROUGHNESS: f32 = 0.01;
+pub(super) const SHARP_ROUGHNESS: f32 = 0.01;
 
 /// Most nodes of a network.
 pub const MAX_NODES: usize = 4096;
@@ -36,6 +37,9 @@ pub(super) struct Compiler<'a> {
 /// Reads the network of `desc`.
 #[must_use]
 pub fn compile(desc: &MaterialDesc) -> Compiled {
+    if super::materialx::is_materialx(desc) {
+        return super::materialx::compile(desc);
+    }
     let mut compiler = Compiler {
         nodes: &desc.nodes,
         problems: Problems::default(),
@@ -51,8 +55,8 @@ pub fn compile(desc: &MaterialDesc) -> Compiled {
     Compiled { material, textures: compiler.textures, problem: compiler.problems.message() }
 }
 
-/// Name, shape and default of each input, by [`InputName`].
-const SURFACE: [(&str, Shape, [f32; 4]); INPUTS] = [
+/// Name, shape and default of each input of a `UsdPreviewSurface`, by [`InputName`].
+const SURFACE: [(&str, Shape, [f32; 4]); 10] = [
     ("diffuseColor", Shape::Color, [0.18, 0.18, 0.18, 1.0]),
     ("emissiveColor", Shape::Color, [0.0, 0.0, 0.0, 1.0]),
     ("specularColor", Shape::Color, [0.0, 0.0, 0.0, 1.0]),
@@ -64,6 +68,18 @@ const SURFACE: [(&str, Shape, [f32; 4]); INPUTS] = [
     ("ior", Shape::Scalar, [1.5; 4]),
     ("normal", Shape::Color, [0.0, 0.0, 1.0, 1.0]),
 ];
+
+/// Inputs that say nothing. What `UsdPreviewSurface` has no name for keeps them.
+pub(crate) const NEUTRAL: [Input; INPUTS] = {
+    let mut inputs = [const { Input::Constant([0.0, 0.0, 0.0, 1.0]) }; INPUTS];
+    inputs[InputName::Opacity as usize] = Input::Constant([1.0; 4]);
+    inputs[InputName::Ior as usize] = Input::Constant([1.5; 4]);
+    inputs[InputName::Normal as usize] = Input::Constant([0.0, 0.0, 1.0, 1.0]);
+    inputs[InputName::TransmissionColor as usize] = Input::Constant([1.0; 4]);
+    inputs[InputName::CoatIor as usize] = Input::Constant([1.5; 4]);
+    inputs[InputName::SheenRoughness as usize] = Input::Constant([0.5; 4]);
+    inputs
+};
 
 impl<'a> Compiler<'a> {
     /// Notes that nodes of this kind are not understood.
@@ -84,7 +100,10 @@ impl<'a> Compiler<'a> {
             self.unsupported(node);
             return None;
         }
-        let mut inputs = SURFACE.map(|(name, shape, default)| self.input(node, name, shape, default));
+        let mut inputs = NEUTRAL;
+        for (input, (name, shape, default)) in inputs.iter_mut().zip(SURFACE) {
+            *input = self.input(node, name, shape, default);
+        }
         let workflow = numbers(node, "useSpecularWorkflow", Shape::Scalar, [0.0; 4], &mut self.problems)[0];
         let [displacement, ..] = numbers(node, "displacement", Shape::Scalar, [0.0; 4], &mut self.problems);
         if displacement != 0.0 || connection(node, "displacement").is_some() {
@@ -125,6 +144,7 @@ impl<'a> Compiler<'a> {
             opacity_threshold: threshold,
             uv_sets: std::mem::take(&mut self.uv_sets),
             primvars: std::mem::take(&mut self.primvars),
+            program: Program::default(),
         })
     }
 
@@ -152,7 +172,7 @@ impl<'a> Compiler<'a> {
 }
 
 /// What can be told from the inputs alone.
-fn needs(inputs: &[Input; INPUTS]) -> MaterialFlags {
+pub(super) fn needs(inputs: &[Input; INPUTS]) -> MaterialFlags {
     let differs = |name: InputName, from: [f32; 3]| match &inputs[name as usize] {
         Input::Constant([x, y, z, _]) => [*x, *y, *z] != from,
         _ => true,

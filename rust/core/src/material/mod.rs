@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Materials: networks of `UsdPreviewSurface` nodes worked out to flat tables.
+//! Materials: networks of `UsdPreviewSurface` or `MaterialX` nodes worked out to flat tables.
 //!
 //! Guarantees: pure; never panics on any network; work is bounded by the number of nodes and connections; every number
 //! of a [`Material`] is finite. Colours are linear Rec. 709.
 //!
-//! Stages: `compile` reads the surface node and follows its connections (`texture`, `reader`, `spaces`); `params`
+//! Networks of `MaterialX` nodes (`ND_...`) go through the crate `oocpt-materialx` (`materialx`). For the others:
+//! `compile` reads the surface node and follows its connections (`texture`, `reader`, `spaces`); `params`
 //! reads authored
 //! values. Rules and defaults: the specification of `UsdPreviewSurface` 2.5.
 
 mod compile;
+mod materialx;
 mod params;
 mod reader;
 mod spaces;
@@ -17,14 +19,16 @@ mod texture;
 use std::sync::Arc;
 
 use bitflags::bitflags;
+use oocpt_materialx::program::Program;
 
 use crate::desc::AssetRef;
 
+pub(crate) use compile::NEUTRAL;
 pub use compile::{Compiled, MAX_NODES, compile};
 pub use texture::is_ptex_name;
 
 /// Inputs of a material, the length of [`Material::inputs`].
-pub const INPUTS: usize = 10;
+pub const INPUTS: usize = 15;
 /// Texture coordinate sets that a material may read.
 pub const MAX_UV_SETS: usize = 2;
 /// Other primvars that a material may read.
@@ -54,6 +58,16 @@ pub enum InputName {
     Ior = 8,
     /// `normal`, tangent space.
     Normal = 9,
+    /// With [`MaterialFlags::OPEN_PBR`]: the share of what is not metal that is glass.
+    Transmission = 10,
+    /// The same: what multiplies refracted light.
+    TransmissionColor = 11,
+    /// The same: index of refraction of the coat.
+    CoatIor = 12,
+    /// The same: colour of the fuzz.
+    SheenColor = 13,
+    /// The same: roughness of the fuzz.
+    SheenRoughness = 14,
 }
 
 bitflags! {
@@ -79,6 +93,12 @@ bitflags! {
         const ROUGH_TRANSMISSION = 128;
         /// Reads a Ptex texture.
         const PTEX = 256;
+        /// Glass and coat have inputs of their own, as `OpenPBR` has them; opacity is whether the surface is there.
+        const OPEN_PBR = 512;
+        /// Has fuzz.
+        const SHEEN = 1024;
+        /// Some input is worked out by a program.
+        const PATTERNS = 2048;
     }
 }
 
@@ -109,12 +129,34 @@ pub enum Input {
         /// Value where the mesh does not have it.
         fallback: [f32; 4],
     },
+    /// A register of the material's program.
+    Register(u8),
 }
 
 /// Name of the set of Ptex coordinates: face and place in it, made of the topology and not of a primvar.
 pub const PTEX_SET: &str = "Ptex face";
 /// Its number, which no primvar has.
 pub const PTEX_SET_ID: u32 = u32::MAX - 1;
+
+/// Name of the point in the mesh's frame, which is made of the hit and not of a primvar.
+pub const POSITION_NAME: &str = oocpt_materialx::uses::Uses::POSITION;
+/// Its number, which no primvar has.
+pub const POSITION_ID: u32 = u32::MAX - 2;
+/// Name of the shading normal in the mesh's frame.
+pub const NORMAL_NAME: &str = oocpt_materialx::uses::Uses::NORMAL;
+/// Its number.
+pub const NORMAL_ID: u32 = u32::MAX - 3;
+
+/// Number of a name that is no primvar.
+#[must_use]
+pub fn built_in(name: &str) -> Option<u32> {
+    match name {
+        PTEX_SET => Some(PTEX_SET_ID),
+        POSITION_NAME => Some(POSITION_ID),
+        NORMAL_NAME => Some(NORMAL_ID),
+        _ => None,
+    }
+}
 
 /// A texture coordinate set that a material reads.
 #[derive(Clone, Debug, PartialEq)]
@@ -134,6 +176,8 @@ pub struct PrimvarSlot {
     pub name: Arc<str>,
     /// Number of the name; 0 before a commit.
     pub id: u32,
+    /// Value where the mesh does not have it, for programs; an [`Input::Primvar`] has its own.
+    pub fallback: [f32; 4],
 }
 
 /// A material, defaults filled in.
@@ -149,6 +193,8 @@ pub struct Material {
     pub uv_sets: Vec<UvSet>,
     /// At most [`MAX_PRIMVARS`].
     pub primvars: Vec<PrimvarSlot>,
+    /// Works out the inputs that are registers; its lookups have textures as [`Input::Texture`] has.
+    pub program: Program,
 }
 
 impl Material {

@@ -44,7 +44,7 @@ impl<'a> Compiler<'a> {
             return Some(Input::Constant(fallback));
         }
         if known.is_none() {
-            self.primvars.push(PrimvarSlot { name, id: 0 });
+            self.primvars.push(PrimvarSlot { name, id: 0, fallback });
         }
         Some(Input::Primvar { slot: u8::try_from(slot).unwrap_or_default(), fallback })
     }

@@ -56,7 +56,7 @@ const RAW: &[&str] = &[
 const AUTO: &[&str] = &["", "auto", "unknown"];
 
 /// The colour space of a name. Case does not count, as it does not in `OpenColorIO`.
-fn named(name: &str) -> ColorSpace {
+pub(super) fn named(name: &str) -> ColorSpace {
     let lower = name.trim().to_ascii_lowercase();
     let is_in = |list: &[&str]| list.contains(&&*lower);
     if is_in(AUTO) {

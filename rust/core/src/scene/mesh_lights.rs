@@ -20,7 +20,9 @@ use super::entries::MeshEntry;
 use super::light;
 use super::report::Reports;
 use crate::desc::{LightDesc, LightKind, MaterialSync, MeshDesc};
-use crate::material::{INPUTS, Input, InputName, Material, MaterialFlags};
+use oocpt_materialx::program::Program;
+
+use crate::material::{Input, InputName, Material, MaterialFlags, NEUTRAL};
 
 /// What follows the path of a mesh in the path of its light: no prim is called so.
 pub const MESH_LIGHT: &str = "/{light}";
@@ -124,9 +126,12 @@ impl MeshLight {
                     bias[k] *= factor[k];
                 }
             }
-            Input::Primvar { .. } if is_tinted => {
+            Input::Primvar { .. } | Input::Register(_) if is_tinted => {
                 if [r, g, b].iter().any(|v| (v - 1.0).abs() > 0.0) {
-                    reports.note(mesh, "its glow is a primvar, which its light's colour does not tint".to_owned());
+                    reports.note(
+                        mesh,
+                        "its glow is a primvar or a pattern, which its light's colour does not tint".to_owned(),
+                    );
                 }
             }
             _ => *emission = Input::Constant([r, g, b, 1.0]),
@@ -134,7 +139,7 @@ impl MeshLight {
         let is_finite = |input: &Input| match input {
             Input::Constant(value) => value.iter().all(|v| v.is_finite()),
             Input::Texture { scale, bias, .. } => scale.iter().chain(bias).all(|v| v.is_finite()),
-            Input::Primvar { .. } => true,
+            Input::Primvar { .. } | Input::Register(_) => true,
         };
         if !is_finite(emission) {
             reports.of(mesh).lights += 1;
@@ -148,21 +153,16 @@ impl MeshLight {
 
 /// A surface that reflects nothing.
 fn dark() -> Material {
-    let mut inputs: [Input; INPUTS] = std::array::from_fn(|_| Input::Constant([0.0, 0.0, 0.0, 1.0]));
-    for (name, value) in [
-        (InputName::Roughness, 1.0),
-        (InputName::Opacity, 1.0),
-        (InputName::Ior, 1.5),
-        (InputName::ClearcoatRoughness, 0.01),
-    ] {
+    let mut inputs = NEUTRAL;
+    for (name, value) in [(InputName::Roughness, 1.0), (InputName::ClearcoatRoughness, 0.01)] {
         inputs[name as usize] = Input::Constant([value; 4]);
     }
-    inputs[InputName::Normal as usize] = Input::Constant([0.0, 0.0, 1.0, 1.0]);
     Material {
         flags: MaterialFlags::SPECULAR_WORKFLOW,
         inputs,
         opacity_threshold: 0.0,
         uv_sets: Vec::new(),
         primvars: Vec::new(),
+        program: Program::default(),
     }
 }

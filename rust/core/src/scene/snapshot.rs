@@ -50,6 +50,12 @@ bitflags! {
         const COAT = 1 << 15;
         /// One that does by a rough surface.
         const ROUGH_TRANSMISSION = 1 << 28;
+        /// A material of `OpenPBR`: glass and coat with inputs of their own.
+        const OPEN_PBR = 1 << 18;
+        /// A material with fuzz.
+        const SHEEN = 1 << 19;
+        /// A material whose inputs are worked out by a program.
+        const PATTERNS = 1 << 20;
         /// A material that emits light.
         const EMISSION = 1 << 22;
         /// A primvar with a value per instance that something reads.
@@ -112,6 +118,9 @@ impl SurfaceTables {
             (MaterialFlags::COAT, SceneFeatures::COAT),
             (MaterialFlags::EMISSIVE, SceneFeatures::EMISSION),
             (MaterialFlags::PTEX, SceneFeatures::PTEX),
+            (MaterialFlags::OPEN_PBR, SceneFeatures::OPEN_PBR),
+            (MaterialFlags::SHEEN, SceneFeatures::SHEEN),
+            (MaterialFlags::PATTERNS, SceneFeatures::PATTERNS),
         ];
         let mut features = SceneFeatures::empty();
         features.set(SceneFeatures::MATERIALS, !self.materials.is_empty());

@@ -13,8 +13,9 @@ use super::mesh_lights::{MESH_LIGHT, MeshLight};
 use super::report::Reports;
 use super::snapshot::SurfaceTables;
 use crate::desc::{MaterialDesc, MeshDesc};
-use crate::material::{Compiled, Input, Material, PTEX_SET, PTEX_SET_ID, TextureRef, compile};
+use crate::material::{Compiled, Input, Material, PTEX_SET, TextureRef, built_in, compile};
 use crate::mesh::WantedPrimvar;
+use oocpt_materialx::program::{Lookup, REGISTERS};
 
 /// In [`SurfaceTables::material_slots`]: no material.
 pub const NO_MATERIAL: u32 = u32::MAX;
@@ -119,7 +120,7 @@ impl SurfaceStore {
                     continue;
                 };
                 for name in material.primvar_names() {
-                    if is_instanced && &**name != PTEX_SET && !has(&entry.desc, name) {
+                    if is_instanced && built_in(name).is_none() && !has(&entry.desc, name) {
                         lacks.push(self.id(name));
                     }
                     names.extend(Some(name).filter(|name| &***name == PTEX_SET || has_authored(&entry.desc, name)));
@@ -183,8 +184,8 @@ impl SurfaceStore {
     }
 
     fn id(&mut self, name: &Arc<str>) -> u32 {
-        if &**name == PTEX_SET {
-            return PTEX_SET_ID;
+        if let Some(id) = built_in(name) {
+            return id;
         }
         let next = u32::try_from(self.names.len()).unwrap_or(u32::MAX);
         *self.names.entry(name.clone()).or_insert(next)
@@ -259,6 +260,11 @@ impl SurfaceStore {
                 && let Some(reference) = local.get(*texture as usize)
             {
                 *texture = index_of(reference);
+            }
+        }
+        for lookup in &mut linked.program.lookups {
+            if let Some(reference) = local.get(lookup.texture as usize) {
+                lookup.texture = index_of(reference);
             }
         }
         linked
@@ -353,8 +359,12 @@ impl SurfaceTables {
                 (texture as usize) < self.textures.len() && uv.is_none_or(|uv| usize::from(uv) < material.uv_sets.len())
             }
             Input::Primvar { slot, .. } => usize::from(slot) < material.primvars.len(),
+            Input::Register(register) => usize::from(register) < REGISTERS && !material.program.instructions.is_empty(),
         };
-        let all_sound = |material: &Arc<Material>| material.inputs.iter().all(|input| sound(input, material));
+        let known = |lookup: &Lookup| (lookup.texture as usize) < self.textures.len();
+        let all_sound = |material: &Arc<Material>| {
+            material.inputs.iter().all(|input| sound(input, material)) && material.program.lookups.iter().all(known)
+        };
         if self.materials.iter().all(all_sound) { Ok(()) } else { Err("materials") }
     }
 }

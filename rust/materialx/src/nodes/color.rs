@@ -15,8 +15,12 @@ impl Walker<'_> {
             }
             "luminance" => {
                 let a = self.input_in(at);
-                let weights =
-                    self.number(at, "lumacoeffs").unwrap_or(Val::Constant([0.272_228_7, 0.674_081_8, 0.053_689_5, 0.0]));
+                let weights = self.number(at, "lumacoeffs").unwrap_or(Val::Constant([
+                    0.272_228_7,
+                    0.674_081_8,
+                    0.053_689_5,
+                    0.0,
+                ]));
                 let sum = self.expressions.dot(a, weights, 3);
                 if ty == Type::Color4 { self.expressions.splice(sum, 3, a) } else { sum }
             }
@@ -50,7 +54,17 @@ impl Walker<'_> {
     fn composite(&mut self, at: At, category: &str) -> Option<Val> {
         if !matches!(
             category,
-            "plus" | "minus" | "difference" | "burn" | "dodge" | "screen" | "over" | "in" | "out" | "mask" | "matte"
+            "plus"
+                | "minus"
+                | "difference"
+                | "burn"
+                | "dodge"
+                | "screen"
+                | "over"
+                | "in"
+                | "out"
+                | "mask"
+                | "matte"
                 | "disjointover"
         ) {
             return None;

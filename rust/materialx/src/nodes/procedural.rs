@@ -65,18 +65,25 @@ impl Walker<'_> {
         let amplitude = self.number_or(at, "amplitude", 1.0);
         let octaves = self.number_or(at, "octaves", 3.0);
         let (lacunarity, diminish) = (self.number_or(at, "lacunarity", 2.0), self.number_or(at, "diminish", 0.5));
+        let kind = match ty {
+            Type::Float => 0,
+            Type::Vector2 => 2,
+            _ => 1,
+        };
         let knobs = self.expressions.combine(&[octaves, lacunarity, diminish]);
-        let value = self.expressions.op(op, [place, knobs, Val::ZERO], u16::from(ty != Type::Float));
+        let value = self.expressions.op(op, [place, knobs, Val::ZERO], kind);
         self.expressions.multiply(value, amplitude)
     }
 
     fn worley(&mut self, at: At, place: &str, ty: Type, op: Op) -> Val {
         let place = self.number_or(at, place, 0.0);
         let jitter = self.number_or(at, "jitter", 1.0);
-        if !self.number_or(at, "style", 0.0).is(0.0, 1) {
-            let path = self.path(at);
-            self.problem(format!("{path}: Worley noise has the style of distances"));
-        }
-        self.expressions.op(op, [place, jitter, Val::ZERO], ty.width().max(1) - 1)
+        // Style 0: distances; 1: the cell of the nearest point.
+        let kind = match (self.number_or(at, "style", 0.0).is(0.0, 1), ty) {
+            (true, _) => ty.width().max(1) - 1,
+            (false, Type::Float) => 3,
+            (false, _) => 4,
+        };
+        self.expressions.op(op, [place, jitter, Val::ZERO], kind)
     }
 }

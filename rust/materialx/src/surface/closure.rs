@@ -97,7 +97,9 @@ impl Walker<'_> {
             "multiply" => {
                 let factor = self.number_or(at, "in2", 1.0);
                 let mut slab = inner(self, "in1")?;
-                for color in [&mut slab.base_color, &mut slab.specular_weight, &mut slab.fuzz, &mut slab.subsurface_color] {
+                for color in
+                    [&mut slab.base_color, &mut slab.specular_weight, &mut slab.fuzz, &mut slab.subsurface_color]
+                {
                     *color = self.expressions.multiply(*color, factor);
                 }
                 Some(slab)

@@ -199,8 +199,7 @@ impl Walker<'_> {
     pub(crate) fn mixed(&mut self, mut back: Slab, mut front: Slab, share: Val) -> Slab {
         let mut whole = back;
         let threshold = back.opacity_threshold.max(front.opacity_threshold);
-        let pairs: Vec<(Val, Val)> =
-            back.values().into_iter().zip(front.values()).map(|(a, b)| (*a, *b)).collect();
+        let pairs: Vec<(Val, Val)> = back.values().into_iter().zip(front.values()).map(|(a, b)| (*a, *b)).collect();
         for (to, (a, b)) in whole.values().into_iter().zip(pairs) {
             *to = self.expressions.mix(a, b, share);
         }

@@ -96,21 +96,19 @@ impl Walker<'_> {
             fuzz: self.product(at, ["sheen", "sheen_color"]),
             fuzz_roughness: self.number_or(at, "sheen_roughness", 0.3),
             emission: self.product(at, ["emission", "emission_color"]),
-            opacity: self.average(opacity),
+            opacity: self.grey(opacity),
             opacity_threshold: 0.0,
             normal: self.normal(at, "normal"),
         }
     }
 
-    /// The mean of a colour's components.
-    fn average(&mut self, color: Val) -> Val {
-        if let Val::Constant([r, g, b, _]) = color
-            && r == g
-            && g == b
-        {
-            return Val::number(r);
+    /// The mean of a colour's components if it is known; else red: maps of opacity are grey, and one channel of a
+    /// texture is what traversal can ask for.
+    fn grey(&mut self, color: Val) -> Val {
+        match color {
+            Val::Constant([r, g, b, _]) => Val::number((r + g + b) / 3.0),
+            Val::Node(_) => self.expressions.component(color, 0),
         }
-        self.expressions.dot(color, Val::number(1.0 / 3.0), 3)
     }
 
     fn gltf(&mut self, at: At) -> Slab {

@@ -41,6 +41,8 @@ pub(crate) struct SceneView {
     pub(crate) materials: u64,
     pub(crate) prims: u64,
     pub(crate) material_slots: u64,
+    /// 0 when no material has a program.
+    pub(crate) programs: u64,
     /// 0 when no placement of an opened assembly has values.
     pub(crate) placed_values: u64,
     /// 0 when nothing reads a texture.
@@ -298,6 +300,7 @@ impl Scene {
             materials: tables.surfaces.as_ref().map_or(0, |surfaces| surfaces.materials.address()),
             prims: tables.surfaces.as_ref().map_or(0, |surfaces| surfaces.prims.address()),
             material_slots: tables.surfaces.as_ref().map_or(0, |surfaces| surfaces.slots.address()),
+            programs: tables.surfaces.as_ref().and_then(|s| s.programs.as_ref()).map_or(0, HeapRange::address),
             placed_values: tables.placed_values.as_ref().map_or(0, HeapRange::address),
             textures: tables.textures.as_ref().map_or(0, |textures| textures.records.address()),
             texture_pages: tables.textures.as_ref().map_or(0, |textures| textures.pages.address()),

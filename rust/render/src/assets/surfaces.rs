@@ -3,6 +3,7 @@
 
 use super::source::rate_of;
 use oocpt_core::material::{Input, Material, MaterialFlags, PTEX_SET_ID, UvSet};
+use oocpt_core::materialx::program::{Lookup, Program};
 use oocpt_core::mesh::MeshAsset;
 use oocpt_core::scene::{NO_MATERIAL, PrimRecord, SurfaceTables};
 use oocpt_shader_abi as abi;
@@ -14,6 +15,8 @@ pub(crate) struct SurfaceEntries {
     pub(crate) materials: Vec<GpuMaterial>,
     pub(crate) prims: Vec<GpuPrim>,
     pub(crate) slots: Vec<u32>,
+    /// Programs of the materials, one behind the other.
+    pub(crate) programs: Vec<[u32; 4]>,
 }
 
 impl SurfaceEntries {
@@ -22,8 +25,10 @@ impl SurfaceEntries {
         if surfaces.materials.is_empty() {
             return None;
         }
+        let mut programs = Vec::new();
         Some(Self {
-            materials: surfaces.materials.iter().map(|m| material(m)).collect(),
+            materials: surfaces.materials.iter().map(|m| material(m, &mut programs)).collect(),
+            programs,
             prims: surfaces.prims.iter().map(prim).collect(),
             slots: surfaces.material_slots.iter().map(|&slot| slot_word(surfaces, slot)).collect(),
         })
@@ -35,6 +40,7 @@ impl SurfaceEntries {
             (surfaces.materials.len(), size_of::<GpuMaterial>()),
             (surfaces.prims.len(), size_of::<GpuPrim>()),
             (surfaces.material_slots.len(), size_of::<u32>()),
+            (surfaces.materials.iter().map(|material| program_rows(&material.program)).sum(), ROW),
         ];
         let has_materials = !surfaces.materials.is_empty();
         sizes.into_iter().filter(move |_| has_materials)
@@ -54,23 +60,61 @@ fn slot_word(surfaces: &SurfaceTables, slot: u32) -> u32 {
     }
 }
 
-fn material(material: &Material) -> GpuMaterial {
+/// Bytes of a row of the programs.
+const ROW: usize = size_of::<[u32; 4]>();
+/// Rows of a lookup.
+const LOOKUP_ROWS: usize = size_of::<GpuInput>() / ROW;
+
+/// Rows of 16 bytes of a program.
+fn program_rows(program: &Program) -> usize {
+    program.constants.len() + LOOKUP_ROWS * program.lookups.len() + program.instructions.len().div_ceil(2)
+}
+
+/// Adds a program; where it begins, and its sizes (`GpuMaterial::program_sizes`).
+fn add_program(program: &Program, rows: &mut Vec<[u32; 4]>) -> (u32, u32) {
+    let [constants, lookups, instructions] =
+        [program.constants.len(), program.lookups.len(), program.instructions.len()]
+            .map(|n| u32::try_from(n).unwrap_or(0));
+    if instructions == 0 {
+        return (0, 0);
+    }
+    let first = u32::try_from(rows.len()).unwrap_or(u32::MAX);
+    rows.extend(program.constants.iter().map(|value| value.map(f32::to_bits)));
+    for lookup in &program.lookups {
+        let Lookup { texture, uv, transform, scale, bias } = *lookup;
+        let whole = input(&Input::Texture { texture, channel: None, scale, bias, uv, transform }, &[]);
+        rows.extend_from_slice(bytemuck::cast_slice::<GpuInput, [u32; 4]>(&[whole]));
+    }
+    for pair in program.instructions.chunks(2) {
+        let [a, b] = pair[0].pack();
+        let [c, d] = pair.get(1).map_or([0; 2], |second| second.pack());
+        rows.push([a, b, c, d]);
+    }
+    (first, constants | lookups << 8 | instructions << 16)
+}
+
+fn material(material: &Material, programs: &mut Vec<[u32; 4]>) -> GpuMaterial {
     let mut names = [abi::NO_NAME; 4];
     let mut set_fallback = [[0.0; 2]; 2];
     for (k, set) in material.uv_sets.iter().take(2).enumerate() {
         names[k] = set.id;
         set_fallback[k] = set.fallback;
     }
-    for (name, slot) in names.iter_mut().skip(2).zip(&material.primvars) {
+    let mut primvar_fallback = [[0.0; 4]; 2];
+    for ((name, fallback), slot) in names.iter_mut().skip(2).zip(&mut primvar_fallback).zip(&material.primvars) {
         *name = slot.id;
+        *fallback = slot.fallback;
     }
+    let (program, program_sizes) = add_program(&material.program, programs);
     GpuMaterial {
         inputs: material.inputs.map(|i| input(&i, &material.uv_sets)),
         flags: material.flags.bits(),
         opacity_threshold: material.opacity_threshold,
         names,
         set_fallback,
-        pad: [0; 2],
+        program,
+        program_sizes,
+        primvar_fallback,
     }
 }
 
@@ -89,6 +133,7 @@ fn input(input: &Input, material_sets: &[UvSet]) -> GpuInput {
         Input::Primvar { slot, fallback } => {
             plain(abi::INPUT_PRIMVAR | u32::from(slot & 1) << abi::INPUT_SET_SHIFT, fallback)
         }
+        Input::Register(register) => GpuInput { texture: u32::from(register), ..plain(abi::INPUT_REGISTER, [0.0; 4]) },
         Input::Texture { texture, channel, scale, bias, uv, transform } => {
             let is_ptex =
                 uv.is_some_and(|uv| material_sets.get(usize::from(uv)).is_some_and(|set| set.id == PTEX_SET_ID));
@@ -114,6 +159,8 @@ pub(crate) fn attributes(mesh: &MeshAsset, table: u64, offsets: &[u64]) -> Vec<G
 #[cfg(test)]
 mod tests {
     use super::*;
+    use oocpt_core::material::{NORMAL_ID, POSITION_ID};
+    use oocpt_core::materialx::program::REGISTERS;
 
     #[test]
     fn inputs_keep_their_kind_channel_and_set() {
@@ -148,10 +195,14 @@ mod tests {
     fn inputs_and_flags_are_those_of_the_shaders() {
         assert_eq!(abi::MATERIAL_INPUTS, oocpt_core::material::INPUTS);
         assert_eq!((abi::NO_MATERIAL, abi::NAME_PTEX), (NO_MATERIAL, PTEX_SET_ID));
+        assert_eq!((abi::NAME_POSITION, abi::NAME_NORMAL), (POSITION_ID, NORMAL_ID));
+        assert_eq!(abi::PROGRAM_REGISTERS as usize, REGISTERS);
         let bits = MaterialFlags::SPECULAR_WORKFLOW.bits() | MaterialFlags::PRESENCE.bits() << 8;
         let more = MaterialFlags::EMISSIVE.bits() << 16 | MaterialFlags::COAT.bits() << 24;
         // As in shaders/include/material.glsl.
         assert_eq!((bits, more), (1 | 2 << 8, 8 << 16 | 16 << 24));
         assert_eq!(MaterialFlags::NORMAL_MAP.bits(), 32);
+        let open = [MaterialFlags::OPEN_PBR, MaterialFlags::SHEEN, MaterialFlags::PATTERNS].map(|flag| flag.bits());
+        assert_eq!(open, [512, 1024, 2048]);
     }
 }

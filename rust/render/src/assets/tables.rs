@@ -54,6 +54,8 @@ pub(crate) struct SurfaceRanges {
     pub(crate) materials: HeapRange,
     pub(crate) prims: HeapRange,
     pub(crate) slots: HeapRange,
+    /// Only when a material has a program.
+    pub(crate) programs: Option<HeapRange>,
 }
 
 /// The tables of textures.
@@ -176,13 +178,15 @@ impl Tables {
         let surfaces = self.surfaces.iter().flat_map(|s| [&s.materials, &s.prims, &s.slots]);
         let textures = self.textures.iter().flat_map(|t| [&t.records, &t.pages, &t._decode]);
         let directories = self.textures.iter().filter_map(|t| t._directories.as_ref());
-        for table in surfaces.chain(textures).chain(directories).chain(&self.placed_values) {
+        let programs = self.surfaces.iter().filter_map(|s| s.programs.as_ref());
+        for table in surfaces.chain(programs).chain(textures).chain(directories).chain(&self.placed_values) {
             inventory.add(table.name(), table.size());
         }
         let optional = [
             ("material table", self.surfaces.is_some()),
             ("prim table", self.surfaces.is_some()),
             ("material slots", self.surfaces.is_some()),
+            ("pattern programs", self.surfaces.as_ref().is_some_and(|s| s.programs.is_some())),
             ("texture table", self.textures.is_some()),
             ("texture pages", self.textures.is_some()),
             ("sRGB table", self.textures.is_some()),
@@ -270,6 +274,10 @@ fn surface_ranges(
         materials: table(device, writer, "material table", bytemuck::cast_slice(&entries.materials))?,
         prims: table(device, writer, "prim table", bytemuck::cast_slice(&entries.prims))?,
         slots: table(device, writer, "material slots", bytemuck::cast_slice(&entries.slots))?,
+        programs: match &entries.programs[..] {
+            [] => None,
+            programs => Some(table(device, writer, "pattern programs", bytemuck::cast_slice(programs))?),
+        },
     }))
 }
 

@@ -2,7 +2,7 @@
 //! Directional albedo of sheen, for `shaders/include/bsdf/sheen.glsl`, which says what sheen is.
 //!
 //! Guarantees: [`bytes`] is 23 KB that are part of the program, made by `examples/bsdf_tables.rs` from [`compute`] in
-//! f64; all values are finite and in 0..=1. Pure; any thread. No scene asks today.
+//! f64; all values are finite and in 0..=1. Pure; any thread.
 //!
 //! Sources: Conty and Kulla 2017, "Production friendly microfacet sheen BRDF" (the distribution of normals, layering by
 //! albedo); Neubelt and Pettineo 2013, "Crafting a next-gen material pipeline for The Order: 1886" (what stands for

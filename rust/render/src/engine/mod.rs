@@ -84,7 +84,7 @@ impl<'a> Tracer<'a> {
         let special = Specialisation { fault: setting.job.options.faults.lost_chunks, ..special };
         let passes = Passes::new(device, special, film, &mut progress.timings)?;
         let mut block = frame_block(setting, view);
-        block.bsdf_tables = device.bsdf_tables(features)?; // before the list of what there is
+        [block.bsdf_tables, block.sheen_tables] = device.bsdf_tables(features)?; // before the list of what there is
         let inventory = inventory::of_frame(setting, Compiled { passes: &passes, special, carried }, listed);
         progress.made_of(specialise::left_out(features, film.has_planes()), inventory);
         paths.bind(&mut block);

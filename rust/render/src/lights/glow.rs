@@ -256,6 +256,8 @@ fn glow(
         Input::Primvar { slot, fallback: [r, g, b, _] } => {
             Some(EmittedPower::Primvar(material.primvars.get(usize::from(*slot))?.id, [*r, *g, *b]))
         }
+        // What a program works out is not known here: it is found by reflected rays.
+        Input::Register(_) => None,
         Input::Texture { texture, channel, scale, bias, uv, transform } => {
             let texture = snapshot.surfaces.textures.get(*texture as usize)?;
             if texture.is_ptex {

@@ -139,7 +139,10 @@ fn stragglers(setting: &Setting<'_>) -> Stragglers {
 
 /// Most lookups of textures that a material of the scene makes.
 fn lookups(snapshot: &Snapshot) -> u32 {
-    let textured = |material: &Material| material.inputs.iter().filter(|i| matches!(i, Input::Texture { .. })).count();
+    let textured = |material: &Material| {
+        let inputs = material.inputs.iter().filter(|i| matches!(i, Input::Texture { .. })).count();
+        inputs + material.program.lookups.len()
+    };
     let most = snapshot.surfaces.materials.iter().map(|material| textured(material)).max();
     u32::try_from(most.unwrap_or(0)).unwrap_or(0)
 }

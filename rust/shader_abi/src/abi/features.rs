@@ -109,8 +109,12 @@ features! {
     ROUGH_TRANSMISSION: "rough transmission, and tables of what it loses", [TRANSMISSION], Materials;
     /// Some material has a coat.
     COAT: "coats", [MATERIALS], Materials;
-    /// `Shading::sheen_color` counts. No material front end has it yet: only tests of the BSDF compile it.
-    SHEEN: "sheen", [MATERIALS], Never;
+    /// Some material is one of `OpenPBR`: glass and coat with inputs of their own.
+    OPEN_PBR: "OpenPBR: tinted glass, coats of another index", [MATERIALS], Materials;
+    /// `Shading::sheen_color` counts.
+    SHEEN: "sheen, and tables of it", [MATERIALS, OPEN_PBR], Never;
+    /// Some material has a program: `Frame::programs` counts.
+    PATTERNS: "programs of patterns", [MATERIALS], Materials;
     /// Some material emits light.
     EMISSION: "emission of surfaces", [MATERIALS], Materials;
     /// Some primvar has a value per instance: `primvars` of chunks and assemblies, and `Frame::placed_values`, count.

@@ -240,6 +240,10 @@ pub struct Frame {
     pub adaptive: u64,
     /// One [`crate::TextureFeedback`]; 0 where all tiles are there, and with `Features::STREAMING`.
     pub texture_feedback: u64,
+    /// Programs of the materials; 0 without `Features::PATTERNS`.
+    pub programs: u64,
+    /// Tables of sheen; 0 without `Features::SHEEN`.
+    pub sheen_tables: u64,
 }
 
 /// Which samples the paths of an epoch are, with `Features::ADAPTIVE`. The film then has a [`crate::FilmPixel`] for

@@ -127,7 +127,9 @@ pub const LAYOUTS: &[StructLayout] = &[
         light_paths,
         placed_values,
         adaptive,
-        texture_feedback
+        texture_feedback,
+        programs,
+        sheen_tables
     }),
     layout!(Streaming {
         segments,
@@ -194,7 +196,16 @@ pub const LAYOUTS: &[StructLayout] = &[
         triangle_count
     }),
     layout!(GpuInput { value, bias, row_s, kind, row_t, texture }),
-    layout!(GpuMaterial { inputs, flags, opacity_threshold, names, set_fallback, pad }),
+    layout!(GpuMaterial {
+        inputs,
+        flags,
+        opacity_threshold,
+        names,
+        set_fallback,
+        program,
+        program_sizes,
+        primvar_fallback
+    }),
     layout!(GpuPrim { first_slot, slot_count, link_set, pad }),
     layout!(GpuAttribute { values, name, rate_and_width }),
     layout!(GpuSurfaceMaterial { uv, primvars, tangent, material, footprints, handedness, flags }),

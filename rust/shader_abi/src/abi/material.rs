@@ -7,13 +7,17 @@
 use bytemuck::{Pod, Zeroable};
 
 /// Inputs of a material, in the order of `oocpt_core::material::InputName`.
-pub const MATERIAL_INPUTS: usize = 10;
+pub const MATERIAL_INPUTS: usize = 15;
 /// In `Frame::material_slots` and `GpuSurfaceMaterial::material`: none.
 pub const NO_MATERIAL: u32 = u32::MAX;
 /// In `Frame::material_slots`: traversal has to ask the material whether the surface is there.
 pub const SLOT_PRESENCE: u32 = 1 << 31;
 /// In `GpuMaterial::names`, in place of a primvar: Ptex coordinates.
 pub const NAME_PTEX: u32 = u32::MAX - 1;
+/// In `GpuMaterial::names`, in place of a primvar: the point in the mesh's frame.
+pub const NAME_POSITION: u32 = u32::MAX - 2;
+/// In `GpuMaterial::names`, in place of a primvar: the normal in the mesh's frame.
+pub const NAME_NORMAL: u32 = u32::MAX - 3;
 /// `GpuInput::kind`: the texture is Ptex, and its set is [`NAME_PTEX`].
 pub const INPUT_PTEX: u32 = 1 << 7;
 /// In `GpuMaterial::names`: no primvar.
@@ -26,6 +30,12 @@ pub const INPUT_CONSTANT: u32 = 0;
 pub const INPUT_TEXTURE: u32 = 1;
 /// `GpuInput::kind`, lowest two bits: a primvar of the mesh, or `value` where it has none.
 pub const INPUT_PRIMVAR: u32 = 2;
+/// `GpuInput::kind`, lowest two bits: register `texture` of the material's program.
+pub const INPUT_REGISTER: u32 = 3;
+/// In the immediate of a program's lookup: its set and its map are its place; else the operand is.
+pub const INPUT_PLACED: u32 = 1 << 8;
+/// Registers of a program, f32x4 each; operands from here on are its constants.
+pub const PROGRAM_REGISTERS: u32 = 32;
 /// `GpuInput::kind`: where the channel begins, 0 = all of them, else its number + 1; three bits.
 pub const INPUT_CHANNEL_SHIFT: u32 = 2;
 /// `GpuInput::kind`: where the texture coordinate set or the primvar begins; two bits.
@@ -51,7 +61,7 @@ pub struct GpuInput {
     pub texture: u32,
 }
 
-/// A material, 688 B.
+/// A material, 1040 B.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct GpuMaterial {
@@ -65,8 +75,13 @@ pub struct GpuMaterial {
     pub names: [u32; 4],
     /// What the sets are where a mesh does not have them.
     pub set_fallback: [[f32; 2]; 2],
-    /// 0.
-    pub pad: [u32; 2],
+    /// Of its program: where it begins in `Frame::programs`, in units of 16 bytes: constants, lookups (a [`GpuInput`]
+    /// each), instructions (two in 16 bytes).
+    pub program: u32,
+    /// Of its program: constants, lookups << 8, instructions << 16; 0: it has none.
+    pub program_sizes: u32,
+    /// What primvars are where a mesh does not have them, for the program.
+    pub primvar_fallback: [[f32; 4]; 2],
 }
 
 /// What a prim looks like, 16 B; by prim id + 1.

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Networks of `MaterialX` nodes made into materials, through the crate `oocpt-materialx`.
+//!
+//! The definitions of nodes come from `MaterialX`'s data libraries, which are read once for a process
+//! ([`oocpt_materialx::library::standard`]); but for that, pure.
+
+use std::sync::Arc;
+
+use oocpt_materialx::library::standard;
+use oocpt_materialx::network::{Network, Node};
+use oocpt_materialx::surface::INPUTS as SURFACE_INPUTS;
+use oocpt_materialx::uses::{AddressMode, Texture};
+use oocpt_materialx::value::{FileRef, Value};
+use oocpt_materialx::{InputSource, Translation, translate};
+
+use super::compile::{Compiled, MAX_NODES, SHARP_ROUGHNESS, needs};
+use super::params::Problems;
+use super::spaces::named;
+use super::{ColorSpace, INPUTS, Input, InputName, Material, MaterialFlags, PrimvarSlot, TextureRef, UvSet, Wrap};
+use crate::desc::{AssetRef, MaterialDesc, NodeDesc, ParamValue};
+use crate::texture::linear_from_srgb;
+
+const _: () = assert!(INPUTS == SURFACE_INPUTS, "the inputs of the two are the same");
+const _: () = assert!(
+    InputName::SheenRoughness as usize == oocpt_materialx::surface::Input::SheenRoughness as usize,
+    "in the same order"
+);
+
+/// What the kinds of `MaterialX` nodes begin with.
+const PREFIX: &str = "ND_";
+
+/// Whether the surface of a network is a node of `MaterialX`.
+pub(super) fn is_materialx(desc: &MaterialDesc) -> bool {
+    desc.surface.and_then(|at| desc.nodes.get(at)).is_some_and(|node| node.kind.starts_with(PREFIX))
+}
+
+/// Reads such a network.
+pub(super) fn compile(desc: &MaterialDesc) -> Compiled {
+    let mut problems = Problems::default();
+    let library = standard();
+    if library.is_empty() {
+        problems.add("MaterialX's data libraries were not found (PXR_MTLX_STDLIB_SEARCH_PATHS)".to_owned());
+        return Compiled { problem: problems.message(), ..Compiled::default() };
+    }
+    if desc.nodes.len() > MAX_NODES {
+        problems.add(format!("{} nodes are more than the {MAX_NODES} that are supported", desc.nodes.len()));
+        return Compiled { problem: problems.message(), ..Compiled::default() };
+    }
+    let network = Network { nodes: desc.nodes.iter().map(node).collect(), surface: desc.surface.unwrap_or(usize::MAX) };
+    let translation = translate(&network, library);
+    for problem in &translation.problems {
+        problems.add(problem.clone());
+    }
+    let textures = translation.uses.textures.iter().map(texture).collect();
+    Compiled { material: material(&translation), textures, problem: problems.message() }
+}
+
+fn node(desc: &NodeDesc) -> Node {
+    Node {
+        path: Arc::clone(&desc.path),
+        kind: Arc::clone(&desc.kind),
+        values: desc
+            .params
+            .iter()
+            .filter_map(|param| Some((Arc::clone(&param.name), value_of(desc, &param.name, &param.value)?)))
+            .collect(),
+        connections: desc.connections.iter().map(|c| (Arc::clone(&c.input), c.node, Arc::clone(&c.output))).collect(),
+    }
+}
+
+/// The value of an input; a colour in the sRGB curve is made linear.
+fn value_of(node: &NodeDesc, name: &str, value: &ParamValue) -> Option<Value> {
+    let space = || {
+        let wanted = format!("colorSpace:{name}");
+        node.params.iter().find_map(|param| match &param.value {
+            ParamValue::Text(text) if *param.name == *wanted => Some(Arc::clone(text)),
+            _ => None,
+        })
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "rounded to single precision")]
+    let linear = |v: f32| linear_from_srgb(f64::from(v)) as f32;
+    #[expect(clippy::cast_precision_loss, reason = "integers of nodes are small")]
+    let mut numbers = match value {
+        ParamValue::Bool(flag) => [f32::from(u8::from(*flag)); 4],
+        ParamValue::Int(number) => [*number as f32; 4],
+        ParamValue::Float(number) => [*number; 4],
+        ParamValue::Vec2([x, y]) => [*x, *y, 0.0, 0.0],
+        ParamValue::Vec3([x, y, z]) => [*x, *y, *z, 0.0],
+        ParamValue::Vec4(v) => *v,
+        ParamValue::Text(text) => return Some(Value::Text(Arc::clone(text))),
+        ParamValue::Asset(asset) => {
+            return Some(Value::File(FileRef {
+                authored: Arc::clone(&asset.authored),
+                resolved: Arc::clone(&asset.resolved),
+                color_space: space(),
+                node: Arc::clone(&node.path),
+            }));
+        }
+    };
+    if !numbers.iter().all(|number| number.is_finite()) {
+        return None;
+    }
+    if matches!(value, ParamValue::Vec3(_) | ParamValue::Vec4(_))
+        && space().is_some_and(|s| named(&s) == ColorSpace::Srgb)
+    {
+        numbers.iter_mut().take(3).for_each(|v| *v = linear(*v));
+    }
+    Some(Value::Numbers(numbers))
+}
+
+fn texture(texture: &Texture) -> TextureRef {
+    let Texture { file, address, fallback, auto_color_space } = texture;
+    let wrap = address.map(|mode| match mode {
+        AddressMode::Constant => Wrap::Black,
+        AddressMode::Clamp => Wrap::Clamp,
+        AddressMode::Periodic => Wrap::Repeat,
+        AddressMode::Mirror => Wrap::Mirror,
+        AddressMode::UseMetadata => Wrap::UseMetadata,
+    });
+    // A file that says nothing is linear: the working space of a document is.
+    let default = if *auto_color_space { ColorSpace::Auto } else { ColorSpace::Raw };
+    let color_space = match file.color_space.as_deref().map(named) {
+        None | Some(ColorSpace::Auto) => default,
+        Some(space) => space,
+    };
+    TextureRef {
+        prim: Arc::clone(&file.node),
+        asset: AssetRef { authored: Arc::clone(&file.authored), resolved: Arc::clone(&file.resolved) },
+        wrap,
+        color_space,
+        fallback: *fallback,
+        is_ptex: false,
+    }
+}
+
+fn material(translation: &Translation) -> Option<Material> {
+    let sources = translation.inputs?;
+    let inputs = sources.map(|source| match source {
+        InputSource::Constant(value) => Input::Constant(value),
+        InputSource::Texture(lookup, channel) => Input::Texture {
+            texture: lookup.texture,
+            channel,
+            scale: lookup.scale,
+            bias: lookup.bias,
+            uv: lookup.uv,
+            transform: lookup.transform,
+        },
+        InputSource::Primvar(slot) => {
+            let fallback =
+                translation.uses.primvars.get(usize::from(slot)).map_or([0.0; 4], |primvar| primvar.fallback);
+            Input::Primvar { slot, fallback }
+        }
+        InputSource::Register(register) => Input::Register(register),
+    });
+    let input = |name: InputName| &inputs[name as usize];
+    let is_more = |name: InputName, than: f32| match input(name) {
+        Input::Constant([x, y, z, _]) => *x > than || *y > than || *z > than,
+        _ => true,
+    };
+    let is_clear = !matches!(input(InputName::Opacity), Input::Constant([value, ..]) if *value >= 1.0);
+    let transmits = is_more(InputName::Transmission, 0.0);
+    let rough = is_more(InputName::Roughness, SHARP_ROUGHNESS)
+        || is_more(InputName::Clearcoat, 0.0) && is_more(InputName::ClearcoatRoughness, SHARP_ROUGHNESS);
+    let mut flags = needs(&inputs) | MaterialFlags::OPEN_PBR;
+    flags.set(MaterialFlags::SPECULAR_WORKFLOW, translation.specular_workflow);
+    flags.set(MaterialFlags::PRESENCE, is_clear);
+    flags.set(MaterialFlags::TRANSMISSIVE, transmits);
+    flags.set(MaterialFlags::ROUGH_TRANSMISSION, transmits && rough);
+    flags.set(MaterialFlags::SHEEN, is_more(InputName::SheenColor, 0.0));
+    flags.set(MaterialFlags::PATTERNS, !translation.program.instructions.is_empty());
+    if !translation.program.lookups.is_empty() {
+        flags |= MaterialFlags::TEXTURED;
+    }
+    let set = |name: &Arc<str>| UvSet { name: Arc::clone(name), id: 0, fallback: [0.0; 2] };
+    Some(Material {
+        flags,
+        inputs,
+        opacity_threshold: translation.opacity_threshold,
+        uv_sets: translation.uses.uv_sets.iter().map(set).collect(),
+        primvars: translation
+            .uses
+            .primvars
+            .iter()
+            .map(|primvar| PrimvarSlot { name: Arc::clone(&primvar.name), id: 0, fallback: primvar.fallback })
+            .collect(),
+        program: translation.program.clone(),
+    })
+}

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// Programs of materials (rust/materialx/src/program.rs): run at a hit, they leave the inputs that are registers in
+// pattern_registers. Only with HAS_PATTERNS.
+//
+// Memory of a program, from 16 * GpuMaterial::program bytes of Frame::programs on: constants, f32x4 each; lookups, a
+// GpuInput each; instructions, two in 16 bytes: op | to << 8 | a << 16 | b << 24, c | immediate << 8. The host has
+// checked all numbers.
+#ifndef OOCPT_PATTERN_GLSL
+#define OOCPT_PATTERN_GLSL
+
+#include "include/pattern_ops.glsl"
+#include "include/surface.glsl"
+#include "include/texture.glsl"
+
+vec4 pattern_registers[PROGRAM_REGISTERS];
+
+vec4 pattern_operand(uint64_t program, uint operand) {
+    if (operand < PROGRAM_REGISTERS) return pattern_registers[operand];
+    return ConstVec4s(program).v[operand - PROGRAM_REGISTERS];
+}
+
+// GEOMETRY_*.
+vec4 pattern_geometry(uint what, GpuSurfaceMaterial m, Surface s, vec3 view) {
+    if (what <= GEOMETRY_UV1) return vec4(m.uv[what & 1u], 0.0, 0.0);
+    if (what <= GEOMETRY_PRIMVAR1) {
+        const uint slot = what & 1u;
+        if ((m.flags & (1u << slot)) != 0u) return m.primvars[slot];
+        return Materials(FRAME.materials).v[m.material].primvar_fallback[slot];
+    }
+    const vec3 normal = s.shading_normal;
+    if (what == GEOMETRY_POSITION) return vec4(s.position.hi + s.position.lo, 0.0);
+    if (what == GEOMETRY_NORMAL) return vec4(normal, 0.0);
+    if (what == GEOMETRY_VIEW_DIRECTION) return vec4(view, 0.0);
+    const vec3 tangent = normal_or(m.tangent - normal * dot3(normal, m.tangent), vec3(0.0));
+    if (what == GEOMETRY_TANGENT) return vec4(tangent, 0.0);
+    return vec4(cross3(normal, tangent) * m.handedness, 0.0);
+}
+
+// A lookup of the program; `place` counts where it does not know its own.
+vec4 pattern_texture(GpuInput i, vec2 place, bool is_placed, GpuSurfaceMaterial m, float cone, inout uint missing) {
+    if (!HAS_TEXTURES) return vec4(0.0, 0.0, 0.0, 1.0);
+    const uint set = (i.kind >> INPUT_SET_SHIFT) & 3u;
+    const vec2 at = is_placed ? map_place(i, set == INPUT_NO_SET ? vec2(0.0) : m.uv[set & 1u]) : place;
+    const float width = set == INPUT_NO_SET ? 0.0
+                                            : lookup_width(i.texture, at, m.footprints[set & 1u], cone, i.row_s, i.row_t);
+    uint unit;
+    const vec4 texel = texture_lookup(i.texture, at, width, unit);
+    if (unit < TEXTURE_FALLBACK) missing = unit;
+    return pattern_number(texel);
+}
+
+// Runs the program of a material. `view`: from the viewer to the surface, unit. `missing` as for input_value.
+void run_program(GpuSurfaceMaterial m, Surface s, vec3 view, inout uint missing) {
+    const uint sizes = Materials(FRAME.materials).v[m.material].program_sizes;
+    const uint64_t program = FRAME.programs + 16ul * uint64_t(Materials(FRAME.materials).v[m.material].program);
+    const uint constants = sizes & 0xffu;
+    const uint lookups = (sizes >> 8) & 0xffu;
+    const uint count = sizes >> 16;
+    const uint64_t inputs = program + 16ul * uint64_t(constants);
+    const uint64_t instructions = inputs + 64ul * uint64_t(lookups);
+    [[dont_unroll]] for (uint k = 0u; k < count; ++k) {
+        const uvec2 word = ConstUVec2s(instructions).v[k];
+        const uint op = word.x & 0xffu;
+        const uint immediate = word.y >> 8;
+        const vec4 a = pattern_operand(program, (word.x >> 16) & 0xffu);
+        vec4 value;
+        if (op == PATTERN_SURFACE) {
+            value = pattern_number(pattern_geometry(immediate, m, s, view));
+        } else if (op == PATTERN_TEXTURE) {
+            const GpuInput i = Inputs(inputs).v[immediate & 0xffu];
+            value = pattern_texture(i, a.xy, (immediate & INPUT_PLACED) != 0u, m, s.cone, missing);
+        } else {
+            const vec4 b = pattern_operand(program, word.x >> 24);
+            const vec4 c = pattern_operand(program, word.y & 0xffu);
+            value = pattern_op(op, a, b, c, immediate);
+        }
+        pattern_registers[(word.x >> 8) & 0xffu] = value;
+    }
+}
+
+#endif
