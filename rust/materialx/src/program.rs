@@ -15,8 +15,8 @@ pub const MAX_INSTRUCTIONS: usize = 1024;
 pub const MAX_LOOKUPS: usize = 12;
 
 /// What an instruction does. `a`, `b`, `c` are its operands; by component unless said otherwise. What is undefined in
-/// `MaterialX` (a division by 0, a root of a negative number) gives 0 here. Results that are no finite numbers are 0, and
-/// so are those below 2^-126; there is no -0.
+/// `MaterialX` (a division by 0, a root of a negative number) gives 0 here. Results that are no finite numbers are 0,
+/// and so are those below 2^-126; there is no -0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Op {
@@ -120,8 +120,8 @@ pub enum Op {
     /// The same in 3D, of a.xyz.
     Worley3 = 47,
     /// Fractal sum of Perlin noise (3D) of a.xyz: b = (octaves, lacunarity, diminish), at most 32 octaves;
-    /// `immediate`: 0 one number in all components, 1 a vector in xyz and the number at a.xyz + (19, 193, 17) in w, 2 the
-    /// number and the one of w as a vector of two (`MaterialX`'s vector2), zw = 0.
+    /// `immediate`: 0 one number in all components, 1 a vector in xyz and the number at a.xyz + (19, 193, 17) in w, 2
+    /// the number and the one of w as a vector of two (`MaterialX`'s vector2), zw = 0.
     Fractal3 = 48,
     /// The same in 2D, of a.xy; the offset is (19, 193).
     Fractal2 = 49,

@@ -26,7 +26,7 @@ pub const PATTERN_OPS: [(&str, u32); 52] = numbered! { "PATTERN_":
     WORLEY3 FRACTAL3 FRACTAL2 SURFACE TEXTURE
 };
 
-/// Name and number of everything that [`PATTERN_OPS`]' `PATTERN_SURFACE` gives. The build writes a `const uint` of each.
+/// Name and number of everything that `PATTERN_SURFACE` gives. The build writes a `const uint` of each.
 pub const PATTERN_GEOMETRY: [(&str, u32); 9] = numbered! { "GEOMETRY_":
     UV0 UV1 PRIMVAR0 PRIMVAR1 POSITION NORMAL TANGENT BITANGENT VIEW_DIRECTION
 };
