@@ -26,25 +26,25 @@ vec4 pattern_modulo(vec4 a, vec4 b) {
     return mix(vec4(0.0), rest, lessThan(abs(rest), abs(b)));
 }
 
-// (-1)^half sin(x - turns pi), where that angle is within a quarter of a turn: pi in three parts, whose products with
-// `turns` are exact up to 2^12; a polynomial of least error 4e-9.
-vec4 pattern_sine(vec4 x, vec4 turns, vec4 half_turns) {
-    const vec4 quarter = vec4(1.5707964);
-    const vec4 r = clamp(x - turns * 3.140625 - turns * 0.0009675026 - turns * 1.509958e-7, -quarter, quarter);
+// (-1)^parity sin(x - halves pi), where that angle is within a quarter of a turn but for rounding. pi is in three parts
+// whose products with `halves` are exact up to 2^12; the polynomial is off by 4e-9.
+vec4 pattern_sine(vec4 x, vec4 halves, vec4 parity) {
+    const vec4 limit = vec4(1.58);
+    const vec4 r = clamp(x - halves * 3.140625 - halves * 0.0009675026 - halves * 1.509958e-7, -limit, limit);
     const vec4 u = r * r;
     const vec4 p = ((2.604814e-6 * u - 0.0001980889) * u + 0.008333049) * u - 0.16666658;
     const vec4 sine = clamp(r + r * u * p, vec4(-1.0), vec4(1.0));
-    return mix(-sine, sine, equal(half_turns * 0.5, floor(half_turns * 0.5)));
+    return mix(-sine, sine, equal(parity * 0.5, floor(parity * 0.5)));
 }
 
 vec4 pattern_sin(vec4 x) {
-    const vec4 turns = floor(x * 0.31830987 + 0.5);
-    return pattern_sine(x, turns, turns);
+    const vec4 halves = floor(x * 0.31830987 + 0.5);
+    return pattern_sine(x, halves, halves);
 }
 
 vec4 pattern_cos(vec4 x) {
-    const vec4 turns = floor(x * 0.31830987);
-    return pattern_sine(x, turns + 0.5, turns + 1.0);
+    const vec4 halves = floor(x * 0.31830987);
+    return pattern_sine(x, halves + 0.5, halves + 1.0);
 }
 
 // 1 where b = 0, else 0 where a = 0; of a negative a only with a whole b.

@@ -160,25 +160,25 @@ fn smoothstep(a: f32, low: f32, high: f32) -> f32 {
     }
 }
 
-/// (-1)^half sin(x - turns pi), where that angle is within a quarter of a turn: pi in three parts, whose products with
-/// `turns` are exact up to 2^12; a polynomial of least error 4e-9.
-fn reduced_sine(x: f32, turns: f32, half: f32) -> f32 {
-    let r = x - turns * 3.140_625 - turns * 0.000_967_502_6 - turns * 1.509_958e-7;
-    let r = r.clamp(-1.570_796_4, 1.570_796_4);
+/// (-1)^parity sin(x - halves pi), where that angle is within a quarter of a turn but for rounding. pi is in three
+/// parts whose products with `halves` are exact up to 2^12; the polynomial is off by 4e-9.
+fn reduced_sine(x: f32, halves: f32, parity: f32) -> f32 {
+    let r = x - halves * 3.140_625 - halves * 0.000_967_502_6 - halves * 1.509_958e-7;
+    let r = r.clamp(-1.58, 1.58);
     let u = r * r;
     let p = ((2.604_814e-6 * u - 0.000_198_088_9) * u + 0.008_333_049) * u - 0.166_666_58;
     let sine = r + r * u * p;
-    if half * 0.5 == (half * 0.5).floor() { sine } else { -sine }
+    if parity * 0.5 == (parity * 0.5).floor() { sine } else { -sine }
 }
 
 fn sine(x: f32) -> f32 {
-    let turns = (x * std::f32::consts::FRAC_1_PI + 0.5).floor();
-    reduced_sine(x, turns, turns).clamp(-1.0, 1.0)
+    let halves = (x * std::f32::consts::FRAC_1_PI + 0.5).floor();
+    reduced_sine(x, halves, halves).clamp(-1.0, 1.0)
 }
 
 fn cosine(x: f32) -> f32 {
-    let turns = (x * std::f32::consts::FRAC_1_PI).floor();
-    reduced_sine(x, turns + 0.5, turns + 1.0).clamp(-1.0, 1.0)
+    let halves = (x * std::f32::consts::FRAC_1_PI).floor();
+    reduced_sine(x, halves + 0.5, halves + 1.0).clamp(-1.0, 1.0)
 }
 
 /// Sum of the products of the first `count` components.

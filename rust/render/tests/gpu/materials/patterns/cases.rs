@@ -3,59 +3,10 @@
 
 use oocpt_core::materialx::program::Op;
 
-/// Every operation but those that are the caller's, in the order of their numbers.
-pub(super) const OPS: [Op; 50] = [
-    Op::Move,
-    Op::Add,
-    Op::Subtract,
-    Op::Multiply,
-    Op::Divide,
-    Op::Modulo,
-    Op::Absolute,
-    Op::Sign,
-    Op::Floor,
-    Op::Ceil,
-    Op::Round,
-    Op::Fract,
-    Op::Power,
-    Op::Sqrt,
-    Op::Ln,
-    Op::Exp,
-    Op::Sin,
-    Op::Cos,
-    Op::Tan,
-    Op::Asin,
-    Op::Acos,
-    Op::Atan2,
-    Op::Min,
-    Op::Max,
-    Op::Mix,
-    Op::Clamp,
-    Op::Smoothstep,
-    Op::MultiplyAdd,
-    Op::Dot,
-    Op::Cross,
-    Op::Normalize,
-    Op::Length,
-    Op::Greater,
-    Op::GreaterEqual,
-    Op::Equal,
-    Op::Select,
-    Op::Swizzle,
-    Op::Blend,
-    Op::RgbToHsv,
-    Op::HsvToRgb,
-    Op::Noise2,
-    Op::Noise2Vector,
-    Op::Noise3,
-    Op::Noise3Vector,
-    Op::CellNoise2,
-    Op::CellNoise3,
-    Op::Worley2,
-    Op::Worley3,
-    Op::Fractal3,
-    Op::Fractal2,
-];
+/// Every operation but those that are the caller's.
+pub(super) fn ops() -> impl Iterator<Item = Op> {
+    Op::ALL.into_iter().filter(|op| !matches!(op, Op::Surface | Op::Texture))
+}
 
 /// An operation and what it is given.
 #[derive(Clone, Copy, Debug)]
