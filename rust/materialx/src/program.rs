@@ -252,6 +252,7 @@ pub struct Instruction {
 
 impl Operand {
     /// The byte of the packed form: registers first, then constants.
+    #[expect(clippy::cast_possible_truncation, reason = "few registers")]
     fn byte(self) -> u32 {
         match self {
             Self::Register(at) => u32::from(at),

@@ -114,7 +114,7 @@ fn angles_are_exact_enough() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(20_000))]
+    #![proptest_config(ProptestConfig { cases: 20_000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn any_operands_give_finite_numbers(op in 0..52_usize, bits in any::<[[u32; 4]; 3]>(), immediate in any::<u16>()) {

@@ -9,10 +9,10 @@ macro_rules! numbered {
     ($prefix:literal: $($name:ident)+) => {{
         let names = &[$(concat!($prefix, stringify!($name))),+];
         let mut table = [("", 0); [$(stringify!($name)),+].len()];
-        let mut at = 0;
+        let (mut at, mut number) = (0, 0);
         while at < table.len() {
-            table[at] = (names[at], at as u32);
-            at += 1;
+            table[at] = (names[at], number);
+            (at, number) = (at + 1, number + 1);
         }
         table
     }};
