@@ -186,6 +186,19 @@ impl Library {
         self.definitions.is_empty()
     }
 
+    /// All definitions, in no order.
+    pub fn definitions(&self) -> impl Iterator<Item = &Arc<Definition>> {
+        self.definitions.values()
+    }
+
+    /// Names of all definitions, sorted.
+    #[must_use]
+    pub fn names(&self) -> Vec<&str> {
+        let mut names: Vec<&str> = self.definitions.keys().map(|name| &**name).collect();
+        names.sort_unstable();
+        names
+    }
+
     /// What could not be read.
     #[must_use]
     pub fn problems(&self) -> &[String] {

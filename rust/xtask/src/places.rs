@@ -53,6 +53,11 @@ impl Places {
         self.cache.join("host-25.08")
     }
 
+    /// `MaterialX`'s data libraries of the host.
+    pub(crate) fn materialx(&self) -> PathBuf {
+        self.host().join("python/bpy/lib/materialx/libraries")
+    }
+
     /// Folder of the host that holds the Python package `pxr`.
     pub(crate) fn host_site(&self) -> PathBuf {
         self.host().join("python/bpy/5.0/python/lib/python3.11/site-packages")

@@ -179,11 +179,14 @@ fn program_script(places: &Places, script: &str) -> String {
     let python = shell_word(&path(&places.venv_python(crate::host::HOST_VENV.name)));
     let runner = shell_word(&path(&places.repo.join(script)));
     let resources = shell_word(&path(&places.wheel_resources()));
+    let materialx = shell_word(&path(&places.materialx()));
     // -I: a PYTHONPATH that leads to another OpenUSD must not get into this process.
     format!(
         "#!/bin/sh\n# Written by `cargo xtask \
         build`.\nPXR_PLUGINPATH_NAME={resources}${{PXR_PLUGINPATH_NAME:+:$PXR_PLUGINPATH_NAME}}\n\
-         export PXR_PLUGINPATH_NAME\nexec {python} -I {runner} \"$@\"\n"
+         export PXR_PLUGINPATH_NAME\n\
+         [ -n \"$PXR_MTLX_STDLIB_SEARCH_PATHS\" ] || PXR_MTLX_STDLIB_SEARCH_PATHS={materialx}\n\
+         export PXR_MTLX_STDLIB_SEARCH_PATHS\nexec {python} -I {runner} \"$@\"\n"
     )
 }
 
@@ -207,5 +210,9 @@ mod tests {
         let script = program_script(&places, "plugin/usdrecord");
         assert!(script.contains("exec /c/venv-host/bin/python -I '/r p/plugin/usdrecord' \"$@\""), "{script}");
         assert!(script.contains("${PXR_PLUGINPATH_NAME:+:$PXR_PLUGINPATH_NAME}"), "{script}");
+        assert!(
+            script.contains("] || PXR_MTLX_STDLIB_SEARCH_PATHS=/c/host-25.08/"),
+            "the user's libraries win: {script}"
+        );
     }
 }

@@ -14,6 +14,9 @@ use crate::process::shell_word;
 /// The plugin's resources below an install prefix, to be named in `PXR_PLUGINPATH_NAME`.
 pub(crate) const INSTALLED_RESOURCES: &str = "plugin/usd/hdOocPT/resources";
 
+/// Where OpenUSD and the renderer look for `MaterialX`'s data libraries.
+const MATERIALX: &str = "PXR_MTLX_STDLIB_SEARCH_PATHS";
+
 /// A variable and how it is set.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Setting {
@@ -21,6 +24,8 @@ pub(crate) enum Setting {
     Prepend(&'static str, PathBuf),
     /// Set, whatever it was.
     Set(&'static str, PathBuf),
+    /// Set where it is not set, or empty.
+    Default(&'static str, PathBuf),
 }
 
 /// The SDK that the user named, if any.
@@ -53,6 +58,7 @@ pub(crate) fn interpreters(places: &Places) -> Vec<Setting> {
         Setting::Set("OOCPT_USD_PYTHON", places.venv_python(USD_VENV.name)),
         Setting::Set("OOCPT_HOST_ROOT", places.host()),
         Setting::Set("OOCPT_BUILD", places.wheel_build()),
+        Setting::Default(MATERIALX, places.materialx()),
     ]
 }
 
@@ -63,6 +69,7 @@ pub(crate) fn for_sdk(usd: &Path, prefix: &Path) -> Vec<Setting> {
         Setting::Prepend("PYTHONPATH", usd.join("lib/python")),
         Setting::Prepend("LD_LIBRARY_PATH", usd.join("lib")),
         Setting::Prepend("PXR_PLUGINPATH_NAME", prefix.join(INSTALLED_RESOURCES)),
+        Setting::Default(MATERIALX, usd.join("libraries")),
     ]
 }
 
@@ -73,6 +80,9 @@ pub(crate) fn exports(settings: &[Setting]) -> String {
             format!("export {name}={}${{{name}:+:${name}}}\n", shell_word(&path.to_string_lossy()))
         }
         Setting::Set(name, path) => format!("export {name}={}\n", shell_word(&path.to_string_lossy())),
+        Setting::Default(name, path) => {
+            format!("[ -n \"${{{name}:-}}\" ] || {name}={}\nexport {name}\n", shell_word(&path.to_string_lossy()))
+        }
     };
     settings.iter().map(line).collect()
 }
@@ -82,6 +92,8 @@ pub(crate) fn apply(settings: &[Setting], command: &mut std::process::Command) {
     for setting in settings {
         match setting {
             Setting::Set(name, path) => command.env(name, path),
+            Setting::Default(name, _) if env::var_os(name).is_some_and(|old| !old.is_empty()) => command,
+            Setting::Default(name, path) => command.env(name, path),
             Setting::Prepend(name, path) => {
                 let mut list = path.clone().into_os_string();
                 if let Some(old) = env::var_os(name).filter(|old| !old.is_empty()) {
@@ -109,6 +121,14 @@ mod tests {
         assert_eq!(fresh, "/new dir|/it's", "an unset list has no trailing colon");
         let extended = capture(Command::new("sh").args(["-c", &script]).env("A_LIST", "/old")).unwrap();
         assert_eq!(extended, "/new dir:/old|/it's", "the user's entries are kept");
+    }
+
+    #[test]
+    fn a_default_gives_way() {
+        let settings = [Setting::Default("A_DEFAULT", "/new dir".into())];
+        let script = format!("{}printf '%s' \"$A_DEFAULT\"", exports(&settings));
+        let shell = |old: &str| capture(Command::new("sh").args(["-c", &script]).env("A_DEFAULT", old)).unwrap();
+        assert_eq!((shell("").as_str(), shell("/old").as_str()), ("/new dir", "/old"), "empty is not set");
     }
 
     #[test]

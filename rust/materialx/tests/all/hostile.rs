@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Networks that nobody means: random ones, circles, long chains, wrong types.
+
+use oocpt_materialx::eval::run;
+use oocpt_materialx::network::{Network, Node};
+use oocpt_materialx::program::{MAX_CONSTANTS, MAX_INSTRUCTIONS, MAX_LOOKUPS, Operand, REGISTERS};
+use oocpt_materialx::value::Value;
+use oocpt_materialx::{InputSource, translate};
+use proptest::prelude::*;
+
+use crate::support::{file, library, node, number, text, translated};
+
+/// Networks of random nodes, inputs and connections.
+const NETWORKS: u32 = if cfg!(debug_assertions) { 100 } else { 400 };
+
+fn any_value() -> impl Strategy<Value = Value> {
+    prop_oneof![
+        any::<[f32; 4]>().prop_map(|v| Value::Numbers(v.map(|v| if v.is_finite() { v } else { 0.0 }))),
+        (-2.0_f32..3.0).prop_map(number),
+        "[a-z]{0,6}".prop_map(|word| text(&word)),
+        Just(file("a.png")),
+    ]
+}
+
+prop_compose! {
+    fn any_node(count: usize)(
+        kind in any::<prop::sample::Index>(),
+        inputs in prop::collection::vec((any::<prop::sample::Index>(), 0..count + 1, any_value(), any::<bool>()), 0..6),
+    ) -> Node {
+        let names: Vec<_> = library().names();
+        let kind = names[kind.index(names.len())];
+        let definition = library().definition(kind).expect("it is listed");
+        let mut made = node(kind, &[], &[]);
+        for (input, upstream, value, is_connected) in inputs {
+            let Some(input) = definition.inputs.get(input.index(definition.inputs.len().max(1))) else { continue };
+            if is_connected {
+                made.connections.push((input.name.clone(), upstream, "out".into()));
+            } else {
+                made.values.push((input.name.clone(), value));
+            }
+        }
+        made
+    }
+}
+
+/// Everything that a translation promises.
+fn check(network: &Network) {
+    let translation = translate(network, library());
+    let program = &translation.program;
+    assert!(program.instructions.len() <= MAX_INSTRUCTIONS && program.constants.len() <= MAX_CONSTANTS);
+    assert!(program.lookups.len() <= MAX_LOOKUPS);
+    for instruction in &program.instructions {
+        assert!(usize::from(instruction.to) < REGISTERS);
+        for operand in instruction.operands {
+            match operand {
+                Operand::Register(at) => assert!(usize::from(at) < REGISTERS),
+                Operand::Constant(at) => assert!(usize::from(at) < program.constants.len()),
+            }
+        }
+    }
+    let textures = translation.uses.textures.len();
+    assert!(program.lookups.iter().all(|lookup| (lookup.texture as usize) < textures));
+    let Some(inputs) = translation.inputs else {
+        assert!(!translation.problems.is_empty(), "a surface that is none says why");
+        return;
+    };
+    for input in inputs {
+        match input {
+            InputSource::Constant(value) => assert!(value.iter().all(|v| v.is_finite()), "{value:?}"),
+            InputSource::Texture(lookup, _) => assert!((lookup.texture as usize) < textures),
+            InputSource::Primvar(slot) => assert!(usize::from(slot) < translation.uses.primvars.len()),
+            InputSource::Register(at) => assert!(usize::from(at) < REGISTERS && !program.instructions.is_empty()),
+        }
+    }
+    let registers = run(program, |_| [0.3, -0.7, 1.9, 0.0], |_, _| [0.2, 0.4, 0.6, 1.0]);
+    assert!(registers.as_flattened().iter().all(|v| v.is_finite()), "{registers:?}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: NETWORKS, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn random_networks_are_translated_or_refused(
+        nodes in (2..12_usize).prop_flat_map(|count| prop::collection::vec(any_node(count), count)),
+        is_surface in any::<bool>(),
+    ) {
+        let mut nodes = nodes;
+        if is_surface {
+            let surface = node("ND_open_pbr_surface_surfaceshader", &[], &[("base_color", 1), ("specular_roughness", 1)]);
+            nodes[0] = surface;
+        }
+        check(&Network { nodes, surface: 0 });
+    }
+}
+
+#[test]
+fn a_circle_is_one_problem() {
+    let translation = translated(vec![
+        node("ND_open_pbr_surface_surfaceshader", &[], &[("base_color", 1)]),
+        node("ND_add_color3", &[], &[("in1", 2)]),
+        node("ND_multiply_color3", &[], &[("in1", 1)]),
+    ]);
+    assert_eq!(translation.problems.len(), 1, "{:?}", translation.problems);
+    assert!(translation.problems[0].contains("in a circle"), "{:?}", translation.problems);
+}
+
+#[test]
+fn a_chain_that_is_too_long_is_a_problem() {
+    let mut nodes = vec![node("ND_open_pbr_surface_surfaceshader", &[], &[("base_color", 1)])];
+    for at in 1..4000_usize {
+        nodes.push(node("ND_add_color3", &[("in2", number(0.001))], &[("in1", at + 1)]));
+    }
+    let translation = translated(nodes);
+    assert!(translation.problems.iter().any(|problem| problem.contains("too large")), "{:?}", translation.problems);
+}
+
+/// More values at a time than there are registers: their middles stand for them.
+#[test]
+fn more_than_a_program_may_have_is_a_problem() {
+    let mut nodes =
+        vec![node("ND_open_pbr_surface_surfaceshader", &[("base_weight", number(1.0))], &[("base_color", 1)])];
+    for at in 0..40_usize {
+        let sum = nodes.len();
+        nodes.push(node("ND_add_color3", &[], &[("in1", sum + 1), ("in2", sum + 2)]));
+        nodes.push(node("ND_image_color3", &[("file", file(&format!("{at}.png")))], &[]));
+    }
+    nodes.push(node("ND_image_color3", &[("file", file("last.png"))], &[]));
+    check(&Network { nodes: nodes.clone(), surface: 0 });
+    let translation = translated(nodes);
+    assert!(
+        translation.problems.iter().any(|problem| problem.contains("texture lookups")),
+        "{:?}",
+        translation.problems
+    );
+}
+
+#[test]
+fn no_surface_is_a_problem() {
+    for network in [Network::default(), Network { nodes: vec![node("ND_add_float", &[], &[])], surface: 0 }] {
+        let translation = translate(&network, library());
+        assert!(translation.inputs.is_none() && translation.problems.len() == 1, "{translation:?}");
+    }
+}

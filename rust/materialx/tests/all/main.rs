@@ -1,0 +1,11 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Networks translated: against what `MaterialX` says they are, and against hostile ones.
+
+#[cfg(test)]
+mod definitions;
+#[cfg(test)]
+mod hostile;
+#[cfg(test)]
+mod support;
+#[cfg(test)]
+mod surfaces;

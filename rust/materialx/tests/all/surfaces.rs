@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Surface models as inputs of the BSDF, textures with their places, programs.
+
+use oocpt_materialx::InputSource;
+use oocpt_materialx::program::Geometry;
+use oocpt_materialx::surface::Input;
+
+use crate::support::{file, node, number, sound, source, text, translated, value, vector};
+
+const STANDARD: &str = "ND_standard_surface_surfaceshader";
+const OPEN_PBR: &str = "ND_open_pbr_surface_surfaceshader";
+
+fn constant(source: InputSource) -> [f32; 4] {
+    match source {
+        InputSource::Constant(value) => value,
+        other => panic!("no constant: {other:?}"),
+    }
+}
+
+#[test]
+fn a_standard_surface_is_its_constants() {
+    let translation = sound(vec![node(
+        STANDARD,
+        &[
+            ("base", number(0.5)),
+            ("base_color", vector(0.8, 0.4, 0.2)),
+            ("metalness", number(1.0)),
+            ("coat", number(0.3)),
+        ],
+        &[],
+    )]);
+    let of = |input| constant(source(&translation, input));
+    assert_eq!(of(Input::DiffuseColor)[..3], [0.4, 0.2, 0.1]);
+    assert_eq!((of(Input::Metallic)[0], of(Input::Roughness)[0], of(Input::Clearcoat)[0]), (1.0, 0.2, 0.3));
+    assert!(!translation.specular_workflow && translation.program.instructions.is_empty(), "{translation:?}");
+}
+
+/// F0 = weight ((n - 1) / (n + 1))^2, as an index without transmission and as a colour with a tint.
+#[test]
+fn the_weight_of_a_reflection_is_its_reflectance() {
+    let weighed = sound(vec![node(OPEN_PBR, &[("specular_weight", number(0.5))], &[])]);
+    let ior = constant(source(&weighed, Input::Ior))[0];
+    let reflectance = ((ior - 1.0) / (ior + 1.0)).powi(2);
+    assert!((reflectance - 0.02).abs() < 1e-6 && !weighed.specular_workflow, "{ior}");
+    let tinted = sound(vec![node(OPEN_PBR, &[("specular_color", vector(1.0, 0.5, 0.25))], &[])]);
+    let color = constant(source(&tinted, Input::SpecularColor));
+    assert!((color[1] - 0.02).abs() < 1e-6 && tinted.specular_workflow, "{color:?}");
+}
+
+#[test]
+fn images_are_textures_of_the_surface_itself() {
+    let translation = sound(vec![
+        node(STANDARD, &[("base", number(1.0))], &[("base_color", 1), ("specular_roughness", 2), ("normal", 4)]),
+        node("ND_image_color3", &[("file", file("color.png"))], &[]),
+        node("ND_image_float", &[("file", file("rough.png"))], &[("texcoord", 3)]),
+        node("ND_place2d_vector2", &[("scale", vector(0.5, 0.25, 0.0))], &[]),
+        node("ND_normalmap_float", &[("scale", number(2.0))], &[("in", 5)]),
+        node("ND_image_vector3", &[("file", file("normal.png")), ("uaddressmode", text("clamp"))], &[]),
+    ]);
+    assert!(translation.program.instructions.is_empty(), "no program: {translation:?}");
+    let InputSource::Texture(color, None) = source(&translation, Input::DiffuseColor) else {
+        panic!("{translation:?}")
+    };
+    assert_eq!((color.uv, color.transform), (Some(0), [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]));
+    let InputSource::Texture(rough, Some(0)) = source(&translation, Input::Roughness) else {
+        panic!("{translation:?}")
+    };
+    assert_eq!(rough.transform, [[2.0, 0.0, 0.0], [0.0, 4.0, 0.0]], "divided by the scale");
+    let InputSource::Texture(normal, None) = source(&translation, Input::Normal) else { panic!("{translation:?}") };
+    assert_eq!((&normal.scale[..3], &normal.bias[..3]), (&[4.0, 4.0, 2.0][..], &[-2.0, -2.0, -1.0][..]));
+    let names: Vec<&str> = translation.uses.textures.iter().map(|texture| &*texture.file.resolved).collect();
+    assert_eq!(names, ["color.png", "rough.png", "normal.png"]);
+    assert_eq!(&*translation.uses.uv_sets[0], "st");
+}
+
+/// Noise chooses between two colours: a program, whose result is that of the noise itself.
+#[test]
+fn patterns_become_a_program() {
+    let translation = sound(vec![
+        node(OPEN_PBR, &[("base_weight", number(1.0))], &[("base_color", 1), ("specular_roughness", 2)]),
+        node("ND_mix_color3", &[("fg", vector(1.0, 0.5, 0.0)), ("bg", vector(0.0, 0.5, 1.0))], &[("mix", 2)]),
+        node("ND_noise3d_float", &[("amplitude", number(0.5)), ("pivot", number(0.5))], &[]),
+    ]);
+    let at = |what: Geometry| if what == Geometry::Primvar0 { [1.3, 2.7, -0.4, 0.0] } else { [0.0; 4] };
+    let color = value(&translation, Input::DiffuseColor, at, |_, _| [0.0; 4]);
+    let share = value(&translation, Input::Roughness, at, |_, _| [0.0; 4])[0];
+    assert!(share > 0.05 && share < 0.95 && share != 0.5, "{share}");
+    assert!((color[0] - share).abs() < 1e-6 && (color[2] - (1.0 - share)).abs() < 1e-6, "{color:?} {share}");
+    assert_eq!(&*translation.uses.primvars[0].name, oocpt_materialx::uses::Uses::POSITION);
+}
+
+/// A product of two textures is a program with two lookups that know their places.
+#[test]
+fn products_of_textures_are_worked_out() {
+    let translation = sound(vec![
+        node(OPEN_PBR, &[("base_weight", number(1.0))], &[("base_color", 1)]),
+        node("ND_multiply_color3", &[], &[("in1", 2), ("in2", 3)]),
+        node("ND_image_color3", &[("file", file("a.png"))], &[]),
+        node("ND_image_color3", &[("file", file("b.png"))], &[]),
+    ]);
+    assert_eq!(translation.program.lookups.len(), 2);
+    let texel = |lookup: &oocpt_materialx::program::Lookup, _| {
+        [[0.5, 0.25, 0.125, 1.0], [0.5, 0.5, 1.0, 1.0]][lookup.texture as usize]
+    };
+    let color = value(&translation, Input::DiffuseColor, |_| [0.0; 4], texel);
+    assert_eq!(color[..3], [0.25, 0.125, 0.125]);
+}
+
+/// A place that a texture distorts is an operand of the lookup.
+#[test]
+fn a_place_that_another_texture_moves_is_worked_out() {
+    let translation = sound(vec![
+        node(OPEN_PBR, &[("base_weight", number(1.0))], &[("base_color", 1)]),
+        node("ND_image_color3", &[("file", file("a.png"))], &[("texcoord", 2)]),
+        node("ND_image_vector2", &[("file", file("b.png"))], &[]),
+    ]);
+    let texel = |lookup: &oocpt_materialx::program::Lookup, place: [f32; 2]| {
+        if translation.uses.textures[lookup.texture as usize].file.resolved.starts_with('b') {
+            [0.75, 0.125, 0.0, 1.0]
+        } else {
+            [place[0], place[1], 0.0, 1.0]
+        }
+    };
+    let color = value(&translation, Input::DiffuseColor, |_| [0.0; 4], texel);
+    assert_eq!(color[..2], [0.75, 0.125]);
+}
+
+#[test]
+fn glass_fuzz_and_coat_have_inputs_of_their_own() {
+    let translation = sound(vec![node(
+        OPEN_PBR,
+        &[
+            ("transmission_weight", number(1.0)),
+            ("transmission_color", vector(0.9, 1.0, 0.8)),
+            ("fuzz_weight", number(0.5)),
+            ("fuzz_color", vector(1.0, 0.5, 0.0)),
+            ("coat_weight", number(1.0)),
+            ("coat_ior", number(1.7)),
+            ("geometry_opacity", number(0.5)),
+        ],
+        &[],
+    )]);
+    let of = |input| constant(source(&translation, input));
+    assert_eq!(of(Input::TransmissionColor)[..3], [0.9, 1.0, 0.8]);
+    assert_eq!(of(Input::SheenColor)[..3], [0.5, 0.25, 0.0]);
+    assert_eq!((of(Input::Transmission)[0], of(Input::CoatIor)[0], of(Input::Opacity)[0]), (1.0, 1.7, 0.5));
+}
+
+#[test]
+fn every_model_is_a_surface() {
+    for (kind, values) in [
+        (
+            "ND_gltf_pbr_surfaceshader",
+            vec![("alpha_mode", number(1.0)), ("alpha", number(0.25)), ("metallic", number(0.5))],
+        ),
+        ("ND_disney_principled", vec![("metallic", number(0.5))]),
+        ("ND_UsdPreviewSurface_surfaceshader", vec![("metallic", number(0.5)), ("opacityThreshold", number(0.5))]),
+    ] {
+        let translation = sound(vec![node(kind, &values, &[])]);
+        assert_eq!(constant(source(&translation, Input::Metallic))[0], 0.5, "{kind}");
+    }
+    let unlit = sound(vec![node(
+        "ND_surface_unlit",
+        &[("emission", number(2.0)), ("emission_color", vector(1.0, 0.5, 0.0))],
+        &[],
+    )]);
+    assert_eq!(constant(source(&unlit, Input::EmissiveColor))[..3], [2.0, 1.0, 0.0]);
+}
+
+/// surface(layer(dielectric over diffuse)) is plastic; mixed with a conductor, half of it is metal.
+#[test]
+fn closures_reduce_to_a_slab() {
+    let plastic = || {
+        vec![
+            node("ND_surface", &[], &[("bsdf", 1)]),
+            node("ND_layer_bsdf", &[], &[("top", 2), ("base", 3)]),
+            node("ND_dielectric_bsdf", &[("ior", number(1.4)), ("roughness", vector(0.04, 0.04, 0.0))], &[]),
+            node("ND_oren_nayar_diffuse_bsdf", &[("color", vector(0.8, 0.2, 0.1))], &[]),
+        ]
+    };
+    let translation = sound(plastic());
+    let of = |translation: &_, input| constant(source(translation, input));
+    assert_eq!(of(&translation, Input::DiffuseColor)[..3], [0.8, 0.2, 0.1]);
+    assert!(
+        (of(&translation, Input::Roughness)[0] - 0.2).abs() < 1e-6
+            && (of(&translation, Input::Ior)[0] - 1.4).abs() < 1e-6
+    );
+    let mut nodes = plastic();
+    nodes[0] = node("ND_surface", &[], &[("bsdf", 4)]);
+    nodes.push(node("ND_mix_bsdf", &[("mix", number(0.5))], &[("bg", 1), ("fg", 5)]));
+    nodes.push(node("ND_conductor_bsdf", &[("roughness", vector(0.04, 0.04, 0.0))], &[]));
+    assert_eq!(of(&sound(nodes), Input::Metallic)[0], 0.5);
+}
+
+#[test]
+fn what_is_left_out_is_said_once_with_the_prim() {
+    let translation = translated(vec![node(
+        STANDARD,
+        &[
+            ("specular_anisotropy", number(0.5)),
+            ("coat_anisotropy", number(0.5)),
+            ("thin_film_thickness", number(400.0)),
+        ],
+        &[],
+    )]);
+    assert_eq!(translation.problems, [format!("/m/{STANDARD}: not supported yet: anisotropy, thin films")]);
+    assert!(translation.inputs.is_some(), "the rest is there");
+}
