@@ -32,7 +32,8 @@ pub fn evaluate(op: Op, operands: [[f32; 4]; 3], immediate: u16) -> [f32; 4] {
 }
 
 /// Runs a program from registers of 0. `surface` says what the surface has, `lookup` what a texture lookup gives at a
-/// place, scale and bias included. Registers and constants that the program does not have are 0.
+/// place, scale and bias included; with bit 8 of its `immediate` the lookup knows the place. Registers and constants
+/// that the program does not have are 0.
 pub fn run(
     program: &Program,
     surface: impl Fn(Geometry) -> [f32; 4],
@@ -52,7 +53,7 @@ pub fn run(
             Op::Surface => GEOMETRY.get(at).map(|&geometry| surface(geometry)).unwrap_or_default(),
             Op::Texture => {
                 let [u, v, ..] = operands[0].map(number);
-                program.lookups.get(at).map(|found| lookup(found, [u, v])).unwrap_or_default()
+                program.lookups.get(at & 255).map(|found| lookup(found, [u, v])).unwrap_or_default()
             }
             _ => evaluate(op, operands, immediate),
         };

@@ -127,7 +127,8 @@ pub enum Op {
     Fractal2 = 49,
     /// What the surface has: `immediate` is a [`Geometry`].
     Surface = 50,
-    /// The texel of lookup `immediate` of the program ([`Lookup`]) at a.xy.
+    /// The texel of a lookup of the program ([`Lookup`]), whose number is the low byte of `immediate`: at a.xy, or with
+    /// bit 8 at the place that the lookup's own map says.
     Texture = 51,
 }
 

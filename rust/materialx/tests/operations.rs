@@ -136,7 +136,7 @@ fn programs_run_in_order() {
         instructions: vec![
             step(Op::Surface, 1, [r(0); 3], Geometry::Uv1 as u16),
             step(Op::MultiplyAdd, 1, [r(1), c(0), c(1)], 0),
-            step(Op::Texture, 2, [r(1), r(0), r(0)], 0),
+            step(Op::Texture, 2, [r(1), r(0), r(0)], 256),
             step(Op::Add, 3, [r(2), c(1), r(0)], 0),
         ],
         constants: vec![[2.0; 4], [0.5; 4]],
