@@ -7,6 +7,7 @@
 
 use std::collections::HashMap;
 
+use crate::eval::number;
 use crate::expression::{Expressions, Val};
 use crate::library::Library;
 use crate::network::{MAX_NODES, Network};
@@ -65,6 +66,9 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
     let mut walker = Walker::new(network, library);
     let Some(slab) = walker.slab() else {
         nothing.problems = walker.problems;
+        if nothing.problems.is_empty() {
+            nothing.problems.push("its surface is mixed of what is not connected".to_owned());
+        }
         return nothing;
     };
     let lowered = walker.lower(&slab);
@@ -326,6 +330,7 @@ impl Assembler<'_> {
     }
 
     fn constant(&mut self, value: [f32; 4]) -> Result<Operand, &'static str> {
+        let value = value.map(number);
         let same = |known: &[f32; 4]| known.map(f32::to_bits) == value.map(f32::to_bits);
         let at = match self.program.constants.iter().position(same) {
             Some(at) => at,

@@ -14,7 +14,7 @@ use crate::program::{Geometry, Instruction, Lookup, Op, Operand, Program, REGIST
 type Vec4 = [f32; 4];
 
 /// Numbers that are neither normal nor 0 are +0, and so is -0.
-fn number(x: f32) -> f32 {
+pub(crate) fn number(x: f32) -> f32 {
     if x.is_normal() { x } else { 0.0 }
 }
 

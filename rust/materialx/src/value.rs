@@ -22,7 +22,11 @@ pub enum Type {
     Text,
     /// `filename`.
     File,
-    /// Anything else: closures, matrices, arrays.
+    /// `matrix33`.
+    Matrix3,
+    /// `matrix44`.
+    Matrix4,
+    /// Anything else: closures, arrays.
     Other,
 }
 
@@ -39,6 +43,8 @@ impl Type {
             "color4" => Self::Color4,
             "string" => Self::Text,
             "filename" => Self::File,
+            "matrix33" => Self::Matrix3,
+            "matrix44" => Self::Matrix4,
             _ => Self::Other,
         }
     }
@@ -51,7 +57,7 @@ impl Type {
             Self::Vector2 => 2,
             Self::Vector3 | Self::Color3 => 3,
             Self::Vector4 | Self::Color4 => 4,
-            Self::Text | Self::File | Self::Other => 0,
+            Self::Text | Self::File | Self::Matrix3 | Self::Matrix4 | Self::Other => 0,
         }
     }
 }
@@ -78,6 +84,8 @@ pub enum Value {
     Text(Arc<str>),
     /// A file.
     File(FileRef),
+    /// Rows of a matrix, which vectors are multiplied by from the left; what is missing is 0.
+    Matrix([[f32; 4]; 4]),
 }
 
 impl Value {
@@ -88,6 +96,8 @@ impl Value {
             Type::Text => return Some(Self::Text(text.into())),
             Type::Float if text == "true" => return Some(Self::Numbers([1.0; 4])),
             Type::Float if text == "false" => return Some(Self::Numbers([0.0; 4])),
+            Type::Matrix3 => return matrix(text, 3),
+            Type::Matrix4 => return matrix(text, 4),
             Type::File | Type::Other => return None,
             _ => {}
         }
@@ -104,4 +114,16 @@ impl Value {
             _ => None,
         }
     }
+}
+
+/// Reads a matrix of `width` rows.
+fn matrix(text: &str, width: usize) -> Option<Value> {
+    let mut rows = [[0.0; 4]; 4];
+    let mut count = 0;
+    for part in text.split(',') {
+        let number = part.trim().parse::<f32>().ok().filter(|number| number.is_finite())?;
+        *rows.get_mut(count / width)?.get_mut(count % width)? = number;
+        count += 1;
+    }
+    (count == width * width).then_some(Value::Matrix(rows))
 }

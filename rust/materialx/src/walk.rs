@@ -25,6 +25,8 @@ pub(crate) enum Bound {
     Number(Val),
     Text(Arc<str>),
     File(FileRef),
+    /// Rows.
+    Matrix([[f32; 4]; 4]),
 }
 
 impl Bound {
@@ -33,6 +35,7 @@ impl Bound {
             Value::Numbers(numbers) => Self::Number(Val::Constant(*numbers)),
             Value::Text(text) => Self::Text(Arc::clone(text)),
             Value::File(file) => Self::File(file.clone()),
+            Value::Matrix(rows) => Self::Matrix(*rows),
         }
     }
 }

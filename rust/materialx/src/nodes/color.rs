@@ -51,6 +51,7 @@ impl Walker<'_> {
     }
 
     /// What `fg` and `bg` give, mixed into `bg` by `mix`.
+    #[expect(clippy::too_many_lines, reason = "a line or two of algebra for each operation")]
     fn composite(&mut self, at: At, category: &str) -> Option<Val> {
         if !matches!(
             category,

@@ -3,7 +3,8 @@
 
 use crate::expression::Val;
 use crate::program::Op;
-use crate::walk::{At, Walker};
+use crate::value::Type;
+use crate::walk::{At, Bound, Walker};
 
 /// What the operation of one operand is.
 fn unary(category: &str) -> Option<Op> {
@@ -91,6 +92,7 @@ impl Walker<'_> {
                 let width = self.input_type(at, "in").width();
                 self.expressions.op(Op::Length, [a, Val::ZERO, Val::ZERO], width)
             }
+            "transformmatrix" => self.transform_matrix(at),
             "rotate2d" => self.rotate2d(at),
             "rotate3d" => self.rotate3d(at),
             _ => return None,
@@ -106,6 +108,25 @@ impl Walker<'_> {
         let scaled = e.multiply(off, range);
         let share = e.divide(scaled, width);
         e.add(out_low, share)
+    }
+
+    /// in times the matrix; a vector that is shorter than its rows goes on with 1, as a point does. Of matrices that are
+    /// worked out by other nodes nothing is known.
+    fn transform_matrix(&mut self, at: At) -> Val {
+        let a = self.input_in(at);
+        let Some(Bound::Matrix(rows)) = self.input(at, "mat") else { return a };
+        let width = self.input_type(at, "in").width();
+        let is_point = match self.input_type(at, "mat") {
+            Type::Matrix3 => width == 2,
+            _ => width == 3,
+        };
+        let e = &mut self.expressions;
+        let mut sum = if is_point { Val::Constant(rows[usize::from(width)]) } else { Val::ZERO };
+        for (row, k) in rows.iter().zip(0..width) {
+            let part = e.component(a, k);
+            sum = e.op(Op::MultiplyAdd, [part, Val::Constant(*row), sum], 0);
+        }
+        sum
     }
 
     /// Sine and cosine of an angle in degrees.

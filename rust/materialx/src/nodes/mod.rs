@@ -7,6 +7,7 @@ mod color;
 mod flow;
 mod geometric;
 mod math;
+mod pbr;
 mod procedural;
 mod texture;
 
@@ -42,6 +43,9 @@ impl Walker<'_> {
             return Some(found);
         }
         if let Some(found) = self.procedural(at, category, ty) {
+            return Some(found);
+        }
+        if let Some(found) = self.pbr(at, category, output) {
             return Some(found);
         }
         self.texture_node(at, category, ty, output)

@@ -53,9 +53,10 @@ fn images_are_textures_of_the_surface_itself() {
         node(STANDARD, &[("base", number(1.0))], &[("base_color", 1), ("specular_roughness", 2), ("normal", 4)]),
         node("ND_image_color3", &[("file", file("color.png"))], &[]),
         node("ND_image_float", &[("file", file("rough.png"))], &[("texcoord", 3)]),
-        node("ND_place2d_vector2", &[("scale", vector(0.5, 0.25, 0.0))], &[]),
+        node("ND_place2d_vector2", &[("scale", vector(0.5, 0.25, 0.0))], &[("texcoord", 6)]),
         node("ND_normalmap_float", &[("scale", number(2.0))], &[("in", 5)]),
         node("ND_image_vector3", &[("file", file("normal.png")), ("uaddressmode", text("clamp"))], &[]),
+        node("ND_texcoord_vector2", &[], &[]),
     ]);
     assert!(translation.program.instructions.is_empty(), "no program: {translation:?}");
     let InputSource::Texture(color, None) = source(&translation, Input::DiffuseColor) else {

@@ -199,7 +199,7 @@ pub(super) mod probe {
         let mut block = Frame { rays, radiance, lighting: tables.lighting, seed: 3, ..Frame::zeroed() };
         let mut features = table.features();
         let mut kept = Vec::new();
-        if let Some(SurfaceEntries { materials, prims, slots }) = surfaces {
+        if let Some(SurfaceEntries { materials, prims, slots, .. }) = surfaces {
             features |= Features::MATERIALS | Features::EMISSION;
             let mut put = |bytes: &[u8]| {
                 let table = buffer("table", bytes.len() as u64, Usage::Upload);

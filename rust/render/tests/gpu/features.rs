@@ -4,7 +4,8 @@
 //! feature without a row fails.
 
 use crate::lights::{TestFiles, light};
-use crate::materials::{Ramps, board, coordinates, painted, plain, textured, with};
+use crate::materials::materialx::noisy;
+use crate::materials::{Ramps, board, coordinates, material, node, painted, plain, textured, with};
 use crate::scenes::{constant, dome, glow, instanced, instancer, prim, sun};
 use crate::support::{self, orthographic, read, request, settings};
 use glam::{DMat4, DQuat, DVec3};
@@ -91,6 +92,11 @@ fn ball() -> LightDesc {
 
 fn dressed(db: &mut SceneDb, params: &[(&str, ParamValue)]) {
     db.upsert_material(plain("/material", params));
+    db.upsert_mesh(MeshDesc { material: Some("/material".into()), ..bare("/board") });
+}
+
+fn open_pbr(db: &mut SceneDb, params: &[(&str, ParamValue)]) {
+    db.upsert_material(material("/material", vec![node("ND_open_pbr_surface_surfaceshader", params, &[])]));
     db.upsert_mesh(MeshDesc { material: Some("/material".into()), ..bare("/board") });
 }
 
@@ -206,6 +212,13 @@ const ROWS: &[Row] = &[
           buffers: &["lighting", "material table", "prim table", "material slots", "BSDF tables", "cones", "texture table",
                      "texture pages", "sRGB table", "texture tiles, at most", "incomplete_paths", "texture feedback",
                      "requested tiles", "wanted tiles", "texture feedback copy", "mesh primvars", "mesh corners"], primvars: &["st"], ..BARE },
+    Row { what: "OpenPBR", build: |db| open_pbr(db, &[]), features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR"], buffers: OF_MATERIALS, ..BARE },
+    Row { what: "fuzz", build: |db| open_pbr(db, &[("fuzz_weight", ParamValue::Float(0.5))]),
+          features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "SHEEN"], buffers: OF_MATERIALS, ..BARE },
+    Row { what: "a pattern",
+          build: |db| { db.upsert_material(noisy("/material")); db.upsert_mesh(MeshDesc { material: Some("/material".into()), ..bare("/board") }); },
+          features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "PATTERNS"],
+          buffers: &["lighting", "material table", "prim table", "material slots", "BSDF tables", "pattern programs"], ..BARE },
     Row { what: "a glow",
           build: |db| { db.upsert_material(glow("/material", [1.0; 3])); db.upsert_mesh(MeshDesc { material: Some("/material".into()), ..bare("/board") }); },
           features: &["LIGHT_TABLE", "MATERIALS", "EMISSION", "MESH_LIGHTS"],

@@ -112,7 +112,7 @@ features! {
     /// Some material is one of `OpenPBR`: glass and coat with inputs of their own.
     OPEN_PBR: "OpenPBR: tinted glass, coats of another index", [MATERIALS], Materials;
     /// `Shading::sheen_color` counts.
-    SHEEN: "sheen, and tables of it", [MATERIALS, OPEN_PBR], Never;
+    SHEEN: "sheen, and tables of it", [MATERIALS], Never;
     /// Some material has a program: `Frame::programs` counts.
     PATTERNS: "programs of patterns", [MATERIALS], Materials;
     /// Some material emits light.

@@ -3,6 +3,7 @@
 
 mod inputs;
 mod instances;
+pub(super) mod materialx;
 mod patterns;
 mod pictures;
 mod primvars;

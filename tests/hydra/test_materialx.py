@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""MaterialX through Hydra, both front ends: documents that a scene references, networks that USD encodes, which of a
+material's networks counts, warnings."""
+
+import pytest
+
+import compare
+
+SETTINGS = {"oocpt:samplesPerPixel": 4, "oocpt:maxBounces": 1}
+
+SCENE = """#usda 1.0
+( defaultPrim = "World" upAxis = "Y" )
+def Xform "World"
+{{
+    def Camera "Camera"
+    {{
+        token projection = "orthographic"
+        float horizontalAperture = 20
+        float verticalAperture = 20
+        double3 xformOp:translate = (0, 0, 5)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }}
+    def Mesh "Board" (prepend apiSchemas = ["MaterialBindingAPI"])
+    {{
+        uniform token subdivisionScheme = "none"
+        int[] faceVertexCounts = [4]
+        int[] faceVertexIndices = [0, 1, 2, 3]
+        point3f[] points = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
+        texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] (interpolation = "vertex")
+        rel material:binding = <{binding}>
+    }}
+    {materials}
+}}
+"""
+
+DOCUMENT = """<?xml version="1.0"?>
+<materialx version="1.38" colorspace="lin_rec709">
+  <nodegraph name="NG">
+    <ramplr name="across" type="color3">
+      <input name="valuel" type="color3" value="1, 0, 0" />
+      <input name="valuer" type="color3" value="0, 0, 1" />
+    </ramplr>
+    <multiply name="half" type="color3">
+      <input name="in1" type="color3" nodename="across" />
+      <input name="in2" type="float" value="0.5" />
+    </multiply>
+    <output name="out" type="color3" nodename="half" />
+  </nodegraph>
+  <standard_surface name="SR" type="surfaceshader">
+    <input name="base" type="float" value="0" />
+    <input name="specular" type="float" value="0" />
+    <input name="emission" type="float" value="2" />
+    <input name="emission_color" type="color3" nodegraph="NG" output="out" />
+  </standard_surface>
+  <surfacematerial name="Glow" type="material">
+    <input name="surfaceshader" type="surfaceshader" nodename="SR" />
+  </surfacematerial>
+</materialx>
+"""
+
+OPEN_PBR = """
+    def Material "M"
+    {
+        token outputs:mtlx:surface.connect = </World/M/S.outputs:out>
+        token outputs:surface.connect = </World/M/P.outputs:surface>
+        def Shader "S"
+        {
+            uniform token info:id = "ND_open_pbr_surface_surfaceshader"
+            float inputs:base_weight = 0
+            float inputs:specular_weight = 0
+            float inputs:emission_luminance = 1
+            color3f inputs:emission_color.connect = </World/M/C.outputs:out>
+            token outputs:out
+        }
+        def Shader "C"
+        {
+            uniform token info:id = "ND_mix_color3"
+            color3f inputs:fg = (1, 0, 0.5)
+            color3f inputs:bg = (0, 1, 0.5)
+            float inputs:mix = 0.25
+            color3f outputs:out
+        }
+        def Shader "P"
+        {
+            uniform token info:id = "UsdPreviewSurface"
+            color3f inputs:emissiveColor = (9, 9, 9)
+            token outputs:surface
+        }
+    }
+"""
+
+
+def pixels(view):
+    return view.render()["color"][..., :3]
+
+
+def test_a_document_is_rendered(host, tmp_path):
+    """A referenced .mtlx: its ramp goes from red to blue over the board."""
+    (tmp_path / "glow.mtlx").write_text(DOCUMENT)
+    reference = f'def "Looks" (references = @{tmp_path}/glow.mtlx@</MaterialX>) {{ }}'
+    scene = tmp_path / "scene.usda"
+    scene.write_text(SCENE.format(binding="/World/Looks/Materials/Glow", materials=reference))
+    with host.open(scene, (16, 16), settings=SETTINGS) as view:
+        image = pixels(view)
+    for column in range(16):
+        u = (column + 0.5) / 16
+        # Samples of a pixel are spread over its width.
+        compare.near(image[:, column].mean(axis=0), (1 - u, 0, u), 0.02, f"column {column}")
+
+
+def test_the_network_of_materialx_counts(host):
+    """Where a material has one for `mtlx` and one for every renderer, it is the first."""
+    with host.open(SCENE.format(binding="/World/M", materials=OPEN_PBR), (8, 8), settings=SETTINGS) as view:
+        compare.near(pixels(view), (0.25, 0.75, 0.5), 1e-5, "a mix that is constant")
+
+
+def test_an_edit_of_a_pattern_is_seen(host):
+    with host.open(SCENE.format(binding="/World/M", materials=OPEN_PBR), (8, 8), settings=SETTINGS) as view:
+        pixels(view)
+        view.edit("stage.GetAttributeAtPath('/World/M/C.inputs:mix').Set(1.0)")
+        compare.near(pixels(view), (1, 0, 0.5), 1e-5, "the front of the mix")
+
+
+@pytest.mark.parametrize(
+    "old, new, words",
+    [
+        ('"ND_mix_color3"', '"ND_blackbody"', "`blackbody`"),
+        ('"ND_mix_color3"', '"ND_no_such_node"', "no_such_node"),
+        ("color3f inputs:fg = (1, 0, 0.5)", "color3f inputs:fg.connect = </World/M/C.outputs:out>", "in a circle"),
+        ("float inputs:specular_weight = 0", "float inputs:thin_film_weight = 0.5", "not supported yet: thin films"),
+    ],
+    ids=["unsupported", "unknown", "circle", "left out"],
+)
+def test_what_is_not_understood_is_one_warning_with_the_prim(host, old, new, words):
+    assert old in OPEN_PBR
+    scene = SCENE.format(binding="/World/M", materials=OPEN_PBR.replace(old, new))
+    with host.open(scene, (8, 8), settings=SETTINGS) as view:
+        log = view.render().log
+    lines = [line for line in log.splitlines() if "/World/M" in line and "arning" in line]
+    assert len(lines) == 1 and words in lines[0], log
