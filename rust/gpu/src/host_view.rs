@@ -130,6 +130,7 @@ impl Gpu {
 
 impl HostView {
     /// The span that `address` lies in, and how far in it.
+    #[inline]
     fn find(&self, address: u64) -> Option<(&Span, u64)> {
         let after = self.spans.partition_point(|span| span.start <= address);
         let span = self.spans.get(after.checked_sub(1)?)?;
@@ -138,6 +139,7 @@ impl HostView {
     }
 
     /// The bytes from `address` to the end of its buffer; none where there is no memory, or where it is written.
+    #[inline]
     #[must_use]
     pub fn bytes(&self, address: u64) -> HostBytes<'_> {
         let found = self.find(address).filter(|(span, _)| !span.is_written);
@@ -156,6 +158,7 @@ impl HostView {
 }
 
 impl Span {
+    #[inline]
     fn rest(&self, offset: u64) -> Option<(*mut u8, usize)> {
         let bytes = usize::try_from(self.bytes - offset).ok()?;
         let offset = usize::try_from(offset).ok()?;
@@ -195,6 +198,22 @@ impl HostBytes<'_> {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bytes == 0
+    }
+
+    /// Asks the processor to bring the `index`-th `T` near; nothing where it does not fit.
+    #[inline]
+    pub fn prefetch<T>(&self, index: usize) {
+        let Some(at) = index.checked_mul(size_of::<T>()).filter(|at| *at < self.bytes) else { return };
+        #[cfg(target_arch = "x86_64")]
+        {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            // SAFETY: `at` is inside the mapped bytes.
+            let from = unsafe { self.at.add(at) }.cast::<i8>();
+            // SAFETY: SSE is part of x86-64, and a prefetch reads nothing that a program sees.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(from) };
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        let _: usize = at;
     }
 
     /// A copy of the `index`-th `T` from here; none where it does not fit.

@@ -10,8 +10,8 @@ pub(crate) struct V3(pub(crate) [f32; 3]);
 
 impl V3 {
     #[inline(always)]
-    pub(crate) fn map(self, f: impl FnMut(f32) -> f32) -> Self {
-        Self(self.0.map(f))
+    pub(crate) fn map(self, f: impl Fn(f32) -> f32) -> Self {
+        Self([f(self[0]), f(self[1]), f(self[2])])
     }
 
     /// The largest absolute component; NaN counts as nothing.
@@ -92,12 +92,14 @@ pub(crate) type Rows = [[f32; 4]; 3];
 
 #[inline(always)]
 pub(crate) fn apply_point(m: &Rows, p: V3) -> V3 {
-    V3([0, 1, 2].map(|i| m[i][0] * p[0] + (m[i][1] * p[1] + (m[i][2] * p[2] + m[i][3]))))
+    let row = |r: [f32; 4]| r[0] * p[0] + (r[1] * p[1] + (r[2] * p[2] + r[3]));
+    V3([row(m[0]), row(m[1]), row(m[2])])
 }
 
 #[inline(always)]
 pub(crate) fn apply_vector(m: &Rows, v: V3) -> V3 {
-    V3([0, 1, 2].map(|i| m[i][0] * v[0] + (m[i][1] * v[1] + m[i][2] * v[2])))
+    let row = |r: [f32; 4]| r[0] * v[0] + (r[1] * v[1] + r[2] * v[2]);
+    V3([row(m[0]), row(m[1]), row(m[2])])
 }
 
 /// The difference of two sums of two floats, rounded to one (`difference` of double.glsl).

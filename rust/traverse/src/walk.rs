@@ -13,7 +13,9 @@ use crate::scene::Scene;
 use crate::triangle::{Shear, hit_triangle};
 use crate::vector::{V3, apply_point, apply_vector, difference, safe_reciprocal};
 use oocpt_gpu::HostBytes;
-use oocpt_shader_abi::{Features, GpuInstance, GpuMesh, GpuTriangle, MAX_PENDING, MeshFlags, TARGET_ASSEMBLY};
+use oocpt_shader_abi::{
+    Features, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuTriangle, MAX_PENDING, MeshFlags, TARGET_ASSEMBLY,
+};
 
 /// Boxes are culled only this far behind the closest hit (traverse.glsl).
 const CULL_PAD: f32 = 1.000_003_8;
@@ -218,6 +220,17 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
         DONE
     }
 
+    /// Brings near what a reference of the current tree names.
+    #[inline(always)]
+    fn prefetch(&self, reference: u32) {
+        match (reference < LEAF, self.in_mesh) {
+            (true, true) => self.at.nodes.prefetch::<GpuMeshNode>(reference as usize),
+            (true, false) => self.at.nodes.prefetch::<GpuLevelNode>(reference as usize),
+            (false, true) => self.triangles.prefetch::<GpuTriangle>((reference & NUMBER) as usize),
+            (false, false) => self.at.instances.prefetch::<GpuInstance>((reference & NUMBER) as usize),
+        }
+    }
+
     /// From a node to the nearest child that is met; the others go to the stack, the farthest first.
     #[inline(always)]
     fn descend(&mut self, at: u32) -> u32 {
@@ -255,6 +268,7 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
                 count += 1;
             }
             for &(child, entry) in &others[..count] {
+                self.prefetch(child);
                 self.push(child, if entry > self.entry { entry } else { self.entry });
             }
         }
@@ -432,6 +446,7 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
     }
 
     /// Makes (o, d) the ray of the walk, and remembers it and the arrays for coming back.
+    #[inline(always)]
     fn begin_level(&mut self, o: V3, d: V3, [nodes, instances]: [u64; 2]) {
         let reciprocal = safe_reciprocal(d);
         let ray = BoxRay { o, reciprocal, around: reciprocal.map(|r| 0.0 * r.abs()) };
@@ -443,6 +458,7 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
     }
 
     /// The world ray, at the top level.
+    #[inline(always)]
     fn begin_top(&mut self) {
         let WorldRay { o, d, .. } = self.world;
         let reciprocal = safe_reciprocal(d);
