@@ -25,10 +25,10 @@ fn the_host_works_between_what_comes_before_and_after_it() {
     let (slow, spinner) = (Buffer::new(&gpu, "slow", 16, Usage::Readback).expect("memory"), spin(&gpu));
     slow.write(0, &[0; 16]).expect("fits");
     let mut commands = gpu.commands("list").expect("a command list");
-    commands.profile(true);
     commands.dispatch(&spinner, &spin_push(slow.address(), LONG), [1, 1, 1]);
     commands.fill(&data, 0, 256, 1);
     commands.dispatch(&pipeline, &affine_push(data.address(), data.address(), 64, 1), [1, 1, 1]);
+    commands.profile(true); // from here on: reading times would wait by itself
     commands.host("in between", TIMEOUT, || {
         assert_ne!(read_words(&slow, 1), [0], "it waits, however long it takes");
         assert_eq!(read_words(&data, 64), vec![4; 64], "3 x 1 + 1 is there");
