@@ -24,7 +24,7 @@ KEYS = [
     "oocpt:features", "oocpt:featuresLeftOut", "oocpt:featuresCarried", "oocpt:passes", "oocpt:passesLeftOut",
     "oocpt:pipelines", "oocpt:buffers",
     "oocpt:buffersLeftOut", "oocpt:bufferBytes", "oocpt:bytesLeftOut", "oocpt:primvars", "oocpt:primvarsLeftOut",
-    "oocpt:maxLevels", "oocpt:stackSize",
+    "oocpt:maxLevels", "oocpt:stackSize", "oocpt:traversalBackend", "oocpt:traversalReason",
     "oocpt:secondsTracing", "oocpt:secondsLoading", "oocpt:secondsWaiting", "oocpt:secondsOverlapped",
 ]  # fmt: skip
 LISTED = [
@@ -34,7 +34,7 @@ LISTED = [
     "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility", "enableSceneLights",
 ]  # fmt: skip
 # Tools for developing the renderer: they work wherever a setting can be given, and no host lists them.
-UNLISTED = ["oocpt:policy", "oocpt:chunkReport", "oocpt:reference", "oocpt:carry"]
+UNLISTED = ["oocpt:traversal", "oocpt:policy", "oocpt:chunkReport", "oocpt:reference", "oocpt:carry"]
 
 
 def test_stats_of_a_finished_render(host):

@@ -48,7 +48,7 @@ pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
 }
 
 /// What the render is made of, and what was left out for it, as lists parted by semicolons.
-fn inventory(inventory: &Inventory) -> [NamedValue; 13] {
+fn inventory(inventory: &Inventory) -> [NamedValue; 15] {
     let Inventory { features, passes, buffers, primvars, .. } = inventory;
     let with_bytes = |name: &str, bytes: u64| format!("{name} {bytes}");
     let features_present = features.iter().filter(|f| f.present).map(|f| f.name.clone());
@@ -73,6 +73,8 @@ fn inventory(inventory: &Inventory) -> [NamedValue; 13] {
         integer("oocpt:bytesLeftOut", inventory.saved()),
         integer("oocpt:maxLevels", u64::from(inventory.max_levels)),
         integer("oocpt:stackSize", u64::from(inventory.stack_size)),
+        text("oocpt:traversalBackend", &inventory.traversal.backend),
+        text("oocpt:traversalReason", &inventory.traversal.why),
     ]
 }
 

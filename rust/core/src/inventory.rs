@@ -32,6 +32,19 @@ pub struct Inventory {
     pub stack_size: u32,
     /// Paths in flight.
     pub paths: u64,
+    /// Who walks the rays.
+    #[serde(default)]
+    pub traversal: TraversalUse,
+}
+
+/// The traversal backend of a render.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub struct TraversalUse {
+    /// `compute` or `native`.
+    pub backend: String,
+    /// In words.
+    pub why: String,
 }
 
 /// A feature of the passes.

@@ -2,12 +2,14 @@
 //! The user's settings: defaults, bounds, names. Core reads no environment; [`Settings::env_name`] says what to read.
 
 mod table;
+mod traversal;
 
 use serde::{Deserialize, Serialize};
 
 use crate::residency::PolicyKind;
 pub use table::Audience;
 use table::TABLE;
+pub use traversal::TraversalKind;
 
 /// All settings. Values are inside their bounds as long as they are changed through [`Settings::set`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -27,6 +29,8 @@ pub struct Settings {
     pub memory_budget_mib: u32,
     /// Device by index or part of its name, empty = best.
     pub device: String,
+    /// Who walks the rays.
+    pub traversal: TraversalKind,
     /// Which chunks the planner loads first when not all fit.
     pub policy: PolicyKind,
     /// Size of a chunk in KiB of device memory, 16 to 1048576. Another size is another partition of the scene.
@@ -140,6 +144,7 @@ impl Default for Settings {
             time_limit_secs: 0.0,
             memory_budget_mib: 0,
             device: String::new(),
+            traversal: TraversalKind::Auto,
             policy: PolicyKind::Benefit,
             chunk_size_kib: 8192,
             geometry_budget_kib: 0,
@@ -167,6 +172,7 @@ enum Field<'a> {
     Float(&'a mut f32, f32, f32),
     Text(&'a mut String),
     Policy(&'a mut PolicyKind),
+    Traversal(&'a mut TraversalKind),
 }
 
 /// Most samples per pixel: sample indices stay exact in f32.
@@ -200,6 +206,7 @@ impl Settings {
             }
             Field::Text(field) => *field = value.as_text().ok_or_else(|| wrong("text"))?,
             Field::Policy(field) => *field = policy_named(key, &value.as_text().ok_or_else(|| wrong("text"))?)?,
+            Field::Traversal(field) => *field = traversal_named(key, &value.as_text().ok_or_else(|| wrong("text"))?)?,
         }
         Ok(*self != before)
     }
@@ -215,6 +222,7 @@ impl Settings {
             "oocpt:timeLimit" => Field::Float(&mut self.time_limit_secs, 0.0, 1e9),
             "oocpt:memoryBudget" => Field::Int(&mut self.memory_budget_mib, 0, 1 << 24),
             "oocpt:device" => Field::Text(&mut self.device),
+            "oocpt:traversal" => Field::Traversal(&mut self.traversal),
             "oocpt:policy" => Field::Policy(&mut self.policy),
             "oocpt:chunkSize" => Field::Int(&mut self.chunk_size_kib, 16, 1 << 20),
             "oocpt:geometryBudget" => Field::Int(&mut self.geometry_budget_kib, 0, u32::MAX),
@@ -245,6 +253,7 @@ impl Settings {
             Field::Float(v, ..) => Value::Float(f64::from(*v)),
             Field::Text(v) => Value::Text(v.clone()),
             Field::Policy(v) => Value::Text(v.name().to_owned()),
+            Field::Traversal(v) => Value::Text(v.name().to_owned()),
         })
     }
 
@@ -319,6 +328,12 @@ fn policy_named(key: &str, text: &str) -> Result<PolicyKind, SettingError> {
     let allowed = || PolicyKind::ALL.map(PolicyKind::name).to_vec();
     let wrong = |_| SettingError::Choice { key: key.to_owned(), value: text.to_owned(), allowed: allowed() };
     text.trim().parse().map_err(wrong)
+}
+
+fn traversal_named(key: &str, text: &str) -> Result<TraversalKind, SettingError> {
+    let allowed = TraversalKind::ALL.map(TraversalKind::name).to_vec();
+    let wrong = || SettingError::Choice { key: key.to_owned(), value: text.to_owned(), allowed };
+    TraversalKind::named(text.trim()).ok_or_else(wrong)
 }
 
 /// A checked whole number as u32.

@@ -6,6 +6,8 @@
 //! by [`Commands::submit`]; nothing of the list runs then. A list is recorded by one thread at a time; several threads
 //! may each record and submit their own.
 
+mod host;
+
 use std::sync::Arc;
 
 use ash::vk;
@@ -43,6 +45,10 @@ pub struct Commands {
     waits: Points,
     /// The first mistake; nothing is recorded after it.
     error: Option<GpuError>,
+    /// A part of it has run already.
+    is_flushed: bool,
+    /// Of the parts that have run.
+    timings: Vec<(String, f64)>,
 }
 
 /// Most bytes that [`Commands::update`] takes (`vkCmdUpdateBuffer`).
@@ -62,6 +68,8 @@ impl Commands {
                 kept: Vec::new(),
                 waits: Points::START,
                 error: None,
+                is_flushed: false,
+                timings: Vec::new(),
             }),
             Err(error) => {
                 slot.destroy(&device.raw);
@@ -272,7 +280,8 @@ impl Commands {
         };
         let lane = self.recorder.lane;
         let value = device.queue(lane).submit(&device, work)?;
-        Ok(Submission::new(&self.gpu, (lane, value), self.label.clone(), timer))
+        let timings = std::mem::take(&mut self.timings);
+        Ok(Submission::new(&self.gpu, (lane, value), self.label.clone(), (timings, timer)))
     }
 
     /// Records one operation unless a mistake was made before.

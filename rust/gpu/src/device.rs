@@ -18,6 +18,7 @@ use crate::error::GpuError;
 use crate::gpu::{Limits, OpenOptions};
 use crate::heap::HeapCore;
 use crate::heap_counters::HeldBytes;
+use crate::host_view::HostMemory;
 use crate::instance::{Instance, vulkan_error};
 use crate::lane::{LANES, Lane, Points, QueueChoices};
 use crate::markers::Markers;
@@ -56,6 +57,7 @@ pub(crate) struct Device {
     pub(crate) markers: Option<Markers>,
     pub(crate) heaps: Mutex<Vec<Weak<HeapCore>>>,
     retired: RetireQueue<Retired>,
+    pub(crate) host_memory: HostMemory,
     query_pools: Mutex<Vec<vk::QueryPool>>,
     lost: OnceLock<String>,
     #[cfg(feature = "faults")]
@@ -93,6 +95,7 @@ impl Device {
             markers: None,
             heaps: Mutex::new(Vec::new()),
             retired: RetireQueue::new(),
+            host_memory: HostMemory::default(),
             query_pools: Mutex::new(Vec::new()),
             lost: OnceLock::new(),
             #[cfg(feature = "faults")]
@@ -207,8 +210,11 @@ impl Device {
     }
 
     /// Destroys or frees what nothing uses any more.
-    fn release(&self, items: Vec<Retired>) {
-        for item in items {
+    pub(crate) fn release(&self, items: Vec<Retired>) {
+        if items.is_empty() {
+            return;
+        }
+        for item in self.host_memory.release(items) {
             match item {
                 Retired::Memory(raw, held) => {
                     self.destroy_raw(raw);

@@ -48,7 +48,11 @@ pub(crate) struct RawBuffer {
     reserved: u64,
     account: Account,
     pub(crate) address: u64,
+    /// Bytes of the buffer.
+    pub(crate) bytes: u64,
     pub(crate) mapped: Option<Mapped>,
+    /// Where the host sees it on devices whose memory is the host's (`host_view`); else none.
+    pub(crate) seen: Option<Mapped>,
 }
 
 /// Smallest buffer, and what sizes are rounded up to: Vulkan has no empty buffers, and addresses stay aligned for
@@ -62,9 +66,14 @@ const KNOWN_FLAGS: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
         | vk::MemoryPropertyFlags::HOST_CACHED.as_raw(),
 );
 
+/// What memory must be for the host to read and write it as its own.
+const HOST_FLAGS: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
+    vk::MemoryPropertyFlags::HOST_VISIBLE.as_raw() | vk::MemoryPropertyFlags::HOST_COHERENT.as_raw(),
+);
+
 /// The memory type for a usage among those in `allowed` (a bit each): required flags, then fewest unwanted and most
 /// wanted ones.
-fn choose_type(types: &[vk::MemoryType], allowed: u32, usage: Usage) -> Option<u32> {
+pub(crate) fn choose_type(types: &[vk::MemoryType], allowed: u32, usage: Usage) -> Option<u32> {
     type F = vk::MemoryPropertyFlags;
     let host = F::HOST_VISIBLE | F::HOST_COHERENT;
     let (required, wanted, unwanted) = match usage {
@@ -132,10 +141,15 @@ impl Device {
             reserved: 0,
             account: Account::Device,
             address: 0,
+            bytes: size,
             mapped: None,
+            seen: None,
         };
         match self.back(&mut raw, name, usage, patience) {
-            Ok(()) => Ok(raw),
+            Ok(()) => {
+                self.host_memory.add(&raw);
+                Ok(raw)
+            }
             Err(error) => {
                 self.destroy_raw(raw);
                 Err(error)
@@ -169,11 +183,14 @@ impl Device {
         let info = vk::BufferDeviceAddressInfo::default().buffer(raw.buffer);
         // SAFETY: the buffer has SHADER_DEVICE_ADDRESS usage and is bound to memory allocated with DEVICE_ADDRESS.
         raw.address = unsafe { self.raw.get_buffer_device_address(&info) };
-        if usage != Usage::Device {
+        let is_seen = self.report.host_memory && memory_type.property_flags.contains(HOST_FLAGS);
+        if usage != Usage::Device || is_seen {
             let whole = (0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty());
             // SAFETY: the type is HOST_VISIBLE, and this is the only mapping of this memory.
             let mapped = unsafe { self.raw.map_memory(raw.memory, whole.0, whole.1, whole.2) };
-            raw.mapped = NonNull::new(self.check("vkMapMemory", mapped)?.cast()).map(Mapped);
+            let mapped = NonNull::new(self.check("vkMapMemory", mapped)?.cast()).map(Mapped);
+            raw.mapped = mapped.filter(|_| usage != Usage::Device);
+            raw.seen = mapped.filter(|_| is_seen);
         }
         Ok(())
     }
@@ -236,6 +253,7 @@ impl Device {
     /// Destroys a buffer's parts and gives its bytes back to the budget. The GPU no longer uses it, and `raw` has no
     /// other copy that is used later.
     pub(crate) fn destroy_raw(&self, raw: RawBuffer) {
+        self.host_memory.remove(&raw);
         // SAFETY: the caller says that no submission uses it any more; null is allowed.
         unsafe { self.raw.destroy_buffer(raw.buffer, None) };
         // SAFETY: as above; freeing unmaps.

@@ -47,6 +47,7 @@ pub(crate) struct Recorder {
     /// Something before the next operation has to be waited for. True at the start: earlier submissions.
     barrier_pending: bool,
     concurrent_depth: u32,
+    has_operations: bool,
     timing: bool,
     pub(crate) timer: Option<Timer>,
     pub(crate) marks: Vec<Mark>,
@@ -70,6 +71,7 @@ impl Recorder {
             scope: Scope::of(device.queue(lane).choice.computes),
             barrier_pending: true,
             concurrent_depth: 0,
+            has_operations: false,
             timing: false,
             timer: None,
             marks: Vec::new(),
@@ -99,12 +101,22 @@ impl Recorder {
         self.timing = on && bits > 0 && self.device.report.capabilities.timestamps;
     }
 
+    pub(crate) fn is_timing(&self) -> bool {
+        self.timing
+    }
+
+    /// Whether anything is recorded.
+    pub(crate) fn has_operations(&self) -> bool {
+        self.has_operations
+    }
+
     /// Records one operation.
     pub(crate) fn operation(
         &mut self,
         name: &str,
         record: impl FnOnce(&ash::Device, vk::CommandBuffer),
     ) -> Result<(), GpuError> {
+        self.has_operations = true;
         self.barrier(name);
         self.begin_label(name);
         let begin = self.stamp()?;

@@ -7,6 +7,7 @@ use ash::vk;
 
 use crate::capabilities::{Capabilities, probe_features};
 use crate::error::GpuError;
+use crate::host_view::is_host_memory;
 use crate::instance::{Instance, Validation, vulkan_error};
 use crate::lane::{QueueChoices, choose_queues};
 use crate::select;
@@ -64,6 +65,8 @@ pub struct DeviceReport {
     pub api: String,
     /// All memory heaps.
     pub heaps: Vec<HeapReport>,
+    /// Its memory is the host's own: it is a processor, and all that buffers get is mapped.
+    pub host_memory: bool,
     /// What it can do.
     pub capabilities: Capabilities,
     /// Names of the required capabilities it lacks; empty = usable.
@@ -152,13 +155,16 @@ fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Res
     capabilities.timestamps = queues[0].timestamp_bits > 0 && properties.limits.timestamp_period > 0.0;
     capabilities.memory_budget = modern && has_memory_budget(instance, physical)?;
     let version = properties.api_version;
+    let kind = kind_of(properties.device_type);
+    // SAFETY: `physical` comes from this instance.
+    let memory_types = unsafe { instance.raw.get_physical_device_memory_properties(physical) };
     let text = |bytes: Result<&std::ffi::CStr, _>| -> String {
         bytes.map(|text| text.to_string_lossy().into_owned()).unwrap_or_default()
     };
     let report = DeviceReport {
         index,
         name: text(properties.device_name_as_c_str()),
-        kind: kind_of(properties.device_type),
+        kind,
         driver: format!("{} {}", text(v12.driver_name_as_c_str()), text(v12.driver_info_as_c_str())).trim().to_owned(),
         api: format!(
             "{}.{}.{}",
@@ -167,6 +173,7 @@ fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Res
             vk::api_version_patch(version)
         ),
         heaps: read_heaps(instance, physical, capabilities.memory_budget),
+        host_memory: is_host_memory(kind, memory_types.memory_types_as_slice()),
         missing: [capabilities.missing(), miscompiles(&v12)].concat(),
         capabilities,
         chosen: false,

@@ -16,12 +16,19 @@ pub struct Submission {
     pub(crate) lane: Lane,
     pub(crate) value: u64,
     label: String,
+    /// Of its parts that had run before it was submitted ([`Commands::host`](crate::Commands::host)).
+    earlier: Vec<(String, f64)>,
     timer: Option<Arc<Timer>>,
 }
 
 impl Submission {
-    pub(crate) fn new(gpu: &Arc<Gpu>, (lane, value): (Lane, u64), label: String, timer: Option<Arc<Timer>>) -> Self {
-        Self { gpu: Arc::clone(gpu), lane, value, label, timer }
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        (lane, value): (Lane, u64),
+        label: String,
+        (earlier, timer): (Vec<(String, f64)>, Option<Arc<Timer>>),
+    ) -> Self {
+        Self { gpu: Arc::clone(gpu), lane, value, label, earlier, timer }
     }
 
     pub(crate) fn gpu(&self) -> &Gpu {
@@ -53,13 +60,17 @@ impl Submission {
     #[must_use]
     pub fn timings(&self) -> Vec<(String, f64)> {
         let device = self.gpu.device();
+        let mut timings = self.earlier.clone();
         match &self.timer {
-            Some(timer) if self.is_done() && device.check_alive().is_ok() => timer.read().unwrap_or_else(|error| {
-                tracing::warn!(%error, "timings of {} were lost", self.label);
-                Vec::new()
-            }),
-            _ => Vec::new(),
+            Some(timer) if self.is_done() && device.check_alive().is_ok() => {
+                timings.extend(timer.read().unwrap_or_else(|error| {
+                    tracing::warn!(%error, "timings of {} were lost", self.label);
+                    Vec::new()
+                }));
+            }
+            _ => {}
         }
+        timings
     }
 
     /// The label of its command list.

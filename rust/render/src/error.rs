@@ -52,6 +52,14 @@ pub enum RenderError {
     /// The report of the chunks could not be written; the images are there.
     #[error("{0}")]
     Report(String),
+    /// `oocpt:traversal` is native, and the device is no processor.
+    #[error(
+        "oocpt:traversal: native needs a device whose memory is the host's, which {device} is not; use auto or compute"
+    )]
+    NoNative {
+        /// Its name.
+        device: String,
+    },
     /// The camera's matrices cannot be inverted or are not finite.
     #[error("camera: {0}")]
     Camera(#[from] CameraError),

@@ -5,7 +5,7 @@ use crate::bsdf_tables;
 use crate::device::{Device, Specialisation};
 use crate::setting::Setting;
 use crate::specialise;
-use crate::wavefront::Passes;
+use crate::wavefront::{Backend, Passes};
 use oocpt_core::inventory::{Inventory, PassUse};
 use oocpt_shader_abi::{ALL, Features};
 
@@ -16,6 +16,7 @@ pub(crate) struct Compiled<'a> {
     pub(crate) special: Specialisation,
     /// Of the features, those that the scene does not need.
     pub(crate) carried: Features,
+    pub(crate) backend: Backend,
 }
 
 /// The inventory of a frame; the scene and the paths have `listed` what they hold.
@@ -28,6 +29,7 @@ pub(crate) fn of_frame(setting: &Setting<'_>, compiled: Compiled<'_>, listed: In
         passes: passes(device, compiled.passes),
         max_levels: special.max_levels,
         stack_size: special.stack_size,
+        traversal: compiled.backend.list(),
         ..listed
     };
     film.list(&mut inventory);

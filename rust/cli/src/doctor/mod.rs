@@ -50,6 +50,8 @@ fn describe(device: &DeviceReport) -> String {
         let free = heap.free.map(|bytes| format!(", {} MiB free", bytes >> 20)).unwrap_or_default();
         lines.push((place, format!("{} MiB{free}", heap.bytes >> 20)));
     }
+    let traversal = if device.host_memory { "native: the device is a processor" } else { "compute shaders" };
+    lines.push(("traversal", format!("{traversal} (oocpt:traversal = auto)")));
     lines.push(("capabilities", format!("{:?}", device.capabilities)));
     let missing = if device.missing.is_empty() { "nothing".into() } else { device.missing.join(", ") };
     lines.push(("missing", missing));

@@ -46,6 +46,12 @@ pub(super) const TABLE: &[Row] = &[
         "Hard limit of device memory in MiB; 0 = automatic",
     ),
     user("oocpt:device", "OOCPT_DEVICE", "Device", "Device by index or part of its name; empty = best"),
+    developer(
+        "oocpt:traversal",
+        "OOCPT_TRAVERSAL",
+        "Traversal",
+        "Who walks the rays: auto, compute (the device) or native (the host, where the device is a processor)",
+    ),
     developer("oocpt:policy", "OOCPT_POLICY", "Policy", "Which chunks to load first: sweep, priority or benefit"),
     user("oocpt:chunkSize", "OOCPT_CHUNK_SIZE", "Chunk size", "Device memory of a chunk of the scene in KiB"),
     user(

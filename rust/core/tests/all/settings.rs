@@ -2,6 +2,7 @@
 //! Settings: bounds, types, names.
 
 use oocpt_core::residency::PolicyKind;
+use oocpt_core::settings::TraversalKind;
 use oocpt_core::{Audience, SettingError, Settings, Value};
 
 #[test]
@@ -59,6 +60,20 @@ fn policies_go_by_name_and_a_wrong_name_lists_the_right_ones() {
 }
 
 #[test]
+fn traversal_goes_by_name_and_a_wrong_name_lists_the_right_ones() {
+    let mut settings = Settings::default();
+    assert_eq!(settings.traversal, TraversalKind::Auto, "the default");
+    for (name, kind) in [("native", TraversalKind::Native), (" compute ", TraversalKind::Compute)] {
+        assert_eq!(settings.set("oocpt:traversal", Value::Text(name.into())), Ok(true), "{name}");
+        assert_eq!(settings.traversal, kind, "{name}");
+        assert_eq!(settings.get("oocpt:traversal"), Some(Value::Text(name.trim().into())), "{name}");
+    }
+    let error = settings.set("oocpt:traversal", Value::Text("embree".into())).unwrap_err();
+    assert!(error.to_string().contains("auto, compute, native"), "{error}");
+    assert_eq!(settings.traversal, TraversalKind::Compute, "a wrong name changes nothing");
+}
+
+#[test]
 fn a_report_has_any_name() {
     let mut settings = Settings::default();
     assert_eq!(settings.set("oocpt:chunkReport", Value::Text("/tmp/a b.json".into())), Ok(true), "any name");
@@ -78,6 +93,7 @@ fn settings_are_listed_in_order() {
         "oocpt:timeLimit",
         "oocpt:memoryBudget",
         "oocpt:device",
+        "oocpt:traversal",
         "oocpt:policy",
         "oocpt:chunkSize",
         "oocpt:geometryBudget",
@@ -95,6 +111,7 @@ fn settings_are_listed_in_order() {
     assert_eq!(keys[..ours.len()], ours, "the order");
     assert!(keys[ours.len()..].iter().all(|key| !key.starts_with("oocpt:")), "{keys:?}");
     let names = [
+        "OOCPT_TRAVERSAL",
         "OOCPT_POLICY",
         "OOCPT_CHUNK_SIZE",
         "OOCPT_GEOMETRY_BUDGET",
@@ -113,11 +130,12 @@ fn settings_are_listed_in_order() {
 }
 
 #[test]
-fn developers_have_four_settings_of_their_own() {
+fn developers_have_five_settings_of_their_own() {
     let mut theirs = Settings::descriptors();
     theirs.retain(|descriptor| descriptor.audience == Audience::Developer);
     let keys: Vec<&str> = theirs.iter().map(|descriptor| descriptor.key).collect();
-    assert_eq!(keys, ["oocpt:policy", "oocpt:chunkReport", "oocpt:reference", "oocpt:carry"], "no host lists these");
+    let ours = ["oocpt:traversal", "oocpt:policy", "oocpt:chunkReport", "oocpt:reference", "oocpt:carry"];
+    assert_eq!(keys, ours, "no host lists these");
 }
 
 #[test]

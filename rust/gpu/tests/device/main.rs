@@ -8,6 +8,7 @@ mod commands;
 mod devices;
 mod failures;
 mod heap;
+mod host;
 mod lifetime;
 mod pipeline_cache;
 mod staging;

@@ -24,7 +24,7 @@ use crate::shared::Gate;
 use crate::specialise;
 use crate::timings::Timings;
 use crate::wave::LAST_SLOT;
-use crate::wavefront::{Kind, Passes, PathBuffers, Recorder};
+use crate::wavefront::{Backend, Kind, Native, Passes, PathBuffers, Recorder};
 use crate::{assets::SceneView, device::WAVE_TIMEOUT};
 use drive::{Outcome, run};
 use oocpt_core::inventory::Inventory;
@@ -38,6 +38,9 @@ pub(crate) struct Tracer<'a> {
     pub(crate) paths: &'a PathBuffers,
     passes: Passes,
     special: Specialisation,
+    backend: Backend,
+    /// What the trace passes write.
+    written: Vec<&'a Buffer>,
     /// The frame block.
     frame: Buffer,
 }
@@ -82,27 +85,37 @@ impl<'a> Tracer<'a> {
         let special = specialise::specialisation(features, view);
         #[cfg(feature = "faults")]
         let special = Specialisation { fault: setting.job.options.faults.lost_chunks, ..special };
-        let passes = Passes::new(device, special, film, &mut progress.timings)?;
+        let backend = Backend::choose(setting.job.settings.traversal, device, &special)?;
+        let passes = Passes::new(device, (special, backend), film, &mut progress.timings)?;
         let mut block = frame_block(setting, view);
         [block.bsdf_tables, block.sheen_tables] = device.bsdf_tables(features)?; // before the list of what there is
-        let inventory = inventory::of_frame(setting, Compiled { passes: &passes, special, carried }, listed);
+        let inventory = inventory::of_frame(setting, Compiled { passes: &passes, special, carried, backend }, listed);
         progress.made_of(specialise::left_out(features, film.has_planes()), inventory);
         paths.bind(&mut block);
         bind(&mut block);
         let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
         frame.write(0, bytemuck::bytes_of(&block))?;
-        Ok(Self { setting, paths, passes, special, frame })
+        Ok(Self { setting, paths, passes, special, backend, written: paths.written(), frame })
+    }
+
+    /// Says what the trace passes write besides what belongs to the paths.
+    pub(crate) fn traces_into(&mut self, buffers: Vec<&'a Buffer>) {
+        self.written.extend(buffers);
     }
 
     /// Compiles the passes anew, for deeper stacks.
     pub(crate) fn deepen(&mut self, stack_size: u32, timings: &mut Timings) -> Result<(), RenderError> {
         self.special.stack_size = stack_size;
-        self.passes = Passes::new(self.setting.device, self.special, self.setting.film, timings)?;
+        let special = (self.special, self.backend);
+        self.passes = Passes::new(self.setting.device, special, self.setting.film, timings)?;
         Ok(())
     }
 
     pub(crate) fn recorder(&self) -> Recorder<'_> {
+        let gpu = &self.setting.device.gpu;
+        let native = || Native::new(gpu, &self.written, &self.special);
         Recorder {
+            native: self.backend.is_native.then(native),
             passes: &self.passes,
             film: self.setting.film,
             counters: &self.paths.counters,

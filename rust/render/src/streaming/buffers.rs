@@ -232,6 +232,13 @@ impl StreamBuffers {
         frame.streaming = self.streaming.address();
     }
 
+    /// What the trace passes write, besides what belongs to the paths.
+    pub(crate) fn written(&self) -> Vec<&Buffer> {
+        let Self { progress, free_slots, pending, shadow_pending, deferred, segments, chunk_rays, .. } = self;
+        let always = [progress, free_slots, pending, shadow_pending, &deferred[0], &deferred[1], segments, chunk_rays];
+        always.into_iter().chain(self.textures.as_ref().map(|textures| &textures.resolve_queue)).collect()
+    }
+
     /// Forgets everything, before a stage.
     pub(crate) fn clear(&self, commands: &mut Commands) {
         for buffer in [&self.paths.counters, &self.segments, &self.chunk_rays] {

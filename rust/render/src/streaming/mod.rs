@@ -105,7 +105,8 @@ pub(crate) fn render(
     let stack_entries = residency.stack_entries.max(FIRST_STACK);
     let view = view.with_stack(stack_entries + MAX_PENDING);
     let bind = |block: &mut Frame| buffers.bind(block);
-    let tracer = Tracer::new(setting, &buffers.paths, (&view, parts), listed, bind, progress)?;
+    let mut tracer = Tracer::new(setting, &buffers.paths, (&view, parts), listed, bind, progress)?;
+    tracer.traces_into(buffers.written());
     tracing::info!(
         mib = budget >> 20,
         of_mib = assets.bytes >> 20,

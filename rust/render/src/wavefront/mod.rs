@@ -3,10 +3,12 @@
 //!
 //! `oocpt_shader_abi::PASSES` declares each pass. Render thread only.
 
+mod native;
 mod passes;
 mod paths;
 mod record;
 
+pub(crate) use native::{Backend, Native};
 pub(crate) use passes::Passes;
 pub(crate) use paths::{CONE_BYTES, PathBuffers, PathNeeds};
 pub(crate) use record::{Kind, Recorder, Traced};

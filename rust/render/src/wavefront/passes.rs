@@ -2,6 +2,7 @@
 //! The pipelines of a frame: those rows of `oocpt_shader_abi::PASSES` whose conditions hold, compiled for one
 //! specialisation. Render thread only.
 
+use super::Backend;
 use crate::device::{Device, Specialisation};
 use crate::error::RenderError;
 use crate::film::Film;
@@ -23,7 +24,7 @@ impl Passes {
     /// Compiles what is not compiled yet, on all threads, and has it translated (see [`Device::translate`]).
     pub(crate) fn new(
         device: &Device,
-        special: Specialisation,
+        (special, backend): (Specialisation, Backend),
         film: &Film,
         timings: &mut Timings,
     ) -> Result<Self, RenderError> {
@@ -32,7 +33,8 @@ impl Passes {
             Image::PixelCentres => film.has_planes(),
             Image::SampleCount => film.has_counts(),
         };
-        let mut wanted: Vec<&PassInfo> = PASSES.iter().filter(|row| row.when.holds(special.features, wants)).collect();
+        let mut wanted: Vec<&PassInfo> =
+            PASSES.iter().filter(|row| row.when.holds(special.features, wants) && backend.has(row.pass)).collect();
         // The longest first: `shade_surface` takes as long as all others together.
         wanted.sort_by_key(|row| std::cmp::Reverse(row.module.words.len()));
         let made = wanted.par_iter().with_max_len(1).map(|row| Ok((row.pass, device.pipeline(row.module, special)?)));

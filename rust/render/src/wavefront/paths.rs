@@ -114,6 +114,12 @@ impl PathBuffers {
         self.max_levels == levels && have == needs
     }
 
+    /// What the trace passes write.
+    pub(crate) fn written(&self) -> Vec<&Buffer> {
+        let Self { rays, shadow_rays, hits, radiance, surface_queue, escaped_queue, counters, .. } = self;
+        vec![rays, shadow_rays, hits, radiance, surface_queue, escaped_queue, counters]
+    }
+
     /// Writes the addresses into a frame block.
     pub(crate) fn bind(&self, frame: &mut Frame) {
         frame.rays = self.rays.address();

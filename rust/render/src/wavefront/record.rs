@@ -5,7 +5,7 @@
 //! step of streaming has some, between waking rays and counting demand (`streaming/record.rs`). Passes that a frame has
 //! not are left out.
 
-use super::Passes;
+use super::{Native, Passes};
 use crate::film::{Film, error_groups};
 use crate::wave::Wave;
 use oocpt_gpu::{Buffer, Commands};
@@ -43,6 +43,8 @@ pub(crate) struct Recorder<'a> {
     /// Device address of the frame block.
     pub(crate) frame: u64,
     pub(crate) pixels: u32,
+    /// Where the host walks the rays.
+    pub(crate) native: Option<Native<'a>>,
 }
 
 impl Recorder<'_> {
@@ -72,6 +74,9 @@ impl Recorder<'_> {
     /// Traces the rays of a round.
     pub(crate) fn trace(&self, commands: &mut Commands, q: Push, round: u32, traced: Traced) {
         self.direct(commands, Pass::PrepareDispatch, q.with(round, PREPARE_TRACE), 1);
+        if let Some(native) = self.native {
+            return native.trace(commands, q.with(round, 0), traced);
+        }
         commands.concurrent(|c| {
             if traced != Traced::Shadow {
                 self.indirect(c, Pass::IntersectClosest, q.with(round, 0));

@@ -20,6 +20,7 @@ mod glass;
 mod last_bounce;
 mod lights;
 mod materials;
+mod native;
 mod passes;
 mod round;
 mod scenes;

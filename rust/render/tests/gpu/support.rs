@@ -4,7 +4,7 @@
 use glam::{DMat4, DVec3, DVec4};
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::{SceneDb, Snapshot};
-use oocpt_core::settings::Settings;
+use oocpt_core::settings::{Settings, TraversalKind};
 use oocpt_render::{AovKind, AovRequest, Message, RenderRequest, Session, SessionOptions};
 use std::sync::Arc;
 use std::time::Duration;
@@ -12,9 +12,12 @@ use std::time::Duration;
 /// Longest wait for one render: it is there for what hangs, so a busy machine may take its time compiling.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(300);
 
-/// Settings of the tests: few samples, one seed.
+/// Settings of the tests: few samples, one seed, rays walked by the shaders, which are what is tested, or by the host
+/// where OOCPT_TEST_TRAVERSAL says so: any test must pass with either.
 pub(crate) fn settings(samples: u32, bounces: u32) -> Settings {
-    Settings { samples_per_pixel: samples, max_bounces: bounces, interactive: false, ..Settings::default() }
+    let said = std::env::var("OOCPT_TEST_TRAVERSAL").ok();
+    let traversal = said.and_then(|name| TraversalKind::named(&name)).unwrap_or(TraversalKind::Compute);
+    Settings { samples_per_pixel: samples, max_bounces: bounces, interactive: false, traversal, ..Settings::default() }
 }
 
 /// How many seeds a test counts over: a few, or, by `cargo xtask test --full`, many.

@@ -50,7 +50,7 @@ fn render(scene: &Scene, settings: Settings, options: SessionOptions) -> Render 
 }
 
 /// The smallest geometry budget, KiB, that the renderer says it can work with.
-fn smallest_budget(scene: &Scene) -> u32 {
+pub(crate) fn smallest_budget(scene: &Scene) -> u32 {
     let session = Session::with_options(Settings { geometry_budget_kib: 1, ..small_chunks() }, options());
     session.set_light_files(Arc::new(TestFiles));
     session.with_scene(scene.build);

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Who walks the rays. Pure, any thread.
+
+use serde::{Deserialize, Serialize};
+
+/// Who walks the rays through the scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum TraversalKind {
+    /// The host where the device is a processor, else the device.
+    #[default]
+    Auto,
+    /// The device's compute shaders.
+    Compute,
+    /// The host's threads; only where device memory is host memory.
+    Native,
+}
+
+impl TraversalKind {
+    /// All, in the order of the documentation.
+    pub const ALL: [Self; 3] = [Self::Auto, Self::Compute, Self::Native];
+
+    /// The name in settings and reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Compute => "compute",
+            Self::Native => "native",
+        }
+    }
+
+    /// The one of this name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+}

@@ -1,0 +1,287 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Device memory as the host sees it, by device address: for passes that run on the host where the device is a
+//! processor, whose memory is the host's.
+//!
+//! Every look is checked against the bounds of the buffer or arena that the address lies in: an address that is wrong,
+//! or an index from a broken tree, finds nothing. What a view gives are copies and atomic words, never references to
+//! bytes, so that what a submission writes meanwhile can only make numbers wrong. While a view lives nothing that it
+//! sees is destroyed, or given to someone else. Any thread.
+
+use std::collections::BTreeMap;
+use std::marker::PhantomData;
+use std::mem::size_of;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use ash::vk;
+use bytemuck::AnyBitPattern;
+
+use crate::buffer::Buffer;
+use crate::device::{Device, Retired};
+use crate::gpu::Gpu;
+use crate::memory::{Mapped, RawBuffer, Usage, choose_type};
+use crate::report::DeviceKind;
+
+/// All mapped buffers of a device, and what waits for the end of views.
+#[derive(Debug, Default)]
+pub(crate) struct HostMemory(Mutex<State>);
+
+#[derive(Debug, Default)]
+struct State {
+    /// By device address: bytes, and where they are.
+    spans: BTreeMap<u64, (u64, Mapped)>,
+    views: usize,
+    /// Retired while there were views.
+    held_back: Vec<Retired>,
+}
+
+impl HostMemory {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Notes a new buffer, if the host sees it.
+    pub(crate) fn add(&self, raw: &RawBuffer) {
+        if let Some(at) = raw.seen {
+            self.lock().spans.insert(raw.address, (raw.bytes, at));
+        }
+    }
+
+    /// Forgets a buffer that is about to be destroyed.
+    pub(crate) fn remove(&self, raw: &RawBuffer) {
+        if raw.seen.is_some() {
+            self.lock().spans.remove(&raw.address);
+        }
+    }
+
+    /// What of `items` may go now: all of them, forgotten, or none while there are views.
+    pub(crate) fn release(&self, items: Vec<Retired>) -> Vec<Retired> {
+        let mut state = self.lock();
+        if state.views > 0 {
+            state.held_back.extend(items);
+            return Vec::new();
+        }
+        for item in &items {
+            if let Retired::Memory(raw, _) = item
+                && raw.seen.is_some()
+            {
+                state.spans.remove(&raw.address);
+            }
+        }
+        items
+    }
+}
+
+/// Whether the memory that buffers of a device get is the host's: the device is a processor, and its memory is mapped
+/// and coherent.
+pub(crate) fn is_host_memory(kind: DeviceKind, types: &[vk::MemoryType]) -> bool {
+    let wanted = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
+    let seen = |usage| {
+        choose_type(types, u32::MAX, usage)
+            .and_then(|index| types.get(index as usize))
+            .is_some_and(|found| found.property_flags.contains(wanted))
+    };
+    kind == DeviceKind::Cpu && [Usage::Device, Usage::Upload, Usage::Readback].into_iter().all(seen)
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    start: u64,
+    bytes: u64,
+    at: Mapped,
+    is_written: bool,
+}
+
+/// See the module. The caller sees to it that no submission in flight writes what it reads, or uses what it writes.
+#[derive(Debug)]
+pub struct HostView {
+    device: Arc<Device>,
+    /// In the order of addresses.
+    spans: Vec<Span>,
+}
+
+impl Gpu {
+    /// Whether [`Gpu::host_view`] gives a view.
+    #[must_use]
+    pub fn has_host_memory(&self) -> bool {
+        self.device().report.host_memory
+    }
+
+    /// A view of all memory that there is now. `written` are the buffers that are read and written by words; all others
+    /// are read only. None where device memory is not the host's.
+    #[must_use]
+    pub fn host_view(&self, written: &[&Buffer]) -> Option<HostView> {
+        let device = self.device();
+        if !device.report.host_memory {
+            return None;
+        }
+        let mut written: Vec<u64> = written.iter().map(|buffer| buffer.address()).collect();
+        written.sort_unstable();
+        let mut state = device.host_memory.lock();
+        state.views += 1;
+        let span = |(&start, &(bytes, at)): (&u64, &(u64, Mapped))| {
+            let is_written = written.binary_search(&start).is_ok();
+            Span { start, bytes, at, is_written }
+        };
+        let spans = state.spans.iter().map(span).collect();
+        Some(HostView { device: Arc::clone(device), spans })
+    }
+}
+
+impl HostView {
+    /// The span that `address` lies in, and how far in it.
+    #[inline]
+    fn find(&self, address: u64) -> Option<(&Span, u64)> {
+        let after = self.spans.partition_point(|span| span.start <= address);
+        let span = self.spans.get(after.checked_sub(1)?)?;
+        let offset = address - span.start;
+        (offset < span.bytes).then_some((span, offset))
+    }
+
+    /// The bytes from `address` to the end of its buffer; none where there is no memory, or where it is written.
+    #[inline]
+    #[must_use]
+    pub fn bytes(&self, address: u64) -> HostBytes<'_> {
+        let found = self.find(address).filter(|(span, _)| !span.is_written);
+        let (at, bytes) = found.and_then(|(span, offset)| span.rest(offset)).unwrap_or((std::ptr::null_mut(), 0));
+        HostBytes { at, bytes, view: PhantomData }
+    }
+
+    /// The words from `address` to the end of its buffer, which is one of those that are written; else none.
+    #[must_use]
+    pub fn words(&self, address: u64) -> HostWords<'_> {
+        let found = self.find(address).filter(|(span, _)| span.is_written && address.is_multiple_of(4));
+        let (at, bytes) = found.and_then(|(span, offset)| span.rest(offset)).unwrap_or((std::ptr::null_mut(), 0));
+        let is_aligned = at.cast::<AtomicU32>().is_aligned();
+        HostWords { at: at.cast(), count: if is_aligned { bytes / 4 } else { 0 }, view: PhantomData }
+    }
+}
+
+impl Span {
+    #[inline]
+    fn rest(&self, offset: u64) -> Option<(*mut u8, usize)> {
+        let bytes = usize::try_from(self.bytes - offset).ok()?;
+        let offset = usize::try_from(offset).ok()?;
+        // SAFETY: `offset` is less than the span's bytes, which are mapped in one piece.
+        Some((unsafe { self.at.as_ptr().add(offset) }, bytes))
+    }
+}
+
+impl Drop for HostView {
+    fn drop(&mut self) {
+        let mut state = self.device.host_memory.lock();
+        state.views -= 1;
+        let items = if state.views == 0 { std::mem::take(&mut state.held_back) } else { Vec::new() };
+        drop(state);
+        self.device.release(items);
+    }
+}
+
+/// Memory that is read.
+#[derive(Clone, Copy, Debug)]
+pub struct HostBytes<'v> {
+    at: *const u8,
+    bytes: usize,
+    view: PhantomData<&'v HostView>,
+}
+
+// SAFETY: the view keeps the memory, which any thread may read; nothing is lent by reference.
+unsafe impl Send for HostBytes<'_> {}
+// SAFETY: as for Send.
+unsafe impl Sync for HostBytes<'_> {}
+
+impl HostBytes<'_> {
+    /// No memory.
+    pub const NONE: Self = Self { at: std::ptr::null(), bytes: 0, view: PhantomData };
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.bytes == 0
+    }
+
+    /// Asks the processor to bring the `index`-th `T` near; nothing where it does not fit.
+    #[inline]
+    pub fn prefetch<T>(&self, index: usize) {
+        let Some(at) = index.checked_mul(size_of::<T>()).filter(|at| *at < self.bytes) else { return };
+        #[cfg(target_arch = "x86_64")]
+        {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            // SAFETY: `at` is inside the mapped bytes.
+            let from = unsafe { self.at.add(at) }.cast::<i8>();
+            // SAFETY: SSE is part of x86-64, and a prefetch reads nothing that a program sees.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(from) };
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        let _: usize = at;
+    }
+
+    /// A copy of the `index`-th `T` from here; none where it does not fit.
+    #[inline]
+    #[must_use]
+    pub fn get<T: AnyBitPattern>(&self, index: usize) -> Option<T> {
+        let at = index.checked_mul(size_of::<T>())?;
+        // `at` is below `bytes`, which is at most isize::MAX: no overflow.
+        if at >= self.bytes || self.bytes - at < size_of::<T>() {
+            return None;
+        }
+        // SAFETY: `at` is inside the mapped bytes.
+        let from = unsafe { self.at.add(at) }.cast::<T>();
+        // SAFETY: size_of::<T>() bytes from there are mapped, any bits are a T, and no host thread writes them: a view
+        // reads only what it does not write. A submission that does so in spite of the contract makes wrong numbers.
+        Some(unsafe { from.read_unaligned() })
+    }
+}
+
+/// Memory that is read and written, word by word; each word is atomic.
+#[derive(Clone, Copy, Debug)]
+pub struct HostWords<'v> {
+    at: *const AtomicU32,
+    count: usize,
+    view: PhantomData<&'v HostView>,
+}
+
+// SAFETY: the view keeps the memory, whose words are used as atomics alone.
+unsafe impl Send for HostWords<'_> {}
+// SAFETY: as for Send.
+unsafe impl Sync for HostWords<'_> {}
+
+impl HostWords<'_> {
+    #[inline]
+    fn word(&self, index: usize) -> Option<&AtomicU32> {
+        if index >= self.count {
+            return None;
+        }
+        // SAFETY: `index` is inside the mapped words.
+        let at = unsafe { self.at.add(index) };
+        // SAFETY: the word is mapped and aligned, the view keeps it, and host threads use it as an atomic alone.
+        Some(unsafe { &*at })
+    }
+
+    /// A word; 0 where there is none.
+    #[inline]
+    #[must_use]
+    pub fn load(&self, index: usize) -> u32 {
+        self.word(index).map_or(0, |word| word.load(Ordering::Relaxed))
+    }
+
+    /// Writes a word; false where there is none.
+    #[inline]
+    pub fn store(&self, index: usize, value: u32) -> bool {
+        self.word(index).map(|word| word.store(value, Ordering::Relaxed)).is_some()
+    }
+
+    /// Adds to a word, and gives what it was.
+    #[inline]
+    #[must_use]
+    pub fn add(&self, index: usize, value: u32) -> Option<u32> {
+        self.word(index).map(|word| word.fetch_add(value, Ordering::Relaxed))
+    }
+
+    /// Sets bits of a word, and gives what it was. Other threads that do so see what this one wrote before.
+    #[inline]
+    #[must_use]
+    pub fn or(&self, index: usize, bits: u32) -> Option<u32> {
+        self.word(index).map(|word| word.fetch_or(bits, Ordering::AcqRel))
+    }
+}

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Which backend walks the rays of a frame, and native traversal between two parts of a submission. Render thread only.
+
+use crate::device::{Device, Specialisation, WAVE_TIMEOUT};
+use crate::error::RenderError;
+use oocpt_core::inventory::TraversalUse;
+use oocpt_core::settings::TraversalKind;
+use oocpt_gpu::{Buffer, Commands, Gpu, GpuError};
+use oocpt_shader_abi::{Pass, Push};
+use oocpt_traverse::{Special, TraceError};
+use std::sync::Arc;
+
+use super::Traced;
+
+/// Who walks the rays, and why.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Backend {
+    pub(crate) is_native: bool,
+    why: &'static str,
+}
+
+impl Backend {
+    /// What `wanted` asks for and this device and these features allow.
+    pub(crate) fn choose(
+        wanted: TraversalKind,
+        device: &Device,
+        special: &Specialisation,
+    ) -> Result<Self, RenderError> {
+        let (compute, native) = (|why| Self { is_native: false, why }, |why| Self { is_native: true, why });
+        if wanted == TraversalKind::Compute {
+            return Ok(compute("oocpt:traversal is compute"));
+        }
+        if !device.gpu.has_host_memory() {
+            return match wanted {
+                TraversalKind::Native => Err(RenderError::NoNative { device: device.gpu.report().name.clone() }),
+                _ => Ok(compute("the device is no processor")),
+            };
+        }
+        #[cfg(feature = "faults")]
+        if special.fault != 0 {
+            return Ok(compute("the shaders have a fault planted"));
+        }
+        if let Some(why) = oocpt_traverse::unsupported(special.features) {
+            return Ok(compute(why));
+        }
+        Ok(native(if wanted == TraversalKind::Native {
+            "oocpt:traversal is native"
+        } else {
+            "the device is a processor"
+        }))
+    }
+
+    /// Whether the frame has a pipeline of `pass`.
+    pub(crate) fn has(self, pass: Pass) -> bool {
+        !self.is_native || !matches!(pass, Pass::IntersectClosest | Pass::IntersectShadow)
+    }
+
+    /// For the stats.
+    pub(crate) fn list(self) -> TraversalUse {
+        let backend = if self.is_native { TraversalKind::Native } else { TraversalKind::Compute };
+        TraversalUse { backend: backend.name().to_owned(), why: self.why.to_owned() }
+    }
+}
+
+/// Native traversal of a frame.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Native<'a> {
+    gpu: &'a Arc<Gpu>,
+    /// Buffers that the trace passes write.
+    written: &'a [&'a Buffer],
+    special: Special,
+}
+
+impl<'a> Native<'a> {
+    pub(crate) fn new(gpu: &'a Arc<Gpu>, written: &'a [&'a Buffer], special: &Specialisation) -> Self {
+        let Specialisation { max_levels, stack_size, features, .. } = *special;
+        Self { gpu, written, special: Special { max_levels, stack_size, features } }
+    }
+
+    /// Traces the rays of the round that `push` names.
+    pub(crate) fn trace(&self, commands: &mut Commands, push: Push, traced: Traced) {
+        if traced != Traced::Shadow {
+            self.pass(commands, Pass::IntersectClosest, push, oocpt_traverse::closest);
+        }
+        if traced != Traced::Closest {
+            self.pass(commands, Pass::IntersectShadow, push, oocpt_traverse::shadow);
+        }
+    }
+
+    fn pass(&self, commands: &mut Commands, pass: Pass, push: Push, trace: Trace) {
+        let name = pass.info().module.name;
+        let failed =
+            |error: &dyn std::fmt::Display| GpuError::Usage { name: name.to_owned(), message: error.to_string() };
+        commands.host(name, WAVE_TIMEOUT, || {
+            let view = self.gpu.host_view(self.written).ok_or_else(|| failed(&"the device's memory is not mapped"))?;
+            trace(&view, push, self.special).map_err(|error| failed(&error))
+        });
+    }
+}
+
+type Trace = fn(&oocpt_gpu::HostView, Push, Special) -> Result<(), TraceError>;

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Both traversal backends on the same scenes: the same bits of every image, in core and streaming; and who runs where.
+//!
+//! All other tests pin the shaders. With OOCPT_TEST_TRAVERSAL=native they run on the host instead.
+
+use crate::lights::TestFiles;
+use crate::scenes::{features, nested};
+use crate::streaming::{SCENES, smallest_budget};
+use crate::support::{self, perspective, read_all, render, request, settings};
+use glam::DVec3;
+use oocpt_core::inventory::TraversalUse;
+use oocpt_core::scene::SceneDb;
+use oocpt_core::settings::{Settings, TraversalKind};
+use oocpt_render::{RenderRequest, Session, SessionOptions, Severity};
+use std::sync::Arc;
+
+/// All images of a scene, and who walked its rays.
+fn images(
+    build: fn(&mut SceneDb),
+    settings: Settings,
+    streams: bool,
+    request: &RenderRequest,
+) -> (Vec<Vec<u8>>, TraversalUse, Session) {
+    let options = SessionOptions { validation: true, force_streaming: streams, ..SessionOptions::default() };
+    let session = Session::with_options(settings, options);
+    session.set_light_files(Arc::new(TestFiles));
+    session.with_scene(build);
+    render(&session, request);
+    let stats = session.stats();
+    assert_eq!(stats.streaming.in_core, !streams, "as asked for");
+    (read_all(&session, request), stats.inventory.traversal, session)
+}
+
+/// Compares both backends; on a device with memory of its own, asks for the message instead.
+fn same_bits(what: &str, build: fn(&mut SceneDb), settings: &Settings, streams: bool, request: &RenderRequest) {
+    let by = |traversal| Settings { traversal, ..settings.clone() };
+    let (shaders, used, session) = images(build, by(TraversalKind::Compute), streams, request);
+    assert_eq!(used.backend, "compute", "{what}: {used:?}");
+    if !session.device_report().expect("a device").host_memory {
+        return refused(build, by(TraversalKind::Native), request);
+    }
+    let (host, used, _) = images(build, by(TraversalKind::Native), streams, request);
+    assert_eq!(used.backend, "native", "{what}: {used:?}");
+    for (image, (a, b)) in shaders.iter().zip(&host).enumerate() {
+        assert!(a == b, "{what}: image {image} differs");
+    }
+}
+
+fn refused(build: fn(&mut SceneDb), settings: Settings, request: &RenderRequest) {
+    let session = support::session(settings);
+    session.with_scene(build);
+    let messages = support::render_with_messages(&session, request);
+    let [message] = &messages[..] else { panic!("one message, not {messages:?}") };
+    assert!(message.severity == Severity::Error && message.text.contains("oocpt:traversal"), "{message:?}");
+}
+
+fn view(eye: DVec3, target: DVec3) -> RenderRequest {
+    request(perspective(eye, target, 0.8, [48, 32]))
+}
+
+#[test]
+fn opacity_nesting_and_lights_are_the_same_in_core() {
+    let request = view(DVec3::new(3.0, 4.0, 6.0), DVec3::new(0.0, 0.5, 0.0));
+    same_bits("features", features, &settings(8, 3), false, &request);
+    same_bits("nested", nested, &settings(8, 3), false, &request);
+    let adaptive = Settings { adaptive_sampling: true, ..settings(64, 2) };
+    same_bits("adaptive", features, &adaptive, false, &request);
+}
+
+#[test]
+fn scenes_of_many_chunks_are_the_same_in_core_and_streaming() {
+    for scene in &SCENES {
+        let request = view(scene.eye, scene.target);
+        let small = Settings { chunk_size_kib: 16, ..settings(4, 3) };
+        same_bits(scene.name, scene.build, &small, false, &request);
+        // Rays wait, chunks come and go.
+        let tight = Settings { geometry_budget_kib: 2 * smallest_budget(scene), ..small };
+        same_bits(scene.name, scene.build, &tight, true, &request);
+    }
+}
+
+#[test]
+fn who_walks_the_rays_is_said_with_the_reason() {
+    let request = view(SCENES[8].eye, SCENES[8].target);
+    let by = |traversal, carry: &str| Settings { traversal, carry: carry.into(), ..settings(1, 1) };
+    let (_, used, session) = images(SCENES[8].build, by(TraversalKind::Auto, ""), false, &request);
+    let is_host = session.device_report().expect("a device").host_memory;
+    assert_eq!(used.backend, if is_host { "native" } else { "compute" }, "{used:?}");
+    assert!(used.why.contains("processor"), "{used:?}");
+    if is_host {
+        let inventory = session.stats().inventory;
+        let of_trace = inventory.passes.iter().filter(|pass| pass.name.starts_with("intersect_"));
+        assert!(of_trace.clone().count() == 2 && of_trace.clone().all(|pass| !pass.made), "not compiled for nothing");
+        let (_, used, _) = images(SCENES[8].build, by(TraversalKind::Native, "CUTOUTS"), false, &request);
+        assert!(used.backend == "compute" && used.why.contains("cutouts"), "{used:?}");
+    }
+}

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Native traversal: the trace passes of the wavefront on the host, for devices that are processors.
+//!
+//! There device memory is host memory, and a software driver's compute shader is a slow way to walk a tree. [`closest`]
+//! and [`shadow`] do between two submissions what `shaders/traversal` does inside of one: over the same trees, rays and
+//! queues, in the operations of the shaders where they make the bits of a hit, so that the picture is the same, bit for
+//! bit, as the one of the shaders on a device that rounds each product (`fma` of GLSL does not promise more).
+//!
+//! The way of a ray: `passes` (queues, rays, hit records) -> `walk` (trees) -> `node` (boxes) -> `triangle`, `round`
+//! (the leaf test of each kind, one place) -> `opacity`. Memory is reached through [`oocpt_gpu::HostView`], which
+//! checks every look. Any thread; the work is spread over rayon's pool.
+#![forbid(unsafe_code)]
+
+mod node;
+mod opacity;
+mod passes;
+mod pending;
+mod round;
+mod scene;
+mod triangle;
+mod vector;
+mod walk;
+
+pub use passes::{closest, shadow};
+
+use oocpt_shader_abi::Features;
+
+/// What the passes are specialised by: the constants of the shaders.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Special {
+    /// Deepest chain of instance records, 1 to 16.
+    pub max_levels: u32,
+    /// Stack entries of a ray.
+    pub stack_size: u32,
+    /// What the scene needs.
+    pub features: Features,
+}
+
+impl Special {
+    pub(crate) fn levels(&self) -> usize {
+        (self.max_levels as usize).clamp(1, walk::MOST_LEVELS)
+    }
+}
+
+/// Why a pass did nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TraceError {
+    /// A table is not where the frame says.
+    NoMemory {
+        /// In words.
+        what: &'static str,
+    },
+}
+
+impl std::fmt::Display for TraceError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::NoMemory { what } => write!(f, "native traversal does not find {what} in memory"),
+        }
+    }
+}
+
+impl std::error::Error for TraceError {}
+
+/// What native traversal cannot do yet of what a scene needs; none if it can do all of it.
+#[must_use]
+pub fn unsupported(features: Features) -> Option<&'static str> {
+    features.contains(Features::CUTOUTS).then_some("cutouts by textures")
+}

@@ -1,0 +1,345 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The two trace passes, on all threads: wavefront/intersect_closest.comp and intersect_shadow.comp.
+//!
+//! A thread takes blocks of a queue, one after the other. What a block has found goes to the queues with one atomic,
+//! as a subgroup's does.
+
+use crate::pending::{RAY_CHANGED, RAY_ENDED, RAY_HIT};
+use crate::scene::Scene;
+use crate::vector::V3;
+use crate::walk::{Found, MOST_LEVELS, Walk, WorldRay};
+use crate::{Special, TraceError};
+use oocpt_gpu::{HostView, HostWords};
+use oocpt_shader_abi::{
+    Counters, Features, MAX_PENDING, Pending, Push, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW,
+    RAY_WORD_T_MAX, Ray, SHADOW_BIT, ShadowRay, hit_stride, unpack_color,
+};
+use rayon::prelude::*;
+use std::mem::offset_of;
+
+/// Rays of a block.
+const BLOCK: u32 = 64;
+/// Words of a ray, a shadow ray, a pending list.
+const RAY_WORDS: usize = size_of::<Ray>() / 4;
+const SHADOW_WORDS: usize = size_of::<ShadowRay>() / 4;
+const PENDING_WORDS: usize = size_of::<Pending>() / 4;
+/// `include/light_links.glsl`.
+const SHADOW_LINK_SHIFT: u32 = 16;
+
+/// Bits of a path's progress (include/progress.glsl).
+const SHADOW_DONE: u32 = 1;
+const CLOSEST_DONE: u32 = 2;
+const CLOSEST_HIT: u32 = 4;
+const PATH_ENDS: u32 = 8;
+
+macro_rules! counter {
+    ($member:ident) => {
+        offset_of!(Counters, $member) / 4
+    };
+}
+
+/// What a pass shares among its threads.
+struct Shared<'s, 'v> {
+    scene: &'s Scene<'v>,
+    counters: HostWords<'v>,
+    /// The rays, with their flags.
+    rays: HostWords<'v>,
+    pending: HostWords<'v>,
+}
+
+/// What a block pushes.
+#[derive(Default)]
+struct Pushes {
+    surfaces: Vec<u32>,
+    escaped: Vec<u32>,
+    deferred: Vec<u32>,
+    ended: Vec<u32>,
+    visits: u32,
+}
+
+/// Traces the closest hits of a round.
+///
+/// # Errors
+/// [`TraceError::NoMemory`] where a table of the frame is not there.
+pub fn closest(view: &HostView, push: Push, special: Special) -> Result<(), TraceError> {
+    let scene = Scene::new(view, push, special)?;
+    let rays = view.words(scene.frame.rays);
+    let shared = Shared::new(&scene, rays, scene.streaming.pending);
+    let parity = (push.round & 1) as usize;
+    let queue = view.bytes(scene.frame.ray_queue[parity]);
+    let hits = view.words(scene.frame.hits);
+    let count = shared.counters.load(counter!(ray_count) + parity);
+    shared.trace::<false>(count, &|walk, at, pushes| {
+        if let Some(path) = queue.get::<u32>(at as usize) {
+            shared.closest_ray(walk, path, hits, pushes);
+        }
+    });
+    Ok(())
+}
+
+/// Traces the shadow rays of a round, and adds what they bring.
+///
+/// # Errors
+/// As [`closest`].
+pub fn shadow(view: &HostView, push: Push, special: Special) -> Result<(), TraceError> {
+    let scene = Scene::new(view, push, special)?;
+    let rays = view.words(scene.frame.shadow_rays);
+    let shared = Shared::new(&scene, rays, scene.streaming.shadow_pending);
+    let queue = view.bytes(scene.frame.shadow_queue);
+    let radiance = view.words(scene.frame.radiance);
+    let count = shared.counters.load(counter!(shadow_count));
+    shared.trace::<true>(count, &|walk, at, pushes| {
+        if let Some(path) = queue.get::<u32>(at as usize) {
+            shared.shadow_ray(walk, path, radiance, pushes);
+        }
+    });
+    Ok(())
+}
+
+fn load_v3(words: HostWords<'_>, at: usize) -> V3 {
+    V3([0, 1, 2].map(|i| f32::from_bits(words.load(at + i))))
+}
+
+impl<'s, 'v> Shared<'s, 'v> {
+    fn new(scene: &'s Scene<'v>, rays: HostWords<'v>, pending: u64) -> Self {
+        let view = scene.view;
+        Self { scene, counters: view.words(scene.frame.counters), rays, pending: view.words(pending) }
+    }
+
+    /// Calls `one` for each of `count` entries of a queue.
+    fn trace<const ANY_HIT: bool>(
+        &self,
+        count: u32,
+        one: &(impl Fn(&mut Walk<'s, 'v, ANY_HIT>, u32, &mut Pushes) + Sync),
+    ) {
+        let blocks = (0..count.div_ceil(BLOCK)).into_par_iter();
+        blocks.for_each_init(
+            || (Walk::<ANY_HIT>::new(self.scene), Pushes::default()),
+            |(walk, pushes), block| {
+                let first = block * BLOCK;
+                for at in first..count.min(first + BLOCK) {
+                    one(walk, at, pushes);
+                }
+                self.push_all(pushes);
+                let overflows = std::mem::take(&mut walk.overflows);
+                if overflows > 0 {
+                    self.count(counter!(stack_overflows), overflows);
+                }
+            },
+        );
+    }
+
+    fn count(&self, counter: usize, more: u32) -> u32 {
+        self.counters.add(counter, more).unwrap_or(0)
+    }
+
+    fn push_all(&self, pushes: &mut Pushes) {
+        let Scene { frame, streaming, view, .. } = self.scene;
+        let is_streaming = self.scene.has(Features::STREAMING);
+        let (surface_queue, surface_count) = if is_streaming && self.scene.has(Features::TEXTURES) {
+            (streaming.resolve_queue, counter!(resolve_count))
+        } else {
+            (frame.surface_queue, counter!(surface_count))
+        };
+        self.push_to(surface_queue, surface_count, &mut pushes.surfaces);
+        self.push_to(frame.escaped_queue, counter!(escaped_count), &mut pushes.escaped);
+        if is_streaming {
+            let list = (self.counters.load(counter!(deferred_parity)) & 1) as usize;
+            let waiting = u32::try_from(pushes.deferred.len()).unwrap_or(0);
+            if waiting > 0 {
+                self.count(counter!(misses), waiting);
+            }
+            self.push_to(streaming.deferred[list], counter!(deferred_count) + list, &mut pushes.deferred);
+            self.count(counter!(visits), std::mem::take(&mut pushes.visits));
+            for path in pushes.ended.drain(..) {
+                let segment = self.scene.path_place(path) / streaming.segment_size.max(1);
+                let alive = view.words(streaming.segments).add(segment as usize * 4 + 3, u32::MAX);
+                if alive.is_some() {
+                    let to = self.count(counter!(freed), 1) % streaming.slots.max(1);
+                    view.words(streaming.free_slots).store(to as usize, path);
+                }
+            }
+        }
+    }
+
+    fn push_to(&self, queue: u64, counter: usize, entries: &mut Vec<u32>) {
+        if let Ok(count) = u32::try_from(entries.len())
+            && count > 0
+        {
+            let first = self.count(counter, count) as usize;
+            let queue = self.scene.view.words(queue);
+            for (at, entry) in (first..).zip(entries.drain(..)) {
+                queue.store(at, entry);
+            }
+        }
+    }
+
+    /// The world ray at word `at`, apart from what only one kind of rays has.
+    fn load_ray(&self, at: usize) -> WorldRay {
+        let flags = if self.scene.has(Features::STREAMING) { self.rays.load(at + RAY_WORD_FLAGS as usize) } else { 0 };
+        WorldRay {
+            o: load_v3(self.rays, at),
+            d: load_v3(self.rays, at + offset_of!(Ray, d) / 4),
+            o_lo: load_v3(self.rays, at + offset_of!(Ray, o_lo) / 4),
+            t_max: f32::from_bits(self.rays.load(at + RAY_WORD_T_MAX as usize)),
+            flags,
+            ..WorldRay::default()
+        }
+    }
+
+    fn is_ended(&self, flags: u32) -> bool {
+        self.scene.has(Features::ROULETTE) && flags & RAY_ENDED != 0
+    }
+
+    /// The pending list of a path.
+    fn listed(&self, path: u32) -> [(f32, u32); MAX_PENDING as usize] {
+        let mut list = [(0.0, 0); MAX_PENDING as usize];
+        let at = path as usize * PENDING_WORDS;
+        for (i, key) in list.iter_mut().enumerate() {
+            let instance = self.pending.load(at + MAX_PENDING as usize + i);
+            *key = (f32::from_bits(self.pending.load(at + i)), instance);
+        }
+        list
+    }
+
+    fn run<const ANY_HIT: bool>(&self, walk: &mut Walk<'s, 'v, ANY_HIT>, path: u32, ray: WorldRay) {
+        let listed = if ray.flags == 0 { [(0.0, 0); MAX_PENDING as usize] } else { self.listed(path) };
+        walk.run(ray, &listed);
+    }
+
+    /// Keeps what a ray waits for.
+    fn store_pending(&self, path: u32, keys: &[(f32, u32)]) {
+        let at = path as usize * PENDING_WORDS;
+        for (i, (entry, instance)) in keys.iter().enumerate() {
+            self.pending.store(at + i, entry.to_bits());
+            self.pending.store(at + MAX_PENDING as usize + i, *instance);
+        }
+    }
+
+    /// Notes that a ray of the path has finished, and pushes the path when the other one had too.
+    fn finish(&self, path: u32, bits: u32, pushes: &mut Pushes) {
+        let progress = self.scene.view.words(self.scene.streaming.progress);
+        let all = progress.or(path as usize, bits).unwrap_or(0) | bits;
+        if all & (SHADOW_DONE | CLOSEST_DONE) != SHADOW_DONE | CLOSEST_DONE {
+            return;
+        }
+        let list = match all {
+            all if all & PATH_ENDS != 0 => &mut pushes.ended,
+            all if all & CLOSEST_HIT != 0 => &mut pushes.surfaces,
+            _ => &mut pushes.escaped,
+        };
+        list.push(path);
+    }
+
+    fn closest_ray(&self, walk: &mut Walk<'s, 'v, false>, path: u32, hits: HostWords<'v>, pushes: &mut Pushes) {
+        let at = path as usize * RAY_WORDS;
+        let ray = self.load_ray(at);
+        let is_ended = self.is_ended(ray.flags);
+        let stride = hit_stride(self.scene.special.max_levels) as usize / 4;
+        if is_ended {
+            walk.no_walk();
+        } else {
+            if ray.flags & RAY_HIT != 0 {
+                walk.found = load_hit(hits, path as usize * stride, self.scene.special.levels());
+            }
+            let bounce = self.rays.load(at + RAY_WORD_BOUNCE as usize);
+            let seed = self.scene.opacity_seed(path, bounce.wrapping_mul(2));
+            self.run(walk, path, WorldRay { seed, ..ray });
+        }
+        if walk.hit {
+            store_hit(hits, path as usize * stride, &walk.found, self.scene.special.levels());
+        }
+        if !self.scene.has(Features::STREAMING) {
+            if walk.hit { &mut pushes.surfaces } else { &mut pushes.escaped }.push(path);
+            return;
+        }
+        let hit = walk.hit || walk.hit_before;
+        let flags = if hit { RAY_HIT } else { 0 } | if walk.hit { RAY_CHANGED } else { 0 };
+        self.rays.store(at + RAY_WORD_FLAGS as usize, flags | walk.pending.flags());
+        pushes.visits += walk.visits;
+        if walk.pending.keys().is_empty() {
+            let end = if is_ended {
+                PATH_ENDS
+            } else if hit {
+                CLOSEST_HIT
+            } else {
+                0
+            };
+            self.finish(path, CLOSEST_DONE | end, pushes);
+        } else {
+            self.store_pending(path, walk.pending.keys());
+            pushes.deferred.push(path);
+        }
+    }
+
+    fn shadow_ray(&self, walk: &mut Walk<'s, 'v, true>, path: u32, radiance: HostWords<'v>, pushes: &mut Pushes) {
+        let at = path as usize * SHADOW_WORDS;
+        let ray = self.load_ray(at);
+        let is_ended = self.is_ended(ray.flags);
+        if is_ended {
+            walk.no_walk();
+        } else {
+            let linked = self.rays.load(at + RAY_WORD_BOUNCE as usize);
+            let (bounce, shadow_link) = match self.scene.has(Features::LIGHT_LINKS) {
+                true => (linked & 0xffff, linked >> SHADOW_LINK_SHIFT),
+                false => (linked, 0),
+            };
+            let seed = self.scene.opacity_seed(path, bounce.wrapping_mul(2).wrapping_add(1));
+            self.run(walk, path, WorldRay { seed, shadow_link, ..ray });
+        }
+        let waits = !walk.hit && !walk.pending.keys().is_empty();
+        self.add_light(at, path, walk.hit, waits || is_ended, radiance);
+        if !self.scene.has(Features::STREAMING) {
+            return;
+        }
+        pushes.visits += walk.visits;
+        if waits {
+            self.rays.store(at + RAY_WORD_FLAGS as usize, walk.pending.flags());
+            self.store_pending(path, walk.pending.keys());
+            pushes.deferred.push(path | SHADOW_BIT);
+        } else {
+            self.finish(path, SHADOW_DONE, pushes);
+        }
+    }
+
+    /// What the light brings if nothing is in its way, or of a shadow the share that its colour tells.
+    fn add_light(&self, at: usize, path: u32, hit: bool, waits: bool, radiance: HostWords<'v>) {
+        let color = match self.scene.has(Features::LIGHT_TABLE) {
+            true => self.rays.load(at + RAY_WORD_IN_SHADOW as usize),
+            false => 0,
+        };
+        if if hit { color == 0 } else { waits } {
+            return;
+        }
+        let mut light = load_v3(self.rays, at + offset_of!(ShadowRay, contribution) / 4);
+        if hit {
+            light = light * V3(unpack_color(color));
+        }
+        let to = self.scene.path_place(path) as usize * 4;
+        for (i, more) in light.0.into_iter().enumerate() {
+            radiance.store(to + i, (f32::from_bits(radiance.load(to + i)) + more).to_bits());
+        }
+    }
+}
+
+/// Writes a hit record (include/hit.glsl).
+fn store_hit(hits: HostWords<'_>, at: usize, found: &Found, levels: usize) {
+    let header =
+        [found.uv[0].to_bits(), found.uv[1].to_bits(), found.triangle, found.chunk_instance, found.t.to_bits()];
+    for (i, &word) in header.iter().chain(&found.chain[..levels]).enumerate() {
+        hits.store(at + i, word);
+    }
+    for level in levels..3 {
+        hits.store(at + header.len() + level, 0);
+    }
+}
+
+fn load_hit(hits: HostWords<'_>, at: usize, levels: usize) -> Found {
+    let [u, v, triangle, chunk_instance, t] = [0, 1, 2, 3, 4].map(|i| hits.load(at + i));
+    let mut chain = [0; MOST_LEVELS];
+    for (level, record) in chain.iter_mut().enumerate().take(levels) {
+        *record = hits.load(at + 5 + level);
+    }
+    let uv = [f32::from_bits(u), f32::from_bits(v)];
+    Found { t: f32::from_bits(t), uv, triangle, chunk_instance, chain }
+}

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The leaf test of curves and points, hulls of two balls: traversal/round.glsl, operation by operation. Pure, any
+//! thread.
+
+use crate::vector::{V3, dot3};
+
+/// Where the line of a ray enters and leaves, and which ball touches there.
+struct Hit {
+    entry: f32,
+    entry_u: f32,
+    exit: f32,
+    exit_u: f32,
+}
+
+impl Hit {
+    fn note(&mut self, t: f32, u: f32) {
+        if t < self.entry {
+            (self.entry, self.entry_u) = (t, u);
+        }
+        if t > self.exit {
+            (self.exit, self.exit_u) = (t, u);
+        }
+    }
+
+    fn meet_ball(&mut self, c: V3, radius: f32, d: V3, dd: f32, u: f32) {
+        let b = dot3(c, d) / dd;
+        let across = c - b * d;
+        let rest = (radius - dot3(across, across).sqrt()) * (radius + dot3(across, across).sqrt());
+        if rest >= 0.0 && radius > 0.0 {
+            let half_chord = (rest / dd).sqrt();
+            self.note(-b - half_chord, u);
+            self.note(-b + half_chord, u);
+        }
+    }
+}
+
+/// Distance, in units of `d`, to where the ray enters the hull, or leaves it if it begins inside, and the ball that
+/// touches there; in front of the origin.
+pub(crate) fn hit_round([p0, p1]: [V3; 2], [r0, r1]: [f32; 2], o: V3, d: V3) -> Option<(f32, f32)> {
+    let dd = dot3(d, d);
+    let axis = p1 - p0;
+    let from = o - p0;
+    let nearest = dot3(0.5 * axis - from, d) / dd;
+    let c = from + nearest * d;
+    let mut hit = Hit { entry: 3.0e38, entry_u: 0.0, exit: -3.0e38, exit_u: 0.0 };
+    hit.meet_ball(c, r0, d, dd, 0.0);
+    let squared = dot3(axis, axis);
+    if squared > 0.0 {
+        hit.meet_ball(c - axis, r1, d, dd, 1.0);
+        meet_cone(&mut hit, (c, axis), squared, [r0, r1], d, dd);
+    }
+    if hit.entry <= hit.exit {
+        let enters = nearest + hit.entry > 0.0;
+        let (t, u) = if enters { (hit.entry, hit.entry_u) } else { (hit.exit, hit.exit_u) };
+        let t = nearest + t;
+        (t > 0.0).then_some((t, u))
+    } else {
+        None
+    }
+}
+
+fn meet_cone(hit: &mut Hit, (c, axis): (V3, V3), squared: f32, [r0, r1]: [f32; 2], d: V3, dd: f32) {
+    let taper = r1 - r0;
+    let g = squared - taper * taper;
+    if g > 1.0e-6 * squared {
+        let len = squared.sqrt();
+        let along = axis.map(|x| x / len);
+        let (cs, ds) = (dot3(c, along), dot3(d, along));
+        let ca = c - cs * along;
+        let da = d - ds * along;
+        let root = 1.0 / g.sqrt();
+        let slope = taper * root;
+        let radius = (len * r0 + taper * cs) * root;
+        let a = dot3(da, da) - slope * slope * ds * ds;
+        let b = dot3(ca, da) - slope * ds * radius;
+        let size = dot3(ca, ca).sqrt();
+        let k = (size - radius) * (size + radius);
+        let rest = b * b - a * k;
+        if rest >= 0.0 && a.abs() > 1.0e-12 * dd {
+            let h = rest.sqrt();
+            for at in [(-b - h) / a, (-b + h) / a] {
+                let s = cs + at * ds;
+                let ball = (len * s + taper * r0) / g;
+                if (0.0..=1.0).contains(&ball) && r0 + ball * taper >= 0.0 {
+                    hit.note(at, ball);
+                }
+            }
+        }
+    }
+}

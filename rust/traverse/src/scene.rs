@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What the trace passes read, resolved once for a pass: addresses become bytes with bounds. Any thread.
+
+use crate::{Special, TraceError};
+use oocpt_gpu::{HostBytes, HostView};
+use oocpt_shader_abi::{
+    Features, Frame, GpuAssembly, GpuChunk, GpuChunkInstance, GpuInstance, GpuMesh, Lighting, Push, PushFlags,
+    Streaming,
+};
+
+/// See the module.
+#[derive(Debug)]
+pub(crate) struct Scene<'v> {
+    pub(crate) view: &'v HostView,
+    pub(crate) special: Special,
+    pub(crate) push: Push,
+    pub(crate) frame: Frame,
+    pub(crate) streaming: Streaming,
+    pub(crate) top_nodes: HostBytes<'v>,
+    chunk_instances: HostBytes<'v>,
+    chunks: HostBytes<'v>,
+    assemblies: HostBytes<'v>,
+    meshes: HostBytes<'v>,
+    links: Option<Links<'v>>,
+}
+
+/// Which prims are in the way of which shadow rays.
+#[derive(Debug)]
+struct Links<'v> {
+    bits: HostBytes<'v>,
+    sets: HostBytes<'v>,
+    words: u32,
+    prims: u32,
+}
+
+impl<'v> Scene<'v> {
+    /// The scene of the frame block that `push` names.
+    pub(crate) fn new(view: &'v HostView, push: Push, special: Special) -> Result<Self, TraceError> {
+        let missing = |what| TraceError::NoMemory { what };
+        let frame: Frame = view.bytes(push.frame).get(0).ok_or_else(|| missing("the frame block"))?;
+        let mut streaming = Streaming::default();
+        if special.features.contains(Features::STREAMING) {
+            streaming = view.bytes(frame.streaming).get(0).ok_or_else(|| missing("the streaming block"))?;
+        }
+        let mut links = None;
+        if special.features.contains(Features::LIGHT_LINKS) {
+            let lighting: Lighting = view.bytes(frame.lighting).get(0).ok_or_else(|| missing("the light table"))?;
+            let (bits, sets) = (view.bytes(lighting.link_bits), view.bytes(lighting.prim_sets));
+            links = Some(Links { bits, sets, words: lighting.link_words, prims: lighting.prim_count });
+        }
+        Ok(Self {
+            view,
+            special,
+            push,
+            streaming,
+            top_nodes: view.bytes(frame.top_nodes),
+            chunk_instances: view.bytes(frame.chunk_instances),
+            chunks: view.bytes(frame.chunks),
+            assemblies: view.bytes(frame.assemblies),
+            meshes: view.bytes(frame.meshes),
+            links,
+            frame,
+        })
+    }
+
+    #[inline(always)]
+    pub(crate) fn has(&self, feature: Features) -> bool {
+        self.special.features.contains(feature)
+    }
+
+    /// First hits through pixel centres.
+    #[inline(always)]
+    pub(crate) fn is_of_aovs(&self) -> bool {
+        self.push.flags & PushFlags::AOVS.bits() != 0
+    }
+
+    #[inline(always)]
+    pub(crate) fn chunk_instance(&self, index: u32) -> Option<GpuChunkInstance> {
+        self.chunk_instances.get(index as usize)
+    }
+
+    #[inline(always)]
+    pub(crate) fn chunk(&self, index: u32) -> Option<GpuChunk> {
+        self.chunks.get(index as usize)
+    }
+
+    #[inline(always)]
+    pub(crate) fn assembly(&self, index: u32) -> Option<GpuAssembly> {
+        self.assemblies.get(index as usize)
+    }
+
+    #[inline(always)]
+    pub(crate) fn mesh(&self, index: u32) -> Option<GpuMesh> {
+        self.meshes.get(index as usize)
+    }
+
+    /// Counts a ray that enters a chunk.
+    pub(crate) fn count_chunk(&self, chunk: u32) {
+        // Memory that is not there counts nothing.
+        self.view.words(self.streaming.chunk_rays).add(chunk as usize, 1).unwrap_or_default();
+    }
+
+    /// Whether a prim is in the way of rays of `category`, which is not 0 (`is_linked`).
+    pub(crate) fn is_linked(&self, category: u32, instance: &GpuInstance) -> bool {
+        let Some(links) = &self.links else { return true };
+        let index = instance.prim_id.wrapping_add(1).cast_unsigned();
+        let set = if index < links.prims { links.sets.get::<u32>(index as usize).unwrap_or(0) } else { 0 };
+        let word = u64::from(set) * u64::from(links.words) + u64::from(category / 32);
+        let word = usize::try_from(word).ok().and_then(|word| links.bits.get::<u32>(word)).unwrap_or(0);
+        (word >> (category % 32)) & 1 != 0
+    }
+}

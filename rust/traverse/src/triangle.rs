@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The leaf test of triangles: traversal/triangle.glsl, operation by operation. Pure, any thread.
+
+use crate::vector::{V3, dot3, triangle_normal};
+
+/// Below this squared cosine a triangle is seen along its plane.
+const GRAZING: f32 = 1.0e-4;
+
+/// The plane across a ray (`make_shear`): along two axes, sheared along the third.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Shear {
+    u: V3,
+    v: V3,
+}
+
+impl Shear {
+    #[inline(always)]
+    pub(crate) fn new(d: V3) -> Self {
+        let [x, y, z] = d.0;
+        let size = d.map(f32::abs);
+        if size[0] >= size[1] && size[0] >= size[2] {
+            Self { u: V3([-y / x, 1.0, 0.0]), v: V3([-z / x, 0.0, 1.0]) }
+        } else if size[1] >= size[2] {
+            Self { u: V3([0.0, -z / y, 1.0]), v: V3([1.0, -x / y, 0.0]) }
+        } else {
+            Self { u: V3([1.0, 0.0, -x / z]), v: V3([0.0, 1.0, -y / z]) }
+        }
+    }
+
+    #[inline(always)]
+    fn apply(&self, p: V3) -> [f32; 2] {
+        [dot3(self.u, p), dot3(self.v, p)]
+    }
+}
+
+#[inline(always)]
+fn edge_function(p: [f32; 2], q: [f32; 2]) -> f32 {
+    p[0] * q[1] - p[1] * q[0]
+}
+
+/// Distance, in units of `d`, and barycentrics, where the ray meets the triangle in front of its origin.
+#[inline(always)]
+pub(crate) fn hit_triangle(corners: [V3; 3], o: V3, d: V3, shear: &Shear) -> Option<(f32, [f32; 2])> {
+    let [a, b, c] = corners.map(|corner| corner - o);
+    let [p, q, r] = [a, b, c].map(|corner| shear.apply(corner));
+    let wb = edge_function(r, p);
+    let wc = edge_function(p, q);
+    let wa = edge_function(q, r);
+    let sum = wa + wb + wc;
+    let (below, above) = (wa < 0.0 || wb < 0.0 || wc < 0.0, wa > 0.0 || wb > 0.0 || wc > 0.0);
+    if (below && above) || sum == 0.0 {
+        return None;
+    }
+    let scale = 1.0 / sum;
+    let uv = [wb * scale, wc * scale];
+    let n = triangle_normal(corners[0], corners[1], corners[2]);
+    let dd = dot3(d, d);
+    let along = dot3(n, d);
+    let mut t = dot3(n, a) / along;
+    #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "NaN is seen along the plane")]
+    if !(along * along > GRAZING * dot3(n, n) * dd) {
+        let [x, y, z] = [a, b, c].map(|corner| dot3(corner, d) / dd);
+        let (low, high) = (x.min(y.min(z)), x.max(y.max(z)));
+        let inside = if along == 0.0 { x * (wa * scale) + (y * uv[0] + z * uv[1]) } else { t };
+        // Not `clamp`, which panics where the bounds are NaN.
+        t = inside.max(low).min(high);
+    }
+    (t > 0.0).then_some((t, uv))
+}

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Native traversal against the shaders on the same memory: a million rays at each kind of item, rays that are no
+//! numbers, deep trees; and trees that are broken, which only the host can be asked to survive.
+//!
+//! Needs a device whose memory is the host's; on another one there is no native traversal, and nothing to test.
+#![forbid(unsafe_code)]
+
+mod world;
+
+use oocpt_shader_abi::{Features, GpuTriangle};
+use world::{Found, Random, World, triangle_mesh};
+
+const BATCHES: u64 = 64;
+const RAYS: u32 = 1 << 14;
+
+/// Rays at items, at their edges and corners as often as not.
+fn rays_at(random: &mut Random, items: &[GpuTriangle], count: u32) -> Vec<[[f32; 3]; 2]> {
+    let one = |random: &mut Random| {
+        let item = &items[random.below(items.len())];
+        let [a, b] = [random.weight(), random.weight()];
+        let target: Vec<f32> = (0..3)
+            .map(|i| item.v0[i] + a * (item.v1[i] - item.v0[i]) + b * (1.0 - a) * (item.v2[i] - item.v0[i]))
+            .collect();
+        let distance = 2.0_f32.powi(random.power(10));
+        let mut o = [0, 1, 2].map(|i| target[i] + distance * random.signed());
+        if random.below(8) == 0 {
+            // Along an axis: components that are 0, and -0.
+            let axis = random.below(3);
+            o = [0, 1, 2].map(|i| if i == axis { o[i] } else { target[i] });
+        }
+        let length = if random.below(4) == 0 { 2.0_f32.powi(random.power(20)) } else { 1.0 };
+        [o, [0, 1, 2].map(|i| (target[i] - o[i]) * length)]
+    };
+    (0..count).map(|_| one(random)).collect()
+}
+
+fn triangle(random: &mut Random) -> GpuTriangle {
+    let middle = random.point(60.0);
+    let size = 2.0_f32.powi(random.power(5));
+    let mut corners = [0; 3].map(|_| {
+        let off = random.point(size);
+        [0, 1, 2].map(|i| middle[i] + off[i])
+    });
+    match random.below(6) {
+        // A sliver: the third corner a little beside the edge.
+        0 => corners[2] = [0, 1, 2].map(|i| 0.3 * corners[0][i] + 0.7 * corners[1][i] + 1e-5 * random.signed()),
+        1 => corners[2] = corners[1],
+        _ => {}
+    }
+    let [v0, v1, v2] = corners;
+    GpuTriangle { v0, face: 0, v1, subset_and_sides: 0, v2, ptex: 0 }
+}
+
+fn round(random: &mut Random) -> GpuTriangle {
+    let v0 = random.point(50.0);
+    let length = 2.0_f32.powi(random.power(5));
+    let off = random.point(length);
+    let v1 = if random.below(5) == 0 { v0 } else { [0, 1, 2].map(|i| v0[i] + off[i]) };
+    let radius = |random: &mut Random| match random.below(8) {
+        0 => 0.0,
+        _ => 2.0_f32.powi(random.power(4) - 3),
+    };
+    let v2 = [radius(random), radius(random), 0.0];
+    GpuTriangle { v0, face: 0, v1, subset_and_sides: 0, v2, ptex: 0 }
+}
+
+/// What both backends find of a million rays at random items.
+fn agree(features: Features, make: fn(&mut Random) -> GpuTriangle) {
+    let Some(mut world) = World::new(features, 64, RAYS) else { return };
+    let mut met = 0;
+    for batch in 0..BATCHES {
+        let mut random = Random(batch + 1);
+        let items: Vec<GpuTriangle> = (0..48).map(|_| make(&mut random)).collect();
+        world.set_mesh(&triangle_mesh(48), &items, features.contains(Features::ROUND));
+        let rays = rays_at(&mut random, &items, RAYS);
+        world.set_rays(&rays);
+        let (shader, native) = (world.shader(), world.native());
+        for (path, (a, b)) in shader.hits.iter().zip(&native.hits).enumerate() {
+            assert_eq!(a, b, "batch {batch}, ray {path}: {:?}", rays[path]);
+        }
+        assert_eq!(shader.in_shadow, native.in_shadow, "batch {batch}: any hit");
+        met += shader.hits.iter().flatten().count();
+    }
+    let all = usize::try_from(BATCHES * u64::from(RAYS)).expect("a million");
+    assert!(met * 3 > all && met < all, "{met} of {all} rays met something");
+}
+
+#[test]
+fn a_million_rays_meet_the_same_triangles() {
+    agree(Features::empty(), triangle);
+}
+
+#[test]
+fn a_million_rays_meet_the_same_curves_and_points() {
+    agree(Features::ROUND, round);
+}
+
+#[test]
+fn rays_that_are_no_numbers_meet_the_same() {
+    let Some(mut world) = World::new(Features::empty(), 64, 4096) else { return };
+    let mut random = Random(7);
+    let items: Vec<GpuTriangle> = (0..48).map(|_| triangle(&mut random)).collect();
+    world.set_mesh(&triangle_mesh(48), &items, false);
+    let mut rays = rays_at(&mut random, &items, 4096);
+    let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -0.0, 1e-40, 3e38, -3e38, 1e-30, 1e20];
+    for ray in &mut rays {
+        for _ in 0..=random.below(2) {
+            ray[random.below(2)][random.below(3)] = odd[random.below(odd.len())];
+        }
+    }
+    world.set_rays(&rays);
+    let (shader, native) = (world.shader(), world.native());
+    for (path, (a, b)) in shader.hits.iter().zip(&native.hits).enumerate() {
+        assert_eq!(a, b, "ray {path}: {:?}", rays[path]);
+    }
+    assert!(native.hits.iter().flatten().count() > 50, "some of them are rays all the same");
+    assert_eq!(shader.in_shadow, native.in_shadow, "any hit");
+}
+
+/// A chain of nodes, each with a triangle beside the next one.
+fn chain(depth: u32) -> (Vec<oocpt_shader_abi::GpuMeshNode>, Vec<GpuTriangle>) {
+    let nodes = (0..depth).map(|i| world::node(1, i + 1, [0, 1, 0, 0], i)).collect();
+    let mut random = Random(3);
+    let mut last = world::node(0, 0, [1, 0, 0, 0], depth);
+    last.first_triangle = depth;
+    let mut all: Vec<_> = nodes;
+    all.push(last);
+    (all, (0..=depth).map(|_| triangle(&mut random)).collect())
+}
+
+#[test]
+fn a_tree_as_deep_as_the_stack_is_walked_and_a_deeper_one_is_counted() {
+    for (stack, overflows) in [(1024, false), (64, true)] {
+        let Some(mut world) = World::new(Features::empty(), stack, 1024) else { return };
+        let (nodes, items) = chain(600);
+        world.set_mesh(&nodes, &items, false);
+        world.set_rays(&rays_at(&mut Random(5), &items, 1024));
+        let (shader, native) = (world.shader(), world.native());
+        assert_eq!(native.overflows > 0, overflows, "{stack} entries: {} rays", native.overflows);
+        assert_eq!(shader.overflows > 0, overflows, "{stack} entries, shader: {} rays", shader.overflows);
+        if !overflows {
+            assert_eq!(shader.hits, native.hits, "{stack} entries");
+        }
+    }
+}
+
+#[test]
+fn a_broken_tree_ends_and_reads_nothing_outside() {
+    let Some(mut world) = World::new(Features::empty(), 64, 64) else { return };
+    let mut random = Random(11);
+    let items: Vec<GpuTriangle> = (0..3).map(|_| triangle(&mut random)).collect();
+    world.set_mesh(&triangle_mesh(3), &items, false);
+    world.set_rays(&rays_at(&mut random, &items, 64));
+    assert!(world.native().hits.iter().any(Option::is_some), "it works before it is broken");
+    let broken = [
+        ("a node that is its own child", vec![world::node(1, 0, [0; 4], 0)]),
+        ("children behind the end", vec![world::node(4, 0x0fff_fff0, [0; 4], 0)]),
+        ("triangles behind the end", vec![world::node(0, 0, [3; 4], 0x0fff_fff0)]),
+        ("more children than there are", vec![world::node(15, 0x0fff_ffff, [3; 4], u32::MAX)]),
+    ];
+    for (what, nodes) in broken {
+        world.set_mesh(&nodes, &items, false);
+        world.set_rays(&rays_at(&mut random, &items, 2));
+        assert!(world.native().hits.iter().all(Option::<Found>::is_none), "{what}");
+    }
+    world.set_mesh(&triangle_mesh(3), &items, false);
+    for at in [1, 16, u64::MAX, u64::MAX - 63, 1 << 47] {
+        world.set_mesh_addresses(at);
+        assert!(world.native().hits.iter().all(Option::<Found>::is_none), "a mesh at {at:#x}");
+    }
+}
