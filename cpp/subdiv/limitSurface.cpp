@@ -187,7 +187,7 @@ private:
         const size_t boundary = _vertices.size();
         for (int k = static_cast<int>(boundary); k < pattern.GetNumCoords(); ++k) {
             _EvaluateNext();
-            _vertices.push_back(_Push(_at.position));
+            _vertices.push_back(_Push(_at.position, _none));
         }
         _facetData.resize(static_cast<size_t>(pattern.GetNumFacets()) * 3);
         pattern.GetFacets(_facetData.data());
@@ -246,8 +246,8 @@ private:
             vertex = _next[vertex];
         }
         if (vertex == _none) {
-            vertex
-                = _Push(first == _none ? _at.position : _facets->positionData.data() + 3 * static_cast<size_t>(first));
+            vertex = _Push(
+                first == _none ? _at.position : _facets->positionData.data() + 3 * static_cast<size_t>(first), first);
             // The first one stays at the head: its position is everybody's.
             if (first == _none) {
                 _sites[site] = vertex;
@@ -277,8 +277,8 @@ private:
             _facets->faceVaryingData.data() + vertex * _channelWidth, _at.faceVarying.data(), _channelWidth);
     }
 
-    /// A new vertex at `position` with the normal and values of `_at`.
-    int32_t _Push(const float* position)
+    /// A new vertex at `position`, where the vertex `first` is if there is one, with the normal and values of `_at`.
+    int32_t _Push(const float* position, int32_t first)
     {
         const float copy[3] = { position[0], position[1], position[2] };
         const size_t count = _next.size();
@@ -292,6 +292,7 @@ private:
         append(&_facets->vertexData, _at.vertex.data(), _at.vertex.size());
         append(&_facets->varyingData, _at.varying.data(), _at.varying.size());
         append(&_facets->faceVaryingData, _at.faceVarying.data(), _at.faceVarying.size());
+        _facets->placeData.push_back(first == _none ? static_cast<int32_t>(count) : first);
         _next.push_back(_none);
         return static_cast<int32_t>(count);
     }

@@ -31,6 +31,7 @@ public:
     rust::Slice<const float> face_varying() const { return _Slice(faceVaryingData); }
     rust::Slice<const int32_t> triangles() const { return _Slice(triangleData); }
     rust::Slice<const int32_t> faces() const { return _Slice(faceData); }
+    rust::Slice<const int32_t> places() const { return _Slice(placeData); }
 
     std::vector<float> positionData;
     std::vector<float> normalData;
@@ -40,6 +41,8 @@ public:
     std::vector<int32_t> triangleData;
     /// Control face of each triangle.
     std::vector<int32_t> faceData;
+    /// For each vertex the first one that lies where it does.
+    std::vector<int32_t> placeData;
 
 private:
     template <typename T>

@@ -66,6 +66,7 @@ mod bridge {
         fn face_varying(self: &Facets) -> &[f32];
         fn triangles(self: &Facets) -> &[i32];
         fn faces(self: &Facets) -> &[i32];
+        fn places(self: &Facets) -> &[i32];
     }
 }
 

@@ -170,6 +170,9 @@ pub struct Facets {
     pub triangles: Vec<u32>,
     /// Control face of each triangle.
     pub faces: Vec<u32>,
+    /// For each vertex the first one that lies where it does, on the edges and corners of the same control faces. Those
+    /// that only touch are none.
+    pub places: Vec<u32>,
 }
 
 /// Why there is no surface.
@@ -274,6 +277,7 @@ impl LimitSurface {
             face_varying: facets.face_varying().to_vec(),
             triangles: numbers(facets.triangles()),
             faces: numbers(facets.faces()),
+            places: numbers(facets.places()),
         })
     }
 }

@@ -7,8 +7,9 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::Dicing;
 use super::bvh4::{Bvh4, build_bvh4};
-use super::dicing::Dicing;
+use super::demand::Demand;
 use super::normals::smooth_normals;
 use super::primvar::{Layout, Slot, Source, convert, convert_wanted, extend_points, subset_numbers};
 use super::ptex::{PtexNumbers, PtexTriangle};
@@ -37,6 +38,8 @@ pub struct BuiltMesh {
     pub clusters: Vec<Arc<MeshAsset>>,
     /// What was dropped.
     pub dropped: DroppedData,
+    /// What else the user should know, in words.
+    pub notes: Vec<String>,
 }
 
 /// Builds the asset of `desc`; `key` is its [`super::mesh_key`]. Never splits.
@@ -52,34 +55,36 @@ pub fn build_mesh(desc: &MeshDesc, key: u128) -> BuiltMesh {
 /// are the same bits for any number of threads, but not the ones that [`super::split_mesh`] makes of the whole asset.
 #[must_use]
 pub fn build_mesh_split(desc: &MeshDesc, key: u128, limit_bytes: u64, cluster_bytes: u64) -> BuiltMesh {
-    build_mesh_with(desc, &[], &Dicing::default(), key, limit_bytes, cluster_bytes)
+    build_mesh_with(desc, &Demand::default(), key, limit_bytes, cluster_bytes)
 }
 
-/// [`build_mesh_split`] with the primvars `wanted` besides, on its limit surface if it is a subdivision surface.
+/// [`build_mesh_split`] for a demand, on its limit surface if it is a subdivision surface.
 #[must_use]
 pub fn build_mesh_with(
     desc: &MeshDesc,
-    wanted: &[WantedPrimvar],
-    dicing: &Dicing,
+    demand: &Demand<'_>,
     key: u128,
     limit_bytes: u64,
     cluster_bytes: u64,
 ) -> BuiltMesh {
+    let wanted = demand.wanted;
+    let mut notes = Vec::new();
     let mut dropped = DroppedData::default();
     let (mut asset, mut clusters) = (None, Vec::new());
-    if let Some(rounds) = read_rounds(desc, wanted, dicing, &mut dropped) {
+    if let Some(rounds) = read_rounds(desc, wanted, demand.dicing.unwrap_or(&Dicing::default()), &mut dropped) {
         let zero_area_triangles = dropped.zero_area_triangles;
         let Rounds { topology, desc, radii } = &rounds;
         let loose = read_triangles(desc, wanted, key, topology, radii.as_deref(), &mut dropped);
         // Ribbons may have no width somewhere.
         dropped.zero_area_triangles = zero_area_triangles;
         arrange_or_split(loose, limit_bytes, cluster_bytes, &mut asset, &mut clusters);
-        return BuiltMesh { asset, clusters, dropped };
+        return BuiltMesh { asset, clusters, dropped, notes };
     }
     let loose = read_topology(desc, &mut dropped).and_then(|topology| {
-        let Some(refined) = refine(desc, wanted, &topology, dicing, &mut dropped) else {
+        let Some(refined) = refine(desc, demand, &topology, &mut dropped) else {
             return read_triangles(desc, wanted, key, &topology, None, &mut dropped);
         };
+        notes.clone_from(&refined.notes);
         // A limit surface may close to a point, as at a pole: that is no bad data.
         let zero_area_triangles = dropped.zero_area_triangles;
         let loose = read_triangles(&refined.desc, wanted, key, &refined.topology, None, &mut dropped);
@@ -87,7 +92,7 @@ pub fn build_mesh_with(
         loose
     });
     arrange_or_split(loose, limit_bytes, cluster_bytes, &mut asset, &mut clusters);
-    BuiltMesh { asset, clusters, dropped }
+    BuiltMesh { asset, clusters, dropped, notes }
 }
 
 /// Gives `loose` its hierarchy, or cuts it into clusters if it would take more than about `limit_bytes`.
