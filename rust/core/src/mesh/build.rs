@@ -6,6 +6,7 @@ use std::cell::OnceCell;
 use std::sync::Arc;
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use super::Dicing;
 use super::bvh4::{Bvh4, build_bvh4};
@@ -16,12 +17,15 @@ use super::ptex::{PtexNumbers, PtexTriangle};
 use super::refine::refine;
 use super::round::{Rounds, read_rounds};
 use super::split::{Order, arrange, expected_bytes, split_ordered};
-use super::topology::{Topology, read_topology};
+use super::topology::{Face, Topology, read_topology};
 use super::triangulate::Triangulator;
 use super::{Aabb, Attribute, AttributeRate, LeafKind, MeshAsset, Triangle, WantedPrimvar};
 use crate::array::ArrayView;
 use crate::desc::{DroppedData, MeshDesc, Shape, Subdivision};
 use crate::material::PTEX_SET_ID;
+
+/// Faces that a thread triangulates at a time.
+const FACE_BLOCK: usize = 1 << 14;
 
 /// Twice the smallest area of a triangle we keep, in squares of its longest edge: three times the rounding of the
 /// products in double precision, so that the normal's direction means something. The same at every scale.
@@ -200,13 +204,41 @@ struct Faces {
     ptex: Vec<PtexTriangle>,
 }
 
-/// All triangles with area, in authored order. A face that keeps some area has lost nothing: quads that close to a
+/// All triangles with area, in authored order: blocks of faces side by side, unless faces have Ptex numbers, which go
+/// on from face to face.
+fn triangulate(topology: &Topology, numbers: Option<&mut PtexNumbers>, dropped: &mut DroppedData) -> Faces {
+    if numbers.is_some() || topology.faces.len() <= FACE_BLOCK {
+        return triangulate_block(topology, &topology.faces, numbers, dropped);
+    }
+    let block = |faces: &[Face]| {
+        let mut dropped = DroppedData::default();
+        (triangulate_block(topology, faces, None, &mut dropped), dropped)
+    };
+    let blocks: Vec<(Faces, DroppedData)> = topology.faces.par_chunks(FACE_BLOCK).map(block).collect();
+    let mut all = Faces::default();
+    let count = blocks.iter().map(|(faces, _)| faces.triangles.len()).sum();
+    all.triangles.reserve_exact(count);
+    all.sources.reserve_exact(count);
+    for (faces, of_block) in blocks {
+        all.triangles.extend(faces.triangles);
+        all.sources.extend(faces.sources);
+        dropped.add(&of_block);
+    }
+    all
+}
+
+/// The triangles of some faces. A face that keeps some area has lost nothing: quads that close to a
 /// point, as at the tip of a cone, are no bad data. Only the triangles of faces without any area count as dropped.
-fn triangulate(topology: &Topology, mut numbers: Option<&mut PtexNumbers>, dropped: &mut DroppedData) -> Faces {
+fn triangulate_block(
+    topology: &Topology,
+    faces: &[Face],
+    mut numbers: Option<&mut PtexNumbers>,
+    dropped: &mut DroppedData,
+) -> Faces {
     let mut triangulator = Triangulator::default();
     let (mut points, mut ears) = (Vec::new(), Vec::new());
     let Faces { mut triangles, mut sources, mut ptex } = Faces::default();
-    for face in topology.faces.iter().filter(|face| !face.is_hole) {
+    for face in faces.iter().filter(|face| !face.is_hole) {
         let corners = topology.face_corners(face);
         points.clear();
         points.extend(corners.iter().map(|&c| topology.position(c)));

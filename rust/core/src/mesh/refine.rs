@@ -6,6 +6,7 @@
 
 use glam::{DVec3, Vec3};
 use oocpt_subdiv::{Channel, Control, Data, Error, Facets, LimitSurface, MAX_RATE, Rules, Scheme};
+use rayon::prelude::*;
 
 use super::cage::Cage;
 use super::creases::Sharpness;
@@ -168,7 +169,7 @@ fn rates(
         true => cutting.least.min(cutting.most),
         false => cutting.dicing.pieces_up_to(position(*a), position(*b), cutting.least, cutting.most),
     };
-    let mut rates: Vec<i32> = surface.edges().iter().map(pieces).collect();
+    let mut rates: Vec<i32> = surface.edges().par_iter().map(pieces).collect();
     let expected = surface.expected_facets(&rates)?;
     if expected > most && rates.iter().any(|&rate| rate > 1) {
         dropped.coarse_meshes += 1;

@@ -51,6 +51,11 @@ impl HeightImage for Picture {
             // Shows its level.
             "levels" => Ok(places.map(|_| level as f32).collect()),
             "one" => Ok(places.map(|_| 1.0).collect()),
+            // Rises from its number on, by a sixteenth.
+            name if name.starts_with("tile") => {
+                let number: f32 = name[4..8].parse().unwrap();
+                Ok(places.map(|(x, _)| number + (x as f32 + 0.5) / 1024.0).collect())
+            }
             name if name.starts_with("part") => {
                 let number: f32 = name[4..8].parse().unwrap();
                 Ok(places.map(|_| number).collect())
@@ -68,7 +73,7 @@ impl HeightFiles for Files {
         let name = texture.asset.resolved.replace("<UDIM>", &member.to_string());
         match name.as_str() {
             "gone" => Err("cannot be found".into()),
-            "part1003" => Ok(None),
+            "tile1003" => Ok(None),
             _ => Ok(Some(Arc::new(Picture(name)))),
         }
     }

@@ -24,25 +24,27 @@ fn sets_of_files_are_looked_at_by_face() {
     let corners = [[0.0_f32, 0.0], [1.0, 0.0], [2.0, 0.0], [0.0, 1.0], [1.0, 1.0], [2.0, 1.0]];
     let desc = MeshDesc {
         face_vertex_counts: TypedArray::of(vec![4_i32; 2]),
-        face_vertex_indices: TypedArray::of(vec![0_i32, 1, 4, 3, 1, 2, 5, 4]),
+        face_vertex_indices: TypedArray::of(vec![4_i32, 3, 0, 1, 5, 4, 1, 2]),
         points: TypedArray::of::<[f32; 3]>(corners.iter().map(|[x, y]| [*x, *y, 0.0]).collect()),
         primvars: st(oocpt_core::Interpolation::Vertex, corners.to_vec()),
         ..square()
     };
-    let built = build(&desc, &textured("part<UDIM>", "r", &[], &[]), 8.0);
+    let built = build(&desc, &textured("tile<UDIM>", "r", &[], &[]), 8.0);
     for (position, _, _) in corners_of(asset(&built)) {
+        // Members go on as their last texels do.
+        let within = |x: f64| x.clamp(0.5 / 64.0, 63.5 / 64.0) / 16.0;
         let expected = if position.x < 0.999 {
-            1001.0
+            1001.0 + within(position.x)
         } else if position.x > 1.001 {
-            1002.0
+            1002.0 + within(position.x - 1.0)
         } else {
-            1001.5
+            0.5 * (1001.0 + within(1.0) + 1002.0 + within(0.0))
         };
         assert!((position.z - expected).abs() < 1e-3, "{position} is not {expected} high");
     }
     let place = [("translation", ParamValue::Vec2([2.0, 0.0]))];
-    let none = build(&square(), &textured("part<UDIM>", "r", &[("fallback", ParamValue::Vec4([7.0; 4]))], &place), 8.0);
-    assert_eq!(none.notes, ["/m/UsdUVTexture: texture part<UDIM>: none of its tiles is there"]);
+    let none = build(&square(), &textured("tile<UDIM>", "r", &[("fallback", ParamValue::Vec4([7.0; 4]))], &place), 8.0);
+    assert_eq!(none.notes, ["/m/UsdUVTexture: texture tile<UDIM>: none of its tiles is there"]);
     assert!((none.asset.unwrap().bounds.max[2] - 7.0).abs() < 1e-6, "the fallback");
 }
 
