@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Faces as OpenSubdiv takes them: none has a point twice. Pure.
 
-use std::collections::HashSet;
-
 use glam::DVec3;
 use oocpt_subdiv::Error;
+use rustc_hash::FxHashSet;
 
 use super::topology::{Face, Topology};
 use super::triangulate::Triangulator;
@@ -37,7 +36,7 @@ impl Cage {
 
     fn of(topology: &Topology, is_flat: bool, dropped: &mut DroppedData) -> Result<Self, Error> {
         let mut cage = Self::default();
-        let (mut seen, mut corners) = (HashSet::new(), Vec::new());
+        let (mut seen, mut corners) = (FxHashSet::default(), Vec::new());
         let (mut triangulator, mut ears) = (Triangulator::default(), Vec::new());
         for face in &topology.faces {
             let points = topology.face_corners(face);
@@ -50,14 +49,17 @@ impl Cage {
                 }
                 before = point;
             }
-            seen.clear();
-            if corners.len() < 3 || !corners.iter().all(|(point, _)| seen.insert(*point)) {
+            if corners.len() < 3 || has_twice(&corners, &mut seen) {
                 dropped.folded_faces += 1;
+                continue;
+            }
+            if !is_flat || corners.len() == 3 {
+                cage.add(face, corners.iter().copied())?;
                 continue;
             }
             let places: Vec<DVec3> = corners.iter().map(|(point, _)| topology.position(*point)).collect();
             let normal = topology.face_normal(face);
-            if !is_flat || places.len() == 3 || (places.len() == 4 && is_convex(&places, normal)) {
+            if places.len() == 4 && is_convex(&places, normal) {
                 cage.add(face, corners.iter().copied())?;
                 continue;
             }
@@ -83,6 +85,15 @@ impl Cage {
         self.faces.push(face.index);
         Ok(())
     }
+}
+
+/// True when a point comes twice.
+fn has_twice(corners: &[(u32, u32)], seen: &mut FxHashSet<u32>) -> bool {
+    if corners.len() <= 8 {
+        return corners.iter().enumerate().any(|(k, (point, _))| corners.iter().skip(k + 1).any(|(p, _)| p == point));
+    }
+    seen.clear();
+    !corners.iter().all(|(point, _)| seen.insert(*point))
 }
 
 /// True when each corner turns the way that the face does.

@@ -8,11 +8,12 @@
 
 use glam::{DVec3, Vec3};
 use oocpt_subdiv::Facets;
+use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 use super::demand::Demand;
 use super::primvar::subsets_of_faces;
-use super::relief::{CutValues, Relief};
+use super::relief::{CutValues, Member, Relief};
 use super::topology::MAX_COORDINATE;
 use crate::desc::{DroppedData, MeshDesc};
 use crate::texture::Heights;
@@ -39,6 +40,14 @@ struct FaceRun<'a> {
     /// Authored number.
     face: u32,
     triangles: &'a [[u32; 3]],
+}
+
+/// A vertex of a face, and which relief says how high it is.
+struct Asked {
+    vertex: u32,
+    face: u32,
+    slot: usize,
+    member: Option<Member>,
 }
 
 /// What faces say about a place.
@@ -119,9 +128,8 @@ impl Cut<'_> {
         }
         let none = Heights::default();
         let heights = demand.heights.unwrap_or(&none);
-        let mut sums = vec![Sum::default(); self.facets.places.len()];
-        let mut seen = vec![u32::MAX; sums.len()];
-        let mut vertices = Vec::new();
+        let mut seen = vec![u32::MAX; self.facets.places.len()];
+        let (mut asked, mut vertices) = (Vec::new(), Vec::new());
         for (number, run) in (0..).zip(self.runs()) {
             vertices.clear();
             for &vertex in run.triangles.as_flattened() {
@@ -130,15 +138,23 @@ impl Cut<'_> {
                     vertices.push(vertex);
                 }
             }
-            let mut relief = reliefs.get_mut(slot(run.face)).and_then(Option::as_mut);
-            let member = relief.as_mut().map(|relief| relief.open(heights, run.face, &vertices));
-            for &vertex in &vertices {
-                let height = relief.as_ref().zip(member).map(|(r, member)| r.height(run.face, vertex, member));
-                if let Some(sum) = sums.get_mut(self.place(vertex)) {
-                    sum.normal += self.normal(vertex);
-                    sum.height += height.unwrap_or(0.0);
-                    sum.faces += 1.0;
-                }
+            let (face, slot) = (run.face, slot(run.face));
+            let relief = reliefs.get_mut(slot).and_then(Option::as_mut);
+            let member = relief.map(|relief| relief.open(heights, face, &vertices));
+            asked.extend(vertices.iter().map(|&vertex| Asked { vertex, face, slot, member }));
+        }
+        let height = |asked: &Asked| {
+            let relief = reliefs.get(asked.slot).and_then(Option::as_ref).zip(asked.member);
+            relief.map_or(0.0, |(relief, member)| relief.height(asked.face, asked.vertex, member))
+        };
+        let found: Vec<f64> = asked.par_iter().map(height).collect();
+        // In the order of faces: sums of floats depend on it.
+        let mut sums = vec![Sum::default(); self.facets.places.len()];
+        for (asked, height) in asked.iter().zip(found) {
+            if let Some(sum) = sums.get_mut(self.place(asked.vertex)) {
+                sum.normal += self.normal(asked.vertex);
+                sum.height += height;
+                sum.faces += 1.0;
             }
         }
         (sums, reliefs.into_iter().flatten().filter_map(Relief::into_problem).collect())
@@ -205,7 +221,7 @@ impl Cut<'_> {
             };
             (own + turn).try_normalize().unwrap_or(own).as_vec3().to_array()
         };
-        (0..u32::try_from(positions.len()).unwrap_or(u32::MAX)).map(turned).collect()
+        (0..u32::try_from(positions.len()).unwrap_or(u32::MAX)).into_par_iter().map(turned).collect()
     }
 
     /// The vertices of each place that has several.

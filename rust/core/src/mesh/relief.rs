@@ -56,7 +56,7 @@ impl<'a> CutValues<'a> {
 }
 
 /// The member of a set of files that a face looks at.
-type Member = (u32, [f64; 2]);
+pub(super) type Member = (u32, [f64; 2]);
 
 /// A displacement over a mesh that was cut.
 pub(super) struct Relief<'a> {

@@ -408,3 +408,25 @@ fn polygons_that_are_not_convex_keep_their_area() {
         assert!((total - area).abs() < 1e-5 && positive, "{total} is not {area}");
     }
 }
+
+#[test]
+fn any_number_of_threads_gives_the_same_bits() {
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let material = textured("waves", "r", &wraps("repeat"), &[]);
+        // Several blocks of faces.
+        let built = pool.install(|| build(&cube(Subdivision::CatmullClark), &material, 100.0));
+        built.asset.unwrap()
+    };
+    let one = with(1);
+    assert!(one.triangles.len() > 6 << 16, "{} triangles", one.triangles.len());
+    for threads in [2, 5] {
+        let other = with(threads);
+        let bits = |asset: &MeshAsset| {
+            let normals = asset.normals.as_ref().unwrap().values.as_flattened().iter().map(|v| v.to_bits()).collect();
+            let corners = asset.triangles.iter().flat_map(|t| t.vertices).flatten().map(f32::to_bits).collect();
+            [normals, corners] as [Vec<u32>; 2]
+        };
+        assert!(bits(&one) == bits(&other) && one.bvh == other.bvh, "{threads} threads");
+    }
+}
