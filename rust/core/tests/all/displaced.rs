@@ -54,7 +54,7 @@ impl HeightImage for Picture {
             // Rises from its number on, by a sixteenth.
             name if name.starts_with("tile") => {
                 let number: f32 = name[4..8].parse().unwrap();
-                Ok(places.map(|(x, _)| number + (x as f32 + 0.5) / 1024.0).collect())
+                Ok(places.map(|(x, _)| number + (x as f32 + 0.5) / (16 * width) as f32).collect())
             }
             name if name.starts_with("part") => {
                 let number: f32 = name[4..8].parse().unwrap();
