@@ -360,6 +360,7 @@ proptest! {
                     prop_assert!(uv.is_none_or(|uv| usize::from(uv) < made.uv_sets.len()));
                     prop_assert!(transform.as_flattened().iter().chain(scale).chain(bias).all(|v| v.is_finite()));
                 }
+                Input::Register(_) => prop_assert!(false, "only MaterialX has programs"),
                 Input::Primvar { slot, fallback } => {
                     prop_assert!(usize::from(*slot) < made.primvars.len());
                     prop_assert!(fallback.iter().all(|v| v.is_finite()));

@@ -76,7 +76,7 @@ fn emission(material: &Material) -> [f32; 3] {
         Input::Constant([r, g, b, _]) => [*r, *g, *b],
         Input::Texture { scale: [r, g, b, _], .. } => [*r, *g, *b],
         // Equal to nothing.
-        Input::Primvar { .. } => [f32::NAN; 3],
+        Input::Primvar { .. } | Input::Register(_) => [f32::NAN; 3],
     }
 }
 
