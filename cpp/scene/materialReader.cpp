@@ -148,7 +148,6 @@ oocpt::MaterialDesc HdOocPTReadMaterial(const HdOocPTPrimSource& source)
     const auto& tokens = *HdOocPTSceneTokens;
     oocpt::MaterialDesc desc {};
     desc.path = rust::String::lossy(source.path.GetString());
-    desc.surface = -1;
     HdContainerDataSourceHandle network = HdOocPTFindContainer(source.container, { tokens.material, tokens.mtlx });
     if (!network) {
         network = HdOocPTFindContainer(source.container, { tokens.material, tokens.universal });
@@ -169,9 +168,13 @@ oocpt::MaterialDesc HdOocPTReadMaterial(const HdOocPTPrimSource& source)
         _ReadConnections(node, names, &item);
         desc.nodes.push_back(std::move(item));
     }
-    TfToken surface;
-    HdOocPTConvert(HdOocPTRead(network, { tokens.terminals, tokens.surface, tokens.upstreamNodePath }), &surface);
-    desc.surface = _NumberOf(surface, names);
+    const auto terminal = [&](const TfToken& name) {
+        TfToken node;
+        HdOocPTConvert(HdOocPTRead(network, { tokens.terminals, name, tokens.upstreamNodePath }), &node);
+        return _NumberOf(node, names);
+    };
+    desc.surface = terminal(tokens.surface);
+    desc.displacement = terminal(tokens.displacement);
     if (HdOocPTFind(network, { tokens.terminals, tokens.volume })) {
         source.warnings->Add(source.path, "volume shaders are not supported yet; only the surface is shaded");
     }

@@ -30,8 +30,8 @@ PXR_NAMESPACE_OPEN_SCOPE
     /* bindings */                                                                                                    \
     (materialBindings)(path)(full)((allPurpose, ""))                                                                  \
     /* materials */                                                                                                   \
-    ((universal, ""))(mtlx)(nodes)(parameters)(value)(colorSpace)(inputConnections)(upstreamNodePath)                       \
-    (upstreamNodeOutputName)(nodeIdentifier)(terminals)(surface)(volume)                                              \
+    ((universal, ""))(mtlx)(nodes)(parameters)(value)(colorSpace)(inputConnections)(upstreamNodePath)                 \
+    (upstreamNodeOutputName)(nodeIdentifier)(terminals)(surface)(displacement)(volume)                                \
     /* primvars */                                                                                                    \
     (primvars)(primvarValue)(indexedPrimvarValue)(indices)(interpolation)(extComputationPrimvars)(points)(normals)    \
     (displayColor)(displayOpacity)(constant)(uniform)(varying)(vertex)(faceVarying)(instance)                         \

@@ -75,21 +75,70 @@ bool _AreSame(const float* a, const float* b, size_t count)
     return true;
 }
 
+/// The first vertex of each place that some faces share.
+class _SiteTable
+{
+public:
+    /// For at most so many places.
+    explicit _SiteTable(size_t count)
+    {
+        size_t size = 16;
+        while (size < 2 * count) {
+            size *= 2;
+        }
+        _slots.assign(size, { _none, _none });
+    }
+
+    /// The vertex of a place; `_none` where there is none yet.
+    int32_t& operator[](int32_t site)
+    {
+        const size_t mask = _slots.size() - 1;
+        size_t at = static_cast<size_t>(site) * 0x9E3779B97F4A7C15ULL >> 20U & mask;
+        while (_slots[at].site != site && _slots[at].site != _none) {
+            at = (at + 1) & mask;
+        }
+        _slots[at].site = site;
+        return _slots[at].vertex;
+    }
+
+private:
+    struct _Slot
+    {
+        int32_t site;
+        int32_t vertex;
+    };
+    std::vector<_Slot> _slots;
+};
+
+/// Places on the outlines of faces, those that they share counted for each.
+size_t _CountSites(const Far::TopologyLevel& level, const Cut& cut)
+{
+    size_t count = 0;
+    for (int face = cut.first_face; face < cut.end_face; ++face) {
+        const auto edges = level.GetFaceEdges(face);
+        for (int k = 0; k < edges.size(); ++k) {
+            count += static_cast<size_t>(cut.rates[static_cast<size_t>(edges[k])]);
+        }
+    }
+    return count;
+}
+
 /// One tessellation under way.
 class _Tessellator
 {
 public:
-    _Tessellator(const Far::TopologyRefiner& refiner, size_t channels, rust::Slice<const int32_t> rates,
-        const Values& values, Facets* facets)
+    _Tessellator(const Far::TopologyRefiner& refiner, const Bfr::SurfaceFactory& factory, size_t channels,
+        const Cut& cut, const Values& values, Facets* facets)
         : _level(refiner.GetLevel(0))
-        , _factory(refiner, _FactoryOptions())
+        , _factory(factory)
         , _scheme(refiner.GetSchemeType())
-        , _rates(rates)
+        , _cut(cut)
         , _facets(facets)
-        , _positions(values.positions.begin(), values.positions.end())
+        , _positions(values.positions)
         , _vertex(values.vertex)
         , _varying(values.varying)
         , _channels(channels)
+        , _sites(_CountSites(_level, cut))
     {
         _position.width = 3;
         _vertexPatch.width = values.vertex_width;
@@ -103,32 +152,16 @@ public:
             _channelWidth += static_cast<size_t>(width);
             at += static_cast<size_t>(refiner.GetNumFVarValuesTotal(static_cast<int>(channel))) * width;
         }
-        _edgeSites.resize(static_cast<size_t>(_level.GetNumEdges()) + 1);
-        size_t sites = static_cast<size_t>(_level.GetNumVertices());
-        for (int edge = 0; edge < _level.GetNumEdges(); ++edge) {
-            _edgeSites[edge] = sites;
-            sites += static_cast<size_t>(rates[edge]) - 1;
-        }
-        _edgeSites.back() = sites;
-        _sites.assign(sites, _none);
     }
 
     void AddAll()
     {
-        for (int face = 0; face < _level.GetNumFaces(); ++face) {
+        for (int face = _cut.first_face; face < _cut.end_face; ++face) {
             _AddFace(face);
         }
     }
 
 private:
-    static Bfr::SurfaceFactory::Options _FactoryOptions()
-    {
-        Bfr::SurfaceFactory::Options options;
-        options.SetApproxLevelSmooth(_smoothLevel);
-        options.SetApproxLevelSharp(_sharpLevel);
-        return options;
-    }
-
     bool _Init(int face)
     {
         if (!_factory.FaceHasLimitSurface(face) || !_factory.InitVertexSurface(face, &_position.surface)) {
@@ -165,7 +198,7 @@ private:
         }
         _faceRates.clear();
         for (int k = 0; k < edges.size(); ++k) {
-            _faceRates.push_back(_rates[edges[k]]);
+            _faceRates.push_back(_cut.rates[static_cast<size_t>(edges[k])]);
         }
         const Bfr::Parameterization parameters(_scheme, corners.size());
         Bfr::Tessellation::Options options;
@@ -177,17 +210,17 @@ private:
         pattern.GetCoords(_coords.data());
         _vertices.clear();
         for (int k = 0; k < corners.size(); ++k) {
-            _AddAt(static_cast<size_t>(corners[k]));
+            _AddAt(corners[k]);
             const int rate = _faceRates[k];
             const bool isForward = _level.GetEdgeVertices(edges[k])[0] == corners[k];
             for (int step = 1; step < rate; ++step) {
-                _AddAt(_edgeSites[edges[k]] + static_cast<size_t>(isForward ? step : rate - step) - 1);
+                _AddAt(_cut.edge_sites[static_cast<size_t>(edges[k])] + (isForward ? step : rate - step) - 1);
             }
         }
         const size_t boundary = _vertices.size();
         for (int k = static_cast<int>(boundary); k < pattern.GetNumCoords(); ++k) {
             _EvaluateNext();
-            _vertices.push_back(_Push(_at.position));
+            _vertices.push_back(_Push(_at.position, _none));
         }
         _facetData.resize(static_cast<size_t>(pattern.GetNumFacets()) * 3);
         pattern.GetFacets(_facetData.data());
@@ -237,20 +270,21 @@ private:
 
     /// The vertex of the next coordinate, which lies at a place that faces share: one that is there already, if its
     /// normal and values are the same, else a new one with the position of the first.
-    void _AddAt(size_t site)
+    void _AddAt(int32_t site)
     {
         _EvaluateNext();
-        const int32_t first = _sites[site];
+        int32_t& head = _sites[site];
+        const int32_t first = head;
         int32_t vertex = first;
         while (vertex != _none && !_IsLike(static_cast<size_t>(vertex))) {
             vertex = _next[vertex];
         }
         if (vertex == _none) {
-            vertex
-                = _Push(first == _none ? _at.position : _facets->positionData.data() + 3 * static_cast<size_t>(first));
+            vertex = _Push(
+                first == _none ? _at.position : _facets->positionData.data() + 3 * static_cast<size_t>(first), site);
             // The first one stays at the head: its position is everybody's.
             if (first == _none) {
-                _sites[site] = vertex;
+                head = vertex;
             } else {
                 _next[vertex] = _next[first];
                 _next[first] = vertex;
@@ -277,8 +311,8 @@ private:
             _facets->faceVaryingData.data() + vertex * _channelWidth, _at.faceVarying.data(), _channelWidth);
     }
 
-    /// A new vertex at `position` with the normal and values of `_at`.
-    int32_t _Push(const float* position)
+    /// A new vertex at `position`, which is at a place that faces share or `_none`, with the normal and values of `_at`.
+    int32_t _Push(const float* position, int32_t site)
     {
         const float copy[3] = { position[0], position[1], position[2] };
         const size_t count = _next.size();
@@ -292,16 +326,17 @@ private:
         append(&_facets->vertexData, _at.vertex.data(), _at.vertex.size());
         append(&_facets->varyingData, _at.varying.data(), _at.varying.size());
         append(&_facets->faceVaryingData, _at.faceVarying.data(), _at.faceVarying.size());
+        _facets->siteData.push_back(site);
         _next.push_back(_none);
         return static_cast<int32_t>(count);
     }
 
     const Far::TopologyLevel& _level;
-    Bfr::RefinerSurfaceFactory<> _factory;
+    const Bfr::SurfaceFactory& _factory;
     Sdc::SchemeType _scheme;
-    rust::Slice<const int32_t> _rates;
+    const Cut& _cut;
     Facets* _facets;
-    std::vector<double> _positions;
+    rust::Slice<const double> _positions;
     rust::Slice<const float> _vertex;
     rust::Slice<const float> _varying;
     std::vector<const float*> _channelValues;
@@ -313,9 +348,7 @@ private:
     _Patch<float> _varyingPatch;
     std::vector<_Patch<float>> _channels;
 
-    /// First vertex of each place that faces share: control vertices, then the inner points of edges.
-    std::vector<int32_t> _sites;
-    std::vector<size_t> _edgeSites;
+    _SiteTable _sites;
     /// The next vertex of the same place.
     std::vector<int32_t> _next;
 
@@ -372,6 +405,10 @@ LimitSurface::LimitSurface(const Rules& rules, const Topology& topology)
     if (!_refiner) {
         throw std::invalid_argument("OpenSubdiv refuses the topology");
     }
+    Bfr::SurfaceFactory::Options approximation;
+    approximation.SetApproxLevelSmooth(_smoothLevel);
+    approximation.SetApproxLevelSharp(_sharpLevel);
+    _factory = std::make_unique<Bfr::RefinerSurfaceFactory<_Cache>>(*_refiner, approximation);
     const Far::TopologyLevel& level = _refiner->GetLevel(0);
     _edges.reserve(static_cast<size_t>(level.GetNumEdges()) * 2);
     for (int edge = 0; edge < level.GetNumEdges(); ++edge) {
@@ -381,18 +418,19 @@ LimitSurface::LimitSurface(const Rules& rules, const Topology& topology)
     }
 }
 
-uint64_t LimitSurface::expected_facets(rust::Slice<const int32_t> rates) const
+void LimitSurface::expected_facets(rust::Slice<const int32_t> rates, rust::Slice<uint64_t> facets) const
 {
     const Far::TopologyLevel& level = _refiner->GetLevel(0);
-    if (rates.size() != static_cast<size_t>(level.GetNumEdges())) {
-        throw std::invalid_argument("one rate for each edge");
+    if (rates.size() != static_cast<size_t>(level.GetNumEdges())
+        || facets.size() != static_cast<size_t>(level.GetNumFaces())) {
+        throw std::invalid_argument("one rate for each edge, one number for each face");
     }
-    uint64_t total = 0;
     for (int face = 0; face < level.GetNumFaces(); ++face) {
         const auto edges = level.GetFaceEdges(face);
-        const auto rate = [&](int k) { return static_cast<uint64_t>(rates[edges[k]]); };
+        const auto rate = [&](int k) { return static_cast<uint64_t>(rates[static_cast<size_t>(edges[k])]); };
+        uint64_t& total = facets[static_cast<size_t>(face)];
         if (edges.size() == 4) {
-            total += 2 * std::max(rate(0), rate(2)) * std::max(rate(1), rate(3));
+            total = 2 * std::max(rate(0), rate(2)) * std::max(rate(1), rate(3));
             continue;
         }
         // A triangle of Loop's scheme, or as many quads as there are corners, of half the rate.
@@ -400,18 +438,20 @@ uint64_t LimitSurface::expected_facets(rust::Slice<const int32_t> rates) const
         for (int k = 0; k < edges.size(); ++k) {
             largest = std::max(largest, rate(k));
         }
-        total += std::max<uint64_t>(largest * largest * static_cast<uint64_t>(edges.size()) / 2, edges.size() - 2);
+        total = std::max<uint64_t>(largest * largest * static_cast<uint64_t>(edges.size()) / 2, edges.size() - 2);
     }
-    return total;
 }
 
-std::unique_ptr<Facets> LimitSurface::tessellate(rust::Slice<const int32_t> rates, const Values& values) const
+std::unique_ptr<Facets> LimitSurface::tessellate(const Cut& cut, const Values& values) const
 {
-    if (rates.size() != _edges.size() / 2 || values.face_varying_widths.size() != _channelCount) {
-        throw std::invalid_argument("one rate for each edge, one width for each channel");
+    const size_t edges = _edges.size() / 2;
+    const bool hasFaces = 0 <= cut.first_face && cut.end_face <= _refiner->GetLevel(0).GetNumFaces();
+    if (cut.rates.size() != edges || cut.edge_sites.size() != edges || !hasFaces
+        || values.face_varying_widths.size() != _channelCount) {
+        throw std::invalid_argument("one rate and place for each edge, one width for each channel, faces that are there");
     }
     auto facets = std::make_unique<Facets>();
-    _Tessellator(*_refiner, _channelCount, rates, values, facets.get()).AddAll();
+    _Tessellator(*_refiner, *_factory, _channelCount, cut, values, facets.get()).AddAll();
     return facets;
 }
 

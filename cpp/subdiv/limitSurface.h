@@ -7,20 +7,24 @@
 
 #include "rust/cxx.h"
 
+#include <opensubdiv/bfr/refinerSurfaceFactory.h>
 #include <opensubdiv/far/topologyRefiner.h>
 
 #include <cstdint>
 #include <memory>
+#include <mutex>
+#include <shared_mutex>
 #include <vector>
 
 namespace oocpt::subdiv {
 
+struct Cut;
 struct Rules;
 struct Topology;
 struct Values;
 
-/// Triangles on a limit surface. A vertex has a position, a normal (zero where the surface has none) and values; where
-/// normals or values differ from face to face, several vertices have the same position.
+/// Triangles on some faces of a limit surface. A vertex has a position, a normal (zero where the surface has none) and
+/// values; where normals or values differ from face to face, several vertices have the same position.
 class Facets
 {
 public:
@@ -31,6 +35,7 @@ public:
     rust::Slice<const float> face_varying() const { return _Slice(faceVaryingData); }
     rust::Slice<const int32_t> triangles() const { return _Slice(triangleData); }
     rust::Slice<const int32_t> faces() const { return _Slice(faceData); }
+    rust::Slice<const int32_t> sites() const { return _Slice(siteData); }
 
     std::vector<float> positionData;
     std::vector<float> normalData;
@@ -40,6 +45,8 @@ public:
     std::vector<int32_t> triangleData;
     /// Control face of each triangle.
     std::vector<int32_t> faceData;
+    /// For each vertex the place that faces share: a control vertex or a place of an edge; -1 inside of faces.
+    std::vector<int32_t> siteData;
 
 private:
     template <typename T>
@@ -56,11 +63,17 @@ public:
     LimitSurface(const Rules& rules, const Topology& topology);
 
     rust::Slice<const int32_t> edges() const { return { _edges.data(), _edges.size() }; }
-    uint64_t expected_facets(rust::Slice<const int32_t> rates) const;
-    std::unique_ptr<Facets> tessellate(rust::Slice<const int32_t> rates, const Values& values) const;
+    /// Triangles that rates give in each face, more or less.
+    void expected_facets(rust::Slice<const int32_t> rates, rust::Slice<uint64_t> facets) const;
+    std::unique_ptr<Facets> tessellate(const Cut& cut, const Values& values) const;
 
 private:
+    /// What it finds out about faces with irregular neighbours serves all threads.
+    using _Cache = OpenSubdiv::Bfr::SurfaceFactoryCacheThreaded<std::shared_mutex, std::shared_lock<std::shared_mutex>,
+        std::unique_lock<std::shared_mutex>>;
+
     std::unique_ptr<OpenSubdiv::Far::TopologyRefiner> _refiner;
+    std::unique_ptr<OpenSubdiv::Bfr::RefinerSurfaceFactory<_Cache>> _factory;
     std::vector<int32_t> _edges;
     size_t _channelCount;
 };

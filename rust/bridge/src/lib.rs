@@ -314,11 +314,12 @@ mod ffi {
         connections: Vec<ConnectionDesc>,
     }
 
-    /// A material; `surface` is the number of its surface node, or -1.
+    /// A material; `surface` and `displacement` are the numbers of the nodes at its terminals, or -1.
     struct MaterialDesc {
         path: String,
         nodes: Vec<NodeDesc>,
         surface: i32,
+        displacement: i32,
     }
 
     /// `UsdLuxShapingAPI`.

@@ -9,12 +9,16 @@ use std::sync::Arc;
 /// The core's material. Connections and terminals that lead to no node of the material are left out and named.
 pub(crate) fn material(desc: ffi::MaterialDesc, complaints: &mut Complaints) -> MaterialDesc {
     let count = desc.nodes.len();
-    let surface = usize::try_from(desc.surface).ok().filter(|surface| *surface < count);
-    if surface.is_none() && desc.surface >= 0 {
-        complaints.add(&desc.path, "surface", "its node is not there");
-    }
+    let mut terminal = |name: &str, node: i32| {
+        let found = usize::try_from(node).ok().filter(|node| *node < count);
+        if found.is_none() && node >= 0 {
+            complaints.add(&desc.path, name, "its node is not there");
+        }
+        found
+    };
+    let (surface, displacement) = (terminal("surface", desc.surface), terminal("displacement", desc.displacement));
     let nodes = desc.nodes.into_iter().map(|desc| node(desc, count, complaints)).collect();
-    MaterialDesc { path: Arc::from(desc.path), nodes, surface }
+    MaterialDesc { path: Arc::from(desc.path), nodes, surface, displacement }
 }
 
 fn node(desc: ffi::NodeDesc, count: usize, complaints: &mut Complaints) -> NodeDesc {
@@ -81,7 +85,7 @@ mod tests {
         let tex = ffi::NodeDesc { path: "/M/Tex".into(), kind: "UsdUVTexture".into(), params, connections: Vec::new() };
         let surf =
             ffi::NodeDesc { path: "/M/S".into(), kind: "UsdPreviewSurface".into(), params: Vec::new(), connections };
-        ffi::MaterialDesc { path: "/M".into(), nodes: vec![surf, tex], surface }
+        ffi::MaterialDesc { path: "/M".into(), nodes: vec![surf, tex], surface, displacement: surface + 1 }
     }
 
     #[test]
@@ -90,6 +94,7 @@ mod tests {
         let material = material(material_desc(1, 0), &mut complaints);
         assert!(complaints.0.is_empty(), "nothing is wrong: {:?}", complaints.0);
         assert_eq!((&*material.path, material.surface), ("/M", Some(0)), "path and terminal");
+        assert_eq!(material.displacement, Some(1), "the other terminal");
         let connection = &material.nodes[0].connections[0];
         assert_eq!((&*connection.input, connection.node, &*connection.output), ("diffuseColor", 1, "rgb"), "source");
         let values: Vec<ParamValue> = material.nodes[1].params.iter().map(|param| param.value.clone()).collect();
@@ -110,9 +115,9 @@ mod tests {
     fn what_leads_nowhere_is_left_out_and_named() {
         let mut complaints = Complaints::default();
         let material = material(material_desc(9, 5), &mut complaints);
-        assert_eq!(material.surface, None, "no such node");
+        assert_eq!((material.surface, material.displacement), (None, None), "no such node");
         assert!(material.nodes[0].connections.is_empty(), "no such source");
-        assert_eq!(complaints.0.len(), 2, "both are named: {:?}", complaints.0);
+        assert_eq!(complaints.0.len(), 3, "all are named: {:?}", complaints.0);
     }
 
     #[test]

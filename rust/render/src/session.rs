@@ -22,7 +22,7 @@ use crate::picture;
 use crate::request::{Message, RenderRequest, Severity};
 use crate::shared::Shared;
 use crate::sync::lock;
-use crate::textures::ImageLibrary;
+use crate::textures::{HeightTextures, ImageLibrary};
 use crate::thread;
 use crate::timings::Timings;
 use oocpt_core::inventory::PrimvarUse;
@@ -30,6 +30,7 @@ use oocpt_core::partition::PartitionOptions;
 use oocpt_core::scene::{DicingCamera, SceneDb, summary};
 use oocpt_core::settings::{SettingError, Settings, Value};
 use oocpt_core::stats::Stats;
+use oocpt_core::texture::HeightFiles;
 use oocpt_gpu::DeviceReport;
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
@@ -43,6 +44,7 @@ pub struct Session {
     settings: Mutex<Settings>,
     options: Mutex<SessionOptions>,
     images: Option<Arc<dyn ImageLibrary>>,
+    heights: Option<Arc<HeightTextures>>,
     files: Mutex<Arc<dyn LightFiles>>,
     /// Of the snapshot of that version.
     primvars: Mutex<(u64, Arc<[PrimvarUse]>)>,
@@ -63,6 +65,7 @@ impl Session {
             settings: Mutex::new(settings),
             options: Mutex::new(options),
             images: None,
+            heights: None,
             files: Mutex::new(Arc::new(NoFiles)),
             primvars: Mutex::default(),
             thread: Mutex::new(None),
@@ -73,6 +76,9 @@ impl Session {
     #[must_use]
     pub fn with_images(self, images: Arc<dyn ImageLibrary>) -> Self {
         let mut session = self;
+        let heights = Arc::new(HeightTextures::new(Arc::clone(&images)));
+        lock(&session.scene).set_height_files(Arc::clone(&heights) as Arc<dyn HeightFiles>);
+        session.heights = Some(heights);
         session.images = Some(images);
         session
     }
@@ -104,6 +110,7 @@ impl Session {
     pub fn render(&self, request: RenderRequest) {
         let (chunk_bytes, dicing_rate) = {
             let settings = lock(&self.settings);
+            self.heights.iter().for_each(|heights| heights.keep_in(&settings));
             (u64::from(settings.chunk_size_kib) << 10, settings.dicing_rate)
         };
         let mut scene = lock(&self.scene);

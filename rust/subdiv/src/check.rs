@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 
 use crate::{Control, Data, Error, Scheme, Values};
 
-/// Most pieces of an edge.
-pub const MAX_RATE: i32 = 256;
+/// Most pieces of an edge. A quad that is cut into as many along each side has 2^23 triangles.
+pub const MAX_RATE: i32 = 2048;
 /// Most points of a face.
 pub const MAX_FACE_POINTS: usize = 256;
 /// Most faces around a point; with sharp edges at it, and where many points have many faces, fewer.

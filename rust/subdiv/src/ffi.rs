@@ -34,9 +34,19 @@ mod bridge {
         channel_values: &'a [i32],
     }
 
+    /// Which faces are cut, and how finely.
+    struct Cut<'a> {
+        /// Pieces of each edge.
+        rates: &'a [i32],
+        /// Number of the first inner place of each edge; control vertices are places, too.
+        edge_sites: &'a [i32],
+        first_face: i32,
+        end_face: i32,
+    }
+
     /// What is evaluated. Widths are floats of a value.
     struct Values<'a> {
-        positions: &'a [f32],
+        positions: &'a [f64],
         vertex: &'a [f32],
         vertex_width: i32,
         varying: &'a [f32],
@@ -55,9 +65,9 @@ mod bridge {
         fn new_limit_surface(rules: Rules, topology: &Topology<'_>) -> Result<UniquePtr<LimitSurface>>;
         /// End points of the edges, two for each.
         fn edges(self: &LimitSurface) -> &[i32];
-        /// Triangles that these rates give, more or less.
-        fn expected_facets(self: &LimitSurface, rates: &[i32]) -> Result<u64>;
-        fn tessellate(self: &LimitSurface, rates: &[i32], values: &Values<'_>) -> Result<UniquePtr<Facets>>;
+        /// Triangles that these rates give in each face, more or less.
+        fn expected_facets(self: &LimitSurface, rates: &[i32], facets: &mut [u64]) -> Result<()>;
+        fn tessellate(self: &LimitSurface, cut: &Cut<'_>, values: &Values<'_>) -> Result<UniquePtr<Facets>>;
 
         fn positions(self: &Facets) -> &[f32];
         fn normals(self: &Facets) -> &[f32];
@@ -66,10 +76,16 @@ mod bridge {
         fn face_varying(self: &Facets) -> &[f32];
         fn triangles(self: &Facets) -> &[i32];
         fn faces(self: &Facets) -> &[i32];
+        fn sites(self: &Facets) -> &[i32];
     }
 }
 
 // SAFETY: the object is never changed once it is made, and has no state that depends on a thread.
 unsafe impl Send for LimitSurface {}
-// SAFETY: all calls are `const`; each makes its own factory, whose cache is the only thing that changes.
+// SAFETY: all calls are `const`; the cache of its factory is the only thing that changes, under a lock.
 unsafe impl Sync for LimitSurface {}
+
+// SAFETY: vectors of numbers, without state that depends on a thread.
+unsafe impl Send for Facets {}
+// SAFETY: all calls are `const` and change nothing.
+unsafe impl Sync for Facets {}

@@ -7,17 +7,24 @@
 //! neighbours always fit: faces share the positions on their edges, bit for bit. Positions and normals are in object
 //! space, in the units of the points.
 //!
-//! Any thread; a call works on the thread that makes it. Nothing that a control mesh says can crash a call: what does
+//! Any thread; [`LimitSurface::tessellate`] works on the caller's rayon pool. Nothing that a control mesh says can crash a call: what does
 //! not fit is an [`Error`]. The library is linked statically with hidden symbols, beside whatever a host has loaded.
 
 mod check;
 mod ffi;
+mod seam;
 
 use std::fmt;
+use std::ops::Range;
 
 use cxx::UniquePtr;
+use rayon::prelude::*;
+use seam::Seam;
 
 pub use check::{MAX_FACE_POINTS, MAX_RATE, MAX_VALENCE};
+
+/// Triangles of a block of faces: a block takes some milliseconds. Part of what decides about bits.
+const BLOCK_FACETS: u64 = 1 << 14;
 
 /// `subdivisionScheme`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -170,6 +177,9 @@ pub struct Facets {
     pub triangles: Vec<u32>,
     /// Control face of each triangle.
     pub faces: Vec<u32>,
+    /// For each vertex the first one that lies where it does, on the edges and corners of the same control faces. Those
+    /// that only touch are none.
+    pub places: Vec<u32>,
 }
 
 /// Why there is no surface.
@@ -193,6 +203,7 @@ impl From<cxx::Exception> for Error {
 pub struct LimitSurface {
     inner: UniquePtr<ffi::LimitSurface>,
     point_count: usize,
+    face_count: usize,
     channel_counts: Vec<usize>,
 }
 
@@ -227,7 +238,8 @@ impl LimitSurface {
             channel_values: &channel_values,
         };
         let inner = ffi::new_limit_surface(rules(control.rules), &topology)?;
-        Ok(Self { inner, point_count: control.point_count, channel_counts })
+        let (point_count, face_count) = (control.point_count, control.face_counts.len());
+        Ok(Self { inner, point_count, face_count, channel_counts })
     }
 
     /// The two points of each edge.
@@ -241,21 +253,29 @@ impl LimitSurface {
     /// # Errors
     /// As [`Self::tessellate`].
     pub fn expected_facets(&self, rates: &[i32]) -> Result<u64, Error> {
-        check::rates(rates, self.edges().len())?;
-        Ok(self.inner.expected_facets(rates)?)
+        Ok(self.expected_by_face(rates)?.into_iter().sum())
     }
 
-    /// Triangles on the surface; `rates` says into how many pieces each of [`Self::edges`] is cut.
+    fn expected_by_face(&self, rates: &[i32]) -> Result<Vec<u64>, Error> {
+        check::rates(rates, self.edges().len())?;
+        let mut facets = vec![0; self.face_count];
+        self.inner.expected_facets(rates, &mut facets)?;
+        Ok(facets)
+    }
+
+    /// Triangles on the surface; `rates` says into how many pieces each of [`Self::edges`] is cut. Blocks of faces are
+    /// cut side by side, on the caller's rayon pool; the result is the same for any number of threads.
     ///
     /// # Errors
     /// When lengths do not fit, or a rate is not in `1..=MAX_RATE`.
     pub fn tessellate(&self, rates: &[i32], data: &Data<'_>) -> Result<Facets, Error> {
-        check::rates(rates, self.edges().len())?;
+        let expected = self.expected_by_face(rates)?;
         check::data(data, self.point_count, &self.channel_counts)?;
         let widths = data.channels.iter().map(|values| check::int(values.width)).collect::<Result<Vec<_>, _>>()?;
         let face_varying: Vec<f32> = data.channels.iter().flat_map(|values| values.floats).copied().collect();
+        let positions: Vec<f64> = data.positions.iter().map(|&float| f64::from(float)).collect();
         let values = ffi::Values {
-            positions: data.positions,
+            positions: &positions,
             vertex: data.vertex.floats,
             vertex_width: check::int(data.vertex.width)?,
             varying: data.varying.floats,
@@ -263,19 +283,47 @@ impl LimitSurface {
             face_varying: &face_varying,
             face_varying_widths: &widths,
         };
-        let facets = self.inner.tessellate(rates, &values)?;
-        let facets = facets.as_ref().ok_or(Error::Invalid("no triangles"))?;
-        let numbers = |numbers: &[i32]| numbers.iter().map(|number| number.cast_unsigned()).collect();
-        Ok(Facets {
-            positions: facets.positions().to_vec(),
-            normals: facets.normals().to_vec(),
-            vertex: facets.vertex().to_vec(),
-            varying: facets.varying().to_vec(),
-            face_varying: facets.face_varying().to_vec(),
-            triangles: numbers(facets.triangles()),
-            faces: numbers(facets.faces()),
-        })
+        let (edge_sites, site_count) = self.edge_sites(rates)?;
+        let block = |faces: &Range<usize>| -> Result<_, Error> {
+            let (first_face, end_face) = (check::int(faces.start)?, check::int(faces.end)?);
+            let cut = ffi::Cut { rates, edge_sites: &edge_sites, first_face, end_face };
+            Ok(self.inner.tessellate(&cut, &values)?)
+        };
+        let blocks: Vec<_> = blocks(&expected).par_iter().map(block).collect::<Result<_, _>>()?;
+        let width = data.channels.iter().map(|values| values.width).sum();
+        let mut seam = Seam::new(site_count, width);
+        for block in blocks {
+            seam.add(block.as_ref().ok_or(Error::Invalid("no triangles"))?)?;
+        }
+        Ok(seam.facets)
     }
+
+    /// The number of the first place inside of each edge, and how many places there are: control points come first.
+    fn edge_sites(&self, rates: &[i32]) -> Result<(Vec<i32>, usize), Error> {
+        let mut sites = self.point_count;
+        let first = |rate: &i32| {
+            let first = check::int(sites);
+            sites += usize::try_from(rate - 1).unwrap_or(0);
+            first
+        };
+        let edge_sites = rates.iter().map(first).collect::<Result<_, _>>()?;
+        check::int(sites)?;
+        Ok((edge_sites, sites))
+    }
+}
+
+/// Faces that are cut together: so many that about [`BLOCK_FACETS`] triangles come out.
+fn blocks(expected: &[u64]) -> Vec<Range<usize>> {
+    let (mut blocks, mut start, mut facets) = (Vec::new(), 0, 0);
+    for (face, of_face) in expected.iter().enumerate() {
+        facets += of_face;
+        if facets >= BLOCK_FACETS {
+            blocks.push(start..face + 1);
+            (start, facets) = (face + 1, 0);
+        }
+    }
+    blocks.push(start..expected.len());
+    blocks
 }
 
 /// As OpenSubdiv numbers them (`Sdc::SchemeType`, `Sdc::Options`).

@@ -140,7 +140,7 @@ fn rates_and_values_must_fit() {
     let fails = |rates: &[i32], data: &Data<'_>| matches!(surface.tessellate(rates, data), Err(Error::Invalid(_)));
     assert!(surface.tessellate(&[1, 2, 3, 4], &data).is_ok(), "fits");
     assert!(fails(&[1, 2, 3], &data), "a rate is missing");
-    assert!(fails(&[1, 2, 3, 0], &data) && fails(&[1, 2, 3, 257], &data), "rates are from 1 to 256");
+    assert!(fails(&[1, 2, 3, 0], &data) && fails(&[1, 2, 3, 2049], &data), "rates are from 1 to 2048");
     assert!(fails(&[1; 4], &Data { positions: &positions[1..], ..data }), "a position is missing");
     assert!(fails(&[1; 4], &Data { vertex: Values { width: 2, floats: &[0.0; 7] }, ..data }), "half a value");
     assert!(fails(&[1; 4], &Data { channels: &[Values::default()], ..data }), "a channel too many");

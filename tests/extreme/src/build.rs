@@ -220,5 +220,5 @@ pub(crate) fn material(path: &str, values: &[(&str, ParamValue)]) -> MaterialDes
         params,
         connections: Vec::new(),
     };
-    MaterialDesc { path: path.into(), nodes: vec![node], surface: Some(0) }
+    MaterialDesc { path: path.into(), nodes: vec![node], surface: Some(0), ..MaterialDesc::default() }
 }

@@ -44,7 +44,7 @@ pub(crate) fn material(path: &str, pictures: &[Picture<'_>], threshold: Option<f
         nodes.push(node);
     }
     nodes.splice(0..0, [surface, reader]);
-    MaterialDesc { path: path.into(), nodes, surface: Some(0) }
+    MaterialDesc { path: path.into(), nodes, surface: Some(0), ..MaterialDesc::default() }
 }
 
 fn node(kind: &str, params: Vec<ParamDesc>) -> NodeDesc {

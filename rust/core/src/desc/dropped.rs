@@ -61,10 +61,12 @@ dropped! {
     folded_faces: "faces with a point twice",
     /// Creases and corners with indices, lengths or sharpnesses that make no sense.
     creases: "creases or corners that name no edge or have no usable sharpness",
-    /// Subdivision meshes that OpenSubdiv cannot refine.
-    unrefined_meshes: "meshes that cannot be subdivided, seen as polygons",
+    /// Subdivision meshes and displaced ones that OpenSubdiv cannot refine.
+    unrefined_meshes: "meshes that cannot be subdivided or displaced, seen as polygons",
     /// Subdivision meshes and curves with more triangles or pieces than a prim may have at the wanted rate.
     coarse_meshes: "meshes or curves that are cut more coarsely than asked, to stay below the limit of their size",
+    /// Points of displaced surfaces that would be no finite or a huge coordinate away; they stay where they are.
+    displacements: "displacements that are not finite or too large",
     /// Curves with fewer points than a segment has, a negative number of them, or points that cannot be used.
     curves: "curves with too few or unusable points",
     /// Points that are not finite, or have no finite width.

@@ -189,7 +189,7 @@ pub struct InstancerDesc {
 }
 
 /// A material: a network of shading nodes.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct MaterialDesc {
     /// Unique path.
     pub path: Arc<str>,
@@ -197,6 +197,18 @@ pub struct MaterialDesc {
     pub nodes: Vec<NodeDesc>,
     /// Number of the node at the surface terminal.
     pub surface: Option<usize>,
+    /// Number of the node at the displacement terminal.
+    pub displacement: Option<usize>,
+}
+
+impl MaterialDesc {
+    /// The path of a node, which is that of its prim or one within the material.
+    pub(crate) fn named(&self, node: &Arc<str>) -> Arc<str> {
+        if node.starts_with(&*self.path) {
+            return node.clone();
+        }
+        format!("{}/{}", self.path, node.trim_start_matches('/')).into()
+    }
 }
 
 /// A shading node.

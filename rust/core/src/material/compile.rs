@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The surface node of a network to a [`Material`]. Pure.
 
+use std::sync::Arc;
+
+use super::displacement::Displacement;
 use super::params::{Problems, Shape, connection, numbers, text};
 use super::reader::READER;
 use super::texture::is_texture;
@@ -21,6 +24,8 @@ pub struct Compiled {
     pub material: Option<Material>,
     /// Textures by the numbers that the inputs have.
     pub textures: Vec<TextureRef>,
+    /// How it displaces its surfaces, if it does.
+    pub displacement: Option<Arc<Displacement>>,
     /// One line about everything that was left out.
     pub problem: Option<String>,
 }
@@ -47,12 +52,11 @@ pub fn compile(desc: &MaterialDesc) -> Compiled {
         uv_sets: Vec::new(),
         primvars: Vec::new(),
     };
+    let displacement = compiler.displacement(desc);
     let material = compiler.surface(desc.surface);
-    // Nodes are named by their prims, or within the material.
-    for texture in compiler.textures.iter_mut().filter(|texture| !texture.prim.starts_with(&*desc.path)) {
-        texture.prim = format!("{}/{}", desc.path, texture.prim.trim_start_matches('/')).into();
-    }
-    Compiled { material, textures: compiler.textures, problem: compiler.problems.message() }
+    compiler.textures.iter_mut().for_each(|texture| texture.prim = desc.named(&texture.prim));
+    let (textures, problem) = (compiler.textures, compiler.problems.message());
+    Compiled { material, textures, displacement: displacement.map(Arc::new), problem }
 }
 
 /// Name, shape and default of each input of a `UsdPreviewSurface`, by [`InputName`].
@@ -105,10 +109,6 @@ impl<'a> Compiler<'a> {
             *input = self.input(node, name, shape, default);
         }
         let workflow = numbers(node, "useSpecularWorkflow", Shape::Scalar, [0.0; 4], &mut self.problems)[0];
-        let [displacement, ..] = numbers(node, "displacement", Shape::Scalar, [0.0; 4], &mut self.problems);
-        if displacement != 0.0 || connection(node, "displacement").is_some() {
-            self.problems.add("displacement is not supported".to_owned());
-        }
         for name in ["useSpecularWorkflow", "opacityThreshold", "opacityMode"] {
             if connection(node, name).is_some() {
                 self.problems.add(format!("`{name}` is connected, which is not supported"));
@@ -149,7 +149,7 @@ impl<'a> Compiler<'a> {
     }
 
     /// One input: what it is connected to, else what is authored, else the default.
-    fn input(&mut self, node: &'a NodeDesc, name: &str, shape: Shape, default: [f32; 4]) -> Input {
+    pub(super) fn input(&mut self, node: &'a NodeDesc, name: &str, shape: Shape, default: [f32; 4]) -> Input {
         if let Some(source) = connection(node, name) {
             let found = match self.nodes.get(source.node) {
                 Some(next) if is_texture(next) => self.texture(next, &source.output),

@@ -51,8 +51,11 @@ pub(super) fn compile(desc: &MaterialDesc) -> Compiled {
     for problem in &translation.problems {
         problems.add(problem.clone());
     }
+    if let Some(node) = desc.displacement.and_then(|at| desc.nodes.get(at)) {
+        problems.add(format!("displacement by nodes of kind `{}` is not supported", node.kind));
+    }
     let textures = translation.uses.textures.iter().map(texture).collect();
-    Compiled { material: material(&translation), textures, problem: problems.message() }
+    Compiled { material: material(&translation), textures, displacement: None, problem: problems.message() }
 }
 
 fn node(desc: &NodeDesc) -> Node {

@@ -5,11 +5,11 @@
 //! of a [`Material`] is finite. Colours are linear Rec. 709.
 //!
 //! Networks of `MaterialX` nodes (`ND_...`) go through the crate `oocpt-materialx` (`materialx`). For the others:
-//! `compile` reads the surface node and follows its connections (`texture`, `reader`, `spaces`); `params`
-//! reads authored
-//! values. Rules and defaults: the specification of `UsdPreviewSurface` 2.5.
+//! `compile` reads the surface node and follows its connections (`texture`, `reader`, `spaces`), `displacement` what
+//! displaces it; `params` reads authored values. Rules and defaults: the specification of `UsdPreviewSurface` 2.5.
 
 mod compile;
+mod displacement;
 mod materialx;
 mod params;
 mod reader;
@@ -25,6 +25,7 @@ use crate::desc::AssetRef;
 
 pub(crate) use compile::NEUTRAL;
 pub use compile::{Compiled, MAX_NODES, compile};
+pub use displacement::Displacement;
 pub use texture::is_ptex_name;
 
 /// Inputs of a material, the length of [`Material::inputs`].

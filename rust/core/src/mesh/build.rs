@@ -6,21 +6,26 @@ use std::cell::OnceCell;
 use std::sync::Arc;
 
 use glam::Vec3;
+use rayon::prelude::*;
 
+use super::Dicing;
 use super::bvh4::{Bvh4, build_bvh4};
-use super::dicing::Dicing;
+use super::demand::Demand;
 use super::normals::smooth_normals;
 use super::primvar::{Layout, Slot, Source, convert, convert_wanted, extend_points, subset_numbers};
 use super::ptex::{PtexNumbers, PtexTriangle};
 use super::refine::refine;
 use super::round::{Rounds, read_rounds};
 use super::split::{Order, arrange, expected_bytes, split_ordered};
-use super::topology::{Topology, read_topology};
+use super::topology::{Face, Topology, read_topology};
 use super::triangulate::Triangulator;
 use super::{Aabb, Attribute, AttributeRate, LeafKind, MeshAsset, Triangle, WantedPrimvar};
 use crate::array::ArrayView;
 use crate::desc::{DroppedData, MeshDesc, Shape, Subdivision};
 use crate::material::PTEX_SET_ID;
+
+/// Faces that a thread triangulates at a time.
+const FACE_BLOCK: usize = 1 << 14;
 
 /// Twice the smallest area of a triangle we keep, in squares of its longest edge: three times the rounding of the
 /// products in double precision, so that the normal's direction means something. The same at every scale.
@@ -37,6 +42,8 @@ pub struct BuiltMesh {
     pub clusters: Vec<Arc<MeshAsset>>,
     /// What was dropped.
     pub dropped: DroppedData,
+    /// What else the user should know, in words.
+    pub notes: Vec<String>,
 }
 
 /// Builds the asset of `desc`; `key` is its [`super::mesh_key`]. Never splits.
@@ -52,34 +59,36 @@ pub fn build_mesh(desc: &MeshDesc, key: u128) -> BuiltMesh {
 /// are the same bits for any number of threads, but not the ones that [`super::split_mesh`] makes of the whole asset.
 #[must_use]
 pub fn build_mesh_split(desc: &MeshDesc, key: u128, limit_bytes: u64, cluster_bytes: u64) -> BuiltMesh {
-    build_mesh_with(desc, &[], &Dicing::default(), key, limit_bytes, cluster_bytes)
+    build_mesh_with(desc, &Demand::default(), key, limit_bytes, cluster_bytes)
 }
 
-/// [`build_mesh_split`] with the primvars `wanted` besides, on its limit surface if it is a subdivision surface.
+/// [`build_mesh_split`] for a demand, on its limit surface if it is a subdivision surface.
 #[must_use]
 pub fn build_mesh_with(
     desc: &MeshDesc,
-    wanted: &[WantedPrimvar],
-    dicing: &Dicing,
+    demand: &Demand<'_>,
     key: u128,
     limit_bytes: u64,
     cluster_bytes: u64,
 ) -> BuiltMesh {
+    let wanted = demand.wanted;
+    let mut notes = Vec::new();
     let mut dropped = DroppedData::default();
     let (mut asset, mut clusters) = (None, Vec::new());
-    if let Some(rounds) = read_rounds(desc, wanted, dicing, &mut dropped) {
+    if let Some(rounds) = read_rounds(desc, wanted, demand.dicing.unwrap_or(&Dicing::default()), &mut dropped) {
         let zero_area_triangles = dropped.zero_area_triangles;
         let Rounds { topology, desc, radii } = &rounds;
         let loose = read_triangles(desc, wanted, key, topology, radii.as_deref(), &mut dropped);
         // Ribbons may have no width somewhere.
         dropped.zero_area_triangles = zero_area_triangles;
         arrange_or_split(loose, limit_bytes, cluster_bytes, &mut asset, &mut clusters);
-        return BuiltMesh { asset, clusters, dropped };
+        return BuiltMesh { asset, clusters, dropped, notes };
     }
     let loose = read_topology(desc, &mut dropped).and_then(|topology| {
-        let Some(refined) = refine(desc, wanted, &topology, dicing, &mut dropped) else {
+        let Some(refined) = refine(desc, demand, &topology, &mut dropped) else {
             return read_triangles(desc, wanted, key, &topology, None, &mut dropped);
         };
+        notes.clone_from(&refined.notes);
         // A limit surface may close to a point, as at a pole: that is no bad data.
         let zero_area_triangles = dropped.zero_area_triangles;
         let loose = read_triangles(&refined.desc, wanted, key, &refined.topology, None, &mut dropped);
@@ -87,7 +96,7 @@ pub fn build_mesh_with(
         loose
     });
     arrange_or_split(loose, limit_bytes, cluster_bytes, &mut asset, &mut clusters);
-    BuiltMesh { asset, clusters, dropped }
+    BuiltMesh { asset, clusters, dropped, notes }
 }
 
 /// Gives `loose` its hierarchy, or cuts it into clusters if it would take more than about `limit_bytes`.
@@ -195,13 +204,41 @@ struct Faces {
     ptex: Vec<PtexTriangle>,
 }
 
-/// All triangles with area, in authored order. A face that keeps some area has lost nothing: quads that close to a
+/// All triangles with area, in authored order: blocks of faces side by side, unless faces have Ptex numbers, which go
+/// on from face to face.
+fn triangulate(topology: &Topology, numbers: Option<&mut PtexNumbers>, dropped: &mut DroppedData) -> Faces {
+    if numbers.is_some() || topology.faces.len() <= FACE_BLOCK {
+        return triangulate_block(topology, &topology.faces, numbers, dropped);
+    }
+    let block = |faces: &[Face]| {
+        let mut dropped = DroppedData::default();
+        (triangulate_block(topology, faces, None, &mut dropped), dropped)
+    };
+    let blocks: Vec<(Faces, DroppedData)> = topology.faces.par_chunks(FACE_BLOCK).map(block).collect();
+    let mut all = Faces::default();
+    let count = blocks.iter().map(|(faces, _)| faces.triangles.len()).sum();
+    all.triangles.reserve_exact(count);
+    all.sources.reserve_exact(count);
+    for (faces, of_block) in blocks {
+        all.triangles.extend(faces.triangles);
+        all.sources.extend(faces.sources);
+        dropped.add(&of_block);
+    }
+    all
+}
+
+/// The triangles of some faces. A face that keeps some area has lost nothing: quads that close to a
 /// point, as at the tip of a cone, are no bad data. Only the triangles of faces without any area count as dropped.
-fn triangulate(topology: &Topology, mut numbers: Option<&mut PtexNumbers>, dropped: &mut DroppedData) -> Faces {
+fn triangulate_block(
+    topology: &Topology,
+    faces: &[Face],
+    mut numbers: Option<&mut PtexNumbers>,
+    dropped: &mut DroppedData,
+) -> Faces {
     let mut triangulator = Triangulator::default();
     let (mut points, mut ears) = (Vec::new(), Vec::new());
     let Faces { mut triangles, mut sources, mut ptex } = Faces::default();
-    for face in topology.faces.iter().filter(|face| !face.is_hole) {
+    for face in faces.iter().filter(|face| !face.is_hole) {
         let corners = topology.face_corners(face);
         points.clear();
         points.extend(corners.iter().map(|&c| topology.position(c)));

@@ -5,6 +5,9 @@ use glam::DVec3;
 use oocpt_subdiv::MAX_RATE;
 use xxhash_rust::xxh3::Xxh3;
 
+/// Most pieces of an edge of a surface that is smooth between its points. One that is displaced may have more.
+pub(super) const MOST_PIECES: i32 = 256;
+
 /// How finely the limit surface of a mesh is cut: so that no piece of an edge of the control mesh is longer than so
 /// many pixels, where the surface is nearest to the camera.
 ///
@@ -32,16 +35,22 @@ pub struct Eye {
 }
 
 impl Dicing {
-    /// Pieces of the edge from `a` to `b`, at least `least`. The same for both directions.
+    /// Pieces of the edge from `a` to `b`, at least `least` and at most [`MOST_PIECES`]. The same for both directions.
     #[must_use]
     pub fn pieces(&self, a: DVec3, b: DVec3, least: i32) -> i32 {
-        let least = least.clamp(1, MAX_RATE);
+        self.pieces_up_to(a, b, least, MOST_PIECES)
+    }
+
+    /// [`Self::pieces`] with another limit.
+    pub(crate) fn pieces_up_to(&self, a: DVec3, b: DVec3, least: i32, most: i32) -> i32 {
+        let most = most.clamp(1, MAX_RATE);
+        let least = least.clamp(1, most);
         if self.pixels <= 0.0 {
             return least;
         }
         let pieces = (a.distance(b) * self.density_of(a, b) / self.pixels).ceil();
         // NaN gives the smaller number.
-        if pieces >= f64::from(MAX_RATE) { MAX_RATE } else { whole(pieces).max(least) }
+        if pieces >= f64::from(most) { most } else { whole(pieces).max(least) }
     }
 
     /// Pixels of a unit of length between `a` and `b`; 0 where no camera sees it.

@@ -3,7 +3,7 @@
 
 use xxhash_rust::xxh3::Xxh3;
 
-use super::{Dicing, WantedPrimvar, is_refined};
+use super::{Demand, WantedPrimvar};
 use crate::array::TypedArray;
 use crate::desc::{MeshDesc, Primvar, Shape};
 
@@ -11,12 +11,13 @@ use crate::desc::{MeshDesc, Primvar, Shape};
 /// the transform, the prim id or the visibility.
 #[must_use]
 pub fn mesh_key(desc: &MeshDesc) -> u128 {
-    mesh_key_with(desc, &[], &Dicing::default())
+    mesh_key_with(desc, &Demand::default())
 }
 
-/// [`mesh_key`] of a mesh that is built with the primvars `wanted` and refined as `dicing` says. Which faces are in
-/// which subset counts, their materials do not.
-pub(crate) fn mesh_key_with(desc: &MeshDesc, wanted: &[WantedPrimvar], dicing: &Dicing) -> u128 {
+/// [`mesh_key`] of a mesh that is built for a demand. Which faces are in which subset counts, their materials only by
+/// how they displace.
+pub(crate) fn mesh_key_with(desc: &MeshDesc, demand: &Demand<'_>) -> u128 {
+    let wanted = demand.wanted;
     let mut hasher = Xxh3::new();
     hasher.update(&[u8::from(desc.double_sided), u8::from(desc.left_handed), desc.subdivision as u8]);
     add_array(&mut hasher, Some(&desc.face_vertex_counts));
@@ -35,11 +36,17 @@ pub(crate) fn mesh_key_with(desc: &MeshDesc, wanted: &[WantedPrimvar], dicing: &
         hasher.update(&[u8::from(matches!(desc.shape, Shape::Points))]);
         add_primvar(&mut hasher, desc.widths.as_ref());
     }
-    if is_refined(desc, dicing.pixels) {
+    if demand.refines(desc) {
         hasher.update(&desc.subdivision_tags.rules());
         hasher.update(&[desc.refine_level]);
         desc.subdivision_tags.arrays().into_iter().for_each(|array| add_array(&mut hasher, array));
-        dicing.hash(&mut hasher);
+        demand.hash(desc, &mut hasher);
+        // What only the displacement reads.
+        let read = |name: &str| demand.reads(name) && !wanted.iter().any(|wanted| &*wanted.name == name);
+        for named in desc.primvars.iter().filter(|named| read(&named.name)) {
+            hasher.update(named.name.as_bytes());
+            add_primvar(&mut hasher, Some(&named.primvar));
+        }
     }
     // Tells subsets from primvars; absent for most.
     if !(desc.subsets.is_empty() && wanted.is_empty()) {

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Mesh assets: what a mesh becomes before it goes to the GPU. Immutable, shared by content.
 //!
-//! Stages: [`build`] runs `topology` (check, holes), `refine` (limit surfaces, cut as [`Dicing`] says), `triangulate`,
+//! Stages: [`build`] runs `topology` (check, holes), `refine` (limit surfaces, cut as [`Dicing`] says, moved by
+//! `displace` as far as a `relief` says), `triangulate`,
 //! `primvar` and `normals`, [`bvh`] and [`bvh4`]; `split` cuts large meshes into clusters; `key` is the content hash.
 //! Pure functions; called from rayon workers during a commit.
 
@@ -9,15 +10,19 @@ mod attribute;
 pub mod build;
 pub mod bvh;
 pub mod bvh4;
+mod cage;
 mod check;
 mod creases;
+mod demand;
 mod dicing;
+mod displace;
 mod key;
 mod normals;
 mod primvar;
 mod ptex;
 mod refine;
 mod refine_values;
+mod relief;
 pub(crate) mod round;
 mod split;
 mod topology;
@@ -30,12 +35,12 @@ pub use attribute::{AnyAttribute, Attribute, AttributeRate, MeshPrimvar, WantedP
 pub use build::{BuiltMesh, build_mesh, build_mesh_split, build_mesh_with};
 pub use bvh::{Bvh2, BvhError, BvhNode, build_box_bvh};
 pub use bvh4::{Bvh4, Bvh4Node, LevelNode, level_nodes};
+pub use demand::{Demand, Displacements};
 pub use dicing::{Dicing, Eye};
 pub use key::mesh_key;
 pub(crate) use key::{is_same_mesh, mesh_key_with};
 pub use ptex::{MAX_PTEX_FACES, PtexPart, PtexTriangle};
 pub use refine::MAX_REFINED_TRIANGLES;
-pub(crate) use refine::is_refined;
 pub use split::split_mesh;
 
 /// Device bytes of a triangle.

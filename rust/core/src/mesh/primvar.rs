@@ -188,13 +188,22 @@ fn usable<const N: usize>(value: [f64; N]) -> Option<[f32; N]> {
     value.iter().all(|v| v.is_finite()).then_some(value)
 }
 
-/// Subset number of each triangle of `sources`: a face belongs to the first subset that names it. Empty without
-/// subsets.
+/// Subset number of each triangle of `sources`. Empty without subsets.
 pub(crate) fn subset_numbers(desc: &MeshDesc, layout: Layout<'_>, dropped: &mut DroppedData) -> Vec<u16> {
+    let of_face = subsets_of_faces(desc, layout.face_count, dropped);
+    if of_face.is_empty() {
+        return Vec::new();
+    }
+    layout.sources.iter().map(|source| of_face.get(source.face as usize).copied().unwrap_or(0)).collect()
+}
+
+/// Subset number of each authored face: 0, or that of the first subset that names it, counted from 1. Empty without
+/// subsets.
+pub(crate) fn subsets_of_faces(desc: &MeshDesc, face_count: usize, dropped: &mut DroppedData) -> Vec<u16> {
     if desc.subsets.is_empty() {
         return Vec::new();
     }
-    let mut of_face = vec![0_u16; layout.face_count];
+    let mut of_face = vec![0_u16; face_count];
     for (index, subset) in desc.subsets.iter().enumerate() {
         let view = subset.faces.view();
         let Ok(number) = u16::try_from(index + 1) else {
@@ -213,7 +222,7 @@ pub(crate) fn subset_numbers(desc: &MeshDesc, layout: Layout<'_>, dropped: &mut 
             }
         }
     }
-    layout.sources.iter().map(|source| of_face.get(source.face as usize).copied().unwrap_or(0)).collect()
+    of_face
 }
 
 /// Converts one primvar.

@@ -4,14 +4,15 @@
 //! The result is a mesh like any other: its faces keep the authored numbers, so values by face, subsets and element ids
 //! go on as they were; points, normals and all values by point or corner are those of the limit surface. Pure.
 
-use std::collections::HashSet;
-
 use glam::{DVec3, Vec3};
 use oocpt_subdiv::{Channel, Control, Data, Error, Facets, LimitSurface, MAX_RATE, Rules, Scheme};
+use rayon::prelude::*;
 
-use super::WantedPrimvar;
+use super::cage::Cage;
 use super::creases::Sharpness;
-use super::dicing::Dicing;
+use super::demand::Demand;
+use super::dicing::{Dicing, MOST_PIECES};
+use super::displace::{Cut, Displaced};
 use super::refine_values::ControlValues;
 use super::topology::{Face, Topology};
 use crate::array::TypedArray;
@@ -29,11 +30,13 @@ pub(crate) struct Refined {
     pub(crate) topology: Topology,
     /// The description with values for it. Its own topology is the control mesh's still.
     pub(crate) desc: MeshDesc,
+    /// What could not be read.
+    pub(crate) notes: Vec<String>,
 }
 
 /// True where a mesh is refined at all. Ptex is laid out for faces, not for what they are cut into: such meshes stay
 /// as they are ([`DroppedData::unrefined_meshes`] counts them).
-pub(crate) fn is_refined(desc: &MeshDesc, pixels: f64) -> bool {
+pub(super) fn is_refined(desc: &MeshDesc, pixels: f64) -> bool {
     match (&desc.shape, desc.subdivision) {
         // Cubic curves are cut; what nothing is cut of stays the same at any rate.
         (Shape::Curves(curves), _) => curves.basis != CurveBasis::Linear && (pixels > 0.0 || desc.refine_level > 0),
@@ -44,24 +47,23 @@ pub(crate) fn is_refined(desc: &MeshDesc, pixels: f64) -> bool {
     }
 }
 
-/// The limit surface of a mesh with the checked `topology`; `None` where it stays a polygon mesh, and `dropped` says
-/// so if it should not.
+/// The limit surface of a mesh with the checked `topology`, displaced if that is asked for; `None` where it stays a
+/// polygon mesh, and `dropped` says so if it should not.
 pub(crate) fn refine(
     desc: &MeshDesc,
-    wanted: &[WantedPrimvar],
+    demand: &Demand<'_>,
     topology: &Topology,
-    dicing: &Dicing,
     dropped: &mut DroppedData,
 ) -> Option<Refined> {
-    if !is_refined(desc, dicing.pixels) {
+    if !demand.refines(desc) {
         return None;
     }
     // What is dropped counts only if the mesh is refined.
     let mut own = DroppedData::default();
-    let refined = if wanted.iter().any(|wanted| wanted.id == PTEX_SET_ID) {
+    let refined = if demand.wanted.iter().any(|wanted| wanted.id == PTEX_SET_ID) {
         None
     } else {
-        try_refine(desc, wanted, topology, dicing, &mut own).ok()
+        try_refine(desc, demand, topology, &mut own).ok()
     };
     match &refined {
         Some(_) => dropped.add(&own),
@@ -72,28 +74,20 @@ pub(crate) fn refine(
 
 fn try_refine(
     desc: &MeshDesc,
-    wanted: &[WantedPrimvar],
+    demand: &Demand<'_>,
     topology: &Topology,
-    dicing: &Dicing,
     dropped: &mut DroppedData,
 ) -> Result<Refined, Error> {
-    let cage = Cage::new(topology, dropped)?;
-    let values = ControlValues::read(desc, wanted, topology, &cage.corners, dropped);
+    let is_flat = matches!(desc.subdivision, Subdivision::None | Subdivision::Bilinear);
+    let displaces = demand.displaces(desc);
+    let cage = if is_flat && displaces { Cage::flat(topology, dropped)? } else { Cage::new(topology, dropped)? };
+    let own_normals = desc.normals.as_ref().filter(|_| is_flat && displaces);
+    let reads = |name: &str| demand.reads(name);
+    let values = ControlValues::read(desc, own_normals, reads, topology, &cage.corners, dropped);
     let sharpness = Sharpness::read(&desc.subdivision_tags, topology.points.len(), dropped);
     let channels: Vec<Channel<'_>> = values.channels();
-    let tags = &desc.subdivision_tags;
     let control = Control {
-        rules: Rules {
-            scheme: match desc.subdivision {
-                Subdivision::None | Subdivision::Bilinear => Scheme::Bilinear,
-                Subdivision::CatmullClark => Scheme::CatmullClark,
-                Subdivision::Loop => Scheme::Loop,
-            },
-            boundary: tags.boundary,
-            face_varying: tags.face_varying,
-            triangles: tags.triangles,
-            creasing: tags.creasing,
-        },
+        rules: rules(desc),
         point_count: topology.points.len(),
         face_counts: &cage.counts,
         face_points: &cage.points,
@@ -105,85 +99,77 @@ fn try_refine(
         channels: &channels,
     };
     let surface = LimitSurface::new(&control)?;
-    let rates = rates(&surface, desc, topology, dicing, MAX_REFINED_TRIANGLES, dropped)?;
+    let none = Dicing::default();
+    let cutting = Cutting {
+        dicing: demand.dicing.unwrap_or(&none),
+        least: 1 << desc.refine_level.min(MAX_LEVEL),
+        most: if displaces { MAX_RATE } else { MOST_PIECES },
+        by_level_alone: desc.subdivision == Subdivision::Bilinear && !displaces,
+    };
+    let rates = rates(&surface, topology, &cutting, MAX_REFINED_TRIANGLES, dropped)?;
     // Points of no face may be anything.
     let positions: Vec<[f32; 3]> =
         topology.points.iter().map(|point| if point[0].is_nan() { [0.0; 3] } else { *point }).collect();
     let (vertex, varying, channels) = (values.vertex(), values.varying(), values.channel_values());
     let data = Data { positions: positions.as_flattened(), vertex, varying, channels: &channels };
-    let facets = surface.tessellate(&rates, &data)?;
-    let desc = values.replace(desc, &facets, normals(&facets, desc.left_handed));
-    Ok(Refined { topology: refined_topology(topology, &cage, &facets), desc })
+    let mut facets = surface.tessellate(&rates, &data)?;
+    let normals = normals(&facets, desc.left_handed);
+    let mut desc = values.replace(desc, &facets);
+    let mut notes = Vec::new();
+    let normals = if displaces {
+        let (faces, face_count) = (&cage.faces[..], topology.face_count);
+        let cut = Cut { facets: &facets, faces, desc: &desc, face_count, normals, is_flat };
+        let displaced = cut.displace(demand, dropped);
+        let Displaced { positions, normals, notes: said } = displaced;
+        facets.positions = positions.into_flattened();
+        notes = said;
+        normals
+    } else {
+        normals
+    };
+    let values = TypedArray::of(normals);
+    desc.normals = Some(Primvar { interpolation: Interpolation::Vertex, values, indices: None });
+    Ok(Refined { topology: refined_topology(topology, &cage, &facets), desc, notes })
 }
 
-/// Faces as OpenSubdiv takes them: none has a point twice.
-#[derive(Default)]
-struct Cage {
-    counts: Vec<i32>,
-    points: Vec<i32>,
-    /// Authored corner of each of `points`.
-    corners: Vec<u32>,
-    holes: Vec<i32>,
-    /// Authored number of each face.
-    faces: Vec<u32>,
-}
-
-impl Cage {
-    /// Points that follow themselves, as at the poles of many spheres, count once; faces that come back to a point are
-    /// left out.
-    fn new(topology: &Topology, dropped: &mut DroppedData) -> Result<Self, Error> {
-        let mut cage = Self::default();
-        let mut seen = HashSet::new();
-        for face in &topology.faces {
-            let points = topology.face_corners(face);
-            let Some(&last) = points.last() else { continue };
-            let (mut before, start) = (last, cage.points.len());
-            for (&point, corner) in points.iter().zip(face.first..) {
-                if point != before || points.len() == 1 {
-                    cage.points.push(point.cast_signed());
-                    cage.corners.push(corner);
-                }
-                before = point;
-            }
-            seen.clear();
-            let kept = cage.points.get(start..).unwrap_or_default();
-            if kept.len() < 3 || !kept.iter().all(|&point| seen.insert(point)) {
-                dropped.folded_faces += 1;
-                cage.points.truncate(start);
-                cage.corners.truncate(start);
-                continue;
-            }
-            if face.is_hole {
-                cage.holes.push(int(cage.counts.len())?);
-            }
-            cage.counts.push(int(kept.len())?);
-            cage.faces.push(face.index);
-        }
-        if cage.faces.is_empty() { Err(Error::Invalid("no face")) } else { Ok(cage) }
+fn rules(desc: &MeshDesc) -> Rules {
+    let tags = &desc.subdivision_tags;
+    Rules {
+        scheme: match desc.subdivision {
+            Subdivision::None | Subdivision::Bilinear => Scheme::Bilinear,
+            Subdivision::CatmullClark => Scheme::CatmullClark,
+            Subdivision::Loop => Scheme::Loop,
+        },
+        boundary: tags.boundary,
+        face_varying: tags.face_varying,
+        triangles: tags.triangles,
+        creasing: tags.creasing,
     }
 }
 
-fn int(count: usize) -> Result<i32, Error> {
-    i32::try_from(count).map_err(|_too_large| Error::Invalid("more than can be numbered"))
+/// Into how many pieces edges are cut.
+struct Cutting<'a> {
+    dicing: &'a Dicing,
+    least: i32,
+    most: i32,
+    /// Into the least, whatever the camera sees.
+    by_level_alone: bool,
 }
 
 /// Pieces of each edge, fewer than wanted where the mesh would have more than `most` triangles.
 fn rates(
     surface: &LimitSurface,
-    desc: &MeshDesc,
     topology: &Topology,
-    dicing: &Dicing,
+    cutting: &Cutting<'_>,
     most: u64,
     dropped: &mut DroppedData,
 ) -> Result<Vec<i32>, Error> {
-    let least = 1 << desc.refine_level.min(MAX_LEVEL);
-    let is_flat = desc.subdivision == Subdivision::Bilinear;
     let position = |point: i32| topology.position(point.cast_unsigned());
-    let pieces = |[a, b]: &[i32; 2]| match is_flat {
-        true => i32::min(least, MAX_RATE),
-        false => dicing.pieces(position(*a), position(*b), least),
+    let pieces = |[a, b]: &[i32; 2]| match cutting.by_level_alone {
+        true => cutting.least.min(cutting.most),
+        false => cutting.dicing.pieces_up_to(position(*a), position(*b), cutting.least, cutting.most),
     };
-    let mut rates: Vec<i32> = surface.edges().iter().map(pieces).collect();
+    let mut rates: Vec<i32> = surface.edges().par_iter().map(pieces).collect();
     let expected = surface.expected_facets(&rates)?;
     if expected > most && rates.iter().any(|&rate| rate > 1) {
         dropped.coarse_meshes += 1;
@@ -196,7 +182,7 @@ fn rates(
 }
 
 /// Unit normals on the outer side; where the surface has none, the mean of the triangles around.
-fn normals(facets: &Facets, left_handed: bool) -> Primvar {
+fn normals(facets: &Facets, left_handed: bool) -> Vec<[f32; 3]> {
     let side = if left_handed { -1.0 } else { 1.0 };
     let (positions, _) = facets.positions.as_chunks::<3>();
     let (limit, _) = facets.normals.as_chunks::<3>();
@@ -220,7 +206,7 @@ fn normals(facets: &Facets, left_handed: bool) -> Primvar {
             }
         }
     }
-    Primvar { interpolation: Interpolation::Vertex, values: TypedArray::of(normals), indices: None }
+    normals
 }
 
 /// The triangles with the authored numbers of their faces.
@@ -243,7 +229,7 @@ mod tests {
     use super::*;
 
     /// A flat grid of `side` squared quads.
-    fn grid(side: i32, refine_level: u8) -> MeshDesc {
+    fn grid(side: i32) -> MeshDesc {
         let points = side + 1;
         let quad = |k: i32| {
             let at = k / side * points + k % side;
@@ -253,7 +239,6 @@ mod tests {
         let place = |k: i32| [(k % points) as f32, (k / points) as f32, 0.0];
         MeshDesc {
             subdivision: Subdivision::CatmullClark,
-            refine_level,
             face_vertex_counts: TypedArray::of((0..side * side).map(|_| 4).collect::<Vec<i32>>()),
             face_vertex_indices: TypedArray::of::<i32>((0..side * side).flat_map(quad).collect()),
             points: TypedArray::of::<[f32; 3]>((0..points * points).map(place).collect()),
@@ -263,7 +248,7 @@ mod tests {
 
     #[test]
     fn a_mesh_has_at_most_so_many_triangles() {
-        let desc = grid(4, 5);
+        let desc = grid(4);
         let mut dropped = DroppedData::default();
         let topology = read_topology(&desc, &mut dropped).unwrap();
         let cage = Cage::new(&topology, &mut dropped).unwrap();
@@ -276,7 +261,9 @@ mod tests {
         let surface = LimitSurface::new(&control).unwrap();
         let mut rates = |most| {
             dropped = DroppedData::default();
-            let rates = rates(&surface, &desc, &topology, &Dicing::default(), most, &mut dropped).unwrap();
+            let dicing = Dicing::default();
+            let cutting = Cutting { dicing: &dicing, least: 32, most: MOST_PIECES, by_level_alone: false };
+            let rates = rates(&surface, &topology, &cutting, most, &mut dropped).unwrap();
             (rates, dropped.coarse_meshes)
         };
         let all = 16 * 2 * 32 * 32;

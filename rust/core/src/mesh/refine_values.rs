@@ -3,7 +3,6 @@
 
 use oocpt_subdiv::{Channel, Facets, Values};
 
-use super::WantedPrimvar;
 use super::topology::Topology;
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::{DroppedData, Interpolation, MeshDesc, NamedPrimvar, Primvar};
@@ -27,6 +26,7 @@ struct Evaluated {
 
 /// A primvar of a description.
 enum What {
+    Normals,
     Color,
     Opacity,
     Named(NamedPrimvar),
@@ -71,19 +71,22 @@ fn reader(view: &ArrayView<'_>) -> Option<(usize, Reader)> {
 }
 
 impl ControlValues {
-    /// Reads what is wanted of `desc`. `corners` are the authored corners that the control mesh has.
+    /// Reads the primvars of `desc` that `reads` tells, and `normals`. `corners` are the authored corners that the
+    /// control mesh has.
     pub(crate) fn read(
         desc: &MeshDesc,
-        wanted: &[WantedPrimvar],
+        normals: Option<&Primvar>,
+        reads: impl Fn(&str) -> bool,
         topology: &Topology,
         corners: &[u32],
         dropped: &mut DroppedData,
     ) -> Self {
         let mut all = Vec::new();
+        all.extend(normals.map(|primvar| (What::Normals, primvar)));
         all.extend(desc.display_color.as_ref().map(|primvar| (What::Color, primvar)));
         all.extend(desc.display_opacity.as_ref().map(|primvar| (What::Opacity, primvar)));
         for named in &desc.primvars {
-            if wanted.iter().any(|wanted| wanted.name == named.name) {
+            if reads(&named.name) {
                 all.push((What::Named(named.clone()), &named.primvar));
             }
         }
@@ -178,9 +181,9 @@ impl ControlValues {
     }
 
     /// `desc` with the values of the limit surface.
-    pub(crate) fn replace(self, desc: &MeshDesc, facets: &Facets, normals: Primvar) -> MeshDesc {
+    pub(crate) fn replace(self, desc: &MeshDesc, facets: &Facets) -> MeshDesc {
         let mut out = MeshDesc {
-            normals: Some(normals),
+            normals: None,
             display_color: None,
             display_opacity: None,
             primvars: Vec::new(),
@@ -198,9 +201,11 @@ impl ControlValues {
         });
         for (what, values) in kept.chain(evaluated) {
             match (what, values) {
+                (What::Normals, None) => out.normals.clone_from(&desc.normals),
                 (What::Color, None) => out.display_color.clone_from(&desc.display_color),
                 (What::Opacity, None) => out.display_opacity.clone_from(&desc.display_opacity),
                 (What::Named(named), None) => out.primvars.push(named),
+                (What::Normals, values) => out.normals = values,
                 (What::Color, values) => out.display_color = values,
                 (What::Opacity, values) => out.display_opacity = values,
                 (What::Named(named), Some(primvar)) => out.primvars.push(NamedPrimvar { name: named.name, primvar }),

@@ -13,8 +13,11 @@ use super::placement::InstanceArrays;
 use crate::array::ArrayView;
 use crate::desc::DroppedData;
 use crate::desc::{InstancerDesc, MeshDesc};
-use crate::mesh::{BuiltMesh, Dicing, MeshAsset, WantedPrimvar, build_mesh_with, is_same_mesh, mesh_key_with};
+use crate::mesh::{
+    BuiltMesh, Demand, Dicing, Displacements, MeshAsset, WantedPrimvar, build_mesh_with, is_same_mesh, mesh_key_with,
+};
 use crate::partition::PartitionOptions;
+use crate::texture::Heights;
 
 /// A mesh prim.
 #[derive(Debug)]
@@ -29,6 +32,8 @@ pub(crate) struct MeshEntry {
     pub(crate) outline: OnceLock<Outline>,
     /// Primvars that materials read.
     pub(crate) wanted: Vec<WantedPrimvar>,
+    /// How materials displace it.
+    pub(crate) displacements: Displacements,
     /// Numbers of the primvars that are read here and that the mesh does not have.
     pub(crate) lacks: Vec<u32>,
 }
@@ -44,9 +49,35 @@ impl MeshEntry {
                 (Self { desc, ..old }, changed)
             }
             _ => {
-                let (dicing, wanted, lacks) = (Dicing::default(), Vec::new(), Vec::new());
-                (Self { desc, built: None, dicing, outline: OnceLock::new(), wanted, lacks }, true)
+                let entry = Self {
+                    desc,
+                    built: None,
+                    dicing: Dicing::default(),
+                    outline: OnceLock::new(),
+                    wanted: Vec::new(),
+                    displacements: Vec::new(),
+                    lacks: Vec::new(),
+                };
+                (entry, true)
             }
+        }
+    }
+}
+
+impl MeshEntry {
+    /// What it is built for.
+    pub(crate) fn demand(&self) -> Demand<'_> {
+        let Self { wanted, dicing, displacements, .. } = self;
+        Demand { wanted, dicing: Some(dicing), displacements, heights: None }
+    }
+
+    /// Notes what materials ask for; forgets what was made for something else.
+    pub(crate) fn ask(&mut self, wanted: Vec<WantedPrimvar>, displacements: Displacements) {
+        if self.wanted != wanted || self.displacements != displacements {
+            self.wanted = wanted;
+            self.displacements = displacements;
+            self.built = None;
+            self.outline = OnceLock::new();
         }
     }
 }
@@ -150,13 +181,14 @@ impl MeshStore {
         }
     }
 
-    /// Makes sure that every mesh of `wanted` is built, subdivision surfaces cut as `cuts` says, the missing ones in
-    /// parallel.
+    /// Makes sure that every mesh of `wanted` is built, subdivision surfaces cut as `cuts` says and displaced by
+    /// `heights`, the missing ones in parallel.
     pub(crate) fn build(
         &mut self,
         meshes: &mut BTreeMap<Arc<str>, MeshEntry>,
         wanted: &FxHashSet<Arc<str>>,
         mut cuts: FxHashMap<Arc<str>, Dicing>,
+        heights: &Heights,
     ) {
         for (path, entry) in meshes.iter_mut() {
             let dicing = cuts.remove(path).unwrap_or_default();
@@ -167,11 +199,12 @@ impl MeshStore {
         }
         let (limit, cluster) = (self.options.mesh_limit(), self.options.chunk_bytes());
         let build = |key, entry: &MeshEntry| {
-            Arc::new(build_mesh_with(&entry.desc, &entry.wanted, &entry.dicing, key, limit, cluster))
+            let demand = Demand { heights: Some(heights), ..entry.demand() };
+            Arc::new(build_mesh_with(&entry.desc, &demand, key, limit, cluster))
         };
         let mut missing: Vec<&mut MeshEntry> =
             meshes.iter_mut().filter(|(path, e)| e.built.is_none() && wanted.contains(*path)).map(|(_, e)| e).collect();
-        let keys: Vec<u128> = missing.par_iter().map(|e| mesh_key_with(&e.desc, &e.wanted, &e.dicing)).collect();
+        let keys: Vec<u128> = missing.par_iter().map(|e| mesh_key_with(&e.desc, &e.demand())).collect();
         let mut begun: FxHashSet<u128> = FxHashSet::default();
         let new: Vec<(u128, &MeshEntry)> = keys
             .iter()

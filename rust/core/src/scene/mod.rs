@@ -50,8 +50,9 @@ pub use mesh_placements::MeshPlacement;
 pub use summary::summary;
 pub use surfaces::{NO_MATERIAL, PrimRecord};
 
-use crate::mesh::is_refined;
+use crate::mesh::{Demand, Dicing};
 use crate::partition::{PartitionOptions, PartitionStore, Source, World};
+use crate::texture::{HeightFiles, Heights};
 use commit::{AssemblyStore, Assets, shining};
 use dicing::dice;
 use entries::{InstancerEntry, MeshEntry, MeshStore};
@@ -96,6 +97,7 @@ pub struct SceneDb {
     assembly_store: AssemblyStore,
     partition: PartitionStore,
     dicing: DicingCamera,
+    height_files: Option<Arc<dyn HeightFiles>>,
     /// Last message given for each prim.
     warned: BTreeMap<Arc<str>, String>,
     snapshot: Arc<Snapshot>,
@@ -123,6 +125,7 @@ impl SceneDb {
             assembly_store: AssemblyStore::default(),
             partition: PartitionStore::default(),
             dicing: DicingCamera::default(),
+            height_files: None,
             warned: BTreeMap::new(),
             snapshot: Arc::new(Snapshot::nothing()),
         }
@@ -201,9 +204,16 @@ impl SceneDb {
     pub fn set_dicing(&mut self, camera: DicingCamera) {
         if self.dicing != camera {
             let was = std::mem::replace(&mut self.dicing, camera);
-            let rate = f64::max(was.pixels(), self.dicing.pixels());
-            self.edited |= self.meshes.values().any(|entry| is_refined(&entry.desc, rate));
+            let rate = Dicing { pixels: f64::max(was.pixels(), self.dicing.pixels()), ..Dicing::default() };
+            let is_cut = |entry: &MeshEntry| Demand { dicing: Some(&rate), ..entry.demand() }.refines(&entry.desc);
+            self.edited |= self.meshes.values().any(is_cut);
         }
+    }
+
+    /// Says who opens the textures that displace surfaces, for meshes that are built from now on. Without, they have
+    /// their fallbacks.
+    pub fn set_height_files(&mut self, files: Arc<dyn HeightFiles>) {
+        self.height_files = Some(files);
     }
 
     /// The snapshot of the last commit; an empty scene before the first.
@@ -254,10 +264,12 @@ impl SceneDb {
         self.mesh_store.set_options(&mut self.meshes, self.partition.options());
         let prims = Prims { meshes: &self.meshes, instancers: &self.instancers };
         let cuts = dice(prims, &hierarchy, &reachable, &self.dicing);
-        self.mesh_store.build(&mut self.meshes, &reachable, cuts);
+        let heights = Heights::new(self.height_files.clone());
+        self.mesh_store.build(&mut self.meshes, &reachable, cuts, &heights);
         for (path, entry) in self.meshes.iter().filter(|(path, _)| reachable.contains(*path)) {
             if let Some(built) = &entry.built {
                 reports.add(path, &built.dropped);
+                built.notes.iter().for_each(|note| reports.note(path, note.clone()));
             }
         }
         for (path, entry) in self.instancers.iter().filter(|(path, _)| reachable.contains(*path)) {

@@ -3,7 +3,7 @@
 //! have to build for them. A material is compiled once after an edit, and only when a mesh shows it.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
@@ -14,7 +14,7 @@ use super::report::Reports;
 use super::snapshot::SurfaceTables;
 use crate::desc::{MaterialDesc, MeshDesc};
 use crate::material::{Compiled, Input, Material, PTEX_SET, TextureRef, built_in, compile};
-use crate::mesh::WantedPrimvar;
+use crate::mesh::{Displacements, WantedPrimvar};
 use oocpt_materialx::program::{Lookup, REGISTERS};
 
 /// In [`SurfaceTables::material_slots`]: no material.
@@ -91,8 +91,8 @@ fn has(desc: &MeshDesc, name: &str) -> bool {
 }
 
 impl SurfaceStore {
-    /// Compiles the materials of the meshes `shown` and tells every mesh which primvars it has to build; a mesh that
-    /// has others forgets its asset.
+    /// Compiles the materials of the meshes `shown` and tells every mesh which primvars it has to build and how it is
+    /// displaced; a mesh that was built otherwise forgets its asset.
     pub(crate) fn prepare(
         &mut self,
         materials: &mut BTreeMap<Arc<str>, MaterialEntry>,
@@ -133,11 +133,13 @@ impl SurfaceStore {
                 names.into_iter().map(|name| WantedPrimvar { name: name.clone(), id: self.id(name) }).collect();
             wanted.sort_by_key(|primvar| primvar.id);
             wanted.dedup();
-            if entry.wanted != wanted {
-                entry.wanted = wanted;
-                entry.built = None;
-                entry.outline = OnceLock::new();
+            let displacement =
+                |material: Option<&Arc<str>>| materials.get(material?)?.compiled.as_ref()?.displacement.clone();
+            let mut displacements: Displacements = bindings(&entry.desc).map(displacement).collect();
+            if displacements.iter().all(Option::is_none) {
+                displacements.clear();
             }
+            entry.ask(wanted, displacements);
         }
         for (path, entry) in materials.iter() {
             if let Some(problem) = entry.compiled.as_ref().and_then(|compiled| compiled.problem.as_ref()) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Textures without a device: how an image is cut into tiles, how coarser levels are made, which images are sRGB, and a
-//! reference of the shaders' filter in f64.
+//! Textures without a device: how an image is cut into tiles, how coarser levels are made, which images are sRGB, a
+//! reference of the shaders' filter in f64, and heights that displace surfaces.
 //!
 //! Guarantees: pure functions, any thread, no panic on any input. Rows are counted from the bottom: texel (0, 0) is at
 //! the origin of st. Sources: `UsdUVTexture` of the `UsdPreviewSurface` specification 2.6 (wrap modes, colour spaces,
@@ -9,6 +9,7 @@
 mod color;
 mod faces;
 mod footprint;
+mod heights;
 mod layout;
 mod pyramid;
 mod twin;
@@ -16,6 +17,8 @@ mod twin;
 pub use color::{expand, is_srgb, linear_from_srgb, srgb_from_linear};
 pub use faces::{FaceBlock, FaceLayout, MAX_FACE_LOG2, TILE_TEXELS, class_size};
 pub use footprint::{MOST_ANISOTROPY, ellipse, filter_width};
+pub use heights::{HeightFiles, HeightImage, Heights};
+pub(crate) use heights::{HeightLevel, member_at};
 pub use layout::{Layout, LayoutError, MAX_SIDE, Piece, TAIL_SIDE, TILE_SIDE};
 pub use pyramid::{Pyramid, weights};
 pub use twin::{PtexSampler, Sampler, pack_ptex, select_level, unpack_ptex};

@@ -25,6 +25,10 @@ mod convergence;
 #[cfg(test)]
 mod dicing;
 #[cfg(test)]
+mod displaced;
+#[cfg(test)]
+mod displaced_textures;
+#[cfg(test)]
 mod edits;
 #[cfg(test)]
 mod faces;

@@ -24,7 +24,7 @@ pub(crate) fn node(kind: &str, params: &[(&str, ParamValue)], connections: &[(&s
 }
 
 pub(crate) fn network(path: &str, nodes: Vec<NodeDesc>) -> MaterialDesc {
-    MaterialDesc { path: path.into(), nodes, surface: Some(0) }
+    MaterialDesc { path: path.into(), nodes, surface: Some(0), ..MaterialDesc::default() }
 }
 
 pub(crate) fn surface(params: &[(&str, ParamValue)]) -> NodeDesc {
@@ -261,7 +261,7 @@ fn bad_networks_keep_what_makes_sense() {
             vec![node(SURFACE, &tinted, &[("diffuseColor", 1, "q")]), node(TEXTURE, &[("file", file("a"))], &[])],
             half,
         ),
-        ("displacement", vec![surface(&[("displacement", ParamValue::Float(1.0))])], grey),
+        ("displacement output is not", vec![surface(&[("displacement", ParamValue::Float(1.0))])], grey),
     ];
     for (problem, nodes, diffuse) in cases {
         let compiled = of(nodes);
@@ -360,6 +360,7 @@ proptest! {
                     prop_assert!(uv.is_none_or(|uv| usize::from(uv) < made.uv_sets.len()));
                     prop_assert!(transform.as_flattened().iter().chain(scale).chain(bias).all(|v| v.is_finite()));
                 }
+                Input::Register(_) => prop_assert!(false, "only MaterialX has programs"),
                 Input::Primvar { slot, fallback } => {
                     prop_assert!(usize::from(*slot) < made.primvars.len());
                     prop_assert!(fallback.iter().all(|v| v.is_finite()));

@@ -53,7 +53,7 @@ fn material(emission: [f32; 3], is_textured: bool) -> MaterialDesc {
     let params = vec![("roughness", ParamValue::Float(0.25)), ("emissiveColor", ParamValue::Vec3(emission))];
     let connection = ConnectionDesc { input: "emissiveColor".into(), node: 1, output: "rgb".into() };
     let surface = node("UsdPreviewSurface", params, if is_textured { vec![connection] } else { Vec::new() });
-    MaterialDesc { path: "/m".into(), nodes: vec![surface, texture], surface: Some(0) }
+    MaterialDesc { path: "/m".into(), nodes: vec![surface, texture], surface: Some(0), ..MaterialDesc::default() }
 }
 
 /// The mesh's material, and the warnings.
@@ -76,7 +76,7 @@ fn emission(material: &Material) -> [f32; 3] {
         Input::Constant([r, g, b, _]) => [*r, *g, *b],
         Input::Texture { scale: [r, g, b, _], .. } => [*r, *g, *b],
         // Equal to nothing.
-        Input::Primvar { .. } => [f32::NAN; 3],
+        Input::Primvar { .. } | Input::Register(_) => [f32::NAN; 3],
     }
 }
 

@@ -3,7 +3,7 @@
 
 use glam::{DVec3, Vec3};
 use oocpt_core::desc::{FaceVaryingLinear, SubdivisionTags};
-use oocpt_core::mesh::{BuiltMesh, Dicing, Eye, WantedPrimvar, build_mesh_with};
+use oocpt_core::mesh::{BuiltMesh, Demand, Dicing, Eye, WantedPrimvar, build_mesh_with};
 use oocpt_core::{
     AnyAttribute, AttributeRate, DroppedData, Interpolation, MeshAsset, MeshDesc, NamedPrimvar, Primvar, Subdivision,
     SubsetDesc, TypedArray,
@@ -30,7 +30,8 @@ fn build(desc: &MeshDesc) -> BuiltMesh {
 }
 
 fn build_with(desc: &MeshDesc, wanted: &[WantedPrimvar], dicing: &Dicing) -> BuiltMesh {
-    build_mesh_with(desc, wanted, dicing, 1, u64::MAX, u64::MAX)
+    let demand = Demand { wanted, dicing: Some(dicing), ..Demand::default() };
+    build_mesh_with(desc, &demand, 1, u64::MAX, u64::MAX)
 }
 
 fn asset(built: BuiltMesh) -> MeshAsset {

@@ -3,7 +3,7 @@
 
 use glam::{DVec3, Vec3};
 use oocpt_core::desc::{CurveBasis, CurveWrap, CurvesDesc, Shape};
-use oocpt_core::mesh::{BuiltMesh, Dicing, LeafKind, WantedPrimvar, build_mesh_with, split_mesh};
+use oocpt_core::mesh::{BuiltMesh, Demand, Dicing, LeafKind, WantedPrimvar, build_mesh_with, split_mesh};
 use oocpt_core::{
     Aabb, AnyAttribute, AttributeRate, DroppedData, Interpolation, MeshAsset, MeshDesc, NamedPrimvar, Primvar,
     TypedArray,
@@ -26,7 +26,8 @@ fn curves(basis: CurveBasis, wrap: CurveWrap, counts: &[i32], points: &[[f32; 3]
 fn build_with(desc: &MeshDesc, wanted: &[&str], dicing: &Dicing) -> BuiltMesh {
     let wanted: Vec<WantedPrimvar> =
         wanted.iter().zip(7..).map(|(name, id)| WantedPrimvar { name: (*name).into(), id }).collect();
-    build_mesh_with(desc, &wanted, dicing, 1, u64::MAX, u64::MAX)
+    let demand = Demand { wanted: &wanted, dicing: Some(dicing), ..Demand::default() };
+    build_mesh_with(desc, &demand, 1, u64::MAX, u64::MAX)
 }
 
 fn build(desc: &MeshDesc) -> BuiltMesh {

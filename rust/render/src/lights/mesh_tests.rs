@@ -29,7 +29,7 @@ fn glow(path: &str, emission: [f32; 3]) -> MaterialDesc {
         params: vec![ParamDesc { name: "emissiveColor".into(), value }],
         connections: Vec::new(),
     };
-    MaterialDesc { path: path.into(), nodes: vec![surface], surface: Some(0) }
+    MaterialDesc { path: path.into(), nodes: vec![surface], surface: Some(0), ..MaterialDesc::default() }
 }
 
 /// A cube of side 2, six faces; or, open, without the last one.
@@ -217,7 +217,7 @@ fn reading(path: &str) -> MaterialDesc {
     let connection = ConnectionDesc { input: "emissiveColor".into(), node: 1, output: "result".into() };
     surface.connections.push(connection);
     let reader = node("UsdPrimvarReader_float3", "varname", ParamValue::Text("glow".into()));
-    MaterialDesc { path: path.into(), nodes: vec![surface, reader], surface: Some(0) }
+    MaterialDesc { path: path.into(), nodes: vec![surface, reader], surface: Some(0), ..MaterialDesc::default() }
 }
 
 fn glow_primvar(interpolation: Interpolation, values: Vec<[f32; 3]>) -> NamedPrimvar {

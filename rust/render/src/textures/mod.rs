@@ -6,11 +6,13 @@
 //! An image is cut into tiles (`oocpt_core::texture::Layout`); a tile is an asset and a unit of the planner, brought by
 //! the loader's threads as meshes are. Files that cannot give tiles of all levels at little cost are decoded once
 //! (`convert`) and kept (`prepared`), as tiled and mip-mapped files (`tx`) in a folder (`disk`) or in host memory
-//! (`memory`). Nothing here touches the device.
+//! (`memory`). Nothing here touches the device. Textures that displace surfaces are read through the same cache
+//! (`heights`).
 
 mod convert;
 mod disk;
 mod file;
+mod heights;
 mod image;
 mod memory;
 mod prepared;
@@ -24,6 +26,7 @@ mod tx;
 mod under_way;
 
 pub use file::{CacheEntry, FileReport, TextureFile};
+pub(crate) use heights::HeightTextures;
 pub use image::{BAND_BYTES, ColorTransform, Image, ImageError, ImageInfo, ImageLibrary};
 pub(crate) use set::{TextureCache, TextureSet};
 pub(crate) use tiles::TextureImage;

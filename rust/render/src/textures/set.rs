@@ -155,7 +155,12 @@ fn image_key(texture: &TextureRef, member: u32) -> ImageKey {
     (Arc::clone(&texture.asset.resolved), member, texture.color_space.clone(), texture.is_ptex)
 }
 
-fn open(library: Option<&Arc<dyn ImageLibrary>>, texture: &TextureRef, member: u32, stores: &Stores) -> Opened {
+pub(super) fn open(
+    library: Option<&Arc<dyn ImageLibrary>>,
+    texture: &TextureRef,
+    member: u32,
+    stores: &Stores,
+) -> Opened {
     let Some(library) = library else { return Err(ImageError("nobody here can open images".into())) };
     let asset = &texture.asset;
     if asset.resolved.is_empty() {

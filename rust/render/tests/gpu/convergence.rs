@@ -66,7 +66,7 @@ pub(crate) fn surface(path: &str, params: &[(&str, ParamValue)]) -> MaterialDesc
         params: params.iter().map(param).collect(),
         connections: Vec::new(),
     };
-    MaterialDesc { path: path.into(), nodes: vec![node], surface: Some(0) }
+    MaterialDesc { path: path.into(), nodes: vec![node], surface: Some(0), ..MaterialDesc::default() }
 }
 
 /// A small lamp and a ball of the given material: rays from the floor find the lamp by way of the ball, seldom:

@@ -18,7 +18,7 @@ fn glass(roughness: f32) -> MaterialDesc {
     ];
     let node =
         NodeDesc { path: "/glass/surface".into(), kind: "UsdPreviewSurface".into(), params, connections: vec![] };
-    MaterialDesc { path: "/glass".into(), nodes: vec![node], surface: Some(0) }
+    MaterialDesc { path: "/glass".into(), nodes: vec![node], surface: Some(0), ..MaterialDesc::default() }
 }
 
 /// The picture of a tilted block of glass of this roughness in what `light` gives.

@@ -21,7 +21,7 @@ fn surface(path: &str, params: &[(&str, ParamValue)]) -> MaterialDesc {
         params: params.iter().map(param).collect(),
         connections: vec![],
     };
-    MaterialDesc { path: path.into(), nodes: vec![node], surface: Some(0) }
+    MaterialDesc { path: path.into(), nodes: vec![node], surface: Some(0), ..MaterialDesc::default() }
 }
 
 /// A floor that reflects all, sharply or not.

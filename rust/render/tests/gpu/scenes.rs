@@ -86,7 +86,7 @@ pub(crate) fn glow(path: &str, radiance: [f32; 3]) -> MaterialDesc {
         params: vec![ParamDesc { name: "emissiveColor".into(), value: ParamValue::Vec3(radiance) }],
         connections: Vec::new(),
     };
-    MaterialDesc { path: path.into(), nodes: vec![surface], surface: Some(0) }
+    MaterialDesc { path: path.into(), nodes: vec![surface], surface: Some(0), ..MaterialDesc::default() }
 }
 
 /// A dome of constant radiance.

@@ -48,7 +48,7 @@ fn textured(path: &str, file: &str, own: Vec<(&str, ParamValue)>, read: &[(&str,
         node("/texture", "UsdUVTexture", wraps, &[("st", 2, "result")]),
         node("/reader", "UsdPrimvarReader_float2", vec![("varname", text("st"))], &[]),
     ];
-    MaterialDesc { path: path.into(), nodes, surface: Some(0) }
+    MaterialDesc { path: path.into(), nodes, surface: Some(0), ..MaterialDesc::default() }
 }
 
 /// A square with st from 0 to `repeats`.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How finely the subdivision surfaces of a scene are cut: as their nearest placements need it.
+//! How finely the subdivision surfaces and displaced meshes of a scene are cut: as their nearest placements need it.
 //!
 //! Prototypes are looked at as a whole where the camera is farther from them than their size; only near placements are
 //! gone into. What comes out is coarse on purpose, so that small movements of the camera change nothing: sizes are
@@ -24,7 +24,7 @@ use super::placement::{Placer, usable_affine};
 use super::resolve::{GroupId, Hierarchy, MAX_LEVELS, Prims};
 use crate::array::ElementType;
 use crate::desc::{InstancedBy, InstancerPrototype};
-use crate::mesh::{Aabb, Dicing, is_refined, mesh_key_with};
+use crate::mesh::{Aabb, Demand, Dicing, mesh_key_with};
 
 /// Near placements of a prototype that are gone into, from one place.
 const MOST_NEAR: usize = 8;
@@ -40,7 +40,8 @@ pub(crate) fn dice(
     reachable: &FxHashSet<Arc<str>>,
     camera: &DicingCamera,
 ) -> FxHashMap<Arc<str>, Dicing> {
-    let is_wanted = |entry: &MeshEntry| is_refined(&entry.desc, camera.pixels);
+    let rate = Dicing { pixels: camera.pixels, ..Dicing::default() };
+    let is_wanted = |entry: &MeshEntry| Demand { dicing: Some(&rate), ..entry.demand() }.refines(&entry.desc);
     let refined: Vec<(&Arc<str>, &MeshEntry)> =
         prims.meshes.iter().filter(|(path, entry)| reachable.contains(*path) && is_wanted(entry)).collect();
     let bounds: FxHashMap<Arc<str>, Ball> =
@@ -77,7 +78,7 @@ impl Outline {
     fn of(entry: &MeshEntry) -> &Self {
         entry.outline.get_or_init(|| {
             let plain = Dicing { pixels: 1.0, ..Dicing::default() };
-            let content = mesh_key_with(&entry.desc, &entry.wanted, &plain);
+            let content = mesh_key_with(&entry.desc, &Demand { dicing: Some(&plain), ..entry.demand() });
             Self { ball: Ball::of(&points_box(entry)), content }
         })
     }

@@ -51,7 +51,7 @@ fn by_texture(file: &str, scale: f32) -> MaterialDesc {
         node("UsdUVTexture", settings, vec![("st", 2, "result")]),
         node("UsdPrimvarReader_float2", vec![("varname", text("st"))], Vec::new()),
     ];
-    MaterialDesc { path: "/glow".into(), nodes, surface: Some(0) }
+    MaterialDesc { path: "/glow".into(), nodes, surface: Some(0), ..MaterialDesc::default() }
 }
 
 /// "steps": level `l` of 512 texels is `25 l + 25` all over. "letters": 64 texels, bright in some of them, all levels

@@ -38,7 +38,7 @@ pub(super) fn node(kind: &str, params: &[(&str, ParamValue)], connections: &[(&s
 }
 
 pub(super) fn material(path: &str, nodes: Vec<NodeDesc>) -> MaterialDesc {
-    MaterialDesc { path: path.into(), nodes, surface: Some(0) }
+    MaterialDesc { path: path.into(), nodes, surface: Some(0), ..MaterialDesc::default() }
 }
 
 pub(super) fn plain(path: &str, params: &[(&str, ParamValue)]) -> MaterialDesc {

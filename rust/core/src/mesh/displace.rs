@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Displaced surfaces: the vertices of a mesh that was cut are moved along its normals.
+//!
+//! A place where faces meet is moved once: along the mean of their normals, by the mean of their heights. So faces stay
+//! together bit for bit, where their textures do not fit and at sharp edges, too. The new normal at a vertex is the old
+//! one, turned as the mean of the triangles around it was:
+//! it is exact where nothing is displaced, and continuous across faces that were smooth together. Pure.
+
+use glam::{DVec3, Vec3};
+use oocpt_subdiv::Facets;
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+
+use super::demand::Demand;
+use super::primvar::subsets_of_faces;
+use super::relief::{CutValues, Member, Relief};
+use super::topology::MAX_COORDINATE;
+use crate::desc::{DroppedData, MeshDesc};
+use crate::texture::Heights;
+
+/// Vertices of one place whose normals have a larger cosine are smooth together.
+const SAME_NORMAL: f64 = 1.0 - 1e-4;
+
+/// A mesh that was cut: authored numbers of faces, values at its vertices, normals on the outer side.
+pub(super) struct Cut<'a> {
+    pub(super) facets: &'a Facets,
+    /// Authored number of each control face.
+    pub(super) faces: &'a [u32],
+    /// With the values at the vertices.
+    pub(super) desc: &'a MeshDesc,
+    pub(super) face_count: usize,
+    /// Of the surface that was cut.
+    pub(super) normals: Vec<[f32; 3]>,
+    /// Whether authored normals say where it is moved to.
+    pub(super) is_flat: bool,
+}
+
+/// The triangles of a control face.
+struct FaceRun<'a> {
+    /// Authored number.
+    face: u32,
+    triangles: &'a [[u32; 3]],
+}
+
+/// A vertex of a face, and which relief says how high it is.
+struct Asked {
+    vertex: u32,
+    face: u32,
+    slot: usize,
+    member: Option<Member>,
+}
+
+/// What faces say about a place.
+#[derive(Clone, Copy, Default)]
+struct Sum {
+    normal: DVec3,
+    height: f64,
+    faces: f64,
+}
+
+/// Positions and normals, one for each vertex.
+pub(super) struct Displaced {
+    pub(super) positions: Vec<[f32; 3]>,
+    pub(super) normals: Vec<[f32; 3]>,
+    pub(super) notes: Vec<String>,
+}
+
+impl Cut<'_> {
+    /// Moves the vertices as `demand` says.
+    pub(super) fn displace(mut self, demand: &Demand<'_>, dropped: &mut DroppedData) -> Displaced {
+        let (positions, _) = self.facets.positions.as_chunks::<3>();
+        if self.is_flat {
+            self.take_authored_normals();
+        }
+        let (sums, notes) = self.sums(demand);
+        let moves = self.moves(&sums, dropped);
+        let normals = self.turned(&moves);
+        let moved = |(at, by): (&[f32; 3], &DVec3)| (Vec3::from(*at).as_dvec3() + *by).as_vec3().to_array();
+        Displaced { positions: positions.iter().zip(&moves).map(moved).collect(), normals, notes }
+    }
+
+    fn runs(&self) -> impl Iterator<Item = FaceRun<'_>> {
+        let (triangles, _) = self.facets.triangles.as_chunks::<3>();
+        let mut first = 0;
+        self.facets.faces.chunk_by(|a, b| a == b).filter_map(move |run| {
+            let range = first..first + run.len();
+            first = range.end;
+            let face = run.first().and_then(|face| self.faces.get(*face as usize))?;
+            Some(FaceRun { face: *face, triangles: triangles.get(range)? })
+        })
+    }
+
+    /// Polygon meshes may have normals of their own; values by corner became values by vertex.
+    fn take_authored_normals(&mut self) {
+        let Some(authored) = CutValues::of(self.desc, "normals") else { return };
+        let mut normals = std::mem::take(&mut self.normals);
+        for run in self.runs() {
+            for &vertex in run.triangles.as_flattened() {
+                let normal = authored.vector(run.face, vertex).and_then(DVec3::try_normalize);
+                if let (Some(normal), Some(slot)) = (normal, normals.get_mut(vertex as usize)) {
+                    *slot = normal.as_vec3().to_array();
+                }
+            }
+        }
+        self.normals = normals;
+    }
+
+    fn normal(&self, vertex: u32) -> DVec3 {
+        self.normals.get(vertex as usize).map_or(DVec3::ZERO, |normal| Vec3::from(*normal).as_dvec3())
+    }
+
+    fn place(&self, vertex: u32) -> usize {
+        self.facets.places.get(vertex as usize).map_or(usize::MAX, |place| *place as usize)
+    }
+
+    /// What the faces around each place say, and what could not be read.
+    fn sums(&self, demand: &Demand<'_>) -> (Vec<Sum>, Vec<String>) {
+        // What is wrong with subsets is counted where their materials are.
+        let subsets = subsets_of_faces(self.desc, self.face_count, &mut DroppedData::default());
+        let slot = |face: u32| subsets.get(face as usize).map_or(0, |subset| usize::from(*subset));
+        let slots = demand.displacements.iter();
+        let mut reliefs: Vec<Option<Relief<'_>>> =
+            slots.map(|slot| slot.as_deref().map(|displacement| Relief::new(displacement, self.desc))).collect();
+        for run in self.runs() {
+            if let Some(Some(relief)) = reliefs.get_mut(slot(run.face)) {
+                relief.measure(run.face, run.triangles);
+            }
+        }
+        let none = Heights::default();
+        let heights = demand.heights.unwrap_or(&none);
+        let mut seen = vec![u32::MAX; self.facets.places.len()];
+        let (mut asked, mut vertices) = (Vec::new(), Vec::new());
+        for (number, run) in (0..).zip(self.runs()) {
+            vertices.clear();
+            for &vertex in run.triangles.as_flattened() {
+                if let Some(seen) = seen.get_mut(vertex as usize).filter(|seen| **seen != number) {
+                    *seen = number;
+                    vertices.push(vertex);
+                }
+            }
+            let (face, slot) = (run.face, slot(run.face));
+            let relief = reliefs.get_mut(slot).and_then(Option::as_mut);
+            let member = relief.map(|relief| relief.open(heights, face, &vertices));
+            asked.extend(vertices.iter().map(|&vertex| Asked { vertex, face, slot, member }));
+        }
+        let height = |asked: &Asked| {
+            let relief = reliefs.get(asked.slot).and_then(Option::as_ref).zip(asked.member);
+            relief.map_or(0.0, |(relief, member)| relief.height(asked.face, asked.vertex, member))
+        };
+        let found: Vec<f64> = asked.par_iter().map(height).collect();
+        // In the order of faces: sums of floats depend on it.
+        let mut sums = vec![Sum::default(); self.facets.places.len()];
+        for (asked, height) in asked.iter().zip(found) {
+            if let Some(sum) = sums.get_mut(self.place(asked.vertex)) {
+                sum.normal += self.normal(asked.vertex);
+                sum.height += height;
+                sum.faces += 1.0;
+            }
+        }
+        (sums, reliefs.into_iter().flatten().filter_map(Relief::into_problem).collect())
+    }
+
+    /// By how much each vertex moves.
+    fn moves(&self, sums: &[Sum], dropped: &mut DroppedData) -> Vec<DVec3> {
+        let (positions, _) = self.facets.positions.as_chunks::<3>();
+        let mut by_place = vec![DVec3::ZERO; sums.len()];
+        for ((by, sum), at) in by_place.iter_mut().zip(sums).zip(positions) {
+            // Where normals cancel out there is no outside.
+            let Some(normal) = sum.normal.try_normalize() else { continue };
+            let wanted = normal * (sum.height / sum.faces);
+            let is_usable = (Vec3::from(*at).as_dvec3() + wanted).abs().max_element() <= MAX_COORDINATE;
+            if is_usable && wanted.is_finite() {
+                *by = wanted;
+            } else {
+                dropped.displacements += 1;
+            }
+        }
+        let by = |vertex: &u32| by_place.get(*vertex as usize).copied().unwrap_or_default();
+        self.facets.places.iter().map(by).collect()
+    }
+
+    /// The normals of the displaced surface.
+    fn turned(&self, moves: &[DVec3]) -> Vec<[f32; 3]> {
+        let (positions, _) = self.facets.positions.as_chunks::<3>();
+        let (triangles, _) = self.facets.triangles.as_chunks::<3>();
+        let side = if self.desc.left_handed { -1.0 } else { 1.0 };
+        // Twice the areas of the triangles around each vertex, before and after. Both from the same rounded positions,
+        // whose errors cancel out.
+        let mut sums = vec![[DVec3::ZERO; 2]; positions.len()];
+        for triangle in triangles {
+            let corner = |k: usize| {
+                let vertex = triangle[k] as usize;
+                let at = positions.get(vertex).map_or(DVec3::ZERO, |at| Vec3::from(*at).as_dvec3());
+                [at, at + moves.get(vertex).copied().unwrap_or_default()]
+            };
+            let [a, b, c] = [corner(0), corner(1), corner(2)];
+            for &vertex in triangle {
+                let Some(sum) = sums.get_mut(vertex as usize) else { continue };
+                for k in 0..2 {
+                    sum[k] += (b[k] - a[k]).cross(c[k] - a[k]) * side;
+                }
+            }
+        }
+        let shared = self.shared_places();
+        let turned = |vertex: u32| {
+            let own = self.normal(vertex);
+            let at = |vertex: u32| sums.get(vertex as usize).copied().unwrap_or_default();
+            let [before, after] = match shared.get(&self.place(vertex)) {
+                None => at(vertex),
+                Some(others) => {
+                    let alike = others.iter().filter(|other| self.normal(**other).dot(own) > SAME_NORMAL);
+                    alike.fold([DVec3::ZERO; 2], |[before, after], other| {
+                        let [more_before, more_after] = at(*other);
+                        [before + more_before, after + more_after]
+                    })
+                }
+            };
+            let turn = match (before.try_normalize(), after.try_normalize()) {
+                (Some(before), Some(after)) => after - before,
+                _ => DVec3::ZERO,
+            };
+            (own + turn).try_normalize().unwrap_or(own).as_vec3().to_array()
+        };
+        (0..u32::try_from(positions.len()).unwrap_or(u32::MAX)).into_par_iter().map(turned).collect()
+    }
+
+    /// The vertices of each place that has several.
+    fn shared_places(&self) -> FxHashMap<usize, Vec<u32>> {
+        let mut shared: FxHashMap<usize, Vec<u32>> = FxHashMap::default();
+        for (vertex, &place) in (0..).zip(&self.facets.places) {
+            if vertex != place {
+                shared.entry(place as usize).or_insert_with(|| vec![place]).push(vertex);
+            }
+        }
+        shared
+    }
+}

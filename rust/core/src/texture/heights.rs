@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Textures that displace surfaces: who decodes them says so through a trait, what they mean is worked out here.
+//!
+//! One level of an image is read for a mesh, whole: the coarsest one whose texels are not larger than the pieces that
+//! the mesh is cut into. It is filtered bilinearly, as the shaders do. Any thread.
+
+use std::fmt::Debug;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rustc_hash::FxHashMap;
+
+use super::{ColorSpace, Layout, Sampler, TextureRef, Wrap};
+
+/// Most texels of a level: a quarter of a gibibyte.
+const MOST_TEXELS: u64 = 1 << 26;
+/// Number of the first member of a set of files.
+const FIRST_MEMBER: u32 = 1001;
+
+/// Opens height textures. Called by several threads at once; must not wait for work of the rayon pool.
+pub trait HeightFiles: Send + Sync + Debug {
+    /// Opens the file of a texture, or where that is a set, the member of that number (1001 to 1100); `None` for a
+    /// member that is not there.
+    ///
+    /// # Errors
+    /// Why it cannot be had, for the user.
+    fn open(&self, texture: &TextureRef, member: u32) -> Result<Option<Arc<dyn HeightImage>>, String>;
+}
+
+/// An open image.
+pub trait HeightImage: Send + Sync + Debug {
+    /// Its levels.
+    fn layout(&self) -> Layout;
+
+    /// How the file says that it is continued outside; never [`Wrap::UseMetadata`].
+    fn wrap(&self) -> Option<[Wrap; 2]>;
+
+    /// A channel (0 to 3; of images with fewer, as [`super::expand`] says) of all texels of a level: linear values, row
+    /// by row from the bottom.
+    ///
+    /// # Errors
+    /// Why it cannot be had, for the user.
+    fn channel(&self, level: u32, channel: u8) -> Result<Vec<f32>, String>;
+}
+
+/// Path, member, colour space.
+type FileKey = (Arc<str>, u32, ColorSpace);
+type Opened = Result<Option<Arc<dyn HeightImage>>, String>;
+type Decoded = Result<Arc<Vec<f32>>, String>;
+
+/// Height textures, decoded as they are needed; what was decoded is kept as long as this is.
+#[derive(Debug, Default)]
+pub struct Heights {
+    files: Option<Arc<dyn HeightFiles>>,
+    open: Mutex<FxHashMap<FileKey, Opened>>,
+    /// By file, level and channel.
+    decoded: Mutex<FxHashMap<(FileKey, u32, u8), Decoded>>,
+}
+
+impl Heights {
+    /// Textures that `files` opens; without, none can be read.
+    #[must_use]
+    pub fn new(files: Option<Arc<dyn HeightFiles>>) -> Self {
+        Self { files, ..Self::default() }
+    }
+
+    /// The level of a texture (or of the member of a set) for pieces that cover `area` of its unit square each; `None`
+    /// for a member that is not there.
+    ///
+    /// # Errors
+    /// Why it cannot be had, for the user.
+    pub(crate) fn level(
+        &self,
+        texture: &TextureRef,
+        member: u32,
+        channel: u8,
+        area: f64,
+    ) -> Result<Option<HeightLevel>, String> {
+        let key = (texture.asset.resolved.clone(), member, texture.color_space.clone());
+        let open = || match &self.files {
+            Some(files) => files.open(texture, member),
+            None => Err("nobody here can open images".to_owned()),
+        };
+        let Some(image) = once(&self.open, &key, open)? else { return Ok(None) };
+        let layout = image.layout();
+        let level = level_for(&layout, area);
+        let size = layout.level_size(level);
+        let decode = || {
+            let texels = image.channel(level, channel)?;
+            let is_whole = texels.len() as u64 == u64::from(size[0]) * u64::from(size[1]);
+            if is_whole { Ok(Arc::new(texels)) } else { Err("has a level of another size than it says".to_owned()) }
+        };
+        let texels = once(&self.decoded, &(key, level, channel), decode)?;
+        let layout = Layout::new(size, 4).map_err(|error| error.to_string())?;
+        let said = image.wrap().unwrap_or([Wrap::Black; 2]);
+        let wrap = [0, 1].map(|axis: usize| match texture.wrap[axis] {
+            _ if member > 0 => Wrap::Clamp,
+            Wrap::UseMetadata => said[axis],
+            wrap => wrap,
+        });
+        Ok(Some(HeightLevel { layout, wrap, texels }))
+    }
+}
+
+/// The value of a key, made if it is not there. Two threads may make the same one: nobody waits while it is made.
+fn once<K: Clone + Eq + std::hash::Hash, V: Clone>(
+    known: &Mutex<FxHashMap<K, V>>,
+    key: &K,
+    make: impl FnOnce() -> V,
+) -> V {
+    let lock = || known.lock().unwrap_or_else(PoisonError::into_inner);
+    let found = lock().get(key).cloned();
+    found.unwrap_or_else(|| {
+        let made = make();
+        lock().entry(key.clone()).or_insert(made).clone()
+    })
+}
+
+/// The coarsest level whose texels are not larger than pieces of `area`, and that has not too many texels.
+fn level_for(layout: &Layout, area: f64) -> u32 {
+    let texels = |level: u32| layout.level_size(level).into_iter().map(u64::from).product::<u64>();
+    let coarsest = layout.levels().saturating_sub(1);
+    let [width, height] = layout.size().map(f64::from);
+    // Texels of level 0 in a piece: each level has a quarter as many.
+    let wanted = 0.5 * (area * width * height).log2();
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 32; NaN is 0")]
+    let wanted = wanted.floor().clamp(0.0, 32.0) as u32;
+    (wanted.min(coarsest)..coarsest).find(|&level| texels(level) <= MOST_TEXELS).unwrap_or(coarsest)
+}
+
+/// A channel of a level of an image.
+#[derive(Clone, Debug)]
+pub(crate) struct HeightLevel {
+    /// Of an image that has this level only.
+    layout: Layout,
+    wrap: [Wrap; 2],
+    texels: Arc<Vec<f32>>,
+}
+
+impl HeightLevel {
+    /// The value at a place; of a member of a set, within the member.
+    pub(crate) fn at(&self, st: [f64; 2]) -> f64 {
+        let width = self.layout.size()[0] as usize;
+        let texel = |_: u32, x: u32, y: u32| {
+            let texel = self.texels.get(y as usize * width + x as usize);
+            [f64::from(texel.copied().unwrap_or(0.0)), 0.0, 0.0, 0.0]
+        };
+        let [value, ..] = Sampler { layout: self.layout, wrap: self.wrap, texel }.bilinear(st, 0);
+        value
+    }
+}
+
+/// The member of a set of files that a place is in, and its lower left corner; 0 for places that no member can have.
+pub(crate) fn member_at(st: [f64; 2]) -> (u32, [f64; 2]) {
+    let corner = st.map(f64::floor);
+    let is_there = (0.0..10.0).contains(&corner[0]) && (0.0..10.0).contains(&corner[1]);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 99")]
+    let number = if is_there { (corner[0] + 10.0 * corner[1]) as u32 + FIRST_MEMBER } else { 0 };
+    (number, corner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texels_are_as_fine_as_pieces() {
+        let layout = Layout::new([1024, 512], 4).unwrap();
+        let piece = |texels: f64| texels * texels / (1024.0 * 512.0);
+        let levels = [0.1, 1.0, 1.99, 2.0, 4.5, 300.0, 1e9].map(|texels| level_for(&layout, piece(texels)));
+        assert_eq!(levels, [0, 0, 0, 1, 2, 8, 10], "pieces of so many texels of level 0");
+        assert_eq!([f64::NAN, 0.0, f64::INFINITY].map(|area| level_for(&layout, area)), [0, 0, 10], "no areas");
+        let large = Layout::new([1 << 16, 1 << 16], 4).unwrap();
+        assert_eq!(level_for(&large, 0.0), 3, "8192 texels a side are enough");
+    }
+
+    #[test]
+    fn members_of_sets_have_their_numbers() {
+        assert_eq!(member_at([0.5, 0.5]), (1001, [0.0, 0.0]));
+        assert_eq!(member_at([9.5, 2.0]), (1030, [9.0, 2.0]));
+        for st in [[10.0, 0.5], [-0.1, 0.5], [0.5, 10.0], [f64::NAN, 0.0], [f64::INFINITY, 0.0]] {
+            assert_eq!(member_at(st).0, 0, "{st:?} is in none");
+        }
+    }
+}

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Textures that displace surfaces, read through the same cache as those that the device sees. Called by the threads
+//! that build meshes during a commit; decoding uses no rayon pool, so nobody waits in a circle.
+
+use super::convert::make_finite;
+use super::disk::DiskCache;
+use super::image::{Image, ImageLibrary};
+use super::set::open;
+use super::texels::Texels;
+use super::tiles::{Stores, TextureImage};
+use crate::sync::lock;
+use oocpt_core::settings::Settings;
+use oocpt_core::texture::{HeightFiles, HeightImage, Layout, TILE_SIDE, TextureRef, Wrap};
+use std::sync::{Arc, Mutex};
+
+/// See the module.
+#[derive(Debug)]
+pub(crate) struct HeightTextures {
+    library: Arc<dyn ImageLibrary>,
+    disk: Mutex<Disk>,
+}
+
+/// The cache on disk, and the settings that it is made from.
+#[derive(Debug, Default)]
+struct Disk {
+    folder: Option<(String, u32)>,
+    cache: Option<Arc<DiskCache>>,
+}
+
+impl HeightTextures {
+    pub(crate) fn new(library: Arc<dyn ImageLibrary>) -> Self {
+        Self { library, disk: Mutex::default() }
+    }
+
+    /// Keeps decoded images where the settings say, from now on.
+    pub(crate) fn keep_in(&self, settings: &Settings) {
+        let folder = (settings.texture_cache.clone(), settings.texture_cache_mib);
+        let mut disk = lock(&self.disk);
+        if disk.folder.as_ref() != Some(&folder) {
+            disk.folder = Some(folder);
+            disk.cache = None;
+        }
+    }
+
+    /// The cache; opened by the first texture.
+    fn disk(&self) -> Option<Arc<DiskCache>> {
+        let mut disk = lock(&self.disk);
+        if disk.cache.is_none() {
+            let (path, mib) = disk.folder.clone()?;
+            disk.cache = DiskCache::of_setting(&path, mib).map(Arc::new);
+        }
+        disk.cache.clone()
+    }
+}
+
+impl HeightFiles for HeightTextures {
+    fn open(&self, texture: &TextureRef, member: u32) -> Result<Option<Arc<dyn HeightImage>>, String> {
+        let stores = Stores { disk: self.disk(), ..Stores::default() };
+        let image = open(Some(&self.library), texture, member, &stores).map_err(|error| error.to_string())?;
+        Ok(image.map(|image| Arc::new(Height(image)) as Arc<dyn HeightImage>))
+    }
+}
+
+/// An open image. Decoded rows live as long as it does, which is a commit.
+#[derive(Debug)]
+struct Height(Arc<TextureImage>);
+
+impl HeightImage for Height {
+    fn layout(&self) -> Layout {
+        *self.0.layout()
+    }
+
+    fn wrap(&self) -> Option<[Wrap; 2]> {
+        self.0.info().wrap
+    }
+
+    fn channel(&self, level: u32, channel: u8) -> Result<Vec<f32>, String> {
+        let info = Image::info(&*self.0);
+        let texels = Texels::new(&info, self.0.is_srgb());
+        let [width, height] = self.0.layout().level_size(level);
+        let mut out = Vec::new();
+        // Bands of rows of tiles: the whole level is there as one channel only.
+        let mut raw = Vec::new();
+        let mut values = Vec::new();
+        for bottom in (0..height).step_by(TILE_SIDE as usize) {
+            let rows = TILE_SIDE.min(height - bottom);
+            let count = width as usize * rows as usize;
+            raw.clear();
+            raw.resize(count * texels.file_bytes(), 0);
+            self.0.read(level, [0, bottom], [width, rows], &mut raw).map_err(|error| error.to_string())?;
+            values.clear();
+            values.resize(count * texels.channels(), 0.0);
+            texels.decode(&raw, &mut values);
+            make_finite(&mut values);
+            out.extend(values.chunks_exact(texels.channels()).map(|texel| picked(texel, channel)));
+        }
+        Ok(out)
+    }
+}
+
+/// A channel of a texel, as `oocpt_core::texture::expand` says.
+fn picked(texel: &[f32], channel: u8) -> f32 {
+    match (texel, channel) {
+        ([r] | [r, _], 0..=2) => *r,
+        ([_] | [_, _, _], 3) => 1.0,
+        ([_, a], _) => *a,
+        (texel, channel) => texel.get(usize::from(channel)).copied().unwrap_or(0.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use oocpt_core::texture::expand;
+
+    #[test]
+    fn channels_are_those_of_the_device() {
+        let texel = [0.1_f32, 0.2, 0.3, 0.4];
+        for count in 1..=4 {
+            let wide: Vec<f64> = texel[..count].iter().map(|v| f64::from(*v)).collect();
+            for channel in 0..4_u8 {
+                let expected = expand(&wide)[usize::from(channel)];
+                let found = f64::from(picked(&texel[..count], channel));
+                assert!((found - expected).abs() < 1e-9, "channel {channel} of {count}: {found}");
+            }
+        }
+    }
+}
