@@ -97,6 +97,7 @@ mod tests {
             driver: String::new(),
             api: "1.3.0".to_owned(),
             heaps: vec![HeapReport { bytes, device_local: true, free: None }],
+            host_memory: false,
             capabilities: Capabilities::default(),
             missing: missing.to_vec(),
             chosen: false,

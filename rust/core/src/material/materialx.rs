@@ -15,10 +15,9 @@ use oocpt_materialx::{InputSource, Translation, translate};
 
 use super::compile::{Compiled, MAX_NODES, SHARP_ROUGHNESS, needs};
 use super::params::Problems;
-use super::spaces::named;
+use super::spaces::{linear_from_srgb, named};
 use super::{ColorSpace, INPUTS, Input, InputName, Material, MaterialFlags, PrimvarSlot, TextureRef, UvSet, Wrap};
 use crate::desc::{AssetRef, MaterialDesc, NodeDesc, ParamValue};
-use crate::texture::linear_from_srgb;
 
 const _: () = assert!(INPUTS == SURFACE_INPUTS, "the inputs of the two are the same");
 const _: () = assert!(

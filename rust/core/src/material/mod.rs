@@ -26,6 +26,7 @@ use crate::desc::AssetRef;
 pub(crate) use compile::NEUTRAL;
 pub use compile::{Compiled, MAX_NODES, compile};
 pub use displacement::Displacement;
+pub use spaces::linear_from_srgb;
 pub use texture::is_ptex_name;
 
 /// Inputs of a material, the length of [`Material::inputs`].

@@ -70,6 +70,12 @@ pub(super) fn named(name: &str) -> ColorSpace {
     }
 }
 
+/// The sRGB curve.
+#[must_use]
+pub fn linear_from_srgb(encoded: f64) -> f64 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
 impl<'a> Compiler<'a> {
     /// The colour space of a texture node, by the rule above.
     pub(super) fn color_space(&mut self, node: &'a NodeDesc) -> ColorSpace {

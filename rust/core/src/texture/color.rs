@@ -14,11 +14,6 @@ pub fn is_srgb(space: &ColorSpace, metadata: Option<bool>, format: TexelFormat, 
     }
 }
 
-/// The sRGB curve.
-pub fn linear_from_srgb(encoded: f64) -> f64 {
-    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
-}
-
 /// Its inverse.
 pub fn srgb_from_linear(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
@@ -38,6 +33,7 @@ pub fn expand(channels: &[f64]) -> [f64; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::material::linear_from_srgb;
 
     #[test]
     fn automatic_color_spaces_follow_the_specification() {

@@ -14,7 +14,8 @@ mod layout;
 mod pyramid;
 mod twin;
 
-pub use color::{expand, is_srgb, linear_from_srgb, srgb_from_linear};
+pub use crate::material::linear_from_srgb;
+pub use color::{expand, is_srgb, srgb_from_linear};
 pub use faces::{FaceBlock, FaceLayout, MAX_FACE_LOG2, TILE_TEXELS, class_size};
 pub use footprint::{MOST_ANISOTROPY, ellipse, filter_width};
 pub use heights::{HeightFiles, HeightImage, Heights};

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Both traversal backends on the same scenes: the same bits of every image, in core and streaming; and who runs where.
 //!
-//! All other tests pin the shaders. With OOCPT_TEST_TRAVERSAL=native they run on the host instead.
+//! All other tests pin the shaders. With `OOCPT_TEST_TRAVERSAL=native` they run on the host instead.
 
 use crate::lights::TestFiles;
 use crate::scenes::{features, nested};
@@ -50,7 +50,8 @@ fn refused(build: fn(&mut SceneDb), settings: Settings, request: &RenderRequest)
     let session = support::session(settings);
     session.with_scene(build);
     let messages = support::render_with_messages(&session, request);
-    let [message] = &messages[..] else { panic!("one message, not {messages:?}") };
+    assert_eq!(messages.len(), 1, "one message: {messages:?}");
+    let message = &messages[0];
     assert!(message.severity == Severity::Error && message.text.contains("oocpt:traversal"), "{message:?}");
 }
 

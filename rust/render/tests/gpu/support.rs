@@ -13,7 +13,7 @@ use std::time::Duration;
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(300);
 
 /// Settings of the tests: few samples, one seed, rays walked by the shaders, which are what is tested, or by the host
-/// where OOCPT_TEST_TRAVERSAL says so: any test must pass with either.
+/// where `OOCPT_TEST_TRAVERSAL` says so: any test must pass with either.
 pub(crate) fn settings(samples: u32, bounces: u32) -> Settings {
     let said = std::env::var("OOCPT_TEST_TRAVERSAL").ok();
     let traversal = said.and_then(|name| TraversalKind::named(&name)).unwrap_or(TraversalKind::Compute);

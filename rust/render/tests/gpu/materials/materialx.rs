@@ -111,7 +111,7 @@ fn a_lookup_looks_where_another_says() {
         let along = |s: f32, clamps: bool| {
             let x = 2.0 * s - 0.5;
             let (low, share) = (x.floor(), x - x.floor());
-            let wrap = |x: f32| if clamps { x.clamp(0.0, 1.0) as usize } else { x.rem_euclid(2.0) as usize };
+            let wrap = |x: f32| usize::from(if clamps { x > 0.0 } else { x.rem_euclid(2.0) > 0.5 });
             (wrap(low), wrap(low + 1.0), share)
         };
         let (x0, x1, u) = along(s, clamps);
