@@ -2,6 +2,7 @@
 #include "subdiv/limitSurface.h"
 
 #include "oocpt-subdiv/src/ffi.rs.h"
+#include "subdiv/siteTable.h"
 
 #include <opensubdiv/bfr/refinerSurfaceFactory.h>
 #include <opensubdiv/bfr/surface.h>
@@ -33,7 +34,7 @@ constexpr int _sharpLevel = 6;
 constexpr double _sameNormal = 1.0 - 1e-4;
 /// Values that differ by less than this share of their size are one value.
 constexpr float _sameValue = 1e-4F;
-constexpr int32_t _none = -1;
+constexpr int32_t _none = SiteTable::none;
 
 /// OpenSubdiv reports errors to one function for the whole process; they come back as failures of the calls, too.
 void _Ignore(Far::ErrorType, const char*) { }
@@ -74,41 +75,6 @@ bool _AreSame(const float* a, const float* b, size_t count)
     }
     return true;
 }
-
-/// The first vertex of each place that some faces share.
-class _SiteTable
-{
-public:
-    /// For at most so many places.
-    explicit _SiteTable(size_t count)
-    {
-        size_t size = 16;
-        while (size < 2 * count) {
-            size *= 2;
-        }
-        _slots.assign(size, { _none, _none });
-    }
-
-    /// The vertex of a place; `_none` where there is none yet.
-    int32_t& operator[](int32_t site)
-    {
-        const size_t mask = _slots.size() - 1;
-        size_t at = static_cast<size_t>(site) * 0x9E3779B97F4A7C15ULL >> 20U & mask;
-        while (_slots[at].site != site && _slots[at].site != _none) {
-            at = (at + 1) & mask;
-        }
-        _slots[at].site = site;
-        return _slots[at].vertex;
-    }
-
-private:
-    struct _Slot
-    {
-        int32_t site;
-        int32_t vertex;
-    };
-    std::vector<_Slot> _slots;
-};
 
 /// Places on the outlines of faces, those that they share counted for each.
 size_t _CountSites(const Far::TopologyLevel& level, const Cut& cut)
@@ -311,7 +277,7 @@ private:
             _facets->faceVaryingData.data() + vertex * _channelWidth, _at.faceVarying.data(), _channelWidth);
     }
 
-    /// A new vertex at `position`, which is at a place that faces share or `_none`, with the normal and values of `_at`.
+    /// A new vertex at `position`, at a place that faces share or `_none`, with the normal and values of `_at`.
     int32_t _Push(const float* position, int32_t site)
     {
         const float copy[3] = { position[0], position[1], position[2] };
@@ -348,7 +314,7 @@ private:
     _Patch<float> _varyingPatch;
     std::vector<_Patch<float>> _channels;
 
-    _SiteTable _sites;
+    SiteTable _sites;
     /// The next vertex of the same place.
     std::vector<int32_t> _next;
 
@@ -448,7 +414,7 @@ std::unique_ptr<Facets> LimitSurface::tessellate(const Cut& cut, const Values& v
     const bool hasFaces = 0 <= cut.first_face && cut.end_face <= _refiner->GetLevel(0).GetNumFaces();
     if (cut.rates.size() != edges || cut.edge_sites.size() != edges || !hasFaces
         || values.face_varying_widths.size() != _channelCount) {
-        throw std::invalid_argument("one rate and place for each edge, one width for each channel, faces that are there");
+        throw std::invalid_argument("one rate and place for each edge, one width for each channel, and faces");
     }
     auto facets = std::make_unique<Facets>();
     _Tessellator(*_refiner, *_factory, _channelCount, cut, values, facets.get()).AddAll();

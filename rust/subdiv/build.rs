@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // The linker wants a library behind those that use it.
     shim.compile("oocpt_subdiv_cxx");
     library.compile("oocpt_opensubdiv");
-    for file in ["limitSurface.h", "limitSurface.cpp"] {
+    for file in ["limitSurface.h", "limitSurface.cpp", "siteTable.h"] {
         println!("cargo:rerun-if-changed={}", cpp.join("subdiv").join(file).display());
     }
     println!("cargo:rerun-if-changed=src/ffi.rs");

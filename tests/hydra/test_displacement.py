@@ -258,7 +258,8 @@ def test_edits_show_and_are_fresh_pictures(host, folder):
         fine = view.stats()["oocpt:uniqueTriangles"]
         shader = "UsdShade.Shader(stage.GetPrimAtPath('/World/Material/{}'))"
         edits = [
-            (shader.format("Texture") + ".GetInput('file').Set(Sdf.AssetPath('./height.png'))", {"file": "./height.png"}),
+            (shader.format("Texture") + ".GetInput('file').Set(Sdf.AssetPath('./height.png'))",
+             {"file": "./height.png"}),
             (shader.format("Texture") + ".GetInput('wrapS').Set('repeat')\n"
              + shader.format("Texture") + ".GetInput('wrapT').Set('repeat')",
              {"file": "./height.png", "wrap": "repeat"}),

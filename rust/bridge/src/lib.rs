@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The boundary between the Hydra shim (C++) and the renderer (Rust); `ffi_images` has the part about images.
 //!
-//! Guarantees: no panic leaves it (every function goes through `guard` and returns `Result`, which C++ sees as
-//! `rust::Error`); arrays are read where USD holds them, never copied; matrices arrive as Gf's row-vector data, which
-//! read column by column are the column-vector matrices of the core.
+//! Guarantees: no panic leaves it (every function goes through `guard` and returns `Result`, a `rust::Error` in C++);
+//! arrays are read where USD holds them, never copied; matrices are Gf's row-vector data, read as columns.
 //!
 //! Threads: `Session` may be used from any thread. C++ owns the objects; Rust owns every `HeldArray` it was given.
 #![deny(unsafe_code)]

@@ -7,8 +7,9 @@
 //! neighbours always fit: faces share the positions on their edges, bit for bit. Positions and normals are in object
 //! space, in the units of the points.
 //!
-//! Any thread; [`LimitSurface::tessellate`] works on the caller's rayon pool. Nothing that a control mesh says can crash a call: what does
-//! not fit is an [`Error`]. The library is linked statically with hidden symbols, beside whatever a host has loaded.
+//! Any thread; [`LimitSurface::tessellate`] works on the caller's rayon pool. Nothing that a control mesh says can
+//! crash a call: what does not fit is an [`Error`]. The library is linked statically with hidden symbols, beside
+//! whatever a host has loaded.
 
 mod check;
 mod ffi;
