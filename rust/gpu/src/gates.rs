@@ -32,7 +32,11 @@ pub(crate) struct Gate {
 impl Gate {
     /// A gate for lists of the other lane than `lane`.
     pub(crate) fn of(gpu: &Arc<Gpu>, lane: Lane) -> Self {
-        Self { lane, pretended: Submission::new(gpu, (lane, 1), "gate".to_owned(), None), gpu: Arc::clone(gpu) }
+        Self {
+            lane,
+            pretended: Submission::new(gpu, (lane, 1), "gate".to_owned(), (Vec::new(), None)),
+            gpu: Arc::clone(gpu),
+        }
     }
 
     pub(crate) fn hold(&self, commands: &mut Commands) {
