@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Whether a surface that a walk meets is there, by displayOpacity (traversal/opacity.glsl), and the seed that decides
-//! (include/opacity_seed.glsl). Any thread.
+//! (`include/opacity_seed.glsl`). Any thread.
 
 use crate::scene::Scene;
 use crate::walk::Walk;
