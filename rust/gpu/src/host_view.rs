@@ -13,14 +13,12 @@ use std::mem::size_of;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use ash::vk;
 use bytemuck::AnyBitPattern;
 
 use crate::buffer::Buffer;
 use crate::device::{Device, Retired};
 use crate::gpu::Gpu;
-use crate::memory::{Mapped, RawBuffer, Usage, choose_type};
-use crate::report::DeviceKind;
+use crate::memory::{Mapped, RawBuffer};
 
 /// All mapped buffers of a device, and what waits for the end of views.
 #[derive(Debug, Default)]
@@ -70,18 +68,6 @@ impl HostMemory {
         }
         items
     }
-}
-
-/// Whether the memory that buffers of a device get is the host's: the device is a processor, and its memory is mapped
-/// and coherent.
-pub(crate) fn is_host_memory(kind: DeviceKind, types: &[vk::MemoryType]) -> bool {
-    let wanted = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
-    let seen = |usage| {
-        choose_type(types, u32::MAX, usage)
-            .and_then(|index| types.get(index as usize))
-            .is_some_and(|found| found.property_flags.contains(wanted))
-    };
-    kind == DeviceKind::Cpu && [Usage::Device, Usage::Upload, Usage::Readback].into_iter().all(seen)
 }
 
 #[derive(Clone, Copy, Debug)]

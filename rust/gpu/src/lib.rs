@@ -40,6 +40,7 @@ mod instance;
 mod lane;
 mod markers;
 mod memory;
+mod memory_type;
 mod names;
 mod pipeline;
 #[cfg(feature = "faults")]

@@ -10,18 +10,9 @@ use ash::vk;
 use crate::budget::Account;
 use crate::device::Device;
 use crate::error::GpuError;
+pub use crate::memory_type::Usage;
+use crate::memory_type::{HOST_FLAGS, choose_type};
 use crate::report::read_heaps;
-
-/// Where a buffer's memory lives and what it is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Usage {
-    /// Device memory, not reachable by the host. Counts against the budget.
-    Device,
-    /// Host memory that the host writes and the device reads; mapped all the time.
-    Upload,
-    /// Host memory that the device writes and the host reads; mapped all the time.
-    Readback,
-}
 
 /// The address of mapped memory.
 #[derive(Clone, Copy, Debug)]
@@ -58,40 +49,6 @@ pub(crate) struct RawBuffer {
 /// Smallest buffer, and what sizes are rounded up to: Vulkan has no empty buffers, and addresses stay aligned for
 /// vectors.
 const SIZE_STEP: u64 = 16;
-
-const KNOWN_FLAGS: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
-    vk::MemoryPropertyFlags::DEVICE_LOCAL.as_raw()
-        | vk::MemoryPropertyFlags::HOST_VISIBLE.as_raw()
-        | vk::MemoryPropertyFlags::HOST_COHERENT.as_raw()
-        | vk::MemoryPropertyFlags::HOST_CACHED.as_raw(),
-);
-
-/// What memory must be for the host to read and write it as its own.
-const HOST_FLAGS: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
-    vk::MemoryPropertyFlags::HOST_VISIBLE.as_raw() | vk::MemoryPropertyFlags::HOST_COHERENT.as_raw(),
-);
-
-/// The memory type for a usage among those in `allowed` (a bit each): required flags, then fewest unwanted and most
-/// wanted ones.
-pub(crate) fn choose_type(types: &[vk::MemoryType], allowed: u32, usage: Usage) -> Option<u32> {
-    type F = vk::MemoryPropertyFlags;
-    let host = F::HOST_VISIBLE | F::HOST_COHERENT;
-    let (required, wanted, unwanted) = match usage {
-        Usage::Device => (F::DEVICE_LOCAL, F::empty(), F::HOST_VISIBLE | F::HOST_CACHED),
-        Usage::Upload => (host, F::empty(), F::DEVICE_LOCAL | F::HOST_CACHED),
-        Usage::Readback => (host, F::HOST_CACHED, F::DEVICE_LOCAL),
-    };
-    let penalty = |flags: F| (flags & unwanted).as_raw().count_ones() + (wanted & !flags).as_raw().count_ones();
-    (0_u32..)
-        .zip(types)
-        .filter(|(i, kind)| {
-            allowed & (1 << i) != 0
-                && kind.property_flags.contains(required)
-                && KNOWN_FLAGS.contains(kind.property_flags)
-        })
-        .min_by_key(|(i, kind)| (penalty(kind.property_flags), *i))
-        .map(|(i, _)| i)
-}
 
 /// Whether a full budget may be waited out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -7,9 +7,9 @@ use ash::vk;
 
 use crate::capabilities::{Capabilities, probe_features};
 use crate::error::GpuError;
-use crate::host_view::is_host_memory;
 use crate::instance::{Instance, Validation, vulkan_error};
 use crate::lane::{QueueChoices, choose_queues};
+use crate::memory_type::is_all_mapped;
 use crate::select;
 
 /// What kind of device it is, in the order of preference.
@@ -173,7 +173,7 @@ fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Res
             vk::api_version_patch(version)
         ),
         heaps: read_heaps(instance, physical, capabilities.memory_budget),
-        host_memory: is_host_memory(kind, memory_types.memory_types_as_slice()),
+        host_memory: kind == DeviceKind::Cpu && is_all_mapped(memory_types.memory_types_as_slice()),
         missing: [capabilities.missing(), miscompiles(&v12)].concat(),
         capabilities,
         chosen: false,

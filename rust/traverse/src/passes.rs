@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The two trace passes, on all threads: `wavefront/intersect_closest.comp` and `intersect_shadow.comp`.
+//! The two trace passes, on all threads: `wavefront/intersect_closest.comp` and `wavefront/intersect_shadow.comp`.
 //!
 //! A thread takes blocks of a queue, one after the other. What a block has found goes to the queues with one atomic,
 //! as a subgroup's does.

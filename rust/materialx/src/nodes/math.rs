@@ -110,8 +110,8 @@ impl Walker<'_> {
         e.add(out_low, share)
     }
 
-    /// in times the matrix; a vector that is shorter than its rows goes on with 1, as a point does. Of matrices that are
-    /// worked out by other nodes nothing is known.
+    /// in times the matrix; a vector that is shorter than its rows goes on with 1, as a point does. Of matrices that
+    /// are worked out by other nodes nothing is known.
     fn transform_matrix(&mut self, at: At) -> Val {
         let a = self.input_in(at);
         let Some(Bound::Matrix(rows)) = self.input(at, "mat") else { return a };

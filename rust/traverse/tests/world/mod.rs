@@ -175,24 +175,27 @@ impl World {
             count: 0,
             gpu,
         };
-        let frame = Frame {
-            top_nodes: world.tables[0].address(),
-            chunk_instances: world.tables[3].address(),
-            chunks: world.tables[2].address(),
-            meshes: world.mesh.address(),
-            rays: world.rays.address(),
-            shadow_rays: world.shadow_rays.address(),
-            hits: world.hits.address(),
-            radiance: world.radiance.address(),
-            ray_queue: [world.queue.address(); 2],
-            shadow_queue: world.queue.address(),
-            surface_queue: world.surfaces.address(),
-            escaped_queue: world.escaped.address(),
-            counters: world.counters.address(),
-            ..Frame::zeroed()
-        };
-        world.frame.write(0, bytemuck::bytes_of(&frame)).expect("mapped");
+        world.frame.write(0, bytemuck::bytes_of(&world.frame_block())).expect("mapped");
         Some(world)
+    }
+
+    fn frame_block(&self) -> Frame {
+        Frame {
+            top_nodes: self.tables[0].address(),
+            chunk_instances: self.tables[3].address(),
+            chunks: self.tables[2].address(),
+            meshes: self.mesh.address(),
+            rays: self.rays.address(),
+            shadow_rays: self.shadow_rays.address(),
+            hits: self.hits.address(),
+            radiance: self.radiance.address(),
+            ray_queue: [self.queue.address(); 2],
+            shadow_queue: self.queue.address(),
+            surface_queue: self.surfaces.address(),
+            escaped_queue: self.escaped.address(),
+            counters: self.counters.address(),
+            ..Frame::zeroed()
+        }
     }
 
     /// Makes this the mesh.

@@ -26,6 +26,7 @@ const KNOWN: &[(&str, &[&str])] = &[
             "gpu",
             "heap",
             "heap_range",
+            "host_view",
             "markers",
             "memory",
             "pipeline",

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Which memory type buffers get, and whether the host sees all of it. Pure, any thread.
+
+use ash::vk;
+
+/// Where a buffer's memory lives and what it is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Usage {
+    /// Device memory, not reachable by the host. Counts against the budget.
+    Device,
+    /// Host memory that the host writes and the device reads; mapped all the time.
+    Upload,
+    /// Host memory that the device writes and the host reads; mapped all the time.
+    Readback,
+}
+
+const KNOWN_FLAGS: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
+    vk::MemoryPropertyFlags::DEVICE_LOCAL.as_raw()
+        | vk::MemoryPropertyFlags::HOST_VISIBLE.as_raw()
+        | vk::MemoryPropertyFlags::HOST_COHERENT.as_raw()
+        | vk::MemoryPropertyFlags::HOST_CACHED.as_raw(),
+);
+
+/// What memory must be for the host to read and write it as its own.
+pub(crate) const HOST_FLAGS: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
+    vk::MemoryPropertyFlags::HOST_VISIBLE.as_raw() | vk::MemoryPropertyFlags::HOST_COHERENT.as_raw(),
+);
+
+/// The memory type for a usage among those in `allowed` (a bit each): required flags, then fewest unwanted and most
+/// wanted ones.
+pub(crate) fn choose_type(types: &[vk::MemoryType], allowed: u32, usage: Usage) -> Option<u32> {
+    type F = vk::MemoryPropertyFlags;
+    let host = F::HOST_VISIBLE | F::HOST_COHERENT;
+    let (required, wanted, unwanted) = match usage {
+        Usage::Device => (F::DEVICE_LOCAL, F::empty(), F::HOST_VISIBLE | F::HOST_CACHED),
+        Usage::Upload => (host, F::empty(), F::DEVICE_LOCAL | F::HOST_CACHED),
+        Usage::Readback => (host, F::HOST_CACHED, F::DEVICE_LOCAL),
+    };
+    let penalty = |flags: F| (flags & unwanted).as_raw().count_ones() + (wanted & !flags).as_raw().count_ones();
+    (0_u32..)
+        .zip(types)
+        .filter(|(i, kind)| {
+            allowed & (1 << i) != 0
+                && kind.property_flags.contains(required)
+                && KNOWN_FLAGS.contains(kind.property_flags)
+        })
+        .min_by_key(|(i, kind)| (penalty(kind.property_flags), *i))
+        .map(|(i, _)| i)
+}
+
+/// Whether the memory that buffers get is mapped and coherent whatever they are for.
+pub(crate) fn is_all_mapped(types: &[vk::MemoryType]) -> bool {
+    let seen = |usage| {
+        choose_type(types, u32::MAX, usage)
+            .and_then(|index| types.get(index as usize))
+            .is_some_and(|found| found.property_flags.contains(HOST_FLAGS))
+    };
+    [Usage::Device, Usage::Upload, Usage::Readback].into_iter().all(seen)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_is_all_mapped_where_no_buffer_gets_another_kind() {
+        type F = vk::MemoryPropertyFlags;
+        let of = |flags: &[F]| -> Vec<vk::MemoryType> {
+            flags.iter().map(|&property_flags| vk::MemoryType { property_flags, heap_index: 0 }).collect()
+        };
+        let all = F::DEVICE_LOCAL | HOST_FLAGS | F::HOST_CACHED;
+        assert!(is_all_mapped(&of(&[all])), "one kind of memory, as processors have");
+        assert!(!is_all_mapped(&of(&[all, F::DEVICE_LOCAL])), "device memory is the device's own");
+        assert!(!is_all_mapped(&of(&[F::DEVICE_LOCAL | F::HOST_VISIBLE])), "not coherent");
+        assert!(!is_all_mapped(&[]), "none");
+    }
+}
