@@ -43,6 +43,8 @@ mod lights;
 mod local_lights;
 #[cfg(test)]
 mod materials;
+#[cfg(test)]
+mod materialx;
 mod mesh_lights;
 #[cfg(test)]
 mod partition;
