@@ -126,7 +126,6 @@ fn level_node() -> GpuLevelNode {
 
 impl World {
     /// Room for `most` rays; none where the device has memory of its own.
-    #[expect(clippy::too_many_lines, reason = "a list of buffers")]
     pub(crate) fn new(features: Features, stack_size: u32, most: u32) -> Option<Self> {
         let selector = std::env::var("OOCPT_TEST_DEVICE").ok();
         let gpu = Gpu::open(&OpenOptions { selector, validation: true, ..OpenOptions::default() }).expect("a device");
