@@ -27,7 +27,7 @@ fn colours_in_the_srgb_curve_are_made_linear() {
     }
 }
 
-/// A file without a colour space is linear, as the documents of MaterialX are.
+/// A file without a colour space is linear, as the documents of `MaterialX` are.
 #[test]
 fn files_have_the_space_that_is_said() {
     for (said, expected) in [(None, ColorSpace::Raw), (Some("srgb_texture"), ColorSpace::Srgb)] {
