@@ -94,7 +94,6 @@ mod tests {
             index,
             name: name.to_owned(),
             kind,
-            host_memory: false,
             driver: String::new(),
             api: "1.3.0".to_owned(),
             heaps: vec![HeapReport { bytes, device_local: true, free: None }],
