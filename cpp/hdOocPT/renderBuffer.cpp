@@ -103,6 +103,8 @@ HdFormat HdOocPTRenderBuffer::GetFormat() const
 
 void* HdOocPTRenderBuffer::Map()
 {
+    // Blender maps without resolving, and asks only the render pass whether it has converged.
+    HdOocPTGuard("mapping a render buffer", [this] { _CopyLatest(); });
     std::lock_guard<std::mutex> const lock(_mutex);
     ++_mapCount;
     return _pixels.empty() ? nullptr : _pixels.data();

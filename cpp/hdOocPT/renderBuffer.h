@@ -21,8 +21,8 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 class HdOocPTSession;
 
-/// Holds a copy of the renderer's newest image, taken by Resolve() and by IsConverged() before it answers true. The
-/// render thread never writes here, so the host may read a mapped buffer while rendering goes on.
+/// Holds a copy of the renderer's newest image, taken by Resolve(), Map(), and IsConverged() before it answers true.
+/// The render thread never writes here, so the host may read a mapped buffer while rendering goes on.
 ///
 /// Threads: Allocate, Bind and Finalize on the host's thread; the rest from any thread.
 class HdOocPTRenderBuffer final : public HdRenderBuffer
@@ -44,7 +44,8 @@ public:
     HdFormat GetFormat() const override;
     bool IsMultiSampled() const override { return false; }
 
-    /// Null when nothing is allocated. Each Map needs an Unmap, also then.
+    /// The newest image, unless the buffer is mapped already. Null when nothing is allocated. Each Map needs an Unmap,
+    /// also then.
     void* Map() override;
     void Unmap() override;
     bool IsMapped() const override;

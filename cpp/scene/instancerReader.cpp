@@ -85,7 +85,13 @@ void _WarnOfInstanceCategories(const HdOocPTPrimSource& source)
 void HdOocPTReadInstancer(const HdOocPTPrimSource& source, HdOocPTInstancerState* state)
 {
     const auto& tokens = *HdOocPTSceneTokens;
-    HdOocPTReadPrim(source, &state->prim);
+    HdOocPTPrimSource prim = source;
+    if (HdOocPTFind(source.container, { tokens.sceneDelegate })) {
+        // Legacy scene delegates are not asked whether an instancer is visible: no renderer of that interface asks, and
+        // Blender's ends in a null pointer there. Prototypes say themselves what their instancer hides.
+        prim.dirtyBits &= ~HdOocPTDirtyVisibility;
+    }
+    HdOocPTReadPrim(prim, &state->prim);
     if (source.dirtyBits & HdOocPTDirtyInstances) {
         _ReadTopology(source, state);
     }

@@ -35,6 +35,8 @@ PXR_NAMESPACE_OPEN_SCOPE
     /* primvars */                                                                                                    \
     (primvars)(primvarValue)(indexedPrimvarValue)(indices)(interpolation)(extComputationPrimvars)(points)(normals)    \
     (displayColor)(displayOpacity)(constant)(uniform)(varying)(vertex)(faceVarying)(instance)                         \
+    /* prims of legacy front ends */                                                                                  \
+    (sceneDelegate)                                                                                                   \
     /* instancers */                                                                                                  \
     (instancerTopology)(prototypes)(instanceIndices)(mask)((instanceTranslations, "hydra:instanceTranslations"))      \
     ((instanceRotations, "hydra:instanceRotations"))((instanceScales, "hydra:instanceScales"))                        \
