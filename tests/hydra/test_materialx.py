@@ -9,7 +9,10 @@ import compare
 SETTINGS = {"oocpt:samplesPerPixel": 4, "oocpt:maxBounces": 1}
 
 SCENE = """#usda 1.0
-( defaultPrim = "World" upAxis = "Y" )
+(
+    defaultPrim = "World"
+    upAxis = "Y"
+)
 def Xform "World"
 {{
     def Camera "Camera"
