@@ -35,7 +35,7 @@ pub struct Eye {
 }
 
 impl Dicing {
-    /// Pieces of the edge from `a` to `b`, at least `least` and at most [`MOST_PIECES`]. The same for both directions.
+    /// Pieces of the edge from `a` to `b`, at least `least` and at most `MOST_PIECES`. The same for both directions.
     #[must_use]
     pub fn pieces(&self, a: DVec3, b: DVec3, least: i32) -> i32 {
         self.pieces_up_to(a, b, least, MOST_PIECES)
