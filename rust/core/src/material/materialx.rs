@@ -8,7 +8,6 @@ use std::sync::Arc;
 
 use oocpt_materialx::library::standard;
 use oocpt_materialx::network::{Network, Node};
-use oocpt_materialx::surface::INPUTS as SURFACE_INPUTS;
 use oocpt_materialx::uses::{AddressMode, Texture};
 use oocpt_materialx::value::{FileRef, Value};
 use oocpt_materialx::{InputSource, Translation, translate};
@@ -16,14 +15,8 @@ use oocpt_materialx::{InputSource, Translation, translate};
 use super::compile::{Compiled, MAX_NODES, SHARP_ROUGHNESS, needs};
 use super::params::Problems;
 use super::spaces::{linear_from_srgb, named};
-use super::{ColorSpace, INPUTS, Input, InputName, Material, MaterialFlags, PrimvarSlot, TextureRef, UvSet, Wrap};
+use super::{ColorSpace, Input, InputName, Material, MaterialFlags, PrimvarSlot, TextureRef, UvSet, Wrap};
 use crate::desc::{AssetRef, MaterialDesc, NodeDesc, ParamValue};
-
-const _: () = assert!(INPUTS == SURFACE_INPUTS, "the inputs of the two are the same");
-const _: () = assert!(
-    InputName::SheenRoughness as usize == oocpt_materialx::surface::Input::SheenRoughness as usize,
-    "in the same order"
-);
 
 /// What the kinds of `MaterialX` nodes begin with.
 const PREFIX: &str = "ND_";

@@ -20,6 +20,8 @@ use std::sync::Arc;
 
 use bitflags::bitflags;
 use oocpt_materialx::program::Program;
+/// Number of inputs, and their places in [`Material::inputs`]: those of the one BSDF, which `MaterialX` is translated to.
+pub use oocpt_materialx::surface::{INPUTS, Input as InputName};
 
 use crate::desc::AssetRef;
 
@@ -29,48 +31,10 @@ pub use displacement::Displacement;
 pub use spaces::linear_from_srgb;
 pub use texture::is_ptex_name;
 
-/// Inputs of a material, the length of [`Material::inputs`].
-pub const INPUTS: usize = 15;
 /// Texture coordinate sets that a material may read.
 pub const MAX_UV_SETS: usize = 2;
 /// Other primvars that a material may read.
 pub const MAX_PRIMVARS: usize = 2;
-
-/// Places of the inputs in [`Material::inputs`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(usize)]
-pub enum InputName {
-    /// `diffuseColor`.
-    DiffuseColor = 0,
-    /// `emissiveColor`.
-    EmissiveColor = 1,
-    /// `specularColor`.
-    SpecularColor = 2,
-    /// `metallic`.
-    Metallic = 3,
-    /// `roughness`.
-    Roughness = 4,
-    /// `clearcoat`.
-    Clearcoat = 5,
-    /// `clearcoatRoughness`.
-    ClearcoatRoughness = 6,
-    /// `opacity`.
-    Opacity = 7,
-    /// `ior`.
-    Ior = 8,
-    /// `normal`, tangent space.
-    Normal = 9,
-    /// With [`MaterialFlags::OPEN_PBR`]: the share of what is not metal that is glass.
-    Transmission = 10,
-    /// The same: what multiplies refracted light.
-    TransmissionColor = 11,
-    /// The same: index of refraction of the coat.
-    CoatIor = 12,
-    /// The same: colour of the fuzz.
-    SheenColor = 13,
-    /// The same: roughness of the fuzz.
-    SheenRoughness = 14,
-}
 
 bitflags! {
     /// What a material needs.
