@@ -20,7 +20,8 @@ use std::sync::Arc;
 
 use bitflags::bitflags;
 use oocpt_materialx::program::Program;
-/// Number of inputs, and their places in [`Material::inputs`]: those of the one BSDF, which `MaterialX` is translated to.
+/// Number of inputs, and their places in [`Material::inputs`]: those of the one BSDF, which `MaterialX` is translated
+/// to.
 pub use oocpt_materialx::surface::{INPUTS, Input as InputName};
 
 use crate::desc::AssetRef;
