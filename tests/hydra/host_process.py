@@ -190,7 +190,9 @@ _LIBC.malloc.restype, _LIBC.malloc.argtypes = ctypes.c_void_p, [ctypes.c_size_t]
 
 
 def _allocated() -> int:
-    """Bytes that the process has of jemalloc, which must be preloaded."""
+    """Bytes that the process has of jemalloc; 0 where it is not preloaded."""
+    if not hasattr(_LIBC, "mallctl"):
+        return 0
     epoch, allocated, size = ctypes.c_uint64(1), ctypes.c_size_t(), ctypes.c_size_t(8)
     # Statistics are those of the last epoch.
     failed = _LIBC.mallctl(b"epoch", None, None, ctypes.byref(epoch), ctypes.c_size_t(8))

@@ -44,6 +44,7 @@ def test_many_cycles_do_not_grow(fresh_host, scene_index):
     """Without the validation layer, which keeps some kilobytes of records of its own for every engine that was."""
     held = measure(fresh_host(scene_index, **ENVIRONMENT), CYCLES)
     assert len(held) == CYCLES // EVERY
+    assert all(entry["allocated"] > 1 << 20 for entry in held), "jemalloc is not in the process"
     allocated, resident = growth(held, "allocated"), growth(held, "resident")
     assert (
         allocated <= ALLOWED_BYTES_PER_CYCLE
