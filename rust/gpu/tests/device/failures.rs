@@ -57,20 +57,22 @@ fn every_call_that_takes_memory_fails_well() {
         let gpu = support::open();
         let heap = Heap::new(&gpu, "heap", MIB).expect("a heap");
         let before = (books(&gpu), gpu.driver_memory().held);
+        // Arenas are mapped where device memory is the host's.
+        let is_asked_again = call == Call::Memory || call == Call::Mapping && gpu.has_host_memory();
         gpu.plant_failure(Failure { call, after: 0, times });
         let mut errors = 0;
         while gpu.failures_struck() < u64::from(times) {
             match work(&gpu, &heap, &words) {
                 Err(GpuError::OutOfMemory { .. }) => errors += 1,
                 // What the driver refuses once is asked for again, and arenas may be smaller.
-                Ok(words) => assert!(call == Call::Memory && words == [16; 64], "{call:?}, {times}: {words:?}"),
+                Ok(words) => assert!(is_asked_again && words == [16; 64], "{call:?}, {times}: {words:?}"),
                 Err(error) => panic!("{call:?}, {times} times: {error}"),
             }
             heap.trim();
             assert_eq!((books(&gpu), gpu.driver_memory().held), before, "{call:?}, {times} times: something is held");
         }
         assert!(
-            errors == times || (call == Call::Memory && (errors > 0 || times < 100)),
+            errors == times || (is_asked_again && (errors > 0 || times < 100)),
             "{call:?}: {errors} of {times}"
         );
         assert_eq!(work(&gpu, &heap, &words).expect("as if nothing had been"), [16; 64], "{call:?}, {times} times");
