@@ -71,10 +71,7 @@ fn every_call_that_takes_memory_fails_well() {
             heap.trim();
             assert_eq!((books(&gpu), gpu.driver_memory().held), before, "{call:?}, {times} times: something is held");
         }
-        assert!(
-            errors == times || (is_asked_again && (errors > 0 || times < 100)),
-            "{call:?}: {errors} of {times}"
-        );
+        assert!(errors == times || (is_asked_again && (errors > 0 || times < 100)), "{call:?}: {errors} of {times}");
         assert_eq!(work(&gpu, &heap, &words).expect("as if nothing had been"), [16; 64], "{call:?}, {times} times");
     }
 }
