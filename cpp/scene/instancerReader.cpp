@@ -87,8 +87,8 @@ void HdOocPTReadInstancer(const HdOocPTPrimSource& source, HdOocPTInstancerState
     const auto& tokens = *HdOocPTSceneTokens;
     HdOocPTPrimSource prim = source;
     if (HdOocPTFind(source.container, { tokens.sceneDelegate })) {
-        // Legacy scene delegates are not asked whether an instancer is visible: no renderer of that interface asks, and
-        // Blender's ends in a null pointer there. Prototypes say themselves what their instancer hides.
+        // Legacy scene delegates are not asked whether an instancer is visible: Blender's ends in a null pointer there.
+        // Prototypes say themselves what their instancer hides.
         prim.dirtyBits &= ~HdOocPTDirtyVisibility;
     }
     HdOocPTReadPrim(prim, &state->prim);

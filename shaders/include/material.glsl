@@ -123,7 +123,9 @@ Shading make_shading(uint path, Surface s, out uint missing) {
         r.flags = (r.flags & ~SHADING_PRESENCE) | SHADING_OPEN_PBR;
         if (HAS_TRANSMISSION) wanted |= 1u << INPUT_TRANSMISSION | 1u << INPUT_TRANSMISSION_COLOR;
         if (HAS_COAT && (flags & MATERIAL_COAT) != 0u) wanted |= 1u << INPUT_COAT_IOR;
-        if (HAS_SHEEN && (flags & MATERIAL_SHEEN) != 0u) wanted |= 1u << INPUT_SHEEN_COLOR | 1u << INPUT_SHEEN_ROUGHNESS;
+        if (HAS_SHEEN && (flags & MATERIAL_SHEEN) != 0u) {
+            wanted |= 1u << INPUT_SHEEN_COLOR | 1u << INPUT_SHEEN_ROUGHNESS;
+        }
     }
     if (HAS_PATTERNS && (flags & MATERIAL_PATTERNS) != 0u) {
         run_program(m, s, load_ray(ray_address(path)).d, missing);

@@ -41,8 +41,8 @@ vec4 pattern_texture(GpuInput i, vec2 place, bool is_placed, GpuSurfaceMaterial 
     if (!HAS_TEXTURES) return vec4(0.0, 0.0, 0.0, 1.0);
     const uint set = (i.kind >> INPUT_SET_SHIFT) & 3u;
     const vec2 at = is_placed ? map_place(i, set == INPUT_NO_SET ? vec2(0.0) : m.uv[set & 1u]) : place;
-    const float width = set == INPUT_NO_SET ? 0.0
-                                            : lookup_width(i.texture, at, m.footprints[set & 1u], cone, i.row_s, i.row_t);
+    float width = 0.0;
+    if (set != INPUT_NO_SET) width = lookup_width(i.texture, at, m.footprints[set & 1u], cone, i.row_s, i.row_t);
     uint unit;
     const vec4 texel = texture_lookup(i.texture, at, width, unit);
     if (unit < TEXTURE_FALLBACK) missing = unit;

@@ -186,7 +186,8 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
     }
     if (HAS_MATERIALS) {
         const uint subset = floatBitsToUint(ConstVec4s(triangles).v[triangle * 3u + 1u].w) & SUBSET_MASK;
-        surface_material = gather_material(mesh, triangle, weights, material_slot(s.prim_id, subset), local, smooth_normal);
+        surface_material = gather_material(mesh, triangle, weights, material_slot(s.prim_id, subset), local,
+                                           smooth_normal);
         if (surface_material.material != NO_MATERIAL) {
             vec3 e, f;
             leaf_edges(mesh, triangle, e, f);

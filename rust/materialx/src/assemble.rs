@@ -73,13 +73,20 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
     };
     let lowered = walker.lower(&slab);
     let Walker { expressions, uses, mut problems, .. } = walker;
-    let mut assembler = Assembler { expressions: &expressions, lookups: &uses.lookups, program: Program::default() };
+    let mut assembler = Assembler {
+        most_lookups: MAX_LOOKUPS,
+        expressions: &expressions,
+        lookups: &uses.lookups,
+        program: Program::default(),
+    };
     let mut inputs: [Option<InputSource>; INPUTS] = [None; INPUTS];
     for ((val, (width, _)), input) in lowered.inputs.iter().zip(SHAPES).zip(&mut inputs) {
         *input = assembler.simple(*val, width);
     }
     let rest: Vec<Val> =
         lowered.inputs.iter().zip(&inputs).filter(|(_, known)| known.is_none()).map(|(v, _)| *v).collect();
+    let textures = inputs.iter().flatten().filter(|input| matches!(input, InputSource::Texture(..))).count();
+    assembler.most_lookups = MAX_LOOKUPS.min(MOST_TEXTURES.saturating_sub(textures));
     let registers = assembler.compile(&rest);
     if let Err(what) = &registers {
         problems.push(format!("the patterns have {what}: values in their middle stand for them"));
@@ -113,7 +120,12 @@ impl Val {
     }
 }
 
+/// Lookups that a material makes in all, at most: a path keeps a bit for each of sixteen, and one is a light's.
+const MOST_TEXTURES: usize = 15;
+
 struct Assembler<'a> {
+    /// Lookups of the program, at most.
+    most_lookups: usize,
     expressions: &'a Expressions,
     lookups: &'a [LookupUse],
     program: Program,
@@ -321,7 +333,7 @@ impl Assembler<'_> {
     /// The number of a lookup in the program; bit 8: its place is known without the operand.
     fn place(&mut self, number: u16, places: &HashMap<u16, (Lookup, bool)>) -> Result<u16, &'static str> {
         let (lookup, known) = *places.get(&number).ok_or("a texture that is not there")?;
-        if self.program.lookups.len() >= MAX_LOOKUPS {
+        if self.program.lookups.len() >= self.most_lookups {
             return Err("more texture lookups than a program may have");
         }
         self.program.lookups.push(lookup);

@@ -78,7 +78,8 @@ void add_glass_scatter(Bsdf b, float cosine, bool beyond, inout vec3 specular, i
     const bool dense = is_inside(b) != beyond;
     const float index2 = dense ? b.glass_ior * b.glass_ior : 1.0;
     const vec3 tint = HAS_OPEN_PBR && beyond ? b.glass_tint : vec3(1.0);
-    specular += tint * (b.glass_scatter * index2 * table_glass(b.glass_place, b.glass_row, min(cosine, 1.0), dense) * cosine / GGX_PI);
+    const float loss = table_glass(b.glass_place, b.glass_row, min(cosine, 1.0), dense);
+    specular += tint * (b.glass_scatter * index2 * loss * cosine / GGX_PI);
     pdf += b.chance_glass.y * (beyond ? 1.0 - b.glass_stay : b.glass_stay) * scatter_density(b.glass_alpha, cosine);
 }
 

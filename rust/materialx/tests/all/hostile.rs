@@ -134,6 +134,30 @@ fn more_than_a_program_may_have_is_a_problem() {
     );
 }
 
+/// A path keeps a bit for each lookup of a material: textures of inputs and of the program are fifteen together.
+#[test]
+fn textures_of_inputs_leave_fewer_to_the_program() {
+    let inputs = ["specular_roughness", "base_metalness", "coat_weight", "coat_roughness", "fuzz_roughness"];
+    let mut connections = vec![("base_color", 1)];
+    connections.extend(inputs.iter().enumerate().map(|(k, name)| (*name, 2 + k)));
+    let mut nodes = vec![node("ND_open_pbr_surface_surfaceshader", &[("base_weight", number(1.0))], &connections)];
+    nodes.push(node("ND_add_color3", &[], &[("in1", 7), ("in2", 8)]));
+    for name in inputs {
+        nodes.push(node("ND_image_float", &[("file", file(name))], &[]));
+    }
+    // Eleven of the program: the sum of images, each but the last two with the rest.
+    for at in 0..11_usize {
+        let next = nodes.len();
+        nodes.push(node("ND_image_color3", &[("file", file(&format!("{at}.png")))], &[]));
+        let rest = if at < 10 { next + 3 } else { next };
+        nodes.push(node("ND_multiply_color3", &[], &[("in1", next), ("in2", rest)]));
+    }
+    let translation = translated(nodes);
+    let inputs = translation.inputs.expect("a surface");
+    let textures = inputs.iter().filter(|input| matches!(input, InputSource::Texture(..))).count();
+    assert!(textures == 5 && textures + translation.program.lookups.len() <= 15, "{translation:?}");
+}
+
 #[test]
 fn no_surface_is_a_problem() {
     for network in [Network::default(), Network { nodes: vec![node("ND_add_float", &[], &[])], surface: 0 }] {
