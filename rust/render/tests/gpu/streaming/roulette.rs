@@ -15,8 +15,8 @@ use std::sync::Arc;
 
 /// Seeds, and with all tests.
 const SEEDS: [u32; 2] = [24, 64];
-/// What is planted is so large that fewer show it, by the same decision: when nearly every load is played for, and by
-/// production's prices, which depend on how long rounds take and so play less on a quiet machine.
+/// What is planted is so large that fewer show it, by the same decision: when nearly every load is played for, and
+/// by production's prices. Those depend on how long rounds take, so that a quiet machine plays less.
 const SEEDS_OF_FAULTS: u32 = 8;
 const SEEDS_OF_FAULTS_BY_PRICES: u32 = 16;
 /// Probability of every load that is played for.
@@ -24,8 +24,8 @@ const PER_MILLE: u16 = 300;
 /// Regions from left to right and from top to bottom.
 const REGIONS: [usize; 2] = [3, 2];
 
-/// Colour of the regions and of the whole picture, in which a bias of all regions shows with the fewest seeds; alpha and
-/// the number of samples, pixel by pixel.
+/// Colour of the regions and of the whole picture, in which a bias of all regions shows with the fewest seeds; alpha
+/// and the number of samples, pixel by pixel.
 type Regions = (Vec<f64>, [Vec<f32>; 2]);
 
 /// Nearly every load is played for.
