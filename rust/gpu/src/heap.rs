@@ -180,6 +180,16 @@ impl Heap {
         stats
     }
 
+    /// Makes one arena of `bytes`, or of as much as the budget, the heap's own limit and the driver give in one piece,
+    /// for what is to come: ranges of very different sizes lose less in few large arenas than in many small ones. It
+    /// goes back as any other. Gives its size; 0 where there is no memory.
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`].
+    pub fn reserve(&self, bytes: u64) -> Result<u64, GpuError> {
+        self.core.reserve(bytes)
+    }
+
     /// Gives arenas that hold nothing back to the budget.
     pub fn trim(&self) {
         self.core.device.collect();
@@ -203,7 +213,8 @@ impl HeapCore {
         // Within an arena units are aligned already; a larger alignment is met by moving up inside a longer place.
         let padding = if align > GRANULE { align } else { 0 };
         let needed = bytes.max(1).checked_add(padding).and_then(|n| n.checked_next_multiple_of(GRANULE));
-        if let Some(needed) = needed.filter(|&needed| needed <= self.largest_shared)
+        let fits_shared = |needed: &u64| *needed <= self.largest_shared.max(self.largest_reserved());
+        if let Some(needed) = needed.filter(fits_shared)
             && let Some(place) = self.share(needed, patience)?
         {
             return Ok(HeapRange::in_arena(place, name, bytes, align));
@@ -232,6 +243,11 @@ impl HeapCore {
         }
     }
 
+    /// Half of the first arena: [`Self::reserve`] puts a large one there.
+    fn largest_reserved(&self) -> u64 {
+        self.lock().first().map_or(0, |arena| arena.bytes / 2)
+    }
+
     /// A place in one of the arenas there are.
     fn take(&self, bytes: u64) -> Option<Place> {
         self.lock().iter().find_map(|arena| arena.take(bytes))
@@ -255,6 +271,23 @@ impl HeapCore {
             }
         }
         Ok(None)
+    }
+
+    fn reserve(self: &Arc<Self>, bytes: u64) -> Result<u64, GpuError> {
+        self.device.check_alive()?;
+        let mut size = bytes.min(self.device.limits.max_allocation_bytes) / GRANULE * GRANULE;
+        while size >= SMALLEST_ARENA {
+            match self.block(&self.name, size, Patience::Now) {
+                Ok(block) => {
+                    let arena = Arena::new(block, size, (Arc::downgrade(self), &self.counters));
+                    self.lock().insert(0, arena);
+                    return Ok(size);
+                }
+                Err(GpuError::OutOfMemory { .. }) => size = size / 8 * 7 / GRANULE * GRANULE,
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(0)
     }
 
     /// A range with memory of its own.

@@ -32,6 +32,9 @@ const MIN_WAVE: u64 = 1 << 12;
 /// A scene counts as fitting only when it leaves room for waves of this many paths (or of all there are).
 const ROOMY_WAVE: u64 = 1 << 16;
 
+/// Share of a scene's bytes that is lost between the ranges of arenas, at most.
+const PACKING: u64 = 24;
+
 /// A scene counts as fitting only when it leaves room for tiles of textures of so many bytes (or for all there are).
 const FEWEST_TILES: u64 = 8 << 20;
 
@@ -69,6 +72,7 @@ impl Renderer {
         let mut result = self.render_on(&device, job, gate, &mut progress);
         if let Err(error @ RenderError::Budget { .. }) = &result {
             tracing::info!(%error, "trying again with as little memory as possible");
+            self.scene.clear(&device)?;
             *self = Self { device: Some(Arc::clone(&device)), is_frugal: true, ..Self::default() };
             device.gpu.wait_idle()?;
             device.heap.trim();
@@ -173,7 +177,7 @@ impl Renderer {
                 }
                 Err(error @ RenderError::Budget { .. }) => {
                     tracing::info!(%error, "the scene does not fit after all");
-                    scene.forget_loads()?;
+                    scene.clear(device)?;
                     in_core = false;
                 }
                 Err(error) => return Err(error),
@@ -211,9 +215,14 @@ impl Renderer {
         } else {
             ROOMY_WAVE.min(paths(job)) * path_bytes(scene.levels(), false, has_light_paths(setting))
         };
+        let unused_arenas = || {
+            let heap = setting.device.heap.stats();
+            heap.arena_bytes.saturating_sub(heap.used_bytes)
+        };
         let fits = |gpu: &Gpu| {
             let memory = gpu.memory();
-            memory.used.saturating_add(missing).saturating_add(waves) <= memory.budget
+            let needed = (missing + missing / PACKING).saturating_sub(unused_arenas());
+            memory.used.saturating_add(needed).saturating_add(waves) <= memory.budget
         };
         if !fits(gpu) {
             // What streaming left behind is not needed when the scene fits.
@@ -294,7 +303,10 @@ impl Renderer {
         }
         self.waves = None;
         let memory = device.gpu.memory();
-        let room = memory.budget.saturating_sub(memory.used) / 4 / path_bytes(view.max_levels, false, light_paths);
+        // Nothing else comes once a scene is there, but for tiles of textures.
+        let unused = memory.budget.saturating_sub(memory.used);
+        let share = if textures { unused / 2 } else { unused - unused / 8 };
+        let room = share / path_bytes(view.max_levels, false, light_paths);
         let capacity = wanted.min(room).max(MIN_WAVE);
         let mut waves = shrinking(capacity, MIN_WAVE, |capacity| {
             PathBuffers::new(&device.gpu, capacity, capacity, view.max_levels, needs)

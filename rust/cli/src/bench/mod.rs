@@ -8,6 +8,7 @@ mod edits;
 mod forest;
 mod island;
 mod leaves;
+mod memory;
 mod observe;
 mod partition;
 mod specialise;
@@ -36,6 +37,8 @@ enum Command {
     Forest(forest::Arguments),
     /// The island in core and under shrinking geometry budgets; the pictures have to be the same bits.
     Island(island::Arguments),
+    /// The island with ever less device memory in all, cold and warm; the pictures have to be the same bits.
+    Memory(memory::Arguments),
     /// The island under small geometry budgets without and with roulette on loads: time, error, how the paths run out.
     Stragglers(stragglers::Arguments),
     /// A textured forest in core and under budgets that its geometry and its textures each exceed; the same bits.
@@ -61,6 +64,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         None => forest::run(&arguments.forest),
         Some(Command::Forest(arguments)) => forest::run(arguments),
         Some(Command::Island(arguments)) => island::run(arguments),
+        Some(Command::Memory(arguments)) => memory::run(arguments),
         Some(Command::Stragglers(arguments)) => stragglers::run(arguments),
         Some(Command::Textures(arguments)) => textures::run(arguments),
         Some(Command::TextureFiles(arguments)) => texture_files::run(arguments),

@@ -269,7 +269,7 @@ impl Planner {
 
 const DEFAULT_PIN_STEPS: u32 = 2;
 /// A load that completes gives back this fraction of what failures took from the allowance.
-const RECOVERY: u64 = 32;
+const RECOVERY: u64 = 128;
 /// The longest pause after failures is 2 to this power steps.
 const MAX_PAUSE_LOG2: u64 = 4;
 

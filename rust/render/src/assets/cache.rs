@@ -105,6 +105,11 @@ impl SceneCache {
         &self.textures
     }
 
+    /// As [`Scene::clear`], if there is a scene.
+    pub(crate) fn clear(&mut self, device: &Device) -> Result<(), RenderError> {
+        self.scene.as_mut().map_or(Ok(()), |scene| scene.clear(device))
+    }
+
     /// Takes the assets of `snapshot` for what is wanted; lets go of what it does not need.
     /// `images` opens what textures name.
     pub(crate) fn sync(
@@ -240,9 +245,26 @@ impl Scene {
         Ok(true)
     }
 
-    /// Forgets what is on its way; what is there stays.
-    pub(crate) fn forget_loads(&mut self) -> Result<(), RenderError> {
-        self.store.forget_arriving()
+    /// Lets go of everything on the device, tables too, and gives the memory back. Waits for the device.
+    pub(crate) fn clear(&mut self, device: &Device) -> Result<(), RenderError> {
+        self.store.clear()?;
+        (self.tables, self.lights, self.entries) = (None, None, Entries::default());
+        device.gpu.wait_idle()?;
+        device.heap.trim();
+        Ok(())
+    }
+
+    /// Bytes of device memory that [`Self::clear`] gives back, as far as arenas go that others do not share.
+    pub(crate) fn bytes_to_clear(&self, device: &Device) -> u64 {
+        let heap = device.heap.stats();
+        let own = self.store.bytes() + self.store.arriving_bytes();
+        let of_others = heap.live_bytes.saturating_sub(own);
+        (heap.arena_bytes + heap.dedicated_bytes).saturating_sub(of_others)
+    }
+
+    /// Bytes of the tables.
+    pub(crate) fn table_bytes(&self, lights: usize) -> u64 {
+        Tables::bytes(&self.assets, lights)
     }
 
     fn cost(&self, asset: AssetId) -> u64 {

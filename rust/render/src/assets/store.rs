@@ -14,7 +14,10 @@ use oocpt_core::residency::AssetId;
 use oocpt_gpu::{HeapRange, Submission};
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
+
+/// Longest wait for the loader to let go of memory that nobody wants any more.
+const LET_GO_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// An asset that rays may use.
 #[derive(Debug)]
@@ -97,6 +100,19 @@ impl Store {
         Ok(())
     }
 
+    /// Forgets everything, also what is on its way, and waits until the loader has let go of its memory.
+    pub(crate) fn clear(&mut self) -> Result<(), RenderError> {
+        let arriving = self.arriving.drain().map(|(_, arriving)| arriving);
+        let held: Vec<_> = arriving.flat_map(|of| [Some(of.memory), of.workspace]).flatten().collect();
+        self.forget_arriving()?;
+        self.resident.clear();
+        let started = Instant::now();
+        while held.iter().any(|range| Arc::strong_count(range) > 1) && started.elapsed() < LET_GO_TIMEOUT {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Ok(())
+    }
+
     /// Forgets what is on its way.
     pub(crate) fn forget_arriving(&mut self) -> Result<(), RenderError> {
         self.builder.finished(true)?;
@@ -127,6 +143,12 @@ impl Store {
     /// Bytes of what is ready.
     pub(crate) fn bytes(&self) -> u64 {
         self.resident.values().map(|resident| resident.memory.size()).sum()
+    }
+
+    /// Bytes of what is on its way, with workspaces.
+    pub(crate) fn arriving_bytes(&self) -> u64 {
+        let of = |range: &Arc<HeapRange>| range.size();
+        self.arriving.values().map(|arriving| of(&arriving.memory) + arriving.workspace.as_ref().map_or(0, of)).sum()
     }
 
     /// Assets on their way.

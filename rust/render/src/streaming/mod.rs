@@ -17,6 +17,7 @@ mod report;
 mod residency;
 mod rounds;
 mod segments;
+mod share;
 mod stage;
 mod stragglers;
 
@@ -38,8 +39,10 @@ use observe::Observation;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::material::{Input, Material};
 use oocpt_core::scene::{SceneFeatures, Snapshot};
+use oocpt_gpu::MemoryUse;
 use oocpt_shader_abi::{Frame, MAX_PENDING};
 use residency::{Residency, Start};
+use share::Room;
 use stage::Stage;
 use std::time::Instant;
 use stragglers::Stragglers;
@@ -54,6 +57,10 @@ const MOST_PATHS_CPU: u64 = 1 << 14;
 const FEWEST_PATHS: u64 = 1 << 12;
 /// Stack entries below the top level that the passes are first compiled for; typical scenes stay below.
 const FIRST_STACK: u32 = 64;
+/// Bytes of the buffers of a frame that do not grow with its paths, about.
+const SMALL_BUFFERS: u64 = 1 << 20;
+/// Smallest arena that is made ahead, bytes.
+const LEAST_RESERVED: u64 = 4 << 20;
 /// Share of the geometry's memory that is left free for workspaces and for holes between ranges.
 const SLACK: u64 = 16;
 
@@ -94,6 +101,7 @@ pub(crate) fn render(
     let parts = Parts::new(setting, &view, true);
     device.bsdf_tables(parts.features)?; // before geometry takes what is left
     let budget = geometry_budget(setting, scene);
+    reserve(setting, scene, budget)?;
     let policy = job.settings.policy;
     let mut listed = Inventory::default();
     scene.list(&mut listed, false);
@@ -153,9 +161,9 @@ fn asks_textures(setting: &Setting<'_>) -> bool {
     setting.lights.general.as_ref().is_some_and(GeneralLights::has_textured_meshes)
 }
 
-/// Path memory: at most a quarter of what the budget leaves, and no more than the render has paths; less when there is
-/// no memory.
-fn make_buffers(setting: &Setting<'_>, scene: &Scene, kept: &mut Option<StreamBuffers>) -> Result<(), RenderError> {
+/// Path memory: its share of what the budget leaves beside what cannot go ([`Room`]), and no more than the render has
+/// paths; less when there is no memory. What the scene holds on the device goes if paths have no room beside it.
+fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<StreamBuffers>) -> Result<(), RenderError> {
     let Setting { device, job, .. } = *setting;
     let textures = !scene.assets.textures.is_empty();
     let needs = Needs {
@@ -181,10 +189,23 @@ fn make_buffers(setting: &Setting<'_>, scene: &Scene, kept: &mut Option<StreamBu
         return Ok(());
     }
     *kept = None;
-    let memory = device.gpu.memory();
-    let room = memory.budget.saturating_sub(memory.used) / 4 / buffers::slot_bytes(needs);
-    let room = if room.is_power_of_two() { room } else { room.next_power_of_two() / 2 };
-    let capacity = wanted.min(room).max(FEWEST_PATHS);
+    let slot_bytes = buffers::slot_bytes(needs);
+    let unused = |memory: MemoryUse| memory.budget.saturating_sub(memory.used);
+    let largest_unit = scene.assets.catalog.largest_closure().map_or(0, |(_, bytes)| bytes);
+    let room = Room {
+        bytes: unused(device.gpu.memory()) + scene.bytes_to_clear(device),
+        slot_bytes,
+        largest_unit: largest_unit + scene.assets.workspace_bytes,
+        units: geometry_cap(job).map_or(scene.assets.bytes, |cap| cap.min(scene.assets.bytes)),
+        wanted,
+        fewest: FEWEST_PATHS,
+    };
+    let capacity = room.slots();
+    // The tables of a streamed scene, and a little for the small buffers of a frame.
+    let beside = scene.table_bytes(setting.lights.distant().len()) + SMALL_BUFFERS;
+    if capacity * slot_bytes + beside > unused(device.gpu.memory()) {
+        scene.clear(device)?;
+    }
     *kept = Some(shrinking(capacity, FEWEST_PATHS, |capacity| {
         StreamBuffers::new(&device.gpu, capacity, (wanted, paths), needs)
     })?);
@@ -201,6 +222,24 @@ fn geometry_budget(setting: &Setting<'_>, scene: &Scene) -> u64 {
     let slack = (free / SLACK).max(scene.assets.workspace_bytes.min(free / 4));
     let left = free - slack;
     geometry_cap(setting.job).map_or(left, |cap| cap.min(left))
+}
+
+/// Makes large arenas for `budget` bytes of units and what they lose to holes and workspaces, as far as there is memory:
+/// in small ones, units of very different sizes find no place long before the budget is reached.
+fn reserve(setting: &Setting<'_>, scene: &Scene, budget: u64) -> Result<(), RenderError> {
+    let (memory, heap) = (setting.device.gpu.memory(), setting.device.heap.stats());
+    let there = heap.arena_bytes.saturating_sub(heap.used_bytes) + scene.store.bytes();
+    let wanted = budget.min(scene.assets.bytes);
+    let wanted = (wanted + wanted / SLACK + 2 * scene.assets.workspace_bytes).saturating_sub(there);
+    let unused = memory.budget.saturating_sub(memory.used).saturating_sub(SMALL_BUFFERS);
+    let mut left = wanted.min(unused);
+    while left >= LEAST_RESERVED {
+        match setting.device.heap.reserve(left)? {
+            0 => break,
+            bytes => left = left.saturating_sub(bytes),
+        }
+    }
+    Ok(())
 }
 
 impl Streamer<'_, '_> {

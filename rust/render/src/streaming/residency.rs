@@ -52,6 +52,8 @@ pub(crate) struct Residency<'a> {
     /// Entries to write before the next step.
     changed: Vec<AssetId>,
     copies: Vec<Submission>,
+    /// Units that the rays of the next step see for the first time.
+    pub(crate) arrived: Vec<ChunkId>,
     /// Traversal stack entries that the resident chunks need below the top level.
     pub(crate) stack_entries: u32,
     pub(crate) bytes_copied: u64,
@@ -98,6 +100,7 @@ impl<'a> Residency<'a> {
             orphans: FxHashSet::default(),
             changed: Vec::new(),
             copies: Vec::new(),
+            arrived: Vec::new(),
             stack_entries: 0,
             bytes_copied: 0,
             textures: TileStats::default(),
@@ -232,16 +235,10 @@ impl<'a> Residency<'a> {
         Ok(())
     }
 
-    /// There is no memory for a load although nothing is about to be freed: the planner must make room.
+    /// There is no memory for a load although nothing is about to be freed: the planner must make room. The loads after
+    /// it stay: given up as well, they would teach the planner that far less fits than does.
     fn give_up(&mut self, load: Load) {
         tracing::debug!(chunk = load.chunk, "no memory for a chunk");
-        self.forget(load);
-        for load in std::mem::take(&mut self.waiting) {
-            self.forget(load);
-        }
-    }
-
-    fn forget(&mut self, load: Load) {
         self.missing.remove(&load.chunk);
         for asset in load.begun {
             if self.is_ready(asset) {
@@ -299,6 +296,7 @@ impl<'a> Residency<'a> {
             self.textures.bytes_loaded += tile_bytes;
             self.textures.bytes_held += tile_bytes;
         }
+        self.arrived.push(chunk);
         self.planner.loaded(chunk);
     }
 
@@ -312,6 +310,7 @@ impl<'a> Residency<'a> {
         for copy in self.copies.drain(..) {
             commands.wait_for(&copy);
         }
+        self.arrived.clear();
         let mut changed = std::mem::take(&mut self.changed);
         changed.sort_unstable();
         changed.dedup();

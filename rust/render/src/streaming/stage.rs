@@ -16,15 +16,25 @@ use crate::adaptive::Adaptive;
 use crate::engine::{Feed, Flight, Tracer, Work};
 use crate::error::RenderError;
 use crate::progress::Progress;
+use crate::setting::is_cpu;
 use crate::shared::Gate;
 use crate::wavefront::Kind;
 use oocpt_core::residency::roulette::Prices;
-use oocpt_core::residency::{Demand, Proposal, ResidencyStats};
+use oocpt_core::residency::{ChunkId, Demand, Proposal, ResidencyStats};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 /// Rays that a step has at hand, about: a few for each thread of a large device.
 const ACTIVE_RAYS: u64 = 1 << 22;
+/// Rays that are worth a step while more chunks are on their way: a round takes as long as its longest ray, whatever it
+/// traces beside it (decisions/0029).
+const WORTHWHILE_RAYS: u64 = ACTIVE_RAYS / 16;
+/// Of the paths alive, the share whose rays are worth a step.
+const WORTHWHILE_SHARE: u64 = 8;
+/// Rounds of a step that leaves fewer while more chunks are on their way.
+const ROUNDS_WHILE_LOADING: u32 = 2;
+/// Longest wait for such a step.
+const HOLD: Duration = Duration::from_millis(50);
 /// How long to wait for the loader at a time.
 const LOAD_WAIT: Duration = Duration::from_millis(20);
 /// How long nothing at all may happen.
@@ -43,6 +53,7 @@ pub(crate) struct Step {
 #[derive(Debug)]
 pub(crate) struct Stage<'a, 'r> {
     streamer: Streamer<'a, 'r>,
+    is_cpu: bool,
     kind: Kind,
     segments: Segments,
     /// Paths that may be in flight.
@@ -70,6 +81,7 @@ impl<'a, 'r> Stage<'a, 'r> {
             ended: 0,
             begun: Vec::new(),
             seen: Observation::default(),
+            is_cpu: is_cpu(streamer.tracer.setting.device),
             streamer,
             kind: Kind::Samples,
             segments: Segments::new(0, 1, 1, 0),
@@ -105,6 +117,22 @@ impl<'a, 'r> Stage<'a, 'r> {
     fn room_for_rays(&self) -> u64 {
         let unseen = self.segments.begun_after(self.seen.step, &self.begun);
         ACTIVE_RAYS.saturating_sub(self.seen.active()).saturating_sub(unseen)
+    }
+
+    /// Whether a step is better launched when more chunks have come: few rays are at hand now, and more are to be.
+    fn holds_back(&self, flights: &VecDeque<Flight<Step>>) -> bool {
+        let is_loading = self.streamer.residency.is_loading();
+        // On a processor short steps cost little, and loads wait for the same cores.
+        if self.is_cpu || self.seen.step == 0 || !is_loading || self.last_event.elapsed() > HOLD {
+            return false;
+        }
+        let worthwhile = WORTHWHILE_RAYS.min(self.seen.paths_alive() / WORTHWHILE_SHARE);
+        // What a step that is under way leaves is not known yet.
+        let active = if flights.is_empty() { self.seen.active() } else { 0 };
+        let waiting = |unit: &ChunkId| self.seen.waiting.get(*unit as usize).map_or(0, |rays| u64::from(*rays));
+        let woken: u64 = self.streamer.residency.arrived.iter().map(waiting).sum();
+        let begun = if self.segments.can_start(self.ended) { self.room_for_rays() } else { 0 };
+        active + woken + begun < worthwhile
     }
 
     fn report(&self, progress: &mut Progress<'_>) {
@@ -220,7 +248,7 @@ impl Feed for Stage<'_, '_> {
         flights: &VecDeque<Flight<Step>>,
         progress: &mut Progress<'_>,
     ) -> Result<Option<Work<Step>>, RenderError> {
-        if !self.has_work() {
+        if !self.has_work() || self.holds_back(flights) {
             return Ok(None);
         }
         let number = self.next_step;
@@ -279,6 +307,9 @@ impl Feed for Stage<'_, '_> {
         self.seen = self.streamer.buffers.observe(work.of.number)?;
         let busy = self.seen.counters.busy_rounds.wrapping_sub(before.busy_rounds);
         self.rounds = rounds::next(self.rounds, Done { rounds: work.of.rounds, busy, secs });
+        if !self.is_cpu && self.streamer.residency.is_loading() && self.seen.active() < WORTHWHILE_RAYS {
+            self.rounds = self.rounds.min(ROUNDS_WHILE_LOADING);
+        }
         if !work.of.weighs {
             self.seen.worth.clear();
         }
@@ -307,7 +338,8 @@ impl Feed for Stage<'_, '_> {
         let copied = self.streamer.residency.bytes_copied;
         self.streamer.residency.advance(LOAD_WAIT)?;
         // Time passes for the planner too: what it refused for lack of memory is tried again.
-        self.plan(0, progress)?;
+        // Where it waits for more, the rays at hand keep it from counting as idle.
+        self.plan(self.seen.active(), progress)?;
         if self.streamer.residency.bytes_copied != copied || self.streamer.residency.has_changes() {
             self.last_event = Instant::now();
         }

@@ -48,6 +48,7 @@ fn same_bits(what: &str, build: fn(&mut SceneDb), settings: &Settings, streams: 
 
 fn refused(build: fn(&mut SceneDb), settings: Settings, request: &RenderRequest) {
     let session = support::session(settings);
+    session.set_light_files(Arc::new(TestFiles));
     session.with_scene(build);
     let messages = support::render_with_messages(&session, request);
     assert_eq!(messages.len(), 1, "one message: {messages:?}");

@@ -1,0 +1,275 @@
+// SPDX-License-Identifier: Apache-2.0
+//! `oocpt bench memory`: the same picture of the island with ever less device memory in all: geometry, paths, film,
+//! tables and workspaces together. The first row has what the device gives; the others a share of what that row took at
+//! most. All rows must give its picture bit for bit.
+//!
+//! Each row opens the device anew. Its first render is cold: it begins with empty device memory, and what it uploads is
+//! in its seconds. The others begin with what the one before left on the device. Compiling passes is not counted.
+
+use anyhow::{Context, Result, bail, ensure};
+use oocpt_core::settings::Value;
+use oocpt_core::stats::{Stats, StreamingStats};
+use oocpt_render::{RenderRequest, Session, SessionOptions, Timings};
+use serde::Serialize;
+use std::time::Instant;
+
+use super::common::{self, Machine, PassRow, Reported, finish};
+use crate::scene::island::{self, Parameters};
+
+/// Options of `oocpt bench memory`.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    island: Parameters,
+    /// Image width, pixels.
+    #[arg(long, default_value_t = 1024)]
+    width: u32,
+    /// Image height, pixels.
+    #[arg(long, default_value_t = 429)]
+    height: u32,
+    /// Samples per pixel.
+    #[arg(long, default_value_t = 64)]
+    samples: u32,
+    /// Indirect bounces.
+    #[arg(long, default_value_t = 5)]
+    bounces: u32,
+    /// Device memory in all of the rows after the first, in per cent of what that row took at most.
+    #[arg(long, value_delimiter = ',', default_value = "100,90,75,55,40,27,20,14,10")]
+    percents: Vec<f64>,
+    /// Device memory in all of further rows, MiB.
+    #[arg(long, value_delimiter = ',')]
+    mib: Vec<u32>,
+    /// Warm renders of each row.
+    #[arg(long, default_value_t = 1)]
+    runs: u32,
+    /// Renders each row once more, timing its passes on the device; that run counts for nothing else.
+    #[arg(long)]
+    profile: bool,
+    #[command(flatten)]
+    reported: Reported,
+}
+
+/// What one render took.
+#[derive(Clone, Debug, Serialize)]
+struct Run {
+    /// Uploads, trees, tracing.
+    secs: f64,
+    /// Of these: what had to be there before the first wave.
+    upload_secs: f64,
+    gpu_peak_bytes: u64,
+    streaming: StreamingStats,
+}
+
+impl Run {
+    fn new(timings: &Timings, stats: Stats) -> Self {
+        let upload_secs = timings.upload_secs + timings.build_secs;
+        let Stats { gpu_peak_bytes, streaming, .. } = stats;
+        Self { secs: upload_secs + timings.trace_secs, upload_secs, gpu_peak_bytes, streaming }
+    }
+}
+
+/// One budget.
+#[derive(Debug, Serialize)]
+struct Row {
+    /// 0: as the device gives.
+    budget_mib: u32,
+    /// Of the first row's peak.
+    percent: f64,
+    cold: Run,
+    /// With the median time.
+    warm: Run,
+    /// Seconds to the first row's.
+    ratio_cold: f64,
+    ratio_warm: f64,
+    different_pixels: u64,
+    /// Memory that the process held at its end.
+    host_bytes: u64,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    passes: Vec<PassRow>,
+}
+
+/// A row that did not render.
+#[derive(Debug, Serialize)]
+struct Failed {
+    budget_mib: u32,
+    message: String,
+}
+
+#[derive(Debug, Serialize)]
+struct Report {
+    bench: &'static str,
+    machine: Machine,
+    width: u32,
+    height: u32,
+    samples: u32,
+    bounces: u32,
+    instances: u64,
+    unique_quads: u64,
+    flatten: bool,
+    commit_secs: f64,
+    scene_bytes: u64,
+    rows: Vec<Row>,
+    failed: Vec<Failed>,
+}
+
+/// Runs the bench.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    ensure!(arguments.percents.iter().all(|&p| p > 0.0), "--percents: only numbers above 0");
+    let settings = common::plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
+    let session = Session::with_options(settings, SessionOptions::default());
+    session.with_scene(|db| island::build(db, &arguments.island))?;
+    let started = Instant::now();
+    session.render(request(arguments));
+    let commit_secs = started.elapsed().as_secs_f64();
+    let mut reference = Vec::new();
+    let first = measure(arguments, &session, 0, None, &mut reference).context("all the memory there is")?;
+    let stats = session.stats();
+    let mut report = Report {
+        bench: "memory",
+        machine: arguments.reported.machine(Some(&session)),
+        width: arguments.width,
+        height: arguments.height,
+        samples: arguments.samples,
+        bounces: arguments.bounces,
+        instances: stats.instances,
+        unique_quads: arguments.island.unique_quads,
+        flatten: arguments.island.flatten,
+        commit_secs,
+        scene_bytes: stats.streaming.scene_bytes,
+        rows: Vec::new(),
+        failed: Vec::new(),
+    };
+    print_head(&report);
+    print_row(&first);
+    let peak = first.cold.gpu_peak_bytes.max(first.warm.gpu_peak_bytes);
+    let share = |percent: &f64| mib_of(*percent, peak);
+    let budgets: Vec<u32> = arguments.percents.iter().map(share).chain(arguments.mib.iter().copied()).collect();
+    report.rows.push(first);
+    for budget in budgets {
+        match measure(arguments, &session, budget, report.rows.first(), &mut reference) {
+            Ok(row) => {
+                print_row(&row);
+                report.rows.push(row);
+            }
+            Err(error) => {
+                println!("{budget:>8}  failed: {error:#}");
+                report.failed.push(Failed { budget_mib: budget, message: format!("{error:#}") });
+            }
+        }
+    }
+    arguments.reported.write(&report)?;
+    let different = report.rows.iter().filter(|row| row.different_pixels > 0).count();
+    match (different, report.failed.len()) {
+        (0, 0) => Ok(()),
+        (different, failed) => bail!("{different} rows have another picture, {failed} did not render"),
+    }
+}
+
+fn request(arguments: &Arguments) -> RenderRequest {
+    let (width, height) = (arguments.width, arguments.height);
+    common::color_request(width, height, island::camera(&arguments.island, width, height))
+}
+
+/// `percent` of `bytes`, rounded up to MiB.
+#[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "sizes")]
+fn mib_of(percent: f64, bytes: u64) -> u32 {
+    (bytes as f64 * percent / 100.0 / f64::from(1 << 20)).ceil() as u32
+}
+
+/// Renders one row. The first row leaves its picture in `reference`.
+fn measure(
+    arguments: &Arguments,
+    session: &Session,
+    budget_mib: u32,
+    first: Option<&Row>,
+    reference: &mut Vec<u8>,
+) -> Result<Row> {
+    session.set_setting("oocpt:memoryBudget", Value::Int(budget_mib.into()))?;
+    session.render(request(arguments));
+    let size = [arguments.width, arguments.height];
+    let mut different_pixels = 0;
+    let mut runs = Vec::new();
+    for run in 0..=arguments.runs {
+        if run > 0 {
+            session.restart();
+        }
+        finish(session)?;
+        different_pixels = different_pixels.max(common::compare(session, size, reference)?);
+        runs.push(Run::new(&session.timings(), session.stats()));
+    }
+    let cold = runs.remove(0);
+    runs.sort_by(|a, b| a.secs.total_cmp(&b.secs));
+    let warm = runs.get(runs.len() / 2).unwrap_or(&cold).clone();
+    let base = first.map_or((cold.secs, warm.secs), |row| (row.cold.secs, row.warm.secs));
+    let peak = first.map_or(cold.gpu_peak_bytes, |row| row.cold.gpu_peak_bytes);
+    #[expect(clippy::cast_precision_loss, reason = "sizes are shown, not computed with")]
+    let percent =
+        if budget_mib == 0 { 100.0 } else { f64::from(budget_mib) * 100.0 * f64::from(1 << 20) / peak as f64 };
+    Ok(Row {
+        budget_mib,
+        percent,
+        ratio_cold: cold.secs / base.0,
+        ratio_warm: warm.secs / base.1,
+        cold,
+        warm,
+        different_pixels,
+        host_bytes: common::resident_bytes(),
+        passes: if arguments.profile { common::profile(session)? } else { Vec::new() },
+    })
+}
+
+#[expect(clippy::cast_precision_loss, reason = "sizes are shown, not computed with")]
+fn mib(bytes: u64) -> f64 {
+    bytes as f64 / f64::from(1 << 20)
+}
+
+fn print_head(report: &Report) {
+    println!("memory, island on {}", report.machine);
+    println!(
+        "{} x {} px, {} samples, {} bounces; {} instances, {:.1} MiB of geometry, committed in {:.2} s",
+        report.width,
+        report.height,
+        report.samples,
+        report.bounces,
+        report.instances,
+        mib(report.scene_bytes),
+        report.commit_secs
+    );
+    println!(
+        "{:>8} {:>6} {:>8} {:>8} {:>7} {:>7} {:>6} {:>6} {:>8} {:>10} {:>10} {:>8} {:>5}",
+        "MiB",
+        "%",
+        "peak",
+        "driver",
+        "cold s",
+        "warm s",
+        "cold",
+        "warm",
+        "loads",
+        "paged MiB",
+        "geometry",
+        "host",
+        "same"
+    );
+}
+
+fn print_row(row: &Row) {
+    let Run { streaming, .. } = &row.warm;
+    println!(
+        "{:>8} {:>6.1} {:>8.0} {:>8.0} {:>7.3} {:>7.3} {:>6.2} {:>6.2} {:>8} {:>10.0} {:>10} {:>8.0} {:>5}",
+        row.budget_mib,
+        row.percent,
+        mib(row.cold.gpu_peak_bytes.max(row.warm.gpu_peak_bytes)),
+        mib(streaming.driver_peak_bytes.max(row.cold.streaming.driver_peak_bytes)),
+        row.cold.secs,
+        row.warm.secs,
+        row.ratio_cold,
+        row.ratio_warm,
+        streaming.loads,
+        mib(streaming.bytes_paged),
+        if streaming.in_core { "in core".into() } else { format!("{:.0} MiB", mib(streaming.geometry_budget_bytes)) },
+        mib(row.host_bytes),
+        if row.different_pixels == 0 { "yes" } else { "NO" }
+    );
+    common::print_passes(&row.passes);
+}

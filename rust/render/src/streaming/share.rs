@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+//! How device memory is shared between paths and what they visit: decisions/0029. Pure.
+//!
+//! Paths in flight fill the device `paths / slots` times, and each fill brings about what does not stay: `units - kept`
+//! bytes, several times over. With `room = slots * slot_bytes + kept` that is `paths * (slot_bytes + (units - room) /
+//! slots)`, which only falls as slots grow. So paths get a large share, up to what a render has, and units keep what
+//! batches of loads need to be brought side by side.
+
+/// Share of the room that paths may take. Three quarters were no faster (decisions/0029).
+const PATHS_SHARE: u64 = 2;
+/// Units keep at least so many times the largest one: one is traced while others come.
+const LARGEST_UNITS: u64 = 4;
+
+/// What is to be shared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Room {
+    /// Bytes for paths and units together.
+    pub(super) bytes: u64,
+    /// Of one path in flight.
+    pub(super) slot_bytes: u64,
+    /// The largest unit with all it needs, and what building it takes.
+    pub(super) largest_unit: u64,
+    /// All units.
+    pub(super) units: u64,
+    /// Paths in flight that the render could use, and the fewest that are worth it.
+    pub(super) wanted: u64,
+    pub(super) fewest: u64,
+}
+
+impl Room {
+    /// Slots for paths: a power of two, `fewest` where there is hardly room for anything.
+    pub(super) fn slots(self) -> u64 {
+        let Self { bytes, slot_bytes, largest_unit, units, wanted, fewest } = self;
+        let share = bytes / PATHS_SHARE;
+        let beside_few = bytes.saturating_sub(LARGEST_UNITS * largest_unit.min(bytes / LARGEST_UNITS));
+        let beside_all = bytes.saturating_sub(units);
+        // Never so much that the largest unit has to go without.
+        let share = share.min(beside_few).max(beside_all);
+        let slots = (share / slot_bytes.max(1)).clamp(1, wanted);
+        let slots = if slots.is_power_of_two() { slots } else { slots.next_power_of_two() / 2 };
+        slots.max(fewest)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROOM: Room = Room {
+        bytes: 1 << 30,
+        slot_bytes: 256,
+        largest_unit: 16 << 20,
+        units: 8 << 30,
+        wanted: 1 << 25,
+        fewest: 1 << 12,
+    };
+
+    #[test]
+    fn paths_get_half_of_what_does_not_hold_all_units() {
+        assert_eq!(ROOM.slots(), 1 << 21, "512 MiB");
+        assert_eq!(Room { bytes: (1 << 30) - 1, ..ROOM }.slots(), 1 << 20, "a power of two, never more than the share");
+        assert_eq!(Room { wanted: 1 << 16, ..ROOM }.slots(), 1 << 16, "no more than the render has");
+    }
+
+    #[test]
+    fn paths_get_all_that_units_leave() {
+        assert_eq!(Room { units: 1 << 28, ..ROOM }.slots(), 1 << 21, "768 MiB beside them");
+        assert_eq!(Room { units: 0, ..ROOM }.slots(), 1 << 22, "no unit");
+    }
+
+    #[test]
+    fn the_largest_units_keep_their_room() {
+        assert_eq!(Room { largest_unit: 192 << 20, ..ROOM }.slots(), 1 << 20, "256 MiB beside four of them");
+        assert_eq!(Room { largest_unit: 1 << 30, ..ROOM }.slots(), 1 << 12, "the fewest");
+        assert_eq!(Room { bytes: 0, ..ROOM }.slots(), 1 << 12, "allocating tells");
+    }
+
+    #[test]
+    fn more_memory_never_means_fewer_paths_or_less_for_units() {
+        let sizes = (1..4000_u64).map(|at| Room { bytes: at << 20, ..ROOM });
+        for (less, more) in sizes.clone().zip(sizes.skip(1)) {
+            assert!(less.slots() <= more.slots(), "{} bytes", less.bytes);
+            assert!(less.slots() * less.slot_bytes <= less.bytes.max(1 << 20), "{} bytes", less.bytes);
+        }
+    }
+}
