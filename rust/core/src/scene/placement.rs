@@ -6,8 +6,10 @@ use std::sync::{Arc, OnceLock, Weak};
 
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4};
 
+use super::array_motion::{ArrayMotion, Drift};
 use super::assembly::InstanceFlags;
 use super::diff::ChangedNumbers;
+use super::motion::{KEY_ERROR, Keys, MotionKey};
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::DroppedData;
 use crate::desc::InstancerDesc;
@@ -30,6 +32,8 @@ pub(crate) struct InstanceArrays {
     pub(crate) rotations: Option<TypedArray>,
     pub(crate) scales: Option<TypedArray>,
     pub(crate) transforms: Option<TypedArray>,
+    /// How they move while the shutter is open.
+    pub(crate) motion: Option<Arc<ArrayMotion>>,
     /// What changed against the arrays before, once it was asked for.
     pub(crate) changes: OnceLock<(Weak<Self>, Option<Arc<ChangedNumbers>>)>,
 }
@@ -44,6 +48,7 @@ impl InstanceArrays {
             rotations: present(&desc.rotations),
             scales: present(&desc.scales),
             transforms: present(&desc.transforms),
+            motion: None,
             changes: OnceLock::new(),
         }
     }
@@ -67,7 +72,12 @@ impl InstanceArrays {
 
     /// True when both hold the same data.
     pub(crate) fn same_contents(&self, other: &Self) -> bool {
-        self.all().into_iter().zip(other.all()).all(|pair| match pair {
+        let moves_alike = match (&self.motion, &other.motion) {
+            (None, None) => true,
+            (Some(a), Some(b)) => a.same_contents(b),
+            _ => false,
+        };
+        moves_alike && self.all().into_iter().zip(other.all()).all(|pair| match pair {
             (None, None) => true,
             (Some(a), Some(b)) => a.same_contents(b),
             _ => false,
@@ -109,7 +119,7 @@ fn affine_of(m: &DMat4) -> Option<DAffine3> {
     ((m.row(3) - DVec4::W).abs().max_element() <= 1e-9).then(|| DAffine3::from_mat4(*m))
 }
 
-fn is_regular(m: &DMat3, determinant: f64) -> bool {
+pub(crate) fn is_regular(m: &DMat3, determinant: f64) -> bool {
     let volume = m.x_axis.length_squared() * m.y_axis.length_squared() * m.z_axis.length_squared();
     determinant * determinant > SINGULAR * volume
 }
@@ -138,8 +148,15 @@ pub(crate) struct Footprint {
     pub(crate) lever: f64,
 }
 
+/// A placer of one time of the shutter.
+#[derive(Clone, Debug)]
+pub(crate) struct KeyPlacer<'a> {
+    pub(crate) time: f32,
+    pub(crate) placer: Placer<'a>,
+}
+
 /// Everything needed to place the instances of one run: `before * T * R * S * M * after`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Placer<'a> {
     before: DAffine3,
     after: DAffine3,
@@ -148,10 +165,15 @@ pub(crate) struct Placer<'a> {
     half: DVec3,
     /// Largest number of a record.
     limit: f32,
+    /// Where the parent's frame is seen from.
+    origin: DVec3,
     translations: Option<ArrayView<'a>>,
     rotations: Option<ArrayView<'a>>,
     scales: Option<ArrayView<'a>>,
     transforms: Option<ArrayView<'a>>,
+    drift: Option<Drift<'a>>,
+    /// Of what moves: the same at two or more times.
+    keys: Option<Arc<[KeyPlacer<'a>]>>,
 }
 
 impl<'a> Placer<'a> {
@@ -169,17 +191,89 @@ impl<'a> Placer<'a> {
             center: 0.5 * (min + max),
             half: 0.5 * (max - min),
             limit: MAX_MAGNITUDE,
+            origin: DVec3::ZERO,
             translations: view(|a| &a.translations),
             rotations: view(|a| &a.rotations),
             scales: view(|a| &a.scales),
             transforms: view(|a| &a.transforms),
+            drift: None,
+            keys: None,
         }
+    }
+
+    /// The same at another time, when the arrays are these and `drift` has gone on.
+    pub(crate) fn at_time(&self, arrays: [Option<&'a TypedArray>; 4], drift: Option<Drift<'a>>) -> Self {
+        let [translations, rotations, scales, transforms] = arrays.map(|array| array.map(TypedArray::view));
+        Self { translations, rotations, scales, transforms, drift, keys: None, ..self.clone() }
+    }
+
+    /// The same when the frame is another one.
+    pub(crate) fn framed(&self, before: DAffine3) -> Self {
+        Self { before, keys: None, ..self.clone() }
+    }
+
+    /// What moves between `keys`.
+    pub(crate) fn moving(self, keys: Vec<KeyPlacer<'a>>) -> Self {
+        Self { keys: Some(keys.into()), ..self }
+    }
+
+    /// Number of keys of each placement; 0 of what does not move.
+    pub(crate) fn key_count(&self) -> usize {
+        self.keys.as_ref().map_or(0, |keys| keys.len())
+    }
+
+    /// The keys of a placement of what moves, as many as [`Placer::key_count`] says, and whether they move it: where
+    /// one of them cannot be used, all are the placement as it is at the frame's own time.
+    pub(crate) fn keys(&self, number: Option<usize>) -> Option<(Keys, bool)> {
+        let all = self.keys.as_ref()?;
+        let mut keys = Keys::new();
+        let usable = all.iter().all(|key| {
+            // Decided in the parent's frame, whichever this one is.
+            let map = key.placer.matrix(number).filter(|m| {
+                let farthest = (m.translation + self.origin).abs() + m.matrix3 * self.center.abs() + self.half;
+                m.is_finite() && farthest.max_element() <= f64::from(MAX_MAGNITUDE)
+            });
+            map.and_then(|m| MotionKey::of(key.time, &m)).is_some_and(|key| keys.push(key))
+        });
+        if usable {
+            return Some((keys, true));
+        }
+        let map = self.matrix(number)?;
+        let mut still = Keys::new();
+        for key in all.iter() {
+            still.push(MotionKey::of(key.time, &map)?);
+        }
+        Some((still, false))
+    }
+
+    /// Box of what moves, with what rounding adds; and what chunks need to know. `None` when it is too extreme.
+    fn swept(&self, number: Option<usize>) -> Option<([DVec3; 2], Footprint, bool)> {
+        let (keys, _) = self.keys(number)?;
+        let swept = keys.sweep(self.center, self.half);
+        let center = 0.5 * (swept.min + swept.max);
+        let half = 0.5 * (swept.max - swept.min);
+        // Static placements count MATRIX_ERROR; the sum of what is here is larger than that of any frame's.
+        let spread = swept.spread * (2.0 * KEY_ERROR / MATRIX_ERROR);
+        let lever = swept.lever + half.max_element();
+        let error = swept.spread * KEY_ERROR * ((center.abs() + half).max_element() + lever);
+        let bounds = [swept.min - error, swept.max + error];
+        let sound = bounds.iter().all(|v| v.abs().max_element() <= f64::from(self.limit));
+        let footprint = Footprint { center, half, spread, lever };
+        sound.then_some((bounds, footprint, swept.flips))
+    }
+
+    /// True for a placement of what moves that stays where it is, since its motion cannot be used.
+    pub(crate) fn is_stuck(&self, number: Option<usize>) -> bool {
+        self.keys.is_some() && self.keys(number).is_some_and(|(_, moves)| !moves)
     }
 
     /// The same placements as seen from `origin`. What is usable is decided in the parent's frame: no limit here.
     pub(crate) fn seen_from(mut self, origin: DVec3) -> Self {
         self.before = DAffine3::from_translation(-origin) * self.before;
         self.limit = f32::MAX;
+        self.origin += origin;
+        let seen = |key: &KeyPlacer<'a>| KeyPlacer { time: key.time, placer: key.placer.clone().seen_from(origin) };
+        self.keys = self.keys.map(|keys| keys.iter().map(seen).collect());
         self
     }
 
@@ -190,9 +284,15 @@ impl<'a> Placer<'a> {
         if let Some(translations) = &self.translations {
             m.translation = translations.vec3(number)?;
         }
+        if let Some(drift) = &self.drift {
+            m.translation += drift.offset(number)?;
+        }
         if let Some(rotations) = &self.rotations {
             let q = usual_halves(rotations, number).or_else(|| rotations.quat(number));
             m.matrix3 = rotation(q.or_else(|| rotations.vec4(number).map(DQuat::from_vec4))?);
+        }
+        if let Some(turn) = self.drift.as_ref().and_then(|drift| drift.turn(number)) {
+            m.matrix3 = DMat3::from_quat(turn) * m.matrix3;
         }
         if let Some(scales) = &self.scales {
             let s = scales.vec3(number)?;
@@ -229,7 +329,14 @@ impl<'a> Placer<'a> {
     pub(crate) fn place(&self, number: Option<usize>) -> Option<Placed> {
         let m = self.matrix(number)?;
         let inverse = Inverse::of(&m)?;
-        self.rounded(&inverse, &self.placed_box(&m, &inverse).0)
+        let placed = self.rounded(&inverse, &self.placed_box(&m, &inverse).0)?;
+        if self.keys.is_none() {
+            return Some(placed);
+        }
+        let ([min, max], _, flips) = self.swept(number)?;
+        let bounds = Aabb { min: min.to_array().map(round_down), max: max.to_array().map(round_up) };
+        let flags = if flips { InstanceFlags::FLIPS_HANDEDNESS } else { InstanceFlags::empty() };
+        Some(Placed { bounds, flags, ..placed })
     }
 
     /// As [`Placer::place`], for partitioning: lower and upper corner of the box before it is rounded outward, and what
@@ -244,6 +351,10 @@ impl<'a> Placer<'a> {
         let [a, b, c] = inverse.rows.map(size);
         let sum = a + b + c + size(inverse.offset) + size(corners[0]) + size(corners[1]);
         let sound = sum <= USUAL_MAGNITUDE || self.rounded(&inverse, &corners).is_some();
+        if sound && self.keys.is_some() {
+            let (corners, footprint, _) = self.swept(number)?;
+            return Some((corners, footprint));
+        }
         sound.then_some((corners, footprint))
     }
 
