@@ -13,6 +13,7 @@ mod adaptive;
 mod aov;
 mod assets;
 mod block;
+mod camera_motion;
 pub mod bsdf_tables;
 pub mod chunk_report;
 mod device;

@@ -41,6 +41,7 @@ pub use crate::desc::{
 };
 pub use dicing::DicingCamera;
 pub use motion::{MAX_KEYS, MotionKey, map_at};
+pub(crate) use motion::motion_keys;
 pub use instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstanceColumn, NO_VALUE};
 pub use resolve::MAX_LEVELS;
 pub use snapshot::{

@@ -199,6 +199,17 @@ impl Keys {
     }
 }
 
+/// The keys of maps at times, which are in order; at most [`MAX_KEYS`] of them. `None` where a map cannot be
+/// decomposed, or mirrors and the one before does not.
+pub(crate) fn motion_keys(maps: &[(f64, DAffine3)]) -> Option<Vec<MotionKey>> {
+    let mut maps = maps.to_vec();
+    super::array_motion::thin_out(&mut maps);
+    let mut keys = Keys::new();
+    #[expect(clippy::cast_possible_truncation, reason = "keys have times in single precision")]
+    let key = |(time, map): &(f64, DAffine3)| MotionKey::of(*time as f32, map);
+    maps.iter().all(|map| key(map).is_some_and(|key| keys.push(key))).then(|| keys.as_slice().to_vec())
+}
+
 /// Frobenius norm.
 fn norm_of(m: &DMat3) -> f64 {
     (m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()).sqrt()

@@ -217,12 +217,7 @@ impl<'a> Placer<'a> {
         Self { keys: Some(keys.into()), ..self }
     }
 
-    /// Number of keys of each placement; 0 of what does not move.
-    pub(crate) fn key_count(&self) -> usize {
-        self.keys.as_ref().map_or(0, |keys| keys.len())
-    }
-
-    /// The keys of a placement of what moves, as many as [`Placer::key_count`] says, and whether they move it: where
+    /// The keys of a placement of what moves, one for each time, and whether they move it: where
     /// one of them cannot be used, all are the placement as it is at the frame's own time.
     pub(crate) fn keys(&self, number: Option<usize>) -> Option<(Keys, bool)> {
         let all = self.keys.as_ref()?;
