@@ -75,7 +75,7 @@ fn perspective(fov: f64, aspect: f64, near: f64, far: f64) -> DMat4 {
 }
 
 pub(super) fn prim(path: &str, instanced_by: Vec<InstancedBy>) -> PrimDesc {
-    PrimDesc { path: path.into(), transform: DMat4::IDENTITY, visible: true, purpose: "default".into(), instanced_by }
+    PrimDesc { path: path.into(), instanced_by, ..PrimDesc::default() }
 }
 
 /// The height of the ground, scene units.

@@ -145,7 +145,7 @@ features! {
     /// Some mesh is made of hulls of two balls: curves or points.
     ROUND: "curves and points", [], Always;
     /// Some placement moves while the shutter is open: paths have a time.
-    MOTION: "motion of placements", [], Never;
+    MOTION: "motion of placements", [], Always;
     /// The camera moves: `Frame::camera_motion` counts.
     CAMERA_MOTION: "motion of the camera", [], Never;
     /// Pixels have two streams of samples, and not all as many of them: `Frame::adaptive` counts.
