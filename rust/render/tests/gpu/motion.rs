@@ -3,7 +3,7 @@
 //! core and streaming.
 
 use crate::scenes::{constant, dome, instanced, instancer, prim, sphere, square, sun};
-use crate::streaming::{MOVING, Scene};
+use crate::streaming::MOVING;
 use crate::support::{color_request, orthographic, perspective, read, render, session, settings};
 use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::TypedArray;
@@ -237,14 +237,20 @@ fn chunks_of_moving_things_are_the_same_at_every_budget() {
 }
 
 #[test]
-fn samples_of_a_pixel_have_other_times_and_images_through_centres_the_middle() {
-    let Scene { build, eye, target, .. } = MOVING;
-    let session = session(settings(4, 1));
-    session.with_scene(build);
-    let request = crate::support::request(perspective(eye, target, 0.8, [48, 32]));
-    render(&session, &request);
-    let ids = read::<i32>(&session, &request, AovKind::PrimId);
-    let alpha: Vec<f32> = read::<[f32; 4]>(&session, &request, AovKind::Color).iter().map(|c| c[3]).collect();
-    assert!(alpha.iter().any(|a| *a > 0.0 && *a < 1.0), "some pixels see something for a part of the time");
-    assert!(ids.iter().any(|id| *id >= 0), "the middle of the shutter shows something");
+fn images_through_pixel_centres_are_those_of_the_middle_of_the_shutter() {
+    let images = |open: f64, close: f64| {
+        let session = session(settings(1, 0));
+        session.with_scene(|db| mill(db, open, close));
+        let camera = perspective(DVec3::new(0.0, 3.0, 9.0), DVec3::Y, 0.7, [96, 64]);
+        let request = crate::support::request(camera);
+        render(&session, &request);
+        let ids = read::<i32>(&session, &request, AovKind::PrimId);
+        (ids, read::<f32>(&session, &request, AovKind::CameraDepth))
+    };
+    let (moving, still, begin) = (images(0.0, 1.0), images(0.5, 0.5), images(0.0, 0.0));
+    let different = |a: &[i32], b: &[i32]| a.iter().zip(b).filter(|(a, b)| a != b).count();
+    assert!(different(&moving.0, &still.0) <= 2, "the ids of the middle");
+    assert!(different(&moving.0, &begin.0) > 100, "and not those of the beginning");
+    let far = moving.1.iter().zip(&still.1).filter(|(a, b)| (**a - **b).abs() > 1e-4 * a.abs()).count();
+    assert!(far <= 2, "the depths of the middle, but for {far}");
 }

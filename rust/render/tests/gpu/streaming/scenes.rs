@@ -324,7 +324,7 @@ fn moving(db: &mut SceneDb) {
         let sample = |(time, transform)| TransformSample { time, transform };
         [(-0.5, from), (0.3, to), (1.0, from * DMat4::from_rotation_x(1.0))].map(sample).to_vec()
     };
-    for i in 0..40 {
+    for i in 0..60 {
         let at = (scattered(i) - 0.5) * DVec3::new(12.0, 3.0, 12.0);
         let place = DMat4::from_translation(at) * DMat4::from_scale(DVec3::new(0.5, 0.3, 0.4));
         let next = DMat4::from_translation(at + (scattered(i + 90) - 0.5) * 2.0) * DMat4::from_rotation_y(2.0);
@@ -333,22 +333,31 @@ fn moving(db: &mut SceneDb) {
         db.upsert_mesh(ball);
     }
     let hub = DMat4::from_translation(DVec3::new(-2.0, 1.0, 0.0));
-    let mut swarm = balls(0, 300, "/swarm");
-    swarm.prim = prim("/swarm", hub);
-    swarm.prim.motion = moves(hub, hub * DMat4::from_rotation_z(0.8));
+    let swarm_at = |path: &str| {
+        let mut swarm = balls(0, 300, path);
+        swarm.prim = prim(path, hub);
+        swarm
+    };
     let spread = |scale: f32| {
         let speeds: Vec<[f32; 3]> = (0..300).map(|i| ((scattered(i) - 0.5).as_vec3() * scale).to_array()).collect();
         Some(TypedArray::of(speeds))
     };
-    swarm.motion = InstancerMotion {
+    let motion = InstancerMotion {
         velocities: spread(2.0),
         accelerations: spread(1.0),
         angular_velocities: spread(200.0),
         seconds: [-0.25, 0.25],
         samples: Vec::new(),
     };
-    db.upsert_instancer(swarm);
-    db.upsert_mesh(sphere(instanced(prim("/swarm/ball", DMat4::from_translation(DVec3::X)), "/swarm"), 70, 8, 0.6));
+    // Of the first the instances move in the world, of the second in a frame that turns.
+    let mut turning = InstancerDesc { motion: motion.clone(), ..swarm_at("/turning") };
+    turning.prim.motion = moves(hub, hub * DMat4::from_rotation_z(0.8));
+    for swarm in [InstancerDesc { motion, ..swarm_at("/swarm") }, turning] {
+        let path = swarm.prim.path.clone();
+        db.upsert_instancer(swarm);
+        let aside = prim(&format!("{path}/ball"), DMat4::from_translation(DVec3::X * 0.1));
+        db.upsert_mesh(sphere(instanced(aside, &path), 80, 8, 0.6));
+    }
     let place = DMat4::from_translation(DVec3::new(3.0, 0.0, 3.0));
     let mut large = sphere(prim("/large", place), 71, 40, 0.4);
     large.prim.motion = moves(place, place * DMat4::from_rotation_y(0.5));
