@@ -45,4 +45,33 @@ HdOocPTSettingMap HdOocPTReadRenderSettings(const HdSceneIndexBase& scene, const
     return settings;
 }
 
+bool HdOocPTReadsMotionDisabled(const HdSceneIndexBase& scene, const SdfPath& path)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    const HdSceneIndexPrim prim = scene.GetPrim(path);
+    if (!_IsActive(scene, prim, path)) {
+        return false;
+    }
+    const HdContainerDataSourceHandle settings = HdOocPTFindContainer(prim.dataSource, { tokens.renderSettings });
+    const auto isSet = [](const HdContainerDataSourceHandle& container) {
+        bool disables = false;
+        bool instantaneous = false;
+        HdOocPTConvert(HdOocPTRead(container, { HdOocPTSceneTokens->disableMotionBlur }), &disables);
+        HdOocPTConvert(HdOocPTRead(container, { HdOocPTSceneTokens->instantaneousShutter }), &instantaneous);
+        return disables || instantaneous;
+    };
+    if (settings && isSet(settings)) {
+        return true;
+    }
+    const HdVectorDataSourceHandle products
+        = HdVectorDataSource::Cast(HdOocPTFind(settings, { tokens.renderProducts }));
+    const size_t count = products ? products->GetNumElements() : 0;
+    // There is one picture here: it is at rest if all that are wanted are.
+    size_t still = 0;
+    for (size_t i = 0; i < count; ++i) {
+        still += isSet(HdContainerDataSource::Cast(products->GetElement(i))) ? 1 : 0;
+    }
+    return count > 0 && still == count;
+}
+
 PXR_NAMESPACE_CLOSE_SCOPE
