@@ -74,6 +74,11 @@ HdOocPTTransformSamples HdOocPTReadTransformSamples(
     return samples;
 }
 
+bool HdOocPTIsSampled(const HdDataSourceBaseHandle& source, const HdOocPTShutter& shutter)
+{
+    return !_SampleTimes(source, shutter).empty();
+}
+
 void HdOocPTFillMotion(const HdOocPTTransformSamples& samples, rust::Vec<double>* numbers)
 {
     numbers->reserve(17 * samples.size());

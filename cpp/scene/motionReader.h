@@ -59,6 +59,9 @@ HdOocPTShutter HdOocPTReadShutter(const HdSceneIndexBase& scene, const SdfPath& 
 HdOocPTTransformSamples HdOocPTReadTransformSamples(
     const HdContainerDataSourceHandle& container, const HdOocPTShutter& shutter);
 
+/// Whether a value changes while the shutter is open.
+bool HdOocPTIsSampled(const HdDataSourceBaseHandle& source, const HdOocPTShutter& shutter);
+
 /// The samples as they go to Rust.
 void HdOocPTFillMotion(const HdOocPTTransformSamples& samples, rust::Vec<double>* numbers);
 

@@ -114,8 +114,10 @@ void HdOocPTSceneReader::Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* e
     if (_isShutterNew) {
         _isShutterNew = false;
         for (const auto& [path, record] : _records) {
-            if (record && (record->kind == HdOocPTPrimKind::Mesh || record->kind == HdOocPTPrimKind::Instancer)) {
-                dirty[path] |= HdOocPTDirtyTransform | HdOocPTDirtyInstancePrimvars;
+            if (record
+                && (record->kind == HdOocPTPrimKind::Mesh || record->kind == HdOocPTPrimKind::Instancer
+                    || record->kind == HdOocPTPrimKind::Light)) {
+                dirty[path] |= HdOocPTDirtyTransform | HdOocPTDirtyInstancePrimvars | HdOocPTDirtyPoints;
             }
         }
     }

@@ -142,6 +142,11 @@ pub(crate) fn shining(
             let entry = instancers.get(&by.instancer);
             entry.is_some_and(|entry| entry.desc.prototypes.iter().any(|p| p.root == by.prototype_root))
         };
+        if desc.prim.motion.windows(2).any(|pair| pair[0].transform != pair[1].transform) {
+            let text = "the light moves while the shutter is open, which is not blurred: it stays where it is at the \
+                        frame's own time";
+            reports.note(path, text.to_owned());
+        }
         reports.of(path).missing_instancers += desc.prim.instanced_by.iter().filter(|by| !is_there(by)).count() as u64;
         let mut place = |transform: &DAffine3| match Light::placed(desc, transform) {
             Some(light) if light.is_black() => {}

@@ -46,6 +46,7 @@ mod materials;
 #[cfg(test)]
 mod materialx;
 mod mesh_lights;
+mod motion;
 #[cfg(test)]
 mod partition;
 #[cfg(test)]
