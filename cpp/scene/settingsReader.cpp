@@ -4,6 +4,8 @@
 #include "scene/dataSource.h"
 #include "scene/tokens.h"
 
+#include <algorithm>
+
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
@@ -53,15 +55,25 @@ bool HdOocPTReadsMotionDisabled(const HdSceneIndexBase& scene, const SdfPath& pa
         return false;
     }
     const HdContainerDataSourceHandle settings = HdOocPTFindContainer(prim.dataSource, { tokens.renderSettings });
-    const auto isSet = [](const HdContainerDataSourceHandle& container) {
-        bool disables = false;
-        bool instantaneous = false;
-        HdOocPTConvert(HdOocPTRead(container, { HdOocPTSceneTokens->disableMotionBlur }), &disables);
-        HdOocPTConvert(HdOocPTRead(container, { HdOocPTSceneTokens->instantaneousShutter }), &instantaneous);
-        return disables || instantaneous;
+    // UsdImaging's scene delegate answers names that it does not have with an error.
+    const auto has = [](const HdContainerDataSourceHandle& container, const TfToken& name) {
+        const TfTokenVector names = container ? container->GetNames() : TfTokenVector();
+        return std::find(names.begin(), names.end(), name) != names.end();
     };
-    if (settings && isSet(settings)) {
+    const auto isSet = [&](const HdContainerDataSourceHandle& container) {
+        bool set = false;
+        for (const TfToken& name :
+            { HdOocPTSceneTokens->disableMotionBlur, HdOocPTSceneTokens->instantaneousShutter }) {
+            bool value = false;
+            set = set || (has(container, name) && HdOocPTConvert(HdOocPTRead(container, { name }), &value) && value);
+        }
+        return set;
+    };
+    if (isSet(settings)) {
         return true;
+    }
+    if (!has(settings, tokens.renderProducts)) {
+        return false;
     }
     const HdVectorDataSourceHandle products
         = HdVectorDataSource::Cast(HdOocPTFind(settings, { tokens.renderProducts }));
