@@ -125,7 +125,8 @@ bool HdOocPTSession::_Impl::IsStill() const
 {
     bool still = false;
     for (const HdOocPTSettingMap* settings : { &hostSettings, &primSettings }) {
-        for (const TfToken& name : { HdOocPTSceneTokens->disableMotionBlur, HdOocPTSceneTokens->instantaneousShutter }) {
+        for (const TfToken& name :
+            { HdOocPTSceneTokens->disableMotionBlur, HdOocPTSceneTokens->instantaneousShutter }) {
             const auto setting = settings->find(name);
             bool value = false;
             still = still || (setting != settings->end() && HdOocPTConvert(setting->second, &value) && value);

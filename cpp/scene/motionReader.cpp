@@ -105,8 +105,8 @@ HdOocPTInstancerMotionState HdOocPTReadInstancerMotion(const HdOocPTPrimSource& 
     state.velocities = rates(tokens.velocities);
     state.accelerations = rates(tokens.accelerations);
     state.angularVelocities = rates(tokens.angularVelocities);
-    state.seconds
-        = { source.shutter.open / source.shutter.framesPerSecond, source.shutter.close / source.shutter.framesPerSecond };
+    const HdOocPTShutter& shutter = source.shutter;
+    state.seconds = { shutter.open / shutter.framesPerSecond, shutter.close / shutter.framesPerSecond };
     const std::array<std::pair<TfToken, HdOocPTArrayRole>, 4> arrays { {
         { tokens.instanceTranslations, HdOocPTArrayRole::Vectors3 },
         { tokens.instanceRotations, HdOocPTArrayRole::Quaternions },

@@ -52,7 +52,9 @@ Motion between(GpuMotionKey a, GpuMotionKey b, float time) {
     m.stretch = fma(vec3(f), b.stretch - a.stretch, a.stretch);
     m.shear = fma(vec3(f), b.shear - a.shear, a.shear);
     vec2 weights = vec2(1.0 - f, f);
-    if (a.half_angle > 0.0) weights = vec2(quadrant_sine((1.0 - f) * a.half_angle), quadrant_sine(f * a.half_angle));
+    if (a.half_angle > 0.0) {
+        weights = vec2(quadrant_sine((1.0 - f) * a.half_angle), quadrant_sine(f * a.half_angle));
+    }
     const vec4 q = fma(vec4(weights.x), a.rotation, weights.y * b.rotation);
     // Of any length.
     const vec4 s = q * (2.0 / fma(q.w, q.w, dot3(q.xyz, q.xyz)));

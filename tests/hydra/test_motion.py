@@ -115,7 +115,8 @@ def test_instances_move_by_their_velocities_and_with_their_instancer(host):
     agree(met, streak((-0.5, -0.3), (0, 0.5), 0.2) + streak((0.5, 0.3), (0, 0.5), 0.2), "an instancer")
     sampled = content.replace("vector3f[] velocities = [(0, -24, 0), (24, 0, 0)]", "").replace(
         "point3f[] positions = [(-0.5, -0.3, 0), (0.5, 0.3, 0)]",
-        "point3f[] positions.timeSamples = { 4: [(-1.5, -0.3, 0), (0.5, -0.7, 0)], 6: [(0.5, -0.3, 0), (0.5, 1.3, 0)] }",
+        "point3f[] positions.timeSamples = {\n 4: [(-1.5, -0.3, 0), (0.5, -0.7, 0)],\n"
+        " 6: [(0.5, -0.3, 0), (0.5, 1.3, 0)]\n}",
     )
     met, log = coverage(host, stage(content=sampled))
     agree(met, streak((-0.5, -0.3), (0.5, 0), 0.2) + streak((0.5, 0.3), (0, 0.5), 0.2), "samples of positions")

@@ -4,9 +4,7 @@
 //! Every method may be called from any thread; none panics out (see [`crate::guard`]).
 
 use crate::convert::{self, Complaints, column_matrix};
-use crate::ffi::{
-    NamedValue, RenderDesc, ScalarValue, SceneEdits, SettingDescriptor, SettingOutcome, UserMessage,
-};
+use crate::ffi::{NamedValue, RenderDesc, ScalarValue, SceneEdits, SettingDescriptor, SettingOutcome, UserMessage};
 use crate::ffi_images::ImageSource;
 use crate::guard::{BridgeError, guard};
 use crate::images::HostImages;

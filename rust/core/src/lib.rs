@@ -39,9 +39,9 @@ pub use partition::{Chunk, ChunkInstance, OpenedAssembly, PartitionOptions, RECO
 pub use sampler::{pixel_seed, sample_4d};
 pub use scene::{
     Assembly, AssetRef, Commit, ConnectionDesc, DomeFormat, DroppedData, InstanceFlags, InstanceRecord, InstancedBy,
-    InstancerDesc, InstancerPrototype, Interpolation, Light, LightDesc, LightKind, MaterialDesc, MeshDesc, MotionKey, NO_MATERIAL,
-    NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, PrimRecord, Primvar, SceneCounts, SceneDb, SceneFeatures,
-    SceneWarning, Shaping, Snapshot, SnapshotError, Subdivision, SubsetDesc, SurfaceTables, Target,
+    InstancerDesc, InstancerPrototype, Interpolation, Light, LightDesc, LightKind, MaterialDesc, MeshDesc, MotionKey,
+    NO_MATERIAL, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, PrimRecord, Primvar, SceneCounts, SceneDb,
+    SceneFeatures, SceneWarning, Shaping, Snapshot, SnapshotError, Subdivision, SubsetDesc, SurfaceTables, Target,
     TransformSample,
 };
 pub use settings::{Audience, Descriptor, SettingError, Settings, Value};

@@ -4,7 +4,8 @@
 use glam::{DQuat, DVec3};
 
 use super::motion::MAX_KEYS;
-use super::placement::{InstanceArrays, KeyPlacer, Placer};
+use super::moving::KeyPlacer;
+use super::placement::{InstanceArrays, Placer};
 use crate::array::{ArrayView, TypedArray};
 use crate::desc::{InstancerDesc, InstancerMotion, InstancerSample, TransformSample};
 
@@ -123,9 +124,8 @@ impl ArrayMotion {
                 a.len() == b.len() && a.iter().zip(b).all(alike)
             }
             (Self::Velocities { motion: a, keys }, Self::Velocities { motion: b, keys: other }) => {
-                let arrays = |m: &InstancerMotion| {
-                    [m.velocities.clone(), m.accelerations.clone(), m.angular_velocities.clone()]
-                };
+                let arrays =
+                    |m: &InstancerMotion| [m.velocities.clone(), m.accelerations.clone(), m.angular_velocities.clone()];
                 let (a_arrays, b_arrays) = (arrays(a), arrays(b));
                 let same = a_arrays.iter().zip(&b_arrays).all(|(a, b)| is_same((a.as_ref(), b.as_ref())));
                 same && keys == other && a.seconds == b.seconds

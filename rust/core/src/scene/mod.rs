@@ -16,6 +16,7 @@ mod light;
 mod mesh_lights;
 mod mesh_placements;
 pub(crate) mod motion;
+mod moving;
 pub(crate) mod placement;
 mod primvar_uses;
 pub(crate) mod reader;
@@ -40,9 +41,9 @@ pub use crate::desc::{
     Subdivision, SubdivisionTags, SubsetDesc, TransformSample,
 };
 pub use dicing::DicingCamera;
-pub use motion::{MAX_KEYS, MotionKey, map_at};
-pub(crate) use motion::motion_keys;
 pub use instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstanceColumn, NO_VALUE};
+pub(crate) use motion::motion_keys;
+pub use motion::{MAX_KEYS, MotionKey, map_at};
 pub use resolve::MAX_LEVELS;
 pub use snapshot::{
     Aabb, Assembly, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, DomeTexture, Emitter, IesError, IesProfile,

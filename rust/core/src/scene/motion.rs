@@ -162,7 +162,8 @@ impl Keys {
         let mut measure = |time: f64| {
             let m = self.at(time);
             let arm = m.matrix3 * center;
-            let size = m.matrix3.x_axis.abs() * half.x + m.matrix3.y_axis.abs() * half.y + m.matrix3.z_axis.abs() * half.z;
+            let size =
+                m.matrix3.x_axis.abs() * half.x + m.matrix3.y_axis.abs() * half.y + m.matrix3.z_axis.abs() * half.z;
             min = min.min(arm + m.translation - size);
             max = max.max(arm + m.translation + size);
             lever = lever.max((arm.abs() + size).max_element());
@@ -255,7 +256,8 @@ mod tests {
     #[test]
     fn a_decomposition_gives_the_map_back() {
         let turn = DMat3::from_euler(glam::EulerRot::XYZ, 0.3, -1.2, 2.9);
-        let sheared = DMat3::from_cols(DVec3::new(1.0, 0.2, 0.0), DVec3::new(0.5, 2.0, 0.1), DVec3::new(0.0, 0.3, 1e-3));
+        let sheared =
+            DMat3::from_cols(DVec3::new(1.0, 0.2, 0.0), DVec3::new(0.5, 2.0, 0.1), DVec3::new(0.0, 0.3, 1e-3));
         for matrix3 in [turn, turn * 1e-6, turn * DMat3::from_diagonal(DVec3::new(1e9, 2.0, 3.0)), sheared, -sheared] {
             let map = DAffine3 { matrix3, translation: DVec3::new(1.0, -2.0, 1e6) };
             let back = MotionKey::of(0.0, &map).expect("regular").map();

@@ -9,7 +9,7 @@ use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4};
 use super::array_motion::{ArrayMotion, Drift};
 use super::assembly::InstanceFlags;
 use super::diff::ChangedNumbers;
-use super::motion::{KEY_ERROR, Keys, MotionKey};
+use super::moving::KeyPlacer;
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::DroppedData;
 use crate::desc::InstancerDesc;
@@ -18,7 +18,7 @@ use crate::mesh::Aabb;
 /// Columns are called dependent when `det^2` is below this times the product of their squared lengths.
 const SINGULAR: f64 = 1e-24;
 /// Largest number of a record: its square is finite in single precision.
-const MAX_MAGNITUDE: f32 = 1e18;
+pub(super) const MAX_MAGNITUDE: f32 = 1e18;
 /// Numbers of a record that add up to less are all well below [`MAX_MAGNITUDE`].
 const USUAL_MAGNITUDE: f64 = 1e17;
 /// Rounding of the f32 matrix and of its evaluation, in units of the magnitudes involved: 4 x 2^-24.
@@ -77,11 +77,12 @@ impl InstanceArrays {
             (Some(a), Some(b)) => a.same_contents(b),
             _ => false,
         };
-        moves_alike && self.all().into_iter().zip(other.all()).all(|pair| match pair {
-            (None, None) => true,
-            (Some(a), Some(b)) => a.same_contents(b),
-            _ => false,
-        })
+        moves_alike
+            && self.all().into_iter().zip(other.all()).all(|pair| match pair {
+                (None, None) => true,
+                (Some(a), Some(b)) => a.same_contents(b),
+                _ => false,
+            })
     }
 
     /// Checks the element types. A mask of the wrong type is ignored; any other wrong array leaves no instance whose
@@ -148,32 +149,25 @@ pub(crate) struct Footprint {
     pub(crate) lever: f64,
 }
 
-/// A placer of one time of the shutter.
-#[derive(Clone, Debug)]
-pub(crate) struct KeyPlacer<'a> {
-    pub(crate) time: f32,
-    pub(crate) placer: Placer<'a>,
-}
-
 /// Everything needed to place the instances of one run: `before * T * R * S * M * after`.
 #[derive(Clone, Debug)]
 pub(crate) struct Placer<'a> {
-    before: DAffine3,
-    after: DAffine3,
-    after_is_identity: bool,
-    center: DVec3,
-    half: DVec3,
+    pub(super) before: DAffine3,
+    pub(super) after: DAffine3,
+    pub(super) after_is_identity: bool,
+    pub(super) center: DVec3,
+    pub(super) half: DVec3,
     /// Largest number of a record.
-    limit: f32,
+    pub(super) limit: f32,
     /// Where the parent's frame is seen from.
-    origin: DVec3,
-    translations: Option<ArrayView<'a>>,
-    rotations: Option<ArrayView<'a>>,
-    scales: Option<ArrayView<'a>>,
-    transforms: Option<ArrayView<'a>>,
-    drift: Option<Drift<'a>>,
+    pub(super) origin: DVec3,
+    pub(super) translations: Option<ArrayView<'a>>,
+    pub(super) rotations: Option<ArrayView<'a>>,
+    pub(super) scales: Option<ArrayView<'a>>,
+    pub(super) transforms: Option<ArrayView<'a>>,
+    pub(super) drift: Option<Drift<'a>>,
     /// Of what moves: the same at two or more times.
-    keys: Option<Arc<[KeyPlacer<'a>]>>,
+    pub(super) keys: Option<Arc<[KeyPlacer<'a>]>>,
 }
 
 impl<'a> Placer<'a> {
@@ -199,67 +193,6 @@ impl<'a> Placer<'a> {
             drift: None,
             keys: None,
         }
-    }
-
-    /// The same at another time, when the arrays are these and `drift` has gone on.
-    pub(crate) fn at_time(&self, arrays: [Option<&'a TypedArray>; 4], drift: Option<Drift<'a>>) -> Self {
-        let [translations, rotations, scales, transforms] = arrays.map(|array| array.map(TypedArray::view));
-        Self { translations, rotations, scales, transforms, drift, keys: None, ..self.clone() }
-    }
-
-    /// The same when the frame is another one.
-    pub(crate) fn framed(&self, before: DAffine3) -> Self {
-        Self { before, keys: None, ..self.clone() }
-    }
-
-    /// What moves between `keys`.
-    pub(crate) fn moving(self, keys: Vec<KeyPlacer<'a>>) -> Self {
-        Self { keys: Some(keys.into()), ..self }
-    }
-
-    /// The keys of a placement of what moves, one for each time, and whether they move it: where
-    /// one of them cannot be used, all are the placement as it is at the frame's own time.
-    pub(crate) fn keys(&self, number: Option<usize>) -> Option<(Keys, bool)> {
-        let all = self.keys.as_ref()?;
-        let mut keys = Keys::new();
-        let usable = all.iter().all(|key| {
-            // Decided in the parent's frame, whichever this one is.
-            let map = key.placer.matrix(number).filter(|m| {
-                let farthest = (m.translation + self.origin).abs() + m.matrix3 * self.center.abs() + self.half;
-                m.is_finite() && farthest.max_element() <= f64::from(MAX_MAGNITUDE)
-            });
-            map.and_then(|m| MotionKey::of(key.time, &m)).is_some_and(|key| keys.push(key))
-        });
-        if usable {
-            return Some((keys, true));
-        }
-        let map = self.matrix(number)?;
-        let mut still = Keys::new();
-        for key in all.iter() {
-            still.push(MotionKey::of(key.time, &map)?);
-        }
-        Some((still, false))
-    }
-
-    /// Box of what moves, with what rounding adds; and what chunks need to know. `None` when it is too extreme.
-    fn swept(&self, number: Option<usize>) -> Option<([DVec3; 2], Footprint, bool)> {
-        let (keys, _) = self.keys(number)?;
-        let swept = keys.sweep(self.center, self.half);
-        let center = 0.5 * (swept.min + swept.max);
-        let half = 0.5 * (swept.max - swept.min);
-        // Static placements count MATRIX_ERROR; the sum of what is here is larger than that of any frame's.
-        let spread = swept.spread * (2.0 * KEY_ERROR / MATRIX_ERROR);
-        let lever = swept.lever + half.max_element();
-        let error = swept.spread * KEY_ERROR * ((center.abs() + half).max_element() + lever);
-        let bounds = [swept.min - error, swept.max + error];
-        let sound = bounds.iter().all(|v| v.abs().max_element() <= f64::from(self.limit));
-        let footprint = Footprint { center, half, spread, lever };
-        sound.then_some((bounds, footprint, swept.flips))
-    }
-
-    /// True for a placement of what moves that stays where it is, since its motion cannot be used.
-    pub(crate) fn is_stuck(&self, number: Option<usize>) -> bool {
-        self.keys.is_some() && self.keys(number).is_some_and(|(_, moves)| !moves)
     }
 
     /// The same placements as seen from `origin`. What is usable is decided in the parent's frame: no limit here.

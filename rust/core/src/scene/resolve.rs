@@ -8,12 +8,12 @@ use std::sync::Arc;
 use glam::DAffine3;
 use rustc_hash::{FxHashMap, FxHashSet};
 
+use super::array_motion::transform_motion;
 use super::entries::{InstancerEntry, MeshEntry};
 use super::instance_primvars::MemberPrimvar;
+use super::motion::{Keys, MotionKey};
 use super::placement::usable_affine;
 use super::report::Reports;
-use super::array_motion::transform_motion;
-use super::motion::{Keys, MotionKey};
 use super::run::{Instances, TransformKey};
 use crate::desc::{InstancedBy, PrimDesc, TransformSample};
 use crate::mesh::MeshAsset;

@@ -7,7 +7,8 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
-use super::placement::{InstanceArrays, KeyPlacer, Placed, Placer, round_down, round_up};
+use super::moving::KeyPlacer;
+use super::placement::{InstanceArrays, Placed, Placer, round_down, round_up};
 use super::reader::{Numbers, Reader};
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::DroppedData;
@@ -80,10 +81,9 @@ impl RunSpec {
         let arrays = self.instances.as_ref().map(|i| &*i.arrays);
         let placer = Placer::new(self.before, self.after, arrays, &self.target_bounds);
         let keys = match (&self.motion, arrays) {
-            (Some(motion), _) => motion
-                .iter()
-                .map(|key| KeyPlacer { time: key.time, placer: placer.framed(key.before) })
-                .collect(),
+            (Some(motion), _) => {
+                motion.iter().map(|key| KeyPlacer { time: key.time, placer: placer.framed(key.before) }).collect()
+            }
             (None, Some(arrays)) => match &arrays.motion {
                 Some(motion) => motion.placers(arrays, &placer),
                 None => return placer,

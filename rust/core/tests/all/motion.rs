@@ -34,7 +34,9 @@ fn swarm(path: &str, count: u32) -> InstancerDesc {
         Some(TypedArray::of((0..count).map(|i| scattered(i + 7).map(|x| scale * x)).collect::<Vec<[f32; 3]>>()))
     };
     InstancerDesc {
-        rotations: Some(TypedArray::from_vec(ElementType::Quatf, vec![[0.0_f32, 0.0, 0.6, 0.8]; numbers.len()]).unwrap()),
+        rotations: Some(
+            TypedArray::from_vec(ElementType::Quatf, vec![[0.0_f32, 0.0, 0.6, 0.8]; numbers.len()]).unwrap(),
+        ),
         motion: InstancerMotion {
             velocities: rates(300.0),
             accelerations: rates(4000.0),
@@ -260,12 +262,17 @@ fn velocities_and_samples_that_cannot_be_used_leave_instances_where_they_are() {
     for bad in [f32::NAN, f32::INFINITY, 1e30] {
         let mut db = SceneDb::new();
         let velocities = Some(TypedArray::of(vec![[1.0_f32, 0.0, 0.0], [bad, 0.0, 0.0], [1e9, 0.0, 0.0]]));
-        add_swarm(&mut db, InstancerDesc { motion: of(velocities, [0.0, 1.0]), ..scatter("/i", &at, &[("/i/p", &[0, 1, 2])]) });
+        add_swarm(
+            &mut db,
+            InstancerDesc { motion: of(velocities, [0.0, 1.0]), ..scatter("/i", &at, &[("/i/p", &[0, 1, 2])]) },
+        );
         let (warnings, moves) = told(&mut db);
         let [warning] = &warnings[..] else { panic!("{bad}: {warnings:?}") };
         assert!(moves && warning.contains("1 instances that do not move"), "{bad}: {warning}");
-        let sizes: Vec<f32> =
-            records(db.snapshot(), db.snapshot().assemblies.len() - 1).iter().map(|r| r.bounds[1][0] - r.bounds[0][0]).collect();
+        let sizes: Vec<f32> = records(db.snapshot(), db.snapshot().assemblies.len() - 1)
+            .iter()
+            .map(|r| r.bounds[1][0] - r.bounds[0][0])
+            .collect();
         assert!(sizes.len() == 3 && sizes[1] < 3.0 && sizes[0] > 1.5 && sizes[2] > 9e8, "{sizes:?}");
     }
 }

@@ -109,7 +109,16 @@ impl<'a> Tracer<'a> {
         bind(&mut block);
         let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
         frame.write(0, bytemuck::bytes_of(&block))?;
-        Ok(Self { setting, paths, passes, special, backend, written: paths.written(), frame, _camera_motion: camera_motion })
+        Ok(Self {
+            setting,
+            paths,
+            passes,
+            special,
+            backend,
+            written: paths.written(),
+            frame,
+            _camera_motion: camera_motion,
+        })
     }
 
     /// Says what the trace passes write besides what belongs to the paths.

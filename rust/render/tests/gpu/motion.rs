@@ -170,7 +170,8 @@ fn mill(db: &mut SceneDb, open: f64, close: f64) {
     db.upsert_light(dome([0.4, 0.5, 0.7]));
     db.upsert_light(sun(2.0, 2.0, DMat4::from_rotation_x(-0.8) * DMat4::from_rotation_y(0.5)));
     db.upsert_mesh(square(prim("/floor", DMat4::from_scale(DVec3::splat(5.0))), 1, 0.5));
-    let times: Vec<f64> = if open < close { (0..=4).map(|k| open + (close - open) * f64::from(k) / 4.0).collect() } else { vec![open] };
+    let times: Vec<f64> =
+        if open < close { (0..=4).map(|k| open + (close - open) * f64::from(k) / 4.0).collect() } else { vec![open] };
     let motion = |map: &dyn Fn(f64) -> DMat4| -> (DMat4, Vec<TransformSample>) {
         let part = |time: f64| if open < close { (time - open) / (close - open) } else { 0.0 };
         let samples: Vec<_> = times.iter().map(|time| sample(part(*time), map(*time))).collect();
@@ -178,7 +179,8 @@ fn mill(db: &mut SceneDb, open: f64, close: f64) {
     };
     let mut ball = sphere(prim("/ball", DMat4::IDENTITY), 2, 8, 0.6);
     (ball.prim.transform, ball.prim.motion) = motion(&|time| {
-        DMat4::from_translation(DVec3::new(-2.0 + 2.0 * time, 0.7, 0.5)) * DMat4::from_scale(DVec3::new(0.7, 0.4 + 0.3 * time, 0.7))
+        DMat4::from_translation(DVec3::new(-2.0 + 2.0 * time, 0.7, 0.5))
+            * DMat4::from_scale(DVec3::new(0.7, 0.4 + 0.3 * time, 0.7))
     });
     ball.display_color = constant([0.8_f32, 0.3, 0.2]);
     db.upsert_mesh(ball);
@@ -188,9 +190,8 @@ fn mill(db: &mut SceneDb, open: f64, close: f64) {
         .map(|turn| (turn * DVec3::X, turn, DVec3::new(0.8, 0.2, 1.0)))
         .collect();
     let mut hub = prim("/mill", DMat4::IDENTITY);
-    (hub.transform, hub.motion) = motion(&|time| {
-        DMat4::from_translation(DVec3::new(1.0, 2.0, -1.0)) * DMat4::from_rotation_z(1.2 * time)
-    });
+    (hub.transform, hub.motion) =
+        motion(&|time| DMat4::from_translation(DVec3::new(1.0, 2.0, -1.0)) * DMat4::from_rotation_z(1.2 * time));
     db.upsert_instancer(instancer(hub, "/mill/wing", &wings));
     let mut wing = card("/mill/wing", DMat4::IDENTITY);
     let flat = DMat4::from_rotation_x(std::f64::consts::FRAC_PI_2);
