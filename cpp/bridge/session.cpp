@@ -222,8 +222,7 @@ void HdOocPTSession::Render(const HdOocPTRenderRequest& request)
         if (_impl->reader) {
             GfMatrix4d viewToWorld(1.0);
             std::copy_n(desc.world_from_view.begin(), 16, viewToWorld.GetArray());
-            HdOocPTFillMotion(
-                _impl->reader->GetCameraMotion(request.cameraPath, viewToWorld), &desc.camera_motion);
+            HdOocPTFillMotion(_impl->reader->GetCameraMotion(request.cameraPath, viewToWorld), &desc.camera_motion);
         }
         {
             const std::lock_guard<std::mutex> lock(_impl->mutex);

@@ -105,8 +105,8 @@ void HdOocPTReadInstancer(const HdOocPTPrimSource& source, HdOocPTInstancerState
     if (source.dirtyBits
         & (HdOocPTDirtyPrimvars | HdOocPTDirtyPoints | HdOocPTDirtyNormals | HdOocPTDirtyColor | HdOocPTDirtyOpacity)) {
         state->primvars = HdOocPTReadOtherPrimvars(source,
-            { tokens.instanceTranslations, tokens.instanceRotations, tokens.instanceScales,
-                tokens.instanceTransforms, tokens.velocities, tokens.accelerations, tokens.angularVelocities });
+            { tokens.instanceTranslations, tokens.instanceRotations, tokens.instanceScales, tokens.instanceTransforms,
+                tokens.velocities, tokens.accelerations, tokens.angularVelocities });
     }
     if (source.dirtyBits & HdOocPTDirtyCategories) {
         _WarnOfInstanceCategories(source);

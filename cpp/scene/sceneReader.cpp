@@ -343,8 +343,8 @@ void HdOocPTSceneReader::SetCamera(const SdfPath& camera, HdOocPTWarnings* warni
         _camera = camera;
     } else if (_camera.IsEmpty()) {
         const HdSceneIndexPrim root = _scene->GetPrim(SdfPath::AbsoluteRootPath());
-        _camera = HdOocPTRead(root.dataSource, { tokens.sceneGlobals, tokens.primaryCameraPrim })
-                      .GetWithDefault<SdfPath>();
+        _camera
+            = HdOocPTRead(root.dataSource, { tokens.sceneGlobals, tokens.primaryCameraPrim }).GetWithDefault<SdfPath>();
     }
     _SetShutter(_isMotionBlurred ? HdOocPTReadShutter(*_scene, _camera, warnings) : HdOocPTShutter());
 }

@@ -192,7 +192,7 @@ pub(crate) fn check_times(times: impl Iterator<Item = f64>) -> Result<(), String
         if !(time.is_finite() && time.abs() < 1e6) {
             return Err("a sample has no usable time".to_owned());
         }
-        if !(time - last > 1e-6) {
+        if time - last <= 1e-6 {
             return Err("its samples are not in the order of time".to_owned());
         }
         last = time;

@@ -174,7 +174,7 @@ impl Keys {
             let [from, to] = [&pair[0], &pair[1]];
             let (begin, end) = (f64::from(from.time), f64::from(to.time));
             let (first, last) = (begin.clamp(0.0, 1.0), end.clamp(0.0, 1.0));
-            if !(first < last) {
+            if first >= last {
                 continue;
             }
             let angle = 2.0 * from.half_angle * (last - first) / (end - begin);

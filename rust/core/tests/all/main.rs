@@ -46,6 +46,7 @@ mod materials;
 #[cfg(test)]
 mod materialx;
 mod mesh_lights;
+#[cfg(test)]
 mod motion;
 #[cfg(test)]
 mod partition;

@@ -10,7 +10,10 @@ use oocpt_core::{
 
 use crate::support::{by, committed, records, scatter, triangle};
 
-fn samples(maps: &[(f64, DMat4)]) -> Vec<TransformSample> {
+/// Transforms at times.
+type Maps<'a> = &'a [(f64, DMat4)];
+
+fn samples(maps: Maps<'_>) -> Vec<TransformSample> {
     maps.iter().map(|(time, transform)| TransformSample { time: *time, transform: *transform }).collect()
 }
 
@@ -212,7 +215,7 @@ fn told(db: &mut SceneDb) -> (Vec<String>, bool) {
 fn transforms_that_cannot_be_used_are_one_message_with_the_prim_and_no_motion() {
     let identity = DMat4::IDENTITY;
     let nan = DMat4::from_translation(DVec3::NAN);
-    let cases: [(&str, &[(f64, DMat4)], &str); 6] = [
+    let cases: [(&str, Maps<'_>, &str); 6] = [
         ("NaN", &[(0.0, identity), (1.0, nan)], "singular or not finite"),
         ("flat", &[(0.0, identity), (1.0, DMat4::from_scale(DVec3::new(1.0, 0.0, 1.0)))], "singular or not finite"),
         ("backwards", &[(1.0, identity), (0.0, turned(1.0, 0.0))], "order of time"),

@@ -66,7 +66,7 @@ fn integral(size: [u32; 2], height: f64, covers: impl Fn(DVec3, f64) -> bool) ->
 
 /// The largest difference, and the mean one.
 fn differences(a: &[f64], b: &[f64]) -> (f64, f64) {
-    assert_eq!(a.len(), b.len());
+    assert_eq!(a.len(), b.len(), "pictures of one size");
     let all = || a.iter().zip(b).map(|(a, b)| (a - b).abs());
     (all().fold(0.0, f64::max), all().sum::<f64>() / a.len() as f64)
 }
