@@ -3,7 +3,7 @@
 /// interrupts while Python is blocked in the host, and to print diagnostics as plain lines. No other host calls this,
 /// and nothing here installs a signal handler: the command line's own writes a byte into a pipe.
 #include "bridge/plainMessages.h"
-#include "oocpt-bridge/src/lib.rs.h"
+#include "oocpt-bridge/src/ffi_runner.rs.h"
 
 #include <cerrno>
 #include <csignal>

@@ -7,10 +7,13 @@
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/tf/diagnostic.h"
 #include "pxr/base/tf/stringUtils.h"
+#include "scene/dataSource.h"
 #include "scene/sceneChain.h"
 #include "scene/sceneReader.h"
+#include "scene/tokens.h"
 #include "scene/warnings.h"
 
+#include <algorithm>
 #include <exception>
 #include <mutex>
 #include <optional>
@@ -57,6 +60,7 @@ public:
 
     void ForwardSetting(const TfToken& key, const VtValue& value);
     void ForwardPrimSettings();
+    bool IsStill() const;
 
     std::optional<rust::Box<oocpt::Session>> session;
     std::unique_ptr<HdOocPTSceneReader> reader;
@@ -116,6 +120,21 @@ void HdOocPTSession::_Impl::ForwardPrimSettings()
     primSettings = current;
 }
 
+/// Whether a setting of the host, or a namespaced one of the scene, turns motion blur off.
+bool HdOocPTSession::_Impl::IsStill() const
+{
+    bool still = false;
+    for (const HdOocPTSettingMap* settings : { &hostSettings, &primSettings }) {
+        for (const TfToken& name :
+            { HdOocPTSceneTokens->disableMotionBlur, HdOocPTSceneTokens->instantaneousShutter }) {
+            const auto setting = settings->find(name);
+            bool value = false;
+            still = still || (setting != settings->end() && HdOocPTConvert(setting->second, &value) && value);
+        }
+    }
+    return still;
+}
+
 HdOocPTSession::HdOocPTSession()
     : _impl(std::make_unique<_Impl>())
 {
@@ -148,16 +167,22 @@ void HdOocPTSession::SetPrimIdLookup(std::function<int32_t(const SdfPath&)> look
     _impl->primIdLookup = std::move(lookup);
 }
 
-void HdOocPTSession::CommitScene()
+void HdOocPTSession::CommitScene(const SdfPath& camera)
 {
-    if (!_impl->session || !_impl->reader || !_impl->reader->HasChanges()) {
+    if (!_impl->session || !_impl->reader) {
         return;
     }
-    _impl->Try([this] {
-        oocpt::SceneEdits edits {};
-        _impl->reader->Read(_impl->primIdLookup, &edits, &_impl->warnings);
-        (*_impl->session)->apply_edits(std::move(edits));
-        _impl->ForwardPrimSettings();
+    _impl->Try([&] {
+        HdOocPTSceneReader& reader = *_impl->reader;
+        reader.SetCamera(camera, &_impl->warnings);
+        // A second time if the settings that were read turn motion off or on.
+        for (int round = 0; round < 2 && reader.HasChanges(); ++round) {
+            oocpt::SceneEdits edits {};
+            reader.Read(_impl->primIdLookup, &edits, &_impl->warnings);
+            (*_impl->session)->apply_edits(std::move(edits));
+            _impl->ForwardPrimSettings();
+            reader.SetMotionBlur(!reader.IsMotionDisabled() && !_impl->IsStill(), &_impl->warnings);
+        }
     });
     _impl->warnings.Post();
 }
@@ -194,6 +219,11 @@ void HdOocPTSession::Render(const HdOocPTRenderRequest& request)
     _impl->Try([&] {
         const HdOocPTLens lens = _impl->reader ? _impl->reader->GetLens(request.cameraPath) : HdOocPTLens {};
         oocpt::RenderDesc desc = HdOocPTDescribeRender(request, lens);
+        if (_impl->reader) {
+            GfMatrix4d viewToWorld(1.0);
+            std::copy_n(desc.world_from_view.begin(), 16, viewToWorld.GetArray());
+            HdOocPTFillMotion(_impl->reader->GetCameraMotion(request.cameraPath, viewToWorld), &desc.camera_motion);
+        }
         {
             const std::lock_guard<std::mutex> lock(_impl->mutex);
             _impl->request = request;

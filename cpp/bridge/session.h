@@ -87,7 +87,9 @@ public:
 
     /// Reads what was added, removed or dirtied since the last call and forwards it. Call it from
     /// HdRenderDelegate::CommitResources. Cheap when nothing is pending. Posts the reader's warnings through Tf itself.
-    void CommitScene();
+    ///
+    /// `camera`: whose shutter counts from now on; empty where that is not known yet.
+    void CommitScene(const SdfPath& camera = SdfPath());
 
     // ---- settings ----
 

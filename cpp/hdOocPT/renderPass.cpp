@@ -36,7 +36,8 @@ bool HdOocPTRenderPass::IsConverged() const
 void HdOocPTRenderPass::_Execute(HdRenderPassStateSharedPtr const& renderPassState, TfTokenVector const& renderTags)
 {
     HdOocPTGuard("executing the render pass", [&] {
-        _session->CommitScene();
+        HdCamera const* const camera = renderPassState->GetCamera();
+        _session->CommitScene(camera ? camera->GetId() : SdfPath());
         HdOocPTRenderRequest request;
         _hasRequest = _BindAovs(renderPassState->GetAovBindings(), &request);
         if (_hasRequest) {
@@ -44,7 +45,6 @@ void HdOocPTRenderPass::_Execute(HdRenderPassStateSharedPtr const& renderPassSta
             if (framing.IsValid()) {
                 request.dataWindow = framing.dataWindow;
             }
-            HdCamera const* const camera = renderPassState->GetCamera();
             request.cameraPath = camera ? camera->GetId() : SdfPath();
             request.worldToView = renderPassState->GetWorldToViewMatrix();
             request.projection = renderPassState->GetProjectionMatrix();

@@ -98,12 +98,15 @@ void HdOocPTReadInstancer(const HdOocPTPrimSource& source, HdOocPTInstancerState
     if (source.dirtyBits & HdOocPTDirtyInstancePrimvars) {
         _ReadPlacement(source, state);
     }
+    if (source.dirtyBits & (HdOocPTDirtyInstancePrimvars | HdOocPTDirtyPrimvars)) {
+        state->motion = HdOocPTReadInstancerMotion(source);
+    }
     // An instancer has no rows of its own for the primvars that meshes read apart.
     if (source.dirtyBits
         & (HdOocPTDirtyPrimvars | HdOocPTDirtyPoints | HdOocPTDirtyNormals | HdOocPTDirtyColor | HdOocPTDirtyOpacity)) {
         state->primvars = HdOocPTReadOtherPrimvars(source,
-            { tokens.instanceTranslations, tokens.instanceRotations, tokens.instanceScales,
-                tokens.instanceTransforms });
+            { tokens.instanceTranslations, tokens.instanceRotations, tokens.instanceScales, tokens.instanceTransforms,
+                tokens.velocities, tokens.accelerations, tokens.angularVelocities });
     }
     if (source.dirtyBits & HdOocPTDirtyCategories) {
         _WarnOfInstanceCategories(source);
@@ -123,6 +126,7 @@ oocpt::InstancerDesc HdOocPTDescribeInstancer(const SdfPath& path, const HdOocPT
     desc.rotations = HdOocPTHoldArray(state.rotations);
     desc.scales = HdOocPTHoldArray(state.scales);
     desc.transforms = HdOocPTHoldArray(state.transforms);
+    desc.motion = HdOocPTDescribeInstancerMotion(state.motion);
     desc.primvars = HdOocPTDescribePrimvars(state.primvars);
     return desc;
 }

@@ -27,6 +27,7 @@ struct HdOocPTInstancerState
     VtValue rotations;
     VtValue scales;
     VtValue transforms;
+    HdOocPTInstancerMotionState motion;
     /// All others with a value per instance.
     HdOocPTNamedPrimvars primvars;
 };

@@ -165,7 +165,7 @@ oocpt::LightDesc HdOocPTReadLight(const HdOocPTPrimSource& source, const TfToken
     const auto& tokens = *HdOocPTSceneTokens;
     const _Inputs inputs(source.container);
     HdOocPTPrimState prim;
-    HdOocPTReadPrim({ source.path, source.container, HdOocPTDirtyAll, source.warnings }, &prim);
+    HdOocPTReadPrim({ source.path, source.container, HdOocPTDirtyAll, source.warnings, source.shutter }, &prim);
     oocpt::LightDesc desc {};
     desc.kind = _Kind(type);
     if (desc.kind == oocpt::LightTag::Dome) {

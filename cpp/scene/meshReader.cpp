@@ -67,6 +67,15 @@ void _ReadPoints(const HdOocPTPrimSource& source, HdOocPTMeshState* state)
     const auto& tokens = *HdOocPTSceneTokens;
     state->points
         = HdOocPTReadArray(source, { tokens.primvars, tokens.points, tokens.primvarValue }, HdOocPTArrayRole::Vectors3);
+    const auto primvar = [&](const TfToken& name) {
+        return HdOocPTFind(source.container, { tokens.primvars, name, tokens.primvarValue });
+    };
+    if (source.shutter.IsOpen()
+        && (HdOocPTSample(primvar(tokens.velocities)).GetArraySize() > 0
+            || HdOocPTIsSampled(primvar(tokens.points), source.shutter))) {
+        source.warnings->Add(source.path,
+            "its points move while the shutter is open, which is not blurred yet; they are those of the frame");
+    }
     if (state->points.IsEmpty() && HdOocPTFind(source.container, { tokens.extComputationPrimvars, tokens.points })) {
         source.warnings->Add(
             source.path, "its points are computed (by UsdSkel, say) and this host does not compute them; left out");

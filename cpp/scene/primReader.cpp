@@ -48,6 +48,7 @@ void HdOocPTReadPrim(const HdOocPTPrimSource& source, HdOocPTPrimState* state)
     if (source.dirtyBits & HdOocPTDirtyTransform) {
         state->transform.SetIdentity();
         HdOocPTConvert(HdOocPTRead(source.container, { tokens.xform, tokens.matrix }), &state->transform);
+        state->motion = HdOocPTReadTransformSamples(source.container, source.shutter);
     }
     if (source.dirtyBits & HdOocPTDirtyVisibility) {
         state->visible = true;
@@ -67,6 +68,7 @@ void HdOocPTFillPrim(const SdfPath& path, const HdOocPTPrimState& state, oocpt::
 {
     desc->path = rust::String::lossy(path.GetString());
     std::copy_n(state.transform.GetArray(), 16, desc->transform.begin());
+    HdOocPTFillMotion(state.motion, &desc->motion);
     desc->visible = state.visible;
     desc->purpose = rust::String::lossy(state.purpose.GetString());
     desc->instanced_by.reserve(state.instancedBy.size());

@@ -9,6 +9,7 @@
 #include "pxr/imaging/hd/dataSource.h"
 #include "pxr/pxr.h"
 #include "pxr/usd/sdf/path.h"
+#include "scene/motionReader.h"
 #include "scene/warnings.h"
 
 #include <cstdint>
@@ -30,12 +31,14 @@ struct HdOocPTPrimSource
     uint32_t dirtyBits;
     /// Null where nobody needs to know.
     HdOocPTWarnings* warnings;
+    HdOocPTShutter shutter {};
 };
 
 /// What every prim has, as last read. Kept between commits, so that an edit reads only what it dirtied.
 struct HdOocPTPrimState
 {
     GfMatrix4d transform { 1.0 };
+    HdOocPTTransformSamples motion;
     bool visible = true;
     TfToken purpose;
     /// Instancer and prototype root, one pair for each instancer that places this prim.

@@ -111,6 +111,16 @@ void HdOocPTSceneReader::Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* e
     _DirtyBits dirty;
     _TakeRemovals(changes.removed, edits, &dirty);
     _TakeChanges(changes, edits, &dirty);
+    if (_isShutterNew) {
+        _isShutterNew = false;
+        for (const auto& [path, record] : _records) {
+            if (record
+                && (record->kind == HdOocPTPrimKind::Mesh || record->kind == HdOocPTPrimKind::Instancer
+                    || record->kind == HdOocPTPrimKind::Light)) {
+                dirty[path] |= HdOocPTDirtyTransform | HdOocPTDirtyInstancePrimvars | HdOocPTDirtyPoints;
+            }
+        }
+    }
     _ReadLinks(&dirty, warnings);
     std::vector<_Job> jobs = _MakeJobs(dirty, warnings);
     WorkParallelForN(jobs.size(), [&](size_t begin, size_t end) {
@@ -282,7 +292,7 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
         return;
     }
     _Record& record = *job->record;
-    HdOocPTPrimSource source { job->path, prim.dataSource, job->dirtyBits, warnings };
+    HdOocPTPrimSource source { job->path, prim.dataSource, job->dirtyBits, warnings, _shutter };
     switch (record.kind) {
     case HdOocPTPrimKind::Mesh:
         if (!record.mesh) {
@@ -326,13 +336,56 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
     }
 }
 
+void HdOocPTSceneReader::SetCamera(const SdfPath& camera, HdOocPTWarnings* warnings)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    if (!camera.IsEmpty()) {
+        _camera = camera;
+    } else if (_camera.IsEmpty()) {
+        const HdSceneIndexPrim root = _scene->GetPrim(SdfPath::AbsoluteRootPath());
+        _camera
+            = HdOocPTRead(root.dataSource, { tokens.sceneGlobals, tokens.primaryCameraPrim }).GetWithDefault<SdfPath>();
+    }
+    _SetShutter(_isMotionBlurred ? HdOocPTReadShutter(*_scene, _camera, warnings) : HdOocPTShutter());
+}
+
+void HdOocPTSceneReader::SetMotionBlur(bool isOn, HdOocPTWarnings* warnings)
+{
+    if (_isMotionBlurred != isOn) {
+        _isMotionBlurred = isOn;
+        SetCamera(SdfPath(), warnings);
+    }
+}
+
+void HdOocPTSceneReader::_SetShutter(const HdOocPTShutter& shutter)
+{
+    if ((shutter.IsOpen() || _shutter.IsOpen()) && shutter != _shutter) {
+        _isShutterNew = true;
+    }
+    _shutter = shutter;
+}
+
+HdOocPTTransformSamples HdOocPTSceneReader::GetCameraMotion(const SdfPath& camera, const GfMatrix4d& viewToWorld) const
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    const HdContainerDataSourceHandle container = camera.IsEmpty() ? nullptr : _scene->GetPrim(camera).dataSource;
+    GfMatrix4d transform(1.0);
+    if (!container || !HdOocPTConvert(HdOocPTRead(container, { tokens.xform, tokens.matrix }), &transform)
+        || !GfIsClose(transform, viewToWorld, 1e-6)) {
+        return {};
+    }
+    return HdOocPTReadTransformSamples(container, _shutter);
+}
+
 void HdOocPTSceneReader::_ReadSettings()
 {
     _settings.clear();
+    _isMotionDisabled = false;
     for (const SdfPath& path : _settingsPrims) {
         for (auto& [name, value] : HdOocPTReadRenderSettings(*_scene, path)) {
             _settings[name] = value;
         }
+        _isMotionDisabled = _isMotionDisabled || HdOocPTReadsMotionDisabled(*_scene, path);
     }
 }
 

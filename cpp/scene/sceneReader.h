@@ -8,6 +8,7 @@
 #include "pxr/usd/sdf/pathTable.h"
 #include "scene/cameraReader.h"
 #include "scene/links.h"
+#include "scene/motionReader.h"
 #include "scene/sceneObserver.h"
 #include "scene/settingsReader.h"
 #include "scene/warnings.h"
@@ -43,7 +44,17 @@ public:
     HdOocPTSceneReader& operator=(const HdOocPTSceneReader&) = delete;
 
     /// Whether Read() has anything to do.
-    bool HasChanges() const { return !_observer.IsEmpty(); }
+    bool HasChanges() const { return !_observer.IsEmpty() || _isShutterNew; }
+
+    /// Sets the camera whose shutter counts; empty: the one that the scene names. What may move is read again if the
+    /// shutter is another one than before.
+    void SetCamera(const SdfPath& camera, HdOocPTWarnings* warnings);
+
+    /// Forgets all motion, or takes it up again.
+    void SetMotionBlur(bool isOn, HdOocPTWarnings* warnings);
+
+    /// Whether the active render settings turn motion blur off, as of the last Read().
+    bool IsMotionDisabled() const { return _isMotionDisabled; }
 
     /// Reads what changed since the last call.
     void Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* edits, HdOocPTWarnings* warnings);
@@ -53,6 +64,9 @@ public:
 
     /// The lens of a camera prim, as it is now.
     HdOocPTLens GetLens(const SdfPath& camera) const { return HdOocPTReadLens(*_scene, camera); }
+
+    /// How a camera prim moves about the shutter, as it is now; nothing if its transform is not `viewToWorld`.
+    HdOocPTTransformSamples GetCameraMotion(const SdfPath& camera, const GfMatrix4d& viewToWorld) const;
 
 private:
     struct _Record;
@@ -69,6 +83,7 @@ private:
     void _RemoveAlone(const SdfPath& path, oocpt::SceneEdits* edits, std::set<SdfPath>* again);
     void _ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const;
     void _ReadSettings();
+    void _SetShutter(const HdOocPTShutter& shutter);
 
     const HdSceneIndexBaseRefPtr _scene;
     HdOocPTSceneObserver _observer;
@@ -77,6 +92,11 @@ private:
     HdOocPTLinks _links;
     std::set<SdfPath> _settingsPrims;
     HdOocPTSettingMap _settings;
+    SdfPath _camera;
+    HdOocPTShutter _shutter;
+    bool _isShutterNew = false;
+    bool _isMotionBlurred = true;
+    bool _isMotionDisabled = false;
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE

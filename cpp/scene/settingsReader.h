@@ -19,6 +19,10 @@ using HdOocPTSettingMap = std::map<TfToken, VtValue>;
 /// active; where a host has no globals, unless the prim calls itself active.
 HdOocPTSettingMap HdOocPTReadRenderSettings(const HdSceneIndexBase& scene, const SdfPath& path);
 
+/// Whether a render settings prim, if it is the active one, turns motion blur off: disableMotionBlur, or
+/// instantaneousShutter, of itself or of all its products.
+bool HdOocPTReadsMotionDisabled(const HdSceneIndexBase& scene, const SdfPath& path);
+
 PXR_NAMESPACE_CLOSE_SCOPE
 
 #endif

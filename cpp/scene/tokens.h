@@ -51,7 +51,11 @@ PXR_NAMESPACE_OPEN_SCOPE
     ((iesAngleScale, "shaping:ies:angleScale"))((iesNormalize, "shaping:ies:normalize"))                              \
     ((cameraVisibility, "ri:attributes:visibility:camera"))                                                           \
     /* cameras */                                                                                                     \
-    (camera)(focalLength)(fStop)(focusDistance)(projection)(orthographic)                                             \
+    (camera)(focalLength)(fStop)(focusDistance)(projection)(orthographic)(shutterOpen)(shutterClose)                  \
+    ((shutterOpenAttribute, "shutter:open"))((shutterCloseAttribute, "shutter:close"))                                \
+    /* motion */                                                                                                      \
+    (velocities)(accelerations)(angularVelocities)(timeCodesPerSecond)(primaryCameraPrim)(disableMotionBlur)          \
+    (instantaneousShutter)(renderProducts)                                                                            \
     /* render settings */                                                                                             \
     (namespacedSettings)(active)(sceneGlobals)(activeRenderSettingsPrim)                                              \
     /* purposes and render tags */                                                                                    \

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/warnings.h"
 
-#include "oocpt-bridge/src/lib.rs.h"
+#include "oocpt-bridge/src/ffi_runner.rs.h"
 #include "pxr/base/tf/diagnostic.h"
 
 #include <exception>

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 fn main() {
     let cpp = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../cpp");
-    let bridges = ["src/lib.rs", "src/ffi_images.rs"];
+    let bridges = ["src/lib.rs", "src/ffi_images.rs", "src/ffi_runner.rs"];
     cxx_build::bridges(bridges)
         .std("c++17")
         .include(&cpp)

@@ -6,6 +6,7 @@
 #include "include/cone.glsl"
 
 #include "include/double.glsl"
+#include "include/motion.glsl"
 #include "include/progress.glsl"
 
 // From the origin of image point (0, 0) to that of p; zero for a perspective camera.
@@ -18,11 +19,50 @@ vec3 camera_direction(vec2 p) {
     return FRAME.ray_d + p.x * FRAME.ray_d_x + p.y * FRAME.ray_d_y;
 }
 
+// The same of a camera that moves, at a time of the shutter; and where its rays begin.
+struct MovedCamera {
+    Double3 o;
+    vec3 shift;
+    vec3 d;
+};
+
+vec3 moved_vector(Motion m, vec3 v) {
+    const vec3 stretched =
+        vec3(dot3(vec3(m.stretch.x, m.shear.xy), v), dot3(vec3(m.shear.x, m.stretch.y, m.shear.z), v),
+             dot3(vec3(m.shear.yz, m.stretch.z), v));
+    return combine_rows(m.turn[0], m.turn[1], m.turn[2], stretched);
+}
+
+// `lens`: a point of the unit disk; 0 without HAS_LENS.
+MovedCamera camera_at(vec2 p, vec2 lens, float time) {
+    const GpuCameraMotion motion = CameraMotionBlock(FRAME.camera_motion).m;
+    const uint64_t keys = FRAME.camera_motion + 96ul;
+    uint at = 0u;
+    while (at + 2u < motion.key_count && CameraKeys(keys).v[at + 1u].key.time <= time) ++at;
+    const GpuCameraKey a = CameraKeys(keys).v[at];
+    const GpuCameraKey b = CameraKeys(keys).v[at + 1u];
+    const Motion m = between(a.key, b.key, time);
+    const Double3 from = Double3(a.key.translation, a.translation_lo);
+    const vec3 way = difference(Double3(b.key.translation, b.translation_lo), from);
+    vec3 o = motion.o + p.x * motion.o_x + p.y * motion.o_y;
+    vec3 d = motion.d + p.x * motion.d_x + p.y * motion.d_y;
+    if (HAS_LENS) {
+        const vec3 aside = vec3(lens * motion.lens_radius, 0.0);
+        o += aside;
+        d -= aside / FRAME.focus;
+    }
+    return MovedCamera(add(from, m.part * way), moved_vector(m, o), moved_vector(m, d));
+}
+
 // The first ray of a path.
-void start_ray(uint path, vec3 shift, vec3 d) {
+void start_ray_from(uint path, Double3 start, vec3 shift, vec3 d) {
     if (HAS_TEXTURES) store_camera_cone(path, d);
-    const Double3 o = add(Double3(FRAME.ray_o, FRAME.ray_o_lo), shift);
+    const Double3 o = add(start, shift);
     store_ray(ray_address(path), Ray(o.hi, 0u, normalize(d), uintBitsToFloat(0x7f800000u), o.lo, 0u));
+}
+
+void start_ray(uint path, vec3 shift, vec3 d) {
+    start_ray_from(path, Double3(FRAME.ray_o, FRAME.ray_o_lo), shift, d);
 }
 
 // The slot of a new path: its number in a wave. With streaming the slot number arg0 + thread of all that were ever

@@ -35,8 +35,8 @@ bool instance_primvar(uint name, out vec4 value) {
         take_value(table, record, name, value, found);
         const uint target = Instances(instances).v[record].target;
         if (!HAS_NESTING || (target & TARGET_ASSEMBLY) == 0u) break;
-        table = Assemblies(FRAME.assemblies).v[target & ~TARGET_ASSEMBLY].primvars;
-        instances = Assemblies(FRAME.assemblies).v[target & ~TARGET_ASSEMBLY].instances;
+        table = Assemblies(FRAME.assemblies).v[target & TARGET_NUMBER].primvars;
+        instances = Assemblies(FRAME.assemblies).v[target & TARGET_NUMBER].instances;
     }
     return found;
 }

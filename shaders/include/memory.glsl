@@ -19,6 +19,9 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Surfaces { 
 
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer ConstVec4s { vec4 v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Instances { GpuInstance v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer MotionKeys { GpuMotionKey v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer CameraMotionBlock { GpuCameraMotion m; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer CameraKeys { GpuCameraKey v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer ChunkInstances { GpuChunkInstance v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Chunks { GpuChunk v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Assemblies { GpuAssembly v[]; };

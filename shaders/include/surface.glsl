@@ -11,6 +11,7 @@
 
 #include "include/affine.glsl"
 #include "include/attribute.glsl"
+#include "include/motion.glsl"
 #include "include/surface_material.glsl"
 
 struct Surface {
@@ -32,6 +33,7 @@ const float ROUND_ROUNDOFF = 32.0 * UNIT_ROUNDOFF;
 GpuSurfaceMaterial surface_material; // with HAS_MATERIALS: set by make_surface
 uint surface_chain[MAX_LEVELS]; // instance records of the hit, the chunk's first: set before make_surface
 uint surface_chunk_instance;    // its chunk instance: set by make_surface
+float surface_time;             // of the path; with HAS_MOTION only: set before make_surface
 #define INSTANCE_CHUNK surface_chunk_instance
 #define INSTANCE_CHAIN surface_chain
 #include "include/instance_primvars.glsl"
@@ -51,19 +53,19 @@ uint placement_id(uint parent, uint64_t instances, uint record) {
 Affine follow_chain(uint chunk_instance, out uint mesh, out int prim_id, out uint instance_id) {
     uint64_t instances = chunk_records(chunk_instance);
     uint record = surface_chain[0];
-    Affine map = instance_map(instances, record);
     uint target = Instances(instances).v[record].target;
+    Affine map = placed_map(instances, record, target, surface_time);
     instance_id = placement_id(ChunkInstances(FRAME.chunk_instances).v[chunk_instance].instance_id, instances, record);
     if (HAS_NESTING) {
         for (uint level = 1u; level < MAX_LEVELS && (target & TARGET_ASSEMBLY) != 0u; ++level) {
-            instances = Assemblies(FRAME.assemblies).v[target & ~TARGET_ASSEMBLY].instances;
+            instances = Assemblies(FRAME.assemblies).v[target & TARGET_NUMBER].instances;
             record = surface_chain[level];
-            map = compose(instance_map(instances, record), map);
             target = Instances(instances).v[record].target;
+            map = compose(placed_map(instances, record, target, surface_time), map);
             instance_id = placement_id(instance_id, instances, record);
         }
     }
-    mesh = target;
+    mesh = HAS_MOTION ? target & TARGET_NUMBER : target;
     prim_id = Instances(instances).v[record].prim_id;
     return map;
 }
@@ -85,13 +87,13 @@ vec3 forward_with_error(uint chunk_instance, vec3 p, inout vec3 error) {
     uint64_t instances = chunk_records(chunk_instance);
     for (uint level = 0u; level < MAX_LEVELS; ++level) {
         const uint record = surface_chain[level];
-        const Affine m = instance_map(instances, record);
+        const uint target = Instances(instances).v[record].target;
+        const Affine m = placed_map(instances, record, target, surface_time);
         const Affine size = Affine(abs(m.x), abs(m.y), abs(m.z));
         error = apply_vector(size, error) + 4.0 * UNIT_ROUNDOFF * apply_point(size, abs(p));
         p = apply_point(m, p);
-        const uint target = Instances(instances).v[record].target;
         if (!HAS_NESTING || (target & TARGET_ASSEMBLY) == 0u) break;
-        instances = Assemblies(FRAME.assemblies).v[target & ~TARGET_ASSEMBLY].instances;
+        instances = Assemblies(FRAME.assemblies).v[target & TARGET_NUMBER].instances;
     }
     return p;
 }

@@ -23,6 +23,7 @@
 #include "include/affine.glsl"
 #include "include/attribute.glsl"
 #include "include/light_links.glsl"
+#include "include/motion.glsl"
 #include "include/sampler.glsl"
 #include "traversal/box.glsl"
 #include "traversal/node.glsl"
@@ -70,6 +71,7 @@ struct Walk {
     uint chunk_instance;
     uint mesh;
     uint seed;
+    float time; // of the path; with HAS_MOTION only
     uint shadow_link; // any hit: category of the prims that count; 0: all
     uint visits;  // of resident chunks; streaming only
     float chunk_entry; // where the chunk was entered, as its parent said; cutouts with streaming only
@@ -224,8 +226,8 @@ uint enter_chunk(uint reference) {
 
 // Into the target of an instance record; returns its root, or the next reference where there is no room.
 uint enter(uint record) {
-    const Affine map = instance_map(walk.instances, record);
     const uint target = Instances(walk.instances).v[record].target;
+    const Affine map = placed_map(walk.instances, record, target, walk.time);
     const bool nested = HAS_NESTING && (target & TARGET_ASSEMBLY) != 0u;
 #if ANY_HIT
     if (HAS_LIGHT_LINKS && !nested && walk.shadow_link != 0u) {
@@ -241,18 +243,19 @@ uint enter(uint record) {
     const vec3 o = apply_point(map, walk.o);
     const vec3 d = apply_vector(map, walk.d);
     if (nested) {
-        begin_level(o, d, Assemblies(FRAME.assemblies).v[target & ~TARGET_ASSEMBLY].nodes,
-                    Assemblies(FRAME.assemblies).v[target & ~TARGET_ASSEMBLY].instances);
+        begin_level(o, d, Assemblies(FRAME.assemblies).v[target & TARGET_NUMBER].nodes,
+                    Assemblies(FRAME.assemblies).v[target & TARGET_NUMBER].instances);
     } else {
         walk.o = o;
         walk.d = d;
         walk.reciprocal = safe_reciprocal(d);
         walk.in_mesh = true;
-        walk.mesh = target;
-        walk.nodes = Meshes(FRAME.meshes).v[target].nodes;
-        walk.pad = MESH_PAD * (largest_of(o) + Meshes(FRAME.meshes).v[target].reach);
-        walk.triangles = Meshes(FRAME.meshes).v[target].triangles;
-        walk.round = HAS_ROUND && (Meshes(FRAME.meshes).v[target].flags & MESH_ROUND) != 0u;
+        const uint mesh = HAS_MOTION ? target & TARGET_NUMBER : target;
+        walk.mesh = mesh;
+        walk.nodes = Meshes(FRAME.meshes).v[mesh].nodes;
+        walk.pad = MESH_PAD * (largest_of(o) + Meshes(FRAME.meshes).v[mesh].reach);
+        walk.triangles = Meshes(FRAME.meshes).v[mesh].triangles;
+        walk.round = HAS_ROUND && (Meshes(FRAME.meshes).v[mesh].flags & MESH_ROUND) != 0u;
     }
     return 0u;
 }
@@ -331,6 +334,7 @@ void begin_walk(uint64_t ray, uint path, float t_max, uint seed, uint flags) {
     walk.level = 0u;
     walk.chunk_instance = 0u;
     walk.seed = seed;
+    if (HAS_MOTION) walk.time = path_time(path);
     walk.visits = 0u;
     walk.in_mesh = false;
     walk.round = false;

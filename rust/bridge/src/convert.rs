@@ -4,6 +4,8 @@
 //! Pure; any thread. A part whose bytes make no sense is left out and named in [`Complaints`]; the rest of the prim
 //! lives.
 
+pub(crate) mod motion;
+
 use crate::ffi;
 use crate::held::typed_array;
 use cxx::UniquePtr;
@@ -26,7 +28,7 @@ impl Complaints {
         self.0.push(SceneWarning::of_notes(path.into(), vec![format!("{part}: {reason}")]));
     }
 
-    fn optional(&mut self, path: &str, part: &str, held: UniquePtr<ffi::HeldArray>) -> Option<TypedArray> {
+    pub(crate) fn optional(&mut self, path: &str, part: &str, held: UniquePtr<ffi::HeldArray>) -> Option<TypedArray> {
         match typed_array(held)? {
             Ok(array) => Some(array),
             Err(reason) => {
@@ -163,6 +165,7 @@ pub(crate) fn prim(desc: ffi::PrimDesc) -> PrimDesc {
     PrimDesc {
         path: Arc::from(desc.path),
         transform: column_matrix(&desc.transform),
+        motion: motion::transform_samples(&desc.motion),
         visible: desc.visible,
         purpose: Arc::from(desc.purpose),
         instanced_by: desc
@@ -221,6 +224,7 @@ pub(crate) fn instancer(desc: ffi::InstancerDesc, complaints: &mut Complaints) -
         rotations: complaints.optional(&path, "instanceRotations", desc.rotations),
         scales: complaints.optional(&path, "instanceScales", desc.scales),
         transforms: complaints.optional(&path, "instanceTransforms", desc.transforms),
+        motion: motion::instancer_motion(desc.motion, &path, complaints),
         primvars: complaints.primvars(&path, desc.primvars),
     }
 }
@@ -257,6 +261,7 @@ pub(crate) mod tests {
         ffi::PrimDesc {
             path: "/World/mesh".into(),
             transform,
+            motion: Vec::new(),
             visible: true,
             purpose: "render".into(),
             instanced_by: vec![ffi::InstancedByDesc { instancer: "/I".into(), prototype_root: "/I/P".into() }],

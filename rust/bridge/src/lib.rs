@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The boundary between the Hydra shim (C++) and the renderer (Rust); `ffi_images` has the part about images.
+//! The boundary between the Hydra shim (C++) and the renderer (Rust); `ffi_images` has the part about images,
+//! `ffi_runner` that of command lines.
 //!
 //! Guarantees: no panic leaves it (every function goes through `guard` and returns `Result`, a `rust::Error` in C++);
 //! arrays are read where USD holds them, never copied; matrices are Gf's row-vector data, read as columns.
@@ -9,6 +10,7 @@
 
 mod convert;
 mod ffi_images;
+mod ffi_runner;
 mod guard;
 #[allow(unsafe_code, reason = "Send and Sync of the C++ types are promised here")]
 mod held;
@@ -23,8 +25,7 @@ mod settings;
 mod stats;
 mod texture_file;
 
-use runner::{begin_picture, interrupt, interrupted, picture_rendered};
-use session::{Session, close_session, open_session, setting_descriptors, summed_warnings};
+use session::{Session, close_session, open_session, setting_descriptors};
 use texture_file::texture_file;
 
 /// Declarations that cxx turns into both sides of the boundary.
@@ -167,21 +168,6 @@ mod ffi {
         text: String,
     }
 
-    /// What a reader complains about.
-    #[derive(Debug, Clone)]
-    struct PrimWarning {
-        path: String,
-        text: String,
-    }
-
-    /// How far the picture of an interrupted command line is; `samples` is 0 where nothing of it is to be written.
-    #[derive(Debug, Clone, Copy)]
-    struct Interrupted {
-        is_interrupted: bool,
-        samples: u32,
-        target: u32,
-    }
-
     /// A primvar; absent when `values` is null.
     struct PrimvarDesc {
         interpolation: InterpolationTag,
@@ -207,10 +193,12 @@ mod ffi {
         prototype_root: String,
     }
 
-    /// What every prim has. `transform` is `GfMatrix4d` data as it lies in memory.
+    /// What every prim has. `transform` is `GfMatrix4d` data as it lies in memory; in `motion` are 17 numbers for each
+    /// sample: the part of the shutter, which opens at 0 and closes at 1, and the transform.
     struct PrimDesc {
         path: String,
         transform: [f64; 16],
+        motion: Vec<f64>,
         visible: bool,
         purpose: String,
         instanced_by: Vec<InstancedByDesc>,
@@ -274,6 +262,24 @@ mod ffi {
         indices: UniquePtr<HeldArray>,
     }
 
+    /// Arrays of an instancer at a part of the shutter.
+    struct InstancerSampleDesc {
+        time: f64,
+        translations: UniquePtr<HeldArray>,
+        rotations: UniquePtr<HeldArray>,
+        scales: UniquePtr<HeldArray>,
+        transforms: UniquePtr<HeldArray>,
+    }
+
+    /// How instances move; `seconds`: when the shutter opens and closes.
+    struct InstancerMotionDesc {
+        samples: Vec<InstancerSampleDesc>,
+        velocities: UniquePtr<HeldArray>,
+        accelerations: UniquePtr<HeldArray>,
+        angular_velocities: UniquePtr<HeldArray>,
+        seconds: [f64; 2],
+    }
+
     /// A point instancer or the instancer of native instances; null arrays are absent.
     struct InstancerDesc {
         prim: PrimDesc,
@@ -283,6 +289,7 @@ mod ffi {
         rotations: UniquePtr<HeldArray>,
         scales: UniquePtr<HeldArray>,
         transforms: UniquePtr<HeldArray>,
+        motion: InstancerMotionDesc,
         primvars: Vec<NamedPrimvarDesc>,
     }
 
@@ -384,6 +391,7 @@ mod ffi {
         width: u32,
         height: u32,
         world_from_view: [f64; 16],
+        camera_motion: Vec<f64>,
         projection: [f64; 16],
         display_window: [f32; 4],
         data_window: [i32; 4],
@@ -411,7 +419,6 @@ mod ffi {
 
     extern "Rust" {
         type Session;
-
         fn open_session(images: UniquePtr<ImageSource>) -> Result<Box<Session>>;
         fn close_session(session: Box<Session>) -> Result<()>;
         fn setting_descriptors() -> Result<Vec<SettingDescriptor>>;
@@ -421,13 +428,6 @@ mod ffi {
             resolved: &str,
             color_space: &str,
         ) -> Result<String>;
-
-        fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>>;
-
-        fn begin_picture(folder: &str) -> Result<bool>;
-        fn picture_rendered() -> Result<()>;
-        fn interrupt() -> Result<bool>;
-        fn interrupted() -> Result<Interrupted>;
 
         fn apply_edits(self: &Session, edits: SceneEdits) -> Result<()>;
         fn clear_scene(self: &Session) -> Result<()>;

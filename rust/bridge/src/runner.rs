@@ -8,7 +8,6 @@
 //!
 //! Any thread; the calls of a command line come from one, [`interrupt`] from another.
 
-use crate::ffi::Interrupted;
 use crate::guard::{BridgeError, guard};
 use oocpt_render::{Early, Session};
 use std::io::{IsTerminal as _, Write as _};
@@ -113,11 +112,11 @@ pub(crate) fn interrupt() -> Result<bool, BridgeError> {
 }
 
 /// Whether the command line was interrupted, and how far the picture under way is.
-pub(crate) fn interrupted() -> Result<Interrupted, BridgeError> {
+pub(crate) fn interrupted() -> Result<(bool, Early), BridgeError> {
     guard("interrupted", || {
         let state = state();
         let early = state.of_picture(Session::reached).unwrap_or(Early { samples: 0, target: 0 });
-        Ok(Interrupted { is_interrupted: state.is_interrupted, samples: early.samples, target: early.target })
+        Ok((state.is_interrupted, early))
     })
 }
 

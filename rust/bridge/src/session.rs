@@ -4,9 +4,7 @@
 //! Every method may be called from any thread; none panics out (see [`crate::guard`]).
 
 use crate::convert::{self, Complaints, column_matrix};
-use crate::ffi::{
-    NamedValue, PrimWarning, RenderDesc, ScalarValue, SceneEdits, SettingDescriptor, SettingOutcome, UserMessage,
-};
+use crate::ffi::{NamedValue, RenderDesc, ScalarValue, SceneEdits, SettingDescriptor, SettingOutcome, UserMessage};
 use crate::ffi_images::ImageSource;
 use crate::guard::{BridgeError, guard};
 use crate::images::HostImages;
@@ -14,7 +12,7 @@ use crate::settings::{self, Layers};
 use crate::{light, logging, material, runner, stats};
 use cxx::UniquePtr;
 use oocpt_core::camera::Camera;
-use oocpt_core::scene::{SceneDb, SceneWarning, summary};
+use oocpt_core::scene::{SceneDb, summary};
 use oocpt_render::textures::ImageLibrary;
 use oocpt_render::{AovKind, AovRequest, RenderRequest, SessionOptions, Severity};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -69,14 +67,6 @@ pub(crate) fn close_session(session: Box<Session>) -> Result<(), BridgeError> {
     guard("close_session", move || {
         drop(session);
         Ok(())
-    })
-}
-
-/// What to post for the warnings of a reader of prims: few lines where many prims say the like.
-pub(crate) fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>, BridgeError> {
-    guard("summed_warnings", || {
-        let warning = |w: PrimWarning| SceneWarning::of_notes(w.path.into(), vec![w.text]);
-        Ok(summary(&warnings.into_iter().map(warning).collect::<Vec<_>>()))
     })
 }
 
@@ -265,6 +255,7 @@ fn render_request(desc: &RenderDesc) -> RenderRequest {
             data_window: desc.data_window,
             lens_radius: desc.lens_radius,
             focus_distance: desc.focus_distance,
+            motion: convert::motion::transform_samples(&desc.camera_motion),
         },
         aovs: desc
             .aovs

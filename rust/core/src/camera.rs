@@ -2,6 +2,7 @@
 //! From camera matrices to rays that are affine in the pixel position, and to the rows that turn a hit point into
 //! depths. All in f64, rounded once at the end; the ray origin is kept in two floats. Pure; any thread.
 
+use crate::desc::TransformSample;
 use glam::{DAffine3, DMat2, DMat3, DMat4, DVec2, DVec3, DVec4};
 
 /// A camera as Hydra resolves it for one image.
@@ -19,6 +20,8 @@ pub struct Camera {
     pub lens_radius: f64,
     /// Distance of the plane in focus along the view axis, scene units.
     pub focus_distance: f64,
+    /// `world_from_view` at times about the shutter; empty where it does not move.
+    pub motion: Vec<TransformSample>,
 }
 
 /// Rays for the GPU, relative to the origin given to [`Camera::rays`].

@@ -11,6 +11,7 @@
 pub mod adaptive;
 pub mod array;
 pub mod camera;
+mod camera_motion;
 pub mod convergence;
 pub mod desc;
 pub mod inventory;
@@ -26,6 +27,7 @@ pub mod texture;
 
 pub use array::{ArrayError, ArraySource, ArrayView, Element, ElementType, TypedArray};
 pub use camera::{Camera, CameraError, CameraRays};
+pub use camera_motion::{CameraMotion, CameraMotionError};
 pub use material::{ColorSpace, Input, InputName, Material, MaterialFlags, TextureRef, Wrap};
 pub use mesh::{
     Aabb, AnyAttribute, Attribute, AttributeRate, Bvh2, Bvh4, Bvh4Node, BvhError, BvhNode, LevelNode, MeshAsset,
@@ -37,9 +39,10 @@ pub use partition::{Chunk, ChunkInstance, OpenedAssembly, PartitionOptions, RECO
 pub use sampler::{pixel_seed, sample_4d};
 pub use scene::{
     Assembly, AssetRef, Commit, ConnectionDesc, DomeFormat, DroppedData, InstanceFlags, InstanceRecord, InstancedBy,
-    InstancerDesc, InstancerPrototype, Interpolation, Light, LightDesc, LightKind, MaterialDesc, MeshDesc, NO_MATERIAL,
-    NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, PrimRecord, Primvar, SceneCounts, SceneDb, SceneFeatures,
-    SceneWarning, Shaping, Snapshot, SnapshotError, Subdivision, SubsetDesc, SurfaceTables, Target,
+    InstancerDesc, InstancerPrototype, Interpolation, Light, LightDesc, LightKind, MaterialDesc, MeshDesc, MotionKey,
+    NO_MATERIAL, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, PrimRecord, Primvar, SceneCounts, SceneDb,
+    SceneFeatures, SceneWarning, Shaping, Snapshot, SnapshotError, Subdivision, SubsetDesc, SurfaceTables, Target,
+    TransformSample,
 };
 pub use settings::{Audience, Descriptor, SettingError, Settings, Value};
 pub use stats::{ErrorRow, Stats, StreamingStats, TrueError, WorstPixel};

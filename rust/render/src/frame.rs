@@ -103,7 +103,13 @@ impl Renderer {
         gate: &Gate<'_>,
         progress: &mut Progress<'_>,
     ) -> Result<(), RenderError> {
-        let rays = job.request.camera.rays(job.snapshot.origin)?;
+        let origin = job.snapshot.origin;
+        let in_motion = job.request.camera.in_motion(origin).unwrap_or_else(|why| {
+            gate.shared().report(Severity::Warning, why.to_string());
+            None
+        });
+        let still = in_motion.as_ref().map_or(&job.request.camera, |(still, _)| still);
+        let rays = still.rays(origin)?;
         let scene_lights = if job.settings.enable_scene_lights { job.snapshot.lights.as_slice() } else { &[] };
         let dome_visible = job.settings.dome_light_camera_visible;
         let files = &*job.files;
@@ -115,6 +121,7 @@ impl Renderer {
             lights.add_meshes(&meshes);
             warnings.extend(meshes.warning.clone());
         }
+        warnings.extend(self.mesh_lights.warning());
         let (carry, unknown) = Carry::parse(&job.settings.carry);
         warnings.extend(unknown.iter().map(|name| format!("oocpt:carry: {name:?} is no feature")));
         for warning in warnings {
@@ -134,6 +141,7 @@ impl Renderer {
             device,
             job,
             rays: &rays,
+            camera_motion: in_motion.as_ref().map(|(_, motion)| motion),
             lights: &lights,
             lighting: tables.lighting,
             film: &film,

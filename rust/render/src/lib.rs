@@ -14,6 +14,7 @@ mod aov;
 mod assets;
 mod block;
 pub mod bsdf_tables;
+mod camera_motion;
 pub mod chunk_report;
 mod device;
 mod early;

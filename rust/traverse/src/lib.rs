@@ -65,5 +65,6 @@ impl std::error::Error for TraceError {}
 /// What native traversal cannot do yet of what a scene needs; none if it can do all of it.
 #[must_use]
 pub fn unsupported(features: Features) -> Option<&'static str> {
-    features.contains(Features::CUTOUTS).then_some("cutouts by textures")
+    let reasons = [(Features::CUTOUTS, "cutouts by textures"), (Features::MOTION, "motion of placements")];
+    reasons.into_iter().find(|(feature, _)| features.contains(*feature)).map(|(_, why)| why)
 }

@@ -100,6 +100,7 @@ struct Frame {
     uint64_t texture_feedback;
     uint64_t programs;
     uint64_t sheen_tables;
+    uint64_t camera_motion;
 };
 
 struct TextureFeedback {

@@ -38,6 +38,37 @@ struct GpuInstance {
     uint prototype_count;
 };
 
+struct GpuMotionKey {
+    vec3 translation;
+    float time;
+    vec4 rotation;
+    vec3 stretch;
+    float half_angle;
+    vec3 shear;
+    uint pad;
+};
+
+struct GpuCameraMotion {
+    vec3 o;
+    uint key_count;
+    vec3 o_x;
+    float lens_radius;
+    vec3 o_y;
+    uint pad0;
+    vec3 d;
+    uint pad1;
+    vec3 d_x;
+    uint pad2;
+    vec3 d_y;
+    uint pad3;
+};
+
+struct GpuCameraKey {
+    GpuMotionKey key;
+    vec3 translation_lo;
+    uint pad;
+};
+
 struct GpuMesh {
     uint64_t nodes;
     uint64_t triangles;

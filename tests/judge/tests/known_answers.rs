@@ -16,7 +16,7 @@ use oocpt_core::scene::{
 use oocpt_judge::{PathTracerOptions, World, compare_depth, compare_ids, first_hits, path_trace, z_test};
 
 fn prim(path: &str, transform: DMat4, instanced_by: Vec<InstancedBy>) -> PrimDesc {
-    PrimDesc { path: path.into(), transform, visible: true, purpose: "default".into(), instanced_by }
+    PrimDesc { path: path.into(), transform, instanced_by, ..PrimDesc::default() }
 }
 
 fn vec3s(values: &[[f32; 3]]) -> TypedArray {
@@ -78,6 +78,7 @@ fn camera(size: i32) -> Camera {
         data_window: [0, 0, size, size],
         lens_radius: 0.0,
         focus_distance: 5.0,
+        motion: Vec::new(),
     }
 }
 

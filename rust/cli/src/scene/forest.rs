@@ -59,6 +59,7 @@ pub(super) fn view(eye: DVec3, target: DVec3, width: u32, height: u32) -> Camera
         data_window: [0, 0, width as i32, height as i32],
         lens_radius: 0.0,
         focus_distance: 0.0,
+        motion: Vec::new(),
     }
 }
 
@@ -74,7 +75,7 @@ fn perspective(fov: f64, aspect: f64, near: f64, far: f64) -> DMat4 {
 }
 
 pub(super) fn prim(path: &str, instanced_by: Vec<InstancedBy>) -> PrimDesc {
-    PrimDesc { path: path.into(), transform: DMat4::IDENTITY, visible: true, purpose: "default".into(), instanced_by }
+    PrimDesc { path: path.into(), instanced_by, ..PrimDesc::default() }
 }
 
 /// The height of the ground, scene units.

@@ -3,7 +3,10 @@
 
 use glam::DMat4;
 
-use super::{InstancerDesc, LightDesc, LightKind, MeshDesc, PrimDesc, Shape, Shaping, Subdivision, SubdivisionTags};
+use super::{
+    InstancerDesc, InstancerMotion, LightDesc, LightKind, MeshDesc, PrimDesc, Shape, Shaping, Subdivision,
+    SubdivisionTags,
+};
 use crate::array::TypedArray;
 
 impl Default for PrimDesc {
@@ -12,6 +15,7 @@ impl Default for PrimDesc {
         Self {
             path: "".into(),
             transform: DMat4::IDENTITY,
+            motion: Vec::new(),
             visible: true,
             purpose: "default".into(),
             instanced_by: Vec::new(),
@@ -58,6 +62,7 @@ impl Default for InstancerDesc {
             rotations: None,
             scales: None,
             transforms: None,
+            motion: InstancerMotion::default(),
             primvars: Vec::new(),
         }
     }

@@ -81,6 +81,8 @@ dropped! {
     prim_transforms: "singular or non-finite transforms",
     /// Instances with a singular or non-finite matrix.
     instance_transforms: "instances with singular or non-finite matrices",
+    /// Instances that stay where they are: a map of their motion is singular, not finite or too far away.
+    instance_motions: "instances that do not move, with singular or non-finite matrices on their way",
     /// Instance indices that name no instance.
     instance_indices: "instance indices out of range",
     /// Faces of subsets that the mesh does not have.

@@ -5,10 +5,12 @@
 
 mod defaults;
 mod dropped;
+mod motion;
 mod shape;
 mod subdivision;
 
 pub use dropped::DroppedData;
+pub use motion::{InstancerMotion, InstancerSample, TransformSample};
 pub use shape::{CurveBasis, CurveWrap, CurvesDesc, Shape};
 pub use subdivision::{Boundary, Creasing, FaceVaryingLinear, Subdivision, SubdivisionTags, TriangleRule};
 
@@ -91,6 +93,8 @@ pub struct PrimDesc {
     pub path: Arc<str>,
     /// Local to world; relative to the prototype root when the prim is instanced.
     pub transform: DMat4,
+    /// The same at times about the shutter; empty where it does not move.
+    pub motion: Vec<TransformSample>,
     /// An invisible prim contributes nothing.
     pub visible: bool,
     /// "default" (also "" and "geometry"), "render", "proxy", "guide". Only looked at for meshes, as Hydra does.
@@ -184,6 +188,8 @@ pub struct InstancerDesc {
     pub scales: Option<TypedArray>,
     /// Matrices.
     pub transforms: Option<TypedArray>,
+    /// How the instances move while the shutter is open.
+    pub motion: InstancerMotion,
     /// Other primvars with a value per instance.
     pub primvars: Vec<NamedPrimvar>,
 }

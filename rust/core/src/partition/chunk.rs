@@ -17,7 +17,7 @@ use crate::scene::assembly::Member;
 use crate::scene::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, write_value};
 use crate::scene::placement::{MATRIX_ERROR, round_down, round_up};
 use crate::scene::reader::Reader;
-use crate::scene::{InstanceRecord, Target};
+use crate::scene::{InstanceRecord, MotionKey, Target};
 
 /// Rounding of f64 frames, relative to the distance of the origin.
 const FRAME_ERROR: f64 = 1.0 / (1_u64 << 50) as f64;
@@ -200,6 +200,29 @@ impl Chunk {
                 *slot = member.record(rank, &placed);
             }
         });
+    }
+
+    /// As [`crate::scene::Assembly::keys_before`].
+    #[must_use]
+    pub fn keys_before(&self, record: usize) -> usize {
+        let members = self.members();
+        let keys: Vec<usize> = members.iter().map(|member| member.run.key_count()).collect();
+        if keys.iter().all(|keys| *keys == 0) {
+            return 0;
+        }
+        let of = |at: usize| self.place(at).and_then(|(which, _)| keys.get(which as usize)).copied().unwrap_or(0);
+        (0..record.min(self.len())).map(of).sum()
+    }
+
+    /// As [`crate::scene::Assembly::encode_keys`], in the chunk's frame.
+    pub fn encode_keys(&self, range: Range<usize>, mut visit: impl FnMut(&[MotionKey])) {
+        let members = self.members();
+        let mut readers = Readers::new(&members, Some(self.origin));
+        for (which, rank) in (range.start..range.end.min(self.len())).filter_map(|at| self.place(at)) {
+            if let Some(keys) = readers.get(which).and_then(|(_, reader)| reader.keys(rank)) {
+                visit(keys.as_slice());
+            }
+        }
     }
 
     /// Primvars that records have values of.

@@ -36,6 +36,8 @@ use crate::mesh::{Aabb, Bvh2};
 
 /// Device bytes of an instance record with its share of the hierarchy: 64 each.
 pub const RECORD_BYTES: u64 = 128;
+/// Device bytes of a key of a placement that moves.
+pub const KEY_BYTES: u64 = 64;
 /// Smallest chunk size.
 pub const MIN_CHUNK_BYTES: u64 = 16 << 10;
 /// Assemblies and meshes above this many times the chunk size are opened and split.

@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::chunk::Chunk;
 use super::cost::AssetCosts;
@@ -137,6 +137,12 @@ impl Source<'_> {
     /// The root, and every assembly above `limit` that is placed.
     fn opened(&self, costs: &AssetCosts, limit: u64) -> Vec<bool> {
         let mut opened = vec![false; self.assemblies.len()];
+        // What moves stays an instance: chunk instances have no keys (decisions/0027).
+        let placed = self.assemblies.iter().flat_map(|assembly| assembly.members());
+        let moving: FxHashSet<u32> = placed
+            .filter(|member| member.run.key_count() != 0)
+            .filter_map(|member| if let Target::Assembly(a) = member.target { Some(a) } else { None })
+            .collect();
         if let Some(root) = opened.last_mut() {
             *root = true;
         }
@@ -147,6 +153,7 @@ impl Source<'_> {
             for member in self.assemblies[at].members().iter().filter(|m| m.run.len() > 0) {
                 if let Target::Assembly(a) = member.target
                     && costs.of_assembly(a as usize) > limit
+                    && !moving.contains(&a)
                     && let Some(child) = opened.get_mut(a as usize)
                 {
                     *child = true;

@@ -7,10 +7,11 @@ use std::sync::Arc;
 use bitflags::bitflags;
 
 use super::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, value_bytes, write_value};
+use super::motion::MotionKey;
 use super::placement::Placed;
 use super::run::Run;
 use crate::mesh::Aabb;
-use crate::partition::RECORD_BYTES;
+use crate::partition::{KEY_BYTES, RECORD_BYTES};
 
 /// What an instance record places.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -48,6 +49,8 @@ pub struct InstanceRecord {
     pub bounds: [[f32; 3]; 2],
     /// Properties.
     pub flags: InstanceFlags,
+    /// Of what moves the number of its keys, of which `object_from_parent` is not one but the frame's own time; else 0.
+    pub keys: u32,
 }
 
 impl Default for InstanceRecord {
@@ -60,6 +63,7 @@ impl Default for InstanceRecord {
             prototype_count: 1,
             bounds: [[0.0; 3]; 2],
             flags: InstanceFlags::empty(),
+            keys: 0,
         }
     }
 }
@@ -165,7 +169,8 @@ impl Assembly {
     /// Bytes on the device: records with their hierarchy and their values.
     #[must_use]
     pub fn device_bytes(&self) -> u64 {
-        (RECORD_BYTES + value_bytes(&self.columns)).saturating_mul(self.len() as u64)
+        let records = (RECORD_BYTES + value_bytes(&self.columns)).saturating_mul(self.len() as u64);
+        records.saturating_add(KEY_BYTES.saturating_mul(self.keys_before(self.len()) as u64))
     }
 
     /// Box of all records, in this assembly's frame; empty if there is none.
@@ -223,6 +228,31 @@ impl Assembly {
         }
     }
 
+    /// Number of keys of the records before `record`, which may be the number of records.
+    #[must_use]
+    pub fn keys_before(&self, record: usize) -> usize {
+        let keys = |(member, start): (&Member, &usize)| {
+            record.saturating_sub(*start).min(member.run.len()) * member.run.key_count()
+        };
+        self.members.iter().zip(&self.starts).map(keys).sum()
+    }
+
+    /// Gives `visit` the keys of those of the records `range` that move, in order.
+    pub fn encode_keys(&self, range: Range<usize>, mut visit: impl FnMut(&[MotionKey])) {
+        for (member, &start) in self.members.iter().zip(&self.starts) {
+            let [first, end] = [range.start, range.end].map(|at| at.saturating_sub(start).min(member.run.len()));
+            if member.run.key_count() == 0 || first >= end {
+                continue;
+            }
+            let reader = member.run.reader(None);
+            member.run.each_rank(first..end, |_, rank| {
+                if let Some(keys) = reader.keys(rank) {
+                    visit(keys.as_slice());
+                }
+            });
+        }
+    }
+
     /// Gives `visit` the records whose target and prim id are `wanted`, with member and rank, at most `most`, in order;
     /// tells whether these were all.
     pub(crate) fn encode_where(
@@ -267,6 +297,11 @@ impl Member {
         if self.run.is_instanced() { self.run.ranks() } else { 1 }
     }
 
+    /// Keys of each placement; 0 where they do not move.
+    pub(crate) fn key_count(&self) -> u32 {
+        u32::try_from(self.run.key_count()).unwrap_or(0)
+    }
+
     /// The record of a placement.
     pub(crate) fn record(&self, rank: u32, placed: &Placed) -> InstanceRecord {
         InstanceRecord {
@@ -277,6 +312,7 @@ impl Member {
             prototype_count: self.prototype_count(),
             bounds: [placed.bounds.min, placed.bounds.max],
             flags: placed.flags,
+            keys: self.key_count(),
         }
     }
 

@@ -15,7 +15,7 @@ use super::instance_primvars::DISPLAY_OPACITY;
 use super::light::{Emitter, Light, LinkTable, MAX_INSTANCED_LIGHTS, placements};
 use super::report::Reports;
 use super::resolve::{GroupId, PlanGroup, PlanMember, PlanTarget};
-use super::run::{Run, RunSpec};
+use super::run::{Run, RunSpec, TransformKey};
 use super::snapshot::{SceneCounts, SceneFeatures, Snapshot, SurfaceTables};
 use crate::desc::{InstancedBy, LightDesc, LightKind};
 use crate::mesh::{Aabb, LeafKind, MeshAsset};
@@ -83,7 +83,12 @@ impl AssemblyStore {
                 let (target, prim_id, target_bounds) = target_of(plan, assets, made)?;
                 let before = DAffine3::from_translation(shift) * plan.before;
                 let instances = plan.instances.clone();
-                let spec = RunSpec { before, after: plan.after, instances, target_bounds };
+                let shifted = |key: &TransformKey| TransformKey {
+                    before: DAffine3::from_translation(shift) * key.before,
+                    ..*key
+                };
+                let motion = plan.motion.as_ref().map(|keys| Arc::new(keys.iter().map(shifted).collect()));
+                let spec = RunSpec { before, after: plan.after, instances, target_bounds, motion };
                 let run = Run::reuse_or_scan(known.and_then(|k| run_of(k, plan)), spec, collect);
                 let (path, primvars) = (plan.path.clone(), plan.primvars.clone());
                 Some(Member { run, target, prim_id, path, slot: plan.slot, primvars })
@@ -137,6 +142,11 @@ pub(crate) fn shining(
             let entry = instancers.get(&by.instancer);
             entry.is_some_and(|entry| entry.desc.prototypes.iter().any(|p| p.root == by.prototype_root))
         };
+        if desc.prim.motion.windows(2).any(|pair| pair[0].transform != pair[1].transform) {
+            let text = "the light moves while the shutter is open, which is not blurred: it stays where it is at the \
+                        frame's own time";
+            reports.note(path, text.to_owned());
+        }
         reports.of(path).missing_instancers += desc.prim.instanced_by.iter().filter(|by| !is_there(by)).count() as u64;
         let mut place = |transform: &DAffine3| match Light::placed(desc, transform) {
             Some(light) if light.is_black() => {}
@@ -203,6 +213,7 @@ impl Snapshot {
                 features |= SceneFeatures::OPACITY | SceneFeatures::INSTANCE_OPACITY;
             }
         }
+        features.set(SceneFeatures::MOTION, placed().any(|member| member.run.key_count() != 0));
         features | self.surfaces.features()
     }
 

@@ -7,6 +7,7 @@ use std::sync::{Arc, OnceLock};
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
+use super::array_motion::ArrayMotion;
 use super::dicing::Outline;
 use super::instance_primvars::{InstancePrimvar, MemberPrimvar};
 use super::placement::InstanceArrays;
@@ -99,6 +100,8 @@ pub(crate) struct InstancerEntry {
     /// False when an array has the wrong type.
     pub(crate) is_usable: bool,
     pub(crate) dropped: DroppedData,
+    /// What else is to be said of it.
+    pub(crate) notes: Vec<String>,
     /// Its instance-rate primvars.
     pub(crate) primvars: Vec<Arc<InstancePrimvar>>,
     /// Of these, the usable ones that some mesh lacks.
@@ -112,11 +115,16 @@ impl InstancerEntry {
         let mut dropped = DroppedData::default();
         let mut arrays = InstanceArrays::of(&desc);
         let is_usable = arrays.check_types(&mut dropped);
+        let mut notes = Vec::new();
+        match ArrayMotion::of(&desc, &arrays) {
+            Ok(motion) => arrays.motion = motion.filter(|_| is_usable).map(Arc::new),
+            Err(why) => notes.push(format!("its instances do not move: {why}")),
+        }
         let mut arrays = Arc::new(arrays);
         let known = old.as_ref().map_or(&[][..], |old| &old.primvars);
         let primvars = InstancePrimvar::all_of(&desc, known);
         let Some(old) = old else {
-            return (Self { desc, arrays, is_usable, dropped, primvars, offers: Vec::new() }, true);
+            return (Self { desc, arrays, is_usable, dropped, notes, primvars, offers: Vec::new() }, true);
         };
         let mut changed = desc.prim != old.desc.prim || desc.prototypes.len() != old.desc.prototypes.len();
         if old.arrays.same_contents(&arrays) {
@@ -132,10 +140,10 @@ impl InstancerEntry {
                 changed = true;
             }
         }
-        changed |= dropped != old.dropped;
+        changed |= dropped != old.dropped || notes != old.notes;
         changed |= primvars.len() != old.primvars.len()
             || primvars.iter().zip(&old.primvars).any(|(new, old)| !Arc::ptr_eq(new, old));
-        (Self { desc, arrays, is_usable, dropped, primvars, offers: old.offers }, changed)
+        (Self { desc, arrays, is_usable, dropped, notes, primvars, offers: old.offers }, changed)
     }
 }
 

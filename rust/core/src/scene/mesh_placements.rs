@@ -47,7 +47,7 @@ struct Walk<'a> {
 
 impl Snapshot {
     /// Placements of the prims that `wanted` says yes to, at most `most`, in an order that depends on the snapshot
-    /// only; and whether these are all. Those whose map cannot be inverted are left out.
+    /// only; and whether these are all. Those whose map cannot be inverted are left out, and those that move.
     #[must_use]
     pub fn mesh_placements(&self, wanted: &dyn Fn(i32) -> bool, most: usize) -> (Vec<MeshPlacement>, bool) {
         let mut walk = Walk { snapshot: self, wanted, holds: Vec::new(), most, found: Vec::new(), is_complete: true };
@@ -77,6 +77,26 @@ impl Snapshot {
     }
 }
 
+impl Snapshot {
+    /// Whether a placement that moves is, or holds, one of a prim that `wanted` says yes to.
+    #[must_use]
+    pub fn moves_any(&self, wanted: &dyn Fn(i32) -> bool) -> bool {
+        let mut holds: Vec<bool> = Vec::with_capacity(self.assemblies.len());
+        for assembly in &self.assemblies {
+            let leads = |member: &&Member| match member.target {
+                Target::Mesh(_) => wanted(member.prim_id),
+                Target::Assembly(below) => holds.get(below as usize).copied().unwrap_or(false),
+            };
+            let found: Vec<&Member> = assembly.members().iter().filter(leads).collect();
+            if found.iter().any(|member| member.key_count() != 0 && member.run.len() > 0) {
+                return true;
+            }
+            holds.push(!found.is_empty());
+        }
+        false
+    }
+}
+
 /// The values of a record of `member` inside a placement with the values `outer`.
 fn values(member: &Member, outer: &[PlacedValue], rank: u32) -> Vec<PlacedValue> {
     if member.primvars.is_empty() {
@@ -103,6 +123,9 @@ impl Walk<'_> {
         frames: &[DVec3],
         values: &[PlacedValue],
     ) {
+        if record.keys != 0 {
+            return;
+        }
         if self.found.len() >= self.most {
             self.is_complete = false;
             return;

@@ -5,6 +5,7 @@
 //! (`entries`), [`SceneDb::commit`] (`commit`): built by [`crate::mesh`], put into a group by `resolve`, placed by a
 //! `run` of an [`Assembly`], whose records come from `placement`.
 
+mod array_motion;
 pub(crate) mod assembly;
 mod commit;
 mod dicing;
@@ -14,6 +15,8 @@ pub(crate) mod instance_primvars;
 mod light;
 mod mesh_lights;
 mod mesh_placements;
+pub(crate) mod motion;
+mod moving;
 pub(crate) mod placement;
 mod primvar_uses;
 pub(crate) mod reader;
@@ -33,11 +36,14 @@ use glam::DVec3;
 
 pub use crate::desc::{
     AssetRef, ConnectionDesc, CurveBasis, CurveWrap, CurvesDesc, DomeFormat, DroppedData, InstancedBy, InstancerDesc,
-    InstancerPrototype, Interpolation, LightDesc, LightKind, MaterialDesc, MaterialSync, MeshDesc, NamedPrimvar,
-    NodeDesc, ParamDesc, ParamValue, PrimDesc, Primvar, Shape, Shaping, Subdivision, SubdivisionTags, SubsetDesc,
+    InstancerMotion, InstancerPrototype, InstancerSample, Interpolation, LightDesc, LightKind, MaterialDesc,
+    MaterialSync, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, Primvar, Shape, Shaping,
+    Subdivision, SubdivisionTags, SubsetDesc, TransformSample,
 };
 pub use dicing::DicingCamera;
 pub use instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstanceColumn, NO_VALUE};
+pub(crate) use motion::motion_keys;
+pub use motion::{MAX_KEYS, MotionKey, map_at};
 pub use resolve::MAX_LEVELS;
 pub use snapshot::{
     Aabb, Assembly, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, DomeTexture, Emitter, IesError, IesProfile,
@@ -274,6 +280,7 @@ impl SceneDb {
         }
         for (path, entry) in self.instancers.iter().filter(|(path, _)| reachable.contains(*path)) {
             reports.add(path, &entry.dropped);
+            entry.notes.iter().for_each(|note| reports.note(path, note.clone()));
         }
         let prims = Prims { meshes: &self.meshes, instancers: &self.instancers };
         let plan = resolve(prims, &hierarchy, reports);

@@ -6,8 +6,10 @@ use std::sync::{Arc, OnceLock, Weak};
 
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, DVec4};
 
+use super::array_motion::{ArrayMotion, Drift};
 use super::assembly::InstanceFlags;
 use super::diff::ChangedNumbers;
+use super::moving::KeyPlacer;
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::DroppedData;
 use crate::desc::InstancerDesc;
@@ -16,7 +18,7 @@ use crate::mesh::Aabb;
 /// Columns are called dependent when `det^2` is below this times the product of their squared lengths.
 const SINGULAR: f64 = 1e-24;
 /// Largest number of a record: its square is finite in single precision.
-const MAX_MAGNITUDE: f32 = 1e18;
+pub(super) const MAX_MAGNITUDE: f32 = 1e18;
 /// Numbers of a record that add up to less are all well below [`MAX_MAGNITUDE`].
 const USUAL_MAGNITUDE: f64 = 1e17;
 /// Rounding of the f32 matrix and of its evaluation, in units of the magnitudes involved: 4 x 2^-24.
@@ -30,6 +32,8 @@ pub(crate) struct InstanceArrays {
     pub(crate) rotations: Option<TypedArray>,
     pub(crate) scales: Option<TypedArray>,
     pub(crate) transforms: Option<TypedArray>,
+    /// How they move while the shutter is open.
+    pub(crate) motion: Option<Arc<ArrayMotion>>,
     /// What changed against the arrays before, once it was asked for.
     pub(crate) changes: OnceLock<(Weak<Self>, Option<Arc<ChangedNumbers>>)>,
 }
@@ -44,6 +48,7 @@ impl InstanceArrays {
             rotations: present(&desc.rotations),
             scales: present(&desc.scales),
             transforms: present(&desc.transforms),
+            motion: None,
             changes: OnceLock::new(),
         }
     }
@@ -67,11 +72,17 @@ impl InstanceArrays {
 
     /// True when both hold the same data.
     pub(crate) fn same_contents(&self, other: &Self) -> bool {
-        self.all().into_iter().zip(other.all()).all(|pair| match pair {
+        let moves_alike = match (&self.motion, &other.motion) {
             (None, None) => true,
             (Some(a), Some(b)) => a.same_contents(b),
             _ => false,
-        })
+        };
+        moves_alike
+            && self.all().into_iter().zip(other.all()).all(|pair| match pair {
+                (None, None) => true,
+                (Some(a), Some(b)) => a.same_contents(b),
+                _ => false,
+            })
     }
 
     /// Checks the element types. A mask of the wrong type is ignored; any other wrong array leaves no instance whose
@@ -109,7 +120,7 @@ fn affine_of(m: &DMat4) -> Option<DAffine3> {
     ((m.row(3) - DVec4::W).abs().max_element() <= 1e-9).then(|| DAffine3::from_mat4(*m))
 }
 
-fn is_regular(m: &DMat3, determinant: f64) -> bool {
+pub(crate) fn is_regular(m: &DMat3, determinant: f64) -> bool {
     let volume = m.x_axis.length_squared() * m.y_axis.length_squared() * m.z_axis.length_squared();
     determinant * determinant > SINGULAR * volume
 }
@@ -139,19 +150,24 @@ pub(crate) struct Footprint {
 }
 
 /// Everything needed to place the instances of one run: `before * T * R * S * M * after`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Placer<'a> {
-    before: DAffine3,
-    after: DAffine3,
-    after_is_identity: bool,
-    center: DVec3,
-    half: DVec3,
+    pub(super) before: DAffine3,
+    pub(super) after: DAffine3,
+    pub(super) after_is_identity: bool,
+    pub(super) center: DVec3,
+    pub(super) half: DVec3,
     /// Largest number of a record.
-    limit: f32,
-    translations: Option<ArrayView<'a>>,
-    rotations: Option<ArrayView<'a>>,
-    scales: Option<ArrayView<'a>>,
-    transforms: Option<ArrayView<'a>>,
+    pub(super) limit: f32,
+    /// Where the parent's frame is seen from.
+    pub(super) origin: DVec3,
+    pub(super) translations: Option<ArrayView<'a>>,
+    pub(super) rotations: Option<ArrayView<'a>>,
+    pub(super) scales: Option<ArrayView<'a>>,
+    pub(super) transforms: Option<ArrayView<'a>>,
+    pub(super) drift: Option<Drift<'a>>,
+    /// Of what moves: the same at two or more times.
+    pub(super) keys: Option<Arc<[KeyPlacer<'a>]>>,
 }
 
 impl<'a> Placer<'a> {
@@ -169,10 +185,13 @@ impl<'a> Placer<'a> {
             center: 0.5 * (min + max),
             half: 0.5 * (max - min),
             limit: MAX_MAGNITUDE,
+            origin: DVec3::ZERO,
             translations: view(|a| &a.translations),
             rotations: view(|a| &a.rotations),
             scales: view(|a| &a.scales),
             transforms: view(|a| &a.transforms),
+            drift: None,
+            keys: None,
         }
     }
 
@@ -180,6 +199,9 @@ impl<'a> Placer<'a> {
     pub(crate) fn seen_from(mut self, origin: DVec3) -> Self {
         self.before = DAffine3::from_translation(-origin) * self.before;
         self.limit = f32::MAX;
+        self.origin += origin;
+        let seen = |key: &KeyPlacer<'a>| KeyPlacer { time: key.time, placer: key.placer.clone().seen_from(origin) };
+        self.keys = self.keys.map(|keys| keys.iter().map(seen).collect());
         self
     }
 
@@ -190,9 +212,15 @@ impl<'a> Placer<'a> {
         if let Some(translations) = &self.translations {
             m.translation = translations.vec3(number)?;
         }
+        if let Some(drift) = &self.drift {
+            m.translation += drift.offset(number)?;
+        }
         if let Some(rotations) = &self.rotations {
             let q = usual_halves(rotations, number).or_else(|| rotations.quat(number));
             m.matrix3 = rotation(q.or_else(|| rotations.vec4(number).map(DQuat::from_vec4))?);
+        }
+        if let Some(turn) = self.drift.as_ref().and_then(|drift| drift.turn(number)) {
+            m.matrix3 = DMat3::from_quat(turn) * m.matrix3;
         }
         if let Some(scales) = &self.scales {
             let s = scales.vec3(number)?;
@@ -229,7 +257,14 @@ impl<'a> Placer<'a> {
     pub(crate) fn place(&self, number: Option<usize>) -> Option<Placed> {
         let m = self.matrix(number)?;
         let inverse = Inverse::of(&m)?;
-        self.rounded(&inverse, &self.placed_box(&m, &inverse).0)
+        let placed = self.rounded(&inverse, &self.placed_box(&m, &inverse).0)?;
+        if self.keys.is_none() {
+            return Some(placed);
+        }
+        let ([min, max], _, flips) = self.swept(number)?;
+        let bounds = Aabb { min: min.to_array().map(round_down), max: max.to_array().map(round_up) };
+        let flags = if flips { InstanceFlags::FLIPS_HANDEDNESS } else { InstanceFlags::empty() };
+        Some(Placed { bounds, flags, ..placed })
     }
 
     /// As [`Placer::place`], for partitioning: lower and upper corner of the box before it is rounded outward, and what
@@ -244,6 +279,10 @@ impl<'a> Placer<'a> {
         let [a, b, c] = inverse.rows.map(size);
         let sum = a + b + c + size(inverse.offset) + size(corners[0]) + size(corners[1]);
         let sound = sum <= USUAL_MAGNITUDE || self.rounded(&inverse, &corners).is_some();
+        if sound && self.keys.is_some() {
+            let (corners, footprint, _) = self.swept(number)?;
+            return Some((corners, footprint));
+        }
         sound.then_some((corners, footprint))
     }
 

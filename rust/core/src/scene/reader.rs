@@ -3,6 +3,7 @@
 
 use glam::DAffine3;
 
+use super::motion::Keys;
 use super::placement::{Footprint, Placed, Placer};
 use crate::array::ArrayView;
 use crate::partition::Item;
@@ -28,7 +29,7 @@ impl Numbers<'_> {
 }
 
 /// Single placements of a run.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Reader<'a> {
     pub(super) numbers: Numbers<'a>,
     pub(super) placer: Placer<'a>,
@@ -71,6 +72,12 @@ impl Reader<'_> {
     #[inline]
     pub(crate) fn place(&self, rank: u32) -> Option<Placed> {
         self.numbers.of(rank).and_then(|number| self.placer.place(number))
+    }
+
+    /// The keys of a usable rank of what moves.
+    pub(crate) fn keys(&self, rank: u32) -> Option<Keys> {
+        let number = self.numbers.of(rank)?;
+        self.placer.keys(number).map(|(keys, _)| keys)
     }
 
     /// Matrix of a usable rank from the target's frame, f64.

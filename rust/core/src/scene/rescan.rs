@@ -102,7 +102,8 @@ impl Run {
             && self.spec.after == spec.after
             && self.spec.target_bounds == spec.target_bounds
             && !spec.target_bounds.is_empty();
-        if !same_frame || self.ranks == 0 || old.indices.identity() != new.indices.identity() {
+        let moves = self.key_count() != 0 || spec.key_count() != 0;
+        if moves || !same_frame || self.ranks == 0 || old.indices.identity() != new.indices.identity() {
             return None;
         }
         let changed = InstanceArrays::changes(&old.arrays, &new.arrays)?;

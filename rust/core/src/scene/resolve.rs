@@ -8,12 +8,14 @@ use std::sync::Arc;
 use glam::DAffine3;
 use rustc_hash::{FxHashMap, FxHashSet};
 
+use super::array_motion::transform_motion;
 use super::entries::{InstancerEntry, MeshEntry};
 use super::instance_primvars::MemberPrimvar;
+use super::motion::{Keys, MotionKey};
 use super::placement::usable_affine;
 use super::report::Reports;
-use super::run::Instances;
-use crate::desc::{InstancedBy, PrimDesc};
+use super::run::{Instances, TransformKey};
+use crate::desc::{InstancedBy, PrimDesc, TransformSample};
 use crate::mesh::MeshAsset;
 
 /// Most levels of instance records.
@@ -28,6 +30,8 @@ pub(crate) enum GroupId {
     Prototype(InstancedBy),
     /// The clusters of a mesh that was split: the hash of the first, and the prim id.
     Clusters(u128, i32),
+    /// What an instancer that moves as a whole places: its path, and the group that it is in.
+    Moving(Arc<str>, Box<Self>),
 }
 
 /// What a planned member places.
@@ -58,6 +62,8 @@ pub(crate) struct PlanMember {
     pub(crate) primvars: Vec<MemberPrimvar>,
     /// Numbers of the primvars that are read below, and that nothing from here down has. Sorted.
     pub(crate) lacks: Vec<u32>,
+    /// `before` at times of the shutter, of what is placed once and moves.
+    pub(crate) motion: Option<Arc<Vec<TransformKey>>>,
 }
 
 /// A group to be made into an assembly.
@@ -261,6 +267,12 @@ impl Resolver<'_> {
             let Some(before) = usable_affine(&entry.desc.prim.transform) else {
                 continue;
             };
+            // Its instances are in a frame of their own, which is what moves: their keys are those of one placement.
+            let motion = self.motion(&entry.desc.prim);
+            let moves = motion.is_some();
+            let depth = depth + u32::from(moves);
+            let mut placed = Vec::new();
+            let inner = if moves { DAffine3::IDENTITY } else { before };
             for (slot, prototype) in entry.desc.prototypes.iter().enumerate() {
                 let by = InstancedBy { instancer: path.clone(), prototype_root: prototype.root.clone() };
                 let (after, target, mut lacks) = match self.outcome(GroupId::Prototype(by), depth + 1) {
@@ -280,8 +292,26 @@ impl Resolver<'_> {
                 let offers = entry.offers.iter().filter(|offer| lacks.contains(&offer.id));
                 let primvars: Vec<MemberPrimvar> = offers.cloned().collect();
                 lacks.retain(|id| primvars.iter().all(|primvar| primvar.id != *id));
-                let path = path.clone();
-                members.push(PlanMember { path, slot, before, after, instances, target, primvars, lacks });
+                let (path, before) = (path.clone(), inner);
+                let member = PlanMember { path, slot, before, after, instances, target, primvars, lacks, motion: None };
+                placed.push(member);
+            }
+            if moves && !placed.is_empty() {
+                let group = self.push(GroupId::Moving(path.clone(), Box::new(id.clone())), placed);
+                let lacks = self.plan.get(group).map(|group| group.lacks.clone()).unwrap_or_default();
+                members.push(PlanMember {
+                    path: path.clone(),
+                    slot: 0,
+                    before,
+                    after: DAffine3::IDENTITY,
+                    instances: None,
+                    target: PlanTarget::Group(group),
+                    primvars: Vec::new(),
+                    lacks,
+                    motion,
+                });
+            } else {
+                members.append(&mut placed);
             }
         }
         members
@@ -306,7 +336,18 @@ impl Resolver<'_> {
         }
         self.outcomes.insert(id.clone(), Outcome::Open);
         let mut members = self.members(&id, depth);
-        let one_mesh = members.len() == 1 && members.iter().all(|m| m.instances.is_none());
+        // What moves by itself, or turns about a point that is not its own origin, keeps its own record: only so is its
+        // way that of its keys.
+        let turns = match &id {
+            GroupId::Prototype(by) => {
+                self.prims.instancers.get(&by.instancer).is_some_and(|entry| entry.arrays.motion.is_some())
+            }
+            _ => false,
+        };
+        let joins = |m: &PlanMember| {
+            m.instances.is_none() && m.motion.is_none() && !(turns && m.before.translation != glam::DVec3::ZERO)
+        };
+        let one_mesh = members.len() == 1 && members.iter().all(joins);
         let outcome = match members.pop() {
             None => Outcome::Nothing,
             Some(member) if one_mesh => Outcome::OneMesh(Box::new(member)),
@@ -334,7 +375,19 @@ impl Resolver<'_> {
             target,
             primvars: Vec::new(),
             lacks: entry.lacks.clone(),
+            motion: self.motion(&entry.desc.prim),
         })
+    }
+
+    /// How a prim moves. What cannot be used is told, and the prim stays where it is.
+    fn motion(&mut self, prim: &PrimDesc) -> Option<Arc<Vec<TransformKey>>> {
+        match transform_keys(prim) {
+            Ok(keys) => keys.map(Arc::new),
+            Err(why) => {
+                self.reports.note(&prim.path, format!("does not move: {why}"));
+                None
+            }
+        }
     }
 
     /// The group of a split mesh: every cluster placed as it is.
@@ -352,9 +405,27 @@ impl Resolver<'_> {
             target: PlanTarget::Mesh { key: cluster.key, prim_id },
             primvars: Vec::new(),
             lacks: lacks.to_vec(),
+            motion: None,
         });
         let group = self.push(GroupId::Clusters(first, prim_id), members.collect());
         self.split.insert((first, prim_id), group);
         group
     }
+}
+
+/// The transforms of a prim that moves at times of the shutter; `None` where it does not; or why they cannot be used.
+#[expect(clippy::cast_possible_truncation, reason = "keys have times in single precision")]
+fn transform_keys(prim: &PrimDesc) -> Result<Option<Vec<TransformKey>>, String> {
+    let Some(samples) = transform_motion(&prim.motion)? else { return Ok(None) };
+    let key = |sample: &TransformSample| {
+        Some(TransformKey { time: sample.time as f32, before: usable_affine(&sample.transform)? })
+    };
+    let Some(transforms) = samples.iter().map(key).collect::<Option<Vec<TransformKey>>>() else {
+        return Err("a sample of its transform is singular or not finite".to_owned());
+    };
+    let mut keys = Keys::new();
+    if !transforms.iter().all(|at| MotionKey::of(at.time, &at.before).is_some_and(|key| keys.push(key))) {
+        return Err("its transform is turned inside out between two samples".to_owned());
+    }
+    Ok(Some(transforms))
 }

@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
+use super::moving::KeyPlacer;
 use super::placement::{InstanceArrays, Placed, Placer, round_down, round_up};
 use super::reader::{Numbers, Reader};
 use crate::array::{ArrayView, ElementType, TypedArray};
@@ -39,6 +40,16 @@ pub(crate) struct RunSpec {
     pub(crate) instances: Option<Instances>,
     /// Box of the target, not empty.
     pub(crate) target_bounds: Aabb,
+    /// Of what is placed once and moves: `before` at times of the shutter, two or more.
+    pub(crate) motion: Option<Arc<Vec<TransformKey>>>,
+}
+
+/// Where a prim's frame is at a time of the shutter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct TransformKey {
+    pub(crate) time: f32,
+    /// As [`RunSpec::before`].
+    pub(crate) before: DAffine3,
 }
 
 impl RunSpec {
@@ -57,11 +68,29 @@ impl RunSpec {
             && self.before == other.before
             && self.after == other.after
             && self.target_bounds == other.target_bounds
+            && self.motion == other.motion
+    }
+
+    /// Keys of each placement; 0 where they do not move.
+    pub(super) fn key_count(&self) -> usize {
+        let arrays = self.instances.as_ref().and_then(|instances| instances.arrays.motion.as_ref());
+        self.motion.as_ref().map_or_else(|| arrays.map_or(0, |motion| motion.key_count()), |motion| motion.len())
     }
 
     pub(super) fn placer(&self) -> Placer<'_> {
         let arrays = self.instances.as_ref().map(|i| &*i.arrays);
-        Placer::new(self.before, self.after, arrays, &self.target_bounds)
+        let placer = Placer::new(self.before, self.after, arrays, &self.target_bounds);
+        let keys = match (&self.motion, arrays) {
+            (Some(motion), _) => {
+                motion.iter().map(|key| KeyPlacer { time: key.time, placer: placer.framed(key.before) }).collect()
+            }
+            (None, Some(arrays)) => match &arrays.motion {
+                Some(motion) => motion.placers(arrays, &placer),
+                None => return placer,
+            },
+            (None, None) => return placer,
+        };
+        placer.moving(keys)
     }
 }
 
@@ -91,6 +120,7 @@ pub(super) struct Scan {
     pub(super) blocks: Vec<Aabb>,
     pub(super) bad: Vec<u32>,
     out_of_range: u64,
+    stuck: u64,
 }
 
 impl Run {
@@ -124,7 +154,10 @@ impl Run {
             None => {
                 run.ranks = 1;
                 match run.spec.placer().place(None) {
-                    Some(placed) => run.bounds = placed.bounds,
+                    Some(placed) => {
+                        run.bounds = placed.bounds;
+                        run.dropped.instance_motions += u64::from(run.spec.placer().is_stuck(None));
+                    }
                     None => {
                         run.bad.push(0);
                         run.dropped.prim_transforms += 1;
@@ -155,6 +188,7 @@ impl Run {
         let scans = self.scan_tasks(&mut items);
         self.bad = scans.iter().flat_map(|s| s.bad.iter().copied()).collect();
         let out_of_range: u64 = scans.iter().map(|s| s.out_of_range).sum();
+        self.dropped.instance_motions += scans.iter().map(|s| s.stuck).sum::<u64>();
         self.blocks = scans.into_iter().flat_map(|s| s.blocks).collect();
         self.bounds = self.blocks.iter().fold(Aabb::EMPTY, |a, b| a.union(b));
         self.dropped.instance_indices += out_of_range;
@@ -256,6 +290,11 @@ impl Run {
         }
     }
 
+    /// Keys of each placement; 0 where they do not move.
+    pub(crate) fn key_count(&self) -> usize {
+        self.spec.key_count()
+    }
+
     /// Number of ranks, for instance ids.
     pub(crate) fn ranks(&self) -> u32 {
         self.ranks
@@ -302,6 +341,7 @@ impl Scan {
             let number = numbers.of(rank);
             match number.and_then(|n| placer.measure(n)) {
                 Some(([low, high], footprint)) => {
+                    self.stuck += number.map_or(0, |n| u64::from(placer.is_stuck(n)));
                     (min, max) = (min.min(low), max.max(high));
                     if let Some(slot) = items.get_mut(at - first) {
                         *slot = Item::new(&footprint, rank);

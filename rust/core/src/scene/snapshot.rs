@@ -62,6 +62,8 @@ bitflags! {
         const INSTANCE_PRIMVARS = 1 << 23;
         /// A `displayOpacity` below 1 among them.
         const INSTANCE_OPACITY = 1 << 16;
+        /// A placement that moves while the shutter is open.
+        const MOTION = 1 << 21;
         /// Curves as tubes, or points.
         const ROUND = 1 << 30;
         /// A material that reads a Ptex texture.

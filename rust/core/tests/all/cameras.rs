@@ -16,6 +16,7 @@ fn camera(projection: DMat4) -> Camera {
         data_window: [0, 0, 640, 360],
         lens_radius: 0.0,
         focus_distance: 0.0,
+        motion: Vec::new(),
     }
 }
 

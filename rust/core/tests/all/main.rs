@@ -47,6 +47,8 @@ mod materials;
 mod materialx;
 mod mesh_lights;
 #[cfg(test)]
+mod motion;
+#[cfg(test)]
 mod partition;
 #[cfg(test)]
 mod partition_cases;

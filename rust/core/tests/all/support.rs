@@ -15,6 +15,7 @@ pub(crate) fn prim(path: &str) -> PrimDesc {
         transform: DMat4::IDENTITY,
         visible: true,
         purpose: "default".into(),
+        motion: Vec::new(),
         instanced_by: Vec::new(),
     }
 }

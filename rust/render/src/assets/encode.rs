@@ -6,9 +6,11 @@ use super::surfaces::attributes;
 use super::values::ValueLayout;
 use crate::error::RenderError;
 use oocpt_core::mesh::{Bvh4Node, MeshAsset, Triangle};
-use oocpt_core::scene::{InstanceFlags, InstanceRecord, Target};
+use oocpt_core::scene::{InstanceFlags, InstanceRecord, MotionKey, Target};
 use oocpt_gpu::{Commands, DeviceRange, Gpu, StagingRing, StagingSlice, Submission};
-use oocpt_shader_abi::{GpuInstance, GpuMeshNode, GpuTriangle, LbvhBounds, TARGET_ASSEMBLY};
+use oocpt_shader_abi::{
+    GpuInstance, GpuMeshNode, GpuMotionKey, GpuTriangle, LbvhBounds, TARGET_ASSEMBLY, TARGET_MOVING,
+};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -139,7 +141,8 @@ impl<'a> Writer<'a> {
             (Source::Tile(image, tile), ..) => self.bytes(target, 0, &image.tile(*tile)),
             (_, Part::Records(range), Some(workspace)) => {
                 self.records(source, range.clone(), target, workspace)?;
-                self.values(source, range.clone(), target)
+                self.values(source, range.clone(), target)?;
+                self.keys(source, range.clone(), target)
             }
             _ => Err(RenderError::Internal("no workspace for instance records".into())),
         }
@@ -202,6 +205,18 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
+    /// The keys of those records that move.
+    fn keys(&mut self, source: &Source, range: Range<usize>, target: &dyn DeviceRange) -> Result<(), RenderError> {
+        let first = source.keys_before(range.start);
+        if source.keys_before(range.end) == first {
+            return Ok(());
+        }
+        let mut keys: Vec<GpuMotionKey> = Vec::new();
+        source.encode_keys(range, |of_record| keys.extend(of_record.iter().map(motion_key)));
+        let offset = source.keys_at() + (first * size_of::<GpuMotionKey>()) as u64;
+        self.bytes(target, offset, bytemuck::cast_slice(&keys))
+    }
+
     fn records(
         &mut self,
         source: &Source,
@@ -218,7 +233,20 @@ impl<'a> Writer<'a> {
             source.encode(first..first + n, records);
             let mut slice = self.reserve(n * (RECORD + BOX))?;
             let (out, boxes) = slice.bytes_mut().split_at_mut(n * RECORD);
-            convert(records, out, instance);
+            let mut key = source.keys_before(first);
+            convert_mut(records, out, |record| {
+                let mut instance = instance(record);
+                if record.keys != 0 {
+                    // A target beyond 2^30 is refused before it is encoded.
+                    let at = source.keys_at() / 16 + (key * size_of::<GpuMotionKey>() / 16) as u64;
+                    instance.target |= TARGET_MOVING;
+                    instance.object_from_parent = [[0.0; 4]; 3];
+                    let words = [u32::try_from(at).unwrap_or(0), record.keys];
+                    instance.object_from_parent[0][..2].copy_from_slice(&words.map(f32::from_bits));
+                    key += record.keys as usize;
+                }
+                instance
+            });
             convert(records, boxes, |record| LbvhBounds { min: record.bounds[0], max: record.bounds[1] });
             let commands = self.commands()?;
             slice.copy_to(commands, 0, target, (first * RECORD) as u64, (n * RECORD) as u64);
@@ -231,6 +259,10 @@ impl<'a> Writer<'a> {
 
 /// Writes `convert(item)` for as many items as fit `out`.
 fn convert<T, G: bytemuck::Pod>(items: &[T], out: &mut [u8], convert: impl Fn(&T) -> G) {
+    convert_mut(items, out, convert);
+}
+
+fn convert_mut<T, G: bytemuck::Pod>(items: &[T], out: &mut [u8], mut convert: impl FnMut(&T) -> G) {
     for (item, bytes) in items.iter().zip(out.chunks_exact_mut(size_of::<G>())) {
         bytes.copy_from_slice(bytemuck::bytes_of(&convert(item)));
     }
@@ -244,6 +276,22 @@ fn node(node: &Bvh4Node) -> GpuMeshNode {
 fn triangle(triangle: &Triangle) -> GpuTriangle {
     let [v0, v1, v2] = triangle.vertices;
     GpuTriangle { v0, face: triangle.face, v1, subset_and_sides: 0, v2, ptex: 0 }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
+pub(crate) fn motion_key(key: &MotionKey) -> GpuMotionKey {
+    let [xx, xy, xz, _, yy, yz, _, _, zz] = key.stretch.to_cols_array().map(|v| v as f32);
+    let half_angle = key.half_angle as f32;
+    GpuMotionKey {
+        translation: key.translation.as_vec3().to_array(),
+        time: key.time,
+        rotation: key.rotation.as_quat().to_array(),
+        stretch: [xx, yy, zz],
+        // Below, the sine of the angle is the angle, and quotients of them no numbers any more.
+        half_angle: if half_angle > 1e-6 { half_angle } else { 0.0 },
+        shear: [xy, xz, yz],
+        pad: 0,
+    }
 }
 
 fn instance(record: &InstanceRecord) -> GpuInstance {

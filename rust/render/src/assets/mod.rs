@@ -21,7 +21,7 @@ mod values;
 pub(crate) use cache::{Scene, SceneCache, SceneView};
 pub(crate) use catalog::{MAX_LEVELS, SceneAssets};
 pub(crate) use demand::Brought;
-pub(crate) use encode::Writer;
+pub(crate) use encode::{Writer, motion_key};
 pub(crate) use store::{Patience, Store};
 #[cfg(test)]
 pub(crate) use surfaces::SurfaceEntries;

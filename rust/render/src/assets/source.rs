@@ -2,18 +2,18 @@
 //! One piece of scene data: where its bytes come from, how many there are, and how they are laid out on the device.
 //!
 //! A mesh is one range: nodes, triangles, attributes. An assembly or a chunk is one range: instance records, then the
-//! nodes of the tree over them, which the device builds from the records' boxes, then values of primvars by record. A
-//! tile of a texture is one range of texels. Pure; any thread.
+//! nodes of the tree over them, which the device builds from the records' boxes, then values of primvars by record, and
+//! keys of those that move. A tile of a texture is one range of texels. Pure; any thread.
 
 use super::values::ValueLayout;
 use crate::textures::TextureImage;
 use oocpt_core::mesh::{Attribute, AttributeRate, LeafKind, MeshAsset};
 use oocpt_core::partition::Chunk;
-use oocpt_core::scene::{Assembly, InstanceColumn, InstanceRecord};
+use oocpt_core::scene::{Assembly, InstanceColumn, InstanceRecord, MotionKey};
 use oocpt_shader_abi as abi;
 use oocpt_shader_abi::{
-    GpuAssembly, GpuAttribute, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuTriangle, LBVH_MAX_ITEMS,
-    LbvhBounds, LbvhJob, MeshFlags, lbvh_scratch_bytes,
+    GpuAssembly, GpuAttribute, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuMotionKey, GpuTriangle,
+    LBVH_MAX_ITEMS, LbvhBounds, LbvhJob, MeshFlags, lbvh_scratch_bytes,
 };
 use std::ops::Range;
 use std::sync::Arc;
@@ -134,7 +134,7 @@ impl Source {
     }
 
     /// Names of what assets hold.
-    pub(crate) const SECTIONS: [&str; 12] = [
+    pub(crate) const SECTIONS: [&str; 13] = [
         "mesh nodes",
         "mesh triangles",
         "mesh corners",
@@ -145,11 +145,12 @@ impl Source {
         "instance records",
         "instance trees",
         "instance primvars",
+        "instance motion",
         "texture tiles, at most",
         "rounding of assets",
     ];
     /// The section of texture tiles, which are loaded on demand.
-    pub(crate) const TILES: usize = 10;
+    pub(crate) const TILES: usize = 11;
 
     /// Its bytes under [`Self::SECTIONS`]; their sum is [`Self::bytes`].
     pub(crate) fn sections(&self) -> [u64; Self::SECTIONS.len()] {
@@ -166,11 +167,12 @@ impl Source {
             Self::Assembly(_) | Self::Chunk(_) => {
                 sections[7] = record_bytes(self.records());
                 sections[8] = node_bytes(self.records());
-                sections[9] = self.size().saturating_sub(self.values_at());
+                sections[9] = self.keys_at().saturating_sub(self.values_at());
+                sections[10] = self.size().saturating_sub(self.keys_at());
             }
             Self::Tile(..) => sections[Self::TILES] = self.size(),
         }
-        sections[11] = self.bytes().saturating_sub(self.size());
+        sections[12] = self.bytes().saturating_sub(self.size());
         sections
     }
 
@@ -179,7 +181,7 @@ impl Source {
         match self {
             Self::Mesh(mesh) => MeshLayout::new(mesh).bytes,
             Self::Tile(image, tile) => image.layout().tile_bytes(*tile),
-            _ => self.values_at() + ValueLayout::new(self.columns(), self.records()).bytes,
+            _ => self.keys_at() + (self.keys_before(self.records()) * size_of::<GpuMotionKey>()) as u64,
         }
     }
 
@@ -195,6 +197,29 @@ impl Source {
     /// Where its table of values begins.
     pub(crate) fn values_at(&self) -> u64 {
         record_bytes(self.records()) + node_bytes(self.records())
+    }
+
+    /// Where the keys of records that move begin.
+    pub(crate) fn keys_at(&self) -> u64 {
+        self.values_at() + ValueLayout::new(self.columns(), self.records()).bytes
+    }
+
+    /// Number of keys of the records before `record`.
+    pub(crate) fn keys_before(&self, record: usize) -> usize {
+        match self {
+            Self::Mesh(_) | Self::Tile(..) => 0,
+            Self::Assembly(assembly) => assembly.keys_before(record),
+            Self::Chunk(chunk) => chunk.keys_before(record),
+        }
+    }
+
+    /// Gives `visit` the keys of each of the records `range` that moves, in order.
+    pub(crate) fn encode_keys(&self, range: Range<usize>, visit: impl FnMut(&[MotionKey])) {
+        match self {
+            Self::Mesh(_) | Self::Tile(..) => {}
+            Self::Assembly(assembly) => assembly.encode_keys(range, visit),
+            Self::Chunk(chunk) => chunk.encode_keys(range, visit),
+        }
     }
 
     /// Computes the values of records `range`; nothing for a mesh.

@@ -15,6 +15,7 @@ pub(crate) use tiles::Tiles;
 pub(crate) use waves::Waves;
 
 use crate::block::frame_block;
+use crate::camera_motion;
 use crate::device::Specialisation;
 use crate::error::RenderError;
 use crate::inventory::{self, Compiled};
@@ -43,6 +44,8 @@ pub(crate) struct Tracer<'a> {
     written: Vec<&'a Buffer>,
     /// The frame block.
     frame: Buffer,
+    /// Keys of a camera that moves: the frame block has their address.
+    _camera_motion: Option<Buffer>,
 }
 
 /// What a frame is compiled for.
@@ -59,6 +62,7 @@ impl Parts {
     pub(crate) fn new(setting: &Setting<'_>, view: &SceneView, streams: bool) -> Self {
         let Setting { job, lights, rays, film, .. } = *setting;
         let mut needed = specialise::features(&job.snapshot, lights, rays, view);
+        needed.set(Features::CAMERA_MOTION, setting.camera_motion.is_some());
         needed.set(Features::ADAPTIVE, film.adaptive().is_some());
         needed.set(Features::STREAMING, streams);
         needed.set(Features::CHUNK_COUNTS, streams && !job.settings.chunk_report.is_empty());
@@ -75,7 +79,7 @@ impl<'a> Tracer<'a> {
         setting: &'a Setting<'a>,
         paths: &'a PathBuffers,
         (view, parts): (&SceneView, Parts),
-        listed: Inventory,
+        mut listed: Inventory,
         bind: impl FnOnce(&mut Frame),
         progress: &mut Progress<'_>,
     ) -> Result<Self, RenderError> {
@@ -89,13 +93,32 @@ impl<'a> Tracer<'a> {
         let passes = Passes::new(device, (special, backend), film, &mut progress.timings)?;
         let mut block = frame_block(setting, view);
         [block.bsdf_tables, block.sheen_tables] = device.bsdf_tables(features)?; // before the list of what there is
+        let camera_motion = match setting.camera_motion.map(camera_motion::encode) {
+            Some(bytes) => {
+                let buffer = Buffer::new(&device.gpu, "camera motion", bytes.len() as u64, Usage::Upload)?;
+                buffer.write(0, &bytes)?;
+                listed.add("camera motion", bytes.len() as u64);
+                block.camera_motion = buffer.address();
+                Some(buffer)
+            }
+            None => None,
+        };
         let inventory = inventory::of_frame(setting, Compiled { passes: &passes, special, carried, backend }, listed);
         progress.made_of(specialise::left_out(features, film.has_planes()), inventory);
         paths.bind(&mut block);
         bind(&mut block);
         let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
         frame.write(0, bytemuck::bytes_of(&block))?;
-        Ok(Self { setting, paths, passes, special, backend, written: paths.written(), frame })
+        Ok(Self {
+            setting,
+            paths,
+            passes,
+            special,
+            backend,
+            written: paths.written(),
+            frame,
+            _camera_motion: camera_motion,
+        })
     }
 
     /// Says what the trace passes write besides what belongs to the paths.

@@ -62,6 +62,8 @@ pub(crate) struct MeshLightCache {
     last: Option<(u64, Weak<World>, Option<Arc<MeshLights>>)>,
     emitters: FxHashMap<EmitterKey, Option<Arc<Emitter>>>,
     maps: EmissionMaps,
+    /// Something that emits light moves, and is not among them.
+    moves: bool,
 }
 
 type EmitterKey = (u128, Vec<u32>);
@@ -82,6 +84,12 @@ impl MeshLightCache {
         let lights = self.make(snapshot, images).map(Arc::new);
         self.last = Some((snapshot.version, Arc::downgrade(&snapshot.world), lights.clone()));
         lights
+    }
+
+    /// What is to be said of the lights of the last snapshot that move.
+    pub(crate) fn warning(&self) -> Option<String> {
+        let text = "emissive meshes that move are not sampled as lights, but met by chance only, which is noisy";
+        self.moves.then(|| text.to_owned())
     }
 
     fn make(&mut self, snapshot: &Snapshot, images: Option<&TextureCache>) -> Option<MeshLights> {
@@ -121,6 +129,8 @@ impl MeshLightCache {
                 None => is_complete = false,
             }
         }
+        self.moves =
+            snapshot.features.contains(SceneFeatures::MOTION) && snapshot.moves_any(&|prim| of_prim(prim).is_some());
         making.finish((!is_complete).then(|| {
             format!(
                 "emissive meshes: more than {MAX_PLACEMENTS} placements or {MAX_TRIANGLES} unique triangles emit light; \

@@ -224,8 +224,8 @@ fn geometry_budget(setting: &Setting<'_>, scene: &Scene) -> u64 {
     geometry_cap(setting.job).map_or(left, |cap| cap.min(left))
 }
 
-/// Makes large arenas for `budget` bytes of units and what they lose to holes and workspaces, as far as there is memory:
-/// in small ones, units of very different sizes find no place long before the budget is reached.
+/// Makes large arenas for `budget` bytes of units and what they lose to holes and workspaces, as far as there is
+/// memory: in small ones, units of very different sizes find no place long before the budget is reached.
 fn reserve(setting: &Setting<'_>, scene: &Scene, budget: u64) -> Result<(), RenderError> {
     let (memory, heap) = (setting.device.gpu.memory(), setting.device.heap.stats());
     let there = heap.arena_bytes.saturating_sub(heap.used_bytes) + scene.store.bytes();

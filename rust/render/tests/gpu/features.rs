@@ -13,7 +13,7 @@ use oocpt_core::array::TypedArray;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::scene::{
     Interpolation, LightDesc, LightKind, MeshDesc, NamedPrimvar, ParamValue, Primvar, SceneDb, Shape, Shaping,
-    Subdivision,
+    Subdivision, TransformSample,
 };
 use oocpt_core::settings::Settings;
 use oocpt_core::{DomeFormat, Element};
@@ -40,6 +40,7 @@ struct Row {
 enum Also {
     Nothing,
     Lens,
+    Moves,
     Adaptive,
     Depth,
     Counts,
@@ -129,6 +130,16 @@ fn nested(db: &mut SceneDb) {
     db.upsert_mesh(MeshDesc { prim: instanced(mesh.prim.clone(), "/outer/inner"), ..mesh });
 }
 
+/// A board that turns.
+fn turning(db: &mut SceneDb) {
+    let mut mesh = bare("/board");
+    let turned = mesh.prim.transform * DMat4::from_rotation_z(0.5);
+    mesh.prim.motion = [(0.0, mesh.prim.transform), (1.0, turned)]
+        .map(|(time, transform)| TransformSample { time, transform })
+        .to_vec();
+    db.upsert_mesh(mesh);
+}
+
 const BARE: Row = Row {
     what: "a bare board",
     build: shown,
@@ -150,6 +161,8 @@ const ROWS: &[Row] = &[
           features: &["COLORS"], buffers: &["mesh displayColor"], primvars: &["displayColor"], ..BARE },
     Row { what: "an opacity", build: |db| db.upsert_mesh(MeshDesc { display_opacity: constant(0.5_f32), ..bare("/board") }),
           features: &["OPACITY"], buffers: &["mesh displayOpacity"], primvars: &["displayOpacity"], ..BARE },
+    Row { what: "something that moves", build: turning, features: &["MOTION"], buffers: &["instance motion"], ..BARE },
+    Row { what: "a camera that moves", features: &["CAMERA_MOTION"], buffers: &["camera motion"], also: Also::Moves, ..BARE },
     Row { what: "a lens", features: &["LENS"], also: Also::Lens, ..BARE },
     Row { what: "depth", passes: &["generate_aov_rays", "shade_aovs"], buffers: &["image depth"], also: Also::Depth, ..BARE },
     Row { what: "sample counts", passes: &["count_samples"], buffers: &["image sampleCount"], also: Also::Counts, ..BARE },
@@ -283,6 +296,12 @@ fn render(row: &Row, carry: &str) -> (Inventory, Vec<Vec<u8>>) {
     let mut camera = orthographic(DVec3::Z * 5.0, DVec3::ZERO, 2.0, [16, 16]);
     if row.also == Also::Lens {
         (camera.lens_radius, camera.focus_distance) = (0.1, 4.0);
+    }
+    if row.also == Also::Moves {
+        let aside = camera.world_from_view * DMat4::from_translation(DVec3::X * 0.1);
+        camera.motion = [(0.0, camera.world_from_view), (1.0, aside)]
+            .map(|(time, transform)| TransformSample { time, transform })
+            .to_vec();
     }
     let mut request = request(camera);
     let more = match row.also {

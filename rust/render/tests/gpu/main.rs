@@ -20,6 +20,7 @@ mod glass;
 mod last_bounce;
 mod lights;
 mod materials;
+mod motion;
 mod native;
 mod passes;
 mod round;

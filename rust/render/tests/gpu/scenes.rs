@@ -10,7 +10,7 @@ use oocpt_core::scene::{
 
 /// A visible prim.
 pub(crate) fn prim(path: &str, transform: DMat4) -> PrimDesc {
-    PrimDesc { path: path.into(), transform, visible: true, purpose: "default".into(), instanced_by: Vec::new() }
+    PrimDesc { path: path.into(), transform, ..PrimDesc::default() }
 }
 
 /// The same prim as a prototype root of `instancer`.

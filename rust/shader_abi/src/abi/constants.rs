@@ -69,6 +69,7 @@ constants! {
     FAULT_ALL;
 
     TARGET_ASSEMBLY;
+    TARGET_MOVING;
     RATE_CONSTANT = AttributeRate::Constant as u32;
     RATE_UNIFORM = AttributeRate::Uniform as u32;
     RATE_VERTEX = AttributeRate::Vertex as u32;

@@ -144,6 +144,10 @@ features! {
     MESH_LIGHT_VALUES: "emission of lights by textures and primvars", [MESH_LIGHTS], Lights;
     /// Some mesh is made of hulls of two balls: curves or points.
     ROUND: "curves and points", [], Always;
+    /// Some placement moves while the shutter is open: paths have a time.
+    MOTION: "motion of placements", [], Always;
+    /// The camera moves: `Frame::camera_motion` counts.
+    CAMERA_MOTION: "motion of the camera", [], Never;
     /// Pixels have two streams of samples, and not all as many of them: `Frame::adaptive` counts.
     ADAPTIVE: "adaptive sampling: lists of samples, the second stream of the film", [], Never;
 }

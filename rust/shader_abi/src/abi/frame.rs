@@ -244,6 +244,8 @@ pub struct Frame {
     pub programs: u64,
     /// Tables of sheen; 0 without `Features::SHEEN`.
     pub sheen_tables: u64,
+    /// One [`crate::GpuCameraMotion`] and its keys; 0 without `Features::CAMERA_MOTION`. 16-byte aligned.
+    pub camera_motion: u64,
 }
 
 /// Which samples the paths of an epoch are, with `Features::ADAPTIVE`. The film then has a [`crate::FilmPixel`] for

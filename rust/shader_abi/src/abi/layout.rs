@@ -4,12 +4,12 @@
 //! Guarantees: the members are listed in full: a struct literal pattern without `..` fails to compile otherwise.
 
 use super::{
-    Adaptive, AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAssembly, GpuAttribute, GpuCdf, GpuChunk,
-    GpuChunkInstance, GpuDistantLight, GpuInfiniteLight, GpuInput, GpuInstance, GpuLevelNode, GpuLightLeaf,
-    GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping, GpuLightTriangle, GpuLightValue, GpuLocalLight,
-    GpuMaterial, GpuMesh, GpuMeshLight, GpuMeshNode, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle,
-    IndirectArgs, LbvhBounds, LbvhNode, LbvhPush, Lighting, PathState, Pending, Push, Question, Ray, Roulette, Segment,
-    ShadowRay, Streaming, TextureFeedback,
+    Adaptive, AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAssembly, GpuAttribute, GpuCameraKey,
+    GpuCameraMotion, GpuCdf, GpuChunk, GpuChunkInstance, GpuDistantLight, GpuInfiniteLight, GpuInput, GpuInstance,
+    GpuLevelNode, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping, GpuLightTriangle,
+    GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuMeshNode, GpuMotionKey, GpuPrim, GpuSurface,
+    GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, LbvhBounds, LbvhNode, LbvhPush, Lighting, PathState,
+    Pending, Push, Question, Ray, Roulette, Segment, ShadowRay, Streaming, TextureFeedback,
 };
 use core::mem::{offset_of, size_of};
 
@@ -129,7 +129,8 @@ pub const LAYOUTS: &[StructLayout] = &[
         adaptive,
         texture_feedback,
         programs,
-        sheen_tables
+        sheen_tables,
+        camera_motion
     }),
     layout!(Streaming {
         segments,
@@ -182,6 +183,9 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(LbvhNode { min, max, child, count }),
     layout!(GpuTriangle { v0, face, v1, subset_and_sides, v2, ptex }),
     layout!(GpuInstance { object_from_parent, target, prim_id, index_in_prototype, prototype_count }),
+    layout!(GpuMotionKey { translation, time, rotation, stretch, half_angle, shear, pad }),
+    layout!(GpuCameraMotion { o, key_count, o_x, lens_radius, o_y, pad0, d, pad1, d_x, pad2, d_y, pad3 }),
+    layout!(GpuCameraKey { key, translation_lo, pad }),
     layout!(GpuMesh {
         nodes,
         triangles,

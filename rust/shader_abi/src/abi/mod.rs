@@ -51,9 +51,9 @@ pub use push::{
     unpack_band,
 };
 pub use scene::{
-    AttributeRate, GpuAssembly, GpuChunk, GpuChunkInstance, GpuDistantLight, GpuInstance, GpuLevelNode, GpuMesh,
-    GpuMeshNode, GpuTriangle, MeshFlags, NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_ROW, NO_VALUE, SUBSET_MASK,
-    TARGET_ASSEMBLY,
+    AttributeRate, GpuAssembly, GpuCameraKey, GpuCameraMotion, GpuChunk, GpuChunkInstance, GpuDistantLight,
+    GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuMotionKey, GpuTriangle, MeshFlags, NAME_DISPLAY_COLOR,
+    NAME_DISPLAY_OPACITY, NO_ROW, NO_VALUE, SUBSET_MASK, TARGET_ASSEMBLY, TARGET_MOVING,
 };
 pub use stream::{
     GpuSurface, LIGHT_PATH_BYTES, MATERIAL_BIT, MAX_PENDING, Pending, Question, Roulette, SHADOW_BIT, Segment,

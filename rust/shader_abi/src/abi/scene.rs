@@ -96,6 +96,73 @@ pub struct GpuInstance {
     pub prototype_count: u32,
 }
 
+/// Set in [`GpuInstance::target`] of a placement that moves: of `object_from_parent` only the bits of the first two
+/// numbers count, where its keys are (from the level's records, in 16 bytes) and how many.
+pub const TARGET_MOVING: u32 = 1 << 30;
+
+/// A key of what moves, 64 B: `p' = translation + rotation * stretch * p`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuMotionKey {
+    /// In the parent's frame.
+    pub translation: [f32; 3],
+    /// Part of the shutter.
+    pub time: f32,
+    /// Unit quaternion, x, y, z, w; on the same side as those of its neighbours.
+    pub rotation: [f32; 4],
+    /// Of the symmetric stretch the diagonal: xx, yy, zz.
+    pub stretch: [f32; 3],
+    /// Half the angle to the rotation of the next key, radians; 0 where that is none.
+    pub half_angle: f32,
+    /// Of the stretch the rest: xy, xz, yz.
+    pub shear: [f32; 3],
+    /// Padding.
+    pub pad: u32,
+}
+
+/// How the camera moves, 96 B, and behind it [`GpuCameraKey`]s: rays in the view's frame, as those of `Frame` in the
+/// world.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuCameraMotion {
+    /// Origin of the ray of image point (0, 0).
+    pub o: [f32; 3],
+    /// Keys, two or more.
+    pub key_count: u32,
+    /// Change of `o` per pixel to the right.
+    pub o_x: [f32; 3],
+    /// Radius of the lens.
+    pub lens_radius: f32,
+    /// Change of `o` per pixel up.
+    pub o_y: [f32; 3],
+    /// Padding.
+    pub pad0: u32,
+    /// Direction of the ray of image point (0, 0).
+    pub d: [f32; 3],
+    /// Padding.
+    pub pad1: u32,
+    /// Change of `d` per pixel to the right.
+    pub d_x: [f32; 3],
+    /// Padding.
+    pub pad2: u32,
+    /// Change of `d` per pixel up.
+    pub d_y: [f32; 3],
+    /// Padding.
+    pub pad3: u32,
+}
+
+/// A key of the camera, 80 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuCameraKey {
+    /// World from view.
+    pub key: GpuMotionKey,
+    /// What the key's translation lacks of the place in f64.
+    pub translation_lo: [f32; 3],
+    /// Padding.
+    pub pad: u32,
+}
+
 /// How values of an attribute are found; `triangle` is the index in BVH order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u32)]

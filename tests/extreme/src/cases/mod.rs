@@ -6,6 +6,7 @@ mod geometry;
 mod leaks;
 mod light;
 mod materials;
+mod motion;
 mod place;
 mod scale;
 mod self_hits;
@@ -27,5 +28,6 @@ pub(crate) fn run(lab: &mut Lab<'_>) {
     light::run(lab);
     materials::run(lab);
     camera::run(lab);
+    motion::run(lab);
     time::run(lab);
 }

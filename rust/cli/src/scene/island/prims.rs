@@ -41,7 +41,7 @@ pub(crate) struct Prims {
 
 /// A visible prim of the default purpose.
 pub(crate) fn prim(path: impl Into<Arc<str>>, transform: DMat4, instanced_by: Vec<InstancedBy>) -> PrimDesc {
-    PrimDesc { path: path.into(), transform, visible: true, purpose: "default".into(), instanced_by }
+    PrimDesc { path: path.into(), transform, instanced_by, ..PrimDesc::default() }
 }
 
 /// Where copy `c` of an island goes: an arrowhead of rows that the camera looks along, each copy turned another way.

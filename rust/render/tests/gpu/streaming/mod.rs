@@ -13,7 +13,7 @@ use oocpt_core::settings::Settings;
 use oocpt_core::stats::StreamingStats;
 use oocpt_render::{Faults, RenderRequest, Session, SessionOptions};
 use scenes::BEACH;
-pub(crate) use scenes::{SCENES, Scene};
+pub(crate) use scenes::{MOVING, SCENES, Scene};
 use std::sync::Arc;
 
 const POLICIES: [PolicyKind; 3] = [PolicyKind::Sweep, PolicyKind::Priority, PolicyKind::Benefit];
@@ -66,7 +66,7 @@ fn percent(bytes: u64, percent: u64) -> u32 {
 }
 
 /// Renders `scene` at every budget under every policy and compares with everything resident.
-fn same_bits(scene: &Scene) {
+pub(crate) fn same_bits(scene: &Scene) {
     let whole = render(scene, small_chunks(), options());
     assert!(whole.stats.in_core, "{}: the scene fits", scene.name);
     assert!(whole.stats.chunks >= 8, "{}: {} chunks are too few to test anything", scene.name, whole.stats.chunks);

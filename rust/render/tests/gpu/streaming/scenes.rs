@@ -5,7 +5,8 @@ use crate::lights::TestFiles;
 use crate::scenes::{constant, dome, glow, instanced, instancer, mesh, prim, sphere, square, sun};
 use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::scene::{
-    CurveBasis, CurveWrap, CurvesDesc, InstancerDesc, Interpolation, MeshDesc, NamedPrimvar, Primvar, SceneDb, Shape,
+    CurveBasis, CurveWrap, CurvesDesc, InstancerDesc, InstancerMotion, Interpolation, MeshDesc, NamedPrimvar, Primvar,
+    SceneDb, Shape, TransformSample,
 };
 use oocpt_core::{DomeFormat, LightDesc, LightKind, Shaping, TypedArray};
 
@@ -30,6 +31,10 @@ pub(crate) const SCENES: [Scene; 10] = [
     Scene { name: "bulbs", build: bulbs, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO },
     Scene { name: "fur and spray", build: fur, eye: DVec3::new(3.0, 3.0, 9.0), target: DVec3::ZERO },
 ];
+
+/// Meshes that move, instances that do, instancers that turn as a whole, and a large mesh among them.
+pub(crate) const MOVING: Scene =
+    Scene { name: "moving things", build: moving, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO };
 
 /// Numbers between 0 and 1 that only depend on `i` (the R2 sequence and one more).
 fn scattered(i: u32) -> DVec3 {
@@ -309,4 +314,52 @@ fn poles(db: &mut SceneDb) {
         .collect();
     db.upsert_instancer(instancer(prim("/poles", DMat4::IDENTITY), "/poles/pole", &poles));
     db.upsert_mesh(sphere(instanced(prim("/poles/pole", DMat4::IDENTITY), "/poles"), 2, 5, 0.2));
+}
+
+/// See [`MOVING`].
+fn moving(db: &mut SceneDb) {
+    lights(db);
+    ground(db, 12.0, -2.0);
+    let moves = |from: DMat4, to: DMat4| {
+        let sample = |(time, transform)| TransformSample { time, transform };
+        [(-0.5, from), (0.3, to), (1.0, from * DMat4::from_rotation_x(1.0))].map(sample).to_vec()
+    };
+    for i in 0..60 {
+        let at = (scattered(i) - 0.5) * DVec3::new(12.0, 3.0, 12.0);
+        let place = DMat4::from_translation(at) * DMat4::from_scale(DVec3::new(0.5, 0.3, 0.4));
+        let next = DMat4::from_translation(at + (scattered(i + 90) - 0.5) * 2.0) * DMat4::from_rotation_y(2.0);
+        let mut ball = sphere(prim(&format!("/ball_{i}"), place), 10 + i32::try_from(i).expect("small"), 6, 0.5);
+        ball.prim.motion = moves(place, next * DMat4::from_scale(DVec3::new(0.3, 0.5, 0.4)));
+        db.upsert_mesh(ball);
+    }
+    let hub = DMat4::from_translation(DVec3::new(-2.0, 1.0, 0.0));
+    let swarm_at = |path: &str| {
+        let mut swarm = balls(0, 300, path);
+        swarm.prim = prim(path, hub);
+        swarm
+    };
+    let spread = |scale: f32| {
+        let speeds: Vec<[f32; 3]> = (0..300).map(|i| ((scattered(i) - 0.5).as_vec3() * scale).to_array()).collect();
+        Some(TypedArray::of(speeds))
+    };
+    let motion = InstancerMotion {
+        velocities: spread(2.0),
+        accelerations: spread(1.0),
+        angular_velocities: spread(200.0),
+        seconds: [-0.25, 0.25],
+        samples: Vec::new(),
+    };
+    // Of the first the instances move in the world, of the second in a frame that turns.
+    let mut turning = InstancerDesc { motion: motion.clone(), ..swarm_at("/turning") };
+    turning.prim.motion = moves(hub, hub * DMat4::from_rotation_z(0.8));
+    for swarm in [InstancerDesc { motion, ..swarm_at("/swarm") }, turning] {
+        let path = swarm.prim.path.clone();
+        db.upsert_instancer(swarm);
+        let aside = prim(&format!("{path}/ball"), DMat4::from_translation(DVec3::X * 0.1));
+        db.upsert_mesh(sphere(instanced(aside, &path), 80, 8, 0.6));
+    }
+    let place = DMat4::from_translation(DVec3::new(3.0, 0.0, 3.0));
+    let mut large = sphere(prim("/large", place), 71, 40, 0.4);
+    large.prim.motion = moves(place, place * DMat4::from_rotation_y(0.5));
+    db.upsert_mesh(large);
 }

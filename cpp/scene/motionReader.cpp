@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "scene/motionReader.h"
+
+#include "bridge/vtArray.h"
+#include "scene/dataSource.h"
+#include "scene/primReader.h"
+#include "scene/tokens.h"
+
+#include <algorithm>
+#include <cmath>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+namespace {
+
+using _Times = std::vector<HdSampledDataSource::Time>;
+
+/// The times at which a value has to be read; none if it does not change while the shutter is open.
+_Times _SampleTimes(const HdDataSourceBaseHandle& source, const HdOocPTShutter& shutter)
+{
+    _Times times;
+    const HdSampledDataSourceHandle sampled = HdSampledDataSource::Cast(source);
+    const bool varies = sampled && shutter.IsOpen()
+        && sampled->GetContributingSampleTimesForInterval(
+            static_cast<float>(shutter.open), static_cast<float>(shutter.close), &times);
+    if (!varies || times.size() < 2) {
+        times.clear();
+    }
+    return times;
+}
+
+} // namespace
+
+HdOocPTShutter HdOocPTReadShutter(const HdSceneIndexBase& scene, const SdfPath& camera, HdOocPTWarnings* warnings)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    HdOocPTShutter shutter;
+    const HdContainerDataSourceHandle container
+        = camera.IsEmpty() ? nullptr : HdOocPTFindContainer(scene.GetPrim(camera).dataSource, { tokens.camera });
+    if (!container) {
+        return shutter;
+    }
+    // Front ends do not agree on the names.
+    for (const auto& [open, close] : { std::pair(tokens.shutterOpen, tokens.shutterClose),
+             std::pair(tokens.shutterOpenAttribute, tokens.shutterCloseAttribute) }) {
+        HdOocPTConvert(HdOocPTRead(container, { open }), &shutter.open);
+        HdOocPTConvert(HdOocPTRead(container, { close }), &shutter.close);
+    }
+    if (!std::isfinite(shutter.open) || !std::isfinite(shutter.close) || shutter.close < shutter.open) {
+        warnings->Add(camera, "its shutter closes before it opens, or at no finite time; nothing is blurred by motion");
+        shutter.open = shutter.close = 0.0;
+    }
+    const HdSceneIndexPrim root = scene.GetPrim(SdfPath::AbsoluteRootPath());
+    double rate = 0.0;
+    if (HdOocPTConvert(HdOocPTRead(root.dataSource, { tokens.sceneGlobals, tokens.timeCodesPerSecond }), &rate)
+        && std::isfinite(rate) && rate > 0.0) {
+        shutter.framesPerSecond = rate;
+    }
+    return shutter;
+}
+
+HdOocPTTransformSamples HdOocPTReadTransformSamples(
+    const HdContainerDataSourceHandle& container, const HdOocPTShutter& shutter)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    HdOocPTTransformSamples samples;
+    const HdSampledDataSourceHandle source
+        = HdSampledDataSource::Cast(HdOocPTFind(container, { tokens.xform, tokens.matrix }));
+    for (const HdSampledDataSource::Time time : _SampleTimes(source, shutter)) {
+        GfMatrix4d matrix(1.0);
+        HdOocPTConvert(source->GetValue(time), &matrix);
+        samples.emplace_back(shutter.Part(time), matrix);
+    }
+    return samples;
+}
+
+bool HdOocPTIsSampled(const HdDataSourceBaseHandle& source, const HdOocPTShutter& shutter)
+{
+    return !_SampleTimes(source, shutter).empty();
+}
+
+void HdOocPTFillMotion(const HdOocPTTransformSamples& samples, rust::Vec<double>* numbers)
+{
+    numbers->reserve(17 * samples.size());
+    for (const auto& [time, transform] : samples) {
+        numbers->push_back(time);
+        for (int i = 0; i < 16; ++i) {
+            numbers->push_back(transform.GetArray()[i]);
+        }
+    }
+}
+
+HdOocPTInstancerMotionState HdOocPTReadInstancerMotion(const HdOocPTPrimSource& source)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    HdOocPTInstancerMotionState state;
+    if (!source.shutter.IsOpen()) {
+        return state;
+    }
+    const auto rates = [&](const TfToken& name) {
+        const VtValue array
+            = HdOocPTReadArray(source, { tokens.primvars, name, tokens.primvarValue }, HdOocPTArrayRole::Vectors3);
+        return array.GetArraySize() == 0 ? VtValue() : array;
+    };
+    state.velocities = rates(tokens.velocities);
+    state.accelerations = rates(tokens.accelerations);
+    state.angularVelocities = rates(tokens.angularVelocities);
+    const HdOocPTShutter& shutter = source.shutter;
+    state.seconds = { shutter.open / shutter.framesPerSecond, shutter.close / shutter.framesPerSecond };
+    const std::array<std::pair<TfToken, HdOocPTArrayRole>, 4> arrays { {
+        { tokens.instanceTranslations, HdOocPTArrayRole::Vectors3 },
+        { tokens.instanceRotations, HdOocPTArrayRole::Quaternions },
+        { tokens.instanceScales, HdOocPTArrayRole::Vectors3 },
+        { tokens.instanceTransforms, HdOocPTArrayRole::Matrices },
+    } };
+    std::array<HdSampledDataSourceHandle, 4> sources;
+    _Times times;
+    for (size_t i = 0; i < arrays.size(); ++i) {
+        sources[i] = HdSampledDataSource::Cast(
+            HdOocPTFind(source.container, { tokens.primvars, arrays[i].first, tokens.primvarValue }));
+        const _Times own = _SampleTimes(sources[i], source.shutter);
+        // Times of one array stay as they are, so that a wrong order of them is told.
+        if (times.empty()) {
+            times = own;
+        } else if (!own.empty() && own != times) {
+            times.insert(times.end(), own.begin(), own.end());
+            std::sort(times.begin(), times.end());
+            times.erase(std::unique(times.begin(), times.end()), times.end());
+        }
+    }
+    for (const HdSampledDataSource::Time time : times) {
+        std::array<VtValue, 4> values;
+        for (size_t i = 0; i < arrays.size(); ++i) {
+            std::string reason;
+            const VtValue value = sources[i] ? sources[i]->GetValue(time) : VtValue();
+            // What cannot be used is told where the arrays of the frame itself are read.
+            values[i] = HdOocPTNormalizeArray(value, arrays[i].second, &reason);
+            if (values[i].GetArraySize() == 0) {
+                values[i] = VtValue();
+            }
+        }
+        state.samples.emplace_back(source.shutter.Part(time), std::move(values));
+    }
+    return state;
+}
+
+oocpt::InstancerMotionDesc HdOocPTDescribeInstancerMotion(const HdOocPTInstancerMotionState& state)
+{
+    oocpt::InstancerMotionDesc desc {};
+    desc.samples.reserve(state.samples.size());
+    for (const auto& [time, arrays] : state.samples) {
+        desc.samples.push_back({ time, HdOocPTHoldArray(arrays[0]), HdOocPTHoldArray(arrays[1]),
+            HdOocPTHoldArray(arrays[2]), HdOocPTHoldArray(arrays[3]) });
+    }
+    desc.velocities = HdOocPTHoldArray(state.velocities);
+    desc.accelerations = HdOocPTHoldArray(state.accelerations);
+    desc.angular_velocities = HdOocPTHoldArray(state.angularVelocities);
+    desc.seconds = state.seconds;
+    return desc;
+}
+
+PXR_NAMESPACE_CLOSE_SCOPE

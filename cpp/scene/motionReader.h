@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#ifndef HDOOCPT_SCENE_MOTION_READER_H
+#define HDOOCPT_SCENE_MOTION_READER_H
+
+#include "oocpt-bridge/src/lib.rs.h"
+#include "pxr/base/gf/matrix4d.h"
+#include "pxr/base/vt/value.h"
+#include "pxr/imaging/hd/dataSource.h"
+#include "pxr/imaging/hd/sceneIndex.h"
+#include "pxr/pxr.h"
+#include "pxr/usd/sdf/path.h"
+#include "scene/warnings.h"
+
+#include <array>
+#include <utility>
+#include <vector>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+struct HdOocPTPrimSource;
+
+/// When the shutter is open, in frames from the current one. Nothing moves where it closes when it opens.
+struct HdOocPTShutter
+{
+    double open = 0.0;
+    double close = 0.0;
+    double framesPerSecond = 24.0;
+
+    bool IsOpen() const { return open < close; }
+    /// The part of the shutter that a time is: 0 when it opens, 1 when it closes.
+    double Part(double time) const { return (time - open) / (close - open); }
+
+    bool operator==(const HdOocPTShutter& other) const
+    {
+        return open == other.open && close == other.close && framesPerSecond == other.framesPerSecond;
+    }
+    bool operator!=(const HdOocPTShutter& other) const { return !(*this == other); }
+};
+
+/// Transforms at parts of the shutter; empty where nothing moves.
+using HdOocPTTransformSamples = std::vector<std::pair<double, GfMatrix4d>>;
+
+/// How an instancer's instances move. The arrays share their data with the scene.
+struct HdOocPTInstancerMotionState
+{
+    /// Part of the shutter; translations, rotations, scales, transforms.
+    std::vector<std::pair<double, std::array<VtValue, 4>>> samples;
+    VtValue velocities;
+    VtValue accelerations;
+    VtValue angularVelocities;
+    /// When the shutter opens and closes, from the frame's own time.
+    std::array<double, 2> seconds {};
+};
+
+/// The shutter of a camera prim. Warns of one that closes before it opens.
+HdOocPTShutter HdOocPTReadShutter(const HdSceneIndexBase& scene, const SdfPath& camera, HdOocPTWarnings* warnings);
+
+/// The transform of a prim about the shutter.
+HdOocPTTransformSamples HdOocPTReadTransformSamples(
+    const HdContainerDataSourceHandle& container, const HdOocPTShutter& shutter);
+
+/// Whether a value changes while the shutter is open.
+bool HdOocPTIsSampled(const HdDataSourceBaseHandle& source, const HdOocPTShutter& shutter);
+
+/// The samples as they go to Rust.
+void HdOocPTFillMotion(const HdOocPTTransformSamples& samples, rust::Vec<double>* numbers);
+
+/// How the instances of an instancer move.
+HdOocPTInstancerMotionState HdOocPTReadInstancerMotion(const HdOocPTPrimSource& source);
+
+/// The state as it goes to Rust.
+oocpt::InstancerMotionDesc HdOocPTDescribeInstancerMotion(const HdOocPTInstancerMotionState& state);
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif

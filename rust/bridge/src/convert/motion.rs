@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What moves while the shutter is open, as it crosses the boundary. Pure; any thread.
+
+use crate::convert::{Complaints, column_matrix};
+use crate::ffi;
+use oocpt_core::scene::{InstancerMotion, InstancerSample, TransformSample};
+
+/// Numbers of a sample: its time and a matrix.
+const SAMPLE: usize = 17;
+
+/// Transforms at times.
+pub(crate) fn transform_samples(numbers: &[f64]) -> Vec<TransformSample> {
+    let sample = |numbers: &[f64]| {
+        let (time, matrix) = numbers.split_first()?;
+        Some(TransformSample { time: *time, transform: column_matrix(matrix.first_chunk()?) })
+    };
+    numbers.chunks_exact(SAMPLE).filter_map(sample).collect()
+}
+
+/// How instances move. Samples that cannot be read are left out with all others.
+pub(crate) fn instancer_motion(
+    desc: ffi::InstancerMotionDesc,
+    path: &str,
+    complaints: &mut Complaints,
+) -> InstancerMotion {
+    let samples = desc.samples.into_iter().map(|sample| InstancerSample {
+        time: sample.time,
+        translations: complaints.optional(path, "instanceTranslations", sample.translations),
+        rotations: complaints.optional(path, "instanceRotations", sample.rotations),
+        scales: complaints.optional(path, "instanceScales", sample.scales),
+        transforms: complaints.optional(path, "instanceTransforms", sample.transforms),
+    });
+    InstancerMotion {
+        samples: samples.collect(),
+        velocities: complaints.optional(path, "velocities", desc.velocities),
+        accelerations: complaints.optional(path, "accelerations", desc.accelerations),
+        angular_velocities: complaints.optional(path, "angularVelocities", desc.angular_velocities),
+        seconds: desc.seconds,
+    }
+}

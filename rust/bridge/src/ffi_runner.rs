@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The boundary's part for command lines and warnings, which needs no session. Guarantees and threads as in `lib.rs`.
+
+use crate::guard::{BridgeError, guard};
+use crate::runner::{self, begin_picture, interrupt, picture_rendered};
+use ffi::{Interrupted, PrimWarning};
+use oocpt_core::scene::{SceneWarning, summary};
+
+/// See [`runner::interrupted`].
+fn interrupted() -> Result<Interrupted, BridgeError> {
+    let (is_interrupted, early) = runner::interrupted()?;
+    Ok(Interrupted { is_interrupted, samples: early.samples, target: early.target })
+}
+
+/// What to post for the warnings of a reader of prims: few lines where many prims say the like.
+fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>, BridgeError> {
+    guard("summed_warnings", || {
+        let warning = |w: PrimWarning| SceneWarning::of_notes(w.path.into(), vec![w.text]);
+        Ok(summary(&warnings.into_iter().map(warning).collect::<Vec<_>>()))
+    })
+}
+
+/// Declarations that cxx turns into both sides of the boundary.
+#[allow(
+    unsafe_code,
+    missing_docs,
+    missing_debug_implementations,
+    unreachable_pub,
+    unused_qualifications,
+    clippy::multiple_unsafe_ops_per_block,
+    clippy::undocumented_unsafe_blocks,
+    clippy::use_self,
+    reason = "cxx expands this module into extern blocks and shims"
+)]
+#[cxx::bridge(namespace = "oocpt")]
+mod ffi {
+    /// What a reader complains about.
+    #[derive(Debug, Clone)]
+    struct PrimWarning {
+        path: String,
+        text: String,
+    }
+
+    /// How far the picture of an interrupted command line is; `samples` is 0 where nothing of it is to be written.
+    #[derive(Debug, Clone, Copy)]
+    struct Interrupted {
+        is_interrupted: bool,
+        samples: u32,
+        target: u32,
+    }
+
+    extern "Rust" {
+        fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>>;
+
+        fn begin_picture(folder: &str) -> Result<bool>;
+        fn picture_rendered() -> Result<()>;
+        fn interrupt() -> Result<bool>;
+        fn interrupted() -> Result<Interrupted>;
+    }
+}

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+//! How a camera moves while the shutter is open: keys of its frame, and its rays within that frame. Pure; any thread.
+
+use glam::{DAffine3, DVec3};
+
+use crate::camera::{Camera, CameraError};
+use crate::scene::{MotionKey, map_at, motion_keys};
+
+/// A camera that moves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraMotion {
+    /// World, relative to the origin that was given, from the view's frame; two or more, in the order of time.
+    pub keys: Vec<MotionKey>,
+    /// Rays in the view's frame: as those of [`crate::CameraRays`] in the world.
+    pub o: [f32; 3],
+    /// See `o`.
+    pub o_x: [f32; 3],
+    /// See `o`.
+    pub o_y: [f32; 3],
+    /// See `o`.
+    pub d: [f32; 3],
+    /// See `o`.
+    pub d_x: [f32; 3],
+    /// See `o`.
+    pub d_y: [f32; 3],
+    /// Radius of the lens in the view's frame.
+    pub lens_radius: f32,
+}
+
+/// Why a camera stays where it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum CameraMotionError {
+    /// A time is not finite, or not after the one before.
+    #[error("the camera does not move: its samples are not in the order of time")]
+    Times,
+    /// A matrix is singular or not finite, or mirrors and the one before does not.
+    #[error("the camera does not move: a sample of its transform is singular, not finite or inside out")]
+    Transforms,
+    /// The camera itself cannot be used.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+}
+
+impl Camera {
+    /// The camera at the middle of the shutter, and how it moves relative to the world point `origin`; `None` where it
+    /// does not.
+    ///
+    /// # Errors
+    /// See [`CameraMotionError`].
+    pub fn in_motion(&self, origin: DVec3) -> Result<Option<(Self, CameraMotion)>, CameraMotionError> {
+        if !self.motion.windows(2).any(|pair| pair[0].transform != pair[1].transform) {
+            return Ok(None);
+        }
+        let shifted: Vec<_> = self
+            .motion
+            .iter()
+            .map(|sample| {
+                let mut map = DAffine3::from_mat4(sample.transform);
+                map.translation -= origin;
+                (sample.time, map)
+            })
+            .collect();
+        let times = shifted.windows(2).all(|pair| pair[1].0 - pair[0].0 > 1e-6);
+        if !(times && shifted.iter().all(|(time, _)| time.abs() < 1e6)) {
+            return Err(CameraMotionError::Times);
+        }
+        let keys = motion_keys(&shifted).ok_or(CameraMotionError::Transforms)?;
+        let mut middle = map_at(&keys, 0.5);
+        middle.translation += origin;
+        let still = Self { world_from_view: middle.into(), motion: Vec::new(), ..self.clone() };
+        // As a camera that looks from the origin of the world: its rays are those of the view.
+        let view = Self { world_from_view: glam::DMat4::IDENTITY, ..still.clone() }.rays(DVec3::ZERO)?;
+        let lens_radius = view.lens_u[0];
+        let (o, o_x, o_y) = (view.o, view.o_x, view.o_y);
+        Ok(Some((still, CameraMotion { keys, o, o_x, o_y, d: view.d, d_x: view.d_x, d_y: view.d_y, lens_radius })))
+    }
+}

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What moves while the shutter is open, as Hydra gives it, unchecked. Times are parts of the shutter: it opens at 0
+//! and closes at 1; samples may lie before and after.
+
+use glam::DMat4;
+
+use crate::array::TypedArray;
+
+/// A transform at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TransformSample {
+    /// Part of the shutter.
+    pub time: f64,
+    /// As [`super::PrimDesc::transform`].
+    pub transform: DMat4,
+}
+
+/// The arrays of an instancer at a time.
+#[derive(Clone, Debug, Default)]
+pub struct InstancerSample {
+    /// Part of the shutter.
+    pub time: f64,
+    /// As [`super::InstancerDesc::translations`].
+    pub translations: Option<TypedArray>,
+    /// As [`super::InstancerDesc::rotations`].
+    pub rotations: Option<TypedArray>,
+    /// As [`super::InstancerDesc::scales`].
+    pub scales: Option<TypedArray>,
+    /// As [`super::InstancerDesc::transforms`].
+    pub transforms: Option<TypedArray>,
+}
+
+/// How the instances of an instancer move. Velocities win over samples, as `UsdGeomPointInstancer` has it.
+#[derive(Clone, Debug, Default)]
+pub struct InstancerMotion {
+    /// In any order of time; empty where nothing is sampled.
+    pub samples: Vec<InstancerSample>,
+    /// Three-vectors, units per second.
+    pub velocities: Option<TypedArray>,
+    /// Three-vectors, units per second squared; count with velocities only.
+    pub accelerations: Option<TypedArray>,
+    /// Three-vectors along the axes of rotation, degrees per second.
+    pub angular_velocities: Option<TypedArray>,
+    /// When the shutter opens and closes, seconds from the time of the arrays themselves.
+    pub seconds: [f64; 2],
+}

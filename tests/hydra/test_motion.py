@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motion through both front ends: the shutter of the camera, samples of transforms, velocities of instances, cameras
+that move, against closed forms of coverage; what turns motion off; and what is not blurred yet."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+
+import numpy as np
+import pytest
+
+import compare
+import exr
+
+SIZE = (64, 64)
+WIDTH = 2.0
+SETTINGS = {"oocpt:samplesPerPixel": 1024, "oocpt:maxBounces": 0}
+AT_FIVE = "view.params.frame = Usd.TimeCode(5)"
+
+STAGE = """#usda 1.0
+(
+    timeCodesPerSecond = 24
+    upAxis = "Y"
+)
+def Xform "World"
+{{
+    def Camera "Camera"
+    {{
+        float horizontalAperture = 20
+        float verticalAperture = 20
+        token projection = "orthographic"
+        {shutter}
+        {camera}
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+        float2 clippingRange = (0.1, 100)
+    }}
+    {content}
+}}
+{more}
+"""
+STILL_CAMERA = "double3 xformOp:translate = (0, 0, 10)"
+HALF = "double shutter:open = -0.25\n double shutter:close = 0.25"
+CARD = """
+        int[] faceVertexCounts = [4]
+        int[] faceVertexIndices = [0, 1, 2, 3]
+        point3f[] points = [(-0.2, -0.2, 0), (0.2, -0.2, 0), (0.2, 0.2, 0), (-0.2, 0.2, 0)]
+        uniform bool doubleSided = 1
+        uniform token subdivisionScheme = "none"
+"""
+# Two units in two frames: half a unit while the shutter is open for half a frame.
+SLIDING = 'def Mesh "Card"\n{' + CARD + """
+        double3 xformOp:translate.timeSamples = { 4: (-1, 0.5, 0), 6: (1, 0.5, 0) }
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+}"""
+
+
+def stage(shutter=HALF, camera=STILL_CAMERA, content=SLIDING, more=""):
+    return STAGE.format(shutter=shutter, camera=camera, content=content, more=more)
+
+
+def coverage(host, text, edit=AT_FIVE):
+    """Alpha of every pixel at frame 5, and what the host said."""
+    with host.open(text, SIZE, settings=SETTINGS) as view:
+        view.edit(edit)
+        picture = view.render()
+    return picture["color"][..., 3].astype(np.float64), picture.log
+
+
+def streak(center, way, half, times=256):
+    """Coverage of a square that moves by `way` about `center`."""
+    edges = np.arange(SIZE[0] + 1) / SIZE[0] * WIDTH - WIDTH / 2
+
+    def share(middle, half):
+        low, high = np.maximum(edges[:-1], middle - half), np.minimum(edges[1:], middle + half)
+        return np.maximum(high - low, 0) / (edges[1] - edges[0])
+
+    sum_ = np.zeros(SIZE[::-1])
+    for part in (np.arange(times) + 0.5) / times - 0.5:
+        sum_ += np.outer(share(center[1] + part * way[1], half), share(center[0] + part * way[0], half))
+    return sum_ / times
+
+
+def agree(met, known, what):
+    assert known.max() > 0.1, what
+    off = np.abs(met - known)
+    assert off.max() < 0.04 and off.mean() < 0.003, f"{what}: {off.max()} at most, {off.mean()} in the mean"
+
+
+def test_samples_of_a_transform_leave_a_streak(host):
+    met, log = coverage(host, stage())
+    agree(met, streak((0, 0.5), (0.5, 0), 0.2), "a card")
+    assert "OocPT" not in log, log
+
+
+def test_instances_move_by_their_velocities_and_with_their_instancer(host):
+    content = """
+    def PointInstancer "Row"
+    {
+        int[] protoIndices = [0, 0]
+        point3f[] positions = [(-0.5, -0.3, 0), (0.5, 0.3, 0)]
+        vector3f[] velocities = [(0, -24, 0), (24, 0, 0)]
+        rel prototypes = </World/Row/Proto>
+        def Mesh "Proto"
+        {""" + CARD + """
+        }
+    }"""
+    met, log = coverage(host, stage(content=content))
+    agree(met, streak((-0.5, -0.3), (0, -0.5), 0.2) + streak((0.5, 0.3), (0.5, 0), 0.2), "velocities")
+    assert "OocPT" not in log, log
+    moved = content.replace("vector3f[] velocities = [(0, -24, 0), (24, 0, 0)]", """
+        double3 xformOp:translate.timeSamples = { 4: (0, -1, 0), 6: (0, 1, 0) }
+        uniform token[] xformOpOrder = ["xformOp:translate"]""")
+    met, log = coverage(host, stage(content=moved))
+    agree(met, streak((-0.5, -0.3), (0, 0.5), 0.2) + streak((0.5, 0.3), (0, 0.5), 0.2), "an instancer")
+    sampled = content.replace("vector3f[] velocities = [(0, -24, 0), (24, 0, 0)]", "").replace(
+        "point3f[] positions = [(-0.5, -0.3, 0), (0.5, 0.3, 0)]",
+        "point3f[] positions.timeSamples = {\n 4: [(-1.5, -0.3, 0), (0.5, -0.7, 0)],\n"
+        " 6: [(0.5, -0.3, 0), (0.5, 1.3, 0)]\n}",
+    )
+    met, log = coverage(host, stage(content=sampled))
+    agree(met, streak((-0.5, -0.3), (0.5, 0), 0.2) + streak((0.5, 0.3), (0, 0.5), 0.2), "samples of positions")
+
+
+def test_a_camera_that_moves_blurs_what_is_at_rest(host):
+    content = 'def Mesh "Card"\n{' + CARD + "}"
+    camera = "double3 xformOp:translate.timeSamples = { 4: (-1, 0, 10), 6: (1, 0, 10) }"
+    met, log = coverage(host, stage(camera=camera, content=content))
+    agree(met, streak((0, 0), (-0.5, 0), 0.2), "a camera")
+    assert "OocPT" not in log, log
+
+
+def test_a_shutter_that_is_shut_blurs_nothing_and_opens_in_a_live_view(host):
+    with host.open(stage(shutter=""), SIZE, settings=SETTINGS) as view:
+        view.edit(AT_FIVE)
+        sharp = view.render()["color"].copy()
+        agree(sharp[..., 3], streak((0, 0.5), (0, 0), 0.2), "cameras are instant by default")
+        view.edit("camera = UsdGeom.Camera.Get(stage, '/World/Camera')\n"
+                  "camera.CreateShutterOpenAttr(-0.25); camera.CreateShutterCloseAttr(0.25)")
+        agree(view.render()["color"][..., 3], streak((0, 0.5), (0.5, 0), 0.2), "opened")
+        view.edit("camera = UsdGeom.Camera.Get(stage, '/World/Camera'); camera.GetShutterCloseAttr().Set(-0.25)")
+        compare.same_bits(view.render()["color"], sharp, "closed again")
+
+
+def test_a_shutter_that_closes_before_it_opens_is_one_warning(host):
+    met, log = coverage(host, stage(shutter="double shutter:open = 0.5\n double shutter:close = -0.5"))
+    agree(met, streak((0, 0.5), (0, 0), 0.2), "as if it were shut")
+    assert log.count("closes before it opens") == 1 and "/World/Camera" in log, log
+
+
+def test_render_settings_turn_motion_off(host):
+    name = "disableMotionBlur"
+    more = 'def RenderSettings "Settings"\n{{\n    rel camera = </World/Camera>\n    {}\n}}\n'
+    chosen = 'engine.SetActiveRenderSettingsPrimPath(Sdf.Path("/Settings"))\n' + AT_FIVE
+    on = stage(more=more.format("rel products = </Settings/Product>\n"
+                                'def RenderProduct "Product"\n{\n token productType = "raster"\n}\n'))
+    agree(coverage(host, on, chosen)[0], streak((0, 0.5), (0.5, 0), 0.2), "settings that say nothing")
+    off = stage(more=more.format(f"uniform bool {name} = 1\n rel products = </Settings/Product>\n"
+                                 'def RenderProduct "Product"\n{\n token productType = "raster"\n}\n'))
+    agree(coverage(host, off, chosen)[0], streak((0, 0.5), (0, 0), 0.2), f"{name} of the prim")
+    # UsdImaging 25.08 hands instantaneousShutter, which it deprecates, to nobody.
+    for name in ("disableMotionBlur", "instantaneousShutter"):
+        by_host = AT_FIVE + f"\nengine.SetRendererSetting('{name}', True)"
+        agree(coverage(host, stage(), by_host)[0], streak((0, 0.5), (0, 0), 0.2), f"{name} of the host")
+
+
+def test_what_is_not_blurred_yet_is_said_with_its_prim(host):
+    points = "point3f[] points = [(-0.2, -0.2, 0), (0.2, -0.2, 0), (0.2, 0.2, 0), (-0.2, 0.2, 0)]"
+    there = "[(-0.2, -0.2, 0), (0.2, -0.2, 0), (0.2, 0.2, 0), (-0.2, 0.2, 0)]"
+    samples = f"point3f[] points.timeSamples = {{ 4: {there}, 6: {there.replace('0.2, 0)', '0.9, 0)')} }}"
+    content = 'def Mesh "Soft"\n{' + CARD.replace(points, samples) + "}\n" + """
+    def SphereLight "Lamp"
+    {
+        double3 xformOp:translate.timeSamples = { 4: (-1, 0.5, 5), 6: (1, 0.5, 5) }
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }"""
+    _, log = coverage(host, stage(content=content))
+    said = [line for line in log.splitlines() if "shutter is open" in line]
+    assert len(said) == 2 and any("/World/Soft" in line for line in said), log
+    assert any("/World/Lamp" in line for line in said), log
+    _, log = coverage(host, stage(shutter="", content=content))
+    assert "shutter" not in log, log
+
+
+@pytest.mark.parametrize("scene_index", ["0", "1"], ids=["legacy", "scene_index"])
+def test_usdrecord_blurs_by_the_cameras_shutter(tmp_path, scene_index):
+    environment = dict(os.environ, USDIMAGINGGL_ENGINE_ENABLE_SCENE_INDEX=scene_index,
+                       OOCPT_SAMPLES_PER_PIXEL="1024", OOCPT_MAX_BOUNCES="0")
+    environment.pop("PYTHONPATH", None)
+    for name, shutter, way in (("open", HALF, 0.5), ("default", "", 0.0)):
+        (tmp_path / f"{name}.usda").write_text(stage(shutter=shutter))
+        command = ["usdrecord", "--renderer", "OocPT", "--disableGpu", "--disableCameraLight", "--frames", "5",
+                   "--camera", "/World/Camera", "--imageWidth", str(SIZE[0]), str(tmp_path / f"{name}.usda"),
+                   str(tmp_path / f"{name}.#.exr")]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
+        assert done.returncode == 0, done.stderr
+        picture = exr.read(tmp_path / f"{name}.5.exr")
+        agree(picture[..., 3], streak((0, 0.5), (way, 0), 0.2), name)
