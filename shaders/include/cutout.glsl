@@ -10,6 +10,8 @@ const uint QUESTION_TAPS = 15u; // how far the lookup is
 const uint QUESTION_CHANNEL_SHIFT = 4u;
 const uint QUESTION_INCLUSIVE = 64u; // there at the limit too
 const uint QUESTION_PRESENT = 128u;  // the answer
+const uint QUESTION_LOOKUP_SHIFT = 8u; // of a program: which of its lookups, two bits
+const uint QUESTION_OF_PROGRAM = 1024u; // the answer is a texel for the program
 
 // `said` as continue_lookup gives it: neither scale nor bias apply to a fallback.
 bool is_there(vec4 texel, uint said, float scale, float bias, uint flags, float limit) {

@@ -3,16 +3,55 @@
 // pattern_registers. Only with HAS_PATTERNS.
 //
 // Memory of a program, from 16 * GpuMaterial::program bytes of Frame::programs on: constants, f32x4 each; lookups, a
-// GpuInput each; instructions, two in 16 bytes: op | to << 8 | a << 16 | b << 24, c | immediate << 8. The host has
-// checked all numbers.
+// GpuInput each; instructions, two in 16 bytes: op | to << 8 | a << 16 | b << 24, c | immediate << 8. Behind it, of a
+// material whose opacity is a register, 16 bytes that begin with the sizes of a program for that alone, and this
+// program (traversal/cutout_program.glsl). The host has checked all numbers.
+//
+// Before including, PATTERN_LOOKUP may be defined as a function in place of texture_lookup.
 #ifndef OOCPT_PATTERN_GLSL
 #define OOCPT_PATTERN_GLSL
 
+#include "include/affine.glsl"
 #include "include/pattern_ops.glsl"
-#include "include/surface.glsl"
+#include "include/surface_material.glsl"
 #include "include/texture.glsl"
 
+#ifndef PATTERN_LOOKUP
+#define PATTERN_LOOKUP texture_lookup
+#endif
+
 vec4 pattern_registers[PROGRAM_REGISTERS];
+
+// Where a program is run.
+struct PatternPoint {
+    vec3 position; // world
+    vec3 normal;   // shading normal, world, unit
+    vec3 view;     // from the viewer to the surface, unit
+    float cone;    // width of the ray's cone
+};
+
+// Of GpuMaterial::program_sizes.
+uint program_constants(uint sizes) {
+    return sizes & 0xffu;
+}
+
+uint program_lookups(uint sizes) {
+    return (sizes >> 8) & 0xffu;
+}
+
+uint program_instructions(uint sizes) {
+    return sizes >> 16;
+}
+
+// What is behind a program.
+uint64_t program_end(uint64_t program, uint sizes) {
+    const uint rows = program_constants(sizes) + 4u * program_lookups(sizes) + (program_instructions(sizes) + 1u) / 2u;
+    return program + 16ul * uint64_t(rows);
+}
+
+uint64_t material_program(uint material) {
+    return FRAME.programs + 16ul * uint64_t(Materials(FRAME.materials).v[material].program);
+}
 
 vec4 pattern_operand(uint64_t program, uint operand) {
     if (operand < PROGRAM_REGISTERS) return pattern_registers[operand];
@@ -20,17 +59,17 @@ vec4 pattern_operand(uint64_t program, uint operand) {
 }
 
 // GEOMETRY_*.
-vec4 pattern_geometry(uint what, GpuSurfaceMaterial m, Surface s, vec3 view) {
+vec4 pattern_geometry(uint what, GpuSurfaceMaterial m, PatternPoint p) {
     if (what <= GEOMETRY_UV1) return vec4(m.uv[what & 1u], 0.0, 0.0);
     if (what <= GEOMETRY_PRIMVAR1) {
         const uint slot = what & 1u;
         if ((m.flags & (1u << slot)) != 0u) return m.primvars[slot];
         return Materials(FRAME.materials).v[m.material].primvar_fallback[slot];
     }
-    const vec3 normal = s.shading_normal;
-    if (what == GEOMETRY_POSITION) return vec4(s.position.hi + s.position.lo, 0.0);
+    const vec3 normal = p.normal;
+    if (what == GEOMETRY_POSITION) return vec4(p.position, 0.0);
     if (what == GEOMETRY_NORMAL) return vec4(normal, 0.0);
-    if (what == GEOMETRY_VIEW_DIRECTION) return vec4(view, 0.0);
+    if (what == GEOMETRY_VIEW_DIRECTION) return vec4(p.view, 0.0);
     const vec3 tangent = normal_or(m.tangent - normal * dot3(normal, m.tangent), vec3(0.0));
     if (what == GEOMETRY_TANGENT) return vec4(tangent, 0.0);
     return vec4(cross3(normal, tangent) * m.handedness, 0.0);
@@ -44,18 +83,16 @@ vec4 pattern_texture(GpuInput i, vec2 place, bool is_placed, GpuSurfaceMaterial 
     float width = 0.0;
     if (set != INPUT_NO_SET) width = lookup_width(i.texture, at, m.footprints[set & 1u], cone, i.row_s, i.row_t);
     uint unit;
-    const vec4 texel = texture_lookup(i.texture, at, width, unit);
+    const vec4 texel = PATTERN_LOOKUP(i.texture, at, width, unit);
     if (unit < TEXTURE_FALLBACK) missing = unit;
     return pattern_number(texel);
 }
 
-// Runs the program of a material. `view`: from the viewer to the surface, unit. `missing` as for input_value.
-void run_program(GpuSurfaceMaterial m, Surface s, vec3 view, inout uint missing) {
-    const uint sizes = Materials(FRAME.materials).v[m.material].program_sizes;
-    const uint64_t program = FRAME.programs + 16ul * uint64_t(Materials(FRAME.materials).v[m.material].program);
-    const uint constants = sizes & 0xffu;
-    const uint lookups = (sizes >> 8) & 0xffu;
-    const uint count = sizes >> 16;
+// Runs a program of the material `m`. `missing` as for input_value.
+void run_program(uint64_t program, uint sizes, GpuSurfaceMaterial m, PatternPoint p, inout uint missing) {
+    const uint constants = program_constants(sizes);
+    const uint lookups = program_lookups(sizes);
+    const uint count = program_instructions(sizes);
     const uint64_t inputs = program + 16ul * uint64_t(constants);
     const uint64_t instructions = inputs + 64ul * uint64_t(lookups);
     [[dont_unroll]] for (uint k = 0u; k < count; ++k) {
@@ -65,10 +102,10 @@ void run_program(GpuSurfaceMaterial m, Surface s, vec3 view, inout uint missing)
         const vec4 a = pattern_operand(program, (word.x >> 16) & 0xffu);
         vec4 value;
         if (op == PATTERN_SURFACE) {
-            value = pattern_number(pattern_geometry(immediate, m, s, view));
+            value = pattern_number(pattern_geometry(immediate, m, p));
         } else if (op == PATTERN_TEXTURE) {
             const GpuInput i = Inputs(inputs).v[immediate & 0xffu];
-            value = pattern_texture(i, a.xy, (immediate & INPUT_PLACED) != 0u, m, s.cone, missing);
+            value = pattern_texture(i, a.xy, (immediate & INPUT_PLACED) != 0u, m, p.cone, missing);
         } else {
             const vec4 b = pattern_operand(program, word.x >> 24);
             const vec4 c = pattern_operand(program, word.y & 0xffu);

@@ -98,13 +98,6 @@ vec3 forward_with_error(uint chunk_instance, vec3 p, inout vec3 error) {
     return p;
 }
 
-vec3 normal_or(vec3 v, vec3 fallback) {
-    const float largest = max(abs(v.x), max(abs(v.y), abs(v.z)));
-    if (!(largest > 0.0 && largest < 3.0e38)) return fallback;
-    const vec3 scaled = v / largest;
-    return scaled * inversesqrt(dot3(scaled, scaled));
-}
-
 // The point p of a plane, moved in the plane to where the ray meets it, if that is farther than what the ray itself
 // rounds: barycentrics round by the triangle's size over its height, which for slivers, and for triangles much larger
 // than their distance, is a lot.

@@ -4,6 +4,8 @@
 #ifndef OOCPT_OPACITY_GLSL
 #define OOCPT_OPACITY_GLSL
 
+#include "traversal/cutout_program.glsl"
+
 // Whether the surface is there for this ray.
 bool is_opaque(uint triangle, vec2 uv) {
     Meshes meshes = Meshes(FRAME.meshes);
@@ -41,7 +43,9 @@ bool is_cut_in(uint triangle, vec2 uv, float t) {
     id = hash_combine(id, triangle);
     if (HAS_STREAMING && answer.chunk_instance == walk.chunk_instance) {
         if (key_before(t, id, answer.t, answer.id)) return false;
-        if (t == answer.t && id == answer.id) return (answer.flags & QUESTION_PRESENT) != 0u;
+        if (t == answer.t && id == answer.id && (answer.flags & QUESTION_OF_PROGRAM) == 0u) {
+            return (answer.flags & QUESTION_PRESENT) != 0u;
+        }
     }
     const Presence presence = presence_of(walk.mesh, Instances(walk.instances).v[chain[level_index()]].prim_id, triangle, uv,
                                           ray_cone(walk.path, t) * length(walk.d), walk.d);
@@ -49,6 +53,9 @@ bool is_cut_in(uint triangle, vec2 uv, float t) {
     const bool chance = presence.threshold <= 0.0;
     float limit = presence.threshold;
     if (chance) limit = (push.flags & PUSH_AOVS) != 0u ? 0.0 : float(hash_u32(hash_combine(walk.seed, id)) >> 8) * 5.9604644775390625e-8;
+    if (HAS_CUTOUT_PROGRAMS && presence.program != NO_MATERIAL) {
+        return is_cut_in_by_program(presence, triangle, uv, t, id, chance, limit);
+    }
     TextureProgress progress = TextureProgress(HAS_STREAMING ? vec4(0.0) : UNKNOWN_TEXEL, 0u);
     uint said = TEXTURE_FALLBACK;
     if (presence.texture == NO_TEXTURE) {

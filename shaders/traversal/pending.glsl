@@ -24,17 +24,21 @@ Question question;
 float question_entry; // of its chunk instance
 Question answer;
 
-// Asks, unless something before it was asked already.
-void ask(float entry, Question q) {
+// With CUTOUT_PROGRAMS: what the finished lookups of the question's program gave.
+vec4 question_values[CUTOUT_LOOKUPS - 1u];
+
+// Asks, unless something before it was asked already: then false.
+bool ask(float entry, Question q) {
     if (question.unit != OWN_UNIT) {
         if (q.chunk_instance == question.chunk_instance) {
-            if (!key_before(q.t, q.id, question.t, question.id)) return;
+            if (!key_before(q.t, q.id, question.t, question.id)) return false;
         } else if (!key_before(entry, q.chunk_instance, question_entry, question.chunk_instance)) {
-            return;
+            return false;
         }
     }
     question = q;
     question_entry = entry;
+    return true;
 }
 
 #if ANY_HIT
@@ -44,6 +48,12 @@ void ask(float entry, Question q) {
 #define PENDING_LISTS STREAMING.pending
 #define QUESTIONS STREAMING.questions
 #endif
+
+// Where what the finished lookups of a path's question gave is kept: behind all questions.
+uint64_t question_values_address(uint64_t questions, uint path) {
+    const uint64_t at = uint64_t(STREAMING.slots) * 64ul + uint64_t(path) * uint64_t(16u * (CUTOUT_LOOKUPS - 1u));
+    return questions + at;
+}
 
 void remember(float entry, uint instance) {
 #ifdef OOCPT_FAULTS
@@ -79,7 +89,13 @@ bool keeps_question() {
 }
 
 void store_pending(uint path) {
-    if (keeps_question()) Questions(QUESTIONS).v[path] = question;
+    if (keeps_question()) {
+        Questions(QUESTIONS).v[path] = question;
+        if (HAS_CUTOUT_PROGRAMS) {
+            const uint64_t kept = question_values_address(QUESTIONS, path);
+            for (uint i = 0u; i < CUTOUT_LOOKUPS - 1u; ++i) Vec4s(kept).v[i] = question_values[i];
+        }
+    }
     for (uint i = 0u; i < pending_count; ++i) {
         PendingLists(PENDING_LISTS).v[path].entry[i] = pending_entry[i];
         PendingLists(PENDING_LISTS).v[path].chunk_instance[i] = pending_instance[i];

@@ -14,6 +14,7 @@ const uint NO_TEXTURE = 0xffffffffu;
 struct Presence {
     bool is_asked;
     uint texture;
+    uint program; // the material whose program says it, or NO_MATERIAL
     vec2 st;
     float width; // of the lookup's filter, in texels
     uint channel;
@@ -35,7 +36,7 @@ float ray_cone(uint path, float t) {
 // What the material of a triangle asks. `cone`: the width of the ray's cone there, in the mesh's frame; `d`: where it
 // goes, in that frame.
 Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone, vec3 d) {
-    Presence p = Presence(false, NO_TEXTURE, vec2(0.0), 0.0, 0u, 1.0, 0.0, 0.0);
+    Presence p = Presence(false, NO_TEXTURE, NO_MATERIAL, vec2(0.0), 0.0, 0u, 1.0, 0.0, 0.0);
     const uint64_t triangles = Meshes(FRAME.meshes).v[mesh].triangles;
     const uint subset = floatBitsToUint(ConstVec4s(triangles).v[triangle * 3u + 1u].w) & SUBSET_MASK;
     const uint slot = material_slot(prim_id, subset);
@@ -48,7 +49,9 @@ Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone,
     const GpuInput i = materials.v[material].inputs[INPUT_OPACITY];
     const uint set = (i.kind >> INPUT_SET_SHIFT) & 3u;
     p.bias = i.value.x;
-    if ((i.kind & 3u) == INPUT_PRIMVAR) {
+    if (HAS_CUTOUT_PROGRAMS && (i.kind & 3u) == INPUT_REGISTER) {
+        p.program = material;
+    } else if ((i.kind & 3u) == INPUT_PRIMVAR) {
         const uint entry = find_primvar(mesh, materials.v[material].names[2u + (set & 1u)]);
         vec4 value;
         if (entry != NO_NAME) {

@@ -12,9 +12,10 @@ use crate::expression::{Expressions, Val};
 use crate::library::Library;
 use crate::network::{MAX_NODES, Network};
 use crate::program::{
-    Geometry, Instruction, Lookup, MAX_CONSTANTS, MAX_INSTRUCTIONS, MAX_LOOKUPS, Op, Operand, Program, REGISTERS,
+    Geometry, Instruction, Lookup, MAX_CONSTANTS, MAX_INSTRUCTIONS, MAX_LOOKUPS, MAX_OPACITY_LOOKUPS, Op, Operand,
+    Program, REGISTERS,
 };
-use crate::surface::{INPUTS, SHAPES};
+use crate::surface::{INPUTS, Input, SHAPES};
 use crate::uses::{LookupUse, Uses};
 use crate::walk::Walker;
 
@@ -27,7 +28,7 @@ pub enum InputSource {
     Texture(Lookup, Option<u8>),
     /// A primvar of [`Uses::primvars`].
     Primvar(u8),
-    /// A register of the program.
+    /// A register of the program; of the opacity, of its own.
     Register(u8),
 }
 
@@ -42,6 +43,8 @@ pub struct Translation {
     pub opacity_threshold: f32,
     /// Empty where no input is a register.
     pub program: Program,
+    /// Works out the opacity where that is a register. Apart: it is asked before the hit is known.
+    pub opacity_program: Program,
     /// Textures by number, sets of texture coordinates, primvars.
     pub uses: Uses,
     /// What is not understood, one line each.
@@ -56,6 +59,7 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
         specular_workflow: false,
         opacity_threshold: 0.0,
         program: Program::default(),
+        opacity_program: Program::default(),
         uses: Uses::default(),
         problems: Vec::new(),
     };
@@ -83,6 +87,7 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
     for ((val, (width, _)), input) in lowered.inputs.iter().zip(SHAPES).zip(&mut inputs) {
         *input = assembler.simple(*val, width);
     }
+    let opacity_program = opacity(&lowered.inputs, &mut inputs, &expressions, &uses.lookups, &mut problems);
     let rest: Vec<Val> =
         lowered.inputs.iter().zip(&inputs).filter(|(_, known)| known.is_none()).map(|(v, _)| *v).collect();
     let textures = inputs.iter().flatten().filter(|input| matches!(input, InputSource::Texture(..))).count();
@@ -105,8 +110,36 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
         specular_workflow: lowered.specular_workflow,
         opacity_threshold: lowered.opacity_threshold,
         program,
+        opacity_program,
         uses,
         problems,
+    }
+}
+
+/// The program of the opacity, if it needs one; the surface is there where it cannot have it.
+fn opacity(
+    values: &[Val; INPUTS],
+    inputs: &mut [Option<InputSource>; INPUTS],
+    expressions: &Expressions,
+    lookups: &[LookupUse],
+    problems: &mut Vec<String>,
+) -> Program {
+    let at = Input::Opacity as usize;
+    if inputs[at].is_some() {
+        return Program::default();
+    }
+    let program = Program::default();
+    let mut assembler = Assembler { most_lookups: MAX_OPACITY_LOOKUPS, expressions, lookups, program };
+    match assembler.compile(&values[at..=at]) {
+        Ok(registers) => {
+            inputs[at] = registers.get(&values[at].index()).map(|register| InputSource::Register(*register));
+            assembler.program
+        }
+        Err(what) => {
+            problems.push(format!("the pattern of the opacity has {what}: the surface is there"));
+            inputs[at] = Some(InputSource::Constant([1.0; 4]));
+            Program::default()
+        }
     }
 }
 

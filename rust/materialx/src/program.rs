@@ -13,6 +13,8 @@ pub const MAX_CONSTANTS: usize = 256 - REGISTERS;
 pub const MAX_INSTRUCTIONS: usize = 1024;
 /// Texture lookups of a program, at most: what is kept of lookups under way has this many places.
 pub const MAX_LOOKUPS: usize = 12;
+/// Texture lookups of a program for opacity, at most.
+pub const MAX_OPACITY_LOOKUPS: usize = 4;
 
 /// What an instruction does. `a`, `b`, `c` are its operands; by component unless said otherwise. What is undefined in
 /// `MaterialX` (a division by 0, a root of a negative number) gives 0 here. Results that are no finite numbers are 0,

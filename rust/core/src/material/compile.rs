@@ -145,6 +145,7 @@ impl<'a> Compiler<'a> {
             uv_sets: std::mem::take(&mut self.uv_sets),
             primvars: std::mem::take(&mut self.primvars),
             program: Program::default(),
+            opacity_program: Program::default(),
         })
     }
 

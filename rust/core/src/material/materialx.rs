@@ -162,8 +162,10 @@ fn material(translation: &Translation) -> Option<Material> {
     flags.set(MaterialFlags::TRANSMISSIVE, transmits);
     flags.set(MaterialFlags::ROUGH_TRANSMISSION, transmits && rough);
     flags.set(MaterialFlags::SHEEN, is_more(InputName::SheenColor, 0.0));
-    flags.set(MaterialFlags::PATTERNS, !translation.program.instructions.is_empty());
-    if !translation.program.lookups.is_empty() {
+    let is_by_program = !translation.opacity_program.instructions.is_empty();
+    flags.set(MaterialFlags::PATTERNS, is_by_program || !translation.program.instructions.is_empty());
+    flags.set(MaterialFlags::CUTOUT_PROGRAM, is_by_program);
+    if !translation.program.lookups.is_empty() || !translation.opacity_program.lookups.is_empty() {
         flags |= MaterialFlags::TEXTURED;
     }
     let set = |name: &Arc<str>| UvSet { name: Arc::clone(name), id: 0, fallback: [0.0; 2] };
@@ -179,5 +181,6 @@ fn material(translation: &Translation) -> Option<Material> {
             .map(|primvar| PrimvarSlot { name: Arc::clone(&primvar.name), id: 0, fallback: primvar.fallback })
             .collect(),
         program: translation.program.clone(),
+        opacity_program: translation.opacity_program.clone(),
     })
 }

@@ -66,6 +66,8 @@ bitflags! {
         const SHEEN = 1024;
         /// Some input is worked out by a program.
         const PATTERNS = 2048;
+        /// Opacity is.
+        const CUTOUT_PROGRAM = 4096;
     }
 }
 
@@ -96,7 +98,7 @@ pub enum Input {
         /// Value where the mesh does not have it.
         fallback: [f32; 4],
     },
-    /// A register of the material's program.
+    /// A register of the material's program; of the opacity, of its own program.
     Register(u8),
 }
 
@@ -162,6 +164,8 @@ pub struct Material {
     pub primvars: Vec<PrimvarSlot>,
     /// Works out the inputs that are registers; its lookups have textures as [`Input::Texture`] has.
     pub program: Program,
+    /// Works out the opacity where that is a register: a program of its own, which traversal runs.
+    pub opacity_program: Program,
 }
 
 impl Material {

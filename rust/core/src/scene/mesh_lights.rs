@@ -164,5 +164,6 @@ fn dark() -> Material {
         uv_sets: Vec::new(),
         primvars: Vec::new(),
         program: Program::default(),
+        opacity_program: Program::default(),
     }
 }

@@ -56,6 +56,8 @@ bitflags! {
         const SHEEN = 1 << 19;
         /// A material whose inputs are worked out by a program.
         const PATTERNS = 1 << 20;
+        /// A material whose opacity is.
+        const CUTOUT_PROGRAMS = 1 << 21;
         /// A material that emits light.
         const EMISSION = 1 << 22;
         /// A primvar with a value per instance that something reads.
@@ -123,6 +125,7 @@ impl SurfaceTables {
             (MaterialFlags::OPEN_PBR, SceneFeatures::OPEN_PBR),
             (MaterialFlags::SHEEN, SceneFeatures::SHEEN),
             (MaterialFlags::PATTERNS, SceneFeatures::PATTERNS),
+            (MaterialFlags::CUTOUT_PROGRAM, SceneFeatures::CUTOUT_PROGRAMS),
         ];
         let mut features = SceneFeatures::empty();
         features.set(SceneFeatures::MATERIALS, !self.materials.is_empty());

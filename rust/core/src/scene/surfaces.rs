@@ -16,6 +16,7 @@ use crate::desc::{MaterialDesc, MeshDesc};
 use crate::material::{Compiled, Input, Material, PTEX_SET, TextureRef, built_in, compile};
 use crate::mesh::{Displacements, WantedPrimvar};
 use oocpt_materialx::program::{Lookup, REGISTERS};
+use oocpt_materialx::surface::Input as InputName;
 
 /// In [`SurfaceTables::material_slots`]: no material.
 pub const NO_MATERIAL: u32 = u32::MAX;
@@ -264,7 +265,7 @@ impl SurfaceStore {
                 *texture = index_of(reference);
             }
         }
-        for lookup in &mut linked.program.lookups {
+        for lookup in linked.program.lookups.iter_mut().chain(&mut linked.opacity_program.lookups) {
             if let Some(reference) = local.get(lookup.texture as usize) {
                 lookup.texture = index_of(reference);
             }
@@ -355,17 +356,23 @@ impl SurfaceTables {
         if self.material_slots.iter().any(|&slot| slot != NO_MATERIAL && slot as usize >= self.materials.len()) {
             return Err("material slots");
         }
-        let sound = |input: &Input, material: &Material| match *input {
+        let sound = |at: usize, input: &Input, material: &Material| match *input {
             Input::Constant(value) => value.iter().all(|v| v.is_finite()),
             Input::Texture { texture, uv, .. } => {
                 (texture as usize) < self.textures.len() && uv.is_none_or(|uv| usize::from(uv) < material.uv_sets.len())
             }
             Input::Primvar { slot, .. } => usize::from(slot) < material.primvars.len(),
-            Input::Register(register) => usize::from(register) < REGISTERS && !material.program.instructions.is_empty(),
+            Input::Register(register) => {
+                let is_opacity = at == InputName::Opacity as usize;
+                let program = if is_opacity { &material.opacity_program } else { &material.program };
+                usize::from(register) < REGISTERS && !program.instructions.is_empty()
+            }
         };
         let known = |lookup: &Lookup| (lookup.texture as usize) < self.textures.len();
         let all_sound = |material: &Arc<Material>| {
-            material.inputs.iter().all(|input| sound(input, material)) && material.program.lookups.iter().all(known)
+            let lookups = material.program.lookups.iter().chain(&material.opacity_program.lookups);
+            material.inputs.iter().enumerate().all(|(at, input)| sound(at, input, material))
+                && lookups.into_iter().all(known)
         };
         if self.materials.iter().all(all_sound) { Ok(()) } else { Err("materials") }
     }

@@ -58,6 +58,11 @@ fn materials_say_what_they_need() {
     }
     let half = flags(&[("opacity", ParamValue::Vec3([0.5; 3]))]);
     assert_eq!(half, plain | MaterialFlags::PRESENCE, "opacity is whether the surface is there");
+    let by_program = of(vec![node(SURFACE, &[], &[("opacity", 1, "out")]), node("ND_noise2d_color3", &[], &[])]);
+    let expected = plain | MaterialFlags::PRESENCE | MaterialFlags::PATTERNS | MaterialFlags::CUTOUT_PROGRAM;
+    let material = by_program.material.expect("a surface");
+    assert_eq!(material.flags, expected, "its opacity has a program");
+    assert!(material.program.instructions.is_empty() && !material.opacity_program.instructions.is_empty());
 }
 
 #[test]

@@ -122,6 +122,7 @@ impl Walker<'_> {
         );
         let mode = self.number_or(at, "alpha_mode", 0.0).constant().map_or(0.0, |mode| mode[0]);
         let cutoff = self.number_or(at, "alpha_cutoff", 0.5).constant().map_or(0.5, |cutoff| cutoff[0]);
+        let is_mask = (0.5..1.5).contains(&mode);
         let sheen = self.number_or(at, "sheen_color", 0.0);
         Slab {
             base_color: self.number_or(at, "base_color", 1.0),
@@ -139,8 +140,8 @@ impl Walker<'_> {
             fuzz: sheen,
             fuzz_roughness: self.number_or(at, "sheen_roughness", 0.0),
             emission: self.product(at, ["emissive", "emissive_strength"]),
-            opacity: if mode >= 0.5 { self.number_or(at, "alpha", 1.0) } else { Val::ONE },
-            opacity_threshold: if (0.5..1.5).contains(&mode) { cutoff.max(0.0) } else { 0.0 },
+            opacity: if mode >= 1.5 || is_mask && cutoff > 0.0 { self.number_or(at, "alpha", 1.0) } else { Val::ONE },
+            opacity_threshold: if is_mask { cutoff.max(0.0) } else { 0.0 },
             normal: self.normal(at, "normal"),
             ..Slab::BLACK
         }

@@ -207,3 +207,26 @@ fn what_is_left_out_is_said_once_with_the_prim() {
     assert_eq!(translation.problems, [format!("/m/{STANDARD}: not supported yet: anisotropy, thin films")]);
     assert!(translation.inputs.is_some(), "the rest is there");
 }
+
+/// The opacity has a program of its own, of few lookups; with more the surface is there.
+#[test]
+fn opacity_is_worked_out_apart() {
+    let images = |count: usize| {
+        let mut nodes = vec![node(OPEN_PBR, &[], &[("geometry_opacity", 1), ("specular_roughness", 1)])];
+        for k in 0..count {
+            let (image, next) = (2 * k + 2, 2 * k + 3);
+            let last = k + 1 == count;
+            let inputs = [("in1", image), ("in2", next)];
+            nodes.push(node("ND_multiply_float", &[], if last { &inputs[..1] } else { &inputs }));
+            nodes.push(node("ND_image_float", &[("file", file(&format!("{k}.png")))], &[]));
+        }
+        nodes
+    };
+    let four = sound(images(4));
+    assert_eq!((four.program.lookups.len(), four.opacity_program.lookups.len()), (4, 4));
+    let InputSource::Register(_) = source(&four, Input::Opacity) else { panic!("{four:?}") };
+    let five = translated(images(5));
+    assert_eq!(constant(source(&five, Input::Opacity)), [1.0; 4]);
+    assert!(five.opacity_program.instructions.is_empty());
+    assert!(five.problems.iter().any(|problem| problem.contains("opacity")), "{:?}", five.problems);
+}

@@ -40,7 +40,7 @@ impl SurfaceEntries {
             (surfaces.materials.len(), size_of::<GpuMaterial>()),
             (surfaces.prims.len(), size_of::<GpuPrim>()),
             (surfaces.material_slots.len(), size_of::<u32>()),
-            (surfaces.materials.iter().map(|material| program_rows(&material.program)).sum(), ROW),
+            (surfaces.materials.iter().map(|material| rows_of(material)).sum(), ROW),
         ];
         let has_materials = !surfaces.materials.is_empty();
         sizes.into_iter().filter(move |_| has_materials)
@@ -68,6 +68,25 @@ const LOOKUP_ROWS: usize = size_of::<GpuInput>() / ROW;
 /// Rows of 16 bytes of a program.
 fn program_rows(program: &Program) -> usize {
     program.constants.len() + LOOKUP_ROWS * program.lookups.len() + program.instructions.len().div_ceil(2)
+}
+
+/// Rows of the programs of a material.
+fn rows_of(material: &Material) -> usize {
+    let opacity = program_rows(&material.opacity_program);
+    program_rows(&material.program) + if opacity == 0 { 0 } else { 1 + opacity }
+}
+
+/// Adds the programs of a material; `program` and `program_sizes` of its entry.
+fn add_programs(material: &Material, rows: &mut Vec<[u32; 4]>) -> (u32, u32) {
+    let begin = u32::try_from(rows.len()).unwrap_or(u32::MAX);
+    let found = add_program(&material.program, rows);
+    if material.opacity_program.instructions.is_empty() {
+        return found;
+    }
+    let header = rows.len();
+    rows.push([0; 4]);
+    rows[header][0] = add_program(&material.opacity_program, rows).1;
+    (begin, found.1)
 }
 
 /// Adds a program; where it begins, and its sizes (`GpuMaterial::program_sizes`).
@@ -105,7 +124,7 @@ fn material(material: &Material, programs: &mut Vec<[u32; 4]>) -> GpuMaterial {
         *name = slot.id;
         *fallback = slot.fallback;
     }
-    let (program, program_sizes) = add_program(&material.program, programs);
+    let (program, program_sizes) = add_programs(material, programs);
     GpuMaterial {
         inputs: material.inputs.map(|i| input(&i, &material.uv_sets)),
         flags: material.flags.bits(),
@@ -160,7 +179,7 @@ pub(crate) fn attributes(mesh: &MeshAsset, table: u64, offsets: &[u64]) -> Vec<G
 mod tests {
     use super::*;
     use oocpt_core::material::{NORMAL_ID, POSITION_ID};
-    use oocpt_core::materialx::program::REGISTERS;
+    use oocpt_core::materialx::program::{MAX_OPACITY_LOOKUPS, REGISTERS};
 
     #[test]
     fn inputs_keep_their_kind_channel_and_set() {
@@ -202,6 +221,7 @@ mod tests {
         // As in shaders/include/material.glsl.
         assert_eq!((bits, more), (1 | 2 << 8, 8 << 16 | 16 << 24));
         assert_eq!(MaterialFlags::NORMAL_MAP.bits(), 32);
+        assert_eq!(abi::CUTOUT_LOOKUPS as usize, MAX_OPACITY_LOOKUPS);
         let open = [MaterialFlags::OPEN_PBR, MaterialFlags::SHEEN, MaterialFlags::PATTERNS].map(|flag| flag.bits());
         assert_eq!(open, [512, 1024, 2048]);
     }

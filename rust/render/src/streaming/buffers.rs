@@ -7,8 +7,8 @@ use crate::wavefront::{CONE_BYTES, PathBuffers, PathNeeds};
 use oocpt_core::inventory::Inventory;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{
-    Counters, Frame, GpuSurface, GpuSurfaceMaterial, Pending, Question, Roulette, Segment, Streaming, TILE_KEYS,
-    WORTH_SUMS, path_bytes, sort_blocks,
+    CUTOUT_LOOKUPS, Counters, Frame, GpuSurface, GpuSurfaceMaterial, Pending, Question, Roulette, Segment, Streaming,
+    TILE_KEYS, WORTH_SUMS, path_bytes, sort_blocks,
 };
 use std::sync::Arc;
 
@@ -35,6 +35,8 @@ pub(crate) struct Needs {
     pub(crate) lookups: u32,
     /// Rays do.
     pub(crate) cutouts: bool,
+    /// They do in programs.
+    pub(crate) cutout_programs: bool,
     /// Some mesh has a material.
     pub(crate) materials: bool,
     /// Lights ask something of paths.
@@ -351,8 +353,8 @@ impl RouletteBuffers {
 
 impl TextureBuffers {
     fn new(needs: Needs, slots: impl Fn(&str, usize) -> Result<Buffer, GpuError>) -> Result<Self, GpuError> {
-        let questions =
-            || Ok([slots("questions", size_of::<Question>())?, slots("shadow_questions", size_of::<Question>())?]);
+        let bytes = question_bytes(needs);
+        let questions = || Ok([slots("questions", bytes)?, slots("shadow_questions", bytes)?]);
         Ok(Self {
             resolve_queue: slots("resolve_queue", 4)?,
             resolved: slots("resolved", LOOKUP_BYTES * needs.lookups as usize)?,
@@ -367,11 +369,17 @@ fn sorted(needs: Needs) -> u32 {
     if needs.textures { needs.chunks + TILE_KEYS / 2 } else { needs.chunks }
 }
 
+/// Bytes of a question, with what programs keep behind all of them.
+fn question_bytes(needs: Needs) -> usize {
+    let kept = if needs.cutout_programs { LOOKUP_BYTES * (CUTOUT_LOOKUPS as usize - 1) } else { 0 };
+    size_of::<Question>() + kept
+}
+
 /// Bytes of device memory that a slot takes, at most.
 pub(super) fn slot_bytes(needs: Needs) -> u64 {
     let textures = if needs.textures { CONE_BYTES + 8 + u64::from(needs.lookups) * LOOKUP_BYTES as u64 } else { 0 };
     let materials = if needs.materials { size_of::<GpuSurfaceMaterial>() as u64 } else { 0 };
-    let cutouts = if needs.cutouts { 2 * size_of::<Question>() as u64 } else { 0 };
+    let cutouts = if needs.cutouts { 2 * question_bytes(needs) as u64 } else { 0 };
     path_bytes(needs.levels, true, needs.light_paths)
         + PLACE_BYTES * u64::from(PLACES_PER_SLOT - 1)
         + textures

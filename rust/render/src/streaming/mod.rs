@@ -174,6 +174,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
         lookups: lookups(&job.snapshot) + u32::from(asks_textures(setting)),
         materials: job.snapshot.features.contains(SceneFeatures::MATERIALS),
         cutouts: textures && specialise::has_cutouts(&job.snapshot),
+        cutout_programs: textures && job.snapshot.features.contains(SceneFeatures::CUTOUT_PROGRAMS),
         light_paths: has_light_paths(setting),
         roulette: job.settings.straggler_roulette,
     };

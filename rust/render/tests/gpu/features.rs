@@ -4,6 +4,7 @@
 //! feature without a row fails.
 
 use crate::lights::{TestFiles, light};
+use crate::materials::cutouts::holed;
 use crate::materials::materialx::noisy;
 use crate::materials::{Ramps, board, coordinates, material, node, painted, plain, textured, with};
 use crate::scenes::{constant, dome, glow, instanced, instancer, prim, sun};
@@ -231,6 +232,10 @@ const ROWS: &[Row] = &[
     Row { what: "a pattern",
           build: |db| { db.upsert_material(noisy("/material")); db.upsert_mesh(MeshDesc { material: Some("/material".into()), ..bare("/board") }); },
           features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "PATTERNS"],
+          buffers: &["lighting", "material table", "prim table", "material slots", "BSDF tables", "pattern programs"], ..BARE },
+    Row { what: "a cutout by a program",
+          build: |db| { db.upsert_material(holed("/material")); db.upsert_mesh(MeshDesc { material: Some("/material".into()), ..bare("/board") }); },
+          features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "CUTOUTS", "PATTERNS", "CUTOUT_PROGRAMS"],
           buffers: &["lighting", "material table", "prim table", "material slots", "BSDF tables", "pattern programs"], ..BARE },
     Row { what: "a glow",
           build: |db| { db.upsert_material(glow("/material", [1.0; 3])); db.upsert_mesh(MeshDesc { material: Some("/material".into()), ..bare("/board") }); },

@@ -5,6 +5,7 @@
 mod demand;
 mod filter;
 mod images;
+mod programs;
 
 use self::images::{Library, Noise, hash};
 use crate::scenes::{constant, dome, instanced, instancer, mesh, prim, square, sun};

@@ -115,6 +115,8 @@ features! {
     SHEEN: "sheen, and tables of it", [MATERIALS], Never;
     /// Some material has a program: `Frame::programs` counts.
     PATTERNS: "programs of patterns", [MATERIALS], Materials;
+    /// The opacity of some material is worked out by a program.
+    CUTOUT_PROGRAMS: "cutouts by programs", [CUTOUTS, PATTERNS], MaterialsInCore;
     /// Some material emits light.
     EMISSION: "emission of surfaces", [MATERIALS], Materials;
     /// Some primvar has a value per instance: `primvars` of chunks and assemblies, and `Frame::placed_values`, count.

@@ -34,6 +34,8 @@ pub const INPUT_PRIMVAR: u32 = 2;
 pub const INPUT_REGISTER: u32 = 3;
 /// In the immediate of a program's lookup: its set and its map are its place; else the operand is.
 pub const INPUT_PLACED: u32 = 1 << 8;
+/// Lookups of a program for opacity, at most: with streaming the values of all but one are kept with a ray's question.
+pub const CUTOUT_LOOKUPS: u32 = 4;
 /// Registers of a program, f32x4 each; operands from here on are its constants.
 pub const PROGRAM_REGISTERS: u32 = 32;
 /// `GpuInput::kind`: where the channel begins, 0 = all of them, else its number + 1; three bits.
@@ -76,7 +78,8 @@ pub struct GpuMaterial {
     /// What the sets are where a mesh does not have them.
     pub set_fallback: [[f32; 2]; 2],
     /// Of its program: where it begins in `Frame::programs`, in units of 16 bytes: constants, lookups (a [`GpuInput`]
-    /// each), instructions (two in 16 bytes).
+    /// each), instructions (two in 16 bytes). Behind it, if the opacity is a register: `program_sizes` of the program
+    /// for that alone, 12 bytes of 0, and it.
     pub program: u32,
     /// Of its program: constants, lookups << 8, instructions << 16; 0: it has none.
     pub program_sizes: u32,

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Materials with known answers; and the same bits when the scene streams.
 
+pub(super) mod cutouts;
+mod glow;
 mod inputs;
 mod instances;
 pub(super) mod materialx;

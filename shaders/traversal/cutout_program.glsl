@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+// Cutouts by programs: the program for a material's opacity alone, run at a candidate of a hit. A part of opacity.glsl;
+// only with CUTOUT_PROGRAMS.
+//
+// In core lookups request their tiles as those of shading do. With streaming a program makes at most CUTOUT_LOOKUPS of
+// them; those that are done are kept with the question, so one tile at a time gets it on: the one under way is the
+// question, resolve_cutouts goes on with it, and the ray comes back and runs the program again with what is known.
+#ifndef OOCPT_CUTOUT_PROGRAM_GLSL
+#define OOCPT_CUTOUT_PROGRAM_GLSL
+
+// Lookups of the program under way: how many were made, how many are known from before.
+uint cutout_made;
+uint cutout_known;
+vec4 cutout_values[CUTOUT_LOOKUPS];
+// The one that waits: as in a question.
+Question cutout_wait;
+
+vec4 cutout_lookup(uint texture, vec2 st, float width, out uint unit) {
+    unit = TEXTURE_DONE;
+    const uint k = min(cutout_made, CUTOUT_LOOKUPS - 1u);
+    ++cutout_made;
+    if (!HAS_STREAMING) {
+        TextureProgress progress = TextureProgress(UNKNOWN_TEXEL, 0u);
+        requested_lookup(walk.path, texture, st, width, progress);
+        return progress.mean;
+    }
+    if (k < cutout_known) return cutout_values[k];
+    if (cutout_wait.unit != OWN_UNIT) return vec4(0.0); // another one waits
+    TextureProgress progress = TextureProgress(vec4(0.0), 0u);
+    const uint said = continue_lookup(texture, st, width, progress);
+    cutout_values[k] = progress.mean;
+    if (said < TEXTURE_FALLBACK) {
+        const uint flags = QUESTION_OF_PROGRAM | k << QUESTION_LOOKUP_SHIFT | progress.taps;
+        cutout_wait = Question(0.0, 0u, walk.chunk_instance, flags, progress.mean, texture, st, width, 1.0, 0.0, 0.0,
+                               STREAMING.chunk_count + said);
+    }
+    return progress.mean;
+}
+
+#define PATTERN_LOOKUP cutout_lookup
+#include "include/pattern.glsl"
+
+// From the chunk's frame to the mesh's.
+Affine candidate_map() {
+    Affine map = instance_map(level_instances[0], chain[0]);
+    if (HAS_NESTING) {
+        for (uint i = 1u; i <= level_index(); ++i) map = compose(instance_map(level_instances[i], chain[i]), map);
+    }
+    return map;
+}
+
+// What make_surface and gather_material say of a hit, of the candidate.
+GpuSurfaceMaterial candidate_material(uint triangle, vec2 uv, float t, out PatternPoint p) {
+    const vec3 world_o = ConstVec4s(walk.ray).v[0].xyz;
+    p.view = ConstVec4s(walk.ray).v[1].xyz;
+    p.position = world_o + t * p.view;
+    p.cone = ray_cone(walk.path, t);
+    Meshes meshes = Meshes(FRAME.meshes);
+    const uint flags = meshes.v[walk.mesh].flags;
+    const vec3 weights = vec3(1.0 - uv.x - uv.y, uv);
+    const vec4 v0 = ConstVec4s(walk.triangles).v[triangle * 3u];
+    const vec4 v1 = ConstVec4s(walk.triangles).v[triangle * 3u + 1u];
+    const vec4 v2 = ConstVec4s(walk.triangles).v[triangle * 3u + 2u];
+    vec3 local, normal;
+    if (HAS_ROUND && walk.round) {
+        local = walk.o + t * walk.d;
+        normal = normal_or(local - mix(v0.xyz, v1.xyz, uv.x), vec3(0.0, 0.0, 1.0));
+    } else {
+        local = fma(v0.xyz, vec3(weights.x), fma(v1.xyz, vec3(weights.y), v2.xyz * weights.z));
+        vec3 size;
+        const vec3 winding = normal_or(triangle_normal(v0.xyz, v1.xyz, v2.xyz, size), vec3(0.0, 0.0, 1.0));
+        normal = (flags & MESH_LEFT_HANDED) != 0u ? -winding : winding;
+    }
+    const ChunkMap world = chunk_map(walk.chunk_instance);
+    const Affine map = candidate_map();
+    const vec3 geometric = normal_or(combine_rows(world.x, world.y, world.z, apply_transposed(map, normal)), vec3(0.0, 0.0, 1.0));
+    p.normal = geometric;
+    if (HAS_NORMALS && (flags & MESH_HAS_NORMALS) != 0u) {
+        const vec3 n = attribute_vec3(meshes.v[walk.mesh].normals, meshes.v[walk.mesh].corner_indices, flags & 3u, triangle,
+                                      weights);
+        p.normal = normal_or(combine_rows(world.x, world.y, world.z, apply_transposed(map, n)), geometric);
+        normal = normal_or(n, normal);
+    }
+    const uint slot = material_slot(Instances(walk.instances).v[chain[level_index()]].prim_id, floatBitsToUint(v1.w) & SUBSET_MASK);
+    GpuSurfaceMaterial m = gather_material(walk.mesh, triangle, weights, slot, local, normal);
+    vec3 e, f;
+    leaf_edges(walk.mesh, triangle, e, f);
+    add_tangent(m, walk.mesh, triangle, e, f, geometric, p.view, world, map);
+    return m;
+}
+
+// Whether the program says that the surface is there; `id` as in is_cut_in, there above `limit` or, unless `chance`, at
+// it. Asks for a tile that is absent.
+bool is_cut_in_by_program(Presence presence, uint triangle, vec2 uv, float t, uint id, bool chance, float limit) {
+    PatternPoint point;
+    const GpuSurfaceMaterial m = candidate_material(triangle, uv, t, point);
+    cutout_made = 0u;
+    cutout_known = 0u;
+    cutout_wait.unit = OWN_UNIT;
+    if (HAS_STREAMING && answer.chunk_instance == walk.chunk_instance && t == answer.t && id == answer.id) {
+        const uint asked = (answer.flags >> QUESTION_LOOKUP_SHIFT) & 3u;
+        const uint64_t kept = question_values_address(QUESTIONS, walk.path);
+        for (uint i = 0u; i < asked; ++i) cutout_values[i] = ConstVec4s(kept).v[i];
+        cutout_values[asked] = answer.mean;
+        cutout_known = asked + 1u;
+    }
+    const uint64_t own = program_end(material_program(presence.program), Materials(FRAME.materials).v[presence.program].program_sizes);
+    uint missing = TEXTURE_DONE;
+    run_program(own + 16ul, ConstUints(own).v[0], m, point, missing);
+    if (HAS_STREAMING && cutout_wait.unit != OWN_UNIT) {
+        cutout_wait.t = t;
+        cutout_wait.id = id;
+        if (ask(walk.chunk_entry, cutout_wait)) {
+            for (uint i = 0u; i < CUTOUT_LOOKUPS - 1u; ++i) question_values[i] = cutout_values[i];
+        }
+        if (!walk.chunk_pending) remember(walk.chunk_entry, walk.chunk_instance);
+        walk.chunk_pending = true;
+        return false;
+    }
+    const uint to = Materials(FRAME.materials).v[presence.program].inputs[INPUT_OPACITY].texture & (PROGRAM_REGISTERS - 1u);
+    const float opacity = pattern_registers[to].x;
+    return opacity > limit || (!chance && opacity == limit);
+}
+
+#endif
