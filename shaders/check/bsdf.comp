@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // No pass: runs the BSDF for rust/render/tests/gpu/bsdf. One thread per item.
-// A case is 36 floats: geometric normal, normal, wo, wi, u, packed Shading, sheen's colour and roughness. What is
+// A case is 44 floats: geometric normal, normal, wo, wi, u, packed Shading, sheen's colour and roughness, anisotropy, film,
+// one of no use. What is
 // written:
 //   CASES     28 floats per case: ok, wi, weight, pdf of its sample; evaluation there; diffuse, specular, pdf at the
 //             case's wi; chances of coat,
@@ -16,7 +17,7 @@
 #define BSDF_SHEEN_TABLE push[7]
 #include "include/memory.glsl"
 
-const uint CASE = 36u; // floats
+const uint CASE = 44u; // floats
 const uint CASES = 0u;
 const uint SUMS = 1u;
 const uint SAMPLES = 2u;
@@ -51,6 +52,9 @@ Shading shading_of(uint item) {
     Shading s = unpack_shading(packed, at3(item * CASE), at3(item * CASE + 3u));
     s.sheen_color = at3(item * CASE + 32u);
     s.sheen_roughness = at(item * CASE + 35u);
+    s.anisotropy = at4(item * CASE + 36u);
+    s.film = at3(item * CASE + 40u);
+    s.tangent = vec3(1.0, 0.0, 0.0);
     return valid_shading(s);
 }
 

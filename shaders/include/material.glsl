@@ -19,6 +19,10 @@ const uint MATERIAL_NORMAL_MAP = 32u;
 const uint MATERIAL_OPEN_PBR = 512u;
 const uint MATERIAL_SHEEN = 1024u;
 const uint MATERIAL_PATTERNS = 2048u;
+const uint MATERIAL_ANISOTROPIC = 8192u;
+const uint MATERIAL_THIN_FILM = 16384u;
+const uint MATERIAL_ABSORBING = 32768u;
+const uint MATERIAL_THIN_WALLED = 65536u;
 
 // Places of the inputs.
 const uint INPUT_DIFFUSE_COLOR = 0u;
@@ -34,6 +38,9 @@ const uint INPUT_TRANSMISSION_COLOR = 11u;
 const uint INPUT_COAT_IOR = 12u;
 const uint INPUT_SHEEN_COLOR = 13u;
 const uint INPUT_SHEEN_ROUGHNESS = 14u;
+const uint INPUT_ANISOTROPY = 15u;
+const uint INPUT_THIN_FILM = 16u;
+const uint INPUT_ABSORPTION = 17u;
 
 // Where a texture input looks.
 vec2 texture_place(GpuInput i, GpuSurfaceMaterial m) {
@@ -126,6 +133,10 @@ Shading make_shading(uint path, Surface s, out uint missing) {
         if (HAS_SHEEN && (flags & MATERIAL_SHEEN) != 0u) {
             wanted |= 1u << INPUT_SHEEN_COLOR | 1u << INPUT_SHEEN_ROUGHNESS;
         }
+        if (HAS_ANISOTROPY && (flags & MATERIAL_ANISOTROPIC) != 0u) wanted |= 1u << INPUT_ANISOTROPY;
+        if (HAS_THIN_FILM && (flags & MATERIAL_THIN_FILM) != 0u) wanted |= 1u << INPUT_THIN_FILM;
+        if (HAS_ABSORPTION && (flags & MATERIAL_ABSORBING) != 0u) wanted |= 1u << INPUT_ABSORPTION;
+        if (HAS_THIN_WALLS && (flags & MATERIAL_THIN_WALLED) != 0u) r.flags |= SHADING_THIN_WALLED;
     }
     if (HAS_PATTERNS && (flags & MATERIAL_PATTERNS) != 0u) {
         const vec3 view = load_ray(ray_address(path)).d;
@@ -134,10 +145,11 @@ Shading make_shading(uint path, Surface s, out uint missing) {
     }
     if ((flags & MATERIAL_NORMAL_MAP) != 0u && m.handedness != 0.0) wanted |= 1u << INPUT_NORMAL;
     vec3 local = vec3(0.0, 0.0, 1.0);
-    // Fifteen inputs, one copy of the code: unrolled, lookups would be most of what a pass that shades is made of.
+    // Eighteen inputs, one copy of the code: unrolled, lookups would be most of what a pass that shades is made of.
     [[dont_unroll]] for (uint rest = wanted; rest != 0u; rest &= rest - 1u) {
         const uint name = uint(findLSB(rest));
-        const vec3 value = input_value(m, name, cone, missing).xyz;
+        const vec4 whole = input_value(m, name, cone, missing);
+        const vec3 value = whole.xyz;
         if (name == INPUT_DIFFUSE_COLOR) r.diffuse_color = value;
         if (name == INPUT_SPECULAR_COLOR) r.specular_color = value;
         if (name == INPUT_METALLIC) r.metallic = value.x;
@@ -153,6 +165,14 @@ Shading make_shading(uint path, Surface s, out uint missing) {
         if (HAS_OPEN_PBR && HAS_COAT && name == INPUT_COAT_IOR) r.coat_ior = value.x;
         if (HAS_SHEEN && name == INPUT_SHEEN_COLOR) r.sheen_color = value;
         if (HAS_SHEEN && name == INPUT_SHEEN_ROUGHNESS) r.sheen_roughness = value.x;
+        if (HAS_ANISOTROPY && name == INPUT_ANISOTROPY) r.anisotropy = whole;
+        if (HAS_THIN_FILM && name == INPUT_THIN_FILM) r.film = value;
+        if (HAS_ABSORPTION && name == INPUT_ABSORPTION) r.absorption = value;
+    }
+    if (HAS_ANISOTROPY) {
+        r.tangent = m.tangent;
+        // Turns are from the tangent to the bitangent.
+        if (m.handedness < 0.0) r.anisotropy.yw = -r.anisotropy.yw;
     }
     if ((wanted & (1u << INPUT_NORMAL)) != 0u) {
         const vec3 n = r.normal;

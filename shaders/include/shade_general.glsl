@@ -61,7 +61,7 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     go_on = false;
     const Ray ray = load_ray(ray_address(path));
     const Surface surface = load_surface(path);
-    const PathState state = load_path(path);
+    PathState state = load_path(path);
     if (HAS_CUTOUTS && HAS_TEXTURES) store_next_cone(path, surface.cone, 0.0);
     if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path_place(path)] = vec4(0.0, 0.0, 0.0, 1.0);
     if (HAS_LOCAL_LIGHTS) add_met_lights(path, ray, surface, state);
@@ -70,6 +70,11 @@ void shade_general(uint path, out bool asks, out bool go_on) {
 
     uint missing;
     const Shading shading = make_shading(path, surface, missing);
+    if (HAS_ABSORPTION && dot3(surface.geometric_normal, ray.d) > 0.0) {
+        // The way inside ends here (Beer and Lambert).
+        const float way = dot3(difference(surface.position, Double3(ray.o, ray.o_lo)), ray.d);
+        state.throughput *= exp(-shading.absorption * max(way, 0.0));
+    }
     if (HAS_EMISSION && max_component(shading.emission) > 0.0) {
         const float weight = HAS_MESH_LIGHTS ? emission_share(path, ray, surface, state.pdf) : 1.0;
         // As for other lights: what shadow rays could bring at bounce 0 is direct.

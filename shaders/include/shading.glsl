@@ -13,6 +13,9 @@ const uint SHADING_PRESENCE = 2u;
 // coat_ior and transmission_color count; else the coat has the index of the base, and glass is clear.
 const uint SHADING_OPEN_PBR = 4u;
 
+// A sheet without an inside: what goes through goes straight on.
+const uint SHADING_THIN_WALLED = 8u;
+
 struct Shading {
     vec3 geometric_normal; // unit, authored side: outside of what is transmissive
     vec3 normal;           // unit shading normal after the normal map, authored side
@@ -30,14 +33,22 @@ struct Shading {
     float sheen_roughness; // 0..1
     vec3 transmission_color; // 0..1: of each refraction
     float coat_ior;        // >= 1
+    vec3 tangent;          // with ANISOTROPY: unit, where u grows, or 0 where nobody knows
+    vec4 anisotropy;       // ratio of the alphas across and along the tangent, 0.02..1, and turn of the tangent, 1 = a
+                           // whole one; of the base, then of the coat
+    vec3 film;             // weight, 0..1; thickness in nm; index, >= 1
+    vec3 absorption;       // per length inside, >= 0; not the BSDF's matter
 };
 
 const uint SHADING_VEC4S = 4u;
 
+// Of the two alphas of an anisotropic lobe.
+const float LEAST_RATIO = 0.02;
+
 // The material of a surface that has none: diffuse and nothing else (specular F0 = 0).
 Shading diffuse_shading(vec3 geometric_normal, vec3 normal, vec3 color) {
     return Shading(geometric_normal, normal, color, vec3(0.0), vec3(0.0), 0.0, 0.5, 1.5, 0.0, 0.01, 1.0, SHADING_SPECULAR_WORKFLOW,
-                   vec3(0.0), 0.5, vec3(1.0), 1.5);
+                   vec3(0.0), 0.5, vec3(1.0), 1.5, vec3(0.0), vec4(1.0, 0.0, 1.0, 0.0), vec3(0.0), vec3(0.0));
 }
 
 float unit_range(float x) {
@@ -66,6 +77,14 @@ Shading valid_shading(Shading s) {
     s.sheen_roughness = unit_range(s.sheen_roughness);
     s.transmission_color = unit_range(s.transmission_color);
     s.coat_ior = s.coat_ior >= 1.0 ? min(s.coat_ior, 1.0e3) : 1.0;
+    s.anisotropy.x = s.anisotropy.x < 1.0 ? max(s.anisotropy.x, LEAST_RATIO) : 1.0; // NaN is 1
+    s.anisotropy.z = s.anisotropy.z < 1.0 ? max(s.anisotropy.z, LEAST_RATIO) : 1.0;
+    s.anisotropy.y = abs(s.anisotropy.y) < 1.0e6 ? s.anisotropy.y : 0.0;
+    s.anisotropy.w = abs(s.anisotropy.w) < 1.0e6 ? s.anisotropy.w : 0.0;
+    s.film.x = unit_range(s.film.x);
+    s.film.y = s.film.y > 0.0 ? min(s.film.y, 1.0e5) : 0.0;
+    s.film.z = s.film.z >= 1.0 ? min(s.film.z, 1.0e2) : 1.0;
+    s.absorption = valid_emission(s.absorption);
     s.opacity = s.opacity < 1.0 ? max(s.opacity, 0.0) : 1.0; // NaN is 1
     return s;
 }
@@ -79,7 +98,8 @@ void pack_shading(Shading s, out vec4 packed[4]) {
 
 Shading unpack_shading(vec4 packed[4], vec3 geometric_normal, vec3 normal) {
     return Shading(geometric_normal, normal, packed[0].xyz, packed[1].xyz, packed[2].xyz, packed[0].w, packed[1].w, packed[2].w,
-                   packed[3].x, packed[3].y, packed[3].z, uint(packed[3].w), vec3(0.0), 0.5, vec3(1.0), 1.5);
+                   packed[3].x, packed[3].y, packed[3].z, uint(packed[3].w), vec3(0.0), 0.5, vec3(1.0), 1.5, vec3(0.0),
+                   vec4(1.0, 0.0, 1.0, 0.0), vec3(0.0), vec3(0.0));
 }
 
 #endif

@@ -41,6 +41,8 @@ pub struct Translation {
     pub specular_workflow: bool,
     /// 0: the opacity is a probability; else what is below is not there.
     pub opacity_threshold: f32,
+    /// The surface is a sheet without an inside.
+    pub thin_walled: bool,
     /// Empty where no input is a register.
     pub program: Program,
     /// Works out the opacity where that is a register. Apart: it is asked before the hit is known.
@@ -58,6 +60,7 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
         inputs: None,
         specular_workflow: false,
         opacity_threshold: 0.0,
+        thin_walled: false,
         program: Program::default(),
         opacity_program: Program::default(),
         uses: Uses::default(),
@@ -84,8 +87,10 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
         program: Program::default(),
     };
     let mut inputs: [Option<InputSource>; INPUTS] = [None; INPUTS];
-    for ((val, (width, _)), input) in lowered.inputs.iter().zip(SHAPES).zip(&mut inputs) {
-        *input = assembler.simple(*val, width);
+    for (at, ((val, (width, _)), input)) in lowered.inputs.iter().zip(SHAPES).zip(&mut inputs).enumerate() {
+        // Those of several numbers are textures by chance only, and there are no more than so many of these.
+        let is_packed = at >= Input::Anisotropy as usize && val.constant().is_none();
+        *input = if is_packed { None } else { assembler.simple(*val, width) };
     }
     let opacity_program = opacity(&lowered.inputs, &mut inputs, &expressions, &uses.lookups, &mut problems);
     let rest: Vec<Val> =
@@ -109,6 +114,7 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
         inputs: Some(inputs),
         specular_workflow: lowered.specular_workflow,
         opacity_threshold: lowered.opacity_threshold,
+        thin_walled: lowered.thin_walled,
         program,
         opacity_program,
         uses,

@@ -14,7 +14,9 @@
 // there is.
 //
 // Where alpha times what refraction bends is below what f32 directions resolve, the interface is sharp; so is one of
-// ior 1, which bends nothing. A coat has the index of the glass: between the two there is nothing to see, and what
+// ior 1, which bends nothing. Thin walls (THIN_WALLS) bend nothing either: what is not reflected goes straight on, of rough
+// ones as blurred as what is reflected; what single scattering loses is that of reflection with F = 1 (tables.glsl), and
+// goes to either side by the mean reflectance of both interfaces. A coat has the index of the glass: between the two there is nothing to see, and what
 // shows of it is its roughness. An ior below 1 is a denser outside.
 #ifndef OOCPT_BSDF_GLASS_GLSL
 #define OOCPT_BSDF_GLASS_GLSL
@@ -38,6 +40,17 @@ bool is_inside(Bsdf b) {
     return b.glass_eta < 1.0;
 }
 
+// A sheet without an inside: OpenPBR's thin walls.
+bool is_thin(Bsdf b) {
+    return HAS_THIN_WALLS && is(b, BSDF_THIN);
+}
+
+// What the interface reflects, with the film on it.
+vec3 with_film(Bsdf b, vec3 bare, float outer) {
+    if (!HAS_THIN_FILM || b.film.x <= 0.0) return bare;
+    return mix(bare, film_reflectance(b.film, b.bare_glass, outer), b.film.x);
+}
+
 // Sets what is about glass; b.o is set, `through` > 0. Gives what single and multiple scattering reflect and transmit
 // at wo.
 vec2 set_glass(inout Bsdf b, Shading s, vec3 wo, float through) {
@@ -46,12 +59,25 @@ vec2 set_glass(inout Bsdf b, Shading s, vec3 wo, float through) {
     b.glass_ior = s.ior < 1.0 ? 1.0 / max(s.ior, 1.0e-3) : s.ior;
     b.glass_eta = inside ? 1.0 / b.glass_ior : b.glass_ior;
     if ((s.flags & SHADING_SPECULAR_WORKFLOW) != 0u) b.flags |= BSDF_SCHLICK;
+    if (HAS_THIN_WALLS && (s.flags & SHADING_THIN_WALLED) != 0u) {
+        b.flags |= BSDF_THIN;
+        b.glass_eta = 1.0;
+    }
     if (!HAS_ROUGH_TRANSMISSION) return vec2(through, 0.0);
     const float roughness = HAS_COAT ? mix(s.roughness, s.clearcoat_roughness, s.clearcoat) : s.roughness;
     const float alpha = roughness * roughness;
     if (!(alpha * min(2.0 * (b.glass_ior - 1.0), 1.0) >= GLASS_LEAST_ALPHA)) return vec2(through, 0.0);
     b.glass_alpha = alpha;
     b.glass_row = table_row(roughness);
+    if (is_thin(b)) {
+        const float average = table_average(b.glass_row).x;
+        if (!(average > 1.0e-9)) return vec2(through, 0.0);
+        const float lost = table_albedo(b.o.z, b.glass_row).x;
+        const float r = mean(b.base_0) + (1.0 - mean(b.base_0)) * (1.0 / 21.0);
+        b.glass_scatter = through * lost / average;
+        b.glass_stay = 2.0 * r / (1.0 + r);
+        return through * vec2(1.0 - lost, lost);
+    }
     if (is(b, BSDF_SCHLICK)) return vec2(through, 0.0);
     b.glass_place = glass_place(b.glass_ior, alpha);
     const vec2 average = table_glass_average(b.glass_place, b.glass_row) * vec2(1.0, b.glass_ior * b.glass_ior);
@@ -63,22 +89,34 @@ vec2 set_glass(inout Bsdf b, Shading s, vec3 wo, float through) {
     return through * vec2(1.0 - here, here);
 }
 
-// Fresnel reflectance of the interface at a cosine on the viewer's side.
+// Fresnel reflectance of the interface at a cosine on the viewer's side; of a sheet that of both of its interfaces, as often
+// as light goes back and forth: R + R (1 - R)^2 / (1 - R^2) = 2 R / (1 + R).
 vec3 glass_reflectance(Bsdf b, float cosine) {
+    if (is_thin(b)) {
+        vec3 r = schlick(b.base_0, b.base_0 + b.base_b, cosine);
+        const float inner = refracted_cosine(cosine, 1.0 / b.glass_ior);
+        if (!is(b, BSDF_SCHLICK)) r = with_film(b, vec3(dielectric_reflectance(cosine, inner, b.glass_ior)), cosine);
+        return 2.0 * r / (1.0 + r);
+    }
     const float there = refracted_cosine(cosine, 1.0 / b.glass_eta);
     if (is_inside(b) && there <= 0.0) return vec3(1.0);
     const float outer = is_inside(b) ? there : cosine;
     if (is(b, BSDF_SCHLICK)) return schlick(b.base_0, b.base_0 + b.base_b, outer);
-    return vec3(dielectric_reflectance(outer, is_inside(b) ? cosine : there, b.glass_ior));
+    return with_film(b, vec3(dielectric_reflectance(outer, is_inside(b) ? cosine : there, b.glass_ior)), outer);
 }
 
 // Adds multiple scattering to a direction of this cosine (> 0), on the viewer's side or beyond.
 void add_glass_scatter(Bsdf b, float cosine, bool beyond, inout vec3 specular, inout float pdf) {
     if (!HAS_ROUGH_TRANSMISSION || b.chance_glass.y <= 0.0) return;
-    const bool dense = is_inside(b) != beyond;
+    const bool dense = !is_thin(b) && is_inside(b) != beyond;
     const float index2 = dense ? b.glass_ior * b.glass_ior : 1.0;
     const vec3 tint = HAS_OPEN_PBR && beyond ? b.glass_tint : vec3(1.0);
-    const float loss = table_glass(b.glass_place, b.glass_row, min(cosine, 1.0), dense);
+    float loss;
+    if (is_thin(b)) {
+        loss = table_albedo(min(cosine, 1.0), b.glass_row).x * (beyond ? 1.0 - b.glass_stay : b.glass_stay);
+    } else {
+        loss = table_glass(b.glass_place, b.glass_row, min(cosine, 1.0), dense);
+    }
     specular += tint * (b.glass_scatter * index2 * loss * cosine / GGX_PI);
     pdf += b.chance_glass.y * (beyond ? 1.0 - b.glass_stay : b.glass_stay) * scatter_density(b.glass_alpha, cosine);
 }
@@ -97,6 +135,16 @@ void add_glass_reflection(Bsdf b, vec3 i, inout vec3 specular, inout float pdf) 
 // Adds rough refraction; i in the frame, below the surface. The half vector is not normalised.
 void add_glass_refraction(Bsdf b, vec3 i, inout vec3 specular, inout float pdf) {
     if (!HAS_ROUGH_TRANSMISSION || b.glass_alpha <= 0.0) return;
+    if (is_thin(b)) {
+        const vec3 back = vec3(i.xy, -i.z);
+        float density;
+        const float value = ggx_reflect(b.glass_alpha, b.o, back, density);
+        const vec3 along = b.o + back;
+        const vec3 f = glass_reflectance(b, clamp(dot(b.o, along) * inversesqrt(max(dot(along, along), 1.0e-30)), 0.0, 1.0));
+        specular += b.glass * value * (1.0 - f) * b.glass_tint;
+        pdf += b.chance_glass.x * (1.0 - mean(f)) * density;
+        return;
+    }
     vec3 h = b.o + b.glass_eta * i;
     if (h.z < 0.0) h = -h;
     const float length2 = dot(h, h);
@@ -133,6 +181,13 @@ bool sample_glass(Bsdf b, vec3 u, out vec3 i, out vec3 weight) {
         i = 2.0 * dot(b.o, h) * h - b.o;
         weight = f / chance;
         return i.z > 0.0;
+    }
+    if (is_thin(b)) {
+        // Straight on, or as it would have been reflected, but behind the sheet.
+        i = 2.0 * dot(b.o, h) * h - b.o;
+        i = vec3(sharp ? -b.o.xy : i.xy, -i.z);
+        weight = (1.0 - f) / (1.0 - chance) * b.glass_tint;
+        return i.z < 0.0 && chance < 1.0;
     }
     const float eta = 1.0 / b.glass_eta;
     i = (eta * cosine - refracted_cosine(cosine, eta)) * h - eta * b.o;

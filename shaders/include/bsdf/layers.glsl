@@ -8,8 +8,10 @@
 #include "include/bsdf/tables.glsl"
 #include "include/bsdf/ggx.glsl"
 #include "include/bsdf/sheen.glsl"
+#include "include/bsdf/film.glsl"
 
 const uint BSDF_SCHLICK = 1u;  // glass of the specular workflow: Schlick's Fresnel from specular_color
+const uint BSDF_THIN = 2u;     // glass without an inside
 const uint BSDF_PLAIN = 4u;    // Lambert and nothing else
 
 struct Bsdf {
@@ -43,6 +45,9 @@ struct Bsdf {
     float sheen_roughness, sheen_row;
     float under_sheen; // U(wo) of it
     float chance_sheen;
+    Stretch stretch, coat_stretch; // with ANISOTROPY
+    vec3 film;        // with THIN_FILM: film.glsl
+    vec3 bare, bare_glass; // F0 below it: of the specular layer, as f0 is, and of glass
     uint flags;
 };
 
@@ -154,6 +159,9 @@ void set_fresnel(inout Bsdf b, Shading s, float opacity, out vec3 color, out flo
     through = HAS_TRANSMISSION ? (1.0 - b.metallic) * (1.0 - opacity) : 0.0;
     const float plastic = (1.0 - b.metallic) * opacity;
     b.base_0 = specular ? s.specular_color : vec3(f0);
+    if (HAS_THIN_FILM) b.bare = plastic * b.base_0 + metal;
+    if (HAS_THIN_FILM) b.bare_glass = b.base_0;
+    if (HAS_THIN_FILM && s.film.x > 0.0) b.base_0 = mix(b.base_0, film_reflectance(s.film, b.base_0, 1.0), s.film.x);
     const vec3 f90 = vec3(min(1.0, 1.0e3 * largest(b.base_0)));
     b.f0 = plastic * b.base_0 + metal;
     b.f90 = plastic * f90 + metal;
@@ -174,6 +182,13 @@ void set_fresnel(inout Bsdf b, Shading s, float opacity, out vec3 color, out flo
     b.coat = HAS_COAT && coat_f0 > 0.0 ? s.clearcoat : 0.0;
     b.coat_f0 = coat_f0;
     b.coat_f90 = min(1.0, 1.0e3 * coat_f0);
+}
+
+// Fresnel reflectance of the specular layer at the cosine of half vector and direction, by the opaque share.
+vec3 specular_reflectance(Bsdf b, float cosine) {
+    const vec3 plain = schlick(b.f0, b.f90, cosine);
+    if (!HAS_THIN_FILM || b.film.x <= 0.0 || b.opaque <= 0.0) return plain;
+    return mix(plain, b.opaque * film_reflectance(b.film, b.bare / b.opaque, clamp(cosine, 0.0, 1.0)), b.film.x);
 }
 
 // Albedo of the specular layer at wo without multiple scattering, under coat and sheen: all of a sharp lobe's weight.

@@ -82,6 +82,7 @@ pub(crate) const NEUTRAL: [Input; INPUTS] = {
     inputs[InputName::TransmissionColor as usize] = Input::Constant([1.0; 4]);
     inputs[InputName::CoatIor as usize] = Input::Constant([1.5; 4]);
     inputs[InputName::SheenRoughness as usize] = Input::Constant([0.5; 4]);
+    inputs[InputName::Anisotropy as usize] = Input::Constant([1.0, 0.0, 1.0, 0.0]);
     inputs
 };
 

@@ -162,6 +162,15 @@ fn material(translation: &Translation) -> Option<Material> {
     flags.set(MaterialFlags::TRANSMISSIVE, transmits);
     flags.set(MaterialFlags::ROUGH_TRANSMISSION, transmits && rough);
     flags.set(MaterialFlags::SHEEN, is_more(InputName::SheenColor, 0.0));
+    let is_even = matches!(input(InputName::Anisotropy), Input::Constant([a, _, b, _]) if *a >= 1.0 && *b >= 1.0);
+    flags.set(MaterialFlags::ANISOTROPIC, !is_even);
+    // Without a weight or a thickness there is none.
+    let is_bare = matches!(input(InputName::ThinFilm), Input::Constant([weight, thickness, ..])
+        if *weight <= 0.0 || *thickness <= 0.0);
+    flags.set(MaterialFlags::THIN_FILM, !is_bare);
+    flags.set(MaterialFlags::THIN_WALLED, transmits && translation.thin_walled);
+    let absorbs = transmits && !translation.thin_walled && is_more(InputName::Absorption, 0.0);
+    flags.set(MaterialFlags::ABSORBING, absorbs);
     let is_by_program = !translation.opacity_program.instructions.is_empty();
     flags.set(MaterialFlags::PATTERNS, is_by_program || !translation.program.instructions.is_empty());
     flags.set(MaterialFlags::CUTOUT_PROGRAM, is_by_program);

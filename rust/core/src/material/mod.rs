@@ -68,6 +68,14 @@ bitflags! {
         const PATTERNS = 2048;
         /// Opacity is.
         const CUTOUT_PROGRAM = 4096;
+        /// Some lobe is anisotropic.
+        const ANISOTROPIC = 8192;
+        /// Has a thin film.
+        const THIN_FILM = 1 << 14;
+        /// Absorbs light on its way inside.
+        const ABSORBING = 1 << 15;
+        /// Has no inside.
+        const THIN_WALLED = 1 << 16;
     }
 }
 

@@ -56,8 +56,16 @@ bitflags! {
         const SHEEN = 1 << 19;
         /// A material whose inputs are worked out by a program.
         const PATTERNS = 1 << 20;
+        /// A material that is anisotropic.
+        const ANISOTROPY = 1 << 8;
+        /// A material with a thin film.
+        const THIN_FILM = 1 << 9;
+        /// A material without an inside.
+        const THIN_WALLS = 1 << 10;
+        /// A material that absorbs light on its way inside.
+        const ABSORPTION = 1 << 24;
         /// A material whose opacity is.
-        const CUTOUT_PROGRAMS = 1 << 21;
+        const CUTOUT_PROGRAMS = 1 << 25;
         /// A material that emits light.
         const EMISSION = 1 << 22;
         /// A primvar with a value per instance that something reads.
@@ -126,6 +134,10 @@ impl SurfaceTables {
             (MaterialFlags::SHEEN, SceneFeatures::SHEEN),
             (MaterialFlags::PATTERNS, SceneFeatures::PATTERNS),
             (MaterialFlags::CUTOUT_PROGRAM, SceneFeatures::CUTOUT_PROGRAMS),
+            (MaterialFlags::ANISOTROPIC, SceneFeatures::ANISOTROPY),
+            (MaterialFlags::THIN_FILM, SceneFeatures::THIN_FILM),
+            (MaterialFlags::THIN_WALLED, SceneFeatures::THIN_WALLS),
+            (MaterialFlags::ABSORBING, SceneFeatures::ABSORPTION),
         ];
         let mut features = SceneFeatures::empty();
         features.set(SceneFeatures::MATERIALS, !self.materials.is_empty());

@@ -24,9 +24,44 @@ impl Walker<'_> {
                 let roughness = self.number_or(at, "roughness", 0.0);
                 self.expressions.multiply(roughness, roughness)
             }
+            "blackbody" => self.blackbody(at),
             "artistic_ior" => self.artistic_ior(at, output == "extinction"),
             _ => return None,
         })
+    }
+
+    /// The colour of a black body in linear Rec. 709 for a luminance of 1, from 1667 to 25 000 K: cubic splines of its
+    /// chromaticity (Kim et al. 2002, US patent 7024034), as `MaterialX` has them.
+    fn blackbody(&mut self, at: At) -> Val {
+        let kelvin = self.number_or(at, "temperature", 5000.0);
+        let e = &mut self.expressions;
+        let kelvin = e.op(Op::Clamp, [kelvin, Val::number(1667.0), Val::number(25_000.0)], 0);
+        let t = e.divide(Val::number(1000.0), kelvin);
+        let cubic = |e: &mut crate::expression::Expressions, x: Val, [a, b, c, d]: [f32; 4]| {
+            let first = e.op(Op::MultiplyAdd, [Val::number(a), x, Val::number(b)], 0);
+            let second = e.op(Op::MultiplyAdd, [first, x, Val::number(c)], 0);
+            e.op(Op::MultiplyAdd, [second, x, Val::number(d)], 0)
+        };
+        let [is_warm, is_red] = [4000.0, 2222.0].map(|limit| e.binary(Op::Greater, Val::number(limit), kelvin));
+        let warm = cubic(e, t, [-0.266_123_9, -0.234_358, 0.877_695_6, 0.179_91]);
+        let cold = cubic(e, t, [-3.025_846_9, 2.107_037_9, 0.222_634_7, 0.240_39]);
+        let x = e.op(Op::Select, [warm, cold, is_warm], 0);
+        let red = cubic(e, x, [-1.106_381_4, -1.348_110_2, 2.185_558_32, -0.202_196_83]);
+        let warm = cubic(e, x, [-0.954_947_6, -1.374_185_93, 2.091_370_15, -0.167_488_67]);
+        let cold = cubic(e, x, [3.081_758, -5.873_386_7, 3.751_129_97, -0.370_014_83]);
+        let y = e.op(Op::Select, [warm, cold, is_warm], 0);
+        let y = e.op(Op::Select, [red, y, is_red], 0);
+        let big_x = e.divide(x, y);
+        let rest = e.complement(x);
+        let rest = e.subtract(rest, y);
+        let big_z = e.divide(rest, y);
+        let rows = [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.204, 1.057]];
+        let parts = rows.map(|[a, b, c]| {
+            let sum = e.op(Op::MultiplyAdd, [big_x, Val::number(a), Val::number(b)], 0);
+            let sum = e.op(Op::MultiplyAdd, [big_z, Val::number(c), sum], 0);
+            e.binary(Op::Max, sum, Val::ZERO)
+        });
+        e.combine(&parts)
     }
 
     /// Index and extinction of a metal from its reflectance at normal incidence and at the edge (Gulbrandsen 2014,

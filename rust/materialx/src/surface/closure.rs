@@ -117,7 +117,17 @@ impl Walker<'_> {
     /// One lobe.
     fn lobe(&mut self, at: At, category: &str) -> Option<Slab> {
         let weight = self.number_or(at, "weight", 1.0);
-        let roughness = self.lobe_roughness(at);
+        let (roughness, ratio, turn) = self.lobe_roughness(at);
+        let film_thickness = self.number_or(at, "thinfilm_thickness", 0.0);
+        let specular = Slab {
+            roughness,
+            ratio,
+            turn,
+            film: if film_thickness.is(0.0, 1) { Val::ZERO } else { Val::ONE },
+            film_thickness,
+            film_ior: self.number_or(at, "thinfilm_ior", 1.5),
+            ..Slab::BLACK
+        };
         Some(match category {
             "oren_nayar_diffuse_bsdf" | "burley_diffuse_bsdf" | "subsurface_bsdf" | "translucent_bsdf" => {
                 let color = self.number_or(at, "color", 0.18);
@@ -139,33 +149,41 @@ impl Walker<'_> {
                     specular_color: if reflects && transmission == Val::ZERO { tint } else { Val::ONE },
                     transmission,
                     transmission_color: tint,
-                    roughness,
                     ior: self.number_or(at, "ior", 1.5),
                     normal: self.normal(at, "normal"),
-                    ..Slab::BLACK
+                    ..specular
                 }
             }
             "conductor_bsdf" => {
                 let (index, extinction) = (self.number_or(at, "ior", 0.2), self.number_or(at, "extinction", 3.9));
                 let base_color = self.conductor(index, extinction);
                 let base_color = self.expressions.multiply(base_color, weight);
-                Slab { base_color, metalness: Val::ONE, specular_weight: Val::ONE, roughness, ..Slab::BLACK }
+                Slab { base_color, metalness: Val::ONE, specular_weight: Val::ONE, ..specular }
             }
             "generalized_schlick_bsdf" => {
                 let color = self.number_or(at, "color0", 1.0);
                 let base_color = self.expressions.multiply(color, weight);
-                Slab { base_color, metalness: Val::ONE, specular_weight: Val::ONE, roughness, ..Slab::BLACK }
+                Slab { base_color, metalness: Val::ONE, specular_weight: Val::ONE, ..specular }
             }
             _ => return None,
         })
     }
 
-    /// Roughness of the two alphas that a lobe has: the root of their mean.
-    fn lobe_roughness(&mut self, at: At) -> Val {
+    /// Roughness, ratio and turn of the two alphas that a lobe has: the root of the root of the mean of their squares
+    /// where they are known, else the root of their mean.
+    fn lobe_roughness(&mut self, at: At) -> (Val, Val, Val) {
         let alphas = self.number_or(at, "roughness", 0.05);
+        if let Some([x, y, ..]) = alphas.constant()
+            && x != y
+            && x.min(y) >= 0.0
+        {
+            let roughness = (0.5 * (x * x + y * y)).sqrt().sqrt();
+            let turn = if y > x { 0.25 } else { 0.0 };
+            return (Val::number(roughness), Val::number(x.min(y) / x.max(y)), Val::number(turn));
+        }
         let e = &mut self.expressions;
         let mean = e.dot(alphas, Val::number(0.5), 2);
-        e.unary(Op::Sqrt, mean)
+        (e.unary(Op::Sqrt, mean), Val::ONE, Val::ZERO)
     }
 
     /// ((n - 1)^2 + k^2) / ((n + 1)^2 + k^2).
@@ -192,10 +210,16 @@ impl Walker<'_> {
                 roughness: top.roughness,
                 ior: top.ior,
                 normal: top.normal,
+                ratio: top.ratio,
+                turn: top.turn,
+                film: top.film,
+                film_thickness: top.film_thickness,
+                film_ior: top.film_ior,
                 ..base
             };
         }
-        Slab { coat: top.specular_weight, coat_roughness: top.roughness, coat_ior: top.ior, ..base }
+        let (coat, coat_roughness, coat_ior) = (top.specular_weight, top.roughness, top.ior);
+        Slab { coat, coat_roughness, coat_ior, coat_ratio: top.ratio, coat_turn: top.turn, ..base }
     }
 
     /// A mixture: shares of metal and glass are those of the parts.

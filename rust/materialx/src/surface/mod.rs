@@ -2,9 +2,9 @@
 //! Surface shaders as slabs of `OpenPBR` 1.1, and what the renderer's BSDF takes of them.
 //!
 //! What is an approximation: subsurface scattering is diffuse reflection in its colour; what is transmitted is tinted
-//! by `transmission_color` at every interface, whatever the depth; a coat's colour tints the base as seen from above;
-//! specular colours of metals (F82) do not count. Anisotropy, thin films, dispersion, scattering media, thin walls and
-//! diffuse roughness are left out, each with a note where a material asks for it.
+//! by `transmission_color` at every interface where no depth is said, else by what is absorbed on the way (Beer and
+//! Lambert); a coat's colour tints the base as seen from above; specular colours of metals (F82) do not count.
+//! Dispersion, scattering media and diffuse roughness are left out, each with a note where a material asks for it.
 
 mod closure;
 mod models;
@@ -49,10 +49,17 @@ pub enum Input {
     SheenColor = 13,
     /// Of the fuzz.
     SheenRoughness = 14,
+    /// Ratio of the alphas across and along the tangent, turn of the tangent toward the bitangent (1: a whole one); of
+    /// the base, then of the coat.
+    Anisotropy = 15,
+    /// Weight, thickness in nm, index of a film on the base.
+    ThinFilm = 16,
+    /// Of light inside, per unit of length.
+    Absorption = 17,
 }
 
 /// Number of [`Input`].
-pub const INPUTS: usize = 15;
+pub const INPUTS: usize = 18;
 
 /// Name for messages, components that count, value where nothing is said; by [`Input`].
 pub(crate) const SHAPES: [(usize, [f32; 4]); INPUTS] = [
@@ -71,6 +78,9 @@ pub(crate) const SHAPES: [(usize, [f32; 4]); INPUTS] = [
     (1, [1.5; 4]),
     (3, [0.0, 0.0, 0.0, 1.0]),
     (1, [0.3; 4]),
+    (4, [1.0, 0.0, 1.0, 0.0]),
+    (3, [0.0, 0.0, 1.4, 0.0]),
+    (3, [0.0; 4]),
 ];
 
 /// A slab of `OpenPBR`.
@@ -98,6 +108,17 @@ pub(crate) struct Slab {
     pub(crate) opacity_threshold: f32,
     /// In the frame of the surface.
     pub(crate) normal: Val,
+    /// Of the alphas, and of the tangent; `roughness` is that of the mean of their squares.
+    pub(crate) ratio: Val,
+    pub(crate) turn: Val,
+    pub(crate) coat_ratio: Val,
+    pub(crate) coat_turn: Val,
+    pub(crate) film: Val,
+    /// In nm.
+    pub(crate) film_thickness: Val,
+    pub(crate) film_ior: Val,
+    pub(crate) absorption: Val,
+    pub(crate) thin_walled: bool,
 }
 
 impl Slab {
@@ -123,9 +144,18 @@ impl Slab {
         opacity: Val::ONE,
         opacity_threshold: 0.0,
         normal: Val::Constant([0.0, 0.0, 1.0, 1.0]),
+        ratio: Val::ONE,
+        turn: Val::ZERO,
+        coat_ratio: Val::ONE,
+        coat_turn: Val::ZERO,
+        film: Val::ZERO,
+        film_thickness: Val::ZERO,
+        film_ior: Val::Constant([1.4; 4]),
+        absorption: Val::ZERO,
+        thin_walled: false,
     };
 
-    fn values(&mut self) -> [&mut Val; 19] {
+    fn values(&mut self) -> [&mut Val; 27] {
         [
             &mut self.base_color,
             &mut self.metalness,
@@ -146,6 +176,14 @@ impl Slab {
             &mut self.emission,
             &mut self.opacity,
             &mut self.normal,
+            &mut self.ratio,
+            &mut self.turn,
+            &mut self.coat_ratio,
+            &mut self.coat_turn,
+            &mut self.film,
+            &mut self.film_thickness,
+            &mut self.film_ior,
+            &mut self.absorption,
         ]
     }
 }
@@ -156,6 +194,7 @@ pub(crate) struct Lowered {
     pub(crate) inputs: [Val; INPUTS],
     pub(crate) specular_workflow: bool,
     pub(crate) opacity_threshold: f32,
+    pub(crate) thin_walled: bool,
 }
 
 impl Walker<'_> {
@@ -204,6 +243,7 @@ impl Walker<'_> {
             *to = self.expressions.mix(a, b, share);
         }
         whole.opacity_threshold = threshold;
+        whole.thin_walled = back.thin_walled || front.thin_walled;
         whole
     }
 
@@ -269,6 +309,9 @@ impl Walker<'_> {
             let rest = e.complement(slab.metalness);
             transmission = e.multiply(transmission, rest);
         }
+        let anisotropy = e.combine(&[slab.ratio, slab.turn, slab.coat_ratio, slab.coat_turn]);
+        let film = e.combine(&[slab.film, slab.film_thickness, slab.film_ior]);
+        let is_uneven = !slab.ratio.is(1.0, 1) || !slab.coat_ratio.is(1.0, 1);
         let mut inputs = SHAPES.map(|(_, default)| Val::Constant(default));
         let mut set = |input: Input, val: Val| inputs[input as usize] = val;
         set(Input::DiffuseColor, color);
@@ -286,7 +329,15 @@ impl Walker<'_> {
         set(Input::TransmissionColor, slab.transmission_color);
         set(Input::SheenColor, slab.fuzz);
         set(Input::SheenRoughness, slab.fuzz_roughness);
-        Lowered { inputs, specular_workflow, opacity_threshold: slab.opacity_threshold }
+        set(Input::Anisotropy, anisotropy);
+        set(Input::ThinFilm, film);
+        set(Input::Absorption, slab.absorption);
+        if is_uneven {
+            // The tangent is that of the first set.
+            self.texcoord("st");
+        }
+        let Slab { opacity_threshold, thin_walled, .. } = *slab;
+        Lowered { inputs, specular_workflow, opacity_threshold, thin_walled }
     }
 
     /// Notes inputs that ask for what is not there: `(input, value where it asks for nothing, what)`.

@@ -31,14 +31,18 @@ impl Walker<'_> {
             at,
             &[
                 ("base_diffuse_roughness", 0.0, "diffuse roughness"),
-                ("specular_roughness_anisotropy", 0.0, "anisotropy"),
-                ("coat_roughness_anisotropy", 0.0, "anisotropy"),
                 ("transmission_dispersion_scale", 0.0, "dispersion"),
                 ("transmission_scatter", 0.0, "scattering inside"),
-                ("thin_film_weight", 0.0, "thin films"),
-                ("geometry_thin_walled", 0.0, "thin walls"),
             ],
         );
+        let [ratio, coat_ratio] = ["specular_roughness_anisotropy", "coat_roughness_anisotropy"].map(|name| {
+            let anisotropy = self.number_or(at, name, 0.0);
+            self.expressions.complement(anisotropy)
+        });
+        let depth = self.number_or(at, "transmission_depth", 0.0);
+        let color = self.number_or(at, "transmission_color", 1.0);
+        let (transmission_color, absorption) = self.inside(color, depth);
+        let thickness = self.number_or(at, "thin_film_thickness", 0.5);
         Slab {
             base_color: self.product(at, ["base_weight", "base_color"]),
             metalness: self.number_or(at, "base_metalness", 0.0),
@@ -47,7 +51,8 @@ impl Walker<'_> {
             roughness: self.number_or(at, "specular_roughness", 0.3),
             ior: self.number_or(at, "specular_ior", 1.5),
             transmission: self.number_or(at, "transmission_weight", 0.0),
-            transmission_color: self.number_or(at, "transmission_color", 1.0),
+            transmission_color,
+            absorption,
             subsurface: self.number_or(at, "subsurface_weight", 0.0),
             subsurface_color: self.number_or(at, "subsurface_color", 0.8),
             coat: self.number_or(at, "coat_weight", 0.0),
@@ -60,7 +65,74 @@ impl Walker<'_> {
             opacity: self.number_or(at, "geometry_opacity", 1.0),
             opacity_threshold: 0.0,
             normal: self.normal(at, "geometry_normal"),
+            ratio,
+            coat_ratio,
+            film: self.number_or(at, "thin_film_weight", 0.0),
+            film_thickness: self.expressions.multiply(thickness, Val::number(1000.0)),
+            film_ior: self.number_or(at, "thin_film_ior", 1.4),
+            thin_walled: self.is_set(at, "geometry_thin_walled"),
+            ..Slab::BLACK
         }
+    }
+
+    /// Whether an input is a constant that is not 0.
+    fn is_set(&mut self, at: At, name: &str) -> bool {
+        self.is_said(at, name) && self.number_or(at, name, 0.0).constant().is_some_and(|value| value[0] != 0.0)
+    }
+
+    /// Tint of an interface and absorption per length: all of the colour at the interface where no depth is said, else
+    /// -ln(color) / depth on the way, so that so much is left there.
+    fn inside(&mut self, color: Val, depth: Val) -> (Val, Val) {
+        if depth.is(0.0, 1) {
+            return (color, Val::ZERO);
+        }
+        let e = &mut self.expressions;
+        let some = e.binary(Op::Max, color, Val::number(1.0e-4));
+        let logarithm = e.unary(Op::Ln, some);
+        let negative = e.subtract(Val::ZERO, logarithm);
+        let absorption = e.divide(negative, depth);
+        let is_deep = e.binary(Op::Greater, depth, Val::ZERO);
+        (e.op(Op::Select, [Val::ONE, color, is_deep], 0), absorption)
+    }
+
+    /// Roughness and ratio of the alphas that `MaterialX`'s `roughness_anisotropy` gives: r^2 / a and r^2 a with
+    /// a^2 = 1 - anisotropy.
+    fn aspect(&mut self, at: At, [roughness, anisotropy]: [&str; 2], default: f32) -> (Val, Val) {
+        let roughness = self.number_or(at, roughness, default);
+        let anisotropy = self.number_or(at, anisotropy, 0.0);
+        if anisotropy.is(0.0, 1) {
+            return (roughness, Val::ONE);
+        }
+        let e = &mut self.expressions;
+        let limited = e.op(Op::Clamp, [anisotropy, Val::ZERO, Val::number(0.98)], 0);
+        let ratio = e.complement(limited);
+        // The root of the mean of the squares is r^2 ((1 / ratio + ratio) / 2)^(1/2).
+        let inverse = e.divide(Val::ONE, ratio);
+        let sum = e.add(inverse, ratio);
+        let mean = e.multiply(sum, Val::number(0.5));
+        let root = e.unary(Op::Sqrt, mean);
+        let root = e.unary(Op::Sqrt, root);
+        let whole = e.multiply(roughness, root);
+        (e.binary(Op::Min, whole, Val::ONE), ratio)
+    }
+
+    /// The same of glTF (`KHR_materials_anisotropy`): alphas mix(r^2, 1, strength^2) and r^2.
+    fn gltf_anisotropy(&mut self, at: At) -> (Val, Val) {
+        let roughness = self.number_or(at, "roughness", 1.0);
+        let strength = self.number_or(at, "anisotropy_strength", 0.0);
+        if strength.is(0.0, 1) {
+            return (roughness, Val::ONE);
+        }
+        let e = &mut self.expressions;
+        let across = e.multiply(roughness, roughness);
+        let square = e.multiply(strength, strength);
+        let along = e.mix(across, Val::ONE, square);
+        let alphas = e.combine(&[along, across]);
+        let sum = e.dot(alphas, alphas, 2);
+        let mean = e.multiply(sum, Val::number(0.5));
+        let root = e.unary(Op::Sqrt, mean);
+        let whole = e.unary(Op::Sqrt, root);
+        (whole, e.divide(across, along))
     }
 
     fn standard_surface(&mut self, at: At) -> Slab {
@@ -68,30 +140,38 @@ impl Walker<'_> {
             at,
             &[
                 ("diffuse_roughness", 0.0, "diffuse roughness"),
-                ("specular_anisotropy", 0.0, "anisotropy"),
-                ("coat_anisotropy", 0.0, "anisotropy"),
                 ("transmission_dispersion", 0.0, "dispersion"),
                 ("transmission_scatter", 0.0, "scattering inside"),
                 ("transmission_extra_roughness", 0.0, "another roughness of what is transmitted"),
-                ("thin_film_thickness", 0.0, "thin films"),
-                ("thin_walled", 0.0, "thin walls"),
             ],
         );
         let opacity = self.number_or(at, "opacity", 1.0);
+        let base_color = self.product(at, ["base", "base_color"]);
+        let (roughness, ratio) = self.aspect(at, ["specular_roughness", "specular_anisotropy"], 0.2);
+        let (coat_roughness, coat_ratio) = self.aspect(at, ["coat_roughness", "coat_anisotropy"], 0.1);
+        let depth = self.number_or(at, "transmission_depth", 0.0);
+        let color = self.number_or(at, "transmission_color", 1.0);
+        let (transmission_color, absorption) = self.inside(color, depth);
+        let film_thickness = self.number_or(at, "thin_film_thickness", 0.0);
         Slab {
-            base_color: self.product(at, ["base", "base_color"]),
+            base_color,
             metalness: self.number_or(at, "metalness", 0.0),
             specular_weight: self.number_or(at, "specular", 1.0),
             specular_color: self.number_or(at, "specular_color", 1.0),
-            roughness: self.number_or(at, "specular_roughness", 0.2),
+            roughness,
+            ratio,
+            turn: self.number_or(at, "specular_rotation", 0.0),
             ior: self.number_or(at, "specular_IOR", 1.5),
             transmission: self.number_or(at, "transmission", 0.0),
-            transmission_color: self.number_or(at, "transmission_color", 1.0),
+            transmission_color,
+            absorption,
             subsurface: self.number_or(at, "subsurface", 0.0),
             subsurface_color: self.number_or(at, "subsurface_color", 1.0),
             coat: self.number_or(at, "coat", 0.0),
             coat_color: self.number_or(at, "coat_color", 1.0),
-            coat_roughness: self.number_or(at, "coat_roughness", 0.1),
+            coat_roughness,
+            coat_ratio,
+            coat_turn: self.number_or(at, "coat_rotation", 0.0),
             coat_ior: self.number_or(at, "coat_IOR", 1.5),
             fuzz: self.product(at, ["sheen", "sheen_color"]),
             fuzz_roughness: self.number_or(at, "sheen_roughness", 0.3),
@@ -99,6 +179,10 @@ impl Walker<'_> {
             opacity: self.grey(opacity),
             opacity_threshold: 0.0,
             normal: self.normal(at, "normal"),
+            film: if film_thickness.is(0.0, 1) { Val::ZERO } else { Val::ONE },
+            film_thickness,
+            film_ior: self.number_or(at, "thin_film_IOR", 1.5),
+            thin_walled: self.is_set(at, "thin_walled"),
         }
     }
 
@@ -112,28 +196,38 @@ impl Walker<'_> {
     }
 
     fn gltf(&mut self, at: At) -> Slab {
-        self.leave_out(
-            at,
-            &[
-                ("iridescence", 0.0, "thin films"),
-                ("anisotropy_strength", 0.0, "anisotropy"),
-                ("dispersion", 0.0, "dispersion"),
-            ],
-        );
+        self.leave_out(at, &[("dispersion", 0.0, "dispersion")]);
         let mode = self.number_or(at, "alpha_mode", 0.0).constant().map_or(0.0, |mode| mode[0]);
         let cutoff = self.number_or(at, "alpha_cutoff", 0.5).constant().map_or(0.5, |cutoff| cutoff[0]);
         let is_mask = (0.5..1.5).contains(&mode);
         let sheen = self.number_or(at, "sheen_color", 0.0);
+        let attenuation = self.number_or(at, "attenuation_color", 1.0);
+        let distance = self.number_or(at, "attenuation_distance", 0.0);
+        // Without a thickness there is no volume.
+        let is_solid = self.is_said(at, "thickness") && !self.number_or(at, "thickness", 0.0).is(0.0, 1);
+        let depth = if is_solid { distance } else { Val::ZERO };
+        let (tint, absorption) = self.inside(attenuation, depth);
+        let color = self.number_or(at, "base_color", 1.0);
+        let (roughness, ratio) = self.gltf_anisotropy(at);
+        // In radians.
+        let turn = self.number_or(at, "anisotropy_rotation", 0.0);
+        let turn = self.expressions.multiply(turn, Val::number(0.5 * std::f32::consts::FRAC_1_PI));
         Slab {
             base_color: self.number_or(at, "base_color", 1.0),
             metalness: self.number_or(at, "metallic", 1.0),
             specular_weight: self.number_or(at, "specular", 1.0),
             specular_color: self.number_or(at, "specular_color", 1.0),
-            roughness: self.number_or(at, "roughness", 1.0),
+            roughness,
+            ratio,
+            turn,
             ior: self.number_or(at, "ior", 1.5),
             transmission: self.number_or(at, "transmission", 0.0),
             // glTF tints what is transmitted by the base.
-            transmission_color: self.product(at, ["base_color", "attenuation_color"]),
+            transmission_color: self.expressions.multiply(color, tint),
+            absorption,
+            film: self.number_or(at, "iridescence", 0.0),
+            film_thickness: self.number_or(at, "iridescence_thickness", 100.0),
+            film_ior: self.number_or(at, "iridescence_ior", 1.3),
             coat: self.number_or(at, "clearcoat", 0.0),
             coat_roughness: self.number_or(at, "clearcoat_roughness", 0.0),
             coat_ior: Val::number(1.5),
@@ -152,11 +246,9 @@ impl Walker<'_> {
         self.leave_out(
             at,
             &[
-                ("anisotropic", 0.0, "anisotropy"),
                 ("specularTint", 0.0, "tinted reflection"),
                 ("flatness", 0.0, "flatness"),
                 ("diffTrans", 0.0, "diffuse transmission"),
-                ("thinSurface", 0.0, "thin walls"),
             ],
         );
         let gloss = self.number_or(at, "clearcoatGloss", 1.0);
@@ -172,12 +264,15 @@ impl Walker<'_> {
         let coat = self.number_or(at, "clearcoat", 0.0);
         let ior = self.number_or(at, "ior", 1.5);
         let transmission = self.number_or(at, "specTrans", 0.0);
+        let (roughness, ratio) = self.aspect(at, ["roughness", "anisotropic"], 0.5);
         Slab {
             base_color: color,
             metalness: self.number_or(at, "metallic", 0.0),
             specular_weight: if transmission.is(0.0, 1) { specular_weight } else { Val::ONE },
             specular_color: Val::ONE,
-            roughness: self.number_or(at, "roughness", 0.5),
+            roughness,
+            ratio,
+            thin_walled: self.is_set(at, "thinSurface"),
             ior,
             transmission,
             transmission_color,

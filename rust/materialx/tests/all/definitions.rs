@@ -8,13 +8,8 @@ use oocpt_materialx::value::{Type, Value};
 use crate::support::{library, node, number, of_node, source, text, translated, vector};
 
 /// Patterns of the libraries that are not supported: what they read is not known at a hit, or they are matrices.
-const UNSUPPORTED: &[&str] = &[
-    "blackbody",
-    "chiang_hair_absorption_from_color",
-    "chiang_hair_roughness",
-    "deon_hair_absorption_from_melanin",
-    "determinant",
-];
+const UNSUPPORTED: &[&str] =
+    &["chiang_hair_absorption_from_color", "chiang_hair_roughness", "deon_hair_absorption_from_melanin", "determinant"];
 
 #[test]
 fn all_patterns_of_the_libraries_are_known() {
@@ -130,4 +125,19 @@ fn a_connection_to_what_is_not_there_gives_the_default() {
     let surface = node("ND_open_pbr_surface_surfaceshader", &[], &[("base_metalness", 7)]);
     let translation = translated(vec![surface]);
     assert_eq!(source(&translation, Input::Metallic), oocpt_materialx::InputSource::Constant([0.0; 4]));
+}
+
+/// Red, warm, nearly white; by the splines in f64.
+#[test]
+fn black_bodies_have_their_colours() {
+    for (kelvin, known) in [
+        (1000.0, [2.96425, 0.52125, 0.00000]),
+        (2000.0, [2.52230, 0.64648, 0.02005]),
+        (3000.0, [1.76676, 0.84557, 0.27263]),
+        (6500.0, [1.04263, 0.98386, 1.03490]),
+    ] {
+        let found = of_node("ND_blackbody", &[("temperature", number(kelvin))]);
+        let off = found.iter().zip(known).map(|(a, b): (&f32, f32)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(off < 1e-4, "{kelvin}: {found:?}, not {known:?}");
+    }
 }

@@ -198,14 +198,71 @@ fn what_is_left_out_is_said_once_with_the_prim() {
     let translation = translated(vec![node(
         STANDARD,
         &[
-            ("specular_anisotropy", number(0.5)),
-            ("coat_anisotropy", number(0.5)),
-            ("thin_film_thickness", number(400.0)),
+            ("diffuse_roughness", number(0.5)),
+            ("transmission_dispersion", number(30.0)),
+            ("transmission_scatter", vector(0.5, 0.5, 0.5)),
         ],
         &[],
     )]);
-    assert_eq!(translation.problems, [format!("/m/{STANDARD}: not supported yet: anisotropy, thin films")]);
+    let missing = "diffuse roughness, dispersion, scattering inside";
+    assert_eq!(translation.problems, [format!("/m/{STANDARD}: not supported yet: {missing}")]);
     assert!(translation.inputs.is_some(), "the rest is there");
+}
+
+/// The alphas that a model says are those of the roughness and the ratio that the BSDF takes:
+/// r^2 (2 / (1 + q^2))^(1/2), and q times it.
+#[test]
+fn anisotropy_keeps_the_alphas_of_its_model() {
+    let alphas = |kind: &str, values: &[(&str, f32)]| {
+        let values: Vec<_> = values.iter().map(|(name, value)| (*name, number(*value))).collect();
+        let translation = sound(vec![node(kind, &values, &[])]);
+        let roughness = constant(source(&translation, Input::Roughness))[0];
+        let [ratio, turn, ..] = constant(source(&translation, Input::Anisotropy));
+        let along = roughness * roughness * (2.0 / (1.0 + ratio * ratio)).sqrt();
+        [along, ratio * along, turn]
+    };
+    let close = |found: [f32; 3], known: [f32; 3]| {
+        assert!(found.iter().zip(known).all(|(a, b)| (a - b).abs() < 1e-5), "{found:?}, not {known:?}");
+    };
+    let aspect = 0.25_f32.sqrt();
+    let standard =
+        [("specular_roughness", 0.5), ("specular_anisotropy", 0.75), ("specular_rotation", 0.125), ("base", 1.0)];
+    close(alphas(STANDARD, &standard), [0.25 / aspect, 0.25 * aspect, 0.125]);
+    let open = [("specular_roughness", 0.5), ("specular_roughness_anisotropy", 0.75)];
+    let along = 0.25 * (2.0_f32 / (1.0 + 0.0625)).sqrt();
+    close(alphas(OPEN_PBR, &open), [along, 0.25 * along, 0.0]);
+}
+
+/// Light that goes the depth inside keeps the colour; without a depth the interface has it.
+#[test]
+fn a_depth_is_absorption() {
+    let of = |depth: f32| {
+        let values = [("transmission_color", vector(0.5, 0.25, 1.0)), ("transmission_depth", number(depth))];
+        let translation = sound(vec![node(OPEN_PBR, &values, &[])]);
+        [Input::TransmissionColor, Input::Absorption].map(|input| constant(source(&translation, input)))
+    };
+    let [tint, absorption] = of(2.0);
+    assert_eq!(tint[..3], [1.0; 3]);
+    let left: Vec<f32> = absorption[..3].iter().map(|a| (-a * 2.0).exp()).collect();
+    assert!(left.iter().zip([0.5, 0.25, 1.0]).all(|(a, b)| (a - b).abs() < 1e-5), "{left:?}");
+    let [tint, absorption] = of(0.0);
+    assert_eq!((&tint[..3], &absorption[..3]), (&[0.5, 0.25, 1.0][..], &[0.0; 3][..]));
+}
+
+/// Thicknesses of films are in nanometres for the BSDF; `OpenPBR` has micrometres.
+#[test]
+fn films_and_walls_are_those_of_the_model() {
+    let open = sound(vec![node(
+        OPEN_PBR,
+        &[("thin_film_weight", number(0.5)), ("thin_film_ior", number(1.3)), ("geometry_thin_walled", number(1.0))],
+        &[],
+    )]);
+    assert_eq!(constant(source(&open, Input::ThinFilm))[..3], [0.5, 500.0, 1.3]);
+    assert!(open.thin_walled);
+    let standard = sound(vec![node(STANDARD, &[("thin_film_thickness", number(300.0))], &[])]);
+    assert_eq!(constant(source(&standard, Input::ThinFilm))[..3], [1.0, 300.0, 1.5]);
+    let none = sound(vec![node(STANDARD, &[], &[])]);
+    assert!(constant(source(&none, Input::ThinFilm))[0] == 0.0 && !none.thin_walled);
 }
 
 /// The opacity has a program of its own, of few lookups; with more the surface is there.

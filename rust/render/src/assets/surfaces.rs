@@ -224,5 +224,12 @@ mod tests {
         assert_eq!(abi::CUTOUT_LOOKUPS as usize, MAX_OPACITY_LOOKUPS);
         let open = [MaterialFlags::OPEN_PBR, MaterialFlags::SHEEN, MaterialFlags::PATTERNS].map(|flag| flag.bits());
         assert_eq!(open, [512, 1024, 2048]);
+        let inside = [
+            MaterialFlags::ANISOTROPIC,
+            MaterialFlags::THIN_FILM,
+            MaterialFlags::ABSORBING,
+            MaterialFlags::THIN_WALLED,
+        ];
+        assert_eq!(inside.map(|flag| flag.bits()), [8192, 16384, 32768, 65536]);
     }
 }

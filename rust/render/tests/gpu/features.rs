@@ -102,6 +102,16 @@ fn open_pbr(db: &mut SceneDb, params: &[(&str, ParamValue)]) {
     db.upsert_mesh(MeshDesc { material: Some("/material".into()), ..bare("/board") });
 }
 
+/// Clear glass in a colour, and one input more.
+fn clear<'a>(name: &'a str, value: ParamValue) -> [(&'a str, ParamValue); 4] {
+    [
+        ("specular_roughness", ParamValue::Float(0.0)),
+        ("transmission_weight", ParamValue::Float(1.0)),
+        ("transmission_color", ParamValue::Vec3([0.5; 3])),
+        (name, value),
+    ]
+}
+
 fn papered(db: &mut SceneDb, input: &str, output: &str, params: &[(&str, ParamValue)]) {
     db.upsert_material(textured("/material", input, output, params));
     let mesh = MeshDesc { material: Some("/material".into()), ..bare("/board") };
@@ -229,6 +239,14 @@ const ROWS: &[Row] = &[
     Row { what: "OpenPBR", build: |db| open_pbr(db, &[]), features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR"], buffers: OF_MATERIALS, ..BARE },
     Row { what: "fuzz", build: |db| open_pbr(db, &[("fuzz_weight", ParamValue::Float(0.5))]),
           features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "SHEEN"], buffers: OF_MATERIALS, ..BARE },
+    Row { what: "anisotropy", build: |db| open_pbr(db, &[("specular_roughness_anisotropy", ParamValue::Float(0.5))]),
+          features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "ANISOTROPY"], buffers: OF_MATERIALS, ..BARE },
+    Row { what: "a thin film", build: |db| open_pbr(db, &[("thin_film_weight", ParamValue::Float(1.0))]),
+          features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "THIN_FILM"], buffers: OF_MATERIALS, ..BARE },
+    Row { what: "a thin wall", build: |db| open_pbr(db, &clear("geometry_thin_walled", ParamValue::Bool(true))),
+          features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "TRANSMISSION", "THIN_WALLS"], buffers: OF_MATERIALS, ..BARE },
+    Row { what: "absorption", build: |db| open_pbr(db, &clear("transmission_depth", ParamValue::Float(2.0))),
+          features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "TRANSMISSION", "ABSORPTION"], buffers: OF_MATERIALS, ..BARE },
     Row { what: "a pattern",
           build: |db| { db.upsert_material(noisy("/material")); db.upsert_mesh(MeshDesc { material: Some("/material".into()), ..bare("/board") }); },
           features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "PATTERNS"],

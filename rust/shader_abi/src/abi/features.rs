@@ -113,6 +113,14 @@ features! {
     OPEN_PBR: "OpenPBR: tinted glass, coats of another index", [MATERIALS], Materials;
     /// `Shading::sheen_color` counts.
     SHEEN: "sheen, and tables of it", [MATERIALS], Never;
+    /// Some material has a lobe that is not the same all around.
+    ANISOTROPY: "anisotropy", [OPEN_PBR], Materials;
+    /// Some material has a film that interferes.
+    THIN_FILM: "thin films", [OPEN_PBR], Materials;
+    /// Some material is a sheet without an inside.
+    THIN_WALLS: "thin walls", [OPEN_PBR, TRANSMISSION], Materials;
+    /// Some material absorbs light on its way inside.
+    ABSORPTION: "absorption inside", [OPEN_PBR, TRANSMISSION], Materials;
     /// Some material has a program: `Frame::programs` counts.
     PATTERNS: "programs of patterns", [MATERIALS], Materials;
     /// The opacity of some material is worked out by a program.

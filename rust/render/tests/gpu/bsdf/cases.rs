@@ -4,7 +4,7 @@
 use glam::DVec3;
 use std::f64::consts::TAU;
 
-pub(super) const CASE_FLOATS: usize = 36;
+pub(super) const CASE_FLOATS: usize = 44;
 /// `SHADING_SPECULAR_WORKFLOW`.
 pub(super) const SPECULAR_WORKFLOW: u32 = 1;
 
@@ -27,6 +27,10 @@ pub(super) struct Case {
     /// Only counts on a device with its lobe.
     pub(super) sheen: DVec3,
     pub(super) sheen_roughness: f64,
+    /// Ratio and turn of the base, of the coat; the tangent is the x axis. The same, as what follows.
+    pub(super) anisotropy: [f64; 4],
+    /// Weight, thickness in nm, index.
+    pub(super) film: DVec3,
 }
 
 impl Default for Case {
@@ -49,6 +53,8 @@ impl Default for Case {
             flags: 0,
             sheen: DVec3::ZERO,
             sheen_roughness: 0.5,
+            anisotropy: [1.0, 0.0, 1.0, 0.0],
+            film: DVec3::ZERO,
         }
     }
 }
@@ -70,6 +76,8 @@ impl Case {
         floats[31] = self.flags as f32;
         floats[32..35].copy_from_slice(&self.sheen.as_vec3().to_array());
         floats[35] = self.sheen_roughness as f32;
+        floats[36..40].copy_from_slice(&self.anisotropy.map(|x| x as f32));
+        floats[40..43].copy_from_slice(&self.film.as_vec3().to_array());
         floats
     }
 
@@ -83,11 +91,16 @@ impl Case {
             &mut self.diffuse,
             &mut self.specular,
             &mut self.sheen,
+            &mut self.film,
         ] {
             *v = v.as_vec3().as_dvec3();
         }
         let numbers = [&mut self.metallic, &mut self.roughness, &mut self.ior, &mut self.coat];
-        for x in numbers.into_iter().chain([&mut self.coat_roughness, &mut self.opacity, &mut self.sheen_roughness]) {
+        for x in numbers
+            .into_iter()
+            .chain([&mut self.coat_roughness, &mut self.opacity, &mut self.sheen_roughness])
+            .chain(&mut self.anisotropy)
+        {
             #[expect(clippy::cast_possible_truncation, reason = "the purpose")]
             let single = *x as f32;
             *x = f64::from(single);

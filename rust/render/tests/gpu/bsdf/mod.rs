@@ -10,4 +10,5 @@ mod glass;
 mod reference;
 mod sampling;
 mod sheen;
+mod slab;
 mod values;
