@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // No pass: runs the BSDF for rust/render/tests/gpu/bsdf. One thread per item.
-// A case is 44 floats: geometric normal, normal, wo, wi, u, packed Shading, sheen's colour and roughness, anisotropy, film,
-// one of no use. What is
+// A case is 44 floats: geometric normal, normal, wo, wi, u, packed Shading, sheen's colour and roughness, anisotropy,
+// film, one of no use. What is
 // written:
 //   CASES     28 floats per case: ok, wi, weight, pdf of its sample; evaluation there; diffuse, specular, pdf at the
 //             case's wi; chances of coat,

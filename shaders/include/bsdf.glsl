@@ -16,10 +16,10 @@
 //                 dielectric's part.
 //   diffuse       color (1 - metallic) opacity U(wo) U(wi) / (pi avg U): reciprocal, and albedo color * U(wo) exactly.
 //
-// Anisotropic lobes (ANISOTROPY) keep the tables, which are those of isotropic ones: in a white furnace an albedo is off by
-// the difference, up to 0.11 above and, at grazing across the narrow axis, 0.4 below; over all azimuths 0.06. Glass and what
-// is scattered more than once is isotropic. A film (THIN_FILM, bsdf/film.glsl) replaces Schlick's Fresnel of single
-// scattering, exactly and at any angle; the rest takes F0 from it.
+// Anisotropic lobes (ANISOTROPY) keep the tables, which are those of isotropic ones: in a white furnace an albedo is
+// off by the difference, up to 0.11 above and, at grazing across the narrow axis, 0.4 below; over all azimuths 0.06.
+// Glass and what is scattered more than once is isotropic. A film (THIN_FILM, bsdf/film.glsl) replaces Schlick's
+// Fresnel of single scattering, exactly and at any angle; the rest takes F0 from it.
 //
 // Normals: directions that leave on the wrong side of the true surface (geometric normal g) are mirrored at it, in
 // density and evaluation alike, so no energy is lost or won (as lambert.glsl does). Only where the viewer is below the

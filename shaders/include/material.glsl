@@ -141,7 +141,8 @@ Shading make_shading(uint path, Surface s, out uint missing) {
     if (HAS_PATTERNS && (flags & MATERIAL_PATTERNS) != 0u) {
         const vec3 view = load_ray(ray_address(path)).d;
         const PatternPoint point = PatternPoint(s.position.hi + s.position.lo, s.shading_normal, view, s.cone);
-        run_program(material_program(m.material), Materials(FRAME.materials).v[m.material].program_sizes, m, point, missing);
+        const uint sizes = Materials(FRAME.materials).v[m.material].program_sizes;
+        run_program(material_program(m.material), sizes, m, point, missing);
     }
     if ((flags & MATERIAL_NORMAL_MAP) != 0u && m.handedness != 0.0) wanted |= 1u << INPUT_NORMAL;
     vec3 local = vec3(0.0, 0.0, 1.0);

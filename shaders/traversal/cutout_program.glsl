@@ -73,15 +73,17 @@ GpuSurfaceMaterial candidate_material(uint triangle, vec2 uv, float t, out Patte
     }
     const ChunkMap world = chunk_map(walk.chunk_instance);
     const Affine map = candidate_map();
-    const vec3 geometric = normal_or(combine_rows(world.x, world.y, world.z, apply_transposed(map, normal)), vec3(0.0, 0.0, 1.0));
+    const vec3 covector = combine_rows(world.x, world.y, world.z, apply_transposed(map, normal));
+    const vec3 geometric = normal_or(covector, vec3(0.0, 0.0, 1.0));
     p.normal = geometric;
     if (HAS_NORMALS && (flags & MESH_HAS_NORMALS) != 0u) {
-        const vec3 n = attribute_vec3(meshes.v[walk.mesh].normals, meshes.v[walk.mesh].corner_indices, flags & 3u, triangle,
-                                      weights);
+        const uint64_t corners = meshes.v[walk.mesh].corner_indices;
+        const vec3 n = attribute_vec3(meshes.v[walk.mesh].normals, corners, flags & 3u, triangle, weights);
         p.normal = normal_or(combine_rows(world.x, world.y, world.z, apply_transposed(map, n)), geometric);
         normal = normal_or(n, normal);
     }
-    const uint slot = material_slot(Instances(walk.instances).v[chain[level_index()]].prim_id, floatBitsToUint(v1.w) & SUBSET_MASK);
+    const int prim_id = Instances(walk.instances).v[chain[level_index()]].prim_id;
+    const uint slot = material_slot(prim_id, floatBitsToUint(v1.w) & SUBSET_MASK);
     GpuSurfaceMaterial m = gather_material(walk.mesh, triangle, weights, slot, local, normal);
     vec3 e, f;
     leaf_edges(walk.mesh, triangle, e, f);
@@ -104,7 +106,8 @@ bool is_cut_in_by_program(Presence presence, uint triangle, vec2 uv, float t, ui
         cutout_values[asked] = answer.mean;
         cutout_known = asked + 1u;
     }
-    const uint64_t own = program_end(material_program(presence.program), Materials(FRAME.materials).v[presence.program].program_sizes);
+    Materials materials = Materials(FRAME.materials);
+    const uint64_t own = program_end(material_program(presence.program), materials.v[presence.program].program_sizes);
     uint missing = TEXTURE_DONE;
     run_program(own + 16ul, ConstUints(own).v[0], m, point, missing);
     if (HAS_STREAMING && cutout_wait.unit != OWN_UNIT) {
@@ -117,7 +120,7 @@ bool is_cut_in_by_program(Presence presence, uint triangle, vec2 uv, float t, ui
         walk.chunk_pending = true;
         return false;
     }
-    const uint to = Materials(FRAME.materials).v[presence.program].inputs[INPUT_OPACITY].texture & (PROGRAM_REGISTERS - 1u);
+    const uint to = materials.v[presence.program].inputs[INPUT_OPACITY].texture & (PROGRAM_REGISTERS - 1u);
     const float opacity = pattern_registers[to].x;
     return opacity > limit || (!chance && opacity == limit);
 }

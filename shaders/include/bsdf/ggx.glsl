@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// GGX in the frame of its normal (z), isotropic or not: density of normals, height-correlated Smith masking, sampling of
-// visible normals; Fresnel reflectances.
+// GGX in the frame of its normal (z), isotropic or not: density of normals, height-correlated Smith masking, sampling
+// of visible normals; Fresnel reflectances.
 //
 // Half vectors are not normalised, and sines are sums of squares, not 1 - cos^2: so alpha may be as small as 1e-4 in
 // f32. (Walter et al. 2007; Heitz 2014, 2018; Dupuy and Benyoub 2023, "Sampling visible GGX normals with spherical
@@ -42,9 +42,9 @@ vec3 ggx_sample(float alpha, vec3 wo, vec2 u) {
     return normalize(vec3(alpha * h.xy, max(h.z, 1.0e-12)));
 }
 
-// An anisotropic lobe (Walter et al. 2007, 5.2; Heitz 2014, eq. 85 to 88; OpenPBR 1.1, "Microfacet model"): its alphas along
-// the axes of the frame turned by an angle. Alphas are those of a roughness that is the root of the mean of their
-// squares, so the tables of that roughness are about right. Equal alphas: isotropic.
+// An anisotropic lobe (Walter et al. 2007, 5.2; Heitz 2014, eq. 85 to 88; OpenPBR 1.1, "Microfacet model"): its
+// alphas along the axes of the frame turned by an angle. Alphas are those of a roughness that is the root of the
+// mean of their squares, so the tables of that roughness are about right. Equal alphas: isotropic.
 struct Stretch {
     vec2 alpha;
     vec2 turn; // cosine and sine

@@ -14,10 +14,11 @@
 // there is.
 //
 // Where alpha times what refraction bends is below what f32 directions resolve, the interface is sharp; so is one of
-// ior 1, which bends nothing. Thin walls (THIN_WALLS) bend nothing either: what is not reflected goes straight on, of rough
-// ones as blurred as what is reflected; what single scattering loses is that of reflection with F = 1 (tables.glsl), and
-// goes to either side by the mean reflectance of both interfaces. A coat has the index of the glass: between the two there is nothing to see, and what
-// shows of it is its roughness. An ior below 1 is a denser outside.
+// ior 1, which bends nothing. Thin walls (THIN_WALLS) bend nothing either: what is not reflected goes straight on,
+// of rough ones as blurred as what is reflected; what single scattering loses is that of reflection with F = 1
+// (tables.glsl), and goes to either side by the mean reflectance of both interfaces. A coat has the index of the
+// glass: between the two there is nothing to see, and what shows of it is its roughness. An ior below 1 is a denser
+// outside.
 #ifndef OOCPT_BSDF_GLASS_GLSL
 #define OOCPT_BSDF_GLASS_GLSL
 
@@ -89,20 +90,19 @@ vec2 set_glass(inout Bsdf b, Shading s, vec3 wo, float through) {
     return through * vec2(1.0 - here, here);
 }
 
-// Fresnel reflectance of the interface at a cosine on the viewer's side; of a sheet that of both of its interfaces, as often
-// as light goes back and forth: R + R (1 - R)^2 / (1 - R^2) = 2 R / (1 + R).
+// Fresnel reflectance of the interface at a cosine on the viewer's side; of a sheet that of both of its interfaces,
+// as often as light goes back and forth: R + R (1 - R)^2 / (1 - R^2) = 2 R / (1 + R).
 vec3 glass_reflectance(Bsdf b, float cosine) {
-    if (is_thin(b)) {
-        vec3 r = schlick(b.base_0, b.base_0 + b.base_b, cosine);
-        const float inner = refracted_cosine(cosine, 1.0 / b.glass_ior);
-        if (!is(b, BSDF_SCHLICK)) r = with_film(b, vec3(dielectric_reflectance(cosine, inner, b.glass_ior)), cosine);
-        return 2.0 * r / (1.0 + r);
-    }
-    const float there = refracted_cosine(cosine, 1.0 / b.glass_eta);
+    const bool thin = is_thin(b);
+    const float there = refracted_cosine(cosine, 1.0 / (thin ? b.glass_ior : b.glass_eta));
     if (is_inside(b) && there <= 0.0) return vec3(1.0);
     const float outer = is_inside(b) ? there : cosine;
-    if (is(b, BSDF_SCHLICK)) return schlick(b.base_0, b.base_0 + b.base_b, outer);
-    return with_film(b, vec3(dielectric_reflectance(outer, is_inside(b) ? cosine : there, b.glass_ior)), outer);
+    if (is(b, BSDF_SCHLICK)) {
+        const vec3 r = schlick(b.base_0, b.base_0 + b.base_b, outer);
+        return thin ? 2.0 * r / (1.0 + r) : r;
+    }
+    const vec3 r = with_film(b, vec3(dielectric_reflectance(outer, is_inside(b) ? cosine : there, b.glass_ior)), outer);
+    return thin ? 2.0 * r / (1.0 + r) : r;
 }
 
 // Adds multiple scattering to a direction of this cosine (> 0), on the viewer's side or beyond.
@@ -135,27 +135,25 @@ void add_glass_reflection(Bsdf b, vec3 i, inout vec3 specular, inout float pdf) 
 // Adds rough refraction; i in the frame, below the surface. The half vector is not normalised.
 void add_glass_refraction(Bsdf b, vec3 i, inout vec3 specular, inout float pdf) {
     if (!HAS_ROUGH_TRANSMISSION || b.glass_alpha <= 0.0) return;
-    if (is_thin(b)) {
-        const vec3 back = vec3(i.xy, -i.z);
-        float density;
-        const float value = ggx_reflect(b.glass_alpha, b.o, back, density);
-        const vec3 along = b.o + back;
-        const vec3 f = glass_reflectance(b, clamp(dot(b.o, along) * inversesqrt(max(dot(along, along), 1.0e-30)), 0.0, 1.0));
-        specular += b.glass * value * (1.0 - f) * b.glass_tint;
-        pdf += b.chance_glass.x * (1.0 - mean(f)) * density;
-        return;
-    }
-    vec3 h = b.o + b.glass_eta * i;
+    const bool thin = is_thin(b);
+    const vec3 back = vec3(i.xy, -i.z); // of a sheet: where it would have been reflected
+    vec3 h = thin ? b.o + back : b.o + b.glass_eta * i;
     if (h.z < 0.0) h = -h;
     const float length2 = dot(h, h);
     const float oh = dot(b.o, h);
-    const float ih = dot(i, h);
+    const float ih = thin ? -dot(back, h) : dot(i, h);
     if (!(length2 > 1.0e-14 && oh > 0.0 && ih < 0.0 && h.z > 0.0)) return;
     const vec3 f = glass_reflectance(b, min(oh * inversesqrt(length2), 1.0));
+    const vec3 through = HAS_OPEN_PBR ? (1.0 - f) * b.glass_tint : 1.0 - f;
+    if (thin) {
+        float density;
+        specular += b.glass * ggx_reflect(b.glass_alpha, b.o, back, density) * through;
+        pdf += b.chance_glass.x * (1.0 - mean(f)) * density;
+        return;
+    }
     const float jacobian = b.glass_eta * b.glass_eta / length2 * (-ih / length2);
     const float visible = ggx_density(b.glass_alpha, h) * 2.0 * oh / (b.o.z + ggx_slope(b.glass_alpha, b.o));
     const float masking = 2.0 * -i.z / (-i.z + ggx_slope(b.glass_alpha, i));
-    const vec3 through = HAS_OPEN_PBR ? (1.0 - f) * b.glass_tint : 1.0 - f;
     specular += b.glass * visible * jacobian * masking * through;
     pdf += b.chance_glass.x * (1.0 - mean(f)) * visible * jacobian;
 }
