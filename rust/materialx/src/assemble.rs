@@ -53,19 +53,26 @@ pub struct Translation {
     pub problems: Vec<String>,
 }
 
+impl Translation {
+    /// Of no surface.
+    fn nothing() -> Self {
+        Self {
+            inputs: None,
+            specular_workflow: false,
+            opacity_threshold: 0.0,
+            thin_walled: false,
+            program: Program::default(),
+            opacity_program: Program::default(),
+            uses: Uses::default(),
+            problems: Vec::new(),
+        }
+    }
+}
+
 /// Translates a network.
 #[must_use]
 pub fn translate(network: &Network, library: &Library) -> Translation {
-    let mut nothing = Translation {
-        inputs: None,
-        specular_workflow: false,
-        opacity_threshold: 0.0,
-        thin_walled: false,
-        program: Program::default(),
-        opacity_program: Program::default(),
-        uses: Uses::default(),
-        problems: Vec::new(),
-    };
+    let mut nothing = Translation::nothing();
     if network.nodes.len() > MAX_NODES || network.surface >= network.nodes.len() {
         nothing.problems.push("there is no surface, or too many nodes".to_owned());
         return nothing;

@@ -15,7 +15,7 @@ use oocpt_materialx::{InputSource, Translation, translate};
 use super::compile::{Compiled, MAX_NODES, SHARP_ROUGHNESS, needs};
 use super::params::Problems;
 use super::spaces::{linear_from_srgb, named};
-use super::{ColorSpace, Input, InputName, Material, MaterialFlags, PrimvarSlot, TextureRef, UvSet, Wrap};
+use super::{ColorSpace, INPUTS, Input, InputName, Material, MaterialFlags, PrimvarSlot, TextureRef, UvSet, Wrap};
 use crate::desc::{AssetRef, MaterialDesc, NodeDesc, ParamValue};
 
 /// What the kinds of `MaterialX` nodes begin with.
@@ -128,6 +128,25 @@ fn texture(texture: &Texture) -> TextureRef {
     }
 }
 
+/// Anisotropy, a film, and what is inside of what transmits.
+fn inside(inputs: &[Input; INPUTS], transmits: bool, is_thin: bool) -> MaterialFlags {
+    let constant = |name: InputName| match inputs[name as usize] {
+        Input::Constant(value) => Some(value),
+        _ => None,
+    };
+    let is_even = constant(InputName::Anisotropy).is_some_and(|[a, _, b, _]| a >= 1.0 && b >= 1.0);
+    // Without a weight or a thickness there is none.
+    let is_bare =
+        constant(InputName::ThinFilm).is_some_and(|[weight, thickness, ..]| weight <= 0.0 || thickness <= 0.0);
+    let is_clear = constant(InputName::Absorption).is_some_and(|value| value.iter().take(3).all(|a| *a <= 0.0));
+    let mut flags = MaterialFlags::empty();
+    flags.set(MaterialFlags::ANISOTROPIC, !is_even);
+    flags.set(MaterialFlags::THIN_FILM, !is_bare);
+    flags.set(MaterialFlags::THIN_WALLED, transmits && is_thin);
+    flags.set(MaterialFlags::ABSORBING, transmits && !is_thin && !is_clear);
+    flags
+}
+
 fn material(translation: &Translation) -> Option<Material> {
     let sources = translation.inputs?;
     let inputs = sources.map(|source| match source {
@@ -162,15 +181,7 @@ fn material(translation: &Translation) -> Option<Material> {
     flags.set(MaterialFlags::TRANSMISSIVE, transmits);
     flags.set(MaterialFlags::ROUGH_TRANSMISSION, transmits && rough);
     flags.set(MaterialFlags::SHEEN, is_more(InputName::SheenColor, 0.0));
-    let is_even = matches!(input(InputName::Anisotropy), Input::Constant([a, _, b, _]) if *a >= 1.0 && *b >= 1.0);
-    flags.set(MaterialFlags::ANISOTROPIC, !is_even);
-    // Without a weight or a thickness there is none.
-    let is_bare = matches!(input(InputName::ThinFilm), Input::Constant([weight, thickness, ..])
-        if *weight <= 0.0 || *thickness <= 0.0);
-    flags.set(MaterialFlags::THIN_FILM, !is_bare);
-    flags.set(MaterialFlags::THIN_WALLED, transmits && translation.thin_walled);
-    let absorbs = transmits && !translation.thin_walled && is_more(InputName::Absorption, 0.0);
-    flags.set(MaterialFlags::ABSORBING, absorbs);
+    flags |= inside(&inputs, transmits, translation.thin_walled);
     let is_by_program = !translation.opacity_program.instructions.is_empty();
     flags.set(MaterialFlags::PATTERNS, is_by_program || !translation.program.instructions.is_empty());
     flags.set(MaterialFlags::CUTOUT_PROGRAM, is_by_program);

@@ -44,11 +44,11 @@ impl Walker<'_> {
         };
         let [is_warm, is_red] = [4000.0, 2222.0].map(|limit| e.binary(Op::Greater, Val::number(limit), kelvin));
         let warm = cubic(e, t, [-0.266_123_9, -0.234_358, 0.877_695_6, 0.179_91]);
-        let cold = cubic(e, t, [-3.025_846_9, 2.107_037_9, 0.222_634_7, 0.240_39]);
+        let cold = cubic(e, t, [-3.025_847, 2.107_037_9, 0.222_634_7, 0.240_39]);
         let x = e.op(Op::Select, [warm, cold, is_warm], 0);
-        let red = cubic(e, x, [-1.106_381_4, -1.348_110_2, 2.185_558_32, -0.202_196_83]);
-        let warm = cubic(e, x, [-0.954_947_6, -1.374_185_93, 2.091_370_15, -0.167_488_67]);
-        let cold = cubic(e, x, [3.081_758, -5.873_386_7, 3.751_129_97, -0.370_014_83]);
+        let red = cubic(e, x, [-1.106_381_4, -1.348_110_2, 2.185_558_3, -0.202_196_83]);
+        let warm = cubic(e, x, [-0.954_947_6, -1.374_185_9, 2.091_37, -0.167_488_67]);
+        let cold = cubic(e, x, [3.081_758, -5.873_387, 3.751_13, -0.370_014_83]);
         let y = e.op(Op::Select, [warm, cold, is_warm], 0);
         let y = e.op(Op::Select, [red, y, is_red], 0);
         let big_x = e.divide(x, y);

@@ -268,8 +268,22 @@ impl Walker<'_> {
         e.combine(&parts)
     }
 
+    /// The inputs that are several numbers: anisotropy, film.
+    fn packed(&mut self, slab: &Slab) -> [Val; 2] {
+        if !slab.ratio.is(1.0, 1) || !slab.coat_ratio.is(1.0, 1) {
+            // The tangent is that of the first set.
+            self.texcoord("st");
+        }
+        let e = &mut self.expressions;
+        [
+            e.combine(&[slab.ratio, slab.turn, slab.coat_ratio, slab.coat_turn]),
+            e.combine(&[slab.film, slab.film_thickness, slab.film_ior]),
+        ]
+    }
+
     /// A slab as inputs of the BSDF.
     pub(crate) fn lower(&mut self, slab: &Slab) -> Lowered {
+        let [anisotropy, film] = self.packed(slab);
         let e = &mut self.expressions;
         let scattered = e.complement(slab.metalness);
         let scattered = e.multiply(slab.subsurface, scattered);
@@ -309,9 +323,6 @@ impl Walker<'_> {
             let rest = e.complement(slab.metalness);
             transmission = e.multiply(transmission, rest);
         }
-        let anisotropy = e.combine(&[slab.ratio, slab.turn, slab.coat_ratio, slab.coat_turn]);
-        let film = e.combine(&[slab.film, slab.film_thickness, slab.film_ior]);
-        let is_uneven = !slab.ratio.is(1.0, 1) || !slab.coat_ratio.is(1.0, 1);
         let mut inputs = SHAPES.map(|(_, default)| Val::Constant(default));
         let mut set = |input: Input, val: Val| inputs[input as usize] = val;
         set(Input::DiffuseColor, color);
@@ -332,10 +343,6 @@ impl Walker<'_> {
         set(Input::Anisotropy, anisotropy);
         set(Input::ThinFilm, film);
         set(Input::Absorption, slab.absorption);
-        if is_uneven {
-            // The tangent is that of the first set.
-            self.texcoord("st");
-        }
         let Slab { opacity_threshold, thin_walled, .. } = *slab;
         Lowered { inputs, specular_workflow, opacity_threshold, thin_walled }
     }

@@ -5,6 +5,7 @@
 
 use crate::lights::{TestFiles, light};
 use crate::materials::cutouts::holed;
+use crate::materials::inside::clear;
 use crate::materials::materialx::noisy;
 use crate::materials::{Ramps, board, coordinates, material, node, painted, plain, textured, with};
 use crate::scenes::{constant, dome, glow, instanced, instancer, prim, sun};
@@ -100,16 +101,6 @@ fn dressed(db: &mut SceneDb, params: &[(&str, ParamValue)]) {
 fn open_pbr(db: &mut SceneDb, params: &[(&str, ParamValue)]) {
     db.upsert_material(material("/material", vec![node("ND_open_pbr_surface_surfaceshader", params, &[])]));
     db.upsert_mesh(MeshDesc { material: Some("/material".into()), ..bare("/board") });
-}
-
-/// Clear glass in a colour, and one input more.
-fn clear<'a>(name: &'a str, value: ParamValue) -> [(&'a str, ParamValue); 4] {
-    [
-        ("specular_roughness", ParamValue::Float(0.0)),
-        ("transmission_weight", ParamValue::Float(1.0)),
-        ("transmission_color", ParamValue::Vec3([0.5; 3])),
-        (name, value),
-    ]
 }
 
 fn papered(db: &mut SceneDb, input: &str, output: &str, params: &[(&str, ParamValue)]) {

@@ -9,6 +9,16 @@ fn float(value: f32) -> ParamValue {
     ParamValue::Float(value)
 }
 
+/// Clear glass in a colour, and one input more.
+pub(crate) fn clear(name: &str, value: ParamValue) -> [(&str, ParamValue); 4] {
+    [
+        ("specular_roughness", ParamValue::Float(0.0)),
+        ("transmission_weight", ParamValue::Float(1.0)),
+        ("transmission_color", ParamValue::Vec3([0.5; 3])),
+        (name, value),
+    ]
+}
+
 /// A slab of glass of index 1, `thickness` thick and across the whole view: two boards, one the other way round.
 fn slab(params: &[(&str, ParamValue)], thickness: f64, streams: bool) -> Vec<[f32; 4]> {
     let own = [("specular_roughness", float(0.0)), ("specular_ior", float(1.0)), ("transmission_weight", float(1.0))];

@@ -4,7 +4,7 @@
 pub(super) mod cutouts;
 mod glow;
 mod inputs;
-mod inside;
+pub(super) mod inside;
 mod instances;
 pub(super) mod materialx;
 mod patterns;
