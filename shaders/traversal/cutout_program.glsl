@@ -40,11 +40,17 @@ vec4 cutout_lookup(uint texture, vec2 st, float width, out uint unit) {
 #define PATTERN_LOOKUP cutout_lookup
 #include "include/pattern.glsl"
 
+// That of the candidate's record at a level.
+Affine candidate_record(uint level) {
+    const uint target = Instances(level_instances[level]).v[chain[level]].target;
+    return placed_map(level_instances[level], chain[level], target, walk.time);
+}
+
 // From the chunk's frame to the mesh's.
 Affine candidate_map() {
-    Affine map = instance_map(level_instances[0], chain[0]);
+    Affine map = candidate_record(0u);
     if (HAS_NESTING) {
-        for (uint i = 1u; i <= level_index(); ++i) map = compose(instance_map(level_instances[i], chain[i]), map);
+        for (uint i = 1u; i <= level_index(); ++i) map = compose(candidate_record(i), map);
     }
     return map;
 }
