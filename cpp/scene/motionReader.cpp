@@ -15,6 +15,23 @@ namespace {
 
 using _Times = std::vector<HdSampledDataSource::Time>;
 
+/// Most samples that are read: the core keeps a quarter of them, and each may be an array of millions.
+constexpr size_t _mostSamples = 64;
+
+/// Leaves out samples between the first and the last where there are too many, evenly.
+void _ThinOut(_Times* times)
+{
+    const size_t count = times->size();
+    if (count <= _mostSamples) {
+        return;
+    }
+    _Times kept(_mostSamples);
+    for (size_t i = 0; i < _mostSamples; ++i) {
+        kept[i] = (*times)[i * (count - 1) / (_mostSamples - 1)];
+    }
+    times->swap(kept);
+}
+
 /// The times at which a value has to be read; none if it does not change while the shutter is open.
 _Times _SampleTimes(const HdDataSourceBaseHandle& source, const HdOocPTShutter& shutter)
 {
@@ -26,6 +43,7 @@ _Times _SampleTimes(const HdDataSourceBaseHandle& source, const HdOocPTShutter& 
     if (!varies || times.size() < 2) {
         times.clear();
     }
+    _ThinOut(&times);
     return times;
 }
 
@@ -126,6 +144,7 @@ HdOocPTInstancerMotionState HdOocPTReadInstancerMotion(const HdOocPTPrimSource& 
             times.insert(times.end(), own.begin(), own.end());
             std::sort(times.begin(), times.end());
             times.erase(std::unique(times.begin(), times.end()), times.end());
+            _ThinOut(&times);
         }
     }
     for (const HdSampledDataSource::Time time : times) {

@@ -93,6 +93,13 @@ def test_samples_of_a_transform_leave_a_streak(host):
     assert "OocPT" not in log, log
 
 
+def test_of_very_many_samples_a_selection_counts(host):
+    dense = ", ".join(f"{4 + 2 * i / 2000}: ({-1 + 2 * i / 2000}, 0.5, 0)" for i in range(2001))
+    met, log = coverage(host, stage(content=SLIDING.replace("4: (-1, 0.5, 0), 6: (1, 0.5, 0)", dense)))
+    agree(met, streak((0, 0.5), (0.5, 0), 0.2), "a card")
+    assert "OocPT" not in log, log
+
+
 def test_instances_move_by_their_velocities_and_with_their_instancer(host):
     content = """
     def PointInstancer "Row"

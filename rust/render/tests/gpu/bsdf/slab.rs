@@ -254,11 +254,14 @@ fn without_their_bits_there_is_nothing_of_slabs() {
     for (answer, expected) in without.cases(&asked).iter().zip(&expected) {
         assert_eq!(answer.raw, expected.raw, "they do not count");
     }
-    let mut differ = 0;
+    // Another pipeline: compilers for GPUs fuse other products in it, and a choice at an edge may go the other way.
+    let is_near = |a: &f32, b: &f32| a == b || (a - b).abs() <= 1e-3 * (1e-3 + a.abs().max(b.abs()));
+    let (mut off, mut differ) = (0, 0);
     for ((bare, asked), expected) in with.cases(&bare).iter().zip(with.cases(&asked)).zip(&expected) {
-        assert_eq!(bare.raw, expected.raw, "nothing is asked for");
-        differ += usize::from(asked.raw != expected.raw);
+        off += usize::from(!bare.raw.iter().zip(&expected.raw).all(|(a, b)| is_near(a, b)));
+        differ += usize::from(!asked.raw.iter().zip(&expected.raw).all(|(a, b)| is_near(a, b)));
     }
+    assert!(off < 25, "nothing is asked for: {off} of 5000 differ");
     assert!(differ > 4000, "they count where they are asked for: {differ}");
     without.close();
     with.close();
