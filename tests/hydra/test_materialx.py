@@ -127,10 +127,14 @@ def test_an_edit_of_a_pattern_is_seen(host):
 @pytest.mark.parametrize(
     "old, new, words",
     [
-        ('"ND_mix_color3"', '"ND_blackbody"', "`blackbody`"),
+        ('"ND_mix_color3"', '"ND_blur_color3"', "`blur`"),
         ('"ND_mix_color3"', '"ND_no_such_node"', "no_such_node"),
         ("color3f inputs:fg = (1, 0, 0.5)", "color3f inputs:fg.connect = </World/M/C.outputs:out>", "in a circle"),
-        ("float inputs:specular_weight = 0", "float inputs:thin_film_weight = 0.5", "not supported yet: thin films"),
+        (
+            "float inputs:specular_weight = 0",
+            "float inputs:transmission_dispersion_scale = 0.5",
+            "not supported yet: dispersion",
+        ),
     ],
     ids=["unsupported", "unknown", "circle", "left out"],
 )
