@@ -53,6 +53,40 @@ fn large_requests_have_memory_of_their_own() {
 }
 
 #[test]
+fn a_reserved_arena_serves_what_is_larger_than_the_usual_ones() {
+    const MIB: u64 = 1 << 20;
+    let gpu = support::open();
+    let heap = Heap::new(&gpu, "heap", MIB).expect("a heap");
+    let small = heap.alloc("small", 4096, 16).expect("fits");
+    assert_eq!(heap.reserve(8 * MIB).expect("alive"), 8 * MIB);
+    let large = [3 * MIB, 2 * MIB].map(|bytes| heap.alloc("large", bytes, 16).expect("fits"));
+    let stats = heap.stats();
+    assert_eq!((stats.arenas, stats.arena_bytes, stats.dedicated_bytes), (2, 9 * MIB, 0), "{stats:?}");
+    assert_eq!(stats.used_bytes, 5 * MIB + 4096, "{stats:?}");
+    let larger = heap.alloc("more than half", 4 * MIB + 1, 16).expect("fits");
+    assert!(heap.stats().dedicated_bytes > 4 * MIB, "memory of its own: {:?}", heap.stats());
+    drop((small, large, larger));
+    heap.trim();
+    assert_eq!((heap.stats().arenas, gpu.memory().used), (0, 0), "it goes back as any other");
+}
+
+#[test]
+fn no_more_is_reserved_than_there_is() {
+    const MIB: u64 = 1 << 20;
+    let gpu = support::open();
+    let options = HeapOptions { arena_bytes: MIB, limit_bytes: Some(5 * MIB), ..HeapOptions::default() };
+    let heap = Heap::with_options(&gpu, "limited", options).expect("a heap");
+    let first = heap.reserve(8 * MIB).expect("alive");
+    assert!((4 * MIB..=5 * MIB).contains(&first), "within an eighth of the limit: {first}");
+    assert_eq!(heap.stats().arena_bytes, first);
+    let _small = heap.alloc("small", 4096, 16).expect("an arena that is used stays");
+    let rest = heap.reserve(8 * MIB).expect("alive");
+    assert!(first + rest <= 5 * MIB, "{first} and {rest}");
+    heap.set_limit(Some(0));
+    assert_eq!(heap.reserve(MIB).expect("alive"), 0, "there is none");
+}
+
+#[test]
 fn a_whole_arena_can_be_one_range() {
     const MIB: u64 = 1 << 20;
     let gpu = support::open();

@@ -36,7 +36,7 @@ impl Room {
         let beside_all = bytes.saturating_sub(units);
         // Never so much that the largest unit has to go without.
         let share = share.min(beside_few).max(beside_all);
-        let slots = (share / slot_bytes.max(1)).clamp(1, wanted);
+        let slots = (share / slot_bytes.max(1)).clamp(1, wanted.max(1));
         (1 << slots.ilog2()).max(fewest)
     }
 }
@@ -72,6 +72,7 @@ mod tests {
         assert_eq!(Room { largest_unit: 192 << 20, ..ROOM }.slots(), 1 << 20, "256 MiB beside four of them");
         assert_eq!(Room { largest_unit: 1 << 30, ..ROOM }.slots(), 1 << 12, "the fewest");
         assert_eq!(Room { bytes: 0, ..ROOM }.slots(), 1 << 12, "allocating tells");
+        assert_eq!(Room { wanted: 0, fewest: 1, ..ROOM }.slots(), 1, "a render of nothing");
     }
 
     #[test]

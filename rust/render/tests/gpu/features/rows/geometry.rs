@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Of the view and of geometry.
+
+use super::super::scenes::{bare, nested, placed, turning};
+use super::{Also, BARE, Row};
+use crate::materials::{coordinates, with};
+use crate::scenes::constant;
+use oocpt_core::scene::{Interpolation, MeshDesc, Shape, Subdivision};
+
+pub(crate) const ROWS: &[Row] = &[
+    Row {
+        what: "points",
+        build: |db| db.upsert_mesh(MeshDesc { shape: Shape::Points, ..bare("/board") }),
+        features: &["ROUND"],
+        ..BARE
+    },
+    Row {
+        what: "normals",
+        build: |db| db.upsert_mesh(MeshDesc { subdivision: Subdivision::CatmullClark, ..bare("/board") }),
+        features: &["NORMALS"],
+        buffers: &["mesh normals", "mesh corners"],
+        ..BARE
+    },
+    Row {
+        what: "a colour",
+        build: |db| db.upsert_mesh(MeshDesc { display_color: constant([0.5_f32; 3]), ..bare("/board") }),
+        features: &["COLORS"],
+        buffers: &["mesh displayColor"],
+        primvars: &["displayColor"],
+        ..BARE
+    },
+    Row {
+        what: "an opacity",
+        build: |db| db.upsert_mesh(MeshDesc { display_opacity: constant(0.5_f32), ..bare("/board") }),
+        features: &["OPACITY"],
+        buffers: &["mesh displayOpacity"],
+        primvars: &["displayOpacity"],
+        ..BARE
+    },
+    Row { what: "something that moves", build: turning, features: &["MOTION"], buffers: &["instance motion"], ..BARE },
+    Row {
+        what: "a camera that moves",
+        features: &["CAMERA_MOTION"],
+        buffers: &["camera motion"],
+        also: Also::Moves,
+        ..BARE
+    },
+    Row { what: "a lens", features: &["LENS"], also: Also::Lens, ..BARE },
+    Row {
+        what: "depth",
+        passes: &["generate_aov_rays", "shade_aovs"],
+        buffers: &["image depth"],
+        also: Also::Depth,
+        ..BARE
+    },
+    Row {
+        what: "sample counts",
+        passes: &["count_samples"],
+        buffers: &["image sampleCount"],
+        also: Also::Counts,
+        ..BARE
+    },
+    Row {
+        what: "adaptive sampling",
+        features: &["ADAPTIVE"],
+        buffers: &["adaptive", "entries", "said"],
+        also: Also::Adaptive,
+        ..BARE
+    },
+    Row { what: "nesting", build: nested, features: &["INSTANCING"], ..BARE },
+    Row {
+        what: "a primvar by instance",
+        build: |db| placed(db, "displayColor", vec![[0.5_f32; 3]; 2]),
+        features: &["INSTANCE_PRIMVARS"],
+        buffers: &["instance primvars"],
+        primvars: &["displayColor"],
+        ..BARE
+    },
+    Row {
+        what: "opacity by instance",
+        build: |db| placed(db, "displayOpacity", vec![0.5_f32; 2]),
+        features: &["OPACITY", "INSTANCE_PRIMVARS", "INSTANCE_OPACITY"],
+        buffers: &["instance primvars"],
+        primvars: &["displayOpacity"],
+        ..BARE
+    },
+    Row {
+        what: "a primvar by instance that nothing reads",
+        build: |db| placed(db, "unread", vec![0.5_f32; 2]),
+        ..BARE
+    },
+    Row {
+        what: "a primvar that nothing reads",
+        build: |db| db.upsert_mesh(with(bare("/board"), "st", Interpolation::Vertex, coordinates(|st| st))),
+        ..BARE
+    },
+];

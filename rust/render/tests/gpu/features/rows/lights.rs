@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Of lights.
+
+use super::super::scenes::{ball, bare, lit};
+use super::{BARE, Row};
+use crate::lights::{TestFiles, light};
+use crate::scenes::{dome, sun};
+use glam::{DMat4, DVec3};
+use oocpt_core::DomeFormat;
+use oocpt_core::scene::{LightDesc, LightKind, MeshDesc, Shaping};
+
+pub(crate) const ROWS: &[Row] = &[
+    Row { what: "a dome", build: |db| lit(db, dome([1.0; 3])), features: &["DOME", "DOME_SHADOW_RAYS"], ..BARE },
+    Row { what: "a sun", build: |db| lit(db, sun(1.0, 1.0, DMat4::IDENTITY)), features: &["DISTANT"], ..BARE },
+    Row {
+        what: "a lamp",
+        build: |db| lit(db, ball()),
+        features: &["LIGHT_TABLE", "LOCAL_LIGHTS"],
+        buffers: &["light_paths", "lighting", "local lights", "light tree"],
+        ..BARE
+    },
+    Row {
+        what: "a lamp for gloss",
+        build: |db| lit(db, LightDesc { diffuse: 0.5, ..ball() }),
+        features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "LIGHT_LOBES"],
+        buffers: &["light_paths", "lighting", "local lights", "light tree"],
+        ..BARE
+    },
+    Row {
+        what: "a lamp under a grey sky",
+        build: |db| {
+            lit(db, ball());
+            db.upsert_light(dome([1.0; 3]));
+        },
+        features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "DOME", "DOME_SHADOW_RAYS"],
+        buffers: &["light_paths", "lighting", "local lights", "light tree", "lights at infinity"],
+        ..BARE
+    },
+    Row {
+        what: "a shaped lamp",
+        build: |db| {
+            lit(db, LightDesc { shaping: Some(Shaping { cone_angle_degrees: 40.0, ..Shaping::default() }), ..ball() })
+        },
+        features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "SHAPING"],
+        buffers: &["light_paths", "lighting", "local lights", "light tree", "light shapings"],
+        ..BARE
+    },
+    Row {
+        what: "a profile",
+        build: |db| {
+            lit(
+                db,
+                LightDesc {
+                    shaping: Some(Shaping { ies: Some(TestFiles::asset("cosine.ies")), ..Shaping::default() }),
+                    ..ball()
+                },
+            )
+        },
+        features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "SHAPING", "IES"],
+        buffers: &["light_paths", "lighting", "local lights", "light tree", "light shapings", "IES profiles"],
+        ..BARE
+    },
+    Row {
+        what: "a sky",
+        build: |db| {
+            lit(
+                db,
+                light(
+                    LightKind::Dome { texture: Some(TestFiles::asset("halves")), format: DomeFormat::Latlong },
+                    DMat4::IDENTITY,
+                ),
+            )
+        },
+        features: &["LIGHT_TABLE", "DOME", "DOME_TEXTURE"],
+        buffers: &["lighting", "lights at infinity", "light maps", "light picture", "dome distribution"],
+        ..BARE
+    },
+    Row {
+        what: "a picture of a lamp",
+        build: |db| {
+            lit(
+                db,
+                light(
+                    LightKind::Rect { width: 1.0, height: 1.0, texture: Some(TestFiles::asset("halves")) },
+                    DMat4::from_translation(DVec3::Z * 3.0),
+                ),
+            )
+        },
+        features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "LIGHT_TEXTURE"],
+        buffers: &["light_paths", "lighting", "local lights", "light tree", "light maps", "light picture"],
+        ..BARE
+    },
+    Row {
+        what: "a link",
+        build: |db| {
+            lit(db, LightDesc { light_link: Some("some".into()), ..ball() });
+            db.upsert_mesh(MeshDesc { categories: vec!["some".into()], ..bare("/board") });
+        },
+        features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "LIGHT_LINKS"],
+        buffers: &["light_paths", "lighting", "local lights", "light tree", "light links", "light links of prims"],
+        ..BARE
+    },
+];

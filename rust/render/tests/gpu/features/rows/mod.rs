@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What a scene of every kind is made of, beside the bare one.
+
+mod geometry;
+mod lights;
+mod materials;
+mod streaming;
+mod textures;
+
+use super::scenes::shown;
+use oocpt_core::scene::SceneDb;
+
+/// What a row says: names of features, of passes, of buffers and of primvars that are there because of it.
+pub(crate) type Names = &'static [&'static str];
+
+/// A scene that needs something.
+pub(crate) struct Row {
+    pub(crate) what: &'static str,
+    pub(crate) build: fn(&mut SceneDb),
+    pub(crate) features: Names,
+    pub(crate) passes: Names,
+    pub(crate) buffers: Names,
+    pub(crate) primvars: Names,
+    /// Of the request, the settings or the session, where it is none of the scene.
+    pub(crate) also: Also,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Also {
+    Nothing,
+    Lens,
+    Moves,
+    Adaptive,
+    Depth,
+    Counts,
+    Streaming,
+    Roulette,
+    ChunkReport,
+}
+
+pub(crate) const NONE: Names = &[];
+pub(crate) const OF_MATERIALS: Names = &["lighting", "material table", "prim table", "material slots", "BSDF tables"];
+pub(crate) const OF_STREAMING: Names = &[
+    "progress",
+    "places",
+    "free_slots",
+    "pending",
+    "shadow_pending",
+    "surfaces",
+    "deferred 0",
+    "deferred 1",
+    "segments",
+    "demand",
+    "sort_counts",
+    "sort_sums",
+    "chunk_rays",
+    "streaming",
+    "steps 0",
+    "steps 1",
+    "geometry and textures, at most",
+];
+pub(crate) const STREAM_PASSES: Names =
+    &["record_surfaces", "sort_deferred_count", "sort_deferred_scan", "sort_deferred_scatter", "count_demand"];
+
+pub(crate) const BARE: Row = Row {
+    what: "a bare board",
+    build: shown,
+    features: NONE,
+    passes: NONE,
+    buffers: NONE,
+    primvars: NONE,
+    also: Also::Nothing,
+};
+
+pub(crate) use {geometry::ROWS as GEOMETRY, lights::ROWS as LIGHTS, materials::ROWS as MATERIALS};
+pub(crate) use {streaming::ROWS as STREAMING, textures::ROWS as TEXTURES};
+
+/// All of them.
+pub(crate) fn all() -> impl Iterator<Item = &'static Row> {
+    [GEOMETRY, LIGHTS, MATERIALS, TEXTURES, STREAMING].into_iter().flatten()
+}
