@@ -19,7 +19,10 @@ def usdrecord(*arguments, **environment):
     """The finished process; few samples, and no word of it may be lost."""
     variables = dict(os.environ, OOCPT_SAMPLES_PER_PIXEL="4", **environment)
     command = ["usdrecord", *map(str, arguments)]
-    return subprocess.run(command, env=variables, capture_output=True, text=True, timeout=300, stdin=subprocess.DEVNULL)
+    return subprocess.run(
+        command, env=variables, capture_output=True, text=True, timeout=300, stdin=subprocess.DEVNULL,
+        start_new_session=True,
+    )  # fmt: skip
 
 
 def read(path):

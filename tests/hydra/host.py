@@ -66,6 +66,7 @@ class Host:
         self._process = subprocess.Popen(
             [variables["OOCPT_HOST_PYTHON"], str(HERE / "host_process.py"), str(folder)],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=variables,
+            start_new_session=True,
         )  # fmt: skip
         self._buffer = b""
         self.log = ""

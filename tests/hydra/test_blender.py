@@ -39,7 +39,9 @@ def test_blender_renders(blender, tmp_path, method):
     command = [os.environ["OOCPT_HOST_PYTHON"], "-W", "ignore", str(SCENE)]
     resources = os.environ["PXR_PLUGINPATH_NAME"].split(":")[0]
     command += [str(blender), resources, str(output), method]
-    done = subprocess.run(command, env=variables, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        command, env=variables, capture_output=True, text=True, timeout=300, start_new_session=True
+    )
     assert done.returncode == 0 and output.exists(), f"{done.returncode}: {done.stdout[-2000:]}{done.stderr[-2000:]}"
     image = np.load(output)[..., :3]
     # 96 pixels are 6 units: spheres at x = -2, 0, 2, y = 1, cubes at y = -1.

@@ -55,7 +55,8 @@ def oocpt():
     def run(*arguments, **environment):
         variables = {**os.environ, "RUST_BACKTRACE": "0", **environment}
         return subprocess.run(
-            base + [str(a) for a in arguments], cwd=REPO, env=variables, capture_output=True, text=True, timeout=1800
+            base + [str(a) for a in arguments], cwd=REPO, env=variables, capture_output=True, text=True, timeout=1800,
+            start_new_session=True,
         )
 
     return run
@@ -196,7 +197,7 @@ def test_our_usdrecord_writes_them_into_exr_files(oocpt, tmp_path):
             "usdrecord", "--renderer", "OocPT", "--disableGpu", "--imageWidth", "16", "--camera", "/World/Camera",
             str(scene), str(picture),
         ]
-        subprocess.run(command, env=variables, check=True, capture_output=True, timeout=300)
+        subprocess.run(command, env=variables, check=True, capture_output=True, timeout=300, start_new_session=True)
         return picture
 
     plain, told = record("plain.exr"), record("told.exr", OOCPT_REPORT=str(report))

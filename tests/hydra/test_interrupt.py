@@ -43,7 +43,7 @@ class Running:
         with open(self._logs[0], "w") as out, open(self._logs[1], "w") as err:
             self.process = subprocess.Popen(
                 [sys.executable, "-I", "-c", HEARING, *map(str, words)], env=variables, stdin=subprocess.DEVNULL,
-                stdout=out, stderr=err,
+                stdout=out, stderr=err, start_new_session=True,
             )
 
     def said(self):

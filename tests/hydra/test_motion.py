@@ -199,7 +199,9 @@ def test_usdrecord_blurs_by_the_cameras_shutter(tmp_path, scene_index):
         command = ["usdrecord", "--renderer", "OocPT", "--disableGpu", "--disableCameraLight", "--frames", "5",
                    "--camera", "/World/Camera", "--imageWidth", str(SIZE[0]), str(tmp_path / f"{name}.usda"),
                    str(tmp_path / f"{name}.#.exr")]
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
+        done = subprocess.run(
+            command, env=environment, capture_output=True, text=True, timeout=120, check=False, start_new_session=True
+        )
         assert done.returncode == 0, done.stderr
         picture = exr.read(tmp_path / f"{name}.5.exr")
         agree(picture[..., 3], streak((0, 0.5), (way, 0), 0.2), name)

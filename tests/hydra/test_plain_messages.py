@@ -37,7 +37,9 @@ def usdrecord(scene, out, **environment):
     command = ["usdrecord", "--disableGpu", "--camera", "/World/Camera", "--imageWidth", "16", str(scene), str(out)]
     variables = dict(os.environ, OOCPT_SAMPLES_PER_PIXEL="1", **environment)
     variables.pop("PYTHONPATH", None)
-    return subprocess.run(command, env=variables, capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run(
+        command, env=variables, capture_output=True, text=True, timeout=120, check=False, start_new_session=True
+    )
 
 
 @pytest.mark.parametrize("front_end", ["0", "1"], ids=["legacy", "scene_index"])

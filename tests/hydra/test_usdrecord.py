@@ -24,7 +24,10 @@ def usdrecord(request, tmp_path):
         command = [
             "usdrecord", "--renderer", "OocPT", "--disableGpu", "--disableCameraLight", *flags, str(scene), str(out)
         ]
-        return subprocess.run(command, env=variables, capture_output=True, text=True, timeout=120, check=False), out
+        done = subprocess.run(
+            command, env=variables, capture_output=True, text=True, timeout=120, check=False, start_new_session=True
+        )
+        return done, out
 
     return run
 

@@ -74,10 +74,10 @@ impl Device {
             choices[Lane::Transfer.index()] = choices[Lane::Main.index()];
         }
         let raw = create_raw(&instance, &probed, &choices)?;
-        #[cfg(feature = "faults")]
-        let (raw, watch) = crate::watch::taken_over(&raw);
         // SAFETY: the physical device comes from this instance.
         let memory_types = unsafe { instance.raw.get_physical_device_memory_properties(probed.physical) };
+        #[cfg(feature = "faults")]
+        let (raw, watch) = crate::watch::taken_over(&raw, &memory_types);
         let heaps = &probed.report.heaps;
         let unified = heaps.iter().all(|heap| heap.device_local);
         let names = Names::new(&instance.raw, &raw, instance.names);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Stands between this crate and the driver, for tests: counts every byte of `vkAllocateMemory`, and makes calls that
-//! take memory fail. Compiled with the feature `faults` alone.
+//! Stands between this crate and the driver, for tests: counts every byte of `vkAllocateMemory`, fills what the host
+//! can write with [`POISON`], and makes calls that take memory fail. Compiled with the feature `faults` alone.
 //!
 //! The calls are taken over in the device's table of functions, so that none goes by, wherever it is made. Any thread.
 
@@ -9,6 +9,12 @@ use std::ffi::c_void;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use ash::vk::{self, Handle as _};
+
+/// What new memory holds: no zeros, which drivers give and nobody promises. As a count it is too large for anything,
+/// as a float it is -431 602 080.
+pub(crate) const POISON: u8 = 0xCD;
+/// Most bytes of an allocation that are poisoned, from its start: the rest is not worth the time.
+const MOST_POISON: u64 = 64 << 20;
 
 /// What can be made to fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,6 +61,8 @@ pub struct DriverMemory {
 /// What a device's calls go through.
 pub(crate) struct Watch {
     driver: ash::DeviceFnV1_0,
+    /// Memory types that the host can map, a bit each.
+    mappable: u32,
     state: Mutex<State>,
 }
 
@@ -74,9 +82,15 @@ fn watches() -> MutexGuard<'static, BTreeMap<u64, Arc<Watch>>> {
 }
 
 /// The same device, with the calls taken over.
-pub(crate) fn taken_over(raw: &ash::Device) -> (ash::Device, Arc<Watch>) {
+pub(crate) fn taken_over(
+    raw: &ash::Device,
+    types: &vk::PhysicalDeviceMemoryProperties,
+) -> (ash::Device, Arc<Watch>) {
     let mut table = raw.fp_v1_0().clone();
-    let watch = Arc::new(Watch { driver: table.clone(), state: Mutex::default() });
+    let is_mappable = |of: &vk::MemoryType| of.property_flags.contains(vk::MemoryPropertyFlags::HOST_VISIBLE);
+    let types = types.memory_types_as_slice().iter().enumerate();
+    let mappable = types.filter(|(_, of)| is_mappable(of)).fold(0, |bits, (index, _)| bits | 1 << index);
+    let watch = Arc::new(Watch { driver: table.clone(), mappable, state: Mutex::default() });
     watches().insert(raw.handle().as_raw(), Arc::clone(&watch));
     table.allocate_memory = allocate_memory;
     table.free_memory = free_memory;
@@ -110,6 +124,24 @@ impl Watch {
         }
         state.struck += 1;
         true
+    }
+}
+
+impl Watch {
+    /// Fills the first `bytes` of new memory that the host can map.
+    fn poison(&self, device: vk::Device, memory: vk::DeviceMemory, bytes: u64) {
+        let (mut start, flags) = (std::ptr::null_mut(), vk::MemoryMapFlags::empty());
+        let Ok(length) = usize::try_from(bytes) else { return };
+        // SAFETY: nobody else knows the memory yet, and it has as many bytes.
+        let result = unsafe { (self.driver.map_memory)(device, memory, 0, bytes, flags, &raw mut start) };
+        if result != vk::Result::SUCCESS {
+            return;
+        }
+        // SAFETY: so many bytes are mapped.
+        unsafe { std::ptr::write_bytes(start.cast::<u8>(), POISON, length) };
+        // Memory that is not coherent keeps what it has, which is as good.
+        // SAFETY: it was mapped above.
+        unsafe { (self.driver.unmap_memory)(device, memory) };
     }
 }
 
@@ -157,8 +189,14 @@ unsafe extern "system" fn allocate_memory(
     if result == vk::Result::SUCCESS {
         // SAFETY: valid by the rules of the function.
         let bytes = unsafe { (*info).allocation_size };
+        // SAFETY: valid by the rules of the function.
+        let index = unsafe { (*info).memory_type_index };
         // SAFETY: the driver has written it.
-        let handle = unsafe { *memory }.as_raw();
+        let memory = unsafe { *memory };
+        if watch.mappable >> index & 1 == 1 {
+            watch.poison(device, memory, bytes.min(MOST_POISON));
+        }
+        let handle = memory.as_raw();
         let mut state = watch.lock();
         state.sizes.insert(handle, bytes);
         state.memory.held += bytes;

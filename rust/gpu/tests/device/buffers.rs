@@ -29,6 +29,14 @@ fn bytes_make_the_round_trip() {
     assert_eq!(read_words(&readback, 1000), expected, "upload, buffer, heap range, readback");
 }
 
+/// So that tests see what relies on drivers that clear memory.
+#[test]
+fn new_memory_is_poisoned() {
+    let gpu = support::open();
+    let readback = Buffer::new(&gpu, "readback", 4000, Usage::Readback).expect("memory");
+    assert_eq!(read_words(&readback, 1000), [0xCDCD_CDCD; 1000]);
+}
+
 #[test]
 fn mapped_bytes_can_be_filled_in_place() {
     let gpu = support::open();

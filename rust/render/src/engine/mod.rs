@@ -177,11 +177,12 @@ pub(crate) fn render<F: Feed>(feed: &mut F, gate: &Gate<'_>, progress: &mut Prog
     progress.stage("rendering");
     let film = feed.tracer().setting.film;
     let (has_planes, has_color) = (film.has_planes(), film.has_color());
-    if has_planes {
+    if has_planes || !has_color {
+        // Without an image nothing is traced, but the counters that are read at the end have to be cleared.
         feed.begin(Kind::Aovs, progress)?;
-        if run(feed, gate, progress)? == Outcome::GivenUp {
-            return Ok(());
-        }
+    }
+    if has_planes && run(feed, gate, progress)? == Outcome::GivenUp {
+        return Ok(());
     }
     if has_color {
         feed.begin(Kind::Samples, progress)?;

@@ -5,7 +5,7 @@ use crate::scenes::{dome, nested, prim, sphere};
 use crate::support::{TIMEOUT, perspective, read, render, request, session, settings};
 use glam::{DMat4, DVec3};
 use oocpt_core::settings::Settings;
-use oocpt_render::{AovKind, AovRequest, RenderRequest, Session};
+use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, SessionOptions};
 use std::time::{Duration, Instant};
 
 fn view(size: [u32; 2]) -> RenderRequest {
@@ -153,12 +153,23 @@ fn only_depth_traces_no_paths() {
     assert_eq!(session.stats().rays_traced, 0, "no path is traced for an image without colour");
 }
 
+/// After another render: memory of a device is not zero when it is used again.
 #[test]
 fn no_images_converge_at_once() {
-    let session = session(settings(4, 1));
-    session.render(RenderRequest { aovs: Vec::new(), ..view([16, 12]) });
-    assert!(session.wait_converged(TIMEOUT), "nothing to do is done");
-    assert!(session.take_messages().is_empty(), "and no fault");
+    for force_streaming in [false, true] {
+        let options = SessionOptions { validation: true, force_streaming, ..SessionOptions::default() };
+        let other = Session::with_options(settings(4, 1), options);
+        other.with_scene(nested);
+        render(&other, &view([64, 48]));
+        let session = Session::with_options(settings(4, 1), options);
+        session.with_scene(nested);
+        session.render(RenderRequest { aovs: Vec::new(), ..view([16, 12]) });
+        assert!(session.wait_converged(TIMEOUT), "nothing to do is done");
+        let messages = session.take_messages();
+        assert!(messages.is_empty(), "and no fault: {messages:?}");
+        let stats = session.stats();
+        assert_eq!((stats.rays_traced, stats.nonfinite_samples), (0, 0), "no path is traced for no image");
+    }
 }
 
 #[test]
