@@ -82,10 +82,7 @@ fn watches() -> MutexGuard<'static, BTreeMap<u64, Arc<Watch>>> {
 }
 
 /// The same device, with the calls taken over.
-pub(crate) fn taken_over(
-    raw: &ash::Device,
-    types: &vk::PhysicalDeviceMemoryProperties,
-) -> (ash::Device, Arc<Watch>) {
+pub(crate) fn taken_over(raw: &ash::Device, types: &vk::PhysicalDeviceMemoryProperties) -> (ash::Device, Arc<Watch>) {
     let mut table = raw.fp_v1_0().clone();
     let is_mappable = |of: &vk::MemoryType| of.property_flags.contains(vk::MemoryPropertyFlags::HOST_VISIBLE);
     let types = types.memory_types_as_slice().iter().enumerate();

@@ -8,6 +8,7 @@
 
 mod book;
 mod check;
+mod grouped;
 mod host;
 mod picture;
 mod places;
@@ -16,6 +17,7 @@ mod product;
 mod shell;
 mod system;
 mod verify;
+mod watched;
 
 use std::ffi::OsString;
 use std::os::unix::process::CommandExt as _;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Runs every test: Rust by nextest (or cargo), Python each file in the interpreter it needs.
+//! Runs every test: Rust by nextest (or cargo), the renderer's on a device by modules ([`grouped`]), Python each file
+//! in the interpreter it needs.
 //!
 //! `tests/host/**` runs in the wheel host's Python (`pxr` is Hydra's), all other Python tests in usd-core's; both see
 //! `OOCPT_HOST_PYTHON` and `OOCPT_USD_PYTHON` to start the other one, and `usdrecord` in `PATH`.
@@ -8,7 +9,6 @@
 //! for shaders that are compiled on one core and for hosts. Its lines begin with [`MARK`] then. On a GPU one after the
 //! other: two would share its memory. [`WITHOUT_GPU`] says what else differs.
 
-use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::thread;
@@ -19,7 +19,8 @@ use crate::host::{HOST_VENV, Interpreter, USD_VENV};
 use crate::places::Places;
 use crate::process::{say, succeeds};
 use crate::product::{self, PROFILE, cargo};
-use crate::{shell, system};
+use crate::watched::Watched;
+use crate::{grouped, shell, system};
 
 /// pytest's exit status when no test matched.
 const NOTHING_COLLECTED: i32 = 5;
@@ -27,6 +28,8 @@ const NOTHING_COLLECTED: i32 = 5;
 const FULL: &str = "OOCPT_TEST_FULL";
 /// What a line of Python's begins with, where others stand between.
 const MARK: &str = "[python] ";
+/// What [`grouped`] runs.
+const GROUPED: &str = "(package(oocpt-render) & binary(gpu))";
 /// Profiles of nextest and the threads that Mesa's software renderer has in them, besides the one that submits; none =
 /// as many as it likes. With a GPU one has all tests, without they share them (`.config/nextest.toml` says why).
 type NextestProfile = (&'static str, Option<&'static str>);
@@ -121,6 +124,7 @@ fn rust_tests(places: &Places, extent: Extent<'_>) -> Result<bool> {
     for (profile, driver_threads) in if system::has_gpu() { ON_GPU } else { WITHOUT_GPU } {
         let mut nextest = cargo(places, "nextest run");
         nextest.args(["--workspace", "--profile", profile, "--cargo-profile", PROFILE, "--no-tests", "pass"]);
+        nextest.arg("--filterset").arg(format!("not {GROUPED}"));
         shell::apply(&shell::for_wheel(places), &mut nextest);
         if let Some(threads) = driver_threads {
             nextest.env("LP_NUM_THREADS", threads);
@@ -128,6 +132,10 @@ fn rust_tests(places: &Places, extent: Extent<'_>) -> Result<bool> {
         extent.tell(&mut nextest);
         all_pass &= passes(nextest.args(extent.filter))?;
     }
+    all_pass &= grouped::run(places, extent.filter, system::has_gpu(), |command| {
+        shell::apply(&shell::for_wheel(places), command);
+        extent.tell(command);
+    })?;
     Ok(all_pass)
 }
 
@@ -161,7 +169,8 @@ fn python_tests(
     if let Some(filter) = extent.filter {
         pytest.args(["-k", filter]);
     }
-    let status = if mark.is_empty() { status(&mut pytest)? } else { marked_status(&mut pytest, mark)? };
+    let status =
+        if mark.is_empty() { status(&mut pytest)? } else { Watched { mark, patience: None }.status(&mut pytest)? };
     Ok(status == 0 || status == NOTHING_COLLECTED)
 }
 
@@ -176,38 +185,9 @@ fn status(command: &mut Command) -> Result<i32> {
     Ok(status.with_context(|| format!("cannot start {}", program.display()))?.code().unwrap_or(-1))
 }
 
-/// As [`status`]; what the child writes comes out in whole lines that begin with `mark`.
-fn marked_status(command: &mut Command, mark: &str) -> Result<i32> {
-    let program = command.get_program().to_owned();
-    let (reader, writer) = std::io::pipe().context("no pipe")?;
-    let errors = writer.try_clone().context("no pipe")?;
-    let mut child = command
-        .stdin(Stdio::null())
-        .stdout(writer)
-        .stderr(errors)
-        .spawn()
-        .with_context(|| format!("cannot start {}", program.display()))?;
-    // The command holds the pipe's other end, which has to be closed for the last line to be the last.
-    command.stdout(Stdio::null()).stderr(Stdio::null());
-    for line in BufReader::new(reader).split(b'\n') {
-        let line = [mark.as_bytes(), &line.context("the pipe broke")?, b"\n"].concat();
-        std::io::stdout().lock().write_all(&line).context("cannot write")?;
-    }
-    Ok(child.wait().context("lost the child")?.code().unwrap_or(-1))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_marked_child_tells_its_status() {
-        let mut child = Command::new("sh");
-        child.args(["-c", "echo out; echo err >&2; exit 3"]);
-        assert_eq!(marked_status(&mut child, "").unwrap(), 3, "of the shell");
-        assert_eq!(marked_status(Command::new("sh").args(["-c", "kill -9 $$"]), "").unwrap(), -1, "a signal");
-        assert!(marked_status(&mut Command::new("/no such program"), "").is_err(), "it cannot be started");
-    }
 
     /// What one profile leaves out the other one has, so that no test is lost between them.
     #[test]
