@@ -7,15 +7,17 @@
 //! bit, as the one of the shaders on a device that rounds each product (`fma` of GLSL does not promise more).
 //!
 //! The way of a ray: `passes` (queues, rays, hit records) -> `walk` (trees) -> `node` (boxes) -> `triangle`, `round`
-//! (the leaf test of each kind, one place) -> `opacity`. Memory is reached through [`oocpt_gpu::HostView`], which
+//! (the leaf test of each kind, one place) -> `opacity`; `motion` gives the maps of what moves. Memory is reached through [`oocpt_gpu::HostView`], which
 //! checks every look. Any thread; the work is spread over rayon's pool.
 #![forbid(unsafe_code)]
 
+mod motion;
 mod node;
 mod opacity;
 mod passes;
 mod pending;
 mod round;
+mod sampler;
 mod scene;
 mod triangle;
 mod vector;
@@ -65,6 +67,5 @@ impl std::error::Error for TraceError {}
 /// What native traversal cannot do yet of what a scene needs; none if it can do all of it.
 #[must_use]
 pub fn unsupported(features: Features) -> Option<&'static str> {
-    let reasons = [(Features::CUTOUTS, "cutouts by textures"), (Features::MOTION, "motion of placements")];
-    reasons.into_iter().find(|(feature, _)| features.contains(*feature)).map(|(_, why)| why)
+    features.contains(Features::CUTOUTS).then_some("cutouts by textures")
 }

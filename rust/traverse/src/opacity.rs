@@ -2,6 +2,7 @@
 //! Whether a surface that a walk meets is there, by displayOpacity (traversal/opacity.glsl), and the seed that decides
 //! (`include/opacity_seed.glsl`). Any thread.
 
+use crate::sampler::{combine, hash, unit};
 use crate::scene::Scene;
 use crate::walk::Walk;
 use oocpt_gpu::HostBytes;
@@ -10,26 +11,6 @@ use oocpt_shader_abi::{
     NAME_DISPLAY_OPACITY, NO_MATERIAL, NO_NAME, NO_ROW, NO_VALUE, STREAM_BIT, STREAM_SEED, SUBSET_MASK, Segment,
     TARGET_ASSEMBLY, unpack_band,
 };
-
-/// `hash_u32` of include/sampler.glsl.
-fn hash(mut x: u32) -> u32 {
-    x ^= x >> 16;
-    x = x.wrapping_mul(0x21f0_aaad);
-    x ^= x >> 15;
-    x = x.wrapping_mul(0xd35a_2d97);
-    x ^ (x >> 15)
-}
-
-/// `hash_combine` of include/sampler.glsl.
-fn combine(seed: u32, v: u32) -> u32 {
-    seed ^ hash(v).wrapping_add(0x9e37_79b9).wrapping_add(seed << 6).wrapping_add(seed >> 2)
-}
-
-/// The bits as a number in [0, 1).
-#[expect(clippy::cast_precision_loss, reason = "24 bits")]
-fn unit(bits: u32) -> f32 {
-    (bits >> 8) as f32 * 5.960_464_5e-8
-}
 
 impl Scene<'_> {
     /// The seed of a ray of a path: `ray` is twice the bounce, and one more for shadow rays.
@@ -42,7 +23,7 @@ impl Scene<'_> {
     }
 
     /// Seed, pixel and sample of a path (`path_seed`, `path_pixel`, `path_sample` of include/wavefront.glsl).
-    fn sample_of(&self, path: u32) -> (u32, u32, u32) {
+    pub(crate) fn sample_of(&self, path: u32) -> (u32, u32, u32) {
         let (mut first_pixel, mut first_sample, mut i) = (self.push.first_pixel, self.push.first_sample, path);
         if self.has(Features::STREAMING) {
             let place = self.path_place(path);
@@ -170,7 +151,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             if !scene.has(Features::INSTANCING) || target & TARGET_ASSEMBLY == 0 {
                 break;
             }
-            let assembly = scene.assembly(target & !TARGET_ASSEMBLY)?;
+            let assembly = scene.assembly(scene.target_number(target))?;
             (table, instances) = (assembly.primvars, assembly.instances);
         }
         value

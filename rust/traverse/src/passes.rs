@@ -244,7 +244,7 @@ impl<'s, 'v> Shared<'s, 'v> {
             }
             let bounce = self.rays.load(at + RAY_WORD_BOUNCE as usize);
             let seed = self.scene.opacity_seed(path, bounce.wrapping_mul(2));
-            self.run(walk, path, WorldRay { seed, ..ray });
+            self.run(walk, path, WorldRay { seed, time: self.scene.path_time(path), ..ray });
         }
         if walk.hit {
             store_hit(hits, path as usize * stride, &walk.found, self.scene.special.levels());
@@ -285,7 +285,7 @@ impl<'s, 'v> Shared<'s, 'v> {
                 false => (linked, 0),
             };
             let seed = self.scene.opacity_seed(path, bounce.wrapping_mul(2).wrapping_add(1));
-            self.run(walk, path, WorldRay { seed, shadow_link, ..ray });
+            self.run(walk, path, WorldRay { seed, time: self.scene.path_time(path), shadow_link, ..ray });
         }
         let waits = !walk.hit && !walk.pending.keys().is_empty();
         self.add_light(at, path, walk.hit, waits || is_ended, radiance);

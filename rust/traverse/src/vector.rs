@@ -72,6 +72,12 @@ pub(crate) fn dot3(a: V3, b: V3) -> f32 {
     a[0] * b[0] + (a[1] * b[1] + a[2] * b[2])
 }
 
+/// `combine_rows` of affine.glsl: the columns of a matrix times a vector.
+#[inline(always)]
+pub(crate) fn apply_columns([x, y, z]: [V3; 3], v: V3) -> V3 {
+    V3([0, 1, 2].map(|i| x[i] * v[0] + (y[i] * v[1] + z[i] * v[2])))
+}
+
 #[inline(always)]
 pub(crate) fn cross3(a: V3, b: V3) -> V3 {
     V3([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

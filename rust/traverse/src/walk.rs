@@ -40,6 +40,8 @@ pub(crate) struct WorldRay {
     pub(crate) flags: u32,
     /// Decides about opacity.
     pub(crate) seed: u32,
+    /// Of the path, in the shutter; with something that moves only.
+    pub(crate) time: f32,
     /// Any hit: category of the prims that count; 0: all.
     pub(crate) shadow_link: u32,
 }

@@ -166,7 +166,7 @@ fn velocities_move_instances_as_their_arrays_say() {
 
 /// A ball and a mill in front of a floor, lit by a sky and a sun, as they are from `open` to `close`; at one moment
 /// where these are the same.
-fn mill(db: &mut SceneDb, open: f64, close: f64) {
+pub(crate) fn mill(db: &mut SceneDb, open: f64, close: f64) {
     db.upsert_light(dome([0.4, 0.5, 0.7]));
     db.upsert_light(sun(2.0, 2.0, DMat4::from_rotation_x(-0.8) * DMat4::from_rotation_y(0.5)));
     db.upsert_mesh(square(prim("/floor", DMat4::from_scale(DVec3::splat(5.0))), 1, 0.5));

@@ -4,8 +4,9 @@
 //! All other tests pin the shaders. With `OOCPT_TEST_TRAVERSAL=native` they run on the host instead.
 
 use crate::lights::TestFiles;
+use crate::motion::mill;
 use crate::scenes::{features, nested};
-use crate::streaming::{SCENES, smallest_budget};
+use crate::streaming::{MOVING, SCENES, smallest_budget};
 use crate::support::{self, perspective, read_all, render, request, settings};
 use glam::DVec3;
 use oocpt_core::inventory::TraversalUse;
@@ -79,6 +80,19 @@ fn scenes_of_many_chunks_are_the_same_in_core_and_streaming() {
         let tight = Settings { geometry_budget_kib: 2 * smallest_budget(scene), ..small };
         same_bits(scene.name, scene.build, &tight, true, &request);
     }
+}
+
+#[test]
+fn what_moves_is_the_same_in_core_and_streaming() {
+    let build = |db: &mut SceneDb| mill(db, 0.0, 1.0);
+    let request = view(DVec3::new(0.0, 3.0, 9.0), DVec3::Y);
+    same_bits("a mill", build, &settings(16, 3), false, &request);
+    same_bits("adaptive", build, &Settings { adaptive_sampling: true, ..settings(64, 2) }, false, &request);
+    let request = view(MOVING.eye, MOVING.target);
+    let small = Settings { chunk_size_kib: 16, ..settings(4, 3) };
+    same_bits(MOVING.name, MOVING.build, &small, false, &request);
+    let tight = Settings { geometry_budget_kib: 2 * smallest_budget(&MOVING), ..small };
+    same_bits(MOVING.name, MOVING.build, &tight, true, &request);
 }
 
 #[test]

@@ -59,16 +59,16 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             self.overflowed = true;
             return false;
         }
-        let map = &instance.object_from_parent;
-        let (o, d) = (apply_point(map, self.at.ray.o), apply_vector(map, self.at.d));
+        let Some(map) = self.scene.placed_map(self.at.instances, &instance, self.world.time) else { return false };
+        let (o, d) = (apply_point(&map, self.at.ray.o), apply_vector(&map, self.at.d));
         let depth = self.level_index();
         if nested {
-            let Some(assembly) = self.scene.assembly(instance.target & !TARGET_ASSEMBLY) else { return false };
+            let Some(assembly) = self.scene.assembly(self.scene.target_number(instance.target)) else { return false };
             self.stack.push((RETURN, 0.0));
             self.chain[depth] = record;
             self.begin_level(o, d, [assembly.nodes, assembly.instances]);
         } else {
-            let Some(mesh) = self.scene.mesh(instance.target) else { return false };
+            let Some(mesh) = self.scene.mesh(self.scene.target_number(instance.target)) else { return false };
             self.stack.push((RETURN, 0.0));
             self.chain[depth] = record;
             self.instance = instance;
