@@ -3,6 +3,7 @@
 
 use crate::adaptive::Adaptive;
 use crate::assets::SceneAssets;
+use crate::device::Device;
 use crate::error::RenderError;
 use crate::error_log::{ErrorLog, Moment};
 use crate::film::Film;
@@ -10,6 +11,7 @@ use crate::job::Job;
 use crate::measure::{self, Measured};
 use crate::progress_bar::ProgressBar;
 use crate::request::Severity;
+use crate::setting::is_cpu;
 use crate::shared::Shared;
 use crate::sync::lock;
 use crate::timings::Timings;
@@ -118,6 +120,15 @@ impl<'a> Progress<'a> {
     /// Changes what the stats say about streaming.
     pub(crate) fn streaming(&self, change: impl FnOnce(&mut StreamingStats)) {
         change(&mut lock(&self.shared.stats).streaming);
+    }
+
+    /// Asks the driver what this process uses now.
+    pub(crate) fn note_driver_usage(&self, device: &Device) {
+        // Mesa's software renderer tells of the whole machine.
+        if !is_cpu(device) {
+            let used = device.gpu.driver_usage().unwrap_or(0);
+            self.streaming(|stats| stats.driver_peak_bytes = stats.driver_peak_bytes.max(used));
+        }
     }
 
     /// Says in the stats what is going on.

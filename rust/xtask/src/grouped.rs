@@ -31,7 +31,7 @@ const APART: [&str; 1] = ["streaming::roulette"];
 /// Begun first, so that none of them is left alone with one core at the end; then by how many tests they have.
 const LONGEST: [&str; 4] = ["streaming", "bsdf", "materials", "features"];
 /// Without a word for so long, a test hangs.
-const PATIENCE: Duration = Duration::from_secs(600);
+const PATIENCE: Duration = Duration::from_secs(1200);
 
 /// What runs in one process.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -7,6 +7,7 @@
 use super::{Tracer, finish};
 use crate::error::RenderError;
 use crate::progress::Progress;
+use crate::setting::Setting;
 use crate::shared::Gate;
 use crate::wavefront::Kind;
 use oocpt_gpu::Submission;
@@ -152,7 +153,8 @@ fn land<F: Feed>(
         *last_end = Instant::now(); // What was done over says nothing about how long work takes.
     }
     let Some(work) = work else { return Ok(()) };
-    let film = feed.tracer().setting.film;
+    let Setting { film, device, .. } = *feed.tracer().setting;
+    progress.note_driver_usage(device);
     if work.publishes {
         progress.publish(film)?;
     }

@@ -78,8 +78,6 @@ pub(crate) struct Streamer<'a, 'r> {
     pub(crate) left: Left,
     /// Only with `oocpt:stragglerRoulette`.
     pub(crate) stragglers: Option<Stragglers>,
-    /// See [`oocpt_core::stats::StreamingStats::driver_peak_bytes`].
-    pub(crate) driver_peak_bytes: u64,
 }
 
 /// Renders `setting` from `scene`; publishes images and stats on the way.
@@ -133,7 +131,6 @@ pub(crate) fn render(
         view,
         left: Left::of(progress.total_paths()),
         stragglers: job.settings.straggler_roulette.then(|| stragglers(setting)),
-        driver_peak_bytes: 0,
     };
     engine::render(&mut Stage::new(streamer), gate, progress)
 }
@@ -261,15 +258,6 @@ impl Streamer<'_, '_> {
         self.left.note(LeftMoment { seconds, paths_left, loads, bytes_paged });
     }
 
-    /// Asks the driver what this process uses now.
-    fn note_driver_usage(&mut self) {
-        let device = self.tracer.setting.device;
-        // Mesa's software renderer tells of the whole machine.
-        if !is_cpu(device) {
-            self.driver_peak_bytes = self.driver_peak_bytes.max(device.gpu.driver_usage().unwrap_or(0));
-        }
-    }
-
     /// Brings the stats up to date.
     fn report(&self, progress: &mut Progress<'_>, seen: &Observation, stragglers: u64, paths_left: u64) {
         let heap = self.tracer.setting.device.heap.stats();
@@ -296,7 +284,6 @@ impl Streamer<'_, '_> {
             stats.geometry_bytes = planner.bytes_held;
             stats.geometry_budget_bytes = self.residency.planner.budget();
             stats.geometry_peak_bytes = planner.peak_bytes;
-            stats.driver_peak_bytes = self.driver_peak_bytes;
             stats.fragmentation = heap.fragmentation;
             stats.roulette_paths = u64::from(seen.roulette.ended_paths);
             stats.roulette_shadow_rays = u64::from(seen.roulette.ended_shadows);

@@ -316,7 +316,6 @@ impl Feed for Stage<'_, '_> {
         self.ended += u64::from(self.seen.counters.freed.wrapping_sub(before.freed));
         self.last_event = Instant::now();
         self.plan(self.seen.active(), progress)?;
-        self.streamer.note_driver_usage();
         if self.kind == Kind::Samples {
             let left = self.segments.unbegun() + self.seen.paths_alive();
             self.streamer.note_left(self.started.elapsed().as_secs_f64(), left);

@@ -26,9 +26,12 @@ const DRIVERS_OWN: u64 = 32 << 20;
 
 /// Renders under a budget for all memory, MiB; the peaks by the driver's count and by ours.
 fn peaks(scene: &Scene, samples: u32, budget_mib: u32) -> (u64, u64) {
+    peaks_of(scene, samples, budget_mib, true)
+}
+
+fn peaks_of(scene: &Scene, samples: u32, budget_mib: u32, force_streaming: bool) -> (u64, u64) {
     let settings = Settings { chunk_size_kib: 256, memory_budget_mib: budget_mib, ..support::settings(samples, 3) };
-    let session =
-        Session::with_options(settings, SessionOptions { force_streaming: true, ..SessionOptions::default() });
+    let session = Session::with_options(settings, SessionOptions { force_streaming, ..SessionOptions::default() });
     session.with_scene(scene.build);
     let request = support::request(support::perspective(scene.eye, scene.target, 0.8, [256, 192]));
     support::render(&session, &request);
@@ -44,8 +47,10 @@ fn after_every_step_the_driver_counts_no_more_than_the_budget() {
     if small_driver == 0 {
         // A software renderer, or a driver that does not say: the stats have to say so too, whatever is rendered.
         assert_eq!(peaks(&BEACH, 2, 48).0, 0, "nothing is made up");
+        assert_eq!(peaks_of(&BEACH, 2, 1024, false).0, 0, "in core neither");
         return;
     }
+    assert!(peaks_of(&BEACH, 2, 1024, false).0 > 0, "it is asked in core, too");
     let own = small_driver.saturating_sub(small_ours);
     // All of them smaller than what the scene and its paths would take.
     for budget_mib in [28, 36, 48] {

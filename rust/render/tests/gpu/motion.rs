@@ -130,26 +130,27 @@ fn a_camera_that_moves_blurs_what_is_at_rest() {
     assert!(largest < 0.06 && mean < 0.004, "{largest} at most, {mean} in the mean");
 }
 
+/// Two cards: one at constant speed, one that falls along x, in four pieces.
+pub(crate) fn falling(db: &mut SceneDb) {
+    let mut mesh = square(instanced(prim("/row/card", DMat4::from_scale(DVec3::splat(0.2))), "/row"), 1, 0.5);
+    mesh.prim.transform *= DMat4::from_rotation_x(std::f64::consts::FRAC_PI_2);
+    db.upsert_mesh(mesh);
+    let places = [DVec3::new(-1.0, 0.5, 0.0), DVec3::new(-1.0, -0.5, 0.0)].map(|at| (at, DQuat::IDENTITY, DVec3::ONE));
+    let mut row = instancer(prim("/row", DMat4::IDENTITY), "/row/card", &places);
+    row.motion = InstancerMotion {
+        velocities: Some(TypedArray::of(vec![[4.0_f32, 0.0, 0.0], [0.0, 0.0, 0.0]])),
+        accelerations: Some(TypedArray::of(vec![[0.0_f32, 0.0, 0.0], [16.0, 0.0, 0.0]])),
+        angular_velocities: None,
+        seconds: [0.0, 0.5],
+        samples: Vec::new(),
+    };
+    db.upsert_instancer(row);
+}
+
 #[test]
 fn velocities_move_instances_as_their_arrays_say() {
     let size = [48, 32];
-    let build = |db: &mut SceneDb| {
-        let mut mesh = square(instanced(prim("/row/card", DMat4::from_scale(DVec3::splat(0.2))), "/row"), 1, 0.5);
-        mesh.prim.transform *= DMat4::from_rotation_x(std::f64::consts::FRAC_PI_2);
-        db.upsert_mesh(mesh);
-        let places =
-            [DVec3::new(-1.0, 0.5, 0.0), DVec3::new(-1.0, -0.5, 0.0)].map(|at| (at, DQuat::IDENTITY, DVec3::ONE));
-        let mut row = instancer(prim("/row", DMat4::IDENTITY), "/row/card", &places);
-        row.motion = InstancerMotion {
-            velocities: Some(TypedArray::of(vec![[4.0_f32, 0.0, 0.0], [0.0, 0.0, 0.0]])),
-            accelerations: Some(TypedArray::of(vec![[0.0_f32, 0.0, 0.0], [16.0, 0.0, 0.0]])),
-            angular_velocities: None,
-            seconds: [0.0, 0.5],
-            samples: Vec::new(),
-        };
-        db.upsert_instancer(row);
-    };
-    let met = coverage(build, front(2.0, size), SAMPLES);
+    let met = coverage(falling, front(2.0, size), SAMPLES);
     // A parabola in four pieces.
     let falls = |time: f64| {
         let (a, b) = ((time * 4.0).floor() / 4.0, (time * 4.0).floor() / 4.0 + 0.25);

@@ -4,7 +4,7 @@
 //! All other tests pin the shaders. With `OOCPT_TEST_TRAVERSAL=native` they run on the host instead.
 
 use crate::lights::TestFiles;
-use crate::motion::mill;
+use crate::motion::{falling, mill};
 use crate::scenes::{features, nested};
 use crate::streaming::{MOVING, SCENES, smallest_budget};
 use crate::support::{self, perspective, read_all, render, request, settings};
@@ -88,6 +88,8 @@ fn what_moves_is_the_same_in_core_and_streaming() {
     let request = view(DVec3::new(0.0, 3.0, 9.0), DVec3::Y);
     same_bits("a mill", build, &settings(16, 3), false, &request);
     same_bits("adaptive", build, &Settings { adaptive_sampling: true, ..settings(64, 2) }, false, &request);
+    // Of more than two keys.
+    same_bits("falling", falling, &settings(64, 1), false, &view(DVec3::Z * 4.0, DVec3::ZERO));
     let request = view(MOVING.eye, MOVING.target);
     let small = Settings { chunk_size_kib: 16, ..settings(4, 3) };
     same_bits(MOVING.name, MOVING.build, &small, false, &request);
