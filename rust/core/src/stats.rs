@@ -199,8 +199,8 @@ pub struct StreamingStats {
     pub geometry_budget_bytes: u64,
     /// The most `geometry_bytes` has been.
     pub geometry_peak_bytes: u64,
-    /// The most that the driver said, after a wave or a step, this process uses of device memory, its own share included;
-    /// 0 = a driver that does not say, or a software renderer.
+    /// The most that the driver said, after a wave or a step, this process uses of device memory, its own share
+    /// included; 0 = a driver that does not say, or a software renderer.
     pub driver_peak_bytes: u64,
     /// Bytes that the whole scene would take on the device.
     pub scene_bytes: u64,

@@ -7,8 +7,8 @@
 //! bit, as the one of the shaders on a device that rounds each product (`fma` of GLSL does not promise more).
 //!
 //! The way of a ray: `passes` (queues, rays, hit records) -> `walk` (trees) -> `node` (boxes) -> `triangle`, `round`
-//! (the leaf test of each kind, one place) -> `opacity`; `motion` gives the maps of what moves. Memory is reached through [`oocpt_gpu::HostView`], which
-//! checks every look. Any thread; the work is spread over rayon's pool.
+//! (the leaf test of each kind, one place) -> `opacity`; `motion` gives the maps of what moves. Memory is reached
+//! through [`oocpt_gpu::HostView`], which checks every look. Any thread; the work is spread over rayon's pool.
 #![forbid(unsafe_code)]
 
 mod motion;
