@@ -10,7 +10,8 @@ use oocpt_shader_abi::{Features, GpuInstance, GpuMotionKey, TARGET_ASSEMBLY, TAR
 /// `TIME_SET`.
 const TIME_SET: u32 = 0x4000_0000;
 /// Units of 16 bytes in a key.
-const KEY_QUADS: usize = size_of::<GpuMotionKey>() / 16;
+const KEY_QUADS: usize = 4;
+const _: () = assert!(size_of::<GpuMotionKey>() == 16 * KEY_QUADS, "a key has so many units");
 
 impl Scene<'_> {
     /// `path_time`; 0 where nothing moves.
@@ -64,13 +65,11 @@ impl Scene<'_> {
 /// `moving_map`.
 #[inline(never)]
 fn moving_map(instances: HostBytes<'_>, record: &GpuInstance, time: f32) -> Option<Rows> {
-    let [first, count] = [0, 1].map(|word| record.object_from_parent[0][word].to_bits() as usize);
+    let [first, count, ..] = record.object_from_parent[0].map(|word| word.to_bits() as usize);
+    let quad = |at: usize| instances.get::<[f32; 4]>(first + at);
     let key = |at: usize| -> Option<GpuMotionKey> {
-        let mut quads = [[0.0_f32; 4]; KEY_QUADS];
-        for (quad, words) in quads.iter_mut().enumerate() {
-            *words = instances.get(first + at * KEY_QUADS + quad)?;
-        }
-        Some(bytemuck::cast(quads))
+        let at = at * KEY_QUADS;
+        Some(bytemuck::cast([quad(at)?, quad(at + 1)?, quad(at + 2)?, quad(at + 3)?]))
     };
     let mut at = 0;
     while at + 2 < count && key(at + 1)?.time <= time {
@@ -89,7 +88,7 @@ fn quadrant_sine(x: f32) -> f32 {
 /// `inverse_map` of what `between` gives.
 fn inverse_between(a: &GpuMotionKey, b: &GpuMotionKey, time: f32) -> Rows {
     let f = ((time - a.time) / (b.time - a.time)).clamp(0.0, 1.0);
-    let mix = |a: [f32; 3], b: [f32; 3]| V3([0, 1, 2].map(|i| f * (b[i] - a[i]) + a[i]));
+    let mix = |a: [f32; 3], b: [f32; 3]| f * (V3(b) - V3(a)) + V3(a);
     let (stretch, shear) = (mix(a.stretch, b.stretch), mix(a.shear, b.shear));
     let translation = mix(a.translation, b.translation);
     let weights = if a.half_angle > 0.0 {
@@ -97,10 +96,10 @@ fn inverse_between(a: &GpuMotionKey, b: &GpuMotionKey, time: f32) -> Rows {
     } else {
         [1.0 - f, f]
     };
-    let q = [0, 1, 2, 3].map(|i| weights[0] * a.rotation[i] + weights[1] * b.rotation[i]);
-    let [x, y, z, w] = q;
-    let scale = 2.0 / (w * w + dot3(V3([x, y, z]), V3([x, y, z])));
-    let s = q.map(|v| v * scale);
+    let ([ax, ay, az, aw], [bx, by, bz, bw]) = (a.rotation, b.rotation);
+    let q = weights[0] * V3([ax, ay, az]) + weights[1] * V3([bx, by, bz]);
+    let (x, y, z, w) = (q[0], q[1], q[2], weights[0] * aw + weights[1] * bw);
+    let s = (2.0 / (w * w + dot3(q, q))) * q;
     let turn = [
         V3([1.0 - (y * s[1] + z * s[2]), x * s[1] + w * s[2], x * s[2] + -(w * s[1])]),
         V3([x * s[1] + -(w * s[2]), 1.0 - (x * s[0] + z * s[2]), y * s[2] + w * s[0]]),

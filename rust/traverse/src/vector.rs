@@ -75,7 +75,7 @@ pub(crate) fn dot3(a: V3, b: V3) -> f32 {
 /// `combine_rows` of affine.glsl: the columns of a matrix times a vector.
 #[inline(always)]
 pub(crate) fn apply_columns([x, y, z]: [V3; 3], v: V3) -> V3 {
-    V3([0, 1, 2].map(|i| x[i] * v[0] + (y[i] * v[1] + z[i] * v[2])))
+    v[0] * x + (v[1] * y + v[2] * z)
 }
 
 #[inline(always)]
