@@ -10,7 +10,7 @@ mod table;
 use anyhow::{Context, Result};
 use oocpt_core::settings::Value;
 use oocpt_core::stats::StreamingStats;
-use oocpt_render::{RenderRequest, Session, SessionOptions};
+use oocpt_render::Session;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -18,25 +18,14 @@ use std::time::Instant;
 use super::budgets::{self, Failed};
 use super::common::{self, Machine, PassRow, Reported, Runs, finish, write_picture};
 use super::observe::Observe;
-use crate::scene::island::{self, Parameters};
+use super::view::{Seen, View};
+use crate::scene::island;
 
 /// Options of `oocpt bench island`.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    island: Parameters,
-    /// Image width, pixels.
-    #[arg(long, default_value_t = 1024)]
-    width: u32,
-    /// Image height, pixels.
-    #[arg(long, default_value_t = 429)]
-    height: u32,
-    /// Samples per pixel.
-    #[arg(long, default_value_t = 64)]
-    samples: u32,
-    /// Indirect bounces.
-    #[arg(long, default_value_t = 5)]
-    bounces: u32,
+    view: View,
     /// Geometry budgets in per cent of the scene's geometry; 100 = in core, and has to be the first.
     #[arg(long, value_delimiter = ',', default_value = "100,29,10,5")]
     budgets: Vec<f64>,
@@ -97,24 +86,15 @@ struct Row {
 struct Report {
     bench: &'static str,
     machine: Machine,
-    width: u32,
-    height: u32,
-    samples: u32,
-    bounces: u32,
-    instances: u64,
-    unique_quads: u64,
-    copies: u32,
-    flatten: bool,
-    seed: u64,
+    #[serde(flatten)]
+    seen: Seen,
     instanced_triangles: u64,
     meshes: u64,
     /// Making the arrays, which a host would do.
     generate_secs: f64,
     /// Building the meshes, partitioning.
     commit_secs: f64,
-    chunks: u64,
     chunk_instances: u64,
-    scene_bytes: u64,
     all_identical: bool,
     rows: Vec<Row>,
     failed: Vec<Failed>,
@@ -123,19 +103,18 @@ struct Report {
 /// Runs the bench.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     budgets::check(&arguments.budgets)?;
-    let settings = common::plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
-    let session = Session::with_options(settings, SessionOptions::default());
+    let session = arguments.view.session(&arguments.reported.device);
     budgets::limit(&session, arguments.memory_budget, arguments.chunk_size)?;
     let started = Instant::now();
-    session.with_scene(|db| island::build(db, &arguments.island))?;
+    session.with_scene(|db| island::build(db, &arguments.view.island))?;
     let generate_secs = started.elapsed().as_secs_f64();
     let started = Instant::now();
-    session.render(request(arguments));
+    session.render(arguments.view.request());
     let commit_secs = started.elapsed().as_secs_f64();
     finish(&session).context("warm-up render")?;
     let mut report = report(arguments, &session, generate_secs, commit_secs);
     table::print_head(&report);
-    let (mut reference, bytes) = (Vec::new(), report.scene_bytes);
+    let (mut reference, bytes) = (Vec::new(), report.seen.scene_bytes);
     (report.rows, report.failed) = budgets::each(
         &arguments.budgets,
         &arguments.policies,
@@ -146,21 +125,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     println!("pictures of all rows: {}", if report.all_identical { "bit-identical" } else { "DIFFERENT" });
     arguments.reported.write(&report)?;
     if let Some(path) = &arguments.picture {
-        write_picture(&session, [arguments.width, arguments.height], path)?;
+        write_picture(&session, arguments.view.size(), path)?;
     }
     if let (Some(path), Some(row)) = (&arguments.chunk_report, report.rows.last()) {
         // In a render of its own: counting visits costs time, and a scene in core is streamed for it.
-        budgets::set(&session, row.budget_percent, report.scene_bytes, &row.policy)?;
+        budgets::set(&session, row.budget_percent, report.seen.scene_bytes, &row.policy)?;
         session.set_setting("oocpt:chunkReport", Value::Text(path.to_string_lossy().into_owned()))?;
-        session.render(request(arguments));
+        session.render(arguments.view.request());
         finish(&session).context("render for the chunk report")?;
     }
     budgets::verdict(report.all_identical, report.rows.len(), &report.failed)
-}
-
-fn request(arguments: &Arguments) -> RenderRequest {
-    let (width, height) = (arguments.width, arguments.height);
-    common::color_request(width, height, island::camera(&arguments.island, width, height))
 }
 
 /// Renders one row. The first row leaves its picture in `reference`.
@@ -173,11 +147,11 @@ fn measure(
     reference: &mut Vec<u8>,
 ) -> Result<Row> {
     let budget = budgets::set(session, percent, bytes, policy)?;
-    session.render(request(arguments));
-    let size = [arguments.width, arguments.height];
+    session.render(arguments.view.request());
+    let size = arguments.view.size();
     let Runs { trace_secs, timings, stats, different_pixels } =
         common::measure(session, size, arguments.runs, arguments.cold, reference)?;
-    arguments.observe.write(session, &request(arguments), &format!("{percent} {policy}"))?;
+    arguments.observe.write(session, &arguments.view.request(), &format!("{percent} {policy}"))?;
     let median_trace_secs = timings.trace_secs;
     let first = first.map_or(median_trace_secs, |row| row.median_trace_secs);
     #[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]
@@ -200,26 +174,15 @@ fn measure(
 
 fn report(arguments: &Arguments, session: &Session, generate_secs: f64, commit_secs: f64) -> Report {
     let stats = session.stats();
-    let Parameters { unique_quads, copies, flatten, seed, .. } = arguments.island;
     Report {
         bench: "island",
         machine: arguments.reported.machine(Some(session)),
-        width: arguments.width,
-        height: arguments.height,
-        samples: arguments.samples,
-        bounces: arguments.bounces,
-        instances: stats.instances,
-        unique_quads,
-        copies,
-        flatten,
-        seed,
+        seen: arguments.view.seen(&stats),
         instanced_triangles: stats.triangles,
         meshes: stats.meshes,
         generate_secs,
         commit_secs,
-        chunks: stats.streaming.chunks,
         chunk_instances: stats.streaming.chunk_instances,
-        scene_bytes: stats.streaming.scene_bytes,
         all_identical: true,
         rows: Vec::new(),
         failed: Vec::new(),

@@ -9,30 +9,19 @@
 use anyhow::{Context, Result, bail, ensure};
 use oocpt_core::settings::Value;
 use oocpt_core::stats::{Stats, StreamingStats};
-use oocpt_render::{RenderRequest, Session, SessionOptions, Timings};
+use oocpt_render::{Session, Timings};
 use serde::Serialize;
 use std::time::Instant;
 
 use super::common::{self, Machine, PassRow, Reported, finish};
-use crate::scene::island::{self, Parameters};
+use super::view::{Seen, View};
+use crate::scene::island;
 
 /// Options of `oocpt bench memory`.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    island: Parameters,
-    /// Image width, pixels.
-    #[arg(long, default_value_t = 1024)]
-    width: u32,
-    /// Image height, pixels.
-    #[arg(long, default_value_t = 429)]
-    height: u32,
-    /// Samples per pixel.
-    #[arg(long, default_value_t = 64)]
-    samples: u32,
-    /// Indirect bounces.
-    #[arg(long, default_value_t = 5)]
-    bounces: u32,
+    view: View,
     /// Device memory in all of the rows after the first, in per cent of what that row took at most.
     #[arg(long, value_delimiter = ',', default_value = "100,90,75,55,40,27,20,14,10")]
     percents: Vec<f64>,
@@ -99,15 +88,9 @@ struct Failed {
 struct Report {
     bench: &'static str,
     machine: Machine,
-    width: u32,
-    height: u32,
-    samples: u32,
-    bounces: u32,
-    instances: u64,
-    unique_quads: u64,
-    flatten: bool,
+    #[serde(flatten)]
+    seen: Seen,
     commit_secs: f64,
-    scene_bytes: u64,
     rows: Vec<Row>,
     failed: Vec<Failed>,
 }
@@ -115,27 +98,18 @@ struct Report {
 /// Runs the bench.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     ensure!(arguments.percents.iter().all(|&p| p > 0.0), "--percents: only numbers above 0");
-    let settings = common::plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
-    let session = Session::with_options(settings, SessionOptions::default());
-    session.with_scene(|db| island::build(db, &arguments.island))?;
+    let session = arguments.view.session(&arguments.reported.device);
+    session.with_scene(|db| island::build(db, &arguments.view.island))?;
     let started = Instant::now();
-    session.render(request(arguments));
+    session.render(arguments.view.request());
     let commit_secs = started.elapsed().as_secs_f64();
     let mut reference = Vec::new();
     let first = measure(arguments, &session, 0, None, &mut reference).context("all the memory there is")?;
-    let stats = session.stats();
     let mut report = Report {
         bench: "memory",
         machine: arguments.reported.machine(Some(&session)),
-        width: arguments.width,
-        height: arguments.height,
-        samples: arguments.samples,
-        bounces: arguments.bounces,
-        instances: stats.instances,
-        unique_quads: arguments.island.unique_quads,
-        flatten: arguments.island.flatten,
+        seen: arguments.view.seen(&session.stats()),
         commit_secs,
-        scene_bytes: stats.streaming.scene_bytes,
         rows: Vec::new(),
         failed: Vec::new(),
     };
@@ -165,11 +139,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
 }
 
-fn request(arguments: &Arguments) -> RenderRequest {
-    let (width, height) = (arguments.width, arguments.height);
-    common::color_request(width, height, island::camera(&arguments.island, width, height))
-}
-
 /// `percent` of `bytes`, rounded up to MiB.
 #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "sizes")]
 fn mib_of(percent: f64, bytes: u64) -> u32 {
@@ -185,8 +154,8 @@ fn measure(
     reference: &mut Vec<u8>,
 ) -> Result<Row> {
     session.set_setting("oocpt:memoryBudget", Value::Int(budget_mib.into()))?;
-    session.render(request(arguments));
-    let size = [arguments.width, arguments.height];
+    session.render(arguments.view.request());
+    let size = arguments.view.size();
     let mut different_pixels = 0;
     let mut runs = Vec::new();
     for run in 0..=arguments.runs {
@@ -225,16 +194,7 @@ fn mib(bytes: u64) -> f64 {
 
 fn print_head(report: &Report) {
     println!("memory, island on {}", report.machine);
-    println!(
-        "{} x {} px, {} samples, {} bounces; {} instances, {:.1} MiB of geometry, committed in {:.2} s",
-        report.width,
-        report.height,
-        report.samples,
-        report.bounces,
-        report.instances,
-        mib(report.scene_bytes),
-        report.commit_secs
-    );
+    println!("{}, committed in {:.2} s", report.seen, report.commit_secs);
     println!(
         "{:>8} {:>6} {:>8} {:>8} {:>7} {:>7} {:>6} {:>6} {:>8} {:>10} {:>10} {:>8} {:>5}",
         "MiB",

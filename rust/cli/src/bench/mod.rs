@@ -15,6 +15,7 @@ mod specialise;
 mod stragglers;
 mod texture_files;
 mod textures;
+mod view;
 
 pub(crate) use common::{all_images, finish};
 

@@ -12,13 +12,14 @@ mod table;
 use anyhow::{Context, Result, ensure};
 use oocpt_core::settings::Value;
 use oocpt_core::stats::StreamingStats;
-use oocpt_render::{AovKind, LeftMoment, RenderRequest, Session, SessionOptions};
+use oocpt_render::{AovKind, LeftMoment, RenderRequest, Session};
 use serde::Serialize;
 use std::path::PathBuf;
 
 use super::budgets;
-use super::common::{Machine, Reported, color_request, finish, median, plain_settings, write_picture};
-use crate::scene::island::{self, Parameters};
+use super::common::{Machine, Reported, finish, median, write_picture};
+use super::view::{Seen, View};
+use crate::scene::island;
 
 /// Seed of the reference: none of those of the runs.
 const REFERENCE_SEED: i64 = 1_000_003;
@@ -31,22 +32,10 @@ const SHARES: [f64; 6] = [50.0, 10.0, 1.0, 0.1, 0.01, 0.0];
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    island: Parameters,
-    /// Image width, pixels.
-    #[arg(long, default_value_t = 1024)]
-    width: u32,
-    /// Image height, pixels.
-    #[arg(long, default_value_t = 429)]
-    height: u32,
-    /// Samples per pixel.
-    #[arg(long, default_value_t = 64)]
-    samples: u32,
+    view: View,
     /// Samples per pixel of the picture to compare with, rendered in core.
     #[arg(long, default_value_t = 1024)]
     reference_samples: u32,
-    /// Indirect bounces.
-    #[arg(long, default_value_t = 5)]
-    bounces: u32,
     /// Geometry budgets in per cent of the scene's geometry, below 100.
     #[arg(long, value_delimiter = ',', default_value = "25,10,5")]
     budget: Vec<f64>,
@@ -95,18 +84,9 @@ struct Row {
 struct Report {
     bench: &'static str,
     machine: Machine,
-    width: u32,
-    height: u32,
-    samples: u32,
+    #[serde(flatten)]
+    seen: Seen,
     reference_samples: u32,
-    bounces: u32,
-    instances: u64,
-    unique_quads: u64,
-    copies: u32,
-    flatten: bool,
-    seed: u64,
-    chunks: u64,
-    scene_bytes: u64,
     rows: Vec<Row>,
     /// Budgets too small for the largest chunk, and what was said.
     failed: Vec<(f64, String)>,
@@ -115,22 +95,21 @@ struct Report {
 /// Runs the bench.
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     ensure!(arguments.budget.iter().all(|&p| p > 0.0 && p < 100.0), "--budget: numbers above 0 and below 100");
-    let settings = plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
-    let session = Session::with_options(settings, SessionOptions::default());
+    let session = arguments.view.session(&arguments.reported.device);
     budgets::limit(&session, arguments.memory_budget, arguments.chunk_size)?;
-    session.with_scene(|db| island::build(db, &arguments.island))?;
-    let request = request(arguments);
+    session.with_scene(|db| island::build(db, &arguments.view.island))?;
+    let request = arguments.view.request();
     session.set_setting("oocpt:seed", Value::Int(REFERENCE_SEED))?;
     session.set_setting("oocpt:samplesPerPixel", Value::Int(arguments.reference_samples.into()))?;
     session.render(request.clone());
     finish(&session).context("reference")?;
     ensure!(session.stats().streaming.in_core, "the scene has to fit the device: it gives the reference");
     let reference = picture(&session, &request)?;
-    session.set_setting("oocpt:samplesPerPixel", Value::Int(arguments.samples.into()))?;
+    session.set_setting("oocpt:samplesPerPixel", Value::Int(arguments.view.samples.into()))?;
     let mut report = report(arguments, &session);
     table::print_head(&report);
     for (percent, roulette) in rows(&arguments.budget) {
-        match measure(arguments, &session, (percent, roulette), report.scene_bytes, &reference) {
+        match measure(arguments, &session, (percent, roulette), report.seen.scene_bytes, &reference) {
             Ok(row) => {
                 table::print_row(&row);
                 report.rows.push(row);
@@ -144,7 +123,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     table::print_left(&report.rows);
     arguments.reported.write(&report)?;
     if let Some(path) = &arguments.picture {
-        write_picture(&session, [arguments.width, arguments.height], path)?;
+        write_picture(&session, arguments.view.size(), path)?;
     }
     ensure!(report.failed.is_empty(), "{} rows did not render", report.failed.len());
     Ok(())
@@ -154,11 +133,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 fn rows(budgets: &[f64]) -> Vec<(f64, bool)> {
     let pairs = budgets.iter().flat_map(|&percent| [(percent, false), (percent, true)]);
     std::iter::once((100.0, false)).chain(pairs).collect()
-}
-
-fn request(arguments: &Arguments) -> RenderRequest {
-    let (width, height) = (arguments.width, arguments.height);
-    color_request(width, height, island::camera(&arguments.island, width, height))
 }
 
 fn picture(session: &Session, request: &RenderRequest) -> Result<Vec<[f32; 4]>> {
@@ -176,7 +150,7 @@ fn measure(
 ) -> Result<Row> {
     budgets::set(session, percent, scene_bytes, "")?;
     session.set_setting("oocpt:stragglerRoulette", Value::Bool(roulette))?;
-    let request = request(arguments);
+    let request = arguments.view.request();
     session.set_setting("oocpt:seed", Value::Int(0))?;
     session.render(request.clone());
     finish(session).context("warm-up render")?;
@@ -220,23 +194,11 @@ fn rel_mse(picture: &[[f32; 4]], reference: &[[f32; 4]]) -> f64 {
 }
 
 fn report(arguments: &Arguments, session: &Session) -> Report {
-    let stats = session.stats();
-    let Parameters { unique_quads, copies, flatten, seed, .. } = arguments.island;
     Report {
         bench: "stragglers",
         machine: arguments.reported.machine(Some(session)),
-        width: arguments.width,
-        height: arguments.height,
-        samples: arguments.samples,
+        seen: arguments.view.seen(&session.stats()),
         reference_samples: arguments.reference_samples,
-        bounces: arguments.bounces,
-        instances: stats.instances,
-        unique_quads,
-        copies,
-        flatten,
-        seed,
-        chunks: stats.streaming.chunks,
-        scene_bytes: stats.streaming.scene_bytes,
         rows: Vec::new(),
         failed: Vec::new(),
     }

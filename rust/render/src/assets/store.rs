@@ -110,6 +110,10 @@ impl Store {
         while held.iter().any(|range| Arc::strong_count(range) > 1) && started.elapsed() < LET_GO_TIMEOUT {
             std::thread::sleep(Duration::from_millis(1));
         }
+        let busy = held.iter().filter(|range| Arc::strong_count(range) > 1).count();
+        if busy > 0 {
+            tracing::warn!(busy, "the loader does not let go of memory that nobody wants any more");
+        }
         Ok(())
     }
 

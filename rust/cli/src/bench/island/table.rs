@@ -3,27 +3,12 @@
 
 use super::{Report, Row};
 
-#[expect(clippy::cast_precision_loss, reason = "sizes are shown, not computed with")]
 pub(super) fn print_head(report: &Report) {
     println!("island on {}", report.machine);
+    println!("{}", report.seen);
     println!(
-        "{} x {} px, {} samples, {} bounces; {} instances, {} unique quads, {} instanced triangles, {} meshes",
-        report.width,
-        report.height,
-        report.samples,
-        report.bounces,
-        report.instances,
-        report.unique_quads,
-        report.instanced_triangles,
-        report.meshes
-    );
-    println!(
-        "{} chunks, {} chunk instances, {:.1} MiB of geometry; generated in {:.2} s, committed in {:.2} s",
-        report.chunks,
-        report.chunk_instances,
-        report.scene_bytes as f64 / f64::from(1 << 20),
-        report.generate_secs,
-        report.commit_secs
+        "{} instanced triangles, {} meshes, {} chunk instances; generated in {:.2} s, committed in {:.2} s",
+        report.instanced_triangles, report.meshes, report.chunk_instances, report.generate_secs, report.commit_secs
     );
     println!(
         "{:>7} {:>9} {:<9}{:>9} {:>6} {:>9} {:>8} {:>8} {:>8} {:>10} {:>6} {:>8} {:>8} {:>8} {:>8} {:>9} {:>5}",

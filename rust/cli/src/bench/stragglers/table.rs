@@ -18,19 +18,7 @@ fn name(row: &Row) -> &'static str {
 
 pub(super) fn print_head(report: &Report) {
     println!("stragglers on {}", report.machine);
-    println!(
-        "{} x {} px, {} samples against {}, {} bounces; {} instances, {} unique quads, {} chunks, {:.1} MiB of \
-        geometry",
-        report.width,
-        report.height,
-        report.samples,
-        report.reference_samples,
-        report.bounces,
-        report.instances,
-        report.unique_quads,
-        report.chunks,
-        mib(report.scene_bytes)
-    );
+    println!("{}; against {} samples", report.seen, report.reference_samples);
     println!(
         "{:>7} {:<9}{:>9} {:>11} {:>11} {:>8} {:>8} {:>10} {:>9} {:>9} {:>8} {:>8}",
         "budget%",
