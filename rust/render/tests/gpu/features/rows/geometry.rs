@@ -18,14 +18,14 @@ pub(crate) const ROWS: &[Row] = &[
         what: "normals",
         build: |db| db.upsert_mesh(MeshDesc { subdivision: Subdivision::CatmullClark, ..bare("/board") }),
         features: &["NORMALS"],
-        buffers: &["mesh normals", "mesh corners"],
+        buffers: &[&["mesh normals", "mesh corners"]],
         ..BARE
     },
     Row {
         what: "a colour",
         build: |db| db.upsert_mesh(MeshDesc { display_color: constant([0.5_f32; 3]), ..bare("/board") }),
         features: &["COLORS"],
-        buffers: &["mesh displayColor"],
+        buffers: &[&["mesh displayColor"]],
         primvars: &["displayColor"],
         ..BARE
     },
@@ -33,37 +33,43 @@ pub(crate) const ROWS: &[Row] = &[
         what: "an opacity",
         build: |db| db.upsert_mesh(MeshDesc { display_opacity: constant(0.5_f32), ..bare("/board") }),
         features: &["OPACITY"],
-        buffers: &["mesh displayOpacity"],
+        buffers: &[&["mesh displayOpacity"]],
         primvars: &["displayOpacity"],
         ..BARE
     },
-    Row { what: "something that moves", build: turning, features: &["MOTION"], buffers: &["instance motion"], ..BARE },
+    Row {
+        what: "something that moves",
+        build: turning,
+        features: &["MOTION"],
+        buffers: &[&["instance motion"]],
+        ..BARE
+    },
     Row {
         what: "a camera that moves",
         features: &["CAMERA_MOTION"],
-        buffers: &["camera motion"],
+        buffers: &[&["camera motion"]],
         also: Also::Moves,
         ..BARE
     },
     Row { what: "a lens", features: &["LENS"], also: Also::Lens, ..BARE },
     Row {
         what: "depth",
-        passes: &["generate_aov_rays", "shade_aovs"],
-        buffers: &["image depth"],
+        passes: &[&["generate_aov_rays", "shade_aovs"]],
+        buffers: &[&["image depth"]],
         also: Also::Depth,
         ..BARE
     },
     Row {
         what: "sample counts",
-        passes: &["count_samples"],
-        buffers: &["image sampleCount"],
+        passes: &[&["count_samples"]],
+        buffers: &[&["image sampleCount"]],
         also: Also::Counts,
         ..BARE
     },
     Row {
         what: "adaptive sampling",
         features: &["ADAPTIVE"],
-        buffers: &["adaptive", "entries", "said"],
+        buffers: &[&["adaptive", "entries", "said"]],
         also: Also::Adaptive,
         ..BARE
     },
@@ -72,7 +78,7 @@ pub(crate) const ROWS: &[Row] = &[
         what: "a primvar by instance",
         build: |db| placed(db, "displayColor", vec![[0.5_f32; 3]; 2]),
         features: &["INSTANCE_PRIMVARS"],
-        buffers: &["instance primvars"],
+        buffers: &[&["instance primvars"]],
         primvars: &["displayColor"],
         ..BARE
     },
@@ -80,7 +86,7 @@ pub(crate) const ROWS: &[Row] = &[
         what: "opacity by instance",
         build: |db| placed(db, "displayOpacity", vec![0.5_f32; 2]),
         features: &["OPACITY", "INSTANCE_PRIMVARS", "INSTANCE_OPACITY"],
-        buffers: &["instance primvars"],
+        buffers: &[&["instance primvars"]],
         primvars: &["displayOpacity"],
         ..BARE
     },

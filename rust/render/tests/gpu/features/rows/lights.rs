@@ -2,7 +2,7 @@
 //! Of lights.
 
 use super::super::scenes::{ball, bare, lit};
-use super::{BARE, Row};
+use super::{BARE, OF_LIGHTS, Row};
 use crate::lights::{TestFiles, light};
 use crate::scenes::{dome, sun};
 use glam::{DMat4, DVec3};
@@ -16,14 +16,14 @@ pub(crate) const ROWS: &[Row] = &[
         what: "a lamp",
         build: |db| lit(db, ball()),
         features: &["LIGHT_TABLE", "LOCAL_LIGHTS"],
-        buffers: &["light_paths", "lighting", "local lights", "light tree"],
+        buffers: &[OF_LIGHTS],
         ..BARE
     },
     Row {
         what: "a lamp for gloss",
         build: |db| lit(db, LightDesc { diffuse: 0.5, ..ball() }),
         features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "LIGHT_LOBES"],
-        buffers: &["light_paths", "lighting", "local lights", "light tree"],
+        buffers: &[OF_LIGHTS],
         ..BARE
     },
     Row {
@@ -33,7 +33,7 @@ pub(crate) const ROWS: &[Row] = &[
             db.upsert_light(dome([1.0; 3]));
         },
         features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "DOME", "DOME_SHADOW_RAYS"],
-        buffers: &["light_paths", "lighting", "local lights", "light tree", "lights at infinity"],
+        buffers: &[OF_LIGHTS, &["lights at infinity"]],
         ..BARE
     },
     Row {
@@ -42,7 +42,7 @@ pub(crate) const ROWS: &[Row] = &[
             lit(db, LightDesc { shaping: Some(Shaping { cone_angle_degrees: 40.0, ..Shaping::default() }), ..ball() })
         },
         features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "SHAPING"],
-        buffers: &["light_paths", "lighting", "local lights", "light tree", "light shapings"],
+        buffers: &[OF_LIGHTS, &["light shapings"]],
         ..BARE
     },
     Row {
@@ -57,7 +57,7 @@ pub(crate) const ROWS: &[Row] = &[
             )
         },
         features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "SHAPING", "IES"],
-        buffers: &["light_paths", "lighting", "local lights", "light tree", "light shapings", "IES profiles"],
+        buffers: &[OF_LIGHTS, &["light shapings", "IES profiles"]],
         ..BARE
     },
     Row {
@@ -72,7 +72,7 @@ pub(crate) const ROWS: &[Row] = &[
             )
         },
         features: &["LIGHT_TABLE", "DOME", "DOME_TEXTURE"],
-        buffers: &["lighting", "lights at infinity", "light maps", "light picture", "dome distribution"],
+        buffers: &[&["lighting", "lights at infinity", "light maps", "light picture", "dome distribution"]],
         ..BARE
     },
     Row {
@@ -87,7 +87,7 @@ pub(crate) const ROWS: &[Row] = &[
             )
         },
         features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "LIGHT_TEXTURE"],
-        buffers: &["light_paths", "lighting", "local lights", "light tree", "light maps", "light picture"],
+        buffers: &[OF_LIGHTS, &["light maps", "light picture"]],
         ..BARE
     },
     Row {
@@ -97,7 +97,7 @@ pub(crate) const ROWS: &[Row] = &[
             db.upsert_mesh(MeshDesc { categories: vec!["some".into()], ..bare("/board") });
         },
         features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "LIGHT_LINKS"],
-        buffers: &["light_paths", "lighting", "local lights", "light tree", "light links", "light links of prims"],
+        buffers: &[OF_LIGHTS, &["light links", "light links of prims"]],
         ..BARE
     },
 ];

@@ -2,7 +2,7 @@
 //! Of materials without textures.
 
 use super::super::scenes::{dressed, made_of, open_pbr};
-use super::{BARE, OF_MATERIALS, Row};
+use super::{BARE, OF_MATERIALS, OF_MESH_LIGHTS, Row};
 use crate::materials::cutouts::holed;
 use crate::materials::inside::clear;
 use crate::materials::materialx::noisy;
@@ -14,104 +14,91 @@ pub(crate) const ROWS: &[Row] = &[
         what: "a material",
         build: |db| dressed(db, &[]),
         features: &["LIGHT_TABLE", "MATERIALS"],
-        buffers: OF_MATERIALS,
+        buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "a coat",
         build: |db| dressed(db, &[("clearcoat", ParamValue::Float(1.0))]),
         features: &["LIGHT_TABLE", "MATERIALS", "COAT"],
-        buffers: OF_MATERIALS,
+        buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "glass",
         build: |db| dressed(db, &[("opacity", ParamValue::Float(0.5)), ("roughness", ParamValue::Float(0.0))]),
         features: &["LIGHT_TABLE", "MATERIALS", "TRANSMISSION"],
-        buffers: OF_MATERIALS,
+        buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "rough glass",
         build: |db| dressed(db, &[("opacity", ParamValue::Float(0.5)), ("roughness", ParamValue::Float(0.5))]),
         features: &["LIGHT_TABLE", "MATERIALS", "TRANSMISSION", "ROUGH_TRANSMISSION"],
-        buffers: OF_MATERIALS,
+        buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "OpenPBR",
         build: |db| open_pbr(db, &[]),
         features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR"],
-        buffers: OF_MATERIALS,
+        buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "fuzz",
         build: |db| open_pbr(db, &[("fuzz_weight", ParamValue::Float(0.5))]),
         features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "SHEEN"],
-        buffers: OF_MATERIALS,
+        buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "anisotropy",
         build: |db| open_pbr(db, &[("specular_roughness_anisotropy", ParamValue::Float(0.5))]),
         features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "ANISOTROPY"],
-        buffers: OF_MATERIALS,
+        buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "a thin film",
         build: |db| open_pbr(db, &[("thin_film_weight", ParamValue::Float(1.0))]),
         features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "THIN_FILM"],
-        buffers: OF_MATERIALS,
+        buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "a thin wall",
         build: |db| open_pbr(db, &clear("geometry_thin_walled", ParamValue::Bool(true))),
         features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "TRANSMISSION", "THIN_WALLS"],
-        buffers: OF_MATERIALS,
+        buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "absorption",
         build: |db| open_pbr(db, &clear("transmission_depth", ParamValue::Float(2.0))),
         features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "TRANSMISSION", "ABSORPTION"],
-        buffers: OF_MATERIALS,
+        buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "a pattern",
         build: |db| made_of(db, noisy("/material")),
         features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "PATTERNS"],
-        buffers: &["lighting", "material table", "prim table", "material slots", "BSDF tables", "pattern programs"],
+        buffers: &[OF_MATERIALS, &["pattern programs"]],
         ..BARE
     },
     Row {
         what: "a cutout by a program",
         build: |db| made_of(db, holed("/material")),
         features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "CUTOUTS", "PATTERNS", "CUTOUT_PROGRAMS"],
-        buffers: &["lighting", "material table", "prim table", "material slots", "BSDF tables", "pattern programs"],
+        buffers: &[OF_MATERIALS, &["pattern programs"]],
         ..BARE
     },
     Row {
         what: "a glow",
         build: |db| made_of(db, glow("/material", [1.0; 3])),
         features: &["LIGHT_TABLE", "MATERIALS", "EMISSION", "MESH_LIGHTS"],
-        buffers: &[
-            "light_paths",
-            "lighting",
-            "material table",
-            "prim table",
-            "material slots",
-            "BSDF tables",
-            "mesh lights",
-            "meshes of mesh lights",
-            "trees of mesh lights",
-            "leaves of mesh lights",
-            "triangles of mesh lights",
-            "faces of mesh lights",
-        ],
+        buffers: &[OF_MESH_LIGHTS, OF_MATERIALS],
         ..BARE
     },
 ];

@@ -13,13 +13,16 @@ use oocpt_core::scene::SceneDb;
 /// What a row says: names of features, of passes, of buffers and of primvars that are there because of it.
 pub(crate) type Names = &'static [&'static str];
 
+/// Lists of names; one may be in several.
+pub(crate) type Lists = &'static [Names];
+
 /// A scene that needs something.
 pub(crate) struct Row {
     pub(crate) what: &'static str,
     pub(crate) build: fn(&mut SceneDb),
     pub(crate) features: Names,
-    pub(crate) passes: Names,
-    pub(crate) buffers: Names,
+    pub(crate) passes: Lists,
+    pub(crate) buffers: Lists,
     pub(crate) primvars: Names,
     /// Of the request, the settings or the session, where it is none of the scene.
     pub(crate) also: Also,
@@ -39,7 +42,6 @@ pub(crate) enum Also {
 }
 
 pub(crate) const NONE: Names = &[];
-pub(crate) const OF_MATERIALS: Names = &["lighting", "material table", "prim table", "material slots", "BSDF tables"];
 pub(crate) const OF_STREAMING: Names = &[
     "progress",
     "places",
@@ -59,6 +61,29 @@ pub(crate) const OF_STREAMING: Names = &[
     "steps 1",
     "geometry and textures, at most",
 ];
+pub(crate) const OF_MESH_LIGHTS: Names = &[
+    "light_paths",
+    "lighting",
+    "mesh lights",
+    "meshes of mesh lights",
+    "trees of mesh lights",
+    "leaves of mesh lights",
+    "triangles of mesh lights",
+    "faces of mesh lights",
+];
+pub(crate) const OF_MATERIALS: Names = &["lighting", "material table", "prim table", "material slots", "BSDF tables"];
+pub(crate) const OF_TEXTURES: Names = &["cones", "texture table", "texture pages", "sRGB table"];
+pub(crate) const OF_TILES: Names = &[
+    "texture tiles, at most",
+    "incomplete_paths",
+    "texture feedback",
+    "requested tiles",
+    "wanted tiles",
+    "texture feedback copy",
+];
+pub(crate) const OF_LIGHTS: Names = &["light_paths", "lighting", "local lights", "light tree"];
+pub(crate) const OF_RESOLVING: Names = &["surface materials", "resolve_queue", "resolved", "resolve_progress"];
+pub(crate) const OF_PRIMVARS: Names = &["mesh primvars", "mesh corners"];
 pub(crate) const STREAM_PASSES: Names =
     &["record_surfaces", "sort_deferred_count", "sort_deferred_scan", "sort_deferred_scatter", "count_demand"];
 
@@ -66,8 +91,8 @@ pub(crate) const BARE: Row = Row {
     what: "a bare board",
     build: shown,
     features: NONE,
-    passes: NONE,
-    buffers: NONE,
+    passes: &[],
+    buffers: &[],
     primvars: NONE,
     also: Also::Nothing,
 };
