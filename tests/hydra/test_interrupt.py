@@ -167,8 +167,8 @@ def test_a_second_signal_ends_it_at_once(start, pictures, tmp_path):
         start, small.FOLDER / "nested.usda", pictures / "out.exr", "--imageWidth", "1024", OOCPT_REPORT=str(report)
     )
     wait_for_samples(run, report)
-    # Both are there when it goes on. Writing takes far longer than hearing the second one: a small picture was sometimes
-    # written before, where others wanted the processors.
+    # Both are there when it goes on. Writing takes far longer than hearing the second one: a small picture was
+    # sometimes written before, where others wanted the processors.
     run.process.send_signal(signal.SIGSTOP)
     said = run.interrupt(signal.SIGINT, signal.SIGTERM, signal.SIGCONT)
     assert said == ["OocPT: interrupted a second time; nothing is written"]
