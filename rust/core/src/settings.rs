@@ -37,6 +37,9 @@ pub struct Settings {
     pub chunk_size_kib: u32,
     /// Hard limit of device memory for geometry in KiB, 0 = what the memory budget leaves.
     pub geometry_budget_kib: u32,
+    /// Most MiB of host memory for geometry as it was encoded, which can then be copied to the device again; 0 = half of
+    /// what is free.
+    pub host_memory_budget_mib: u32,
     /// Folder in which decoded textures are kept, "0" = none, empty = the user's own.
     pub texture_cache: String,
     /// Most MiB of decoded textures in that folder.
@@ -148,6 +151,7 @@ impl Default for Settings {
             policy: PolicyKind::Benefit,
             chunk_size_kib: 8192,
             geometry_budget_kib: 0,
+            host_memory_budget_mib: 0,
             texture_cache: String::new(),
             texture_cache_mib: 32 << 10,
             dicing_rate: 2.0,
@@ -226,6 +230,7 @@ impl Settings {
             "oocpt:policy" => Field::Policy(&mut self.policy),
             "oocpt:chunkSize" => Field::Int(&mut self.chunk_size_kib, 16, 1 << 20),
             "oocpt:geometryBudget" => Field::Int(&mut self.geometry_budget_kib, 0, u32::MAX),
+            "oocpt:hostMemoryBudget" => Field::Int(&mut self.host_memory_budget_mib, 0, 1 << 24),
             "oocpt:textureCache" => Field::Text(&mut self.texture_cache),
             "oocpt:textureCacheSize" => Field::Int(&mut self.texture_cache_mib, 1, u32::MAX),
             "oocpt:dicingRate" => Field::Float(&mut self.dicing_rate, 0.0, 1e6),

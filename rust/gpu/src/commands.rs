@@ -204,6 +204,11 @@ impl Commands {
         self.recorder.leave_concurrent();
     }
 
+    /// As [`Commands::concurrent`] for all that is still to come in this list.
+    pub fn all_concurrent(&mut self) {
+        self.recorder.enter_concurrent();
+    }
+
     /// Groups what `f` records under a name: a label for debuggers and, when profiling, one more timing around all of
     /// it.
     pub fn span(&mut self, name: &str, f: impl FnOnce(&mut Self)) {

@@ -243,9 +243,9 @@ impl HeapCore {
         }
     }
 
-    /// Half of the first arena: [`Self::reserve`] puts a large one there.
+    /// Half of the largest arena: [`Self::reserve`] makes larger ones than usual.
     fn largest_reserved(&self) -> u64 {
-        self.lock().first().map_or(0, |arena| arena.bytes / 2)
+        self.lock().iter().map(|arena| arena.bytes / 2).max().unwrap_or(0)
     }
 
     /// A place in one of the arenas there are.

@@ -9,6 +9,7 @@ use crate::engine::{self, Parts, Tiles, Tracer, Waves};
 use crate::error::RenderError;
 use crate::feedback::Feedback;
 use crate::film::Film;
+use crate::host_memory;
 use crate::job::Job;
 use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
 use crate::progress::Progress;
@@ -166,7 +167,7 @@ impl Renderer {
         let (device, job) = (setting.device, setting.job);
         progress.stage("uploading the scene");
         let mut scenes = std::mem::take(&mut self.scene);
-        let scene = scenes.sync(device, &job.snapshot, job.images.as_ref())?;
+        let scene = scenes.sync(&job.snapshot, job.images.as_ref())?;
         progress.scene(&scene.assets);
         for warning in &scene.assets.textures.warnings {
             gate.shared().report(Severity::Warning, warning.clone());
@@ -177,6 +178,7 @@ impl Renderer {
         let mut in_core = self.fits(setting, scene);
         if in_core {
             self.stream = None;
+            scene.store.kept().limit(0);
             match scene.load_all(device, setting.lights.distant(), gate, &mut progress.timings) {
                 Ok(true) => {}
                 Ok(false) => {
@@ -196,6 +198,7 @@ impl Renderer {
             self.render_in_core(setting, scene, gate, progress)
         } else {
             self.waves = None;
+            scene.store.kept().limit(host_memory::for_reloads(&job.settings, scene.store.kept().bytes()));
             streaming::render(setting, scene, &mut self.stream, gate, progress)
         };
         for complaint in scene.assets.textures.take_complaints() {

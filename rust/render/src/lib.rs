@@ -27,6 +27,7 @@ mod faults;
 mod feedback;
 mod film;
 mod frame;
+mod host_memory;
 mod inventory;
 mod job;
 mod light_files;

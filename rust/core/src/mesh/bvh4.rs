@@ -19,7 +19,7 @@ pub const WIDTH: usize = 4;
 const CELLS: f64 = 253.0;
 /// Cells that planes over boxes are further out at least. Walks do not pad these boxes as they do those of meshes, and
 /// the planes' own rounding is 2^-24 of the grid's 255 cells at each of four steps.
-const MARGIN: f64 = 1.0 / 8192.0;
+pub(super) const MARGIN: f64 = 1.0 / 8192.0;
 /// In [`LevelNode::child`]: an item.
 pub const LEAF: u32 = 1 << 31;
 /// In [`LevelNode::child`]: nothing.
@@ -110,6 +110,12 @@ pub struct LevelNode {
 }
 
 impl LevelNode {
+    /// A node of children in `boxes`, at most four, which `child` names.
+    pub(super) fn new<'a>(boxes: impl Iterator<Item = &'a Aabb> + Clone, child: [u32; WIDTH]) -> Self {
+        let Grid { origin, cell, lower, upper } = Grid::new(boxes, MARGIN);
+        Self { origin, cell, lower, upper, child, pad: [0; 2] }
+    }
+
     /// Planes of child `at` along `axis`, as [`Bvh4Node::planes`].
     #[must_use]
     pub fn planes(&self, at: usize, axis: usize) -> [f64; 2] {
@@ -134,7 +140,7 @@ pub fn build_bvh4(triangles: &[Triangle], kind: LeafKind) -> (Bvh4, Vec<u32>) {
     let (bvh, order) = build_bvh(triangles, kind);
     let mut places = Vec::with_capacity(order.len());
     let (nodes, stack) = widen(&bvh, |parts, inner, first_child| {
-        let Grid { origin, cell, lower, upper } = encode(parts, 0.0);
+        let Grid { origin, cell, lower, upper } = Grid::new(parts.iter().map(|part| &part.bounds), 0.0);
         let mut node = Bvh4Node { origin, cell_and_counts: cell, lower, upper, ..Bvh4Node::default() };
         node.first_child = index(inner) << INNER_SHIFT | first_child;
         node.first_triangle = index(places.len());
@@ -154,12 +160,11 @@ pub fn build_bvh4(triangles: &[Triangle], kind: LeafKind) -> (Bvh4, Vec<u32>) {
 #[must_use]
 pub fn level_nodes(bvh: &Bvh2) -> (Vec<LevelNode>, u32) {
     widen(bvh, |parts, inner, first_child| {
-        let Grid { origin, cell, lower, upper } = encode(parts, MARGIN);
         let mut child = [ABSENT; WIDTH];
         for ((slot, part), at) in child.iter_mut().zip(parts).zip(0..) {
             *slot = if (at as usize) < inner { first_child + at } else { LEAF | part.child };
         }
-        LevelNode { origin, cell, lower, upper, child, pad: [0; 2] }
+        LevelNode::new(parts.iter().map(|part| &part.bounds), child)
     })
 }
 
@@ -229,27 +234,30 @@ struct Grid {
     upper: [u32; 3],
 }
 
-/// The planes of `parts`, further out by `margin` cells at least.
-fn encode(parts: &[Part], margin: f64) -> Grid {
-    let all = parts.iter().fold(Aabb::EMPTY, |b, part| b.union(&part.bounds));
-    let mut grid = Grid::default();
-    if all.is_empty() {
-        return grid;
-    }
-    for axis in 0..3 {
-        let origin = if margin > 0.0 { below(all.min[axis], all.max[axis]) } else { all.min[axis] };
-        grid.origin[axis] = origin.to_bits();
-        let origin = f64::from(origin);
-        let exponent = cell_exponent((f64::from(all.max[axis]) - origin) / CELLS);
-        let cell = f64::from(f32::from_bits(exponent << 23));
-        grid.cell |= exponent << (8 * axis);
-        for (at, part) in parts.iter().enumerate() {
-            let cells = |plane: f32| (f64::from(plane) - origin) / cell;
-            grid.lower[axis] |= byte((cells(part.bounds.min[axis]) - margin).floor()) << (8 * at);
-            grid.upper[axis] |= byte((cells(part.bounds.max[axis]) + margin).ceil()) << (8 * at);
+impl Grid {
+    /// The planes of at most four `boxes`, further out by `margin` cells at least.
+    fn new<'a>(boxes: impl Iterator<Item = &'a Aabb> + Clone, margin: f64) -> Self {
+        let all = boxes.clone().fold(Aabb::EMPTY, |all, b| all.union(b));
+        let mut grid = Self::default();
+        if all.is_empty() {
+            return grid;
         }
+        for axis in 0..3 {
+            let origin = if margin > 0.0 { below(all.min[axis], all.max[axis]) } else { all.min[axis] };
+            grid.origin[axis] = origin.to_bits();
+            let origin = f64::from(origin);
+            let exponent = cell_exponent((f64::from(all.max[axis]) - origin) / CELLS);
+            // Exact: the cell is a power of two.
+            let per_cell = 1.0 / f64::from(f32::from_bits(exponent << 23));
+            grid.cell |= exponent << (8 * axis);
+            for (at, b) in boxes.clone().enumerate() {
+                let cells = |plane: f32| (f64::from(plane) - origin) * per_cell;
+                grid.lower[axis] |= byte((cells(b.min[axis]) - margin).floor()) << (8 * at);
+                grid.upper[axis] |= byte((cells(b.max[axis]) + margin).ceil()) << (8 * at);
+            }
+        }
+        grid
     }
-    grid
 }
 
 /// Where the grid of a box begins, so far below it that the margin fits.

@@ -37,6 +37,8 @@ pub struct Chunk {
     bounds: Aabb,
     targets: Vec<Target>,
     columns: Vec<InstanceColumn>,
+    /// Some record has keys.
+    moves: bool,
     /// Morton codes of the first and the last record.
     pub(crate) codes: [u64; 2],
     /// Members that have records here, in the order of the assembly: lasting ids, and the number of records.
@@ -130,8 +132,9 @@ impl Chunk {
         targets.dedup();
         let ids = present.iter().filter_map(|&m| roster.ids.get(m as usize).copied()).collect();
         let columns = MemberPrimvar::columns(members.iter().map(|m| &m.primvars[..]));
+        let moves = members.iter().any(|member| member.run.key_count() > 0);
         let members = RwLock::new(members);
-        Self { key: 0, origin, bounds, targets, columns, codes, ids, counts, members, ranks, which, blocks }
+        Self { key: 0, origin, bounds, targets, columns, moves, codes, ids, counts, members, ranks, which, blocks }
     }
 
     /// A stamp, unique in its [`crate::scene::SceneDb`]: chunks of equal keys have the same records bit for bit, a
@@ -205,17 +208,20 @@ impl Chunk {
     /// As [`crate::scene::Assembly::keys_before`].
     #[must_use]
     pub fn keys_before(&self, record: usize) -> usize {
-        let members = self.members();
-        let keys: Vec<usize> = members.iter().map(|member| member.run.key_count()).collect();
-        if keys.iter().all(|keys| *keys == 0) {
+        if !self.moves {
             return 0;
         }
+        let members = self.members();
+        let keys: Vec<usize> = members.iter().map(|member| member.run.key_count()).collect();
         let of = |at: usize| self.place(at).and_then(|(which, _)| keys.get(which as usize)).copied().unwrap_or(0);
         (0..record.min(self.len())).map(of).sum()
     }
 
     /// As [`crate::scene::Assembly::encode_keys`], in the chunk's frame.
     pub fn encode_keys(&self, range: Range<usize>, mut visit: impl FnMut(&[MotionKey])) {
+        if !self.moves {
+            return;
+        }
         let members = self.members();
         let mut readers = Readers::new(&members, Some(self.origin));
         for (which, rank) in (range.start..range.end.min(self.len())).filter_map(|at| self.place(at)) {

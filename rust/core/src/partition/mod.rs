@@ -34,7 +34,8 @@ pub use validate::WorldError;
 
 use crate::mesh::{Aabb, Bvh2};
 
-/// Device bytes of an instance record with its share of the hierarchy: 64 each.
+/// Bytes that an instance record counts when chunks are sized. On the device it takes 64, and a third of a node of 64
+/// (`mesh::level`); as many as a node each are counted, so that scenes keep the chunks and the bits that they had.
 pub const RECORD_BYTES: u64 = 128;
 /// Device bytes of a key of a placement that moves.
 pub const KEY_BYTES: u64 = 64;

@@ -105,6 +105,8 @@ pub struct Assembly {
     /// First record of each member, then the number of records.
     starts: Vec<usize>,
     columns: Vec<InstanceColumn>,
+    /// Some record has keys.
+    moves: bool,
 }
 
 impl Assembly {
@@ -119,7 +121,8 @@ impl Assembly {
         let bounds = members.iter().fold(Aabb::EMPTY, |b, m| b.union(&m.run.bounds()));
         let placed = members.iter().filter(|m| m.run.len() > 0);
         let columns = MemberPrimvar::columns(placed.map(|m| &m.primvars[..]));
-        Self { key, is_split_mesh, bounds, members, starts, columns }
+        let moves = members.iter().any(|member| member.run.key_count() > 0);
+        Self { key, is_split_mesh, bounds, members, starts, columns, moves }
     }
 
     pub(crate) fn members(&self) -> &[Member] {
@@ -166,7 +169,7 @@ impl Assembly {
         self.len() == 0
     }
 
-    /// Bytes on the device: records with their hierarchy and their values.
+    /// Bytes that its records, their hierarchy and their values count when chunks are sized, at least those on the device.
     #[must_use]
     pub fn device_bytes(&self) -> u64 {
         let records = (RECORD_BYTES + value_bytes(&self.columns)).saturating_mul(self.len() as u64);
@@ -231,6 +234,9 @@ impl Assembly {
     /// Number of keys of the records before `record`, which may be the number of records.
     #[must_use]
     pub fn keys_before(&self, record: usize) -> usize {
+        if !self.moves {
+            return 0;
+        }
         let keys = |(member, start): (&Member, &usize)| {
             record.saturating_sub(*start).min(member.run.len()) * member.run.key_count()
         };
@@ -239,6 +245,9 @@ impl Assembly {
 
     /// Gives `visit` the keys of those of the records `range` that move, in order.
     pub fn encode_keys(&self, range: Range<usize>, mut visit: impl FnMut(&[MotionKey])) {
+        if !self.moves {
+            return;
+        }
         for (member, &start) in self.members.iter().zip(&self.starts) {
             let [first, end] = [range.start, range.end].map(|at| at.saturating_sub(start).min(member.run.len()));
             if member.run.key_count() == 0 || first >= end {

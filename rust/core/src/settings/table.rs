@@ -61,6 +61,12 @@ pub(super) const TABLE: &[Row] = &[
         "Hard limit of device memory for geometry and textures in KiB; 0 = what the memory budget leaves",
     ),
     user(
+        "oocpt:hostMemoryBudget",
+        "OOCPT_HOST_MEMORY_BUDGET",
+        "Host memory budget",
+        "Most MiB of host memory that keep encoded geometry for reloads; 0 = half of what is free",
+    ),
+    user(
         "oocpt:dicingRate",
         "OOCPT_DICING_RATE",
         "Dicing rate",

@@ -2,8 +2,8 @@
 //! The four-wide hierarchies of meshes: invariants, their checker, boxes of any size, and a walk against brute force.
 
 use glam::DVec3;
-use oocpt_core::mesh::bvh4::{ABSENT, Bvh4, Child, LEAF, build_bvh4, level_nodes};
-use oocpt_core::mesh::{LeafKind, build_box_bvh};
+use oocpt_core::mesh::bvh4::{ABSENT, Bvh4, Child, LEAF, LevelNode, build_bvh4, level_nodes};
+use oocpt_core::mesh::{LeafKind, build_box_bvh, build_level, level_node_count};
 use oocpt_core::{Aabb, BvhError, Triangle};
 use proptest::prelude::*;
 
@@ -127,8 +127,7 @@ fn a_walk_finds_what_brute_force_finds() {
 
 /// Follows every way down; gives the boxes that were reached and checks that planes hold them with a little to spare,
 /// and hardly more than a cell.
-fn reached(boxes: &[Aabb]) -> Vec<u32> {
-    let (nodes, stack) = level_nodes(&build_box_bvh(boxes));
+fn reached(boxes: &[Aabb], nodes: &[LevelNode], stack: u32) -> Vec<u32> {
     let (mut items, mut most) = (Vec::new(), 0);
     let mut open = vec![(0_u32, 0_u32)];
     while let Some((at, waiting)) = open.pop() {
@@ -159,6 +158,14 @@ fn reached(boxes: &[Aabb]) -> Vec<u32> {
     items
 }
 
+/// All nodes are reached, and all but one have four children.
+fn expect_full(nodes: &[LevelNode], boxes: usize) {
+    let there = |node: &LevelNode| node.child.iter().filter(|child| **child != ABSENT).count();
+    let absent: usize = nodes.iter().map(|node| 4 - there(node)).sum();
+    assert_eq!(nodes.iter().map(there).sum::<usize>(), boxes + nodes.len() - 1, "each node has one parent");
+    assert!(absent < 3 || boxes < 3, "{absent} of {} children are absent", 4 * nodes.len());
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
     #[test]
@@ -174,6 +181,13 @@ proptest! {
             let min = [a[0], a[1], a[2]].map(|v| v * spread + shift);
             Aabb { min, max: [0, 1, 2].map(|axis| min[axis] + b[axis] * size) }
         }).collect();
-        prop_assert!(reached(&boxes).into_iter().eq(0..n));
+        let (nodes, stack) = level_nodes(&build_box_bvh(&boxes));
+        prop_assert!(reached(&boxes, &nodes, stack).into_iter().eq(0..n));
+        let tree = build_level(&boxes);
+        prop_assert_eq!(&build_level(&boxes), &tree, "the same boxes give the same bits");
+        prop_assert!(reached(&boxes, &tree.nodes, tree.stack).into_iter().eq(0..n));
+        prop_assert_eq!(tree.nodes.len(), level_node_count(boxes.len()));
+        expect_full(&tree.nodes, boxes.len());
+        prop_assert!(tree.stack <= 3 * (n.max(1).ilog2() + 6), "{} entries for {n} boxes", tree.stack);
     }
 }

@@ -97,6 +97,7 @@ fn settings_are_listed_in_order() {
         "oocpt:policy",
         "oocpt:chunkSize",
         "oocpt:geometryBudget",
+        "oocpt:hostMemoryBudget",
         "oocpt:dicingRate",
         "oocpt:chunkReport",
         "oocpt:report",
@@ -115,6 +116,7 @@ fn settings_are_listed_in_order() {
         "OOCPT_POLICY",
         "OOCPT_CHUNK_SIZE",
         "OOCPT_GEOMETRY_BUDGET",
+        "OOCPT_HOST_MEMORY_BUDGET",
         "OOCPT_DICING_RATE",
         "OOCPT_CHUNK_REPORT",
         "OOCPT_REPORT",
@@ -184,7 +186,7 @@ fn every_descriptor_can_be_set_to_its_default_and_has_an_own_variable() {
         let name = Settings::env_name(descriptor.key).unwrap();
         assert!(name.starts_with("OOCPT_") && names.insert(name), "{name}");
     }
-    assert_eq!(names.len(), 25);
+    assert_eq!(names.len(), 26);
     assert_eq!(Settings::env_name("oocpt:samplesPerPixel"), Some("OOCPT_SAMPLES_PER_PIXEL"));
     assert_eq!(Settings::env_name("other"), None);
 }

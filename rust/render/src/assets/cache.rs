@@ -114,22 +114,21 @@ impl SceneCache {
     /// `images` opens what textures name.
     pub(crate) fn sync(
         &mut self,
-        device: &Device,
         snapshot: &Arc<Snapshot>,
         images: Option<&Arc<dyn ImageLibrary>>,
     ) -> Result<&mut Scene, RenderError> {
         match &mut self.scene {
             // Nothing of it has changed: what is there stays, with its tables.
-            Some(scene) if Arc::ptr_eq(&scene.assets.snapshot, snapshot) => scene.store.forget_arriving()?,
+            Some(scene) if Arc::ptr_eq(&scene.assets.snapshot, snapshot) => scene.store.forget_arriving(),
             _ => {
                 let textures = self.textures.sync(images, &snapshot.surfaces.textures);
                 let assets = Arc::new(SceneAssets::new(snapshot, &textures)?);
                 let mut store = match self.scene.take() {
                     Some(scene) => scene.store,
-                    None => Store::new(device)?,
+                    None => Store::default(),
                 };
                 let keep: FxHashSet<AssetKey> = assets.keys().map(|(_, key)| key).collect();
-                store.retain(&keep, |image| assets.textures.has(image))?;
+                store.retain(&keep, |image| assets.textures.has(image));
                 self.scene = Some(Scene { assets, store, tables: None, entries: Entries::default(), lights: None });
             }
         }
@@ -138,11 +137,10 @@ impl SceneCache {
 }
 
 impl Scene {
-    /// Bytes that are still to come, with tables and workspace; tiles of textures left out.
+    /// Bytes that are still to come, with tables; tiles of textures left out.
     pub(crate) fn missing_bytes(&self, lights: usize) -> u64 {
         let missing: u64 = self.missing().filter_map(|id| self.assets.source(id)).map(|s| s.bytes()).sum();
-        let workspace = if missing == 0 { 0 } else { self.assets.workspace_bytes };
-        missing + workspace + Tables::bytes(&self.assets, lights)
+        missing + Tables::bytes(&self.assets, lights)
     }
 
     /// Longest chain of instance records inside a chunk, at least 1.
@@ -198,7 +196,7 @@ impl Scene {
         if missing.is_empty() && self.lights.as_deref().is_some_and(|have| same_lights(have, lights)) {
             return Ok(true);
         }
-        // Instance records first: their trees are built while meshes are still being copied.
+        // Instance records first: they take longest, and the last ones should not be waited for alone.
         missing.reverse();
         let mut missing = missing.into_iter().peekable();
         let mut on_the_way = 0_u64;
@@ -216,7 +214,8 @@ impl Scene {
                 on_the_way += cost;
                 missing.next();
             }
-            let arrived = self.store.advance(device, &self.assets, Patience::Wait, Duration::from_millis(50))?;
+            self.store.send(device)?;
+            let arrived = self.store.advance(&self.assets, Duration::from_millis(50))?;
             timings.uploaded_bytes += arrived.bytes;
             for copy in &arrived.copies {
                 if !copy.wait(LOAD_TIMEOUT)? {
@@ -247,7 +246,7 @@ impl Scene {
 
     /// Lets go of everything on the device, tables too, and gives the memory back. Waits for the device.
     pub(crate) fn clear(&mut self, device: &Device) -> Result<(), RenderError> {
-        self.store.clear()?;
+        self.store.clear();
         (self.tables, self.lights, self.entries) = (None, None, Entries::default());
         device.gpu.wait_idle()?;
         device.heap.trim();
@@ -268,7 +267,7 @@ impl Scene {
     }
 
     fn cost(&self, asset: AssetId) -> u64 {
-        self.assets.source(asset).map_or(0, |source| source.bytes() + source.workspace_bytes())
+        self.assets.source(asset).map_or(0, |source| source.bytes())
     }
 
     /// Tables in which every chunk is absent, for streaming.

@@ -38,8 +38,6 @@ pub(crate) struct SceneAssets {
     pub(crate) bytes: u64,
     /// Of these, bytes of tiles.
     pub(crate) tile_bytes: u64,
-    /// Most bytes that building one asset takes for a moment.
-    pub(crate) workspace_bytes: u64,
     /// The tree over chunk instances.
     pub(crate) top: TopLevel,
     /// `bytes` by what they hold.
@@ -100,7 +98,6 @@ impl SceneAssets {
         let tiles: Vec<u64> = tiles.into_iter().map(Source::held_bytes).collect();
         let tile_bytes = tiles.iter().sum();
         let bytes = of_needed().map(Source::bytes).sum::<u64>() + tile_bytes;
-        let workspace_bytes = of_needed().map(Source::workspace_bytes).max().unwrap_or(0);
         let mut sections = [0; Source::SECTIONS.len()];
         for source in of_needed() {
             sections.iter_mut().zip(source.sections()).for_each(|(sum, bytes)| *sum += bytes);
@@ -119,7 +116,6 @@ impl SceneAssets {
             needed,
             bytes,
             tile_bytes,
-            workspace_bytes,
             top: TopLevel::new(world),
             sections,
             meshes,

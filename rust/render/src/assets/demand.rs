@@ -50,7 +50,7 @@ impl Scene {
         let mut last_arrival = Instant::now();
         while queue.peek().is_some() || self.store.in_flight() > 0 {
             if !gate.proceed() {
-                self.store.forget_arriving()?;
+                self.store.forget_arriving();
                 return Ok(Brought::GivenUp);
             }
             while let Some(&asset) = queue.peek() {
@@ -59,13 +59,14 @@ impl Scene {
                     break;
                 }
                 if !self.store.begin(device, &self.assets, asset, Patience::Now)? {
-                    self.store.forget_arriving()?;
+                    self.store.forget_arriving();
                     return Ok(Brought::NoRoom);
                 }
                 on_the_way += cost;
                 queue.next();
             }
-            let arrived = self.store.advance(device, &self.assets, Patience::Now, Duration::from_millis(50))?;
+            self.store.send(device)?;
+            let arrived = self.store.advance(&self.assets, Duration::from_millis(50))?;
             timings.uploaded_bytes += arrived.bytes;
             for copy in &arrived.copies {
                 if !copy.wait(TILE_TIMEOUT)? {

@@ -1,31 +1,45 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Brings assets to the device on the loader's threads while the render thread traces: encode into pinned staging
-//! memory, copy on the transfer queue. A load belongs to an [`Inbox`]; what was asked for by an inbox that is gone is
-//! skipped.
+//! Brings assets to the device on the loader's threads while the render thread traces: encode, write to pinned staging
+//! memory, copy on the transfer queue. What is kept encoded is only written and copied. A load belongs to an
+//! [`Inbox`]; what was asked for by an inbox that is gone is skipped.
 
-use super::encode::{Part, Writer};
+use super::encode::Writer;
+use super::kept::Kept;
+use super::level::{self, Encoded, Piece, Stretch};
 use super::source::Source;
 use crate::error::RenderError;
 use crate::loader::Loader;
 use crate::sync::lock;
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use oocpt_core::residency::AssetId;
-use oocpt_gpu::{DeviceRange, Gpu, HeapRange, StagingRing, Submission};
+use oocpt_gpu::{Gpu, HeapRange, StagingRing, Submission};
+use rustc_hash::FxHashMap;
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, Weak};
 use std::time::Duration;
 
+/// Bytes that one thread copies in one piece, where they need no encoding.
+const COPY_BYTES: u64 = 1 << 20;
+
 /// An asset that is to come to the device.
 #[derive(Debug)]
+pub(crate) struct Wanted {
+    pub(crate) asset: AssetId,
+    pub(crate) source: Source,
+    pub(crate) target: Arc<HeapRange>,
+}
+
+/// Assets that come to the device together.
+#[derive(Debug)]
 struct Load {
-    asset: AssetId,
-    source: Source,
-    target: Arc<HeapRange>,
-    workspace: Option<Arc<HeapRange>>,
+    wanted: Vec<Wanted>,
+    /// Where what is encoded stays, and comes from again.
+    kept: Arc<Kept>,
     reply: Sender<Loaded>,
     /// Gone when nobody waits for the result any more.
-    wanted: Weak<()>,
+    alive: Weak<()>,
     progress: Mutex<Progress>,
 }
 
@@ -33,24 +47,42 @@ struct Load {
 #[derive(Debug)]
 struct Progress {
     left: usize,
+    /// Of assemblies and chunks: parts that are not encoded yet, and what the others became.
+    levels: FxHashMap<usize, (usize, Vec<Stretch>)>,
     /// What the finished parts have left behind.
-    sum: Result<(Vec<Submission>, u64), RenderError>,
+    sum: Result<Copied, RenderError>,
 }
 
 /// A part of a load: several threads work on one, so that a ray waits as short as possible.
+#[derive(Debug)]
+enum Part {
+    /// All of these meshes and tiles.
+    Whole(Range<usize>),
+    /// Records of an assembly or a chunk.
+    Records(usize, Range<usize>),
+    /// Pieces of what is kept of an assembly or a chunk.
+    Pieces(usize, Arc<Encoded>, Range<usize>),
+}
+
+/// A part of a load on its way through the queue.
 #[derive(Debug)]
 struct Job {
     load: Arc<Load>,
     part: Part,
 }
 
-/// What became of a job.
-#[derive(Debug)]
-pub(crate) struct Loaded {
-    pub(crate) asset: AssetId,
-    /// The copies to wait for, and their bytes.
-    pub(crate) result: Result<(Vec<Submission>, u64), RenderError>,
+/// Copies to the device.
+#[derive(Debug, Default)]
+pub(crate) struct Copied {
+    /// What to wait for.
+    pub(crate) submissions: Vec<Submission>,
+    pub(crate) bytes: u64,
+    /// The assets, and the stack entries that a walk of the tree of each needs.
+    pub(crate) assets: Vec<(AssetId, u32)>,
 }
+
+/// What became of a load.
+pub(crate) type Loaded = Result<Copied, RenderError>;
 
 /// Where the results of one scene's jobs arrive.
 #[derive(Debug)]
@@ -86,24 +118,18 @@ impl Inbox {
         Some(loaded)
     }
 
-    /// Asks for `source` to be written to `target` (and its boxes to `workspace`); the result comes here.
-    pub(crate) fn load(
-        &self,
-        loader: &Loader,
-        asset: AssetId,
-        source: Source,
-        target: Arc<HeapRange>,
-        workspace: Option<Arc<HeapRange>>,
-    ) -> Result<(), RenderError> {
-        let parts = Writer::parts(&source);
+    /// Asks for `wanted` to be written to the device; the result for all of them comes here.
+    pub(crate) fn load(&self, loader: &Loader, wanted: Vec<Wanted>, kept: &Arc<Kept>) -> Result<(), RenderError> {
+        if wanted.is_empty() {
+            return Ok(());
+        }
+        let (parts, progress) = parts(&wanted, kept);
         let load = Arc::new(Load {
-            asset,
-            source,
-            target,
-            workspace,
+            wanted,
+            kept: Arc::clone(kept),
             reply: self.reply.clone(),
-            wanted: Arc::downgrade(&self.wanted),
-            progress: Mutex::new(Progress { left: parts.len(), sum: Ok((Vec::new(), 0)) }),
+            alive: Arc::downgrade(&self.wanted),
+            progress: Mutex::new(progress),
         });
         for part in parts {
             let job = Job { load: Arc::clone(&load), part };
@@ -119,34 +145,138 @@ impl Inbox {
     }
 }
 
+/// The parts that threads may write side by side, at least one; what is known of the assets from the start.
+fn parts(wanted: &[Wanted], kept: &Kept) -> (Vec<Part>, Progress) {
+    let mut parts = Vec::new();
+    let mut copied = Copied::default();
+    let mut levels = FxHashMap::default();
+    // Encoding takes longest.
+    for (at, Wanted { asset, source, .. }) in wanted.iter().enumerate() {
+        match source {
+            Source::Tile(..) => copied.assets.push((*asset, 0)),
+            Source::Mesh(mesh) => copied.assets.push((*asset, mesh.bvh.stack)),
+            Source::Assembly(_) | Source::Chunk(_) => match kept.get(&source.key()) {
+                Some(encoded) => {
+                    copied.assets.push((*asset, encoded.stack));
+                    let sizes = encoded.pieces.iter().map(|piece| piece.bytes.len() as u64);
+                    let ranges = groups(sizes);
+                    parts.extend(ranges.into_iter().map(|range| Part::Pieces(at, Arc::clone(&encoded), range)));
+                }
+                None => {
+                    let before = parts.len();
+                    parts.extend(level::stretches(source).map(|records| Part::Records(at, records)));
+                    levels.insert(at, (parts.len() - before, Vec::new()));
+                }
+            },
+        }
+    }
+    let sizes = wanted.iter().map(|wanted| match wanted.source {
+        Source::Mesh(_) | Source::Tile(..) => wanted.source.size(),
+        Source::Assembly(_) | Source::Chunk(_) => 0,
+    });
+    parts.extend(groups(sizes).into_iter().map(Part::Whole));
+    let left = parts.len();
+    (parts, Progress { left, levels, sum: Ok(copied) })
+}
+
+/// Ranges of items of these sizes, [`COPY_BYTES`] each at least but for the last; none that is of nothing.
+fn groups(sizes: impl Iterator<Item = u64>) -> Vec<Range<usize>> {
+    let (mut groups, mut first, mut bytes, mut end) = (Vec::new(), 0, 0, 0);
+    for (at, size) in sizes.enumerate() {
+        bytes += size;
+        end = at + 1;
+        if bytes >= COPY_BYTES {
+            groups.push(first..end);
+            (first, bytes) = (end, 0);
+        }
+    }
+    if bytes > 0 {
+        groups.push(first..end);
+    }
+    groups
+}
+
 impl Job {
     fn run(self, gpu: &Arc<Gpu>, ring: &StagingRing) {
-        if self.load.wanted.strong_count() == 0 {
+        if self.load.alive.strong_count() == 0 {
             return;
         }
-        let result = catch_unwind(AssertUnwindSafe(|| self.write(gpu, ring)))
+        let mut writer = Writer::new(gpu, ring);
+        let written = catch_unwind(AssertUnwindSafe(|| self.write(&mut writer)))
             .unwrap_or_else(|_| Err(RenderError::Internal("a loader thread panicked".into())));
-        self.load.done(result);
+        self.load.done(written.and_then(|stacks| {
+            let mut copied = writer.finish()?;
+            copied.assets = stacks;
+            Ok(copied)
+        }));
     }
 
-    fn write(&self, gpu: &Arc<Gpu>, ring: &StagingRing) -> Result<(Vec<Submission>, u64), RenderError> {
-        let load = &*self.load;
-        let mut writer = Writer::new(gpu, ring);
-        let workspace = load.workspace.as_deref().map(|range| range as &dyn DeviceRange);
-        writer.part(&load.source, &self.part, &*load.target, workspace)?;
-        writer.finish()
+    /// Writes the part; gives the assets that are complete with it and were not before, with their stack entries.
+    fn write(&self, writer: &mut Writer<'_>) -> Result<Vec<(AssetId, u32)>, RenderError> {
+        let of = |at: usize| {
+            let wanted = self.load.wanted.get(at);
+            wanted.ok_or_else(|| RenderError::Internal("a part of an asset that is not wanted".into()))
+        };
+        match &self.part {
+            Part::Records(at, range) => {
+                let Wanted { asset, source, target } = of(*at)?;
+                let stretch = level::encode(source, range.clone());
+                writer.pieces(&stretch.pieces, &**target)?;
+                let Some(stretches) = self.load.encoded(*at, stretch) else { return Ok(Vec::new()) };
+                let encoded = finish(source, stretches, |nodes| writer.pieces(nodes, &**target))?;
+                let stack = encoded.stack;
+                self.load.kept.offer(source.key(), encoded);
+                return Ok(vec![(*asset, stack)]);
+            }
+            Part::Pieces(at, encoded, range) => {
+                writer.pieces(encoded.pieces.get(range.clone()).unwrap_or_default(), &*of(*at)?.target)?;
+            }
+            Part::Whole(range) => {
+                for Wanted { source, target, .. } in self.load.wanted.get(range.clone()).unwrap_or_default() {
+                    match source {
+                        Source::Mesh(mesh) => writer.mesh(mesh, &**target)?,
+                        Source::Tile(image, tile) => writer.bytes(&**target, 0, &image.tile(*tile))?,
+                        Source::Assembly(_) | Source::Chunk(_) => {}
+                    }
+                }
+            }
+        }
+        Ok(Vec::new())
     }
 }
 
+/// Has the tree over all records written: the whole of an assembly or chunk.
+fn finish(
+    source: &Source,
+    mut stretches: Vec<Stretch>,
+    write: impl FnOnce(&[Piece]) -> Result<(), RenderError>,
+) -> Result<Encoded, RenderError> {
+    let (nodes, stack) = level::tree(source, &mut stretches);
+    write(std::slice::from_ref(&nodes))?;
+    let mut pieces: Vec<Piece> = stretches.into_iter().flat_map(|stretch| stretch.pieces).collect();
+    pieces.push(nodes);
+    Ok(Encoded { pieces, stack })
+}
+
 impl Load {
+    /// Takes note of a stretch of an assembly or chunk; the last one gets all of them.
+    fn encoded(&self, at: usize, stretch: Stretch) -> Option<Vec<Stretch>> {
+        let mut progress = lock(&self.progress);
+        let (left, stretches) = progress.levels.get_mut(&at)?;
+        *left = left.saturating_sub(1);
+        stretches.push(stretch);
+        (*left == 0).then(|| std::mem::take(stretches))
+    }
+
     /// Takes note of one part; the last one sends the result.
-    fn done(&self, result: Result<(Vec<Submission>, u64), RenderError>) {
+    fn done(&self, result: Result<Copied, RenderError>) {
         let mut progress = lock(&self.progress);
         progress.left = progress.left.saturating_sub(1);
         match (&mut progress.sum, result) {
-            (Ok((submissions, bytes)), Ok((more, copied))) => {
-                submissions.extend(more);
-                *bytes += copied;
+            (Ok(sum), Ok(copied)) => {
+                sum.submissions.extend(copied.submissions);
+                sum.bytes += copied.bytes;
+                sum.assets.extend(copied.assets);
             }
             (sum @ Ok(_), Err(error)) => *sum = Err(error),
             (Err(_), _) => {}
@@ -154,10 +284,23 @@ impl Load {
         if progress.left > 0 {
             return;
         }
-        let result = std::mem::replace(&mut progress.sum, Ok((Vec::new(), 0)));
+        let result = std::mem::replace(&mut progress.sum, Ok(Copied::default()));
         drop(progress);
-        if self.reply.send(Loaded { asset: self.asset, result }).is_err() {
-            tracing::debug!("nobody waits for a loaded asset any more");
+        if self.reply.send(result).is_err() {
+            tracing::debug!("nobody waits for a load any more");
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn groups_are_large_enough_and_leave_nothing_out() {
+        let of = |sizes: &[u64]| groups(sizes.iter().copied());
+        assert_eq!(of(&[]), []);
+        assert_eq!(of(&[0, 0]), [], "no part for nothing");
+        assert_eq!(of(&[COPY_BYTES, 1, COPY_BYTES, 5, 0, 7]), [0..1, 1..3, 3..6], "what is left over is one too");
     }
 }

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Scene data on the device: what there is (`catalog`), where its bytes come from (`source`), how they get there
-//! (`load`, `encode`, `build`), what is there now (`store`), the tables that rays go through (`tables`), and all of
+//! (`load`, `encode`, `level`), what is there now (`store`) and kept in host memory (`kept`), the tables that rays go through (`tables`), and all of
 //! it from frame to frame (`cache`).
 //!
-//! The straight line of a mesh from a snapshot to a ray: `catalog` -> `store` -> `load` -> `encode` -> `build` ->
-//! `tables`.
+//! The straight line of a mesh from a snapshot to a ray: `catalog` -> `store` -> `load` -> `encode` -> `tables`.
 
-mod build;
 mod cache;
 mod catalog;
 mod demand;
 mod encode;
+mod kept;
+mod level;
 mod load;
 mod source;
 mod store;
@@ -21,7 +21,8 @@ mod values;
 pub(crate) use cache::{Scene, SceneCache, SceneView};
 pub(crate) use catalog::{MAX_LEVELS, SceneAssets};
 pub(crate) use demand::Brought;
-pub(crate) use encode::{Writer, motion_key};
+pub(crate) use encode::Writer;
+pub(crate) use level::motion_key;
 pub(crate) use store::{Patience, Store};
 #[cfg(test)]
 pub(crate) use surfaces::SurfaceEntries;

@@ -2,18 +2,16 @@
 //! One piece of scene data: where its bytes come from, how many there are, and how they are laid out on the device.
 //!
 //! A mesh is one range: nodes, triangles, attributes. An assembly or a chunk is one range: instance records, then the
-//! nodes of the tree over them, which the device builds from the records' boxes, then values of primvars by record, and
-//! keys of those that move. A tile of a texture is one range of texels. Pure; any thread.
+//! nodes of the tree over them, then values of primvars by record, and keys of those that move. A tile of a texture is one range of texels. Pure; any thread.
 
 use super::values::ValueLayout;
 use crate::textures::TextureImage;
-use oocpt_core::mesh::{Attribute, AttributeRate, LeafKind, MeshAsset};
+use oocpt_core::mesh::{Attribute, AttributeRate, LeafKind, MeshAsset, level_node_count};
 use oocpt_core::partition::Chunk;
 use oocpt_core::scene::{Assembly, InstanceColumn, InstanceRecord, MotionKey};
 use oocpt_shader_abi as abi;
 use oocpt_shader_abi::{
-    GpuAssembly, GpuAttribute, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuMotionKey, GpuTriangle,
-    LBVH_MAX_ITEMS, LbvhBounds, LbvhJob, MeshFlags, lbvh_scratch_bytes,
+    GpuAssembly, GpuAttribute, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuMotionKey, GpuTriangle, MeshFlags,
 };
 use std::ops::Range;
 use std::sync::Arc;
@@ -24,6 +22,8 @@ pub(crate) const ALIGN: u64 = 16;
 const GRANULE: u64 = 256;
 /// Most nodes or triangles of one mesh: the traversal packs indices and counts into 32 bits.
 const MAX_MESH_ITEMS: u64 = 1 << 28;
+/// Most records of one assembly or chunk.
+const MAX_RECORDS: u64 = 1 << 26;
 
 /// Where an asset's bytes come from.
 #[derive(Clone, Debug)]
@@ -95,7 +95,7 @@ fn record_bytes(count: usize) -> u64 {
 }
 
 fn node_bytes(count: usize) -> u64 {
-    (count.saturating_sub(1).max(1) * size_of::<GpuLevelNode>()) as u64
+    (level_node_count(count) * size_of::<GpuLevelNode>()) as u64
 }
 
 impl Source {
@@ -194,6 +194,11 @@ impl Source {
         }
     }
 
+    /// Where the nodes of its tree begin.
+    pub(crate) fn nodes_at(&self) -> u64 {
+        record_bytes(self.records())
+    }
+
     /// Where its table of values begins.
     pub(crate) fn values_at(&self) -> u64 {
         record_bytes(self.records()) + node_bytes(self.records())
@@ -241,24 +246,6 @@ impl Source {
         size.next_multiple_of(GRANULE)
     }
 
-    /// Bytes of device memory that building it takes besides: the records' boxes, then scratch. 0 for a mesh.
-    pub(crate) fn workspace_bytes(&self) -> u64 {
-        match self {
-            Self::Mesh(_) | Self::Tile(..) => 0,
-            _ => self.box_bytes() + lbvh_scratch_bytes(self.count()),
-        }
-    }
-
-    /// Bytes of the boxes that a build reads, rounded up for what follows.
-    fn box_bytes(&self) -> u64 {
-        ((self.records() * size_of::<LbvhBounds>()) as u64).next_multiple_of(ALIGN)
-    }
-
-    /// Records as the build counts them; [`Source::check`] says whether they fit.
-    pub(crate) fn count(&self) -> u32 {
-        u32::try_from(self.records()).unwrap_or(u32::MAX).min(LBVH_MAX_ITEMS)
-    }
-
     /// `Err((what, count, limit))` when it is larger than the shaders' indices reach.
     pub(crate) fn check(&self) -> Result<(), (&'static str, u64, u64)> {
         if let Self::Mesh(mesh) = self {
@@ -270,17 +257,7 @@ impl Source {
             };
         }
         let records = self.records() as u64;
-        let limit = u64::from(LBVH_MAX_ITEMS);
-        if records <= limit { Ok(()) } else { Err(("instances in one instancer", records, limit)) }
-    }
-
-    /// Stack entries that a walk of its own tree needs, where they are known before it is built.
-    pub(crate) fn known_stack(&self) -> Option<u32> {
-        match self {
-            Self::Mesh(mesh) => Some(mesh.bvh.stack),
-            Self::Tile(..) => Some(0),
-            _ => None,
-        }
+        if records <= MAX_RECORDS { Ok(()) } else { Err(("instances in one instancer", records, MAX_RECORDS)) }
     }
 
     /// Computes records `range`; nothing for a mesh.
@@ -289,24 +266,6 @@ impl Source {
             Self::Mesh(_) | Self::Tile(..) => {}
             Self::Assembly(assembly) => assembly.encode(range, out),
             Self::Chunk(chunk) => chunk.encode(range, out),
-        }
-    }
-
-    /// The build of its tree, given where the asset, the workspace and the word for the tree's depth are.
-    pub(crate) fn build_job(&self, base: u64, workspace: u64, depth: u64) -> LbvhJob {
-        let around = match self {
-            Self::Tile(..) => oocpt_core::Aabb::EMPTY,
-            Self::Mesh(mesh) => mesh.bounds,
-            Self::Assembly(assembly) => assembly.bounds(),
-            Self::Chunk(chunk) => chunk.bounds(),
-        };
-        LbvhJob {
-            bounds: workspace,
-            nodes: base + record_bytes(self.records()),
-            scratch: workspace + self.box_bytes(),
-            depth,
-            count: self.count(),
-            around: LbvhBounds { min: around.min, max: around.max },
         }
     }
 

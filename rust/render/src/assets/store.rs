@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The assets on the device and those on their way: memory -> copied -> built -> ready.
+//! The assets on the device and those on their way: memory -> copied -> ready.
 //!
 //! Kept from frame to frame by content key, so that an edit brings only what changed. Render thread only; the copying
 //! is done by the loader's threads.
 
-use super::build::{Build, Builder, MOST_BUILDS};
 use super::catalog::SceneAssets;
-use super::load::Inbox;
+use super::kept::Kept;
+use super::load::{Inbox, Wanted};
 use super::source::{ALIGN, AssetKey, Source};
 use crate::device::Device;
 use crate::error::RenderError;
@@ -16,6 +16,8 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+/// Bytes of assets that the loader is asked for at once, about: they are ready together.
+const LOAD_BYTES: u64 = 4 << 20;
 /// Longest wait for the loader to let go of memory that nobody wants any more.
 const LET_GO_TIMEOUT: Duration = Duration::from_secs(60);
 
@@ -32,16 +34,6 @@ impl Resident {
     pub(crate) fn address(&self) -> u64 {
         self.memory.address()
     }
-}
-
-/// An asset on its way.
-#[derive(Debug)]
-struct Arriving {
-    memory: Arc<HeapRange>,
-    /// Boxes and scratch memory of the build; none for a mesh.
-    workspace: Option<Arc<HeapRange>>,
-    /// Copies under way, once the loader has written everything.
-    copies: Option<Vec<Submission>>,
 }
 
 /// What [`Store::advance`] found.
@@ -65,25 +57,22 @@ pub(crate) enum Patience {
 }
 
 /// See the module.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Store {
     inbox: Inbox,
-    builder: Builder,
     resident: FxHashMap<AssetKey, Resident>,
-    arriving: FxHashMap<AssetId, Arriving>,
-    /// Copied, waiting for their trees to be built.
-    unbuilt: Vec<AssetId>,
+    /// The memory of assets on their way.
+    arriving: FxHashMap<AssetId, Arc<HeapRange>>,
+    /// Of these, what the loader was not asked for yet, and its bytes.
+    begun: Vec<Wanted>,
+    begun_bytes: u64,
+    kept: Arc<Kept>,
 }
 
 impl Store {
-    pub(crate) fn new(device: &Device) -> Result<Self, RenderError> {
-        Ok(Self {
-            inbox: Inbox::default(),
-            builder: Builder::new(device)?,
-            resident: FxHashMap::default(),
-            arriving: FxHashMap::default(),
-            unbuilt: Vec::new(),
-        })
+    /// What is kept in host memory to come back.
+    pub(crate) fn kept(&self) -> &Kept {
+        &self.kept
     }
 
     /// Forgets what is on its way and every asset that `keep` does not have, tiles by `keeps_tiles_of` their image.
@@ -91,20 +80,19 @@ impl Store {
         &mut self,
         keep: &FxHashSet<AssetKey>,
         keeps_tiles_of: impl Fn(u64) -> bool,
-    ) -> Result<(), RenderError> {
-        self.forget_arriving()?;
+    ) {
+        self.forget_arriving();
+        self.kept.retain(|key| keep.contains(key));
         self.resident.retain(|key, _| match key {
             AssetKey::Tile(image, _) => keeps_tiles_of(*image),
             _ => keep.contains(key),
         });
-        Ok(())
     }
 
-    /// Forgets everything, also what is on its way, and waits until the loader has let go of its memory.
-    pub(crate) fn clear(&mut self) -> Result<(), RenderError> {
-        let arriving = self.arriving.drain().map(|(_, arriving)| arriving);
-        let held: Vec<_> = arriving.flat_map(|of| [Some(of.memory), of.workspace]).flatten().collect();
-        self.forget_arriving()?;
+    /// Forgets everything on the device, also what is on its way, and waits until the loader has let go of its memory.
+    pub(crate) fn clear(&mut self) {
+        let held: Vec<_> = self.arriving.drain().map(|(_, memory)| memory).collect();
+        self.forget_arriving();
         self.resident.clear();
         let started = Instant::now();
         while held.iter().any(|range| Arc::strong_count(range) > 1) && started.elapsed() < LET_GO_TIMEOUT {
@@ -114,16 +102,13 @@ impl Store {
         if busy > 0 {
             tracing::warn!(busy, "the loader does not let go of memory that nobody wants any more");
         }
-        Ok(())
     }
 
     /// Forgets what is on its way.
-    pub(crate) fn forget_arriving(&mut self) -> Result<(), RenderError> {
-        self.builder.finished(true)?;
+    pub(crate) fn forget_arriving(&mut self) {
         self.inbox = Inbox::default();
         self.arriving.clear();
-        self.unbuilt.clear();
-        Ok(())
+        (self.begun, self.begun_bytes) = (Vec::new(), 0);
     }
 
     /// Image and number of every tile that is ready, in no order.
@@ -149,10 +134,9 @@ impl Store {
         self.resident.values().map(|resident| resident.memory.size()).sum()
     }
 
-    /// Bytes of what is on its way, with workspaces.
+    /// Bytes of what is on its way.
     pub(crate) fn arriving_bytes(&self) -> u64 {
-        let of = |range: &Arc<HeapRange>| range.size();
-        self.arriving.values().map(|arriving| of(&arriving.memory) + arriving.workspace.as_ref().map_or(0, of)).sum()
+        self.arriving.values().map(|memory| memory.size()).sum()
     }
 
     /// Assets on their way.
@@ -160,7 +144,7 @@ impl Store {
         self.arriving.len()
     }
 
-    /// Starts to bring `asset`; false when there is no memory for it now (only with [`Patience::Now`]).
+    /// Starts to bring `asset`, at the latest with [`Store::send`]; false when there is no memory for it now (only with [`Patience::Now`]).
     pub(crate) fn begin(
         &mut self,
         device: &Device,
@@ -174,91 +158,46 @@ impl Store {
         source.check().map_err(|(what, count, limit)| RenderError::TooMany { what, count, limit })?;
         let Some(memory) = allocate(device, source.name(), source.size(), patience)? else { return Ok(false) };
         let memory = Arc::new(memory);
-        let mut workspace = None;
-        if source.workspace_bytes() > 0 {
-            let Some(range) = allocate(device, "instance build", source.workspace_bytes(), patience)? else {
-                return Ok(false);
-            };
-            workspace = Some(Arc::new(range));
+        let is_tile = matches!(source, Source::Tile(..));
+        let wanted = Wanted { asset, source, target: Arc::clone(&memory) };
+        self.arriving.insert(asset, Arc::clone(&memory));
+        if is_tile {
+            // Its file may take long to decode: nothing else should wait for it.
+            self.inbox.load(device.loader()?, vec![wanted], &self.kept)?;
+            return Ok(true);
         }
-        self.inbox.load(device.loader()?, asset, source, Arc::clone(&memory), workspace.clone())?;
-        self.arriving.insert(asset, Arriving { memory, workspace, copies: None });
+        self.begun_bytes += memory.size();
+        self.begun.push(wanted);
+        if self.begun_bytes >= LOAD_BYTES {
+            self.send(device)?;
+        }
         Ok(true)
     }
 
-    /// Moves everything on its way as far as it can go. Waits at most `wait` for the loader when nothing else is to do.
-    pub(crate) fn advance(
-        &mut self,
-        device: &Device,
-        assets: &SceneAssets,
-        patience: Patience,
-        wait: Duration,
-    ) -> Result<Arrived, RenderError> {
+    /// Has the loader begin with all that was asked for.
+    pub(crate) fn send(&mut self, device: &Device) -> Result<(), RenderError> {
+        self.begun_bytes = 0;
+        self.inbox.load(device.loader()?, std::mem::take(&mut self.begun), &self.kept)
+    }
+
+    /// Takes note of what has arrived. Waits at most `wait` for the first.
+    pub(crate) fn advance(&mut self, assets: &SceneAssets, wait: Duration) -> Result<Arrived, RenderError> {
         let mut arrived = Arrived::default();
-        let idle = self.unbuilt.is_empty() && !self.builder.is_busy();
-        let mut next = if idle { self.inbox.next(wait) } else { self.inbox.try_next() };
+        let mut next = self.inbox.next(wait);
         while let Some(loaded) = next {
-            self.copied(assets, loaded.asset, loaded.result?, &mut arrived);
-            next = self.inbox.try_next();
-        }
-        let must_wait = patience == Patience::Wait && self.inbox.in_flight() == 0;
-        for (asset, depth) in self.builder.finished(must_wait)? {
-            if let Some(arriving) = self.arriving.remove(&asset) {
-                self.ready(assets, asset, arriving.memory, depth);
+            let copied = loaded?;
+            arrived.bytes += copied.bytes;
+            arrived.copies.extend(copied.submissions);
+            for (asset, stack) in copied.assets {
+                let Some(memory) = self.arriving.remove(&asset) else { continue };
+                if let Some(key) = assets.key(asset) {
+                    self.resident.insert(key, Resident { memory, stack });
+                }
                 arrived.ready.push(asset);
             }
-        }
-        if !self.builder.is_busy() && !self.unbuilt.is_empty() {
-            self.start_builds(device, assets)?;
+            next = self.inbox.try_next();
         }
         Ok(arrived)
-    }
-
-    fn copied(
-        &mut self,
-        assets: &SceneAssets,
-        asset: AssetId,
-        (copies, bytes): (Vec<Submission>, u64),
-        arrived: &mut Arrived,
-    ) {
-        arrived.bytes += bytes;
-        let stack = assets.source(asset).as_ref().and_then(Source::known_stack);
-        match (stack, self.arriving.get_mut(&asset)) {
-            (Some(stack), Some(_)) => {
-                arrived.copies.extend(copies);
-                if let Some(arriving) = self.arriving.remove(&asset) {
-                    self.ready(assets, asset, arriving.memory, stack);
-                    arrived.ready.push(asset);
-                }
-            }
-            (None, Some(arriving)) => {
-                arriving.copies = Some(copies);
-                self.unbuilt.push(asset);
-            }
-            (_, None) => {}
-        }
-    }
-
-    fn ready(&mut self, assets: &SceneAssets, asset: AssetId, memory: Arc<HeapRange>, stack: u32) {
-        if let Some(key) = assets.key(asset) {
-            self.resident.insert(key, Resident { memory, stack });
-        }
-    }
-
-    fn start_builds(&mut self, device: &Device, assets: &SceneAssets) -> Result<(), RenderError> {
-        let mut builds = Vec::new();
-        let count = self.unbuilt.len().min(MOST_BUILDS);
-        for asset in self.unbuilt.drain(..count) {
-            let (Some(arriving), Some(source)) = (self.arriving.get_mut(&asset), assets.source(asset)) else {
-                continue;
-            };
-            let Some(workspace) = arriving.workspace.take() else { continue };
-            let depth = self.builder.depth_address(builds.len());
-            let job = source.build_job(arriving.memory.address(), workspace.address(), depth);
-            let copies = arriving.copies.take().unwrap_or_default();
-            builds.push(Build { asset, job, memory: Arc::clone(&arriving.memory), workspace, copies });
-        }
-        self.builder.submit(device, builds)
     }
 }
 

@@ -221,7 +221,7 @@ impl Tables {
             placed_values: placed_values(device, &mut writer, &world.placed)?,
             textures: texture_tables(device, &mut writer, assets, entries)?,
         };
-        let (copies, _) = writer.finish()?;
+        let copies = writer.finish()?.submissions;
         for copy in &copies {
             if !copy.wait(WRITE_TIMEOUT)? {
                 return Err(RenderError::Internal("writing the scene's tables did not finish".into()));

@@ -121,7 +121,7 @@ impl LightTables {
             ..meshes.with(lights.block())
         };
         let lighting = put("lighting", bytemuck::bytes_of(&block))?;
-        let (copies, _) = writer.finish()?;
+        let copies = writer.finish()?.submissions;
         for copy in &copies {
             if !copy.wait(WRITE_TIMEOUT)? {
                 return Err(RenderError::Internal("writing the lights did not finish".into()));

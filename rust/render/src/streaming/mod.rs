@@ -61,7 +61,7 @@ const FIRST_STACK: u32 = 64;
 const SMALL_BUFFERS: u64 = 1 << 20;
 /// Smallest arena that is made ahead, bytes.
 const LEAST_RESERVED: u64 = 4 << 20;
-/// Share of the geometry's memory that is left free for workspaces and for holes between ranges.
+/// Share of the geometry's memory that is left free for holes between ranges.
 const SLACK: u64 = 16;
 
 /// What the stages of a frame share.
@@ -193,7 +193,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
     let room = Room {
         bytes: unused(device.gpu.memory()) + scene.bytes_to_clear(device),
         slot_bytes,
-        largest_unit: largest_unit + scene.assets.workspace_bytes,
+        largest_unit,
         units: geometry_cap(job).map_or(scene.assets.bytes, |cap| cap.min(scene.assets.bytes)),
         wanted,
         fewest: FEWEST_PATHS,
@@ -217,18 +217,18 @@ fn geometry_budget(setting: &Setting<'_>, scene: &Scene) -> u64 {
     let heap = setting.device.heap.stats();
     let unused_arenas = heap.arena_bytes.saturating_sub(heap.used_bytes);
     let free = memory.budget.saturating_sub(memory.used) + unused_arenas + scene.store.bytes();
-    let slack = (free / SLACK).max(scene.assets.workspace_bytes.min(free / 4));
+    let slack = free / SLACK;
     let left = free - slack;
     geometry_cap(setting.job).map_or(left, |cap| cap.min(left))
 }
 
-/// Makes large arenas for `budget` bytes of units and what they lose to holes and workspaces, as far as there is
+/// Makes large arenas for `budget` bytes of units and what they lose to holes, as far as there is
 /// memory: in small ones, units of very different sizes find no place long before the budget is reached.
 fn reserve(setting: &Setting<'_>, scene: &Scene, budget: u64) -> Result<(), RenderError> {
     let (memory, heap) = (setting.device.gpu.memory(), setting.device.heap.stats());
     let there = heap.arena_bytes.saturating_sub(heap.used_bytes) + scene.store.bytes();
     let wanted = budget.min(scene.assets.bytes);
-    let wanted = (wanted + wanted / SLACK + 2 * scene.assets.workspace_bytes).saturating_sub(there);
+    let wanted = (wanted + wanted / SLACK).saturating_sub(there);
     let unused = memory.budget.saturating_sub(memory.used).saturating_sub(SMALL_BUFFERS);
     let mut left = wanted.min(unused);
     while left >= LEAST_RESERVED {

@@ -211,8 +211,13 @@ impl<'a> Residency<'a> {
         self.waiting.push_back(Load { chunk, unplaced: assets.into(), begun: Vec::new() });
     }
 
-    /// Gives memory to the loads that wait for it, in order, as far as there is any.
+    /// Gives memory to the loads that wait for it, in order, as far as there is any, and has the loader begin with them.
     fn place_waiting(&mut self) -> Result<(), RenderError> {
+        self.place()?;
+        self.store.send(self.device)
+    }
+
+    fn place(&mut self) -> Result<(), RenderError> {
         while let Some(mut load) = self.waiting.pop_front() {
             while let Some(asset) = load.unplaced.pop_front() {
                 if self.orphans.remove(&asset) {
@@ -223,7 +228,8 @@ impl<'a> Residency<'a> {
                     continue;
                 }
                 load.unplaced.push_front(asset);
-                if self.device.heap.stats().retired_bytes == 0 {
+                // Orphans are let go as soon as they are there.
+                if self.device.heap.stats().retired_bytes == 0 && self.orphans.is_empty() {
                     self.give_up(load);
                     return Ok(());
                 }
@@ -257,7 +263,7 @@ impl<'a> Residency<'a> {
 
     /// Takes note of what has arrived; waits at most `wait` when nothing else is to do.
     pub(crate) fn advance(&mut self, wait: Duration) -> Result<(), RenderError> {
-        let arrived = self.store.advance(self.device, &self.assets, Patience::Now, wait)?;
+        let arrived = self.store.advance(&self.assets, wait)?;
         self.bytes_copied += arrived.bytes;
         self.copies.extend(arrived.copies);
         for asset in arrived.ready {

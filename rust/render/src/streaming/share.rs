@@ -18,7 +18,7 @@ pub(super) struct Room {
     pub(super) bytes: u64,
     /// Of one path in flight.
     pub(super) slot_bytes: u64,
-    /// The largest unit with all it needs, and what building it takes.
+    /// The largest unit with all it needs.
     pub(super) largest_unit: u64,
     /// All units.
     pub(super) units: u64,

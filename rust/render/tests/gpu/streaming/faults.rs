@@ -133,7 +133,7 @@ fn two_failed_calls_in_a_row_are_one_error_at_most() {
 /// device never exceeds it.
 #[test]
 fn the_driver_never_gives_more_than_the_books_say() {
-    let budget_mib = 9_u32;
+    let budget_mib = 5_u32;
     let settings = Settings { chunk_size_kib: 256, memory_budget_mib: budget_mib, ..support::settings(2, 2) };
     let session = Session::with_options(settings, options());
     session.with_scene(BEACH.build);

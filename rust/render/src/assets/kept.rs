@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Encoded assemblies and chunks in host memory, for those that come to the device again and again: a reload is a copy.
+//!
+//! Bounded in bytes. What came first stays: units come back in no order that tells which of them to let go, and one
+//! that is not kept costs no more than encoding it. Any thread.
+
+use super::level::Encoded;
+use super::source::AssetKey;
+use crate::sync::lock;
+use rustc_hash::FxHashMap;
+use std::sync::{Arc, Mutex};
+
+/// See the module.
+#[derive(Debug, Default)]
+pub(crate) struct Kept {
+    state: Mutex<State>,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    /// Most bytes.
+    most: u64,
+    bytes: u64,
+    encoded: FxHashMap<AssetKey, Arc<Encoded>>,
+}
+
+impl Kept {
+    /// From now on at most `most` bytes; lets go of everything if more are held.
+    pub(crate) fn limit(&self, most: u64) {
+        let mut state = lock(&self.state);
+        state.most = most;
+        if state.bytes > most {
+            (state.bytes, state.encoded) = (0, FxHashMap::default());
+        }
+    }
+
+    /// Bytes of host memory held.
+    pub(crate) fn bytes(&self) -> u64 {
+        lock(&self.state).bytes
+    }
+
+    /// What is kept of an asset.
+    pub(crate) fn get(&self, key: &AssetKey) -> Option<Arc<Encoded>> {
+        lock(&self.state).encoded.get(key).cloned()
+    }
+
+    /// Keeps an asset if there is room.
+    pub(crate) fn offer(&self, key: AssetKey, encoded: Encoded) {
+        let bytes = encoded.bytes();
+        let mut state = lock(&self.state);
+        if state.bytes + bytes <= state.most && !state.encoded.contains_key(&key) {
+            state.bytes += bytes;
+            state.encoded.insert(key, Arc::new(encoded));
+        }
+    }
+
+    /// Forgets what `keep` does not name.
+    pub(crate) fn retain(&self, keep: impl Fn(&AssetKey) -> bool) {
+        let mut state = lock(&self.state);
+        state.encoded.retain(|key, _| keep(key));
+        state.bytes = state.encoded.values().map(|encoded| encoded.bytes()).sum();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::level::Piece;
+    use super::*;
+
+    fn encoded(bytes: usize) -> Encoded {
+        Encoded { pieces: vec![Piece { offset: 0, bytes: vec![7; bytes] }], stack: 3 }
+    }
+
+    #[test]
+    fn what_fits_is_kept_and_what_came_first_stays() {
+        let kept = Kept::default();
+        kept.offer(AssetKey::Chunk(0), encoded(1));
+        assert!(kept.get(&AssetKey::Chunk(0)).is_none(), "nothing is kept without a limit");
+        kept.limit(100);
+        (1..4).for_each(|key| kept.offer(AssetKey::Chunk(key), encoded(40)));
+        kept.offer(AssetKey::Chunk(1), encoded(20));
+        let there = [1, 2, 3].map(|key| kept.get(&AssetKey::Chunk(key)).map(|encoded| encoded.bytes()));
+        assert_eq!(there, [Some(40), Some(40), None]);
+        assert_eq!(kept.bytes(), 80);
+    }
+
+    #[test]
+    fn what_an_edit_replaces_goes_and_makes_room() {
+        let kept = Kept::default();
+        kept.limit(100);
+        (1..3).for_each(|key| kept.offer(AssetKey::Chunk(key), encoded(40)));
+        kept.retain(|key| *key == AssetKey::Chunk(2));
+        assert_eq!((kept.bytes(), kept.get(&AssetKey::Chunk(1)).is_none()), (40, true));
+        kept.offer(AssetKey::Assembly(1), encoded(60));
+        assert_eq!(kept.bytes(), 100);
+        kept.limit(99);
+        assert_eq!((kept.bytes(), kept.get(&AssetKey::Chunk(2)).is_none()), (0, true), "a lower limit holds at once");
+    }
+}

@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Assemblies and chunks as the device wants them: records, the tree over them, values of primvars, keys of motion.
+//!
+//! The result holds no address, so it can be kept and brought to the device again, wherever it will lie. Pure; threads
+//! encode stretches of records side by side, whoever has the last of them builds the tree.
+
+use super::source::Source;
+use super::values::ValueLayout;
+use oocpt_core::Aabb;
+use oocpt_core::mesh::build_level;
+use oocpt_core::scene::{InstanceFlags, InstanceRecord, MotionKey, Target};
+use oocpt_shader_abi::{GpuInstance, GpuMotionKey, TARGET_ASSEMBLY, TARGET_MOVING};
+use std::ops::Range;
+
+/// Records that one thread encodes at a time.
+const PART_RECORDS: usize = 4096;
+/// Set in `prototype_count` of a record whose map flips handedness.
+const FLIPS_HANDEDNESS: u32 = 1 << 31;
+
+/// Bytes of an asset, and where they lie in it.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Piece {
+    pub(crate) offset: u64,
+    pub(crate) bytes: Vec<u8>,
+}
+
+/// An assembly or chunk as the device wants it.
+#[derive(Debug, Default)]
+pub(crate) struct Encoded {
+    pub(crate) pieces: Vec<Piece>,
+    /// Stack entries that a walk of its tree needs.
+    pub(crate) stack: u32,
+}
+
+impl Encoded {
+    /// Bytes of host memory.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.pieces.iter().map(|piece| piece.bytes.capacity() as u64).sum()
+    }
+}
+
+/// A stretch of records.
+#[derive(Debug)]
+pub(crate) struct Stretch {
+    first: usize,
+    pub(crate) pieces: Vec<Piece>,
+    boxes: Vec<Aabb>,
+}
+
+/// The stretches that threads may encode side by side.
+pub(crate) fn stretches(source: &Source) -> impl Iterator<Item = Range<usize>> {
+    let count = source.records();
+    (0..count.max(1)).step_by(PART_RECORDS).map(move |first| first..(first + PART_RECORDS).min(count))
+}
+
+/// Encodes records `range` of `source` with their values and keys.
+pub(crate) fn encode(source: &Source, range: Range<usize>) -> Stretch {
+    let mut records = vec![InstanceRecord::default(); range.len()];
+    source.encode(range.clone(), &mut records);
+    let boxes = records.iter().map(|record| Aabb { min: record.bounds[0], max: record.bounds[1] }).collect();
+    let mut pieces = vec![instances(source, range.clone(), &records)];
+    values(source, range.clone(), &mut pieces);
+    pieces.extend(keys(source, range.clone()));
+    Stretch { first: range.start, pieces, boxes }
+}
+
+/// The tree over the records of all stretches, and the stack entries that a walk of it needs.
+pub(crate) fn tree(source: &Source, stretches: &mut [Stretch]) -> (Piece, u32) {
+    stretches.sort_unstable_by_key(|stretch| stretch.first);
+    let boxes: Vec<Aabb> = stretches.iter_mut().flat_map(|stretch| std::mem::take(&mut stretch.boxes)).collect();
+    let tree = build_level(&boxes);
+    // LevelNode has the layout of GpuLevelNode.
+    (Piece { offset: source.nodes_at(), bytes: bytemuck::cast_slice(&tree.nodes).to_vec() }, tree.stack)
+}
+
+fn instances(source: &Source, range: Range<usize>, records: &[InstanceRecord]) -> Piece {
+    const RECORD: usize = size_of::<GpuInstance>();
+    let (keys_at, mut key) = (source.keys_at(), source.keys_before(range.start));
+    let mut bytes = Vec::with_capacity(records.len() * RECORD);
+    for record in records {
+        let mut instance = instance(record);
+        if record.keys != 0 {
+            // A target beyond 2^30 is refused before it is encoded.
+            let at = keys_at / 16 + (key * size_of::<GpuMotionKey>() / 16) as u64;
+            instance.target |= TARGET_MOVING;
+            instance.object_from_parent = [[0.0; 4]; 3];
+            let words = [u32::try_from(at).unwrap_or(0), record.keys];
+            instance.object_from_parent[0][..2].copy_from_slice(&words.map(f32::from_bits));
+            key += record.keys as usize;
+        }
+        bytes.extend_from_slice(bytemuck::bytes_of(&instance));
+    }
+    Piece { offset: (range.start * RECORD) as u64, bytes }
+}
+
+/// The values of records; with those of the first record, the table's entries.
+fn values(source: &Source, range: Range<usize>, pieces: &mut Vec<Piece>) {
+    let layout = ValueLayout::new(source.columns(), source.records());
+    let table = source.values_at();
+    if range.start == 0 && !layout.columns.is_empty() {
+        pieces.push(Piece { offset: table, bytes: bytemuck::cast_slice(&layout.entries()).to_vec() });
+    }
+    for (column, at) in &layout.columns {
+        let width = column.width as usize;
+        let mut values = vec![0.0_f32; range.len() * width];
+        source.encode_values(*column, range.clone(), &mut values);
+        let offset = table + at + (range.start * 4 * width) as u64;
+        pieces.push(Piece { offset, bytes: bytemuck::cast_slice(&values).to_vec() });
+    }
+}
+
+/// The keys of those records that move.
+fn keys(source: &Source, range: Range<usize>) -> Option<Piece> {
+    let first = source.keys_before(range.start);
+    let mut bytes = Vec::new();
+    source.encode_keys(range, |of_record| {
+        of_record.iter().for_each(|key| bytes.extend_from_slice(bytemuck::bytes_of(&motion_key(key))));
+    });
+    let offset = source.keys_at() + (first * size_of::<GpuMotionKey>()) as u64;
+    (!bytes.is_empty()).then_some(Piece { offset, bytes })
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
+pub(crate) fn motion_key(key: &MotionKey) -> GpuMotionKey {
+    let [xx, xy, xz, _, yy, yz, _, _, zz] = key.stretch.to_cols_array().map(|v| v as f32);
+    let half_angle = key.half_angle as f32;
+    GpuMotionKey {
+        translation: key.translation.as_vec3().to_array(),
+        time: key.time,
+        rotation: key.rotation.as_quat().to_array(),
+        stretch: [xx, yy, zz],
+        // Below, the sine of the angle is the angle, and quotients of them no numbers any more.
+        half_angle: if half_angle > 1e-6 { half_angle } else { 0.0 },
+        shear: [xy, xz, yz],
+        pad: 0,
+    }
+}
+
+fn instance(record: &InstanceRecord) -> GpuInstance {
+    let flip = if record.flags.contains(InstanceFlags::FLIPS_HANDEDNESS) { FLIPS_HANDEDNESS } else { 0 };
+    GpuInstance {
+        object_from_parent: record.object_from_parent,
+        target: match record.target {
+            Target::Mesh(index) => index,
+            Target::Assembly(index) => index | TARGET_ASSEMBLY,
+        },
+        prim_id: record.prim_id,
+        index_in_prototype: record.index_in_prototype,
+        prototype_count: record.prototype_count | flip,
+    }
+}

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+//! How much host memory there is to take. Linux: `/proc/meminfo` and the limits of control groups; elsewhere a guess.
+
+use oocpt_core::settings::Settings;
+use std::path::Path;
+
+/// What is taken where nothing tells how much is free, bytes.
+const UNKNOWN: u64 = 2 << 30;
+/// Part of what is free that encoded geometry may take.
+const SHARE: u64 = 2;
+
+/// Most bytes of encoded geometry, of which `held` are held already.
+pub(crate) fn for_reloads(settings: &Settings, held: u64) -> u64 {
+    match settings.host_memory_budget_mib {
+        0 => free(Path::new("/")).map_or(UNKNOWN, |free| (free + held) / SHARE),
+        mib => u64::from(mib) << 20,
+    }
+}
+
+/// Bytes that can be taken before the machine swaps or the control group ends the process; `root` has `proc` and `sys`.
+fn free(root: &Path) -> Option<u64> {
+    let read = |path: &str| std::fs::read_to_string(root.join(path)).ok();
+    let of_machine = available(&read("proc/meminfo")?)?;
+    let number = |path: &str| read(path)?.trim().parse::<u64>().ok();
+    // Version 2 of control groups, then version 1. Without a limit the file says "max", or a number beyond any memory.
+    let of_group = |limit: &str, used: &str| Some(number(limit)?.saturating_sub(number(used)?));
+    let groups = [
+        of_group("sys/fs/cgroup/memory.max", "sys/fs/cgroup/memory.current"),
+        of_group("sys/fs/cgroup/memory/memory.limit_in_bytes", "sys/fs/cgroup/memory/memory.usage_in_bytes"),
+    ];
+    Some(groups.into_iter().flatten().fold(of_machine, u64::min))
+}
+
+/// `MemAvailable` of `/proc/meminfo`, in bytes.
+fn available(meminfo: &str) -> Option<u64> {
+    let line = meminfo.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1 << 10)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What `free` says of a machine with these files.
+    fn free_of(test: &str, files: &[(&str, &str)]) -> Option<u64> {
+        let root = std::env::temp_dir().join(format!("oocpt-host-memory-{test}-{}", std::process::id()));
+        std::fs::create_dir_all(&root).expect("a folder");
+        for (path, text) in files {
+            let path = root.join(path);
+            std::fs::create_dir_all(path.parent().expect("a folder")).expect("made");
+            std::fs::write(path, text).expect("written");
+        }
+        let free = free(&root);
+        std::fs::remove_dir_all(&root).expect("removed");
+        free
+    }
+
+    const MEMINFO: (&str, &str) = ("proc/meminfo", "MemTotal:  16000 kB\nMemFree: 10 kB\nMemAvailable:    8000 kB\n");
+
+    #[test]
+    fn the_tightest_limit_counts() {
+        let free_of = |files: &[(&str, &str)]| free_of("limits", files);
+        assert_eq!(free_of(&[MEMINFO]), Some(8000 << 10));
+        let group = |limit| [MEMINFO, ("sys/fs/cgroup/memory.max", limit), ("sys/fs/cgroup/memory.current", "1000\n")];
+        assert_eq!(free_of(&group("max\n")), Some(8000 << 10), "no limit");
+        assert_eq!(free_of(&group("5000\n")), Some(4000));
+        assert_eq!(free_of(&group("500\n")), Some(0), "beyond its limit");
+        let old = "sys/fs/cgroup/memory/memory.";
+        let (limit, used) = (format!("{old}limit_in_bytes"), format!("{old}usage_in_bytes"));
+        assert_eq!(free_of(&[MEMINFO, (&limit, "3000"), (&used, "1")]), Some(2999));
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_not_guessed() {
+        for text in ["", "MemAvailable:", "MemAvailable: x kB", "MemAvailable: 12", "MemAvailable: 99999999999999999999 kB"] {
+            assert_eq!(free_of("unread", &[("proc/meminfo", text)]), None, "{text:?}");
+        }
+        assert_eq!(free_of("unread", &[]), None);
+    }
+
+    #[test]
+    fn the_setting_goes_before() {
+        let settings = Settings { host_memory_budget_mib: 3, ..Settings::default() };
+        assert_eq!(for_reloads(&settings, 1 << 40), 3 << 20);
+        let half = for_reloads(&Settings::default(), 1 << 40);
+        assert!(half >= 1 << 39, "what is held already counts as free: {half}");
+    }
+}
