@@ -29,7 +29,8 @@ KEYS = [
 ]  # fmt: skip
 LISTED = [
     "oocpt:samplesPerPixel", "oocpt:maxBounces", "oocpt:seed", "oocpt:clamp", "oocpt:timeLimit", "oocpt:memoryBudget",
-    "oocpt:device", "oocpt:chunkSize", "oocpt:geometryBudget", "oocpt:hostMemoryBudget", "oocpt:dicingRate", "oocpt:report", "oocpt:targetError",
+    "oocpt:device", "oocpt:chunkSize", "oocpt:geometryBudget", "oocpt:hostMemoryBudget", "oocpt:dicingRate",
+    "oocpt:report", "oocpt:targetError",
     "oocpt:stragglerRoulette", "oocpt:adaptiveSampling", "oocpt:textureCache", "oocpt:textureCacheSize",
     "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility", "enableSceneLights",
 ]  # fmt: skip

@@ -10,7 +10,7 @@ use crate::error::RenderError;
 use crate::loader::Loader;
 use crate::sync::lock;
 use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Heap, MAX_UPDATE_BYTES, OpenOptions, Pipeline, Usage};
-use oocpt_shader_abi::{Features, LbvhPush, Module, Push, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
+use oocpt_shader_abi::{Features, Module, Push, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
 use rustc_hash::FxHashMap;
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::{Duration, Instant};
@@ -169,9 +169,8 @@ impl Device {
             #[cfg(feature = "faults")]
             (oocpt_shader_abi::SPEC_FAULT, special.fault),
         ];
-        let push = if module.name.starts_with("lbvh_") { size_of::<LbvhPush>() } else { size_of::<Push>() };
-        // Push constants are at most 128 bytes.
-        let push_bytes = u32::try_from(push).unwrap_or(u32::MAX);
+        // 32 bytes.
+        let push_bytes = u32::try_from(size_of::<Push>()).unwrap_or(u32::MAX);
         let started = Instant::now();
         let pipeline = Arc::new(Pipeline::new(&self.gpu, module.name, module.words, &constants, push_bytes)?);
         tracing::debug!(pass = module.name, secs = started.elapsed().as_secs_f64(), "compiled");
@@ -216,19 +215,6 @@ impl Device {
     pub(crate) fn compile_secs(&self, pipeline: &Arc<Pipeline>) -> f64 {
         let pipelines = lock(&self.pipelines);
         pipelines.values().find(|made| Arc::ptr_eq(&made.pipeline, pipeline)).map_or(0.0, |made| made.secs)
-    }
-
-    /// Name and seconds of the pipelines that build instance trees.
-    pub(crate) fn tree_pipelines(&self) -> Vec<(&'static str, f64)> {
-        let is_of_trees = |name: &str| name.starts_with("lbvh_");
-        let pipelines = lock(&self.pipelines);
-        let mut found: Vec<_> = pipelines
-            .iter()
-            .filter(|((name, _), _)| is_of_trees(name))
-            .map(|((name, _), made)| (*name, made.secs))
-            .collect();
-        found.sort_by_key(|(name, _)| *name);
-        found
     }
 
     /// Bytes of the BSDF's tables on this device; 0 before a scene with materials came.

@@ -72,7 +72,9 @@ mod tests {
 
     #[test]
     fn what_cannot_be_read_is_not_guessed() {
-        for text in ["", "MemAvailable:", "MemAvailable: x kB", "MemAvailable: 12", "MemAvailable: 99999999999999999999 kB"] {
+        for text in
+            ["", "MemAvailable:", "MemAvailable: x kB", "MemAvailable: 12", "MemAvailable: 99999999999999999999 kB"]
+        {
             assert_eq!(free_of("unread", &[("proc/meminfo", text)]), None, "{text:?}");
         }
         assert_eq!(free_of("unread", &[]), None);

@@ -45,14 +45,12 @@ pub(crate) fn of_frame(setting: &Setting<'_>, compiled: Compiled<'_>, listed: In
 /// Every pass of the renderer, and whether it has a pipeline here.
 fn passes(device: &Device, passes: &Passes) -> Vec<PassUse> {
     let made: Vec<_> = passes.all().collect();
-    let trees = device.tree_pipelines();
     let entry = |name: &str| {
         let pipeline = made.iter().find(|pipeline| pipeline.name() == name);
-        let of_trees = trees.iter().find(|(tree, _)| *tree == name);
         PassUse {
             name: name.to_owned(),
-            made: pipeline.is_some() || of_trees.is_some(),
-            compile_secs: pipeline.map_or(of_trees.map_or(0.0, |(_, secs)| *secs), |p| device.compile_secs(p)),
+            made: pipeline.is_some(),
+            compile_secs: pipeline.map_or(0.0, |p| device.compile_secs(p)),
         }
     };
     // Shaders in `lights` are programs of tests.

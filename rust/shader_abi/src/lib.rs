@@ -34,12 +34,9 @@
 #![forbid(unsafe_code)]
 
 mod abi;
-mod lbvh;
 mod modules;
 mod table;
 
 pub use abi::*;
-pub use lbvh::{Job as LbvhJob, MAX_ITEMS as LBVH_MAX_ITEMS, Step as LbvhStep};
-pub use lbvh::{scratch_bytes as lbvh_scratch_bytes, steps as lbvh_steps};
 pub use modules::{ALL, Module, checks, passes};
 pub use table::{Condition, Image, Launch, PASSES, Pass, PassInfo, document};

@@ -6,7 +6,7 @@
 /// A compiled pass; its entry point is `main`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Module {
-    /// Name of the pass: the file name, with `lbvh_` before it for `shaders/lbvh`.
+    /// Name of the pass: the file name, with its folder before it but for `shaders/wavefront`.
     pub name: &'static str,
     /// SPIR-V.
     pub words: &'static [u32],

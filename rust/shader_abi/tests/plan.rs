@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Launch arithmetic: workgroup counts, wave numbering, hit strides, and the plan of a tree build.
+//! Launch arithmetic: workgroup counts, wave numbering, hit strides.
 #![allow(missing_docs, reason = "a test")]
 
 use oocpt_shader_abi::{
-    Counters, Frame, GpuChunkInstance, LBVH_MAX_ITEMS, LbvhBounds, LbvhJob, LbvhPush, Push, PushFlags, RAY_WORD_BOUNCE,
-    RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW, RAY_WORD_T_MAX, Ray, ShadowRay, WORKGROUP_SIZE, groups, hit_stride,
-    lbvh_scratch_bytes, lbvh_steps, pack_band, pack_color, unpack_band, unpack_color,
+    Counters, Frame, GpuChunkInstance, Push, PushFlags, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW,
+    RAY_WORD_T_MAX, Ray, ShadowRay, WORKGROUP_SIZE, groups, hit_stride, pack_band, pack_color, unpack_band,
+    unpack_color,
 };
 
 #[test]
@@ -31,7 +31,7 @@ fn a_wave_starts_at_its_first_path() {
 #[test]
 fn sizes_are_what_the_shaders_count_on() {
     assert_eq!([1, 3, 4, 7, 8].map(hit_stride), [32, 32, 48, 48, 64]);
-    assert_eq!((size_of::<Push>(), size_of::<LbvhPush>()), (32, 120));
+    assert_eq!(size_of::<Push>(), 32);
     assert_eq!([size_of::<Ray>(), size_of::<ShadowRay>(), size_of::<GpuChunkInstance>()], [48, 64, 80]);
     assert_eq!(size_of::<Frame>() % 8, 0);
     assert_eq!((Counters::TOTALS_BYTES, Counters::RAY_ARGS, Counters::SHADOW_ARGS), (40, 96, 132));
@@ -49,56 +49,6 @@ fn origins_are_split_without_loss() {
         assert!((sum - origin[i]).abs() <= origin[i].abs() * 2.0_f64.powi(-48), "component {i}: {sum}");
     }
     assert_eq!((instance.chunk, instance.instance_id), (3, 4));
-}
-
-fn job(count: u32) -> LbvhJob {
-    let around = LbvhBounds { min: [-1.0, 2.0, 0.0], max: [1.0, 2.0, 8.0] };
-    LbvhJob { bounds: 1 << 40, nodes: 1 << 41, scratch: 1 << 42, depth: 1 << 43, count, around }
-}
-
-#[test]
-fn a_build_keeps_to_its_scratch_memory() {
-    for count in [2, 3, 1024, 1025, 2048, 2049, 100_000, LBVH_MAX_ITEMS] {
-        let job = job(count);
-        let end = job.scratch + lbvh_scratch_bytes(count);
-        for step in lbvh_steps(&job) {
-            let p = step.push;
-            let n = u64::from(count);
-            let mut ranges = vec![
-                (p.keys_in, 8 * n),
-                (p.keys_out, 8 * n),
-                (p.items_in, 4 * n),
-                (p.items_out, 4 * n),
-                (p.histogram, 1024 * (u64::from(p.groups) + 1)),
-            ];
-            ranges.sort_unstable();
-            assert!(ranges[0].0 >= job.scratch, "{count} items");
-            assert!(ranges.windows(2).all(|w| w[0].0 + w[0].1 <= w[1].0), "{count} items: {ranges:?}");
-            assert!(ranges.iter().all(|(start, bytes)| start % 8 == 0 && start + bytes <= end), "{count} items");
-        }
-    }
-}
-
-#[test]
-fn parents_and_visits_do_not_touch_the_sorted_keys() {
-    let step = lbvh_steps(&job(5000)).pop().expect("steps");
-    assert_eq!((step.push.parents, step.push.visits), (step.push.keys_out, step.push.items_out));
-    assert_eq!(step.module.name, "lbvh_widen");
-}
-
-#[test]
-fn a_flat_box_gives_no_infinite_scale() {
-    let push = lbvh_steps(&job(10))[0].push;
-    assert_eq!(push.scale, [1_048_576.0, 0.0, 262_144.0]);
-}
-
-#[test]
-fn one_item_needs_no_sort() {
-    let names = |count| lbvh_steps(&job(count)).iter().map(|step| step.module.name).collect::<Vec<_>>();
-    assert_eq!(names(0), ["lbvh_refit", "lbvh_widen"]);
-    assert_eq!(names(1), ["lbvh_refit", "lbvh_widen"]);
-    assert_eq!(names(2), ["lbvh_sort_small", "lbvh_hierarchy", "lbvh_refit", "lbvh_widen"]);
-    assert_eq!(names(5000).len(), 1 + 3 * 8 + 3);
 }
 
 #[test]

@@ -100,35 +100,4 @@ struct ErrorSums {
     uint pad;
 };
 
-struct LbvhBounds {
-    vec3 min;
-    vec3 max;
-};
-
-struct LbvhNode {
-    vec3 min[2];
-    vec3 max[2];
-    uint child[2];
-    uint count[2];
-};
-
-struct LbvhPush {
-    uint64_t bounds;
-    uint64_t keys_in;
-    uint64_t keys_out;
-    uint64_t items_in;
-    uint64_t items_out;
-    uint64_t histogram;
-    uint64_t nodes;
-    uint64_t parents;
-    uint64_t visits;
-    uint64_t depth;
-    vec3 origin;
-    vec3 scale;
-    uint count;
-    uint shift;
-    uint groups;
-    uint pad;
-};
-
 #endif

@@ -5,8 +5,7 @@
 //!
 //! Made from a [`Bvh2`]: a node takes up its grandchildren, those of its largest child first. Planes are rounded
 //! outwards, so a box holds what is in it. Over the triangles of a mesh ([`Bvh4`]) the children lie one after the
-//! other; over boxes ([`LevelNode`]) each is named, as the device names them when it builds such a tree itself
-//! (`shaders/lbvh/widen.comp`). Pure; one thread per build.
+//! other; over boxes ([`LevelNode`]) each is named. Pure; one thread per build.
 
 use bytemuck::{Pod, Zeroable};
 

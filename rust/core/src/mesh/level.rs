@@ -203,9 +203,7 @@ fn split(items: &mut [Item], residues: [usize; 2], sah: bool) -> (&mut [Item], &
         _ => choose::<16>(items, &centers),
     };
     let by_center = |axis: usize| {
-        move |a: &Item, b: &Item| {
-            a.center()[axis].total_cmp(&b.center()[axis]).then_with(|| a.number.cmp(&b.number))
-        }
+        move |a: &Item, b: &Item| a.center()[axis].total_cmp(&b.center()[axis]).then_with(|| a.number.cmp(&b.number))
     };
     let Some(Cut { axis, bin, scale }) = chosen else {
         let middle = nearest(count / 2, count, residues);
@@ -277,7 +275,11 @@ impl Scale {
     #[inline]
     fn bin(&self, center: Vec3A) -> [usize; 3] {
         let at = ((center - self.from) * self.per_unit).min(Vec3A::splat(self.last));
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not below 0, at most the last bin")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "not below 0, at most the last bin"
+        )]
         at.to_array().map(|at| at as usize)
     }
 }

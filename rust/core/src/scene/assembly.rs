@@ -169,7 +169,8 @@ impl Assembly {
         self.len() == 0
     }
 
-    /// Bytes that its records, their hierarchy and their values count when chunks are sized, at least those on the device.
+    /// Bytes that its records, their hierarchy and their values count when chunks are sized: no fewer than they take on
+    /// the device.
     #[must_use]
     pub fn device_bytes(&self) -> u64 {
         let records = (RECORD_BYTES + value_bytes(&self.columns)).saturating_mul(self.len() as u64);

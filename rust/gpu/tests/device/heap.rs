@@ -70,6 +70,24 @@ fn a_reserved_arena_serves_what_is_larger_than_the_usual_ones() {
     assert_eq!((heap.stats().arenas, gpu.memory().used), (0, 0), "it goes back as any other");
 }
 
+/// Arenas change places when empty ones are trimmed.
+#[test]
+fn a_reserved_arena_serves_large_ranges_wherever_it_is_listed() {
+    const MIB: u64 = 1 << 20;
+    let gpu = support::open();
+    let heap = Heap::new(&gpu, "heap", MIB).expect("a heap");
+    assert_eq!(heap.reserve(8 * MIB).expect("alive"), 8 * MIB);
+    let all = [4 * MIB, 4 * MIB - 4096].map(|bytes| heap.alloc("large", bytes, 16).expect("fits"));
+    let small = heap.alloc("small", MIB / 2, 16).expect("in an arena of its own");
+    assert_eq!((heap.stats().arenas, heap.stats().dedicated_bytes), (2, 0));
+    drop(all);
+    // The reserved one is empty now and goes behind the other.
+    drop(heap.alloc("short", 4096, 16).expect("fits"));
+    let large = heap.alloc("large", 3 * MIB, 16).expect("fits");
+    assert_eq!((heap.stats().arenas, heap.stats().dedicated_bytes), (2, 0), "{:?}", heap.stats());
+    drop((small, large));
+}
+
 #[test]
 fn no_more_is_reserved_than_there_is() {
     const MIB: u64 = 1 << 20;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Scene data on the device: what there is (`catalog`), where its bytes come from (`source`), how they get there
-//! (`load`, `encode`, `level`), what is there now (`store`) and kept in host memory (`kept`), the tables that rays go through (`tables`), and all of
-//! it from frame to frame (`cache`).
+//! (`load`, `encode`, `level`), what is there now (`store`) and kept in host memory (`kept`), the tables that rays go
+//! through (`tables`), and all of it from frame to frame (`cache`).
 //!
 //! The straight line of a mesh from a snapshot to a ray: `catalog` -> `store` -> `load` -> `encode` -> `tables`.
 

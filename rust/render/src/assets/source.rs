@@ -2,7 +2,8 @@
 //! One piece of scene data: where its bytes come from, how many there are, and how they are laid out on the device.
 //!
 //! A mesh is one range: nodes, triangles, attributes. An assembly or a chunk is one range: instance records, then the
-//! nodes of the tree over them, then values of primvars by record, and keys of those that move. A tile of a texture is one range of texels. Pure; any thread.
+//! nodes of the tree over them, then values of primvars by record, and keys of those that move. A tile of a
+//! texture is one range of texels. Pure; any thread.
 
 use super::values::ValueLayout;
 use crate::textures::TextureImage;

@@ -76,11 +76,7 @@ impl Store {
     }
 
     /// Forgets what is on its way and every asset that `keep` does not have, tiles by `keeps_tiles_of` their image.
-    pub(crate) fn retain(
-        &mut self,
-        keep: &FxHashSet<AssetKey>,
-        keeps_tiles_of: impl Fn(u64) -> bool,
-    ) {
+    pub(crate) fn retain(&mut self, keep: &FxHashSet<AssetKey>, keeps_tiles_of: impl Fn(u64) -> bool) {
         self.forget_arriving();
         self.kept.retain(|key| keep.contains(key));
         self.resident.retain(|key, _| match key {
@@ -144,7 +140,8 @@ impl Store {
         self.arriving.len()
     }
 
-    /// Starts to bring `asset`, at the latest with [`Store::send`]; false when there is no memory for it now (only with [`Patience::Now`]).
+    /// Starts to bring `asset`, at the latest with [`Store::send`]; false when there is no memory for it now (only with
+    /// [`Patience::Now`]).
     pub(crate) fn begin(
         &mut self,
         device: &Device,

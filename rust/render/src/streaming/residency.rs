@@ -211,7 +211,7 @@ impl<'a> Residency<'a> {
         self.waiting.push_back(Load { chunk, unplaced: assets.into(), begun: Vec::new() });
     }
 
-    /// Gives memory to the loads that wait for it, in order, as far as there is any, and has the loader begin with them.
+    /// Gives memory to the loads that wait for it, in order, as far as there is any, and has the loader begin.
     fn place_waiting(&mut self) -> Result<(), RenderError> {
         self.place()?;
         self.store.send(self.device)

@@ -8,8 +8,8 @@ use super::{
     GpuCameraMotion, GpuCdf, GpuChunk, GpuChunkInstance, GpuDistantLight, GpuInfiniteLight, GpuInput, GpuInstance,
     GpuLevelNode, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping, GpuLightTriangle,
     GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuMeshNode, GpuMotionKey, GpuPrim, GpuSurface,
-    GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, LbvhBounds, LbvhNode, LbvhPush, Lighting, PathState,
-    Pending, Push, Question, Ray, Roulette, Segment, ShadowRay, Streaming, TextureFeedback,
+    GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, Lighting, PathState, Pending, Push, Question, Ray,
+    Roulette, Segment, ShadowRay, Streaming, TextureFeedback,
 };
 use core::mem::{offset_of, size_of};
 
@@ -180,7 +180,6 @@ pub const LAYOUTS: &[StructLayout] = &[
     }),
     layout!(GpuMeshNode { origin, cell_and_counts, lower, upper, first_child, first_triangle }),
     layout!(GpuLevelNode { origin, cell, lower, upper, child, pad }),
-    layout!(LbvhNode { min, max, child, count }),
     layout!(GpuTriangle { v0, face, v1, subset_and_sides, v2, ptex }),
     layout!(GpuInstance { object_from_parent, target, prim_id, index_in_prototype, prototype_count }),
     layout!(GpuMotionKey { translation, time, rotation, stretch, half_angle, shear, pad }),
@@ -354,23 +353,4 @@ pub const LAYOUTS: &[StructLayout] = &[
     }),
     layout!(FilmPixel { sum, compensation, m2, samples, m2_compensation, pad0, earlier, pad1 }),
     layout!(ErrorSums { s, d, ss, sd, dd, doubt, worst, worst_pixel, pixels, fewest, most, pad }),
-    layout!(LbvhBounds { min, max }),
-    layout!(LbvhPush {
-        bounds,
-        keys_in,
-        keys_out,
-        items_in,
-        items_out,
-        histogram,
-        nodes,
-        parents,
-        visits,
-        depth,
-        origin,
-        scale,
-        count,
-        shift,
-        groups,
-        pad
-    }),
 ];

@@ -8,7 +8,6 @@ mod features;
 mod film;
 mod frame;
 mod layout;
-mod lbvh;
 mod light;
 mod material;
 mod path;
@@ -29,7 +28,6 @@ pub use frame::{
 #[cfg(feature = "faults")]
 pub use frame::{FAULT_ALL, FAULT_ONE_IN, SPEC_FAULT};
 pub use layout::{LAYOUTS, MemberLayout, StructLayout};
-pub use lbvh::{LbvhBounds, LbvhNode, LbvhPush};
 pub use light::{
     GpuCdf, GpuInfiniteLight, GpuLightKind, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
     GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMeshLight, LIGHT_KIND_MASK, LIGHT_LEAF, LIGHT_TREE_DEPTH,

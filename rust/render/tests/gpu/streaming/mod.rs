@@ -142,6 +142,18 @@ fn thin_shadow_casters() {
     same_bits(&SCENES[5]);
 }
 
+/// Encoded anew, or copied from what the host keeps of it: what comes again is the same.
+#[test]
+fn what_the_host_keeps_changes_no_bit() {
+    let whole = render(&BEACH, Settings { chunk_size_kib: 256, ..settings(2, 2) }, options());
+    for host_memory_budget_mib in [1, 2, 1 << 20] {
+        let few = Settings { chunk_size_kib: 256, memory_budget_mib: 5, host_memory_budget_mib, ..settings(2, 2) };
+        let streamed = render(&BEACH, few, options());
+        assert!(streamed.stats.reloads > 0, "something came again: {:?}", streamed.stats);
+        assert!(streamed.images == whole.images, "{host_memory_budget_mib} MiB on the host: the picture differs");
+    }
+}
+
 #[test]
 fn the_budget_of_all_memory_holds_and_the_picture_is_the_same() {
     let settings = Settings { chunk_size_kib: 256, ..settings(2, 2) };
