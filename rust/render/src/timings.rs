@@ -30,7 +30,7 @@ pub struct LeftMoment {
 pub struct Timings {
     /// Making meshes, instance records and tables ready and handing them to the device, seconds.
     pub upload_secs: f64,
-    /// Building the instance levels on the device, seconds.
+    /// Filling the tables that rays go through, seconds.
     pub build_secs: f64,
     /// Waiting for tiles of textures that waves had asked for, in core, seconds.
     pub tile_secs: f64,

@@ -167,7 +167,7 @@ fn print_table(report: &Report) {
         report.gpu_mib
     );
     println!(
-        "commit {:.3} s, upload {:.3} s, instance level build {:.3} s, compile {:.3} s",
+        "commit {:.3} s, upload {:.3} s, tables {:.3} s, compile {:.3} s",
         report.commit_secs, report.upload_secs, report.build_secs, report.compile_secs
     );
     println!(

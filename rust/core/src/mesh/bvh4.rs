@@ -18,7 +18,7 @@ pub const WIDTH: usize = 4;
 const CELLS: f64 = 253.0;
 /// Cells that planes over boxes are further out at least. Walks do not pad these boxes as they do those of meshes, and
 /// the planes' own rounding is 2^-24 of the grid's 255 cells at each of four steps.
-pub(super) const MARGIN: f64 = 1.0 / 8192.0;
+const MARGIN: f64 = 1.0 / 8192.0;
 /// In [`LevelNode::child`]: an item.
 pub const LEAF: u32 = 1 << 31;
 /// In [`LevelNode::child`]: nothing.

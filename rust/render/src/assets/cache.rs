@@ -23,7 +23,7 @@ use rustc_hash::FxHashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Bytes of assets and workspaces that may be on their way at the same time while everything is loaded.
+/// Bytes of assets that may be on their way at the same time while everything is loaded.
 const IN_FLIGHT_BYTES: u64 = 512 << 20;
 /// How long the loader may take over one asset.
 const LOAD_TIMEOUT: Duration = Duration::from_secs(120);

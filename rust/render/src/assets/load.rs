@@ -175,6 +175,10 @@ fn parts(wanted: &[Wanted], kept: &Kept) -> (Vec<Part>, Progress) {
         Source::Assembly(_) | Source::Chunk(_) => 0,
     });
     parts.extend(groups(sizes).into_iter().map(Part::Whole));
+    if parts.is_empty() {
+        // Nothing to copy is a result too.
+        parts.push(Part::Whole(0..wanted.len()));
+    }
     let left = parts.len();
     (parts, Progress { left, levels, sum: Ok(copied) })
 }

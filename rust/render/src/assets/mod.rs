@@ -3,7 +3,8 @@
 //! (`load`, `encode`, `level`), what is there now (`store`) and kept in host memory (`kept`), the tables that rays go
 //! through (`tables`), and all of it from frame to frame (`cache`).
 //!
-//! The straight line of a mesh from a snapshot to a ray: `catalog` -> `store` -> `load` -> `encode` -> `tables`.
+//! The straight line of a mesh from a snapshot to a ray: `catalog` -> `store` -> `load` -> `encode` -> `tables`; of an
+//! instance the same by `level`.
 
 mod cache;
 mod catalog;
