@@ -86,7 +86,7 @@ void queue_paths(uint thread, uint path) {
     }
     if (in_range) {
         set_progress(path, SHADOW_DONE);
-        Uints(STREAMING.places).v[path] = (push.flags >> PUSH_SEGMENT_SHIFT) * STREAMING.segment_size + thread;
+        Uints(STREAMING.places).v[path] = segment_place(thread);
     }
     uint to;
     QUEUE_SLOT(to, ray_count[push.round & 1u], in_range);

@@ -55,8 +55,7 @@ bool sample_of_place(uint place, out Sample of_path) {
     return true;
 }
 
-// Radiance of the path that is `steps` samples of its pixel on from a place: as far as it is known, and only if it is
-// found.
+// Radiance of the path that is `steps` samples of its pixel on from a place, if it is found and has ended.
 bool radiance_of_other(uint place, Sample from, int steps, out float radiance) {
     const int64_t places = int64_t(STREAMING.segment_count) * int64_t(STREAMING.segment_size);
     int64_t other = (int64_t(place) + int64_t(steps) * int64_t(from.stride)) % places;
@@ -65,8 +64,9 @@ bool radiance_of_other(uint place, Sample from, int steps, out float radiance) {
     radiance = 0.0;
     if (!sample_of_place(uint(other), found)) return false;
     if (found.pixel != from.pixel || found.number != from.number + uint(steps)) return false;
-    radiance = average(ConstVec4s(FRAME.radiance).v[uint(other)].rgb);
-    return true;
+    const vec4 ended = ConstVec4s(STREAMING.ended_radiance).v[uint(other)];
+    radiance = average(ended.rgb);
+    return ended.a >= 0.0;
 }
 
 #endif

@@ -9,9 +9,8 @@
 #define OOCPT_SHADE_GENERAL_GLSL
 
 void add_radiance(uint path, vec3 value) {
-    const uint place = path_place(path);
-    const vec4 before = ConstVec4s(FRAME.radiance).v[place];
-    Vec4s(FRAME.radiance).v[place] = vec4(before.xyz + value, before.w);
+    const vec4 before = ConstVec4s(FRAME.radiance).v[path];
+    Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + value, before.w);
 }
 
 // Adds the lights that the ray has met before it came to the surface.
@@ -63,7 +62,7 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     const Surface surface = load_surface(path);
     PathState state = load_path(path);
     if (HAS_CUTOUTS && HAS_TEXTURES) store_next_cone(path, surface.cone, 0.0);
-    if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path_place(path)] = vec4(0.0, 0.0, 0.0, 1.0);
+    if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path] = vec4(0.0, 0.0, 0.0, 1.0);
     if (HAS_LOCAL_LIGHTS) add_met_lights(path, ray, surface, state);
     const bool only_lights = HAS_MATERIALS && ray.bounce > FRAME.max_bounces;
     if (only_lights && !HAS_EMISSION) return;

@@ -38,7 +38,7 @@ void shade_plain(uint path, out bool ask, out bool go_on) {
     const Lambert lambert = make_lambert(surface.geometric_normal, surface.shading_normal, ray.d);
     const Double3 origin = add(surface.position, surface.offset * lambert.g);
     const bool last = ray.bounce >= FRAME.max_bounces;
-    if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path_place(path)] = vec4(0.0, 0.0, 0.0, 1.0);
+    if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path] = vec4(0.0, 0.0, 0.0, 1.0);
 
     const uvec2 pixel = pixel_position(path_pixel(path));
     const uint seed = pixel_seed(pixel.x, pixel.y, path_seed(path));

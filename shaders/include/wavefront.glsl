@@ -27,11 +27,15 @@ uint sample_from(uint first_sample, uint first_pixel, uint i) {
     return first_sample + (first_pixel + i) / (FRAME.width * FRAME.height);
 }
 
-// Where the radiance of the path in a slot is: the slot itself in a wave. With streaming a place in one of the
-// segments, of which there are more than slots: what little is left of a path that has ended does not keep its slot
-// from the next one.
+// Streaming: where the radiance of the path in a slot goes when it ends, a place in one of the segments, of which there
+// are more than slots: what little is left of a path that has ended does not keep its slot from the next one.
 uint path_place(uint path) {
-    return HAS_STREAMING ? ConstUints(STREAMING.places).v[path] : path;
+    return ConstUints(STREAMING.places).v[path];
+}
+
+// In generate_*: the place of path `i` of the segment that begins.
+uint segment_place(uint i) {
+    return (push.flags >> PUSH_SEGMENT_SHIFT) * STREAMING.segment_size + i;
 }
 
 // Adaptive: pixel, with the stream in the highest bit, and sample number of path `i` of those that begin at entry

@@ -2,7 +2,8 @@
 // Adds the samples of a wave, or of a segment whose first place is arg0, to the
 // film, each pixel's in ascending order: one thread per pixel of it, at least min(path_count, width * height).
 // Adaptive: one thread per entry of it; and notes at powers of two what the samples so far say of their error. In core,
-// with textures: does nothing while a path of the wave lacks a tile. Reads: radiance. Reads and writes: film. Adaptive:
+// with textures: does nothing while a path of the wave lacks a tile. Reads: radiance, streaming: ended_radiance. Reads
+// and writes: film. Adaptive:
 // reads entries, writes said.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -45,8 +46,9 @@ void main() {
     const uvec2 position = pixel_position(index);
     const uint pixel = position.y * FRAME.width + position.x + stream * FRAME.width * FRAME.height;
     FilmPixel film = Film(FRAME.film).v[pixel];
+    const uint64_t ended = HAS_STREAMING ? STREAMING.ended_radiance : FRAME.radiance;
     for (uint path = thread; path < push.path_count; path += pixels) {
-        const vec4 value = ConstVec4s(FRAME.radiance).v[push.arg0 + path];
+        const vec4 value = ConstVec4s(ended).v[push.arg0 + path];
         const vec3 mean = film.sum.rgb / float(max(film.samples, 1u));
         const vec3 deviation = film.samples == 0u ? vec3(0.0) : value.rgb - mean;
         if ((film.samples & (film.samples - 1u)) == 0u) film.earlier = mean;

@@ -41,8 +41,8 @@ void start_path(uint thread, uint path) {
         start_ray(path, shift, d);
     }
     store_path(path, PathState(vec3(1.0), 0.0));
-    const uint place = HAS_STREAMING ? (push.flags >> PUSH_SEGMENT_SHIFT) * STREAMING.segment_size + thread : path;
-    Vec4s(FRAME.radiance).v[place] = vec4(0.0);
+    Vec4s(FRAME.radiance).v[path] = vec4(0.0);
+    if (HAS_ROULETTE) Vec4s(STREAMING.ended_radiance).v[segment_place(thread)] = vec4(0.0, 0.0, 0.0, -1.0);
 }
 
 void main() {

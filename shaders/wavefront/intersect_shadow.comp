@@ -40,9 +40,8 @@ void add_light(uint path) {
     if (walk.hit ? shadow_color == 0u : waits) return;
     vec3 contribution = ConstVec4s(ray).v[3].xyz;
     if (walk.hit) contribution *= unpack_color(shadow_color);
-    const uint place = path_place(path);
-    const vec4 before = ConstVec4s(FRAME.radiance).v[place];
-    Vec4s(FRAME.radiance).v[place] = vec4(before.xyz + contribution, before.w);
+    const vec4 before = ConstVec4s(FRAME.radiance).v[path];
+    Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + contribution, before.w);
 }
 
 // Pushes paths that wait for their shadow ray only, and rays that wait.

@@ -2,7 +2,7 @@
 // Turns queue lengths into indirect arguments and empties the queues that the next passes fill: one thread.
 // arg0 = PREPARE_TRACE, round r: for intersect_closest of round r and intersect_shadow of what round r - 1 shaded.
 // arg0 = PREPARE_SHADE, round r: for shade_surface and shade_background of round r.
-// arg0 = PREPARE_DEMAND: for what reads the deferred rays.
+// arg0 = PREPARE_DEMAND: for what reads the deferred rays, and for retire_paths.
 // arg0 = PREPARE_RESOLVE: for resolve_materials.
 // Reads and writes: Counters. Totals of rays are counted here, those of AOVs left out.
 #version 460
@@ -59,10 +59,17 @@ void prepare_shade() {
     if (HAS_STREAMING && HAS_TEXTURES) COUNTERS.resolve_count = 0u;
 }
 
+void prepare_demand() {
+    COUNTERS.deferred_args = indirect(COUNTERS.deferred_count[COUNTERS.deferred_parity]);
+    COUNTERS.retire_args = indirect(COUNTERS.freed - COUNTERS.retired_to);
+    COUNTERS.retired_from = COUNTERS.retired_to;
+    COUNTERS.retired_to = COUNTERS.freed;
+}
+
 void main() {
     if (thread_index() != 0u) return;
     if (push.arg0 == PREPARE_TRACE) prepare_trace();
     if (push.arg0 == PREPARE_SHADE) prepare_shade();
     if (push.arg0 == PREPARE_RESOLVE) COUNTERS.resolve_args = indirect(COUNTERS.resolve_count);
-    if (push.arg0 == PREPARE_DEMAND) COUNTERS.deferred_args = indirect(COUNTERS.deferred_count[COUNTERS.deferred_parity]);
+    if (push.arg0 == PREPARE_DEMAND) prepare_demand();
 }

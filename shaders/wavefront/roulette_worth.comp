@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Roulette on loads only. Adds up, chunk by chunk, the second moment of what the rays that wait for it first bring to a
 // pixel together, relative to the pixel, over the pixels: one thread per deferred ray, Counters::deferred_args.
-// Reads: deferred, rays, shadow_rays, paths, pending lists, segments, radiance, film, Roulette. Adds to: worth,
+// Reads: deferred, rays, shadow_rays, paths, pending lists, segments, ended_radiance, film, Roulette. Adds to: worth,
 // worth_sums.
 //
 // All rays of a load end together, so m rays of a pixel that bring c each add m^2 c^2 to its variance. Each adds its

@@ -40,7 +40,6 @@ vec3 gathered(vec3 d, float pdf) {
 void shade_general(uint path) {
     const Ray ray = load_ray(ray_address(path));
     const Double3 origin = Double3(ray.o, ray.o_lo);
-    const uint place = path_place(path);
     bool met = false;
     if (ray.bounce == 0u) {
         PreviousVertex nowhere = PreviousVertex(Receiver(vec3(0.0), vec3(0.0)), 0u, vec3(0.0), 0.0);
@@ -49,7 +48,7 @@ void shade_general(uint path) {
             seen += domes_behind(ray.d);
             met = true;
         }
-        Vec4s(FRAME.radiance).v[place] = met ? vec4(clamp_contribution(seen, false), 1.0) : vec4(0.0);
+        Vec4s(FRAME.radiance).v[path] = met ? vec4(clamp_contribution(seen, false), 1.0) : vec4(0.0);
         return;
     }
     const PathState state = load_path(path);
@@ -57,21 +56,20 @@ void shade_general(uint path) {
     vec3 sum = lights_at_infinity(ray.d, from);
     if (HAS_LOCAL_LIGHTS) sum += lights_along(origin, ray.d, LARGEST, false, from, met);
     const vec3 contribution = clamp_contribution(state.throughput * sum, ray.bounce > 1u);
-    const vec4 before = ConstVec4s(FRAME.radiance).v[place];
-    Vec4s(FRAME.radiance).v[place] = vec4(before.xyz + contribution, before.w);
+    const vec4 before = ConstVec4s(FRAME.radiance).v[path];
+    Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + contribution, before.w);
 }
 
 void shade(uint path) {
     const Ray ray = load_ray(ray_address(path));
     if (ray.bounce == 0u) {
-        Vec4s(FRAME.radiance).v[path_place(path)] = seen_by_camera();
+        Vec4s(FRAME.radiance).v[path] = seen_by_camera();
         return;
     }
     const PathState state = load_path(path);
     const vec3 contribution = clamp_contribution(state.throughput * gathered(ray.d, state.pdf), ray.bounce > 1u);
-    const uint place = path_place(path);
-    const vec4 before = ConstVec4s(FRAME.radiance).v[place];
-    Vec4s(FRAME.radiance).v[place] = vec4(before.xyz + contribution, before.w);
+    const vec4 before = ConstVec4s(FRAME.radiance).v[path];
+    Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + contribution, before.w);
 }
 
 void main() {

@@ -37,8 +37,8 @@ pub struct Settings {
     pub chunk_size_kib: u32,
     /// Hard limit of device memory for geometry in KiB, 0 = what the memory budget leaves.
     pub geometry_budget_kib: u32,
-    /// Most MiB of host memory for geometry as it was encoded, which can then be copied to the device again; 0 = half
-    /// of what is free.
+    /// Most MiB of host memory that streaming takes: geometry as it was encoded, which can then be copied to the device
+    /// again, and an eighth for the radiance of ended paths; 0 = half of what is free, and an eighth.
     pub host_memory_budget_mib: u32,
     /// Folder in which decoded textures are kept, "0" = none, empty = the user's own.
     pub texture_cache: String,

@@ -126,6 +126,12 @@ impl Gpu {
         &self.device.report
     }
 
+    /// Whether all its memory is the host's too: no bus lies between them.
+    #[must_use]
+    pub fn is_unified(&self) -> bool {
+        self.device.unified
+    }
+
     /// Its limits.
     #[must_use]
     pub fn limits(&self) -> &Limits {

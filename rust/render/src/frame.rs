@@ -319,9 +319,8 @@ impl Renderer {
         let share = if textures { unused / 2 } else { unused - unused / 8 };
         let room = share / path_bytes(view.max_levels, false, light_paths);
         let capacity = wanted.min(room).max(MIN_WAVE);
-        let mut waves = shrinking(capacity, MIN_WAVE, |capacity| {
-            PathBuffers::new(&device.gpu, capacity, capacity, view.max_levels, needs)
-        })?;
+        let mut waves =
+            shrinking(capacity, MIN_WAVE, |capacity| PathBuffers::new(&device.gpu, capacity, view.max_levels, needs))?;
         waves.asked = wanted;
         self.waves = Some(waves);
         Ok(())

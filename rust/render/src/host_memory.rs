@@ -8,12 +8,22 @@ use std::path::Path;
 const UNKNOWN: u64 = 2 << 30;
 /// Part of what is free that encoded geometry may take.
 const SHARE: u64 = 2;
+/// Part of the budget, or of what is free, that the radiance of ended paths may take.
+const ENDED_SHARE: u64 = 8;
 
 /// Most bytes of encoded geometry, of which `held` are held already.
 pub(crate) fn for_reloads(settings: &Settings, held: u64) -> u64 {
     match settings.host_memory_budget_mib {
         0 => free(Path::new("/")).map_or(UNKNOWN, |free| (free + held) / SHARE),
-        mib => u64::from(mib) << 20,
+        mib => (u64::from(mib) << 20) / ENDED_SHARE * (ENDED_SHARE - 1),
+    }
+}
+
+/// Most bytes of the radiance of ended paths.
+pub(crate) fn for_ended_paths(settings: &Settings) -> u64 {
+    match settings.host_memory_budget_mib {
+        0 => free(Path::new("/")).unwrap_or(UNKNOWN) / ENDED_SHARE,
+        mib => (u64::from(mib) << 20) / ENDED_SHARE,
     }
 }
 
@@ -82,8 +92,8 @@ mod tests {
 
     #[test]
     fn the_setting_goes_before() {
-        let settings = Settings { host_memory_budget_mib: 3, ..Settings::default() };
-        assert_eq!(for_reloads(&settings, 1 << 40), 3 << 20);
+        let settings = Settings { host_memory_budget_mib: 8, ..Settings::default() };
+        assert_eq!((for_reloads(&settings, 1 << 40), for_ended_paths(&settings)), (7 << 20, 1 << 20));
         let half = for_reloads(&Settings::default(), 1 << 40);
         assert!(half >= 1 << 39, "what is held already counts as free: {half}");
     }

@@ -145,7 +145,7 @@ passes! {
     ShadeAovs = SHADE_AOVS, When::image(Image::PixelCentres), Direct("indirect `SURFACE_ARGS`, then `ESCAPED_ARGS`"),
         "the queue, and `hits` and scene, or with streaming `surfaces`" => "the planes of `Frame::aov` that are not 0";
     /// Adds the samples of a wave or segment to the film.
-    Accumulate = ACCUMULATE, When::ALWAYS, Direct("`min(path_count, width * height)`"), "`radiance`" => "`film`";
+    Accumulate = ACCUMULATE, When::ALWAYS, Direct("`min(path_count, width * height)`"), "`radiance`; streaming: `ended_radiance`" => "`film`";
     /// Writes the number of samples of each pixel.
     CountSamples = COUNT_SAMPLES, When::image(Image::SampleCount), Direct("`width * height`"),
         "`film`" => "its plane of `Frame::aov`";
@@ -169,12 +169,15 @@ passes! {
     /// Counts who waits for what.
     CountDemand = COUNT_DEMAND, When::with(STREAMING), Indirect(Counters::DEFERRED_ARGS),
         "`deferred`, pending lists" => "adds to `demand`";
+    /// Takes the radiance of ended paths out of their slots.
+    RetirePaths = RETIRE_PATHS, When::with(STREAMING), Indirect(Counters::RETIRE_ARGS),
+        "`free_slots`, `places`, `radiance`" => "`ended_radiance`";
     /// Estimates the level of radiance of the picture.
     RouletteLevel = ROULETTE_LEVEL, When::with(ROULETTE), Direct("64, while few paths are left"),
-        "`segments`, `radiance`" => "`Roulette`";
+        "`segments`, `ended_radiance`" => "`Roulette`";
     /// Estimates what waiting rays may bring.
     RouletteWorth = ROULETTE_WORTH, When::with(ROULETTE), Indirect(Counters::DEFERRED_ARGS),
-        "`deferred`, pending lists, what the rays carry, `segments`, `radiance`, `film`, `Roulette`"
+        "`deferred`, pending lists, what the rays carry, `segments`, `ended_radiance`, `film`, `Roulette`"
         => "adds to `worth`, `worth_sums`";
     /// Weights or ends the rays that a verdict of the host concerns.
     RoulettePlay = ROULETTE_PLAY, When::with(ROULETTE), Indirect(Counters::DEFERRED_ARGS),
@@ -222,7 +225,7 @@ pub fn document() -> String {
     text
 }
 
-const INDIRECT: [(&str, u64); 7] = [
+const INDIRECT: [(&str, u64); 8] = [
     ("TRACE_ARGS", Counters::TRACE_ARGS),
     ("SHADOW_ARGS", Counters::SHADOW_ARGS),
     ("RAY_ARGS", Counters::RAY_ARGS),
@@ -230,4 +233,5 @@ const INDIRECT: [(&str, u64); 7] = [
     ("SURFACE_ARGS", Counters::SURFACE_ARGS),
     ("ESCAPED_ARGS", Counters::ESCAPED_ARGS),
     ("DEFERRED_ARGS", Counters::DEFERRED_ARGS),
+    ("RETIRE_ARGS", Counters::RETIRE_ARGS),
 ];

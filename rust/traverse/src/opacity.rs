@@ -49,11 +49,8 @@ impl Scene<'_> {
         (seed, pixel & !STREAM_BIT, sample.wrapping_add(row).wrapping_add(place / width))
     }
 
-    /// Where the radiance of the path in a slot is.
+    /// Streaming: where the radiance of the path in a slot goes when it ends.
     pub(crate) fn path_place(&self, path: u32) -> u32 {
-        if !self.has(Features::STREAMING) {
-            return path;
-        }
         self.view.bytes(self.streaming.places).get(path as usize).unwrap_or(0)
     }
 

@@ -315,7 +315,7 @@ impl<'s, 'v> Shared<'s, 'v> {
         if hit {
             light = light * V3(unpack_color(color));
         }
-        let to = self.scene.path_place(path) as usize * 4;
+        let to = path as usize * 4;
         for (i, more) in light.0.into_iter().enumerate() {
             radiance.store(to + i, (f32::from_bits(radiance.load(to + i)) + more).to_bits());
         }

@@ -131,6 +131,7 @@ struct Streaming {
     uint64_t sort_sums;
     uint64_t chunk_rays;
     uint64_t places;
+    uint64_t ended_radiance;
     uint64_t free_slots;
     uint64_t surface_materials;
     uint64_t questions;

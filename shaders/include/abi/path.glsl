@@ -72,6 +72,10 @@ struct Counters {
     IndirectArgs trace_args;
     uint ray_next;
     uint shadow_next;
+    IndirectArgs retire_args;
+    uint retired_from;
+    uint retired_to;
+    uint pad;
 };
 
 struct FilmPixel {

@@ -64,7 +64,7 @@ pub(super) const TABLE: &[Row] = &[
         "oocpt:hostMemoryBudget",
         "OOCPT_HOST_MEMORY_BUDGET",
         "Host memory budget",
-        "Most MiB of host memory that keep encoded geometry for reloads; 0 = half of what is free",
+        "Most MiB of host memory for encoded geometry and ended paths while streaming; 0 = 5/8 of what is free",
     ),
     user(
         "oocpt:dicingRate",

@@ -2,6 +2,7 @@
 //! The memory of a streaming render: paths in slots, who waits for what, and what the host reads of it.
 
 use super::observe::Observation;
+use super::places::{Bounds, Places, device_bytes};
 use crate::error::RenderError;
 use crate::wavefront::{CONE_BYTES, PathBuffers, PathNeeds};
 use oocpt_core::inventory::Inventory;
@@ -12,13 +13,6 @@ use oocpt_shader_abi::{
 };
 use std::sync::Arc;
 
-/// Segments as large as all slots together.
-const SEGMENTS_PER_FILL: u32 = 64;
-/// Most places for every slot: how many more paths may have ended than are in flight, while stragglers of the oldest
-/// segment keep all from the film.
-const PLACES_PER_SLOT: u32 = 8;
-/// Bytes of a place: the radiance of a path.
-const PLACE_BYTES: u64 = 16;
 /// Bytes of the value of a lookup.
 const LOOKUP_BYTES: usize = 16;
 
@@ -70,8 +64,7 @@ struct RouletteBuffers {
 pub(crate) struct StreamBuffers {
     /// One entry for each slot.
     pub(crate) paths: PathBuffers,
-    pub(crate) segment_count: u32,
-    pub(crate) segment_size: u32,
+    pub(crate) ended: Places,
     /// Paths in flight and in all that were asked for; there may have been no memory for so many.
     asked: (u64, u64),
     needs: Needs,
@@ -97,31 +90,33 @@ pub(crate) struct StreamBuffers {
 }
 
 impl StreamBuffers {
-    /// Memory for `capacity` paths in flight (a power of two), where `asked` were wanted in flight and in all.
-    pub(crate) fn new(gpu: &Arc<Gpu>, capacity: u32, asked: (u64, u64), needs: Needs) -> Result<Self, GpuError> {
+    /// Memory for `capacity` paths in flight (a power of two), where `asked` were wanted in flight and in all; of host
+    /// memory about `host_bytes`.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        capacity: u32,
+        (asked, host_bytes): ((u64, u64), u64),
+        needs: Needs,
+    ) -> Result<Self, GpuError> {
         let array = |name: &str, count: u32, stride: usize| {
             Buffer::new(gpu, name, u64::from(count) * stride as u64, Usage::Device)
         };
         let slots = |name: &str, stride: usize| array(name, capacity, stride);
         let needs = Needs { chunks: needs.chunks.max(1), units: needs.units.max(1), ..needs };
         let Needs { levels, chunks, units, .. } = needs;
-        let segment_size = (capacity / SEGMENTS_PER_FILL).max(1);
-        let per_slot = places_per_slot(capacity, asked.1, gpu.limits().max_allocation_bytes);
-        let segment_count = capacity / segment_size * per_slot;
+        let ended = Places::new(gpu, capacity, Bounds { total: asked.1, host_bytes })?;
+        let segment_count = ended.segment_count;
         let played = if needs.roulette { size_of::<Roulette>() + 4 * chunks as usize } else { 0 };
         let read = size_of::<Counters>() + segment_count as usize * size_of::<Segment>() + 8 * units as usize + played;
         let readback = |name: &str| Buffer::new(gpu, name, read as u64, Usage::Readback);
-        let places = segment_count * segment_size;
         let buffers = Self {
             paths: PathBuffers::new(
                 gpu,
                 capacity,
-                places,
                 levels,
                 PathNeeds { textures: needs.textures, light_paths: needs.light_paths, feedback: false },
             )?,
-            segment_count,
-            segment_size,
+            ended,
             asked,
             needs,
             textures: needs.textures.then(|| TextureBuffers::new(needs, slots)).transpose()?,
@@ -156,6 +151,7 @@ impl StreamBuffers {
         let waiting = [progress, places, free_slots, pending, shadow_pending, surfaces, &deferred[0], &deferred[1]];
         let tables =
             [&self.segments, &self.demand, &self.sort_counts, &self.sort_sums, &self.chunk_rays, &self.streaming];
+        let tables = tables.into_iter().chain([&self.ended.radiance]);
         for buffer in waiting.into_iter().chain(tables).chain(readback) {
             inventory.add(buffer.name(), buffer.size());
         }
@@ -201,7 +197,7 @@ impl StreamBuffers {
             worth: roulette(&|r| &r.worth),
             worth_sums: roulette(&|r| &r.worth_sums),
             verdicts: [roulette(&|r| &r.verdicts[0]), roulette(&|r| &r.verdicts[1])],
-            segment_count: self.segment_count,
+            segment_count: self.ended.segment_count,
             segments: self.segments.address(),
             progress: self.progress.address(),
             pending: self.pending.address(),
@@ -213,6 +209,7 @@ impl StreamBuffers {
             sort_sums: self.sort_sums.address(),
             chunk_rays: self.chunk_rays.address(),
             places: self.places.address(),
+            ended_radiance: self.ended.radiance.address(),
             free_slots: self.free_slots.address(),
             surface_materials: self.surface_materials.as_ref().map_or(0, Buffer::address),
             questions: questions(0),
@@ -220,7 +217,7 @@ impl StreamBuffers {
             resolve_queue: of(&|textures| &textures.resolve_queue),
             resolved: of(&|textures| &textures.resolved),
             resolve_progress: of(&|textures| &textures.resolve_progress),
-            segment_size: self.segment_size,
+            segment_size: self.ended.segment_size,
             chunk_count: self.needs.chunks,
             slots: self.paths.capacity,
             unit_count: self.needs.units,
@@ -300,7 +297,7 @@ impl StreamBuffers {
     /// What step `number` left, once it has ended.
     pub(crate) fn observe(&self, number: u64) -> Result<Observation, RenderError> {
         let readback = self.readback_of(number);
-        let (segments, units) = (self.segment_count as usize, self.needs.units as usize);
+        let (segments, units) = (self.ended.segment_count as usize, self.needs.units as usize);
         Ok(readback.map(|bytes| Observation::read(number, bytes, segments, units))?)
     }
 
@@ -326,17 +323,6 @@ fn list_questions(questions: Option<&[Buffer; 2]>, capacity: u64, inventory: &mu
 /// Which table of verdicts step `number` reads.
 pub(super) fn verdict_table(number: u64) -> u32 {
     u32::from(number & 1 == 1)
-}
-
-/// Places for each of `capacity` slots (a power of two): no more than `total` paths need, nor than the driver gives in
-/// one piece.
-fn places_per_slot(capacity: u32, total: u64, max_allocation_bytes: u64) -> u32 {
-    let most = total.next_power_of_two().min(max_allocation_bytes / PLACE_BYTES);
-    let mut per_slot = PLACES_PER_SLOT;
-    while per_slot > 1 && u64::from(capacity) * u64::from(per_slot) > most {
-        per_slot -= 1;
-    }
-    per_slot
 }
 
 impl RouletteBuffers {
@@ -376,27 +362,9 @@ fn question_bytes(needs: Needs) -> usize {
 }
 
 /// Bytes of device memory that a slot takes, at most.
-pub(super) fn slot_bytes(needs: Needs) -> u64 {
+pub(super) fn slot_bytes(gpu: &Gpu, needs: Needs) -> u64 {
     let textures = if needs.textures { CONE_BYTES + 8 + u64::from(needs.lookups) * LOOKUP_BYTES as u64 } else { 0 };
     let materials = if needs.materials { size_of::<GpuSurfaceMaterial>() as u64 } else { 0 };
     let cutouts = if needs.cutouts { 2 * question_bytes(needs) as u64 } else { 0 };
-    path_bytes(needs.levels, true, needs.light_paths)
-        + PLACE_BYTES * u64::from(PLACES_PER_SLOT - 1)
-        + textures
-        + cutouts
-        + materials
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn places_are_bounded_by_the_paths_and_by_the_driver() {
-        let nvidia = 4_292_870_144; // what an H200's driver gives in one piece
-        assert_eq!(places_per_slot(1 << 22, 1 << 40, nvidia), 8, "eight for each slot when there is room");
-        assert_eq!(places_per_slot(1 << 25, 1 << 40, nvidia), 7, "one piece of memory");
-        assert_eq!(places_per_slot(1 << 25, 28_114_944, nvidia), 1, "a place for each path is enough");
-        assert_eq!(places_per_slot(1 << 12, 5, 1 << 30), 1, "at least one");
-    }
+    path_bytes(needs.levels, true, needs.light_paths) + device_bytes(gpu) + textures + cutouts + materials
 }

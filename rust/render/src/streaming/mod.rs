@@ -12,6 +12,7 @@ mod buffers;
 mod clock;
 mod left;
 mod observe;
+mod places;
 mod record;
 mod report;
 mod residency;
@@ -27,6 +28,7 @@ pub(crate) use buffers::StreamBuffers;
 use crate::assets::{Scene, SceneView};
 use crate::engine::{self, Parts, Tracer};
 use crate::error::RenderError;
+use crate::host_memory;
 use crate::lights::GeneralLights;
 use crate::progress::Progress;
 use crate::setting::{Setting, geometry_cap, has_light_paths, is_cpu, shrinking};
@@ -187,7 +189,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
         return Ok(());
     }
     *kept = None;
-    let slot_bytes = buffers::slot_bytes(needs);
+    let slot_bytes = buffers::slot_bytes(&device.gpu, needs);
     let unused = |memory: MemoryUse| memory.budget.saturating_sub(memory.used);
     let largest_unit = scene.assets.catalog.largest_closure().map_or(0, |(_, bytes)| bytes);
     let room = Room {
@@ -204,8 +206,9 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
     if capacity * slot_bytes + beside > unused(device.gpu.memory()) {
         scene.clear(device)?;
     }
+    let host_bytes = host_memory::for_ended_paths(&job.settings);
     *kept = Some(shrinking(capacity, FEWEST_PATHS, |capacity| {
-        StreamBuffers::new(&device.gpu, capacity, (wanted, paths), needs)
+        StreamBuffers::new(&device.gpu, capacity, ((wanted, paths), host_bytes), needs)
     })?);
     Ok(())
 }

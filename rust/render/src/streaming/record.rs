@@ -34,7 +34,7 @@ impl Streamer<'_, '_> {
     /// The push constants of passes over a segment: `arg0` is its first place.
     fn push_of(&self, kind: Kind, segment: &Segment, round: u32) -> Push {
         let push = self.tracer.recorder().push_of(kind, segment.wave);
-        push.with(round, segment.index * self.buffers.segment_size)
+        push.with(round, segment.index * self.buffers.ended.segment_size)
     }
 
     /// Forgets the samples and paths of the frame or stage before.
@@ -79,7 +79,12 @@ impl Streamer<'_, '_> {
         }
         recorder.direct(&mut commands, Pass::PrepareDispatch, q.with(round, PREPARE_DEMAND), 1);
         self.buffers.clear_demand(&mut commands);
-        recorder.indirect(&mut commands, Pass::CountDemand, q.with(round, 0));
+        commands.concurrent(|c| {
+            recorder.indirect(c, Pass::CountDemand, q.with(round, 0));
+            if kind == Kind::Samples {
+                recorder.indirect(c, Pass::RetirePaths, q.with(round, 0));
+            }
+        });
         if plan.weighs {
             self.buffers.clear_worth(&mut commands);
             recorder.direct(&mut commands, Pass::RouletteLevel, q.with(round, 0), 1);

@@ -6,7 +6,7 @@
 //! slots)`, which only falls as slots grow. So paths get a large share, up to what a render has, and units keep what
 //! batches of loads need to be brought side by side.
 
-/// Share of the room that paths may take. Three quarters were no faster (decisions/0029).
+/// Share of the room that paths may take. Neither more nor less was faster (decisions/0029, 0031).
 const PATHS_SHARE: u64 = 2;
 /// Units keep at least so many times the largest one: one is traced while others come.
 const LARGEST_UNITS: u64 = 4;

@@ -27,12 +27,12 @@ use std::time::{Duration, Instant};
 /// Rays that a step has at hand, about: a few for each thread of a large device.
 const ACTIVE_RAYS: u64 = 1 << 22;
 /// Rays that are worth a step while more chunks are on their way: a round takes as long as its longest ray, whatever it
-/// traces beside it (decisions/0029).
+/// traces beside it (decisions/0029, 0031).
 const WORTHWHILE_RAYS: u64 = ACTIVE_RAYS / 16;
 /// Of the paths alive, the share whose rays are worth a step.
-const WORTHWHILE_SHARE: u64 = 8;
+const WORTHWHILE_SHARE: u64 = 4;
 /// Rounds of a step that leaves fewer while more chunks are on their way.
-const ROUNDS_WHILE_LOADING: u32 = 2;
+const ROUNDS_WHILE_LOADING: u32 = 1;
 /// Longest wait for such a step.
 const HOLD: Duration = Duration::from_millis(50);
 /// How long to wait for the loader at a time.
@@ -220,9 +220,9 @@ impl Feed for Stage<'_, '_> {
         let buffers = self.streamer.buffers;
         let slots = buffers.paths.capacity;
         self.kind = kind;
-        self.segments = Segments::new(buffers.segment_count, buffers.segment_size, slots, total);
+        self.segments = Segments::new(buffers.ended.segment_count, buffers.ended.segment_size, slots, total);
         self.most_paths = total.min(u64::from(slots));
-        self.begun = vec![0; buffers.segment_count as usize];
+        self.begun = vec![0; buffers.ended.segment_count as usize];
         self.seen = Observation::default();
         (self.ended, self.next_step, self.rounds, self.round) = (0, 1, 1, 0);
         self.started = Instant::now();

@@ -48,17 +48,9 @@ pub(crate) struct PathBuffers {
 }
 
 impl PathBuffers {
-    /// Memory for `capacity` paths, and for the radiance of `places`; `needs`: and for what not all scenes need.
-    pub(crate) fn new(
-        gpu: &Arc<Gpu>,
-        capacity: u32,
-        places: u32,
-        max_levels: u32,
-        needs: PathNeeds,
-    ) -> Result<Self, GpuError> {
-        let array =
-            |name: &str, count: u32, stride: u64| Buffer::new(gpu, name, u64::from(count) * stride, Usage::Device);
-        let per_path = |name: &str, stride: u64| array(name, capacity, stride);
+    /// Memory for `capacity` paths; `needs`: and for what not all scenes need.
+    pub(crate) fn new(gpu: &Arc<Gpu>, capacity: u32, max_levels: u32, needs: PathNeeds) -> Result<Self, GpuError> {
+        let per_path = |name: &str, stride: u64| Buffer::new(gpu, name, u64::from(capacity) * stride, Usage::Device);
         Ok(Self {
             capacity,
             asked: u64::from(capacity),
@@ -67,7 +59,7 @@ impl PathBuffers {
             shadow_rays: per_path("shadow_rays", size_of::<ShadowRay>() as u64)?,
             hits: per_path("hits", u64::from(hit_stride(max_levels)))?,
             paths: per_path("paths", size_of::<PathState>() as u64)?,
-            radiance: array("radiance", places, 16)?,
+            radiance: per_path("radiance", 16)?,
             ray_queue: [per_path("ray_queue 0", 4)?, per_path("ray_queue 1", 4)?],
             shadow_queue: per_path("shadow_queue", 4)?,
             surface_queue: per_path("surface_queue", 4)?,

@@ -133,7 +133,7 @@ pub struct Frame {
     pub hits: u64,
     /// [`crate::PathState`] per path.
     pub paths: u64,
-    /// f32x4 (rgb, alpha) per path.
+    /// f32x4 (rgb, alpha) per path, of what it has brought so far.
     pub radiance: u64,
     /// Two queues of u32 path numbers, wave size, used in turn: round `r` reads `ray_queue[r & 1]`. 4-byte aligned, as
     /// are all queues.

@@ -144,6 +144,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         sort_sums,
         chunk_rays,
         places,
+        ended_radiance,
         free_slots,
         surface_materials,
         questions,
@@ -349,7 +350,11 @@ pub const LAYOUTS: &[StructLayout] = &[
         busy_rounds,
         trace_args,
         ray_next,
-        shadow_next
+        shadow_next,
+        retire_args,
+        retired_from,
+        retired_to,
+        pad
     }),
     layout!(FilmPixel { sum, compensation, m2, samples, m2_compensation, pad0, earlier, pad1 }),
     layout!(ErrorSums { s, d, ss, sd, dd, doubt, worst, worst_pixel, pixels, fewest, most, pad }),

@@ -181,6 +181,14 @@ pub struct Counters {
     pub ray_next: u32,
     /// In the shadow queue, likewise.
     pub shadow_next: u32,
+    /// For `retire_paths`.
+    pub retire_args: IndirectArgs,
+    /// Of [`Counters::freed`], those that `retire_paths` has moved away before: it begins here.
+    pub retired_from: u32,
+    /// It ends here.
+    pub retired_to: u32,
+    /// 0.
+    pub pad: u32,
 }
 
 impl Counters {
@@ -200,6 +208,8 @@ impl Counters {
     pub const ESCAPED_ARGS: u64 = offset_of!(Self, escaped_args) as u64;
     /// Byte offset of the indirect arguments of `resolve_materials`.
     pub const RESOLVE_ARGS: u64 = offset_of!(Self, resolve_args) as u64;
+    /// Byte offset of the indirect arguments of `retire_paths`.
+    pub const RETIRE_ARGS: u64 = offset_of!(Self, retire_args) as u64;
     /// Byte offset of the indirect arguments of `intersect_shadow`.
     pub const SHADOW_ARGS: u64 = offset_of!(Self, shadow_args) as u64;
 }

@@ -47,8 +47,11 @@ pub struct Streaming {
     /// u32 `[chunk_count]`: rays that entered each chunk since the host zeroed it. May be 0 without
     /// `Features::CHUNK_COUNTS`.
     pub chunk_rays: u64,
-    /// u32 per slot: the place of its path in the segments, which is where its radiance is.
+    /// u32 per slot: the place of its path in the segments, which is where its radiance goes when it ends.
     pub places: u64,
+    /// f32x4 (rgb, alpha) per place: radiance of paths that have ended; host memory where the device has memory of its
+    /// own. 16-byte aligned. With `Features::ROULETTE` alpha is below 0 where the path has not ended.
+    pub ended_radiance: u64,
     /// u32 per slot, a ring: slots that ended paths gave back, `Counters::freed` of them since the host zeroed it.
     pub free_slots: u64,
     /// [`crate::GpuSurfaceMaterial`] by slot; 0 without `Features::MATERIALS`.

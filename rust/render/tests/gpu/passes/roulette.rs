@@ -89,6 +89,7 @@ impl Waiting {
         let streaming = Streaming {
             segments: upload(bytemuck::cast_slice(&segments)),
             places: upload(bytemuck::cast_slice(&places)),
+            ended_radiance: upload(bytemuck::cast_slice(&radiance)),
             deferred: [upload(bytemuck::cast_slice(&self.entries)), 0],
             pending: upload(bytemuck::cast_slice(&self.pending)),
             shadow_pending: upload(bytemuck::cast_slice(&self.pending)),
@@ -107,7 +108,6 @@ impl Waiting {
             rays: upload(bytemuck::cast_slice(&self.rays)),
             shadow_rays: upload(bytemuck::cast_slice(&self.shadow_rays)),
             paths: upload(bytemuck::cast_slice(&self.paths)),
-            radiance: upload(bytemuck::cast_slice(&radiance)),
             film: upload(bytemuck::cast_slice(&vec![FilmPixel::zeroed(); PIXELS as usize])),
             counters: upload(bytemuck::bytes_of(&counters)),
             streaming: upload(bytemuck::bytes_of(&streaming)),

@@ -173,6 +173,7 @@ impl Tracer<'_> {
         let demand = &self.buffers["demand"];
         commands.fill(demand, 0, demand.size(), 0);
         self.run(&mut commands, &passes::COUNT_DEMAND, q, Launch::Indirect(Counters::DEFERRED_ARGS));
+        self.run(&mut commands, &passes::RETIRE_PATHS, q, Launch::Indirect(Counters::RETIRE_ARGS));
         commands.submit().expect("submitted");
     }
 

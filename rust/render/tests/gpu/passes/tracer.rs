@@ -81,6 +81,7 @@ impl<'a> Tracer<'a> {
         for (name, bytes) in per_slot {
             tracer.make(name, slots * bytes);
         }
+        tracer.make("ended", 16 * slots);
         tracer.make("segments", 16 * u64::from(SEGMENTS));
         tracer.make("demand", 8 * u64::from(CHUNKS));
         tracer.make("counts", 8 * u64::from(CHUNKS));
@@ -132,6 +133,7 @@ impl<'a> Tracer<'a> {
             sort_sums: self.address("sums"),
             chunk_rays: self.address("chunk rays"),
             places: self.address("places"),
+            ended_radiance: self.address("ended"),
             free_slots: self.address("free slots"),
             surface_materials: 0,
             segment_size: SEGMENT_SIZE,

@@ -84,8 +84,14 @@ pub(crate) const OF_TILES: Names = &[
 pub(crate) const OF_LIGHTS: Names = &["light_paths", "lighting", "local lights", "light tree"];
 pub(crate) const OF_RESOLVING: Names = &["surface materials", "resolve_queue", "resolved", "resolve_progress"];
 pub(crate) const OF_PRIMVARS: Names = &["mesh primvars", "mesh corners"];
-pub(crate) const STREAM_PASSES: Names =
-    &["record_surfaces", "sort_deferred_count", "sort_deferred_scan", "sort_deferred_scatter", "count_demand"];
+pub(crate) const STREAM_PASSES: Names = &[
+    "record_surfaces",
+    "sort_deferred_count",
+    "sort_deferred_scan",
+    "sort_deferred_scatter",
+    "count_demand",
+    "retire_paths",
+];
 
 pub(crate) const BARE: Row = Row {
     what: "a bare board",

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+// Streaming only. Moves the radiance of the paths that have ended in this step to their places in the segments, which
+// may lie in host memory: one thread per path, Counters::retire_args. Their slots begin new paths in later steps.
+// Reads: free_slots, places, radiance. Writes: ended_radiance.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "include/wavefront.glsl"
+
+void main() {
+    const uint at = thread_index();
+    if (!HAS_STREAMING || at >= COUNTERS.retired_to - COUNTERS.retired_from) return;
+    const uint path = ConstUints(STREAMING.free_slots).v[(COUNTERS.retired_from + at) % STREAMING.slots];
+    Vec4s(STREAMING.ended_radiance).v[path_place(path)] = ConstVec4s(FRAME.radiance).v[path];
+}
