@@ -45,6 +45,7 @@ pub(crate) const NONE: Names = &[];
 pub(crate) const OF_STREAMING: Names = &[
     "progress",
     "places",
+    "ended_radiance",
     "free_slots",
     "pending",
     "shadow_pending",
