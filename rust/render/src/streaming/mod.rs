@@ -196,7 +196,8 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
         bytes: unused(device.gpu.memory()) + scene.bytes_to_clear(device),
         slot_bytes,
         largest_unit,
-        units: geometry_cap(job).map_or(scene.assets.bytes, |cap| cap.min(scene.assets.bytes)),
+        units: scene.assets.bytes,
+        cap: geometry_cap(job).unwrap_or(u64::MAX),
         wanted,
         fewest: FEWEST_PATHS,
     };

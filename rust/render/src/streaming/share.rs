@@ -2,12 +2,17 @@
 //! How device memory is shared between paths and what they visit: decisions/0029. Pure.
 //!
 //! Paths in flight fill the device `paths / slots` times, and each fill brings about what does not stay: `units - kept`
-//! bytes, several times over. With `room = slots * slot_bytes + kept` that is `paths * (slot_bytes + (units - room) /
-//! slots)`, which only falls as slots grow. So paths get a large share, up to what a render has, and units keep what
-//! batches of loads need to be brought side by side.
+//! bytes, several times over. With `room = slots * slot_bytes + kept` that is `paths * (slot_bytes + missing / slots)`,
+//! `missing = units - room`, which only falls as slots grow. So paths get a large share, up to what a render has, and
+//! units keep what batches of loads need to be brought side by side. Where hardly anything is missing the sum hardly
+//! falls, and more slots only make steps longer: then paths get what fills a device (decisions/0031).
 
 /// Share of the room that paths may take. Neither more nor less was faster (decisions/0029, 0031).
 const PATHS_SHARE: u64 = 2;
+/// Slots that fill a device.
+const ENOUGH_SLOTS: u64 = 1 << 22;
+/// Beyond these, slots may take so many times what is missing.
+const WORTH: u64 = 2;
 /// Units keep at least so many times the largest one: one is traced while others come.
 const LARGEST_UNITS: u64 = 4;
 
@@ -22,6 +27,8 @@ pub(super) struct Room {
     pub(super) largest_unit: u64,
     /// All units.
     pub(super) units: u64,
+    /// Most bytes that units may take.
+    pub(super) cap: u64,
     /// Paths in flight that the render could use, and the fewest that are worth it.
     pub(super) wanted: u64,
     pub(super) fewest: u64,
@@ -30,14 +37,17 @@ pub(super) struct Room {
 impl Room {
     /// Slots for paths: a power of two, `fewest` where there is hardly room for anything.
     pub(super) fn slots(self) -> u64 {
-        let Self { bytes, slot_bytes, largest_unit, units, wanted, fewest } = self;
+        let Self { bytes, slot_bytes, largest_unit, units, cap, wanted, fewest } = self;
+        let slot_bytes = slot_bytes.max(1);
         let share = bytes / PATHS_SHARE;
         let beside_few = bytes.saturating_sub(LARGEST_UNITS.saturating_mul(largest_unit));
-        let beside_all = bytes.saturating_sub(units);
+        let beside_all = bytes.saturating_sub(units.min(cap));
         // Never so much that the largest unit has to go without.
         let share = share.min(beside_few).max(beside_all);
-        let slots = (share / slot_bytes.max(1)).clamp(1, wanted.max(1));
-        (1 << slots.ilog2()).max(fewest)
+        let slots = (share / slot_bytes).clamp(1, wanted.max(1));
+        let missing = units.saturating_sub(bytes.min(cap));
+        let enough = (missing.saturating_mul(WORTH) / slot_bytes).max(ENOUGH_SLOTS);
+        (1 << slots.min(enough).ilog2()).max(fewest)
     }
 }
 
@@ -50,6 +60,7 @@ mod tests {
         slot_bytes: 256,
         largest_unit: 16 << 20,
         units: 8 << 30,
+        cap: u64::MAX,
         wanted: 1 << 25,
         fewest: 1 << 12,
     };
@@ -65,6 +76,17 @@ mod tests {
     fn paths_get_all_that_units_leave() {
         assert_eq!(Room { units: 1 << 28, ..ROOM }.slots(), 1 << 21, "768 MiB beside them");
         assert_eq!(Room { units: 0, ..ROOM }.slots(), 1 << 22, "no unit");
+    }
+
+    #[test]
+    fn where_little_is_missing_paths_get_what_fills_a_device() {
+        let large = Room { bytes: 16 << 30, slot_bytes: 256, ..ROOM };
+        assert_eq!(Room { units: 64 << 30, ..large }.slots(), 1 << 25, "half of the room");
+        assert_eq!(Room { units: 17 << 30, ..large }.slots(), 1 << 23, "a gigabyte is missing");
+        assert_eq!(Room { units: 16 << 30, ..large }.slots(), 1 << 22, "nothing is");
+        assert_eq!(Room { units: 1 << 30, ..large }.slots(), 1 << 22, "all have room");
+        assert_eq!(Room { units: 64 << 30, cap: 1 << 30, ..large }.slots(), 1 << 25, "what is capped is missing");
+        assert_eq!(Room { units: 1 << 30, cap: 1 << 28, ..large }.slots(), 1 << 22, "768 MiB are");
     }
 
     #[test]
