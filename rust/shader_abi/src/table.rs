@@ -145,7 +145,8 @@ passes! {
     ShadeAovs = SHADE_AOVS, When::image(Image::PixelCentres), Direct("indirect `SURFACE_ARGS`, then `ESCAPED_ARGS`"),
         "the queue, and `hits` and scene, or with streaming `surfaces`" => "the planes of `Frame::aov` that are not 0";
     /// Adds the samples of a wave or segment to the film.
-    Accumulate = ACCUMULATE, When::ALWAYS, Direct("`min(path_count, width * height)`"), "`radiance`; streaming: `ended_radiance`" => "`film`";
+    Accumulate = ACCUMULATE, When::ALWAYS, Direct("`min(path_count, width * height)`"),
+        "`radiance`; streaming: `ended_radiance`" => "`film`";
     /// Writes the number of samples of each pixel.
     CountSamples = COUNT_SAMPLES, When::image(Image::SampleCount), Direct("`width * height`"),
         "`film`" => "its plane of `Frame::aov`";
@@ -173,7 +174,7 @@ passes! {
     RetirePaths = RETIRE_PATHS, When::with(STREAMING), Indirect(Counters::RETIRE_ARGS),
         "`free_slots`, `places`, `radiance`" => "`ended_radiance`";
     /// Estimates the level of radiance of the picture.
-    RouletteLevel = ROULETTE_LEVEL, When::with(ROULETTE), Direct("64, while few paths are left"),
+    RouletteLevel = ROULETTE_LEVEL, When::with(ROULETTE), Direct("64, for the last paths"),
         "`segments`, `ended_radiance`" => "`Roulette`";
     /// Estimates what waiting rays may bring.
     RouletteWorth = ROULETTE_WORTH, When::with(ROULETTE), Indirect(Counters::DEFERRED_ARGS),
