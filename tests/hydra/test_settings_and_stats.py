@@ -32,6 +32,7 @@ LISTED = [
     "oocpt:device", "oocpt:chunkSize", "oocpt:geometryBudget", "oocpt:hostMemoryBudget", "oocpt:dicingRate",
     "oocpt:report", "oocpt:targetError",
     "oocpt:stragglerRoulette", "oocpt:adaptiveSampling", "oocpt:textureCache", "oocpt:textureCacheSize",
+    "oocpt:geometryCache", "oocpt:geometryCacheSize",
     "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility", "enableSceneLights",
 ]  # fmt: skip
 # Tools for developing the renderer: they work wherever a setting can be given, and no host lists them.

@@ -41,8 +41,8 @@ pub use scene::{
     Assembly, AssetRef, Commit, ConnectionDesc, DomeFormat, DroppedData, InstanceFlags, InstanceRecord, InstancedBy,
     InstancerDesc, InstancerPrototype, Interpolation, Light, LightDesc, LightKind, MaterialDesc, MeshDesc, MotionKey,
     NO_MATERIAL, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, PrimRecord, Primvar, SceneCounts, SceneDb,
-    SceneFeatures, SceneWarning, Shaping, Snapshot, SnapshotError, Subdivision, SubsetDesc, SurfaceTables, Target,
-    TransformSample,
+    SceneFeatures, SceneMesh, SceneWarning, Shaping, Snapshot, SnapshotError, Subdivision, SubsetDesc, SurfaceTables,
+    Target, TransformSample,
 };
 pub use settings::{Audience, Descriptor, SettingError, Settings, Value};
 pub use stats::{ErrorRow, Stats, StreamingStats, TrueError, WorstPixel};

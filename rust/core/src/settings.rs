@@ -37,13 +37,19 @@ pub struct Settings {
     pub chunk_size_kib: u32,
     /// Hard limit of device memory for geometry in KiB, 0 = what the memory budget leaves.
     pub geometry_budget_kib: u32,
-    /// Most MiB of host memory that streaming takes: geometry as it was encoded, which can then be copied to the device
-    /// again, and an eighth for the radiance of ended paths; 0 = half of what is free, and an eighth.
+    /// Most MiB of host memory: half of it for built meshes, beyond which they are on disk, and while streaming three
+    /// eighths for instances as they were encoded, which can then be copied to the device again, and an eighth for the
+    /// radiance of ended paths; 0 = half, half and an eighth of what is free then.
     pub host_memory_budget_mib: u32,
     /// Folder in which decoded textures are kept, "0" = none, empty = the user's own.
     pub texture_cache: String,
     /// Most MiB of decoded textures in that folder.
     pub texture_cache_mib: u32,
+    /// Folder in which built geometry is kept for the next render; "0": none, and it stays in memory; empty: none, and
+    /// what exceeds the host memory budget goes to a file without a name in the user's cache folder.
+    pub geometry_cache: String,
+    /// Limit of the geometry cache, MiB.
+    pub geometry_cache_mib: u32,
     /// Longest piece of an edge of a subdivision surface, in pixels; 0 = edges are cut as the refine level says.
     pub dicing_rate: f32,
     /// File to write a report about the chunks to, empty = none.
@@ -154,6 +160,8 @@ impl Default for Settings {
             host_memory_budget_mib: 0,
             texture_cache: String::new(),
             texture_cache_mib: 32 << 10,
+            geometry_cache: String::new(),
+            geometry_cache_mib: 32 << 10,
             dicing_rate: 2.0,
             chunk_report: String::new(),
             report: String::new(),
@@ -233,6 +241,8 @@ impl Settings {
             "oocpt:hostMemoryBudget" => Field::Int(&mut self.host_memory_budget_mib, 0, 1 << 24),
             "oocpt:textureCache" => Field::Text(&mut self.texture_cache),
             "oocpt:textureCacheSize" => Field::Int(&mut self.texture_cache_mib, 1, u32::MAX),
+            "oocpt:geometryCache" => Field::Text(&mut self.geometry_cache),
+            "oocpt:geometryCacheSize" => Field::Int(&mut self.geometry_cache_mib, 1, u32::MAX),
             "oocpt:dicingRate" => Field::Float(&mut self.dicing_rate, 0.0, 1e6),
             "oocpt:chunkReport" => Field::Text(&mut self.chunk_report),
             "oocpt:report" => Field::Text(&mut self.report),

@@ -5,6 +5,7 @@
 //! published and calls itself converged, so that no host waits for ever.
 
 use oocpt_core::camera::CameraError;
+use oocpt_core::mesh::StoredError;
 use oocpt_gpu::GpuError;
 
 /// Why a render ended early.
@@ -49,6 +50,9 @@ pub enum RenderError {
         /// Bytes that geometry may take.
         budget: u64,
     },
+    /// A mesh that is not in memory cannot be had.
+    #[error(transparent)]
+    Mesh(#[from] StoredError),
     /// The report of the chunks could not be written; the images are there.
     #[error("{0}")]
     Report(String),

@@ -9,7 +9,7 @@ use crate::engine::{self, Parts, Tiles, Tracer, Waves};
 use crate::error::RenderError;
 use crate::feedback::Feedback;
 use crate::film::Film;
-use crate::host_memory;
+use crate::host_memory::{self, Part};
 use crate::job::Job;
 use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
 use crate::progress::Progress;
@@ -198,7 +198,8 @@ impl Renderer {
             self.render_in_core(setting, scene, gate, progress)
         } else {
             self.waves = None;
-            scene.store.kept().limit(host_memory::for_reloads(&job.settings, scene.store.kept().bytes()));
+            let kept = scene.store.kept();
+            kept.limit(host_memory::limit_of(Part::Encoded, &job.settings, kept.bytes()));
             streaming::render(setting, scene, &mut self.stream, gate, progress)
         };
         for complaint in scene.assets.textures.take_complaints() {

@@ -6,24 +6,33 @@ use std::path::Path;
 
 /// What is taken where nothing tells how much is free, bytes.
 const UNKNOWN: u64 = 2 << 30;
-/// Part of what is free that encoded geometry may take.
-const SHARE: u64 = 2;
-/// Part of the budget, or of what is free, that the radiance of ended paths may take.
-const ENDED_SHARE: u64 = 8;
+/// Who takes host memory: the eighths of the budget that are his, and of what is free where there is none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// Built meshes. Taken first, and what is free is looked at again then: so eighths of that are more than eight.
+    Meshes,
+    /// Instances as they were encoded for the device.
+    Encoded,
+    /// The radiance of ended paths.
+    EndedPaths,
+}
 
-/// Most bytes of encoded geometry, of which `held` are held already.
-pub(crate) fn for_reloads(settings: &Settings, held: u64) -> u64 {
-    match settings.host_memory_budget_mib {
-        0 => free(Path::new("/")).map_or(UNKNOWN, |free| (free + held) / SHARE),
-        mib => (u64::from(mib) << 20) / ENDED_SHARE * (ENDED_SHARE - 1),
+impl Part {
+    const fn eighths(self) -> (u64, u64) {
+        match self {
+            Self::Meshes => (4, 4),
+            Self::Encoded => (3, 4),
+            Self::EndedPaths => (1, 1),
+        }
     }
 }
 
-/// Most bytes of the radiance of ended paths.
-pub(crate) fn for_ended_paths(settings: &Settings) -> u64 {
+/// Most bytes of a part, of which `held` are held already.
+pub(crate) fn limit_of(part: Part, settings: &Settings, held: u64) -> u64 {
+    let (of_budget, of_free) = part.eighths();
     match settings.host_memory_budget_mib {
-        0 => free(Path::new("/")).unwrap_or(UNKNOWN) / ENDED_SHARE,
-        mib => (u64::from(mib) << 20) / ENDED_SHARE,
+        0 => free(Path::new("/")).map_or(UNKNOWN, |free| free.saturating_add(held)) / 8 * of_free,
+        mib => (u64::from(mib) << 20) / 8 * of_budget,
     }
 }
 
@@ -93,8 +102,9 @@ mod tests {
     #[test]
     fn the_setting_goes_before() {
         let settings = Settings { host_memory_budget_mib: 8, ..Settings::default() };
-        assert_eq!((for_reloads(&settings, 1 << 40), for_ended_paths(&settings)), (7 << 20, 1 << 20));
-        let half = for_reloads(&Settings::default(), 1 << 40);
+        let parts = [Part::Meshes, Part::Encoded, Part::EndedPaths];
+        assert_eq!(parts.map(|part| limit_of(part, &settings, 1 << 40)), [4 << 20, 3 << 20, 1 << 20]);
+        let half = limit_of(Part::Meshes, &Settings::default(), 1 << 40);
         assert!(half >= 1 << 39, "what is held already counts as free: {half}");
     }
 }

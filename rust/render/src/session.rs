@@ -16,6 +16,8 @@
 
 use crate::aov::AovKind;
 use crate::error::RenderError;
+use crate::geometry_files::{GeometryFiles, GeometrySetting};
+use crate::host_memory::{self, Part};
 use crate::job::{Job, SessionOptions};
 use crate::light_files::{LightFiles, NoFiles};
 use crate::picture;
@@ -26,6 +28,7 @@ use crate::textures::{HeightTextures, ImageLibrary};
 use crate::thread;
 use crate::timings::Timings;
 use oocpt_core::inventory::PrimvarUse;
+use oocpt_core::mesh::MeshFiles;
 use oocpt_core::partition::PartitionOptions;
 use oocpt_core::scene::{DicingCamera, SceneDb, summary};
 use oocpt_core::settings::{SettingError, Settings, Value};
@@ -46,6 +49,7 @@ pub struct Session {
     images: Option<Arc<dyn ImageLibrary>>,
     heights: Option<Arc<HeightTextures>>,
     files: Mutex<Arc<dyn LightFiles>>,
+    geometry_files: Mutex<Option<Arc<GeometryFiles>>>,
     /// Of the snapshot of that version.
     primvars: Mutex<(u64, Arc<[PrimvarUse]>)>,
     thread: Mutex<Option<JoinHandle<()>>>,
@@ -66,6 +70,7 @@ impl Session {
             options: Mutex::new(options),
             images: None,
             heights: None,
+            geometry_files: Mutex::default(),
             files: Mutex::new(Arc::new(NoFiles)),
             primvars: Mutex::default(),
             thread: Mutex::new(None),
@@ -116,6 +121,7 @@ impl Session {
         let mut scene = lock(&self.scene);
         scene.set_partition(PartitionOptions { chunk_bytes });
         scene.set_dicing(DicingCamera::new(&request.camera, dicing_rate));
+        self.keep_meshes(&mut scene);
         let commit = scene.commit();
         let primvars = self.primvars_of(&scene, commit.snapshot.version);
         drop(scene);
@@ -144,6 +150,19 @@ impl Session {
         drop(control);
         self.shared.notify();
         self.ensure_thread();
+    }
+
+    /// Has built meshes kept as the settings say.
+    fn keep_meshes(&self, scene: &mut SceneDb) {
+        let settings = lock(&self.settings);
+        let memory = scene.mesh_memory();
+        memory.set_limit(host_memory::limit_of(Part::Meshes, &settings, memory.held()));
+        let setting = GeometrySetting::of(&settings);
+        let mut files = lock(&self.geometry_files);
+        if files.as_ref().map(|files| files.setting()) != setting.as_ref() {
+            *files = setting.map(|setting| Arc::new(GeometryFiles::new(setting, &self.shared)));
+            scene.set_mesh_files(files.clone().map(|files| files as Arc<dyn MeshFiles>));
+        }
     }
 
     fn primvars_of(&self, scene: &SceneDb, version: u64) -> Arc<[PrimvarUse]> {

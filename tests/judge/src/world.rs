@@ -75,7 +75,7 @@ impl World {
     /// [`JudgeError::TooLarge`], [`JudgeError::DanglingTarget`] and [`JudgeError::Singular`].
     pub fn flatten(snapshot: &Snapshot) -> Result<Self, JudgeError> {
         let mut world = Self {
-            meshes: snapshot.meshes.clone(),
+            meshes: snapshot.meshes.iter().map(|mesh| mesh.asset().expect("readable")).collect(),
             placements: Vec::new(),
             sources: Vec::new(),
             corners: Vec::new(),

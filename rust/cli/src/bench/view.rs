@@ -24,6 +24,12 @@ pub(crate) struct View {
     /// Indirect bounces.
     #[arg(long, default_value_t = 5)]
     bounces: u32,
+    /// Host memory for built meshes and while streaming, MiB (`oocpt:hostMemoryBudget`); 0 = as much as is free.
+    #[arg(long, default_value_t = 0)]
+    host_memory: u32,
+    /// Folder in which built meshes are kept (`oocpt:geometryCache`); 0 = none; empty = what memory has no room for.
+    #[arg(long, default_value = "")]
+    geometry_cache: String,
 }
 
 /// What a report says of it.
@@ -45,7 +51,9 @@ pub(crate) struct Seen {
 impl View {
     /// A session without a scene, on a device: an index or a part of its name.
     pub(crate) fn session(&self, device: &str) -> Session {
-        let settings = common::plain_settings(self.samples, self.bounces, device);
+        let mut settings = common::plain_settings(self.samples, self.bounces, device);
+        settings.host_memory_budget_mib = self.host_memory;
+        settings.geometry_cache.clone_from(&self.geometry_cache);
         Session::with_options(settings, SessionOptions::default())
     }
 

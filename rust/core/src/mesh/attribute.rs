@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Surface attributes in the order the GPU reads them.
 
+use serde::{Deserialize, Serialize};
+
 /// How values are found from a hit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum AttributeRate {
     /// `values[0]`.
     Constant,
@@ -80,6 +82,11 @@ impl AnyAttribute {
     #[must_use]
     pub fn floats(&self) -> &[f32] {
         each_width!(self, attribute => bytemuck::cast_slice(&attribute.values))
+    }
+
+    /// All values as bytes, to be written.
+    pub(super) fn bytes_mut(&mut self) -> &mut [u8] {
+        each_width!(self, attribute => bytemuck::cast_slice_mut(&mut attribute.values))
     }
 }
 

@@ -4,6 +4,7 @@
 //! Stages: [`build`] runs `topology` (check, holes), `refine` (limit surfaces, cut as [`Dicing`] says, moved by
 //! `displace` as far as a `relief` says), `triangulate`,
 //! `primvar` and `normals`, [`bvh`] and [`bvh4`]; `split` cuts large meshes into clusters; `key` is the content hash.
+//! A snapshot has [`SceneMesh`]es: a `summary` of each asset, and the asset where `store` and `payload` have put it.
 //! Pure functions; called from rayon workers during a commit.
 
 mod attribute;
@@ -19,17 +20,22 @@ mod displace;
 mod key;
 pub mod level;
 mod normals;
+mod payload;
 mod primvar;
 mod ptex;
 mod refine;
 mod refine_values;
 mod relief;
 pub(crate) mod round;
+mod scene_mesh;
 mod split;
+mod store;
+mod summary;
 mod topology;
 mod triangulate;
 
 use bytemuck::{Pod, Zeroable};
+use serde::{Deserialize, Serialize};
 
 pub(crate) use attribute::each_width;
 pub use attribute::{AnyAttribute, Attribute, AttributeRate, MeshPrimvar, WantedPrimvar};
@@ -43,7 +49,11 @@ pub(crate) use key::{is_same_mesh, mesh_key_with};
 pub use level::{LevelTree, build_level, level_node_count};
 pub use ptex::{MAX_PTEX_FACES, PtexPart, PtexTriangle};
 pub use refine::MAX_REFINED_TRIANGLES;
+pub(crate) use scene_mesh::{KeptMesh, Recipe, Shelf};
+pub use scene_mesh::{SceneMesh, StoredError};
 pub use split::split_mesh;
+pub use store::{HostMemory, MeshFiles, Payload, PayloadError, StoredEntry};
+pub use summary::{AttributeSummary, MeshSummary, PrimvarSummary};
 
 /// Device bytes of a triangle.
 const TRIANGLE_BYTES: u64 = 48;
@@ -53,7 +63,7 @@ const PRIMVAR_BYTES: u64 = 16;
 const SECTION_ALIGN: u64 = 16;
 
 /// An axis-aligned box; empty when any `min > max`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Aabb {
     /// Lower corner.
     pub min: [f32; 3],
@@ -107,7 +117,7 @@ pub struct Triangle {
 }
 
 /// What the items of an asset are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum LeafKind {
     /// Triangles.
     #[default]
@@ -167,39 +177,16 @@ pub struct MeshAsset {
 }
 
 impl MeshAsset {
-    /// Bytes of device memory that the asset takes: nodes, triangles (48 bytes there), corner indices, normals, colors,
-    /// opacities, a table of primvars, primvars, each section rounded up to 16.
+    /// [`MeshSummary::device_bytes`].
     #[must_use]
     pub fn device_bytes(&self) -> u64 {
-        fn attribute<T>(a: Option<&Attribute<T>>) -> u64 {
-            a.map_or(0, |a| size_of_val(&a.values[..]) as u64)
-        }
-        let sections = [
-            size_of_val(&self.bvh.nodes[..]) as u64,
-            self.triangles.len() as u64 * TRIANGLE_BYTES,
-            size_of_val(&self.corner_indices[..]) as u64,
-            attribute(self.normals.as_ref()),
-            attribute(self.colors.as_ref()),
-            attribute(self.opacities.as_ref()),
-        ];
-        let rest = self.primvars.iter().map(|p| size_of_val(p.values.floats()) as u64);
-        let table = self.primvars.len() as u64 * PRIMVAR_BYTES;
-        sections.into_iter().chain(rest).chain([table]).map(|bytes| bytes.next_multiple_of(SECTION_ALIGN)).sum()
+        MeshSummary::of(self).device_bytes()
     }
 
     /// Bytes of host memory held.
     #[must_use]
     pub fn host_bytes(&self) -> u64 {
-        let attribute = |a: &Option<Attribute<[f32; 3]>>| a.as_ref().map_or(0, |a| size_of_val(&a.values[..]));
-        let bytes = size_of::<Self>()
-            + size_of_val(&self.bvh.nodes[..])
-            + size_of_val(&self.triangles[..])
-            + size_of_val(&self.corner_indices[..])
-            + attribute(&self.normals)
-            + attribute(&self.colors)
-            + self.opacities.as_ref().map_or(0, |a| size_of_val(&a.values[..]))
-            + self.primvars.iter().map(|p| size_of_val(p.values.floats())).sum::<usize>()
-            + size_of_val(&self.subsets[..]);
-        bytes as u64
+        let arrays = payload::payload_bytes(&MeshSummary::of(self)).unwrap_or(u64::MAX);
+        arrays.saturating_add(size_of::<Self>() as u64)
     }
 }

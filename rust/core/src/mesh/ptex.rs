@@ -62,6 +62,22 @@ impl PtexTriangle {
     pub fn word(&self) -> u32 {
         self.face << 3 | self.part as u32
     }
+
+    /// The place with a [`Self::word`].
+    #[must_use]
+    pub fn from_word(word: u32, sides: u16) -> Self {
+        let part = match word & 7 {
+            0 => PtexPart::Quad012,
+            1 => PtexPart::Quad023,
+            2 => PtexPart::Quad013,
+            3 => PtexPart::Quad123,
+            4 => PtexPart::Wedge,
+            5 => PtexPart::LastWedge,
+            6 => PtexPart::Corner,
+            _ => PtexPart::Nowhere,
+        };
+        Self { face: word >> 3, part, sides }
+    }
 }
 
 /// A point that is added in the middle of an n-gon.

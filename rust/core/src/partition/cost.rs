@@ -3,7 +3,7 @@
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use crate::mesh::MeshAsset;
+use crate::mesh::SceneMesh;
 use crate::scene::{Assembly, Target};
 use std::sync::Arc;
 
@@ -32,7 +32,7 @@ struct AssemblyCost {
 
 impl AssetCosts {
     /// Sums up; children come before parents in `assemblies`.
-    pub(crate) fn new(meshes: &[Arc<MeshAsset>], assemblies: &[Arc<Assembly>]) -> Self {
+    pub(crate) fn new(meshes: &[Arc<SceneMesh>], assemblies: &[Arc<Assembly>]) -> Self {
         let mut costs = Self {
             meshes: meshes.iter().map(|m| m.device_bytes()).collect(),
             assemblies: Vec::with_capacity(assemblies.len()),

@@ -12,7 +12,7 @@ use super::part::{Job, Part};
 use super::place::{Placement, place_chunks, top_level};
 use super::placed::{NO_ROW, PlacedReader, PlacedValues};
 use super::{ChunkInstance, OPEN_ABOVE, OpenedAssembly, PartitionOptions, World};
-use crate::mesh::MeshAsset;
+use crate::mesh::SceneMesh;
 use crate::scene::Target;
 use crate::scene::assembly::Assembly;
 use crate::scene::resolve::{GroupId, PlanGroup};
@@ -34,7 +34,7 @@ pub(crate) struct PartitionStore {
 #[derive(Debug)]
 struct Seen {
     options: PartitionOptions,
-    meshes: Vec<Arc<MeshAsset>>,
+    meshes: Vec<Arc<SceneMesh>>,
     assemblies: Vec<Arc<Assembly>>,
 }
 
@@ -42,7 +42,7 @@ struct Seen {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Source<'a> {
     pub(crate) groups: &'a [PlanGroup],
-    pub(crate) meshes: &'a [Arc<MeshAsset>],
+    pub(crate) meshes: &'a [Arc<SceneMesh>],
     /// One for each group. Children before parents, root last.
     pub(crate) assemblies: &'a [Arc<Assembly>],
 }

@@ -18,7 +18,7 @@ use super::resolve::{GroupId, PlanGroup, PlanMember, PlanTarget};
 use super::run::{Run, RunSpec, TransformKey};
 use super::snapshot::{SceneCounts, SceneFeatures, Snapshot, SurfaceTables};
 use crate::desc::{InstancedBy, LightDesc, LightKind};
-use crate::mesh::{Aabb, LeafKind, MeshAsset};
+use crate::mesh::{Aabb, LeafKind, SceneMesh};
 
 /// The origin moves when the scene's centre is farther from it than this many times the scene's half size.
 const FAR: f64 = 4.0;
@@ -38,7 +38,7 @@ fn run_of<'a>(known: &'a Assembly, member: &PlanMember) -> Option<&'a Arc<Run>> 
 
 /// Assets by index, and the index of each content hash.
 pub(crate) struct Assets {
-    pub(crate) meshes: Vec<Arc<MeshAsset>>,
+    pub(crate) meshes: Vec<Arc<SceneMesh>>,
     pub(crate) indices: FxHashMap<u128, u32>,
     pub(crate) surfaces: SurfaceTables,
 }
@@ -225,7 +225,7 @@ impl Snapshot {
             let (mut instances, mut triangles) = (0_u128, 0_u128);
             for member in assembly.members() {
                 let (i, t) = match member.target {
-                    Target::Mesh(m) => (1, self.meshes.get(m as usize).map_or(0, |m| m.triangles.len() as u128)),
+                    Target::Mesh(m) => (1, self.meshes.get(m as usize).map_or(0, |m| u128::from(m.triangles))),
                     Target::Assembly(a) => totals.get(a as usize).copied().unwrap_or((0, 0)),
                 };
                 let times = member.run.len() as u128;
@@ -248,7 +248,7 @@ impl Snapshot {
         SceneCounts {
             instances,
             instance_records: records,
-            unique_triangles: self.meshes.iter().map(|m| m.triangles.len() as u64).sum(),
+            unique_triangles: self.meshes.iter().map(|m| m.triangles).sum(),
             instanced_triangles,
             meshes: (self.meshes.len() as u64).saturating_sub(clusters) + split.len() as u64,
             assemblies: self.assemblies.len() as u64 - split_assemblies,

@@ -15,6 +15,7 @@ pub(crate) mod instance_primvars;
 mod light;
 mod mesh_lights;
 mod mesh_placements;
+mod mesh_store;
 pub(crate) mod motion;
 mod moving;
 pub(crate) mod placement;
@@ -48,7 +49,7 @@ pub use resolve::MAX_LEVELS;
 pub use snapshot::{
     Aabb, Assembly, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, DomeTexture, Emitter, IesError, IesProfile,
     InstanceFlags, InstanceRecord, Light, LightShaping, LinkTable, LocalLight, LocalShape, MeshAsset, SceneCounts,
-    SceneFeatures, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Target, Triangle, blackbody,
+    SceneFeatures, SceneMesh, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Target, Triangle, blackbody,
 };
 
 pub use mesh_lights::MESH_LIGHT;
@@ -56,13 +57,14 @@ pub use mesh_placements::MeshPlacement;
 pub use summary::summary;
 pub use surfaces::{NO_MATERIAL, PrimRecord};
 
-use crate::mesh::{Demand, Dicing};
+use crate::mesh::{Demand, Dicing, HostMemory, MeshFiles};
 use crate::partition::{PartitionOptions, PartitionStore, Source, World};
 use crate::texture::{HeightFiles, Heights};
 use commit::{AssemblyStore, Assets, shining};
 use dicing::dice;
-use entries::{InstancerEntry, MeshEntry, MeshStore};
+use entries::{InstancerEntry, MeshEntry};
 use mesh_lights::mesh_lights;
+use mesh_store::MeshStore;
 use report::Reports;
 use resolve::{Hierarchy, PlanGroup, PlanTarget, Prims, resolve};
 use surfaces::{MaterialEntry, SurfaceStore};
@@ -220,6 +222,17 @@ impl SceneDb {
     /// their fallbacks.
     pub fn set_height_files(&mut self, files: Arc<dyn HeightFiles>) {
         self.height_files = Some(files);
+    }
+
+    /// Says where meshes that are built from now on are kept when [`Self::mesh_memory`] is full.
+    pub fn set_mesh_files(&mut self, files: Option<Arc<dyn MeshFiles>>) {
+        self.mesh_store.shelf.files = files;
+    }
+
+    /// The host memory that meshes take; without a limit unless one is set.
+    #[must_use]
+    pub fn mesh_memory(&self) -> &Arc<HostMemory> {
+        &self.mesh_store.shelf.memory
     }
 
     /// The snapshot of the last commit; an empty scene before the first.

@@ -5,7 +5,7 @@ use super::SceneDb;
 use super::entries::{InstancerEntry, MeshEntry};
 use crate::desc::Primvar;
 use crate::inventory::PrimvarUse;
-use crate::mesh::Attribute;
+use crate::mesh::AttributeSummary;
 use rustc_hash::FxHashMap;
 
 /// Sums by name.
@@ -36,9 +36,9 @@ impl<'a> Uses<'a> {
         let assets = || built.asset.iter().chain(&built.clusters);
         let one = |attribute: Option<u64>| attribute.filter(|bytes| *bytes > 0);
         let special = [
-            ("normals", &desc.normals, assets().map(|mesh| bytes_of(mesh.normals.as_ref())).sum()),
-            ("displayColor", &desc.display_color, assets().map(|mesh| bytes_of(mesh.colors.as_ref())).sum()),
-            ("displayOpacity", &desc.display_opacity, assets().map(|mesh| bytes_of(mesh.opacities.as_ref())).sum()),
+            ("normals", &desc.normals, assets().map(|mesh| bytes_of(mesh.normals)).sum()),
+            ("displayColor", &desc.display_color, assets().map(|mesh| bytes_of(mesh.colors)).sum()),
+            ("displayOpacity", &desc.display_opacity, assets().map(|mesh| bytes_of(mesh.opacities)).sum()),
         ];
         for (name, primvar, bytes) in special {
             if let Some(primvar) = primvar.as_ref().filter(|primvar| !primvar.values.is_empty()) {
@@ -49,7 +49,7 @@ impl<'a> Uses<'a> {
             let wanted = entry.wanted.iter().find(|wanted| wanted.name == named.name);
             let bytes = wanted.map(|wanted| {
                 let values = assets().flat_map(|mesh| &mesh.primvars).filter(|primvar| primvar.id == wanted.id);
-                values.map(|primvar| size_of_val(primvar.values.floats()) as u64).sum()
+                values.map(|primvar| primvar.values.bytes()).sum()
             });
             self.note(&named.name, one(bytes), || authored_bytes(&named.primvar));
         }
@@ -80,8 +80,8 @@ impl SceneDb {
     }
 }
 
-fn bytes_of<T>(attribute: Option<&Attribute<T>>) -> u64 {
-    attribute.map_or(0, |attribute| size_of_val(attribute.values.as_slice()) as u64)
+fn bytes_of(attribute: Option<AttributeSummary>) -> u64 {
+    attribute.map_or(0, |attribute| attribute.bytes())
 }
 
 /// What the values would take as floats, one for each index where there are indices.

@@ -16,7 +16,7 @@ use super::placement::usable_affine;
 use super::report::Reports;
 use super::run::{Instances, TransformKey};
 use crate::desc::{InstancedBy, PrimDesc, TransformSample};
-use crate::mesh::MeshAsset;
+use crate::mesh::SceneMesh;
 
 /// Most levels of instance records.
 pub const MAX_LEVELS: u32 = 32;
@@ -391,7 +391,7 @@ impl Resolver<'_> {
     }
 
     /// The group of a split mesh: every cluster placed as it is.
-    fn clusters(&mut self, first: u128, prim_id: i32, clusters: &[Arc<MeshAsset>], lacks: &[u32]) -> usize {
+    fn clusters(&mut self, first: u128, prim_id: i32, clusters: &[Arc<SceneMesh>], lacks: &[u32]) -> usize {
         if let Some(&known) = self.split.get(&(first, prim_id)) {
             return known;
         }

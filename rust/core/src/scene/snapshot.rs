@@ -16,7 +16,7 @@ pub use super::light::{
     DomeTexture, Emitter, IesError, IesProfile, Light, LightShaping, LinkTable, LocalLight, LocalShape, blackbody,
 };
 pub use super::report::SceneWarning;
-pub use crate::mesh::{Aabb, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, MeshAsset, Triangle};
+pub use crate::mesh::{Aabb, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, MeshAsset, SceneMesh, Triangle};
 
 bitflags! {
     /// What a scene uses. The names are those of the features of the passes (`oocpt_shader_abi::Features`).
@@ -156,7 +156,7 @@ pub struct Snapshot {
     /// World point that is (0, 0, 0) in the root assembly's frame. Kept across edits unless the scene moves far.
     pub origin: DVec3,
     /// Unique meshes in use; [`Target::Mesh`] indexes this. Indices of kept meshes change as little as possible.
-    pub meshes: Vec<Arc<MeshAsset>>,
+    pub meshes: Vec<Arc<SceneMesh>>,
     /// [`Target::Assembly`] indexes this. Children come before parents, the root is last and always there.
     pub assemblies: Vec<Arc<Assembly>>,
     /// Lights that shine, by path.

@@ -2,7 +2,7 @@
 //! Walks every invariant of a snapshot. For tests and for `doctor`; costs one encode of everything.
 
 use super::snapshot::{InstanceRecord, Snapshot, SnapshotError, Target};
-use crate::mesh::{Aabb, AnyAttribute, Attribute, AttributeRate, MeshAsset};
+use crate::mesh::{Aabb, AnyAttribute, Attribute, AttributeRate, MeshAsset, MeshSummary};
 
 /// Records encoded at a time.
 const BATCH: usize = 4096;
@@ -15,7 +15,12 @@ impl Snapshot {
     /// The first broken invariant.
     pub fn validate(&self) -> Result<(), SnapshotError> {
         for (index, mesh) in self.meshes.iter().enumerate() {
-            validate_mesh(mesh).map_err(|what| SnapshotError::Mesh { mesh: index, what })?;
+            let asset = mesh.asset().map_err(|error| error.to_string());
+            let valid = asset.and_then(|asset| match MeshSummary::of(&asset) == ***mesh {
+                true => validate_mesh(&asset),
+                false => Err("its summary is not that of its arrays".to_owned()),
+            });
+            valid.map_err(|what| SnapshotError::Mesh { mesh: index, what })?;
         }
         let mut levels: Vec<u32> = Vec::new();
         let mut placements: Vec<u128> = Vec::new();

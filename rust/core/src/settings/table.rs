@@ -64,7 +64,7 @@ pub(super) const TABLE: &[Row] = &[
         "oocpt:hostMemoryBudget",
         "OOCPT_HOST_MEMORY_BUDGET",
         "Host memory budget",
-        "Most MiB of host memory for encoded geometry and ended paths while streaming; 0 = 5/8 of what is free",
+        "Most MiB of host memory for built geometry and ended paths; 0 = as much as is free",
     ),
     user(
         "oocpt:dicingRate",
@@ -125,6 +125,19 @@ pub(super) const TABLE: &[Row] = &[
         "OOCPT_TEXTURE_CACHE_SIZE",
         "Texture cache size",
         "Most MiB of decoded textures on disk; those not used for longest are removed",
+    ),
+    user(
+        "oocpt:geometryCache",
+        "OOCPT_GEOMETRY_CACHE",
+        "Geometry cache",
+        "Folder in which built geometry is kept for the next render; 0 = none, everything stays in memory; empty = none, \
+         what exceeds the host memory budget goes to oocpt/geometry in the user's cache folder while it is needed",
+    ),
+    user(
+        "oocpt:geometryCacheSize",
+        "OOCPT_GEOMETRY_CACHE_SIZE",
+        "Geometry cache size",
+        "Most MiB of the geometry cache; files not used for longest are removed",
     ),
     user(
         "convergedSamplesPerPixel",

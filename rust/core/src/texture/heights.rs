@@ -63,6 +63,11 @@ impl Heights {
         Self { files, ..Self::default() }
     }
 
+    /// Who opens them.
+    pub(crate) fn files(&self) -> Option<&Arc<dyn HeightFiles>> {
+        self.files.as_ref()
+    }
+
     /// The level of a texture (or of the member of a set) for pieces that cover `area` of its unit square each; `None`
     /// for a member that is not there.
     ///

@@ -10,9 +10,9 @@ use oocpt_core::{
 };
 
 use crate::materials::{file, network, node, surface, text};
-use crate::support::{by, committed, grid, polygons, prim, primvar, scatter};
+use crate::support::{asset, by, committed, grid, polygons, prim, primvar, scatter};
 
-fn color(path: &str, value: f32) -> MaterialDesc {
+pub(crate) fn color(path: &str, value: f32) -> MaterialDesc {
     network(path, vec![surface(&[("diffuseColor", ParamValue::Vec3([value; 3]))])])
 }
 
@@ -46,7 +46,7 @@ fn quads(path: &str, prim_id: i32) -> MeshDesc {
     desc
 }
 
-fn bind(mut desc: MeshDesc, material: &str, subsets: &[(&str, &[i32])]) -> MeshDesc {
+pub(crate) fn bind(mut desc: MeshDesc, material: &str, subsets: &[(&str, &[i32])]) -> MeshDesc {
     let subset = |(material, faces): &(&str, &[i32])| SubsetDesc {
         path: format!("{}/{material}", desc.prim.path).into(),
         material: (!material.is_empty()).then(|| (*material).into()),
@@ -89,7 +89,7 @@ fn a_scene_without_materials_has_no_tables() {
     let snapshot = committed(&mut db);
     assert_eq!(snapshot.surfaces, oocpt_core::SurfaceTables::default());
     assert_eq!(snapshot.features, SceneFeatures::empty());
-    assert!(snapshot.meshes[0].subsets.is_empty() && snapshot.meshes[0].primvars.is_empty());
+    assert!(snapshot.meshes[0].subsets == 0 && snapshot.meshes[0].primvars.is_empty());
 }
 
 #[test]
@@ -105,7 +105,7 @@ fn subsets_go_by_face_and_the_first_wins() {
     assert_eq!(snapshot.surfaces.materials.len(), 2, "what nobody shows is left out");
     let of = |id: i32| {
         let meshes = snapshot.meshes.iter();
-        meshes.map(|mesh| shown(&snapshot, mesh, id)).collect::<Vec<_>>()
+        meshes.map(|mesh| shown(&snapshot, &asset(mesh), id)).collect::<Vec<_>>()
     };
     // Meshes with equal subsets of faces share an asset, whatever their materials are.
     assert_eq!(snapshot.meshes.len(), 3);
@@ -130,13 +130,13 @@ fn editing_a_material_or_a_binding_builds_no_mesh() {
     assert!(!db.commit().changed, "the same material again is no edit");
     db.upsert_material(color("/m", 0.75));
     let after = committed(&mut db);
-    assert_eq!(shown(&after, &after.meshes[0], 1), [(0, 0.75), (1, 0.5)]);
+    assert_eq!(shown(&after, &asset(&after.meshes[0]), 1), [(0, 0.75), (1, 0.5)]);
     assert!(same_mesh(&after) && Arc::ptr_eq(&before.surfaces.materials[1], &after.surfaces.materials[1]));
 
     let rebound = MeshDesc { material: Some("/n".into()), ..mesh.clone() };
     db.upsert_mesh(rebound.clone());
     let after = committed(&mut db);
-    assert_eq!(shown(&after, &after.meshes[0], 1), [(0, 0.5), (1, 0.5)]);
+    assert_eq!(shown(&after, &asset(&after.meshes[0]), 1), [(0, 0.5), (1, 0.5)]);
     assert!(same_mesh(&after));
     assert_eq!(after.surfaces.materials.len(), 1);
 
@@ -175,7 +175,7 @@ fn only_primvars_that_a_material_reads_are_built() {
     mesh.material = Some("/t".into());
     db.upsert_mesh(mesh.clone());
     let with_st = committed(&mut db);
-    let [built] = &with_st.meshes[0].primvars[..] else { panic!("one primvar") };
+    let [built] = &asset(&with_st.meshes[0]).primvars[..] else { panic!("one primvar") };
     assert_eq!(built.id, with_st.surfaces.materials[0].uv_sets[0].id);
     let AnyAttribute::Two(values) = &built.values else { panic!("two floats") };
     assert_eq!((values.rate, values.values.len()), (AttributeRate::FaceVarying, 12));
@@ -191,18 +191,18 @@ fn only_primvars_that_a_material_reads_are_built() {
     mesh.material = Some("/r".into());
     db.upsert_mesh(mesh.clone());
     let with_tint = committed(&mut db);
-    let [built] = &with_tint.meshes[0].primvars[..] else { panic!("one primvar: the other is missing") };
+    let [built] = &asset(&with_tint.meshes[0]).primvars[..] else { panic!("one primvar: the other is missing") };
     assert_eq!(
         built.values,
         AnyAttribute::Three(oocpt_core::Attribute { rate: AttributeRate::Vertex, values: vec![[0.5, 1.0, 2.0]; 6] })
     );
-    assert_eq!(with_tint.meshes[0].corner_indices.len(), 4);
+    assert_eq!(with_tint.meshes[0].corner_indices, 4);
 
     mesh.material = Some("/g".into());
     mesh.display_color = Some(primvar(Interpolation::Constant, vec![[1.0_f32, 0.5, 0.25]]));
     db.upsert_mesh(mesh.clone());
     let with_glow = committed(&mut db);
-    let widths: Vec<u32> = with_glow.meshes[0].primvars.iter().map(|p| p.values.width()).collect();
+    let widths: Vec<u32> = with_glow.meshes[0].primvars.iter().map(|p| p.values.width).collect();
     assert_eq!(widths.iter().sum::<u32>(), 4, "one float and a colour");
     // An array that nobody reads may change without anything being built.
     mesh.primvars[0] = named("st", primvar(Interpolation::Constant, vec![[0.0_f32; 2]]));
@@ -224,7 +224,7 @@ fn a_split_mesh_keeps_primvars_and_subsets() {
     let mut db = SceneDb::new();
     db.upsert_material(textured("/t", "a.png"));
     db.upsert_mesh(desc);
-    let whole = committed(&mut db).meshes[0].clone();
+    let whole = asset(&committed(&mut db).meshes[0]);
     let limit = 20_000;
     let parts = split_mesh(&whole, limit);
     assert!(parts.len() > 4 && parts.iter().all(|part| part.device_bytes() <= limit));

@@ -111,7 +111,7 @@ fn edits_of_materials_and_textures_cut_the_mesh_again() {
         let snapshot = db.commit().snapshot;
         snapshot.validate().unwrap();
         assert_eq!(snapshot.meshes.len(), 1, "equal prims share their mesh");
-        (snapshot.meshes[0].bounds.max[2], snapshot.meshes[0].triangles.len(), snapshot.meshes[0].key)
+        (snapshot.meshes[0].bounds.max[2], snapshot.meshes[0].triangles, snapshot.meshes[0].key)
     };
     let plain = top(&mut db, None);
     let (one, two) = (textured("part1001", "r", &[], &[]), textured("part1002", "r", &[], &[]));

@@ -68,4 +68,6 @@ mod samplers;
 #[cfg(test)]
 mod settings;
 #[cfg(test)]
+mod stored_meshes;
+#[cfg(test)]
 mod support;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{DMat3, DMat4, DVec3, DVec4};
 use oocpt_core::{InstanceRecord, PartitionOptions, SceneDb, Snapshot, Target, TypedArray, World};
 
-use crate::support::{Leaf, by, committed, flatten, grid, scatter, triangle};
+use crate::support::{Leaf, asset, by, committed, flatten, grid, scatter, triangle};
 
 /// The smallest chunks: 128 records.
 pub(crate) const SMALL: PartitionOptions = PartitionOptions { chunk_bytes: 16 << 10 };
@@ -44,7 +44,7 @@ fn below(snapshot: &Snapshot, record: &InstanceRecord, frame: DMat4, id: u32, le
     let id = id.wrapping_mul(record.prototype_count).wrapping_add(record.index_in_prototype);
     match record.target {
         Target::Mesh(m) => leaves.push(Leaf {
-            mesh: snapshot.meshes[m as usize].clone(),
+            mesh: asset(&snapshot.meshes[m as usize]),
             world,
             prim_id: record.prim_id,
             instance_id: i64::from(id),

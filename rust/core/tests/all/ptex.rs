@@ -8,7 +8,7 @@ use oocpt_core::{
 };
 
 use crate::materials::{file, network, node, text};
-use crate::support::{committed, grid, polygons, primvar};
+use crate::support::{asset, committed, grid, polygons, primvar};
 
 fn painted(kind: &str, name: &str) -> MaterialDesc {
     network(
@@ -26,7 +26,7 @@ fn built(mut desc: MeshDesc) -> (MeshAsset, SceneFeatures) {
     db.upsert_material(painted("UsdUVTexture", "a.ptx"));
     db.upsert_mesh(desc);
     let snapshot = committed(&mut db);
-    (MeshAsset::clone(&snapshot.meshes[0]), snapshot.features)
+    (MeshAsset::clone(&asset(&snapshot.meshes[0])), snapshot.features)
 }
 
 /// Part, face and sides of each triangle, by authored face.
@@ -122,7 +122,7 @@ fn the_middle_of_a_face_has_the_mean_of_its_values() {
     let mut db = SceneDb::new();
     db.upsert_mesh(desc);
     let plain = committed(&mut db);
-    assert!(plain.meshes[0].triangles.len() == 1 && plain.meshes[0].ptex.is_empty());
+    assert!(plain.meshes[0].triangles == 1 && plain.meshes[0].ptex == 0);
 }
 
 #[test]

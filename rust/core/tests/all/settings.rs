@@ -108,6 +108,8 @@ fn settings_are_listed_in_order() {
         "oocpt:adaptiveSampling",
         "oocpt:textureCache",
         "oocpt:textureCacheSize",
+        "oocpt:geometryCache",
+        "oocpt:geometryCacheSize",
     ];
     assert_eq!(keys[..ours.len()], ours, "the order");
     assert!(keys[ours.len()..].iter().all(|key| !key.starts_with("oocpt:")), "{keys:?}");
@@ -127,6 +129,8 @@ fn settings_are_listed_in_order() {
         "OOCPT_ADAPTIVE_SAMPLING",
         "OOCPT_TEXTURE_CACHE",
         "OOCPT_TEXTURE_CACHE_SIZE",
+        "OOCPT_GEOMETRY_CACHE",
+        "OOCPT_GEOMETRY_CACHE_SIZE",
     ];
     assert_eq!(ours[7..].iter().filter_map(|key| Settings::env_name(key)).collect::<Vec<_>>(), names, "variables");
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{DMat4, DVec3, DVec4};
 use oocpt_core::{
     DroppedData, InstanceRecord, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshAsset, MeshDesc,
-    PrimDesc, Primvar, SceneDb, Snapshot, Subdivision, Target, TypedArray,
+    PrimDesc, Primvar, SceneDb, SceneMesh, Snapshot, Subdivision, Target, TypedArray,
 };
 
 pub(crate) fn prim(path: &str) -> PrimDesc {
@@ -129,7 +129,7 @@ fn flatten_into(snapshot: &Snapshot, assembly: usize, frame: DMat4, id: i64, lea
         let instance_id = id * i64::from(record.prototype_count) + i64::from(record.index_in_prototype);
         match record.target {
             Target::Mesh(m) => leaves.push(Leaf {
-                mesh: snapshot.meshes[m as usize].clone(),
+                mesh: asset(&snapshot.meshes[m as usize]),
                 world,
                 prim_id: record.prim_id,
                 instance_id,
@@ -175,3 +175,8 @@ pub(crate) fn outcome(db: &mut SceneDb) -> (u128, DroppedData, Vec<String>) {
 
 /// Nothing dropped.
 pub(crate) const NONE: DroppedData = DroppedData::NONE;
+
+/// The asset of a mesh.
+pub(crate) fn asset(mesh: &SceneMesh) -> Arc<MeshAsset> {
+    mesh.asset().expect("it is in memory, or can be read")
+}

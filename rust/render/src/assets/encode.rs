@@ -3,10 +3,10 @@
 
 use super::level::Piece;
 use super::load::Copied;
-use super::source::{MeshLayout, values};
+use super::source::MeshLayout;
 use super::surfaces::attributes;
 use crate::error::RenderError;
-use oocpt_core::mesh::{Bvh4Node, MeshAsset, Triangle};
+use oocpt_core::mesh::{Attribute, Bvh4Node, SceneMesh, Triangle};
 use oocpt_gpu::{Commands, DeviceRange, Gpu, StagingRing, StagingSlice, Submission};
 use oocpt_shader_abi::{GpuMeshNode, GpuTriangle};
 use std::sync::Arc;
@@ -111,8 +111,9 @@ impl<'a> Writer<'a> {
     }
 
     /// Copies a mesh.
-    pub(crate) fn mesh(&mut self, mesh: &MeshAsset, target: &dyn DeviceRange) -> Result<(), RenderError> {
-        let layout = MeshLayout::new(mesh);
+    pub(crate) fn mesh(&mut self, mesh: &SceneMesh, target: &dyn DeviceRange) -> Result<(), RenderError> {
+        let (layout, summary) = (MeshLayout::new(mesh), mesh);
+        let mesh = mesh.asset()?;
         let nodes = &mesh.bvh.nodes;
         self.section(target, 0, (nodes.len(), size_of::<GpuMeshNode>()), |first, out| {
             convert(&nodes[first..], out, node)
@@ -138,13 +139,18 @@ impl<'a> Writer<'a> {
         for (offset, data) in sections {
             self.bytes(target, offset, data)?;
         }
-        let table = attributes(mesh, layout.primvars, &layout.primvar_values);
+        let table = attributes(summary, layout.primvars, &layout.primvar_values);
         self.bytes(target, layout.primvars, bytemuck::cast_slice(&table))?;
         for (primvar, offset) in mesh.primvars.iter().zip(&layout.primvar_values) {
             self.bytes(target, *offset, bytemuck::cast_slice(primvar.values.floats()))?;
         }
         Ok(())
     }
+}
+
+/// Values of an attribute, none if it is absent.
+fn values<T>(attribute: Option<&Attribute<T>>) -> &[T] {
+    attribute.map_or(&[], |attribute| &attribute.values)
 }
 
 /// Writes `convert(item)` for as many items as fit `out`.

@@ -154,7 +154,7 @@ fn parts(wanted: &[Wanted], kept: &Kept) -> (Vec<Part>, Progress) {
     for (at, Wanted { asset, source, .. }) in wanted.iter().enumerate() {
         match source {
             Source::Tile(..) => copied.assets.push((*asset, 0)),
-            Source::Mesh(mesh) => copied.assets.push((*asset, mesh.bvh.stack)),
+            Source::Mesh(mesh) => copied.assets.push((*asset, mesh.stack)),
             Source::Assembly(_) | Source::Chunk(_) => match kept.get(&source.key()) {
                 Some(encoded) => {
                     copied.assets.push((*asset, encoded.stack));

@@ -7,7 +7,7 @@
 
 use super::values::ValueLayout;
 use crate::textures::TextureImage;
-use oocpt_core::mesh::{Attribute, AttributeRate, LeafKind, MeshAsset, level_node_count};
+use oocpt_core::mesh::{AttributeRate, AttributeSummary, LeafKind, MeshSummary, SceneMesh, level_node_count};
 use oocpt_core::partition::Chunk;
 use oocpt_core::scene::{Assembly, InstanceColumn, InstanceRecord, MotionKey};
 use oocpt_shader_abi as abi;
@@ -29,7 +29,7 @@ const MAX_RECORDS: u64 = 1 << 26;
 /// Where an asset's bytes come from.
 #[derive(Clone, Debug)]
 pub(crate) enum Source {
-    Mesh(Arc<MeshAsset>),
+    Mesh(Arc<SceneMesh>),
     Assembly(Arc<Assembly>),
     Chunk(Arc<Chunk>),
     /// An image and the number of a tile of it.
@@ -61,29 +61,29 @@ pub(crate) struct MeshLayout {
     pub(crate) bytes: u64,
 }
 
-/// Values of an attribute, none if it is absent.
-pub(crate) fn values<T>(attribute: Option<&Attribute<T>>) -> &[T] {
-    attribute.map_or(&[], |attribute| &attribute.values)
+/// Bytes of an attribute, none if it is absent.
+fn values(attribute: Option<AttributeSummary>) -> u64 {
+    attribute.map_or(0, |attribute| attribute.bytes())
 }
 
 impl MeshLayout {
     /// The layout of `mesh`.
-    pub(crate) fn new(mesh: &MeshAsset) -> Self {
+    pub(crate) fn new(mesh: &MeshSummary) -> Self {
         let mut end = 0_u64;
         let mut section = |bytes: u64| {
             let start = end;
             end = (end + bytes).next_multiple_of(ALIGN);
             start
         };
-        section((mesh.bvh.nodes.len() * size_of::<GpuMeshNode>()) as u64);
+        section(mesh.nodes * size_of::<GpuMeshNode>() as u64);
         let layout = Self {
-            triangles: section((mesh.triangles.len() * size_of::<GpuTriangle>()) as u64),
-            corners: section(size_of_val(mesh.corner_indices.as_slice()) as u64),
-            normals: section(size_of_val(values(mesh.normals.as_ref())) as u64),
-            colors: section(size_of_val(values(mesh.colors.as_ref())) as u64),
-            opacities: section(size_of_val(values(mesh.opacities.as_ref())) as u64),
+            triangles: section(mesh.triangles * size_of::<GpuTriangle>() as u64),
+            corners: section(mesh.corner_indices * size_of::<[u32; 3]>() as u64),
+            normals: section(values(mesh.normals)),
+            colors: section(values(mesh.colors)),
+            opacities: section(values(mesh.opacities)),
             primvars: section((mesh.primvars.len() * size_of::<GpuAttribute>()) as u64),
-            primvar_values: mesh.primvars.iter().map(|p| section(size_of_val(p.values.floats()) as u64)).collect(),
+            primvar_values: mesh.primvars.iter().map(|p| section(p.values.bytes())).collect(),
             bytes: 0,
         };
         Self { bytes: end, ..layout }
@@ -250,7 +250,7 @@ impl Source {
     /// `Err((what, count, limit))` when it is larger than the shaders' indices reach.
     pub(crate) fn check(&self) -> Result<(), (&'static str, u64, u64)> {
         if let Self::Mesh(mesh) = self {
-            let largest = mesh.triangles.len().max(mesh.bvh.nodes.len()) as u64;
+            let largest = mesh.triangles.max(mesh.nodes);
             return if largest < MAX_MESH_ITEMS {
                 Ok(())
             } else {
@@ -286,17 +286,13 @@ impl Source {
             nodes: base,
             triangles: base + layout.triangles,
             reach: mesh.bounds.min.iter().chain(&mesh.bounds.max).fold(0.0, |reach, x| x.abs().max(reach)),
-            corner_indices: at(!mesh.corner_indices.is_empty(), layout.corners),
+            corner_indices: at(mesh.corner_indices > 0, layout.corners),
             normals: at(mesh.normals.is_some(), layout.normals),
             colors: at(mesh.colors.is_some(), layout.colors),
             opacities: at(mesh.opacities.is_some(), layout.opacities),
-            flags: flags.with_rates(
-                rate(mesh.normals.as_ref()),
-                rate(mesh.colors.as_ref()),
-                rate(mesh.opacities.as_ref()),
-            ),
+            flags: flags.with_rates(rate(mesh.normals), rate(mesh.colors), rate(mesh.opacities)),
             // Checked against MAX_MESH_ITEMS.
-            triangle_count: u32::try_from(mesh.triangles.len()).unwrap_or(u32::MAX),
+            triangle_count: u32::try_from(mesh.triangles).unwrap_or(u32::MAX),
             primvars: at(!mesh.primvars.is_empty(), layout.primvars),
             primvar_count: u32::try_from(mesh.primvars.len()).unwrap_or(0),
         })
@@ -309,7 +305,7 @@ impl Source {
     }
 }
 
-fn rate<T>(attribute: Option<&Attribute<T>>) -> abi::AttributeRate {
+fn rate(attribute: Option<AttributeSummary>) -> abi::AttributeRate {
     attribute.map_or(abi::AttributeRate::Constant, |attribute| rate_of(attribute.rate))
 }
 

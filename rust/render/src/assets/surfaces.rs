@@ -4,7 +4,7 @@
 use super::source::rate_of;
 use oocpt_core::material::{Input, Material, MaterialFlags, PTEX_SET_ID, UvSet};
 use oocpt_core::materialx::program::{Lookup, Program};
-use oocpt_core::mesh::MeshAsset;
+use oocpt_core::mesh::{MeshSummary, PrimvarSummary};
 use oocpt_core::scene::{NO_MATERIAL, PrimRecord, SurfaceTables};
 use oocpt_shader_abi as abi;
 use oocpt_shader_abi::{GpuAttribute, GpuInput, GpuMaterial, GpuPrim};
@@ -166,11 +166,11 @@ fn input(input: &Input, material_sets: &[UvSet]) -> GpuInput {
 }
 
 /// The table of a mesh's primvars: offsets of their values count from the table on and are in `offsets`.
-pub(crate) fn attributes(mesh: &MeshAsset, table: u64, offsets: &[u64]) -> Vec<GpuAttribute> {
-    let entry = |(primvar, offset): (&oocpt_core::mesh::MeshPrimvar, &u64)| GpuAttribute {
+pub(crate) fn attributes(mesh: &MeshSummary, table: u64, offsets: &[u64]) -> Vec<GpuAttribute> {
+    let entry = |(primvar, offset): (&PrimvarSummary, &u64)| GpuAttribute {
         values: offset.saturating_sub(table),
         name: primvar.id,
-        rate_and_width: rate_of(primvar.values.rate()) as u32 | primvar.values.width() << 8,
+        rate_and_width: rate_of(primvar.values.rate) as u32 | primvar.values.width << 8,
     };
     mesh.primvars.iter().zip(offsets).map(entry).collect()
 }

@@ -5,7 +5,7 @@ use super::emission_map::{EmissionMap, Finish};
 use super::{emission_weight, narrow};
 use crate::textures::TextureCache;
 use oocpt_core::material::{Input, InputName};
-use oocpt_core::mesh::{AnyAttribute, AttributeRate, MeshAsset};
+use oocpt_core::mesh::{AnyAttribute, AttributeRate, MeshAsset, MeshSummary};
 use oocpt_core::scene::{NO_MATERIAL, NO_VALUE, Snapshot};
 use oocpt_core::texture::TextureRef;
 use oocpt_core::{Material, MaterialFlags};
@@ -126,7 +126,7 @@ impl Glows {
     }
 
     /// Those at a placement, where its instance has something to say; `values` by number of the name.
-    pub(super) fn placed(&self, mesh: &MeshAsset, values: &[(u32, [f32; 4])]) -> Option<Placed> {
+    pub(super) fn placed(&self, mesh: &MeshSummary, values: &[(u32, [f32; 4])]) -> Option<Placed> {
         let value = |name: u32| {
             let is_own = mesh.primvars.iter().any(|primvar| primvar.id == name);
             values.iter().find(|value| value.0 == name && !is_own).map(|value| value.1)

@@ -13,7 +13,7 @@ use super::local::finite_power;
 use super::tree::{self, LightBounds, NOTHING};
 use super::{EVEN_SHARE, count, narrow};
 use crate::textures::TextureCache;
-use oocpt_core::mesh::LeafKind;
+use oocpt_core::mesh::{LeafKind, SceneMesh};
 use oocpt_core::partition::World;
 use oocpt_core::scene::{MeshPlacement, SceneFeatures, Snapshot};
 use oocpt_shader_abi::{
@@ -117,11 +117,11 @@ impl MeshLightCache {
             let key: EmitterKey = (mesh.key, glows.key());
             let entry = self.emitters.entry(key.clone()).or_insert_with(|| match known.get(&key) {
                 Some(known) => known.clone(),
-                None if mesh.triangles.len() > MAX_TRIANGLES => None,
-                None => Emitter::new(mesh, glows).map(Arc::new),
+                None if mesh.triangles > MAX_TRIANGLES as u64 => None,
+                None => emitter_of(mesh, glows).map(Arc::new),
             });
             let Some(emitter) = entry.clone() else {
-                is_complete &= mesh.triangles.len() <= MAX_TRIANGLES;
+                is_complete &= mesh.triangles <= MAX_TRIANGLES as u64;
                 continue;
             };
             match making.number(&emitter) {
@@ -137,6 +137,18 @@ impl MeshLightCache {
                  the rest is not sampled as lights, but met by chance only, which is noisy"
             )
         }))
+    }
+}
+
+/// The emitter of a mesh; none where nothing emits, or its asset cannot be had.
+fn emitter_of(mesh: &SceneMesh, glows: &Glows) -> Option<Emitter> {
+    match mesh.asset() {
+        Ok(asset) => Emitter::new(&asset, glows),
+        Err(error) => {
+            // Loading it to the device will fail, too, which ends the render with this message.
+            tracing::warn!(%error, "an emissive mesh");
+            None
+        }
     }
 }
 

@@ -140,8 +140,11 @@ fn closed_meshes_shine_outwards() {
             mesh.face_vertex_indices = TypedArray::of(faces.concat());
         }
         let scene = snapshot(|db| db.upsert_mesh(mesh));
-        let emitter = Emitter::new(&scene.meshes[0], &Glows { by_slot: vec![EmittedPower::Even(1.0)], scale: 1.0 })
-            .expect("it emits");
+        let emitter = Emitter::new(
+            &scene.meshes[0].asset().expect("in memory"),
+            &Glows { by_slot: vec![EmittedPower::Even(1.0)], scale: 1.0 },
+        )
+        .expect("it emits");
         let wanted = if is_open { 20.0 } else { 24.0 };
         assert!((emitter.bounds.power - wanted).abs() < 1e-6, "area: {}", emitter.bounds.power);
         for node in &emitter.nodes {

@@ -28,7 +28,7 @@ pub(crate) use buffers::StreamBuffers;
 use crate::assets::{Scene, SceneView};
 use crate::engine::{self, Parts, Tracer};
 use crate::error::RenderError;
-use crate::host_memory;
+use crate::host_memory::{self, Part};
 use crate::lights::GeneralLights;
 use crate::progress::Progress;
 use crate::setting::{Setting, geometry_cap, has_light_paths, is_cpu, shrinking};
@@ -207,7 +207,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
     if capacity * slot_bytes + beside > unused(device.gpu.memory()) {
         scene.clear(device)?;
     }
-    let host_bytes = host_memory::for_ended_paths(&job.settings);
+    let host_bytes = host_memory::limit_of(Part::EndedPaths, &job.settings, 0);
     *kept = Some(shrinking(capacity, FEWEST_PATHS, |capacity| {
         StreamBuffers::new(&device.gpu, capacity, ((wanted, paths), host_bytes), needs)
     })?);

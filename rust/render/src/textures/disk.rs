@@ -13,6 +13,7 @@ use super::convert::TileSink;
 use super::image::ImageError;
 use super::tx::{Description, TxFile, TxWriter};
 use super::under_way;
+use crate::cache_folder::cache_folder;
 use crate::sync::lock;
 use std::fs::{self, File};
 use std::io;
@@ -47,7 +48,7 @@ impl DiskCache {
     pub(crate) fn of_setting(setting: &str, limit_mib: u32) -> Option<Self> {
         let folder = match setting {
             "0" => return None,
-            "" => default_folder()?,
+            "" => cache_folder("textures")?,
             path => PathBuf::from(path),
         };
         Some(Self::new(folder, u64::from(limit_mib) << 20))
@@ -203,13 +204,6 @@ fn delete(path: &Path) {
     if let Err(error) = fs::remove_file(path) {
         tracing::debug!(path = %path.display(), %error, "cannot be removed");
     }
-}
-
-/// `$XDG_CACHE_HOME/oocpt/textures`, or the same below `~/.cache` (XDG Base Directory Specification 0.8).
-fn default_folder() -> Option<PathBuf> {
-    let variable = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    let caches = variable("XDG_CACHE_HOME").or_else(|| Some(variable("HOME")?.join(".cache")))?;
-    Some(caches.join("oocpt/textures"))
 }
 
 /// An entry under way; removed again unless it is committed.

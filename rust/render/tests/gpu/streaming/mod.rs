@@ -2,6 +2,7 @@
 //! The central promise: the same bits whatever the budget, under every policy; the budget is never exceeded.
 
 mod faults;
+mod host;
 mod memory;
 mod roulette;
 mod scenes;

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What is known of an asset without its arrays: enough to place it, plan its memory and lay it out on the device.
+
+use serde::{Deserialize, Serialize};
+
+use super::bvh4::Bvh4Node;
+use super::{Aabb, Attribute, AttributeRate, LeafKind, MeshAsset, PRIMVAR_BYTES, SECTION_ALIGN, TRIANGLE_BYTES};
+
+/// The shape of an attribute.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct AttributeSummary {
+    /// How values are found from a hit.
+    pub rate: AttributeRate,
+    /// Floats of a value.
+    pub width: u32,
+    /// Number of values.
+    pub values: u64,
+}
+
+/// The shape of a primvar.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PrimvarSummary {
+    /// The number of its name.
+    pub id: u32,
+    /// Its values.
+    pub values: AttributeSummary,
+}
+
+/// See the module. Fields are those of [`MeshAsset`], arrays by their lengths.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MeshSummary {
+    /// Content hash.
+    pub key: u128,
+    /// Box of all triangles.
+    pub bounds: Aabb,
+    /// What the triangles are.
+    pub kind: LeafKind,
+    /// False: seen from the front only.
+    pub double_sided: bool,
+    /// The geometric normal is minus the right-handed one.
+    pub left_handed: bool,
+    /// Nodes of the hierarchy.
+    pub nodes: u64,
+    /// Stack entries that suffice for a walk of it.
+    pub stack: u32,
+    /// Number of triangles.
+    pub triangles: u64,
+    /// Triangles that have point indices: all or none.
+    pub corner_indices: u64,
+    /// Shading normals.
+    pub normals: Option<AttributeSummary>,
+    /// `displayColor`.
+    pub colors: Option<AttributeSummary>,
+    /// `displayOpacity`.
+    pub opacities: Option<AttributeSummary>,
+    /// Primvars.
+    pub primvars: Vec<PrimvarSummary>,
+    /// Triangles that have the number of a subset: all or none.
+    pub subsets: u64,
+    /// Triangles that have a place in a Ptex file: all or none.
+    pub ptex: u64,
+}
+
+impl AttributeSummary {
+    /// Bytes of the values.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.values.saturating_mul(u64::from(self.width)).saturating_mul(size_of::<f32>() as u64)
+    }
+}
+
+fn attribute<T>(attribute: Option<&Attribute<T>>) -> Option<AttributeSummary> {
+    let width = u32::try_from(size_of::<T>() / size_of::<f32>()).unwrap_or(1);
+    attribute.map(|a| AttributeSummary { rate: a.rate, width, values: a.values.len() as u64 })
+}
+
+impl MeshSummary {
+    /// The summary of an asset.
+    #[must_use]
+    pub fn of(mesh: &MeshAsset) -> Self {
+        let primvar = |primvar: &super::MeshPrimvar| {
+            let (rate, width) = (primvar.values.rate(), primvar.values.width());
+            let values = primvar.values.floats().len() as u64 / u64::from(width);
+            PrimvarSummary { id: primvar.id, values: AttributeSummary { rate, width, values } }
+        };
+        Self {
+            key: mesh.key,
+            bounds: mesh.bounds,
+            kind: mesh.kind,
+            double_sided: mesh.double_sided,
+            left_handed: mesh.left_handed,
+            nodes: mesh.bvh.nodes.len() as u64,
+            stack: mesh.bvh.stack,
+            triangles: mesh.triangles.len() as u64,
+            corner_indices: mesh.corner_indices.len() as u64,
+            normals: attribute(mesh.normals.as_ref()),
+            colors: attribute(mesh.colors.as_ref()),
+            opacities: attribute(mesh.opacities.as_ref()),
+            primvars: mesh.primvars.iter().map(primvar).collect(),
+            subsets: mesh.subsets.len() as u64,
+            ptex: mesh.ptex.len() as u64,
+        }
+    }
+
+    /// Bytes of device memory that the asset takes: nodes, triangles (48 bytes there), corner indices, normals, colors,
+    /// opacities, a table of primvars, primvars, each section rounded up to 16.
+    #[must_use]
+    pub fn device_bytes(&self) -> u64 {
+        let attribute = |a: Option<AttributeSummary>| a.map_or(0, |a| a.bytes());
+        let sections = [
+            self.nodes * size_of::<Bvh4Node>() as u64,
+            self.triangles * TRIANGLE_BYTES,
+            self.corner_indices * size_of::<[u32; 3]>() as u64,
+            attribute(self.normals),
+            attribute(self.colors),
+            attribute(self.opacities),
+        ];
+        let rest = self.primvars.iter().map(|p| p.values.bytes());
+        let table = self.primvars.len() as u64 * PRIMVAR_BYTES;
+        sections.into_iter().chain(rest).chain([table]).map(|bytes| bytes.next_multiple_of(SECTION_ALIGN)).sum()
+    }
+}

@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Built meshes on disk: those for which there is no host memory, and with `oocpt:geometryCache` all, for the next
+//! process.
+//!
+//! Without that setting they go to a file that has no name any more once it is open, so that nothing is left behind
+//! however the process ends. With it, to a file of this process in that folder ([`pack`]); those of other processes are
+//! read, too, and removed, the ones that were not used for longest first, when all together are larger than the limit.
+//! Any thread.
+
+mod pack;
+#[cfg(test)]
+mod tests;
+
+use crate::cache_folder::cache_folder;
+use crate::request::Severity;
+use crate::shared::Shared;
+use crate::sync::lock;
+use oocpt_core::mesh::{MeshFiles, Payload, PayloadError, StoredEntry};
+use oocpt_core::settings::Settings;
+use pack::Pack;
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, Weak};
+use std::time::SystemTime;
+
+/// How files end.
+const ENDING: &str = "oocptgeo";
+
+/// What the settings say.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct GeometrySetting {
+    folder: PathBuf,
+    lasts: bool,
+    /// Most bytes of all files that last.
+    limit: u64,
+}
+
+impl GeometrySetting {
+    /// "0": none; empty: the user's own folder, for files that do not last; else a folder for some that do.
+    pub(crate) fn of(settings: &Settings) -> Option<Self> {
+        let limit = u64::from(settings.geometry_cache_mib) << 20;
+        match settings.geometry_cache.as_str() {
+            "0" => None,
+            "" => Some(Self { folder: cache_folder("geometry")?, lasts: false, limit }),
+            path => Some(Self { folder: PathBuf::from(path), lasts: true, limit }),
+        }
+    }
+}
+
+/// See the module.
+#[derive(Debug)]
+pub(crate) struct GeometryFiles {
+    setting: GeometrySetting,
+    packs: Mutex<Packs>,
+    /// Something could not be written; from then on nothing is.
+    failed: AtomicBool,
+    /// A damaged entry was told of.
+    told: AtomicBool,
+    shared: Weak<Shared>,
+}
+
+#[derive(Debug, Default)]
+struct Packs {
+    /// Those of other processes, once they were looked for.
+    others: Option<Vec<Arc<Pack>>>,
+    /// What this process writes that lasts.
+    own: Option<Arc<Pack>>,
+    /// What does not.
+    scratch: Option<Arc<Pack>>,
+    /// Bytes of those of others, when they were last looked at.
+    others_bytes: Option<u64>,
+    /// Of others: already marked as used.
+    marked: Vec<PathBuf>,
+}
+
+impl GeometryFiles {
+    /// Nothing is opened before it is needed. Complaints go to `shared`.
+    pub(crate) fn new(setting: GeometrySetting, shared: &Arc<Shared>) -> Self {
+        Self {
+            setting,
+            packs: Mutex::default(),
+            failed: AtomicBool::new(false),
+            told: AtomicBool::new(false),
+            shared: Arc::downgrade(shared),
+        }
+    }
+
+    pub(crate) fn setting(&self) -> &GeometrySetting {
+        &self.setting
+    }
+
+    fn complain(&self, text: String) {
+        tracing::debug!("{text}");
+        if let Some(shared) = self.shared.upgrade() {
+            shared.report(Severity::Warning, text);
+        }
+    }
+
+    /// The file that `bytes` more go to, and whether they last there.
+    fn pack_for(&self, lasts: bool, bytes: u64) -> io::Result<(Arc<Pack>, bool)> {
+        let mut packs = lock(&self.packs);
+        let lasts = lasts && self.make_room(&mut packs, bytes);
+        let slot = if lasts { &mut packs.own } else { &mut packs.scratch };
+        let pack = match slot {
+            Some(pack) => pack.clone(),
+            none => none.insert(Arc::new(self.begin(lasts)?)).clone(),
+        };
+        Ok((pack, lasts))
+    }
+
+    /// A new file.
+    fn begin(&self, lasts: bool) -> io::Result<Pack> {
+        static NUMBER: AtomicU64 = AtomicU64::new(0);
+        fs::create_dir_all(&self.setting.folder)?;
+        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_nanos();
+        let (process, number) = (std::process::id(), NUMBER.fetch_add(1, Ordering::Relaxed));
+        let path = self.setting.folder.join(format!("{now:024x}-{process}-{number}.{ENDING}"));
+        let file = File::options().read(true).write(true).create_new(true).open(&path)?;
+        if lasts {
+            return Ok(Pack::new(file, Some(path)));
+        }
+        fs::remove_file(&path)?;
+        Ok(Pack::new(file, None))
+    }
+
+    /// Removes files of other processes until there is room for `bytes`; false where there is none even so.
+    fn make_room(&self, packs: &mut Packs, bytes: u64) -> bool {
+        let needed = packs.own.as_ref().map_or(0, |own| own.bytes()).saturating_add(bytes);
+        if needed > self.setting.limit {
+            return false;
+        }
+        let own = packs.own.as_ref().and_then(|own| own.path()).cloned();
+        // Looked at anew only when it may matter.
+        if needed.saturating_add(packs.others_bytes.unwrap_or(u64::MAX)) <= self.setting.limit {
+            return true;
+        }
+        let mut others = files_of(&self.setting.folder);
+        others.retain(|file| Some(&file.path) != own.as_ref());
+        others.sort_by_key(|file| file.used);
+        let mut sum: u64 = others.iter().map(|file| file.bytes).sum();
+        for file in others {
+            if needed.saturating_add(sum) <= self.setting.limit {
+                break;
+            }
+            // Who has it open keeps it.
+            remove(&file.path);
+            sum = sum.saturating_sub(file.bytes);
+        }
+        packs.others_bytes = Some(sum);
+        true
+    }
+
+    /// The files that may have an entry, opened at the first call.
+    fn known(&self) -> Vec<Arc<Pack>> {
+        let mut packs = lock(&self.packs);
+        let own = packs.own.clone();
+        let others = packs.others.get_or_insert_with(|| {
+            let mut files = files_of(&self.setting.folder);
+            files.sort_by_key(|file| std::cmp::Reverse(file.used));
+            let own = own.as_ref().and_then(|own| own.path());
+            let open = |file: FileOfFolder| {
+                let opened = Pack::open(file.path).inspect_err(|error| tracing::debug!(%error, "a geometry file"));
+                opened.ok().map(Arc::new)
+            };
+            files.into_iter().filter(|file| Some(&file.path) != own).filter_map(open).collect()
+        });
+        own.into_iter().chain(others.iter().cloned()).collect()
+    }
+
+    /// Notes that a file of another process is used.
+    fn mark(&self, pack: &Pack) {
+        let mut packs = lock(&self.packs);
+        if let Some(path) = pack.path().filter(|path| !packs.marked.contains(path)).cloned() {
+            packs.marked.push(path);
+            pack.mark();
+        }
+    }
+}
+
+impl MeshFiles for GeometryFiles {
+    fn lasts(&self) -> bool {
+        self.setting.lasts
+    }
+
+    fn find(&self, key: u128) -> Option<StoredEntry> {
+        for pack in self.known() {
+            match pack.find(key) {
+                Some(Ok(entry)) => {
+                    self.mark(&pack);
+                    return Some(entry);
+                }
+                Some(Err(error)) => {
+                    self.damaged(Some(key), &error);
+                    return None;
+                }
+                None => {}
+            }
+        }
+        None
+    }
+
+    fn add(&self, key: Option<u128>, head: &[u8], payloads: &[Vec<&[u8]>]) -> Option<Vec<Arc<dyn Payload>>> {
+        if self.failed.load(Ordering::Relaxed) {
+            return None;
+        }
+        let bytes = payloads.iter().flatten().map(|part| part.len() as u64).sum();
+        let lasts = self.setting.lasts && key.is_some();
+        let added = self.pack_for(lasts, bytes).and_then(|(pack, lasts)| {
+            let key = key.filter(|_| lasts).unwrap_or(0);
+            pack.append(key, head, payloads)
+        });
+        match added {
+            Ok(payloads) => Some(payloads),
+            Err(error) => {
+                if !self.failed.swap(true, Ordering::Relaxed) {
+                    let written = self.bytes() >> 20;
+                    self.complain(format!(
+                        "geometry files in {}: {error} after {written} MiB; from now on geometry stays in memory",
+                        self.setting.folder.display()
+                    ));
+                }
+                None
+            }
+        }
+    }
+
+    fn damaged(&self, key: Option<u128>, error: &PayloadError) {
+        for pack in self.known().iter().filter(|pack| key.is_some_and(|key| pack.has(key))) {
+            // Nobody else has to meet it.
+            pack.forget();
+            pack.path().into_iter().for_each(|path| remove(path));
+        }
+        if !self.told.swap(true, Ordering::Relaxed) {
+            let folder = self.setting.folder.display();
+            self.complain(format!("geometry files in {folder}: {error}; what cannot be read is built again"));
+        }
+    }
+}
+
+impl GeometryFiles {
+    /// Bytes that this process has written.
+    pub(crate) fn bytes(&self) -> u64 {
+        let packs = lock(&self.packs);
+        [&packs.own, &packs.scratch].into_iter().flatten().map(|pack| pack.bytes()).sum()
+    }
+}
+
+/// A file that is ours, by its name.
+struct FileOfFolder {
+    path: PathBuf,
+    used: SystemTime,
+    bytes: u64,
+}
+
+fn files_of(folder: &Path) -> Vec<FileOfFolder> {
+    let file = |entry: fs::DirEntry| {
+        let path = entry.path();
+        let metadata = entry.metadata().ok().filter(fs::Metadata::is_file)?;
+        let used = metadata.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+        let is_ours = path.extension().is_some_and(|ending| ending == ENDING);
+        is_ours.then_some(FileOfFolder { path, used, bytes: metadata.len() })
+    };
+    fs::read_dir(folder).into_iter().flatten().flatten().filter_map(file).collect()
+}
+
+/// Another process may have been faster.
+fn remove(path: &Path) {
+    if let Err(error) = fs::remove_file(path) {
+        tracing::debug!(path = %path.display(), %error, "cannot be removed");
+    }
+}

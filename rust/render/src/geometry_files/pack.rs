@@ -1,0 +1,289 @@
+// SPDX-License-Identifier: Apache-2.0
+//! A file of records that only grows: what meshes were built to.
+//!
+//! A record is a [`Header`], a table of its payloads, a head, and the payloads, in native byte order; the next one
+//! begins at a multiple of [`ALIGN`]. The header is written last, so a process that dies leaves a record that is not
+//! seen; everything else has a hash that is compared when it is read. One process appends, any number read.
+
+use crate::sync::lock;
+use bytemuck::{Pod, Zeroable};
+use oocpt_core::mesh::{Payload, PayloadError, StoredEntry};
+use rustc_hash::FxHashMap;
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::FileExt;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
+
+/// How records begin.
+const MAGIC: u64 = u64::from_le_bytes(*b"OocPTgeo");
+/// Of the layout of records.
+const VERSION: u32 = 1;
+/// Alignment of records.
+const ALIGN: u64 = 64;
+/// Largest table and head: what is read before its hash is known.
+const MOST_HEAD: u64 = 256 << 20;
+/// Payloads up to here are read and written in one piece.
+const ONE_PIECE: u64 = 256 << 10;
+
+/// How a record begins.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+struct Header {
+    magic: u64,
+    version: u32,
+    payloads: u32,
+    key: [u64; 2],
+    head_bytes: u64,
+    /// With this header.
+    record_bytes: u64,
+    /// Of table and head.
+    head_hash: u64,
+    /// Of all above.
+    hash: u64,
+}
+
+/// Where a payload is.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+struct Place {
+    /// From the record's first byte.
+    offset: u64,
+    bytes: u64,
+    hash: u64,
+}
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct Pack {
+    file: File,
+    /// None: it has no name any more, and goes with the process.
+    path: Option<PathBuf>,
+    /// Where the next record goes.
+    end: AtomicU64,
+    /// Where records with a key are.
+    records: Mutex<FxHashMap<u128, u64>>,
+}
+
+impl Header {
+    fn own_hash(&self) -> u64 {
+        let bytes = bytemuck::bytes_of(self);
+        xxh3_64(&bytes[..bytes.len() - size_of::<u64>()])
+    }
+
+    /// The header at `offset` of a file of `length` bytes, if there is one whose record is all there.
+    fn read(file: &File, offset: u64, length: u64) -> Option<Self> {
+        let mut header = Self::zeroed();
+        file.read_exact_at(bytemuck::bytes_of_mut(&mut header), offset).ok()?;
+        let table = u64::from(header.payloads) * size_of::<Place>() as u64;
+        let least = (size_of::<Self>() as u64).checked_add(table)?.checked_add(header.head_bytes)?;
+        let is_whole = header.magic == MAGIC
+            && header.version == VERSION
+            && header.hash == header.own_hash()
+            && least <= header.record_bytes
+            && offset.checked_add(header.record_bytes)? <= length;
+        is_whole.then_some(header)
+    }
+
+    fn key(&self) -> u128 {
+        u128::from(self.key[0]) | u128::from(self.key[1]) << 64
+    }
+}
+
+impl Pack {
+    /// A new file, which has to be empty.
+    pub(super) fn new(file: File, path: Option<PathBuf>) -> Self {
+        Self { file, path, end: AtomicU64::new(0), records: Mutex::default() }
+    }
+
+    /// A file of another process, be it still being written: the records that are whole, up to the first that is not.
+    pub(super) fn open(path: PathBuf) -> io::Result<Self> {
+        let file = File::open(&path)?;
+        let metadata = file.metadata()?;
+        if !metadata.is_file() {
+            return Err(io::Error::from(io::ErrorKind::InvalidInput));
+        }
+        let mut records = FxHashMap::default();
+        let mut at = 0;
+        while let Some(header) = Header::read(&file, at, metadata.len()) {
+            if header.key() != 0 {
+                records.insert(header.key(), at);
+            }
+            at = (at + header.record_bytes).next_multiple_of(ALIGN);
+        }
+        Ok(Self { file, path: Some(path), end: AtomicU64::new(at), records: Mutex::new(records) })
+    }
+
+    /// Bytes of its records.
+    pub(super) fn bytes(&self) -> u64 {
+        self.end.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn path(&self) -> Option<&PathBuf> {
+        self.path.as_ref()
+    }
+
+    /// Whether there is a record with this key.
+    pub(super) fn has(&self, key: u128) -> bool {
+        lock(&self.records).contains_key(&key)
+    }
+
+    /// Forgets all records with keys. Payloads that are in use stay.
+    pub(super) fn forget(&self) {
+        lock(&self.records).clear();
+    }
+
+    /// Marks it as used now.
+    pub(super) fn mark(&self) {
+        // The times of a folder that cannot be written do not matter.
+        let marked = self.file.set_modified(std::time::SystemTime::now());
+        tracing::trace!(?marked, "used");
+    }
+
+    /// The record of a key; an error where it is not what was written.
+    pub(super) fn find(self: &Arc<Self>, key: u128) -> Option<Result<StoredEntry, PayloadError>> {
+        let at = lock(&self.records).get(&key).copied()?;
+        Some(self.entry(at))
+    }
+
+    fn entry(self: &Arc<Self>, at: u64) -> Result<StoredEntry, PayloadError> {
+        let length = self.file.metadata().map_err(read_error)?.len();
+        let header = Header::read(&self.file, at, length).ok_or(PayloadError::Damaged)?;
+        let table = u64::from(header.payloads) * size_of::<Place>() as u64;
+        if table.saturating_add(header.head_bytes) > MOST_HEAD {
+            return Err(PayloadError::Damaged);
+        }
+        let bytes = |count: u64| usize::try_from(count).ok().ok_or(PayloadError::Damaged);
+        let mut places = vec![Place::zeroed(); bytes(u64::from(header.payloads))?];
+        let mut head = vec![0; bytes(header.head_bytes)?];
+        let after = at + size_of::<Header>() as u64;
+        self.file.read_exact_at(bytemuck::cast_slice_mut(&mut places), after).map_err(read_error)?;
+        self.file.read_exact_at(&mut head, after + table).map_err(read_error)?;
+        if hash_of([bytemuck::cast_slice(&places), &head[..]]) != header.head_hash {
+            return Err(PayloadError::Damaged);
+        }
+        let mut payloads: Vec<Arc<dyn Payload>> = Vec::with_capacity(places.len());
+        for Place { offset, bytes, hash } in places {
+            let end = offset.checked_add(bytes).filter(|end| *end <= header.record_bytes);
+            end.ok_or(PayloadError::Damaged)?;
+            payloads.push(Arc::new(PackPayload { pack: self.clone(), offset: at + offset, bytes, hash }));
+        }
+        Ok(StoredEntry { head, payloads })
+    }
+
+    /// Appends a record; 0 is no key. Threads may append side by side.
+    pub(super) fn append(
+        self: &Arc<Self>,
+        key: u128,
+        head: &[u8],
+        payloads: &[Vec<&[u8]>],
+    ) -> io::Result<Vec<Arc<dyn Payload>>> {
+        let size = |payload: &Vec<&[u8]>| payload.iter().map(|part| part.len() as u64).sum::<u64>();
+        let too_large = || io::Error::from(io::ErrorKind::FileTooLarge);
+        let table = (payloads.len() * size_of::<Place>()) as u64;
+        let first = size_of::<Header>() as u64 + table + head.len() as u64;
+        if first > MOST_HEAD {
+            return Err(too_large());
+        }
+        let record_bytes = first + payloads.iter().map(size).sum::<u64>();
+        let at = self.end.fetch_add(record_bytes.next_multiple_of(ALIGN), Ordering::Relaxed);
+        let mut places = Vec::with_capacity(payloads.len());
+        let mut offset = first;
+        for payload in payloads {
+            let bytes = size(payload);
+            self.write(payload, at + offset, bytes)?;
+            places.push(Place { offset, bytes, hash: hash_of(payload.iter().copied()) });
+            offset += bytes;
+        }
+        let tables: [&[u8]; 2] = [bytemuck::cast_slice(&places), head];
+        let mut header = Header {
+            magic: MAGIC,
+            version: VERSION,
+            payloads: u32::try_from(payloads.len()).ok().ok_or_else(too_large)?,
+            key: bytemuck::cast(key.to_le_bytes()),
+            head_bytes: head.len() as u64,
+            record_bytes,
+            head_hash: hash_of(tables),
+            hash: 0,
+        };
+        header.hash = header.own_hash();
+        self.write(&tables, at + size_of::<Header>() as u64, table + head.len() as u64)?;
+        self.file.write_all_at(bytemuck::bytes_of(&header), at)?;
+        if key != 0 {
+            lock(&self.records).insert(key, at);
+        }
+        let payload = |place: &Place| {
+            let Place { offset, bytes, hash } = *place;
+            Arc::new(PackPayload { pack: self.clone(), offset: at + offset, bytes, hash }) as Arc<dyn Payload>
+        };
+        Ok(places.iter().map(payload).collect())
+    }
+
+    fn write(&self, parts: &[&[u8]], at: u64, bytes: u64) -> io::Result<()> {
+        if bytes <= ONE_PIECE {
+            return self.file.write_all_at(&parts.concat(), at);
+        }
+        let mut at = at;
+        for part in parts {
+            self.file.write_all_at(part, at)?;
+            at += part.len() as u64;
+        }
+        Ok(())
+    }
+}
+
+/// A payload of a record.
+#[derive(Debug)]
+struct PackPayload {
+    pack: Arc<Pack>,
+    /// From the file's first byte.
+    offset: u64,
+    bytes: u64,
+    hash: u64,
+}
+
+impl Payload for PackPayload {
+    fn size(&self) -> u64 {
+        self.bytes
+    }
+
+    fn read(&self, parts: &mut [&mut [u8]]) -> Result<(), PayloadError> {
+        if parts.iter().map(|part| part.len() as u64).sum::<u64>() != self.bytes {
+            return Err(PayloadError::Damaged);
+        }
+        let file = &self.pack.file;
+        if self.bytes <= ONE_PIECE {
+            let mut all = vec![0; parts.iter().map(|part| part.len()).sum()];
+            file.read_exact_at(&mut all, self.offset).map_err(read_error)?;
+            let mut rest = &all[..];
+            for part in parts.iter_mut() {
+                let (own, after) = rest.split_at(part.len());
+                part.copy_from_slice(own);
+                rest = after;
+            }
+        } else {
+            let mut at = self.offset;
+            for part in parts.iter_mut() {
+                file.read_exact_at(part, at).map_err(read_error)?;
+                at += part.len() as u64;
+            }
+        }
+        if hash_of(parts.iter().map(|part| &**part)) == self.hash { Ok(()) } else { Err(PayloadError::Damaged) }
+    }
+}
+
+fn hash_of<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> u64 {
+    let mut hasher = Xxh3::new();
+    parts.into_iter().for_each(|part| hasher.update(part));
+    hasher.digest()
+}
+
+#[expect(clippy::needless_pass_by_value, reason = "for map_err")]
+fn read_error(error: io::Error) -> PayloadError {
+    match error.kind() {
+        io::ErrorKind::UnexpectedEof => PayloadError::Damaged,
+        _ => PayloadError::Read(error.to_string()),
+    }
+}

@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Files of built meshes: what is found, what is refused, what is removed.
+
+use super::pack::Pack;
+use super::{GeometryFiles, GeometrySetting};
+use crate::shared::Shared;
+use oocpt_core::mesh::{MeshFiles, Payload, PayloadError};
+use oocpt_core::settings::Settings;
+use std::fs::{self, File};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
+
+/// A folder that is gone at the end.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let folder = std::env::temp_dir().join(format!("oocpt-geometry-{name}-{}", std::process::id()));
+        fs::create_dir_all(&folder).expect("made");
+        Self(folder)
+    }
+
+    fn files(&self) -> Vec<PathBuf> {
+        let mut files: Vec<PathBuf> =
+            fs::read_dir(&self.0).expect("read").map(|file| file.expect("one").path()).collect();
+        files.sort();
+        files
+    }
+
+    fn open(&self, lasts: bool, limit: u64) -> (GeometryFiles, Arc<Shared>) {
+        let shared = Arc::default();
+        let setting = GeometrySetting { folder: self.0.clone(), lasts, limit };
+        (GeometryFiles::new(setting, &shared), shared)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        fs::remove_dir_all(&self.0).expect("removed");
+    }
+}
+
+fn read(payload: &Arc<dyn Payload>) -> Result<Vec<u8>, PayloadError> {
+    let mut bytes = vec![0; usize::try_from(payload.size()).expect("small")];
+    let (first, rest) = bytes.split_at_mut(payload.size().min(3) as usize);
+    payload.read(&mut [first, rest])?;
+    Ok(bytes)
+}
+
+fn add(files: &GeometryFiles, key: u128, byte: u8, count: usize) -> Vec<Arc<dyn Payload>> {
+    let (small, large) = (vec![byte; 5], vec![byte; count]);
+    files.add(Some(key), &[byte; 4], &[vec![&small, &[]], vec![&large, &[byte, byte]]]).expect("written")
+}
+
+fn found(files: &GeometryFiles, key: u128) -> Option<Vec<Vec<u8>>> {
+    let entry = files.find(key)?;
+    let payloads = entry.payloads.iter().map(|payload| read(payload).expect("whole"));
+    Some(std::iter::once(entry.head).chain(payloads).collect())
+}
+
+fn messages(shared: &Shared) -> Vec<String> {
+    crate::sync::lock(&shared.messages).iter().map(|message| message.text.clone()).collect()
+}
+
+#[test]
+fn entries_come_back_in_this_process_and_in_the_next() {
+    let folder = Folder::new("back");
+    let (first, shared) = folder.open(true, u64::MAX);
+    let stored = add(&first, 7, 1, 1 << 20);
+    add(&first, 8, 2, 10);
+    let expected = |byte: u8, count: usize| Some(vec![vec![byte; 4], vec![byte; 5], vec![byte; count + 2]]);
+    assert_eq!(read(&stored[1]), Ok(vec![1; (1 << 20) + 2]));
+    assert_eq!((found(&first, 7), found(&first, 8)), (expected(1, 1 << 20), expected(2, 10)));
+    let (second, _) = folder.open(true, u64::MAX);
+    assert_eq!((found(&second, 7), found(&second, 8)), (expected(1, 1 << 20), expected(2, 10)));
+    assert!(found(&second, 9).is_none() && found(&second, 0).is_none());
+    assert_eq!(folder.files().len(), 1, "the second one has written nothing");
+    assert!(messages(&shared).is_empty());
+    assert_eq!(stored[0].read(&mut [&mut [0; 4]]), Err(PayloadError::Damaged), "parts of another size");
+}
+
+#[test]
+fn what_does_not_last_leaves_nothing_behind() {
+    let folder = Folder::new("scratch");
+    let (files, _) = folder.open(false, u64::MAX);
+    let stored = add(&files, 7, 1, 1000);
+    assert!(folder.files().is_empty(), "the file has no name");
+    assert_eq!(read(&stored[1]), Ok(vec![1; 1002]), "and can be read");
+    assert!(found(&files, 7).is_none() && files.bytes() >= 1000);
+}
+
+#[test]
+fn a_file_that_breaks_off_anywhere_gives_what_is_whole() {
+    let folder = Folder::new("cut");
+    let (files, _) = folder.open(true, u64::MAX);
+    for key in 1..6 {
+        add(&files, key, 3, 100);
+    }
+    let path = folder.files().remove(0);
+    let whole = fs::read(&path).expect("read");
+    let record = whole.len().next_multiple_of(64) / 5;
+    for length in (0..whole.len()).step_by(37) {
+        fs::write(&path, &whole[..length]).expect("written");
+        let pack = Pack::open(path.clone()).expect("opened");
+        for key in 1..6 {
+            // The last record has no padding after it.
+            let is_whole = (key as usize - 1) * record + whole.len() - 4 * record <= length;
+            assert_eq!(pack.has(key), is_whole, "key {key} at {length} of {}", whole.len());
+        }
+    }
+}
+
+#[test]
+fn any_other_byte_is_met_and_told_once() {
+    let folder = Folder::new("damaged");
+    let (files, _) = folder.open(true, u64::MAX);
+    add(&files, 1, 9, 100);
+    drop(files);
+    let path = folder.files().remove(0);
+    let whole = fs::read(&path).expect("read");
+    for at in 0..whole.len() {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 0x10;
+        fs::write(&path, &bytes).expect("written");
+        let (files, shared) = folder.open(true, u64::MAX);
+        let Some(entry) = files.find(1) else {
+            continue;
+        };
+        let errors = entry.payloads.iter().filter(|payload| read(payload) == Err(PayloadError::Damaged)).count();
+        assert_eq!(errors, 1, "byte {at}");
+        for _ in 0..2 {
+            files.damaged(Some(1), &PayloadError::Damaged);
+        }
+        assert_eq!(messages(&shared).len(), 1, "told once");
+        assert!(!path.exists() && files.find(1).is_none(), "nobody meets it again");
+    }
+    fs::write(&path, &whole[..40]).expect("written");
+    let (files, shared) = folder.open(true, u64::MAX);
+    assert!(files.find(1).is_none() && messages(&shared).is_empty(), "a process that died is no damage");
+}
+
+#[test]
+fn hostile_headers_allocate_nothing() {
+    let folder = Folder::new("hostile");
+    let (files, _) = folder.open(true, u64::MAX);
+    add(&files, 1, 9, 100);
+    let path = folder.files().remove(0);
+    let mut bytes = fs::read(&path).expect("read");
+    // Sizes beyond the file, with a right hash of the header.
+    for (at, value) in [(32, u64::MAX), (40, u64::MAX), (32, 1 << 60), (8, u64::MAX)] {
+        let old: [u8; 8] = bytes[at..at + 8].try_into().expect("eight");
+        bytes[at..at + 8].copy_from_slice(&u64::to_le_bytes(value));
+        let hash = xxhash_rust::xxh3::xxh3_64(&bytes[..56]);
+        bytes[56..64].copy_from_slice(&hash.to_le_bytes());
+        fs::write(&path, &bytes).expect("written");
+        let (files, _) = folder.open(true, u64::MAX);
+        assert!(files.find(1).is_none(), "{value} at {at}");
+        bytes[at..at + 8].copy_from_slice(&old);
+    }
+}
+
+#[test]
+fn the_oldest_files_of_others_make_room() {
+    let folder = Folder::new("limit");
+    let age = |path: &PathBuf, hours: u64| {
+        let then = SystemTime::now() - Duration::from_secs(3600 * hours);
+        File::options().append(true).open(path).and_then(|file| file.set_modified(then)).expect("marked");
+    };
+    for (key, hours) in [(1, 9), (2, 5), (3, 7)] {
+        let before = folder.files();
+        let (files, _) = folder.open(true, u64::MAX);
+        add(&files, key, 3, 1000);
+        age(folder.files().iter().find(|path| !before.contains(path)).expect("a new one"), hours);
+    }
+    let foreign = folder.0.join("wood.txt");
+    fs::write(&foreign, vec![0; 10_000]).expect("written");
+    let one = fs::metadata(&folder.files()[0]).expect("there").len();
+    let (files, _) = folder.open(true, 3 * one + 200);
+    assert!(found(&files, 1).is_some(), "used now, so the newest");
+    add(&files, 4, 4, 1000);
+    let left: Vec<u128> = (1..5).filter(|key| found(&folder.open(true, u64::MAX).0, *key).is_some()).collect();
+    assert_eq!(left, [1, 2, 4], "3 was not used for longest");
+    assert!(foreign.exists(), "a file that is none of ours stays");
+    // What is more than the limit goes where it does not last.
+    let stored = add(&files, 5, 5, 4000);
+    assert_eq!(read(&stored[1]), Ok(vec![5; 4002]));
+    assert!(found(&folder.open(true, u64::MAX).0, 5).is_none());
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_is_one_complaint() {
+    let folder = Folder::new("file");
+    let file = folder.0.join("file");
+    fs::write(&file, b"no folder").expect("written");
+    let shared = Arc::default();
+    let files =
+        GeometryFiles::new(GeometrySetting { folder: file.join("below"), lasts: true, limit: 1 << 20 }, &shared);
+    for _ in 0..2 {
+        assert!(files.add(Some(1), &[], &[]).is_none() && files.find(1).is_none());
+    }
+    let messages = messages(&shared);
+    assert!(messages.len() == 1 && messages[0].contains("stays in memory"), "{messages:?}");
+}
+
+#[test]
+fn the_setting_names_the_folder() {
+    let of = |cache: &str| GeometrySetting::of(&Settings { geometry_cache: cache.into(), ..Settings::default() });
+    assert_eq!(of("0"), None);
+    let given = of("/x/y").expect("a folder");
+    assert_eq!((given.folder.to_str(), given.lasts, given.limit), (Some("/x/y"), true, 32 << 30));
+    let own = of("").expect("the user's");
+    assert!(own.folder.ends_with("oocpt/geometry") && !own.lasts);
+}
