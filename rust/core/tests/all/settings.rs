@@ -190,7 +190,7 @@ fn every_descriptor_can_be_set_to_its_default_and_has_an_own_variable() {
         let name = Settings::env_name(descriptor.key).unwrap();
         assert!(name.starts_with("OOCPT_") && names.insert(name), "{name}");
     }
-    assert_eq!(names.len(), 26);
+    assert_eq!(names.len(), 28);
     assert_eq!(Settings::env_name("oocpt:samplesPerPixel"), Some("OOCPT_SAMPLES_PER_PIXEL"));
     assert_eq!(Settings::env_name("other"), None);
 }
