@@ -52,7 +52,7 @@ pub enum PayloadError {
     /// What the system says.
     #[error("{0}")]
     Read(String),
-    /// Other bytes than were written, or not as many as are asked for.
+    /// The content fails its hash, or has another length than expected.
     #[error("its content is not what was written")]
     Damaged,
 }

@@ -130,8 +130,8 @@ pub(super) const TABLE: &[Row] = &[
         "oocpt:geometryCache",
         "OOCPT_GEOMETRY_CACHE",
         "Geometry cache",
-        "Folder in which built geometry is kept for the next render; 0 = none, everything stays in memory; empty = none, \
-         what exceeds the host memory budget goes to oocpt/geometry in the user's cache folder while it is needed",
+        "Folder in which built geometry is kept for the next render; 0 = none, everything stays in memory; empty = \
+         none, what exceeds the host memory budget goes to oocpt/geometry in the user's cache folder while it is needed",
     ),
     user(
         "oocpt:geometryCacheSize",
