@@ -13,7 +13,7 @@ PATH = small.FOLDER / "glow.usda"
 QUICK = {"oocpt:samplesPerPixel": 4, "oocpt:maxBounces": 1}
 KEYS = [
     "percentDone", "fractionDone", "totalClockTime", "numCompletedSamples", "gpuMemoryUsed", "totalMemory",
-    "peakMemory",
+    "peakMemory", "oocpt:hostMemory", "oocpt:hostPeakMemory",
     "rendererName", "rendererVersion", "renderProgressAnnotation", "oocpt:raysPerSecond", "oocpt:dropped",
     "oocpt:inCore", "oocpt:chunks", "oocpt:chunkInstances", "oocpt:residentChunks", "oocpt:loads", "oocpt:reloads",
     "oocpt:evictions",
@@ -49,6 +49,8 @@ def test_stats_of_a_finished_render(host):
     assert stats["numCompletedSamples"] == 4 and stats["rendererName"] == "OocPT"
     assert stats["totalClockTime"] > 0 and stats["oocpt:raysPerSecond"] > 0
     assert 0 < stats["gpuMemoryUsed"] <= stats["peakMemory"] and stats["oocpt:dropped"] == 0
+    # A process with Python, USD and a Vulkan driver.
+    assert 32 << 20 < stats["oocpt:hostPeakMemory"] < 1 << 40, stats["oocpt:hostPeakMemory"]
     # Floor, wall, box of 6 quads, veil, 5 balls of 5 rings.
     ball = 10 * (2 + 2 * 3)
     assert stats["oocpt:triangles"] == 2 + 2 + 12 + 2 + 5 * ball and stats["oocpt:instances"] == 9

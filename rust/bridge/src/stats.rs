@@ -28,6 +28,7 @@ pub(crate) fn named_values(stats: &Stats) -> Vec<NamedValue> {
         integer("oocpt:gpuMemoryPeak", stats.gpu_peak_bytes),
         integer("oocpt:gpuMemoryBudget", stats.gpu_budget_bytes),
         integer("oocpt:hostMemory", stats.host_bytes),
+        integer("oocpt:hostPeakMemory", stats.host_peak_bytes),
         integer("oocpt:raysTraced", stats.rays_traced),
         real("oocpt:raysPerSecond", stats.rays_per_second),
         integer("oocpt:nonFiniteSamples", stats.nonfinite_samples),

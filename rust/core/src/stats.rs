@@ -27,6 +27,9 @@ pub struct Stats {
     pub gpu_budget_bytes: u64,
     /// Host memory of scene data that we hold (not the host's own arrays), bytes.
     pub host_bytes: u64,
+    /// The most memory that the process has held so far, the host's own data included, bytes; 0: unknown.
+    #[serde(default)]
+    pub host_peak_bytes: u64,
     /// Rays traced, all kinds.
     pub rays_traced: u64,
     /// Rays per second of wall clock.
@@ -102,6 +105,9 @@ pub struct Usage {
     pub driver_peak_bytes: u64,
     /// Host memory of scene data that the renderer holds, bytes.
     pub host_bytes: u64,
+    /// The most memory that the process has held, bytes ([`Stats::host_peak_bytes`]).
+    #[serde(default)]
+    pub host_peak_bytes: u64,
     /// Nothing was streamed: all of the scene is on the device.
     pub in_core: bool,
     /// Bytes that all of the scene would take on the device, of these bytes of textures, and bytes of tiles of
@@ -127,6 +133,7 @@ impl Usage {
             gpu_peak_bytes: stats.gpu_peak_bytes,
             driver_peak_bytes: streaming.driver_peak_bytes,
             host_bytes: stats.host_bytes,
+            host_peak_bytes: stats.host_peak_bytes,
             in_core: streaming.in_core,
             scene_bytes: streaming.scene_bytes,
             texture_scene_bytes: streaming.texture_scene_bytes,

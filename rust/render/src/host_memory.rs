@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! How much host memory there is to take. Linux: `/proc/meminfo` and the limits of control groups; elsewhere a guess.
+//! How much host memory there is to take, and how much the process took. Linux: `/proc/meminfo`, the limits of control
+//! groups and `/proc/self/status`; elsewhere a guess, and nothing.
 
 use oocpt_core::settings::Settings;
 use std::path::Path;
@@ -52,7 +53,20 @@ fn free(root: &Path) -> Option<u64> {
 
 /// `MemAvailable` of `/proc/meminfo`, in bytes.
 fn available(meminfo: &str) -> Option<u64> {
-    let line = meminfo.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    kib(meminfo, "MemAvailable:")
+}
+
+/// The most memory that this process has held: `VmHWM` of `/proc/self/status`, in bytes; 0 where nothing tells. The
+/// host's own data count too.
+#[must_use]
+pub fn peak() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    kib(&status, "VmHWM:").unwrap_or(0)
+}
+
+/// The value behind `key`, which is in KiB, in bytes.
+fn kib(text: &str, key: &str) -> Option<u64> {
+    let line = text.lines().find_map(|line| line.strip_prefix(key))?;
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1 << 10)
 }
 
@@ -97,6 +111,16 @@ mod tests {
             assert_eq!(free_of("unread", &[("proc/meminfo", text)]), None, "{text:?}");
         }
         assert_eq!(free_of("unread", &[]), None);
+    }
+
+    #[test]
+    fn the_peak_is_never_below_what_is_held() {
+        let status = "Name:\tVmHWM: 3 kB\nVmPeak:\t   90 kB\nVmHWM:\t      42 kB\nVmRSS:\t 41 kB\n";
+        assert_eq!(kib(status, "VmHWM:"), Some(42 << 10), "the line that begins with it");
+        let before = peak();
+        let held = std::hint::black_box(vec![1_u8; 64 << 20]);
+        let after = peak();
+        assert!(after >= 64 << 20 && after >= before, "{before}, then {after} with {} more", held.len());
     }
 
     #[test]

@@ -60,6 +60,7 @@ pub use early::Early;
 pub use error::RenderError;
 #[cfg(feature = "faults")]
 pub use faults::{Faults, Witness};
+pub use host_memory::peak as host_peak_bytes;
 pub use job::SessionOptions;
 pub use light_files::{LightFiles, LightPicture, NoFiles};
 pub use request::{MAX_PIXELS, MAX_SIDE, Message, RenderRequest, Severity};

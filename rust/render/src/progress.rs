@@ -7,6 +7,7 @@ use crate::device::Device;
 use crate::error::RenderError;
 use crate::error_log::{ErrorLog, Moment};
 use crate::film::Film;
+use crate::host_memory;
 use crate::job::Job;
 use crate::measure::{self, Measured};
 use crate::progress_bar::ProgressBar;
@@ -65,6 +66,7 @@ impl<'a> Progress<'a> {
             triangles: small(counts.instanced_triangles),
             meshes: counts.meshes,
             host_bytes: job.snapshot.meshes.iter().map(|mesh| mesh.host_bytes()).sum(),
+            host_peak_bytes: host_memory::peak(),
             annotation: "opening the device".into(),
             ..Stats::default()
         };
@@ -185,6 +187,7 @@ impl<'a> Progress<'a> {
         stats.percent_done = (100.0 * self.done as f64 / self.total_paths().max(1) as f64) as f32;
         stats.samples_completed = self.samples_done();
         stats.seconds_total = self.started.elapsed().as_secs_f64();
+        stats.host_peak_bytes = host_memory::peak();
         stats.annotation = format!("sample {} of {}", stats.samples_completed, self.samples);
         let samples = stats.samples_completed;
         drop(stats);
@@ -316,12 +319,12 @@ impl<'a> Progress<'a> {
     }
 
     /// The render is over, as planned or not: notes memory use, tells the report, and turns what the validation layer
-    /// said into errors: it is
-    /// only on in tests.
+    /// said into errors: it is only on in tests.
     pub(crate) fn end(&mut self, gpu: &Gpu) {
         let memory = gpu.memory();
         let mut stats = lock(&self.shared.stats);
         (stats.gpu_bytes, stats.gpu_peak_bytes, stats.gpu_budget_bytes) = (memory.used, memory.peak, memory.budget);
+        stats.host_peak_bytes = host_memory::peak();
         let usage = Usage::of(&stats);
         drop(stats);
         self.log.usage(self.shared, usage);

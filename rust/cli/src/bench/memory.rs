@@ -9,7 +9,7 @@
 use anyhow::{Context, Result, bail, ensure};
 use oocpt_core::settings::Value;
 use oocpt_core::stats::{Stats, StreamingStats};
-use oocpt_render::{Session, Timings};
+use oocpt_render::{Session, Timings, host_peak_bytes};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -71,8 +71,8 @@ struct Row {
     ratio_cold: f64,
     ratio_warm: f64,
     different_pixels: u64,
-    /// Memory that the process held at its end.
-    host_bytes: u64,
+    /// The most memory that the process held in it.
+    host_peak_bytes: u64,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     passes: Vec<PassRow>,
 }
@@ -91,6 +91,8 @@ struct Report {
     #[serde(flatten)]
     seen: Seen,
     commit_secs: f64,
+    /// The most memory that the process held until then.
+    commit_host_peak_bytes: u64,
     rows: Vec<Row>,
     failed: Vec<Failed>,
 }
@@ -103,6 +105,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let started = Instant::now();
     session.render(arguments.view.request());
     let commit_secs = started.elapsed().as_secs_f64();
+    let commit_host_peak_bytes = host_peak_bytes();
     let mut reference = Vec::new();
     let first = measure(arguments, &session, 0, None, &mut reference).context("all the memory there is")?;
     let mut report = Report {
@@ -110,6 +113,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         machine: arguments.reported.machine(Some(&session)),
         seen: arguments.view.seen(&session.stats()),
         commit_secs,
+        commit_host_peak_bytes,
         rows: Vec::new(),
         failed: Vec::new(),
     };
@@ -153,6 +157,7 @@ fn measure(
     first: Option<&Row>,
     reference: &mut Vec<u8>,
 ) -> Result<Row> {
+    common::reset_peak();
     session.set_setting("oocpt:memoryBudget", Value::Int(budget_mib.into()))?;
     session.render(arguments.view.request());
     let size = arguments.view.size();
@@ -182,7 +187,7 @@ fn measure(
         cold,
         warm,
         different_pixels,
-        host_bytes: common::resident_bytes(),
+        host_peak_bytes: host_peak_bytes(),
         passes: if arguments.profile { common::profile(session)? } else { Vec::new() },
     })
 }
@@ -194,7 +199,8 @@ fn mib(bytes: u64) -> f64 {
 
 fn print_head(report: &Report) {
     println!("memory, island on {}", report.machine);
-    println!("{}, committed in {:.2} s", report.seen, report.commit_secs);
+    let Report { seen, commit_secs, commit_host_peak_bytes, .. } = report;
+    println!("{seen}, committed in {commit_secs:.2} s with {:.0} MiB of host memory", mib(*commit_host_peak_bytes));
     println!(
         "{:>8} {:>6} {:>8} {:>8} {:>7} {:>7} {:>6} {:>6} {:>8} {:>10} {:>10} {:>8} {:>5}",
         "MiB",
@@ -228,7 +234,7 @@ fn print_row(row: &Row) {
         streaming.loads,
         mib(streaming.bytes_paged),
         if streaming.in_core { "in core".into() } else { format!("{:.0} MiB", mib(streaming.geometry_budget_bytes)) },
-        mib(row.host_bytes),
+        mib(row.host_peak_bytes),
         if row.different_pixels == 0 { "yes" } else { "NO" }
     );
     common::print_passes(&row.passes);
