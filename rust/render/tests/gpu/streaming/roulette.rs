@@ -13,7 +13,8 @@ use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Seeds, and with all tests.
+/// Seeds, and with all tests. The draws of consecutive seeds are stratified, so a mean over them is closer to the truth
+/// than its standard error says: an unlucky set of seeds is not taken for a bias.
 const SEEDS: [u32; 2] = [24, 64];
 /// What is planted is so large that fewer show it, by the same decision: when nearly every load is played for, and
 /// by production's prices. Those depend on how long rounds take, so that a quiet machine plays less.
@@ -145,11 +146,11 @@ fn differing(
         (true, None) => SEEDS_OF_FAULTS,
         (true, Some(_)) => SEEDS_OF_FAULTS_BY_PRICES,
     };
-    let first = differences(without, &mut with, 1..1 + seeds);
+    let first = differences(without, &mut with, 0..seeds);
     let mut regions = outside(&first, seeds);
     let mut said = format!("{}, {budget_percent} % ({budget} of {} KiB): {first:.3?}", scene.name, bytes >> 10);
     if !regions.is_empty() {
-        let second = differences(without, &mut with, 1 + seeds..1 + 2 * seeds);
+        let second = differences(without, &mut with, seeds..2 * seeds);
         said += &format!("; again: {second:.3?}");
         let again = outside(&second, seeds);
         regions.retain(|region| again.contains(region));
