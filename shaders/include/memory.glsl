@@ -12,6 +12,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Str
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer RouletteBlock { Roulette r; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer AdaptiveBlock { Adaptive a; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer TextureFeedbackBlock { TextureFeedback t; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer DemandList { UnitDemand v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Segments { Segment v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer PendingLists { Pending v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Questions { Question v[]; };

@@ -30,6 +30,15 @@ void add_each(uint64_t words, uint key, uint step, bool wanted) {
     }
 }
 
+// As add_each by 1; returns whether this thread made the number and found 0.
+bool add_to_nothing(uint64_t words, uint key, bool wanted) {
+    if (!wanted) return false;
+    const uint first = subgroupBroadcastFirst(key);
+    const uvec4 same = subgroupBallot(key == first);
+    if (key != first) return atomicAdd(Uints(words).v[key], 1u) == 0u;
+    return subgroupElect() && atomicAdd(Uints(words).v[key], subgroupBallotBitCount(same)) == 0u;
+}
+
 // Adds every thread's value to COUNTERS.member. Call with as many threads active as possible.
 #define ADD_EACH(member, value)                                                                                        \
     do {                                                                                                               \

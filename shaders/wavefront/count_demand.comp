@@ -2,7 +2,7 @@
 // Streaming only. Counts, unit by unit, the rays that wait for it first and those that have it further down their list:
 // one thread per deferred ray, Counters::deferred_args. A material will need all of its list, whatever comes: each
 // counts as waited for.
-// Reads: deferred, rays and shadow_rays (flags), pending lists. Adds to: demand.
+// Reads: deferred, rays and shadow_rays (flags), pending lists. Adds to: demand. Pushes to: demanded, what was 0 before.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
@@ -19,6 +19,10 @@ void main() {
     for (uint i = 0u; i < MAX_PENDING; ++i) {
         const bool wanted = i < length;
         const uint unit = wanted ? pending_unit(entry, path, i) : 0u;
-        add_each(STREAMING.demand, unit + (i == 0u || (entry & MATERIAL_BIT) != 0u ? 0u : STREAMING.unit_count), 1u, wanted);
+        const uint word = unit + (i == 0u || (entry & MATERIAL_BIT) != 0u ? 0u : STREAMING.unit_count);
+        if (add_to_nothing(STREAMING.demand, word, wanted)) {
+            const uint slot = atomicAdd(Uints(STREAMING.demand_counts).v[0], 1u);
+            if (slot < STREAMING.demanded_capacity) Uints(STREAMING.demanded).v[slot] = unit;
+        }
     }
 }

@@ -22,9 +22,10 @@
 //! count` of the render: `Push::wave(frame, first, count, pixels).with(r, s * segment_size)`, and where they begin
 //! `.into_slots(s, taken, slots)` of that. Passes over all slots take `Push::wave(frame, 0, 0, pixels).with(r, ..)`.
 //! Rounds grow through all submissions of a stage. Before the first one the host zeroes `Counters` and the segment
-//! table; before the deferred rays are sorted `Streaming::sort_counts`, before demand is counted `Streaming::demand`,
-//! before worth is estimated `Streaming::worth` and `worth_sums`. Chunks come and go between submissions only. The
-//! passes that sort deferred rays may be left out, all four together, when no ray is deferred.
+//! table and `Streaming::demand`; before the deferred rays are sorted `Streaming::sort_counts`, before demand is
+//! counted `Streaming::demand_counts`, before worth is estimated `Streaming::worth` and
+//! `worth_sums`. Chunks come and go between submissions only. The passes that sort deferred rays may be left out, all
+//! four together, when no ray is deferred.
 //!
 //! A segment with `alive == 0` and `count > 0` is done. When all earlier ones are accumulated, it is accumulated too,
 //! and its places are free for another segment. A slot is free as soon as its path has ended (`Counters::freed`).

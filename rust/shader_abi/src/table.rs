@@ -169,7 +169,10 @@ passes! {
         "`deferred`, pending lists, chunks" => "`ray_queue`, `shadow_queue`, chunk by chunk; pushes to `deferred`";
     /// Counts who waits for what.
     CountDemand = COUNT_DEMAND, When::with(STREAMING), Indirect(Counters::DEFERRED_ARGS),
-        "`deferred`, pending lists" => "adds to `demand`";
+        "`deferred`, pending lists" => "adds to `demand`; pushes to `demanded`";
+    /// Lists the units that rays wait for.
+    ListDemand = LIST_DEMAND, When::with(STREAMING), Direct("at most 64 workgroups"),
+        "`demanded`, `demand`" => "pushes to `demand_list`; `demand` = 0";
     /// Takes the radiance of ended paths out of their slots.
     RetirePaths = RETIRE_PATHS, When::with(STREAMING), Indirect(Counters::RETIRE_ARGS),
         "`free_slots`, `places`, `radiance`" => "`ended_radiance`";

@@ -127,6 +127,9 @@ struct Streaming {
     uint64_t surfaces;
     uint64_t deferred[2];
     uint64_t demand;
+    uint64_t demand_counts;
+    uint64_t demanded;
+    uint64_t demand_list;
     uint64_t sort_counts;
     uint64_t sort_sums;
     uint64_t chunk_rays;
@@ -149,6 +152,14 @@ struct Streaming {
     uint unit_count;
     uint lookups;
     uint segment_count;
+    uint demanded_capacity;
+    uint demand_capacity;
+};
+
+struct UnitDemand {
+    uint unit;
+    uint waiting;
+    uint next;
 };
 
 struct Roulette {

@@ -57,6 +57,9 @@ pub struct Demand<'a> {
     pub visits: &'a [u32],
     /// Rays that can be traced now.
     pub active: u64,
+    /// The chunks of which `waiting` or `next` is not 0, ascending, each once; others may be among them. `None`: the
+    /// planner looks at all.
+    pub asked: Option<&'a [ChunkId]>,
 }
 
 /// What the caller is to do, in the order of the list.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! One step of planning: read the demand, make room where the budget shrank, load what starves, what is demanded, and
-//! what soon will be. Cost: a scan of the demand, then the chunks with demand, the resident chunks when room is needed.
+//! what soon will be. Cost: a scan of the demand where the caller does not
+//! say what was asked for, then the chunks with demand, the resident chunks when room is needed.
 
 use super::entry::ChunkState;
 use super::planner::{Load, LoadKind, Planner};
@@ -104,13 +105,13 @@ impl Planner {
     /// Ages and heats what is demanded, and lists what could be loaded.
     fn observe(&mut self, plan: &mut Plan<'_>) {
         let (step, loads) = (self.step, self.loads_begun);
-        for_each_nonzero(plan.demand.visits, self.entries.len(), |chunk, rays| {
+        for_each_nonzero(None, plan.demand.visits, self.entries.len(), |chunk, rays| {
             let entry = &mut self.entries[chunk as usize];
             if entry.state == ChunkState::Resident {
                 entry.visited(step, rays);
             }
         });
-        for_each_nonzero(plan.demand.waiting, self.entries.len(), |chunk, rays| {
+        for_each_nonzero(plan.demand.asked, plan.demand.waiting, self.entries.len(), |chunk, rays| {
             let entry = &mut self.entries[chunk as usize];
             entry.waited_for(step, rays);
             if entry.state == ChunkState::Resident {
@@ -211,7 +212,7 @@ impl Planner {
             return;
         }
         let mut wanted = Vec::new();
-        for_each_nonzero(plan.demand.next, self.entries.len(), |chunk, rays| {
+        for_each_nonzero(plan.demand.asked, plan.demand.next, self.entries.len(), |chunk, rays| {
             let absent = self.entries[chunk as usize].state == ChunkState::Absent;
             if absent && at(plan.demand.waiting, chunk) == 0 {
                 wanted.push((f64::from(rays), chunk));
@@ -372,9 +373,19 @@ fn is_idle(plan: &Plan<'_>) -> bool {
     plan.demand.active.saturating_mul(IDLE_RATIO) < plan.rays_waiting
 }
 
-/// Calls `visit` for the values above 0 of the first `count`; skips zeros 16 at a time.
-fn for_each_nonzero(values: &[u32], count: usize, mut visit: impl FnMut(ChunkId, u32)) {
+/// Calls `visit` for the values above 0 of the first `count`, ascending: those of `asked`, or it skips zeros 16 at a
+/// time.
+fn for_each_nonzero(asked: Option<&[ChunkId]>, values: &[u32], count: usize, mut visit: impl FnMut(ChunkId, u32)) {
     let values = &values[..values.len().min(count)];
+    if let Some(asked) = asked {
+        let value_of = |chunk: ChunkId| Some((chunk, *values.get(chunk as usize)?));
+        asked.iter().filter_map(|chunk| value_of(*chunk)).filter(|(_, value)| *value != 0).for_each(
+            |(chunk, value)| {
+                visit(chunk, value);
+            },
+        );
+        return;
+    }
     for (block, values) in (0_u32..).step_by(16).zip(values.chunks(16)) {
         if values.iter().fold(0, |any, &value| any | value) != 0 {
             for (chunk, &value) in (block..).zip(values) {

@@ -49,6 +49,16 @@ enum Weather {
 }
 
 fn play(witness: &mut Witness, events: &[Event], weather: Weather) -> Vec<Command> {
+    play_asked(witness, events, weather, |_| None)
+}
+
+/// As [`play`], where `asked` says which chunks a step looks at.
+fn play_asked(
+    witness: &mut Witness,
+    events: &[Event],
+    weather: Weather,
+    asked: impl Fn(&Event) -> Option<Vec<u32>>,
+) -> Vec<Command> {
     for event in events {
         let loading: Vec<u32> = witness.loading.keys().copied().collect();
         for (chunk, end) in loading.into_iter().zip(event.ends.iter().cycle()) {
@@ -63,7 +73,8 @@ fn play(witness: &mut Witness, events: &[Event], weather: Weather) -> Vec<Comman
             witness.set_budget(budget);
         }
         let Event { waiting, next, visits, active, .. } = event;
-        witness.step(&Demand { waiting, next, visits, active: *active });
+        let asked = asked(event);
+        witness.step(&Demand { waiting, next, visits, active: *active, asked: asked.as_deref() });
     }
     witness.commands.clone()
 }
@@ -96,6 +107,23 @@ proptest! {
         let budget = budget_of(&catalog, percent);
         let run = || play(&mut Witness::new(&catalog, budget, kind, 0), &events, Weather::Rough);
         prop_assert_eq!(run(), run(), "two runs");
+    }
+
+    /// A list of what was asked for, past the catalog and with chunks that nobody asked for too, changes nothing.
+    #[test]
+    fn a_list_of_what_was_asked_for_gives_equal_commands(
+        catalog in catalogs(), percent in 0_u64..=100, kind in kinds(), events in events(), more in 0_u32..13,
+    ) {
+        let budget = budget_of(&catalog, percent);
+        let run = |asked: fn(u32, &Event) -> Option<Vec<u32>>| {
+            play_asked(&mut Witness::new(&catalog, budget, kind, 0), &events, Weather::Rough, |event| asked(more, event))
+        };
+        let list = |more: u32, event: &Event| {
+            let is_asked = |values: &[u32], chunk: u32| values.get(chunk as usize).is_some_and(|rays| *rays > 0);
+            let of = |chunk: &u32| *chunk == more || is_asked(&event.waiting, *chunk) || is_asked(&event.next, *chunk);
+            Some((0..13).filter(of).collect())
+        };
+        prop_assert_eq!(run(|_, _| None), run(list), "with and without the list");
     }
 
     /// In flight is what the option says, four times that when the device idles, or one load.

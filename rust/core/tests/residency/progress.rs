@@ -25,7 +25,7 @@ fn first_resident(witness: &mut Witness, demand: &[Vec<u32>], latency: u32, step
         let rays = |chunk: usize| 1 + waiting.get(chunk).copied().unwrap_or(0);
         let waiting: Vec<u32> = (0..count).map(|chunk| if absent(chunk) { rays(chunk) } else { 0 }).collect();
         let visits: Vec<u32> = (0..count).map(|chunk| if absent(chunk) { 0 } else { rays(chunk) }).collect();
-        witness.step(&Demand { waiting: &waiting, next: &[], visits: &visits, active: 1_000_000_000 });
+        witness.step(&Demand { waiting: &waiting, next: &[], visits: &visits, active: 1_000_000_000, asked: None });
         for &chunk in witness.loading.keys() {
             if !ready.iter().any(|&(_, other)| other == chunk) {
                 ready.push((step + latency, chunk));
@@ -92,7 +92,8 @@ fn swaps(kind: PolicyKind, steps: u32) -> u64 {
     for _ in 0..steps {
         let rays = |here: bool| (0..2).map(|chunk| u32::from(planner.is_resident(chunk) == here) * 100).collect();
         let (waiting, visits): (Vec<u32>, Vec<u32>) = (rays(false), rays(true));
-        let commands = planner.step(&Demand { waiting: &waiting, next: &[], visits: &visits, active: 1000 });
+        let commands =
+            planner.step(&Demand { waiting: &waiting, next: &[], visits: &visits, active: 1000, asked: None });
         for command in commands {
             if let Command::Load { chunk, .. } = command {
                 planner.loaded(chunk);

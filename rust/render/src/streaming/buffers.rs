@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The memory of a streaming render: paths in slots, who waits for what, and what the host reads of it.
 
-use super::observe::Observation;
+use super::observe::{Extents, Observation};
 use super::places::{Bounds, Places, device_bytes};
 use crate::error::RenderError;
 use crate::wavefront::{CONE_BYTES, PathBuffers, PathNeeds};
@@ -9,12 +9,15 @@ use oocpt_core::inventory::Inventory;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{
     CUTOUT_LOOKUPS, Counters, Frame, GpuSurface, GpuSurfaceMaterial, Pending, Question, Roulette, Segment, Streaming,
-    TILE_KEYS, WORTH_SUMS, path_bytes, sort_blocks,
+    TILE_KEYS, UnitDemand, WORTH_SUMS, path_bytes, sort_blocks,
 };
 use std::sync::Arc;
 
 /// Bytes of the value of a lookup.
 const LOOKUP_BYTES: usize = 16;
+
+/// Most units whose demand the host reads in a step, 12 bytes each; the others ask again in the next one.
+const MOST_LISTED: u32 = 1 << 16;
 
 /// What of a scene decides how much memory there has to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,6 +84,9 @@ pub(crate) struct StreamBuffers {
     deferred: [Buffer; 2],
     segments: Buffer,
     demand: Buffer,
+    demand_counts: Buffer,
+    demanded: Buffer,
+    demand_list: Buffer,
     sort_counts: Buffer,
     sort_sums: Buffer,
     chunk_rays: Buffer,
@@ -107,7 +113,8 @@ impl StreamBuffers {
         let ended = Places::new(gpu, capacity, Bounds { total: asked.1, host_bytes })?;
         let segment_count = ended.segment_count;
         let played = if needs.roulette { size_of::<Roulette>() + 4 * chunks as usize } else { 0 };
-        let read = size_of::<Counters>() + segment_count as usize * size_of::<Segment>() + 8 * units as usize + played;
+        let demand_bytes = Extents::demand_bytes(listed(needs) as usize);
+        let read = size_of::<Counters>() + segment_count as usize * size_of::<Segment>() + demand_bytes + played;
         let readback = |name: &str| Buffer::new(gpu, name, read as u64, Usage::Readback);
         let buffers = Self {
             paths: PathBuffers::new(
@@ -134,6 +141,9 @@ impl StreamBuffers {
             deferred: [slots("deferred 0", 8)?, slots("deferred 1", 8)?],
             segments: array("segments", segment_count, size_of::<Segment>())?,
             demand: array("demand", units, 8)?,
+            demand_counts: array("demand counts", 2, 4)?,
+            demanded: array("demanded units", demanded(needs), 4)?,
+            demand_list: array("demand list", listed(needs), size_of::<UnitDemand>())?,
             sort_counts: array("sort_counts", sorted(needs), 8)?,
             sort_sums: array("sort_sums", sort_blocks(sorted(needs)).max(1), 4)?,
             chunk_rays: array("chunk_rays", chunks, 4)?,
@@ -149,9 +159,10 @@ impl StreamBuffers {
         self.paths.list(inventory);
         let Self { progress, places, free_slots, pending, shadow_pending, surfaces, deferred, readback, .. } = self;
         let waiting = [progress, places, free_slots, pending, shadow_pending, surfaces, &deferred[0], &deferred[1]];
-        let tables =
-            [&self.segments, &self.demand, &self.sort_counts, &self.sort_sums, &self.chunk_rays, &self.streaming];
-        let tables = tables.into_iter().chain([&self.ended.radiance]);
+        let Self { segments, sort_counts, sort_sums, chunk_rays, streaming, .. } = self;
+        let Self { demand, demand_counts, demanded, demand_list, .. } = self;
+        let tables = [segments, demand, demand_counts, demanded, demand_list, sort_counts, sort_sums, chunk_rays];
+        let tables = tables.into_iter().chain([streaming, &self.ended.radiance]);
         for buffer in waiting.into_iter().chain(tables).chain(readback) {
             inventory.add(buffer.name(), buffer.size());
         }
@@ -205,6 +216,9 @@ impl StreamBuffers {
             surfaces: self.surfaces.address(),
             deferred: [self.deferred[0].address(), self.deferred[1].address()],
             demand: self.demand.address(),
+            demand_counts: self.demand_counts.address(),
+            demanded: self.demanded.address(),
+            demand_list: self.demand_list.address(),
             sort_counts: self.sort_counts.address(),
             sort_sums: self.sort_sums.address(),
             chunk_rays: self.chunk_rays.address(),
@@ -222,6 +236,8 @@ impl StreamBuffers {
             slots: self.paths.capacity,
             unit_count: self.needs.units,
             lookups: self.needs.lookups,
+            demanded_capacity: demanded(self.needs),
+            demand_capacity: listed(self.needs),
         }
     }
 
@@ -240,7 +256,7 @@ impl StreamBuffers {
 
     /// Forgets everything, before a stage.
     pub(crate) fn clear(&self, commands: &mut Commands) {
-        for buffer in [&self.paths.counters, &self.segments, &self.chunk_rays] {
+        for buffer in [&self.paths.counters, &self.segments, &self.chunk_rays, &self.demand] {
             commands.fill(buffer, 0, buffer.size(), 0);
         }
         if let Some(roulette) = &self.roulette {
@@ -255,7 +271,12 @@ impl StreamBuffers {
 
     /// Before demand is counted.
     pub(crate) fn clear_demand(&self, commands: &mut Commands) {
-        commands.fill(&self.demand, 0, self.demand.size(), 0);
+        commands.fill(&self.demand_counts, 0, self.demand_counts.size(), 0);
+    }
+
+    /// Workgroups of the pass that lists demand.
+    pub(crate) fn demand_groups(&self) -> u32 {
+        demanded(self.needs).div_ceil(64).min(64)
     }
 
     /// Before what rays bring is added up.
@@ -283,7 +304,8 @@ impl StreamBuffers {
         commands.concurrent(|c| {
             let mut offset = 0;
             let played = self.roulette.iter().flat_map(|roulette| [&roulette.block, &roulette.worth]);
-            for source in [&self.paths.counters, &self.segments, &self.demand].into_iter().chain(played) {
+            let listed = [&self.demand_counts, &self.demand_list];
+            for source in [&self.paths.counters, &self.segments].into_iter().chain(listed).chain(played) {
                 c.copy(source, 0, target, offset, source.size());
                 offset += source.size();
             }
@@ -294,11 +316,14 @@ impl StreamBuffers {
         &self.readback[usize::from(number & 1 == 1)]
     }
 
-    /// What step `number` left, once it has ended.
-    pub(crate) fn observe(&self, number: u64) -> Result<Observation, RenderError> {
-        let readback = self.readback_of(number);
-        let (segments, units) = (self.ended.segment_count as usize, self.needs.units as usize);
-        Ok(readback.map(|bytes| Observation::read(number, bytes, segments, units))?)
+    /// Puts what step `number` left, once it has ended, into `seen`.
+    pub(crate) fn observe(&self, number: u64, seen: &mut Observation) -> Result<(), RenderError> {
+        let extents = Extents {
+            segments: self.ended.segment_count as usize,
+            listed: listed(self.needs) as usize,
+            units: self.needs.units as usize,
+        };
+        Ok(self.readback_of(number).map(|bytes| seen.read(number, bytes, extents))?)
     }
 
     /// Rays that entered each chunk, if they were counted; waits for the device.
@@ -348,6 +373,16 @@ impl TextureBuffers {
             questions: needs.cutouts.then(questions).transpose()?,
         })
     }
+}
+
+/// Most entries of the list of demand.
+fn listed(needs: Needs) -> u32 {
+    needs.units.min(MOST_LISTED)
+}
+
+/// Most units in the list that it is made from, where each may be twice.
+fn demanded(needs: Needs) -> u32 {
+    needs.units.saturating_mul(2).min(MOST_LISTED)
 }
 
 /// As many chunks as have the keys that deferred rays, and with textures materials, are sorted by.

@@ -1,9 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What the host knows of the paths: the counters, segments and demand that a step left behind. Pure.
 
-use oocpt_shader_abi::{Counters, Roulette, Segment};
+use oocpt_core::residency::ChunkId;
+use oocpt_shader_abi::{Counters, Roulette, Segment, UnitDemand};
 
-/// See the module.
+/// How many there are of what a step leaves behind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Extents {
+    /// Segments.
+    pub(crate) segments: usize,
+    /// Most entries of the list of demand.
+    pub(crate) listed: usize,
+    /// Units.
+    pub(crate) units: usize,
+}
+
+impl Extents {
+    /// Bytes of the counts and the list of demand.
+    pub(crate) fn demand_bytes(listed: usize) -> usize {
+        2 * size_of::<u32>() + listed * size_of::<UnitDemand>()
+    }
+}
+
+/// See the module. What a step leaves replaces what is there; that costs what was asked for, not the scene.
 #[derive(Debug, Default)]
 pub(crate) struct Observation {
     /// The step that left it; 0 = none yet.
@@ -11,10 +30,12 @@ pub(crate) struct Observation {
     pub(crate) counters: Counters,
     /// By segment.
     pub(crate) segments: Vec<Segment>,
-    /// Rays that wait for each chunk first.
+    /// Rays that wait for each unit first.
     pub(crate) waiting: Vec<u32>,
-    /// Rays that have each chunk further down their list.
+    /// Rays that have each unit further down their list.
     pub(crate) next: Vec<u32>,
+    /// The units of which one of the two is not 0, ascending.
+    pub(crate) asked: Vec<ChunkId>,
     /// With roulette on loads: what it knows and counts.
     pub(crate) roulette: Roulette,
     /// With it: what the rays that wait for each chunk first may bring, in `1 / WORTH_ONE`; empty when nobody looked.
@@ -22,23 +43,41 @@ pub(crate) struct Observation {
 }
 
 impl Observation {
-    /// Reads what [`super::StreamBuffers::copy_out`] wrote for `segments` segments and `units` units.
-    pub(crate) fn read(step: u64, bytes: &[u8], segments: usize, units: usize) -> Self {
+    /// Reads what [`super::StreamBuffers::copy_out`] wrote.
+    pub(crate) fn read(&mut self, step: u64, bytes: &[u8], extents: Extents) {
         let (counters, rest) = bytes.split_at(size_of::<Counters>());
-        let (table, rest) = rest.split_at(segments * size_of::<Segment>());
-        let (demand, played) = rest.split_at(8 * units);
-        let (waiting, next) = demand.split_at(4 * units);
+        let (table, rest) = rest.split_at(extents.segments * size_of::<Segment>());
+        let (demand, played) = rest.split_at(Extents::demand_bytes(extents.listed));
         let (roulette, worth) = played.split_at(size_of::<Roulette>().min(played.len()));
-        let words = |bytes: &[u8]| bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect();
-        Self {
-            step,
-            counters: bytemuck::pod_read_unaligned(counters),
-            segments: table.chunks_exact(size_of::<Segment>()).map(bytemuck::pod_read_unaligned).collect(),
-            waiting: words(waiting),
-            next: words(next),
-            roulette: if roulette.is_empty() { Roulette::default() } else { bytemuck::pod_read_unaligned(roulette) },
-            worth: words(worth),
+        self.step = step;
+        self.counters = bytemuck::pod_read_unaligned(counters);
+        self.segments.clear();
+        self.segments.extend(table.chunks_exact(size_of::<Segment>()).map(bytemuck::pod_read_unaligned::<Segment>));
+        self.read_demand(demand, extents.units);
+        self.roulette = if roulette.is_empty() { Roulette::default() } else { bytemuck::pod_read_unaligned(roulette) };
+        self.worth.clear();
+        self.worth.extend(worth.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
+    }
+
+    fn read_demand(&mut self, bytes: &[u8], units: usize) {
+        for unit in self.asked.drain(..) {
+            for of_unit in [&mut self.waiting, &mut self.next].map(|rays| rays.get_mut(unit as usize)) {
+                of_unit.into_iter().for_each(|rays| *rays = 0);
+            }
         }
+        self.waiting.resize(units, 0);
+        self.next.resize(units, 0);
+        let (counts, entries) = bytes.split_at(2 * size_of::<u32>());
+        let [_, count] = bytemuck::pod_read_unaligned::<[u32; 2]>(counts).map(|count| count as usize);
+        for entry in entries.chunks_exact(size_of::<UnitDemand>()).take(count) {
+            let UnitDemand { unit, waiting, next } = bytemuck::pod_read_unaligned(entry);
+            let at = unit as usize;
+            if let (Some(waits), Some(follows)) = (self.waiting.get_mut(at), self.next.get_mut(at)) {
+                (*waits, *follows) = (waiting, next);
+                self.asked.push(unit);
+            }
+        }
+        self.asked.sort_unstable();
     }
 
     /// Rays that can be traced, given the parity of the next round.
@@ -68,23 +107,46 @@ impl Observation {
 mod tests {
     use super::*;
 
-    #[test]
-    fn every_part_is_read_from_its_place() {
+    const EXTENTS: Extents = Extents { segments: 2, listed: 3, units: 9 };
+
+    fn bytes(list: &[[u32; 3]], count: u32) -> Vec<u8> {
         let mut counters = Counters { shadow_count: 7, deferred_parity: 1, ..Counters::default() };
         counters.ray_count = [5, 0];
         counters.deferred_count = [1, 9];
         let segments = [Segment { alive: 3, ..Segment::default() }, Segment { alive: 4, ..Segment::default() }];
-        let demand = [10_u32, 11, 12, 20, 21, 22];
-        let bytes =
-            [bytemuck::bytes_of(&counters), bytemuck::cast_slice(&segments), bytemuck::cast_slice(&demand)].concat();
-        let seen = Observation::read(3, &bytes, 2, 3);
+        let mut entries = [[0xdddd_dddd_u32; 3]; 3];
+        entries[..list.len()].copy_from_slice(list);
+        let list = [bytemuck::bytes_of(&[99, count]), bytemuck::cast_slice(&entries)].concat();
+        [bytemuck::bytes_of(&counters), bytemuck::cast_slice(&segments), &list].concat()
+    }
+
+    #[test]
+    fn every_part_is_read_from_its_place() {
+        let mut seen = Observation::default();
+        seen.read(3, &bytes(&[[6, 10, 20], [2, 0, 21]], 2), EXTENTS);
         assert!(seen.worth.is_empty(), "nobody plays");
         assert_eq!((seen.step, seen.active(), seen.waiting(), seen.paths_alive()), (3, 12, 9, 7), "counters, segments");
-        assert_eq!((seen.waiting, seen.next), (vec![10, 11, 12], vec![20, 21, 22]), "demand");
+        assert_eq!(seen.waiting, [0, 0, 0, 0, 0, 0, 10, 0, 0], "waiting");
+        assert_eq!((&*seen.next, &*seen.asked), (&[0, 0, 21, 0, 0, 0, 20, 0, 0][..], &[2, 6][..]), "next");
         let known = Roulette { mean: 0.5, ended_paths: 6, ..Roulette::default() };
-        let played = [bytes.as_slice(), bytemuck::bytes_of(&known), bytemuck::cast_slice(&[30_u32, 31])].concat();
-        let seen = Observation::read(3, &played, 2, 3);
-        assert_eq!((seen.next, seen.worth), (vec![20, 21, 22], vec![30, 31]), "what is behind it");
-        assert_eq!(seen.roulette, known, "and before that");
+        let played = [&*bytes(&[], 0), bytemuck::bytes_of(&known), bytemuck::cast_slice(&[30_u32, 31])].concat();
+        seen.read(4, &played, EXTENTS);
+        assert_eq!((seen.worth, seen.roulette), (vec![30, 31], known), "what is behind the demand");
+    }
+
+    #[test]
+    fn demand_is_that_of_the_last_step_alone() {
+        let mut seen = Observation::default();
+        seen.read(1, &bytes(&[[6, 10, 20], [2, 1, 0], [8, 1, 1]], 3), EXTENTS);
+        seen.read(2, &bytes(&[[2, 0, 4]], 1), EXTENTS);
+        assert_eq!((&*seen.waiting, &*seen.asked), (&[0; 9][..], &[2][..]), "the others ask no more");
+        assert_eq!(seen.next, [0, 0, 4, 0, 0, 0, 0, 0, 0], "next");
+    }
+
+    #[test]
+    fn a_count_past_the_end_and_units_that_are_not_there_are_left_out() {
+        let mut seen = Observation::default();
+        seen.read(1, &bytes(&[[0, 1, 2], [9, 3, 3], [5, 1, 0]], 4_000_000_000), EXTENTS);
+        assert_eq!(seen.asked, [0, 5], "unit 9 of 9 is none, a fourth entry was not kept");
     }
 }

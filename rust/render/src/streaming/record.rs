@@ -85,6 +85,8 @@ impl Streamer<'_, '_> {
                 recorder.indirect(c, Pass::RetirePaths, q.with(round, 0));
             }
         });
+        let groups = [self.buffers.demand_groups(), 1, 1];
+        recorder.workgroups(&mut commands, Pass::ListDemand, q.with(round, 0), groups);
         if plan.weighs {
             self.buffers.clear_worth(&mut commands);
             recorder.direct(&mut commands, Pass::RouletteLevel, q.with(round, 0), 1);

@@ -145,7 +145,7 @@ impl<'a, 'r> Stage<'a, 'r> {
     fn plan(&mut self, active: u64, progress: &Progress<'_>) -> Result<(), RenderError> {
         let (are_few, prices) = (self.are_stragglers(), self.prices(progress).unwrap_or_default());
         let (seen, next_step) = (&self.seen, self.next_step);
-        let demand = Demand { waiting: &seen.waiting, next: &seen.next, visits: &[], active };
+        let demand = Demand { waiting: &seen.waiting, next: &seen.next, visits: &[], active, asked: Some(&seen.asked) };
         let Streamer { residency, stragglers, .. } = &mut self.streamer;
         match stragglers {
             Some(stragglers) if self.kind == Kind::Samples => {
@@ -304,7 +304,7 @@ impl Feed for Stage<'_, '_> {
         progress: &mut Progress<'_>,
     ) -> Result<Option<Work<Step>>, RenderError> {
         let before = self.seen.counters;
-        self.seen = self.streamer.buffers.observe(work.of.number)?;
+        self.streamer.buffers.observe(work.of.number, &mut self.seen)?;
         let busy = self.seen.counters.busy_rounds.wrapping_sub(before.busy_rounds);
         self.rounds = rounds::next(self.rounds, Done { rounds: work.of.rounds, busy, secs });
         if !self.is_cpu && self.streamer.residency.is_loading() && self.seen.active() < WORTHWHILE_RAYS {

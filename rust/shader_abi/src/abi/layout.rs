@@ -9,7 +9,7 @@ use super::{
     GpuLevelNode, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping, GpuLightTriangle,
     GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuMeshNode, GpuMotionKey, GpuPrim, GpuSurface,
     GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, Lighting, PathState, Pending, Push, Question, Ray,
-    Roulette, Segment, ShadowRay, Streaming, TextureFeedback,
+    Roulette, Segment, ShadowRay, Streaming, TextureFeedback, UnitDemand,
 };
 use core::mem::{offset_of, size_of};
 
@@ -140,6 +140,9 @@ pub const LAYOUTS: &[StructLayout] = &[
         surfaces,
         deferred,
         demand,
+        demand_counts,
+        demanded,
+        demand_list,
         sort_counts,
         sort_sums,
         chunk_rays,
@@ -161,8 +164,11 @@ pub const LAYOUTS: &[StructLayout] = &[
         slots,
         unit_count,
         lookups,
-        segment_count
+        segment_count,
+        demanded_capacity,
+        demand_capacity
     }),
+    layout!(UnitDemand { unit, waiting, next }),
     layout!(Roulette { mean, second_moment, ended_paths, ended_shadows, variance, looks }),
     layout!(Segment { first_pixel, first_sample, count, alive }),
     layout!(Pending { entry, chunk_instance }),

@@ -38,8 +38,16 @@ pub struct Streaming {
     pub surfaces: u64,
     /// Two lists of rays that wait, u32 each (slot, [`SHADOW_BIT`]), `2 * slots` entries each.
     pub deferred: [u64; 2],
-    /// u32 `waiting[unit_count]`, then u32 `next[unit_count]`: what `count_demand` adds to. The host zeroes it before.
+    /// u32 `waiting[unit_count]`, then u32 `next[unit_count]`: what `count_demand` adds to. Zero at first; `list_demand`
+    /// leaves it zero.
     pub demand: u64,
+    /// Two u32: what was pushed to `demanded`, and to `demand_list`; beyond their capacities it was counted alone. The
+    /// host zeroes both before demand is counted.
+    pub demand_counts: u64,
+    /// u32 `[demanded_capacity]`: units in whose demand `count_demand` found a 0, each at most twice.
+    pub demanded: u64,
+    /// [`UnitDemand`] `[demand_capacity]`: what `list_demand` found, in no order.
+    pub demand_list: u64,
     /// u32 `[2 * chunk_count]`, with textures [`TILE_KEYS`] more. The host zeroes it before `sort_deferred_count`.
     pub sort_counts: u64,
     /// u32 per block, see [`sort_blocks`]. Any contents.
@@ -89,6 +97,22 @@ pub struct Streaming {
     pub lookups: u32,
     /// Elements of `segments`.
     pub segment_count: u32,
+    /// Most units in `demanded`.
+    pub demanded_capacity: u32,
+    /// Most entries of `demand_list`.
+    pub demand_capacity: u32,
+}
+
+/// The rays that ask for a unit, 12 B.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct UnitDemand {
+    /// The planner's number of it: a chunk's, then those of tiles of textures.
+    pub unit: u32,
+    /// Rays that wait for it first.
+    pub waiting: u32,
+    /// Rays that have it further down their list.
+    pub next: u32,
 }
 
 /// One in `Streaming::worth`; relative squared radiances.

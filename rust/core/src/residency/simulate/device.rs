@@ -226,7 +226,8 @@ impl Simulation<'_> {
     fn plan(&mut self) {
         let counts = &self.counts;
         let visits = if self.device.counts_visits { counts.visits.as_slice() } else { &[] };
-        let demand = Demand { waiting: &counts.waiting, next: &counts.next, visits, active: counts.active };
+        let demand =
+            Demand { waiting: &counts.waiting, next: &counts.next, visits, active: counts.active, asked: None };
         for command in self.planner.step(&demand) {
             let (chunk, assets) = match command {
                 Command::Load { chunk, assets } => (chunk, assets),

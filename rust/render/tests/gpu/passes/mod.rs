@@ -87,6 +87,20 @@ fn threads_that_take_one_ray_after_the_other_leave_no_trace_in_the_picture() {
 }
 
 #[test]
+fn lists_of_demand_that_are_too_short_leave_no_trace_in_the_picture() {
+    let gpu = open();
+    let scene = Scene::new(&gpu, 1, FAR);
+    let (expected, wave) = in_core(&gpu, &scene);
+    for capacities in [[3, 36], [72, 2], [1, 1]] {
+        let mut tracer = Tracer::new(&gpu, &scene, STREAMING).with_demand_capacities(capacities);
+        let (images, totals) = tracer.stream(5, 3, 3);
+        check(&totals, &wave);
+        assert!(images == expected, "room for {capacities:?} units");
+    }
+    close_device(&gpu);
+}
+
+#[test]
 fn a_chunk_that_is_skipped_shows() {
     let gpu = open();
     let scene = Scene::new(&gpu, 1, FAR);

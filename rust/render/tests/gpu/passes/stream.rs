@@ -4,7 +4,7 @@
 use super::tracer::{Images, Launch, PATHS, PIXELS, SEGMENT_SIZE, SEGMENTS, Tracer};
 use super::world::{CHUNKS, Random};
 use oocpt_shader_abi as abi;
-use oocpt_shader_abi::{Counters, GpuChunk, Push, PushFlags, SHADOW_BIT, Segment, passes, sort_blocks};
+use oocpt_shader_abi::{Counters, GpuChunk, Push, PushFlags, SHADOW_BIT, Segment, UnitDemand, passes, sort_blocks};
 use std::collections::HashMap;
 
 /// What a run reports beside its images.
@@ -36,7 +36,7 @@ impl Tracer<'_> {
         random: &mut Random,
         totals: &mut Totals,
     ) {
-        self.clear(&["counters", "segments"]);
+        self.clear(&["counters", "segments", "demand"]);
         self.round = 0;
         let mut here: Vec<u32> = Vec::new();
         let mut demand = vec![0_u32; 2 * CHUNKS as usize];
@@ -59,8 +59,7 @@ impl Tracer<'_> {
                 }
             }
             self.trace(&fresh, paths, flags, rounds);
-            demand = self.read("demand");
-            self.check_demand(&demand);
+            demand = self.demand();
             let segments: Vec<Segment> = self.read("segments");
             while let Some(s) = flying.iter().position(|first| *first == Some(taken)) {
                 if segments[s].alive > 0 {
@@ -170,21 +169,35 @@ impl Tracer<'_> {
             self.round += 1;
         }
         self.run(&mut commands, &passes::PREPARE_DISPATCH, q.with(self.round, abi::PREPARE_DEMAND), Launch::Threads(1));
-        let demand = &self.buffers["demand"];
-        commands.fill(demand, 0, demand.size(), 0);
+        commands.fill(&self.buffers["demand counts"], 0, 8, 0);
         self.run(&mut commands, &passes::COUNT_DEMAND, q, Launch::Indirect(Counters::DEFERRED_ARGS));
+        self.run(&mut commands, &passes::LIST_DEMAND, q, Launch::Groups(2));
         self.run(&mut commands, &passes::RETIRE_PATHS, q, Launch::Indirect(Counters::RETIRE_ARGS));
         commands.submit().expect("submitted");
     }
 
-    fn check_demand(&self, demand: &[u32]) {
+    /// The demand that the device has listed, once checked: `waiting`, then `next` of each chunk.
+    fn demand(&self) -> Vec<u32> {
         let mut expected = vec![0; 2 * CHUNKS as usize];
         for (_, chunks) in self.waiting() {
             for (i, chunk) in chunks.iter().enumerate() {
                 expected[*chunk as usize + if i == 0 { 0 } else { CHUNKS as usize }] += 1;
             }
         }
-        assert_eq!(demand, expected, "demand is what the lists say");
+        let [_, listed]: [u32; 2] = self.read("demand counts")[0];
+        let of = |unit: u32| [expected[unit as usize], expected[(unit + CHUNKS) as usize]];
+        let asked = (0..CHUNKS).filter(|unit| of(*unit) != [0, 0]).count();
+        assert_eq!(listed as usize, asked, "every unit that is asked for is counted once");
+        let mut demand = vec![0; 2 * CHUNKS as usize];
+        let list: Vec<UnitDemand> = self.read("demand list");
+        for UnitDemand { unit, waiting, next } in list.into_iter().take(asked.min(self.demand_capacities[1] as usize)) {
+            assert_eq!([waiting, next], of(unit), "the list has what the rays' lists say of {unit}");
+            let [first, later] = [unit, unit + CHUNKS].map(|at| at as usize);
+            assert_eq!([demand[first], demand[later]], [0, 0], "{unit} is in it once");
+            (demand[first], demand[later]) = (waiting, next);
+        }
+        assert!(self.read::<u32>("demand").iter().all(|rays| *rays == 0), "nothing is left for the next step");
+        demand
     }
 }
 

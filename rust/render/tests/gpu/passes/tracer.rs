@@ -8,8 +8,8 @@ use glam::DVec3;
 use oocpt_gpu::{Buffer, Commands, Gpu, Pipeline, Usage};
 use oocpt_shader_abi as abi;
 use oocpt_shader_abi::{
-    Counters, Features, FilmPixel, Frame, GpuChunk, GpuDistantLight, Module, Push, PushFlags, Streaming, groups,
-    passes, sort_blocks,
+    Counters, Features, FilmPixel, Frame, GpuChunk, GpuDistantLight, Module, Push, PushFlags, Streaming, UnitDemand,
+    groups, passes, sort_blocks,
 };
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -43,6 +43,8 @@ pub(super) struct Tracer<'a> {
     pub(super) streaming: Streaming,
     pub(super) round: u32,
     walkers: u32,
+    /// Most units in the list of those that are asked for, and entries in the list of their demand.
+    pub(super) demand_capacities: [u32; 2],
     pub(super) fault: u32,
 }
 
@@ -58,6 +60,7 @@ impl<'a> Tracer<'a> {
             streaming: Streaming::zeroed(),
             round: 0,
             walkers: 1 << 18,
+            demand_capacities: [2 * CHUNKS, CHUNKS],
             fault: 0,
         };
         let streams = features.contains(Features::STREAMING);
@@ -84,6 +87,9 @@ impl<'a> Tracer<'a> {
         tracer.make("ended", 16 * slots);
         tracer.make("segments", 16 * u64::from(SEGMENTS));
         tracer.make("demand", 8 * u64::from(CHUNKS));
+        tracer.make("demand counts", 8);
+        tracer.make("demanded", 8 * u64::from(CHUNKS));
+        tracer.make("demand list", size_of::<UnitDemand>() as u64 * u64::from(CHUNKS));
         tracer.make("counts", 8 * u64::from(CHUNKS));
         tracer.make("sums", 4 * u64::from(sort_blocks(CHUNKS)));
         tracer.make("chunk rays", 4 * u64::from(CHUNKS));
@@ -108,6 +114,13 @@ impl<'a> Tracer<'a> {
     /// The same with at most so many threads for the rays of a round.
     pub(super) fn with_walkers(mut self, walkers: u32) -> Self {
         self.walkers = walkers;
+        self.fill_blocks();
+        self
+    }
+
+    /// The same with room for so many units in the list of those that are asked for, and in the list of their demand.
+    pub(super) fn with_demand_capacities(mut self, capacities: [u32; 2]) -> Self {
+        self.demand_capacities = capacities;
         self.fill_blocks();
         self
     }
@@ -140,6 +153,11 @@ impl<'a> Tracer<'a> {
             chunk_count: CHUNKS,
             slots: SEGMENTS * SEGMENT_SIZE,
             unit_count: CHUNKS,
+            demand_counts: self.address("demand counts"),
+            demanded: self.address("demanded"),
+            demand_list: self.address("demand list"),
+            demanded_capacity: self.demand_capacities[0],
+            demand_capacity: self.demand_capacities[1],
             ..Streaming::zeroed()
         };
         let light = GpuDistantLight {

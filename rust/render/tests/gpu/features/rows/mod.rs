@@ -54,6 +54,9 @@ pub(crate) const OF_STREAMING: Names = &[
     "deferred 1",
     "segments",
     "demand",
+    "demand counts",
+    "demanded units",
+    "demand list",
     "sort_counts",
     "sort_sums",
     "chunk_rays",
@@ -91,6 +94,7 @@ pub(crate) const STREAM_PASSES: Names = &[
     "sort_deferred_scan",
     "sort_deferred_scatter",
     "count_demand",
+    "list_demand",
     "retire_paths",
 ];
 

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// Streaming only. Lists the units that rays wait for, with their demand, for the host: what it reads is in proportion to
+// what was asked for, not to the scene. Any number of threads. Where `demanded` could not hold all, every unit is looked
+// at, so that none keeps the demand of this step. What does not fit the list asks again in the next step.
+// Reads: demanded, demand_counts. Pushes to: demand_list. Reads and zeroes: demand.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "include/wavefront.glsl"
+
+void main() {
+    if (!HAS_STREAMING) return;
+    Uints counts = Uints(STREAMING.demand_counts);
+    Uints demand = Uints(STREAMING.demand);
+    const uint threads = gl_NumWorkGroups.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x;
+    const bool is_whole = counts.v[0] <= STREAMING.demanded_capacity;
+    const uint count = is_whole ? counts.v[0] : STREAMING.unit_count;
+    for (uint i = thread_index(); i < count; i += threads) {
+        const uint unit = is_whole ? ConstUints(STREAMING.demanded).v[i] : i;
+        const uint at_next = unit + STREAMING.unit_count;
+        if ((demand.v[unit] | demand.v[at_next]) == 0u) continue;
+        // A unit may be in the list twice: one of the two gets each number.
+        const uint waiting = atomicExchange(demand.v[unit], 0u);
+        const uint next = atomicExchange(demand.v[at_next], 0u);
+        if ((waiting | next) == 0u) continue;
+        const uint entry = atomicAdd(counts.v[1], 1u);
+        if (entry < STREAMING.demand_capacity) DemandList(STREAMING.demand_list).v[entry] = UnitDemand(unit, waiting, next);
+    }
+}
