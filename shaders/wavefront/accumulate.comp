@@ -4,7 +4,7 @@
 // Adaptive: one thread per entry of it; and notes at powers of two what the samples so far say of their error. In core,
 // with textures: does nothing while a path of the wave lacks a tile. Reads: radiance, streaming: ended_radiance. Reads
 // and writes: film. Adaptive:
-// reads entries, writes said.
+// reads entries, writes estimates.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
@@ -27,7 +27,7 @@ void say(uint stream, uint pixel, FilmPixel film) {
     const float spread = root(film.m2 / (n - 1.0) / n, mean, n);
     const uint octave = uint(findMSB(film.samples));
     const uint at = ((octave % ESTIMATE_RING) * 2u + stream) * (FRAME.width * FRAME.height) + pixel;
-    Uints(ADAPTIVE.said).v[at] = packHalf2x16(vec2(spread, root(change * change, mean, n)));
+    Uints(ADAPTIVE.estimates).v[at] = packHalf2x16(vec2(spread, root(change * change, mean, n)));
 }
 
 void main() {

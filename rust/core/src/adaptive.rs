@@ -5,7 +5,7 @@
 //! # Why it is unbiased
 //! Each pixel has two streams of samples, independent of each other: scrambled Sobol sequences of their own. A picture
 //! is half the mean of one plus half the mean of the other, whatever their numbers. How many samples of stream 0 a
-//! pixel gets is decided by what samples of stream 1 said alone, and the other way round; and only by a first part of
+//! pixel gets is decided by the estimates of stream 1 alone, and the other way round; and only by a first part of
 //! them that *every* pixel has, the same number everywhere. So a count is independent of all samples that it counts,
 //! and the mean of each stream has the right expectation, exactly. (Decided from its own samples a pixel that has
 //! missed what is bright so far would look easy, and stay too dark: Kirk and Arvo 1991, "Unbiased sampling techniques
@@ -37,7 +37,7 @@ pub const FIRST: u32 = FIRST_LEVEL as u32;
 const FIRST_LEVEL: u8 = 3;
 /// Octaves between the fewest and the most samples of a stream.
 pub const SPAN: u32 = 6;
-/// Octaves of what samples said that are kept: `SPAN + 1` and one to spare.
+/// Octaves of estimates that are kept: `SPAN + 1` and one to spare.
 pub const RING: u32 = 8;
 /// Highest octave of a stream.
 const HIGHEST: u32 = 23;
@@ -52,8 +52,8 @@ const PART: usize = 1 << 15;
 /// Where the row of a band begins in `Band::first_sample`.
 pub const BAND_SHIFT: u32 = 26;
 
-/// What the first `2^octave` samples of a stream said, as `measured` by the film: variance of the mean by that of its
-/// samples, and square of the mean's change since half as many, both relative to the pixel and times the samples.
+/// Estimates by the first `2^octave` samples of a stream, as `measured` by the film: variance of the mean by that of
+/// its samples, and square of the mean's change since half as many, both relative to the pixel and times the samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct VarianceEstimate {
     /// By the variance of the samples.
@@ -201,10 +201,10 @@ impl Course {
         half.min(pixels << (FIRST + number).min(HIGHEST))
     }
 
-    /// Goes on to the next epoch, once all paths of this one are done; `said` is what the first `2^decisive` samples of
-    /// each stream said, by pixel. False when there are no more samples to spend.
-    pub fn advance(&mut self, said: [&[VarianceEstimate]; STREAMS]) -> bool {
-        let [one, other] = said;
+    /// Goes on to the next epoch, once all paths of this one are done; `estimates` are those by the first `2^decisive`
+    /// samples of each stream, by pixel. False when there are no more samples to spend.
+    pub fn advance(&mut self, estimates: [&[VarianceEstimate]; STREAMS]) -> bool {
+        let [one, other] = estimates;
         // Each is decided by the other.
         self.advance_by([other, one])
     }
@@ -213,7 +213,7 @@ impl Course {
     pub fn advance_by(&mut self, deciding: [&[VarianceEstimate]; STREAMS]) -> bool {
         let number = self.number + 1;
         let budget = self.budget(number);
-        if budget <= self.budget(self.number) || deciding.iter().any(|said| said.len() != self.trace.len()) {
+        if budget <= self.budget(self.number) || deciding.iter().any(|estimate| estimate.len() != self.trace.len()) {
             return false;
         }
         let decide = |stream: usize| {
@@ -289,20 +289,20 @@ impl Course {
     }
 }
 
-/// Relative variance of a sample at each pixel, as far as the mean of many such is concerned, of what it and its
-/// neighbours said.
-fn weights(said: &[VarianceEstimate], size: [u32; 2]) -> Vec<f64> {
-    let spread = blurred(said, |said| said.spread, size);
-    let change = blurred(said, |said| said.change, size);
+/// Relative variance of a sample at each pixel, as far as the mean of many such is concerned, of its own estimates
+/// and those of its neighbours.
+fn weights(estimates: &[VarianceEstimate], size: [u32; 2]) -> Vec<f64> {
+    let spread = blurred(estimates, |estimate| estimate.spread, size);
+    let change = blurred(estimates, |estimate| estimate.change, size);
     let [all_spread, all_change] = [&spread, &change].map(|all| all.iter().sum::<f64>());
     let ratio = if all_spread > 0.0 { all_change / all_spread } else { 1.0 };
     spread.par_iter().zip(&change).map(|(s, d)| (d + SHRINK * ratio * s) / (1.0 + SHRINK)).collect()
 }
 
 /// Means over 5 x 5 pixels, weighted 1 2 3 2 1 each way, of those that there are.
-fn blurred(said: &[VarianceEstimate], value: fn(&VarianceEstimate) -> f32, [width, height]: [u32; 2]) -> Vec<f64> {
+fn blurred(estimates: &[VarianceEstimate], value: fn(&VarianceEstimate) -> f32, [width, height]: [u32; 2]) -> Vec<f64> {
     let finite = |value: f32| if value.is_finite() { f64::from(value.max(0.0)) } else { 0.0 };
-    let values: Vec<f64> = said.par_iter().map(|said| finite(value(said))).collect();
+    let values: Vec<f64> = estimates.par_iter().map(|estimate| finite(value(estimate))).collect();
     let (width, height) = (width as usize, height as usize);
     let across = blurred_along(&values, |at| at % width.max(1), 1, width);
     blurred_along(&across, |at| at / width.max(1), width, height)

@@ -63,7 +63,8 @@ pub struct Settings {
     /// Features of the passes to carry although the scene does not need them, by name; "all", or empty = none. For
     /// measuring.
     pub carry: String,
-    /// Rays that wait for a load that is too dear for what they bring may end, unbiased (`residency::roulette`).
+    /// Rays that wait for a load whose cost exceeds their expected contribution may end, unbiased
+    /// (`residency::roulette`).
     pub straggler_roulette: bool,
     /// Spend samples where the picture's error is largest.
     pub adaptive_sampling: bool,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Adaptive sampling on the device: the list of who gets samples in an epoch, and what samples said that decides the
+//! Adaptive sampling on the device: the list of who gets samples in an epoch, and the estimates that decide the
 //! next one (`oocpt_core::adaptive` decides). Made only with `oocpt:adaptiveSampling`.
 //!
 //! Lists and answers cross while nothing of an epoch is under way: an epoch is decided when all its samples are in the
@@ -25,7 +25,7 @@ pub(crate) struct Adaptive {
     pixels: u64,
     block: Buffer,
     entries: Buffer,
-    said: Buffer,
+    estimates: Buffer,
     course: Mutex<Option<Course>>,
     /// Planted: each stream decides for itself.
     #[cfg(feature = "faults")]
@@ -41,7 +41,7 @@ impl Adaptive {
             pixels,
             block: Buffer::new(gpu, "adaptive", size_of::<Block>() as u64, Usage::Device)?,
             entries: Buffer::new(gpu, "entries", streams * 8, Usage::Device)?,
-            said: Buffer::new(gpu, "said", streams * 4 * u64::from(RING), Usage::Device)?,
+            estimates: Buffer::new(gpu, "estimates", streams * 4 * u64::from(RING), Usage::Device)?,
             course: Mutex::new(None),
             #[cfg(feature = "faults")]
             is_naive: false,
@@ -55,7 +55,7 @@ impl Adaptive {
 
     /// What is made for it on the device, apart from the film.
     pub(crate) fn buffers(&self) -> impl Iterator<Item = &Buffer> {
-        [&self.block, &self.entries, &self.said].into_iter()
+        [&self.block, &self.entries, &self.estimates].into_iter()
     }
 
     /// Begins a render with its first epoch.
@@ -70,12 +70,12 @@ impl Adaptive {
     pub(crate) fn advance(&self) -> Result<(), RenderError> {
         let mut course = lock(&self.course);
         let Some(course) = course.as_mut() else { return Ok(()) };
-        let said = self.answers(course.decisive())?;
-        let said = [said[0].as_slice(), said[1].as_slice()];
+        let estimates = self.answers(course.decisive())?;
+        let estimates = [estimates[0].as_slice(), estimates[1].as_slice()];
         #[cfg(feature = "faults")]
-        let goes_on = if self.is_naive { course.advance_by(said) } else { course.advance(said) };
+        let goes_on = if self.is_naive { course.advance_by(estimates) } else { course.advance(estimates) };
         #[cfg(not(feature = "faults"))]
-        let goes_on = course.advance(said);
+        let goes_on = course.advance(estimates);
         if goes_on {
             let spent = course.spent();
             tracing::debug!(?spent, bands = course.epoch().bands.len(), "next epoch");
@@ -84,14 +84,14 @@ impl Adaptive {
         Ok(())
     }
 
-    /// What the first samples up to an octave said, by stream and pixel.
+    /// Estimates by the first samples up to an octave, by stream and pixel.
     fn answers(&self, octave: u32) -> Result<[Vec<VarianceEstimate>; STREAMS], RenderError> {
         let bytes = self.pixels * STREAMS as u64 * 4;
         let target = Buffer::new(&self.gpu, "answers", bytes, Usage::Readback)?;
         let mut commands = self.gpu.commands("answers")?;
-        commands.copy(&self.said, u64::from(octave % RING) * bytes, &target, 0, bytes);
+        commands.copy(&self.estimates, u64::from(octave % RING) * bytes, &target, 0, bytes);
         if !commands.submit()?.wait(WAVE_TIMEOUT)? {
-            return Err(RenderError::Internal("what the samples said did not come".into()));
+            return Err(RenderError::Internal("the estimates of the samples did not come".into()));
         }
         Ok(target.map(|bytes| {
             let (one, other) = bytes.split_at(bytes.len() / 2);
@@ -107,7 +107,8 @@ impl Adaptive {
     fn send(&self, course: &Course) -> Result<(), RenderError> {
         let epoch = course.epoch();
         let bytes: &[u8] = bytemuck::cast_slice(&epoch.entries);
-        let mut block = Block { entries: self.entries.address(), said: self.said.address(), ..Block::default() };
+        let mut block =
+            Block { entries: self.entries.address(), estimates: self.estimates.address(), ..Block::default() };
         for (width, band) in block.width.iter_mut().zip(&epoch.bands) {
             *width = band.width;
         }

@@ -35,7 +35,7 @@ pub struct SessionOptions {
     pub force_streaming: bool,
     /// Draws a progress bar on standard error while samples are traced; for command lines.
     pub progress_bar: bool,
-    /// What tests plant.
+    /// Faults injected by tests.
     #[cfg(feature = "faults")]
     pub faults: crate::faults::Faults,
 }

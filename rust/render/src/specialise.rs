@@ -53,9 +53,9 @@ pub(crate) fn specialisation(features: Features, scene: &SceneView) -> Specialis
     }
 }
 
-/// What is carried along although the scene does not need it: what `oocpt:carry` asks for and what can be had without
-/// another picture. The light table is another estimator, and materials need it, so these two are never carried. In
-/// core only, but for parts that need no memory.
+/// Features compiled in by `oocpt:carry` although the scene does not use them, as far as the picture stays the same. The
+/// light table is another estimator, and materials need it, so these two are never carried. In core only, but for parts
+/// that need no memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Carry {
     pub(crate) features: Features,
@@ -66,8 +66,8 @@ pub(crate) struct Carry {
 impl Carry {
     const NOTHING: Self = Self { features: Features::empty(), levels: false };
 
-    /// What a setting names: features as the shaders call them, `LEVELS`, or `all`, parted by commas. Gives names that
-    /// are none.
+    /// What a setting names: features as the shaders call them, `LEVELS`, or `all`, separated by commas. Also
+    /// returns the unknown names.
     pub(crate) fn parse(text: &str) -> (Self, Vec<String>) {
         let mut carry = Self::NOTHING;
         let mut unknown = Vec::new();

@@ -167,7 +167,7 @@ passes! {
     /// Sends the waiting rays on that may go on, chunk by chunk.
     SortDeferredScatter = SORT_DEFERRED_SCATTER, When::with(STREAMING), Indirect(Counters::DEFERRED_ARGS),
         "`deferred`, pending lists, chunks" => "`ray_queue`, `shadow_queue`, chunk by chunk; pushes to `deferred`";
-    /// Counts who waits for what.
+    /// Counts waiting rays by unit.
     CountDemand = COUNT_DEMAND, When::with(STREAMING), Indirect(Counters::DEFERRED_ARGS),
         "`deferred`, pending lists" => "adds to `demand`; pushes to `demanded`";
     /// Lists the units that rays wait for.

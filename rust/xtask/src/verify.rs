@@ -12,6 +12,7 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::thread;
+use std::time::Instant;
 
 use anyhow::{Context as _, Result, bail};
 
@@ -61,7 +62,7 @@ impl Extent<'_> {
 /// # Errors
 /// Names the runners that failed, or says why a build did.
 pub(crate) fn run_tests(places: &Places, interpreter: &Interpreter, extent: Extent<'_>) -> Result<()> {
-    product::build_workspace(places)?;
+    timed("building the workspace", || product::build_workspace(places))?;
     let (rust, python) = if system::has_gpu() {
         (rust_tests(places, extent), all_python_tests(places, interpreter, extent, ""))
     } else {
@@ -82,6 +83,14 @@ pub(crate) fn run_tests(places: &Places, interpreter: &Interpreter, extent: Exte
     Ok(())
 }
 
+/// What `step` gives; says how long it took.
+fn timed<T>(name: &str, step: impl FnOnce() -> T) -> T {
+    let started = Instant::now();
+    let result = step();
+    say(format_args!("{name} took {} s", started.elapsed().as_secs()));
+    result
+}
+
 /// Builds the plugin, then runs the Python tests; gives the names of the runners that failed. Without a GPU (with a
 /// `mark`) those through Hydra, which are the half of them, run beside the others.
 fn all_python_tests(
@@ -90,7 +99,7 @@ fn all_python_tests(
     extent: Extent<'_>,
     mark: &str,
 ) -> Result<Vec<&'static str>> {
-    product::build_plugin_for_wheel(places, interpreter)?;
+    timed("building the plugin", || product::build_plugin_for_wheel(places, interpreter))?;
     let tests = places.repo.join("tests");
     let [hydra, host] = ["hydra", "host"].map(|folder| tests.join(folder));
     let run =
@@ -130,11 +139,13 @@ fn rust_tests(places: &Places, extent: Extent<'_>) -> Result<bool> {
             nextest.env("LP_NUM_THREADS", threads);
         }
         extent.tell(&mut nextest);
-        all_pass &= passes(nextest.args(extent.filter))?;
+        all_pass &= timed(&format!("nextest, profile {profile}"), || passes(nextest.args(extent.filter)))?;
     }
-    all_pass &= grouped::run(places, extent.filter, system::has_gpu(), |command| {
-        shell::apply(&shell::for_wheel(places), command);
-        extent.tell(command);
+    all_pass &= timed("tests with a device, by modules", || {
+        grouped::run(places, extent.filter, system::has_gpu(), |command| {
+            shell::apply(&shell::for_wheel(places), command);
+            extent.tell(command);
+        })
     })?;
     Ok(all_pass)
 }
@@ -169,8 +180,9 @@ fn python_tests(
     if let Some(filter) = extent.filter {
         pytest.args(["-k", filter]);
     }
-    let status =
-        if mark.is_empty() { status(&mut pytest)? } else { Watched { mark, patience: None }.status(&mut pytest)? };
+    let status = timed(&format!("pytest {}", folder.display()), || {
+        if mark.is_empty() { status(&mut pytest) } else { Watched { mark, patience: None }.status(&mut pytest) }
+    })?;
     Ok(status == 0 || status == NOTHING_COLLECTED)
 }
 

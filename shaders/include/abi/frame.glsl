@@ -115,7 +115,7 @@ struct TextureFeedback {
 
 struct Adaptive {
     uint64_t entries;
-    uint64_t said;
+    uint64_t estimates;
     uint width[32];
 };
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What there is to load: the bytes of each asset and the assets of each chunk. Immutable, shared by planners.
+//! What there is to load: the bytes of each asset and the assets of each unit. Immutable, shared by planners.
 
-use super::{AssetId, ChunkId};
+use super::{AssetId, UnitId};
 
-/// Bytes per asset and assets per chunk (compressed rows). Every chunk's own block is an asset of its own.
+/// Bytes per asset and assets per unit (compressed rows). Every unit's own block is an asset of its own.
 #[derive(Clone, Debug, Default)]
 pub struct Catalog {
     bytes: Vec<u64>,
@@ -17,17 +17,17 @@ pub struct Catalog {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CatalogError {
     /// An asset that has no bytes entry.
-    #[error("chunk {chunk} names asset {asset}, there are {count}")]
+    #[error("unit {unit} names asset {asset}, there are {count}")]
     UnknownAsset {
-        /// The chunk.
-        chunk: ChunkId,
+        /// The unit.
+        unit: UnitId,
         /// What it names.
         asset: AssetId,
         /// Assets in the catalog.
         count: usize,
     },
-    /// More than 2^32 - 1 chunks or assets.
-    #[error("{0} chunks or assets are more than ids can name")]
+    /// More than 2^32 - 1 units or assets.
+    #[error("{0} units or assets are more than ids can name")]
     TooMany(usize),
     /// The sum of all bytes does not fit 64 bits.
     #[error("the sizes add up to more than 2^64 bytes")]
@@ -35,8 +35,8 @@ pub enum CatalogError {
 }
 
 impl Catalog {
-    /// `bytes[asset]`, and the assets of every chunk in order; an asset named twice by a chunk counts once.
-    pub fn new<I>(bytes: Vec<u64>, chunks: I) -> Result<Self, CatalogError>
+    /// `bytes[asset]`, and the assets of every unit in order; an asset named twice by a unit counts once.
+    pub fn new<I>(bytes: Vec<u64>, units: I) -> Result<Self, CatalogError>
     where
         I: IntoIterator,
         I::Item: AsRef<[AssetId]>,
@@ -47,13 +47,13 @@ impl Catalog {
             total = total.checked_add(size).ok_or(CatalogError::Overflow)?;
         }
         let mut catalog = Self { bytes, starts: vec![0], assets: Vec::new(), closures: Vec::new(), total };
-        for row in chunks {
+        for row in units {
             catalog.push(row.as_ref())?;
         }
         Ok(catalog)
     }
 
-    /// Adds `bytes.len()` assets of so many bytes, and for each a chunk that consists of it alone.
+    /// Adds `bytes.len()` assets of so many bytes, and for each a unit that consists of it alone.
     pub fn push_singles(&mut self, bytes: &[u64]) -> Result<(), CatalogError> {
         id_count(self.closures.len() + bytes.len())?;
         let first = self.bytes.len();
@@ -70,11 +70,11 @@ impl Catalog {
     }
 
     fn push(&mut self, row: &[AssetId]) -> Result<(), CatalogError> {
-        let chunk = id_count(self.closures.len() + 1)?;
+        let unit = id_count(self.closures.len() + 1)?;
         let start = self.assets.len();
         for &asset in row {
             if asset as usize >= self.bytes.len() {
-                return Err(CatalogError::UnknownAsset { chunk, asset, count: self.bytes.len() });
+                return Err(CatalogError::UnknownAsset { unit, asset, count: self.bytes.len() });
             }
             self.assets.push(asset);
         }
@@ -94,8 +94,8 @@ impl Catalog {
         Ok(())
     }
 
-    /// Number of chunks.
-    pub fn chunk_count(&self) -> usize {
+    /// Number of units.
+    pub fn unit_count(&self) -> usize {
         self.closures.len()
     }
 
@@ -109,25 +109,25 @@ impl Catalog {
         self.bytes.get(asset as usize).copied().unwrap_or(0)
     }
 
-    /// The chunk's assets, sorted, each once; none for an unknown chunk.
-    pub fn assets(&self, chunk: ChunkId) -> &[AssetId] {
-        let chunk = chunk as usize;
-        match (self.starts.get(chunk), self.starts.get(chunk + 1)) {
+    /// The unit's assets, sorted, each once; none for an unknown unit.
+    pub fn assets(&self, unit: UnitId) -> &[AssetId] {
+        let unit = unit as usize;
+        match (self.starts.get(unit), self.starts.get(unit + 1)) {
             (Some(&start), Some(&end)) => &self.assets[start..end],
             _ => &[],
         }
     }
 
-    /// Device bytes of the chunk with all it needs.
-    pub fn closure_bytes(&self, chunk: ChunkId) -> u64 {
-        self.closures.get(chunk as usize).copied().unwrap_or(0)
+    /// Device bytes of the unit with all it needs.
+    pub fn closure_bytes(&self, unit: UnitId) -> u64 {
+        self.closures.get(unit as usize).copied().unwrap_or(0)
     }
 
-    /// The chunk of the largest closure and its bytes; the first of equals.
-    pub fn largest_closure(&self) -> Option<(ChunkId, u64)> {
-        (0..).zip(&self.closures).fold(None, |best, (chunk, &bytes)| match best {
+    /// The unit of the largest closure and its bytes; the first of equals.
+    pub fn largest_closure(&self) -> Option<(UnitId, u64)> {
+        (0..).zip(&self.closures).fold(None, |best, (unit, &bytes)| match best {
             Some((_, most)) if most >= bytes => best,
-            _ => Some((chunk, bytes)),
+            _ => Some((unit, bytes)),
         })
     }
 
@@ -154,22 +154,22 @@ mod tests {
         added.push_singles(&[5, 0, 7]).expect("small");
         let whole: [&[AssetId]; 6] = [&[0, 1], &[1], &[], &[2], &[3], &[4]];
         let named = Catalog::new(vec![10, 20, 5, 0, 7], whole).expect("sound");
-        assert_eq!((added.chunk_count(), added.asset_count(), added.total_bytes()), (6, 5, 42));
-        for chunk in 0..7 {
-            assert_eq!(added.assets(chunk), named.assets(chunk), "chunk {chunk}");
-            assert_eq!(added.closure_bytes(chunk), named.closure_bytes(chunk), "chunk {chunk}");
+        assert_eq!((added.unit_count(), added.asset_count(), added.total_bytes()), (6, 5, 42));
+        for unit in 0..7 {
+            assert_eq!(added.assets(unit), named.assets(unit), "unit {unit}");
+            assert_eq!(added.closure_bytes(unit), named.closure_bytes(unit), "unit {unit}");
         }
         assert_eq!((0..6).map(|asset| added.bytes(asset)).sum::<u64>(), 42);
         assert_eq!(added.largest_closure(), named.largest_closure());
         added.push_singles(&[]).expect("nothing");
-        assert_eq!(added.chunk_count(), 6, "nothing more");
+        assert_eq!(added.unit_count(), 6, "nothing more");
     }
 
     #[test]
     fn singles_that_are_too_much_are_refused_and_leave_nothing_half_done() {
         let mut catalog = Catalog::new(vec![u64::MAX - 10], [[0]]).expect("it fits");
         assert_eq!(catalog.push_singles(&[4, 7]), Err(CatalogError::Overflow));
-        assert_eq!((catalog.chunk_count(), catalog.asset_count()), (1, 1), "no asset was added");
+        assert_eq!((catalog.unit_count(), catalog.asset_count()), (1, 1), "no asset was added");
         assert_eq!(catalog.total_bytes(), u64::MAX - 10, "nor its bytes");
     }
 }

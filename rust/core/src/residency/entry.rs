@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the planner remembers of each chunk. Steps are counted modulo 2^32; only differences are used.
+//! What the planner remembers of each unit. Steps are counted modulo 2^32; only differences are used.
 
-/// Where a chunk is.
+/// Where a unit is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum ChunkState {
+pub enum UnitState {
     /// Not on the device, nobody waits for it.
     #[default]
     Absent,
@@ -17,7 +17,7 @@ pub enum ChunkState {
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct Entry {
-    pub(super) state: ChunkState,
+    pub(super) state: UnitState,
     /// Loads that completed.
     pub(super) loads: u32,
     /// Step since which rays wait without a gap, and the loads begun before it.
@@ -33,7 +33,7 @@ pub(super) struct Entry {
     pub(super) retry: u32,
     /// Rays that needed it lately; halves every `HALF_LIFE_STEPS`, as of step `used`.
     pub(super) heat: f32,
-    /// Place in the list of resident chunks.
+    /// Place in the list of resident units.
     pub(super) slot: u32,
     /// It was resident at least once.
     pub(super) touched: bool,

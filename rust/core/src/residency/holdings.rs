@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Who holds which asset: reference counts over the chunks that are loading or resident, and the bytes they come to.
+//! Who holds which asset: reference counts over the units that are loading or resident, and the bytes they come to.
 //!
-//! Also keeps, per chunk, the bytes that only it holds (what its eviction would free) at constant cost per change: each
+//! Also keeps, per unit, the bytes that only it holds (what its eviction would free) at constant cost per change: each
 //! asset remembers the exclusive-or of its holders' ids, which is the holder's id when there is one.
 
-use super::{AssetId, Catalog, ChunkId};
+use super::{AssetId, Catalog, UnitId};
 
 #[derive(Clone, Debug, Default)]
 struct Asset {
@@ -25,7 +25,7 @@ impl Holdings {
     pub(super) fn new(catalog: &Catalog) -> Self {
         Self {
             assets: vec![Asset::default(); catalog.asset_count()],
-            exclusive: vec![0; catalog.chunk_count()],
+            exclusive: vec![0; catalog.unit_count()],
             held: 0,
         }
     }
@@ -35,19 +35,19 @@ impl Holdings {
         self.held
     }
 
-    /// Bytes that go when this chunk goes.
-    pub(super) fn exclusive(&self, chunk: ChunkId) -> u64 {
-        self.exclusive[chunk as usize]
+    /// Bytes that go when this unit goes.
+    pub(super) fn exclusive(&self, unit: UnitId) -> u64 {
+        self.exclusive[unit as usize]
     }
 
     pub(super) fn is_held(&self, asset: AssetId) -> bool {
         self.assets.get(asset as usize).is_some_and(|asset| asset.holders > 0)
     }
 
-    /// Bytes the chunk would add, `None` while one of its assets is on its way for another chunk.
-    pub(super) fn missing(&self, catalog: &Catalog, chunk: ChunkId) -> Option<u64> {
+    /// Bytes the unit would add, `None` while one of its assets is on its way for another unit.
+    pub(super) fn missing(&self, catalog: &Catalog, unit: UnitId) -> Option<u64> {
         let mut bytes = 0;
-        for &id in catalog.assets(chunk) {
+        for &id in catalog.assets(unit) {
             let asset = &self.assets[id as usize];
             if asset.in_flight {
                 return None;
@@ -59,36 +59,36 @@ impl Holdings {
         Some(bytes)
     }
 
-    /// The chunk becomes a holder of all its assets; `new` gets those nobody held. Not for a chunk that holds them.
-    pub(super) fn acquire(&mut self, catalog: &Catalog, chunk: ChunkId, new: &mut Vec<AssetId>) {
-        for &id in catalog.assets(chunk) {
+    /// The unit becomes a holder of all its assets; `new` gets those nobody held. Not for a unit that holds them.
+    pub(super) fn acquire(&mut self, catalog: &Catalog, unit: UnitId, new: &mut Vec<AssetId>) {
+        for &id in catalog.assets(unit) {
             let bytes = catalog.bytes(id);
             let asset = &mut self.assets[id as usize];
             match asset.holders {
                 0 => {
                     self.held += bytes;
-                    self.exclusive[chunk as usize] += bytes;
+                    self.exclusive[unit as usize] += bytes;
                     new.push(id);
                 }
                 1 => self.exclusive[asset.holder_xor as usize] -= bytes,
                 _ => {}
             }
             asset.holders += 1;
-            asset.holder_xor ^= chunk;
+            asset.holder_xor ^= unit;
         }
     }
 
     /// Undoes [`Self::acquire`]; `freed` gets the assets nobody holds any more.
-    pub(super) fn release(&mut self, catalog: &Catalog, chunk: ChunkId, freed: &mut Vec<AssetId>) {
-        for &id in catalog.assets(chunk) {
+    pub(super) fn release(&mut self, catalog: &Catalog, unit: UnitId, freed: &mut Vec<AssetId>) {
+        for &id in catalog.assets(unit) {
             let bytes = catalog.bytes(id);
             let asset = &mut self.assets[id as usize];
             asset.holders -= 1;
-            asset.holder_xor ^= chunk;
+            asset.holder_xor ^= unit;
             match asset.holders {
                 0 => {
                     self.held -= bytes;
-                    self.exclusive[chunk as usize] -= bytes;
+                    self.exclusive[unit as usize] -= bytes;
                     freed.push(id);
                 }
                 1 => self.exclusive[asset.holder_xor as usize] += bytes,

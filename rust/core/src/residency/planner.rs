@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The planner's public face: making it, what the caller reports, what it may ask. Planning itself is in `step`.
 
-use super::entry::{ChunkState, Entry};
+use super::entry::{Entry, UnitState};
 use super::holdings::Holdings;
 use super::policy::{Policy, PolicyKind};
-use super::{AssetId, Catalog, ChunkId, Command, ResidencyStats};
+use super::{AssetId, Catalog, Command, ResidencyStats, UnitId};
 use std::sync::Arc;
 
 /// Why a budget was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PlanError {
-    /// A chunk that can never be resident.
-    #[error("chunk {chunk} needs {bytes} bytes of device memory at once, the budget is {budget}")]
+    /// A unit that can never be resident.
+    #[error("unit {unit} needs {bytes} bytes of device memory at once, the budget is {budget}")]
     ClosureTooLarge {
-        /// The largest chunk.
-        chunk: ChunkId,
+        /// The largest unit.
+        unit: UnitId,
         /// Its bytes with all it needs.
         bytes: u64,
         /// What there is.
@@ -29,7 +29,7 @@ pub struct PlannerOptions {
     /// would idle). 0 = an eighth of the budget (a half when idle), 128 MiB at most. Less = demand is read again
     /// sooner.
     pub in_flight_bytes: u64,
-    /// Steps that see a chunk usable before it may be evicted, 0 = 2: with one submission in flight the first step
+    /// Steps that see a unit usable before it may be evicted, 0 = 2: with one submission in flight the first step
     /// after a load still sees the demand of before. More submissions in flight need as many more.
     pub pin_steps: u32,
 }
@@ -37,7 +37,7 @@ pub struct PlannerOptions {
 /// A load that is under way.
 #[derive(Clone, Debug)]
 pub(super) struct Load {
-    pub(super) chunk: ChunkId,
+    pub(super) unit: UnitId,
     pub(super) assets: Vec<AssetId>,
     pub(super) bytes: u64,
     pub(super) kind: LoadKind,
@@ -50,7 +50,7 @@ pub(super) enum LoadKind {
     Prefetch = 1,
 }
 
-/// Decides which chunks live on the device; see the module's documentation.
+/// Decides which units live on the device; see the module's documentation.
 #[derive(Debug)]
 pub struct Planner {
     pub(super) catalog: Arc<Catalog>,
@@ -62,7 +62,7 @@ pub struct Planner {
     pub(super) largest: u64,
     pub(super) entries: Vec<Entry>,
     pub(super) holdings: Holdings,
-    pub(super) residents: Vec<ChunkId>,
+    pub(super) residents: Vec<UnitId>,
     pub(super) loading: Vec<Load>,
     /// Evictions that the next step has to say first: what failed loads held of what was there.
     pub(super) dropped: Vec<Command>,
@@ -76,7 +76,7 @@ pub struct Planner {
 }
 
 impl Planner {
-    /// Nothing is resident. An error when a chunk does not fit the budget.
+    /// Nothing is resident. An error when a unit does not fit the budget.
     pub fn new(catalog: Arc<Catalog>, budget: u64, kind: PolicyKind) -> Result<Self, PlanError> {
         Self::with_policy(catalog, budget, kind.policy(), PlannerOptions::default())
     }
@@ -95,7 +95,7 @@ impl Planner {
             budget,
             allowance: budget,
             largest,
-            entries: vec![Entry::default(); catalog.chunk_count()],
+            entries: vec![Entry::default(); catalog.unit_count()],
             holdings: Holdings::new(&catalog),
             residents: Vec::new(),
             loading: Vec::new(),
@@ -109,69 +109,69 @@ impl Planner {
         })
     }
 
-    /// At start, after an edit: the chunk's content is on the device already. `false`, and the caller frees it, when it
+    /// At start, after an edit: the unit's content is on the device already. `false`, and the caller frees it, when it
     /// is unknown or does not fit the budget beside what is held. Content of which [`Self::holds`] is false once all
-    /// chunks are kept is the caller's to free.
-    pub fn keep_resident(&mut self, chunk: ChunkId) -> bool {
-        match self.state(chunk) {
-            ChunkState::Resident => return true,
-            ChunkState::Loading => return false,
-            ChunkState::Absent | ChunkState::Requested => {}
+    /// units are kept is the caller's to free.
+    pub fn keep_resident(&mut self, unit: UnitId) -> bool {
+        match self.state(unit) {
+            UnitState::Resident => return true,
+            UnitState::Loading => return false,
+            UnitState::Absent | UnitState::Requested => {}
         }
-        let Some(missing) = self.holdings.missing(&self.catalog, chunk) else { return false };
-        if chunk as usize >= self.entries.len() || self.holdings.held() + missing > self.budget {
+        let Some(missing) = self.holdings.missing(&self.catalog, unit) else { return false };
+        if unit as usize >= self.entries.len() || self.holdings.held() + missing > self.budget {
             return false;
         }
         let mut new = Vec::new();
-        self.holdings.acquire(&self.catalog, chunk, &mut new);
+        self.holdings.acquire(&self.catalog, unit, &mut new);
         self.holdings.arrived(&self.catalog, &new);
         self.stats.peak_bytes = self.stats.peak_bytes.max(self.holdings.held());
-        self.become_resident(chunk);
+        self.become_resident(unit);
         true
     }
 
-    /// A load is done: the chunk is in the chunk table of the next submission. Ignored for a chunk that is not loading.
-    pub fn loaded(&mut self, chunk: ChunkId) {
-        let Some(load) = self.take_load(chunk) else { return };
+    /// A load is done: the unit is in the unit table of the next submission. Ignored for a unit that is not loading.
+    pub fn loaded(&mut self, unit: UnitId) {
+        let Some(load) = self.take_load(unit) else { return };
         let again = self.holdings.arrived(&self.catalog, &load.assets);
         self.stats.loads += 1;
         self.stats.bytes_loaded += load.bytes;
         self.stats.bytes_reloaded += again;
         self.stats.failures_in_a_row = 0;
-        let loads = self.entries[chunk as usize].loads;
+        let loads = self.entries[unit as usize].loads;
         self.stats.reloads += u64::from(loads > 0);
         self.stats.prefetches += u64::from(load.kind == LoadKind::Prefetch);
-        self.become_resident(chunk);
-        self.entries[chunk as usize].loads = loads.saturating_add(1);
-        if load.kind == LoadKind::Prefetch && !self.is_demanded(chunk) {
-            self.entries[chunk as usize].usable = self.step.wrapping_sub(self.pin_steps());
+        self.become_resident(unit);
+        self.entries[unit as usize].loads = loads.saturating_add(1);
+        if load.kind == LoadKind::Prefetch && !self.is_demanded(unit) {
+            self.entries[unit as usize].usable = self.step.wrapping_sub(self.pin_steps());
         }
         self.allowance += (self.budget.saturating_sub(self.allowance)).div_ceil(RECOVERY);
     }
 
-    /// A load found no memory. Nothing the load was to bring is on the device; what the chunk shared with evicted ones
+    /// A load found no memory. Nothing the load was to bring is on the device; what the unit shared with evicted ones
     /// is freed by the next step's first commands. The planner fills less until loads succeed again, and tries this
-    /// chunk again after some steps. Ignored for a chunk that is not loading.
-    pub fn failed(&mut self, chunk: ChunkId) {
-        let Some(load) = self.take_load(chunk) else { return };
+    /// unit again after some steps. Ignored for a unit that is not loading.
+    pub fn failed(&mut self, unit: UnitId) {
+        let Some(load) = self.take_load(unit) else { return };
         self.holdings.set_in_flight(&load.assets, false);
         let mut freed = Vec::new();
-        self.holdings.release(&self.catalog, chunk, &mut freed);
+        self.holdings.release(&self.catalog, unit, &mut freed);
         freed.retain(|asset| load.assets.binary_search(asset).is_err());
         if !freed.is_empty() {
-            self.dropped.push(Command::Evict { chunk, assets: freed });
+            self.dropped.push(Command::Evict { unit, assets: freed });
         }
         self.stats.failed_loads += 1;
         self.stats.failures_in_a_row += 1;
         let pause = 1_u32 << self.stats.failures_in_a_row.min(MAX_PAUSE_LOG2);
-        let entry = &mut self.entries[chunk as usize];
-        entry.state = ChunkState::Absent;
+        let entry = &mut self.entries[unit as usize];
+        entry.state = UnitState::Absent;
         entry.retry = self.step.wrapping_add(pause);
         self.allowance = self.holdings.held().max(self.largest).min(self.allowance);
         self.count_bytes();
     }
 
-    /// Sets another budget. What is above it is evicted by the next step. An error, and no change, when a chunk does
+    /// Sets another budget. What is above it is evicted by the next step. An error, and no change, when a unit does
     /// not fit.
     pub fn set_budget(&mut self, budget: u64) -> Result<(), PlanError> {
         check_budget(&self.catalog, budget)?;
@@ -195,18 +195,18 @@ impl Planner {
         &self.stats
     }
 
-    /// Where a chunk is; `Absent` for an unknown one.
-    pub fn state(&self, chunk: ChunkId) -> ChunkState {
-        match self.entries.get(chunk as usize) {
-            Some(entry) if entry.state == ChunkState::Absent && self.is_demanded(chunk) => ChunkState::Requested,
+    /// Where a unit is; `Absent` for an unknown one.
+    pub fn state(&self, unit: UnitId) -> UnitState {
+        match self.entries.get(unit as usize) {
+            Some(entry) if entry.state == UnitState::Absent && self.is_demanded(unit) => UnitState::Requested,
             Some(entry) => entry.state,
-            None => ChunkState::Absent,
+            None => UnitState::Absent,
         }
     }
 
-    /// The chunk is usable.
-    pub fn is_resident(&self, chunk: ChunkId) -> bool {
-        self.state(chunk) == ChunkState::Resident
+    /// The unit is usable.
+    pub fn is_resident(&self, unit: UnitId) -> bool {
+        self.state(unit) == UnitState::Resident
     }
 
     /// The asset is on the device or on its way there.
@@ -214,13 +214,13 @@ impl Planner {
         self.holdings.is_held(asset)
     }
 
-    /// Times a load of the chunk completed.
-    pub fn load_count(&self, chunk: ChunkId) -> u32 {
-        self.entries.get(chunk as usize).map_or(0, |entry| entry.loads)
+    /// Times a load of the unit completed.
+    pub fn load_count(&self, unit: UnitId) -> u32 {
+        self.entries.get(unit as usize).map_or(0, |entry| entry.loads)
     }
 
-    /// The usable chunks, in no order that means anything (but the same for the same calls).
-    pub fn resident_chunks(&self) -> &[ChunkId] {
+    /// The usable units, in no order that means anything (but the same for the same calls).
+    pub fn resident_units(&self) -> &[UnitId] {
         &self.residents
     }
 
@@ -233,32 +233,32 @@ impl Planner {
         if self.options.pin_steps == 0 { DEFAULT_PIN_STEPS } else { self.options.pin_steps }
     }
 
-    /// The last step saw rays that wait for the chunk.
-    pub(super) fn is_demanded(&self, chunk: ChunkId) -> bool {
-        self.step != 0 && self.entries[chunk as usize].seen == self.step
+    /// The last step saw rays that wait for the unit.
+    pub(super) fn is_demanded(&self, unit: UnitId) -> bool {
+        self.step != 0 && self.entries[unit as usize].seen == self.step
     }
 
     pub(super) fn count_bytes(&mut self) {
         self.stats.bytes_held = self.holdings.held();
         self.stats.bytes_in_flight = self.in_flight.iter().sum();
-        self.stats.resident_chunks = self.residents.len() as u64;
+        self.stats.resident_units = self.residents.len() as u64;
     }
 
-    fn take_load(&mut self, chunk: ChunkId) -> Option<Load> {
-        let index = self.loading.iter().position(|load| load.chunk == chunk)?;
+    fn take_load(&mut self, unit: UnitId) -> Option<Load> {
+        let index = self.loading.iter().position(|load| load.unit == unit)?;
         let load = self.loading.remove(index);
         let bytes = &mut self.in_flight[load.kind as usize];
         *bytes -= load.bytes;
         Some(load)
     }
 
-    fn become_resident(&mut self, chunk: ChunkId) {
+    fn become_resident(&mut self, unit: UnitId) {
         let slot = u32::try_from(self.residents.len()).unwrap_or(u32::MAX);
-        self.residents.push(chunk);
-        let entry = &mut self.entries[chunk as usize];
-        self.stats.chunks_touched += u64::from(!entry.touched);
+        self.residents.push(unit);
+        let entry = &mut self.entries[unit as usize];
+        self.stats.units_touched += u64::from(!entry.touched);
         entry.touched = true;
-        entry.state = ChunkState::Resident;
+        entry.state = UnitState::Resident;
         entry.slot = slot;
         entry.usable = self.step;
         entry.heat = entry.heat_at(self.step);
@@ -276,7 +276,7 @@ const MAX_PAUSE_LOG2: u64 = 4;
 /// The largest closure, if it fits.
 fn check_budget(catalog: &Catalog, budget: u64) -> Result<u64, PlanError> {
     match catalog.largest_closure() {
-        Some((chunk, bytes)) if bytes > budget => Err(PlanError::ClosureTooLarge { chunk, bytes, budget }),
+        Some((unit, bytes)) if bytes > budget => Err(PlanError::ClosureTooLarge { unit, bytes, budget }),
         largest => Ok(largest.map_or(0, |(_, bytes)| bytes)),
     }
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Russian roulette on loads (`oocpt:stragglerRoulette`): a chunk that few rays wait for is loaded with a probability
+//! Russian roulette on loads (`oocpt:stragglerRoulette`): a unit that few rays wait for is loaded with a probability
 //! `p`. If it is, all rays that wait for it count `1 / p` times; if not, they end where they are.
 //!
 //! # Unbiased
@@ -24,7 +24,7 @@
 //! of the gain where the estimates are right, and is a gain as long as `s / (V c)` is less than `2 / p` times what was
 //! thought. A load with `p` above [`MOST`] is not played for: what it might save is little, and soon wanted again by
 //! rays nobody knows of yet. Two accounts of the variance spent, `sum (1 / p - 1) s`, bound the harm:
-//! - of a chunk, since it was loaded last: a share [`PER_LOAD`] of `V x`, what the load costs. So a chunk that is
+//! - of a unit, since it was loaded last: a share [`PER_LOAD`] of `V x`, what the load costs. So a unit that is
 //!   wanted again and again is loaded in the end, and what was spent on it in vain is a small part of its price (rent
 //!   or buy; Karlin et al. 1988, "Competitive snoopy caching").
 //! - of all: a share [`PER_PICTURE`] of the picture's own `N V`.
@@ -32,12 +32,12 @@
 //! `p` is raised to what they leave. It is at least [`LEAST`]: nobody knows what a ray brings before it does, and
 //! weights stay bounded.
 //!
-//! # States of a chunk
+//! # States of a unit
 //! `Open -> Approved` (until it was resident, or nobody waits) or `Open -> Ending`, both at least until the step that
-//! weights or ends its rays was seen: a chunk has one verdict in a step. Rays that come to an approved chunk get on
+//! weights or ends its rays was seen: a unit has one verdict in a step. Rays that come to an approved unit get on
 //! without a weight: its load is paid for. Pure; called by one thread.
 
-use super::ChunkId;
+use super::UnitId;
 use crate::sampler::{combine, hash, sample_4d};
 
 /// The least probability of a load.
@@ -69,8 +69,8 @@ pub struct Prices {
 /// What is at stake with a load.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stakes {
-    /// The chunk.
-    pub chunk: ChunkId,
+    /// The unit.
+    pub unit: UnitId,
     /// Bytes to load.
     pub bytes: u64,
     /// Second moment of what the rays that wait bring to a pixel together, relative to it, over the pixels. Infinite:
@@ -80,11 +80,11 @@ pub struct Stakes {
     pub share: f64,
 }
 
-/// What becomes of the rays that wait for a chunk.
+/// What becomes of the rays that wait for a unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Verdict {
-    /// The chunk.
-    pub chunk: ChunkId,
+    /// The unit.
+    pub unit: UnitId,
     /// How often they count from now on; 0: they end.
     pub weight: f32,
 }
@@ -105,27 +105,27 @@ pub struct Roulette {
     seed: u32,
     states: Vec<State>,
     draws: Vec<u32>,
-    /// Variance spent on each chunk since its last load, and in all.
+    /// Variance spent on each unit since its last load, and in all.
     lost: Vec<f64>,
     /// Variance spent in all, in paths' worth of relative variance: over `variance * paths` the share of the picture's
     /// own.
     pub spent: f64,
-    /// Chunks that are not open.
-    judged: Vec<ChunkId>,
+    /// Units that are not open.
+    judged: Vec<UnitId>,
     verdicts: Vec<Verdict>,
     /// Loads that nobody waits for any more.
     pub loads_saved: u64,
 }
 
 impl Roulette {
-    /// For so many chunks.
+    /// For so many units.
     #[must_use]
-    pub fn new(seed: u32, chunks: usize) -> Self {
+    pub fn new(seed: u32, units: usize) -> Self {
         Self {
             seed,
-            states: vec![State::Open; chunks],
-            draws: vec![0; chunks],
-            lost: vec![0.0; chunks],
+            states: vec![State::Open; units],
+            draws: vec![0; units],
+            lost: vec![0.0; units],
             spent: 0.0,
             judged: Vec::new(),
             verdicts: Vec::new(),
@@ -133,37 +133,37 @@ impl Roulette {
         }
     }
 
-    /// Takes note of what step `seen` left: the rays that wait for each chunk, and which chunks are resident.
-    pub fn observe(&mut self, seen: u64, waiting: &[u32], is_resident: impl Fn(ChunkId) -> bool) {
+    /// Takes note of what step `seen` left: the rays that wait for each unit, and which units are resident.
+    pub fn observe(&mut self, seen: u64, waiting: &[u32], is_resident: impl Fn(UnitId) -> bool) {
         let states = &mut self.states;
-        self.judged.retain(|&chunk| {
-            let is_over = match states[chunk as usize] {
+        self.judged.retain(|&unit| {
+            let is_over = match states[unit as usize] {
                 State::Open => true,
-                State::Approved(step) => seen >= step && (is_resident(chunk) || super::at(waiting, chunk) == 0),
+                State::Approved(step) => seen >= step && (is_resident(unit) || super::at(waiting, unit) == 0),
                 State::Ending(step) => seen >= step,
             };
             if is_over {
-                states[chunk as usize] = State::Open;
+                states[unit as usize] = State::Open;
             }
             !is_over
         });
     }
 
-    /// Whether the chunk may be loaded; draws if it was not decided. What has to become of rays is in
-    /// [`Self::take_verdicts`], to be done in step `step` at the latest, and before the chunk is shown.
+    /// Whether the unit may be loaded; draws if it was not decided. What has to become of rays is in
+    /// [`Self::take_verdicts`], to be done in step `step` at the latest, and before the unit is shown.
     pub fn judge(&mut self, stakes: &Stakes, prices: &Prices, step: u64) -> bool {
         self.judge_by(stakes, step, |lost, spent| probability(stakes, prices, lost, spent))
     }
 
-    /// As [`Self::judge`], where `p` gives the probability for the variance spent on the chunk and in all.
+    /// As [`Self::judge`], where `p` gives the probability for the variance spent on the unit and in all.
     pub fn judge_by(&mut self, stakes: &Stakes, step: u64, p: impl FnOnce(f64, f64) -> f64) -> bool {
-        let Some(state) = self.states.get_mut(stakes.chunk as usize) else { return true };
+        let Some(state) = self.states.get_mut(stakes.unit as usize) else { return true };
         if *state != State::Open {
             return matches!(*state, State::Approved(_));
         }
-        let lost = self.lost.get_mut(stakes.chunk as usize);
+        let lost = self.lost.get_mut(stakes.unit as usize);
         let p = p(lost.as_deref().map_or(0.0, |lost| *lost), self.spent);
-        let is_approved = p >= 1.0 || draw(self.seed, stakes.chunk, &mut self.draws) < p;
+        let is_approved = p >= 1.0 || draw(self.seed, stakes.unit, &mut self.draws) < p;
         if p < 1.0 {
             self.spent += (1.0 / p - 1.0) * stakes.worth;
         }
@@ -171,12 +171,12 @@ impl Roulette {
             *lost = if is_approved { 0.0 } else { *lost + (1.0 / p - 1.0) * stakes.worth };
         }
         *state = if is_approved { State::Approved(step) } else { State::Ending(step) };
-        self.judged.push(stakes.chunk);
+        self.judged.push(stakes.unit);
         self.loads_saved += u64::from(!is_approved);
         if p < 1.0 {
             #[expect(clippy::cast_possible_truncation, reason = "1 to 16")]
             let weight = if is_approved { (1.0 / p) as f32 } else { 0.0 };
-            self.verdicts.push(Verdict { chunk: stakes.chunk, weight });
+            self.verdicts.push(Verdict { unit: stakes.unit, weight });
         }
         is_approved
     }
@@ -193,7 +193,7 @@ impl Roulette {
     }
 }
 
-/// The probability of a load, [`LEAST`] to [`MOST`] or 1, where `lost` and `spent` was spent on its chunk and in all; 1
+/// The probability of a load, [`LEAST`] to [`MOST`] or 1, where `lost` and `spent` was spent on its unit and in all; 1
 /// where something is not known.
 #[must_use]
 pub fn probability(stakes: &Stakes, prices: &Prices, lost: f64, spent: f64) -> f64 {
@@ -213,14 +213,14 @@ pub fn probability(stakes: &Stakes, prices: &Prices, lost: f64, spent: f64) -> f
     if p <= MOST { p } else { 1.0 }
 }
 
-/// The next number of a chunk, in 0..1.
-fn draw(seed: u32, chunk: ChunkId, draws: &mut [u32]) -> f64 {
+/// The next number of a unit, in 0..1.
+fn draw(seed: u32, unit: UnitId, draws: &mut [u32]) -> f64 {
     let mut number = 0;
-    if let Some(count) = draws.get_mut(chunk as usize) {
+    if let Some(count) = draws.get_mut(unit as usize) {
         number = *count;
         *count = count.wrapping_add(1);
     }
-    f64::from(sample_4d(seed, number, hash(combine(DIMENSION, chunk)))[0])
+    f64::from(sample_4d(seed, number, hash(combine(DIMENSION, unit)))[0])
 }
 
 #[cfg(test)]
@@ -229,8 +229,8 @@ mod tests {
 
     const PRICES: Prices = Prices { secs_per_byte: 1e-9, secs_per_path: 1e-6, variance: 0.1, paths: 1e9 };
 
-    fn stakes(chunk: ChunkId, worth: f64) -> Stakes {
-        Stakes { chunk, bytes: 1_000_000, worth, share: 1.0 }
+    fn stakes(unit: UnitId, worth: f64) -> Stakes {
+        Stakes { unit, bytes: 1_000_000, worth, share: 1.0 }
     }
 
     #[test]
@@ -261,7 +261,7 @@ mod tests {
     #[test]
     fn accounts_raise_p_to_what_they_leave() {
         // Worth 8 is played for with 0.4, at 8 (1 / 0.4 - 1) = 12. A quarter of the load's 100 may be lost on its
-        // chunk.
+        // unit.
         let p = |lost, spent, worth| probability(&stakes(0, worth), &PRICES, lost, spent);
         assert!((p(13.0, 0.0, 8.0) - 0.4).abs() < 1e-12, "just enough");
         assert!((p(15.0, 0.0, 8.0) - 8.0 / 18.0).abs() < 1e-12, "10 are left: {}", p(15.0, 0.0, 8.0));
@@ -277,13 +277,13 @@ mod tests {
         // Its own variance is 2000, of which 250 may be spent: 31 times 2 (1 / 0.2 - 1), and once the 2 that are left.
         let prices = Prices { paths: 20_000.0, ..PRICES };
         let mut roulette = Roulette::new(3, 1000);
-        let agreed = (0..1000).filter(|&chunk| roulette.judge(&stakes(chunk, 2.0), &prices, 1)).count();
+        let agreed = (0..1000).filter(|&unit| roulette.judge(&stakes(unit, 2.0), &prices, 1)).count();
         assert_eq!(roulette.take_verdicts().len(), 32, "then all are loaded");
         assert!((968..990).contains(&agreed) && (roulette.spent - 250.0).abs() < 1e-6, "{agreed}, {}", roulette.spent);
     }
 
     #[test]
-    fn a_chunk_that_is_wanted_again_and_again_is_loaded() {
+    fn a_unit_that_is_wanted_again_and_again_is_loaded() {
         // Each time 2 (1 / 0.2 - 1) = 8 is lost of 25.
         let plays = |seed| {
             let mut roulette = Roulette::new(seed, 1);
@@ -302,29 +302,29 @@ mod tests {
 
     #[test]
     fn weights_make_up_for_what_ends() {
-        let chunks = 20_000;
-        let mut roulette = Roulette::new(3, chunks);
-        let agreed = (0..20_000).filter(|&chunk| roulette.judge(&stakes(chunk, 2.0), &PRICES, 1)).count();
+        let units = 20_000;
+        let mut roulette = Roulette::new(3, units);
+        let agreed = (0..20_000).filter(|&unit| roulette.judge(&stakes(unit, 2.0), &PRICES, 1)).count();
         let verdicts = roulette.take_verdicts();
         let sum: f64 = verdicts.iter().map(|verdict| f64::from(verdict.weight)).sum();
         // Standard deviation of the sum: sqrt(n (1 / p - 1)) with p = 0.2.
         assert!((sum - 20_000.0).abs() < 4.0 * (20_000.0_f64 * 4.0).sqrt(), "weights add up to {sum}");
-        assert_eq!(verdicts.len(), chunks, "one each");
+        assert_eq!(verdicts.len(), units, "one each");
         assert_eq!(roulette.loads_saved, 20_000 - agreed as u64, "the others are not loaded");
         assert!(!roulette.has_verdicts(), "they were taken");
     }
 
     #[test]
-    fn a_chunk_is_judged_once_until_it_was_there() {
+    fn a_unit_is_judged_once_until_it_was_there() {
         let mut roulette = Roulette::new(1, 4);
         assert!(roulette.judge(&stakes(2, f64::INFINITY), &PRICES, 5), "worth it");
         assert!(roulette.judge(&stakes(2, 0.0), &PRICES, 6) && !roulette.has_verdicts(), "paid for");
         roulette.observe(6, &[0, 0, 1], |_| false);
         assert!(roulette.judge(&stakes(2, 0.0), &PRICES, 7), "still on its way");
-        roulette.observe(7, &[0, 0, 1], |chunk| chunk == 2);
+        roulette.observe(7, &[0, 0, 1], |unit| unit == 2);
         while roulette.judge(&stakes(2, 0.0), &PRICES, 8) {
             assert_eq!(roulette.take_verdicts().len(), 1, "its rays are weighted in step 8");
-            roulette.observe(7, &[0, 0, 0, 0], |chunk| chunk == 2);
+            roulette.observe(7, &[0, 0, 0, 0], |unit| unit == 2);
             assert!(roulette.judge(&stakes(2, 0.0), &PRICES, 8), "which nobody has seen yet");
             assert!(!roulette.has_verdicts(), "one verdict in a step");
             roulette.observe(8, &[0, 0, 0, 0], |_| false);
@@ -338,11 +338,11 @@ mod tests {
     }
 
     #[test]
-    fn numbers_of_chunks_and_seeds_have_nothing_in_common() {
+    fn numbers_of_units_and_seeds_have_nothing_in_common() {
         let mut sum = [0.0; 3];
-        for chunk in 0..4000 {
+        for unit in 0..4000 {
             let (mut a, mut b) = (vec![0; 4000], vec![0; 4000]);
-            let one = [draw(1, chunk, &mut a), draw(1, chunk, &mut a), draw(7777, chunk, &mut b)].map(|u| u - 0.5);
+            let one = [draw(1, unit, &mut a), draw(1, unit, &mut a), draw(7777, unit, &mut b)].map(|u| u - 0.5);
             sum[0] += one[0] * one[1];
             sum[1] += one[0] * one[2];
             sum[2] += one[0];
@@ -354,10 +354,10 @@ mod tests {
 
     #[test]
     fn seeds_are_stratified_by_load_and_not_by_pairs_of_loads() {
-        let first = |seed, chunk: ChunkId| draw(seed, chunk, &mut vec![0; chunk as usize + 1]);
+        let first = |seed, unit: UnitId| draw(seed, unit, &mut vec![0; unit as usize + 1]);
         let mut both = 0;
-        for chunk in 0..500 {
-            let us: Vec<[f64; 2]> = (16..32).map(|seed| [first(seed, chunk), first(seed, chunk + 500)]).collect();
+        for unit in 0..500 {
+            let us: Vec<[f64; 2]> = (16..32).map(|seed| [first(seed, unit), first(seed, unit + 500)]).collect();
             let mut sixteenths: Vec<f64> = us.iter().map(|u| (u[0] * 16.0).floor()).collect();
             sixteenths.sort_by(f64::total_cmp);
             assert!(sixteenths.iter().zip(0..16).all(|(is, i)| (is - f64::from(i)).abs() < 0.5), "{sixteenths:?}");

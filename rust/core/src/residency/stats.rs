@@ -3,21 +3,21 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Totals since the planner was made. Chunks that were kept from before do not count as loads.
+/// Totals since the planner was made. Units that were kept from before do not count as loads.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ResidencyStats {
-    /// Chunks whose load completed.
+    /// Units whose load completed.
     pub loads: u64,
-    /// Of these, chunks that had been resident before.
+    /// Of these, units that had been resident before.
     pub reloads: u64,
-    /// Of `loads`, chunks no ray waited for when the load began.
+    /// Of `loads`, units no ray waited for when the load began.
     pub prefetches: u64,
-    /// Chunks evicted.
+    /// Units evicted.
     pub evictions: u64,
     /// Loads that failed for lack of memory.
     pub failed_loads: u64,
-    /// Failures since the last load that completed. Many, with nothing resident: the device has less than one chunk.
+    /// Failures since the last load that completed. Many, with nothing resident: the device has less than one unit.
     pub failures_in_a_row: u64,
     /// Bytes of completed loads.
     pub bytes_loaded: u64,
@@ -29,10 +29,10 @@ pub struct ResidencyStats {
     pub peak_bytes: u64,
     /// Bytes of loads in flight now.
     pub bytes_in_flight: u64,
-    /// Chunks that are usable now.
-    pub resident_chunks: u64,
-    /// Chunks that were resident at least once.
-    pub chunks_touched: u64,
+    /// Units that are usable now.
+    pub resident_units: u64,
+    /// Units that were resident at least once.
+    pub units_touched: u64,
     /// Steps planned.
     pub steps: u64,
 }

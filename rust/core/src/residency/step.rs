@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 //! One step of planning: read the demand, make room where the budget shrank, load what starves, what is demanded, and
 //! what soon will be. Cost: a scan of the demand where the caller does not
-//! say what was asked for, then the chunks with demand, the resident chunks when room is needed.
+//! say what was asked for, then the units with demand, the resident units when room is needed.
 
-use super::entry::ChunkState;
+use super::entry::UnitState;
 use super::planner::{Load, LoadKind, Planner};
 use super::policy::{View, top};
 use super::victims::{Victim, Victims};
-use super::{AssetId, ChunkId, Command, Demand, at};
+use super::{AssetId, Command, Demand, UnitId, at};
 
 /// Candidates a policy is asked for in a step.
 const CANDIDATES: usize = 256;
-/// As many more that are small, tiles of textures for instance: so many of them weigh no more than a few chunks.
+/// As many more that are small, tiles of textures for instance: so many of them weigh no more than a few units.
 const SMALL_CANDIDATES: usize = 4096;
 const SMALL_BYTES: u64 = 256 << 10;
 /// Candidates that may find no room before the step gives up.
 const REFUSALS: usize = 16;
-/// A chunk starves when so many loads per demanded chunk went before it, or so many steps.
+/// A unit starves when so many loads per demanded unit went before it, or so many steps.
 const PATIENCE: u32 = 4;
 const PATIENCE_MIN: u32 = 64;
 /// The device idles when so many times more rays wait than can be traced.
@@ -30,7 +30,7 @@ const DEFAULT_IN_FLIGHT_MAX: u64 = 128 << 20;
 /// So many times more may be in flight when the device idles.
 const IDLE_IN_FLIGHT: u64 = 4;
 
-/// Resident chunks that are looked at in a step for one to evict, as long as one of them may go.
+/// Resident units that are looked at in a step for one to evict, as long as one of them may go.
 const VICTIMS: usize = 4096;
 
 /// What became of a try to load.
@@ -41,17 +41,17 @@ enum Try {
     NoRoom,
     /// Enough is in flight.
     Full,
-    /// An asset is on its way for another chunk.
+    /// An asset is on its way for another unit.
     Shared,
     /// The caller of [`Planner::step_if`] does not want it.
     Refused,
 }
 
-/// A load that the planner is about to begin because rays wait for the chunk.
+/// A load that the planner is about to begin because rays wait for the unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Proposal {
-    /// The chunk.
-    pub chunk: ChunkId,
+    /// The unit.
+    pub unit: UnitId,
     /// Bytes that the device does not hold.
     pub bytes: u64,
     /// Nearly all rays wait: the device would do nothing else.
@@ -65,14 +65,14 @@ enum Press {
     Must,
     /// What the policy lets go for this value.
     Worth(f64),
-    /// As `Worth`, but of chunks nobody waits for.
+    /// As `Worth`, but of units nobody waits for.
     Ahead(f64),
 }
 
 /// The demand of a step and what was made of it so far.
 struct Plan<'a> {
     demand: Demand<'a>,
-    demanded: Vec<ChunkId>,
+    demanded: Vec<UnitId>,
     rays_waiting: u64,
     victims: Option<Victims>,
     commands: Vec<Command>,
@@ -86,7 +86,7 @@ impl Planner {
         self.step_if(demand, &mut |_| true)
     }
 
-    /// As [`Self::step`], but begins only such loads of demanded chunks as `agrees` agrees to; another step asks again.
+    /// As [`Self::step`], but begins only such loads of demanded units as `agrees` agrees to; another step asks again.
     pub fn step_if(&mut self, demand: &Demand<'_>, agrees: &mut dyn FnMut(&Proposal) -> bool) -> Vec<Command> {
         self.step = self.step.wrapping_add(1);
         self.stats.steps += 1;
@@ -105,16 +105,16 @@ impl Planner {
     /// Ages and heats what is demanded, and lists what could be loaded.
     fn observe(&mut self, plan: &mut Plan<'_>) {
         let (step, loads) = (self.step, self.loads_begun);
-        for_each_nonzero(None, plan.demand.visits, self.entries.len(), |chunk, rays| {
-            let entry = &mut self.entries[chunk as usize];
-            if entry.state == ChunkState::Resident {
+        for_each_nonzero(None, plan.demand.visits, self.entries.len(), |unit, rays| {
+            let entry = &mut self.entries[unit as usize];
+            if entry.state == UnitState::Resident {
                 entry.visited(step, rays);
             }
         });
-        for_each_nonzero(plan.demand.asked, plan.demand.waiting, self.entries.len(), |chunk, rays| {
-            let entry = &mut self.entries[chunk as usize];
+        for_each_nonzero(plan.demand.asked, plan.demand.waiting, self.entries.len(), |unit, rays| {
+            let entry = &mut self.entries[unit as usize];
             entry.waited_for(step, rays);
-            if entry.state == ChunkState::Resident {
+            if entry.state == UnitState::Resident {
                 return;
             }
             if step == 1 || entry.seen != step.wrapping_sub(1) {
@@ -124,8 +124,8 @@ impl Planner {
             entry.seen = step;
             plan.rays_waiting += u64::from(rays);
             let pause = entry.retry != 0 && entry.retry.wrapping_sub(step).cast_signed() > 0;
-            if entry.state == ChunkState::Absent && !pause {
-                plan.demanded.push(chunk);
+            if entry.state == UnitState::Absent && !pause {
+                plan.demanded.push(unit);
             }
         });
     }
@@ -134,9 +134,9 @@ impl Planner {
     fn shrink(&mut self, plan: &mut Plan<'_>) {
         while self.holdings.held() > self.budget {
             self.find_victims(plan);
-            let unpinned = plan.victims.as_mut().and_then(Victims::pop).map(|victim| victim.chunk);
-            let Some(chunk) = unpinned.or_else(|| self.residents.first().copied()) else { break };
-            let command = self.evict(chunk);
+            let unpinned = plan.victims.as_mut().and_then(Victims::pop).map(|victim| victim.unit);
+            let Some(unit) = unpinned.or_else(|| self.residents.first().copied()) else { break };
+            let command = self.evict(unit);
             plan.commands.push(command);
         }
     }
@@ -146,25 +146,25 @@ impl Planner {
     fn load_starving(&mut self, plan: &mut Plan<'_>) -> bool {
         let demanded = u32::try_from(plan.demanded.len()).unwrap_or(u32::MAX);
         let limit = demanded.saturating_mul(PATIENCE).saturating_add(PATIENCE_MIN);
-        let waited = |chunk: ChunkId| {
-            let entry = &self.entries[chunk as usize];
+        let waited = |unit: UnitId| {
+            let entry = &self.entries[unit as usize];
             (self.step.wrapping_sub(entry.since), self.loads_begun.wrapping_sub(entry.since_loads))
         };
-        let mut starving: Vec<(u32, ChunkId)> = Vec::new();
-        for &chunk in &plan.demanded {
-            let (steps, loads) = waited(chunk);
+        let mut starving: Vec<(u32, UnitId)> = Vec::new();
+        for &unit in &plan.demanded {
+            let (steps, loads) = waited(unit);
             if steps > limit || (steps > PATIENCE_MIN && loads > limit) {
-                starving.push((u32::MAX - steps, chunk));
+                starving.push((u32::MAX - steps, unit));
             }
         }
         starving.sort_unstable();
-        for &(_, chunk) in &starving {
-            if !matches!(self.try_load(plan, chunk, Press::Must), Try::Issued | Try::Refused) {
+        for &(_, unit) in &starving {
+            if !matches!(self.try_load(plan, unit, Press::Must), Try::Issued | Try::Refused) {
                 return false;
             }
         }
         if !starving.is_empty() {
-            plan.demanded.retain(|&chunk| self.entries[chunk as usize].state == ChunkState::Absent);
+            plan.demanded.retain(|&unit| self.entries[unit as usize].state == UnitState::Absent);
         }
         true
     }
@@ -177,12 +177,12 @@ impl Planner {
             holdings: &self.holdings,
             step: self.step,
         };
-        let is_small = |chunk: &&ChunkId| self.catalog.closure_bytes(**chunk) <= SMALL_BYTES;
+        let is_small = |unit: &&UnitId| self.catalog.closure_bytes(**unit) <= SMALL_BYTES;
         let small = plan.demanded.iter().filter(is_small).count().min(SMALL_CANDIDATES);
         let candidates = self.policy.order(&view, &plan.demanded, CANDIDATES + small);
         let mut refusals = 0;
-        for &(value, chunk) in &candidates {
-            match self.try_load(plan, chunk, Press::Worth(value)) {
+        for &(value, unit) in &candidates {
+            match self.try_load(plan, unit, Press::Worth(value)) {
                 Try::Issued | Try::Shared | Try::Refused => {}
                 Try::NoRoom => refusals += 1,
                 Try::Full => break,
@@ -193,8 +193,8 @@ impl Planner {
         }
         // Rays wait, none can be traced, nothing comes: whatever the policy thinks of the swap, it is progress.
         if plan.issued == 0 && self.loading.is_empty() && is_idle(plan) {
-            for &(_, chunk) in candidates.iter().take(REFUSALS) {
-                if self.try_load(plan, chunk, Press::Must) == Try::Issued {
+            for &(_, unit) in candidates.iter().take(REFUSALS) {
+                if self.try_load(plan, unit, Press::Must) == Try::Issued {
                     break;
                 }
             }
@@ -212,24 +212,24 @@ impl Planner {
             return;
         }
         let mut wanted = Vec::new();
-        for_each_nonzero(plan.demand.asked, plan.demand.next, self.entries.len(), |chunk, rays| {
-            let absent = self.entries[chunk as usize].state == ChunkState::Absent;
-            if absent && at(plan.demand.waiting, chunk) == 0 {
-                wanted.push((f64::from(rays), chunk));
+        for_each_nonzero(plan.demand.asked, plan.demand.next, self.entries.len(), |unit, rays| {
+            let absent = self.entries[unit as usize].state == UnitState::Absent;
+            if absent && at(plan.demand.waiting, unit) == 0 {
+                wanted.push((f64::from(rays), unit));
             }
         });
         let view = self.view(plan.demand);
-        let value = |(_, chunk)| self.policy.prefetch(&view, chunk).map(|value| (value, chunk));
+        let value = |(_, unit)| self.policy.prefetch(&view, unit).map(|value| (value, unit));
         let values = top(wanted, PREFETCHES).into_iter().filter_map(value).collect();
-        for (value, chunk) in top(values, PREFETCHES) {
-            if self.try_load(plan, chunk, Press::Ahead(value)) == Try::Full {
+        for (value, unit) in top(values, PREFETCHES) {
+            if self.try_load(plan, unit, Press::Ahead(value)) == Try::Full {
                 break;
             }
         }
     }
 
-    fn try_load(&mut self, plan: &mut Plan<'_>, chunk: ChunkId, press: Press) -> Try {
-        let Some(missing) = self.holdings.missing(&self.catalog, chunk) else { return Try::Shared };
+    fn try_load(&mut self, plan: &mut Plan<'_>, unit: UnitId, press: Press) -> Try {
+        let Some(missing) = self.holdings.missing(&self.catalog, unit) else { return Try::Shared };
         let (kind, limit) = match press {
             Press::Must | Press::Worth(_) => (LoadKind::Demanded, self.in_flight_limit(plan)),
             Press::Ahead(_) => (LoadKind::Prefetch, self.in_flight_limit(plan) / PREFETCH_SHARE),
@@ -245,22 +245,22 @@ impl Planner {
                 return Try::NoRoom;
             }
         }
-        let proposal = Proposal { chunk, bytes: missing, is_idle: is_idle(plan) };
+        let proposal = Proposal { unit, bytes: missing, is_idle: is_idle(plan) };
         if kind == LoadKind::Demanded && !(plan.agrees)(&proposal) {
             return Try::Refused;
         }
         let mut assets = Vec::new();
-        self.holdings.acquire(&self.catalog, chunk, &mut assets);
+        self.holdings.acquire(&self.catalog, unit, &mut assets);
         let room = kind == LoadKind::Demanded || self.leaves_room(plan);
         let Some(victims) = room.then(|| self.make_room(plan, press)).flatten() else {
-            self.holdings.release(&self.catalog, chunk, &mut Vec::new());
+            self.holdings.release(&self.catalog, unit, &mut Vec::new());
             return Try::NoRoom;
         };
         for (victim, freed) in victims {
-            self.forget(victim.chunk);
-            plan.commands.push(Command::Evict { chunk: victim.chunk, assets: freed });
+            self.forget(victim.unit);
+            plan.commands.push(Command::Evict { unit: victim.unit, assets: freed });
         }
-        self.issue(plan, Load { chunk, assets, bytes: missing, kind });
+        self.issue(plan, Load { unit, assets, bytes: missing, kind });
         Try::Issued
     }
 
@@ -273,14 +273,14 @@ impl Planner {
             let Some(victim) = next.filter(|&victim| self.may_displace(plan, press, victim)) else {
                 let victims = plan.victims.get_or_insert_default();
                 for (victim, _) in gone {
-                    self.holdings.acquire(&self.catalog, victim.chunk, &mut Vec::new());
+                    self.holdings.acquire(&self.catalog, victim.unit, &mut Vec::new());
                     victims.put_back(victim);
                 }
                 return None;
             };
             plan.victims.get_or_insert_default().pop();
             let mut freed = Vec::new();
-            self.holdings.release(&self.catalog, victim.chunk, &mut freed);
+            self.holdings.release(&self.catalog, victim.unit, &mut freed);
             gone.push((victim, freed));
         }
         Some(gone)
@@ -291,25 +291,25 @@ impl Planner {
             Press::Must => true,
             Press::Worth(value) => self.policy.displaces(value, victim.loss),
             Press::Ahead(value) => {
-                at(plan.demand.waiting, victim.chunk) == 0 && self.policy.displaces(value, victim.loss)
+                at(plan.demand.waiting, victim.unit) == 0 && self.policy.displaces(value, victim.loss)
             }
         }
     }
 
-    /// With all that is held now, demanded loads still find room for all that may be in flight and one chunk more: in
-    /// what is free and what only unpinned chunks hold.
+    /// With all that is held now, demanded loads still find room for all that may be in flight and one unit more: in
+    /// what is free and what only unpinned units hold.
     fn leaves_room(&self, plan: &Plan<'_>) -> bool {
-        let unpinned = self.residents.iter().filter(|&&chunk| self.is_unpinned(chunk));
-        let evictable: u64 = unpinned.map(|&chunk| self.holdings.exclusive(chunk)).sum();
+        let unpinned = self.residents.iter().filter(|&&unit| self.is_unpinned(unit));
+        let evictable: u64 = unpinned.map(|&unit| self.holdings.exclusive(unit)).sum();
         let reserve = self.in_flight_limit(plan).saturating_add(self.largest);
         self.allowance.saturating_add(evictable) >= self.holdings.held().saturating_add(reserve)
     }
 
-    fn is_unpinned(&self, chunk: ChunkId) -> bool {
-        self.step.wrapping_sub(self.entries[chunk as usize].usable) >= self.pin_steps()
+    fn is_unpinned(&self, unit: UnitId) -> bool {
+        self.step.wrapping_sub(self.entries[unit as usize].usable) >= self.pin_steps()
     }
 
-    /// Lists who may go: first some of the resident chunks, from a hand that goes round; when these are used up the
+    /// Lists who may go: first some of the resident units, from a hand that goes round; when these are used up the
     /// rest.
     fn find_victims(&mut self, plan: &mut Plan<'_>) {
         let mut victims = plan.victims.take().unwrap_or_else(|| {
@@ -320,7 +320,7 @@ impl Planner {
         });
         let view = self.view(plan.demand);
         let may_go =
-            |&chunk: &ChunkId| self.entries[chunk as usize].state == ChunkState::Resident && self.is_unpinned(chunk);
+            |&unit: &UnitId| self.entries[unit as usize].state == UnitState::Resident && self.is_unpinned(unit);
         while victims.first().is_none() && victims.list(&*self.policy, &view, VICTIMS, may_go) {}
         plan.victims = Some(victims);
     }
@@ -328,30 +328,30 @@ impl Planner {
     fn issue(&mut self, plan: &mut Plan<'_>, load: Load) {
         self.holdings.set_in_flight(&load.assets, true);
         self.stats.peak_bytes = self.stats.peak_bytes.max(self.holdings.held());
-        self.entries[load.chunk as usize].state = ChunkState::Loading;
+        self.entries[load.unit as usize].state = UnitState::Loading;
         self.loads_begun = self.loads_begun.wrapping_add(1);
         self.in_flight[load.kind as usize] += load.bytes;
-        self.policy.issued(load.chunk);
+        self.policy.issued(load.unit);
         plan.issued += usize::from(load.kind == LoadKind::Demanded);
-        plan.commands.push(Command::Load { chunk: load.chunk, assets: load.assets.clone() });
+        plan.commands.push(Command::Load { unit: load.unit, assets: load.assets.clone() });
         self.loading.push(load);
     }
 
-    fn evict(&mut self, chunk: ChunkId) -> Command {
+    fn evict(&mut self, unit: UnitId) -> Command {
         let mut assets = Vec::new();
-        self.holdings.release(&self.catalog, chunk, &mut assets);
-        self.forget(chunk);
-        Command::Evict { chunk, assets }
+        self.holdings.release(&self.catalog, unit, &mut assets);
+        self.forget(unit);
+        Command::Evict { unit, assets }
     }
 
-    /// A resident chunk is one no more; its assets were released.
-    fn forget(&mut self, chunk: ChunkId) {
-        let slot = self.entries[chunk as usize].slot;
+    /// A resident unit is one no more; its assets were released.
+    fn forget(&mut self, unit: UnitId) {
+        let slot = self.entries[unit as usize].slot;
         self.residents.swap_remove(slot as usize);
         if let Some(&moved) = self.residents.get(slot as usize) {
             self.entries[moved as usize].slot = slot;
         }
-        self.entries[chunk as usize].state = ChunkState::Absent;
+        self.entries[unit as usize].state = UnitState::Absent;
         self.stats.evictions += 1;
     }
 
@@ -375,22 +375,20 @@ fn is_idle(plan: &Plan<'_>) -> bool {
 
 /// Calls `visit` for the values above 0 of the first `count`, ascending: those of `asked`, or it skips zeros 16 at a
 /// time.
-fn for_each_nonzero(asked: Option<&[ChunkId]>, values: &[u32], count: usize, mut visit: impl FnMut(ChunkId, u32)) {
+fn for_each_nonzero(asked: Option<&[UnitId]>, values: &[u32], count: usize, mut visit: impl FnMut(UnitId, u32)) {
     let values = &values[..values.len().min(count)];
     if let Some(asked) = asked {
-        let value_of = |chunk: ChunkId| Some((chunk, *values.get(chunk as usize)?));
-        asked.iter().filter_map(|chunk| value_of(*chunk)).filter(|(_, value)| *value != 0).for_each(
-            |(chunk, value)| {
-                visit(chunk, value);
-            },
-        );
+        let value_of = |unit: UnitId| Some((unit, *values.get(unit as usize)?));
+        asked.iter().filter_map(|unit| value_of(*unit)).filter(|(_, value)| *value != 0).for_each(|(unit, value)| {
+            visit(unit, value);
+        });
         return;
     }
     for (block, values) in (0_u32..).step_by(16).zip(values.chunks(16)) {
         if values.iter().fold(0, |any, &value| any | value) != 0 {
-            for (chunk, &value) in (block..).zip(values) {
+            for (unit, &value) in (block..).zip(values) {
                 if value != 0 {
-                    visit(chunk, value);
+                    visit(unit, value);
                 }
             }
         }

@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The resident chunks of one step in the order in which they would go.
+//! The resident units of one step in the order in which they would go.
 
-use super::ChunkId;
+use super::UnitId;
 use super::policy::{Policy, View};
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
-/// A value with its chunk, ordered by value, then id.
+/// A value with its unit, ordered by value, then id.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Victim {
     pub(super) loss: f64,
-    pub(super) chunk: ChunkId,
+    pub(super) unit: UnitId,
 }
 
 impl Ord for Victim {
     fn cmp(&self, other: &Self) -> Ordering {
-        self.loss.total_cmp(&other.loss).then(self.chunk.cmp(&other.chunk))
+        self.loss.total_cmp(&other.loss).then(self.unit.cmp(&other.unit))
     }
 }
 
@@ -33,30 +33,30 @@ impl PartialEq for Victim {
 
 impl Eq for Victim {}
 
-/// Resident chunks that may go now, least loss first. Losses are those of the moment they were listed.
+/// Resident units that may go now, least loss first. Losses are those of the moment they were listed.
 #[derive(Debug, Default)]
 pub(super) struct Victims {
     heap: BinaryHeap<Reverse<Victim>>,
     /// Resident when the step began and not looked at yet; from the end.
-    rest: Vec<ChunkId>,
+    rest: Vec<UnitId>,
 }
 
 impl Victims {
-    pub(super) fn new(rest: Vec<ChunkId>) -> Self {
+    pub(super) fn new(rest: Vec<UnitId>) -> Self {
         Self { heap: BinaryHeap::new(), rest }
     }
 
-    /// Looks at up to `limit` more chunks. `false` when there are none.
+    /// Looks at up to `limit` more units. `false` when there are none.
     pub(super) fn list(
         &mut self,
         policy: &dyn Policy,
         view: &View<'_>,
         limit: usize,
-        may_go: impl Fn(&ChunkId) -> bool,
+        may_go: impl Fn(&UnitId) -> bool,
     ) -> bool {
         let more = !self.rest.is_empty();
         let some = self.rest.drain(self.rest.len().saturating_sub(limit)..).filter(may_go);
-        self.heap.extend(some.map(|chunk| Reverse(Victim { loss: policy.loss(view, chunk), chunk })));
+        self.heap.extend(some.map(|unit| Reverse(Victim { loss: policy.loss(view, unit), unit })));
         more
     }
 

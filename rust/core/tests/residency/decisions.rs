@@ -4,7 +4,7 @@
 use oocpt_core::residency::{Catalog, Command, Demand, PlanError, Planner, PlannerOptions, PolicyKind};
 use std::sync::Arc;
 
-/// Chunks 0..4, each with a block of 10 bytes; 0 and 1 share a mesh of 50, 2 has its own of 50.
+/// Units 0..4, each with a block of 10 bytes; 0 and 1 share a mesh of 50, 2 has its own of 50.
 fn catalog() -> Arc<Catalog> {
     let bytes = vec![10, 10, 10, 10, 50, 50];
     Arc::new(Catalog::new(bytes, [vec![0, 4], vec![1, 4], vec![2, 5], vec![3]]).expect("a good catalog"))
@@ -14,16 +14,16 @@ fn waiting(waiting: &[u32]) -> Demand<'_> {
     Demand { waiting, active: 1000, ..Demand::default() }
 }
 
-fn load(chunk: u32, assets: &[u32]) -> Command {
-    Command::Load { chunk, assets: assets.to_vec() }
+fn load(unit: u32, assets: &[u32]) -> Command {
+    Command::Load { unit, assets: assets.to_vec() }
 }
 
-fn evict(chunk: u32, assets: &[u32]) -> Command {
-    Command::Evict { chunk, assets: assets.to_vec() }
+fn evict(unit: u32, assets: &[u32]) -> Command {
+    Command::Evict { unit, assets: assets.to_vec() }
 }
 
 #[test]
-fn a_shared_mesh_is_loaded_once_and_freed_with_its_last_chunk() {
+fn a_shared_mesh_is_loaded_once_and_freed_with_its_last_unit() {
     for kind in PolicyKind::ALL {
         let mut planner = Planner::new(catalog(), 70, kind).unwrap();
         assert_eq!(planner.step(&waiting(&[5])), [load(0, &[0, 4])], "{kind}");
@@ -48,8 +48,8 @@ fn a_load_that_is_not_agreed_to_is_asked_about_again() {
         for _ in 0..200 {
             asked.clear();
             let commands = planner.step_if(&waiting(&[5, 0, 9, 0]), &mut |proposal| {
-                asked.push((proposal.chunk, proposal.bytes));
-                proposal.chunk != 2
+                asked.push((proposal.unit, proposal.bytes));
+                proposal.unit != 2
             });
             assert!(!commands.contains(&load(2, &[2, 5])), "{kind}: refused");
             planner.loaded(0);
@@ -63,9 +63,9 @@ fn a_load_that_is_not_agreed_to_is_asked_about_again() {
 }
 
 #[test]
-fn a_chunk_that_never_fits_is_an_error() {
+fn a_unit_that_never_fits_is_an_error() {
     let refused = Planner::new(catalog(), 59, PolicyKind::Benefit).map(|_| ());
-    assert_eq!(refused, Err(PlanError::ClosureTooLarge { chunk: 0, bytes: 60, budget: 59 }), "59 of 60");
+    assert_eq!(refused, Err(PlanError::ClosureTooLarge { unit: 0, bytes: 60, budget: 59 }), "59 of 60");
     assert!(Planner::new(catalog(), 60, PolicyKind::Benefit).is_ok(), "60 of 60");
 }
 
@@ -81,15 +81,15 @@ fn many_small_units_come_in_one_step() {
             planner.step(&waiting(&[7; 3000])).len()
         };
         assert_eq!(loads(small), 3000, "{kind}: tiles");
-        assert!((1..=256).contains(&loads(small * 64)), "{kind}: chunks");
+        assert!((1..=256).contains(&loads(small * 64)), "{kind}: units");
     }
 }
 
-/// `count` chunks by `row`, every asset of one byte.
+/// `count` units by `row`, every asset of one byte.
 pub(crate) fn catalog_of(count: u32, row: impl Fn(u32) -> Vec<u32>, meshes: u32) -> Arc<Catalog> {
     Arc::new(Catalog::new(vec![1; (count + meshes) as usize], (0..count).map(row)).expect("a good catalog"))
 }
 
 pub(crate) fn planner(catalog: &Arc<Catalog>, budget: u64, kind: PolicyKind) -> Planner {
-    Planner::new(catalog.clone(), budget, kind).expect("the budget fits the largest chunk")
+    Planner::new(catalog.clone(), budget, kind).expect("the budget fits the largest unit")
 }

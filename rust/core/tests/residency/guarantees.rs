@@ -52,7 +52,7 @@ fn play(witness: &mut Witness, events: &[Event], weather: Weather) -> Vec<Comman
     play_asked(witness, events, weather, |_| None)
 }
 
-/// As [`play`], where `asked` says which chunks a step looks at.
+/// As [`play`], where `asked` says which units a step looks at.
 fn play_asked(
     witness: &mut Witness,
     events: &[Event],
@@ -61,11 +61,11 @@ fn play_asked(
 ) -> Vec<Command> {
     for event in events {
         let loading: Vec<u32> = witness.loading.keys().copied().collect();
-        for (chunk, end) in loading.into_iter().zip(event.ends.iter().cycle()) {
+        for (unit, end) in loading.into_iter().zip(event.ends.iter().cycle()) {
             match (*end, weather) {
                 (0, _) => {}
-                (3, Weather::Rough) => witness.failed(chunk),
-                _ => witness.loaded(chunk),
+                (3, Weather::Rough) => witness.failed(unit),
+                _ => witness.loaded(unit),
             }
         }
         if let (Some(percent), Weather::Rough) = (event.budget_percent, weather) {
@@ -109,7 +109,7 @@ proptest! {
         prop_assert_eq!(run(), run(), "two runs");
     }
 
-    /// A list of what was asked for, past the catalog and with chunks that nobody asked for too, changes nothing.
+    /// A list of what was asked for, past the catalog and with units that nobody asked for too, changes nothing.
     #[test]
     fn a_list_of_what_was_asked_for_gives_equal_commands(
         catalog in catalogs(), percent in 0_u64..=100, kind in kinds(), events in events(), more in 0_u32..13,
@@ -119,8 +119,8 @@ proptest! {
             play_asked(&mut Witness::new(&catalog, budget, kind, 0), &events, Weather::Rough, |event| asked(more, event))
         };
         let list = |more: u32, event: &Event| {
-            let is_asked = |values: &[u32], chunk: u32| values.get(chunk as usize).is_some_and(|rays| *rays > 0);
-            let of = |chunk: &u32| *chunk == more || is_asked(&event.waiting, *chunk) || is_asked(&event.next, *chunk);
+            let is_asked = |values: &[u32], unit: u32| values.get(unit as usize).is_some_and(|rays| *rays > 0);
+            let of = |unit: &u32| *unit == more || is_asked(&event.waiting, *unit) || is_asked(&event.next, *unit);
             Some((0..13).filter(of).collect())
         };
         prop_assert_eq!(run(|_, _| None), run(list), "with and without the list");
@@ -135,7 +135,7 @@ proptest! {
         for event in events {
             let Event { waiting, next, .. } = &event;
             let loading: Vec<u32> = witness.loading.keys().copied().collect();
-            loading.into_iter().take(1).for_each(|chunk| witness.loaded(chunk));
+            loading.into_iter().take(1).for_each(|unit| witness.loaded(unit));
             witness.step(&Demand { waiting, next, active: u64::MAX, ..Demand::default() });
             let sizes = || witness.loading.values().map(|assets| witness.bytes(assets));
             // A share for demanded loads, a quarter of it for prefetches; each may be one load however large.
@@ -146,34 +146,34 @@ proptest! {
 
     /// An edit: what is kept is resident, is not loaded, and never exceeds the budget.
     #[test]
-    fn kept_chunks_are_resident(
+    fn kept_units_are_resident(
         catalog in catalogs(), percent in 0_u64..=100, kind in kinds(), events in events(),
     ) {
         let mut witness = Witness::new(&catalog, budget_of(&catalog, percent), kind, 0);
-        for chunk in (0..12_u32).rev() {
-            if witness.planner.keep_resident(chunk) {
-                witness.resident.insert(chunk, (0, true));
-                witness.held.extend(catalog.assets(chunk));
+        for unit in (0..12_u32).rev() {
+            if witness.planner.keep_resident(unit) {
+                witness.resident.insert(unit, (0, true));
+                witness.held.extend(catalog.assets(unit));
             }
-            prop_assert_eq!(witness.planner.is_resident(chunk), witness.resident.contains_key(&chunk), "{}", chunk);
+            prop_assert_eq!(witness.planner.is_resident(unit), witness.resident.contains_key(&unit), "{}", unit);
         }
         prop_assert!(witness.planner.stats().bytes_held <= witness.budget, "kept more than fits");
-        prop_assert!(percent < 100 || witness.resident.len() == catalog.chunk_count(), "everything fits");
+        prop_assert!(percent < 100 || witness.resident.len() == catalog.unit_count(), "everything fits");
         prop_assert_eq!(witness.planner.stats().loads, 0, "keeping is no load");
         play(&mut witness, &events, Weather::Calm);
     }
 }
 
 #[test]
-fn a_catalog_of_four_million_chunks_plans() {
+fn a_catalog_of_four_million_units_plans() {
     let count = 4_000_000_u32;
-    let catalog = super::decisions::catalog_of(count, |chunk| vec![chunk, count + chunk % 1000], 1000);
+    let catalog = super::decisions::catalog_of(count, |unit| vec![unit, count + unit % 1000], 1000);
     for kind in PolicyKind::ALL {
         let mut witness = super::decisions::planner(&Arc::clone(&catalog), 1_000_000, kind);
         let mut waiting = vec![0; count as usize];
         waiting[3_999_999] = 7;
         let demand = Demand { waiting: &waiting, active: 9, ..Demand::default() };
-        let expected = Command::Load { chunk: 3_999_999, assets: vec![3_999_999, count + 999] };
+        let expected = Command::Load { unit: 3_999_999, assets: vec![3_999_999, count + 999] };
         assert_eq!(witness.step(&demand), [expected], "{kind}");
     }
 }

@@ -7,33 +7,33 @@ use oocpt_core::residency::{Catalog, Command, Demand, PolicyKind};
 use proptest::prelude::*;
 use std::sync::Arc;
 
-/// Steps within which a chunk is resident, by the planner's documented patience: it starves after `64 + 4 n` steps,
+/// Steps within which a unit is resident, by the planner's documented patience: it starves after `64 + 4 n` steps,
 /// then at most n older ones go before it, each for its load, its pin and a step to leave.
-fn bound(chunks: usize, latency: u32) -> u32 {
-    let chunks = u32::try_from(chunks).expect("few");
-    64 + 4 * chunks + 2 + (chunks + 1) * (2 * latency + 6)
+fn bound(units: usize, latency: u32) -> u32 {
+    let units = u32::try_from(units).expect("few");
+    64 + 4 * units + 2 + (units + 1) * (2 * latency + 6)
 }
 
-/// Steps until each chunk was resident once under a demand that never ends, `None` = not within `steps`.
+/// Steps until each unit was resident once under a demand that never ends, `None` = not within `steps`.
 fn first_resident(witness: &mut Witness, demand: &[Vec<u32>], latency: u32, steps: u32) -> Vec<Option<u32>> {
-    let count = witness.planner.catalog().chunk_count();
+    let count = witness.planner.catalog().unit_count();
     let mut first = vec![None; count];
     let mut ready: Vec<(u32, u32)> = Vec::new();
     for (step, waiting) in (1..=steps).zip(demand.iter().cycle()) {
-        let absent = |chunk: usize| !witness.planner.is_resident(u32::try_from(chunk).expect("few"));
-        // At least one ray waits for every chunk that is absent; the rest of the demand is as it comes.
-        let rays = |chunk: usize| 1 + waiting.get(chunk).copied().unwrap_or(0);
-        let waiting: Vec<u32> = (0..count).map(|chunk| if absent(chunk) { rays(chunk) } else { 0 }).collect();
-        let visits: Vec<u32> = (0..count).map(|chunk| if absent(chunk) { 0 } else { rays(chunk) }).collect();
+        let absent = |unit: usize| !witness.planner.is_resident(u32::try_from(unit).expect("few"));
+        // At least one ray waits for every unit that is absent; the rest of the demand is as it comes.
+        let rays = |unit: usize| 1 + waiting.get(unit).copied().unwrap_or(0);
+        let waiting: Vec<u32> = (0..count).map(|unit| if absent(unit) { rays(unit) } else { 0 }).collect();
+        let visits: Vec<u32> = (0..count).map(|unit| if absent(unit) { 0 } else { rays(unit) }).collect();
         witness.step(&Demand { waiting: &waiting, next: &[], visits: &visits, active: 1_000_000_000, asked: None });
-        for &chunk in witness.loading.keys() {
-            if !ready.iter().any(|&(_, other)| other == chunk) {
-                ready.push((step + latency, chunk));
+        for &unit in witness.loading.keys() {
+            if !ready.iter().any(|&(_, other)| other == unit) {
+                ready.push((step + latency, unit));
             }
         }
-        for (_, chunk) in ready.extract_if(.., |&mut (at, _)| at <= step) {
-            witness.loaded(chunk);
-            first[chunk as usize].get_or_insert(step);
+        for (_, unit) in ready.extract_if(.., |&mut (at, _)| at <= step) {
+            witness.loaded(unit);
+            first[unit as usize].get_or_insert(step);
         }
     }
     first
@@ -42,7 +42,7 @@ fn first_resident(witness: &mut Witness, demand: &[Vec<u32>], latency: u32, step
 proptest! {
     #![proptest_config(ProptestConfig { cases: 128, ..ProptestConfig::default() })]
 
-    /// Every chunk somebody waits for becomes resident, whatever the others ask, also when one chunk fills the budget;
+    /// Every unit somebody waits for becomes resident, whatever the others ask, also when one unit fills the budget;
     /// that it then stays for a step is checked by the witness (pins).
     #[test]
     fn nothing_starves(
@@ -52,7 +52,7 @@ proptest! {
     ) {
         let budget = budget_of(&catalog, percent);
         let mut witness = Witness::new(&catalog, budget, kind, in_flight);
-        let steps = bound(catalog.chunk_count(), latency);
+        let steps = bound(catalog.unit_count(), latency);
         let first = first_resident(&mut witness, &demand, latency, steps);
         prop_assert!(first.iter().all(Option::is_some), "{:?} within {} steps", first, steps);
     }
@@ -62,7 +62,7 @@ proptest! {
     fn failures_are_followed_by_progress(catalog in catalogs(), kind in kinds(), percent in 0_u64..=100) {
         let device_bytes = budget_of(&catalog, percent);
         let mut witness = Witness::new(&catalog, budget_of(&catalog, 100), kind, 0);
-        let count = catalog.chunk_count();
+        let count = catalog.unit_count();
         let mut was_resident = vec![false; count];
         for _ in 0..16 * bound(count, 1) {
             let waiting: Vec<u32> = was_resident.iter().map(|&was| u32::from(!was) * 10).collect();
@@ -71,13 +71,13 @@ proptest! {
             }
             witness.step(&Demand { waiting: &waiting, active: 1, ..Demand::default() });
             let loading: Vec<u32> = witness.loading.keys().copied().collect();
-            for chunk in loading {
+            for unit in loading {
                 // Held bytes are counted at the end of the list; what fits then has fitted.
                 if witness.planner.stats().bytes_held > device_bytes {
-                    witness.failed(chunk);
+                    witness.failed(unit);
                 } else {
-                    witness.loaded(chunk);
-                    was_resident[chunk as usize] = true;
+                    witness.loaded(unit);
+                    was_resident[unit as usize] = true;
                 }
             }
         }
@@ -85,18 +85,18 @@ proptest! {
     }
 }
 
-/// Two chunks that do not fit together, wanted alike for ever: how often they swap.
+/// Two units that do not fit together, wanted alike for ever: how often they swap.
 fn swaps(kind: PolicyKind, steps: u32) -> u64 {
-    let catalog = catalog_of(2, |chunk| vec![chunk], 0);
+    let catalog = catalog_of(2, |unit| vec![unit], 0);
     let mut planner = planner(&catalog, 1, kind);
     for _ in 0..steps {
-        let rays = |here: bool| (0..2).map(|chunk| u32::from(planner.is_resident(chunk) == here) * 100).collect();
+        let rays = |here: bool| (0..2).map(|unit| u32::from(planner.is_resident(unit) == here) * 100).collect();
         let (waiting, visits): (Vec<u32>, Vec<u32>) = (rays(false), rays(true));
         let commands =
             planner.step(&Demand { waiting: &waiting, next: &[], visits: &visits, active: 1000, asked: None });
         for command in commands {
-            if let Command::Load { chunk, .. } = command {
-                planner.loaded(chunk);
+            if let Command::Load { unit, .. } = command {
+                planner.loaded(unit);
             }
         }
     }
@@ -115,9 +115,9 @@ fn equals_swap_seldom() {
 
 #[test]
 fn an_idle_device_loads_whatever_the_policy_thinks() {
-    // One ray waits; the resident chunk was of great use a moment ago.
+    // One ray waits; the resident unit was of great use a moment ago.
     for kind in PolicyKind::ALL {
-        let mut planner = planner(&catalog_of(2, |chunk| vec![chunk], 0), 1, kind);
+        let mut planner = planner(&catalog_of(2, |unit| vec![unit], 0), 1, kind);
         assert!(planner.keep_resident(0), "{kind}: kept");
         let visits = [1_000_000];
         let busy = Demand { waiting: &[0, 1], visits: &visits, active: 1000, ..Demand::default() };
@@ -130,18 +130,18 @@ fn an_idle_device_loads_whatever_the_policy_thinks() {
 }
 
 #[test]
-fn what_a_failed_load_shared_with_an_evicted_chunk_is_freed() {
-    // Chunks 0 and 1 share asset 2, chunk 1 is loading when 0 is thrown out by a lower budget, then fails.
+fn what_a_failed_load_shared_with_an_evicted_unit_is_freed() {
+    // Units 0 and 1 share asset 2, unit 1 is loading when 0 is thrown out by a lower budget, then fails.
     let catalog = Arc::new(Catalog::new(vec![10, 10, 10], [vec![0, 2], vec![1, 2]]).expect("a good catalog"));
     let mut planner = planner(&catalog, 30, PolicyKind::Benefit);
     assert!(planner.keep_resident(0), "kept");
     let waiting = [0, 5];
     let demand = Demand { waiting: &waiting, active: 1, ..Demand::default() };
-    assert_eq!(planner.step(&demand), [Command::Load { chunk: 1, assets: vec![1] }], "the shared asset is there");
-    planner.set_budget(20).expect("one chunk fits");
-    assert_eq!(planner.step(&demand), [Command::Evict { chunk: 0, assets: vec![0] }], "over the budget");
+    assert_eq!(planner.step(&demand), [Command::Load { unit: 1, assets: vec![1] }], "the shared asset is there");
+    planner.set_budget(20).expect("one unit fits");
+    assert_eq!(planner.step(&demand), [Command::Evict { unit: 0, assets: vec![0] }], "over the budget");
     planner.failed(1);
     assert_eq!(planner.stats().bytes_held, 0, "nothing of it is held");
-    let dropped = Command::Evict { chunk: 1, assets: vec![2] };
+    let dropped = Command::Evict { unit: 1, assets: vec![2] };
     assert_eq!(planner.step(&demand).first(), Some(&dropped), "the caller frees what was shared");
 }

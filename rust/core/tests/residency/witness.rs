@@ -6,16 +6,16 @@ use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// Steps that must have seen a chunk usable before it may go.
+/// Steps that must have seen a unit usable before it may go.
 const PIN_STEPS: u32 = 2;
 
 pub(crate) struct Witness {
     pub(crate) planner: Planner,
     pub(crate) budget: u64,
     pub(crate) step: u32,
-    /// Chunks that are loading, with what their loads bring.
+    /// Units that are loading, with what their loads bring.
     pub(crate) loading: BTreeMap<u32, Vec<u32>>,
-    /// Usable chunks, with the step after which they became so and whether rays had asked for them.
+    /// Usable units, with the step after which they became so and whether rays had asked for them.
     pub(crate) resident: BTreeMap<u32, (u32, bool)>,
     /// Assets on the device or on their way.
     pub(crate) held: BTreeSet<u32>,
@@ -30,7 +30,7 @@ impl Witness {
         let options = PlannerOptions { in_flight_bytes, pin_steps: 0 };
         let planner = Planner::with_policy(catalog.clone(), budget, kind.policy(), options);
         Self {
-            planner: planner.expect("the budget fits the largest chunk"),
+            planner: planner.expect("the budget fits the largest unit"),
             budget,
             step: 0,
             loading: BTreeMap::new(),
@@ -50,13 +50,13 @@ impl Witness {
         self.held.iter().map(|&asset| self.planner.catalog().bytes(asset)).sum()
     }
 
-    /// Assets of a chunk that no other chunk loading or resident has, nor the one it makes room for.
-    fn only_of(&self, chunk: u32, successor: Option<&u32>) -> Vec<u32> {
+    /// Assets of a unit that no other unit loading or resident has, nor the one it makes room for.
+    fn only_of(&self, unit: u32, successor: Option<&u32>) -> Vec<u32> {
         let holders = || self.loading.keys().chain(self.resident.keys()).chain(successor);
-        let others = || holders().filter(move |&&other| other != chunk);
+        let others = || holders().filter(move |&&other| other != unit);
         let catalog = self.planner.catalog();
         let shared = |asset: &u32| others().any(|&other| catalog.assets(other).contains(asset));
-        catalog.assets(chunk).iter().copied().filter(|asset| self.held.contains(asset) && !shared(asset)).collect()
+        catalog.assets(unit).iter().copied().filter(|asset| self.held.contains(asset) && !shared(asset)).collect()
     }
 
     /// One step of the planner; every command is checked as it is carried out.
@@ -66,27 +66,27 @@ impl Witness {
         let mut evicted_bytes = 0;
         for (place, command) in commands.iter().enumerate() {
             match command {
-                Command::Evict { chunk, assets } => {
+                Command::Evict { unit, assets } => {
                     let successor = commands[place..].iter().find_map(|command| match command {
-                        Command::Load { chunk, .. } => Some(chunk),
+                        Command::Load { unit, .. } => Some(unit),
                         Command::Evict { .. } => None,
                     });
-                    let resident = self.resident.contains_key(chunk);
+                    let resident = self.resident.contains_key(unit);
                     // What a load that follows shares stays, what was thrown out for another reason comes back with
                     // it; failed loads share out among them what they drop (the count of bytes below sees a leak).
-                    let frees = [self.only_of(*chunk, successor), self.only_of(*chunk, None)];
+                    let frees = [self.only_of(*unit, successor), self.only_of(*unit, None)];
                     let drops = !resident && assets.iter().all(|asset| frees[1].contains(asset));
                     let right = frees[0] == *assets || (self.disturbed && frees[1] == *assets) || drops;
                     assert!(right, "{assets:?}, not {frees:?}");
                     if resident {
-                        self.check_pin(*chunk, demand);
+                        self.check_pin(*unit, demand);
                         evicted_bytes += self.bytes(assets);
                     }
-                    self.resident.remove(chunk);
+                    self.resident.remove(unit);
                     self.held.retain(|asset| !assets.contains(asset));
                 }
-                Command::Load { chunk, assets } => {
-                    self.check_load(*chunk, assets, demand, &mut evicted_bytes);
+                Command::Load { unit, assets } => {
+                    self.check_load(*unit, assets, demand, &mut evicted_bytes);
                 }
             }
         }
@@ -97,54 +97,54 @@ impl Witness {
         self.commands.extend(commands);
     }
 
-    fn check_pin(&self, chunk: u32, demand: &Demand<'_>) {
-        if let Some(&(since, demanded)) = self.resident.get(&chunk)
+    fn check_pin(&self, unit: u32, demand: &Demand<'_>) {
+        if let Some(&(since, demanded)) = self.resident.get(&unit)
             && !self.disturbed
         {
             let seen = self.step - since;
-            assert!(!demanded || seen >= PIN_STEPS, "chunk {chunk} goes after {seen} steps, {demand:?}");
+            assert!(!demanded || seen >= PIN_STEPS, "unit {unit} goes after {seen} steps, {demand:?}");
         }
     }
 
-    fn check_load(&mut self, chunk: u32, assets: &[u32], demand: &Demand<'_>, evicted: &mut u64) {
-        assert!(!self.resident.contains_key(&chunk), "chunk {chunk} is loaded twice");
+    fn check_load(&mut self, unit: u32, assets: &[u32], demand: &Demand<'_>, evicted: &mut u64) {
+        assert!(!self.resident.contains_key(&unit), "unit {unit} is loaded twice");
         let in_flight: BTreeSet<u32> = self.loading.values().flatten().copied().collect();
-        let all = self.planner.catalog().assets(chunk).to_vec();
+        let all = self.planner.catalog().assets(unit).to_vec();
         let missing: Vec<u32> = all.iter().copied().filter(|asset| !self.held.contains(asset)).collect();
         assert_eq!(missing, assets, "a load brings exactly what is not there");
         assert!(all.iter().all(|asset| !in_flight.contains(asset)), "a load relies on another in flight");
         let needed = self.held_bytes() + *evicted + self.bytes(assets) > self.budget;
         assert!(*evicted == 0 || needed || self.disturbed, "an eviction that was not needed");
         *evicted = 0;
-        let waiting = |chunk: u32| demand.waiting.get(chunk as usize).copied().unwrap_or(0);
-        if waiting(chunk) == 0 {
-            assert!(demand.next.get(chunk as usize).is_some_and(|&rays| rays > 0), "chunk {chunk}: nobody asked");
-            for other in 0..u32::try_from(self.planner.catalog().chunk_count()).expect("few") {
+        let waiting = |unit: u32| demand.waiting.get(unit as usize).copied().unwrap_or(0);
+        if waiting(unit) == 0 {
+            assert!(demand.next.get(unit as usize).is_some_and(|&rays| rays > 0), "unit {unit}: nobody asked");
+            for other in 0..u32::try_from(self.planner.catalog().unit_count()).expect("few") {
                 let coming = self.loading.contains_key(&other) || self.resident.contains_key(&other);
-                assert!(waiting(other) == 0 || coming || self.disturbed, "{chunk} is loaded ahead of {other}");
+                assert!(waiting(other) == 0 || coming || self.disturbed, "{unit} is loaded ahead of {other}");
             }
         } else {
-            self.asked.insert(chunk);
+            self.asked.insert(unit);
         }
-        assert!(self.loading.insert(chunk, assets.to_vec()).is_none(), "chunk {chunk} is loaded twice");
+        assert!(self.loading.insert(unit, assets.to_vec()).is_none(), "unit {unit} is loaded twice");
         self.held.extend(assets);
         assert!(self.held_bytes() <= self.budget, "{} bytes under {}", self.held_bytes(), self.budget);
     }
 
-    pub(crate) fn loaded(&mut self, chunk: u32) {
-        self.planner.loaded(chunk);
-        if self.loading.remove(&chunk).is_some() {
-            self.resident.insert(chunk, (self.step, self.asked.remove(&chunk)));
-            assert!(self.planner.is_resident(chunk), "a loaded chunk is resident");
+    pub(crate) fn loaded(&mut self, unit: u32) {
+        self.planner.loaded(unit);
+        if self.loading.remove(&unit).is_some() {
+            self.resident.insert(unit, (self.step, self.asked.remove(&unit)));
+            assert!(self.planner.is_resident(unit), "a loaded unit is resident");
         }
     }
 
-    pub(crate) fn failed(&mut self, chunk: u32) {
-        self.planner.failed(chunk);
-        if let Some(assets) = self.loading.remove(&chunk) {
+    pub(crate) fn failed(&mut self, unit: u32) {
+        self.planner.failed(unit);
+        if let Some(assets) = self.loading.remove(&unit) {
             self.held.retain(|asset| !assets.contains(asset));
             self.disturbed = true;
-            assert!(!self.planner.is_resident(chunk), "a chunk that failed is not resident");
+            assert!(!self.planner.is_resident(unit), "a unit that failed is not resident");
         }
     }
 
@@ -156,7 +156,7 @@ impl Witness {
     }
 }
 
-/// Catalogs of a few chunks that share meshes.
+/// Catalogs of a few units that share meshes.
 pub(crate) fn catalogs() -> impl Strategy<Value = Arc<Catalog>> {
     let meshes = prop::collection::vec(0_u64..200, 1..6);
     let blocks = prop::collection::vec((1_u64..100, prop::collection::vec(0_usize..6, 0..4)), 1..10);
@@ -164,15 +164,15 @@ pub(crate) fn catalogs() -> impl Strategy<Value = Arc<Catalog>> {
         let count = u32::try_from(blocks.len()).expect("few");
         let mut bytes: Vec<u64> = blocks.iter().map(|(bytes, _)| *bytes).collect();
         bytes.extend(&meshes);
-        let row = |(chunk, (_, used)): (u32, &(u64, Vec<usize>))| {
+        let row = |(unit, (_, used)): (u32, &(u64, Vec<usize>))| {
             let used = used.iter().map(|mesh| count + u32::try_from(mesh % meshes.len()).expect("few"));
-            std::iter::once(chunk).chain(used).collect::<Vec<u32>>()
+            std::iter::once(unit).chain(used).collect::<Vec<u32>>()
         };
         Arc::new(Catalog::new(bytes, (0..).zip(&blocks).map(row)).expect("a good catalog"))
     })
 }
 
-/// A budget between one chunk (`0`) and everything (`100`).
+/// A budget between one unit (`0`) and everything (`100`).
 pub(crate) fn budget_of(catalog: &Catalog, percent: u64) -> u64 {
     let least = catalog.largest_closure().map_or(0, |(_, bytes)| bytes);
     least + catalog.total_bytes().saturating_sub(least) * percent / 100

@@ -155,7 +155,7 @@ impl Scene {
 
     /// Units of the planner: chunks, then tiles of textures.
     pub(crate) fn unit_count(&self) -> u32 {
-        u32::try_from(self.assets.catalog.chunk_count()).unwrap_or(u32::MAX)
+        u32::try_from(self.assets.catalog.unit_count()).unwrap_or(u32::MAX)
     }
 
     /// The tables are made anew before the next frame.

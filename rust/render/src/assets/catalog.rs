@@ -13,7 +13,7 @@ use crate::textures::TextureSet;
 use oocpt_core::inventory::Inventory;
 use oocpt_core::mesh::{LevelNode, level_nodes};
 use oocpt_core::partition::World;
-use oocpt_core::residency::{AssetId, Catalog, ChunkId};
+use oocpt_core::residency::{AssetId, Catalog, UnitId};
 use oocpt_core::scene::{Snapshot, Target};
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::sync::Arc;
@@ -147,7 +147,7 @@ impl SceneAssets {
     }
 
     /// The unit of a tile of the scene.
-    pub(crate) fn tile_unit(&self, tile: u32) -> ChunkId {
+    pub(crate) fn tile_unit(&self, tile: u32) -> UnitId {
         u32::try_from(self.chunk_count()).unwrap_or(u32::MAX).saturating_add(tile)
     }
 
@@ -183,7 +183,7 @@ impl SceneAssets {
     }
 
     /// The asset that is a unit's own block: of a chunk its records, of a tile all of it.
-    pub(crate) fn own_asset(&self, chunk: ChunkId) -> AssetId {
+    pub(crate) fn own_asset(&self, chunk: UnitId) -> AssetId {
         asset_id(self.meshes + self.assemblies + chunk as usize)
     }
 
@@ -194,7 +194,7 @@ impl SceneAssets {
 
     /// Traversal stack entries below the top level that a walk through `chunk` may need; `own` tells those of an
     /// asset's own tree.
-    pub(crate) fn stack_of(&self, chunk: ChunkId, own: impl Fn(AssetId) -> u32) -> u32 {
+    pub(crate) fn stack_of(&self, chunk: UnitId, own: impl Fn(AssetId) -> u32) -> u32 {
         // Ids of a closure ascend, so children come before what places them and the chunk itself comes last.
         let mut entries: FxHashMap<AssetId, u32> = FxHashMap::default();
         let mut last = 0;

@@ -2,7 +2,7 @@
 //! Assemblies and chunks as the device wants them: records, the tree over them, values of primvars, keys of motion.
 //!
 //! The result holds no address, so it can be kept and brought to the device again, wherever it will lie. Pure; threads
-//! encode stretches of records side by side, whoever has the last of them builds the tree.
+//! encode stretches of records in parallel, and the one that finishes the last stretch builds the tree.
 
 use super::source::Source;
 use super::values::ValueLayout;

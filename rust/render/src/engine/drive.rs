@@ -61,7 +61,7 @@ pub(crate) trait Feed {
     /// Whether nothing is left to do, given what is under way.
     fn is_done(&self, flights: &VecDeque<Flight<Self::Of>>) -> bool;
 
-    /// Moves on what goes on beside the device.
+    /// Advances work that runs beside the device, such as loads.
     fn advance(
         &mut self,
         _flights: &VecDeque<Flight<Self::Of>>,

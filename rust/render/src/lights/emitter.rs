@@ -2,7 +2,7 @@
 //! The triangles of one mesh that emit light, with the weights that its materials have for one prim: leaves of a few
 //! faces each and a tree over them, all in the mesh's frame. Shared by all placements that weigh the same. Pure.
 
-use super::glow::{EmittedPower, Glows};
+use super::emission::{EmittedPower, PrimEmission};
 use super::narrow;
 use super::tree::{self, LightBounds, NOTHING};
 use oocpt_core::mesh::MeshAsset;
@@ -62,8 +62,8 @@ pub(super) fn dot(a: Point, b: Point) -> f64 {
 
 impl Emitter {
     /// `None` where nothing emits.
-    pub(super) fn new(mesh: &MeshAsset, glows: &Glows) -> Option<Self> {
-        let mut parts: Vec<Part> = (0..mesh.triangles.len()).filter_map(|at| part(mesh, glows, at)).collect();
+    pub(super) fn new(mesh: &MeshAsset, emission: &PrimEmission) -> Option<Self> {
+        let mut parts: Vec<Part> = (0..mesh.triangles.len()).filter_map(|at| part(mesh, emission, at)).collect();
         if parts.iter().any(|part| part.varies) {
             parts.sort_by_key(|part| part.face);
             for face in parts.chunk_by_mut(|a, b| a.face == b.face).filter(|face| face[0].varies) {
@@ -165,17 +165,17 @@ fn even_out(face: &mut [Part]) {
 }
 
 /// A triangle, if its slot emits.
-fn part(mesh: &MeshAsset, glows: &Glows, at: usize) -> Option<Part> {
+fn part(mesh: &MeshAsset, emission: &PrimEmission, at: usize) -> Option<Part> {
     let triangle = mesh.triangles.get(at)?;
     let slot = mesh.subsets.get(at).copied().unwrap_or(0);
-    let glow: &EmittedPower = glows.by_slot.get(usize::from(slot))?;
-    let corners = glow.corners(mesh, at);
-    let weight = glow.weight(&corners, glows.scale);
+    let power: &EmittedPower = emission.by_slot.get(usize::from(slot))?;
+    let corners = power.corners(mesh, at);
+    let weight = power.weight(&corners, emission.scale);
     let [a, b, c] = triangle.vertices.map(|v| v.map(f64::from));
     let normal = cross(sub(b, a), sub(c, a));
     let length = dot(normal, normal).sqrt();
     let power = 0.5 * length * weight;
-    let varies = glow.varies();
+    let varies = power.varies();
     // What is black at one place of a face may not be at another.
     if !(length > 0.0 && power.is_finite() && (power > 0.0 || varies)) {
         return None;

@@ -7,8 +7,8 @@
 //! grows with unique triangles and with placements, both bounded; what is beyond is met by rays alone, which loses no
 //! light. Depends on the snapshot only, not on what is on the device. Pure.
 
+use super::emission::{EmissionMaps, EmittedPower, Placed, PrimEmission};
 use super::emitter::{Emitter, cross, dot, halves};
-use super::glow::{EmissionMaps, EmittedPower, Glows, Placed};
 use super::local::finite_power;
 use super::tree::{self, LightBounds, NOTHING};
 use super::{EVEN_SHARE, count, narrow};
@@ -93,18 +93,19 @@ impl MeshLightCache {
     }
 
     fn make(&mut self, snapshot: &Snapshot, images: Option<&TextureCache>) -> Option<MeshLights> {
-        let materials = self.maps.glows(snapshot, images);
-        let glows: Vec<Option<Glows>> = (-1..i64::try_from(snapshot.surfaces.prims.len()).unwrap_or(0) - 1)
-            .map(|id| Glows::of_prim(snapshot, id, &materials))
+        let materials = self.maps.powers(snapshot, images);
+        let emission: Vec<Option<PrimEmission>> = (-1..i64::try_from(snapshot.surfaces.prims.len()).unwrap_or(0) - 1)
+            .map(|id| PrimEmission::of_prim(snapshot, id, &materials))
             .collect();
-        let of_prim = |id: i32| glows.get(usize::try_from(i64::from(id) + 1).ok()?)?.as_ref();
+        let of_prim = |id: i32| emission.get(usize::try_from(i64::from(id) + 1).ok()?)?.as_ref();
         let (mut placements, mut is_complete) =
             snapshot.mesh_placements(&|prim| of_prim(prim).is_some(), MAX_PLACEMENTS);
         drop_ambiguous(&mut placements);
         let known = std::mem::take(&mut self.emitters);
         let mut making = Making::default();
         for placement in &placements {
-            let (Some(mesh), Some(glows)) = (snapshot.meshes.get(placement.mesh as usize), of_prim(placement.prim_id))
+            let (Some(mesh), Some(emission)) =
+                (snapshot.meshes.get(placement.mesh as usize), of_prim(placement.prim_id))
             else {
                 continue;
             };
@@ -112,20 +113,20 @@ impl MeshLightCache {
             if placement.mesh >= MAX_LIGHT_MESH || mesh.opacities.is_some() || mesh.kind == LeafKind::Rounds {
                 continue;
             }
-            let placed = glows.placed(mesh, &placement.values);
-            let glows = placed.as_ref().map_or(glows, |placed| &placed.glows);
-            let key: EmitterKey = (mesh.key, glows.key());
+            let placed = emission.placed(mesh, &placement.values);
+            let emission = placed.as_ref().map_or(emission, |placed| &placed.emission);
+            let key: EmitterKey = (mesh.key, emission.key());
             let entry = self.emitters.entry(key.clone()).or_insert_with(|| match known.get(&key) {
                 Some(known) => known.clone(),
                 None if mesh.triangles > MAX_TRIANGLES as u64 => None,
-                None => emitter_of(mesh, glows).map(Arc::new),
+                None => emitter_of(mesh, emission).map(Arc::new),
             });
             let Some(emitter) = entry.clone() else {
                 is_complete &= mesh.triangles <= MAX_TRIANGLES as u64;
                 continue;
             };
             match making.number(&emitter) {
-                Some(number) => making.add(placement, number, glows, &emitter, placed.as_ref()),
+                Some(number) => making.add(placement, number, emission, &emitter, placed.as_ref()),
                 None => is_complete = false,
             }
         }
@@ -141,9 +142,9 @@ impl MeshLightCache {
 }
 
 /// The emitter of a mesh; none where nothing emits, or its asset cannot be had.
-fn emitter_of(mesh: &SceneMesh, glows: &Glows) -> Option<Emitter> {
+fn emitter_of(mesh: &SceneMesh, emission: &PrimEmission) -> Option<Emitter> {
     match mesh.asset() {
-        Ok(asset) => Emitter::new(&asset, glows),
+        Ok(asset) => Emitter::new(&asset, emission),
         Err(error) => {
             // Loading it to the device will fail, too, which ends the render with this message.
             tracing::warn!(%error, "an emissive mesh");
@@ -199,11 +200,11 @@ impl Making {
         &mut self,
         placement: &MeshPlacement,
         light_mesh: u32,
-        glows: &Glows,
+        emission: &PrimEmission,
         emitter: &Emitter,
         placed: Option<&Placed>,
     ) {
-        let scale = glows.scale;
+        let scale = emission.scale;
         let map = &placement.world_from_object;
         let columns = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(|column| column.to_array());
         let at = map.translation.to_array();
@@ -232,7 +233,7 @@ impl Making {
             self.placements.push(gpu);
             self.bounds.push(bounds);
             self.placed_values.extend(placed.iter().flat_map(|placed| &placed.emissions));
-            self.has_textures |= glows.by_slot.iter().any(|glow| matches!(glow, EmittedPower::Picture(_)));
+            self.has_textures |= emission.by_slot.iter().any(|power| matches!(power, EmittedPower::Picture(_)));
         }
     }
 

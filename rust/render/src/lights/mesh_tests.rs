@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Mesh lights on the host, and the densities that the device finds for them.
 
+use super::emission::{EmittedPower, PrimEmission};
 use super::emitter::Emitter;
-use super::glow::{EmittedPower, Glows};
 use super::tests::probe;
 use super::tree::trails;
 use super::{FileCache, LightTable, MeshLightCache, MeshLights, narrow};
@@ -142,7 +142,7 @@ fn closed_meshes_shine_outwards() {
         let scene = snapshot(|db| db.upsert_mesh(mesh));
         let emitter = Emitter::new(
             &scene.meshes[0].asset().expect("in memory"),
-            &Glows { by_slot: vec![EmittedPower::Even(1.0)], scale: 1.0 },
+            &PrimEmission { by_slot: vec![EmittedPower::Even(1.0)], scale: 1.0 },
         )
         .expect("it emits");
         let wanted = if is_open { 20.0 } else { 24.0 };

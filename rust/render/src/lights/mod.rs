@@ -8,11 +8,11 @@
 //!
 //! Pure but for the reading of files, which goes through [`LightFiles`]. Render thread only.
 
+mod emission;
 mod emission_map;
 mod emitter;
 mod files;
 mod general;
-mod glow;
 mod local;
 mod mesh;
 #[cfg(test)]

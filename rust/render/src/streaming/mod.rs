@@ -3,8 +3,8 @@
 //!
 //! [`render`] makes the memory and lets the engine run over a [`Stage`]: take what the device has finished (`observe`),
 //! move the loads on and ask the planner (`residency`), hand the device its next step (`record`). A step writes the
-//! chunk table, wakes the rays whose chunk is there, traces some rounds and counts who waits for what. Loads go on
-//! beside the steps on the loader's threads and the transfer queue.
+//! chunk table, wakes the rays whose chunk is there, traces some rounds and counts the waiting rays of each unit.
+//! Loads go on beside the steps on the loader's threads and the transfer queue.
 //!
 //! The picture does not depend on any of this: `shaders/README.md` ("Streaming") and decisions/0005 say why.
 
@@ -269,8 +269,8 @@ impl Streamer<'_, '_> {
         let counters = &seen.counters;
         let (visits, misses) = (counters.chunk_visits as f64, counters.chunk_misses as f64);
         progress.streaming(|stats| {
-            stats.resident_chunks = planner.resident_chunks;
-            stats.chunks_touched = planner.chunks_touched;
+            stats.resident_chunks = planner.resident_units;
+            stats.chunks_touched = planner.units_touched;
             stats.loads = planner.loads;
             stats.reloads = planner.reloads;
             stats.evictions = planner.evictions;

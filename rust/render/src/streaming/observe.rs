@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What the host knows of the paths: the counters, segments and demand that a step left behind. Pure.
 
-use oocpt_core::residency::ChunkId;
+use oocpt_core::residency::UnitId;
 use oocpt_shader_abi::{Counters, Roulette, Segment, UnitDemand};
 
 /// How many there are of what a step leaves behind.
@@ -35,7 +35,7 @@ pub(crate) struct Observation {
     /// Rays that have each unit further down their list.
     pub(crate) next: Vec<u32>,
     /// The units of which one of the two is not 0, ascending.
-    pub(crate) asked: Vec<ChunkId>,
+    pub(crate) asked: Vec<UnitId>,
     /// With roulette on loads: what it knows and counts.
     pub(crate) roulette: Roulette,
     /// With it: what the rays that wait for each chunk first may bring, in `1 / WORTH_ONE`; empty when nobody looked.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Records one step, in the order that `oocpt_shader_abi` documents ("One submission of streaming").
+//! Records one step: table entries, finished segments into the film, new paths and woken rays, rounds, demand.
 
 use super::Streamer;
 use super::buffers::verdict_table;

@@ -5,7 +5,7 @@ use super::Streamer;
 use crate::chunk_report::{ChunkReport, ReportCamera, ReportChunk, ReportInstance, ReportMoment, VERSION};
 use crate::error::RenderError;
 use crate::timings::LeftMoment;
-use oocpt_core::residency::ChunkId;
+use oocpt_core::residency::UnitId;
 use std::path::Path;
 
 impl Streamer<'_, '_> {
@@ -24,7 +24,7 @@ impl Streamer<'_, '_> {
         let (world, planner) = (&job.snapshot.world, &self.residency.planner);
         let wide = |v: [f32; 3]| v.map(f64::from);
         let o = [0, 1, 2].map(|k: usize| f64::from(camera.o[k]) + f64::from(camera.o_lo[k]));
-        let chunk = |(id, chunk): (ChunkId, &std::sync::Arc<oocpt_core::partition::Chunk>)| {
+        let chunk = |(id, chunk): (UnitId, &std::sync::Arc<oocpt_core::partition::Chunk>)| {
             let loads = u64::from(planner.load_count(id));
             ReportChunk {
                 bytes: planner.catalog().closure_bytes(id),

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Carries out what the planner decides: starts loads, lets go of what is evicted, shows chunks to the rays when
+//! Carries out what the planner decides: starts loads, lets go of what is evicted, shows units to the rays when
 //! everything they need is there.
 //!
-//! A chunk is shown and hidden by its entry in the chunk table, written between two submissions: inside a submission
+//! A unit is shown and hidden by its entry in the chunk table, written between two submissions: inside a submission
 //! nothing appears or disappears. Memory of evicted assets is free when the submissions made before have ended.
 //! Render thread only.
 
@@ -10,7 +10,7 @@ use crate::assets::{Entries, Patience, SceneAssets, Store, Tables};
 use crate::device::Device;
 use crate::error::RenderError;
 use oocpt_core::residency::{
-    AssetId, ChunkId, Command, Demand, PlanError, Planner, PlannerOptions, PolicyKind, Proposal,
+    AssetId, Command, Demand, PlanError, Planner, PlannerOptions, PolicyKind, Proposal, UnitId,
 };
 use oocpt_gpu::{Commands, Submission};
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -26,7 +26,7 @@ const MOST_IN_FLIGHT: u64 = 2 << 30;
 /// A load that the planner asked for.
 #[derive(Debug)]
 struct Load {
-    chunk: ChunkId,
+    unit: UnitId,
     /// Assets that have no memory yet.
     unplaced: VecDeque<AssetId>,
     /// Assets that this load has begun.
@@ -44,17 +44,17 @@ pub(crate) struct Residency<'a> {
     pub(crate) planner: Planner,
     /// Loads that wait for memory, in the planner's order.
     waiting: VecDeque<Load>,
-    /// Assets not ready yet of every chunk on its way, and the chunks that wait for each of these.
-    missing: FxHashMap<ChunkId, usize>,
-    dependents: FxHashMap<AssetId, Vec<ChunkId>>,
+    /// Assets not ready yet of every unit on its way, and the units that wait for each of these.
+    missing: FxHashMap<UnitId, usize>,
+    dependents: FxHashMap<AssetId, Vec<UnitId>>,
     /// Assets on their way that nobody needs any more.
     orphans: FxHashSet<AssetId>,
     /// Entries to write before the next step.
     changed: Vec<AssetId>,
     copies: Vec<Submission>,
     /// Units that the rays of the next step see for the first time.
-    pub(crate) arrived: Vec<ChunkId>,
-    /// Traversal stack entries that the resident chunks need below the top level.
+    pub(crate) arrived: Vec<UnitId>,
+    /// Traversal stack entries that the resident units need below the top level.
     pub(crate) stack_entries: u32,
     pub(crate) bytes_copied: u64,
     pub(crate) textures: TileStats,
@@ -114,18 +114,18 @@ impl<'a> Residency<'a> {
         let chunks = (0..).take(self.assets.chunk_count());
         // There may be millions of tiles: only those that are there are looked at.
         let tiles = self.store.tiles().filter_map(|(image, tile)| self.assets.textures.number_of(image, tile));
-        let mut tiles: Vec<ChunkId> = tiles.map(|tile| self.assets.tile_unit(tile)).collect();
+        let mut tiles: Vec<UnitId> = tiles.map(|tile| self.assets.tile_unit(tile)).collect();
         tiles.sort_unstable();
-        for chunk in chunks.chain(tiles.iter().copied()) {
-            let complete = self.assets.catalog.assets(chunk).iter().all(|&asset| self.is_ready(asset));
-            if complete && self.planner.keep_resident(chunk) {
-                let closure: Vec<AssetId> = self.assets.catalog.assets(chunk).to_vec();
+        for unit in chunks.chain(tiles.iter().copied()) {
+            let complete = self.assets.catalog.assets(unit).iter().all(|&asset| self.is_ready(asset));
+            if complete && self.planner.keep_resident(unit) {
+                let closure: Vec<AssetId> = self.assets.catalog.assets(unit).to_vec();
                 for &asset in &closure {
                     self.show(asset);
                 }
                 kept.extend(closure);
-                self.grow_stack(chunk);
-                self.textures.bytes_held += self.bytes_of_tile(chunk);
+                self.grow_stack(unit);
+                self.textures.bytes_held += self.bytes_of_tile(unit);
             }
         }
         let tiles = tiles.iter().map(|unit| self.assets.own_asset(*unit));
@@ -147,15 +147,15 @@ impl<'a> Residency<'a> {
         }
     }
 
-    fn grow_stack(&mut self, chunk: ChunkId) {
+    fn grow_stack(&mut self, unit: UnitId) {
         let own = |asset: AssetId| {
             let key = self.assets.key(asset);
             key.and_then(|key| self.store.get(&key)).map_or(0, |resident| resident.stack)
         };
-        self.stack_entries = self.stack_entries.max(self.assets.stack_of(chunk, own));
+        self.stack_entries = self.stack_entries.max(self.assets.stack_of(unit, own));
     }
 
-    /// Asks the planner what to do about `demand`, and begins to do it; loads of chunks that rays wait for as far as
+    /// Asks the planner what to do about `demand`, and begins to do it; loads of units that rays wait for as far as
     /// `agrees` agrees.
     pub(crate) fn plan(
         &mut self,
@@ -164,25 +164,25 @@ impl<'a> Residency<'a> {
     ) -> Result<(), RenderError> {
         for command in self.planner.step_if(demand, agrees) {
             match command {
-                Command::Evict { chunk, assets } => self.evict(chunk, &assets),
-                Command::Load { chunk, assets } => self.begin(chunk, assets),
+                Command::Evict { unit, assets } => self.evict(unit, &assets),
+                Command::Load { unit, assets } => self.begin(unit, assets),
             }
         }
         self.place_waiting()
     }
 
     /// Bytes of a unit that is a tile, 0 of a chunk.
-    fn bytes_of_tile(&self, unit: ChunkId) -> u64 {
+    fn bytes_of_tile(&self, unit: UnitId) -> u64 {
         let is_tile = unit as usize >= self.assets.chunk_count();
         if is_tile { self.assets.catalog.closure_bytes(unit) } else { 0 }
     }
 
-    fn evict(&mut self, chunk: ChunkId, assets: &[AssetId]) {
+    fn evict(&mut self, unit: UnitId, assets: &[AssetId]) {
         // Of a load that failed nothing was there.
         if assets.iter().any(|&asset| self.is_ready(asset)) {
-            self.textures.bytes_held = self.textures.bytes_held.saturating_sub(self.bytes_of_tile(chunk));
+            self.textures.bytes_held = self.textures.bytes_held.saturating_sub(self.bytes_of_tile(unit));
         }
-        let own = self.assets.own_asset(chunk);
+        let own = self.assets.own_asset(unit);
         for &asset in assets.iter().chain((!assets.contains(&own)).then_some(&own)) {
             self.entries.clear(&self.assets, asset);
             self.changed.push(asset);
@@ -199,16 +199,16 @@ impl<'a> Residency<'a> {
         }
     }
 
-    fn begin(&mut self, chunk: ChunkId, assets: Vec<AssetId>) {
+    fn begin(&mut self, unit: UnitId, assets: Vec<AssetId>) {
         let mut missing = 0;
-        for &asset in self.assets.catalog.assets(chunk) {
+        for &asset in self.assets.catalog.assets(unit) {
             if !self.is_ready(asset) {
                 missing += 1;
-                self.dependents.entry(asset).or_default().push(chunk);
+                self.dependents.entry(asset).or_default().push(unit);
             }
         }
-        self.missing.insert(chunk, missing);
-        self.waiting.push_back(Load { chunk, unplaced: assets.into(), begun: Vec::new() });
+        self.missing.insert(unit, missing);
+        self.waiting.push_back(Load { unit, unplaced: assets.into(), begun: Vec::new() });
     }
 
     /// Gives memory to the loads that wait for it, in order, as far as there is any, and has the loader begin.
@@ -236,7 +236,7 @@ impl<'a> Residency<'a> {
                 self.waiting.push_front(load);
                 return Ok(());
             }
-            self.finish_if_ready(load.chunk);
+            self.finish_if_ready(load.unit);
         }
         Ok(())
     }
@@ -244,8 +244,8 @@ impl<'a> Residency<'a> {
     /// There is no memory for a load although nothing is about to be freed: the planner must make room. The loads after
     /// it stay: given up as well, they would teach the planner that far less fits than does.
     fn give_up(&mut self, load: Load) {
-        tracing::debug!(chunk = load.chunk, "no memory for a chunk");
-        self.missing.remove(&load.chunk);
+        tracing::debug!(unit = load.unit, "no memory for a unit");
+        self.missing.remove(&load.unit);
         for asset in load.begun {
             if self.is_ready(asset) {
                 self.let_go(asset);
@@ -253,12 +253,12 @@ impl<'a> Residency<'a> {
                 self.orphans.insert(asset);
             }
         }
-        for &asset in self.assets.catalog.assets(load.chunk) {
-            if let Some(chunks) = self.dependents.get_mut(&asset) {
-                chunks.retain(|chunk| *chunk != load.chunk);
+        for &asset in self.assets.catalog.assets(load.unit) {
+            if let Some(units) = self.dependents.get_mut(&asset) {
+                units.retain(|unit| *unit != load.unit);
             }
         }
-        self.planner.failed(load.chunk);
+        self.planner.failed(load.unit);
     }
 
     /// Takes note of what has arrived; waits at most `wait` when nothing else is to do.
@@ -273,37 +273,37 @@ impl<'a> Residency<'a> {
     }
 
     fn arrived(&mut self, asset: AssetId) {
-        let chunks = self.dependents.remove(&asset).unwrap_or_default();
-        if self.orphans.remove(&asset) && chunks.is_empty() {
+        let units = self.dependents.remove(&asset).unwrap_or_default();
+        if self.orphans.remove(&asset) && units.is_empty() {
             return self.let_go(asset);
         }
-        for chunk in chunks {
-            if let Some(missing) = self.missing.get_mut(&chunk) {
+        for unit in units {
+            if let Some(missing) = self.missing.get_mut(&unit) {
                 *missing = missing.saturating_sub(1);
             }
-            self.finish_if_ready(chunk);
+            self.finish_if_ready(unit);
         }
     }
 
-    fn finish_if_ready(&mut self, chunk: ChunkId) {
-        if self.missing.get(&chunk) != Some(&0) {
+    fn finish_if_ready(&mut self, unit: UnitId) {
+        if self.missing.get(&unit) != Some(&0) {
             return;
         }
-        self.missing.remove(&chunk);
-        let closure: Vec<AssetId> = self.assets.catalog.assets(chunk).to_vec();
+        self.missing.remove(&unit);
+        let closure: Vec<AssetId> = self.assets.catalog.assets(unit).to_vec();
         for asset in closure {
             self.show(asset);
         }
-        self.grow_stack(chunk);
-        let tile_bytes = self.bytes_of_tile(chunk);
+        self.grow_stack(unit);
+        let tile_bytes = self.bytes_of_tile(unit);
         if tile_bytes > 0 {
             self.textures.loads += 1;
-            self.textures.reloads += u64::from(self.planner.load_count(chunk) > 0);
+            self.textures.reloads += u64::from(self.planner.load_count(unit) > 0);
             self.textures.bytes_loaded += tile_bytes;
             self.textures.bytes_held += tile_bytes;
         }
-        self.arrived.push(chunk);
-        self.planner.loaded(chunk);
+        self.arrived.push(unit);
+        self.planner.loaded(unit);
     }
 
     /// Whether anything is on its way.
@@ -332,6 +332,6 @@ impl<'a> Residency<'a> {
 /// A closure that does not fit is the one thing no planner can help.
 fn plan_error(error: &PlanError) -> RenderError {
     match *error {
-        PlanError::ClosureTooLarge { chunk, bytes, budget } => RenderError::ChunkTooLarge { chunk, bytes, budget },
+        PlanError::ClosureTooLarge { unit, bytes, budget } => RenderError::ChunkTooLarge { chunk: unit, bytes, budget },
     }
 }

@@ -20,7 +20,7 @@ use crate::setting::is_cpu;
 use crate::shared::Gate;
 use crate::wavefront::Kind;
 use oocpt_core::residency::roulette::Prices;
-use oocpt_core::residency::{ChunkId, Demand, Proposal, ResidencyStats};
+use oocpt_core::residency::{Demand, Proposal, ResidencyStats, UnitId};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
@@ -129,7 +129,7 @@ impl<'a, 'r> Stage<'a, 'r> {
         let worthwhile = WORTHWHILE_RAYS.min(self.seen.paths_alive() / WORTHWHILE_SHARE);
         // What a step that is under way leaves is not known yet.
         let active = if flights.is_empty() { self.seen.active() } else { 0 };
-        let waiting = |unit: &ChunkId| self.seen.waiting.get(*unit as usize).map_or(0, |rays| u64::from(*rays));
+        let waiting = |unit: &UnitId| self.seen.waiting.get(*unit as usize).map_or(0, |rays| u64::from(*rays));
         let woken: u64 = self.streamer.residency.arrived.iter().map(waiting).sum();
         let begun = if self.segments.can_start(self.ended) { self.room_for_rays() } else { 0 };
         active + woken + begun < worthwhile
@@ -175,8 +175,8 @@ impl<'a, 'r> Stage<'a, 'r> {
         Some(stragglers.prices(&spent, &self.seen))
     }
 
-    /// Whether only so few paths are left that roulette is played for their loads, and none can begin or be decided
-    /// about.
+    /// Whether the number of living paths is below the threshold for roulette on loads, and none can begin or be
+    /// decided about.
     fn are_stragglers(&self) -> bool {
         let setting = self.streamer.tracer.setting;
         let adaptive = setting.film.adaptive();

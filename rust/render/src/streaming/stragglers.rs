@@ -15,7 +15,7 @@ use super::observe::Observation;
 #[cfg(feature = "faults")]
 use oocpt_core::residency::roulette::LEAST;
 use oocpt_core::residency::roulette::{Prices, Roulette, Stakes};
-use oocpt_core::residency::{ChunkId, Proposal};
+use oocpt_core::residency::{Proposal, UnitId};
 use oocpt_shader_abi::{WORTH_MUST, WORTH_ONE};
 
 /// Stragglers are so few of the paths that are in flight when there are enough: one in this many.
@@ -137,7 +137,7 @@ impl Stragglers {
     }
 
     /// See [`Roulette::observe`].
-    pub(super) fn observe(&mut self, seen: &Observation, is_resident: impl Fn(ChunkId) -> bool) {
+    pub(super) fn observe(&mut self, seen: &Observation, is_resident: impl Fn(UnitId) -> bool) {
         self.roulette.observe(seen.step, &seen.waiting, is_resident);
     }
 
@@ -154,7 +154,7 @@ impl Stragglers {
     /// Whether a load may begin; rays that wait for it first are weighted or ended in step `next`. Those that will come
     /// to the chunk later on pay their share of it.
     pub(super) fn agrees(&mut self, proposal: &Proposal, seen: &Observation, prices: &Prices, next: u64) -> bool {
-        let of = |values: &[u32]| values.get(proposal.chunk as usize).copied();
+        let of = |values: &[u32]| values.get(proposal.unit as usize).copied();
         let (first, later) = (of(&seen.waiting).unwrap_or(0), of(&seen.next).unwrap_or(0));
         let worth = match of(&seen.worth) {
             Some(worth) if proposal.is_idle && first > 0 && first < MANY_RAYS && worth & WORTH_MUST == 0 => {
@@ -163,7 +163,7 @@ impl Stragglers {
             _ => f64::INFINITY,
         };
         let share = f64::from(first) / (f64::from(first) + f64::from(later)).max(1.0);
-        let stakes = Stakes { chunk: proposal.chunk, bytes: proposal.bytes, worth, share };
+        let stakes = Stakes { unit: proposal.unit, bytes: proposal.bytes, worth, share };
         #[cfg(feature = "faults")]
         if let Some(per_mille) = self.faults.roulette_per_mille {
             let p = if worth.is_finite() { (f64::from(per_mille) / 1000.0).clamp(LEAST, 1.0) } else { 1.0 };
@@ -223,7 +223,7 @@ mod tests {
     /// Whether load after load of a chunk is agreed to, a hundred times.
     fn agreed(seen: &Observation, is_idle: bool) -> usize {
         let prices = Prices { secs_per_byte: 1.0, secs_per_path: 1e-9, variance: 1.0, paths: 1e9 };
-        let proposal = Proposal { chunk: 1, bytes: 1 << 20, is_idle };
+        let proposal = Proposal { unit: 1, bytes: 1 << 20, is_idle };
         let yes = |seed: u32| Stragglers::new(seed, 2).agrees(&proposal, seen, &prices, 1);
         (0..100).filter(|&seed| yes(seed)).count()
     }
@@ -242,7 +242,7 @@ mod tests {
         // A load costs 1000 paths, so one ray has p = 0.1; with 24 others to come it pays for 40 of them: p = 0.5, and
         // with more it is not played.
         let prices = Prices { secs_per_byte: 1e-6, secs_per_path: 1e-3, variance: 0.2, paths: 1e9 };
-        let proposal = Proposal { chunk: 1, bytes: 1_000_000, is_idle: true };
+        let proposal = Proposal { unit: 1, bytes: 1_000_000, is_idle: true };
         let agreed = |later: u32| {
             let seen = Observation { next: vec![0, later], ..seen(1, WORTH_ONE) };
             (0..400).filter(|&seed| Stragglers::new(seed, 2).agrees(&proposal, &seen, &prices, 1)).count()

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Which files this process writes into texture caches, so that one that is ended in the midst leaves none of them.
+//! Which files this process is writing into texture caches, so that an interrupted process removes its partial files.
 //!
 //! They have names of their own until they are whole ([`super::disk`]), so what is left is never taken for an entry; it
 //! would only lie there until it is stale.

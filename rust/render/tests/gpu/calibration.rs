@@ -117,8 +117,8 @@ fn the_interval_holds_the_true_error_as_often_as_it_says() {
     assert!(share <= 0.99 && inside >= fewest(all), "a 95 % interval holds {inside} of {all}");
 }
 
-/// The estimator was made with the scenes above and their samples before one's eyes. These are those of streaming, in
-/// front of which nothing was ever adjusted, at two other counts.
+/// The estimator was tuned on the scenes above at their sample counts. These are the scenes of streaming, on which
+/// nothing was tuned, at two other counts.
 #[test]
 fn nor_does_it_fail_where_nobody_looked() {
     let view = |scene: &Scene| color_request(perspective(scene.eye, scene.target, 0.8, SIZE));

@@ -257,9 +257,9 @@ pub struct Adaptive {
     /// u32x2 each: number of the pixel in trace order, with the stream in the highest bit; first sample. 8-byte
     /// aligned.
     pub entries: u64,
-    /// u32 by octave & 7, stream, pixel: what the first `2^octave` samples said, as two halves
+    /// u32 by octave & 7, stream, pixel: estimates by the first `2^octave` samples, as two halves
     /// (`oocpt_core::adaptive::VarianceEstimate`).
-    pub said: u64,
+    pub estimates: u64,
     /// Entries of each band.
     pub width: [u32; 32],
 }

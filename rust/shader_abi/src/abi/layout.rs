@@ -63,7 +63,7 @@ macro_rules! layout {
 pub const LAYOUTS: &[StructLayout] = &[
     layout!(Push { frame, first_pixel, first_sample, path_count, round, arg0, flags }),
     layout!(TextureFeedback { requested, incomplete_paths, wanted, wanted_capacity, wanted_count, is_incomplete, pad }),
-    layout!(Adaptive { entries, said, width }),
+    layout!(Adaptive { entries, estimates, width }),
     layout!(AovTargets { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo, sample_count }),
     layout!(AovClear { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo }),
     layout!(Frame {

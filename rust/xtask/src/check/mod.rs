@@ -10,6 +10,7 @@ mod text;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::Command;
+use std::time::Instant;
 
 use anyhow::{Context as _, Result, bail};
 
@@ -54,7 +55,10 @@ pub(crate) fn run_all(places: &Places, depth: Depth) -> Result<()> {
     let mut failed = Vec::new();
     for (_, name, step) in STEPS.iter().filter(|(needed, ..)| *needed <= depth) {
         say(format_args!("check: {name}"));
-        if let Err(error) = step(places) {
+        let started = Instant::now();
+        let judged = step(places);
+        say(format_args!("check: {name} took {} s", started.elapsed().as_secs()));
+        if let Err(error) = judged {
             say(format_args!("check: {name} FAILED: {error:#}"));
             failed.push(*name);
         }

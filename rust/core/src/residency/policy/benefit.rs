@@ -3,32 +3,32 @@
 //!
 //! Value of a load: (waiting rays + a share of the rays that will come to it next), grown with the time they have
 //! waited, per byte that is not yet on the device (shared meshes often are). Loss of an eviction: the rays that needed
-//! the chunk lately per byte only it holds; that is what comes back as demand, and what will have to be moved again.
+//! the unit lately per byte only it holds; that is what comes back as demand, and what will have to be moved again.
 //!
 //! While rays can be traced, only worthwhile loads are made. When none can, every ray that waits costs time whatever it
-//! moves: then all that is waited for is loaded, and only chunks that are waited for themselves are worth keeping.
+//! moves: then all that is waited for is loaded, and only units that are waited for themselves are worth keeping.
 //! (Measured on an H200, island of 10 M instances at 29 %: the last 0.5 % of the paths took 0.69 s with few loads in
 //! flight, 0.39 s with many.)
 
-use super::super::ChunkId;
+use super::super::UnitId;
 use super::{Policy, View, top};
 
 /// Most rays per byte first.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Benefit;
 
-/// What a ray counts for a chunk further down its list.
+/// What a ray counts for a unit further down its list.
 const NEXT_WEIGHT: f64 = 0.125;
 /// A load's value must be this many times the loss it causes.
 const HYSTERESIS: f64 = 1.25;
-/// Steps of waiting that double a chunk's value.
+/// Steps of waiting that double a unit's value.
 const AGE_STEPS: f64 = 512.0;
 /// Loads stop at this fraction of the best value: what is worth less now gathers rays until it is worth more, and the
 /// link moves fewer bytes for the same rays.
 const DROP: f64 = 0.5;
 /// What recent rays count when nothing can be traced: they only order what goes first.
 const IDLE_HEAT: f64 = 1e-9;
-/// Chunks whose assets are looked at in a step, the best by their whole closures.
+/// Units whose assets are looked at in a step, the best by their whole closures.
 const LOOKED_AT: usize = 1024;
 /// A load's fixed cost, as bytes.
 const LOAD_BYTES: f64 = 65536.0;
@@ -38,18 +38,18 @@ fn cost(bytes: u64) -> f64 {
     bytes as f64 + LOAD_BYTES
 }
 
-fn rays(view: &View<'_>, chunk: ChunkId) -> f64 {
-    let rays = f64::from(view.waiting(chunk)) + NEXT_WEIGHT * f64::from(view.next(chunk));
-    rays * (1.0 + f64::from(view.waited_steps(chunk)) / AGE_STEPS)
+fn rays(view: &View<'_>, unit: UnitId) -> f64 {
+    let rays = f64::from(view.waiting(unit)) + NEXT_WEIGHT * f64::from(view.next(unit));
+    rays * (1.0 + f64::from(view.waited_steps(unit)) / AGE_STEPS)
 }
 
 impl Policy for Benefit {
-    fn order(&mut self, view: &View<'_>, demanded: &[ChunkId], limit: usize) -> Vec<(f64, ChunkId)> {
-        let whole = |&chunk: &ChunkId| (rays(view, chunk) / cost(view.catalog().closure_bytes(chunk)), chunk);
+    fn order(&mut self, view: &View<'_>, demanded: &[UnitId], limit: usize) -> Vec<(f64, UnitId)> {
+        let whole = |&unit: &UnitId| (rays(view, unit) / cost(view.catalog().closure_bytes(unit)), unit);
         let likely = top(demanded.iter().map(whole).collect(), LOOKED_AT.max(limit));
-        let exact = likely.into_iter().filter_map(|(_, chunk)| {
-            let missing = view.missing_bytes(chunk)?;
-            Some((rays(view, chunk) / cost(missing), chunk))
+        let exact = likely.into_iter().filter_map(|(_, unit)| {
+            let missing = view.missing_bytes(unit)?;
+            Some((rays(view, unit) / cost(missing), unit))
         });
         let mut best = top(exact.collect(), limit);
         let drop = if view.is_idle() { 0.0 } else { DROP };
@@ -58,17 +58,17 @@ impl Policy for Benefit {
         best
     }
 
-    fn loss(&self, view: &View<'_>, chunk: ChunkId) -> f64 {
-        let heat = if view.is_idle() { IDLE_HEAT * view.heat(chunk) } else { view.heat(chunk) };
-        (heat + f64::from(view.waiting(chunk))) / cost(view.exclusive_bytes(chunk))
+    fn loss(&self, view: &View<'_>, unit: UnitId) -> f64 {
+        let heat = if view.is_idle() { IDLE_HEAT * view.heat(unit) } else { view.heat(unit) };
+        (heat + f64::from(view.waiting(unit))) / cost(view.exclusive_bytes(unit))
     }
 
     fn displaces(&self, value: f64, loss: f64) -> bool {
         value > HYSTERESIS * loss
     }
 
-    fn prefetch(&self, view: &View<'_>, chunk: ChunkId) -> Option<f64> {
-        let missing = view.missing_bytes(chunk)?;
-        Some(NEXT_WEIGHT * f64::from(view.next(chunk)) / cost(missing))
+    fn prefetch(&self, view: &View<'_>, unit: UnitId) -> Option<f64> {
+        let missing = view.missing_bytes(unit)?;
+        Some(NEXT_WEIGHT * f64::from(view.next(unit)) / cost(missing))
     }
 }

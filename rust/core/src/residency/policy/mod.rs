@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What a policy decides: which chunk is worth loading first, which is worth keeping, and when the one is worth the
+//! What a policy decides: which unit is worth loading first, which is worth keeping, and when the one is worth the
 //! other. Everything that must always hold (budget, pins, starvation, loads in flight) is the planner's, not a
 //! policy's.
 
@@ -13,35 +13,35 @@ pub use priority::Priority;
 pub use sweep::Sweep;
 pub use view::View;
 
-use super::ChunkId;
+use super::UnitId;
 use serde::{Deserialize, Serialize};
 
-/// Orders chunks. Values are finite and compared only with values of the same policy.
+/// Orders units. Values are finite and compared only with values of the same policy.
 pub trait Policy: std::fmt::Debug + Send {
-    /// The absent chunks worth a load now, best first, each with its value; `demanded` are those with waiting rays that
+    /// The absent units worth a load now, best first, each with its value; `demanded` are those with waiting rays that
     /// may be loaded. At most `limit`.
-    fn order(&mut self, view: &View<'_>, demanded: &[ChunkId], limit: usize) -> Vec<(f64, ChunkId)>;
+    fn order(&mut self, view: &View<'_>, demanded: &[UnitId], limit: usize) -> Vec<(f64, UnitId)>;
 
-    /// What is lost by evicting a resident chunk; the least goes first.
-    fn loss(&self, view: &View<'_>, chunk: ChunkId) -> f64;
+    /// What is lost by evicting a resident unit; the least goes first.
+    fn loss(&self, view: &View<'_>, unit: UnitId) -> f64;
 
-    /// May a load of this value displace a chunk of this loss? A margin here is what keeps equals from swapping.
+    /// May a load of this value displace a unit of this loss? A margin here is what keeps equals from swapping.
     fn displaces(&self, value: f64, loss: f64) -> bool;
 
     /// The value of a load ahead of demand, `None` if this policy makes none.
-    fn prefetch(&self, _view: &View<'_>, _chunk: ChunkId) -> Option<f64> {
+    fn prefetch(&self, _view: &View<'_>, _unit: UnitId) -> Option<f64> {
         None
     }
 
     /// A load was issued.
-    fn issued(&mut self, _chunk: ChunkId) {}
+    fn issued(&mut self, _unit: UnitId) {}
 }
 
 /// The policies there are; all may be compared in one run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PolicyKind {
-    /// Round robin over all chunks with demand.
+    /// Round robin over all units with demand.
     Sweep,
     /// Most waiting rays first.
     Priority,
@@ -93,8 +93,8 @@ impl std::str::FromStr for PolicyKind {
 }
 
 /// The `limit` largest of `values`, largest first, ties by the smaller id; O(n + limit log limit).
-pub(super) fn top(mut values: Vec<(f64, ChunkId)>, limit: usize) -> Vec<(f64, ChunkId)> {
-    let order = |a: &(f64, ChunkId), b: &(f64, ChunkId)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
+pub(super) fn top(mut values: Vec<(f64, UnitId)>, limit: usize) -> Vec<(f64, UnitId)> {
+    let order = |a: &(f64, UnitId), b: &(f64, UnitId)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
     if values.len() > limit {
         values.select_nth_unstable_by(limit, order);
         values.truncate(limit);

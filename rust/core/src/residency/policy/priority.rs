@@ -1,33 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The schedule of L. Berchtold's thesis (2022): a chunk's value is the number n of its waiting rays, 256 n when it is
-//! resident; chunks are loaded from the top of the list while their value is not ten times below the best.
+//! The schedule of L. Berchtold's thesis (2022): a unit's value is the number n of its waiting rays, 256 n when it is
+//! resident; units are loaded from the top of the list while their value is not ten times below the best.
 //!
-//! Where we differ: there, rays queue at resident chunks too and are traced from the queue; here they go on at once, so
-//! a resident chunk's n is what it was visited by since the last step (0 when nobody counts), and the best value is
-//! taken among absent chunks. Equal losses: the least recently used goes.
+//! Where we differ: there, rays queue at resident units too and are traced from the queue; here they go on at once, so
+//! a resident unit's n is what it was visited by since the last step (0 when nobody counts), and the best value is
+//! taken among absent units. Equal losses: the least recently used goes.
 
-use super::super::ChunkId;
+use super::super::UnitId;
 use super::{Policy, View, top};
 
 /// Most waiting rays first.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Priority;
 
-/// A resident chunk's rays count this many times.
+/// A resident unit's rays count this many times.
 const RESIDENT_FACTOR: f64 = 256.0;
 /// Loads stop at this fraction of the best value.
 const DROP: f64 = 0.1;
 
 impl Policy for Priority {
-    fn order(&mut self, view: &View<'_>, demanded: &[ChunkId], limit: usize) -> Vec<(f64, ChunkId)> {
-        let best = f64::from(demanded.iter().map(|&chunk| view.waiting(chunk)).max().unwrap_or(0));
-        let values = demanded.iter().map(|&chunk| (f64::from(view.waiting(chunk)), chunk));
+    fn order(&mut self, view: &View<'_>, demanded: &[UnitId], limit: usize) -> Vec<(f64, UnitId)> {
+        let best = f64::from(demanded.iter().map(|&unit| view.waiting(unit)).max().unwrap_or(0));
+        let values = demanded.iter().map(|&unit| (f64::from(view.waiting(unit)), unit));
         top(values.filter(|&(value, _)| value >= best * DROP).collect(), limit)
     }
 
-    fn loss(&self, view: &View<'_>, chunk: ChunkId) -> f64 {
-        let rays = f64::from(view.waiting(chunk)) + f64::from(view.visits(chunk));
-        RESIDENT_FACTOR * rays - f64::from(view.idle_steps(chunk)) / 4_294_967_296.0
+    fn loss(&self, view: &View<'_>, unit: UnitId) -> f64 {
+        let rays = f64::from(view.waiting(unit)) + f64::from(view.visits(unit));
+        RESIDENT_FACTOR * rays - f64::from(view.idle_steps(unit)) / 4_294_967_296.0
     }
 
     fn displaces(&self, value: f64, loss: f64) -> bool {

@@ -3,9 +3,9 @@
 
 use super::super::entry::Entry;
 use super::super::holdings::Holdings;
-use super::super::{Catalog, ChunkId, Demand, at};
+use super::super::{Catalog, Demand, UnitId, at};
 
-/// The planner's state as a policy sees it. Ids are valid chunks.
+/// The planner's state as a policy sees it. Ids are valid units.
 #[derive(Debug)]
 pub struct View<'a> {
     pub(in super::super) catalog: &'a Catalog,
@@ -21,9 +21,9 @@ impl View<'_> {
         self.catalog
     }
 
-    /// Rays that wait for the chunk.
-    pub fn waiting(&self, chunk: ChunkId) -> u32 {
-        at(self.demand.waiting, chunk)
+    /// Rays that wait for the unit.
+    pub fn waiting(&self, unit: UnitId) -> u32 {
+        at(self.demand.waiting, unit)
     }
 
     /// No ray can be traced: the device waits for loads.
@@ -31,43 +31,43 @@ impl View<'_> {
         self.demand.active == 0
     }
 
-    /// Rays that have the chunk further down their list.
-    pub fn next(&self, chunk: ChunkId) -> u32 {
-        at(self.demand.next, chunk)
+    /// Rays that have the unit further down their list.
+    pub fn next(&self, unit: UnitId) -> u32 {
+        at(self.demand.next, unit)
     }
 
-    /// Rays that visited the chunk since the last step, if the caller counts them.
-    pub fn visits(&self, chunk: ChunkId) -> u32 {
-        at(self.demand.visits, chunk)
+    /// Rays that visited the unit since the last step, if the caller counts them.
+    pub fn visits(&self, unit: UnitId) -> u32 {
+        at(self.demand.visits, unit)
     }
 
-    /// Rays that needed the chunk lately, halved every 16 steps.
-    pub fn heat(&self, chunk: ChunkId) -> f64 {
-        f64::from(self.entries[chunk as usize].heat_at(self.step))
+    /// Rays that needed the unit lately, halved every 16 steps.
+    pub fn heat(&self, unit: UnitId) -> f64 {
+        f64::from(self.entries[unit as usize].heat_at(self.step))
     }
 
-    /// Steps for which rays have waited for the chunk without a gap.
-    pub fn waited_steps(&self, chunk: ChunkId) -> u32 {
-        self.step.wrapping_sub(self.entries[chunk as usize].since)
+    /// Steps for which rays have waited for the unit without a gap.
+    pub fn waited_steps(&self, unit: UnitId) -> u32 {
+        self.step.wrapping_sub(self.entries[unit as usize].since)
     }
 
-    /// Steps since the chunk was last waited for, visited or loaded.
-    pub fn idle_steps(&self, chunk: ChunkId) -> u32 {
-        self.step.wrapping_sub(self.entries[chunk as usize].used)
+    /// Steps since the unit was last waited for, visited or loaded.
+    pub fn idle_steps(&self, unit: UnitId) -> u32 {
+        self.step.wrapping_sub(self.entries[unit as usize].used)
     }
 
-    /// Steps since the chunk became usable; for resident chunks.
-    pub fn resident_steps(&self, chunk: ChunkId) -> u32 {
-        self.step.wrapping_sub(self.entries[chunk as usize].usable)
+    /// Steps since the unit became usable; for resident units.
+    pub fn resident_steps(&self, unit: UnitId) -> u32 {
+        self.step.wrapping_sub(self.entries[unit as usize].usable)
     }
 
-    /// Bytes a load would bring, `None` while one of its assets is on its way for another chunk. Costs its assets.
-    pub fn missing_bytes(&self, chunk: ChunkId) -> Option<u64> {
-        self.holdings.missing(self.catalog, chunk)
+    /// Bytes a load would bring, `None` while one of its assets is on its way for another unit. Costs its assets.
+    pub fn missing_bytes(&self, unit: UnitId) -> Option<u64> {
+        self.holdings.missing(self.catalog, unit)
     }
 
     /// Bytes an eviction would free.
-    pub fn exclusive_bytes(&self, chunk: ChunkId) -> u64 {
-        self.holdings.exclusive(chunk)
+    pub fn exclusive_bytes(&self, unit: UnitId) -> u64 {
+        self.holdings.exclusive(unit)
     }
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The device of the simulation: slots, rounds, the link, and the clock that is counted.
 
-use super::super::{ChunkId, Command, Demand, PlanError, Planner, PlannerOptions, Policy, ResidencyStats};
+use super::super::{Command, Demand, PlanError, Planner, PlannerOptions, Policy, ResidencyStats, UnitId};
 use super::rays::Ray;
 use super::scene::Workload;
 use serde::{Deserialize, Serialize};
@@ -12,11 +12,11 @@ use std::collections::VecDeque;
 pub struct Device {
     /// Bytes the link moves in a second.
     pub bytes_per_sec: f64,
-    /// Seconds from the end of a load's bytes to its chunk being usable.
+    /// Seconds from the end of a load's bytes to its unit being usable.
     pub load_latency_secs: f64,
     /// Link seconds each load costs beside its bytes.
     pub load_overhead_secs: f64,
-    /// Chunks visited in a second, by all rays together.
+    /// Units visited in a second, by all rays together.
     pub visits_per_sec: f64,
     /// Seconds a round costs however few its rays.
     pub round_secs: f64,
@@ -26,7 +26,7 @@ pub struct Device {
     pub segment_slots: u32,
     /// Rays each simulated ray stands for.
     pub weight: u32,
-    /// The planner is told the visits of resident chunks.
+    /// The planner is told the visits of resident units.
     pub counts_visits: bool,
     /// The planner's options.
     pub planner: PlannerOptions,
@@ -60,7 +60,7 @@ pub struct Report {
     pub loading_secs: f64,
     /// Seconds in which nothing could be traced.
     pub waiting_secs: f64,
-    /// Chunk visits.
+    /// Unit visits.
     pub visits: u64,
     /// All paths were done; `false` = given up after too many rounds without progress.
     pub finished: bool,
@@ -71,7 +71,7 @@ pub struct Report {
 /// Rounds in a row without any visit after which a simulation gives up.
 const STUCK_ROUNDS: u32 = 10_000;
 
-/// Traces all paths of the workload under a budget. An error when a chunk does not fit the budget.
+/// Traces all paths of the workload under a budget. An error when a unit does not fit the budget.
 pub fn run(workload: &Workload, device: &Device, budget: u64, policy: Box<dyn Policy>) -> Result<Report, PlanError> {
     let planner = Planner::with_policy(workload.catalog.clone(), budget, policy, device.planner)?;
     let slots = (device.segments * device.segment_slots) as usize;
@@ -84,8 +84,8 @@ pub fn run(workload: &Workload, device: &Device, budget: u64, policy: Box<dyn Po
         next_path: 0,
         link: VecDeque::new(),
         link_free_secs: 0.0,
-        counts: Counts::new(workload.catalog.chunk_count()),
-        resident: vec![false; workload.catalog.chunk_count()],
+        counts: Counts::new(workload.catalog.unit_count()),
+        resident: vec![false; workload.catalog.unit_count()],
         report: Report::default(),
     };
     simulation.run();
@@ -101,8 +101,8 @@ struct Counts {
 }
 
 impl Counts {
-    fn new(chunks: usize) -> Self {
-        Self { waiting: vec![0; chunks], next: vec![0; chunks], visits: vec![0; chunks], active: 0 }
+    fn new(units: usize) -> Self {
+        Self { waiting: vec![0; units], next: vec![0; units], visits: vec![0; units], active: 0 }
     }
 }
 
@@ -115,7 +115,7 @@ struct Simulation<'a> {
     segment: VecDeque<u32>,
     next_path: u32,
     /// Loads by the time at which they are usable.
-    link: VecDeque<(f64, ChunkId)>,
+    link: VecDeque<(f64, UnitId)>,
     link_free_secs: f64,
     counts: Counts,
     resident: Vec<bool>,
@@ -163,19 +163,19 @@ impl Simulation<'_> {
             let Some(ray) = slot else { continue };
             let pending = ray.pending.as_slice();
             if let Some((&first, others)) = pending.split_first() {
-                if pending.iter().all(|&chunk| !resident[chunk as usize]) {
+                if pending.iter().all(|&unit| !resident[unit as usize]) {
                     continue;
                 }
                 counts.waiting[first as usize] -= weight;
-                others.iter().for_each(|&chunk| counts.next[chunk as usize] -= weight);
+                others.iter().for_each(|&unit| counts.next[unit as usize] -= weight);
             }
-            ray.trace(resident, |chunk| {
-                counts.visits[chunk as usize] += weight;
+            ray.trace(resident, |unit| {
+                counts.visits[unit as usize] += weight;
                 visits += u64::from(weight);
             });
             if let Some((&first, others)) = ray.pending.as_slice().split_first() {
                 counts.waiting[first as usize] += weight;
-                others.iter().for_each(|&chunk| counts.next[chunk as usize] += weight);
+                others.iter().for_each(|&unit| counts.next[unit as usize] += weight);
                 continue;
             }
             *slot = ray.next(&self.workload.options);
@@ -214,11 +214,11 @@ impl Simulation<'_> {
         }
         self.report.secs = secs;
         self.report.visits += visits;
-        while let Some(&(arrival, chunk)) = self.link.front()
+        while let Some(&(arrival, unit)) = self.link.front()
             && arrival <= secs
         {
-            self.planner.loaded(chunk);
-            self.resident[chunk as usize] = true;
+            self.planner.loaded(unit);
+            self.resident[unit as usize] = true;
             self.link.pop_front();
         }
     }
@@ -229,10 +229,10 @@ impl Simulation<'_> {
         let demand =
             Demand { waiting: &counts.waiting, next: &counts.next, visits, active: counts.active, asked: None };
         for command in self.planner.step(&demand) {
-            let (chunk, assets) = match command {
-                Command::Load { chunk, assets } => (chunk, assets),
-                Command::Evict { chunk, .. } => {
-                    self.resident[chunk as usize] = false;
+            let (unit, assets) = match command {
+                Command::Load { unit, assets } => (unit, assets),
+                Command::Evict { unit, .. } => {
+                    self.resident[unit as usize] = false;
                     continue;
                 }
             };
@@ -241,7 +241,7 @@ impl Simulation<'_> {
             let secs = bytes as f64 / self.device.bytes_per_sec + self.device.load_overhead_secs;
             self.link_free_secs = self.link_free_secs.max(self.report.secs) + secs;
             self.report.loading_secs += secs;
-            self.link.push_back((self.link_free_secs + self.device.load_latency_secs, chunk));
+            self.link.push_back((self.link_free_secs + self.device.load_latency_secs, unit));
         }
     }
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! A simulated device to compare policies on: rays that need chunks in order, a link that brings them, time that is
+//! A simulated device to compare policies on: rays that need units in order, a link that brings them, time that is
 //! counted and never measured.
 //!
 //! Pure and deterministic. The model, after the renderer's: paths live in slots, slots in segments that are refilled in

@@ -31,7 +31,7 @@ impl Random {
     }
 
     /// In 0..1.
-    pub(super) fn unit(&mut self) -> f64 {
+    pub(super) fn fraction(&mut self) -> f64 {
         f64::from(u32::try_from(self.bits() >> 32).unwrap_or(0)) / 4_294_967_296.0
     }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Synthetic scenes: a square of chunks with blocks of uneven size and meshes they share.
+//! Synthetic scenes: a square of units with blocks of uneven size and meshes they share.
 
-use super::super::{AssetId, Catalog, CatalogError, ChunkId};
+use super::super::{AssetId, Catalog, CatalogError, UnitId};
 use super::random::Random;
 use std::sync::Arc;
 
@@ -10,25 +10,25 @@ use std::sync::Arc;
 pub struct SceneOptions {
     /// Seed of everything.
     pub seed: u64,
-    /// Chunks along a side of the square.
+    /// Units along a side of the square.
     pub side: u32,
-    /// Mean bytes of a chunk's own block; blocks vary by a factor of 16.
+    /// Mean bytes of a unit's own block; blocks vary by a factor of 16.
     pub block_bytes: u64,
     /// Meshes in the scene.
     pub meshes: u32,
     /// Mean bytes of a mesh.
     pub mesh_bytes: u64,
-    /// Meshes a chunk uses, popular ones more often.
-    pub meshes_per_chunk: u32,
+    /// Meshes a unit uses, popular ones more often.
+    pub meshes_per_unit: u32,
     /// Paths to trace.
     pub paths: u32,
     /// Rays of a path.
     pub bounces: u8,
-    /// Mean number of chunks a ray crosses up to its hit.
+    /// Mean number of units a ray crosses up to its hit.
     pub crossed: u32,
     /// Share of the rays after the first that begin nowhere near where the last one ended (0 = all near).
     pub scattered: f64,
-    /// Chunks of a scattered ray are popular ones (else any).
+    /// Units of a scattered ray are popular ones (else any).
     pub popular: bool,
 }
 
@@ -40,7 +40,7 @@ impl Default for SceneOptions {
             block_bytes: 2 << 20,
             meshes: 512,
             mesh_bytes: 1 << 20,
-            meshes_per_chunk: 6,
+            meshes_per_unit: 6,
             paths: 32_768,
             bounces: 4,
             crossed: 3,
@@ -55,33 +55,33 @@ impl Default for SceneOptions {
 pub struct Workload {
     /// How it was made.
     pub options: SceneOptions,
-    /// Its chunks and assets.
+    /// Its units and assets.
     pub catalog: Arc<Catalog>,
 }
 
 impl Workload {
     /// Makes the scene.
     pub fn new(options: SceneOptions) -> Result<Self, CatalogError> {
-        let chunks = options.side.saturating_mul(options.side);
+        let units = options.side.saturating_mul(options.side);
         let mut bytes = Vec::new();
-        for asset in 0..chunks.saturating_add(options.meshes) {
-            let mean = if asset < chunks { options.block_bytes } else { options.mesh_bytes };
+        for asset in 0..units.saturating_add(options.meshes) {
+            let mean = if asset < units { options.block_bytes } else { options.mesh_bytes };
             let mut random = Random::of([options.seed, 1, u64::from(asset)]);
             // 1/4 to 4 times, mean about 1.1.
             let scale = random.below(5);
             bytes.push((mean / 4).max(1) << scale.min(random.below(5)));
         }
-        let row = |chunk: ChunkId| {
-            let mut random = Random::of([options.seed, 2, u64::from(chunk)]);
-            let mut row: Vec<AssetId> = vec![chunk];
-            for _ in 0..options.meshes_per_chunk {
+        let row = |unit: UnitId| {
+            let mut random = Random::of([options.seed, 2, u64::from(unit)]);
+            let mut row: Vec<AssetId> = vec![unit];
+            for _ in 0..options.meshes_per_unit {
                 if options.meshes > 0 {
-                    row.push(chunks + random.zipf(options.meshes));
+                    row.push(units + random.zipf(options.meshes));
                 }
             }
             row
         };
-        let catalog = Catalog::new(bytes, (0..chunks).map(row))?;
+        let catalog = Catalog::new(bytes, (0..units).map(row))?;
         Ok(Self { options, catalog: Arc::new(catalog) })
     }
 

@@ -69,7 +69,7 @@ pub(crate) const ROWS: &[Row] = &[
     Row {
         what: "adaptive sampling",
         features: &["ADAPTIVE"],
-        buffers: &[&["adaptive", "entries", "said"]],
+        buffers: &[&["adaptive", "entries", "estimates"]],
         also: Also::Adaptive,
         ..BARE
     },

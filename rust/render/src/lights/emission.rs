@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What the materials of a prim emit, as far as choosing points of it by light needs to know. Render thread only.
+//! Emission of a prim's materials, as needed to build sampling weights of mesh lights. Render thread only.
 
 use super::emission_map::{EmissionMap, Finish};
 use super::{emission_weight, narrow};
@@ -40,7 +40,7 @@ pub(super) struct Picture {
 
 /// The slots of a prim, and the weight that 1 stands for.
 #[derive(Clone, Debug)]
-pub(super) struct Glows {
+pub(super) struct PrimEmission {
     pub(super) by_slot: Vec<EmittedPower>,
     pub(super) scale: f32,
 }
@@ -48,7 +48,7 @@ pub(super) struct Glows {
 /// What a prim emits at one of its placements.
 #[derive(Clone, Debug)]
 pub(super) struct Placed {
-    pub(super) glows: Glows,
+    pub(super) emission: PrimEmission,
     /// By slot; the first float has the bits of `NO_VALUE` where the instance says nothing.
     pub(super) emissions: Vec<[f32; 3]>,
 }
@@ -62,11 +62,11 @@ pub(super) struct EmissionMaps {
 
 impl EmissionMaps {
     /// What each material emits. Forgets the maps of others.
-    pub(super) fn glows(&mut self, snapshot: &Snapshot, images: Option<&TextureCache>) -> Vec<Option<EmittedPower>> {
+    pub(super) fn powers(&mut self, snapshot: &Snapshot, images: Option<&TextureCache>) -> Vec<Option<EmittedPower>> {
         let materials = snapshot.surfaces.materials.iter();
-        let glows = materials.map(|material| glow(snapshot, material, self, images)).collect();
+        let emission = materials.map(|material| emitted_power(snapshot, material, self, images)).collect();
         self.known.retain_mut(|(.., is_used)| std::mem::take(is_used));
-        glows
+        emission
     }
 
     fn get(&mut self, texture: &TextureRef, finish: Finish, images: &TextureCache) -> Arc<EmissionMap> {
@@ -103,12 +103,12 @@ impl EmissionMaps {
     }
 }
 
-impl Glows {
-    /// Those of a prim, if one of its slots emits; `materials` as [`EmissionMaps::glows`] gives them.
+impl PrimEmission {
+    /// Those of a prim, if one of its slots emits; `materials` as [`EmissionMaps::powers`] gives them.
     pub(super) fn of_prim(snapshot: &Snapshot, prim_id: i64, materials: &[Option<EmittedPower>]) -> Option<Self> {
         let slots = snapshot.surfaces.slots(i32::try_from(prim_id).ok()?);
-        let glow = |&slot: &u32| materials.get(slot as usize).filter(|_| slot != NO_MATERIAL).cloned().flatten();
-        Self::scaled(slots.iter().map(|slot| glow(slot).unwrap_or(EmittedPower::Even(0.0))).collect())
+        let power = |&slot: &u32| materials.get(slot as usize).filter(|_| slot != NO_MATERIAL).cloned().flatten();
+        Self::scaled(slots.iter().map(|slot| power(slot).unwrap_or(EmittedPower::Even(0.0))).collect())
     }
 
     fn scaled(mut by_slot: Vec<EmittedPower>) -> Option<Self> {
@@ -117,8 +117,8 @@ impl Glows {
         if !largest.is_normal() {
             return None;
         }
-        for glow in &mut by_slot {
-            if let EmittedPower::Even(weight) = glow {
+        for power in &mut by_slot {
+            if let EmittedPower::Even(weight) = power {
                 *weight /= largest;
             }
         }
@@ -131,15 +131,15 @@ impl Glows {
             let is_own = mesh.primvars.iter().any(|primvar| primvar.id == name);
             values.iter().find(|value| value.0 == name && !is_own).map(|value| value.1)
         };
-        let has_value = |glow: &EmittedPower| glow.name().is_some_and(|name| value(name).is_some());
+        let has_value = |power: &EmittedPower| power.name().is_some_and(|name| value(name).is_some());
         if values.is_empty() || !self.by_slot.iter().any(has_value) {
             return None;
         }
         let (mut by_slot, mut emissions) = (Vec::new(), Vec::new());
-        for glow in &self.by_slot {
-            let here = glow.name().and_then(value);
+        for power in &self.by_slot {
+            let here = power.name().and_then(value);
             emissions.push([f32::from_bits(NO_VALUE); 3]);
-            by_slot.push(match (glow, here) {
+            by_slot.push(match (power, here) {
                 (EmittedPower::Even(weight), _) => EmittedPower::Even(weight * self.scale),
                 (other, None) => other.clone(),
                 // Places in a picture that an instance knows are left to rays.
@@ -153,15 +153,15 @@ impl Glows {
                 }
             });
         }
-        let glows = Self::scaled(by_slot).unwrap_or(Self { by_slot: Vec::new(), scale: 1.0 });
-        Some(Placed { glows, emissions })
+        let emission = Self::scaled(by_slot).unwrap_or(Self { by_slot: Vec::new(), scale: 1.0 });
+        Some(Placed { emission, emissions })
     }
 
     /// What tells emitters of one mesh apart.
     pub(super) fn key(&self) -> Vec<u32> {
         let mut key = Vec::new();
-        for glow in &self.by_slot {
-            match glow {
+        for power in &self.by_slot {
+            match power {
                 EmittedPower::Even(weight) => key.extend([0, weight.to_bits()]),
                 EmittedPower::Primvar(name, fallback) => {
                     key.extend([1, self.scale.to_bits(), *name]);
@@ -238,7 +238,7 @@ impl Picture {
 
 /// What a material emits; `None` if it is none that lights are made of: those that are not there everywhere, and Ptex,
 /// which shines on what rays that are reflected find it.
-fn glow(
+fn emitted_power(
     snapshot: &Snapshot,
     material: &Material,
     maps: &mut EmissionMaps,
