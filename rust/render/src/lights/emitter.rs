@@ -168,14 +168,14 @@ fn even_out(face: &mut [Part]) {
 fn part(mesh: &MeshAsset, emission: &PrimEmission, at: usize) -> Option<Part> {
     let triangle = mesh.triangles.get(at)?;
     let slot = mesh.subsets.get(at).copied().unwrap_or(0);
-    let power: &EmittedPower = emission.by_slot.get(usize::from(slot))?;
-    let corners = power.corners(mesh, at);
-    let weight = power.weight(&corners, emission.scale);
+    let emitted: &EmittedPower = emission.by_slot.get(usize::from(slot))?;
+    let corners = emitted.corners(mesh, at);
+    let weight = emitted.weight(&corners, emission.scale);
     let [a, b, c] = triangle.vertices.map(|v| v.map(f64::from));
     let normal = cross(sub(b, a), sub(c, a));
     let length = dot(normal, normal).sqrt();
     let power = 0.5 * length * weight;
-    let varies = power.varies();
+    let varies = emitted.varies();
     // What is black at one place of a face may not be at another.
     if !(length > 0.0 && power.is_finite() && (power > 0.0 || varies)) {
         return None;

@@ -204,7 +204,7 @@ impl Stragglers {
             let weight = verdict.weight;
             #[cfg(feature = "faults")]
             let weight = if self.faults.unweighted_roulette { weight.min(1.0) } else { weight };
-            if let Some(entry) = table.get_mut(verdict.chunk as usize) {
+            if let Some(entry) = table.get_mut(verdict.unit as usize) {
                 *entry = if verdict.weight > 0.0 { weight } else { -1.0 };
             }
         }
@@ -303,7 +303,7 @@ mod tests {
         let mut stragglers = Stragglers::new(7, 200);
         let many = Observation { waiting: vec![1; 200], worth: vec![1; 200], ..Observation::default() };
         let yes: Vec<bool> = (0..199)
-            .map(|chunk| stragglers.agrees(&Proposal { chunk, bytes: 1 << 20, is_idle: true }, &many, &prices, 1))
+            .map(|chunk| stragglers.agrees(&Proposal { unit: chunk, bytes: 1 << 20, is_idle: true }, &many, &prices, 1))
             .collect();
         let table = stragglers.take_verdicts().expect("something was decided");
         for (entry, yes) in table.iter().zip(&yes) {
