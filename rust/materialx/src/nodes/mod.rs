@@ -6,6 +6,7 @@ mod channel;
 mod color;
 mod flow;
 mod geometric;
+mod hair;
 mod math;
 mod pbr;
 mod procedural;
@@ -46,6 +47,9 @@ impl Walker<'_> {
             return Some(found);
         }
         if let Some(found) = self.pbr(at, category, output) {
+            return Some(found);
+        }
+        if let Some(found) = self.hair_node(at, category, output) {
             return Some(found);
         }
         self.texture_node(at, category, ty, output)
