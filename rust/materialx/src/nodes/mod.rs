@@ -7,6 +7,7 @@ mod color;
 mod flow;
 mod geometric;
 mod hair;
+mod height;
 mod math;
 mod pbr;
 mod procedural;

@@ -271,10 +271,12 @@ impl Walker<'_> {
         if !self.is_said(at, name) {
             return Slab::BLACK.normal;
         }
-        if let Some(source) = self.source_node(at, name)
-            && &*self.category(source) == "normalmap"
-        {
-            return self.tangent_space_normal(source);
+        if let Some(source) = self.source_node(at, name) {
+            match &*self.category(source) {
+                "normalmap" => return self.tangent_space_normal(source),
+                "bump" => return self.height_normal(source, "height"),
+                _ => {}
+            }
         }
         let Some(normal) = self.number(at, name) else { return Slab::BLACK.normal };
         let e = &mut self.expressions;

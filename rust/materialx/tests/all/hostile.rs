@@ -86,8 +86,14 @@ proptest! {
     ) {
         let mut nodes = nodes;
         if surface < 2 {
-            let surface = node("ND_open_pbr_surface_surfaceshader", &[], &[("base_color", 1), ("specular_roughness", 1)]);
-            nodes[0] = surface;
+            nodes[0] =
+                node("ND_open_pbr_surface_surfaceshader", &[], &[("base_color", 1), ("specular_roughness", 1)]);
+            if surface == 1 {
+                // Whatever is random is a height.
+                let last = nodes.len();
+                nodes[0].connections.push(("geometry_normal".into(), last, "out".into()));
+                nodes.push(node("ND_bump_vector3", &[], &[("height", 1)]));
+            }
         } else if surface == 2 {
             // A fibre, whatever else is random.
             let inputs = ["absorption_coefficient", "roughness_TT", "tint_R", "cuticle_angle"];

@@ -6,6 +6,8 @@ mod definitions;
 #[cfg(test)]
 mod hair;
 #[cfg(test)]
+mod height;
+#[cfg(test)]
 mod hostile;
 #[cfg(test)]
 mod support;
