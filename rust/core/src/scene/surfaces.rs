@@ -92,8 +92,8 @@ fn has(desc: &MeshDesc, name: &str) -> bool {
 }
 
 /// What is said of hair that is no curve.
-const NO_CURVE: &str = "its hair material is for curves: fibres go along the first texture coordinate, and are met where \
-                        the normal says";
+const NO_CURVE: &str = "its hair material is for curves: fibres go along the first texture coordinate, and are met \
+                        where the normal says";
 
 impl SurfaceStore {
     /// Compiles the materials of the meshes `shown` and tells every mesh which primvars it has to build and how it is
