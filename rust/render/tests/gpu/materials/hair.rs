@@ -61,11 +61,12 @@ fn picture(db: impl FnOnce(&mut SceneDb), samples: u32, streams: bool) -> Vec<[f
 fn a_white_fibre_in_a_white_furnace_disappears() {
     let bent: Vec<[f32; 3]> = [[-1.2, -0.6], [-0.4, 0.5], [0.4, -0.5], [1.2, 0.6]].map(|[x, y]| [x, y, 0.0]).to_vec();
     let wave = curves("/fibre", CurveBasis::BSpline, &[bent], 0.1);
-    for (name, desc, bound) in [
-        ("a tube", fibre(1.0, false), 1e-3),
-        ("a thin tube", fibre(0.05, false), 1e-3),
-        ("a ribbon", fibre(1.0, true), 1e-3),
-        ("a wave", wave, 2e-3),
+    // A path that met an inside would be one bounce longer, and be lost where there is none left.
+    for (name, desc, bound, most) in [
+        ("a tube", fibre(1.0, false), 1e-5, 1e-4),
+        ("a thin tube", fibre(0.05, false), 1e-5, 1e-4),
+        ("a ribbon", fibre(1.0, true), 1e-5, 1e-4),
+        ("a wave", wave, 1e-4, 0.02),
     ] {
         let pixels = picture(
             |db| {
@@ -80,7 +81,7 @@ fn a_white_fibre_in_a_white_furnace_disappears() {
         let worst = pixels.iter().map(|pixel| (pixel[0] - 1.0).abs()).fold(0.0, f32::max);
         println!("{name}: mean {mean}, a pixel is off by {worst} at most");
         assert!((mean - 1.0).abs() < bound, "{name}: mean radiance {mean}, not 1");
-        assert!(worst < 0.1, "{name}: a pixel is off by {worst}");
+        assert!(worst < most, "{name}: a pixel is off by {worst}");
     }
 }
 
