@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rough diffuse reflection: EON (Portsmouth, Kutz and Hill 2025, "EON: A practical energy-preserving rough diffuse
-// BRDF"), as OpenPBR's base_diffuse_roughness has it. For a colour c, a roughness r, cosines m_o and m_i with the normal
-// and s = wi . wo - m_i m_o:
+// BRDF"), as OpenPBR's base_diffuse_roughness has it. For a colour c, a roughness r, cosines m_o and m_i with the
+// normal and s = wi . wo - m_i m_o:
 //   f pi = c A (1 + r s / t) + c_ms (1 - E(m_o)) (1 - E(m_i)) / (1 - E_avg),   t = max(m_i, m_o) where s > 0, else 1
 // with E the albedo of the first term for c = 1 (its closed form), E_avg its average, and c_ms = c^2 E_avg /
 // (1 - c (1 - E_avg)). White reflects all; r = 0 is Lambert, bit for bit. Reciprocal. Directions are sampled as

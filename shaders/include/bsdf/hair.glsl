@@ -44,8 +44,8 @@ float scaled_bessel(float x) {
     return sum * inversesqrt(x);
 }
 
-// atan(y, x) to 1e-7 (Abramowitz and Stegun 4.4.49). What devices have may be off by 4096 units in the last place, which
-// narrow lobes show.
+// atan(y, x) to 1e-7 (Abramowitz and Stegun 4.4.49). What devices have may be off by 4096 units in the last place,
+// which narrow lobes show.
 float exact_angle(float y, float x) {
     const float low = min(abs(x), abs(y));
     const float high = max(abs(x), abs(y));
@@ -179,8 +179,8 @@ bool hair_sample(Hair hair, vec3 u, out vec3 wi) {
     while (p > 0u && hair.chance[p] <= 0.0) --p; // rounding
     if (hair.chance[p] <= 0.0) return false;
     const float rest = clamp(at / hair.chance[p], 0.0, 1.0);
-    // d'Eon et al. 2013, "Importance Sampling for Physically-Based Hair Fiber Models", eq. 7: the cosine with the cone's
-    // axis is 1 - below.
+    // d'Eon et al. 2013, "Importance Sampling for Physically-Based Hair Fiber Models", eq. 7: the cosine with the
+    // cone's axis is 1 - below.
     const float v = hair.variance[p];
     const float least = exp(-2.0 / v);
     const float below = clamp(-v * log(max(u.y + (1.0 - u.y) * least, 1.0e-30)), 0.0, 2.0);
