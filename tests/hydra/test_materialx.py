@@ -172,7 +172,10 @@ def Xform "World"
         float[] widths = [1.6] (interpolation = "constant")
         rel material:binding = </World/Hair>
     }
-    def DomeLight "Sky" { float inputs:intensity = 1 }
+    def DomeLight "Sky"
+    {
+        float inputs:intensity = 1
+    }
     def Material "Hair"
     {
         token outputs:mtlx:surface.connect = </World/Hair/S.outputs:out>

@@ -302,21 +302,26 @@ impl Walker<'_> {
         ]
     }
 
+    /// Colour of the base, emission, and roughness of the diffuse lobe.
+    fn base(&mut self, slab: &Slab) -> [Val; 3] {
+        let e = &mut self.expressions;
+        let scattered = e.complement(slab.metalness);
+        let scattered = e.multiply(slab.subsurface, scattered);
+        let color = e.mix(slab.base_color, slab.subsurface_color, scattered);
+        let tint = e.mix(Val::ONE, slab.coat_color, slab.coat);
+        // What is scattered below the surface leaves it as from a smooth one.
+        let roughness = e.mix(slab.diffuse_roughness, Val::ZERO, slab.subsurface);
+        [e.multiply(color, tint), e.multiply(slab.emission, tint), roughness]
+    }
+
     /// A slab as inputs of the BSDF.
     pub(crate) fn lower(&mut self, slab: &Slab) -> Lowered {
         if let Some(hair) = &slab.hair {
             return self.lower_hair(slab, hair);
         }
         let [anisotropy, film] = self.packed(slab);
+        let [mut color, emission, diffuse_roughness] = self.base(slab);
         let e = &mut self.expressions;
-        let scattered = e.complement(slab.metalness);
-        let scattered = e.multiply(slab.subsurface, scattered);
-        let mut color = e.mix(slab.base_color, slab.subsurface_color, scattered);
-        let tint = e.mix(Val::ONE, slab.coat_color, slab.coat);
-        color = e.multiply(color, tint);
-        let emission = e.multiply(slab.emission, tint);
-        // What is scattered below the surface leaves it as from a smooth one.
-        let diffuse_roughness = e.mix(slab.diffuse_roughness, Val::ZERO, slab.subsurface);
         let is_plain = slab.specular_weight.is(1.0, 1) && slab.specular_color.is(1.0, 3);
         let is_metal = slab.metalness.is(1.0, 1);
         let mut ior = slab.ior;
