@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // No pass: runs the BSDF for rust/render/tests/gpu/bsdf. One thread per item.
-// A case is 44 floats: geometric normal, normal, wo, wi, u, packed Shading, sheen's colour and roughness, anisotropy,
-// film, one of no use. What is
-// written:
+// A case is 64 floats: geometric normal, normal, wo, wi, u, packed Shading, sheen's colour and roughness, anisotropy,
+// film, diffuse roughness, hair (tints, absorption, variances, spreads, tilt, offset). What is written:
 //   CASES     28 floats per case: ok, wi, weight, pdf of its sample; evaluation there; diffuse, specular, pdf at the
 //             case's wi; chances of coat,
 //             specular, diffuse, multiple scattering, glass, its multiple scattering; what a smooth interface lets
@@ -17,7 +16,7 @@
 #define BSDF_SHEEN_TABLE push[7]
 #include "include/memory.glsl"
 
-const uint CASE = 44u; // floats
+const uint CASE = 64u; // floats
 const uint CASES = 0u;
 const uint SUMS = 1u;
 const uint SAMPLES = 2u;
@@ -55,6 +54,10 @@ Shading shading_of(uint item) {
     s.anisotropy = at4(item * CASE + 36u);
     s.film = at3(item * CASE + 40u);
     s.tangent = vec3(1.0, 0.0, 0.0);
+    s.diffuse_roughness = at(item * CASE + 43u);
+    const uint hair = item * CASE + 44u;
+    s.hair = HairShading(at3(hair), at3(hair + 3u), at3(hair + 6u), at3(hair + 9u), at3(hair + 12u), at3(hair + 15u), at(hair + 18u),
+                         at(hair + 19u));
     return valid_shading(s);
 }
 

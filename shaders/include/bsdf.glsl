@@ -14,12 +14,15 @@
 //                 alpha), not by the cosine.
 //                 A surface half metallic is a mixture of two: what goes below, (1 - metallic), went through the
 //                 dielectric's part.
-//   diffuse       color (1 - metallic) opacity U(wo) U(wi) / (pi avg U): reciprocal, and albedo color * U(wo) exactly.
+//   diffuse       with ROUGH_DIFFUSE bsdf/eon.glsl instead of a constant; without
+//                 color (1 - metallic) opacity U(wo) U(wi) / (pi avg U): reciprocal, and albedo color * U(wo) exactly.
 //
 // Anisotropic lobes (ANISOTROPY) keep the tables, which are those of isotropic ones: in a white furnace an albedo is
 // off by the difference, up to 0.11 above and, at grazing across the narrow axis, 0.4 below; over all azimuths 0.06.
 // Glass and what is scattered more than once is isotropic. A film (THIN_FILM, bsdf/film.glsl) replaces Schlick's
 // Fresnel of single scattering, exactly and at any angle; the rest takes F0 from it.
+//
+// A fibre (HAIR) is none of this: bsdf/hair.glsl.
 //
 // Normals: directions that leave on the wrong side of the true surface (geometric normal g) are mirrored at it, in
 // density and evaluation alike, so no energy is lost or won (as lambert.glsl does). Only where the viewer is below the
@@ -63,6 +66,14 @@ Bsdf make_bsdf(Shading s, vec3 wo) {
         b.coat_row = table_row(s.clearcoat_roughness);
     }
     b.flags = 0u;
+    if (HAS_HAIR && (s.flags & SHADING_HAIR) != 0u) {
+        b.flags = BSDF_HAIR;
+        b.hair = make_hair(s.hair, s.tangent, cross(s.geometric_normal, s.tangent), b.l, s.ior, wo);
+        b.chance = vec4(0.0);
+        b.chance_glass = vec2(0.0);
+        b.chance_sheen = b.opaque = b.glass = b.glass_alpha = 0.0;
+        return b;
+    }
     vec3 color = vec3(0.0);
     b.metallic = 0.0;
     b.coat = 0.0;
@@ -83,6 +94,14 @@ Bsdf make_bsdf(Shading s, vec3 wo) {
     b.stretch = no_stretch(b.alpha);
     b.coat_stretch = no_stretch(b.coat_alpha);
     b.film = HAS_THIN_FILM ? s.film : vec3(0.0);
+    vec3 more = vec3(0.0);
+    b.diffuse_more = vec3(0.0);
+    b.eon.roughness = 0.0;
+    if (HAS_ROUGH_DIFFUSE && s.diffuse_roughness > 0.0) {
+        b.eon = make_eon(s.diffuse_roughness, b.l, wo);
+        more = eon_scattered(s.diffuse_color, s.diffuse_roughness) * ((1.0 - b.metallic) * opacity);
+        b.diffuse_more = more;
+    }
     if (!HAS_MATERIALS) b.bare = b.bare_glass = vec3(0.0);
     if (HAS_SHEEN) {
         b.sheen_most = b.opaque > 0.0 ? largest(s.sheen_color) : 0.0;
@@ -117,6 +136,7 @@ Bsdf make_bsdf(Shading s, vec3 wo) {
     const vec3 scale = vec3(average.x > 1.0e-5 ? 1.0 / average.x : 0.0, average.y > 1.0e-5 ? 1.0 / average.y : 0.0,
                             average.z > 1.0e-5 ? 1.0 / average.z : 0.0);
     b.diffuse = base * under * scale;
+    if (HAS_ROUGH_DIFFUSE) b.diffuse_more = more * under * scale;
     if (average_lost > 1.0e-9) b.scatter = color * (lost / average_lost);
     else color = vec3(0.0);
     vec4 weight = vec4(0.0, 0.0, mean(base * under), mean(color) * lost);
@@ -142,17 +162,25 @@ vec3 from_frame(Bsdf b, vec3 w) {
     return normalize(w.x * b.t + w.y * b.b + w.z * b.n);
 }
 
+// Diffuse colour towards a direction at this cosine.
+vec3 diffuse_towards(Bsdf b, vec3 wi, float cosine) {
+    if (!HAS_ROUGH_DIFFUSE || b.eon.roughness <= 0.0) return b.diffuse;
+    float single, multiple;
+    eon_factors(b.eon, wi, cosine, single, multiple);
+    return b.diffuse * single + b.diffuse_more * multiple;
+}
+
 // Adds one direction's part before it is mirrored at the surface, or after.
 void add_reflection(Bsdf b, vec3 wi, inout vec3 diffuse, inout vec3 specular, inout float pdf) {
     const float broad = max(dot(b.l, wi), 0.0) / PI;
     if (broad > 0.0) {
         if (is_plain(b)) {
-            diffuse += b.diffuse * broad;
+            diffuse += diffuse_towards(b, wi, min(broad * PI, 1.0)) * broad;
         } else if (b.chance.z > 0.0 || b.chance.w > 0.0) {
             float lost;
             const float cosine = min(broad * PI, 1.0);
             const vec3 under = under_all(b, cosine, lost);
-            diffuse += b.diffuse * under * broad;
+            diffuse += diffuse_towards(b, wi, cosine) * under * broad;
             specular += b.scatter * (lost * broad);
             if (b.chance.w > 0.0) pdf += b.chance.w * scatter_density(b.alpha, cosine);
         }
@@ -189,6 +217,12 @@ void bsdf_evaluate_lobes(Bsdf b, vec3 wo, vec3 wi, out vec3 diffuse, out vec3 sp
     diffuse = vec3(0.0);
     specular = vec3(0.0);
     pdf = 0.0;
+    if (is_hair(b)) {
+        const vec4 value = hair_evaluate(b.hair, wi);
+        specular = value.rgb;
+        pdf = value.a;
+        return;
+    }
     const float cosine = dot(b.g, wi);
     const vec3 mirrored = wi - 2.0 * cosine * b.g;
     if (HAS_ROUGH_TRANSMISSION && cosine < 0.0 && b.glass_alpha > 0.0) {
@@ -235,11 +269,16 @@ bool bsdf_choose(Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, out floa
     wi = b.g;
     weight = vec3(0.0);
     pdf = 0.0;
+    if (is_hair(b)) {
+        evaluates = hair_sample(b.hair, u.xyz, wi);
+        return evaluates;
+    }
     if (is_plain(b)) {
         const Lambert lambert = Lambert(b.g, b.l);
         wi = lambert_sample(lambert, u.xy);
         pdf = lambert_density(lambert, wi);
         weight = b.diffuse;
+        evaluates = HAS_ROUGH_DIFFUSE && b.eon.roughness > 0.0 && pdf > 0.0 && b.chance.z > 0.0;
         return pdf > 0.0 && b.chance.z > 0.0;
     }
     float at = u.z;

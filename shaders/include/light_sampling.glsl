@@ -239,7 +239,7 @@ void resolve_ask(uint path, Surface surface, Shading shading, out uint missing) 
     const vec3 wo = -ray.d;
     const Bsdf bsdf = make_bsdf(shading, wo);
     const vec3 normal = bsdf_normal(bsdf);
-    const uint packed_normal = HAS_TRANSMISSION ? NO_INDEX : pack_normal(normal);
+    const uint packed_normal = HAS_BEYOND ? NO_INDEX : pack_normal(normal);
     LightSample ls =
         sample_one_light(path, ray.bounce, bsdf, wo, add(surface.position, surface.offset * normal), prim_link_set(surface.prim_id), packed_normal,
                 ray.bounce >= FRAME.max_bounces && is_plain(bsdf), surface.cone);

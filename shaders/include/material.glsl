@@ -23,6 +23,7 @@ const uint MATERIAL_ANISOTROPIC = 8192u;
 const uint MATERIAL_THIN_FILM = 16384u;
 const uint MATERIAL_ABSORBING = 32768u;
 const uint MATERIAL_THIN_WALLED = 65536u;
+const uint MATERIAL_ROUGH_DIFFUSE = 262144u;
 
 // Places of the inputs.
 const uint INPUT_DIFFUSE_COLOR = 0u;
@@ -41,6 +42,11 @@ const uint INPUT_SHEEN_ROUGHNESS = 14u;
 const uint INPUT_ANISOTROPY = 15u;
 const uint INPUT_THIN_FILM = 16u;
 const uint INPUT_ABSORPTION = 17u;
+const uint INPUT_DIFFUSE_ROUGHNESS = 18u;
+
+// Of a fibre inputs mean something else: oocpt_materialx::surface::Input says what.
+const uint HAIR_INPUTS = 1u << INPUT_DIFFUSE_COLOR | 1u << INPUT_SPECULAR_COLOR | 1u << INPUT_TRANSMISSION_COLOR | 1u << INPUT_IOR
+    | 1u << INPUT_NORMAL | 1u << INPUT_ANISOTROPY | 1u << INPUT_THIN_FILM | 1u << INPUT_ABSORPTION;
 
 // Where a texture input looks.
 vec2 texture_place(GpuInput i, GpuSurfaceMaterial m) {
@@ -99,6 +105,24 @@ vec4 input_value(GpuSurfaceMaterial m, uint name, float cone, inout uint missing
     return pick_channel(i, vec4(0.0, 0.0, 0.0, 1.0));
 }
 
+// An input of a fibre.
+void set_hair(inout Shading r, uint name, vec4 value) {
+    if (name == INPUT_DIFFUSE_COLOR) r.hair.tint_r = value.xyz;
+    if (name == INPUT_SPECULAR_COLOR) r.hair.tint_tt = value.xyz;
+    if (name == INPUT_TRANSMISSION_COLOR) r.hair.tint_trt = value.xyz;
+    if (name == INPUT_NORMAL) r.hair.offset = value.x;
+    if (name == INPUT_ABSORPTION) r.hair.absorption = value.xyz;
+    if (name == INPUT_ANISOTROPY) {
+        r.hair.variance.xy = value.xz;
+        r.hair.spread.xy = value.yw;
+    }
+    if (name == INPUT_THIN_FILM) {
+        r.hair.variance.z = value.x;
+        r.hair.spread.z = value.y;
+        r.hair.tilt = value.z;
+    }
+}
+
 // The material of a path's hit, or what stands for one. `missing`: TEXTURE_DONE, or the unit that it waits for; the
 // result then means nothing.
 Shading make_shading(uint path, Surface s, out uint missing) {
@@ -136,7 +160,13 @@ Shading make_shading(uint path, Surface s, out uint missing) {
         if (HAS_ANISOTROPY && (flags & MATERIAL_ANISOTROPIC) != 0u) wanted |= 1u << INPUT_ANISOTROPY;
         if (HAS_THIN_FILM && (flags & MATERIAL_THIN_FILM) != 0u) wanted |= 1u << INPUT_THIN_FILM;
         if (HAS_ABSORPTION && (flags & MATERIAL_ABSORBING) != 0u) wanted |= 1u << INPUT_ABSORPTION;
+        if (HAS_ROUGH_DIFFUSE && (flags & MATERIAL_ROUGH_DIFFUSE) != 0u) wanted |= 1u << INPUT_DIFFUSE_ROUGHNESS;
         if (HAS_THIN_WALLS && (flags & MATERIAL_THIN_WALLED) != 0u) r.flags |= SHADING_THIN_WALLED;
+    }
+    const bool is_hair = HAS_HAIR && (flags & MATERIAL_HAIR) != 0u;
+    if (is_hair) {
+        r.flags = SHADING_HAIR;
+        wanted = HAIR_INPUTS | (wanted & 1u << INPUT_EMISSIVE_COLOR);
     }
     if (HAS_PATTERNS && (flags & MATERIAL_PATTERNS) != 0u) {
         const vec3 view = load_ray(ray_address(path)).d;
@@ -144,9 +174,9 @@ Shading make_shading(uint path, Surface s, out uint missing) {
         const uint sizes = Materials(FRAME.materials).v[m.material].program_sizes;
         run_program(material_program(m.material), sizes, m, point, missing);
     }
-    if ((flags & MATERIAL_NORMAL_MAP) != 0u && m.handedness != 0.0) wanted |= 1u << INPUT_NORMAL;
+    if (!is_hair && (flags & MATERIAL_NORMAL_MAP) != 0u && m.handedness != 0.0) wanted |= 1u << INPUT_NORMAL;
     vec3 local = vec3(0.0, 0.0, 1.0);
-    // Eighteen inputs, one copy of the code: unrolled, lookups would be most of what a pass that shades is made of.
+    // Many inputs, one copy of the code: unrolled, lookups would be most of what a pass that shades is made of.
     [[dont_unroll]] for (uint rest = wanted; rest != 0u; rest &= rest - 1u) {
         const uint name = uint(findLSB(rest));
         const vec4 whole = input_value(m, name, cone, missing);
@@ -169,6 +199,14 @@ Shading make_shading(uint path, Surface s, out uint missing) {
         if (HAS_ANISOTROPY && name == INPUT_ANISOTROPY) r.anisotropy = whole;
         if (HAS_THIN_FILM && name == INPUT_THIN_FILM) r.film = value;
         if (HAS_ABSORPTION && name == INPUT_ABSORPTION) r.absorption = value;
+        if (HAS_ROUGH_DIFFUSE && name == INPUT_DIFFUSE_ROUGHNESS) r.diffuse_roughness = value.x;
+        if (is_hair) set_hair(r, name, whole);
+    }
+    if (is_hair) {
+        r.tangent = m.tangent;
+        r.absorption = vec3(0.0);
+        r.diffuse_color = r.hair.tint_tt * exp(-r.hair.absorption); // of images: a way through half of it
+        return valid_shading(r);
     }
     if (HAS_ANISOTROPY) {
         r.tangent = m.tangent;

@@ -16,6 +16,24 @@ const uint SHADING_OPEN_PBR = 4u;
 // A sheet without an inside: what goes through goes straight on.
 const uint SHADING_THIN_WALLED = 8u;
 
+// A fibre (bsdf/hair.glsl), and nothing else: of the rest of Shading normals, tangent, emission and ior count.
+const uint SHADING_HAIR = 16u;
+
+// Directions may lead through a surface.
+const bool HAS_BEYOND = HAS_TRANSMISSION || HAS_HAIR;
+
+// Offset of a fibre whose normal says where it is met.
+const float BY_NORMAL = 2.0;
+
+struct HairShading {
+    vec3 tint_r, tint_tt, tint_trt; // >= 0, of the lobes
+    vec3 absorption; // >= 0, by the fibre's radius
+    vec3 variance;   // along the fibre, of R, TT, TRT; 0.001..1, as the next
+    vec3 spread;     // across it: scale of the logistic before the factor sqrt(pi / 8)
+    float tilt;      // of the cuticle's scales, radians
+    float offset;    // where it is met across its width, -1..1, or BY_NORMAL
+};
+
 struct Shading {
     vec3 geometric_normal; // unit, authored side: outside of what is transmissive
     vec3 normal;           // unit shading normal after the normal map, authored side
@@ -38,7 +56,14 @@ struct Shading {
                            // whole one; of the base, then of the coat
     vec3 film;             // weight, 0..1; thickness in nm; index, >= 1
     vec3 absorption;       // per length inside, >= 0; not the BSDF's matter
+    float diffuse_roughness; // 0..1; with ROUGH_DIFFUSE
+    HairShading hair;      // with SHADING_HAIR
 };
+
+// White, and what MaterialX says of the rest.
+HairShading white_hair() {
+    return HairShading(vec3(1.0), vec3(1.0), vec3(1.0), vec3(0.0), vec3(0.1, 0.05, 0.2), vec3(0.1, 0.05, 0.2), 0.0, BY_NORMAL);
+}
 
 const uint SHADING_VEC4S = 4u;
 
@@ -48,7 +73,7 @@ const float LEAST_RATIO = 0.02;
 // The material of a surface that has none: diffuse and nothing else (specular F0 = 0).
 Shading diffuse_shading(vec3 geometric_normal, vec3 normal, vec3 color) {
     return Shading(geometric_normal, normal, color, vec3(0.0), vec3(0.0), 0.0, 0.5, 1.5, 0.0, 0.01, 1.0, SHADING_SPECULAR_WORKFLOW,
-                   vec3(0.0), 0.5, vec3(1.0), 1.5, vec3(0.0), vec4(1.0, 0.0, 1.0, 0.0), vec3(0.0), vec3(0.0));
+                   vec3(0.0), 0.5, vec3(1.0), 1.5, vec3(0.0), vec4(1.0, 0.0, 1.0, 0.0), vec3(0.0), vec3(0.0), 0.0, white_hair());
 }
 
 float unit_range(float x) {
@@ -61,6 +86,23 @@ vec3 unit_range(vec3 c) {
 
 vec3 valid_emission(vec3 e) {
     return vec3(e.x > 0.0 ? min(e.x, 3.0e38) : 0.0, e.y > 0.0 ? min(e.y, 3.0e38) : 0.0, e.z > 0.0 ? min(e.z, 3.0e38) : 0.0);
+}
+
+// `x` in the range that a fibre's roughness has, as MaterialX limits it; NaN is its middle.
+vec3 hair_range(vec3 x) {
+    return vec3(x.x >= 0.0 ? clamp(x.x, 1.0e-3, 1.0) : 0.1, x.y >= 0.0 ? clamp(x.y, 1.0e-3, 1.0) : 0.1, x.z >= 0.0 ? clamp(x.z, 1.0e-3, 1.0) : 0.1);
+}
+
+HairShading valid_hair(HairShading h) {
+    h.tint_r = min(valid_emission(h.tint_r), vec3(1.0e3));
+    h.tint_tt = min(valid_emission(h.tint_tt), vec3(1.0e3));
+    h.tint_trt = min(valid_emission(h.tint_trt), vec3(1.0e3));
+    h.absorption = valid_emission(h.absorption);
+    h.variance = hair_range(h.variance);
+    h.spread = hair_range(h.spread);
+    h.tilt = abs(h.tilt) < 1.0e3 ? h.tilt : 0.0;
+    h.offset = abs(h.offset) <= 1.0 ? h.offset : BY_NORMAL;
+    return h;
 }
 
 // Any numbers made into valid ones; normals are left alone.
@@ -85,7 +127,9 @@ Shading valid_shading(Shading s) {
     s.film.y = s.film.y > 0.0 ? min(s.film.y, 1.0e5) : 0.0;
     s.film.z = s.film.z >= 1.0 ? min(s.film.z, 1.0e2) : 1.0;
     s.absorption = valid_emission(s.absorption);
+    s.diffuse_roughness = unit_range(s.diffuse_roughness);
     s.opacity = s.opacity < 1.0 ? max(s.opacity, 0.0) : 1.0; // NaN is 1
+    if (HAS_HAIR && (s.flags & SHADING_HAIR) != 0u) s.hair = valid_hair(s.hair);
     return s;
 }
 
@@ -99,7 +143,7 @@ void pack_shading(Shading s, out vec4 packed[4]) {
 Shading unpack_shading(vec4 packed[4], vec3 geometric_normal, vec3 normal) {
     return Shading(geometric_normal, normal, packed[0].xyz, packed[1].xyz, packed[2].xyz, packed[0].w, packed[1].w, packed[2].w,
                    packed[3].x, packed[3].y, packed[3].z, uint(packed[3].w), vec3(0.0), 0.5, vec3(1.0), 1.5, vec3(0.0),
-                   vec4(1.0, 0.0, 1.0, 0.0), vec3(0.0), vec3(0.0));
+                   vec4(1.0, 0.0, 1.0, 0.0), vec3(0.0), vec3(0.0), 0.0, white_hair());
 }
 
 #endif

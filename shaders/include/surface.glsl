@@ -187,6 +187,10 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
             vec3 e, f;
             leaf_edges(mesh, triangle, e, f);
             add_tangent(surface_material, mesh, triangle, e, f, s.geometric_normal, ray.d, world, map);
+            if (HAS_HAIR) {
+                const vec3 radial = mix(v2.x, v2.y, uv.x) * object_normal;
+                add_fibre(surface_material, mesh, triangle, is_round, e, f, radial, s.geometric_normal, world, map);
+            }
         }
     }
     s.albedo = FRAME.default_albedo;

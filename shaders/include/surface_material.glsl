@@ -15,6 +15,8 @@
 const uint INPUT_OPACITY = 7u;
 const uint INPUT_NORMAL = 9u;
 
+const uint MATERIAL_HAIR = 131072u; // MaterialFlags of core; the others are in material.glsl
+
 // With HAS_MESH_LIGHTS: where GpuSurfaceMaterial::flags keeps the mesh, up to MAX_LIGHT_MESH of the host.
 const uint SURFACE_MESH_SHIFT = 8u;
 
@@ -175,6 +177,33 @@ void add_tangent(inout GpuSurfaceMaterial m, uint mesh, uint triangle, vec3 e, v
         m.handedness = area < 0.0 ? -1.0 : 1.0;
         m.tangent = along * (m.handedness * inversesqrt(squared));
     }
+}
+
+// Of a material of hair: the tangent goes along the fibre and `handedness` is its radius in the world, 0 of what is no
+// tube. Ribbons know where they are across their width (oocpt_core::material::ACROSS_NAME): the tangent is across that.
+// `e`: an edge of the leaf; `radial`: from a tube's axis to its surface, both in the mesh's frame; `n`: in the world.
+void add_fibre(inout GpuSurfaceMaterial m, uint mesh, uint triangle, bool is_round, vec3 e, vec3 f, vec3 radial, vec3 n, ChunkMap world,
+               Affine map) {
+    Materials materials = Materials(FRAME.materials);
+    if ((materials.v[m.material].flags & MATERIAL_HAIR) == 0u) return;
+    m.handedness = 0.0;
+    if (is_round) {
+        const vec3 axis = unapply_rows(world.x, world.y, world.z, unapply_rows(map.x.xyz, map.y.xyz, map.z.xyz, e));
+        const vec3 reach = unapply_rows(world.x, world.y, world.z, unapply_rows(map.x.xyz, map.y.xyz, map.z.xyz, radial));
+        m.tangent = normal_or(axis, vec3(0.0));
+        m.handedness = sqrt(dot3(reach, reach));
+        return;
+    }
+    const uint kind = materials.v[m.material].inputs[INPUT_NORMAL].kind;
+    if ((kind & 3u) != INPUT_PRIMVAR) return;
+    const uint entry = find_primvar(mesh, materials.v[m.material].names[2u + ((kind >> INPUT_SET_SHIFT) & 1u)]);
+    if (entry == NO_NAME) return;
+    vec4 a, b, c;
+    primvar_corners(mesh, entry, triangle, a, b, c);
+    vec3 u, v, normal;
+    if (!edge_gradients(vec2(b.x - a.x, 0.0), vec2(c.x - a.x, 0.0), e, f, u, v, normal)) return;
+    u = combine_rows(world.x, world.y, world.z, apply_transposed(map, u));
+    m.tangent = normal_or(cross3(u, n), m.tangent);
 }
 
 #endif

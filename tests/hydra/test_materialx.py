@@ -2,6 +2,8 @@
 """MaterialX through Hydra, both front ends: documents that a scene references, networks that USD encodes, which of a
 material's networks counts, warnings."""
 
+import math
+
 import pytest
 
 import compare
@@ -145,3 +147,91 @@ def test_what_is_not_understood_is_one_warning_with_the_prim(host, old, new, wor
         log = view.render().log
     lines = [line for line in log.splitlines() if "/World/M" in line and "arning" in line]
     assert len(lines) == 1 and words in lines[0], log
+
+
+FIBRE = """#usda 1.0
+(
+    defaultPrim = "World"
+    upAxis = "Y"
+)
+def Xform "World"
+{
+    def Camera "Camera"
+    {
+        token projection = "orthographic"
+        float horizontalAperture = 20
+        float verticalAperture = 20
+        double3 xformOp:translate = (0, 0, 5)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+    def BasisCurves "Fibre" (prepend apiSchemas = ["MaterialBindingAPI"])
+    {
+        uniform token type = "linear"
+        int[] curveVertexCounts = [2]
+        point3f[] points = [(-3, 0, 0), (3, 0, 0)]
+        float[] widths = [1.6] (interpolation = "constant")
+        rel material:binding = </World/Hair>
+    }
+    def DomeLight "Sky"
+    {
+        float inputs:intensity = 1
+    }
+    def Material "Hair"
+    {
+        token outputs:mtlx:surface.connect = </World/Hair/S.outputs:out>
+        def Shader "S"
+        {
+            uniform token info:id = "ND_surface"
+            token inputs:bsdf.connect = </World/Hair/B.outputs:out>
+            token outputs:out
+        }
+        def Shader "B"
+        {
+            uniform token info:id = "ND_chiang_hair_bsdf"
+            float2 inputs:roughness_R.connect = </World/Hair/R.outputs:roughness_R>
+            float2 inputs:roughness_TT.connect = </World/Hair/R.outputs:roughness_TT>
+            float2 inputs:roughness_TRT.connect = </World/Hair/R.outputs:roughness_TRT>
+            vector3f inputs:absorption_coefficient.connect = </World/Hair/A.outputs:absorption>
+            token outputs:out
+        }
+        def Shader "R"
+        {
+            uniform token info:id = "ND_chiang_hair_roughness"
+            float2 outputs:roughness_R
+            float2 outputs:roughness_TT
+            float2 outputs:roughness_TRT
+        }
+        def Shader "A"
+        {
+            uniform token info:id = "ND_chiang_hair_absorption_from_color"
+            color3f inputs:color = (0.05, 0.05, 0.05)
+            float inputs:azimuthal_roughness = 0.3
+            vector3f outputs:absorption
+        }
+    }
+}
+"""
+
+
+def let_through(h, absorption, eta=1.55):
+    """All that a fibre across the view scatters where it is met at h: Chiang et al. 2016, eq. 13, and its series."""
+    cosine = math.sqrt(1 - h * h)
+    inner = math.sqrt(1 - (h / eta) ** 2)
+    s = (cosine - eta * inner) / (cosine + eta * inner)
+    p = (eta * cosine - inner) / (eta * cosine + inner)
+    f = (s * s + p * p) / 2
+    t = math.exp(-2 * absorption * inner)
+    return f + (1 - f) ** 2 * t / (1 - f * t)
+
+
+def test_hair_lets_through_what_its_colour_says(host):
+    """A fibre in a white dome: rows are places across it. Helper nodes and their outputs come through Hydra."""
+    x = 0.3
+    below = 5.969 - 0.215 * x + 2.532 * x**2 - 10.73 * x**3 + 5.574 * x**4 + 0.245 * x**5
+    absorption = (math.log(0.05) / below) ** 2
+    with host.open(FIBRE, (32, 32), settings=SETTINGS) as view:
+        image = pixels(view)
+    for row in range(4, 28):
+        heights = [((row + (k + 0.5) / 16) / 16 - 1) / 0.8 for k in range(16)]
+        known = sum(let_through(h, absorption) for h in heights) / 16
+        compare.near(image[row].mean(axis=0), (known,) * 3, 4e-3, f"row {row}")

@@ -43,6 +43,8 @@ pub struct Translation {
     pub opacity_threshold: f32,
     /// The surface is a sheet without an inside.
     pub thin_walled: bool,
+    /// The surface is a fibre's: see [`Input`].
+    pub hair: bool,
     /// Empty where no input is a register.
     pub program: Program,
     /// Works out the opacity where that is a register. Apart: it is asked before the hit is known.
@@ -61,6 +63,7 @@ impl Translation {
             specular_workflow: false,
             opacity_threshold: 0.0,
             thin_walled: false,
+            hair: false,
             program: Program::default(),
             opacity_program: Program::default(),
             uses: Uses::default(),
@@ -96,7 +99,8 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
     let mut inputs: [Option<InputSource>; INPUTS] = [None; INPUTS];
     for (at, ((val, (width, _)), input)) in lowered.inputs.iter().zip(SHAPES).zip(&mut inputs).enumerate() {
         // Those of several numbers are textures by chance only, and there are no more than so many of these.
-        let is_packed = at >= Input::Anisotropy as usize && val.constant().is_none();
+        let packed = Input::Anisotropy as usize..=Input::Absorption as usize;
+        let is_packed = packed.contains(&at) && val.constant().is_none();
         *input = if is_packed { None } else { assembler.simple(*val, width) };
     }
     let opacity_program = opacity(&lowered.inputs, &mut inputs, &expressions, &uses.lookups, &mut problems);
@@ -122,6 +126,7 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
         specular_workflow: lowered.specular_workflow,
         opacity_threshold: lowered.opacity_threshold,
         thin_walled: lowered.thin_walled,
+        hair: lowered.hair,
         program,
         opacity_program,
         uses,

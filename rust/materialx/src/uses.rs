@@ -69,6 +69,8 @@ impl Uses {
     pub const POSITION: &'static str = "object position";
     /// Name of the normal in the frame of the mesh, which every mesh has.
     pub const NORMAL: &'static str = "object normal";
+    /// Name of where a ribbon is met across its width, -1 to 1; nothing else has it.
+    pub const ACROSS: &'static str = "ribbon across";
     /// Most lookups before those that nothing reads are left out.
     const MOST_LOOKUPS: usize = 64;
 

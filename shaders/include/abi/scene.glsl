@@ -93,7 +93,7 @@ struct GpuInput {
 };
 
 struct GpuMaterial {
-    GpuInput inputs[18];
+    GpuInput inputs[19];
     uint flags;
     float opacity_threshold;
     uint names[4];

@@ -9,10 +9,13 @@
 #include "include/bsdf/ggx.glsl"
 #include "include/bsdf/sheen.glsl"
 #include "include/bsdf/film.glsl"
+#include "include/bsdf/hair.glsl"
+#include "include/bsdf/eon.glsl"
 
 const uint BSDF_SCHLICK = 1u;  // glass of the specular workflow: Schlick's Fresnel from specular_color
 const uint BSDF_THIN = 2u;     // glass without an inside
 const uint BSDF_PLAIN = 4u;    // Lambert and nothing else
+const uint BSDF_HAIR = 8u;     // a fibre and nothing else
 
 struct Bsdf {
     vec3 g;  // geometric normal, viewer's side
@@ -48,11 +51,18 @@ struct Bsdf {
     Stretch stretch, coat_stretch; // with ANISOTROPY
     vec3 film;        // with THIN_FILM: film.glsl
     vec3 bare, bare_glass; // F0 below it: of the specular layer, as f0 is, and of glass
+    Eon eon;          // with ROUGH_DIFFUSE
+    vec3 diffuse_more; // as diffuse, of its second term
+    Hair hair;        // with HAIR and BSDF_HAIR
     uint flags;
 };
 
 bool is(Bsdf b, uint flag) {
     return (b.flags & flag) != 0u;
+}
+
+bool is_hair(Bsdf b) {
+    return HAS_HAIR && is(b, BSDF_HAIR);
 }
 
 // Lambert and nothing else; known when the passes are compiled if the scene has no materials.

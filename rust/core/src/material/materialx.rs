@@ -181,7 +181,13 @@ fn material(translation: &Translation) -> Option<Material> {
     flags.set(MaterialFlags::TRANSMISSIVE, transmits);
     flags.set(MaterialFlags::ROUGH_TRANSMISSION, transmits && rough);
     flags.set(MaterialFlags::SHEEN, is_more(InputName::SheenColor, 0.0));
+    flags.set(MaterialFlags::ROUGH_DIFFUSE, is_more(InputName::DiffuseRoughness, 0.0));
     flags |= inside(&inputs, transmits, translation.thin_walled);
+    if translation.hair {
+        // Its inputs of these names mean something else.
+        flags -= MaterialFlags::ANISOTROPIC | MaterialFlags::THIN_FILM | MaterialFlags::NORMAL_MAP;
+        flags |= MaterialFlags::HAIR;
+    }
     let is_by_program = !translation.opacity_program.instructions.is_empty();
     flags.set(MaterialFlags::PATTERNS, is_by_program || !translation.program.instructions.is_empty());
     flags.set(MaterialFlags::CUTOUT_PROGRAM, is_by_program);

@@ -76,6 +76,10 @@ bitflags! {
         const ABSORBING = 1 << 15;
         /// Has no inside.
         const THIN_WALLED = 1 << 16;
+        /// Is a fibre: some inputs mean something else ([`InputName`]).
+        const HAIR = 1 << 17;
+        /// Has a rough diffuse lobe.
+        const ROUGH_DIFFUSE = 1 << 18;
     }
 }
 
@@ -123,6 +127,9 @@ pub const POSITION_ID: u32 = u32::MAX - 2;
 pub const NORMAL_NAME: &str = oocpt_materialx::uses::Uses::NORMAL;
 /// Its number.
 pub const NORMAL_ID: u32 = u32::MAX - 3;
+
+/// Name of where a ribbon is met across its width, from 1 at the left to -1; what is no ribbon does not have it.
+pub const ACROSS_NAME: &str = oocpt_materialx::uses::Uses::ACROSS;
 
 /// Number of a name that is no primvar.
 #[must_use]

@@ -64,6 +64,10 @@ bitflags! {
         const THIN_WALLS = 1 << 10;
         /// A material that absorbs light on its way inside.
         const ABSORPTION = 1 << 24;
+        /// A material of hair.
+        const HAIR = 1 << 27;
+        /// A material with a rough diffuse lobe.
+        const ROUGH_DIFFUSE = 1 << 31;
         /// A material whose opacity is.
         const CUTOUT_PROGRAMS = 1 << 25;
         /// A material that emits light.
@@ -138,6 +142,8 @@ impl SurfaceTables {
             (MaterialFlags::THIN_FILM, SceneFeatures::THIN_FILM),
             (MaterialFlags::THIN_WALLED, SceneFeatures::THIN_WALLS),
             (MaterialFlags::ABSORBING, SceneFeatures::ABSORPTION),
+            (MaterialFlags::HAIR, SceneFeatures::HAIR),
+            (MaterialFlags::ROUGH_DIFFUSE, SceneFeatures::ROUGH_DIFFUSE),
         ];
         let mut features = SceneFeatures::empty();
         features.set(SceneFeatures::MATERIALS, !self.materials.is_empty());

@@ -12,8 +12,8 @@ use super::instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstancePrimvar, 
 use super::mesh_lights::{MESH_LIGHT, MeshLight};
 use super::report::Reports;
 use super::snapshot::SurfaceTables;
-use crate::desc::{MaterialDesc, MeshDesc};
-use crate::material::{Compiled, Input, Material, PTEX_SET, TextureRef, built_in, compile};
+use crate::desc::{MaterialDesc, MeshDesc, Shape};
+use crate::material::{ACROSS_NAME, Compiled, Input, Material, MaterialFlags, PTEX_SET, TextureRef, built_in, compile};
 use crate::mesh::{Displacements, WantedPrimvar};
 use oocpt_materialx::program::{Lookup, REGISTERS};
 use oocpt_materialx::surface::Input as InputName;
@@ -91,6 +91,10 @@ fn has(desc: &MeshDesc, name: &str) -> bool {
     desc.authored_primvar(name).is_some_and(|primvar| !primvar.values.is_empty())
 }
 
+/// What is said of hair that is no curve.
+const NO_CURVE: &str = "its hair material is for curves: fibres go along the first texture coordinate, and are met \
+                        where the normal says";
+
 impl SurfaceStore {
     /// Compiles the materials of the meshes `shown` and tells every mesh which primvars it has to build and how it is
     /// displaced; a mesh that was built otherwise forgets its asset.
@@ -120,7 +124,16 @@ impl SurfaceStore {
                     lacks.extend(shown.iter().filter(|(name, _)| !has(&entry.desc, name)).map(|(_, id)| *id));
                     continue;
                 };
+                let is_curve = matches!(entry.desc.shape, Shape::Curves(_));
+                if material.flags.contains(MaterialFlags::HAIR) && !is_curve {
+                    reports.note(path, NO_CURVE.to_owned());
+                }
                 for name in material.primvar_names() {
+                    // Only ribbons have it, and they make it.
+                    if &**name == ACROSS_NAME {
+                        names.extend(Some(name).filter(|_| is_curve && entry.desc.normals.is_some()));
+                        continue;
+                    }
                     if is_instanced && built_in(name).is_none() && !has(&entry.desc, name) {
                         lacks.push(self.id(name));
                     }

@@ -65,6 +65,18 @@ fn materials_say_what_they_need() {
     assert!(material.program.instructions.is_empty() && !material.opacity_program.instructions.is_empty());
 }
 
+/// A fibre's inputs mean something else, so it needs nothing of what their names say.
+#[test]
+fn hair_needs_hair_and_nothing_else() {
+    let said = [("roughness_R", ParamValue::Vec2([0.5, 0.25])), ("absorption_coefficient", ParamValue::Vec3([1.0; 3]))];
+    let nodes = vec![node("ND_surface", &[], &[("bsdf", 1, "out")]), node("ND_chiang_hair_bsdf", &said, &[])];
+    let compiled = of(nodes);
+    assert_eq!(compiled.problem, None);
+    let material = compiled.material.expect("a surface");
+    assert_eq!(material.flags, MaterialFlags::OPEN_PBR | MaterialFlags::HAIR);
+    assert!(material.uv_sets.is_empty() && &*material.primvars[0].name == oocpt_core::material::ACROSS_NAME);
+}
+
 #[test]
 fn a_surface_that_is_none_is_one_problem() {
     let compiled = of(vec![node("ND_no_such_surface", &[], &[])]);

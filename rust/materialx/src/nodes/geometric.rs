@@ -92,6 +92,11 @@ impl Walker<'_> {
     /// In the world.
     fn normal_map(&mut self, at: At) -> Val {
         let local = self.tangent_space_normal(at);
+        self.in_world(at, local)
+    }
+
+    /// A vector in the frame of the surface, about the normal that a node says.
+    pub(super) fn in_world(&mut self, at: At, local: Val) -> Val {
         let normal = self.number(at, "normal").unwrap_or(Val::ZERO);
         let e = &mut self.expressions;
         let frame = [e.geometry(Geometry::Tangent), e.geometry(Geometry::Bitangent), normal];

@@ -6,6 +6,8 @@ mod channel;
 mod color;
 mod flow;
 mod geometric;
+mod hair;
+mod height;
 mod math;
 mod pbr;
 mod procedural;
@@ -46,6 +48,9 @@ impl Walker<'_> {
             return Some(found);
         }
         if let Some(found) = self.pbr(at, category, output) {
+            return Some(found);
+        }
+        if let Some(found) = self.hair_node(at, category, output) {
             return Some(found);
         }
         self.texture_node(at, category, ty, output)

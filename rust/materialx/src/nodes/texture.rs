@@ -19,13 +19,8 @@ impl Walker<'_> {
                 self.left_out(at, "is not blurred");
                 Some(self.number_or(at, "in", 0.0))
             }
-            "heighttonormal" | "bump" => {
-                self.left_out(at, "is flat: heights are not supported");
-                if category == "bump" {
-                    return Some(self.expressions.geometry(crate::program::Geometry::Normal));
-                }
-                Some(Val::Constant([0.5, 0.5, 1.0, 0.0]))
-            }
+            "heighttonormal" => Some(self.height_to_normal(at)),
+            "bump" => Some(self.bump(at)),
             _ => None,
         }
     }

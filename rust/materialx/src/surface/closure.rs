@@ -97,6 +97,7 @@ impl Walker<'_> {
             "multiply" => {
                 let factor = self.number_or(at, "in2", 1.0);
                 let mut slab = inner(self, "in1")?;
+                slab.hair = slab.hair.map(|hair| hair.multiplied(self, factor));
                 for color in
                     [&mut slab.base_color, &mut slab.specular_weight, &mut slab.fuzz, &mut slab.subsurface_color]
                 {
@@ -129,10 +130,13 @@ impl Walker<'_> {
             ..Slab::BLACK
         };
         Some(match category {
+            "chiang_hair_bsdf" => Slab { hair: Some(self.hair(at)), ..Slab::BLACK },
             "oren_nayar_diffuse_bsdf" | "burley_diffuse_bsdf" | "subsurface_bsdf" | "translucent_bsdf" => {
                 let color = self.number_or(at, "color", 0.18);
                 let base_color = self.expressions.multiply(color, weight);
-                Slab { base_color, normal: self.normal(at, "normal"), ..Slab::BLACK }
+                let is_rough = category == "oren_nayar_diffuse_bsdf";
+                let diffuse_roughness = if is_rough { self.number_or(at, "roughness", 0.0) } else { Val::ZERO };
+                Slab { base_color, diffuse_roughness, normal: self.normal(at, "normal"), ..Slab::BLACK }
             }
             "sheen_bsdf" => {
                 let color = self.number_or(at, "color", 1.0);
@@ -199,6 +203,9 @@ impl Walker<'_> {
 
     /// A layer over a slab: fuzz, the dielectric of the base, or a coat where there is one already.
     fn layered(&mut self, top: &Slab, base: Slab) -> Slab {
+        if top.hair.is_some() || base.hair.is_some() {
+            return Slab { hair: self.shared_hair(&base, top, Val::ONE), ..base };
+        }
         if !top.fuzz.is(0.0, 3) {
             return Slab { fuzz: top.fuzz, fuzz_roughness: top.fuzz_roughness, ..base };
         }
@@ -248,6 +255,12 @@ impl Walker<'_> {
         whole.base_color = self.expressions.add(a.base_color, b.base_color);
         whole.fuzz = self.expressions.add(a.fuzz, b.fuzz);
         whole.transmission = self.expressions.add(a.transmission, b.transmission);
+        if let (Some(one), Some(_)) = (a.hair, b.hair) {
+            self.problem("fibres are added: the first one is left".to_owned());
+            whole.hair = Some(one);
+        } else {
+            whole.hair = self.shared_hair(&a, &b, Val::ZERO);
+        }
         whole
     }
 }

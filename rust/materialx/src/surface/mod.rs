@@ -4,18 +4,26 @@
 //! What is an approximation: subsurface scattering is diffuse reflection in its colour; what is transmitted is tinted
 //! by `transmission_color` at every interface where no depth is said, else by what is absorbed on the way (Beer and
 //! Lambert); a coat's colour tints the base as seen from above; specular colours of metals (F82) do not count.
-//! Dispersion, scattering media and diffuse roughness are left out, each with a note where a material asks for it.
+//! Dispersion and scattering media are left out, each with a note where a material asks for it.
 
 mod closure;
+mod hair;
 mod models;
 
 use std::sync::Arc;
+
+use hair::Hair;
 
 use crate::expression::Val;
 use crate::program::{Geometry, Op};
 use crate::walk::{At, Walker};
 
 /// Inputs of the renderer's BSDF.
+///
+/// Of a fibre (`chiang_hair_bsdf`) some mean something else: `DiffuseColor`, `SpecularColor`, `TransmissionColor` are
+/// the tints of R, TT and TRT; `Anisotropy` is variance along the fibre and scale of the logistic across it, of R, then
+/// of TT; `ThinFilm` the same of TRT, and the tilt of the cuticle in radians; `Absorption` is by the fibre's radius;
+/// `Normal` is where a ribbon is met across its width.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(usize)]
 pub enum Input {
@@ -56,10 +64,12 @@ pub enum Input {
     ThinFilm = 16,
     /// Of light inside, per unit of length.
     Absorption = 17,
+    /// Of the diffuse lobe.
+    DiffuseRoughness = 18,
 }
 
 /// Number of [`Input`].
-pub const INPUTS: usize = 18;
+pub const INPUTS: usize = 19;
 
 /// Name for messages, components that count, value where nothing is said; by [`Input`].
 pub(crate) const SHAPES: [(usize, [f32; 4]); INPUTS] = [
@@ -81,6 +91,7 @@ pub(crate) const SHAPES: [(usize, [f32; 4]); INPUTS] = [
     (4, [1.0, 0.0, 1.0, 0.0]),
     (3, [0.0, 0.0, 1.4, 0.0]),
     (3, [0.0; 4]),
+    (1, [0.0; 4]),
 ];
 
 /// A slab of `OpenPBR`.
@@ -118,7 +129,10 @@ pub(crate) struct Slab {
     pub(crate) film_thickness: Val,
     pub(crate) film_ior: Val,
     pub(crate) absorption: Val,
+    pub(crate) diffuse_roughness: Val,
     pub(crate) thin_walled: bool,
+    /// A fibre: of the rest emission and opacity count.
+    pub(crate) hair: Option<Hair>,
 }
 
 impl Slab {
@@ -152,10 +166,12 @@ impl Slab {
         film_thickness: Val::ZERO,
         film_ior: Val::Constant([1.4; 4]),
         absorption: Val::ZERO,
+        diffuse_roughness: Val::ZERO,
         thin_walled: false,
+        hair: None,
     };
 
-    fn values(&mut self) -> [&mut Val; 27] {
+    fn values(&mut self) -> [&mut Val; 28] {
         [
             &mut self.base_color,
             &mut self.metalness,
@@ -184,6 +200,7 @@ impl Slab {
             &mut self.film_thickness,
             &mut self.film_ior,
             &mut self.absorption,
+            &mut self.diffuse_roughness,
         ]
     }
 }
@@ -195,6 +212,7 @@ pub(crate) struct Lowered {
     pub(crate) specular_workflow: bool,
     pub(crate) opacity_threshold: f32,
     pub(crate) thin_walled: bool,
+    pub(crate) hair: bool,
 }
 
 impl Walker<'_> {
@@ -244,6 +262,7 @@ impl Walker<'_> {
         }
         whole.opacity_threshold = threshold;
         whole.thin_walled = back.thin_walled || front.thin_walled;
+        whole.hair = self.shared_hair(&back, &front, share);
         whole
     }
 
@@ -252,10 +271,12 @@ impl Walker<'_> {
         if !self.is_said(at, name) {
             return Slab::BLACK.normal;
         }
-        if let Some(source) = self.source_node(at, name)
-            && &*self.category(source) == "normalmap"
-        {
-            return self.tangent_space_normal(source);
+        if let Some(source) = self.source_node(at, name) {
+            match &*self.category(source) {
+                "normalmap" => return self.tangent_space_normal(source),
+                "bump" => return self.height_normal(source, "height"),
+                _ => {}
+            }
         }
         let Some(normal) = self.number(at, name) else { return Slab::BLACK.normal };
         let e = &mut self.expressions;
@@ -281,16 +302,26 @@ impl Walker<'_> {
         ]
     }
 
-    /// A slab as inputs of the BSDF.
-    pub(crate) fn lower(&mut self, slab: &Slab) -> Lowered {
-        let [anisotropy, film] = self.packed(slab);
+    /// Colour of the base, emission, and roughness of the diffuse lobe.
+    fn base(&mut self, slab: &Slab) -> [Val; 3] {
         let e = &mut self.expressions;
         let scattered = e.complement(slab.metalness);
         let scattered = e.multiply(slab.subsurface, scattered);
-        let mut color = e.mix(slab.base_color, slab.subsurface_color, scattered);
+        let color = e.mix(slab.base_color, slab.subsurface_color, scattered);
         let tint = e.mix(Val::ONE, slab.coat_color, slab.coat);
-        color = e.multiply(color, tint);
-        let emission = e.multiply(slab.emission, tint);
+        // What is scattered below the surface leaves it as from a smooth one.
+        let roughness = e.mix(slab.diffuse_roughness, Val::ZERO, slab.subsurface);
+        [e.multiply(color, tint), e.multiply(slab.emission, tint), roughness]
+    }
+
+    /// A slab as inputs of the BSDF.
+    pub(crate) fn lower(&mut self, slab: &Slab) -> Lowered {
+        if let Some(hair) = &slab.hair {
+            return self.lower_hair(slab, hair);
+        }
+        let [anisotropy, film] = self.packed(slab);
+        let [mut color, emission, diffuse_roughness] = self.base(slab);
+        let e = &mut self.expressions;
         let is_plain = slab.specular_weight.is(1.0, 1) && slab.specular_color.is(1.0, 3);
         let is_metal = slab.metalness.is(1.0, 1);
         let mut ior = slab.ior;
@@ -343,8 +374,9 @@ impl Walker<'_> {
         set(Input::Anisotropy, anisotropy);
         set(Input::ThinFilm, film);
         set(Input::Absorption, slab.absorption);
+        set(Input::DiffuseRoughness, diffuse_roughness);
         let Slab { opacity_threshold, thin_walled, .. } = *slab;
-        Lowered { inputs, specular_workflow, opacity_threshold, thin_walled }
+        Lowered { inputs, specular_workflow, opacity_threshold, thin_walled, hair: false }
     }
 
     /// Notes inputs that ask for what is not there: `(input, value where it asks for nothing, what)`.

@@ -29,11 +29,7 @@ impl Walker<'_> {
     fn open_pbr(&mut self, at: At) -> Slab {
         self.leave_out(
             at,
-            &[
-                ("base_diffuse_roughness", 0.0, "diffuse roughness"),
-                ("transmission_dispersion_scale", 0.0, "dispersion"),
-                ("transmission_scatter", 0.0, "scattering inside"),
-            ],
+            &[("transmission_dispersion_scale", 0.0, "dispersion"), ("transmission_scatter", 0.0, "scattering inside")],
         );
         let [ratio, coat_ratio] = ["specular_roughness_anisotropy", "coat_roughness_anisotropy"].map(|name| {
             let anisotropy = self.number_or(at, name, 0.0);
@@ -70,6 +66,7 @@ impl Walker<'_> {
             film: self.number_or(at, "thin_film_weight", 0.0),
             film_thickness: self.expressions.multiply(thickness, Val::number(1000.0)),
             film_ior: self.number_or(at, "thin_film_ior", 1.4),
+            diffuse_roughness: self.number_or(at, "base_diffuse_roughness", 0.0),
             thin_walled: self.is_set(at, "geometry_thin_walled"),
             ..Slab::BLACK
         }
@@ -139,7 +136,6 @@ impl Walker<'_> {
         self.leave_out(
             at,
             &[
-                ("diffuse_roughness", 0.0, "diffuse roughness"),
                 ("transmission_dispersion", 0.0, "dispersion"),
                 ("transmission_scatter", 0.0, "scattering inside"),
                 ("transmission_extra_roughness", 0.0, "another roughness of what is transmitted"),
@@ -182,7 +178,9 @@ impl Walker<'_> {
             film: if film_thickness.is(0.0, 1) { Val::ZERO } else { Val::ONE },
             film_thickness,
             film_ior: self.number_or(at, "thin_film_IOR", 1.5),
+            diffuse_roughness: self.number_or(at, "diffuse_roughness", 0.0),
             thin_walled: self.is_set(at, "thin_walled"),
+            hair: None,
         }
     }
 

@@ -82,12 +82,24 @@ proptest! {
     #[test]
     fn random_networks_are_translated_or_refused(
         nodes in (2..12_usize).prop_flat_map(|count| prop::collection::vec(any_node(count), count)),
-        is_surface in any::<bool>(),
+        surface in 0..4_u8,
     ) {
         let mut nodes = nodes;
-        if is_surface {
-            let surface = node("ND_open_pbr_surface_surfaceshader", &[], &[("base_color", 1), ("specular_roughness", 1)]);
-            nodes[0] = surface;
+        if surface < 2 {
+            nodes[0] =
+                node("ND_open_pbr_surface_surfaceshader", &[], &[("base_color", 1), ("specular_roughness", 1)]);
+            if surface == 1 {
+                // Whatever is random is a height.
+                let last = nodes.len();
+                nodes[0].connections.push(("geometry_normal".into(), last, "out".into()));
+                nodes.push(node("ND_bump_vector3", &[], &[("height", 1)]));
+            }
+        } else if surface == 2 {
+            // A fibre, whatever else is random.
+            let inputs = ["absorption_coefficient", "roughness_TT", "tint_R", "cuticle_angle"];
+            let last = nodes.len();
+            nodes.push(node("ND_chiang_hair_bsdf", &[], &inputs.map(|name| (name, 1))));
+            nodes[0] = node("ND_surface", &[], &[("bsdf", last)]);
         }
         check(&Network { nodes, surface: 0 });
     }

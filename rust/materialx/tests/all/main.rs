@@ -4,6 +4,10 @@
 #[cfg(test)]
 mod definitions;
 #[cfg(test)]
+mod hair;
+#[cfg(test)]
+mod height;
+#[cfg(test)]
 mod hostile;
 #[cfg(test)]
 mod support;

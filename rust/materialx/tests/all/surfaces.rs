@@ -197,14 +197,10 @@ fn closures_reduce_to_a_slab() {
 fn what_is_left_out_is_said_once_with_the_prim() {
     let translation = translated(vec![node(
         STANDARD,
-        &[
-            ("diffuse_roughness", number(0.5)),
-            ("transmission_dispersion", number(30.0)),
-            ("transmission_scatter", vector(0.5, 0.5, 0.5)),
-        ],
+        &[("transmission_dispersion", number(30.0)), ("transmission_scatter", vector(0.5, 0.5, 0.5))],
         &[],
     )]);
-    let missing = "diffuse roughness, dispersion, scattering inside";
+    let missing = "dispersion, scattering inside";
     assert_eq!(translation.problems, [format!("/m/{STANDARD}: not supported yet: {missing}")]);
     assert!(translation.inputs.is_some(), "the rest is there");
 }
@@ -286,4 +282,26 @@ fn opacity_is_worked_out_apart() {
     assert_eq!(constant(source(&five, Input::Opacity)), [1.0; 4]);
     assert!(five.opacity_program.instructions.is_empty());
     assert!(five.problems.iter().any(|problem| problem.contains("opacity")), "{:?}", five.problems);
+}
+
+/// Each model's own roughness of its diffuse lobe; none of what is scattered below the surface.
+#[test]
+fn diffuse_roughness_is_that_of_its_model() {
+    let rough = |nodes| constant(source(&sound(nodes), Input::DiffuseRoughness))[0];
+    assert_eq!(rough(vec![node(OPEN_PBR, &[("base_diffuse_roughness", number(0.4))], &[])]), 0.4);
+    assert_eq!(rough(vec![node(STANDARD, &[("diffuse_roughness", number(0.3))], &[])]), 0.3);
+    let below = [("base_diffuse_roughness", number(0.4)), ("subsurface_weight", number(0.75))];
+    assert_eq!(rough(vec![node(OPEN_PBR, &below, &[])]), 0.1);
+    let closure = vec![
+        node("ND_surface", &[], &[("bsdf", 1)]),
+        node("ND_oren_nayar_diffuse_bsdf", &[("roughness", number(0.2))], &[]),
+    ];
+    assert_eq!(rough(closure), 0.2);
+    assert_eq!(rough(vec![node(OPEN_PBR, &[], &[])]), 0.0);
+    // One channel of a file is a texture of the input itself.
+    let mapped = sound(vec![
+        node(OPEN_PBR, &[], &[("base_diffuse_roughness", 1)]),
+        node("ND_image_float", &[("file", file("rough.png"))], &[]),
+    ]);
+    assert!(matches!(source(&mapped, Input::DiffuseRoughness), InputSource::Texture(..)), "{mapped:?}");
 }

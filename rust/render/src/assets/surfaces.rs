@@ -229,7 +229,9 @@ mod tests {
             MaterialFlags::THIN_FILM,
             MaterialFlags::ABSORBING,
             MaterialFlags::THIN_WALLED,
+            MaterialFlags::HAIR,
+            MaterialFlags::ROUGH_DIFFUSE,
         ];
-        assert_eq!(inside.map(|flag| flag.bits()), [8192, 16384, 32768, 65536]);
+        assert_eq!(inside.map(|flag| flag.bits()), [8192, 16384, 32768, 65536, 131_072, 262_144]);
     }
 }

@@ -121,6 +121,11 @@ features! {
     THIN_WALLS: "thin walls", [OPEN_PBR, TRANSMISSION], Materials;
     /// Some material absorbs light on its way inside.
     ABSORPTION: "absorption inside", [OPEN_PBR, TRANSMISSION], Materials;
+    /// Some material is a fibre's. With lights that have a place their choice does not look at normals, as with
+    /// `TRANSMISSION`.
+    HAIR: "hair", [OPEN_PBR], Never;
+    /// Some material has a rough diffuse lobe.
+    ROUGH_DIFFUSE: "rough diffuse reflection", [OPEN_PBR], Materials;
     /// Some material has a program: `Frame::programs` counts.
     PATTERNS: "programs of patterns", [MATERIALS], Materials;
     /// The opacity of some material is worked out by a program.

@@ -7,7 +7,7 @@
 use bytemuck::{Pod, Zeroable};
 
 /// Inputs of a material, in the order of `oocpt_core::material::InputName`.
-pub const MATERIAL_INPUTS: usize = 18;
+pub const MATERIAL_INPUTS: usize = 19;
 /// In `Frame::material_slots` and `GpuSurfaceMaterial::material`: none.
 pub const NO_MATERIAL: u32 = u32::MAX;
 /// In `Frame::material_slots`: traversal has to ask the material whether the surface is there.
@@ -63,7 +63,7 @@ pub struct GpuInput {
     pub texture: u32,
 }
 
-/// A material, 1232 B.
+/// A material, 1296 B.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct GpuMaterial {

@@ -12,9 +12,11 @@ mod values;
 
 use super::WantedPrimvar;
 use super::dicing::Dicing;
+use super::refine_values::primvar_of;
 use super::topology::{Face, MAX_COORDINATE, MAX_CORNERS, Topology};
 use crate::array::ArrayView;
-use crate::desc::{DroppedData, Interpolation, MeshDesc, Primvar, Shape};
+use crate::desc::{DroppedData, Interpolation, MeshDesc, NamedPrimvar, Primvar, Shape};
+use crate::material::ACROSS_NAME;
 use curves::{Cut, Ribbon};
 
 /// Width of curves and points that have none.
@@ -176,5 +178,10 @@ fn as_ribbons(
     }
     let mut desc = values::on_curves(desc, wanted, cut, 2, dropped);
     desc.normals = Some(ribbon.normals.clone());
+    if wanted.iter().any(|wanted| &*wanted.name == ACROSS_NAME) {
+        desc.primvars.retain(|named| &*named.name != ACROSS_NAME);
+        let across = ribbon.points.chunks(2).flat_map(|_| [1.0, -1.0]).collect();
+        desc.primvars.push(NamedPrimvar { name: ACROSS_NAME.into(), primvar: primvar_of(1, across) });
+    }
     Rounds { topology, desc, radii: None }
 }

@@ -4,9 +4,36 @@
 use glam::DVec3;
 use std::f64::consts::TAU;
 
-pub(super) const CASE_FLOATS: usize = 44;
+pub(super) const CASE_FLOATS: usize = 64;
 /// `SHADING_SPECULAR_WORKFLOW`.
 pub(super) const SPECULAR_WORKFLOW: u32 = 1;
+
+/// A fibre along x; counts with its flag.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Hair {
+    /// Of R, TT, TRT.
+    pub(crate) tints: [DVec3; 3],
+    pub(crate) absorption: DVec3,
+    /// Of R, TT, TRT, as the next.
+    pub(crate) variance: DVec3,
+    pub(crate) spread: DVec3,
+    pub(crate) tilt: f64,
+    /// Beyond -1..1: the normal says it.
+    pub(crate) offset: f64,
+}
+
+impl Default for Hair {
+    fn default() -> Self {
+        Self {
+            tints: [DVec3::ONE; 3],
+            absorption: DVec3::ZERO,
+            variance: DVec3::splat(0.1),
+            spread: DVec3::splat(0.1),
+            tilt: 0.0,
+            offset: 2.0,
+        }
+    }
+}
 
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Case {
@@ -31,6 +58,8 @@ pub(super) struct Case {
     pub(super) anisotropy: [f64; 4],
     /// Weight, thickness in nm, index.
     pub(super) film: DVec3,
+    pub(super) diffuse_roughness: f64,
+    pub(super) hair: Hair,
 }
 
 impl Default for Case {
@@ -55,6 +84,8 @@ impl Default for Case {
             sheen_roughness: 0.5,
             anisotropy: [1.0, 0.0, 1.0, 0.0],
             film: DVec3::ZERO,
+            diffuse_roughness: 0.0,
+            hair: Hair::default(),
         }
     }
 }
@@ -78,6 +109,13 @@ impl Case {
         floats[35] = self.sheen_roughness as f32;
         floats[36..40].copy_from_slice(&self.anisotropy.map(|x| x as f32));
         floats[40..43].copy_from_slice(&self.film.as_vec3().to_array());
+        floats[43] = self.diffuse_roughness as f32;
+        let Hair { tints: [r, tt, trt], absorption, variance, spread, tilt, offset } = self.hair;
+        for (i, v) in [r, tt, trt, absorption, variance, spread].into_iter().enumerate() {
+            floats[44 + 3 * i..47 + 3 * i].copy_from_slice(&v.as_vec3().to_array());
+        }
+        floats[62] = tilt as f32;
+        floats[63] = offset as f32;
         floats
     }
 
@@ -92,7 +130,13 @@ impl Case {
             &mut self.specular,
             &mut self.sheen,
             &mut self.film,
-        ] {
+            &mut self.hair.absorption,
+            &mut self.hair.variance,
+            &mut self.hair.spread,
+        ]
+        .into_iter()
+        .chain(&mut self.hair.tints)
+        {
             *v = v.as_vec3().as_dvec3();
         }
         let numbers = [&mut self.metallic, &mut self.roughness, &mut self.ior, &mut self.coat];
@@ -100,6 +144,7 @@ impl Case {
             .into_iter()
             .chain([&mut self.coat_roughness, &mut self.opacity, &mut self.sheen_roughness])
             .chain(&mut self.anisotropy)
+            .chain([&mut self.diffuse_roughness, &mut self.hair.tilt, &mut self.hair.offset])
         {
             #[expect(clippy::cast_possible_truncation, reason = "the purpose")]
             let single = *x as f32;

@@ -167,4 +167,4 @@ impl Answer {
     }
 }
 
-const _: () = assert!(CASE_FLOATS == 44, "as the shader reads them");
+const _: () = assert!(CASE_FLOATS == 64, "as the shader reads them");

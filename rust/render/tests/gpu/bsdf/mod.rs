@@ -3,10 +3,12 @@
 //! strange input.
 #![expect(clippy::print_stdout, reason = "what was measured is worth reading")]
 
-mod cases;
+pub(crate) mod cases;
 mod device;
 mod energy;
+mod eon;
 mod glass;
+pub(crate) mod hair;
 mod reference;
 mod sampling;
 mod sheen;

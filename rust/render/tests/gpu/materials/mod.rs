@@ -3,6 +3,7 @@
 
 pub(super) mod cutouts;
 mod glow;
+pub(super) mod hair;
 mod inputs;
 pub(super) mod inside;
 mod instances;

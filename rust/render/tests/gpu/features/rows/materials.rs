@@ -4,10 +4,11 @@
 use super::super::scenes::{dressed, made_of, open_pbr};
 use super::{BARE, OF_MATERIALS, OF_MESH_LIGHTS, Row};
 use crate::materials::cutouts::holed;
+use crate::materials::hair::{curves, hair_of};
 use crate::materials::inside::clear;
 use crate::materials::materialx::noisy;
 use crate::scenes::glow;
-use oocpt_core::scene::ParamValue;
+use oocpt_core::scene::{CurveBasis, MeshDesc, ParamValue};
 
 pub(crate) const ROWS: &[Row] = &[
     Row {
@@ -77,6 +78,25 @@ pub(crate) const ROWS: &[Row] = &[
         what: "absorption",
         build: |db| open_pbr(db, &clear("transmission_depth", ParamValue::Float(2.0))),
         features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "TRANSMISSION", "ABSORPTION"],
+        buffers: &[OF_MATERIALS],
+        ..BARE
+    },
+    Row {
+        what: "rough diffuse reflection",
+        build: |db| open_pbr(db, &[("base_diffuse_roughness", ParamValue::Float(0.5))]),
+        features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "ROUGH_DIFFUSE"],
+        buffers: &[OF_MATERIALS],
+        ..BARE
+    },
+    Row {
+        what: "hair",
+        build: |db| {
+            db.upsert_material(hair_of("/material", &[]));
+            let line = vec![[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]];
+            let fibre = curves("/fibre", CurveBasis::Linear, &[line], 0.2);
+            db.upsert_mesh(MeshDesc { display_color: None, ..fibre });
+        },
+        features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "HAIR", "ROUND"],
         buffers: &[OF_MATERIALS],
         ..BARE
     },
