@@ -23,7 +23,7 @@ const uint KEEP_WALKING = 26u;
 const uint PATIENCE = 16u;
 // So many that stand at a cutout look it up; fewer do when fewer than LEAST_OTHERS have anything else to do.
 const uint ASK_TOGETHER = 16u;
-const uint LEAST_OTHERS = 8u;
+const uint LEAST_OTHERS = 2u;
 
 void begin_ray(uint at);
 void end_ray(bool ended);
@@ -35,8 +35,9 @@ uint threads_that(bool are) {
 // Whether the threads that stand at a cutout look it up now.
 bool is_asking_time() {
     const uint asking = threads_that(reference == ASK);
-    if (asking >= ASK_TOGETHER * gl_SubgroupSize / 32u) return true;
-    return asking > 0u && threads_that(reference < ASK || reference == RETURN) < max(LEAST_OTHERS * gl_SubgroupSize / 32u, 1u);
+    if (asking >= max(ASK_TOGETHER * gl_SubgroupSize / 32u, 1u)) return true;
+    const uint others = threads_that(reference != ASK && reference != DONE);
+    return asking > 0u && others < max(LEAST_OTHERS * gl_SubgroupSize / 32u, 1u);
 }
 
 // `count`: rays in the queue. Call with all threads of the pass.
@@ -59,7 +60,8 @@ void trace_rays(uint count) {
                 reference = descend(reference);
                 if (threads_that(reference < LEAF) < keep_descending) break;
             }
-            if (reference >= LEAF && reference != DONE && !(HAS_CUTOUTS && reference == ASK)) reference = visit(reference);
+            const bool asks = HAS_CUTOUTS && reference == ASK;
+            if (reference >= LEAF && reference != DONE && !asks) reference = visit(reference);
             if (HAS_CUTOUTS && is_asking_time() && reference == ASK) reference = answer_candidate();
         } while (threads_that(reference != DONE) >= (more && visits >= PATIENCE ? keep_walking : 1u));
         const bool ended = has_ray && reference == DONE;

@@ -112,7 +112,6 @@ bool precedes(uint triangle) {
 }
 
 #include "traversal/opacity.glsl"
-#include "traversal/opacity_mask.glsl"
 
 // The candidate of a hit that the walk stands at while `reference` is ASK: it is nearer than the closest hit, and
 // whether it is there has to be looked up. `end`: of its leaf's items.
@@ -183,13 +182,8 @@ bool visit_triangles(uint begin, uint end) {
 #endif
         if (HAS_OPACITY && !is_opaque(triangle, uv)) continue;
         if (HAS_CUTOUTS) {
-            uint known = PRESENCE_UNKNOWN;
-            if (HAS_OPACITY_MASKS) known = known_presence(triangle, v1 - v0, v2 - v0, uv, t);
-            if (known == PRESENCE_NEVER) continue;
-            if (known == PRESENCE_UNKNOWN) {
-                candidate = Candidate(t, uv, triangle, end);
-                return true;
-            }
+            candidate = Candidate(t, uv, triangle, end);
+            return true;
         }
         accept(triangle, uv, t);
 #if ANY_HIT

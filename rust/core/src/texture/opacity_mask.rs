@@ -20,10 +20,6 @@ pub const MASK_SIDE: u32 = 512;
 const PLACE_SLACK: f64 = 1.0 / 128.0;
 /// The same, as a share of the largest texel: rounding of the mean of eight.
 const ROUNDING: f64 = 1.0e-5;
-/// Most that the map from coordinates to texels may stretch one direction more than another: beyond, the width of a
-/// lookup is not known to better than the shader assumes (`WIDTH_SLACK`).
-const MOST_STRETCH: f64 = 16.0;
-
 /// How a material asks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OpacityQuery {
@@ -55,16 +51,6 @@ pub struct OpacityMask {
     pub words: Vec<u32>,
     /// The surface is there whatever the place and the width.
     pub is_opaque: bool,
-}
-
-/// Whether the shaders know the width of a lookup well enough, given the rows of the map to the unit square.
-#[must_use]
-pub fn has_known_width(rows: [[f32; 3]; 2], size: [u32; 2]) -> bool {
-    let [a, b, c, d] = [rows[0][0], rows[0][1], rows[1][0], rows[1][1]].map(f64::from);
-    let [w, h] = size.map(f64::from);
-    // Singular values s and t: s^2 + t^2 and s t.
-    let (sum, product) = ((a * a + b * b) * w * w + (c * c + d * d) * h * h, ((a * d - b * c) * w * h).abs());
-    product > 0.0 && sum.is_finite() && sum <= product * (MOST_STRETCH + 1.0 / MOST_STRETCH)
 }
 
 /// The first pair of levels that a mask is made for.
@@ -101,7 +87,8 @@ impl OpacityMask {
             words.extend([u32::try_from(cell).ok()?, columns]);
             cell += (columns as usize * (level.size[1] as usize + 1)).next_multiple_of(16);
         }
-        let mut is_opaque = first == 0 && query.wrap.iter().all(|wrap| wrap_bits(*wrap) != wrap_bits(Wrap::Black));
+        // Cells at the rim have what lies beside the image.
+        let mut is_opaque = first == 0;
         for (at, level) in levels.iter().enumerate() {
             let pair = Pair { finer: level, coarser: levels.get(at + 1), query };
             let (columns, rows) = (level.size[0] + 1, level.size[1] + 1);

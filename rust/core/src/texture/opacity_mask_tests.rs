@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Masks against lookups in f64, at random places and widths, and the shader's width against the ellipse.
+//! Masks against lookups in f64, at random places and widths.
 
-use super::super::{Sampler, ellipse, filter_width};
+use super::super::Sampler;
 use super::*;
-use glam::{DMat2, DVec2, DVec3, Vec2, Vec3};
 
 /// A generator of numbers (Steele et al. 2014, SplitMix64).
 struct Random(u64);
@@ -123,6 +122,25 @@ fn what_is_known_is_what_lookups_say() {
     assert!(noise > 0.01 && noise < 0.6, "little of noise is: {noise}");
 }
 
+/// Texels that are there, there, not there and not there, and what the first and the last mix with beside the image.
+#[test]
+fn what_is_known_at_the_rim() {
+    let layout = Layout::new([4, 1], 1).expect("a layout");
+    let values = vec![vec![1.0, 1.0, 0.0, 0.0], vec![1.0, 0.0], vec![0.5]];
+    for (wrap, first, last) in
+        [(Wrap::Clamp, 2, 1), (Wrap::Mirror, 2, 1), (Wrap::Repeat, 0, 0), (Wrap::Black, 0, 1), (Wrap::UseMetadata, 0, 1)]
+    {
+        let query = OpacityQuery { wrap: [wrap, Wrap::Clamp], scale: 1.0, bias: 0.0, threshold: 0.5 };
+        let mask = OpacityMask::new(&layout, &values, &query).expect("a mask");
+        let at = |s: f32, width: f64| known(&mask, &layout, [s, 0.5], width);
+        assert_eq!([at(0.05, 0.5), at(0.95, 0.5)], [Some(first), Some(last)], "{wrap:?}");
+        assert_eq!(at(0.5, 0.5), Some(0), "{wrap:?}: between both");
+        // One texel all over, at the threshold: it is there.
+        let coarsest = if matches!(wrap, Wrap::Black | Wrap::UseMetadata) { 0 } else { 2 };
+        assert_eq!(at(0.3, 4.0), Some(coarsest), "{wrap:?}");
+    }
+}
+
 #[test]
 fn one_value_everywhere_needs_no_mask() {
     let layout = Layout::new([32, 8], 1).expect("a layout");
@@ -134,7 +152,10 @@ fn one_value_everywhere_needs_no_mask() {
     assert!(is_opaque(&query, &ones));
     assert!(is_opaque(&OpacityQuery { threshold: 0.0, ..query }, &ones), "certain");
     assert!(!is_opaque(&OpacityQuery { scale: 0.9, threshold: 0.0, ..query }, &ones), "by chance");
-    assert!(!is_opaque(&OpacityQuery { wrap: [Wrap::Repeat, Wrap::Black], ..query }, &ones), "nothing beside it");
+    let beside = OpacityQuery { wrap: [Wrap::Repeat, Wrap::Black], ..query };
+    assert!(!is_opaque(&beside, &ones), "nothing is beside it");
+    let zeros = levels(&layout, |_, _, _| 0.0);
+    assert!(is_opaque(&OpacityQuery { scale: -1.0, bias: 1.0, ..beside }, &zeros), "what is beside it is there");
     for hole in [0, 3, 5] {
         let mut holed = ones.clone();
         *holed[hole].last_mut().expect("a texel") = 0.0;
@@ -144,57 +165,4 @@ fn one_value_everywhere_needs_no_mask() {
     broken[1][3] = f32::NAN;
     assert!(!is_opaque(&query, &broken), "no number");
     assert!(OpacityMask::new(&layout, &ones[1..], &query).is_none(), "levels are missing");
-}
-
-/// `square_of_width` of the shader.
-fn square_of_width(e: Vec3, f: Vec3, p: Vec2, q: Vec2, d: Vec3, cone: f32) -> f32 {
-    let n = e.cross(f);
-    let (across, area) = (n.dot(d), n.dot(n));
-    if !(area > 1.0e-6 * e.dot(e) * f.dot(f) && across * across > 1.0e-6 * area * d.dot(d)) {
-        return -1.0;
-    }
-    let (b, c) = (f.cross(d) / across, d.cross(e) / across);
-    let (s, t) = (b * p.x + c * q.x, b * p.y + c * q.y);
-    let (half, st) = (0.5 * (s.dot(s) - t.dot(t)), s.dot(t));
-    let longer = 0.5 * (s.dot(s) + t.dot(t)) + (half * half + st * st).sqrt();
-    let shorter = s.cross(t).length_squared() / longer;
-    cone * cone * shorter.max(longer / 256.0)
-}
-
-#[test]
-fn the_shaders_width_is_that_of_the_ellipse() {
-    let mut random = Random(9);
-    let (mut least, mut most, mut sure) = (f64::INFINITY, 0.0_f64, 0);
-    for _ in 0..200_000 {
-        let mut vector = || Vec3::from_array(std::array::from_fn(|_| random.between(-1.0, 1.0)));
-        let (e, f, d) = (vector(), vector() * vector().x, vector());
-        let mut texels = || Vec2::new(random.between(-1.0, 1.0), random.between(-0.2, 0.2)) * 300.0;
-        let (p, q) = (texels(), texels());
-        let cone = random.between(0.01, 2.0);
-        let square = square_of_width(e, f, p, q, d, cone);
-        if square < 0.0 {
-            continue;
-        }
-        sure += 1;
-        let [e, f, d] = [e, f, d].map(|v| v.as_dvec3());
-        let n = e.cross(f);
-        let (x, y) = (f.cross(n) / n.length_squared(), n.cross(e) / n.length_squared());
-        let gradient = |a: f32, b: f32| -> DVec3 { x * f64::from(a) + y * f64::from(b) };
-        let axes = ellipse([gradient(p.x, q.x), gradient(p.y, q.y)], n, d, DMat2::from_diagonal(DVec2::ONE), [1, 1]);
-        let ratio = f64::from(square).sqrt() / (f64::from(cone) * filter_width(axes));
-        (least, most) = (least.min(ratio), most.max(ratio));
-    }
-    assert!(sure > 150_000, "most triangles are neither needles nor grazed: {sure}");
-    assert!(least > 0.996 && most < 1.004, "within a fifth of the slack: {least} to {most}");
-}
-
-#[test]
-fn maps_that_stretch_are_left_out() {
-    let rows = |a: f32, b: f32| [[a, 0.0, 0.3], [0.0, b, 0.1]];
-    assert!(has_known_width(rows(1.0, -1.0), [512, 512]));
-    assert!(has_known_width(rows(4.0, 1.0), [1024, 512]));
-    assert!(!has_known_width(rows(40.0, 1.0), [1024, 512]));
-    assert!(!has_known_width(rows(1.0, 0.0), [64, 64]), "a line");
-    assert!(!has_known_width([[f32::NAN, 0.0, 0.0], [0.0, 1.0, 0.0]], [64, 64]));
-    assert!(!has_known_width([[1.0, 1.0, 0.0], [1.0, 1.01, 0.0]], [64, 64]), "sheared to a line");
 }

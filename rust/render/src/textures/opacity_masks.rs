@@ -10,7 +10,7 @@ use super::set::TextureCache;
 use super::tiles::TextureImage;
 use oocpt_core::material::{Input, InputName, Material, MaterialFlags, PTEX_SET_ID};
 use oocpt_core::scene::SurfaceTables;
-use oocpt_core::texture::{OpacityMask, OpacityQuery, TexelFormat, Wrap, first_pair, has_known_width};
+use oocpt_core::texture::{OpacityMask, OpacityQuery, TexelFormat, Wrap, first_pair};
 use oocpt_shader_abi as abi;
 use oocpt_shader_abi::GpuTexture;
 use rayon::prelude::*;
@@ -102,15 +102,14 @@ impl TextureCache {
         if !material.flags.contains(MaterialFlags::PRESENCE) {
             return None;
         }
-        let Input::Texture { texture, channel, scale, bias, uv: Some(set), transform } =
-            *material.input(InputName::Opacity)
+        let Input::Texture { texture, channel, scale, bias, uv: Some(set), .. } = *material.input(InputName::Opacity)
         else {
             return None;
         };
         let record = records.get(texture as usize)?;
         let has_set = material.uv_sets.get(usize::from(set)).is_some_and(|set| set.id != PTEX_SET_ID);
         let is_plain = record.levels > 0 && record.flags & (abi::TEXTURE_UDIM | abi::TEXTURE_PTEX) == 0;
-        if !has_set || !is_plain || !has_known_width(transform, [record.width, record.height]) {
+        if !has_set || !is_plain {
             return None;
         }
         let image = self.image(surfaces.textures.get(texture as usize)?)?;
