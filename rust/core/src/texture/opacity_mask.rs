@@ -199,7 +199,13 @@ impl Pair<'_> {
         self.query.decide(near, around)
     }
 
-    fn add(&self, level: &Level<'_>, [(left, right), (bottom, top)]: [(i64, i64); 2], near: &mut Hull, around: &mut Hull) {
+    fn add(
+        &self,
+        level: &Level<'_>,
+        [(left, right), (bottom, top)]: [(i64, i64); 2],
+        near: &mut Hull,
+        around: &mut Hull,
+    ) {
         for (y, x) in (bottom - 1..=top + 1).flat_map(|y| (left - 1..=right + 1).map(move |x| (y, x))) {
             let value = level.texel([x, y], self.query.wrap);
             around.add(value);

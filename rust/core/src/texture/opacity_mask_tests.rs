@@ -127,9 +127,13 @@ fn what_is_known_is_what_lookups_say() {
 fn what_is_known_at_the_rim() {
     let layout = Layout::new([4, 1], 1).expect("a layout");
     let values = vec![vec![1.0, 1.0, 0.0, 0.0], vec![1.0, 0.0], vec![0.5]];
-    for (wrap, first, last) in
-        [(Wrap::Clamp, 2, 1), (Wrap::Mirror, 2, 1), (Wrap::Repeat, 0, 0), (Wrap::Black, 0, 1), (Wrap::UseMetadata, 0, 1)]
-    {
+    for (wrap, first, last) in [
+        (Wrap::Clamp, 2, 1),
+        (Wrap::Mirror, 2, 1),
+        (Wrap::Repeat, 0, 0),
+        (Wrap::Black, 0, 1),
+        (Wrap::UseMetadata, 0, 1),
+    ] {
         let query = OpacityQuery { wrap: [wrap, Wrap::Clamp], scale: 1.0, bias: 0.0, threshold: 0.5 };
         let mask = OpacityMask::new(&layout, &values, &query).expect("a mask");
         let at = |s: f32, width: f64| known(&mask, &layout, [s, 0.5], width);
@@ -146,9 +150,8 @@ fn one_value_everywhere_needs_no_mask() {
     let layout = Layout::new([32, 8], 1).expect("a layout");
     let ones = levels(&layout, |_, _, _| 1.0);
     let query = OpacityQuery { wrap: [Wrap::Repeat, Wrap::Clamp], scale: 1.0, bias: 0.0, threshold: 0.5 };
-    let is_opaque = |query: &OpacityQuery, values: &[Vec<f32>]| {
-        OpacityMask::new(&layout, values, query).expect("a mask").is_opaque
-    };
+    let is_opaque =
+        |query: &OpacityQuery, values: &[Vec<f32>]| OpacityMask::new(&layout, values, query).expect("a mask").is_opaque;
     assert!(is_opaque(&query, &ones));
     assert!(is_opaque(&OpacityQuery { threshold: 0.0, ..query }, &ones), "certain");
     assert!(!is_opaque(&OpacityQuery { scale: 0.9, threshold: 0.0, ..query }, &ones), "by chance");

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The masks of a snapshot's cutouts: what is known of them without their textures (`oocpt_core::texture::OpacityMask`).
+//! The masks of a snapshot's cutouts: what is known of them without their textures
+//! (`oocpt_core::texture::OpacityMask`).
 //!
 //! The levels that a mask is made of are read once, when a scene has it first, through the cache that tiles come from.
 //! What has no mask is asked of the texture: sets of files, Ptex, programs, images that cannot be read, and whatever

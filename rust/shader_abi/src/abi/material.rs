@@ -85,7 +85,8 @@ pub struct GpuMaterial {
     pub program_sizes: u32,
     /// What primvars are where a mesh does not have them, for the program.
     pub primvar_fallback: [[f32; 4]; 2],
-    /// What is known of its opacity without its texture (`oocpt_core::texture::OpacityMask`), 16-byte aligned; 0: nothing.
+    /// What is known of its opacity without its texture (`oocpt_core::texture::OpacityMask`), 16-byte aligned; 0:
+    /// nothing.
     pub opacity_mask: u64,
     /// 0.
     pub pad: u64,
