@@ -56,6 +56,10 @@ bool is_cut_in(uint triangle, vec2 uv, float t) {
     if (HAS_CUTOUT_PROGRAMS && presence.program != NO_MATERIAL) {
         return is_cut_in_by_program(presence, triangle, uv, t, id, chance, limit);
     }
+    if (HAS_OPACITY_MASKS && presence.mask != 0ul) {
+        const uint known = known_presence(presence.mask, presence.st, presence.width);
+        if (known != PRESENCE_UNKNOWN) return known == PRESENCE_ALWAYS;
+    }
     TextureProgress progress = TextureProgress(HAS_STREAMING ? vec4(0.0) : UNKNOWN_TEXEL, 0u);
     uint said = TEXTURE_FALLBACK;
     if (presence.texture == NO_TEXTURE) {

@@ -7,6 +7,7 @@
 #include "include/cutout.glsl"
 #include "include/cone.glsl"
 #include "include/surface_material.glsl"
+#include "traversal/opacity_mask.glsl"
 
 const uint NO_TEXTURE = 0xffffffffu;
 
@@ -21,6 +22,7 @@ struct Presence {
     float scale;
     float bias;
     float threshold; // 0: the opacity is a probability
+    uint64_t mask;   // 0: there is none
 };
 
 // The width of the ray's cone at distance t. A shadow ray starts as wide as its surface was seen and stays so.
@@ -36,7 +38,7 @@ float ray_cone(uint path, float t) {
 // What the material of a triangle asks. `cone`: the width of the ray's cone there, in the mesh's frame; `d`: where it
 // goes, in that frame.
 Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone, vec3 d) {
-    Presence p = Presence(false, NO_TEXTURE, NO_MATERIAL, vec2(0.0), 0.0, 0u, 1.0, 0.0, 0.0);
+    Presence p = Presence(false, NO_TEXTURE, NO_MATERIAL, vec2(0.0), 0.0, 0u, 1.0, 0.0, 0.0, 0ul);
     const uint64_t triangles = Meshes(FRAME.meshes).v[mesh].triangles;
     const uint subset = floatBitsToUint(ConstVec4s(triangles).v[triangle * 3u + 1u].w) & SUBSET_MASK;
     const uint slot = material_slot(prim_id, subset);
@@ -86,6 +88,7 @@ Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone,
         p.texture = i.texture;
         p.st = map_place(i, st);
         p.width = lookup_width(i.texture, p.st, footprint, cone, i.row_s, i.row_t);
+        if (HAS_OPACITY_MASKS) p.mask = materials.v[material].opacity_mask;
         p.scale = i.value[p.channel];
         p.bias = i.bias[p.channel];
     }

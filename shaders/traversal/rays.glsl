@@ -2,7 +2,8 @@
 // Walks all rays of a queue so that few threads of a subgroup are idle (0017): the subgroup leaves the nodes when few
 // of its threads are still among them, so that the others need not wait; and threads that have ended their walk take
 // rays that nobody has begun, once enough of them have (after Aila and Laine 2009, "Understanding the Efficiency of Ray
-// Traversal on GPUs"). Which thread walks a ray changes nothing of it.
+// Traversal on GPUs"). Cutouts are looked up when many threads stand at one (0034). Which thread walks a ray, and when,
+// changes nothing of it.
 //
 // Before including, define NEXT as the member of Counters that says which ray of the queue is the first that nobody has
 // begun, and after it
@@ -20,12 +21,23 @@ const uint KEEP_DESCENDING = 12u;
 // those that it has: short walks end together.
 const uint KEEP_WALKING = 26u;
 const uint PATIENCE = 16u;
+// So many that stand at a cutout look it up; fewer do when fewer than LEAST_OTHERS have anything else to do.
+const uint ASK_TOGETHER = 16u;
+const uint LEAST_OTHERS = 2u;
 
 void begin_ray(uint at);
 void end_ray(bool ended);
 
 uint threads_that(bool are) {
     return subgroupBallotBitCount(subgroupBallot(are));
+}
+
+// Whether the threads that stand at a cutout look it up now.
+bool is_asking_time() {
+    const uint asking = threads_that(reference == ASK);
+    if (asking >= max(ASK_TOGETHER * gl_SubgroupSize / 32u, 1u)) return true;
+    const uint others = threads_that(reference != ASK && reference != DONE);
+    return asking > 0u && others < max(LEAST_OTHERS * gl_SubgroupSize / 32u, 1u);
 }
 
 // `count`: rays in the queue. Call with all threads of the pass.
@@ -48,7 +60,9 @@ void trace_rays(uint count) {
                 reference = descend(reference);
                 if (threads_that(reference < LEAF) < keep_descending) break;
             }
-            if (reference >= LEAF && reference != DONE) reference = visit(reference);
+            const bool asks = HAS_CUTOUTS && reference == ASK;
+            if (reference >= LEAF && reference != DONE && !asks) reference = visit(reference);
+            if (HAS_CUTOUTS && is_asking_time() && reference == ASK) reference = answer_candidate();
         } while (threads_that(reference != DONE) >= (more && visits >= PATIENCE ? keep_walking : 1u));
         const bool ended = has_ray && reference == DONE;
         if (ended) end_walk();

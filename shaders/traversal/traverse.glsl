@@ -113,6 +113,17 @@ bool precedes(uint triangle) {
 
 #include "traversal/opacity.glsl"
 
+// The candidate of a hit that the walk stands at while `reference` is ASK: it is nearer than the closest hit, and
+// whether it is there has to be looked up. `end`: of its leaf's items.
+struct Candidate {
+    float t;
+    vec2 uv;
+    uint triangle;
+    uint end;
+};
+
+Candidate candidate;
+
 uint pop() {
     return pop_reference(walk.limit, walk.entry);
 }
@@ -138,7 +149,16 @@ uint descend(uint at) {
     return children.x;
 }
 
-// Tests the items of a leaf; true ends the walk.
+void accept(uint triangle, vec2 uv, float t) {
+    walk.hit = true;
+    found = Found(t, uv, triangle, walk.chunk_instance);
+#if !ANY_HIT
+    walk.limit = t * CULL_PAD;
+    for (uint i = 0u; i <= level_index(); ++i) found_chain[i] = chain[i];
+#endif
+}
+
+// Tests the items of a leaf; true stops the walk: at its end, or with cutouts at a candidate (candidate.end != 0).
 bool visit_triangles(uint begin, uint end) {
     const Shear shear = make_shear(walk.d);
     for (uint triangle = begin; triangle < end; ++triangle) {
@@ -161,17 +181,31 @@ bool visit_triangles(uint begin, uint end) {
         if (!(t < found.t || (has_hit && t == found.t && precedes(triangle)))) continue;
 #endif
         if (HAS_OPACITY && !is_opaque(triangle, uv)) continue;
-        if (HAS_CUTOUTS && !is_cut_in(triangle, uv, t)) continue;
-        walk.hit = true;
-        found = Found(t, uv, triangle, walk.chunk_instance);
+        if (HAS_CUTOUTS) {
+            candidate = Candidate(t, uv, triangle, end);
+            return true;
+        }
+        accept(triangle, uv, t);
 #if ANY_HIT
         return true;
-#else
-        walk.limit = t * CULL_PAD;
-        for (uint i = 0u; i <= level_index(); ++i) found_chain[i] = chain[i];
 #endif
     }
     return false;
+}
+
+// Looks the candidate's cutout up, which is much code: many threads of a subgroup do it together (rays.glsl). The rest
+// of the leaf comes next, or what the walk comes to then.
+uint answer_candidate() {
+    const uint next = candidate.triangle + 1u;
+    const uint rest = candidate.end - next;
+    candidate.end = 0u;
+    if (is_cut_in(candidate.triangle, candidate.uv, candidate.t)) {
+        accept(candidate.triangle, candidate.uv, candidate.t);
+#if ANY_HIT
+        return DONE;
+#endif
+    }
+    return rest > 0u ? LEAF | (rest - 1u) << 28 | next : pop();
 }
 
 // Makes (o, d) the ray of the walk, and remembers it and the arrays for coming back.
@@ -306,7 +340,7 @@ uint visit(uint at) {
     } else if (!walk.in_mesh) {
         return walk.level == 0u ? enter_chunk(at) : enter(first);
     } else if (visit_triangles(first, first + ((at >> 28) & 7u) + 1u)) {
-        return DONE;
+        return HAS_CUTOUTS && candidate.end != 0u ? ASK : DONE;
     }
     return pop();
 }
@@ -340,6 +374,7 @@ void begin_walk(uint64_t ray, uint path, float t_max, uint seed, uint flags) {
     walk.round = false;
     walk.resumed = false;
     walk.hit = false;
+    if (HAS_CUTOUTS) candidate.end = 0u;
     begin_top();
     clear_stack();
     reference = 0u;

@@ -20,6 +20,8 @@ pub struct Faults {
     pub early_roulette: bool,
     /// Lets each pixel's own samples decide how many more it gets: adaptive pictures are biased.
     pub naive_sampling: bool,
+    /// Leaves masks of cutouts out: every candidate is asked of its texture. The picture is the same.
+    pub no_opacity_masks: bool,
     /// Makes calls that take memory fail, in the first render of the session.
     pub failure: Option<Failure>,
 }

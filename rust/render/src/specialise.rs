@@ -27,6 +27,9 @@ pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRa
     features.set(Features::INSTANCING, scene.max_levels > 1);
     // Without images there are no tables of them.
     features.set(Features::TEXTURES, features.contains(Features::TEXTURES) && scene.textures != 0);
+    features.set(Features::CUTOUTS, features.contains(Features::CUTOUTS) && scene.has_cutouts);
+    let has_masks = features.contains(Features::CUTOUTS | Features::TEXTURES) && scene.has_opacity_masks;
+    features.set(Features::OPACITY_MASKS, has_masks);
     features.set(Features::PTEX, features.contains(Features::PTEX | Features::TEXTURES));
     features
 }

@@ -101,6 +101,8 @@ struct GpuMaterial {
     uint program;
     uint program_sizes;
     vec4 primvar_fallback[2];
+    uint64_t opacity_mask;
+    uint64_t pad;
 };
 
 struct GpuPrim {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Textures without a device: how an image is cut into tiles, how coarser levels are made, which images are sRGB, a
-//! reference of the shaders' filter in f64, and heights that displace surfaces.
+//! reference of the shaders' filter in f64, heights that displace surfaces, and what is known of cutouts.
 //!
 //! Guarantees: pure functions, any thread, no panic on any input. Rows are counted from the bottom: texel (0, 0) is at
 //! the origin of st. Sources: `UsdUVTexture` of the `UsdPreviewSurface` specification 2.6 (wrap modes, colour spaces,
@@ -11,6 +11,7 @@ mod faces;
 mod footprint;
 mod heights;
 mod layout;
+mod opacity_mask;
 mod pyramid;
 mod twin;
 
@@ -21,6 +22,7 @@ pub use footprint::{MOST_ANISOTROPY, ellipse, filter_width};
 pub use heights::{HeightFiles, HeightImage, Heights};
 pub(crate) use heights::{HeightLevel, member_at};
 pub use layout::{Layout, LayoutError, MAX_SIDE, Piece, TAIL_SIDE, TILE_SIDE};
+pub use opacity_mask::{MASK_SIDE, OpacityMask, OpacityQuery, Presence, first_pair};
 pub use pyramid::{Pyramid, weights};
 pub use twin::{PtexSampler, Sampler, pack_ptex, select_level, unpack_ptex};
 

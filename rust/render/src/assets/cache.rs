@@ -45,6 +45,10 @@ pub(crate) struct SceneView {
     pub(crate) programs: u64,
     /// 0 when no placement of an opened assembly has values.
     pub(crate) placed_values: u64,
+    /// Whether some material has to be asked whether its surfaces are there.
+    pub(crate) has_cutouts: bool,
+    /// Whether something is known of some without their textures.
+    pub(crate) has_opacity_masks: bool,
     /// 0 when nothing reads a texture.
     pub(crate) textures: u64,
     /// As `textures`.
@@ -122,7 +126,8 @@ impl SceneCache {
             Some(scene) if Arc::ptr_eq(&scene.assets.snapshot, snapshot) => scene.store.forget_arriving(),
             _ => {
                 let textures = self.textures.sync(images, &snapshot.surfaces.textures);
-                let assets = Arc::new(SceneAssets::new(snapshot, &textures)?);
+                let masks = self.textures.opacity_masks(&snapshot.surfaces, &textures.records);
+                let assets = Arc::new(SceneAssets::new(snapshot, &textures, masks)?);
                 let mut store = match self.scene.take() {
                     Some(scene) => scene.store,
                     None => Store::default(),
@@ -322,6 +327,8 @@ impl Scene {
             prims: tables.surfaces.as_ref().map_or(0, |surfaces| surfaces.prims.address()),
             material_slots: tables.surfaces.as_ref().map_or(0, |surfaces| surfaces.slots.address()),
             programs: tables.surfaces.as_ref().and_then(|s| s.programs.as_ref()).map_or(0, HeapRange::address),
+            has_cutouts: self.assets.masks.has_cutouts,
+            has_opacity_masks: !self.assets.masks.words.is_empty(),
             placed_values: tables.placed_values.as_ref().map_or(0, HeapRange::address),
             textures: tables.textures.as_ref().map_or(0, |textures| textures.records.address()),
             texture_pages: tables.textures.as_ref().map_or(0, |textures| textures.pages.address()),

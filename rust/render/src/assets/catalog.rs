@@ -9,7 +9,7 @@
 
 use super::source::{AssetKey, Source};
 use crate::error::RenderError;
-use crate::textures::TextureSet;
+use crate::textures::{OpacityMasks, TextureSet};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::mesh::{LevelNode, level_nodes};
 use oocpt_core::partition::World;
@@ -28,6 +28,8 @@ const MAX_TARGETS: u64 = 1 << 31;
 pub(crate) struct SceneAssets {
     pub(crate) snapshot: Arc<Snapshot>,
     pub(crate) textures: Arc<TextureSet>,
+    /// What is known of cutouts.
+    pub(crate) masks: Arc<OpacityMasks>,
     /// By asset id, those of tiles left out: there may be millions.
     sources: Vec<Source>,
     /// Bytes of every asset and the assets of every unit.
@@ -71,8 +73,12 @@ pub(crate) enum Slot {
 }
 
 impl SceneAssets {
-    /// Lists the assets of `snapshot`, of which these are the textures.
-    pub(crate) fn new(snapshot: &Arc<Snapshot>, textures: &Arc<TextureSet>) -> Result<Self, RenderError> {
+    /// Lists the assets of `snapshot`, of which these are the textures and the masks.
+    pub(crate) fn new(
+        snapshot: &Arc<Snapshot>,
+        textures: &Arc<TextureSet>,
+        masks: Arc<OpacityMasks>,
+    ) -> Result<Self, RenderError> {
         check(snapshot)?;
         let world = &snapshot.world;
         let meshes = snapshot.meshes.iter().cloned().map(Source::Mesh);
@@ -111,6 +117,7 @@ impl SceneAssets {
         Ok(Self {
             snapshot: Arc::clone(snapshot),
             textures: Arc::clone(textures),
+            masks,
             sources,
             catalog: Arc::new(catalog),
             needed,

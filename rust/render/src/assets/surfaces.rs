@@ -2,6 +2,7 @@
 //! The tables of materials and of who has them, and the sections of a mesh that materials read. Pure.
 
 use super::source::rate_of;
+use crate::textures::OpacityMasks;
 use oocpt_core::material::{Input, Material, MaterialFlags, PTEX_SET_ID, UvSet};
 use oocpt_core::materialx::program::{Lookup, Program};
 use oocpt_core::mesh::{MeshSummary, PrimvarSummary};
@@ -32,6 +33,20 @@ impl SurfaceEntries {
             prims: surfaces.prims.iter().map(prim).collect(),
             slots: surfaces.material_slots.iter().map(|&slot| slot_word(surfaces, slot)).collect(),
         })
+    }
+
+    /// The same with masks of what is known of cutouts, which lie at `address`.
+    pub(crate) fn with_masks(mut self, masks: &OpacityMasks, address: u64) -> Self {
+        for (number, material) in self.materials.iter_mut().enumerate() {
+            let begin = masks.first_word(number);
+            material.opacity_mask = begin.map_or(0, |word| address + size_of::<u32>() as u64 * u64::from(word));
+        }
+        for slot in self.slots.iter_mut().filter(|slot| **slot != NO_MATERIAL) {
+            if masks.is_opaque((*slot & !abi::SLOT_PRESENCE) as usize) {
+                *slot &= !abi::SLOT_PRESENCE;
+            }
+        }
+        self
     }
 
     /// Count and stride of each table of a snapshot; none without materials.
@@ -134,6 +149,8 @@ fn material(material: &Material, programs: &mut Vec<[u32; 4]>) -> GpuMaterial {
         program,
         program_sizes,
         primvar_fallback,
+        opacity_mask: 0,
+        pad: 0,
     }
 }
 

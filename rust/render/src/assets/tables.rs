@@ -56,6 +56,8 @@ pub(crate) struct SurfaceRanges {
     pub(crate) slots: HeapRange,
     /// Only when a material has a program.
     pub(crate) programs: Option<HeapRange>,
+    /// What is known of cutouts; the materials point to it.
+    masks: Option<HeapRange>,
 }
 
 /// The tables of textures.
@@ -164,6 +166,7 @@ impl Tables {
             .chain(surfaces)
             .chain(of_textures)
             .chain(Some(placed).filter(|(_, count)| *count > 0))
+            .chain(Some((assets.masks.words.len(), size_of::<u32>())).filter(|(count, _)| *count > 0))
             .chain(Some((directories, size_of::<u32>())).filter(|(count, _)| *count > 0))
             .map(|(count, stride)| ((count * stride).max(16) as u64).next_multiple_of(256))
             .sum()
@@ -178,7 +181,7 @@ impl Tables {
         let surfaces = self.surfaces.iter().flat_map(|s| [&s.materials, &s.prims, &s.slots]);
         let textures = self.textures.iter().flat_map(|t| [&t.records, &t.pages, &t._decode]);
         let directories = self.textures.iter().filter_map(|t| t._directories.as_ref());
-        let programs = self.surfaces.iter().filter_map(|s| s.programs.as_ref());
+        let programs = self.surfaces.iter().flat_map(|s| s.programs.iter().chain(&s.masks));
         for table in surfaces.chain(programs).chain(textures).chain(directories).chain(&self.placed_values) {
             inventory.add(table.name(), table.size());
         }
@@ -270,6 +273,11 @@ fn surface_ranges(
     assets: &SceneAssets,
 ) -> Result<Option<SurfaceRanges>, RenderError> {
     let Some(entries) = SurfaceEntries::new(&assets.snapshot.surfaces) else { return Ok(None) };
+    let masks = match &assets.masks.words[..] {
+        [] => None,
+        words => Some(table(device, writer, "opacity masks", bytemuck::cast_slice(words))?),
+    };
+    let entries = entries.with_masks(&assets.masks, masks.as_ref().map_or(0, HeapRange::address));
     Ok(Some(SurfaceRanges {
         materials: table(device, writer, "material table", bytemuck::cast_slice(&entries.materials))?,
         prims: table(device, writer, "prim table", bytemuck::cast_slice(&entries.prims))?,
@@ -278,6 +286,7 @@ fn surface_ranges(
             [] => None,
             programs => Some(table(device, writer, "pattern programs", bytemuck::cast_slice(programs))?),
         },
+        masks,
     }))
 }
 

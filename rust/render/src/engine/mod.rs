@@ -62,6 +62,11 @@ impl Parts {
     pub(crate) fn new(setting: &Setting<'_>, view: &SceneView, streams: bool) -> Self {
         let Setting { job, lights, rays, film, .. } = *setting;
         let mut needed = specialise::features(&job.snapshot, lights, rays, view);
+        #[cfg(feature = "faults")]
+        needed.set(
+            Features::OPACITY_MASKS,
+            needed.contains(Features::OPACITY_MASKS) && !job.options.faults.no_opacity_masks,
+        );
         needed.set(Features::CAMERA_MOTION, setting.camera_motion.is_some());
         needed.set(Features::ADAPTIVE, film.adaptive().is_some());
         needed.set(Features::STREAMING, streams);

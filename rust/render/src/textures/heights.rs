@@ -75,27 +75,33 @@ impl HeightImage for Height {
     }
 
     fn channel(&self, level: u32, channel: u8) -> Result<Vec<f32>, String> {
-        let info = Image::info(&*self.0);
-        let texels = Texels::new(&info, self.0.is_srgb());
-        let [width, height] = self.0.layout().level_size(level);
-        let mut out = Vec::new();
-        // Bands of rows of tiles: the whole level is there as one channel only.
-        let mut raw = Vec::new();
-        let mut values = Vec::new();
-        for bottom in (0..height).step_by(TILE_SIDE as usize) {
-            let rows = TILE_SIDE.min(height - bottom);
-            let count = width as usize * rows as usize;
-            raw.clear();
-            raw.resize(count * texels.file_bytes(), 0);
-            self.0.read(level, [0, bottom], [width, rows], &mut raw).map_err(|error| error.to_string())?;
-            values.clear();
-            values.resize(count * texels.channels(), 0.0);
-            texels.decode(&raw, &mut values);
-            make_finite(&mut values);
-            out.extend(values.chunks_exact(texels.channels()).map(|texel| picked(texel, channel)));
-        }
+        let mut out = read_channel(&self.0, level, channel)?;
+        make_finite(&mut out);
         Ok(out)
     }
+}
+
+/// A channel of a level of an image, row by row.
+pub(super) fn read_channel(image: &TextureImage, level: u32, channel: u8) -> Result<Vec<f32>, String> {
+    let info = Image::info(image);
+    let texels = Texels::new(&info, image.is_srgb());
+    let [width, height] = image.layout().level_size(level);
+    let mut out = Vec::new();
+    // Bands of rows of tiles: the whole level is there as one channel only.
+    let mut raw = Vec::new();
+    let mut values = Vec::new();
+    for bottom in (0..height).step_by(TILE_SIDE as usize) {
+        let rows = TILE_SIDE.min(height - bottom);
+        let count = width as usize * rows as usize;
+        raw.clear();
+        raw.resize(count * texels.file_bytes(), 0);
+        image.read(level, [0, bottom], [width, rows], &mut raw).map_err(|error| error.to_string())?;
+        values.clear();
+        values.resize(count * texels.channels(), 0.0);
+        texels.decode(&raw, &mut values);
+        out.extend(values.chunks_exact(texels.channels()).map(|texel| picked(texel, channel)));
+    }
+    Ok(out)
 }
 
 /// A channel of a texel, as `oocpt_core::texture::expand` says.

@@ -7,6 +7,7 @@
 
 use super::disk::DiskCache;
 use super::image::{ImageError, ImageLibrary};
+use super::opacity_masks::MadeMasks;
 use super::tiles::{Stores, TextureImage, Wanted};
 use oocpt_core::scene::AssetRef;
 use oocpt_core::settings::Settings;
@@ -90,6 +91,8 @@ pub(crate) struct TextureCache {
     folder: Option<(String, u32)>,
     set: Arc<TextureSet>,
     textures: Vec<TextureRef>,
+    /// Of the materials of the last snapshot.
+    pub(super) masks: MadeMasks,
 }
 
 /// `None`: a member of a set that does not exist.

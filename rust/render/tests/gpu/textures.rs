@@ -5,6 +5,7 @@
 mod demand;
 mod filter;
 mod images;
+mod masks;
 mod programs;
 
 use self::images::{Library, Noise, hash};

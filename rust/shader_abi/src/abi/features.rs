@@ -130,6 +130,8 @@ features! {
     PATTERNS: "programs of patterns", [MATERIALS], Materials;
     /// The opacity of some material is worked out by a program.
     CUTOUT_PROGRAMS: "cutouts by programs", [CUTOUTS, PATTERNS], MaterialsInCore;
+    /// What textures say of some cutout is known in part without them: `GpuMaterial::opacity_mask` counts.
+    OPACITY_MASKS: "masks of what is known of cutouts", [CUTOUTS, TEXTURES], Never;
     /// Some material emits light.
     EMISSION: "emission of surfaces", [MATERIALS], Materials;
     /// Some primvar has a value per instance: `primvars` of chunks and assemblies, and `Frame::placed_values`, count.

@@ -214,7 +214,9 @@ pub const LAYOUTS: &[StructLayout] = &[
         set_fallback,
         program,
         program_sizes,
-        primvar_fallback
+        primvar_fallback,
+        opacity_mask,
+        pad
     }),
     layout!(GpuPrim { first_slot, slot_count, link_set, pad }),
     layout!(GpuAttribute { values, name, rate_and_width }),

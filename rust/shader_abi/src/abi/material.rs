@@ -63,7 +63,7 @@ pub struct GpuInput {
     pub texture: u32,
 }
 
-/// A material, 1296 B.
+/// A material, 1312 B.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct GpuMaterial {
@@ -85,6 +85,11 @@ pub struct GpuMaterial {
     pub program_sizes: u32,
     /// What primvars are where a mesh does not have them, for the program.
     pub primvar_fallback: [[f32; 4]; 2],
+    /// What is known of its opacity without its texture (`oocpt_core::texture::OpacityMask`), 16-byte aligned; 0:
+    /// nothing.
+    pub opacity_mask: u64,
+    /// 0.
+    pub pad: u64,
 }
 
 /// What a prim looks like, 16 B; by prim id + 1.

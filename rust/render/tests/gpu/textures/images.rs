@@ -107,7 +107,31 @@ impl Image for Torn {
     }
 }
 
-/// A file is called by width, height and channels, with an x between; "steps", "checks" and "torn" are others.
+/// White, with alpha in the shape of a disc with a soft rim; smaller levels are made by whoever reads it.
+#[derive(Debug)]
+struct Disc([u32; 2]);
+
+impl Image for Disc {
+    fn info(&self) -> ImageInfo {
+        Noise { size: self.0, channels: 4, seed: 0 }.info()
+    }
+
+    fn read(&self, _level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
+        let side = self.0.map(f64::from);
+        for (y, row) in (at[1]..).zip(out.chunks_exact_mut(size[0] as usize * 4)) {
+            for (x, texel) in (at[0]..).zip(row.chunks_exact_mut(4)) {
+                let off = ((f64::from(x) + 0.5) / side[0] - 0.5).hypot((f64::from(y) + 0.5) / side[1] - 0.5);
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+                let alpha = ((0.42 - off) * 20.0 + 0.5).clamp(0.0, 1.0).mul_add(255.0, 0.5) as u8;
+                texel.copy_from_slice(&[255, 255, 255, alpha]);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A file is called by width, height and channels, with an x between; "steps", "checks", "torn" and "disc " with width
+/// and height are others.
 #[derive(Debug)]
 pub(super) struct Library;
 
@@ -118,6 +142,10 @@ impl ImageLibrary for Library {
             "checks" => return Ok(Arc::new(Checks)),
             "torn" => return Ok(Arc::new(Torn)),
             _ => {}
+        }
+        if let Some((width, height)) = asset.resolved.strip_prefix("disc ").and_then(|size| size.split_once('x')) {
+            let side = |text: &str| text.parse().map_err(|_| ImageError("no such disc".into()));
+            return Ok(Arc::new(Disc([side(width)?, side(height)?])));
         }
         let numbers: Vec<u32> = asset.resolved.split('x').filter_map(|part| part.parse().ok()).collect();
         let [width, height, channels] = numbers[..] else { return Err(ImageError("no such image".into())) };

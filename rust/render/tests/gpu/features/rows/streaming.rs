@@ -57,9 +57,15 @@ pub(crate) const ROWS: &[Row] = &[
     Row {
         what: "a cutout that streams",
         build: |db| papered(db, "opacity", "r", &[("opacityThreshold", ParamValue::Float(0.5))]),
-        features: &["LIGHT_TABLE", "MATERIALS", "TEXTURES", "CUTOUTS", "STREAMING"],
+        features: &["LIGHT_TABLE", "MATERIALS", "TEXTURES", "CUTOUTS", "OPACITY_MASKS", "STREAMING"],
         passes: &[STREAM_PASSES, &["resolve_materials", "resolve_cutouts"]],
-        buffers: &[OF_STREAMING, OF_MATERIALS, OF_TEXTURES, OF_RESOLVING, &["questions", "shadow_questions"]],
+        buffers: &[
+            OF_STREAMING,
+            OF_MATERIALS,
+            OF_TEXTURES,
+            OF_RESOLVING,
+            &["questions", "shadow_questions", "opacity masks"],
+        ],
         primvars: &["st"],
         also: Also::Streaming,
     },

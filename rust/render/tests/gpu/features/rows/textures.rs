@@ -25,8 +25,8 @@ pub(crate) const ROWS: &[Row] = &[
     Row {
         what: "a cutout",
         build: |db| papered(db, "opacity", "r", &[("opacityThreshold", ParamValue::Float(0.5))]),
-        features: &["LIGHT_TABLE", "MATERIALS", "TEXTURES", "CUTOUTS"],
-        buffers: &[OF_MATERIALS, OF_TEXTURES, OF_TILES, OF_PRIMVARS],
+        features: &["LIGHT_TABLE", "MATERIALS", "TEXTURES", "CUTOUTS", "OPACITY_MASKS"],
+        buffers: &[OF_MATERIALS, OF_TEXTURES, OF_TILES, OF_PRIMVARS, &["opacity masks"]],
         primvars: &["st"],
         ..BARE
     },

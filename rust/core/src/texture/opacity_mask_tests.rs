@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Masks against lookups in f64, at random places and widths.
+
+use super::super::Sampler;
+use super::*;
+
+/// A generator of numbers (Steele et al. 2014, SplitMix64).
+struct Random(u64);
+
+impl Random {
+    fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let x = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        x ^ (x >> 31)
+    }
+
+    /// From `low` up to `high`.
+    fn between(&mut self, low: f32, high: f32) -> f32 {
+        low + (high - low) * ((self.bits() >> 40) as f32 / (1 << 24) as f32)
+    }
+
+    /// Below `count`.
+    fn below(&mut self, count: u32) -> u32 {
+        (self.bits() >> 32) as u32 % count
+    }
+
+    fn one_of<T: Copy, const N: usize>(&mut self, values: [T; N]) -> T {
+        values[self.below(N as u32) as usize]
+    }
+}
+
+/// An image with all its levels, each the mean of the finer one or anything.
+fn levels(layout: &Layout, mut texel: impl FnMut(u32, u32, u32) -> f32) -> Vec<Vec<f32>> {
+    (0..layout.levels())
+        .map(|level| {
+            let [w, h] = layout.level_size(level);
+            (0..h).flat_map(|y| (0..w).map(move |x| (x, y))).map(|(x, y)| texel(level, x, y)).collect()
+        })
+        .collect()
+}
+
+/// As `shaders/traversal/opacity_mask.glsl` reads it.
+fn known(mask: &OpacityMask, layout: &Layout, st: [f32; 2], width: f64) -> Option<u32> {
+    let [size, modes] = [mask.words[0], mask.words[1]];
+    assert_eq!([size & 0xffff, size >> 16], layout.size());
+    let (first, last) = (modes >> 8 & 0xff, modes >> 16);
+    let pair = if width < 1.0 { 0 } else { (width.log2().floor() as u32).min(last) };
+    let at = 2 + 2 * pair.checked_sub(first)? as usize;
+    let (begin, columns) = (mask.words[at], mask.words[at + 1]);
+    let size = layout.level_size(pair);
+    let [x, y] = [0, 1].map(|axis| (st[axis] * size[axis] as f32 + 0.5).floor() as u32);
+    assert!(x <= size[0] && y <= size[1], "a cell of the mask");
+    let cell = begin + y * columns + x;
+    Some(mask.words[cell as usize / 16] >> (2 * (cell % 16)) & 3)
+}
+
+const WRAPS: [Wrap; 4] = [Wrap::Black, Wrap::Clamp, Wrap::Repeat, Wrap::Mirror];
+
+/// Random queries of random images; the share of lookups whose answer was known.
+fn agree(seed: u64, texel: impl Fn(&mut Random, [f32; 2]) -> f32) -> f64 {
+    let mut random = Random(seed);
+    let (mut asked, mut told) = (0_u32, 0_u32);
+    for size in [[1, 1], [2, 1], [7, 3], [16, 16], [33, 64], [128, 128], [1024, 40]] {
+        let layout = Layout::new(size, 4).expect("a layout");
+        let values = levels(&layout, |level, x, y| {
+            let [w, h] = layout.level_size(level).map(|side| side as f32);
+            texel(&mut random, [(x as f32 + 0.5) / w, (y as f32 + 0.5) / h])
+        });
+        for case in 0..24 {
+            let query = OpacityQuery {
+                wrap: [WRAPS[case % 4], WRAPS[case / 4 % 4]],
+                scale: random.one_of([1.0, -1.0, 0.7, 3.0]),
+                bias: random.one_of([0.0, 1.0, -0.25]),
+                threshold: random.one_of([0.0, 0.0, 0.25, 0.5, 0.999]),
+            };
+            let first = first_pair(&layout);
+            let mask = OpacityMask::new(&layout, &values[first as usize..], &query).expect("a mask");
+            let texel = |level: u32, x: u32, y: u32| {
+                let at = y * layout.level_size(level)[0] + x;
+                [f64::from(values[level as usize][at as usize]); 4]
+            };
+            let sampler = Sampler { layout, wrap: query.wrap, texel };
+            for _ in 0..1500 {
+                let mut coordinate = |axis: usize| -> f32 {
+                    let centre = random.below(2 * size[axis] + 1) as f32 / (2 * size[axis]) as f32;
+                    let nudge = f32::from_bits(centre.to_bits() + random.below(3)).min(1.0);
+                    let anywhere = random.between(0.0, 1.0);
+                    random.one_of([anywhere, centre, nudge])
+                };
+                let st = [coordinate(0), coordinate(1)];
+                let width = 2.0_f64.powf(random.between(-2.0, 12.0).into());
+                let value = sampler.lookup(st.map(f64::from), width)[0];
+                let opacity = value * f64::from(query.scale) + f64::from(query.bias);
+                asked += 1;
+                let Some(state) = known(&mask, &layout, st, width) else { continue };
+                told += u32::from(state != 0);
+                let threshold = f64::from(query.threshold);
+                let text = || format!("{query:?}, {size:?}, {st:?}, {width}: {opacity} but {state}");
+                match (state, query.threshold > 0.0) {
+                    (1, true) => assert!(opacity < threshold, "{}", text()),
+                    (2, true) => assert!(opacity >= threshold, "{}", text()),
+                    (1, false) => assert!(opacity <= 0.0, "{}", text()),
+                    (2, false) => assert!(opacity >= 1.0, "{}", text()),
+                    (state, _) => assert_eq!(state, 0, "a state"),
+                }
+                assert!(!mask.is_opaque || state == 2, "{}", text());
+            }
+        }
+    }
+    f64::from(told) / f64::from(asked)
+}
+
+#[test]
+fn what_is_known_is_what_lookups_say() {
+    // A disc with a soft rim, as leaves are; noise; few values; one value.
+    let disc = agree(1, |_, [s, t]: [f32; 2]| ((0.4 - (s - 0.5).hypot(t - 0.5)) * 40.0 + 0.5).clamp(0.0, 1.0));
+    let noise = agree(2, |random, _| random.between(0.0, 1.0));
+    let few = agree(3, |random, [s, _]| if s < 0.7 { 1.0 } else { random.one_of([0.0, 0.25, 0.5]) });
+    let ones = agree(4, |_, _| 1.0);
+    assert!(disc > 0.4 && few > 0.3 && ones > 0.5, "most of it is known: {disc} {few} {ones}");
+    assert!(noise > 0.01 && noise < 0.6, "little of noise is: {noise}");
+}
+
+/// Texels that are there, there, not there and not there, and what the first and the last mix with beside the image.
+#[test]
+fn what_is_known_at_the_rim() {
+    let layout = Layout::new([4, 1], 1).expect("a layout");
+    let values = vec![vec![1.0, 1.0, 0.0, 0.0], vec![1.0, 0.0], vec![0.5]];
+    for (wrap, first, last) in [
+        (Wrap::Clamp, 2, 1),
+        (Wrap::Mirror, 2, 1),
+        (Wrap::Repeat, 0, 0),
+        (Wrap::Black, 0, 1),
+        (Wrap::UseMetadata, 0, 1),
+    ] {
+        let query = OpacityQuery { wrap: [wrap, Wrap::Clamp], scale: 1.0, bias: 0.0, threshold: 0.5 };
+        let mask = OpacityMask::new(&layout, &values, &query).expect("a mask");
+        let at = |s: f32, width: f64| known(&mask, &layout, [s, 0.5], width);
+        assert_eq!([at(0.05, 0.5), at(0.95, 0.5)], [Some(first), Some(last)], "{wrap:?}");
+        assert_eq!(at(0.5, 0.5), Some(0), "{wrap:?}: between both");
+        // One texel all over, at the threshold: it is there.
+        let coarsest = if matches!(wrap, Wrap::Black | Wrap::UseMetadata) { 0 } else { 2 };
+        assert_eq!(at(0.3, 4.0), Some(coarsest), "{wrap:?}");
+    }
+}
+
+#[test]
+fn one_value_everywhere_needs_no_mask() {
+    let layout = Layout::new([32, 8], 1).expect("a layout");
+    let ones = levels(&layout, |_, _, _| 1.0);
+    let query = OpacityQuery { wrap: [Wrap::Repeat, Wrap::Clamp], scale: 1.0, bias: 0.0, threshold: 0.5 };
+    let is_opaque =
+        |query: &OpacityQuery, values: &[Vec<f32>]| OpacityMask::new(&layout, values, query).expect("a mask").is_opaque;
+    assert!(is_opaque(&query, &ones));
+    assert!(is_opaque(&OpacityQuery { threshold: 0.0, ..query }, &ones), "certain");
+    assert!(!is_opaque(&OpacityQuery { scale: 0.9, threshold: 0.0, ..query }, &ones), "by chance");
+    let beside = OpacityQuery { wrap: [Wrap::Repeat, Wrap::Black], ..query };
+    assert!(!is_opaque(&beside, &ones), "nothing is beside it");
+    let zeros = levels(&layout, |_, _, _| 0.0);
+    assert!(is_opaque(&OpacityQuery { scale: -1.0, bias: 1.0, ..beside }, &zeros), "what is beside it is there");
+    for hole in [0, 3, 5] {
+        let mut holed = ones.clone();
+        *holed[hole].last_mut().expect("a texel") = 0.0;
+        assert!(!is_opaque(&query, &holed), "a texel of level {hole} is not there");
+    }
+    let mut broken = ones.clone();
+    broken[1][3] = f32::NAN;
+    assert!(!is_opaque(&query, &broken), "no number");
+    assert!(OpacityMask::new(&layout, &ones[1..], &query).is_none(), "levels are missing");
+}

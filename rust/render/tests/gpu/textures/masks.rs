@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What masks say of cutouts is what lookups say: the same bits with masks and without, in core and streaming.
+
+use super::*;
+
+/// Image, wrap modes, factor, summand, threshold (0: a probability).
+type Cut = (&'static str, [&'static str; 2], f32, f32, f32);
+
+const CUTS: [Cut; 12] = [
+    ("disc 64x64", ["clamp", "clamp"], 1.0, 0.0, 0.5),
+    ("disc 300x200", ["black", "black"], 1.0, 0.0, 0.5),
+    ("disc 512x512", ["repeat", "repeat"], 1.0, 0.0, 0.75),
+    ("disc 33x70", ["mirror", "repeat"], 1.0, 0.0, 0.25),
+    ("disc 128x256", ["repeat", "clamp"], -1.0, 1.0, 0.5),
+    ("disc 1200x700", ["clamp", "black"], -2.0, 1.25, 0.5),
+    ("disc 3x2", ["mirror", "mirror"], 1.0, 0.0, 0.4),
+    ("disc 1x1", ["repeat", "clamp"], 1.0, 0.0, 0.4),
+    ("disc 128x128", ["clamp", "repeat"], 1.0, 0.0, 0.0),
+    ("disc 200x256", ["black", "mirror"], 0.5, 0.25, 0.0),
+    ("256x256x2", ["repeat", "mirror"], 1.0, 0.0, 0.5),
+    ("nothing", ["repeat", "mirror"], 1.0, 0.0, 0.5),
+];
+
+fn material_of(path: &str, (file, wraps, scale, bias, threshold): Cut) -> MaterialDesc {
+    let mut own = vec![("opacityThreshold", ParamValue::Float(threshold))];
+    if threshold == 0.0 {
+        own.push(("opacityMode", text("presence")));
+    }
+    let mut desc = textured(path, file, own, &[("opacity", "a")]);
+    let mut set = |name: &str, value: ParamValue| {
+        let params = &mut desc.nodes[1].params;
+        params.retain(|param| *param.name != *name);
+        params.push(ParamDesc { name: name.into(), value });
+    };
+    set("wrapS", text(wraps[0]));
+    set("wrapT", text(wraps[1]));
+    set("scale", ParamValue::Vec4([scale; 4]));
+    set("bias", ParamValue::Vec4([bias; 4]));
+    desc
+}
+
+/// Leaves of all sizes, each kind cut in another way, whose coordinates leave the image on all sides.
+fn cut_in_many_ways(db: &mut SceneDb) {
+    let ground = DMat4::from_scale(DVec3::splat(20.0));
+    db.upsert_mesh(square(prim("/ground", ground), 1, 0.5));
+    db.upsert_light(dome([1.0; 3]));
+    db.upsert_light(sun(2.0, 1.0, DMat4::from_rotation_x(-0.8)));
+    let unit = |i: u32, k: u32| f64::from(hash(5 * i + k) >> 8) / f64::from(1 << 24) - 0.5;
+    for (kind, cut) in (0_u32..).zip(CUTS) {
+        let places: Vec<_> = (0..120)
+            .map(|i| 1000 * kind + i)
+            .map(|i| {
+                let at = DVec3::new(unit(i, 0) * 4.0, unit(i, 1) * 1.5 + 0.9, unit(i, 2) * 4.0);
+                let turn = DQuat::from_rotation_y(f64::from(i)) * DQuat::from_rotation_x(0.3 + unit(i, 3));
+                (at, turn, DVec3::new(0.3, 0.3, 0.3) * (unit(i, 4) * 6.0).exp2())
+            })
+            .collect();
+        let name = format!("/kind_{kind}");
+        let leaf = format!("{name}/leaf");
+        db.upsert_instancer(instancer(prim(&name, DMat4::IDENTITY), &leaf, &places));
+        let id = 10 + i32::try_from(kind).expect("small");
+        let mut desc = square(instanced(prim(&leaf, DMat4::IDENTITY), &name), id, 0.5);
+        let material = format!("{name}_material");
+        desc.display_color = constant([0.2_f32, 0.5, 0.1]);
+        desc = with_st(desc, 1.0, &material);
+        if kind % 2 == 0 {
+            let st = vec![[-0.7, -1.2], [1.8, -0.9], [2.1, 1.6], [-1.3, 1.9]];
+            desc.primvars[0].primvar.values = TypedArray::of(st);
+        }
+        db.upsert_mesh(desc);
+        db.upsert_material(material_of(&material, cut));
+    }
+}
+
+fn with_masks(are_there: bool, budget: Option<u32>) -> Render {
+    let faults = Faults { no_opacity_masks: !are_there, ..Faults::default() };
+    let force_streaming = budget.is_some();
+    let settings = Settings { geometry_budget_kib: budget.unwrap_or(0), ..small_chunks() };
+    let session = session(settings, SessionOptions { faults, force_streaming, ..options() }, cut_in_many_ways);
+    render_with_messages(&session, &close());
+    let listed = session.stats().inventory.features;
+    let feature = listed.iter().find(|feature| feature.name == "OPACITY_MASKS").expect("a feature");
+    assert_eq!(feature.present, are_there, "masks are used where they are wanted");
+    Render { images: read_all(&session, &close()), stats: session.stats().streaming }
+}
+
+#[test]
+fn masks_say_of_cutouts_what_their_textures_say() {
+    let asked = with_masks(false, None);
+    let known = with_masks(true, None);
+    assert!(known.images == asked.images, "the picture differs in core");
+    assert!(known.stats.in_core, "all of it fits");
+    let without = with_masks(false, Some(600));
+    assert!(without.images == asked.images, "the picture differs without masks");
+    for budget in [600, 2 << 10] {
+        let part = with_masks(true, Some(budget));
+        assert!(part.images == asked.images, "the picture differs at {budget} KiB");
+        // 310 and 121 at 600 KiB when this was written.
+        let loads = [&without, &part].map(|render| render.stats.texture_loads);
+        assert!(!part.stats.in_core && loads[1] > 0, "tiles were loaded: {:?}", part.stats);
+        assert!(3 * loads[1] < 2 * loads[0], "rays wait for fewer tiles: {loads:?}");
+    }
+}
