@@ -25,7 +25,7 @@ mod settings;
 mod stats;
 mod texture_file;
 
-use session::{Session, close_session, open_session, setting_descriptors};
+use session::{Session, close_session, max_clip_planes, open_session, setting_descriptors};
 use texture_file::texture_file;
 
 /// Declarations that cxx turns into both sides of the boundary.
@@ -392,6 +392,7 @@ mod ffi {
         height: u32,
         world_from_view: [f64; 16],
         camera_motion: Vec<f64>,
+        clip_planes: Vec<f64>,
         projection: [f64; 16],
         display_window: [f32; 4],
         data_window: [i32; 4],
@@ -422,6 +423,7 @@ mod ffi {
         fn open_session(images: UniquePtr<ImageSource>) -> Result<Box<Session>>;
         fn close_session(session: Box<Session>) -> Result<()>;
         fn setting_descriptors() -> Result<Vec<SettingDescriptor>>;
+        fn max_clip_planes() -> usize;
         fn texture_file(
             images: UniquePtr<ImageSource>,
             command: &str,

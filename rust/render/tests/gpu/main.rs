@@ -7,6 +7,7 @@ mod adaptive;
 mod agreement;
 mod bsdf;
 mod calibration;
+mod clipping;
 mod control;
 mod convergence;
 mod counts;

@@ -158,6 +158,8 @@ features! {
     MOTION: "motion of placements", [], Always;
     /// The camera moves: `Frame::camera_motion` counts.
     CAMERA_MOTION: "motion of the camera", [], Never;
+    /// The camera has clipping planes: `Frame::clip_planes` counts.
+    CLIPPING: "clipping planes", [], Never;
     /// Pixels have two streams of samples, and not all as many of them: `Frame::adaptive` counts.
     ADAPTIVE: "adaptive sampling: lists of samples, the second stream of the film", [], Never;
 }

@@ -21,7 +21,7 @@ pub use constants::CONSTANTS;
 pub use features::{CarryRule, FEATURES, Feature, Features, SPEC_FEATURES, SPEC_FEATURES_HIGH};
 pub use film::{ERROR_GROUPS, ErrorSums, FilmPixel, aov_bytes};
 pub use frame::{
-    AOV_ESCAPED, AOV_SURFACES, Adaptive, AovClear, AovTargets, Frame, FrameFlags, MAX_DIRECT_GROUPS, PREPARE_DEMAND,
+    AOV_ESCAPED, AOV_SURFACES, Adaptive, AovClear, AovTargets, Frame, FrameFlags, GpuClipPlane, MAX_DIRECT_GROUPS, PREPARE_DEMAND,
     PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, SCAN_BLOCK, SCAN_BLOCKS, SCAN_SUMS, SPEC_MAX_LEVELS,
     SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
 };

@@ -51,6 +51,13 @@ pub(crate) const ROWS: &[Row] = &[
         also: Also::Moves,
         ..BARE
     },
+    Row {
+        what: "clipping planes",
+        features: &["CLIPPING"],
+        buffers: &[&["clipping planes"]],
+        also: Also::Clips,
+        ..BARE
+    },
     Row { what: "a lens", features: &["LENS"], also: Also::Lens, ..BARE },
     Row {
         what: "depth",
