@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/cameraReader.h"
 
-#include "oocpt-bridge/src/lib.rs.h"
+#include "oocpt-bridge/src/ffi_runner.rs.h"
 #include "pxr/base/gf/vec4f.h"
 #include "pxr/base/vt/array.h"
 #include "scene/dataSource.h"

@@ -24,8 +24,8 @@ struct HdOocPTLens
 /// them).
 HdOocPTLens HdOocPTReadLens(const HdSceneIndexBase& scene, const SdfPath& path);
 
-/// The clipping planes of a camera prim, in its space: what is below 0 is not seen. Warns of planes that are not finite,
-/// and of more than the renderer takes, and leaves them out.
+/// The clipping planes of a camera prim, in its space: what is below 0 is not seen. Warns of planes that are not
+/// finite, and of more than the renderer takes, and leaves them out.
 std::vector<GfVec4d> HdOocPTReadClippingPlanes(
     const HdSceneIndexBase& scene, const SdfPath& path, HdOocPTWarnings* warnings);
 

@@ -71,11 +71,6 @@ pub(crate) fn close_session(session: Box<Session>) -> Result<(), BridgeError> {
     })
 }
 
-/// Clipping planes of a camera that count.
-pub(crate) fn max_clip_planes() -> usize {
-    oocpt_core::MAX_CLIP_PLANES
-}
-
 /// What hosts list, without a session: the environment's values are the defaults.
 pub(crate) fn setting_descriptors() -> Result<Vec<SettingDescriptor>, BridgeError> {
     guard("setting_descriptors", || Ok(Layers::new(environment).0.descriptors()))

@@ -258,8 +258,7 @@ fn clipping_planes_say_along_rays_what_they_say_in_view_space() {
         for t in [0.0, 3.0, 40.0] {
             let view = camera.world_from_view.inverse().transform_point3(o + t * d + near(&camera));
             let known = plane.dot(view.extend(1.0)) / plane.truncate().length();
-            let said =
-                along(planes[0].begins) + aside + t * (along(planes[0].slope) - aside / f64::from(rays.focus));
+            let said = along(planes[0].begins) + aside + t * (along(planes[0].slope) - aside / f64::from(rays.focus));
             assert!((said - known).abs() < 2e-5, "{said} for {known} at {t}");
         }
     }

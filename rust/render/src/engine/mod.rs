@@ -101,16 +101,7 @@ impl<'a> Tracer<'a> {
         bind(&mut block);
         let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
         frame.write(0, bytemuck::bytes_of(&block))?;
-        Ok(Self {
-            setting,
-            paths,
-            passes,
-            special,
-            backend,
-            written: paths.written(),
-            frame,
-            _camera: camera,
-        })
+        Ok(Self { setting, paths, passes, special, backend, written: paths.written(), frame, _camera: camera })
     }
 
     /// Says what the trace passes write besides what belongs to the paths.

@@ -11,6 +11,7 @@ mod clipping;
 mod control;
 mod convergence;
 mod counts;
+mod deform;
 mod determinism;
 mod edits;
 mod failures;

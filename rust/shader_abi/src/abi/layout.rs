@@ -5,11 +5,11 @@
 
 use super::{
     Adaptive, AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAssembly, GpuAttribute, GpuCameraKey,
-    GpuCameraMotion, GpuCdf, GpuChunk, GpuChunkInstance, GpuClipPlane, GpuDistantLight, GpuInfiniteLight, GpuInput, GpuInstance,
-    GpuLevelNode, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping, GpuLightTriangle,
-    GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuMeshNode, GpuMotionKey, GpuPrim, GpuSurface,
-    GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, Lighting, PathState, Pending, Push, Question, Ray,
-    Roulette, Segment, ShadowRay, Streaming, TextureFeedback,
+    GpuCameraMotion, GpuCdf, GpuChunk, GpuChunkInstance, GpuClipPlane, GpuDistantLight, GpuInfiniteLight, GpuInput,
+    GpuInstance, GpuLevelNode, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
+    GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuMeshNode, GpuMotionKey,
+    GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, Lighting, PathState, Pending, Push,
+    Question, Ray, Roulette, Segment, ShadowRay, Streaming, TextureFeedback,
 };
 use core::mem::{offset_of, size_of};
 
