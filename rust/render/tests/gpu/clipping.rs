@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Clipping planes of the camera: against closed forms in f64, with lens and motion, and the same bits in core,
-//! streaming and native traversal.
+//! Clipping planes of the camera: against closed forms in f64, with lens and motion, and the same bits in core and
+//! streaming.
 
 use crate::scenes::{constant, dome, mesh, prim, square, sun};
 use crate::streaming::{SCENES, smallest_budget};
@@ -10,7 +10,7 @@ use crate::support::{
 use glam::{DMat4, DVec3, DVec4};
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::{MeshDesc, SceneDb, Shape, TransformSample};
-use oocpt_core::settings::{Settings, TraversalKind};
+use oocpt_core::settings::Settings;
 use oocpt_core::{LightDesc, LightKind, TypedArray};
 use oocpt_render::{AovKind, Session, SessionOptions};
 
@@ -218,7 +218,7 @@ fn lamps_are_cut_as_surfaces_are() {
 }
 
 #[test]
-fn the_same_bits_in_core_while_streaming_and_on_the_host() {
+fn the_same_bits_in_core_and_while_streaming() {
     let scene = &SCENES[1];
     let mut camera = perspective(scene.eye, scene.target, 0.8, [48, 32]);
     camera.clip_planes = vec![DVec4::new(0.1, 0.0, -1.0, -14.0), DVec4::new(0.0, 0.2, 1.0, 19.0)];
@@ -227,8 +227,6 @@ fn the_same_bits_in_core_while_streaming_and_on_the_host() {
     let whole = images(scene.build, small(), &request);
     let open = images(scene.build, small(), &self::request(Camera { clip_planes: Vec::new(), ..camera }));
     assert!(whole != open, "the planes cut something");
-    let native = images(scene.build, Settings { traversal: TraversalKind::Native, ..small() }, &request);
-    assert!(native == whole, "native traversal");
     let smallest = smallest_budget(scene);
     for budget in [4 * smallest, smallest] {
         let options = SessionOptions { validation: true, force_streaming: true, ..SessionOptions::default() };
