@@ -65,7 +65,8 @@ fn agree(what: &str, met: &[f64], covers: impl Fn(f64, f64, f64) -> bool) {
     }
     let mean = sum / f64::from(SIZE[0] * SIZE[1]);
     assert!(partly > 40, "{what}: {partly} pixels are covered for a part of the time");
-    assert!(largest < 0.06 && mean < 0.004, "{what}: {largest} at most, {mean} in the mean");
+    // Three times the deviation of so many independent samples.
+    assert!(largest < 0.09 && mean < 0.004, "{what}: {largest} at most, {mean} in the mean");
 }
 
 #[test]
