@@ -15,6 +15,7 @@
 
 #include <algorithm>
 #include <exception>
+#include <iterator>
 #include <mutex>
 #include <optional>
 #include <utility>
@@ -223,6 +224,9 @@ void HdOocPTSession::Render(const HdOocPTRenderRequest& request)
             GfMatrix4d viewToWorld(1.0);
             std::copy_n(desc.world_from_view.begin(), 16, viewToWorld.GetArray());
             HdOocPTFillMotion(_impl->reader->GetCameraMotion(request.cameraPath, viewToWorld), &desc.camera_motion);
+            for (const GfVec4d& plane : _impl->reader->GetClippingPlanes(request.cameraPath, &_impl->warnings)) {
+                std::copy_n(plane.GetArray(), 4, std::back_inserter(desc.clip_planes));
+            }
         }
         {
             const std::lock_guard<std::mutex> lock(_impl->mutex);
@@ -230,6 +234,7 @@ void HdOocPTSession::Render(const HdOocPTRenderRequest& request)
         }
         (*_impl->session)->render(std::move(desc));
     });
+    _impl->warnings.Post();
 }
 
 bool HdOocPTSession::IsConverged() const

@@ -2,9 +2,13 @@
 #ifndef HDOOCPT_SCENE_CAMERA_READER_H
 #define HDOOCPT_SCENE_CAMERA_READER_H
 
+#include "pxr/base/gf/vec4d.h"
 #include "pxr/imaging/hd/sceneIndex.h"
 #include "pxr/pxr.h"
 #include "pxr/usd/sdf/path.h"
+#include "scene/warnings.h"
+
+#include <vector>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -19,6 +23,11 @@ struct HdOocPTLens
 /// is orthographic, or there is no such prim. Hydra hands focalLength out in scene units (UsdGeomCamera has tenths of
 /// them).
 HdOocPTLens HdOocPTReadLens(const HdSceneIndexBase& scene, const SdfPath& path);
+
+/// The clipping planes of a camera prim, in its space: what is below 0 is not seen. Warns of planes that are not
+/// finite, and of more than the renderer takes, and leaves them out.
+std::vector<GfVec4d> HdOocPTReadClippingPlanes(
+    const HdSceneIndexBase& scene, const SdfPath& path, HdOocPTWarnings* warnings);
 
 PXR_NAMESPACE_CLOSE_SCOPE
 

@@ -98,7 +98,7 @@ void HdOocPTReadInstancer(const HdOocPTPrimSource& source, HdOocPTInstancerState
     if (source.dirtyBits & HdOocPTDirtyInstancePrimvars) {
         _ReadPlacement(source, state);
     }
-    if (source.dirtyBits & (HdOocPTDirtyInstancePrimvars | HdOocPTDirtyPrimvars)) {
+    if (source.dirtyBits & (HdOocPTDirtyInstancePrimvars | HdOocPTDirtyPrimvars | HdOocPTDirtyPoints)) {
         state->motion = HdOocPTReadInstancerMotion(source);
     }
     // An instancer has no rows of its own for the primvars that meshes read apart.

@@ -67,15 +67,6 @@ void _ReadPoints(const HdOocPTPrimSource& source, HdOocPTMeshState* state)
     const auto& tokens = *HdOocPTSceneTokens;
     state->points
         = HdOocPTReadArray(source, { tokens.primvars, tokens.points, tokens.primvarValue }, HdOocPTArrayRole::Vectors3);
-    const auto primvar = [&](const TfToken& name) {
-        return HdOocPTFind(source.container, { tokens.primvars, name, tokens.primvarValue });
-    };
-    if (source.shutter.IsOpen()
-        && (HdOocPTSample(primvar(tokens.velocities)).GetArraySize() > 0
-            || HdOocPTIsSampled(primvar(tokens.points), source.shutter))) {
-        source.warnings->Add(source.path,
-            "its points move while the shutter is open, which is not blurred yet; they are those of the frame");
-    }
     if (state->points.IsEmpty() && HdOocPTFind(source.container, { tokens.extComputationPrimvars, tokens.points })) {
         source.warnings->Add(
             source.path, "its points are computed (by UsdSkel, say) and this host does not compute them; left out");
@@ -162,6 +153,9 @@ void HdOocPTReadMesh(
         state->widths = primType == tokens.mesh ? HdOocPTPrimvarState()
                                                 : HdOocPTReadPrimvar(source, tokens.widths, HdOocPTArrayRole::Scalars);
     }
+    if ((source.dirtyBits & (HdOocPTDirtyPoints | HdOocPTDirtyNormals)) && !HdOocPTIsExactShape(primType)) {
+        state->pointMotion = HdOocPTReadPointsMotion(source);
+    }
     if (source.dirtyBits & HdOocPTDirtyNormals) {
         state->normals = HdOocPTReadPrimvar(source, tokens.normals, HdOocPTArrayRole::Vectors3);
     }
@@ -198,6 +192,7 @@ oocpt::MeshDesc HdOocPTDescribeMesh(const SdfPath& path, const HdOocPTMeshState&
     desc.face_vertex_indices = HdOocPTHoldArray(state.faceVertexIndices);
     desc.hole_indices = HdOocPTHoldArray(state.holeIndices);
     desc.points = HdOocPTHoldArray(state.points);
+    desc.point_motion = HdOocPTDescribePointsMotion(state.pointMotion);
     desc.shape = HdOocPTDescribeShape(state.shape);
     desc.widths = HdOocPTDescribePrimvar(state.widths);
     desc.normals = HdOocPTDescribePrimvar(state.normals);

@@ -7,6 +7,7 @@
 #include "pxr/imaging/hd/sceneIndex.h"
 #include "pxr/pxr.h"
 #include "pxr/usd/sdf/path.h"
+#include "scene/motionReader.h"
 #include "scene/primReader.h"
 #include "scene/primvarReader.h"
 #include "scene/shapeReader.h"
@@ -54,6 +55,7 @@ struct HdOocPTMeshState
     bool leftHanded = false;
     bool doubleSided = false;
     VtValue points;
+    HdOocPTPointsMotionState pointMotion;
     HdOocPTShapeState shape;
     HdOocPTPrimvarState widths;
     HdOocPTPrimvarState normals;

@@ -92,11 +92,6 @@ HdOocPTTransformSamples HdOocPTReadTransformSamples(
     return samples;
 }
 
-bool HdOocPTIsSampled(const HdDataSourceBaseHandle& source, const HdOocPTShutter& shutter)
-{
-    return !_SampleTimes(source, shutter).empty();
-}
-
 void HdOocPTFillMotion(const HdOocPTTransformSamples& samples, rust::Vec<double>* numbers)
 {
     numbers->reserve(17 * samples.size());
@@ -106,6 +101,60 @@ void HdOocPTFillMotion(const HdOocPTTransformSamples& samples, rust::Vec<double>
             numbers->push_back(transform.GetArray()[i]);
         }
     }
+}
+
+HdOocPTPointsMotionState HdOocPTReadPointsMotion(const HdOocPTPrimSource& source)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    HdOocPTPointsMotionState state;
+    const HdOocPTShutter& shutter = source.shutter;
+    if (!shutter.IsOpen()) {
+        return state;
+    }
+    state.seconds = { shutter.open / shutter.framesPerSecond, shutter.close / shutter.framesPerSecond };
+    const auto rates = [&](const TfToken& name) {
+        const VtValue array
+            = HdOocPTReadArray(source, { tokens.primvars, name, tokens.primvarValue }, HdOocPTArrayRole::Vectors3);
+        return array.GetArraySize() == 0 ? VtValue() : array;
+    };
+    state.velocities = rates(tokens.velocities);
+    state.accelerations = rates(tokens.accelerations);
+    if (!state.velocities.IsEmpty()) {
+        return state;
+    }
+    const auto sampled = [&](const TfToken& name, const TfToken& value) {
+        return HdSampledDataSource::Cast(HdOocPTFind(source.container, { tokens.primvars, name, value }));
+    };
+    const HdSampledDataSourceHandle points = sampled(tokens.points, tokens.primvarValue);
+    HdSampledDataSourceHandle normals = sampled(tokens.normals, tokens.indexedPrimvarValue);
+    if (!normals || normals->GetValue(0.0f).IsEmpty()) {
+        normals = sampled(tokens.normals, tokens.primvarValue);
+    }
+    const bool normalsVary = !_SampleTimes(normals, shutter).empty();
+    for (const HdSampledDataSource::Time time : _SampleTimes(points, shutter)) {
+        const auto at = [&](const HdSampledDataSourceHandle& array) {
+            std::string reason;
+            // What cannot be used is told where the arrays of the frame itself are read.
+            return HdOocPTNormalizeArray(array->GetValue(time), HdOocPTArrayRole::Vectors3, &reason);
+        };
+        state.samples.emplace_back(
+            shutter.Part(time), std::array<VtValue, 2> { at(points), normalsVary ? at(normals) : VtValue() });
+    }
+    return state;
+}
+
+oocpt::MotionDesc HdOocPTDescribePointsMotion(const HdOocPTPointsMotionState& state)
+{
+    oocpt::MotionDesc desc {};
+    desc.samples.reserve(state.samples.size());
+    for (const auto& [time, arrays] : state.samples) {
+        desc.samples.push_back(
+            { time, HdOocPTHoldArray(arrays[0]), HdOocPTHoldArray(arrays[1]), nullptr, nullptr, nullptr });
+    }
+    desc.velocities = HdOocPTHoldArray(state.velocities);
+    desc.accelerations = HdOocPTHoldArray(state.accelerations);
+    desc.seconds = state.seconds;
+    return desc;
 }
 
 HdOocPTInstancerMotionState HdOocPTReadInstancerMotion(const HdOocPTPrimSource& source)
@@ -163,12 +212,12 @@ HdOocPTInstancerMotionState HdOocPTReadInstancerMotion(const HdOocPTPrimSource& 
     return state;
 }
 
-oocpt::InstancerMotionDesc HdOocPTDescribeInstancerMotion(const HdOocPTInstancerMotionState& state)
+oocpt::MotionDesc HdOocPTDescribeInstancerMotion(const HdOocPTInstancerMotionState& state)
 {
-    oocpt::InstancerMotionDesc desc {};
+    oocpt::MotionDesc desc {};
     desc.samples.reserve(state.samples.size());
     for (const auto& [time, arrays] : state.samples) {
-        desc.samples.push_back({ time, HdOocPTHoldArray(arrays[0]), HdOocPTHoldArray(arrays[1]),
+        desc.samples.push_back({ time, HdOocPTHoldArray(arrays[0]), nullptr, HdOocPTHoldArray(arrays[1]),
             HdOocPTHoldArray(arrays[2]), HdOocPTHoldArray(arrays[3]) });
     }
     desc.velocities = HdOocPTHoldArray(state.velocities);

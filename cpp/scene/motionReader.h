@@ -52,6 +52,17 @@ struct HdOocPTInstancerMotionState
     std::array<double, 2> seconds {};
 };
 
+/// How the points of a prim move. The arrays share their data with the scene.
+struct HdOocPTPointsMotionState
+{
+    /// Part of the shutter; points, values of normals.
+    std::vector<std::pair<double, std::array<VtValue, 2>>> samples;
+    VtValue velocities;
+    VtValue accelerations;
+    /// When the shutter opens and closes, from the frame's own time.
+    std::array<double, 2> seconds {};
+};
+
 /// The shutter of a camera prim. Warns of one that closes before it opens.
 HdOocPTShutter HdOocPTReadShutter(const HdSceneIndexBase& scene, const SdfPath& camera, HdOocPTWarnings* warnings);
 
@@ -59,17 +70,20 @@ HdOocPTShutter HdOocPTReadShutter(const HdSceneIndexBase& scene, const SdfPath& 
 HdOocPTTransformSamples HdOocPTReadTransformSamples(
     const HdContainerDataSourceHandle& container, const HdOocPTShutter& shutter);
 
-/// Whether a value changes while the shutter is open.
-bool HdOocPTIsSampled(const HdDataSourceBaseHandle& source, const HdOocPTShutter& shutter);
-
 /// The samples as they go to Rust.
 void HdOocPTFillMotion(const HdOocPTTransformSamples& samples, rust::Vec<double>* numbers);
 
 /// How the instances of an instancer move.
 HdOocPTInstancerMotionState HdOocPTReadInstancerMotion(const HdOocPTPrimSource& source);
 
+/// How the points of a mesh, of curves or of points move.
+HdOocPTPointsMotionState HdOocPTReadPointsMotion(const HdOocPTPrimSource& source);
+
 /// The state as it goes to Rust.
-oocpt::InstancerMotionDesc HdOocPTDescribeInstancerMotion(const HdOocPTInstancerMotionState& state);
+oocpt::MotionDesc HdOocPTDescribePointsMotion(const HdOocPTPointsMotionState& state);
+
+/// The state as it goes to Rust.
+oocpt::MotionDesc HdOocPTDescribeInstancerMotion(const HdOocPTInstancerMotionState& state);
 
 PXR_NAMESPACE_CLOSE_SCOPE
 

@@ -28,6 +28,8 @@ std::vector<_Row> _MakeTable()
         { HdDataSourceLocator(tokens.capsule), HdOocPTDirtyTopology },
         { HdDataSourceLocator(tokens.primvars, tokens.widths), HdOocPTDirtyPoints },
         { HdDataSourceLocator(tokens.primvars, tokens.points), HdOocPTDirtyPoints },
+        { HdDataSourceLocator(tokens.primvars, tokens.velocities), HdOocPTDirtyPoints },
+        { HdDataSourceLocator(tokens.primvars, tokens.accelerations), HdOocPTDirtyPoints },
         { HdDataSourceLocator(tokens.primvars, tokens.normals), HdOocPTDirtyNormals },
         { HdDataSourceLocator(tokens.primvars, tokens.displayColor), HdOocPTDirtyColor },
         { HdDataSourceLocator(tokens.primvars, tokens.displayOpacity), HdOocPTDirtyOpacity },

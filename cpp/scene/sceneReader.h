@@ -65,6 +65,12 @@ public:
     /// The lens of a camera prim, as it is now.
     HdOocPTLens GetLens(const SdfPath& camera) const { return HdOocPTReadLens(*_scene, camera); }
 
+    /// The clipping planes of a camera prim, as they are now.
+    std::vector<GfVec4d> GetClippingPlanes(const SdfPath& camera, HdOocPTWarnings* warnings) const
+    {
+        return HdOocPTReadClippingPlanes(*_scene, camera, warnings);
+    }
+
     /// How a camera prim moves about the shutter, as it is now; nothing if its transform is not `viewToWorld`.
     HdOocPTTransformSamples GetCameraMotion(const SdfPath& camera, const GfMatrix4d& viewToWorld) const;
 

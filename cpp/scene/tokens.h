@@ -52,7 +52,7 @@ PXR_NAMESPACE_OPEN_SCOPE
     ((cameraVisibility, "ri:attributes:visibility:camera"))                                                           \
     /* cameras */                                                                                                     \
     (camera)(focalLength)(fStop)(focusDistance)(projection)(orthographic)(shutterOpen)(shutterClose)                  \
-    ((shutterOpenAttribute, "shutter:open"))((shutterCloseAttribute, "shutter:close"))                                \
+    ((shutterOpenAttribute, "shutter:open"))((shutterCloseAttribute, "shutter:close"))(clippingPlanes)                \
     /* motion */                                                                                                      \
     (velocities)(accelerations)(angularVelocities)(timeCodesPerSecond)(primaryCameraPrim)(disableMotionBlur)          \
     (instantaneousShutter)(renderProducts)                                                                            \

@@ -54,15 +54,55 @@ MovedCamera camera_at(vec2 p, vec2 lens, float time) {
     return MovedCamera(add(from, m.part * way), moved_vector(m, o), moved_vector(m, d));
 }
 
-// The first ray of a path.
-void start_ray_from(uint path, Double3 start, vec3 shift, vec3 d) {
-    if (HAS_TEXTURES) store_camera_cone(path, d);
-    const Double3 o = add(start, shift);
-    store_ray(ray_address(path), Ray(o.hi, 0u, normalize(d), uintBitsToFloat(0x7f800000u), o.lo, 0u));
+// Nothing of the scene is farther from the camera (rust/core/src/scene/validate.rs).
+const float FARTHEST = 1.0e18;
+
+// From where to where the camera's planes let it see along a ray, in units of a direction that goes one unit along the
+// view axis; y <= x: nowhere. `lens`: as for camera_at.
+vec2 between_planes(vec2 p, vec2 lens) {
+    vec2 seen = vec2(0.0, uintBitsToFloat(0x7f800000u));
+    for (uint i = 0u; i < FRAME.clip_plane_count; ++i) {
+        const GpuClipPlane plane = ClipPlanes(FRAME.clip_planes).v[i];
+        float begins = plane.begins.x + p.x * plane.begins.y + p.y * plane.begins.z;
+        float slope = plane.slope.x + p.x * plane.slope.y + p.y * plane.slope.z;
+        if (HAS_LENS) {
+            const float aside = lens.x * plane.lens_x + lens.y * plane.lens_y;
+            begins += aside;
+            slope -= aside / FRAME.focus;
+        }
+        const float at = -begins / slope;
+        if (slope > 0.0) {
+            seen.x = max(seen.x, at);
+        } else if (slope < 0.0) {
+            seen.y = min(seen.y, at);
+        } else if (begins < 0.0) {
+            seen.y = -1.0;
+        }
+    }
+    if (!(seen.x < FARTHEST)) seen = vec2(0.0);
+    return seen;
 }
 
-void start_ray(uint path, vec3 shift, vec3 d) {
-    start_ray_from(path, Double3(FRAME.ray_o, FRAME.ray_o_lo), shift, d);
+// The first ray of a path. Planes move where it begins and ends, so that all that meets it knows nothing of them: the
+// new origin is on the ray but for what two floats round, and on no surface, so there is nothing to keep off from. A
+// ray that sees nothing ends at 0, not before: a walk counts on that.
+void start_ray_from(uint path, Double3 start, vec3 shift, vec3 d, vec2 p, vec2 lens) {
+    if (HAS_TEXTURES) store_camera_cone(path, d);
+    Double3 o = add(start, shift);
+    float t_max = uintBitsToFloat(0x7f800000u);
+    if (HAS_CLIPPING) {
+        const vec2 seen = between_planes(p, lens);
+        const float unit = sqrt(dot3(d, d));
+        const vec3 way = seen.x * d;
+        o = add(add(o, way), fma(vec3(seen.x), d, -way));
+        t_max = max(seen.y - seen.x, 0.0) * unit;
+        if (HAS_TEXTURES) begin_cone(path, seen.x * unit);
+    }
+    store_ray(ray_address(path), Ray(o.hi, 0u, normalize(d), t_max, o.lo, 0u));
+}
+
+void start_ray(uint path, vec3 shift, vec3 d, vec2 p, vec2 lens) {
+    start_ray_from(path, Double3(FRAME.ray_o, FRAME.ray_o_lo), shift, d, p, lens);
 }
 
 // The slot of a new path: its number in a wave. With streaming the slot number arg0 + thread of all that were ever

@@ -35,6 +35,11 @@ float cone_width(uint path, float t) {
     return fma(cone.y, t, cone.x);
 }
 
+// The cone of a camera ray that begins at distance t instead.
+void begin_cone(uint path, float t) {
+    Cones(FRAME.cones).v[path].x = cone_width(path, t);
+}
+
 // How the cone of a path grows after a direction that was chosen with density `pdf`; 0: by a mirror or a smooth
 // boundary, which leave the growth as it is.
 float next_spread(uint path, float pdf) {

@@ -23,6 +23,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer In
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer MotionKeys { GpuMotionKey v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer CameraMotionBlock { GpuCameraMotion m; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer CameraKeys { GpuCameraKey v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer ClipPlanes { GpuClipPlane v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer ChunkInstances { GpuChunkInstance v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Chunks { GpuChunk v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Assemblies { GpuAssembly v[]; };

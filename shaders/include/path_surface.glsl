@@ -10,7 +10,7 @@
 
 Surface surface_of_hit(uint path) {
     const HitHeader hit = load_hit_header(path);
-    if (HAS_MOTION) surface_time = path_time(path);
+    if (HAS_TIME) surface_time = path_time(path);
     for (uint level = 0u; level < MAX_LEVELS; ++level) surface_chain[level] = load_hit_level(path, level);
     Surface s = make_surface(hit.chunk_instance, hit.triangle, hit.uv, load_ray(ray_address(path)), hit.t);
     if (HAS_TEXTURES) s.cone = cone_width(path, hit.t);

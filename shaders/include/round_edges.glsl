@@ -4,11 +4,13 @@
 #ifndef OOCPT_ROUND_EDGES_GLSL
 #define OOCPT_ROUND_EDGES_GLSL
 
-void leaf_edges(uint mesh, uint triangle, out vec3 e, out vec3 f) {
-    const uint64_t triangles = Meshes(FRAME.meshes).v[mesh].triangles;
-    const vec3 v0 = ConstVec4s(triangles).v[triangle * 3u].xyz;
-    const vec3 v1 = ConstVec4s(triangles).v[triangle * 3u + 1u].xyz;
-    const vec3 v2 = ConstVec4s(triangles).v[triangle * 3u + 2u].xyz;
+#include "include/attribute.glsl"
+#include "include/pose.glsl"
+
+void leaf_edges(Pose pose, uint mesh, uint triangle, out vec3 e, out vec3 f) {
+    const vec3 v0 = posed_corner(pose, triangle * 3u).xyz;
+    const vec3 v1 = posed_corner(pose, triangle * 3u + 1u).xyz;
+    const vec3 v2 = posed_corner(pose, triangle * 3u + 2u).xyz;
     e = v1 - v0;
     f = v2 - v0;
     if (HAS_ROUND && (Meshes(FRAME.meshes).v[mesh].flags & MESH_ROUND) != 0u) {

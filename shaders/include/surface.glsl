@@ -12,6 +12,7 @@
 #include "include/affine.glsl"
 #include "include/attribute.glsl"
 #include "include/motion.glsl"
+#include "include/pose.glsl"
 #include "include/surface_material.glsl"
 
 struct Surface {
@@ -33,7 +34,7 @@ const float ROUND_ROUNDOFF = 32.0 * UNIT_ROUNDOFF;
 GpuSurfaceMaterial surface_material; // with HAS_MATERIALS: set by make_surface
 uint surface_chain[MAX_LEVELS]; // instance records of the hit, the chunk's first: set before make_surface
 uint surface_chunk_instance;    // its chunk instance: set by make_surface
-float surface_time;             // of the path; with HAS_MOTION only: set before make_surface
+float surface_time;             // of the path; with HAS_TIME only: set before make_surface
 #define INSTANCE_CHUNK surface_chunk_instance
 #define INSTANCE_CHAIN surface_chain
 #include "include/instance_primvars.glsl"
@@ -124,12 +125,12 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
     const ChunkMap world = chunk_map(chunk_instance);
     const Affine map = follow_chain(chunk_instance, mesh, s.prim_id, s.instance_id);
     Meshes meshes = Meshes(FRAME.meshes);
-    const uint64_t triangles = meshes.v[mesh].triangles;
+    const Pose pose = pose_of(mesh, surface_time);
     const uint flags = meshes.v[mesh].flags;
-    const vec4 first = ConstVec4s(triangles).v[triangle * 3u];
+    const vec4 first = posed_corner(pose, triangle * 3u);
     const vec3 v0 = first.xyz;
-    const vec3 v1 = ConstVec4s(triangles).v[triangle * 3u + 1u].xyz;
-    const vec3 v2 = ConstVec4s(triangles).v[triangle * 3u + 2u].xyz;
+    const vec3 v1 = posed_corner(pose, triangle * 3u + 1u).xyz;
+    const vec3 v2 = posed_corner(pose, triangle * 3u + 2u).xyz;
     s.face = floatBitsToUint(first.w);
     s.cone = 0.0;
     const vec3 weights = vec3(1.0 - uv.x - uv.y, uv);
@@ -174,18 +175,18 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
     s.shading_normal = s.geometric_normal;
     vec3 smooth_normal = object_normal;
     if (HAS_NORMALS && (flags & MESH_HAS_NORMALS) != 0u) {
-        const vec3 n = attribute_vec3(meshes.v[mesh].normals, meshes.v[mesh].corner_indices, flags & 3u, triangle, weights);
+        const vec3 n = posed_normal(pose, mesh, triangle, weights);
         const vec3 in_world = combine_rows(world.x, world.y, world.z, apply_transposed(map, n));
         s.shading_normal = normal_or(in_world, s.geometric_normal);
         if (HAS_PATTERNS) smooth_normal = normal_or(n, object_normal);
     }
     if (HAS_MATERIALS) {
-        const uint subset = floatBitsToUint(ConstVec4s(triangles).v[triangle * 3u + 1u].w) & SUBSET_MASK;
+        const uint subset = floatBitsToUint(ConstVec4s(pose.triangles).v[triangle * 3u + 1u].w) & SUBSET_MASK;
         surface_material = gather_material(mesh, triangle, weights, material_slot(s.prim_id, subset), local,
                                            smooth_normal);
         if (surface_material.material != NO_MATERIAL) {
             vec3 e, f;
-            leaf_edges(mesh, triangle, e, f);
+            leaf_edges(pose, mesh, triangle, e, f);
             add_tangent(surface_material, mesh, triangle, e, f, s.geometric_normal, ray.d, world, map);
             if (HAS_HAIR) {
                 const vec3 radial = mix(v2.x, v2.y, uv.x) * object_normal;

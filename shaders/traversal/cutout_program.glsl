@@ -64,9 +64,9 @@ GpuSurfaceMaterial candidate_material(uint triangle, vec2 uv, float t, out Patte
     Meshes meshes = Meshes(FRAME.meshes);
     const uint flags = meshes.v[walk.mesh].flags;
     const vec3 weights = vec3(1.0 - uv.x - uv.y, uv);
-    const vec4 v0 = ConstVec4s(walk.triangles).v[triangle * 3u];
-    const vec4 v1 = ConstVec4s(walk.triangles).v[triangle * 3u + 1u];
-    const vec4 v2 = ConstVec4s(walk.triangles).v[triangle * 3u + 2u];
+    const vec4 v0 = posed_corner(walk.pose, triangle * 3u);
+    const vec4 v1 = posed_corner(walk.pose, triangle * 3u + 1u);
+    const vec4 v2 = posed_corner(walk.pose, triangle * 3u + 2u);
     vec3 local, normal;
     if (HAS_ROUND && walk.round) {
         local = walk.o + t * walk.d;
@@ -83,8 +83,7 @@ GpuSurfaceMaterial candidate_material(uint triangle, vec2 uv, float t, out Patte
     const vec3 geometric = normal_or(covector, vec3(0.0, 0.0, 1.0));
     p.normal = geometric;
     if (HAS_NORMALS && (flags & MESH_HAS_NORMALS) != 0u) {
-        const uint64_t corners = meshes.v[walk.mesh].corner_indices;
-        const vec3 n = attribute_vec3(meshes.v[walk.mesh].normals, corners, flags & 3u, triangle, weights);
+        const vec3 n = posed_normal(walk.pose, walk.mesh, triangle, weights);
         p.normal = normal_or(combine_rows(world.x, world.y, world.z, apply_transposed(map, n)), geometric);
         normal = normal_or(n, normal);
     }
@@ -92,7 +91,7 @@ GpuSurfaceMaterial candidate_material(uint triangle, vec2 uv, float t, out Patte
     const uint slot = material_slot(prim_id, floatBitsToUint(v1.w) & SUBSET_MASK);
     GpuSurfaceMaterial m = gather_material(walk.mesh, triangle, weights, slot, local, normal);
     vec3 e, f;
-    leaf_edges(walk.mesh, triangle, e, f);
+    leaf_edges(walk.pose, walk.mesh, triangle, e, f);
     add_tangent(m, walk.mesh, triangle, e, f, geometric, p.view, world, map);
     return m;
 }

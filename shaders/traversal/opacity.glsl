@@ -14,7 +14,7 @@ bool is_opaque(uint triangle, vec2 uv) {
     if (!of_mesh && !HAS_INSTANCE_OPACITY) return true;
     if (HAS_MATERIALS) {
         // displayOpacity is for surfaces without a material.
-        const uint subset = floatBitsToUint(ConstVec4s(walk.triangles).v[triangle * 3u + 1u].w) & SUBSET_MASK;
+        const uint subset = floatBitsToUint(ConstVec4s(walk.pose.triangles).v[triangle * 3u + 1u].w) & SUBSET_MASK;
         if (material_slot(Instances(walk.instances).v[chain[level_index()]].prim_id, subset) != NO_MATERIAL) return true;
     }
     float opacity;
@@ -47,7 +47,7 @@ bool is_cut_in(uint triangle, vec2 uv, float t) {
             return (answer.flags & QUESTION_PRESENT) != 0u;
         }
     }
-    const Presence presence = presence_of(walk.mesh, Instances(walk.instances).v[chain[level_index()]].prim_id, triangle, uv,
+    const Presence presence = presence_of(walk.pose, walk.mesh, Instances(walk.instances).v[chain[level_index()]].prim_id, triangle, uv,
                                           ray_cone(walk.path, t) * length(walk.d), walk.d);
     if (!presence.is_asked) return true;
     const bool chance = presence.threshold <= 0.0;

@@ -37,7 +37,7 @@ float ray_cone(uint path, float t) {
 
 // What the material of a triangle asks. `cone`: the width of the ray's cone there, in the mesh's frame; `d`: where it
 // goes, in that frame.
-Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone, vec3 d) {
+Presence presence_of(Pose pose, uint mesh, int prim_id, uint triangle, vec2 uv, float cone, vec3 d) {
     Presence p = Presence(false, NO_TEXTURE, NO_MATERIAL, vec2(0.0), 0.0, 0u, 1.0, 0.0, 0.0, 0ul);
     const uint64_t triangles = Meshes(FRAME.meshes).v[mesh].triangles;
     const uint subset = floatBitsToUint(ConstVec4s(triangles).v[triangle * 3u + 1u].w) & SUBSET_MASK;
@@ -77,7 +77,7 @@ Presence presence_of(uint mesh, int prim_id, uint triangle, vec2 uv, float cone,
             if (entry != NO_NAME) st = primvar_value(mesh, entry, triangle, weights).xy;
             if (is_ptex || entry != NO_NAME) {
                 vec3 e, f, u, v, n;
-                leaf_edges(mesh, triangle, e, f);
+                leaf_edges(pose, mesh, triangle, e, f);
                 if (set_gradients(mesh, name, triangle, st, e, f, u, v, n)) {
                     footprint = make_footprint(u, v, n, d);
                 }

@@ -24,6 +24,7 @@
 #include "include/attribute.glsl"
 #include "include/light_links.glsl"
 #include "include/motion.glsl"
+#include "include/pose.glsl"
 #include "include/sampler.glsl"
 #include "traversal/box.glsl"
 #include "traversal/node.glsl"
@@ -64,14 +65,14 @@ struct Walk {
     float limit; // boxes entered behind this hold no closer hit; any hit: t_max
     uint64_t nodes;
     uint64_t instances;
-    uint64_t triangles;
+    Pose pose;    // the triangles of the mesh
     uint64_t ray; // address of the world ray
     uint path;
     uint level;   // 0: top level; else trees of instance records from the chunk's down to the current one
     uint chunk_instance;
     uint mesh;
     uint seed;
-    float time; // of the path; with HAS_MOTION only
+    float time; // of the path; with HAS_TIME only
     uint shadow_link; // any hit: category of the prims that count; 0: all
     uint visits;  // of resident chunks; streaming only
     float chunk_entry; // where the chunk was entered, as its parent said; cutouts with streaming only
@@ -162,9 +163,9 @@ void accept(uint triangle, vec2 uv, float t) {
 bool visit_triangles(uint begin, uint end) {
     const Shear shear = make_shear(walk.d);
     for (uint triangle = begin; triangle < end; ++triangle) {
-        const vec3 v0 = ConstVec4s(walk.triangles).v[triangle * 3u].xyz;
-        const vec3 v1 = ConstVec4s(walk.triangles).v[triangle * 3u + 1u].xyz;
-        const vec3 v2 = ConstVec4s(walk.triangles).v[triangle * 3u + 2u].xyz;
+        const vec3 v0 = posed_corner(walk.pose, triangle * 3u).xyz;
+        const vec3 v1 = posed_corner(walk.pose, triangle * 3u + 1u).xyz;
+        const vec3 v2 = posed_corner(walk.pose, triangle * 3u + 2u).xyz;
         float t;
         vec2 uv;
         if (HAS_ROUND && walk.round) {
@@ -288,7 +289,7 @@ uint enter(uint record) {
         walk.mesh = mesh;
         walk.nodes = Meshes(FRAME.meshes).v[mesh].nodes;
         walk.pad = MESH_PAD * (largest_of(o) + Meshes(FRAME.meshes).v[mesh].reach);
-        walk.triangles = Meshes(FRAME.meshes).v[mesh].triangles;
+        walk.pose = pose_of(mesh, walk.time);
         walk.round = HAS_ROUND && (Meshes(FRAME.meshes).v[mesh].flags & MESH_ROUND) != 0u;
     }
     return 0u;
@@ -368,7 +369,7 @@ void begin_walk(uint64_t ray, uint path, float t_max, uint seed, uint flags) {
     walk.level = 0u;
     walk.chunk_instance = 0u;
     walk.seed = seed;
-    if (HAS_MOTION) walk.time = path_time(path);
+    if (HAS_TIME) walk.time = path_time(path);
     walk.visits = 0u;
     walk.in_mesh = false;
     walk.round = false;

@@ -13,7 +13,7 @@ void main() {
     if (thread < push.path_count) {
         path = new_slot(thread);
         const vec2 p = vec2(pixel_position(pixel_from(push.first_pixel, thread))) + 0.5;
-        start_ray(path, camera_shift(p), camera_direction(p));
+        start_ray(path, camera_shift(p), camera_direction(p), p, vec2(0.0));
     }
     queue_paths(thread, path);
 }

@@ -25,20 +25,20 @@ void start_path(uint thread, uint path) {
     const uvec2 pixel = pixel_position(pixel_index);
     const vec4 u = sample_4d(index, 0u, pixel_seed(pixel.x, pixel.y, seed));
     const vec2 p = vec2(pixel) + u.xy;
+    const vec2 lens = HAS_LENS ? disk(u.zw) : vec2(0.0);
     if (HAS_CAMERA_MOTION) {
         const float time = shutter_time(index, pixel_seed(pixel.x, pixel.y, seed));
-        const MovedCamera camera = camera_at(p, HAS_LENS ? disk(u.zw) : vec2(0.0), time);
-        start_ray_from(path, camera.o, camera.shift, camera.d);
+        const MovedCamera camera = camera_at(p, lens, time);
+        start_ray_from(path, camera.o, camera.shift, camera.d, p, lens);
     } else {
         vec3 shift = camera_shift(p);
         vec3 d = camera_direction(p);
         if (HAS_LENS) {
-            const vec2 lens = disk(u.zw);
             const vec3 aside = lens.x * FRAME.lens_u + lens.y * FRAME.lens_v;
             shift += aside;
             d -= aside / FRAME.focus;
         }
-        start_ray(path, shift, d);
+        start_ray(path, shift, d, p, lens);
     }
     store_path(path, PathState(vec3(1.0), 0.0));
     Vec4s(FRAME.radiance).v[path] = vec4(0.0);

@@ -43,7 +43,8 @@ void shade_general(uint path) {
     bool met = false;
     if (ray.bounce == 0u) {
         PreviousVertex nowhere = PreviousVertex(Receiver(vec3(0.0), vec3(0.0)), 0u, vec3(0.0), 0.0);
-        vec3 seen = HAS_LOCAL_LIGHTS ? lights_along(origin, ray.d, LARGEST, true, nowhere, met) : vec3(0.0);
+        const float t_end = HAS_CLIPPING ? min(ray.t_max, LARGEST) : LARGEST;
+        vec3 seen = HAS_LOCAL_LIGHTS ? lights_along(origin, ray.d, t_end, true, nowhere, met) : vec3(0.0);
         if (HAS_DOME && (FRAME.flags & FLAG_DOME_CAMERA_VISIBLE) != 0u) {
             seen += domes_behind(ray.d);
             met = true;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The boundary's part for command lines and warnings, which needs no session. Guarantees and threads as in `lib.rs`.
+//! The boundary's part for command lines, warnings and limits, which needs no session. Guarantees and threads as in
+//! `lib.rs`.
 
 use crate::guard::{BridgeError, guard};
 use crate::runner::{self, begin_picture, interrupt, picture_rendered};
@@ -18,6 +19,11 @@ fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>, BridgeErro
         let warning = |w: PrimWarning| SceneWarning::of_notes(w.path.into(), vec![w.text]);
         Ok(summary(&warnings.into_iter().map(warning).collect::<Vec<_>>()))
     })
+}
+
+/// Clipping planes of a camera that count.
+fn max_clip_planes() -> usize {
+    oocpt_core::MAX_CLIP_PLANES
 }
 
 /// Declarations that cxx turns into both sides of the boundary.
@@ -51,6 +57,7 @@ mod ffi {
 
     extern "Rust" {
         fn summed_warnings(warnings: Vec<PrimWarning>) -> Result<Vec<String>>;
+        fn max_clip_planes() -> usize;
 
         fn begin_picture(folder: &str) -> Result<bool>;
         fn picture_rendered() -> Result<()>;

@@ -245,6 +245,7 @@ mod ffi {
         face_vertex_indices: UniquePtr<HeldArray>,
         hole_indices: UniquePtr<HeldArray>,
         points: UniquePtr<HeldArray>,
+        point_motion: MotionDesc,
         shape: ShapeDesc,
         widths: PrimvarDesc,
         normals: PrimvarDesc,
@@ -262,18 +263,19 @@ mod ffi {
         indices: UniquePtr<HeldArray>,
     }
 
-    /// Arrays of an instancer at a part of the shutter.
-    struct InstancerSampleDesc {
+    /// Arrays at a part of the shutter: of an instancer, whose positions are translations, or points and their normals.
+    struct MotionSampleDesc {
         time: f64,
-        translations: UniquePtr<HeldArray>,
+        positions: UniquePtr<HeldArray>,
+        normals: UniquePtr<HeldArray>,
         rotations: UniquePtr<HeldArray>,
         scales: UniquePtr<HeldArray>,
         transforms: UniquePtr<HeldArray>,
     }
 
-    /// How instances move; `seconds`: when the shutter opens and closes.
-    struct InstancerMotionDesc {
-        samples: Vec<InstancerSampleDesc>,
+    /// How instances or points move; `seconds`: when the shutter opens and closes.
+    struct MotionDesc {
+        samples: Vec<MotionSampleDesc>,
         velocities: UniquePtr<HeldArray>,
         accelerations: UniquePtr<HeldArray>,
         angular_velocities: UniquePtr<HeldArray>,
@@ -289,7 +291,7 @@ mod ffi {
         rotations: UniquePtr<HeldArray>,
         scales: UniquePtr<HeldArray>,
         transforms: UniquePtr<HeldArray>,
-        motion: InstancerMotionDesc,
+        motion: MotionDesc,
         primvars: Vec<NamedPrimvarDesc>,
     }
 
@@ -392,6 +394,7 @@ mod ffi {
         height: u32,
         world_from_view: [f64; 16],
         camera_motion: Vec<f64>,
+        clip_planes: Vec<f64>,
         projection: [f64; 16],
         display_window: [f32; 4],
         data_window: [i32; 4],
@@ -428,13 +431,10 @@ mod ffi {
             resolved: &str,
             color_space: &str,
         ) -> Result<String>;
-
         fn apply_edits(self: &Session, edits: SceneEdits) -> Result<()>;
         fn clear_scene(self: &Session) -> Result<()>;
-
         fn set_setting(self: &Session, key: &str, value: &ScalarValue) -> Result<SettingOutcome>;
         fn clear_setting(self: &Session, key: &str) -> Result<SettingOutcome>;
-
         fn render(self: &Session, request: RenderDesc) -> Result<()>;
         fn is_converged(self: &Session) -> Result<bool>;
         fn pause(self: &Session) -> Result<()>;

@@ -11,6 +11,7 @@ use crate::images::HostImages;
 use crate::settings::{self, Layers};
 use crate::{light, logging, material, runner, stats};
 use cxx::UniquePtr;
+use glam::DVec4;
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::{SceneDb, summary};
 use oocpt_render::textures::ImageLibrary;
@@ -255,6 +256,7 @@ fn render_request(desc: &RenderDesc) -> RenderRequest {
             data_window: desc.data_window,
             lens_radius: desc.lens_radius,
             focus_distance: desc.focus_distance,
+            clip_planes: desc.clip_planes.as_chunks().0.iter().map(|plane| DVec4::from_array(*plane)).collect(),
             motion: convert::motion::transform_samples(&desc.camera_motion),
         },
         aovs: desc

@@ -12,6 +12,7 @@ pub mod adaptive;
 pub mod array;
 pub mod camera;
 mod camera_motion;
+mod clipping;
 pub mod convergence;
 pub mod desc;
 pub mod inventory;
@@ -28,6 +29,7 @@ pub mod texture;
 pub use array::{ArrayError, ArraySource, ArrayView, Element, ElementType, TypedArray};
 pub use camera::{Camera, CameraError, CameraRays};
 pub use camera_motion::{CameraMotion, CameraMotionError};
+pub use clipping::{ClipPlane, MAX_CLIP_PLANES};
 pub use material::{ColorSpace, Input, InputName, Material, MaterialFlags, TextureRef, Wrap};
 pub use mesh::{
     Aabb, AnyAttribute, Attribute, AttributeRate, Bvh2, Bvh4, Bvh4Node, BvhError, BvhNode, LevelNode, MeshAsset,

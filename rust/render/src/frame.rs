@@ -113,6 +113,7 @@ impl Renderer {
         });
         let still = in_motion.as_ref().map_or(&job.request.camera, |(still, _)| still);
         let rays = still.rays(origin)?;
+        let clip_planes = still.planes_along_rays()?;
         let scene_lights = if job.settings.enable_scene_lights { job.snapshot.lights.as_slice() } else { &[] };
         let dome_visible = job.settings.dome_light_camera_visible;
         let files = &*job.files;
@@ -145,6 +146,7 @@ impl Renderer {
             job,
             rays: &rays,
             camera_motion: in_motion.as_ref().map(|(_, motion)| motion),
+            clip_planes: &clip_planes,
             lights: &lights,
             lighting: tables.lighting,
             film: &film,

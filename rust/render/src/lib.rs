@@ -15,7 +15,7 @@ mod assets;
 mod block;
 pub mod bsdf_tables;
 mod cache_folder;
-mod camera_motion;
+mod camera_blocks;
 pub mod chunk_report;
 mod device;
 mod early;

@@ -7,8 +7,8 @@ use crate::film::Film;
 use crate::job::Job;
 use crate::lights::{LightTable, LightTables};
 use crate::specialise::Carry;
-use oocpt_core::CameraMotion;
 use oocpt_core::camera::CameraRays;
+use oocpt_core::{CameraMotion, ClipPlane};
 use oocpt_gpu::{DeviceKind, GpuError};
 use oocpt_shader_abi::Features;
 use std::sync::Arc;
@@ -21,6 +21,8 @@ pub(crate) struct Setting<'a> {
     pub(crate) rays: &'a CameraRays,
     /// How the camera moves, if it does.
     pub(crate) camera_motion: Option<&'a CameraMotion>,
+    /// Of the camera.
+    pub(crate) clip_planes: &'a [ClipPlane],
     pub(crate) lights: &'a LightTable,
     /// Address of the light table on the device, or 0.
     pub(crate) lighting: u64,

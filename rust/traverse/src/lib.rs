@@ -16,6 +16,7 @@ mod node;
 mod opacity;
 mod passes;
 mod pending;
+mod pose;
 mod round;
 mod sampler;
 mod scene;

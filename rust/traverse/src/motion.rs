@@ -17,7 +17,7 @@ impl Scene<'_> {
     /// `path_time`; 0 where nothing moves.
     #[inline(always)]
     pub(crate) fn path_time(&self, path: u32) -> f32 {
-        if !self.has(Features::MOTION) {
+        if !(self.has(Features::MOTION) || self.has(Features::DEFORMATION)) {
             return 0.0;
         }
         self.shutter_time(path)

@@ -10,6 +10,7 @@ mod levels;
 
 use crate::node::{BoxRay, DONE, LEAF, LISTED, NUMBER, RETURN, meet_level, meet_mesh};
 use crate::pending::{Pending, RAY_COUNT_SHIFT, RAY_HIT, RAY_MORE, RAY_WAITED};
+use crate::pose::Pose;
 use crate::round::hit_round;
 use crate::scene::Scene;
 use crate::triangle::{Shear, hit_triangle};
@@ -97,6 +98,8 @@ pub(crate) struct Walk<'s, 'v, const ANY_HIT: bool> {
     resumed: Option<(f32, u32)>,
     pub(crate) mesh: GpuMesh,
     pub(crate) triangles: HostBytes<'v>,
+    /// With what of it moves.
+    pose: Pose<'v>,
     shear: Shear,
     /// Records from the chunk to here, and the innermost one.
     pub(crate) chain: [u32; MOST_LEVELS],
@@ -127,6 +130,7 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
             resumed: None,
             mesh: bytemuck::Zeroable::zeroed(),
             triangles: HostBytes::NONE,
+            pose: Pose::NONE,
             shear: Shear::default(),
             chain: [0; MOST_LEVELS],
             instance: bytemuck::Zeroable::zeroed(),
@@ -309,7 +313,10 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
     fn visit_triangles(&mut self, begin: u32, end: u32) -> bool {
         for index in begin..end {
             let Some(triangle) = self.triangles.get::<GpuTriangle>(index as usize) else { return false };
-            let corners = [V3(triangle.v0), V3(triangle.v1), V3(triangle.v2)];
+            let mut corners = [V3(triangle.v0), V3(triangle.v1), V3(triangle.v2)];
+            if self.pose.moves {
+                corners = self.pose.posed(corners, index);
+            }
             if let Some((t, uv)) = hit_triangle(corners, self.at.ray.o, self.at.d, &self.shear)
                 && self.take(index, triangle.subset_and_sides, t, uv)
             {
@@ -326,7 +333,12 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
         }
         for index in begin..end {
             let Some(item) = self.triangles.get::<GpuTriangle>(index as usize) else { return false };
-            let (balls, radii) = ([V3(item.v0), V3(item.v1)], [item.v2[0], item.v2[1]]);
+            let mut corners = [V3(item.v0), V3(item.v1), V3(item.v2)];
+            if self.pose.moves {
+                corners = self.pose.posed(corners, index);
+            }
+            let [first, second, V3(radii)] = corners;
+            let (balls, radii) = ([first, second], [radii[0], radii[1]]);
             if let Some((t, u)) = hit_round(balls, radii, self.at.ray.o, self.at.d)
                 && self.take(index, item.subset_and_sides, t, [u, 0.0])
             {

@@ -85,7 +85,7 @@ struct Frame {
     uint light_count;
     uint flags;
     uint most_walkers;
-    uint pad;
+    uint clip_plane_count;
     uint64_t materials;
     uint64_t prims;
     uint64_t material_slots;
@@ -101,6 +101,14 @@ struct Frame {
     uint64_t programs;
     uint64_t sheen_tables;
     uint64_t camera_motion;
+    uint64_t clip_planes;
+};
+
+struct GpuClipPlane {
+    vec3 begins;
+    float lens_x;
+    vec3 slope;
+    float lens_y;
 };
 
 struct TextureFeedback {

@@ -78,6 +78,7 @@ fn camera(size: i32) -> Camera {
         data_window: [0, 0, size, size],
         lens_radius: 0.0,
         focus_distance: 5.0,
+        clip_planes: Vec::new(),
         motion: Vec::new(),
     }
 }

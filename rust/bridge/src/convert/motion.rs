@@ -3,7 +3,7 @@
 
 use crate::convert::{Complaints, column_matrix};
 use crate::ffi;
-use oocpt_core::scene::{InstancerMotion, InstancerSample, TransformSample};
+use oocpt_core::scene::{InstancerMotion, InstancerSample, PointsMotion, PointsSample, TransformSample};
 
 /// Numbers of a sample: its time and a matrix.
 const SAMPLE: usize = 17;
@@ -17,15 +17,26 @@ pub(crate) fn transform_samples(numbers: &[f64]) -> Vec<TransformSample> {
     numbers.chunks_exact(SAMPLE).filter_map(sample).collect()
 }
 
+/// How points move.
+pub(crate) fn points_motion(desc: ffi::MotionDesc, path: &str, complaints: &mut Complaints) -> PointsMotion {
+    let sample = |sample: ffi::MotionSampleDesc| PointsSample {
+        time: sample.time,
+        points: complaints.required::<[f32; 3]>(path, "points", sample.positions),
+        normals: complaints.optional(path, "normals", sample.normals),
+    };
+    PointsMotion {
+        samples: desc.samples.into_iter().map(sample).collect(),
+        velocities: complaints.optional(path, "velocities", desc.velocities),
+        accelerations: complaints.optional(path, "accelerations", desc.accelerations),
+        seconds: desc.seconds,
+    }
+}
+
 /// How instances move. Samples that cannot be read are left out with all others.
-pub(crate) fn instancer_motion(
-    desc: ffi::InstancerMotionDesc,
-    path: &str,
-    complaints: &mut Complaints,
-) -> InstancerMotion {
+pub(crate) fn instancer_motion(desc: ffi::MotionDesc, path: &str, complaints: &mut Complaints) -> InstancerMotion {
     let samples = desc.samples.into_iter().map(|sample| InstancerSample {
         time: sample.time,
-        translations: complaints.optional(path, "instanceTranslations", sample.translations),
+        translations: complaints.optional(path, "instanceTranslations", sample.positions),
         rotations: complaints.optional(path, "instanceRotations", sample.rotations),
         scales: complaints.optional(path, "instanceScales", sample.scales),
         transforms: complaints.optional(path, "instanceTransforms", sample.transforms),

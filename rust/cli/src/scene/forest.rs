@@ -59,6 +59,7 @@ pub(super) fn view(eye: DVec3, target: DVec3, width: u32, height: u32) -> Camera
         data_window: [0, 0, width as i32, height as i32],
         lens_radius: 0.0,
         focus_distance: 0.0,
+        clip_planes: Vec::new(),
         motion: Vec::new(),
     }
 }

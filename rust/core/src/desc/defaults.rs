@@ -4,8 +4,8 @@
 use glam::DMat4;
 
 use super::{
-    InstancerDesc, InstancerMotion, LightDesc, LightKind, MeshDesc, PrimDesc, Shape, Shaping, Subdivision,
-    SubdivisionTags,
+    InstancerDesc, InstancerMotion, LightDesc, LightKind, MeshDesc, PointsMotion, PrimDesc, Shape, Shaping,
+    Subdivision, SubdivisionTags,
 };
 use crate::array::TypedArray;
 
@@ -38,6 +38,7 @@ impl Default for MeshDesc {
             face_vertex_indices: TypedArray::of(Vec::<i32>::new()),
             hole_indices: None,
             points: TypedArray::of(Vec::<[f32; 3]>::new()),
+            point_motion: PointsMotion::default(),
             shape: Shape::Mesh,
             widths: None,
             normals: None,

@@ -10,7 +10,7 @@ mod shape;
 mod subdivision;
 
 pub use dropped::DroppedData;
-pub use motion::{InstancerMotion, InstancerSample, TransformSample};
+pub use motion::{InstancerMotion, InstancerSample, PointsMotion, PointsSample, TransformSample};
 pub use shape::{CurveBasis, CurveWrap, CurvesDesc, Shape};
 pub use subdivision::{Boundary, Creasing, FaceVaryingLinear, Subdivision, SubdivisionTags, TriangleRule};
 
@@ -128,6 +128,8 @@ pub struct MeshDesc {
     pub hole_indices: Option<TypedArray>,
     /// Positions in object space.
     pub points: TypedArray,
+    /// How they move while the shutter is open.
+    pub point_motion: PointsMotion,
     /// What they are.
     pub shape: Shape,
     /// Diameters of curves and points; 1 where there are none.

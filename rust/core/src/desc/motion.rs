@@ -15,6 +15,38 @@ pub struct TransformSample {
     pub transform: DMat4,
 }
 
+/// The points of a mesh, of curves or of points at a time.
+#[derive(Clone, Debug)]
+pub struct PointsSample {
+    /// Part of the shutter.
+    pub time: f64,
+    /// As [`super::MeshDesc::points`].
+    pub points: TypedArray,
+    /// Values of [`super::MeshDesc::normals`]; none: those that the frame has.
+    pub normals: Option<TypedArray>,
+}
+
+/// How points move within the prim's frame. Velocities win over samples, as `UsdGeomPointBased` has it.
+#[derive(Clone, Debug, Default)]
+pub struct PointsMotion {
+    /// In the order of time; fewer than two where nothing is sampled.
+    pub samples: Vec<PointsSample>,
+    /// Three-vectors, units per second.
+    pub velocities: Option<TypedArray>,
+    /// Three-vectors, units per second squared; count with velocities only.
+    pub accelerations: Option<TypedArray>,
+    /// When the shutter opens and closes, seconds from the time of the points themselves.
+    pub seconds: [f64; 2],
+}
+
+impl PointsMotion {
+    /// Whether there is anything that may move the points.
+    #[must_use]
+    pub fn is_given(&self) -> bool {
+        self.samples.len() > 1 || self.velocities.as_ref().is_some_and(|velocities| !velocities.is_empty())
+    }
+}
+
 /// The arrays of an instancer at a time.
 #[derive(Clone, Debug, Default)]
 pub struct InstancerSample {

@@ -8,13 +8,13 @@ use std::sync::Arc;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::Dicing;
-use super::bvh4::{Bvh4, build_bvh4};
+use super::bvh4::{Bvh4, build_bvh4_over};
+use super::deform::{Pose, poses, read_keys};
 use super::demand::Demand;
 use super::normals::smooth_normals;
 use super::primvar::{Layout, Slot, Source, convert, convert_wanted, extend_points, subset_numbers};
 use super::ptex::{PtexNumbers, PtexTriangle};
-use super::refine::refine;
+use super::refine::{Refined, refine};
 use super::round::{Rounds, read_rounds};
 use super::split::{Order, arrange, expected_bytes, split_ordered};
 use super::topology::{Face, Topology, read_topology};
@@ -75,23 +75,34 @@ pub fn build_mesh_with(
     let mut notes = Vec::new();
     let mut dropped = DroppedData::default();
     let (mut asset, mut clusters) = (None, Vec::new());
-    if let Some(rounds) = read_rounds(desc, wanted, demand.dicing.unwrap_or(&Dicing::default()), &mut dropped) {
+    let poses = poses(desc).unwrap_or_else(|why| {
+        notes.push(format!("{why}, so its points stay where they are at the frame's own time"));
+        Vec::new()
+    });
+    let dicing = demand.dicing.cloned().unwrap_or_default();
+    if let Some(rounds) = read_rounds(desc, wanted, &dicing, &poses, &mut dropped) {
         let zero_area_triangles = dropped.zero_area_triangles;
-        let Rounds { topology, desc, radii } = &rounds;
-        let loose = read_triangles(desc, wanted, key, topology, radii.as_deref(), &mut dropped);
+        let Rounds { topology, desc, radii, poses: posed } = &rounds;
+        if posed.len() < poses.len() && !topology.faces.is_empty() {
+            notes.push("is a ribbon whose points move while the shutter is open, which is not blurred yet".to_owned());
+        }
+        let loose = Loose { desc, wanted, key, topology, radii: radii.as_deref(), poses: posed };
+        let loose = read_triangles(loose, &mut dropped);
         // Ribbons may have no width somewhere.
         dropped.zero_area_triangles = zero_area_triangles;
         arrange_or_split(loose, limit_bytes, cluster_bytes, &mut asset, &mut clusters);
         return BuiltMesh { asset, clusters, dropped, notes };
     }
     let loose = read_topology(desc, &mut dropped).and_then(|topology| {
-        let Some(refined) = refine(desc, demand, &topology, &mut dropped) else {
-            return read_triangles(desc, wanted, key, &topology, None, &mut dropped);
+        let Some(refined) = refine(desc, demand, &topology, &poses, &mut dropped) else {
+            let loose = Loose { desc, wanted, key, topology: &topology, radii: None, poses: &poses };
+            return read_triangles(loose, &mut dropped);
         };
-        notes.clone_from(&refined.notes);
+        notes.extend_from_slice(&refined.notes);
         // A limit surface may close to a point, as at a pole: that is no bad data.
         let zero_area_triangles = dropped.zero_area_triangles;
-        let loose = read_triangles(&refined.desc, wanted, key, &refined.topology, None, &mut dropped);
+        let Refined { topology, desc, poses, .. } = &refined;
+        let loose = read_triangles(Loose { desc, wanted, key, topology, radii: None, poses }, &mut dropped);
         dropped.zero_area_triangles = zero_area_triangles;
         loose
     });
@@ -112,26 +123,34 @@ fn arrange_or_split(
             *clusters = split_ordered(&loose, cluster_bytes, Order::Authored).into_iter().map(Arc::new).collect();
         }
         Some(loose) => {
-            let (bvh, order) = build_bvh4(&loose.triangles, loose.kind);
+            let boxes: Vec<Aabb> = (0..loose.triangles.len()).map(|at| loose.item_bounds(at)).collect();
+            let (bvh, order) = build_bvh4_over(&boxes);
             *asset = Some(Arc::new(arrange(&loose, bvh, &order, None)));
         }
         None => (),
     }
 }
 
-/// The mesh in authored order, without a hierarchy. With `radii` by point its faces are round.
-fn read_triangles(
-    desc: &MeshDesc,
-    wanted: &[WantedPrimvar],
+/// What becomes a mesh in authored order, without a hierarchy.
+#[derive(Clone, Copy)]
+pub(super) struct Loose<'a> {
+    pub(super) desc: &'a MeshDesc,
+    wanted: &'a [WantedPrimvar],
     key: u128,
-    topology: &Topology,
-    radii: Option<&[f32]>,
-    dropped: &mut DroppedData,
-) -> Option<MeshAsset> {
+    pub(super) topology: &'a Topology,
+    /// By point: its faces are round.
+    pub(super) radii: Option<&'a [f32]>,
+    /// At the keys of what moves.
+    pub(super) poses: &'a [Pose],
+}
+
+/// The mesh in authored order, without a hierarchy.
+fn read_triangles(loose: Loose<'_>, dropped: &mut DroppedData) -> Option<MeshAsset> {
+    let Loose { desc, wanted, key, topology, radii, poses } = loose;
     let mut numbers =
         wanted.iter().any(|w| w.id == PTEX_SET_ID).then(|| PtexNumbers::new(&desc.face_vertex_counts.view()));
-    let Faces { triangles, sources, ptex } = match radii {
-        None => triangulate(topology, numbers.as_mut(), dropped),
+    let Faces { mut triangles, sources, ptex } = match radii {
+        None => triangulate(topology, poses, numbers.as_mut(), dropped),
         Some(radii) => rounds(topology, radii),
     };
     let centers = numbers.map(|numbers| numbers.centers).unwrap_or_default();
@@ -147,7 +166,8 @@ fn read_triangles(
         sources: &sources,
         centers: &centers,
     };
-    let normals = if radii.is_some() { None } else { build_normals(desc, topology, layout, &triangles, dropped) };
+    let mut normals = if radii.is_some() { None } else { build_normals(desc, topology, layout, &triangles, dropped) };
+    let keys = read_keys(loose, layout, &mut triangles, &mut normals);
     let colors = desc.display_color.as_ref().and_then(|p| convert(p, layout, dropped, read_color, |_| Some([0.18; 3])));
     let opacities =
         desc.display_opacity.as_ref().and_then(|p| convert(p, layout, dropped, read_opacity, |_| Some(1.0)));
@@ -171,6 +191,7 @@ fn read_triangles(
         primvars,
         subsets,
         ptex,
+        keys,
         // Curves and points have no side from which they are not seen.
         double_sided: desc.double_sided || !matches!(desc.shape, Shape::Mesh),
         left_handed: desc.left_handed && matches!(desc.shape, Shape::Mesh),
@@ -206,13 +227,18 @@ struct Faces {
 
 /// All triangles with area, in authored order: blocks of faces side by side, unless faces have Ptex numbers, which go
 /// on from face to face.
-fn triangulate(topology: &Topology, numbers: Option<&mut PtexNumbers>, dropped: &mut DroppedData) -> Faces {
+fn triangulate(
+    topology: &Topology,
+    poses: &[Pose],
+    numbers: Option<&mut PtexNumbers>,
+    dropped: &mut DroppedData,
+) -> Faces {
     if numbers.is_some() || topology.faces.len() <= FACE_BLOCK {
-        return triangulate_block(topology, &topology.faces, numbers, dropped);
+        return triangulate_block((topology, poses), &topology.faces, numbers, dropped);
     }
     let block = |faces: &[Face]| {
         let mut dropped = DroppedData::default();
-        (triangulate_block(topology, faces, None, &mut dropped), dropped)
+        (triangulate_block((topology, poses), faces, None, &mut dropped), dropped)
     };
     let blocks: Vec<(Faces, DroppedData)> = topology.faces.par_chunks(FACE_BLOCK).map(block).collect();
     let mut all = Faces::default();
@@ -228,9 +254,10 @@ fn triangulate(topology: &Topology, numbers: Option<&mut PtexNumbers>, dropped: 
 }
 
 /// The triangles of some faces. A face that keeps some area has lost nothing: quads that close to a
-/// point, as at the tip of a cone, are no bad data. Only the triangles of faces without any area count as dropped.
+/// point, as at the tip of a cone, are no bad data. Only the triangles of faces without any area count as dropped. What
+/// moves has an area if it has one at some key.
 fn triangulate_block(
-    topology: &Topology,
+    (topology, poses): (&Topology, &[Pose]),
     faces: &[Face],
     mut numbers: Option<&mut PtexNumbers>,
     dropped: &mut DroppedData,
@@ -265,7 +292,12 @@ fn triangulate_block(
                 continue;
             };
             let triangle = Triangle { vertices: [a, b, c], face: face.index };
-            if has_area(&triangle) {
+            let posed = |pose: &Pose| {
+                let vertex = |k: u32| corners.get(k as usize).and_then(|&p| pose.points.get(p as usize));
+                let [Some(&a), Some(&b), Some(&c)] = ear.map(vertex) else { return false };
+                has_area(&Triangle { vertices: [a, b, c], face: face.index })
+            };
+            if has_area(&triangle) || poses.iter().any(posed) {
                 triangles.push(triangle);
                 sources.push(Source { face: face.index, corners: ear.map(|k| face.first + k) });
                 ptex.extend(numbers.as_deref().map(|numbers| numbers.ear(face, *ear)));
@@ -295,7 +327,7 @@ fn geometric_normal(triangle: &Triangle, side: f32) -> Option<[f32; 3]> {
     Some(((e * scale).cross(f * scale).try_normalize()? * side).to_array())
 }
 
-fn build_normals(
+pub(super) fn build_normals(
     desc: &MeshDesc,
     topology: &Topology,
     layout: Layout<'_>,

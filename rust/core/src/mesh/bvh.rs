@@ -91,7 +91,12 @@ pub enum BvhError {
 #[must_use]
 pub fn build_bvh(triangles: &[Triangle], kind: LeafKind) -> (Bvh2, Vec<u32>) {
     let boxes: Vec<Aabb> = triangles.iter().map(|triangle| triangle.bounds(kind)).collect();
-    build(&boxes, MAX_LEAF_TRIANGLES)
+    build_item_bvh(&boxes)
+}
+
+/// [`build_bvh`] over the boxes of triangles.
+pub(super) fn build_item_bvh(boxes: &[Aabb]) -> (Bvh2, Vec<u32>) {
+    build(boxes, MAX_LEAF_TRIANGLES)
 }
 
 /// Builds the hierarchy over `boxes`: leaves of exactly one item, whose `child` is the number of the box. A single box

@@ -9,7 +9,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::bvh::{Bvh2, build_bvh};
+use super::bvh::{Bvh2, build_item_bvh};
 use super::{Aabb, LeafKind, Triangle};
 
 /// Children of a node.
@@ -136,7 +136,13 @@ pub struct Bvh4 {
 /// number of the triangle at place k.
 #[must_use]
 pub fn build_bvh4(triangles: &[Triangle], kind: LeafKind) -> (Bvh4, Vec<u32>) {
-    let (bvh, order) = build_bvh(triangles, kind);
+    let boxes: Vec<Aabb> = triangles.iter().map(|triangle| triangle.bounds(kind)).collect();
+    build_bvh4_over(&boxes)
+}
+
+/// [`build_bvh4`] over the boxes of triangles.
+pub(super) fn build_bvh4_over(boxes: &[Aabb]) -> (Bvh4, Vec<u32>) {
+    let (bvh, order) = build_item_bvh(boxes);
     let mut places = Vec::with_capacity(order.len());
     let (nodes, stack) = widen(&bvh, |parts, inner, first_child| {
         let Grid { origin, cell, lower, upper } = Grid::new(parts.iter().map(|part| &part.bounds), 0.0);

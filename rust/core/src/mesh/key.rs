@@ -5,7 +5,7 @@ use xxhash_rust::xxh3::Xxh3;
 
 use super::{Demand, WantedPrimvar};
 use crate::array::TypedArray;
-use crate::desc::{MeshDesc, Primvar, Shape};
+use crate::desc::{MeshDesc, PointsMotion, PointsSample, Primvar, Shape};
 
 /// Hashes everything of `desc` that its asset depends on: arrays, orientation, sidedness, subdivision. Not the path,
 /// the transform, the prim id or the visibility.
@@ -36,6 +36,7 @@ pub(crate) fn mesh_key_with(desc: &MeshDesc, demand: &Demand<'_>) -> u128 {
         hasher.update(&[u8::from(matches!(desc.shape, Shape::Points))]);
         add_primvar(&mut hasher, desc.widths.as_ref());
     }
+    add_motion(&mut hasher, &desc.point_motion);
     if demand.refines(desc) {
         hasher.update(&desc.subdivision_tags.rules());
         hasher.update(&[desc.refine_level]);
@@ -62,6 +63,22 @@ pub(crate) fn mesh_key_with(desc: &MeshDesc, demand: &Demand<'_>) -> u128 {
         add_primvar(&mut hasher, desc.authored_primvar(&primvar.name));
     }
     hasher.digest128()
+}
+
+/// Nothing of what does not move.
+fn add_motion(hasher: &mut Xxh3, motion: &PointsMotion) {
+    if !motion.is_given() {
+        return;
+    }
+    add_array(hasher, motion.velocities.as_ref());
+    add_array(hasher, motion.accelerations.as_ref());
+    motion.seconds.into_iter().for_each(|second| hasher.update(&second.to_le_bytes()));
+    hasher.update(&(motion.samples.len() as u64).to_le_bytes());
+    for sample in &motion.samples {
+        hasher.update(&sample.time.to_le_bytes());
+        add_array(hasher, Some(&sample.points));
+        add_array(hasher, sample.normals.as_ref());
+    }
 }
 
 fn add_primvar(hasher: &mut Xxh3, primvar: Option<&Primvar>) {
@@ -106,12 +123,29 @@ pub(crate) fn is_same_mesh(a: &MeshDesc, b: &MeshDesc, wanted: &[WantedPrimvar])
         && array(&a.face_vertex_indices, &b.face_vertex_indices)
         && optional(&a.hole_indices, &b.hole_indices)
         && array(&a.points, &b.points)
+        && same_motion(&a.point_motion, &b.point_motion, &array, &optional)
         && primvar(a.normals.as_ref(), b.normals.as_ref())
         && primvar(a.display_color.as_ref(), b.display_color.as_ref())
         && primvar(a.display_opacity.as_ref(), b.display_opacity.as_ref())
         && a.subsets.len() == b.subsets.len()
         && a.subsets.iter().zip(&b.subsets).all(|(a, b)| array(&a.faces, &b.faces))
         && wanted.iter().all(|w| primvar(a.authored_primvar(&w.name), b.authored_primvar(&w.name)))
+}
+
+fn same_motion(
+    a: &PointsMotion,
+    b: &PointsMotion,
+    array: &impl Fn(&TypedArray, &TypedArray) -> bool,
+    optional: &impl Fn(&Option<TypedArray>, &Option<TypedArray>) -> bool,
+) -> bool {
+    let same = |(a, b): (&PointsSample, &PointsSample)| {
+        a.time.to_bits() == b.time.to_bits() && array(&a.points, &b.points) && optional(&a.normals, &b.normals)
+    };
+    optional(&a.velocities, &b.velocities)
+        && optional(&a.accelerations, &b.accelerations)
+        && a.seconds.map(f64::to_bits) == b.seconds.map(f64::to_bits)
+        && a.samples.len() == b.samples.len()
+        && a.samples.iter().zip(&b.samples).all(same)
 }
 
 fn same_shape(

@@ -14,6 +14,7 @@ pub mod bvh4;
 mod cage;
 mod check;
 mod creases;
+mod deform;
 mod demand;
 mod dicing;
 mod displace;
@@ -42,6 +43,7 @@ pub use attribute::{AnyAttribute, Attribute, AttributeRate, MeshPrimvar, WantedP
 pub use build::{BuiltMesh, build_mesh, build_mesh_split, build_mesh_with};
 pub use bvh::{Bvh2, BvhError, BvhNode, build_box_bvh};
 pub use bvh4::{Bvh4, Bvh4Node, LevelNode, level_nodes};
+pub use deform::MeshKeys;
 pub use demand::{Demand, Displacements};
 pub use dicing::{Dicing, Eye};
 pub use key::mesh_key;
@@ -170,6 +172,8 @@ pub struct MeshAsset {
     pub subsets: Vec<u16>,
     /// Place of each triangle in a Ptex file; empty unless a material reads one.
     pub ptex: Vec<PtexTriangle>,
+    /// Of what moves while the shutter is open: the rest of `triangles` is that of the first key.
+    pub keys: MeshKeys,
     /// False: seen from the front only.
     pub double_sided: bool,
     /// The geometric normal is minus the right-handed one.
@@ -177,6 +181,12 @@ pub struct MeshAsset {
 }
 
 impl MeshAsset {
+    /// The box of an item while the shutter is open; empty where there is none.
+    fn item_bounds(&self, at: usize) -> Aabb {
+        let count = self.triangles.len();
+        self.triangles.get(at).map_or(Aabb::EMPTY, |item| deform::swept(item, self.kind, &self.keys, at, count))
+    }
+
     /// [`MeshSummary::device_bytes`].
     #[must_use]
     pub fn device_bytes(&self) -> u64 {

@@ -6,7 +6,10 @@ use bytemuck::Zeroable;
 
 use super::store::{Payload, PayloadError};
 use super::summary::{AttributeSummary, MeshSummary};
-use super::{AnyAttribute, Attribute, Bvh4, Bvh4Node, MeshAsset, MeshPrimvar, PtexTriangle, Triangle};
+use super::{AnyAttribute, Attribute, Bvh4, Bvh4Node, MeshAsset, MeshKeys, MeshPrimvar, PtexTriangle, Triangle};
+
+/// Bytes of three vectors.
+const CORNERS: u64 = size_of::<[[f32; 3]; 3]>() as u64;
 
 /// The Ptex numbers of an asset as they are stored: face and part, sides.
 pub(super) fn ptex_words(mesh: &MeshAsset) -> Vec<[u32; 2]> {
@@ -27,6 +30,9 @@ pub(super) fn parts<'a>(mesh: &'a MeshAsset, ptex: &'a [[u32; 2]]) -> Vec<&'a [u
         values(mesh.opacities.as_ref()),
         bytemuck::cast_slice(&mesh.subsets),
         bytemuck::cast_slice(ptex),
+        bytemuck::cast_slice(&mesh.keys.times),
+        bytemuck::cast_slice(&mesh.keys.vertices),
+        bytemuck::cast_slice(&mesh.keys.normals),
     ];
     let primvars = mesh.primvars.iter().map(|primvar| bytemuck::cast_slice(primvar.values.floats()));
     arrays.into_iter().chain(primvars).collect()
@@ -44,9 +50,17 @@ pub(super) fn payload_bytes(mesh: &MeshSummary) -> Option<u64> {
         attribute(mesh.opacities),
         mesh.subsets.checked_mul(size_of::<u16>() as u64),
         mesh.ptex.checked_mul(size_of::<[u32; 2]>() as u64),
+        mesh.keys.checked_mul(size_of::<f32>() as u64),
+        later(mesh).checked_mul(mesh.triangles).and_then(|count| count.checked_mul(CORNERS)),
+        later(mesh).checked_mul(mesh.key_normals).and_then(|count| count.checked_mul(CORNERS)),
     ];
     let primvars = mesh.primvars.iter().map(|primvar| bytes_of(primvar.values));
     arrays.into_iter().chain(primvars).try_fold(0, |sum: u64, bytes| sum.checked_add(bytes?))
+}
+
+/// Keys behind the first.
+fn later(mesh: &MeshSummary) -> u64 {
+    mesh.keys.saturating_sub(1)
 }
 
 fn bytes_of(attribute: AttributeSummary) -> Option<u64> {
@@ -100,6 +114,11 @@ pub(super) fn read(summary: &MeshSummary, payload: &dyn Payload) -> Result<MeshA
         primvars: Vec::new(),
         subsets: zeros(summary.subsets)?,
         ptex: Vec::new(),
+        keys: MeshKeys {
+            times: zeros(summary.keys)?,
+            vertices: zeros(later(summary).saturating_mul(summary.triangles))?,
+            normals: zeros(later(summary).saturating_mul(summary.key_normals))?,
+        },
         double_sided: summary.double_sided,
         left_handed: summary.left_handed,
     };
@@ -117,6 +136,9 @@ pub(super) fn read(summary: &MeshSummary, payload: &dyn Payload) -> Result<MeshA
     parts.extend(mesh.opacities.iter_mut().map(|a| bytemuck::cast_slice_mut(&mut a.values)));
     parts.push(bytemuck::cast_slice_mut(&mut mesh.subsets));
     parts.push(bytemuck::cast_slice_mut(&mut ptex));
+    parts.push(bytemuck::cast_slice_mut(&mut mesh.keys.times));
+    parts.push(bytemuck::cast_slice_mut(&mut mesh.keys.vertices));
+    parts.push(bytemuck::cast_slice_mut(&mut mesh.keys.normals));
     parts.extend(mesh.primvars.iter_mut().map(|primvar| primvar.values.bytes_mut()));
     payload.read(&mut parts)?;
     let place = |[word, sides]: [u32; 2]| PtexTriangle::from_word(word, u16::try_from(sides).unwrap_or(0));

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use super::cage::Cage;
 use super::creases::Sharpness;
+use super::deform::Pose;
 use super::demand::Demand;
 use super::dicing::{Dicing, MOST_PIECES};
 use super::displace::{Cut, Displaced};
@@ -30,6 +31,8 @@ pub(crate) struct Refined {
     pub(crate) topology: Topology,
     /// The description with values for it. Its own topology is the control mesh's still.
     pub(crate) desc: MeshDesc,
+    /// At the keys of what moves.
+    pub(crate) poses: Vec<Pose>,
     /// What could not be read.
     pub(crate) notes: Vec<String>,
 }
@@ -47,12 +50,13 @@ pub(super) fn is_refined(desc: &MeshDesc, pixels: f64) -> bool {
     }
 }
 
-/// The limit surface of a mesh with the checked `topology`, displaced if that is asked for; `None` where it stays a
-/// polygon mesh, and `dropped` says so if it should not.
+/// The limit surface of a mesh with the checked `topology`, and at its `poses`, displaced if that is asked for; `None`
+/// where it stays a polygon mesh, and `dropped` says so if it should not.
 pub(crate) fn refine(
     desc: &MeshDesc,
     demand: &Demand<'_>,
     topology: &Topology,
+    poses: &[Pose],
     dropped: &mut DroppedData,
 ) -> Option<Refined> {
     if !demand.refines(desc) {
@@ -63,7 +67,7 @@ pub(crate) fn refine(
     let refined = if demand.wanted.iter().any(|wanted| wanted.id == PTEX_SET_ID) {
         None
     } else {
-        try_refine(desc, demand, topology, &mut own).ok()
+        try_refine(desc, demand, topology, poses, &mut own).ok()
     };
     match &refined {
         Some(_) => dropped.add(&own),
@@ -76,6 +80,7 @@ fn try_refine(
     desc: &MeshDesc,
     demand: &Demand<'_>,
     topology: &Topology,
+    poses: &[Pose],
     dropped: &mut DroppedData,
 ) -> Result<Refined, Error> {
     let is_flat = matches!(desc.subdivision, Subdivision::None | Subdivision::Bilinear);
@@ -107,29 +112,38 @@ fn try_refine(
         by_level_alone: desc.subdivision == Subdivision::Bilinear && !displaces,
     };
     let rates = rates(&surface, topology, &cutting, MAX_REFINED_TRIANGLES, dropped)?;
-    // Points of no face may be anything.
-    let positions: Vec<[f32; 3]> =
-        topology.points.iter().map(|point| if point[0].is_nan() { [0.0; 3] } else { *point }).collect();
     let (vertex, varying, channels) = (values.vertex(), values.varying(), values.channel_values());
-    let data = Data { positions: positions.as_flattened(), vertex, varying, channels: &channels };
-    let mut facets = surface.tessellate(&rates, &data)?;
-    let normals = normals(&facets, desc.left_handed);
-    let mut desc = values.replace(desc, &facets);
-    let mut notes = Vec::new();
-    let normals = if displaces {
-        let (faces, face_count) = (&cage.faces[..], topology.face_count);
-        let cut = Cut { facets: &facets, faces, desc: &desc, face_count, normals, is_flat };
-        let displaced = cut.displace(demand, dropped);
-        let Displaced { positions, normals, notes: said } = displaced;
-        facets.positions = positions.into_flattened();
-        notes = said;
-        normals
-    } else {
-        normals
+    let tessellate = |points: &[[f32; 3]]| {
+        // Points of no face may be anything.
+        let positions: Vec<[f32; 3]> = points.iter().map(|p| if p[0].is_nan() { [0.0; 3] } else { *p }).collect();
+        surface.tessellate(&rates, &Data { positions: positions.as_flattened(), vertex, varying, channels: &channels })
     };
+    let mut facets = tessellate(&topology.points)?;
+    // The rates are those of the frame's own time, so all poses are cut alike.
+    let moved = poses.iter().map(|pose| tessellate(&pose.points)).collect::<Result<Vec<Facets>, Error>>()?;
+    let mut desc = values.replace(desc, &facets);
+    let left_handed = desc.left_handed;
+    let displace = |facets: &mut Facets, desc: &MeshDesc, dropped: &mut DroppedData| {
+        let normals = normals(facets, left_handed);
+        if !displaces {
+            return (normals, Vec::new());
+        }
+        let (faces, face_count) = (&cage.faces[..], topology.face_count);
+        let cut = Cut { facets, faces, desc, face_count, normals, is_flat };
+        let Displaced { positions, normals, notes } = cut.displace(demand, dropped);
+        facets.positions = positions.into_flattened();
+        (normals, notes)
+    };
+    let (normals, notes) = displace(&mut facets, &desc, dropped);
+    let at_key = |(pose, mut facets): (&Pose, Facets)| {
+        let (normals, _) = displace(&mut facets, &desc, &mut DroppedData::default());
+        let points = facets.positions.as_chunks::<3>().0.to_vec();
+        Pose { time: pose.time, points, normals: Some(TypedArray::of(normals)) }
+    };
+    let poses = poses.iter().zip(moved).map(at_key).collect();
     let values = TypedArray::of(normals);
     desc.normals = Some(Primvar { interpolation: Interpolation::Vertex, values, indices: None });
-    Ok(Refined { topology: refined_topology(topology, &cage, &facets), desc, notes })
+    Ok(Refined { topology: refined_topology(topology, &cage, &facets), desc, poses, notes })
 }
 
 fn rules(desc: &MeshDesc) -> Rules {

@@ -8,10 +8,10 @@
 use rayon::prelude::*;
 use xxhash_rust::xxh3::Xxh3;
 
-use super::bvh4::{Bvh4, Bvh4Node, build_bvh4};
+use super::bvh4::{Bvh4, Bvh4Node, build_bvh4_over};
 use super::{
     Aabb, AnyAttribute, Attribute, AttributeRate, MeshAsset, MeshPrimvar, PRIMVAR_BYTES, SECTION_ALIGN, TRIANGLE_BYTES,
-    Triangle, each_width,
+    each_width,
 };
 
 /// Expected nodes per 16 triangles. Measured: 3.7 to 4.0 for grids and closed surfaces, 3.4 to 3.5 for soups.
@@ -55,12 +55,12 @@ pub fn split_mesh(mesh: &MeshAsset, max_bytes: u64) -> Vec<MeshAsset> {
 
 /// [`split_mesh`] for a mesh in any order; its own hierarchy is not looked at.
 pub(super) fn split_ordered(mesh: &MeshAsset, max_bytes: u64, order: Order) -> Vec<MeshAsset> {
-    let item = |(triangle, t): (u32, &Triangle)| {
-        let b = t.bounds(mesh.kind);
+    let item = |triangle: u32| {
+        let b = mesh.item_bounds(triangle as usize);
         Item { center: [0, 1, 2].map(|k| b.min[k] + b.max[k]), triangle }
     };
     let count = u32::try_from(mesh.triangles.len()).unwrap_or(u32::MAX);
-    let mut items: Vec<Item> = (0..count).into_par_iter().zip(&mesh.triangles).map(item).collect();
+    let mut items: Vec<Item> = (0..count).into_par_iter().map(item).collect();
     let splitter = Splitter { mesh, max_bytes };
     let filled = (max_bytes / 16).saturating_mul(FILL_16).max(1);
     let parts = if splitter.fits(&items) { 1 } else { expected_bytes(mesh).div_ceil(filled) };
@@ -115,8 +115,8 @@ impl Splitter<'_> {
         let mut members: Vec<u32> = items.iter().map(|item| item.triangle).collect();
         // The cuts leave them in no order worth keeping; neighbours in the mesh are often neighbours in space.
         members.sort_unstable();
-        let triangles: Vec<Triangle> = pick(&self.mesh.triangles, &members);
-        let (bvh, order) = build_bvh4(&triangles, self.mesh.kind);
+        let boxes: Vec<Aabb> = members.iter().map(|&item| self.mesh.item_bounds(item as usize)).collect();
+        let (bvh, order) = build_bvh4_over(&boxes);
         let order: Vec<u32> = pick(&members, &order);
         let cluster = arrange(self.mesh, bvh, &order, Some(&self.points(&members)));
         (members.len() <= 1 || cluster.device_bytes() <= self.max_bytes).then_some(cluster)
@@ -125,7 +125,9 @@ impl Splitter<'_> {
     /// True when `items` will fit into a cluster, as far as that can be told without their hierarchy.
     fn fits(&self, items: &[Item]) -> bool {
         let count = items.len() as u64;
-        let constant = count * TRIANGLE_BYTES + node_bytes(count);
+        let later = self.mesh.keys.times.len().saturating_sub(1) as u64;
+        let moved = (TRIANGLE_BYTES + if self.mesh.keys.normals.is_empty() { 0 } else { 36 }) * later;
+        let constant = count * (TRIANGLE_BYTES + moved) + node_bytes(count);
         if count <= 1 || constant > self.max_bytes {
             return count <= 1;
         }
@@ -165,9 +167,9 @@ pub(super) fn arrange(mesh: &MeshAsset, bvh: Bvh4, order: &[u32], points: Option
             *corner = points.binary_search(corner).ok().and_then(|at| u32::try_from(at).ok()).unwrap_or(0);
         }
     }
-    MeshAsset {
+    let mut arranged = MeshAsset {
         key: mesh.key,
-        bounds: triangles.iter().fold(Aabb::EMPTY, |b, t| b.union(&t.bounds(mesh.kind))),
+        bounds: Aabb::EMPTY,
         bvh,
         kind: mesh.kind,
         triangles,
@@ -178,9 +180,13 @@ pub(super) fn arrange(mesh: &MeshAsset, bvh: Bvh4, order: &[u32], points: Option
         primvars: mesh.primvars.iter().map(|p| arrange_primvar(p, order, points)).collect(),
         subsets: pick(&mesh.subsets, order),
         ptex: pick(&mesh.ptex, order),
+        keys: mesh.keys.arranged(order, mesh.triangles.len()),
         double_sided: mesh.double_sided,
         left_handed: mesh.left_handed,
-    }
+    };
+    let boxes = (0..arranged.triangles.len()).map(|at| arranged.item_bounds(at));
+    arranged.bounds = boxes.fold(Aabb::EMPTY, |all, bounds| all.union(&bounds));
+    arranged
 }
 
 fn arrange_primvar(primvar: &MeshPrimvar, order: &[u32], points: Option<&[u32]>) -> MeshPrimvar {

@@ -59,6 +59,10 @@ pub struct MeshSummary {
     pub subsets: u64,
     /// Triangles that have a place in a Ptex file: all or none.
     pub ptex: u64,
+    /// Keys of what moves while the shutter is open, two or more; else 0.
+    pub keys: u64,
+    /// Triangles that have normals for each of the later keys: all or none.
+    pub key_normals: u64,
 }
 
 impl AttributeSummary {
@@ -99,7 +103,28 @@ impl MeshSummary {
             primvars: mesh.primvars.iter().map(primvar).collect(),
             subsets: mesh.subsets.len() as u64,
             ptex: mesh.ptex.len() as u64,
+            keys: mesh.keys.times.len() as u64,
+            key_normals: if mesh.keys.normals.is_empty() { 0 } else { mesh.triangles.len() as u64 },
         }
+    }
+
+    /// Triangles of all keys.
+    #[must_use]
+    pub fn posed_triangles(&self) -> u64 {
+        self.triangles.saturating_mul(self.keys.max(1))
+    }
+
+    /// Bytes of the triangles of all keys, and of the keys' times behind them.
+    #[must_use]
+    pub fn triangle_bytes(&self) -> u64 {
+        self.posed_triangles().saturating_mul(TRIANGLE_BYTES).saturating_add(self.keys.saturating_mul(4))
+    }
+
+    /// Bytes of the normals of all keys.
+    #[must_use]
+    pub fn normal_bytes(&self) -> u64 {
+        let later = self.key_normals.saturating_mul(self.keys.saturating_sub(1)).saturating_mul(36);
+        self.normals.map_or(0, |normals| normals.bytes()).saturating_add(later)
     }
 
     /// Bytes of device memory that the asset takes: nodes, triangles (48 bytes there), corner indices, normals, colors,
@@ -109,9 +134,9 @@ impl MeshSummary {
         let attribute = |a: Option<AttributeSummary>| a.map_or(0, |a| a.bytes());
         let sections = [
             self.nodes * size_of::<Bvh4Node>() as u64,
-            self.triangles * TRIANGLE_BYTES,
+            self.triangle_bytes(),
             self.corner_indices * size_of::<[u32; 3]>() as u64,
-            attribute(self.normals),
+            self.normal_bytes(),
             attribute(self.colors),
             attribute(self.opacities),
         ];

@@ -25,7 +25,7 @@ pub(crate) struct Face {
 }
 
 /// The usable part of a mesh.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Topology {
     /// Usable faces in authored order.
     pub(crate) faces: Vec<Face>,
@@ -54,7 +54,7 @@ pub(crate) fn read_topology(desc: &MeshDesc, dropped: &mut DroppedData) -> Optio
     let mut topology = Topology {
         faces: Vec::new(),
         corners: (0..indices.len()).map(|i| indices.index(i).map_or(u32::MAX, i32::cast_unsigned)).collect(),
-        points: (0..points.len()).map(|i| read_point(&points, i)).collect(),
+        points: (0..points.len()).map(|i| read_point(points.vec3(i))).collect(),
         face_count: counts.len(),
     };
     let holes = read_holes(desc, counts.len(), dropped);
@@ -67,8 +67,8 @@ pub(crate) fn read_topology(desc: &MeshDesc, dropped: &mut DroppedData) -> Optio
 }
 
 /// A point in single precision; NaN when it is not usable.
-fn read_point(points: &ArrayView<'_>, i: usize) -> [f32; 3] {
-    match points.vec3(i) {
+pub(super) fn read_point(point: Option<glam::DVec3>) -> [f32; 3] {
+    match point {
         Some(p) if p.abs().max_element() <= MAX_COORDINATE && p.is_finite() => p.as_vec3().to_array(),
         _ => [f32::NAN; 3],
     }

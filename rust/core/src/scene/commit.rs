@@ -197,6 +197,7 @@ impl Snapshot {
         for mesh in &self.meshes {
             features
                 .set(SceneFeatures::ROUND, features.contains(SceneFeatures::ROUND) || mesh.kind == LeafKind::Rounds);
+            features.set(SceneFeatures::DEFORMATION, features.contains(SceneFeatures::DEFORMATION) || mesh.keys > 0);
             features.set(SceneFeatures::OPACITY, features.contains(SceneFeatures::OPACITY) || mesh.opacities.is_some());
             features.set(SceneFeatures::NORMALS, features.contains(SceneFeatures::NORMALS) || mesh.normals.is_some());
             features.set(SceneFeatures::COLORS, features.contains(SceneFeatures::COLORS) || mesh.colors.is_some());

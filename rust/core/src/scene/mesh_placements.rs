@@ -78,7 +78,7 @@ impl Snapshot {
 }
 
 impl Snapshot {
-    /// Whether a placement that moves is, or holds, one of a prim that `wanted` says yes to.
+    /// Whether a placement that moves, or one whose points do, is, or holds, one of a prim that `wanted` says yes to.
     #[must_use]
     pub fn moves_any(&self, wanted: &dyn Fn(i32) -> bool) -> bool {
         let mut holds: Vec<bool> = Vec::with_capacity(self.assemblies.len());
@@ -88,7 +88,12 @@ impl Snapshot {
                 Target::Assembly(below) => holds.get(below as usize).copied().unwrap_or(false),
             };
             let found: Vec<&Member> = assembly.members().iter().filter(leads).collect();
-            if found.iter().any(|member| member.key_count() != 0 && member.run.len() > 0) {
+            let deforms = |target: Target| match target {
+                Target::Mesh(mesh) => self.meshes.get(mesh as usize).is_some_and(|mesh| mesh.keys > 0),
+                Target::Assembly(_) => false,
+            };
+            let moves = |member: &&Member| member.key_count() != 0 || deforms(member.target);
+            if found.iter().any(|member| moves(member) && member.run.len() > 0) {
                 return true;
             }
             holds.push(!found.is_empty());
@@ -145,7 +150,10 @@ impl Walk<'_> {
         let at = world_from_object.translation;
         match record.target {
             Target::Mesh(mesh) => {
-                let Some(bounds) = self.snapshot.meshes.get(mesh as usize).map(|mesh| mesh.bounds) else { return };
+                let Some(mesh_of) = self.snapshot.meshes.get(mesh as usize).filter(|mesh| mesh.keys == 0) else {
+                    return;
+                };
+                let bounds = mesh_of.bounds;
                 let farthest = [0, 1, 2].map(|k| f64::from(bounds.min[k].abs().max(bounds.max[k].abs())));
                 let matrix = world_from_object.matrix3;
                 let size = matrix.x_axis.abs() * farthest[0]

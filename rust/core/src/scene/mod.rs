@@ -38,8 +38,8 @@ use glam::DVec3;
 pub use crate::desc::{
     AssetRef, ConnectionDesc, CurveBasis, CurveWrap, CurvesDesc, DomeFormat, DroppedData, InstancedBy, InstancerDesc,
     InstancerMotion, InstancerPrototype, InstancerSample, Interpolation, LightDesc, LightKind, MaterialDesc,
-    MaterialSync, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PrimDesc, Primvar, Shape, Shaping,
-    Subdivision, SubdivisionTags, SubsetDesc, TransformSample,
+    MaterialSync, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PointsMotion, PointsSample, PrimDesc,
+    Primvar, Shape, Shaping, Subdivision, SubdivisionTags, SubsetDesc, TransformSample,
 };
 pub use dicing::DicingCamera;
 pub use instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstanceColumn, NO_VALUE};

@@ -78,6 +78,8 @@ bitflags! {
         const INSTANCE_OPACITY = 1 << 16;
         /// A placement that moves while the shutter is open.
         const MOTION = 1 << 21;
+        /// Points that move while the shutter is open.
+        const DEFORMATION = 1 << 31;
         /// Curves as tubes, or points.
         const ROUND = 1 << 30;
         /// A material that reads a Ptex texture.

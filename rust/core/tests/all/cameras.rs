@@ -16,6 +16,7 @@ fn camera(projection: DMat4) -> Camera {
         data_window: [0, 0, 640, 360],
         lens_radius: 0.0,
         focus_distance: 0.0,
+        clip_planes: Vec::new(),
         motion: Vec::new(),
     }
 }
@@ -233,4 +234,36 @@ fn unusable_cameras_are_refused() {
     assert!(matches!(with(&|c| c.lens_radius = f64::NAN), CameraError::NotFinite(_)));
     assert!(matches!(with(&|c| c.lens_radius = 1.0), CameraError::Singular(_)));
     assert!(matches!(with(&|c| c.world_from_view.w_axis.x = 1e300), CameraError::NotFinite(_)));
+}
+
+#[test]
+fn clipping_planes_say_along_rays_what_they_say_in_view_space() {
+    let plane = DVec4::new(0.4, -0.3, -2.0, -5.0);
+    for projection in [frustum(-0.3, 0.9, -0.2, 0.4, 1.0, 500.0), orthographic(-8.0, 8.0, -4.5, 4.5, 1.0, 100.0)] {
+        // What scales a plane changes nothing; what is not finite and what cuts nothing is left out.
+        let odd = [DVec4::new(f64::NAN, 0.0, 0.0, 1.0), DVec4::new(0.0, f64::INFINITY, 0.0, 1.0), DVec4::W];
+        let scaled = [plane, plane * 1e200, plane * 1e-200];
+        let clip_planes = odd.into_iter().chain(scaled).collect();
+        let camera = Camera { clip_planes, lens_radius: 0.25, focus_distance: 12.0, ..camera(projection) };
+        let planes = camera.planes_along_rays().unwrap();
+        assert_eq!(planes.len(), scaled.len());
+        assert!(planes.iter().all(|other| *other == planes[0]), "{planes:?}");
+        let rays = camera.rays(near(&camera)).unwrap();
+        let (x, y, lens) = (123.5_f32, 45.5_f32, [0.6_f32, -0.7_f32]);
+        let along = |f: [f32; 3]| f64::from(f[0]) + f64::from(f[1]) * f64::from(x) + f64::from(f[2]) * f64::from(y);
+        let aside = f64::from(planes[0].lens[0] * lens[0] + planes[0].lens[1] * lens[1]);
+        let (o, d) = ray(&rays, x, y);
+        let lens_point = (Vec3::from(rays.lens_u) * lens[0] + Vec3::from(rays.lens_v) * lens[1]).as_dvec3();
+        let (o, d) = (o + lens_point, d - lens_point / f64::from(rays.focus));
+        for t in [0.0, 3.0, 40.0] {
+            let view = camera.world_from_view.inverse().transform_point3(o + t * d + near(&camera));
+            let known = plane.dot(view.extend(1.0)) / plane.truncate().length();
+            let said = along(planes[0].begins) + aside + t * (along(planes[0].slope) - aside / f64::from(rays.focus));
+            assert!((said - known).abs() < 2e-5, "{said} for {known} at {t}");
+        }
+    }
+    let many = Camera { clip_planes: vec![plane; 40], ..camera(perspective(0.7, 1.5, 0.1, 1000.0)) };
+    assert_eq!(many.planes_along_rays().unwrap().len(), oocpt_core::MAX_CLIP_PLANES);
+    let all = Camera { clip_planes: vec![-DVec4::W], ..many };
+    assert_eq!(all.planes_along_rays().unwrap()[0].begins[0], -1.0, "a plane that keeps nothing");
 }

@@ -21,6 +21,7 @@ fn camera(position: DVec3) -> DicingCamera {
         data_window: [0, 0, 200, 200],
         lens_radius: 0.0,
         focus_distance: 1.0,
+        clip_planes: Vec::new(),
         motion: Vec::new(),
     };
     DicingCamera::new(&camera, 2.0)

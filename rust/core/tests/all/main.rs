@@ -23,6 +23,7 @@ mod clusters;
 #[cfg(test)]
 mod convergence;
 #[cfg(test)]
+mod deform;
 mod dicing;
 #[cfg(test)]
 mod displaced;

@@ -6,7 +6,7 @@ use super::load::Copied;
 use super::source::MeshLayout;
 use super::surfaces::attributes;
 use crate::error::RenderError;
-use oocpt_core::mesh::{Attribute, Bvh4Node, SceneMesh, Triangle};
+use oocpt_core::mesh::{Attribute, Bvh4Node, MeshAsset, SceneMesh, Triangle};
 use oocpt_gpu::{Commands, DeviceRange, Gpu, StagingRing, StagingSlice, Submission};
 use oocpt_shader_abi::{GpuMeshNode, GpuTriangle};
 use std::sync::Arc;
@@ -118,18 +118,19 @@ impl<'a> Writer<'a> {
         self.section(target, 0, (nodes.len(), size_of::<GpuMeshNode>()), |first, out| {
             convert(&nodes[first..], out, node)
         })?;
-        let triangles = &mesh.triangles;
-        let items = (triangles.len(), size_of::<GpuTriangle>());
-        self.section(target, layout.triangles, items, |first, out| {
-            convert(&triangles[first..], out, triangle);
-            for (subset, bytes) in mesh.subsets.iter().skip(first).zip(out.chunks_exact_mut(size_of::<GpuTriangle>())) {
-                bytes[SUBSET..SUBSET + 2].copy_from_slice(&subset.to_le_bytes());
-            }
-            for (place, bytes) in mesh.ptex.iter().skip(first).zip(out.chunks_exact_mut(size_of::<GpuTriangle>())) {
-                bytes[SIDES..SIDES + 2].copy_from_slice(&place.sides.to_le_bytes());
-                bytes[PTEX..PTEX + 4].copy_from_slice(&place.word().to_le_bytes());
-            }
-        })?;
+        let count = mesh.triangles.len();
+        let stride = count as u64 * size_of::<GpuTriangle>() as u64;
+        for key in 0..mesh.keys.times.len().max(1) {
+            let offset = layout.triangles + key as u64 * stride;
+            // Faces, subsets and places in Ptex files are those of the first key at all of them.
+            let later = key.checked_sub(1).and_then(|key| mesh.keys.vertices.chunks(count.max(1)).nth(key));
+            self.section(target, offset, (count, size_of::<GpuTriangle>()), |first, out| {
+                let vertices = later.map_or(&[][..], |later| &later[first..]);
+                triangles(&mesh, vertices, first, out);
+            })?;
+        }
+        let times = layout.triangles + stride * mesh.keys.times.len() as u64;
+        self.bytes(target, times, bytemuck::cast_slice(&mesh.keys.times))?;
         let sections: [(u64, &[u8]); 4] = [
             (layout.corners, bytemuck::cast_slice(&mesh.corner_indices)),
             (layout.normals, bytemuck::cast_slice(values(mesh.normals.as_ref()))),
@@ -139,12 +140,34 @@ impl<'a> Writer<'a> {
         for (offset, data) in sections {
             self.bytes(target, offset, data)?;
         }
+        let first_normals = size_of_val(values(mesh.normals.as_ref())) as u64;
+        self.bytes(target, layout.normals + first_normals, bytemuck::cast_slice(&mesh.keys.normals))?;
         let table = attributes(summary, layout.primvars, &layout.primvar_values);
         self.bytes(target, layout.primvars, bytemuck::cast_slice(&table))?;
         for (primvar, offset) in mesh.primvars.iter().zip(&layout.primvar_values) {
             self.bytes(target, *offset, bytemuck::cast_slice(primvar.values.floats()))?;
         }
         Ok(())
+    }
+}
+
+/// Writes triangles from number `first` on, as many as fit `out`, with `vertices` in place of their own if there are
+/// any.
+fn triangles(mesh: &MeshAsset, vertices: &[[[f32; 3]; 3]], first: usize, out: &mut [u8]) {
+    if vertices.is_empty() {
+        convert(&mesh.triangles[first..], out, triangle);
+    } else {
+        let posed = mesh.triangles[first..].iter().zip(vertices);
+        for ((item, &vertices), bytes) in posed.zip(out.chunks_exact_mut(size_of::<GpuTriangle>())) {
+            bytes.copy_from_slice(bytemuck::bytes_of(&triangle(&Triangle { vertices, ..*item })));
+        }
+    }
+    for (subset, bytes) in mesh.subsets.iter().skip(first).zip(out.chunks_exact_mut(size_of::<GpuTriangle>())) {
+        bytes[SUBSET..SUBSET + 2].copy_from_slice(&subset.to_le_bytes());
+    }
+    for (place, bytes) in mesh.ptex.iter().skip(first).zip(out.chunks_exact_mut(size_of::<GpuTriangle>())) {
+        bytes[SIDES..SIDES + 2].copy_from_slice(&place.sides.to_le_bytes());
+        bytes[PTEX..PTEX + 4].copy_from_slice(&place.word().to_le_bytes());
     }
 }
 

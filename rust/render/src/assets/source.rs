@@ -12,7 +12,8 @@ use oocpt_core::partition::Chunk;
 use oocpt_core::scene::{Assembly, InstanceColumn, InstanceRecord, MotionKey};
 use oocpt_shader_abi as abi;
 use oocpt_shader_abi::{
-    GpuAssembly, GpuAttribute, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuMotionKey, GpuTriangle, MeshFlags,
+    GpuAssembly, GpuAttribute, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuMotionKey, MESH_KEYS_SHIFT,
+    MeshFlags,
 };
 use std::ops::Range;
 use std::sync::Arc;
@@ -77,9 +78,9 @@ impl MeshLayout {
         };
         section(mesh.nodes * size_of::<GpuMeshNode>() as u64);
         let layout = Self {
-            triangles: section(mesh.triangles * size_of::<GpuTriangle>() as u64),
+            triangles: section(mesh.triangle_bytes()),
             corners: section(mesh.corner_indices * size_of::<[u32; 3]>() as u64),
-            normals: section(values(mesh.normals)),
+            normals: section(mesh.normal_bytes()),
             colors: section(values(mesh.colors)),
             opacities: section(values(mesh.opacities)),
             primvars: section((mesh.primvars.len() * size_of::<GpuAttribute>()) as u64),
@@ -250,7 +251,7 @@ impl Source {
     /// `Err((what, count, limit))` when it is larger than the shaders' indices reach.
     pub(crate) fn check(&self) -> Result<(), (&'static str, u64, u64)> {
         if let Self::Mesh(mesh) = self {
-            let largest = mesh.triangles.max(mesh.nodes);
+            let largest = mesh.posed_triangles().max(mesh.nodes);
             return if largest < MAX_MESH_ITEMS {
                 Ok(())
             } else {
@@ -282,6 +283,9 @@ impl Source {
         flags.set(MeshFlags::HAS_COLORS, mesh.colors.is_some());
         flags.set(MeshFlags::HAS_OPACITIES, mesh.opacities.is_some());
         flags.set(MeshFlags::ROUND, mesh.kind == LeafKind::Rounds);
+        flags.set(MeshFlags::KEY_NORMALS, mesh.key_normals > 0);
+        // At most MAX_KEYS.
+        let keys = u32::try_from(mesh.keys).unwrap_or(0) << MESH_KEYS_SHIFT;
         Some(GpuMesh {
             nodes: base,
             triangles: base + layout.triangles,
@@ -290,7 +294,7 @@ impl Source {
             normals: at(mesh.normals.is_some(), layout.normals),
             colors: at(mesh.colors.is_some(), layout.colors),
             opacities: at(mesh.opacities.is_some(), layout.opacities),
-            flags: flags.with_rates(rate(mesh.normals), rate(mesh.colors), rate(mesh.opacities)),
+            flags: flags.with_rates(rate(mesh.normals), rate(mesh.colors), rate(mesh.opacities)) | keys,
             // Checked against MAX_MESH_ITEMS.
             triangle_count: u32::try_from(mesh.triangles).unwrap_or(u32::MAX),
             primvars: at(!mesh.primvars.is_empty(), layout.primvars),

@@ -15,7 +15,7 @@ pub(crate) use tiles::Tiles;
 pub(crate) use waves::Waves;
 
 use crate::block::frame_block;
-use crate::camera_motion;
+use crate::camera_blocks;
 use crate::device::Specialisation;
 use crate::error::RenderError;
 use crate::inventory::{self, Compiled};
@@ -44,8 +44,8 @@ pub(crate) struct Tracer<'a> {
     written: Vec<&'a Buffer>,
     /// The frame block.
     frame: Buffer,
-    /// Keys of a camera that moves: the frame block has their address.
-    _camera_motion: Option<Buffer>,
+    /// Keys of a camera that moves, and its clipping planes: the frame block has their addresses.
+    _camera: [Option<Buffer>; 2],
 }
 
 /// What a frame is compiled for.
@@ -68,6 +68,7 @@ impl Parts {
             needed.contains(Features::OPACITY_MASKS) && !job.options.faults.no_opacity_masks,
         );
         needed.set(Features::CAMERA_MOTION, setting.camera_motion.is_some());
+        needed.set(Features::CLIPPING, !setting.clip_planes.is_empty());
         needed.set(Features::ADAPTIVE, film.adaptive().is_some());
         needed.set(Features::STREAMING, streams);
         needed.set(Features::CHUNK_COUNTS, streams && !job.settings.chunk_report.is_empty());
@@ -98,32 +99,14 @@ impl<'a> Tracer<'a> {
         let passes = Passes::new(device, (special, backend), film, &mut progress.timings)?;
         let mut block = frame_block(setting, view);
         [block.bsdf_tables, block.sheen_tables] = device.bsdf_tables(features)?; // before the list of what there is
-        let camera_motion = match setting.camera_motion.map(camera_motion::encode) {
-            Some(bytes) => {
-                let buffer = Buffer::new(&device.gpu, "camera motion", bytes.len() as u64, Usage::Upload)?;
-                buffer.write(0, &bytes)?;
-                listed.add("camera motion", bytes.len() as u64);
-                block.camera_motion = buffer.address();
-                Some(buffer)
-            }
-            None => None,
-        };
+        let camera = camera_blocks::upload(setting, &mut block, &mut listed)?;
         let inventory = inventory::of_frame(setting, Compiled { passes: &passes, special, carried, backend }, listed);
         progress.made_of(specialise::left_out(features, film.has_planes()), inventory);
         paths.bind(&mut block);
         bind(&mut block);
         let frame = Buffer::new(&device.gpu, "frame", size_of::<Frame>() as u64, Usage::Upload)?;
         frame.write(0, bytemuck::bytes_of(&block))?;
-        Ok(Self {
-            setting,
-            paths,
-            passes,
-            special,
-            backend,
-            written: paths.written(),
-            frame,
-            _camera_motion: camera_motion,
-        })
+        Ok(Self { setting, paths, passes, special, backend, written: paths.written(), frame, _camera: camera })
     }
 
     /// Says what the trace passes write besides what belongs to the paths.

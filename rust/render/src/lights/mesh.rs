@@ -130,8 +130,8 @@ impl MeshLightCache {
                 None => is_complete = false,
             }
         }
-        self.moves =
-            snapshot.features.contains(SceneFeatures::MOTION) && snapshot.moves_any(&|prim| of_prim(prim).is_some());
+        self.moves = snapshot.features.intersects(SceneFeatures::MOTION | SceneFeatures::DEFORMATION)
+            && snapshot.moves_any(&|prim| of_prim(prim).is_some());
         making.finish((!is_complete).then(|| {
             format!(
                 "emissive meshes: more than {MAX_PLACEMENTS} placements or {MAX_TRIANGLES} unique triangles emit light; \

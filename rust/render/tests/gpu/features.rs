@@ -9,7 +9,7 @@ mod scenes;
 use crate::lights::TestFiles;
 use crate::materials::Ramps;
 use crate::support::{self, orthographic, read, request, settings};
-use glam::{DMat4, DVec3};
+use glam::{DMat4, DVec3, DVec4};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::scene::TransformSample;
 use oocpt_core::settings::Settings;
@@ -45,6 +45,9 @@ fn render(row: &Row, carry: &str) -> (Inventory, Vec<Vec<u8>>) {
         camera.motion = [(0.0, camera.world_from_view), (1.0, aside)]
             .map(|(time, transform)| TransformSample { time, transform })
             .to_vec();
+    }
+    if row.also == Also::Clips {
+        camera.clip_planes = vec![DVec4::new(1.0, 0.0, 0.0, 0.0)];
     }
     let mut request = request(camera);
     let more = match row.also {

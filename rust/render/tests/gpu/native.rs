@@ -6,9 +6,9 @@
 use crate::lights::TestFiles;
 use crate::motion::{falling, mill};
 use crate::scenes::{features, nested};
-use crate::streaming::{MOVING, SCENES, smallest_budget};
+use crate::streaming::{DEFORMING, MOVING, SCENES, smallest_budget};
 use crate::support::{self, perspective, read_all, render, request, settings};
-use glam::DVec3;
+use glam::{DVec3, DVec4};
 use oocpt_core::inventory::TraversalUse;
 use oocpt_core::scene::SceneDb;
 use oocpt_core::settings::{Settings, TraversalKind};
@@ -95,6 +95,17 @@ fn what_moves_is_the_same_in_core_and_streaming() {
     same_bits(MOVING.name, MOVING.build, &small, false, &request);
     let tight = Settings { geometry_budget_kib: 2 * smallest_budget(&MOVING), ..small };
     same_bits(MOVING.name, MOVING.build, &tight, true, &request);
+}
+
+#[test]
+fn what_deforms_and_what_planes_cut_is_the_same_in_core_and_streaming() {
+    let mut request = view(DEFORMING.eye, DEFORMING.target);
+    let small = Settings { chunk_size_kib: 16, ..settings(4, 3) };
+    same_bits(DEFORMING.name, DEFORMING.build, &small, false, &request);
+    let tight = Settings { geometry_budget_kib: 2 * smallest_budget(&DEFORMING), ..small };
+    same_bits(DEFORMING.name, DEFORMING.build, &tight, true, &request);
+    request.camera.clip_planes = vec![DVec4::new(0.1, 0.0, -1.0, -14.0), DVec4::new(0.0, 0.2, 1.0, 19.0)];
+    same_bits("planes", DEFORMING.build, &tight, true, &request);
 }
 
 #[test]

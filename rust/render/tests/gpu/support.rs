@@ -69,6 +69,7 @@ fn camera(eye: DVec3, target: DVec3, projection: DMat4, size: [u32; 2]) -> Camer
         data_window: [0, 0, size[0] as i32, size[1] as i32],
         lens_radius: 0.0,
         focus_distance: 0.0,
+        clip_planes: Vec::new(),
         motion: Vec::new(),
     }
 }

@@ -79,6 +79,8 @@ constants! {
     MESH_HAS_COLORS = MeshFlags::HAS_COLORS.bits();
     MESH_HAS_OPACITIES = MeshFlags::HAS_OPACITIES.bits();
     MESH_ROUND = MeshFlags::ROUND.bits();
+    MESH_KEY_NORMALS = MeshFlags::KEY_NORMALS.bits();
+    MESH_KEYS_SHIFT;
 
     SUBSET_MASK;
     NO_MATERIAL;

@@ -163,8 +163,12 @@ features! {
     ROUND: "curves and points", [], Always;
     /// Some placement moves while the shutter is open: paths have a time.
     MOTION: "motion of placements", [], Always;
+    /// The points of some mesh move while the shutter is open: paths have a time.
+    DEFORMATION: "motion of points", [], Always;
     /// The camera moves: `Frame::camera_motion` counts.
     CAMERA_MOTION: "motion of the camera", [], Never;
+    /// The camera has clipping planes: `Frame::clip_planes` counts.
+    CLIPPING: "clipping planes", [], Never;
     /// Pixels have two streams of samples, and not all as many of them: `Frame::adaptive` counts.
     ADAPTIVE: "adaptive sampling: lists of samples, the second stream of the film", [], Never;
 }

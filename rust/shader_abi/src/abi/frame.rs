@@ -213,8 +213,8 @@ pub struct Frame {
     /// Threads of a round that trace its rays, at most and rounded up to workgroups: where there are more rays, each
     /// takes some, one after the other.
     pub most_walkers: u32,
-    /// Nothing.
-    pub pad: u32,
+    /// See `clip_planes`.
+    pub clip_plane_count: u32,
     /// Table of materials; 0 without `Features::MATERIALS`, as the next two.
     pub materials: u64,
     /// Table of prims, by prim id + 1.
@@ -246,6 +246,24 @@ pub struct Frame {
     pub sheen_tables: u64,
     /// One [`crate::GpuCameraMotion`] and its keys; 0 without `Features::CAMERA_MOTION`. 16-byte aligned.
     pub camera_motion: u64,
+    /// [`GpuClipPlane`]s, `clip_plane_count` of them; 0 without `Features::CLIPPING`. 16-byte aligned.
+    pub clip_planes: u64,
+}
+
+/// A clipping plane of the camera as a function of image point, lens point and distance along the ray, 32 B: at
+/// distance t, in units of the direction that goes one unit along the view axis, the ray is kept where
+/// `begins + t * slope >= 0`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuClipPlane {
+    /// `begins` at image point (0, 0), and its change per pixel to the right and up.
+    pub begins: [f32; 3],
+    /// Its change, and that of `-slope * Frame::focus`, by the lens point's x.
+    pub lens_x: f32,
+    /// `slope` at image point (0, 0), and its change per pixel to the right and up.
+    pub slope: [f32; 3],
+    /// As `lens_x`, by its y.
+    pub lens_y: f32,
 }
 
 /// Which samples the paths of an epoch are, with `Features::ADAPTIVE`. The film then has a [`crate::FilmPixel`] for

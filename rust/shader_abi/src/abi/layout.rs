@@ -5,11 +5,11 @@
 
 use super::{
     Adaptive, AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAssembly, GpuAttribute, GpuCameraKey,
-    GpuCameraMotion, GpuCdf, GpuChunk, GpuChunkInstance, GpuDistantLight, GpuInfiniteLight, GpuInput, GpuInstance,
-    GpuLevelNode, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping, GpuLightTriangle,
-    GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuMeshNode, GpuMotionKey, GpuPrim, GpuSurface,
-    GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, Lighting, PathState, Pending, Push, Question, Ray,
-    Roulette, Segment, ShadowRay, Streaming, TextureFeedback, UnitDemand,
+    GpuCameraMotion, GpuCdf, GpuChunk, GpuChunkInstance, GpuClipPlane, GpuDistantLight, GpuInfiniteLight, GpuInput,
+    GpuInstance, GpuLevelNode, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
+    GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuMeshNode, GpuMotionKey,
+    GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, Lighting, PathState, Pending, Push,
+    Question, Ray, Roulette, Segment, ShadowRay, Streaming, TextureFeedback, UnitDemand,
 };
 use core::mem::{offset_of, size_of};
 
@@ -115,7 +115,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         light_count,
         flags,
         most_walkers,
-        pad,
+        clip_plane_count,
         materials,
         prims,
         material_slots,
@@ -130,8 +130,10 @@ pub const LAYOUTS: &[StructLayout] = &[
         texture_feedback,
         programs,
         sheen_tables,
-        camera_motion
+        camera_motion,
+        clip_planes
     }),
+    layout!(GpuClipPlane { begins, lens_x, slope, lens_y }),
     layout!(Streaming {
         segments,
         progress,

@@ -21,8 +21,8 @@ pub use constants::CONSTANTS;
 pub use features::{CarryRule, FEATURES, Feature, Features, SPEC_FEATURES, SPEC_FEATURES_HIGH};
 pub use film::{ERROR_GROUPS, ErrorSums, FilmPixel, aov_bytes};
 pub use frame::{
-    AOV_ESCAPED, AOV_SURFACES, Adaptive, AovClear, AovTargets, Frame, FrameFlags, MAX_DIRECT_GROUPS, PREPARE_DEMAND,
-    PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, SCAN_BLOCK, SCAN_BLOCKS, SCAN_SUMS, SPEC_MAX_LEVELS,
+    AOV_ESCAPED, AOV_SURFACES, Adaptive, AovClear, AovTargets, Frame, FrameFlags, GpuClipPlane, MAX_DIRECT_GROUPS,
+    PREPARE_DEMAND, PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, SCAN_BLOCK, SCAN_BLOCKS, SCAN_SUMS, SPEC_MAX_LEVELS,
     SPEC_STACK_SIZE, WORKGROUP_SIZE, groups,
 };
 #[cfg(feature = "faults")]
@@ -50,8 +50,8 @@ pub use push::{
 };
 pub use scene::{
     AttributeRate, GpuAssembly, GpuCameraKey, GpuCameraMotion, GpuChunk, GpuChunkInstance, GpuDistantLight,
-    GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuMotionKey, GpuTriangle, MeshFlags, NAME_DISPLAY_COLOR,
-    NAME_DISPLAY_OPACITY, NO_ROW, NO_VALUE, SUBSET_MASK, TARGET_ASSEMBLY, TARGET_MOVING,
+    GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuMotionKey, GpuTriangle, MESH_KEYS_SHIFT, MeshFlags,
+    NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_ROW, NO_VALUE, SUBSET_MASK, TARGET_ASSEMBLY, TARGET_MOVING,
 };
 pub use stream::{
     GpuSurface, LIGHT_PATH_BYTES, MATERIAL_BIT, MAX_PENDING, Pending, Question, Roulette, SHADOW_BIT, Segment,

@@ -193,8 +193,13 @@ bitflags! {
         const HAS_OPACITIES = 1 << 12;
         /// The items of its leaves are hulls of two balls: `v0` and `v1` are the centres, `v2.x` and `v2.y` the radii.
         const ROUND = 1 << 13;
+        /// `normals` has values by corner for each key.
+        const KEY_NORMALS = 1 << 14;
     }
 }
+
+/// Where `GpuMesh::flags` keeps the number of keys, 5 bits; 0: its points do not move.
+pub const MESH_KEYS_SHIFT: u32 = 16;
 
 impl MeshFlags {
     /// The word for `GpuMesh::flags`: these flags and the rate of each attribute.
@@ -210,7 +215,8 @@ impl MeshFlags {
 pub struct GpuMesh {
     /// [`GpuMeshNode`] array, 16-byte aligned.
     pub nodes: u64,
-    /// [`GpuTriangle`] array, 16-byte aligned.
+    /// [`GpuTriangle`] array, 16-byte aligned. With keys ([`MESH_KEYS_SHIFT`]) one for each, one behind the other, and
+    /// behind them the times of the keys, f32.
     pub triangles: u64,
     /// The largest coordinate of a corner, without its sign.
     pub reach: f32,

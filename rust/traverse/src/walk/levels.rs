@@ -78,7 +78,8 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             self.at.ray = BoxRay { o, reciprocal, around: reciprocal.map(|r| pad * r.abs()) };
             self.at.d = d;
             self.at.nodes = self.scene.view.bytes(mesh.nodes);
-            self.triangles = self.scene.view.bytes(mesh.triangles);
+            self.pose = self.scene.pose_of(&mesh, self.world.time);
+            self.triangles = self.pose.triangles;
             self.shear = Shear::new(d);
             self.mesh = mesh;
         }

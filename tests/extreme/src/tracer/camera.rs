@@ -95,6 +95,7 @@ impl Eye {
             data_window: [0, 0, self.size[0] as i32, self.size[1] as i32],
             lens_radius: 0.0,
             focus_distance: 0.0,
+            clip_planes: Vec::new(),
             motion: Vec::new(),
         }
     }

@@ -6,8 +6,9 @@
 //! [`TOLERANCE`] of the dicing rate where the curve is nearest. Thick curves, whose bends show in their shading, turn
 //! by at most [`THICK_TURN`] from piece to piece.
 
-use glam::{DVec3, DVec4};
+use glam::{DVec3, DVec4, Vec3};
 
+use super::super::deform::Pose;
 use super::super::dicing::Dicing;
 use super::basis::{Segment, segments, varying_count};
 use super::{DEFAULT_WIDTH, is_width, point};
@@ -189,6 +190,19 @@ impl Cut {
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
+    /// The points of the cut at poses of the prim's: a curve is the same sum of its control points at any time.
+    pub(super) fn posed(&self, poses: &[Pose]) -> Vec<Pose> {
+        let pose = |pose: &Pose| {
+            let point = |(at, weight): (u32, f32)| {
+                let point = pose.points.get(at as usize).copied().unwrap_or_default();
+                if weight == 0.0 { DVec3::ZERO } else { Vec3::from(point).as_dvec3() * f64::from(weight) }
+            };
+            let place = |stencil: &Stencil| stencil.vertex.into_iter().map(point).sum::<DVec3>().as_vec3().to_array();
+            Pose { time: pose.time, points: self.stencils.iter().map(place).collect(), normals: None }
+        };
+        poses.iter().map(pose).collect()
+    }
+
     fn push(&mut self, place: DVec4, tangent: DVec3, stencil: Stencil, curve: u32) {
         self.points.push(place.truncate().as_vec3().to_array());
         // Splines of positive widths may be negative.

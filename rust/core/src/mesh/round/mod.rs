@@ -11,6 +11,7 @@ mod curves;
 mod values;
 
 use super::WantedPrimvar;
+use super::deform::Pose;
 use super::dicing::Dicing;
 use super::refine_values::primvar_of;
 use super::topology::{Face, MAX_COORDINATE, MAX_CORNERS, Topology};
@@ -31,6 +32,8 @@ pub(crate) struct Rounds {
     pub(crate) desc: MeshDesc,
     /// Radius at each of the topology's points; none for ribbons.
     pub(crate) radii: Option<Vec<f32>>,
+    /// At the keys of what moves; none for ribbons.
+    pub(crate) poses: Vec<Pose>,
 }
 
 /// The curves or points of `desc`; `None` for a mesh.
@@ -38,6 +41,7 @@ pub(crate) fn read_rounds(
     desc: &MeshDesc,
     wanted: &[WantedPrimvar],
     dicing: &Dicing,
+    poses: &[Pose],
     dropped: &mut DroppedData,
 ) -> Option<Rounds> {
     let view = desc.points.view();
@@ -49,12 +53,12 @@ pub(crate) fn read_rounds(
     };
     match &desc.shape {
         Shape::Mesh => None,
-        Shape::Points if points(dropped) => Some(read_points(desc, &view, dropped)),
+        Shape::Points if points(dropped) => Some(Rounds { poses: poses.to_vec(), ..read_points(desc, &view, dropped) }),
         Shape::Curves(curves) if points(dropped) => {
             let cut = Cut::new(desc, curves, dicing, dropped);
             Some(match cut.ribbon(desc, dropped) {
                 Some(ribbon) => as_ribbons(desc, wanted, &cut, &ribbon, dropped),
-                None => as_tubes(desc, wanted, cut, dropped),
+                None => Rounds { poses: cut.posed(poses), ..as_tubes(desc, wanted, cut, dropped) },
             })
         }
         _ => Some(nothing(desc)),
@@ -62,7 +66,7 @@ pub(crate) fn read_rounds(
 }
 
 fn nothing(desc: &MeshDesc) -> Rounds {
-    Rounds { topology: Topology::default(), desc: desc.clone(), radii: Some(Vec::new()) }
+    Rounds { topology: Topology::default(), desc: desc.clone(), radii: Some(Vec::new()), poses: Vec::new() }
 }
 
 /// A usable point in single precision.
@@ -109,7 +113,7 @@ fn read_points(desc: &MeshDesc, view: &ArrayView<'_>, dropped: &mut DroppedData)
             named.primvar.interpolation = Interpolation::Constant;
         }
     }
-    Rounds { topology, desc, radii: Some(radii) }
+    Rounds { topology, desc, radii: Some(radii), poses: Vec::new() }
 }
 
 /// Widths by point.
@@ -155,7 +159,7 @@ fn as_tubes(desc: &MeshDesc, wanted: &[WantedPrimvar], cut: Cut, dropped: &mut D
     }
     let desc = values::on_curves(desc, wanted, &cut, 1, dropped);
     topology.points = cut.points;
-    Rounds { topology, desc, radii: Some(cut.radii) }
+    Rounds { topology, desc, radii: Some(cut.radii), poses: Vec::new() }
 }
 
 /// Pieces as two triangles each, across the normals. The two points of an end have the values of the end.
@@ -183,5 +187,5 @@ fn as_ribbons(
         let across = ribbon.points.chunks(2).flat_map(|_| [1.0, -1.0]).collect();
         desc.primvars.push(NamedPrimvar { name: ACROSS_NAME.into(), primvar: primvar_of(1, across) });
     }
-    Rounds { topology, desc, radii: None }
+    Rounds { topology, desc, radii: None, poses: Vec::new() }
 }

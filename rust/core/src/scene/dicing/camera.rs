@@ -86,6 +86,7 @@ mod tests {
             data_window: [0, 0, 200, 100],
             lens_radius: 0.0,
             focus_distance: 1.0,
+            clip_planes: Vec::new(),
             motion: Vec::new(),
         }
     }

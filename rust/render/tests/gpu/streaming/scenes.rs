@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Scenes of many small chunks, each with another way to go wrong.
 
+use crate::deform::deforming;
 use crate::lights::TestFiles;
 use crate::scenes::{constant, dome, glow, instanced, instancer, mesh, prim, sphere, square, sun};
-use glam::{DMat4, DQuat, DVec3};
+use glam::{DMat4, DQuat, DVec3, Vec3};
 use oocpt_core::scene::{
     CurveBasis, CurveWrap, CurvesDesc, InstancerDesc, InstancerMotion, Interpolation, MeshDesc, NamedPrimvar, Primvar,
-    SceneDb, Shape, TransformSample,
+    SceneDb, Shape, Subdivision, TransformSample,
 };
 use oocpt_core::{DomeFormat, LightDesc, LightKind, Shaping, TypedArray};
 
@@ -35,6 +36,10 @@ pub(crate) const SCENES: [Scene; 10] = [
 /// Meshes that move, instances that do, instancers that turn as a whole, and a large mesh among them.
 pub(crate) const MOVING: Scene =
     Scene { name: "moving things", build: moving, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO };
+
+/// Meshes, curves and points whose points move, and a large mesh among them.
+pub(crate) const DEFORMING: Scene =
+    Scene { name: "deforming things", build: deforming_things, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO };
 
 /// Numbers between 0 and 1 that only depend on `i` (the R2 sequence and one more).
 fn scattered(i: u32) -> DVec3 {
@@ -362,4 +367,54 @@ fn moving(db: &mut SceneDb) {
     let mut large = sphere(prim("/large", place), 71, 40, 0.4);
     large.prim.motion = moves(place, place * DMat4::from_rotation_y(0.5));
     db.upsert_mesh(large);
+}
+
+fn deforming_things(db: &mut SceneDb) {
+    lights(db);
+    ground(db, 12.0, -2.0);
+    let wave = |amount: f32| {
+        move |p: Vec3, time: f64| {
+            #[expect(clippy::cast_possible_truncation, reason = "positions")]
+            let time = time as f32;
+            p * (1.0 + amount * time) + Vec3::new(0.3, -0.2, 0.1) * (amount * time * (2.0 + 3.0 * p.y).sin())
+        }
+    };
+    for i in 0..30_u8 {
+        let at = (scattered(u32::from(i)) - 0.5) * DVec3::new(12.0, 3.0, 12.0);
+        let place = DMat4::from_translation(at) * DMat4::from_scale(DVec3::splat(0.6));
+        let mut ball = sphere(prim(&format!("/ball_{i}"), place), 10 + i32::from(i), 6, 0.5);
+        if i % 3 == 0 {
+            ball.subdivision = Subdivision::CatmullClark;
+        }
+        let times: &[f64] = if i % 2 == 0 { &[0.0, 1.0] } else { &[-0.5, 0.3, 0.6, 1.5] };
+        db.upsert_mesh(deforming(ball, times, &wave(0.2 + 0.02 * f32::from(i))));
+    }
+    // Cut into clusters.
+    let large = sphere(prim("/large", DMat4::from_scale(DVec3::splat(2.0))), 60, 60, 0.6);
+    db.upsert_mesh(deforming(large, &[0.0, 0.4, 1.0], &wave(0.5)));
+    let tuft = |i: u32, k: u32| {
+        let root = (scattered(i) - 0.5) * DVec3::new(8.0, 0.0, 8.0) - DVec3::Y * 2.0;
+        (root + DVec3::Y * 0.5 * f64::from(k)).as_vec3().to_array()
+    };
+    let curves = CurvesDesc {
+        basis: CurveBasis::BSpline,
+        wrap: CurveWrap::Pinned,
+        counts: TypedArray::of(vec![4_i32; 200]),
+        indices: None,
+    };
+    let hair = MeshDesc {
+        shape: Shape::Curves(curves),
+        points: TypedArray::of::<[f32; 3]>((0..200).flat_map(|i| (0..4).map(move |k| tuft(i, k))).collect()),
+        widths: constant(0.05_f32),
+        ..mesh(prim("/hair", DMat4::IDENTITY), 70, Vec::new(), &[], 0.4)
+    };
+    db.upsert_mesh(deforming(hair, &[0.0, 1.0], &wave(0.2)));
+    let spray = (0..300).map(|i| ((scattered(i) - 0.5) * DVec3::new(6.0, 4.0, 6.0)).as_vec3().to_array());
+    let spray = MeshDesc {
+        shape: Shape::Points,
+        points: TypedArray::of::<[f32; 3]>(spray.collect()),
+        widths: constant(0.09_f32),
+        ..mesh(prim("/spray", DMat4::IDENTITY), 71, Vec::new(), &[], 0.8)
+    };
+    db.upsert_mesh(deforming(spray, &[0.0, 0.5, 1.0], &wave(0.4)));
 }

@@ -3,6 +3,7 @@
 
 use super::super::scenes::{bare, nested, placed, turning};
 use super::{Also, BARE, Row};
+use crate::deform::deforming;
 use crate::materials::{coordinates, with};
 use crate::scenes::constant;
 use oocpt_core::scene::{Interpolation, MeshDesc, Shape, Subdivision};
@@ -45,10 +46,23 @@ pub(crate) const ROWS: &[Row] = &[
         ..BARE
     },
     Row {
+        what: "points that move",
+        build: |db| db.upsert_mesh(deforming(bare("/board"), &[0.0, 1.0], &|p, time| p * (1.0 + time as f32))),
+        features: &["DEFORMATION"],
+        ..BARE
+    },
+    Row {
         what: "a camera that moves",
         features: &["CAMERA_MOTION"],
         buffers: &[&["camera motion"]],
         also: Also::Moves,
+        ..BARE
+    },
+    Row {
+        what: "clipping planes",
+        features: &["CLIPPING"],
+        buffers: &[&["clipping planes"]],
+        also: Also::Clips,
         ..BARE
     },
     Row { what: "a lens", features: &["LENS"], also: Also::Lens, ..BARE },

@@ -33,6 +33,7 @@ pub(crate) enum Also {
     Nothing,
     Lens,
     Moves,
+    Clips,
     Adaptive,
     Depth,
     Counts,
