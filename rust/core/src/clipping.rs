@@ -8,8 +8,8 @@ use glam::{DMat4, DVec3, DVec4};
 pub const MAX_CLIP_PLANES: usize = 16;
 
 /// A plane along the rays of a camera: at distance t, in units of a direction that goes one unit along the view axis,
-/// a ray through the image point `p` and the lens point `l` is kept where `begins(p) + a + t * (slope(p) - a / focus)
-/// >= 0`, with `a = l . lens`.
+/// a ray through the image point `p` and the lens point `l` is kept where
+/// `begins(p) + a + t * (slope(p) - a / focus) >= 0`, with `a = l . lens`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ClipPlane {
     /// At image point (0, 0), and the change per pixel to the right and up.

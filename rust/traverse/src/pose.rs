@@ -44,7 +44,7 @@ impl<'v> Scene<'v> {
             key += 1;
         }
         let begin = at(key);
-        let part = ((time - begin) / (at(key + 1) - begin)).max(0.0).min(1.0);
+        let part = ((time - begin) / (at(key + 1) - begin)).clamp(0.0, 1.0);
         let from = mesh.triangles.wrapping_add(u64::from(key) * stride);
         Pose { triangles: self.view.bytes(from), later: self.view.bytes(from.wrapping_add(stride)), part, moves: true }
     }

@@ -2,33 +2,18 @@
 //! Points that move while the shutter is open: against closed forms, against the mean of still pictures, and the same
 //! bits in core and streaming.
 
-use crate::scenes::{constant, dome, mesh, prim, sphere, square, sun};
+use crate::scenes::{constant, deforming, dome, mesh, prim, sphere, square, sun};
 use crate::streaming::DEFORMING;
 use crate::support::{color_request, images, orthographic, perspective, read, render, request, session, settings};
 use glam::{DMat4, DVec3, Vec3};
 use oocpt_core::TypedArray;
-use oocpt_core::scene::{MeshDesc, PointsMotion, PointsSample, SceneDb, Shape, Subdivision};
+use oocpt_core::scene::{MeshDesc, PointsMotion, SceneDb, Shape, Subdivision};
 use oocpt_core::settings::Settings;
 use oocpt_render::AovKind;
 
 const SIZE: [u32; 2] = [48, 16];
 /// Units of the picture's height.
 const HEIGHT: f64 = 1.5;
-
-/// `desc` with points that `place` puts where they are at times of the shutter.
-pub(crate) fn deforming(desc: MeshDesc, times: &[f64], place: &dyn Fn(Vec3, f64) -> Vec3) -> MeshDesc {
-    let view = desc.points.view();
-    #[expect(clippy::unwrap_used, reason = "a test")]
-    let points = |time: f64| -> TypedArray {
-        let placed = |at: usize| place(view.vec3(at).unwrap().as_vec3(), time).to_array();
-        TypedArray::of((0..view.len()).map(placed).collect::<Vec<[f32; 3]>>())
-    };
-    let samples: Vec<_> =
-        times.iter().map(|&time| PointsSample { time, points: points(time), normals: None }).collect();
-    let first = samples[0].points.clone();
-    let samples = if samples.len() > 1 { samples } else { Vec::new() };
-    MeshDesc { points: first, point_motion: PointsMotion { samples, ..PointsMotion::default() }, ..desc }
-}
 
 /// A square of the plane z = 0, half a unit wide, in its own frame.
 fn card() -> MeshDesc {

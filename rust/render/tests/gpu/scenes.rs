@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The scenes of the tests, small and made of few pieces.
 
-use glam::{DMat4, DQuat, DVec3};
+use glam::{DMat4, DQuat, DVec3, Vec3};
 use oocpt_core::TypedArray;
 use oocpt_core::scene::{
     InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, LightDesc, LightKind, MaterialDesc, MeshDesc,
-    NodeDesc, ParamDesc, ParamValue, PrimDesc, Primvar, SceneDb, Subdivision,
+    NodeDesc, ParamDesc, ParamValue, PointsMotion, PointsSample, PrimDesc, Primvar, SceneDb, Subdivision,
 };
 
 /// A visible prim.
@@ -114,6 +114,21 @@ pub(crate) fn sun(irradiance: f32, angle_degrees: f32, transform: DMat4) -> Ligh
         normalize: true,
         ..dome([1.0; 3])
     }
+}
+
+/// `desc` with points that `place` puts where they are at times of the shutter.
+pub(crate) fn deforming(desc: MeshDesc, times: &[f64], place: &dyn Fn(Vec3, f64) -> Vec3) -> MeshDesc {
+    let view = desc.points.view();
+    #[expect(clippy::unwrap_used, reason = "a test")]
+    let points = |time: f64| -> TypedArray {
+        let placed = |at: usize| place(view.vec3(at).unwrap().as_vec3(), time).to_array();
+        TypedArray::of((0..view.len()).map(placed).collect::<Vec<[f32; 3]>>())
+    };
+    let samples: Vec<_> =
+        times.iter().map(|&time| PointsSample { time, points: points(time), normals: None }).collect();
+    let first = samples[0].points.clone();
+    let samples = if samples.len() > 1 { samples } else { Vec::new() };
+    MeshDesc { points: first, point_motion: PointsMotion { samples, ..PointsMotion::default() }, ..desc }
 }
 
 /// An instancer with one prototype.

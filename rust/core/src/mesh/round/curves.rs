@@ -189,7 +189,6 @@ impl Cut {
         }
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
     /// The points of the cut at poses of the prim's: a curve is the same sum of its control points at any time.
     pub(super) fn posed(&self, poses: &[Pose]) -> Vec<Pose> {
         let pose = |pose: &Pose| {
@@ -203,6 +202,7 @@ impl Cut {
         poses.iter().map(pose).collect()
     }
 
+    #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
     fn push(&mut self, place: DVec4, tangent: DVec3, stencil: Stencil, curve: u32) {
         self.points.push(place.truncate().as_vec3().to_array());
         // Splines of positive widths may be negative.

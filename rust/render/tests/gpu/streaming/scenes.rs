@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Scenes of many small chunks, each with another way to go wrong.
 
-use crate::deform::deforming;
 use crate::lights::TestFiles;
-use crate::scenes::{constant, dome, glow, instanced, instancer, mesh, prim, sphere, square, sun};
+use crate::scenes::{constant, deforming, dome, glow, instanced, instancer, mesh, prim, sphere, square, sun};
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use oocpt_core::scene::{
     CurveBasis, CurveWrap, CurvesDesc, InstancerDesc, InstancerMotion, Interpolation, MeshDesc, NamedPrimvar, Primvar,

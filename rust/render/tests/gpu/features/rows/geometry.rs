@@ -3,9 +3,8 @@
 
 use super::super::scenes::{bare, nested, placed, turning};
 use super::{Also, BARE, Row};
-use crate::deform::deforming;
 use crate::materials::{coordinates, with};
-use crate::scenes::constant;
+use crate::scenes::{constant, deforming};
 use oocpt_core::scene::{Interpolation, MeshDesc, Shape, Subdivision};
 
 pub(crate) const ROWS: &[Row] = &[
@@ -47,7 +46,9 @@ pub(crate) const ROWS: &[Row] = &[
     },
     Row {
         what: "points that move",
-        build: |db| db.upsert_mesh(deforming(bare("/board"), &[0.0, 1.0], &|p, time| p * (1.0 + time as f32))),
+        build: |db| {
+            db.upsert_mesh(deforming(bare("/board"), &[0.0, 1.0], &|p, time| (p.as_dvec3() * (1.0 + time)).as_vec3()))
+        },
         features: &["DEFORMATION"],
         ..BARE
     },
