@@ -2,7 +2,8 @@
 // Streaming only. Counts, unit by unit, the rays that wait for it first and those that have it further down their list:
 // one thread per deferred ray, Counters::deferred_args. A material will need all of its list, whatever comes: each
 // counts as waited for.
-// Reads: deferred, rays and shadow_rays (flags), pending lists. Adds to: demand. Pushes to: demanded, what was 0 before.
+// Reads: deferred, rays and shadow_rays (flags), pending lists. Adds to: demand. Pushes to: demanded, what was 0
+// before.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"

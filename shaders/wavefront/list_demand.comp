@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Streaming only. Lists the units that rays wait for, with their demand, for the host: what it reads is in proportion to
-// what was asked for, not to the scene. Any number of threads. Where `demanded` could not hold all, every unit is looked
-// at, so that none keeps the demand of this step. What does not fit the list asks again in the next step.
+// Streaming only. Lists the units that rays wait for, with their demand, for the host: what it reads is in proportion
+// to what was asked for, not to the scene. Any number of threads. Where `demanded` could not hold all, every unit is
+// looked at, so that none keeps the demand of this step. What does not fit the list asks again in the next step.
 // Reads: demanded, demand_counts. Pushes to: demand_list. Reads and zeroes: demand.
 #version 460
 #extension GL_GOOGLE_include_directive : require

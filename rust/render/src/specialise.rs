@@ -56,9 +56,9 @@ pub(crate) fn specialisation(features: Features, scene: &SceneView) -> Specialis
     }
 }
 
-/// Features compiled in by `oocpt:carry` although the scene does not use them, as far as the picture stays the same. The
-/// light table is another estimator, and materials need it, so these two are never carried. In core only, but for parts
-/// that need no memory.
+/// Features compiled in by `oocpt:carry` although the scene does not use them, as far as the picture stays the same.
+/// The light table is another estimator, and materials need it, so these two are never carried. In core only, but for
+/// parts that need no memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Carry {
     pub(crate) features: Features,

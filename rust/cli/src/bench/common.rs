@@ -119,8 +119,8 @@ pub(crate) fn resident_bytes() -> u64 {
     pages.unwrap_or(0) * 4096
 }
 
-/// Lets the peak of this process's memory begin anew: [`oocpt_render::host_peak_bytes`] is that since the
-/// last call. Linux (proc(5), `clear_refs`); elsewhere, and where it is not allowed, the peak stays that of the process.
+/// Lets the peak of this process's memory begin anew: [`oocpt_render::host_peak_bytes`] is that since the last call.
+/// Linux (proc(5), `clear_refs`); elsewhere, and where it is not allowed, the peak stays that of the process.
 pub(crate) fn reset_peak() {
     if let Err(error) = std::fs::write("/proc/self/clear_refs", "5") {
         tracing::warn!(%error, "host memory: peaks are those of the process so far");

@@ -21,7 +21,7 @@ pub use crate::mesh::{Aabb, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, M
 bitflags! {
     /// What a scene uses. The names are those of the features of the passes (`oocpt_shader_abi::Features`).
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-    pub struct SceneFeatures: u32 {
+    pub struct SceneFeatures: u64 {
         /// A dome light.
         const DOME = 1;
         /// A distant light.
@@ -67,7 +67,7 @@ bitflags! {
         /// A material of hair.
         const HAIR = 1 << 27;
         /// A material with a rough diffuse lobe.
-        const ROUGH_DIFFUSE = 1 << 31;
+        const ROUGH_DIFFUSE = 1 << 32;
         /// A material whose opacity is.
         const CUTOUT_PROGRAMS = 1 << 25;
         /// A material that emits light.

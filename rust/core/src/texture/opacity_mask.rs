@@ -233,7 +233,7 @@ impl OpacityQuery {
                 _ => Presence::Unknown,
             };
         }
-        if !(self.threshold > 0.0) {
+        if self.threshold.is_nan() || self.threshold <= 0.0 {
             return Presence::Unknown;
         }
         let [scale, bias, threshold] = [self.scale, self.bias, self.threshold].map(f64::from);

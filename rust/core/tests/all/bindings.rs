@@ -302,3 +302,15 @@ fn prototypes_have_materials_and_collections() {
     let names: Vec<&str> = snapshot.surfaces.category_sets[set].iter().map(|name| &**name).collect();
     assert_eq!(names, ["a", "b"]);
 }
+
+/// Two branches that each took the next free bit, once merged, had one for both.
+#[test]
+fn no_two_flags_share_a_bit() {
+    use bitflags::Flags as _;
+    use oocpt_core::material::MaterialFlags;
+    let scene: Vec<u32> = SceneFeatures::all().iter_names().map(|(_, flag)| flag.bits().count_ones()).collect();
+    let material: Vec<u32> = MaterialFlags::all().iter_names().map(|(_, flag)| flag.bits().count_ones()).collect();
+    assert!(scene.iter().chain(&material).all(|bits| *bits == 1), "a flag is a bit: {scene:?}, {material:?}");
+    assert_eq!(SceneFeatures::FLAGS.len(), SceneFeatures::all().bits().count_ones() as usize, "of scenes");
+    assert_eq!(MaterialFlags::FLAGS.len(), MaterialFlags::all().bits().count_ones() as usize, "of materials");
+}
