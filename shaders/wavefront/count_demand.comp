@@ -2,8 +2,8 @@
 // Streaming only. Counts, unit by unit, the rays that wait for it first and those that have it further down their list:
 // one thread per deferred ray, Counters::deferred_args. A material will need all of its list, whatever comes: each
 // counts as waited for.
-// Reads: deferred, rays and shadow_rays (flags), pending lists. Adds to: demand. Pushes to: demanded, what was 0
-// before.
+// Reads: deferred, rays and shadow_rays (flags), pending lists. Adds to: demand. Pushes to: demanded, each unit
+// once.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
@@ -21,7 +21,8 @@ void main() {
         const bool wanted = i < length;
         const uint unit = wanted ? pending_unit(entry, path, i) : 0u;
         const uint word = unit + (i == 0u || (entry & MATERIAL_BIT) != 0u ? 0u : STREAMING.unit_count);
-        if (add_to_nothing(STREAMING.demand, word, wanted)) {
+        if (add_to_nothing(STREAMING.demand, word, wanted)
+            && atomicExchange(Uints(STREAMING.demand).v[unit + 2u * STREAMING.unit_count], 1u) == 0u) {
             const uint slot = atomicAdd(Uints(STREAMING.demand_counts).v[0], 1u);
             if (slot < STREAMING.demanded_capacity) Uints(STREAMING.demanded).v[slot] = unit;
         }

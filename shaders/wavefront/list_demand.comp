@@ -16,12 +16,10 @@ void main() {
     const uint count = is_whole ? counts.v[0] : STREAMING.unit_count;
     for (uint i = thread_index(); i < count; i += threads) {
         const uint unit = is_whole ? ConstUints(STREAMING.demanded).v[i] : i;
-        const uint at_next = unit + STREAMING.unit_count;
-        if ((demand.v[unit] | demand.v[at_next]) == 0u) continue;
-        // A unit may be in the list twice: one of the two gets each number.
-        const uint waiting = atomicExchange(demand.v[unit], 0u);
-        const uint next = atomicExchange(demand.v[at_next], 0u);
+        const uint waiting = demand.v[unit];
+        const uint next = demand.v[unit + STREAMING.unit_count];
         if ((waiting | next) == 0u) continue;
+        for (uint part = 0u; part < 3u; ++part) demand.v[unit + part * STREAMING.unit_count] = 0u;
         const uint entry = atomicAdd(counts.v[1], 1u);
         if (entry < STREAMING.demand_capacity) DemandList(STREAMING.demand_list).v[entry] = UnitDemand(unit, waiting, next);
     }

@@ -141,9 +141,9 @@ impl StreamBuffers {
                 .transpose()?,
             deferred: [slots("deferred 0", 8)?, slots("deferred 1", 8)?],
             segments: array("segments", segment_count, size_of::<Segment>())?,
-            demand: array("demand", units, 8)?,
+            demand: array("demand", units, 12)?,
             demand_counts: array("demand counts", 2, 4)?,
-            demanded: array("demanded units", demanded(needs), 4)?,
+            demanded: array("demanded units", listed(needs), 4)?,
             demand_list: array("demand list", listed(needs), size_of::<UnitDemand>())?,
             sort_counts: array("sort_counts", sorted(needs), 8)?,
             sort_sums: array("sort_sums", sort_blocks(sorted(needs)).max(1), 4)?,
@@ -237,7 +237,7 @@ impl StreamBuffers {
             slots: self.paths.capacity,
             unit_count: self.needs.units,
             lookups: self.needs.lookups,
-            demanded_capacity: demanded(self.needs),
+            demanded_capacity: listed(self.needs),
             demand_capacity: listed(self.needs),
         }
     }
@@ -277,7 +277,7 @@ impl StreamBuffers {
 
     /// Workgroups of the pass that lists demand.
     pub(crate) fn demand_groups(&self) -> u32 {
-        demanded(self.needs).div_ceil(64).min(64)
+        listed(self.needs).div_ceil(64).min(64)
     }
 
     /// Before what rays bring is added up.
@@ -376,14 +376,9 @@ impl TextureBuffers {
     }
 }
 
-/// Most entries of the list of demand.
+/// Most units in the lists of demand.
 fn listed(needs: Needs) -> u32 {
     needs.units.min(MOST_LISTED)
-}
-
-/// Most units in the list that it is made from, where each may be twice.
-fn demanded(needs: Needs) -> u32 {
-    needs.units.saturating_mul(2).min(MOST_LISTED)
 }
 
 /// As many chunks as have the keys that deferred rays, and with textures materials, are sorted by.

@@ -38,13 +38,13 @@ pub struct Streaming {
     pub surfaces: u64,
     /// Two lists of rays that wait, u32 each (slot, [`SHADOW_BIT`]), `2 * slots` entries each.
     pub deferred: [u64; 2],
-    /// u32 `waiting[unit_count]`, then u32 `next[unit_count]`: what `count_demand` adds to. Zero at first;
-    /// `list_demand` leaves it zero.
+    /// u32 `waiting[unit_count]`, then u32 `next[unit_count]`: what `count_demand` adds to; then u32
+    /// `is_demanded[unit_count]`: 1 once the unit was pushed to `demanded`. Zero at first; `list_demand` leaves it zero.
     pub demand: u64,
     /// Two u32: what was pushed to `demanded`, and to `demand_list`; beyond their capacities it was counted alone. The
     /// host zeroes both before demand is counted.
     pub demand_counts: u64,
-    /// u32 `[demanded_capacity]`: units in whose demand `count_demand` found a 0, each at most twice.
+    /// u32 `[demanded_capacity]`: units that rays wait for, each once.
     pub demanded: u64,
     /// [`UnitDemand`] `[demand_capacity]`: what `list_demand` found, in no order.
     pub demand_list: u64,

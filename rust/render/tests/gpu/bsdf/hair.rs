@@ -234,7 +234,7 @@ fn narrow_lobes_go_where_rays_do() {
     device.close();
 }
 
-/// M_p N_p of R without tilt is the same both ways, seen from the other side of the fibre; what it reflects is not:
+/// `M_p` `N_p` of R without tilt is the same both ways, seen from the other side of the fibre; what it reflects is not:
 /// that is Fresnel's of where the light leaves.
 #[test]
 fn the_reflection_is_reciprocal_but_for_fresnel() {

@@ -91,7 +91,7 @@ fn lists_of_demand_that_are_too_short_leave_no_trace_in_the_picture() {
     let gpu = open();
     let scene = Scene::new(&gpu, 1, FAR);
     let (expected, wave) = in_core(&gpu, &scene);
-    for capacities in [[3, 36], [72, 2], [1, 1]] {
+    for capacities in [[3, 37], [37, 2], [2, 2]] {
         let mut tracer = Tracer::new(&gpu, &scene, STREAMING).with_demand_capacities(capacities);
         let (images, totals) = tracer.stream(5, 3, 3);
         check(&totals, &wave);

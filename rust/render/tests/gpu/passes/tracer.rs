@@ -60,7 +60,7 @@ impl<'a> Tracer<'a> {
             streaming: Streaming::zeroed(),
             round: 0,
             walkers: 1 << 18,
-            demand_capacities: [2 * CHUNKS, CHUNKS],
+            demand_capacities: [CHUNKS; 2],
             fault: 0,
         };
         let streams = features.contains(Features::STREAMING);
@@ -86,9 +86,9 @@ impl<'a> Tracer<'a> {
         }
         tracer.make("ended", 16 * slots);
         tracer.make("segments", 16 * u64::from(SEGMENTS));
-        tracer.make("demand", 8 * u64::from(CHUNKS));
+        tracer.make("demand", 12 * u64::from(CHUNKS));
         tracer.make("demand counts", 8);
-        tracer.make("demanded", 8 * u64::from(CHUNKS));
+        tracer.make("demanded", 4 * u64::from(CHUNKS));
         tracer.make("demand list", size_of::<UnitDemand>() as u64 * u64::from(CHUNKS));
         tracer.make("counts", 8 * u64::from(CHUNKS));
         tracer.make("sums", 4 * u64::from(sort_blocks(CHUNKS)));

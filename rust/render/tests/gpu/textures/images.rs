@@ -144,7 +144,7 @@ impl ImageLibrary for Library {
             _ => {}
         }
         if let Some((width, height)) = asset.resolved.strip_prefix("disc ").and_then(|size| size.split_once('x')) {
-            let side = |text: &str| text.parse().map_err(|_| ImageError("no such disc".into()));
+            let side = |text: &str| text.parse().map_err(|_not_a_number| ImageError("no such disc".into()));
             return Ok(Arc::new(Disc([side(width)?, side(height)?])));
         }
         let numbers: Vec<u32> = asset.resolved.split('x').filter_map(|part| part.parse().ok()).collect();
