@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Masks against lookups in f64, at random places and widths.
 
+#![expect(clippy::cast_possible_truncation, reason = "levels, cells and numbers of choices are small")]
+
 use super::super::Sampler;
 use super::*;
 
-/// A generator of numbers (Steele et al. 2014, SplitMix64).
+/// A generator of numbers (Steele et al. 2014, `SplitMix64`).
 struct Random(u64);
 
 impl Random {

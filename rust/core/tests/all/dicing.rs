@@ -110,7 +110,7 @@ fn prims_with_one_content_stay_one_mesh() {
 
 /// `/i` has instances at `places` with the scale `scale`; each is the cube.
 fn instancer(path: &str, root: &str, places: &[[f32; 3]], scale: f32, by: Vec<InstancedBy>) -> InstancerDesc {
-    let indices: Vec<i32> = (0..i32::try_from(places.len()).unwrap()).collect();
+    let indices: Vec<i32> = (0..i32::try_from(places.len()).expect("few")).collect();
     InstancerDesc {
         prim: PrimDesc { path: path.into(), instanced_by: by, ..PrimDesc::default() },
         prototypes: vec![InstancerPrototype { root: root.into(), indices: TypedArray::of(indices) }],
