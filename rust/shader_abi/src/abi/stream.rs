@@ -39,7 +39,8 @@ pub struct Streaming {
     /// Two lists of rays that wait, u32 each (slot, [`SHADOW_BIT`]), `2 * slots` entries each.
     pub deferred: [u64; 2],
     /// u32 `waiting[unit_count]`, then u32 `next[unit_count]`: what `count_demand` adds to; then u32
-    /// `is_demanded[unit_count]`: 1 once the unit was pushed to `demanded`. Zero at first; `list_demand` leaves it zero.
+    /// `is_demanded[unit_count]`: 1 once the unit was pushed to `demanded`. Zero at first; `list_demand` leaves it
+    /// zero.
     pub demand: u64,
     /// Two u32: what was pushed to `demanded`, and to `demand_list`; beyond their capacities it was counted alone. The
     /// host zeroes both before demand is counted.
