@@ -21,6 +21,7 @@ void main() {
         if ((waiting | next) == 0u) continue;
         for (uint part = 0u; part < 3u; ++part) demand.v[unit + part * STREAMING.unit_count] = 0u;
         const uint entry = atomicAdd(counts.v[1], 1u);
-        if (entry < STREAMING.demand_capacity) DemandList(STREAMING.demand_list).v[entry] = UnitDemand(unit, waiting, next);
+        if (entry >= STREAMING.demand_capacity) continue;
+        DemandList(STREAMING.demand_list).v[entry] = UnitDemand(unit, waiting, next);
     }
 }

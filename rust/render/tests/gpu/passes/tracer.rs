@@ -43,7 +43,7 @@ pub(super) struct Tracer<'a> {
     pub(super) streaming: Streaming,
     pub(super) round: u32,
     walkers: u32,
-    /// Most units in the list of those that are asked for, and entries in the list of their demand.
+    /// Capacities of the buffers `demanded` and `demand list`, in units.
     pub(super) demand_capacities: [u32; 2],
     pub(super) fault: u32,
 }
@@ -118,7 +118,7 @@ impl<'a> Tracer<'a> {
         self
     }
 
-    /// The same with room for so many units in the list of those that are asked for, and in the list of their demand.
+    /// The same with these capacities of the buffers `demanded` and `demand list`.
     pub(super) fn with_demand_capacities(mut self, capacities: [u32; 2]) -> Self {
         self.demand_capacities = capacities;
         self.fill_blocks();
