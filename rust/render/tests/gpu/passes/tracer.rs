@@ -11,6 +11,7 @@ use oocpt_shader_abi::{
     Counters, Features, FilmPixel, Frame, GpuChunk, GpuDistantLight, Module, Push, PushFlags, Streaming, UnitDemand,
     groups, passes, sort_blocks,
 };
+use std::cell::RefCell;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
@@ -40,6 +41,8 @@ pub(super) struct Tracer<'a> {
     features: Features,
     pipelines: HashMap<&'static str, Pipeline>,
     pub(super) buffers: HashMap<&'static str, Buffer>,
+    /// Kept, because a GPU's driver takes milliseconds to allocate memory that the host reads.
+    readback: RefCell<Option<Buffer>>,
     pub(super) streaming: Streaming,
     pub(super) round: u32,
     walkers: u32,
@@ -57,6 +60,7 @@ impl<'a> Tracer<'a> {
             features,
             pipelines: HashMap::new(),
             buffers: HashMap::new(),
+            readback: RefCell::new(None),
             streaming: Streaming::zeroed(),
             round: 0,
             walkers: 1 << 18,
@@ -244,9 +248,15 @@ impl<'a> Tracer<'a> {
     /// The contents of a buffer.
     pub(super) fn read<T: Pod>(&self, name: &str) -> Vec<T> {
         let source = &self.buffers[name];
-        let copy = Buffer::new(&self.gpu, "copy", source.size(), Usage::Readback).expect("small");
-        self.submit(|c| c.copy(source, 0, &copy, 0, source.size()));
-        copy.map(|bytes| bytemuck::pod_collect_to_vec(bytes)).expect("mapped")
+        let size = source.size();
+        let mut readback = self.readback.borrow_mut();
+        if readback.as_ref().is_none_or(|buffer| buffer.size() < size) {
+            *readback = Some(Buffer::new(&self.gpu, "readback", size, Usage::Readback).expect("small"));
+        }
+        let copy = readback.as_ref().expect("made above");
+        self.submit(|c| c.copy(source, 0, copy, 0, size));
+        let length = usize::try_from(size).expect("small");
+        copy.map(|bytes| bytemuck::pod_collect_to_vec(&bytes[..length])).expect("mapped")
     }
 
     pub(super) fn clear(&self, names: &[&str]) {
