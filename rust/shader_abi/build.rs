@@ -12,6 +12,8 @@ mod abi;
 mod check;
 #[path = "build/exact.rs"]
 mod exact;
+#[path = "build/uses.rs"]
+mod uses;
 
 use std::collections::BTreeSet;
 use std::env;
@@ -33,7 +35,7 @@ fn main() -> ExitCode {
 }
 
 fn build() -> Result<(), String> {
-    for file in ["build.rs", "build/check.rs", "build/exact.rs", "src/abi"] {
+    for file in ["build.rs", "build/check.rs", "build/exact.rs", "build/uses.rs", "src/abi"] {
         println!("cargo::rerun-if-changed={file}");
     }
     let manifest = PathBuf::from(variable("CARGO_MANIFEST_DIR")?);
@@ -54,7 +56,9 @@ fn build() -> Result<(), String> {
         let name = pass_name(source)?;
         let words = tools.compile(source, [&shaders, &include], &out.join(format!("{name}.spv")))?;
         seen.extend(check::check(&words, &layouts).map_err(|error| format!("{}:\n{error}", source.display()))?);
-        passes.push(name);
+        let flags = [abi::SPEC_FEATURES, abi::SPEC_FEATURES_HIGH];
+        let uses = uses::uses(&words, &flags).map_err(|error| format!("{}: {error}", source.display()))?;
+        passes.push((name, uses));
     }
     for layout in &layouts {
         if !seen.contains(&layout.name) {
@@ -131,7 +135,7 @@ impl Tools {
 /// `generated/constants.glsl`: `HAS_NAME` of every feature, and every number that host and shaders share.
 fn constants() -> Result<String, String> {
     let mut text = String::from(
-        "// Written by rust/shader_abi/build.rs, from src/abi/features.rs, constants.rs and pattern.rs.\n\n",
+        "// Written by rust/shader_abi/build.rs, from src/abi/features.rs, flags.rs, constants.rs and pattern.rs.\n\n",
     );
     let mut above = abi::Features::empty();
     for abi::Feature { name, bit, needs, .. } in abi::FEATURES {
@@ -145,6 +149,9 @@ fn constants() -> Result<String, String> {
         let _infallible = writeln!(text, "const bool HAS_{name} = ({word} & (1u << {at})) != 0u{needed};");
     }
     text.push('\n');
+    for (name, value) in abi::flag_constants() {
+        let _infallible = writeln!(text, "const uint {name} = {value}u;");
+    }
     let patterns = abi::PATTERN_OPS.iter().chain(&abi::PATTERN_GEOMETRY);
     for (name, value) in abi::CONSTANTS.iter().chain(patterns) {
         let _infallible = writeln!(text, "const uint {name} = {value}u;");
@@ -180,25 +187,31 @@ fn layouts() -> Vec<check::Layout> {
 }
 
 /// Rust source with the words of every pass; those of `shaders/check` apart, for tests.
-fn generated(modules: &[String]) -> String {
-    let (checks, passes): (Vec<&String>, Vec<&String>) = modules.iter().partition(|name| name.starts_with("check_"));
+fn generated(modules: &[(String, uses::Uses)]) -> String {
+    let (checks, passes): (Vec<_>, Vec<_>) = modules.iter().partition(|(name, _)| name.starts_with("check_"));
     let mut text = String::new();
     let parts =
         [("passes", "Every compiled pass, under its own name", &passes), ("checks", "No passes: for tests", &checks)];
     for (module, what, names) in parts {
         let _infallible = write!(text, "/// {what}.\npub mod {module} {{\n    use super::Module;\n");
-        for name in names {
+        for (name, uses) in names {
+            let bits = |spec| u64::from(uses.bits.get(&spec).copied().unwrap_or(0));
+            let features = bits(abi::SPEC_FEATURES) | bits(abi::SPEC_FEATURES_HIGH) << 32;
+            let reads = |spec| uses.constants.contains(&spec);
             let _infallible = writeln!(
                 text,
-                "    /// `{name}`.\n    \
-                 pub static {}: Module = Module {{ name: \"{name}\", words: words!(\"{name}\") }};",
-                name.to_uppercase()
+                "    /// `{name}`.\n    pub static {}: Module = Module {{\n        name: \"{name}\",\n        \
+                 words: words!(\"{name}\"),\n        features: crate::Features::from_bits_retain({features:#x}),\n        \
+                 reads_levels: {},\n        reads_stack: {},\n    }};",
+                name.to_uppercase(),
+                reads(abi::SPEC_MAX_LEVELS),
+                reads(abi::SPEC_STACK_SIZE),
             );
         }
         text.push_str("}\n\n");
     }
     text.push_str("/// Every compiled pass.\npub static ALL: &[&Module] = &[\n");
-    for name in passes {
+    for (name, _) in passes {
         let _infallible = writeln!(text, "    &passes::{},", name.to_uppercase());
     }
     text.push_str("];\n");

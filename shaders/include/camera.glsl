@@ -121,7 +121,7 @@ void queue_paths(uint thread, uint path) {
         return;
     }
     if (thread == 0u) {
-        Segments(STREAMING.segments).v[push.flags >> PUSH_SEGMENT_SHIFT] =
+        Segments(STREAMING.segments).v[push_segment()] =
             Segment(push.first_pixel, push.first_sample, push.path_count, push.path_count);
     }
     if (in_range) {

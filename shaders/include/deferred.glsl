@@ -13,12 +13,12 @@ uint64_t pending_address(uint path, bool is_shadow) {
 // Of the closest ray, or of the path's material, which waits only when that ray does not.
 uint pending_length(uint path, bool is_shadow) {
     const uint64_t ray = is_shadow ? shadow_ray_address(path) : ray_address(path);
-    return (ConstUints(ray).v[11] >> RAY_COUNT_SHIFT) & 7u;
+    return waiting_count(ray_flags(ray));
 }
 
 bool is_ended(uint path, bool is_shadow) {
     const uint64_t ray = is_shadow ? shadow_ray_address(path) : ray_address(path);
-    return (ConstUints(ray).v[11] & RAY_ENDED) != 0u;
+    return (ray_flags(ray) & RAY_ENDED) != 0u;
 }
 
 uint pending_chunk(uint64_t pending, uint path, uint i) {
@@ -33,7 +33,7 @@ uint64_t question_list(bool is_shadow) {
 // Whether the ray has a question about the first of its list.
 bool is_asked(uint path, bool is_shadow) {
     const uint64_t ray = is_shadow ? shadow_ray_address(path) : ray_address(path);
-    return (ConstUints(ray).v[11] & RAY_ASKED) != 0u;
+    return (ray_flags(ray) & RAY_ASKED) != 0u;
 }
 
 // What the i-th entry of a list waits for.

@@ -3,7 +3,6 @@
 #ifndef OOCPT_LIGHT_EMISSION_GLSL
 #define OOCPT_LIGHT_EMISSION_GLSL
 
-const uint NO_INDEX = 0xffffffffu;
 
 vec3 map_texel(uint64_t texels, uint format, uint at) {
     if (format == MAP_FLOAT) return ConstVec4s(texels).v[at].xyz;

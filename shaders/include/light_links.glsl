@@ -5,10 +5,6 @@
 
 #define LIGHTING LightingBlock(FRAME.lighting).l
 
-// A shadow ray's bounce, and above it the category of the prims that are in its way; 0: all.
-const uint SHADOW_LINK_SHIFT = 16u;
-const uint BOUNCE_MASK = 0xffffu;
-
 // Whether the prims of set `set` are in category `category`.
 bool is_linked(uint category, uint set) {
     if (!HAS_LIGHT_LINKS || category == 0u) return true;

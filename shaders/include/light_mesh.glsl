@@ -21,9 +21,6 @@
 
 #include "include/surface_material.glsl"
 
-const uint INPUT_EMISSION = 1u; // INPUT_EMISSIVE_COLOR
-const uint EMISSION_PRESENCE = 2u; // MATERIAL_PRESENCE
-
 // A point of a mesh light, seen from a receiver.
 struct MeshLightPoint {
     vec3 direction;
@@ -64,9 +61,9 @@ float emission_weight(vec3 emission) {
 vec3 constant_emission(uint material) {
     if (material == NO_MATERIAL) return vec3(0.0);
     Materials materials = Materials(FRAME.materials);
-    if ((materials.v[material].inputs[INPUT_EMISSION].kind & 3u) != INPUT_CONSTANT) return vec3(0.0);
-    if ((materials.v[material].flags & EMISSION_PRESENCE) != 0u) return vec3(0.0);
-    return max(materials.v[material].inputs[INPUT_EMISSION].value.xyz, 0.0);
+    if ((materials.v[material].inputs[INPUT_EMISSIVE_COLOR].kind & 3u) != INPUT_CONSTANT) return vec3(0.0);
+    if ((materials.v[material].flags & MATERIAL_PRESENCE) != 0u) return vec3(0.0);
+    return max(materials.v[material].inputs[INPUT_EMISSIVE_COLOR].value.xyz, 0.0);
 }
 
 // The receiver in a placement's frame. `origin` is its place, in full.
@@ -161,9 +158,9 @@ uint ask_missing;
 vec3 point_emission(MeshLightPoint point, float pdf) {
     if (!HAS_MESH_LIGHT_VALUES || point.material == NO_MATERIAL) return point.emission;
     Materials materials = Materials(FRAME.materials);
-    const uint kind = materials.v[point.material].inputs[INPUT_EMISSION].kind & 3u;
+    const uint kind = materials.v[point.material].inputs[INPUT_EMISSIVE_COLOR].kind & 3u;
     if (kind == INPUT_CONSTANT) return point.emission;
-    if ((materials.v[point.material].flags & EMISSION_PRESENCE) != 0u) return vec3(0.0);
+    if ((materials.v[point.material].flags & MATERIAL_PRESENCE) != 0u) return vec3(0.0);
     if (kind == INPUT_PRIMVAR) {
         const uint first = load_mesh_light(point.light).values;
         if (first != NO_INDEX) {
@@ -189,7 +186,7 @@ vec3 point_emission(MeshLightPoint point, float pdf) {
         m.footprints[i] = footprint;
     }
     last_texture = 0xffffffffu;
-    return valid_emission(input_value(m, INPUT_EMISSION, fma(next_spread(ask_path, pdf), point.distance, ask_width), ask_missing).xyz);
+    return valid_emission(input_value(m, INPUT_EMISSIVE_COLOR, fma(next_spread(ask_path, pdf), point.distance, ask_width), ask_missing).xyz);
 }
 #endif
 

@@ -10,43 +10,10 @@
 #include "include/texture.glsl"
 #include "include/pattern.glsl"
 
-// MaterialFlags of core.
-const uint MATERIAL_SPECULAR_WORKFLOW = 1u;
-const uint MATERIAL_PRESENCE = 2u;
-const uint MATERIAL_EMISSIVE = 8u;
-const uint MATERIAL_COAT = 16u;
-const uint MATERIAL_NORMAL_MAP = 32u;
-const uint MATERIAL_OPEN_PBR = 512u;
-const uint MATERIAL_SHEEN = 1024u;
-const uint MATERIAL_PATTERNS = 2048u;
-const uint MATERIAL_ANISOTROPIC = 8192u;
-const uint MATERIAL_THIN_FILM = 16384u;
-const uint MATERIAL_ABSORBING = 32768u;
-const uint MATERIAL_THIN_WALLED = 65536u;
-const uint MATERIAL_ROUGH_DIFFUSE = 262144u;
-
-// Places of the inputs.
-const uint INPUT_DIFFUSE_COLOR = 0u;
-const uint INPUT_EMISSIVE_COLOR = 1u;
-const uint INPUT_SPECULAR_COLOR = 2u;
-const uint INPUT_METALLIC = 3u;
-const uint INPUT_ROUGHNESS = 4u;
-const uint INPUT_CLEARCOAT = 5u;
-const uint INPUT_CLEARCOAT_ROUGHNESS = 6u;
-const uint INPUT_IOR = 8u;
-const uint INPUT_TRANSMISSION = 10u;
-const uint INPUT_TRANSMISSION_COLOR = 11u;
-const uint INPUT_COAT_IOR = 12u;
-const uint INPUT_SHEEN_COLOR = 13u;
-const uint INPUT_SHEEN_ROUGHNESS = 14u;
-const uint INPUT_ANISOTROPY = 15u;
-const uint INPUT_THIN_FILM = 16u;
-const uint INPUT_ABSORPTION = 17u;
-const uint INPUT_DIFFUSE_ROUGHNESS = 18u;
-
 // Of a fibre inputs mean something else: oocpt_materialx::surface::Input says what.
-const uint HAIR_INPUTS = 1u << INPUT_DIFFUSE_COLOR | 1u << INPUT_SPECULAR_COLOR | 1u << INPUT_TRANSMISSION_COLOR | 1u << INPUT_IOR
-    | 1u << INPUT_NORMAL | 1u << INPUT_ANISOTROPY | 1u << INPUT_THIN_FILM | 1u << INPUT_ABSORPTION;
+const uint HAIR_INPUTS = 1u << INPUT_DIFFUSE_COLOR | 1u << INPUT_SPECULAR_COLOR | 1u << INPUT_TRANSMISSION_COLOR |
+                         1u << INPUT_IOR | 1u << INPUT_NORMAL | 1u << INPUT_ANISOTROPY | 1u << INPUT_THIN_FILM |
+                         1u << INPUT_ABSORPTION;
 
 // Where a texture input looks.
 vec2 texture_place(GpuInput i, GpuSurfaceMaterial m) {

@@ -7,24 +7,7 @@
 
 #include "include/queue.glsl"
 
-const uint SHADOW_DONE = 1u;  // or there is none
-const uint CLOSEST_DONE = 2u; // or there is none
-const uint CLOSEST_HIT = 4u;  // it met something
-const uint PATH_ENDS = 8u;    // no closest ray: the path ends with its shadow ray
-
-// Bits of Ray::flags and ShadowRay::flags; 0 for a ray not yet traced.
-const uint RAY_WAITED = 1u;  // the pending list counts
-const uint RAY_HIT = 2u;     // the hit record counts
-const uint RAY_MORE = 4u;    // there are more absent chunk instances than the list holds
-const uint RAY_CHANGED = 8u; // the hit was found in this round
-const uint RAY_COUNT_SHIFT = 4u; // length of the pending list
-const uint RAY_ASKED = 128u; // the question counts; cutouts
-const uint RAY_ENDED = 256u; // roulette has ended it: it goes on only to say so
-
-const uint MAX_PENDING = 4u;
-const uint SHADOW_BIT = 1u << 31;   // of an entry in the list of deferred rays
-const uint MATERIAL_BIT = 1u << 30; // the same: no ray waits, but the material of the surface
-const uint OWN_UNIT = 0xffffffffu;  // the ray waits for the chunk itself
+const uint OWN_UNIT = 0xffffffffu; // the ray waits for the chunk itself
 
 void set_progress(uint path, uint bits) {
     Uints(STREAMING.progress).v[path] = bits;
@@ -38,7 +21,7 @@ uint finish(uint path, uint bits) {
 
 // Counts paths that have ended in their segments, and gives their slots back.
 void end_path(uint path, bool ended) {
-    const uint alive = ended ? path_place(path) / STREAMING.segment_size * 4u + 3u : 0u;
+    const uint alive = ended ? path_place(path) / STREAMING.segment_size * SEGMENT_WORDS + SEGMENT_WORD_ALIVE : 0u;
     add_each(STREAMING.segments, alive, 0xffffffffu, ended);
     uint to;
     QUEUE_SLOT(to, freed, ended);

@@ -25,8 +25,10 @@ void main() {
     const bool waits = in_range && said < TEXTURE_FALLBACK;
     if (waits) {
         PendingLists(STREAMING.pending).v[path].chunk_instance[0] = said;
-        for (uint k = 0u; k < noted_count; ++k) PendingLists(STREAMING.pending).v[path].chunk_instance[k + 1u] = noted_units[k];
-        Uints(ray_address(path)).v[11] = RAY_WAITED | (1u + noted_count) << RAY_COUNT_SHIFT;
+        for (uint k = 0u; k < noted_count; ++k) {
+            PendingLists(STREAMING.pending).v[path].chunk_instance[k + 1u] = noted_units[k];
+        }
+        set_ray_flags(ray_address(path), pack_waiting(1u + noted_count, false));
     }
     push_deferred(path | MATERIAL_BIT, waits);
     uint to;

@@ -20,7 +20,7 @@ bool waits_for_chunk(uint entry, out uint chunk) {
 
 // Camera rays are not played with: their radiance has no weight, nor has alpha.
 bool is_played(uint entry) {
-    return (entry & SHADOW_BIT) != 0u || ConstUints(ray_address(path_of_entry(entry))).v[3] != 0u;
+    return (entry & SHADOW_BIT) != 0u || ray_bounce(ray_address(path_of_entry(entry))) != 0u;
 }
 
 float average(vec3 v) {

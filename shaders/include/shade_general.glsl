@@ -34,9 +34,9 @@ bool store_shadow_ray(uint path, Double3 origin, uint bounce, LightSample ls, ve
         return false;
     }
     const uint64_t to = shadow_ray_address(path);
-    if (HAS_LIGHT_LINKS) bounce |= ls.shadow_link << SHADOW_LINK_SHIFT;
-    store_ray(to, Ray(origin.hi, bounce, ls.direction, ls.distance, origin.lo, 0u));
-    Vec4s(to).v[3] = vec4(contribution, uintBitsToFloat(ls.shadow_color));
+    const uint linked = pack_shadow_bounce(bounce, ls.shadow_link);
+    store_ray(to, Ray(origin.hi, linked, ls.direction, ls.distance, origin.lo, 0u));
+    store_shadow_light(to, contribution, ls.shadow_color);
     return true;
 }
 

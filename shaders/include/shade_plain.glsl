@@ -53,7 +53,7 @@ void shade_plain(uint path, out bool ask, out bool go_on) {
         if (ask) {
             const uint64_t to = shadow_ray_address(path);
             store_ray(to, Ray(origin.hi, ray.bounce, direction, INFINITE, origin.lo, 0u));
-            Vec4s(to).v[3] = vec4(contribution, 0.0);
+            store_shadow_light(to, contribution, 0u);
         }
     }
     if (!last && max_component(throughput) > 0.0) {

@@ -11,12 +11,6 @@
 #include "include/ptex.glsl"
 #include "include/round_edges.glsl"
 
-// Places of inputs; the others are in material.glsl.
-const uint INPUT_OPACITY = 7u;
-const uint INPUT_NORMAL = 9u;
-
-const uint MATERIAL_HAIR = 131072u; // MaterialFlags of core; the others are in material.glsl
-
 // With HAS_MESH_LIGHTS: where GpuSurfaceMaterial::flags keeps the mesh, up to MAX_LIGHT_MESH of the host.
 const uint SURFACE_MESH_SHIFT = 8u;
 

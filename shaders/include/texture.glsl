@@ -24,8 +24,6 @@ const uint TEXTURE_DONE = 0xffffffffu;
 // No image there, or none that could be read; the value is the fallback, to which no scale or bias applies.
 const uint TEXTURE_FALLBACK = 0xfffffffeu;
 
-const uint TILE_SIDE = 128u;
-const uint TAIL_SIDE = 64u;
 const uint TILE_TEXELS = TILE_SIDE * TILE_SIDE;
 
 // How far a lookup is: the mean of the texels so far, and how many of the eight it is done with.

@@ -33,9 +33,14 @@ uint path_place(uint path) {
     return ConstUints(STREAMING.places).v[path];
 }
 
+// In generate_*: the number of the segment that begins.
+uint push_segment() {
+    return push.flags >> PUSH_SEGMENT_SHIFT;
+}
+
 // In generate_*: the place of path `i` of the segment that begins.
 uint segment_place(uint i) {
-    return (push.flags >> PUSH_SEGMENT_SHIFT) * STREAMING.segment_size + i;
+    return push_segment() * STREAMING.segment_size + i;
 }
 
 // Adaptive: pixel, with the stream in the highest bit, and sample number of path `i` of those that begin at entry
@@ -116,11 +121,63 @@ uvec2 pixel_position(uint index) {
 
 // Address of a ray; both kinds start with the members of Ray.
 uint64_t ray_address(uint path) {
-    return FRAME.rays + uint64_t(path) * 48ul;
+    return FRAME.rays + uint64_t(path) * uint64_t(RAY_BYTES);
 }
 
 uint64_t shadow_ray_address(uint path) {
-    return FRAME.shadow_rays + uint64_t(path) * 64ul;
+    return FRAME.shadow_rays + uint64_t(path) * uint64_t(SHADOW_RAY_BYTES);
+}
+
+// Members of a ray at an address, of either kind.
+uint ray_bounce(uint64_t ray) {
+    return ConstUints(ray).v[RAY_WORD_BOUNCE];
+}
+
+float ray_t_max(uint64_t ray) {
+    return ConstFloats(ray).v[RAY_WORD_T_MAX];
+}
+
+uint ray_flags(uint64_t ray) {
+    return ConstUints(ray).v[RAY_WORD_FLAGS];
+}
+
+void set_ray_flags(uint64_t ray, uint flags) {
+    Uints(ray).v[RAY_WORD_FLAGS] = flags;
+}
+
+// What ray flags say of the pending list: they are 0 for a ray that waits for nothing.
+uint pack_waiting(uint count, bool more) {
+    return count == 0u ? 0u : RAY_WAITED | (more ? RAY_MORE : 0u) | count << RAY_COUNT_SHIFT;
+}
+
+uint waiting_count(uint flags) {
+    return (flags >> RAY_COUNT_SHIFT) & 7u;
+}
+
+// ShadowRay::bounce: with HAS_LIGHT_LINKS the category of the prims that are in the ray's way is above it; 0: all.
+uint pack_shadow_bounce(uint bounce, uint link) {
+    return HAS_LIGHT_LINKS ? bounce | link << SHADOW_LINK_SHIFT : bounce;
+}
+
+uint shadow_bounce(uint word) {
+    return HAS_LIGHT_LINKS ? word & ((1u << SHADOW_LINK_SHIFT) - 1u) : word;
+}
+
+uint shadow_link(uint word) {
+    return HAS_LIGHT_LINKS ? word >> SHADOW_LINK_SHIFT : 0u;
+}
+
+// ShadowRay::contribution and ShadowRay::in_shadow.
+vec3 shadow_contribution(uint64_t ray) {
+    return ConstVec4s(ray).v[3].xyz;
+}
+
+uint shadow_in_shadow(uint64_t ray) {
+    return ConstUints(ray).v[RAY_WORD_IN_SHADOW];
+}
+
+void store_shadow_light(uint64_t ray, vec3 contribution, uint in_shadow) {
+    Vec4s(ray).v[3] = vec4(contribution, uintBitsToFloat(in_shadow));
 }
 
 Ray load_ray(uint64_t address) {

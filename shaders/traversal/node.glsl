@@ -18,8 +18,6 @@
 
 // Entry distance of a child that is not met.
 const float MISSED = LARGEST;
-// Reference of a child that is not there.
-const uint ABSENT = 0xffffffffu;
 
 struct Node {
     vec3 scale; // distance along the ray from one plane of the grid to the next

@@ -103,9 +103,8 @@ void store_pending(uint path) {
 }
 
 uint pending_flags() {
-    return pending_count == 0u ? 0u
-                               : RAY_WAITED | (pending_more ? RAY_MORE : 0u) | (keeps_question() ? RAY_ASKED : 0u) |
-                                     pending_count << RAY_COUNT_SHIFT;
+    const uint waiting = pack_waiting(pending_count, pending_more);
+    return waiting == 0u ? 0u : waiting | (keeps_question() ? RAY_ASKED : 0u);
 }
 
 // Whether (entry, instance) is not behind the last key of the list in memory, which was full.

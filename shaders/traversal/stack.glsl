@@ -6,12 +6,6 @@
 #define OOCPT_STACK_GLSL
 
 // References: an inner node, or LEAF | (count - 1) << 28 | first, or one of ASK, RETURN and DONE.
-const uint LEAF = 1u << 31;
-// Of a chunk instance, which is never in a leaf with others: from the list of pending ones.
-const uint LISTED = 1u << 28;
-const uint ASK = 0xfffffffdu;    // a candidate waits for its cutout to be looked up; never on the stack
-const uint RETURN = 0xfffffffeu; // back to the parent level
-const uint DONE = 0xffffffffu;
 
 #if ANY_HIT
 const uint ENTRIES = HAS_STREAMING ? STACK_SIZE : 1u;

@@ -326,7 +326,7 @@ uint begin_resumed(uint flags) {
     const bool more = (flags & RAY_MORE) != 0u;
     walk.resumed = more;
     if (more) push_reference(0u, 0.0);
-    for (uint i = (flags >> RAY_COUNT_SHIFT) & 7u; i > 0u; --i) {
+    for (uint i = waiting_count(flags); i > 0u; --i) {
         const float entry = PendingLists(PENDING_LISTS).v[walk.path].entry[i - 1u];
         push_reference(LEAF | LISTED | PendingLists(PENDING_LISTS).v[walk.path].chunk_instance[i - 1u], entry);
     }

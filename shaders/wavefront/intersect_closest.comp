@@ -29,7 +29,7 @@ void load_hit(uint path) {
 
 // Whether there is none to find: the path ends.
 bool is_path_ended(uint path) {
-    return HAS_ROULETTE && (ConstUints(ray_address(path)).v[RAY_WORD_FLAGS] & RAY_ENDED) != 0u;
+    return HAS_ROULETTE && (ray_flags(ray_address(path)) & RAY_ENDED) != 0u;
 }
 
 void begin_ray(uint at) {
@@ -39,10 +39,9 @@ void begin_ray(uint at) {
         return;
     }
     const uint64_t ray = ray_address(path);
-    const uint bounce = ConstUints(ray).v[RAY_WORD_BOUNCE];
-    const uint flags = HAS_STREAMING ? ConstUints(ray).v[RAY_WORD_FLAGS] : 0u;
+    const uint flags = HAS_STREAMING ? ray_flags(ray) : 0u;
     if (HAS_STREAMING && (flags & RAY_HIT) != 0u) load_hit(path);
-    begin_walk(ray, path, ConstFloats(ray).v[RAY_WORD_T_MAX], opacity_seed(path, 2u * bounce), flags);
+    begin_walk(ray, path, ray_t_max(ray), opacity_seed(path, 2u * ray_bounce(ray)), flags);
 }
 
 // Pushes finished paths and rays that wait.
@@ -53,7 +52,7 @@ void store_progress(uint path, bool ended) {
     if (ended) {
         bits |= is_path_ended(path) ? PATH_ENDS : hit ? CLOSEST_HIT : 0u;
         const uint flags = (hit ? RAY_HIT : 0u) | (walk.hit ? RAY_CHANGED : 0u);
-        Uints(ray_address(path)).v[RAY_WORD_FLAGS] = flags | pending_flags();
+        set_ray_flags(ray_address(path), flags | pending_flags());
     }
     if (waits) store_pending(path);
     push_deferred(path, waits);

@@ -15,7 +15,7 @@
 
 // Whether roulette has ended it.
 bool is_ray_ended(uint path) {
-    return HAS_ROULETTE && (ConstUints(shadow_ray_address(path)).v[RAY_WORD_FLAGS] & RAY_ENDED) != 0u;
+    return HAS_ROULETTE && (ray_flags(shadow_ray_address(path)) & RAY_ENDED) != 0u;
 }
 
 void begin_ray(uint at) {
@@ -25,20 +25,19 @@ void begin_ray(uint at) {
         return;
     }
     const uint64_t ray = shadow_ray_address(path);
-    const uint linked = ConstUints(ray).v[RAY_WORD_BOUNCE];
-    const uint bounce = HAS_LIGHT_LINKS ? linked & BOUNCE_MASK : linked;
-    walk.shadow_link = HAS_LIGHT_LINKS ? linked >> SHADOW_LINK_SHIFT : 0u;
-    const uint flags = HAS_STREAMING ? ConstUints(ray).v[RAY_WORD_FLAGS] : 0u;
-    begin_walk(ray, path, ConstFloats(ray).v[RAY_WORD_T_MAX], opacity_seed(path, 2u * bounce + 1u), flags);
+    const uint linked = ray_bounce(ray);
+    walk.shadow_link = shadow_link(linked);
+    const uint flags = HAS_STREAMING ? ray_flags(ray) : 0u;
+    begin_walk(ray, path, ray_t_max(ray), opacity_seed(path, 2u * shadow_bounce(linked) + 1u), flags);
 }
 
 // What the light brings if nothing is in its way, or of a shadow the share that its colour tells.
 void add_light(uint path) {
     const uint64_t ray = shadow_ray_address(path);
-    const uint shadow_color = HAS_LIGHT_TABLE ? ConstUints(ray).v[RAY_WORD_IN_SHADOW] : 0u;
+    const uint shadow_color = HAS_LIGHT_TABLE ? shadow_in_shadow(ray) : 0u;
     const bool waits = HAS_STREAMING && (pending_count > 0u || is_ray_ended(path));
     if (walk.hit ? shadow_color == 0u : waits) return;
-    vec3 contribution = ConstVec4s(ray).v[3].xyz;
+    vec3 contribution = shadow_contribution(ray);
     if (walk.hit) contribution *= unpack_color(shadow_color);
     const vec4 before = ConstVec4s(FRAME.radiance).v[path];
     Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + contribution, before.w);
@@ -48,7 +47,7 @@ void add_light(uint path) {
 void store_progress(uint path, bool ended) {
     const bool waits = ended && !walk.hit && pending_count > 0u;
     if (waits) {
-        Uints(shadow_ray_address(path)).v[RAY_WORD_FLAGS] = pending_flags();
+        set_ray_flags(shadow_ray_address(path), pending_flags());
         store_pending(path);
     }
     push_deferred(path | SHADOW_BIT, waits);

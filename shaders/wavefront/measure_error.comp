@@ -14,7 +14,6 @@
 
 const float EPSILON = 1e-2; // keeps the error of black pixels finite; as is usual
 const float LARGEST = 1e15; // what one pixel may count: squares of it, and sums of those, are floats
-const uint64_t FILM_PIXEL_BYTES = 80ul; // as oocpt_shader_abi asserts
 const float TRUST = 4.0; // squared standard errors by which a mean has to differ from its neighbours to be believed
 
 struct PixelError {

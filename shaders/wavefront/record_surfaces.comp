@@ -12,7 +12,7 @@ void main() {
     const uint at = thread_index();
     if (!HAS_STREAMING || at >= COUNTERS.ray_count[push.round & 1u]) return;
     const uint path = ConstUints(FRAME.ray_queue[push.round & 1u]).v[at];
-    if ((ConstUints(ray_address(path)).v[RAY_WORD_FLAGS] & RAY_CHANGED) == 0u) return;
+    if ((ray_flags(ray_address(path)) & RAY_CHANGED) == 0u) return;
     store_surface(path, surface_of_hit(path));
     if (HAS_TEXTURES) Uints(STREAMING.resolve_progress).v[path] = 0u;
 }

@@ -10,7 +10,7 @@
 #include "include/roulette.glsl"
 
 void end_ray(uint path, bool is_shadow) {
-    Uints(is_shadow ? shadow_ray_address(path) : ray_address(path)).v[RAY_WORD_FLAGS] = RAY_ENDED;
+    set_ray_flags(is_shadow ? shadow_ray_address(path) : ray_address(path), RAY_ENDED);
     if (is_shadow) {
         atomicAdd(ROULETTE.ended_shadows, 1u);
     } else {
@@ -21,8 +21,7 @@ void end_ray(uint path, bool is_shadow) {
 void weigh_ray(uint path, bool is_shadow, float weight) {
     if (is_shadow) {
         const uint64_t ray = shadow_ray_address(path);
-        const vec4 contribution = ConstVec4s(ray).v[3];
-        Vec4s(ray).v[3] = vec4(contribution.xyz * weight, contribution.w);
+        store_shadow_light(ray, shadow_contribution(ray) * weight, shadow_in_shadow(ray));
     } else {
         PathState state = load_path(path);
         state.throughput *= weight;

@@ -59,7 +59,8 @@ void main() {
     if (is_played(entry)) {
         const float level = pixel_level(path);
         const float squared = level * level + ROULETTE_EPSILON;
-        const float factor = average(is_shadow ? ConstVec4s(shadow_ray_address(path)).v[3].xyz : load_path(path).throughput);
+        const float factor =
+            average(is_shadow ? shadow_contribution(shadow_ray_address(path)) : load_path(path).throughput);
         const float mean = is_shadow ? 1.0 : max(ROULETTE.mean, level);
         part = factor * mean / sqrt(squared);
         own = is_shadow ? 0.0 : factor * factor * max(ROULETTE.second_moment - ROULETTE.mean * ROULETTE.mean, 0.0) / squared;

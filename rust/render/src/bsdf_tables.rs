@@ -10,14 +10,15 @@
 pub mod glass;
 pub mod sheen;
 
+use oocpt_shader_abi::{TABLE_COSINE, TABLE_ROUGHNESS};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// Cosines of the albedo table, equally far apart in their cube root.
-pub const COSINES: usize = 64;
+pub const COSINES: usize = TABLE_COSINE as usize;
 /// Roughnesses from [`SHARPEST`] to 1, equally far apart in their power 0.4: what a surface loses changes with alpha /
 /// cosine.
-pub const ROUGHNESSES: usize = 48;
+pub const ROUGHNESSES: usize = TABLE_ROUGHNESS as usize;
 /// Least roughness: lobes below it are sharp.
 pub const SHARPEST: f64 = 0.01;
 /// Floats in all.

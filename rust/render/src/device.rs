@@ -39,6 +39,18 @@ pub(crate) struct Specialisation {
     pub(crate) fault: u32,
 }
 
+impl Specialisation {
+    /// The same without what `module` does not read: it stays as it is whatever that says.
+    fn of(self, module: &Module) -> Self {
+        Self {
+            max_levels: if module.reads_levels { self.max_levels } else { 1 },
+            stack_size: if module.reads_stack { self.stack_size } else { 1 },
+            features: self.features & module.features,
+            ..self
+        }
+    }
+}
+
 /// Which device to open and how.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct DeviceOptions {
@@ -155,6 +167,7 @@ impl Device {
 
     /// The pipeline of `module` for `special`, compiled at first use.
     pub(crate) fn pipeline(&self, module: &'static Module, special: Specialisation) -> Result<Arc<Pipeline>, GpuError> {
+        let special = special.of(module);
         let key = (module.name, special);
         if let Some(made) = lock(&self.pipelines).get(&key) {
             return Ok(Arc::clone(&made.pipeline));

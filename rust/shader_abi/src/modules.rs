@@ -10,6 +10,12 @@ pub struct Module {
     pub name: &'static str,
     /// SPIR-V.
     pub words: &'static [u32],
+    /// The features that it asks for: all others leave it as it is, so scenes that differ in them share its pipelines.
+    pub features: crate::Features,
+    /// Whether it reads [`crate::SPEC_MAX_LEVELS`].
+    pub reads_levels: bool,
+    /// Whether it reads [`crate::SPEC_STACK_SIZE`].
+    pub reads_stack: bool,
 }
 
 /// The bytes of a file as words; a length that is no multiple of 4, or a file that is no SPIR-V, does not compile.

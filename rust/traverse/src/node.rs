@@ -3,21 +3,11 @@
 //! compiler makes vector operations of. Pure, any thread.
 
 use crate::vector::V3;
-use oocpt_shader_abi::{GpuLevelNode, GpuMeshNode};
+use oocpt_shader_abi::{ABSENT, GpuLevelNode, GpuMeshNode, LEAF};
 
 /// `SLAB_PAD` of traversal/box.glsl.
 const SLAB_PAD: f32 = 1.000_001_2;
 
-/// References: an inner node, or LEAF | (count - 1) << 28 | first, or one of the two below (traversal/stack.glsl).
-pub(crate) const LEAF: u32 = 1 << 31;
-/// Of a chunk instance: from the list of pending ones.
-pub(crate) const LISTED: u32 = 1 << 28;
-/// Back to the parent level.
-pub(crate) const RETURN: u32 = 0xffff_fffe;
-/// The end of the walk.
-pub(crate) const DONE: u32 = 0xffff_ffff;
-/// Reference of a child that is not there.
-const ABSENT: u32 = 0xffff_ffff;
 /// The number of an inner node, or of what a leaf begins with.
 pub(crate) const NUMBER: u32 = 0x0fff_ffff;
 

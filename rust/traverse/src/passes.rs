@@ -4,15 +4,14 @@
 //! A thread takes blocks of a queue, one after the other. What a block has found goes to the queues with one atomic,
 //! as a subgroup's does.
 
-use crate::pending::{RAY_CHANGED, RAY_ENDED, RAY_HIT};
 use crate::scene::Scene;
 use crate::vector::V3;
 use crate::walk::{Found, MOST_LEVELS, Walk, WorldRay};
 use crate::{Special, TraceError};
 use oocpt_gpu::{HostView, HostWords};
 use oocpt_shader_abi::{
-    Counters, Features, MAX_PENDING, Pending, Push, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW,
-    RAY_WORD_T_MAX, Ray, SHADOW_BIT, ShadowRay, hit_stride, unpack_color,
+    Counters, Features, MAX_PENDING, PathProgress, Pending, Push, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW,
+    RAY_WORD_T_MAX, Ray, RayFlags, SHADOW_BIT, ShadowRay, hit_stride, unpack_color, unpack_shadow_bounce,
 };
 use rayon::prelude::*;
 use std::mem::offset_of;
@@ -23,14 +22,6 @@ const BLOCK: u32 = 64;
 const RAY_WORDS: usize = size_of::<Ray>() / 4;
 const SHADOW_WORDS: usize = size_of::<ShadowRay>() / 4;
 const PENDING_WORDS: usize = size_of::<Pending>() / 4;
-/// `include/light_links.glsl`.
-const SHADOW_LINK_SHIFT: u32 = 16;
-
-/// Bits of a path's progress (include/progress.glsl).
-const SHADOW_DONE: u32 = 1;
-const CLOSEST_DONE: u32 = 2;
-const CLOSEST_HIT: u32 = 4;
-const PATH_ENDS: u32 = 8;
 
 macro_rules! counter {
     ($member:ident) => {
@@ -188,7 +179,7 @@ impl<'s, 'v> Shared<'s, 'v> {
     }
 
     fn is_ended(&self, flags: u32) -> bool {
-        self.scene.has(Features::ROULETTE) && flags & RAY_ENDED != 0
+        self.scene.has(Features::ROULETTE) && flags & RayFlags::ENDED.bits() != 0
     }
 
     /// The pending list of a path.
@@ -217,15 +208,16 @@ impl<'s, 'v> Shared<'s, 'v> {
     }
 
     /// Notes that a ray of the path has finished, and pushes the path when the other one had too.
-    fn finish(&self, path: u32, bits: u32, pushes: &mut Pushes) {
+    fn finish(&self, path: u32, bits: PathProgress, pushes: &mut Pushes) {
         let progress = self.scene.view.words(self.scene.streaming.progress);
-        let all = progress.or(path as usize, bits).unwrap_or(0) | bits;
-        if all & (SHADOW_DONE | CLOSEST_DONE) != SHADOW_DONE | CLOSEST_DONE {
+        let before = progress.or(path as usize, bits.bits()).unwrap_or(0);
+        let all = PathProgress::from_bits_retain(before) | bits;
+        if !all.contains(PathProgress::SHADOW_DONE | PathProgress::CLOSEST_DONE) {
             return;
         }
         let list = match all {
-            all if all & PATH_ENDS != 0 => &mut pushes.ended,
-            all if all & CLOSEST_HIT != 0 => &mut pushes.surfaces,
+            all if all.contains(PathProgress::PATH_ENDS) => &mut pushes.ended,
+            all if all.contains(PathProgress::CLOSEST_HIT) => &mut pushes.surfaces,
             _ => &mut pushes.escaped,
         };
         list.push(path);
@@ -239,7 +231,7 @@ impl<'s, 'v> Shared<'s, 'v> {
         if is_ended {
             walk.no_walk();
         } else {
-            if ray.flags & RAY_HIT != 0 {
+            if ray.flags & RayFlags::HIT.bits() != 0 {
                 walk.found = load_hit(hits, path as usize * stride, self.scene.special.levels());
             }
             let bounce = self.rays.load(at + RAY_WORD_BOUNCE as usize);
@@ -254,18 +246,20 @@ impl<'s, 'v> Shared<'s, 'v> {
             return;
         }
         let hit = walk.hit || walk.hit_before;
-        let flags = if hit { RAY_HIT } else { 0 } | if walk.hit { RAY_CHANGED } else { 0 };
-        self.rays.store(at + RAY_WORD_FLAGS as usize, flags | walk.pending.flags());
+        let mut flags = RayFlags::empty();
+        flags.set(RayFlags::HIT, hit);
+        flags.set(RayFlags::CHANGED, walk.hit);
+        self.rays.store(at + RAY_WORD_FLAGS as usize, flags.bits() | walk.pending.flags());
         pushes.visits += walk.visits;
         if walk.pending.keys().is_empty() {
             let end = if is_ended {
-                PATH_ENDS
+                PathProgress::PATH_ENDS
             } else if hit {
-                CLOSEST_HIT
+                PathProgress::CLOSEST_HIT
             } else {
-                0
+                PathProgress::empty()
             };
-            self.finish(path, CLOSEST_DONE | end, pushes);
+            self.finish(path, PathProgress::CLOSEST_DONE | end, pushes);
         } else {
             self.store_pending(path, walk.pending.keys());
             pushes.deferred.push(path);
@@ -281,7 +275,7 @@ impl<'s, 'v> Shared<'s, 'v> {
         } else {
             let linked = self.rays.load(at + RAY_WORD_BOUNCE as usize);
             let (bounce, shadow_link) = match self.scene.has(Features::LIGHT_LINKS) {
-                true => (linked & 0xffff, linked >> SHADOW_LINK_SHIFT),
+                true => unpack_shadow_bounce(linked),
                 false => (linked, 0),
             };
             let seed = self.scene.opacity_seed(path, bounce.wrapping_mul(2).wrapping_add(1));
@@ -298,7 +292,7 @@ impl<'s, 'v> Shared<'s, 'v> {
             self.store_pending(path, walk.pending.keys());
             pushes.deferred.push(path | SHADOW_BIT);
         } else {
-            self.finish(path, SHADOW_DONE, pushes);
+            self.finish(path, PathProgress::SHADOW_DONE, pushes);
         }
     }
 

@@ -2,18 +2,7 @@
 //! Streaming: the absent chunk instances that a ray has come to, the nearest four (traversal/pending.glsl). Pure, any
 //! thread.
 
-/// `Ray::flags` (include/progress.glsl): the pending list counts.
-pub(crate) const RAY_WAITED: u32 = 1;
-/// The hit record counts.
-pub(crate) const RAY_HIT: u32 = 2;
-/// There are more absent chunk instances than the list holds.
-pub(crate) const RAY_MORE: u32 = 4;
-/// The hit was found in this round.
-pub(crate) const RAY_CHANGED: u32 = 8;
-/// Length of the pending list.
-pub(crate) const RAY_COUNT_SHIFT: u32 = 4;
-/// Roulette has ended it.
-pub(crate) const RAY_ENDED: u32 = 256;
+use oocpt_shader_abi::pack_waiting;
 
 const MAX: usize = oocpt_shader_abi::MAX_PENDING as usize;
 
@@ -72,9 +61,6 @@ impl Pending {
 
     /// The flags of a ray that waits for these.
     pub(crate) fn flags(&self) -> u32 {
-        match u32::try_from(self.count).unwrap_or(0) {
-            0 => 0,
-            count => RAY_WAITED | if self.more { RAY_MORE } else { 0 } | count << RAY_COUNT_SHIFT,
-        }
+        pack_waiting(u32::try_from(self.count).unwrap_or(0), self.more)
     }
 }

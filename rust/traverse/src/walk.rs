@@ -8,8 +8,8 @@
 
 mod levels;
 
-use crate::node::{BoxRay, DONE, LEAF, LISTED, NUMBER, RETURN, meet_level, meet_mesh};
-use crate::pending::{Pending, RAY_COUNT_SHIFT, RAY_HIT, RAY_MORE, RAY_WAITED};
+use crate::node::{BoxRay, NUMBER, meet_level, meet_mesh};
+use crate::pending::Pending;
 use crate::pose::Pose;
 use crate::round::hit_round;
 use crate::scene::Scene;
@@ -17,7 +17,8 @@ use crate::triangle::{Shear, hit_triangle};
 use crate::vector::V3;
 use oocpt_gpu::HostBytes;
 use oocpt_shader_abi::{
-    Features, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuTriangle, MAX_PENDING, MeshFlags,
+    DONE, Features, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuTriangle, LEAF, LISTED, MAX_PENDING, MeshFlags,
+    RETURN, RayFlags, waiting_count,
 };
 
 /// Boxes are culled only this far behind the closest hit (traverse.glsl).
@@ -157,7 +158,7 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
     #[inline(always)]
     pub(crate) fn run(&mut self, world: WorldRay, listed: &[(f32, u32); MAX_PENDING as usize]) {
         self.world = world;
-        self.hit_before = self.is_streaming && world.flags & RAY_HIT != 0;
+        self.hit_before = self.is_streaming && world.flags & RayFlags::HIT.bits() != 0;
         if !self.hit_before {
             self.found = Found { t: world.t_max, ..Found::default() };
         }
@@ -172,7 +173,7 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
         let mut reference = 0;
         if self.is_streaming {
             self.pending.clear();
-            if world.flags & RAY_WAITED != 0 {
+            if world.flags & RayFlags::WAITED.bits() != 0 {
                 reference = self.begin_resumed(listed);
             }
         }
@@ -197,11 +198,11 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
 
     /// Puts what a ray that has waited is to visit on the stack; returns where to begin.
     fn begin_resumed(&mut self, listed: &[(f32, u32); MAX_PENDING as usize]) -> u32 {
-        if self.world.flags & RAY_MORE != 0 {
+        if self.world.flags & RayFlags::MORE.bits() != 0 {
             self.resumed = listed.last().copied();
             self.push(0, 0.0);
         }
-        let count = (self.world.flags >> RAY_COUNT_SHIFT) & 7;
+        let count = waiting_count(self.world.flags);
         for &(entry, chunk_instance) in listed.iter().take(count as usize).rev() {
             self.push(LEAF | LISTED | chunk_instance, entry);
         }

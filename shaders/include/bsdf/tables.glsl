@@ -15,8 +15,6 @@
 #include "include/memory.glsl"
 
 const float SHARP_ROUGHNESS = 0.01;
-const uint TABLE_COSINE = 64u;
-const uint TABLE_ROUGHNESS = 48u;
 
 #ifndef BSDF_TABLES
 #define BSDF_TABLES FRAME.bsdf_tables

@@ -69,7 +69,32 @@ pub enum Input {
 }
 
 /// Number of [`Input`].
-pub const INPUTS: usize = 19;
+pub const INPUTS: usize = Input::ALL.len();
+
+impl Input {
+    /// All of them, in order.
+    pub const ALL: [Self; 19] = [
+        Self::DiffuseColor,
+        Self::EmissiveColor,
+        Self::SpecularColor,
+        Self::Metallic,
+        Self::Roughness,
+        Self::Clearcoat,
+        Self::ClearcoatRoughness,
+        Self::Opacity,
+        Self::Ior,
+        Self::Normal,
+        Self::Transmission,
+        Self::TransmissionColor,
+        Self::CoatIor,
+        Self::SheenColor,
+        Self::SheenRoughness,
+        Self::Anisotropy,
+        Self::ThinFilm,
+        Self::Absorption,
+        Self::DiffuseRoughness,
+    ];
+}
 
 /// Name for messages, components that count, value where nothing is said; by [`Input`].
 pub(crate) const SHAPES: [(usize, [f32; 4]); INPUTS] = [

@@ -195,7 +195,7 @@ pub(crate) fn attributes(mesh: &MeshSummary, table: u64, offsets: &[u64]) -> Vec
 #[cfg(test)]
 mod tests {
     use super::*;
-    use oocpt_core::material::{NORMAL_ID, POSITION_ID};
+    use oocpt_core::material::{InputName, NORMAL_ID, POSITION_ID};
     use oocpt_core::materialx::program::{MAX_OPACITY_LOOKUPS, REGISTERS};
 
     #[test]
@@ -233,22 +233,24 @@ mod tests {
         assert_eq!((abi::NO_MATERIAL, abi::NAME_PTEX), (NO_MATERIAL, PTEX_SET_ID));
         assert_eq!((abi::NAME_POSITION, abi::NAME_NORMAL), (POSITION_ID, NORMAL_ID));
         assert_eq!(abi::PROGRAM_REGISTERS as usize, REGISTERS);
-        let bits = MaterialFlags::SPECULAR_WORKFLOW.bits() | MaterialFlags::PRESENCE.bits() << 8;
-        let more = MaterialFlags::EMISSIVE.bits() << 16 | MaterialFlags::COAT.bits() << 24;
-        // As in shaders/include/material.glsl.
-        assert_eq!((bits, more), (1 | 2 << 8, 8 << 16 | 16 << 24));
-        assert_eq!(MaterialFlags::NORMAL_MAP.bits(), 32);
+        let of_core: Vec<_> = MaterialFlags::all().iter_names().map(|(name, flag)| (name, flag.bits())).collect();
+        let all = abi::GpuMaterialFlags::all();
+        let of_shaders: Vec<_> = all.iter_names().map(|(name, flag)| (name, flag.bits())).collect();
+        assert_eq!(of_core, of_shaders);
+        let shouted = |name: InputName| {
+            let mut text = String::new();
+            for letter in format!("{name:?}").chars() {
+                if letter.is_uppercase() && !text.is_empty() {
+                    text.push('_');
+                }
+                text.push(letter.to_ascii_uppercase());
+            }
+            text
+        };
+        assert_eq!(InputName::ALL.map(shouted).to_vec(), abi::MATERIAL_INPUT_NAMES);
+        assert!(InputName::ALL.iter().enumerate().all(|(at, name)| *name as usize == at), "each at its place");
+        assert_eq!((abi::TILE_SIDE, abi::TAIL_SIDE), (oocpt_core::texture::TILE_SIDE, oocpt_core::texture::TAIL_SIDE));
+        assert_eq!(abi::LEAF, oocpt_core::mesh::bvh4::LEAF, "of nodes");
         assert_eq!(abi::CUTOUT_LOOKUPS as usize, MAX_OPACITY_LOOKUPS);
-        let open = [MaterialFlags::OPEN_PBR, MaterialFlags::SHEEN, MaterialFlags::PATTERNS].map(|flag| flag.bits());
-        assert_eq!(open, [512, 1024, 2048]);
-        let inside = [
-            MaterialFlags::ANISOTROPIC,
-            MaterialFlags::THIN_FILM,
-            MaterialFlags::ABSORBING,
-            MaterialFlags::THIN_WALLED,
-            MaterialFlags::HAIR,
-            MaterialFlags::ROUGH_DIFFUSE,
-        ];
-        assert_eq!(inside.map(|flag| flag.bits()), [8192, 16384, 32768, 65536, 131_072, 262_144]);
     }
 }

@@ -25,16 +25,12 @@ constants! {
     LIGHT_DOME = GpuLightKind::Dome as u32;
     LIGHT_DOME_MAP = GpuLightKind::DomeMap as u32;
     LIGHT_KIND_MASK;
-    LIGHT_CAMERA_VISIBLE = LightFlags::CAMERA_VISIBLE.bits();
-    LIGHT_NO_SHADOWS = LightFlags::NO_SHADOWS.bits();
-    LIGHT_SHADOW_COLOR = LightFlags::SHADOW_COLOR.bits();
-    LIGHT_SHADOW_LINK = LightFlags::SHADOW_LINK.bits();
     LIGHT_LEAF;
     LIGHT_TREE_DEPTH;
+    NO_INDEX;
     MAP_HALF;
     MAP_FLOAT;
 
-    FLAG_DOME_CAMERA_VISIBLE = FrameFlags::DOME_CAMERA_VISIBLE.bits();
     PREPARE_TRACE;
     PREPARE_SHADE;
     PREPARE_DEMAND;
@@ -48,10 +44,23 @@ constants! {
     WORTH_SUMS;
     AOV_SURFACES;
     AOV_ESCAPED;
-    PUSH_AOVS = PushFlags::AOVS.bits();
-    PUSH_FRESH = PushFlags::FRESH.bits();
-    PUSH_RETRACE = PushFlags::RETRACE.bits();
     PUSH_SEGMENT_SHIFT;
+    RAY_BYTES;
+    SHADOW_RAY_BYTES;
+    RAY_COUNT_SHIFT;
+    SHADOW_LINK_SHIFT;
+    SHADOW_BIT;
+    MATERIAL_BIT;
+    MAX_PENDING;
+    SEGMENT_WORDS;
+    SEGMENT_WORD_ALIVE;
+    LEAF;
+    LISTED;
+    ASK;
+    RETURN;
+    DONE;
+    ABSENT;
+    FILM_PIXEL_BYTES;
     RAY_WORD_BOUNCE;
     RAY_WORD_T_MAX;
     RAY_WORD_FLAGS;
@@ -74,12 +83,6 @@ constants! {
     RATE_UNIFORM = AttributeRate::Uniform as u32;
     RATE_VERTEX = AttributeRate::Vertex as u32;
     RATE_FACE_VARYING = AttributeRate::FaceVarying as u32;
-    MESH_LEFT_HANDED = MeshFlags::LEFT_HANDED.bits();
-    MESH_HAS_NORMALS = MeshFlags::HAS_NORMALS.bits();
-    MESH_HAS_COLORS = MeshFlags::HAS_COLORS.bits();
-    MESH_HAS_OPACITIES = MeshFlags::HAS_OPACITIES.bits();
-    MESH_ROUND = MeshFlags::ROUND.bits();
-    MESH_KEY_NORMALS = MeshFlags::KEY_NORMALS.bits();
     MESH_KEYS_SHIFT;
 
     SUBSET_MASK;
@@ -106,6 +109,10 @@ constants! {
     CUTOUT_LOOKUPS;
     PROGRAM_REGISTERS;
 
+    TILE_SIDE;
+    TAIL_SIDE;
+    TABLE_COSINE;
+    TABLE_ROUGHNESS;
     TEXTURE_CHANNELS;
     TEXTURE_FORMAT_SHIFT;
     TEXTURE_U8;

@@ -31,7 +31,9 @@ pub struct FilmPixel {
     pub pad1: u32,
 }
 
-const _: () = assert!(size_of::<FilmPixel>() == 80, "measure_error.comp writes behind pixels of this size");
+/// Bytes of a [`FilmPixel`].
+#[allow(clippy::cast_possible_truncation, reason = "small")]
+pub const FILM_PIXEL_BYTES: u32 = size_of::<FilmPixel>() as u32;
 
 /// Workgroups of `measure_error`, at most.
 pub const ERROR_GROUPS: u32 = 1024;

@@ -6,6 +6,7 @@
 mod constants;
 mod features;
 mod film;
+mod flags;
 mod frame;
 mod layout;
 mod light;
@@ -19,7 +20,12 @@ mod texture;
 
 pub use constants::CONSTANTS;
 pub use features::{CarryRule, FEATURES, Feature, Features, SPEC_FEATURES, SPEC_FEATURES_HIGH};
-pub use film::{ERROR_GROUPS, ErrorSums, FilmPixel, aov_bytes};
+pub use film::{ERROR_GROUPS, ErrorSums, FILM_PIXEL_BYTES, FilmPixel, aov_bytes};
+pub use flags::{
+    ABSENT, ASK, DONE, GpuMaterialFlags, LEAF, LISTED, MATERIAL_INPUT_NAMES, PathProgress, RAY_COUNT_SHIFT, RETURN,
+    RayFlags, SHADOW_LINK_SHIFT, TABLE_COSINE, TABLE_ROUGHNESS, TAIL_SIDE, TILE_SIDE, flag_constants, pack_waiting,
+    unpack_shadow_bounce, waiting_count,
+};
 pub use frame::{
     AOV_ESCAPED, AOV_SURFACES, Adaptive, AovClear, AovTargets, Frame, FrameFlags, GpuClipPlane, MAX_DIRECT_GROUPS,
     PREPARE_DEMAND, PREPARE_RESOLVE, PREPARE_SHADE, PREPARE_TRACE, SCAN_BLOCK, SCAN_BLOCKS, SCAN_SUMS, SPEC_MAX_LEVELS,
@@ -40,8 +46,8 @@ pub use material::{
     PROGRAM_REGISTERS, SLOT_PRESENCE,
 };
 pub use path::{
-    Counters, IndirectArgs, PathState, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW, RAY_WORD_T_MAX, Ray,
-    ShadowRay, hit_stride, pack_color, unpack_color,
+    Counters, IndirectArgs, PathState, RAY_BYTES, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW, RAY_WORD_T_MAX,
+    Ray, SHADOW_RAY_BYTES, ShadowRay, hit_stride, pack_color, unpack_color,
 };
 pub use pattern::{PATTERN_GEOMETRY, PATTERN_OPS};
 pub use push::{
@@ -54,8 +60,9 @@ pub use scene::{
     NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_ROW, NO_VALUE, SUBSET_MASK, TARGET_ASSEMBLY, TARGET_MOVING,
 };
 pub use stream::{
-    GpuSurface, LIGHT_PATH_BYTES, MATERIAL_BIT, MAX_PENDING, Pending, Question, Roulette, SHADOW_BIT, Segment,
-    Streaming, TILE_KEYS, UnitDemand, WORTH_MUST, WORTH_ONE, WORTH_SUMS, path_bytes, sort_blocks,
+    GpuSurface, LIGHT_PATH_BYTES, MATERIAL_BIT, MAX_PENDING, Pending, Question, Roulette, SEGMENT_WORD_ALIVE,
+    SEGMENT_WORDS, SHADOW_BIT, Segment, Streaming, TILE_KEYS, UnitDemand, WORTH_MUST, WORTH_ONE, WORTH_SUMS,
+    path_bytes, sort_blocks,
 };
 pub use texture::{
     GpuTexture, PAGE_BROKEN, TEXTURE_CHANNELS, TEXTURE_F16, TEXTURE_F32, TEXTURE_FORMAT_SHIFT, TEXTURE_PTEX,

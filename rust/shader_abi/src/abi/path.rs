@@ -20,7 +20,7 @@ pub struct Ray {
     pub t_max: f32,
     /// Origin, low part: at most half an ulp of `o`, component by component.
     pub o_lo: [f32; 3],
-    /// Of the shaders' own, with streaming: how far the ray has come. 0 for a ray not yet traced.
+    /// With streaming: how far the ray has come ([`super::RayFlags`]). 0 for a ray not yet traced.
     pub flags: u32,
 }
 
@@ -42,7 +42,7 @@ pub struct ShadowRay {
     /// Origin, world, high part.
     pub o: [f32; 3],
     /// Bounce of the ray that met the surface it starts from. With `Features::LIGHT_LINKS` in the low 16 bits; above
-    /// them the category of the prims that are in its way, 0 for all.
+    /// them the category of the prims that are in its way, 0 for all: [`super::unpack_shadow_bounce`].
     pub bounce: u32,
     /// Direction, world, unit up to rounding.
     pub d: [f32; 3],
@@ -73,6 +73,12 @@ pub fn unpack_color(color: u32) -> [f32; 3] {
     [color, color >> 10, color >> 20].map(|bits| (bits & 1023) as f32 / 1023.0)
 }
 
+/// Bytes of a [`Ray`].
+#[allow(clippy::cast_possible_truncation, reason = "small")]
+pub const RAY_BYTES: u32 = size_of::<Ray>() as u32;
+/// Bytes of a [`ShadowRay`].
+#[allow(clippy::cast_possible_truncation, reason = "small")]
+pub const SHADOW_RAY_BYTES: u32 = size_of::<ShadowRay>() as u32;
 /// Words of a [`Ray`], and of the same members of a [`ShadowRay`], by which traversal reads and writes them alone.
 pub const RAY_WORD_BOUNCE: u32 = word(offset_of!(Ray, bounce), offset_of!(ShadowRay, bounce));
 /// See [`RAY_WORD_BOUNCE`].

@@ -6,6 +6,7 @@
 
 use super::{PathState, Ray, SCAN_BLOCK, ShadowRay, hit_stride};
 use bytemuck::{Pod, Zeroable};
+use core::mem::offset_of;
 
 /// Absent chunk instances that a ray remembers; of more it only knows that there are some.
 pub const MAX_PENDING: u32 = 4;
@@ -28,7 +29,7 @@ pub struct Streaming {
     /// [`Segment`] array: places `s * segment_size ..` belong to segment `s`. Written by `generate_*`, read by the
     /// host.
     pub segments: u64,
-    /// u32 per slot.
+    /// u32 per slot: [`super::PathProgress`].
     pub progress: u64,
     /// [`Pending`] per slot, of the closest ray. 16-byte aligned.
     pub pending: u64,
@@ -157,6 +158,13 @@ pub struct Segment {
     /// Paths that are not finished. 0 = the segment can be accumulated and used again.
     pub alive: u32,
 }
+
+/// Words of a [`Segment`].
+#[allow(clippy::cast_possible_truncation, reason = "small")]
+pub const SEGMENT_WORDS: u32 = (size_of::<Segment>() / 4) as u32;
+/// Word of [`Segment::alive`].
+#[allow(clippy::cast_possible_truncation, reason = "small")]
+pub const SEGMENT_WORD_ALIVE: u32 = (offset_of!(Segment, alive) / 4) as u32;
 
 /// The chunk instances a ray waits for, 32 B, ordered by (entry, instance). How many count is in the ray's flags.
 #[repr(C)]

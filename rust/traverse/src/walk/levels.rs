@@ -2,12 +2,12 @@
 //! The part of a walk that changes frames: into chunks, assemblies and meshes, and back.
 
 use super::{Level, MESH_PAD, TOP_PAD, Walk, WorldRay};
-use crate::node::{BoxRay, LISTED, NUMBER, RETURN};
+use crate::node::{BoxRay, NUMBER};
 use crate::pending::before;
 use crate::triangle::Shear;
 use crate::vector::{V3, apply_point, apply_vector, difference, safe_reciprocal};
 use oocpt_gpu::HostBytes;
-use oocpt_shader_abi::{Features, GpuInstance, TARGET_ASSEMBLY};
+use oocpt_shader_abi::{Features, GpuInstance, LISTED, RETURN, TARGET_ASSEMBLY};
 
 impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
     /// From the top level into a chunk; false where it is absent or done, or where there is no room.

@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Flags and words that passes share among themselves and with native traversal, and those of materials: what a ray
+//! waits for, how far a path is, references to nodes.
+//!
+//! Guarantees: numbers only. Any thread.
+
+use super::{FrameFlags, LightFlags, MeshFlags, PushFlags};
+use bitflags::{Flags, bitflags};
+
+bitflags! {
+    /// Of `Ray::flags` and `ShadowRay::flags`, with streaming; [`pack_waiting`] adds the length of the pending list. 0
+    /// for a ray not yet traced.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+    pub struct RayFlags: u32 {
+        /// The pending list counts.
+        const WAITED = 1;
+        /// The hit record counts.
+        const HIT = 2;
+        /// There are more absent chunk instances than the list holds.
+        const MORE = 4;
+        /// The hit was found in this round.
+        const CHANGED = 8;
+        /// The question counts; cutouts.
+        const ASKED = 128;
+        /// Roulette has ended the ray: it goes on only to say so.
+        const ENDED = 256;
+    }
+}
+
+/// Where `Ray::flags` has the length of the pending list, three bits.
+pub const RAY_COUNT_SHIFT: u32 = 4;
+
+/// `Ray::flags` of a ray that waits for `count` units of its pending list (at most 7) or, with `more`, for others too;
+/// 0 for a ray that waits for none. `pack_waiting` of the shaders.
+#[must_use]
+pub fn pack_waiting(count: u32, more: bool) -> u32 {
+    match count {
+        0 => 0,
+        count => {
+            let more = if more { RayFlags::MORE } else { RayFlags::empty() };
+            (RayFlags::WAITED | more).bits() | (count & 7) << RAY_COUNT_SHIFT
+        }
+    }
+}
+
+/// Length of the pending list in `Ray::flags`. `waiting_count` of the shaders.
+#[must_use]
+pub const fn waiting_count(flags: u32) -> u32 {
+    (flags >> RAY_COUNT_SHIFT) & 7
+}
+
+bitflags! {
+    /// How far the rays of a path are (`Streaming::progress`).
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+    pub struct PathProgress: u32 {
+        /// The shadow ray has finished, or there is none.
+        const SHADOW_DONE = 1;
+        /// The closest ray has finished, or there is none.
+        const CLOSEST_DONE = 2;
+        /// It met something.
+        const CLOSEST_HIT = 4;
+        /// No closest ray: the path ends with its shadow ray.
+        const PATH_ENDS = 8;
+    }
+}
+
+/// Where `ShadowRay::bounce` has the category of the prims that are in its way, with `Features::LIGHT_LINKS`.
+pub const SHADOW_LINK_SHIFT: u32 = 16;
+
+/// Bounce and category of `ShadowRay::bounce`, with `Features::LIGHT_LINKS`. `shadow_bounce` and `shadow_link` of the
+/// shaders.
+#[must_use]
+pub const fn unpack_shadow_bounce(word: u32) -> (u32, u32) {
+    (word & ((1 << SHADOW_LINK_SHIFT) - 1), word >> SHADOW_LINK_SHIFT)
+}
+
+/// References of a walk: an inner node, or [`LEAF`] | (count - 1) << 28 | first, or [`ASK`], [`RETURN`], [`DONE`].
+pub const LEAF: u32 = 1 << 31;
+/// Of a chunk instance, which is never in a leaf with others: from the list of pending ones.
+pub const LISTED: u32 = 1 << 28;
+/// A candidate waits for its cutout to be looked up; never on the stack.
+pub const ASK: u32 = 0xffff_fffd;
+/// Back to the parent level.
+pub const RETURN: u32 = 0xffff_fffe;
+/// The end of the walk.
+pub const DONE: u32 = 0xffff_ffff;
+/// Reference of a child that is not there.
+pub const ABSENT: u32 = 0xffff_ffff;
+
+bitflags! {
+    /// `GpuMaterial::flags`: `oocpt_core::material::MaterialFlags`, which says more; a test of `oocpt-render` compares
+    /// them.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+    pub struct GpuMaterialFlags: u32 {
+        /// Specular workflow.
+        const SPECULAR_WORKFLOW = 1;
+        /// Opacity is whether the surface is there.
+        const PRESENCE = 1 << 1;
+        /// What opacity leaves is transmitted.
+        const TRANSMISSIVE = 1 << 2;
+        /// Emits light.
+        const EMISSIVE = 1 << 3;
+        /// Has a clearcoat.
+        const COAT = 1 << 4;
+        /// Has a normal other than (0, 0, 1).
+        const NORMAL_MAP = 1 << 5;
+        /// Reads a texture.
+        const TEXTURED = 1 << 6;
+        /// Is rough glass somewhere.
+        const ROUGH_TRANSMISSION = 1 << 7;
+        /// Reads a Ptex texture.
+        const PTEX = 1 << 8;
+        /// Glass and coat have inputs of their own.
+        const OPEN_PBR = 1 << 9;
+        /// Has fuzz.
+        const SHEEN = 1 << 10;
+        /// Some input is worked out by a program.
+        const PATTERNS = 1 << 11;
+        /// Opacity is.
+        const CUTOUT_PROGRAM = 1 << 12;
+        /// Some lobe is anisotropic.
+        const ANISOTROPIC = 1 << 13;
+        /// Has a thin film.
+        const THIN_FILM = 1 << 14;
+        /// Absorbs light on its way inside.
+        const ABSORBING = 1 << 15;
+        /// Has no inside.
+        const THIN_WALLED = 1 << 16;
+        /// Is a fibre.
+        const HAIR = 1 << 17;
+        /// Has a rough diffuse lobe.
+        const ROUGH_DIFFUSE = 1 << 18;
+    }
+}
+
+/// Names of the inputs of a material, by their places in `GpuMaterial::inputs`: those of
+/// `oocpt_core::material::InputName`, which says what they are; a test of `oocpt-render` compares them.
+pub const MATERIAL_INPUT_NAMES: [&str; super::MATERIAL_INPUTS] = [
+    "DIFFUSE_COLOR",
+    "EMISSIVE_COLOR",
+    "SPECULAR_COLOR",
+    "METALLIC",
+    "ROUGHNESS",
+    "CLEARCOAT",
+    "CLEARCOAT_ROUGHNESS",
+    "OPACITY",
+    "IOR",
+    "NORMAL",
+    "TRANSMISSION",
+    "TRANSMISSION_COLOR",
+    "COAT_IOR",
+    "SHEEN_COLOR",
+    "SHEEN_ROUGHNESS",
+    "ANISOTROPY",
+    "THIN_FILM",
+    "ABSORPTION",
+    "DIFFUSE_ROUGHNESS",
+];
+
+/// Side of a tile of a texture; `oocpt_core::texture::TILE_SIDE`.
+pub const TILE_SIDE: u32 = 128;
+/// Largest side of a level that shares a tile with those below; `oocpt_core::texture::TAIL_SIDE`.
+pub const TAIL_SIDE: u32 = 64;
+/// Rows of the energy tables: cosines.
+pub const TABLE_COSINE: u32 = 64;
+/// Rows of the energy tables: roughnesses.
+pub const TABLE_ROUGHNESS: u32 = 48;
+
+/// Name and value of every flag that the build writes for the shaders: `PREFIX_NAME`.
+#[must_use]
+pub fn flag_constants() -> Vec<(String, u32)> {
+    fn named<F: Flags<Bits = u32>>(prefix: &str) -> impl Iterator<Item = (String, u32)> {
+        F::FLAGS.iter().map(move |flag| (format!("{prefix}{}", flag.name()), flag.value().bits()))
+    }
+    let inputs = (0..).zip(MATERIAL_INPUT_NAMES).map(|(at, name)| (format!("INPUT_{name}"), at));
+    named::<FrameFlags>("FLAG_")
+        .chain(named::<PushFlags>("PUSH_"))
+        .chain(named::<LightFlags>("LIGHT_"))
+        .chain(named::<MeshFlags>("MESH_"))
+        .chain(named::<RayFlags>("RAY_"))
+        .chain(named::<PathProgress>(""))
+        .chain(named::<GpuMaterialFlags>("MATERIAL_"))
+        .chain(inputs)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_ray_waits_for_comes_back() {
+        for (count, more) in (0..8).flat_map(|count| [(count, false), (count, true)]) {
+            let flags = pack_waiting(count, more);
+            assert_eq!(waiting_count(flags), count);
+            assert_eq!(flags & RayFlags::WAITED.bits() != 0, count != 0);
+            assert_eq!(flags & RayFlags::MORE.bits() != 0, more && count != 0, "more than none is none");
+            let others = RayFlags::HIT | RayFlags::CHANGED | RayFlags::ASKED | RayFlags::ENDED;
+            assert_eq!(flags & others.bits(), 0, "{count} reach into other flags");
+        }
+    }
+
+    #[test]
+    fn a_shadow_ray_has_bounce_and_category() {
+        assert_eq!(unpack_shadow_bounce(0xffff), (0xffff, 0));
+        assert_eq!(unpack_shadow_bounce(3 | 0xabcd << 16), (3, 0xabcd));
+    }
+
+    #[test]
+    fn no_two_constants_share_a_name() {
+        let mut names: Vec<String> = flag_constants().into_iter().map(|(name, _)| name).collect();
+        names.extend(crate::CONSTANTS.iter().map(|(name, _)| (*name).to_owned()));
+        names.sort();
+        let twice: Vec<_> = names.windows(2).filter(|pair| pair[0] == pair[1]).map(|pair| &pair[0]).collect();
+        assert!(twice.is_empty(), "{twice:?}");
+    }
+}
