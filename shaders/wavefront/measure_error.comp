@@ -98,8 +98,9 @@ shared ErrorSums parts[WORKGROUP_SIZE];
 
 ErrorSums joined(ErrorSums a, ErrorSums b) {
     const bool first = a.worst >= b.worst;
-    return ErrorSums(a.s + b.s, a.d + b.d, a.ss + b.ss, a.sd + b.sd, a.dd + b.dd, a.doubt + b.doubt, max(a.worst, b.worst),
-                     first ? a.worst_pixel : b.worst_pixel, a.pixels + b.pixels, min(a.fewest, b.fewest), max(a.most, b.most), 0u);
+    return ErrorSums(a.s + b.s, a.d + b.d, a.ss + b.ss, a.sd + b.sd, a.dd + b.dd, a.doubt + b.doubt,
+                     max(a.worst, b.worst), first ? a.worst_pixel : b.worst_pixel, a.pixels + b.pixels,
+                     min(a.fewest, b.fewest), max(a.most, b.most), 0u);
 }
 
 void main() {
@@ -118,10 +119,10 @@ void main() {
     }
     parts[gl_LocalInvocationIndex] = mine;
     barrier();
-    for (uint step = WORKGROUP_SIZE / 2u; step > 0u; step /= 2u) {
-        if (gl_LocalInvocationIndex < step) {
-            parts[gl_LocalInvocationIndex] = joined(parts[gl_LocalInvocationIndex], parts[gl_LocalInvocationIndex + step]);
-        }
+    // A software driver makes a coroutine of barriers, and takes seconds for those of an unrolled loop.
+    [[dont_unroll]] for (uint step = WORKGROUP_SIZE / 2u; step > 0u; step /= 2u) {
+        const uint at = gl_LocalInvocationIndex;
+        if (at < step) parts[at] = joined(parts[at], parts[at + step]);
         barrier();
     }
     if (gl_LocalInvocationIndex == 0u) {

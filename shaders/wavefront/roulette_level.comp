@@ -58,7 +58,7 @@ void main() {
     sums[gl_LocalInvocationIndex] = sum;
     pixels[gl_LocalInvocationIndex] = count;
     barrier();
-    for (uint step = WORKGROUP_SIZE / 2u; step > 0u; step /= 2u) {
+    [[dont_unroll]] for (uint step = WORKGROUP_SIZE / 2u; step > 0u; step /= 2u) {
         if (gl_LocalInvocationIndex < step) {
             sums[gl_LocalInvocationIndex] += sums[gl_LocalInvocationIndex + step];
             pixels[gl_LocalInvocationIndex] += pixels[gl_LocalInvocationIndex + step];

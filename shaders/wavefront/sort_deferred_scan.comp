@@ -19,7 +19,7 @@ uint before(uint value, out uint total) {
     const uint thread = gl_LocalInvocationIndex;
     sums[thread] = value;
     barrier();
-    for (uint step = 1u; step < WORKGROUP_SIZE; step *= 2u) {
+    [[dont_unroll]] for (uint step = 1u; step < WORKGROUP_SIZE; step *= 2u) {
         const uint left = thread >= step ? sums[thread - step] : 0u;
         barrier();
         sums[thread] += left;

@@ -185,7 +185,8 @@ impl Device {
         // 32 bytes.
         let push_bytes = u32::try_from(size_of::<Push>()).unwrap_or(u32::MAX);
         let started = Instant::now();
-        let pipeline = Arc::new(Pipeline::new(&self.gpu, module.name, module.words, &constants, push_bytes)?);
+        let words = module.specialised(&constants);
+        let pipeline = Arc::new(Pipeline::new(&self.gpu, module.name, &words, &constants, push_bytes)?);
         tracing::debug!(pass = module.name, secs = started.elapsed().as_secs_f64(), "compiled");
         let made = Compiled { pipeline, secs: started.elapsed().as_secs_f64(), is_translated: false };
         Ok(Arc::clone(&lock(&self.pipelines).entry(key).or_insert(made).pipeline))

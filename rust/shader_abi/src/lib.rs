@@ -35,6 +35,7 @@
 #![forbid(unsafe_code)]
 
 mod abi;
+mod fold;
 mod modules;
 mod table;
 

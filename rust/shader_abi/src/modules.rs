@@ -3,6 +3,8 @@
 //!
 //! Guarantees: every `shaders/**/NAME.comp` is here, compiled for Vulkan 1.2 and accepted by spirv-val. Any thread.
 
+use std::borrow::Cow;
+
 /// A compiled pass; its entry point is `main`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Module {
@@ -16,6 +18,15 @@ pub struct Module {
     pub reads_levels: bool,
     /// Whether it reads [`crate::SPEC_STACK_SIZE`].
     pub reads_stack: bool,
+}
+
+impl Module {
+    /// The words for a driver that is given the specialisation constants `(id, value)`, without what these make
+    /// unreachable.
+    #[must_use]
+    pub fn specialised(&self, spec: &[(u32, u32)]) -> Cow<'static, [u32]> {
+        crate::fold::fold(self.words, spec).map_or(Cow::Borrowed(self.words), Cow::Owned)
+    }
 }
 
 /// The bytes of a file as words; a length that is no multiple of 4, or a file that is no SPIR-V, does not compile.

@@ -165,7 +165,8 @@ impl Bench {
         let frame = upload("frame", bytemuck::bytes_of(&Frame::zeroed()));
         let spec = (Features::MATERIALS | Features::TEXTURES | more).constants();
         let module = &checks::CHECK_TEXTURE;
-        let pipeline = Pipeline::new(&gpu, module.name, module.words, &spec, 32).expect("the pass compiles");
+        let pipeline =
+            Pipeline::new(&gpu, module.name, &module.specialised(&spec), &spec, 32).expect("the pass compiles");
         Self { gpu, pipeline, set, tiles, addresses, records, pages, frame, _kept: kept }
     }
 

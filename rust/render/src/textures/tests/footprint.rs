@@ -31,7 +31,7 @@ fn ask(queries: &[Query]) -> Vec<([u32; 2], f32)> {
     let gpu = open();
     let spec = (Features::MATERIALS | Features::TEXTURES).constants();
     let module = &checks::CHECK_FOOTPRINT;
-    let pipeline = Pipeline::new(&gpu, module.name, module.words, &spec, 32).expect("the pass compiles");
+    let pipeline = Pipeline::new(&gpu, module.name, &module.specialised(&spec), &spec, 32).expect("the pass compiles");
     let asked: Vec<[f32; 20]> = queries
         .iter()
         .map(|q| {

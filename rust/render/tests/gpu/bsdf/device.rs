@@ -64,7 +64,8 @@ impl Device {
         let gpu = Gpu::open(&OpenOptions { selector, validation: true, ..OpenOptions::default() }).expect("a device");
         let module = &checks::CHECK_BSDF;
         let pipeline =
-            Pipeline::new(&gpu, module.name, module.words, &features.constants(), 64).expect("the pass compiles");
+            Pipeline::new(&gpu, module.name, &module.specialised(&features.constants()), &features.constants(), 64)
+                .expect("the pass compiles");
         let tables = upload(&gpu, &[bsdf_tables::bytes(), bsdf_tables::glass::bytes()].concat());
         let sheen = features.contains(Features::SHEEN).then(|| upload(&gpu, bsdf_tables::sheen::bytes()));
         Self { gpu, pipeline, tables, sheen }

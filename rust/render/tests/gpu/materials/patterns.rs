@@ -54,7 +54,8 @@ fn run(cases: &[Case]) -> Vec<[f32; 4]> {
     let gpu = Gpu::open(&OpenOptions { selector, validation: true, ..OpenOptions::default() }).expect("a device");
     let module = &checks::CHECK_PATTERN;
     let constants = Features::empty().constants();
-    let pipeline = Pipeline::new(&gpu, module.name, module.words, &constants, 24).expect("the pass compiles");
+    let pipeline =
+        Pipeline::new(&gpu, module.name, &module.specialised(&constants), &constants, 24).expect("the pass compiles");
     let words: Vec<u32> = cases.iter().flat_map(Case::words).collect();
     let bytes: &[u8] = bytemuck::cast_slice(&words);
     let input = Buffer::new(&gpu, "cases", bytes.len() as u64, Usage::Upload).expect("small");

@@ -119,7 +119,8 @@ impl Waiting {
         let features = Features::STREAMING | Features::ROULETTE;
         let [low, high] = features.constants();
         let spec = [(0, 2), (1, 64), low, high];
-        let pipeline = Pipeline::new(gpu, module.name, module.words, &spec, 32).expect("the pass compiles");
+        let pipeline =
+            Pipeline::new(gpu, module.name, &module.specialised(&spec), &spec, 32).expect("the pass compiles");
         let mut commands = gpu.commands("roulette").expect("a list");
         commands.fill(&worth, 0, worth.size(), 0);
         commands.fill(&sums, 0, sums.size(), 0);

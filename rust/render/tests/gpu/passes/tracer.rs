@@ -228,7 +228,7 @@ impl<'a> Tracer<'a> {
         let [low, high] = self.features.constants();
         let spec = [(0, LEVELS), (1, STACK), low, high, (abi::SPEC_FAULT, self.fault)];
         let pipeline = self.pipelines.entry(module.name).or_insert_with(|| {
-            Pipeline::new(&self.gpu, module.name, module.words, &spec, 32).expect("the pass compiles")
+            Pipeline::new(&self.gpu, module.name, &module.specialised(&spec), &spec, 32).expect("the pass compiles")
         });
         let push = bytemuck::bytes_of(&push);
         match launch {

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What is known of the values of 32-bit integers and booleans.
+
+use super::{Instruction, op};
+use std::collections::HashMap;
+
+/// Known values by id; booleans are 0 and 1.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Values {
+    known: HashMap<u32, u32>,
+}
+
+impl Values {
+    /// Those of the global section, with specialisation constants `(id, value)`.
+    pub(crate) fn of_globals(global: &[Instruction<'_>], spec: &[(u32, u32)]) -> Self {
+        const SPEC_ID: u32 = 1;
+        const WORD_BITS: u32 = 32;
+        let decorated = |i: &&Instruction<'_>| i.op == op::DECORATE && i.word(2) == SPEC_ID;
+        let spec_ids: HashMap<u32, u32> = global.iter().filter(decorated).map(|i| (i.word(1), i.word(3))).collect();
+        let given = |id| spec_ids.get(&id).and_then(|spec_id| spec.iter().find(|(given, _)| given == spec_id));
+        let integers: Vec<u32> =
+            global.iter().filter(|i| i.op == op::TYPE_INT && i.word(2) == WORD_BITS).map(|i| i.word(1)).collect();
+        let mut values = Self::default();
+        for instruction in global {
+            let id = instruction.word(2);
+            let value = match instruction.op {
+                op::CONSTANT_TRUE => Some(1),
+                op::CONSTANT_FALSE => Some(0),
+                op::CONSTANT if integers.contains(&instruction.word(1)) => Some(instruction.word(3)),
+                op::SPEC_CONSTANT if integers.contains(&instruction.word(1)) => given(id).map(|(_, value)| *value),
+                op::SPEC_CONSTANT_OP => {
+                    values.result(instruction.word(3), &instruction.words[4.min(instruction.words.len())..])
+                }
+                _ => None,
+            };
+            values.note(id, value);
+        }
+        values
+    }
+
+    pub(crate) fn get(&self, id: u32) -> Option<u32> {
+        self.known.get(&id).copied()
+    }
+
+    pub(crate) fn note(&mut self, id: u32, value: Option<u32>) {
+        if let Some(value) = value {
+            self.known.insert(id, value);
+        }
+    }
+
+    /// What an operation gives, where that is known: those that conditions are made of.
+    pub(crate) fn result(&self, operation: u32, operands: &[u32]) -> Option<u32> {
+        let operand = |at: usize| self.get(*operands.get(at)?);
+        let both = |f: fn(u32, u32) -> u32| Some(f(operand(0)?, operand(1)?));
+        match operation {
+            // LogicalEqual, LogicalNotEqual, LogicalOr, LogicalAnd, LogicalNot.
+            164 => both(|a, b| u32::from(a == b)),
+            165 => both(|a, b| u32::from(a != b)),
+            166 => match (operand(0), operand(1)) {
+                (Some(1), _) | (_, Some(1)) => Some(1),
+                (Some(0), Some(0)) => Some(0),
+                _ => None,
+            },
+            167 => match (operand(0), operand(1)) {
+                (Some(0), _) | (_, Some(0)) => Some(0),
+                (Some(1), Some(1)) => Some(1),
+                _ => None,
+            },
+            168 => Some(1 - operand(0)?.min(1)),
+            // Select.
+            169 => operand(if operand(0)? == 1 { 1 } else { 2 }),
+            // IEqual, INotEqual, UGreaterThan, UGreaterThanEqual, ULessThan, ULessThanEqual.
+            170 => both(|a, b| u32::from(a == b)),
+            171 => both(|a, b| u32::from(a != b)),
+            172 => both(|a, b| u32::from(a > b)),
+            174 => both(|a, b| u32::from(a >= b)),
+            176 => both(|a, b| u32::from(a < b)),
+            178 => both(|a, b| u32::from(a <= b)),
+            // IAdd, ISub, IMul; BitwiseOr, BitwiseXor, BitwiseAnd.
+            128 => both(u32::wrapping_add),
+            130 => both(u32::wrapping_sub),
+            132 => both(u32::wrapping_mul),
+            197 => both(|a, b| a | b),
+            198 => both(|a, b| a ^ b),
+            199 => both(|a, b| a & b),
+            _ => None,
+        }
+    }
+}
