@@ -169,6 +169,8 @@ features! {
     CAMERA_MOTION: "motion of the camera", [], Never;
     /// The camera has clipping planes: `Frame::clip_planes` counts.
     CLIPPING: "clipping planes", [], Never;
+    /// The image `motion` is wanted, and something may move: `AovTargets::motion` counts.
+    MOTION_VECTORS: "motion over the image", [], Never;
     /// Pixels have two streams of samples, and not all as many of them: `Frame::adaptive` counts.
     ADAPTIVE: "adaptive sampling: lists of samples, the second stream of the film", [], Never;
 }
