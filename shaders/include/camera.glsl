@@ -26,13 +26,6 @@ struct MovedCamera {
     vec3 d;
 };
 
-vec3 moved_vector(Motion m, vec3 v) {
-    const vec3 stretched =
-        vec3(dot3(vec3(m.stretch.x, m.shear.xy), v), dot3(vec3(m.shear.x, m.stretch.y, m.shear.z), v),
-             dot3(vec3(m.shear.yz, m.stretch.z), v));
-    return combine_rows(m.turn[0], m.turn[1], m.turn[2], stretched);
-}
-
 // The frame of a camera that moves, and where its origin is.
 Motion camera_frame(uint key_count, float time, out Double3 place) {
     const uint64_t keys = FRAME.camera_motion + 96ul;

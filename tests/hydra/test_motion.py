@@ -255,16 +255,43 @@ def test_motion_that_cannot_be_used_is_one_warning_with_its_prim(host):
     agree(met, edges(lambda part: -0.2, lambda part: 0.2), "as at the frame's own time")
 
 
+def test_lights_that_move_leave_a_streak(host):
+    """A lamp that the camera sees, and no word about it."""
+    content = """
+    def RectLight "Lamp"
+    {
+        float inputs:width = 0.4
+        float inputs:height = 0.4
+        double3 xformOp:translate.timeSamples = { 4: (-1, 0.5, 0), 6: (1, 0.5, 0) }
+        float xformOp:rotateY = 180
+        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateY"]
+    }"""
+    met, log = coverage(host, stage(content=content))
+    agree(met, streak((0, 0.5), (0.5, 0), 0.2), "a lamp")
+    assert "OocPT" not in log, log
+    met, log = coverage(host, stage(shutter="", content=content))
+    agree(met, streak((0, 0.5), (0, 0), 0.2), "a lamp without a shutter")
+    assert "OocPT" not in log, log
+
+
 def test_what_is_not_blurred_yet_is_said_with_its_prim(host):
     content = """
-    def SphereLight "Lamp"
+    def PointInstancer "Row"
     {
-        double3 xformOp:translate.timeSamples = { 4: (-1, 0.5, 5), 6: (1, 0.5, 5) }
-        uniform token[] xformOpOrder = ["xformOp:translate"]
+        int[] protoIndices = [0]
+        point3f[] positions = [(0, 0, 0)]
+        vector3f[] velocities = [(24, 0, 0)]
+        rel prototypes = </World/Row/Proto>
+        def Xform "Proto"
+        {
+            def SphereLight "Lamp"
+            {
+            }
+        }
     }"""
     _, log = coverage(host, stage(content=content))
     said = [line for line in log.splitlines() if "shutter is open" in line]
-    assert len(said) == 1 and "/World/Lamp" in said[0], log
+    assert len(said) == 1 and "Lamp" in said[0], log
     _, log = coverage(host, stage(shutter="", content=content))
     assert "shutter" not in log, log
 

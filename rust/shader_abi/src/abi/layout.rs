@@ -6,7 +6,7 @@
 use super::{
     Adaptive, AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAssembly, GpuAttribute, GpuCameraKey,
     GpuCameraMotion, GpuCdf, GpuChunk, GpuChunkInstance, GpuClipPlane, GpuDistantLight, GpuInfiniteLight, GpuInput,
-    GpuInstance, GpuLevelNode, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
+    GpuInstance, GpuLevelNode, GpuLightKey, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
     GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuMeshNode, GpuMotionKey,
     GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, Lighting, PathState, Pending, Push,
     Question, Ray, Roulette, Segment, ShadowRay, Streaming, TextureFeedback, UnitDemand,
@@ -263,8 +263,12 @@ pub const LAYOUTS: &[StructLayout] = &[
         light_face_weights,
         light_placed_values,
         textured_mesh_lights,
-        pad
+        pad,
+        light_keys,
+        local_motion,
+        infinite_motion
     }),
+    layout!(GpuLightKey { key, translation_lo, radiance }),
     layout!(GpuMeshLight {
         position,
         light_mesh,

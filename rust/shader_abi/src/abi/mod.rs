@@ -29,9 +29,9 @@ pub use frame::{
 pub use frame::{FAULT_ALL, FAULT_ONE_IN, SPEC_FAULT};
 pub use layout::{LAYOUTS, MemberLayout, StructLayout};
 pub use light::{
-    GpuCdf, GpuInfiniteLight, GpuLightKind, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
-    GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMeshLight, LIGHT_KIND_MASK, LIGHT_LEAF, LIGHT_TREE_DEPTH,
-    LightFlags, Lighting, MAP_FLOAT, MAP_HALF, NO_INDEX,
+    GpuCdf, GpuInfiniteLight, GpuLightKey, GpuLightKind, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode,
+    GpuLightShaping, GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMeshLight, LIGHT_KIND_MASK, LIGHT_LEAF,
+    LIGHT_TREE_DEPTH, LightFlags, Lighting, MAP_FLOAT, MAP_HALF, NO_INDEX,
 };
 pub use material::{
     CUTOUT_LOOKUPS, GpuAttribute, GpuInput, GpuMaterial, GpuPrim, GpuSurfaceMaterial, INPUT_CHANNEL_SHIFT,
