@@ -117,8 +117,7 @@ fn what_shows_no_motion_has_none_and_prototypes_say_so() {
     for own in [true, false] {
         let (motion, said) = moved(|db| {
             let mut desc = lamp(ball(), if own { &turn } else { &[] });
-            desc.prim.instanced_by =
-                vec![InstancedBy { instancer: "/row".into(), prototype_root: "/lamp".into() }];
+            desc.prim.instanced_by = vec![InstancedBy { instancer: "/row".into(), prototype_root: "/lamp".into() }];
             db.upsert_light(desc);
             let mut row = scatter("/row", &[[0.0; 3]], &[("/lamp", &[0])]);
             row.motion.seconds = [0.0, 1.0];

@@ -42,7 +42,7 @@ pub(crate) const ROWS: &[Row] = &[
             lit(db, own);
         },
         features: &["LIGHT_TABLE", "DISTANT", "MOVING_LIGHTS"],
-        buffers: &[OF_LIGHTS, &["lights at infinity", "light keys", "motion of lights at infinity"]],
+        buffers: &[&["lighting", "lights at infinity", "light keys", "motion of lights at infinity"]],
         ..BARE
     },
     Row {
