@@ -55,7 +55,8 @@ vec3 motion_over_image(uint path) {
         follow_chain(hit.chunk_instance, mesh, prim_id, instance_id);
         if ((Meshes(FRAME.meshes).v[mesh].flags & MESH_ROUND) != 0u) {
             const Pose pose = pose_of(mesh, surface_time);
-            const vec3 met = met_by(load_ray(ray_address(path)), hit.t, hit.chunk_instance, chunk_map(hit.chunk_instance));
+            const Ray ray = load_ray(ray_address(path));
+            const vec3 met = met_by(ray, hit.t, hit.chunk_instance, chunk_map(hit.chunk_instance));
             const vec3 v0 = posed_corner(pose, hit.triangle * 3u).xyz;
             out_of_ball = met - mix(v0, posed_corner(pose, hit.triangle * 3u + 1u).xyz, hit.uv.x);
         }

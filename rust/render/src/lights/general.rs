@@ -9,7 +9,7 @@ use crate::light_files::LightFiles;
 use oocpt_core::scene::{AssetRef, DomeTexture, Emitter, IesProfile, Light, LocalLight, Snapshot};
 use oocpt_shader_abi::{
     Features, GpuInfiniteLight, GpuLightKey, GpuLightKind, GpuLightNode, GpuLightShaping, GpuLocalLight, LightFlags,
-    Lighting, NO_INDEX, pack_color,
+    Lighting, NO_INDEX,
 };
 use rustc_hash::FxHashMap;
 use std::f64::consts::{PI, TAU};
@@ -93,7 +93,7 @@ impl GeneralLights {
                     table.infinite.push(GpuInfiniteLight {
                         direction: still.unwrap_or(*direction),
                         one_minus_cos: *one_minus_cos,
-                        ..infinite(light, GpuLightKind::Distant)
+                        ..local::infinite(light, GpuLightKind::Distant)
                     });
                 }
                 Emitter::Dome { texture } => {
@@ -266,7 +266,7 @@ impl GeneralLights {
         camera_visible: bool,
         reading: &mut Reading<'_>,
     ) -> f64 {
-        let mut gpu = infinite(light, GpuLightKind::Dome);
+        let mut gpu = local::infinite(light, GpuLightKind::Dome);
         let mut mean = 1.0;
         if let Some(texture) = texture {
             if texture.is_other_format {
@@ -278,7 +278,7 @@ impl GeneralLights {
             match reading.cache.picture(&texture.asset, true, reading.files) {
                 Ok(picture) => {
                     mean = picture.mean;
-                    gpu = infinite(light, GpuLightKind::DomeMap);
+                    gpu = local::infinite(light, GpuLightKind::DomeMap);
                     let turned = light.motion.as_ref().map(|motion| motion.rows());
                     gpu.map = self.map(picture, turned.unwrap_or(texture.dome_from_world));
                 }
@@ -388,22 +388,5 @@ impl GeneralLights {
             textured_mesh_lights: u32::from(self.has_textured_meshes()),
             ..Lighting::default()
         }
-    }
-}
-
-fn infinite(light: &Light, kind: GpuLightKind) -> GpuInfiniteLight {
-    GpuInfiniteLight {
-        direction: [0.0, 0.0, 1.0],
-        one_minus_cos: 0.0,
-        radiance: light.radiance,
-        probability: 0.0,
-        cumulative: 0.0,
-        diffuse: light.diffuse,
-        specular: light.specular,
-        flags: local::flags(light, kind),
-        map: NO_INDEX,
-        light_link: light.light_link,
-        shadow_link: light.shadow_link,
-        shadow_color: if light.has_shadows { pack_color(light.shadow_color) } else { 0 },
     }
 }

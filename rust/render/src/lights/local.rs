@@ -5,7 +5,9 @@ use super::tree::LightBounds;
 use super::{luminance, narrow};
 use crate::assets::motion_key;
 use oocpt_core::scene::{Light, LightMotion, LightShaping, LocalLight, LocalShape};
-use oocpt_shader_abi::{GpuLightKey, GpuLightKind, GpuLightShaping, GpuLocalLight, LightFlags, NO_INDEX, pack_color};
+use oocpt_shader_abi::{
+    GpuInfiniteLight, GpuLightKey, GpuLightKind, GpuLightShaping, GpuLocalLight, LightFlags, NO_INDEX, pack_color,
+};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Kind and flags of a light.
@@ -16,6 +18,24 @@ pub(super) fn flags(light: &Light, kind: GpuLightKind) -> u32 {
     flags.set(LightFlags::SHADOW_COLOR, light.has_shadows && pack_color(light.shadow_color) != 0);
     flags.set(LightFlags::SHADOW_LINK, light.has_shadows && light.shadow_link != 0);
     kind as u32 | flags.bits()
+}
+
+/// A light at infinity without its direction, picture and probability.
+pub(super) fn infinite(light: &Light, kind: GpuLightKind) -> GpuInfiniteLight {
+    GpuInfiniteLight {
+        direction: [0.0, 0.0, 1.0],
+        one_minus_cos: 0.0,
+        radiance: light.radiance,
+        probability: 0.0,
+        cumulative: 0.0,
+        diffuse: light.diffuse,
+        specular: light.specular,
+        flags: flags(light, kind),
+        map: NO_INDEX,
+        light_link: light.light_link,
+        shadow_link: light.shadow_link,
+        shadow_color: if light.has_shadows { pack_color(light.shadow_color) } else { 0 },
+    }
 }
 
 fn kind(shape: LocalShape) -> GpuLightKind {

@@ -76,13 +76,13 @@ fn round_lamps_that_pass_by() {
 
 #[test]
 fn suns_that_set() {
-    // From 20 degrees beside the zenith to 70: a full angle of 0 and of 10 degrees.
+    // From 20 degrees beside the zenith to 70: full angles, the largest of a sun that just touches the horizon.
     let place = |time: f64| {
         let angle = (20.0 + 50.0 * time).to_radians();
         DMat4::from_rotation_z(0.7) * DMat4::from_rotation_x(-FRAC_PI_2 + angle)
     };
     let up = |time: f64| place(time).transform_vector3(DVec3::Z).y;
-    for angle in [0.0, 10.0] {
+    for angle in [0.0, 10.0, 39.0] {
         let desc = || moving(sun(2.0, angle, DMat4::IDENTITY), &[0.0, 0.5, 1.0], &place);
         expect("a sun", SAMPLES, 2.0 * mean(up), 0.005, &|db| db.upsert_light(desc()));
     }
