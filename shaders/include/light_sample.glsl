@@ -184,8 +184,8 @@ GpuInfiniteLight load_infinite_light(uint index) {
     return InfiniteLights(LIGHTING.infinite_lights).v[index];
 }
 
-// Radiance of a light at infinity from direction w of its frame, without its single directions; `pdf` of sampling it, without
-// choosing.
+// Radiance of a light at infinity from direction w of its frame, without its single directions; `pdf` of sampling it,
+// without choosing.
 vec3 infinite_radiance(GpuInfiniteLight light, vec3 w, out float pdf) {
     pdf = 0.0;
     const uint kind = light_kind(light.flags);

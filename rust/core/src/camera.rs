@@ -63,8 +63,8 @@ pub struct CameraRays {
     pub clip_z: [f32; 4],
     /// Clip w of a point, likewise.
     pub clip_w: [f32; 4],
-    /// Pixel x of a point, from the lower left corner of the data window: dot of this with (v, 1), v in view space, over
-    /// that of `clip_w`.
+    /// Pixel x of a point, from the lower left corner of the data window: dot of this with (v, 1), v in view space,
+    /// over that of `clip_w`.
     pub pixel_x: [f32; 4],
     /// Pixel y, likewise.
     pub pixel_y: [f32; 4],

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Lights that move: bounds that hold them at every time, motion that cannot be used, and what does not count as motion.
+//! Lights that move: bounds that hold them at every time, motion that cannot be used, and what is no motion.
 
 use std::sync::Arc;
 

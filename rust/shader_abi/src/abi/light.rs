@@ -5,7 +5,6 @@
 //! Guarantees: plain data with the offsets of `shaders/include/abi.glsl`. Any thread. Scenes whose lights are constant
 //! domes and distant lights, and that have no materials, use [`crate::GpuDistantLight`] instead.
 
-use super::GpuMotionKey;
 use bitflags::bitflags;
 use bytemuck::{Pod, Zeroable};
 
@@ -123,20 +122,6 @@ pub struct Lighting {
     pub local_motion: u64,
     /// The same for each light at infinity.
     pub infinite_motion: u64,
-}
-
-/// A key of a light that moves, 80 B: world from the unit shape, or the rotation of a light at infinity. Its
-/// directions ([`GpuInfiniteLight::direction`], [`GpuLightShaping`], [`GpuLightMap`]) are then relative to the
-/// rotation.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
-pub struct GpuLightKey {
-    /// Between two: as that of a placement.
-    pub key: GpuMotionKey,
-    /// What the key's translation lacks of the place in f64.
-    pub translation_lo: [f32; 3],
-    /// Radiance relative to the light's.
-    pub radiance: f32,
 }
 
 /// A placement of a mesh that emits light, 96 B. World points are `position + x p.x + y p.y + z p.z` for points p of

@@ -29,9 +29,9 @@ pub use frame::{
 pub use frame::{FAULT_ALL, FAULT_ONE_IN, SPEC_FAULT};
 pub use layout::{LAYOUTS, MemberLayout, StructLayout};
 pub use light::{
-    GpuCdf, GpuInfiniteLight, GpuLightKey, GpuLightKind, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode,
-    GpuLightShaping, GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMeshLight, LIGHT_KIND_MASK, LIGHT_LEAF,
-    LIGHT_TREE_DEPTH, LightFlags, Lighting, MAP_FLOAT, MAP_HALF, NO_INDEX,
+    GpuCdf, GpuInfiniteLight, GpuLightKind, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
+    GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMeshLight, LIGHT_KIND_MASK, LIGHT_LEAF, LIGHT_TREE_DEPTH,
+    LightFlags, Lighting, MAP_FLOAT, MAP_HALF, NO_INDEX,
 };
 pub use material::{
     CUTOUT_LOOKUPS, GpuAttribute, GpuInput, GpuMaterial, GpuPrim, GpuSurfaceMaterial, INPUT_CHANNEL_SHIFT,
@@ -50,8 +50,8 @@ pub use push::{
 };
 pub use scene::{
     AttributeRate, GpuAssembly, GpuCameraKey, GpuCameraMotion, GpuChunk, GpuChunkInstance, GpuDistantLight,
-    GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuMotionKey, GpuTriangle, MESH_KEYS_SHIFT, MeshFlags,
-    NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_ROW, NO_VALUE, SUBSET_MASK, TARGET_ASSEMBLY, TARGET_MOVING,
+    GpuInstance, GpuLevelNode, GpuLightKey, GpuMesh, GpuMeshNode, GpuMotionKey, GpuTriangle, MESH_KEYS_SHIFT,
+    MeshFlags, NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_ROW, NO_VALUE, SUBSET_MASK, TARGET_ASSEMBLY, TARGET_MOVING,
 };
 pub use stream::{
     GpuSurface, LIGHT_PATH_BYTES, MATERIAL_BIT, MAX_PENDING, Pending, Question, Roulette, SHADOW_BIT, Segment,
