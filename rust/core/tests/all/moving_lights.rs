@@ -9,7 +9,10 @@ use oocpt_core::{DomeFormat, LightDesc, LightKind, SceneDb, TransformSample, Typ
 
 use crate::support::{prim, scatter};
 
-fn lamp(kind: LightKind, maps: &[(f64, DMat4)]) -> LightDesc {
+/// Transforms at times.
+type Maps<'a> = &'a [(f64, DMat4)];
+
+fn lamp(kind: LightKind, maps: Maps<'_>) -> LightDesc {
     let mut desc = LightDesc { prim: prim("/lamp"), kind, ..LightDesc::default() };
     desc.prim.motion =
         maps.iter().map(|(time, transform)| TransformSample { time: *time, transform: *transform }).collect();
@@ -25,7 +28,9 @@ fn moved(build: impl FnOnce(&mut SceneDb)) -> (Option<Arc<LightMotion>>, Vec<Str
     let mut db = SceneDb::new();
     build(&mut db);
     let commit = db.commit();
-    let [light] = &commit.snapshot.lights[..] else { panic!("{:?}", commit.snapshot.lights) };
+    let lights = &commit.snapshot.lights;
+    assert_eq!(lights.len(), 1, "{lights:?}");
+    let light = lights.first().expect("one");
     (light.motion.clone(), commit.warnings.iter().map(|w| format!("{}: {}", w.path, w.message)).collect())
 }
 
@@ -80,7 +85,7 @@ fn motion_that_cannot_be_used_is_one_message_and_the_light_stays() {
     let flat = DMat4::from_scale(DVec3::new(1.0, 0.0, 1.0));
     let mirror = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
     let aside = DMat4::from_translation(DVec3::X);
-    let cases: [(&str, &[(f64, DMat4)], &str); 5] = [
+    let cases: [(&str, Maps<'_>, &str); 5] = [
         ("NaN", &[(0.0, identity), (1.0, DMat4::NAN)], "singular or not finite"),
         ("flat", &[(0.0, identity), (1.0, flat)], "singular or not finite"),
         ("backwards", &[(1.0, identity), (0.0, aside)], "order of time"),

@@ -127,6 +127,12 @@ fn driven(velocity: [f32; 3], seconds: [f64; 2]) -> MeshDesc {
 /// A shape, what is left of the light, and how far that may be off.
 type Case = (&'static str, fn() -> MeshDesc, f64, f64);
 
+/// A shape that makes no sense.
+type Bad = (&'static str, fn() -> MeshDesc);
+
+/// Transforms at times.
+type Maps = Vec<(f64, DMat4)>;
+
 /// The card is one of 16 square units.
 const CARD: f64 = 1.0 - 1.0 / 16.0;
 
@@ -168,7 +174,16 @@ pub(crate) fn run(lab: &mut Lab<'_>) {
             lab.mean(case, "light that is left", left, &shot, bound, None);
         });
     }
-    let bad: [(&str, fn() -> MeshDesc); 5] = [
+    hostile(lab);
+    scales(lab);
+    cages(lab);
+    planes(lab);
+    lamps(lab);
+}
+
+/// Poses that cannot be used leave the card where it is, widths of 0 leave nothing, with a warning each.
+fn hostile(lab: &mut Lab<'_>) {
+    let bad: [Bad; 5] = [
         ("shapes/deforming, NaN sample", || posed(card(), &[(0.0, &|p| p), (1.0, &|_| DVec3::NAN)])),
         ("shapes/deforming, samples at 1e30", || posed(card(), &[(0.0, &|p| p), (1.0, &|p| p * 1e30)])),
         ("shapes/deforming, shutter of zero", || driven([9.0, 0.0, 0.0], [0.0, 0.0])),
@@ -183,7 +198,7 @@ pub(crate) fn run(lab: &mut Lab<'_>) {
             warnings(lab, case, &shot.warnings, "/card");
         });
     }
-    let nothing: [(&str, fn() -> MeshDesc); 2] = [
+    let nothing: [Bad; 2] = [
         ("shapes/curve of width 0", || curve(CurveBasis::Linear, &straight(9, 1.0), 0.0)),
         ("shapes/point of width 0", || shape(Shape::Points, &[DVec3::ZERO], 0.0)),
     ];
@@ -195,10 +210,6 @@ pub(crate) fn run(lab: &mut Lab<'_>) {
             warnings(lab, case, &shot.warnings, "/shape");
         });
     }
-    scales(lab);
-    cages(lab);
-    planes(lab);
-    lamps(lab);
 }
 
 fn sky(db: &mut SceneDb, mesh: MeshDesc) {
@@ -306,7 +317,7 @@ fn lamps(lab: &mut Lab<'_>) {
     let own = DMat4::from_translation(DVec3::Z * 3.0);
     let aside = |x: f64| DMat4::from_translation(DVec3::X * x) * own;
     let mirror = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
-    let cases: [(&str, Vec<(f64, DMat4)>, f64, f64); 5] = [
+    let cases: [(&str, Maps, f64, f64); 5] = [
         ("shapes/lamp, NaN sample", vec![(0.0, own), (1.0, aside(f64::NAN))], 1.0, 1.0),
         ("shapes/lamp, samples in the wrong order", vec![(1.0, aside(9.0)), (0.0, own)], 1.0, 1.0),
         ("shapes/lamp, turned inside out", vec![(0.0, own), (1.0, own * mirror)], 1.0, 1.0),
