@@ -228,6 +228,12 @@ void HdOocPTSession::Render(const HdOocPTRenderRequest& request)
                 std::copy_n(plane.GetArray(), 4, std::back_inserter(desc.clip_planes));
             }
         }
+        const auto isMotion = [](const HdOocPTAovRequest& aov) { return aov.name == HdOocPTSceneTokens->motion; };
+        if (_impl->reader && !_impl->reader->IsShutterOpen()
+            && std::any_of(request.aovs.begin(), request.aovs.end(), isMotion)) {
+            _impl->warnings.Add(request.cameraPath,
+                "its shutter is not open, or motion blur is turned off: the AOV motion is 0 everywhere");
+        }
         {
             const std::lock_guard<std::mutex> lock(_impl->mutex);
             _impl->request = request;

@@ -118,9 +118,9 @@ public:
 
     /// Copies the newest resolved image of an AOV into destination: tightly packed, bottom row first, in the AOV's own
     /// format (color f32x4; depth, cameraDepth, sampleCount f32; primId, instanceId, elementId i32; normal, Neye,
-    /// albedo f32x3). An image whose version is `known` is not copied again: destination must hold it. Returns the
-    /// version of what destination holds then; 0, destination untouched, if there is none yet, the name is unknown or
-    /// the size differs.
+    /// albedo, motion f32x3). An image whose version is `known` is not copied again: destination must hold it. Returns
+    /// the version of what destination holds then; 0, destination untouched, if there is none yet, the name is unknown
+    /// or the size differs.
     uint64_t ReadAov(const TfToken& name, uint64_t known, void* destination, size_t byteCount) const;
 
     /// GetRenderStats() of the delegate, with the keys that hosts read.

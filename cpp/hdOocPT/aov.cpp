@@ -167,6 +167,7 @@ std::vector<HdOocPTAov> _MakeAovs()
         { TfToken("normal"), HdFormatFloat32Vec3, zero3 },
         { TfToken("Neye"), HdFormatFloat32Vec3, zero3 },
         { TfToken("albedo"), HdFormatFloat32Vec3, zero3 },
+        { TfToken("motion"), HdFormatFloat32Vec3, zero3 },
         { TfToken("sampleCount"), HdFormatFloat32, VtValue(0.0f) },
     };
 }

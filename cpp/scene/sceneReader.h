@@ -53,6 +53,9 @@ public:
     /// Forgets all motion, or takes it up again.
     void SetMotionBlur(bool isOn, HdOocPTWarnings* warnings);
 
+    /// Whether something can move: the shutter is open, and motion blur is not turned off.
+    bool IsShutterOpen() const { return _shutter.IsOpen(); }
+
     /// Whether the active render settings turn motion blur off, as of the last Read().
     bool IsMotionDisabled() const { return _isMotionDisabled; }
 

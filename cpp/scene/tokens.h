@@ -55,7 +55,7 @@ PXR_NAMESPACE_OPEN_SCOPE
     ((shutterOpenAttribute, "shutter:open"))((shutterCloseAttribute, "shutter:close"))(clippingPlanes)                \
     /* motion */                                                                                                      \
     (velocities)(accelerations)(angularVelocities)(timeCodesPerSecond)(primaryCameraPrim)(disableMotionBlur)          \
-    (instantaneousShutter)(renderProducts)                                                                            \
+    (instantaneousShutter)(motion)(renderProducts)                                                                    \
     /* render settings */                                                                                             \
     (namespacedSettings)(active)(sceneGlobals)(activeRenderSettingsPrim)                                              \
     /* purposes and render tags */                                                                                    \

@@ -26,24 +26,25 @@ struct MovedCamera {
     vec3 d;
 };
 
-vec3 moved_vector(Motion m, vec3 v) {
-    const vec3 stretched =
-        vec3(dot3(vec3(m.stretch.x, m.shear.xy), v), dot3(vec3(m.shear.x, m.stretch.y, m.shear.z), v),
-             dot3(vec3(m.shear.yz, m.stretch.z), v));
-    return combine_rows(m.turn[0], m.turn[1], m.turn[2], stretched);
-}
-
-// `lens`: a point of the unit disk; 0 without HAS_LENS.
-MovedCamera camera_at(vec2 p, vec2 lens, float time) {
-    const GpuCameraMotion motion = CameraMotionBlock(FRAME.camera_motion).m;
+// The frame of a camera that moves, and where its origin is.
+Motion camera_frame(uint key_count, float time, out Double3 place) {
     const uint64_t keys = FRAME.camera_motion + 96ul;
     uint at = 0u;
-    while (at + 2u < motion.key_count && CameraKeys(keys).v[at + 1u].key.time <= time) ++at;
+    while (at + 2u < key_count && CameraKeys(keys).v[at + 1u].key.time <= time) ++at;
     const GpuCameraKey a = CameraKeys(keys).v[at];
     const GpuCameraKey b = CameraKeys(keys).v[at + 1u];
     const Motion m = between(a.key, b.key, time);
     const Double3 from = Double3(a.key.translation, a.translation_lo);
     const vec3 way = difference(Double3(b.key.translation, b.translation_lo), from);
+    place = add(from, m.part * way);
+    return m;
+}
+
+// `lens`: a point of the unit disk; 0 without HAS_LENS.
+MovedCamera camera_at(vec2 p, vec2 lens, float time) {
+    const GpuCameraMotion motion = CameraMotionBlock(FRAME.camera_motion).m;
+    Double3 place;
+    const Motion m = camera_frame(motion.key_count, time, place);
     vec3 o = motion.o + p.x * motion.o_x + p.y * motion.o_y;
     vec3 d = motion.d + p.x * motion.d_x + p.y * motion.d_y;
     if (HAS_LENS) {
@@ -51,7 +52,7 @@ MovedCamera camera_at(vec2 p, vec2 lens, float time) {
         o += aside;
         d -= aside / FRAME.focus;
     }
-    return MovedCamera(add(from, m.part * way), moved_vector(m, o), moved_vector(m, d));
+    return MovedCamera(place, moved_vector(m, o), moved_vector(m, d));
 }
 
 // Nothing of the scene is farther from the camera (rust/core/src/scene/validate.rs).

@@ -73,7 +73,7 @@ float ies_candela(uint at, float theta, float phi) {
     return mix(a, b, dh);
 }
 
-// The share of its light that a shaped light sends along w (unit, world, away from the light).
+// The share of its light that a shaped light sends along w (unit, of the frame it is given in, away from the light).
 vec3 shaped(uint index, vec3 w) {
     const GpuLightShaping s = Shapings(LIGHTING.shapings).v[index];
     const float cosine = clamp(dot3(w, s.axis), -1.0, 1.0);
@@ -99,7 +99,7 @@ vec3 shaped(uint index, vec3 w) {
 vec3 local_emission(GpuLocalLight light, vec3 q, vec3 w) {
     vec3 radiance = light.radiance;
     if (HAS_LIGHT_TEXTURE && light.map != NO_INDEX) radiance *= map_color(light.map, 0.5 - 0.5 * q.xy, false);
-    if (HAS_SHAPING && light.shaping != NO_INDEX) radiance *= shaped(light.shaping, w);
+    if (HAS_SHAPING && light.shaping != NO_INDEX) radiance *= shaped(light.shaping, into_light_frame(w));
     return radiance;
 }
 

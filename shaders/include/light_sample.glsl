@@ -15,6 +15,7 @@
 #include "include/light_links.glsl"
 #include "include/lights.glsl"
 
+#include "include/light_motion.glsl"
 #include "include/light_shape.glsl"
 #include "include/light_emission.glsl"
 #include "include/light_map.glsl"
@@ -183,8 +184,8 @@ GpuInfiniteLight load_infinite_light(uint index) {
     return InfiniteLights(LIGHTING.infinite_lights).v[index];
 }
 
-// Radiance of a light at infinity from direction w, without its single directions; `pdf` of sampling it, without
-// choosing.
+// Radiance of a light at infinity from direction w of its frame, without its single directions; `pdf` of sampling it,
+// without choosing.
 vec3 infinite_radiance(GpuInfiniteLight light, vec3 w, out float pdf) {
     pdf = 0.0;
     const uint kind = light_kind(light.flags);
@@ -210,7 +211,8 @@ vec3 lights_at_infinity(vec3 d, PreviousVertex from) {
         if (!is_linked(light.light_link, from.link_set)) continue;
         if (from.pdf > 0.0 && is_shadow_only(light.flags)) continue;
         float pdf;
-        vec3 radiance = infinite_radiance(light, d, pdf);
+        turn_infinite_light(i);
+        vec3 radiance = infinite_radiance(light, into_light_frame(d), pdf);
         const float chosen = (1.0 - LIGHTING.local_share) * light.probability / linked;
         // A constant dome is sampled by the BSDF, delta lobes included.
         if (kind == LIGHT_DOME) {
@@ -230,7 +232,8 @@ vec3 domes_behind(vec3 d) {
         const GpuInfiniteLight light = load_infinite_light(i);
         if (light_kind(light.flags) == LIGHT_DISTANT || (light.flags & LIGHT_CAMERA_VISIBLE) == 0u) continue;
         float pdf;
-        sum += infinite_radiance(light, d, pdf);
+        turn_infinite_light(i);
+        sum += infinite_radiance(light, into_light_frame(d), pdf);
     }
     return sum;
 }

@@ -103,7 +103,8 @@ uint choose_infinite(float u, uint link_set, float linked) {
 
 LightSample sample_infinite_light(Bsdf bsdf, vec3 wo, uint link_set, float linked, vec4 u, bool last) {
     LightSample ls = no_light_sample();
-    const GpuInfiniteLight light = load_infinite_light(choose_infinite(u.x, link_set, linked));
+    const uint index = choose_infinite(u.x, link_set, linked);
+    const GpuInfiniteLight light = load_infinite_light(index);
     const uint kind = light_kind(light.flags);
     const float chosen = (1.0 - LIGHTING.local_share) * light.probability / linked;
     ls.flags = light.flags;
@@ -144,6 +145,8 @@ LightSample sample_infinite_light(Bsdf bsdf, vec3 wo, uint link_set, float linke
         ls.direction = sample_cone(light.direction, light.one_minus_cos, u.yz);
         ls.density *= cone_density(light.one_minus_cos);
     }
+    turn_infinite_light(index);
+    ls.direction = out_of_light_frame(ls.direction);
     ls.weighs = !(alone || is_direction);
     return ls;
 }
@@ -224,6 +227,7 @@ LightSample sample_one_light(uint path, uint bounce, Bsdf bsdf, vec3 wo, Double3
     // Another scramble of the same set: mesh lights take more numbers than one has.
     vec4 u_mesh = vec4(0.0);
     if (HAS_MESH_LIGHTS) u_mesh = sample_4d(index, 2u + 2u * bounce, hash_u32(seed + 1u));
+    set_light_time(path);
     ask_path = path;
     ask_width = width;
     ask_missing = TEXTURE_DONE;

@@ -12,7 +12,9 @@
 #define OOCPT_LIGHT_SHAPE_GLSL
 
 GpuLocalLight load_local_light(uint index) {
-    return LocalLights(LIGHTING.local_lights).v[index];
+    GpuLocalLight light = LocalLights(LIGHTING.local_lights).v[index];
+    if (HAS_MOVING_LIGHTS) move_local_light(index, light);
+    return light;
 }
 
 uint light_kind(uint flags) {

@@ -41,6 +41,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Lig
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer LocalLights { GpuLocalLight v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer InfiniteLights { GpuInfiniteLight v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer LightNodes { GpuLightNode v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer LightKeys { GpuLightKey v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer MeshLights { GpuMeshLight v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer LightMeshes { GpuLightMesh v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer LightLeaves { GpuLightLeaf v[]; };

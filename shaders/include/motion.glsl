@@ -64,6 +64,13 @@ Motion between(GpuMotionKey a, GpuMotionKey b, float time) {
     return m;
 }
 
+vec3 moved_vector(Motion m, vec3 v) {
+    const vec3 stretched =
+        vec3(dot3(vec3(m.stretch.x, m.shear.xy), v), dot3(vec3(m.shear.x, m.stretch.y, m.shear.z), v),
+             dot3(vec3(m.shear.yz, m.stretch.z), v));
+    return combine_rows(m.turn[0], m.turn[1], m.turn[2], stretched);
+}
+
 // The inverse of translation * rotation * stretch: rows from the parent's frame to the object's.
 Affine inverse_map(Motion m, vec3 translation) {
     const float size = largest_of(m.stretch);

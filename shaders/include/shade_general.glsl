@@ -21,6 +21,7 @@ void add_met_lights(uint path, Ray ray, Surface surface, PathState state) {
     PreviousVertex from = PreviousVertex(Receiver(vec3(0.0), vec3(0.0)), 0u, vec3(0.0), 0.0);
     if (!camera) from = load_previous_vertex(path, ray.o, state.pdf);
     bool met;
+    set_light_time(path);
     const vec3 lights = lights_along(origin, ray.d, t_end, camera, from, met);
     if (met) add_radiance(path, clamp_contribution(state.throughput * lights, ray.bounce > 1u));
 }

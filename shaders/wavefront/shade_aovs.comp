@@ -9,6 +9,7 @@
 #include "include/progress.glsl"
 #include "include/path_surface.glsl"
 #include "include/material.glsl"
+#include "include/motion_vector.glsl"
 
 // row . (p, 1). Of the world's rows, p from Frame::ray_o on: far from the world's origin nothing cancels.
 float row_at(vec4 row, vec3 p) {
@@ -30,6 +31,8 @@ AovClear aovs_of(uint path, Surface surface) {
     a.neye = normalize(vec3(dot(FRAME.view_normal[0], a.normal), dot(FRAME.view_normal[1], a.normal),
                             dot(FRAME.view_normal[2], a.normal)));
     a.albedo = shading.diffuse_color;
+    a.motion = vec3(0.0);
+    if (HAS_MOTION_VECTORS && !HAS_STREAMING) a.motion = motion_over_image(path);
     return a;
 }
 
@@ -53,5 +56,8 @@ void main() {
     if (hit) a = aovs_of(path, load_surface(path));
     const uvec2 position = pixel_position(path_pixel(path));
     store(position.y * FRAME.width + position.x, a);
+    // record_surfaces knows it of hits.
+    const bool is_there = HAS_STREAMING && HAS_MOTION_VECTORS && hit;
+    if (FRAME.aov.motion != 0ul && !is_there) store_motion(path, a.motion);
     if (HAS_STREAMING) end_path(path, true);
 }

@@ -40,6 +40,7 @@ vec3 gathered(vec3 d, float pdf) {
 void shade_general(uint path) {
     const Ray ray = load_ray(ray_address(path));
     const Double3 origin = Double3(ray.o, ray.o_lo);
+    set_light_time(path);
     bool met = false;
     if (ray.bounce == 0u) {
         PreviousVertex nowhere = PreviousVertex(Receiver(vec3(0.0), vec3(0.0)), 0u, vec3(0.0), 0.0);

@@ -44,7 +44,7 @@ MODES = {"legacy": False, "scene_index": True}
 SIZE = (16, 16)
 QUICK = {"oocpt:samplesPerPixel": 1, "oocpt:maxBounces": 1}
 ENDLESS = {"oocpt:samplesPerPixel": 1 << 20, "oocpt:maxBounces": 1}
-AOVS = ["color", "depth", "cameraDepth", "primId", "instanceId", "elementId", "normal", "Neye", "albedo"]
+AOVS = ["color", "depth", "cameraDepth", "primId", "instanceId", "elementId", "normal", "Neye", "albedo", "motion"]
 SCENES = [
     "nested", "primvars", "native", "implicit", "bad_data", "hidden_instances", "polygons", "smooth", "mirrored",
     "visibility", "transforms", "far_away",

@@ -137,6 +137,33 @@ def test_a_camera_that_moves_blurs_what_is_at_rest(host):
     assert "OocPT" not in log, log
 
 
+def vectors(host, text):
+    """The image `motion` at frame 5, where something is seen, and what the host said."""
+    aovs = ["color", "motion", "primId"]
+    with host.open(text, SIZE, aovs=aovs, settings={"oocpt:samplesPerPixel": 1, "oocpt:maxBounces": 0}) as view:
+        view.edit(AT_FIVE)
+        picture = view.render()
+    met = picture["primId"] >= 0
+    assert 100 < met.sum() < 1000, met.sum()
+    compare.near(picture["motion"][~met], 0.0, 0.0, "nothing is seen")
+    return picture["motion"][met], [line for line in picture.log.splitlines() if "OocPT" in line]
+
+
+def test_motion_vectors_are_pixels_from_the_shutters_opening_to_its_closing(host):
+    """A quarter of the picture to the right; a camera that does the same; nothing, and a word, without a shutter."""
+    motion, log = vectors(host, stage())
+    compare.near(motion, np.broadcast_to([16.0, 0.0, 0.0], motion.shape), 1e-3, "a card")
+    assert not log, log
+    still = 'def Mesh "Card"\n{' + CARD + "}"
+    camera = "double3 xformOp:translate.timeSamples = { 4: (-1, -1, 11), 6: (1, 1, 9) }"
+    motion, log = vectors(host, stage(camera=camera, content=still))
+    compare.near(motion, np.broadcast_to([-16.0, -16.0, -0.5], motion.shape), 1e-3, "a camera")
+    assert not log, log
+    motion, log = vectors(host, stage(shutter=""))
+    compare.near(motion, 0.0, 0.0, "no shutter")
+    assert len(log) == 1 and "/World/Camera: its shutter is not open" in log[0], log
+
+
 def test_a_shutter_that_is_shut_blurs_nothing_and_opens_in_a_live_view(host):
     with host.open(stage(shutter=""), SIZE, settings=SETTINGS) as view:
         view.edit(AT_FIVE)
@@ -228,16 +255,43 @@ def test_motion_that_cannot_be_used_is_one_warning_with_its_prim(host):
     agree(met, edges(lambda part: -0.2, lambda part: 0.2), "as at the frame's own time")
 
 
+def test_lights_that_move_leave_a_streak(host):
+    """A lamp that the camera sees, and no word about it."""
+    content = """
+    def RectLight "Lamp"
+    {
+        float inputs:width = 0.4
+        float inputs:height = 0.4
+        double3 xformOp:translate.timeSamples = { 4: (-1, 0.5, 0), 6: (1, 0.5, 0) }
+        float xformOp:rotateY = 180
+        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateY"]
+    }"""
+    met, log = coverage(host, stage(content=content))
+    agree(met, streak((0, 0.5), (0.5, 0), 0.2), "a lamp")
+    assert "OocPT" not in log, log
+    met, log = coverage(host, stage(shutter="", content=content))
+    agree(met, streak((0, 0.5), (0, 0), 0.2), "a lamp without a shutter")
+    assert "OocPT" not in log, log
+
+
 def test_what_is_not_blurred_yet_is_said_with_its_prim(host):
     content = """
-    def SphereLight "Lamp"
+    def PointInstancer "Row"
     {
-        double3 xformOp:translate.timeSamples = { 4: (-1, 0.5, 5), 6: (1, 0.5, 5) }
-        uniform token[] xformOpOrder = ["xformOp:translate"]
+        int[] protoIndices = [0]
+        point3f[] positions = [(0, 0, 0)]
+        vector3f[] velocities = [(24, 0, 0)]
+        rel prototypes = </World/Row/Proto>
+        def Xform "Proto"
+        {
+            def SphereLight "Lamp"
+            {
+            }
+        }
     }"""
     _, log = coverage(host, stage(content=content))
     said = [line for line in log.splitlines() if "shutter is open" in line]
-    assert len(said) == 1 and "/World/Lamp" in said[0], log
+    assert len(said) == 1 and "Lamp" in said[0], log
     _, log = coverage(host, stage(shutter="", content=content))
     assert "shutter" not in log, log
 

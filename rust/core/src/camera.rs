@@ -63,6 +63,11 @@ pub struct CameraRays {
     pub clip_z: [f32; 4],
     /// Clip w of a point, likewise.
     pub clip_w: [f32; 4],
+    /// Pixel x of a point, from the lower left corner of the data window: dot of this with (v, 1), v in view space,
+    /// over that of `clip_w`.
+    pub pixel_x: [f32; 4],
+    /// Pixel y, likewise.
+    pub pixel_y: [f32; 4],
     /// Rows of the affine view-from-world matrix for points relative to `o + o_lo`: `Peye`, and camera depth = -z.
     pub view_from_world: [[f32; 4]; 3],
     /// Rows of the matrix that takes world normals to view space (inverse transpose of `view_from_world`).
@@ -145,6 +150,8 @@ impl Camera {
             focus,
             clip_z: self.projection.row(2).as_vec4().to_array(),
             clip_w: self.projection.row(3).as_vec4().to_array(),
+            pixel_x: ((self.projection.row(0) - at.x * self.projection.row(3)) / scale.x).as_vec4().to_array(),
+            pixel_y: ((self.projection.row(1) - at.y * self.projection.row(3)) / scale.y).as_vec4().to_array(),
             view_from_world: affine_rows(&view_from_world),
             view_normal: matrix_rows(&world.matrix3.transpose()),
         };
@@ -198,7 +205,7 @@ impl CameraRays {
     fn is_finite(&self) -> bool {
         let origin = [self.o, self.o_lo, self.o_x, self.o_y];
         let vectors = [self.d, self.d_x, self.d_y, self.lens_u, self.lens_v];
-        let rows = [self.clip_z, self.clip_w];
+        let rows = [self.clip_z, self.clip_w, self.pixel_x, self.pixel_y];
         origin.iter().chain(&vectors).chain(&self.view_normal).flatten().all(|v| v.is_finite())
             && rows.iter().chain(&self.view_from_world).flatten().all(|v| v.is_finite())
             && self.focus.is_finite()

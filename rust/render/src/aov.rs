@@ -26,6 +26,9 @@ pub enum AovKind {
     Neye,
     /// Diffuse albedo; 3 x f32.
     Albedo,
+    /// How far what is seen moves over the image from the shutter's opening to its closing: pixels to the right, pixels
+    /// up, and the change of `CameraDepth`; 3 x f32.
+    Motion,
     /// Samples of the pixel so far (`sampleCount`, as `RenderMan` names it); f32. Samples are taken for it as for
     /// `Color`.
     SampleCount,
@@ -33,7 +36,7 @@ pub enum AovKind {
 
 impl AovKind {
     /// Every kind, in the order of the enum.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Color,
         Self::Depth,
         Self::CameraDepth,
@@ -43,10 +46,11 @@ impl AovKind {
         Self::Normal,
         Self::Neye,
         Self::Albedo,
+        Self::Motion,
         Self::SampleCount,
     ];
 
-    /// Hydra's token for this image (`HdAovTokens`).
+    /// Hydra's token for this image (`HdAovTokens`, and names of our own for what it has none for).
     pub fn token(self) -> &'static str {
         match self {
             Self::Color => "color",
@@ -58,6 +62,7 @@ impl AovKind {
             Self::Normal => "normal",
             Self::Neye => "Neye",
             Self::Albedo => "albedo",
+            Self::Motion => "motion",
             Self::SampleCount => "sampleCount",
         }
     }
@@ -76,7 +81,7 @@ impl AovKind {
     pub fn channels(self) -> usize {
         match self {
             Self::Color => 4,
-            Self::Normal | Self::Neye | Self::Albedo => 3,
+            Self::Normal | Self::Neye | Self::Albedo | Self::Motion => 3,
             Self::Depth | Self::CameraDepth | Self::PrimId | Self::InstanceId | Self::ElementId | Self::SampleCount => {
                 1
             }

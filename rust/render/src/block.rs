@@ -40,6 +40,8 @@ pub(crate) fn frame_block(setting: &Setting<'_>, scene: &SceneView) -> Frame {
         focus: rays.focus,
         clip_z: rays.clip_z,
         clip_w: rays.clip_w,
+        pixel_x: rays.pixel_x,
+        pixel_y: rays.pixel_y,
         view: rays.view_from_world,
         view_normal: rays.view_normal,
         dome_radiance: lights.plain.dome_radiance,

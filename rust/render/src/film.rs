@@ -123,6 +123,11 @@ impl Film {
         self.planes.iter().any(|(kind, _)| *kind != AovKind::SampleCount)
     }
 
+    /// Whether it is wanted how what is seen moves over the image.
+    pub(crate) fn has_motion(&self) -> bool {
+        self.kinds.contains(&AovKind::Motion)
+    }
+
     /// Whether the number of samples is wanted.
     pub(crate) fn has_counts(&self) -> bool {
         self.kinds.contains(&AovKind::SampleCount)
@@ -167,6 +172,7 @@ impl Film {
                 AovKind::Normal => &mut frame.aov.normal,
                 AovKind::Neye => &mut frame.aov.neye,
                 AovKind::Albedo => &mut frame.aov.albedo,
+                AovKind::Motion => &mut frame.aov.motion,
                 AovKind::SampleCount => &mut frame.aov.sample_count,
             };
             *address = plane.address();
@@ -256,6 +262,7 @@ fn bind_clear(frame: &mut Frame, aov: &AovRequest) {
         AovKind::Normal => frame.aov_clear.normal = [x, y, z],
         AovKind::Neye => frame.aov_clear.neye = [x, y, z],
         AovKind::Albedo => frame.aov_clear.albedo = [x, y, z],
+        AovKind::Motion => frame.aov_clear.motion = [x, y, z],
         // Every pixel has one.
         AovKind::SampleCount => {}
     }

@@ -112,7 +112,12 @@ impl Session {
 
     /// Commits the scene's edits and renders `request` in the background; an image under way is given up if anything
     /// it depends on has changed, and goes on undisturbed otherwise. Returns at once.
-    pub fn render(&self, request: RenderRequest) {
+    ///
+    /// Clipping planes that are not finite are left out, with a warning: a request that has one would not equal itself.
+    pub fn render(&self, mut request: RenderRequest) {
+        let planes = request.camera.clip_planes.len();
+        request.camera.clip_planes.retain(|plane| plane.is_finite());
+        let is_cut = request.camera.clip_planes.len() < planes;
         let (chunk_bytes, dicing_rate) = {
             let settings = lock(&self.settings);
             self.heights.iter().for_each(|heights| heights.keep_in(&settings));
@@ -139,6 +144,10 @@ impl Session {
         });
         if unchanged {
             return;
+        }
+        if is_cut {
+            let text = "clipping planes of the camera that are not finite are left out";
+            self.shared.report(Severity::Warning, text.to_owned());
         }
         let images = self.images.clone();
         let snapshot = commit.snapshot;

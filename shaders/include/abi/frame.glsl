@@ -22,6 +22,7 @@ struct AovTargets {
     uint64_t normal;
     uint64_t neye;
     uint64_t albedo;
+    uint64_t motion;
     uint64_t sample_count;
 };
 
@@ -34,6 +35,8 @@ struct AovClear {
     vec3 normal;
     vec3 neye;
     vec3 albedo;
+    vec3 motion;
+    uint pad;
 };
 
 struct Frame {
@@ -102,6 +105,8 @@ struct Frame {
     uint64_t sheen_tables;
     uint64_t camera_motion;
     uint64_t clip_planes;
+    vec4 pixel_x;
+    vec4 pixel_y;
 };
 
 struct GpuClipPlane {

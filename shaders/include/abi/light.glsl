@@ -29,6 +29,15 @@ struct Lighting {
     uint64_t light_placed_values;
     uint textured_mesh_lights;
     uint pad;
+    uint64_t light_keys;
+    uint64_t local_motion;
+    uint64_t infinite_motion;
+};
+
+struct GpuLightKey {
+    GpuMotionKey key;
+    vec3 translation_lo;
+    float radiance;
 };
 
 struct GpuMeshLight {

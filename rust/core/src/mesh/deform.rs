@@ -92,8 +92,8 @@ fn by_rates(
     if !fits(&velocities) || !accelerations.as_ref().is_none_or(fits) {
         return Err("has not one velocity or acceleration for each point".to_owned());
     }
-    if !(open.is_finite() && close.is_finite()) {
-        return Err("moves in a shutter that is not finite".to_owned());
+    if !(open.is_finite() && close.is_finite() && open < close) {
+        return Err("moves in a shutter that is open for no usable time".to_owned());
     }
     let count = if accelerations.is_some() { ACCELERATED_POSES } else { 2 };
     let pose = |key: usize| {

@@ -48,8 +48,9 @@ pub use motion::{MAX_KEYS, MotionKey, map_at};
 pub use resolve::MAX_LEVELS;
 pub use snapshot::{
     Aabb, Assembly, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, DomeTexture, Emitter, IesError, IesProfile,
-    InstanceFlags, InstanceRecord, Light, LightShaping, LinkTable, LocalLight, LocalShape, MeshAsset, SceneCounts,
-    SceneFeatures, SceneMesh, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Target, Triangle, blackbody,
+    InstanceFlags, InstanceRecord, Light, LightMotion, LightShaping, LinkTable, LocalLight, LocalShape, MeshAsset,
+    SceneCounts, SceneFeatures, SceneMesh, SceneWarning, Snapshot, SnapshotError, SurfaceTables, Target, Triangle,
+    blackbody,
 };
 
 pub use mesh_lights::MESH_LIGHT;

@@ -211,6 +211,19 @@ pub(crate) fn motion_keys(maps: &[(f64, DAffine3)]) -> Option<Vec<MotionKey>> {
     maps.iter().all(|map| key(map).is_some_and(|key| keys.push(key))).then(|| keys.as_slice().to_vec())
 }
 
+/// The box of `+-half` of what moves by `keys` while the shutter is open, with what a box of it at any time may
+/// round.
+pub(crate) fn swept_box(keys: &[MotionKey], half: DVec3) -> (DVec3, DVec3) {
+    let mut all = Keys::new();
+    for (slot, key) in all.all.iter_mut().zip(keys) {
+        *slot = *key;
+    }
+    all.count = keys.len().min(MAX_KEYS);
+    let swept = all.sweep(DVec3::ZERO, half);
+    let slack = KEY_ERROR * swept.spread * swept.lever + 1e-6 * swept.min.abs().max(swept.max.abs());
+    (swept.min - slack, swept.max + slack)
+}
+
 /// Frobenius norm.
 fn norm_of(m: &DMat3) -> f64 {
     (m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()).sqrt()
@@ -219,10 +232,15 @@ fn norm_of(m: &DMat3) -> f64 {
 /// The map at a time of the shutter, given keys in the order of time; the identity without any.
 #[must_use]
 pub fn map_at(keys: &[MotionKey], time: f64) -> DAffine3 {
-    let Some(first) = keys.first() else { return DAffine3::IDENTITY };
+    key_at(keys, time).map()
+}
+
+/// What lies between two keys at a time, as a key; its `time` and `half_angle` are those of a key before.
+pub(crate) fn key_at(keys: &[MotionKey], time: f64) -> MotionKey {
+    let Some(first) = keys.first() else { return MotionKey::NONE };
     let next = keys.iter().skip(1).position(|key| f64::from(key.time) > time);
     let at = next.unwrap_or(keys.len().saturating_sub(2));
-    let (Some(a), Some(b)) = (keys.get(at), keys.get(at + 1)) else { return first.map() };
+    let (Some(a), Some(b)) = (keys.get(at), keys.get(at + 1)) else { return *first };
     let f = ((time - f64::from(a.time)) / (f64::from(b.time) - f64::from(a.time))).clamp(0.0, 1.0);
     let sine = a.half_angle.sin();
     let (p, q) = if sine > 1e-12 {
@@ -231,13 +249,12 @@ pub fn map_at(keys: &[MotionKey], time: f64) -> DAffine3 {
         (1.0 - f, f)
     };
     let rotation = (a.rotation * p + b.rotation * q).normalize();
-    let between = MotionKey {
+    MotionKey {
         rotation,
         translation: a.translation.lerp(b.translation, f),
         stretch: a.stretch * (1.0 - f) + b.stretch * f,
         ..*a
-    };
-    between.map()
+    }
 }
 
 #[cfg(test)]

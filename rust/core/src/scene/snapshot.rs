@@ -13,7 +13,8 @@ use crate::partition::World;
 
 pub use super::assembly::{Assembly, InstanceFlags, InstanceRecord, Target};
 pub use super::light::{
-    DomeTexture, Emitter, IesError, IesProfile, Light, LightShaping, LinkTable, LocalLight, LocalShape, blackbody,
+    DomeTexture, Emitter, IesError, IesProfile, Light, LightMotion, LightShaping, LinkTable, LocalLight, LocalShape,
+    blackbody,
 };
 pub use super::report::SceneWarning;
 pub use crate::mesh::{Aabb, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, MeshAsset, SceneMesh, Triangle};

@@ -97,6 +97,8 @@ fn motion_that_cannot_be_used_is_one_note_and_nothing_moves() {
         ("too far", far),
         ("another type", PointsMotion { velocities: Some(TypedArray::of(vec![1.0_f32; 3])), ..rates(3) }),
         ("no seconds", PointsMotion { seconds: [f64::NAN, 1.0], ..rates(3) }),
+        ("a shutter of zero", PointsMotion { seconds: [0.0, 0.0], ..rates(3) }),
+        ("closed before it opens", PointsMotion { seconds: [1.0, 0.0], ..rates(3) }),
     ];
     for (what, motion) in cases {
         let built = build_mesh(&triangle(motion), 1);

@@ -49,6 +49,7 @@ mod materialx;
 mod mesh_lights;
 #[cfg(test)]
 mod motion;
+mod moving_lights;
 #[cfg(test)]
 mod partition;
 #[cfg(test)]

@@ -68,6 +68,8 @@ impl Parts {
             needed.contains(Features::OPACITY_MASKS) && !job.options.faults.no_opacity_masks,
         );
         needed.set(Features::CAMERA_MOTION, setting.camera_motion.is_some());
+        let moves = needed.intersects(Features::MOTION | Features::DEFORMATION | Features::CAMERA_MOTION);
+        needed.set(Features::MOTION_VECTORS, moves && film.has_motion());
         needed.set(Features::CLIPPING, !setting.clip_planes.is_empty());
         needed.set(Features::ADAPTIVE, film.adaptive().is_some());
         needed.set(Features::STREAMING, streams);

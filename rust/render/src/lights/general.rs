@@ -8,8 +8,8 @@ use super::{EVEN_SHARE, MeshLights, count, local, luminance, narrow};
 use crate::light_files::LightFiles;
 use oocpt_core::scene::{AssetRef, DomeTexture, Emitter, IesProfile, Light, LocalLight, Snapshot};
 use oocpt_shader_abi::{
-    Features, GpuInfiniteLight, GpuLightKind, GpuLightNode, GpuLightShaping, GpuLocalLight, LightFlags, Lighting,
-    NO_INDEX, pack_color,
+    Features, GpuInfiniteLight, GpuLightKey, GpuLightKind, GpuLightNode, GpuLightShaping, GpuLocalLight, LightFlags,
+    Lighting, NO_INDEX,
 };
 use rustc_hash::FxHashMap;
 use std::f64::consts::{PI, TAU};
@@ -42,10 +42,18 @@ pub(crate) struct GeneralLights {
     pub(crate) link_words: u32,
     /// Set of categories of each prim id + 1.
     pub(crate) prim_sets: Vec<u32>,
+    /// Keys of the lights that move.
+    pub(crate) keys: Vec<GpuLightKey>,
+    /// First key and number of keys of each local light; empty where none moves, as the next.
+    pub(crate) local_motion: Vec<[u32; 2]>,
+    /// The same of each light at infinity.
+    pub(crate) infinite_motion: Vec<[u32; 2]>,
     /// What the passes are compiled for.
     pub(crate) features: Features,
     /// Meshes that emit light.
     pub(crate) meshes: Option<Arc<MeshLights>>,
+    /// What places are relative to.
+    origin: [f64; 3],
     /// Index of the node over local lights and meshes.
     joint: u32,
     bounds: Vec<LightBounds>,
@@ -70,20 +78,22 @@ impl GeneralLights {
         files: &dyn LightFiles,
         cache: &mut FileCache,
     ) -> (Self, Vec<String>) {
-        let mut table = Self::default();
+        let mut table = Self { origin: snapshot.origin.to_array(), ..Self::default() };
         let mut reading = Reading { files, cache, warnings: Vec::new() };
         let origin = snapshot.origin.to_array();
         let mut powers = Vec::new();
         for light in lights {
+            let counts = [table.locals.len(), table.infinite.len()];
             match &light.emitter {
                 Emitter::Local(local) => table.add_local(light, local, origin, &mut reading),
                 Emitter::Distant { direction, one_minus_cos } => {
                     let solid_angle = TAU * f64::from(*one_minus_cos);
                     powers.push(luminance(light.radiance) * if *one_minus_cos > 0.0 { solid_angle } else { 1.0 });
+                    let still = light.motion.as_ref().map(|motion| motion.direction());
                     table.infinite.push(GpuInfiniteLight {
-                        direction: *direction,
+                        direction: still.unwrap_or(*direction),
                         one_minus_cos: *one_minus_cos,
-                        ..infinite(light, GpuLightKind::Distant)
+                        ..local::infinite(light, GpuLightKind::Distant)
                     });
                 }
                 Emitter::Dome { texture } => {
@@ -91,6 +101,10 @@ impl GeneralLights {
                     powers.push(luminance(light.radiance) * PI * mean);
                 }
             }
+            table.add_motion(light, counts);
+        }
+        if table.keys.is_empty() {
+            (table.local_motion, table.infinite_motion) = (Vec::new(), Vec::new());
         }
         table.forget_large_links(&mut reading.warnings);
         table.choose(&powers);
@@ -174,6 +188,7 @@ impl GeneralLights {
         features.set(Features::IES, !self.profiles.is_empty());
         features.set(Features::LIGHT_TEXTURE, self.locals.iter().any(|light| light.map != NO_INDEX));
         features.set(Features::LIGHT_LINKS, !self.link_bits.is_empty());
+        features.set(Features::MOVING_LIGHTS, !self.keys.is_empty());
         features.set(Features::MESH_LIGHTS, self.meshes.is_some());
         features.set(Features::MESH_LIGHT_VALUES, self.meshes.as_ref().is_some_and(|meshes| !meshes.values.is_empty()));
         features
@@ -214,10 +229,33 @@ impl GeneralLights {
             }
             // Shapings are fewer than lights.
             gpu.shaping = u32::try_from(self.shapings.len()).unwrap_or(NO_INDEX);
-            self.shapings.push(local::shaping(local, shaping, ies));
+            let frame = light.motion.as_ref().map_or(local.frame, |motion| motion.frame);
+            let axes = [frame.x_axis, frame.y_axis, frame.z_axis].map(|axis| axis.to_array());
+            self.shapings.push(local::shaping(axes, shaping, ies));
         }
         self.bounds.push(local::bounds(light, local, origin, brightness));
         self.locals.push(gpu);
+    }
+
+    /// Adds what there is to know of the motion of a light, if the table has taken it: it had `counts` local lights and
+    /// lights at infinity before.
+    fn add_motion(&mut self, light: &Light, counts: [usize; 2]) {
+        let motion = light.motion.as_deref();
+        let mut place = [0; 2];
+        if let Some(motion) = motion.filter(|_| counts != [self.locals.len(), self.infinite.len()]) {
+            // At most 16 for each of 2^23 lights.
+            let number = |n: usize| u32::try_from(n).unwrap_or_default();
+            place = [number(self.keys.len()), number(motion.keys.len())];
+            let is_local = matches!(light.emitter, Emitter::Local(_));
+            let origin = if is_local { self.origin } else { [0.0; 3] };
+            self.keys.extend(local::keys(motion, origin));
+        }
+        if self.locals.len() > counts[0] {
+            self.local_motion.push(place);
+        }
+        if self.infinite.len() > counts[1] {
+            self.infinite_motion.push(place);
+        }
     }
 
     /// Adds a dome and gives the mean luminance of its picture, 1 without.
@@ -228,7 +266,7 @@ impl GeneralLights {
         camera_visible: bool,
         reading: &mut Reading<'_>,
     ) -> f64 {
-        let mut gpu = infinite(light, GpuLightKind::Dome);
+        let mut gpu = local::infinite(light, GpuLightKind::Dome);
         let mut mean = 1.0;
         if let Some(texture) = texture {
             if texture.is_other_format {
@@ -240,8 +278,9 @@ impl GeneralLights {
             match reading.cache.picture(&texture.asset, true, reading.files) {
                 Ok(picture) => {
                     mean = picture.mean;
-                    gpu = infinite(light, GpuLightKind::DomeMap);
-                    gpu.map = self.map(picture, texture.dome_from_world);
+                    gpu = local::infinite(light, GpuLightKind::DomeMap);
+                    let turned = light.motion.as_ref().map(|motion| motion.rows());
+                    gpu.map = self.map(picture, turned.unwrap_or(texture.dome_from_world));
                 }
                 Err(error) => {
                     let file = &texture.asset.authored;
@@ -349,22 +388,5 @@ impl GeneralLights {
             textured_mesh_lights: u32::from(self.has_textured_meshes()),
             ..Lighting::default()
         }
-    }
-}
-
-fn infinite(light: &Light, kind: GpuLightKind) -> GpuInfiniteLight {
-    GpuInfiniteLight {
-        direction: [0.0, 0.0, 1.0],
-        one_minus_cos: 0.0,
-        radiance: light.radiance,
-        probability: 0.0,
-        cumulative: 0.0,
-        diffuse: light.diffuse,
-        specular: light.specular,
-        flags: local::flags(light, kind),
-        map: NO_INDEX,
-        light_link: light.light_link,
-        shadow_link: light.shadow_link,
-        shadow_color: if light.has_shadows { pack_color(light.shadow_color) } else { 0 },
     }
 }

@@ -3,8 +3,11 @@
 
 use super::tree::LightBounds;
 use super::{luminance, narrow};
-use oocpt_core::scene::{Light, LightShaping, LocalLight, LocalShape};
-use oocpt_shader_abi::{GpuLightKind, GpuLightShaping, GpuLocalLight, LightFlags, NO_INDEX, pack_color};
+use crate::assets::motion_key;
+use oocpt_core::scene::{Light, LightMotion, LightShaping, LocalLight, LocalShape};
+use oocpt_shader_abi::{
+    GpuInfiniteLight, GpuLightKey, GpuLightKind, GpuLightShaping, GpuLocalLight, LightFlags, NO_INDEX, pack_color,
+};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Kind and flags of a light.
@@ -15,6 +18,24 @@ pub(super) fn flags(light: &Light, kind: GpuLightKind) -> u32 {
     flags.set(LightFlags::SHADOW_COLOR, light.has_shadows && pack_color(light.shadow_color) != 0);
     flags.set(LightFlags::SHADOW_LINK, light.has_shadows && light.shadow_link != 0);
     kind as u32 | flags.bits()
+}
+
+/// A light at infinity without its direction, picture and probability.
+pub(super) fn infinite(light: &Light, kind: GpuLightKind) -> GpuInfiniteLight {
+    GpuInfiniteLight {
+        direction: [0.0, 0.0, 1.0],
+        one_minus_cos: 0.0,
+        radiance: light.radiance,
+        probability: 0.0,
+        cumulative: 0.0,
+        diffuse: light.diffuse,
+        specular: light.specular,
+        flags: flags(light, kind),
+        map: NO_INDEX,
+        light_link: light.light_link,
+        shadow_link: light.shadow_link,
+        shadow_color: if light.has_shadows { pack_color(light.shadow_color) } else { 0 },
+    }
 }
 
 fn kind(shape: LocalShape) -> GpuLightKind {
@@ -103,7 +124,40 @@ pub(super) fn bounds(light: &Light, local: &LocalLight, origin: [f64; 3], bright
     let multiplier = f64::from(light.diffuse.max(light.specular));
     let shaped = local.shaping.as_ref().map_or(1.0, |shaping| solid_share(shaping, flat));
     let power = luminance_of(light) * body * multiplier * shaped * brightness;
-    LightBounds { min, max, axis, spread, emission, back: 0.0, power: finite_power(power) }
+    let bounds = LightBounds { min, max, axis, spread, emission, back: 0.0, power: finite_power(power) };
+    light.motion.as_ref().map_or(bounds, |motion| swept(bounds, motion, local.shape, origin))
+}
+
+/// Bounds over the whole shutter: the box of all places, the cone around all cones, the largest power.
+fn swept(at_rest: LightBounds, motion: &LightMotion, shape: LocalShape, origin: [f64; 3]) -> LightBounds {
+    let half = match shape {
+        LocalShape::Rect | LocalShape::Disk => [1.0, 1.0, 0.0],
+        LocalShape::Sphere | LocalShape::Cylinder => [1.0; 3],
+        LocalShape::Line => [1.0, 0.0, 0.0],
+        LocalShape::Point => [0.0; 3],
+    };
+    let (min, max) = motion.swept(half);
+    let (min, max) = ([0, 1, 2].map(|k| min[k] - origin[k]), [0, 1, 2].map(|k| max[k] - origin[k]));
+    let (axes, turn) = motion.axes();
+    let cone = |axis: &[f64; 3]| LightBounds { axis: *axis, spread: at_rest.spread, power: 1.0, ..at_rest };
+    let all = axes.iter().map(cone).fold(super::tree::NOTHING, |sum, cone| sum.union(&cone));
+    let spread = if all.spread < PI { (all.spread + 0.5 * turn + 1e-6).min(PI) } else { PI };
+    let brightest = motion.radiance.iter().copied().fold(1.0, f64::max);
+    LightBounds { min, max, axis: all.axis, spread, power: finite_power(at_rest.power * brightest), ..at_rest }
+}
+
+/// Keys of a light that moves, relative to `origin`.
+pub(super) fn keys(motion: &LightMotion, origin: [f64; 3]) -> impl Iterator<Item = GpuLightKey> {
+    motion.keys.iter().zip(&motion.radiance).map(move |(key, radiance)| {
+        let mut own = *key;
+        own.translation.x -= origin[0];
+        own.translation.y -= origin[1];
+        own.translation.z -= origin[2];
+        let key = motion_key(&own);
+        let place = own.translation.to_array();
+        let low = [0, 1, 2].map(|k| narrow(place[k] - f64::from(key.translation[k])));
+        GpuLightKey { key, translation_lo: low, radiance: narrow(*radiance) }
+    })
 }
 
 pub(super) fn finite_power(power: f64) -> f64 {
@@ -124,15 +178,15 @@ fn solid_share(shaping: &LightShaping, flat: bool) -> f64 {
     (cone * focus).max(1e-6)
 }
 
-/// Shaping as the device has it. `ies`: word of the profile and its factor.
-pub(super) fn shaping(local: &LocalLight, shaping: &LightShaping, ies: Option<(u32, f32)>) -> GpuLightShaping {
+/// Shaping as the device has it, for a light of these axes. `ies`: word of the profile and its factor.
+pub(super) fn shaping([x, y, z]: [[f64; 3]; 3], shaping: &LightShaping, ies: Option<(u32, f32)>) -> GpuLightShaping {
     let axis = |v: [f64; 3]| v.map(narrow);
     GpuLightShaping {
-        axis: local.axis(),
+        axis: axis(z.map(|v| -v)),
         cone_angle: shaping.cone_angle,
-        x: axis(local.frame.x_axis.to_array()),
+        x: axis(x),
         smooth_start: shaping.smooth_start,
-        y: axis(local.frame.y_axis.to_array()),
+        y: axis(y),
         focus: shaping.focus,
         focus_tint: shaping.focus_tint,
         ies: ies.map_or(NO_INDEX, |(word, _)| word),

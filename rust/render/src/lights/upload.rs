@@ -118,6 +118,9 @@ impl LightTables {
             maps: put("light maps", bytemuck::cast_slice(&maps))?,
             link_bits: put("light links", bytemuck::cast_slice(&lights.link_bits))?,
             prim_sets: put("light links of prims", bytemuck::cast_slice(&lights.prim_sets))?,
+            light_keys: put("light keys", bytemuck::cast_slice(&lights.keys))?,
+            local_motion: put("motion of local lights", bytemuck::cast_slice(&lights.local_motion))?,
+            infinite_motion: put("motion of lights at infinity", bytemuck::cast_slice(&lights.infinite_motion))?,
             ..meshes.with(lights.block())
         };
         let lighting = put("lighting", bytemuck::bytes_of(&block))?;

@@ -40,7 +40,7 @@ fn render(row: &Row, carry: &str) -> (Inventory, Vec<Vec<u8>>) {
     if row.also == Also::Lens {
         (camera.lens_radius, camera.focus_distance) = (0.1, 4.0);
     }
-    if row.also == Also::Moves {
+    if matches!(row.also, Also::Moves | Also::Motion) {
         let aside = camera.world_from_view * DMat4::from_translation(DVec3::X * 0.1);
         camera.motion = [(0.0, camera.world_from_view), (1.0, aside)]
             .map(|(time, transform)| TransformSample { time, transform })
@@ -53,6 +53,7 @@ fn render(row: &Row, carry: &str) -> (Inventory, Vec<Vec<u8>>) {
     let more = match row.also {
         Also::Depth => AovKind::Depth,
         Also::Counts => AovKind::SampleCount,
+        Also::Motion => AovKind::Motion,
         _ => AovKind::Color,
     };
     request.aovs.retain(|aov| aov.kind == AovKind::Color || aov.kind == more);

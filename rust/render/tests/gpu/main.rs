@@ -23,6 +23,7 @@ mod last_bounce;
 mod lights;
 mod materials;
 mod motion;
+mod motion_vectors;
 mod native;
 mod passes;
 mod round;

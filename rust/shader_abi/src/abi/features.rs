@@ -159,6 +159,8 @@ features! {
     MESH_LIGHTS: "emissive meshes sampled as lights", [EMISSION], Lights;
     /// The emission of some such mesh is a texture's or a primvar's.
     MESH_LIGHT_VALUES: "emission of lights by textures and primvars", [MESH_LIGHTS], Lights;
+    /// Some light moves while the shutter is open: `Lighting::light_keys` counts.
+    MOVING_LIGHTS: "motion of lights", [LIGHT_TABLE], Never;
     /// Some mesh is made of hulls of two balls: curves or points.
     ROUND: "curves and points", [], Always;
     /// Some placement moves while the shutter is open: paths have a time.
@@ -169,6 +171,8 @@ features! {
     CAMERA_MOTION: "motion of the camera", [], Never;
     /// The camera has clipping planes: `Frame::clip_planes` counts.
     CLIPPING: "clipping planes", [], Never;
+    /// The image `motion` is wanted, and something may move: `AovTargets::motion` counts.
+    MOTION_VECTORS: "motion over the image", [], Never;
     /// Pixels have two streams of samples, and not all as many of them: `Frame::adaptive` counts.
     ADAPTIVE: "adaptive sampling: lists of samples, the second stream of the film", [], Never;
 }

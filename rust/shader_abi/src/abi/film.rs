@@ -82,6 +82,7 @@ pub const fn aov_bytes() -> AovTargets {
         normal: 12,
         neye: 12,
         albedo: 12,
+        motion: 12,
         sample_count: 4,
     }
 }

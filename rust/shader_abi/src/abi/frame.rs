@@ -81,6 +81,9 @@ pub struct AovTargets {
     pub neye: u64,
     /// f32x3, diffuse albedo, linear.
     pub albedo: u64,
+    /// f32x3, pixels to the right and up and camera depth that the surface moves by from the shutter's opening to its
+    /// closing; written by `record_surfaces` with both `Features::STREAMING` and `Features::MOTION_VECTORS`.
+    pub motion: u64,
     /// f32, samples so far; written by `count_samples`.
     pub sample_count: u64,
 }
@@ -105,6 +108,10 @@ pub struct AovClear {
     pub neye: [f32; 3],
     /// Clear value of the plane of this name.
     pub albedo: [f32; 3],
+    /// Clear value of the plane of this name.
+    pub motion: [f32; 3],
+    /// 0.
+    pub pad: u32,
 }
 
 /// Everything about a frame that all passes share; lives in device memory, written by the host before the first wave.
@@ -248,6 +255,10 @@ pub struct Frame {
     pub camera_motion: u64,
     /// [`GpuClipPlane`]s, `clip_plane_count` of them; 0 without `Features::CLIPPING`. 16-byte aligned.
     pub clip_planes: u64,
+    /// Pixel x of a point = dot of this with (v, 1), v in view space, over that of `clip_w`.
+    pub pixel_x: [f32; 4],
+    /// Pixel y, likewise.
+    pub pixel_y: [f32; 4],
 }
 
 /// A clipping plane of the camera as a function of image point, lens point and distance along the ray, 32 B: at

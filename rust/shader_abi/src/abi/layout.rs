@@ -6,7 +6,7 @@
 use super::{
     Adaptive, AovClear, AovTargets, Counters, ErrorSums, FilmPixel, Frame, GpuAssembly, GpuAttribute, GpuCameraKey,
     GpuCameraMotion, GpuCdf, GpuChunk, GpuChunkInstance, GpuClipPlane, GpuDistantLight, GpuInfiniteLight, GpuInput,
-    GpuInstance, GpuLevelNode, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
+    GpuInstance, GpuLevelNode, GpuLightKey, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
     GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuMeshNode, GpuMotionKey,
     GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, Lighting, PathState, Pending, Push,
     Question, Ray, Roulette, Segment, ShadowRay, Streaming, TextureFeedback, UnitDemand,
@@ -64,8 +64,19 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(Push { frame, first_pixel, first_sample, path_count, round, arg0, flags }),
     layout!(TextureFeedback { requested, incomplete_paths, wanted, wanted_capacity, wanted_count, is_incomplete, pad }),
     layout!(Adaptive { entries, estimates, width }),
-    layout!(AovTargets { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo, sample_count }),
-    layout!(AovClear { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo }),
+    layout!(AovTargets {
+        depth,
+        camera_depth,
+        prim_id,
+        instance_id,
+        element_id,
+        normal,
+        neye,
+        albedo,
+        motion,
+        sample_count
+    }),
+    layout!(AovClear { depth, camera_depth, prim_id, instance_id, element_id, normal, neye, albedo, motion, pad }),
     layout!(Frame {
         top_nodes,
         chunk_instances,
@@ -131,7 +142,9 @@ pub const LAYOUTS: &[StructLayout] = &[
         programs,
         sheen_tables,
         camera_motion,
-        clip_planes
+        clip_planes,
+        pixel_x,
+        pixel_y
     }),
     layout!(GpuClipPlane { begins, lens_x, slope, lens_y }),
     layout!(Streaming {
@@ -250,8 +263,12 @@ pub const LAYOUTS: &[StructLayout] = &[
         light_face_weights,
         light_placed_values,
         textured_mesh_lights,
-        pad
+        pad,
+        light_keys,
+        local_motion,
+        infinite_motion
     }),
+    layout!(GpuLightKey { key, translation_lo, radiance }),
     layout!(GpuMeshLight {
         position,
         light_mesh,

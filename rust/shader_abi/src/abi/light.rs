@@ -60,7 +60,7 @@ bitflags! {
     }
 }
 
-/// Where the light table is, 136 B.
+/// Where the light table is.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 pub struct Lighting {
@@ -116,6 +116,12 @@ pub struct Lighting {
     pub textured_mesh_lights: u32,
     /// 0.
     pub pad: u32,
+    /// [`GpuLightKey`] array; 0 without `Features::MOVING_LIGHTS`, as the next two.
+    pub light_keys: u64,
+    /// u32x2 for each local light: its first key, and how many; 0 for one at rest. 8-byte aligned.
+    pub local_motion: u64,
+    /// The same for each light at infinity.
+    pub infinite_motion: u64,
 }
 
 /// A placement of a mesh that emits light, 96 B. World points are `position + x p.x + y p.y + z p.z` for points p of

@@ -163,6 +163,19 @@ pub struct GpuCameraKey {
     pub pad: u32,
 }
 
+/// A key of a light that moves, 80 B: world from the unit shape, or the rotation of a light at infinity. Directions
+/// ([`crate::GpuInfiniteLight`], [`crate::GpuLightShaping`], [`crate::GpuLightMap`]) are then relative to the rotation.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuLightKey {
+    /// Between two: as that of a placement.
+    pub key: GpuMotionKey,
+    /// What the key's translation lacks of the place in f64.
+    pub translation_lo: [f32; 3],
+    /// Radiance relative to the light's.
+    pub radiance: f32,
+}
+
 /// How values of an attribute are found; `triangle` is the index in BVH order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u32)]

@@ -10,6 +10,7 @@ mod motion;
 mod place;
 mod scale;
 mod self_hits;
+mod shapes;
 mod time;
 mod transforms;
 mod watertight;
@@ -29,5 +30,6 @@ pub(crate) fn run(lab: &mut Lab<'_>) {
     materials::run(lab);
     camera::run(lab);
     motion::run(lab);
+    shapes::run(lab);
     time::run(lab);
 }

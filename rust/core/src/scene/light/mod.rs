@@ -9,6 +9,7 @@ mod ies;
 mod instanced;
 mod links;
 mod local;
+mod motion;
 mod shape;
 
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -23,6 +24,7 @@ pub use ies::{IesError, IesProfile};
 pub(crate) use instanced::{MAX_INSTANCED_LIGHTS, placements};
 pub use links::LinkTable;
 pub use local::{LightShaping, LocalLight};
+pub use motion::LightMotion;
 pub use shape::LocalShape;
 
 /// A light that shines.
@@ -49,6 +51,8 @@ pub struct Light {
     pub light_link: u32,
     /// Number of the category of prims that shadow it; 0: all.
     pub shadow_link: u32,
+    /// How it moves while the shutter is open.
+    pub motion: Option<Arc<LightMotion>>,
 }
 
 /// Kinds of light source.
@@ -125,6 +129,7 @@ impl Light {
             },
             light_link: 0,
             shadow_link: 0,
+            motion: None,
         })
     }
 
@@ -135,7 +140,8 @@ impl Light {
         is_dark || (self.diffuse <= 0.0 && self.specular <= 0.0)
     }
 
-    /// True for a light that does nothing but shine: no multipliers, links or colours of shadows.
+    /// True for a light that does nothing but shine: no multipliers, links or colours of shadows,
+    /// no motion.
     #[must_use]
     pub fn is_plain(&self) -> bool {
         let is_one = |value: f32| (value - 1.0).abs() <= 0.0;
@@ -145,6 +151,7 @@ impl Light {
             && self.shadow_color.iter().all(|&c| c <= 0.0)
             && self.light_link == 0
             && self.shadow_link == 0
+            && self.motion.is_none()
     }
 }
 

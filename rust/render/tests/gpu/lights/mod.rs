@@ -9,6 +9,7 @@ mod emission;
 mod files;
 mod many;
 mod mesh;
+mod moving;
 mod shapes;
 mod shaping;
 mod switches;

@@ -14,7 +14,7 @@ use oocpt_core::settings::Settings;
 use oocpt_core::stats::StreamingStats;
 use oocpt_render::{Faults, RenderRequest, Session, SessionOptions};
 use scenes::BEACH;
-pub(crate) use scenes::{DEFORMING, MOVING, SCENES, Scene};
+pub(crate) use scenes::{DEFORMING, MOVING, MOVING_LAMPS, SCENES, Scene};
 use std::sync::Arc;
 
 const POLICIES: [PolicyKind; 3] = [PolicyKind::Sweep, PolicyKind::Priority, PolicyKind::Benefit];

@@ -5,8 +5,8 @@ use crate::lights::TestFiles;
 use crate::scenes::{constant, deforming, dome, glow, instanced, instancer, mesh, prim, sphere, square, sun};
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use oocpt_core::scene::{
-    CurveBasis, CurveWrap, CurvesDesc, InstancerDesc, InstancerMotion, Interpolation, MeshDesc, NamedPrimvar, Primvar,
-    SceneDb, Shape, Subdivision, TransformSample,
+    CurveBasis, CurveWrap, CurvesDesc, InstancerDesc, InstancerMotion, Interpolation, MeshDesc, NamedPrimvar, PrimDesc,
+    Primvar, SceneDb, Shape, Subdivision, TransformSample,
 };
 use oocpt_core::{DomeFormat, LightDesc, LightKind, Shaping, TypedArray};
 
@@ -35,6 +35,10 @@ pub(crate) const SCENES: [Scene; 10] = [
 /// Meshes that move, instances that do, instancers that turn as a whole, and a large mesh among them.
 pub(crate) const MOVING: Scene =
     Scene { name: "moving things", build: moving, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO };
+
+/// Things that move under lamps of all kinds that do, a sun and a sky.
+pub(crate) const MOVING_LAMPS: Scene =
+    Scene { name: "moving lamps", build: moving_lamps, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO };
 
 /// Meshes, curves and points whose points move, and a large mesh among them.
 pub(crate) const DEFORMING: Scene =
@@ -220,11 +224,18 @@ fn beach(db: &mut SceneDb) {
 
 /// Sixty balls under a dome with a picture, lamps of all kinds among them; one has no shadows, one coloured ones.
 fn lamps(db: &mut SceneDb) {
+    lamps_and_sky(db, &|_| Vec::new());
+}
+
+/// With what `motion` says of each transform.
+fn lamps_and_sky(db: &mut SceneDb, motion: &dyn Fn(DMat4) -> Vec<TransformSample>) {
     flat(db);
     db.remove("/sun");
     let texture = Some(TestFiles::asset("sky"));
     let sky = LightKind::Dome { texture, format: DomeFormat::Latlong };
-    db.upsert_light(LightDesc { kind: sky, intensity: 0.3, ..dome([1.0; 3]) });
+    let mut sky = LightDesc { kind: sky, intensity: 0.3, ..dome([1.0; 3]) };
+    sky.prim.motion = motion(sky.prim.transform);
+    db.upsert_light(sky);
     let point = LightKind::Sphere { radius: 0.2, treat_as_point: true };
     let kinds = [
         LightKind::Rect { width: 2.0, height: 1.0, texture: None },
@@ -241,7 +252,7 @@ fn lamps(db: &mut SceneDb) {
         let shaping =
             (i % 4 == 1).then(|| Shaping { cone_angle_degrees: 50.0, cone_softness: 0.4, ..Shaping::default() });
         db.upsert_light(LightDesc {
-            prim: prim(&format!("/lamp_{i}"), place),
+            prim: PrimDesc { motion: motion(place), ..prim(&format!("/lamp_{i}"), place) },
             kind: kinds[i as usize % kinds.len()].clone(),
             color: [1.0, 0.8, 0.5],
             intensity: 3.0,
@@ -318,6 +329,14 @@ fn poles(db: &mut SceneDb) {
         .collect();
     db.upsert_instancer(instancer(prim("/poles", DMat4::IDENTITY), "/poles/pole", &poles));
     db.upsert_mesh(sphere(instanced(prim("/poles/pole", DMat4::IDENTITY), "/poles"), 2, 5, 0.2));
+}
+
+/// See [`MOVING_LAMPS`].
+fn moving_lamps(db: &mut SceneDb) {
+    lamps_and_sky(db, &|place| {
+        let next = place * DMat4::from_rotation_y(0.8) * DMat4::from_translation(DVec3::new(0.5, -0.2, 0.3));
+        [(0.0, place), (1.0, next)].map(|(time, transform)| TransformSample { time, transform }).to_vec()
+    });
 }
 
 /// See [`MOVING`].

@@ -60,6 +60,14 @@ pub(crate) const ROWS: &[Row] = &[
         ..BARE
     },
     Row {
+        what: "motion over the image",
+        features: &["CAMERA_MOTION", "MOTION_VECTORS"],
+        passes: &[&["generate_aov_rays", "shade_aovs"]],
+        buffers: &[&["camera motion", "image motion"]],
+        also: Also::Motion,
+        ..BARE
+    },
+    Row {
         what: "clipping planes",
         features: &["CLIPPING"],
         buffers: &[&["clipping planes"]],

@@ -7,7 +7,7 @@ use crate::lights::{TestFiles, light};
 use crate::scenes::{dome, sun};
 use glam::{DMat4, DVec3};
 use oocpt_core::DomeFormat;
-use oocpt_core::scene::{LightDesc, LightKind, MeshDesc, Shaping};
+use oocpt_core::scene::{LightDesc, LightKind, MeshDesc, Shaping, TransformSample};
 
 pub(crate) const ROWS: &[Row] = &[
     Row { what: "a dome", build: |db| lit(db, dome([1.0; 3])), features: &["DOME", "DOME_SHADOW_RAYS"], ..BARE },
@@ -17,6 +17,32 @@ pub(crate) const ROWS: &[Row] = &[
         build: |db| lit(db, ball()),
         features: &["LIGHT_TABLE", "LOCAL_LIGHTS"],
         buffers: &[OF_LIGHTS],
+        ..BARE
+    },
+    Row {
+        what: "a lamp that moves",
+        build: |db| {
+            let mut lamp = ball();
+            let place = lamp.prim.transform;
+            let next = DMat4::from_translation(DVec3::X) * place;
+            lamp.prim.motion =
+                [(0.0, place), (1.0, next)].map(|(time, transform)| TransformSample { time, transform }).to_vec();
+            lit(db, lamp);
+        },
+        features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "MOVING_LIGHTS"],
+        buffers: &[OF_LIGHTS, &["light keys", "motion of local lights"]],
+        ..BARE
+    },
+    Row {
+        what: "a sun that moves",
+        build: |db| {
+            let mut own = sun(1.0, 1.0, DMat4::IDENTITY);
+            let turn = |time: f64| TransformSample { time, transform: DMat4::from_rotation_x(time) };
+            own.prim.motion = vec![turn(0.0), turn(1.0)];
+            lit(db, own);
+        },
+        features: &["LIGHT_TABLE", "DISTANT", "MOVING_LIGHTS"],
+        buffers: &[&["lighting", "lights at infinity", "light keys", "motion of lights at infinity"]],
         ..BARE
     },
     Row {

@@ -34,6 +34,7 @@ pub(crate) enum Also {
     Lens,
     Moves,
     Clips,
+    Motion,
     Adaptive,
     Depth,
     Counts,
