@@ -15,6 +15,7 @@ mod assemble;
 pub mod eval;
 mod expression;
 pub mod library;
+pub mod listing;
 pub mod network;
 mod nodes;
 mod noise;
