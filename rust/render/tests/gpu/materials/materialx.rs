@@ -66,7 +66,7 @@ fn a_program_gives_what_its_twin_does() {
         1,
     );
     let compiled = compile(&desc);
-    assert_eq!(compiled.problem, None);
+    assert_eq!(compiled.problem(), None);
     let material = compiled.material.expect("a surface");
     let Input::Register(register) = *material.input(InputName::DiffuseColor) else { panic!("{material:?}") };
     let albedo: Vec<[f32; 3]> = read(&session, &request, AovKind::Albedo);
