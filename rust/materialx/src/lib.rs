@@ -20,6 +20,7 @@ pub mod network;
 mod nodes;
 mod noise;
 pub mod program;
+mod slab;
 pub mod surface;
 pub mod uses;
 pub mod value;

@@ -11,7 +11,7 @@ use crate::expression::{Expressions, Val};
 use crate::library::{Definition, Graph, Library, Source};
 use crate::network::Network;
 use crate::program::Geometry;
-use crate::surface::Slab;
+use crate::slab::Slab;
 use crate::uses::Uses;
 use crate::value::{FileRef, Type, Value};
 

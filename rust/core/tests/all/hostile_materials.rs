@@ -185,7 +185,10 @@ fn numbers_that_are_none_are_as_if_not_said() {
                 ("diffuseColor", ParamValue::Vec3([0.5, value, 0.5])),
                 ("ior", ParamValue::Float(value)),
             ];
-            check(&network("/m", vec![node(surface, &params, &[])]));
+            let desc = network("/m", vec![node(surface, &params, &[])]);
+            check(&desc);
+            let plain = network("/m", vec![node(surface, &[], &[])]);
+            assert_eq!(compile(&desc).material, compile(&plain).material, "{surface} {value}");
         }
     }
 }
@@ -198,7 +201,10 @@ fn texts_without_end_are_short_messages() {
     nodes[1].path = format!("/m/{long}").into();
     check(&network("/m", nodes.clone()));
     nodes[1].kind = long.as_str().into();
-    check(&network("/m", nodes));
+    let desc = network("/m", nodes);
+    check(&desc);
+    let problems = compile(&desc).problems;
+    assert!(problems.len() == 1 && problems[0].starts_with("`xxx") && problems[0].ends_with("..."), "{problems:?}");
 }
 
 /// Sums and differences of numbers near the largest one are none; they were found by random networks.

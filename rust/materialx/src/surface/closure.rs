@@ -4,9 +4,9 @@
 //!
 //! Exact for one diffuse, one dielectric or one metal; else the shares are kept and roughnesses and colours are means.
 
-use super::Slab;
 use crate::expression::Val;
 use crate::program::Op;
+use crate::slab::Slab;
 use crate::walk::{At, Walker};
 
 /// Closures one within the other, at most.

@@ -13,127 +13,16 @@ mod models;
 
 use std::sync::Arc;
 
-use hair::Hair;
 pub(crate) use input::SHAPES;
 pub use input::{INPUTS, Input};
 
 use crate::expression::Val;
 use crate::program::{Geometry, Op};
+use crate::slab::Slab;
 use crate::walk::{At, Walker};
 
 /// Surface shaders one within the other, at most.
 const MAX_SHADERS: usize = 16;
-
-/// A slab of `OpenPBR`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Slab {
-    pub(crate) base_color: Val,
-    pub(crate) metalness: Val,
-    pub(crate) specular_weight: Val,
-    pub(crate) specular_color: Val,
-    pub(crate) roughness: Val,
-    pub(crate) ior: Val,
-    pub(crate) transmission: Val,
-    pub(crate) transmission_color: Val,
-    pub(crate) subsurface: Val,
-    pub(crate) subsurface_color: Val,
-    pub(crate) coat: Val,
-    pub(crate) coat_color: Val,
-    pub(crate) coat_roughness: Val,
-    pub(crate) coat_ior: Val,
-    pub(crate) fuzz: Val,
-    pub(crate) fuzz_roughness: Val,
-    pub(crate) emission: Val,
-    pub(crate) opacity: Val,
-    /// 0: the opacity is a probability.
-    pub(crate) opacity_threshold: f32,
-    /// In the frame of the surface.
-    pub(crate) normal: Val,
-    /// Of the alphas, and of the tangent; `roughness` is that of the mean of their squares.
-    pub(crate) ratio: Val,
-    pub(crate) turn: Val,
-    pub(crate) coat_ratio: Val,
-    pub(crate) coat_turn: Val,
-    pub(crate) film: Val,
-    /// In nm.
-    pub(crate) film_thickness: Val,
-    pub(crate) film_ior: Val,
-    pub(crate) absorption: Val,
-    pub(crate) diffuse_roughness: Val,
-    pub(crate) thin_walled: bool,
-    /// A fibre: of the rest emission and opacity count.
-    pub(crate) hair: Option<Hair>,
-}
-
-impl Slab {
-    /// Black, and nothing else.
-    pub(crate) const BLACK: Self = Self {
-        base_color: Val::ZERO,
-        metalness: Val::ZERO,
-        specular_weight: Val::ZERO,
-        specular_color: Val::ONE,
-        roughness: Val::Constant([0.3; 4]),
-        ior: Val::Constant([1.5; 4]),
-        transmission: Val::ZERO,
-        transmission_color: Val::ONE,
-        subsurface: Val::ZERO,
-        subsurface_color: Val::ZERO,
-        coat: Val::ZERO,
-        coat_color: Val::ONE,
-        coat_roughness: Val::ZERO,
-        coat_ior: Val::Constant([1.6; 4]),
-        fuzz: Val::ZERO,
-        fuzz_roughness: Val::Constant([0.5; 4]),
-        emission: Val::ZERO,
-        opacity: Val::ONE,
-        opacity_threshold: 0.0,
-        normal: Val::Constant([0.0, 0.0, 1.0, 1.0]),
-        ratio: Val::ONE,
-        turn: Val::ZERO,
-        coat_ratio: Val::ONE,
-        coat_turn: Val::ZERO,
-        film: Val::ZERO,
-        film_thickness: Val::ZERO,
-        film_ior: Val::Constant([1.4; 4]),
-        absorption: Val::ZERO,
-        diffuse_roughness: Val::ZERO,
-        thin_walled: false,
-        hair: None,
-    };
-
-    fn values(&mut self) -> [&mut Val; 28] {
-        [
-            &mut self.base_color,
-            &mut self.metalness,
-            &mut self.specular_weight,
-            &mut self.specular_color,
-            &mut self.roughness,
-            &mut self.ior,
-            &mut self.transmission,
-            &mut self.transmission_color,
-            &mut self.subsurface,
-            &mut self.subsurface_color,
-            &mut self.coat,
-            &mut self.coat_color,
-            &mut self.coat_roughness,
-            &mut self.coat_ior,
-            &mut self.fuzz,
-            &mut self.fuzz_roughness,
-            &mut self.emission,
-            &mut self.opacity,
-            &mut self.normal,
-            &mut self.ratio,
-            &mut self.turn,
-            &mut self.coat_ratio,
-            &mut self.coat_turn,
-            &mut self.film,
-            &mut self.film_thickness,
-            &mut self.film_ior,
-            &mut self.absorption,
-            &mut self.diffuse_roughness,
-        ]
-    }
-}
 
 /// What the BSDF takes.
 #[derive(Clone, Copy, Debug)]
