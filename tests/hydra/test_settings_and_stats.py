@@ -36,7 +36,9 @@ LISTED = [
     "convergedSamplesPerPixel", "enableInteractive", "domeLightCameraVisibility", "enableSceneLights",
 ]  # fmt: skip
 # Tools for developing the renderer: they work wherever a setting can be given, and no host lists them.
-UNLISTED = ["oocpt:traversal", "oocpt:policy", "oocpt:chunkReport", "oocpt:reference", "oocpt:carry"]
+UNLISTED = [
+    "oocpt:traversal", "oocpt:policy", "oocpt:chunkReport", "oocpt:materialReport", "oocpt:reference", "oocpt:carry",
+]  # fmt: skip
 
 
 def test_stats_of_a_finished_render(host):

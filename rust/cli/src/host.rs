@@ -1,11 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Programs of the Hydra host that commands start: which one, and what it said. Output comes from strangers: of it a
-//! bounded part is read.
+//! Programs of the Hydra host that commands start: which one, a small picture by it, and what it said.
+//!
+//! Scenes and output come from strangers. A file is handed over as an absolute path, in an environment of the user's;
+//! the host is ended after a time; of its output a bounded part is read.
 
-use std::ffi::OsString;
+use crate::stop::{self, Folder};
+use anyhow::{Context as _, Result, bail};
+use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+/// Numbers the temporary folders.
+static FOLDERS: AtomicU64 = AtomicU64::new(0);
 
 /// How much of a host's output is looked at, bytes.
 const TAIL: u64 = 16 << 10;
@@ -58,4 +68,86 @@ pub(crate) fn tail(logs: &[&Path]) -> String {
 /// The host to use: what is named, else `usdrecord` from the path.
 pub(crate) fn usdrecord(named: Option<&OsString>) -> OsString {
     named.filter(|name| !name.is_empty()).cloned().unwrap_or_else(|| "usdrecord".into())
+}
+
+/// A folder of its own for what a host is asked for.
+pub(crate) fn temporary(name: &str) -> Result<Folder> {
+    let number = FOLDERS.fetch_add(1, Ordering::Relaxed);
+    Folder::create(std::env::temp_dir().join(format!("oocpt-{name}-{}-{number}", std::process::id())))
+}
+
+/// A picture that a host renders of a file.
+#[derive(Debug)]
+pub(crate) struct Picture<'a> {
+    /// An absolute path.
+    pub(crate) file: &'a Path,
+    pub(crate) usdrecord: &'a OsStr,
+    pub(crate) camera: Option<&'a str>,
+    pub(crate) width: u32,
+    /// For the host's environment.
+    pub(crate) variables: Vec<(&'static str, OsString)>,
+    pub(crate) timeout: Duration,
+}
+
+impl Picture<'_> {
+    /// Has it rendered; what is left of it is in `folder`. Gives what the host said on standard error: prims with bad
+    /// data, files that are not there.
+    pub(crate) fn render(&self, folder: &Path) -> Result<Vec<String>> {
+        let [output, errors] = ["output", "errors"].map(|name| folder.join(name));
+        let keep = |path: &Path| File::create(path).context("cannot keep the host's output");
+        let mut command = Command::new(self.usdrecord);
+        command
+            .args(["--renderer", "OocPT", "--disableGpu", "--disableCameraLight", "--enableDomeLightVisibility"])
+            .args(["--imageWidth", &self.width.to_string()])
+            .args(self.camera.iter().flat_map(|camera| ["--camera", camera]))
+            .arg(self.file)
+            .arg(folder.join("picture.exr"))
+            .envs(self.variables.iter().map(|(name, value)| (name, value)))
+            .stdin(Stdio::null())
+            .stdout(keep(&output)?)
+            .stderr(keep(&errors)?);
+        let (mut child, started) = stop::start(&mut command).with_context(|| {
+            format!(
+                "cannot start the Hydra host {}: install a usdrecord, name one by --usdrecord, or in the clone: \
+                 eval \"$(cargo xtask env)\"",
+                self.usdrecord.display()
+            )
+        })?;
+        let status = wait(&mut child, self.timeout)?;
+        drop(started);
+        let said = tail(&[&output, &errors]);
+        let Some(status) = status else {
+            bail!("the host was ended after {} s (--timeout): {said}", self.timeout.as_secs());
+        };
+        if !status.success() {
+            bail!("the host could not render {}: {said}", self.file.display());
+        }
+        Ok(warnings(&errors))
+    }
+}
+
+/// The status, or none when it took too long.
+fn wait(child: &mut Child, timeout: Duration) -> Result<Option<ExitStatus>> {
+    let end = Instant::now() + timeout;
+    loop {
+        if let Some(status) = child.try_wait().context("cannot wait for the host")? {
+            return Ok(Some(status));
+        }
+        if Instant::now() >= end {
+            child.kill().context("cannot end the host")?;
+            child.wait().context("cannot wait for the host")?;
+            return Ok(None);
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// A program in place of `usdrecord`.
+#[cfg(test)]
+pub(crate) fn script(name: &str, text: &str) -> std::path::PathBuf {
+    let path = std::env::temp_dir().join(format!("oocpt-host-{name}-{}", std::process::id()));
+    std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).expect("a temporary file");
+    let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+    std::fs::set_permissions(&path, mode).expect("it is ours");
+    path
 }

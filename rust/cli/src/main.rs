@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! `oocpt`: looks at the machine (`doctor`), measures the renderer (`bench`), draws what it reports (`report`), makes
-//! scenes (`scene`), fills the cache of textures (`texture`).
+//! scenes (`scene`), looks at materials (`material`), fills the cache of textures (`texture`).
 #![forbid(unsafe_code)]
 #![expect(clippy::print_stdout, reason = "a command line program reports on standard output")]
 
 mod bench;
 mod doctor;
 mod host;
+mod material;
 mod report;
 mod scene;
 mod stop;
@@ -32,6 +33,8 @@ enum Command {
     Report(report::Arguments),
     /// Writes a generated scene as USD.
     Scene(scene::Arguments),
+    /// Says what became of the materials of a scene.
+    Material(material::Arguments),
     /// Looks at texture files and fills the cache of decoded ones.
     Texture(texture::Arguments),
 }
@@ -53,6 +56,7 @@ fn run(command: Command) -> Result<()> {
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),
+        Command::Material(arguments) => material::run(&arguments),
         Command::Texture(arguments) => texture::run(&arguments),
     }
 }

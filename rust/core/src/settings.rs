@@ -54,6 +54,8 @@ pub struct Settings {
     pub dicing_rate: f32,
     /// File to write a report about the chunks to, empty = none.
     pub chunk_report: String,
+    /// File to write all materials to, as text for people, empty = none.
+    pub material_report: String,
     /// File to write a report of error against time to, empty = none.
     pub report: String,
     /// EXR file to compare with, empty = none.
@@ -165,6 +167,7 @@ impl Default for Settings {
             geometry_cache_mib: 32 << 10,
             dicing_rate: 2.0,
             chunk_report: String::new(),
+            material_report: String::new(),
             report: String::new(),
             reference: String::new(),
             target_error: 0.0,
@@ -246,6 +249,7 @@ impl Settings {
             "oocpt:geometryCacheSize" => Field::Int(&mut self.geometry_cache_mib, 1, u32::MAX),
             "oocpt:dicingRate" => Field::Float(&mut self.dicing_rate, 0.0, 1e6),
             "oocpt:chunkReport" => Field::Text(&mut self.chunk_report),
+            "oocpt:materialReport" => Field::Text(&mut self.material_report),
             "oocpt:report" => Field::Text(&mut self.report),
             "oocpt:reference" => Field::Text(&mut self.reference),
             "oocpt:targetError" => Field::Float(&mut self.target_error, 0.0, 1e9),

@@ -236,7 +236,8 @@ impl Assembler<'_> {
             bias[k] = black[k];
             scale[k] = answers[k][k] - black[k];
         }
-        if width > 1 && follows(scale, bias, None) {
+        let is_finite = |scale: [f32; 4]| scale.iter().chain(&bias).all(|v| v.is_finite());
+        if width > 1 && is_finite(scale) && follows(scale, bias, None) {
             (lookup.0.scale, lookup.0.bias) = (scale, bias);
             return Some(InputSource::Texture(lookup.0, None));
         }
@@ -244,7 +245,7 @@ impl Assembler<'_> {
             let at = usize::from(channel);
             let scale: [f32; 4] = std::array::from_fn(|k| answers[at][k] - black[k]);
             let is_one = (1..width).all(|k| scale[k] == scale[0] && bias[k] == bias[0]);
-            if is_one && follows(scale, bias, Some(at)) {
+            if is_one && is_finite(scale) && follows(scale, bias, Some(at)) {
                 (lookup.0.scale, lookup.0.bias) = ([scale[0]; 4], [bias[0]; 4]);
                 return Some(InputSource::Texture(lookup.0, Some(channel)));
             }
@@ -283,14 +284,16 @@ impl Assembler<'_> {
             let at = of(u, v);
             (0..2).all(|k| near(rows[k][0] * u + rows[k][1] * v + rows[k][2], at[k]))
         });
-        lookup.transform = rows;
+        // Of huge coordinates differences are no numbers: then there is no filter.
+        let finite = |row: [f32; 3]| row.map(|v| if v.is_finite() { v } else { 0.0 });
+        lookup.transform = rows.map(finite);
         if is_alone && follows {
             return Some((lookup, true));
         }
         // For the filter: how it grows near the middle.
         let (u, v, h) = (0.375, 0.4375, 1.0 / 1024.0);
         let (at, along, up) = (of(u, v), of(u + h, v), of(u, v + h));
-        lookup.transform = std::array::from_fn(|k| [(along[k] - at[k]) / h, (up[k] - at[k]) / h, 0.0]);
+        lookup.transform = std::array::from_fn(|k| finite([(along[k] - at[k]) / h, (up[k] - at[k]) / h, 0.0]));
         Some((lookup, false))
     }
 

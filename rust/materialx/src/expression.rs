@@ -20,8 +20,9 @@ impl Val {
     pub(crate) const ZERO: Self = Self::Constant([0.0; 4]);
     pub(crate) const ONE: Self = Self::Constant([1.0; 4]);
 
+    /// 0 where it is no finite number, as results of operations are.
     pub(crate) fn number(value: f32) -> Self {
-        Self::Constant([value; 4])
+        Self::Constant([if value.is_finite() { value } else { 0.0 }; 4])
     }
 
     pub(crate) fn constant(self) -> Option<[f32; 4]> {

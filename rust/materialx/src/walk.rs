@@ -11,11 +11,14 @@ use crate::expression::{Expressions, Val};
 use crate::library::{Definition, Graph, Library, Source};
 use crate::network::Network;
 use crate::program::Geometry;
+use crate::slab::Slab;
 use crate::uses::Uses;
 use crate::value::{FileRef, Type, Value};
 
 /// Most nodes that are visited.
 const MAX_STEPS: usize = 1 << 14;
+/// Most lines of what is not understood.
+const MOST_PROBLEMS: usize = 64;
 /// Most nodes one after the other.
 const MAX_DEPTH: usize = 128;
 
@@ -68,6 +71,9 @@ pub(crate) struct Walker<'a> {
     frames: Vec<Frame>,
     frame_of: HashMap<At, usize>,
     memo: HashMap<(At, Arc<str>), Memo>,
+    /// Closures and surface shaders, and emission: each is worked out once; `None`: it is being worked out.
+    pub(crate) slabs: HashMap<At, Option<Option<Slab>>>,
+    pub(crate) emissions: HashMap<At, Option<Val>>,
     steps: usize,
     depth: usize,
     pub(crate) expressions: Expressions,
@@ -83,6 +89,8 @@ impl<'a> Walker<'a> {
             frames: Vec::new(),
             frame_of: HashMap::new(),
             memo: HashMap::new(),
+            slabs: HashMap::new(),
+            emissions: HashMap::new(),
             steps: 0,
             depth: 0,
             expressions: Expressions::default(),
@@ -93,7 +101,7 @@ impl<'a> Walker<'a> {
 
     /// Notes what is not understood, once.
     pub(crate) fn problem(&mut self, text: String) {
-        if !self.problems.contains(&text) {
+        if self.problems.len() < MOST_PROBLEMS && !self.problems.contains(&text) {
             self.problems.push(text);
         }
     }

@@ -35,6 +35,7 @@ mod job;
 mod light_files;
 mod lights;
 mod loader;
+pub mod material_report;
 mod measure;
 pub mod picture;
 mod progress;

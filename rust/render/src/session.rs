@@ -20,6 +20,7 @@ use crate::geometry_files::{GeometryFiles, GeometrySetting};
 use crate::host_memory::{self, Part};
 use crate::job::{Job, SessionOptions};
 use crate::light_files::{LightFiles, NoFiles};
+use crate::material_report::MaterialReport;
 use crate::picture;
 use crate::request::{Message, RenderRequest, Severity};
 use crate::shared::Shared;
@@ -35,6 +36,7 @@ use oocpt_core::settings::{SettingError, Settings, Value};
 use oocpt_core::stats::Stats;
 use oocpt_core::texture::HeightFiles;
 use oocpt_gpu::DeviceReport;
+use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -52,6 +54,8 @@ pub struct Session {
     geometry_files: Mutex<Option<Arc<GeometryFiles>>>,
     /// Of the snapshot of that version.
     primvars: Mutex<(u64, Arc<[PrimvarUse]>)>,
+    /// What `oocpt:materialReport` was written of: edits of materials, and the file.
+    material_report: Mutex<(u64, String)>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
@@ -73,6 +77,7 @@ impl Session {
             geometry_files: Mutex::default(),
             files: Mutex::new(Arc::new(NoFiles)),
             primvars: Mutex::default(),
+            material_report: Mutex::default(),
             thread: Mutex::new(None),
         }
     }
@@ -129,6 +134,7 @@ impl Session {
         self.keep_meshes(&mut scene);
         let commit = scene.commit();
         let primvars = self.primvars_of(&scene, commit.snapshot.version);
+        self.report_materials(&scene);
         drop(scene);
         for line in summary(&commit.warnings) {
             self.shared.report(Severity::Warning, line);
@@ -180,6 +186,20 @@ impl Session {
             *known = (version, scene.primvar_uses().into());
         }
         Arc::clone(&known.1)
+    }
+
+    /// Writes the report that `oocpt:materialReport` names, once for each state of the materials.
+    fn report_materials(&self, scene: &SceneDb) {
+        let file = lock(&self.settings).material_report.clone();
+        let mut written = lock(&self.material_report);
+        let wanted = (scene.material_edits(), file);
+        if wanted.1.is_empty() || *written == wanted {
+            return;
+        }
+        *written = wanted;
+        if let Err(error) = MaterialReport::of(scene).write(Path::new(&written.1)) {
+            self.shared.report(Severity::Warning, format!("oocpt:materialReport: {error}"));
+        }
     }
 
     fn ensure_thread(&self) {

@@ -8,6 +8,7 @@ mod edits;
 mod forest;
 mod island;
 mod leaves;
+mod materials;
 mod memory;
 mod observe;
 mod partition;
@@ -49,6 +50,8 @@ enum Command {
     TextureFiles(Box<texture_files::Arguments>),
     /// Instanced leaves: opaque, with an opacity picture that is opaque all over, and cut out.
     Leaves(leaves::Arguments),
+    /// Materials of constants, textures and programs on the same wall: what a program costs for each hit.
+    Materials(materials::Arguments),
     /// Hair, points and a limit surface: rays a second, memory for each.
     Curves(curves::Arguments),
     /// What leaving out saves: scenes by passes made for them and by passes that carry everything; the same bits.
@@ -70,6 +73,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Some(Command::Textures(arguments)) => textures::run(arguments),
         Some(Command::TextureFiles(arguments)) => texture_files::run(arguments),
         Some(Command::Leaves(arguments)) => leaves::run(arguments),
+        Some(Command::Materials(arguments)) => materials::run(arguments),
         Some(Command::Curves(arguments)) => curves::run(arguments),
         Some(Command::Specialise(arguments)) => specialise::run(arguments),
         Some(Command::Partition(arguments)) => partition::run(arguments),

@@ -2,23 +2,13 @@
 //! Asks a Hydra host what a USD file needs: `usdrecord` renders a tiny picture of it, and the renderer's own report
 //! (`oocpt:report`) says what that was made of. So a file goes the way that it goes in every host: composition, scene
 //! index, delegate.
-//!
-//! The file comes from strangers. It is handed over as an absolute path, in an environment of the user's; the host is
-//! ended after a time; of its output only the end is shown; the report is read with the bounds of all reports.
 
-use crate::host::{tail, warnings};
-use crate::stop::{self, Folder};
-use anyhow::{Context, Result, bail};
+use crate::host::{Picture, temporary};
+use anyhow::{Context, Result};
 use oocpt_render::error_report::ErrorReport;
 use std::ffi::OsStr;
-use std::fs::File;
 use std::path::Path;
-use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{Duration, Instant};
-
-/// Numbers the temporary folders.
-static FOLDERS: AtomicU64 = AtomicU64::new(0);
+use std::time::Duration;
 
 /// How to ask.
 #[derive(Debug)]
@@ -47,44 +37,20 @@ pub(super) struct Answer {
 pub(super) fn ask(question: &Question<'_>) -> Result<Answer> {
     let file = std::fs::canonicalize(question.file)
         .with_context(|| format!("cannot open {}: neither a file nor a generated scene", question.file.display()))?;
-    let number = FOLDERS.fetch_add(1, Ordering::Relaxed);
-    let folder = std::env::temp_dir().join(format!("oocpt-doctor-{}-{number}", std::process::id()));
-    let folder = Folder::create(folder)?;
-    let [report, output, errors] = ["report.jsonl", "output", "errors"].map(|name| folder.path().join(name));
-    let keep = |path: &Path| File::create(path).context("cannot keep the host's output");
-    let mut command = Command::new(question.usdrecord);
-    command
-        .args(["--renderer", "OocPT", "--disableGpu", "--disableCameraLight", "--enableDomeLightVisibility"])
-        .args(["--imageWidth", &question.width.to_string()])
-        .args(question.camera.iter().flat_map(|camera| ["--camera", camera]))
-        .arg(&file)
-        .arg(folder.path().join("picture.exr"))
-        .env("OOCPT_REPORT", &report)
-        .env("OOCPT_SAMPLES_PER_PIXEL", question.samples.to_string())
-        .env("OOCPT_MAX_BOUNCES", question.bounces.to_string())
-        .env("OOCPT_CARRY", question.carry)
-        .stdin(Stdio::null())
-        .stdout(keep(&output)?)
-        .stderr(keep(&errors)?);
+    let folder = temporary("doctor")?;
+    let report = folder.path().join("report.jsonl");
+    let mut variables = vec![
+        ("OOCPT_REPORT", report.clone().into()),
+        ("OOCPT_SAMPLES_PER_PIXEL", question.samples.to_string().into()),
+        ("OOCPT_MAX_BOUNCES", question.bounces.to_string().into()),
+        ("OOCPT_CARRY", question.carry.into()),
+    ];
     if !question.device.is_empty() {
-        command.env("OOCPT_DEVICE", question.device);
+        variables.push(("OOCPT_DEVICE", question.device.into()));
     }
-    let (mut child, started) = stop::start(&mut command).with_context(|| {
-        format!(
-            "cannot start the Hydra host {}: install a usdrecord, name one by --usdrecord, or in the clone: \
-             eval \"$(cargo xtask env)\"",
-            question.usdrecord.display()
-        )
-    })?;
-    let status = wait(&mut child, question.timeout)?;
-    drop(started);
-    let said = tail(&[&output, &errors]);
-    let Some(status) = status else {
-        bail!("the host was ended after {} s (--timeout): {said}", question.timeout.as_secs());
-    };
-    if !status.success() {
-        bail!("the host could not render {}: {said}", file.display());
-    }
+    let Question { usdrecord, camera, width, timeout, .. } = *question;
+    let picture = Picture { file: &file, usdrecord, camera, width, variables, timeout };
+    let warnings = picture.render(folder.path())?;
     let mut renders = ErrorReport::read_all(&report).with_context(|| {
         "the host rendered without a report: its OocPT is older than this program, or the file's render settings name \
         another \
@@ -92,42 +58,17 @@ pub(super) fn ask(question: &Question<'_>) -> Result<Answer> {
             .to_owned()
     })?;
     let report = renders.pop().context("the report is empty")?;
-    Ok(Answer { report, warnings: warnings(&errors) })
-}
-
-/// The status, or none when it took too long.
-fn wait(child: &mut Child, timeout: Duration) -> Result<Option<ExitStatus>> {
-    let end = Instant::now() + timeout;
-    loop {
-        if let Some(status) = child.try_wait().context("cannot wait for the host")? {
-            return Ok(Some(status));
-        }
-        if Instant::now() >= end {
-            child.kill().context("cannot end the host")?;
-            child.wait().context("cannot wait for the host")?;
-            return Ok(None);
-        }
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    Ok(Answer { report, warnings })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::path::PathBuf;
+    use crate::host::script;
 
     fn question<'a>(file: &'a Path, usdrecord: &'a OsStr) -> Question<'a> {
         let timeout = Duration::from_millis(300);
         Question { file, usdrecord, camera: None, width: 4, samples: 1, bounces: 0, device: "", carry: "", timeout }
-    }
-
-    /// A program in place of `usdrecord`.
-    fn script(name: &str, text: &str) -> PathBuf {
-        let path = std::env::temp_dir().join(format!("oocpt-doctor-{name}-{}", std::process::id()));
-        std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).expect("a temporary file");
-        let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
-        std::fs::set_permissions(&path, mode).expect("it is ours");
-        path
     }
 
     /// What `ask` says when the host is this script.

@@ -7,6 +7,7 @@ pub(crate) mod generated;
 pub(crate) mod island;
 mod lamps;
 pub(crate) mod leaves;
+pub(crate) mod materials;
 pub(crate) mod pictures;
 mod preview;
 mod usd;

@@ -26,8 +26,16 @@ pub struct Compiled {
     pub textures: Vec<TextureRef>,
     /// How it displaces its surfaces, if it does.
     pub displacement: Option<Arc<Displacement>>,
+    /// What was left out, one line each.
+    pub problems: Vec<String>,
+}
+
+impl Compiled {
     /// One line about everything that was left out.
-    pub problem: Option<String>,
+    #[must_use]
+    pub fn problem(&self) -> Option<String> {
+        (!self.problems.is_empty()).then(|| self.problems.join("; "))
+    }
 }
 
 /// While a network is read.
@@ -55,8 +63,8 @@ pub fn compile(desc: &MaterialDesc) -> Compiled {
     let displacement = compiler.displacement(desc);
     let material = compiler.surface(desc.surface);
     compiler.textures.iter_mut().for_each(|texture| texture.prim = desc.named(&texture.prim));
-    let (textures, problem) = (compiler.textures, compiler.problems.message());
-    Compiled { material, textures, displacement: displacement.map(Arc::new), problem }
+    let (textures, problems) = (compiler.textures, compiler.problems.lines());
+    Compiled { material, textures, displacement: displacement.map(Arc::new), problems }
 }
 
 /// Name, shape and default of each input of a `UsdPreviewSurface`, by [`InputName`].
@@ -89,7 +97,7 @@ pub(crate) const NEUTRAL: [Input; INPUTS] = {
 impl<'a> Compiler<'a> {
     /// Notes that nodes of this kind are not understood.
     pub(super) fn unsupported(&mut self, node: &NodeDesc) {
-        self.problems.add(format!("nodes of kind `{}` are not supported", node.kind));
+        self.problems.add(format!("nodes of kind `{}` ({}) are not supported", node.kind, node.path));
     }
 
     fn surface(&mut self, surface: Option<usize>) -> Option<Material> {

@@ -32,11 +32,11 @@ pub(super) fn compile(desc: &MaterialDesc) -> Compiled {
     let library = standard();
     if library.is_empty() {
         problems.add("MaterialX's data libraries were not found (PXR_MTLX_STDLIB_SEARCH_PATHS)".to_owned());
-        return Compiled { problem: problems.message(), ..Compiled::default() };
+        return Compiled { problems: problems.lines(), ..Compiled::default() };
     }
     if desc.nodes.len() > MAX_NODES {
         problems.add(format!("{} nodes are more than the {MAX_NODES} that are supported", desc.nodes.len()));
-        return Compiled { problem: problems.message(), ..Compiled::default() };
+        return Compiled { problems: problems.lines(), ..Compiled::default() };
     }
     let network = Network { nodes: desc.nodes.iter().map(node).collect(), surface: desc.surface.unwrap_or(usize::MAX) };
     let translation = translate(&network, library);
@@ -47,7 +47,7 @@ pub(super) fn compile(desc: &MaterialDesc) -> Compiled {
         problems.add(format!("displacement by nodes of kind `{}` is not supported", node.kind));
     }
     let textures = translation.uses.textures.iter().map(texture).collect();
-    Compiled { material: material(&translation), textures, displacement: None, problem: problems.message() }
+    Compiled { material: material(&translation), textures, displacement: None, problems: problems.lines() }
 }
 
 fn node(desc: &NodeDesc) -> Node {

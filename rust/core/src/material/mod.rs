@@ -9,6 +9,7 @@
 //! displaces it; `params` reads authored values. Rules and defaults: the specification of `UsdPreviewSurface` 2.5.
 
 mod compile;
+mod describe;
 mod displacement;
 mod materialx;
 mod params;
@@ -28,6 +29,7 @@ use crate::desc::AssetRef;
 
 pub(crate) use compile::NEUTRAL;
 pub use compile::{Compiled, MAX_NODES, compile};
+pub use describe::{LONGEST_TEXT, MaterialText, NodeText, ProgramText, describe};
 pub use displacement::Displacement;
 pub use spaces::linear_from_srgb;
 pub use texture::is_ptex_name;

@@ -10,15 +10,22 @@ pub(super) struct Problems(Vec<String>);
 impl Problems {
     /// Most that are told of one material.
     const MOST: usize = 8;
+    /// Most bytes of one.
+    const LONGEST: usize = 512;
 
-    pub(super) fn add(&mut self, problem: String) {
+    /// Texts of the scene stand in it, which may be long: what exceeds [`Self::LONGEST`] is left out.
+    pub(super) fn add(&mut self, mut problem: String) {
+        if problem.len() > Self::LONGEST {
+            problem.truncate(problem.floor_char_boundary(Self::LONGEST));
+            problem.push_str("...");
+        }
         if self.0.len() < Self::MOST && !self.0.contains(&problem) {
             self.0.push(problem);
         }
     }
 
-    pub(super) fn message(self) -> Option<String> {
-        (!self.0.is_empty()).then(|| self.0.join("; "))
+    pub(super) fn lines(self) -> Vec<String> {
+        self.0
     }
 }
 

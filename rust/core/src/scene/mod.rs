@@ -97,6 +97,8 @@ pub struct SceneDb {
     instancers: BTreeMap<Arc<str>, InstancerEntry>,
     lights: BTreeMap<Arc<str>, LightDesc>,
     materials: BTreeMap<Arc<str>, MaterialEntry>,
+    /// Edits of materials so far.
+    material_edits: u64,
     /// Normalised; empty = all.
     purposes: Vec<String>,
     /// True when something was edited since the last commit.
@@ -127,6 +129,7 @@ impl SceneDb {
             instancers: BTreeMap::new(),
             lights: BTreeMap::new(),
             materials: BTreeMap::new(),
+            material_edits: 0,
             purposes: vec!["default".to_owned(), "render".to_owned()],
             edited: true,
             mesh_store: MeshStore::default(),
@@ -174,7 +177,19 @@ impl SceneDb {
         let others = self.remove_other(&path, Kind::Material);
         let (entry, changed) = MaterialEntry::update(self.materials.remove(&path), desc);
         self.materials.insert(path, entry);
+        self.material_edits += u64::from(changed);
         self.edited |= changed | others;
+    }
+
+    /// The networks of all materials as they arrived, in the order of their paths.
+    pub fn materials(&self) -> impl Iterator<Item = &MaterialDesc> {
+        self.materials.values().map(|entry| &entry.desc)
+    }
+
+    /// Differs after any edit of materials.
+    #[must_use]
+    pub fn material_edits(&self) -> u64 {
+        self.material_edits
     }
 
     /// Removes a prim of this path that is of another kind. Gives whether there was one.
@@ -182,15 +197,23 @@ impl SceneDb {
         (kind != Kind::Mesh && self.meshes.remove(path).is_some())
             | (kind != Kind::Instancer && self.instancers.remove(path).is_some())
             | (kind != Kind::Light && self.lights.remove(path).is_some())
-            | (kind != Kind::Material && self.materials.remove(path).is_some())
+            | (kind != Kind::Material && self.remove_material(path))
+    }
+
+    fn remove_material(&mut self, path: &str) -> bool {
+        let removed = self.materials.remove(path).is_some();
+        self.material_edits += u64::from(removed);
+        removed
     }
 
     /// Removes the prim at `path` and all below it.
     pub fn remove(&mut self, path: &str) {
+        let materials = remove_below(&mut self.materials, path);
+        self.material_edits += u64::from(materials);
         let removed = remove_below(&mut self.meshes, path)
             | remove_below(&mut self.instancers, path)
             | remove_below(&mut self.lights, path)
-            | remove_below(&mut self.materials, path);
+            | materials;
         self.edited |= removed;
     }
 

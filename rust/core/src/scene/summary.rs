@@ -74,7 +74,7 @@ impl<'a> Group<'a> {
 fn kind(text: &str) -> String {
     let mut kind = String::with_capacity(text.len());
     for word in text.split(' ') {
-        let own = word.starts_with(['/', '<', '"', '\'']);
+        let own = word.trim_start_matches('(').starts_with(['/', '<', '"', '\'']);
         let digits = word.trim_matches(|c: char| c.is_ascii_punctuation());
         let is_number = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
         kind.push_str(if own || is_number { "*" } else { word });

@@ -156,8 +156,8 @@ impl SurfaceStore {
             entry.ask(wanted, displacements);
         }
         for (path, entry) in materials.iter() {
-            if let Some(problem) = entry.compiled.as_ref().and_then(|compiled| compiled.problem.as_ref()) {
-                reports.note(path, problem.clone());
+            if let Some(problem) = entry.compiled.as_ref().and_then(|compiled| compiled.problem()) {
+                reports.note(path, problem);
             }
         }
     }

@@ -78,6 +78,12 @@ pub(super) const TABLE: &[Row] = &[
         "Chunk report",
         "File for a report about the chunks; empty = none",
     ),
+    developer(
+        "oocpt:materialReport",
+        "OOCPT_MATERIAL_REPORT",
+        "Material report",
+        "File for the networks, inputs and programs of all materials; empty = none",
+    ),
     user(
         "oocpt:report",
         "OOCPT_REPORT",

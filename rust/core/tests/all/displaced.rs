@@ -104,7 +104,7 @@ pub(crate) fn constant(amount: f32) -> MaterialDesc {
 
 fn displacement(material: &MaterialDesc) -> Arc<Displacement> {
     let compiled = compile(material);
-    assert_eq!(compiled.problem, None, "a sound network");
+    assert_eq!(compiled.problem(), None, "a sound network");
     compiled.displacement.expect("a displacement")
 }
 

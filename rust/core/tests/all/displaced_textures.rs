@@ -75,18 +75,18 @@ fn what_cannot_be_read_is_said_and_has_its_fallback() {
 #[test]
 fn only_what_the_displacement_terminal_leads_to_counts() {
     let left_out = |displacement| compile(&MaterialDesc { displacement, ..constant(1.0) });
-    let problem = left_out(None).problem.unwrap();
+    let problem = left_out(None).problem().unwrap();
     assert!(problem.contains("displacement output is not connected"), "{problem}");
     assert_eq!(left_out(Some(7)).displacement, None, "a node that is not there");
     let other = MaterialDesc { displacement: Some(1), ..textured("waves", "r", &[], &[]) };
-    let problem = compile(&other).problem.unwrap();
+    let problem = compile(&other).problem().unwrap();
     assert!(problem.contains("displacement by nodes of kind `UsdUVTexture` is not supported"), "{problem}");
     let odd = compile(&constant(f32::NAN));
     assert_eq!(odd.displacement, None, "NaN");
-    assert!(odd.problem.unwrap().contains("not finite"), "and it is said");
+    assert!(odd.problem().unwrap().contains("not finite"), "and it is said");
     assert_eq!(compile(&constant(0.0)), compile(&MaterialDesc { displacement: None, ..constant(0.0) }), "nothing");
     let ptex = compile(&textured("a.ptx", "r", &[], &[]));
-    assert!(ptex.displacement.is_none() && ptex.problem.unwrap().contains("Ptex"), "Ptex");
+    assert!(ptex.displacement.is_none() && ptex.problem().unwrap().contains("Ptex"), "Ptex");
     // What a surface reads is not used up.
     let material = textured("waves", "r", &[], &[]);
     let compiled = compile(&material);

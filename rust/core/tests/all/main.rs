@@ -24,6 +24,8 @@ mod clusters;
 mod convergence;
 #[cfg(test)]
 mod deform;
+#[cfg(test)]
+mod described;
 mod dicing;
 #[cfg(test)]
 mod displaced;
@@ -33,6 +35,8 @@ mod displaced_textures;
 mod edits;
 #[cfg(test)]
 mod faces;
+#[cfg(test)]
+mod hostile_materials;
 #[cfg(test)]
 mod ies;
 #[cfg(test)]

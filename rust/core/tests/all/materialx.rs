@@ -34,7 +34,7 @@ fn files_have_the_space_that_is_said() {
         let mut params = vec![("file", file("a.png")), ("uaddressmode", text("clamp"))];
         params.extend(said.map(|space| ("colorSpace:file", text(space))));
         let compiled = of(vec![node(SURFACE, &[], &[("base_color", 1, "out")]), node(IMAGE, &params, &[])]);
-        assert_eq!(compiled.problem, None);
+        assert_eq!(compiled.problem(), None);
         let [texture] = &compiled.textures[..] else { panic!("{compiled:?}") };
         assert_eq!((&texture.color_space, texture.wrap), (&expected, [Wrap::Clamp, Wrap::Repeat]));
         let material = compiled.material.expect("a surface");
@@ -71,7 +71,7 @@ fn hair_needs_hair_and_nothing_else() {
     let said = [("roughness_R", ParamValue::Vec2([0.5, 0.25])), ("absorption_coefficient", ParamValue::Vec3([1.0; 3]))];
     let nodes = vec![node("ND_surface", &[], &[("bsdf", 1, "out")]), node("ND_chiang_hair_bsdf", &said, &[])];
     let compiled = of(nodes);
-    assert_eq!(compiled.problem, None);
+    assert_eq!(compiled.problem(), None);
     let material = compiled.material.expect("a surface");
     assert_eq!(material.flags, MaterialFlags::OPEN_PBR | MaterialFlags::HAIR);
     assert!(material.uv_sets.is_empty() && &*material.primvars[0].name == oocpt_core::material::ACROSS_NAME);
@@ -81,5 +81,5 @@ fn hair_needs_hair_and_nothing_else() {
 fn a_surface_that_is_none_is_one_problem() {
     let compiled = of(vec![node("ND_no_such_surface", &[], &[])]);
     assert_eq!(compiled.material, None);
-    assert!(compiled.problem.expect("a warning").contains("no_such_surface"));
+    assert!(compiled.problem().expect("a warning").contains("no_such_surface"));
 }

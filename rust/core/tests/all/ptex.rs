@@ -45,7 +45,7 @@ fn files_and_nodes_that_are_ptex() {
         [("UsdUVTexture", "a.ptx", true), ("UsdUVTexture", "a.png", false), ("HwPtexTexture_1", "a.tex", true)]
     {
         let made = compile(&painted(kind, name));
-        assert_eq!(made.problem, None, "{kind} {name}");
+        assert_eq!(made.problem(), None, "{kind} {name}");
         let [texture] = &made.textures[..] else { panic!("one texture") };
         let material = made.material.expect("understood");
         assert_eq!(
@@ -74,7 +74,7 @@ fn a_third_set_of_coordinates_is_left_out() {
             reader("uv"),
         ],
     ));
-    assert!(made.problem.expect("said").contains("Ptex"), "which one");
+    assert!(made.problem().expect("said").contains("Ptex"), "which one");
     let material = made.material.expect("understood");
     assert!(!material.flags.contains(MaterialFlags::PTEX) && material.uv_sets.len() == 2);
     assert!(matches!(material.input(InputName::SpecularColor), oocpt_core::material::Input::Constant(_)));

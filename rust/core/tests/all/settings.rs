@@ -100,6 +100,7 @@ fn settings_are_listed_in_order() {
         "oocpt:hostMemoryBudget",
         "oocpt:dicingRate",
         "oocpt:chunkReport",
+        "oocpt:materialReport",
         "oocpt:report",
         "oocpt:reference",
         "oocpt:targetError",
@@ -121,6 +122,7 @@ fn settings_are_listed_in_order() {
         "OOCPT_HOST_MEMORY_BUDGET",
         "OOCPT_DICING_RATE",
         "OOCPT_CHUNK_REPORT",
+        "OOCPT_MATERIAL_REPORT",
         "OOCPT_REPORT",
         "OOCPT_REFERENCE",
         "OOCPT_TARGET_ERROR",
@@ -136,11 +138,18 @@ fn settings_are_listed_in_order() {
 }
 
 #[test]
-fn developers_have_five_settings_of_their_own() {
+fn developers_have_six_settings_of_their_own() {
     let mut theirs = Settings::descriptors();
     theirs.retain(|descriptor| descriptor.audience == Audience::Developer);
     let keys: Vec<&str> = theirs.iter().map(|descriptor| descriptor.key).collect();
-    let ours = ["oocpt:traversal", "oocpt:policy", "oocpt:chunkReport", "oocpt:reference", "oocpt:carry"];
+    let ours = [
+        "oocpt:traversal",
+        "oocpt:policy",
+        "oocpt:chunkReport",
+        "oocpt:materialReport",
+        "oocpt:reference",
+        "oocpt:carry",
+    ];
     assert_eq!(keys, ours, "no host lists these");
 }
 
@@ -190,7 +199,7 @@ fn every_descriptor_can_be_set_to_its_default_and_has_an_own_variable() {
         let name = Settings::env_name(descriptor.key).unwrap();
         assert!(name.starts_with("OOCPT_") && names.insert(name), "{name}");
     }
-    assert_eq!(names.len(), 28);
+    assert_eq!(names.len(), 29);
     assert_eq!(Settings::env_name("oocpt:samplesPerPixel"), Some("OOCPT_SAMPLES_PER_PIXEL"));
     assert_eq!(Settings::env_name("other"), None);
 }

@@ -4,9 +4,9 @@
 //!
 //! Exact for one diffuse, one dielectric or one metal; else the shares are kept and roughnesses and colours are means.
 
-use super::Slab;
 use crate::expression::Val;
 use crate::program::Op;
+use crate::slab::Slab;
 use crate::walk::{At, Walker};
 
 /// Closures one within the other, at most.
@@ -25,7 +25,24 @@ impl Walker<'_> {
         Some(slab)
     }
 
+    /// A node may be read by many: it is worked out once, so the work is that of the nodes there are.
     fn edf(&mut self, at: At, depth: usize) -> Val {
+        match self.emissions.get(&at) {
+            Some(Some(known)) => return *known,
+            Some(None) => {
+                let path = self.path(at);
+                self.problem(format!("emission ({path}) is connected in a circle"));
+                return Val::ZERO;
+            }
+            None => {}
+        }
+        self.emissions.insert(at, None);
+        let found = self.edf_of(at, depth);
+        self.emissions.insert(at, Some(found));
+        found
+    }
+
+    fn edf_of(&mut self, at: At, depth: usize) -> Val {
         let category = self.category(at);
         match &*category {
             "uniform_edf" | "conical_edf" | "measured_edf" => self.number_or(at, "color", 1.0),
@@ -53,7 +70,8 @@ impl Walker<'_> {
             _ => match self.implementation(at) {
                 Some(inner) if depth < MAX_CLOSURES => self.edf(inner, depth + 1),
                 _ => {
-                    self.problem(format!("emission of kind `{category}` is not supported"));
+                    let path = self.path(at);
+                    self.problem(format!("emission of kind `{category}` ({path}) is not supported"));
                     Val::ZERO
                 }
             },
@@ -61,10 +79,33 @@ impl Walker<'_> {
     }
 
     fn bsdf(&mut self, at: At, depth: usize) -> Option<Slab> {
-        if depth > MAX_CLOSURES {
-            self.problem("closures are connected in a circle, or too deep".to_owned());
-            return None;
+        self.once(at, depth > MAX_CLOSURES, |walker| walker.bsdf_of(at, depth))
+    }
+
+    /// A slab that is worked out once, however many read it: else nodes whose inputs both read the next one would take
+    /// twice as long with each. `None` where it is part of itself or too deep.
+    pub(super) fn once(
+        &mut self,
+        at: At,
+        is_too_deep: bool,
+        work: impl FnOnce(&mut Self) -> Option<Slab>,
+    ) -> Option<Slab> {
+        match self.slabs.get(&at) {
+            Some(Some(known)) => return *known,
+            None if !is_too_deep => {}
+            _ => {
+                let path = self.path(at);
+                self.problem(format!("closures ({path}) are connected in a circle, or too deep"));
+                return None;
+            }
         }
+        self.slabs.insert(at, None);
+        let found = work(self);
+        self.slabs.insert(at, Some(found));
+        found
+    }
+
+    fn bsdf_of(&mut self, at: At, depth: usize) -> Option<Slab> {
         let category = self.category(at);
         if let Some(slab) = self.lobe(at, &category) {
             return Some(slab);
@@ -108,7 +149,8 @@ impl Walker<'_> {
             _ => match self.implementation(at) {
                 Some(found) => self.bsdf(found, depth + 1),
                 None => {
-                    self.problem(format!("closures of kind `{category}` are not supported"));
+                    let path = self.path(at);
+                    self.problem(format!("closures of kind `{category}` ({path}) are not supported"));
                     None
                 }
             },

@@ -1,36 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 //! A fibre (`chiang_hair_bsdf`): what it says, mixtures of fibres, and where its numbers go among the inputs.
 
-use super::{Input, Lowered, SHAPES, Slab};
+use super::{Input, Lowered, SHAPES};
 use crate::expression::Val;
 use crate::program::Op;
+use crate::slab::{Hair, Slab};
 use crate::uses::Uses;
 use crate::walk::{At, Walker};
 
 /// What of a fibre is met beyond -1..1: its normal says where.
 const BY_NORMAL: f32 = 2.0;
 
-/// A fibre.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Hair {
-    /// Of R, TT, TRT.
-    tints: [Val; 3],
-    ior: Val,
-    /// Variance along the fibre and scale of the logistic across it, of the same.
-    roughnesses: [Val; 3],
-    /// 0.5: none; 0 to 1 is half a turn.
-    cuticle: Val,
-    /// By the fibre's radius.
-    absorption: Val,
-}
-
 impl Hair {
-    fn values(&mut self) -> [&mut Val; 9] {
-        let [r, tt, trt] = &mut self.tints;
-        let [of_r, of_tt, of_trt] = &mut self.roughnesses;
-        [r, tt, trt, of_r, of_tt, of_trt, &mut self.ior, &mut self.cuticle, &mut self.absorption]
-    }
-
     /// The same fibre, brighter or darker.
     pub(super) fn multiplied(mut self, walker: &mut Walker<'_>, factor: Val) -> Self {
         self.tints = self.tints.map(|tint| walker.expressions.multiply(tint, factor));

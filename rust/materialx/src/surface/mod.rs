@@ -8,227 +8,21 @@
 
 mod closure;
 mod hair;
+mod input;
 mod models;
 
 use std::sync::Arc;
 
-use hair::Hair;
+pub(crate) use input::SHAPES;
+pub use input::{INPUTS, Input};
 
 use crate::expression::Val;
 use crate::program::{Geometry, Op};
+use crate::slab::Slab;
 use crate::walk::{At, Walker};
 
-/// Inputs of the renderer's BSDF.
-///
-/// Of a fibre (`chiang_hair_bsdf`) some mean something else: `DiffuseColor`, `SpecularColor`, `TransmissionColor` are
-/// the tints of R, TT and TRT; `Anisotropy` is variance along the fibre and scale of the logistic across it, of R, then
-/// of TT; `ThinFilm` the same of TRT, and the tilt of the cuticle in radians; `Absorption` is by the fibre's radius;
-/// `Normal` is where a ribbon is met across its width.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-#[repr(usize)]
-pub enum Input {
-    /// Diffuse reflectance, and reflectance of the metallic part.
-    DiffuseColor = 0,
-    /// Radiance.
-    EmissiveColor = 1,
-    /// Reflectance at normal incidence, in the specular workflow.
-    SpecularColor = 2,
-    /// Share of metal.
-    Metallic = 3,
-    /// Of the base.
-    Roughness = 4,
-    /// Share of the coat.
-    Clearcoat = 5,
-    /// Of the coat.
-    ClearcoatRoughness = 6,
-    /// Whether the surface is there.
-    Opacity = 7,
-    /// Of the base.
-    Ior = 8,
-    /// In the frame of the surface.
-    Normal = 9,
-    /// Share of what is not metal that is glass.
-    Transmission = 10,
-    /// What a refraction is multiplied by.
-    TransmissionColor = 11,
-    /// Of the coat.
-    CoatIor = 12,
-    /// Colour of the fuzz, times its weight.
-    SheenColor = 13,
-    /// Of the fuzz.
-    SheenRoughness = 14,
-    /// Ratio of the alphas across and along the tangent, turn of the tangent toward the bitangent (1: a whole one); of
-    /// the base, then of the coat.
-    Anisotropy = 15,
-    /// Weight, thickness in nm, index of a film on the base.
-    ThinFilm = 16,
-    /// Of light inside, per unit of length.
-    Absorption = 17,
-    /// Of the diffuse lobe.
-    DiffuseRoughness = 18,
-}
-
-/// Number of [`Input`].
-pub const INPUTS: usize = Input::ALL.len();
-
-impl Input {
-    /// All of them, in order.
-    pub const ALL: [Self; 19] = [
-        Self::DiffuseColor,
-        Self::EmissiveColor,
-        Self::SpecularColor,
-        Self::Metallic,
-        Self::Roughness,
-        Self::Clearcoat,
-        Self::ClearcoatRoughness,
-        Self::Opacity,
-        Self::Ior,
-        Self::Normal,
-        Self::Transmission,
-        Self::TransmissionColor,
-        Self::CoatIor,
-        Self::SheenColor,
-        Self::SheenRoughness,
-        Self::Anisotropy,
-        Self::ThinFilm,
-        Self::Absorption,
-        Self::DiffuseRoughness,
-    ];
-}
-
-/// Name for messages, components that count, value where nothing is said; by [`Input`].
-pub(crate) const SHAPES: [(usize, [f32; 4]); INPUTS] = [
-    (3, [0.8, 0.8, 0.8, 1.0]),
-    (3, [0.0, 0.0, 0.0, 1.0]),
-    (3, [0.0, 0.0, 0.0, 1.0]),
-    (1, [0.0; 4]),
-    (1, [0.3; 4]),
-    (1, [0.0; 4]),
-    (1, [0.0; 4]),
-    (1, [1.0; 4]),
-    (1, [1.5; 4]),
-    (3, [0.0, 0.0, 1.0, 1.0]),
-    (1, [0.0; 4]),
-    (3, [1.0; 4]),
-    (1, [1.5; 4]),
-    (3, [0.0, 0.0, 0.0, 1.0]),
-    (1, [0.3; 4]),
-    (4, [1.0, 0.0, 1.0, 0.0]),
-    (3, [0.0, 0.0, 1.4, 0.0]),
-    (3, [0.0; 4]),
-    (1, [0.0; 4]),
-];
-
-/// A slab of `OpenPBR`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Slab {
-    pub(crate) base_color: Val,
-    pub(crate) metalness: Val,
-    pub(crate) specular_weight: Val,
-    pub(crate) specular_color: Val,
-    pub(crate) roughness: Val,
-    pub(crate) ior: Val,
-    pub(crate) transmission: Val,
-    pub(crate) transmission_color: Val,
-    pub(crate) subsurface: Val,
-    pub(crate) subsurface_color: Val,
-    pub(crate) coat: Val,
-    pub(crate) coat_color: Val,
-    pub(crate) coat_roughness: Val,
-    pub(crate) coat_ior: Val,
-    pub(crate) fuzz: Val,
-    pub(crate) fuzz_roughness: Val,
-    pub(crate) emission: Val,
-    pub(crate) opacity: Val,
-    /// 0: the opacity is a probability.
-    pub(crate) opacity_threshold: f32,
-    /// In the frame of the surface.
-    pub(crate) normal: Val,
-    /// Of the alphas, and of the tangent; `roughness` is that of the mean of their squares.
-    pub(crate) ratio: Val,
-    pub(crate) turn: Val,
-    pub(crate) coat_ratio: Val,
-    pub(crate) coat_turn: Val,
-    pub(crate) film: Val,
-    /// In nm.
-    pub(crate) film_thickness: Val,
-    pub(crate) film_ior: Val,
-    pub(crate) absorption: Val,
-    pub(crate) diffuse_roughness: Val,
-    pub(crate) thin_walled: bool,
-    /// A fibre: of the rest emission and opacity count.
-    pub(crate) hair: Option<Hair>,
-}
-
-impl Slab {
-    /// Black, and nothing else.
-    pub(crate) const BLACK: Self = Self {
-        base_color: Val::ZERO,
-        metalness: Val::ZERO,
-        specular_weight: Val::ZERO,
-        specular_color: Val::ONE,
-        roughness: Val::Constant([0.3; 4]),
-        ior: Val::Constant([1.5; 4]),
-        transmission: Val::ZERO,
-        transmission_color: Val::ONE,
-        subsurface: Val::ZERO,
-        subsurface_color: Val::ZERO,
-        coat: Val::ZERO,
-        coat_color: Val::ONE,
-        coat_roughness: Val::ZERO,
-        coat_ior: Val::Constant([1.6; 4]),
-        fuzz: Val::ZERO,
-        fuzz_roughness: Val::Constant([0.5; 4]),
-        emission: Val::ZERO,
-        opacity: Val::ONE,
-        opacity_threshold: 0.0,
-        normal: Val::Constant([0.0, 0.0, 1.0, 1.0]),
-        ratio: Val::ONE,
-        turn: Val::ZERO,
-        coat_ratio: Val::ONE,
-        coat_turn: Val::ZERO,
-        film: Val::ZERO,
-        film_thickness: Val::ZERO,
-        film_ior: Val::Constant([1.4; 4]),
-        absorption: Val::ZERO,
-        diffuse_roughness: Val::ZERO,
-        thin_walled: false,
-        hair: None,
-    };
-
-    fn values(&mut self) -> [&mut Val; 28] {
-        [
-            &mut self.base_color,
-            &mut self.metalness,
-            &mut self.specular_weight,
-            &mut self.specular_color,
-            &mut self.roughness,
-            &mut self.ior,
-            &mut self.transmission,
-            &mut self.transmission_color,
-            &mut self.subsurface,
-            &mut self.subsurface_color,
-            &mut self.coat,
-            &mut self.coat_color,
-            &mut self.coat_roughness,
-            &mut self.coat_ior,
-            &mut self.fuzz,
-            &mut self.fuzz_roughness,
-            &mut self.emission,
-            &mut self.opacity,
-            &mut self.normal,
-            &mut self.ratio,
-            &mut self.turn,
-            &mut self.coat_ratio,
-            &mut self.coat_turn,
-            &mut self.film,
-            &mut self.film_thickness,
-            &mut self.film_ior,
-            &mut self.absorption,
-            &mut self.diffuse_roughness,
-        ]
-    }
-}
+/// Surface shaders one within the other, at most.
+const MAX_SHADERS: usize = 16;
 
 /// What the BSDF takes.
 #[derive(Clone, Copy, Debug)]
@@ -249,10 +43,10 @@ impl Walker<'_> {
 
     /// The slab of a surface shader, through graphs and mixtures of shaders.
     fn shader(&mut self, at: At, depth: usize) -> Option<Slab> {
-        if depth > 16 {
-            self.problem("surface shaders are connected in a circle, or too deep".to_owned());
-            return None;
-        }
+        self.once(at, depth > MAX_SHADERS, |walker| walker.shader_of(at, depth))
+    }
+
+    fn shader_of(&mut self, at: At, depth: usize) -> Option<Slab> {
         let category = self.category(at);
         if let Some(slab) = self.model(at, &category) {
             return Some(slab);

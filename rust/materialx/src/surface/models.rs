@@ -2,9 +2,9 @@
 //! The surface models of `MaterialX`, each as a slab: `open_pbr_surface` 1.1, `standard_surface` 1.0.1, `gltf_pbr`
 //! 2.0.1, `disney_principled`, `UsdPreviewSurface` 2.6, `surface_unlit`.
 
-use super::Slab;
 use crate::expression::Val;
 use crate::program::Op;
+use crate::slab::Slab;
 use crate::walk::{At, Walker};
 
 impl Walker<'_> {

@@ -10,8 +10,14 @@ use proptest::prelude::*;
 
 use crate::support::{file, library, node, number, text, translated};
 
-/// Networks of random nodes, inputs and connections.
-const NETWORKS: u32 = if cfg!(debug_assertions) { 100 } else { 400 };
+/// Networks of random nodes, inputs and connections; all seeds with `cargo xtask test --full`.
+fn networks() -> u32 {
+    match std::env::var_os("OOCPT_TEST_FULL") {
+        Some(_) => 10_000,
+        None if cfg!(debug_assertions) => 100,
+        None => 400,
+    }
+}
 
 fn any_value() -> impl Strategy<Value = Value> {
     prop_oneof![
@@ -72,12 +78,18 @@ fn check(network: &Network) {
             InputSource::Register(at) => assert!(usize::from(at) < REGISTERS && !program.instructions.is_empty()),
         }
     }
-    let registers = run(program, |_| [0.3, -0.7, 1.9, 0.0], |_, _| [0.2, 0.4, 0.6, 1.0]);
-    assert!(registers.as_flattened().iter().all(|v| v.is_finite()), "{registers:?}");
+    let plain = ([0.3, -0.7, 1.9, 0.0], [0.2, 0.4, 0.6, 1.0]);
+    for (surface, texel) in [plain, ([0.0; 4], [0.0; 4]), ([3.0e38, -3.0e38, 1.0e-38, 0.0], [65504.0, -1.0, 0.0, 1.0])]
+    {
+        for program in [program, &translation.opacity_program] {
+            let registers = run(program, |_| surface, |_, _| texel);
+            assert!(registers.as_flattened().iter().all(|v| v.is_finite()), "{registers:?}");
+        }
+    }
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: NETWORKS, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: networks(), failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn random_networks_are_translated_or_refused(
@@ -168,6 +180,73 @@ fn textures_of_inputs_leave_fewer_to_the_program() {
     let inputs = translation.inputs.expect("a surface");
     let textures = inputs.iter().filter(|input| matches!(input, InputSource::Texture(..))).count();
     assert!(textures == 5 && textures + translation.program.lookups.len() <= 15, "{translation:?}");
+}
+
+/// Nodes whose inputs both read the next node: work that doubles with each would never end.
+#[test]
+fn ladders_are_climbed_once() {
+    let emission = |kind| ("ND_surface", kind, "edf", ["bg", "fg"], "ND_uniform_edf");
+    let reflection = |kind, inputs| ("ND_surface", kind, "bsdf", inputs, "ND_oren_nayar_diffuse_bsdf");
+    for (surface, kind, input, [a, b], last) in [
+        reflection("ND_mix_bsdf", ["bg", "fg"]),
+        reflection("ND_layer_bsdf", ["base", "top"]),
+        reflection("ND_add_bsdf", ["in1", "in2"]),
+        emission("ND_mix_edf"),
+    ] {
+        let mut nodes = vec![node(surface, &[], &[(input, 1)])];
+        for at in 1..31_usize {
+            nodes.push(node(kind, &[("mix", number(0.5))], &[(a, at + 1), (b, at + 1)]));
+        }
+        nodes.push(node(last, &[], &[]));
+        check(&Network { nodes: nodes.clone(), surface: 0 });
+        assert_eq!(translated(nodes.clone()).problems, Vec::<String>::new(), "{kind}: deep, and understood");
+        // The last one reads the first: a circle, met along both ways at each node.
+        nodes[30] = node(kind, &[], &[(a, 1), (b, 1)]);
+        let translation = translated(nodes);
+        assert_eq!(translation.problems.len(), 1, "{kind}: {:?}", translation.problems);
+        assert!(translation.problems[0].contains("in a circle"), "{:?}", translation.problems);
+    }
+    let mut nodes = Vec::new();
+    for at in 0..15_usize {
+        nodes.push(node("ND_mix_surfaceshader", &[("mix", number(0.5))], &[("bg", at + 1), ("fg", at + 1)]));
+    }
+    nodes.push(node("ND_open_pbr_surface_surfaceshader", &[], &[]));
+    check(&Network { nodes, surface: 0 });
+}
+
+/// Thousands of nodes that all count, and as many inputs of one.
+#[test]
+fn thousands_of_nodes_are_translated_or_refused() {
+    let mut nodes =
+        vec![node("ND_open_pbr_surface_surfaceshader", &[("base_weight", number(1.0))], &[("base_color", 1)])];
+    for at in 1..4000_usize {
+        let [a, b] = [2 * at, 2 * at + 1].map(|below| below.min(3999));
+        let kind = if at < 2000 { "ND_add_color3" } else { "ND_noise2d_color3" };
+        let inputs: &[(&str, usize)] = if at < 2000 { &[("in1", a), ("in2", b)] } else { &[] };
+        nodes.push(node(kind, &[("pivot", number(at as f32))], inputs));
+    }
+    check(&Network { nodes: nodes.clone(), surface: 0 });
+    let [problem] = &translated(nodes.clone()).problems[..] else { panic!("one line") };
+    assert!(problem.starts_with("the patterns have more"), "{problem}");
+    nodes[0].connections = (0..100_000).map(|at| (format!("input_{at}").into(), at % 4000, "out".into())).collect();
+    check(&Network { nodes: nodes.clone(), surface: 0 });
+    nodes.extend(vec![node("ND_add_color3", &[], &[]); 200]);
+    let [problem] = &translated(nodes).problems[..] else { panic!("one line") };
+    assert!(problem.contains("too many nodes"), "{problem}");
+}
+
+/// What is wrong with thousands of nodes is told in a bounded number of lines.
+#[test]
+fn many_problems_are_few_lines() {
+    let mut nodes = vec![node("ND_open_pbr_surface_surfaceshader", &[], &[("base_color", 1)])];
+    for at in 1..3000_usize {
+        let [a, b] = [2 * at, 2 * at + 1].map(|below| below.min(2999));
+        let mut wrong = node(if at < 1500 { "ND_add_color3" } else { "ND_nothing" }, &[], &[("in1", a), ("in2", b)]);
+        wrong.path = format!("/m/n{at}").into();
+        nodes.push(wrong);
+    }
+    let problems = translated(nodes).problems;
+    assert!((1..=64).contains(&problems.len()), "{} lines", problems.len());
 }
 
 #[test]

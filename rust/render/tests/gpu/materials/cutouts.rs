@@ -35,7 +35,7 @@ pub(crate) fn holed(path: &str) -> MaterialDesc {
 /// The opacity at the coordinates of a pixel, by the twin.
 fn opacity(desc: &MaterialDesc, pixel: usize) -> f32 {
     let compiled = compile(desc);
-    assert_eq!(compiled.problem, None, "all of it is understood");
+    assert_eq!(compiled.problem(), None, "all of it is understood");
     let material = compiled.material.expect("a surface");
     let register = match *material.input(InputName::Opacity) {
         Input::Register(register) => Some(register),

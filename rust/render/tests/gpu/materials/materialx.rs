@@ -66,7 +66,7 @@ fn a_program_gives_what_its_twin_does() {
         1,
     );
     let compiled = compile(&desc);
-    assert_eq!(compiled.problem, None);
+    assert_eq!(compiled.problem(), None);
     let material = compiled.material.expect("a surface");
     let Input::Register(register) = *material.input(InputName::DiffuseColor) else { panic!("{material:?}") };
     let albedo: Vec<[f32; 3]> = read(&session, &request, AovKind::Albedo);
@@ -208,6 +208,30 @@ fn white_stays_white() {
         let mean = pixels.iter().map(|p| f64::from(p[0])).sum::<f64>() / 1024.0;
         assert!((mean - 1.0).abs() < most, "{what}: {mean}");
     }
+}
+
+/// Over black it is the fuzz alone that is seen, in its colour. Seen from the front it reflects 4 %, which the bound of
+/// white fuzz over white lets pass.
+#[test]
+fn fuzz_has_its_colour() {
+    let params = [
+        ("base_weight", float(0.0)),
+        ("specular_weight", float(0.0)),
+        ("fuzz_weight", float(1.0)),
+        ("fuzz_color", color([0.5, 0.25, 1.0])),
+    ];
+    let (session, request) = shown(
+        |db| {
+            db.upsert_material(material("/m", vec![node(OPEN_PBR, &params, &[])]));
+            db.upsert_mesh(board("/a", 1, "/m"));
+            db.upsert_light(dome([1.0; 3]));
+        },
+        16,
+    );
+    let pixels: Vec<[f32; 4]> = read(&session, &request, AovKind::Color);
+    let [red, green, blue] = [0, 1, 2].map(|k| pixels.iter().map(|pixel| f64::from(pixel[k])).sum::<f64>() / 1024.0);
+    assert!(blue > 0.01, "there is fuzz: {blue}");
+    assert!((red / blue - 0.5).abs() < 1e-3 && (green / blue - 0.25).abs() < 1e-3, "{red} {green} {blue}");
 }
 
 /// What goes through a sharp interface of tinted glass has its colour once.

@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: Apache-2.0
+//! `oocpt material show`: what became of the materials of a scene.
+//!
+//! A Hydra host reads the scene, as for `oocpt doctor --scene`: composition, resolver and the translation of networks
+//! are those of its renders. It renders a few pixels, and the renderer writes `oocpt:materialReport`, before it opens a
+//! device; so materials are told also where the picture fails, with a warning. Hydra hands on materials that something
+//! shows; so that any can be asked for by its path, a layer over the file has a triangle that shows it.
+
+mod text;
+
+use anyhow::{Context as _, Result, bail, ensure};
+use oocpt_core::material::MaterialText;
+use oocpt_render::material_report::MaterialReport;
+use serde::Serialize;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use crate::host::{Picture, temporary, usdrecord};
+
+/// Side of the picture, pixels.
+const WIDTH: u32 = 4;
+/// Names of other materials that are told where one is not found.
+const LIKE: usize = 5;
+
+/// Options of `oocpt material`.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(clap::Subcommand)]
+enum Command {
+    /// Prints a material: its network as it arrived, folded, as bytecode with its cost, and what was left out.
+    Show(Show),
+}
+
+#[derive(clap::Args)]
+struct Show {
+    /// A USD file.
+    scene: PathBuf,
+    /// Path of a material; without one, those that something shows are listed with a line each.
+    path: Option<String>,
+    /// Prints JSON.
+    #[arg(long)]
+    json: bool,
+    /// The host's usdrecord; without, the one in the path.
+    #[arg(long, env = "OOCPT_USDRECORD")]
+    usdrecord: Option<OsString>,
+    /// Seconds after which the host is ended.
+    #[arg(long, default_value_t = 600)]
+    timeout: u64,
+}
+
+/// What is told of a scene.
+#[derive(Debug, Serialize)]
+struct Told<'a> {
+    scene: &'a Path,
+    materials: Vec<&'a MaterialText>,
+    /// What the host said beside: of the material, where one is named.
+    warnings: Vec<String>,
+}
+
+/// Runs the command.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let Command::Show(show) = &arguments.command;
+    let (report, mut said) = ask(show)?;
+    let materials: Vec<&MaterialText> = match &show.path {
+        None => report.materials.iter().collect(),
+        Some(path) => vec![find(&report, path).with_context(|| show.scene.display().to_string())?],
+    };
+    // What it said of materials stands with them.
+    said.retain(|line| !report.materials.iter().any(|material| is_told(material, line)));
+    if let (Some(_), [material]) = (&show.path, &materials[..]) {
+        said.retain(|line| line.contains(&material.path) || !line.starts_with("OocPT: /"));
+    }
+    let told = Told { scene: &show.scene, materials, warnings: said };
+    match (show.json, &told.materials[..]) {
+        (true, _) => println!("{}", serde_json::to_string_pretty(&told)?),
+        (false, [material]) if show.path.is_some() => print!("{}", text::whole(material)),
+        (false, materials) => print!("{}", text::list(materials)),
+    }
+    if !show.json {
+        print!("{}", text::warnings("the host said", &told.warnings));
+    }
+    Ok(())
+}
+
+/// Whether a line of the host's is of this material, all of whose warnings are told.
+fn is_told(material: &MaterialText, line: &str) -> bool {
+    let of = line.strip_prefix("OocPT: ").and_then(|line| line.strip_prefix(material.path.as_str()));
+    let words = of.and_then(|rest| rest.strip_prefix(": "));
+    words.is_some_and(|words| material.warnings.first().is_some_and(|warning| words.starts_with(warning.as_str())))
+}
+
+/// Has a host say what the materials are, and what else it says.
+fn ask(show: &Show) -> Result<(MaterialReport, Vec<String>)> {
+    let file = std::fs::canonicalize(&show.scene).with_context(|| format!("cannot open {}", show.scene.display()))?;
+    let folder = temporary("material")?;
+    let report = folder.path().join("report.json");
+    let file = match &show.path {
+        None => file,
+        Some(path) => {
+            let layer = layer(&file, path)?;
+            let over = folder.path().join("over.usda");
+            std::fs::write(&over, layer).context("cannot write a layer over the scene")?;
+            over
+        }
+    };
+    let usdrecord = usdrecord(show.usdrecord.as_ref());
+    let picture = Picture {
+        file: &file,
+        usdrecord: &usdrecord,
+        camera: None,
+        width: WIDTH,
+        variables: vec![
+            ("OOCPT_MATERIAL_REPORT", report.clone().into()),
+            ("OOCPT_SAMPLES_PER_PIXEL", "1".into()),
+            ("OOCPT_MAX_BOUNCES", "0".into()),
+        ],
+        timeout: Duration::from_secs(show.timeout),
+    };
+    let rendered = picture.render(folder.path());
+    if !report.exists() {
+        rendered?;
+        bail!(
+            "the host rendered without a report of materials: its OocPT is older than this program, or the file's \
+             render settings name another one (oocpt:materialReport)"
+        );
+    }
+    let said = rendered.unwrap_or_else(|error| vec![format!("{error:#}")]);
+    Ok((MaterialReport::read(&report)?, said))
+}
+
+/// A layer over `file` with a triangle that shows the material at `path`.
+fn layer(file: &Path, path: &str) -> Result<String> {
+    let is_name = |name: &str| !name.is_empty() && name.chars().all(|c| c.is_alphanumeric() || c == '_');
+    let is_path = path.strip_prefix('/').is_some_and(|names| names.split('/').all(is_name));
+    ensure!(is_path, "{path:?} is no path of a prim, such as /World/Looks/Wood");
+    let name = file.to_str().filter(|name| !name.contains("@@@") && !name.contains(['\n', '\r']));
+    let name = name.with_context(|| format!("a layer cannot name {}", file.display()))?;
+    Ok(format!(
+        "#usda 1.0\n(\n    subLayers = [@@@{name}@@@]\n)\n\
+         def Mesh \"OocPT_material_show\" (prepend apiSchemas = [\"MaterialBindingAPI\"])\n{{\n    \
+         int[] faceVertexCounts = [3]\n    int[] faceVertexIndices = [0, 1, 2]\n    \
+         point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]\n    \
+         uniform token subdivisionScheme = \"none\"\n    rel material:binding = <{path}>\n}}\n"
+    ))
+}
+
+/// The material of a path.
+fn find<'a>(report: &'a MaterialReport, path: &str) -> Result<&'a MaterialText> {
+    if let Some(found) = report.materials.iter().find(|material| material.path == path) {
+        return Ok(found);
+    }
+    let name = |path: &str| path.rsplit('/').next().unwrap_or_default().to_ascii_lowercase();
+    let wanted = name(path);
+    let (like, others): (Vec<&str>, Vec<&str>) = report
+        .materials
+        .iter()
+        .map(|material| material.path.as_str())
+        .partition(|path| !wanted.is_empty() && name(path).contains(&wanted));
+    let count = report.materials.len();
+    let mut shown: Vec<&str> = like.into_iter().chain(others).take(LIKE).collect();
+    if count > shown.len() {
+        shown.push("...");
+    }
+    match count {
+        0 => bail!("there is no material {path}, and nothing shows another"),
+        _ => bail!("there is no material {path}; shown are {count}: {}", shown.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::host::script;
+
+    fn show(path: Option<&str>, usdrecord: &Path) -> Show {
+        let path = path.map(str::to_owned);
+        let scene = std::env::current_exe().expect("a file");
+        Show { scene, path, json: false, usdrecord: Some(usdrecord.into()), timeout: 20 }
+    }
+
+    #[test]
+    fn a_layer_shows_the_material_and_takes_no_other_text() {
+        let layer = |path: &str| layer(Path::new("/a b/c@d.usda"), path);
+        let text = layer("/World/Looks/Wood_2").expect("a path");
+        assert!(text.contains("[@@@/a b/c@d.usda@@@]") && text.contains("</World/Looks/Wood_2>"), "{text}");
+        for path in ["", "/", "World", "/a//b", "/a> }", "/a\n", "/a{v=x}b", "/a.b"] {
+            let error = layer(path).expect_err("no path");
+            assert!(error.to_string().contains("is no path"), "{error}");
+        }
+        assert!(super::layer(Path::new("/a@@@b"), "/m").is_err(), "it would end the name");
+    }
+
+    #[test]
+    fn materials_are_found_or_the_like_are_named() {
+        let material = |path: &str| MaterialText { path: path.to_owned(), ..MaterialText::default() };
+        let names = ["/A/Metal", "/B/Wood", "/B/Wood_2", "/C/a", "/C/b", "/C/c", "/C/d"];
+        let report = MaterialReport { version: 1, materials: names.map(material).to_vec() };
+        assert_eq!(find(&report, "/B/Wood").expect("it is there").path, "/B/Wood");
+        let error = find(&report, "/Z/wood").expect_err("it is not").to_string();
+        assert_eq!(error, "there is no material /Z/wood; shown are 7: /B/Wood, /B/Wood_2, /A/Metal, /C/a, /C/b, ...");
+        let nothing = find(&MaterialReport::default(), "/m").expect_err("nothing is").to_string();
+        assert_eq!(nothing, "there is no material /m, and nothing shows another");
+    }
+
+    /// A report counts also where the picture failed after it; without one, why is one message.
+    #[test]
+    fn what_the_host_wrote_counts() {
+        let report = r#"{"oocptMaterialReport":1,"materials":[{"path":"/m","warnings":["w"]}]}"#;
+        let words =
+            format!("printf '%s' '{report}' > \"$OOCPT_MATERIAL_REPORT\"; echo 'OocPT: error: no device' >&2; exit 1");
+        let program = script("material", &words);
+        let (found, said) = ask(&show(Some("/m"), &program)).expect("a report");
+        assert_eq!(found.materials[0].warnings, ["w"]);
+        assert!(said.len() == 1 && said[0].contains("no device"), "{said:?}");
+        std::fs::remove_file(program).expect("it is there");
+        for (words, expected) in [("echo bad layer >&2; exit 1", "bad layer"), ("exit 0", "without a report")] {
+            let program = script("no-material", words);
+            let error = ask(&show(None, &program)).expect_err("no report");
+            assert!(format!("{error:#}").contains(expected), "{error:#}");
+            std::fs::remove_file(program).expect("it is there");
+        }
+    }
+
+    #[test]
+    fn what_is_told_with_a_material_is_not_told_again() {
+        let material = MaterialText {
+            path: "/m".to_owned(),
+            warnings: vec!["a".to_owned(), "b".to_owned()],
+            ..MaterialText::default()
+        };
+        assert!(is_told(&material, "OocPT: /m: a; b"));
+        assert!(
+            !is_told(&material, "OocPT: /m2: a; b")
+                && !is_told(&material, "OocPT: /m/tex: a")
+                && !is_told(&material, "a")
+        );
+    }
+}

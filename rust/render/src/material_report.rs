@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The report that `oocpt:materialReport` names: every material of the scene as text for people, one JSON object.
+//! `oocpt material show` reads it.
+//!
+//! A file that is no such report is left as it is: its name may come from a scene of strangers.
+
+use crate::error_report::begins_with_or_is_empty;
+use oocpt_core::material::{MaterialText, describe};
+use oocpt_core::scene::SceneDb;
+use serde::{Deserialize, Serialize};
+use std::io::{Error, ErrorKind, Read as _};
+use std::path::{Path, PathBuf};
+
+/// The version of the format.
+pub const VERSION: u32 = 1;
+/// What a report begins with.
+const MAGIC: &[u8] = b"{\"oocptMaterialReport\":";
+/// Longest report that is read, bytes.
+const LONGEST: u64 = 1 << 30;
+
+/// All materials of a scene, whether a mesh shows them or not.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MaterialReport {
+    /// [`VERSION`]; tells such a report from other files.
+    #[serde(rename = "oocptMaterialReport", default)]
+    pub version: u32,
+    /// In the order of their paths.
+    #[serde(default)]
+    pub materials: Vec<MaterialText>,
+}
+
+/// Why there is no report.
+#[derive(Debug, thiserror::Error)]
+pub enum MaterialReportError {
+    /// The file cannot be written or read, or has something else in it.
+    #[error("material report {path}: {source}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: Error,
+    },
+    /// It is of another version.
+    #[error("material report {path}: version {version} is not known")]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// The version that it has.
+        version: u32,
+    },
+}
+
+impl MaterialReport {
+    /// Tells of the materials of a scene; compiles each once more.
+    #[must_use]
+    pub fn of(scene: &SceneDb) -> Self {
+        Self { version: VERSION, materials: scene.materials().map(describe).collect() }
+    }
+
+    /// Writes the report.
+    ///
+    /// # Errors
+    /// [`MaterialReportError::File`], also when the file has something else in it.
+    pub fn write(&self, path: &Path) -> Result<(), MaterialReportError> {
+        let refused =
+            || Error::new(ErrorKind::AlreadyExists, "the file is no report of materials and is left as it is");
+        begins_with_or_is_empty(path, MAGIC)
+            .and_then(|ours| if ours { Ok(()) } else { Err(refused()) })
+            .and_then(|()| Ok(serde_json::to_vec(self)?))
+            .and_then(|json| std::fs::write(path, json))
+            .map_err(|source| MaterialReportError::File { path: path.into(), source })
+    }
+
+    /// Reads a report.
+    ///
+    /// # Errors
+    /// See [`MaterialReportError`].
+    pub fn read(path: &Path) -> Result<Self, MaterialReportError> {
+        let fail = |source: Error| MaterialReportError::File { path: path.into(), source };
+        let mut json = Vec::new();
+        std::fs::File::open(path).and_then(|file| file.take(LONGEST).read_to_end(&mut json)).map_err(fail)?;
+        let report: Self = serde_json::from_slice(&json).map_err(|error| fail(error.into()))?;
+        if report.version != VERSION {
+            return Err(MaterialReportError::Version { path: path.into(), version: report.version });
+        }
+        Ok(report)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_report_is_read_as_it_was_written_and_other_files_are_left() {
+        let path = std::env::temp_dir().join(format!("oocpt-material-report-{}", std::process::id()));
+        let text = MaterialText { path: "/m \"a\"".to_owned(), lookups: 3, ..MaterialText::default() };
+        let report = MaterialReport { version: VERSION, materials: vec![text] };
+        // The second time over the first.
+        for _ in 0..2 {
+            report.write(&path).expect("a temporary file");
+            assert_eq!(MaterialReport::read(&path).expect("a report"), report);
+        }
+        MaterialReport { version: 9, ..report.clone() }.write(&path).expect("a temporary file");
+        assert!(matches!(MaterialReport::read(&path), Err(MaterialReportError::Version { version: 9, .. })));
+        std::fs::write(&path, "precious").expect("a temporary file");
+        let refused = report.write(&path).expect_err("another file");
+        assert!(refused.to_string().contains("left as it is"), "{refused}");
+        assert_eq!(std::fs::read_to_string(&path).expect("it is there"), "precious");
+        assert!(matches!(MaterialReport::read(&path), Err(MaterialReportError::File { .. })));
+        std::fs::remove_file(&path).expect("it is ours");
+    }
+}
