@@ -47,10 +47,10 @@ impl Drop for Folder {
     }
 }
 
-fn run(tool: &str, args: &[&str], files: &[&Path]) -> Result<(), String> {
-    let output = Command::new(tool).args(args).args(files).output().map_err(|error| format!("{tool}: {error}"))?;
+fn run(what: &str, tool: &str, args: &[&str], files: &[&Path]) {
+    let output = Command::new(tool).args(args).args(files).output().expect(tool);
     let text = String::from_utf8_lossy(&output.stderr).into_owned() + &String::from_utf8_lossy(&output.stdout);
-    if output.status.success() { Ok(()) } else { Err(text) }
+    assert!(output.status.success(), "{what}: {text}");
 }
 
 fn spec(features: Features) -> [(u32, u32); 4] {
@@ -68,9 +68,8 @@ fn reduced(folder: &Folder, name: &str, words: &[u32], spec: &[(u32, u32)]) -> V
     let mut args = vec!["--target-env=vulkan1.2", "--strip-debug", &values];
     args.extend(PASSES);
     args.push("-o");
-    run("spirv-opt", &args, &[&to, &from]).unwrap_or_else(|error| panic!("{name}: {error}"));
-    run("spirv-dis", &["--no-indent", "--no-header", "-o"], &[&text, &to])
-        .unwrap_or_else(|error| panic!("{name}: {error}"));
+    run(name, "spirv-opt", &args, &[&to, &from]);
+    run(name, "spirv-dis", &["--no-indent", "--no-header", "-o"], &[&text, &to]);
     let text = std::fs::read_to_string(text).expect("what it wrote");
     // The entry point lists variables, in an order of its own.
     let lines = text.lines().filter(|line| !line.starts_with("OpEntryPoint"));
@@ -96,12 +95,12 @@ fn check(folder: &Folder, module: &Module, features: Features) {
     let words = module.specialised(&spec);
     assert!(words.len() < module.words.len(), "{} stays as it is", module.name);
     let written = folder.write("folded.spv", &words);
-    run("spirv-val", &["--target-env", "vulkan1.2", "--scalar-block-layout"], &[&written])
-        .unwrap_or_else(|error| panic!("{} with {features:?}: {error}", module.name));
+    let what = format!("{} with {features:?}", module.name);
+    run(&what, "spirv-val", &["--target-env", "vulkan1.2", "--scalar-block-layout"], &[&written]);
     let [before, after] = [module.words, &words].map(|words| reduced(folder, "whole.spv", words, &spec));
     let other = before.iter().zip(&after).find(|(before, after)| before != after);
-    assert!(other.is_none(), "{} with {features:?} is another: {other:?}", module.name);
-    assert_eq!(before.len(), after.len(), "{} with {features:?}", module.name);
+    assert!(other.is_none(), "{what} is another: {other:?}");
+    assert_eq!(before.len(), after.len(), "{what}");
 }
 
 /// Features with all that they need.
