@@ -42,12 +42,11 @@ pub(crate) struct Specialisation {
 impl Specialisation {
     /// The same without what `module` does not read: it stays as it is whatever that says.
     fn of(self, module: &Module) -> Self {
-        Self {
-            max_levels: if module.reads_levels { self.max_levels } else { 1 },
-            stack_size: if module.reads_stack { self.stack_size } else { 1 },
-            features: self.features & module.features,
-            ..self
-        }
+        let mut own = self;
+        own.max_levels = if module.reads_levels { self.max_levels } else { 1 };
+        own.stack_size = if module.reads_stack { self.stack_size } else { 1 };
+        own.features = self.features & module.features;
+        own
     }
 }
 

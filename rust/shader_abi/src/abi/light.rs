@@ -116,7 +116,7 @@ pub struct Lighting {
     pub textured_mesh_lights: u32,
     /// 0.
     pub pad: u32,
-    /// [`GpuLightKey`] array; 0 without `Features::MOVING_LIGHTS`, as the next two.
+    /// [`GpuLightKey`](super::scene::GpuLightKey) array; 0 without `Features::MOVING_LIGHTS`, as the next two.
     pub light_keys: u64,
     /// u32x2 for each local light: its first key, and how many; 0 for one at rest. 8-byte aligned.
     pub local_motion: u64,
