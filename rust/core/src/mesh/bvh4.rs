@@ -157,7 +157,9 @@ pub(super) fn build_bvh4_over(boxes: &[Aabb]) -> (Bvh4, Vec<u32>) {
         }
         node
     });
-    (Bvh4 { nodes, stack }, places.iter().filter_map(|&place| order.get(place as usize).copied()).collect())
+    let mut ordered = Vec::with_capacity(places.len());
+    ordered.extend(places.iter().filter_map(|&place| order.get(place as usize).copied()));
+    (Bvh4 { nodes, stack }, ordered)
 }
 
 /// The hierarchy of `bvh`, which is one over boxes ([`super::build_box_bvh`]), and the stack entries that suffice for a
@@ -198,6 +200,7 @@ fn widen<N: Copy + Default>(bvh: &Bvh2, mut emit: impl FnMut(&[Part], usize, u32
         let inner = parts[..inner].iter().enumerate().rev();
         open.extend(inner.map(|(at, part)| (part.child, first_child + at, waiting)));
     }
+    nodes.shrink_to_fit(); // they are kept
     (nodes, stack)
 }
 

@@ -222,10 +222,10 @@ fn attribute_bytes<T>(attribute: Option<&Attribute<T>>, triangles: u64, points: 
 
 /// `values` at `places`; empty when there are no values at all (places out of range, which cannot be, are skipped).
 fn pick<T: Copy>(values: &[T], places: &[u32]) -> Vec<T> {
-    if values.is_empty() {
-        return Vec::new();
-    }
-    places.iter().filter_map(|&i| values.get(i as usize).copied()).collect()
+    // Of just this size: a list that grows while it is made keeps up to twice its length for as long as it lives.
+    let mut picked = Vec::with_capacity(if values.is_empty() { 0 } else { places.len() });
+    picked.extend(places.iter().filter_map(|&i| values.get(i as usize).copied()));
+    picked
 }
 
 fn longest_axis(items: &[Item]) -> usize {

@@ -207,3 +207,33 @@ fn a_pile_of_equal_triangles_is_split() {
     assert!(clusters.len() > 4, "{} clusters", clusters.len());
     check(&whole, &clusters.iter().collect::<Vec<_>>(), 4096).unwrap();
 }
+
+/// Bytes of the arrays that a mesh keeps, and of the room that they have taken.
+fn kept(mesh: &MeshAsset) -> [usize; 2] {
+    fn both<T>(values: &Vec<T>) -> [usize; 2] {
+        [values.len(), values.capacity()].map(|count| count * size_of::<T>())
+    }
+    let mut parts = vec![
+        both(&mesh.triangles),
+        both(&mesh.corner_indices),
+        both(&mesh.bvh.nodes),
+        both(&mesh.subsets),
+        both(&mesh.ptex),
+    ];
+    parts.extend([&mesh.normals, &mesh.colors].into_iter().flatten().map(|attribute| both(&attribute.values)));
+    parts.extend(mesh.opacities.iter().map(|attribute| both(&attribute.values)));
+    parts.iter().fold([0; 2], |[used, taken], part| [used + part[0], taken + part[1]])
+}
+
+/// A built mesh stays as long as its scene: room for elements that never come would be memory that nothing counts.
+#[test]
+fn built_meshes_have_no_room_to_spare() {
+    for interpolation in [Interpolation::Vertex, Interpolation::Uniform, Interpolation::FaceVarying] {
+        let desc = meadow(41, [Some(interpolation); 3]);
+        let whole = build_mesh(&desc, 1).asset.unwrap();
+        for mesh in split_mesh(&whole, 20_000).iter().chain([&*whole]) {
+            let [used, taken] = kept(mesh);
+            assert_eq!(taken, used, "{interpolation:?}, {} triangles: bytes taken, and used", mesh.triangles.len());
+        }
+    }
+}
