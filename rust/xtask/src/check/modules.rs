@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The modules of a crate: none uses one that uses it, on however long a way.
 //!
-//! Modules are those at the top of a crate, with all below them; an arrow is a `crate::NAME` in shipped code.
+//! Modules are those at the top of a crate, with all below them. An arrow is a path in shipped code from `crate` or
+//! `super` into another module, also to an item of it that the top of the crate passes on.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -46,18 +47,27 @@ const KNOWN: &[(&str, &[&str])] = &[
 type Arrows = BTreeMap<String, BTreeSet<String>>;
 
 pub(super) fn check(places: &Places) -> Result<()> {
+    let files = tracked_files(places)?;
+    let read = |file: &str| fs::read_to_string(path(places, file)).unwrap_or_default();
     let mut crates: BTreeMap<String, Arrows> = BTreeMap::new();
-    for file in tracked_files(places)? {
+    let mut tops: BTreeMap<String, BTreeMap<String, String>> = BTreeMap::new();
+    for file in &files {
         let parts: Vec<&str> = file.split('/').collect();
         let ["rust", folder, "src", rest @ ..] = parts.as_slice() else { continue };
         let is_test = rest.iter().any(|part| part.trim_end_matches(".rs").ends_with("tests"));
-        let Some(module) = rest.first().map(|name| name.trim_end_matches(".rs")) else { continue };
-        if is_test || !file.ends_with(".rs") || matches!(module, "lib" | "main") {
+        let place: Vec<&str> = rest.iter().map(|name| name.trim_end_matches(".rs")).filter(|n| *n != "mod").collect();
+        let Some(module) = place.first().filter(|_| !is_test && file.ends_with(".rs")) else { continue };
+        if matches!(*module, "lib" | "main") {
             continue;
         }
-        let Ok(text) = fs::read_to_string(path(places, &file)) else { continue };
-        let arrows = crates.entry((*folder).to_owned()).or_default().entry(module.to_owned()).or_default();
-        arrows.extend(used(&text).into_iter().filter(|used| used != module));
+        let top =
+            tops.entry((*folder).to_owned()).or_insert_with(|| passed_on(&read(&format!("rust/{folder}/src/lib.rs"))));
+        let arrows = crates.entry((*folder).to_owned()).or_default().entry((*module).to_owned()).or_default();
+        arrows.extend(used(&read(file), &place, top).into_iter().filter(|used| used != module));
+    }
+    for arrows in crates.values_mut() {
+        let modules: BTreeSet<String> = arrows.keys().cloned().collect();
+        arrows.values_mut().for_each(|used| used.retain(|name| modules.contains(name)));
     }
     let found: BTreeSet<(String, Vec<String>)> = crates
         .iter()
@@ -74,15 +84,66 @@ pub(super) fn check(places: &Places) -> Result<()> {
     Ok(())
 }
 
-/// The modules that a file names, in code that is shipped.
-fn used(text: &str) -> BTreeSet<String> {
+/// The modules that a file at `place` (the names of the modules around its code, from the top) names in shipped code:
+/// by a path from `crate` or `super`, alone or in a group, or by an item that the top of the crate passes on.
+fn used(text: &str, place: &[&str], passed_on: &BTreeMap<String, String>) -> BTreeSet<String> {
     let shipped = text.split("#[cfg(test)]\nmod ").next().unwrap_or_default();
-    let code = shipped.lines().map(|line| line.split("//").next().unwrap_or_default());
-    let named = |line: &str| -> Vec<String> {
-        let name = |rest: &str| rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
-        line.split("crate::").skip(1).map(name).filter(|name| name.starts_with(|c: char| c.is_lowercase())).collect()
+    let code: String = shipped.lines().map(|line| line.split("//").next().unwrap_or_default()).collect();
+    let mut named = BTreeSet::new();
+    for (at, _) in code.match_indices("crate::") {
+        heads(&code[at + "crate::".len()..], &mut named);
+    }
+    for (at, _) in code.match_indices("super::") {
+        // Of a chain only the first one, and how long it is.
+        if code[..at].ends_with("super::") {
+            continue;
+        }
+        let rest = code[at..].trim_start_matches("super::");
+        let chain = (code.len() - at - rest.len()) / "super::".len();
+        if chain == place.len() {
+            heads(rest, &mut named);
+        }
+    }
+    named.into_iter().map(|name| passed_on.get(&name).cloned().unwrap_or(name)).collect()
+}
+
+/// The first names of a path, or of the paths of a group in braces.
+fn heads(path: &str, into: &mut BTreeSet<String>) {
+    let name = |rest: &str| rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
+    let Some(group) = path.strip_prefix('{') else {
+        into.insert(name(path));
+        return;
     };
-    code.flat_map(named).collect()
+    let (mut depth, mut is_first) = (0_u32, true);
+    for (at, letter) in group.char_indices() {
+        match letter {
+            '}' if depth == 0 => return,
+            '{' => depth += 1,
+            '}' => depth -= 1,
+            ',' if depth == 0 => is_first = true,
+            letter if is_first && !letter.is_whitespace() => {
+                into.insert(name(&group[at..]));
+                is_first = false;
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Items that the top of a crate takes from its modules, with these modules: `pub use module::{Item, ..}`.
+fn passed_on(top: &str) -> BTreeMap<String, String> {
+    let code: String = top.lines().map(|line| line.split("//").next().unwrap_or_default()).collect();
+    let mut items = BTreeMap::new();
+    for statement in code.split("use ").skip(1) {
+        let path: String = statement.split(';').next().unwrap_or_default().split_whitespace().collect();
+        let Some((module, rest)) = path.split_once("::") else { continue };
+        // Without the modules below: `module::below::Item`.
+        let items_at = rest.find('{').or_else(|| rest.rfind("::").map(|at| at + 2)).unwrap_or(0);
+        let mut names = BTreeSet::new();
+        heads(&rest[items_at..], &mut names);
+        items.extend(names.into_iter().map(|name| (name, module.to_owned())));
+    }
+    items
 }
 
 /// Modules that can be reached from themselves, together with those on the way; sorted.
@@ -121,10 +182,28 @@ mod tests {
         assert_eq!(circles(&circle), BTreeSet::from([vec!["a".to_owned(), "b".to_owned(), "c".to_owned()]]));
     }
 
+    fn names(list: &[&str]) -> BTreeSet<String> {
+        list.iter().map(|name| (*name).to_owned()).collect()
+    }
+
     #[test]
     fn comments_and_tests_use_nothing() {
         let text = "use crate::film::Film; // crate::job\n//! [`crate::engine`]\nfn f() { crate::measure::g() }\n\
-                    use crate::NoFiles;\n#[cfg(test)]\nmod tests {\n    use crate::session::Session;\n}\n";
-        assert_eq!(used(text), BTreeSet::from(["film".to_owned(), "measure".to_owned()]));
+                    #[cfg(test)]\nmod tests {\n    use crate::session::Session;\n}\n";
+        assert_eq!(used(text, &["wave"], &BTreeMap::new()), names(&["film", "measure"]));
+    }
+
+    #[test]
+    fn groups_and_what_is_above_count() {
+        let text = "use crate::{\n    film::{Film, job::Job},\n    lights,\n};\nuse super::super::wave::Wave;\n\
+                    use super::near;\nfn f(x: super::super::measure::Row) { super::super::super::none() }\n";
+        assert_eq!(used(text, &["engine", "feed"], &BTreeMap::new()), names(&["film", "lights", "wave", "measure"]));
+    }
+
+    #[test]
+    fn what_the_top_passes_on_is_its_modules() {
+        let top = passed_on("mod a;\npub use a::{One, two};\npub use b::below::Three;\npub use c::Four;\n");
+        let text = "use crate::{One, Three};\nfn f() { crate::two(); crate::Four::new() }\n";
+        assert_eq!(used(text, &["d"], &top), names(&["a", "b", "c"]));
     }
 }
