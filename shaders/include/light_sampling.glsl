@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which light a shadow ray asks, where, and what it brings (Features::LIGHT_TABLE): see light_sample.glsl for the
-// strategies that the densities are weighed against.
+// Which light a shadow ray asks, where, and what it brings: see light_sample.glsl for the strategies that the densities
+// are weighed against.
 #ifndef OOCPT_LIGHT_SAMPLING_GLSL
 #define OOCPT_LIGHT_SAMPLING_GLSL
 

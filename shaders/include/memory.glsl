@@ -36,7 +36,6 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) buffer SurfaceMater
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Textures { GpuTexture v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer TexturePages { uint64_t v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer ConstUVec2s { uvec2 v[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Lights { GpuDistantLight v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer LightingBlock { Lighting l; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer LocalLights { GpuLocalLight v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer InfiniteLights { GpuInfiniteLight v[]; };

@@ -34,7 +34,7 @@ void begin_ray(uint at) {
 // What the light brings if nothing is in its way, or of a shadow the share that its colour tells.
 void add_light(uint path) {
     const uint64_t ray = shadow_ray_address(path);
-    const uint shadow_color = HAS_LIGHT_TABLE ? shadow_in_shadow(ray) : 0u;
+    const uint shadow_color = shadow_in_shadow(ray);
     const bool waits = HAS_STREAMING && (pending_count > 0u || is_ray_ended(path));
     if (walk.hit ? shadow_color == 0u : waits) return;
     vec3 contribution = shadow_contribution(ray);

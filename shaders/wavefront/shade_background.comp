@@ -10,34 +10,7 @@
 #include "include/bsdf_lambert.glsl"
 #include "include/light_sample.glsl"
 
-// Camera rays see the domes that want to be seen, and no distant light.
-vec4 seen_by_camera() {
-    if (!HAS_DOME || (FRAME.flags & FLAG_DOME_CAMERA_VISIBLE) == 0u) return vec4(0.0);
-    return vec4(clamp_contribution(FRAME.dome_background, false), 1.0);
-}
-
-// Radiance along d, weighted by the balance heuristic; `pdf` is the density with which d was chosen.
-vec3 gathered(vec3 d, float pdf) {
-    vec3 sum = vec3(0.0);
-    if (HAS_DOME) {
-        // Shadow rays to the dome have the density of the BSDF itself, so their ratio is the probability of choosing
-        // it.
-        sum += FRAME.dome_radiance / (1.0 + (HAS_DOME_SHADOW_RAYS ? dome_probability() : 0.0));
-    }
-    if (HAS_DISTANT) {
-        const float chosen = HAS_DOME_SHADOW_RAYS ? 1.0 - dome_probability() : 1.0;
-        for (uint i = 0u; i < FRAME.light_count; ++i) {
-            const GpuDistantLight light = load_light(i);
-            if (light.one_minus_cos <= 0.0 || one_minus_dot(d, light.direction) > light.one_minus_cos) continue;
-            const float other = chosen * light.probability * cone_density(light.one_minus_cos);
-            sum += light.radiance * (pdf / (pdf + other));
-        }
-    }
-    return sum;
-}
-
-// What a ray that leaves the scene brings, with the light table.
-void shade_general(uint path) {
+void shade(uint path) {
     const Ray ray = load_ray(ray_address(path));
     const Double3 origin = Double3(ray.o, ray.o_lo);
     set_light_time(path);
@@ -62,26 +35,10 @@ void shade_general(uint path) {
     Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + contribution, before.w);
 }
 
-void shade(uint path) {
-    const Ray ray = load_ray(ray_address(path));
-    if (ray.bounce == 0u) {
-        Vec4s(FRAME.radiance).v[path] = seen_by_camera();
-        return;
-    }
-    const PathState state = load_path(path);
-    const vec3 contribution = clamp_contribution(state.throughput * gathered(ray.d, state.pdf), ray.bounce > 1u);
-    const vec4 before = ConstVec4s(FRAME.radiance).v[path];
-    Vec4s(FRAME.radiance).v[path] = vec4(before.xyz + contribution, before.w);
-}
-
 void main() {
     const uint at = thread_index();
     if (at >= COUNTERS.escaped_count) return;
     const uint path = ConstUints(FRAME.escaped_queue).v[at];
-    if (HAS_LIGHT_TABLE) {
-        shade_general(path);
-    } else {
-        shade(path);
-    }
+    shade(path);
     if (HAS_STREAMING) end_path(path, true);
 }

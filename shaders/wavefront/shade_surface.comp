@@ -3,8 +3,9 @@
 // Counters::surface_args.
 // Reads: surface_queue, hits, rays, paths, the scene. Writes: paths, rays (the next one in place of this one),
 // shadow_rays and, at bounce 0, radiance (alpha 1); pushes the path to shadow_queue and ray_queue[(round + 1) & 1].
-// With streaming: reads surfaces in place of hits and the scene; writes progress, segments. With Features::LIGHT_TABLE
-// also: reads and writes light_paths, adds to radiance what the ray brings of the lights that it has met.
+// With streaming: reads surfaces in place of hits and the scene; writes progress, segments. Where lights ask something
+// of the surface that a ray left also: reads and writes light_paths. Adds to radiance what the ray brings of the lights
+// that it has met.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
@@ -20,8 +21,7 @@
 // on, so that no weight exceeds 1 by it.
 const uint ROULETTE_FROM = 3u;
 
-#include "include/shade_plain.glsl"
-#include "include/shade_general.glsl"
+#include "include/shade.glsl"
 
 void main() {
     const uint at = thread_index();
@@ -31,11 +31,7 @@ void main() {
     uint path = 0u;
     if (in_range) {
         path = ConstUints(FRAME.surface_queue).v[at];
-        if (HAS_LIGHT_TABLE) {
-            shade_general(path, ask, go_on);
-        } else {
-            shade_plain(path, ask, go_on);
-        }
+        shade(path, ask, go_on);
     }
     if (HAS_STREAMING) {
         if (in_range) set_progress(path, (ask ? 0u : SHADOW_DONE) | (go_on ? 0u : CLOSEST_DONE | PATH_ENDS));

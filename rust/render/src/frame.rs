@@ -21,7 +21,7 @@ use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::wavefront::{PathBuffers, PathNeeds};
 use oocpt_core::inventory::Inventory;
-use oocpt_core::scene::{SceneFeatures, Snapshot};
+use oocpt_core::scene::Snapshot;
 use oocpt_gpu::{Gpu, GpuError};
 use oocpt_shader_abi::{Features, Frame, path_bytes};
 use std::sync::Arc;
@@ -117,9 +117,8 @@ impl Renderer {
         let scene_lights = if job.settings.enable_scene_lights { job.snapshot.lights.as_slice() } else { &[] };
         let dome_visible = job.settings.dome_light_camera_visible;
         let files = &*job.files;
-        let has_materials = job.snapshot.features.contains(SceneFeatures::MATERIALS);
         let (mut lights, mut warnings) =
-            LightTable::new(&job.snapshot, scene_lights, dome_visible, has_materials, files, &mut self.light_files);
+            LightTable::new(&job.snapshot, scene_lights, dome_visible, files, &mut self.light_files);
         let textures = self.scene.open_textures(&job.snapshot, job.images.as_ref(), &job.settings);
         if let Some(meshes) = self.mesh_lights.get(&job.snapshot, job.images.as_ref().map(|_| textures)) {
             lights.add_meshes(&meshes);
@@ -131,11 +130,8 @@ impl Renderer {
         for warning in warnings {
             gate.shared().report(Severity::Warning, warning);
         }
-        let light_carry = match &mut lights.general {
-            Some(general) if !carry.is_empty() => general.carry(),
-            _ => Features::empty(),
-        };
-        self.light_tables.sync(device, lights.general.as_ref())?;
+        let light_carry = if carry.is_empty() { Features::empty() } else { lights.carry() };
+        self.light_tables.sync(device, &lights)?;
         self.make_images(device, job)?;
         let Some(film) = self.film.take() else {
             return Err(RenderError::Internal("the frame's images were not made".into()));
@@ -183,7 +179,7 @@ impl Renderer {
         if in_core {
             self.stream = None;
             scene.store.kept().limit(0);
-            match scene.load_all(device, setting.lights.distant(), gate, &mut progress.timings) {
+            match scene.load_all(device, gate, &mut progress.timings) {
                 Ok(true) => {}
                 Ok(false) => {
                     self.scene = scenes;
@@ -225,7 +221,7 @@ impl Renderer {
         if streams || has_outgrown || cap.is_some_and(|cap| least > cap) {
             return false;
         }
-        let missing = scene.missing_bytes(setting.lights.distant().len()) + scene.assets.tile_bytes.min(FEWEST_TILES);
+        let missing = scene.missing_bytes() + scene.assets.tile_bytes.min(FEWEST_TILES);
         let waves = if self.waves.is_some() {
             0
         } else {

@@ -24,7 +24,7 @@ pub(crate) struct Setting<'a> {
     /// Of the camera.
     pub(crate) clip_planes: &'a [ClipPlane],
     pub(crate) lights: &'a LightTable,
-    /// Address of the light table on the device, or 0.
+    /// Address of the light table on the device.
     pub(crate) lighting: u64,
     pub(crate) film: &'a Film,
     pub(crate) tables: &'a LightTables,
@@ -64,7 +64,7 @@ pub(crate) fn paths(job: &Job) -> u64 {
 /// Whether paths keep what lights ask of the surface that a ray left (`HAS_PREVIOUS_VERTICES` of the shaders).
 pub(crate) fn has_light_paths(setting: &Setting<'_>) -> bool {
     let near = Features::LOCAL_LIGHTS | Features::MESH_LIGHTS;
-    let features = setting.lights.features() | (setting.carry.features & setting.light_carry);
+    let features = setting.lights.features | (setting.carry.features & setting.light_carry);
     features.intersects(near | Features::LIGHT_LINKS | Features::LIGHT_LOBES)
 }
 

@@ -22,7 +22,7 @@ const OF_FRAME: Features = Features::DOME
 
 /// The features a frame needs, apart from streaming.
 pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRays, scene: &SceneView) -> Features {
-    let mut features = lights.features() | of_scene(snapshot.features);
+    let mut features = lights.features | of_scene(snapshot.features);
     features.set(Features::LENS, rays.lens_u != [0.0; 3] || rays.lens_v != [0.0; 3]);
     features.set(Features::INSTANCING, scene.max_levels > 1);
     // Without images there are no tables of them.
@@ -57,8 +57,7 @@ pub(crate) fn specialisation(features: Features, scene: &SceneView) -> Specialis
 }
 
 /// Features compiled in by `oocpt:carry` although the scene does not use them, as far as the picture stays the same.
-/// The light table is another estimator, and materials need it, so these two are never carried. In core only, but for
-/// parts that need no memory.
+/// Materials are shaded another way, so they are never carried. In core only, but for parts that need no memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Carry {
     pub(crate) features: Features,
@@ -93,16 +92,12 @@ impl Carry {
 
     /// Of what is asked for, what passes that need `needed` can carry; `of_lights` is what the light table allows.
     pub(crate) fn possible(&self, needed: Features, of_lights: Features) -> Features {
-        let [has_lights, has_materials, in_core] = [
-            needed.contains(Features::LIGHT_TABLE),
-            needed.contains(Features::MATERIALS),
-            !needed.contains(Features::STREAMING),
-        ];
+        let has_materials = needed.contains(Features::MATERIALS);
+        let in_core = !needed.contains(Features::STREAMING);
         let may = |feature: &&Feature| match feature.carry {
             CarryRule::Never => false,
             CarryRule::Always => true,
-            CarryRule::Lights if has_lights => of_lights.contains(feature.bit),
-            CarryRule::Lights => feature.bit == Features::DOME_SHADOW_RAYS && needed.contains(Features::DISTANT),
+            CarryRule::Lights => of_lights.contains(feature.bit),
             CarryRule::Materials => has_materials,
             CarryRule::MaterialsInCore => has_materials && in_core,
         };
@@ -177,13 +172,11 @@ mod tests {
     fn what_would_change_the_picture_is_not_carried() {
         let (all, unknown) = Carry::parse("all");
         assert!(unknown.is_empty() && all.levels);
-        let never = Features::LIGHT_TABLE | Features::MATERIALS | Features::STREAMING;
-        for needed in [Features::empty(), Features::DOME, Features::LIGHT_TABLE | Features::MATERIALS] {
+        let never = Features::DOME_SHADOW_RAYS | Features::MATERIALS | Features::STREAMING;
+        for needed in [Features::empty(), Features::DOME, Features::MATERIALS] {
             let carried = all.possible(needed, Features::LOCAL_LIGHTS);
             assert!(!carried.intersects(never | needed), "{needed:?}: {carried:?}");
         }
-        let dome = all.possible(Features::DOME, Features::empty());
-        assert!(!dome.contains(Features::DOME_SHADOW_RAYS), "another estimator: {dome:?}");
         let (some, unknown) = Carry::parse("lens, COAT levels,nonsense");
         assert_eq!(unknown, ["nonsense"]);
         assert!(some.levels && some.features == Features::LENS | Features::COAT, "{some:?}");

@@ -38,7 +38,7 @@ fn shaders_agree_with_rust() {
     for module in ALL {
         seen.extend(check::check(module.words, &layouts()).expect(module.name));
     }
-    for name in ["Frame", "Push", "Counters", "GpuInstance", "GpuMesh", "GpuDistantLight", "FilmPixel"] {
+    for name in ["Frame", "Push", "Counters", "GpuInstance", "GpuMesh", "GpuInfiniteLight", "FilmPixel"] {
         assert!(seen.contains(name), "{name} is in no pass");
     }
 }
@@ -59,7 +59,7 @@ fn a_renamed_member_is_seen() {
 
 #[test]
 fn a_member_of_another_size_is_seen() {
-    let error = planted(&passes::SHADE_SURFACE, "GpuDistantLight", |light| light.members[0].size = 16);
+    let error = planted(&passes::SHADE_SURFACE, "GpuInfiniteLight", |light| light.members[0].size = 16);
     assert!(error.contains("direction"), "{error}");
 }
 

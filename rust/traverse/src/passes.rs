@@ -298,10 +298,7 @@ impl<'s, 'v> Shared<'s, 'v> {
 
     /// What the light brings if nothing is in its way, or of a shadow the share that its colour tells.
     fn add_light(&self, at: usize, path: u32, hit: bool, waits: bool, radiance: HostWords<'v>) {
-        let color = match self.scene.has(Features::LIGHT_TABLE) {
-            true => self.rays.load(at + RAY_WORD_IN_SHADOW as usize),
-            false => 0,
-        };
+        let color = self.rays.load(at + RAY_WORD_IN_SHADOW as usize);
         if if hit { color == 0 } else { waits } {
             return;
         }

@@ -45,7 +45,6 @@ struct Frame {
     uint64_t chunks;
     uint64_t assemblies;
     uint64_t meshes;
-    uint64_t lights;
     uint64_t rays;
     uint64_t shadow_rays;
     uint64_t hits;
@@ -76,16 +75,12 @@ struct Frame {
     vec4 clip_w;
     vec4 view[3];
     vec3 view_normal[3];
-    vec3 dome_radiance;
-    vec3 dome_background;
-    float dome_select;
     vec3 default_albedo;
     float clamp;
     uint width;
     uint height;
     uint seed;
     uint max_bounces;
-    uint light_count;
     uint flags;
     uint most_walkers;
     uint clip_plane_count;

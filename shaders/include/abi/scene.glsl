@@ -149,14 +149,6 @@ struct GpuChunkInstance {
     uint pad[2];
 };
 
-struct GpuDistantLight {
-    vec3 direction;
-    float one_minus_cos;
-    vec3 radiance;
-    float probability;
-    float cumulative;
-};
-
 struct GpuTexture {
     uint64_t decode;
     uint64_t directory;

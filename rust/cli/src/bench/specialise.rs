@@ -4,7 +4,7 @@
 //! picture bit for bit.
 //!
 //! Builds: `own`; `features`, every feature that can be compiled in without another picture, all images and their
-//! memory (materials and the light table are other estimators and are not carried where a scene has none);
+//! memory (materials are shaded another way and are not carried where a scene has none);
 //! `everything`, with passes and memory for the deepest nesting as well; with `--each`, every such feature by itself;
 //! with `--streaming`, the scene streamed though it fits. Each build has a session of its own, is rendered once to warm
 //! up, then all builds of a scene in turn, `--runs` times.

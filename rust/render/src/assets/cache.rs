@@ -18,7 +18,6 @@ use oocpt_core::residency::AssetId;
 use oocpt_core::scene::Snapshot;
 use oocpt_core::settings::Settings;
 use oocpt_gpu::HeapRange;
-use oocpt_shader_abi::GpuDistantLight;
 use rustc_hash::FxHashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -36,7 +35,6 @@ pub(crate) struct SceneView {
     pub(crate) chunks: u64,
     pub(crate) assemblies: u64,
     pub(crate) meshes: u64,
-    pub(crate) lights: u64,
     /// 0 when no mesh has a material; as the next two.
     pub(crate) materials: u64,
     pub(crate) prims: u64,
@@ -84,8 +82,8 @@ pub(crate) struct Scene {
     tables: Option<Tables>,
     /// What the tables hold.
     entries: Entries,
-    /// The distant lights in the tables, if those are of a scene in core.
-    lights: Option<Vec<GpuDistantLight>>,
+    /// Whether the tables are of a scene in core.
+    is_in_core: bool,
 }
 
 /// See the module.
@@ -134,7 +132,8 @@ impl SceneCache {
                 };
                 let keep: FxHashSet<AssetKey> = assets.keys().map(|(_, key)| key).collect();
                 store.retain(&keep, |image| assets.textures.has(image));
-                self.scene = Some(Scene { assets, store, tables: None, entries: Entries::default(), lights: None });
+                self.scene =
+                    Some(Scene { assets, store, tables: None, entries: Entries::default(), is_in_core: false });
             }
         }
         self.scene.as_mut().ok_or_else(|| RenderError::Internal("the scene was not made".into()))
@@ -143,9 +142,9 @@ impl SceneCache {
 
 impl Scene {
     /// Bytes that are still to come, with tables; tiles of textures left out.
-    pub(crate) fn missing_bytes(&self, lights: usize) -> u64 {
+    pub(crate) fn missing_bytes(&self) -> u64 {
         let missing: u64 = self.missing().filter_map(|id| self.assets.source(id)).map(|s| s.bytes()).sum();
-        missing + Tables::bytes(&self.assets, lights)
+        missing + Tables::bytes(&self.assets)
     }
 
     /// Longest chain of instance records inside a chunk, at least 1.
@@ -165,7 +164,7 @@ impl Scene {
 
     /// The tables are made anew before the next frame.
     pub(super) fn forget_tables(&mut self) {
-        self.lights = None;
+        self.is_in_core = false;
     }
 
     pub(super) fn tables(&self) -> Option<&Tables> {
@@ -192,13 +191,12 @@ impl Scene {
     pub(crate) fn load_all(
         &mut self,
         device: &Device,
-        lights: &[GpuDistantLight],
         gate: &Gate<'_>,
         timings: &mut Timings,
     ) -> Result<bool, RenderError> {
         let started = Instant::now();
         let mut missing: Vec<AssetId> = self.missing().collect();
-        if missing.is_empty() && self.lights.as_deref().is_some_and(|have| same_lights(have, lights)) {
+        if missing.is_empty() && self.is_in_core {
             return Ok(true);
         }
         // Instance records first: they take longest, and the last ones should not be waited for alone.
@@ -243,8 +241,8 @@ impl Scene {
         let tiles = self.store.tiles().filter_map(|(image, tile)| Some(first + textures.number_of(image, tile)?));
         let there: Vec<AssetId> = self.assets.needed.iter().copied().chain(tiles).collect();
         there.into_iter().for_each(|asset| self.show(asset));
-        self.tables = Some(Tables::new(device, &self.assets, &self.entries, lights)?);
-        self.lights = Some(lights.to_vec());
+        self.tables = Some(Tables::new(device, &self.assets, &self.entries)?);
+        self.is_in_core = true;
         timings.build_secs += started.elapsed().as_secs_f64();
         Ok(true)
     }
@@ -252,7 +250,7 @@ impl Scene {
     /// Lets go of everything on the device, tables too, and gives the memory back. Waits for the device.
     pub(crate) fn clear(&mut self, device: &Device) -> Result<(), RenderError> {
         self.store.clear();
-        (self.tables, self.lights, self.entries) = (None, None, Entries::default());
+        (self.tables, self.is_in_core, self.entries) = (None, false, Entries::default());
         device.gpu.wait_idle()?;
         device.heap.trim();
         Ok(())
@@ -267,8 +265,8 @@ impl Scene {
     }
 
     /// Bytes of the tables.
-    pub(crate) fn table_bytes(&self, lights: usize) -> u64 {
-        Tables::bytes(&self.assets, lights)
+    pub(crate) fn table_bytes(&self) -> u64 {
+        Tables::bytes(&self.assets)
     }
 
     fn cost(&self, asset: AssetId) -> u64 {
@@ -276,10 +274,10 @@ impl Scene {
     }
 
     /// Tables in which every chunk is absent, for streaming.
-    pub(crate) fn make_empty_tables(&mut self, device: &Device, lights: &[GpuDistantLight]) -> Result<(), RenderError> {
-        self.lights = None;
+    pub(crate) fn make_empty_tables(&mut self, device: &Device) -> Result<(), RenderError> {
+        self.is_in_core = false;
         self.entries = Entries::default();
-        self.tables = Some(Tables::new(device, &self.assets, &Entries::new(&self.assets), lights)?);
+        self.tables = Some(Tables::new(device, &self.assets, &Entries::new(&self.assets))?);
         Ok(())
     }
 
@@ -322,7 +320,6 @@ impl Scene {
             chunks: tables.chunks.address(),
             assemblies: tables.assemblies.address(),
             meshes: tables.meshes.address(),
-            lights: tables.lights.address(),
             materials: tables.surfaces.as_ref().map_or(0, |surfaces| surfaces.materials.address()),
             prims: tables.surfaces.as_ref().map_or(0, |surfaces| surfaces.prims.address()),
             material_slots: tables.surfaces.as_ref().map_or(0, |surfaces| surfaces.slots.address()),
@@ -338,8 +335,4 @@ impl Scene {
         };
         Ok(view.with_stack(stack_entries))
     }
-}
-
-fn same_lights(a: &[GpuDistantLight], b: &[GpuDistantLight]) -> bool {
-    bytemuck::cast_slice::<GpuDistantLight, u8>(a) == bytemuck::cast_slice::<GpuDistantLight, u8>(b)
 }

@@ -18,8 +18,7 @@ use oocpt_core::partition::{ChunkInstance, PlacedValues};
 use oocpt_core::residency::AssetId;
 use oocpt_gpu::{Commands, HeapRange};
 use oocpt_shader_abi::{
-    GpuAssembly, GpuChunk, GpuChunkInstance, GpuDistantLight, GpuLevelNode, GpuMesh, GpuTexture, PAGE_BROKEN,
-    TEXTURE_SRGB,
+    GpuAssembly, GpuChunk, GpuChunkInstance, GpuLevelNode, GpuMesh, GpuTexture, PAGE_BROKEN, TEXTURE_SRGB,
 };
 use std::ops::Range;
 use std::time::Duration;
@@ -39,7 +38,6 @@ pub(crate) struct Tables {
     pub(crate) chunks: HeapRange,
     pub(crate) assemblies: HeapRange,
     pub(crate) meshes: HeapRange,
-    pub(crate) lights: HeapRange,
     /// Only when a mesh has a material.
     pub(crate) surfaces: Option<SurfaceRanges>,
     /// Only when placements of opened assemblies have values.
@@ -140,7 +138,7 @@ fn zero<T: Zeroable>(entries: &mut [T], at: usize) {
 
 impl Tables {
     /// Bytes of the tables of a scene.
-    pub(crate) fn bytes(assets: &SceneAssets, lights: usize) -> u64 {
+    pub(crate) fn bytes(assets: &SceneAssets) -> u64 {
         let (snapshot, world) = (&assets.snapshot, &assets.snapshot.world);
         let tables = [
             (assets.top.nodes.len(), size_of::<GpuLevelNode>()),
@@ -148,7 +146,6 @@ impl Tables {
             (world.chunks.len(), size_of::<GpuChunk>()),
             (snapshot.assemblies.len(), size_of::<GpuAssembly>()),
             (snapshot.meshes.len(), size_of::<GpuMesh>()),
-            (lights, size_of::<GpuDistantLight>()),
         ];
         let surfaces = SurfaceEntries::sizes(&snapshot.surfaces);
         let textures = &assets.textures;
@@ -174,8 +171,8 @@ impl Tables {
 
     /// Lists the tables there are.
     pub(crate) fn list(&self, inventory: &mut Inventory) {
-        let Self { top_nodes, chunk_instances, chunks, assemblies, meshes, lights, .. } = self;
-        for table in [top_nodes, chunk_instances, chunks, assemblies, meshes, lights] {
+        let Self { top_nodes, chunk_instances, chunks, assemblies, meshes, .. } = self;
+        for table in [top_nodes, chunk_instances, chunks, assemblies, meshes] {
             inventory.add(table.name(), table.size());
         }
         let surfaces = self.surfaces.iter().flat_map(|s| [&s.materials, &s.prims, &s.slots]);
@@ -202,12 +199,7 @@ impl Tables {
     }
 
     /// Makes the tables and fills them.
-    pub(crate) fn new(
-        device: &Device,
-        assets: &SceneAssets,
-        entries: &Entries,
-        lights: &[GpuDistantLight],
-    ) -> Result<Self, RenderError> {
+    pub(crate) fn new(device: &Device, assets: &SceneAssets, entries: &Entries) -> Result<Self, RenderError> {
         let world = &assets.snapshot.world;
         let instances: Vec<GpuChunkInstance> = world.instances.iter().map(chunk_instance).collect();
         let ring = device.loader()?.ring();
@@ -219,7 +211,6 @@ impl Tables {
             chunks: table(device, &mut writer, "chunk table", bytemuck::cast_slice(&entries.chunks))?,
             assemblies: table(device, &mut writer, "assembly table", bytemuck::cast_slice(&entries.assemblies))?,
             meshes: table(device, &mut writer, "mesh table", bytemuck::cast_slice(&entries.meshes))?,
-            lights: table(device, &mut writer, "light table", bytemuck::cast_slice(lights))?,
             surfaces: surface_ranges(device, &mut writer, assets)?,
             placed_values: placed_values(device, &mut writer, &world.placed)?,
             textures: texture_tables(device, &mut writer, assets, entries)?,

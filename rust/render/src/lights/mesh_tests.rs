@@ -315,8 +315,7 @@ fn a_hit_has_the_density_of_choosing_it() {
     for (count, has_locals) in [(1, false), (3, true), (200, false), (200, true), (0, false)] {
         let scene = if count == 0 { varied_room() } else { room(count, has_locals) };
         let lights = mesh_lights(&scene);
-        let (mut table, warnings) =
-            LightTable::new(&scene, &scene.lights, true, true, &NoFiles, &mut FileCache::default());
+        let (mut table, warnings) = LightTable::new(&scene, &scene.lights, true, &NoFiles, &mut FileCache::default());
         table.add_meshes(&lights);
         assert!(warnings.is_empty(), "{warnings:?}");
         let surfaces = SurfaceEntries::new(&scene.surfaces).expect("materials");

@@ -172,8 +172,7 @@ pub(super) mod probe {
         let mut db = SceneDb::new();
         lights(count).into_iter().for_each(|light| db.upsert_light(light));
         let snapshot = db.commit().snapshot;
-        let (table, warnings) =
-            LightTable::new(&snapshot, &snapshot.lights, true, false, &NoFiles, &mut FileCache::default());
+        let (table, warnings) = LightTable::new(&snapshot, &snapshot.lights, true, &NoFiles, &mut FileCache::default());
         assert!(warnings.is_empty(), "{warnings:?}");
         run(&table, None, [0, 1])
     }
@@ -187,7 +186,7 @@ pub(super) mod probe {
         let options = DeviceOptions { selector: String::new(), validation: true, budget_mib: 0 };
         let device = Device::open(&options).expect("a device");
         let mut tables = LightTables::default();
-        tables.sync(&device, table.general.as_ref()).expect("the tables fit");
+        tables.sync(&device, table).expect("the tables fit");
         let buffer = |name: &str, bytes: u64, usage| Buffer::new(&device.gpu, name, bytes, usage).expect("small");
         let rays = receivers();
         let rays_buffer = buffer("rays", size_of_val(&rays[..]) as u64, Usage::Upload);
@@ -197,7 +196,7 @@ pub(super) mod probe {
         let frame = buffer("frame", size_of::<Frame>() as u64, Usage::Upload);
         let (rays, radiance) = (rays_buffer.address(), out.address());
         let mut block = Frame { rays, radiance, lighting: tables.lighting, seed: 3, ..Frame::zeroed() };
-        let mut features = table.features();
+        let mut features = table.features;
         let mut kept = Vec::new();
         if let Some(SurfaceEntries { materials, prims, slots, .. }) = surfaces {
             features |= Features::MATERIALS | Features::EMISSION;

@@ -6,8 +6,8 @@
 //! written anew.
 
 use super::MeshLights;
-use super::general::{GeneralLights, Map};
 use super::picture::EncodedPicture;
+use super::table::{LightTable, Map};
 use crate::assets::Writer;
 use crate::device::Device;
 use crate::error::RenderError;
@@ -75,20 +75,15 @@ pub(crate) struct LightTables {
     pictures: Vec<Resident>,
     meshes: Option<ResidentMeshes>,
     tables: Vec<HeapRange>,
-    /// Address of the [`Lighting`]; 0 without a light table.
+    /// Address of the [`Lighting`]; 0 before the first [`Self::sync`].
     pub(crate) lighting: u64,
 }
 
 impl LightTables {
     /// Makes the device have what `lights` need, and nothing else.
-    pub(crate) fn sync(&mut self, device: &Device, lights: Option<&GeneralLights>) -> Result<(), RenderError> {
+    pub(crate) fn sync(&mut self, device: &Device, lights: &LightTable) -> Result<(), RenderError> {
         self.tables.clear();
         self.lighting = 0;
-        let Some(lights) = lights else {
-            self.pictures.clear();
-            self.meshes = None;
-            return Ok(());
-        };
         self.pictures.retain(|have| lights.maps.iter().any(|map| Arc::ptr_eq(&map.picture, &have.picture)));
         let ring = device.loader()?.ring();
         let mut writer = Writer::new(&device.gpu, ring);

@@ -29,7 +29,6 @@ use crate::assets::{Scene, SceneView};
 use crate::engine::{self, Parts, Tracer};
 use crate::error::RenderError;
 use crate::host_memory::{self, Part};
-use crate::lights::GeneralLights;
 use crate::progress::Progress;
 use crate::setting::{Setting, geometry_cap, has_light_paths, is_cpu, shrinking};
 use crate::shared::Gate;
@@ -93,7 +92,7 @@ pub(crate) fn render(
     let Setting { device, job, .. } = *setting;
     // Paths first: the heap takes what it can get.
     make_buffers(setting, scene, kept)?;
-    scene.make_empty_tables(device, setting.lights.distant())?;
+    scene.make_empty_tables(device)?;
     let view = scene.view(0)?;
     let Some(buffers) = kept.as_ref() else {
         return Err(RenderError::Internal("the frame's paths were not made".into()));
@@ -157,7 +156,7 @@ fn lookups(snapshot: &Snapshot) -> u32 {
 
 /// Whether a surface also looks up what the mesh emits that it asks for light.
 fn asks_textures(setting: &Setting<'_>) -> bool {
-    setting.lights.general.as_ref().is_some_and(GeneralLights::has_textured_meshes)
+    setting.lights.has_textured_meshes()
 }
 
 /// Path memory: its share of what the budget leaves beside what cannot go ([`Room`]), and no more than the render has
@@ -203,7 +202,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
     };
     let capacity = room.slots();
     // The tables of a streamed scene, and a little for the small buffers of a frame.
-    let beside = scene.table_bytes(setting.lights.distant().len()) + SMALL_BUFFERS;
+    let beside = scene.table_bytes() + SMALL_BUFFERS;
     if capacity * slot_bytes + beside > unused(device.gpu.memory()) {
         scene.clear(device)?;
     }

@@ -15,7 +15,7 @@ pub(crate) const CONE_BYTES: u64 = 8;
 pub(crate) struct PathNeeds {
     /// Ray cones: something reads a texture.
     pub(crate) textures: bool,
-    /// What lights ask: there is a light table.
+    /// What lights ask of the surface that a ray left.
     pub(crate) light_paths: bool,
     /// A flag per path that lacks a texture tile: in core, tiles are loaded on demand.
     pub(crate) feedback: bool,
@@ -39,7 +39,7 @@ pub(crate) struct PathBuffers {
     escaped_queue: Buffer,
     /// Only when something reads a texture.
     cones: Option<Buffer>,
-    /// Only with the light table.
+    /// Only where lights ask for it.
     light_paths: Option<Buffer>,
     /// Only where texture tiles are loaded on demand.
     pub(crate) incomplete_paths: Option<Buffer>,

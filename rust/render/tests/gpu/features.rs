@@ -187,10 +187,8 @@ fn what_is_carried_along_does_not_change_the_picture(row: &Row, lean: &Inventory
     for name in always {
         assert!(carried.contains(name) || needed.contains(name), "{}: {name} is not carried: {carried:?}", row.what);
     }
-    if needed.contains("LIGHT_TABLE") {
-        for name in ["LOCAL_LIGHTS", "SHAPING", "IES", "DOME_TEXTURE", "LIGHT_TEXTURE", "MESH_LIGHTS"] {
-            assert!(carried.contains(name) || needed.contains(name), "{}: {name} is not carried", row.what);
-        }
+    for name in ["LOCAL_LIGHTS", "SHAPING", "IES", "DOME_TEXTURE", "LIGHT_TEXTURE", "MESH_LIGHTS"] {
+        assert!(carried.contains(name) || needed.contains(name), "{}: {name} is not carried", row.what);
     }
     if !needed.contains("STREAMING") {
         assert_eq!((lean.max_levels.min(2), laden.max_levels), (lean.max_levels, 16), "{}", row.what);

@@ -20,7 +20,7 @@ pub enum CarryRule {
     Never,
     /// For every scene.
     Always,
-    /// Where the light table allows it; without a light table never.
+    /// Where the light table allows it.
     Lights,
     /// For scenes with materials.
     Materials,
@@ -71,9 +71,9 @@ macro_rules! features {
 }
 
 features! {
-    /// A constant dome light: `Frame::dome_radiance` counts.
+    /// A dome light.
     DOME: "dome light", [], Always;
-    /// At least one distant light: `Frame::lights` and `Frame::light_count` count.
+    /// A distant light.
     DISTANT: "distant lights", [], Always;
     /// Some mesh has opacities: traversal decides per hit, stochastically.
     OPACITY: "opacity in traversal", [], Always;
@@ -85,10 +85,8 @@ features! {
     LENS: "lens", [], Always;
     /// Some instance record points to an assembly (needed when `MAX_LEVELS` > 1).
     INSTANCING: "nested instance levels", [], Always;
-    /// Shadow rays towards the dome at every bounce, joined to the escaping rays by MIS. Without it only the last
-    /// bounce sends them. Either way the estimate is unbiased: this is a choice of rays per path against noise. With
-    /// `LIGHT_TABLE`: some dome has no texture.
-    DOME_SHADOW_RAYS: "shadow rays to constant domes", [DOME], Lights;
+    /// Some dome has no texture: shadow rays towards it are sampled by the BSDF.
+    DOME_SHADOW_RAYS: "shadow rays to constant domes", [DOME], Never;
     /// Chunks may be absent: rays wait for them, paths live in segments. `Frame::streaming` counts.
     STREAMING: "streaming of what does not fit", [], Never;
     /// `Streaming::chunk_rays` counts the rays that entered each chunk.
@@ -138,9 +136,6 @@ features! {
     INSTANCE_PRIMVARS: "primvars with a value per instance", [], Always;
     /// Some displayOpacity at instance rate is below 1.
     INSTANCE_OPACITY: "opacity with a value per instance", [INSTANCE_PRIMVARS, OPACITY], Always;
-    /// Shading in general, with [`crate::Lighting`]: some mesh has a material, or some light is more than a constant
-    /// dome or a distant light. `Frame::lights` and what is about domes do not count, but for the flag.
-    LIGHT_TABLE: "light table and MIS over it", [], Never;
     /// Lights with a place: rectangles, spheres, disks, cylinders; and the light tree.
     LOCAL_LIGHTS: "local lights and light tree", [], Lights;
     /// Some light is shaped.
@@ -160,7 +155,7 @@ features! {
     /// The emission of some such mesh is a texture's or a primvar's.
     MESH_LIGHT_VALUES: "emission of lights by textures and primvars", [MESH_LIGHTS], Lights;
     /// Some light moves while the shutter is open: `Lighting::light_keys` counts.
-    MOVING_LIGHTS: "motion of lights", [LIGHT_TABLE], Never;
+    MOVING_LIGHTS: "motion of lights", [], Never;
     /// Some mesh is made of hulls of two balls: curves or points.
     ROUND: "curves and points", [], Always;
     /// Some placement moves while the shutter is open: paths have a time.

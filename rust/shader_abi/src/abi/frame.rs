@@ -130,8 +130,6 @@ pub struct Frame {
     pub assemblies: u64,
     /// [`crate::GpuMesh`] by mesh index.
     pub meshes: u64,
-    /// [`crate::GpuDistantLight`] array: the distant lights. May be 0 without `Features::DISTANT`.
-    pub lights: u64,
     /// [`crate::Ray`] per path. 16-byte aligned, as are all arrays by path.
     pub rays: u64,
     /// [`crate::ShadowRay`] per path.
@@ -194,13 +192,6 @@ pub struct Frame {
     pub view: [[f32; 4]; 3],
     /// Rows of the map of normals from world to view (inverse transpose of `view`).
     pub view_normal: [[f32; 3]; 3],
-    /// Sum over the dome lights, linear radiance.
-    pub dome_radiance: [f32; 3],
-    /// Sum over the dome lights that the camera may see.
-    pub dome_background: [f32; 3],
-    /// Probability of choosing the dome for a shadow ray, in [0, 1]; 1 without distant lights, 0 without a dome, else
-    /// strictly between. Used only where dome shadow rays are sent.
-    pub dome_select: f32,
     /// Albedo of a surface without a colour (`UsdPreviewSurface` and `displayColor` fall back to 0.18).
     pub default_albedo: [f32; 3],
     /// Upper bound on the largest component of an indirect contribution; 0 = off.
@@ -213,8 +204,6 @@ pub struct Frame {
     pub seed: u32,
     /// Indirect bounces; 0 = direct light only.
     pub max_bounces: u32,
-    /// Elements of `lights`.
-    pub light_count: u32,
     /// Bits of [`FrameFlags`].
     pub flags: u32,
     /// Threads of a round that trace its rays, at most and rounded up to workgroups: where there are more rays, each
@@ -237,9 +226,9 @@ pub struct Frame {
     pub cones: u64,
     /// Albedo tables of the BSDF; 0 without `Features::MATERIALS`.
     pub bsdf_tables: u64,
-    /// One [`crate::Lighting`]; 0 without `Features::LIGHT_TABLE`.
+    /// One [`crate::Lighting`].
     pub lighting: u64,
-    /// 16 B per path: what lights that a ray meets need to know of where it left; 0 without `Features::LIGHT_TABLE`.
+    /// 16 B per path: what lights that a ray meets need to know of where it left; 0 where none asks.
     pub light_paths: u64,
     /// Table of values as [`crate::GpuChunk::primvars`], by `GpuChunkInstance::row`; 0 without any.
     pub placed_values: u64,

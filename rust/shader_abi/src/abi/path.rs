@@ -54,7 +54,7 @@ pub struct ShadowRay {
     pub flags: u32,
     /// What the path gains, linear rgb.
     pub contribution: [f32; 3],
-    /// With `Features::LIGHT_TABLE`: the share that it gains in shadow, of [`pack_color`]; else 0.
+    /// The share that it gains in shadow, of [`pack_color`].
     pub in_shadow: u32,
 }
 

@@ -308,20 +308,3 @@ impl GpuChunkInstance {
         Self { chunk_from_world, origin_lo: [lo(0), lo(1), lo(2)], chunk, instance_id, row, pad: [0; 2] }
     }
 }
-
-/// A distant light, 36 B.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct GpuDistantLight {
-    /// Unit vector from the scene towards the light, world.
-    pub direction: [f32; 3],
-    /// 1 - cos(half angle) = 2 sin^2(half angle / 2), in [0, 2]; 0 = all light comes from `direction`. Kept apart from
-    /// the cosine because a sun of half a degree loses 0.3 % of its solid angle when 1 - cos is formed in f32.
-    pub one_minus_cos: f32,
-    /// Radiance inside the cone; irradiance when `one_minus_cos` is 0.
-    pub radiance: [f32; 3],
-    /// Probability of this light among the distant lights (sum 1, each > 0).
-    pub probability: f32,
-    /// Sum of the probabilities up to and including this light; exactly 1 for the last one.
-    pub cumulative: f32,
-}

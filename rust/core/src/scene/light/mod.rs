@@ -139,20 +139,6 @@ impl Light {
         let is_dark = self.radiance.iter().all(|&c| c <= 0.0);
         is_dark || (self.diffuse <= 0.0 && self.specular <= 0.0)
     }
-
-    /// True for a light that does nothing but shine: no multipliers, links or colours of shadows,
-    /// no motion.
-    #[must_use]
-    pub fn is_plain(&self) -> bool {
-        let is_one = |value: f32| (value - 1.0).abs() <= 0.0;
-        is_one(self.diffuse)
-            && is_one(self.specular)
-            && self.has_shadows
-            && self.shadow_color.iter().all(|&c| c <= 0.0)
-            && self.light_link == 0
-            && self.shadow_link == 0
-            && self.motion.is_none()
-    }
 }
 
 /// Emitted radiance times `scale`. `None` when a value is not finite. A scale that is not finite belongs to a light

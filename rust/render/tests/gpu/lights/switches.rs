@@ -156,9 +156,9 @@ fn what_the_lights_do_not_need_is_left_out() {
         render(&session, &request(perspective(DVec3::ONE, DVec3::ZERO, 0.5, [4, 4])));
         session.stats().features_left_out
     };
-    let parts = ["light table", "local lights", "shaping", "IES", "dome textures", "rect lights", "linking"];
+    let parts = ["local lights", "shaping", "IES", "dome textures", "rect lights", "linking"];
     let names = |list: &[String]| parts.iter().filter(|part| list.iter().any(|name| name.contains(*part))).count();
     assert_eq!(names(&left_out(vec![dome([1.0; 3])])), parts.len(), "constant domes need none of it");
     let lamp = left_out(vec![lamp()]);
-    assert_eq!(names(&lamp), parts.len() - 2, "a sphere needs the table and the tree: {lamp:?}");
+    assert_eq!(names(&lamp), parts.len() - 1, "a sphere needs the tree: {lamp:?}");
 }

@@ -8,8 +8,8 @@ use glam::DVec3;
 use oocpt_gpu::{Buffer, Commands, Gpu, Pipeline, Usage};
 use oocpt_shader_abi as abi;
 use oocpt_shader_abi::{
-    Counters, Features, FilmPixel, Frame, GpuChunk, GpuDistantLight, Module, Push, PushFlags, Streaming, UnitDemand,
-    groups, passes, sort_blocks,
+    Counters, Features, FilmPixel, Frame, GpuChunk, GpuInfiniteLight, GpuLightKind, LightFlags, Lighting, Module,
+    NO_INDEX, Push, PushFlags, Streaming, UnitDemand, groups, passes, sort_blocks,
 };
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -103,7 +103,8 @@ impl<'a> Tracer<'a> {
         tracer.make("depth", 4 * u64::from(PIXELS));
         tracer.make("ids", 4 * u64::from(PIXELS));
         let blocks = [
-            ("light", size_of::<GpuDistantLight>()),
+            ("lights", 2 * size_of::<GpuInfiniteLight>()),
+            ("lighting", size_of::<Lighting>()),
             ("streaming", size_of::<Streaming>()),
             ("frame", size_of::<Frame>()),
         ];
@@ -164,14 +165,32 @@ impl<'a> Tracer<'a> {
             demand_capacity: self.demand_capacities[1],
             ..Streaming::zeroed()
         };
-        let light = GpuDistantLight {
+        let dome = GpuInfiniteLight {
+            direction: [0.0, 0.0, 1.0],
+            one_minus_cos: 0.0,
+            radiance: [0.5, 0.6, 0.7],
+            probability: 0.4,
+            cumulative: 0.4,
+            diffuse: 1.0,
+            specular: 1.0,
+            flags: GpuLightKind::Dome as u32 | LightFlags::CAMERA_VISIBLE.bits(),
+            map: NO_INDEX,
+            light_link: 0,
+            shadow_link: 0,
+            shadow_color: 0,
+        };
+        let sun = GpuInfiniteLight {
             direction: [0.6, 0.8, 0.0],
             one_minus_cos: 0.02,
             radiance: [9.0; 3],
-            probability: 1.0,
+            probability: 0.6,
             cumulative: 1.0,
+            flags: GpuLightKind::Distant as u32,
+            ..dome
         };
-        self.buffers["light"].write(0, bytemuck::bytes_of(&light)).expect("mapped");
+        let lighting = Lighting { infinite_lights: self.address("lights"), infinite_count: 2, ..Lighting::default() };
+        self.buffers["lights"].write(0, bytemuck::cast_slice(&[dome, sun])).expect("mapped");
+        self.buffers["lighting"].write(0, bytemuck::bytes_of(&lighting)).expect("mapped");
         self.buffers["streaming"].write(0, bytemuck::bytes_of(&self.streaming)).expect("mapped");
         self.buffers["frame"].write(0, bytemuck::bytes_of(&self.frame())).expect("mapped");
     }
@@ -185,7 +204,7 @@ impl<'a> Tracer<'a> {
             chunks: self.address("chunks"),
             assemblies: self.scene.assemblies,
             meshes: self.scene.meshes,
-            lights: self.address("light"),
+            lighting: self.address("lighting"),
             rays: self.address("rays"),
             shadow_rays: self.address("shadow_rays"),
             hits: self.address("hits"),
@@ -205,16 +224,12 @@ impl<'a> Tracer<'a> {
             ray_d_y: [0.0, 0.0375, 0.0],
             view: [[0.0; 4], [0.0; 4], [0.0, 0.0, 1.0, 0.0]],
             view_normal: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-            dome_radiance: [0.5, 0.6, 0.7],
-            dome_background: [0.5, 0.6, 0.7],
-            dome_select: 0.4,
             default_albedo: [0.7; 3],
             width: SIZE[0],
             height: SIZE[1],
             seed: 5,
             most_walkers: self.walkers,
             max_bounces: BOUNCES,
-            light_count: 1,
             flags: 1,
             ..Frame::zeroed()
         };

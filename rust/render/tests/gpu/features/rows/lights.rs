@@ -10,15 +10,21 @@ use oocpt_core::DomeFormat;
 use oocpt_core::scene::{LightDesc, LightKind, MeshDesc, Shaping, TransformSample};
 
 pub(crate) const ROWS: &[Row] = &[
-    Row { what: "a dome", build: |db| lit(db, dome([1.0; 3])), features: &["DOME", "DOME_SHADOW_RAYS"], ..BARE },
-    Row { what: "a sun", build: |db| lit(db, sun(1.0, 1.0, DMat4::IDENTITY)), features: &["DISTANT"], ..BARE },
     Row {
-        what: "a lamp",
-        build: |db| lit(db, ball()),
-        features: &["LIGHT_TABLE", "LOCAL_LIGHTS"],
-        buffers: &[OF_LIGHTS],
+        what: "a dome",
+        build: |db| lit(db, dome([1.0; 3])),
+        features: &["DOME", "DOME_SHADOW_RAYS"],
+        buffers: &[&["lights at infinity"]],
         ..BARE
     },
+    Row {
+        what: "a sun",
+        build: |db| lit(db, sun(1.0, 1.0, DMat4::IDENTITY)),
+        features: &["DISTANT"],
+        buffers: &[&["lights at infinity"]],
+        ..BARE
+    },
+    Row { what: "a lamp", build: |db| lit(db, ball()), features: &["LOCAL_LIGHTS"], buffers: &[OF_LIGHTS], ..BARE },
     Row {
         what: "a lamp that moves",
         build: |db| {
@@ -29,7 +35,7 @@ pub(crate) const ROWS: &[Row] = &[
                 [(0.0, place), (1.0, next)].map(|(time, transform)| TransformSample { time, transform }).to_vec();
             lit(db, lamp);
         },
-        features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "MOVING_LIGHTS"],
+        features: &["LOCAL_LIGHTS", "MOVING_LIGHTS"],
         buffers: &[OF_LIGHTS, &["light keys", "motion of local lights"]],
         ..BARE
     },
@@ -41,14 +47,14 @@ pub(crate) const ROWS: &[Row] = &[
             own.prim.motion = vec![turn(0.0), turn(1.0)];
             lit(db, own);
         },
-        features: &["LIGHT_TABLE", "DISTANT", "MOVING_LIGHTS"],
+        features: &["DISTANT", "MOVING_LIGHTS"],
         buffers: &[&["lighting", "lights at infinity", "light keys", "motion of lights at infinity"]],
         ..BARE
     },
     Row {
         what: "a lamp for gloss",
         build: |db| lit(db, LightDesc { diffuse: 0.5, ..ball() }),
-        features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "LIGHT_LOBES"],
+        features: &["LOCAL_LIGHTS", "LIGHT_LOBES"],
         buffers: &[OF_LIGHTS],
         ..BARE
     },
@@ -58,7 +64,7 @@ pub(crate) const ROWS: &[Row] = &[
             lit(db, ball());
             db.upsert_light(dome([1.0; 3]));
         },
-        features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "DOME", "DOME_SHADOW_RAYS"],
+        features: &["LOCAL_LIGHTS", "DOME", "DOME_SHADOW_RAYS"],
         buffers: &[OF_LIGHTS, &["lights at infinity"]],
         ..BARE
     },
@@ -67,7 +73,7 @@ pub(crate) const ROWS: &[Row] = &[
         build: |db| {
             lit(db, LightDesc { shaping: Some(Shaping { cone_angle_degrees: 40.0, ..Shaping::default() }), ..ball() })
         },
-        features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "SHAPING"],
+        features: &["LOCAL_LIGHTS", "SHAPING"],
         buffers: &[OF_LIGHTS, &["light shapings"]],
         ..BARE
     },
@@ -82,7 +88,7 @@ pub(crate) const ROWS: &[Row] = &[
                 },
             )
         },
-        features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "SHAPING", "IES"],
+        features: &["LOCAL_LIGHTS", "SHAPING", "IES"],
         buffers: &[OF_LIGHTS, &["light shapings", "IES profiles"]],
         ..BARE
     },
@@ -97,7 +103,7 @@ pub(crate) const ROWS: &[Row] = &[
                 ),
             )
         },
-        features: &["LIGHT_TABLE", "DOME", "DOME_TEXTURE"],
+        features: &["DOME", "DOME_TEXTURE"],
         buffers: &[&["lighting", "lights at infinity", "light maps", "light picture", "dome distribution"]],
         ..BARE
     },
@@ -112,7 +118,7 @@ pub(crate) const ROWS: &[Row] = &[
                 ),
             )
         },
-        features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "LIGHT_TEXTURE"],
+        features: &["LOCAL_LIGHTS", "LIGHT_TEXTURE"],
         buffers: &[OF_LIGHTS, &["light maps", "light picture"]],
         ..BARE
     },
@@ -122,7 +128,7 @@ pub(crate) const ROWS: &[Row] = &[
             lit(db, LightDesc { light_link: Some("some".into()), ..ball() });
             db.upsert_mesh(MeshDesc { categories: vec!["some".into()], ..bare("/board") });
         },
-        features: &["LIGHT_TABLE", "LOCAL_LIGHTS", "LIGHT_LINKS"],
+        features: &["LOCAL_LIGHTS", "LIGHT_LINKS"],
         buffers: &[OF_LIGHTS, &["light links", "light links of prims"]],
         ..BARE
     },

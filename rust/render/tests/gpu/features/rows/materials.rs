@@ -14,77 +14,77 @@ pub(crate) const ROWS: &[Row] = &[
     Row {
         what: "a material",
         build: |db| dressed(db, &[]),
-        features: &["LIGHT_TABLE", "MATERIALS"],
+        features: &["MATERIALS"],
         buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "a coat",
         build: |db| dressed(db, &[("clearcoat", ParamValue::Float(1.0))]),
-        features: &["LIGHT_TABLE", "MATERIALS", "COAT"],
+        features: &["MATERIALS", "COAT"],
         buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "glass",
         build: |db| dressed(db, &[("opacity", ParamValue::Float(0.5)), ("roughness", ParamValue::Float(0.0))]),
-        features: &["LIGHT_TABLE", "MATERIALS", "TRANSMISSION"],
+        features: &["MATERIALS", "TRANSMISSION"],
         buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "rough glass",
         build: |db| dressed(db, &[("opacity", ParamValue::Float(0.5)), ("roughness", ParamValue::Float(0.5))]),
-        features: &["LIGHT_TABLE", "MATERIALS", "TRANSMISSION", "ROUGH_TRANSMISSION"],
+        features: &["MATERIALS", "TRANSMISSION", "ROUGH_TRANSMISSION"],
         buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "OpenPBR",
         build: |db| open_pbr(db, &[]),
-        features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR"],
+        features: &["MATERIALS", "OPEN_PBR"],
         buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "fuzz",
         build: |db| open_pbr(db, &[("fuzz_weight", ParamValue::Float(0.5))]),
-        features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "SHEEN"],
+        features: &["MATERIALS", "OPEN_PBR", "SHEEN"],
         buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "anisotropy",
         build: |db| open_pbr(db, &[("specular_roughness_anisotropy", ParamValue::Float(0.5))]),
-        features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "ANISOTROPY"],
+        features: &["MATERIALS", "OPEN_PBR", "ANISOTROPY"],
         buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "a thin film",
         build: |db| open_pbr(db, &[("thin_film_weight", ParamValue::Float(1.0))]),
-        features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "THIN_FILM"],
+        features: &["MATERIALS", "OPEN_PBR", "THIN_FILM"],
         buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "a thin wall",
         build: |db| open_pbr(db, &clear("geometry_thin_walled", ParamValue::Bool(true))),
-        features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "TRANSMISSION", "THIN_WALLS"],
+        features: &["MATERIALS", "OPEN_PBR", "TRANSMISSION", "THIN_WALLS"],
         buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "absorption",
         build: |db| open_pbr(db, &clear("transmission_depth", ParamValue::Float(2.0))),
-        features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "TRANSMISSION", "ABSORPTION"],
+        features: &["MATERIALS", "OPEN_PBR", "TRANSMISSION", "ABSORPTION"],
         buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "rough diffuse reflection",
         build: |db| open_pbr(db, &[("base_diffuse_roughness", ParamValue::Float(0.5))]),
-        features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "ROUGH_DIFFUSE"],
+        features: &["MATERIALS", "OPEN_PBR", "ROUGH_DIFFUSE"],
         buffers: &[OF_MATERIALS],
         ..BARE
     },
@@ -96,28 +96,28 @@ pub(crate) const ROWS: &[Row] = &[
             let fibre = curves("/fibre", CurveBasis::Linear, &[line], 0.2);
             db.upsert_mesh(MeshDesc { display_color: None, ..fibre });
         },
-        features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "HAIR", "ROUND"],
+        features: &["MATERIALS", "OPEN_PBR", "HAIR", "ROUND"],
         buffers: &[OF_MATERIALS],
         ..BARE
     },
     Row {
         what: "a pattern",
         build: |db| made_of(db, noisy("/material")),
-        features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "PATTERNS"],
+        features: &["MATERIALS", "OPEN_PBR", "PATTERNS"],
         buffers: &[OF_MATERIALS, &["pattern programs"]],
         ..BARE
     },
     Row {
         what: "a cutout by a program",
         build: |db| made_of(db, holed("/material")),
-        features: &["LIGHT_TABLE", "MATERIALS", "OPEN_PBR", "CUTOUTS", "PATTERNS", "CUTOUT_PROGRAMS"],
+        features: &["MATERIALS", "OPEN_PBR", "CUTOUTS", "PATTERNS", "CUTOUT_PROGRAMS"],
         buffers: &[OF_MATERIALS, &["pattern programs"]],
         ..BARE
     },
     Row {
         what: "a glow",
         build: |db| made_of(db, glow("/material", [1.0; 3])),
-        features: &["LIGHT_TABLE", "MATERIALS", "EMISSION", "MESH_LIGHTS"],
+        features: &["MATERIALS", "EMISSION", "MESH_LIGHTS"],
         buffers: &[OF_MESH_LIGHTS, OF_MATERIALS],
         ..BARE
     },

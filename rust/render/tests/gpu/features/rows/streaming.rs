@@ -9,15 +9,7 @@ pub(crate) const ROWS: &[Row] = &[
     Row {
         what: "a glowing picture that streams",
         build: |db| papered(db, "emissiveColor", "rgb", &[]),
-        features: &[
-            "LIGHT_TABLE",
-            "MATERIALS",
-            "TEXTURES",
-            "EMISSION",
-            "MESH_LIGHTS",
-            "MESH_LIGHT_VALUES",
-            "STREAMING",
-        ],
+        features: &["MATERIALS", "TEXTURES", "EMISSION", "MESH_LIGHTS", "MESH_LIGHT_VALUES", "STREAMING"],
         passes: &[STREAM_PASSES, &["resolve_lights"]],
         buffers: &[
             OF_STREAMING,
@@ -57,7 +49,7 @@ pub(crate) const ROWS: &[Row] = &[
     Row {
         what: "a cutout that streams",
         build: |db| papered(db, "opacity", "r", &[("opacityThreshold", ParamValue::Float(0.5))]),
-        features: &["LIGHT_TABLE", "MATERIALS", "TEXTURES", "CUTOUTS", "OPACITY_MASKS", "STREAMING"],
+        features: &["MATERIALS", "TEXTURES", "CUTOUTS", "OPACITY_MASKS", "STREAMING"],
         passes: &[STREAM_PASSES, &["resolve_materials", "resolve_cutouts"]],
         buffers: &[
             OF_STREAMING,

@@ -10,7 +10,7 @@ pub(crate) const ROWS: &[Row] = &[
     Row {
         what: "a texture",
         build: |db| papered(db, "diffuseColor", "rgb", &[]),
-        features: &["LIGHT_TABLE", "MATERIALS", "TEXTURES"],
+        features: &["MATERIALS", "TEXTURES"],
         buffers: &[OF_MATERIALS, OF_TEXTURES, OF_TILES, OF_PRIMVARS],
         primvars: &["st"],
         ..BARE
@@ -18,14 +18,14 @@ pub(crate) const ROWS: &[Row] = &[
     Row {
         what: "Ptex",
         build: |db| made_of(db, painted("/material")),
-        features: &["LIGHT_TABLE", "MATERIALS", "TEXTURES", "PTEX"],
+        features: &["MATERIALS", "TEXTURES", "PTEX"],
         buffers: &[OF_MATERIALS, OF_TEXTURES, OF_TILES, &["Ptex directories"]],
         ..BARE
     },
     Row {
         what: "a cutout",
         build: |db| papered(db, "opacity", "r", &[("opacityThreshold", ParamValue::Float(0.5))]),
-        features: &["LIGHT_TABLE", "MATERIALS", "TEXTURES", "CUTOUTS", "OPACITY_MASKS"],
+        features: &["MATERIALS", "TEXTURES", "CUTOUTS", "OPACITY_MASKS"],
         buffers: &[OF_MATERIALS, OF_TEXTURES, OF_TILES, OF_PRIMVARS, &["opacity masks"]],
         primvars: &["st"],
         ..BARE
@@ -33,7 +33,7 @@ pub(crate) const ROWS: &[Row] = &[
     Row {
         what: "a glowing picture",
         build: |db| papered(db, "emissiveColor", "rgb", &[]),
-        features: &["LIGHT_TABLE", "MATERIALS", "TEXTURES", "EMISSION", "MESH_LIGHTS", "MESH_LIGHT_VALUES"],
+        features: &["MATERIALS", "TEXTURES", "EMISSION", "MESH_LIGHTS", "MESH_LIGHT_VALUES"],
         buffers: &[
             OF_MESH_LIGHTS,
             OF_MATERIALS,

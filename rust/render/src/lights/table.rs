@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The light table: all lights of a scene whose lights are more than constant domes and distant lights.
+//! The light table: all lights of a scene.
 
 use super::files::FileCache;
 use super::picture::EncodedPicture;
@@ -30,7 +30,7 @@ pub(crate) struct Map {
 
 /// See the module.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct GeneralLights {
+pub(crate) struct LightTable {
     pub(crate) locals: Vec<GpuLocalLight>,
     pub(crate) nodes: Vec<GpuLightNode>,
     pub(crate) infinite: Vec<GpuInfiniteLight>,
@@ -69,7 +69,7 @@ struct Reading<'a> {
     warnings: Vec<String>,
 }
 
-impl GeneralLights {
+impl LightTable {
     /// The table, and warnings about what could not be read.
     pub(crate) fn new(
         snapshot: &Snapshot,
@@ -172,7 +172,7 @@ impl GeneralLights {
     }
 
     fn find_features(&self) -> Features {
-        let mut features = Features::LIGHT_TABLE;
+        let mut features = Features::empty();
         let kind = |kind: GpuLightKind| self.infinite.iter().any(|light| light.flags & 15 == kind as u32);
         features.set(Features::LOCAL_LIGHTS, !self.locals.is_empty());
         features.set(Features::DISTANT, kind(GpuLightKind::Distant));

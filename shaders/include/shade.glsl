@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shading with the light table (Features::LIGHT_TABLE): any BSDF, any light.
+// Shading of surfaces: any BSDF, any light.
 //
 // At each surface: what the ray has met of the lights on its way here (weighed against the shadow ray of the bounce
 // before), one shadow ray, one BSDF ray. That goes for bounce max_bounces too, where the BSDF ray only looks for
 // lights: shadow rays alone find nothing in a mirror and little in what is almost one. Only Lambert ends there, with a
 // shadow ray that brings all.
-#ifndef OOCPT_SHADE_GENERAL_GLSL
-#define OOCPT_SHADE_GENERAL_GLSL
+#ifndef OOCPT_SHADE_GLSL
+#define OOCPT_SHADE_GLSL
 
 void add_radiance(uint path, vec3 value) {
     const vec4 before = ConstVec4s(FRAME.radiance).v[path];
@@ -66,7 +66,7 @@ vec3 way_around(Bsdf bsdf, vec3 w, float offset) {
 }
 
 // Shades a hit: `asks` tells that a shadow ray was stored, `go_on` that the next ray was.
-void shade_general(uint path, out bool asks, out bool go_on) {
+void shade(uint path, out bool asks, out bool go_on) {
     asks = false;
     go_on = false;
     const Ray ray = load_ray(ray_address(path));
