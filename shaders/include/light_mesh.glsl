@@ -154,6 +154,8 @@ float ask_width;
 // The unit that the lookup waits for, as texture_lookup gives it.
 uint ask_missing;
 
+#include "include/light_program.glsl"
+
 // Emission of a chosen point. `pdf`: density of the direction to it by the BSDF.
 vec3 point_emission(MeshLightPoint point, float pdf) {
     if (!HAS_MESH_LIGHT_VALUES || point.material == NO_MATERIAL) return point.emission;
@@ -168,6 +170,7 @@ vec3 point_emission(MeshLightPoint point, float pdf) {
             if (floatBitsToUint(given.x) != NO_VALUE) return valid_emission(given);
         }
     }
+    if (HAS_MESH_LIGHT_PROGRAMS && kind == INPUT_REGISTER) return program_emission(point, pdf);
     const GpuLightValue v = LightValues(LIGHTING.light_values).v[point.triangle];
     vec3 value = v.a;
     if (v.a != v.b || v.b != v.c) value = v.a * (1.0 - point.place.x - point.place.y) + v.b * point.place.x + v.c * point.place.y;

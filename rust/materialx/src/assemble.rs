@@ -49,10 +49,22 @@ pub struct Translation {
     pub program: Program,
     /// Works out the opacity where that is a register. Apart: it is asked before the hit is known.
     pub opacity_program: Program,
+    /// Works out the emission alone where that is a register and light can be asked for it: [`Emission`].
+    pub emission: Option<Emission>,
     /// Textures by number, sets of texture coordinates, primvars.
     pub uses: Uses,
     /// What is not understood, one line each.
     pub problems: Vec<String>,
+}
+
+/// A program for the emission alone, for points of a mesh that no ray has met: texture coordinates, primvars, places
+/// and the direction are known there, the directions of the surface are not.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Emission {
+    /// What works it out.
+    pub program: Program,
+    /// The register that it is in then.
+    pub register: u8,
 }
 
 impl Translation {
@@ -66,6 +78,7 @@ impl Translation {
             hair: false,
             program: Program::default(),
             opacity_program: Program::default(),
+            emission: None,
             uses: Uses::default(),
             problems: Vec::new(),
         }
@@ -115,12 +128,18 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
     }
     let registers = registers.unwrap_or_default();
     let program = std::mem::take(&mut assembler.program);
-    let inputs = std::array::from_fn(|k| {
+    let inputs: [InputSource; INPUTS] = std::array::from_fn(|k| {
         inputs[k].unwrap_or_else(|| match (lowered.inputs[k], registers.get(&lowered.inputs[k].index())) {
             (_, Some(register)) => InputSource::Register(*register),
             (val, None) => InputSource::Constant(expressions.value(val, &|_| [0.5; 4], &|_| [0.5; 4])),
         })
     });
+    let emission = match inputs[Input::EmissiveColor as usize] {
+        InputSource::Register(_) => {
+            emission(lowered.inputs[Input::EmissiveColor as usize], &expressions, &uses.lookups)
+        }
+        _ => None,
+    };
     Translation {
         inputs: Some(inputs),
         specular_workflow: lowered.specular_workflow,
@@ -129,6 +148,7 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
         hair: lowered.hair,
         program,
         opacity_program,
+        emission,
         uses,
         problems,
     }
@@ -159,6 +179,18 @@ fn opacity(
             Program::default()
         }
     }
+}
+
+/// The program of the emission, where it reads nothing but what is known of points that are asked for light.
+fn emission(value: Val, expressions: &Expressions, lookups: &[LookupUse]) -> Option<Emission> {
+    let mut assembler =
+        Assembler { most_lookups: MAX_LOOKUPS, expressions, lookups, program: Program::default() };
+    let registers = assembler.compile(&[value]).ok()?;
+    let program = assembler.program;
+    let register = *registers.get(&value.index())?;
+    let unknown = [Geometry::Normal, Geometry::Tangent, Geometry::Bitangent].map(|geometry| geometry as u16);
+    let is_known = |step: &Instruction| step.op != Op::Surface || !unknown.contains(&step.immediate);
+    program.instructions.iter().all(is_known).then_some(Emission { program, register })
 }
 
 impl Val {

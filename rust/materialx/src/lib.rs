@@ -26,4 +26,4 @@ pub mod uses;
 pub mod value;
 mod walk;
 
-pub use assemble::{InputSource, Translation, translate};
+pub use assemble::{Emission, InputSource, Translation, translate};

@@ -208,5 +208,6 @@ fn material(translation: &Translation) -> Option<Material> {
             .collect(),
         program: translation.program.clone(),
         opacity_program: translation.opacity_program.clone(),
+        emission: translation.emission.clone(),
     })
 }

@@ -19,6 +19,7 @@ mod mesh;
 mod mesh_tests;
 mod picture;
 mod plain;
+mod program;
 mod read;
 #[cfg(test)]
 mod tests;

@@ -159,6 +159,8 @@ features! {
     MESH_LIGHTS: "emissive meshes sampled as lights", [EMISSION], Lights;
     /// The emission of some such mesh is a texture's or a primvar's.
     MESH_LIGHT_VALUES: "emission of lights by textures and primvars", [MESH_LIGHTS], Lights;
+    /// The emission of some such mesh is a program's: `Lighting::light_corners` counts.
+    MESH_LIGHT_PROGRAMS: "emission of lights by programs", [PATTERNS, MESH_LIGHT_VALUES], Never;
     /// Some light moves while the shutter is open: `Lighting::light_keys` counts.
     MOVING_LIGHTS: "motion of lights", [LIGHT_TABLE], Never;
     /// Some mesh is made of hulls of two balls: curves or points.

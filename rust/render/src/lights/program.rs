@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Emission that a program works out, as needed to weigh triangles of mesh lights by it: the host runs the program at a
+//! lattice of points. Only choices depend on it; what a chosen point emits is worked out on the device
+//! (`shaders/include/light_program.glsl`). Pure but for the maps of its textures.
+//!
+//! Left to reflected rays, at full weight, are programs that read the directions of the surface, the normal in the
+//! mesh's frame or Ptex, those with more lookups than a path has places for beside its own, what reads primvars of
+//! instances, and meshes that are black wherever the lattice looks.
+
+use super::emission_map::{EmissionMap, LATTICE, MOST, lattice};
+use super::{emission_weight, narrow};
+use oocpt_core::Material;
+use oocpt_core::material::{NORMAL_ID, POSITION_ID, PTEX_SET_ID};
+use oocpt_core::materialx::eval::run;
+use oocpt_core::materialx::program::{Geometry, Lookup, Op, Program};
+use oocpt_core::mesh::{AnyAttribute, AttributeRate, MeshAsset};
+use std::sync::Arc;
+
+/// Lookups that a path has places for, its material's and the light's together.
+const MOST_LOOKUPS: usize = 16;
+/// Most instructions that are run for a mesh.
+const MOST_WORK: usize = 1 << 24;
+/// Share of the mean over the mesh that counts everywhere: what the lattice does not show is found all the same.
+const FLOOR: f64 = 0.05;
+
+/// What a corner of a triangle has: both sets of texture coordinates (u, v, u, v), and two primvars.
+pub(super) type Corner = [[f32; 4]; 3];
+
+/// See the module. Two are equal when they emit the same.
+#[derive(Clone, Debug)]
+pub(super) struct EmissionProgram {
+    program: Program,
+    register: u8,
+    /// Numbers of names that it reads, with what stands for them.
+    sets: [Option<(u32, [f32; 2])>; 2],
+    primvars: [Option<(u32, [f32; 4])>; 2],
+    /// By lookup.
+    maps: Vec<Arc<EmissionMap>>,
+    /// What it reads is told by the mesh alone, so the host can weigh by it.
+    is_known: bool,
+    /// Different for each that was ever made.
+    pub(super) number: u64,
+}
+
+impl PartialEq for EmissionProgram {
+    fn eq(&self, other: &Self) -> bool {
+        let maps = |of: &Self| of.maps.iter().map(|map| map.number).collect::<Vec<_>>();
+        self.program == other.program
+            && self.register == other.register
+            && self.sets == other.sets
+            && self.primvars == other.primvars
+            && maps(self) == maps(other)
+    }
+}
+
+impl EmissionProgram {
+    /// That of a material, if light can be asked for it; `map` gives that of a lookup's texture, `None` where it is
+    /// none to weigh by. `most_lookups`: of a material of the scene.
+    pub(super) fn new(
+        material: &Material,
+        most_lookups: usize,
+        number: u64,
+        mut map: impl FnMut(&Lookup) -> Option<Arc<EmissionMap>>,
+    ) -> Option<Self> {
+        let emission = material.emission.as_ref()?;
+        let program = &emission.program;
+        if program.lookups.len() + most_lookups > MOST_LOOKUPS {
+            return None;
+        }
+        let reads = |geometry: Geometry| {
+            let is_it = |step: &&_| matches!(step, oocpt_core::materialx::program::Instruction { op: Op::Surface, immediate, .. } if *immediate == geometry as u16);
+            program.instructions.iter().find(is_it).is_some()
+        };
+        let looks = |set: u8| program.lookups.iter().any(|lookup| lookup.uv == Some(set));
+        let set = |at: u8, geometry| {
+            let set = material.uv_sets.get(usize::from(at)).filter(|_| reads(geometry) || looks(at))?;
+            Some((set.id, set.fallback))
+        };
+        let primvar = |at: usize, geometry| {
+            let slot = material.primvars.get(at).filter(|_| reads(geometry))?;
+            Some((slot.id, slot.fallback))
+        };
+        let sets = [set(0, Geometry::Uv0), set(1, Geometry::Uv1)];
+        let primvars = [primvar(0, Geometry::Primvar0), primvar(1, Geometry::Primvar1)];
+        let is_strange = sets.iter().flatten().any(|set| set.0 == PTEX_SET_ID)
+            || primvars.iter().flatten().any(|slot| slot.0 == NORMAL_ID);
+        if is_strange {
+            return None;
+        }
+        Some(Self {
+            program: program.clone(),
+            register: emission.register,
+            sets,
+            primvars,
+            maps: program.lookups.iter().map(&mut map).collect::<Option<_>>()?,
+            is_known: !reads(Geometry::Position) && !reads(Geometry::ViewDirection),
+            number,
+        })
+    }
+
+    /// Texture lookups of the program.
+    pub(super) fn lookups(&self) -> usize {
+        self.program.lookups.len()
+    }
+
+    /// Numbers of the names of all that it reads.
+    pub(super) fn names(&self) -> impl Iterator<Item = u32> {
+        let sets = self.sets.iter().flatten().map(|set| set.0);
+        sets.chain(self.primvars.iter().flatten().map(|primvar| primvar.0))
+    }
+
+    /// What the corners of a triangle have that the program reads.
+    pub(super) fn corners(&self, mesh: &MeshAsset, triangle: usize) -> [Corner; 3] {
+        let mut corners = [Corner::default(); 3];
+        for (k, set) in self.sets.iter().enumerate() {
+            let Some((name, [u, v])) = *set else { continue };
+            let values = primvar(mesh, name, triangle).unwrap_or([[u, v, 0.0, 1.0]; 3]);
+            for (corner, [u, v, ..]) in corners.iter_mut().zip(values) {
+                corner[0][2 * k] = u;
+                corner[0][2 * k + 1] = v;
+            }
+        }
+        for (k, slot) in self.primvars.iter().enumerate() {
+            let Some((name, fallback)) = *slot else { continue };
+            let places = || mesh.triangles.get(triangle).map(|t| t.vertices.map(|[x, y, z]| [x, y, z, 0.0]));
+            let found = if name == POSITION_ID { places() } else { primvar(mesh, name, triangle) };
+            for (corner, value) in corners.iter_mut().zip(found.unwrap_or([fallback; 3])) {
+                corner[1 + k] = value;
+            }
+        }
+        corners
+    }
+
+    /// Steps along an edge of the lattices over the triangles of a mesh; 0: too much work, or the host cannot tell.
+    pub(super) fn steps(&self, triangles: usize) -> u32 {
+        let points = MOST_WORK / (triangles * self.program.instructions.len()).max(1);
+        if self.is_known { u32::try_from(points.isqrt()).unwrap_or(LATTICE).min(LATTICE) } else { 0 }
+    }
+
+    /// Mean weight of a triangle over a lattice of so many steps; 1 without any.
+    pub(super) fn weight(&self, mesh: &MeshAsset, triangle: usize, steps: u32) -> f64 {
+        if steps == 0 {
+            return 1.0;
+        }
+        let corners = self.corners(mesh, triangle);
+        let count = f64::from(steps * steps);
+        lattice(steps).map(|weights| self.weight_at(&corners, weights)).sum::<f64>() / count
+    }
+
+    fn weight_at(&self, [a, b, c]: &[Corner; 3], [v, w]: [f64; 2]) -> f64 {
+        let mix = |row: usize, k: usize| {
+            let [a, b, c] = [a, b, c].map(|corner| f64::from(corner[row][k]));
+            narrow(a * (1.0 - v - w) + b * v + c * w)
+        };
+        let uv = [0, 1, 2, 3].map(|k| mix(0, k));
+        let surface = |geometry: Geometry| match geometry {
+            Geometry::Uv0 => [uv[0], uv[1], 0.0, 0.0],
+            Geometry::Uv1 => [uv[2], uv[3], 0.0, 0.0],
+            Geometry::Primvar0 => [0, 1, 2, 3].map(|k| mix(1, k)),
+            Geometry::Primvar1 => [0, 1, 2, 3].map(|k| mix(2, k)),
+            _ => [0.0; 4],
+        };
+        let texel = |lookup: &Lookup, place: Option<[f32; 2]>| {
+            let [s, t] = match lookup.uv {
+                Some(set) => [uv[2 * usize::from(set & 1)], uv[2 * usize::from(set & 1) + 1]],
+                None => [0.0; 2],
+            };
+            let place = place.unwrap_or_else(|| lookup.transform.map(|[x, y, z]| x * s + y * t + z));
+            // Lookups of a program are in its order, and so are the maps.
+            let at = self.program.lookups.iter().position(|known| std::ptr::eq(known, lookup));
+            let value = at.and_then(|at| self.maps.get(at)).map_or(0.5, |map| map.at(place.map(f64::from)));
+            [narrow(value), narrow(value), narrow(value), 1.0]
+        };
+        let registers = run(&self.program, surface, texel);
+        let [r, g, b, _] = registers.get(usize::from(self.register)).copied().unwrap_or_default();
+        emission_weight([r, g, b].map(|v| f64::from(v).clamp(0.0, MOST)))
+    }
+}
+
+/// The weight of a triangle among others of this mean.
+pub(super) fn with_floor(weight: f64, mean: f64) -> f64 {
+    (1.0 - FLOOR) * weight + FLOOR * mean
+}
+
+/// The values of a primvar at the corners of a triangle, as `primvar_corners` of the shaders gives them.
+pub(super) fn primvar(mesh: &MeshAsset, name: u32, triangle: usize) -> Option<[[f32; 4]; 3]> {
+    let values = &mesh.primvars.iter().find(|primvar| primvar.id == name)?.values;
+    let at = match values.rate() {
+        AttributeRate::Constant => [0; 3],
+        AttributeRate::Uniform => [triangle; 3],
+        AttributeRate::Vertex => mesh.corner_indices.get(triangle)?.map(|corner| corner as usize),
+        AttributeRate::FaceVarying => [3 * triangle, 3 * triangle + 1, 3 * triangle + 2],
+    };
+    let value = |at: usize| {
+        Some(match values {
+            AnyAttribute::One(values) => [*values.values.get(at)?; 4],
+            AnyAttribute::Two(values) => values.values.get(at).map(|[x, y]| [*x, *y, 0.0, 1.0])?,
+            AnyAttribute::Three(values) => values.values.get(at).map(|[x, y, z]| [*x, *y, *z, 1.0])?,
+            AnyAttribute::Four(values) => *values.values.get(at)?,
+        })
+    };
+    let [a, b, c] = at.map(value);
+    Some([a?, b?, c?])
+}
