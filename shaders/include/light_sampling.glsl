@@ -4,6 +4,8 @@
 #ifndef OOCPT_LIGHT_SAMPLING_GLSL
 #define OOCPT_LIGHT_SAMPLING_GLSL
 
+#include "include/dispersion.glsl"
+
 // A shadow ray to be: `contribution` leaves out the path's throughput; 0: nothing to trace. Until sample_light has
 // looked at the BSDF it leaves that out too, and the members below say how it comes in.
 struct LightSample {
@@ -240,6 +242,7 @@ void resolve_ask(uint path, Surface surface, Shading shading, out uint missing) 
     missing = TEXTURE_DONE;
     const Ray ray = load_ray(ray_address(path));
     if (LIGHTING.textured_mesh_lights == 0u || ray.bounce > FRAME.max_bounces) return;
+    if (HAS_DISPERSION) disperse(path, load_path(path).throughput, shading);
     const vec3 wo = -ray.d;
     const Bsdf bsdf = make_bsdf(shading, wo);
     const vec3 normal = bsdf_normal(bsdf);

@@ -72,6 +72,7 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     const Ray ray = load_ray(ray_address(path));
     const Surface surface = load_surface(path);
     PathState state = load_path(path);
+    const vec3 arrived = state.throughput;
     if (HAS_CUTOUTS && HAS_TEXTURES) store_next_cone(path, surface.cone, 0.0);
     if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path] = vec4(0.0, 0.0, 0.0, 1.0);
     if (HAS_LOCAL_LIGHTS) add_met_lights(path, ray, surface, state);
@@ -79,7 +80,7 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     if (only_lights && !HAS_EMISSION) return;
 
     uint missing;
-    const Shading shading = make_shading(path, surface, missing);
+    Shading shading = make_shading(path, surface, missing);
     if (HAS_ABSORPTION && dot3(surface.geometric_normal, ray.d) > 0.0) {
         // The way inside ends here (Beer and Lambert).
         const float way = dot3(difference(surface.position, Double3(ray.o, ray.o_lo)), ray.d);
@@ -91,6 +92,7 @@ void shade_general(uint path, out bool asks, out bool go_on) {
         add_radiance(path, clamp_contribution(state.throughput * (shading.emission * weight), ray.bounce > (HAS_MESH_LIGHTS ? 1u : 0u)));
     }
     if (only_lights) return;
+    if (HAS_DISPERSION) state.throughput *= disperse(path, arrived, shading);
     const vec3 wo = -ray.d;
     const Bsdf bsdf = make_bsdf(shading, wo);
     const vec3 normal = bsdf_normal(bsdf);

@@ -43,6 +43,8 @@ pub struct Translation {
     pub opacity_threshold: f32,
     /// The surface is a sheet without an inside.
     pub thin_walled: bool,
+    /// The index of glass depends on the channel: see [`Input::Absorption`].
+    pub dispersive: bool,
     /// The surface is a fibre's: see [`Input`].
     pub hair: bool,
     /// Empty where no input is a register.
@@ -75,6 +77,7 @@ impl Translation {
             specular_workflow: false,
             opacity_threshold: 0.0,
             thin_walled: false,
+            dispersive: false,
             hair: false,
             program: Program::default(),
             opacity_program: Program::default(),
@@ -145,6 +148,7 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
         specular_workflow: lowered.specular_workflow,
         opacity_threshold: lowered.opacity_threshold,
         thin_walled: lowered.thin_walled,
+        dispersive: lowered.dispersive,
         hair: lowered.hair,
         program,
         opacity_program,

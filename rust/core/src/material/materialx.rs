@@ -183,6 +183,7 @@ fn material(translation: &Translation) -> Option<Material> {
     flags.set(MaterialFlags::SHEEN, is_more(InputName::SheenColor, 0.0));
     flags.set(MaterialFlags::ROUGH_DIFFUSE, is_more(InputName::DiffuseRoughness, 0.0));
     flags |= inside(&inputs, transmits, translation.thin_walled);
+    flags.set(MaterialFlags::DISPERSIVE, translation.dispersive && transmits && !translation.thin_walled);
     if translation.hair {
         // Its inputs of these names mean something else.
         flags -= MaterialFlags::ANISOTROPIC | MaterialFlags::THIN_FILM | MaterialFlags::NORMAL_MAP;

@@ -68,8 +68,7 @@ impl EmissionProgram {
             return None;
         }
         let reads = |geometry: Geometry| {
-            let is_it = |step: &&_| matches!(step, oocpt_core::materialx::program::Instruction { op: Op::Surface, immediate, .. } if *immediate == geometry as u16);
-            program.instructions.iter().find(is_it).is_some()
+            program.instructions.iter().any(|step| step.op == Op::Surface && step.immediate == geometry as u16)
         };
         let looks = |set: u8| program.lookups.iter().any(|lookup| lookup.uv == Some(set));
         let set = |at: u8, geometry| {
@@ -201,4 +200,108 @@ pub(super) fn primvar(mesh: &MeshAsset, name: u32, triangle: usize) -> Option<[[
     };
     let [a, b, c] = at.map(value);
     Some([a?, b?, c?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::emission::{EmittedPower, PrimEmission};
+    use super::super::emitter::Emitter;
+    use super::*;
+    use oocpt_core::material::{INPUTS, Input, PrimvarSlot, UvSet};
+    use oocpt_core::materialx::Emission;
+    use oocpt_core::materialx::program::{Instruction, Operand};
+    use oocpt_core::mesh::MeshAsset;
+    use oocpt_core::scene::MeshDesc;
+    use oocpt_core::{MaterialFlags, PrimDesc, SceneDb, TypedArray};
+
+    /// Emits whether what it reads is above 1, and as much as `base`.
+    fn above_one(geometry: Geometry, base: f32) -> Material {
+        let (r, c) = (Operand::Register(0), Operand::Constant(0));
+        let step = |op, operands, immediate| Instruction { op, to: 0, operands, immediate };
+        let program = Program {
+            instructions: vec![
+                step(Op::Surface, [r; 3], geometry as u16),
+                step(Op::Swizzle, [r; 3], 0),
+                step(Op::Greater, [r, c, c], 0),
+                step(Op::Add, [r, Operand::Constant(1), c], 0),
+            ],
+            constants: vec![[1.0; 4], [base; 4]],
+            lookups: Vec::new(),
+        };
+        Material {
+            flags: MaterialFlags::EMISSIVE | MaterialFlags::PATTERNS,
+            inputs: [Input::Constant([0.0; 4]); INPUTS],
+            opacity_threshold: 0.0,
+            uv_sets: vec![UvSet { name: "st".into(), id: 7, fallback: [3.0, 0.0] }],
+            primvars: vec![PrimvarSlot { name: "place".into(), id: POSITION_ID, fallback: [0.0; 4] }],
+            program: Program::default(),
+            opacity_program: Program::default(),
+            emission: Some(Emission { program, register: 0 }),
+        }
+    }
+
+    fn made(material: &Material) -> Option<EmissionProgram> {
+        EmissionProgram::new(material, 0, 1, |_| None)
+    }
+
+    /// Two unit squares side by side, of 0 to 2 in x.
+    fn squares() -> MeshAsset {
+        let mut db = SceneDb::new();
+        let points: Vec<[f32; 3]> = [0.0, 1.0, 2.0_f32].iter().flat_map(|&x| [[x, 0.0, 0.0], [x, 1.0, 0.0]]).collect();
+        db.upsert_mesh(MeshDesc {
+            prim: PrimDesc { path: "/m".into(), ..PrimDesc::default() },
+            face_vertex_counts: TypedArray::of(vec![4, 4]),
+            face_vertex_indices: TypedArray::of(vec![0, 2, 3, 1, 2, 4, 5, 3]),
+            points: TypedArray::of(points),
+            ..MeshDesc::default()
+        });
+        db.commit().snapshot.meshes[0].asset().expect("in memory").as_ref().clone()
+    }
+
+    fn weights(material: &Material) -> Option<Vec<f32>> {
+        let power = EmittedPower::Program(Arc::new(made(material).expect("light can be asked for it")));
+        let emission = PrimEmission { by_slot: vec![power], scale: 1.0 };
+        Emitter::new(&squares(), &emission).map(|emitter| emitter.face_weights)
+    }
+
+    #[test]
+    fn faces_are_weighed_by_what_the_program_gives_there() {
+        let found = weights(&above_one(Geometry::Primvar0, 0.0)).expect("it emits");
+        for (found, known) in found.iter().zip([0.05 * 0.5, 0.95 + 0.05 * 0.5]) {
+            assert!((found - known).abs() < 1e-6, "{found}, not {known}");
+        }
+        // The mesh has no such set: the fallback is above 1 everywhere.
+        assert_eq!(weights(&above_one(Geometry::Uv0, 0.5)), Some(vec![1.5; 2]));
+        // In the world: the host does not know.
+        assert_eq!(weights(&above_one(Geometry::Position, 0.0)), Some(vec![1.0; 2]));
+        assert_eq!(weights(&above_one(Geometry::Uv1, 0.0)), None, "black wherever it is looked at");
+    }
+
+    #[test]
+    fn what_reads_the_normal_or_too_many_textures_is_left_to_rays() {
+        let mut by_normal = above_one(Geometry::Primvar0, 0.0);
+        by_normal.primvars[0].id = NORMAL_ID;
+        assert!(made(&by_normal).is_none(), "the normal in the mesh's frame");
+        let mut of_ptex = above_one(Geometry::Uv0, 0.0);
+        assert!(made(&of_ptex).is_some(), "texture coordinates");
+        of_ptex.uv_sets[0].id = PTEX_SET_ID;
+        assert!(made(&of_ptex).is_none(), "Ptex");
+        let mut textured = above_one(Geometry::Uv0, 0.0);
+        let lookup =
+            Lookup { texture: 0, uv: Some(0), transform: [[0.0; 3]; 2], scale: [1.0; 4], bias: [0.0; 4] };
+        if let Some(emission) = &mut textured.emission {
+            emission.program.lookups = vec![lookup; 4];
+        }
+        let map = |_: &Lookup| Some(Arc::new(EmissionMap::even(1.0, 1)));
+        assert!(EmissionProgram::new(&textured, 12, 1, map).is_some(), "as many as there are places");
+        assert!(EmissionProgram::new(&textured, 13, 1, map).is_none(), "one more");
+    }
+
+    #[test]
+    fn work_is_bounded() {
+        let program = made(&above_one(Geometry::Primvar0, 0.0)).expect("light can be asked for it");
+        assert_eq!(program.steps(1), LATTICE);
+        assert!((1..LATTICE).contains(&program.steps(MOST_WORK / 64)), "fewer points for many triangles");
+        assert_eq!(program.steps(MOST_WORK), 0, "too many");
+    }
 }

@@ -121,6 +121,8 @@ features! {
     THIN_WALLS: "thin walls", [OPEN_PBR, TRANSMISSION], Materials;
     /// Some material absorbs light on its way inside.
     ABSORPTION: "absorption inside", [OPEN_PBR, TRANSMISSION], Materials;
+    /// The index of some glass depends on the channel: a path that meets it has one channel from there on.
+    DISPERSION: "dispersion of glass", [OPEN_PBR, TRANSMISSION], Materials;
     /// Some material is a fibre's. With lights that have a place their choice does not look at normals, as with
     /// `TRANSMISSION`.
     HAIR: "hair", [OPEN_PBR], Never;

@@ -16,6 +16,7 @@ mod shaping;
 mod switches;
 
 pub(crate) use files::TestFiles;
+pub(crate) use programs::stripes;
 
 use crate::scenes::{prim, square};
 use crate::support::{color_request, orthographic, read, render, session, settings};

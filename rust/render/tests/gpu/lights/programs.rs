@@ -5,7 +5,7 @@ use super::downwards;
 use super::emission::{Library, above, add, behind, row, screen, textured};
 use super::shapes::polygon;
 use crate::materials::{color, material, node, with};
-use crate::support::{color_request, orthographic, read_all, render, settings};
+use crate::support::{color_request, orthographic, read_all, render, request, settings};
 use glam::{DMat4, DVec3};
 use oocpt_core::scene::{AssetRef, Interpolation, MaterialDesc, ParamValue, SceneDb};
 use oocpt_render::{Session, SessionOptions};
@@ -38,7 +38,7 @@ fn squared() -> MaterialDesc {
 }
 
 /// A picture times noise over the texture coordinates, where only the picture's filter tells rays apart.
-fn letters() -> MaterialDesc {
+pub(crate) fn letters() -> MaterialDesc {
     let file = ParamValue::Asset(AssetRef { authored: "letters".into(), resolved: "letters".into() });
     emitting(&[
         ("ND_multiply_color3FA", &[], &[("in1", 2), ("in2", 3)]),
@@ -51,7 +51,7 @@ fn letters() -> MaterialDesc {
 }
 
 /// Stripes over places in a frame: 1 or a tenth.
-fn stripes(space: &str) -> MaterialDesc {
+pub(crate) fn stripes(space: &str) -> MaterialDesc {
     emitting(&[
         ("ND_convert_float_color3", &[], &[("in", 2)]),
         ("ND_ifgreater_float", &[("value2", float(0.0)), ("in1", float(1.0)), ("in2", float(0.1))], &[("value1", 3)]),
@@ -164,8 +164,8 @@ fn shadow_rays_run_a_program_as_other_rays_do() {
                 screen(db, leaning, is_alone);
             }
         };
-        let [shadow, both] = textured(512, &build(true));
-        let [_, chance] = textured(1024, &build(false));
+        let [shadow, both] = textured(1024, &build(true));
+        let [_, chance] = textured(2048, &build(false));
         // The scatter of 256 pixels tells the errors of the means.
         for (how, given) in [("shadow rays", shadow), ("both", both)] {
             let sigma = ((given.1 + chance.1) / 256.0).sqrt();
@@ -211,7 +211,7 @@ fn streaming_gives_the_same_bits() {
             db.upsert_material(MaterialDesc { path: "/stripes".into(), ..stripes("object") });
             db.upsert_mesh(strips);
         });
-        let request = color_request(orthographic(DVec3::new(0.0, 5.0, 3.0), DVec3::ZERO, 1.0, [16, 16]));
+        let request = request(orthographic(DVec3::new(0.0, 5.0, 3.0), DVec3::ZERO, 1.0, [16, 16]));
         render(&session, &request);
         assert_eq!(session.stats().streaming.in_core, !force_streaming, "it streams when it is told to");
         read_all(&session, &request)
