@@ -98,7 +98,9 @@ Shading make_shading(uint path, Surface s, out uint missing) {
     last_texture = 0xffffffffu;
     const GpuSurfaceMaterial m = surface_material;
     const float cone = s.cone;
-    if (!HAS_MATERIALS || m.material == NO_MATERIAL) return diffuse_shading(s.geometric_normal, s.shading_normal, s.albedo);
+    if (!HAS_MATERIALS || m.material == NO_MATERIAL) {
+        return diffuse_shading(s.geometric_normal, s.shading_normal, s.albedo);
+    }
     const uint flags = Materials(FRAME.materials).v[m.material].flags;
     Shading r = diffuse_shading(s.geometric_normal, s.shading_normal, vec3(0.0));
     r.ior = 1.5;

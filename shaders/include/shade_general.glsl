@@ -50,7 +50,8 @@ float emission_share(uint path, Ray ray, Surface surface, float pdf) {
     const float facing = dot3(surface.geometric_normal, ray.d);
     const uint mesh = surface_material.flags >> SURFACE_MESH_SHIFT;
     const float share = local_share(linked_infinite(from.link_set));
-    const float other = mesh_light_density(from.receiver, origin, share, uint(surface.prim_id), surface.instance_id, mesh, surface.face,
+    const float other = mesh_light_density(from.receiver, origin, share, uint(surface.prim_id), surface.instance_id,
+                                           mesh, surface.face,
                                            surface_material.material, surface.geometric_normal, distance, facing);
     return ray_weight(pdf, other);
 }
@@ -89,7 +90,8 @@ void shade_general(uint path, out bool asks, out bool go_on) {
     if (HAS_EMISSION && max_component(shading.emission) > 0.0) {
         const float weight = HAS_MESH_LIGHTS ? emission_share(path, ray, surface, state.pdf) : 1.0;
         // As for other lights: what shadow rays could bring at bounce 0 is direct.
-        add_radiance(path, clamp_contribution(state.throughput * (shading.emission * weight), ray.bounce > (HAS_MESH_LIGHTS ? 1u : 0u)));
+        add_radiance(path, clamp_contribution(state.throughput * (shading.emission * weight),
+                                              ray.bounce > (HAS_MESH_LIGHTS ? 1u : 0u)));
     }
     if (only_lights) return;
     if (HAS_DISPERSION) state.throughput *= disperse(path, arrived, shading);

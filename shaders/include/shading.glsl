@@ -63,7 +63,8 @@ struct Shading {
 
 // White, and what MaterialX says of the rest.
 HairShading white_hair() {
-    return HairShading(vec3(1.0), vec3(1.0), vec3(1.0), vec3(0.0), vec3(0.1, 0.05, 0.2), vec3(0.1, 0.05, 0.2), 0.0, BY_NORMAL);
+    return HairShading(vec3(1.0), vec3(1.0), vec3(1.0), vec3(0.0), vec3(0.1, 0.05, 0.2), vec3(0.1, 0.05, 0.2), 0.0,
+                       BY_NORMAL);
 }
 
 const uint SHADING_VEC4S = 4u;
@@ -73,8 +74,9 @@ const float LEAST_RATIO = 0.02;
 
 // The material of a surface that has none: diffuse and nothing else (specular F0 = 0).
 Shading diffuse_shading(vec3 geometric_normal, vec3 normal, vec3 color) {
-    return Shading(geometric_normal, normal, color, vec3(0.0), vec3(0.0), 0.0, 0.5, 1.5, 0.0, 0.01, 1.0, SHADING_SPECULAR_WORKFLOW,
-                   vec3(0.0), 0.5, vec3(1.0), 1.5, vec3(0.0), vec4(1.0, 0.0, 1.0, 0.0), vec3(0.0), vec3(0.0), 0.0, 0.0, white_hair());
+    return Shading(geometric_normal, normal, color, vec3(0.0), vec3(0.0), 0.0, 0.5, 1.5, 0.0, 0.01, 1.0,
+                   SHADING_SPECULAR_WORKFLOW, vec3(0.0), 0.5, vec3(1.0), 1.5, vec3(0.0), vec4(1.0, 0.0, 1.0, 0.0),
+                   vec3(0.0), vec3(0.0), 0.0, 0.0, white_hair());
 }
 
 float unit_range(float x) {
@@ -86,12 +88,14 @@ vec3 unit_range(vec3 c) {
 }
 
 vec3 valid_emission(vec3 e) {
-    return vec3(e.x > 0.0 ? min(e.x, 3.0e38) : 0.0, e.y > 0.0 ? min(e.y, 3.0e38) : 0.0, e.z > 0.0 ? min(e.z, 3.0e38) : 0.0);
+    return vec3(e.x > 0.0 ? min(e.x, 3.0e38) : 0.0, e.y > 0.0 ? min(e.y, 3.0e38) : 0.0,
+                e.z > 0.0 ? min(e.z, 3.0e38) : 0.0);
 }
 
 // `x` in the range that a fibre's roughness has, as MaterialX limits it; NaN is its middle.
 vec3 hair_range(vec3 x) {
-    return vec3(x.x >= 0.0 ? clamp(x.x, 1.0e-3, 1.0) : 0.1, x.y >= 0.0 ? clamp(x.y, 1.0e-3, 1.0) : 0.1, x.z >= 0.0 ? clamp(x.z, 1.0e-3, 1.0) : 0.1);
+    return vec3(x.x >= 0.0 ? clamp(x.x, 1.0e-3, 1.0) : 0.1, x.y >= 0.0 ? clamp(x.y, 1.0e-3, 1.0) : 0.1,
+                x.z >= 0.0 ? clamp(x.z, 1.0e-3, 1.0) : 0.1);
 }
 
 HairShading valid_hair(HairShading h) {
@@ -143,7 +147,8 @@ void pack_shading(Shading s, out vec4 packed[4]) {
 }
 
 Shading unpack_shading(vec4 packed[4], vec3 geometric_normal, vec3 normal) {
-    return Shading(geometric_normal, normal, packed[0].xyz, packed[1].xyz, packed[2].xyz, packed[0].w, packed[1].w, packed[2].w,
+    return Shading(geometric_normal, normal, packed[0].xyz, packed[1].xyz, packed[2].xyz, packed[0].w, packed[1].w,
+                   packed[2].w,
                    packed[3].x, packed[3].y, packed[3].z, uint(packed[3].w), vec3(0.0), 0.5, vec3(1.0), 1.5, vec3(0.0),
                    vec4(1.0, 0.0, 1.0, 0.0), vec3(0.0), vec3(0.0), 0.0, 0.0, white_hair());
 }

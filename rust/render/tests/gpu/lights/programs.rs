@@ -156,6 +156,7 @@ fn shadow_rays_run_a_program_as_other_rays_do() {
         ("places in the world", stripes("world")),
         ("directions", by_view()),
     ];
+    let mut wrong = Vec::new();
     for (what, material) in cases {
         let build = |is_alone| {
             let material = material.clone();
@@ -172,12 +173,15 @@ fn shadow_rays_run_a_program_as_other_rays_do() {
             let off = given.0 / chance.0 - 1.0;
             println!("{what}, {how}: {:.4}, by chance {:.4}: off by {off:.1e}, sigma {sigma:.1e}", given.0, chance.0);
             assert!(given.0 > 0.01 && sigma < 4e-3, "{what}, {how}: too noisy to tell: {sigma}");
-            assert!(off.abs() < 4.0 * sigma + 5e-4, "{what}, {how}: off by {off}, sigma {sigma}");
+            if off.abs() > 4.0 * sigma + 5e-4 {
+                wrong.push(format!("{what}, {how}: off by {off}, sigma {sigma}"));
+            }
         }
     }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Far less noise than by chance; a program that only part of the scene's materials have costs the others nothing.
+/// Far less noise than by chance.
 #[test]
 fn a_small_sign_by_a_program_is_clean() {
     let small = downwards(DVec3::new(0.0, 1.0, -0.5)) * DMat4::from_scale(DVec3::splat(0.1));

@@ -99,7 +99,7 @@ fn a_prism_bends_each_channel_as_snell_says() {
 #[test]
 fn white_stays_white() {
     for roughness in [0.0, 0.4] {
-        let session = session(settings(256, 6));
+        let session = session(settings(256, 24));
         session.with_scene(|db| {
             db.upsert_material(glass(roughness));
             let mut ball = crate::scenes::sphere(prim("/ball", DMat4::IDENTITY), 1, 16, 0.5);
@@ -112,7 +112,7 @@ fn white_stays_white() {
         let pixels: Vec<[f32; 4]> = read(&session, &request, AovKind::Color);
         for channel in 0..3 {
             let mean = pixels.iter().map(|pixel| f64::from(pixel[channel])).sum::<f64>() / 256.0;
-            // What is still inside after six bounces is lost.
+            // What is still inside at the end is lost.
             assert!((mean - 1.0).abs() < 0.01, "roughness {roughness}, channel {channel}: {mean}");
         }
     }
