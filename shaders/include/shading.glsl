@@ -148,9 +148,8 @@ void pack_shading(Shading s, out vec4 packed[4]) {
 
 Shading unpack_shading(vec4 packed[4], vec3 geometric_normal, vec3 normal) {
     return Shading(geometric_normal, normal, packed[0].xyz, packed[1].xyz, packed[2].xyz, packed[0].w, packed[1].w,
-                   packed[2].w,
-                   packed[3].x, packed[3].y, packed[3].z, uint(packed[3].w), vec3(0.0), 0.5, vec3(1.0), 1.5, vec3(0.0),
-                   vec4(1.0, 0.0, 1.0, 0.0), vec3(0.0), vec3(0.0), 0.0, 0.0, white_hair());
+                   packed[2].w, packed[3].x, packed[3].y, packed[3].z, uint(packed[3].w), vec3(0.0), 0.5, vec3(1.0),
+                   1.5, vec3(0.0), vec4(1.0, 0.0, 1.0, 0.0), vec3(0.0), vec3(0.0), 0.0, 0.0, white_hair());
 }
 
 #endif

@@ -22,6 +22,7 @@ mod noise;
 pub mod program;
 mod slab;
 pub mod surface;
+mod told;
 pub mod uses;
 pub mod value;
 mod walk;

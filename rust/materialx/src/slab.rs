@@ -83,6 +83,11 @@ impl Slab {
         hair: None,
     };
 
+    /// Whether its index depends on the channel.
+    pub(crate) fn is_dispersive(&self) -> bool {
+        !self.dispersion.is(0.0, 1)
+    }
+
     pub(crate) fn values(&mut self) -> [&mut Val; 29] {
         [
             &mut self.base_color,

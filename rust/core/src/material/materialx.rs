@@ -129,7 +129,8 @@ fn texture(texture: &Texture) -> TextureRef {
 }
 
 /// Anisotropy, a film, and what is inside of what transmits.
-fn inside(inputs: &[Input; INPUTS], transmits: bool, is_thin: bool) -> MaterialFlags {
+fn inside(inputs: &[Input; INPUTS], transmits: bool, translation: &Translation) -> MaterialFlags {
+    let is_thin = translation.thin_walled;
     let constant = |name: InputName| match inputs[name as usize] {
         Input::Constant(value) => Some(value),
         _ => None,
@@ -144,6 +145,7 @@ fn inside(inputs: &[Input; INPUTS], transmits: bool, is_thin: bool) -> MaterialF
     flags.set(MaterialFlags::THIN_FILM, !is_bare);
     flags.set(MaterialFlags::THIN_WALLED, transmits && is_thin);
     flags.set(MaterialFlags::ABSORBING, transmits && !is_thin && !is_clear);
+    flags.set(MaterialFlags::DISPERSIVE, transmits && !is_thin && translation.dispersive);
     flags
 }
 
@@ -182,8 +184,7 @@ fn material(translation: &Translation) -> Option<Material> {
     flags.set(MaterialFlags::ROUGH_TRANSMISSION, transmits && rough);
     flags.set(MaterialFlags::SHEEN, is_more(InputName::SheenColor, 0.0));
     flags.set(MaterialFlags::ROUGH_DIFFUSE, is_more(InputName::DiffuseRoughness, 0.0));
-    flags |= inside(&inputs, transmits, translation.thin_walled);
-    flags.set(MaterialFlags::DISPERSIVE, translation.dispersive && transmits && !translation.thin_walled);
+    flags |= inside(&inputs, transmits, translation);
     if translation.hair {
         // Its inputs of these names mean something else.
         flags -= MaterialFlags::ANISOTROPIC | MaterialFlags::THIN_FILM | MaterialFlags::NORMAL_MAP;

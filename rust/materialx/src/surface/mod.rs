@@ -109,8 +109,8 @@ impl Walker<'_> {
         e.combine(&parts)
     }
 
-    /// The inputs that are several numbers: anisotropy, film.
-    fn packed(&mut self, slab: &Slab) -> [Val; 2] {
+    /// The inputs that are several numbers: anisotropy, film, what is inside.
+    fn packed(&mut self, slab: &Slab) -> [Val; 3] {
         if !slab.ratio.is(1.0, 1) || !slab.coat_ratio.is(1.0, 1) {
             // The tangent is that of the first set.
             self.texcoord("st");
@@ -119,6 +119,7 @@ impl Walker<'_> {
         [
             e.combine(&[slab.ratio, slab.turn, slab.coat_ratio, slab.coat_turn]),
             e.combine(&[slab.film, slab.film_thickness, slab.film_ior]),
+            if slab.is_dispersive() { e.splice(slab.absorption, 3, slab.dispersion) } else { slab.absorption },
         ]
     }
 
@@ -139,11 +140,9 @@ impl Walker<'_> {
         if let Some(hair) = &slab.hair {
             return self.lower_hair(slab, hair);
         }
-        let [anisotropy, film] = self.packed(slab);
+        let [anisotropy, film, inside] = self.packed(slab);
         let [mut color, emission, diffuse_roughness] = self.base(slab);
         let e = &mut self.expressions;
-        let dispersive = !slab.dispersion.is(0.0, 1);
-        let inside = if dispersive { e.splice(slab.absorption, 3, slab.dispersion) } else { slab.absorption };
         let is_plain = slab.specular_weight.is(1.0, 1) && slab.specular_color.is(1.0, 3);
         let is_metal = slab.metalness.is(1.0, 1);
         let mut ior = slab.ior;
@@ -197,6 +196,7 @@ impl Walker<'_> {
         set(Input::ThinFilm, film);
         set(Input::Absorption, inside);
         set(Input::DiffuseRoughness, diffuse_roughness);
+        let dispersive = slab.is_dispersive();
         let Slab { opacity_threshold, thin_walled, .. } = *slab;
         Lowered { inputs, specular_workflow, opacity_threshold, thin_walled, dispersive, hair: false }
     }

@@ -287,8 +287,7 @@ mod tests {
         of_ptex.uv_sets[0].id = PTEX_SET_ID;
         assert!(made(&of_ptex).is_none(), "Ptex");
         let mut textured = above_one(Geometry::Uv0, 0.0);
-        let lookup =
-            Lookup { texture: 0, uv: Some(0), transform: [[0.0; 3]; 2], scale: [1.0; 4], bias: [0.0; 4] };
+        let lookup = Lookup { texture: 0, uv: Some(0), transform: [[0.0; 3]; 2], scale: [1.0; 4], bias: [0.0; 4] };
         if let Some(emission) = &mut textured.emission {
             emission.program.lookups = vec![lookup; 4];
         }

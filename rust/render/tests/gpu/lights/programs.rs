@@ -5,10 +5,9 @@ use super::downwards;
 use super::emission::{Library, above, add, behind, row, screen, textured};
 use super::shapes::polygon;
 use crate::materials::{color, material, node, with};
-use crate::support::{color_request, orthographic, read_all, render, request, settings};
+use crate::support::{color_request, orthographic, render, session, settings};
 use glam::{DMat4, DVec3};
 use oocpt_core::scene::{AssetRef, Interpolation, MaterialDesc, ParamValue, SceneDb};
-use oocpt_render::{Session, SessionOptions};
 use std::sync::Arc;
 
 fn text(text: &str) -> ParamValue {
@@ -75,7 +74,8 @@ fn by_view() -> MaterialDesc {
 fn by_normal() -> MaterialDesc {
     emitting(&[
         ("ND_convert_float_color3", &[], &[("in", 2)]),
-        ("ND_dotproduct_vector3", &[("in2", ParamValue::Vec3([0.0, 1.0, 2.0]))], &[("in1", 3)]),
+        ("ND_add_float", &[("in2", float(2.5))], &[("in1", 3)]),
+        ("ND_dotproduct_vector3", &[("in2", ParamValue::Vec3([0.0, 1.0, 2.0]))], &[("in1", 4)]),
         ("ND_normal_vector3", &[("space", text("world"))], &[]),
     ])
 }
@@ -199,35 +199,11 @@ fn a_small_sign_by_a_program_is_clean() {
     }
 }
 
-/// Lights of programs, with and without a lookup, when the scene streams.
-#[test]
-fn streaming_gives_the_same_bits() {
-    let images = [false, true].map(|force_streaming| {
-        let options = SessionOptions { validation: true, force_streaming, ..SessionOptions::default() };
-        let session = Session::with_options(settings(16, 2), options).with_images(Arc::new(Library("")));
-        session.with_scene(|db| {
-            db.upsert_mesh(crate::scenes::square(crate::scenes::prim("/floor", DMat4::IDENTITY), 1, 0.5));
-            db.upsert_material(letters());
-            screen(db, above(), true);
-            let (mut strips, _) = row(behind());
-            strips.prim_id = 5;
-            strips.material = Some("/stripes".into());
-            db.upsert_material(MaterialDesc { path: "/stripes".into(), ..stripes("object") });
-            db.upsert_mesh(strips);
-        });
-        let request = request(orthographic(DVec3::new(0.0, 5.0, 3.0), DVec3::ZERO, 1.0, [16, 16]));
-        render(&session, &request);
-        assert_eq!(session.stats().streaming.in_core, !force_streaming, "it streams when it is told to");
-        read_all(&session, &request)
-    });
-    assert!(images[0] == images[1], "streaming changed a picture");
-}
-
 /// Only scenes that need it carry it; what reads the normal is met by chance.
 #[test]
 fn other_scenes_leave_programs_of_lights_out() {
     let left_out = |material: MaterialDesc| {
-        let session = crate::support::session(settings(1, 1)).with_images(Arc::new(Library("")));
+        let session = session(settings(1, 1)).with_images(Arc::new(Library("")));
         session.with_scene(|db| {
             db.upsert_material(material);
             screen(db, DMat4::IDENTITY, true);

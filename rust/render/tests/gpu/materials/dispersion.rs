@@ -130,7 +130,8 @@ fn streaming_gives_the_same_bits() {
             db.upsert_mesh(prism());
             screen(db);
             db.upsert_material(textured("/picture", "emissiveColor", "rgb", &[]));
-            let mut picture = with(board("/picture_board", 6, "/picture"), "st", Interpolation::Vertex, coordinates(|st| st));
+            let mut picture =
+                with(board("/picture_board", 6, "/picture"), "st", Interpolation::Vertex, coordinates(|st| st));
             picture.prim.transform = DMat4::from_translation(DVec3::new(0.0, 0.5, -2.0));
             db.upsert_mesh(picture);
             db.upsert_light(dome([0.5, 0.6, 0.7]));
