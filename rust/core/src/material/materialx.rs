@@ -177,14 +177,13 @@ fn material(translation: &Translation) -> Option<Material> {
     let transmits = is_more(InputName::Transmission, 0.0);
     let rough = is_more(InputName::Roughness, SHARP_ROUGHNESS)
         || is_more(InputName::Clearcoat, 0.0) && is_more(InputName::ClearcoatRoughness, SHARP_ROUGHNESS);
-    let mut flags = needs(&inputs) | MaterialFlags::OPEN_PBR;
+    let mut flags = needs(&inputs) | inside(&inputs, transmits, translation) | MaterialFlags::OPEN_PBR;
     flags.set(MaterialFlags::SPECULAR_WORKFLOW, translation.specular_workflow);
     flags.set(MaterialFlags::PRESENCE, is_clear);
     flags.set(MaterialFlags::TRANSMISSIVE, transmits);
     flags.set(MaterialFlags::ROUGH_TRANSMISSION, transmits && rough);
     flags.set(MaterialFlags::SHEEN, is_more(InputName::SheenColor, 0.0));
     flags.set(MaterialFlags::ROUGH_DIFFUSE, is_more(InputName::DiffuseRoughness, 0.0));
-    flags |= inside(&inputs, transmits, translation);
     if translation.hair {
         // Its inputs of these names mean something else.
         flags -= MaterialFlags::ANISOTROPIC | MaterialFlags::THIN_FILM | MaterialFlags::NORMAL_MAP;

@@ -11,7 +11,7 @@ const INDEX: f64 = 1.5;
 /// The angle of the prism.
 const ANGLE: f64 = std::f64::consts::FRAC_PI_6;
 /// Where the screen is.
-const SCREEN: f64 = -5.5;
+const SCREEN: f32 = -5.5;
 
 fn float(value: f32) -> ParamValue {
     ParamValue::Float(value)
@@ -31,7 +31,8 @@ fn glass(roughness: f32) -> MaterialDesc {
 
 /// A wedge whose front is in the plane z = 0, -1 to 1 in x and y; its back goes away from the viewer along x.
 fn prism() -> MeshDesc {
-    let back = -2.0 * (ANGLE.tan() as f32);
+    // The tangent of the angle.
+    let back = -2.0 * 3.0_f32.sqrt().recip();
     let points: Vec<[f32; 3]> =
         [-1.0, 1.0].iter().flat_map(|&y| [[-1.0, y, 0.0], [1.0, y, 0.0], [1.0, y, back]]).collect();
     let faces = [vec![0, 1, 4, 3], vec![0, 3, 5, 2], vec![1, 2, 5, 4], vec![0, 2, 1], vec![3, 4, 5]];
@@ -45,15 +46,14 @@ fn screen(db: &mut SceneDb) {
     let black = color([0.0; 3]);
     let dark = [("diffuseColor", black.clone()), ("specularColor", black), ("useSpecularWorkflow", ParamValue::Int(1))];
     db.upsert_material(reading("/screen", "emissiveColor", "float3", "glow", &dark));
-    let z = SCREEN as f32;
-    let points = vec![[0.0, -1.0, z], [8.0, -1.0, z], [8.0, 1.0, z], [0.0, 1.0, z]];
+    let points = [[0.0, -1.0], [8.0, -1.0], [8.0, 1.0], [0.0, 1.0]].map(|[x, y]| [x, y, SCREEN]).to_vec();
     let mut desc = mesh(prim("/screen_board", DMat4::IDENTITY), 2, points, &[vec![0, 1, 2, 3]], 0.5);
     desc.material = Some("/screen".into());
     let glow = [0.0_f32, 8.0, 8.0, 0.0].map(|x| [x; 3]).to_vec();
     db.upsert_mesh(with(desc, "glow", Interpolation::Vertex, glow));
 }
 
-/// The index at a wavelength in micrometres: Cauchy's two terms through n_d and the Abbe number.
+/// The index at a wavelength in micrometres: Cauchy's two terms through the index of the line d and the Abbe number.
 fn index(wavelength: f64) -> f64 {
     let inverse = |l: f64| (l * l).recip();
     let b = (INDEX - 1.0) * DISPERSION / (inverse(0.4861) - inverse(0.6563));
@@ -72,7 +72,7 @@ fn seen(n: f64) -> f64 {
     let through = (1.0 - fresnel(1.0, n, 1.0, 1.0)) * (1.0 - fresnel(n, 1.0, ANGLE.cos(), out.cos()));
     // It leaves at x = 0, where the back is so far behind the front, turned towards +x.
     let leaves = -ANGLE.tan();
-    through * (leaves - SCREEN) * (out - ANGLE).tan()
+    through * (leaves - f64::from(SCREEN)) * (out - ANGLE).tan()
 }
 
 #[test]
