@@ -56,8 +56,8 @@ Shading shading_of(uint item) {
     s.tangent = vec3(1.0, 0.0, 0.0);
     s.diffuse_roughness = at(item * CASE + 43u);
     const uint hair = item * CASE + 44u;
-    s.hair = HairShading(at3(hair), at3(hair + 3u), at3(hair + 6u), at3(hair + 9u), at3(hair + 12u), at3(hair + 15u), at(hair + 18u),
-                         at(hair + 19u));
+    s.hair = HairShading(at3(hair), at3(hair + 3u), at3(hair + 6u), at3(hair + 9u), at3(hair + 12u), at3(hair + 15u),
+                         at(hair + 18u), at(hair + 19u));
     return valid_shading(s);
 }
 
@@ -108,7 +108,8 @@ void run_case(uint item, Bsdf b, vec3 wo) {
     put3(to + 15u, specular);
     put3(to + 18u, vec3(pdf, b.chance.xy));
     put3(to + 21u, vec3(b.chance.zw, b.chance_glass.x));
-    put3(to + 24u, vec3(b.chance_glass.y, b.glass > 0.0 ? 1.0 - mean(glass_reflectance(b, b.o.z)) : 0.0, b.glass_alpha));
+    put3(to + 24u, vec3(b.chance_glass.y, b.glass > 0.0 ? 1.0 - mean(glass_reflectance(b, b.o.z)) : 0.0,
+                        b.glass_alpha));
     Floats(RESULTS_AT).v[to + 27u] = b.chance_sheen;
 }
 

@@ -92,7 +92,8 @@ vec3 unapply_point(Affine m, vec3 q) {
 }
 
 Affine instance_map(uint64_t instances, uint index) {
-    return Affine(Instances(instances).v[index].object_from_parent[0], Instances(instances).v[index].object_from_parent[1],
+    return Affine(Instances(instances).v[index].object_from_parent[0],
+                  Instances(instances).v[index].object_from_parent[1],
                   Instances(instances).v[index].object_from_parent[2]);
 }
 

@@ -47,7 +47,8 @@ vec3 bent_normal(vec3 n, vec3 wo) {
     const vec3 across = n - cosine * wo;
     const float size2 = dot(across, across);
     if (!(size2 > 1.0e-12)) return wo;
-    return normalize(across * (sqrt(1.0 - LEAST_VIEW_COSINE * LEAST_VIEW_COSINE) * inversesqrt(size2)) + LEAST_VIEW_COSINE * wo);
+    return normalize(across * (sqrt(1.0 - LEAST_VIEW_COSINE * LEAST_VIEW_COSINE) * inversesqrt(size2))
+                     + LEAST_VIEW_COSINE * wo);
 }
 
 // `s` is valid (valid_shading); wo unit, from the surface to the viewer.
@@ -146,7 +147,9 @@ Bsdf make_bsdf(Shading s, vec3 wo) {
     vec2 weight_glass = vec2(0.0);
     if (HAS_TRANSMISSION && through > 0.0) weight_glass = set_glass(b, s, wo, through);
     float weight_sheen = 0.0;
-    if (HAS_SHEEN && b.sheen_most > 0.0) weight_sheen = b.opaque * mean(s.sheen_color) * sheen_albedo(b.o.z, b.sheen_row);
+    if (HAS_SHEEN && b.sheen_most > 0.0) {
+        weight_sheen = b.opaque * mean(s.sheen_color) * sheen_albedo(b.o.z, b.sheen_row);
+    }
     const float sum = weight.x + weight.y + weight.z + weight.w + weight_glass.x + weight_glass.y + weight_sheen;
     b.chance = sum > 0.0 ? weight / sum : vec4(0.0);
     b.chance_glass = sum > 0.0 ? weight_glass / sum : vec2(0.0);
@@ -202,7 +205,8 @@ void add_reflection(Bsdf b, vec3 wi, inout vec3 diffuse, inout vec3 specular, in
         const float value = lobe_reflect(b.coat_alpha, b.coat_stretch, b.o, i, density);
         const vec3 h = b.o + i;
         const float cosine = dot(b.o, h) * inversesqrt(max(dot(h, h), 1.0e-30));
-        specular += b.opaque * b.coat * (b.coat_f0 + (b.coat_f90 - b.coat_f0) * power5(1.0 - clamp(cosine, 0.0, 1.0))) * value * through_sheen(b, i.z);
+        specular += b.opaque * b.coat * (b.coat_f0 + (b.coat_f90 - b.coat_f0) * power5(1.0 - clamp(cosine, 0.0, 1.0)))
+            * value * through_sheen(b, i.z);
         pdf += b.chance.x * density;
     }
     if (HAS_SHEEN && b.chance_sheen > 0.0) {

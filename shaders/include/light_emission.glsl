@@ -28,9 +28,11 @@ vec3 map_color(uint index, vec2 st, bool around) {
     b = clamp(b, ivec2(0), last);
     const uint top = uint(a.y) * map.width;
     const uint bottom = uint(b.y) * map.width;
-    const vec3 above = mix(map_texel(map.texels, map.format, top + uint(a.x)), map_texel(map.texels, map.format, top + uint(b.x)), f.x);
+    const vec3 above = mix(map_texel(map.texels, map.format, top + uint(a.x)),
+                           map_texel(map.texels, map.format, top + uint(b.x)), f.x);
     const vec3 below =
-        mix(map_texel(map.texels, map.format, bottom + uint(a.x)), map_texel(map.texels, map.format, bottom + uint(b.x)), f.x);
+        mix(map_texel(map.texels, map.format, bottom + uint(a.x)),
+            map_texel(map.texels, map.format, bottom + uint(b.x)), f.x);
     return mix(above, below, f.y);
 }
 

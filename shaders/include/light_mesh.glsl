@@ -140,7 +140,8 @@ bool sample_mesh_light(Receiver r, Double3 origin, vec4 u, vec4 u_mesh, float sh
     point.direction = towards / point.distance;
     const float cosine = abs(dot3(point.normal, point.direction));
     if (!(cosine > 0.0)) return false;
-    point.density = chosen * leaf_density(light, leaf, weight, point.normal) * (point.distance * point.distance / cosine);
+    point.density = chosen * leaf_density(light, leaf, weight, point.normal)
+        * (point.distance * point.distance / cosine);
     // The mesh is met up to `error` off its plane; grazing rays keep half of their way.
     const float off = light.error / cosine;
     point.reach = max(point.distance * SHADOW_END - off, 0.5 * point.distance);
@@ -153,6 +154,8 @@ uint ask_path;
 float ask_width;
 // The unit that the lookup waits for, as texture_lookup gives it.
 uint ask_missing;
+
+#include "include/light_program.glsl"
 
 // Emission of a chosen point. `pdf`: density of the direction to it by the BSDF.
 vec3 point_emission(MeshLightPoint point, float pdf) {
@@ -168,9 +171,12 @@ vec3 point_emission(MeshLightPoint point, float pdf) {
             if (floatBitsToUint(given.x) != NO_VALUE) return valid_emission(given);
         }
     }
+    if (HAS_MESH_LIGHT_PROGRAMS && kind == INPUT_REGISTER) return program_emission(point, pdf);
     const GpuLightValue v = LightValues(LIGHTING.light_values).v[point.triangle];
     vec3 value = v.a;
-    if (v.a != v.b || v.b != v.c) value = v.a * (1.0 - point.place.x - point.place.y) + v.b * point.place.x + v.c * point.place.y;
+    if (v.a != v.b || v.b != v.c) {
+        value = v.a * (1.0 - point.place.x - point.place.y) + v.b * point.place.x + v.c * point.place.y;
+    }
     if (kind == INPUT_PRIMVAR) return valid_emission(value);
     if (!HAS_TEXTURES) return vec3(0.0);
     GpuSurfaceMaterial m;
@@ -186,7 +192,8 @@ vec3 point_emission(MeshLightPoint point, float pdf) {
         m.footprints[i] = footprint;
     }
     last_texture = 0xffffffffu;
-    return valid_emission(input_value(m, INPUT_EMISSIVE_COLOR, fma(next_spread(ask_path, pdf), point.distance, ask_width), ask_missing).xyz);
+    return valid_emission(input_value(m, INPUT_EMISSIVE_COLOR,
+                                      fma(next_spread(ask_path, pdf), point.distance, ask_width), ask_missing).xyz);
 }
 #endif
 
@@ -213,8 +220,8 @@ uint find_mesh_light(uint prim_id, uint instance_id, uint mesh) {
 // Density per solid angle with which a light would have been asked at the point of a mesh that a ray has met. `share`:
 // probability of asking a light with a place. `r` and `origin`: the receiver that the ray has left; n: unit normal
 // there, `facing`: cosine to the ray.
-float mesh_light_density(Receiver r, Double3 origin, float share, uint prim_id, uint instance_id, uint mesh, uint face, uint material, vec3 n,
-                         float distance, float facing) {
+float mesh_light_density(Receiver r, Double3 origin, float share, uint prim_id, uint instance_id, uint mesh, uint face,
+                         uint material, vec3 n, float distance, float facing) {
     const vec3 emission = HAS_MESH_LIGHT_VALUES ? vec3(0.0) : constant_emission(material);
     if (!HAS_MESH_LIGHT_VALUES && !(max(emission.x, max(emission.y, emission.z)) > 0.0)) return 0.0;
     const uint index = find_mesh_light(prim_id, instance_id, mesh);
@@ -240,10 +247,13 @@ float mesh_light_density(Receiver r, Double3 origin, float share, uint prim_id, 
     if (first < 0.0) return 0.0;
     float chosen = share * (1.0 - first);
     chosen = mesh_leaf_probability(0u, uvec2(light.trail[0], light.trail[1]), r, chosen);
-    chosen = mesh_leaf_probability(table.root, uvec2(leaf.trail[0], leaf.trail[1]), receiver_inside(light, origin, r.n), chosen);
+    chosen = mesh_leaf_probability(table.root, uvec2(leaf.trail[0], leaf.trail[1]), receiver_inside(light, origin, r.n),
+                                   chosen);
     const float weight =
-        HAS_MESH_LIGHT_VALUES ? ConstFloats(LIGHTING.light_face_weights).v[low] : emission_weight(emission) / light.scale;
-    const float density = chosen * leaf_density(light, leaf, weight, n) * (distance * distance / max(abs(facing), 1.0e-30));
+        HAS_MESH_LIGHT_VALUES ? ConstFloats(LIGHTING.light_face_weights).v[low]
+            : emission_weight(emission) / light.scale;
+    const float density = chosen * leaf_density(light, leaf, weight, n)
+        * (distance * distance / max(abs(facing), 1.0e-30));
     return density > 0.0 ? density : 0.0;
 }
 

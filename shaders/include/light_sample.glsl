@@ -69,7 +69,8 @@ void store_previous_vertex(uint path, uint normal, uint link_set, vec3 diffuse) 
 PreviousVertex load_previous_vertex(uint path, vec3 origin, float pdf) {
     if (!HAS_PREVIOUS_VERTICES) return PreviousVertex(Receiver(origin, vec3(0.0)), 0u, vec3(0.0), pdf);
     const uvec4 a = ConstUVec4s(FRAME.light_paths).v[path];
-    return PreviousVertex(Receiver(origin, unpack_normal(a.x)), a.y, vec3(unpackUnorm2x16(a.z), unpackUnorm2x16(a.w).x), pdf);
+    return PreviousVertex(Receiver(origin, unpack_normal(a.x)), a.y, vec3(unpackUnorm2x16(a.z), unpackUnorm2x16(a.w).x),
+                          pdf);
 }
 
 // The balance heuristic for a ray of density `pdf` (0: delta) against a light sampled with density `other`.
@@ -105,7 +106,8 @@ vec3 multiplied(float diffuse, float specular, vec3 share) {
 }
 
 // What the ray brings of one local light; 0 when it does not meet it before t_end.
-vec3 local_along(uint index, float chosen, vec3 o_hi, vec3 o_lo, vec3 d, float t_end, bool camera, PreviousVertex from) {
+vec3 local_along(uint index, float chosen, vec3 o_hi, vec3 o_lo, vec3 d, float t_end, bool camera,
+                 PreviousVertex from) {
     const GpuLocalLight light = load_local_light(index);
     const uint kind = light_kind(light.flags);
     if (is_thin(kind)) return vec3(0.0);
@@ -136,7 +138,9 @@ vec3 lights_along(Double3 origin, vec3 d, float t_end, bool camera, PreviousVert
     uint top = 0u;
     light_stack[0] = 0u;
     probability_stack[0] = local_share(weighs ? linked_infinite(from.link_set) : 1.0);
-    if (HAS_MESH_LIGHTS && weighs) probability_stack[0] *= max(first_share(load_light_node(LIGHTING.joint), from.receiver), 0.0);
+    if (HAS_MESH_LIGHTS && weighs) {
+        probability_stack[0] *= max(first_share(load_light_node(LIGHTING.joint), from.receiver), 0.0);
+    }
     while (true) {
         const uint reference = light_stack[top];
         const float probability = probability_stack[top];
@@ -155,7 +159,8 @@ vec3 lights_along(Double3 origin, vec3 d, float t_end, bool camera, PreviousVert
         const GpuLightNode node = load_light_node(reference);
         bool inside[2];
         for (uint i = 0u; i < 2u; ++i) {
-            inside[i] = node.power[i] > 0.0 && hit_box(node.min[i], node.max[i], lower, upper, reciprocal, t_end) >= 0.0;
+            inside[i] = node.power[i] > 0.0 && hit_box(node.min[i], node.max[i], lower, upper, reciprocal,
+                                                       t_end) >= 0.0;
         }
         float share = 1.0;
         if (weighs && (inside[0] || inside[1])) share = max(first_share(node, from.receiver), 0.0);

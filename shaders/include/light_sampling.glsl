@@ -4,6 +4,8 @@
 #ifndef OOCPT_LIGHT_SAMPLING_GLSL
 #define OOCPT_LIGHT_SAMPLING_GLSL
 
+#include "include/dispersion.glsl"
+
 // A shadow ray to be: `contribution` leaves out the path's throughput; 0: nothing to trace. Until sample_light has
 // looked at the BSDF it leaves that out too, and the members below say how it comes in.
 struct LightSample {
@@ -30,7 +32,8 @@ LightSample no_light_sample() {
 // Share of the BSDF's value that is diffuse, by colour. Not asked for where every light has one multiplier for both.
 vec3 diffuse_share(vec3 diffuse, vec3 specular) {
     const vec3 all = diffuse + specular;
-    return vec3(all.x > 0.0 ? diffuse.x / all.x : 0.0, all.y > 0.0 ? diffuse.y / all.y : 0.0, all.z > 0.0 ? diffuse.z / all.z : 0.0);
+    return vec3(all.x > 0.0 ? diffuse.x / all.x : 0.0, all.y > 0.0 ? diffuse.y / all.y : 0.0,
+                all.z > 0.0 ? diffuse.z / all.z : 0.0);
 }
 
 // `share`: probability of asking a local light.
@@ -168,7 +171,8 @@ LightSample sample_near_mesh(Double3 origin, Receiver receiver, vec4 u, vec4 u_m
 }
 
 // A light near by: a lamp or a mesh. `share`: probability of asking one.
-LightSample sample_near_light(Double3 origin, uint link_set, Receiver receiver, vec4 u, vec4 u_mesh, bool last, float share) {
+LightSample sample_near_light(Double3 origin, uint link_set, Receiver receiver, vec4 u, vec4 u_mesh, bool last,
+                              float share) {
     if (!HAS_MESH_LIGHTS) return sample_local_light(origin, link_set, receiver, u, last, share);
     const float first = mesh_light_first(receiver);
     if (first < 0.0) return no_light_sample();
@@ -182,7 +186,8 @@ LightSample sample_near_light(Double3 origin, uint link_set, Receiver receiver, 
 
 // One light for a shadow ray, with all but the BSDF, which finish_light_sample brings in. `last`: no ray follows that
 // could meet the lights, so shadow rays bring all of it. `u_mesh` counts with HAS_MESH_LIGHTS.
-LightSample sample_light(Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiver, vec4 u, vec4 u_mesh, bool last) {
+LightSample sample_light(Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiver, vec4 u, vec4 u_mesh,
+                         bool last) {
     const float linked = linked_infinite(link_set);
     const float near = HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS ? local_share(linked) : 0.0;
     if ((HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS) && u.x < near) {
@@ -218,7 +223,8 @@ void finish_light_sample(inout LightSample ls, vec3 diffuse, vec3 specular, floa
 }
 
 // The set of numbers that a path asks its lights with.
-LightSample sample_one_light(uint path, uint bounce, Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, uint packed_normal, bool last, float width) {
+LightSample sample_one_light(uint path, uint bounce, Bsdf bsdf, vec3 wo, Double3 origin, uint link_set,
+                             uint packed_normal, bool last, float width) {
     const uvec2 pixel = pixel_position(path_pixel(path));
     const uint seed = pixel_seed(pixel.x, pixel.y, path_seed(path));
     const uint index = path_sample(path);
@@ -240,12 +246,14 @@ void resolve_ask(uint path, Surface surface, Shading shading, out uint missing) 
     missing = TEXTURE_DONE;
     const Ray ray = load_ray(ray_address(path));
     if (LIGHTING.textured_mesh_lights == 0u || ray.bounce > FRAME.max_bounces) return;
+    if (HAS_DISPERSION) disperse(path, load_path(path).throughput, shading);
     const vec3 wo = -ray.d;
     const Bsdf bsdf = make_bsdf(shading, wo);
     const vec3 normal = bsdf_normal(bsdf);
     const uint packed_normal = HAS_BEYOND ? NO_INDEX : pack_normal(normal);
     LightSample ls =
-        sample_one_light(path, ray.bounce, bsdf, wo, add(surface.position, surface.offset * normal), prim_link_set(surface.prim_id), packed_normal,
+        sample_one_light(path, ray.bounce, bsdf, wo, add(surface.position, surface.offset * normal),
+                         prim_link_set(surface.prim_id), packed_normal,
                 ray.bounce >= FRAME.max_bounces && is_plain(bsdf), surface.cone);
     if (needs_bsdf(ls)) {
         vec3 diffuse, specular;

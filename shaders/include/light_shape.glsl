@@ -101,7 +101,8 @@ bool shape_point(uint kind, vec3 o, vec2 u, out vec3 q) {
         const float distance = sqrt(dot3(o, o));
         const float h = u.x * sphere_cone(o);
         const float sin_squared = h * (2.0 - h);
-        const float cos_center = sin_squared * distance + (1.0 - h) * sqrt(max(1.0 - sin_squared * distance * distance, 0.0));
+        const float cos_center = sin_squared * distance
+            + (1.0 - h) * sqrt(max(1.0 - sin_squared * distance * distance, 0.0));
         const float sin_center = sqrt(max(1.0 - cos_center * cos_center, 0.0));
         const vec3 axis = o / distance;
         vec3 x, y;

@@ -65,7 +65,9 @@ float importance(GpuLightNode node, uint i, Receiver r) {
     float outwards = cos_out < node.cos_emission[i] - CONE_SLACK ? 0.0 : max(cos_out, 0.05);
     if (HAS_MESH_LIGHTS && node.back[i] > 0.0 && !inside) {
         const float cos_back = cos_outwards(node, i, -cos_w, sin_b, cos_b);
-        if (!(cos_back < node.cos_emission[i] - CONE_SLACK)) outwards = max(outwards, node.back[i] * max(cos_back, 0.05));
+        if (!(cos_back < node.cos_emission[i] - CONE_SLACK)) {
+            outwards = max(outwards, node.back[i] * max(cos_back, 0.05));
+        }
     }
     if (!(outwards > 0.0)) return 0.0;
     value *= outwards;

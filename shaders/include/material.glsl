@@ -98,7 +98,9 @@ Shading make_shading(uint path, Surface s, out uint missing) {
     last_texture = 0xffffffffu;
     const GpuSurfaceMaterial m = surface_material;
     const float cone = s.cone;
-    if (!HAS_MATERIALS || m.material == NO_MATERIAL) return diffuse_shading(s.geometric_normal, s.shading_normal, s.albedo);
+    if (!HAS_MATERIALS || m.material == NO_MATERIAL) {
+        return diffuse_shading(s.geometric_normal, s.shading_normal, s.albedo);
+    }
     const uint flags = Materials(FRAME.materials).v[m.material].flags;
     Shading r = diffuse_shading(s.geometric_normal, s.shading_normal, vec3(0.0));
     r.ior = 1.5;
@@ -127,6 +129,7 @@ Shading make_shading(uint path, Surface s, out uint missing) {
         if (HAS_ANISOTROPY && (flags & MATERIAL_ANISOTROPIC) != 0u) wanted |= 1u << INPUT_ANISOTROPY;
         if (HAS_THIN_FILM && (flags & MATERIAL_THIN_FILM) != 0u) wanted |= 1u << INPUT_THIN_FILM;
         if (HAS_ABSORPTION && (flags & MATERIAL_ABSORBING) != 0u) wanted |= 1u << INPUT_ABSORPTION;
+        if (HAS_DISPERSION && (flags & MATERIAL_DISPERSIVE) != 0u) wanted |= 1u << INPUT_ABSORPTION;
         if (HAS_ROUGH_DIFFUSE && (flags & MATERIAL_ROUGH_DIFFUSE) != 0u) wanted |= 1u << INPUT_DIFFUSE_ROUGHNESS;
         if (HAS_THIN_WALLS && (flags & MATERIAL_THIN_WALLED) != 0u) r.flags |= SHADING_THIN_WALLED;
     }
@@ -166,6 +169,7 @@ Shading make_shading(uint path, Surface s, out uint missing) {
         if (HAS_ANISOTROPY && name == INPUT_ANISOTROPY) r.anisotropy = whole;
         if (HAS_THIN_FILM && name == INPUT_THIN_FILM) r.film = value;
         if (HAS_ABSORPTION && name == INPUT_ABSORPTION) r.absorption = value;
+        if (HAS_DISPERSION && name == INPUT_ABSORPTION && (flags & MATERIAL_DISPERSIVE) != 0u) r.dispersion = whole.w;
         if (HAS_ROUGH_DIFFUSE && name == INPUT_DIFFUSE_ROUGHNESS) r.diffuse_roughness = value.x;
         if (is_hair) set_hair(r, name, whole);
     }

@@ -19,16 +19,16 @@ Surface surface_of_hit(uint path) {
 
 void store_surface(uint path, Surface s) {
     Surfaces(STREAMING.surfaces).v[path] =
-        GpuSurface(s.position.hi, s.offset, s.position.lo, s.prim_id, s.geometric_normal, s.instance_id, s.shading_normal, s.face,
-                   s.albedo, s.cone);
+        GpuSurface(s.position.hi, s.offset, s.position.lo, s.prim_id, s.geometric_normal, s.instance_id,
+                   s.shading_normal, s.face, s.albedo, s.cone);
     if (HAS_MATERIALS) SurfaceMaterials(STREAMING.surface_materials).v[path] = surface_material;
 }
 
 Surface stored_surface(uint path) {
     if (HAS_MATERIALS) surface_material = SurfaceMaterials(STREAMING.surface_materials).v[path];
     const GpuSurface s = Surfaces(STREAMING.surfaces).v[path];
-    return Surface(Double3(s.position, s.position_lo), s.offset, s.geometric_normal, s.shading_normal, s.albedo, s.prim_id,
-                   s.instance_id, s.face, s.cone);
+    return Surface(Double3(s.position, s.position_lo), s.offset, s.geometric_normal, s.shading_normal, s.albedo,
+                   s.prim_id, s.instance_id, s.face, s.cone);
 }
 
 Surface load_surface(uint path) {

@@ -4,8 +4,9 @@
 //
 // Memory of a program, from 16 * GpuMaterial::program bytes of Frame::programs on: constants, f32x4 each; lookups, a
 // GpuInput each; instructions, two in 16 bytes: op | to << 8 | a << 16 | b << 24, c | immediate << 8. Behind it, of a
-// material whose opacity is a register, 16 bytes that begin with the sizes of a program for that alone, and this
-// program (traversal/cutout_program.glsl). The host has checked all numbers.
+// material whose opacity or, if not, whose emission is a register: 16 bytes, the sizes of a program for that alone and
+// the register of the emission; and this program (traversal/cutout_program.glsl, light_program.glsl). The host has
+// checked all numbers.
 //
 // Before including, PATTERN_LOOKUP may be defined as a function in place of texture_lookup.
 #ifndef OOCPT_PATTERN_GLSL

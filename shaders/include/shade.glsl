@@ -50,7 +50,8 @@ float emission_share(uint path, Ray ray, Surface surface, float pdf) {
     const float facing = dot3(surface.geometric_normal, ray.d);
     const uint mesh = surface_material.flags >> SURFACE_MESH_SHIFT;
     const float share = local_share(linked_infinite(from.link_set));
-    const float other = mesh_light_density(from.receiver, origin, share, uint(surface.prim_id), surface.instance_id, mesh, surface.face,
+    const float other = mesh_light_density(from.receiver, origin, share, uint(surface.prim_id), surface.instance_id,
+                                           mesh, surface.face,
                                            surface_material.material, surface.geometric_normal, distance, facing);
     return ray_weight(pdf, other);
 }
@@ -72,6 +73,7 @@ void shade(uint path, out bool asks, out bool go_on) {
     const Ray ray = load_ray(ray_address(path));
     const Surface surface = load_surface(path);
     PathState state = load_path(path);
+    const vec3 arrived = state.throughput;
     if (HAS_CUTOUTS && HAS_TEXTURES) store_next_cone(path, surface.cone, 0.0);
     if (ray.bounce == 0u) Vec4s(FRAME.radiance).v[path] = vec4(0.0, 0.0, 0.0, 1.0);
     if (HAS_LOCAL_LIGHTS) add_met_lights(path, ray, surface, state);
@@ -79,7 +81,7 @@ void shade(uint path, out bool asks, out bool go_on) {
     if (only_lights && !HAS_EMISSION) return;
 
     uint missing;
-    const Shading shading = make_shading(path, surface, missing);
+    Shading shading = make_shading(path, surface, missing);
     if (HAS_ABSORPTION && dot3(surface.geometric_normal, ray.d) > 0.0) {
         // The way inside ends here (Beer and Lambert).
         const float way = dot3(difference(surface.position, Double3(ray.o, ray.o_lo)), ray.d);
@@ -88,9 +90,11 @@ void shade(uint path, out bool asks, out bool go_on) {
     if (HAS_EMISSION && max_component(shading.emission) > 0.0) {
         const float weight = HAS_MESH_LIGHTS ? emission_share(path, ray, surface, state.pdf) : 1.0;
         // As for other lights: what shadow rays could bring at bounce 0 is direct.
-        add_radiance(path, clamp_contribution(state.throughput * (shading.emission * weight), ray.bounce > (HAS_MESH_LIGHTS ? 1u : 0u)));
+        add_radiance(path, clamp_contribution(state.throughput * (shading.emission * weight),
+                                              ray.bounce > (HAS_MESH_LIGHTS ? 1u : 0u)));
     }
     if (only_lights) return;
+    if (HAS_DISPERSION) state.throughput *= disperse(path, arrived, shading);
     const vec3 wo = -ray.d;
     const Bsdf bsdf = make_bsdf(shading, wo);
     const vec3 normal = bsdf_normal(bsdf);

@@ -57,12 +57,14 @@ struct Shading {
     vec3 film;             // weight, 0..1; thickness in nm; index, >= 1
     vec3 absorption;       // per length inside, >= 0; not the BSDF's matter
     float diffuse_roughness; // 0..1; with ROUGH_DIFFUSE
+    float dispersion;        // 1 / Abbe number, 0..10; with DISPERSION
     HairShading hair;      // with SHADING_HAIR
 };
 
 // White, and what MaterialX says of the rest.
 HairShading white_hair() {
-    return HairShading(vec3(1.0), vec3(1.0), vec3(1.0), vec3(0.0), vec3(0.1, 0.05, 0.2), vec3(0.1, 0.05, 0.2), 0.0, BY_NORMAL);
+    return HairShading(vec3(1.0), vec3(1.0), vec3(1.0), vec3(0.0), vec3(0.1, 0.05, 0.2), vec3(0.1, 0.05, 0.2), 0.0,
+                       BY_NORMAL);
 }
 
 const uint SHADING_VEC4S = 4u;
@@ -72,8 +74,9 @@ const float LEAST_RATIO = 0.02;
 
 // The material of a surface that has none: diffuse and nothing else (specular F0 = 0).
 Shading diffuse_shading(vec3 geometric_normal, vec3 normal, vec3 color) {
-    return Shading(geometric_normal, normal, color, vec3(0.0), vec3(0.0), 0.0, 0.5, 1.5, 0.0, 0.01, 1.0, SHADING_SPECULAR_WORKFLOW,
-                   vec3(0.0), 0.5, vec3(1.0), 1.5, vec3(0.0), vec4(1.0, 0.0, 1.0, 0.0), vec3(0.0), vec3(0.0), 0.0, white_hair());
+    return Shading(geometric_normal, normal, color, vec3(0.0), vec3(0.0), 0.0, 0.5, 1.5, 0.0, 0.01, 1.0,
+                   SHADING_SPECULAR_WORKFLOW, vec3(0.0), 0.5, vec3(1.0), 1.5, vec3(0.0), vec4(1.0, 0.0, 1.0, 0.0),
+                   vec3(0.0), vec3(0.0), 0.0, 0.0, white_hair());
 }
 
 float unit_range(float x) {
@@ -85,12 +88,14 @@ vec3 unit_range(vec3 c) {
 }
 
 vec3 valid_emission(vec3 e) {
-    return vec3(e.x > 0.0 ? min(e.x, 3.0e38) : 0.0, e.y > 0.0 ? min(e.y, 3.0e38) : 0.0, e.z > 0.0 ? min(e.z, 3.0e38) : 0.0);
+    return vec3(e.x > 0.0 ? min(e.x, 3.0e38) : 0.0, e.y > 0.0 ? min(e.y, 3.0e38) : 0.0,
+                e.z > 0.0 ? min(e.z, 3.0e38) : 0.0);
 }
 
 // `x` in the range that a fibre's roughness has, as MaterialX limits it; NaN is its middle.
 vec3 hair_range(vec3 x) {
-    return vec3(x.x >= 0.0 ? clamp(x.x, 1.0e-3, 1.0) : 0.1, x.y >= 0.0 ? clamp(x.y, 1.0e-3, 1.0) : 0.1, x.z >= 0.0 ? clamp(x.z, 1.0e-3, 1.0) : 0.1);
+    return vec3(x.x >= 0.0 ? clamp(x.x, 1.0e-3, 1.0) : 0.1, x.y >= 0.0 ? clamp(x.y, 1.0e-3, 1.0) : 0.1,
+                x.z >= 0.0 ? clamp(x.z, 1.0e-3, 1.0) : 0.1);
 }
 
 HairShading valid_hair(HairShading h) {
@@ -128,6 +133,7 @@ Shading valid_shading(Shading s) {
     s.film.z = s.film.z >= 1.0 ? min(s.film.z, 1.0e2) : 1.0;
     s.absorption = valid_emission(s.absorption);
     s.diffuse_roughness = unit_range(s.diffuse_roughness);
+    s.dispersion = s.dispersion > 0.0 ? min(s.dispersion, 10.0) : 0.0;
     s.opacity = s.opacity < 1.0 ? max(s.opacity, 0.0) : 1.0; // NaN is 1
     if (HAS_HAIR && (s.flags & SHADING_HAIR) != 0u) s.hair = valid_hair(s.hair);
     return s;
@@ -141,9 +147,9 @@ void pack_shading(Shading s, out vec4 packed[4]) {
 }
 
 Shading unpack_shading(vec4 packed[4], vec3 geometric_normal, vec3 normal) {
-    return Shading(geometric_normal, normal, packed[0].xyz, packed[1].xyz, packed[2].xyz, packed[0].w, packed[1].w, packed[2].w,
-                   packed[3].x, packed[3].y, packed[3].z, uint(packed[3].w), vec3(0.0), 0.5, vec3(1.0), 1.5, vec3(0.0),
-                   vec4(1.0, 0.0, 1.0, 0.0), vec3(0.0), vec3(0.0), 0.0, white_hair());
+    return Shading(geometric_normal, normal, packed[0].xyz, packed[1].xyz, packed[2].xyz, packed[0].w, packed[1].w,
+                   packed[2].w, packed[3].x, packed[3].y, packed[3].z, uint(packed[3].w), vec3(0.0), 0.5, vec3(1.0),
+                   1.5, vec3(0.0), vec4(1.0, 0.0, 1.0, 0.0), vec3(0.0), vec3(0.0), 0.0, 0.0, white_hair());
 }
 
 #endif

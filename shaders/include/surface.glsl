@@ -196,7 +196,8 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
     }
     s.albedo = FRAME.default_albedo;
     if (HAS_COLORS && (flags & MESH_HAS_COLORS) != 0u) {
-        s.albedo = attribute_vec3(meshes.v[mesh].colors, meshes.v[mesh].corner_indices, (flags >> 2) & 3u, triangle, weights);
+        s.albedo = attribute_vec3(meshes.v[mesh].colors, meshes.v[mesh].corner_indices, (flags >> 2) & 3u, triangle,
+                                  weights);
     } else if (HAS_INSTANCE_PRIMVARS) {
         vec4 color;
         if (instance_primvar(NAME_DISPLAY_COLOR, color)) s.albedo = color.xyz;

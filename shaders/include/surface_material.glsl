@@ -154,7 +154,8 @@ bool set_gradients(uint mesh, uint name, uint triangle, vec2 st, vec3 e, vec3 f,
 // Sets tangent, handedness and, for a ray along `d`, footprints. Gradients are covectors and go to the world as
 // normals do; with n normal to
 // the plane, dP/du is orthogonal to n and to the gradient of v.
-void add_tangent(inout GpuSurfaceMaterial m, uint mesh, uint triangle, vec3 e, vec3 f, vec3 n, vec3 d, ChunkMap world, Affine map) {
+void add_tangent(inout GpuSurfaceMaterial m, uint mesh, uint triangle, vec3 e, vec3 f, vec3 n, vec3 d, ChunkMap world,
+                 Affine map) {
     Materials materials = Materials(FRAME.materials);
     const uint kind = materials.v[m.material].inputs[INPUT_NORMAL].kind;
     const uint wanted = (kind & 3u) == INPUT_TEXTURE ? (kind >> INPUT_SET_SHIFT) & 3u : 0u;
@@ -176,14 +177,15 @@ void add_tangent(inout GpuSurfaceMaterial m, uint mesh, uint triangle, vec3 e, v
 // Of a material of hair: the tangent goes along the fibre and `handedness` is its radius in the world, 0 of what is no
 // tube. Ribbons know where they are across their width (oocpt_core::material::ACROSS_NAME): the tangent is across that.
 // `e`: an edge of the leaf; `radial`: from a tube's axis to its surface, both in the mesh's frame; `n`: in the world.
-void add_fibre(inout GpuSurfaceMaterial m, uint mesh, uint triangle, bool is_round, vec3 e, vec3 f, vec3 radial, vec3 n, ChunkMap world,
-               Affine map) {
+void add_fibre(inout GpuSurfaceMaterial m, uint mesh, uint triangle, bool is_round, vec3 e, vec3 f, vec3 radial, vec3 n,
+               ChunkMap world, Affine map) {
     Materials materials = Materials(FRAME.materials);
     if ((materials.v[m.material].flags & MATERIAL_HAIR) == 0u) return;
     m.handedness = 0.0;
     if (is_round) {
         const vec3 axis = unapply_rows(world.x, world.y, world.z, unapply_rows(map.x.xyz, map.y.xyz, map.z.xyz, e));
-        const vec3 reach = unapply_rows(world.x, world.y, world.z, unapply_rows(map.x.xyz, map.y.xyz, map.z.xyz, radial));
+        const vec3 reach = unapply_rows(world.x, world.y, world.z,
+                                        unapply_rows(map.x.xyz, map.y.xyz, map.z.xyz, radial));
         m.tangent = normal_or(axis, vec3(0.0));
         m.handedness = sqrt(dot3(reach, reach));
         return;

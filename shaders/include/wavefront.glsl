@@ -67,8 +67,8 @@ uvec2 path_entry(uint path) {
     if (!HAS_STREAMING) return entry_from(push.first_pixel, push.first_sample, path);
     const uint place = path_place(path);
     const uint segment = place / STREAMING.segment_size;
-    return entry_from(Segments(STREAMING.segments).v[segment].first_pixel, Segments(STREAMING.segments).v[segment].first_sample,
-                      place - segment * STREAMING.segment_size);
+    return entry_from(Segments(STREAMING.segments).v[segment].first_pixel,
+                      Segments(STREAMING.segments).v[segment].first_sample, place - segment * STREAMING.segment_size);
 }
 
 // Whether paths are numbered by entries; those through pixel centres are not.

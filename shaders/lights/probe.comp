@@ -80,9 +80,12 @@ vec4 sampled_mesh(Ray ray, Receiver r, vec4 u, vec4 u_mesh) {
     const Double3 origin = Double3(ray.o, ray.o_lo);
     const float first = mesh_light_first(r);
     MeshLightPoint point;
-    if (first < 0.0 || !sample_mesh_light(r, origin, u, u_mesh, LIGHTING.local_share * (1.0 - first), point)) return vec4(0.0);
+    if (first < 0.0 || !sample_mesh_light(r, origin, u, u_mesh, LIGHTING.local_share * (1.0 - first), point)) {
+        return vec4(0.0);
+    }
     const GpuMeshLight light = load_mesh_light(point.light);
-    const float density = mesh_light_density(r, origin, LIGHTING.local_share, light.prim_id, light.instance_id, light.mesh, point.face, point.material, point.normal,
+    const float density = mesh_light_density(r, origin, LIGHTING.local_share, light.prim_id, light.instance_id,
+                                             light.mesh, point.face, point.material, point.normal,
                                              point.distance, dot3(point.normal, point.direction));
     return vec4(point.density, density, float(point.light + 1u), point.reach / point.distance);
 }

@@ -15,12 +15,14 @@ bool is_opaque(uint triangle, vec2 uv) {
     if (HAS_MATERIALS) {
         // displayOpacity is for surfaces without a material.
         const uint subset = floatBitsToUint(ConstVec4s(walk.pose.triangles).v[triangle * 3u + 1u].w) & SUBSET_MASK;
-        if (material_slot(Instances(walk.instances).v[chain[level_index()]].prim_id, subset) != NO_MATERIAL) return true;
+        if (material_slot(Instances(walk.instances).v[chain[level_index()]].prim_id, subset) != NO_MATERIAL) {
+            return true;
+        }
     }
     float opacity;
     if (of_mesh) {
-        opacity = attribute_float(meshes.v[walk.mesh].opacities, meshes.v[walk.mesh].corner_indices, (flags >> 4) & 3u, triangle,
-                                  vec3(1.0 - uv.x - uv.y, uv));
+        opacity = attribute_float(meshes.v[walk.mesh].opacities, meshes.v[walk.mesh].corner_indices, (flags >> 4) & 3u,
+                                  triangle, vec3(1.0 - uv.x - uv.y, uv));
     } else {
         vec4 value;
         if (!instance_primvar(NAME_DISPLAY_OPACITY, value)) return true;
@@ -47,12 +49,16 @@ bool is_cut_in(uint triangle, vec2 uv, float t) {
             return (answer.flags & QUESTION_PRESENT) != 0u;
         }
     }
-    const Presence presence = presence_of(walk.pose, walk.mesh, Instances(walk.instances).v[chain[level_index()]].prim_id, triangle, uv,
+    const Presence presence = presence_of(walk.pose, walk.mesh,
+                                          Instances(walk.instances).v[chain[level_index()]].prim_id, triangle, uv,
                                           ray_cone(walk.path, t) * length(walk.d), walk.d);
     if (!presence.is_asked) return true;
     const bool chance = presence.threshold <= 0.0;
     float limit = presence.threshold;
-    if (chance) limit = (push.flags & PUSH_AOVS) != 0u ? 0.0 : float(hash_u32(hash_combine(walk.seed, id)) >> 8) * 5.9604644775390625e-8;
+    if (chance) {
+        limit = (push.flags & PUSH_AOVS) != 0u ? 0.0
+            : float(hash_u32(hash_combine(walk.seed, id)) >> 8) * 5.9604644775390625e-8;
+    }
     if (HAS_CUTOUT_PROGRAMS && presence.program != NO_MATERIAL) {
         return is_cut_in_by_program(presence, triangle, uv, t, id, chance, limit);
     }
@@ -71,8 +77,9 @@ bool is_cut_in(uint triangle, vec2 uv, float t) {
     }
     const uint flags = presence.channel << QUESTION_CHANNEL_SHIFT | (chance ? 0u : QUESTION_INCLUSIVE);
     if (HAS_STREAMING && said < TEXTURE_FALLBACK) {
-        ask(walk.chunk_entry, Question(t, id, walk.chunk_instance, flags | progress.taps, progress.mean, presence.texture, presence.st,
-                                       presence.width, presence.scale, presence.bias, limit, STREAMING.chunk_count + said));
+        ask(walk.chunk_entry, Question(t, id, walk.chunk_instance, flags | progress.taps, progress.mean,
+                                       presence.texture, presence.st, presence.width, presence.scale, presence.bias,
+                                       limit, STREAMING.chunk_count + said));
         if (!walk.chunk_pending) remember(walk.chunk_entry, walk.chunk_instance);
         walk.chunk_pending = true;
         return false;

@@ -23,7 +23,9 @@ void main() {
     TextureProgress progress = TextureProgress(q.mean, q.flags & QUESTION_TAPS);
     const uint said = continue_lookup(q.texture, q.st, q.width, progress);
     uint flags = (q.flags & ~QUESTION_TAPS) | progress.taps;
-    if (said >= TEXTURE_FALLBACK && is_there(progress.mean, said, q.scale, q.bias, flags, q.limit)) flags |= QUESTION_PRESENT;
+    if (said >= TEXTURE_FALLBACK && is_there(progress.mean, said, q.scale, q.bias, flags, q.limit)) {
+        flags |= QUESTION_PRESENT;
+    }
     questions.v[path].mean = progress.mean;
     questions.v[path].flags = flags;
     questions.v[path].unit = said < TEXTURE_FALLBACK ? STREAMING.chunk_count + said : OWN_UNIT;

@@ -63,7 +63,8 @@ void main() {
             average(is_shadow ? shadow_contribution(shadow_ray_address(path)) : load_path(path).throughput);
         const float mean = is_shadow ? 1.0 : max(ROULETTE.mean, level);
         part = factor * mean / sqrt(squared);
-        own = is_shadow ? 0.0 : factor * factor * max(ROULETTE.second_moment - ROULETTE.mean * ROULETTE.mean, 0.0) / squared;
+        own = is_shadow ? 0.0 : factor * factor * max(ROULETTE.second_moment - ROULETTE.mean * ROULETTE.mean,
+                                                      0.0) / squared;
     }
     if (!(part >= 0.0 && part < MOST_PART)) {
         atomicOr(Uints(STREAMING.worth).v[chunk], WORTH_MUST);

@@ -82,7 +82,8 @@ void main() {
     const uint blocks = (keys() + SCAN_BLOCK - 1u) / SCAN_BLOCK;
     uint total = 0u;
     for (uint begin = 0u; begin < blocks; begin += SCAN_BLOCK) {
-        total += scan_block(STREAMING.sort_sums, begin, blocks, total, uvec2(1u, 2u) * STREAMING.chunk_count / SCAN_BLOCK);
+        total += scan_block(STREAMING.sort_sums, begin, blocks, total,
+                            uvec2(1u, 2u) * STREAMING.chunk_count / SCAN_BLOCK);
     }
     barrier();
     if (gl_LocalInvocationIndex == 0u) make_room(total);

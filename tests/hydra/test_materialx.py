@@ -134,8 +134,8 @@ def test_an_edit_of_a_pattern_is_seen(host):
         ("color3f inputs:fg = (1, 0, 0.5)", "color3f inputs:fg.connect = </World/M/C.outputs:out>", "in a circle"),
         (
             "float inputs:specular_weight = 0",
-            "float inputs:transmission_dispersion_scale = 0.5",
-            "not supported yet: dispersion",
+            "color3f inputs:transmission_scatter = (0.5, 0.5, 0.5)",
+            "not supported yet: scattering inside",
         ),
     ],
     ids=["unsupported", "unknown", "circle", "left out"],

@@ -32,12 +32,12 @@ pub fn evaluate(op: Op, operands: [[f32; 4]; 3], immediate: u16) -> [f32; 4] {
 }
 
 /// Runs a program from registers of 0. `surface` says what the surface has, `lookup` what a texture lookup gives at a
-/// place, scale and bias included; with bit 8 of its `immediate` the lookup knows the place. Registers and constants
-/// that the program does not have are 0.
+/// place, scale and bias included; where there is none, the lookup knows it. Registers and constants that the program
+/// does not have are 0.
 pub fn run(
     program: &Program,
     surface: impl Fn(Geometry) -> [f32; 4],
-    lookup: impl Fn(&Lookup, [f32; 2]) -> [f32; 4],
+    lookup: impl Fn(&Lookup, Option<[f32; 2]>) -> [f32; 4],
 ) -> [[f32; 4]; REGISTERS] {
     let mut registers = [[0.0; 4]; REGISTERS];
     for &Instruction { op, to, operands, immediate } in &program.instructions {
@@ -53,7 +53,8 @@ pub fn run(
             Op::Surface => GEOMETRY.get(at).map(|&geometry| surface(geometry)).unwrap_or_default(),
             Op::Texture => {
                 let [u, v, ..] = operands[0].map(number);
-                program.lookups.get(at & 255).map(|found| lookup(found, [u, v])).unwrap_or_default()
+                let place = (at & 256 == 0).then_some([u, v]);
+                program.lookups.get(at & 255).map(|found| lookup(found, place)).unwrap_or_default()
             }
             _ => evaluate(op, operands, immediate),
         };

@@ -22,8 +22,9 @@ mod noise;
 pub mod program;
 mod slab;
 pub mod surface;
+mod told;
 pub mod uses;
 pub mod value;
 mod walk;
 
-pub use assemble::{InputSource, Translation, translate};
+pub use assemble::{Emission, InputSource, Translation, translate};

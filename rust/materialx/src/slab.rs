@@ -38,6 +38,8 @@ pub(crate) struct Slab {
     pub(crate) film_thickness: Val,
     pub(crate) film_ior: Val,
     pub(crate) absorption: Val,
+    /// 1 / the Abbe number; 0: none.
+    pub(crate) dispersion: Val,
     pub(crate) diffuse_roughness: Val,
     pub(crate) thin_walled: bool,
     /// A fibre: of the rest emission and opacity count.
@@ -75,12 +77,18 @@ impl Slab {
         film_thickness: Val::ZERO,
         film_ior: Val::Constant([1.4; 4]),
         absorption: Val::ZERO,
+        dispersion: Val::ZERO,
         diffuse_roughness: Val::ZERO,
         thin_walled: false,
         hair: None,
     };
 
-    pub(crate) fn values(&mut self) -> [&mut Val; 28] {
+    /// Whether its index depends on the channel.
+    pub(crate) fn is_dispersive(&self) -> bool {
+        !self.dispersion.is(0.0, 1)
+    }
+
+    pub(crate) fn values(&mut self) -> [&mut Val; 29] {
         [
             &mut self.base_color,
             &mut self.metalness,
@@ -109,6 +117,7 @@ impl Slab {
             &mut self.film_thickness,
             &mut self.film_ior,
             &mut self.absorption,
+            &mut self.dispersion,
             &mut self.diffuse_roughness,
         ]
     }

@@ -136,18 +136,22 @@ fn programs_run_in_order() {
         instructions: vec![
             step(Op::Surface, 1, [r(0); 3], Geometry::Uv1 as u16),
             step(Op::MultiplyAdd, 1, [r(1), c(0), c(1)], 0),
-            step(Op::Texture, 2, [r(1), r(0), r(0)], 256),
+            step(Op::Texture, 2, [r(1), r(0), r(0)], 0),
             step(Op::Add, 3, [r(2), c(1), r(0)], 0),
+            step(Op::Texture, 4, [r(1), r(0), r(0)], 256),
         ],
         constants: vec![[2.0; 4], [0.5; 4]],
         lookups: vec![lookup],
     };
     let surface = |kind: Geometry| if kind == Geometry::Uv1 { [0.25, 0.75, 0.0, f32::NAN] } else { [9.0; 4] };
-    let registers = run(&program, surface, |lookup, [u, v]| [u, v, lookup.texture as f32, f32::INFINITY]);
+    let registers = run(&program, surface, |lookup, place| {
+        place.map_or([3.0; 4], |[u, v]| [u, v, lookup.texture as f32, f32::INFINITY])
+    });
     assert_eq!(registers[1], [1.0, 2.0, 0.5, 0.5], "what is no number counts as 0");
     assert_eq!(registers[2], [1.0, 2.0, 7.0, 0.0], "the lookup");
     assert_eq!(registers[3], [1.5, 2.5, 7.5, 0.5], "the sum");
-    assert_eq!(registers[4..], [[0.0; 4]; REGISTERS - 4], "the others");
+    assert_eq!(registers[4], [3.0; 4], "a lookup that knows its place");
+    assert_eq!(registers[5..], [[0.0; 4]; REGISTERS - 5], "the others");
 }
 
 #[test]

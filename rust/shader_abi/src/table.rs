@@ -132,7 +132,7 @@ passes! {
     /// In place of `resolve_materials` where the emission of lights is a texture's or a primvar's.
     ResolveLights = RESOLVE_LIGHTS, When::with(TEXTURES.union(Features::MESH_LIGHT_VALUES)),
         Indirect(Counters::RESOLVE_ARGS),
-        "the same, and lights" => "the same; the last lookup is the emission of the light that will be asked";
+        "the same, and lights" => "the same; the last lookups are the emission of the light that will be asked";
     /// Adds what shines where rays leave the scene.
     ShadeBackground = SHADE_BACKGROUND, When::ALWAYS, Indirect(Counters::ESCAPED_ARGS),
         "`escaped_queue`, `rays`, `paths`, lights" => "adds to `radiance`; streaming: `progress`, `segments`, `free_slots`";

@@ -27,6 +27,7 @@ struct Lighting {
     uint64_t light_values;
     uint64_t light_face_weights;
     uint64_t light_placed_values;
+    uint64_t light_corners;
     uint textured_mesh_lights;
     uint pad;
     uint64_t light_keys;
@@ -84,7 +85,7 @@ struct GpuLightValue {
     vec3 a;
     float weight;
     vec3 b;
-    uint pad0;
+    uint corners;
     vec3 c;
     uint pad1;
 };

@@ -43,7 +43,8 @@ float glass_node_loss(uint index, float cosine, bool dense) {
     }
     const vec2 columns = dense ? nodes.v[2u * index + 1u].xy : node.zw;
     float x;
-    const uint column = table_cell(clamp((shape - columns.y) * columns.x, 0.0, 1.0), dense ? GLASS_COSINE_DENSE : GLASS_COSINE_LIGHT, x);
+    const uint column = table_cell(clamp((shape - columns.y) * columns.x, 0.0, 1.0),
+                                   dense ? GLASS_COSINE_DENSE : GLASS_COSINE_LIGHT, x);
     const uint at = index * GLASS_COSINES + (dense ? GLASS_COSINE_LIGHT : 0u) + column;
     ConstUints table = ConstUints(BSDF_TABLES + TABLE_GLASS_LOSSES);
     const vec2 low = unpackUnorm2x16(table.v[at >> 1u]);

@@ -36,10 +36,12 @@ struct Hair {
 float scaled_bessel(float x) {
     if (x < 3.75) {
         const float t = (x / 3.75) * (x / 3.75);
-        return exp(-x) * (1.0 + t * (3.5156229 + t * (3.0899424 + t * (1.2067492 + t * (0.2659732 + t * (0.0360768 + t * 0.0045813))))));
+        return exp(-x) * (1.0 + t * (3.5156229 + t
+            * (3.0899424 + t * (1.2067492 + t * (0.2659732 + t * (0.0360768 + t * 0.0045813))))));
     }
     const float t = 3.75 / x;
-    const float sum = 0.39894228 + t * (0.01328592 + t * (0.00225319 + t * (-0.00157565 + t * (0.00916281 + t * (-0.02057706
+    const float sum = 0.39894228 + t * (0.01328592
+                                        + t * (0.00225319 + t * (-0.00157565 + t * (0.00916281 + t * (-0.02057706
         + t * (0.02635537 + t * (-0.01647633 + t * 0.00392377)))))));
     return sum * inversesqrt(x);
 }
@@ -51,7 +53,8 @@ float exact_angle(float y, float x) {
     const float high = max(abs(x), abs(y));
     const float q = high > 0.0 ? low / high : 0.0;
     const float z = q * q;
-    float angle = q * (1.0 + z * (-0.3333314528 + z * (0.1999355085 + z * (-0.1420889944 + z * (0.1065626393 + z * (-0.0752896400
+    float angle = q * (1.0 + z * (-0.3333314528 + z
+                                  * (0.1999355085 + z * (-0.1420889944 + z * (0.1065626393 + z * (-0.0752896400
         + z * (0.0429096138 + z * (-0.0161657367 + z * 0.0028662257))))))));
     if (abs(y) > abs(x)) angle = 0.5 * GGX_PI - angle;
     if (x < 0.0) angle = GGX_PI - angle;
@@ -142,8 +145,8 @@ Hair make_hair(HairShading s, vec3 tangent, vec3 across_it, vec3 normal, float i
     hair.a2 = s.tint_trt * (tt * through * f);
     // At f = 1 nothing enters.
     hair.a3 = s.tint_trt * (tt * through * through * (f * f) / max(1.0 - through * f, vec3(1.0e-7)));
-    const vec4 weight = vec4(hair.a0.x + hair.a0.y + hair.a0.z, hair.a1.x + hair.a1.y + hair.a1.z, hair.a2.x + hair.a2.y + hair.a2.z,
-                             hair.a3.x + hair.a3.y + hair.a3.z);
+    const vec4 weight = vec4(hair.a0.x + hair.a0.y + hair.a0.z, hair.a1.x + hair.a1.y + hair.a1.z,
+                             hair.a2.x + hair.a2.y + hair.a2.z, hair.a3.x + hair.a3.y + hair.a3.z);
     const float sum = weight.x + weight.y + weight.z + weight.w;
     hair.chance = sum > 0.0 ? weight / sum : vec4(0.0);
 
@@ -185,7 +188,8 @@ bool hair_sample(Hair hair, vec3 u, out vec3 wi) {
     const float least = exp(-2.0 / v);
     const float below = clamp(-v * log(max(u.y + (1.0 - u.y) * least, 1.0e-30)), 0.0, 2.0);
     const float sine = sqrt(below * (2.0 - below));
-    const float sin_i = clamp(sine * cos(2.0 * GGX_PI * rest) * hair.cos_p[p] - (1.0 - below) * hair.sin_p[p], -1.0, 1.0);
+    const float sin_i = clamp(sine * cos(2.0 * GGX_PI * rest) * hair.cos_p[p] - (1.0 - below) * hair.sin_p[p], -1.0,
+                              1.0);
     const float cos_i = sqrt(max(0.0, 1.0 - sin_i * sin_i));
     const float phi = p == 3u ? 2.0 * GGX_PI * u.x : hair.phi[p] + sample_azimuthal(u.x, hair.spread[p]);
     wi = normalize(sin_i * hair.x + cos_i * (cos(phi) * hair.y + sin(phi) * hair.z));

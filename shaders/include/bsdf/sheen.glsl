@@ -44,7 +44,8 @@ float sheen_albedo(float cosine, float row) {
     const uint column = table_cell(sqrt(clamp(cosine, 0.0, 1.0)), SHEEN_COSINE, x);
     const uint at = table_cell(row, SHEEN_ROUGHNESS, y) * SHEEN_COSINE + column;
     ConstFloats table = ConstFloats(BSDF_SHEEN_TABLE);
-    return mix(mix(table.v[at], table.v[at + 1u], x), mix(table.v[at + SHEEN_COSINE], table.v[at + SHEEN_COSINE + 1u], x), y);
+    return mix(mix(table.v[at], table.v[at + 1u], x),
+               mix(table.v[at + SHEEN_COSINE], table.v[at + SHEEN_COSINE + 1u], x), y);
 }
 
 // Average of E, and the scale of the lobe.
@@ -54,7 +55,8 @@ vec2 sheen_average(float row) {
     ConstFloats table = ConstFloats(BSDF_SHEEN_TABLE);
     const uint averages = uint(SHEEN_AVERAGES / 4u);
     const uint scales = uint(SHEEN_SCALES / 4u);
-    return vec2(mix(table.v[averages + at], table.v[averages + at + 1u], y), mix(table.v[scales + at], table.v[scales + at + 1u], y));
+    return vec2(mix(table.v[averages + at], table.v[averages + at + 1u], y),
+                mix(table.v[scales + at], table.v[scales + at + 1u], y));
 }
 
 // Averages of E times L and B of a row of GGX.

@@ -155,6 +155,7 @@ impl<'a> Compiler<'a> {
             primvars: std::mem::take(&mut self.primvars),
             program: Program::default(),
             opacity_program: Program::default(),
+            emission: None,
         })
     }
 

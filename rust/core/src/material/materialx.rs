@@ -129,7 +129,8 @@ fn texture(texture: &Texture) -> TextureRef {
 }
 
 /// Anisotropy, a film, and what is inside of what transmits.
-fn inside(inputs: &[Input; INPUTS], transmits: bool, is_thin: bool) -> MaterialFlags {
+fn inside(inputs: &[Input; INPUTS], transmits: bool, translation: &Translation) -> MaterialFlags {
+    let is_thin = translation.thin_walled;
     let constant = |name: InputName| match inputs[name as usize] {
         Input::Constant(value) => Some(value),
         _ => None,
@@ -144,6 +145,7 @@ fn inside(inputs: &[Input; INPUTS], transmits: bool, is_thin: bool) -> MaterialF
     flags.set(MaterialFlags::THIN_FILM, !is_bare);
     flags.set(MaterialFlags::THIN_WALLED, transmits && is_thin);
     flags.set(MaterialFlags::ABSORBING, transmits && !is_thin && !is_clear);
+    flags.set(MaterialFlags::DISPERSIVE, transmits && !is_thin && translation.dispersive);
     flags
 }
 
@@ -175,14 +177,13 @@ fn material(translation: &Translation) -> Option<Material> {
     let transmits = is_more(InputName::Transmission, 0.0);
     let rough = is_more(InputName::Roughness, SHARP_ROUGHNESS)
         || is_more(InputName::Clearcoat, 0.0) && is_more(InputName::ClearcoatRoughness, SHARP_ROUGHNESS);
-    let mut flags = needs(&inputs) | MaterialFlags::OPEN_PBR;
+    let mut flags = needs(&inputs) | inside(&inputs, transmits, translation) | MaterialFlags::OPEN_PBR;
     flags.set(MaterialFlags::SPECULAR_WORKFLOW, translation.specular_workflow);
     flags.set(MaterialFlags::PRESENCE, is_clear);
     flags.set(MaterialFlags::TRANSMISSIVE, transmits);
     flags.set(MaterialFlags::ROUGH_TRANSMISSION, transmits && rough);
     flags.set(MaterialFlags::SHEEN, is_more(InputName::SheenColor, 0.0));
     flags.set(MaterialFlags::ROUGH_DIFFUSE, is_more(InputName::DiffuseRoughness, 0.0));
-    flags |= inside(&inputs, transmits, translation.thin_walled);
     if translation.hair {
         // Its inputs of these names mean something else.
         flags -= MaterialFlags::ANISOTROPIC | MaterialFlags::THIN_FILM | MaterialFlags::NORMAL_MAP;
@@ -208,5 +209,6 @@ fn material(translation: &Translation) -> Option<Material> {
             .collect(),
         program: translation.program.clone(),
         opacity_program: translation.opacity_program.clone(),
+        emission: translation.emission.clone(),
     })
 }

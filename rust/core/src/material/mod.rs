@@ -20,7 +20,8 @@ mod texture;
 use std::sync::Arc;
 
 use bitflags::bitflags;
-use oocpt_materialx::program::Program;
+use oocpt_materialx::Emission;
+use oocpt_materialx::program::{Lookup, Program};
 /// Number of inputs, and their places in [`Material::inputs`]: those of the one BSDF, which `MaterialX` is translated
 /// to.
 pub use oocpt_materialx::surface::{INPUTS, Input as InputName};
@@ -82,6 +83,8 @@ bitflags! {
         const HAIR = 1 << 17;
         /// Has a rough diffuse lobe.
         const ROUGH_DIFFUSE = 1 << 18;
+        /// The index of what transmits depends on the channel.
+        const DISPERSIVE = 1 << 19;
     }
 }
 
@@ -183,6 +186,8 @@ pub struct Material {
     pub program: Program,
     /// Works out the opacity where that is a register: a program of its own, which traversal runs.
     pub opacity_program: Program,
+    /// Works out the emission alone, where light can be asked for it: its lookups are textures as the others.
+    pub emission: Option<Emission>,
 }
 
 impl Material {
@@ -190,6 +195,19 @@ impl Material {
     #[must_use]
     pub fn input(&self, name: InputName) -> &Input {
         &self.inputs[name as usize]
+    }
+
+    /// Texture lookups where it is shaded.
+    #[must_use]
+    pub fn lookups(&self) -> usize {
+        let inputs = self.inputs.iter().filter(|input| matches!(input, Input::Texture { .. })).count();
+        inputs + self.program.lookups.len()
+    }
+
+    /// The lookups of all its programs.
+    pub fn program_lookups(&self) -> impl Iterator<Item = &Lookup> {
+        let emission = self.emission.iter().flat_map(|emission| &emission.program.lookups);
+        self.program.lookups.iter().chain(&self.opacity_program.lookups).chain(emission)
     }
 
     /// Names of all primvars that it reads, texture coordinates first.

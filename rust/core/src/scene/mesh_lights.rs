@@ -165,5 +165,6 @@ fn dark() -> Material {
         primvars: Vec::new(),
         program: Program::default(),
         opacity_program: Program::default(),
+        emission: None,
     }
 }

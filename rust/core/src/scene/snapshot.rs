@@ -69,6 +69,8 @@ bitflags! {
         const HAIR = 1 << 27;
         /// A material with a rough diffuse lobe.
         const ROUGH_DIFFUSE = 1 << 32;
+        /// A material of glass whose index depends on the channel.
+        const DISPERSION = 1 << 34;
         /// A material whose opacity is.
         const CUTOUT_PROGRAMS = 1 << 25;
         /// A material that emits light.
@@ -147,6 +149,7 @@ impl SurfaceTables {
             (MaterialFlags::ABSORBING, SceneFeatures::ABSORPTION),
             (MaterialFlags::HAIR, SceneFeatures::HAIR),
             (MaterialFlags::ROUGH_DIFFUSE, SceneFeatures::ROUGH_DIFFUSE),
+            (MaterialFlags::DISPERSIVE, SceneFeatures::DISPERSION),
         ];
         let mut features = SceneFeatures::empty();
         features.set(SceneFeatures::MATERIALS, !self.materials.is_empty());

@@ -278,7 +278,8 @@ impl SurfaceStore {
                 *texture = index_of(reference);
             }
         }
-        for lookup in linked.program.lookups.iter_mut().chain(&mut linked.opacity_program.lookups) {
+        let emission = linked.emission.iter_mut().flat_map(|emission| &mut emission.program.lookups);
+        for lookup in linked.program.lookups.iter_mut().chain(&mut linked.opacity_program.lookups).chain(emission) {
             if let Some(reference) = local.get(lookup.texture as usize) {
                 lookup.texture = index_of(reference);
             }
@@ -339,6 +340,12 @@ impl SurfaceTables {
         self.material_slots.get(first..first + record.slot_count as usize).unwrap_or_default()
     }
 
+    /// Most texture lookups that a material makes where it is shaded.
+    #[must_use]
+    pub fn most_lookups(&self) -> usize {
+        self.materials.iter().map(|material| material.lookups()).max().unwrap_or(0)
+    }
+
     /// Empties what says nothing: without a material there are no prims, unless some is in a collection.
     pub(crate) fn trim(&mut self) {
         if self.materials.is_empty() && self.category_sets.len() <= 1 {
@@ -383,9 +390,8 @@ impl SurfaceTables {
         };
         let known = |lookup: &Lookup| (lookup.texture as usize) < self.textures.len();
         let all_sound = |material: &Arc<Material>| {
-            let lookups = material.program.lookups.iter().chain(&material.opacity_program.lookups);
             material.inputs.iter().enumerate().all(|(at, input)| sound(at, input, material))
-                && lookups.into_iter().all(known)
+                && material.program_lookups().all(known)
         };
         if self.materials.iter().all(all_sound) { Ok(()) } else { Err("materials") }
     }

@@ -138,7 +138,8 @@ fn check_material(material: &Material) {
         assert!(is_finite, "{input:?}");
     }
     assert!(material.opacity_threshold.is_finite());
-    for program in [&material.program, &material.opacity_program] {
+    let emission = material.emission.as_ref().map_or(&material.program, |emission| &emission.program);
+    for program in [&material.program, &material.opacity_program, emission] {
         for surface in [[0.3, -0.7, 1.9, 0.0], [0.0; 4], [3.0e38, -3.0e38, 1.0e-38, 0.0]] {
             let registers = run(program, |_| surface, |_, _| [65504.0, -1.0, 0.5, 0.0]);
             assert!(finite(registers.as_flattened()), "{registers:?}");

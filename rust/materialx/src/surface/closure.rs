@@ -118,7 +118,7 @@ impl Walker<'_> {
             "layer" => {
                 let base = inner(self, "base").unwrap_or(Slab::BLACK);
                 match inner(self, "top") {
-                    Some(top) => Some(self.layered(&top, base)),
+                    Some(top) => Some(self.layered(at, &top, base)),
                     None => Some(base),
                 }
             }
@@ -126,12 +126,12 @@ impl Walker<'_> {
                 let front = inner(self, "fg").unwrap_or(Slab::BLACK);
                 let back = inner(self, "bg").unwrap_or(Slab::BLACK);
                 let share = self.number_or(at, "mix", 0.0);
-                Some(self.shared(back, front, share))
+                Some(self.shared(at, back, front, share))
             }
             "add" => {
                 let (a, b) = (inner(self, "in1"), inner(self, "in2"));
                 match (a, b) {
-                    (Some(a), Some(b)) => Some(self.added(a, b)),
+                    (Some(a), Some(b)) => Some(self.added(at, a, b)),
                     (a, b) => a.or(b),
                 }
             }
@@ -244,9 +244,9 @@ impl Walker<'_> {
     }
 
     /// A layer over a slab: fuzz, the dielectric of the base, or a coat where there is one already.
-    fn layered(&mut self, top: &Slab, base: Slab) -> Slab {
+    fn layered(&mut self, at: At, top: &Slab, base: Slab) -> Slab {
         if top.hair.is_some() || base.hair.is_some() {
-            return Slab { hair: self.shared_hair(&base, top, Val::ONE), ..base };
+            return Slab { hair: self.shared_hair(at, &base, top, Val::ONE), ..base };
         }
         if !top.fuzz.is(0.0, 3) {
             return Slab { fuzz: top.fuzz, fuzz_roughness: top.fuzz_roughness, ..base };
@@ -272,7 +272,7 @@ impl Walker<'_> {
     }
 
     /// A mixture: shares of metal and glass are those of the parts.
-    fn shared(&mut self, back: Slab, front: Slab, share: Val) -> Slab {
+    fn shared(&mut self, at: At, back: Slab, front: Slab, share: Val) -> Slab {
         // A part that has no specular lobe of its own takes the other's.
         let lends = |to: Slab, from: &Slab| {
             let is_bare = to.specular_weight.is(0.0, 1);
@@ -282,7 +282,7 @@ impl Walker<'_> {
         // Metal's colour and diffuse colour are one: a part that has neither lends nothing to it.
         let blank = |slab: &Slab| slab.base_color.is(0.0, 3);
         let (back_color, front_color) = (back.base_color, front.base_color);
-        let mut whole = self.mixed(back, front, share);
+        let mut whole = self.mixed(at, back, front, share);
         if blank(&back) && back.transmission != Val::ZERO {
             whole.base_color = front_color;
         } else if blank(&front) && front.transmission != Val::ZERO {
@@ -292,16 +292,17 @@ impl Walker<'_> {
     }
 
     /// A sum: colours add, the rest is the first's where it has any.
-    fn added(&mut self, a: Slab, b: Slab) -> Slab {
+    fn added(&mut self, at: At, a: Slab, b: Slab) -> Slab {
         let mut whole = if a.specular_weight.is(0.0, 1) { b } else { a };
         whole.base_color = self.expressions.add(a.base_color, b.base_color);
         whole.fuzz = self.expressions.add(a.fuzz, b.fuzz);
         whole.transmission = self.expressions.add(a.transmission, b.transmission);
         if let (Some(one), Some(_)) = (a.hair, b.hair) {
-            self.problem("fibres are added: the first one is left".to_owned());
+            let path = self.path(at);
+            self.problem(format!("{path}: fibres are added: the first one is left"));
             whole.hair = Some(one);
         } else {
-            whole.hair = self.shared_hair(&a, &b, Val::ZERO);
+            whole.hair = self.shared_hair(at, &a, &b, Val::ZERO);
         }
         whole
     }

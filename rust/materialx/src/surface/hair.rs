@@ -40,7 +40,7 @@ impl Walker<'_> {
 
     /// Two slabs of which one is a fibre, or both: a mixture of fibres is the fibre of mixed numbers; of a fibre and
     /// something else the fibre is left.
-    pub(super) fn shared_hair(&mut self, back: &Slab, front: &Slab, share: Val) -> Option<Hair> {
+    pub(super) fn shared_hair(&mut self, at: At, back: &Slab, front: &Slab, share: Val) -> Option<Hair> {
         match (back.hair, front.hair) {
             (Some(mut a), Some(mut b)) => {
                 let mut whole = a;
@@ -50,7 +50,8 @@ impl Walker<'_> {
                 Some(whole)
             }
             (Some(one), None) | (None, Some(one)) => {
-                self.problem("hair is mixed with or layered on what is no hair: hair alone is left".to_owned());
+                let path = self.path(at);
+                self.problem(format!("{path}: hair is mixed with or layered on what is no hair: hair alone is left"));
                 Some(one)
             }
             (None, None) => None,
@@ -96,6 +97,7 @@ impl Walker<'_> {
             specular_workflow: false,
             opacity_threshold: slab.opacity_threshold,
             thin_walled: false,
+            dispersive: false,
             hair: true,
         }
     }

@@ -45,7 +45,7 @@ pub enum Input {
     Anisotropy = 15,
     /// Weight, thickness in nm, index of a film on the base.
     ThinFilm = 16,
-    /// Of light inside, per unit of length.
+    /// Of light inside, per unit of length; of what is dispersive 1 / its Abbe number in the last component.
     Absorption = 17,
     /// Of the diffuse lobe.
     DiffuseRoughness = 18,

@@ -4,7 +4,7 @@
 //! What is an approximation: subsurface scattering is diffuse reflection in its colour; what is transmitted is tinted
 //! by `transmission_color` at every interface where no depth is said, else by what is absorbed on the way (Beer and
 //! Lambert); a coat's colour tints the base as seen from above; specular colours of metals (F82) do not count.
-//! Dispersion and scattering media are left out, each with a note where a material asks for it.
+//! Scattering media are left out, with a note where a material asks for them.
 
 mod closure;
 mod hair;
@@ -31,6 +31,7 @@ pub(crate) struct Lowered {
     pub(crate) specular_workflow: bool,
     pub(crate) opacity_threshold: f32,
     pub(crate) thin_walled: bool,
+    pub(crate) dispersive: bool,
     pub(crate) hair: bool,
 }
 
@@ -58,7 +59,7 @@ impl Walker<'_> {
                 let front = self.shader(front?, depth + 1)?;
                 let back = self.shader(back?, depth + 1)?;
                 let share = self.number_or(at, "mix", 0.0);
-                Some(self.mixed(back, front, share))
+                Some(self.mixed(at, back, front, share))
             }
             _ => match self.implementation(at) {
                 Some(inner) => self.shader(inner, depth + 1),
@@ -72,7 +73,7 @@ impl Walker<'_> {
     }
 
     /// Each value of two slabs mixed: exact where they differ in what the BSDF is linear in.
-    pub(crate) fn mixed(&mut self, mut back: Slab, mut front: Slab, share: Val) -> Slab {
+    pub(crate) fn mixed(&mut self, at: At, mut back: Slab, mut front: Slab, share: Val) -> Slab {
         let mut whole = back;
         let threshold = back.opacity_threshold.max(front.opacity_threshold);
         let pairs: Vec<(Val, Val)> = back.values().into_iter().zip(front.values()).map(|(a, b)| (*a, *b)).collect();
@@ -81,7 +82,7 @@ impl Walker<'_> {
         }
         whole.opacity_threshold = threshold;
         whole.thin_walled = back.thin_walled || front.thin_walled;
-        whole.hair = self.shared_hair(&back, &front, share);
+        whole.hair = self.shared_hair(at, &back, &front, share);
         whole
     }
 
@@ -108,8 +109,8 @@ impl Walker<'_> {
         e.combine(&parts)
     }
 
-    /// The inputs that are several numbers: anisotropy, film.
-    fn packed(&mut self, slab: &Slab) -> [Val; 2] {
+    /// The inputs that are several numbers: anisotropy, film, what is inside.
+    fn packed(&mut self, slab: &Slab) -> [Val; 3] {
         if !slab.ratio.is(1.0, 1) || !slab.coat_ratio.is(1.0, 1) {
             // The tangent is that of the first set.
             self.texcoord("st");
@@ -118,6 +119,7 @@ impl Walker<'_> {
         [
             e.combine(&[slab.ratio, slab.turn, slab.coat_ratio, slab.coat_turn]),
             e.combine(&[slab.film, slab.film_thickness, slab.film_ior]),
+            if slab.is_dispersive() { e.splice(slab.absorption, 3, slab.dispersion) } else { slab.absorption },
         ]
     }
 
@@ -138,7 +140,7 @@ impl Walker<'_> {
         if let Some(hair) = &slab.hair {
             return self.lower_hair(slab, hair);
         }
-        let [anisotropy, film] = self.packed(slab);
+        let [anisotropy, film, inside] = self.packed(slab);
         let [mut color, emission, diffuse_roughness] = self.base(slab);
         let e = &mut self.expressions;
         let is_plain = slab.specular_weight.is(1.0, 1) && slab.specular_color.is(1.0, 3);
@@ -192,10 +194,11 @@ impl Walker<'_> {
         set(Input::SheenRoughness, slab.fuzz_roughness);
         set(Input::Anisotropy, anisotropy);
         set(Input::ThinFilm, film);
-        set(Input::Absorption, slab.absorption);
+        set(Input::Absorption, inside);
         set(Input::DiffuseRoughness, diffuse_roughness);
+        let dispersive = slab.is_dispersive();
         let Slab { opacity_threshold, thin_walled, .. } = *slab;
-        Lowered { inputs, specular_workflow, opacity_threshold, thin_walled, hair: false }
+        Lowered { inputs, specular_workflow, opacity_threshold, thin_walled, dispersive, hair: false }
     }
 
     /// Notes inputs that ask for what is not there: `(input, value where it asks for nothing, what)`.

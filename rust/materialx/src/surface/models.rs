@@ -27,10 +27,9 @@ impl Walker<'_> {
     }
 
     fn open_pbr(&mut self, at: At) -> Slab {
-        self.leave_out(
-            at,
-            &[("transmission_dispersion_scale", 0.0, "dispersion"), ("transmission_scatter", 0.0, "scattering inside")],
-        );
+        self.leave_out(at, &[("transmission_scatter", 0.0, "scattering inside")]);
+        let scale = self.number_or(at, "transmission_dispersion_scale", 0.0);
+        let abbe = self.number_or(at, "transmission_dispersion_abbe_number", 20.0);
         let [ratio, coat_ratio] = ["specular_roughness_anisotropy", "coat_roughness_anisotropy"].map(|name| {
             let anisotropy = self.number_or(at, name, 0.0);
             self.expressions.complement(anisotropy)
@@ -49,6 +48,7 @@ impl Walker<'_> {
             transmission: self.number_or(at, "transmission_weight", 0.0),
             transmission_color,
             absorption,
+            dispersion: self.expressions.divide(scale, abbe),
             subsurface: self.number_or(at, "subsurface_weight", 0.0),
             subsurface_color: self.number_or(at, "subsurface_color", 0.8),
             coat: self.number_or(at, "coat_weight", 0.0),
@@ -136,7 +136,6 @@ impl Walker<'_> {
         self.leave_out(
             at,
             &[
-                ("transmission_dispersion", 0.0, "dispersion"),
                 ("transmission_scatter", 0.0, "scattering inside"),
                 ("transmission_extra_roughness", 0.0, "another roughness of what is transmitted"),
             ],
@@ -149,6 +148,8 @@ impl Walker<'_> {
         let color = self.number_or(at, "transmission_color", 1.0);
         let (transmission_color, absorption) = self.inside(color, depth);
         let film_thickness = self.number_or(at, "thin_film_thickness", 0.0);
+        // The Abbe number; 0 is none.
+        let abbe = self.number_or(at, "transmission_dispersion", 0.0);
         Slab {
             base_color,
             metalness: self.number_or(at, "metalness", 0.0),
@@ -161,6 +162,7 @@ impl Walker<'_> {
             transmission: self.number_or(at, "transmission", 0.0),
             transmission_color,
             absorption,
+            dispersion: self.expressions.divide(Val::ONE, abbe),
             subsurface: self.number_or(at, "subsurface", 0.0),
             subsurface_color: self.number_or(at, "subsurface_color", 1.0),
             coat: self.number_or(at, "coat", 0.0),
@@ -194,7 +196,9 @@ impl Walker<'_> {
     }
 
     fn gltf(&mut self, at: At) -> Slab {
-        self.leave_out(at, &[("dispersion", 0.0, "dispersion")]);
+        // KHR_materials_dispersion has 20 / V.
+        let dispersion = self.number_or(at, "dispersion", 0.0);
+        let dispersion = self.expressions.multiply(dispersion, Val::number(0.05));
         let mode = self.number_or(at, "alpha_mode", 0.0).constant().map_or(0.0, |mode| mode[0]);
         let cutoff = self.number_or(at, "alpha_cutoff", 0.5).constant().map_or(0.5, |cutoff| cutoff[0]);
         let is_mask = (0.5..1.5).contains(&mode);
@@ -223,6 +227,7 @@ impl Walker<'_> {
             // glTF tints what is transmitted by the base.
             transmission_color: self.expressions.multiply(color, tint),
             absorption,
+            dispersion,
             film: self.number_or(at, "iridescence", 0.0),
             film_thickness: self.number_or(at, "iridescence_thickness", 100.0),
             film_ior: self.number_or(at, "iridescence_ior", 1.3),

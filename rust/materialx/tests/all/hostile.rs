@@ -81,7 +81,8 @@ fn check(network: &Network) {
     let plain = ([0.3, -0.7, 1.9, 0.0], [0.2, 0.4, 0.6, 1.0]);
     for (surface, texel) in [plain, ([0.0; 4], [0.0; 4]), ([3.0e38, -3.0e38, 1.0e-38, 0.0], [65504.0, -1.0, 0.0, 1.0])]
     {
-        for program in [program, &translation.opacity_program] {
+        let emission = translation.emission.as_ref().map_or(program, |emission| &emission.program);
+        for program in [program, &translation.opacity_program, emission] {
             let registers = run(program, |_| surface, |_, _| texel);
             assert!(registers.as_flattened().iter().all(|v| v.is_finite()), "{registers:?}");
         }

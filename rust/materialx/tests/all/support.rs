@@ -75,7 +75,10 @@ pub(crate) fn value(
 ) -> [f32; 4] {
     match source(translation, input) {
         InputSource::Constant(value) => value,
-        InputSource::Register(register) => run(&translation.program, surface, lookup)[usize::from(register)],
+        InputSource::Register(register) => {
+            let lookup = |found: &Lookup, place: Option<[f32; 2]>| lookup(found, place.unwrap_or_default());
+            run(&translation.program, surface, lookup)[usize::from(register)]
+        }
         other => panic!("{input:?} is {other:?}"),
     }
 }

@@ -197,12 +197,30 @@ fn closures_reduce_to_a_slab() {
 fn what_is_left_out_is_said_once_with_the_prim() {
     let translation = translated(vec![node(
         STANDARD,
-        &[("transmission_dispersion", number(30.0)), ("transmission_scatter", vector(0.5, 0.5, 0.5))],
+        &[("transmission_extra_roughness", number(0.5)), ("transmission_scatter", vector(0.5, 0.5, 0.5))],
         &[],
     )]);
-    let missing = "dispersion, scattering inside";
+    let missing = "scattering inside, another roughness of what is transmitted";
     assert_eq!(translation.problems, [format!("/m/{STANDARD}: not supported yet: {missing}")]);
     assert!(translation.inputs.is_some(), "the rest is there");
+}
+
+/// 1 / the Abbe number, as each model has it.
+#[test]
+fn dispersion_is_one_by_the_abbe_number() {
+    let dispersion = |kind: &str, values: &[(&str, f32)]| {
+        let values: Vec<_> = values.iter().map(|(name, value)| (*name, number(*value))).collect();
+        let translation = sound(vec![node(kind, &values, &[])]);
+        (translation.dispersive, constant(source(&translation, Input::Absorption))[3])
+    };
+    let open = "ND_open_pbr_surface_surfaceshader";
+    let (scale, abbe) = ("transmission_dispersion_scale", "transmission_dispersion_abbe_number");
+    assert_eq!(dispersion(open, &[(scale, 0.5), (abbe, 40.0)]), (true, 0.0125));
+    assert_eq!(dispersion(open, &[(scale, 0.5)]), (true, 0.025), "20 is the default");
+    assert!(!dispersion(open, &[(abbe, 40.0)]).0 && !dispersion(open, &[(scale, 0.5), (abbe, 0.0)]).0);
+    assert_eq!(dispersion(STANDARD, &[("transmission_dispersion", 50.0)]), (true, 0.02));
+    assert!(!dispersion(STANDARD, &[]).0);
+    assert_eq!(dispersion("ND_gltf_pbr_surfaceshader", &[("dispersion", 0.5)]), (true, 0.025));
 }
 
 /// The alphas that a model says are those of the roughness and the ratio that the BSDF takes:

@@ -87,20 +87,26 @@ fn program_rows(program: &Program) -> usize {
 
 /// Rows of the programs of a material.
 fn rows_of(material: &Material) -> usize {
-    let opacity = program_rows(&material.opacity_program);
-    program_rows(&material.program) + if opacity == 0 { 0 } else { 1 + opacity }
+    program_rows(&material.program) + own_program(material).map_or(0, |(own, _)| 1 + program_rows(own))
+}
+
+/// The program for one input alone, opacity or emission, and the register of the emission. What is not there everywhere
+/// is not asked for light.
+fn own_program(material: &Material) -> Option<(&Program, u8)> {
+    if !material.opacity_program.instructions.is_empty() {
+        return Some((&material.opacity_program, 0));
+    }
+    material.emission.as_ref().map(|emission| (&emission.program, emission.register))
 }
 
 /// Adds the programs of a material; `program` and `program_sizes` of its entry.
 fn add_programs(material: &Material, rows: &mut Vec<[u32; 4]>) -> (u32, u32) {
     let begin = u32::try_from(rows.len()).unwrap_or(u32::MAX);
     let found = add_program(&material.program, rows);
-    if material.opacity_program.instructions.is_empty() {
-        return found;
-    }
+    let Some((own, register)) = own_program(material) else { return found };
     let header = rows.len();
-    rows.push([0; 4]);
-    rows[header][0] = add_program(&material.opacity_program, rows).1;
+    rows.push([0, u32::from(register), 0, 0]);
+    rows[header][0] = add_program(own, rows).1;
     (begin, found.1)
 }
 

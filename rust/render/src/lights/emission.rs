@@ -2,10 +2,11 @@
 //! Emission of a prim's materials, as needed to build sampling weights of mesh lights. Render thread only.
 
 use super::emission_map::{EmissionMap, Finish};
+use super::program::{Corner, EmissionProgram, primvar};
 use super::{emission_weight, narrow};
 use crate::textures::TextureCache;
 use oocpt_core::material::{Input, InputName};
-use oocpt_core::mesh::{AnyAttribute, AttributeRate, MeshAsset, MeshSummary};
+use oocpt_core::mesh::{MeshAsset, MeshSummary};
 use oocpt_core::scene::{NO_MATERIAL, NO_VALUE, Snapshot};
 use oocpt_core::texture::TextureRef;
 use oocpt_core::{Material, MaterialFlags};
@@ -25,6 +26,8 @@ pub(super) enum EmittedPower {
     Primvar(u32, [f32; 3]),
     /// A picture.
     Picture(Picture),
+    /// A program.
+    Program(Arc<EmissionProgram>),
 }
 
 /// See [`EmittedPower::Picture`].
@@ -57,6 +60,7 @@ pub(super) struct Placed {
 #[derive(Debug, Default)]
 pub(super) struct EmissionMaps {
     known: Vec<(TextureRef, Finish, Arc<EmissionMap>, bool)>,
+    programs: Vec<(Arc<EmissionProgram>, bool)>,
     made: u64,
 }
 
@@ -66,7 +70,35 @@ impl EmissionMaps {
         let materials = snapshot.surfaces.materials.iter();
         let emission = materials.map(|material| emitted_power(snapshot, material, self, images)).collect();
         self.known.retain_mut(|(.., is_used)| std::mem::take(is_used));
+        self.programs.retain_mut(|(.., is_used)| std::mem::take(is_used));
         emission
+    }
+
+    /// The program of a material's emission, if light can be asked for it.
+    fn program(
+        &mut self,
+        snapshot: &Snapshot,
+        material: &Material,
+        images: Option<&TextureCache>,
+    ) -> Option<Arc<EmissionProgram>> {
+        let most_lookups = snapshot.surfaces.most_lookups();
+        self.made += 1;
+        let program = EmissionProgram::new(material, most_lookups, self.made, |lookup| {
+            let texture = snapshot.surfaces.textures.get(lookup.texture as usize).filter(|texture| !texture.is_ptex)?;
+            let finish = Finish { channel: None, scale: [1.0; 4], bias: [0.0; 4] };
+            // Without images all of them are black.
+            Some(self.get(texture, finish, images?))
+        })?;
+        if let Some((known, is_used)) = self.programs.iter_mut().find(|(known, _)| **known == program) {
+            *is_used = true;
+            return Some(Arc::clone(known));
+        }
+        if self.programs.len() >= MAX_MAPS {
+            return None;
+        }
+        let program = Arc::new(program);
+        self.programs.push((Arc::clone(&program), true));
+        Some(program)
     }
 
     fn get(&mut self, texture: &TextureRef, finish: Finish, images: &TextureCache) -> Arc<EmissionMap> {
@@ -131,19 +163,19 @@ impl PrimEmission {
             let is_own = mesh.primvars.iter().any(|primvar| primvar.id == name);
             values.iter().find(|value| value.0 == name && !is_own).map(|value| value.1)
         };
-        let has_value = |power: &EmittedPower| power.name().is_some_and(|name| value(name).is_some());
+        let has_value = |power: &EmittedPower| power.names().any(|name| value(name).is_some());
         if values.is_empty() || !self.by_slot.iter().any(has_value) {
             return None;
         }
         let (mut by_slot, mut emissions) = (Vec::new(), Vec::new());
         for power in &self.by_slot {
-            let here = power.name().and_then(value);
+            let here = power.names().find_map(value);
             emissions.push([f32::from_bits(NO_VALUE); 3]);
             by_slot.push(match (power, here) {
                 (EmittedPower::Even(weight), _) => EmittedPower::Even(weight * self.scale),
                 (other, None) => other.clone(),
-                // Places in a picture that an instance knows are left to rays.
-                (EmittedPower::Picture(_), Some(_)) => EmittedPower::Even(0.0),
+                // Places in a picture that an instance knows are left to rays, and so is all that a program reads.
+                (EmittedPower::Picture(_) | EmittedPower::Program(_), Some(_)) => EmittedPower::Even(0.0),
                 (EmittedPower::Primvar(..), Some([r, g, b, _])) => {
                     if let Some(emission) = emissions.last_mut() {
                         *emission = [r, g, b];
@@ -167,6 +199,10 @@ impl PrimEmission {
                     key.extend([1, self.scale.to_bits(), *name]);
                     key.extend(fallback.map(f32::to_bits));
                 }
+                EmittedPower::Program(program) => {
+                    let [low, high] = super::emitter::halves(program.number);
+                    key.extend([3, self.scale.to_bits(), low, high]);
+                }
                 EmittedPower::Picture(Picture { map, set, fallback, rows }) => {
                     let [low, high] = super::emitter::halves(map.number);
                     key.extend([2, self.scale.to_bits(), low, high, set.unwrap_or(u32::MAX)]);
@@ -183,17 +219,36 @@ impl EmittedPower {
     fn typical(&self) -> f32 {
         match self {
             Self::Even(weight) => *weight,
-            Self::Primvar(..) => 1.0,
+            Self::Primvar(..) | Self::Program(_) => 1.0,
             Self::Picture(picture) => narrow(picture.map.mean()),
         }
     }
 
-    /// The primvar that it reads.
-    fn name(&self) -> Option<u32> {
+    /// The primvars that it reads.
+    fn names(&self) -> impl Iterator<Item = u32> {
+        let (one, program) = match self {
+            Self::Even(_) => (None, None),
+            Self::Primvar(name, _) => (Some(*name), None),
+            Self::Picture(picture) => (picture.set, None),
+            Self::Program(program) => (None, Some(program)),
+        };
+        one.into_iter().chain(program.into_iter().flat_map(|program| program.names()))
+    }
+
+    /// The program that works it out.
+    pub(super) fn program(&self) -> Option<&EmissionProgram> {
         match self {
-            Self::Even(_) => None,
-            Self::Primvar(name, _) => Some(*name),
-            Self::Picture(picture) => picture.set,
+            Self::Program(program) => Some(program),
+            _ => None,
+        }
+    }
+
+    /// Textures that are looked up for a point.
+    pub(super) fn lookups(&self) -> usize {
+        match self {
+            Self::Even(_) | Self::Primvar(..) => 0,
+            Self::Picture(_) => 1,
+            Self::Program(program) => program.lookups(),
         }
     }
 
@@ -205,19 +260,25 @@ impl EmittedPower {
     /// What the corners of a triangle have: colours, or texture coordinates in the first two.
     pub(super) fn corners(&self, mesh: &MeshAsset, triangle: usize) -> [[f32; 3]; 3] {
         match self {
-            Self::Even(_) => [[0.0; 3]; 3],
-            Self::Primvar(name, fallback) => primvar(mesh, *name, triangle).unwrap_or([*fallback; 3]),
+            Self::Even(_) | Self::Program(_) => [[0.0; 3]; 3],
+            Self::Primvar(name, fallback) => three(primvar(mesh, *name, triangle)).unwrap_or([*fallback; 3]),
             Self::Picture(picture) => {
                 let [s, t] = picture.fallback;
-                picture.set.and_then(|set| primvar(mesh, set, triangle)).unwrap_or([[s, t, 0.0]; 3])
+                picture.set.and_then(|set| three(primvar(mesh, set, triangle))).unwrap_or([[s, t, 0.0]; 3])
             }
         }
     }
 
+    /// What they have that a program reads.
+    pub(super) fn program_corners(&self, mesh: &MeshAsset, triangle: usize) -> Option<[Corner; 3]> {
+        self.program().map(|program| program.corners(mesh, triangle))
+    }
+
     /// What a unit of a triangle's area counts for; `corners` as they are given by [`EmittedPower::corners`], `scale`
-    /// of the prim.
+    /// of the prim. Not of a program.
     pub(super) fn weight(&self, corners: &[[f32; 3]; 3], scale: f32) -> f64 {
         match self {
+            Self::Program(_) => 0.0,
             Self::Even(weight) => f64::from(*weight),
             Self::Primvar(..) => {
                 let usable = |v: f32| if v > 0.0 { f64::from(v.min(MAX_EMISSION)) } else { 0.0 };
@@ -256,8 +317,7 @@ fn emitted_power(
         Input::Primvar { slot, fallback: [r, g, b, _] } => {
             Some(EmittedPower::Primvar(material.primvars.get(usize::from(*slot))?.id, [*r, *g, *b]))
         }
-        // What a program works out is not known here: it is found by reflected rays.
-        Input::Register(_) => None,
+        Input::Register(_) => maps.program(snapshot, material, images).map(EmittedPower::Program),
         Input::Texture { texture, channel, scale, bias, uv, transform } => {
             let texture = snapshot.surfaces.textures.get(*texture as usize)?;
             if texture.is_ptex {
@@ -276,23 +336,6 @@ fn emitted_power(
     }
 }
 
-/// The values of a primvar at the corners of a triangle, as `primvar_corners` of the shaders gives them.
-fn primvar(mesh: &MeshAsset, name: u32, triangle: usize) -> Option<[[f32; 3]; 3]> {
-    let values = &mesh.primvars.iter().find(|primvar| primvar.id == name)?.values;
-    let at = match values.rate() {
-        AttributeRate::Constant => [0; 3],
-        AttributeRate::Uniform => [triangle; 3],
-        AttributeRate::Vertex => mesh.corner_indices.get(triangle)?.map(|corner| corner as usize),
-        AttributeRate::FaceVarying => [3 * triangle, 3 * triangle + 1, 3 * triangle + 2],
-    };
-    let value = |at: usize| {
-        Some(match values {
-            AnyAttribute::One(values) => [*values.values.get(at)?; 3],
-            AnyAttribute::Two(values) => values.values.get(at).map(|[x, y]| [*x, *y, 0.0])?,
-            AnyAttribute::Three(values) => *values.values.get(at)?,
-            AnyAttribute::Four(values) => values.values.get(at).map(|[x, y, z, _]| [*x, *y, *z])?,
-        })
-    };
-    let [a, b, c] = at.map(value);
-    Some([a?, b?, c?])
+fn three(corners: Option<[[f32; 4]; 3]>) -> Option<[[f32; 3]; 3]> {
+    corners.map(|corners| corners.map(|[x, y, z, _]| [x, y, z]))
 }

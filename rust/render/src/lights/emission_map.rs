@@ -16,11 +16,11 @@ const SIDE: u32 = 256;
 /// Most bytes read of a picture.
 const MOST_BYTES: u64 = 64 << 20;
 /// Most samples along an edge of a triangle.
-const LATTICE: u32 = 8;
+pub(super) const LATTICE: u32 = 8;
 /// Share of the mean that counts everywhere: what cells do not show is found all the same.
 const FLOOR: f64 = 0.05;
 /// Largest value of a channel that counts.
-const MOST: f64 = 1e30;
+pub(super) const MOST: f64 = 1e30;
 
 /// What an input makes of a texel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -148,23 +148,26 @@ impl EmissionMap {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
         let n = (steps.ceil() as u32).clamp(1, LATTICE);
         let Some(level) = self.levels.get(level) else { return self.mean };
-        let mut sum = 0.0;
-        let place = |i: f64, j: f64| {
-            let (u, v) = (i / f64::from(n), j / f64::from(n));
-            [0, 1].map(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]))
-        };
-        for i in 0..n {
-            for j in 0..n - i {
-                let (x, y) = (f64::from(i), f64::from(j));
-                sum += level.at(place(x + 1.0 / 3.0, y + 1.0 / 3.0), self.wrap);
-                if i + j + 1 < n {
-                    sum += level.at(place(x + 2.0 / 3.0, y + 2.0 / 3.0), self.wrap);
-                }
-            }
-        }
+        let place = |[u, v]: [f64; 2]| [0, 1].map(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]));
+        let sum: f64 = lattice(n).map(|weights| level.at(place(weights), self.wrap)).sum();
         let mean = sum / f64::from(n * n);
         (1.0 - FLOOR) * mean + FLOOR * self.mean
     }
+
+    /// The weight at a place.
+    pub(super) fn at(&self, st: [f64; 2]) -> f64 {
+        self.levels.first().map_or(self.mean, |level| level.at(st, self.wrap))
+    }
+}
+
+/// The middles of the parts of a triangle whose edges are cut in n: weights of the second and the third corner, n n of
+/// them.
+pub(super) fn lattice(n: u32) -> impl Iterator<Item = [f64; 2]> {
+    let place = move |i: u32, j: u32, off: f64| [i, j].map(|at| (f64::from(at) + off) / f64::from(n));
+    (0..n).flat_map(move |i| (0..n - i).map(move |j| (i, j))).flat_map(move |(i, j)| {
+        let upper = (i + j + 1 < n).then(|| place(i, j, 2.0 / 3.0));
+        std::iter::once(place(i, j, 1.0 / 3.0)).chain(upper)
+    })
 }
 
 impl Level {

@@ -4,6 +4,7 @@
 
 use super::emission::{EmittedPower, PrimEmission};
 use super::narrow;
+use super::program::{Corner, with_floor};
 use super::tree::{self, LightBounds, NOTHING};
 use oocpt_core::mesh::MeshAsset;
 use oocpt_shader_abi::{GpuLightLeaf, GpuLightNode, GpuLightTriangle};
@@ -27,6 +28,8 @@ pub(super) struct Emitter {
     pub(super) face_weights: Vec<f32>,
     /// What `triangles` have at their corners, and their weight.
     pub(super) values: Vec<([[f32; 3]; 3], f32)>,
+    /// What `triangles` have at their corners that a program reads; `None` of other emissions.
+    pub(super) corners: Vec<Option<[Corner; 3]>>,
     /// Some of it varies, or is not in the material.
     pub(super) varies: bool,
     /// All of it in the mesh's frame; the power is the sum of areas times weights.
@@ -65,6 +68,7 @@ impl Emitter {
     pub(super) fn new(mesh: &MeshAsset, emission: &PrimEmission) -> Option<Self> {
         let mut parts: Vec<Part> = (0..mesh.triangles.len()).filter_map(|at| part(mesh, emission, at)).collect();
         if parts.iter().any(|part| part.varies) {
+            weigh_programs(&mut parts, mesh, emission);
             parts.sort_by_key(|part| part.face);
             for face in parts.chunk_by_mut(|a, b| a.face == b.face).filter(|face| face[0].varies) {
                 even_out(face);
@@ -95,12 +99,13 @@ impl Emitter {
             faces: Vec::new(),
             face_weights: Vec::new(),
             values: Vec::new(),
+            corners: Vec::new(),
             varies: parts.iter().any(|part| part.varies),
             bounds,
         };
         let mut leaf_bounds = Vec::new();
         for groups in groups.chunks(size) {
-            leaf_bounds.push(emitter.add_leaf(mesh, groups, total));
+            leaf_bounds.push(emitter.add_leaf(mesh, emission, groups, total));
         }
         emitter.nodes = tree::build(&leaf_bounds);
         let trails = tree::trails(&emitter.nodes, emitter.leaves.len());
@@ -119,7 +124,7 @@ impl Emitter {
             && self.face_weights.iter().all(|weight| weight.is_finite())
     }
 
-    fn add_leaf(&mut self, mesh: &MeshAsset, groups: &[&[Part]], whole: f64) -> LightBounds {
+    fn add_leaf(&mut self, mesh: &MeshAsset, emission: &PrimEmission, groups: &[&[Part]], whole: f64) -> LightBounds {
         let number = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         let leaf = number(self.leaves.len());
         let first = self.triangles.len();
@@ -133,6 +138,8 @@ impl Emitter {
             let (subset, face) = (u32::from(part.slot), part.face);
             self.triangles.push(GpuLightTriangle { v0, cumulative, v1, subset, v2, face });
             self.values.push((part.corners, narrow(part.weight)));
+            let power = emission.by_slot.get(usize::from(part.slot));
+            self.corners.push(power.and_then(|power| power.program_corners(mesh, part.triangle)));
         }
         if let Some(last) = self.triangles.last_mut() {
             last.cumulative = 1.0;
@@ -150,6 +157,25 @@ impl Emitter {
 #[expect(clippy::cast_possible_truncation, reason = "halves")]
 pub(super) fn halves(x: u64) -> [u32; 2] {
     [x as u32, (x >> 32) as u32]
+}
+
+/// Weighs what programs emit, slot by slot.
+fn weigh_programs(parts: &mut [Part], mesh: &MeshAsset, emission: &PrimEmission) {
+    for (slot, power) in (0_u16..).zip(&emission.by_slot) {
+        let Some(program) = power.program() else { continue };
+        let own = |part: &&mut Part| part.slot == slot;
+        let steps = program.steps(parts.iter().filter(|part| part.slot == slot).count());
+        let (mut sum, mut area) = (0.0, 0.0);
+        for part in parts.iter_mut().filter(own) {
+            part.weight = program.weight(mesh, part.triangle, steps) / f64::from(emission.scale);
+            sum += part.area * part.weight;
+            area += part.area;
+        }
+        for part in parts.iter_mut().filter(own) {
+            part.weight = with_floor(part.weight, sum / area);
+            part.bounds.power = part.area * part.weight;
+        }
+    }
 }
 
 /// Gives the triangles of a face one weight for a unit of area: a hit knows its face, and no more.

@@ -48,8 +48,10 @@ pub(crate) struct MeshLights {
     pub(crate) face_weights: Vec<f32>,
     /// Emissions of slots of placements.
     pub(crate) placed_values: Vec<[f32; 3]>,
-    /// Some emission is a texture's.
-    pub(crate) has_textures: bool,
+    /// What programs read at corners of triangles: see [`GpuLightValue::corners`].
+    pub(crate) corners: Vec<[f32; 4]>,
+    /// Most textures that are looked up for a point.
+    pub(crate) lookups: u32,
     /// All placements, with their power.
     pub(super) bounds: LightBounds,
     /// Why some that emit are not here.
@@ -176,7 +178,7 @@ struct Making {
     emitters: Vec<Arc<Emitter>>,
     triangles: usize,
     placed_values: Vec<[f32; 3]>,
-    has_textures: bool,
+    lookups: usize,
 }
 
 impl Making {
@@ -233,7 +235,8 @@ impl Making {
             self.placements.push(gpu);
             self.bounds.push(bounds);
             self.placed_values.extend(placed.iter().flat_map(|placed| &placed.emissions));
-            self.has_textures |= emission.by_slot.iter().any(|power| matches!(power, EmittedPower::Picture(_)));
+            let lookups = emission.by_slot.iter().map(EmittedPower::lookups).max();
+            self.lookups = self.lookups.max(lookups.unwrap_or(0));
         }
     }
 
@@ -260,7 +263,8 @@ impl Making {
             faces: Vec::new(),
             values: Vec::new(),
             face_weights: Vec::new(),
-            has_textures: self.has_textures,
+            corners: Vec::new(),
+            lookups: u32::try_from(self.lookups).unwrap_or(u32::MAX),
             bounds: all,
             warning,
             placed_values: self.placed_values,
@@ -278,14 +282,12 @@ impl Making {
             lights.faces.extend(emitter.faces.iter().map(|[face, leaf]| [*face, leaf + first_leaf]));
             if varies {
                 lights.face_weights.extend_from_slice(&emitter.face_weights);
-                let value = |([a, b, c], weight): &([[f32; 3]; 3], f32)| GpuLightValue {
-                    a: *a,
-                    weight: *weight,
-                    b: *b,
-                    c: *c,
-                    ..GpuLightValue::default()
-                };
-                lights.values.extend(emitter.values.iter().map(value));
+                for (([a, b, c], weight), corners) in emitter.values.iter().zip(&emitter.corners) {
+                    let first = number(lights.corners.len());
+                    lights.corners.extend(corners.iter().flat_map(|corners| corners.as_flattened()));
+                    let corners = if corners.is_some() { first } else { NO_INDEX };
+                    lights.values.push(GpuLightValue { a: *a, weight: *weight, b: *b, corners, c: *c, pad1: 0 });
+                }
             }
         }
         lights.nodes = nodes;

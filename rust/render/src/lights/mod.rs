@@ -16,6 +16,7 @@ mod mesh;
 #[cfg(test)]
 mod mesh_tests;
 mod picture;
+mod program;
 mod read;
 mod table;
 #[cfg(test)]

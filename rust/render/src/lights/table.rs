@@ -191,6 +191,8 @@ impl LightTable {
         features.set(Features::MOVING_LIGHTS, !self.keys.is_empty());
         features.set(Features::MESH_LIGHTS, self.meshes.is_some());
         features.set(Features::MESH_LIGHT_VALUES, self.meshes.as_ref().is_some_and(|meshes| !meshes.values.is_empty()));
+        let has_programs = self.meshes.as_ref().is_some_and(|meshes| !meshes.corners.is_empty());
+        features.set(Features::MESH_LIGHT_PROGRAMS, has_programs);
         features
     }
 
@@ -361,9 +363,9 @@ impl LightTable {
         self.infinite.iter().any(|light| is_dome(light) && light.flags & LightFlags::CAMERA_VISIBLE.bits() != 0)
     }
 
-    /// Whether points of meshes that are asked for light emit what a texture says.
-    pub(crate) fn has_textured_meshes(&self) -> bool {
-        self.meshes.as_ref().is_some_and(|meshes| meshes.has_textures)
+    /// Most textures that are looked up for what a point emits that is asked for light.
+    pub(crate) fn mesh_lookups(&self) -> u32 {
+        self.meshes.as_ref().map_or(0, |meshes| meshes.lookups)
     }
 
     /// The block without addresses.
@@ -385,7 +387,7 @@ impl LightTable {
             prim_count,
             mesh_light_count,
             joint: self.joint,
-            textured_mesh_lights: u32::from(self.has_textured_meshes()),
+            textured_mesh_lights: u32::from(self.mesh_lookups() > 0),
             ..Lighting::default()
         }
     }

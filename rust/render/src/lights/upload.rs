@@ -38,7 +38,7 @@ struct ResidentMeshes {
 
 /// Addresses of the tables of meshes, as [`ResidentMeshes`] has them; 0 for those that are not needed.
 #[derive(Clone, Copy, Debug)]
-struct MeshTables([u64; 9]);
+struct MeshTables([u64; 10]);
 
 impl MeshTables {
     /// The block with these addresses.
@@ -53,6 +53,7 @@ impl MeshTables {
             values,
             weights,
             placed,
+            corners,
         ] = self.0;
         Lighting {
             mesh_lights,
@@ -64,6 +65,7 @@ impl MeshTables {
             light_values: values,
             light_face_weights: weights,
             light_placed_values: placed,
+            light_corners: corners,
             ..block
         }
     }
@@ -150,7 +152,7 @@ impl LightTables {
             self.meshes = Some(ResidentMeshes::new(device, writer, wanted)?);
         }
         let table = |at: usize| self.meshes.as_ref().and_then(|meshes| meshes.tables.get(at)?.as_ref());
-        Ok(MeshTables([0, 1, 2, 3, 4, 5, 6, 7, 8].map(|at| table(at).map_or(0, HeapRange::address))))
+        Ok(MeshTables([0, 1, 2, 3, 4, 5, 6, 7, 8, 9].map(|at| table(at).map_or(0, HeapRange::address))))
     }
 
     fn entry(&self, map: &Map) -> GpuLightMap {
@@ -183,6 +185,7 @@ impl ResidentMeshes {
             put("emission of mesh lights", bytemuck::cast_slice(&lights.values))?,
             put("weights of mesh lights", bytemuck::cast_slice(&lights.face_weights))?,
             put("instances' emission of mesh lights", bytemuck::cast_slice(&lights.placed_values))?,
+            put("corners of mesh lights", bytemuck::cast_slice(&lights.corners))?,
         ];
         Ok(Self { lights: Arc::clone(lights), tables })
     }

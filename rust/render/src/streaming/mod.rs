@@ -38,8 +38,7 @@ use clock::Clock;
 use left::Left;
 use observe::Observation;
 use oocpt_core::inventory::Inventory;
-use oocpt_core::material::{Input, Material};
-use oocpt_core::scene::{SceneFeatures, Snapshot};
+use oocpt_core::scene::SceneFeatures;
 use oocpt_gpu::MemoryUse;
 use oocpt_shader_abi::{Frame, MAX_PENDING};
 use residency::{Residency, Start};
@@ -144,19 +143,10 @@ fn stragglers(setting: &Setting<'_>) -> Stragglers {
     stragglers
 }
 
-/// Most lookups of textures that a material of the scene makes.
-fn lookups(snapshot: &Snapshot) -> u32 {
-    let textured = |material: &Material| {
-        let inputs = material.inputs.iter().filter(|i| matches!(i, Input::Texture { .. })).count();
-        inputs + material.program.lookups.len()
-    };
-    let most = snapshot.surfaces.materials.iter().map(|material| textured(material)).max();
-    u32::try_from(most.unwrap_or(0)).unwrap_or(0)
-}
-
-/// Whether a surface also looks up what the mesh emits that it asks for light.
-fn asks_textures(setting: &Setting<'_>) -> bool {
-    setting.lights.has_textured_meshes()
+/// Most lookups of textures of a surface, with those of what the mesh emits that it asks for light.
+fn lookups(setting: &Setting<'_>) -> u32 {
+    let of_lights = setting.lights.mesh_lookups();
+    u32::try_from(setting.job.snapshot.surfaces.most_lookups()).unwrap_or(0) + of_lights
 }
 
 /// Path memory: its share of what the budget leaves beside what cannot go ([`Room`]), and no more than the render has
@@ -169,7 +159,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
         chunks: scene.chunk_count(),
         units: scene.unit_count(),
         textures,
-        lookups: lookups(&job.snapshot) + u32::from(asks_textures(setting)),
+        lookups: lookups(setting),
         materials: job.snapshot.features.contains(SceneFeatures::MATERIALS),
         cutouts: textures && specialise::has_cutouts(&job.snapshot),
         cutout_programs: textures && job.snapshot.features.contains(SceneFeatures::CUTOUT_PROGRAMS),

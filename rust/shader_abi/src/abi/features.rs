@@ -119,6 +119,8 @@ features! {
     THIN_WALLS: "thin walls", [OPEN_PBR, TRANSMISSION], Materials;
     /// Some material absorbs light on its way inside.
     ABSORPTION: "absorption inside", [OPEN_PBR, TRANSMISSION], Materials;
+    /// The index of some glass depends on the channel: a path that meets it has one channel from there on.
+    DISPERSION: "dispersion of glass", [OPEN_PBR, TRANSMISSION], Materials;
     /// Some material is a fibre's. With lights that have a place their choice does not look at normals, as with
     /// `TRANSMISSION`.
     HAIR: "hair", [OPEN_PBR], Never;
@@ -154,6 +156,8 @@ features! {
     MESH_LIGHTS: "emissive meshes sampled as lights", [EMISSION], Lights;
     /// The emission of some such mesh is a texture's or a primvar's.
     MESH_LIGHT_VALUES: "emission of lights by textures and primvars", [MESH_LIGHTS], Lights;
+    /// The emission of some such mesh is a program's: `Lighting::light_corners` counts.
+    MESH_LIGHT_PROGRAMS: "emission of lights by programs", [PATTERNS, MESH_LIGHT_VALUES], Never;
     /// Some light moves while the shutter is open: `Lighting::light_keys` counts.
     MOVING_LIGHTS: "motion of lights", [], Never;
     /// Some mesh is made of hulls of two balls: curves or points.

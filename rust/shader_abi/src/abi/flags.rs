@@ -130,6 +130,8 @@ bitflags! {
         const HAIR = 1 << 17;
         /// Has a rough diffuse lobe.
         const ROUGH_DIFFUSE = 1 << 18;
+        /// The index of what transmits depends on the channel.
+        const DISPERSIVE = 1 << 19;
     }
 }
 

@@ -256,6 +256,7 @@ pub const LAYOUTS: &[StructLayout] = &[
         light_values,
         light_face_weights,
         light_placed_values,
+        light_corners,
         textured_mesh_lights,
         pad,
         light_keys,
@@ -281,7 +282,7 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(GpuLightMesh { root, first_face, face_count, pad }),
     layout!(GpuLightLeaf { first, count, total, pad, trail }),
     layout!(GpuLightTriangle { v0, cumulative, v1, subset, v2, face }),
-    layout!(GpuLightValue { a, weight, b, pad0, c, pad1 }),
+    layout!(GpuLightValue { a, weight, b, corners, c, pad1 }),
     layout!(GpuLocalLight {
         position,
         flags,

@@ -110,7 +110,10 @@ pub struct Lighting {
     pub light_face_weights: u64,
     /// f32x3 emissions that placements have from their instances: see [`GpuMeshLight::values`].
     pub light_placed_values: u64,
-    /// 1 when the emission of some mesh light is a texture's.
+    /// f32x4 that programs read at corners of triangles: see [`GpuLightValue::corners`]. 0 without
+    /// `Features::MESH_LIGHT_PROGRAMS`.
+    pub light_corners: u64,
+    /// 1 when the emission of some mesh light reads a texture.
     pub textured_mesh_lights: u32,
     /// 0.
     pub pad: u32,
@@ -214,8 +217,9 @@ pub struct GpuLightValue {
     pub weight: f32,
     /// At `v1`.
     pub b: [f32; 3],
-    /// 0.
-    pub pad0: u32,
+    /// Where its emission is a program's: index in [`Lighting::light_corners`] of nine rows, for each corner (u, v, u,
+    /// v) of both sets of texture coordinates, the first primvar and the second.
+    pub corners: u32,
     /// At `v2`.
     pub c: [f32; 3],
     /// 0.

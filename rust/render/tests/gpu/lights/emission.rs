@@ -57,7 +57,7 @@ fn by_texture(file: &str, scale: f32) -> MaterialDesc {
 /// "steps": level `l` of 512 texels is `25 l + 25` all over. "letters": 64 texels, bright in some of them, all levels
 /// made. "atlas": four by four texels, texel number `k` is `17 k`.
 #[derive(Debug)]
-struct Library(&'static str);
+pub(super) struct Library(pub(super) &'static str);
 
 impl ImageLibrary for Library {
     fn open(&self, asset: &AssetRef) -> Result<Arc<dyn Image>, ImageError> {
@@ -93,13 +93,18 @@ impl Image for Library {
     }
 }
 
-fn add<T: Element + std::fmt::Debug>(desc: &mut MeshDesc, name: &str, interpolation: Interpolation, values: Vec<T>) {
+pub(super) fn add<T: Element + std::fmt::Debug>(
+    desc: &mut MeshDesc,
+    name: &str,
+    interpolation: Interpolation,
+    values: Vec<T>,
+) {
     let primvar = Primvar { interpolation, values: TypedArray::of(values), indices: None };
     desc.primvars.push(NamedPrimvar { name: name.into(), primvar });
 }
 
 /// Three quads and two triangles in a row along x, over -1..1, in the plane z = 0; and their corners.
-fn row(transform: DMat4) -> (MeshDesc, Vec<Vec<DVec3>>) {
+pub(super) fn row(transform: DMat4) -> (MeshDesc, Vec<Vec<DVec3>>) {
     let at = [-1.0, -0.6, 0.1, 0.6, 1.0_f32];
     let points: Vec<[f32; 3]> = at.iter().flat_map(|&x| [[x, -0.5, 0.0], [x, 0.5, 0.0]]).collect();
     let faces = [vec![0, 2, 3, 1], vec![2, 4, 5, 3], vec![4, 6, 7, 5], vec![6, 8, 7], vec![8, 9, 7]];
@@ -113,12 +118,12 @@ fn row(transform: DMat4) -> (MeshDesc, Vec<Vec<DVec3>>) {
     (desc, places)
 }
 
-fn above() -> DMat4 {
+pub(super) fn above() -> DMat4 {
     downwards(DVec3::new(0.2, 0.8, -0.4))
 }
 
 /// For a square of half size 1: out of the camera's way.
-fn behind() -> DMat4 {
+pub(super) fn behind() -> DMat4 {
     downwards(DVec3::new(0.2, 0.8, -1.1))
 }
 
@@ -209,7 +214,7 @@ fn instances_emit_what_they_are_told() {
 }
 
 /// Irradiance with a library of images, with shadow rays alone and with both strategies; the noise of the second.
-fn textured(samples: u32, build: &dyn Fn(&mut SceneDb)) -> [(f64, f64); 2] {
+pub(super) fn textured(samples: u32, build: &dyn Fn(&mut SceneDb)) -> [(f64, f64); 2] {
     [0, 1].map(|bounces| {
         let session = session(settings(samples, bounces)).with_images(Arc::new(Library("")));
         session.with_scene(|db| {
@@ -246,7 +251,7 @@ fn an_atlas_gives_each_face_its_texel() {
 
 /// A square with st from 0 to 1; `is_alone`: sampled as a light. Else another one below the floor shares its id, and
 /// both are met by chance.
-fn screen(db: &mut SceneDb, transform: DMat4, is_alone: bool) {
+pub(super) fn screen(db: &mut SceneDb, transform: DMat4, is_alone: bool) {
     let mut desc = quad("/quad", 2, transform);
     add(&mut desc, "st", Interpolation::Vertex, vec![[0.0_f32, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
     if !is_alone {
@@ -328,7 +333,8 @@ fn scenes_of_constant_emission_leave_textures_of_lights_out() {
         let request = color_request(orthographic(DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, 1.0, [8, 8]));
         render(&session, &request);
         let left_out = session.stats().features_left_out;
-        ["emissive meshes", "emission of lights"].map(|name| left_out.iter().any(|part| part.starts_with(name)))
+        ["emissive meshes", "emission of lights by textures"]
+            .map(|name| left_out.iter().any(|part| part.starts_with(name)))
     };
     assert_eq!(left_out(super::mesh::glow("/glow", [1.0; 3])), [false, true], "a constant");
     assert_eq!(left_out(by_texture("atlas", 1.0)), [false, false], "a texture");

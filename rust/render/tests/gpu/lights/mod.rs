@@ -10,11 +10,13 @@ mod files;
 mod many;
 mod mesh;
 mod moving;
+mod programs;
 mod shapes;
 mod shaping;
 mod switches;
 
 pub(crate) use files::TestFiles;
+pub(crate) use programs::stripes;
 
 use crate::scenes::{prim, square};
 use crate::support::{color_request, orthographic, read, render, session, settings};

@@ -127,10 +127,7 @@ fn a_lookup_looks_where_another_says() {
         let expected = run(
             &material.program,
             |_| [x, y, 0.0, 0.0],
-            |found, at| {
-                let is_moved = found.uv.is_none();
-                lookup(found, if is_moved { at } else { uv }, found.texture == 0)
-            },
+            |found, at| lookup(found, at.unwrap_or(uv), found.texture == 0),
         )[usize::from(register)];
         let off = got.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(off < 1e-4, "pixel {pixel}: {got:?}, not {expected:?}");

@@ -2,6 +2,7 @@
 //! Materials with known answers; and the same bits when the scene streams.
 
 pub(super) mod cutouts;
+mod dispersion;
 mod glow;
 pub(super) mod hair;
 mod inputs;

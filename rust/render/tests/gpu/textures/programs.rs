@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Cutouts by programs that look up textures: the same bits whatever the budget.
+//! Cutouts and lights by programs that look up textures: the same bits whatever the budget.
 
 use super::*;
 
@@ -27,4 +27,41 @@ fn leaves_by_program(db: &mut SceneDb) {
 #[test]
 fn programs_that_wait_for_their_tiles_leave_no_trace_in_the_picture() {
     same_bits(leaves_by_program);
+}
+
+/// Signs as `signs` has them, two of them by programs: the product of two lookups, and a lookup where another says,
+/// times stripes that need none.
+fn signs_by_program(db: &mut SceneDb) {
+    signs(db);
+    let file = |name: &str| ParamValue::Asset(AssetRef { authored: name.into(), resolved: name.into() });
+    let node = crate::materials::node;
+    let dark = [
+        ("base_weight", ParamValue::Float(0.0)),
+        ("specular_weight", ParamValue::Float(0.0)),
+        ("emission_luminance", ParamValue::Float(1.0)),
+    ];
+    let surface = || node("ND_open_pbr_surface_surfaceshader", &dark, &[("emission_color", 1)]);
+    let product = vec![
+        surface(),
+        node("ND_multiply_color3", &[], &[("in1", 2), ("in2", 3)]),
+        node("ND_image_color3", &[("file", file("1000x800x4"))], &[]),
+        node("ND_image_color3", &[("file", file("900x700x3"))], &[]),
+    ];
+    let moved = vec![
+        surface(),
+        node("ND_multiply_color3FA", &[], &[("in1", 2), ("in2", 5)]),
+        node("ND_image_color3", &[("file", file("1100x300x4"))], &[("texcoord", 3)]),
+        node("ND_add_vector2", &[], &[("in1", 4), ("in2", 6)]),
+        node("ND_image_vector2", &[("file", file("640x1030x2"))], &[]),
+        node("ND_noise2d_float", &[("pivot", ParamValue::Float(1.5))], &[("texcoord", 6)]),
+        node("ND_texcoord_vector2", &[], &[]),
+    ];
+    for (path, nodes) in [("/glow_0", product), ("/glow_1", moved)] {
+        db.upsert_material(MaterialDesc { path: path.into(), nodes, surface: Some(0), ..MaterialDesc::default() });
+    }
+}
+
+#[test]
+fn lights_by_programs_that_wait_for_their_tiles_leave_no_trace_in_the_picture() {
+    same_bits(signs_by_program);
 }

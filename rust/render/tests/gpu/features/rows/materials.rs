@@ -82,6 +82,13 @@ pub(crate) const ROWS: &[Row] = &[
         ..BARE
     },
     Row {
+        what: "dispersion",
+        build: |db| open_pbr(db, &clear("transmission_dispersion_scale", ParamValue::Float(0.5))),
+        features: &["MATERIALS", "OPEN_PBR", "TRANSMISSION", "DISPERSION"],
+        buffers: &[OF_MATERIALS],
+        ..BARE
+    },
+    Row {
         what: "rough diffuse reflection",
         build: |db| open_pbr(db, &[("base_diffuse_roughness", ParamValue::Float(0.5))]),
         features: &["MATERIALS", "OPEN_PBR", "ROUGH_DIFFUSE"],

@@ -3,8 +3,9 @@
 
 use super::super::scenes::{made_of, papered};
 use super::{BARE, OF_MATERIALS, OF_MESH_LIGHTS, OF_PRIMVARS, OF_TEXTURES, OF_TILES, Row};
+use crate::lights::stripes;
 use crate::materials::painted;
-use oocpt_core::scene::ParamValue;
+use oocpt_core::scene::{MaterialDesc, ParamValue};
 
 pub(crate) const ROWS: &[Row] = &[
     Row {
@@ -43,6 +44,25 @@ pub(crate) const ROWS: &[Row] = &[
             &["emission of mesh lights", "weights of mesh lights"],
         ],
         primvars: &["st"],
+        ..BARE
+    },
+    Row {
+        what: "a glowing program",
+        build: |db| made_of(db, MaterialDesc { path: "/material".into(), ..stripes("object") }),
+        features: &[
+            "MATERIALS",
+            "OPEN_PBR",
+            "PATTERNS",
+            "EMISSION",
+            "MESH_LIGHTS",
+            "MESH_LIGHT_VALUES",
+            "MESH_LIGHT_PROGRAMS",
+        ],
+        buffers: &[
+            OF_MESH_LIGHTS,
+            OF_MATERIALS,
+            &["pattern programs", "emission of mesh lights", "weights of mesh lights", "corners of mesh lights"],
+        ],
         ..BARE
     },
 ];
