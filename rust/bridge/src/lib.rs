@@ -268,6 +268,7 @@ mod ffi {
         time: f64,
         positions: UniquePtr<HeldArray>,
         normals: UniquePtr<HeldArray>,
+        widths: UniquePtr<HeldArray>,
         rotations: UniquePtr<HeldArray>,
         scales: UniquePtr<HeldArray>,
         transforms: UniquePtr<HeldArray>,

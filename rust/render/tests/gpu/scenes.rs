@@ -125,7 +125,7 @@ pub(crate) fn deforming(desc: MeshDesc, times: &[f64], place: &dyn Fn(Vec3, f64)
         TypedArray::of((0..view.len()).map(placed).collect::<Vec<[f32; 3]>>())
     };
     let samples: Vec<_> =
-        times.iter().map(|&time| PointsSample { time, points: points(time), normals: None }).collect();
+        times.iter().map(|&time| PointsSample { time, points: points(time), normals: None, widths: None }).collect();
     let first = samples[0].points.clone();
     let samples = if samples.len() > 1 { samples } else { Vec::new() };
     MeshDesc { points: first, point_motion: PointsMotion { samples, ..PointsMotion::default() }, ..desc }
