@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The image `motion`, against where points are by closed forms in f64: cameras, placements and points that move.
 
-use crate::scenes::{constant, deforming, mesh, prim, square};
+use crate::scenes::{constant, deforming, mesh, prim, square, widening};
 use crate::support::{orthographic, perspective, read, render, request, session, settings};
 use glam::{DMat4, DVec3, DVec4, Vec3};
 use oocpt_core::TypedArray;
@@ -152,10 +152,12 @@ fn a_camera_that_goes_and_turns_moves_what_is_at_rest_and_what_is_not() {
 }
 
 #[test]
+#[expect(clippy::cast_possible_truncation, reason = "widths")]
 fn points_that_move_take_surfaces_and_balls_along() {
     // p(t) = p + t * rate(p), with rates that are linear in p: known of any point between vertices.
     let rate = |p: DVec3| DVec3::new(0.8 * p.x, 0.5 * p.x - 0.3 * p.y, 0.4 * p.y);
     let points = vec![[0.4_f32, -0.8, 0.0], [1.9, 0.9, 0.2]];
+    let size = |time: f64| 0.8 + 0.5 * time;
     let centres: Vec<DVec3> = points.iter().map(|p| Vec3::from_array(*p).as_dvec3()).collect();
     let build = |db: &mut SceneDb| {
         let stretch = |p: Vec3, time: f64| (p.as_dvec3() + time * rate(p.as_dvec3())).as_vec3();
@@ -169,15 +171,16 @@ fn points_that_move_take_surfaces_and_balls_along() {
             widths: constant(0.9_f32),
             ..mesh(prim("/balls", DMat4::IDENTITY), 2, Vec::new(), &[], 0.5)
         };
-        db.upsert_mesh(deforming(balls, &[0.0, 1.0], &stretch));
+        db.upsert_mesh(widening(deforming(balls, &[0.0, 1.0], &stretch), &|time| 0.9 * size(time) as f32));
     };
-    // A ball keeps its size: all of it goes where its centre goes.
+    // A ball goes where its centre goes, and grows about it.
     let path = |id: i32, p: DVec3, time: f64| {
         let from_middle = time - 0.5;
         if id == 2 {
             let near = |c: &&DVec3| ((**c + 0.5 * rate(**c)) - p).length();
             let centre = centres.iter().min_by(|a, b| near(a).total_cmp(&near(b))).expect("two");
-            return p + from_middle * rate(*centre);
+            let middle = *centre + 0.5 * rate(*centre);
+            return middle + from_middle * rate(*centre) + (p - middle) * (size(time) / size(0.5));
         }
         // p = q + rate(q) / 2, solved row by row.
         let x = p.x / 1.4;

@@ -131,6 +131,24 @@ pub(crate) fn deforming(desc: MeshDesc, times: &[f64], place: &dyn Fn(Vec3, f64)
     MeshDesc { points: first, point_motion: PointsMotion { samples, ..PointsMotion::default() }, ..desc }
 }
 
+/// What [`deforming`] gives, with widths that change.
+pub(crate) fn widening(mut desc: MeshDesc, width: &dyn Fn(f64) -> f32) -> MeshDesc {
+    desc.widths = constant(width(desc.point_motion.samples[0].time));
+    for sample in &mut desc.point_motion.samples {
+        sample.widths = Some(TypedArray::of(vec![width(sample.time)]));
+    }
+    desc
+}
+
+/// What [`deforming`] gives, with normals that turn.
+pub(crate) fn turning(mut desc: MeshDesc, normal: &dyn Fn(f64) -> Vec3) -> MeshDesc {
+    desc.normals = constant(normal(desc.point_motion.samples[0].time).to_array());
+    for sample in &mut desc.point_motion.samples {
+        sample.normals = Some(TypedArray::of(vec![normal(sample.time).to_array()]));
+    }
+    desc
+}
+
 /// An instancer with one prototype.
 pub(crate) fn instancer(prim: PrimDesc, root: &str, places: &[(DVec3, DQuat, DVec3)]) -> InstancerDesc {
     let numbers: Vec<i32> = (0..).take(places.len()).collect();

@@ -2,7 +2,9 @@
 //! Scenes of many small chunks, each with another way to go wrong.
 
 use crate::lights::TestFiles;
-use crate::scenes::{constant, deforming, dome, glow, instanced, instancer, mesh, prim, sphere, square, sun};
+use crate::scenes::{
+    constant, deforming, dome, glow, instanced, instancer, mesh, prim, sphere, square, sun, turning, widening,
+};
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use oocpt_core::scene::{
     CurveBasis, CurveWrap, CurvesDesc, InstancerDesc, InstancerMotion, Interpolation, MeshDesc, NamedPrimvar, PrimDesc,
@@ -40,7 +42,7 @@ pub(crate) const MOVING: Scene =
 pub(crate) const MOVING_LAMPS: Scene =
     Scene { name: "moving lamps", build: moving_lamps, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO };
 
-/// Meshes, curves and points whose points move, and a large mesh among them.
+/// Meshes, tubes, ribbons and points whose points, widths and normals change, and a large mesh among them.
 pub(crate) const DEFORMING: Scene =
     Scene { name: "deforming things", build: deforming_things, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO };
 
@@ -426,7 +428,14 @@ fn deforming_things(db: &mut SceneDb) {
         widths: constant(0.05_f32),
         ..mesh(prim("/hair", DMat4::IDENTITY), 70, Vec::new(), &[], 0.4)
     };
-    db.upsert_mesh(deforming(hair, &[0.0, 1.0], &wave(0.2)));
+    #[expect(clippy::cast_possible_truncation, reason = "widths and angles")]
+    let wider = |time: f64| 0.05 + 0.1 * time as f32;
+    #[expect(clippy::cast_possible_truncation, reason = "widths and angles")]
+    let aside = |time: f64| Vec3::new((2.0 * time).sin() as f32, 0.2, (2.0 * time).cos() as f32);
+    let grass = MeshDesc { prim: prim("/grass", DMat4::from_translation(DVec3::X * 0.1)), ..hair.clone() };
+    let grass = deforming(grass, &[0.0, 0.6, 1.0], &wave(0.3));
+    db.upsert_mesh(turning(widening(grass, &wider), &aside));
+    db.upsert_mesh(widening(deforming(hair, &[0.0, 1.0], &wave(0.2)), &wider));
     let spray = (0..300).map(|i| ((scattered(i) - 0.5) * DVec3::new(6.0, 4.0, 6.0)).as_vec3().to_array());
     let spray = MeshDesc {
         shape: Shape::Points,
@@ -434,5 +443,5 @@ fn deforming_things(db: &mut SceneDb) {
         widths: constant(0.09_f32),
         ..mesh(prim("/spray", DMat4::IDENTITY), 71, Vec::new(), &[], 0.8)
     };
-    db.upsert_mesh(deforming(spray, &[0.0, 0.5, 1.0], &wave(0.4)));
+    db.upsert_mesh(widening(deforming(spray, &[0.0, 0.5, 1.0], &wave(0.4)), &wider));
 }
