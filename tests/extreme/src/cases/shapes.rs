@@ -108,8 +108,10 @@ fn posed(mesh: MeshDesc, poses: &[(f64, &dyn Fn(DVec3) -> DVec3)]) -> MeshDesc {
     let own: Vec<DVec3> = (0..view.len()).filter_map(|i| view.vec3(i)).collect();
     let points =
         |place: &dyn Fn(DVec3) -> DVec3| TypedArray::of(own.iter().map(|p| narrow(place(*p))).collect::<Vec<_>>());
-    let samples =
-        poses.iter().map(|(time, place)| PointsSample { time: *time, points: points(*place), normals: None }).collect();
+    let samples = poses
+        .iter()
+        .map(|(time, place)| PointsSample { time: *time, points: points(*place), normals: None, widths: None })
+        .collect();
     MeshDesc { point_motion: PointsMotion { samples, ..PointsMotion::default() }, ..mesh }
 }
 

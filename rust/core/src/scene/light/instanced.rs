@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use glam::{DAffine3, DMat4};
+use glam::{DAffine3, DMat4, DVec4};
 use rustc_hash::FxHashSet;
 
 use crate::array::ElementType;
@@ -214,7 +214,7 @@ impl Places<'_> {
 /// Lights may be flat, which other prims may not.
 fn affine(m: &DMat4) -> Option<DAffine3> {
     usable_affine(m).or_else(|| {
-        let is_affine = (m.row(3) - glam::DVec4::W).abs().max_element() <= 1e-9;
+        let is_affine = (m.row(3) - DVec4::W).abs().max_element() <= 1e-9;
         (is_affine && m.is_finite()).then(|| DAffine3::from_mat4(*m))
     })
 }
