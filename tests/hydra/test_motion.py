@@ -301,47 +301,48 @@ def test_lights_of_prototypes_move_with_their_instances(host):
     agree(met, streak((0, 0.5), (0, 0), 0.2) + streak((0.2, -0.5), (0, 0), 0.2), "without a shutter")
 
 
-def blade(points, widths, normals=""):
-    """A linear curve along y. A ribbon with normals."""
+def blade(points, widths, normals):
+    """A linear curve along y, a ribbon across its normals; text behind the attributes' names."""
     return f"""
     def BasisCurves "Blade"
     {{
         uniform token type = "linear"
         int[] curveVertexCounts = [2]
-        point3f[]{points}
-        float[]{widths}
-        uniform token[] xformOpOrder = []
-        {normals}
+        point3f[] points{points}
+        float[] widths (interpolation = "constant")
+        float[] widths{widths}
+        normal3f[] normals (interpolation = "constant")
+        normal3f[] normals{normals}
     }}"""
 
 
-ACROSS = " = [0.4] (interpolation = \"constant\")"
-FRONT = "normal3f[] normals = [(0, 0, 1)] (interpolation = \"constant\")"
+STILL = " = [(0, -0.2, 0), (0, 0.2, 0)]"
+FRONT = " = [(0, 0, 1)]"
 
 
 def test_ribbons_move_by_samples_and_velocities(host):
     # Ends of ribbons are straight: a card of 0.4 by 0.4.
     sliding = ".timeSamples = { 4: [(-1, -0.2, 0), (-1, 0.2, 0)], 6: [(1, -0.2, 0), (1, 0.2, 0)] }"
-    met, log = coverage(host, stage(content=blade(sliding + " (interpolation = \"vertex\")", ACROSS, FRONT)))
+    met, log = coverage(host, stage(content=blade(sliding, " = [0.4]", FRONT)))
     assert "OocPT" not in log, log
     agree(met, streak((0, 0), (0.5, 0), 0.2), "samples")
-    rates = FRONT + "\nvector3f[] velocities = [(24, 0, 0), (24, 0, 0)]"
-    still = " = [(0, -0.2, 0), (0, 0.2, 0)]"
-    met, log = coverage(host, stage(content=blade(still, ACROSS, rates)))
+    rates = FRONT + "\n        vector3f[] velocities = [(24, 0, 0), (24, 0, 0)]"
+    met, log = coverage(host, stage(content=blade(STILL, " = [0.4]", rates)))
     assert "OocPT" not in log, log
     agree(met, streak((0, 0), (0.5, 0), 0.2), "velocities")
 
 
 def test_widths_and_normals_change_though_points_rest(host):
-    still = " = [(0, -0.2, 0), (0, 0.2, 0)]"
-    wider = ".timeSamples = { 4: [0.4], 6: [2.0] } (interpolation = \"constant\")"
-    met, log = coverage(host, stage(content=blade(still, wider, FRONT)))
+    wider = ".timeSamples = { 4: [0.4], 6: [2.0] }"
+    met, log = coverage(host, stage(content=blade(STILL, wider, FRONT)))
     assert "OocPT" not in log, log
-    # The shutter is open from 3/8 to 5/8 of the way.
-    half = lambda part: 0.2 + 0.8 * (0.375 + 0.25 * part)  # noqa: E731
+
+    def half(part):  # the shutter is open from 3/8 to 5/8 of the way
+        return 0.2 + 0.8 * (0.375 + 0.25 * part)
+
     agree(met, edges(lambda part: -half(part), half), "a ribbon that widens")
-    turning = "normal3f[] normals.timeSamples = { 4.75: [(0, 0, 1)], 5.25: [(1, 0, 0)] } (interpolation = \"constant\")"
-    met, log = coverage(host, stage(content=blade(still, " = [1.6] (interpolation = \"constant\")", turning)))
+    turning = ".timeSamples = { 4.75: [(0, 0, 1)], 5.25: [(1, 0, 0)] }"
+    met, log = coverage(host, stage(content=blade(STILL, " = [1.6]", turning)))
     assert "OocPT" not in log, log
     # Its edges go straight to where they are behind one another.
     agree(met, edges(lambda part: -0.8 * (1 - part), lambda part: 0.8 * (1 - part)), "a ribbon that turns")
@@ -349,7 +350,7 @@ def test_widths_and_normals_change_though_points_rest(host):
     def Points "Ball"
     {
         point3f[] points = [(0, 0, 0)]
-        float[] widths.timeSamples = { 4.75: [0.2], 5.25: [1.6] } (interpolation = "vertex")
+        float[] widths.timeSamples = { 4.75: [0.2], 5.25: [1.6] }
     }"""
     met, log = coverage(host, stage(content=grows))
     assert "OocPT" not in log, log

@@ -174,7 +174,7 @@ impl Places<'_> {
                         }
                         let Some(own) = placer.matrix(Some(number)) else { continue };
                         let keys = moving.as_ref().and_then(|moving| moving.keys(Some(number)));
-                        let keys = keys.filter(|(_, moves)| *moves).map(|(keys, _)| keys);
+                        let keys = keys.map(|(keys, _)| keys);
                         let at = |k: usize| match (&keys, k.checked_sub(1).and_then(|k| self.times.get(k))) {
                             (Some(keys), Some(time)) if local.moves => parent[k] * keys.at(*time) * local.ways[k],
                             (Some(keys), Some(time)) => parent[k] * keys.at(*time),

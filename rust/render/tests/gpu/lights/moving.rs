@@ -86,7 +86,6 @@ fn lamps_of_prototypes_go_along_with_their_instances() {
     let build = |db: &mut SceneDb| {
         let places = base.map(|p| (p, DQuat::IDENTITY, DVec3::ONE));
         let mut row = instancer(prim("/row", turn(0.5)), "/row/lamp", &places);
-        row.prototypes[0].indices = TypedArray::of(vec![0_i32, 1]);
         row.prim.motion = [0.0, 1.0].map(|time| TransformSample { time, transform: turn(time) }).to_vec();
         row.motion.velocities = Some(TypedArray::of(speeds.map(|v| v.as_vec3().to_array()).to_vec()));
         row.motion.seconds = [-0.5, 0.5];

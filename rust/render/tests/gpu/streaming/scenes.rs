@@ -339,6 +339,24 @@ fn moving_lamps(db: &mut SceneDb) {
         let next = place * DMat4::from_rotation_y(0.8) * DMat4::from_translation(DVec3::new(0.5, -0.2, 0.3));
         [(0.0, place), (1.0, next)].map(|(time, transform)| TransformSample { time, transform }).to_vec()
     });
+    // In a prototype: on arms that turn, of instances that fly.
+    let places: Vec<_> = (0..3)
+        .map(|i| {
+            ((scattered(i + 60) - 0.5) * 6.0 + DVec3::Y * 2.0, DQuat::IDENTITY, DVec3::splat(1.0 + 0.2 * f64::from(i)))
+        })
+        .collect();
+    let mut row = instancer(prim("/row", DMat4::IDENTITY), "/row/lamp", &places);
+    row.motion.velocities = Some(TypedArray::of(vec![[1.0_f32, -0.5, 0.5]; 3]));
+    row.motion.seconds = [-0.5, 0.5];
+    row.prim.motion =
+        [0.0, 1.0].map(|time| TransformSample { time, transform: DMat4::from_rotation_y(0.8 * time) }).to_vec();
+    db.upsert_instancer(row);
+    db.upsert_light(LightDesc {
+        prim: instanced(prim("/row/lamp", DMat4::IDENTITY), "/row"),
+        kind: LightKind::Sphere { radius: 0.3, treat_as_point: false },
+        intensity: 3.0,
+        ..LightDesc::default()
+    });
 }
 
 /// See [`MOVING`].
