@@ -171,9 +171,8 @@ oocpt::MotionDesc HdOocPTDescribePointsMotion(const HdOocPTPointsMotionState& st
     oocpt::MotionDesc desc {};
     desc.samples.reserve(state.samples.size());
     for (const auto& [time, arrays] : state.samples) {
-        desc.samples.push_back(
-            { time, HdOocPTHoldArray(arrays[0]), HdOocPTHoldArray(arrays[1]), HdOocPTHoldArray(arrays[2]), nullptr, nullptr,
-                nullptr });
+        desc.samples.push_back({ time, HdOocPTHoldArray(arrays[0]), HdOocPTHoldArray(arrays[1]),
+            HdOocPTHoldArray(arrays[2]), nullptr, nullptr, nullptr });
     }
     desc.velocities = HdOocPTHoldArray(state.velocities);
     desc.accelerations = HdOocPTHoldArray(state.accelerations);

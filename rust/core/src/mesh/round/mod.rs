@@ -2,9 +2,9 @@
 //! Curves and points: round things ([`super::LeafKind::Rounds`]), or ribbons of triangles. Pure.
 //!
 //! [`basis`] says how control points make a curve, [`curves`] cuts curves into pieces, [`values`] brings primvars
-//! along, [`posed`] says where they are at other times. A piece of a tube is the hull of the balls at its ends, so pieces fit without a gap, and linear curves are
-//! exact. A piece of a cubic curve is straight: [`curves`] says how far it is from the curve. A point is a ball, a
-//! piece of no length.
+//! along, [`posed`] says where they are at other times. A piece of a tube is the hull of the balls at its ends, so
+//! pieces fit without a gap, and linear curves are exact. A piece of a cubic curve is straight: [`curves`] says how far
+//! it is from the curve. A point is a ball, a piece of no length.
 
 mod basis;
 mod curves;
