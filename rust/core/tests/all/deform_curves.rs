@@ -8,6 +8,8 @@ use oocpt_core::scene::{CurveBasis, CurveWrap, CurvesDesc, Interpolation, Points
 use oocpt_core::{DroppedData, MeshAsset, MeshDesc, TypedArray};
 
 type Points = Vec<[f32; 3]>;
+/// Three vectors for each item.
+type Corners = Vec<[[f32; 3]; 3]>;
 
 /// Values of a prim at a time.
 #[derive(Clone, Default)]
@@ -55,7 +57,7 @@ fn built(desc: &MeshDesc) -> MeshAsset {
 }
 
 /// The vertices of all items at each key, and their normals by corner.
-fn keys(asset: &MeshAsset) -> Vec<(Vec<[[f32; 3]; 3]>, Vec<[[f32; 3]; 3]>)> {
+fn keys(asset: &MeshAsset) -> Vec<(Corners, Corners)> {
     let count = asset.triangles.len();
     let first: Vec<_> = asset.triangles.iter().map(|item| item.vertices).collect();
     let normals = asset.normals.as_ref();

@@ -148,7 +148,7 @@ fn follows(what: &str, (lights, said): (Vec<Light>, Vec<String>), way: impl Fn(u
     assert!(said.is_empty(), "{what}: {said:?}");
     assert_eq!(lights.len(), 2, "{what}");
     for (light, number) in lights.iter().zip(0..) {
-        let motion = light.motion.as_ref().unwrap_or_else(|| panic!("{what}: it moves"));
+        let motion = light.motion.as_ref().expect("it moves");
         for step in 0..=1000 {
             let time = f64::from(step) / 1000.0;
             let (at, known) = (map_at(&motion.keys, time).translation, way(number, time));
