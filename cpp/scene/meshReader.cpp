@@ -154,7 +154,7 @@ void HdOocPTReadMesh(
                                                 : HdOocPTReadPrimvar(source, tokens.widths, HdOocPTArrayRole::Scalars);
     }
     if ((source.dirtyBits & (HdOocPTDirtyPoints | HdOocPTDirtyNormals)) && !HdOocPTIsExactShape(primType)) {
-        state->pointMotion = HdOocPTReadPointsMotion(source);
+        state->pointMotion = HdOocPTReadPointsMotion(source, primType != tokens.mesh);
     }
     if (source.dirtyBits & HdOocPTDirtyNormals) {
         state->normals = HdOocPTReadPrimvar(source, tokens.normals, HdOocPTArrayRole::Vectors3);

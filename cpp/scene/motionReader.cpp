@@ -47,6 +47,19 @@ _Times _SampleTimes(const HdDataSourceBaseHandle& source, const HdOocPTShutter& 
     return times;
 }
 
+/// Adds the times of another value. Those of one value stay as they are, so that a wrong order of them is told.
+void _AddTimes(const _Times& own, _Times* times)
+{
+    if (times->empty()) {
+        *times = own;
+    } else if (!own.empty() && own != *times) {
+        times->insert(times->end(), own.begin(), own.end());
+        std::sort(times->begin(), times->end());
+        times->erase(std::unique(times->begin(), times->end()), times->end());
+        _ThinOut(times);
+    }
+}
+
 } // namespace
 
 HdOocPTShutter HdOocPTReadShutter(const HdSceneIndexBase& scene, const SdfPath& camera, HdOocPTWarnings* warnings)
@@ -103,7 +116,7 @@ void HdOocPTFillMotion(const HdOocPTTransformSamples& samples, rust::Vec<double>
     }
 }
 
-HdOocPTPointsMotionState HdOocPTReadPointsMotion(const HdOocPTPrimSource& source)
+HdOocPTPointsMotionState HdOocPTReadPointsMotion(const HdOocPTPrimSource& source, bool hasWidths)
 {
     const auto& tokens = *HdOocPTSceneTokens;
     HdOocPTPointsMotionState state;
@@ -125,20 +138,30 @@ HdOocPTPointsMotionState HdOocPTReadPointsMotion(const HdOocPTPrimSource& source
     const auto sampled = [&](const TfToken& name, const TfToken& value) {
         return HdSampledDataSource::Cast(HdOocPTFind(source.container, { tokens.primvars, name, value }));
     };
+    const auto authored = [&](const TfToken& name) {
+        const HdSampledDataSourceHandle values = sampled(name, tokens.indexedPrimvarValue);
+        return values && !values->GetValue(0.0f).IsEmpty() ? values : sampled(name, tokens.primvarValue);
+    };
     const HdSampledDataSourceHandle points = sampled(tokens.points, tokens.primvarValue);
-    HdSampledDataSourceHandle normals = sampled(tokens.normals, tokens.indexedPrimvarValue);
-    if (!normals || normals->GetValue(0.0f).IsEmpty()) {
-        normals = sampled(tokens.normals, tokens.primvarValue);
+    const HdSampledDataSourceHandle normals = authored(tokens.normals);
+    const HdSampledDataSourceHandle widths = hasWidths ? authored(tokens.widths) : nullptr;
+    const _Times normalTimes = _SampleTimes(normals, shutter);
+    const _Times widthTimes = _SampleTimes(widths, shutter);
+    _Times times = _SampleTimes(points, shutter);
+    if (hasWidths) {
+        _AddTimes(normalTimes, &times);
+        _AddTimes(widthTimes, &times);
     }
-    const bool normalsVary = !_SampleTimes(normals, shutter).empty();
-    for (const HdSampledDataSource::Time time : _SampleTimes(points, shutter)) {
-        const auto at = [&](const HdSampledDataSourceHandle& array) {
+    for (const HdSampledDataSource::Time time : times) {
+        const auto at = [&](const HdSampledDataSourceHandle& array, HdOocPTArrayRole role) {
             std::string reason;
             // What cannot be used is told where the arrays of the frame itself are read.
-            return HdOocPTNormalizeArray(array->GetValue(time), HdOocPTArrayRole::Vectors3, &reason);
+            return HdOocPTNormalizeArray(array ? array->GetValue(time) : VtValue(), role, &reason);
         };
-        state.samples.emplace_back(
-            shutter.Part(time), std::array<VtValue, 2> { at(points), normalsVary ? at(normals) : VtValue() });
+        std::array<VtValue, 3> values { at(points, HdOocPTArrayRole::Vectors3),
+            normalTimes.empty() ? VtValue() : at(normals, HdOocPTArrayRole::Vectors3),
+            widthTimes.empty() ? VtValue() : at(widths, HdOocPTArrayRole::Scalars) };
+        state.samples.emplace_back(shutter.Part(time), std::move(values));
     }
     return state;
 }
@@ -148,8 +171,8 @@ oocpt::MotionDesc HdOocPTDescribePointsMotion(const HdOocPTPointsMotionState& st
     oocpt::MotionDesc desc {};
     desc.samples.reserve(state.samples.size());
     for (const auto& [time, arrays] : state.samples) {
-        desc.samples.push_back(
-            { time, HdOocPTHoldArray(arrays[0]), HdOocPTHoldArray(arrays[1]), nullptr, nullptr, nullptr });
+        desc.samples.push_back({ time, HdOocPTHoldArray(arrays[0]), HdOocPTHoldArray(arrays[1]),
+            HdOocPTHoldArray(arrays[2]), nullptr, nullptr, nullptr });
     }
     desc.velocities = HdOocPTHoldArray(state.velocities);
     desc.accelerations = HdOocPTHoldArray(state.accelerations);
@@ -185,16 +208,7 @@ HdOocPTInstancerMotionState HdOocPTReadInstancerMotion(const HdOocPTPrimSource& 
     for (size_t i = 0; i < arrays.size(); ++i) {
         sources[i] = HdSampledDataSource::Cast(
             HdOocPTFind(source.container, { tokens.primvars, arrays[i].first, tokens.primvarValue }));
-        const _Times own = _SampleTimes(sources[i], source.shutter);
-        // Times of one array stay as they are, so that a wrong order of them is told.
-        if (times.empty()) {
-            times = own;
-        } else if (!own.empty() && own != times) {
-            times.insert(times.end(), own.begin(), own.end());
-            std::sort(times.begin(), times.end());
-            times.erase(std::unique(times.begin(), times.end()), times.end());
-            _ThinOut(&times);
-        }
+        _AddTimes(_SampleTimes(sources[i], source.shutter), &times);
     }
     for (const HdSampledDataSource::Time time : times) {
         std::array<VtValue, 4> values;
@@ -217,7 +231,7 @@ oocpt::MotionDesc HdOocPTDescribeInstancerMotion(const HdOocPTInstancerMotionSta
     oocpt::MotionDesc desc {};
     desc.samples.reserve(state.samples.size());
     for (const auto& [time, arrays] : state.samples) {
-        desc.samples.push_back({ time, HdOocPTHoldArray(arrays[0]), nullptr, HdOocPTHoldArray(arrays[1]),
+        desc.samples.push_back({ time, HdOocPTHoldArray(arrays[0]), nullptr, nullptr, HdOocPTHoldArray(arrays[1]),
             HdOocPTHoldArray(arrays[2]), HdOocPTHoldArray(arrays[3]) });
     }
     desc.velocities = HdOocPTHoldArray(state.velocities);

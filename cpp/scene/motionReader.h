@@ -55,8 +55,8 @@ struct HdOocPTInstancerMotionState
 /// How the points of a prim move. The arrays share their data with the scene.
 struct HdOocPTPointsMotionState
 {
-    /// Part of the shutter; points, values of normals.
-    std::vector<std::pair<double, std::array<VtValue, 2>>> samples;
+    /// Part of the shutter; points, values of normals, values of widths.
+    std::vector<std::pair<double, std::array<VtValue, 3>>> samples;
     VtValue velocities;
     VtValue accelerations;
     /// When the shutter opens and closes, from the frame's own time.
@@ -76,8 +76,9 @@ void HdOocPTFillMotion(const HdOocPTTransformSamples& samples, rust::Vec<double>
 /// How the instances of an instancer move.
 HdOocPTInstancerMotionState HdOocPTReadInstancerMotion(const HdOocPTPrimSource& source);
 
-/// How the points of a mesh, of curves or of points move.
-HdOocPTPointsMotionState HdOocPTReadPointsMotion(const HdOocPTPrimSource& source);
+/// How the points of a prim move. `hasWidths`: it is curves or points, whose widths and normals may change though the
+/// points are at rest.
+HdOocPTPointsMotionState HdOocPTReadPointsMotion(const HdOocPTPrimSource& source, bool hasWidths);
 
 /// The state as it goes to Rust.
 oocpt::MotionDesc HdOocPTDescribePointsMotion(const HdOocPTPointsMotionState& state);

@@ -24,8 +24,14 @@ bool seen_at(Double3 position, float time, out vec3 seen) {
     return w > 0.0;
 }
 
+// Radius of the ball of a round item that a hit is on.
+float ball_radius(Pose pose, HitHeader hit) {
+    const vec3 radii = posed_corner(pose, hit.triangle * 3u + 2u).xyz;
+    return mix(radii.x, radii.y, hit.uv.x);
+}
+
 // The world's place of a point of the mesh of surface_chain at a time of the shutter. `out_of_ball`: of round items,
-// from the centre of the ball that the hit is on to the hit, in the mesh's frame.
+// from the centre of the ball that the hit is on to the hit, in the mesh's frame, with HAS_DEFORMATION in radii.
 Double3 placed_at(HitHeader hit, vec3 out_of_ball, float time) {
     surface_time = time;
     uint mesh, instance_id;
@@ -36,6 +42,7 @@ Double3 placed_at(HitHeader hit, vec3 out_of_ball, float time) {
     const vec3 v1 = posed_corner(pose, hit.triangle * 3u + 1u).xyz;
     vec3 local;
     if (HAS_ROUND && (Meshes(FRAME.meshes).v[mesh].flags & MESH_ROUND) != 0u) {
+        if (HAS_DEFORMATION) out_of_ball *= ball_radius(pose, hit);
         local = mix(v0, v1, hit.uv.x) + out_of_ball;
     } else {
         const vec3 v2 = posed_corner(pose, hit.triangle * 3u + 2u).xyz;
@@ -59,6 +66,7 @@ vec3 motion_over_image(uint path) {
             const vec3 met = met_by(ray, hit.t, hit.chunk_instance, chunk_map(hit.chunk_instance));
             const vec3 v0 = posed_corner(pose, hit.triangle * 3u).xyz;
             out_of_ball = met - mix(v0, posed_corner(pose, hit.triangle * 3u + 1u).xyz, hit.uv.x);
+            if (HAS_DEFORMATION) out_of_ball /= max(ball_radius(pose, hit), 1.0e-30);
         }
     }
     const float own_time = surface_time;

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motion through both front ends: the shutter of the camera, samples of transforms and points, velocities, cameras
-that move, against closed forms of coverage; what turns motion off; and what is not blurred yet."""
+that move, ribbons and widths that change, against closed forms of coverage; and what turns motion off."""
 
 from __future__ import annotations
 
@@ -274,26 +274,90 @@ def test_lights_that_move_leave_a_streak(host):
     assert "OocPT" not in log, log
 
 
-def test_what_is_not_blurred_yet_is_said_with_its_prim(host):
+def test_lights_of_prototypes_move_with_their_instances(host):
     content = """
     def PointInstancer "Row"
     {
-        int[] protoIndices = [0]
-        point3f[] positions = [(0, 0, 0)]
-        vector3f[] velocities = [(24, 0, 0)]
+        int[] protoIndices = [0, 0]
+        point3f[] positions = [(0, 0.5, 0), (0.2, -0.5, 0)]
+        vector3f[] velocities = [(24, 0, 0), (0, 12, 0)]
         rel prototypes = </World/Row/Proto>
         def Xform "Proto"
         {
-            def SphereLight "Lamp"
+            def RectLight "Lamp"
             {
+                float inputs:width = 0.4
+                float inputs:height = 0.4
+                float xformOp:rotateY = 180
+                uniform token[] xformOpOrder = ["xformOp:rotateY"]
             }
         }
     }"""
-    _, log = coverage(host, stage(content=content))
-    said = [line for line in log.splitlines() if "shutter is open" in line]
-    assert len(said) == 1 and "Lamp" in said[0], log
-    _, log = coverage(host, stage(shutter="", content=content))
-    assert "shutter" not in log, log
+    met, log = coverage(host, stage(content=content))
+    assert "OocPT" not in log, log
+    agree(met, streak((0, 0.5), (0.5, 0), 0.2) + streak((0.2, -0.5), (0, 0.25), 0.2), "velocities")
+    met, log = coverage(host, stage(shutter="", content=content))
+    assert "OocPT" not in log, log
+    agree(met, streak((0, 0.5), (0, 0), 0.2) + streak((0.2, -0.5), (0, 0), 0.2), "without a shutter")
+
+
+def blade(points, widths, normals):
+    """A linear curve along y, a ribbon across its normals; text behind the attributes' names."""
+    return f"""
+    def BasisCurves "Blade"
+    {{
+        uniform token type = "linear"
+        int[] curveVertexCounts = [2]
+        point3f[] points{points}
+        float[] widths (interpolation = "constant")
+        float[] widths{widths}
+        normal3f[] normals (interpolation = "constant")
+        normal3f[] normals{normals}
+    }}"""
+
+
+STILL = " = [(0, -0.2, 0), (0, 0.2, 0)]"
+FRONT = " = [(0, 0, 1)]"
+
+
+def test_ribbons_move_by_samples_and_velocities(host):
+    # Ends of ribbons are straight: a card of 0.4 by 0.4.
+    sliding = ".timeSamples = { 4: [(-1, -0.2, 0), (-1, 0.2, 0)], 6: [(1, -0.2, 0), (1, 0.2, 0)] }"
+    met, log = coverage(host, stage(content=blade(sliding, " = [0.4]", FRONT)))
+    assert "OocPT" not in log, log
+    agree(met, streak((0, 0), (0.5, 0), 0.2), "samples")
+    rates = FRONT + "\n        vector3f[] velocities = [(24, 0, 0), (24, 0, 0)]"
+    met, log = coverage(host, stage(content=blade(STILL, " = [0.4]", rates)))
+    assert "OocPT" not in log, log
+    agree(met, streak((0, 0), (0.5, 0), 0.2), "velocities")
+
+
+def test_widths_and_normals_change_though_points_rest(host):
+    wider = ".timeSamples = { 4: [0.4], 6: [2.0] }"
+    met, log = coverage(host, stage(content=blade(STILL, wider, FRONT)))
+    assert "OocPT" not in log, log
+
+    def half(part):  # the shutter is open from 3/8 to 5/8 of the way
+        return 0.2 + 0.8 * (0.375 + 0.25 * part)
+
+    agree(met, edges(lambda part: -half(part), half), "a ribbon that widens")
+    turning = ".timeSamples = { 4.75: [(0, 0, 1)], 5.25: [(1, 0, 0)] }"
+    met, log = coverage(host, stage(content=blade(STILL, " = [1.6]", turning)))
+    assert "OocPT" not in log, log
+    # Its edges go straight to where they are behind one another.
+    agree(met, edges(lambda part: -0.8 * (1 - part), lambda part: 0.8 * (1 - part)), "a ribbon that turns")
+    grows = """
+    def Points "Ball"
+    {
+        point3f[] points = [(0, 0, 0)]
+        float[] widths.timeSamples = { 4.75: [0.2], 5.25: [1.6] }
+    }"""
+    met, log = coverage(host, stage(content=grows))
+    assert "OocPT" not in log, log
+    x = ((np.arange(4 * SIZE[0]) + 0.5) / (4 * SIZE[0]) - 0.5) * WIDTH
+    away = np.hypot(*np.meshgrid(x, x))
+    fine = np.clip((0.8 - away) / 0.7, 0, 1)
+    agree(met, fine.reshape(SIZE[0], 4, SIZE[1], 4).mean(axis=(1, 3)), "a ball that grows")
 
 
 @pytest.mark.parametrize("scene_index", ["0", "1"], ids=["legacy", "scene_index"])

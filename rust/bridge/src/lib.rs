@@ -263,11 +263,12 @@ mod ffi {
         indices: UniquePtr<HeldArray>,
     }
 
-    /// Arrays at a part of the shutter: of an instancer, whose positions are translations, or points and their normals.
+    /// Arrays at a part of the shutter: of an instancer, whose positions are translations, or of points.
     struct MotionSampleDesc {
         time: f64,
         positions: UniquePtr<HeldArray>,
         normals: UniquePtr<HeldArray>,
+        widths: UniquePtr<HeldArray>,
         rotations: UniquePtr<HeldArray>,
         scales: UniquePtr<HeldArray>,
         transforms: UniquePtr<HeldArray>,
@@ -341,8 +342,7 @@ mod ffi {
         ies_normalize: bool,
     }
 
-    /// A light in `UsdLux` terms. What its kind has no use for is zero or empty; links are categories, empty for all
-    /// prims.
+    /// A light in `UsdLux` terms. What its kind has no use for is zero or empty; links are categories, or empty.
     struct LightDesc {
         prim: PrimDesc,
         kind: LightTag,

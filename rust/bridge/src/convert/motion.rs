@@ -23,6 +23,7 @@ pub(crate) fn points_motion(desc: ffi::MotionDesc, path: &str, complaints: &mut 
         time: sample.time,
         points: complaints.required::<[f32; 3]>(path, "points", sample.positions),
         normals: complaints.optional(path, "normals", sample.normals),
+        widths: complaints.optional(path, "widths", sample.widths),
     };
     PointsMotion {
         samples: desc.samples.into_iter().map(sample).collect(),

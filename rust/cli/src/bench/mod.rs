@@ -10,6 +10,7 @@ mod island;
 mod leaves;
 mod materials;
 mod memory;
+mod moving;
 mod observe;
 mod partition;
 mod specialise;
@@ -60,6 +61,8 @@ enum Command {
     Partition(partition::Arguments),
     /// Moves instances in a live session: seconds to the next image, bytes sent again.
     Edits(edits::Arguments),
+    /// An animation of instances in a live session: frames a second, what is made anew.
+    Moving(moving::Arguments),
 }
 
 /// Runs the bench.
@@ -78,5 +81,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Some(Command::Specialise(arguments)) => specialise::run(arguments),
         Some(Command::Partition(arguments)) => partition::run(arguments),
         Some(Command::Edits(arguments)) => edits::run(arguments),
+        Some(Command::Moving(arguments)) => moving::run(arguments),
     }
 }

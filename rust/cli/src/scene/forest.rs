@@ -147,7 +147,8 @@ fn blob(index: u32) -> Result<MeshDesc> {
     Ok(mesh)
 }
 
-fn scatter(instances: u32) -> Result<InstancerDesc> {
+/// The instancer of the forest.
+pub(crate) fn scatter(instances: u32) -> Result<InstancerDesc> {
     let mut state = 0x1234_5678_9abc_def0_u64;
     let mut random = move || {
         // SplitMix64: a fixed, portable sequence.

@@ -24,9 +24,12 @@ pub struct PointsSample {
     pub points: TypedArray,
     /// Values of [`super::MeshDesc::normals`]; none: those that the frame has.
     pub normals: Option<TypedArray>,
+    /// Values of [`super::MeshDesc::widths`]; none: those that the frame has.
+    pub widths: Option<TypedArray>,
 }
 
-/// How points move within the prim's frame. Velocities win over samples, as `UsdGeomPointBased` has it.
+/// How points move within the prim's frame, and normals and widths with them. Velocities win over samples, as
+/// `UsdGeomPointBased` has it.
 #[derive(Clone, Debug, Default)]
 pub struct PointsMotion {
     /// In the order of time; fewer than two where nothing is sampled.

@@ -83,9 +83,6 @@ pub fn build_mesh_with(
     if let Some(rounds) = read_rounds(desc, wanted, &dicing, &poses, &mut dropped) {
         let zero_area_triangles = dropped.zero_area_triangles;
         let Rounds { topology, desc, radii, poses: posed } = &rounds;
-        if posed.len() < poses.len() && !topology.faces.is_empty() {
-            notes.push("is a ribbon whose points move while the shutter is open, which is not blurred yet".to_owned());
-        }
         let loose = Loose { desc, wanted, key, topology, radii: radii.as_deref(), poses: posed };
         let loose = read_triangles(loose, &mut dropped);
         // Ribbons may have no width somewhere.

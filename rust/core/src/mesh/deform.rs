@@ -9,10 +9,11 @@ use glam::DVec3;
 
 use super::build::{Loose, build_normals};
 use super::primvar::{Layout, Source, extend_points};
+use super::round::is_width;
 use super::topology::{Topology, read_point};
 use super::{Aabb, Attribute, AttributeRate, LeafKind, Triangle};
 use crate::array::{ArrayView, TypedArray};
-use crate::desc::{DroppedData, MeshDesc, PointsMotion, PointsSample};
+use crate::desc::{DroppedData, MeshDesc, PointsMotion, PointsSample, Shape};
 
 /// Most poses of a prim.
 const MAX_POSES: usize = 16;
@@ -30,6 +31,10 @@ pub(crate) struct Pose {
     pub(crate) points: Vec<[f32; 3]>,
     /// Values of authored normals, where they change.
     pub(crate) normals: Option<TypedArray>,
+    /// Values of authored widths, where they change.
+    pub(crate) widths: Option<TypedArray>,
+    /// By point, of what is round; none: those of the frame.
+    pub(crate) radii: Option<Vec<f32>>,
 }
 
 /// The items of an asset at its later keys.
@@ -41,6 +46,24 @@ pub struct MeshKeys {
     pub vertices: Vec<[[f32; 3]; 3]>,
     /// Normals by corner, likewise; empty where those of the asset are for all keys.
     pub normals: Vec<[[f32; 3]; 3]>,
+}
+
+impl Pose {
+    /// Points at a part of the shutter, and nothing else that changes.
+    pub(crate) fn at(time: f32, points: Vec<[f32; 3]>) -> Self {
+        Self { time, points, normals: None, widths: None, radii: None }
+    }
+
+    /// Everything that moves, as bits.
+    fn bits(&self, with_normals: bool) -> Vec<u32> {
+        let bits = self.points.iter().flatten().map(|v| v.to_bits());
+        let array = |array: &Option<TypedArray>| {
+            let bytes = array.as_ref().map(|array| array.view().bytes().to_vec()).unwrap_or_default();
+            bytes.into_iter().map(u32::from)
+        };
+        let none = None;
+        bits.chain(array(&self.widths)).chain(array(if with_normals { &self.normals } else { &none })).collect()
+    }
 }
 
 impl MeshKeys {
@@ -74,7 +97,9 @@ pub(super) fn poses(desc: &MeshDesc) -> Result<Vec<Pose>, String> {
     if poses.iter().any(breaks) {
         return Err("has points that are not finite, or too far away, while the shutter is open".to_owned());
     }
-    let bits = |pose: &Pose| pose.points.iter().flatten().map(|v| v.to_bits()).collect::<Vec<_>>();
+    // Normals turn ribbons.
+    let with_normals = matches!(desc.shape, Shape::Curves(_));
+    let bits = |pose: &Pose| pose.bits(with_normals);
     let moves = poses.windows(2).any(|pair| bits(&pair[0]) != bits(&pair[1]));
     Ok(if moves { poses } else { Vec::new() })
 }
@@ -105,7 +130,7 @@ fn by_rates(
             Some(place)
         };
         let points = (0..points.len()).map(|at| read_point(moved(at))).collect();
-        Pose { time: time as f32, points, normals: None }
+        Pose::at(time as f32, points)
     };
     Ok((0..count).map(pose).collect())
 }
@@ -124,6 +149,7 @@ fn by_samples(desc: &MeshDesc, samples: &[PointsSample]) -> Result<Vec<Pose>, St
     }
     let own = desc.normals.as_ref().map(|normals| normals.values.len());
     let with_normals = own.is_some() && samples.iter().all(|s| s.normals.as_ref().map(TypedArray::len) == own);
+    let with_widths = check_widths(desc, samples)?;
     let inside = times.iter().copied().filter(|time| *time > LEAST_TIME && *time < 1.0 - LEAST_TIME);
     let mut keys: Vec<f64> = [0.0].into_iter().chain(inside).chain([1.0]).collect();
     if keys.len() > MAX_POSES {
@@ -148,9 +174,47 @@ fn by_samples(desc: &MeshDesc, samples: &[PointsSample]) -> Result<Vec<Pose>, St
             (Some(a), Some(b)) if with_normals => Some(TypedArray::of(between(a, b))),
             _ => None,
         };
-        Some(Pose { time: time as f32, points: between(&from.points, &to.points), normals })
+        let widths = match (&from.widths, &to.widths) {
+            (Some(a), Some(b)) if with_widths => Some(TypedArray::of(scalars_between(a, b, part))),
+            _ => None,
+        };
+        Some(Pose { normals, widths, ..Pose::at(time as f32, between(&from.points, &to.points)) })
     };
     Ok(keys.into_iter().filter_map(pose).collect())
+}
+
+/// Whether the widths of `samples` are to be used; an error where they cannot be.
+fn check_widths(desc: &MeshDesc, samples: &[PointsSample]) -> Result<bool, String> {
+    let Some(own) = desc.widths.as_ref().filter(|_| samples.iter().any(|sample| sample.widths.is_some())) else {
+        return Ok(false);
+    };
+    let own = own.values.view();
+    let fits = |widths: &ArrayView<'_>| widths.len() == own.len() && widths.scalar(0).is_some();
+    // What has no width at the frame's own time is not seen, whatever it has later.
+    let is_usable =
+        |at: usize, width: Option<f64>| width.is_some_and(is_width) || !own.scalar(at).is_some_and(is_width);
+    for sample in samples {
+        let Some(widths) = sample.widths.as_ref().map(TypedArray::view).filter(fits) else {
+            return Err("has samples with other numbers of widths".to_owned());
+        };
+        if !(0..own.len()).all(|at| is_usable(at, widths.scalar(at))) {
+            return Err(
+                "has widths that are negative, or not finite, or too large, while the shutter is open".to_owned()
+            );
+        }
+    }
+    Ok(true)
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
+fn scalars_between(a: &TypedArray, b: &TypedArray, part: f64) -> Vec<f32> {
+    let (a, b) = (a.view(), b.view());
+    let mix = |at: usize| match (a.scalar(at).unwrap_or(f64::NAN), b.scalar(at).unwrap_or(f64::NAN)) {
+        (a, _) if part <= 0.0 => a,
+        (_, b) if part >= 1.0 => b,
+        (a, b) => a + (b - a) * part,
+    };
+    (0..a.len()).map(|at| mix(at) as f32).collect()
 }
 
 /// The keys of items that come from `layout.sources`; `triangles` and `normals` become those of the first one.
@@ -161,7 +225,9 @@ pub(super) fn read_keys(
     normals: &mut Option<Attribute<[f32; 3]>>,
 ) -> MeshKeys {
     let Loose { desc, topology, radii, poses, .. } = loose;
-    let vertices = |pose: &Pose| vertices_at(layout, layout.sources, &pose.points, radii);
+    let vertices = |pose: &Pose| {
+        vertices_at(layout, layout.sources, &pose.points, radii.map(|own| pose.radii.as_deref().unwrap_or(own)))
+    };
     let posed: Vec<Vec<[[f32; 3]; 3]>> = poses.iter().map(vertices).collect();
     let Some((first, later)) = posed.split_first() else { return MeshKeys::default() };
     let mut at_keys = Vec::new();

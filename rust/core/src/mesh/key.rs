@@ -78,6 +78,7 @@ fn add_motion(hasher: &mut Xxh3, motion: &PointsMotion) {
         hasher.update(&sample.time.to_le_bytes());
         add_array(hasher, Some(&sample.points));
         add_array(hasher, sample.normals.as_ref());
+        add_array(hasher, sample.widths.as_ref());
     }
 }
 
@@ -139,7 +140,10 @@ fn same_motion(
     optional: &impl Fn(&Option<TypedArray>, &Option<TypedArray>) -> bool,
 ) -> bool {
     let same = |(a, b): (&PointsSample, &PointsSample)| {
-        a.time.to_bits() == b.time.to_bits() && array(&a.points, &b.points) && optional(&a.normals, &b.normals)
+        a.time.to_bits() == b.time.to_bits()
+            && array(&a.points, &b.points)
+            && optional(&a.normals, &b.normals)
+            && optional(&a.widths, &b.widths)
     };
     optional(&a.velocities, &b.velocities)
         && optional(&a.accelerations, &b.accelerations)

@@ -138,7 +138,7 @@ fn try_refine(
     let at_key = |(pose, mut facets): (&Pose, Facets)| {
         let (normals, _) = displace(&mut facets, &desc, &mut DroppedData::default());
         let points = facets.positions.as_chunks::<3>().0.to_vec();
-        Pose { time: pose.time, points, normals: Some(TypedArray::of(normals)) }
+        Pose { normals: Some(TypedArray::of(normals)), ..Pose::at(pose.time, points) }
     };
     let poses = poses.iter().zip(moved).map(at_key).collect();
     let values = TypedArray::of(normals);

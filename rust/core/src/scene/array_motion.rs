@@ -142,6 +142,14 @@ impl ArrayMotion {
         }
     }
 
+    /// Times of its keys.
+    pub(crate) fn times(&self) -> Vec<f64> {
+        match self {
+            Self::Samples(samples) => samples.iter().map(|sample| sample.time).collect(),
+            Self::Velocities { keys, .. } => (0..*keys).map(|key| key as f64 / (*keys as f64 - 1.0)).collect(),
+        }
+    }
+
     /// The placers of the keys, given that of the arrays themselves.
     #[expect(clippy::cast_possible_truncation, reason = "keys have times in single precision")]
     pub(crate) fn placers<'a>(&'a self, arrays: &'a InstanceArrays, placer: &Placer<'a>) -> Vec<KeyPlacer<'a>> {

@@ -17,7 +17,7 @@ use super::report::Reports;
 use super::resolve::{GroupId, PlanGroup, PlanMember, PlanTarget};
 use super::run::{Run, RunSpec, TransformKey};
 use super::snapshot::{SceneCounts, SceneFeatures, Snapshot, SurfaceTables};
-use crate::desc::{InstancedBy, InstancerMotion, LightDesc, LightKind, PrimDesc};
+use crate::desc::{InstancedBy, LightDesc, LightKind, TransformSample};
 use crate::mesh::{Aabb, LeafKind, SceneMesh};
 
 /// The origin moves when the scene's centre is farther from it than this many times the scene's half size.
@@ -142,19 +142,6 @@ pub(crate) fn shining(
             let entry = instancers.get(&by.instancer);
             entry.is_some_and(|entry| entry.desc.prototypes.iter().any(|p| p.root == by.prototype_root))
         };
-        let moves = |prim: &PrimDesc| prim.motion.windows(2).any(|pair| pair[0].transform != pair[1].transform);
-        let is_moved = |by: &InstancedBy| {
-            instancers.get(&by.instancer).is_some_and(|entry| {
-                let InstancerMotion { samples, velocities, .. } = &entry.desc.motion;
-                moves(&entry.desc.prim) || !samples.is_empty() || velocities.is_some()
-            })
-        };
-        let by = &desc.prim.instanced_by;
-        if !by.is_empty() && (moves(&desc.prim) || by.iter().any(is_moved)) {
-            let text = "the light of a prototype moves while the shutter is open, which is not blurred: it stays where \
-                        it is at the frame's own time";
-            reports.note(path, text.to_owned());
-        }
         reports.of(path).missing_instancers += desc.prim.instanced_by.iter().filter(|by| !is_there(by)).count() as u64;
         let place =
             |transform: &DAffine3, out: &mut Vec<Light>, reports: &mut Reports| match Light::placed(desc, transform) {
@@ -162,21 +149,28 @@ pub(crate) fn shining(
                 Some(light) => out.push(Light { light_link, shadow_link, ..light }),
                 None => reports.of(path).lights += 1,
             };
-        if desc.prim.instanced_by.is_empty() {
+        let mut refused = None;
+        let mut place_moving = |transform: &DAffine3, samples: &[TransformSample], reports: &mut Reports| {
             let placed_before = out.len();
-            place(&DAffine3::from_mat4(desc.prim.transform), &mut out, reports);
+            place(transform, &mut out, reports);
             for light in out.iter_mut().skip(placed_before) {
-                match LightMotion::new(desc, light) {
+                match LightMotion::new(desc, light, samples) {
                     Ok(motion) => light.motion = motion.map(Arc::new),
-                    Err(why) => reports.note(path, format!("the light does not move: {why}")),
+                    Err(why) => refused = Some(why),
                 }
             }
-            continue;
+        };
+        if desc.prim.instanced_by.is_empty() {
+            place_moving(&DAffine3::from_mat4(desc.prim.transform), &desc.prim.motion, reports);
+        } else {
+            let (places, is_cut) = placements(&desc.prim, instancers, MAX_INSTANCED_LIGHTS - instanced);
+            instanced += places.len();
+            places.iter().for_each(|place| place_moving(&place.world, &place.samples, reports));
+            reports.of(path).instanced_lights += u64::from(is_cut);
         }
-        let (places, is_cut) = placements(&desc.prim, instancers, MAX_INSTANCED_LIGHTS - instanced);
-        instanced += places.len();
-        places.iter().for_each(|transform| place(transform, &mut out, reports));
-        reports.of(path).instanced_lights += u64::from(is_cut);
+        if let Some(why) = refused {
+            reports.note(path, format!("the light does not move: {why}"));
+        }
     }
     (out, links)
 }

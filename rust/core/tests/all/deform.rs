@@ -12,7 +12,12 @@ use crate::support::{grid, polygons};
 type Points = Vec<[f32; 3]>;
 
 fn samples(all: Vec<(f64, Points)>) -> PointsMotion {
-    let sample = |(time, points): (f64, Points)| PointsSample { time, points: TypedArray::of(points), normals: None };
+    let sample = |(time, points): (f64, Points)| PointsSample {
+        time,
+        points: TypedArray::of(points),
+        normals: None,
+        widths: None,
+    };
     PointsMotion { samples: all.into_iter().map(sample).collect(), ..PointsMotion::default() }
 }
 

@@ -24,6 +24,7 @@ mod clusters;
 mod convergence;
 #[cfg(test)]
 mod deform;
+mod deform_curves;
 #[cfg(test)]
 mod described;
 mod dicing;

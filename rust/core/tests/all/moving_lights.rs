@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Lights that move: bounds that hold them at every time, motion that cannot be used, and what is no motion.
 
+use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
-use glam::{DMat3, DMat4, DVec3};
-use oocpt_core::scene::{InstancedBy, LightMotion, MAX_KEYS, map_at};
+use glam::{DMat3, DMat4, DVec3, DVec4};
+use oocpt_core::scene::{InstancerDesc, Light, LightMotion, MAX_KEYS, map_at};
 use oocpt_core::{DomeFormat, LightDesc, LightKind, SceneDb, TransformSample, TypedArray};
 
-use crate::support::{prim, scatter};
+use crate::support::{by, prim, scatter};
 
 /// Transforms at times.
 type Maps<'a> = &'a [(f64, DMat4)];
@@ -103,7 +104,7 @@ fn motion_that_cannot_be_used_is_one_message_and_the_light_stays() {
 }
 
 #[test]
-fn what_shows_no_motion_has_none_and_prototypes_say_so() {
+fn what_shows_no_motion_has_none() {
     let turn = [(0.0, DMat4::IDENTITY), (1.0, DMat4::from_rotation_x(1.0))];
     let sky = LightKind::Dome { texture: None, format: DomeFormat::Latlong };
     let (motion, said) = moved(|db| db.upsert_light(lamp(sky, &turn)));
@@ -118,19 +119,101 @@ fn what_shows_no_motion_has_none_and_prototypes_say_so() {
     assert_eq!(motion.keys.len(), MAX_KEYS);
     let last = motion.radiance.last().copied().unwrap_or_default();
     assert!((last - 0.25).abs() < 1e-6, "a quarter for four times the area: {last}");
-    // In a prototype, of an instancer that moves or by itself.
-    for own in [true, false] {
-        let (motion, said) = moved(|db| {
-            let mut desc = lamp(ball(), if own { &turn } else { &[] });
-            desc.prim.instanced_by = vec![InstancedBy { instancer: "/row".into(), prototype_root: "/lamp".into() }];
-            db.upsert_light(desc);
-            let mut row = scatter("/row", &[[0.0; 3]], &[("/lamp", &[0])]);
-            row.motion.seconds = [0.0, 1.0];
-            row.motion.velocities = (!own).then(|| TypedArray::of(vec![[1.0_f32; 3]]));
-            db.upsert_instancer(row);
-        });
-        assert!(motion.is_none(), "not yet");
-        let [said] = &said[..] else { panic!("{own}: {said:?}") };
-        assert!(said.starts_with("/lamp: ") && said.contains("prototype moves"), "{said}");
+}
+
+/// The motions of all lights of a ball in `/row`, and what was said.
+fn of_prototype(own: Maps<'_>, instancers: impl IntoIterator<Item = InstancerDesc>) -> (Vec<Light>, Vec<String>) {
+    let mut db = SceneDb::new();
+    let mut desc = lamp(ball(), own);
+    desc.prim.transform = own.first().map_or(ARM, |(_, transform)| *transform);
+    desc.prim.instanced_by = vec![by("/row", "/lamp")];
+    db.upsert_light(desc);
+    instancers.into_iter().for_each(|instancer| db.upsert_instancer(instancer));
+    let commit = db.commit();
+    (commit.snapshot.lights.clone(), commit.warnings.iter().map(|w| format!("{}: {}", w.path, w.message)).collect())
+}
+
+const ARM: DMat4 = DMat4::from_cols(DVec4::X, DVec4::Y, DVec4::Z, DVec4::new(2.0, 0.0, 0.0, 1.0));
+
+fn row(maps: Maps<'_>) -> InstancerDesc {
+    let mut row = scatter("/row", &[[0.0; 3], [0.0, 10.0, 0.0]], &[("/lamp", &[0, 1])]);
+    row.prim.transform = maps.first().map_or(DMat4::IDENTITY, |(_, transform)| *transform);
+    row.prim.motion =
+        maps.iter().map(|(time, transform)| TransformSample { time: *time, transform: *transform }).collect();
+    row
+}
+
+/// Compares where the lights' centres are with `way(light, time)`.
+fn follows(what: &str, (lights, said): (Vec<Light>, Vec<String>), way: impl Fn(usize, f64) -> DVec3, bound: f64) {
+    assert!(said.is_empty(), "{what}: {said:?}");
+    assert_eq!(lights.len(), 2, "{what}");
+    for (light, number) in lights.iter().zip(0..) {
+        let motion = light.motion.as_ref().expect("it moves");
+        for step in 0..=1000 {
+            let time = f64::from(step) / 1000.0;
+            let (at, known) = (map_at(&motion.keys, time).translation, way(number, time));
+            assert!(at.distance(known) <= bound, "{what}, {number} at {time}: {at}, not {known}");
+        }
     }
+}
+
+#[test]
+fn lights_of_prototypes_move_with_all_that_they_are_in() {
+    let up = |number: usize| DVec3::Y * 10.0 * number as f64;
+    let on_arm = |angle: f64| 2.0 * DVec3::new(angle.cos(), angle.sin(), 0.0);
+    let slide = |x: f64| DMat4::from_translation(DVec3::X * x);
+    // By itself.
+    let own = [(0.0, slide(1.0)), (0.5, slide(3.0)), (1.0, slide(2.0))];
+    let x = |time: f64| if time < 0.5 { 1.0 + 4.0 * time } else { 4.0 - 2.0 * time };
+    follows("its own", of_prototype(&own, [row(&[])]), |n, time| DVec3::X * x(time) + up(n), 1e-9);
+    // By velocities, which accelerate: four straight pieces.
+    let mut blown = row(&[]);
+    blown.motion.seconds = [-0.5, 0.5];
+    blown.motion.velocities = Some(TypedArray::of(vec![[0.0_f32, 0.0, 2.0], [0.0, 0.0, -4.0]]));
+    let rate = |n: usize| if n == 0 { 2.0 } else { -4.0 };
+    let lights = of_prototype(&[], [blown.clone()]);
+    assert!(lights.0.iter().all(|light| light.motion.as_ref().is_some_and(|m| m.keys.len() == 2)), "as few keys");
+    follows("velocities", lights, |n, time| DVec3::new(2.0, 0.0, rate(n) * (time - 0.5)) + up(n), 1e-6);
+    blown.motion.accelerations = Some(TypedArray::of(vec![[0.0_f32, 8.0, 0.0]; 2]));
+    let fall = |time: f64| 4.0 * (time - 0.5) * (time - 0.5);
+    let way = |n: usize, time: f64| DVec3::new(2.0, fall(time), rate(n) * (time - 0.5)) + up(n);
+    // Of the parabola's height over a quarter: 4 / 4^2 / 4.
+    follows("accelerations", of_prototype(&[], [blown]), way, 0.0626);
+    // On an arm of an instancer that turns: along the arc.
+    let turned = |angle: f64| DMat4::from_rotation_z(angle);
+    let turning = || row(&[(0.0, turned(0.0)), (1.0, turned(FRAC_PI_2))]);
+    let arc = |n: usize, time: f64| turned(FRAC_PI_2 * time).transform_point3(on_arm(0.0) + up(n));
+    // A quarter turn in fifteen pieces: (1 - cos(3 degrees)) of the arm; 15 pieces in two halves: of 3.2 degrees.
+    follows("an arm", of_prototype(&[], [turning()]), arc, 0.0014 * 10.2);
+    // All at once, and in an instancer that moves.
+    let mut inner = turning();
+    inner.prim.instanced_by = vec![by("/outer", "/row")];
+    inner.motion.seconds = [0.0, 1.0];
+    inner.motion.velocities = Some(TypedArray::of(vec![[0.0_f32, 0.0, 3.0]; 2]));
+    let mut outer = scatter("/outer", &[[5.0, 0.0, 0.0]], &[("/row", &[0])]);
+    outer.prim.motion =
+        [(0.0, 0.0), (1.0, -7.0)].map(|(time, x)| TransformSample { time, transform: slide(x) }).to_vec();
+    let all = |n: usize, time: f64| {
+        let in_row = DVec3::X * x(time) + up(n) + DVec3::Z * 3.0 * time;
+        turned(FRAC_PI_2 * time).transform_point3(in_row) + DVec3::X * (5.0 - 7.0 * time)
+    };
+    follows("all", of_prototype(&own, [inner, outer]), all, 0.0016 * 10.5);
+}
+
+#[test]
+fn of_motion_that_cannot_be_used_only_its_light_stays() {
+    let still = |(lights, said): &(Vec<Light>, Vec<String>)| {
+        assert!(lights.len() == 2 && lights.iter().all(|light| light.motion.is_none()), "they stay");
+        said.clone()
+    };
+    let said = still(&of_prototype(&[(0.0, ARM), (1.0, DMat4::NAN)], [row(&[])]));
+    assert!(said.len() <= 1, "{said:?}");
+    let said = still(&of_prototype(&[], [row(&[(0.0, DMat4::IDENTITY), (1.0, DMat4::NAN)])]));
+    assert!(said.len() <= 1, "{said:?}");
+    let mut nan = row(&[]);
+    nan.motion.seconds = [0.0, 1.0];
+    nan.motion.velocities = Some(TypedArray::of(vec![[f32::NAN, 0.0, 0.0], [0.0, 1.0, 0.0]]));
+    let (lights, _) = of_prototype(&[], [nan]);
+    let moves: Vec<bool> = lights.iter().map(|light| light.motion.is_some()).collect();
+    assert_eq!(moves, [false, true], "one instance has a velocity that can be used");
 }

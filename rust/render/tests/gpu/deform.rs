@@ -2,12 +2,12 @@
 //! Points that move while the shutter is open: against closed forms, against the mean of still pictures, and the same
 //! bits in core and streaming.
 
-use crate::scenes::{constant, deforming, dome, mesh, prim, sphere, square, sun};
+use crate::scenes::{constant, deforming, dome, mesh, prim, sphere, square, sun, turning, widening};
 use crate::streaming::DEFORMING;
 use crate::support::{color_request, images, orthographic, perspective, read, render, request, session, settings};
 use glam::{DMat4, DVec3, Vec3};
 use oocpt_core::TypedArray;
-use oocpt_core::scene::{MeshDesc, PointsMotion, SceneDb, Shape, Subdivision};
+use oocpt_core::scene::{CurveBasis, CurveWrap, CurvesDesc, MeshDesc, PointsMotion, SceneDb, Shape, Subdivision};
 use oocpt_core::settings::Settings;
 use oocpt_render::AovKind;
 
@@ -100,6 +100,66 @@ fn balls_that_move_leave_a_streak() {
     let slide = |p: Vec3, time: f64| p + Vec3::X * (2.0 * time as f32 - 1.0);
     let met = coverage(deforming(ball, &[0.0, 1.0], &slide));
     agree("a ball", &met, |x, y, time| (x + 1.0 - 2.0 * time).hypot(y) <= 0.25);
+}
+
+/// A linear curve between two points.
+fn line(from: [f32; 3], to: [f32; 3]) -> MeshDesc {
+    let curves = CurvesDesc {
+        basis: CurveBasis::Linear,
+        wrap: CurveWrap::Nonperiodic,
+        counts: TypedArray::of(vec![2_i32]),
+        indices: None,
+    };
+    MeshDesc {
+        shape: Shape::Curves(curves),
+        points: TypedArray::of(vec![from, to]),
+        ..mesh(prim("/line", DMat4::IDENTITY), 1, Vec::new(), &[], 0.5)
+    }
+}
+
+#[test]
+#[expect(clippy::cast_possible_truncation, reason = "widths and positions")]
+fn balls_and_tubes_grow_by_their_widths() {
+    let width = |time: f64| 0.2 + 1.0 * time as f32;
+    let radius = |time: f64| f64::from(width(time)) / 2.0;
+    let ball = MeshDesc {
+        shape: Shape::Points,
+        points: TypedArray::of(vec![[0.0_f32; 3]]),
+        ..mesh(prim("/ball", DMat4::IDENTITY), 1, Vec::new(), &[], 0.5)
+    };
+    let met = coverage(widening(deforming(ball.clone(), &[0.0, 1.0], &|p, _| p), &width));
+    agree("a ball at rest", &met, |x, y, time| x.hypot(y) <= radius(time));
+    let slide = |p: Vec3, time: f64| p + Vec3::X * (2.0 * time as f32 - 1.0);
+    let met = coverage(widening(deforming(ball, &[0.0, 1.0], &slide), &width));
+    agree("a ball", &met, |x, y, time| (x + 1.0 - 2.0 * time).hypot(y) <= radius(time));
+    let tube = line([-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]);
+    let met = coverage(widening(deforming(tube, &[0.0, 1.0], &|p, _| p), &width));
+    agree("a tube", &met, |x, y, time| (x.abs() - 0.5).max(0.0).hypot(y) <= radius(time));
+}
+
+#[test]
+#[expect(clippy::cast_possible_truncation, reason = "widths and positions")]
+fn ribbons_slide_widen_and_turn() {
+    let blade = || line([0.0, -0.4, 0.0], [0.0, 0.4, 0.0]);
+    let slide = |p: Vec3, time: f64| p + Vec3::X * (2.0 * time as f32 - 1.0);
+    let front = |_: f64| Vec3::Z;
+    let met = coverage(turning(widening(deforming(blade(), &[0.0, 1.0], &slide), &|_| 0.5), &front));
+    agree("sliding", &met, |x, y, time| (x + 1.0 - 2.0 * time).abs() <= 0.25 && y.abs() <= 0.4);
+    let wider = |time: f64| 0.2 + 2.0 * time as f32;
+    let met = coverage(turning(widening(deforming(blade(), &[0.0, 1.0], &|p, _| p), &wider), &front));
+    agree("widening", &met, |x, y, time| x.abs() <= 0.1 + time && y.abs() <= 0.4);
+    // Its edges go along straight lines from across the view to along it.
+    let aside = |time: f64| if time < 0.5 { Vec3::Z } else { Vec3::X };
+    let met = coverage(turning(widening(deforming(blade(), &[0.0, 1.0], &|p, _| p), &|_| 3.0), &aside));
+    agree("turning", &met, |x, y, time| x.abs() <= 1.5 * (1.0 - time) && y.abs() <= 0.4);
+    let motion = PointsMotion {
+        velocities: Some(TypedArray::of(vec![[2.0_f32, 0.0, 0.0]; 2])),
+        seconds: [-0.5, 0.5],
+        ..PointsMotion::default()
+    };
+    let blown = MeshDesc { widths: constant(0.5_f32), normals: constant([0.0, 0.0, 1.0]), ..blade() };
+    let met = coverage(MeshDesc { point_motion: motion, ..blown });
+    agree("velocities", &met, |x, y, time| (x + 1.0 - 2.0 * time).abs() <= 0.25 && y.abs() <= 0.4);
 }
 
 /// A ball that is squeezed, as a smooth surface or facets, and a floor, lit by a sky and a sun, as they are from

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The image `motion`, against where points are by closed forms in f64: cameras, placements and points that move.
 
-use crate::scenes::{constant, deforming, mesh, prim, square};
+use crate::scenes::{constant, deforming, mesh, prim, square, widening};
 use crate::support::{orthographic, perspective, read, render, request, session, settings};
 use glam::{DMat4, DVec3, DVec4, Vec3};
 use oocpt_core::TypedArray;
@@ -152,10 +152,12 @@ fn a_camera_that_goes_and_turns_moves_what_is_at_rest_and_what_is_not() {
 }
 
 #[test]
+#[expect(clippy::cast_possible_truncation, reason = "widths")]
 fn points_that_move_take_surfaces_and_balls_along() {
     // p(t) = p + t * rate(p), with rates that are linear in p: known of any point between vertices.
     let rate = |p: DVec3| DVec3::new(0.8 * p.x, 0.5 * p.x - 0.3 * p.y, 0.4 * p.y);
     let points = vec![[0.4_f32, -0.8, 0.0], [1.9, 0.9, 0.2]];
+    let size = |time: f64| 0.8 + 0.5 * time;
     let centres: Vec<DVec3> = points.iter().map(|p| Vec3::from_array(*p).as_dvec3()).collect();
     let build = |db: &mut SceneDb| {
         let stretch = |p: Vec3, time: f64| (p.as_dvec3() + time * rate(p.as_dvec3())).as_vec3();
@@ -169,15 +171,16 @@ fn points_that_move_take_surfaces_and_balls_along() {
             widths: constant(0.9_f32),
             ..mesh(prim("/balls", DMat4::IDENTITY), 2, Vec::new(), &[], 0.5)
         };
-        db.upsert_mesh(deforming(balls, &[0.0, 1.0], &stretch));
+        db.upsert_mesh(widening(deforming(balls, &[0.0, 1.0], &stretch), &|time| 0.9 * size(time) as f32));
     };
-    // A ball keeps its size: all of it goes where its centre goes.
+    // A ball goes where its centre goes, and grows about it.
     let path = |id: i32, p: DVec3, time: f64| {
         let from_middle = time - 0.5;
         if id == 2 {
             let near = |c: &&DVec3| ((**c + 0.5 * rate(**c)) - p).length();
             let centre = centres.iter().min_by(|a, b| near(a).total_cmp(&near(b))).expect("two");
-            return p + from_middle * rate(*centre);
+            let middle = *centre + 0.5 * rate(*centre);
+            return middle + from_middle * rate(*centre) + (p - middle) * (size(time) / size(0.5));
         }
         // p = q + rate(q) / 2, solved row by row.
         let x = p.x / 1.4;
@@ -218,7 +221,8 @@ fn what_comes_from_behind_the_camera_has_no_vector_and_what_rests_is_nothing() {
 #[test]
 fn far_from_the_origin_vectors_are_as_good() {
     // A tenth of a unit at 10^6: a quarter of it would be lost in single precision.
-    let far = DMat4::from_translation(DVec3::new(1e6, -2e6, 1e6));
+    let way = DVec3::new(1e6, -2e6, 1e6);
+    let far = DMat4::from_translation(way);
     let (_, near) = &lookers()[0];
     let camera = Camera { world_from_view: far * near.world_from_view, ..near.clone() };
     let map = |time: f64| far * DMat4::from_translation(DVec3::X * 0.1 * time);
@@ -227,6 +231,8 @@ fn far_from_the_origin_vectors_are_as_good() {
         let flat = DMat4::from_rotation_x(FRAC_PI_2);
         desc.prim.motion = [0.0, 1.0].map(|t| sample(t, map(t) * flat)).to_vec();
         db.upsert_mesh(desc);
+        // The device counts from the middle of the scene: this one keeps it where it is.
+        db.upsert_mesh(card("/other", 2, DMat4::from_translation(-way)));
     };
     let path = |_: i32, p: DVec3, time: f64| p + DVec3::X * 0.1 * (time - 0.5);
     let moved = agree("far", (&camera, &camera), &|_| camera.world_from_view, build, &path);

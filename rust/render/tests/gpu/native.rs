@@ -6,7 +6,7 @@
 use crate::lights::TestFiles;
 use crate::motion::{falling, mill};
 use crate::scenes::{features, nested};
-use crate::streaming::{DEFORMING, MOVING, SCENES, smallest_budget};
+use crate::streaming::{DEFORMING, MOVING, MOVING_LAMPS, SCENES, smallest_budget};
 use crate::support::{self, perspective, read_all, render, request, settings};
 use glam::{DVec3, DVec4};
 use oocpt_core::inventory::TraversalUse;
@@ -95,6 +95,15 @@ fn what_moves_is_the_same_in_core_and_streaming() {
     same_bits(MOVING.name, MOVING.build, &small, false, &request);
     let tight = Settings { geometry_budget_kib: 2 * smallest_budget(&MOVING), ..small };
     same_bits(MOVING.name, MOVING.build, &tight, true, &request);
+}
+
+#[test]
+fn lights_that_move_are_the_same_in_core_and_streaming() {
+    let request = view(MOVING_LAMPS.eye, MOVING_LAMPS.target);
+    let small = Settings { chunk_size_kib: 16, ..settings(4, 3) };
+    same_bits(MOVING_LAMPS.name, MOVING_LAMPS.build, &small, false, &request);
+    let tight = Settings { geometry_budget_kib: 2 * smallest_budget(&MOVING_LAMPS), ..small };
+    same_bits(MOVING_LAMPS.name, MOVING_LAMPS.build, &tight, true, &request);
 }
 
 #[test]

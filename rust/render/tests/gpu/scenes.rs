@@ -125,10 +125,28 @@ pub(crate) fn deforming(desc: MeshDesc, times: &[f64], place: &dyn Fn(Vec3, f64)
         TypedArray::of((0..view.len()).map(placed).collect::<Vec<[f32; 3]>>())
     };
     let samples: Vec<_> =
-        times.iter().map(|&time| PointsSample { time, points: points(time), normals: None }).collect();
+        times.iter().map(|&time| PointsSample { time, points: points(time), normals: None, widths: None }).collect();
     let first = samples[0].points.clone();
     let samples = if samples.len() > 1 { samples } else { Vec::new() };
     MeshDesc { points: first, point_motion: PointsMotion { samples, ..PointsMotion::default() }, ..desc }
+}
+
+/// What [`deforming`] gives, with widths that change.
+pub(crate) fn widening(mut desc: MeshDesc, width: &dyn Fn(f64) -> f32) -> MeshDesc {
+    desc.widths = constant(width(desc.point_motion.samples[0].time));
+    for sample in &mut desc.point_motion.samples {
+        sample.widths = Some(TypedArray::of(vec![width(sample.time)]));
+    }
+    desc
+}
+
+/// What [`deforming`] gives, with normals that turn.
+pub(crate) fn turning(mut desc: MeshDesc, normal: &dyn Fn(f64) -> Vec3) -> MeshDesc {
+    desc.normals = constant(normal(desc.point_motion.samples[0].time).to_array());
+    for sample in &mut desc.point_motion.samples {
+        sample.normals = Some(TypedArray::of(vec![normal(sample.time).to_array()]));
+    }
+    desc
 }
 
 /// An instancer with one prototype.

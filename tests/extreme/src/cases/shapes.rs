@@ -108,8 +108,10 @@ fn posed(mesh: MeshDesc, poses: &[(f64, &dyn Fn(DVec3) -> DVec3)]) -> MeshDesc {
     let own: Vec<DVec3> = (0..view.len()).filter_map(|i| view.vec3(i)).collect();
     let points =
         |place: &dyn Fn(DVec3) -> DVec3| TypedArray::of(own.iter().map(|p| narrow(place(*p))).collect::<Vec<_>>());
-    let samples =
-        poses.iter().map(|(time, place)| PointsSample { time: *time, points: points(*place), normals: None }).collect();
+    let samples = poses
+        .iter()
+        .map(|(time, place)| PointsSample { time: *time, points: points(*place), normals: None, widths: None })
+        .collect();
     MeshDesc { point_motion: PointsMotion { samples, ..PointsMotion::default() }, ..mesh }
 }
 
@@ -175,6 +177,7 @@ pub(crate) fn run(lab: &mut Lab<'_>) {
         });
     }
     hostile(lab);
+    widths(lab);
     scales(lab);
     cages(lab);
     planes(lab);
@@ -208,6 +211,54 @@ fn hostile(lab: &mut Lab<'_>) {
             let shot = lab.shoot_warned(case, &stage, &eye(1.0).camera(), &way());
             lab.mean(case, "light that is left", 1.0, &shot, 0.0, None);
             warnings(lab, case, &shot.warnings, "/shape");
+        });
+    }
+}
+
+/// A ball, or a ribbon across the view, with widths at times.
+fn widening(ribbon: bool, all: &[(f64, f64)]) -> MeshDesc {
+    let mesh = if ribbon {
+        curve(CurveBasis::Linear, &straight(2, 1.0), 1.0)
+    } else {
+        shape(Shape::Points, &[DVec3::ZERO], 1.0)
+    };
+    let front = Primvar {
+        interpolation: Interpolation::Constant,
+        values: TypedArray::of(vec![[0.0_f32, 0.0, 1.0]]),
+        indices: None,
+    };
+    let sample = |(time, wide): &(f64, f64)| PointsSample {
+        time: *time,
+        points: mesh.points.clone(),
+        normals: None,
+        widths: width(*wide).map(|width| width.values),
+    };
+    let samples = all.iter().map(sample).collect();
+    let normals = ribbon.then_some(front);
+    MeshDesc { normals, point_motion: PointsMotion { samples, ..PointsMotion::default() }, ..mesh }
+}
+
+/// Widths that change: from nothing, in a moment, and in ways that make no sense, which leaves them as they are.
+fn widths(lab: &mut Lab<'_>) {
+    let ball = 1.0 - PI / 16.0;
+    let cases: [(&str, bool, Vec<(f64, f64)>, f64, f64); 7] = [
+        // Of the area of a disk whose radius grows evenly from 0 to 1 a third.
+        ("ball that grows from nothing", false, vec![(0.0, 0.0), (1.0, 2.0)], 1.0 - PI / 48.0, 0.0),
+        ("ribbon that goes to nothing", true, vec![(0.0, 3.0), (1.0, 0.0)], 1.0 - 6.0 / 16.0, 0.0),
+        ("ball of 1e9, over in a moment", false, vec![(0.0, 1e9), (1e-5, 2.0)], ball, 0.0),
+        ("widths at 1e-30", false, vec![(0.0, 1e-30), (1.0, 2e-30)], 1.0, 0.0),
+        ("NaN width", false, vec![(0.0, 2.0), (1.0, f64::NAN)], 1.0 - PI / 64.0, 1.0),
+        ("negative width", true, vec![(0.0, 1.0), (1.0, -1.0)], 1.0 - 4.0 / 16.0, 1.0),
+        ("infinite width", true, vec![(0.0, f64::INFINITY), (1.0, 1.0)], 1.0 - 4.0 / 16.0, 1.0),
+    ];
+    for (name, ribbon, all, left, said) in cases {
+        lab.case(&format!("shapes/{name}"), |lab, case| {
+            let stage = lab.bench.stage(|db| sky(db, widening(ribbon, &all)));
+            let shot = lab.shoot_warned(case, &stage, &eye(1.0).camera(), &way());
+            lab.mean(case, "light that is left", left, &shot, 3e-3, None);
+            #[expect(clippy::cast_precision_loss, reason = "a few")]
+            let warned = shot.warnings.iter().filter(|text| text.contains("widths")).count() as f64;
+            lab.number(case, "warnings", said, warned, 0.0);
         });
     }
 }

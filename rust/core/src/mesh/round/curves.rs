@@ -6,9 +6,8 @@
 //! [`TOLERANCE`] of the dicing rate where the curve is nearest. Thick curves, whose bends show in their shading, turn
 //! by at most [`THICK_TURN`] from piece to piece.
 
-use glam::{DVec3, DVec4, Vec3};
+use glam::{DVec3, DVec4};
 
-use super::super::deform::Pose;
 use super::super::dicing::Dicing;
 use super::basis::{Segment, segments, varying_count};
 use super::{DEFAULT_WIDTH, is_width, point};
@@ -56,7 +55,10 @@ pub(super) struct Cut {
     pub(super) radii: Vec<f32>,
     pub(super) stencils: Vec<Stencil>,
     /// Unit directions of the curves, for ribbons.
-    tangents: Vec<DVec3>,
+    pub(super) tangents: Vec<DVec3>,
+    /// Weights of the stencils' points in these directions, of what moves.
+    pub(super) slopes: Vec<[f64; 4]>,
+    moves: bool,
     /// Values that a varying primvar must have.
     pub(super) varying_count: usize,
     /// Curve of each point.
@@ -64,12 +66,6 @@ pub(super) struct Cut {
     /// Most pieces of a segment, and whether some segment would have more.
     most_pieces: u32,
     is_coarse: bool,
-}
-
-/// The points of ribbons, two for each point of the cut, and their normals.
-pub(super) struct Ribbon {
-    pub(super) points: Vec<[f32; 3]>,
-    pub(super) normals: Primvar,
 }
 
 /// A curve while it is cut.
@@ -82,13 +78,20 @@ struct Curve<'a> {
 }
 
 /// Radii by whatever widths go by.
-struct Radii<'a> {
+pub(super) struct Radii<'a> {
     interpolation: Interpolation,
     view: Option<ArrayView<'a>>,
 }
 
 impl Cut {
-    pub(super) fn new(desc: &MeshDesc, curves: &CurvesDesc, dicing: &Dicing, dropped: &mut DroppedData) -> Self {
+    /// `moves`: it will be asked for poses.
+    pub(super) fn new(
+        desc: &MeshDesc,
+        curves: &CurvesDesc,
+        dicing: &Dicing,
+        moves: bool,
+        dropped: &mut DroppedData,
+    ) -> Self {
         let counts = curves.counts.view();
         let indices = curves.indices.as_ref().map(TypedArray::view).filter(|indices| !indices.is_empty());
         let is_int = |view: &ArrayView<'_>| view.is_empty() || view.element() == ElementType::I32;
@@ -99,7 +102,7 @@ impl Cut {
         let points = desc.points.view();
         let available = indices.map_or(points.len(), |indices| indices.len());
         let radii = Radii::of(desc.widths.as_ref(), dropped);
-        let mut cut = Self { curve_count: counts.len(), most_pieces: most_pieces(available), ..Self::default() };
+        let mut cut = Self { curve_count: counts.len(), most_pieces: most_pieces(available), moves, ..Self::default() };
         let (mut first, mut vertices) = (0_usize, Vec::new());
         for (at, number) in (0..counts.len()).zip(0_u32..) {
             let Ok(count) = usize::try_from(counts.index(at).unwrap_or(-1)) else {
@@ -174,8 +177,12 @@ impl Cut {
                     self.piece(self.points.len() - 1, start, curve.number);
                     continue;
                 }
-                let tangent = sum(segment, segment.slopes(desc.basis, t), along).truncate();
+                let slopes = segment.slopes(desc.basis, t);
+                let tangent = sum(segment, slopes, along).truncate();
                 self.push(place, tangent, stencil, curve.number);
+                if self.moves {
+                    self.slopes.push(slopes);
+                }
                 if piece > 0 {
                     self.piece(self.points.len() - 2, self.points.len() - 1, curve.number);
                 }
@@ -189,19 +196,6 @@ impl Cut {
         }
     }
 
-    /// The points of the cut at poses of the prim's: a curve is the same sum of its control points at any time.
-    pub(super) fn posed(&self, poses: &[Pose]) -> Vec<Pose> {
-        let pose = |pose: &Pose| {
-            let point = |(at, weight): (u32, f32)| {
-                let point = pose.points.get(at as usize).copied().unwrap_or_default();
-                if weight == 0.0 { DVec3::ZERO } else { Vec3::from(point).as_dvec3() * f64::from(weight) }
-            };
-            let place = |stencil: &Stencil| stencil.vertex.into_iter().map(point).sum::<DVec3>().as_vec3().to_array();
-            Pose { time: pose.time, points: self.stencils.iter().map(place).collect(), normals: None }
-        };
-        poses.iter().map(pose).collect()
-    }
-
     #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
     fn push(&mut self, place: DVec4, tangent: DVec3, stencil: Stencil, curve: u32) {
         self.points.push(place.truncate().as_vec3().to_array());
@@ -210,30 +204,6 @@ impl Cut {
         self.tangents.push(tangent.normalize_or_zero());
         self.stencils.push(stencil);
         self.curves.push(curve);
-    }
-
-    /// The cut as ribbons, if the prim has normals that can be used.
-    pub(super) fn ribbon(&self, desc: &MeshDesc, dropped: &mut DroppedData) -> Option<Ribbon> {
-        let primvar = desc.normals.as_ref()?;
-        let (width, floats) = super::values::on_points(primvar, desc, self, dropped)?;
-        let (normals, _) = floats.as_chunks::<3>();
-        if width != 3 || normals.len() != self.points.len() {
-            dropped.primvars += 1;
-            return None;
-        }
-        let (mut points, mut out) = (Vec::new(), Vec::new());
-        for (((point, radius), tangent), normal) in self.points.iter().zip(&self.radii).zip(&self.tangents).zip(normals)
-        {
-            let normal = DVec3::from(normal.map(f64::from));
-            let side = tangent.cross(normal).normalize_or_zero() * f64::from(*radius);
-            let center = DVec3::from(point.map(f64::from));
-            points.extend([center - side, center + side].map(|p| p.as_vec3().to_array()));
-            // What is seen is perpendicular to the ribbon.
-            let across = side.cross(*tangent).normalize_or(normal.normalize_or(DVec3::Z));
-            out.extend([across.as_vec3().to_array(); 2]);
-        }
-        let normals = Primvar { interpolation: Interpolation::Vertex, values: TypedArray::of(out), indices: None };
-        Some(Ribbon { points, normals })
     }
 }
 
@@ -282,7 +252,7 @@ fn stencil(segment: &Segment, weights: [f64; 4], number: usize, t: f64, curve: &
 }
 
 impl<'a> Radii<'a> {
-    fn of(primvar: Option<&'a Primvar>, dropped: &mut DroppedData) -> Self {
+    pub(super) fn of(primvar: Option<&'a Primvar>, dropped: &mut DroppedData) -> Self {
         let usable = primvar.filter(|p| p.values.view().scalar(0).is_some() && p.indices.is_none());
         dropped.primvars += u64::from(primvar.is_some() && usable.is_none());
         let one = |p: &Primvar| if p.values.len() == 1 { Interpolation::Constant } else { p.interpolation };
@@ -303,11 +273,31 @@ impl<'a> Radii<'a> {
         self.view.is_some_and(|view| view.len() < needed)
     }
 
+    fn width(&self, at: usize) -> f64 {
+        let Some(view) = &self.view else { return DEFAULT_WIDTH };
+        view.scalar(at).or(view.scalar(0)).filter(|width| is_width(*width)).unwrap_or(0.0)
+    }
+
+    /// Radius at a point of the cut; 0 where a spline is negative.
+    pub(super) fn at_stencil(&self, stencil: &Stencil, curve: u32) -> f64 {
+        let width = match self.interpolation {
+            Interpolation::Constant | Interpolation::Instance => self.width(0),
+            Interpolation::Uniform => self.width(curve as usize),
+            Interpolation::Vertex => {
+                stencil.vertex.iter().map(|&(at, weight)| self.width(at as usize) * f64::from(weight)).sum()
+            }
+            Interpolation::Varying | Interpolation::FaceVarying => {
+                let [a, b] = stencil.varying.map(|at| self.width(at as usize));
+                a + (b - a) * f64::from(stencil.along)
+            }
+        };
+        (0.5 * width).max(0.0)
+    }
+
     /// Radius at a vertex, or so many segments along a curve. What is missing is as wide as the first, what makes no
     /// sense has no width.
     fn at(&self, point: usize, along: f64, curve: &Curve<'_>) -> f64 {
-        let Some(view) = &self.view else { return 0.5 * DEFAULT_WIDTH };
-        let width = |at: usize| view.scalar(at).or(view.scalar(0)).filter(|width| is_width(*width)).unwrap_or(0.0);
+        let width = |at: usize| self.width(at);
         0.5 * match self.interpolation {
             Interpolation::Constant | Interpolation::Instance => width(0),
             Interpolation::Uniform => width(curve.number as usize),
@@ -343,10 +333,10 @@ mod tests {
         let desc = MeshDesc { points: TypedArray::of(points), ..MeshDesc::default() };
         let near = Dicing { pixels: 2.0, density: 1e12, ..Dicing::default() };
         let mut dropped = DroppedData::default();
-        let cut = Cut::new(&desc, &curves, &near, &mut dropped);
+        let cut = Cut::new(&desc, &curves, &near, false, &mut dropped);
         assert_eq!((cut.pieces.len(), dropped.coarse_meshes), (2 * 128, 1), "two segments, cut as all would be");
         let mut dropped = DroppedData::default();
-        let cut = Cut::new(&desc, &curves, &Dicing { density: 1.0, ..near }, &mut dropped);
+        let cut = Cut::new(&desc, &curves, &Dicing { density: 1.0, ..near }, false, &mut dropped);
         assert_eq!(dropped.coarse_meshes, 0, "far away {} pieces are enough", cut.pieces.len());
     }
 }

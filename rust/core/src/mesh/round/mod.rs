@@ -2,12 +2,13 @@
 //! Curves and points: round things ([`super::LeafKind::Rounds`]), or ribbons of triangles. Pure.
 //!
 //! [`basis`] says how control points make a curve, [`curves`] cuts curves into pieces, [`values`] brings primvars
-//! along. A piece of a tube is the hull of the balls at its ends, so pieces fit without a gap, and linear curves are
-//! exact. A piece of a cubic curve is straight: [`curves`] says how far it is from the curve. A point is a ball, a
-//! piece of no length.
+//! along, [`posed`] says where they are at other times. A piece of a tube is the hull of the balls at its ends, so
+//! pieces fit without a gap, and linear curves are exact. A piece of a cubic curve is straight: [`curves`] says how far
+//! it is from the curve. A point is a ball, a piece of no length.
 
 mod basis;
 mod curves;
+mod posed;
 mod values;
 
 use super::WantedPrimvar;
@@ -18,7 +19,8 @@ use super::topology::{Face, MAX_COORDINATE, MAX_CORNERS, Topology};
 use crate::array::ArrayView;
 use crate::desc::{DroppedData, Interpolation, MeshDesc, NamedPrimvar, Primvar, Shape};
 use crate::material::ACROSS_NAME;
-use curves::{Cut, Ribbon};
+use curves::Cut;
+use posed::Ribbon;
 
 /// Width of curves and points that have none.
 const DEFAULT_WIDTH: f64 = 1.0;
@@ -32,7 +34,7 @@ pub(crate) struct Rounds {
     pub(crate) desc: MeshDesc,
     /// Radius at each of the topology's points; none for ribbons.
     pub(crate) radii: Option<Vec<f32>>,
-    /// At the keys of what moves; none for ribbons.
+    /// At the keys of what moves.
     pub(crate) poses: Vec<Pose>,
 }
 
@@ -53,12 +55,15 @@ pub(crate) fn read_rounds(
     };
     match &desc.shape {
         Shape::Mesh => None,
-        Shape::Points if points(dropped) => Some(Rounds { poses: poses.to_vec(), ..read_points(desc, &view, dropped) }),
+        Shape::Points if points(dropped) => Some(read_points(desc, &view, poses, dropped)),
         Shape::Curves(curves) if points(dropped) => {
-            let cut = Cut::new(desc, curves, dicing, dropped);
+            let cut = Cut::new(desc, curves, dicing, !poses.is_empty(), dropped);
             Some(match cut.ribbon(desc, dropped) {
-                Some(ribbon) => as_ribbons(desc, wanted, &cut, &ribbon, dropped),
-                None => Rounds { poses: cut.posed(poses), ..as_tubes(desc, wanted, cut, dropped) },
+                Some(ribbon) => {
+                    let poses = poses.iter().filter_map(|pose| cut.ribbon_at(desc, pose)).collect();
+                    Rounds { poses, ..as_ribbons(desc, wanted, &cut, &ribbon, dropped) }
+                }
+                None => as_tubes(desc, wanted, cut, poses, dropped),
             })
         }
         _ => Some(nothing(desc)),
@@ -77,14 +82,15 @@ fn point(view: &ArrayView<'_>, at: usize) -> Option<[f32; 3]> {
 }
 
 /// A usable width.
-fn is_width(width: f64) -> bool {
+pub(super) fn is_width(width: f64) -> bool {
     (0.0..=MAX_COORDINATE).contains(&width)
 }
 
 /// Balls.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
-fn read_points(desc: &MeshDesc, view: &ArrayView<'_>, dropped: &mut DroppedData) -> Rounds {
+fn read_points(desc: &MeshDesc, view: &ArrayView<'_>, poses: &[Pose], dropped: &mut DroppedData) -> Rounds {
     let widths = Widths::of_points(desc.widths.as_ref(), view.len(), dropped);
+    let poses: Vec<Pose> = poses.iter().map(|pose| widened(desc, pose, view.len())).collect();
     let (mut topology, mut radii) = (Topology { face_count: view.len(), ..Topology::default() }, Vec::new());
     for (at, index) in (0..view.len()).zip(0_u32..) {
         let width = widths.at(at);
@@ -92,7 +98,7 @@ fn read_points(desc: &MeshDesc, view: &ArrayView<'_>, dropped: &mut DroppedData)
         topology.points.push(point(view, at).unwrap_or_default());
         if point(view, at).is_none() || !is_width(width) {
             dropped.points += 1;
-        } else if width > 0.0 {
+        } else if width > 0.0 || poses.iter().any(|pose| has_width(pose, at)) {
             let first = u32::try_from(topology.corners.len()).unwrap_or(u32::MAX);
             topology.faces.push(Face { index, first, count: 3, is_hole: false });
             topology.corners.extend([index; 3]);
@@ -113,7 +119,23 @@ fn read_points(desc: &MeshDesc, view: &ArrayView<'_>, dropped: &mut DroppedData)
             named.primvar.interpolation = Interpolation::Constant;
         }
     }
-    Rounds { topology, desc, radii: Some(radii), poses: Vec::new() }
+    Rounds { topology, desc, radii: Some(radii), poses }
+}
+
+/// A pose of points, with their radii at it where widths change.
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
+fn widened(desc: &MeshDesc, pose: &Pose, count: usize) -> Pose {
+    let radii = pose.widths.as_ref().zip(desc.widths.as_ref()).map(|(values, own)| {
+        let primvar = Primvar { values: values.clone(), ..own.clone() };
+        let widths = Widths::of_points(Some(&primvar), count, &mut DroppedData::default());
+        (0..count).map(|at| (0.5 * widths.at(at)) as f32).collect()
+    });
+    Pose { radii, ..pose.clone() }
+}
+
+/// Whether a point can be seen at a pose that has widths of its own.
+fn has_width(pose: &Pose, at: usize) -> bool {
+    pose.radii.as_ref().and_then(|radii| radii.get(at)).is_some_and(|&radius| radius > 0.0)
 }
 
 /// Widths by point.
@@ -147,11 +169,15 @@ impl<'a> Widths<'a> {
 }
 
 /// Pieces as hulls of balls.
-fn as_tubes(desc: &MeshDesc, wanted: &[WantedPrimvar], cut: Cut, dropped: &mut DroppedData) -> Rounds {
+fn as_tubes(desc: &MeshDesc, wanted: &[WantedPrimvar], cut: Cut, poses: &[Pose], dropped: &mut DroppedData) -> Rounds {
+    let poses: Vec<Pose> = poses.iter().map(|pose| cut.posed(desc, pose)).collect();
     let mut topology = Topology { face_count: cut.curve_count, ..Topology::default() };
     for piece in &cut.pieces {
         let [a, b] = piece.ends;
-        let is_seen = piece.ends.iter().any(|&end| cut.radii.get(end as usize).is_some_and(|&radius| radius > 0.0));
+        let is_seen = piece.ends.iter().any(|&end| {
+            let own = cut.radii.get(end as usize).is_some_and(|&radius| radius > 0.0);
+            own || poses.iter().any(|pose| has_width(pose, end as usize))
+        });
         if let (true, Ok(first)) = (is_seen, u32::try_from(topology.corners.len())) {
             topology.faces.push(Face { index: piece.curve, first, count: 3, is_hole: false });
             topology.corners.extend([a, b, a]);
@@ -159,7 +185,7 @@ fn as_tubes(desc: &MeshDesc, wanted: &[WantedPrimvar], cut: Cut, dropped: &mut D
     }
     let desc = values::on_curves(desc, wanted, &cut, 1, dropped);
     topology.points = cut.points;
-    Rounds { topology, desc, radii: Some(cut.radii), poses: Vec::new() }
+    Rounds { topology, desc, radii: Some(cut.radii), poses }
 }
 
 /// Pieces as two triangles each, across the normals. The two points of an end have the values of the end.

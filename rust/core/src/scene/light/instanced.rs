@@ -1,20 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Lights inside prototypes: where each of their instances is. Pure.
+//! Lights inside prototypes: where each of their instances is, and how it moves. Pure.
+//!
+//! What moves in a chain of instancers is composed at times of the shutter, at most [`MAX_KEYS`] of them. Where that is
+//! no motion of keys, as of a lamp on an arm that turns, the way between two times is straight: of a quarter turn it is
+//! off by 0.14 % of the arm's length at most.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use glam::DAffine3;
+use glam::{DAffine3, DMat4, DVec4};
+use rustc_hash::FxHashSet;
 
 use crate::array::ElementType;
-use crate::desc::PrimDesc;
+use crate::desc::{PrimDesc, TransformSample};
 use crate::mesh::Aabb;
+use crate::scene::array_motion::{thin_out, transform_motion};
 use crate::scene::entries::InstancerEntry;
+use crate::scene::motion::{MAX_KEYS, map_at, motion_keys};
 use crate::scene::placement::{Placer, usable_affine};
 use crate::scene::resolve::MAX_LEVELS;
 
 /// Most places of lights in a scene.
 pub(crate) const MAX_INSTANCED_LIGHTS: usize = 1 << 20;
+
+/// How far a motion may be from what fewer keys say, relative to its size.
+const SAME_MOTION: f64 = 1e-9;
+
+/// A place of a prim.
+#[derive(Clone, Debug)]
+pub(crate) struct PlacedLight {
+    /// World transform at the frame's own time.
+    pub(crate) world: DAffine3,
+    /// At times of the shutter; empty where nothing moves.
+    pub(crate) samples: Vec<TransformSample>,
+}
 
 /// World transforms of a prim: one, or one for each instance of the prototypes that it is in, in the order of the
 /// instancers' arrays. Hidden instancers, unusable matrices and instancers inside themselves give none. Not more than
@@ -23,15 +42,84 @@ pub(crate) fn placements(
     prim: &PrimDesc,
     instancers: &BTreeMap<Arc<str>, InstancerEntry>,
     most: usize,
-) -> (Vec<DAffine3>, bool) {
-    let mut places = Places { instancers, most, steps: 0, is_cut: false };
+) -> (Vec<PlacedLight>, bool) {
+    let own = key_times(prim, instancers);
+    let times = split(&own);
+    let mut places = Places { instancers, times: &times, most, steps: 0, is_cut: false };
     let mut worlds = Vec::new();
     places.of(prim, 0, &mut worlds);
-    (worlds, places.is_cut)
+    let placed = |ways: &Ways| PlacedLight { world: ways[0], samples: samples(&ways[1..], &times, &own) };
+    (worlds.iter().map(placed).collect(), places.is_cut)
+}
+
+/// The times while the shutter is open at which something that a prim is in has a key, its opening and its closing;
+/// none where nothing moves.
+fn key_times(prim: &PrimDesc, instancers: &BTreeMap<Arc<str>, InstancerEntry>) -> Vec<f64> {
+    let (mut times, mut moves) = (vec![0.0, 1.0], false);
+    let (mut prims, mut seen) = (vec![prim], FxHashSet::default());
+    while let Some(prim) = prims.pop() {
+        if let Ok(Some(motion)) = transform_motion(&prim.motion) {
+            moves = true;
+            times.extend(motion.iter().map(|sample| sample.time));
+        }
+        for by in prim.instanced_by.iter().filter(|by| seen.insert(by.instancer.clone())) {
+            let Some(entry) = instancers.get(&by.instancer) else { continue };
+            if let Some(motion) = &entry.arrays.motion {
+                moves = true;
+                times.extend(motion.times());
+            }
+            prims.push(&entry.desc.prim);
+        }
+    }
+    times.retain(|time| moves && (0.0..=1.0).contains(time));
+    times.sort_by(f64::total_cmp);
+    times.dedup_by(|next, time| *next - *time <= 1e-6);
+    thin_out(&mut times);
+    times
+}
+
+/// With times between, as many as there may be: each gap is cut evenly, and the longest piece is as short as can be.
+#[expect(clippy::cast_precision_loss, reason = "at most 16")]
+fn split(own: &[f64]) -> Vec<f64> {
+    let mut gaps: Vec<(f64, f64, usize)> = own.windows(2).map(|pair| (pair[0], pair[1] - pair[0], 1)).collect();
+    for _ in own.len()..MAX_KEYS {
+        let longest = gaps.iter_mut().max_by(|a, b| (a.1 / a.2 as f64).total_cmp(&(b.1 / b.2 as f64)));
+        longest.into_iter().for_each(|gap| gap.2 += 1);
+    }
+    let pieces = |(begin, length, count): &(f64, f64, usize)| {
+        let (begin, piece) = (*begin, length / *count as f64);
+        (0..*count).map(move |k| begin + piece * k as f64)
+    };
+    gaps.iter().flat_map(pieces).chain(own.last().copied()).collect()
+}
+
+/// The samples of a motion, without those that the others imply.
+fn samples(maps: &[DAffine3], times: &[f64], own: &[f64]) -> Vec<TransformSample> {
+    let all: Vec<(f64, DAffine3)> = times.iter().copied().zip(maps.iter().copied()).collect();
+    let few: Vec<(f64, DAffine3)> = all.iter().filter(|(time, _)| own.contains(time)).copied().collect();
+    let is_enough = motion_keys(&few).is_some_and(|keys| {
+        all.iter().all(|(time, map)| {
+            let (found, known) = (map_at(&keys, *time).to_cols_array(), map.to_cols_array());
+            let size = known.iter().fold(0.0_f64, |size, v| size.max(v.abs()));
+            found.iter().zip(known).all(|(a, b)| (a - b).abs() <= SAME_MOTION * size)
+        })
+    });
+    let sample = |(time, map): (f64, DAffine3)| TransformSample { time, transform: DMat4::from(map) };
+    if is_enough { few } else { all }.into_iter().map(sample).collect()
+}
+
+/// The world transform of a place at the frame's own time, then at each of the times.
+type Ways = Vec<DAffine3>;
+
+/// The transform of a prim in its parent.
+struct Local {
+    ways: Ways,
+    moves: bool,
 }
 
 struct Places<'a> {
     instancers: &'a BTreeMap<Arc<str>, InstancerEntry>,
+    times: &'a [f64],
     most: usize,
     /// Prims looked at: bounds what instancers that meet themselves cost.
     steps: usize,
@@ -44,10 +132,10 @@ const MAX_STEPS: usize = 1 << 16;
 impl Places<'_> {
     /// Appends the world transforms of `prim`. Depth is bounded, so the recursion is; so is what an instancer inside
     /// itself gives.
-    fn of(&mut self, prim: &PrimDesc, depth: u32, out: &mut Vec<DAffine3>) {
-        let Some(local) = affine(&prim.transform) else { return };
+    fn of(&mut self, prim: &PrimDesc, depth: u32, out: &mut Vec<Ways>) {
+        let Some(local) = self.local(prim) else { return };
         if prim.instanced_by.is_empty() {
-            self.push(local, out);
+            self.push(local.ways, out);
             return;
         }
         self.steps += 1;
@@ -62,10 +150,16 @@ impl Places<'_> {
             };
             let mut parents = Vec::new();
             self.of(&entry.desc.prim, depth + 1, &mut parents);
-            for parent in parents {
+            for parent in &parents {
                 for prototype in entry.desc.prototypes.iter().filter(|p| p.root == by.prototype_root) {
                     let unit = Aabb { min: [0.0; 3], max: [1.0; 3] };
-                    let placer = Placer::new(parent, local, Some(&entry.arrays), &unit);
+                    let placer = Placer::new(DAffine3::IDENTITY, DAffine3::IDENTITY, Some(&entry.arrays), &unit);
+                    let moving = entry.arrays.motion.as_ref().map(|motion| {
+                        // As records have it: what a prim that is at rest is placed by goes along with the instances.
+                        let after = if local.moves { DAffine3::IDENTITY } else { local.ways[0] };
+                        let placer = Placer::new(DAffine3::IDENTITY, after, Some(&entry.arrays), &unit);
+                        placer.clone().moving(motion.placers(&entry.arrays, &placer))
+                    });
                     let indices = prototype.indices.view();
                     if indices.element() != ElementType::I32 {
                         continue;
@@ -78,9 +172,17 @@ impl Places<'_> {
                         if self.is_cut {
                             return;
                         }
-                        let world = placer.matrix(Some(number)).filter(DAffine3::is_finite);
-                        if let Some(world) = world {
-                            self.push(world, out);
+                        let Some(own) = placer.matrix(Some(number)) else { continue };
+                        let keys = moving.as_ref().and_then(|moving| moving.keys(Some(number)));
+                        let keys = keys.map(|(keys, _)| keys);
+                        let at = |k: usize| match (&keys, k.checked_sub(1).and_then(|k| self.times.get(k))) {
+                            (Some(keys), Some(time)) if local.moves => parent[k] * keys.at(*time) * local.ways[k],
+                            (Some(keys), Some(time)) => parent[k] * keys.at(*time),
+                            _ => parent[k] * own * local.ways[k],
+                        };
+                        let ways: Ways = (0..parent.len()).map(at).collect();
+                        if ways.iter().all(DAffine3::is_finite) {
+                            self.push(ways, out);
                         }
                     }
                 }
@@ -88,9 +190,21 @@ impl Places<'_> {
         }
     }
 
-    fn push(&mut self, world: DAffine3, out: &mut Vec<DAffine3>) {
+    /// The transform of a prim; what cannot move stays.
+    fn local(&self, prim: &PrimDesc) -> Option<Local> {
+        let own = affine(&prim.transform)?;
+        let keys = transform_motion(&prim.motion).ok().flatten().and_then(|samples| {
+            let maps: Vec<_> = samples.iter().map(|s| (s.time, DAffine3::from_mat4(s.transform))).collect();
+            motion_keys(&maps)
+        });
+        let at = |time: &f64| keys.as_ref().map_or(own, |keys| map_at(keys, *time));
+        let ways = [own].into_iter().chain(self.times.iter().map(at)).collect();
+        Some(Local { ways, moves: keys.is_some() })
+    }
+
+    fn push(&mut self, ways: Ways, out: &mut Vec<Ways>) {
         if out.len() < self.most {
-            out.push(world);
+            out.push(ways);
         } else {
             self.is_cut = true;
         }
@@ -98,9 +212,9 @@ impl Places<'_> {
 }
 
 /// Lights may be flat, which other prims may not.
-fn affine(m: &glam::DMat4) -> Option<DAffine3> {
+fn affine(m: &DMat4) -> Option<DAffine3> {
     usable_affine(m).or_else(|| {
-        let is_affine = (m.row(3) - glam::DVec4::W).abs().max_element() <= 1e-9;
+        let is_affine = (m.row(3) - DVec4::W).abs().max_element() <= 1e-9;
         (is_affine && m.is_finite()).then(|| DAffine3::from_mat4(*m))
     })
 }

@@ -23,12 +23,12 @@ pub struct LightMotion {
 }
 
 impl LightMotion {
-    /// Of a light that moves and shows it; `None` of others; or why it has to stay.
-    pub(crate) fn new(desc: &LightDesc, light: &Light) -> Result<Option<Self>, String> {
+    /// Of a light that moves by `samples` of its transform and shows it; `None` of others; or why it has to stay.
+    pub(crate) fn new(desc: &LightDesc, light: &Light, samples: &[TransformSample]) -> Result<Option<Self>, String> {
         if matches!(light.emitter, Emitter::Dome { texture: None }) {
             return Ok(None);
         }
-        let Some(samples) = transform_motion(&desc.prim.motion)? else { return Ok(None) };
+        let Some(samples) = transform_motion(samples)? else { return Ok(None) };
         let motion = Self::of(desc, light, &samples)?;
         let changes = motion.radiance.windows(2).any(|pair| (pair[1] / pair[0] - 1.0).abs() > 1e-6);
         // Radiance is linear between keys, which that of a light that grows is not: as many as there may be.

@@ -4,13 +4,13 @@
 
 use super::shapes::polygon;
 use super::{TestFiles, cylinder, disk, downwards, expect, irradiances, light, rect, sphere};
-use crate::scenes::{dome, prim, square, sun};
+use crate::scenes::{dome, instanced, instancer, prim, square, sun};
 use crate::streaming::MOVING_LAMPS;
 use crate::support::{color_request, perspective, read, render, session, settings};
-use glam::{DMat4, DVec3};
+use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::scene::{LightKind, SceneDb, Shaping, TransformSample};
 use oocpt_core::settings::Settings;
-use oocpt_core::{DomeFormat, LightDesc};
+use oocpt_core::{DomeFormat, LightDesc, TypedArray};
 use oocpt_render::AovKind;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
@@ -72,6 +72,28 @@ fn round_lamps_that_pass_by() {
     let growing = || LightDesc { normalize: true, ..moving(light(sphere(1.0), DMat4::IDENTITY), &[0.0, 1.0], &grows) };
     let known = mean(|time| fall(time, 1.0) / (4.0 * PI));
     expect("a ball that grows", SAMPLES, known, 0.01, &|db| db.upsert_light(growing()));
+}
+
+#[test]
+fn lamps_of_prototypes_go_along_with_their_instances() {
+    // Two balls of radius 0.8 that velocities and a turn of their instancer move.
+    let turn = |time: f64| DMat4::from_rotation_y(1.2 * (time - 0.5));
+    let base = [DVec3::new(0.0, 1.8, 0.6), DVec3::new(-1.0, 2.2, -1.5)];
+    let speeds = [DVec3::new(2.0, 0.5, 0.0), DVec3::new(0.0, -0.4, 3.0)];
+    let at = |lamp: usize, time: f64| turn(time).transform_point3(base[lamp] + speeds[lamp] * (time - 0.5));
+    let fall = |p: DVec3| PI * 0.8 * 0.8 * p.y / p.length().powi(3);
+    let known = mean(|time| fall(at(0, time)) + fall(at(1, time)));
+    let build = |db: &mut SceneDb| {
+        let places = base.map(|p| (p, DQuat::IDENTITY, DVec3::ONE));
+        let mut row = instancer(prim("/row", turn(0.5)), "/row/lamp", &places);
+        row.prim.motion = [0.0, 1.0].map(|time| TransformSample { time, transform: turn(time) }).to_vec();
+        row.motion.velocities = Some(TypedArray::of(speeds.map(|v| v.as_vec3().to_array()).to_vec()));
+        row.motion.seconds = [-0.5, 0.5];
+        db.upsert_instancer(row);
+        let own = light(sphere(0.8), DMat4::IDENTITY);
+        db.upsert_light(LightDesc { prim: instanced(prim("/row/lamp", DMat4::IDENTITY), "/row"), ..own });
+    };
+    expect("lamps", SAMPLES, known, 0.01, &build);
 }
 
 #[test]

@@ -4,17 +4,19 @@
 mod faults;
 mod host;
 mod memory;
+mod moving;
 mod roulette;
 mod scenes;
 
 use crate::lights::TestFiles;
 use crate::support::{self, perspective, read_all, render_with_messages, request, settings};
+pub(crate) use moving::{DEFORMING, MOVING, MOVING_LAMPS};
 use oocpt_core::residency::PolicyKind;
 use oocpt_core::settings::Settings;
 use oocpt_core::stats::StreamingStats;
 use oocpt_render::{Faults, RenderRequest, Session, SessionOptions};
 use scenes::BEACH;
-pub(crate) use scenes::{DEFORMING, MOVING, MOVING_LAMPS, SCENES, Scene};
+pub(crate) use scenes::{SCENES, Scene};
 use std::sync::Arc;
 
 const POLICIES: [PolicyKind; 3] = [PolicyKind::Sweep, PolicyKind::Priority, PolicyKind::Benefit];

@@ -2,11 +2,11 @@
 //! Scenes of many small chunks, each with another way to go wrong.
 
 use crate::lights::TestFiles;
-use crate::scenes::{constant, deforming, dome, glow, instanced, instancer, mesh, prim, sphere, square, sun};
-use glam::{DMat4, DQuat, DVec3, Vec3};
+use crate::scenes::{constant, dome, glow, instanced, instancer, mesh, prim, sphere, square, sun};
+use glam::{DMat4, DQuat, DVec3};
 use oocpt_core::scene::{
-    CurveBasis, CurveWrap, CurvesDesc, InstancerDesc, InstancerMotion, Interpolation, MeshDesc, NamedPrimvar, PrimDesc,
-    Primvar, SceneDb, Shape, Subdivision, TransformSample,
+    CurveBasis, CurveWrap, CurvesDesc, InstancerDesc, Interpolation, MeshDesc, NamedPrimvar, PrimDesc, Primvar,
+    SceneDb, Shape, TransformSample,
 };
 use oocpt_core::{DomeFormat, LightDesc, LightKind, Shaping, TypedArray};
 
@@ -32,30 +32,18 @@ pub(crate) const SCENES: [Scene; 10] = [
     Scene { name: "fur and spray", build: fur, eye: DVec3::new(3.0, 3.0, 9.0), target: DVec3::ZERO },
 ];
 
-/// Meshes that move, instances that do, instancers that turn as a whole, and a large mesh among them.
-pub(crate) const MOVING: Scene =
-    Scene { name: "moving things", build: moving, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO };
-
-/// Things that move under lamps of all kinds that do, a sun and a sky.
-pub(crate) const MOVING_LAMPS: Scene =
-    Scene { name: "moving lamps", build: moving_lamps, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO };
-
-/// Meshes, curves and points whose points move, and a large mesh among them.
-pub(crate) const DEFORMING: Scene =
-    Scene { name: "deforming things", build: deforming_things, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO };
-
 /// Numbers between 0 and 1 that only depend on `i` (the R2 sequence and one more).
-fn scattered(i: u32) -> DVec3 {
+pub(super) fn scattered(i: u32) -> DVec3 {
     let i = f64::from(i);
     DVec3::new(0.754_877_666_246_7 * i, 0.569_840_290_998 * i, 0.381_966_011_250_1 * i).fract()
 }
 
-fn lights(db: &mut SceneDb) {
+pub(super) fn lights(db: &mut SceneDb) {
     db.upsert_light(dome([0.4, 0.5, 0.7]));
     db.upsert_light(sun(2.0, 2.0, DMat4::from_rotation_x(-0.8) * DMat4::from_rotation_y(0.5)));
 }
 
-fn ground(db: &mut SceneDb, half: f64, y: f64) {
+pub(super) fn ground(db: &mut SceneDb, half: f64, y: f64) {
     let place = DMat4::from_translation(DVec3::Y * y) * DMat4::from_scale(DVec3::splat(half));
     db.upsert_mesh(square(prim("/ground", place), 1, 0.5));
 }
@@ -130,7 +118,7 @@ fn clumps() -> InstancerDesc {
 }
 
 /// Balls of a clump, in an instancer of this path.
-fn balls(first: u32, end: u32, path: &str) -> InstancerDesc {
+pub(super) fn balls(first: u32, end: u32, path: &str) -> InstancerDesc {
     let mut clump = prim(path, DMat4::IDENTITY);
     clump.instanced_by = instanced(prim("/outer/clump", DMat4::IDENTITY), "/outer").instanced_by;
     let inner: Vec<_> = (first..end)
@@ -228,7 +216,7 @@ fn lamps(db: &mut SceneDb) {
 }
 
 /// With what `motion` says of each transform.
-fn lamps_and_sky(db: &mut SceneDb, motion: &dyn Fn(DMat4) -> Vec<TransformSample>) {
+pub(super) fn lamps_and_sky(db: &mut SceneDb, motion: &dyn Fn(DMat4) -> Vec<TransformSample>) {
     flat(db);
     db.remove("/sun");
     let texture = Some(TestFiles::asset("sky"));
@@ -329,110 +317,4 @@ fn poles(db: &mut SceneDb) {
         .collect();
     db.upsert_instancer(instancer(prim("/poles", DMat4::IDENTITY), "/poles/pole", &poles));
     db.upsert_mesh(sphere(instanced(prim("/poles/pole", DMat4::IDENTITY), "/poles"), 2, 5, 0.2));
-}
-
-/// See [`MOVING_LAMPS`].
-fn moving_lamps(db: &mut SceneDb) {
-    lamps_and_sky(db, &|place| {
-        let next = place * DMat4::from_rotation_y(0.8) * DMat4::from_translation(DVec3::new(0.5, -0.2, 0.3));
-        [(0.0, place), (1.0, next)].map(|(time, transform)| TransformSample { time, transform }).to_vec()
-    });
-}
-
-/// See [`MOVING`].
-fn moving(db: &mut SceneDb) {
-    lights(db);
-    ground(db, 12.0, -2.0);
-    let moves = |from: DMat4, to: DMat4| {
-        let sample = |(time, transform)| TransformSample { time, transform };
-        [(-0.5, from), (0.3, to), (1.0, from * DMat4::from_rotation_x(1.0))].map(sample).to_vec()
-    };
-    for i in 0..60 {
-        let at = (scattered(i) - 0.5) * DVec3::new(12.0, 3.0, 12.0);
-        let place = DMat4::from_translation(at) * DMat4::from_scale(DVec3::new(0.5, 0.3, 0.4));
-        let next = DMat4::from_translation(at + (scattered(i + 90) - 0.5) * 2.0) * DMat4::from_rotation_y(2.0);
-        let mut ball = sphere(prim(&format!("/ball_{i}"), place), 10 + i32::try_from(i).expect("small"), 6, 0.5);
-        ball.prim.motion = moves(place, next * DMat4::from_scale(DVec3::new(0.3, 0.5, 0.4)));
-        db.upsert_mesh(ball);
-    }
-    let hub = DMat4::from_translation(DVec3::new(-2.0, 1.0, 0.0));
-    let swarm_at = |path: &str| {
-        let mut swarm = balls(0, 300, path);
-        swarm.prim = prim(path, hub);
-        swarm
-    };
-    let spread = |scale: f32| {
-        let speeds: Vec<[f32; 3]> = (0..300).map(|i| ((scattered(i) - 0.5).as_vec3() * scale).to_array()).collect();
-        Some(TypedArray::of(speeds))
-    };
-    let motion = InstancerMotion {
-        velocities: spread(2.0),
-        accelerations: spread(1.0),
-        angular_velocities: spread(200.0),
-        seconds: [-0.25, 0.25],
-        samples: Vec::new(),
-    };
-    // Of the first the instances move in the world, of the second in a frame that turns.
-    let mut turning = InstancerDesc { motion: motion.clone(), ..swarm_at("/turning") };
-    turning.prim.motion = moves(hub, hub * DMat4::from_rotation_z(0.8));
-    for swarm in [InstancerDesc { motion, ..swarm_at("/swarm") }, turning] {
-        let path = swarm.prim.path.clone();
-        db.upsert_instancer(swarm);
-        let aside = prim(&format!("{path}/ball"), DMat4::from_translation(DVec3::X * 0.1));
-        db.upsert_mesh(sphere(instanced(aside, &path), 80, 8, 0.6));
-    }
-    let place = DMat4::from_translation(DVec3::new(3.0, 0.0, 3.0));
-    let mut large = sphere(prim("/large", place), 71, 40, 0.4);
-    large.prim.motion = moves(place, place * DMat4::from_rotation_y(0.5));
-    db.upsert_mesh(large);
-}
-
-fn deforming_things(db: &mut SceneDb) {
-    lights(db);
-    ground(db, 12.0, -2.0);
-    let wave = |amount: f32| {
-        move |p: Vec3, time: f64| {
-            #[expect(clippy::cast_possible_truncation, reason = "positions")]
-            let time = time as f32;
-            p * (1.0 + amount * time) + Vec3::new(0.3, -0.2, 0.1) * (amount * time * (2.0 + 3.0 * p.y).sin())
-        }
-    };
-    for i in 0..30_u8 {
-        let at = (scattered(u32::from(i)) - 0.5) * DVec3::new(12.0, 3.0, 12.0);
-        let place = DMat4::from_translation(at) * DMat4::from_scale(DVec3::splat(0.6));
-        let mut ball = sphere(prim(&format!("/ball_{i}"), place), 10 + i32::from(i), 6, 0.5);
-        if i % 3 == 0 {
-            ball.subdivision = Subdivision::CatmullClark;
-        }
-        let times: &[f64] = if i % 2 == 0 { &[0.0, 1.0] } else { &[-0.5, 0.3, 0.6, 1.5] };
-        db.upsert_mesh(deforming(ball, times, &wave(0.2 + 0.02 * f32::from(i))));
-    }
-    // Cut into clusters.
-    let large = sphere(prim("/large", DMat4::from_scale(DVec3::splat(2.0))), 60, 60, 0.6);
-    db.upsert_mesh(deforming(large, &[0.0, 0.4, 1.0], &wave(0.5)));
-    let tuft = |i: u32, k: u32| {
-        let root = (scattered(i) - 0.5) * DVec3::new(8.0, 0.0, 8.0) - DVec3::Y * 2.0;
-        (root + DVec3::Y * 0.5 * f64::from(k)).as_vec3().to_array()
-    };
-    let curves = CurvesDesc {
-        basis: CurveBasis::BSpline,
-        wrap: CurveWrap::Pinned,
-        counts: TypedArray::of(vec![4_i32; 200]),
-        indices: None,
-    };
-    let hair = MeshDesc {
-        shape: Shape::Curves(curves),
-        points: TypedArray::of::<[f32; 3]>((0..200).flat_map(|i| (0..4).map(move |k| tuft(i, k))).collect()),
-        widths: constant(0.05_f32),
-        ..mesh(prim("/hair", DMat4::IDENTITY), 70, Vec::new(), &[], 0.4)
-    };
-    db.upsert_mesh(deforming(hair, &[0.0, 1.0], &wave(0.2)));
-    let spray = (0..300).map(|i| ((scattered(i) - 0.5) * DVec3::new(6.0, 4.0, 6.0)).as_vec3().to_array());
-    let spray = MeshDesc {
-        shape: Shape::Points,
-        points: TypedArray::of::<[f32; 3]>(spray.collect()),
-        widths: constant(0.09_f32),
-        ..mesh(prim("/spray", DMat4::IDENTITY), 71, Vec::new(), &[], 0.8)
-    };
-    db.upsert_mesh(deforming(spray, &[0.0, 0.5, 1.0], &wave(0.4)));
 }
