@@ -50,7 +50,7 @@ pub(crate) struct Arguments {
 }
 
 /// Frames of one size: means over them.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 struct Row {
     instances: usize,
     moved: usize,
@@ -144,24 +144,7 @@ fn animate(arguments: &Arguments, session: &Session, rest: &InstancerDesc, perce
     let places = rest.translations.as_ref().context("the forest has places")?;
     let instances = places.len();
     let moved = (instances * percent as usize / 100).max(1);
-    let mut row = Row {
-        instances,
-        moved,
-        blurred: arguments.blurred,
-        edit_secs: 0.0,
-        commit_secs: 0.0,
-        upload_secs: 0.0,
-        trace_secs: 0.0,
-        frame_secs: 0.0,
-        frames_per_second: 0.0,
-        uploaded_bytes: 0,
-        chunks: 0,
-        chunks_rebuilt: 0,
-        records_rebuilt: 0,
-        nodes_rebuilt: 0,
-        nodes: 0,
-        meshes_rebuilt: 0,
-    };
+    let mut row = Row { instances, moved, blurred: arguments.blurred, ..Row::default() };
     let frames = arguments.frames.max(1);
     for frame in 0..=frames {
         let before = session.with_scene(|db| Arc::clone(db.snapshot()));

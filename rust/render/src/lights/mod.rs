@@ -2,10 +2,10 @@
 //! The lights as the passes need them.
 //!
 //! [`LightTable`] has them all: local lights under a light tree (`local`, `tree`), lights at infinity, pictures
-//! (`picture`), measured profiles and meshes that emit light (`mesh`, `emitter`). What belongs to the device is laid out
-//! by `upload`.
+//! (`picture`), measured profiles and meshes that emit light (`mesh`, `emitter`). `upload` lays out what belongs to the
+//! device.
 //!
-//! Pure but for the reading of files, which goes through [`LightFiles`]. Render thread only.
+//! Pure but for the reading of files, which goes through [`crate::light_files::LightFiles`]. Render thread only.
 
 mod emission;
 mod emission_map;

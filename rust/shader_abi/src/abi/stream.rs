@@ -242,7 +242,8 @@ pub const fn sort_blocks(chunk_count: u32) -> u32 {
 /// Bytes of `Frame::light_paths` for a path.
 pub const LIGHT_PATH_BYTES: u64 = 16;
 
-/// Bytes of device memory that a path takes: every array by path and every queue; `light_paths`: where lights ask for it.
+/// Bytes of device memory that a path takes: every array by path and every queue; `light_paths`: where lights ask for
+/// it.
 #[must_use]
 pub const fn path_bytes(max_levels: u32, streaming: bool, light_paths: bool) -> u64 {
     let radiance = 16;

@@ -135,6 +135,9 @@ type Bad = (&'static str, fn() -> MeshDesc);
 /// Transforms at times.
 type Maps = Vec<(f64, DMat4)>;
 
+/// Whether it is a ribbon, widths at times, what is left of the light, and warnings.
+type Widening = (&'static str, bool, Vec<(f64, f64)>, f64, f64);
+
 /// The card is one of 16 square units.
 const CARD: f64 = 1.0 - 1.0 / 16.0;
 
@@ -241,7 +244,7 @@ fn widening(ribbon: bool, all: &[(f64, f64)]) -> MeshDesc {
 /// Widths that change: from nothing, in a moment, and in ways that make no sense, which leaves them as they are.
 fn widths(lab: &mut Lab<'_>) {
     let ball = 1.0 - PI / 16.0;
-    let cases = [
+    let cases: [Widening; 7] = [
         // Of the area of a disk whose radius grows evenly from 0 to 1 a third.
         ("ball that grows from nothing", false, vec![(0.0, 0.0), (1.0, 2.0)], 1.0 - PI / 48.0, 0.0),
         ("ribbon that goes to nothing", true, vec![(0.0, 3.0), (1.0, 0.0)], 1.0 - 6.0 / 16.0, 0.0),
