@@ -56,6 +56,8 @@ vec3 unpack_normal(uint bits) {
     return n * inversesqrt(dot3(n, n));
 }
 
+const bool HAS_INFINITE_LIGHTS = HAS_DOME || HAS_DISTANT;
+
 // Whether any light asks something of the surface that a ray left: where it was, what it is linked to, what of it is
 // diffuse.
 const bool HAS_PREVIOUS_VERTICES = HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS || HAS_LIGHT_LINKS || HAS_LIGHT_LOBES;
@@ -209,6 +211,7 @@ vec3 infinite_radiance(GpuInfiniteLight light, vec3 w, out float pdf) {
 // What a ray that leaves the scene along d brings of the lights at infinity.
 vec3 lights_at_infinity(vec3 d, PreviousVertex from) {
     vec3 sum = vec3(0.0);
+    if (!HAS_INFINITE_LIGHTS) return sum;
     const float linked = linked_infinite(from.link_set);
     for (uint i = 0u; i < LIGHTING.infinite_count; ++i) {
         const GpuInfiniteLight light = load_infinite_light(i);

@@ -136,7 +136,7 @@ LightSample sample_infinite_light(Bsdf bsdf, vec3 wo, uint link_set, float linke
     ls.density = chosen;
     ls.contribution = light.radiance;
     const bool is_map = HAS_DOME_TEXTURE && kind == LIGHT_DOME_MAP;
-    const bool is_direction = !is_map && light.one_minus_cos <= 0.0;
+    const bool is_direction = HAS_DISTANT && !is_map && light.one_minus_cos <= 0.0;
     if (is_map) {
         // Where no light is to be chosen the first number is free: the first two are the best spread.
         ls.direction = sample_dome(light.map, LIGHTING.infinite_count == 1u ? u.xy : u.yz);
@@ -144,7 +144,7 @@ LightSample sample_infinite_light(Bsdf bsdf, vec3 wo, uint link_set, float linke
         ls.contribution *= dome_color(light.map, ls.direction);
     } else if (is_direction) {
         ls.direction = light.direction;
-    } else {
+    } else if (HAS_DISTANT) {
         ls.direction = sample_cone(light.direction, light.one_minus_cos, u.yz);
         ls.density *= cone_density(light.one_minus_cos);
     }
@@ -194,7 +194,7 @@ LightSample sample_light(Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Rece
         u.x = min(u.x / near, 0.99999994);
         return sample_near_light(origin, link_set, receiver, u, u_mesh, last, near);
     }
-    if (LIGHTING.infinite_count != 0u && linked > 0.0) {
+    if (HAS_INFINITE_LIGHTS && LIGHTING.infinite_count != 0u && linked > 0.0) {
         u.x = min((u.x - near) / (1.0 - near), 0.99999994);
         return sample_infinite_light(bsdf, wo, link_set, linked, u, last);
     }

@@ -152,9 +152,8 @@ impl LightTable {
         self.features = self.find_features();
     }
 
-    /// Makes the table such that passes may be compiled with all that they can know of lights, and choose as they would
-    /// without: an empty tree where there is none, and meshes of no power beside the local lights. Gives these
-    /// features.
+    /// Adds empty trees, and meshes of no power beside local lights, so that every light feature can be compiled in
+    /// without changing sampling. Returns these features.
     pub(crate) fn carry(&mut self) -> Features {
         if self.nodes.is_empty() {
             self.nodes = tree::build(&[]);
