@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Dispersion of glass (Features::DISPERSION): its index by channel, and the one channel that a path has after it.
 //
-// Each channel is a wavelength, the middle of that which films have (bsdf/film.glsl): 600, 546 and 450 nm. The index
-// is Cauchy's n = a + b / l^2 (Born and Wolf, Principles of Optics, 2.3) with the index that is said, n_d, at 587.6 nm
-// and the Abbe number V = (n_d - 1) / (n_F - n_C), F and C at 486.1 and 656.3 nm, as OpenPBR 1.1 has it:
+// Red, green and blue are the wavelengths 600, 546 and 450 nm, the middles of the bands of bsdf/film.glsl. The index of
+// each is Cauchy's n = a + b / l^2 (Born and Wolf, Principles of Optics, 2.3), from the given index n_d at 587.6 nm and
+// the Abbe number V = (n_d - 1) / (n_F - n_C), F and C at 486.1 and 656.3 nm, as OpenPBR 1.1 has it:
 //   n(l) = n_d + (n_d - 1) / V (1 / l^2 - 1 / l_d^2) / (1 / l_F^2 - 1 / l_C^2).
 //
 // A path that comes to such a surface goes on with one channel, chosen in proportion to what it carries, and what it

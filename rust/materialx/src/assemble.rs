@@ -176,8 +176,8 @@ fn opacity(
     }
 }
 
-/// The program of the emission, where it is a register and reads nothing but what is known of points that are asked for
-/// light.
+/// The program that computes the emission alone, for points sampled on a mesh light. `None` where the emission is no
+/// register, or reads a normal or a tangent: those are not known at such a point.
 fn emission(
     sources: &[InputSource; INPUTS],
     values: &[Val; INPUTS],

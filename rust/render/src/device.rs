@@ -41,12 +41,11 @@ pub(crate) struct Specialisation {
 
 impl Specialisation {
     /// The same without what `module` does not read: it stays as it is whatever that says.
-    fn of(self, module: &Module) -> Self {
-        let mut own = self;
-        own.max_levels = if module.reads_levels { self.max_levels } else { 1 };
-        own.stack_size = if module.reads_stack { self.stack_size } else { 1 };
-        own.features = self.features & module.features;
-        own
+    fn of(mut self, module: &Module) -> Self {
+        self.max_levels = if module.reads_levels { self.max_levels } else { 1 };
+        self.stack_size = if module.reads_stack { self.stack_size } else { 1 };
+        self.features &= module.features;
+        self
     }
 }
 

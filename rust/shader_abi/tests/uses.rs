@@ -66,7 +66,7 @@ fn a_pass_reads_what_it_is_for() {
     let reads =
         |module: &str, feature| ALL.iter().find(|one| one.name == module).expect("a pass").features.contains(feature);
     assert!(reads("shade_surface", Features::SHEEN) && !reads("intersect_closest", Features::SHEEN));
-    assert!(reads("intersect_shadow", Features::ROULETTE) && !reads("intersect_closest", Features::SHAPING));
+    assert!(reads("intersect_shadow", Features::LIGHT_LINKS) && !reads("intersect_closest", Features::LIGHT_LINKS));
     assert!(reads("shade_background", Features::DOME) && !reads("accumulate", Features::DOME));
     let levels: Vec<&str> = ALL.iter().filter(|module| module.reads_levels).map(|module| module.name).collect();
     let expected = ["intersect_closest", "intersect_shadow", "record_surfaces", "shade_aovs", "shade_surface"];

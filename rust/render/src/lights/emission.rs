@@ -62,11 +62,14 @@ pub(super) struct EmissionMaps {
     known: Vec<(TextureRef, Finish, Arc<EmissionMap>, bool)>,
     programs: Vec<(Arc<EmissionProgram>, bool)>,
     made: u64,
+    /// [`SurfaceTables::most_lookups`](oocpt_core::scene::SurfaceTables::most_lookups) of the snapshot.
+    most_lookups: usize,
 }
 
 impl EmissionMaps {
     /// What each material emits. Forgets the maps of others.
     pub(super) fn powers(&mut self, snapshot: &Snapshot, images: Option<&TextureCache>) -> Vec<Option<EmittedPower>> {
+        self.most_lookups = snapshot.surfaces.most_lookups();
         let materials = snapshot.surfaces.materials.iter();
         let emission = materials.map(|material| emitted_power(snapshot, material, self, images)).collect();
         self.known.retain_mut(|(.., is_used)| std::mem::take(is_used));
@@ -81,9 +84,8 @@ impl EmissionMaps {
         material: &Material,
         images: Option<&TextureCache>,
     ) -> Option<Arc<EmissionProgram>> {
-        let most_lookups = snapshot.surfaces.most_lookups();
         self.made += 1;
-        let program = EmissionProgram::new(material, most_lookups, self.made, |lookup| {
+        let program = EmissionProgram::new(material, self.most_lookups, self.made, |lookup| {
             let texture = snapshot.surfaces.textures.get(lookup.texture as usize).filter(|texture| !texture.is_ptex)?;
             let finish = Finish { channel: None, scale: [1.0; 4], bias: [0.0; 4] };
             // Without images all of them are black.

@@ -102,6 +102,56 @@ fn a_distribution_gives_back_its_probabilities_and_guides_to_them() {
     }
 }
 
+/// Lights at infinity: their probabilities, and what of them is seen.
+mod at_infinity {
+    use super::super::{FileCache, LightTable};
+    use crate::NoFiles;
+    use oocpt_core::scene::Light;
+    use oocpt_core::{LightDesc, LightKind, SceneDb};
+
+    fn light(kind: LightKind, radiance: f32) -> Light {
+        let desc = LightDesc { kind, color: [radiance; 3], intensity: 1.0, exposure: 0.0, ..LightDesc::default() };
+        Light::from_desc(&desc).expect("a light")
+    }
+
+    fn sun(irradiance: f32) -> Light {
+        light(LightKind::Distant { angle_degrees: 0.0 }, irradiance)
+    }
+
+    fn table(lights: &[Light], camera_visible: bool) -> LightTable {
+        let snapshot = SceneDb::new().commit().snapshot;
+        let (table, warnings) = LightTable::new(&snapshot, lights, camera_visible, &NoFiles, &mut FileCache::default());
+        assert!(warnings.is_empty(), "{warnings:?}");
+        table
+    }
+
+    #[test]
+    fn probabilities_sum_to_one_and_follow_power() {
+        let lights = table(&[sun(1.0), sun(3.0)], true).infinite;
+        let sum: f32 = lights.iter().map(|light| light.probability).sum();
+        assert!((sum - 1.0).abs() < 1e-6, "probabilities must sum to one, got {sum}");
+        assert!(lights[1].probability > lights[0].probability, "the brighter light is chosen more often");
+        assert_eq!(lights[1].cumulative.to_bits(), 1.0_f32.to_bits(), "the last light ends at exactly one");
+    }
+
+    #[test]
+    fn a_dome_hidden_from_the_camera_still_lights() {
+        let shown = table(&[light(LightKind::PLAIN_DOME, 2.0)], true);
+        assert!(shown.background_visible(), "it is seen unless the setting hides it");
+        let hidden = table(&[light(LightKind::PLAIN_DOME, 2.0)], false);
+        assert!(!hidden.background_visible(), "the setting hides it");
+        assert_eq!(hidden.infinite[0].radiance, [2.0; 3], "and keeps its light");
+        assert!((hidden.infinite[0].probability - 1.0).abs() < f32::EPSILON, "it is the only light");
+    }
+
+    #[test]
+    fn lights_of_extreme_power_keep_finite_probabilities() {
+        let lights = table(&[sun(f32::MAX), sun(0.0)], true).infinite;
+        assert!(lights.iter().all(|light| light.probability > 0.0), "each light keeps a share");
+        assert!(lights.iter().all(|light| light.probability.is_finite()), "no share may overflow");
+    }
+}
+
 /// What the probe pass finds on the device.
 pub(super) mod probe {
     use super::super::{FileCache, LightTable, LightTables};
