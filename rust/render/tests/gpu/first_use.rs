@@ -1,18 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Drivers that translate shaders when they are first dispatched do that apart from the waves, which are bounded in
 //! time.
+//!
+//! Holds in a process where no other test has rendered: `cargo xtask test` runs each module of tests in its own.
 
 use crate::scenes::nested;
 use crate::support::{TIMEOUT, perspective, render, request, settings};
 use glam::DVec3;
-use oocpt_core::settings::Settings;
 use oocpt_gpu::DeviceKind;
 use oocpt_render::{Session, SessionOptions};
 use oocpt_shader_abi::{ALL, Features};
 use std::collections::BTreeSet;
-
-/// Nobody else carries these in a process of tests, so that no pipeline of them was used before.
-const RARE: &str = "LENS,COAT";
 
 #[test]
 fn no_wave_is_the_first_use_of_a_pass() {
@@ -22,7 +20,7 @@ fn no_wave_is_the_first_use_of_a_pass() {
         |name: &str| ALL.iter().any(|module| module.name == name && module.features.contains(Features::STREAMING));
     for streams in [false, true] {
         let options = SessionOptions { force_streaming: streams, validation: true, ..SessionOptions::default() };
-        let session = Session::with_options(Settings { carry: RARE.into(), ..settings(2, 2) }, options);
+        let session = Session::with_options(settings(2, 2), options);
         session.with_scene(nested);
         let view = request(perspective(DVec3::new(3.0, 4.0, 6.0), DVec3::ZERO, 0.7, [16, 12]));
         render(&session, &view);
