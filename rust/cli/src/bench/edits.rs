@@ -74,7 +74,14 @@ struct Report {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut report = None;
     for &instances in &arguments.instances {
-        let island = Parameters { instances, unique_quads: arguments.unique_quads, copies: 1, flatten: true, seed: 7 };
+        let island = Parameters {
+            instances,
+            unique_quads: arguments.unique_quads,
+            copies: 1,
+            flatten: true,
+            distinct: false,
+            seed: 7,
+        };
         let session = session(arguments)?;
         let prims = session.with_scene(|db| island::build(db, &island))?;
         let mut pebbles = prims

@@ -82,6 +82,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             unique_quads: arguments.unique_quads,
             copies: arguments.copies,
             flatten: true,
+            distinct: false,
             seed: 7,
         };
         let prims = Prims::new(&parameters)?;

@@ -43,6 +43,7 @@ pub(crate) struct Seen {
     unique_quads: u64,
     copies: u32,
     flatten: bool,
+    distinct: bool,
     seed: u64,
     chunks: u64,
     pub(crate) scene_bytes: u64,
@@ -68,9 +69,22 @@ impl View {
     /// After the scene was rendered.
     pub(crate) fn seen(&self, stats: &Stats) -> Seen {
         let Self { width, height, samples, bounces, .. } = *self;
-        let Parameters { unique_quads, copies, flatten, seed, .. } = self.island;
+        let Parameters { unique_quads, copies, flatten, distinct, seed, .. } = self.island;
         let (instances, chunks, scene_bytes) = (stats.instances, stats.streaming.chunks, stats.streaming.scene_bytes);
-        Seen { width, height, samples, bounces, instances, unique_quads, copies, flatten, seed, chunks, scene_bytes }
+        Seen {
+            width,
+            height,
+            samples,
+            bounces,
+            instances,
+            unique_quads,
+            copies,
+            flatten,
+            distinct,
+            seed,
+            chunks,
+            scene_bytes,
+        }
     }
 }
 

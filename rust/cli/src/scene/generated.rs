@@ -48,7 +48,7 @@ impl Generated {
 
     fn island(scale: u32) -> island::Parameters {
         let instances = 10_000 * u64::from(scale);
-        island::Parameters { instances, unique_quads: instances, copies: 1, flatten: false, seed: 7 }
+        island::Parameters { instances, unique_quads: instances, copies: 1, flatten: false, distinct: false, seed: 7 }
     }
 
     /// Fills `db` with the scene; numbers of instances grow with `scale`, 1 is small.

@@ -47,6 +47,9 @@ pub(crate) struct Parameters {
     /// No nesting: every placement is an instance of the world. Copies share their arrays all the same.
     #[arg(long)]
     pub(crate) flatten: bool,
+    /// With `--flatten`: plants of each island stand elsewhere, so that no array is shared.
+    #[arg(long, requires = "flatten")]
+    pub(crate) distinct: bool,
     /// Another seed, another island.
     #[arg(long, default_value_t = 7)]
     pub(crate) seed: u64,
@@ -97,15 +100,21 @@ impl Island {
         Ground { points: &terrain.points, side, half: self.land.half }
     }
 
-    /// What places species number `k`.
-    fn scatter(&self, k: usize) -> Scatter<'_> {
+    /// What places species number `k` of an island that is distinct from those of other numbers.
+    fn scatter(&self, k: usize, island: u32) -> Scatter<'_> {
         let species = &self.plants.species[k];
         let stream = k as u64 + 1;
         // Fine enough for the smallest patches, coarse enough to be cheap for small islands.
         let side = soup::side_of(self.counts.iter().sum::<u64>().clamp(1 << 12, 1 << 18), 1);
         let eye = view::eye(&self.land);
         let sampler = Sampler::new(&self.land, species.habitat, stream, side, eye, species.clearing);
-        Scatter { species, ground: self.ground(), sampler, count: self.counts[k], key: [self.seed, stream] }
+        Scatter {
+            species,
+            ground: self.ground(),
+            sampler,
+            count: self.counts[k],
+            key: [self.seed.wrapping_add(u64::from(island) << 32), stream],
+        }
     }
 }
 

@@ -152,12 +152,16 @@ impl Prims {
 }
 
 impl Builder<'_> {
-    /// The instancers of the species, once or once per copy; copies share their arrays.
+    /// The instancers of the species, once or once per copy; copies share their arrays unless they are distinct.
     fn add_species(&mut self) -> Result<()> {
-        let copies = if self.parameters.flatten { self.parameters.copies } else { 1 };
+        let Parameters { flatten, distinct, .. } = *self.parameters;
+        let copies = if flatten { self.parameters.copies } else { 1 };
         for (k, species) in self.island.plants.species.iter().enumerate() {
-            let (places, prototypes) = if self.parameters.flatten { self.flat(k)? } else { self.nested(k)? };
+            let (mut places, mut prototypes) = if flatten { self.flat(k, 0)? } else { self.nested(k)? };
             for copy in 0..copies {
+                if distinct && copy > 0 {
+                    (places, prototypes) = self.flat(k, copy)?;
+                }
                 let suffix = if copies > 1 { format!("_c{copy:03}") } else { String::new() };
                 let path: Arc<str> = format!("{}/{}{suffix}", self.base, species.name).into();
                 let prim = prim(path, copy_transform(copy, self.island.land.half), Vec::new());
@@ -169,7 +173,7 @@ impl Builder<'_> {
 
     /// One instance per placement of a species.
     fn nested(&self, k: usize) -> Result<(InstancerDesc, Vec<InstancerPrototype>)> {
-        let scatter = self.island.scatter(k);
+        let scatter = self.island.scatter(k, 0);
         let count = usize::try_from(scatter.count)?;
         let places = Places::new(count, 1, |i, put| put(scatter.place(i)));
         let variants = &scatter.species.variants;
@@ -181,8 +185,8 @@ impl Builder<'_> {
     }
 
     /// One instance per mesh of a species: placement i has the instances `i * each ..`.
-    fn flat(&self, k: usize) -> Result<(InstancerDesc, Vec<InstancerPrototype>)> {
-        let scatter = self.island.scatter(k);
+    fn flat(&self, k: usize, island: u32) -> Result<(InstancerDesc, Vec<InstancerPrototype>)> {
+        let scatter = self.island.scatter(k, island);
         let flats: Vec<_> = scatter.species.variants.iter().map(|v| self.island.plants.flat(*v)).collect();
         let (variants, each) = (flats.len(), flats.first().map_or(0, Vec::len));
         let count = usize::try_from(scatter.count)?;

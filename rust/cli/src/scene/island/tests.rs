@@ -7,7 +7,7 @@ use super::plants::Plants;
 use super::{Parameters, Prims, build, counts};
 
 fn parameters(instances: u64, copies: u32, flatten: bool) -> Parameters {
-    Parameters { instances, unique_quads: 20_000, copies, flatten, seed: 7 }
+    Parameters { instances, unique_quads: 20_000, copies, flatten, distinct: false, seed: 7 }
 }
 
 fn committed(parameters: &Parameters) -> SceneCounts {
@@ -16,6 +16,19 @@ fn committed(parameters: &Parameters) -> SceneCounts {
     let commit = db.commit();
     assert!(commit.warnings.is_empty(), "the island is clean: {:?}", commit.warnings);
     commit.snapshot.counts
+}
+
+#[test]
+fn distinct_islands_share_no_array() {
+    let shared = parameters(20_000, 3, true);
+    let distinct = Parameters { distinct: true, ..shared };
+    let [one, three, three_distinct] = [parameters(20_000, 1, true), shared, distinct]
+        .map(|parameters| Prims::new(&parameters).expect("parameters in bounds").array_bytes());
+    assert!(three < one + one / 10, "shared: {three} bytes of three, {one} of one");
+    assert!(three_distinct > 3 * one - one / 10, "distinct: {three_distinct} bytes of three, {one} of one");
+    let [shared, distinct] = [shared, distinct].map(|parameters| committed(&parameters));
+    assert_eq!(distinct.instances, shared.instances);
+    assert_eq!(distinct.instanced_triangles, shared.instanced_triangles, "as many of each plant");
 }
 
 #[test]
