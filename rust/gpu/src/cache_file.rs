@@ -17,7 +17,7 @@ use xxhash_rust::xxh3::xxh3_64;
 use crate::device::Device;
 use crate::error::GpuError;
 use crate::instance::vulkan_error;
-use crate::report::Probed;
+use crate::probe::Probed;
 
 /// Most bytes of a cache that are read or written.
 const MOST_BYTES: u64 = 64 << 20;

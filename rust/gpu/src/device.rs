@@ -24,8 +24,9 @@ use crate::lane::{LANES, Lane, Points, QueueChoices};
 use crate::markers::Markers;
 use crate::memory::{Patience, RawBuffer};
 use crate::names::Names;
+use crate::probe::{Probed, read_heaps};
 use crate::queue::{InFlight, Queue};
-use crate::report::{DeviceReport, Probed, read_heaps};
+use crate::report::DeviceReport;
 use crate::retire::RetireQueue;
 use crate::timer::POOL_QUERIES;
 

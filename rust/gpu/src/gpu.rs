@@ -12,7 +12,8 @@ use crate::device::Device;
 use crate::error::GpuError;
 use crate::instance::{Instance, Validation};
 use crate::lane::Lane;
-use crate::report::{DeviceReport, Probed, device_usage, probe_all};
+use crate::probe::{Probed, device_usage, probe_all};
+use crate::report::DeviceReport;
 use crate::select;
 use crate::validation::ValidationLog;
 

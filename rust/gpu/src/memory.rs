@@ -12,7 +12,7 @@ use crate::device::Device;
 use crate::error::GpuError;
 pub use crate::memory_type::Usage;
 use crate::memory_type::{HOST_FLAGS, choose_type};
-use crate::report::read_heaps;
+use crate::probe::read_heaps;
 
 /// The address of mapped memory.
 #[derive(Clone, Copy, Debug)]

@@ -9,12 +9,11 @@ use std::fs;
 
 use anyhow::{Result, bail};
 
-use super::{path, tracked_files};
+use crate::clone_files::{path, tracked_files};
 use crate::places::Places;
 
 /// Circles that are left, by crate folder. What is mended must go from here.
 const KNOWN: &[(&str, &[&str])] = &[
-    ("bridge", &["ffi_images", "host_file", "images"]),
     ("core", &["partition", "scene"]),
     (
         "gpu",
@@ -39,9 +38,6 @@ const KNOWN: &[(&str, &[&str])] = &[
             "timer",
         ],
     ),
-    ("gpu", &["report", "select"]),
-    ("ptex", &["edits", "file"]),
-    ("xtask", &["book", "check", "product", "system"]),
 ];
 
 type Arrows = BTreeMap<String, BTreeSet<String>>;
