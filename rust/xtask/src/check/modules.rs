@@ -13,32 +13,29 @@ use crate::clone_files::{path, tracked_files};
 use crate::places::Places;
 
 /// Circles that are left, by crate folder. What is mended must go from here.
-const KNOWN: &[(&str, &[&str])] = &[
-    ("core", &["partition", "scene"]),
-    (
+const KNOWN: &[(&str, &[&str])] = &[(
+    "gpu",
+    &[
+        "arena",
+        "buffer",
+        "cache_file",
+        "commands",
+        "device",
         "gpu",
-        &[
-            "arena",
-            "buffer",
-            "cache_file",
-            "commands",
-            "device",
-            "gpu",
-            "heap",
-            "heap_range",
-            "host_view",
-            "markers",
-            "memory",
-            "pipeline",
-            "queue",
-            "range",
-            "recorder",
-            "staging",
-            "submission",
-            "timer",
-        ],
-    ),
-];
+        "heap",
+        "heap_range",
+        "host_view",
+        "markers",
+        "memory",
+        "pipeline",
+        "queue",
+        "range",
+        "recorder",
+        "staging",
+        "submission",
+        "timer",
+    ],
+)];
 
 type Arrows = BTreeMap<String, BTreeSet<String>>;
 
