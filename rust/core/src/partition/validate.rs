@@ -67,10 +67,10 @@ struct Check<'a> {
 }
 
 impl World {
-    /// Checks that it is the partition of a snapshot with these meshes and assemblies: that every record of every opened
-    /// assembly is in exactly one chunk, in Morton order, in canonical cells within the limits; that boxes hold what is
-    /// in them, in f64; that chunk instances are the composed placements; and that the top level reaches each of them
-    /// once.
+    /// Checks that it is the partition of a snapshot with these meshes and assemblies: that every record of every
+    /// opened assembly is in exactly one chunk, in Morton order, in canonical cells within the limits; that boxes hold
+    /// what is in them, in f64; that chunk instances are the composed placements; and that the top level reaches each
+    /// of them once.
     ///
     /// # Errors
     /// The first broken invariant.
