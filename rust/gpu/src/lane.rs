@@ -146,6 +146,7 @@ mod tests {
         raised.raise(Lane::Transfer, 4);
         raised.raise(Lane::Main, 7);
         assert_eq!(raised, Points([7, 5]), "never lowered");
-        assert_eq!(Points([3, 9]).later(Points([4, 5])), Points([4, 9]), "lane by lane");
+        assert_eq!(Points([3, 5]).later(Points([2, 9])), Points([3, 9]), "lane by lane");
+        assert_eq!(Points([3, 5]).later(Points([4, 2])), Points([4, 5]), "either one");
     }
 }
