@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The queue of a lane: numbered submissions, and what each keeps alive.
 //!
-//! Submission n is done when the lane's timeline has reached n. Submissions of a lane run in order (each
-//! command list begins with a full barrier); those of different lanes do not, unless one waits for the other. Any
-//! thread.
+//! Submission n is done when the lane's timeline has reached n. Submissions of a lane run in order (each command list
+//! begins with a full barrier); those of different lanes do not, unless one waits for the other. Any thread.
 //!
 //! Locks: a lane's own before the Vulkan queue's, which lanes without a queue of their own share.
 

@@ -47,7 +47,7 @@ impl StagingRing {
     /// Makes a ring of `bytes`.
     ///
     /// # Errors
-    /// As [`Buffer::new`]; [`GpuError::Usage`] for no bytes, or more than the host can address.
+    /// As [`Buffer::new`](crate::Buffer::new); [`GpuError::Usage`] for no bytes, or more than the host can address.
     pub fn new(gpu: &Arc<Gpu>, bytes: u64) -> Result<Self, GpuError> {
         if bytes == 0 || isize::try_from(bytes).is_err() {
             return Err(misuse(format!("a ring of {bytes} bytes")));

@@ -195,7 +195,8 @@ impl Assembly {
     }
 
     /// Writes the values that records `range` have in `column`, one after the other, [`InstanceColumn::width`] floats
-    /// each; [`NO_VALUE`](super::NO_VALUE) in all of them for a record without. As [`Assembly::encode`] otherwise.
+    /// each; [`NO_VALUE`](crate::scene::NO_VALUE) in all of them for a record without. As [`Assembly::encode`]
+    /// otherwise.
     pub fn encode_values(&self, column: InstanceColumn, range: Range<usize>, out: &mut [f32]) {
         let width = column.width.max(1) as usize;
         let end = range.end.min(self.len()).min(range.start.saturating_add(out.len() / width));

@@ -3,7 +3,7 @@
 //!
 //! One thread owns a [`SceneDb`]; the snapshots it gives may be read anywhere. Follow a mesh: [`SceneDb::upsert_mesh`]
 //! (`entries`), [`SceneDb::commit`] (`commit`): built by [`crate::mesh`], put into a group by `resolve`, placed by a
-//! run of an [`Assembly`] ([`crate::instancing`]).
+//! run of an [`Assembly`] (`instancing`).
 
 mod commit;
 mod dicing;
