@@ -18,7 +18,8 @@ PXR_NAMESPACE_OPEN_SCOPE
 // clang-format off
 TF_DEFINE_PRIVATE_TOKENS(_tokens,
     // prim types
-    (mesh)(basisCurves)(points)(sphere)(cube)(cone)(cylinder)(capsule)(plane)(camera)(distantLight)(domeLight)(rectLight)
+    (mesh)(basisCurves)(points)(sphere)(cube)(cone)(cylinder)(capsule)(plane)(nurbsCurves)(nurbsPatch)
+    (tetMesh)(camera)(distantLight)(domeLight)(rectLight)
     (sphereLight)(diskLight)(cylinderLight)(material)(extComputation)(renderBuffer)(renderSettings)
     // names of settings, purposes and commands
     (oocpt)(full)(restart)(stop)(mtlx));
@@ -54,7 +55,8 @@ TfTokenVector const& HdOocPTRenderDelegate::GetSupportedRprimTypes() const
 {
     // Implicit shapes are listed so that they get prim ids; a scene index in front of the reader makes meshes of most.
     static TfTokenVector const types { _tokens->mesh, _tokens->basisCurves, _tokens->points, _tokens->sphere,
-        _tokens->cube, _tokens->cone, _tokens->cylinder, _tokens->capsule, _tokens->plane };
+        _tokens->cube, _tokens->cone, _tokens->cylinder, _tokens->capsule, _tokens->plane, _tokens->nurbsCurves,
+        _tokens->nurbsPatch, _tokens->tetMesh };
     return types;
 }
 

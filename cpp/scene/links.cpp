@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/links.h"
 
+#include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/tf/errorMark.h"
+#include "pxr/base/vt/array.h"
 #include "pxr/usd/sdf/predicateLibrary.h"
 #include "scene/dataSource.h"
 #include "scene/tokens.h"
@@ -119,6 +121,33 @@ TfTokenVector HdOocPTLinks::Match(const SdfPath& path, const SdfPathVector& inst
         add(light, pair.second);
     }
     return categories;
+}
+
+void HdOocPTAddCategories(
+    const HdSceneIndexBase& scene, const HdOocPTLinks& links, const HdOocPTPrimSource& source, HdOocPTMeshState* mesh)
+{
+    const auto& tokens = *HdOocPTSceneTokens;
+    SdfPathVector instances;
+    for (const auto& [instancer, root] : mesh->prim.instancedBy) {
+        const VtArray<SdfPath> locations
+            = HdOocPTRead(scene.GetPrim(instancer).dataSource, { tokens.instancerTopology, tokens.instanceLocations })
+                  .GetWithDefault<VtArray<SdfPath>>();
+        instances.insert(instances.end(), locations.begin(), locations.end());
+    }
+    for (const TfToken& category : links.Match(source.path, instances, source.warnings)) {
+        mesh->categories.push_back(category);
+    }
+    std::sort(mesh->categories.begin(), mesh->categories.end());
+}
+
+void HdOocPTSetCategories(const std::pair<TfToken, TfToken>& categories, oocpt::LightDesc* light)
+{
+    if (!categories.first.IsEmpty()) {
+        light->light_link = rust::String::lossy(categories.first.GetString());
+    }
+    if (!categories.second.IsEmpty()) {
+        light->shadow_link = rust::String::lossy(categories.second.GetString());
+    }
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -3,15 +3,21 @@
 #define HDOOCPT_SCENE_LINKS_H
 
 #include "pxr/base/tf/token.h"
+#include "pxr/imaging/hd/sceneIndex.h"
 #include "pxr/pxr.h"
 #include "pxr/usd/sdf/path.h"
 #include "pxr/usd/sdf/pathExpression.h"
 #include "pxr/usd/sdf/pathExpressionEval.h"
+#include "scene/meshReader.h"
 #include "scene/primReader.h"
 
 #include <map>
 #include <optional>
 #include <utility>
+
+namespace oocpt {
+struct LightDesc;
+}
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -61,6 +67,13 @@ private:
 
     std::map<SdfPath, _Pair> _lights;
 };
+
+/// Adds the categories of the collections that a mesh, or the native instances of it, are in.
+void HdOocPTAddCategories(
+    const HdSceneIndexBase& scene, const HdOocPTLinks& links, const HdOocPTPrimSource& source, HdOocPTMeshState* mesh);
+
+/// Where the front end has named categories itself, those stay.
+void HdOocPTSetCategories(const std::pair<TfToken, TfToken>& categories, oocpt::LightDesc* light);
 
 PXR_NAMESPACE_CLOSE_SCOPE
 

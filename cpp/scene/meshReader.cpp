@@ -57,6 +57,10 @@ void _ReadTopology(const TfToken& primType, const HdOocPTPrimSource& source, HdO
 
     state->subdivisionScheme = tokens.catmullClark;
     HdOocPTConvert(HdOocPTRead(source.container, { tokens.mesh, tokens.subdivisionScheme }), &state->subdivisionScheme);
+    if (HdOocPTFind(source.container, { tokens.tetMesh })) {
+        // Hydra's filter leaves them the default scheme, but tetrahedra have flat faces.
+        state->subdivisionScheme = tokens.none;
+    }
     state->doubleSided = false;
     HdOocPTConvert(HdOocPTRead(source.container, { tokens.mesh, tokens.doubleSided }), &state->doubleSided);
     _ReadSubdivision(source, &state->subdivision);

@@ -5,6 +5,8 @@
 #include "pxr/imaging/hd/dataSource.h"
 #include "pxr/imaging/hdsi/extComputationPrimvarPruningSceneIndex.h"
 #include "pxr/imaging/hdsi/implicitSurfaceSceneIndex.h"
+#include "pxr/imaging/hdsi/nurbsApproximatingSceneIndex.h"
+#include "pxr/imaging/hdsi/tetMeshConversionSceneIndex.h"
 
 #include <memory>
 #include <vector>
@@ -55,7 +57,10 @@ public:
 HdSceneIndexBaseRefPtr HdOocPTChainSceneIndices(const HdSceneIndexBaseRefPtr& terminal)
 {
     const HdSceneIndexBaseRefPtr computed = HdSiExtComputationPrimvarPruningSceneIndex::New(terminal);
-    return HdsiImplicitSurfaceSceneIndex::New(computed, std::make_shared<_OtherShapesToMesh>());
+    const HdSceneIndexBaseRefPtr shapes
+        = HdsiImplicitSurfaceSceneIndex::New(computed, std::make_shared<_OtherShapesToMesh>());
+    const HdSceneIndexBaseRefPtr curves = HdsiNurbsApproximatingSceneIndex::New(shapes);
+    return HdsiTetMeshConversionSceneIndex::New(curves);
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -12,9 +12,10 @@
 #include "scene/primKind.h"
 #include "scene/tokens.h"
 
-#include <algorithm>
+#include <exception>
 #include <map>
 #include <optional>
+#include <string>
 #include <utility>
 
 PXR_NAMESPACE_OPEN_SCOPE
@@ -44,6 +45,8 @@ struct HdOocPTSceneReader::_Job
     /// The mesh is no light any more.
     bool losesLight = false;
     std::optional<oocpt::MaterialDesc> material;
+    /// It could not be read.
+    bool isBroken = false;
 };
 
 namespace {
@@ -58,35 +61,6 @@ bool _IsPlain(const SdfPath& path)
 rust::String _Text(const SdfPath& path)
 {
     return rust::String::lossy(path.GetString());
-}
-
-/// Adds the categories of the collections that a mesh, or the native instances of it, are in.
-void _AddLinks(
-    const HdSceneIndexBase& scene, const HdOocPTLinks& links, const HdOocPTPrimSource& source, HdOocPTMeshState* mesh)
-{
-    const auto& tokens = *HdOocPTSceneTokens;
-    SdfPathVector instances;
-    for (const auto& [instancer, root] : mesh->prim.instancedBy) {
-        const VtArray<SdfPath> locations
-            = HdOocPTRead(scene.GetPrim(instancer).dataSource, { tokens.instancerTopology, tokens.instanceLocations })
-                  .GetWithDefault<VtArray<SdfPath>>();
-        instances.insert(instances.end(), locations.begin(), locations.end());
-    }
-    for (const TfToken& category : links.Match(source.path, instances, source.warnings)) {
-        mesh->categories.push_back(category);
-    }
-    std::sort(mesh->categories.begin(), mesh->categories.end());
-}
-
-/// Where the front end has named categories itself, those stay.
-void _SetCategories(const std::pair<TfToken, TfToken>& categories, oocpt::LightDesc* light)
-{
-    if (!categories.first.IsEmpty()) {
-        light->light_link = rust::String::lossy(categories.first.GetString());
-    }
-    if (!categories.second.IsEmpty()) {
-        light->shadow_link = rust::String::lossy(categories.second.GetString());
-    }
 }
 
 } // namespace
@@ -125,10 +99,13 @@ void HdOocPTSceneReader::Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* e
     std::vector<_Job> jobs = _MakeJobs(dirty, warnings);
     WorkParallelForN(jobs.size(), [&](size_t begin, size_t end) {
         for (size_t i = begin; i < end; ++i) {
-            _ReadJob(&jobs[i], primIdOf, warnings);
+            _TryJob(&jobs[i], primIdOf, warnings);
         }
     });
     for (_Job& job : jobs) {
+        if (job.isBroken) {
+            edits->removed.push_back(rust::String::lossy(job.path.GetString()));
+        }
         if (job.losesLight) {
             edits->removed.push_back(rust::String::lossy(job.path.GetString() + HdOocPTMeshLightSuffix));
         }
@@ -285,6 +262,24 @@ std::vector<HdOocPTSceneReader::_Job> HdOocPTSceneReader::_MakeJobs(const _Dirty
     return jobs;
 }
 
+void HdOocPTSceneReader::_TryJob(_Job* job, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const
+{
+    try {
+        _ReadJob(job, primIdOf, warnings);
+    } catch (const std::exception& error) {
+        // Hydra's filters work out what is asked for, NURBS of any number of points, say: one prim must not end the
+        // render.
+        warnings->Add(job->path, std::string("it could not be read (") + error.what() + "); left out");
+        job->mesh.reset();
+        job->instancer.reset();
+        job->light.reset();
+        job->material.reset();
+        job->record->mesh.reset();
+        job->record->instancer.reset();
+        job->isBroken = true;
+    }
+}
+
 void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const
 {
     const HdSceneIndexPrim prim = _scene->GetPrim(job->path);
@@ -301,7 +296,7 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
         }
         HdOocPTReadMesh(*_scene, record.type, source, record.mesh.get());
         if (!_links.IsEmpty() && (source.dirtyBits & HdOocPTDirtyCategories)) {
-            _AddLinks(*_scene, _links, source, record.mesh.get());
+            HdOocPTAddCategories(*_scene, _links, source, record.mesh.get());
         }
         job->mesh = HdOocPTDescribeMesh(job->path, *record.mesh, primIdOf ? primIdOf(job->path) : -1);
         if (source.dirtyBits & HdOocPTDirtyLight) {
@@ -323,7 +318,7 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
         break;
     case HdOocPTPrimKind::Light:
         job->light = HdOocPTReadLight(source, record.type);
-        _SetCategories(_links.GetCategories(job->path), &*job->light);
+        HdOocPTSetCategories(_links.GetCategories(job->path), &*job->light);
         break;
     case HdOocPTPrimKind::Material:
         job->material = HdOocPTReadMaterial(source);

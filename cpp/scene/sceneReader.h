@@ -90,6 +90,8 @@ private:
     void _ReadLinks(_DirtyBits* dirty, HdOocPTWarnings* warnings);
     std::vector<_Job> _MakeJobs(const _DirtyBits& dirty, HdOocPTWarnings* warnings);
     void _RemoveAlone(const SdfPath& path, oocpt::SceneEdits* edits, std::set<SdfPath>* again);
+    /// Reads a prim; one that cannot be read is left out, with a warning.
+    void _TryJob(_Job* job, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const;
     void _ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const;
     void _ReadSettings();
     void _SetShutter(const HdOocPTShutter& shutter);

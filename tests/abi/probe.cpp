@@ -134,7 +134,9 @@ void _CheckSceneIndices()
     HdSceneIndexBaseRefPtr const scene = TfCreateRefPtr(new ProbeSceneIndex);
     HdSceneIndexBaseRefPtr const meshes
         = HdsiImplicitSurfaceSceneIndex::New(scene, HdRetainedContainerDataSource::New(1, &sphere, &toMesh));
-    HdSceneIndexBaseRefPtr const last = HdSiExtComputationPrimvarPruningSceneIndex::New(meshes);
+    HdSceneIndexBaseRefPtr const curves = HdsiNurbsApproximatingSceneIndex::New(meshes);
+    HdSceneIndexBaseRefPtr const surfaces = HdsiTetMeshConversionSceneIndex::New(curves);
+    HdSceneIndexBaseRefPtr const last = HdSiExtComputationPrimvarPruningSceneIndex::New(surfaces);
     ProbeObserver observer;
     last->AddObserver(HdSceneIndexObserverPtr(&observer));
 

@@ -16,6 +16,8 @@
 #include "pxr/imaging/hd/rprim.h"
 #include "pxr/imaging/hdsi/extComputationPrimvarPruningSceneIndex.h"
 #include "pxr/imaging/hdsi/implicitSurfaceSceneIndex.h"
+#include "pxr/imaging/hdsi/nurbsApproximatingSceneIndex.h"
+#include "pxr/imaging/hdsi/tetMeshConversionSceneIndex.h"
 
 #include <sstream>
 #include <vector>

@@ -260,8 +260,8 @@ impl Grid {
             grid.cell |= exponent << (8 * axis);
             for (at, b) in boxes.clone().enumerate() {
                 let cells = |plane: f32| (f64::from(plane) - origin) * per_cell;
-                grid.lower[axis] |= byte((cells(b.min[axis]) - margin).floor()) << (8 * at);
-                grid.upper[axis] |= byte((cells(b.max[axis]) + margin).ceil()) << (8 * at);
+                grid.lower[axis] |= floor(cells(b.min[axis]) - margin) << (8 * at);
+                grid.upper[axis] |= ceil(cells(b.max[axis]) + margin) << (8 * at);
             }
         }
         grid
@@ -281,9 +281,15 @@ fn cell_exponent(edge: f64) -> u32 {
     u32::try_from(exponent.saturating_sub(1023 - 127)).unwrap_or(253).clamp(1, 253)
 }
 
-/// A whole number from 0 to 255.
-fn byte(cells: f64) -> u32 {
+/// The last whole number not above `cells`, from 0 to 255.
+fn floor(cells: f64) -> u32 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     let byte = cells.clamp(0.0, 255.0) as u32;
     byte
+}
+
+/// The first whole number not below `cells`, from 0 to 255.
+fn ceil(cells: f64) -> u32 {
+    let byte = floor(cells);
+    byte + u32::from(byte < 255 && cells > f64::from(byte))
 }

@@ -7,7 +7,7 @@
 //! `n` boxes without gaps exists when `n = 1 (mod 3)`; of the four children of any node three get such counts, and one
 //! gets what is left. Deterministic: depends on the boxes and their order only. Pure; large trees use rayon.
 
-use glam::Vec3A;
+use glam::{Vec3A, Vec3Swizzles as _};
 
 use super::Aabb;
 use super::bvh4::{ABSENT, LEAF, LevelNode, WIDTH};
@@ -16,6 +16,8 @@ use super::bvh4::{ABSENT, LEAF, LevelNode, WIDTH};
 const FORK_ABOVE: usize = 1 << 13;
 /// Levels beyond those of a balanced tree from which on nodes are split in the middle.
 const SPARE_LEVELS: u32 = 4;
+/// Items of which the cut of a node is chosen, up to twice as many.
+const MOST_SAMPLES: usize = 1 << 9;
 
 /// A four-wide hierarchy over boxes. The root is node 0; parents come before their children.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -44,27 +46,42 @@ pub fn build_level(boxes: &[Aabb]) -> LevelTree {
     let balanced = boxes.len().max(1).ilog2() / 2 + 1;
     let stack = match &items[..] {
         [] => 0,
-        _ => emit(&mut items, &mut nodes, 0, balanced + SPARE_LEVELS),
+        _ => {
+            let mut scratch = vec![Item::default(); items.len()];
+            emit(&mut items, &mut scratch, &mut nodes, 0, balanced + SPARE_LEVELS)
+        }
     };
     LevelTree { nodes, stack }
 }
 
-/// A box on its way to its leaf.
-#[derive(Clone, Copy)]
+/// A box on its way to its leaf, 32 bytes.
+#[derive(Clone, Copy, Default)]
 struct Item {
-    min: Vec3A,
-    max: Vec3A,
+    min: [f32; 3],
     number: u32,
+    max: [f32; 3],
+    _pad: u32,
 }
 
 impl Item {
     fn new((b, number): (&Aabb, u32)) -> Self {
-        Self { min: Vec3A::from(b.min), max: Vec3A::from(b.max), number }
+        Self { min: b.min, number, max: b.max, _pad: 0 }
+    }
+
+    #[inline]
+    fn min(&self) -> Vec3A {
+        Vec3A::from_array(self.min)
+    }
+
+    #[inline]
+    fn max(&self) -> Vec3A {
+        Vec3A::from_array(self.max)
     }
 
     /// Not the sum of both, which may overflow.
+    #[inline]
     fn center(&self) -> Vec3A {
-        0.5 * self.min + 0.5 * self.max
+        0.5 * self.min() + 0.5 * self.max()
     }
 }
 
@@ -79,17 +96,31 @@ impl Bounds {
     const EMPTY: Self = Self { min: Vec3A::INFINITY, max: Vec3A::NEG_INFINITY };
 
     fn of(items: &[Item]) -> Self {
-        items.iter().fold(Self::EMPTY, |all, item| all.with(item.min, item.max))
+        items.iter().fold(Self::EMPTY, |all, item| all.with(item.min(), item.max()))
+    }
+
+    fn of_centers(items: &[Item]) -> Self {
+        items.iter().fold(Self::EMPTY, |all, item| {
+            let center = item.center();
+            all.with(center, center)
+        })
     }
 
     fn with(self, min: Vec3A, max: Vec3A) -> Self {
         Self { min: self.min.min(min), max: self.max.max(max) }
     }
 
-    /// Half its surface, in double precision: no square of a single overflows or vanishes there.
-    fn half_area(&self) -> f64 {
-        let extent = (self.max - self.min).max(Vec3A::ZERO).as_dvec3();
-        extent.x * extent.y + extent.y * extent.z + extent.z * extent.x
+    /// What makes the longest edge of a box that is not empty 1: no product of edges overflows then, and none that
+    /// matters vanishes.
+    fn unit(&self) -> f32 {
+        (0.5 * self.max - 0.5 * self.min).max_element().max(f32::MIN_POSITIVE).recip()
+    }
+
+    /// Half its surface in units of `unit`; nothing for an empty box.
+    #[inline]
+    fn half_area(&self, unit: f32) -> f32 {
+        let edges = (0.5 * self.max - 0.5 * self.min).max(Vec3A::ZERO) * unit;
+        edges.dot(edges.yzx())
     }
 
     fn plain(&self) -> Aabb {
@@ -98,10 +129,11 @@ impl Bounds {
 }
 
 /// Writes the tree over at least one item: its root is `nodes[0]`, which is node `base` of the whole, and `nodes` are
-/// as many as it takes. Nodes `sah_levels` further down are split in the middle. Gives the stack entries of a walk.
-fn emit(items: &mut [Item], nodes: &mut [LevelNode], base: u32, sah_levels: u32) -> u32 {
+/// as many as it takes; `scratch` is as long as `items`. Nodes `sah_levels` further down are split in the middle. Gives
+/// the stack entries of a walk.
+fn emit(items: &mut [Item], mut scratch: &mut [Item], nodes: &mut [LevelNode], base: u32, sah_levels: u32) -> u32 {
     let Some((root, mut rest)) = nodes.split_first_mut() else { return 0 };
-    let mut children = children(items, sah_levels > 0);
+    let mut children = children(items, scratch, sah_levels > 0);
     let mut child = [ABSENT; WIDTH];
     let mut bounds = [Aabb::EMPTY; WIDTH];
     let mut jobs: [Option<Job<'_>>; WIDTH] = [const { None }; WIDTH];
@@ -113,6 +145,8 @@ fn emit(items: &mut [Item], nodes: &mut [LevelNode], base: u32, sah_levels: u32)
             continue;
         }
         there += 1;
+        let (own_scratch, others) = scratch.split_at_mut(part.len());
+        scratch = others;
         bounds[at] = Bounds::of(part).plain();
         if let [item] = part {
             child[at] = LEAF | item.number;
@@ -122,7 +156,13 @@ fn emit(items: &mut [Item], nodes: &mut [LevelNode], base: u32, sah_levels: u32)
         let (own, others) = rest.split_at_mut(count);
         rest = others;
         child[at] = next;
-        jobs[at] = Some(Job { items: part, nodes: own, base: next, sah_levels: sah_levels.saturating_sub(1) });
+        jobs[at] = Some(Job {
+            items: part,
+            scratch: own_scratch,
+            nodes: own,
+            base: next,
+            sah_levels: sah_levels.saturating_sub(1),
+        });
         next += u32::try_from(count).unwrap_or(u32::MAX);
     }
     *root = LevelNode::new(bounds[..].iter(), child);
@@ -132,6 +172,7 @@ fn emit(items: &mut [Item], nodes: &mut [LevelNode], base: u32, sah_levels: u32)
 /// A subtree to build.
 struct Job<'a> {
     items: &'a mut [Item],
+    scratch: &'a mut [Item],
     nodes: &'a mut [LevelNode],
     base: u32,
     sah_levels: u32,
@@ -146,11 +187,11 @@ fn run(jobs: &mut [Option<Job<'_>>]) -> u32 {
         return a.max(b);
     }
     let each = jobs.iter_mut().flatten();
-    each.map(|job| emit(job.items, job.nodes, job.base, job.sah_levels)).max().unwrap_or(0)
+    each.map(|job| emit(job.items, job.scratch, job.nodes, job.base, job.sah_levels)).max().unwrap_or(0)
 }
 
 /// The items of the four children of a node over `items`, of which the last may be empty.
-fn children(items: &mut [Item], sah: bool) -> [&mut [Item]; WIDTH] {
+fn children<'a>(items: &'a mut [Item], scratch: &mut [Item], sah: bool) -> [&'a mut [Item]; WIDTH] {
     let mut parts: [&mut [Item]; WIDTH] = Default::default();
     if items.len() <= WIDTH {
         for (part, item) in parts.iter_mut().zip(items.chunks_mut(1)) {
@@ -164,15 +205,15 @@ fn children(items: &mut [Item], sah: bool) -> [&mut [Item]; WIDTH] {
         2 => [2, 0],
         _ => [2, 1],
     };
-    let (left, right) = split(items, first, sah);
+    let (left, right) = split(items, scratch, first, sah);
     let [a, b, c, d] = &mut parts;
-    (*a, *b) = halves(left, sah);
-    (*c, *d) = halves(right, sah);
+    (*a, *b) = halves(left, scratch, sah);
+    (*c, *d) = halves(right, scratch, sah);
     parts
 }
 
 /// Two children of a node; a single item stays alone.
-fn halves(items: &mut [Item], sah: bool) -> (&mut [Item], &mut [Item]) {
+fn halves<'a>(items: &'a mut [Item], scratch: &mut [Item], sah: bool) -> (&'a mut [Item], &'a mut [Item]) {
     match items.len() {
         0 | 1 => (items, &mut []),
         count => {
@@ -181,19 +222,21 @@ fn halves(items: &mut [Item], sah: bool) -> (&mut [Item], &mut [Item]) {
                 0 => [1, 2],
                 _ => [1, 0],
             };
-            split(items, left, sah)
+            split(items, scratch, left, sah)
         }
     }
 }
 
 /// Sorts items, at least two, to two sides, none of which is empty; of the count on the left one of `residues` is left
 /// when it is divided by 3.
-fn split(items: &mut [Item], residues: [usize; 2], sah: bool) -> (&mut [Item], &mut [Item]) {
+fn split<'a>(
+    items: &'a mut [Item],
+    scratch: &mut [Item],
+    residues: [usize; 2],
+    sah: bool,
+) -> (&'a mut [Item], &'a mut [Item]) {
     let count = items.len();
-    let centers = items.iter().fold(Bounds::EMPTY, |all, item| {
-        let center = item.center();
-        all.with(center, center)
-    });
+    let centers = Bounds::of_centers(items);
     let extent = centers.max - centers.min;
     let chosen = match count {
         _ if !sah => None,
@@ -212,7 +255,7 @@ fn split(items: &mut [Item], residues: [usize; 2], sah: bool) -> (&mut [Item], &
         }
         return items.split_at_mut(middle);
     };
-    let wanted = partition(items, |item| scale.bin(item.center())[axis] <= bin);
+    let wanted = partition(items, scratch, |item| scale.bin(item.center())[axis] <= bin);
     let left = nearest(wanted, count, residues);
     // Those nearest to the cut change sides, at most two.
     let order = by_center(axis);
@@ -238,17 +281,19 @@ fn longest(extent: Vec3A) -> usize {
     (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap_or(0)
 }
 
-/// Moves the items that `is_left` to the front; how many they are.
-fn partition(items: &mut [Item], is_left: impl Fn(&Item) -> bool) -> usize {
-    let (mut left, mut right) = (0, items.len());
-    while left < right {
-        if is_left(&items[left]) {
-            left += 1;
-        } else {
-            right -= 1;
-            items.swap(left, right);
-        }
+/// Moves the items that `is_left` to the front, in order; how many they are. Without branches on the items, which no
+/// processor foresees.
+fn partition(items: &mut [Item], scratch: &mut [Item], is_left: impl Fn(&Item) -> bool) -> usize {
+    let (mut left, mut right) = (0, 0);
+    for at in 0..items.len() {
+        let item = items[at];
+        let goes_left = is_left(&item);
+        items[left] = item;
+        scratch[right] = item;
+        left += usize::from(goes_left);
+        right += usize::from(!goes_left);
     }
+    items[left..].copy_from_slice(&scratch[..right]);
     left
 }
 
@@ -257,7 +302,7 @@ fn partition(items: &mut [Item], is_left: impl Fn(&Item) -> bool) -> usize {
 struct Scale {
     from: Vec3A,
     per_unit: Vec3A,
-    last: f32,
+    last: Vec3A,
 }
 
 impl Scale {
@@ -268,19 +313,17 @@ impl Scale {
         let bins = bins as f32;
         let extent = centers.max - centers.min;
         let per_unit = Vec3A::select(extent.cmpgt(Vec3A::ZERO), bins / extent, Vec3A::ZERO);
-        Self { from: centers.min, per_unit, last: bins - 1.0 }
+        Self { from: centers.min, per_unit, last: Vec3A::splat(bins - 1.0) }
     }
 
     /// The bin of a center along each axis.
     #[inline]
     fn bin(&self, center: Vec3A) -> [usize; 3] {
-        let at = ((center - self.from) * self.per_unit).min(Vec3A::splat(self.last));
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "not below 0, at most the last bin"
-        )]
-        at.to_array().map(|at| at as usize)
+        /// Where the last bits of a number of single precision count wholes: nearest to `x - 0.5` is the last whole
+        /// number not above `x`, but for those at an edge, of which it does not matter to which bin they go.
+        const WHOLES: f32 = (1 << 23) as f32;
+        let at = ((center - self.from) * self.per_unit - 0.5).clamp(Vec3A::ZERO, self.last);
+        (at + WHOLES).to_array().map(|at| (at.to_bits() & 0xff) as usize)
     }
 }
 
@@ -292,33 +335,41 @@ struct Cut {
     scale: Scale,
 }
 
-/// The plane between two of `BINS` bins to an axis that costs least; none where no plane parts the centers.
+/// The plane between two of `BINS` bins to an axis that costs least; none where no plane parts the centers. Of many
+/// items some are looked at, which are spread evenly.
 fn choose<const BINS: usize>(items: &[Item], centers: &Bounds) -> Option<Cut> {
     let scale = Scale::new(centers, BINS);
-    let mut filled = [[(Bounds::EMPTY, 0_u32); BINS]; 3];
-    for item in items {
-        for (bins, at) in filled.iter_mut().zip(scale.bin(item.center())) {
-            let (bounds, count) = &mut bins[at.min(BINS - 1)];
-            *bounds = bounds.with(item.min, item.max);
-            *count += 1;
+    let mut filled = [[Bounds::EMPTY; BINS]; 3];
+    let mut counts = [[0_u16; BINS]; 3];
+    for item in items.iter().step_by((items.len() / MOST_SAMPLES).max(1)) {
+        let (min, max) = (item.min(), item.max());
+        let bins = scale.bin(item.center());
+        for axis in 0..3 {
+            let bin = bins[axis].min(BINS - 1);
+            filled[axis][bin] = filled[axis][bin].with(min, max);
+            counts[axis][bin] += 1;
         }
     }
-    let mut best: Option<(f64, Cut)> = None;
-    for (axis, filled) in filled.iter().enumerate() {
-        let mut right = [(0.0, 0_u32); BINS];
+    let all = filled[0].iter().fold(Bounds::EMPTY, |all, bin| all.with(bin.min, bin.max));
+    let unit = all.unit();
+    let mut best: Option<(f32, Cut)> = None;
+    for axis in 0..3 {
+        let (filled, counts) = (&filled[axis], &counts[axis]);
+        let mut right = [(0.0, 0_u16); BINS];
         let (mut bounds, mut count) = (Bounds::EMPTY, 0);
-        for (at, (of_bin, number)) in filled.iter().enumerate().skip(1).rev() {
-            bounds = bounds.with(of_bin.min, of_bin.max);
-            count += number;
-            right[at - 1] = (bounds.half_area() * f64::from(count), count);
+        for at in (1..BINS).rev() {
+            bounds = bounds.with(filled[at].min, filled[at].max);
+            count += counts[at];
+            right[at - 1] = (bounds.half_area(unit) * f32::from(count), count);
         }
         let (mut bounds, mut count) = (Bounds::EMPTY, 0);
-        for (bin, (of_bin, number)) in filled.iter().enumerate().take(BINS - 1) {
-            bounds = bounds.with(of_bin.min, of_bin.max);
-            count += number;
+        for bin in 0..BINS - 1 {
+            bounds = bounds.with(filled[bin].min, filled[bin].max);
+            count += counts[bin];
             let (right, others) = right[bin];
-            let cost = bounds.half_area() * f64::from(count) + right;
-            if *number > 0 && others > 0 && cost.is_finite() && best.as_ref().is_none_or(|(least, _)| cost < *least) {
+            let cost = bounds.half_area(unit) * f32::from(count) + right;
+            let parts = counts[bin] > 0 && others > 0 && cost.is_finite();
+            if parts && best.as_ref().is_none_or(|(least, _)| cost < *least) {
                 best = Some((cost, Cut { axis, bin, scale }));
             }
         }

@@ -191,3 +191,29 @@ proptest! {
         prop_assert!(tree.stack <= 3 * (n.max(1).ilog2() + 6), "{} entries for {n} boxes", tree.stack);
     }
 }
+
+#[test]
+fn clusters_far_apart_are_parted_at_the_root() {
+    // The distance between neighbours in a cluster is as much of the scene as single precision can tell, or far more.
+    for (scale, far) in [(1.0, 1e3), (1e-18, 1e3), (1e18, 1e3), (1e-3, 1e6)] {
+        for (left, all) in [(2, 7_u16), (5, 30), (20, 100), (1001, 4097), (5000, 20_000)] {
+            let center = |k: u16| {
+                let turn = f32::from(k) * 2.4;
+                let at = if k % all < left { -far } else { far };
+                [(at + turn.cos()) * scale, turn.sin() * scale, f32::from(k % 7) * 0.1 * scale]
+            };
+            let half = 0.05 * scale;
+            let box_of = |c: [f32; 3]| Aabb { min: c.map(|x| x - half), max: c.map(|x| x + half) };
+            // In an order that tells nothing: 1009 is prime.
+            let boxes: Vec<Aabb> = (0..u32::from(all))
+                .map(|k| center(u16::try_from(k * 1009 % u32::from(all)).expect("below all")))
+                .map(box_of)
+                .collect();
+            let root = build_level(&boxes).nodes[0];
+            for at in (0..4).filter(|&at| root.child[at] != ABSENT) {
+                let [from, to] = root.planes(at, 0);
+                assert!(from * to > 0.0, "{left} of {all}, scale {scale}: child {at} reaches from {from} to {to}");
+            }
+        }
+    }
+}

@@ -20,6 +20,11 @@ const SEEDS: [u32; 2] = [24, 64];
 /// by production's prices. Those depend on how long rounds take, so that a quiet machine plays less.
 const SEEDS_OF_FAULTS: u32 = 8;
 const SEEDS_OF_FAULTS_BY_PRICES: u32 = 16;
+/// How often the roulette is played for each seed that is asked for ([`plays`]), where what is planted is to be seen in
+/// few seeds, and the most times as many seeds that may be rendered until it has been.
+const PLAYS: u32 = 16;
+const PLAYS_OF_FAULTS: u32 = 128;
+const MOST_BATCHES: u32 = 8;
 /// Probability of every load that is played for.
 const PER_MILLE: u16 = 300;
 /// Regions from left to right and from top to bottom.
@@ -88,11 +93,24 @@ impl Renderer {
     }
 }
 
-/// Means and their standard errors of `with - without`, region by region.
-fn differences(without: &mut Renderer, with: &mut Renderer, seeds: Range<u32>) -> Vec<(f64, f64)> {
-    let n = f64::from(seeds.end - seeds.start);
+/// What seeds show.
+struct Shown {
+    seeds: Range<u32>,
+    /// Means and their standard errors of `with - without`, region by region.
+    differences: Vec<(f64, f64)>,
+}
+
+/// Renders seeds from `first` on, `batch` of them and, where fewer rays end than `least` for each of the batch, more:
+/// how many rays wait, and so end, depends on the speed of the machine. Only what has ended decides, never its effect.
+fn show(without: &mut Renderer, with: &mut Renderer, first: u32, (batch, least): (u32, u32)) -> Shown {
     let mut sums = vec![(0.0, 0.0); REGIONS[0] * REGIONS[1] + 1];
-    for seed in seeds {
+    let before = plays(&with.totals);
+    let mut end = first;
+    while end < first + batch
+        || (end < first + MOST_BATCHES * batch && plays(&with.totals) - before < u64::from(least * batch))
+    {
+        let seed = end;
+        end += 1;
         let (expected, [alpha, counts]) = without.regions(seed);
         let (got, [same_alpha, same_counts]) = with.regions(seed);
         assert!(counts == same_counts, "what is played with decides nothing");
@@ -102,8 +120,9 @@ fn differences(without: &mut Renderer, with: &mut Renderer, seeds: Range<u32>) -
             *sum = (sum.0 + d, sum.1 + d * d);
         }
     }
+    let n = f64::from(end - first);
     let of = |(sum, squares): (f64, f64)| (sum / n, ((squares / n - (sum / n).powi(2)).max(0.0) / (n - 1.0)).sqrt());
-    sums.into_iter().map(of).collect()
+    Shown { seeds: first..end, differences: sums.into_iter().map(of).collect() }
 }
 
 /// As unlikely for a mean of so many seeds, by Student's distribution, as 3 standard deviations for one of very many
@@ -115,17 +134,23 @@ fn limit(seeds: u32) -> f64 {
     terms[0] + terms[1] / nu + terms[2] / nu.powi(2) + third / nu.powi(3)
 }
 
-/// Whether rays ended so often, over all seeds, that the test says something.
-fn was_played(totals: &StreamingStats) -> bool {
-    let most = totals.roulette_paths.min(totals.roulette_shadow_rays).min(2 * totals.roulette_loads_saved);
-    most > u64::from(16 * seeds(SEEDS))
+/// How often the roulette was played: rays of both kinds that ended, loads that this saved.
+fn plays(totals: &StreamingStats) -> u64 {
+    totals.roulette_paths.min(totals.roulette_shadow_rays).min(2 * totals.roulette_loads_saved)
 }
 
-/// Regions further from no difference than [`limit`].
-fn outside(differences: &[(f64, f64)], seeds: u32) -> Vec<usize> {
-    let limit = limit(seeds);
-    let is_outside = |&(_, &(mean, sigma)): &(usize, &(f64, f64))| mean.abs() > limit * sigma;
-    differences.iter().enumerate().filter(is_outside).map(|(region, _)| region).collect()
+/// Whether rays ended so often, over all seeds, that the test says something.
+fn was_played(totals: &StreamingStats) -> bool {
+    plays(totals) >= u64::from(PLAYS * seeds(SEEDS))
+}
+
+impl Shown {
+    /// Regions further from no difference than [`limit`].
+    fn outside(&self) -> Vec<usize> {
+        let limit = limit(self.seeds.end - self.seeds.start);
+        let is_outside = |&(_, &(mean, sigma)): &(usize, &(f64, f64))| mean.abs() > limit * sigma;
+        self.differences.iter().enumerate().filter(is_outside).map(|(region, _)| region).collect()
+    }
 }
 
 /// The regions that differ, at `budget_percent`, as it is played by `faults`: with all seeds and, which decides, with
@@ -141,18 +166,24 @@ fn differing(
     let budget = percent(bytes, budget_percent).max(smallest_budget(scene));
     let settings = Settings { geometry_budget_kib: budget, straggler_roulette: true, ..without.session.settings() };
     let mut with = Renderer::new(scene, settings, SessionOptions { force_streaming: true, ..planting(faults) });
-    let seeds = match (faults.unweighted_roulette, faults.roulette_ns_per_byte) {
-        (false, _) => seeds(SEEDS),
-        (true, None) => SEEDS_OF_FAULTS,
-        (true, Some(_)) => SEEDS_OF_FAULTS_BY_PRICES,
+    let batch = match (faults.unweighted_roulette, faults.roulette_ns_per_byte) {
+        (false, _) => (seeds(SEEDS), PLAYS),
+        (true, None) => (SEEDS_OF_FAULTS, PLAYS_OF_FAULTS),
+        (true, Some(_)) => (SEEDS_OF_FAULTS_BY_PRICES, PLAYS),
     };
-    let first = differences(without, &mut with, 0..seeds);
-    let mut regions = outside(&first, seeds);
-    let mut said = format!("{}, {budget_percent} % ({budget} of {} KiB): {first:.3?}", scene.name, bytes >> 10);
+    let first = show(without, &mut with, 0, batch);
+    let mut regions = first.outside();
+    let mut said = format!(
+        "{}, {budget_percent} % ({budget} of {} KiB), seeds {:?}: {:.3?}",
+        scene.name,
+        bytes >> 10,
+        first.seeds,
+        first.differences
+    );
     if !regions.is_empty() {
-        let second = differences(without, &mut with, seeds..2 * seeds);
-        said += &format!("; again: {second:.3?}");
-        let again = outside(&second, seeds);
+        let second = show(without, &mut with, first.seeds.end, batch);
+        said += &format!("; again, seeds {:?}: {:.3?}", second.seeds, second.differences);
+        let again = second.outside();
         regions.retain(|region| again.contains(region));
     }
     (regions, with.totals, said)
@@ -180,8 +211,8 @@ fn nor_with_materials_and_lamps() {
 #[test]
 fn rays_that_are_not_weighted_are_noticed() {
     let mut without = Renderer::new(&SCENES[0], small_chunks(), options());
-    let (regions, _, said) = differing(&SCENES[0], &mut without, 10, unweighted());
-    println!("{said}");
+    let (regions, totals, said) = differing(&SCENES[0], &mut without, 10, unweighted());
+    println!("{said}; {totals:?}");
     assert!(!regions.is_empty(), "a picture that is too dark must be seen: {said}");
 }
 
@@ -206,8 +237,8 @@ fn no_region_changes_its_mean_with_adaptive_sampling() {
 #[test]
 fn rays_that_are_not_weighted_are_noticed_with_adaptive_sampling() {
     let mut without = Renderer::new(&SCENES[0], adaptive(), options());
-    let (regions, _, said) = differing(&SCENES[0], &mut without, 10, unweighted());
-    println!("{said}");
+    let (regions, totals, said) = differing(&SCENES[0], &mut without, 10, unweighted());
+    println!("{said}; {totals:?}");
     assert!(!regions.is_empty(), "a picture that is too dark must be seen: {said}");
 }
 
