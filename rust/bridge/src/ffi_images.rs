@@ -2,9 +2,34 @@
 //! The boundary's images: what C++ tells of the host's files, and how Rust asks for texels. Guarantees and threads as
 //! said at `bridge/heldImage.h`.
 
-use crate::images::{ByteSink, RowSink};
+use oocpt_render::textures::ImageError;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use xxhash_rust::xxh3::Xxh3;
 
 pub(crate) use ffi::{HeldFile, HeldImage, HeldTransform, ImageFacts, ImageSource, TexelBox, TexelTag, WrapTag};
+
+/// Takes the rows of an image that C++ decodes.
+pub(crate) struct RowSink<'a>(pub(crate) &'a mut dyn FnMut(u32, &[u8]) -> bool);
+
+impl RowSink<'_> {
+    /// Called by C++, so nothing may unwind from it.
+    pub(crate) fn take(&mut self, top: u32, rows: &[u8]) -> Result<bool, ImageError> {
+        catch_unwind(AssertUnwindSafe(|| (self.0)(top, rows)))
+            .map_err(|_panic| ImageError("is decoded for one who panicked".to_owned()))
+    }
+}
+
+/// Takes the bytes of a file that C++ reads.
+pub(crate) struct ByteSink<'a>(pub(crate) &'a mut Xxh3);
+
+impl ByteSink<'_> {
+    /// Called by C++. Never fails; cxx turns what unwinds into the end of the process, and hashing does not.
+    #[expect(clippy::unnecessary_wraps, reason = "the rule of the boundary")]
+    pub(crate) fn take(&mut self, bytes: &[u8]) -> Result<(), ImageError> {
+        self.0.update(bytes);
+        Ok(())
+    }
+}
 
 /// Declarations that cxx turns into both sides of the boundary.
 #[allow(

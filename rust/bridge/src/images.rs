@@ -12,7 +12,6 @@ use oocpt_ptex::ReadAt;
 use oocpt_render::textures::{ColorTransform, Image, ImageError, ImageInfo, ImageLibrary};
 use oocpt_render::{LightFiles, LightPicture};
 use std::fmt;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use xxhash_rust::xxh3::Xxh3;
 
@@ -57,29 +56,6 @@ impl HostImages {
     }
 }
 
-/// Takes the rows of an image that C++ decodes.
-pub(crate) struct RowSink<'a>(&'a mut dyn FnMut(u32, &[u8]) -> bool);
-
-impl RowSink<'_> {
-    /// Called by C++, so nothing may unwind from it.
-    pub(crate) fn take(&mut self, top: u32, rows: &[u8]) -> Result<bool, ImageError> {
-        catch_unwind(AssertUnwindSafe(|| (self.0)(top, rows)))
-            .map_err(|_panic| error("is decoded for one who panicked"))
-    }
-}
-
-/// Takes the bytes of a file that C++ reads.
-pub(crate) struct ByteSink<'a>(&'a mut Xxh3);
-
-impl ByteSink<'_> {
-    /// Called by C++. Never fails; cxx turns what unwinds into the end of the process, and hashing does not.
-    #[expect(clippy::unnecessary_wraps, reason = "the rule of the boundary")]
-    pub(crate) fn take(&mut self, bytes: &[u8]) -> Result<(), ImageError> {
-        self.0.update(bytes);
-        Ok(())
-    }
-}
-
 fn error(reason: impl Into<String>) -> ImageError {
     ImageError(reason.into())
 }
@@ -121,8 +97,9 @@ impl ImageLibrary for HostImages {
             return Ok(format!("file:{}:{}:{}", facts.canonical, facts.size, facts.modified_ns));
         }
         let mut hash = Xxh3::new();
-        let size =
-            source.stream_file(&asset.resolved, &mut ByteSink(&mut hash)).map_err(|reason| error(reason.what()))?;
+        let size = source
+            .stream_file(&asset.resolved, &mut ffi::ByteSink(&mut hash))
+            .map_err(|reason| error(reason.what()))?;
         Ok(format!("hash:{:032x}:{size}", hash.digest128()))
     }
 
@@ -187,7 +164,7 @@ impl Image for HostImage {
 
     fn decode(&self, level: u32, sink: &mut dyn FnMut(u32, &[u8]) -> bool) -> Result<(), ImageError> {
         match self.held.as_ref() {
-            Some(held) => held.decode(level, &mut RowSink(sink)).map_err(|reason| error(reason.what())),
+            Some(held) => held.decode(level, &mut ffi::RowSink(sink)).map_err(|reason| error(reason.what())),
             None => Err(error("is closed")),
         }
     }

@@ -4,7 +4,7 @@
 use glam::{DAffine3, DVec3};
 
 use crate::camera::{Camera, CameraError};
-use crate::scene::{MotionKey, map_at, motion_keys};
+use crate::instancing::motion::{MotionKey, map_at, motion_keys};
 
 /// A camera that moves.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-//! One arena of a heap: a big buffer and the bookkeeping of its ranges.
+//! The arenas of a heap: big buffers and the bookkeeping of their ranges, also of those that are retired.
 //!
-//! Knows no policy; [`HeapCore`] decides when arenas are made and dropped. Any thread.
+//! Knows no policy but that an empty arena is kept; [`Heap`](crate::Heap) decides when arenas are made. Any thread.
+//!
+//! Locks: the list of arenas before an arena's own; neither is held while anything is dropped.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use offset_allocator::{Allocation, Allocator};
 
-use crate::heap::HeapCore;
+use crate::block::Block;
+use crate::device::Device;
 use crate::heap_counters::HeapCounters;
-use crate::range::Block;
+use crate::lane::Points;
+use crate::retire::RetireQueue;
 
 /// Unit of the range allocator in bytes. Its 32-bit units then reach 1 TiB, far above any `maxMemoryAllocationSize`.
 pub(crate) const GRANULE: u64 = 256;
@@ -24,7 +28,8 @@ pub(crate) struct Arena {
     skew: u64,
     pub(crate) bytes: u64,
     space: Mutex<Space>,
-    heap: Weak<HeapCore>,
+    /// Those of its heap, as long as that lives.
+    siblings: Weak<Arenas>,
     pub(crate) counters: Arc<HeapCounters>,
 }
 
@@ -42,9 +47,15 @@ pub(crate) struct Place {
     bytes: u64,
 }
 
-/// A range that nobody holds any more; freed when the GPU is done with it.
+/// The arenas of one heap.
 #[derive(Debug)]
-pub(crate) struct RetiredRange(pub(crate) Place);
+pub(crate) struct Arenas {
+    device: Arc<Device>,
+    list: Mutex<Vec<Arc<Arena>>>,
+    /// Ranges that nobody holds any more; freed when the GPU is done with them.
+    retired: RetireQueue<Place>,
+    pub(crate) counters: Arc<HeapCounters>,
+}
 
 /// How full an arena is, in bytes.
 #[derive(Clone, Copy, Debug)]
@@ -67,12 +78,13 @@ pub(crate) fn size_class_below(bytes: u64) -> u64 {
 }
 
 impl Arena {
-    pub(crate) fn new(block: Block, bytes: u64, (heap, counters): (Weak<HeapCore>, &Arc<HeapCounters>)) -> Arc<Self> {
+    fn new(block: Block, bytes: u64, heap: &Arc<Arenas>) -> Arc<Self> {
         let skew = block.raw.address.next_multiple_of(GRANULE) - block.raw.address;
         let units = u32::try_from((bytes - skew) / GRANULE).unwrap_or(u32::MAX);
         let allocator = Allocator::with_max_allocs(units, units.clamp(16, MAX_RANGES));
         let space = Mutex::new(Space { allocator, used_bytes: 0, ranges: 0 });
-        Arc::new(Self { block: Arc::new(block), skew, bytes, space, heap, counters: Arc::clone(counters) })
+        let (siblings, counters) = (Arc::downgrade(heap), Arc::clone(&heap.counters));
+        Arc::new(Self { block: Arc::new(block), skew, bytes, space, siblings, counters })
     }
 
     fn lock(&self) -> MutexGuard<'_, Space> {
@@ -106,6 +118,80 @@ impl Arena {
     }
 }
 
+impl Arenas {
+    /// None yet.
+    pub(crate) fn new(device: &Arc<Device>, counters: Arc<HeapCounters>) -> Arc<Self> {
+        let (device, list) = (Arc::clone(device), Mutex::new(Vec::new()));
+        Arc::new(Self { device, list, retired: RetireQueue::new(), counters })
+    }
+
+    pub(crate) fn lock(&self) -> MutexGuard<'_, Vec<Arc<Arena>>> {
+        self.list.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// A place in one of the arenas there are.
+    pub(crate) fn take(&self, bytes: u64) -> Option<Place> {
+        self.lock().iter().find_map(|arena| arena.take(bytes))
+    }
+
+    /// Adds an arena of `bytes`, to be asked after the others, and gives a place in it before anybody else can.
+    pub(crate) fn grow(self: &Arc<Self>, block: Block, bytes: u64, place: u64) -> Option<Place> {
+        let arena = Arena::new(block, bytes, self);
+        let place = arena.take(place);
+        self.lock().push(arena);
+        place
+    }
+
+    /// Adds an arena of `bytes`, to be asked before the others.
+    pub(crate) fn add_first(self: &Arc<Self>, block: Block, bytes: u64) {
+        let arena = Arena::new(block, bytes, self);
+        self.lock().insert(0, arena);
+    }
+
+    /// Frees a place after these submissions: at once if they have passed.
+    fn retire(&self, points: Points, place: Place) {
+        self.retired.push(points, place);
+        self.release(self.device.completed());
+    }
+
+    /// Frees what is retired and waits for nothing after `completed`: nothing while the host looks at memory.
+    pub(crate) fn release(&self, completed: Points) {
+        if self.retired.is_empty() || self.device.host_memory.has_views() {
+            return;
+        }
+        let emptied: Vec<_> = self.retired.take_ready(completed).into_iter().filter_map(Place::free).collect();
+        if !emptied.is_empty() {
+            drop(emptied);
+            self.trim(1);
+        }
+    }
+
+    /// The points after which all that is retired now can go; None when nothing is.
+    pub(crate) fn last_retired(&self) -> Option<Points> {
+        self.retired.last_points()
+    }
+
+    /// Lets go of arenas that hold nothing, all but `keep` of them.
+    pub(crate) fn trim(&self, keep: usize) {
+        let mut empty = Vec::new();
+        let mut arenas = self.lock();
+        arenas.retain(|arena| {
+            let holds = arena.holds_ranges();
+            if !holds {
+                empty.push(Arc::clone(arena));
+            }
+            holds
+        });
+        let kept = keep.min(empty.len());
+        arenas.extend(empty.drain(..kept));
+        drop(arenas);
+        for arena in &empty {
+            // Every range in it has already waited for the GPU.
+            arena.block.retire_after.set(Points::START);
+        }
+    }
+}
+
 impl Place {
     /// Its size in the arena.
     pub(crate) fn bytes(&self) -> u64 {
@@ -116,12 +202,19 @@ impl Place {
     pub(crate) fn start(&self) -> u64 {
         self.arena.skew + u64::from(self.allocation.offset) * GRANULE
     }
-}
 
-impl RetiredRange {
-    /// Gives the range back to its arena. Each range is retired once, by the drop of its `RangeInner`.
-    pub(crate) fn free(self) {
-        let Place { arena, allocation, bytes } = self.0;
+    /// Gives the place back after these submissions. Each is retired once, by the drop of what is in it.
+    pub(crate) fn retire(self, points: Points) {
+        match self.arena.siblings.upgrade() {
+            Some(arenas) => arenas.retire(points, self),
+            // Nothing is taken from it any more; its memory waits for the GPU by itself.
+            None => drop(self.free()),
+        }
+    }
+
+    /// Gives the place back, which the GPU no longer uses; the arena if it is empty now.
+    fn free(self) -> Option<Arc<Arena>> {
+        let Self { arena, allocation, bytes } = self;
         let mut space = arena.lock();
         space.allocator.free(allocation);
         space.used_bytes -= bytes;
@@ -129,9 +222,7 @@ impl RetiredRange {
         let emptied = space.ranges == 0;
         drop(space);
         arena.counters.freed(bytes);
-        if emptied && let Some(heap) = arena.heap.upgrade() {
-            heap.trim(1);
-        }
+        emptied.then_some(arena)
     }
 }
 

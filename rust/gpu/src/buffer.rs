@@ -6,12 +6,14 @@
 
 use std::sync::{Arc, PoisonError, RwLock};
 
-use crate::commands::Kept;
+use crate::block::Block;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
-use crate::memory::{Mapped, Patience, Usage};
+use crate::kept::Kept;
+use crate::memory_type::Usage;
+use crate::range::DeviceRange;
 use crate::range::sealed::{Parts, RangeParts};
-use crate::range::{Block, DeviceRange};
+use crate::raw_buffer::Mapped;
 
 /// Device or host memory with a device address. Put it in an [`Arc`] to share it.
 ///
@@ -35,12 +37,8 @@ impl Buffer {
     /// [`GpuError::OutOfMemory`] when the budget or the driver refuses even after waiting for retired memory,
     /// [`GpuError::TooLarge`], [`GpuError::DeviceLost`].
     pub fn new(gpu: &Arc<Gpu>, name: &str, bytes: u64, usage: Usage) -> Result<Self, GpuError> {
-        let device = gpu.device();
-        #[cfg(feature = "faults")]
-        device.planted(crate::watch::Call::Buffer, name, bytes)?;
-        let raw = device.allocate(name, bytes, usage, Patience::WaitForRetired)?;
         Ok(Self {
-            block: Arc::new(Block::new(device, raw)),
+            block: Arc::new(gpu.opened().block(name, bytes, usage)?),
             name: name.to_owned(),
             size: bytes,
             usage,
@@ -113,11 +111,6 @@ impl Buffer {
         // reference.
         let bytes = unsafe { std::slice::from_raw_parts_mut(start, length) };
         Ok(f(bytes))
-    }
-
-    /// The first mapped byte; None for a `Device` buffer.
-    pub(crate) fn mapped(&self) -> Option<Mapped> {
-        self.block.raw.mapped
     }
 
     /// The address of a mapped byte range that was checked to fit.

@@ -6,6 +6,7 @@
 //! by [`Commands::submit`]; nothing of the list runs then. A list is recorded by one thread at a time; several threads
 //! may each record and submit their own.
 
+mod dispatch;
 mod host;
 
 use std::sync::Arc;
@@ -15,23 +16,12 @@ use ash::vk;
 use crate::device::Device;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
-use crate::heap_range::RangeInner;
+use crate::kept::Kept;
 use crate::lane::{Lane, Points};
-use crate::pipeline::{Pipeline, PipelineInner};
 use crate::queue::{CommandSlot, InFlight};
-use crate::range::{Block, DeviceRange};
+use crate::range::DeviceRange;
 use crate::recorder::Recorder;
-use crate::staging::StagingPart;
 use crate::submission::Submission;
-
-/// Something that lives as long as the work that uses it. Held, never read.
-#[derive(Debug)]
-pub(crate) enum Kept {
-    Block(#[expect(dead_code, reason = "held to keep it alive")] Arc<Block>),
-    Range(#[expect(dead_code, reason = "held to keep it alive")] Arc<RangeInner>),
-    Staging(Arc<StagingPart>),
-    Pipeline(#[expect(dead_code, reason = "held to keep it alive")] Arc<PipelineInner>),
-}
 
 /// A command list. Dropping it without [`Commands::submit`] discards it.
 #[derive(Debug)]
@@ -54,11 +44,30 @@ pub struct Commands {
 /// Most bytes that [`Commands::update`] takes (`vkCmdUpdateBuffer`).
 pub const MAX_UPDATE_BYTES: usize = 65_536;
 
+impl Gpu {
+    /// A new command list. The label is shown by debuggers, errors and crash reports.
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`], or a failed call.
+    pub fn commands(self: &Arc<Self>, label: &str) -> Result<Commands, GpuError> {
+        Commands::new(self, Lane::Main, label)
+    }
+
+    /// A new command list that only copies, fills and updates. It runs beside other lists where
+    /// [`Gpu::has_transfer_queue`], and in any case in no order with them but that of [`Commands::wait_for`].
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`], or a failed call.
+    pub fn transfer_commands(self: &Arc<Self>, label: &str) -> Result<Commands, GpuError> {
+        Commands::new(self, Lane::Transfer, label)
+    }
+}
+
 impl Commands {
-    pub(crate) fn new(gpu: &Arc<Gpu>, lane: Lane, label: &str) -> Result<Self, GpuError> {
+    fn new(gpu: &Arc<Gpu>, lane: Lane, label: &str) -> Result<Self, GpuError> {
         let device = gpu.device();
         device.check_alive()?;
-        let slot = device.command_slot(lane)?;
+        let slot = gpu.opened().queue(lane).slot(device)?;
         match Recorder::begin(device, lane, slot.buffer, label) {
             Ok(recorder) => Ok(Self {
                 gpu: Arc::clone(gpu),
@@ -144,58 +153,6 @@ impl Commands {
         }
     }
 
-    /// Runs `groups` workgroups. `push` has exactly the size that the pipeline was made with. No groups = no operation.
-    pub fn dispatch(&mut self, pipeline: &Pipeline, push: &[u8], groups: [u32; 3]) {
-        let limit = self.recorder.device.limits.max_workgroups;
-        if groups.iter().zip(limit).any(|(&n, most)| n > most) {
-            return self.misuse(pipeline.name(), format!("{groups:?} workgroups: {limit:?} are allowed"));
-        }
-        if !groups.contains(&0) && self.use_pipeline(pipeline, push) {
-            let bind = Bind::new(pipeline, push);
-            self.operation(pipeline.name(), |raw, commands| {
-                bind.record(raw, commands);
-                // SAFETY: a compute pipeline is bound, its push constants are set, and the counts are within the
-                // limits.
-                unsafe { raw.cmd_dispatch(commands, groups[0], groups[1], groups[2]) };
-            });
-        }
-    }
-
-    /// Dispatches `pipeline` without a workgroup, which does nothing, but for drivers that translate a shader when it
-    /// is first dispatched (Mesa's software renderer): they do it in this list.
-    pub fn dispatch_nothing(&mut self, pipeline: &Pipeline) {
-        let push = vec![0; pipeline.push_bytes() as usize];
-        if self.use_pipeline(pipeline, &push) {
-            let bind = Bind::new(pipeline, &push);
-            self.operation(pipeline.name(), |raw, commands| {
-                bind.record(raw, commands);
-                // SAFETY: a compute pipeline is bound and its push constants are set; no invocation reads them.
-                unsafe { raw.cmd_dispatch(commands, 0, 0, 0) };
-            });
-        }
-    }
-
-    /// As [`Commands::dispatch`], with the three counts read by the GPU from `arguments` at `offset` (a multiple of 4).
-    /// The counts must be within the device's limits: nobody checks them.
-    pub fn dispatch_indirect(&mut self, pipeline: &Pipeline, push: &[u8], arguments: &dyn DeviceRange, offset: u64) {
-        let size = size_of::<vk::DispatchIndirectCommand>() as u64;
-        let Some((buffer, start)) = self.place(arguments, offset, size) else {
-            return;
-        };
-        if !start.is_multiple_of(4) {
-            return self.misuse(arguments.name(), format!("dispatch arguments at {offset}: not a multiple of 4"));
-        }
-        if self.use_pipeline(pipeline, push) {
-            let bind = Bind::new(pipeline, push);
-            self.operation(pipeline.name(), |raw, commands| {
-                bind.record(raw, commands);
-                // SAFETY: a compute pipeline is bound, its push constants are set; the arguments lie in a buffer with
-                // INDIRECT_BUFFER usage that is kept alive.
-                unsafe { raw.cmd_dispatch_indirect(commands, buffer, start) };
-            });
-        }
-    }
-
     /// Records what `f` records without barriers in between: those operations may overlap and must not depend on each
     /// other. What follows waits for all of them.
     pub fn concurrent(&mut self, f: impl FnOnce(&mut Self)) {
@@ -256,9 +213,9 @@ impl Commands {
     /// # Errors The first mistake made while recording ([`GpuError::Usage`]), [`GpuError::DeviceLost`], or a failed
     /// call. Nothing runs then.
     pub fn submit(self) -> Result<Submission, GpuError> {
-        let device = Arc::clone(&self.recorder.device);
+        let opened = Arc::clone(self.gpu.opened());
         let submission = self.enqueue()?;
-        device.collect();
+        opened.collect();
         Ok(submission)
     }
 
@@ -274,17 +231,11 @@ impl Commands {
             return Err(GpuError::Usage { name: self.label.clone(), message: "submitted twice".to_owned() });
         };
         let timer = self.recorder.timer.take().map(Arc::new);
-        let work = InFlight {
-            value: 0,
-            label: self.label.clone(),
-            slot,
-            kept: std::mem::take(&mut self.kept),
-            timer: timer.clone(),
-            marks: std::mem::take(&mut self.recorder.marks),
-            waits: self.waits,
-        };
+        let work =
+            InFlight { value: 0, slot, kept: std::mem::take(&mut self.kept), timer: timer.clone(), waits: self.waits };
         let lane = self.recorder.lane;
-        let value = device.queue(lane).submit(&device, work)?;
+        let marks = std::mem::take(&mut self.recorder.marks);
+        let value = self.gpu.opened().queue(lane).submit(&device, work, (self.label.clone(), marks))?;
         let timings = std::mem::take(&mut self.timings);
         Ok(Submission::new(&self.gpu, (lane, value), self.label.clone(), (timings, timer)))
     }
@@ -323,25 +274,6 @@ impl Commands {
         self.kept.push(kept);
     }
 
-    /// Checks a pipeline and its push constants, and keeps it alive.
-    fn use_pipeline(&mut self, pipeline: &Pipeline, push: &[u8]) -> bool {
-        let inner = &pipeline.inner;
-        if self.error.is_some() || !self.same_device(&inner.name, Arc::as_ptr(&inner.device)) {
-            return false;
-        }
-        if self.recorder.lane == Lane::Transfer {
-            self.misuse(&inner.name, "a dispatch in a transfer list".to_owned());
-            return false;
-        }
-        if push.len() != inner.push_bytes as usize {
-            let message = format!("{} bytes of push constants, {} expected", push.len(), inner.push_bytes);
-            self.misuse(&inner.name, message);
-            return false;
-        }
-        self.kept.push(Kept::Pipeline(Arc::clone(inner)));
-        true
-    }
-
     fn same_device(&mut self, name: &str, device: *const Device) -> bool {
         let same = std::ptr::eq(device, Arc::as_ptr(&self.recorder.device));
         if !same {
@@ -360,33 +292,10 @@ impl Commands {
     }
 }
 
-/// A pipeline with its push constants, to be recorded.
-struct Bind<'a> {
-    pipeline: vk::Pipeline,
-    layout: vk::PipelineLayout,
-    push: &'a [u8],
-}
-
-impl<'a> Bind<'a> {
-    fn new(pipeline: &Pipeline, push: &'a [u8]) -> Self {
-        Self { pipeline: pipeline.inner.raw, layout: pipeline.inner.layout, push }
-    }
-
-    fn record(&self, raw: &ash::Device, commands: vk::CommandBuffer) {
-        // SAFETY: the pipeline is of this device and is kept alive by the command list.
-        unsafe { raw.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, self.pipeline) };
-        if !self.push.is_empty() {
-            let stage = vk::ShaderStageFlags::COMPUTE;
-            // SAFETY: the layout's range for this stage has exactly this size, a multiple of 4.
-            unsafe { raw.cmd_push_constants(commands, self.layout, stage, 0, self.push) };
-        }
-    }
-}
-
 impl Drop for Commands {
     fn drop(&mut self) {
         if let Some(slot) = self.slot.take() {
-            self.recorder.device.recycle_slot(slot);
+            self.gpu.opened().queue(self.recorder.lane).recycle(&self.recorder.device, slot);
         }
     }
 }

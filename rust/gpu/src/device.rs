@@ -1,42 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The logical device and everything that must live as long as any object made from it.
+//! The logical device and what every object made from it needs: the budget, how far its lanes have come, which buffers
+//! are retired.
 //!
-//! `Device` is shared by `Arc` from every buffer, heap, pipeline and submission; [`Gpu`](crate::Gpu) is the public
-//! handle. Work in flight (held by the queue) and retired ranges point back at the device: `Gpu`'s Drop waits and
-//! clears them, after which nothing can be submitted and retiring frees at once, so no cycle outlives the last public
-//! object. Any thread.
+//! Knows nothing of queues, heaps and pipelines: those hold a `Device` by `Arc`, and it holds none of them, so that the
+//! last one closes it. Any thread.
 
-use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use ash::vk;
 
-use crate::arena::RetiredRange;
 use crate::budget::{Budget, automatic_budget};
-use crate::cache_file::CacheFile;
 use crate::capabilities::FeatureChain;
 use crate::error::GpuError;
-use crate::gpu::{Limits, OpenOptions};
-use crate::heap::HeapCore;
-use crate::heap_counters::HeldBytes;
-use crate::host_view::HostMemory;
+use crate::host_memory::HostMemory;
 use crate::instance::{Instance, vulkan_error};
-use crate::lane::{LANES, Lane, Points, QueueChoices};
+use crate::lane::{LANES, Lane, Points, QueueChoice, QueueChoices};
+use crate::limits::Limits;
 use crate::markers::Markers;
-use crate::memory::{Patience, RawBuffer};
 use crate::names::Names;
-use crate::queue::{InFlight, Queue};
-use crate::report::{DeviceReport, Probed, read_heaps};
+use crate::options::OpenOptions;
+use crate::passes::Passes;
+use crate::probe::{Probed, read_heaps};
+use crate::raw_buffer::{RawBuffer, RetiredBuffer};
+use crate::report::DeviceReport;
 use crate::retire::RetireQueue;
-use crate::timer::POOL_QUERIES;
+use crate::timeline::Timeline;
 
-/// Something to destroy or free once the GPU no longer uses it.
-#[derive(Debug)]
-pub(crate) enum Retired {
-    /// A buffer with its memory, and the memory's place in the count of a heap.
-    Memory(RawBuffer, Option<HeldBytes>),
-    /// A range of a heap's arena.
-    Range(RetiredRange),
-}
+/// Queries in one pool.
+pub(crate) const POOL_QUERIES: u32 = 256;
 
 /// See the module.
 pub(crate) struct Device {
@@ -49,14 +40,15 @@ pub(crate) struct Device {
     pub(crate) unified: bool,
     pub(crate) names: Names,
     pub(crate) budget: Budget,
-    pub(crate) queues: [Queue; LANES],
-    pub(crate) pipeline_cache: vk::PipelineCache,
-    pub(crate) cache_file: Option<CacheFile>,
+    /// The queue of each lane.
+    pub(crate) choices: QueueChoices,
+    timelines: [Timeline; LANES],
+    passes: [Passes; LANES],
     /// Timestamps are wanted by default.
     pub(crate) profile: bool,
+    /// Set once before the device is shared.
     pub(crate) markers: Option<Markers>,
-    pub(crate) heaps: Mutex<Vec<Weak<HeapCore>>>,
-    retired: RetireQueue<Retired>,
+    retired: RetireQueue<RetiredBuffer>,
     pub(crate) host_memory: HostMemory,
     query_pools: Mutex<Vec<vk::QueryPool>>,
     lost: OnceLock<String>,
@@ -88,12 +80,11 @@ impl Device {
             unified,
             names,
             budget: Budget::new(0),
-            queues: get_queues(&raw, &choices),
-            pipeline_cache: vk::PipelineCache::null(),
-            cache_file: options.pipeline_cache.as_ref().map(|folder| CacheFile::new(folder, &probed)),
+            choices,
+            timelines: Default::default(),
+            passes: Default::default(),
             profile: options.profile && probed.report.capabilities.timestamps,
             markers: None,
-            heaps: Mutex::new(Vec::new()),
             retired: RetireQueue::new(),
             host_memory: HostMemory::default(),
             query_pools: Mutex::new(Vec::new()),
@@ -105,12 +96,8 @@ impl Device {
             instance,
         };
         device.budget.set_budget(options.budget_bytes.unwrap_or_else(|| device.automatic_budget()));
-        for queue in &mut device.queues {
-            queue.create_timeline(&device.raw, &device.names)?;
-        }
-        device.create_pipeline_cache()?;
-        if options.crash_markers {
-            device.markers = Some(Markers::new(&device)?);
+        for (lane, timeline) in Lane::ALL.into_iter().zip(&mut device.timelines) {
+            timeline.create(&device.raw, &device.names, lane)?;
         }
         Ok(device)
     }
@@ -123,8 +110,7 @@ impl Device {
         automatic_budget(free.saturating_add(self.budget.counts().used))
     }
 
-    /// Turns a failed call into this crate's error, and notices a lost device. Never called with a lock of this crate
-    /// held.
+    /// Turns a failed call into this crate's error, and notices a lost device.
     pub(crate) fn check<T>(&self, call: &'static str, result: Result<T, vk::Result>) -> Result<T, GpuError> {
         result.map_err(|code| match code {
             vk::Result::ERROR_DEVICE_LOST => self.lose(),
@@ -138,9 +124,10 @@ impl Device {
     /// Records that the device is gone, and what it did last.
     fn lose(&self) -> GpuError {
         let last_pass = self.lost.get_or_init(|| {
-            let last_of = |lane| self.queue(lane).last_pass(self.markers.as_ref().map(|markers| markers.read(lane)));
+            let marker = |lane| self.markers.as_ref().map(|markers| markers.read(lane));
+            let last_of = |lane| self.passes(lane).last_pass(marker(lane));
             let mut last_pass = last_of(Lane::Main);
-            if self.queue(Lane::Transfer).oldest_in_flight().is_some() {
+            if !self.passes(Lane::Transfer).is_empty() {
                 last_pass = format!("{last_pass}; of the transfers: {}", last_of(Lane::Transfer));
             }
             tracing::error!(last_pass, "the GPU was lost");
@@ -157,13 +144,29 @@ impl Device {
         }
     }
 
-    pub(crate) fn queue(&self, lane: Lane) -> &Queue {
-        &self.queues[lane.index()]
+    /// An error if a test planted a failure of this request.
+    #[cfg(feature = "faults")]
+    pub(crate) fn planted(&self, call: crate::watch::Call, name: &str, bytes: u64) -> Result<(), GpuError> {
+        if self.watch.strikes(call) { Err(self.budget.refused(name, bytes)) } else { Ok(()) }
+    }
+
+    /// Which queue serves a lane.
+    pub(crate) fn choice(&self, lane: Lane) -> &QueueChoice {
+        &self.choices[lane.index()]
+    }
+
+    pub(crate) fn timeline(&self, lane: Lane) -> &Timeline {
+        &self.timelines[lane.index()]
+    }
+
+    /// What a lane has in flight, in words.
+    pub(crate) fn passes(&self, lane: Lane) -> &Passes {
+        &self.passes[lane.index()]
     }
 
     /// The newest submission of each lane.
     pub(crate) fn submitted(&self) -> Points {
-        Points(Lane::ALL.map(|lane| self.queue(lane).last_submitted()))
+        Points(Lane::ALL.map(|lane| self.timeline(lane).last_submitted()))
     }
 
     /// The newest submission of each lane that has finished; everything, when the device is lost.
@@ -173,7 +176,8 @@ impl Device {
             if self.lost.get().is_some() {
                 return Points::END;
             }
-            match self.queue(lane).completed(self) {
+            let value = self.timeline(lane).completed(&self.raw);
+            match self.check("vkGetSemaphoreCounterValue", value) {
                 Ok(value) => completed.raise(lane, value),
                 Err(GpuError::DeviceLost { .. }) => return Points::END,
                 Err(_) => {}
@@ -182,71 +186,46 @@ impl Device {
         completed
     }
 
+    /// Ok(true) once submission `value` of a lane has finished, Ok(false) after `timeout_ns`.
+    pub(crate) fn wait(&self, lane: Lane, value: u64, timeout_ns: u64) -> Result<bool, GpuError> {
+        self.check_alive()?;
+        match self.timeline(lane).wait(&self.raw, value, timeout_ns) {
+            Ok(()) => Ok(true),
+            Err(vk::Result::TIMEOUT) => Ok(false),
+            Err(code) => self.check("vkWaitSemaphores", Err(code)),
+        }
+    }
+
     /// Waits until both lanes have come as far as `points`.
     pub(crate) fn wait_for(&self, points: Points) -> Result<(), GpuError> {
         for lane in Lane::ALL {
-            self.queue(lane).wait(self, points.of(lane), u64::MAX)?;
+            self.wait(lane, points.of(lane), u64::MAX)?;
         }
         Ok(())
     }
 
-    /// Destroys or frees `item` after these submissions: at once if they have passed.
-    pub(crate) fn retire(&self, points: Points, item: Retired) {
-        self.retired.push(points, item);
-        self.collect();
+    /// Destroys a buffer after these submissions: at once if they have passed.
+    pub(crate) fn retire(&self, points: Points, buffer: RetiredBuffer) {
+        self.retired.push(points, buffer);
+        self.release(self.completed());
     }
 
-    /// Lets go of everything that finished submissions used.
-    pub(crate) fn collect(&self) {
-        let completed = self.completed();
-        for lane in Lane::ALL {
-            for InFlight { slot, kept, timer, .. } in self.queue(lane).take_finished(completed.of(lane)) {
-                self.recycle_slot(slot);
-                // What the submission kept alive may be retired by this.
-                drop((kept, timer));
-            }
-        }
-        self.release(self.retired.take_ready(completed));
-    }
-
-    /// Destroys or frees what nothing uses any more.
-    pub(crate) fn release(&self, items: Vec<Retired>) {
-        if items.is_empty() {
-            return;
-        }
-        for item in self.host_memory.release(items) {
-            match item {
-                Retired::Memory(raw, held) => {
-                    self.destroy_raw(raw);
-                    drop(held);
-                }
-                Retired::Range(range) => range.free(),
-            }
+    /// Destroys what is retired and waits for nothing after `completed`.
+    pub(crate) fn release(&self, completed: Points) {
+        for RetiredBuffer { raw, held } in self.host_memory.take_ready(&self.retired, completed) {
+            self.destroy(raw);
+            drop(held);
         }
     }
 
-    /// Makes room: collects, empties heaps of unused arenas and, if allowed, waits for what is retired.
-    pub(crate) fn reclaim(&self, patience: Patience) -> Result<(), GpuError> {
-        self.collect();
-        self.trim_heaps();
-        if patience == Patience::WaitForRetired
-            && let Some(points) = self.retired.last_points()
-        {
-            self.wait_for(points)?;
-            self.collect();
-            self.trim_heaps();
-        }
-        Ok(())
+    /// The points after which all that is retired now can go; None when nothing is.
+    pub(crate) fn last_retired(&self) -> Option<Points> {
+        self.retired.last_points()
     }
 
-    fn trim_heaps(&self) {
-        let mut heaps = self.heaps.lock().unwrap_or_else(PoisonError::into_inner);
-        heaps.retain(|heap| heap.strong_count() > 0);
-        let live: Vec<_> = heaps.iter().filter_map(Weak::upgrade).collect();
-        drop(heaps);
-        for heap in live {
-            heap.trim(0);
-        }
+    /// Destroys a buffer that the GPU no longer uses; `raw` has no other copy that is used later.
+    pub(crate) fn destroy(&self, raw: RawBuffer) {
+        raw.destroy(&self.raw, &self.budget);
     }
 
     /// A pool of reset timestamp queries.
@@ -300,40 +279,24 @@ fn create_raw(instance: &Instance, probed: &Probed, choices: &QueueChoices) -> R
         .map_err(|code| vulkan_error("vkCreateDevice", code))
 }
 
-/// The queues of the lanes, which may be one and the same.
-fn get_queues(raw: &ash::Device, choices: &QueueChoices) -> [Queue; LANES] {
-    let get = |lane: Lane| {
-        let choice = choices[lane.index()];
-        // SAFETY: the device was made with all queues of the choices.
-        let queue = unsafe { raw.get_device_queue(choice.family, choice.index) };
-        Arc::new(Mutex::new(queue))
-    };
-    let main = get(Lane::Main);
-    let shared = choices[0] == choices[1];
-    let transfer = if shared { Arc::clone(&main) } else { get(Lane::Transfer) };
-    [Queue::new(Lane::Main, choices[0], main), Queue::new(Lane::Transfer, choices[1], transfer)]
-}
-
 impl Drop for Device {
     fn drop(&mut self) {
         // SAFETY: no other thread can use the queues: this is the last holder of the device.
         if let Err(code) = unsafe { self.raw.device_wait_idle() } {
             tracing::debug!("vkDeviceWaitIdle failed while closing: {code:?}");
         }
-        self.release(self.retired.take_ready(Points::END));
+        self.release(Points::END);
         if let Some(markers) = self.markers.take() {
-            self.destroy_raw(markers.into_raw());
+            self.destroy(markers.into_raw());
         }
-        self.destroy_queues();
+        for timeline in &mut self.timelines {
+            timeline.destroy(&self.raw);
+        }
         for pool in self.query_pools.get_mut().unwrap_or_else(PoisonError::into_inner).drain(..) {
             // SAFETY: the device is idle and every Timer has given its pools back.
             unsafe { self.raw.destroy_query_pool(pool, None) };
         }
-        self.save_pipeline_cache();
-        // SAFETY: no pipeline is being made: each making holds the device. Null is allowed.
-        unsafe { self.raw.destroy_pipeline_cache(self.pipeline_cache, None) };
-        // SAFETY: all objects made from the device are destroyed: buffers, pipelines and pools hold an Arc of it or
-        // went above.
+        // SAFETY: all objects made from the device are destroyed: each holds an Arc of it or went above.
         unsafe { self.raw.destroy_device(None) };
     }
 }

@@ -51,7 +51,7 @@ impl Drop for Gate {
     /// Also when a test fails: closing the device waits for what is held back.
     fn drop(&mut self) {
         let device = self.gpu.device();
-        let info = vk::SemaphoreSignalInfo::default().semaphore(device.queue(self.lane).timeline()).value(1);
+        let info = vk::SemaphoreSignalInfo::default().semaphore(device.timeline(self.lane).semaphore()).value(1);
         // SAFETY: the timeline is at 0, and no submission signals it (see `Gate`).
         if let Err(code) = unsafe { device.raw.signal_semaphore(&info) } {
             eprintln!("the gate stays shut: {code:?}");
@@ -111,6 +111,25 @@ fn what_is_dropped_is_held_for_either_lane() {
         drop((heap, submission));
         finished_silently(gpu);
     }
+}
+
+#[test]
+fn a_range_without_its_heap_is_held_too() {
+    let gpu = open();
+    let gate = Gate::of(&gpu, Lane::Transfer);
+    let heap = Heap::new(&gpu, "heap", 1 << 20).expect("a heap");
+    let ranges = ["a", "b"].map(|name| heap.alloc(name, 4096, 16).expect("memory"));
+    drop(heap);
+    let mut commands = list_of(&gpu, Lane::Main);
+    gate.hold(&mut commands);
+    let submission = commands.submit().expect("submitted");
+    drop(ranges);
+    assert_eq!(gpu.memory().used, 1 << 20, "the list could know their addresses");
+    gate.open();
+    assert_eq!(submission.wait(LATE), Ok(true), "runs");
+    assert_eq!(gpu.memory().used, 0, "freed after it");
+    drop(submission);
+    finished_silently(gpu);
 }
 
 #[test]

@@ -4,20 +4,18 @@
 //! Ranges are found by `offset-allocator` in units of 256 bytes. Arenas are made when needed, smaller ones when the
 //! budget is short, and go back when empty (one is kept until [`Heap::trim`]). A request that would fill half an arena
 //! (a whole one, with [`HeapOptions::whole_arenas`]) gets memory of its own. Any thread.
-//!
-//! Locks: the list of arenas before an arena's own; neither is held while memory is allocated or anything is dropped.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
-use crate::arena::{Arena, GRANULE, Place, size_class_below};
-use crate::device::Device;
+use crate::arena::{Arenas, GRANULE, Place, size_class_below};
+use crate::block::Block;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
 use crate::heap_counters::HeapCounters;
 use crate::heap_range::HeapRange;
-use crate::lane::Points;
-use crate::memory::{Patience, Usage};
-use crate::range::Block;
+use crate::memory_type::Usage;
+use crate::open_device::{OpenDevice, Patience};
+use crate::range_memory::RangeMemory;
 
 /// Smallest arena that is worth having when the budget is short.
 const SMALLEST_ARENA: u64 = 64 << 10;
@@ -25,7 +23,12 @@ const SMALLEST_ARENA: u64 = 64 << 10;
 /// Device memory cut into ranges. Dropping it leaves its ranges valid.
 #[derive(Debug)]
 pub struct Heap {
-    core: Arc<HeapCore>,
+    opened: Arc<OpenDevice>,
+    name: String,
+    arena_bytes: u64,
+    /// Larger requests get memory of their own.
+    largest_shared: u64,
+    arenas: Arc<Arenas>,
 }
 
 /// How a heap takes memory.
@@ -68,18 +71,6 @@ pub struct HeapStats {
     pub fragmentation: f64,
 }
 
-/// What ranges and the device need of a heap.
-#[derive(Debug)]
-pub(crate) struct HeapCore {
-    device: Arc<Device>,
-    name: String,
-    arena_bytes: u64,
-    /// Larger requests get memory of their own.
-    largest_shared: u64,
-    arenas: Mutex<Vec<Arc<Arena>>>,
-    counters: Arc<HeapCounters>,
-}
-
 impl Heap {
     /// A usual size of arenas.
     pub const DEFAULT_ARENA_BYTES: u64 = 256 << 20;
@@ -98,7 +89,7 @@ impl Heap {
     /// # Errors
     /// [`GpuError::DeviceLost`].
     pub fn with_options(gpu: &Arc<Gpu>, name: &str, options: HeapOptions) -> Result<Self, GpuError> {
-        let device = gpu.device();
+        let (opened, device) = (gpu.opened(), gpu.device());
         device.check_alive()?;
         let most = device.limits.max_allocation_bytes.max(SMALLEST_ARENA) / GRANULE * GRANULE;
         let mut arena_bytes = (options.arena_bytes / GRANULE * GRANULE).clamp(SMALLEST_ARENA, most);
@@ -107,16 +98,10 @@ impl Heap {
             arena_bytes = size_class_below(arena_bytes);
             largest_shared = arena_bytes;
         }
-        let core = Arc::new(HeapCore {
-            device: Arc::clone(device),
-            name: name.to_owned(),
-            arena_bytes,
-            largest_shared,
-            arenas: Mutex::new(Vec::new()),
-            counters: HeapCounters::new(options.limit_bytes),
-        });
-        device.heaps.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::downgrade(&core));
-        Ok(Self { core })
+        let arenas = Arenas::new(device, HeapCounters::new(options.limit_bytes));
+        opened.add_heap(&arenas);
+        let (opened, name) = (Arc::clone(opened), name.to_owned());
+        Ok(Self { opened, name, arena_bytes, largest_shared, arenas })
     }
 
     /// Takes `bytes` at an address that is a multiple of `align` (a power of two). The bytes are arbitrary.
@@ -125,7 +110,7 @@ impl Heap {
     /// even after waiting for what is retired, [`GpuError::TooLarge`], [`GpuError::Usage`] for a bad alignment,
     /// [`GpuError::DeviceLost`].
     pub fn alloc(&self, name: &str, bytes: u64, align: u64) -> Result<HeapRange, GpuError> {
-        self.core.alloc(name, bytes, align, Patience::WaitForRetired)
+        self.alloc_with(name, bytes, align, Patience::WaitForRetired)
     }
 
     /// As [`Heap::alloc`], but never waits for the GPU: None when there is no room now (budget, limit, fragmentation,
@@ -134,7 +119,7 @@ impl Heap {
     /// # Errors
     /// As [`Heap::alloc`], without [`GpuError::OutOfMemory`].
     pub fn try_alloc(&self, name: &str, bytes: u64, align: u64) -> Result<Option<HeapRange>, GpuError> {
-        match self.core.alloc(name, bytes, align, Patience::Now) {
+        match self.alloc_with(name, bytes, align, Patience::Now) {
             Ok(range) => Ok(Some(range)),
             Err(GpuError::OutOfMemory { .. }) => Ok(None),
             Err(error) => Err(error),
@@ -145,20 +130,20 @@ impl Heap {
     /// arena of full size has room for it.
     #[must_use]
     pub fn largest_shared(&self) -> u64 {
-        self.core.largest_shared
+        self.largest_shared
     }
 
     /// Changes the heap's own limit ([`HeapOptions::limit_bytes`]). What is held stays held: below that, everything
     /// that needs more memory fails until enough was dropped.
     pub fn set_limit(&self, limit_bytes: Option<u64>) {
-        self.core.counters.set_limit(limit_bytes);
+        self.arenas.counters.set_limit(limit_bytes);
     }
 
     /// How full the heap is now.
     #[must_use]
     pub fn stats(&self) -> HeapStats {
-        self.core.device.collect();
-        let counters = &self.core.counters;
+        self.opened.collect();
+        let counters = &self.arenas.counters;
         let mut stats = HeapStats {
             dedicated_bytes: counters.dedicated(),
             live_bytes: counters.live(),
@@ -166,7 +151,7 @@ impl Heap {
             ..HeapStats::default()
         };
         let mut free = 0;
-        for arena in self.core.lock().iter() {
+        for arena in self.arenas.lock().iter() {
             let part = arena.usage();
             stats.arenas += 1;
             stats.arena_bytes += arena.bytes;
@@ -187,25 +172,31 @@ impl Heap {
     /// # Errors
     /// [`GpuError::DeviceLost`].
     pub fn reserve(&self, bytes: u64) -> Result<u64, GpuError> {
-        self.core.reserve(bytes)
+        self.opened.device.check_alive()?;
+        let mut size = bytes.min(self.opened.device.limits.max_allocation_bytes) / GRANULE * GRANULE;
+        while size >= SMALLEST_ARENA {
+            match self.block(&self.name, size, Patience::Now) {
+                Ok(block) => {
+                    self.arenas.add_first(block, size);
+                    return Ok(size);
+                }
+                Err(GpuError::OutOfMemory { .. }) => size = size / 8 * 7 / GRANULE * GRANULE,
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(0)
     }
 
     /// Gives arenas that hold nothing back to the budget.
     pub fn trim(&self) {
-        self.core.device.collect();
-        self.core.trim(0);
-    }
-}
-
-impl HeapCore {
-    fn lock(&self) -> MutexGuard<'_, Vec<Arc<Arena>>> {
-        self.arenas.lock().unwrap_or_else(PoisonError::into_inner)
+        self.opened.collect();
+        self.arenas.trim(0);
     }
 
-    fn alloc(self: &Arc<Self>, name: &str, bytes: u64, align: u64, patience: Patience) -> Result<HeapRange, GpuError> {
-        self.device.check_alive()?;
+    fn alloc_with(&self, name: &str, bytes: u64, align: u64, patience: Patience) -> Result<HeapRange, GpuError> {
+        self.opened.device.check_alive()?;
         #[cfg(feature = "faults")]
-        self.device.planted(crate::watch::Call::Range, name, bytes)?;
+        self.opened.device.planted(crate::watch::Call::Range, name, bytes)?;
         if !align.is_power_of_two() {
             let message = format!("alignment {align} is not a power of two");
             return Err(GpuError::Usage { name: name.to_owned(), message });
@@ -217,27 +208,27 @@ impl HeapCore {
         if let Some(needed) = needed.filter(fits_shared)
             && let Some(place) = self.share(needed, patience)?
         {
-            return Ok(HeapRange::in_arena(place, name, bytes, align));
+            return Ok(HeapRange::new(RangeMemory::in_arena(place, name, bytes, align)));
         }
         self.dedicated(name, bytes, align, patience)
     }
 
     /// A place in an arena, an old or a new one.
-    fn share(self: &Arc<Self>, needed: u64, patience: Patience) -> Result<Option<Place>, GpuError> {
-        if let Some(place) = self.take(needed) {
+    fn share(&self, needed: u64, patience: Patience) -> Result<Option<Place>, GpuError> {
+        if let Some(place) = self.arenas.take(needed) {
             return Ok(Some(place));
         }
         // What is done is free before a new arena is thought of.
-        self.device.collect();
-        if let Some(place) = self.take(needed) {
+        self.opened.collect();
+        if let Some(place) = self.arenas.take(needed) {
             return Ok(Some(place));
         }
         let place = self.grow(needed)?;
         if place.is_some() || patience == Patience::Now {
             return Ok(place);
         }
-        self.device.reclaim(patience)?;
-        match self.take(needed) {
+        self.opened.reclaim(patience)?;
+        match self.arenas.take(needed) {
             Some(place) => Ok(Some(place)),
             None => self.grow(needed),
         }
@@ -245,49 +236,22 @@ impl HeapCore {
 
     /// Half of the largest arena: [`Self::reserve`] makes larger ones than usual.
     fn largest_reserved(&self) -> u64 {
-        self.lock().iter().map(|arena| arena.bytes / 2).max().unwrap_or(0)
-    }
-
-    /// A place in one of the arenas there are.
-    fn take(&self, bytes: u64) -> Option<Place> {
-        self.lock().iter().find_map(|arena| arena.take(bytes))
+        self.arenas.lock().iter().map(|arena| arena.bytes / 2).max().unwrap_or(0)
     }
 
     /// A place in a new arena, a smaller one if the budget is short; None when even a small one does not fit now.
-    fn grow(self: &Arc<Self>, bytes: u64) -> Result<Option<Place>, GpuError> {
+    fn grow(&self, bytes: u64) -> Result<Option<Place>, GpuError> {
         let mut size = self.arena_bytes;
         // A smaller arena has room for as large a part of it as a full one.
         let share = self.arena_bytes / self.largest_shared;
         while size / share >= bytes && size >= SMALLEST_ARENA {
             match self.block(&self.name, size, Patience::Now) {
-                Ok(block) => {
-                    let arena = Arena::new(block, size, (Arc::downgrade(self), &self.counters));
-                    let place = arena.take(bytes);
-                    self.lock().push(arena);
-                    return Ok(place);
-                }
+                Ok(block) => return Ok(self.arenas.grow(block, size, bytes)),
                 Err(GpuError::OutOfMemory { .. }) => size = size / 2 / GRANULE * GRANULE,
                 Err(error) => return Err(error),
             }
         }
         Ok(None)
-    }
-
-    fn reserve(self: &Arc<Self>, bytes: u64) -> Result<u64, GpuError> {
-        self.device.check_alive()?;
-        let mut size = bytes.min(self.device.limits.max_allocation_bytes) / GRANULE * GRANULE;
-        while size >= SMALLEST_ARENA {
-            match self.block(&self.name, size, Patience::Now) {
-                Ok(block) => {
-                    let arena = Arena::new(block, size, (Arc::downgrade(self), &self.counters));
-                    self.lock().insert(0, arena);
-                    return Ok(size);
-                }
-                Err(GpuError::OutOfMemory { .. }) => size = size / 8 * 7 / GRANULE * GRANULE,
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(0)
     }
 
     /// A range with memory of its own.
@@ -297,43 +261,24 @@ impl HeapCore {
         let padded = bytes.checked_add(room).ok_or_else(|| GpuError::TooLarge {
             name: name.to_owned(),
             bytes,
-            limit: self.device.limits.max_allocation_bytes,
+            limit: self.opened.device.limits.max_allocation_bytes,
         })?;
         let mut block = self.block(name, padded, patience)?;
         block.dedicate();
-        Ok(HeapRange::in_block(block, (name, bytes, align), (&self.counters, padded)))
+        let memory = RangeMemory::in_block(block, (name, bytes, align), (&self.arenas.counters, padded));
+        Ok(HeapRange::new(memory))
     }
 
     /// Memory within the heap's own limit and the device's budget.
     fn block(&self, name: &str, bytes: u64, patience: Patience) -> Result<Block, GpuError> {
-        let held = match self.counters.hold(name, bytes) {
+        let held = match self.arenas.counters.hold(name, bytes) {
             Ok(held) => held,
             Err(_) => {
-                self.device.reclaim(patience)?;
-                self.counters.hold(name, bytes)?
+                self.opened.reclaim(patience)?;
+                self.arenas.counters.hold(name, bytes)?
             }
         };
-        let raw = self.device.allocate(name, bytes, Usage::Device, patience)?;
-        Ok(Block::of_heap(&self.device, raw, held))
-    }
-
-    /// Lets go of arenas that hold nothing, all but `keep` of them.
-    pub(crate) fn trim(&self, keep: usize) {
-        let mut empty = Vec::new();
-        let mut arenas = self.lock();
-        arenas.retain(|arena| {
-            let holds = arena.holds_ranges();
-            if !holds {
-                empty.push(Arc::clone(arena));
-            }
-            holds
-        });
-        let kept = keep.min(empty.len());
-        arenas.extend(empty.drain(..kept));
-        drop(arenas);
-        for arena in &empty {
-            // Every range in it has already waited for the GPU.
-            arena.block.retire_after.set(Points::START);
-        }
+        let raw = self.opened.allocate(name, bytes, Usage::Device, patience)?;
+        Ok(Block::of_heap(&self.opened.device, raw, held))
     }
 }

@@ -7,68 +7,17 @@
 //! bytes, so that what a submission writes meanwhile can only make numbers wrong. While a view lives nothing that it
 //! sees is destroyed, or given to someone else. Any thread.
 
-use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::mem::size_of;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use bytemuck::AnyBitPattern;
 
 use crate::buffer::Buffer;
-use crate::device::{Device, Retired};
 use crate::gpu::Gpu;
-use crate::memory::{Mapped, RawBuffer};
-
-/// All mapped buffers of a device, and what waits for the end of views.
-#[derive(Debug, Default)]
-pub(crate) struct HostMemory(Mutex<State>);
-
-#[derive(Debug, Default)]
-struct State {
-    /// By device address: bytes, and where they are.
-    spans: BTreeMap<u64, (u64, Mapped)>,
-    views: usize,
-    /// Retired while there were views.
-    held_back: Vec<Retired>,
-}
-
-impl HostMemory {
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Notes a new buffer, if the host sees it.
-    pub(crate) fn add(&self, raw: &RawBuffer) {
-        if let Some(at) = raw.seen {
-            self.lock().spans.insert(raw.address, (raw.bytes, at));
-        }
-    }
-
-    /// Forgets a buffer that is about to be destroyed.
-    pub(crate) fn remove(&self, raw: &RawBuffer) {
-        if raw.seen.is_some() {
-            self.lock().spans.remove(&raw.address);
-        }
-    }
-
-    /// What of `items` may go now: all of them, forgotten, or none while there are views.
-    pub(crate) fn release(&self, items: Vec<Retired>) -> Vec<Retired> {
-        let mut state = self.lock();
-        if state.views > 0 {
-            state.held_back.extend(items);
-            return Vec::new();
-        }
-        for item in &items {
-            if let Retired::Memory(raw, _) = item
-                && raw.seen.is_some()
-            {
-                state.spans.remove(&raw.address);
-            }
-        }
-        items
-    }
-}
+use crate::open_device::OpenDevice;
+use crate::raw_buffer::Mapped;
 
 #[derive(Clone, Copy, Debug)]
 struct Span {
@@ -81,7 +30,7 @@ struct Span {
 /// See the module. The caller sees to it that no submission in flight writes what it reads, or uses what it writes.
 #[derive(Debug)]
 pub struct HostView {
-    device: Arc<Device>,
+    opened: Arc<OpenDevice>,
     /// In the order of addresses.
     spans: Vec<Span>,
 }
@@ -103,14 +52,12 @@ impl Gpu {
         }
         let mut written: Vec<u64> = written.iter().map(|buffer| buffer.address()).collect();
         written.sort_unstable();
-        let mut state = device.host_memory.lock();
-        state.views += 1;
-        let span = |(&start, &(bytes, at)): (&u64, &(u64, Mapped))| {
+        let span = |(start, bytes, at)| {
             let is_written = written.binary_search(&start).is_ok();
             Span { start, bytes, at, is_written }
         };
-        let spans = state.spans.iter().map(span).collect();
-        Some(HostView { device: Arc::clone(device), spans })
+        let spans = device.host_memory.look().into_iter().map(span).collect();
+        Some(HostView { opened: Arc::clone(self.opened()), spans })
     }
 }
 
@@ -155,11 +102,10 @@ impl Span {
 
 impl Drop for HostView {
     fn drop(&mut self) {
-        let mut state = self.device.host_memory.lock();
-        state.views -= 1;
-        let items = if state.views == 0 { std::mem::take(&mut state.held_back) } else { Vec::new() };
-        drop(state);
-        self.device.release(items);
+        // After the last one goes what was retired meanwhile.
+        if self.opened.device.host_memory.look_away() {
+            self.opened.collect();
+        }
     }
 }
 

@@ -49,6 +49,14 @@ impl Points {
         self.0.iter().zip(completed.0).all(|(&point, completed)| point <= completed)
     }
 
+    /// The later of both, lane by lane.
+    pub(crate) fn later(mut self, other: Self) -> Self {
+        for lane in Lane::ALL {
+            self.raise(lane, other.of(lane));
+        }
+        self
+    }
+
     /// Raises one lane to at least `value`.
     pub(crate) fn raise(&mut self, lane: Lane, value: u64) {
         let point = &mut self.0[lane.index()];
@@ -138,5 +146,7 @@ mod tests {
         raised.raise(Lane::Transfer, 4);
         raised.raise(Lane::Main, 7);
         assert_eq!(raised, Points([7, 5]), "never lowered");
+        assert_eq!(Points([3, 5]).later(Points([2, 9])), Points([3, 9]), "lane by lane");
+        assert_eq!(Points([3, 5]).later(Points([4, 2])), Points([4, 5]), "either one");
     }
 }

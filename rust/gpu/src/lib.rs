@@ -15,17 +15,30 @@
 //!
 //! What it cannot promise: that shaders stay inside the memory they are given (see [`Pipeline`]).
 //!
-//! The way of a piece of work: `gpu` -> `commands` (checks) -> `recorder` (barriers, markers, timestamps) -> `queue`
-//! (submits, keeps alive) -> `retire` (lets go).
+//! The way of a piece of work: `commands` (checks) -> `recorder` (barriers, markers, timestamps) -> `queue` (submits,
+//! keeps alive) -> `open_device` (collects) -> `device`, `arena` (let go).
+//!
+//! Layers; a module uses none of a layer below it in this list, and no two use each other (`cargo xtask check`):
+//! - Bookkeeping, without Vulkan's functions: `error`, `budget`, `lane`, `retire`, `heap_counters`, `staging_space`,
+//!   `memory_type`, `options`.
+//! - What is there: `validation`, `instance`, `capabilities`, `report`, `select`, `probe`, `limits`, `enumerate`.
+//! - Parts of a device: `names`, `raw_buffer`, `timeline`, `markers`, `passes`, `host_memory`; with them the `device`.
+//! - What is made from it: `memory`, `block`, `arena`, `range_memory`, `staging_part`, `compute_pipeline`, `timer`,
+//!   `pipeline_cache`; `kept` is what command lists keep alive of it.
+//! - Submissions: `queue`, `recorder`; the `open_device` has the queues, and takes back what they are done with.
+//! - What callers hold: `gpu` first, then `range`, `buffer`, `heap_range`, `heap`, `pipeline`, `host_view`,
+//!   `submission`, last `commands` and `staging`.
 #![allow(unsafe_code, reason = "this crate exists to contain it; one operation per block, each with its reason")]
 
 mod arena;
+mod block;
 mod budget;
 mod buffer;
-mod cache_file;
 mod capabilities;
 mod commands;
+mod compute_pipeline;
 mod device;
+mod enumerate;
 mod error;
 #[cfg(test)]
 mod faults;
@@ -35,25 +48,37 @@ mod gpu;
 mod heap;
 mod heap_counters;
 mod heap_range;
+mod host_memory;
 mod host_view;
 mod instance;
+mod kept;
 mod lane;
+mod limits;
 mod markers;
 mod memory;
 mod memory_type;
 mod names;
+mod open_device;
+mod options;
+mod passes;
 mod pipeline;
+mod pipeline_cache;
 #[cfg(feature = "faults")]
 mod planted;
+mod probe;
 mod queue;
 mod range;
+mod range_memory;
+mod raw_buffer;
 mod recorder;
 mod report;
 mod retire;
 mod select;
 mod staging;
+mod staging_part;
 mod staging_space;
 mod submission;
+mod timeline;
 mod timer;
 mod validation;
 #[cfg(feature = "faults")]
@@ -63,15 +88,18 @@ pub use budget::MemoryUse;
 pub use buffer::Buffer;
 pub use capabilities::Capabilities;
 pub use commands::{Commands, MAX_UPDATE_BYTES};
+pub use enumerate::{enumerate, enumerate_for};
 pub use error::GpuError;
-pub use gpu::{Gpu, Limits, OpenOptions};
+pub use gpu::Gpu;
 pub use heap::{Heap, HeapOptions, HeapStats};
 pub use heap_range::HeapRange;
 pub use host_view::{HostBytes, HostView, HostWords};
-pub use memory::Usage;
+pub use limits::Limits;
+pub use memory_type::Usage;
+pub use options::OpenOptions;
 pub use pipeline::Pipeline;
 pub use range::DeviceRange;
-pub use report::{DeviceKind, DeviceReport, HeapReport, enumerate, enumerate_for};
+pub use report::{DeviceKind, DeviceReport, HeapReport};
 pub use staging::{StagingRing, StagingSlice};
 pub use submission::Submission;
 pub use validation::ValidationLog;

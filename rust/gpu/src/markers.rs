@@ -5,21 +5,17 @@
 //! Before each operation, behind the barrier that waits for the one before, a 4-byte fill writes the operation's
 //! number; the fill overlaps the operation itself. After a loss the word tells how far the GPU came.
 
-use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use ash::vk;
 
-use crate::device::Device;
-use crate::error::GpuError;
 use crate::lane::{LANES, Lane};
-use crate::memory::{Patience, RawBuffer, Usage};
-use crate::queue::InFlight;
+use crate::raw_buffer::RawBuffer;
 
 /// Bytes of one lane's word.
 const WORD: u64 = 4;
 /// Bytes of all words.
-const SIZE: u64 = WORD * LANES as u64;
+pub(crate) const MARKER_BYTES: u64 = WORD * LANES as u64;
 
 /// An operation with its number.
 #[derive(Debug)]
@@ -36,21 +32,21 @@ pub(crate) struct Markers {
 }
 
 impl Markers {
-    pub(crate) fn new(device: &Device) -> Result<Self, GpuError> {
-        let raw = device.allocate("crash markers", SIZE, Usage::Readback, Patience::Now)?;
+    /// Words in a new mapped buffer of [`MARKER_BYTES`].
+    pub(crate) fn new(raw: RawBuffer) -> Self {
         if let Some(mapped) = raw.mapped {
             // SAFETY: at least one word for each lane is mapped, and nothing else uses them yet.
             unsafe { mapped.as_ptr().cast::<[u32; LANES]>().write_volatile([0; LANES]) };
         }
-        Ok(Self { raw, next: AtomicU32::new(1) })
+        Self { raw, next: AtomicU32::new(1) }
     }
 
     /// Records the stamp of an operation called `name`. The caller has just recorded a full barrier.
-    pub(crate) fn stamp(&self, device: &Device, lane: Lane, commands: vk::CommandBuffer, name: &str) -> Mark {
+    pub(crate) fn stamp(&self, device: &ash::Device, lane: Lane, commands: vk::CommandBuffer, name: &str) -> Mark {
         let id = self.next.fetch_add(1, Ordering::Relaxed);
         let offset = WORD * lane.index() as u64;
         // SAFETY: `commands` is recording, and the buffer has TRANSFER_DST usage and a word for each lane.
-        unsafe { device.raw.cmd_fill_buffer(commands, self.raw.buffer, offset, WORD, id) };
+        unsafe { device.cmd_fill_buffer(commands, self.raw.buffer, offset, WORD, id) };
         Mark { id, name: name.to_owned() }
     }
 
@@ -68,13 +64,9 @@ impl Markers {
     }
 }
 
-/// What the stamp `id` says about the work in flight; None when no operation there has this number.
-pub(crate) fn describe(in_flight: &VecDeque<InFlight>, id: u32) -> Option<String> {
-    let names = in_flight.iter().map(|work| (work.label.as_str(), work.marks.as_slice()));
-    describe_marks(names, id)
-}
-
-fn describe_marks<'a>(work: impl Iterator<Item = (&'a str, &'a [Mark])>, id: u32) -> Option<String> {
+/// What the stamp `id` says about the work in flight, labels with their marks in the order of submission; None when no
+/// operation there has this number.
+pub(crate) fn describe<'a>(work: impl Iterator<Item = (&'a str, &'a [Mark])>, id: u32) -> Option<String> {
     let mut before = None;
     for (label, marks) in work {
         for mark in marks {
@@ -101,13 +93,13 @@ mod tests {
         // Numbers are given while recording, which need not be the order of submission.
         let (first, second) = (marks(&[(7, "generate"), (9, "intersect")]), marks(&[(3, "shade")]));
         let work = || [("wave 1", first.as_slice()), ("wave 2", second.as_slice())].into_iter();
-        assert_eq!(describe_marks(work(), 9), Some("generate (then intersect of wave 1 began)".into()), "inside");
-        assert_eq!(describe_marks(work(), 3), Some("intersect (then shade of wave 2 began)".into()), "across");
+        assert_eq!(describe(work(), 9), Some("generate (then intersect of wave 1 began)".into()), "inside");
+        assert_eq!(describe(work(), 3), Some("intersect (then shade of wave 2 began)".into()), "across");
         assert_eq!(
-            describe_marks(work(), 7),
+            describe(work(), 7),
             Some("an earlier submission (then generate of wave 1 began)".into()),
             "at the start"
         );
-        assert_eq!(describe_marks(work(), 8), None, "unknown number");
+        assert_eq!(describe(work(), 8), None, "unknown number");
     }
 }

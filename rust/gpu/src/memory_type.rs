@@ -62,16 +62,43 @@ pub(crate) fn is_all_mapped(types: &[vk::MemoryType]) -> bool {
 mod tests {
     use super::*;
 
+    type F = vk::MemoryPropertyFlags;
+
+    fn types(flags: &[F]) -> Vec<vk::MemoryType> {
+        flags.iter().map(|&property_flags| vk::MemoryType { property_flags, heap_index: 0 }).collect()
+    }
+
+    #[test]
+    fn discrete_gpus_keep_device_memory_and_staging_apart() {
+        let host = F::HOST_VISIBLE | F::HOST_COHERENT;
+        let list = types(&[F::empty(), F::DEVICE_LOCAL, host, host | F::HOST_CACHED, F::DEVICE_LOCAL | host]);
+        assert_eq!(choose_type(&list, !0, Usage::Device), Some(1), "not the host-visible window");
+        assert_eq!(choose_type(&list, !0, Usage::Upload), Some(2), "write-combined host memory");
+        assert_eq!(choose_type(&list, !0, Usage::Readback), Some(3), "cached host memory");
+        assert_eq!(choose_type(&list, 0b1_0010, Usage::Readback), Some(4), "the window when nothing else is allowed");
+        assert_eq!(choose_type(&list, 0b1, Usage::Device), None, "no type fits");
+    }
+
+    #[test]
+    fn unified_devices_use_their_one_type() {
+        let list = types(&[F::DEVICE_LOCAL | F::HOST_VISIBLE | F::HOST_COHERENT | F::HOST_CACHED]);
+        for usage in [Usage::Device, Usage::Upload, Usage::Readback] {
+            assert_eq!(choose_type(&list, !0, usage), Some(0), "{usage:?}");
+        }
+    }
+
+    #[test]
+    fn types_that_need_a_feature_are_left_alone() {
+        let list = types(&[F::DEVICE_LOCAL | F::DEVICE_UNCACHED_AMD, F::DEVICE_LOCAL | F::PROTECTED, F::DEVICE_LOCAL]);
+        assert_eq!(choose_type(&list, !0, Usage::Device), Some(2), "plain device memory");
+    }
+
     #[test]
     fn memory_is_all_mapped_where_no_buffer_gets_another_kind() {
-        type F = vk::MemoryPropertyFlags;
-        let of = |flags: &[F]| -> Vec<vk::MemoryType> {
-            flags.iter().map(|&property_flags| vk::MemoryType { property_flags, heap_index: 0 }).collect()
-        };
         let all = F::DEVICE_LOCAL | HOST_FLAGS | F::HOST_CACHED;
-        assert!(is_all_mapped(&of(&[all])), "one kind of memory, as processors have");
-        assert!(!is_all_mapped(&of(&[all, F::DEVICE_LOCAL])), "device memory is the device's own");
-        assert!(!is_all_mapped(&of(&[F::DEVICE_LOCAL | F::HOST_VISIBLE])), "not coherent");
+        assert!(is_all_mapped(&types(&[all])), "one kind of memory, as processors have");
+        assert!(!is_all_mapped(&types(&[all, F::DEVICE_LOCAL])), "device memory is the device's own");
+        assert!(!is_all_mapped(&types(&[F::DEVICE_LOCAL | F::HOST_VISIBLE])), "not coherent");
         assert!(!is_all_mapped(&[]), "none");
     }
 }

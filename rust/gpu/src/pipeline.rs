@@ -10,24 +10,14 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use crate::device::Device;
+use crate::compute_pipeline::ComputePipeline;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
 
 /// A compute pipeline with its push constants.
 #[derive(Debug)]
 pub struct Pipeline {
-    pub(crate) inner: Arc<PipelineInner>,
-}
-
-/// The raw parts; command lists in flight hold it too, so it is destroyed as soon as the last holder drops it.
-#[derive(Debug)]
-pub(crate) struct PipelineInner {
-    pub(crate) device: Arc<Device>,
-    pub(crate) name: String,
-    pub(crate) raw: vk::Pipeline,
-    pub(crate) layout: vk::PipelineLayout,
-    pub(crate) push_bytes: u32,
+    pub(crate) inner: Arc<ComputePipeline>,
 }
 
 const SPIRV_MAGIC: u32 = 0x0723_0203;
@@ -64,7 +54,7 @@ impl Pipeline {
         // SAFETY: the words are SPIR-V with the magic number and an entry point; the caller vouches for their validity
         // (see module).
         let module = device.check("vkCreateShaderModule", unsafe { device.raw.create_shader_module(&info, None) })?;
-        let made = PipelineInner::new(device, name, module, spec, push_bytes);
+        let made = ComputePipeline::new((device, gpu.pipeline_cache()), name, module, spec, push_bytes);
         // SAFETY: the module is needed only while the pipeline is made.
         unsafe { device.raw.destroy_shader_module(module, None) };
         Ok(Self { inner: Arc::new(made?) })
@@ -80,56 +70,6 @@ impl Pipeline {
     #[must_use]
     pub fn push_bytes(&self) -> u32 {
         self.inner.push_bytes
-    }
-}
-
-impl PipelineInner {
-    fn new(
-        device: &Arc<Device>,
-        name: &str,
-        module: vk::ShaderModule,
-        spec: &[(u32, u32)],
-        push_bytes: u32,
-    ) -> Result<Self, GpuError> {
-        let range = [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(push_bytes)];
-        let ranges = if push_bytes == 0 { &[][..] } else { &range[..] };
-        let info = vk::PipelineLayoutCreateInfo::default().push_constant_ranges(ranges);
-        // SAFETY: the range is within the limit and not empty.
-        let layout = unsafe { device.raw.create_pipeline_layout(&info, None) };
-        let layout = device.check("vkCreatePipelineLayout", layout)?;
-        // From here on Drop cleans up; destroying a null pipeline is allowed.
-        let mut inner =
-            Self { device: Arc::clone(device), name: name.to_owned(), raw: vk::Pipeline::null(), layout, push_bytes };
-        let entries: Vec<_> = (0_u32..)
-            .zip(spec)
-            .map(|(i, &(id, _))| vk::SpecializationMapEntry { constant_id: id, offset: i * 4, size: 4 })
-            .collect();
-        let values: Vec<u8> = spec.iter().flat_map(|(_, value)| value.to_ne_bytes()).collect();
-        let specialization = vk::SpecializationInfo::default().map_entries(&entries).data(&values);
-        let stage = vk::PipelineShaderStageCreateInfo::default()
-            .stage(vk::ShaderStageFlags::COMPUTE)
-            .module(module)
-            .name(c"main")
-            .specialization_info(&specialization);
-        let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout)];
-        // SAFETY: module, layout and cache are alive and of this device; the cache synchronises itself (it was not made
-        // with EXTERNALLY_SYNCHRONIZED).
-        match unsafe { device.raw.create_compute_pipelines(device.pipeline_cache, &info, None) } {
-            Ok(made) => inner.raw = made.first().copied().unwrap_or_default(),
-            Err((_, code)) => return device.check("vkCreateComputePipelines", Err(code)),
-        }
-        device.names.set(inner.raw, name);
-        device.names.set(layout, name);
-        Ok(inner)
-    }
-}
-
-impl Drop for PipelineInner {
-    fn drop(&mut self) {
-        // SAFETY: command lists in flight hold an Arc of this, so no submission uses it. Null is allowed.
-        unsafe { self.device.raw.destroy_pipeline(self.raw, None) };
-        // SAFETY: as above.
-        unsafe { self.device.raw.destroy_pipeline_layout(self.layout, None) };
     }
 }
 

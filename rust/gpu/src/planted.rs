@@ -2,17 +2,8 @@
 //! What tests plant in an open device, and what they ask of its watch ([`crate::watch`]). Compiled with the feature
 //! `faults` alone.
 
-use crate::device::Device;
-use crate::error::GpuError;
 use crate::gpu::Gpu;
-use crate::watch::{Call, DriverMemory, Failure};
-
-impl Device {
-    /// An error if a test planted a failure of this request.
-    pub(crate) fn planted(&self, call: Call, name: &str, bytes: u64) -> Result<(), GpuError> {
-        if self.watch.strikes(call) { Err(self.budget.refused(name, bytes)) } else { Ok(()) }
-    }
-}
+use crate::watch::{DriverMemory, Failure};
 
 impl Gpu {
     /// Makes calls fail, in place of what was planted before.

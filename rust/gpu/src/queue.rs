@@ -1,31 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The queue of a lane: numbered submissions, what each keeps alive, and waiting for them.
+//! The queue of a lane: numbered submissions, and what each keeps alive.
 //!
-//! Submission n is done when the lane's timeline semaphore has reached n. Submissions of a lane run in order (each
-//! command list begins with a full barrier); those of different lanes do not, unless one waits for the other. Any
-//! thread.
+//! Submission n is done when the lane's timeline has reached n. Submissions of a lane run in order (each command list
+//! begins with a full barrier); those of different lanes do not, unless one waits for the other. Any thread.
 //!
 //! Locks: a lane's own before the Vulkan queue's, which lanes without a queue of their own share.
 
 use std::collections::VecDeque;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use ash::vk;
 
-use crate::commands::Kept;
 use crate::device::Device;
 use crate::error::GpuError;
-use crate::instance::vulkan_error;
-use crate::lane::{Lane, Points, QueueChoice};
+use crate::kept::Kept;
+use crate::lane::{LANES, Lane, Points};
 use crate::markers::Mark;
-use crate::names::Names;
 use crate::timer::Timer;
 
 /// One command pool with its one buffer.
 #[derive(Debug)]
 pub(crate) struct CommandSlot {
-    lane: Lane,
     pool: vk::CommandPool,
     pub(crate) buffer: vk::CommandBuffer,
 }
@@ -34,10 +29,10 @@ impl CommandSlot {
     fn new(device: &Device, lane: Lane) -> Result<Self, GpuError> {
         let info = vk::CommandPoolCreateInfo::default()
             .flags(vk::CommandPoolCreateFlags::TRANSIENT)
-            .queue_family_index(device.queue(lane).choice.family);
+            .queue_family_index(device.choice(lane).family);
         // SAFETY: the family is one the device was made with.
         let pool = device.check("vkCreateCommandPool", unsafe { device.raw.create_command_pool(&info, None) })?;
-        let mut slot = Self { lane, pool, buffer: vk::CommandBuffer::null() };
+        let mut slot = Self { pool, buffer: vk::CommandBuffer::null() };
         let info = vk::CommandBufferAllocateInfo::default()
             .command_pool(pool)
             .level(vk::CommandBufferLevel::PRIMARY)
@@ -65,113 +60,85 @@ impl CommandSlot {
 /// Everything a submission needs until it has finished.
 #[derive(Debug)]
 pub(crate) struct InFlight {
+    /// Number of the submission, given when it is made.
     pub(crate) value: u64,
-    pub(crate) label: String,
     pub(crate) slot: CommandSlot,
     pub(crate) kept: Vec<Kept>,
     pub(crate) timer: Option<Arc<Timer>>,
-    pub(crate) marks: Vec<Mark>,
     /// What other lanes must have finished before it runs.
     pub(crate) waits: Points,
 }
 
-#[derive(Debug)]
-struct State {
-    in_flight: VecDeque<InFlight>,
-    /// Label of the newest submission known to have finished.
-    last_finished: String,
-}
-
+/// The queue of a lane.
 #[derive(Debug)]
 pub(crate) struct Queue {
     lane: Lane,
-    pub(crate) choice: QueueChoice,
-    timeline: vk::Semaphore,
-    submitted: AtomicU64,
     raw: Arc<Mutex<vk::Queue>>,
-    state: Mutex<State>,
+    /// Oldest first.
+    in_flight: Mutex<VecDeque<InFlight>>,
     slots: Mutex<Vec<CommandSlot>>,
 }
 
 impl Queue {
-    pub(crate) fn new(lane: Lane, choice: QueueChoice, raw: Arc<Mutex<vk::Queue>>) -> Self {
-        let state = State { in_flight: VecDeque::new(), last_finished: "none".to_owned() };
-        Self {
-            lane,
-            choice,
-            timeline: vk::Semaphore::null(),
-            submitted: AtomicU64::new(0),
-            raw,
-            state: Mutex::new(state),
-            slots: Mutex::new(Vec::new()),
-        }
+    /// The queues of the lanes, which may share one of Vulkan's.
+    pub(crate) fn of_lanes(device: &Device) -> [Self; LANES] {
+        let get = |lane: Lane| {
+            let choice = device.choice(lane);
+            // SAFETY: the device was made with all queues of the choices.
+            let queue = unsafe { device.raw.get_device_queue(choice.family, choice.index) };
+            Arc::new(Mutex::new(queue))
+        };
+        let main = get(Lane::Main);
+        let is_shared = device.choice(Lane::Main) == device.choice(Lane::Transfer);
+        let transfer = if is_shared { Arc::clone(&main) } else { get(Lane::Transfer) };
+        [Self::new(Lane::Main, main), Self::new(Lane::Transfer, transfer)]
     }
 
-    pub(crate) fn create_timeline(&mut self, device: &ash::Device, names: &Names) -> Result<(), GpuError> {
-        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
-        let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
-        // SAFETY: timelineSemaphore is enabled.
-        let timeline = unsafe { device.create_semaphore(&info, None) };
-        self.timeline = timeline.map_err(|code| vulkan_error("vkCreateSemaphore", code))?;
-        names.set(
-            self.timeline,
-            match self.lane {
-                Lane::Main => "submissions",
-                Lane::Transfer => "transfers",
-            },
-        );
-        Ok(())
+    fn new(lane: Lane, raw: Arc<Mutex<vk::Queue>>) -> Self {
+        Self { lane, raw, in_flight: Mutex::new(VecDeque::new()), slots: Mutex::new(Vec::new()) }
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    #[cfg(test)]
-    pub(crate) fn timeline(&self) -> vk::Semaphore {
-        self.timeline
-    }
-
-    /// Number of the newest submission; 0 = none yet.
-    pub(crate) fn last_submitted(&self) -> u64 {
-        self.submitted.load(Ordering::Acquire)
-    }
-
-    /// Number of the newest submission that has finished.
-    pub(crate) fn completed(&self, device: &Device) -> Result<u64, GpuError> {
-        // SAFETY: the semaphore is a timeline of this device and lives as long as it.
-        let value = unsafe { device.raw.get_semaphore_counter_value(self.timeline) };
-        device.check("vkGetSemaphoreCounterValue", value)
+    fn lock(&self) -> MutexGuard<'_, VecDeque<InFlight>> {
+        self.in_flight.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Number of the oldest submission not known to have finished.
     pub(crate) fn oldest_in_flight(&self) -> Option<u64> {
-        self.lock().in_flight.front().map(|work| work.value)
+        self.lock().front().map(|work| work.value)
     }
 
-    /// Submits a recorded command buffer and returns its number. On an error nothing runs and `work` is let go.
-    pub(crate) fn submit(&self, device: &Device, mut work: InFlight) -> Result<u64, GpuError> {
-        let mut state = self.lock();
-        let value = self.last_submitted() + 1;
+    /// Submits a recorded command buffer and returns its number; label and marks are for the error of a lost device. On
+    /// an error nothing runs and `work` is let go.
+    pub(crate) fn submit(
+        &self,
+        device: &Device,
+        mut work: InFlight,
+        (label, marks): (String, Vec<Mark>),
+    ) -> Result<u64, GpuError> {
+        let mut in_flight = self.lock();
+        let timeline = device.timeline(self.lane);
+        let value = timeline.last_submitted() + 1;
         work.value = value;
         match self.submit_raw(device, &work) {
             Ok(()) => {
-                self.submitted.store(value, Ordering::Release);
-                state.in_flight.push_back(work);
+                timeline.advance(value);
+                device.passes(self.lane).submitted(value, label, marks);
+                in_flight.push_back(work);
                 Ok(value)
             }
             Err(code) => {
-                drop(state);
-                device.recycle_slot(work.slot);
+                drop(in_flight);
+                self.recycle(device, work.slot);
                 device.check("vkQueueSubmit", Err(code))
             }
         }
     }
 
     fn submit_raw(&self, device: &Device, work: &InFlight) -> Result<(), vk::Result> {
-        let (values, semaphores, buffers) = ([work.value], [self.timeline], [work.slot.buffer]);
+        let semaphore = |lane| device.timeline(lane).semaphore();
+        let (values, semaphores, buffers) = ([work.value], [semaphore(self.lane)], [work.slot.buffer]);
         let others = Lane::ALL.into_iter().filter(|&lane| lane != self.lane && work.waits.of(lane) > 0);
-        let waits: Vec<_> = others.map(|lane| (device.queue(lane).timeline, work.waits.of(lane))).collect();
+        let waits: Vec<_> = others.map(|lane| (semaphore(lane), work.waits.of(lane))).collect();
         let (wait_semaphores, wait_values): (Vec<_>, Vec<_>) = waits.into_iter().unzip();
         // A signal makes all writes before it available, a wait makes them visible to these stages: no barrier is
         // needed besides.
@@ -192,72 +159,42 @@ impl Queue {
         unsafe { device.raw.queue_submit(*queue, &info, vk::Fence::null()) }
     }
 
-    /// Ok(true) once submission `value` has finished, Ok(false) after `timeout_ns`.
-    pub(crate) fn wait(&self, device: &Device, value: u64, timeout_ns: u64) -> Result<bool, GpuError> {
-        device.check_alive()?;
-        let (semaphores, values) = ([self.timeline], [value]);
-        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
-        // SAFETY: the semaphore is a timeline of this device, and `value` was submitted, so that the wait ends.
-        match unsafe { device.raw.wait_semaphores(&info, timeout_ns) } {
-            Ok(()) => Ok(true),
-            Err(vk::Result::TIMEOUT) => Ok(false),
-            Err(code) => device.check("vkWaitSemaphores", Err(code)),
-        }
-    }
-
     /// Takes what submissions up to `completed` kept alive. The caller drops it without this queue's lock.
-    pub(crate) fn take_finished(&self, completed: u64) -> Vec<InFlight> {
-        let mut state = self.lock();
-        let count = state.in_flight.iter().take_while(|work| work.value <= completed).count();
-        let finished: Vec<_> = state.in_flight.drain(..count).collect();
-        if let Some(newest) = finished.last() {
-            state.last_finished.clone_from(&newest.label);
-        }
-        finished
+    pub(crate) fn take_finished(&self, device: &Device, completed: u64) -> Vec<InFlight> {
+        let mut in_flight = self.lock();
+        let count = in_flight.iter().take_while(|work| work.value <= completed).count();
+        device.passes(self.lane).finished(completed);
+        in_flight.drain(..count).collect()
     }
 
-    /// What ran last, for the error of a lost device: by the marker if there is one, else the last finished submission.
-    pub(crate) fn last_pass(&self, marker: Option<u32>) -> String {
-        let state = self.lock();
-        let running = state.in_flight.front().map(|work| work.label.as_str());
-        let found = marker.and_then(|marker| crate::markers::describe(&state.in_flight, marker));
-        match (found, running) {
-            (Some(pass), _) => pass,
-            (None, Some(running)) => format!("{} (then {running} was submitted)", state.last_finished),
-            (None, None) => state.last_finished.clone(),
-        }
-    }
-}
-
-impl Device {
-    /// A command pool with its buffer, ready to record for a lane.
-    pub(crate) fn command_slot(&self, lane: Lane) -> Result<CommandSlot, GpuError> {
-        let recycled = self.queue(lane).slots.lock().unwrap_or_else(PoisonError::into_inner).pop();
+    /// A command pool with its buffer, ready to record.
+    pub(crate) fn slot(&self, device: &Device) -> Result<CommandSlot, GpuError> {
+        let recycled = self.slots.lock().unwrap_or_else(PoisonError::into_inner).pop();
         match recycled {
             Some(slot) => Ok(slot),
-            None => CommandSlot::new(self, lane),
+            None => CommandSlot::new(device, self.lane),
         }
     }
 
-    /// Takes back a slot that no submission uses.
-    pub(crate) fn recycle_slot(&self, slot: CommandSlot) {
+    /// Takes back a slot of this lane that no submission uses.
+    pub(crate) fn recycle(&self, device: &Device, slot: CommandSlot) {
         // SAFETY: the caller owns the slot, and its buffer is not pending.
-        let reset = unsafe { self.raw.reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty()) };
+        let reset = unsafe { device.raw.reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty()) };
         if reset.is_ok() {
-            self.queue(slot.lane).slots.lock().unwrap_or_else(PoisonError::into_inner).push(slot);
+            self.slots.lock().unwrap_or_else(PoisonError::into_inner).push(slot);
         } else {
-            slot.destroy(&self.raw);
+            slot.destroy(&device.raw);
         }
     }
 
-    /// Destroys what the queues are made of. The device is idle and no command list is left.
-    pub(crate) fn destroy_queues(&mut self) {
-        for queue in &mut self.queues {
-            for slot in queue.slots.get_mut().unwrap_or_else(PoisonError::into_inner).drain(..) {
-                slot.destroy(&self.raw);
-            }
-            // SAFETY: the device is idle. Null is allowed.
-            unsafe { self.raw.destroy_semaphore(queue.timeline, None) };
+    /// Destroys the slots, and lets go of all that is in flight. The device is idle and no command list is left.
+    pub(crate) fn close(&self, device: &Device) {
+        for work in self.take_finished(device, u64::MAX) {
+            work.slot.destroy(&device.raw);
+        }
+        let slots = std::mem::take(&mut *self.slots.lock().unwrap_or_else(PoisonError::into_inner));
+        for slot in slots {
+            slot.destroy(&device.raw);
         }
     }
 }

@@ -68,7 +68,7 @@ impl Recorder {
             device: Arc::clone(device),
             lane,
             buffer,
-            scope: Scope::of(device.queue(lane).choice.computes),
+            scope: Scope::of(device.choice(lane).computes),
             barrier_pending: true,
             concurrent_depth: 0,
             has_operations: false,
@@ -84,20 +84,20 @@ impl Recorder {
     /// Debug labels were long allowed on computing queues only (VUID-vkCmdBeginDebugUtilsLabelEXT-commandBuffer-cmdpool
     /// of 1.3).
     fn begin_label(&self, name: &str) {
-        if self.device.queue(self.lane).choice.computes {
+        if self.device.choice(self.lane).computes {
             self.device.names.begin(self.buffer, name);
         }
     }
 
     fn end_label(&self) {
-        if self.device.queue(self.lane).choice.computes {
+        if self.device.choice(self.lane).computes {
             self.device.names.end(self.buffer);
         }
     }
 
     /// Switches timestamps for what follows; without timestamps on the queue this does nothing.
     pub(crate) fn set_timing(&mut self, on: bool) {
-        let bits = self.device.queue(self.lane).choice.timestamp_bits;
+        let bits = self.device.choice(self.lane).timestamp_bits;
         self.timing = on && bits > 0 && self.device.report.capabilities.timestamps;
     }
 
@@ -176,7 +176,7 @@ impl Recorder {
         let barrier = [vk::MemoryBarrier::default().src_access_mask(writes).dst_access_mask(writes | reads)];
         self.pipeline_barrier(stages, &barrier);
         if let Some(markers) = &self.device.markers {
-            self.marks.push(markers.stamp(&self.device, self.lane, self.buffer, name));
+            self.marks.push(markers.stamp(&self.device.raw, self.lane, self.buffer, name));
         }
         self.barrier_pending = self.concurrent_depth == 0;
     }
@@ -192,7 +192,7 @@ impl Recorder {
         if !self.timing {
             return Ok(None);
         }
-        let bits = self.device.queue(self.lane).choice.timestamp_bits;
+        let bits = self.device.choice(self.lane).timestamp_bits;
         let timer = self.timer.get_or_insert_with(|| Timer::new(&self.device, bits));
         timer.stamp(self.buffer).map(Some)
     }

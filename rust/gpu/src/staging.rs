@@ -9,25 +9,22 @@
 //! else for other threads; a wait never lasts longer than [`POLL`] before everything is looked at anew, so nothing
 //! depends on being woken, and the loss of the device ends it. A thread that holds the rest of the ring itself, in
 //! slices or unsubmitted lists, waits for ever.
-//!
-//! Locks: the ring's own is held for bookkeeping only, never while anything is collected, dropped, waited for or
-//! filled.
 
-use std::collections::VecDeque;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, MutexGuard};
 use std::time::Duration;
 
-use crate::buffer::Buffer;
-use crate::commands::{Commands, Kept};
-use crate::device::Device;
+use crate::commands::Commands;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
-use crate::lane::Lane;
-use crate::memory::{Mapped, Usage};
+use crate::kept::Kept;
+use crate::memory_type::Usage;
+use crate::open_device::OpenDevice;
 use crate::range::DeviceRange;
 use crate::range::sealed::{Parts, RangeParts};
-use crate::staging_space::RingSpace;
+use crate::staging_part::{RingMemory, StagingPart, State, Turn};
 
+/// The name of the memory of every ring.
+const NAME: &str = "staging ring";
 /// Longest wait before everything is looked at anew.
 const POLL: Duration = Duration::from_millis(2);
 const POLL_NS: u64 = 2_000_000;
@@ -35,33 +32,8 @@ const POLL_NS: u64 = 2_000_000;
 /// A ring of pinned memory. Any thread; put it in an [`Arc`] to share it.
 #[derive(Debug)]
 pub struct StagingRing {
-    core: Arc<RingCore>,
-}
-
-#[derive(Debug)]
-struct RingCore {
-    device: Arc<Device>,
-    buffer: Buffer,
-    /// The buffer's first byte.
-    mapped: Mapped,
-    state: Mutex<State>,
-    changed: Condvar,
-}
-
-#[derive(Debug)]
-struct State {
-    space: RingSpace,
-    /// Threads that wait, in the order they asked.
-    turns: VecDeque<u64>,
-    next_turn: u64,
-}
-
-/// Space taken from the ring, given back by the last holder: the slice or a command list.
-#[derive(Debug)]
-pub(crate) struct StagingPart {
-    core: Arc<RingCore>,
-    number: u64,
-    start: u64,
+    opened: Arc<OpenDevice>,
+    memory: Arc<RingMemory>,
 }
 
 /// Space in a [`StagingRing`], the caller's alone until it is dropped and what copies from it is done.
@@ -75,32 +47,28 @@ impl StagingRing {
     /// Makes a ring of `bytes`.
     ///
     /// # Errors
-    /// As [`Buffer::new`]; [`GpuError::Usage`] for no bytes, or more than the host can address.
+    /// As [`Buffer::new`](crate::Buffer::new); [`GpuError::Usage`] for no bytes, or more than the host can address.
     pub fn new(gpu: &Arc<Gpu>, bytes: u64) -> Result<Self, GpuError> {
-        let name = "staging ring";
-        let misuse = |message: String| GpuError::Usage { name: name.to_owned(), message };
         if bytes == 0 || isize::try_from(bytes).is_err() {
             return Err(misuse(format!("a ring of {bytes} bytes")));
         }
-        let buffer = Buffer::new(gpu, name, bytes, Usage::Upload)?;
-        let mapped = buffer.mapped().ok_or_else(|| misuse("the driver did not map it".to_owned()))?;
-        let state = State { space: RingSpace::new(bytes), turns: VecDeque::new(), next_turn: 0 };
-        let device = Arc::clone(gpu.device());
-        let core = RingCore { device, buffer, mapped, state: Mutex::new(state), changed: Condvar::new() };
-        Ok(Self { core: Arc::new(core) })
+        let block = gpu.opened().block(NAME, bytes, Usage::Upload)?;
+        let mapped = block.raw.mapped.ok_or_else(|| misuse("the driver did not map it".to_owned()))?;
+        let memory = Arc::new(RingMemory::new(block, mapped, bytes));
+        Ok(Self { opened: Arc::clone(gpu.opened()), memory })
     }
 
     /// Size of the ring in bytes.
     #[must_use]
     pub fn size(&self) -> u64 {
-        self.core.buffer.size()
+        self.memory.size
     }
 
     /// Bytes that cannot be reserved now, gaps included.
     #[must_use]
     pub fn used(&self) -> u64 {
-        self.core.device.collect();
-        self.core.lock().space.used()
+        self.opened.collect();
+        self.memory.lock().used()
     }
 
     /// Reserves `bytes` at an offset that is a multiple of `align` (a power of two), and waits until they are free. The
@@ -110,14 +78,14 @@ impl StagingRing {
     /// failed call.
     pub fn reserve(&self, bytes: u64, align: u64) -> Result<StagingSlice, GpuError> {
         let length = self.check(bytes, align)?;
-        let turn = Turn::take(&self.core);
+        let turn = Turn::take(&self.memory);
         loop {
-            self.core.device.check_alive()?;
-            self.core.device.collect();
-            let state = self.core.lock();
-            match self.core.take(state, Some(turn.number), (bytes, align)) {
-                Ok((number, start)) => return Ok(self.slice(number, start, length)),
-                Err(state) => self.core.wait(state, turn.number)?,
+            self.opened.device.check_alive()?;
+            self.opened.collect();
+            let state = self.memory.lock();
+            match self.memory.take(state, Some(turn.number), (bytes, align)) {
+                Ok(part) => return Ok(self.slice(part, length)),
+                Err(state) => self.wait(state, turn.number)?,
             }
         }
     }
@@ -128,18 +96,17 @@ impl StagingRing {
     /// As [`StagingRing::reserve`].
     pub fn try_reserve(&self, bytes: u64, align: u64) -> Result<Option<StagingSlice>, GpuError> {
         let length = self.check(bytes, align)?;
-        self.core.device.check_alive()?;
-        self.core.device.collect();
-        let state = self.core.lock();
-        match self.core.take(state, None, (bytes, align)) {
-            Ok((number, start)) => Ok(Some(self.slice(number, start, length))),
+        self.opened.device.check_alive()?;
+        self.opened.collect();
+        let state = self.memory.lock();
+        match self.memory.take(state, None, (bytes, align)) {
+            Ok(part) => Ok(Some(self.slice(part, length))),
             Err(_) => Ok(None),
         }
     }
 
     fn check(&self, bytes: u64, align: u64) -> Result<usize, GpuError> {
         let size = self.size();
-        let misuse = |message: String| GpuError::Usage { name: self.core.buffer.name().to_owned(), message };
         if !align.is_power_of_two() {
             return Err(misuse(format!("alignment {align} is not a power of two")));
         }
@@ -147,90 +114,33 @@ impl StagingRing {
         length.ok_or_else(|| misuse(format!("{bytes} bytes wanted of a ring of {size}")))
     }
 
-    fn slice(&self, number: u64, start: u64, length: usize) -> StagingSlice {
-        StagingSlice { part: Arc::new(StagingPart { core: Arc::clone(&self.core), number, start }), length }
-    }
-}
-
-impl RingCore {
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Takes space if it is free and nobody asked before: the number and the start of the part, or the lock again.
-    fn take<'a>(
-        &self,
-        mut state: MutexGuard<'a, State>,
-        turn: Option<u64>,
-        (bytes, align): (u64, u64),
-    ) -> Result<(u64, u64), MutexGuard<'a, State>> {
-        if state.turns.front().copied() != turn {
-            return Err(state);
-        }
-        state.space.take(bytes.max(1), align).ok_or(state)
+    fn slice(&self, part: (u64, u64), length: usize) -> StagingSlice {
+        StagingSlice { part: Arc::new(StagingPart::new(&self.memory, part)), length }
     }
 
     /// Waits, not longer than [`POLL`], for something to happen that may free space.
     fn wait(&self, state: MutexGuard<'_, State>, turn: u64) -> Result<(), GpuError> {
-        let is_first = state.turns.front() == Some(&turn);
-        let user = state.space.oldest_user().filter(|_| is_first);
-        let submitted = user.and_then(|lane| Some((lane, self.device.queue(lane).oldest_in_flight()?)));
+        let submitted =
+            state.oldest_user(turn).and_then(|lane| Some((lane, self.opened.queue(lane).oldest_in_flight()?)));
         if let Some((lane, value)) = submitted {
             drop(state);
-            self.device.queue(lane).wait(&self.device, value, POLL_NS)?;
+            self.opened.device.wait(lane, value, POLL_NS)?;
         } else {
-            drop(self.changed.wait_timeout(state, POLL).unwrap_or_else(PoisonError::into_inner));
+            self.memory.wait_for_change(state, POLL);
         }
         Ok(())
     }
 }
 
-/// A place in the queue of those who wait.
-struct Turn<'a> {
-    core: &'a RingCore,
-    number: u64,
-}
-
-impl<'a> Turn<'a> {
-    fn take(core: &'a RingCore) -> Self {
-        let mut state = core.lock();
-        let number = state.next_turn;
-        state.next_turn += 1;
-        state.turns.push_back(number);
-        Self { core, number }
-    }
-}
-
-impl Drop for Turn<'_> {
-    fn drop(&mut self) {
-        self.core.lock().turns.retain(|&turn| turn != self.number);
-        self.core.changed.notify_all();
-    }
-}
-
-impl StagingPart {
-    /// A list of `lane` keeps it.
-    pub(crate) fn used_on(&self, lane: Lane) {
-        self.core.lock().space.used_by(self.number, lane);
-    }
-}
-
-impl Drop for StagingPart {
-    fn drop(&mut self) {
-        let mut state = self.core.lock();
-        let freed = state.space.give_back(self.number);
-        drop(state);
-        if freed {
-            self.core.changed.notify_all();
-        }
-    }
+fn misuse(message: String) -> GpuError {
+    GpuError::Usage { name: NAME.to_owned(), message }
 }
 
 impl StagingSlice {
     /// The bytes, to be filled. Do not read them (it may be very slow), and do not write them once copies from them are
     /// submitted: what the device sees then is unspecified.
     pub fn bytes_mut(&mut self) -> &mut [u8] {
-        let mapped = self.part.core.mapped.as_ptr();
+        let mapped = self.part.ring.mapped.as_ptr();
         let start = usize::try_from(self.part.start).unwrap_or_default();
         // SAFETY: the part lies in the mapped buffer, whose size fits in a usize (`StagingRing::new`).
         let first = unsafe { mapped.add(start) };
@@ -255,7 +165,7 @@ impl StagingSlice {
 
 impl DeviceRange for StagingSlice {
     fn address(&self) -> u64 {
-        self.part.core.buffer.address() + self.part.start
+        self.part.ring.block.raw.address + self.part.start
     }
 
     fn size(&self) -> u64 {
@@ -263,13 +173,18 @@ impl DeviceRange for StagingSlice {
     }
 
     fn name(&self) -> &str {
-        self.part.core.buffer.name()
+        NAME
     }
 }
 
 impl Parts for StagingSlice {
     fn parts(&self) -> RangeParts {
-        let whole = self.part.core.buffer.parts();
-        RangeParts { offset: self.part.start, kept: Kept::Staging(Arc::clone(&self.part)), ..whole }
+        let block = &self.part.ring.block;
+        RangeParts {
+            buffer: block.buffer(),
+            offset: self.part.start,
+            device: Arc::as_ptr(&block.device),
+            kept: Kept::Staging(Arc::clone(&self.part)),
+        }
     }
 }

@@ -48,9 +48,9 @@ impl Submission {
     pub fn wait(&self, timeout: Duration) -> Result<bool, GpuError> {
         let device = self.gpu.device();
         let timeout_ns = u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX);
-        let done = device.queue(self.lane).wait(device, self.value, timeout_ns)?;
+        let done = device.wait(self.lane, self.value, timeout_ns)?;
         if done {
-            device.collect();
+            self.gpu.opened().collect();
         }
         Ok(done)
     }

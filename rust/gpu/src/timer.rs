@@ -8,11 +8,8 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use crate::device::Device;
+use crate::device::{Device, POOL_QUERIES};
 use crate::error::GpuError;
-
-/// Queries in one pool.
-pub(crate) const POOL_QUERIES: u32 = 256;
 
 /// A name with the numbers of its two queries.
 #[derive(Debug)]

@@ -2,9 +2,9 @@
 //! Edits: blocks appended to a file that replace faces (or metadata, which nobody here reads). A later edit of a face
 //! replaces an earlier one.
 
-use crate::file::{Block, Tables};
 use crate::format::{Encoding, Extended, FACE_BYTES, Fields, Header, parse_block, parse_face};
 use crate::inflate::FileBytes;
+use crate::tables::{Block, Tables};
 use crate::{MAX_EDITS, PtexError};
 
 /// Kind (1 byte) and length of what follows (4 bytes).

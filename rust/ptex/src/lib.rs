@@ -74,6 +74,7 @@ mod format;
 mod inflate;
 mod read;
 mod source;
+mod tables;
 mod texels;
 mod write;
 

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Reading the texels of a face. Each call reads the file anew and keeps nothing.
 
-use crate::file::{Block, PtexFile};
+use crate::file::PtexFile;
 use crate::format::{Encoding, Fields, parse_block};
 use crate::inflate::{Inflater, Part, check_ratio, resize};
+use crate::tables::Block;
 use crate::texels::{Rect, undo_differences};
 use crate::{Face, MAX_BYTES, PtexError};
 

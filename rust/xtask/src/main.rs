@@ -8,6 +8,7 @@
 
 mod book;
 mod check;
+mod clone_files;
 mod grouped;
 mod host;
 mod picture;

@@ -5,7 +5,8 @@
 //! taking records out changes nothing. How a chunk is divided into blocks depends on its past, what all blocks together
 //! say does not: maxima of numbers that follow from each record alone.
 
-use super::lattice::{Item, Lattice};
+use super::lattice::Lattice;
+use crate::instancing::item::Item;
 
 /// Records of a new block.
 pub(crate) const BLOCK: u32 = 256;

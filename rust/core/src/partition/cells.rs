@@ -13,8 +13,9 @@ use rustc_hash::FxHashMap;
 use super::blocks::{Block, Peaks};
 use super::chunk::{Chunk, Readers, Roster};
 use super::cost::CutRule;
-use super::lattice::{Item, Lattice};
-use crate::scene::Target;
+use super::lattice::Lattice;
+use crate::instancing::assembly::Target;
+use crate::instancing::item::Item;
 
 /// Cells with more members are not looked at for what is small in a large box: patches may keep them as they are.
 pub(crate) const SCATTERED: usize = 64;

@@ -11,13 +11,15 @@ use glam::DVec3;
 
 use super::blocks::{Block, Peaks};
 use super::cells::SCATTERED;
-use super::lattice::{Item, Lattice};
+use super::lattice::Lattice;
+use crate::instancing::assembly::Member;
+use crate::instancing::assembly::{InstanceRecord, Target};
+use crate::instancing::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, write_value};
+use crate::instancing::item::Item;
+use crate::instancing::motion::MotionKey;
+use crate::instancing::placement::{MATRIX_ERROR, round_down, round_up};
+use crate::instancing::reader::Reader;
 use crate::mesh::Aabb;
-use crate::scene::assembly::Member;
-use crate::scene::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, write_value};
-use crate::scene::placement::{MATRIX_ERROR, round_down, round_up};
-use crate::scene::reader::Reader;
-use crate::scene::{InstanceRecord, MotionKey, Target};
 
 /// Rounding of f64 frames, relative to the distance of the origin.
 const FRAME_ERROR: f64 = 1.0 / (1_u64 << 50) as f64;
@@ -373,8 +375,8 @@ fn local(present: &[u32], member: u32) -> u32 {
 }
 
 /// Box of a few records in the assembly's frame, and the largest
-/// [`Footprint::spread`](crate::scene::placement::Footprint), measured exactly: what is much smaller than a step of the
-/// lattice gets a frame about its own middle. `None` for many.
+/// [`Footprint::spread`](crate::instancing::placement::Footprint), measured exactly: what is much smaller than a step
+/// of the lattice gets a frame about its own middle. `None` for many.
 fn measured_box(members: &[Member], ranks: &[u32], which: &[u32]) -> Option<([DVec3; 2], f64)> {
     if ranks.len() > SCATTERED {
         return None;

@@ -3,8 +3,8 @@
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
+use crate::instancing::assembly::{Assembly, Target};
 use crate::mesh::SceneMesh;
-use crate::scene::{Assembly, Target};
 use std::sync::Arc;
 
 /// A cell with several targets may need this many times the chunk size.

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The Morton lattice of an assembly and the items that are sorted along it.
+//! The Morton lattice of an assembly, along which its items are sorted.
 //!
 //! Canonical: a function of the assembly's box only, and it changes only when that box's longest side passes a power of
 //! two or its lower corner a multiple of it. The quantum is a power of two, the lattice passes through the frame's 0,
 //! so moving a member never moves the cells of the others. 21 bits per axis (G. M. Morton, "A computer oriented
 //! geodetic data base", 1966), and one bit on top for members too large to share cells with the rest.
 
-use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::blocks::Peaks;
+use crate::instancing::item::Item;
+use crate::instancing::placement::nearest;
 use crate::mesh::Aabb;
-use crate::scene::placement::{Footprint, MATRIX_ERROR, nearest};
 
 /// Bits per axis.
 const BITS: u32 = 21;
@@ -22,10 +22,6 @@ const STEPS: f64 = 1_048_576.0;
 const LARGE: f64 = 32_768.0;
 /// Slack of a lattice cell in quanta, for the rounding of positions far from 0.
 const CELL_SLACK: f64 = 1.0 / 256.0;
-/// Far beyond any position, and finite in single precision.
-const HUGE: f64 = 1e30;
-/// Rounding of a position to single precision.
-const POSITION_ERROR: f64 = 1.0 / 8_388_608.0;
 
 /// Rounding of [`Lattice::peaks`], two additions of single precision at most.
 const NUMBER_ERROR: f64 = 1.0 / 2_097_152.0;
@@ -37,73 +33,6 @@ pub(crate) struct Lattice {
     quantum: f64,
     /// 1 / `quantum`, exact.
     steps: f64,
-}
-
-/// Where a member lies in the order of an assembly: Morton code, then member, then rank.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Key {
-    pub(crate) code: u64,
-    /// Number of the member in its assembly (high half), rank of the instance (low half).
-    pub(crate) id: u64,
-}
-
-/// One placement on its way into a chunk.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub(crate) struct Item {
-    /// The Morton code; before [`Lattice::place`]: x and y of the centre.
-    code: u64,
-    /// Member and rank; before: z of the centre and the rank.
-    id: u64,
-    /// Half sides with what the rounding of the target's own offset may add; upper halves of f32s, rounded up.
-    half: [u16; 3],
-    /// [`Footprint::spread`], in the same form.
-    spread: u16,
-}
-
-impl Item {
-    /// An item that is not on a lattice yet.
-    #[inline]
-    pub(crate) fn new(footprint: &Footprint, rank: u32) -> Self {
-        let [x, y, z] = footprint.center.to_array().map(|v| u64::from(nearest(v).to_bits()));
-        let own = footprint.spread * footprint.lever * MATRIX_ERROR;
-        let half = footprint.half + own + footprint.center.abs() * POSITION_ERROR;
-        let half = half.to_array().map(short_up);
-        Self { code: y << 32 | x, id: u64::from(rank) << 32 | z, half, spread: short_up(footprint.spread) }
-    }
-
-    /// Position in the order.
-    #[inline]
-    pub(crate) fn key(&self) -> Key {
-        Key { code: self.code, id: self.id }
-    }
-
-    /// The Morton code.
-    #[inline]
-    pub(crate) fn code(&self) -> u64 {
-        self.code
-    }
-
-    /// Number of the member in its assembly.
-    #[inline]
-    pub(crate) fn member(&self) -> u32 {
-        (self.id >> 32) as u32
-    }
-
-    /// Rank of the instance.
-    #[inline]
-    #[expect(clippy::cast_possible_truncation, reason = "the low half is what is wanted")]
-    pub(crate) fn rank(&self) -> u32 {
-        self.id as u32
-    }
-
-    /// Before [`Lattice::place`]: the centre.
-    #[inline]
-    #[expect(clippy::cast_possible_truncation, reason = "two halves of 64 bits each")]
-    fn center(&self) -> DVec3 {
-        let read = |bits: u64| f64::from(f32::from_bits(bits as u32));
-        DVec3::new(read(self.code), read(self.code >> 32), read(self.id))
-    }
 }
 
 impl Lattice {
@@ -125,10 +54,9 @@ impl Lattice {
     pub(crate) fn place(&self, item: &mut Item, member: u32) {
         let at = (item.center() - self.base) * self.steps;
         let [x, y, z] = at.to_array().map(lattice_step);
-        let large = item.half.into_iter().max().is_some_and(|half| long(half) > LARGE * self.quantum);
-        let rank = item.id >> 32;
-        item.code = u64::from(large) << 63 | spread_bits(x) | spread_bits(y) << 1 | spread_bits(z) << 2;
-        item.id = u64::from(member) << 32 | rank;
+        let large = item.half().into_iter().any(|half| f64::from(half) > LARGE * self.quantum);
+        let code = u64::from(large) << 63 | spread_bits(x) | spread_bits(y) << 1 | spread_bits(z) << 2;
+        item.set_place(code, member);
     }
 
     /// The outermost numbers of what a placed item places, seen from the lattice's corner, without the rounding of its
@@ -137,12 +65,13 @@ impl Lattice {
     #[expect(clippy::cast_precision_loss, reason = "21 bits, and a power of two")]
     pub(crate) fn peaks(&self, item: &Item) -> Peaks {
         let quantum = nearest(self.quantum);
-        let [x, y, z] = [item.code, item.code >> 1, item.code >> 2].map(|v| gather_bits(v & (u64::MAX >> 1)));
+        let code = item.code();
+        let [x, y, z] = [code, code >> 1, code >> 2].map(|v| gather_bits(v & (u64::MAX >> 1)));
         let corner = [x, y, z].map(|v| v as f32 * quantum);
-        let half = item.half.map(float);
+        let half = item.half();
         let low: [f32; 3] = std::array::from_fn(|k| half[k] - corner[k]);
         let high: [f32; 3] = std::array::from_fn(|k| corner[k] + quantum + half[k]);
-        Peaks([low[0], low[1], low[2], high[0], high[1], high[2], float(item.spread), 0.0])
+        Peaks([low[0], low[1], low[2], high[0], high[1], high[2], item.spread(), 0.0])
     }
 
     /// The box that peaks mean, in the assembly's frame, and the largest spread.
@@ -188,23 +117,4 @@ fn gather_bits(v: u64) -> u32 {
     let v = (v | v >> 8) & 0x001f_0000_ff00_00ff;
     let v = (v | v >> 16) & 0x001f_0000_0000_ffff;
     ((v | v >> 32) & 0x001f_ffff) as u32
-}
-
-/// The upper half of an f32 that is not below `v` (not negative; what is above [`HUGE`] counts as that).
-#[inline]
-#[expect(clippy::cast_possible_truncation, reason = "16 of 32 bits are left")]
-fn short_up(v: f64) -> u16 {
-    // One step of the upper half covers both roundings.
-    let bits = nearest(v.min(HUGE)).to_bits();
-    if bits == 0 && v == 0.0 { 0 } else { ((bits >> 16) + 1) as u16 }
-}
-
-#[inline]
-fn float(v: u16) -> f32 {
-    f32::from_bits(u32::from(v) << 16)
-}
-
-#[inline]
-fn long(v: u16) -> f64 {
-    f64::from(float(v))
 }

@@ -26,7 +26,6 @@ use std::sync::Arc;
 use glam::DVec3;
 
 pub use chunk::Chunk;
-pub(crate) use lattice::Item;
 pub use placed::{NO_ROW, PlacedValues};
 pub(crate) use placed::{PlacedReader, PlacedValue};
 pub(crate) use store::{PartitionStore, Source};
@@ -34,11 +33,8 @@ pub use validate::WorldError;
 
 use crate::mesh::{Aabb, Bvh2};
 
-/// Bytes that an instance record counts when chunks are sized. On the device it takes 64, and a third of a node of 64
-/// (`mesh::level`); as many as a node each are counted, so that scenes keep the chunks and the bits that they had.
-pub const RECORD_BYTES: u64 = 128;
-/// Device bytes of a key of a placement that moves.
-pub const KEY_BYTES: u64 = 64;
+pub use crate::instancing::assembly::{KEY_BYTES, RECORD_BYTES};
+
 /// Smallest chunk size.
 pub const MIN_CHUNK_BYTES: u64 = 16 << 10;
 /// Assemblies and meshes above this many times the chunk size are opened and split.

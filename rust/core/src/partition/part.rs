@@ -14,13 +14,14 @@ use super::RECORD_BYTES;
 use super::cells::{Cutter, Piece};
 use super::chunk::{Chunk, Roster};
 use super::cost::{AssetCosts, CutRule};
-use super::lattice::{Item, Lattice};
+use super::lattice::Lattice;
 use super::patch::{Edits, SHARE};
+use crate::instancing::assembly::Target;
+use crate::instancing::assembly::{Assembly, Member};
+use crate::instancing::diff::ChangedNumbers;
+use crate::instancing::instance_primvars::{MemberPrimvar, value_bytes};
+use crate::instancing::item::Item;
 use crate::mesh::Aabb;
-use crate::scene::Target;
-use crate::scene::assembly::{Assembly, Member};
-use crate::scene::diff::ChangedNumbers;
-use crate::scene::instance_primvars::{MemberPrimvar, value_bytes};
 
 /// The partition of one opened assembly.
 #[derive(Debug, Default)]

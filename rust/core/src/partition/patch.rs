@@ -9,7 +9,7 @@ use rustc_hash::FxHashMap;
 use super::blocks::{BLOCK, Block};
 use super::cells::Cutter;
 use super::chunk::{Chunk, Content, Readers};
-use super::lattice::Item;
+use crate::instancing::item::Item;
 
 /// Chunks with fewer records are made anew. Enough for patched ones to have more than [`super::cells::SCATTERED`].
 const FEW: usize = 80;

@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use super::chunk::Chunk;
 use super::placed::PlacedValue;
 use super::{ChunkInstance, World};
+use crate::instancing::placement::{MATRIX_ERROR, nearest, round_down, round_up};
 use crate::mesh::{Aabb, Bvh2, BvhNode, build_box_bvh};
-use crate::scene::placement::{MATRIX_ERROR, nearest, round_down, round_up};
 
 /// Largest coordinate of a chunk instance.
 const MAX_MAGNITUDE: f32 = 1e18;

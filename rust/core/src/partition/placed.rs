@@ -3,8 +3,8 @@
 //! values are in a table of the world, one row for each placement that has any. Pure.
 
 use super::place::Placement;
-use crate::scene::assembly::Member;
-use crate::scene::instance_primvars::{ColumnReader, InstanceColumn, NO_VALUE};
+use crate::instancing::assembly::Member;
+use crate::instancing::instance_primvars::{ColumnReader, InstanceColumn, NO_VALUE};
 
 /// In [`super::ChunkInstance::row`]: no values.
 pub const NO_ROW: u32 = u32::MAX;
@@ -49,7 +49,7 @@ pub(crate) struct PlacedReader<'a> {
 impl<'a> PlacedReader<'a> {
     /// One for each primvar of the member.
     pub(crate) fn all_of(member: &'a Member) -> Vec<Self> {
-        let columns = member.primvars.iter().map(crate::scene::instance_primvars::MemberPrimvar::column);
+        let columns = member.primvars.iter().map(crate::instancing::instance_primvars::MemberPrimvar::column);
         let reader = |column| Some(Self { column, reader: ColumnReader::new(&member.run, &member.primvars, column)? });
         columns.filter_map(reader).collect()
     }

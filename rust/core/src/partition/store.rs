@@ -12,10 +12,10 @@ use super::part::{Job, Part};
 use super::place::{Placement, place_chunks, top_level};
 use super::placed::{NO_ROW, PlacedReader, PlacedValues};
 use super::{ChunkInstance, OPEN_ABOVE, OpenedAssembly, PartitionOptions, World};
+use crate::instancing::GroupId;
+use crate::instancing::assembly::Assembly;
+use crate::instancing::assembly::Target;
 use crate::mesh::SceneMesh;
-use crate::scene::Target;
-use crate::scene::assembly::Assembly;
-use crate::scene::resolve::{GroupId, PlanGroup};
 
 /// Most chunk instances, unless the root alone has more.
 const MAX_INSTANCES: u128 = 1 << 22;
@@ -41,7 +41,7 @@ struct Seen {
 /// What is partitioned.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Source<'a> {
-    pub(crate) groups: &'a [PlanGroup],
+    pub(crate) groups: &'a [&'a GroupId],
     pub(crate) meshes: &'a [Arc<SceneMesh>],
     /// One for each group. Children before parents, root last.
     pub(crate) assemblies: &'a [Arc<Assembly>],
@@ -107,7 +107,7 @@ impl PartitionStore {
             if !is_opened {
                 return Vec::new();
             }
-            let mut part = old.remove(&group.id).unwrap_or_default();
+            let mut part = old.remove(*group).unwrap_or_default();
             part.update(Job { assembly, costs, chunk_bytes, opened });
             for chunk in &mut part.chunks {
                 // New ones are not shared yet.
@@ -117,7 +117,7 @@ impl PartitionStore {
                 }
             }
             let chunks = part.chunks.clone();
-            self.parts.insert(group.id.clone(), part);
+            self.parts.insert((*group).clone(), part);
             chunks
         })
         .collect()
@@ -164,7 +164,11 @@ impl Source<'_> {
     }
 
     /// Opened assemblies that `at` places, with the run of each member that does.
-    fn openings(&self, opened: &[bool], at: usize) -> impl Iterator<Item = (usize, &crate::scene::assembly::Member)> {
+    fn openings(
+        &self,
+        opened: &[bool],
+        at: usize,
+    ) -> impl Iterator<Item = (usize, &crate::instancing::assembly::Member)> {
         let members = self.assemblies.get(at).map_or(&[][..], |a| a.members());
         members.iter().filter_map(move |member| match member.target {
             Target::Assembly(a) if opened.get(a as usize) == Some(&true) => Some((a as usize, member)),

@@ -1,19 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Walks every invariant of a world. For tests and for `doctor`; measures and encodes every record once.
 
+use std::sync::Arc;
+
 use glam::{DAffine3, DMat3, DVec3};
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::cells::{SCATTERED, is_scattered};
 use super::chunk::Chunk;
 use super::cost::AssetCosts;
-use super::lattice::{Key, Lattice};
+use super::lattice::Lattice;
 use super::part::Job;
 use super::{ChunkInstance, OpenedAssembly, World};
+use crate::instancing::assembly::Member;
+use crate::instancing::assembly::{Assembly, InstanceRecord, Target};
+use crate::instancing::item::Key;
+use crate::instancing::validate::validate_record;
+use crate::mesh::SceneMesh;
 use crate::mesh::{Aabb, BvhError};
-use crate::scene::assembly::Member;
-use crate::scene::validate::validate_record;
-use crate::scene::{InstanceRecord, Snapshot, Target};
 
 /// A broken invariant of a [`World`]: always a bug of this crate.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -53,7 +57,8 @@ pub enum WorldError {
 /// One opened assembly under test.
 struct Check<'a> {
     world: &'a World,
-    snapshot: &'a Snapshot,
+    meshes: &'a [Arc<SceneMesh>],
+    assemblies: &'a [Arc<Assembly>],
     part: OpenedAssembly,
     job: Job<'a>,
     lattice: Lattice,
@@ -62,15 +67,16 @@ struct Check<'a> {
 }
 
 impl World {
-    /// Checks that every record of every opened assembly is in exactly one chunk, in Morton order, in canonical cells
-    /// within the limits; that boxes hold what is in them, in f64; that chunk instances are the composed placements;
-    /// and that the top level reaches each of them once.
+    /// Checks that it is the partition of a snapshot with these meshes and assemblies: that every record of every
+    /// opened assembly is in exactly one chunk, in Morton order, in canonical cells within the limits; that boxes hold
+    /// what is in them, in f64; that chunk instances are the composed placements; and that the top level reaches each
+    /// of them once.
     ///
     /// # Errors
     /// The first broken invariant.
-    pub fn validate(&self, snapshot: &Snapshot) -> Result<(), WorldError> {
-        let costs = AssetCosts::new(&snapshot.meshes, &snapshot.assemblies);
-        let mut opened = vec![false; snapshot.assemblies.len()];
+    pub fn validate(&self, meshes: &[Arc<SceneMesh>], assemblies: &[Arc<Assembly>]) -> Result<(), WorldError> {
+        let costs = AssetCosts::new(meshes, assemblies);
+        let mut opened = vec![false; assemblies.len()];
         for part in &self.opened {
             *opened.get_mut(part.assembly as usize).ok_or(WorldError::Count("an opened assembly"))? = true;
         }
@@ -81,11 +87,11 @@ impl World {
                 return Err(WorldError::Count("the range of chunks"));
             }
             next += part.chunks;
-            let assembly = &snapshot.assemblies[part.assembly as usize];
+            let assembly = &assemblies[part.assembly as usize];
             let job = Job { assembly, costs: &costs, chunk_bytes: self.chunk_bytes, opened: &opened };
             let numbers = job.inside().map(|(number, m)| (address(m), number)).collect();
-            Check { world: self, snapshot, part, job, lattice: job.lattice(), numbers }.run()?;
-            levels = job.inside().map(|(_, m)| 1 + depth(snapshot, m.target)).fold(levels, u32::max);
+            Check { world: self, meshes, assemblies, part, job, lattice: job.lattice(), numbers }.run()?;
+            levels = job.inside().map(|(_, m)| 1 + depth(assemblies, m.target)).fold(levels, u32::max);
         }
         if next as usize != self.chunks.len() || opened.last() != Some(&true) {
             return Err(WorldError::Count("the range of chunks"));
@@ -97,13 +103,13 @@ impl World {
         if keys.len() != self.chunks.len() || keys.contains(&0) {
             return Err(WorldError::Count("a key"));
         }
-        self.validate_instances(snapshot, &opened)?;
+        self.validate_instances(assemblies, &opened)?;
         let boxes: Vec<Aabb> = self.instances.iter().map(|i| i.bounds).collect();
         Ok(self.top.validate_boxes(&boxes)?)
     }
 
     /// Walks all paths through opened assemblies and looks for the instances of their chunks.
-    fn validate_instances(&self, snapshot: &Snapshot, opened: &[bool]) -> Result<(), WorldError> {
+    fn validate_instances(&self, assemblies: &[Arc<Assembly>], opened: &[bool]) -> Result<(), WorldError> {
         let mut found: FxHashMap<(u32, u32), Vec<usize>> = FxHashMap::default();
         for (number, instance) in self.instances.iter().enumerate() {
             found.entry((instance.chunk, instance.instance_id)).or_default().push(number);
@@ -127,7 +133,7 @@ impl World {
                     None => return Err(WorldError::Chunk { chunk: chunk as usize, what: "a placement is missing" }),
                 }
             }
-            for member in snapshot.assemblies[at].members() {
+            for member in assemblies[at].members() {
                 if let Target::Assembly(a) = member.target
                     && opened[a as usize]
                 {
@@ -222,13 +228,13 @@ impl Check<'_> {
 
     fn bounds_of(&self, target: Target) -> Option<Aabb> {
         match target {
-            Target::Mesh(m) => self.snapshot.meshes.get(m as usize).map(|m| m.bounds),
-            Target::Assembly(a) => self.snapshot.assemblies.get(a as usize).map(|a| a.bounds()),
+            Target::Mesh(m) => self.meshes.get(m as usize).map(|m| m.bounds),
+            Target::Assembly(a) => self.assemblies.get(a as usize).map(|a| a.bounds()),
         }
     }
 
     /// As the cutter asks, of records measured anew.
-    fn is_scattered(&self, cell: &[std::sync::Arc<Chunk>], records: usize) -> Result<bool, &'static str> {
+    fn is_scattered(&self, cell: &[Arc<Chunk>], records: usize) -> Result<bool, &'static str> {
         if records > SCATTERED || self.job.assembly.is_split_mesh() {
             return Ok(false);
         }
@@ -248,7 +254,7 @@ impl Check<'_> {
     }
 
     /// Every cell that is a chunk may stay whole, every cell that holds several had to be cut where it was.
-    fn cells(&self, chunks: &[std::sync::Arc<Chunk>]) -> Result<(), &'static str> {
+    fn cells(&self, chunks: &[Arc<Chunk>]) -> Result<(), &'static str> {
         let rule = self.job.rule();
         let mut open = vec![chunks];
         while let Some(cell) = open.pop() {
@@ -296,17 +302,17 @@ impl Check<'_> {
 }
 
 fn address(member: &Member) -> usize {
-    std::sync::Arc::as_ptr(&member.run) as usize
+    Arc::as_ptr(&member.run) as usize
 }
 
 /// Longest chain of records below a target.
-fn depth(snapshot: &Snapshot, target: Target) -> u32 {
-    let mut depths: Vec<u32> = Vec::with_capacity(snapshot.assemblies.len());
+fn depth(assemblies: &[Arc<Assembly>], target: Target) -> u32 {
+    let mut depths: Vec<u32> = Vec::with_capacity(assemblies.len());
     let of = |depths: &[u32], target: Target| match target {
         Target::Mesh(_) => 0,
         Target::Assembly(a) => depths.get(a as usize).copied().unwrap_or(0),
     };
-    for assembly in &snapshot.assemblies {
+    for assembly in assemblies {
         let placed = assembly.members().iter().filter(|m| m.run.len() > 0);
         depths.push(1 + placed.map(|m| of(&depths, m.target)).max().unwrap_or(0));
     }

@@ -9,15 +9,16 @@ use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::assembly::{Assembly, Member, Target};
 use super::entries::InstancerEntry;
-use super::instance_primvars::DISPLAY_OPACITY;
 use super::light::{Emitter, Light, LightMotion, LinkTable, MAX_INSTANCED_LIGHTS, placements};
 use super::report::Reports;
-use super::resolve::{GroupId, PlanGroup, PlanMember, PlanTarget};
-use super::run::{Run, RunSpec, TransformKey};
+use super::resolve::{PlanGroup, PlanMember, PlanTarget};
 use super::snapshot::{SceneCounts, SceneFeatures, Snapshot, SurfaceTables};
 use crate::desc::{InstancedBy, LightDesc, LightKind, TransformSample};
+use crate::instancing::GroupId;
+use crate::instancing::assembly::{Assembly, Member, Target};
+use crate::instancing::instance_primvars::DISPLAY_OPACITY;
+use crate::instancing::run::{Run, RunSpec, TransformKey};
 use crate::mesh::{Aabb, LeafKind, SceneMesh};
 
 /// The origin moves when the scene's centre is farther from it than this many times the scene's half size.

@@ -3,13 +3,13 @@
 
 use std::sync::{Arc, OnceLock};
 
-use super::array_motion::ArrayMotion;
 use super::dicing::Outline;
-use super::instance_primvars::{InstancePrimvar, MemberPrimvar};
-use super::placement::InstanceArrays;
 use crate::array::ArrayView;
 use crate::desc::DroppedData;
 use crate::desc::{InstancerDesc, MeshDesc};
+use crate::instancing::array_motion::ArrayMotion;
+use crate::instancing::instance_primvars::{InstancePrimvar, MemberPrimvar};
+use crate::instancing::placement::InstanceArrays;
 use crate::mesh::{Demand, Dicing, Displacements, KeptMesh, WantedPrimvar, is_same_mesh};
 
 /// A mesh prim.

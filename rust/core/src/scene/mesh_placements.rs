@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::assembly::{InstanceRecord, Member, Target};
 use super::snapshot::Snapshot;
+use crate::instancing::assembly::{InstanceRecord, Member, Target};
 use crate::partition::{PlacedReader, PlacedValue};
 
 /// A mesh in the world.

@@ -3,28 +3,18 @@
 //!
 //! One thread owns a [`SceneDb`]; the snapshots it gives may be read anywhere. Follow a mesh: [`SceneDb::upsert_mesh`]
 //! (`entries`), [`SceneDb::commit`] (`commit`): built by [`crate::mesh`], put into a group by `resolve`, placed by a
-//! `run` of an [`Assembly`], whose records come from `placement`.
+//! run of an [`Assembly`] (`instancing`).
 
-mod array_motion;
-pub(crate) mod assembly;
 mod commit;
 mod dicing;
-pub(crate) mod diff;
 mod entries;
-pub(crate) mod instance_primvars;
 mod light;
 mod mesh_lights;
 mod mesh_placements;
 mod mesh_store;
-pub(crate) mod motion;
-mod moving;
-pub(crate) mod placement;
 mod primvar_uses;
-pub(crate) mod reader;
 mod report;
-mod rescan;
 pub(crate) mod resolve;
-pub(crate) mod run;
 pub mod snapshot;
 mod summary;
 mod surfaces;
@@ -41,10 +31,9 @@ pub use crate::desc::{
     MaterialSync, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue, PointsMotion, PointsSample, PrimDesc,
     Primvar, Shape, Shaping, Subdivision, SubdivisionTags, SubsetDesc, TransformSample,
 };
+pub use crate::instancing::instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstanceColumn, NO_VALUE};
+pub use crate::instancing::motion::{MAX_KEYS, MotionKey, map_at};
 pub use dicing::DicingCamera;
-pub use instance_primvars::{DISPLAY_COLOR, DISPLAY_OPACITY, InstanceColumn, NO_VALUE};
-pub(crate) use motion::motion_keys;
-pub use motion::{MAX_KEYS, MotionKey, map_at};
 pub use resolve::MAX_LEVELS;
 pub use snapshot::{
     Aabb, Assembly, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, DomeTexture, Emitter, IesError, IesProfile,
@@ -58,6 +47,7 @@ pub use mesh_placements::MeshPlacement;
 pub use summary::summary;
 pub use surfaces::{NO_MATERIAL, PrimRecord};
 
+use crate::instancing::GroupId;
 use crate::mesh::{Demand, Dicing, HostMemory, MeshFiles};
 use crate::partition::{PartitionOptions, PartitionStore, Source, World};
 use crate::texture::{HeightFiles, Heights};
@@ -283,8 +273,9 @@ impl SceneDb {
         let dropped = reports.total();
         let Assets { meshes, surfaces, .. } = assets;
         let mut next = Snapshot { origin, meshes, assemblies, lights, links, surfaces, dropped, ..Snapshot::nothing() };
+        let groups: Vec<&GroupId> = plan.iter().map(|group| &group.id).collect();
         next.world =
-            self.partition.update(Source { groups: &plan, meshes: &next.meshes, assemblies: &next.assemblies });
+            self.partition.update(Source { groups: &groups, meshes: &next.meshes, assemblies: &next.assemblies });
         let changed = self.snapshot.version == 0 || !next.is_same(&self.snapshot);
         if changed {
             next.version = self.snapshot.version + 1;

@@ -8,31 +8,19 @@ use std::sync::Arc;
 use glam::DAffine3;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::array_motion::transform_motion;
 use super::entries::{InstancerEntry, MeshEntry};
-use super::instance_primvars::MemberPrimvar;
-use super::motion::{Keys, MotionKey};
-use super::placement::usable_affine;
 use super::report::Reports;
-use super::run::{Instances, TransformKey};
 use crate::desc::{InstancedBy, PrimDesc, TransformSample};
+use crate::instancing::GroupId;
+use crate::instancing::array_motion::transform_motion;
+use crate::instancing::instance_primvars::MemberPrimvar;
+use crate::instancing::motion::{Keys, MotionKey};
+use crate::instancing::placement::usable_affine;
+use crate::instancing::run::{Instances, TransformKey};
 use crate::mesh::SceneMesh;
 
 /// Most levels of instance records.
 pub const MAX_LEVELS: u32 = 32;
-
-/// A group of prims with a common frame.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum GroupId {
-    /// The world.
-    Root,
-    /// A prototype.
-    Prototype(InstancedBy),
-    /// The clusters of a mesh that was split: the hash of the first, and the prim id.
-    Clusters(u128, i32),
-    /// What an instancer that moves as a whole places: its path, and the group that it is in.
-    Moving(Arc<str>, Box<Self>),
-}
 
 /// What a planned member places.
 #[derive(Clone, Debug, PartialEq)]

@@ -11,12 +11,12 @@ use crate::desc::DroppedData;
 use crate::material::{Material, MaterialFlags, TextureRef};
 use crate::partition::World;
 
-pub use super::assembly::{Assembly, InstanceFlags, InstanceRecord, Target};
 pub use super::light::{
     DomeTexture, Emitter, IesError, IesProfile, Light, LightMotion, LightShaping, LinkTable, LocalLight, LocalShape,
     blackbody,
 };
 pub use super::report::SceneWarning;
+pub use crate::instancing::assembly::{Assembly, InstanceFlags, InstanceRecord, Target};
 pub use crate::mesh::{Aabb, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, MeshAsset, SceneMesh, Triangle};
 
 bitflags! {

@@ -206,7 +206,7 @@ fn what_moves_is_never_opened_and_what_is_at_rest_has_no_keys() {
 fn told(db: &mut SceneDb) -> (Vec<String>, bool) {
     let commit = db.commit();
     assert_eq!(commit.snapshot.validate(), Ok(()));
-    assert_eq!(commit.snapshot.world.validate(&commit.snapshot), Ok(()));
+    assert_eq!(commit.snapshot.world.validate(&commit.snapshot.meshes, &commit.snapshot.assemblies), Ok(()));
     let say = |warning: &oocpt_core::SceneWarning| format!("{}: {}", warning.path, warning.message);
     (commit.warnings.iter().map(say).collect(), commit.snapshot.features.contains(SceneFeatures::MOTION))
 }

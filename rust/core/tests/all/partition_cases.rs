@@ -193,7 +193,7 @@ fn few_edits_of_long_chunks_give_what_a_new_database_gives() {
         singles.push((100 - step, [shift, 40.0, f32::from(step) * 3.0]));
         apply(&mut db, &points, &scales, &kinds, &singles);
         let after = committed(&mut db);
-        assert_eq!(after.world.validate(&after), Ok(()), "step {step}");
+        assert_eq!(after.world.validate(&after.meshes, &after.assemblies), Ok(()), "step {step}");
         let mut fresh = SceneDb::new();
         fresh.set_partition(options);
         apply(&mut fresh, &points, &scales, &kinds, &singles);

@@ -93,7 +93,7 @@ pub(crate) fn scatter(path: &str, translations: &[[f32; 3]], prototypes: &[(&str
 pub(crate) fn committed(db: &mut SceneDb) -> Arc<Snapshot> {
     let commit = db.commit();
     assert_eq!(commit.snapshot.validate(), Ok(()));
-    assert_eq!(commit.snapshot.world.validate(&commit.snapshot), Ok(()));
+    assert_eq!(commit.snapshot.world.validate(&commit.snapshot.meshes, &commit.snapshot.assemblies), Ok(()));
     commit.snapshot
 }
 
@@ -168,7 +168,7 @@ pub(crate) fn with_instancer(desc: InstancerDesc) -> SceneDb {
 pub(crate) fn outcome(db: &mut SceneDb) -> (u128, DroppedData, Vec<String>) {
     let commit = db.commit();
     assert_eq!(commit.snapshot.validate(), Ok(()));
-    assert_eq!(commit.snapshot.world.validate(&commit.snapshot), Ok(()));
+    assert_eq!(commit.snapshot.world.validate(&commit.snapshot.meshes, &commit.snapshot.assemblies), Ok(()));
     let paths = commit.warnings.iter().map(|w| w.path.to_string()).collect();
     (commit.snapshot.counts.instances, commit.snapshot.dropped, paths)
 }

@@ -44,25 +44,24 @@ impl Commands {
         let timer = self.recorder.timer.take().map(std::sync::Arc::new);
         let work = InFlight {
             value: 0,
-            label: self.label.clone(),
             slot,
             // The list goes on, and keeps what it keeps until its end.
             kept: Vec::new(),
             timer: timer.clone(),
-            marks: std::mem::take(&mut self.recorder.marks),
             waits: self.waits,
         };
-        let value = device.queue(lane).submit(&device, work)?;
+        let marks = std::mem::take(&mut self.recorder.marks);
+        let value = self.gpu.opened().queue(lane).submit(&device, work, (self.label.clone(), marks))?;
         let timeout_ns = u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX);
-        if !device.queue(lane).wait(&device, value, timeout_ns)? {
+        if !device.wait(lane, value, timeout_ns)? {
             let message = format!("did not finish within {} s", timeout.as_secs());
             return Err(GpuError::Usage { name: self.label.clone(), message });
         }
         if let Some(timer) = timer {
             self.timings.extend(timer.read()?);
         }
-        device.collect();
-        let slot = device.command_slot(lane)?;
+        self.gpu.opened().collect();
+        let slot = self.gpu.opened().queue(lane).slot(&device)?;
         match Recorder::begin(&device, lane, slot.buffer, &self.label) {
             Ok(recorder) => self.recorder = recorder,
             Err(error) => {

@@ -4,7 +4,7 @@
 
 use std::time::Duration;
 
-use oocpt_gpu::{Buffer, Gpu, GpuError, HostView, Usage};
+use oocpt_gpu::{Buffer, Gpu, GpuError, Heap, HostView, Usage};
 
 use crate::support::{self, LONG, affine, affine_push, finish, read_words, spin, spin_push};
 
@@ -103,4 +103,20 @@ fn what_a_view_sees_stays_until_it_ends() {
     drop(second);
     assert!(gpu.memory().used + (1 << 20) <= used, "then it goes");
     assert!(gpu.host_view(&[]).expect("as before").bytes(address).is_empty(), "and is seen no more");
+}
+
+#[test]
+fn a_range_that_a_view_sees_is_given_to_nobody() {
+    let gpu = support::open();
+    let heap = Heap::new(&gpu, "heap", 1 << 20).expect("a heap");
+    let [first, _other] = ["first", "other"].map(|name| heap.alloc(name, 4096, 16).expect("memory"));
+    let address = first.address();
+    let Some(view) = view(&gpu, &[]) else { return };
+    drop(first);
+    let meanwhile = heap.alloc("meanwhile", 4096, 16).expect("memory");
+    assert_ne!(meanwhile.address(), address, "the view may read it");
+    assert_eq!(heap.stats().used_bytes, 3 * 4096, "it still counts");
+    drop(view);
+    assert_eq!(heap.stats().used_bytes, 2 * 4096, "it went with the view");
+    assert_eq!(heap.alloc("after", 4096, 16).expect("memory").address(), address, "and is found again");
 }

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use oocpt_gpu::{Buffer, OpenOptions, Usage};
+use oocpt_gpu::{Buffer, Heap, OpenOptions, Usage};
 
 use crate::support::{self, affine, affine_push, finish, read_words};
 
@@ -70,6 +70,16 @@ fn it_can_be_saved_before_closing() {
     gpu.save_pipeline_cache();
     assert_eq!(folder.files().len(), 1, "written");
     drop((pipeline, gpu));
+}
+
+#[test]
+fn it_is_saved_when_the_handle_goes() {
+    let folder = Folder::new("outlived");
+    let gpu = support::open_with(&OpenOptions { pipeline_cache: Some(folder.0.clone()), ..support::options() });
+    let (pipeline, heap) = (affine(&gpu, 2), Heap::new(&gpu, "heap", 1 << 20).expect("a heap"));
+    drop(gpu);
+    assert_eq!(folder.files().len(), 1, "whatever outlives it");
+    drop((pipeline, heap));
 }
 
 #[test]

@@ -16,7 +16,7 @@ use std::process::Command;
 
 use anyhow::{Context as _, Result, bail};
 
-use crate::check::tracked_files;
+use crate::clone_files::tracked_files;
 use crate::places::Places;
 use crate::process::{run, say, succeeds};
 

@@ -6,8 +6,8 @@ use std::fs;
 
 use anyhow::{Result, bail};
 
-use super::{path, tracked_files};
 use crate::book::COLUMNS;
+use crate::clone_files::{path, tracked_files};
 use crate::places::Places;
 
 /// Python programs without an extension.

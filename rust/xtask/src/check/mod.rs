@@ -8,19 +8,17 @@ mod modules;
 mod text;
 
 use std::ffi::OsString;
-use std::path::PathBuf;
 use std::process::Command;
 use std::time::Instant;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Result, bail};
 
 use crate::book;
+use crate::clone_files::tracked_files;
 use crate::places::Places;
-use crate::process::{capture, run, say};
+use crate::process::{run, say};
 use crate::product::{self, PROFILE, cargo};
-
-/// The pinned formatter: other versions format differently.
-pub(crate) const CLANG_FORMAT: &str = "clang-format-14";
+use crate::system::CLANG_FORMAT;
 
 /// What a step costs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -109,20 +107,4 @@ fn clang_format(places: &Places) -> Result<()> {
 fn is_cpp(file: &str) -> bool {
     let extension = file.rsplit_once('.').map(|(_, extension)| extension);
     file.starts_with("cpp/") && matches!(extension, Some("h" | "cpp"))
-}
-
-/// Files of the clone that git knows or would take, with forward slashes, relative to the root.
-pub(crate) fn tracked_files(places: &Places) -> Result<Vec<String>> {
-    let mut git = Command::new("git");
-    git.current_dir(&places.repo).args(["ls-files", "-z", "--cached", "--others", "--exclude-standard"]);
-    let listed = capture(&mut git).context("the checks need a git clone")?;
-    let mut files: Vec<String> = listed.split_terminator('\0').map(str::to_owned).collect();
-    files.sort();
-    files.dedup();
-    files.retain(|file| path(places, file).is_file());
-    Ok(files)
-}
-
-fn path(places: &Places, file: &str) -> PathBuf {
-    places.repo.join(file)
 }

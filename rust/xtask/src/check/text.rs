@@ -6,7 +6,7 @@ use std::fs;
 
 use anyhow::{Result, bail};
 
-use super::{path, tracked_files};
+use crate::clone_files::{path, tracked_files};
 use crate::places::Places;
 use crate::process::say;
 

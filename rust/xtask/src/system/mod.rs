@@ -57,8 +57,11 @@ const NEEDS: &[(Probe, &str)] = &[
     (Probe::Library("libICE.so.6"), "libice6"),
 ];
 
+/// The pinned formatter: other versions format differently.
+pub(crate) const CLANG_FORMAT: &str = "clang-format-14";
+
 /// Needed by `check` only.
-const CHECK_NEEDS: &[(Probe, &str)] = &[(Probe::Program(crate::check::CLANG_FORMAT), crate::check::CLANG_FORMAT)];
+const CHECK_NEEDS: &[(Probe, &str)] = &[(Probe::Program(CLANG_FORMAT), CLANG_FORMAT)];
 
 /// Which of the needs a command has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

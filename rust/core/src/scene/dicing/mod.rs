@@ -20,10 +20,11 @@ pub use camera::DicingCamera;
 use found::Found;
 
 use super::entries::{InstancerEntry, MeshEntry};
-use super::placement::{Placer, usable_affine};
-use super::resolve::{GroupId, Hierarchy, MAX_LEVELS, Prims};
+use super::resolve::{Hierarchy, MAX_LEVELS, Prims};
 use crate::array::ElementType;
 use crate::desc::{InstancedBy, InstancerPrototype};
+use crate::instancing::GroupId;
+use crate::instancing::placement::{Placer, usable_affine};
 use crate::mesh::{Aabb, Demand, Dicing, mesh_key_with};
 
 /// Near placements of a prototype that are gone into, from one place.

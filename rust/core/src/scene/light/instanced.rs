@@ -13,11 +13,11 @@ use rustc_hash::FxHashSet;
 
 use crate::array::ElementType;
 use crate::desc::{PrimDesc, TransformSample};
+use crate::instancing::array_motion::{thin_out, transform_motion};
+use crate::instancing::motion::{MAX_KEYS, map_at, motion_keys};
+use crate::instancing::placement::{Placer, usable_affine};
 use crate::mesh::Aabb;
-use crate::scene::array_motion::{thin_out, transform_motion};
 use crate::scene::entries::InstancerEntry;
-use crate::scene::motion::{MAX_KEYS, map_at, motion_keys};
-use crate::scene::placement::{Placer, usable_affine};
 use crate::scene::resolve::MAX_LEVELS;
 
 /// Most places of lights in a scene.

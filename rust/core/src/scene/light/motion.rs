@@ -5,8 +5,8 @@ use glam::{DAffine3, DMat3, DMat4, DVec3};
 
 use super::{Emitter, Light, orthonormal};
 use crate::desc::{LightDesc, TransformSample};
-use crate::scene::array_motion::transform_motion;
-use crate::scene::motion::{Keys, MAX_KEYS, MotionKey, key_at, map_at, motion_keys, swept_box};
+use crate::instancing::array_motion::transform_motion;
+use crate::instancing::motion::{Keys, MAX_KEYS, MotionKey, key_at, map_at, motion_keys, swept_box};
 
 /// Turn of a light between two of the times at which it is asked where it points, radians.
 const STEP: f64 = 0.1;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The pipeline cache on disk: one file for each device and driver version, in a folder of the caller's.
+//! The pipeline cache, and its file: one for each device and driver version, in a folder of the caller's.
 //!
 //! A file that is damaged, cut, too large or another device's is ignored and replaced; nothing that goes wrong with the
 //! disk fails anything, it is only logged. Files are written beside and renamed, so that readers see a whole one, old
@@ -9,6 +9,7 @@
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 use ash::vk;
@@ -17,7 +18,7 @@ use xxhash_rust::xxh3::xxh3_64;
 use crate::device::Device;
 use crate::error::GpuError;
 use crate::instance::vulkan_error;
-use crate::report::Probed;
+use crate::probe::Probed;
 
 /// Most bytes of a cache that are read or written.
 const MOST_BYTES: u64 = 64 << 20;
@@ -131,33 +132,54 @@ fn payload_of<'a>(file: &'a [u8], vulkan_header: &[u8]) -> Result<&'a [u8], &'st
     Ok(payload)
 }
 
-impl Device {
-    /// Makes the pipeline cache, from the file if there is one.
-    pub(crate) fn create_pipeline_cache(&mut self) -> Result<(), GpuError> {
-        let stored = self.cache_file.as_ref().and_then(CacheFile::load).unwrap_or_default();
+/// The pipelines compiled so far; written to its file, if it has one, when it is dropped.
+#[derive(Debug)]
+pub(crate) struct PipelineCache {
+    device: Arc<Device>,
+    raw: vk::PipelineCache,
+    file: Option<CacheFile>,
+}
+
+impl PipelineCache {
+    /// Makes the cache, from the file if there is one.
+    pub(crate) fn new(device: &Arc<Device>, file: Option<CacheFile>) -> Result<Self, GpuError> {
+        let stored = file.as_ref().and_then(CacheFile::load).unwrap_or_default();
         let info = vk::PipelineCacheCreateInfo::default().initial_data(&stored);
         // SAFETY: the device is alive; the data is empty, or was checked to be what this driver gave for this device.
-        let mut cache = unsafe { self.raw.create_pipeline_cache(&info, None) };
+        let mut cache = unsafe { device.raw.create_pipeline_cache(&info, None) };
         if cache.is_err() && !stored.is_empty() {
             let info = vk::PipelineCacheCreateInfo::default();
             // SAFETY: as above, without data.
-            cache = unsafe { self.raw.create_pipeline_cache(&info, None) };
+            cache = unsafe { device.raw.create_pipeline_cache(&info, None) };
         }
-        self.pipeline_cache = cache.map_err(|code| vulkan_error("vkCreatePipelineCache", code))?;
-        Ok(())
+        let raw = cache.map_err(|code| vulkan_error("vkCreatePipelineCache", code))?;
+        Ok(Self { device: Arc::clone(device), raw, file })
     }
 
-    /// Writes the pipeline cache to its file, if there is one to be.
-    pub(crate) fn save_pipeline_cache(&self) {
-        let Some(file) = &self.cache_file else { return };
-        if self.pipeline_cache == vk::PipelineCache::null() || self.check_alive().is_err() {
+    /// For the making of pipelines; alive as long as this.
+    pub(crate) fn raw(&self) -> vk::PipelineCache {
+        self.raw
+    }
+
+    /// Writes it to its file, if there is one to be.
+    pub(crate) fn save(&self) {
+        let Some(file) = &self.file else { return };
+        if self.device.check_alive().is_err() {
             return;
         }
         // SAFETY: the cache is alive and of this device; it synchronises itself.
-        match unsafe { self.raw.get_pipeline_cache_data(self.pipeline_cache) } {
+        match unsafe { self.device.raw.get_pipeline_cache_data(self.raw) } {
             Ok(payload) => file.store(&payload),
             Err(code) => tracing::warn!("vkGetPipelineCacheData failed: {code:?}"),
         }
+    }
+}
+
+impl Drop for PipelineCache {
+    fn drop(&mut self) {
+        self.save();
+        // SAFETY: no pipeline is being made: each making borrows the cache's owner.
+        unsafe { self.device.raw.destroy_pipeline_cache(self.raw, None) };
     }
 }
 

@@ -7,13 +7,13 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
+use super::item::Item;
 use super::moving::KeyPlacer;
 use super::placement::{InstanceArrays, Placed, Placer, round_down, round_up};
 use super::reader::{Numbers, Reader};
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::DroppedData;
 use crate::mesh::Aabb;
-use crate::partition::Item;
 
 /// Instances scanned by one task: a whole number of blocks.
 pub(super) const TASK: usize = 1 << 14;

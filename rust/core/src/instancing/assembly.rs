@@ -11,14 +11,19 @@ use super::motion::MotionKey;
 use super::placement::Placed;
 use super::run::Run;
 use crate::mesh::Aabb;
-use crate::partition::{KEY_BYTES, RECORD_BYTES};
+
+/// Bytes that an instance record counts when chunks are sized. On the device it takes 64, and a third of a node of 64
+/// (`mesh::level`); as many as a node each are counted, so that scenes keep the chunks and the bits that they had.
+pub const RECORD_BYTES: u64 = 128;
+/// Device bytes of a key of a placement that moves.
+pub const KEY_BYTES: u64 = 64;
 
 /// What an instance record places.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Target {
-    /// Index into [`super::Snapshot::meshes`].
+    /// Index into [`crate::scene::Snapshot::meshes`].
     Mesh(u32),
-    /// Index into [`super::Snapshot::assemblies`].
+    /// Index into [`crate::scene::Snapshot::assemblies`].
     Assembly(u32),
 }
 
@@ -140,8 +145,8 @@ impl Assembly {
         self.members.len() == members.len() && self.members.iter().zip(members).all(|(a, b)| a.is_same(b))
     }
 
-    /// A stamp, unique in its [`super::SceneDb`]: an assembly whose records differ in any bit has another key, one that
-    /// an edit did not touch keeps it. An edit that undoes itself may give a new key.
+    /// A stamp, unique in its [`crate::scene::SceneDb`]: an assembly whose records differ in any bit has another key,
+    /// one that an edit did not touch keeps it. An edit that undoes itself may give a new key.
     #[must_use]
     pub fn key(&self) -> u64 {
         self.key
@@ -190,7 +195,8 @@ impl Assembly {
     }
 
     /// Writes the values that records `range` have in `column`, one after the other, [`InstanceColumn::width`] floats
-    /// each; [`NO_VALUE`](super::NO_VALUE) in all of them for a record without. As [`Assembly::encode`] otherwise.
+    /// each; [`NO_VALUE`](crate::scene::NO_VALUE) in all of them for a record without. As [`Assembly::encode`]
+    /// otherwise.
     pub fn encode_values(&self, column: InstanceColumn, range: Range<usize>, out: &mut [f32]) {
         let width = column.width.max(1) as usize;
         let end = range.end.min(self.len()).min(range.start.saturating_add(out.len() / width));

@@ -3,10 +3,10 @@
 
 use glam::DAffine3;
 
+use super::item::Item;
 use super::motion::Keys;
 use super::placement::{Footprint, Placed, Placer};
 use crate::array::ArrayView;
-use crate::partition::Item;
 
 /// Instance numbers by rank.
 #[derive(Clone, Copy, Debug)]

@@ -89,7 +89,7 @@ impl Run {
     }
 
     /// Works out what changed in the arrays that `new` instances read, unless that is known.
-    pub(super) fn compare_arrays(&self, new: &Instances) {
+    pub(crate) fn compare_arrays(&self, new: &Instances) {
         if let Some(old) = self.spec.instances.as_ref().filter(|old| !Arc::ptr_eq(&old.arrays, &new.arrays)) {
             InstanceArrays::changes(&old.arrays, &new.arrays);
         }

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Instances: what instancers and prims place, as records that are computed when they are asked for.
+//!
+//! Follow an instancer: its arrays are read element by element (`placement`, `array_motion`: where and when), those
+//! that are usable are the ranks of a `run`, runs with their targets are the members of an [`assembly::Assembly`],
+//! which encodes records. `reader` measures one rank, for the partition as an `item`; `rescan` and `diff` spare work
+//! after edits. Pure; work is spread over the caller's rayon pool.
+
+pub(crate) mod array_motion;
+pub(crate) mod assembly;
+pub(crate) mod diff;
+pub(crate) mod instance_primvars;
+pub(crate) mod item;
+pub(crate) mod motion;
+mod moving;
+pub(crate) mod placement;
+pub(crate) mod reader;
+mod rescan;
+pub(crate) mod run;
+pub(crate) mod validate;
+
+use std::sync::Arc;
+
+use crate::desc::InstancedBy;
+
+/// A group of prims with a common frame.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum GroupId {
+    /// The world.
+    Root,
+    /// A prototype.
+    Prototype(InstancedBy),
+    /// The clusters of a mesh that was split: the hash of the first, and the prim id.
+    Clusters(u128, i32),
+    /// What an instancer that moves as a whole places: its path, and the group that it is in.
+    Moving(Arc<str>, Box<Self>),
+}
