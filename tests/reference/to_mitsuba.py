@@ -6,8 +6,8 @@
         /World/Camera]
 
 Runs in the environment that `cargo xtask reference` makes (mitsuba, usd-core, numpy). Same pixels as `usdrecord`: box
-filter, vertical fit. How materials and lights are mapped stands in materials.py, standard_surface.py and lights.py; what could
-not be is printed, one line each.
+filter, vertical fit. How materials and lights are mapped stands in materials.py, standard_surface.py and lights.py;
+what could not be is printed, one line each.
 """
 
 from __future__ import annotations
