@@ -6,8 +6,8 @@
         /World/Camera]
 
 Runs in the environment that `cargo xtask reference` makes (mitsuba, usd-core, numpy). Same pixels as `usdrecord`: box
-filter, vertical fit. How materials and lights are mapped stands in materials.py and lights.py; what could not be is
-printed, one line each.
+filter, vertical fit. How materials and lights are mapped stands in materials.py, standard_surface.py and lights.py;
+what could not be is printed, one line each.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from pxr import Usd, UsdGeom  # noqa: E402
 import lights  # noqa: E402
 import materials  # noqa: E402
 import networks  # noqa: E402
+import standard_surface  # noqa: E402
 import usd_scene  # noqa: E402
 
 
@@ -45,6 +46,8 @@ def _shape(number: int, part: usd_scene.Part, notes: list[str]):
     if part.material is not None and networks.surface(part.material) is not None:
         values = networks.inputs(part.material, materials.decode, notes)
         properties["bsdf"] = mi.load_dict(materials.bsdf(values, notes))
+    elif part.material is not None and standard_surface.surface(part.material) is not None:
+        properties["bsdf"] = mi.load_dict(standard_surface.bsdf(part.material, notes))
     else:
         color = None if part.colors is None else (part.colors[0] if constant else "varying")
         properties["bsdf"] = mi.load_dict(materials.unbound(color, part.opacity))

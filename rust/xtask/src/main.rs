@@ -86,8 +86,8 @@ enum Task {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         arguments: Vec<OsString>,
     },
-    /// Make the references of the feature scenes anew with Mitsuba: `reference [to_mitsuba|check_answers|time_to_error]
-    /// ...`
+    /// Make the references of the feature scenes anew with Mitsuba: `reference
+    /// [to_mitsuba|check_answers|time_to_error|curves] ...`
     #[command(disable_help_flag = true)]
     Reference {
         /// A program of `tests/reference` and its arguments

@@ -45,7 +45,7 @@ pub(crate) fn reference(places: &Places, interpreter: &Interpreter, arguments: &
 /// The program that the first argument names, and what is left for it; words with a dash are options of the default
 /// one.
 fn program_of(arguments: &[OsString]) -> (String, &[OsString]) {
-    const PROGRAMS: &[&str] = &["make_references", "to_mitsuba", "check_answers", "time_to_error"];
+    const PROGRAMS: &[&str] = &["make_references", "to_mitsuba", "check_answers", "time_to_error", "curves"];
     match arguments.split_first() {
         Some((first, rest)) if PROGRAMS.iter().any(|program| first == program) => {
             (first.to_string_lossy().into_owned(), rest)

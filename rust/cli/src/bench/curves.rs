@@ -2,7 +2,7 @@
 //! `oocpt bench curves`: hair, points and a limit surface: seconds, rays a second, and memory for each item.
 
 use anyhow::{Context, Result};
-use oocpt_core::settings::Value;
+use oocpt_core::settings::{Settings, Value};
 use oocpt_render::{Session, SessionOptions};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -17,6 +17,12 @@ pub(crate) struct Arguments {
     /// Hairs, points, or quads of the surface.
     #[arg(long, default_value_t = 10_000)]
     count: u32,
+    /// What is shown, one after the other.
+    #[arg(long, value_delimiter = ',', value_enum, default_values_t = Subject::ALL)]
+    subjects: Vec<Subject>,
+    /// Longest edge of the limit surface in pixels; 0 is its cage.
+    #[arg(long, default_value_t = Settings::default().dicing_rate)]
+    dicing_rate: f32,
     /// Image width, pixels.
     #[arg(long, default_value_t = 320)]
     width: u32,
@@ -75,7 +81,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         "{:<15}{:>9} {:>9} {:>9} {:>12} {:>11} {:>11} {:>9}",
         "scene", "commit s", "trace s", "Mrays/s", "items", "device MiB", "host MiB", "B/count"
     );
-    for subject in Subject::ALL {
+    for subject in arguments.subjects.iter().copied() {
         let (row, session) = measure(arguments, subject)?;
         println!(
             "{:<15}{:>9.3} {:>9.3} {:>9.2} {:>12} {:>11} {:>11} {:>9.1}",
@@ -102,7 +108,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 
 fn measure(arguments: &Arguments, subject: Subject) -> Result<(Row, Session)> {
     let size = [arguments.width, arguments.height];
-    let settings = common::plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
+    let plain = common::plain_settings(arguments.samples, arguments.bounces, &arguments.reported.device);
+    let settings = Settings { dicing_rate: arguments.dicing_rate, ..plain };
     let session = Session::with_options(settings, SessionOptions::default());
     session.set_setting("enableInteractive", Value::Bool(false))?;
     session.with_scene(|db| fur::build(db, subject, arguments.count))?;

@@ -14,7 +14,7 @@ use super::forest::{self, grid, prim};
 use super::island::Random;
 
 /// What is shown.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Subject {
     /// Cubic B-splines of five points, pinned, on a ball.
     Hair,
@@ -109,4 +109,25 @@ fn creature(count: u32, subdivision: Subdivision) -> Result<MeshDesc> {
         DVec3::new(a.cos() * b.cos(), b.sin(), a.sin() * b.cos()) * radius
     };
     Ok(MeshDesc { subdivision, ..grid("/subject", side, side, place)? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `tests/reference/test_curves.py` has the same numbers: Mitsuba gets the same scenes.
+    #[test]
+    fn the_scenes_of_other_renderers_are_the_same() -> Result<()> {
+        let near = |values: &TypedArray, i: usize, place: [f64; 3]| {
+            values.vec3(i).is_some_and(|found| found.distance(DVec3::from_array(place)) < 1e-6)
+        };
+        let hairs = hair(3).points;
+        assert!(near(&hairs, 10, [0.118_389_02, -0.082_475_32, -0.786_881_1]), "root of the third hair");
+        assert!(near(&hairs, 14, [0.190_867_66, -0.228_427_77, -1.004_890_3]), "its tip");
+        assert!(near(&points(3).points, 2, [-0.640_325_3, 0.156_046_32, -0.220_947_16]), "third ball");
+        let mesh = creature(18, Subdivision::None)?;
+        assert_eq!(mesh.points.len(), 25, "4 x 4 quads");
+        assert!(near(&mesh.points, 13, [0.0, 0.0, -0.92]), "corner 13");
+        Ok(())
+    }
 }
