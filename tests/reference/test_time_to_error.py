@@ -48,3 +48,18 @@ def test_relative_mse_is_the_mean_of_squares_over_squares():
     assert time_to_error.relative_mse(reference + 0.1, reference) == pytest.approx(
         (0.01 / 1.01 + 1.0 + 0.01 / 9.01) / 3
     )
+
+
+def test_a_scene_without_its_textures_does_not_count(capsys):
+    prefix = "Warning: in DrainMessages at line 347 of session.cpp -- OocPT: "
+    time_to_error.expect_whole("USD says this and that\n")
+    time_to_error.expect_whole(prefix + "/World/Ball: cut more coarsely than asked for")
+    assert "/World/Ball: cut more coarsely" in capsys.readouterr().out, "what is said is shown"
+    lost = (
+        "/World/Dome: the texture ./sky.exr is left out, the dome has its constant colour",
+        "/World/Looks/Boards: texture ./boards.png: cannot be read, since the library does not load",
+        "/World/Looks/Boards: texture ./boards.png: its fallback is used",
+    )
+    for line in lost:
+        with pytest.raises(SystemExit, match="missing"):
+            time_to_error.expect_whole("something\n" + prefix + line + "\nsomething")

@@ -76,7 +76,7 @@ def relative_mse(picture: np.ndarray, reference: np.ndarray) -> float:
     return float(np.mean((picture - reference) ** 2 / (reference**2 + 1e-2)))
 
 
-def _expect_whole(log: str) -> None:
+def expect_whole(log: str) -> None:
     """Shows what OocPT says of a scene. A picture without its textures has less noise: it must not count."""
     said = [line.partition("OocPT: ")[2] for line in log.splitlines() if "OocPT: " in line]
     for line in said:
@@ -101,7 +101,7 @@ class Ours:
         self._view = self._host.open(
             scene, (width, height), settings={"oocpt:samplesPerPixel": 1, "oocpt:maxBounces": bounces}
         )
-        _expect_whole(self._view.render(600).log)
+        expect_whole(self._view.render(600).log)
         self.setup = time.monotonic() - start
         self.settings = self._view.stats()
 
