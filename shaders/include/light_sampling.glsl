@@ -104,7 +104,7 @@ uint choose_infinite(float u, uint link_set, float linked) {
     return low;
 }
 
-LightSample sample_infinite_light(Bsdf bsdf, vec3 wo, uint link_set, float linked, vec4 u, bool last) {
+LightSample sample_infinite_light(const Bsdf bsdf, vec3 wo, uint link_set, float linked, vec4 u, bool last) {
     LightSample ls = no_light_sample();
     const uint index = choose_infinite(u.x, link_set, linked);
     const GpuInfiniteLight light = load_infinite_light(index);
@@ -186,8 +186,8 @@ LightSample sample_near_light(Double3 origin, uint link_set, Receiver receiver, 
 
 // One light for a shadow ray, with all but the BSDF, which finish_light_sample brings in. `last`: no ray follows that
 // could meet the lights, so shadow rays bring all of it. `u_mesh` counts with HAS_MESH_LIGHTS.
-LightSample sample_light(Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiver, vec4 u, vec4 u_mesh,
-                         bool last) {
+LightSample sample_light(const Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiver, vec4 u,
+                         vec4 u_mesh, bool last) {
     const float linked = linked_infinite(link_set);
     const float near = HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS ? local_share(linked) : 0.0;
     if ((HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS) && u.x < near) {
@@ -223,7 +223,7 @@ void finish_light_sample(inout LightSample ls, vec3 diffuse, vec3 specular, floa
 }
 
 // The set of numbers that a path asks its lights with.
-LightSample sample_one_light(uint path, uint bounce, Bsdf bsdf, vec3 wo, Double3 origin, uint link_set,
+LightSample sample_one_light(uint path, uint bounce, const Bsdf bsdf, vec3 wo, Double3 origin, uint link_set,
                              uint packed_normal, bool last, float width) {
     const uvec2 pixel = pixel_position(path_pixel(path));
     const uint seed = pixel_seed(pixel.x, pixel.y, path_seed(path));
