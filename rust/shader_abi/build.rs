@@ -12,6 +12,8 @@ mod abi;
 mod check;
 #[path = "build/exact.rs"]
 mod exact;
+#[path = "build/light_shapes.rs"]
+mod light_shapes;
 #[path = "build/lobes.rs"]
 mod lobes;
 #[path = "build/uses.rs"]
@@ -37,7 +39,7 @@ fn main() -> ExitCode {
 }
 
 fn build() -> Result<(), String> {
-    for file in ["build.rs", "build/check.rs", "build/exact.rs", "build/lobes.rs", "build/uses.rs", "src/abi"] {
+    for file in ["build.rs", "build", "src/abi"] {
         println!("cargo::rerun-if-changed={file}");
     }
     let manifest = PathBuf::from(variable("CARGO_MANIFEST_DIR")?);
@@ -48,8 +50,12 @@ fn build() -> Result<(), String> {
     sources.sort();
     let include = out.join("include");
     fs::create_dir_all(include.join("generated")).map_err(|error| format!("{}: {error}", include.display()))?;
-    let generated =
-        [("constants.glsl", constants()?), ("lobes.glsl", lobes::types()), ("lobe_functions.glsl", lobes::functions())];
+    let generated = [
+        ("constants.glsl", constants()?),
+        ("light_shapes.glsl", light_shapes::functions()),
+        ("lobes.glsl", lobes::types()),
+        ("lobe_functions.glsl", lobes::functions()),
+    ];
     for (name, text) in generated {
         let path = include.join("generated").join(name);
         fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;

@@ -63,12 +63,7 @@ LightSample sample_local_light(Double3 origin, uint link_set, Receiver receiver,
     ls.contribution = local_emission(light, q, -ls.direction);
     ls.thin = is_thin(kind);
     if (ls.thin) {
-        ls.scale = 1.0 / (distance * distance * chosen);
-        if (kind == LIGHT_LINE) {
-            const float half_length = sqrt(dot3(light.x, light.x));
-            const vec3 across = cross3(light.x / half_length, ls.direction);
-            ls.scale *= 2.0 * half_length * sqrt(dot3(across, across));
-        }
+        ls.scale = 1.0 / (distance * distance * chosen) * thin_length(kind, light, ls.direction);
         return ls;
     }
     const vec3 d = apply_rows(light.row_x, light.row_y, light.row_z, ls.direction);
