@@ -54,7 +54,7 @@ vec3 bent_normal(vec3 n, vec3 wo) {
 }
 
 // `s` is valid (valid_shading); wo unit, from the surface to the viewer.
-Bsdf make_bsdf(Shading s, vec3 wo) {
+Bsdf make_bsdf(const Shading s, vec3 wo) {
     Bsdf b;
     const Lambert lambert = make_lambert(s.geometric_normal, s.normal, -wo);
     b.g = lambert.g;

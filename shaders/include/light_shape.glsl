@@ -10,17 +10,18 @@
 //
 // A shape is a file of light_shapes and a row of rust/shader_abi/src/abi/light_shapes.rs, from which the build writes
 // what goes through all of them (generated/light_shapes.glsl). Of the shape NAME:
-//   bool NAME_faces(vec3 o)        whether the receiver is on the side that shines
-//   bool NAME_hit(vec3 o, vec3 d, out vec3 q, out float t)
+//   bool NAME_faces(const vec3 o)  whether the receiver is on the side that shines
+//   bool NAME_hit(const vec3 o, const vec3 d, out vec3 q, out float t)
 //                                  the point q that a ray from that side meets, and its distance
-//   vec3 NAME_point(vec3 o, vec2 u)
+//   vec3 NAME_point(const vec3 o, const vec2 u)
 //                                  a point for a receiver there, from two random numbers
-//   float NAME_density(float volume, vec3 o, vec3 d, vec3 q, float t)
+//   float NAME_density(const float volume, const vec3 o, const vec3 d, const vec3 q, const float t)
 //                                  density at the receiver, per world solid angle, of choosing q at distance t; volume
 //                                  is |det M|
 // A thin one, which no ray meets and which shines to all sides, has instead of all but NAME_point
-//   float NAME_length(GpuLocalLight light, vec3 w)
+//   float NAME_length(const GpuLocalLight light, const vec3 w)
 //                                  what its intensity is multiplied by, seen along the unit world direction w
+// A parameter that is not `const` is a copy in each call.
 #ifndef OOCPT_LIGHT_SHAPE_GLSL
 #define OOCPT_LIGHT_SHAPE_GLSL
 
@@ -35,7 +36,7 @@ uint light_kind(uint flags) {
 }
 
 // The point of the plane z = 0 that a ray from z < 0 meets.
-bool plane_hit(vec3 o, vec3 d, out vec3 q, out float t) {
+bool plane_hit(const vec3 o, const vec3 d, out vec3 q, out float t) {
     q = vec3(0.0);
     t = 0.0;
     if (!(d.z > 0.0)) return false;
@@ -46,7 +47,7 @@ bool plane_hit(vec3 o, vec3 d, out vec3 q, out float t) {
 
 // The nearer root of |o + t d| = 1, from outside (Haines et al. 2019, Ray Tracing Gems ch. 7). `across`: the axes that
 // count, all of them or, of a cylinder, all but its own.
-bool round_hit(vec3 o, vec3 d, vec3 across, out vec3 q, out float t) {
+bool round_hit(const vec3 o, const vec3 d, const vec3 across, out vec3 q, out float t) {
     q = vec3(0.0);
     t = 0.0;
     const vec3 oo = o * across;
@@ -63,7 +64,7 @@ bool round_hit(vec3 o, vec3 d, vec3 across, out vec3 q, out float t) {
 }
 
 // Of a density over the unit shape's area, at a point whose normal has this cosine with d.
-float area_density(float density, float cosine, float volume, float t) {
+float area_density(const float density, const float cosine, const float volume, const float t) {
     return density * t * t / (volume * cosine);
 }
 

@@ -24,17 +24,17 @@ pub(crate) fn functions() -> String {
         text,
         "
 // Whether no ray can meet it.
-bool is_thin(uint kind) {{
+bool is_thin(const uint kind) {{
     return {};
 }}
 
 // Whether the receiver is on the side that shines.
-bool shape_faces(uint kind, vec3 o) {{
+bool shape_faces(const uint kind, const vec3 o) {{
 {}    return true;
 }}
 
 // The point q of the shape, and its distance, that a ray from outside meets.
-bool shape_hit(uint kind, vec3 o, vec3 d, out vec3 q, out float t) {{
+bool shape_hit(const uint kind, const vec3 o, const vec3 d, out vec3 q, out float t) {{
     q = vec3(0.0);
     t = 0.0;
     if (is_thin(kind) || !shape_faces(kind, o)) return false;
@@ -42,20 +42,21 @@ bool shape_hit(uint kind, vec3 o, vec3 d, out vec3 q, out float t) {{
 }}
 
 // A point of the shape for the receiver o, from two random numbers; false when none shines there.
-bool shape_point(uint kind, vec3 o, vec2 u, out vec3 q) {{
+bool shape_point(const uint kind, const vec3 o, const vec2 u, out vec3 q) {{
     q = vec3(0.0);
     if (!shape_faces(kind, o)) return false;
 {}    return true;
 }}
 
 // Density at the receiver, per world solid angle, of choosing the point q at distance t.
-float shape_density(uint kind, float determinant, vec3 o, vec3 d, vec3 q, float t) {{
+float shape_density(const uint kind, const float determinant, const vec3 o, const vec3 d, const vec3 q,
+                    const float t) {{
     const float volume = abs(determinant);
 {}    return 0.0;
 }}
 
 // What the intensity of a thin shape is multiplied by, seen along w.
-float thin_length(uint kind, GpuLocalLight light, vec3 w) {{
+float thin_length(const uint kind, const GpuLocalLight light, const vec3 w) {{
 {}    return 1.0;
 }}
 ",

@@ -43,7 +43,7 @@ vec3 with_film(const Bsdf b, vec3 bare, float outer) {
 }
 
 // Sets what is about glass; b.o and b.glass are set.
-void set_glass(inout Bsdf b, Shading s, vec3 wo) {
+void set_glass(inout Bsdf b, const Shading s, vec3 wo) {
     const bool inside = (dot(s.geometric_normal, wo) < 0.0) != (s.ior < 1.0);
     b.glass_ior = s.ior < 1.0 ? 1.0 / max(s.ior, 1.0e-3) : s.ior;
     b.glass_eta = inside ? 1.0 / b.glass_ior : b.glass_ior;

@@ -163,7 +163,7 @@ float largest(vec3 c) {
 }
 
 // F0, F90 and what hangs on them; `color`: F_ms, 0 for sharp lobes; `through`: the share that is glass.
-void set_fresnel(inout Bsdf b, Shading s, float opacity, out vec3 color, out float through) {
+void set_fresnel(inout Bsdf b, const Shading s, float opacity, out vec3 color, out float through) {
     const float r = (1.0 - s.ior) / (1.0 + s.ior);
     const float f0 = r * r;
     const bool specular = (s.flags & SHADING_SPECULAR_WORKFLOW) != 0u;

@@ -8,8 +8,8 @@
 //                                  sets what the lobe keeps in b; its albedo at wo, roughly: divided by the sum of all,
 //                                  it is the chance that a sample is this lobe's (b.chance.NAME)
 //   vec3 NAME_evaluate(const Bsdf b, const LobeDirection d, out float kept)
-//                                  f |cosine| for the direction; 0 for sharp lobes. `kept` is for NAME_density, which is
-//                                  called next with the same direction: what both are made of is worked out once
+//                                  f |cosine| for the direction; 0 for sharp lobes. `kept` is for NAME_density, which
+//                                  is called next with the same direction: what both are made of is worked out once
 //   float NAME_density(const Bsdf b, const LobeDirection d, float kept)
 //                                  density of NAME_sample per solid angle, times b.chance.NAME
 //   bool NAME_sample(const Bsdf b, vec3 u, out LobeSample s)
@@ -90,7 +90,7 @@ float half_cosine(const Bsdf b, vec3 i) {
 }
 
 // A reflection by a layer of GGX; false: it would go below.
-bool ggx_layer_sample(const Bsdf b, float alpha, Stretch stretch, vec2 u, out LobeSample s) {
+bool ggx_layer_sample(const Bsdf b, float alpha, const Stretch stretch, vec2 u, out LobeSample s) {
     const vec3 h = lobe_sample(alpha, stretch, b.o, u);
     const vec3 i = 2.0 * dot(b.o, h) * h - b.o;
     s = LobeSample(on_side(b, from_frame(b, i), 1.0), false, vec3(0.0));

@@ -3,11 +3,11 @@
 #ifndef OOCPT_LIGHT_SHAPES_POINT_GLSL
 #define OOCPT_LIGHT_SHAPES_POINT_GLSL
 
-vec3 point_point(vec3 o, vec2 u) {
+vec3 point_point(const vec3 o, const vec2 u) {
     return vec3(0.0);
 }
 
-float point_length(GpuLocalLight light, vec3 w) {
+float point_length(const GpuLocalLight light, const vec3 w) {
     return 1.0;
 }
 

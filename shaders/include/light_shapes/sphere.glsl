@@ -4,22 +4,22 @@
 #ifndef OOCPT_LIGHT_SHAPES_SPHERE_GLSL
 #define OOCPT_LIGHT_SHAPES_SPHERE_GLSL
 
-bool sphere_faces(vec3 o) {
+bool sphere_faces(const vec3 o) {
     return dot3(o, o) > 1.0;
 }
 
-bool sphere_hit(vec3 o, vec3 d, out vec3 q, out float t) {
+bool sphere_hit(const vec3 o, const vec3 d, out vec3 q, out float t) {
     return round_hit(o, d, vec3(1.0), q, t);
 }
 
 // 1 - cos of the half angle of the cone that the unit sphere fills from o outside of it.
-float sphere_cone(vec3 o) {
+float sphere_cone(const vec3 o) {
     const float sin_squared = 1.0 / dot3(o, o);
     return sin_squared / (1.0 + sqrt(max(1.0 - sin_squared, 0.0)));
 }
 
 // Uniform in the cone; the angle at the centre from that at the receiver (Pharr et al. 2023, 6.2.4).
-vec3 sphere_point(vec3 o, vec2 u) {
+vec3 sphere_point(const vec3 o, const vec2 u) {
     const float distance = sqrt(dot3(o, o));
     const float h = u.x * sphere_cone(o);
     const float sin_squared = h * (2.0 - h);
@@ -33,7 +33,7 @@ vec3 sphere_point(vec3 o, vec2 u) {
     return axis * cos_center + (x * cos(phi) + y * sin(phi)) * sin_center;
 }
 
-float sphere_density(float volume, vec3 o, vec3 d, vec3 q, float t) {
+float sphere_density(const float volume, const vec3 o, const vec3 d, const vec3 q, const float t) {
     const float size = sqrt(dot3(d, d));
     return 1.0 / (2.0 * PI * sphere_cone(o) * volume * size * size * size);
 }

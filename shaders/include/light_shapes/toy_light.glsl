@@ -4,21 +4,21 @@
 #ifndef OOCPT_LIGHT_SHAPES_TOY_LIGHT_GLSL
 #define OOCPT_LIGHT_SHAPES_TOY_LIGHT_GLSL
 
-bool toy_light_faces(vec3 o) {
+bool toy_light_faces(const vec3 o) {
     return o.z < 0.0;
 }
 
-bool toy_light_hit(vec3 o, vec3 d, out vec3 q, out float t) {
+bool toy_light_hit(const vec3 o, const vec3 d, out vec3 q, out float t) {
     return plane_hit(o, d, q, t) && min(q.x, q.y) >= -1.0 && q.x + q.y <= 0.0;
 }
 
 // The square, folded at its diagonal.
-vec3 toy_light_point(vec3 o, vec2 u) {
+vec3 toy_light_point(const vec3 o, const vec2 u) {
     const vec2 v = u.x + u.y > 1.0 ? 1.0 - u : u;
     return vec3(2.0 * v - 1.0, 0.0);
 }
 
-float toy_light_density(float volume, vec3 o, vec3 d, vec3 q, float t) {
+float toy_light_density(const float volume, const vec3 o, const vec3 d, const vec3 q, const float t) {
     return area_density(0.5, abs(d.z), volume, t);
 }
 
