@@ -12,6 +12,10 @@ mod abi;
 mod check;
 #[path = "build/exact.rs"]
 mod exact;
+#[path = "build/light_shapes.rs"]
+mod light_shapes;
+#[path = "build/lobes.rs"]
+mod lobes;
 #[path = "build/uses.rs"]
 mod uses;
 
@@ -35,7 +39,7 @@ fn main() -> ExitCode {
 }
 
 fn build() -> Result<(), String> {
-    for file in ["build.rs", "build/check.rs", "build/exact.rs", "build/uses.rs", "src/abi"] {
+    for file in ["build.rs", "build", "src/abi"] {
         println!("cargo::rerun-if-changed={file}");
     }
     let manifest = PathBuf::from(variable("CARGO_MANIFEST_DIR")?);
@@ -46,8 +50,16 @@ fn build() -> Result<(), String> {
     sources.sort();
     let include = out.join("include");
     fs::create_dir_all(include.join("generated")).map_err(|error| format!("{}: {error}", include.display()))?;
-    let numbers = include.join("generated/constants.glsl");
-    fs::write(&numbers, constants()?).map_err(|error| format!("{}: {error}", numbers.display()))?;
+    let generated = [
+        ("constants.glsl", constants()?),
+        ("light_shapes.glsl", light_shapes::functions()),
+        ("lobes.glsl", lobes::types()),
+        ("lobe_functions.glsl", lobes::functions()),
+    ];
+    for (name, text) in generated {
+        let path = include.join("generated").join(name);
+        fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
+    }
     let tools = Tools::from_env();
     let layouts = layouts();
     let mut seen = BTreeSet::new();
@@ -65,7 +77,7 @@ fn build() -> Result<(), String> {
             return Err(format!("{}: no shader has this struct in memory, so its layout is not checked", layout.name));
         }
     }
-    fs::write(out.join("modules.rs"), generated(&passes)).map_err(|error| format!("modules.rs: {error}"))
+    fs::write(out.join("modules.rs"), modules(&passes)).map_err(|error| format!("modules.rs: {error}"))
 }
 
 fn variable(name: &str) -> Result<String, String> {
@@ -187,7 +199,7 @@ fn layouts() -> Vec<check::Layout> {
 }
 
 /// Rust source with the words of every pass; those of `shaders/check` apart, for tests.
-fn generated(modules: &[(String, uses::Uses)]) -> String {
+fn modules(modules: &[(String, uses::Uses)]) -> String {
     let (checks, passes): (Vec<_>, Vec<_>) = modules.iter().partition(|(name, _)| name.starts_with("check_"));
     let mut text = String::new();
     let parts =

@@ -106,11 +106,11 @@ void run_case(uint item, Bsdf b, vec3 wo) {
     bsdf_evaluate_lobes(b, wo, at3(item * CASE + 9u), diffuse, specular, pdf);
     put3(to + 12u, diffuse);
     put3(to + 15u, specular);
-    put3(to + 18u, vec3(pdf, b.chance.xy));
-    put3(to + 21u, vec3(b.chance.zw, b.chance_glass.x));
-    put3(to + 24u, vec3(b.chance_glass.y, b.glass > 0.0 ? 1.0 - mean(glass_reflectance(b, b.o.z)) : 0.0,
+    put3(to + 18u, vec3(pdf, b.chance.coat, b.chance.specular));
+    put3(to + 21u, vec3(b.chance.diffuse, b.chance.scatter, b.chance.glass));
+    put3(to + 24u, vec3(b.chance.glass_scatter, b.glass > 0.0 ? 1.0 - mean(glass_reflectance(b, b.o.z)) : 0.0,
                         b.glass_alpha));
-    Floats(RESULTS_AT).v[to + 27u] = b.chance_sheen;
+    Floats(RESULTS_AT).v[to + 27u] = b.chance.sheen;
 }
 
 void main() {

@@ -4,8 +4,7 @@
 // The surface is a mixture: (1 - metallic) (1 - opacity) of it is glass, bsdf/glass.glsl, the rest is opaque, on either
 // side the same. The opaque part from the top, each layer under what the ones above let through; E is a layer's
 // directional albedo, U = 1 - E:
-//   sheen         bsdf/sheen.glsl, with SHEEN, which no scene of today has. Below it: min(U(wo), U(wi))
-//                 for coat and specular.
+//   sheen         bsdf/sheen.glsl, with SHEEN. Below it: min(U(wo), U(wi)) for coat and specular.
 //   coat          GGX, white, F0 from ior, times the amount `clearcoat`. Below it: min(U(wo), U(wi)) for the specular
 //                 lobe.
 //   specular      GGX with Schlick's Fresnel; F0 and F90 as UsdPreviewSurface 2.5 says. What single scattering loses
@@ -22,6 +21,9 @@
 // Glass and what is scattered more than once is isotropic. A film (THIN_FILM, bsdf/film.glsl) replaces Schlick's
 // Fresnel of single scattering, exactly and at any angle; the rest takes F0 from it.
 //
+// Each lobe is a file of bsdf/lobes and a row of rust/shader_abi/src/abi/lobes.rs; what they have in common is
+// bsdf/lobe.glsl. Here is what is worked out for all of them: frames, Fresnel, what the layers let through.
+//
 // A fibre (HAIR) is none of this: bsdf/hair.glsl.
 //
 // Normals: directions that leave on the wrong side of the true surface (geometric normal g) are mirrored at it, in
@@ -35,8 +37,8 @@
 #ifndef OOCPT_BSDF_GLSL
 #define OOCPT_BSDF_GLSL
 
-#include "include/lambert.glsl"
-#include "include/bsdf/glass.glsl"
+#include "include/bsdf/lobe.glsl"
+#include "generated/lobe_functions.glsl"
 
 const float LEAST_VIEW_COSINE = 1.0e-3;
 
@@ -52,7 +54,7 @@ vec3 bent_normal(vec3 n, vec3 wo) {
 }
 
 // `s` is valid (valid_shading); wo unit, from the surface to the viewer.
-Bsdf make_bsdf(Shading s, vec3 wo) {
+Bsdf make_bsdf(const Shading s, vec3 wo) {
     Bsdf b;
     const Lambert lambert = make_lambert(s.geometric_normal, s.normal, -wo);
     b.g = lambert.g;
@@ -70,9 +72,8 @@ Bsdf make_bsdf(Shading s, vec3 wo) {
     if (HAS_HAIR && (s.flags & SHADING_HAIR) != 0u) {
         b.flags = BSDF_HAIR;
         b.hair = make_hair(s.hair, s.tangent, cross(s.geometric_normal, s.tangent), b.l, s.ior, wo);
-        b.chance = vec4(0.0);
-        b.chance_glass = vec2(0.0);
-        b.chance_sheen = b.opaque = b.glass = b.glass_alpha = 0.0;
+        b.chance = no_chances();
+        b.opaque = b.glass = b.glass_alpha = 0.0;
         return b;
     }
     vec3 color = vec3(0.0);
@@ -85,13 +86,13 @@ Bsdf make_bsdf(Shading s, vec3 wo) {
     b.opaque = 1.0 - through;
     const vec3 base = s.diffuse_color * ((1.0 - b.metallic) * opacity);
     b.scatter = vec3(0.0);
-    b.glass = b.glass_scatter = b.glass_stay = b.glass_alpha = b.glass_row = b.glass_place = 0.0;
+    b.glass = through;
+    b.glass_scatter = b.glass_lost = b.glass_stay = b.glass_alpha = b.glass_row = b.glass_place = 0.0;
     b.glass_ior = b.glass_eta = 1.0;
-    b.chance_glass = vec2(0.0);
     b.glass_tint = HAS_OPEN_PBR && (s.flags & SHADING_OPEN_PBR) != 0u ? s.transmission_color : vec3(1.0);
     b.under_coat = b.under_sheen = 1.0;
     b.sheen = vec3(0.0);
-    b.sheen_most = b.sheen_roughness = b.sheen_row = b.chance_sheen = 0.0;
+    b.sheen_most = b.sheen_roughness = b.sheen_row = 0.0;
     b.stretch = no_stretch(b.alpha);
     b.coat_stretch = no_stretch(b.coat_alpha);
     b.film = HAS_THIN_FILM ? s.film : vec3(0.0);
@@ -110,9 +111,10 @@ Bsdf make_bsdf(Shading s, vec3 wo) {
         b.sheen_row = sheen_row(s.sheen_roughness);
         b.sheen = b.opaque * s.sheen_color * sheen_average(b.sheen_row).y;
     }
-    if (!HAS_MATERIALS || (largest(b.f0) <= 0.0 && b.coat <= 0.0 && through <= 0.0 && b.sheen_most <= 0.0)) {
+    b.chance = no_chances();
+    if (!HAS_MATERIALS || !has_lobe_over_diffuse(b)) {
         b.diffuse = base;
-        b.chance = vec4(0.0, 0.0, mean(base) > 0.0 ? 1.0 : 0.0, 0.0);
+        b.chance.diffuse = mean(base) > 0.0 ? 1.0 : 0.0;
         b.flags = BSDF_PLAIN;
         return b;
     }
@@ -140,84 +142,32 @@ Bsdf make_bsdf(Shading s, vec3 wo) {
     if (HAS_ROUGH_DIFFUSE) b.diffuse_more = more * under * scale;
     if (average_lost > 1.0e-9) b.scatter = color * (lost / average_lost);
     else color = vec3(0.0);
-    vec4 weight = vec4(0.0, 0.0, mean(base * under), mean(color) * lost);
     b.under_coat = under_coat(b, b.o.z);
-    weight.x = b.opaque * (1.0 - b.under_coat) * b.under_sheen;
-    weight.y = mean(single_scattering(b));
-    vec2 weight_glass = vec2(0.0);
-    if (HAS_TRANSMISSION && through > 0.0) weight_glass = set_glass(b, s, wo, through);
-    float weight_sheen = 0.0;
-    if (HAS_SHEEN && b.sheen_most > 0.0) {
-        weight_sheen = b.opaque * mean(s.sheen_color) * sheen_albedo(b.o.z, b.sheen_row);
-    }
-    const float sum = weight.x + weight.y + weight.z + weight.w + weight_glass.x + weight_glass.y + weight_sheen;
-    b.chance = sum > 0.0 ? weight / sum : vec4(0.0);
-    b.chance_glass = sum > 0.0 ? weight_glass / sum : vec2(0.0);
-    b.chance_sheen = sum > 0.0 ? weight_sheen / sum : 0.0;
+    b.chance = lobe_chances(b, LobeInputs(s, wo, base, color, under, lost));
     return b;
 }
 
-vec3 to_frame(Bsdf b, vec3 w) {
-    return vec3(dot(b.t, w), dot(b.b, w), dot(b.n, w));
-}
-
-vec3 from_frame(Bsdf b, vec3 w) {
-    return normalize(w.x * b.t + w.y * b.b + w.z * b.n);
-}
-
-// Diffuse colour towards a direction at this cosine.
-vec3 diffuse_towards(Bsdf b, vec3 wi, float cosine) {
-    if (!HAS_ROUGH_DIFFUSE || b.eon.roughness <= 0.0) return b.diffuse;
-    float single, multiple;
-    eon_factors(b.eon, wi, cosine, single, multiple);
-    return b.diffuse * single + b.diffuse_more * multiple;
-}
-
-// Adds one direction's part before it is mirrored at the surface, or after.
-void add_reflection(Bsdf b, vec3 wi, inout vec3 diffuse, inout vec3 specular, inout float pdf) {
-    const float broad = max(dot(b.l, wi), 0.0) / PI;
-    if (broad > 0.0) {
-        if (is_plain(b)) {
-            diffuse += diffuse_towards(b, wi, min(broad * PI, 1.0)) * broad;
-        } else if (b.chance.z > 0.0 || b.chance.w > 0.0) {
-            float lost;
-            const float cosine = min(broad * PI, 1.0);
-            const vec3 under = under_all(b, cosine, lost);
-            diffuse += diffuse_towards(b, wi, cosine) * under * broad;
-            specular += b.scatter * (lost * broad);
-            if (b.chance.w > 0.0) pdf += b.chance.w * scatter_density(b.alpha, cosine);
-        }
-        pdf += b.chance.z * broad;
-        add_glass_scatter(b, broad * PI, false, specular, pdf);
+// What the lobes share of a direction; `w`: it, or it mirrored at the surface.
+LobeDirection lobe_direction(const Bsdf b, vec3 w, bool beyond) {
+    LobeDirection d;
+    d.w = w;
+    d.i = vec3(0.0);
+    d.beyond = beyond;
+    d.broad = max(dot(b.l, w), 0.0) / PI;
+    d.cosine = d.broad * PI;
+    if (HAS_ROUGH_TRANSMISSION && beyond) d.cosine = -dot(b.l, w);
+    d.under = vec3(1.0);
+    d.lost = 0.0;
+    if (is_plain(b)) return d;
+    d.i = to_frame(b, w);
+    if (d.broad > 0.0 && (b.chance.diffuse > 0.0 || b.chance.scatter > 0.0)) {
+        d.under = under_all(b, min(d.cosine, 1.0), d.lost);
     }
-    if (is_plain(b)) return;
-    const vec3 i = to_frame(b, wi);
-    if (i.z <= 0.0) return;
-    float density;
-    if (b.alpha > 0.0 && b.chance.y > 0.0) {
-        const float value = lobe_reflect(b.alpha, b.stretch, b.o, i, density);
-        const vec3 h = b.o + i;
-        const float cosine = dot(b.o, h) * inversesqrt(max(dot(h, h), 1.0e-30));
-        specular += specular_reflectance(b, cosine) * (value * through_coat(b, min(i.z, 1.0)) * through_sheen(b, i.z));
-        pdf += b.chance.y * density;
-    }
-    if (HAS_COAT && b.coat_alpha > 0.0 && b.chance.x > 0.0) {
-        const float value = lobe_reflect(b.coat_alpha, b.coat_stretch, b.o, i, density);
-        const vec3 h = b.o + i;
-        const float cosine = dot(b.o, h) * inversesqrt(max(dot(h, h), 1.0e-30));
-        specular += b.opaque * b.coat * (b.coat_f0 + (b.coat_f90 - b.coat_f0) * power5(1.0 - clamp(cosine, 0.0, 1.0)))
-            * value * through_sheen(b, i.z);
-        pdf += b.chance.x * density;
-    }
-    if (HAS_SHEEN && b.chance_sheen > 0.0) {
-        specular += b.sheen * sheen_value(b.sheen_roughness, b.o, i);
-        pdf += b.chance_sheen * scatter_density(SHEEN_SPREAD, min(i.z, 1.0));
-    }
-    add_glass_reflection(b, i, specular, pdf);
+    return d;
 }
 
 // f * |cosine|, apart for lights' multipliers; pdf of bsdf_sample. Sharp lobes count nothing. wo is that of make_bsdf.
-void bsdf_evaluate_lobes(Bsdf b, vec3 wo, vec3 wi, out vec3 diffuse, out vec3 specular, out float pdf) {
+void bsdf_evaluate_lobes(const Bsdf b, vec3 wo, vec3 wi, out vec3 diffuse, out vec3 specular, out float pdf) {
     diffuse = vec3(0.0);
     specular = vec3(0.0);
     pdf = 0.0;
@@ -228,47 +178,29 @@ void bsdf_evaluate_lobes(Bsdf b, vec3 wo, vec3 wi, out vec3 diffuse, out vec3 sp
         return;
     }
     const float cosine = dot(b.g, wi);
+    const bool beyond = HAS_ROUGH_TRANSMISSION && cosine < 0.0 && b.glass_alpha > 0.0;
+    if (!beyond && !(cosine > 0.0)) return;
     const vec3 mirrored = wi - 2.0 * cosine * b.g;
-    if (HAS_ROUGH_TRANSMISSION && cosine < 0.0 && b.glass_alpha > 0.0) {
-        add_beyond(b, wi, specular, pdf);
-        if (dot(b.l, mirrored) < 0.0 || dot(b.n, mirrored) < 0.0) add_beyond(b, mirrored, specular, pdf);
-    }
-    if (!(cosine > 0.0)) return;
+    const float side = HAS_ROUGH_TRANSMISSION && beyond ? -1.0 : 1.0;
     // Two directions, one copy of the code: unrolled, it would be half of what a pass that shades is made of.
     vec3 w = wi;
-    [[dont_unroll]] for (uint side = 0u; side < 2u; ++side) {
-        add_reflection(b, w, diffuse, specular, pdf);
-        if (!(dot(b.l, mirrored) > 0.0 || dot(b.n, mirrored) > 0.0)) break;
+    [[dont_unroll]] for (uint i = 0u; i < 2u; ++i) {
+        add_lobes(b, lobe_direction(b, w, beyond), diffuse, specular, pdf);
+        if (!(side * dot(b.l, mirrored) > 0.0 || side * dot(b.n, mirrored) > 0.0)) break;
         w = mirrored;
     }
 }
 
-vec4 bsdf_evaluate(Bsdf b, vec3 wo, vec3 wi) {
+vec4 bsdf_evaluate(const Bsdf b, vec3 wo, vec3 wi) {
     vec3 diffuse, specular;
     float pdf;
     bsdf_evaluate_lobes(b, wo, wi, diffuse, specular, pdf);
     return vec4(diffuse + specular, pdf);
 }
 
-// Mirrored at the true surface if it left on the wrong side of it; `side` is 1 for reflection, -1 for transmission.
-vec3 on_side(Bsdf b, vec3 w, float side) {
-    const float cosine = dot(b.g, w);
-    return cosine * side < 0.0 ? w - 2.0 * cosine * b.g : w;
-}
-
-// A direction of a lobe of multiple scattering, on the viewer's side (1) or beyond (-1).
-vec3 scatter_sample(Bsdf b, float alpha, float side, vec2 u) {
-    vec3 x, y;
-    tangents(b.l, x, y);
-    const float cosine = scatter_cosine(alpha, u.x);
-    const float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
-    const float angle = 2.0 * PI * u.y;
-    return on_side(b, normalize(sine * (cos(angle) * x + sin(angle) * y) + side * cosine * b.l), side);
-}
-
 // A direction, u.xy by the lobe that u.z falls on. False: nothing is reflected. `evaluates`: weight and pdf are for
 // bsdf_weigh to find; else they are here, pdf 0 for sharp lobes.
-bool bsdf_choose(Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, out float pdf, out bool evaluates) {
+bool bsdf_choose(const Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, out float pdf, out bool evaluates) {
     evaluates = false;
     wi = b.g;
     weight = vec3(0.0);
@@ -277,69 +209,18 @@ bool bsdf_choose(Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, out floa
         evaluates = hair_sample(b.hair, u.xyz, wi);
         return evaluates;
     }
+    vec3 place = u.xyz;
+    LobeSample s;
+    if (!sample_lobe(b, choose_lobe(b.chance, place.z), place, s)) return false;
+    wi = s.wi;
     if (is_plain(b)) {
-        const Lambert lambert = Lambert(b.g, b.l);
-        wi = lambert_sample(lambert, u.xy);
-        pdf = lambert_density(lambert, wi);
+        pdf = lambert_density(Lambert(b.g, b.l), wi);
         weight = b.diffuse;
-        evaluates = HAS_ROUGH_DIFFUSE && b.eon.roughness > 0.0 && pdf > 0.0 && b.chance.z > 0.0;
-        return pdf > 0.0 && b.chance.z > 0.0;
+        evaluates = HAS_ROUGH_DIFFUSE && b.eon.roughness > 0.0 && pdf > 0.0;
+        return pdf > 0.0;
     }
-    float at = u.z;
-    uint lobe = 0u; // 4: sheen or glass
-    while (lobe < 4u && at >= b.chance[lobe]) at -= b.chance[lobe++];
-    bool is_sheen = false;
-    if (HAS_SHEEN && lobe == 4u && b.chance_sheen > 0.0) {
-        is_sheen = at < b.chance_sheen || b.chance_glass.x <= 0.0;
-        if (!is_sheen) at -= b.chance_sheen;
-    }
-    if (!is_sheen && lobe == 4u && (!HAS_TRANSMISSION || b.chance_glass.x <= 0.0)) {
-        lobe = 3u; // rounding
-        while (lobe > 0u && b.chance[lobe] <= 0.0) --lobe;
-    }
-    if (lobe < 4u && b.chance[lobe] <= 0.0) return false;
-
-    if (HAS_SHEEN && is_sheen) {
-        const float cosine = scatter_cosine(SHEEN_SPREAD, u.x);
-        const float sine = sqrt(max(0.0, 1.0 - cosine * cosine));
-        const float angle = 2.0 * PI * u.y;
-        wi = on_side(b, from_frame(b, vec3(sine * cos(angle), sine * sin(angle), cosine)), 1.0);
-    } else if (HAS_TRANSMISSION && lobe == 4u) {
-        if (!HAS_ROUGH_TRANSMISSION || at < b.chance_glass.x || b.chance_glass.y <= 0.0) {
-            vec3 i;
-            if (!sample_glass(b, vec3(u.xy, at / b.chance_glass.x), i, weight)) return false;
-            wi = on_side(b, from_frame(b, i), i.z);
-            weight *= b.glass / b.chance_glass.x;
-            if (b.glass_alpha <= 0.0) return true;
-        } else {
-            const float part = (at - b.chance_glass.x) / b.chance_glass.y;
-            const float side = part < b.glass_stay ? 1.0 : -1.0;
-            wi = scatter_sample(b, b.glass_alpha, side, u.xy);
-        }
-    } else if (lobe == 2u) {
-        wi = lambert_sample(Lambert(b.g, b.l), u.xy);
-    } else if (lobe == 3u) {
-        wi = scatter_sample(b, b.alpha, 1.0, u.xy);
-    } else {
-        const float alpha = lobe == 0u ? b.coat_alpha : b.alpha;
-        if (alpha <= 0.0) {
-            wi = on_side(b, from_frame(b, vec3(-b.o.xy, b.o.z)), 1.0);
-            vec3 all = lobe == 0u ? vec3(b.opaque * (1.0 - b.under_coat) * b.under_sheen) : single_scattering(b);
-            if (HAS_THIN_FILM && lobe == 1u && b.film.x > 0.0) {
-                all = b.under_sheen * b.under_coat * specular_reflectance(b, b.o.z);
-            }
-            weight = all / b.chance[lobe];
-            return true;
-        }
-        Stretch stretch = b.stretch;
-        if (HAS_COAT && lobe == 0u) stretch = b.coat_stretch;
-        const vec3 h = lobe_sample(alpha, stretch, b.o, u.xy);
-        const vec3 i = 2.0 * dot(b.o, h) * h - b.o;
-        if (!(i.z > 0.0)) return false;
-        wi = on_side(b, from_frame(b, i), 1.0);
-    }
-    evaluates = true;
-    weight = vec3(0.0);
+    evaluates = !s.sharp;
+    weight = s.weight;
     return true;
 }
 
@@ -353,7 +234,7 @@ bool bsdf_weigh(vec3 value, float pdf, out vec3 weight) {
 
 // A direction and its weight = f * |cosine| / pdf; pdf 0: sharp, weight holds all of it. u as for bsdf_choose. False:
 // nothing is reflected.
-bool bsdf_sample(Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, out float pdf) {
+bool bsdf_sample(const Bsdf b, vec3 wo, vec4 u, out vec3 wi, out vec3 weight, out float pdf) {
     bool evaluates;
     if (!bsdf_choose(b, wo, u, wi, weight, pdf, evaluates)) return false;
     if (!evaluates) return true;

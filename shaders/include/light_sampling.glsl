@@ -63,12 +63,7 @@ LightSample sample_local_light(Double3 origin, uint link_set, Receiver receiver,
     ls.contribution = local_emission(light, q, -ls.direction);
     ls.thin = is_thin(kind);
     if (ls.thin) {
-        ls.scale = 1.0 / (distance * distance * chosen);
-        if (kind == LIGHT_LINE) {
-            const float half_length = sqrt(dot3(light.x, light.x));
-            const vec3 across = cross3(light.x / half_length, ls.direction);
-            ls.scale *= 2.0 * half_length * sqrt(dot3(across, across));
-        }
+        ls.scale = 1.0 / (distance * distance * chosen) * thin_length(kind, light, ls.direction);
         return ls;
     }
     const vec3 d = apply_rows(light.row_x, light.row_y, light.row_z, ls.direction);
@@ -104,7 +99,7 @@ uint choose_infinite(float u, uint link_set, float linked) {
     return low;
 }
 
-LightSample sample_infinite_light(Bsdf bsdf, vec3 wo, uint link_set, float linked, vec4 u, bool last) {
+LightSample sample_infinite_light(const Bsdf bsdf, vec3 wo, uint link_set, float linked, vec4 u, bool last) {
     LightSample ls = no_light_sample();
     const uint index = choose_infinite(u.x, link_set, linked);
     const GpuInfiniteLight light = load_infinite_light(index);
@@ -186,8 +181,8 @@ LightSample sample_near_light(Double3 origin, uint link_set, Receiver receiver, 
 
 // One light for a shadow ray, with all but the BSDF, which finish_light_sample brings in. `last`: no ray follows that
 // could meet the lights, so shadow rays bring all of it. `u_mesh` counts with HAS_MESH_LIGHTS.
-LightSample sample_light(Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiver, vec4 u, vec4 u_mesh,
-                         bool last) {
+LightSample sample_light(const Bsdf bsdf, vec3 wo, Double3 origin, uint link_set, Receiver receiver, vec4 u,
+                         vec4 u_mesh, bool last) {
     const float linked = linked_infinite(link_set);
     const float near = HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS ? local_share(linked) : 0.0;
     if ((HAS_LOCAL_LIGHTS || HAS_MESH_LIGHTS) && u.x < near) {
@@ -223,7 +218,7 @@ void finish_light_sample(inout LightSample ls, vec3 diffuse, vec3 specular, floa
 }
 
 // The set of numbers that a path asks its lights with.
-LightSample sample_one_light(uint path, uint bounce, Bsdf bsdf, vec3 wo, Double3 origin, uint link_set,
+LightSample sample_one_light(uint path, uint bounce, const Bsdf bsdf, vec3 wo, Double3 origin, uint link_set,
                              uint packed_normal, bool last, float width) {
     const uvec2 pixel = pixel_position(path_pixel(path));
     const uint seed = pixel_seed(pixel.x, pixel.y, path_seed(path));

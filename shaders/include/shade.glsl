@@ -59,7 +59,7 @@ float emission_share(uint path, Ray ray, Surface surface, float pdf) {
 // From where a tube of hair is met to where a direction that goes through it leaves: where the normal of a tube a
 // tenth thicker is that of the direction across the fibre. The BSDF has the whole fibre in it, so its inside must not
 // be met; a tenth is enough at joints of pieces that turn by up to 24 degrees. What is no tube has no inside.
-vec3 way_around(Bsdf bsdf, vec3 w, float offset) {
+vec3 way_around(const Bsdf bsdf, vec3 w, float offset) {
     const float radius = surface_material.handedness;
     if (!(radius > 0.0)) return -offset * bsdf.g;
     const vec3 across = w - bsdf.hair.x * dot3(bsdf.hair.x, w);

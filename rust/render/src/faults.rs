@@ -3,6 +3,7 @@
 //! on: the product has none of them.
 
 use oocpt_gpu::{DriverMemory, Failure};
+use oocpt_shader_abi::Features;
 
 /// What a session does wrong, or otherwise than its scene asks for; nothing by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,6 +23,8 @@ pub struct Faults {
     pub naive_sampling: bool,
     /// Leaves masks of cutouts out: every candidate is asked of its texture. The picture is the same.
     pub no_opacity_masks: bool,
+    /// What is compiled in beside what the scene needs: lobes that only tests have.
+    pub more_features: Features,
     /// Makes calls that take memory fail, in the first render of the session.
     pub failure: Option<Failure>,
 }

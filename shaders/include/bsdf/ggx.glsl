@@ -54,7 +54,7 @@ Stretch no_stretch(float alpha) {
     return Stretch(vec2(alpha), vec2(1.0, 0.0));
 }
 
-bool is_stretched(Stretch s) {
+bool is_stretched(const Stretch s) {
     return HAS_ANISOTROPY && s.alpha.x != s.alpha.y;
 }
 
@@ -66,16 +66,16 @@ Stretch make_stretch(float alpha, float ratio, float turn) {
     return Stretch(max(vec2(along, ratio * along), 1.0e-4), vec2(cos(angle), sin(angle)));
 }
 
-vec3 into_stretch(Stretch s, vec3 w) {
+vec3 into_stretch(const Stretch s, vec3 w) {
     return vec3(s.turn.x * w.x + s.turn.y * w.y, s.turn.x * w.y - s.turn.y * w.x, w.z);
 }
 
-vec3 out_of_stretch(Stretch s, vec3 w) {
+vec3 out_of_stretch(const Stretch s, vec3 w) {
     return vec3(s.turn.x * w.x - s.turn.y * w.y, s.turn.x * w.y + s.turn.y * w.x, w.z);
 }
 
 // ggx_reflect of a lobe that may be anisotropic.
-float lobe_reflect(float alpha, Stretch s, vec3 wo, vec3 wi, out float pdf) {
+float lobe_reflect(float alpha, const Stretch s, vec3 wo, vec3 wi, out float pdf) {
     if (!is_stretched(s)) return ggx_reflect(alpha, wo, wi, pdf);
     const vec3 o = into_stretch(s, wo);
     const vec3 i = into_stretch(s, wi);
@@ -91,7 +91,7 @@ float lobe_reflect(float alpha, Stretch s, vec3 wo, vec3 wi, out float pdf) {
 }
 
 // ggx_sample of the same.
-vec3 lobe_sample(float alpha, Stretch s, vec3 wo, vec2 u) {
+vec3 lobe_sample(float alpha, const Stretch s, vec3 wo, vec2 u) {
     if (!is_stretched(s)) return ggx_sample(alpha, wo, u);
     const vec3 o = into_stretch(s, wo);
     const vec3 stretched = normalize(vec3(s.alpha * o.xy, o.z));

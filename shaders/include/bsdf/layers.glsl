@@ -4,6 +4,7 @@
 #ifndef OOCPT_BSDF_LAYERS_GLSL
 #define OOCPT_BSDF_LAYERS_GLSL
 
+#include "generated/lobes.glsl"
 #include "include/shading.glsl"
 #include "include/bsdf/tables.glsl"
 #include "include/bsdf/ggx.glsl"
@@ -33,45 +34,47 @@ struct Bsdf {
     float coat_f0, coat_f90;
     float coat_alpha, coat_row;
     float under_coat; // U(wo) of the coat
-    vec4 chance;      // of the lobes: coat, specular, diffuse, multiple scattering
+    LobeChances chance; // of a sample to be a lobe's
     float opaque;     // share of all that is not glass
-    float glass;      // and of glass, glass.glsl: single scattering
+    float glass;      // and of glass, glass.glsl
     float glass_scatter; // multiple scattering, f * pi is this times U(wi) n^2 of its side
+    float glass_lost; // what single scattering loses at wo, 0 where nothing makes up for it
     float glass_stay; // share of multiple scattering that stays on the viewer's side
     float glass_alpha, glass_row, glass_place; // 0: sharp; row and place: in the table
     float glass_ior;  // index of the denser side / that of the other, >= 1
     float glass_eta;  // index beyond / index on the viewer's side
     vec3 glass_tint;  // of what is refracted
-    vec2 chance_glass; // of its single and its multiple scattering
     vec3 sheen;       // colour, share and scale of its lobe; sheen.glsl
     float sheen_most; // share of what it takes from what is below, per E
     float sheen_roughness, sheen_row;
     float under_sheen; // U(wo) of it
-    float chance_sheen;
     Stretch stretch, coat_stretch; // with ANISOTROPY
     vec3 film;        // with THIN_FILM: film.glsl
     vec3 bare, bare_glass; // F0 below it: of the specular layer, as f0 is, and of glass
     Eon eon;          // with ROUGH_DIFFUSE
     vec3 diffuse_more; // as diffuse, of its second term
     Hair hair;        // with HAIR and BSDF_HAIR
+#ifdef OOCPT_FAULTS
+    vec3 toy_lobe;    // with TOY_LOBE
+#endif
     uint flags;
 };
 
-bool is(Bsdf b, uint flag) {
+bool is(const Bsdf b, uint flag) {
     return (b.flags & flag) != 0u;
 }
 
-bool is_hair(Bsdf b) {
+bool is_hair(const Bsdf b) {
     return HAS_HAIR && is(b, BSDF_HAIR);
 }
 
 // Lambert and nothing else; known when the passes are compiled if the scene has no materials.
-bool is_plain(Bsdf b) {
+bool is_plain(const Bsdf b) {
     return !HAS_MATERIALS || is(b, BSDF_PLAIN);
 }
 
 // The true surface's, on the viewer's side. A ray that goes through (dot(wi, this) < 0) starts on its other side.
-vec3 bsdf_normal(Bsdf b) {
+vec3 bsdf_normal(const Bsdf b) {
     return b.g;
 }
 
@@ -80,27 +83,27 @@ float mean(vec3 c) {
 }
 
 // U of sheen.
-float under_sheen(Bsdf b, float cosine) {
+float under_sheen(const Bsdf b, float cosine) {
     if (!HAS_SHEEN || b.sheen_most <= 0.0) return 1.0;
     return clamp(1.0 - b.sheen_most * sheen_albedo(cosine, b.sheen_row), 0.0, 1.0);
 }
 
 // U of the coat.
-float under_coat(Bsdf b, float cosine) {
+float under_coat(const Bsdf b, float cosine) {
     if (!HAS_COAT || b.coat <= 0.0) return 1.0;
     const vec2 e = table_albedo(cosine, b.coat_row);
     return clamp(1.0 - b.coat * (b.coat_f0 * (1.0 - e.x - e.y) + b.coat_f90 * e.y), 0.0, 1.0);
 }
 
 // U of the dielectric; `e`: its L and B.
-vec3 under_specular(Bsdf b, float cosine, out vec2 e) {
+vec3 under_specular(const Bsdf b, float cosine, out vec2 e) {
     e = table_albedo(cosine, b.row);
     return clamp(1.0 - (b.base_0 + b.base_l * e.x + b.base_b * e.y), 0.0, 1.0);
 }
 
 // U of all for light that goes down to the diffuse lobe or comes up from it; `lost`: that of sheen and coat times
 // U1, what single scattering with F = 1 loses.
-vec3 under_all(Bsdf b, float cosine, out float lost) {
+vec3 under_all(const Bsdf b, float cosine, out float lost) {
     const float coat = under_coat(b, cosine) * under_sheen(b, cosine);
     vec2 e;
     const vec3 under = under_specular(b, cosine, e);
@@ -109,7 +112,7 @@ vec3 under_all(Bsdf b, float cosine, out float lost) {
 }
 
 // Averages of under_all over the hemisphere.
-vec3 average_under(Bsdf b, out float lost) {
+vec3 average_under(const Bsdf b, out float lost) {
     const vec2 e = table_average(b.row);
     vec3 average = 1.0 - (b.base_0 + b.base_l * e.x + b.base_b * e.y);
     lost = e.x;
@@ -140,12 +143,12 @@ vec3 average_under(Bsdf b, out float lost) {
 }
 
 // The share of light that a reflection pays to sheen, down and up.
-float through_sheen(Bsdf b, float cosine) {
+float through_sheen(const Bsdf b, float cosine) {
     return HAS_SHEEN ? min(b.under_sheen, under_sheen(b, cosine)) : 1.0;
 }
 
 // The share of light that a reflection pays to the coat, down and up.
-float through_coat(Bsdf b, float cosine) {
+float through_coat(const Bsdf b, float cosine) {
     return HAS_COAT ? min(b.under_coat, under_coat(b, cosine)) : 1.0;
 }
 
@@ -160,7 +163,7 @@ float largest(vec3 c) {
 }
 
 // F0, F90 and what hangs on them; `color`: F_ms, 0 for sharp lobes; `through`: the share that is glass.
-void set_fresnel(inout Bsdf b, Shading s, float opacity, out vec3 color, out float through) {
+void set_fresnel(inout Bsdf b, const Shading s, float opacity, out vec3 color, out float through) {
     const float r = (1.0 - s.ior) / (1.0 + s.ior);
     const float f0 = r * r;
     const bool specular = (s.flags & SHADING_SPECULAR_WORKFLOW) != 0u;
@@ -195,14 +198,14 @@ void set_fresnel(inout Bsdf b, Shading s, float opacity, out vec3 color, out flo
 }
 
 // Fresnel reflectance of the specular layer at the cosine of half vector and direction, by the opaque share.
-vec3 specular_reflectance(Bsdf b, float cosine) {
+vec3 specular_reflectance(const Bsdf b, float cosine) {
     const vec3 plain = schlick(b.f0, b.f90, cosine);
     if (!HAS_THIN_FILM || b.film.x <= 0.0 || b.opaque <= 0.0) return plain;
     return mix(plain, b.opaque * film_reflectance(b.film, b.bare / b.opaque, clamp(cosine, 0.0, 1.0)), b.film.x);
 }
 
 // Albedo of the specular layer at wo without multiple scattering, under coat and sheen: all of a sharp lobe's weight.
-vec3 single_scattering(Bsdf b) {
+vec3 single_scattering(const Bsdf b) {
     const vec2 e = table_albedo(b.o.z, b.row);
     return b.under_sheen * b.under_coat * (b.f0 * (1.0 - e.x - e.y) + b.f90 * e.y);
 }

@@ -336,6 +336,13 @@ pub enum LightKind {
         /// How the light and the mesh's material go together.
         sync: MaterialSync,
     },
+    /// Half of a square in the local xy plane, its right angle at (-side / 2, -side / 2); it shines along -z. Tests
+    /// alone have it.
+    #[cfg(feature = "faults")]
+    ToyLight {
+        /// Of the square.
+        side: f32,
+    },
 }
 
 /// `light:materialSyncMode`.

@@ -67,6 +67,8 @@ impl Parts {
             Features::OPACITY_MASKS,
             needed.contains(Features::OPACITY_MASKS) && !job.options.faults.no_opacity_masks,
         );
+        #[cfg(feature = "faults")]
+        needed.insert(job.options.faults.more_features);
         needed.set(Features::CAMERA_MOTION, setting.camera_motion.is_some());
         let moves = needed.intersects(Features::MOTION | Features::DEFORMATION | Features::CAMERA_MOTION);
         needed.set(Features::MOTION_VECTORS, moves && film.has_motion());

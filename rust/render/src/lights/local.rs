@@ -6,18 +6,19 @@ use super::{luminance, narrow};
 use crate::assets::motion_key;
 use oocpt_core::scene::{Light, LightMotion, LightShaping, LocalLight, LocalShape};
 use oocpt_shader_abi::{
-    GpuInfiniteLight, GpuLightKey, GpuLightKind, GpuLightShaping, GpuLocalLight, LightFlags, NO_INDEX, pack_color,
+    GpuInfiniteLight, GpuLightKey, GpuLightKind, GpuLightShaping, GpuLocalLight, LIGHT_SHAPES, LightFlags, NO_INDEX,
+    pack_color,
 };
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Kind and flags of a light.
-pub(super) fn flags(light: &Light, kind: GpuLightKind) -> u32 {
+pub(super) fn flags(light: &Light, kind: u32) -> u32 {
     let mut flags = LightFlags::empty();
     flags.set(LightFlags::CAMERA_VISIBLE, light.camera_visible);
     flags.set(LightFlags::NO_SHADOWS, !light.has_shadows);
     flags.set(LightFlags::SHADOW_COLOR, light.has_shadows && pack_color(light.shadow_color) != 0);
     flags.set(LightFlags::SHADOW_LINK, light.has_shadows && light.shadow_link != 0);
-    kind as u32 | flags.bits()
+    kind | flags.bits()
 }
 
 /// A light at infinity without its direction, picture and probability.
@@ -30,7 +31,7 @@ pub(super) fn infinite(light: &Light, kind: GpuLightKind) -> GpuInfiniteLight {
         cumulative: 0.0,
         diffuse: light.diffuse,
         specular: light.specular,
-        flags: flags(light, kind),
+        flags: flags(light, kind as u32),
         map: NO_INDEX,
         light_link: light.light_link,
         shadow_link: light.shadow_link,
@@ -38,15 +39,9 @@ pub(super) fn infinite(light: &Light, kind: GpuLightKind) -> GpuInfiniteLight {
     }
 }
 
-fn kind(shape: LocalShape) -> GpuLightKind {
-    match shape {
-        LocalShape::Rect => GpuLightKind::Rect,
-        LocalShape::Disk => GpuLightKind::Disk,
-        LocalShape::Sphere => GpuLightKind::Sphere,
-        LocalShape::Cylinder => GpuLightKind::Cylinder,
-        LocalShape::Point => GpuLightKind::Point,
-        LocalShape::Line => GpuLightKind::Line,
-    }
+/// The shape's row of the device's table; none for what has no row, which a test says cannot be.
+fn kind(shape: LocalShape) -> Option<u32> {
+    LIGHT_SHAPES.iter().find(|row| row.name == shape.name()).map(|row| row.kind)
 }
 
 /// A light relative to `origin`, without its indices; `None` where single precision does not hold its shape.
@@ -60,7 +55,7 @@ pub(super) fn encode(light: &Light, local: &LocalLight, origin: [f64; 3]) -> Opt
     let low = [0, 1, 2].map(|k| narrow(place[k] - f64::from(high[k])));
     let gpu = GpuLocalLight {
         position: high,
-        flags: flags(light, kind(local.shape)),
+        flags: flags(light, kind(local.shape)?),
         position_lo: low,
         determinant: narrow(m.determinant()),
         x: axis(m.x_axis.to_array()),
@@ -88,17 +83,9 @@ pub(super) fn bounds(light: &Light, local: &LocalLight, origin: [f64; 3], bright
     let m = local.world_from_unit.matrix3;
     let columns = [m.x_axis, m.y_axis, m.z_axis].map(|v| v.to_array());
     let at = local.world_from_unit.translation.to_array();
-    // Half sizes of the box: for round shapes the norms of the rows, for the rest sums.
     let half = [0, 1, 2].map(|k| {
         let [x, y, z] = columns.map(|column| column[k].abs());
-        let half = match local.shape {
-            LocalShape::Rect => x + y,
-            LocalShape::Disk => x.hypot(y),
-            LocalShape::Sphere => x.hypot(y).hypot(z),
-            LocalShape::Cylinder => x + y.hypot(z),
-            LocalShape::Line => x,
-            LocalShape::Point => 0.0,
-        };
+        let half = local.shape.half_extent([x, y, z]);
         // Rounding of what is traced.
         half * (1.0 + 1e-6) + 1e-7 * half.max((at[k] - origin[k]).abs() * 1e-6)
     });
@@ -130,13 +117,7 @@ pub(super) fn bounds(light: &Light, local: &LocalLight, origin: [f64; 3], bright
 
 /// Bounds over the whole shutter: the box of all places, the cone around all cones, the largest power.
 fn swept(at_rest: LightBounds, motion: &LightMotion, shape: LocalShape, origin: [f64; 3]) -> LightBounds {
-    let half = match shape {
-        LocalShape::Rect | LocalShape::Disk => [1.0, 1.0, 0.0],
-        LocalShape::Sphere | LocalShape::Cylinder => [1.0; 3],
-        LocalShape::Line => [1.0, 0.0, 0.0],
-        LocalShape::Point => [0.0; 3],
-    };
-    let (min, max) = motion.swept(half);
+    let (min, max) = motion.swept(shape.half_box());
     let (min, max) = ([0, 1, 2].map(|k| min[k] - origin[k]), [0, 1, 2].map(|k| max[k] - origin[k]));
     let (axes, turn) = motion.axes();
     let cone = |axis: &[f64; 3]| LightBounds { axis: *axis, spread: at_rest.spread, power: 1.0, ..at_rest };

@@ -13,7 +13,8 @@ use glam::{DMat4, DVec3, DVec4};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::scene::TransformSample;
 use oocpt_core::settings::Settings;
-use oocpt_render::{AovKind, Session, SessionOptions};
+use oocpt_render::{AovKind, Faults, Session, SessionOptions};
+use oocpt_shader_abi::Features;
 use rows::{Also, BARE, Names, Row};
 use scenes::shown;
 use std::collections::BTreeSet;
@@ -32,7 +33,9 @@ fn render(row: &Row, carry: &str) -> (Inventory, Vec<Vec<u8>>) {
         straggler_roulette: row.also == Also::Roulette,
         ..settings(4, 2)
     };
-    let options = SessionOptions { validation: true, force_streaming: streams, ..SessionOptions::default() };
+    let more_features = if row.also == Also::ToyLobe { Features::TOY_LOBE } else { Features::empty() };
+    let faults = Faults { more_features, ..Faults::default() };
+    let options = SessionOptions { validation: true, force_streaming: streams, faults, ..SessionOptions::default() };
     let session = Session::with_options(settings, options).with_images(Arc::new(Ramps));
     session.set_light_files(Arc::new(TestFiles));
     session.with_scene(row.build);

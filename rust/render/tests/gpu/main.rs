@@ -32,3 +32,4 @@ mod streaming;
 mod support;
 mod target;
 mod textures;
+mod toys;

@@ -15,12 +15,6 @@ macro_rules! constants {
 }
 
 constants! {
-    LIGHT_RECT = GpuLightKind::Rect as u32;
-    LIGHT_DISK = GpuLightKind::Disk as u32;
-    LIGHT_SPHERE = GpuLightKind::Sphere as u32;
-    LIGHT_CYLINDER = GpuLightKind::Cylinder as u32;
-    LIGHT_POINT = GpuLightKind::Point as u32;
-    LIGHT_LINE = GpuLightKind::Line as u32;
     LIGHT_DISTANT = GpuLightKind::Distant as u32;
     LIGHT_DOME = GpuLightKind::Dome as u32;
     LIGHT_DOME_MAP = GpuLightKind::DomeMap as u32;

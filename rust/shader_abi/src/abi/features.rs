@@ -44,10 +44,10 @@ pub struct Feature {
 }
 
 macro_rules! features {
-    ($($(#[doc = $doc:literal])+ $name:ident: $what:literal, [$($needs:ident),*], $carry:ident;)+) => {
+    ($($(#[doc = $doc:literal])+ $(#[cfg($only:meta)])? $name:ident: $what:literal, [$($needs:ident),*], $carry:ident;)+) => {
         #[expect(non_camel_case_types, clippy::upper_case_acronyms, reason = "names of constants")]
         enum Bit {
-            $($name,)+
+            $($(#[cfg($only)])? $name,)+
         }
 
         bitflags! {
@@ -55,12 +55,12 @@ macro_rules! features {
             /// [`SPEC_FEATURES`] and [`SPEC_FEATURES_HIGH`]).
             #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
             pub struct Features: u64 {
-                $($(#[doc = $doc])+ const $name = 1 << (Bit::$name as u32);)+
+                $($(#[doc = $doc])+ $(#[cfg($only)])? const $name = 1 << (Bit::$name as u32);)+
             }
         }
 
         /// Every feature, by bit.
-        pub const FEATURES: &[Feature] = &[$(Feature {
+        pub const FEATURES: &[Feature] = &[$($(#[cfg($only)])? Feature {
             name: stringify!($name),
             bit: Features::$name,
             what: $what,
@@ -174,6 +174,9 @@ features! {
     MOTION_VECTORS: "motion over the image", [], Never;
     /// Pixels have two streams of samples, and not all as many of them: `Frame::adaptive` counts.
     ADAPTIVE: "adaptive sampling: lists of samples, the second stream of the film", [], Never;
+    /// The lobe that tests add.
+    #[cfg(feature = "faults")]
+    TOY_LOBE: "toy lobe", [MATERIALS], Never;
 }
 
 impl Features {

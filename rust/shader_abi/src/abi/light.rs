@@ -19,22 +19,10 @@ pub const MAP_HALF: u32 = 0;
 /// [`GpuLightMap::format`]: texels are four floats.
 pub const MAP_FLOAT: u32 = 1;
 
-/// Kinds of light, the low four bits of `flags`.
+/// Kinds of light at infinity, the low four bits of `flags`; lights with a place have [`super::LIGHT_SHAPES`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum GpuLightKind {
-    /// The square `|x| <= 1, |y| <= 1`, z = 0.
-    Rect = 0,
-    /// The unit disk, z = 0.
-    Disk = 1,
-    /// The unit sphere.
-    Sphere = 2,
-    /// Radius 1 about the x axis, `|x| <= 1`.
-    Cylinder = 3,
-    /// The origin.
-    Point = 4,
-    /// The segment `|x| <= 1`.
-    Line = 5,
     /// A cone of directions.
     Distant = 6,
     /// All directions.

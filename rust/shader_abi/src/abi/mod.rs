@@ -10,6 +10,8 @@ mod flags;
 mod frame;
 mod layout;
 mod light;
+mod light_shapes;
+mod lobes;
 mod material;
 mod path;
 mod pattern;
@@ -38,6 +40,10 @@ pub use light::{
     GpuCdf, GpuInfiniteLight, GpuLightKind, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
     GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMeshLight, LIGHT_KIND_MASK, LIGHT_LEAF, LIGHT_TREE_DEPTH,
     LightFlags, Lighting, MAP_FLOAT, MAP_HALF, NO_INDEX,
+};
+pub use light_shapes::{LIGHT_SHAPES, LightShape};
+pub use lobes::{
+    LOBE_ALONE, LOBES, LOBES_ADDED, LOBES_EVALUATED, Lobe, LobeNormal, LobePart, LobeSides, lobes_in_order,
 };
 pub use material::{
     CUTOUT_LOOKUPS, GpuAttribute, GpuInput, GpuMaterial, GpuPrim, GpuSurfaceMaterial, INPUT_CHANNEL_SHIFT,

@@ -3,9 +3,9 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::shape::LocalShape;
+use super::shape::{LocalShape, shape_of};
 use super::{narrow, orthonormal};
-use crate::desc::{AssetRef, LightDesc, LightKind, Shaping};
+use crate::desc::{AssetRef, LightDesc, Shaping};
 
 /// A light at a place.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,27 +94,6 @@ impl LocalLight {
         let area = if shape.is_thin() { 0.0 } else { area };
         let world_from_unit = DAffine3 { matrix3: unit, translation: transform.translation };
         Some((Self { shape, world_from_unit, frame, area, shaping, texture }, scale))
-    }
-}
-
-/// Shape, and the sizes of the unit shape's axes.
-fn shape_of(kind: &LightKind) -> Option<(LocalShape, DVec3, Option<AssetRef>)> {
-    let wide = f64::from;
-    match kind {
-        LightKind::Rect { width, height, texture } => {
-            let texture = texture.clone().filter(|asset| !asset.authored.is_empty() || !asset.resolved.is_empty());
-            Some((LocalShape::Rect, DVec3::new(0.5 * wide(*width), 0.5 * wide(*height), 1.0), texture))
-        }
-        LightKind::Disk { radius } => Some((LocalShape::Disk, DVec3::new(wide(*radius), wide(*radius), 1.0), None)),
-        LightKind::Sphere { radius, treat_as_point } => {
-            let shape = if *treat_as_point || *radius <= 0.0 { LocalShape::Point } else { LocalShape::Sphere };
-            Some((shape, DVec3::splat(wide(*radius)), None))
-        }
-        LightKind::Cylinder { length, radius, treat_as_line } => {
-            let shape = if *treat_as_line || *radius <= 0.0 { LocalShape::Line } else { LocalShape::Cylinder };
-            Some((shape, DVec3::new(0.5 * wide(*length), wide(*radius), wide(*radius)), None))
-        }
-        LightKind::Dome { .. } | LightKind::Distant { .. } | LightKind::Mesh { .. } => None,
     }
 }
 

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Shapes of local lights under affine maps: their areas in the world. Pure.
+//! Shapes of local lights: what descriptions make of them, their areas and sizes under affine maps. Pure.
+//!
+//! All that is said of a shape here; `shaders/include/light_shapes` has a file of the same name for each.
 
 use std::f64::consts::{PI, TAU};
 
-use glam::DMat3;
+use glam::{DMat3, DVec3};
+
+use crate::desc::{AssetRef, LightKind};
 
 /// A shape of unit size; a [`super::LocalLight`] says where it is and how large.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -20,9 +24,27 @@ pub enum LocalShape {
     Point,
     /// The segment `|x| <= 1` of the x axis; shines with the sine of the angle to it.
     Line,
+    /// The triangle `x >= -1, y >= -1, x + y <= 0` in the plane z = 0; shines to -z. Tests alone have it.
+    #[cfg(feature = "faults")]
+    ToyLight,
 }
 
 impl LocalShape {
+    /// As its file in `shaders/include/light_shapes` is called.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rect => "rect",
+            Self::Disk => "disk",
+            Self::Sphere => "sphere",
+            Self::Cylinder => "cylinder",
+            Self::Point => "point",
+            Self::Line => "line",
+            #[cfg(feature = "faults")]
+            Self::ToyLight => "toy_light",
+        }
+    }
+
     /// True for shapes that no ray can meet.
     #[must_use]
     pub fn is_thin(self) -> bool {
@@ -32,7 +54,36 @@ impl LocalShape {
     /// True for shapes that shine to one side of a plane.
     #[must_use]
     pub fn is_flat(self) -> bool {
-        matches!(self, Self::Rect | Self::Disk)
+        self.half_box()[2] <= 0.0 && !self.is_thin()
+    }
+
+    /// Half the sizes of its box in its own frame.
+    #[must_use]
+    pub fn half_box(self) -> [f64; 3] {
+        match self {
+            Self::Rect | Self::Disk => [1.0, 1.0, 0.0],
+            Self::Sphere | Self::Cylinder => [1.0; 3],
+            Self::Line => [1.0, 0.0, 0.0],
+            Self::Point => [0.0; 3],
+            #[cfg(feature = "faults")]
+            Self::ToyLight => [1.0, 1.0, 0.0],
+        }
+    }
+
+    /// Half the size of its box along an axis of the world, after a linear map with this row of absolute values: for
+    /// round shapes norms, for the rest sums.
+    #[must_use]
+    pub fn half_extent(self, [x, y, z]: [f64; 3]) -> f64 {
+        match self {
+            Self::Rect => x + y,
+            Self::Disk => x.hypot(y),
+            Self::Sphere => x.hypot(y).hypot(z),
+            Self::Cylinder => x + y.hypot(z),
+            Self::Line => x,
+            Self::Point => 0.0,
+            #[cfg(feature = "faults")]
+            Self::ToyLight => x + y,
+        }
     }
 
     /// Area of the shape after the linear map `m`; 0 for what has none. Exact for plane shapes; curved ones are summed
@@ -61,7 +112,34 @@ impl LocalShape {
                 TAU * fejer(RINGS, ring)
             }
             Self::Point | Self::Line => 0.0,
+            #[cfg(feature = "faults")]
+            Self::ToyLight => 2.0 * xy.length(),
         }
+    }
+}
+
+/// Shape, and the sizes of the unit shape's axes.
+pub(super) fn shape_of(kind: &LightKind) -> Option<(LocalShape, DVec3, Option<AssetRef>)> {
+    let wide = f64::from;
+    match kind {
+        LightKind::Rect { width, height, texture } => {
+            let texture = texture.clone().filter(|asset| !asset.authored.is_empty() || !asset.resolved.is_empty());
+            Some((LocalShape::Rect, DVec3::new(0.5 * wide(*width), 0.5 * wide(*height), 1.0), texture))
+        }
+        LightKind::Disk { radius } => Some((LocalShape::Disk, DVec3::new(wide(*radius), wide(*radius), 1.0), None)),
+        LightKind::Sphere { radius, treat_as_point } => {
+            let shape = if *treat_as_point || *radius <= 0.0 { LocalShape::Point } else { LocalShape::Sphere };
+            Some((shape, DVec3::splat(wide(*radius)), None))
+        }
+        LightKind::Cylinder { length, radius, treat_as_line } => {
+            let shape = if *treat_as_line || *radius <= 0.0 { LocalShape::Line } else { LocalShape::Cylinder };
+            Some((shape, DVec3::new(0.5 * wide(*length), wide(*radius), wide(*radius)), None))
+        }
+        #[cfg(feature = "faults")]
+        LightKind::ToyLight { side } => {
+            Some((LocalShape::ToyLight, DVec3::new(0.5 * wide(*side), 0.5 * wide(*side), 1.0), None))
+        }
+        LightKind::Dome { .. } | LightKind::Distant { .. } | LightKind::Mesh { .. } => None,
     }
 }
 

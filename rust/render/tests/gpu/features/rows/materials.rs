@@ -2,7 +2,7 @@
 //! Of materials without textures.
 
 use super::super::scenes::{dressed, made_of, open_pbr};
-use super::{BARE, OF_MATERIALS, OF_MESH_LIGHTS, Row};
+use super::{Also, BARE, OF_MATERIALS, OF_MESH_LIGHTS, Row};
 use crate::materials::cutouts::holed;
 use crate::materials::hair::{curves, hair_of};
 use crate::materials::inside::clear;
@@ -105,6 +105,14 @@ pub(crate) const ROWS: &[Row] = &[
         },
         features: &["MATERIALS", "OPEN_PBR", "HAIR", "ROUND"],
         buffers: &[OF_MATERIALS],
+        ..BARE
+    },
+    Row {
+        what: "a lobe of tests",
+        build: |db| dressed(db, &[]),
+        features: &["MATERIALS", "TOY_LOBE"],
+        buffers: &[OF_MATERIALS],
+        also: Also::ToyLobe,
         ..BARE
     },
     Row {

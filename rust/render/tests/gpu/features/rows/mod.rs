@@ -41,6 +41,7 @@ pub(crate) enum Also {
     Streaming,
     Roulette,
     ChunkReport,
+    ToyLobe,
 }
 
 pub(crate) const NONE: Names = &[];
