@@ -4,14 +4,12 @@
 
 use anyhow::{Context, Result, ensure};
 use oocpt_core::array::TypedArray;
-use oocpt_core::scene::{InstancerDesc, Snapshot};
-use oocpt_core::settings::Value;
-use oocpt_render::{RenderRequest, Session, SessionOptions};
+use oocpt_core::scene::InstancerDesc;
+use oocpt_render::{RenderRequest, Session};
 use serde::Serialize;
-use std::sync::Arc;
-use std::time::Instant;
 
-use super::common::{self, Machine, Reported, finish};
+use super::common::{Machine, finish};
+use super::live::{self, Edit, Live};
 use super::observe::Observe;
 use crate::scene::island::{self, Parameters};
 
@@ -27,20 +25,11 @@ pub(crate) struct Arguments {
     /// Quads of the unique meshes.
     #[arg(long, default_value_t = 200_000)]
     unique_quads: u64,
-    /// Image width, pixels; one sample each, so that tracing does not hide the edit.
-    #[arg(long, default_value_t = 256)]
-    width: u32,
-    /// Image height, pixels.
-    #[arg(long, default_value_t = 108)]
-    height: u32,
-    /// Geometry budget, KiB; 0 = no limit.
-    #[arg(long, default_value_t = 0)]
-    geometry_budget: u32,
     /// Counted edits of each row.
     #[arg(long, default_value_t = 3)]
     runs: u32,
     #[command(flatten)]
-    reported: Reported,
+    live: Live,
     #[command(flatten)]
     observe: Observe,
 }
@@ -82,7 +71,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             distinct: false,
             seed: 7,
         };
-        let session = session(arguments)?;
+        let session = arguments.live.session()?;
         let prims = session.with_scene(|db| island::build(db, &island))?;
         let mut pebbles = prims
             .instancers
@@ -104,29 +93,22 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         }
         arguments.observe.write(&session, &request(arguments, &island), &instances.to_string())?;
     }
-    report.map_or(Ok(()), |report| arguments.reported.write(&report))
-}
-
-fn session(arguments: &Arguments) -> Result<Session> {
-    let settings = common::plain_settings(1, 1, &arguments.reported.device);
-    let session = Session::with_options(settings, SessionOptions::default());
-    session.set_setting("oocpt:geometryBudget", Value::Int(arguments.geometry_budget.into()))?;
-    Ok(session)
+    report.map_or(Ok(()), |report| arguments.live.reported.write(&report))
 }
 
 fn head(arguments: &Arguments, session: &Session) -> Report {
-    let machine = arguments.reported.machine(Some(session));
+    let machine = arguments.live.reported.machine(Some(session));
     println!("edits on {machine}");
     println!(
         "{:>12} {:>9} {:>10} {:>9} {:>14} {:>9} {:>9} {:>10}",
         "instances", "moved", "commit s", "image s", "uploaded B", "chunks", "touched", "records"
     );
-    Report { bench: "edits", machine, width: arguments.width, height: arguments.height, rows: Vec::new() }
+    let Live { width, height, .. } = arguments.live;
+    Report { bench: "edits", machine, width, height, rows: Vec::new() }
 }
 
 fn request(arguments: &Arguments, island: &Parameters) -> RenderRequest {
-    let (width, height) = (arguments.width, arguments.height);
-    common::color_request(width, height, island::camera(island, width, height))
+    arguments.live.request(|width, height| island::camera(island, width, height))
 }
 
 /// Moves `moved` instances of `instancer`, spread over all of it, by a few centimetres.
@@ -138,19 +120,9 @@ fn edit(
     moved: u64,
     run: u64,
 ) -> Result<Row> {
-    let before = session.with_scene(|db| Arc::clone(db.snapshot()));
     instancer.translations = instancer.translations.as_ref().map(|old| shifted(old, moved, run)).transpose()?;
-    let started = Instant::now();
-    let after = session.with_scene(|db| {
-        db.upsert_instancer(instancer.clone());
-        db.commit().snapshot
-    });
-    let commit_secs = started.elapsed().as_secs_f64();
-    ensure!(after.version != before.version, "the edit changed nothing");
-    session.render(request(arguments, island));
-    finish(session).context("render after an edit")?;
-    let image_secs = started.elapsed().as_secs_f64();
-    let (chunks_touched, records_touched) = touched(&before, &after);
+    let Edit { commit_secs, image_secs, made, after } =
+        live::edit(session, instancer.clone(), request(arguments, island))?;
     Ok(Row {
         instances: session.stats().instances,
         moved,
@@ -158,8 +130,8 @@ fn edit(
         image_secs,
         uploaded_bytes: session.timings().uploaded_bytes,
         chunks: after.world.chunks.len(),
-        chunks_touched,
-        records_touched,
+        chunks_touched: made.chunks,
+        records_touched: made.records,
     })
 }
 
@@ -175,20 +147,6 @@ fn shifted(old: &TypedArray, moved: u64, run: u64) -> Result<TypedArray> {
         places[index][0] += 0.03;
     }
     Ok(TypedArray::of(places))
-}
-
-/// Chunks of `after` that `before` did not have, and their records.
-fn touched(before: &Snapshot, after: &Snapshot) -> (usize, usize) {
-    let mut known: Vec<u64> = before.world.chunks.iter().map(|chunk| chunk.key()).collect();
-    known.sort_unstable();
-    let new: Vec<usize> = after
-        .world
-        .chunks
-        .iter()
-        .filter(|chunk| known.binary_search(&chunk.key()).is_err())
-        .map(|chunk| chunk.len())
-        .collect();
-    (new.len(), new.iter().sum())
 }
 
 fn print_row(row: &Row) {

@@ -8,6 +8,7 @@ mod edits;
 mod forest;
 mod island;
 mod leaves;
+mod live;
 mod materials;
 mod memory;
 mod moving;

@@ -6,14 +6,13 @@ use anyhow::{Context, Result, ensure};
 use glam::DVec3;
 use oocpt_core::array::TypedArray;
 use oocpt_core::mesh::level_node_count;
-use oocpt_core::scene::{InstancerDesc, Snapshot};
-use oocpt_core::settings::Value;
-use oocpt_render::{RenderRequest, Session, SessionOptions};
+use oocpt_core::scene::InstancerDesc;
+use oocpt_render::Session;
 use serde::Serialize;
-use std::sync::Arc;
 use std::time::Instant;
 
-use super::common::{self, Machine, Reported, finish};
+use super::common::{Machine, finish};
+use super::live::{self, Edit, Live};
 use crate::scene::forest;
 
 /// Radius of the circle that an instance goes around, units; its meshes are about one wide.
@@ -36,17 +35,8 @@ pub(crate) struct Arguments {
     /// Moves them by velocities while the shutter is open, too: a record of two keys each.
     #[arg(long)]
     blurred: bool,
-    /// Image width, pixels; one sample each.
-    #[arg(long, default_value_t = 256)]
-    width: u32,
-    /// Image height, pixels.
-    #[arg(long, default_value_t = 108)]
-    height: u32,
-    /// Geometry budget, KiB; 0 = no limit.
-    #[arg(long, default_value_t = 0)]
-    geometry_budget: u32,
     #[command(flatten)]
-    reported: Reported,
+    live: Live,
 }
 
 /// Frames of one size: means over them.
@@ -89,10 +79,10 @@ struct Report {
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut report = None;
     for &instances in &arguments.instances {
-        let session = session(arguments)?;
+        let session = arguments.live.session()?;
         session.with_scene(|db| forest::build(db, instances))?;
         let rest = forest::scatter(instances)?;
-        session.render(request(arguments));
+        session.render(arguments.live.request(forest::camera));
         finish(&session).context("first render")?;
         let report = report.get_or_insert_with(|| head(arguments, &session));
         for &percent in &arguments.percents {
@@ -101,23 +91,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             report.rows.push(row);
         }
     }
-    report.map_or(Ok(()), |report| arguments.reported.write(&report))
-}
-
-fn session(arguments: &Arguments) -> Result<Session> {
-    let settings = common::plain_settings(1, 1, &arguments.reported.device);
-    let session = Session::with_options(settings, SessionOptions::default());
-    session.set_setting("oocpt:geometryBudget", Value::Int(arguments.geometry_budget.into()))?;
-    Ok(session)
-}
-
-fn request(arguments: &Arguments) -> RenderRequest {
-    let (width, height) = (arguments.width, arguments.height);
-    common::color_request(width, height, forest::camera(width, height))
+    report.map_or(Ok(()), |report| arguments.live.reported.write(&report))
 }
 
 fn head(arguments: &Arguments, session: &Session) -> Report {
-    let machine = arguments.reported.machine(Some(session));
+    let machine = arguments.live.reported.machine(Some(session));
     println!("moving instances on {machine}");
     println!(
         "{:>10} {:>10} {:>9} {:>9} {:>9} {:>9} {:>9} {:>8} {:>12} {:>12} {:>10} {:>18}",
@@ -134,7 +112,8 @@ fn head(arguments: &Arguments, session: &Session) -> Report {
         "records",
         "nodes"
     );
-    let Arguments { width, height, frames, .. } = *arguments;
+    let Live { width, height, .. } = arguments.live;
+    let frames = arguments.frames;
     Report { bench: "moving", machine, width, height, frames, rows: Vec::new() }
 }
 
@@ -147,27 +126,17 @@ fn animate(arguments: &Arguments, session: &Session, rest: &InstancerDesc, perce
     let mut row = Row { instances, moved, blurred: arguments.blurred, ..Row::default() };
     let frames = arguments.frames.max(1);
     for frame in 0..=frames {
-        let before = session.with_scene(|db| Arc::clone(db.snapshot()));
         let started = Instant::now();
         let edited = placed(rest, places, moved, frame, arguments.blurred);
         let edit_secs = started.elapsed().as_secs_f64();
-        let started = Instant::now();
-        let after = session.with_scene(|db| {
-            db.upsert_instancer(edited);
-            db.commit().snapshot
-        });
-        let commit_secs = started.elapsed().as_secs_f64();
-        ensure!(after.version != before.version, "the edit changed nothing");
-        session.render(request(arguments));
-        finish(session).context("render of a frame")?;
-        let frame_secs = started.elapsed().as_secs_f64();
+        let Edit { commit_secs, image_secs, made, after } =
+            live::edit(session, edited, arguments.live.request(forest::camera))?;
         // The first frame makes what is asked for the first time.
         if frame > 0 {
             let timings = session.timings();
-            let made = made(&before, &after);
             row.edit_secs += edit_secs;
             row.commit_secs += commit_secs;
-            row.frame_secs += frame_secs;
+            row.frame_secs += image_secs;
             row.upload_secs += timings.upload_secs;
             row.trace_secs += timings.trace_secs;
             row.uploaded_bytes += timings.uploaded_bytes;
@@ -225,33 +194,6 @@ fn placed(rest: &InstancerDesc, places: &TypedArray, moved: usize, frame: u32, b
     desc
 }
 
-/// What a commit made anew.
-#[derive(Debug, Default, PartialEq, Eq)]
-struct Made {
-    chunks: usize,
-    records: usize,
-    nodes: usize,
-    meshes: usize,
-}
-
-fn made(before: &Snapshot, after: &Snapshot) -> Made {
-    let mut known: Vec<u64> = before.world.chunks.iter().map(|chunk| chunk.key()).collect();
-    known.sort_unstable();
-    let new = after.world.chunks.iter().filter(|chunk| known.binary_search(&chunk.key()).is_err());
-    let mut made = new.fold(Made::default(), |made, chunk| Made {
-        chunks: made.chunks + 1,
-        records: made.records + chunk.len(),
-        nodes: made.nodes + level_node_count(chunk.len()),
-        ..made
-    });
-    if before.world.top != after.world.top {
-        made.nodes += after.world.top.nodes.len();
-    }
-    let same = |(old, new): (&Arc<_>, &Arc<_>)| Arc::ptr_eq(old, new);
-    made.meshes = before.meshes.iter().zip(&after.meshes).filter(|pair| !same(*pair)).count();
-    made
-}
-
 fn print_row(row: &Row) {
     println!(
         "{:>10} {:>10} {:>9.4} {:>9.4} {:>9.4} {:>9.4} {:>9.4} {:>8.2} {:>12} {:>12} {:>10} {:>18}",
@@ -272,6 +214,7 @@ fn print_row(row: &Row) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::live::{Made, made};
     use super::*;
     use oocpt_core::scene::SceneDb;
 

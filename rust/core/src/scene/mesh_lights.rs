@@ -8,7 +8,7 @@
 //! - [`MaterialSync::GlowTintsLight`]: it reflects as its material does and emits `L` times what that emits, or `L` if
 //!   that emits nothing.
 //!
-//! Camera rays see what the mesh emits as a light, also where `UsdLux` would have them see the material's own glow.
+//! Camera rays see what the mesh emits as a light, also where `UsdLux` would have them see the material's own emission.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -116,7 +116,7 @@ impl MeshLight {
                 if channel.is_some() && !is_grey {
                     reports.note(
                         mesh,
-                        "one channel of a texture is its glow: the light's colour counts as grey".to_owned(),
+                        "its emission is one channel of a texture: the light's colour counts as grey".to_owned(),
                     );
                 }
                 let grey = (r + g + b) / 3.0;
@@ -130,7 +130,7 @@ impl MeshLight {
                 if [r, g, b].iter().any(|v| (v - 1.0).abs() > 0.0) {
                     reports.note(
                         mesh,
-                        "its glow is a primvar or a pattern, which its light's colour does not tint".to_owned(),
+                        "its emission is a primvar or a pattern, which its light's colour does not tint".to_owned(),
                     );
                 }
             }
