@@ -6,12 +6,14 @@
 #include "pxr/base/gf/vec3d.h"
 #include "pxr/base/gf/vec4f.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 #include <sstream>
 #include <string>
+#include <vector>
 
 PXR_NAMESPACE_USING_DIRECTIVE
 
@@ -74,6 +76,14 @@ void _CheckFill()
     std::array<int32_t, 3> ids { 9, 9, 9 };
     HdOocPTFillPixels(VtValue(-1), ids.data(), HdFormatInt32, 2);
     _Expect(ids == std::array<int32_t, 3> { -1, -1, 9 }, "fill ids");
+    // More pixels than are copied at a time, by any number, and not one too many.
+    for (size_t const count : { size_t(1), size_t(3), size_t(4096), size_t(4097), size_t(8191), size_t(10007) }) {
+        std::vector<std::array<float, 3>> many(count + 1, std::array<float, 3> { 9, 9, 9 });
+        HdOocPTFillPixels(VtValue(GfVec3f(1, 2, 3)), many.data(), HdFormatFloat32Vec3, count);
+        bool const isFilled = std::all_of(many.begin(), many.end() - 1,
+            [](std::array<float, 3> const& pixel) { return pixel == std::array<float, 3> { 1, 2, 3 }; });
+        _Expect(isFilled && many.back() == std::array<float, 3> { 9, 9, 9 }, "fill many");
+    }
     HdOocPTFillPixels(VtValue(std::string("red")), ids.data(), HdFormatInt32, 3);
     _Expect(ids == std::array<int32_t, 3> { 0, 0, 0 }, "an unknown clear value means zero");
 }
