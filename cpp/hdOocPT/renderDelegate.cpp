@@ -53,7 +53,8 @@ HdOocPTRenderDelegate::~HdOocPTRenderDelegate()
 
 TfTokenVector const& HdOocPTRenderDelegate::GetSupportedRprimTypes() const
 {
-    // Implicit shapes are listed so that they get prim ids; a scene index in front of the reader makes meshes of most.
+    // Implicit shapes, NURBS and tetrahedral meshes are listed so that they get prim ids; scene indices in front of the
+    // reader make meshes and basis curves of most.
     static TfTokenVector const types { _tokens->mesh, _tokens->basisCurves, _tokens->points, _tokens->sphere,
         _tokens->cube, _tokens->cone, _tokens->cylinder, _tokens->capsule, _tokens->plane, _tokens->nurbsCurves,
         _tokens->nurbsPatch, _tokens->tetMesh };

@@ -24,6 +24,10 @@ std::vector<_Row> _MakeTable()
         { HdDataSourceLocator(tokens.mesh), HdOocPTDirtyTopology },
         { HdDataSourceLocator(tokens.displayStyle, tokens.refineLevel), HdOocPTDirtyTopology },
         { HdDataSourceLocator(tokens.basisCurves), HdOocPTDirtyTopology },
+        // Hydra's filters, which make meshes and basis curves of these, pass on what the scene said.
+        { HdDataSourceLocator(tokens.nurbsPatch), HdOocPTDirtyTopology },
+        { HdDataSourceLocator(tokens.nurbsCurves), HdOocPTDirtyTopology },
+        { HdDataSourceLocator(tokens.tetMesh), HdOocPTDirtyTopology },
         { HdDataSourceLocator(tokens.sphere), HdOocPTDirtyTopology },
         { HdDataSourceLocator(tokens.capsule), HdOocPTDirtyTopology },
         { HdDataSourceLocator(tokens.primvars, tokens.widths), HdOocPTDirtyPoints },

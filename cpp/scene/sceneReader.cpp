@@ -12,7 +12,9 @@
 #include "scene/primKind.h"
 #include "scene/tokens.h"
 
+#include <algorithm>
 #include <exception>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <string>
@@ -97,15 +99,22 @@ void HdOocPTSceneReader::Read(const PrimIdLookup& primIdOf, oocpt::SceneEdits* e
     }
     _ReadLinks(&dirty, warnings);
     std::vector<_Job> jobs = _MakeJobs(dirty, warnings);
-    WorkParallelForN(jobs.size(), [&](size_t begin, size_t end) {
-        for (size_t i = begin; i < end; ++i) {
-            _TryJob(&jobs[i], primIdOf, warnings);
-        }
-    });
-    for (_Job& job : jobs) {
+    _RunJobs(&jobs, primIdOf, warnings);
+    // What lies below a prim that is left out goes with it in the renderer, and there once more, from the kept state.
+    _DirtyBits below;
+    for (const _Job& job : jobs) {
         if (job.isBroken) {
-            edits->removed.push_back(rust::String::lossy(job.path.GetString()));
+            edits->removed.push_back(_Text(job.path));
+            _AddBelow(job.path, &below);
         }
+    }
+    for (const auto& [path, bits] : dirty) {
+        below.erase(path);
+    }
+    std::vector<_Job> more = _MakeJobs(below, warnings);
+    _RunJobs(&more, primIdOf, warnings);
+    std::move(more.begin(), more.end(), std::back_inserter(jobs));
+    for (_Job& job : jobs) {
         if (job.losesLight) {
             edits->removed.push_back(rust::String::lossy(job.path.GetString() + HdOocPTMeshLightSuffix));
         }
@@ -155,24 +164,28 @@ void HdOocPTSceneReader::_TakeRemovals(const std::vector<SdfPath>& removed, oocp
     }
 }
 
-void HdOocPTSceneReader::_RemoveAlone(const SdfPath& path, oocpt::SceneEdits* edits, std::set<SdfPath>* again)
+void HdOocPTSceneReader::_RemoveAlone(const SdfPath& path, oocpt::SceneEdits* edits, _DirtyBits* dirty)
 {
     edits->removed.push_back(_Text(path));
     _settingsPrims.erase(path);
     _links.Remove(path);
+    _AddBelow(path, dirty);
+    _records[path].reset();
+}
+
+void HdOocPTSceneReader::_AddBelow(const SdfPath& path, _DirtyBits* dirty)
+{
     const auto range = _records.FindSubtreeRange(path);
     for (auto it = range.first; it != range.second; ++it) {
         if (it->second && it->first != path) {
-            again->insert(it->first);
+            dirty->emplace(it->first, 0);
         }
     }
-    _records[path].reset();
 }
 
 void HdOocPTSceneReader::_TakeChanges(
     const HdOocPTSceneChanges& changes, oocpt::SceneEdits* edits, _DirtyBits* dirtyBits)
 {
-    std::set<SdfPath> again;
     _DirtyBits& dirty = *dirtyBits;
     for (const auto& [path, change] : changes.changes) {
         if (change.added) {
@@ -180,7 +193,8 @@ void HdOocPTSceneReader::_TakeChanges(
             const auto known = _records.find(path);
             const bool isKnown = known != _records.end() && known->second;
             if (isKnown && known->second->type != change.type) {
-                _RemoveAlone(path, edits, &again);
+                // The renderer removes whole subtrees: what only lost its parent goes there once more.
+                _RemoveAlone(path, edits, &dirty);
             }
             if (kind == HdOocPTPrimKind::Other) {
                 continue;
@@ -200,10 +214,6 @@ void HdOocPTSceneReader::_TakeChanges(
         } else if (change.dirtyBits != 0) {
             dirty[path] |= change.dirtyBits;
         }
-    }
-    // The renderer removes whole subtrees: what only lost its parent goes there once more, from the kept state.
-    for (const SdfPath& path : again) {
-        dirty.emplace(path, 0);
     }
 }
 
@@ -262,22 +272,23 @@ std::vector<HdOocPTSceneReader::_Job> HdOocPTSceneReader::_MakeJobs(const _Dirty
     return jobs;
 }
 
-void HdOocPTSceneReader::_TryJob(_Job* job, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const
+void HdOocPTSceneReader::_RunJobs(
+    std::vector<_Job>* jobs, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const
 {
-    try {
-        _ReadJob(job, primIdOf, warnings);
-    } catch (const std::exception& error) {
-        // Hydra's filters work out what is asked for, NURBS of any number of points, say: one prim must not end the
-        // render.
-        warnings->Add(job->path, std::string("it could not be read (") + error.what() + "); left out");
-        job->mesh.reset();
-        job->instancer.reset();
-        job->light.reset();
-        job->material.reset();
-        job->record->mesh.reset();
-        job->record->instancer.reset();
-        job->isBroken = true;
-    }
+    const auto read = [&](_Job& job) {
+        try {
+            _ReadJob(&job, primIdOf, warnings);
+        } catch (const std::exception& error) {
+            // Hydra's filters work out what they are asked for, NURBS of any number of points, say: one prim must not
+            // end the render. Nothing that was read on the way counts, now or as the kept state.
+            warnings->Add(job.path, std::string("it could not be read (") + error.what() + "); left out");
+            job = _Job { job.path, 0, job.record, {}, {}, {}, false, {}, true };
+            job.record->mesh.reset();
+            job.record->instancer.reset();
+        }
+    };
+    WorkParallelForN(jobs->size(),
+        [&](size_t begin, size_t end) { std::for_each(jobs->begin() + begin, jobs->begin() + end, read); });
 }
 
 void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const

@@ -89,9 +89,11 @@ private:
     void _TakeChanges(const HdOocPTSceneChanges& changes, oocpt::SceneEdits* edits, _DirtyBits* dirty);
     void _ReadLinks(_DirtyBits* dirty, HdOocPTWarnings* warnings);
     std::vector<_Job> _MakeJobs(const _DirtyBits& dirty, HdOocPTWarnings* warnings);
-    void _RemoveAlone(const SdfPath& path, oocpt::SceneEdits* edits, std::set<SdfPath>* again);
-    /// Reads a prim; one that cannot be read is left out, with a warning.
-    void _TryJob(_Job* job, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const;
+    void _RemoveAlone(const SdfPath& path, oocpt::SceneEdits* edits, _DirtyBits* dirty);
+    /// Adds what is below a prim.
+    void _AddBelow(const SdfPath& path, _DirtyBits* dirty);
+    /// Reads prims, side by side; one that cannot be read is left out, with a warning.
+    void _RunJobs(std::vector<_Job>* jobs, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const;
     void _ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const;
     void _ReadSettings();
     void _SetShutter(const HdOocPTShutter& shutter);

@@ -13,7 +13,7 @@ PXR_NAMESPACE_OPEN_SCOPE
 #define HDOOCPT_SCENE_TOKENS                                                                                          \
     /* prim types */                                                                                                  \
     (mesh)(instancer)(domeLight)(distantLight)(simpleLight)(rectLight)(sphereLight)(diskLight)(cylinderLight)         \
-    (geomSubset)(renderSettings)(tetMesh)                                                                             \
+    (geomSubset)(renderSettings)(tetMesh)(nurbsPatch)(nurbsCurves)                                                    \
     /* every prim */                                                                                                  \
     (xform)(matrix)(visibility)(purpose)(instancedBy)(paths)(prototypeRoots)                                          \
     /* meshes */                                                                                                      \

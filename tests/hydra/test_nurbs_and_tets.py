@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 from pxr import Gf, UsdGeom
 
+import small
 from test_curves_and_points import agree, pixels, seen
 
 CORNERS = np.array([(-1.2, -1.0, 0.0), (1.1, -0.9, 0.2), (0.1, 1.2, -0.1), (0.0, 0.0, 1.3), (0.3, 0.1, -1.0)])
@@ -129,3 +130,32 @@ def test_bad_ones_are_left_out_by_name(host):
     assert on == 0.25, f"the box, and nothing else: {on}"
     for name in bad:
         assert f"/World/{name}" in picture.log, f"{name} is named in {picture.log}"
+
+
+def test_one_that_breaks_later_goes_alone_and_comes_back(pool):
+    """The host's filter runs out of memory over it; what is below it stays."""
+
+    def build(stage):
+        nurbs = UsdGeom.NurbsPatch.Define(stage, "/World/Patch")
+        nurbs.CreatePointsAttr([(x, y, 0) for y in (-1, 1) for x in (-1.5, 0.5)])
+        for make in (nurbs.CreateUVertexCountAttr, nurbs.CreateVVertexCountAttr):
+            make(2)
+        below = UsdGeom.Cube.Define(stage, "/World/Patch/Below")
+        below.CreateSizeAttr(0.5)
+        below.AddTranslateOp().Set(Gf.Vec3d(1.2, 0, 0))
+        small.dome(stage)
+        small.orthographic(stage, "/World/Camera", (0, 0, 6), (0, 0, 0), 4.0)
+
+    stage, host = small.build(build, "a patch with a cube below it"), pool.get("scene_index")
+    settings = {"oocpt:samplesPerPixel": 1, "oocpt:maxBounces": 0}
+    seen_in_turn = []
+    with host.open(stage, (64, 64), aovs=["primId"], settings=settings) as view:
+        for vertices in (2, 2_000_000_000, 2):
+            # Both, so that it is asked for more than there can be, and no memory is filled in vain.
+            for name in ("uVertexCount", "vVertexCount"):
+                view.edit(f"stage.GetPrimAtPath('/World/Patch').GetAttribute('{name}').Set({vertices})")
+            picture = view.render()
+            is_told = "/World/Patch: it could not be read" in picture.log
+            seen_in_turn.append((int((picture["primId"] >= 0).sum()), is_told))
+    (both, _), (cube, is_told), (again, _) = seen_in_turn
+    assert is_told and cube == 64 and again == both > 2 * cube, seen_in_turn

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Instances: what instancers and prims place, as records that are computed when they are asked for.
+//! Instance records: transforms, targets and bounds of what instancers and prims place. They are not stored but
+//! computed on demand from the arrays of the scene.
 //!
 //! Follow an instancer: its arrays are read element by element (`placement`, `array_motion`: where and when), those
 //! that are usable are the ranks of a `run`, runs with their targets are the members of an [`assembly::Assembly`],

@@ -44,7 +44,11 @@ pub struct Feature {
 }
 
 macro_rules! features {
-    ($($(#[doc = $doc:literal])+ $(#[cfg($only:meta)])? $name:ident: $what:literal, [$($needs:ident),*], $carry:ident;)+) => {
+    ($(
+        $(#[doc = $doc:literal])+
+        $(#[cfg($only:meta)])?
+        $name:ident: $what:literal, [$($needs:ident),*], $carry:ident;
+    )+) => {
         #[expect(non_camel_case_types, clippy::upper_case_acronyms, reason = "names of constants")]
         enum Bit {
             $($(#[cfg($only)])? $name,)+
