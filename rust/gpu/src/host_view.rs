@@ -132,20 +132,25 @@ impl HostBytes<'_> {
         self.bytes == 0
     }
 
-    /// Asks the processor to bring the `index`-th `T` near; nothing where it does not fit.
-    #[inline]
-    pub fn prefetch<T>(&self, index: usize) {
-        let Some(at) = index.checked_mul(size_of::<T>()).filter(|at| *at < self.bytes) else { return };
+    /// Asks the processor to bring `count` of `T` near, from the `index`-th on; nothing where they do not fit.
+    #[inline(always)]
+    pub fn prefetch<T>(&self, index: usize, count: usize) {
+        /// Bytes of a line of the caches of all processors that there is a prefetch for here.
+        const LINE: usize = 64;
+        let (Some(at), Some(bytes)) = (index.checked_mul(size_of::<T>()), count.checked_mul(size_of::<T>())) else {
+            return;
+        };
+        if bytes == 0 || bytes > self.bytes || at > self.bytes - bytes {
+            return;
+        }
         #[cfg(target_arch = "x86_64")]
-        {
+        for byte in (at..at + bytes - 1).step_by(LINE).chain([at + bytes - 1]) {
             use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-            // SAFETY: `at` is inside the mapped bytes.
-            let from = unsafe { self.at.add(at) }.cast::<i8>();
+            // SAFETY: `byte` is inside the mapped bytes.
+            let from = unsafe { self.at.add(byte) }.cast::<i8>();
             // SAFETY: SSE is part of x86-64, and a prefetch reads nothing that a program sees.
             unsafe { _mm_prefetch::<_MM_HINT_T0>(from) };
         }
-        #[cfg(not(target_arch = "x86_64"))]
-        let _: usize = at;
     }
 
     /// A copy of the `index`-th `T` from here; none where it does not fit.

@@ -8,16 +8,19 @@ use crate::scene::Scene;
 use crate::vector::V3;
 use crate::walk::{Found, MOST_LEVELS, Walk, WorldRay};
 use crate::{Special, TraceError};
-use oocpt_gpu::{HostView, HostWords};
+use oocpt_gpu::{HostBytes, HostView, HostWords};
 use oocpt_shader_abi::{
     Counters, Features, MAX_PENDING, PathProgress, Pending, Push, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW,
     RAY_WORD_T_MAX, Ray, RayFlags, SHADOW_BIT, ShadowRay, hit_stride, unpack_color, unpack_shadow_bounce,
 };
 use rayon::prelude::*;
 use std::mem::offset_of;
+use std::ops::Range;
 
 /// Rays of a block.
-const BLOCK: u32 = 64;
+const BLOCK: u32 = 128;
+/// Rays that a thread walks at once.
+const RAYS_AT_ONCE: usize = 8;
 /// Words of a ray, a shadow ray, a pending list.
 const RAY_WORDS: usize = size_of::<Ray>() / 4;
 const SHADOW_WORDS: usize = size_of::<ShadowRay>() / 4;
@@ -48,6 +51,75 @@ struct Pushes {
     visits: u32,
 }
 
+/// What a pass does with an entry of its queue, before and after the walk. All of it is inlined, so that it is compiled
+/// for each kind of processor.
+trait Rays<'s, 'v, const ANY_HIT: bool>: Sync {
+    /// Begins the walk of entry `at` of the queue; what [`Rays::end`] has to know of it. None: no such ray.
+    fn begin(&self, walk: &mut Walk<'s, 'v, ANY_HIT>, at: u32) -> Option<Begun>;
+
+    /// Takes what the walk has found.
+    fn end(&self, walk: &mut Walk<'s, 'v, ANY_HIT>, begun: Begun, pushes: &mut Pushes);
+}
+
+/// A ray on its way.
+#[derive(Clone, Copy)]
+struct Begun {
+    path: u32,
+    /// It was ended by roulette, and has not walked.
+    is_ended: bool,
+}
+
+/// A block of rays. A thread walks some at once, each a step further in turn: what one reads from memory comes while
+/// the others walk.
+struct Block<'a, 's, 'v, R, const ANY_HIT: bool> {
+    walks: &'a mut [Walk<'s, 'v, ANY_HIT>],
+    pushes: &'a mut Pushes,
+    rays: &'a R,
+    range: Range<u32>,
+}
+
+impl<'s, 'v, R: Rays<'s, 'v, ANY_HIT>, const ANY_HIT: bool> Block<'_, 's, 'v, R, ANY_HIT> {
+    fn trace(self) {
+        let Self { walks, pushes, rays, mut range } = self;
+        let mut under_way = [None; RAYS_AT_ONCE];
+        loop {
+            let mut is_done = true;
+            for (walk, slot) in walks.iter_mut().zip(&mut under_way) {
+                if slot.is_none()
+                    && let Some(at) = range.next()
+                {
+                    *slot = rays.begin(walk, at);
+                    is_done = false;
+                }
+                if let Some(begun) = *slot {
+                    is_done = false;
+                    if !walk.step() {
+                        rays.end(walk, begun, pushes);
+                        *slot = None;
+                    }
+                }
+            }
+            if is_done {
+                return;
+            }
+        }
+    }
+}
+
+/// The rays of [`closest`].
+struct ClosestRays<'a, 's, 'v> {
+    shared: &'a Shared<'s, 'v>,
+    queue: HostBytes<'v>,
+    hits: HostWords<'v>,
+}
+
+/// The rays of [`shadow`].
+struct ShadowRays<'a, 's, 'v> {
+    shared: &'a Shared<'s, 'v>,
+    queue: HostBytes<'v>,
+    radiance: HostWords<'v>,
+}
+
 /// Traces the closest hits of a round.
 ///
 /// # Errors
@@ -60,11 +132,7 @@ pub fn closest(view: &HostView, push: Push, special: Special) -> Result<(), Trac
     let queue = view.bytes(scene.frame.ray_queue[parity]);
     let hits = view.words(scene.frame.hits);
     let count = shared.counters.load(counter!(ray_count) + parity);
-    shared.trace::<false>(count, &|walk, at, pushes| {
-        if let Some(path) = queue.get::<u32>(at as usize) {
-            shared.closest_ray(walk, path, hits, pushes);
-        }
-    });
+    shared.trace(count, &ClosestRays { shared: &shared, queue, hits });
     Ok(())
 }
 
@@ -79,11 +147,7 @@ pub fn shadow(view: &HostView, push: Push, special: Special) -> Result<(), Trace
     let queue = view.bytes(scene.frame.shadow_queue);
     let radiance = view.words(scene.frame.radiance);
     let count = shared.counters.load(counter!(shadow_count));
-    shared.trace::<true>(count, &|walk, at, pushes| {
-        if let Some(path) = queue.get::<u32>(at as usize) {
-            shared.shadow_ray(walk, path, radiance, pushes);
-        }
-    });
+    shared.trace(count, &ShadowRays { shared: &shared, queue, radiance });
     Ok(())
 }
 
@@ -97,22 +161,17 @@ impl<'s, 'v> Shared<'s, 'v> {
         Self { scene, counters: view.words(scene.frame.counters), rays, pending: view.words(pending) }
     }
 
-    /// Calls `one` for each of `count` entries of a queue.
-    fn trace<const ANY_HIT: bool>(
-        &self,
-        count: u32,
-        one: &(impl Fn(&mut Walk<'s, 'v, ANY_HIT>, u32, &mut Pushes) + Sync),
-    ) {
+    /// Traces each of `count` entries of a queue.
+    fn trace<const ANY_HIT: bool>(&self, count: u32, rays: &impl Rays<'s, 'v, ANY_HIT>) {
         let blocks = (0..count.div_ceil(BLOCK)).into_par_iter();
         blocks.for_each_init(
-            || (Walk::<ANY_HIT>::new(self.scene), Pushes::default()),
-            |(walk, pushes), block| {
+            || ([(); RAYS_AT_ONCE].map(|()| Walk::<ANY_HIT>::new(self.scene)), Pushes::default()),
+            |(walks, pushes), block| {
                 let first = block * BLOCK;
-                for at in first..count.min(first + BLOCK) {
-                    one(walk, at, pushes);
-                }
+                let range = first..count.min(first + BLOCK);
+                Block { walks: &mut *walks, pushes: &mut *pushes, rays, range }.trace();
                 self.push_all(pushes);
-                let overflows = std::mem::take(&mut walk.overflows);
+                let overflows = walks.iter_mut().map(|walk| std::mem::take(&mut walk.overflows)).sum();
                 if overflows > 0 {
                     self.count(counter!(stack_overflows), overflows);
                 }
@@ -166,6 +225,7 @@ impl<'s, 'v> Shared<'s, 'v> {
     }
 
     /// The world ray at word `at`, apart from what only one kind of rays has.
+    #[inline(always)]
     fn load_ray(&self, at: usize) -> WorldRay {
         let flags = if self.scene.has(Features::STREAMING) { self.rays.load(at + RAY_WORD_FLAGS as usize) } else { 0 };
         WorldRay {
@@ -176,6 +236,11 @@ impl<'s, 'v> Shared<'s, 'v> {
             flags,
             ..WorldRay::default()
         }
+    }
+
+    /// Words from one hit record to the next.
+    fn hit_words(&self) -> usize {
+        hit_stride(self.scene.special.max_levels) as usize / 4
     }
 
     fn is_ended(&self, flags: u32) -> bool {
@@ -193,9 +258,10 @@ impl<'s, 'v> Shared<'s, 'v> {
         list
     }
 
-    fn run<const ANY_HIT: bool>(&self, walk: &mut Walk<'s, 'v, ANY_HIT>, path: u32, ray: WorldRay) {
+    #[inline(always)]
+    fn begin<const ANY_HIT: bool>(&self, walk: &mut Walk<'s, 'v, ANY_HIT>, path: u32, ray: WorldRay) {
         let listed = if ray.flags == 0 { [(0.0, 0); MAX_PENDING as usize] } else { self.listed(path) };
-        walk.run(ray, &listed);
+        walk.begin(ray, &listed);
     }
 
     /// Keeps what a ray waits for.
@@ -223,79 +289,6 @@ impl<'s, 'v> Shared<'s, 'v> {
         list.push(path);
     }
 
-    fn closest_ray(&self, walk: &mut Walk<'s, 'v, false>, path: u32, hits: HostWords<'v>, pushes: &mut Pushes) {
-        let at = path as usize * RAY_WORDS;
-        let ray = self.load_ray(at);
-        let is_ended = self.is_ended(ray.flags);
-        let stride = hit_stride(self.scene.special.max_levels) as usize / 4;
-        if is_ended {
-            walk.no_walk();
-        } else {
-            if ray.flags & RayFlags::HIT.bits() != 0 {
-                walk.found = load_hit(hits, path as usize * stride, self.scene.special.levels());
-            }
-            let bounce = self.rays.load(at + RAY_WORD_BOUNCE as usize);
-            let seed = self.scene.opacity_seed(path, bounce.wrapping_mul(2));
-            self.run(walk, path, WorldRay { seed, time: self.scene.path_time(path), ..ray });
-        }
-        if walk.hit {
-            store_hit(hits, path as usize * stride, &walk.found, self.scene.special.levels());
-        }
-        if !self.scene.has(Features::STREAMING) {
-            if walk.hit { &mut pushes.surfaces } else { &mut pushes.escaped }.push(path);
-            return;
-        }
-        let hit = walk.hit || walk.hit_before;
-        let mut flags = RayFlags::empty();
-        flags.set(RayFlags::HIT, hit);
-        flags.set(RayFlags::CHANGED, walk.hit);
-        self.rays.store(at + RAY_WORD_FLAGS as usize, flags.bits() | walk.pending.flags());
-        pushes.visits += walk.visits;
-        if walk.pending.keys().is_empty() {
-            let end = if is_ended {
-                PathProgress::PATH_ENDS
-            } else if hit {
-                PathProgress::CLOSEST_HIT
-            } else {
-                PathProgress::empty()
-            };
-            self.finish(path, PathProgress::CLOSEST_DONE | end, pushes);
-        } else {
-            self.store_pending(path, walk.pending.keys());
-            pushes.deferred.push(path);
-        }
-    }
-
-    fn shadow_ray(&self, walk: &mut Walk<'s, 'v, true>, path: u32, radiance: HostWords<'v>, pushes: &mut Pushes) {
-        let at = path as usize * SHADOW_WORDS;
-        let ray = self.load_ray(at);
-        let is_ended = self.is_ended(ray.flags);
-        if is_ended {
-            walk.no_walk();
-        } else {
-            let linked = self.rays.load(at + RAY_WORD_BOUNCE as usize);
-            let (bounce, shadow_link) = match self.scene.has(Features::LIGHT_LINKS) {
-                true => unpack_shadow_bounce(linked),
-                false => (linked, 0),
-            };
-            let seed = self.scene.opacity_seed(path, bounce.wrapping_mul(2).wrapping_add(1));
-            self.run(walk, path, WorldRay { seed, time: self.scene.path_time(path), shadow_link, ..ray });
-        }
-        let waits = !walk.hit && !walk.pending.keys().is_empty();
-        self.add_light(at, path, walk.hit, waits || is_ended, radiance);
-        if !self.scene.has(Features::STREAMING) {
-            return;
-        }
-        pushes.visits += walk.visits;
-        if waits {
-            self.rays.store(at + RAY_WORD_FLAGS as usize, walk.pending.flags());
-            self.store_pending(path, walk.pending.keys());
-            pushes.deferred.push(path | SHADOW_BIT);
-        } else {
-            self.finish(path, PathProgress::SHADOW_DONE, pushes);
-        }
-    }
-
     /// What the light brings if nothing is in its way, or of a shadow the share that its colour tells.
     fn add_light(&self, at: usize, path: u32, hit: bool, waits: bool, radiance: HostWords<'v>) {
         let color = self.rays.load(at + RAY_WORD_IN_SHADOW as usize);
@@ -309,6 +302,102 @@ impl<'s, 'v> Shared<'s, 'v> {
         let to = path as usize * 4;
         for (i, more) in light.0.into_iter().enumerate() {
             radiance.store(to + i, (f32::from_bits(radiance.load(to + i)) + more).to_bits());
+        }
+    }
+}
+
+impl<'s, 'v> Rays<'s, 'v, false> for ClosestRays<'_, 's, 'v> {
+    #[inline(always)]
+    fn begin(&self, walk: &mut Walk<'s, 'v, false>, at: u32) -> Option<Begun> {
+        let Self { shared, queue, hits } = self;
+        let path = queue.get::<u32>(at as usize)?;
+        let at = path as usize * RAY_WORDS;
+        let ray = shared.load_ray(at);
+        let is_ended = shared.is_ended(ray.flags);
+        if is_ended {
+            walk.no_walk();
+        } else {
+            if ray.flags & RayFlags::HIT.bits() != 0 {
+                walk.found = load_hit(*hits, path as usize * shared.hit_words(), shared.scene.special.levels());
+            }
+            let bounce = shared.rays.load(at + RAY_WORD_BOUNCE as usize);
+            let seed = shared.scene.opacity_seed(path, bounce.wrapping_mul(2));
+            shared.begin(walk, path, WorldRay { seed, time: shared.scene.path_time(path), ..ray });
+        }
+        Some(Begun { path, is_ended })
+    }
+
+    #[inline(always)]
+    fn end(&self, walk: &mut Walk<'s, 'v, false>, Begun { path, is_ended }: Begun, pushes: &mut Pushes) {
+        let Self { shared, hits, .. } = self;
+        if walk.hit {
+            store_hit(*hits, path as usize * shared.hit_words(), &walk.found, shared.scene.special.levels());
+        }
+        if !shared.scene.has(Features::STREAMING) {
+            if walk.hit { &mut pushes.surfaces } else { &mut pushes.escaped }.push(path);
+            return;
+        }
+        let hit = walk.hit || walk.hit_before;
+        let mut flags = RayFlags::empty();
+        flags.set(RayFlags::HIT, hit);
+        flags.set(RayFlags::CHANGED, walk.hit);
+        let at = path as usize * RAY_WORDS + RAY_WORD_FLAGS as usize;
+        shared.rays.store(at, flags.bits() | walk.pending.flags());
+        pushes.visits += walk.visits;
+        if walk.pending.keys().is_empty() {
+            let end = if is_ended {
+                PathProgress::PATH_ENDS
+            } else if hit {
+                PathProgress::CLOSEST_HIT
+            } else {
+                PathProgress::empty()
+            };
+            shared.finish(path, PathProgress::CLOSEST_DONE | end, pushes);
+        } else {
+            shared.store_pending(path, walk.pending.keys());
+            pushes.deferred.push(path);
+        }
+    }
+}
+
+impl<'s, 'v> Rays<'s, 'v, true> for ShadowRays<'_, 's, 'v> {
+    #[inline(always)]
+    fn begin(&self, walk: &mut Walk<'s, 'v, true>, at: u32) -> Option<Begun> {
+        let Self { shared, queue, .. } = self;
+        let path = queue.get::<u32>(at as usize)?;
+        let at = path as usize * SHADOW_WORDS;
+        let ray = shared.load_ray(at);
+        let is_ended = shared.is_ended(ray.flags);
+        if is_ended {
+            walk.no_walk();
+        } else {
+            let linked = shared.rays.load(at + RAY_WORD_BOUNCE as usize);
+            let (bounce, shadow_link) = match shared.scene.has(Features::LIGHT_LINKS) {
+                true => unpack_shadow_bounce(linked),
+                false => (linked, 0),
+            };
+            let seed = shared.scene.opacity_seed(path, bounce.wrapping_mul(2).wrapping_add(1));
+            shared.begin(walk, path, WorldRay { seed, time: shared.scene.path_time(path), shadow_link, ..ray });
+        }
+        Some(Begun { path, is_ended })
+    }
+
+    #[inline(always)]
+    fn end(&self, walk: &mut Walk<'s, 'v, true>, Begun { path, is_ended }: Begun, pushes: &mut Pushes) {
+        let Self { shared, radiance, .. } = self;
+        let at = path as usize * SHADOW_WORDS;
+        let waits = !walk.hit && !walk.pending.keys().is_empty();
+        shared.add_light(at, path, walk.hit, waits || is_ended, *radiance);
+        if !shared.scene.has(Features::STREAMING) {
+            return;
+        }
+        pushes.visits += walk.visits;
+        if waits {
+            shared.rays.store(at + RAY_WORD_FLAGS as usize, walk.pending.flags());
+            shared.store_pending(path, walk.pending.keys());
+            pushes.deferred.push(path | SHADOW_BIT);
+        } else {
+            shared.finish(path, PathProgress::SHADOW_DONE, pushes);
         }
     }
 }

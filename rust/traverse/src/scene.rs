@@ -80,6 +80,11 @@ impl<'v> Scene<'v> {
     }
 
     #[inline(always)]
+    pub(crate) fn prefetch_chunk_instance(&self, index: usize) {
+        self.chunk_instances.prefetch::<GpuChunkInstance>(index, 1);
+    }
+
+    #[inline(always)]
     pub(crate) fn chunk(&self, index: u32) -> Option<GpuChunk> {
         self.chunks.get(index as usize)
     }

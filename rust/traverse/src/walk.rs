@@ -59,6 +59,12 @@ pub(crate) struct Found {
     pub(crate) chain: [u32; MOST_LEVELS],
 }
 
+/// How many triangles a leaf of a mesh has.
+#[inline(always)]
+fn triangles_of(leaf: u32) -> u32 {
+    ((leaf >> 28) & 7) + 1
+}
+
 /// A level to come back to.
 #[derive(Clone, Copy, Debug)]
 struct Level<'v> {
@@ -90,6 +96,9 @@ pub(crate) struct Walk<'s, 'v, const ANY_HIT: bool> {
     pub(crate) overflows: u32,
     is_streaming: bool,
     at: Level<'v>,
+    /// What is visited next, and how many were.
+    reference: u32,
+    steps: u32,
     entry: f32,
     limit: f32,
     level: usize,
@@ -123,6 +132,8 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
             overflows: 0,
             is_streaming: scene.has(Features::STREAMING),
             at: NO_LEVEL,
+            reference: DONE,
+            steps: 0,
             entry: 0.0,
             limit: 0.0,
             level: 0,
@@ -151,12 +162,13 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
     pub(crate) fn no_walk(&mut self) {
         self.pending.clear();
         (self.hit, self.hit_before, self.visits) = (false, false, 0);
+        (self.reference, self.overflowed) = (DONE, false);
     }
 
-    /// Walks a ray to its end. With streaming one that has waited goes on: `found` is its hit so far if its flags say
+    /// Begins the walk of a ray. With streaming one that has waited goes on: `found` is its hit so far if its flags say
     /// so, and `listed` the chunk instances that it waited for.
     #[inline(always)]
-    pub(crate) fn run(&mut self, world: WorldRay, listed: &[(f32, u32); MAX_PENDING as usize]) {
+    pub(crate) fn begin(&mut self, world: WorldRay, listed: &[(f32, u32); MAX_PENDING as usize]) {
         self.world = world;
         self.hit_before = self.is_streaming && world.flags & RayFlags::HIT.bits() != 0;
         if !self.hit_before {
@@ -170,30 +182,38 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
         self.begin_top();
         self.stack.clear();
         self.stack.push((DONE, 0.0));
-        let mut reference = 0;
+        (self.reference, self.steps) = (0, 0);
         if self.is_streaming {
             self.pending.clear();
             if world.flags & RayFlags::WAITED.bits() != 0 {
-                reference = self.begin_resumed(listed);
+                self.reference = self.begin_resumed(listed);
             }
         }
-        let mut steps = 0;
-        while reference != DONE {
-            if reference < LEAF {
-                reference = self.descend(reference);
-            } else {
-                reference = self.visit(reference);
-            }
-            steps += 1;
-            if steps == MOST_STEPS {
-                self.overflowed = true;
-                break;
+    }
+
+    /// One node or leaf further, to where memory is read next, which is asked for; false at the end of the walk.
+    #[inline(always)]
+    pub(crate) fn step(&mut self) -> bool {
+        let mut reference = self.reference;
+        if reference != DONE {
+            reference = if reference < LEAF { self.descend(reference) } else { self.visit(reference) };
+            while reference == RETURN {
+                self.leave();
+                reference = self.pop();
             }
         }
+        self.steps += 1;
+        if reference != DONE && self.steps < MOST_STEPS {
+            self.prefetch(reference);
+            self.reference = reference;
+            return true;
+        }
+        self.overflowed |= reference != DONE;
         if self.is_streaming {
             self.pending.forget_behind(self.limit);
         }
         self.overflows += u32::from(self.overflowed);
+        false
     }
 
     /// Puts what a ray that has waited is to visit on the stack; returns where to begin.
@@ -232,11 +252,13 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
     /// Brings near what a reference of the current tree names.
     #[inline(always)]
     fn prefetch(&self, reference: u32) {
+        let number = (reference & NUMBER) as usize;
         match (reference < LEAF, self.in_mesh) {
-            (true, true) => self.at.nodes.prefetch::<GpuMeshNode>(reference as usize),
-            (true, false) => self.at.nodes.prefetch::<GpuLevelNode>(reference as usize),
-            (false, true) => self.triangles.prefetch::<GpuTriangle>((reference & NUMBER) as usize),
-            (false, false) => self.at.instances.prefetch::<GpuInstance>((reference & NUMBER) as usize),
+            (true, true) => self.at.nodes.prefetch::<GpuMeshNode>(number, 1),
+            (true, false) => self.at.nodes.prefetch::<GpuLevelNode>(number, 1),
+            (false, true) => self.triangles.prefetch::<GpuTriangle>(number, triangles_of(reference) as usize),
+            (false, false) if self.level > 0 => self.at.instances.prefetch::<GpuInstance>(number, 1),
+            (false, false) => self.scene.prefetch_chunk_instance(number),
         }
     }
 
@@ -277,7 +299,6 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
                 count += 1;
             }
             for &(child, entry) in &others[..count] {
-                self.prefetch(child);
                 self.push(child, if entry > self.entry { entry } else { self.entry });
             }
         }
@@ -289,10 +310,8 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
     #[inline(always)]
     fn visit(&mut self, at: u32) -> u32 {
         let first = at & NUMBER;
-        if at == RETURN {
-            self.leave();
-        } else if self.in_mesh {
-            let end = first + ((at >> 28) & 7) + 1;
+        if self.in_mesh {
+            let end = first + triangles_of(at);
             let ends = if self.mesh.flags & MeshFlags::ROUND.bits() != 0 {
                 self.visit_rounds(first, end)
             } else {

@@ -11,6 +11,7 @@ use oocpt_shader_abi::{Features, GpuInstance, LISTED, RETURN, TARGET_ASSEMBLY};
 
 impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
     /// From the top level into a chunk; false where it is absent or done, or where there is no room.
+    #[inline(always)]
     pub(super) fn enter_chunk(&mut self, reference: u32) -> bool {
         let number = reference & NUMBER;
         let Some(instance) = self.scene.chunk_instance(number) else { return false };
@@ -109,6 +110,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
     }
 
     /// Back from a mesh to the level that it was entered from, or from an assembly or a chunk to the level above.
+    #[inline(always)]
     pub(super) fn leave(&mut self) {
         if !self.in_mesh {
             self.level = self.level.saturating_sub(1);
