@@ -9,6 +9,7 @@
 mod boxes;
 mod chart;
 mod error_plot;
+mod letters;
 mod paint;
 mod picture;
 
@@ -67,8 +68,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         bail!("{}: a picture of {} x {} pixels", file.display(), report.width, report.height);
     }
     std::fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
-    save(&draw(&report, "LOADS", |chunk| chunk.loads), &out.join("loads.png"))?;
-    save(&draw(&report, "RAYS", |chunk| chunk.rays), &out.join("rays.png"))?;
+    save(&draw(&report, "loads", |chunk| chunk.loads)?, &out.join("loads.png"))?;
+    save(&draw(&report, "rays", |chunk| chunk.rays)?, &out.join("rays.png"))?;
     let text = format!("{}\n{}", summary(&report), progress(&report));
     let path = out.join("progress.txt");
     std::fs::write(&path, &text).with_context(|| format!("cannot write {}", path.display()))?;
@@ -83,7 +84,7 @@ fn save(image: &RgbImage, path: &Path) -> Result<()> {
 }
 
 /// The boxes from the camera, coloured by `value` of their chunks, with a legend below.
-fn draw(report: &ChunkReport, title: &str, value: fn(&ReportChunk) -> u64) -> RgbImage {
+fn draw(report: &ChunkReport, title: &str, value: fn(&ReportChunk) -> u64) -> Result<RgbImage> {
     let max = report.chunks.iter().map(value).max().unwrap_or(0);
     let colors: Vec<[f64; 3]> = report
         .instances
@@ -106,8 +107,8 @@ fn draw(report: &ChunkReport, title: &str, value: fn(&ReportChunk) -> u64) -> Rg
             image.put_pixel(x, y, paint::pixel(*color));
         }
     }
-    paint::legend(&mut image, title, max);
-    image
+    paint::legend(&mut image, title, max)?;
+    Ok(image)
 }
 
 /// The colour of a pixel: the nearest boxes over each other.

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Colours, the legend and its letters.
+//! Colours and the legend.
 
+use super::letters::{ADVANCE, write};
+use anyhow::Result;
 use image::{Rgb, RgbImage};
 
 /// Behind everything.
@@ -52,20 +54,20 @@ pub(crate) fn pixel(color: [f64; 3]) -> Rgb<u8> {
 }
 
 /// Draws the legend of `title` into the last [`LEGEND`] rows: never, 1, powers of ten, the largest.
-pub(crate) fn legend(image: &mut RgbImage, title: &str, max: u64) {
+pub(crate) fn legend(image: &mut RgbImage, title: &str, max: u64) -> Result<()> {
     let (width, top) = (image.width(), image.height().saturating_sub(LEGEND));
     for y in top..image.height() {
         for x in 0..width {
             image.put_pixel(x, y, pixel(BACKGROUND));
         }
     }
-    write(image, 8, top + 6, title);
-    let (left, right) = (8 + 12 * u32::try_from(title.len()).unwrap_or(0) + 90, width.saturating_sub(60));
+    write(image, 8, top + 6, title)?;
+    let (left, right) = (8 + ADVANCE * u32::try_from(title.len()).unwrap_or(0) + 90, width.saturating_sub(60));
     let row = top + 4;
     bar(image, left - 80, row, 20, |_| NEVER);
-    write(image, left - 74, row + 15, "0");
+    write(image, left - 74, row + 14, "0")?;
     if right <= left + 20 {
-        return;
+        return Ok(());
     }
     let length = right - left;
     bar(image, left, row, length, ramp);
@@ -79,12 +81,12 @@ pub(crate) fn legend(image: &mut RgbImage, title: &str, max: u64) {
         )]
         let x = (f64::from(length) * (value as f64).ln() / (max.max(2) as f64).ln()) as u32;
         if x + 40 < length {
-            write(image, left + x, row + 15, &short(value));
+            write(image, left + x, row + 14, &short(value))?;
         }
         value = value.saturating_mul(10);
     }
     let text = short(max);
-    write(image, right.saturating_sub(8 * u32::try_from(text.len()).unwrap_or(0)), row + 15, &text);
+    write(image, right.saturating_sub(ADVANCE * u32::try_from(text.len()).unwrap_or(0)), row + 14, &text)
 }
 
 /// A bar of ten rows.
@@ -113,76 +115,6 @@ pub(crate) fn short(value: u64) -> String {
     };
     let (whole, tenth) = (value / scale, value % scale * 10 / scale);
     if whole < 10 && tenth > 0 { format!("{whole}.{tenth}{unit}") } else { format!("{whole}{unit}") }
-}
-
-/// Three columns, five rows, the top row in the highest three bits.
-fn glyph(letter: char) -> u16 {
-    match letter {
-        '0' => 0b111_101_101_101_111,
-        '1' => 0b010_110_010_010_111,
-        '2' => 0b111_001_111_100_111,
-        '3' => 0b111_001_111_001_111,
-        '4' => 0b101_101_111_001_001,
-        '5' => 0b111_100_111_001_111,
-        '6' => 0b111_100_111_101_111,
-        '7' => 0b111_001_010_010_010,
-        '8' => 0b111_101_111_101_111,
-        '9' => 0b111_101_111_001_111,
-        '.' => 0b000_000_000_000_010,
-        '-' => 0b000_000_111_000_000,
-        '_' => 0b000_000_000_000_111,
-        ':' => 0b000_010_000_010_000,
-        '/' => 0b001_001_010_100_100,
-        '(' => 0b001_010_010_010_001,
-        ')' => 0b100_010_010_010_100,
-        'A' => 0b010_101_111_101_101,
-        'B' => 0b110_101_110_101_110,
-        'C' => 0b011_100_100_100_011,
-        'E' => 0b111_100_110_100_111,
-        'F' => 0b111_100_110_100_100,
-        'H' => 0b101_101_111_101_101,
-        'I' => 0b111_010_010_010_111,
-        'J' => 0b001_001_001_101_010,
-        'N' => 0b110_101_101_101_101,
-        'P' => 0b110_101_110_100_100,
-        'Q' => 0b010_101_101_110_011,
-        'T' => 0b111_010_010_010_010,
-        'U' => 0b101_101_101_101_111,
-        'V' => 0b101_101_101_101_010,
-        'W' => 0b101_101_111_111_101,
-        'X' => 0b101_101_010_101_101,
-        'Z' => 0b111_001_010_100_111,
-        'D' => 0b110_101_101_101_110,
-        'G' => 0b111_100_101_101_111,
-        'K' => 0b101_110_100_110_101,
-        'L' => 0b100_100_100_100_111,
-        'M' => 0b101_111_111_101_101,
-        'O' => 0b010_101_101_101_010,
-        'R' => 0b110_101_110_101_101,
-        'S' => 0b011_100_010_001_110,
-        'Y' => 0b101_101_010_010_010,
-        _ => 0,
-    }
-}
-
-/// Writes text, two pixels to a dot.
-fn write(image: &mut RgbImage, left: u32, top: u32, text: &str) {
-    write_in(image, left, top, text, [0.9; 3]);
-}
-
-/// Writes capitals in a colour.
-pub(crate) fn write_in(image: &mut RgbImage, left: u32, top: u32, text: &str, color: [f64; 3]) {
-    for (k, letter) in (0_u32..).zip(text.chars()) {
-        let bits = glyph(letter);
-        for dot in 0..15_u32 {
-            if bits >> (14 - dot) & 1 == 1 {
-                let (x, y) = (left + 8 * k + 2 * (dot % 3), top + 2 * (dot / 3));
-                for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-                    put(image, x + dx, y + dy, color);
-                }
-            }
-        }
-    }
 }
 
 #[cfg(test)]

@@ -34,7 +34,7 @@ fn face(color: [f64; 3]) -> [u8; 3] {
 
 #[test]
 fn boxes_have_the_colour_of_their_loads() {
-    let image = draw(&report(), "LOADS", |chunk| chunk.loads);
+    let image = draw(&report(), "LOADS", |chunk| chunk.loads).expect("a picture");
     assert_eq!(image.dimensions(), (60, 40 + paint::LEGEND), "the picture and its legend");
     let middle = |x| image.get_pixel(x, 20).0;
     assert_eq!(middle(10), face(paint::NEVER), "never loaded");
@@ -47,7 +47,7 @@ fn boxes_have_the_colour_of_their_loads() {
 
 #[test]
 fn chunks_of_equal_rays_look_the_same() {
-    let image = draw(&report(), "RAYS", |chunk| chunk.rays);
+    let image = draw(&report(), "RAYS", |chunk| chunk.rays).expect("a picture");
     let colors = [10, 30, 50].map(|x| image.get_pixel(x, 20).0);
     assert!(colors[0] == colors[1] && colors[1] == colors[2], "{colors:?}");
 }
@@ -56,19 +56,19 @@ fn chunks_of_equal_rays_look_the_same() {
 fn a_box_behind_shines_through_and_a_box_around_the_camera_does_not() {
     let mut behind = report();
     behind.instances.push(ReportInstance { bounds: [[0.0, 0.0, -30.0], [60.0, 40.0, -20.0]], chunk: 2 });
-    let with = draw(&behind, "LOADS", |chunk| chunk.loads);
-    let without = draw(&report(), "LOADS", |chunk| chunk.loads);
+    let with = draw(&behind, "LOADS", |chunk| chunk.loads).expect("a picture");
+    let without = draw(&report(), "LOADS", |chunk| chunk.loads).expect("a picture");
     assert_ne!(with.get_pixel(10, 20), without.get_pixel(10, 20), "seen through the box in front");
     let mut around = report();
     around.instances.push(ReportInstance { bounds: [[-9.0, -9.0, -90.0], [90.0, 90.0, 90.0]], chunk: 2 });
-    assert!(draw(&around, "LOADS", |chunk| chunk.loads) == without, "it would cover everything");
+    assert!(draw(&around, "LOADS", |chunk| chunk.loads).expect("a picture") == without, "it would cover everything");
 }
 
 #[test]
 fn the_picture_is_not_upside_down() {
     let mut report = report();
     report.instances = vec![ReportInstance { bounds: [[20.0, 30.0, -9.0], [40.0, 38.0, -5.0]], chunk: 1 }];
-    let image = draw(&report, "LOADS", |chunk| chunk.loads);
+    let image = draw(&report, "LOADS", |chunk| chunk.loads).expect("a picture");
     assert_eq!(image.get_pixel(30, 6).0, face(paint::ramp(0.0)), "y = 34 is near the top");
     assert_eq!(image.get_pixel(30, 34).0, paint::pixel(paint::BACKGROUND).0, "nothing near the bottom");
 }
@@ -94,6 +94,7 @@ fn the_summary_counts() {
 
 #[test]
 fn an_empty_report_is_an_empty_picture() {
-    let image = draw(&ChunkReport { width: 8, height: 8, ..ChunkReport::default() }, "RAYS", |chunk| chunk.rays);
+    let image = draw(&ChunkReport { width: 8, height: 8, ..ChunkReport::default() }, "RAYS", |chunk| chunk.rays)
+        .expect("a picture");
     assert!((0..8).all(|x| image.get_pixel(x, x).0 == paint::pixel(paint::BACKGROUND).0), "nothing to see");
 }

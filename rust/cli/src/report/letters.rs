@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The letters of charts and legends: a font that the program carries, so that pictures are the same everywhere.
+
+use anyhow::{Result, anyhow};
+use image::RgbImage;
+use plotters::prelude::*;
+use plotters::style::register_font;
+
+/// The name under which [`register`] registers the font.
+pub(super) const FONT: &str = "monospace";
+/// Pixels from a letter to the next at [`SIZE`].
+pub(super) const ADVANCE: u32 = 8;
+/// Pixels.
+const SIZE: i32 = 13;
+
+/// Registers Hack (<https://sourcefoundry.org/hack/>) with plotters. Once is enough, more does no harm.
+pub(super) fn register() -> Result<()> {
+    register_font(FONT, FontStyle::Normal, epaint_default_fonts::HACK_REGULAR).map_err(|_| anyhow!("a broken font"))
+}
+
+/// Writes text; `left` and `top` in pixels.
+pub(super) fn write(image: &mut RgbImage, left: u32, top: u32, text: &str) -> Result<()> {
+    register()?;
+    let size = image.dimensions();
+    let at = (i32::try_from(left)?, i32::try_from(top)?);
+    let area = BitMapBackend::with_buffer(image, size).into_drawing_area();
+    area.draw(&Text::new(text, at, (FONT, SIZE).into_font().color(&RGBColor(230, 230, 230))))?;
+    area.present()?;
+    Ok(())
+}
