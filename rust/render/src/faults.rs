@@ -25,6 +25,8 @@ pub struct Faults {
     pub no_opacity_masks: bool,
     /// What is compiled in beside what the scene needs: lobes that only tests have.
     pub more_features: Features,
+    /// The first picture of a scene that fits is rendered while the scene comes, on any device (`upload`).
+    pub streams_first: bool,
     /// Makes calls that take memory fail, in the first render of the session.
     pub failure: Option<Failure>,
 }

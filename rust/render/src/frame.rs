@@ -19,6 +19,7 @@ use crate::shared::Gate;
 use crate::specialise::Carry;
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
+use crate::upload::Upload;
 use crate::wavefront::{PathBuffers, PathNeeds};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::scene::Snapshot;
@@ -56,6 +57,7 @@ pub(crate) struct Renderer {
     is_frugal: bool,
     /// The scene whose textures did not fit when it was rendered in core: it is streamed.
     outgrown: Option<Arc<Snapshot>>,
+    upload: Upload,
 }
 
 impl Renderer {
@@ -175,7 +177,7 @@ impl Renderer {
         if let Some(cap) = geometry_cap(job) {
             scene.keep_within(cap);
         }
-        let mut in_core = self.fits(setting, scene);
+        let mut in_core = self.fits(setting, scene) && !self.comes_meanwhile(setting, scene);
         if in_core {
             self.stream = None;
             scene.store.kept().limit(0);
@@ -207,6 +209,15 @@ impl Renderer {
         }
         self.scene = scenes;
         result
+    }
+
+    /// Whether a scene that fits is rendered while it comes. Not on processors, which would load and trace in turn.
+    fn comes_meanwhile(&mut self, setting: &Setting<'_>, scene: &Scene) -> bool {
+        #[cfg(feature = "faults")]
+        if setting.job.options.faults.streams_first {
+            return setting.job.generation == 1;
+        }
+        !is_cpu(setting.device) && self.upload.streams(scene.missing_bytes(), paths(setting.job))
     }
 
     /// Whether the whole scene fits what the settings and the device allow, with room for waves.

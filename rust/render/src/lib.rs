@@ -53,6 +53,7 @@ mod sync;
 pub mod textures;
 mod thread;
 mod timings;
+mod upload;
 mod wave;
 mod wavefront;
 

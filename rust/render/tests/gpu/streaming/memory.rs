@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! All device memory in many sizes: what renders with less renders with more, and gives the same picture.
 
-use super::{BEACH, options, request_of};
+use super::{BEACH, options, planting, request_of};
 use crate::support::{read_all, render, render_with_messages, seeds, settings};
 use oocpt_core::settings::Settings;
-use oocpt_render::Session;
+use oocpt_render::{Faults, Session};
 
 /// MiB, from what nothing renders with to more than all of the scene and its paths take.
 const SIZES: std::ops::RangeInclusive<u32> = 1..=50;
@@ -59,4 +59,29 @@ fn what_is_left_on_the_device_makes_room_for_paths() {
     let streaming = &second.streaming;
     assert!(!streaming.in_core && streaming.paths_left == 0, "its film takes that room: {streaming:?}");
     assert!(second.gpu_peak_bytes <= second.gpu_budget_bytes, "above the budget: {}", second.gpu_peak_bytes);
+}
+
+/// A scene that fits may be rendered while it comes: the same picture, and the next one is in core.
+#[test]
+fn a_scene_that_comes_meanwhile_stays() {
+    let settings = Settings { chunk_size_kib: 256, ..settings(8, 2) };
+    let request = request_of(&BEACH);
+    let images = |streams_first| {
+        let options = planting(Faults { streams_first, ..Faults::default() });
+        let session = Session::with_options(settings.clone(), options);
+        session.with_scene(BEACH.build);
+        [false, true].map(|again| {
+            if again {
+                session.restart();
+            }
+            render(&session, &request);
+            let stats = session.stats().streaming;
+            assert_eq!(stats.evictions, 0, "there is room for all: {stats:?}");
+            (read_all(&session, &request), stats.in_core, stats.loads)
+        })
+    };
+    let [(whole, true, 0), (_, true, 0)] = images(false) else { panic!("in core") };
+    let [(first, false, loads), (second, true, 0)] = images(true) else { panic!("streamed first, then in core") };
+    assert!(loads > 1, "the chunks came one after the other: {loads} loads");
+    assert!(first == whole && second == whole, "the picture differs");
 }
