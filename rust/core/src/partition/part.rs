@@ -10,12 +10,14 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::RECORD_BYTES;
+use super::buckets::Buckets;
 use super::cells::{Cutter, Piece};
 use super::chunk::{Chunk, Roster};
 use super::cost::{AssetCosts, CutRule};
 use super::lattice::Lattice;
 use super::patch::{Edits, SHARE};
+use super::stretches::Stretches;
+use super::{RECORD_BYTES, at_once};
 use crate::instancing::assembly::Target;
 use crate::instancing::assembly::{Assembly, Member};
 use crate::instancing::diff::ChangedNumbers;
@@ -91,6 +93,10 @@ pub(crate) struct Job<'a> {
     pub(crate) chunk_bytes: u64,
     /// By assembly: whether it is opened.
     pub(crate) opened: &'a [bool],
+    /// Bytes of items held at once.
+    pub(crate) item_bytes: u64,
+    /// Buckets that scans of this commit used.
+    pub(crate) buckets: Option<&'a Buckets>,
 }
 
 impl<'a> Job<'a> {
@@ -127,11 +133,47 @@ impl Part {
         let roster =
             Roster { members: job.assembly.members(), ids: &changes.ids, keeps_frame: job.assembly.is_split_mesh() };
         let cutter = Cutter { rule: &rule, roster, lattice: &lattice, member_of: &changes.member_of };
-        let mut gained = new_items(job.assembly.members(), &changes, &lattice);
+        let chunks = self.cut_anew(&cutter, &changes, job).unwrap_or_else(|| self.cut_again(&cutter, &changes));
+        let known = job.inside().map(|(number, member)| Known {
+            id: changes.ids.get(number as usize).copied().unwrap_or(u32::MAX),
+            member: member.clone(),
+        });
+        self.members = known.collect();
+        self.chunks = chunks;
+        self.next_id = changes.next_id;
+    }
+
+    /// Chunks where there were none, if the placements are too many to be items at once.
+    fn cut_anew(&self, cutter: &Cutter<'_>, changes: &Changes, job: Job<'_>) -> Option<Vec<Arc<Chunk>>> {
+        let added = || changes.added.iter().filter_map(|&number| job.assembly.members().get(number as usize));
+        let records: u64 = added().map(|member| member.run.len() as u64).sum();
+        // What has more is cut whatever it is.
+        let most = at_once(job.item_bytes, records).max(cutter.rule.most_records());
+        if !self.chunks.is_empty() || records <= most {
+            return None;
+        }
+        let known = job.buckets.filter(|buckets| buckets.lattice() == *cutter.lattice);
+        let made;
+        let buckets = if let Some(known) = known {
+            known
+        } else {
+            let stride = Buckets::stride(records);
+            let added: Vec<&Member> = added().collect();
+            let samples: Vec<_> = added.par_iter().flat_map_iter(|m| m.run.spec().samples(stride)).collect();
+            made = Buckets::on(*cutter.lattice, &samples, records, most);
+            &made
+        };
+        Some(Stretches { cutter, buckets, most }.cut(&changes.added, known.is_none()))
+    }
+
+    /// Chunks made of those from before, with everything that is new sorted at once.
+    fn cut_again(&self, cutter: &Cutter<'_>, changes: &Changes) -> Vec<Arc<Chunk>> {
+        let (roster, lattice) = (cutter.roster, cutter.lattice);
+        let mut gained = new_items(roster.members, changes, lattice);
         gained.par_sort_unstable_by_key(Item::key);
-        let lost = self.lost_items(&changes, &lattice);
+        let lost = self.lost_items(changes, lattice);
         let edits = Edits::of_chunks(&self.chunks, &lost, &gained);
-        let fates = self.fates(&changes, &edits);
+        let fates = self.fates(changes, &edits);
         let changed = if fates.contains(&Fate::Melt) { changes.places() } else { FxHashSet::default() };
         let melt = |chunk: &Chunk| {
             let mut items = cutter.melt(chunk);
@@ -143,7 +185,7 @@ impl Part {
             .with_max_len(1)
             .map(|(chunk, edits, fate)| match fate {
                 Fate::Keep => {
-                    rebind(chunk, &changes, roster.members);
+                    rebind(chunk, changes, roster.members);
                     Done::Kept(chunk.clone())
                 }
                 Fate::Revalue => Done::Kept(Arc::new(cutter.revalued(chunk))),
@@ -157,14 +199,7 @@ impl Part {
             })
             .collect();
         let items = loose(gained, &edits, &done);
-        let chunks = cutter.cut(&pieces(done.iter().filter_map(Done::chunk), &items));
-        let known = job.inside().map(|(number, member)| Known {
-            id: changes.ids.get(number as usize).copied().unwrap_or(u32::MAX),
-            member: member.clone(),
-        });
-        self.members = known.collect();
-        self.chunks = chunks;
-        self.next_id = changes.next_id;
+        cutter.cut(&pieces(done.iter().filter_map(Done::chunk), &items))
     }
 
     /// Records that go, as they were, with lasting ids in place of members; sorted. Without those of members that are

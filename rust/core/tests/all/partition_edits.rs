@@ -13,6 +13,9 @@ use proptest::prelude::*;
 use crate::partition::{SMALL, assert_same_leaves, chunk_records, flatten_world, spread};
 use crate::support::{by, committed, flatten, grid, scatter, triangle};
 
+/// Bytes of an item of the partition.
+const ITEM: u64 = 24;
+
 /// Mesh indices depend on the history of a database, content hashes do not.
 fn comparable(snapshot: &Snapshot, record: &InstanceRecord) -> (Vec<u32>, u128, Vec<u32>) {
     let floats = record.object_from_parent.as_flattened().iter().chain(record.bounds.as_flattened());
@@ -254,8 +257,14 @@ fn edit() -> impl Strategy<Value = Edit> {
 }
 
 fn fresh(model: &Model) -> Arc<Snapshot> {
+    fresh_within(model, u64::MAX)
+}
+
+/// The scene in a database that holds so many bytes of items at once.
+fn fresh_within(model: &Model, item_bytes: u64) -> Arc<Snapshot> {
     let mut db = SceneDb::new();
     db.set_partition(SMALL);
+    db.set_partition_memory(item_bytes);
     model.apply(&mut db);
     committed(&mut db)
 }
@@ -273,8 +282,12 @@ proptest! {
             step.into_iter().for_each(|edit| edit.make(&mut model));
             model.apply(&mut db);
             let after = committed(&mut db);
-            assert_same_world(&fresh(&model), &after);
+            let alone = fresh(&model);
+            assert_same_world(&alone, &after);
             assert_keys_tell(&before, &after);
+            for item_bytes in [1, ITEM * alone.counts.instance_records / 7, ITEM * alone.counts.instance_records] {
+                assert_same_world(&alone, &fresh_within(&model, item_bytes));
+            }
             before = after;
         }
         assert_same_leaves(flatten(&before), flatten_world(&before));

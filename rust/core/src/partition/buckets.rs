@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Buckets: stretches of an assembly's order that hold about as many items each, found from a sample before any item is
+//! made (W. D. Frazer and A. C. McKellar, "Samplesort: a sampling approach to minimal storage tree sorting", Journal of
+//! the ACM 17, 1970).
+//!
+//! The codes are divided into cells, which are Morton prefixes, finer where samples are dense. A cell with samples is a
+//! bucket; items in cells without are strays, which are few. What the buckets are decides nothing but how much memory a
+//! partition takes.
+
+use std::collections::BinaryHeap;
+use std::ops::Range;
+
+use super::lattice::Lattice;
+use crate::instancing::item::Item;
+use crate::instancing::scan::{Bucketing, UNUSABLE};
+use crate::mesh::Aabb;
+
+/// In place of a bucket: the item is in a cell without samples.
+pub(crate) const STRAY: u8 = UNUSABLE - 1;
+/// Most cells. Fits the 16 bits of [`Buckets::first`].
+const MAX_CELLS: usize = 4096;
+/// Upper bits of a code that are looked up in a table.
+const TABLE_BITS: u32 = 16;
+/// Samples that are wanted of an assembly.
+const SAMPLES: u64 = 1 << 18;
+/// Buckets of what is partitioned at a time.
+const BUCKETS_AT_ONCE: u64 = 8;
+
+/// The buckets of an assembly's order.
+#[derive(Debug)]
+pub(crate) struct Buckets {
+    lattice: Lattice,
+    cells: Vec<BucketCell>,
+    /// By the upper bits of a code: the bucket, or [`UNUSABLE`] where cells begin among such codes.
+    table: Vec<u8>,
+    /// By the upper bits: the cell of the smallest such code; and the last cell.
+    first: Vec<u16>,
+}
+
+/// A Morton prefix.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct BucketCell {
+    /// Its smallest code. It ends where the next one begins.
+    pub(crate) start: u64,
+    /// Its bucket, or [`STRAY`].
+    pub(crate) bucket: u8,
+}
+
+/// A cell in the making; the fullest is the greatest.
+#[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Open {
+    samples: usize,
+    start: u64,
+    bits: u32,
+    first: usize,
+}
+
+impl Buckets {
+    /// How far apart the samples of `records` placements are.
+    pub(crate) fn stride(records: u64) -> usize {
+        usize::try_from(records / SAMPLES).unwrap_or(usize::MAX).max(1)
+    }
+
+    /// Buckets of an assembly of `records` placements, of which about `at_once` may become items at a time. The lattice
+    /// is that of the samples: that of all members most likely.
+    pub(crate) fn of_samples(samples: &[(Aabb, Item)], records: u64, at_once: u64) -> Self {
+        let bounds = samples.iter().fold(Aabb::EMPTY, |all, (bounds, _)| all.union(bounds));
+        Self::on(Lattice::around(&bounds), samples, records, at_once)
+    }
+
+    /// The same on a given lattice.
+    pub(crate) fn on(lattice: Lattice, samples: &[(Aabb, Item)], records: u64, at_once: u64) -> Self {
+        let code = |(_, mut item): (Aabb, Item)| {
+            lattice.place(&mut item, 0);
+            item.code()
+        };
+        let mut codes: Vec<u64> = samples.iter().copied().map(code).collect();
+        codes.sort_unstable();
+        let full = (codes.len() as u64).saturating_mul(at_once) / records.max(1) / BUCKETS_AT_ONCE;
+        Self::of_codes(lattice, &codes, usize::try_from(full).unwrap_or(usize::MAX).max(1))
+    }
+
+    /// Buckets of at most `full` of the sorted codes where that is possible.
+    fn of_codes(lattice: Lattice, codes: &[u64], full: usize) -> Self {
+        let mut open = BinaryHeap::from([Open { samples: codes.len(), start: 0, bits: 0, first: 0 }]);
+        let mut done: Vec<Open> = Vec::new();
+        let mut buckets = usize::from(!codes.is_empty());
+        while let Some(cell) = open.pop() {
+            let range = codes.get(cell.first..cell.first + cell.samples).unwrap_or_default();
+            let is_one = range.first() == range.last();
+            if cell.samples <= full || is_one || buckets >= usize::from(STRAY) || done.len() + open.len() >= MAX_CELLS {
+                let is_last = cell.samples <= full;
+                done.push(cell);
+                if is_last {
+                    break;
+                }
+                continue;
+            }
+            let middle = cell.start | 1 << (63 - cell.bits);
+            let below = range.partition_point(|&code| code < middle);
+            buckets += usize::from(below > 0 && below < range.len());
+            let (bits, first) = (cell.bits + 1, cell.first);
+            open.push(Open { samples: below, start: cell.start, bits, first });
+            open.push(Open { samples: range.len() - below, start: middle, bits, first: first + below });
+        }
+        done.extend(open);
+        done.sort_unstable_by_key(|cell| cell.start);
+        let mut next = 0;
+        let mut number = |cell: Open| {
+            let bucket = if cell.samples == 0 { STRAY } else { next };
+            next += u8::from(cell.samples > 0);
+            BucketCell { start: cell.start, bucket }
+        };
+        let cells: Vec<BucketCell> = done.into_iter().map(&mut number).collect();
+        let lower_bits = u64::BITS - TABLE_BITS;
+        let cell_of = |code| cells.partition_point(|cell: &BucketCell| cell.start <= code).saturating_sub(1);
+        let uppers = 0..1_u64 << TABLE_BITS;
+        let bucket = |upper: u64| {
+            let [low, high] = [upper << lower_bits, upper << lower_bits | ((1 << lower_bits) - 1)].map(cell_of);
+            cells.get(low).filter(|_| low == high).map_or(UNUSABLE, |cell| cell.bucket)
+        };
+        let table = uppers.clone().map(bucket).collect();
+        let firsts = uppers.map(|upper| cell_of(upper << lower_bits)).chain([cell_of(u64::MAX)]);
+        let first = firsts.map(|cell| u16::try_from(cell).unwrap_or(u16::MAX)).collect();
+        Self { lattice, cells, table, first }
+    }
+
+    /// Where the codes come from.
+    pub(crate) fn lattice(&self) -> Lattice {
+        self.lattice
+    }
+
+    /// All cells, in order.
+    pub(crate) fn cells(&self) -> &[BucketCell] {
+        &self.cells
+    }
+
+    /// The bucket of a code.
+    #[inline]
+    fn of_code(&self, code: u64) -> u8 {
+        let upper = usize::try_from(code >> (u64::BITS - TABLE_BITS)).unwrap_or(0);
+        match self.table.get(upper) {
+            Some(&bucket) if bucket != UNUSABLE => bucket,
+            _ => {
+                let [low, high] = [upper, upper + 1].map(|at| self.first.get(at).copied().map_or(0, usize::from));
+                let cells = self.cells.get(low..=high).unwrap_or_default();
+                let at = cells.partition_point(|cell| cell.start <= code).checked_sub(1);
+                at.and_then(|at| cells.get(at)).map_or(STRAY, |cell| cell.bucket)
+            }
+        }
+    }
+
+    /// Ranges of cells that cutting everything would come to: it cuts what has more than `most` items, whatever they
+    /// are. Each has at most `most`, of which `counts` tells the number in each cell, or is one cell. None is empty.
+    pub(crate) fn cuts(&self, counts: &[u64], most: u64) -> Vec<Range<usize>> {
+        let mut cuts = Vec::new();
+        let mut open = vec![0..self.cells.len().min(counts.len())];
+        while let Some(range) = open.pop() {
+            let is_full = |at: &usize| counts[*at] > 0;
+            let (Some(first), Some(last)) = (range.clone().find(is_full), range.rev().find(is_full)) else { continue };
+            let differing = self.cells[first].start ^ self.cells[last].start;
+            if differing == 0 || counts[first..=last].iter().sum::<u64>() <= most {
+                cuts.push(first..last + 1);
+                continue;
+            }
+            // Cells are prefixes, and none holds another: the first bit in which two of them differ is that of their
+            // members.
+            let bit = 1_u64 << differing.ilog2();
+            let at = first + self.cells[first..=last].partition_point(|cell| cell.start & bit == 0);
+            open.extend([at..last + 1, first..at]);
+        }
+        cuts
+    }
+}
+
+impl Bucketing for Buckets {
+    #[inline]
+    fn bucket(&self, mut item: Item) -> u8 {
+        self.lattice.place(&mut item, 0);
+        self.of_code(item.code())
+    }
+}
