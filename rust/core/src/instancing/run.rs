@@ -109,16 +109,15 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// `old` again if it is of the same spec, else a new run. `keep`: what the partition will ask for.
-    pub(crate) fn reuse_or_scan(old: Option<&Arc<Self>>, spec: RunSpec, keep: Keep<'_>) -> Arc<Self> {
-        match old {
-            Some(old) if old.spec.is_same(&spec) => old.clone(),
-            Some(old) => Arc::new(Self::edited(old, &spec).unwrap_or_else(|| Self::scan(spec, keep))),
-            None => Arc::new(Self::scan(spec, keep)),
-        }
+    /// `old` again if it is of the same spec, or a run made from it where little changed; `None` where all has to be
+    /// scanned.
+    pub(crate) fn reuse(old: Option<&Arc<Self>>, spec: &RunSpec) -> Option<Arc<Self>> {
+        let old = old?;
+        if old.spec.is_same(spec) { Some(old.clone()) } else { Self::edited(old, spec).map(Arc::new) }
     }
 
-    fn scan(spec: RunSpec, keep: Keep<'_>) -> Self {
+    /// A run looked at as a whole. `keep`: what the partition will ask for.
+    pub(crate) fn scan(spec: RunSpec, keep: Keep<'_>) -> Self {
         let mut run = Self {
             spec,
             unmasked: None,

@@ -180,3 +180,90 @@ impl Bucketing for Buckets {
         self.of_code(item.code())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A mixed order of bits (G. Steele et al., "Fast splittable pseudorandom number generators", 2014).
+    fn mixed(n: u64) -> u64 {
+        let n = n.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let n = (n ^ n >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let n = (n ^ n >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        n ^ n >> 31
+    }
+
+    /// Codes in clusters of several sizes, one deep in the order, and some of equal code.
+    fn codes(count: u64) -> Vec<u64> {
+        let code = |n: u64| match n % 4 {
+            0 => mixed(n) >> 1,
+            1 => 0x1234 << 48 | mixed(n) >> 34,
+            2 => 0x1234_5678 << 32 | mixed(n) >> 55,
+            _ => 0x7000 << 48 | u64::from(mixed(n) >> 63 == 0),
+        };
+        let mut codes: Vec<u64> = (0..count).map(code).collect();
+        codes.sort_unstable();
+        codes
+    }
+
+    #[test]
+    fn cells_cover_all_codes_and_share_the_samples() {
+        let codes = codes(4000);
+        let buckets = Buckets::of_codes(Lattice::around(&Aabb::EMPTY), &codes, 50);
+        let cells = buckets.cells();
+        assert_eq!(cells[0].start, 0, "the first one");
+        assert!(cells.is_sorted_by(|a, b| a.start < b.start), "in order");
+        let mut counts = vec![0; usize::from(STRAY)];
+        for (k, code) in codes.iter().chain(&[0, u64::MAX, 1 << 63, 0x1234 << 48]).enumerate() {
+            let at = cells.iter().rposition(|cell| cell.start <= *code).expect("a cell begins at 0");
+            assert_eq!(buckets.of_code(*code), cells[at].bucket, "bucket of {code:x}");
+            if k < codes.len() {
+                counts[usize::from(cells[at].bucket)] += 1;
+            }
+        }
+        // Two codes a thousand times.
+        assert_eq!(counts.iter().filter(|count| **count > 50).count(), 2, "{counts:?}");
+        assert!(counts.iter().filter(|count| **count > 0).count() > 3000 / 50, "{counts:?}");
+    }
+
+    /// What cutting of more than `most` sorted codes in halves by their highest differing bit comes to.
+    fn cut(codes: &[u64], most: usize, out: &mut Vec<usize>) {
+        let differing = codes.first().zip(codes.last()).map_or(0, |(first, last)| first ^ last);
+        if codes.len() <= most || differing == 0 {
+            out.push(codes.len());
+            return;
+        }
+        let bit = 1_u64 << differing.ilog2();
+        let (left, right) = codes.split_at(codes.partition_point(|code| code & bit == 0));
+        cut(left, most, out);
+        cut(right, most, out);
+    }
+
+    #[test]
+    fn cuts_are_those_of_the_codes() {
+        let codes = codes(40_000);
+        // Samples know nothing of the sparse cluster.
+        let samples: Vec<u64> = codes.iter().copied().filter(|code| code >> 32 != 0x1234_5678).step_by(10).collect();
+        let buckets = Buckets::of_codes(Lattice::around(&Aabb::EMPTY), &samples, 20);
+        let starts =
+            |at: usize| buckets.cells().get(at).map_or(codes.len(), |cell| codes.partition_point(|c| *c < cell.start));
+        let counts: Vec<u64> = (0..buckets.cells().len()).map(|at| (starts(at + 1) - starts(at)) as u64).collect();
+        for most in [12_000, 6_000, 2_000] {
+            let cuts = buckets.cuts(&counts, most);
+            let lens = cuts.into_iter().map(|cells| counts[cells].iter().sum::<u64>() as usize);
+            let mut expected = Vec::new();
+            cut(&codes, usize::try_from(most).expect("small"), &mut expected);
+            let is_one_cell = |len: usize| len as u64 > most;
+            let mut expected = expected.into_iter();
+            for len in lens {
+                // A cell that is too large stays one.
+                let mut sum = 0;
+                while sum < len {
+                    sum += expected.next().expect("no more than the codes");
+                    assert!(sum == len || is_one_cell(len), "{sum} of {len}");
+                }
+            }
+            assert_eq!(expected.next(), None, "all of them");
+        }
+    }
+}

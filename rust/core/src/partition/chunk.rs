@@ -322,6 +322,17 @@ impl Chunk {
         Some((self.which.get(at).unwrap_or(0), *self.ranks.get(at)?))
     }
 
+    /// True when both have the same records of members, in the same order, with equal boxes.
+    pub(crate) fn has_places_of(&self, other: &Self) -> bool {
+        self.codes == other.codes
+            && self.ids == other.ids
+            && self.ranks == other.ranks
+            && self.which == other.which
+            && self.blocks == other.blocks
+            && (self.origin, self.bounds) == (other.origin, other.bounds)
+            && self.targets == other.targets
+    }
+
     /// Replaces where the records come from by what gives the same records.
     pub(crate) fn set_members(&self, members: Arc<[Member]>) {
         *self.members.write().unwrap_or_else(PoisonError::into_inner) = members;

@@ -28,9 +28,9 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+pub(crate) use buckets::Buckets;
 pub use chunk::Chunk;
 pub use placed::{NO_ROW, PlacedValues};
-pub(crate) use buckets::Buckets;
 pub(crate) use placed::{PlacedReader, PlacedValue};
 pub(crate) use store::{PartitionStore, Source};
 pub use validate::WorldError;
@@ -49,10 +49,18 @@ pub(crate) const OPEN_ABOVE: u64 = 4;
 pub(crate) const ITEM_BYTES: u64 = 1 << 30;
 /// See [`ITEM_BYTES`].
 const ITEM_SHARE: u64 = 16;
+/// See [`cuts_in_stretches`].
+const FRESH_SHARE: u64 = 4;
 
 /// Most of `records` placements that become items at once, where `bytes` of them may be held.
 pub(crate) fn at_once(bytes: u64, records: u64) -> u64 {
     (bytes / size_of::<Item>() as u64).max(records / ITEM_SHARE).max(1)
+}
+
+/// True where all of `records` placements are cut anew, stretch by stretch, since those that are `fresh` are more than
+/// may be items at once. Not where they are a small part: that would cost more time than it saves memory.
+pub(crate) fn cuts_in_stretches(fresh: u64, records: u64, at_once: u64) -> bool {
+    fresh > at_once && fresh.saturating_mul(FRESH_SHARE) >= records
 }
 
 /// How to partition.

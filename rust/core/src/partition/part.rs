@@ -17,7 +17,7 @@ use super::cost::{AssetCosts, CutRule};
 use super::lattice::Lattice;
 use super::patch::{Edits, SHARE};
 use super::stretches::Stretches;
-use super::{RECORD_BYTES, at_once};
+use super::{RECORD_BYTES, at_once, cuts_in_stretches};
 use crate::instancing::assembly::Target;
 use crate::instancing::assembly::{Assembly, Member};
 use crate::instancing::diff::ChangedNumbers;
@@ -143,13 +143,13 @@ impl Part {
         self.next_id = changes.next_id;
     }
 
-    /// Chunks where there were none, if the placements are too many to be items at once.
+    /// All chunks, cut in stretches, if what is new is too much to be items at once.
     fn cut_anew(&self, cutter: &Cutter<'_>, changes: &Changes, job: Job<'_>) -> Option<Vec<Arc<Chunk>>> {
-        let added = || changes.added.iter().filter_map(|&number| job.assembly.members().get(number as usize));
-        let records: u64 = added().map(|member| member.run.len() as u64).sum();
-        // What has more is cut whatever it is.
+        let members: Vec<(u32, &Member)> = job.inside().collect();
+        let records: u64 = members.iter().map(|(_, member)| member.run.len() as u64).sum();
+        // A cell that has more is cut whatever it is.
         let most = at_once(job.item_bytes, records).max(cutter.rule.most_records());
-        if !self.chunks.is_empty() || records <= most {
+        if !cuts_in_stretches(changes.fresh(job.assembly.members()), records, most) {
             return None;
         }
         let known = job.buckets.filter(|buckets| buckets.lattice() == *cutter.lattice);
@@ -158,12 +158,27 @@ impl Part {
             known
         } else {
             let stride = Buckets::stride(records);
-            let added: Vec<&Member> = added().collect();
-            let samples: Vec<_> = added.par_iter().flat_map_iter(|m| m.run.spec().samples(stride)).collect();
+            let samples: Vec<_> = members.par_iter().flat_map_iter(|(_, m)| m.run.spec().samples(stride)).collect();
             made = Buckets::on(*cutter.lattice, &samples, records, most);
             &made
         };
-        Some(Stretches { cutter, buckets, most }.cut(&changes.added, known.is_none()))
+        let chunks = Stretches { cutter, buckets, most }.cut(&members, known.is_none());
+        Some(self.with_known(chunks, changes, cutter.roster.members))
+    }
+
+    /// The chunks, those from before in place of new ones that are the same.
+    fn with_known(&self, mut chunks: Vec<Arc<Chunk>>, changes: &Changes, members: &[Member]) -> Vec<Arc<Chunk>> {
+        let name = |chunk: &Chunk| (chunk.codes, chunk.ids.first().copied(), chunk.ranks.first().copied());
+        let old: FxHashMap<_, &Arc<Chunk>> = self.chunks.iter().map(|chunk| (name(chunk), chunk)).collect();
+        let edited = changes.edited_ranks();
+        chunks.par_iter_mut().for_each(|chunk| {
+            let known = old.get(&name(chunk)).filter(|old| old.has_places_of(chunk));
+            if let Some(known) = known.filter(|old| !changes.revalues(old) && !changes.edits(&edited, old)) {
+                rebind(known, changes, members);
+                *chunk = Arc::clone(known);
+            }
+        });
+        chunks
     }
 
     /// Chunks made of those from before, with everything that is new sorted at once.
@@ -309,6 +324,29 @@ impl Changes {
             }
         };
         (0..chunk.len()).any(|at| is_revalued(at) == Some(true))
+    }
+
+    /// Placements that are not as they were.
+    fn fresh(&self, members: &[Member]) -> u64 {
+        let added = self.added.iter().filter_map(|&number| members.get(number as usize));
+        let edited = self.edited.iter().map(|(.., ranks)| ranks.len() as u64);
+        added.map(|member| member.run.len() as u64).chain(edited).sum()
+    }
+
+    /// Ranks that changed, in order, by the lasting id of the member.
+    fn edited_ranks(&self) -> FxHashMap<u32, &[u32]> {
+        let id = |number: u32| self.ids.get(number as usize).copied().unwrap_or(u32::MAX);
+        self.edited.iter().map(|(number, _, ranks)| (id(*number), &ranks[..])).collect()
+    }
+
+    /// True when some record of a chunk is one of these.
+    fn edits(&self, edited: &FxHashMap<u32, &[u32]>, chunk: &Chunk) -> bool {
+        let edited: Vec<_> = chunk.ids.iter().map(|id| edited.get(id)).collect();
+        let is_edited = |at: usize| {
+            let (which, rank) = chunk.place(at)?;
+            Some(edited.get(which as usize).copied().flatten()?.binary_search(&rank).is_ok())
+        };
+        edited.iter().any(Option::is_some) && (0..chunk.len()).any(|at| is_edited(at) == Some(true))
     }
 
     /// Records that changed, by number of the member and rank.

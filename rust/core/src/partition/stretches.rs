@@ -52,13 +52,10 @@ struct Task<'a> {
 type Slot<'b> = (u8, std::slice::IterMut<'b, Item>);
 
 impl Stretches<'_> {
-    /// Chunks of all placements of the members `added`, by number; `anew`: what scans kept is of other buckets.
-    pub(crate) fn cut(&self, added: &[u32], anew: bool) -> Vec<Arc<Chunk>> {
-        let of = |number: u32| self.cutter.roster.members.get(number as usize).map(|member| (number, member));
-        let (few, many): (Vec<_>, Vec<_>) =
-            added.iter().filter_map(|&number| of(number)).partition(|(_, member)| member.run.len() < FEW);
-        let memos: Vec<Vec<u8>> =
-            many.iter().map(|(_, member)| member.run.take_buckets(self.buckets, anew)).collect();
+    /// Chunks of all placements of `members`, each with its number; `anew`: what scans kept is of other buckets.
+    pub(crate) fn cut(&self, members: &[(u32, &Member)], anew: bool) -> Vec<Arc<Chunk>> {
+        let (few, many): (Vec<_>, Vec<_>) = members.iter().partition(|(_, member)| member.run.len() < FEW);
+        let memos: Vec<Vec<u8>> = many.iter().map(|(_, member)| member.run.take_buckets(self.buckets, anew)).collect();
         let readers: Vec<Reader<'_>> = many.iter().map(|(_, member)| member.run.reader(None)).collect();
         let tasks: Vec<Task<'_>> = many
             .par_iter()
@@ -243,6 +240,9 @@ impl<'a> Task<'a> {
 /// Ranks of all tasks in each bucket.
 fn bucket_counts(tasks: &[Task<'_>]) -> [u64; 256] {
     let mut all = [0; 256];
-    tasks.iter().flat_map(|task| &task.counts).for_each(|(bucket, count)| all[usize::from(*bucket)] += u64::from(*count));
+    tasks
+        .iter()
+        .flat_map(|task| &task.counts)
+        .for_each(|(bucket, count)| all[usize::from(*bucket)] += u64::from(*count));
     all
 }

@@ -21,7 +21,7 @@ use crate::instancing::instance_primvars::DISPLAY_OPACITY;
 use crate::instancing::run::{Run, RunSpec, TransformKey};
 use crate::instancing::scan::Keep;
 use crate::mesh::{Aabb, LeafKind, SceneMesh};
-use crate::partition::{Buckets, at_once};
+use crate::partition::{Buckets, at_once, cuts_in_stretches};
 
 /// The origin moves when the scene's centre is farther from it than this many times the scene's half size.
 const FAR: f64 = 4.0;
@@ -95,7 +95,13 @@ impl AssemblyStore {
                 Some((plan, target, prim_id, RunSpec { before, after: plan.after, instances, target_bounds, motion }))
             })
             .collect();
-        let buckets = if known.is_none() { buckets(&specs, item_bytes) } else { None };
+        let reused: Vec<Option<Arc<Run>>> = specs
+            .par_iter()
+            .map(|(plan, .., spec)| Run::reuse(known.and_then(|known| run_of(known, plan)), spec))
+            .collect();
+        let fresh = specs.iter().zip(&reused).filter(|(_, run)| run.is_none());
+        let fresh = fresh.map(|((.., spec), _)| spec.most_ranks()).sum();
+        let buckets = buckets(&specs, fresh, item_bytes);
         let keep = match &buckets {
             Some(buckets) => Keep::Buckets(buckets),
             // The root is always opened; others only if large. What is kept for nothing is forgotten soon.
@@ -104,8 +110,9 @@ impl AssemblyStore {
         };
         let members: Vec<Member> = specs
             .into_par_iter()
-            .map(|(plan, target, prim_id, spec)| {
-                let run = Run::reuse_or_scan(known.and_then(|k| run_of(k, plan)), spec, keep);
+            .zip(reused)
+            .map(|((plan, target, prim_id, spec), reused)| {
+                let run = reused.unwrap_or_else(|| Arc::new(Run::scan(spec, keep)));
                 let (path, primvars) = (plan.path.clone(), plan.primvars.clone());
                 Member { run, target, prim_id, path, slot: plan.slot, primvars }
             })
@@ -121,11 +128,11 @@ impl AssemblyStore {
     }
 }
 
-/// Buckets of a group's placements, if they are too many to be items at once.
-fn buckets(specs: &[(&PlanMember, Target, i32, RunSpec)], item_bytes: u64) -> Option<Buckets> {
+/// Buckets of a group's placements, if those that are `fresh` are too many to be items at once.
+fn buckets(specs: &[(&PlanMember, Target, i32, RunSpec)], fresh: u64, item_bytes: u64) -> Option<Buckets> {
     let records: u64 = specs.iter().map(|(.., spec)| spec.most_ranks()).sum();
     let most = at_once(item_bytes, records);
-    if records <= most {
+    if !cuts_in_stretches(fresh, records, most) {
         return None;
     }
     let stride = Buckets::stride(records);
@@ -140,7 +147,9 @@ fn target_of(plan: &PlanMember, assets: &Assets, made: &[Made]) -> Option<(Targe
             let index = *assets.indices.get(&key)?;
             Some((Target::Mesh(index), prim_id, assets.meshes.get(index as usize)?.bounds))
         }
-        PlanTarget::Group(group) => Some((Target::Assembly(u32::try_from(group).ok()?), -1, made.get(group)?.0.bounds())),
+        PlanTarget::Group(group) => {
+            Some((Target::Assembly(u32::try_from(group).ok()?), -1, made.get(group)?.0.bounds()))
+        }
     }
 }
 

@@ -278,13 +278,23 @@ proptest! {
         db.set_partition(SMALL);
         model.apply(&mut db);
         let mut before = committed(&mut db);
+        let mut in_stretches = SceneDb::new();
+        in_stretches.set_partition(SMALL);
+        in_stretches.set_partition_memory(1);
+        model.apply(&mut in_stretches);
+        let mut before_in_stretches = committed(&mut in_stretches);
         for step in steps {
             step.into_iter().for_each(|edit| edit.make(&mut model));
             model.apply(&mut db);
             let after = committed(&mut db);
             let alone = fresh(&model);
             assert_same_world(&alone, &after);
-            assert_keys_tell(&before, &after);
+            let kept = assert_keys_tell(&before, &after);
+            model.apply(&mut in_stretches);
+            let after_in_stretches = committed(&mut in_stretches);
+            assert_same_world(&alone, &after_in_stretches);
+            assert!(assert_keys_tell(&before_in_stretches, &after_in_stretches) >= kept, "no fewer than {kept} are kept");
+            before_in_stretches = after_in_stretches;
             for item_bytes in [1, ITEM * alone.counts.instance_records / 7, ITEM * alone.counts.instance_records] {
                 assert_same_world(&alone, &fresh_within(&model, item_bytes));
             }
