@@ -154,11 +154,13 @@ impl Stretches<'_> {
         let cells: Vec<usize> = stretch.iter().cloned().flatten().collect();
         let len = |cell: usize| usize::try_from(counts[cell]).unwrap_or(0);
         let total = cells.iter().map(|&cell| len(cell)).sum();
-        if items.capacity() < total {
-            // The first stretch is the longest, most often: no page of the others is touched first here.
+        if items.len() < total {
+            *items = Vec::new();
             *items = bytemuck::zeroed_vec(total);
         }
-        items.resize(total, bytemuck::Zeroable::zeroed());
+        // Stretches become shorter as chunks take memory.
+        items.truncate(total);
+        items.shrink_to_fit();
         let mut slots: Vec<Vec<Slot<'_>>> = tasks.iter().map(|_| Vec::new()).collect();
         let mut rest = &mut items[..];
         let mut taken: Vec<usize> = vec![0; tasks.len()];
