@@ -19,8 +19,10 @@ use crate::mesh::Aabb;
 pub(crate) const STRAY: u8 = UNUSABLE - 1;
 /// Most cells. Fits the 16 bits of [`Buckets::first`].
 const MAX_CELLS: usize = 4096;
-/// Upper bits of a code that are looked up in a table.
+/// Bits of a code that are looked up in tables.
 const TABLE_BITS: u32 = 16;
+/// One sample in so many at either end may be outside the tables.
+const FEW: usize = 64;
 /// Samples that are wanted of an assembly.
 const SAMPLES: u64 = 1 << 18;
 /// Buckets of what is partitioned at a time.
@@ -31,9 +33,12 @@ const BUCKETS_AT_ONCE: u64 = 8;
 pub(crate) struct Buckets {
     lattice: Lattice,
     cells: Vec<BucketCell>,
-    /// By the upper bits of a code: the bucket, or [`UNUSABLE`] where cells begin among such codes.
+    /// Where most codes are: the smallest one there may be, and the number of bits below those that the tables tell
+    /// apart.
+    dense: (u64, u32),
+    /// By the upper bits of a code there: the bucket, or [`UNUSABLE`] where cells begin among such codes.
     table: Vec<u8>,
-    /// By the upper bits: the cell of the smallest such code; and the last cell.
+    /// By the upper bits: the cell of the smallest such code; and of the largest of all.
     first: Vec<u16>,
 }
 
@@ -112,17 +117,24 @@ impl Buckets {
             BucketCell { start: cell.start, bucket }
         };
         let cells: Vec<BucketCell> = done.into_iter().map(&mut number).collect();
-        let lower_bits = u64::BITS - TABLE_BITS;
+        // A few members far from the others do not make the tables coarse.
+        let few = codes.len() / FEW;
+        let [low, high] = [codes.get(few), codes.iter().rev().nth(few)].map(|code| code.copied().unwrap_or(0));
+        let lower_bits = (u64::BITS - (low ^ high).leading_zeros()).saturating_sub(TABLE_BITS);
+        let range_bits = lower_bits + TABLE_BITS;
+        let start = if range_bits < u64::BITS { low >> range_bits << range_bits } else { 0 };
         let cell_of = |code| cells.partition_point(|cell: &BucketCell| cell.start <= code).saturating_sub(1);
-        let uppers = 0..1_u64 << TABLE_BITS;
+        let lowest = |upper: u64| start | upper << lower_bits;
+        let highest = |upper: u64| lowest(upper) | ((1 << lower_bits) - 1);
         let bucket = |upper: u64| {
-            let [low, high] = [upper << lower_bits, upper << lower_bits | ((1 << lower_bits) - 1)].map(cell_of);
+            let [low, high] = [lowest(upper), highest(upper)].map(cell_of);
             cells.get(low).filter(|_| low == high).map_or(UNUSABLE, |cell| cell.bucket)
         };
-        let table = uppers.clone().map(bucket).collect();
-        let firsts = uppers.map(|upper| cell_of(upper << lower_bits)).chain([cell_of(u64::MAX)]);
+        let last = (1 << TABLE_BITS) - 1;
+        let table = (0..=last).map(bucket).collect();
+        let firsts = (0..=last).map(|upper| cell_of(lowest(upper))).chain([cell_of(highest(last))]);
         let first = firsts.map(|cell| u16::try_from(cell).unwrap_or(u16::MAX)).collect();
-        Self { lattice, cells, table, first }
+        Self { lattice, cells, dense: (start, lower_bits), table, first }
     }
 
     /// Where the codes come from.
@@ -138,12 +150,16 @@ impl Buckets {
     /// The bucket of a code.
     #[inline]
     fn of_code(&self, code: u64) -> u8 {
-        let upper = usize::try_from(code >> (u64::BITS - TABLE_BITS)).unwrap_or(0);
+        let (start, lower_bits) = self.dense;
+        let upper = usize::try_from(code.wrapping_sub(start) >> lower_bits).unwrap_or(usize::MAX);
         match self.table.get(upper) {
             Some(&bucket) if bucket != UNUSABLE => bucket,
-            _ => {
-                let [low, high] = [upper, upper + 1].map(|at| self.first.get(at).copied().map_or(0, usize::from));
-                let cells = self.cells.get(low..=high).unwrap_or_default();
+            known => {
+                let range = known.and_then(|_| self.first.get(upper..=upper + 1));
+                let cells = match range {
+                    Some(&[low, high]) => self.cells.get(usize::from(low)..=usize::from(high)).unwrap_or_default(),
+                    _ => &self.cells[..],
+                };
                 let at = cells.partition_point(|cell| cell.start <= code).checked_sub(1);
                 at.and_then(|at| cells.get(at)).map_or(STRAY, |cell| cell.bucket)
             }
@@ -224,6 +240,20 @@ mod tests {
         // Two codes a thousand times.
         assert_eq!(counts.iter().filter(|count| **count > 50).count(), 2, "{counts:?}");
         assert!(counts.iter().filter(|count| **count > 0).count() > 3000 / 50, "{counts:?}");
+    }
+
+    #[test]
+    fn tables_tell_apart_what_is_dense_beside_outliers() {
+        let mut codes: Vec<u64> = (0..4000).map(|n| 0x0123_4567 << 32 | mixed(n) >> 34).chain([5, 1 << 62]).collect();
+        codes.sort_unstable();
+        let buckets = Buckets::of_codes(Lattice::around(&Aabb::EMPTY), &codes, 50);
+        let in_tables = buckets.table.iter().filter(|bucket| **bucket != UNUSABLE).count();
+        assert!(in_tables > (1 << TABLE_BITS) - 256, "{in_tables} of one bucket");
+        let outside = [0, 6, u64::MAX, 0x0123_4567 << 32, (0x0123_4567 << 32) - 1, 0x0123_4568 << 32, 1 << 62];
+        for code in codes.iter().copied().chain(outside) {
+            let cell = buckets.cells().iter().rfind(|cell| cell.start <= code).expect("a cell begins at 0");
+            assert_eq!(buckets.of_code(code), cell.bucket, "bucket of {code:x}");
+        }
     }
 
     /// What cutting of more than `most` sorted codes in halves by their highest differing bit comes to.

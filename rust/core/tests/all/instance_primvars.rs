@@ -233,3 +233,28 @@ fn opacities_of_one_say_nothing() {
     assert!(snapshot.features.contains(SceneFeatures::OPACITY | SceneFeatures::INSTANCE_OPACITY));
     assert_eq!(snapshot.world.chunks[0].columns().len(), 1);
 }
+
+/// A large edit beside others that change values alone: chunks of the latter are not taken for what they were.
+#[test]
+fn values_change_beside_an_edit_that_is_cut_in_stretches() {
+    let mut db = SceneDb::new();
+    db.set_partition(PartitionOptions { chunk_bytes: 1 });
+    db.set_partition_memory(1);
+    let far: Vec<[f32; 3]> = (0..600_u16).map(|k| [1000.0 + f32::from(k), 50.0, 0.0]).collect();
+    let numbers: Vec<i32> = (0..600).collect();
+    let others = |points: &[[f32; 3]]| scatter("/j", points, &[("/j/p", &numbers)]);
+    db.upsert_mesh(leaf("/i/p/m", "/i", "/i/p"));
+    db.upsert_mesh(leaf("/j/p/m", "/j", "/j/p"));
+    db.upsert_instancer(per_instance(row(300), "displayColor", colors(300)));
+    db.upsert_instancer(others(&far));
+    committed(&mut db);
+    let mut changed = colors(300);
+    changed[7][0] = 5000.0;
+    db.upsert_instancer(per_instance(row(300), "displayColor", changed));
+    db.upsert_instancer(others(&far.iter().map(|p| p.map(|v| v + 1.0)).collect::<Vec<_>>()));
+    let after = committed(&mut db);
+    let of_row: Vec<f32> = root_colors(&after).into_iter().filter_map(|(_, value)| value).collect();
+    assert_eq!(of_row.len(), 300, "values of the row");
+    assert!(of_row.contains(&5000.0), "the new value");
+    assert!(!of_row.contains(&7.0), "the old value is gone");
+}

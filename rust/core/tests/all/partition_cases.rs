@@ -264,3 +264,38 @@ fn stretches_give_what_cutting_at_once_gives() {
     points[200_004] = [900.0, -2000.0, 0.0];
     scene(&points);
 }
+
+/// Chunks that come out of a large edit as they were are kept, but not those with an edited record that none of their
+/// boxes shows.
+#[test]
+fn small_edits_beside_a_large_one_are_seen() {
+    let numbers: Vec<i32> = (0..600).collect();
+    let still = |angle: f32| {
+        let mut desc = scatter("/i", &spread(600, 50.0, 31), &[("/i/p", &numbers)]);
+        let mut turns = vec![[0.0, 0.0, 0.0, 1.0_f32]; 600];
+        turns[300] = [0.0, 0.0, angle, 1.0];
+        desc.rotations = Some(TypedArray::from_vec(ElementType::Quatf, turns).unwrap());
+        desc
+    };
+    let moved = |by: f32| {
+        let points: Vec<_> = spread(600, 50.0, 32).iter().map(|p| p.map(|v| v + by)).collect();
+        scatter("/j", &points, &[("/j/p", &numbers)])
+    };
+    let scene = |db: &mut SceneDb, angle: f32, offset: f32| {
+        let mut mesh = triangle("/j/p/m", 0.5);
+        mesh.prim.instanced_by = vec![by("/j", "/j/p")];
+        db.upsert_mesh(mesh);
+        db.upsert_mesh(grid("/ground", 3));
+        db.upsert_instancer(still(angle));
+        db.upsert_instancer(moved(offset));
+        db.set_partition(SMALL);
+        db.set_partition_memory(1);
+        committed(db)
+    };
+    let mut db = with_instancer(still(0.0));
+    let before = scene(&mut db, 0.0, 200.0);
+    let after = scene(&mut db, 1e-6, 200.5);
+    assert_same_world(&scene(&mut with_instancer(still(1e-6)), 1e-6, 200.5), &after);
+    let kept = assert_keys_tell(&before, &after);
+    assert!(kept >= 3, "{kept} of {} kept", after.world.chunks.len());
+}
