@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Chunks: stretches of an assembly's records in Morton order, in a frame of their own.
 //!
-//! A chunk holds no record: it knows which placements it has (4 to 6 bytes each, 8 of more than 65 536 members) and computes the records on demand
-//! from the borrowed arrays. Immutable to its users; any thread.
+//! A chunk holds no record: it knows which placements it has (4 to 6 bytes each, 8 of more than 65 536 members) and
+//! computes the records on demand from the borrowed arrays. Immutable to its users; any thread.
 
 use std::ops::Range;
 use std::sync::{Arc, PoisonError, RwLock};

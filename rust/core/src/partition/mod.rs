@@ -5,9 +5,10 @@
 //! each placement of an opened assembly puts its chunks into the top level once more, as [`ChunkInstance`]s. Small
 //! assemblies are referenced whole by the records of chunks. Nothing here depends on a memory budget.
 //!
-//! Stages of a commit: `cost` says what is large, `store` opens assemblies and keeps what did not change, `lattice` and
-//! `cells` cut their members into chunks (`stretches` after one another where they are too many, by `buckets`), `place` composes the placements in f64, `top` builds the hierarchy over them.
-//! Pure and deterministic; work is spread over the caller's rayon pool.
+//! Stages of a commit: `cost` says what is large, `store` opens assemblies and keeps what did not change, `lattice`
+//! and `cells` cut their members into chunks (`stretches` after one another where they are too many, by `buckets`),
+//! `place` composes the placements in f64, `top` builds the hierarchy over them. Pure and deterministic; work is
+//! spread over the caller's rayon pool.
 
 mod blocks;
 mod buckets;

@@ -2,8 +2,8 @@
 //! Partitions of more placements than may be items at once: the order of an assembly is gone through in stretches, and
 //! items exist while theirs is sorted and cut. Each placement is measured a second time for that.
 //!
-//! A stretch is made of whole cells of the cutter, told from the number of items in each bucket; so the chunks are those
-//! of cutting everything together.
+//! A stretch is made of whole cells of the cutter, told from the number of items in each bucket; so the chunks are
+//! those of cutting everything together.
 
 use std::ops::Range;
 use std::sync::Arc;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Small numbers, one for each record of a chunk, in as few bytes as the largest of them needs: most chunks have records
-//! of fewer than 256 members.
+//! Small numbers, one for each record of a chunk, in as few bytes as the largest of them needs: most chunks have
+//! records of fewer than 256 members.
 
 use std::ops::Range;
 

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use crate::support::{by, committed, constant, scatter, triangle};
-use oocpt_core::partition::{NO_ROW, PartitionOptions};
+use oocpt_core::partition::{Chunk, NO_ROW, PartitionOptions};
 use oocpt_core::scene::{DISPLAY_COLOR, InstanceColumn, NO_VALUE, NamedPrimvar};
 use oocpt_core::{
     Element, InstanceRecord, InstancerDesc, Interpolation, MeshDesc, Primvar, SceneDb, SceneFeatures, Snapshot,
@@ -247,7 +247,7 @@ fn values_change_beside_an_edit_that_is_cut_in_stretches() {
     db.upsert_mesh(leaf("/j/p/m", "/j", "/j/p"));
     db.upsert_instancer(per_instance(row(300), "displayColor", colors(300)));
     db.upsert_instancer(others(&far));
-    committed(&mut db);
+    let before: Vec<u64> = committed(&mut db).world.chunks.iter().map(|chunk| chunk.key()).collect();
     let mut changed = colors(300);
     changed[7][0] = 5000.0;
     db.upsert_instancer(per_instance(row(300), "displayColor", changed));
@@ -257,4 +257,12 @@ fn values_change_beside_an_edit_that_is_cut_in_stretches() {
     assert_eq!(of_row.len(), 300, "values of the row");
     assert!(of_row.contains(&5000.0), "the new value");
     assert!(!of_row.contains(&7.0), "the old value is gone");
+    let has_it = |chunk: &Chunk| {
+        let mut values = vec![0.0; 3 * chunk.len()];
+        chunk.encode_values(COLOR, 0..chunk.len(), &mut values);
+        values.contains(&5000.0)
+    };
+    let (new, rest): (Vec<_>, Vec<_>) = after.world.chunks.iter().partition(|chunk| has_it(chunk));
+    assert!(new.iter().all(|chunk| !before.contains(&chunk.key())), "other values, another key");
+    assert!(rest.iter().any(|chunk| before.contains(&chunk.key())), "the row's others are kept");
 }
