@@ -13,6 +13,7 @@
 mod blocks;
 mod buckets;
 mod cells;
+mod changes;
 mod chunk;
 mod cost;
 mod lattice;
