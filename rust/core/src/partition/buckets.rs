@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Buckets: stretches of an assembly's order that hold about as many items each, found from a sample before any item is
-//! made (W. D. Frazer and A. C. McKellar, "Samplesort: a sampling approach to minimal storage tree sorting", Journal of
-//! the ACM 17, 1970).
+//! made, as samplesort does.
 //!
 //! The codes are divided into cells, which are Morton prefixes, finer where samples are dense. A cell with samples is a
 //! bucket; items in cells without are strays, which are few. What the buckets are decides nothing but how much memory a
 //! partition takes.
+
+// W. D. Frazer and A. C. McKellar, "Samplesort: a sampling approach to minimal storage tree sorting", Journal of the ACM
+// 17, 1970.
 
 use std::collections::BinaryHeap;
 use std::ops::Range;
@@ -170,7 +172,8 @@ impl Buckets {
     /// are. Each has at most `most`, of which `counts` tells the number in each cell, or is one cell. None is empty.
     pub(crate) fn cuts(&self, counts: &[u64], most: u64) -> Vec<Range<usize>> {
         let mut cuts = Vec::new();
-        let mut open = vec![0..self.cells.len().min(counts.len())];
+        let all = 0..self.cells.len().min(counts.len());
+        let mut open = vec![all];
         while let Some(range) = open.pop() {
             let is_full = |at: &usize| counts[*at] > 0;
             let (Some(first), Some(last)) = (range.clone().find(is_full), range.rev().find(is_full)) else { continue };
@@ -283,7 +286,7 @@ mod tests {
         let counts: Vec<u64> = (0..buckets.cells().len()).map(|at| (starts(at + 1) - starts(at)) as u64).collect();
         for most in [12_000, 6_000, 2_000] {
             let cuts = buckets.cuts(&counts, most);
-            let lens = cuts.into_iter().map(|cells| counts[cells].iter().sum::<u64>() as usize);
+            let lens = cuts.into_iter().map(|cells| usize::try_from(counts[cells].iter().sum::<u64>()).expect("small"));
             let mut expected = Vec::new();
             cut(&codes, usize::try_from(most).expect("small"), &mut expected);
             let is_one_cell = |len: usize| len as u64 > most;
