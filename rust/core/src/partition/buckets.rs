@@ -6,8 +6,8 @@
 //! bucket; items in cells without are strays, which are few. What the buckets are decides nothing but how much memory a
 //! partition takes.
 
-// Source: W. D. Frazer and A. C. McKellar, "Samplesort: a sampling approach to minimal storage tree sorting", Journal of
-// the ACM 17, 1970.
+// Source: W. D. Frazer and A. C. McKellar, "Samplesort: a sampling approach to minimal storage tree sorting", Journal
+// of the ACM 17, 1970.
 
 use std::collections::BinaryHeap;
 use std::ops::Range;
