@@ -94,6 +94,9 @@ struct Report {
     generate_secs: f64,
     /// Building the meshes, partitioning.
     commit_secs: f64,
+    /// Most host memory of the process until the commit was done, and until the end. Making the arrays counts.
+    commit_host_peak_bytes: u64,
+    host_peak_bytes: u64,
     chunk_instances: u64,
     all_identical: bool,
     rows: Vec<Row>,
@@ -111,8 +114,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let started = Instant::now();
     session.render(arguments.view.request());
     let commit_secs = started.elapsed().as_secs_f64();
+    let commit_host_peak_bytes = oocpt_render::host_peak_bytes();
     finish(&session).context("warm-up render")?;
     let mut report = report(arguments, &session, generate_secs, commit_secs);
+    report.commit_host_peak_bytes = commit_host_peak_bytes;
     table::print_head(&report);
     let (mut reference, bytes) = (Vec::new(), report.seen.scene_bytes);
     (report.rows, report.failed) = budgets::each(
@@ -121,6 +126,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         |percent, policy, first| measure(arguments, &session, (percent, policy), bytes, first, &mut reference),
         table::print_row,
     );
+    report.host_peak_bytes = oocpt_render::host_peak_bytes();
+    table::print_host_peak(&report);
     report.all_identical = report.rows.iter().all(|row| row.is_identical);
     println!("pictures of all rows: {}", if report.all_identical { "bit-identical" } else { "DIFFERENT" });
     arguments.reported.write(&report)?;
@@ -182,6 +189,8 @@ fn report(arguments: &Arguments, session: &Session, generate_secs: f64, commit_s
         meshes: stats.meshes,
         generate_secs,
         commit_secs,
+        commit_host_peak_bytes: 0,
+        host_peak_bytes: 0,
         chunk_instances: stats.streaming.chunk_instances,
         all_identical: true,
         rows: Vec::new(),

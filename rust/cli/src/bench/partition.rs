@@ -8,7 +8,7 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use super::common::{Machine, median, resident_bytes, write_json};
+use super::common::{Machine, median, reset_peak, resident_bytes, write_json};
 use crate::scene::island::{Parameters, Prims};
 
 /// Options of `oocpt bench partition`.
@@ -23,6 +23,12 @@ pub(crate) struct Arguments {
     /// Islands that share one set of arrays.
     #[arg(long, default_value_t = 1)]
     copies: u32,
+    /// No island shares arrays with another one.
+    #[arg(long)]
+    distinct: bool,
+    /// MiB of items that are sorted at once; a sixteenth of all are in any case. 0 = the default.
+    #[arg(long, value_delimiter = ',', default_value = "0")]
+    sort_memory: Vec<u64>,
     /// Threads of each pool; 0 = one per core.
     #[arg(long, value_delimiter = ',', default_value = "2,16")]
     threads: Vec<usize>,
@@ -45,6 +51,8 @@ pub(crate) struct Arguments {
 struct Row {
     instances: u64,
     threads: usize,
+    /// MiB of items that are sorted at once; 0 = the default.
+    sort_memory: u64,
     /// Commit of all instances, meshes built before: resolve, scan, partition.
     commit_secs: Vec<f64>,
     median_commit_secs: f64,
@@ -55,6 +63,8 @@ struct Row {
     array_bytes_per_instance: f64,
     /// What the process grew by through the first commit, meshes aside.
     host_bytes_per_instance: f64,
+    /// The arrays, and what the process grew by at most during the first commit.
+    peak_bytes_per_instance: f64,
 }
 
 #[derive(Debug, Serialize)]
@@ -72,8 +82,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let machine = Machine::new(None, arguments.date.as_deref());
     println!("{machine}");
     println!(
-        "{:>14} {:>8} {:>11} {:>14} {:>9} {:>11} {:>14} {:>13}",
-        "instances", "threads", "commit s", "instances/s", "chunks", "instances", "array B/inst", "host B/inst"
+        "{:>14} {:>8} {:>11} {:>14} {:>9} {:>11} {:>8} {:>14} {:>13} {:>13}",
+        "instances",
+        "threads",
+        "commit s",
+        "instances/s",
+        "chunks",
+        "instances",
+        "sort MiB",
+        "array B/inst",
+        "host B/inst",
+        "peak B/inst"
     );
     let mut rows = Vec::new();
     for &instances in &arguments.instances {
@@ -82,15 +101,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
             unique_quads: arguments.unique_quads,
             copies: arguments.copies,
             flatten: true,
-            distinct: false,
+            distinct: arguments.distinct,
             seed: 7,
         };
         let prims = Prims::new(&parameters)?;
         for &threads in &arguments.threads {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start threads")?;
-            let row = pool.install(|| measure(&parameters, &prims, arguments));
-            print_row(&row);
-            rows.push(row);
+            for &sort_memory in &arguments.sort_memory {
+                let row = pool.install(|| measure(&parameters, &prims, arguments, sort_memory));
+                print_row(&row);
+                rows.push(row);
+            }
         }
     }
     let Arguments { copies, unique_quads, chunk_size, .. } = *arguments;
@@ -99,14 +120,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts are shown as rates")]
-fn measure(parameters: &Parameters, prims: &Prims, arguments: &Arguments) -> Row {
+fn measure(parameters: &Parameters, prims: &Prims, arguments: &Arguments, sort_memory: u64) -> Row {
     let total = parameters.total_instances() as f64;
     let mut commit_secs = Vec::new();
-    let mut grown = 0;
+    let (mut grown, mut peak) = (0, 0);
     let mut sizes = (0, 0);
     for run in 0..arguments.runs.max(1) {
         let mut db = SceneDb::new();
         db.set_partition(PartitionOptions { chunk_bytes: arguments.chunk_size << 10 });
+        if sort_memory > 0 {
+            db.set_partition_memory(sort_memory << 20);
+        }
         // Meshes first, each placed in the world, so that building them is not measured.
         for mesh in &prims.meshes {
             let mut mesh = mesh.clone();
@@ -115,12 +139,16 @@ fn measure(parameters: &Parameters, prims: &Prims, arguments: &Arguments) -> Row
         }
         drop(db.commit());
         let before = resident_bytes();
+        if run == 0 {
+            reset_peak();
+        }
         prims.insert(&mut db);
         let started = Instant::now();
         let commit = db.commit();
         commit_secs.push(started.elapsed().as_secs_f64());
         if run == 0 {
             grown = resident_bytes().saturating_sub(before);
+            peak = oocpt_render::host_peak_bytes().saturating_sub(before);
         }
         sizes = chunks(&commit.snapshot);
     }
@@ -128,6 +156,7 @@ fn measure(parameters: &Parameters, prims: &Prims, arguments: &Arguments) -> Row
     Row {
         instances: parameters.total_instances(),
         threads: rayon::current_num_threads(),
+        sort_memory,
         commit_secs,
         median_commit_secs,
         instances_per_sec: total / median_commit_secs,
@@ -135,6 +164,7 @@ fn measure(parameters: &Parameters, prims: &Prims, arguments: &Arguments) -> Row
         chunk_instances: sizes.1,
         array_bytes_per_instance: prims.array_bytes() as f64 / total,
         host_bytes_per_instance: grown as f64 / total,
+        peak_bytes_per_instance: (prims.array_bytes() + peak) as f64 / total,
     }
 }
 
@@ -145,14 +175,16 @@ fn chunks(snapshot: &Snapshot) -> (usize, usize) {
 
 fn print_row(row: &Row) {
     println!(
-        "{:>14} {:>8} {:>11.3} {:>14.0} {:>9} {:>11} {:>14.1} {:>13.1}",
+        "{:>14} {:>8} {:>11.3} {:>14.0} {:>9} {:>11} {:>8} {:>14.1} {:>13.1} {:>13.1}",
         row.instances,
         row.threads,
         row.median_commit_secs,
         row.instances_per_sec,
         row.chunks,
         row.chunk_instances,
+        row.sort_memory,
         row.array_bytes_per_instance,
-        row.host_bytes_per_instance
+        row.host_bytes_per_instance,
+        row.peak_bytes_per_instance
     );
 }

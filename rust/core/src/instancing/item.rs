@@ -75,6 +75,14 @@ impl Item {
         self.half.map(float)
     }
 
+    /// The largest of them.
+    #[inline]
+    pub(crate) fn largest_half(&self) -> f32 {
+        // The order of numbers that are not negative is that of their bits.
+        let [x, y, z] = self.half;
+        float(x.max(y).max(z))
+    }
+
     /// [`Footprint::spread`], rounded up.
     #[inline]
     pub(crate) fn spread(&self) -> f32 {

@@ -3,9 +3,9 @@
 //! computed on demand from the arrays of the scene.
 //!
 //! Follow an instancer: its arrays are read element by element (`placement`, `array_motion`: where and when), those
-//! that are usable are the ranks of a `run`, runs with their targets are the members of an [`assembly::Assembly`],
-//! which encodes records. `reader` measures one rank, for the partition as an `item`; `rescan` and `diff` spare work
-//! after edits. Pure; work is spread over the caller's rayon pool.
+//! that are usable are the ranks of a `run` (found by a `scan`), runs with their targets are the members of an
+//! [`assembly::Assembly`], which encodes records. `reader` measures one rank, for the partition as an `item`;
+//! `rescan` and `diff` spare work after edits. Pure; work is spread over the caller's rayon pool.
 
 pub(crate) mod array_motion;
 pub(crate) mod assembly;
@@ -18,6 +18,7 @@ pub(crate) mod placement;
 pub(crate) mod reader;
 mod rescan;
 pub(crate) mod run;
+pub(crate) mod scan;
 pub(crate) mod validate;
 
 use std::sync::Arc;

@@ -286,6 +286,16 @@ impl<'a> Placer<'a> {
         sound.then_some((corners, footprint))
     }
 
+    /// What [`Placer::measure`] gives of a usable instance, without its box.
+    #[inline]
+    pub(crate) fn footprint(&self, number: Option<usize>) -> Option<Footprint> {
+        if self.keys.is_some() {
+            return self.measure(number).map(|(_, footprint)| footprint);
+        }
+        let m = self.matrix(number)?;
+        Some(self.placed_box(&m, &Inverse::of(&m)?).1)
+    }
+
     /// In single precision; `None` when that is too extreme.
     #[inline]
     fn rounded(&self, inverse: &Inverse, [min, max]: &[DVec3; 2]) -> Option<Placed> {

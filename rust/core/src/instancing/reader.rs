@@ -55,6 +55,13 @@ impl Reader<'_> {
         self.placer.measure(number).map(|(_, footprint)| Item::new(&footprint, rank))
     }
 
+    /// As [`Reader::item`], for a rank known to be usable.
+    #[inline]
+    pub(crate) fn usable_item(&self, rank: u32) -> Option<Item> {
+        let number = self.numbers.of(rank)?;
+        self.placer.footprint(number).map(|footprint| Item::new(&footprint, rank))
+    }
+
     /// Where a placement is and how large, exactly.
     pub(crate) fn footprint(&self, rank: u32) -> Option<Footprint> {
         let number = self.numbers.of(rank).filter(|_| self.is_usable(rank))?;

@@ -8,7 +8,8 @@ use rayon::prelude::*;
 
 use super::placement::{InstanceArrays, Placer};
 use super::reader::{Numbers, number};
-use super::run::{BLOCK, Instances, Run, RunSpec, Scan, TASK};
+use super::run::{Instances, Run, RunSpec};
+use super::scan::{BLOCK, Scan, Slots, TASK};
 use crate::mesh::Aabb;
 
 impl Run {
@@ -25,7 +26,7 @@ impl Run {
             bounds: Aabb::EMPTY,
             dropped: old.dropped,
             edits: None,
-            items: Mutex::new(None),
+            kept: Mutex::default(),
         };
         let touched: Vec<&[u32]> = ranks.chunk_by(|a, b| *a as usize / BLOCK == *b as usize / BLOCK).collect();
         let scans: Vec<(usize, Scan)> = touched.par_iter().filter_map(|ranks| run.rescan(old, ranks)).collect();
@@ -61,7 +62,7 @@ impl Run {
             Some(bounds) => scan.blocks.push(bounds),
             None => {
                 scan = Scan::default();
-                scan.add_block(&self.numbers(), &self.spec.placer(), block * BLOCK..end, (0, &mut []));
+                scan.add_block(&self.numbers(), &self.spec.placer(), block * BLOCK..end, (0, &mut Slots::Nothing));
             }
         }
         Some((block, scan))

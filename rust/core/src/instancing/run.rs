@@ -2,23 +2,17 @@
 //! Runs: the placements that one prim contributes to an assembly. A run knows which of its instances are shown and
 //! usable; their matrices stay in the borrowed arrays. Immutable once scanned.
 
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Mutex, Weak};
 
 use glam::{DAffine3, DVec3};
-use rayon::prelude::*;
 
-use super::item::Item;
 use super::moving::KeyPlacer;
-use super::placement::{InstanceArrays, Placed, Placer, round_down, round_up};
+use super::placement::{InstanceArrays, Placed, Placer};
 use super::reader::{Numbers, Reader};
-use crate::array::{ArrayView, ElementType, TypedArray};
+use super::scan::{Keep, Kept};
+use crate::array::TypedArray;
 use crate::desc::DroppedData;
 use crate::mesh::Aabb;
-
-/// Instances scanned by one task: a whole number of blocks.
-pub(super) const TASK: usize = 1 << 14;
-/// Instances whose box is kept, so that a few edits do not make all others be placed again.
-pub(super) const BLOCK: usize = 1 << 10;
 
 /// The instances of one prototype.
 #[derive(Clone, Debug)]
@@ -110,30 +104,20 @@ pub(crate) struct Run {
     pub(super) dropped: DroppedData,
     /// The run that this one was made from, and the ranks that may differ from it.
     pub(super) edits: Option<(Weak<Self>, Arc<Vec<u32>>)>,
-    /// Items of all usable ranks, if the scan was asked for them and nobody took them yet.
-    pub(super) items: Mutex<Option<Vec<Item>>>,
-}
-
-/// What a stretch of ranks gives.
-#[derive(Default)]
-pub(super) struct Scan {
-    pub(super) blocks: Vec<Aabb>,
-    pub(super) bad: Vec<u32>,
-    out_of_range: u64,
-    stuck: u64,
+    /// What the scan kept for the partition.
+    pub(super) kept: Mutex<Kept>,
 }
 
 impl Run {
-    /// `old` again if it is of the same spec, else a new run. `collect`: keep what the partition will ask for.
-    pub(crate) fn reuse_or_scan(old: Option<&Arc<Self>>, spec: RunSpec, collect: bool) -> Arc<Self> {
-        match old {
-            Some(old) if old.spec.is_same(&spec) => old.clone(),
-            Some(old) => Arc::new(Self::edited(old, &spec).unwrap_or_else(|| Self::scan(spec, collect))),
-            None => Arc::new(Self::scan(spec, collect)),
-        }
+    /// `old` again if it is of the same spec, or a run made from it where little changed; `None` where all has to be
+    /// scanned.
+    pub(crate) fn reuse(old: Option<&Arc<Self>>, spec: &RunSpec) -> Option<Arc<Self>> {
+        let old = old?;
+        if old.spec.is_same(spec) { Some(old.clone()) } else { Self::edited(old, spec).map(Arc::new) }
     }
 
-    fn scan(spec: RunSpec, collect: bool) -> Self {
+    /// A run looked at as a whole. `keep`: what the partition will ask for.
+    pub(crate) fn scan(spec: RunSpec, keep: Keep<'_>) -> Self {
         let mut run = Self {
             spec,
             unmasked: None,
@@ -143,14 +127,14 @@ impl Run {
             bounds: Aabb::EMPTY,
             dropped: DroppedData::default(),
             edits: None,
-            items: Mutex::new(None),
+            kept: Mutex::default(),
         };
         if run.spec.target_bounds.is_empty() {
             // Nothing was left of the target: nothing to place, and nothing bad here.
             return run;
         }
         match run.spec.instances.clone() {
-            Some(instances) => run.scan_instances(&instances, collect),
+            Some(instances) => run.scan_instances(&instances, keep),
             None => {
                 run.ranks = 1;
                 match run.spec.placer().place(None) {
@@ -168,63 +152,6 @@ impl Run {
         run
     }
 
-    fn scan_instances(&mut self, instances: &Instances, collect: bool) {
-        let indices = instances.indices.view();
-        if !indices.is_empty() && indices.element() != ElementType::I32 {
-            self.dropped.wrong_array_types += 1;
-            return;
-        }
-        if let Some(mask) = &instances.arrays.mask {
-            self.unmasked = apply_mask(&indices, &mask.view(), &mut self.dropped).map(Arc::new);
-        }
-        let ranks = self.unmasked.as_ref().map_or(indices.len(), |n| n.len());
-        let Ok(count) = u32::try_from(ranks) else {
-            // More than the 32 bits of an instance number can tell apart.
-            self.dropped.instance_indices += ranks as u64;
-            return;
-        };
-        self.ranks = count;
-        let mut items: Vec<Item> = if collect { bytemuck::zeroed_vec(ranks) } else { Vec::new() };
-        let scans = self.scan_tasks(&mut items);
-        self.bad = scans.iter().flat_map(|s| s.bad.iter().copied()).collect();
-        let out_of_range: u64 = scans.iter().map(|s| s.out_of_range).sum();
-        self.dropped.instance_motions += scans.iter().map(|s| s.stuck).sum::<u64>();
-        self.blocks = scans.into_iter().flat_map(|s| s.blocks).collect();
-        self.bounds = self.blocks.iter().fold(Aabb::EMPTY, |a, b| a.union(b));
-        self.dropped.instance_indices += out_of_range;
-        self.dropped.instance_transforms += self.bad.len() as u64 - out_of_range;
-        if collect {
-            let mut at = 0_u32;
-            let mut bad = self.bad.iter().copied().peekable();
-            if bad.peek().is_some() {
-                items.retain(|_| {
-                    at += 1;
-                    bad.next_if_eq(&(at - 1)).is_none()
-                });
-            }
-            self.items = Mutex::new(Some(items));
-        }
-    }
-
-    /// Scans all ranks in parallel; `items` is empty or has room for each.
-    fn scan_tasks(&self, items: &mut [Item]) -> Vec<Scan> {
-        let ranks = self.ranks as usize;
-        let numbers = self.numbers();
-        let placer = self.spec.placer();
-        let task = |first: usize, items: &mut [Item]| {
-            let mut scan = Scan::default();
-            for start in (first..(first + TASK).min(ranks)).step_by(BLOCK) {
-                scan.add_block(&numbers, &placer, start..(start + BLOCK).min(ranks), (first, &mut *items));
-            }
-            scan
-        };
-        if items.is_empty() {
-            (0..ranks.div_ceil(TASK)).into_par_iter().map(|k| task(k * TASK, &mut [])).collect()
-        } else {
-            items.par_chunks_mut(TASK).enumerate().map(|(k, items)| task(k * TASK, items)).collect()
-        }
-    }
-
     pub(crate) fn numbers(&self) -> Numbers<'_> {
         let instances = self.spec.instances.as_ref();
         Numbers {
@@ -232,6 +159,11 @@ impl Run {
             indices: instances.map(|i| i.indices.view()),
             limit: instances.map_or(0, |i| i.arrays.len()),
         }
+    }
+
+    /// What determines it.
+    pub(crate) fn spec(&self) -> &RunSpec {
+        &self.spec
     }
 
     /// Number of usable placements.
@@ -309,65 +241,4 @@ impl Run {
         };
         Reader { numbers: self.numbers(), placer, bad: &self.bad, ranks: self.ranks }
     }
-
-    /// The items of all usable ranks, in order: those kept by the scan, else measured now.
-    pub(crate) fn take_items(&self) -> Vec<Item> {
-        let kept = self.items.lock().unwrap_or_else(PoisonError::into_inner).take();
-        kept.unwrap_or_else(|| {
-            let reader = self.reader(None);
-            (0..self.ranks).into_par_iter().with_min_len(BLOCK).filter_map(|rank| reader.item(rank)).collect()
-        })
-    }
-
-    /// Forgets what nobody took.
-    pub(crate) fn drop_items(&self) {
-        *self.items.lock().unwrap_or_else(PoisonError::into_inner) = None;
-    }
-}
-
-impl Scan {
-    /// Scans one stretch of ranks. `items` begin at the given rank, or are empty.
-    pub(super) fn add_block(
-        &mut self,
-        numbers: &Numbers<'_>,
-        placer: &Placer<'_>,
-        ranks: std::ops::Range<usize>,
-        (first, items): (usize, &mut [Item]),
-    ) {
-        // Rounding outward keeps the order: done once for all.
-        let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for at in ranks {
-            let Ok(rank) = u32::try_from(at) else { return };
-            let number = numbers.of(rank);
-            match number.and_then(|n| placer.measure(n)) {
-                Some(([low, high], footprint)) => {
-                    self.stuck += number.map_or(0, |n| u64::from(placer.is_stuck(n)));
-                    (min, max) = (min.min(low), max.max(high));
-                    if let Some(slot) = items.get_mut(at - first) {
-                        *slot = Item::new(&footprint, rank);
-                    }
-                }
-                None => {
-                    self.out_of_range += u64::from(number.is_none());
-                    self.bad.push(rank);
-                }
-            }
-        }
-        self.blocks.push(Aabb { min: min.to_array().map(round_down), max: max.to_array().map(round_up) });
-    }
-}
-
-/// The instance numbers that the mask leaves, or `None` when it hides none. Numbers beyond the mask are shown; negative
-/// ones are kept (as bit patterns) to be counted as out of range later.
-fn apply_mask(indices: &ArrayView<'_>, mask: &ArrayView<'_>, dropped: &mut DroppedData) -> Option<Vec<u32>> {
-    let mut beyond = false;
-    let numbers = (0..indices.len()).filter_map(|i| indices.index(i));
-    let shown = |n: &i32| {
-        let entry = usize::try_from(*n).ok().and_then(|n| mask.boolean(n));
-        beyond |= entry.is_none();
-        entry.unwrap_or(true)
-    };
-    let left: Vec<u32> = numbers.filter(shown).map(i32::cast_unsigned).collect();
-    dropped.short_masks += u64::from(beyond);
-    (left.len() != indices.len()).then_some(left)
 }

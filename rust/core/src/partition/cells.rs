@@ -74,7 +74,14 @@ impl Cutter<'_> {
         let ends = [pieces.first(), pieces.last()].map(|piece| piece.map_or([0; 2], Piece::codes));
         let differing = ends[0][0] ^ ends[1][1];
         if differing == 0 {
-            let items = self.items(pieces);
+            let melted;
+            let items = match pieces {
+                [Piece::Loose(items)] => *items,
+                _ => {
+                    melted = self.items(pieces);
+                    &melted
+                }
+            };
             let (left, right) = items.split_at(items.len() / 2);
             return self.both(&[Piece::Loose(left)], &[Piece::Loose(right)], records);
         }

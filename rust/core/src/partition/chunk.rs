@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Chunks: stretches of an assembly's records in Morton order, in a frame of their own.
 //!
-//! A chunk holds no record: it knows which placements it has (4 to 8 bytes each) and computes the records on demand
-//! from the borrowed arrays. Immutable to its users; any thread.
+//! A chunk holds no record: it knows which placements it has (4 to 6 bytes each, 8 of more than 65 536 members) and
+//! computes the records on demand from the borrowed arrays. Immutable to its users; any thread.
 
 use std::ops::Range;
 use std::sync::{Arc, PoisonError, RwLock};
@@ -12,6 +12,7 @@ use glam::DVec3;
 use super::blocks::{Block, Peaks};
 use super::cells::SCATTERED;
 use super::lattice::Lattice;
+use super::which::Which;
 use crate::instancing::assembly::Member;
 use crate::instancing::assembly::{InstanceRecord, Target};
 use crate::instancing::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, write_value};
@@ -51,7 +52,7 @@ pub struct Chunk {
     /// Rank of each record.
     pub(crate) ranks: Vec<u32>,
     /// Which of `ids` each record is of; empty when there is one only.
-    pub(crate) which: Vec<u32>,
+    pub(crate) which: Which,
     /// Boxes of stretches of records.
     pub(crate) blocks: Vec<Block>,
 }
@@ -68,7 +69,7 @@ pub(crate) struct Content {
     /// As [`Chunk::ranks`].
     pub(crate) ranks: Vec<u32>,
     /// As [`Chunk::which`].
-    pub(crate) which: Vec<u32>,
+    pub(crate) which: Which,
     /// All of the records.
     pub(crate) blocks: Vec<Block>,
 }
@@ -97,23 +98,26 @@ impl Chunk {
         present.sort_unstable();
         present.dedup();
         let mut counts = vec![0_u32; present.len()];
-        let mut which = Vec::new();
+        let len: usize = items.iter().map(|items| items.len()).sum();
+        let mut which = Which::NONE;
         if let [_] = present[..] {
-            counts[0] = u32::try_from(all().count()).unwrap_or(u32::MAX);
+            counts[0] = u32::try_from(len).unwrap_or(u32::MAX);
         } else {
-            which = all().map(|item| local(&present, item.member())).collect();
-            for &w in &which {
+            which = Which::of(all().map(|item| local(&present, item.member())), present.len());
+            for w in which.range(0..len) {
                 if let Some(count) = counts.get_mut(w as usize) {
                     *count += 1;
                 }
             }
         }
+        let mut ranks = Vec::with_capacity(len);
+        ranks.extend(all().map(Item::rank));
         let ends = [items.first().and_then(|s| s.first()), items.last().and_then(|s| s.last())];
         let content = Content {
             codes: ends.map(|item| item.map_or(0, Item::code)),
             present,
             counts,
-            ranks: all().map(Item::rank).collect(),
+            ranks,
             which,
             blocks: Block::of(all(), lattice),
         };
@@ -188,7 +192,7 @@ impl Chunk {
     #[must_use]
     pub fn host_bytes(&self) -> u64 {
         let members = self.ids.len() * (2 * size_of::<u32>() + size_of::<Member>());
-        let records = (self.ranks.len() + self.which.len()) * size_of::<u32>();
+        let records = self.ranks.len() * size_of::<u32>() + self.which.host_bytes();
         let records = records + size_of_val(&self.blocks[..]);
         (size_of::<Self>() + members + records + size_of_val(&self.targets[..])) as u64
     }
@@ -315,7 +319,18 @@ impl Chunk {
 
     /// Which of [`Chunk::ids`] a record is of, and its rank.
     pub(crate) fn place(&self, at: usize) -> Option<(u32, u32)> {
-        Some((self.which.get(at).copied().unwrap_or(0), *self.ranks.get(at)?))
+        Some((self.which.get(at).unwrap_or(0), *self.ranks.get(at)?))
+    }
+
+    /// True when both have the same records of members, in the same order, with equal boxes.
+    pub(crate) fn has_places_of(&self, other: &Self) -> bool {
+        self.codes == other.codes
+            && self.ids == other.ids
+            && self.ranks == other.ranks
+            && self.which == other.which
+            && self.blocks == other.blocks
+            && (self.origin, self.bounds) == (other.origin, other.bounds)
+            && self.targets == other.targets
     }
 
     /// Replaces where the records come from by what gives the same records.
@@ -377,14 +392,14 @@ fn local(present: &[u32], member: u32) -> u32 {
 /// Box of a few records in the assembly's frame, and the largest
 /// [`Footprint::spread`](crate::instancing::placement::Footprint), measured exactly: what is much smaller than a step
 /// of the lattice gets a frame about its own middle. `None` for many.
-fn measured_box(members: &[Member], ranks: &[u32], which: &[u32]) -> Option<([DVec3; 2], f64)> {
+fn measured_box(members: &[Member], ranks: &[u32], which: &Which) -> Option<([DVec3; 2], f64)> {
     if ranks.len() > SCATTERED {
         return None;
     }
     let mut readers = Readers::new(members, None);
     let (mut around, mut spread) = ([DVec3::INFINITY, DVec3::NEG_INFINITY], 0.0_f64);
     for (at, &rank) in ranks.iter().enumerate() {
-        let (_, reader) = readers.get(which.get(at).copied().unwrap_or(0))?;
+        let (_, reader) = readers.get(which.get(at).unwrap_or(0))?;
         let footprint = reader.footprint(rank)?;
         let half = footprint.half + footprint.spread * footprint.lever * MATRIX_ERROR;
         around = [around[0].min(footprint.center - half), around[1].max(footprint.center + half)];

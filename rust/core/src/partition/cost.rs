@@ -109,6 +109,11 @@ impl CutRule<'_> {
         records > 1 && records.saturating_mul(self.record_bytes) > self.chunk_bytes
     }
 
+    /// The most records that are not too many by themselves.
+    pub(crate) fn most_records(&self) -> u64 {
+        (self.chunk_bytes / self.record_bytes.max(1)).max(1)
+    }
+
     /// True when a cell of `records` that places `targets` (each once, with the number of placements) must be cut.
     pub(crate) fn must_cut(&self, records: u64, targets: &[(Target, u64)]) -> bool {
         if records <= 1 {

@@ -54,7 +54,7 @@ impl Lattice {
     pub(crate) fn place(&self, item: &mut Item, member: u32) {
         let at = (item.center() - self.base) * self.steps;
         let [x, y, z] = at.to_array().map(lattice_step);
-        let large = item.half().into_iter().any(|half| f64::from(half) > LARGE * self.quantum);
+        let large = f64::from(item.largest_half()) > LARGE * self.quantum;
         let code = u64::from(large) << 63 | spread_bits(x) | spread_bits(y) << 1 | spread_bits(z) << 2;
         item.set_place(code, member);
     }
@@ -95,7 +95,8 @@ fn power_of_two(v: f64) -> f64 {
 #[inline]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 21 bits")]
 fn lattice_step(v: f64) -> u64 {
-    v.clamp(0.0, f64::from((1_u32 << BITS) - 1)) as u64
+    // To 32 bits first: that takes a fraction of the instructions.
+    u64::from(v.clamp(0.0, f64::from((1_u32 << BITS) - 1)) as u32)
 }
 
 /// Spreads 21 bits to every third place.

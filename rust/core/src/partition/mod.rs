@@ -5,12 +5,15 @@
 //! each placement of an opened assembly puts its chunks into the top level once more, as [`ChunkInstance`]s. Small
 //! assemblies are referenced whole by the records of chunks. Nothing here depends on a memory budget.
 //!
-//! Stages of a commit: `cost` says what is large, `store` opens assemblies and keeps what did not change, `lattice` and
-//! `cells` cut their members into chunks, `place` composes the placements in f64, `top` builds the hierarchy over them.
-//! Pure and deterministic; work is spread over the caller's rayon pool.
+//! Stages of a commit: `cost` says what is large, `store` opens assemblies and keeps what did not change, `lattice`
+//! and `cells` cut their members into chunks (`stretches` after one another where they are too many, by `buckets`),
+//! `place` composes the placements in f64, `top` builds the hierarchy over them. Pure and deterministic; work is
+//! spread over the caller's rayon pool.
 
 mod blocks;
+mod buckets;
 mod cells;
+mod changes;
 mod chunk;
 mod cost;
 mod lattice;
@@ -19,18 +22,22 @@ mod patch;
 mod place;
 mod placed;
 mod store;
+mod stretches;
 mod validate;
+mod which;
 
 use std::sync::Arc;
 
 use glam::DVec3;
 
+pub(crate) use buckets::Buckets;
 pub use chunk::Chunk;
 pub use placed::{NO_ROW, PlacedValues};
 pub(crate) use placed::{PlacedReader, PlacedValue};
 pub(crate) use store::{PartitionStore, Source};
 pub use validate::WorldError;
 
+use crate::instancing::item::Item;
 use crate::mesh::{Aabb, Bvh2};
 
 pub use crate::instancing::assembly::{KEY_BYTES, RECORD_BYTES};
@@ -39,6 +46,24 @@ pub use crate::instancing::assembly::{KEY_BYTES, RECORD_BYTES};
 pub const MIN_CHUNK_BYTES: u64 = 16 << 10;
 /// Assemblies and meshes above this many times the chunk size are opened and split.
 pub(crate) const OPEN_ABOVE: u64 = 4;
+
+/// Bytes of items that a partition holds at once, unless that is less than a [`ITEM_SHARE`]th of all.
+pub(crate) const ITEM_BYTES: u64 = 1 << 30;
+/// See [`ITEM_BYTES`].
+const ITEM_SHARE: u64 = 16;
+/// See [`cuts_in_stretches`].
+const FRESH_SHARE: u64 = 4;
+
+/// Most of `records` placements that become items at once, where `bytes` of them may be held.
+pub(crate) fn at_once(bytes: u64, records: u64) -> u64 {
+    (bytes / size_of::<Item>() as u64).max(records / ITEM_SHARE).max(1)
+}
+
+/// True where all of `records` placements are cut anew, stretch by stretch, since those that are `fresh` are more than
+/// may be items at once. Not where they are a small part: that would cost more time than it saves memory.
+pub(crate) fn cuts_in_stretches(fresh: u64, records: u64, at_once: u64) -> bool {
+    fresh > at_once && fresh.saturating_mul(FRESH_SHARE) >= records
+}
 
 /// How to partition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,12 +10,15 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::RECORD_BYTES;
+use super::buckets::Buckets;
 use super::cells::{Cutter, Piece};
+use super::changes::Changes;
 use super::chunk::{Chunk, Roster};
 use super::cost::{AssetCosts, CutRule};
 use super::lattice::Lattice;
 use super::patch::{Edits, SHARE};
+use super::stretches::Stretches;
+use super::{RECORD_BYTES, at_once, cuts_in_stretches};
 use crate::instancing::assembly::Target;
 use crate::instancing::assembly::{Assembly, Member};
 use crate::instancing::diff::ChangedNumbers;
@@ -39,26 +42,6 @@ pub(crate) struct Part {
 struct Known {
     id: u32,
     member: Member,
-}
-
-/// What became of the members since the last time.
-#[derive(Debug, Default)]
-struct Changes {
-    /// Lasting id of each present member, in the order of the assembly; unused for those without records in chunks.
-    ids: Vec<u32>,
-    /// Number of the member of each lasting id that is still there.
-    member_of: FxHashMap<u32, u32>,
-    /// Members all of whose records are new, by number.
-    added: Vec<u32>,
-    /// Members with some changed records: number, old place among the known ones, ranks.
-    edited: Vec<(u32, usize, Arc<Vec<u32>>)>,
-    /// Ids with another run but the same records where not edited.
-    rebound: FxHashSet<u32>,
-    /// Ids whose instances have other values of primvars: which, or `None` for all.
-    revalued: FxHashMap<u32, Option<ChangedNumbers>>,
-    /// True when the records of members that are gone are taken out one by one.
-    takes_gone_records: bool,
-    next_id: u32,
 }
 
 /// What an update does to a chunk.
@@ -91,6 +74,10 @@ pub(crate) struct Job<'a> {
     pub(crate) chunk_bytes: u64,
     /// By assembly: whether it is opened.
     pub(crate) opened: &'a [bool],
+    /// Bytes of items held at once.
+    pub(crate) item_bytes: u64,
+    /// Buckets that scans of this commit used.
+    pub(crate) buckets: Option<&'a Buckets>,
 }
 
 impl<'a> Job<'a> {
@@ -127,11 +114,62 @@ impl Part {
         let roster =
             Roster { members: job.assembly.members(), ids: &changes.ids, keeps_frame: job.assembly.is_split_mesh() };
         let cutter = Cutter { rule: &rule, roster, lattice: &lattice, member_of: &changes.member_of };
-        let mut gained = new_items(job.assembly.members(), &changes, &lattice);
+        let chunks = self.cut_anew(&cutter, &changes, job).unwrap_or_else(|| self.cut_again(&cutter, &changes));
+        let known = job.inside().map(|(number, member)| Known {
+            id: changes.ids.get(number as usize).copied().unwrap_or(u32::MAX),
+            member: member.clone(),
+        });
+        self.members = known.collect();
+        self.chunks = chunks;
+        self.next_id = changes.next_id;
+    }
+
+    /// All chunks, cut in stretches, if what is new is too much to be items at once.
+    fn cut_anew(&self, cutter: &Cutter<'_>, changes: &Changes, job: Job<'_>) -> Option<Vec<Arc<Chunk>>> {
+        let members: Vec<(u32, &Member)> = job.inside().collect();
+        let records: u64 = members.iter().map(|(_, member)| member.run.len() as u64).sum();
+        // A cell that has more is cut whatever it is.
+        let most = at_once(job.item_bytes, records).max(cutter.rule.most_records());
+        if !cuts_in_stretches(changes.fresh(job.assembly.members()), records, most) {
+            return None;
+        }
+        let known = job.buckets.filter(|buckets| buckets.lattice() == *cutter.lattice);
+        let made;
+        let buckets = if let Some(known) = known {
+            known
+        } else {
+            let stride = Buckets::stride(records);
+            let samples: Vec<_> = members.par_iter().flat_map_iter(|(_, m)| m.run.spec().samples(stride)).collect();
+            made = Buckets::on(*cutter.lattice, &samples, records, most);
+            &made
+        };
+        let chunks = Stretches { cutter, buckets, most }.cut(&members, known.is_none());
+        Some(self.with_known(chunks, changes, cutter.roster.members))
+    }
+
+    /// The chunks, those from before in place of new ones that are the same.
+    fn with_known(&self, mut chunks: Vec<Arc<Chunk>>, changes: &Changes, members: &[Member]) -> Vec<Arc<Chunk>> {
+        let name = |chunk: &Chunk| (chunk.codes, chunk.ids.first().copied(), chunk.ranks.first().copied());
+        let old: FxHashMap<_, &Arc<Chunk>> = self.chunks.iter().map(|chunk| (name(chunk), chunk)).collect();
+        let edited = changes.edited_ranks();
+        chunks.par_iter_mut().for_each(|chunk| {
+            let known = old.get(&name(chunk)).filter(|old| old.has_places_of(chunk));
+            if let Some(known) = known.filter(|old| !changes.revalues(old) && !changes.edits(&edited, old)) {
+                rebind(known, changes, members);
+                *chunk = Arc::clone(known);
+            }
+        });
+        chunks
+    }
+
+    /// Chunks made of those from before, with everything that is new sorted at once.
+    fn cut_again(&self, cutter: &Cutter<'_>, changes: &Changes) -> Vec<Arc<Chunk>> {
+        let (roster, lattice) = (cutter.roster, cutter.lattice);
+        let mut gained = new_items(roster.members, changes, lattice);
         gained.par_sort_unstable_by_key(Item::key);
-        let lost = self.lost_items(&changes, &lattice);
+        let lost = self.lost_items(changes, lattice);
         let edits = Edits::of_chunks(&self.chunks, &lost, &gained);
-        let fates = self.fates(&changes, &edits);
+        let fates = self.fates(changes, &edits);
         let changed = if fates.contains(&Fate::Melt) { changes.places() } else { FxHashSet::default() };
         let melt = |chunk: &Chunk| {
             let mut items = cutter.melt(chunk);
@@ -143,7 +181,7 @@ impl Part {
             .with_max_len(1)
             .map(|(chunk, edits, fate)| match fate {
                 Fate::Keep => {
-                    rebind(chunk, &changes, roster.members);
+                    rebind(chunk, changes, roster.members);
                     Done::Kept(chunk.clone())
                 }
                 Fate::Revalue => Done::Kept(Arc::new(cutter.revalued(chunk))),
@@ -157,14 +195,7 @@ impl Part {
             })
             .collect();
         let items = loose(gained, &edits, &done);
-        let chunks = cutter.cut(&pieces(done.iter().filter_map(Done::chunk), &items));
-        let known = job.inside().map(|(number, member)| Known {
-            id: changes.ids.get(number as usize).copied().unwrap_or(u32::MAX),
-            member: member.clone(),
-        });
-        self.members = known.collect();
-        self.chunks = chunks;
-        self.next_id = changes.next_id;
+        cutter.cut(&pieces(done.iter().filter_map(Done::chunk), &items))
     }
 
     /// Records that go, as they were, with lasting ids in place of members; sorted. Without those of members that are
@@ -251,34 +282,6 @@ impl Part {
         let gone: usize = gone.map(|known| known.member.run.len()).sum();
         changes.takes_gone_records = gone * SHARE <= self.chunks.iter().map(|chunk| chunk.len()).sum();
         changes
-    }
-}
-
-impl Changes {
-    /// True when some record of a chunk has another value of a primvar.
-    fn revalues(&self, chunk: &Chunk) -> bool {
-        if self.revalued.is_empty() {
-            return false;
-        }
-        let revalued: Vec<_> = chunk.ids.iter().map(|id| self.revalued.get(id)).collect();
-        if revalued.iter().all(Option::is_none) {
-            return false;
-        }
-        let members = chunk.members();
-        let numbers: Vec<_> = members.iter().map(|member| member.run.numbers()).collect();
-        let is_revalued = |at: usize| {
-            let (which, rank) = chunk.place(at)?;
-            match revalued.get(which as usize).copied().flatten()? {
-                None => Some(true),
-                Some(changed) => Some(changed.contains(numbers.get(which as usize)?.of(rank).flatten()?)),
-            }
-        };
-        (0..chunk.len()).any(|at| is_revalued(at) == Some(true))
-    }
-
-    /// Records that changed, by number of the member and rank.
-    fn places(&self) -> FxHashSet<(u32, u32)> {
-        self.edited.iter().flat_map(|(number, _, ranks)| ranks.iter().map(|&rank| (*number, rank))).collect()
     }
 }
 

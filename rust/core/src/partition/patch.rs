@@ -9,6 +9,7 @@ use rustc_hash::FxHashMap;
 use super::blocks::{BLOCK, Block};
 use super::cells::Cutter;
 use super::chunk::{Chunk, Content, Readers};
+use super::which::Which;
 use crate::instancing::item::Item;
 
 /// Chunks with fewer records are made anew. Enough for patched ones to have more than [`super::cells::SCATTERED`].
@@ -181,7 +182,7 @@ impl Patch<'_> {
             let ranks = chunk.ranks.get(range)?.iter();
             let found = ranks
                 .zip(&mut places)
-                .find(|(rank, at)| **rank == wanted.1 && chunk.which.get(*at).is_none_or(|which| *which == wanted.0));
+                .find(|(rank, at)| **rank == wanted.1 && chunk.which.get(*at).is_none_or(|which| which == wanted.0));
             self.lost.push((found?.1, *item));
         }
         self.lost.sort_unstable_by_key(|(at, _)| *at);
@@ -323,8 +324,7 @@ impl Patch<'_> {
             if many && chunk.which.is_empty() {
                 which.resize(which.len() + range.len(), moved.first().copied().unwrap_or(0));
             } else if many {
-                let old = chunk.which.get(range).unwrap_or_default();
-                which.extend(old.iter().map(|w| moved.get(*w as usize).copied().unwrap_or(u32::MAX)));
+                which.extend(chunk.which.range(range).map(|w| moved.get(w as usize).copied().unwrap_or(u32::MAX)));
             }
         };
         let (mut at, mut lost) = (0, self.lost.iter().map(|(at, _)| *at).peekable());
@@ -347,6 +347,7 @@ impl Patch<'_> {
             at = gone + 1;
         }
         copy(&mut ranks, &mut which, at..chunk.len());
+        let which = Which::of(which.into_iter(), present.len());
         (ranks.len() == len).then_some(Content { codes, present, counts, ranks, which, blocks })
     }
 }

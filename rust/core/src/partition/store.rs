@@ -6,12 +6,13 @@ use std::sync::Arc;
 
 use rustc_hash::{FxHashMap, FxHashSet};
 
+use super::buckets::Buckets;
 use super::chunk::Chunk;
 use super::cost::AssetCosts;
 use super::part::{Job, Part};
 use super::place::{Placement, place_chunks, top_level};
 use super::placed::{NO_ROW, PlacedReader, PlacedValues};
-use super::{ChunkInstance, OPEN_ABOVE, OpenedAssembly, PartitionOptions, World};
+use super::{ChunkInstance, ITEM_BYTES, OPEN_ABOVE, OpenedAssembly, PartitionOptions, World};
 use crate::instancing::GroupId;
 use crate::instancing::assembly::Assembly;
 use crate::instancing::assembly::Target;
@@ -24,6 +25,7 @@ const MAX_INSTANCES: u128 = 1 << 22;
 #[derive(Debug)]
 pub(crate) struct PartitionStore {
     options: PartitionOptions,
+    item_bytes: u64,
     next_key: u64,
     parts: FxHashMap<GroupId, Part>,
     world: Arc<World>,
@@ -45,12 +47,15 @@ pub(crate) struct Source<'a> {
     pub(crate) meshes: &'a [Arc<SceneMesh>],
     /// One for each group. Children before parents, root last.
     pub(crate) assemblies: &'a [Arc<Assembly>],
+    /// Buckets that the scans of each used.
+    pub(crate) buckets: &'a [Option<Buckets>],
 }
 
 impl Default for PartitionStore {
     fn default() -> Self {
         Self {
             options: PartitionOptions::default(),
+            item_bytes: ITEM_BYTES,
             next_key: 0,
             parts: FxHashMap::default(),
             world: Arc::new(World::empty()),
@@ -63,6 +68,16 @@ impl PartitionStore {
     /// Takes other options from the next commit on; true when they differ.
     pub(crate) fn set_options(&mut self, options: PartitionOptions) -> bool {
         std::mem::replace(&mut self.options, options) != options
+    }
+
+    /// Bytes of items that are held at once. Changes no result.
+    pub(crate) fn set_item_bytes(&mut self, bytes: u64) {
+        self.item_bytes = bytes;
+    }
+
+    /// Bytes of items that are held at once.
+    pub(crate) fn item_bytes(&self) -> u64 {
+        self.item_bytes
     }
 
     /// How to partition.
@@ -92,7 +107,7 @@ impl PartitionStore {
             }
             limit = limit.saturating_mul(4);
         }
-        source.assemblies.iter().flat_map(|a| a.members()).for_each(|m| m.run.drop_items());
+        source.assemblies.iter().flat_map(|a| a.members()).for_each(|m| m.run.drop_kept());
         let (meshes, assemblies) = (source.meshes.to_vec(), source.assemblies.to_vec());
         self.seen = Some(Seen { options: self.options, meshes, assemblies });
         self.world.clone()
@@ -102,13 +117,14 @@ impl PartitionStore {
     fn partition(&mut self, source: Source<'_>, costs: &AssetCosts, opened: &[bool]) -> Vec<Vec<Arc<Chunk>>> {
         let mut old = std::mem::take(&mut self.parts);
         let chunk_bytes = self.options.chunk_bytes();
-        let all = source.groups.iter().zip(source.assemblies).zip(opened);
-        all.map(|((group, assembly), &is_opened)| {
+        let item_bytes = self.item_bytes;
+        let all = source.groups.iter().zip(source.assemblies).zip(source.buckets).zip(opened);
+        all.map(|(((group, assembly), buckets), &is_opened)| {
             if !is_opened {
                 return Vec::new();
             }
             let mut part = old.remove(*group).unwrap_or_default();
-            part.update(Job { assembly, costs, chunk_bytes, opened });
+            part.update(Job { assembly, costs, chunk_bytes, opened, item_bytes, buckets: buckets.as_ref() });
             for chunk in &mut part.chunks {
                 // New ones are not shared yet.
                 if let Some(chunk) = Arc::get_mut(chunk).filter(|chunk| chunk.key == 0) {

@@ -88,7 +88,14 @@ impl World {
             }
             next += part.chunks;
             let assembly = &assemblies[part.assembly as usize];
-            let job = Job { assembly, costs: &costs, chunk_bytes: self.chunk_bytes, opened: &opened };
+            let job = Job {
+                assembly,
+                costs: &costs,
+                chunk_bytes: self.chunk_bytes,
+                opened: &opened,
+                item_bytes: u64::MAX,
+                buckets: None,
+            };
             let numbers = job.inside().map(|(number, m)| (address(m), number)).collect();
             Check { world: self, meshes, assemblies, part, job, lattice: job.lattice(), numbers }.run()?;
             levels = job.inside().map(|(_, m)| 1 + depth(assemblies, m.target)).fold(levels, u32::max);

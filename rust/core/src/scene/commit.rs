@@ -19,7 +19,9 @@ use crate::instancing::GroupId;
 use crate::instancing::assembly::{Assembly, Member, Target};
 use crate::instancing::instance_primvars::DISPLAY_OPACITY;
 use crate::instancing::run::{Run, RunSpec, TransformKey};
+use crate::instancing::scan::Keep;
 use crate::mesh::{Aabb, LeafKind, SceneMesh};
+use crate::partition::{Buckets, at_once, cuts_in_stretches};
 
 /// The origin moves when the scene's centre is farther from it than this many times the scene's half size.
 const FAR: f64 = 4.0;
@@ -37,6 +39,9 @@ fn run_of<'a>(known: &'a Assembly, member: &PlanMember) -> Option<&'a Arc<Run>> 
     known.members().get(at).map(|m| &m.run)
 }
 
+/// An assembly, and the buckets that its scans used.
+pub(crate) type Made = (Arc<Assembly>, Option<Buckets>);
+
 /// Assets by index, and the index of each content hash.
 pub(crate) struct Assets {
     pub(crate) meshes: Vec<Arc<SceneMesh>>,
@@ -45,30 +50,28 @@ pub(crate) struct Assets {
 }
 
 impl AssemblyStore {
-    /// Makes the assemblies of the plan, root last, and settles the origin.
-    pub(crate) fn make(&mut self, plan: &[PlanGroup], assets: &Assets) -> (Vec<Arc<Assembly>>, DVec3) {
-        let mut made: Vec<Arc<Assembly>> = Vec::with_capacity(plan.len());
+    /// Makes the assemblies of the plan, root last, and settles the origin. `item_bytes`: what items may take at once.
+    pub(crate) fn make(&mut self, plan: &[PlanGroup], assets: &Assets, item_bytes: u64) -> (Vec<Made>, DVec3) {
+        let mut made: Vec<Made> = Vec::with_capacity(plan.len());
         let mut groups = FxHashMap::default();
         for group in plan {
-            let mut assembly = self.make_one(group, assets, &made);
+            let mut assembly = self.make_one(group, assets, &made, item_bytes);
             if group.id == GroupId::Root
-                && let Some(shift) = origin_shift(&assembly.bounds())
+                && let Some(shift) = origin_shift(&assembly.0.bounds())
             {
                 self.origin += shift;
-                assembly = self.make_one(group, assets, &made);
+                assembly = self.make_one(group, assets, &made, item_bytes);
             }
-            made.push(assembly.clone());
-            groups.insert(group.id.clone(), assembly);
+            groups.insert(group.id.clone(), assembly.0.clone());
+            made.push(assembly);
         }
         self.groups = groups;
         (made, self.origin)
     }
 
-    fn make_one(&mut self, group: &PlanGroup, assets: &Assets, made: &[Arc<Assembly>]) -> Arc<Assembly> {
+    fn make_one(&mut self, group: &PlanGroup, assets: &Assets, made: &[Made], item_bytes: u64) -> Made {
         let known = self.groups.get(&group.id);
         let shift = if group.id == GroupId::Root { -self.origin } else { DVec3::ZERO };
-        // The root is always opened; others only if large. What is collected for nothing is forgotten soon.
-        let collect = group.id == GroupId::Root;
         // Once for all prototypes, before they are looked at side by side.
         for plan in &group.members {
             if let Some(new) = &plan.instances
@@ -77,7 +80,7 @@ impl AssemblyStore {
                 old.compare_arrays(new);
             }
         }
-        let members: Vec<Member> = group
+        let specs: Vec<(&PlanMember, Target, i32, RunSpec)> = group
             .members
             .par_iter()
             .filter_map(|plan| {
@@ -89,30 +92,64 @@ impl AssemblyStore {
                     ..*key
                 };
                 let motion = plan.motion.as_ref().map(|keys| Arc::new(keys.iter().map(shifted).collect()));
-                let spec = RunSpec { before, after: plan.after, instances, target_bounds, motion };
-                let run = Run::reuse_or_scan(known.and_then(|k| run_of(k, plan)), spec, collect);
-                let (path, primvars) = (plan.path.clone(), plan.primvars.clone());
-                Some(Member { run, target, prim_id, path, slot: plan.slot, primvars })
+                Some((plan, target, prim_id, RunSpec { before, after: plan.after, instances, target_bounds, motion }))
             })
             .collect();
-        match known {
+        let reused: Vec<Option<Arc<Run>>> = specs
+            .par_iter()
+            .map(|(plan, .., spec)| Run::reuse(known.and_then(|known| run_of(known, plan)), spec))
+            .collect();
+        let fresh = specs.iter().zip(&reused).filter(|(_, run)| run.is_none());
+        let fresh = fresh.map(|((.., spec), _)| spec.most_ranks()).sum();
+        let buckets = buckets(&specs, fresh, item_bytes);
+        let keep = match &buckets {
+            Some(buckets) => Keep::Buckets(buckets),
+            // The root is always opened; others only if large. What is kept for nothing is forgotten soon.
+            None if group.id == GroupId::Root => Keep::Items,
+            None => Keep::Nothing,
+        };
+        let members: Vec<Member> = specs
+            .into_par_iter()
+            .zip(reused)
+            .map(|((plan, target, prim_id, spec), reused)| {
+                let run = reused.unwrap_or_else(|| Arc::new(Run::scan(spec, keep)));
+                let (path, primvars) = (plan.path.clone(), plan.primvars.clone());
+                Member { run, target, prim_id, path, slot: plan.slot, primvars }
+            })
+            .collect();
+        let assembly = match known {
             Some(known) if known.is_made_of(&members) => known.clone(),
             _ => {
                 self.next_key += 1;
                 Arc::new(Assembly::new(self.next_key, members, matches!(group.id, GroupId::Clusters(..))))
             }
-        }
+        };
+        (assembly, buckets)
     }
 }
 
+/// Buckets of a group's placements, if those that are `fresh` are too many to be items at once.
+fn buckets(specs: &[(&PlanMember, Target, i32, RunSpec)], fresh: u64, item_bytes: u64) -> Option<Buckets> {
+    let records: u64 = specs.iter().map(|(.., spec)| spec.most_ranks()).sum();
+    let most = at_once(item_bytes, records);
+    if !cuts_in_stretches(fresh, records, most) {
+        return None;
+    }
+    let stride = Buckets::stride(records);
+    let samples: Vec<_> = specs.par_iter().flat_map_iter(|(.., spec)| spec.samples(stride)).collect();
+    Some(Buckets::of_samples(&samples, records, most))
+}
+
 /// Index, prim id and box of what a member places. An empty assembly keeps an empty box, and its run no placement.
-fn target_of(plan: &PlanMember, assets: &Assets, made: &[Arc<Assembly>]) -> Option<(Target, i32, Aabb)> {
+fn target_of(plan: &PlanMember, assets: &Assets, made: &[Made]) -> Option<(Target, i32, Aabb)> {
     match plan.target {
         PlanTarget::Mesh { key, prim_id } => {
             let index = *assets.indices.get(&key)?;
             Some((Target::Mesh(index), prim_id, assets.meshes.get(index as usize)?.bounds))
         }
-        PlanTarget::Group(group) => Some((Target::Assembly(u32::try_from(group).ok()?), -1, made.get(group)?.bounds())),
+        PlanTarget::Group(group) => {
+            Some((Target::Assembly(u32::try_from(group).ok()?), -1, made.get(group)?.0.bounds()))
+        }
     }
 }
 

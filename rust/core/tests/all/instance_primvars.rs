@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use crate::support::{by, committed, constant, scatter, triangle};
-use oocpt_core::partition::{NO_ROW, PartitionOptions};
+use oocpt_core::partition::{Chunk, NO_ROW, PartitionOptions};
 use oocpt_core::scene::{DISPLAY_COLOR, InstanceColumn, NO_VALUE, NamedPrimvar};
 use oocpt_core::{
     Element, InstanceRecord, InstancerDesc, Interpolation, MeshDesc, Primvar, SceneDb, SceneFeatures, Snapshot,
@@ -232,4 +232,37 @@ fn opacities_of_one_say_nothing() {
     let snapshot = committed(&mut db);
     assert!(snapshot.features.contains(SceneFeatures::OPACITY | SceneFeatures::INSTANCE_OPACITY));
     assert_eq!(snapshot.world.chunks[0].columns().len(), 1);
+}
+
+/// A large edit beside others that change values alone: chunks of the latter are not taken for what they were.
+#[test]
+fn values_change_beside_an_edit_that_is_cut_in_stretches() {
+    let mut db = SceneDb::new();
+    db.set_partition(PartitionOptions { chunk_bytes: 1 });
+    db.set_partition_memory(1);
+    let far: Vec<[f32; 3]> = (0..600_u16).map(|k| [1000.0 + f32::from(k), 50.0, 0.0]).collect();
+    let numbers: Vec<i32> = (0..600).collect();
+    let others = |points: &[[f32; 3]]| scatter("/j", points, &[("/j/p", &numbers)]);
+    db.upsert_mesh(leaf("/i/p/m", "/i", "/i/p"));
+    db.upsert_mesh(leaf("/j/p/m", "/j", "/j/p"));
+    db.upsert_instancer(per_instance(row(300), "displayColor", colors(300)));
+    db.upsert_instancer(others(&far));
+    let before: Vec<u64> = committed(&mut db).world.chunks.iter().map(|chunk| chunk.key()).collect();
+    let mut changed = colors(300);
+    changed[7][0] = 5000.0;
+    db.upsert_instancer(per_instance(row(300), "displayColor", changed));
+    db.upsert_instancer(others(&far.iter().map(|p| p.map(|v| v + 1.0)).collect::<Vec<_>>()));
+    let after = committed(&mut db);
+    let of_row: Vec<f32> = root_colors(&after).into_iter().filter_map(|(_, value)| value).collect();
+    assert_eq!(of_row.len(), 300, "values of the row");
+    assert!(of_row.contains(&5000.0), "the new value");
+    assert!(!of_row.contains(&7.0), "the old value is gone");
+    let has_it = |chunk: &Chunk| {
+        let mut values = vec![0.0; 3 * chunk.len()];
+        chunk.encode_values(COLOR, 0..chunk.len(), &mut values);
+        values.contains(&5000.0)
+    };
+    let (new, rest): (Vec<_>, Vec<_>) = after.world.chunks.iter().partition(|chunk| has_it(chunk));
+    assert!(new.iter().all(|chunk| !before.contains(&chunk.key())), "other values, another key");
+    assert!(rest.iter().any(|chunk| before.contains(&chunk.key())), "the row's others are kept");
 }

@@ -8,6 +8,7 @@ use oocpt_core::{
     Target, TransformSample, TypedArray,
 };
 
+use crate::partition_edits::assert_same_world;
 use crate::support::{by, committed, records, scatter, triangle};
 
 /// Transforms at times.
@@ -108,6 +109,16 @@ fn check_all(snapshot: &Snapshot, records: &[InstanceRecord], keys: &[Vec<Motion
         holds(snapshot, record, keys);
     }
     keys.len()
+}
+
+/// What moves is measured with all its keys wherever the partition does so.
+#[test]
+fn what_moves_is_cut_in_stretches_as_at_once() {
+    let mut in_stretches = everything();
+    in_stretches.set_partition_memory(1);
+    let (at_once, in_stretches) = (committed(&mut everything()), committed(&mut in_stretches));
+    assert!(at_once.world.chunks.len() > 4, "{} chunks", at_once.world.chunks.len());
+    assert_same_world(&at_once, &in_stretches);
 }
 
 #[test]

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Single edits and rules of the partition with known outcomes.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::{DMat4, Vec3};
 use half::f16;
 use oocpt_core::{ElementType, PartitionOptions, SceneDb, TypedArray};
 
-use crate::partition::{SMALL, spread};
+use crate::partition::{SMALL, chunk_records, spread};
 use crate::partition_edits::{assert_keys_tell, assert_same_world};
 use crate::support::{by, committed, grid, scatter, triangle, with_instancer};
 
@@ -220,4 +221,91 @@ fn rotations_of_halves_are_those_of_doubles() {
     let b = scene(TypedArray::from_vec(ElementType::Quatd, doubles).unwrap());
     assert!(a.dropped.instance_transforms > 100 && a.counts.instances > 10_000, "{:?} {:?}", a.dropped, a.counts);
     assert_same_world(&a, &b);
+}
+
+/// Chunks that are cut in stretches of the order are those of cutting all at once: where samples miss items, also such
+/// that reach beyond all samples, where many items share a code, and beside masked and unusable ones.
+#[test]
+fn stretches_give_what_cutting_at_once_gives() {
+    // Every second instance is a sample: those of odd numbers.
+    const COUNT: usize = 540_000;
+    let mut points = spread(COUNT, 50.0, 21);
+    points.iter_mut().skip(1).step_by(3).for_each(|p| *p = p.map(|v| 0.001 * v - 20.0));
+    points.iter_mut().take(2 * 50_000).step_by(2).for_each(|p| *p = [7.0, 8.0, 9.0]);
+    points[400_000] = [f32::NAN; 3];
+    let scene = |points: &[[f32; 3]]| {
+        let all: Vec<i32> = (0..i32::try_from(COUNT).unwrap()).map(|n| if n == 333_333 { -1 } else { n }).collect();
+        let (first, second) = all.split_at(COUNT / 3);
+        let mut desc = scatter("/i", points, &[("/i/p", first), ("/i/q", second), ("/i/r", &all[..100])]);
+        desc.mask = Some(TypedArray::from_bools(&(0..COUNT).map(|n| n % 1000 != 10).collect::<Vec<_>>()));
+        let with_memory = |bytes: u64| {
+            let mut db = with_instancer(desc.clone());
+            for name in ["q", "r"] {
+                let mut mesh = triangle(&format!("/i/{name}/m"), 2.0);
+                mesh.prim.instanced_by = vec![by("/i", &format!("/i/{name}"))];
+                db.upsert_mesh(mesh);
+            }
+            db.upsert_mesh(triangle("/single", 3.0));
+            db.set_partition(PartitionOptions { chunk_bytes: 128 << 10 });
+            db.set_partition_memory(bytes);
+            committed(&mut db)
+        };
+        let (at_once, in_stretches) = (with_memory(u64::MAX), with_memory(1));
+        assert!(at_once.world.chunks.len() > 700, "{} chunks", at_once.world.chunks.len());
+        assert!(at_once.counts.instance_records > 500_000, "{:?}", at_once.counts);
+        assert_same_world(&at_once, &in_stretches);
+    };
+    scene(&points);
+    // Where no sample is, and nothing else; then beyond all samples: on a lattice that these do not tell.
+    points[200_000] = [-10.0, 20.0, -24.0];
+    for k in [200_002, 200_006, 500_000] {
+        points[k] = [30.0, 30.0, 30.0];
+    }
+    scene(&points);
+    points[200_004] = [900.0, -2000.0, 0.0];
+    scene(&points);
+}
+
+/// Chunks that come out of a large edit as they were are kept, but not those with an edited record that none of their
+/// boxes shows.
+#[test]
+fn small_edits_beside_a_large_one_are_seen() {
+    let numbers: Vec<i32> = (0..600).collect();
+    let still = |angle: f32| {
+        let mut desc = scatter("/i", &spread(600, 50.0, 31), &[("/i/p", &numbers)]);
+        let mut turns = vec![[0.0, 0.0, 0.0, 1.0_f32]; 600];
+        turns[300] = [0.0, 0.0, angle, 1.0];
+        desc.rotations = Some(TypedArray::from_vec(ElementType::Quatf, turns).unwrap());
+        desc
+    };
+    let moved = |by: f32| {
+        let points: Vec<_> = spread(600, 50.0, 32).iter().map(|p| p.map(|v| v + by)).collect();
+        scatter("/j", &points, &[("/j/p", &numbers)])
+    };
+    let scene = |db: &mut SceneDb, angle: f32, offset: f32| {
+        let mut mesh = triangle("/j/p/m", 0.5);
+        mesh.prim.instanced_by = vec![by("/j", "/j/p")];
+        db.upsert_mesh(mesh);
+        db.upsert_mesh(grid("/ground", 3));
+        db.upsert_instancer(still(angle));
+        db.upsert_instancer(moved(offset));
+        db.set_partition(SMALL);
+        db.set_partition_memory(1);
+        committed(db)
+    };
+    let mut db = with_instancer(still(0.0));
+    let before = scene(&mut db, 0.0, 200.0);
+    // Kept chunks read the new arrays: what they were is told now.
+    let chunks = before.world.chunks.iter().enumerate();
+    let old: HashMap<u64, _> = chunks.map(|(k, chunk)| (chunk.key(), chunk_records(&before.world, k))).collect();
+    let after = scene(&mut db, 1e-6, 200.5);
+    assert_same_world(&scene(&mut with_instancer(still(1e-6)), 1e-6, 200.5), &after);
+    let mut kept = 0;
+    for (k, chunk) in after.world.chunks.iter().enumerate() {
+        if let Some(records) = old.get(&chunk.key()) {
+            assert!(*records == chunk_records(&after.world, k), "records of chunk {k} changed, its key did not");
+            kept += 1;
+        }
+    }
+    assert!(kept >= 3, "{kept} of {} kept", after.world.chunks.len());
 }

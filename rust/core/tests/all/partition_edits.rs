@@ -13,6 +13,9 @@ use proptest::prelude::*;
 use crate::partition::{SMALL, assert_same_leaves, chunk_records, flatten_world, spread};
 use crate::support::{by, committed, flatten, grid, scatter, triangle};
 
+/// Bytes of an item of the partition.
+const ITEM: u64 = 24;
+
 /// Mesh indices depend on the history of a database, content hashes do not.
 fn comparable(snapshot: &Snapshot, record: &InstanceRecord) -> (Vec<u32>, u128, Vec<u32>) {
     let floats = record.object_from_parent.as_flattened().iter().chain(record.bounds.as_flattened());
@@ -254,8 +257,14 @@ fn edit() -> impl Strategy<Value = Edit> {
 }
 
 fn fresh(model: &Model) -> Arc<Snapshot> {
+    fresh_within(model, u64::MAX)
+}
+
+/// The scene in a database that holds so many bytes of items at once.
+fn fresh_within(model: &Model, item_bytes: u64) -> Arc<Snapshot> {
     let mut db = SceneDb::new();
     db.set_partition(SMALL);
+    db.set_partition_memory(item_bytes);
     model.apply(&mut db);
     committed(&mut db)
 }
@@ -269,12 +278,26 @@ proptest! {
         db.set_partition(SMALL);
         model.apply(&mut db);
         let mut before = committed(&mut db);
+        let mut in_stretches = SceneDb::new();
+        in_stretches.set_partition(SMALL);
+        in_stretches.set_partition_memory(1);
+        model.apply(&mut in_stretches);
+        let mut before_in_stretches = committed(&mut in_stretches);
         for step in steps {
             step.into_iter().for_each(|edit| edit.make(&mut model));
             model.apply(&mut db);
             let after = committed(&mut db);
-            assert_same_world(&fresh(&model), &after);
-            assert_keys_tell(&before, &after);
+            let alone = fresh(&model);
+            assert_same_world(&alone, &after);
+            let kept = assert_keys_tell(&before, &after);
+            model.apply(&mut in_stretches);
+            let after_in_stretches = committed(&mut in_stretches);
+            assert_same_world(&alone, &after_in_stretches);
+            assert!(assert_keys_tell(&before_in_stretches, &after_in_stretches) >= kept, "no fewer than {kept} are kept");
+            before_in_stretches = after_in_stretches;
+            for item_bytes in [1, ITEM * alone.counts.instance_records / 7, ITEM * alone.counts.instance_records] {
+                assert_same_world(&alone, &fresh_within(&model, item_bytes));
+            }
             before = after;
         }
         assert_same_leaves(flatten(&before), flatten_world(&before));

@@ -32,6 +32,17 @@ pub(super) fn print_head(report: &Report) {
     );
 }
 
+/// The most host memory, which is known at the end.
+#[expect(clippy::cast_precision_loss, reason = "sizes are shown, not computed with")]
+pub(super) fn print_host_peak(report: &Report) {
+    let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    println!(
+        "host memory at most: {:.0} MiB until the commit was done, {:.0} MiB until the end",
+        mib(report.commit_host_peak_bytes),
+        mib(report.host_peak_bytes)
+    );
+}
+
 /// What the row was rendered with; a first row that does not fit all memory streams too.
 fn policy_name(row: &Row) -> &str {
     match (row.streaming.in_core, row.policy.is_empty()) {

@@ -203,7 +203,8 @@ impl Builder<'_> {
                 indices.entry(*shape).or_default().push(i32::try_from(i * each + part)?);
             }
         }
-        let prototype = |(shape, list)| {
+        let prototype = |(shape, mut list): (usize, Vec<i32>)| {
+            list.shrink_to_fit();
             let indices = TypedArray::of(list);
             InstancerPrototype { root: self.root(Item::Shape(shape)), indices }
         };

@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Scans: every instance of a run measured once, for its box and for what is not usable, and what is kept of that for
+//! the partition.
+
+use std::sync::PoisonError;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::item::Item;
+use super::placement::{Footprint, Placer, round_down, round_up};
+use super::reader::Numbers;
+use super::run::{Instances, Run, RunSpec};
+use crate::array::{ArrayView, ElementType};
+use crate::desc::DroppedData;
+use crate::mesh::Aabb;
+
+/// Instances scanned by one task: a whole number of blocks.
+pub(super) const TASK: usize = 1 << 14;
+/// Instances whose box is kept, so that a few edits do not make all others be placed again.
+pub(super) const BLOCK: usize = 1 << 10;
+/// Runs of fewer instances are sampled whole.
+const FEW: usize = 64;
+
+/// Which part of its assembly's order an item is in.
+pub(crate) trait Bucketing: std::fmt::Debug + Sync {
+    /// A number below [`UNUSABLE`] for an item that is not on a lattice yet.
+    fn bucket(&self, item: Item) -> u8;
+}
+
+/// In place of a bucket: the rank is not usable.
+pub(crate) const UNUSABLE: u8 = u8::MAX;
+
+/// What a scan is to keep.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Keep<'a> {
+    /// Nothing.
+    Nothing,
+    /// The items, 24 bytes each.
+    Items,
+    /// The bucket of each rank, a byte.
+    Buckets(&'a dyn Bucketing),
+}
+
+/// What a scan kept, until somebody takes it.
+#[derive(Debug, Default)]
+pub(super) enum Kept {
+    #[default]
+    Nothing,
+    /// Of all usable ranks.
+    Items(Vec<Item>),
+    /// Of all ranks.
+    Buckets(Vec<u8>),
+}
+
+/// Where a task of a scan puts what it keeps, from its first rank on.
+pub(super) enum Slots<'a> {
+    Nothing,
+    Items(&'a mut [Item]),
+    Buckets(&'a mut [u8], &'a dyn Bucketing),
+}
+
+/// What a stretch of ranks gives.
+#[derive(Default)]
+pub(super) struct Scan {
+    pub(super) blocks: Vec<Aabb>,
+    pub(super) bad: Vec<u32>,
+    pub(super) out_of_range: u64,
+    pub(super) stuck: u64,
+}
+
+impl Slots<'_> {
+    #[inline]
+    fn put(&mut self, at: usize, footprint: &Footprint, rank: u32) {
+        match self {
+            Self::Nothing => {}
+            Self::Items(items) => {
+                if let Some(slot) = items.get_mut(at) {
+                    *slot = Item::new(footprint, rank);
+                }
+            }
+            Self::Buckets(buckets, by) => {
+                if let Some(slot) = buckets.get_mut(at) {
+                    *slot = by.bucket(Item::new(footprint, rank));
+                }
+            }
+        }
+    }
+}
+
+impl RunSpec {
+    /// Placements that an instancer makes at most; 1 without.
+    pub(crate) fn most_ranks(&self) -> u64 {
+        self.instances.as_ref().map_or(1, |instances| instances.indices.len() as u64)
+    }
+
+    /// Boxes and items of every `stride`-th instance, of few all, without looking at masks.
+    pub(crate) fn samples(&self, stride: usize) -> Vec<(Aabb, Item)> {
+        if self.target_bounds.is_empty() {
+            return Vec::new();
+        }
+        let placer = self.placer();
+        let sample = |number: Option<usize>| {
+            let ([min, max], footprint) = placer.measure(number)?;
+            let bounds = Aabb { min: min.to_array().map(round_down), max: max.to_array().map(round_up) };
+            Some((bounds, Item::new(&footprint, 0)))
+        };
+        let Some(instances) = &self.instances else { return sample(None).into_iter().collect() };
+        let indices = instances.indices.view();
+        let limit = instances.arrays.len();
+        let stride = if indices.len() <= FEW { 1 } else { stride.max(1) };
+        let number = |k: usize| indices.index(k).and_then(|n| usize::try_from(n).ok()).filter(|&n| n < limit);
+        (stride / 2..indices.len()).step_by(stride).filter_map(|k| sample(Some(number(k)?))).collect()
+    }
+}
+
+impl Run {
+    pub(super) fn scan_instances(&mut self, instances: &Instances, keep: Keep<'_>) {
+        let indices = instances.indices.view();
+        if !indices.is_empty() && indices.element() != ElementType::I32 {
+            self.dropped.wrong_array_types += 1;
+            return;
+        }
+        if let Some(mask) = &instances.arrays.mask {
+            self.unmasked = apply_mask(&indices, &mask.view(), &mut self.dropped).map(std::sync::Arc::new);
+        }
+        let ranks = self.unmasked.as_ref().map_or(indices.len(), |n| n.len());
+        let Ok(count) = u32::try_from(ranks) else {
+            // More than the 32 bits of an instance number can tell apart.
+            self.dropped.instance_indices += ranks as u64;
+            return;
+        };
+        self.ranks = count;
+        let (mut items, mut buckets) = (Vec::new(), Vec::new());
+        let scans = match keep {
+            Keep::Nothing => self.scan_tasks((0..ranks.div_ceil(TASK)).into_par_iter().map(|_| Slots::Nothing)),
+            Keep::Items => {
+                items = bytemuck::zeroed_vec(ranks);
+                self.scan_tasks(items.par_chunks_mut(TASK).map(Slots::Items))
+            }
+            Keep::Buckets(by) => {
+                buckets = vec![UNUSABLE; ranks];
+                self.scan_tasks(buckets.par_chunks_mut(TASK).map(|buckets| Slots::Buckets(buckets, by)))
+            }
+        };
+        self.bad = scans.iter().flat_map(|s| s.bad.iter().copied()).collect();
+        let out_of_range: u64 = scans.iter().map(|s| s.out_of_range).sum();
+        self.dropped.instance_motions += scans.iter().map(|s| s.stuck).sum::<u64>();
+        self.blocks = scans.into_iter().flat_map(|s| s.blocks).collect();
+        self.bounds = self.blocks.iter().fold(Aabb::EMPTY, |a, b| a.union(b));
+        self.dropped.instance_indices += out_of_range;
+        self.dropped.instance_transforms += self.bad.len() as u64 - out_of_range;
+        let kept = match keep {
+            Keep::Nothing => Kept::Nothing,
+            Keep::Items => Kept::Items(self.usable(items)),
+            Keep::Buckets(_) => Kept::Buckets(buckets),
+        };
+        self.kept = kept.into();
+    }
+
+    /// Items of all ranks without those of bad ones.
+    fn usable(&self, mut items: Vec<Item>) -> Vec<Item> {
+        let mut at = 0_u32;
+        let mut bad = self.bad.iter().copied().peekable();
+        if bad.peek().is_some() {
+            items.retain(|_| {
+                at += 1;
+                bad.next_if_eq(&(at - 1)).is_none()
+            });
+        }
+        items
+    }
+
+    /// Scans all ranks in parallel; each task has slots for [`TASK`] ranks.
+    fn scan_tasks<'a>(&self, slots: impl IndexedParallelIterator<Item = Slots<'a>>) -> Vec<Scan> {
+        let ranks = self.ranks as usize;
+        let numbers = self.numbers();
+        let placer = self.spec.placer();
+        let task = |(task, mut slots): (usize, Slots<'a>)| {
+            let first = task * TASK;
+            let mut scan = Scan::default();
+            for start in (first..(first + TASK).min(ranks)).step_by(BLOCK) {
+                scan.add_block(&numbers, &placer, start..(start + BLOCK).min(ranks), (first, &mut slots));
+            }
+            scan
+        };
+        slots.enumerate().map(task).collect()
+    }
+
+    /// The items of all usable ranks, in order: those kept by the scan, else measured now.
+    pub(crate) fn take_items(&self) -> Vec<Item> {
+        let kept = std::mem::take(&mut *self.kept.lock().unwrap_or_else(PoisonError::into_inner));
+        if let Kept::Items(items) = kept {
+            return items;
+        }
+        let reader = self.reader(None);
+        (0..self.ranks).into_par_iter().with_min_len(BLOCK).filter_map(|rank| reader.item(rank)).collect()
+    }
+
+    /// The bucket of each rank: those kept by the scan, else, and where `anew` says so, worked out now.
+    pub(crate) fn take_buckets(&self, by: &dyn Bucketing, anew: bool) -> Vec<u8> {
+        let kept = std::mem::take(&mut *self.kept.lock().unwrap_or_else(PoisonError::into_inner));
+        if let Kept::Buckets(buckets) = kept
+            && !anew
+        {
+            return buckets;
+        }
+        let reader = self.reader(None);
+        let bucket = |rank| reader.item(rank).map_or(UNUSABLE, |item| by.bucket(item));
+        (0..self.ranks).into_par_iter().with_min_len(BLOCK).map(bucket).collect()
+    }
+
+    /// Forgets what nobody took.
+    pub(crate) fn drop_kept(&self) {
+        *self.kept.lock().unwrap_or_else(PoisonError::into_inner) = Kept::Nothing;
+    }
+}
+
+impl Scan {
+    /// Scans one stretch of ranks. `slots` begin at the given rank.
+    pub(super) fn add_block(
+        &mut self,
+        numbers: &Numbers<'_>,
+        placer: &Placer<'_>,
+        ranks: std::ops::Range<usize>,
+        (first, slots): (usize, &mut Slots<'_>),
+    ) {
+        // Rounding outward keeps the order: done once for all.
+        let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for at in ranks {
+            let Ok(rank) = u32::try_from(at) else { return };
+            let number = numbers.of(rank);
+            match number.and_then(|n| placer.measure(n)) {
+                Some(([low, high], footprint)) => {
+                    self.stuck += number.map_or(0, |n| u64::from(placer.is_stuck(n)));
+                    (min, max) = (min.min(low), max.max(high));
+                    slots.put(at - first, &footprint, rank);
+                }
+                None => {
+                    self.out_of_range += u64::from(number.is_none());
+                    self.bad.push(rank);
+                }
+            }
+        }
+        self.blocks.push(Aabb { min: min.to_array().map(round_down), max: max.to_array().map(round_up) });
+    }
+}
+
+/// The instance numbers that the mask leaves, or `None` when it hides none. Numbers beyond the mask are shown; negative
+/// ones are kept (as bit patterns) to be counted as out of range later.
+fn apply_mask(indices: &ArrayView<'_>, mask: &ArrayView<'_>, dropped: &mut DroppedData) -> Option<Vec<u32>> {
+    let mut beyond = false;
+    let numbers = (0..indices.len()).filter_map(|i| indices.index(i));
+    let shown = |n: &i32| {
+        let entry = usize::try_from(*n).ok().and_then(|n| mask.boolean(n));
+        beyond |= entry.is_none();
+        entry.unwrap_or(true)
+    };
+    let left: Vec<u32> = numbers.filter(shown).map(i32::cast_unsigned).collect();
+    dropped.short_masks += u64::from(beyond);
+    (left.len() != indices.len()).then_some(left)
+}

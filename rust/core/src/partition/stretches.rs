@@ -1,0 +1,250 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Partitions of more placements than may be items at once: the order of an assembly is gone through in stretches, and
+//! items exist while theirs is sorted and cut. Each placement is measured a second time for that.
+//!
+//! A stretch is made of whole cells of the cutter, told from the number of items in each bucket; so the chunks are
+//! those of cutting everything together.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::buckets::{Buckets, STRAY};
+use super::cells::{Cutter, Piece};
+use super::chunk::Chunk;
+use crate::instancing::assembly::Member;
+use crate::instancing::item::Item;
+use crate::instancing::reader::Reader;
+
+/// Ranks read by one task.
+const TASK: usize = 1 << 14;
+/// Members with fewer placements become items at once.
+const FEW: usize = 256;
+/// Ranks that are looked at together for being of a stretch.
+const LANES: usize = 32;
+/// Ranks that are measured together.
+const BATCH: usize = 64;
+/// Bytes of a placement that a chunk keeps, of the 24 of an item: as chunks are made, less is left for items.
+const KEPT_SHARE: u64 = 6;
+
+/// What is to be cut.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stretches<'a> {
+    pub(crate) cutter: &'a Cutter<'a>,
+    pub(crate) buckets: &'a Buckets,
+    /// Most items at once when all chunks are made.
+    pub(crate) most: u64,
+}
+
+/// Ranks of one member.
+struct Task<'a> {
+    member: u32,
+    reader: &'a Reader<'a>,
+    first: u32,
+    /// Of each rank.
+    buckets: &'a [u8],
+    /// Buckets that are there, in order, with the number of ranks.
+    counts: Vec<(u8, u16)>,
+}
+
+/// Where a task puts its items of one bucket.
+type Slot<'b> = (u8, std::slice::IterMut<'b, Item>);
+
+impl Stretches<'_> {
+    /// Chunks of all placements of `members`, each with its number; `anew`: what scans kept is of other buckets.
+    pub(crate) fn cut(&self, members: &[(u32, &Member)], anew: bool) -> Vec<Arc<Chunk>> {
+        let (few, many): (Vec<_>, Vec<_>) = members.iter().partition(|(_, member)| member.run.len() < FEW);
+        let memos: Vec<Vec<u8>> = many.iter().map(|(_, member)| member.run.take_buckets(self.buckets, anew)).collect();
+        let readers: Vec<Reader<'_>> = many.iter().map(|(_, member)| member.run.reader(None)).collect();
+        let tasks: Vec<Task<'_>> = many
+            .par_iter()
+            .zip(&readers)
+            .zip(&memos)
+            .flat_map(|(((member, _), reader), memo)| {
+                memo.par_chunks(TASK).enumerate().map(move |(k, buckets)| Task::new(*member, reader, k * TASK, buckets))
+            })
+            .collect();
+        let loners = self.loners(&few, &tasks);
+        let (mut counts, in_buckets) = (self.loner_counts(&loners), bucket_counts(&tasks));
+        for (count, cell) in counts.iter_mut().zip(self.buckets.cells()) {
+            *count += if cell.bucket == STRAY { 0 } else { in_buckets[usize::from(cell.bucket)] };
+        }
+        let mut left: u64 = counts.iter().sum();
+        let most = |left: u64| self.most.saturating_add(left / KEPT_SHARE);
+        // As stretches shrink, cells must be no larger than the last ones.
+        let cuts = self.buckets.cuts(&counts, self.most);
+        let (mut chunks, mut items): (Vec<Arc<Chunk>>, Vec<Item>) = (Vec::new(), Vec::new());
+        let mut at = 0;
+        while at < cuts.len() {
+            let lens = cuts[at..].iter().map(|cells| counts[cells.clone()].iter().sum::<u64>());
+            let sums = lens.scan(0, |sum, len| {
+                *sum += len;
+                Some(*sum)
+            });
+            let n = sums.take_while(|sum| *sum <= most(left)).count().max(1);
+            let stretch = &cuts[at..at + n];
+            left -= self.gather(stretch, &counts, (&tasks, &loners), &mut items);
+            let mut rest = &items[..];
+            let pieces: Vec<&[Item]> = stretch
+                .iter()
+                .map(|cells| {
+                    let len = counts[cells.clone()].iter().sum::<u64>();
+                    let (piece, after) = rest.split_at(usize::try_from(len).unwrap_or(0).min(rest.len()));
+                    rest = after;
+                    piece
+                })
+                .collect();
+            chunks.par_extend(pieces.par_iter().flat_map_iter(|piece| self.cutter.cut(&[Piece::Loose(piece)])));
+            at += n;
+        }
+        chunks
+    }
+
+    /// Items that are in no bucket's count: those of small members, and strays. Sorted.
+    fn loners(&self, few: &[(u32, &Member)], tasks: &[Task<'_>]) -> Vec<Item> {
+        let lattice = self.cutter.lattice;
+        let of_few = few.par_iter().flat_map_iter(|(number, member)| {
+            let reader = member.run.reader(None);
+            let place = |mut item: Item| {
+                lattice.place(&mut item, *number);
+                item
+            };
+            (0..member.run.ranks()).filter_map(|rank| reader.item(rank)).map(place).collect::<Vec<_>>()
+        });
+        let strays = tasks.par_iter().filter(|task| task.counts.iter().any(|(bucket, _)| *bucket == STRAY));
+        let strays = strays.flat_map_iter(|task| {
+            let is_stray = |(_, bucket): &(u32, &u8)| **bucket == STRAY;
+            let ranks = (task.first..).zip(task.buckets).filter(is_stray).map(|(rank, _)| rank);
+            ranks.filter_map(|rank| self.item(task, rank)).collect::<Vec<_>>()
+        });
+        let mut loners: Vec<Item> = of_few.chain(strays).collect();
+        loners.par_sort_unstable_by_key(Item::key);
+        loners
+    }
+
+    fn loner_counts(&self, loners: &[Item]) -> Vec<u64> {
+        let cells = self.buckets.cells();
+        (0..cells.len()).map(|at| self.loners_of(at, loners).len() as u64).collect()
+    }
+
+    /// Which loners are in a cell.
+    fn loners_of(&self, cell: usize, loners: &[Item]) -> Range<usize> {
+        let start = |cell: usize| {
+            let start = self.buckets.cells().get(cell).map(|cell| cell.start);
+            start.map_or(loners.len(), |start| loners.partition_point(|item| item.code() < start))
+        };
+        start(cell)..start(cell + 1)
+    }
+
+    fn item(&self, task: &Task<'_>, rank: u32) -> Option<Item> {
+        let mut item = task.reader.usable_item(rank)?;
+        self.cutter.lattice.place(&mut item, task.member);
+        Some(item)
+    }
+
+    /// Fills `items` with those of a stretch, sorted; gives their number.
+    fn gather(
+        &self,
+        stretch: &[Range<usize>],
+        counts: &[u64],
+        (tasks, loners): (&[Task<'_>], &[Item]),
+        items: &mut Vec<Item>,
+    ) -> u64 {
+        let cells: Vec<usize> = stretch.iter().cloned().flatten().collect();
+        let len = |cell: usize| usize::try_from(counts[cell]).unwrap_or(0);
+        let total = cells.iter().map(|&cell| len(cell)).sum();
+        if items.len() < total {
+            *items = Vec::new();
+            *items = bytemuck::zeroed_vec(total);
+        }
+        // Stretches become shorter as chunks take memory.
+        items.truncate(total);
+        items.shrink_to_fit();
+        let mut slots: Vec<Vec<Slot<'_>>> = tasks.iter().map(|_| Vec::new()).collect();
+        let mut rest = &mut items[..];
+        let mut taken: Vec<usize> = vec![0; tasks.len()];
+        for &cell in &cells {
+            let (region, after) = std::mem::take(&mut rest).split_at_mut(len(cell));
+            rest = after;
+            let own = loners.get(self.loners_of(cell, loners)).unwrap_or_default();
+            let (for_own, mut region) = region.split_at_mut(own.len());
+            for_own.copy_from_slice(own);
+            let bucket = self.buckets.cells()[cell].bucket;
+            if bucket == STRAY {
+                continue;
+            }
+            for ((task, slots), taken) in tasks.iter().zip(&mut slots).zip(&mut taken) {
+                // Buckets come in order: each is looked for where the last one was.
+                let counts = &task.counts[*taken..];
+                *taken += counts.iter().take_while(|(b, _)| *b < bucket).count();
+                if let Some((_, count)) = task.counts.get(*taken).filter(|(b, _)| *b == bucket) {
+                    let (slot, after) = region.split_at_mut(usize::from(*count));
+                    slots.push((bucket, slot.iter_mut()));
+                    region = after;
+                }
+            }
+        }
+        tasks.par_iter().zip(&mut slots).for_each(|(task, slots)| self.fill(task, slots));
+        drop(slots);
+        let mut rest = &mut items[..];
+        let mut regions = Vec::with_capacity(cells.len());
+        for &cell in &cells {
+            let (region, after) = std::mem::take(&mut rest).split_at_mut(len(cell));
+            regions.push(region);
+            rest = after;
+        }
+        regions.into_par_iter().with_max_len(1).for_each(|region| region.par_sort_unstable_by_key(Item::key));
+        total as u64
+    }
+
+    /// Measures the ranks of a task that are of the slots' buckets, which follow each other but for gaps.
+    fn fill(&self, task: &Task<'_>, slots: &mut [Slot<'_>]) {
+        let [Some(low), Some(high)] = [slots.first(), slots.last()].map(|slot| slot.map(|(bucket, _)| *bucket)) else {
+            return;
+        };
+        let mut slot_of = [u8::MAX; 256];
+        (0..).zip(slots.iter()).for_each(|(at, (bucket, _))| slot_of[usize::from(*bucket)] = at);
+        let is_inside = |bucket: u8| bucket.wrapping_sub(low) <= high - low;
+        let mut batch: Vec<(u32, u8)> = Vec::with_capacity(BATCH + LANES);
+        let mut flush = |batch: &mut Vec<(u32, u8)>| {
+            // They lie apart in memory: all are touched first, so that the waits for them overlap.
+            std::hint::black_box(batch.iter().fold(0, |sum, (rank, _)| sum ^ task.reader.touch(*rank)));
+            for (rank, bucket) in batch.drain(..) {
+                let slot = slots.get_mut(usize::from(slot_of[usize::from(bucket)])).and_then(|(_, slot)| slot.next());
+                if let (Some(slot), Some(item)) = (slot, self.item(task, rank)) {
+                    *slot = item;
+                }
+            }
+        };
+        for (start, lanes) in (task.first..).step_by(LANES).zip(task.buckets.chunks(LANES)) {
+            if lanes.iter().fold(false, |any, &bucket| any | is_inside(bucket)) {
+                batch.extend((start..).zip(lanes.iter().copied()).filter(|(_, bucket)| is_inside(*bucket)));
+                if batch.len() >= BATCH {
+                    flush(&mut batch);
+                }
+            }
+        }
+        flush(&mut batch);
+    }
+}
+
+impl<'a> Task<'a> {
+    fn new(member: u32, reader: &'a Reader<'a>, first: usize, buckets: &'a [u8]) -> Self {
+        let mut all = [0_u16; 256];
+        buckets.iter().for_each(|&bucket| all[usize::from(bucket)] += 1);
+        // Without the last one: not usable.
+        let counts = (0..u8::MAX).zip(all).filter(|(_, count)| *count > 0).collect();
+        Self { member, reader, first: u32::try_from(first).unwrap_or(u32::MAX), buckets, counts }
+    }
+}
+
+/// Ranks of all tasks in each bucket.
+fn bucket_counts(tasks: &[Task<'_>]) -> [u64; 256] {
+    let mut all = [0; 256];
+    tasks
+        .iter()
+        .flat_map(|task| &task.counts)
+        .for_each(|(bucket, count)| all[usize::from(*bucket)] += u64::from(*count));
+    all
+}
