@@ -5,13 +5,15 @@
 //! does not make their buffers. To measure what that saves, `oocpt:carry` compiles parts in that the scene does not
 //! need ([`Carry`]): the same picture, bit for bit.
 
-use crate::assets::SceneView;
+use crate::assets::{SceneView, leaf_of};
 use crate::device::Specialisation;
 use crate::lights::LightTable;
 use oocpt_core::camera::CameraRays;
 use oocpt_core::inventory::FeatureUse;
+use oocpt_core::mesh::LeafKind;
 use oocpt_core::scene::{SceneFeatures, Snapshot};
 use oocpt_shader_abi::{CarryRule, FEATURES, Feature, Features};
+use std::collections::BTreeSet;
 
 /// What the frame decides, whatever the scene has.
 const OF_FRAME: Features = Features::DOME
@@ -22,7 +24,7 @@ const OF_FRAME: Features = Features::DOME
 
 /// The features a frame needs, apart from streaming.
 pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRays, scene: &SceneView) -> Features {
-    let mut features = lights.features | of_scene(snapshot.features);
+    let mut features = lights.features | of_scene(snapshot.features) | of_leaves(&snapshot.leaf_kinds);
     features.set(Features::LENS, rays.lens_u != [0.0; 3] || rays.lens_v != [0.0; 3]);
     features.set(Features::INSTANCING, scene.max_levels > 1);
     // Without images there are no tables of them.
@@ -38,6 +40,11 @@ pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRa
 fn of_scene(scene: SceneFeatures) -> Features {
     let named = scene.iter_names().filter_map(|(name, _)| Features::from_name(name));
     named.fold(Features::empty(), Features::union) - OF_FRAME
+}
+
+/// What the leaves of its meshes need.
+fn of_leaves(kinds: &BTreeSet<LeafKind>) -> Features {
+    kinds.iter().map(|&kind| leaf_of(kind).needs).fold(Features::empty(), Features::union)
 }
 
 /// Whether some material makes surfaces be there or not.
@@ -137,6 +144,7 @@ pub(crate) fn left_out(features: Features, has_planes: bool) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use oocpt_shader_abi::{LEAF_KINDS, LEAVES, Leaf};
 
     #[test]
     fn what_is_present_is_not_listed_as_left_out() {
@@ -166,6 +174,21 @@ mod tests {
         }
         assert_eq!(of_scene(SceneFeatures::PTEX | SceneFeatures::COAT), Features::PTEX | Features::COAT);
         assert_eq!(of_scene(SceneFeatures::LENS | SceneFeatures::DOME), Features::empty(), "the frame says so");
+    }
+
+    #[test]
+    fn every_kind_of_leaf_has_a_row() {
+        let rows: BTreeSet<&str> = LEAVES.iter().map(|row| row.name).collect();
+        let numbers: BTreeSet<u32> = LEAVES.iter().map(|row| row.number).collect();
+        let kinds: BTreeSet<&str> = LeafKind::ALL.iter().map(|&kind| leaf_of(kind).name).collect();
+        assert_eq!([rows.len(), numbers.len(), kinds.len()], [LEAVES.len(); 3], "each has its own");
+        assert!(LeafKind::ALL.iter().all(|kind| leaf_of(*kind).name == kind.name()), "of the same name");
+        assert!(numbers.iter().all(|number| *number < LEAF_KINDS), "there is room for it");
+        assert_eq!(leaf_of(LeafKind::Triangles), Leaf::TRIANGLE);
+        let all = LEAVES.iter().filter(|row| row.needs == Features::empty());
+        assert_eq!(all.map(|row| row.name).collect::<Vec<_>>(), ["triangle"], "others are compiled where they are");
+        assert_eq!(of_leaves(&BTreeSet::from([LeafKind::Triangles])), Features::empty());
+        assert_eq!(of_leaves(&BTreeSet::from([LeafKind::Triangles, LeafKind::Rounds])), Features::ROUND);
     }
 
     #[test]
