@@ -144,7 +144,6 @@ pub(crate) fn left_out(features: Features, has_planes: bool) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use oocpt_shader_abi::{LEAF_KINDS, LEAVES, Leaf};
 
     #[test]
     fn what_is_present_is_not_listed_as_left_out() {
@@ -174,21 +173,6 @@ mod tests {
         }
         assert_eq!(of_scene(SceneFeatures::PTEX | SceneFeatures::COAT), Features::PTEX | Features::COAT);
         assert_eq!(of_scene(SceneFeatures::LENS | SceneFeatures::DOME), Features::empty(), "the frame says so");
-    }
-
-    #[test]
-    fn every_kind_of_leaf_has_a_row() {
-        let rows: BTreeSet<&str> = LEAVES.iter().map(|row| row.name).collect();
-        let numbers: BTreeSet<u32> = LEAVES.iter().map(|row| row.number).collect();
-        let kinds: BTreeSet<&str> = LeafKind::ALL.iter().map(|&kind| leaf_of(kind).name).collect();
-        assert_eq!([rows.len(), numbers.len(), kinds.len()], [LEAVES.len(); 3], "each has its own");
-        assert!(LeafKind::ALL.iter().all(|kind| leaf_of(*kind).name == kind.name()), "of the same name");
-        assert!(numbers.iter().all(|number| *number < LEAF_KINDS), "there is room for it");
-        assert_eq!(leaf_of(LeafKind::Triangles), Leaf::TRIANGLE);
-        let all = LEAVES.iter().filter(|row| row.needs == Features::empty());
-        assert_eq!(all.map(|row| row.name).collect::<Vec<_>>(), ["triangle"], "others are compiled where they are");
-        assert_eq!(of_leaves(&BTreeSet::from([LeafKind::Triangles])), Features::empty());
-        assert_eq!(of_leaves(&BTreeSet::from([LeafKind::Triangles, LeafKind::Rounds])), Features::ROUND);
     }
 
     #[test]

@@ -10,9 +10,12 @@ use crate::support::{color_request, orthographic, perspective, read, read_all, r
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use oocpt_core::TypedArray;
 use oocpt_core::camera::Camera;
+use oocpt_core::mesh::LeafKind;
 use oocpt_core::scene::{Interpolation, MeshDesc, Primvar, SceneDb, Shape};
 use oocpt_core::settings::Settings;
 use oocpt_render::{AovKind, Session, SessionOptions};
+use oocpt_shader_abi::{Features, LEAF_KINDS, LEAVES};
+use std::collections::BTreeSet;
 use std::path::Path;
 
 const SIZE: [u32; 2] = [64, 48];
@@ -104,26 +107,43 @@ fn tinted(db: &mut SceneDb, place: DMat4) {
     db.upsert_light(dome([2.0; 3]));
 }
 
-#[test]
-fn a_toy_box_in_a_dome_has_the_colour_between_its_corners_and_does_not_shade_itself() {
+/// Colours of that box from all six sides, and where along x between its corners each pixel is.
+fn from_all_sides() -> Vec<([f32; 4], f64)> {
     let turn = DMat4::from_rotation_y(0.4) * DMat4::from_rotation_x(0.3);
     let place = DMat4::from_translation(DVec3::new(900.0, -350.0, 70.0)) * turn;
     let session = session(settings(16, 3));
     session.with_scene(|db| tinted(db, place));
+    let mut all = Vec::new();
     for side in [DVec3::Z, DVec3::NEG_Z, DVec3::Y, DVec3::NEG_Y, DVec3::X, DVec3::NEG_X] {
         let [eye, target] = [side * 5.0, DVec3::ZERO].map(|p| place.transform_point3(p));
         let camera = orthographic(eye, target, 1.0, [8, 8]);
         let request = color_request(camera.clone());
         render(&session, &request);
         let colors: Vec<[f32; 4]> = read(&session, &request, AovKind::Color);
-        for (color, (y, x)) in colors.iter().zip((0..8_u32).flat_map(|y| (0..8_u32).map(move |x| (y, x)))) {
-            let ndc = DVec3::new((f64::from(x) + 0.5) / 8.0 - 0.5, (f64::from(y) + 0.5) / 8.0 - 0.5, -4.0);
-            let along = place.inverse().transform_point3(camera.world_from_view.transform_point3(ndc)).x;
-            let expected = 2.0 * (0.5 + 0.3 * along);
-            // Samples are spread over the pixel, an eighth of a unit.
-            assert!((f64::from(color[0]) - expected).abs() < 6e-3, "{side}, {x}, {y}: {color:?}, not {expected}");
-            assert!(color[1..3].iter().all(|c| (c - 2.0).abs() < 1e-5), "{side}, {x}, {y}: {color:?} of a white box");
-        }
+        all.extend(colors.into_iter().zip((0..8_u32).flat_map(|y| (0..8_u32).map(move |x| (y, x)))).map(
+            |(color, (y, x))| {
+                let centre = [x, y].map(|k| (f64::from(k) + 0.5) / 8.0 - 0.5);
+                let seen = camera.world_from_view.transform_point3(DVec3::new(centre[0], centre[1], -4.0));
+                (color, place.inverse().transform_point3(seen).x)
+            },
+        ));
+    }
+    all
+}
+
+#[test]
+fn a_toy_box_in_a_dome_has_the_colour_between_its_corners() {
+    for (color, along) in from_all_sides() {
+        let expected = 2.0 * (0.5 + 0.3 * along);
+        // Samples are spread over the pixel, an eighth of a unit.
+        assert!((f64::from(color[0]) - expected).abs() < 6e-3, "at {along}: {color:?} instead of {expected}");
+    }
+}
+
+#[test]
+fn a_toy_box_does_not_shade_itself() {
+    for (color, along) in from_all_sides() {
+        assert!(color[1..3].iter().all(|c| (c - 2.0).abs() < 1e-5), "at {along}: {color:?} of a white box");
     }
 }
 
@@ -218,6 +238,18 @@ fn toy_boxes_that_make_no_sense_are_left_out_and_counted() {
     db.upsert_mesh(MeshDesc { points: TypedArray::of(vec![0_i32; 6]), ..boxes("/boxes", 1, DMat4::IDENTITY, vec![]) });
     let commit = db.commit();
     assert_eq!((commit.snapshot.counts.unique_triangles, commit.warnings.len()), (0, 1), "{:?}", commit.warnings);
+}
+
+#[test]
+fn every_kind_of_leaf_has_a_row() {
+    let names: BTreeSet<&str> = LEAVES.iter().map(|row| row.name).collect();
+    let kinds: BTreeSet<&str> = LeafKind::ALL.iter().map(|kind| kind.name()).collect();
+    assert_eq!(names, kinds, "both tables have the same kinds");
+    let numbers: BTreeSet<u32> = LEAVES.iter().map(|row| row.number).collect();
+    assert_eq!([names.len(), numbers.len()], [LEAVES.len(); 2], "each has its own");
+    assert!(numbers.iter().all(|number| *number < LEAF_KINDS), "flags have room for it");
+    let always = LEAVES.iter().filter(|row| row.needs == Features::empty());
+    assert_eq!(always.map(|row| row.name).collect::<Vec<_>>(), [LeafKind::Triangles.name()], "others are left out");
 }
 
 #[test]
