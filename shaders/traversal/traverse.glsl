@@ -259,12 +259,6 @@ uint enter_chunk(uint reference) {
     return 0u;
 }
 
-// Notes of what kind the items of a mesh are; true where they are no triangles.
-bool begin_kind(uint flags) {
-    walk_kind = leaf_kind(flags);
-    return walk_kind != LEAF_TRIANGLE;
-}
-
 // Into the target of an instance record; returns its root, or the next reference where there is no room.
 uint enter(uint record) {
     const uint target = Instances(walk.instances).v[record].target;
@@ -296,7 +290,7 @@ uint enter(uint record) {
         walk.nodes = Meshes(FRAME.meshes).v[mesh].nodes;
         walk.pad = MESH_PAD * (largest_of(o) + Meshes(FRAME.meshes).v[mesh].reach);
         walk.pose = pose_of(mesh, walk.time);
-        walk.other = HAS_LEAF_KINDS && begin_kind(Meshes(FRAME.meshes).v[mesh].flags);
+        walk.other = HAS_LEAF_KINDS && (walk_kind = leaf_kind(Meshes(FRAME.meshes).v[mesh].flags)) != LEAF_TRIANGLE;
     }
     return 0u;
 }

@@ -108,8 +108,8 @@ impl Aabb {
     }
 }
 
-/// A triangle in object space, or what an asset's [`LeafKind`] says: corners in authored order (a left-handed mesh flips the geometric normal, not the
-/// order).
+/// A triangle in object space, corners in authored order (a left-handed mesh flips the geometric normal, not the
+/// order); or another item, as an asset's [`LeafKind`] says.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Triangle {
