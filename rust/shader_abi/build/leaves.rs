@@ -6,8 +6,8 @@
 use crate::abi::{LEAVES, Leaf};
 use std::fmt::Write as _;
 
-/// `generated/leaves.glsl`: the kinds' files, their numbers, and functions over all of them.
-pub(crate) fn functions() -> String {
+/// The kinds' files and numbers, and whether there may be any.
+fn head() -> String {
     let mut text = String::from("// Written by rust/shader_abi/build.rs, from src/abi/leaves.rs.\n\n");
     for Leaf { name, .. } in others() {
         let _infallible = writeln!(text, "#include \"geometry/{name}.glsl\"");
@@ -17,7 +17,6 @@ pub(crate) fn functions() -> String {
         let _infallible = writeln!(text, "const uint {} = {}u;", constant(leaf), leaf.number);
     }
     let compiled: Vec<String> = others().map(|leaf| format!("({})", has(leaf))).collect();
-    let tubes: Vec<String> = others().filter(|leaf| leaf.is_tube).map(is).collect();
     let _infallible = write!(
         text,
         "
@@ -28,7 +27,19 @@ const bool HAS_LEAF_KINDS = {};
 uint leaf_kind(const uint flags) {{
     return (flags & MESH_LEAF_MASK) >> MESH_LEAF_SHIFT;
 }}
+",
+        compiled.join(" || ")
+    );
+    text
+}
 
+/// `generated/leaves.glsl`: that, and functions over all of them.
+pub(crate) fn functions() -> String {
+    let tubes: Vec<String> = others().filter(|leaf| leaf.is_tube).map(is).collect();
+    let mut text = head();
+    let _infallible = write!(
+        text,
+        "
 // Whether a ray meets the item in front of its origin, at which distance, and the weights of the second and third
 // corner there.
 bool leaf_hit(const uint kind, const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const vec3 d, out float t,
@@ -82,7 +93,6 @@ float leaf_radius(const uint kind, const vec3 v0, const vec3 v1, const vec3 v2, 
 {}    return 0.0;
 }}
 ",
-        compiled.join(" || "),
         each("return NAME_hit(v0, v1, v2, o, d, t, uv)", |_| true),
         each("return NAME_point(v0, v1, v2, uv, met, normal)", |_| true),
         each("return NAME_beside(v0, v1, v2, uv, normal, point)", |_| true),
