@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The leaf test of the boxes that tests add: geometry/toy_box.glsl, operation by operation. Pure, any thread.
+//! The leaf test of the boxes that tests add: `geometry/toy_box.glsl`, operation by operation. Pure, any thread.
 
 use crate::vector::V3;
 
 /// How far along x from the first corner to the second.
+#[expect(clippy::manual_clamp, reason = "NaN becomes 0, as there")]
 fn share(first: V3, second: V3, x: f32) -> f32 {
     let extent = second[0] - first[0];
-    // Not `clamp`: NaN becomes 0, as there.
     if extent == 0.0 { 0.0 } else { ((x - first[0]) / extent).max(0.0).min(1.0) }
 }
 

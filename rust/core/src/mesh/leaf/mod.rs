@@ -76,12 +76,6 @@ leaf_kinds! {
     ToyBoxes: toy_box;
 }
 
-impl Default for LeafKind {
-    fn default() -> Self {
-        Self::Triangles
-    }
-}
-
 /// A shape that is not made of polygons, ready to be items of an asset.
 pub(super) struct Items {
     /// A face of three corners for each item.

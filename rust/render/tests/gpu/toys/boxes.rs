@@ -36,7 +36,8 @@ fn boxes(path: &str, id: i32, transform: DMat4, corners: Vec<[f32; 3]>) -> MeshD
 fn corners(count: u32, range: DVec3, size: f64) -> Vec<[f32; 3]> {
     let ends = |i: u32| {
         let (middle, half) = (scattered(2 * i) * range, size * (0.2 + scattered(2 * i + 1).abs()));
-        let half = half * DVec3::new(if i % 2 == 0 { 1.0 } else { -1.0 }, if i % 3 == 0 { 1.0 } else { -1.0 }, 1.0);
+        let side = |every: u32| if i.is_multiple_of(every) { 1.0 } else { -1.0 };
+        let half = half * DVec3::new(side(2), side(3), 1.0);
         [middle - half, middle + half].map(|p| p.as_vec3().to_array())
     };
     (0..count).flat_map(ends).collect()
