@@ -12,6 +12,8 @@ mod abi;
 mod check;
 #[path = "build/exact.rs"]
 mod exact;
+#[path = "build/leaves.rs"]
+mod leaves;
 #[path = "build/light_shapes.rs"]
 mod light_shapes;
 #[path = "build/lobes.rs"]
@@ -52,6 +54,7 @@ fn build() -> Result<(), String> {
     fs::create_dir_all(include.join("generated")).map_err(|error| format!("{}: {error}", include.display()))?;
     let generated = [
         ("constants.glsl", constants()?),
+        ("leaves.glsl", leaves::functions()),
         ("light_shapes.glsl", light_shapes::functions()),
         ("lobes.glsl", lobes::types()),
         ("lobe_functions.glsl", lobes::functions()),

@@ -20,6 +20,8 @@ struct ChunkMap {
     Double3 origin;
 };
 
+const float UNIT_ROUNDOFF = 5.9604645e-8;
+
 float dot3(vec3 a, vec3 b) {
     return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z));
 }

@@ -24,15 +24,9 @@ bool seen_at(Double3 position, float time, out vec3 seen) {
     return w > 0.0;
 }
 
-// Radius of the ball of a round item that a hit is on.
-float ball_radius(Pose pose, HitHeader hit) {
-    const vec3 radii = posed_corner(pose, hit.triangle * 3u + 2u).xyz;
-    return mix(radii.x, radii.y, hit.uv.x);
-}
-
-// The world's place of a point of the mesh of surface_chain at a time of the shutter. `out_of_ball`: of round items,
-// from the centre of the ball that the hit is on to the hit, in the mesh's frame, with HAS_DEFORMATION in radii.
-Double3 placed_at(HitHeader hit, vec3 out_of_ball, float time) {
+// The world's place of a point of the mesh of surface_chain at a time of the shutter. `kept`: what the point keeps on
+// an item that is no triangle (geometry/leaf.glsl).
+Double3 placed_at(HitHeader hit, vec3 kept, float time) {
     surface_time = time;
     uint mesh, instance_id;
     int prim_id;
@@ -41,9 +35,9 @@ Double3 placed_at(HitHeader hit, vec3 out_of_ball, float time) {
     const vec3 v0 = posed_corner(pose, hit.triangle * 3u).xyz;
     const vec3 v1 = posed_corner(pose, hit.triangle * 3u + 1u).xyz;
     vec3 local;
-    if (HAS_ROUND && (Meshes(FRAME.meshes).v[mesh].flags & MESH_ROUND) != 0u) {
-        if (HAS_DEFORMATION) out_of_ball *= ball_radius(pose, hit);
-        local = mix(v0, v1, hit.uv.x) + out_of_ball;
+    if (HAS_LEAF_KINDS && (Meshes(FRAME.meshes).v[mesh].flags & MESH_LEAF_MASK) != 0u) {
+        const vec3 v2 = posed_corner(pose, hit.triangle * 3u + 2u).xyz;
+        local = leaf_place(leaf_kind(Meshes(FRAME.meshes).v[mesh].flags), v0, v1, v2, hit.uv, kept);
     } else {
         const vec3 v2 = posed_corner(pose, hit.triangle * 3u + 2u).xyz;
         local = fma(v0, vec3(1.0 - hit.uv.x - hit.uv.y), fma(v1, vec3(hit.uv.x), v2 * hit.uv.y));
@@ -55,24 +49,26 @@ Double3 placed_at(HitHeader hit, vec3 out_of_ball, float time) {
 // After surface_of_hit(path).
 vec3 motion_over_image(uint path) {
     const HitHeader hit = load_hit_header(path);
-    vec3 out_of_ball = vec3(0.0);
-    if (HAS_ROUND) {
+    vec3 kept = vec3(0.0);
+    if (HAS_LEAF_KINDS) {
         uint mesh, instance_id;
         int prim_id;
         follow_chain(hit.chunk_instance, mesh, prim_id, instance_id);
-        if ((Meshes(FRAME.meshes).v[mesh].flags & MESH_ROUND) != 0u) {
+        const uint flags = Meshes(FRAME.meshes).v[mesh].flags;
+        if ((flags & MESH_LEAF_MASK) != 0u) {
             const Pose pose = pose_of(mesh, surface_time);
             const Ray ray = load_ray(ray_address(path));
             const vec3 met = met_by(ray, hit.t, hit.chunk_instance, chunk_map(hit.chunk_instance));
             const vec3 v0 = posed_corner(pose, hit.triangle * 3u).xyz;
-            out_of_ball = met - mix(v0, posed_corner(pose, hit.triangle * 3u + 1u).xyz, hit.uv.x);
-            if (HAS_DEFORMATION) out_of_ball /= max(ball_radius(pose, hit), 1.0e-30);
+            const vec3 v1 = posed_corner(pose, hit.triangle * 3u + 1u).xyz;
+            const vec3 v2 = posed_corner(pose, hit.triangle * 3u + 2u).xyz;
+            kept = leaf_keep(leaf_kind(flags), v0, v1, v2, hit.uv, met);
         }
     }
     const float own_time = surface_time;
     vec3 from, to;
-    const bool opens = seen_at(placed_at(hit, out_of_ball, 0.0), 0.0, from);
-    const bool closes = seen_at(placed_at(hit, out_of_ball, 1.0), 1.0, to);
+    const bool opens = seen_at(placed_at(hit, kept, 0.0), 0.0, from);
+    const bool closes = seen_at(placed_at(hit, kept, 1.0), 1.0, to);
     surface_time = own_time;
     return opens && closes ? to - from : vec3(0.0);
 }

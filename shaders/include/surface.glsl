@@ -9,6 +9,7 @@
 #ifndef OOCPT_SURFACE_GLSL
 #define OOCPT_SURFACE_GLSL
 
+#include "geometry/leaf.glsl"
 #include "include/affine.glsl"
 #include "include/attribute.glsl"
 #include "include/motion.glsl"
@@ -26,10 +27,6 @@ struct Surface {
     uint face;
     float cone; // width of the ray's cone there; 0 without textures
 };
-
-const float UNIT_ROUNDOFF = 5.9604645e-8;
-// Of the test of round items (traversal/round.glsl): 32 operations that each may lose a unit.
-const float ROUND_ROUNDOFF = 32.0 * UNIT_ROUNDOFF;
 
 GpuSurfaceMaterial surface_material; // with HAS_MATERIALS: set by make_surface
 uint surface_chain[MAX_LEVELS]; // instance records of the hit, the chunk's first: set before make_surface
@@ -134,15 +131,12 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
     s.face = floatBitsToUint(first.w);
     s.cone = 0.0;
     const vec3 weights = vec3(1.0 - uv.x - uv.y, uv);
-    const bool is_round = HAS_ROUND && (flags & MESH_ROUND) != 0u;
+    const bool is_other = HAS_LEAF_KINDS && (flags & MESH_LEAF_MASK) != 0u;
     vec3 local, object_normal, size, normal;
-    if (is_round) {
-        // The ball that touches the surface there, and where the ray meets it.
+    if (HAS_LEAF_KINDS && is_other) {
         const vec3 met = met_by(ray, t, chunk_instance, world);
-        local = mix(v0, v1, uv.x);
-        normal = normal_or(met - local, vec3(0.0, 0.0, 1.0));
+        local = leaf_point(leaf_kind(flags), v0, v1, v2, uv, met, normal);
         object_normal = normal;
-        local += mix(v2.x, v2.y, uv.x) * normal;
         size = vec3(0.0);
     } else {
         local = fma(v0, vec3(weights.x), fma(v1, vec3(weights.y), v2 * weights.z));
@@ -154,7 +148,7 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
     s.geometric_normal = normal_or(covector, vec3(0.0, 0.0, 1.0));
 
     s.position = add(world.origin, unapply_rows(world.x, world.y, world.z, unapply_point(map, local)));
-    if (!is_round) s.position = on_ray(s.position, s.geometric_normal, ray, t);
+    if (!is_other) s.position = on_ray(s.position, s.geometric_normal, ray, t);
     vec3 error;
     const vec3 in_chunk = chunk_with_error(world, s.position, error);
     const vec3 landed = forward_with_error(chunk_instance, in_chunk, error);
@@ -162,12 +156,9 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
     // The triangle test rounds in proportion to what its normal and the way to a corner are summed from.
     float test = 8.0 * UNIT_ROUNDOFF * dot3(size, abs(v0 - landed)) / max(sqrt(dot3(normal, normal)), 1.0e-30);
     float beside = abs(dot3(object_normal, landed - local));
-    if (is_round) {
-        // The test of a round item rounds in proportion to its size, and to how far the origin is from its centres.
-        const vec3 out_of_ball = landed - mix(v0, v1, uv.x);
-        beside = abs(sqrt(dot3(out_of_ball, out_of_ball)) - mix(v2.x, v2.y, uv.x));
-        const vec3 reach = max(abs(v0), abs(v1)) + abs(landed);
-        test = ROUND_ROUNDOFF * (max(reach.x, max(reach.y, reach.z)) + max(v2.x, v2.y) + largest_of(v1 - v0));
+    if (HAS_LEAF_KINDS && is_other) {
+        beside = leaf_beside(leaf_kind(flags), v0, v1, v2, uv, normal, landed);
+        test = leaf_rounding(leaf_kind(flags), v0, v1, v2, landed);
     }
     const float distance = beside + dot3(abs(object_normal), error) + test;
     s.offset = distance / max(sqrt(dot3(covector, covector)), 1.0e-30);
@@ -186,11 +177,16 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
                                            smooth_normal);
         if (surface_material.material != NO_MATERIAL) {
             vec3 e, f;
-            leaf_edges(pose, mesh, triangle, e, f);
+            item_edges(pose, mesh, triangle, e, f);
             add_tangent(surface_material, mesh, triangle, e, f, s.geometric_normal, ray.d, world, map);
             if (HAS_HAIR) {
-                const vec3 radial = mix(v2.x, v2.y, uv.x) * object_normal;
-                add_fibre(surface_material, mesh, triangle, is_round, e, f, radial, s.geometric_normal, world, map);
+                bool is_tube = false;
+                vec3 radial = vec3(0.0);
+                if (HAS_LEAF_KINDS && is_other) {
+                    is_tube = leaf_is_tube(leaf_kind(flags));
+                    radial = leaf_radius(leaf_kind(flags), v0, v1, v2, uv) * object_normal;
+                }
+                add_fibre(surface_material, mesh, triangle, is_tube, e, f, radial, s.geometric_normal, world, map);
             }
         }
     }

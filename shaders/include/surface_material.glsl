@@ -9,7 +9,7 @@
 #include "include/attribute.glsl"
 #include "include/footprint.glsl"
 #include "include/ptex.glsl"
-#include "include/round_edges.glsl"
+#include "geometry/edges.glsl"
 
 // With HAS_MESH_LIGHTS: where GpuSurfaceMaterial::flags keeps the mesh, up to MAX_LIGHT_MESH of the host.
 const uint SURFACE_MESH_SHIFT = 8u;
@@ -177,12 +177,12 @@ void add_tangent(inout GpuSurfaceMaterial m, uint mesh, uint triangle, vec3 e, v
 // Of a material of hair: the tangent goes along the fibre and `handedness` is its radius in the world, 0 of what is no
 // tube. Ribbons know where they are across their width (oocpt_core::material::ACROSS_NAME): the tangent is across that.
 // `e`: an edge of the leaf; `radial`: from a tube's axis to its surface, both in the mesh's frame; `n`: in the world.
-void add_fibre(inout GpuSurfaceMaterial m, uint mesh, uint triangle, bool is_round, vec3 e, vec3 f, vec3 radial, vec3 n,
+void add_fibre(inout GpuSurfaceMaterial m, uint mesh, uint triangle, bool is_tube, vec3 e, vec3 f, vec3 radial, vec3 n,
                ChunkMap world, Affine map) {
     Materials materials = Materials(FRAME.materials);
     if ((materials.v[m.material].flags & MATERIAL_HAIR) == 0u) return;
     m.handedness = 0.0;
-    if (is_round) {
+    if (is_tube) {
         const vec3 axis = unapply_rows(world.x, world.y, world.z, unapply_rows(map.x.xyz, map.y.xyz, map.z.xyz, e));
         const vec3 reach = unapply_rows(world.x, world.y, world.z,
                                         unapply_rows(map.x.xyz, map.y.xyz, map.z.xyz, radial));

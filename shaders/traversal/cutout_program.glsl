@@ -68,9 +68,9 @@ GpuSurfaceMaterial candidate_material(uint triangle, vec2 uv, float t, out Patte
     const vec4 v1 = posed_corner(walk.pose, triangle * 3u + 1u);
     const vec4 v2 = posed_corner(walk.pose, triangle * 3u + 2u);
     vec3 local, normal;
-    if (HAS_ROUND && walk.round) {
+    if (HAS_LEAF_KINDS && walk.other) {
         local = walk.o + t * walk.d;
-        normal = normal_or(local - mix(v0.xyz, v1.xyz, uv.x), vec3(0.0, 0.0, 1.0));
+        leaf_point(walk_kind, v0.xyz, v1.xyz, v2.xyz, uv, local, normal);
     } else {
         local = fma(v0.xyz, vec3(weights.x), fma(v1.xyz, vec3(weights.y), v2.xyz * weights.z));
         vec3 size;
@@ -91,7 +91,7 @@ GpuSurfaceMaterial candidate_material(uint triangle, vec2 uv, float t, out Patte
     const uint slot = material_slot(prim_id, floatBitsToUint(v1.w) & SUBSET_MASK);
     GpuSurfaceMaterial m = gather_material(walk.mesh, triangle, weights, slot, local, normal);
     vec3 e, f;
-    leaf_edges(walk.pose, walk.mesh, triangle, e, f);
+    item_edges(walk.pose, walk.mesh, triangle, e, f);
     add_tangent(m, walk.mesh, triangle, e, f, geometric, p.view, world, map);
     return m;
 }

@@ -77,7 +77,7 @@ Presence presence_of(Pose pose, uint mesh, int prim_id, uint triangle, vec2 uv, 
             if (entry != NO_NAME) st = primvar_value(mesh, entry, triangle, weights).xy;
             if (is_ptex || entry != NO_NAME) {
                 vec3 e, f, u, v, n;
-                leaf_edges(pose, mesh, triangle, e, f);
+                item_edges(pose, mesh, triangle, e, f);
                 if (set_gradients(mesh, name, triangle, st, e, f, u, v, n)) {
                     footprint = make_footprint(u, v, n, d);
                 }

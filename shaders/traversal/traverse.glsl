@@ -29,8 +29,8 @@
 #include "traversal/box.glsl"
 #include "traversal/node.glsl"
 #include "traversal/stack.glsl"
-#include "traversal/triangle.glsl"
-#include "traversal/round.glsl"
+#include "geometry/triangle.glsl"
+#include "geometry/leaf.glsl"
 #include "traversal/pending.glsl"
 #include "traversal/presence.glsl"
 
@@ -78,13 +78,14 @@ struct Walk {
     float chunk_entry; // where the chunk was entered, as its parent said; cutouts with streaming only
     bool chunk_pending; // something in the chunk waits for a tile; the same
     bool in_mesh;
-    bool round; // the mesh's items are no triangles
+    bool other; // the mesh's items are no triangles, but of walk_kind
     bool resumed; // the ray has waited, and everything not behind the last of its list is done
     bool hit_before;
     bool hit;
 };
 
 Walk walk;
+uint walk_kind; // with HAS_LEAF_KINDS only
 Found found;
 uint reference; // what the walk comes to next
 uint chain[MAX_LEVELS];       // instance records from the chunk to here
@@ -168,9 +169,8 @@ bool visit_triangles(uint begin, uint end) {
         const vec3 v2 = posed_corner(walk.pose, triangle * 3u + 2u).xyz;
         float t;
         vec2 uv;
-        if (HAS_ROUND && walk.round) {
-            uv = vec2(0.0);
-            if (!hit_round(v0, v1, v2.x, v2.y, walk.o, walk.d, t, uv.x)) continue;
+        if (HAS_LEAF_KINDS && walk.other) {
+            if (!leaf_hit(walk_kind, v0, v1, v2, walk.o, walk.d, t, uv)) continue;
         } else if (!hit_triangle(v0, v1, v2, walk.o, walk.d, shear, t, uv) || !(t > 0.0)) {
             continue;
         }
@@ -290,7 +290,7 @@ uint enter(uint record) {
         walk.nodes = Meshes(FRAME.meshes).v[mesh].nodes;
         walk.pad = MESH_PAD * (largest_of(o) + Meshes(FRAME.meshes).v[mesh].reach);
         walk.pose = pose_of(mesh, walk.time);
-        walk.round = HAS_ROUND && (Meshes(FRAME.meshes).v[mesh].flags & MESH_ROUND) != 0u;
+        walk.other = HAS_LEAF_KINDS && (walk_kind = leaf_kind(Meshes(FRAME.meshes).v[mesh].flags)) != LEAF_TRIANGLE;
     }
     return 0u;
 }
@@ -372,7 +372,7 @@ void begin_walk(uint64_t ray, uint path, float t_max, uint seed, uint flags) {
     if (HAS_TIME) walk.time = path_time(path);
     walk.visits = 0u;
     walk.in_mesh = false;
-    walk.round = false;
+    walk.other = false;
     walk.resumed = false;
     walk.hit = false;
     if (HAS_CUTOUTS) candidate.end = 0u;

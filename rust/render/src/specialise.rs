@@ -5,13 +5,15 @@
 //! does not make their buffers. To measure what that saves, `oocpt:carry` compiles parts in that the scene does not
 //! need ([`Carry`]): the same picture, bit for bit.
 
-use crate::assets::SceneView;
+use crate::assets::{SceneView, leaf_of};
 use crate::device::Specialisation;
 use crate::lights::LightTable;
 use oocpt_core::camera::CameraRays;
 use oocpt_core::inventory::FeatureUse;
+use oocpt_core::mesh::LeafKind;
 use oocpt_core::scene::{SceneFeatures, Snapshot};
 use oocpt_shader_abi::{CarryRule, FEATURES, Feature, Features};
+use std::collections::BTreeSet;
 
 /// What the frame decides, whatever the scene has.
 const OF_FRAME: Features = Features::DOME
@@ -22,7 +24,7 @@ const OF_FRAME: Features = Features::DOME
 
 /// The features a frame needs, apart from streaming.
 pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRays, scene: &SceneView) -> Features {
-    let mut features = lights.features | of_scene(snapshot.features);
+    let mut features = lights.features | of_scene(snapshot.features) | of_leaves(&snapshot.leaf_kinds);
     features.set(Features::LENS, rays.lens_u != [0.0; 3] || rays.lens_v != [0.0; 3]);
     features.set(Features::INSTANCING, scene.max_levels > 1);
     // Without images there are no tables of them.
@@ -38,6 +40,11 @@ pub(crate) fn features(snapshot: &Snapshot, lights: &LightTable, rays: &CameraRa
 fn of_scene(scene: SceneFeatures) -> Features {
     let named = scene.iter_names().filter_map(|(name, _)| Features::from_name(name));
     named.fold(Features::empty(), Features::union) - OF_FRAME
+}
+
+/// What the leaves of its meshes need.
+fn of_leaves(kinds: &BTreeSet<LeafKind>) -> Features {
+    kinds.iter().map(|&kind| leaf_of(kind).needs).fold(Features::empty(), Features::union)
 }
 
 /// Whether some material makes surfaces be there or not.

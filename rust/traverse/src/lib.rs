@@ -6,21 +6,20 @@
 //! queues, in the operations of the shaders where they make the bits of a hit, so that the picture is the same, bit for
 //! bit, as the one of the shaders on a device that rounds each product (`fma` of GLSL does not promise more).
 //!
-//! The way of a ray: `passes` (queues, rays, hit records) -> `walk` (trees) -> `node` (boxes) -> `triangle`, `round`
-//! (the leaf test of each kind, one place) -> `opacity`; `motion` gives the maps of what moves. Memory is reached
+//! The way of a ray: `passes` (queues, rays, hit records) -> `walk` (trees) -> `node` (boxes) -> `leaf` (a test for
+//! each kind of item) -> `opacity`; `motion` gives the maps of what moves. Memory is reached
 //! through [`oocpt_gpu::HostView`], which checks every look. Any thread; the work is spread over rayon's pool.
 #![forbid(unsafe_code)]
 
+mod leaf;
 mod motion;
 mod node;
 mod opacity;
 mod passes;
 mod pending;
 mod pose;
-mod round;
 mod sampler;
 mod scene;
-mod triangle;
 mod vector;
 mod walk;
 

@@ -8,17 +8,17 @@
 
 mod levels;
 
+use crate::leaf;
+use crate::leaf::triangle::{Shear, hit_triangle};
 use crate::node::{BoxRay, NUMBER, meet_level, meet_mesh};
 use crate::pending::Pending;
 use crate::pose::Pose;
-use crate::round::hit_round;
 use crate::scene::Scene;
-use crate::triangle::{Shear, hit_triangle};
 use crate::vector::V3;
 use oocpt_gpu::HostBytes;
 use oocpt_shader_abi::{
-    DONE, Features, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuTriangle, LEAF, LISTED, MAX_PENDING, MeshFlags,
-    RETURN, RayFlags, waiting_count,
+    DONE, Features, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuTriangle, LEAF, LISTED, MAX_PENDING,
+    MESH_LEAF_MASK, RETURN, RayFlags, waiting_count,
 };
 
 /// Boxes are culled only this far behind the closest hit (traverse.glsl).
@@ -312,8 +312,8 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
         let first = at & NUMBER;
         if self.in_mesh {
             let end = first + triangles_of(at);
-            let ends = if self.mesh.flags & MeshFlags::ROUND.bits() != 0 {
-                self.visit_rounds(first, end)
+            let ends = if self.mesh.flags & MESH_LEAF_MASK != 0 {
+                self.visit_others(first, end)
             } else {
                 self.visit_triangles(first, end)
             };
@@ -347,20 +347,20 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
     }
 
     #[inline(never)]
-    fn visit_rounds(&mut self, begin: u32, end: u32) -> bool {
-        if !self.scene.has(Features::ROUND) {
+    fn visit_others(&mut self, begin: u32, end: u32) -> bool {
+        let features = self.scene.special.features;
+        if !leaf::has_kinds(features) {
             return self.visit_triangles(begin, end);
         }
+        let Some(kind) = leaf::kind_of(self.mesh.flags, features) else { return false };
         for index in begin..end {
             let Some(item) = self.triangles.get::<GpuTriangle>(index as usize) else { return false };
             let mut corners = [V3(item.v0), V3(item.v1), V3(item.v2)];
             if self.pose.moves {
                 corners = self.pose.posed(corners, index);
             }
-            let [first, second, V3(radii)] = corners;
-            let (balls, radii) = ([first, second], [radii[0], radii[1]]);
-            if let Some((t, u)) = hit_round(balls, radii, self.at.ray.o, self.at.d)
-                && self.take(index, item.subset_and_sides, t, [u, 0.0])
+            if let Some((t, uv)) = leaf::hit(kind, corners, self.at.ray.o, self.at.d)
+                && self.take(index, item.subset_and_sides, t, uv)
             {
                 return true;
             }

@@ -7,7 +7,7 @@
 
 mod world;
 
-use oocpt_shader_abi::{Features, GpuTriangle};
+use oocpt_shader_abi::{Features, GpuTriangle, Leaf};
 use world::{Found, Random, World, triangle_mesh};
 
 const BATCHES: u64 = 64;
@@ -64,14 +64,25 @@ fn round(random: &mut Random) -> GpuTriangle {
     GpuTriangle { v0, face: 0, v1, subset_and_sides: 0, v2, ptex: 0 }
 }
 
+/// Opposite corners in any order; now and then without an extent along x.
+fn toy_box(random: &mut Random) -> GpuTriangle {
+    let (v0, size) = (random.point(50.0), 2.0_f32.powi(random.power(5)));
+    let off = random.point(size);
+    let mut v1 = [0, 1, 2].map(|i| v0[i] + off[i]);
+    if random.below(16) == 0 {
+        v1[0] = v0[0];
+    }
+    GpuTriangle { v0, face: 0, v1, subset_and_sides: 0, v2: [0.0; 3], ptex: 0 }
+}
+
 /// What both backends find of a million rays at random items.
-fn agree(features: Features, make: fn(&mut Random) -> GpuTriangle) {
-    let Some(mut world) = World::new(features, 64, RAYS) else { return };
+fn agree(kind: Leaf, make: fn(&mut Random) -> GpuTriangle) {
+    let Some(mut world) = World::new(kind.needs, 64, RAYS) else { return };
     let mut met = 0;
     for batch in 0..BATCHES {
         let mut random = Random(batch + 1);
         let items: Vec<GpuTriangle> = (0..48).map(|_| make(&mut random)).collect();
-        world.set_mesh(&triangle_mesh(48), &items, features.contains(Features::ROUND));
+        world.set_mesh(&triangle_mesh(48), &items, kind);
         let rays = rays_at(&mut random, &items, RAYS);
         world.set_rays(&rays);
         let (shader, native) = (world.shader(), world.native());
@@ -87,12 +98,17 @@ fn agree(features: Features, make: fn(&mut Random) -> GpuTriangle) {
 
 #[test]
 fn a_million_rays_meet_the_same_triangles() {
-    agree(Features::empty(), triangle);
+    agree(Leaf::TRIANGLE, triangle);
 }
 
 #[test]
 fn a_million_rays_meet_the_same_curves_and_points() {
-    agree(Features::ROUND, round);
+    agree(Leaf::ROUND, round);
+}
+
+#[test]
+fn a_million_rays_meet_the_same_toy_boxes() {
+    agree(Leaf::TOY_BOX, toy_box);
 }
 
 #[test]
@@ -100,7 +116,7 @@ fn rays_that_are_no_numbers_meet_the_same() {
     let Some(mut world) = World::new(Features::empty(), 64, 4096) else { return };
     let mut random = Random(7);
     let items: Vec<GpuTriangle> = (0..48).map(|_| triangle(&mut random)).collect();
-    world.set_mesh(&triangle_mesh(48), &items, false);
+    world.set_mesh(&triangle_mesh(48), &items, Leaf::TRIANGLE);
     let mut rays = rays_at(&mut random, &items, 4096);
     let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -0.0, 1e-40, 3e38, -3e38, 1e-30, 1e20];
     for ray in &mut rays {
@@ -133,7 +149,7 @@ fn a_tree_as_deep_as_the_stack_is_walked_and_a_deeper_one_is_counted() {
     for (stack, overflows) in [(1024, false), (64, true)] {
         let Some(mut world) = World::new(Features::empty(), stack, 1024) else { return };
         let (nodes, items) = chain(600);
-        world.set_mesh(&nodes, &items, false);
+        world.set_mesh(&nodes, &items, Leaf::TRIANGLE);
         world.set_rays(&rays_at(&mut Random(5), &items, 1024));
         let (shader, native) = (world.shader(), world.native());
         assert_eq!(native.overflows > 0, overflows, "{stack} entries: {} rays", native.overflows);
@@ -149,7 +165,7 @@ fn a_broken_tree_ends_and_reads_nothing_outside() {
     let Some(mut world) = World::new(Features::empty(), 64, 64) else { return };
     let mut random = Random(11);
     let items: Vec<GpuTriangle> = (0..3).map(|_| triangle(&mut random)).collect();
-    world.set_mesh(&triangle_mesh(3), &items, false);
+    world.set_mesh(&triangle_mesh(3), &items, Leaf::TRIANGLE);
     world.set_rays(&rays_at(&mut random, &items, 64));
     assert!(world.native().hits.iter().any(Option::is_some), "it works before it is broken");
     let broken = [
@@ -159,11 +175,11 @@ fn a_broken_tree_ends_and_reads_nothing_outside() {
         ("more children than there are", vec![world::node(15, 0x0fff_ffff, [3; 4], u32::MAX)]),
     ];
     for (what, nodes) in broken {
-        world.set_mesh(&nodes, &items, false);
+        world.set_mesh(&nodes, &items, Leaf::TRIANGLE);
         world.set_rays(&rays_at(&mut random, &items, 2));
         assert!(world.native().hits.iter().all(Option::<Found>::is_none), "{what}");
     }
-    world.set_mesh(&triangle_mesh(3), &items, false);
+    world.set_mesh(&triangle_mesh(3), &items, Leaf::TRIANGLE);
     for at in [1, 16, u64::MAX, u64::MAX - 63, 1 << 47] {
         world.set_mesh_addresses(at);
         assert!(world.native().hits.iter().all(Option::<Found>::is_none), "a mesh at {at:#x}");

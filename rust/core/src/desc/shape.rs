@@ -14,6 +14,22 @@ pub enum Shape {
     Curves(CurvesDesc),
     /// Centres of balls.
     Points,
+    /// Opposite corners of boxes along the axes of the prim's frame, two for each box. Tests alone have it.
+    #[cfg(feature = "faults")]
+    ToyBoxes,
+}
+
+impl Shape {
+    /// Tells shapes apart in hashes of what is made of them; none for a mesh.
+    pub(crate) fn number(&self) -> Option<u8> {
+        match self {
+            Self::Mesh => None,
+            Self::Curves(_) => Some(0),
+            Self::Points => Some(1),
+            #[cfg(feature = "faults")]
+            Self::ToyBoxes => Some(2),
+        }
+    }
 }
 
 /// `type` and `basis`.

@@ -11,11 +11,11 @@ use rayon::prelude::*;
 use super::bvh4::{Bvh4, build_bvh4_over};
 use super::deform::{Pose, poses, read_keys};
 use super::demand::Demand;
+use super::leaf::{Items, read_items};
 use super::normals::smooth_normals;
 use super::primvar::{Layout, Slot, Source, convert, convert_wanted, extend_points, subset_numbers};
 use super::ptex::{PtexNumbers, PtexTriangle};
 use super::refine::{Refined, refine};
-use super::round::{Rounds, read_rounds};
 use super::split::{Order, arrange, expected_bytes, split_ordered};
 use super::topology::{Face, Topology, read_topology};
 use super::triangulate::Triangulator;
@@ -80,26 +80,27 @@ pub fn build_mesh_with(
         Vec::new()
     });
     let dicing = demand.dicing.cloned().unwrap_or_default();
-    if let Some(rounds) = read_rounds(desc, wanted, &dicing, &poses, &mut dropped) {
+    if let Some(items) = read_items(desc, wanted, &dicing, &poses, &mut dropped) {
         let zero_area_triangles = dropped.zero_area_triangles;
-        let Rounds { topology, desc, radii, poses: posed } = &rounds;
-        let loose = Loose { desc, wanted, key, topology, radii: radii.as_deref(), poses: posed };
+        let Items { topology, desc, kind, radii, poses: posed } = &items;
+        let loose = Loose { desc, wanted, key, topology, kind: *kind, radii, poses: posed };
         let loose = read_triangles(loose, &mut dropped);
         // Ribbons may have no width somewhere.
         dropped.zero_area_triangles = zero_area_triangles;
         arrange_or_split(loose, limit_bytes, cluster_bytes, &mut asset, &mut clusters);
         return BuiltMesh { asset, clusters, dropped, notes };
     }
+    let kind = LeafKind::Triangles;
     let loose = read_topology(desc, &mut dropped).and_then(|topology| {
         let Some(refined) = refine(desc, demand, &topology, &poses, &mut dropped) else {
-            let loose = Loose { desc, wanted, key, topology: &topology, radii: None, poses: &poses };
+            let loose = Loose { desc, wanted, key, topology: &topology, kind, radii: &[], poses: &poses };
             return read_triangles(loose, &mut dropped);
         };
         notes.extend_from_slice(&refined.notes);
         // A limit surface may close to a point, as at a pole: that is no bad data.
         let zero_area_triangles = dropped.zero_area_triangles;
         let Refined { topology, desc, poses, .. } = &refined;
-        let loose = read_triangles(Loose { desc, wanted, key, topology, radii: None, poses }, &mut dropped);
+        let loose = read_triangles(Loose { desc, wanted, key, topology, kind, radii: &[], poses }, &mut dropped);
         dropped.zero_area_triangles = zero_area_triangles;
         loose
     });
@@ -135,20 +136,22 @@ pub(super) struct Loose<'a> {
     wanted: &'a [WantedPrimvar],
     key: u128,
     pub(super) topology: &'a Topology,
-    /// By point: its faces are round.
-    pub(super) radii: Option<&'a [f32]>,
+    /// What its items are.
+    pub(super) kind: LeafKind,
+    /// By point, where they have some; else empty.
+    pub(super) radii: &'a [f32],
     /// At the keys of what moves.
     pub(super) poses: &'a [Pose],
 }
 
 /// The mesh in authored order, without a hierarchy.
 fn read_triangles(loose: Loose<'_>, dropped: &mut DroppedData) -> Option<MeshAsset> {
-    let Loose { desc, wanted, key, topology, radii, poses } = loose;
+    let Loose { desc, wanted, key, topology, kind, radii, poses } = loose;
     let mut numbers =
         wanted.iter().any(|w| w.id == PTEX_SET_ID).then(|| PtexNumbers::new(&desc.face_vertex_counts.view()));
-    let Faces { mut triangles, sources, ptex } = match radii {
-        None => triangulate(topology, poses, numbers.as_mut(), dropped),
-        Some(radii) => rounds(topology, radii),
+    let Faces { mut triangles, sources, ptex } = match kind {
+        LeafKind::Triangles => triangulate(topology, poses, numbers.as_mut(), dropped),
+        _ => items(topology, kind, radii),
     };
     let centers = numbers.map(|numbers| numbers.centers).unwrap_or_default();
     if triangles.is_empty() {
@@ -163,7 +166,10 @@ fn read_triangles(loose: Loose<'_>, dropped: &mut DroppedData) -> Option<MeshAss
         sources: &sources,
         centers: &centers,
     };
-    let mut normals = if radii.is_some() { None } else { build_normals(desc, topology, layout, &triangles, dropped) };
+    let mut normals = match kind {
+        LeafKind::Triangles => build_normals(desc, topology, layout, &triangles, dropped),
+        _ => None,
+    };
     let keys = read_keys(loose, layout, &mut triangles, &mut normals);
     let colors = desc.display_color.as_ref().and_then(|p| convert(p, layout, dropped, read_color, |_| Some([0.18; 3])));
     let opacities =
@@ -179,7 +185,7 @@ fn read_triangles(loose: Loose<'_>, dropped: &mut DroppedData) -> Option<MeshAss
         key,
         bounds: Aabb::EMPTY,
         bvh: Bvh4::default(),
-        kind: if radii.is_some() { LeafKind::Rounds } else { LeafKind::Triangles },
+        kind,
         triangles,
         corner_indices: if by_point { sources.iter().map(corner_points).collect() } else { Vec::new() },
         normals,
@@ -189,20 +195,22 @@ fn read_triangles(loose: Loose<'_>, dropped: &mut DroppedData) -> Option<MeshAss
         subsets,
         ptex,
         keys,
-        // Curves and points have no side from which they are not seen.
+        // What is no mesh has no side from which it is not seen.
         double_sided: desc.double_sided || !matches!(desc.shape, Shape::Mesh),
         left_handed: desc.left_handed && matches!(desc.shape, Shape::Mesh),
     })
 }
 
-/// Hulls of two balls, as [`LeafKind::Rounds`] says.
-fn rounds(topology: &Topology, radii: &[f32]) -> Faces {
+/// Items of another kind, one for each face.
+fn items(topology: &Topology, kind: LeafKind, radii: &[f32]) -> Faces {
     let mut faces = Faces::default();
+    let point = |at: u32| topology.points.get(at as usize).copied();
+    let radius = |at: u32| radii.get(at as usize).copied().unwrap_or(0.0);
     for face in &topology.faces {
-        let &[a, b, _] = topology.face_corners(face) else { continue };
-        let place = |at: u32| Some((*topology.points.get(at as usize)?, *radii.get(at as usize)?));
-        if let (Some((first, from)), Some((second, to))) = (place(a), place(b)) {
-            faces.triangles.push(Triangle { vertices: [first, second, [from, to, 0.0]], face: face.index });
+        let &[a, b, c] = topology.face_corners(face) else { continue };
+        if let [Some(first), Some(second), Some(third)] = [a, b, c].map(point) {
+            let vertices = kind.vertices([first, second, third], [a, b, c].map(radius));
+            faces.triangles.push(Triangle { vertices, face: face.index });
             faces.sources.push(Source { face: face.index, corners: [face.first, face.first + 1, face.first + 2] });
         }
     }

@@ -8,8 +8,8 @@
 use glam::DVec3;
 
 use super::build::{Loose, build_normals};
+use super::leaf::round::is_width;
 use super::primvar::{Layout, Source, extend_points};
-use super::round::is_width;
 use super::topology::{Topology, read_point};
 use super::{Aabb, Attribute, AttributeRate, LeafKind, Triangle};
 use crate::array::{ArrayView, TypedArray};
@@ -33,7 +33,7 @@ pub(crate) struct Pose {
     pub(crate) normals: Option<TypedArray>,
     /// Values of authored widths, where they change.
     pub(crate) widths: Option<TypedArray>,
-    /// By point, of what is round; none: those of the frame.
+    /// By point, where points have some; none: those of the frame.
     pub(crate) radii: Option<Vec<f32>>,
 }
 
@@ -224,10 +224,9 @@ pub(super) fn read_keys(
     triangles: &mut [Triangle],
     normals: &mut Option<Attribute<[f32; 3]>>,
 ) -> MeshKeys {
-    let Loose { desc, topology, radii, poses, .. } = loose;
-    let vertices = |pose: &Pose| {
-        vertices_at(layout, layout.sources, &pose.points, radii.map(|own| pose.radii.as_deref().unwrap_or(own)))
-    };
+    let Loose { desc, topology, kind, radii, poses, .. } = loose;
+    let vertices =
+        |pose: &Pose| vertices_at(layout, layout.sources, kind, &pose.points, pose.radii.as_deref().unwrap_or(radii));
     let posed: Vec<Vec<[[f32; 3]; 3]>> = poses.iter().map(vertices).collect();
     let Some((first, later)) = posed.split_first() else { return MeshKeys::default() };
     let mut at_keys = Vec::new();
@@ -259,22 +258,20 @@ pub(super) fn read_keys(
     keys
 }
 
-/// The vertices of items at a pose. `radii`: by point, of what is round.
+/// The vertices of items at a pose. `radii`: by point, where they have some.
 fn vertices_at(
     layout: Layout<'_>,
     sources: &[Source],
+    kind: LeafKind,
     points: &[[f32; 3]],
-    radii: Option<&[f32]>,
+    radii: &[f32],
 ) -> Vec<[[f32; 3]; 3]> {
     let points = extend_points(layout, points.to_vec());
     let place = |point: u32| points.get(point as usize).copied().unwrap_or([f32::NAN; 3]);
-    let radius = |point: u32| radii.and_then(|radii| radii.get(point as usize).copied()).unwrap_or(0.0);
+    let radius = |point: u32| radii.get(point as usize).copied().unwrap_or(0.0);
     let item = |source: &Source| {
-        let [a, b, c] = source.corners.map(|corner| layout.point(corner));
-        match radii {
-            None => [place(a), place(b), place(c)],
-            Some(_) => [place(a), place(b), [radius(a), radius(b), 0.0]],
-        }
+        let corners = source.corners.map(|corner| layout.point(corner));
+        kind.vertices(corners.map(place), corners.map(radius))
     };
     sources.iter().map(item).collect()
 }

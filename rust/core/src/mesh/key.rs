@@ -32,8 +32,8 @@ pub(crate) fn mesh_key_with(desc: &MeshDesc, demand: &Demand<'_>) -> u128 {
         add_array(&mut hasher, Some(&curves.counts));
         add_array(&mut hasher, curves.indices.as_ref());
     }
-    if !matches!(desc.shape, Shape::Mesh) {
-        hasher.update(&[u8::from(matches!(desc.shape, Shape::Points))]);
+    if let Some(number) = desc.shape.number() {
+        hasher.update(&[number]);
         add_primvar(&mut hasher, desc.widths.as_ref());
     }
     add_motion(&mut hasher, &desc.point_motion);
@@ -159,10 +159,9 @@ fn same_shape(
     optional: impl Fn(&Option<TypedArray>, &Option<TypedArray>) -> bool,
 ) -> bool {
     match (&a.shape, &b.shape) {
-        (Shape::Mesh, Shape::Mesh) | (Shape::Points, Shape::Points) => true,
         (Shape::Curves(a), Shape::Curves(b)) => {
             (a.basis, a.wrap) == (b.basis, b.wrap) && array(&a.counts, &b.counts) && optional(&a.indices, &b.indices)
         }
-        _ => false,
+        (a, b) => a.number() == b.number(),
     }
 }

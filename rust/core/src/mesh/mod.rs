@@ -19,6 +19,7 @@ mod demand;
 mod dicing;
 mod displace;
 mod key;
+mod leaf;
 pub mod level;
 mod normals;
 mod payload;
@@ -27,7 +28,6 @@ mod ptex;
 mod refine;
 mod refine_values;
 mod relief;
-pub(crate) mod round;
 mod scene_mesh;
 mod split;
 mod store;
@@ -48,6 +48,7 @@ pub use demand::{Demand, Displacements};
 pub use dicing::{Dicing, Eye};
 pub use key::mesh_key;
 pub(crate) use key::{is_same_mesh, mesh_key_with};
+pub use leaf::LeafKind;
 pub use level::{LevelTree, build_level, level_node_count};
 pub use ptex::{MAX_PTEX_FACES, PtexPart, PtexTriangle};
 pub use refine::MAX_REFINED_TRIANGLES;
@@ -108,7 +109,7 @@ impl Aabb {
 }
 
 /// A triangle in object space, corners in authored order (a left-handed mesh flips the geometric normal, not the
-/// order).
+/// order); or another item, as an asset's [`LeafKind`] says.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Triangle {
@@ -118,31 +119,12 @@ pub struct Triangle {
     pub face: u32,
 }
 
-/// What the items of an asset are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum LeafKind {
-    /// Triangles.
-    #[default]
-    Triangles,
-    /// Hulls of two balls: `vertices[0]` and `vertices[1]` are the centres, `vertices[2]` has both radii and 0. Corners
-    /// 0 and 2 are the first centre, corner 1 the second one.
-    Rounds,
-}
-
 impl Triangle {
     /// The box around it.
     #[must_use]
     pub fn bounds(&self, kind: LeafKind) -> Aabb {
-        match (kind, self.vertices) {
-            (LeafKind::Triangles, vertices) => vertices.iter().fold(Aabb::EMPTY, |b, &v| b.with_point(v)),
-            (LeafKind::Rounds, [first, second, [a, b, _]]) => ball_box(first, a).union(&ball_box(second, b)),
-        }
+        kind.bounds(&self.vertices)
     }
-}
-
-/// The box around a ball, rounded outwards.
-fn ball_box(center: [f32; 3], radius: f32) -> Aabb {
-    Aabb { min: center.map(|v| (v - radius).next_down()), max: center.map(|v| (v + radius).next_up()) }
 }
 
 /// A mesh ready for upload: at least one triangle, every number finite, every index in range.

@@ -43,10 +43,10 @@ pub(super) fn is_refined(desc: &MeshDesc, pixels: f64) -> bool {
     match (&desc.shape, desc.subdivision) {
         // Cubic curves are cut; what nothing is cut of stays the same at any rate.
         (Shape::Curves(curves), _) => curves.basis != CurveBasis::Linear && (pixels > 0.0 || desc.refine_level > 0),
-        (Shape::Points, _) | (_, Subdivision::None) => false,
         // Flat where it is seen as flat: only who asks for more gets it.
-        (_, Subdivision::Bilinear) => desc.refine_level > 0,
-        (_, Subdivision::CatmullClark | Subdivision::Loop) => pixels > 0.0 || desc.refine_level > 0,
+        (Shape::Mesh, Subdivision::Bilinear) => desc.refine_level > 0,
+        (Shape::Mesh, Subdivision::CatmullClark | Subdivision::Loop) => pixels > 0.0 || desc.refine_level > 0,
+        _ => false,
     }
 }
 

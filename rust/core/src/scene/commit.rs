@@ -20,7 +20,7 @@ use crate::instancing::assembly::{Assembly, Member, Target};
 use crate::instancing::instance_primvars::DISPLAY_OPACITY;
 use crate::instancing::run::{Run, RunSpec, TransformKey};
 use crate::instancing::scan::Keep;
-use crate::mesh::{Aabb, LeafKind, SceneMesh};
+use crate::mesh::{Aabb, SceneMesh};
 use crate::partition::{Buckets, at_once, cuts_in_stretches};
 
 /// The origin moves when the scene's centre is farther from it than this many times the scene's half size.
@@ -214,10 +214,11 @@ pub(crate) fn shining(
 }
 
 impl Snapshot {
-    /// Fills features, levels and counts from the rest.
+    /// Fills features, kinds of leaves, levels and counts from the rest.
     pub(crate) fn sum_up(&mut self) {
         self.max_levels = self.find_levels();
         self.features = self.find_features();
+        self.leaf_kinds = self.meshes.iter().map(|mesh| mesh.kind).collect();
         self.counts = self.count();
     }
 
@@ -243,8 +244,6 @@ impl Snapshot {
             };
         }
         for mesh in &self.meshes {
-            features
-                .set(SceneFeatures::ROUND, features.contains(SceneFeatures::ROUND) || mesh.kind == LeafKind::Rounds);
             features.set(SceneFeatures::DEFORMATION, features.contains(SceneFeatures::DEFORMATION) || mesh.keys > 0);
             features.set(SceneFeatures::OPACITY, features.contains(SceneFeatures::OPACITY) || mesh.opacities.is_some());
             features.set(SceneFeatures::NORMALS, features.contains(SceneFeatures::NORMALS) || mesh.normals.is_some());

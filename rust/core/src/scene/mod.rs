@@ -20,7 +20,7 @@ mod summary;
 mod surfaces;
 pub(crate) mod validate;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -355,6 +355,7 @@ impl Snapshot {
             surfaces: SurfaceTables::default(),
             links: LinkTable::default(),
             features: SceneFeatures::empty(),
+            leaf_kinds: BTreeSet::new(),
             max_levels: 1,
             counts: SceneCounts { assemblies: 1, ..SceneCounts::default() },
             dropped: DroppedData::default(),

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The immutable result of a commit. Shared between threads by `Arc`; nothing in it ever changes.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use bitflags::bitflags;
@@ -17,7 +18,9 @@ pub use super::light::{
 };
 pub use super::report::SceneWarning;
 pub use crate::instancing::assembly::{Assembly, InstanceFlags, InstanceRecord, Target};
-pub use crate::mesh::{Aabb, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, MeshAsset, SceneMesh, Triangle};
+pub use crate::mesh::{
+    Aabb, Attribute, AttributeRate, Bvh2, BvhError, BvhNode, LeafKind, MeshAsset, SceneMesh, Triangle,
+};
 
 bitflags! {
     /// What a scene uses. The names are those of the features of the passes (`oocpt_shader_abi::Features`).
@@ -83,8 +86,6 @@ bitflags! {
         const MOTION = 1 << 21;
         /// Points that move while the shutter is open.
         const DEFORMATION = 1 << 31;
-        /// Curves as tubes, or points.
-        const ROUND = 1 << 30;
         /// A material that reads a Ptex texture.
         const PTEX = 1 << 29;
         /// A light with a place.
@@ -179,6 +180,8 @@ pub struct Snapshot {
     pub links: LinkTable,
     /// What the scene uses.
     pub features: SceneFeatures,
+    /// What its meshes are made of.
+    pub leaf_kinds: BTreeSet<LeafKind>,
     /// Deepest chain of instance records from the root to a mesh; at least 1.
     pub max_levels: u32,
     /// Sizes.

@@ -24,6 +24,7 @@ pub(crate) use catalog::{MAX_LEVELS, SceneAssets};
 pub(crate) use demand::Brought;
 pub(crate) use encode::Writer;
 pub(crate) use level::motion_key;
+pub(crate) use source::leaf_of;
 pub(crate) use store::{Patience, Store};
 #[cfg(test)]
 pub(crate) use surfaces::SurfaceEntries;

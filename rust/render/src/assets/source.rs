@@ -282,7 +282,6 @@ impl Source {
         flags.set(MeshFlags::HAS_NORMALS, mesh.normals.is_some());
         flags.set(MeshFlags::HAS_COLORS, mesh.colors.is_some());
         flags.set(MeshFlags::HAS_OPACITIES, mesh.opacities.is_some());
-        flags.set(MeshFlags::ROUND, mesh.kind == LeafKind::Rounds);
         flags.set(MeshFlags::KEY_NORMALS, mesh.key_normals > 0);
         // At most MAX_KEYS.
         let keys = u32::try_from(mesh.keys).unwrap_or(0) << MESH_KEYS_SHIFT;
@@ -294,7 +293,9 @@ impl Source {
             normals: at(mesh.normals.is_some(), layout.normals),
             colors: at(mesh.colors.is_some(), layout.colors),
             opacities: at(mesh.opacities.is_some(), layout.opacities),
-            flags: flags.with_rates(rate(mesh.normals), rate(mesh.colors), rate(mesh.opacities)) | keys,
+            flags: flags.with_rates(rate(mesh.normals), rate(mesh.colors), rate(mesh.opacities))
+                | keys
+                | leaf_of(mesh.kind).flags(),
             // Checked against MAX_MESH_ITEMS.
             triangle_count: u32::try_from(mesh.triangles).unwrap_or(u32::MAX),
             primvars: at(!mesh.primvars.is_empty(), layout.primvars),
@@ -311,6 +312,11 @@ impl Source {
 
 fn rate(attribute: Option<AttributeSummary>) -> abi::AttributeRate {
     attribute.map_or(abi::AttributeRate::Constant, |attribute| rate_of(attribute.rate))
+}
+
+/// The shaders' row of a kind of leaf; a test sees that each has one.
+pub(crate) fn leaf_of(kind: LeafKind) -> abi::Leaf {
+    abi::LEAVES.iter().copied().find(|row| row.name == kind.name()).unwrap_or(abi::Leaf::TRIANGLE)
 }
 
 /// The shaders' word for it.

@@ -111,8 +111,8 @@ impl MeshLightCache {
             else {
                 continue;
             };
-            // What is round is met by BSDF sampling only, as what is cut out is.
-            if placement.mesh >= MAX_LIGHT_MESH || mesh.opacities.is_some() || mesh.kind == LeafKind::Rounds {
+            // What is not made of triangles is met by BSDF sampling only, as what is cut out is.
+            if placement.mesh >= MAX_LIGHT_MESH || mesh.opacities.is_some() || mesh.kind != LeafKind::Triangles {
                 continue;
             }
             let placed = emission.placed(mesh, &placement.values);

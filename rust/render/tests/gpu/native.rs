@@ -33,7 +33,13 @@ fn images(
 }
 
 /// Compares both backends; on a device with memory of its own, asks for the message instead.
-fn same_bits(what: &str, build: fn(&mut SceneDb), settings: &Settings, streams: bool, request: &RenderRequest) {
+pub(crate) fn same_bits(
+    what: &str,
+    build: fn(&mut SceneDb),
+    settings: &Settings,
+    streams: bool,
+    request: &RenderRequest,
+) {
     let by = |traversal| Settings { traversal, ..settings.clone() };
     let (shaders, used, session) = images(build, by(TraversalKind::Compute), streams, request);
     assert_eq!(used.backend, "compute", "{what}: {used:?}");

@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The lobe and the light that `rust/book/src/extending.md` adds, against closed forms; and how many files they take.
+//! The kind of leaf that it adds is in [`boxes`].
+
+mod boxes;
 
 use crate::materials::{board, color, plain};
 use crate::scenes::{dome, prim, square, sun};

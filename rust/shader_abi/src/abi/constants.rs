@@ -78,6 +78,8 @@ constants! {
     RATE_VERTEX = AttributeRate::Vertex as u32;
     RATE_FACE_VARYING = AttributeRate::FaceVarying as u32;
     MESH_KEYS_SHIFT;
+    MESH_LEAF_SHIFT;
+    MESH_LEAF_MASK;
 
     SUBSET_MASK;
     NO_MATERIAL;

@@ -181,6 +181,9 @@ features! {
     /// The lobe that tests add.
     #[cfg(feature = "faults")]
     TOY_LOBE: "toy lobe", [MATERIALS], Never;
+    /// Some mesh is made of the boxes that tests add.
+    #[cfg(feature = "faults")]
+    TOY_BOX: "toy boxes", [], Never;
 }
 
 impl Features {

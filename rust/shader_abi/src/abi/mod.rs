@@ -9,6 +9,7 @@ mod film;
 mod flags;
 mod frame;
 mod layout;
+mod leaves;
 mod light;
 mod light_shapes;
 mod lobes;
@@ -36,6 +37,7 @@ pub use frame::{
 #[cfg(feature = "faults")]
 pub use frame::{FAULT_ALL, FAULT_ONE_IN, SPEC_FAULT};
 pub use layout::{LAYOUTS, MemberLayout, StructLayout};
+pub use leaves::{LEAF_KINDS, LEAVES, Leaf, MESH_LEAF_MASK, MESH_LEAF_SHIFT};
 pub use light::{
     GpuCdf, GpuInfiniteLight, GpuLightKind, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
     GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMeshLight, LIGHT_KIND_MASK, LIGHT_LEAF, LIGHT_TREE_DEPTH,

@@ -204,8 +204,6 @@ bitflags! {
         const HAS_COLORS = 1 << 11;
         /// `opacities` counts.
         const HAS_OPACITIES = 1 << 12;
-        /// The items of its leaves are hulls of two balls: `v0` and `v1` are the centres, `v2.x` and `v2.y` the radii.
-        const ROUND = 1 << 13;
         /// `normals` has values by corner for each key.
         const KEY_NORMALS = 1 << 14;
     }
@@ -233,7 +231,7 @@ pub struct GpuMesh {
     pub triangles: u64,
     /// The largest coordinate of a corner, without its sign.
     pub reach: f32,
-    /// [`MeshFlags::with_rates`].
+    /// [`MeshFlags::with_rates`], the keys ([`MESH_KEYS_SHIFT`]) and [`crate::Leaf::flags`].
     pub flags: u32,
     /// u32x3 per triangle; needed when an attribute has rate `Vertex`. 4-byte aligned, as all below.
     pub corner_indices: u64,

@@ -2,9 +2,9 @@
 //! The part of a walk that changes frames: into chunks, assemblies and meshes, and back.
 
 use super::{Level, MESH_PAD, TOP_PAD, Walk, WorldRay};
+use crate::leaf::triangle::Shear;
 use crate::node::{BoxRay, NUMBER};
 use crate::pending::before;
-use crate::triangle::Shear;
 use crate::vector::{V3, apply_point, apply_vector, difference, safe_reciprocal};
 use oocpt_gpu::HostBytes;
 use oocpt_shader_abi::{Features, GpuInstance, LISTED, RETURN, TARGET_ASSEMBLY};

@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use oocpt_gpu::{Buffer, Gpu, OpenOptions, Pipeline, Usage};
 use oocpt_shader_abi::{
     Counters, Features, Frame, GpuChunk, GpuChunkInstance, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode,
-    GpuTriangle, MeshFlags, NO_ROW, Pass, Push, Ray, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, ShadowRay, groups, hit_stride,
+    GpuTriangle, Leaf, NO_ROW, Pass, Push, Ray, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, ShadowRay, groups, hit_stride,
 };
 use oocpt_traverse::Special;
 use std::sync::Arc;
@@ -198,12 +198,11 @@ impl World {
     }
 
     /// Makes this the mesh.
-    pub(crate) fn set_mesh(&self, nodes: &[GpuMeshNode], items: &[GpuTriangle], is_round: bool) {
+    pub(crate) fn set_mesh(&self, nodes: &[GpuMeshNode], items: &[GpuTriangle], kind: Leaf) {
         self.nodes.write(0, bytemuck::cast_slice(nodes)).expect("there is room");
         self.items.write(0, bytemuck::cast_slice(items)).expect("there is room");
-        let flags = if is_round { MeshFlags::ROUND.bits() } else { 0 };
         let (nodes, triangles) = (self.nodes.address(), self.items.address());
-        let mesh = GpuMesh { nodes, triangles, reach: 128.0, flags, ..GpuMesh::zeroed() };
+        let mesh = GpuMesh { nodes, triangles, reach: 128.0, flags: kind.flags(), ..GpuMesh::zeroed() };
         self.mesh.write(0, bytemuck::bytes_of(&mesh)).expect("mapped");
     }
 

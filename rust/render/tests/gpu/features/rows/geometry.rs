@@ -5,6 +5,7 @@ use super::super::scenes::{bare, nested, placed, turning};
 use super::{Also, BARE, Row};
 use crate::materials::{coordinates, with};
 use crate::scenes::{constant, deforming};
+use oocpt_core::TypedArray;
 use oocpt_core::scene::{Interpolation, MeshDesc, Shape, Subdivision};
 
 pub(crate) const ROWS: &[Row] = &[
@@ -12,6 +13,15 @@ pub(crate) const ROWS: &[Row] = &[
         what: "points",
         build: |db| db.upsert_mesh(MeshDesc { shape: Shape::Points, ..bare("/board") }),
         features: &["ROUND"],
+        ..BARE
+    },
+    Row {
+        what: "toy boxes",
+        build: |db| {
+            let corners = TypedArray::of(vec![[-1.0_f32; 3], [1.0; 3]]);
+            db.upsert_mesh(MeshDesc { shape: Shape::ToyBoxes, points: corners, ..bare("/board") });
+        },
+        features: &["TOY_BOX"],
         ..BARE
     },
     Row {

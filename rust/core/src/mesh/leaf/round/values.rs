@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Primvars at the points of cut curves. Pure.
 
-use super::super::WantedPrimvar;
-use super::super::refine_values::{by_point, primvar_of};
 use super::curves::Cut;
 use crate::desc::{DroppedData, Interpolation, MeshDesc, NamedPrimvar, Primvar};
+use crate::mesh::WantedPrimvar;
+use crate::mesh::refine_values::{by_point, primvar_of};
 
 /// `desc` with values at the points of the cut, each `times` times.
 pub(super) fn on_curves(

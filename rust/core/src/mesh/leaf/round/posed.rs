@@ -4,11 +4,11 @@
 
 use glam::{DVec3, Vec3};
 
-use super::super::deform::Pose;
 use super::curves::{Cut, Radii, Stencil};
 use super::values::on_points;
 use crate::array::TypedArray;
 use crate::desc::{DroppedData, Interpolation, MeshDesc, Primvar};
+use crate::mesh::deform::Pose;
 
 /// The points of ribbons, two for each point of the cut, and their normals.
 pub(super) struct Ribbon {

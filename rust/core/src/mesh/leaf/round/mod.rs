@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Curves and points: round things ([`super::LeafKind::Rounds`]), or ribbons of triangles. Pure.
+//! Curves and points: round things ([`LeafKind::Rounds`]), or ribbons of triangles. Pure.
 //!
 //! [`basis`] says how control points make a curve, [`curves`] cuts curves into pieces, [`values`] brings primvars
 //! along, [`posed`] says where they are at other times. A piece of a tube is the hull of the balls at its ends, so
@@ -11,92 +11,92 @@ mod curves;
 mod posed;
 mod values;
 
-use super::WantedPrimvar;
-use super::deform::Pose;
-use super::dicing::Dicing;
-use super::refine_values::primvar_of;
-use super::topology::{Face, MAX_COORDINATE, MAX_CORNERS, Topology};
+use super::{Items, LeafKind, Vertices, point};
 use crate::array::ArrayView;
-use crate::desc::{DroppedData, Interpolation, MeshDesc, NamedPrimvar, Primvar, Shape};
+use crate::desc::{CurvesDesc, DroppedData, Interpolation, MeshDesc, NamedPrimvar, Primvar};
 use crate::material::ACROSS_NAME;
+use crate::mesh::deform::Pose;
+use crate::mesh::dicing::Dicing;
+use crate::mesh::refine_values::primvar_of;
+use crate::mesh::topology::{Face, MAX_COORDINATE, MAX_CORNERS, Topology};
+use crate::mesh::{Aabb, WantedPrimvar};
 use curves::Cut;
 use posed::Ribbon;
 
 /// Width of curves and points that have none.
 const DEFAULT_WIDTH: f64 = 1.0;
 
-/// Curves or points, ready to be items of an asset.
-pub(crate) struct Rounds {
-    /// A face for each piece or point, with the number of the curve or point: corners are the first end, the second and
-    /// the first again. Of ribbons: triangles.
-    pub(crate) topology: Topology,
-    /// The description with values for these.
-    pub(crate) desc: MeshDesc,
-    /// Radius at each of the topology's points; none for ribbons.
-    pub(crate) radii: Option<Vec<f32>>,
-    /// At the keys of what moves.
-    pub(crate) poses: Vec<Pose>,
+pub(super) fn bounds(&[first, second, [from, to, _]]: &Vertices) -> Aabb {
+    ball_box(first, from).union(&ball_box(second, to))
 }
 
-/// The curves or points of `desc`; `None` for a mesh.
-pub(crate) fn read_rounds(
+/// The box around a ball, rounded outwards.
+fn ball_box(center: [f32; 3], radius: f32) -> Aabb {
+    Aabb { min: center.map(|v| (v - radius).next_down()), max: center.map(|v| (v + radius).next_up()) }
+}
+
+pub(super) fn vertices([first, second, _]: Vertices, [from, to, _]: [f32; 3]) -> Vertices {
+    [first, second, [from, to, 0.0]]
+}
+
+/// The points of `desc`, unless they cannot be used.
+fn usable_points<'a>(desc: &'a MeshDesc, dropped: &mut DroppedData) -> Option<ArrayView<'a>> {
+    let view = desc.points.view();
+    let is_usable = view.is_empty() || view.vec3(0).is_some();
+    dropped.wrong_array_types += u64::from(!is_usable);
+    dropped.oversized_meshes += u64::from(view.len() > MAX_CORNERS / 4);
+    (is_usable && view.len() <= MAX_CORNERS / 4).then_some(view)
+}
+
+/// An item for each piece, or two of a ribbon, with the number of its curve.
+pub(super) fn read_curves(
     desc: &MeshDesc,
+    curves: &CurvesDesc,
     wanted: &[WantedPrimvar],
     dicing: &Dicing,
     poses: &[Pose],
     dropped: &mut DroppedData,
-) -> Option<Rounds> {
-    let view = desc.points.view();
-    let is_usable = view.is_empty() || view.vec3(0).is_some();
-    let points = |dropped: &mut DroppedData| {
-        dropped.wrong_array_types += u64::from(!is_usable);
-        dropped.oversized_meshes += u64::from(view.len() > MAX_CORNERS / 4);
-        is_usable && view.len() <= MAX_CORNERS / 4
-    };
-    match &desc.shape {
-        Shape::Mesh => None,
-        Shape::Points if points(dropped) => Some(read_points(desc, &view, poses, dropped)),
-        Shape::Curves(curves) if points(dropped) => {
-            let cut = Cut::new(desc, curves, dicing, !poses.is_empty(), dropped);
-            Some(match cut.ribbon(desc, dropped) {
-                Some(ribbon) => {
-                    let poses = poses.iter().filter_map(|pose| cut.ribbon_at(desc, pose)).collect();
-                    Rounds { poses, ..as_ribbons(desc, wanted, &cut, &ribbon, dropped) }
-                }
-                None => as_tubes(desc, wanted, cut, poses, dropped),
-            })
+) -> Items {
+    if usable_points(desc, dropped).is_none() {
+        return nothing(desc);
+    }
+    let cut = Cut::new(desc, curves, dicing, !poses.is_empty(), dropped);
+    match cut.ribbon(desc, dropped) {
+        Some(ribbon) => {
+            let poses = poses.iter().filter_map(|pose| cut.ribbon_at(desc, pose)).collect();
+            Items { poses, ..as_ribbons(desc, wanted, &cut, &ribbon, dropped) }
         }
-        _ => Some(nothing(desc)),
+        None => as_tubes(desc, wanted, cut, poses, dropped),
     }
 }
 
-fn nothing(desc: &MeshDesc) -> Rounds {
-    Rounds { topology: Topology::default(), desc: desc.clone(), radii: Some(Vec::new()), poses: Vec::new() }
-}
-
-/// A usable point in single precision.
-#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
-fn point(view: &ArrayView<'_>, at: usize) -> Option<[f32; 3]> {
-    let point = view.vec3(at)?;
-    (point.abs().max_element() <= MAX_COORDINATE && point.is_finite()).then(|| point.to_array().map(|v| v as f32))
+fn nothing(desc: &MeshDesc) -> Items {
+    Items {
+        topology: Topology::default(),
+        desc: desc.clone(),
+        kind: LeafKind::Rounds,
+        radii: Vec::new(),
+        poses: Vec::new(),
+    }
 }
 
 /// A usable width.
-pub(super) fn is_width(width: f64) -> bool {
+pub(in crate::mesh) fn is_width(width: f64) -> bool {
     (0.0..=MAX_COORDINATE).contains(&width)
 }
 
-/// Balls.
+/// Balls, an item for each point.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
-fn read_points(desc: &MeshDesc, view: &ArrayView<'_>, poses: &[Pose], dropped: &mut DroppedData) -> Rounds {
+pub(super) fn read_points(desc: &MeshDesc, poses: &[Pose], dropped: &mut DroppedData) -> Items {
+    let Some(view) = usable_points(desc, dropped) else { return nothing(desc) };
     let widths = Widths::of_points(desc.widths.as_ref(), view.len(), dropped);
     let poses: Vec<Pose> = poses.iter().map(|pose| widened(desc, pose, view.len())).collect();
     let (mut topology, mut radii) = (Topology { face_count: view.len(), ..Topology::default() }, Vec::new());
     for (at, index) in (0..view.len()).zip(0_u32..) {
         let width = widths.at(at);
         radii.push((0.5 * width) as f32);
-        topology.points.push(point(view, at).unwrap_or_default());
-        if point(view, at).is_none() || !is_width(width) {
+        topology.points.push(point(&view, at).unwrap_or_default());
+        if point(&view, at).is_none() || !is_width(width) {
             dropped.points += 1;
         } else if width > 0.0 || poses.iter().any(|pose| has_width(pose, at)) {
             let first = u32::try_from(topology.corners.len()).unwrap_or(u32::MAX);
@@ -119,7 +119,7 @@ fn read_points(desc: &MeshDesc, view: &ArrayView<'_>, poses: &[Pose], dropped: &
             named.primvar.interpolation = Interpolation::Constant;
         }
     }
-    Rounds { topology, desc, radii: Some(radii), poses }
+    Items { topology, desc, kind: LeafKind::Rounds, radii, poses }
 }
 
 /// A pose of points, with their radii at it where widths change.
@@ -169,7 +169,7 @@ impl<'a> Widths<'a> {
 }
 
 /// Pieces as hulls of balls.
-fn as_tubes(desc: &MeshDesc, wanted: &[WantedPrimvar], cut: Cut, poses: &[Pose], dropped: &mut DroppedData) -> Rounds {
+fn as_tubes(desc: &MeshDesc, wanted: &[WantedPrimvar], cut: Cut, poses: &[Pose], dropped: &mut DroppedData) -> Items {
     let poses: Vec<Pose> = poses.iter().map(|pose| cut.posed(desc, pose)).collect();
     let mut topology = Topology { face_count: cut.curve_count, ..Topology::default() };
     for piece in &cut.pieces {
@@ -185,7 +185,7 @@ fn as_tubes(desc: &MeshDesc, wanted: &[WantedPrimvar], cut: Cut, poses: &[Pose],
     }
     let desc = values::on_curves(desc, wanted, &cut, 1, dropped);
     topology.points = cut.points;
-    Rounds { topology, desc, radii: Some(cut.radii), poses }
+    Items { topology, desc, kind: LeafKind::Rounds, radii: cut.radii, poses }
 }
 
 /// Pieces as two triangles each, across the normals. The two points of an end have the values of the end.
@@ -195,7 +195,7 @@ fn as_ribbons(
     cut: &Cut,
     ribbon: &Ribbon,
     dropped: &mut DroppedData,
-) -> Rounds {
+) -> Items {
     let mut topology = Topology { face_count: cut.curve_count, points: ribbon.points.clone(), ..Topology::default() };
     for piece in &cut.pieces {
         let [a, b] = piece.ends.map(|end| 2 * end);
@@ -213,5 +213,5 @@ fn as_ribbons(
         let across = ribbon.points.chunks(2).flat_map(|_| [1.0, -1.0]).collect();
         desc.primvars.push(NamedPrimvar { name: ACROSS_NAME.into(), primvar: primvar_of(1, across) });
     }
-    Rounds { topology, desc, radii: None, poses: Vec::new() }
+    Items { topology, desc, kind: LeafKind::Triangles, radii: Vec::new(), poses: Vec::new() }
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The leaf test of triangles: traversal/triangle.glsl, operation by operation. Pure, any thread.
+//! The leaf test of triangles: geometry/triangle.glsl, operation by operation. Pure, any thread.
 
 use crate::vector::{V3, dot3, triangle_normal};
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The leaf test of curves and points, hulls of two balls: traversal/round.glsl, operation by operation. Pure, any
+//! The leaf test of curves and points, hulls of two balls: geometry/round.glsl, operation by operation. Pure, any
 //! thread.
 
 use crate::vector::{V3, dot3};
@@ -34,9 +34,8 @@ impl Hit {
     }
 }
 
-/// Distance, in units of `d`, to where the ray enters the hull, or leaves it if it begins inside, and the ball that
-/// touches there; in front of the origin.
-pub(crate) fn hit_round([p0, p1]: [V3; 2], [r0, r1]: [f32; 2], o: V3, d: V3) -> Option<(f32, f32)> {
+/// Where the ray enters the hull, or leaves it if it begins inside, and the ball that touches there.
+pub(super) fn hit([p0, p1, V3([r0, r1, _])]: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
     let dd = dot3(d, d);
     let axis = p1 - p0;
     let from = o - p0;
@@ -53,7 +52,7 @@ pub(crate) fn hit_round([p0, p1]: [V3; 2], [r0, r1]: [f32; 2], o: V3, d: V3) -> 
         let enters = nearest + hit.entry > 0.0;
         let (t, u) = if enters { (hit.entry, hit.entry_u) } else { (hit.exit, hit.exit_u) };
         let t = nearest + t;
-        (t > 0.0).then_some((t, u))
+        (t > 0.0).then_some((t, [u, 0.0]))
     } else {
         None
     }

@@ -9,8 +9,15 @@
 // g = L^2 - (r1 - r0)^2, and touches the ball u = (L s + (r1 - r0) r0) / g. (Both follow from the derivative by u
 // of the ball's equation. Terms are kept apart along and across the axis, so that a piece that is much longer than
 // thick keeps its digits.)
+//
+// A hit keeps the ball that touches the surface there, uv.x: 0 is the first one, v0 with radius v2.x, and 1 the second
+// one, v1 with radius v2.y. Corners 0 and 2 are the first centre, so values by corner are linear along the axis.
+// geometry/leaf.glsl says what the functions are.
 #ifndef OOCPT_ROUND_GLSL
 #define OOCPT_ROUND_GLSL
+
+// Of round_hit: 32 operations that each may lose a unit.
+const float ROUND_ROUNDOFF = 32.0 * UNIT_ROUNDOFF;
 
 struct RoundHit {
     float entry;
@@ -41,15 +48,16 @@ void meet_ball(inout RoundHit hit, vec3 c, float radius, vec3 d, float dd, float
     note_round(hit, -b + half_chord, u);
 }
 
-// Sets the distance, in units of d, to where the ray enters the hull, or leaves it if the ray begins inside, and the
-// ball u in [0, 1] that touches the hull there; true if it does. NaN is no hit.
-bool hit_round(vec3 p0, vec3 p1, float r0, float r1, vec3 o, vec3 d, out float t, out float u) {
+// Where the ray enters the hull, or leaves it if the ray begins inside. NaN is no hit.
+bool round_hit(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 o, const vec3 d, out float t, out vec2 uv) {
     t = 0.0;
-    u = 0.0;
+    uv = vec2(0.0);
+    const float r0 = v2.x;
+    const float r1 = v2.y;
     const float dd = dot3(d, d);
-    const vec3 axis = p1 - p0;
+    const vec3 axis = v1 - v0;
     // From here on, distances along the ray are from the point nearest to the middle.
-    const vec3 from = o - p0;
+    const vec3 from = o - v0;
     const float nearest = dot3(0.5 * axis - from, d) / dd;
     const vec3 c = from + nearest * d;
     RoundHit hit = RoundHit(3.0e38, 0.0, -3.0e38, 0.0);
@@ -88,8 +96,58 @@ bool hit_round(vec3 p0, vec3 p1, float r0, float r1, vec3 o, vec3 d, out float t
     if (!(hit.entry <= hit.exit)) return false;
     const bool inside = !(nearest + hit.entry > 0.0);
     t = nearest + (inside ? hit.exit : hit.entry);
-    u = inside ? hit.exit_u : hit.entry_u;
+    uv.x = inside ? hit.exit_u : hit.entry_u;
     return t > 0.0;
+}
+
+float round_radius(const vec3 v0, const vec3 v1, const vec3 v2, const vec2 uv) {
+    return mix(v2.x, v2.y, uv.x);
+}
+
+// The ball that touches the surface there, and where the ray meets it.
+vec3 round_point(const vec3 v0, const vec3 v1, const vec3 v2, const vec2 uv, const vec3 met, out vec3 normal) {
+    const vec3 center = mix(v0, v1, uv.x);
+    normal = normal_or(met - center, vec3(0.0, 0.0, 1.0));
+    return center + round_radius(v0, v1, v2, uv) * normal;
+}
+
+float round_beside(const vec3 v0, const vec3 v1, const vec3 v2, const vec2 uv, const vec3 normal, const vec3 point) {
+    const vec3 out_of_ball = point - mix(v0, v1, uv.x);
+    return abs(sqrt(dot3(out_of_ball, out_of_ball)) - round_radius(v0, v1, v2, uv));
+}
+
+// The test rounds in proportion to the item's size, and to how far the origin is from its centres.
+float round_rounding(const vec3 v0, const vec3 v1, const vec3 v2, const vec3 point) {
+    const vec3 reach = max(abs(v0), abs(v1)) + abs(point);
+    return ROUND_ROUNDOFF * (max(reach.x, max(reach.y, reach.z)) + max(v2.x, v2.y) + largest_of(v1 - v0));
+}
+
+// The axis, and one across, along which nothing changes.
+void round_edges(const vec3 v0, const vec3 v1, const vec3 v2, out vec3 e, out vec3 f) {
+    e = v1 - v0;
+    const float radius = max(v2.x, v2.y);
+    if (!(dot3(e, e) > 0.0)) e = vec3(radius, 0.0, 0.0);
+    const vec3 size = abs(e);
+    vec3 least = vec3(0.0, 0.0, 1.0);
+    if (size.x <= size.y && size.x <= size.z) {
+        least = vec3(1.0, 0.0, 0.0);
+    } else if (size.y <= size.z) {
+        least = vec3(0.0, 1.0, 0.0);
+    }
+    const vec3 aside = cross3(e, least);
+    f = aside * (radius * inversesqrt(max(dot3(aside, aside), 1.0e-38)));
+}
+
+// The way out of the ball, in radii where these may change.
+vec3 round_keep(const vec3 v0, const vec3 v1, const vec3 v2, const vec2 uv, const vec3 point) {
+    vec3 kept = point - mix(v0, v1, uv.x);
+    if (HAS_DEFORMATION) kept /= max(round_radius(v0, v1, v2, uv), 1.0e-30);
+    return kept;
+}
+
+vec3 round_place(const vec3 v0, const vec3 v1, const vec3 v2, const vec2 uv, const vec3 kept) {
+    const vec3 out_of_ball = HAS_DEFORMATION ? kept * round_radius(v0, v1, v2, uv) : kept;
+    return mix(v0, v1, uv.x) + out_of_ball;
 }
 
 #endif

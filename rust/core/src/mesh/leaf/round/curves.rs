@@ -8,11 +8,11 @@
 
 use glam::{DVec3, DVec4};
 
-use super::super::dicing::Dicing;
 use super::basis::{Segment, segments, varying_count};
 use super::{DEFAULT_WIDTH, is_width, point};
 use crate::array::{ArrayView, ElementType, TypedArray};
 use crate::desc::{CurvesDesc, DroppedData, Interpolation, MeshDesc, Primvar};
+use crate::mesh::dicing::Dicing;
 
 /// Largest distance of a piece from its curve, in dicing rates.
 const TOLERANCE: f64 = 0.05;

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Kinds of leaves: what the items in the leaves of a mesh's tree are. A kind is a module and a row of [`LeafKind`];
+//! the shaders have a row of the same name (`oocpt_shader_abi::LEAVES`). Of a kind:
+//! - `bounds(vertices)`: the box around an item;
+//! - `vertices(points, radii)`: an item of its corners' points, and the radii there, where points have some.
+//!
+//! A shape that is not made of triangles has a reader, which says what the corners of its items are ([`read_items`]).
+//! Pure.
+
+pub(super) mod round;
+#[cfg(feature = "faults")]
+mod toy_box;
+mod triangle;
+
+use serde::{Deserialize, Serialize};
+
+use super::deform::Pose;
+use super::dicing::Dicing;
+use super::topology::{MAX_COORDINATE, Topology};
+use super::{Aabb, WantedPrimvar};
+use crate::array::ArrayView;
+use crate::desc::{DroppedData, MeshDesc, Shape};
+
+/// Of an item: what they mean is the kind's.
+type Vertices = [[f32; 3]; 3];
+
+macro_rules! leaf_kinds {
+    ($(
+        $(#[doc = $doc:literal])+
+        $(#[cfg($only:meta)])?
+        $kind:ident: $module:ident;
+    )+) => {
+        /// What the items of an asset are.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+        pub enum LeafKind {
+            $($(#[doc = $doc])+ $(#[cfg($only)])? $kind,)+
+        }
+
+        impl LeafKind {
+            /// Every kind.
+            pub const ALL: &[Self] = &[$($(#[cfg($only)])? Self::$kind,)+];
+
+            /// What the shaders call it.
+            #[must_use]
+            pub fn name(self) -> &'static str {
+                match self {
+                    $($(#[cfg($only)])? Self::$kind => stringify!($module),)+
+                }
+            }
+
+            /// The box around an item.
+            pub(super) fn bounds(self, vertices: &Vertices) -> Aabb {
+                match self {
+                    $($(#[cfg($only)])? Self::$kind => $module::bounds(vertices),)+
+                }
+            }
+
+            /// The item with these points, and radii where points have some, at its corners.
+            pub(super) fn vertices(self, points: Vertices, radii: [f32; 3]) -> Vertices {
+                match self {
+                    $($(#[cfg($only)])? Self::$kind => $module::vertices(points, radii),)+
+                }
+            }
+        }
+    };
+}
+
+leaf_kinds! {
+    /// Triangles.
+    Triangles: triangle;
+    /// Hulls of two balls: `vertices[0]` and `vertices[1]` are the centres, `vertices[2]` has both radii and 0. Corners
+    /// 0 and 2 are the first centre, corner 1 the second one.
+    Rounds: round;
+    /// Boxes along the axes: `vertices[0]` and `vertices[1]` are opposite corners. Tests alone have it.
+    #[cfg(feature = "faults")]
+    ToyBoxes: toy_box;
+}
+
+/// A shape that is not made of polygons, ready to be items of an asset.
+pub(super) struct Items {
+    /// A face of three corners for each item.
+    pub(super) topology: Topology,
+    /// The description with values for these.
+    pub(super) desc: MeshDesc,
+    /// What they are.
+    pub(super) kind: LeafKind,
+    /// Radius at each of the topology's points; empty where they have none.
+    pub(super) radii: Vec<f32>,
+    /// At the keys of what moves.
+    pub(super) poses: Vec<Pose>,
+}
+
+/// The items of `desc`; `None` for a mesh.
+pub(super) fn read_items(
+    desc: &MeshDesc,
+    wanted: &[WantedPrimvar],
+    dicing: &Dicing,
+    poses: &[Pose],
+    dropped: &mut DroppedData,
+) -> Option<Items> {
+    match &desc.shape {
+        Shape::Mesh => None,
+        Shape::Curves(curves) => Some(round::read_curves(desc, curves, wanted, dicing, poses, dropped)),
+        Shape::Points => Some(round::read_points(desc, poses, dropped)),
+        #[cfg(feature = "faults")]
+        Shape::ToyBoxes => Some(toy_box::read(desc, poses, dropped)),
+    }
+}
+
+/// A usable point in single precision.
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is what is wanted")]
+fn point(view: &ArrayView<'_>, at: usize) -> Option<[f32; 3]> {
+    let point = view.vec3(at)?;
+    (point.abs().max_element() <= MAX_COORDINATE && point.is_finite()).then(|| point.to_array().map(|v| v as f32))
+}

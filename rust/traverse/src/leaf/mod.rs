@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Leaf tests by kind (`oocpt_shader_abi::LEAVES`): shaders/geometry, operation by operation. A kind is a module with
+//! `hit(vertices, o, d)`: the distance, in units of `d`, at which a ray meets an item in front of its origin, and the
+//! weights of the second and third corner there. Triangles have one of their own, for what is the same for all of them.
+//! Pure, any thread.
+
+mod round;
+#[cfg(feature = "faults")]
+mod toy_box;
+pub(crate) mod triangle;
+
+use crate::vector::V3;
+use oocpt_shader_abi::{Features, LEAVES, Leaf};
+
+macro_rules! leaves {
+    ($($(#[cfg($only:meta)])? $row:ident: $module:ident;)+) => {
+        /// The test of an item that is no triangle (`leaf_hit`).
+        #[inline(always)]
+        pub(crate) fn hit(kind: u32, vertices: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
+            match kind {
+                $($(#[cfg($only)])? kind if kind == Leaf::$row.number => $module::hit(vertices, o, d),)+
+                _ => None,
+            }
+        }
+    };
+}
+
+leaves! {
+    ROUND: round;
+    #[cfg(feature = "faults")]
+    TOY_BOX: toy_box;
+}
+
+/// Whether leaves may be made of anything but triangles (`HAS_LEAF_KINDS`).
+pub(crate) fn has_kinds(features: Features) -> bool {
+    LEAVES.iter().any(|leaf| *leaf != Leaf::TRIANGLE && features.contains(leaf.needs))
+}
+
+/// The number of a mesh's kind, if it is compiled in.
+pub(crate) fn kind_of(flags: u32, features: Features) -> Option<u32> {
+    let number = Leaf::number_of(flags);
+    LEAVES.iter().any(|leaf| leaf.number == number && features.contains(leaf.needs)).then_some(number)
+}

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The leaf test of the boxes that tests add: `geometry/toy_box.glsl`, operation by operation. Pure, any thread.
+
+use crate::vector::V3;
+
+/// How far along x from the first corner to the second.
+#[expect(clippy::manual_clamp, reason = "NaN becomes 0, as there")]
+fn share(first: V3, second: V3, x: f32) -> f32 {
+    let extent = second[0] - first[0];
+    if extent == 0.0 { 0.0 } else { ((x - first[0]) / extent).max(0.0).min(1.0) }
+}
+
+pub(super) fn hit([first, second, _]: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
+    let (mut entry, mut exit) = (-3.0e38_f32, 3.0e38_f32);
+    for axis in 0..3 {
+        let (a, b) = (first[axis] - o[axis], second[axis] - o[axis]);
+        if d[axis] == 0.0 {
+            if (a < 0.0) == (b < 0.0) {
+                return None;
+            }
+            continue;
+        }
+        let (a, b) = (a / d[axis], b / d[axis]);
+        let (near, far) = if a < b { (a, b) } else { (b, a) };
+        if near > entry {
+            entry = near;
+        }
+        if far < exit {
+            exit = far;
+        }
+    }
+    if entry <= exit {
+        let t = if entry > 0.0 { entry } else { exit };
+        (t > 0.0).then(|| (t, [share(first, second, o[0] + t * d[0]), 0.0]))
+    } else {
+        None
+    }
+}

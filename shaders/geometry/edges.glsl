@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// The edges of a leaf's item, along which values by corner change: those of a triangle from its first corner, of
+// another kind what it says (geometry/leaf.glsl). Reads the mesh's items.
+#ifndef OOCPT_EDGES_GLSL
+#define OOCPT_EDGES_GLSL
+
+#include "geometry/leaf.glsl"
+#include "include/attribute.glsl"
+#include "include/pose.glsl"
+
+void item_edges(Pose pose, uint mesh, uint triangle, out vec3 e, out vec3 f) {
+    const vec3 v0 = posed_corner(pose, triangle * 3u).xyz;
+    const vec3 v1 = posed_corner(pose, triangle * 3u + 1u).xyz;
+    const vec3 v2 = posed_corner(pose, triangle * 3u + 2u).xyz;
+    e = v1 - v0;
+    f = v2 - v0;
+    if (HAS_LEAF_KINDS && (Meshes(FRAME.meshes).v[mesh].flags & MESH_LEAF_MASK) != 0u) {
+        leaf_edges(leaf_kind(Meshes(FRAME.meshes).v[mesh].flags), v0, v1, v2, e, f);
+    }
+}
+
+#endif
