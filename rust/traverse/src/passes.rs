@@ -4,18 +4,20 @@
 //! A thread takes blocks of a queue, one after the other. What a block has found goes to the queues with one atomic,
 //! as a subgroup's does.
 
+mod rays;
+
+use crate::passes::rays::{Block, ClosestRays, Rays, ShadowRays};
 use crate::scene::Scene;
 use crate::vector::V3;
-use crate::walk::{Found, MOST_LEVELS, Walk, WorldRay};
+use crate::walk::{Walk, WorldRay};
 use crate::{Special, TraceError};
-use oocpt_gpu::{HostBytes, HostView, HostWords};
+use oocpt_gpu::{HostView, HostWords};
 use oocpt_shader_abi::{
-    Counters, Features, MAX_PENDING, PathProgress, Pending, Push, RAY_WORD_BOUNCE, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW,
-    RAY_WORD_T_MAX, Ray, RayFlags, SHADOW_BIT, ShadowRay, hit_stride, unpack_color, unpack_shadow_bounce,
+    Counters, Features, MAX_PENDING, PathProgress, Pending, Push, RAY_WORD_FLAGS, RAY_WORD_IN_SHADOW, RAY_WORD_T_MAX,
+    Ray, RayFlags, ShadowRay, hit_stride, unpack_color,
 };
 use rayon::prelude::*;
 use std::mem::offset_of;
-use std::ops::Range;
 
 /// Rays of a block.
 const BLOCK: u32 = 128;
@@ -49,75 +51,6 @@ struct Pushes {
     deferred: Vec<u32>,
     ended: Vec<u32>,
     visits: u32,
-}
-
-/// What a pass does with an entry of its queue, before and after the walk. All of it is inlined, so that it is compiled
-/// for each kind of processor.
-trait Rays<'s, 'v, const ANY_HIT: bool>: Sync {
-    /// Begins the walk of entry `at` of the queue; what [`Rays::end`] has to know of it. None: no such ray.
-    fn begin(&self, walk: &mut Walk<'s, 'v, ANY_HIT>, at: u32) -> Option<Begun>;
-
-    /// Takes what the walk has found.
-    fn end(&self, walk: &mut Walk<'s, 'v, ANY_HIT>, begun: Begun, pushes: &mut Pushes);
-}
-
-/// A ray on its way.
-#[derive(Clone, Copy)]
-struct Begun {
-    path: u32,
-    /// It was ended by roulette, and has not walked.
-    is_ended: bool,
-}
-
-/// A block of rays. A thread walks some at once, each a step further in turn: what one reads from memory comes while
-/// the others walk.
-struct Block<'a, 's, 'v, R, const ANY_HIT: bool> {
-    walks: &'a mut [Walk<'s, 'v, ANY_HIT>],
-    pushes: &'a mut Pushes,
-    rays: &'a R,
-    range: Range<u32>,
-}
-
-impl<'s, 'v, R: Rays<'s, 'v, ANY_HIT>, const ANY_HIT: bool> Block<'_, 's, 'v, R, ANY_HIT> {
-    fn trace(self) {
-        let Self { walks, pushes, rays, mut range } = self;
-        let mut under_way = [None; RAYS_AT_ONCE];
-        loop {
-            let mut is_done = true;
-            for (walk, slot) in walks.iter_mut().zip(&mut under_way) {
-                if slot.is_none()
-                    && let Some(at) = range.next()
-                {
-                    *slot = rays.begin(walk, at);
-                    is_done = false;
-                }
-                if let Some(begun) = *slot {
-                    is_done = false;
-                    if !walk.step() {
-                        rays.end(walk, begun, pushes);
-                        *slot = None;
-                    }
-                }
-            }
-            if is_done {
-                return;
-            }
-        }
-    }
-}
-
-/// The rays of [`closest`].
-struct ClosestRays<'a, 's, 'v> {
-    shared: &'a Shared<'s, 'v>,
-    queue: HostBytes<'v>,
-    hits: HostWords<'v>,
-}
-
-/// The rays of [`shadow`].
-struct ShadowRays<'a, 's, 'v> {
-    shared: &'a Shared<'s, 'v>,
-    queue: HostBytes<'v>,
-    radiance: HostWords<'v>,
 }
 
 /// Traces the closest hits of a round.
@@ -304,122 +237,4 @@ impl<'s, 'v> Shared<'s, 'v> {
             radiance.store(to + i, (f32::from_bits(radiance.load(to + i)) + more).to_bits());
         }
     }
-}
-
-impl<'s, 'v> Rays<'s, 'v, false> for ClosestRays<'_, 's, 'v> {
-    #[inline(always)]
-    fn begin(&self, walk: &mut Walk<'s, 'v, false>, at: u32) -> Option<Begun> {
-        let Self { shared, queue, hits } = self;
-        let path = queue.get::<u32>(at as usize)?;
-        let at = path as usize * RAY_WORDS;
-        let ray = shared.load_ray(at);
-        let is_ended = shared.is_ended(ray.flags);
-        if is_ended {
-            walk.no_walk();
-        } else {
-            if ray.flags & RayFlags::HIT.bits() != 0 {
-                walk.found = load_hit(*hits, path as usize * shared.hit_words(), shared.scene.special.levels());
-            }
-            let bounce = shared.rays.load(at + RAY_WORD_BOUNCE as usize);
-            let seed = shared.scene.opacity_seed(path, bounce.wrapping_mul(2));
-            shared.begin(walk, path, WorldRay { seed, time: shared.scene.path_time(path), ..ray });
-        }
-        Some(Begun { path, is_ended })
-    }
-
-    #[inline(always)]
-    fn end(&self, walk: &mut Walk<'s, 'v, false>, Begun { path, is_ended }: Begun, pushes: &mut Pushes) {
-        let Self { shared, hits, .. } = self;
-        if walk.hit {
-            store_hit(*hits, path as usize * shared.hit_words(), &walk.found, shared.scene.special.levels());
-        }
-        if !shared.scene.has(Features::STREAMING) {
-            if walk.hit { &mut pushes.surfaces } else { &mut pushes.escaped }.push(path);
-            return;
-        }
-        let hit = walk.hit || walk.hit_before;
-        let mut flags = RayFlags::empty();
-        flags.set(RayFlags::HIT, hit);
-        flags.set(RayFlags::CHANGED, walk.hit);
-        let at = path as usize * RAY_WORDS + RAY_WORD_FLAGS as usize;
-        shared.rays.store(at, flags.bits() | walk.pending.flags());
-        pushes.visits += walk.visits;
-        if walk.pending.keys().is_empty() {
-            let end = if is_ended {
-                PathProgress::PATH_ENDS
-            } else if hit {
-                PathProgress::CLOSEST_HIT
-            } else {
-                PathProgress::empty()
-            };
-            shared.finish(path, PathProgress::CLOSEST_DONE | end, pushes);
-        } else {
-            shared.store_pending(path, walk.pending.keys());
-            pushes.deferred.push(path);
-        }
-    }
-}
-
-impl<'s, 'v> Rays<'s, 'v, true> for ShadowRays<'_, 's, 'v> {
-    #[inline(always)]
-    fn begin(&self, walk: &mut Walk<'s, 'v, true>, at: u32) -> Option<Begun> {
-        let Self { shared, queue, .. } = self;
-        let path = queue.get::<u32>(at as usize)?;
-        let at = path as usize * SHADOW_WORDS;
-        let ray = shared.load_ray(at);
-        let is_ended = shared.is_ended(ray.flags);
-        if is_ended {
-            walk.no_walk();
-        } else {
-            let linked = shared.rays.load(at + RAY_WORD_BOUNCE as usize);
-            let (bounce, shadow_link) = match shared.scene.has(Features::LIGHT_LINKS) {
-                true => unpack_shadow_bounce(linked),
-                false => (linked, 0),
-            };
-            let seed = shared.scene.opacity_seed(path, bounce.wrapping_mul(2).wrapping_add(1));
-            shared.begin(walk, path, WorldRay { seed, time: shared.scene.path_time(path), shadow_link, ..ray });
-        }
-        Some(Begun { path, is_ended })
-    }
-
-    #[inline(always)]
-    fn end(&self, walk: &mut Walk<'s, 'v, true>, Begun { path, is_ended }: Begun, pushes: &mut Pushes) {
-        let Self { shared, radiance, .. } = self;
-        let at = path as usize * SHADOW_WORDS;
-        let waits = !walk.hit && !walk.pending.keys().is_empty();
-        shared.add_light(at, path, walk.hit, waits || is_ended, *radiance);
-        if !shared.scene.has(Features::STREAMING) {
-            return;
-        }
-        pushes.visits += walk.visits;
-        if waits {
-            shared.rays.store(at + RAY_WORD_FLAGS as usize, walk.pending.flags());
-            shared.store_pending(path, walk.pending.keys());
-            pushes.deferred.push(path | SHADOW_BIT);
-        } else {
-            shared.finish(path, PathProgress::SHADOW_DONE, pushes);
-        }
-    }
-}
-
-/// Writes a hit record (include/hit.glsl).
-fn store_hit(hits: HostWords<'_>, at: usize, found: &Found, levels: usize) {
-    let header =
-        [found.uv[0].to_bits(), found.uv[1].to_bits(), found.triangle, found.chunk_instance, found.t.to_bits()];
-    for (i, &word) in header.iter().chain(&found.chain[..levels]).enumerate() {
-        hits.store(at + i, word);
-    }
-    for level in levels..3 {
-        hits.store(at + header.len() + level, 0);
-    }
-}
-
-fn load_hit(hits: HostWords<'_>, at: usize, levels: usize) -> Found {
-    let [u, v, triangle, chunk_instance, t] = [0, 1, 2, 3, 4].map(|i| hits.load(at + i));
-    let mut chain = [0; MOST_LEVELS];
-    for (level, record) in chain.iter_mut().enumerate().take(levels) {
-        *record = hits.load(at + 5 + level);
-    }
-    let uv = [f32::from_bits(u), f32::from_bits(v)];
-    Found { t: f32::from_bits(t), uv, triangle, chunk_instance, chain }
 }

@@ -15,7 +15,8 @@ const SIZE: i32 = 13;
 
 /// Registers Hack (<https://sourcefoundry.org/hack/>) with plotters. Once is enough, more does no harm.
 pub(super) fn register() -> Result<()> {
-    register_font(FONT, FontStyle::Normal, epaint_default_fonts::HACK_REGULAR).map_err(|_| anyhow!("a broken font"))
+    register_font(FONT, FontStyle::Normal, epaint_default_fonts::HACK_REGULAR)
+        .map_err(|_invalid| anyhow!("a broken font"))
 }
 
 /// Writes text; `left` and `top` in pixels.

@@ -71,7 +71,9 @@ fn a_view_reads_and_writes_inside_of_buffers_only() {
     assert_eq!((bytes.get::<u32>(11), bytes.get::<u32>(12)), (Some(7), None), "to the last word");
     assert_eq!(bytes.get::<u32>(usize::MAX), None, "no index wraps");
     assert_eq!(bytes.get::<[u32; 4]>(usize::MAX / 16 + 1), None, "nor does a product");
-    bytes.prefetch::<u64>(usize::MAX, 1);
+    for (index, count) in [(usize::MAX, 1), (0, usize::MAX), (5, 2), (0, 6), (0, 0)] {
+        bytes.prefetch::<u64>(index, count);
+    }
     for nowhere in [0, 1, read.address().wrapping_sub(1 << 46), u64::MAX] {
         assert!(view.bytes(nowhere).is_empty() && view.words(nowhere).add(0, 1).is_none(), "{nowhere:#x}");
     }

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The leaves of meshes: the test of each kind, and which candidate is the hit.
+
+use super::{CULL_PAD, ENTRY_SCALE, Found, Walk};
+use crate::leaf;
+use crate::leaf::triangle::hit_triangle;
+use crate::vector::V3;
+use oocpt_shader_abi::{Features, GpuTriangle};
+
+impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
+    #[inline(always)]
+    pub(super) fn visit_triangles(&mut self, begin: u32, end: u32) -> bool {
+        for index in begin..end {
+            let Some(triangle) = self.triangles.get::<GpuTriangle>(index as usize) else { return false };
+            let mut corners = [V3(triangle.v0), V3(triangle.v1), V3(triangle.v2)];
+            if self.pose.moves {
+                corners = self.pose.posed(corners, index);
+            }
+            if let Some((t, uv)) = hit_triangle(corners, self.at.ray.o, self.at.d, &self.shear)
+                && self.take(index, triangle.subset_and_sides, t, uv)
+            {
+                return true;
+            }
+        }
+        false
+    }
+
+    #[inline(never)]
+    pub(super) fn visit_others(&mut self, begin: u32, end: u32) -> bool {
+        let features = self.scene.special.features;
+        if !leaf::has_kinds(features) {
+            return self.visit_triangles(begin, end);
+        }
+        let Some(kind) = leaf::kind_of(self.mesh.flags, features) else { return false };
+        for index in begin..end {
+            let Some(item) = self.triangles.get::<GpuTriangle>(index as usize) else { return false };
+            let mut corners = [V3(item.v0), V3(item.v1), V3(item.v2)];
+            if self.pose.moves {
+                corners = self.pose.posed(corners, index);
+            }
+            if let Some((t, uv)) = leaf::hit(kind, corners, self.at.ray.o, self.at.d)
+                && self.take(index, item.subset_and_sides, t, uv)
+            {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// A candidate for the hit; true ends the walk.
+    #[inline(always)]
+    fn take(&mut self, triangle: u32, subset_and_sides: u32, t: f32, uv: [f32; 2]) -> bool {
+        let mut t = t;
+        if ANY_HIT {
+            #[expect(clippy::neg_cmp_op_on_partial_ord, reason = "as the shader")]
+            if !(t < self.world.t_max) {
+                return false;
+            }
+        } else {
+            let entered = self.entry * ENTRY_SCALE;
+            t = if entered > t { entered } else { t };
+            let has_hit = self.hit || self.hit_before;
+            if !(t < self.found.t || (has_hit && t == self.found.t && self.precedes(triangle))) {
+                return false;
+            }
+        }
+        if self.scene.has(Features::OPACITY) && !self.is_opaque(triangle, subset_and_sides, uv) {
+            return false;
+        }
+        self.hit = true;
+        if !ANY_HIT {
+            let Found { mut chain, .. } = self.found;
+            let depth = self.level_index();
+            chain[..=depth].copy_from_slice(&self.chain[..=depth]);
+            self.found = Found { t, uv, triangle, chunk_instance: self.chunk_instance, chain };
+            self.limit = t * CULL_PAD;
+        }
+        ANY_HIT
+    }
+
+    /// Whether the candidate comes before the closest hit in the order of ids.
+    fn precedes(&self, triangle: u32) -> bool {
+        let depth = self.level_index();
+        let ids = (self.chunk_instance, &self.chain[..=depth], triangle);
+        ids < (self.found.chunk_instance, &self.found.chain[..=depth], self.found.triangle)
+    }
+}
