@@ -122,9 +122,7 @@ fn the_program_of_the_emission_is_told() {
 /// What is chosen by chance is told with the number that chooses.
 #[test]
 fn mixtures_are_told() {
-    let metal = |roughness: f32| {
-        node("ND_conductor_bsdf", &[("roughness", ParamValue::Vec2([roughness; 2]))], &[])
-    };
+    let metal = |roughness: f32| node("ND_conductor_bsdf", &[("roughness", ParamValue::Vec2([roughness; 2]))], &[]);
     let share = [("mix", ParamValue::Float(0.25))];
     let material = of(vec![
         node("ND_surface", &[], &[("bsdf", 1, "out")]),

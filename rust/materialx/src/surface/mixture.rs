@@ -34,8 +34,7 @@ impl Lobes {
         let metal = !slab.metalness.is(0.0, 1);
         let below = !slab.metalness.is(1.0, 1);
         let glass = below && !slab.transmission.is(0.0, 1);
-        let is_black =
-            slab.base_color.is(0.0, 3) && (slab.subsurface.is(0.0, 1) || slab.subsurface_color.is(0.0, 3));
+        let is_black = slab.base_color.is(0.0, 3) && (slab.subsurface.is(0.0, 1) || slab.subsurface_color.is(0.0, 3));
         let dielectric = below && (glass || !slab.specular_weight.is(0.0, 1));
         Self {
             metal,
@@ -128,8 +127,7 @@ impl Slab {
                 || a.subsurface != b.subsurface
                 || a.subsurface_color != b.subsurface_color,
             shares: a.metalness != b.metalness || a.transmission != b.transmission,
-            shape: [a.roughness, a.ior, a.ratio, a.turn, a.normal]
-                != [b.roughness, b.ior, b.ratio, b.turn, b.normal]
+            shape: [a.roughness, a.ior, a.ratio, a.turn, a.normal] != [b.roughness, b.ior, b.ratio, b.turn, b.normal]
                 || [a.film_thickness, a.film_ior] != [b.film_thickness, b.film_ior]
                 || [a.coat_roughness, a.coat_ior, a.coat_ratio, a.coat_turn]
                     != [b.coat_roughness, b.coat_ior, b.coat_ratio, b.coat_turn]
@@ -183,7 +181,6 @@ impl Walker<'_> {
             let hair = self.shared_hair(at, &back, &front, share);
             return Slab { hair, ..self.means([back, front], [share, within]) };
         }
-        let slabs = one_for_the_other(&back, &front);
         if back.thin_walled != front.thin_walled {
             let solid = if back.thin_walled { &front } else { &back };
             if Lobes::of(solid).glass {
@@ -191,8 +188,11 @@ impl Walker<'_> {
                 self.problem(format!("{path}: a thin wall is mixed with solid glass: all of it is a thin wall"));
             }
         }
-        let is_alone = within.is(0.0, 1) || within.is(1.0, 1);
-        if !is_alone && !slabs[0].mixes_exactly(&slabs[1])
+        if within.is(0.0, 1) || within.is(1.0, 1) {
+            return self.means([back, front], [share, within]);
+        }
+        let slabs = one_for_the_other(&back, &front);
+        if !slabs[0].mixes_exactly(&slabs[1])
             && let Some(random) = self.random(at)
         {
             let takes_front = self.expressions.binary(Op::Greater, within, random);
@@ -313,7 +313,9 @@ impl Walker<'_> {
             && !(0.0..=WHOLE).contains(&sum)
         {
             let path = self.path(at);
-            self.problem(format!("{path}: what is added weighs {sum}: it has one roughness, that of the first"));
+            self.problem(format!(
+                "{path}: what is added weighs {sum}, more than 1: its roughness is that of the first"
+            ));
             return None;
         }
         let part = e.divide(b.weight, sum);

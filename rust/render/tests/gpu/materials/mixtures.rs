@@ -155,12 +155,8 @@ fn streaming_gives_the_same_bits() {
             db.upsert_material(mixture("/glass", 0.5, [glass(0.5), glass(0.0)]));
             let turn = DQuat::from_rotation_y(0.5);
             for (k, name) in [(0, "/masked"), (1, "/metals"), (2, "/glass")] {
-                let mut desc = with(
-                    board(&format!("/board{k}"), k + 1, name),
-                    "st",
-                    Interpolation::Vertex,
-                    coordinates(|st| st),
-                );
+                let mut desc =
+                    with(board(&format!("/board{k}"), k + 1, name), "st", Interpolation::Vertex, coordinates(|st| st));
                 let z = f64::from(k);
                 desc.prim.transform =
                     DMat4::from_scale_rotation_translation(DVec3::splat(0.7), turn, DVec3::new(0.4 * z - 0.4, 0.0, z));
