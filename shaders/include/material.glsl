@@ -8,12 +8,16 @@
 #include "include/shading.glsl"
 #include "include/surface.glsl"
 #include "include/texture.glsl"
+#define PATTERN_RANDOM
 #include "include/pattern.glsl"
 
 // Of a fibre inputs mean something else: oocpt_materialx::surface::Input says what.
 const uint HAIR_INPUTS = 1u << INPUT_DIFFUSE_COLOR | 1u << INPUT_SPECULAR_COLOR | 1u << INPUT_TRANSMISSION_COLOR |
                          1u << INPUT_IOR | 1u << INPUT_NORMAL | 1u << INPUT_ANISOTROPY | 1u << INPUT_THIN_FILM |
                          1u << INPUT_ABSORPTION;
+
+// Sets of random numbers: choices of a mixture at bounce 0, and so on.
+const uint MIXTURE_SET = (1u << 30) + 2u;
 
 // Where a texture input looks.
 vec2 texture_place(GpuInput i, GpuSurfaceMaterial m) {
@@ -90,6 +94,14 @@ void set_hair(inout Shading r, uint name, vec4 value) {
     }
 }
 
+// Of mixtures (decisions/0046): four numbers in [0, 1) of a hit, stratified over the samples of its pixel. A path that
+// comes back to a hit has the same ones. Images through pixel centres have no chance in them.
+vec4 mixture_numbers(uint path, uint bounce) {
+    if ((push.flags & PUSH_AOVS) != 0u) return vec4(0.5);
+    const uvec2 pixel = pixel_position(path_pixel(path));
+    return sample_4d(path_sample(path), MIXTURE_SET + bounce, pixel_seed(pixel.x, pixel.y, path_seed(path)));
+}
+
 // The material of a path's hit, or what stands for one. `missing`: TEXTURE_DONE, or the unit that it waits for; the
 // result then means nothing.
 Shading make_shading(uint path, Surface s, out uint missing) {
@@ -139,8 +151,9 @@ Shading make_shading(uint path, Surface s, out uint missing) {
         wanted = HAIR_INPUTS | (wanted & 1u << INPUT_EMISSIVE_COLOR);
     }
     if (HAS_PATTERNS && (flags & MATERIAL_PATTERNS) != 0u) {
-        const vec3 view = load_ray(ray_address(path)).d;
-        const PatternPoint point = PatternPoint(s.position.hi + s.position.lo, s.shading_normal, view, s.cone);
+        const Ray ray = load_ray(ray_address(path));
+        const PatternPoint point = PatternPoint(s.position.hi + s.position.lo, s.shading_normal, ray.d, s.cone);
+        if (HAS_MIXTURES && (flags & MATERIAL_MIXTURE) != 0u) pattern_random = mixture_numbers(path, ray.bounce);
         const uint sizes = Materials(FRAME.materials).v[m.material].program_sizes;
         run_program(material_program(m.material), sizes, m, point, missing);
     }

@@ -8,7 +8,8 @@
 // the register of the emission; and this program (traversal/cutout_program.glsl, light_program.glsl). The host has
 // checked all numbers.
 //
-// Before including, PATTERN_LOOKUP may be defined as a function in place of texture_lookup.
+// Before including, PATTERN_LOOKUP may be defined as a function in place of texture_lookup, and PATTERN_RANDOM where
+// programs may read random numbers of the hit.
 #ifndef OOCPT_PATTERN_GLSL
 #define OOCPT_PATTERN_GLSL
 
@@ -22,6 +23,11 @@
 #endif
 
 vec4 pattern_registers[PROGRAM_REGISTERS];
+
+#ifdef PATTERN_RANDOM
+// Random numbers of the hit, set before a program that reads them (HAS_MIXTURES).
+vec4 pattern_random;
+#endif
 
 // Where a program is run.
 struct PatternPoint {
@@ -67,6 +73,9 @@ vec4 pattern_geometry(uint what, GpuSurfaceMaterial m, PatternPoint p) {
         if ((m.flags & (1u << slot)) != 0u) return m.primvars[slot];
         return Materials(FRAME.materials).v[m.material].primvar_fallback[slot];
     }
+#ifdef PATTERN_RANDOM
+    if (HAS_MIXTURES && what >= GEOMETRY_RANDOM0) return vec4(pattern_random[min(what - GEOMETRY_RANDOM0, 3u)]);
+#endif
     const vec3 normal = p.normal;
     if (what == GEOMETRY_POSITION) return vec4(p.position, 0.0);
     if (what == GEOMETRY_NORMAL) return vec4(normal, 0.0);

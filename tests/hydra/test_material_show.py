@@ -50,6 +50,9 @@ def test_a_document_is_told_as_it_arrived_folded_and_as_bytecode(oocpt, tmp_path
     assert "in1 <- /World/Looks/Materials/Glow/NG/across.out" in arrived, text
     assert 'mix((1, 0, 0, 0), (0, 0, 1, 0), clamp(swizzle(uv "st", x), 0, 1))' in folded, text
     assert "bytecode: 6 instructions (0 of noise), 1 register, 6 constants, 0 texture lookups" in folded, text
+    light = folded.split("bytecode of the emission, for points of the light: ")[1]
+    assert light.startswith("6 instructions (0 of noise), 1 register, 6 constants, 0 texture lookups"), text
+    assert 'r0 = uv "st"' in light.split("for each hit")[0] and "r0 = multiply(2, r0)" in light, text
     assert 'r0 = uv "st"' in folded and "r0 = multiply(2, r0)" in folded and "EMISSIVE" in folded, text
     assert "warnings" not in text, text
 

@@ -163,7 +163,10 @@ fn opacity(
     }
     let program = Program::default();
     let mut assembler = Assembler { most_lookups: MAX_OPACITY_LOOKUPS, expressions, lookups, program };
-    match assembler.compile(&values[at..=at]) {
+    let compiled = assembler.compile(&values[at..=at]);
+    // Traversal knows no random number of the hit: there is none yet.
+    let is_random = assembler.program.is_random();
+    match compiled.and_then(|registers| if is_random { Err("a random number") } else { Ok(registers) }) {
         Ok(registers) => {
             inputs[at] = registers.get(&values[at].index()).map(|register| InputSource::Register(*register));
             assembler.program
@@ -177,7 +180,7 @@ fn opacity(
 }
 
 /// The program that computes the emission alone, for points sampled on a mesh light. `None` where the emission is no
-/// register, or reads a normal or a tangent: those are not known at such a point.
+/// register, or reads a normal, a tangent or a random number: those are not known at such a point.
 fn emission(
     sources: &[InputSource; INPUTS],
     values: &[Val; INPUTS],
@@ -194,7 +197,7 @@ fn emission(
     let register = *registers.get(&value.index())?;
     let unknown = [Geometry::Normal, Geometry::Tangent, Geometry::Bitangent].map(|geometry| geometry as u16);
     let is_known = |step: &Instruction| step.op != Op::Surface || !unknown.contains(&step.immediate);
-    program.instructions.iter().all(is_known).then_some(Emission { program, register })
+    (!program.is_random() && program.instructions.iter().all(is_known)).then_some(Emission { program, register })
 }
 
 impl Val {

@@ -66,7 +66,7 @@ pub fn run(
 }
 
 /// By number.
-const GEOMETRY: [Geometry; 9] = [
+const GEOMETRY: [Geometry; 12] = [
     Geometry::Uv0,
     Geometry::Uv1,
     Geometry::Primvar0,
@@ -76,6 +76,9 @@ const GEOMETRY: [Geometry; 9] = [
     Geometry::Tangent,
     Geometry::Bitangent,
     Geometry::ViewDirection,
+    Geometry::Random0,
+    Geometry::Random1,
+    Geometry::Random2,
 ];
 
 fn truth(is: bool) -> f32 {

@@ -214,6 +214,18 @@ pub enum Geometry {
     Bitangent = 7,
     /// Unit, from the viewer to the surface (as `MaterialX` has it).
     ViewDirection = 8,
+    /// A random number of the hit, uniform in [0, 1), in all components: it chooses between slabs that are mixed. Not
+    /// in programs for opacity or emission.
+    Random0 = 9,
+    /// Another one, independent of the first.
+    Random1 = 10,
+    /// A third one.
+    Random2 = 11,
+}
+
+impl Geometry {
+    /// The random numbers of a hit.
+    pub const RANDOM: [Self; 3] = [Self::Random0, Self::Random1, Self::Random2];
 }
 
 /// A texture lookup of a program.
@@ -282,4 +294,13 @@ pub struct Program {
     pub constants: Vec<[f32; 4]>,
     /// At most [`MAX_LOOKUPS`].
     pub lookups: Vec<Lookup>,
+}
+
+impl Program {
+    /// Whether it reads a random number of the hit.
+    #[must_use]
+    pub fn is_random(&self) -> bool {
+        let first = Geometry::Random0 as u16;
+        self.instructions.iter().any(|step| step.op == Op::Surface && step.immediate >= first)
+    }
 }

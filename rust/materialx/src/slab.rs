@@ -42,6 +42,8 @@ pub(crate) struct Slab {
     pub(crate) dispersion: Val,
     pub(crate) diffuse_roughness: Val,
     pub(crate) thin_walled: bool,
+    /// The closure's, which is in its colours too: what it counts in a sum.
+    pub(crate) weight: Val,
     /// A fibre: of the rest emission and opacity count.
     pub(crate) hair: Option<Hair>,
 }
@@ -80,6 +82,7 @@ impl Slab {
         dispersion: Val::ZERO,
         diffuse_roughness: Val::ZERO,
         thin_walled: false,
+        weight: Val::ONE,
         hair: None,
     };
 

@@ -74,6 +74,8 @@ pub(crate) struct Walker<'a> {
     /// Closures and surface shaders, and emission: each is worked out once; `None`: it is being worked out.
     pub(crate) slabs: HashMap<At, Option<Option<Slab>>>,
     pub(crate) emissions: HashMap<At, Option<Val>>,
+    /// Random numbers of a hit that are taken.
+    pub(crate) choices: usize,
     steps: usize,
     depth: usize,
     pub(crate) expressions: Expressions,
@@ -91,6 +93,7 @@ impl<'a> Walker<'a> {
             memo: HashMap::new(),
             slabs: HashMap::new(),
             emissions: HashMap::new(),
+            choices: 0,
             steps: 0,
             depth: 0,
             expressions: Expressions::default(),

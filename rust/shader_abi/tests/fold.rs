@@ -145,6 +145,22 @@ fn what_a_bare_scene_does_not_need_is_gone() {
     }
 }
 
+/// What reads random numbers of a hit is in passes that shade mixtures, and in no other.
+#[test]
+fn without_mixtures_there_are_no_numbers_for_them() {
+    let words = |module: &Module, features| module.specialised(&spec(with_needs(features))).len();
+    let patterns = Features::PATTERNS | Features::CUTOUT_PROGRAMS | Features::MESH_LIGHT_PROGRAMS;
+    let mixtures = patterns | Features::MIXTURES;
+    for module in [&passes::SHADE_SURFACE, &passes::SHADE_AOVS] {
+        let [without, with] = [patterns, mixtures].map(|features| words(module, features));
+        assert!(with > without + 50, "{}: {with} words with mixtures, {without} without", module.name);
+    }
+    for module in [&passes::INTERSECT_CLOSEST, &passes::INTERSECT_SHADOW] {
+        assert!(!module.features.contains(Features::MIXTURES), "{} asks for mixtures", module.name);
+        assert_eq!(words(module, patterns), words(module, mixtures), "{}", module.name);
+    }
+}
+
 #[test]
 fn what_is_no_module_stays_as_it_is() {
     static JUNK: [u32; 8] = [0x0723_0203, 0x0001_0500, 0, 9, 0, 0xffff_0036, 1, 2];

@@ -23,7 +23,8 @@ pub(super) fn list(materials: &[&MaterialText]) -> String {
     let longest = materials.iter().map(|material| material.path.chars().count()).max().unwrap_or(0);
     let mut text = String::new();
     for material in materials {
-        let instructions = material.program.instructions.len() + material.opacity_program.instructions.len();
+        let programs = [&material.program, &material.opacity_program, &material.emission_program];
+        let instructions = programs.iter().map(|program| program.instructions.len()).sum();
         let costs = [
             count(material.nodes.len(), "node"),
             count(instructions, "instruction"),
@@ -63,6 +64,7 @@ pub(super) fn whole(material: &MaterialText) -> String {
     }
     program(&mut text, "bytecode", &material.program);
     program(&mut text, "bytecode of the opacity", &material.opacity_program);
+    program(&mut text, "bytecode of the emission, for points of the light", &material.emission_program);
     if material.program.instructions.is_empty() && material.opacity_program.instructions.is_empty() {
         section(&mut text, "bytecode: none, no input needs a program");
     }

@@ -70,6 +70,8 @@ pub struct MaterialText {
     pub program: ProgramText,
     /// Works out an opacity that is one; run for each candidate of a hit.
     pub opacity_program: ProgramText,
+    /// Works out an emission that is one, for points of its meshes that light is asked for.
+    pub emission_program: ProgramText,
     /// Textures, and how they are read.
     pub textures: Vec<String>,
     /// Texture lookups of a hit, those of programs included.
@@ -106,6 +108,9 @@ fn fill(text: &mut MaterialText, material: &Material, compiled: &Compiled, is_sl
     text.needs = material.flags.iter_names().map(|(name, _)| name.to_owned()).collect();
     text.program = program_text(&material.program, &reader);
     text.opacity_program = program_text(&material.opacity_program, &reader);
+    if let Some(emission) = &material.emission {
+        text.emission_program = program_text(&emission.program, &reader);
+    }
     let is_hair = material.flags.contains(MaterialFlags::HAIR);
     let by_program = |program, wanted: &dyn Fn(InputName) -> bool| {
         let register = |name: &InputName| match material.input(*name) {

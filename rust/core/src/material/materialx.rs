@@ -192,6 +192,7 @@ fn material(translation: &Translation) -> Option<Material> {
     let is_by_program = !translation.opacity_program.instructions.is_empty();
     flags.set(MaterialFlags::PATTERNS, is_by_program || !translation.program.instructions.is_empty());
     flags.set(MaterialFlags::CUTOUT_PROGRAM, is_by_program);
+    flags.set(MaterialFlags::MIXTURE, translation.program.is_random());
     if !translation.program.lookups.is_empty() || !translation.opacity_program.lookups.is_empty() {
         flags |= MaterialFlags::TEXTURED;
     }

@@ -85,6 +85,8 @@ bitflags! {
         const ROUGH_DIFFUSE = 1 << 18;
         /// The index of what transmits depends on the channel.
         const DISPERSIVE = 1 << 19;
+        /// Is one of several by chance: its program reads random numbers of the hit.
+        const MIXTURE = 1 << 20;
     }
 }
 

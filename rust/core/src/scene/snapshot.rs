@@ -74,7 +74,9 @@ bitflags! {
         const ROUGH_DIFFUSE = 1 << 32;
         /// A material of glass whose index depends on the channel.
         const DISPERSION = 1 << 34;
-        /// A material whose opacity is.
+        /// A material that is one of several by chance.
+        const MIXTURES = 1 << 33;
+        /// A material whose opacity is worked out by a program.
         const CUTOUT_PROGRAMS = 1 << 25;
         /// A material that emits light.
         const EMISSION = 1 << 22;
@@ -144,6 +146,7 @@ impl SurfaceTables {
             (MaterialFlags::SHEEN, SceneFeatures::SHEEN),
             (MaterialFlags::PATTERNS, SceneFeatures::PATTERNS),
             (MaterialFlags::CUTOUT_PROGRAM, SceneFeatures::CUTOUT_PROGRAMS),
+            (MaterialFlags::MIXTURE, SceneFeatures::MIXTURES),
             (MaterialFlags::ANISOTROPIC, SceneFeatures::ANISOTROPY),
             (MaterialFlags::THIN_FILM, SceneFeatures::THIN_FILM),
             (MaterialFlags::THIN_WALLED, SceneFeatures::THIN_WALLS),

@@ -96,6 +96,44 @@ fn textures_and_what_is_left_out_are_told() {
     assert!(input(&by_noise, "opacity").contains("noise2(uv \"st\")"), "{by_noise:?}");
 }
 
+/// Emission that is a program has one more of its own, with its own cost.
+#[test]
+fn the_program_of_the_emission_is_told() {
+    let values = [("emission_luminance", ParamValue::Float(1.0))];
+    let inputs = [("emission_color", 1, "out"), ("specular_roughness", 2, "out")];
+    let nodes = |read: &str| {
+        vec![
+            node(SURFACE, &values, &inputs),
+            node("ND_noise2d_color3", &[], &[("texcoord", 3, "out")]),
+            node("ND_sin_float", &[], &[("in", 3, "out")]),
+            node(read, &[], &[]),
+        ]
+    };
+    let material = of(nodes("ND_texcoord_vector2"));
+    let (all, own) = (&material.program, &material.emission_program);
+    assert!(own.noises == 1 && own.instructions.len() < all.instructions.len(), "{material:?}");
+    assert!(own.instructions.iter().any(|line| line.contains(" = noise2")), "{own:?}");
+    assert!(!own.instructions.iter().any(|line| line.contains(" = sin(")), "roughness is none of it: {own:?}");
+    // A normal is not known at a point of a light.
+    let by_normal = of(nodes("ND_normal_vector3"));
+    assert!(!by_normal.program.instructions.is_empty() && by_normal.emission_program.instructions.is_empty());
+}
+
+/// What is chosen by chance is told with the number that chooses.
+#[test]
+fn mixtures_are_told() {
+    let metal = |roughness: f32| node("ND_conductor_bsdf", &[("roughness", ParamValue::Vec2([roughness; 2]))], &[]);
+    let share = [("mix", ParamValue::Float(0.25))];
+    let material = of(vec![
+        node("ND_surface", &[], &[("bsdf", 1, "out")]),
+        node("ND_mix_bsdf", &share, &[("bg", 2, "out"), ("fg", 3, "out")]),
+        metal(0.25),
+        metal(0.0625),
+    ]);
+    assert_eq!(input(&material, "roughness"), "select(0.25, 0.5, greater(0.25, random 0))");
+    assert!(material.needs.contains(&"MIXTURE".to_owned()), "{:?}", material.needs);
+}
+
 #[test]
 fn a_preview_surface_and_its_displacement_are_told() {
     let params = [("diffuseColor", ParamValue::Vec3([0.5; 3])), ("displacement", ParamValue::Float(0.25))];

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Graphs of closures (`surface` of BSDF and EDF nodes) reduced to one slab: what is layered is a coat, a fuzz or the
-//! base, what is mixed or added goes into the slab's shares.
-//!
-//! Exact for one diffuse, one dielectric or one metal; else the shares are kept and roughnesses and colours are means.
+//! base, what is mixed or added is in `mixture`.
 
 use crate::expression::Val;
 use crate::program::Op;
@@ -126,7 +124,7 @@ impl Walker<'_> {
                 let front = inner(self, "fg").unwrap_or(Slab::BLACK);
                 let back = inner(self, "bg").unwrap_or(Slab::BLACK);
                 let share = self.number_or(at, "mix", 0.0);
-                Some(self.shared(at, back, front, share))
+                Some(self.mixed(at, back, front, share))
             }
             "add" => {
                 let (a, b) = (inner(self, "in1"), inner(self, "in2"));
@@ -136,15 +134,8 @@ impl Walker<'_> {
                 }
             }
             "multiply" => {
-                let factor = self.number_or(at, "in2", 1.0);
-                let mut slab = inner(self, "in1")?;
-                slab.hair = slab.hair.map(|hair| hair.multiplied(self, factor));
-                for color in
-                    [&mut slab.base_color, &mut slab.specular_weight, &mut slab.fuzz, &mut slab.subsurface_color]
-                {
-                    *color = self.expressions.multiply(*color, factor);
-                }
-                Some(slab)
+                let slab = inner(self, "in1")?;
+                Some(self.multiplied(at, slab))
             }
             _ => match self.implementation(at) {
                 Some(found) => self.bsdf(found, depth + 1),
@@ -160,6 +151,10 @@ impl Walker<'_> {
     /// One lobe.
     fn lobe(&mut self, at: At, category: &str) -> Option<Slab> {
         let weight = self.number_or(at, "weight", 1.0);
+        self.lobe_of(at, category, weight).map(|slab| Slab { weight, ..slab })
+    }
+
+    fn lobe_of(&mut self, at: At, category: &str, weight: Val) -> Option<Slab> {
         let (roughness, ratio, turn) = self.lobe_roughness(at);
         let film_thickness = self.number_or(at, "thinfilm_thickness", 0.0);
         let specular = Slab {
@@ -248,6 +243,7 @@ impl Walker<'_> {
         if top.hair.is_some() || base.hair.is_some() {
             return Slab { hair: self.shared_hair(at, &base, top, Val::ONE), ..base };
         }
+        let base = Slab { weight: if top.weight == base.weight { base.weight } else { Val::ONE }, ..base };
         if !top.fuzz.is(0.0, 3) {
             return Slab { fuzz: top.fuzz, fuzz_roughness: top.fuzz_roughness, ..base };
         }
@@ -269,41 +265,5 @@ impl Walker<'_> {
         }
         let (coat, coat_roughness, coat_ior) = (top.specular_weight, top.roughness, top.ior);
         Slab { coat, coat_roughness, coat_ior, coat_ratio: top.ratio, coat_turn: top.turn, ..base }
-    }
-
-    /// A mixture: shares of metal and glass are those of the parts.
-    fn shared(&mut self, at: At, back: Slab, front: Slab, share: Val) -> Slab {
-        // A part that has no specular lobe of its own takes the other's.
-        let lends = |to: Slab, from: &Slab| {
-            let is_bare = to.specular_weight.is(0.0, 1);
-            if is_bare { Slab { roughness: from.roughness, ior: from.ior, ..to } } else { to }
-        };
-        let (back, front) = (lends(back, &front), lends(front, &back));
-        // Metal's colour and diffuse colour are one: a part that has neither lends nothing to it.
-        let blank = |slab: &Slab| slab.base_color.is(0.0, 3);
-        let (back_color, front_color) = (back.base_color, front.base_color);
-        let mut whole = self.mixed(at, back, front, share);
-        if blank(&back) && back.transmission != Val::ZERO {
-            whole.base_color = front_color;
-        } else if blank(&front) && front.transmission != Val::ZERO {
-            whole.base_color = back_color;
-        }
-        whole
-    }
-
-    /// A sum: colours add, the rest is the first's where it has any.
-    fn added(&mut self, at: At, a: Slab, b: Slab) -> Slab {
-        let mut whole = if a.specular_weight.is(0.0, 1) { b } else { a };
-        whole.base_color = self.expressions.add(a.base_color, b.base_color);
-        whole.fuzz = self.expressions.add(a.fuzz, b.fuzz);
-        whole.transmission = self.expressions.add(a.transmission, b.transmission);
-        if let (Some(one), Some(_)) = (a.hair, b.hair) {
-            let path = self.path(at);
-            self.problem(format!("{path}: fibres are added: the first one is left"));
-            whole.hair = Some(one);
-        } else {
-            whole.hair = self.shared_hair(at, &a, &b, Val::ZERO);
-        }
-        whole
     }
 }

@@ -9,6 +9,7 @@
 mod closure;
 mod hair;
 mod input;
+mod mixture;
 mod models;
 
 use std::sync::Arc;
@@ -70,20 +71,6 @@ impl Walker<'_> {
                 }
             },
         }
-    }
-
-    /// Each value of two slabs mixed: exact where they differ in what the BSDF is linear in.
-    pub(crate) fn mixed(&mut self, at: At, mut back: Slab, mut front: Slab, share: Val) -> Slab {
-        let mut whole = back;
-        let threshold = back.opacity_threshold.max(front.opacity_threshold);
-        let pairs: Vec<(Val, Val)> = back.values().into_iter().zip(front.values()).map(|(a, b)| (*a, *b)).collect();
-        for (to, (a, b)) in whole.values().into_iter().zip(pairs) {
-            *to = self.expressions.mix(a, b, share);
-        }
-        whole.opacity_threshold = threshold;
-        whole.thin_walled = back.thin_walled || front.thin_walled;
-        whole.hair = self.shared_hair(at, &back, &front, share);
-        whole
     }
 
     /// The normal that an input says, in the frame of the surface.

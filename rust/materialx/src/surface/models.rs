@@ -182,7 +182,7 @@ impl Walker<'_> {
             film_ior: self.number_or(at, "thin_film_IOR", 1.5),
             diffuse_roughness: self.number_or(at, "diffuse_roughness", 0.0),
             thin_walled: self.is_set(at, "thin_walled"),
-            hair: None,
+            ..Slab::BLACK
         }
     }
 

@@ -3,7 +3,8 @@
 
 use oocpt_materialx::eval::run;
 use oocpt_materialx::network::{Network, Node};
-use oocpt_materialx::program::{MAX_CONSTANTS, MAX_INSTRUCTIONS, MAX_LOOKUPS, Operand, REGISTERS};
+use oocpt_materialx::program::{Geometry, MAX_CONSTANTS, MAX_INSTRUCTIONS, MAX_LOOKUPS, Operand, REGISTERS};
+use oocpt_materialx::surface::Input;
 use oocpt_materialx::value::Value;
 use oocpt_materialx::{InputSource, translate};
 use proptest::prelude::*;
@@ -64,6 +65,8 @@ fn check(network: &Network) {
             }
         }
     }
+    assert!(!translation.opacity_program.is_random(), "traversal knows no random number of the hit");
+    assert!(translation.emission.as_ref().is_none_or(|emission| !emission.program.is_random()));
     let textures = translation.uses.textures.len();
     assert!(program.lookups.iter().all(|lookup| (lookup.texture as usize) < textures));
     let Some(inputs) = translation.inputs else {
@@ -86,6 +89,13 @@ fn check(network: &Network) {
             let registers = run(program, |_| surface, |_, _| texel);
             assert!(registers.as_flattened().iter().all(|v| v.is_finite()), "{registers:?}");
         }
+        if let InputSource::Register(at) = inputs[Input::EmissiveColor as usize] {
+            let [first, last] = [0.0, 0.9].map(|random| {
+                let given = |what| if Geometry::RANDOM.contains(&what) { [random; 4] } else { surface };
+                run(program, given, |_, _| texel)[usize::from(at)]
+            });
+            assert_eq!(first, last, "emission is never chosen by chance");
+        }
     }
 }
 
@@ -95,7 +105,8 @@ proptest! {
     #[test]
     fn random_networks_are_translated_or_refused(
         nodes in (2..12_usize).prop_flat_map(|count| prop::collection::vec(any_node(count), count)),
-        surface in 0..4_u8,
+        surface in 0..6_u8,
+        shares in prop::array::uniform4(0.0_f32..1.0),
     ) {
         let mut nodes = nodes;
         if surface < 2 {
@@ -113,6 +124,41 @@ proptest! {
             let last = nodes.len();
             nodes.push(node("ND_chiang_hair_bsdf", &[], &inputs.map(|name| (name, 1))));
             nodes[0] = node("ND_surface", &[], &[("bsdf", last)]);
+        } else if surface == 4 {
+            // Closures mixed, added and multiplied, whatever is random in them.
+            let kinds = ["ND_mix_bsdf", "ND_add_bsdf", "ND_mix_bsdf", "ND_layer_bsdf"];
+            let names = [["bg", "fg"], ["in1", "in2"], ["bg", "fg"], ["base", "top"]];
+            let lobes = ["dielectric", "conductor", "oren_nayar_diffuse", "dielectric", "sheen"];
+            let first = nodes.len();
+            nodes[0] = node("ND_surface", &[], &[("bsdf", first), ("edf", first + 9)]);
+            for (at, (kind, [a, b])) in kinds.iter().zip(names).enumerate() {
+                let inputs = [(a, first + 4 + at), (b, if at < 3 { first + at + 1 } else { first + 8 })];
+                nodes.push(node(kind, &[("mix", number(shares[at]))], &inputs));
+            }
+            for (at, kind) in lobes.iter().enumerate() {
+                let values = [("weight", number(shares[at % 4])), ("roughness", number(shares[(at + 1) % 4]))];
+                nodes.push(node(&format!("ND_{kind}_bsdf"), &values, &[("tint", 1), ("color", 1)]));
+            }
+            nodes.push(node("ND_uniform_edf", &[], &[("color", 1)]));
+        } else if surface == 5 {
+            // Surfaces mixed by what is random.
+            let first = nodes.len();
+            nodes[0] = node("ND_mix_surfaceshader", &[], &[("bg", first), ("fg", first + 1), ("mix", 1)]);
+            nodes.push(node(
+                "ND_mix_surfaceshader",
+                &[("mix", number(shares[0]))],
+                &[("bg", first + 2), ("fg", first + 3)],
+            ));
+            for at in 0..3_usize {
+                let values = [
+                    ("coat_weight", number(shares[at])),
+                    ("base_metalness", number(shares[at + 1])),
+                    ("specular_roughness", number(shares[at] * 0.5)),
+                    ("emission_luminance", number(1.0)),
+                ];
+                let inputs = [("coat_color", 1), ("geometry_opacity", 1), ("emission_color", 1)];
+                nodes.push(node("ND_open_pbr_surface_surfaceshader", &values, &inputs));
+            }
         }
         check(&Network { nodes, surface: 0 });
     }

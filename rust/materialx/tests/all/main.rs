@@ -10,6 +10,8 @@ mod height;
 #[cfg(test)]
 mod hostile;
 #[cfg(test)]
+mod mixtures;
+#[cfg(test)]
 mod support;
 #[cfg(test)]
 mod surfaces;

@@ -189,7 +189,9 @@ fn closures_reduce_to_a_slab() {
     let mut nodes = plastic();
     nodes[0] = node("ND_surface", &[], &[("bsdf", 4)]);
     nodes.push(node("ND_mix_bsdf", &[("mix", number(0.5))], &[("bg", 1), ("fg", 5)]));
-    nodes.push(node("ND_conductor_bsdf", &[("roughness", vector(0.04, 0.04, 0.0))], &[]));
+    // In the colour of the plastic: metal and diffuse reflection share it.
+    let metal = [("color0", vector(0.8, 0.2, 0.1)), ("roughness", vector(0.04, 0.04, 0.0))];
+    nodes.push(node("ND_generalized_schlick_bsdf", &metal, &[]));
     assert_eq!(of(&sound(nodes), Input::Metallic)[0], 0.5);
 }
 

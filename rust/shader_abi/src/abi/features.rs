@@ -132,6 +132,8 @@ features! {
     ROUGH_DIFFUSE: "rough diffuse reflection", [OPEN_PBR], Materials;
     /// Some material has a program: `Frame::programs` counts.
     PATTERNS: "programs of patterns", [MATERIALS], Materials;
+    /// Some material is one of several by chance: programs read random numbers of the hit.
+    MIXTURES: "mixtures by chance", [PATTERNS], Materials;
     /// The opacity of some material is worked out by a program.
     CUTOUT_PROGRAMS: "cutouts by programs", [CUTOUTS, PATTERNS], MaterialsInCore;
     /// What textures say of some cutout is known in part without them: `GpuMaterial::opacity_mask` counts.

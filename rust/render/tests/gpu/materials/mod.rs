@@ -9,6 +9,7 @@ mod inputs;
 pub(super) mod inside;
 mod instances;
 pub(super) mod materialx;
+pub(super) mod mixtures;
 mod patterns;
 mod pictures;
 mod primvars;

@@ -7,6 +7,7 @@ use crate::materials::cutouts::holed;
 use crate::materials::hair::{curves, hair_of};
 use crate::materials::inside::clear;
 use crate::materials::materialx::noisy;
+use crate::materials::mixtures::two_metals;
 use crate::scenes::glow;
 use oocpt_core::scene::{CurveBasis, MeshDesc, ParamValue};
 
@@ -119,6 +120,13 @@ pub(crate) const ROWS: &[Row] = &[
         what: "a pattern",
         build: |db| made_of(db, noisy("/material")),
         features: &["MATERIALS", "OPEN_PBR", "PATTERNS"],
+        buffers: &[OF_MATERIALS, &["pattern programs"]],
+        ..BARE
+    },
+    Row {
+        what: "a mixture",
+        build: |db| made_of(db, two_metals("/material", 0.5)),
+        features: &["MATERIALS", "OPEN_PBR", "PATTERNS", "MIXTURES"],
         buffers: &[OF_MATERIALS, &["pattern programs"]],
         ..BARE
     },
