@@ -96,9 +96,10 @@ void set_hair(inout Shading r, uint name, vec4 value) {
 
 // Of mixtures (decisions/0046): four numbers in [0, 1) of a hit, stratified over the samples of its pixel. A path that
 // comes back to a hit has the same ones. Images through pixel centres have no chance in them.
-vec4 mixture_numbers(uint path, uint bounce) {
+vec4 mixture_numbers(uint path) {
     if ((push.flags & PUSH_AOVS) != 0u) return vec4(0.5);
     const uvec2 pixel = pixel_position(path_pixel(path));
+    const uint bounce = ray_bounce(ray_address(path));
     return sample_4d(path_sample(path), MIXTURE_SET + bounce, pixel_seed(pixel.x, pixel.y, path_seed(path)));
 }
 
@@ -151,9 +152,9 @@ Shading make_shading(uint path, Surface s, out uint missing) {
         wanted = HAIR_INPUTS | (wanted & 1u << INPUT_EMISSIVE_COLOR);
     }
     if (HAS_PATTERNS && (flags & MATERIAL_PATTERNS) != 0u) {
-        const Ray ray = load_ray(ray_address(path));
-        const PatternPoint point = PatternPoint(s.position.hi + s.position.lo, s.shading_normal, ray.d, s.cone);
-        if (HAS_MIXTURES && (flags & MATERIAL_MIXTURE) != 0u) pattern_random = mixture_numbers(path, ray.bounce);
+        const vec3 view = load_ray(ray_address(path)).d;
+        const PatternPoint point = PatternPoint(s.position.hi + s.position.lo, s.shading_normal, view, s.cone);
+        if (HAS_MIXTURES && (flags & MATERIAL_MIXTURE) != 0u) pattern_random = mixture_numbers(path);
         const uint sizes = Materials(FRAME.materials).v[m.material].program_sizes;
         run_program(material_program(m.material), sizes, m, point, missing);
     }

@@ -149,13 +149,13 @@ fn inside(inputs: &[Input; INPUTS], transmits: bool, translation: &Translation) 
     flags
 }
 
-/// What the programs ask of the passes.
-fn programs(translation: &Translation) -> MaterialFlags {
+/// What its programs ask for.
+fn by_programs(translation: &Translation) -> MaterialFlags {
     let Translation { program, opacity_program, .. } = translation;
-    let is_by_program = !opacity_program.instructions.is_empty();
+    let is_cut_out = !opacity_program.instructions.is_empty();
     let mut flags = MaterialFlags::empty();
-    flags.set(MaterialFlags::PATTERNS, is_by_program || !program.instructions.is_empty());
-    flags.set(MaterialFlags::CUTOUT_PROGRAM, is_by_program);
+    flags.set(MaterialFlags::PATTERNS, is_cut_out || !program.instructions.is_empty());
+    flags.set(MaterialFlags::CUTOUT_PROGRAM, is_cut_out);
     flags.set(MaterialFlags::MIXTURE, program.is_random());
     flags.set(MaterialFlags::TEXTURED, !program.lookups.is_empty() || !opacity_program.lookups.is_empty());
     flags
@@ -201,7 +201,7 @@ fn material(translation: &Translation) -> Option<Material> {
         flags -= MaterialFlags::ANISOTROPIC | MaterialFlags::THIN_FILM | MaterialFlags::NORMAL_MAP;
         flags |= MaterialFlags::HAIR;
     }
-    flags |= programs(translation);
+    flags |= by_programs(translation);
     let set = |name: &Arc<str>| UvSet { name: Arc::clone(name), id: 0, fallback: [0.0; 2] };
     Some(Material {
         flags,

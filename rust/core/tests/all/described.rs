@@ -101,21 +101,21 @@ fn textures_and_what_is_left_out_are_told() {
 fn the_program_of_the_emission_is_told() {
     let values = [("emission_luminance", ParamValue::Float(1.0))];
     let inputs = [("emission_color", 1, "out"), ("specular_roughness", 2, "out")];
-    let nodes = |read: &str| {
+    let nodes = |read: &str, space: &[(&str, ParamValue)]| {
         vec![
             node(SURFACE, &values, &inputs),
             node("ND_noise2d_color3", &[], &[("texcoord", 3, "out")]),
             node("ND_sin_float", &[], &[("in", 3, "out")]),
-            node(read, &[], &[]),
+            node(read, space, &[]),
         ]
     };
-    let material = of(nodes("ND_texcoord_vector2"));
+    let material = of(nodes("ND_texcoord_vector2", &[]));
     let (all, own) = (&material.program, &material.emission_program);
     assert!(own.noises == 1 && own.instructions.len() < all.instructions.len(), "{material:?}");
     assert!(own.instructions.iter().any(|line| line.contains(" = noise2")), "{own:?}");
     assert!(!own.instructions.iter().any(|line| line.contains(" = sin(")), "roughness is none of it: {own:?}");
     // A normal is not known at a point of a light.
-    let by_normal = of(nodes("ND_normal_vector3"));
+    let by_normal = of(nodes("ND_normal_vector3", &[("space", text("world"))]));
     assert!(!by_normal.program.instructions.is_empty() && by_normal.emission_program.instructions.is_empty());
 }
 

@@ -140,7 +140,7 @@ fn a_mask_is_a_probability() {
     assert_eq!(translation.program.lookups.len(), 1, "the mask is looked up once");
 }
 
-/// The means of what is chosen are those of the mixture, whatever is nested in it; each choice has a random number.
+/// The means of what is chosen are those of the mixture, however deep; each choice has a random number of its own.
 #[test]
 fn nested_choices_are_independent() {
     let mut nodes = mixed(0.25, metal(0.1, [0.1; 3]), metal(0.2, [0.2; 3]));
