@@ -98,7 +98,7 @@ pub(crate) struct Run {
     pub(super) bad: Vec<u32>,
     /// Number of ranks: instances left by the mask.
     pub(super) ranks: u32,
-    /// Box of each stretch of [`BLOCK`] ranks.
+    /// Box of each stretch of `scan::BLOCK` ranks.
     pub(super) blocks: Vec<Aabb>,
     pub(super) bounds: Aabb,
     pub(super) dropped: DroppedData,

@@ -64,14 +64,14 @@ impl<'s, 'v, R: Rays<'s, 'v, ANY_HIT>, const ANY_HIT: bool> Block<'_, 's, 'v, R,
     }
 }
 
-/// The rays of [`closest`].
+/// The rays of [`super::closest`].
 pub(super) struct ClosestRays<'a, 's, 'v> {
     pub(super) shared: &'a Shared<'s, 'v>,
     pub(super) queue: HostBytes<'v>,
     pub(super) hits: HostWords<'v>,
 }
 
-/// The rays of [`shadow`].
+/// The rays of [`super::shadow`].
 pub(super) struct ShadowRays<'a, 's, 'v> {
     pub(super) shared: &'a Shared<'s, 'v>,
     pub(super) queue: HostBytes<'v>,
