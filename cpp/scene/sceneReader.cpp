@@ -279,8 +279,8 @@ void HdOocPTSceneReader::_RunJobs(
         try {
             _ReadJob(&job, primIdOf, warnings);
         } catch (const std::exception& error) {
-            // Hydra's filters work out what they are asked for, NURBS of any number of points, say: one prim must not
-            // end the render. Nothing that was read on the way counts, now or as the kept state.
+            // Hydra's scene indices convert NURBS and tetrahedral meshes when they are read, and throw where memory is
+            // short. One bad prim must not end the render: drop what was read of it, and its kept state.
             warnings->Add(job.path, std::string("it could not be read (") + error.what() + "); left out");
             job = _Job { job.path, 0, job.record, {}, {}, {}, false, {}, true };
             job.record->mesh.reset();

@@ -177,7 +177,8 @@ impl Renderer {
         if let Some(cap) = geometry_cap(job) {
             scene.keep_within(cap);
         }
-        let mut in_core = self.fits(setting, scene) && !self.comes_meanwhile(setting, scene);
+        let missing = scene.missing_bytes();
+        let mut in_core = self.fits(setting, scene, missing) && !self.comes_meanwhile(setting, missing);
         if in_core {
             self.stream = None;
             scene.store.kept().limit(0);
@@ -211,17 +212,19 @@ impl Renderer {
         result
     }
 
-    /// Whether a scene that fits is rendered while it comes. Not on processors, which would load and trace in turn.
-    fn comes_meanwhile(&mut self, setting: &Setting<'_>, scene: &Scene) -> bool {
+    /// Whether a scene that fits, but of which bytes are missing on the device, is rendered while these are loaded. Not
+    /// on processors, where loading takes the cores that trace.
+    fn comes_meanwhile(&mut self, setting: &Setting<'_>, missing: u64) -> bool {
         #[cfg(feature = "faults")]
         if setting.job.options.faults.streams_first {
             return setting.job.generation == 1;
         }
-        !is_cpu(setting.device) && self.upload.streams(scene.missing_bytes(), paths(setting.job))
+        !is_cpu(setting.device) && self.upload.streams(missing, paths(setting.job))
     }
 
-    /// Whether the whole scene fits what the settings and the device allow, with room for waves.
-    fn fits(&mut self, setting: &Setting<'_>, scene: &Scene) -> bool {
+    /// Whether the whole scene, of which bytes are missing on the device, fits what the settings and the device allow,
+    /// with room for waves.
+    fn fits(&mut self, setting: &Setting<'_>, scene: &Scene, missing: u64) -> bool {
         let (gpu, job) = (&setting.device.gpu, setting.job);
         let cap = geometry_cap(job);
         // A report of the chunks counts rays and loads, which only streaming does.
@@ -232,7 +235,7 @@ impl Renderer {
         if streams || has_outgrown || cap.is_some_and(|cap| least > cap) {
             return false;
         }
-        let missing = scene.missing_bytes() + scene.assets.tile_bytes.min(FEWEST_TILES);
+        let missing = missing + scene.assets.tile_bytes.min(FEWEST_TILES);
         let waves = if self.waves.is_some() {
             0
         } else {

@@ -1,24 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Whether a scene that fits is uploaded before its picture, or rendered while it comes. Pure, one thread.
+//! Decides whether a scene that fits the device is uploaded before it is rendered, or streamed while it is uploaded.
+//! Pure, one thread.
 //!
-//! Streaming traces while units come and loads what rays ask for alone, so the first picture of a large scene is there
-//! earlier; but its rounds take longer than those of a scene that is all there. So it is right for pictures that take
-//! less than the upload, and for these only until together they have cost what the upload would have.
+//! Streaming traces while chunks are loaded, and loads only what rays ask for, so the first image of a large scene is
+//! there earlier. But a streamed picture takes longer to trace than one in core. So small pictures are streamed, until
+//! together they have cost as much as the upload would have (the ski rental problem).
 
-/// Bytes that are missing, at least: below, compiling the passes of streaming takes what is won.
+/// Scenes of which fewer bytes are missing are uploaded first: compiling the passes of streaming takes what is won.
 const LEAST: u64 = 4 << 30;
-/// A path costs about as much more when streaming as the upload of so many bytes takes longer than streaming them
-/// (decision 0047).
+/// The number of missing bytes for which one path may be streamed: more than it costs (decision 0047).
 const BYTES_A_PATH: u64 = 100;
 
-/// What was streamed of a scene that fits.
+/// Counts the paths that were streamed since a scene was last uploaded.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Upload {
     paths: u64,
 }
 
 impl Upload {
-    /// Whether to stream a picture of so many paths, while so many bytes of a scene that fits are missing.
+    /// Whether to stream the next picture, which has `paths` paths. `missing`: bytes that are not on the device yet.
     pub(crate) fn streams(&mut self, missing: u64, paths: u64) -> bool {
         let paths = self.paths.saturating_add(paths);
         let streams = missing >= LEAST && paths <= missing / BYTES_A_PATH;

@@ -13,7 +13,8 @@ pub(super) const ADVANCE: u32 = 8;
 /// Pixels.
 const SIZE: i32 = 13;
 
-/// Registers Hack (<https://sourcefoundry.org/hack/>) with plotters. Once is enough, more does no harm.
+/// Registers Hack (<https://sourcefoundry.org/hack/>, MIT and Bitstream Vera licences) with plotters. More than once
+/// does no harm.
 pub(super) fn register() -> Result<()> {
     register_font(FONT, FontStyle::Normal, epaint_default_fonts::HACK_REGULAR)
         .map_err(|_invalid| anyhow!("a broken font"))

@@ -9,8 +9,7 @@ use oocpt_shader_abi::{
 };
 use std::ops::Range;
 
-/// What a pass does with an entry of its queue, before and after the walk. All of it is inlined, so that it is compiled
-/// for each kind of processor.
+/// What a pass does with an entry of its queue, before and after the walk.
 pub(super) trait Rays<'s, 'v, const ANY_HIT: bool>: Sync {
     /// Begins the walk of entry `at` of the queue; what [`Rays::end`] has to know of it. None: no such ray.
     fn begin(&self, walk: &mut Walk<'s, 'v, ANY_HIT>, at: u32) -> Option<Begun>;
@@ -27,8 +26,8 @@ pub(super) struct Begun {
     is_ended: bool,
 }
 
-/// A block of rays. A thread walks some at once, each a step further in turn: what one reads from memory comes while
-/// the others walk.
+/// A block of rays. A thread traces several at once and takes one step of each in turn, so that the memory that one
+/// ray waits for arrives while the others are traced.
 pub(super) struct Block<'a, 's, 'v, R, const ANY_HIT: bool> {
     pub(super) walks: &'a mut [Walk<'s, 'v, ANY_HIT>],
     pub(super) pushes: &'a mut Pushes,
