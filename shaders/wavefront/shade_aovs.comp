@@ -17,9 +17,7 @@ float row_at(vec4 row, vec3 p) {
 }
 
 AovClear aovs_of(uint path, Surface surface) {
-    uint missing;
-    const Shading shading = make_shading(path, surface, missing);
-    AovClear a;
+    AovClear a = FRAME.aov_clear;
     const vec3 p = difference(surface.position, Double3(FRAME.ray_o, FRAME.ray_o_lo));
     const vec3 v = vec3(row_at(FRAME.view[0], p), row_at(FRAME.view[1], p), row_at(FRAME.view[2], p));
     a.depth = 0.5 * (row_at(FRAME.clip_z, v) / row_at(FRAME.clip_w, v)) + 0.5;
@@ -27,10 +25,14 @@ AovClear aovs_of(uint path, Surface surface) {
     a.prim_id = surface.prim_id;
     a.instance_id = int(surface.instance_id);
     a.element_id = int(surface.face);
-    a.normal = shading.normal;
-    a.neye = normalize(vec3(dot(FRAME.view_normal[0], a.normal), dot(FRAME.view_normal[1], a.normal),
-                            dot(FRAME.view_normal[2], a.normal)));
-    a.albedo = shading.diffuse_color;
+    if (HAS_SHADED_AOVS) {
+        uint missing;
+        const Shading shading = make_shading(path, surface, missing);
+        a.normal = shading.normal;
+        a.neye = normalize(vec3(dot(FRAME.view_normal[0], a.normal), dot(FRAME.view_normal[1], a.normal),
+                                dot(FRAME.view_normal[2], a.normal)));
+        a.albedo = shading.diffuse_color;
+    }
     a.motion = vec3(0.0);
     if (HAS_MOTION_VECTORS && !HAS_STREAMING) a.motion = motion_over_image(path);
     return a;

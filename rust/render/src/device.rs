@@ -190,37 +190,33 @@ impl Device {
         Ok(Arc::clone(&lock(&self.pipelines).entry(key).or_insert(made).pipeline))
     }
 
-    /// Has the driver translate those of `pipelines` that were not used yet, each in a submission of its own; gives
-    /// their number. Only software renderers translate at first use: there it would be part of a wave otherwise, and a
+    /// Has the driver translate `pipeline`, in a submission of its own, unless it was used before; gives how many were
+    /// translated. Only software renderers translate at first use: there it would be part of a wave otherwise, and a
     /// wave is bounded in time.
-    pub(crate) fn translate(&self, pipelines: &[&Arc<Pipeline>]) -> Result<u64, RenderError> {
+    pub(crate) fn translate(&self, pipeline: &Arc<Pipeline>) -> Result<u64, RenderError> {
         if self.gpu.report().kind != DeviceKind::Cpu {
             return Ok(0);
         }
-        let mut count = 0;
-        for pipeline in pipelines {
-            let mark = |secs: f64| {
-                let mut all = lock(&self.pipelines);
-                let made = all.values_mut().find(|made| Arc::ptr_eq(&made.pipeline, pipeline));
-                made.is_some_and(|made| {
-                    made.secs += secs;
-                    std::mem::replace(&mut made.is_translated, true)
-                })
-            };
-            if mark(0.0) {
-                continue;
-            }
-            let started = Instant::now();
-            let mut commands = self.gpu.commands("translate")?;
-            commands.dispatch_nothing(pipeline);
-            if !commands.submit()?.wait(TRANSLATION_TIMEOUT)? {
-                return Err(RenderError::Internal(format!("the driver does not get done with {}", pipeline.name())));
-            }
-            tracing::debug!(pass = pipeline.name(), secs = started.elapsed().as_secs_f64(), "translated");
-            mark(started.elapsed().as_secs_f64());
-            count += 1;
+        let mark = |secs: f64| {
+            let mut all = lock(&self.pipelines);
+            let made = all.values_mut().find(|made| Arc::ptr_eq(&made.pipeline, pipeline));
+            made.is_some_and(|made| {
+                made.secs += secs;
+                std::mem::replace(&mut made.is_translated, true)
+            })
+        };
+        if mark(0.0) {
+            return Ok(0);
         }
-        Ok(count)
+        let started = Instant::now();
+        let mut commands = self.gpu.commands("translate")?;
+        commands.dispatch_nothing(pipeline);
+        if !commands.submit()?.wait(TRANSLATION_TIMEOUT)? {
+            return Err(RenderError::Internal(format!("the driver does not get done with {}", pipeline.name())));
+        }
+        tracing::debug!(pass = pipeline.name(), secs = started.elapsed().as_secs_f64(), "translated");
+        mark(started.elapsed().as_secs_f64());
+        Ok(1)
     }
 
     /// Seconds that compiling `pipeline` took.

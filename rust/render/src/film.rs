@@ -123,6 +123,12 @@ impl Film {
         self.planes.iter().any(|(kind, _)| *kind != AovKind::SampleCount)
     }
 
+    /// Whether some of these tells how surfaces are shaded.
+    pub(crate) fn has_shaded_planes(&self) -> bool {
+        let shaded = [AovKind::Normal, AovKind::Neye, AovKind::Albedo];
+        self.planes.iter().any(|(kind, _)| shaded.contains(kind))
+    }
+
     /// Whether it is wanted how what is seen moves over the image.
     pub(crate) fn has_motion(&self) -> bool {
         self.kinds.contains(&AovKind::Motion)

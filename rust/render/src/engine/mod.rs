@@ -72,6 +72,7 @@ impl Parts {
         needed.set(Features::CAMERA_MOTION, setting.camera_motion.is_some());
         let moves = needed.intersects(Features::MOTION | Features::DEFORMATION | Features::CAMERA_MOTION);
         needed.set(Features::MOTION_VECTORS, moves && film.has_motion());
+        needed.set(Features::SHADED_AOVS, film.has_shaded_planes());
         needed.set(Features::CLIPPING, !setting.clip_planes.is_empty());
         needed.set(Features::ADAPTIVE, film.adaptive().is_some());
         needed.set(Features::STREAMING, streams);

@@ -9,7 +9,6 @@ use crate::film::Film;
 use crate::timings::Timings;
 use oocpt_gpu::Pipeline;
 use oocpt_shader_abi::{Image, PASSES, Pass, PassInfo};
-use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -21,7 +20,8 @@ pub(crate) struct Passes {
 }
 
 impl Passes {
-    /// Compiles what is not compiled yet, on all threads, and has it translated (see [`Device::translate`]).
+    /// Compiles what is not compiled yet, on all threads, and has each translated as soon as it is there (see
+    /// [`Device::translate`]).
     pub(crate) fn new(
         device: &Device,
         (special, backend): (Specialisation, Backend),
@@ -37,16 +37,24 @@ impl Passes {
             PASSES.iter().filter(|row| row.when.holds(special.features, wants) && backend.has(row.pass)).collect();
         // The longest first: `shade_surface` takes as long as all others together.
         wanted.sort_by_key(|row| std::cmp::Reverse(row.module.words.len()));
-        let made = wanted.par_iter().with_max_len(1).map(|row| Ok((row.pass, device.pipeline(row.module, special)?)));
-        let made: Vec<(Pass, Arc<Pipeline>)> = made.collect::<Result<_, RenderError>>()?;
-        let mut pipelines = [const { None }; PASSES.len()];
-        for (pass, pipeline) in made {
-            pipelines[pass as usize] = Some(pipeline);
-        }
-        let passes = Self { pipelines };
-        timings.translated += device.translate(&passes.all().collect::<Vec<_>>())?;
+        let (send, made) = std::sync::mpsc::channel();
+        let pipelines = rayon::in_place_scope(|scope| {
+            for row in wanted {
+                let send = send.clone();
+                // Nobody listens any more once one has failed.
+                scope.spawn(move |_| drop(send.send((row.pass, device.pipeline(row.module, special)))));
+            }
+            drop(send);
+            let mut pipelines: [Option<Arc<Pipeline>>; PASSES.len()] = [const { None }; PASSES.len()];
+            for (pass, pipeline) in made {
+                let pipeline = pipelines[pass as usize].insert(pipeline?);
+                // While others are compiled.
+                timings.translated += device.translate(pipeline)?;
+            }
+            Ok::<_, RenderError>(pipelines)
+        })?;
         timings.compile_secs += started.elapsed().as_secs_f64();
-        Ok(passes)
+        Ok(Self { pipelines })
     }
 
     /// The pipeline of `pass`; none where the frame does not need it.

@@ -178,6 +178,8 @@ features! {
     CLIPPING: "clipping planes", [], Never;
     /// The image `motion` is wanted, and something may move: `AovTargets::motion` counts.
     MOTION_VECTORS: "motion over the image", [], Never;
+    /// An image is wanted that tells how surfaces are shaded: `normal`, `Neye` or `albedo`.
+    SHADED_AOVS: "images of normals and albedo", [], Never;
     /// Pixels have two streams of samples, and not all as many of them: `Frame::adaptive` counts.
     ADAPTIVE: "adaptive sampling: lists of samples, the second stream of the film", [], Never;
     /// The lobe that tests add.
