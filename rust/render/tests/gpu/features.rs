@@ -55,6 +55,7 @@ fn render(row: &Row, carry: &str) -> (Inventory, Vec<Vec<u8>>) {
     let mut request = request(camera);
     let more = match row.also {
         Also::Depth => AovKind::Depth,
+        Also::Albedo => AovKind::Albedo,
         Also::Counts => AovKind::SampleCount,
         Also::Motion => AovKind::Motion,
         _ => AovKind::Color,

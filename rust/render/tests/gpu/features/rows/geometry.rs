@@ -93,6 +93,14 @@ pub(crate) const ROWS: &[Row] = &[
         ..BARE
     },
     Row {
+        what: "albedo",
+        features: &["SHADED_AOVS"],
+        passes: &[&["generate_aov_rays", "shade_aovs"]],
+        buffers: &[&["image albedo"]],
+        also: Also::Albedo,
+        ..BARE
+    },
+    Row {
         what: "sample counts",
         passes: &[&["count_samples"]],
         buffers: &[&["image sampleCount"]],

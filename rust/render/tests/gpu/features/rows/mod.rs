@@ -37,6 +37,7 @@ pub(crate) enum Also {
     Motion,
     Adaptive,
     Depth,
+    Albedo,
     Counts,
     Streaming,
     Roulette,
