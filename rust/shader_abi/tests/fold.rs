@@ -149,7 +149,8 @@ fn what_a_bare_scene_does_not_need_is_gone() {
 #[test]
 fn without_mixtures_there_are_no_numbers_for_them() {
     let words = |module: &Module, features| module.specialised(&spec(with_needs(features))).len();
-    let patterns = Features::PATTERNS | Features::CUTOUT_PROGRAMS | Features::MESH_LIGHT_PROGRAMS;
+    let patterns =
+        Features::PATTERNS | Features::CUTOUT_PROGRAMS | Features::MESH_LIGHT_PROGRAMS | Features::SHADED_AOVS;
     let mixtures = patterns | Features::MIXTURES;
     for module in [&passes::SHADE_SURFACE, &passes::SHADE_AOVS] {
         let [without, with] = [patterns, mixtures].map(|features| words(module, features));
@@ -159,6 +160,17 @@ fn without_mixtures_there_are_no_numbers_for_them() {
         assert!(!module.features.contains(Features::MIXTURES), "{} asks for mixtures", module.name);
         assert_eq!(words(module, patterns), words(module, mixtures), "{}", module.name);
     }
+}
+
+/// Images of ids and depth do not ask what surfaces are made of.
+#[test]
+fn without_images_of_shading_there_are_no_materials_in_their_pass() {
+    let words = |features| passes::SHADE_AOVS.specialised(&spec(with_needs(features))).len();
+    let bare = Features::MATERIALS | Features::TEXTURES;
+    let patterns = bare | Features::PATTERNS;
+    assert_eq!(words(patterns), words(bare), "a program of a material is there");
+    let (without, with) = (words(patterns), words(patterns | Features::SHADED_AOVS));
+    assert!(with > without + 1000, "{with} words with images of shading, {without} without");
 }
 
 #[test]
