@@ -147,7 +147,7 @@ pub(crate) fn square() -> MeshDesc {
 }
 
 /// A cube from -1 to 1 whose faces share their points; each face shows all of the texture, turned by its number.
-fn cube(subdivision: Subdivision) -> MeshDesc {
+pub(crate) fn cube(subdivision: Subdivision) -> MeshDesc {
     let coordinate = |k: usize, bit: usize| if k >> bit & 1 == 1 { 1.0_f32 } else { -1.0 };
     let points: Vec<[f32; 3]> = (0..8).map(|k| [coordinate(k, 0), coordinate(k, 1), coordinate(k, 2)]).collect();
     let corners = vec![0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5];
