@@ -12,7 +12,7 @@ use proptest::prelude::*;
 use crate::support::{file, library, node, number, text, translated};
 
 /// Networks of random nodes, inputs and connections; all seeds with `cargo xtask test --full`.
-fn networks() -> u32 {
+pub(crate) fn networks() -> u32 {
     match std::env::var_os("OOCPT_TEST_FULL") {
         Some(_) => 10_000,
         None if cfg!(debug_assertions) => 100,
@@ -30,7 +30,7 @@ fn any_value() -> impl Strategy<Value = Value> {
 }
 
 prop_compose! {
-    fn any_node(count: usize)(
+    pub(crate) fn any_node(count: usize)(
         kind in any::<prop::sample::Index>(),
         inputs in prop::collection::vec((any::<prop::sample::Index>(), 0..count + 1, any_value(), any::<bool>()), 0..6),
     ) -> Node {
