@@ -113,7 +113,7 @@ pub(crate) fn build(desc: &MeshDesc, material: &MaterialDesc, pieces: f64) -> Bu
 }
 
 /// Edges of one unit are cut into so many pieces.
-fn build_by_slot(desc: &MeshDesc, displacements: &[Option<Arc<Displacement>>], pieces: f64) -> BuiltMesh {
+pub(crate) fn build_by_slot(desc: &MeshDesc, displacements: &[Option<Arc<Displacement>>], pieces: f64) -> BuiltMesh {
     let dicing = Dicing { pixels: 1.0, density: pieces, ..Dicing::default() };
     let heights = Heights::new(Some(Arc::new(Files)));
     let demand = Demand { dicing: Some(&dicing), displacements, heights: Some(&heights), ..Demand::default() };
@@ -191,7 +191,7 @@ fn open_edges(asset: &MeshAsset) -> usize {
 }
 
 /// Bilinear filter of the picture, by the textbook.
-fn filtered(s: f64, t: f64, channel: u8, wrap: impl Fn(i64, i64) -> Option<i64>) -> f64 {
+pub(crate) fn filtered(s: f64, t: f64, channel: u8, wrap: impl Fn(i64, i64) -> Option<i64>) -> f64 {
     let (x, y) = (s * f64::from(SIZE[0]) - 0.5, t * f64::from(SIZE[1]) - 0.5);
     let mut sum = 0.0;
     for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
@@ -204,7 +204,7 @@ fn filtered(s: f64, t: f64, channel: u8, wrap: impl Fn(i64, i64) -> Option<i64>)
     sum
 }
 
-fn repeated(x: i64, size: i64) -> Option<i64> {
+pub(crate) fn repeated(x: i64, size: i64) -> Option<i64> {
     Some(x.rem_euclid(size))
 }
 
