@@ -103,12 +103,7 @@ pub fn translate(network: &Network, library: &Library) -> Translation {
     };
     let lowered = walker.lower(&slab);
     let Walker { expressions, uses, mut problems, .. } = walker;
-    let mut assembler = Assembler {
-        most_lookups: MAX_LOOKUPS,
-        expressions: &expressions,
-        lookups: &uses.lookups,
-        program: Program::default(),
-    };
+    let mut assembler = Assembler::new(&expressions, &uses.lookups, MAX_LOOKUPS);
     let mut inputs: [Option<InputSource>; INPUTS] = [None; INPUTS];
     for (at, ((val, (width, _)), input)) in lowered.inputs.iter().zip(SHAPES).zip(&mut inputs).enumerate() {
         // Those of several numbers are textures by chance only, and there are no more than so many of these.
@@ -161,8 +156,7 @@ fn opacity(
     if inputs[at].is_some() {
         return Program::default();
     }
-    let program = Program::default();
-    let mut assembler = Assembler { most_lookups: MAX_OPACITY_LOOKUPS, expressions, lookups, program };
+    let mut assembler = Assembler::new(expressions, lookups, MAX_OPACITY_LOOKUPS);
     let compiled = assembler.compile(&values[at..=at]);
     // Traversal knows no random number of the hit: there is none yet.
     let is_random = assembler.program.is_random();
@@ -191,10 +185,9 @@ fn emission(
     if !matches!(sources[Input::EmissiveColor as usize], InputSource::Register(_)) {
         return None;
     }
-    let mut assembler = Assembler { most_lookups: MAX_LOOKUPS, expressions, lookups, program: Program::default() };
-    let registers = assembler.compile(&[value]).ok()?;
+    let mut assembler = Assembler::new(expressions, lookups, MAX_LOOKUPS);
+    let register = assembler.compile_one(value).ok()?;
     let program = assembler.program;
-    let register = *registers.get(&value.index())?;
     let unknown = [Geometry::Normal, Geometry::Tangent, Geometry::Bitangent].map(|geometry| geometry as u16);
     let is_known = |step: &Instruction| step.op != Op::Surface || !unknown.contains(&step.immediate);
     (!program.is_random() && program.instructions.iter().all(is_known)).then_some(Emission { program, register })
@@ -218,7 +211,13 @@ pub(crate) struct Assembler<'a> {
     most_lookups: usize,
     pub(crate) expressions: &'a Expressions,
     pub(crate) lookups: &'a [LookupUse],
-    program: Program,
+    pub(crate) program: Program,
+}
+
+impl<'a> Assembler<'a> {
+    pub(crate) fn new(expressions: &'a Expressions, lookups: &'a [LookupUse], most_lookups: usize) -> Self {
+        Self { most_lookups, expressions, lookups, program: Program::default() }
+    }
 }
 
 impl Assembler<'_> {
@@ -256,6 +255,12 @@ impl Assembler<'_> {
             Some(node) => node.arguments,
             None => [Val::ZERO; 3],
         }
+    }
+
+    /// Makes the program for a value that is no constant; its register.
+    pub(crate) fn compile_one(&mut self, value: Val) -> Result<u8, &'static str> {
+        let registers = self.compile(&[value])?;
+        registers.get(&value.index()).copied().ok_or("a value that is not there")
     }
 
     /// Makes the program for these values; the register of each.

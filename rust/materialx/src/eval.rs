@@ -39,6 +39,15 @@ pub fn run(
     surface: impl Fn(Geometry) -> [f32; 4],
     lookup: impl Fn(&Lookup, Option<[f32; 2]>) -> [f32; 4],
 ) -> [[f32; 4]; REGISTERS] {
+    run_numbered(program, surface, |_, found, place| lookup(found, place))
+}
+
+/// [`run`] for who has to know the number of a lookup.
+pub fn run_numbered(
+    program: &Program,
+    surface: impl Fn(Geometry) -> [f32; 4],
+    mut lookup: impl FnMut(usize, &Lookup, Option<[f32; 2]>) -> [f32; 4],
+) -> [[f32; 4]; REGISTERS] {
     let mut registers = [[0.0; 4]; REGISTERS];
     for &Instruction { op, to, operands, immediate } in &program.instructions {
         let operands = operands.map(|operand| {
@@ -54,7 +63,7 @@ pub fn run(
             Op::Texture => {
                 let [u, v, ..] = operands[0].map(number);
                 let place = (at & 256 == 0).then_some([u, v]);
-                program.lookups.get(at & 255).map(|found| lookup(found, place)).unwrap_or_default()
+                program.lookups.get(at & 255).map(|found| lookup(at & 255, found, place)).unwrap_or_default()
             }
             _ => evaluate(op, operands, immediate),
         };

@@ -5,6 +5,7 @@
 //! inputs upwards (`walk`), through the graphs that implement nodes, and makes expressions of what it finds (`nodes`,
 //! `expression`). The surface model becomes a slab of `OpenPBR` (`surface`), the slab the inputs of the renderer's
 //! BSDF. An input is a constant, a texture, a primvar, or else a register of the material's program (`assemble`).
+//! [`translate_displacement`] does the same for what the displacement terminal says.
 //!
 //! Guarantees: no unsafe code; no network or library file makes this crate panic or loop without end; work and memory
 //! are bounded by the limits that each module names. Any thread.
@@ -12,6 +13,8 @@
 #![forbid(unsafe_code)]
 
 mod assemble;
+mod channels;
+mod displacement;
 pub mod eval;
 mod expression;
 pub mod library;
@@ -28,3 +31,5 @@ pub mod value;
 mod walk;
 
 pub use assemble::{Emission, InputSource, Translation, translate};
+pub use channels::channels;
+pub use displacement::{Displacement, Offset, translate_displacement};

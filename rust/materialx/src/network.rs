@@ -43,4 +43,6 @@ pub struct Network {
     pub nodes: Vec<Node>,
     /// Number of the surface's node.
     pub surface: usize,
+    /// Number of the displacement's node.
+    pub displacement: Option<usize>,
 }

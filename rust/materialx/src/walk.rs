@@ -76,6 +76,8 @@ pub(crate) struct Walker<'a> {
     pub(crate) emissions: HashMap<At, Option<Val>>,
     /// Random numbers of a hit that are taken.
     pub(crate) choices: usize,
+    /// What is walked displaces meshes: they have no place in the world yet, and nobody looks at them.
+    pub(crate) is_displacing: bool,
     steps: usize,
     depth: usize,
     pub(crate) expressions: Expressions,
@@ -94,6 +96,7 @@ impl<'a> Walker<'a> {
             slabs: HashMap::new(),
             emissions: HashMap::new(),
             choices: 0,
+            is_displacing: false,
             steps: 0,
             depth: 0,
             expressions: Expressions::default(),
@@ -109,9 +112,14 @@ impl<'a> Walker<'a> {
         }
     }
 
+    /// A node of the network.
+    pub(crate) fn terminal(node: usize) -> At {
+        At { frame: 0, node }
+    }
+
     /// The node of the network's surface.
     pub(crate) fn surface(&self) -> At {
-        At { frame: 0, node: self.network.surface }
+        Self::terminal(self.network.surface)
     }
 
     /// Its definition.
@@ -171,7 +179,7 @@ impl<'a> Walker<'a> {
         let definition = self.definition(at)?;
         let input = definition.input(name)?;
         if let Some(geometry) = &input.geometry {
-            return self.geometry_named(geometry).map(Bound::Number);
+            return self.geometry_named(at, geometry).map(Bound::Number);
         }
         input.value.as_ref().map(Bound::of)
     }
@@ -312,16 +320,41 @@ impl<'a> Walker<'a> {
     }
 
     /// What a default property of the geometry is.
-    fn geometry_named(&mut self, name: &str) -> Option<Val> {
-        match name {
-            "UV0" => Some(self.texcoord("st")),
-            "Pobject" => Some(self.primvar(Uses::POSITION, [0.0; 4])),
-            "Nobject" => Some(self.primvar(Uses::NORMAL, [0.0, 1.0, 0.0, 0.0])),
-            "Pworld" => Some(self.expressions.geometry(Geometry::Position)),
-            "Nworld" => Some(self.expressions.geometry(Geometry::Normal)),
-            "Tworld" | "Tobject" => Some(self.expressions.geometry(Geometry::Tangent)),
-            "Bworld" | "Bobject" => Some(self.expressions.geometry(Geometry::Bitangent)),
-            _ => None,
+    fn geometry_named(&mut self, at: At, name: &str) -> Option<Val> {
+        if name == "UV0" {
+            return Some(self.texcoord("st"));
+        }
+        let (what, is_world) = match name {
+            "Pobject" => (Geometry::Position, false),
+            "Nobject" => (Geometry::Normal, false),
+            "Pworld" => (Geometry::Position, true),
+            "Nworld" => (Geometry::Normal, true),
+            "Tobject" => (Geometry::Tangent, false),
+            "Bobject" => (Geometry::Bitangent, false),
+            "Tworld" => (Geometry::Tangent, true),
+            "Bworld" => (Geometry::Bitangent, true),
+            _ => return None,
+        };
+        Some(self.geometry(at, what, is_world))
+    }
+
+    /// What the surface has, asked for by a node: of the frame of the mesh or of the world. Tangents are those of the
+    /// world always. Where a mesh is displaced its own frame is the only one, with a line for who asks for the world.
+    pub(crate) fn geometry(&mut self, at: At, what: Geometry, is_world: bool) -> Val {
+        if self.is_displacing {
+            if is_world {
+                let (category, path) = (self.category(at), self.path(at));
+                self.problem(format!(
+                    "`{category}` ({path}) reads the world, which displaced meshes do not know: it is the object's \
+                     space"
+                ));
+            }
+            return self.expressions.geometry(what);
+        }
+        match what {
+            Geometry::Position if !is_world => self.primvar(Uses::POSITION, [0.0; 4]),
+            Geometry::Normal if !is_world => self.primvar(Uses::NORMAL, [0.0, 1.0, 0.0, 0.0]),
+            _ => self.expressions.geometry(what),
         }
     }
 

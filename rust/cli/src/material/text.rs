@@ -23,7 +23,8 @@ pub(super) fn list(materials: &[&MaterialText]) -> String {
     let longest = materials.iter().map(|material| material.path.chars().count()).max().unwrap_or(0);
     let mut text = String::new();
     for material in materials {
-        let programs = [&material.program, &material.opacity_program, &material.emission_program];
+        let programs =
+            [&material.program, &material.opacity_program, &material.emission_program, &material.displacement_program];
         let instructions = programs.iter().map(|program| program.instructions.len()).sum();
         let costs = [
             count(material.nodes.len(), "node"),
@@ -59,12 +60,16 @@ pub(super) fn whole(material: &MaterialText) -> String {
     for (name, value) in &material.inputs {
         line(&mut text, &format!("  {name:<longest$}  {value}"));
     }
+    for value in &material.displacement_values {
+        line(&mut text, &format!("  displacement: {value}"));
+    }
     if !material.displacement.is_empty() {
         line(&mut text, &format!("  displacement  {}", material.displacement));
     }
     program(&mut text, "bytecode", &material.program);
     program(&mut text, "bytecode of the opacity", &material.opacity_program);
     program(&mut text, "bytecode of the emission, for points of the light", &material.emission_program);
+    program(&mut text, "bytecode of the displacement, for vertices", &material.displacement_program);
     if material.program.instructions.is_empty() && material.opacity_program.instructions.is_empty() {
         section(&mut text, "bytecode: none, no input needs a program");
     }

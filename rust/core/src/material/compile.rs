@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use super::displacement::Displacement;
+use super::materialx::{self, is_materialx};
 use super::params::{Problems, Shape, connection, numbers, text};
 use super::reader::READER;
 use super::texture::is_texture;
@@ -50,21 +51,22 @@ pub(super) struct Compiler<'a> {
 /// Reads the network of `desc`.
 #[must_use]
 pub fn compile(desc: &MaterialDesc) -> Compiled {
-    if super::materialx::is_materialx(desc) {
-        return super::materialx::compile(desc);
+    let mut problems = Problems::default();
+    let [shaded, displaced] = [desc.surface, desc.displacement].map(|terminal| is_materialx(desc, terminal));
+    let found = if shaded || displaced { materialx::compile(desc, &mut problems) } else { Compiled::default() };
+    if shaded && (displaced || desc.displacement.is_none()) {
+        return Compiled { problems: problems.lines(), ..found };
     }
-    let mut compiler = Compiler {
-        nodes: &desc.nodes,
-        problems: Problems::default(),
-        textures: Vec::new(),
-        uv_sets: Vec::new(),
-        primvars: Vec::new(),
-    };
-    let displacement = compiler.displacement(desc);
+    let mut compiler =
+        Compiler { nodes: &desc.nodes, problems, textures: Vec::new(), uv_sets: Vec::new(), primvars: Vec::new() };
+    let displacement = if displaced { found.displacement } else { compiler.displacement(desc).map(Arc::new) };
+    if shaded {
+        return Compiled { displacement, problems: compiler.problems.lines(), ..found };
+    }
     let material = compiler.surface(desc.surface);
     compiler.textures.iter_mut().for_each(|texture| texture.prim = desc.named(&texture.prim));
     let (textures, problems) = (compiler.textures, compiler.problems.lines());
-    Compiled { material, textures, displacement: displacement.map(Arc::new), problems }
+    Compiled { material, textures, displacement, problems }
 }
 
 /// Name, shape and default of each input of a `UsdPreviewSurface`, by [`InputName`].

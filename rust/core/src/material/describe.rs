@@ -4,12 +4,13 @@
 //!
 //! Names and texts come from scenes: each is shown without control characters, up to [`LONGEST_TEXT`] of it.
 
+use oocpt_materialx::Offset;
 use oocpt_materialx::listing::{Cost, Names, formulas, instructions, numbers};
 use oocpt_materialx::program::Program;
 use serde::{Deserialize, Serialize};
 
 use super::compile::{Compiled, MAX_NODES, NEUTRAL, compile};
-use super::displacement::Displacement;
+use super::displacement::{Displacement, PatternDisplacement, PreviewDisplacement};
 use super::materialx::is_materialx;
 use super::{Input, InputName, Material, MaterialFlags, TextureRef};
 use crate::desc::{MaterialDesc, NodeDesc, ParamValue};
@@ -64,6 +65,8 @@ pub struct MaterialText {
     pub inputs: Vec<(String, String)>,
     /// How it displaces its surfaces; empty: not at all.
     pub displacement: String,
+    /// Values that a displacement reads more than once, `v1 = ...`, as formulas.
+    pub displacement_values: Vec<String>,
     /// What the renderer has to have for it.
     pub needs: Vec<String>,
     /// Works out the inputs that are formulas.
@@ -72,6 +75,8 @@ pub struct MaterialText {
     pub opacity_program: ProgramText,
     /// Works out an emission that is one, for points of its meshes that light is asked for.
     pub emission_program: ProgramText,
+    /// Works out a displacement that is one, for each vertex.
+    pub displacement_program: ProgramText,
     /// Textures, and how they are read.
     pub textures: Vec<String>,
     /// Texture lookups of a hit, those of programs included.
@@ -94,12 +99,37 @@ pub fn describe(desc: &MaterialDesc) -> MaterialText {
         ..MaterialText::default()
     };
     if let Some(material) = &compiled.material {
-        fill(&mut text, material, &compiled, is_materialx(desc));
+        fill(&mut text, material, &compiled, is_materialx(desc, desc.surface));
     }
-    if let Some(displacement) = &compiled.displacement {
-        text.displacement = input_text(&displacement.amount, 1, &Reader::displacing(displacement));
+    match compiled.displacement.as_deref() {
+        Some(Displacement::Preview(preview)) => {
+            text.displacement = input_text(&preview.amount, 1, &Reader::displacing(preview));
+        }
+        Some(Displacement::Pattern(pattern)) => fill_displacement(&mut text, pattern),
+        None => {}
     }
     text
+}
+
+/// What is told of a displacement by nodes of `MaterialX`.
+fn fill_displacement(text: &mut MaterialText, pattern: &PatternDisplacement) {
+    let reader = Reader::of_pattern(pattern);
+    let offset = match pattern.offset {
+        Offset::Constant(value) => numbers(&value, if pattern.is_vector { 3 } else { 1 }),
+        Offset::Register(register) => {
+            let (values, roots) = formulas(&pattern.program, &[register], &reader);
+            text.displacement_values = values;
+            roots.into_iter().next().unwrap_or_default()
+        }
+    };
+    let frame = if pattern.is_vector { " along tangent, bitangent and normal" } else { "" };
+    text.displacement = format!("{offset}{frame}");
+    text.displacement_program = program_text(&pattern.program, &reader);
+    for told in pattern.textures.iter().map(texture_text) {
+        if !text.textures.contains(&told) {
+            text.textures.push(told);
+        }
+    }
 }
 
 /// What is told of a material that is understood.
@@ -205,11 +235,20 @@ impl<'a> Reader<'a> {
     }
 
     /// Of what displaces surfaces, which has a texture, coordinates or a primvar of its own.
-    fn displacing(own: &'a Displacement) -> Self {
+    fn displacing(own: &'a PreviewDisplacement) -> Self {
         Self {
             uv_sets: own.uv.iter().map(|set| &*set.name).collect(),
             primvars: own.primvar.iter().map(|name| &**name).collect(),
             textures: own.texture.as_slice(),
+        }
+    }
+
+    /// The same of a program.
+    fn of_pattern(own: &'a PatternDisplacement) -> Self {
+        Self {
+            uv_sets: own.uv_sets.iter().map(|name| &**name).collect(),
+            primvars: own.primvars.iter().map(|(name, _)| &**name).collect(),
+            textures: &own.textures,
         }
     }
 }

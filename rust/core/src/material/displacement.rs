@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //! How a material displaces its surfaces: `displacement` of the `UsdPreviewSurface` at the material's displacement
-//! terminal, along the normal, in units of the object's space. Pure.
+//! terminal, along the normal, or what nodes of `MaterialX` say there; in units of the object's space. Pure.
 //!
-//! Other nodes at that terminal come here, too, once they are understood: meshes know nothing but [`Displacement`].
+//! Meshes know nothing of materials but [`Displacement`].
 
 use std::hash::{Hash as _, Hasher};
 use std::sync::Arc;
 
+use oocpt_materialx::Offset;
+use oocpt_materialx::program::{Instruction, Lookup, Program};
 use rustc_hash::FxHasher;
 use xxhash_rust::xxh3::Xxh3;
 
@@ -15,10 +17,19 @@ use super::params::{Shape, connection, numbers};
 use super::{Input, PTEX_SET, TextureRef, UvSet};
 use crate::desc::MaterialDesc;
 
+/// How far surfaces are moved, and where to.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Displacement {
+    /// By an input of a `UsdPreviewSurface`, or a number.
+    Preview(PreviewDisplacement),
+    /// By a program or a vector.
+    Pattern(PatternDisplacement),
+}
+
 /// How far surfaces are moved along their normals.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Displacement {
-    /// The first of its components counts. Numbers of textures, sets and primvars are 0.
+pub struct PreviewDisplacement {
+    /// The first of its components counts. Numbers of textures, sets and primvars are 0. Never a register.
     pub(crate) amount: Input,
     /// The texture of `amount`.
     pub(crate) texture: Option<TextureRef>,
@@ -28,15 +39,65 @@ pub struct Displacement {
     pub(crate) primvar: Option<Arc<str>>,
 }
 
+/// As [`oocpt_materialx::Displacement`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct PatternDisplacement {
+    pub(crate) offset: Offset,
+    /// Along tangent, bitangent and normal.
+    pub(crate) is_vector: bool,
+    /// Tangent or bitangent matter.
+    pub(crate) has_tangents: bool,
+    pub(crate) program: Program,
+    /// By the numbers that its lookups have.
+    pub(crate) textures: Vec<TextureRef>,
+    /// Tangents follow the first one.
+    pub(crate) uv_sets: Vec<Arc<str>>,
+    /// Names, and values where the mesh does not have them.
+    pub(crate) primvars: Vec<(Arc<str>, [f32; 4])>,
+}
+
 impl Displacement {
-    /// Name of the primvar that it reads.
+    /// By a number, along the normals.
+    pub(super) fn along_normals(value: [f32; 4]) -> Self {
+        Self::Preview(PreviewDisplacement { amount: Input::Constant(value), texture: None, uv: None, primvar: None })
+    }
+
+    /// Whether it reads the primvar of that name.
     #[must_use]
-    pub fn primvar_name(&self) -> Option<&Arc<str>> {
-        self.uv.as_ref().map(|uv| &uv.name).or(self.primvar.as_ref())
+    pub fn reads(&self, name: &str) -> bool {
+        match self {
+            Self::Preview(preview) => preview.primvar_name().is_some_and(|read| &**read == name),
+            Self::Pattern(PatternDisplacement { uv_sets, primvars, .. }) => {
+                uv_sets.iter().chain(primvars.iter().map(|(read, _)| read)).any(|read| &**read == name)
+            }
+        }
     }
 
     /// Adds everything that the displaced mesh depends on.
     pub(crate) fn hash(&self, hasher: &mut Xxh3) {
+        match self {
+            Self::Preview(preview) => preview.hash(hasher),
+            Self::Pattern(pattern) => pattern.hash(hasher),
+        }
+    }
+}
+
+/// Adds what a texture shows.
+fn hash_texture(texture: &TextureRef, hasher: &mut Xxh3) {
+    let TextureRef { prim: _, asset, wrap, color_space, fallback, is_ptex: _ } = texture;
+    let mut rest = FxHasher::default();
+    (asset, wrap, color_space, fallback.map(f32::to_bits)).hash(&mut rest);
+    hasher.update(&rest.finish().to_le_bytes());
+    hasher.update(asset.resolved.as_bytes());
+}
+
+impl PreviewDisplacement {
+    /// Name of the primvar that it reads.
+    pub(crate) fn primvar_name(&self) -> Option<&Arc<str>> {
+        self.uv.as_ref().map(|uv| &uv.name).or(self.primvar.as_ref())
+    }
+
+    fn hash(&self, hasher: &mut Xxh3) {
         let mut add = |numbers: &[f32]| numbers.iter().for_each(|number| hasher.update(&number.to_le_bytes()));
         let tag: u8 = match &self.amount {
             Input::Constant(value) => {
@@ -52,20 +113,48 @@ impl Displacement {
                 add(fallback);
                 2
             }
-            // Only surfaces have programs.
             Input::Register(_) => 3,
         };
         hasher.update(&[tag, u8::from(self.uv.is_some())]);
         if let Input::Texture { channel, .. } = &self.amount {
             hasher.update(&[channel.unwrap_or(0)]);
         }
-        if let Some(TextureRef { prim: _, asset, wrap, color_space, fallback, is_ptex: _ }) = &self.texture {
-            let mut rest = FxHasher::default();
-            (asset, wrap, color_space, fallback.map(f32::to_bits)).hash(&mut rest);
-            hasher.update(&rest.finish().to_le_bytes());
-            hasher.update(asset.resolved.as_bytes());
-        }
+        self.texture.iter().for_each(|texture| hash_texture(texture, hasher));
         self.primvar_name().into_iter().for_each(|name| hasher.update(name.as_bytes()));
+    }
+}
+
+impl PatternDisplacement {
+    fn hash(&self, hasher: &mut Xxh3) {
+        let Self { offset, is_vector, has_tangents: _, program, textures, uv_sets, primvars } = self;
+        let Program { instructions, constants, lookups } = program;
+        let counts = [instructions.len(), constants.len(), lookups.len(), textures.len(), uv_sets.len()];
+        hasher.update(&[4, u8::from(*is_vector)]);
+        counts.iter().for_each(|count| hasher.update(&(*count as u64).to_le_bytes()));
+        let mut add = |numbers: &[f32]| numbers.iter().for_each(|number| hasher.update(&number.to_le_bytes()));
+        if let Offset::Constant(value) = offset {
+            add(value);
+        }
+        constants.iter().for_each(|constant| add(constant));
+        for Lookup { transform, scale, bias, .. } in lookups {
+            [transform.as_flattened(), scale, bias].into_iter().for_each(&mut add);
+        }
+        primvars.iter().for_each(|(_, fallback)| add(fallback));
+        for Lookup { texture, uv, .. } in lookups {
+            hasher.update(&texture.to_le_bytes());
+            hasher.update(&[uv.unwrap_or(u8::MAX)]);
+        }
+        if let Offset::Register(register) = offset {
+            hasher.update(&[*register]);
+        }
+        for word in instructions.iter().flat_map(Instruction::pack) {
+            hasher.update(&word.to_le_bytes());
+        }
+        textures.iter().for_each(|texture| hash_texture(texture, hasher));
+        for name in uv_sets.iter().chain(primvars.iter().map(|(name, _)| name)) {
+            hasher.update(&(name.len() as u64).to_le_bytes());
+            hasher.update(name.as_bytes());
+        }
     }
 }
 
@@ -98,6 +187,6 @@ impl Compiler<'_> {
             texture.prim = desc.named(&texture.prim);
         }
         let is_flat = matches!(amount, Input::Constant([value, ..]) if value == 0.0);
-        (!is_flat).then_some(Displacement { amount, texture, uv, primvar })
+        (!is_flat).then_some(Displacement::Preview(PreviewDisplacement { amount, texture, uv, primvar }))
     }
 }

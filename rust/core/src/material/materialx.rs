@@ -10,9 +10,10 @@ use oocpt_materialx::library::standard;
 use oocpt_materialx::network::{Network, Node};
 use oocpt_materialx::uses::{AddressMode, Texture};
 use oocpt_materialx::value::{FileRef, Value};
-use oocpt_materialx::{InputSource, Translation, translate};
+use oocpt_materialx::{InputSource, Offset, Translation, translate, translate_displacement};
 
 use super::compile::{Compiled, MAX_NODES, SHARP_ROUGHNESS, needs};
+use super::displacement::{Displacement, PatternDisplacement};
 use super::params::Problems;
 use super::spaces::{linear_from_srgb, named};
 use super::{ColorSpace, INPUTS, Input, InputName, Material, MaterialFlags, PrimvarSlot, TextureRef, UvSet, Wrap};
@@ -21,33 +22,57 @@ use crate::desc::{AssetRef, MaterialDesc, NodeDesc, ParamValue};
 /// What the kinds of `MaterialX` nodes begin with.
 const PREFIX: &str = "ND_";
 
-/// Whether the surface of a network is a node of `MaterialX`.
-pub(super) fn is_materialx(desc: &MaterialDesc) -> bool {
-    desc.surface.and_then(|at| desc.nodes.get(at)).is_some_and(|node| node.kind.starts_with(PREFIX))
+/// Whether a terminal of a network is a node of `MaterialX`.
+pub(super) fn is_materialx(desc: &MaterialDesc, terminal: Option<usize>) -> bool {
+    terminal.and_then(|at| desc.nodes.get(at)).is_some_and(|node| node.kind.starts_with(PREFIX))
 }
 
-/// Reads such a network.
-pub(super) fn compile(desc: &MaterialDesc) -> Compiled {
-    let mut problems = Problems::default();
+/// Reads the terminals of a network that are such nodes.
+pub(super) fn compile(desc: &MaterialDesc, problems: &mut Problems) -> Compiled {
     let library = standard();
     if library.is_empty() {
         problems.add("MaterialX's data libraries were not found (PXR_MTLX_STDLIB_SEARCH_PATHS)".to_owned());
-        return Compiled { problems: problems.lines(), ..Compiled::default() };
+        return Compiled::default();
     }
     if desc.nodes.len() > MAX_NODES {
         problems.add(format!("{} nodes are more than the {MAX_NODES} that are supported", desc.nodes.len()));
-        return Compiled { problems: problems.lines(), ..Compiled::default() };
+        return Compiled::default();
     }
-    let network = Network { nodes: desc.nodes.iter().map(node).collect(), surface: desc.surface.unwrap_or(usize::MAX) };
-    let translation = translate(&network, library);
-    for problem in &translation.problems {
-        problems.add(problem.clone());
+    let network = Network {
+        nodes: desc.nodes.iter().map(node).collect(),
+        surface: desc.surface.unwrap_or(usize::MAX),
+        displacement: desc.displacement,
+    };
+    let mut compiled = Compiled::default();
+    if is_materialx(desc, desc.surface) {
+        let translation = translate(&network, library);
+        translation.problems.iter().for_each(|problem| problems.add(problem.clone()));
+        compiled.textures = translation.uses.textures.iter().map(texture).collect();
+        compiled.material = material(&translation);
     }
-    if let Some(node) = desc.displacement.and_then(|at| desc.nodes.get(at)) {
-        problems.add(format!("displacement by nodes of kind `{}` is not supported", node.kind));
+    if is_materialx(desc, desc.displacement) {
+        let (found, notes) = translate_displacement(&network, library);
+        notes.into_iter().for_each(|problem| problems.add(problem));
+        compiled.displacement = found.map(|found| Arc::new(displacement(found)));
     }
-    let textures = translation.uses.textures.iter().map(texture).collect();
-    Compiled { material: material(&translation), textures, displacement: None, problems: problems.lines() }
+    compiled
+}
+
+fn displacement(found: oocpt_materialx::Displacement) -> Displacement {
+    let has_tangents = found.has_tangents();
+    let oocpt_materialx::Displacement { offset, is_vector, program, uses } = found;
+    match offset {
+        Offset::Constant(value) if !is_vector => Displacement::along_normals(value),
+        _ => Displacement::Pattern(PatternDisplacement {
+            offset,
+            is_vector,
+            has_tangents,
+            program,
+            textures: uses.textures.iter().map(texture).collect(),
+            uv_sets: uses.uv_sets,
+            primvars: uses.primvars.into_iter().map(|primvar| (primvar.name, primvar.fallback)).collect(),
+        }),
+    }
 }
 
 fn node(desc: &NodeDesc) -> Node {

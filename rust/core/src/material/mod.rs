@@ -4,7 +4,7 @@
 //! Guarantees: pure; never panics on any network; work is bounded by the number of nodes and connections; every number
 //! of a [`Material`] is finite. Colours are linear Rec. 709.
 //!
-//! Networks of `MaterialX` nodes (`ND_...`) go through the crate `oocpt-materialx` (`materialx`). For the others:
+//! What leads to nodes of `MaterialX` (`ND_...`) goes through the crate `oocpt-materialx` (`materialx`). Of the rest
 //! `compile` reads the surface node and follows its connections (`texture`, `reader`, `spaces`), `displacement` what
 //! displaces it; `params` reads authored values. Rules and defaults: the specification of `UsdPreviewSurface` 2.5.
 
@@ -31,7 +31,7 @@ use crate::desc::AssetRef;
 pub(crate) use compile::NEUTRAL;
 pub use compile::{Compiled, MAX_NODES, compile};
 pub use describe::{LONGEST_TEXT, MaterialText, NodeText, ProgramText, describe};
-pub use displacement::Displacement;
+pub use displacement::{Displacement, PatternDisplacement, PreviewDisplacement};
 pub use spaces::linear_from_srgb;
 pub use texture::is_ptex_name;
 

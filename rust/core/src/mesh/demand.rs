@@ -52,7 +52,7 @@ impl Demand<'_> {
 
     /// True where the surface has to evaluate a primvar.
     pub(crate) fn reads(&self, name: &str) -> bool {
-        let displaced = self.displacements.iter().flatten().filter_map(|d| d.primvar_name());
-        self.wanted.iter().any(|wanted| &*wanted.name == name) || displaced.into_iter().any(|read| &**read == name)
+        self.wanted.iter().any(|wanted| &*wanted.name == name)
+            || self.displacements.iter().flatten().any(|displacement| displacement.reads(name))
     }
 }

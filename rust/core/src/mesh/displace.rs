@@ -1,19 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Displaced surfaces: the vertices of a mesh that was cut are moved along its normals.
 //!
-//! A place where faces meet is moved once: along the mean of their normals, by the mean of their heights. So faces stay
-//! together bit for bit, where their textures do not fit and at sharp edges, too. The new normal at a vertex is the old
-//! one, turned as the mean of the triangles around it was:
-//! it is exact where nothing is displaced, and continuous across faces that were smooth together. Pure.
+//! A place where faces meet is moved once: along the mean of their normals, by the mean of their heights; where some say
+//! vectors, by the mean of these besides. So faces stay together bit for bit, where their textures do not fit and at
+//! sharp edges, too. The new normal at a vertex is the old one, turned as the mean of the triangles around it was: it is
+//! exact where nothing is displaced, and continuous across faces that were smooth together. Pure.
+
+use std::ops::Range;
 
 use glam::{DVec3, Vec3};
 use oocpt_subdiv::Facets;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
+use super::cut_values::CutValues;
 use super::demand::Demand;
+use super::pattern_relief::Surface;
 use super::primvar::subsets_of_faces;
-use super::relief::{CutValues, Member, Relief};
+use super::relief::{Members, Relief};
 use super::topology::MAX_COORDINATE;
 use crate::desc::{DroppedData, MeshDesc};
 use crate::texture::Heights;
@@ -42,12 +46,21 @@ struct FaceRun<'a> {
     triangles: &'a [[u32; 3]],
 }
 
-/// A vertex of a face, and which relief says how high it is.
-struct Asked {
-    vertex: u32,
+/// A face, and which relief says where its vertices are moved to.
+struct AskedFace {
     face: u32,
     slot: usize,
-    member: Option<Member>,
+    /// Its vertices in the list of all.
+    vertices: Range<usize>,
+    /// What it looks at.
+    members: Members,
+}
+
+/// A vertex of a face.
+struct AskedVertex {
+    vertex: u32,
+    /// Number of the face in the list of all.
+    face: u32,
 }
 
 /// What faces say about a place.
@@ -56,6 +69,13 @@ struct Sum {
     normal: DVec3,
     height: f64,
     faces: f64,
+}
+
+/// What faces say about all places.
+struct Sums {
+    sums: Vec<Sum>,
+    /// Sums of vectors; empty where no face says any.
+    vectors: Vec<DVec3>,
 }
 
 /// Positions and normals, one for each vertex.
@@ -114,60 +134,99 @@ impl Cut<'_> {
     }
 
     /// What the faces around each place say, and what could not be read.
-    fn sums(&self, demand: &Demand<'_>) -> (Vec<Sum>, Vec<String>) {
+    fn sums(&self, demand: &Demand<'_>) -> (Sums, Vec<String>) {
         // What is wrong with subsets is counted where their materials are.
         let subsets = subsets_of_faces(self.desc, self.face_count, &mut DroppedData::default());
         let slot = |face: u32| subsets.get(face as usize).map_or(0, |subset| usize::from(*subset));
-        let slots = demand.displacements.iter();
+        let surface = Surface { positions: self.facets.positions.as_chunks::<3>().0, normals: &self.normals };
+        let relief = |displacement| Relief::new(displacement, self.desc, surface);
         let mut reliefs: Vec<Option<Relief<'_>>> =
-            slots.map(|slot| slot.as_deref().map(|displacement| Relief::new(displacement, self.desc))).collect();
+            demand.displacements.iter().map(|slot| slot.as_deref().map(relief)).collect();
         for run in self.runs() {
             if let Some(Some(relief)) = reliefs.get_mut(slot(run.face)) {
                 relief.measure(run.face, run.triangles);
             }
         }
+        reliefs.iter_mut().flatten().for_each(Relief::settle);
+        let (mut faces, vertices) = self.asked(slot);
+        faces.par_iter_mut().for_each(|asked| {
+            if let Some(Some(relief)) = reliefs.get(asked.slot) {
+                let own = vertices.get(asked.vertices.clone()).unwrap_or_default();
+                asked.members = relief.members(asked.face, own.iter().map(|asked| asked.vertex));
+            }
+        });
         let none = Heights::default();
         let heights = demand.heights.unwrap_or(&none);
-        let mut seen = vec![u32::MAX; self.facets.places.len()];
-        let (mut asked, mut vertices) = (Vec::new(), Vec::new());
-        for (number, run) in (0..).zip(self.runs()) {
-            vertices.clear();
-            for &vertex in run.triangles.as_flattened() {
-                if let Some(seen) = seen.get_mut(vertex as usize).filter(|seen| **seen != number) {
-                    *seen = number;
-                    vertices.push(vertex);
-                }
+        for asked in &faces {
+            if let Some(Some(relief)) = reliefs.get_mut(asked.slot) {
+                relief.open(heights, &asked.members);
             }
-            let (face, slot) = (run.face, slot(run.face));
-            let relief = reliefs.get_mut(slot).and_then(Option::as_mut);
-            let member = relief.map(|relief| relief.open(heights, face, &vertices));
-            asked.extend(vertices.iter().map(|&vertex| Asked { vertex, face, slot, member }));
         }
-        let height = |asked: &Asked| {
-            let relief = reliefs.get(asked.slot).and_then(Option::as_ref).zip(asked.member);
-            relief.map_or(0.0, |(relief, member)| relief.height(asked.face, asked.vertex, member))
+        let relief_of = |asked: &AskedVertex| {
+            let face = faces.get(asked.face as usize)?;
+            Some((reliefs.get(face.slot)?.as_ref()?, face))
         };
-        let found: Vec<f64> = asked.par_iter().map(height).collect();
+        let height = |asked: &AskedVertex| {
+            relief_of(asked).map_or(0.0, |(relief, face)| relief.height(face.face, asked.vertex, &face.members))
+        };
+        let vector = |asked: &AskedVertex| {
+            let found = relief_of(asked);
+            found.map_or(DVec3::ZERO, |(relief, face)| relief.vector(face.face, asked.vertex, &face.members))
+        };
+        let heights: Vec<f64> = vertices.par_iter().map(height).collect();
+        let has_vectors = reliefs.iter().flatten().any(Relief::is_vector);
+        let vectors: Vec<DVec3> = if has_vectors { vertices.par_iter().map(vector).collect() } else { Vec::new() };
         // In the order of faces: sums of floats depend on it.
-        let mut sums = vec![Sum::default(); self.facets.places.len()];
-        for (asked, height) in asked.iter().zip(found) {
+        let places = self.facets.places.len();
+        let mut sums = vec![Sum::default(); places];
+        for (asked, height) in vertices.iter().zip(heights) {
             if let Some(sum) = sums.get_mut(self.place(asked.vertex)) {
                 sum.normal += self.normal(asked.vertex);
                 sum.height += height;
                 sum.faces += 1.0;
             }
         }
-        (sums, reliefs.into_iter().flatten().filter_map(Relief::into_problem).collect())
+        let mut vector_sums = vec![DVec3::ZERO; if has_vectors { places } else { 0 }];
+        for (asked, vector) in vertices.iter().zip(vectors) {
+            if let Some(sum) = vector_sums.get_mut(self.place(asked.vertex)) {
+                *sum += vector;
+            }
+        }
+        let problems = reliefs.into_iter().flatten().flat_map(Relief::into_problems).collect();
+        (Sums { sums, vectors: vector_sums }, problems)
+    }
+
+    /// All faces, each with its vertices; `slot` says which relief a face has.
+    fn asked(&self, slot: impl Fn(u32) -> usize) -> (Vec<AskedFace>, Vec<AskedVertex>) {
+        let mut seen = vec![u32::MAX; self.facets.places.len()];
+        let (mut faces, mut vertices) = (Vec::new(), Vec::new());
+        for (number, run) in (0..).zip(self.runs()) {
+            let first = vertices.len();
+            for &vertex in run.triangles.as_flattened() {
+                if let Some(seen) = seen.get_mut(vertex as usize).filter(|seen| **seen != number) {
+                    *seen = number;
+                    vertices.push(AskedVertex { vertex, face: number });
+                }
+            }
+            let (face, slot) = (run.face, slot(run.face));
+            faces.push(AskedFace { face, slot, vertices: first..vertices.len(), members: Members::default() });
+        }
+        (faces, vertices)
     }
 
     /// By how much each vertex moves.
-    fn moves(&self, sums: &[Sum], dropped: &mut DroppedData) -> Vec<DVec3> {
+    fn moves(&self, Sums { sums, vectors }: &Sums, dropped: &mut DroppedData) -> Vec<DVec3> {
         let (positions, _) = self.facets.positions.as_chunks::<3>();
         let mut by_place = vec![DVec3::ZERO; sums.len()];
-        for ((by, sum), at) in by_place.iter_mut().zip(sums).zip(positions) {
+        for (number, ((by, sum), at)) in by_place.iter_mut().zip(sums).zip(positions).enumerate() {
             // Where normals cancel out there is no outside.
-            let Some(normal) = sum.normal.try_normalize() else { continue };
-            let wanted = normal * (sum.height / sum.faces);
+            let along = sum.normal.try_normalize().map(|normal| normal * (sum.height / sum.faces));
+            let beside = vectors.get(number).filter(|_| sum.faces > 0.0).map(|vector| *vector / sum.faces);
+            let wanted = match (along, beside) {
+                (Some(along), Some(beside)) => along + beside,
+                (Some(one), None) | (None, Some(one)) => one,
+                (None, None) => continue,
+            };
             let is_usable = (Vec3::from(*at).as_dvec3() + wanted).abs().max_element() <= MAX_COORDINATE;
             if is_usable && wanted.is_finite() {
                 *by = wanted;

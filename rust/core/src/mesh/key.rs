@@ -3,7 +3,7 @@
 
 use xxhash_rust::xxh3::Xxh3;
 
-use super::{Demand, WantedPrimvar};
+use super::Demand;
 use crate::array::TypedArray;
 use crate::desc::{MeshDesc, PointsMotion, PointsSample, Primvar, Shape};
 
@@ -98,8 +98,9 @@ fn add_array(hasher: &mut Xxh3, array: Option<&TypedArray>) {
     hasher.update(array.view().bytes());
 }
 
-/// True when both descriptions give the same asset, told from array identities alone: cheap, may say no wrongly.
-pub(crate) fn is_same_mesh(a: &MeshDesc, b: &MeshDesc, wanted: &[WantedPrimvar]) -> bool {
+/// True when both descriptions give the same asset for a demand, told from array identities alone: cheap, may say no
+/// wrongly.
+pub(crate) fn is_same_mesh(a: &MeshDesc, b: &MeshDesc, demand: &Demand<'_>) -> bool {
     let array = |a: &TypedArray, b: &TypedArray| a.element() == b.element() && a.identity() == b.identity();
     let optional = |a: &Option<TypedArray>, b: &Option<TypedArray>| match (a, b) {
         (None, None) => true,
@@ -130,7 +131,11 @@ pub(crate) fn is_same_mesh(a: &MeshDesc, b: &MeshDesc, wanted: &[WantedPrimvar])
         && primvar(a.display_opacity.as_ref(), b.display_opacity.as_ref())
         && a.subsets.len() == b.subsets.len()
         && a.subsets.iter().zip(&b.subsets).all(|(a, b)| array(&a.faces, &b.faces))
-        && wanted.iter().all(|w| primvar(a.authored_primvar(&w.name), b.authored_primvar(&w.name)))
+        && [a, b]
+            .into_iter()
+            .flat_map(|mesh| &mesh.primvars)
+            .filter(|named| demand.reads(&named.name))
+            .all(|named| primvar(a.authored_primvar(&named.name), b.authored_primvar(&named.name)))
 }
 
 fn same_motion(

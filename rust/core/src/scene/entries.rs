@@ -35,7 +35,7 @@ impl MeshEntry {
     /// A new entry, or `old` with what changed. Gives whether anything did.
     pub(crate) fn update(old: Option<Self>, desc: MeshDesc) -> (Self, bool) {
         match old {
-            Some(old) if is_same_mesh(&old.desc, &desc, &old.wanted) => {
+            Some(old) if is_same_mesh(&old.desc, &desc, &old.demand()) => {
                 let changed = old.desc.prim != desc.prim
                     || old.desc.prim_id != desc.prim_id
                     || !is_dressed_alike(&old.desc, &desc);

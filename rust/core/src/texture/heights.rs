@@ -2,7 +2,8 @@
 //! Textures that displace surfaces: who decodes them says so through a trait, what they mean is worked out here.
 //!
 //! One level of an image is read for a mesh, whole: the coarsest one whose texels are not larger than the pieces that
-//! the mesh is cut into. It is filtered bilinearly, as the shaders do. Any thread.
+//! the mesh is cut into. It is filtered bilinearly, as the shaders do. Of its channels those are decoded that are
+//! asked for. Any thread.
 
 use std::fmt::Debug;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -11,7 +12,7 @@ use rustc_hash::FxHashMap;
 
 use super::{ColorSpace, Layout, Sampler, TextureRef, Wrap};
 
-/// Most texels of a level: a quarter of a gibibyte.
+/// Most texels of a level, each channel counted: a quarter of a gibibyte.
 const MOST_TEXELS: u64 = 1 << 26;
 /// Number of the first member of a set of files.
 const FIRST_MEMBER: u32 = 1001;
@@ -68,8 +69,8 @@ impl Heights {
         self.files.as_ref()
     }
 
-    /// The level of a texture (or of the member of a set) for pieces that cover `area` of its unit square each; `None`
-    /// for a member that is not there.
+    /// The `channels` (bit k: channel k) of the level of a texture (or of the member of a set) for pieces that cover
+    /// `area` of its unit square each; `None` for a member that is not there.
     ///
     /// # Errors
     /// Why it cannot be had, for the user.
@@ -77,7 +78,7 @@ impl Heights {
         &self,
         texture: &TextureRef,
         member: u32,
-        channel: u8,
+        channels: u8,
         area: f64,
     ) -> Result<Option<HeightLevel>, String> {
         let key = (texture.asset.resolved.clone(), member, texture.color_space.clone());
@@ -87,14 +88,17 @@ impl Heights {
         };
         let Some(image) = once(&self.open, &key, open)? else { return Ok(None) };
         let layout = image.layout();
-        let level = level_for(&layout, area);
+        let level = level_for(&layout, area, channels.count_ones());
         let size = layout.level_size(level);
-        let decode = || {
-            let texels = image.channel(level, channel)?;
-            let is_whole = texels.len() as u64 == u64::from(size[0]) * u64::from(size[1]);
-            if is_whole { Ok(Arc::new(texels)) } else { Err("has a level of another size than it says".to_owned()) }
-        };
-        let texels = once(&self.decoded, &(key, level, channel), decode)?;
+        let mut texels = [const { None }; 4];
+        for (channel, texels) in (0..4).zip(&mut texels).filter(|(channel, _)| channels >> channel & 1 == 1) {
+            let decode = || {
+                let texels = image.channel(level, channel)?;
+                let is_whole = texels.len() as u64 == u64::from(size[0]) * u64::from(size[1]);
+                if is_whole { Ok(Arc::new(texels)) } else { Err("has a level of another size than it says".to_owned()) }
+            };
+            *texels = Some(once(&self.decoded, &(key.clone(), level, channel), decode)?);
+        }
         let layout = Layout::new(size, 4).map_err(|error| error.to_string())?;
         let said = image.wrap().unwrap_or([Wrap::Black; 2]);
         let wrap = [0, 1].map(|axis: usize| match texture.wrap[axis] {
@@ -120,9 +124,11 @@ fn once<K: Clone + Eq + std::hash::Hash, V: Clone>(
     })
 }
 
-/// The coarsest level whose texels are not larger than pieces of `area`, and that has not too many texels.
-fn level_for(layout: &Layout, area: f64) -> u32 {
-    let texels = |level: u32| layout.level_size(level).into_iter().map(u64::from).product::<u64>();
+/// The coarsest level whose texels are not larger than pieces of `area`, and that has not too many texels in so many
+/// channels.
+fn level_for(layout: &Layout, area: f64, channels: u32) -> u32 {
+    let texels =
+        |level: u32| layout.level_size(level).into_iter().map(u64::from).product::<u64>() * u64::from(channels.max(1));
     let coarsest = layout.levels().saturating_sub(1);
     let [width, height] = layout.size().map(f64::from);
     // Texels of level 0 in a piece: each level has a quarter as many.
@@ -132,30 +138,46 @@ fn level_for(layout: &Layout, area: f64) -> u32 {
     (wanted.min(coarsest)..coarsest).find(|&level| texels(level) <= MOST_TEXELS).unwrap_or(coarsest)
 }
 
-/// A channel of a level of an image.
+/// Channels of a level of an image.
 #[derive(Clone, Debug)]
 pub(crate) struct HeightLevel {
     /// Of an image that has this level only.
     layout: Layout,
     wrap: [Wrap; 2],
-    texels: Arc<Vec<f32>>,
+    /// Those that were asked for.
+    texels: [Option<Arc<Vec<f32>>>; 4],
 }
 
 impl HeightLevel {
-    /// The value at a place; of a member of a set, within the member.
-    pub(crate) fn at(&self, st: [f64; 2]) -> f64 {
+    /// The value at a place; of a member of a set, within the member. 0 in channels that were not asked for.
+    pub(crate) fn at(&self, st: [f64; 2]) -> [f64; 4] {
         let width = self.layout.size()[0] as usize;
         let texel = |_: u32, x: u32, y: u32| {
-            let texel = self.texels.get(y as usize * width + x as usize);
-            [f64::from(texel.copied().unwrap_or(0.0)), 0.0, 0.0, 0.0]
+            let at = y as usize * width + x as usize;
+            let of = |texels: &Arc<Vec<f32>>| texels.get(at).copied();
+            [0, 1, 2, 3].map(|k: usize| f64::from(self.texels[k].as_ref().and_then(of).unwrap_or(0.0)))
         };
-        let [value, ..] = Sampler { layout: self.layout, wrap: self.wrap, texel }.bilinear(st, 0);
-        value
+        Sampler { layout: self.layout, wrap: self.wrap, texel }.bilinear(st, 0)
+    }
+}
+
+/// The member of a set of files that a place is in, counted from 1 (the one that ends on 1001); 0 for places that no
+/// member can have.
+pub(crate) fn member_of(st: [f64; 2]) -> u8 {
+    let (number, _) = member_at(st);
+    u8::try_from(number.saturating_sub(FIRST_MEMBER - 1)).unwrap_or(0)
+}
+
+/// Number in the file's name and lower left corner of a member counted from 1; 0 and the origin of 0.
+pub(crate) fn numbered(member: u8) -> (u32, [f64; 2]) {
+    match member.checked_sub(1) {
+        Some(at) => (u32::from(at) + FIRST_MEMBER, [f64::from(at % 10), f64::from(at / 10)]),
+        None => (0, [0.0; 2]),
     }
 }
 
 /// The member of a set of files that a place is in, and its lower left corner; 0 for places that no member can have.
-pub(crate) fn member_at(st: [f64; 2]) -> (u32, [f64; 2]) {
+fn member_at(st: [f64; 2]) -> (u32, [f64; 2]) {
     let corner = st.map(f64::floor);
     let is_there = (0.0..10.0).contains(&corner[0]) && (0.0..10.0).contains(&corner[1]);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 99")]
@@ -171,11 +193,12 @@ mod tests {
     fn texels_are_as_fine_as_pieces() {
         let layout = Layout::new([1024, 512], 4).unwrap();
         let piece = |texels: f64| texels * texels / (1024.0 * 512.0);
-        let levels = [0.1, 1.0, 1.99, 2.0, 4.5, 300.0, 1e9].map(|texels| level_for(&layout, piece(texels)));
+        let levels = [0.1, 1.0, 1.99, 2.0, 4.5, 300.0, 1e9].map(|texels| level_for(&layout, piece(texels), 1));
         assert_eq!(levels, [0, 0, 0, 1, 2, 8, 10], "pieces of so many texels of level 0");
-        assert_eq!([f64::NAN, 0.0, f64::INFINITY].map(|area| level_for(&layout, area)), [0, 0, 10], "no areas");
+        assert_eq!([f64::NAN, 0.0, f64::INFINITY].map(|area| level_for(&layout, area, 1)), [0, 0, 10], "no areas");
         let large = Layout::new([1 << 16, 1 << 16], 4).unwrap();
-        assert_eq!(level_for(&large, 0.0), 3, "8192 texels a side are enough");
+        let levels = [0, 1, 2, 4].map(|channels| level_for(&large, 0.0, channels));
+        assert_eq!(levels, [3, 3, 4, 4], "8192 texels a side are enough for one channel, 4096 for four");
     }
 
     #[test]
@@ -184,6 +207,10 @@ mod tests {
         assert_eq!(member_at([9.5, 2.0]), (1030, [9.0, 2.0]));
         for st in [[10.0, 0.5], [-0.1, 0.5], [0.5, 10.0], [f64::NAN, 0.0], [f64::INFINITY, 0.0]] {
             assert_eq!(member_at(st).0, 0, "{st:?} is in none");
+            assert_eq!(numbered(member_of(st)), (0, [0.0; 2]), "{st:?} is in none");
+        }
+        for st in [[0.5, 0.5], [9.5, 2.0], [0.0, 9.75], [9.0, 9.0]] {
+            assert_eq!(numbered(member_of(st)), member_at(st), "{st:?}");
         }
     }
 }

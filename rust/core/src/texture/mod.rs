@@ -20,7 +20,7 @@ pub use color::{expand, is_srgb, srgb_from_linear};
 pub use faces::{FaceBlock, FaceLayout, MAX_FACE_LOG2, TILE_TEXELS, class_size};
 pub use footprint::{MOST_ANISOTROPY, ellipse, filter_width};
 pub use heights::{HeightFiles, HeightImage, Heights};
-pub(crate) use heights::{HeightLevel, member_at};
+pub(crate) use heights::{HeightLevel, member_of, numbered};
 pub use layout::{Layout, LayoutError, MAX_SIDE, Piece, TAIL_SIDE, TILE_SIDE};
 pub use opacity_mask::{MASK_SIDE, OpacityMask, OpacityQuery, Presence, first_pair};
 pub use pyramid::{Pyramid, weights};

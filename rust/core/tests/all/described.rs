@@ -152,6 +152,35 @@ fn a_preview_surface_and_its_displacement_are_told() {
     assert_eq!(describe(&network("/m", Vec::new())).surface, "", "there is none");
 }
 
+#[test]
+fn a_displacement_by_nodes_is_told() {
+    let surface = node(SURFACE, &[], &[]);
+    let mut desc = network(
+        "/m",
+        vec![
+            surface,
+            node("ND_displacement_float", &[("scale", ParamValue::Float(0.5))], &[("displacement", 2, "out")]),
+            node("ND_add_float", &[], &[("in1", 3, "out"), ("in2", 4, "out")]),
+            node("ND_image_float", &[("file", file("a/bark.png"))], &[]),
+            node("ND_geompropvalue_float", &[("geomprop", text("heat"))], &[]),
+        ],
+    );
+    desc.displacement = Some(1);
+    let material = describe(&desc);
+    assert_eq!(material.displacement, "multiply(v1, 0.5)");
+    let [value] = &material.displacement_values[..] else { panic!("{material:?}") };
+    assert!(value.starts_with("v1 = add(swizzle(") && value.contains("bark.png"), "{value}");
+    assert!(value.contains("primvar \"heat\"") && material.values.is_empty(), "{value}");
+    let program = &material.displacement_program;
+    assert_eq!((program.lookups, program.noises), (1, 0));
+    assert_eq!((program.instructions.len(), material.lookups), (6, 0), "{program:?}: none for a hit");
+    assert!(material.textures.len() == 1 && material.textures[0].starts_with("\"a/bark.png\""), "{material:?}");
+    desc.nodes[1] = node("ND_displacement_vector3", &[("displacement", ParamValue::Vec3([1.0, 0.0, -2.0]))], &[]);
+    let material = describe(&desc);
+    assert_eq!(material.displacement, "(1, 0, -2) along tangent, bitangent and normal");
+    assert!(material.displacement_program.instructions.is_empty() && material.warnings.is_empty());
+}
+
 /// Texts of a scene cannot move a terminal's cursor, and are shown up to a length.
 #[test]
 fn texts_of_strangers_are_bounded() {

@@ -113,7 +113,7 @@ pub(crate) fn build(desc: &MeshDesc, material: &MaterialDesc, pieces: f64) -> Bu
 }
 
 /// Edges of one unit are cut into so many pieces.
-fn build_by_slot(desc: &MeshDesc, displacements: &[Option<Arc<Displacement>>], pieces: f64) -> BuiltMesh {
+pub(crate) fn build_by_slot(desc: &MeshDesc, displacements: &[Option<Arc<Displacement>>], pieces: f64) -> BuiltMesh {
     let dicing = Dicing { pixels: 1.0, density: pieces, ..Dicing::default() };
     let heights = Heights::new(Some(Arc::new(Files)));
     let demand = Demand { dicing: Some(&dicing), displacements, heights: Some(&heights), ..Demand::default() };
@@ -147,7 +147,7 @@ pub(crate) fn square() -> MeshDesc {
 }
 
 /// A cube from -1 to 1 whose faces share their points; each face shows all of the texture, turned by its number.
-fn cube(subdivision: Subdivision) -> MeshDesc {
+pub(crate) fn cube(subdivision: Subdivision) -> MeshDesc {
     let coordinate = |k: usize, bit: usize| if k >> bit & 1 == 1 { 1.0_f32 } else { -1.0 };
     let points: Vec<[f32; 3]> = (0..8).map(|k| [coordinate(k, 0), coordinate(k, 1), coordinate(k, 2)]).collect();
     let corners = vec![0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5];
@@ -191,7 +191,7 @@ fn open_edges(asset: &MeshAsset) -> usize {
 }
 
 /// Bilinear filter of the picture, by the textbook.
-fn filtered(s: f64, t: f64, channel: u8, wrap: impl Fn(i64, i64) -> Option<i64>) -> f64 {
+pub(crate) fn filtered(s: f64, t: f64, channel: u8, wrap: impl Fn(i64, i64) -> Option<i64>) -> f64 {
     let (x, y) = (s * f64::from(SIZE[0]) - 0.5, t * f64::from(SIZE[1]) - 0.5);
     let mut sum = 0.0;
     for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
@@ -204,7 +204,7 @@ fn filtered(s: f64, t: f64, channel: u8, wrap: impl Fn(i64, i64) -> Option<i64>)
     sum
 }
 
-fn repeated(x: i64, size: i64) -> Option<i64> {
+pub(crate) fn repeated(x: i64, size: i64) -> Option<i64> {
     Some(x.rem_euclid(size))
 }
 

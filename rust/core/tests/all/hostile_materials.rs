@@ -97,7 +97,7 @@ prop_compose! {
         nodes in (2..14_usize).prop_flat_map(|count| prop::collection::vec(any_node(count), count)),
         surface in 0..4_u8,
         wires in prop::collection::vec((any::<prop::sample::Index>(), any::<prop::sample::Index>()), 0..6),
-        is_displaced in any::<bool>(),
+        displaced in 0..5_u8,
     ) -> MaterialDesc {
         let mut nodes = nodes;
         let kind = match surface {
@@ -118,7 +118,19 @@ prop_compose! {
                 nodes[0].connections.push(ConnectionDesc { input, node, output: "out".into() });
             }
         }
-        MaterialDesc { displacement: is_displaced.then_some(0), ..network("/m", nodes) }
+        let last = nodes.len() - 1;
+        let displacement = match displaced {
+            0 => None,
+            1 => Some(0),
+            _ => Some(last),
+        };
+        if displaced > 2 {
+            nodes[last].kind =
+                (if displaced == 3 { "ND_displacement_float" } else { "ND_displacement_vector3" }).into();
+            let connection = ConnectionDesc { input: "displacement".into(), node: last - 1, output: "out".into() };
+            nodes[last].connections.push(connection);
+        }
+        MaterialDesc { displacement, ..network("/m", nodes) }
     }
 }
 
@@ -160,7 +172,9 @@ fn check(desc: &MaterialDesc) {
     let mut db = SceneDb::new();
     db.upsert_material(desc.clone());
     db.upsert_mesh(bind(grid("/q", 1), "/m", &[]));
-    let warnings = db.commit().warnings;
+    let commit = db.commit();
+    commit.snapshot.validate().expect("a sound mesh, wherever it was moved to");
+    let warnings = commit.warnings;
     let of_it: Vec<_> = warnings.iter().filter(|warning| &*warning.path == "/m").collect();
     assert_eq!(of_it.len(), usize::from(!problems.is_empty()), "{of_it:?}");
     assert!(of_it.iter().all(|warning| warning.message.len() <= LONGEST), "{} bytes", of_it[0].message.len());

@@ -31,7 +31,11 @@ mod dicing;
 #[cfg(test)]
 mod displaced;
 #[cfg(test)]
+mod displaced_patterns;
+#[cfg(test)]
 mod displaced_textures;
+#[cfg(test)]
+mod displaced_vectors;
 #[cfg(test)]
 mod edits;
 #[cfg(test)]

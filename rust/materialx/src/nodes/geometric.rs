@@ -3,20 +3,17 @@
 
 use crate::expression::Val;
 use crate::program::{Geometry, Op};
-use crate::uses::Uses;
 use crate::value::Type;
 use crate::walk::{At, Walker};
 
 impl Walker<'_> {
     pub(super) fn geometric(&mut self, at: At, category: &str, ty: Type) -> Option<Val> {
         Some(match category {
-            "position" if self.is_world(at) => self.expressions.geometry(Geometry::Position),
-            "position" => self.primvar(Uses::POSITION, [0.0; 4]),
-            "normal" if self.is_world(at) => self.expressions.geometry(Geometry::Normal),
-            "normal" => self.primvar(Uses::NORMAL, [0.0, 1.0, 0.0, 0.0]),
-            "tangent" => self.expressions.geometry(Geometry::Tangent),
-            "bitangent" => self.expressions.geometry(Geometry::Bitangent),
-            "viewdirection" => self.expressions.geometry(Geometry::ViewDirection),
+            "position" => self.by_space(at, Geometry::Position),
+            "normal" => self.by_space(at, Geometry::Normal),
+            "tangent" => self.by_space(at, Geometry::Tangent),
+            "bitangent" => self.by_space(at, Geometry::Bitangent),
+            "viewdirection" => self.view_direction(at),
             "facingratio" => self.facing_ratio(at),
             "texcoord" => {
                 let index = self.number_or(at, "index", 0.0).constant().map_or(0.0, |index| index[0]);
@@ -44,8 +41,19 @@ impl Walker<'_> {
         })
     }
 
-    fn is_world(&mut self, at: At) -> bool {
-        self.text(at, "space").as_deref() == Some("world")
+    fn by_space(&mut self, at: At, what: Geometry) -> Val {
+        let is_world = self.text(at, "space").as_deref() == Some("world");
+        self.geometry(at, what, is_world)
+    }
+
+    fn view_direction(&mut self, at: At) -> Val {
+        if self.is_displacing {
+            let (category, path) = (self.category(at), self.path(at));
+            self.problem(format!(
+                "`{category}` ({path}) is not known where meshes are displaced: it displaces nothing"
+            ));
+        }
+        self.expressions.geometry(Geometry::ViewDirection)
     }
 
     /// The primvar that an input names.
@@ -66,7 +74,7 @@ impl Walker<'_> {
 
     /// |V . N|, or 1 less it.
     fn facing_ratio(&mut self, at: At) -> Val {
-        let toward = self.expressions.geometry(Geometry::ViewDirection);
+        let toward = self.view_direction(at);
         let normal = self.expressions.geometry(Geometry::Normal);
         let cosine = self.expressions.dot(toward, normal, 3);
         let facing = self.number(at, "faceforward").unwrap_or(Val::ONE);

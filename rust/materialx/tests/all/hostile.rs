@@ -12,7 +12,7 @@ use proptest::prelude::*;
 use crate::support::{file, library, node, number, text, translated};
 
 /// Networks of random nodes, inputs and connections; all seeds with `cargo xtask test --full`.
-fn networks() -> u32 {
+pub(crate) fn networks() -> u32 {
     match std::env::var_os("OOCPT_TEST_FULL") {
         Some(_) => 10_000,
         None if cfg!(debug_assertions) => 100,
@@ -30,7 +30,7 @@ fn any_value() -> impl Strategy<Value = Value> {
 }
 
 prop_compose! {
-    fn any_node(count: usize)(
+    pub(crate) fn any_node(count: usize)(
         kind in any::<prop::sample::Index>(),
         inputs in prop::collection::vec((any::<prop::sample::Index>(), 0..count + 1, any_value(), any::<bool>()), 0..6),
     ) -> Node {
@@ -160,7 +160,7 @@ proptest! {
                 nodes.push(node("ND_open_pbr_surface_surfaceshader", &values, &inputs));
             }
         }
-        check(&Network { nodes, surface: 0 });
+        check(&Network { nodes, ..Network::default() });
     }
 }
 
@@ -196,7 +196,7 @@ fn more_than_a_program_may_have_is_a_problem() {
         nodes.push(node("ND_image_color3", &[("file", file(&format!("{at}.png")))], &[]));
     }
     nodes.push(node("ND_image_color3", &[("file", file("last.png"))], &[]));
-    check(&Network { nodes: nodes.clone(), surface: 0 });
+    check(&Network { nodes: nodes.clone(), ..Network::default() });
     let translation = translated(nodes);
     assert!(
         translation.problems.iter().any(|problem| problem.contains("texture lookups")),
@@ -245,7 +245,7 @@ fn ladders_are_climbed_once() {
             nodes.push(node(kind, &[("mix", number(0.5))], &[(a, at + 1), (b, at + 1)]));
         }
         nodes.push(node(last, &[], &[]));
-        check(&Network { nodes: nodes.clone(), surface: 0 });
+        check(&Network { nodes: nodes.clone(), ..Network::default() });
         assert_eq!(translated(nodes.clone()).problems, Vec::<String>::new(), "{kind}: deep, and understood");
         // The last one reads the first: a circle, met along both ways at each node.
         nodes[30] = node(kind, &[], &[(a, 1), (b, 1)]);
@@ -258,7 +258,7 @@ fn ladders_are_climbed_once() {
         nodes.push(node("ND_mix_surfaceshader", &[("mix", number(0.5))], &[("bg", at + 1), ("fg", at + 1)]));
     }
     nodes.push(node("ND_open_pbr_surface_surfaceshader", &[], &[]));
-    check(&Network { nodes, surface: 0 });
+    check(&Network { nodes, ..Network::default() });
 }
 
 /// Thousands of nodes that all count, and as many inputs of one.
@@ -272,11 +272,11 @@ fn thousands_of_nodes_are_translated_or_refused() {
         let inputs: &[(&str, usize)] = if at < 2000 { &[("in1", a), ("in2", b)] } else { &[] };
         nodes.push(node(kind, &[("pivot", number(at as f32))], inputs));
     }
-    check(&Network { nodes: nodes.clone(), surface: 0 });
+    check(&Network { nodes: nodes.clone(), ..Network::default() });
     let [problem] = &translated(nodes.clone()).problems[..] else { panic!("one line") };
     assert!(problem.starts_with("the patterns have more"), "{problem}");
     nodes[0].connections = (0..100_000).map(|at| (format!("input_{at}").into(), at % 4000, "out".into())).collect();
-    check(&Network { nodes: nodes.clone(), surface: 0 });
+    check(&Network { nodes: nodes.clone(), ..Network::default() });
     nodes.extend(vec![node("ND_add_color3", &[], &[]); 200]);
     let [problem] = &translated(nodes).problems[..] else { panic!("one line") };
     assert!(problem.contains("too many nodes"), "{problem}");
@@ -298,7 +298,7 @@ fn many_problems_are_few_lines() {
 
 #[test]
 fn no_surface_is_a_problem() {
-    for network in [Network::default(), Network { nodes: vec![node("ND_add_float", &[], &[])], surface: 0 }] {
+    for network in [Network::default(), Network { nodes: vec![node("ND_add_float", &[], &[])], ..Network::default() }] {
         let translation = translate(&network, library());
         assert!(translation.inputs.is_none() && translation.problems.len() == 1, "{translation:?}");
     }

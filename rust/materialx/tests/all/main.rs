@@ -4,6 +4,8 @@
 #[cfg(test)]
 mod definitions;
 #[cfg(test)]
+mod displacement;
+#[cfg(test)]
 mod hair;
 #[cfg(test)]
 mod height;

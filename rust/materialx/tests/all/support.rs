@@ -51,7 +51,7 @@ pub(crate) fn file(name: &str) -> Value {
 
 /// A network whose surface is its first node.
 pub(crate) fn translated(nodes: Vec<Node>) -> Translation {
-    translate(&Network { nodes, surface: 0 }, library())
+    translate(&Network { nodes, ..Network::default() }, library())
 }
 
 /// The same, without a problem.
