@@ -112,6 +112,17 @@ impl<'a> Walker<'a> {
         }
     }
 
+    /// Notes that a node is not understood; `role` is what it is there for. Hosts hand over no kind for nodes that they
+    /// have no definition of.
+    pub(crate) fn unsupported(&mut self, at: At, role: &str) {
+        let (category, path) = (self.category(at), self.path(at));
+        self.problem(if category.is_empty() {
+            format!("the host has no definition of {path}")
+        } else {
+            format!("{role}`{category}` ({path}) is not supported")
+        });
+    }
+
     /// A node of the network.
     pub(crate) fn terminal(node: usize) -> At {
         At { frame: 0, node }
@@ -305,8 +316,7 @@ impl<'a> Walker<'a> {
             return Some(found);
         }
         let Some(graph) = definition.as_ref().and_then(|definition| definition.graph.as_ref()) else {
-            let path = self.path(at);
-            self.problem(format!("`{category}` ({path}) is not supported"));
+            self.unsupported(at, "");
             return None;
         };
         let graph = Arc::clone(graph);

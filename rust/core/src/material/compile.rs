@@ -97,9 +97,15 @@ pub(crate) const NEUTRAL: [Input; INPUTS] = {
 };
 
 impl<'a> Compiler<'a> {
-    /// Notes that nodes of this kind are not understood.
+    /// Notes that nodes of this kind are not understood. Hosts hand over no kind for nodes that they have no definition
+    /// of, such as shaders in a language of a renderer.
     pub(super) fn unsupported(&mut self, node: &NodeDesc) {
-        self.problems.add(format!("nodes of kind `{}` ({}) are not supported", node.kind, node.path));
+        let (kind, path) = (&node.kind, &node.path);
+        self.problems.add(if kind.is_empty() {
+            format!("the host has no definition of {path}")
+        } else {
+            format!("nodes of kind `{kind}` ({path}) are not supported")
+        });
     }
 
     fn surface(&mut self, surface: Option<usize>) -> Option<Material> {

@@ -275,6 +275,10 @@ fn bad_networks_keep_what_makes_sense() {
         ("no surface", MaterialDesc { surface: None, ..network("/m", vec![surface(&[])]) }),
         ("no surface", MaterialDesc { surface: Some(7), ..network("/m", vec![surface(&[])]) }),
         ("`Noise` (/Noise) are not supported", network("/m", vec![node("Noise", &[], &[])])),
+        (
+            "the host has no definition of /glsl",
+            network("/m", vec![NodeDesc { path: "/glsl".into(), ..node("", &[], &[]) }]),
+        ),
         ("more than", network("/m", vec![surface(&[]); MAX_NODES + 1])),
     ] {
         let compiled = compile(&desc);

@@ -68,8 +68,7 @@ impl Walker<'_> {
             _ => match self.implementation(at) {
                 Some(inner) if depth < MAX_CLOSURES => self.edf(inner, depth + 1),
                 _ => {
-                    let path = self.path(at);
-                    self.problem(format!("emission of kind `{category}` ({path}) is not supported"));
+                    self.unsupported(at, "emission by ");
                     Val::ZERO
                 }
             },
@@ -140,8 +139,7 @@ impl Walker<'_> {
             _ => match self.implementation(at) {
                 Some(found) => self.bsdf(found, depth + 1),
                 None => {
-                    let path = self.path(at);
-                    self.problem(format!("closures of kind `{category}` ({path}) are not supported"));
+                    self.unsupported(at, "the closure ");
                     None
                 }
             },

@@ -65,8 +65,7 @@ impl Walker<'_> {
             _ => match self.implementation(at) {
                 Some(inner) => self.shader(inner, depth + 1),
                 None => {
-                    let path = self.path(at);
-                    self.problem(format!("surfaces of kind `{category}` ({path}) are not supported"));
+                    self.unsupported(at, "the surface ");
                     None
                 }
             },

@@ -2,6 +2,7 @@
 //! Surface models as inputs of the BSDF, textures with their places, programs.
 
 use oocpt_materialx::InputSource;
+use oocpt_materialx::network::Node;
 use oocpt_materialx::program::Geometry;
 use oocpt_materialx::surface::Input;
 
@@ -205,6 +206,18 @@ fn what_is_left_out_is_said_once_with_the_prim() {
     let missing = "scattering inside, another roughness of what is transmitted";
     assert_eq!(translation.problems, [format!("/m/{STANDARD}: not supported yet: {missing}")]);
     assert!(translation.inputs.is_some(), "the rest is there");
+}
+
+#[test]
+fn a_node_without_a_kind_is_named_by_its_path() {
+    let unknown = || Node { path: "/m/own".into(), ..node("", &[], &[]) };
+    let said = ["the host has no definition of /m/own"];
+    let pattern = translated(vec![node(STANDARD, &[], &[("base_color", 1)]), unknown()]);
+    assert_eq!(pattern.problems, said);
+    assert!(pattern.inputs.is_some(), "the rest is there");
+    let closure = translated(vec![node("ND_surface", &[], &[("bsdf", 1), ("edf", 1)]), unknown()]);
+    assert_eq!(closure.problems, said, "as a closure and as an emission, once");
+    assert_eq!(translated(vec![unknown()]).problems[0], said[0], "as the surface");
 }
 
 /// 1 / the Abbe number, as each model has it.
