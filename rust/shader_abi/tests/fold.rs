@@ -168,7 +168,8 @@ fn without_images_of_shading_there_are_no_materials_in_their_pass() {
     let words = |features| passes::SHADE_AOVS.specialised(&spec(with_needs(features))).len();
     let bare = Features::MATERIALS | Features::TEXTURES;
     let patterns = bare | Features::PATTERNS;
-    assert_eq!(words(patterns), words(bare), "a program of a material is there");
+    let of_opacity = words(patterns) - words(bare);
+    assert!(of_opacity < 500, "{of_opacity} words of programs: those of materials are there");
     let (without, with) = (words(patterns), words(patterns | Features::SHADED_AOVS));
     assert!(with > without + 1000, "{with} words with images of shading, {without} without");
 }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Displaced surfaces: the vertices of a mesh that was cut are moved along its normals.
 //!
-//! A place where faces meet is moved once: along the mean of their normals, by the mean of their heights; where some say
-//! vectors, by the mean of these besides. So faces stay together bit for bit, where their textures do not fit and at
-//! sharp edges, too. The new normal at a vertex is the old one, turned as the mean of the triangles around it was: it is
-//! exact where nothing is displaced, and continuous across faces that were smooth together. Pure.
+//! A place where faces meet is moved once: along the mean of their normals, by the mean of their heights; where some
+//! say vectors, by the mean of these besides. So faces stay together bit for bit, where their textures do not fit and
+//! at sharp edges, too. The new normal at a vertex is the old one, turned as the mean of the triangles around it was:
+//! it is exact where nothing is displaced, and continuous across faces that were smooth together. Pure.
 
 use std::ops::Range;
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where a displacement by a program moves the vertices of a mesh that was cut. Pure but for the textures that it reads.
+//! Where a displacement by a program moves the vertices of a mesh that was cut. Pure but for the textures that it
+//! reads.
 //!
 //! The program reads points, normals and tangents of the mesh's own frame, before anything is moved. Which level of a
 //! texture is read is told by where the program looks at the corners of triangles ([`MOST_MEASURED`] of them, evenly

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Where a displacement moves the vertices of a mesh that was cut: first it is shown all triangles ([`Relief::measure`],
-//! [`Relief::settle`]), then what faces look at is opened, then vertices are asked for. Pure but for the textures that
-//! it reads.
+//! Where a displacement moves the vertices of a mesh that was cut: first it is shown all triangles
+//! ([`Relief::measure`], [`Relief::settle`]), then what faces look at is opened, then vertices are asked for. Pure but
+//! for the textures that it reads.
 
 use glam::DVec3;
 
