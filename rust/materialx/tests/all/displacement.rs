@@ -85,7 +85,8 @@ fn mixtures_are_mixed_and_numbers_go_along_the_normal() {
     let [a, b] = [("displacement", number(4.0)), ("displacement", number(8.0))];
     let sides = [("fg", 1), ("bg", 2)];
     let mix = |share: f32| node(MIX, &[("mix", number(share))], &sides);
-    let found = sound(vec![mix(0.25), node(FLOAT, std::slice::from_ref(&a), &[]), node(FLOAT, &[b.clone()], &[])]);
+    let found =
+        sound(vec![mix(0.25), node(FLOAT, std::slice::from_ref(&a), &[]), node(FLOAT, std::slice::from_ref(&b), &[])]);
     assert_eq!(found.offset, Offset::Constant([7.0; 4]));
     let across = ("displacement", vector(1.0, 2.0, 4.0));
     let found = sound(vec![mix(0.25), node(VECTOR, &[across], &[]), node(FLOAT, std::slice::from_ref(&b), &[])]);
