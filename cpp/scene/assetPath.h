@@ -3,7 +3,10 @@
 #define HDOOCPT_SCENE_ASSET_PATH_H
 
 #include "pxr/base/vt/value.h"
+#include "pxr/imaging/hd/sceneIndex.h"
 #include "pxr/pxr.h"
+#include "pxr/usd/ar/resolverContext.h"
+#include "pxr/usd/ar/resolverContextBinder.h"
 
 namespace oocpt {
 struct AssetDesc;
@@ -13,7 +16,13 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 /// A file that the scene names, as it goes to Rust: an SdfAssetPath, or text that means a path. Hydra has resolved it
 /// already; where it has not, the host's resolver is asked here. Empty for any other value.
+/// A path with the separators of Windows, which is one name elsewhere, is looked for in the folders that the resolver's
+/// context has (the root layer's): which layer said it is not known any more.
 oocpt::AssetDesc HdOocPTDescribeAsset(const VtValue& value);
+
+/// The context of the host's resolver: the one bound on this thread, or else the scene's. Bind it on every thread that
+/// describes assets.
+ArResolverContext HdOocPTFindResolverContext(HdSceneIndexBase& scene);
 
 PXR_NAMESPACE_CLOSE_SCOPE
 

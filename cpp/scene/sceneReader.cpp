@@ -4,6 +4,7 @@
 #include "oocpt-bridge/src/lib.rs.h"
 #include "pxr/base/vt/array.h"
 #include "pxr/base/work/loops.h"
+#include "scene/assetPath.h"
 #include "scene/dataSource.h"
 #include "scene/instancerReader.h"
 #include "scene/lightReader.h"
@@ -15,7 +16,6 @@
 #include <algorithm>
 #include <exception>
 #include <iterator>
-#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -287,8 +287,10 @@ void HdOocPTSceneReader::_RunJobs(
             job.record->instancer.reset();
         }
     };
-    WorkParallelForN(jobs->size(),
-        [&](size_t begin, size_t end) { std::for_each(jobs->begin() + begin, jobs->begin() + end, read); });
+    WorkParallelForN(jobs->size(), [&, context = HdOocPTFindResolverContext(*_scene)](size_t begin, size_t end) {
+        const ArResolverContextBinder bound(context);
+        std::for_each(jobs->begin() + begin, jobs->begin() + end, read);
+    });
 }
 
 void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOocPTWarnings* warnings) const
@@ -344,11 +346,11 @@ void HdOocPTSceneReader::_ReadJob(_Job* job, const PrimIdLookup& primIdOf, HdOoc
 
 void HdOocPTSceneReader::SetCamera(const SdfPath& camera, HdOocPTWarnings* warnings)
 {
-    const auto& tokens = *HdOocPTSceneTokens;
     if (!camera.IsEmpty()) {
         _camera = camera;
     } else if (_camera.IsEmpty()) {
         const HdSceneIndexPrim root = _scene->GetPrim(SdfPath::AbsoluteRootPath());
+        const auto& tokens = *HdOocPTSceneTokens;
         _camera
             = HdOocPTRead(root.dataSource, { tokens.sceneGlobals, tokens.primaryCameraPrim }).GetWithDefault<SdfPath>();
     }

@@ -35,6 +35,8 @@ PXR_NAMESPACE_OPEN_SCOPE
     /* primvars */                                                                                                    \
     (primvars)(primvarValue)(indexedPrimvarValue)(indices)(interpolation)(extComputationPrimvars)(points)(normals)    \
     (displayColor)(displayOpacity)(constant)(uniform)(varying)(vertex)(faceVarying)(instance)                         \
+    /* the whole scene */                                                                                             \
+    (system)(assetResolution)(resolverContext)                                                                        \
     /* prims of legacy front ends */                                                                                  \
     (sceneDelegate)                                                                                                   \
     /* instancers */                                                                                                  \

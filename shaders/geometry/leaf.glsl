@@ -16,7 +16,7 @@
 //                                  begins at the point: rays that leave a surface start that much away from it
 //   void NAME_edges(const vec3 v0, const vec3 v1, const vec3 v2, out vec3 e, out vec3 f)
 //                                  two vectors, not parallel, along which values by corner grow by those of the second
-//                                  and the third corner less that of the first
+//                                  and the third corner less that of the first. The Rust file does the same operations
 //   vec3 NAME_keep(const vec3 v0, const vec3 v1, const vec3 v2, const vec2 uv, const vec3 point)
 //   vec3 NAME_place(const vec3 v0, const vec3 v1, const vec3 v2, const vec2 uv, const vec3 kept)
 //                                  what a point of the surface keeps when the item moves, and where a point is that

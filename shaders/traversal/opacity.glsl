@@ -51,7 +51,7 @@ bool is_cut_in(uint triangle, vec2 uv, float t) {
     }
     const Presence presence = presence_of(walk.pose, walk.mesh,
                                           Instances(walk.instances).v[chain[level_index()]].prim_id, triangle, uv,
-                                          ray_cone(walk.path, t) * length(walk.d), walk.d);
+                                          ray_cone(walk.path, t) * sqrt(dot3(walk.d, walk.d)), walk.d);
     if (!presence.is_asked) return true;
     const bool chance = presence.threshold <= 0.0;
     float limit = presence.threshold;

@@ -14,6 +14,7 @@
 
 #include "include/queue.glsl"
 #include "traversal/traverse.glsl"
+#include "traversal/sharing.glsl"
 
 // Fewer threads than these of a subgroup of 32 do not keep it among the nodes.
 const uint KEEP_DESCENDING = 12u;
@@ -44,13 +45,19 @@ bool is_asking_time() {
 void trace_rays(uint count) {
     const uint keep_descending = KEEP_DESCENDING * gl_SubgroupSize / 32u;
     const uint keep_walking = KEEP_WALKING * gl_SubgroupSize / 32u;
-    uint at = thread_index();
+    // The last rays are shared every few visits.
+    const uint last_walking = shares_walks() ? gl_SubgroupSize + 1u : 1u;
+    const uint threads = gl_NumWorkGroups.x * gl_NumWorkGroups.y * WORKGROUP_SIZE;
+    const uint spread = shares_walks() ? clamp(threads / max(count, 1u), 1u, gl_SubgroupSize) : 1u;
+    uint at = thread_index() % spread == 0u ? thread_index() / spread : count;
     bool has_ray = false;
-    bool more = count > gl_NumWorkGroups.x * gl_NumWorkGroups.y * WORKGROUP_SIZE;
+    bool more = count > threads;
     reference = DONE;
+    own_walk();
     do {
         if (at < count) {
             begin_ray(at);
+            own_walk();
             has_ray = true;
         }
         uint visits = 0u;
@@ -63,8 +70,14 @@ void trace_rays(uint count) {
             const bool asks = HAS_CUTOUTS && reference == ASK;
             if (reference >= LEAF && reference != DONE && !asks) reference = visit(reference);
             if (HAS_CUTOUTS && is_asking_time() && reference == ASK) reference = answer_candidate();
-        } while (threads_that(reference != DONE) >= (more && visits >= PATIENCE ? keep_walking : 1u));
-        const bool ended = has_ray && reference == DONE;
+        } while (threads_that(reference != DONE) >= (visits < PATIENCE ? 1u : more ? keep_walking : last_walking));
+        const bool shares = !more && shares_walks();
+        bool helped = false;
+        if (shares) {
+            hand_in();
+            helped = is_helped();
+        }
+        const bool ended = has_ray && reference == DONE && !helped;
         if (ended) end_walk();
         end_ray(ended);
         has_ray = has_ray && !ended;
@@ -75,6 +88,7 @@ void trace_rays(uint count) {
             if (!has_ray) at = to;
             more = threads_that(!has_ray && at >= count) == 0u;
         }
+        if (shares) share_walks(!has_ray && !is_helper());
     } while (threads_that(has_ray || at < count) > 0u);
 }
 

@@ -15,6 +15,8 @@ float stack_entry[ENTRIES];
 uvec2 stack[STACK_SIZE];
 #endif
 uint stack_top;
+// Where DONE stands: entries below were given to other threads (sharing.glsl).
+uint stack_floor;
 bool stack_overflow;
 
 void clear_stack() {
@@ -25,6 +27,7 @@ void clear_stack() {
     stack[0] = uvec2(DONE, 0u);
 #endif
     stack_top = 1u;
+    stack_floor = 0u;
     stack_overflow = false;
 }
 
@@ -55,6 +58,33 @@ uint pop_reference(float limit, out float entry) {
         entry = uintBitsToFloat(top.y);
     } while (entry > limit);
     return top.x;
+#endif
+}
+
+// The entry above the floor: of a subtree that is visited last.
+uint bottom_reference() {
+#if ANY_HIT
+    return stack[stack_floor + 1u];
+#else
+    return stack[stack_floor + 1u].x;
+#endif
+}
+
+float bottom_entry() {
+#if ANY_HIT
+    return 0.0;
+#else
+    return uintBitsToFloat(stack[stack_floor + 1u].y);
+#endif
+}
+
+// Takes it off.
+void drop_bottom() {
+    ++stack_floor;
+#if ANY_HIT
+    stack[stack_floor] = DONE;
+#else
+    stack[stack_floor] = uvec2(DONE, 0u);
 #endif
 }
 

@@ -84,6 +84,9 @@ struct Walk {
     bool hit;
 };
 
+// Whether the last walks of a pass are shared by threads (sharing.glsl).
+const bool SHARES = !HAS_STREAMING;
+
 Walk walk;
 uint walk_kind; // with HAS_LEAF_KINDS only
 Found found;
@@ -111,6 +114,12 @@ bool precedes(uint triangle) {
         if (chain[i] != found_chain[i]) return chain[i] < found_chain[i];
     }
     return triangle < found.triangle;
+}
+
+// Whether the candidate is closer than the closest hit so far.
+bool is_closest(float t, uint triangle) {
+    const bool has_hit = walk.hit || (HAS_STREAMING && walk.hit_before);
+    return t < found.t || (has_hit && t == found.t && precedes(triangle));
 }
 
 #include "traversal/opacity.glsl"
@@ -157,6 +166,9 @@ void accept(uint triangle, vec2 uv, float t) {
 #if !ANY_HIT
     walk.limit = t * CULL_PAD;
     for (uint i = 0u; i <= level_index(); ++i) found_chain[i] = chain[i];
+    if (SHARES) {
+        for (uint i = level_index() + 1u; i < MAX_LEVELS; ++i) found_chain[i] = 0u;
+    }
 #endif
 }
 
@@ -178,8 +190,7 @@ bool visit_triangles(uint begin, uint end) {
         if (!(t < walk.limit)) continue;
 #else
         t = max(t, walk.entry * ENTRY_SCALE);
-        const bool has_hit = walk.hit || (HAS_STREAMING && walk.hit_before);
-        if (!(t < found.t || (has_hit && t == found.t && precedes(triangle)))) continue;
+        if (!is_closest(t, triangle)) continue;
 #endif
         if (HAS_OPACITY && !is_opaque(triangle, uv)) continue;
         if (HAS_CUTOUTS) {
@@ -200,7 +211,9 @@ uint answer_candidate() {
     const uint next = candidate.triangle + 1u;
     const uint rest = candidate.end - next;
     candidate.end = 0u;
-    if (is_cut_in(candidate.triangle, candidate.uv, candidate.t)) {
+    // A helper may have handed in a closer hit since.
+    const bool counts = ANY_HIT == 1 || !SHARES || is_closest(candidate.t, candidate.triangle);
+    if (counts && is_cut_in(candidate.triangle, candidate.uv, candidate.t)) {
         accept(candidate.triangle, candidate.uv, candidate.t);
 #if ANY_HIT
         return DONE;
@@ -304,9 +317,8 @@ void begin_top() {
     walk.nodes = FRAME.top_nodes;
 }
 
-// Back from a mesh to the level that it was entered from, or from an assembly or a chunk to the level above.
-void leave() {
-    if (!walk.in_mesh) --walk.level;
+// To the nodes of `walk.level`, which was entered before.
+void come_back() {
     walk.in_mesh = false;
     walk.pad = 0.0;
     if (walk.level == 0u) {
@@ -319,6 +331,12 @@ void leave() {
     walk.reciprocal = safe_reciprocal(walk.d);
     walk.nodes = level_nodes[at];
     walk.instances = level_instances[at];
+}
+
+// Back from a mesh to the level that it was entered from, or from an assembly or a chunk to the level above.
+void leave() {
+    if (!walk.in_mesh) --walk.level;
+    come_back();
 }
 
 // Streaming: puts what a ray that has waited is to visit on the stack; returns where to begin.

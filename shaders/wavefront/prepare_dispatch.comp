@@ -9,6 +9,10 @@
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
 
+// Up to so many threads walk few rays, and so many one.
+const uint SPREAD_TO = 1u << 17;
+const uint MOST_SPREAD = 4u;
+
 IndirectArgs indirect(uint count) {
     const uint needed = (count + WORKGROUP_SIZE - 1u) / WORKGROUP_SIZE;
     const uint x = min(needed, MAX_DIRECT_GROUPS);
@@ -17,6 +21,12 @@ IndirectArgs indirect(uint count) {
 
 uint threads(IndirectArgs of) {
     return of.x * of.y * WORKGROUP_SIZE;
+}
+
+// Threads for the walks of rays: more than rays where there are few, for they are shared (traversal/sharing.glsl).
+IndirectArgs walkers(uint rays, uint most) {
+    const uint spread = HAS_STREAMING ? 1u : clamp(SPREAD_TO / max(rays, 1u), 1u, MOST_SPREAD);
+    return indirect(min(rays * spread, most));
 }
 
 // Streaming: what the last traversals counted, into the totals.
@@ -33,9 +43,9 @@ void prepare_trace() {
     uint shadows = COUNTERS.shadow_count;
     const uint most = max(FRAME.most_walkers, 1u);
     COUNTERS.ray_args = indirect(rays);
-    COUNTERS.trace_args = indirect(min(rays, most));
+    COUNTERS.trace_args = walkers(rays, most);
     COUNTERS.ray_next = threads(COUNTERS.trace_args);
-    COUNTERS.shadow_args = indirect(min(shadows, most));
+    COUNTERS.shadow_args = walkers(shadows, most);
     COUNTERS.shadow_next = threads(COUNTERS.shadow_args);
     if (rays + shadows + COUNTERS.resolve_count > 0u) COUNTERS.busy_rounds += 1u;
     if (HAS_STREAMING) {

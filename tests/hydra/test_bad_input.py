@@ -199,3 +199,20 @@ def test_other_input_that_must_not_matter(host):
     picture = host.picture(text, (12, 12), camera="/World/Perspective", settings=QUICK)
     compare.near(picture["color"], 1.0, 1e-3, "furnace with strangers")
     still_works(host)
+
+
+def test_a_material_for_other_renderers_is_said_to_have_no_surface_that_is_read(host, tmp_path):
+    """Legacy front ends leave such materials out, so that the line is about the mesh; the new one hands over a material
+    without nodes."""
+    scene = tmp_path / "mdl.usda"
+    scene.write_text(
+        '#usda 1.0\ndef Sphere "Ball" ( prepend apiSchemas = ["MaterialBindingAPI"] )\n'
+        '{\n    rel material:binding = </Mdl>\n}\n'
+        'def Material "Mdl"\n{\n    token outputs:mdl:surface.connect = </Mdl/Shader.outputs:out>\n'
+        '    def Shader "Shader"\n    {\n        uniform token info:implementationSource = "sourceAsset"\n'
+        "        uniform asset info:mdl:sourceAsset = @OmniPBR.mdl@\n        token outputs:out\n    }\n}\n"
+    )
+    with host.open(scene, (8, 8), settings=QUICK) as view:
+        lines = [line for line in view.render().log.splitlines() if "OocPT" in line]
+    assert len(lines) == 1 and "/Mdl" in lines[0], lines
+    assert "no surface that is read (UsdPreviewSurface or MaterialX)" in lines[0], lines

@@ -10,6 +10,7 @@ import pytest
 import compare
 import exr
 import small
+import test_textures
 
 
 @pytest.fixture(params=["0", "1"], ids=["legacy", "scene_index"])
@@ -83,3 +84,50 @@ def test_bad_scene_data_is_not_fatal(usdrecord):
     done, out = usdrecord(small.FOLDER / "bad_data.usda", "--camera", "/World/Camera", "--imageWidth", "24")
     assert done.returncode == 0, done.stderr
     assert "/World/NanPoint" in done.stderr and np.isfinite(exr.read(out)).all()
+
+
+def test_a_prim_that_the_host_cannot_read_leaves_the_pictures(usdrecord, tmp_path):
+    """Errors of USD's about the scene end nothing, as the renderer's warnings do. Stages of Omniverse have a render
+    product whose camera is not saved; USD's legacy front end calls that an error."""
+    scene = tmp_path / "strange.usda"
+    camera = '    def Camera "Camera"\n    {\n        double3 xformOp:translate = (0, 0, 9)\n' \
+        '        uniform token[] xformOpOrder = ["xformOp:translate"]\n    }\n'  # fmt: skip
+    strange = '    def Sphere "Strange"\n    {\n        token strangeOp = "scale"\n' \
+        '        uniform token[] xformOpOrder = ["strangeOp"]\n    }\n'  # fmt: skip
+    light = '    def DomeLight "Dome"\n    {\n    }\n'
+    product = '    def RenderProduct "Product"\n    {\n        rel camera = </Unsaved>\n    }\n'
+    settings = f'def RenderSettings "Settings"\n{{\n    rel products = </Settings/Product>\n{product}}}\n'
+    scene.write_text(f'#usda 1.0\ndef "World"\n{{\n{camera}{strange}{light}}}\n{settings}')
+    done, out = usdrecord(
+        scene, "--camera", "/World/Camera", "--imageWidth", "16", "--frames", "1:2", name="out.#.exr"
+    )
+    assert done.returncode == 0, f"status {done.returncode}: {done.stderr}"
+    # The host syncs on several threads: an error of another thread than the caller's is said at once, without the time.
+    said = [line for line in done.stderr.splitlines() if "</World/Strange.strangeOp>" in line]
+    assert said and all(line.startswith("USD: error: ") for line in said), done.stderr
+    for frame in (1, 2):
+        picture = exr.read(out.with_name(f"out.{frame}.exr"))
+        compare.near(picture[8, 8, 3], 1.0, 1e-6, "the ball, in its place without the operation")
+
+
+def test_a_texture_path_of_windows_is_found_beside_the_scene(usdrecord, tmp_path):
+    from PIL import Image
+
+    (tmp_path / "textures").mkdir()
+    Image.fromarray(np.full((4, 4, 3), (0, 255, 0), np.uint8)).save(tmp_path / "textures" / "green.png")
+    scene = tmp_path / "scene.usda"
+    scene.write_text(test_textures.STAGE.replace("FILE", r".\textures\green.png").replace("EXTENT", "1"))
+    done, out = usdrecord(scene, "--camera", "/World/Camera", "--imageWidth", "16")
+    assert done.returncode == 0 and "not found" not in done.stderr, done.stderr
+    color = exr.read(out)[8, 8]
+    assert color[1] > 0.5 and max(color[0], color[2]) < 0.2, color
+
+
+def test_a_stage_that_names_render_settings_it_has_not_is_rendered(usdrecord, tmp_path):
+    scene = tmp_path / "draft.usda"
+    scene.write_text('#usda 1.0\n(\n    renderSettingsPrimPath = "/Render/Draft"\n)\ndef Sphere "Ball"\n{\n}\n')
+    done, out = usdrecord(scene, "--imageWidth", "16")
+    assert done.returncode == 0 and out.exists(), done.stderr
+    assert len([line for line in done.stderr.splitlines() if "</Render/Draft>" in line]) == 1, done.stderr
+    asked, _ = usdrecord(scene, "--imageWidth", "16", "--renderSettingsPrimPath", "/Render/Draft")
+    assert asked.returncode == 1 and "Unknown render settings </Render/Draft>" in asked.stderr, asked.stderr

@@ -9,8 +9,7 @@ pub(crate) mod motion;
 use crate::ffi;
 use crate::held::typed_array;
 use cxx::UniquePtr;
-use glam::DMat4;
-use oocpt_core::array::{Element, TypedArray};
+use oocpt_core::array::{Element, TypedArray, column_matrix};
 use oocpt_core::desc::{Boundary, CurveBasis, CurveWrap, CurvesDesc, FaceVaryingLinear, Shape, TriangleRule};
 use oocpt_core::scene::{
     AssetRef, InstancedBy, InstancerDesc, InstancerPrototype, Interpolation, MeshDesc, NamedPrimvar, PrimDesc, Primvar,
@@ -131,12 +130,6 @@ pub(crate) fn optional_text(text: String) -> Option<Arc<str>> {
 pub(crate) fn asset(desc: ffi::AssetDesc) -> Option<AssetRef> {
     let is_named = !(desc.authored.is_empty() && desc.resolved.is_empty());
     is_named.then(|| AssetRef { authored: Arc::from(desc.authored), resolved: Arc::from(desc.resolved) })
-}
-
-/// `GfMatrix4d` data, which lies row by row for row vectors, as the matrix for column vectors: read column by column,
-/// the same sixteen numbers are its transpose, and that is the one wanted.
-pub(crate) fn column_matrix(gf_data: &[f64; 16]) -> DMat4 {
-    DMat4::from_cols_array(gf_data)
 }
 
 fn interpolation(tag: ffi::InterpolationTag) -> Option<Interpolation> {
@@ -338,6 +331,9 @@ pub(crate) mod tests {
         let matrix = column_matrix(&prim_desc().transform);
         let moved = matrix.transform_point3(DVec3::new(1.0, 0.0, 0.0));
         assert_eq!(moved, DVec3::new(11.0, 20.0, 30.0), "the translation of a Gf matrix is its last row");
+        let transform = prim_desc().transform.map(|v| 2.0 * v);
+        let placed = prim(ffi::PrimDesc { transform, ..prim_desc() });
+        assert_eq!(placed.transform, matrix, "points are homogeneous");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //!
 //! Every method may be called from any thread; none panics out (see [`crate::guard`]).
 
-use crate::convert::{self, Complaints, column_matrix};
+use crate::convert::{self, Complaints};
 use crate::ffi::{NamedValue, RenderDesc, ScalarValue, SceneEdits, SettingDescriptor, SettingOutcome, UserMessage};
 use crate::ffi_images::ImageSource;
 use crate::guard::{BridgeError, guard};
@@ -12,6 +12,7 @@ use crate::settings::{self, Layers};
 use crate::{light, logging, material, runner, stats};
 use cxx::UniquePtr;
 use glam::DVec4;
+use oocpt_core::array::column_matrix;
 use oocpt_core::camera::Camera;
 use oocpt_core::scene::{SceneDb, summary};
 use oocpt_render::textures::ImageLibrary;

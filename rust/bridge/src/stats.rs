@@ -114,7 +114,7 @@ fn error(row: &ErrorRow) -> Vec<NamedValue> {
 }
 
 /// What is told about chunks, memory and the overlap of tracing and loading.
-fn streaming(stats: &StreamingStats) -> [NamedValue; 33] {
+fn streaming(stats: &StreamingStats) -> [NamedValue; 35] {
     [
         flag("oocpt:inCore", stats.in_core),
         integer("oocpt:chunks", stats.chunks),
@@ -133,6 +133,8 @@ fn streaming(stats: &StreamingStats) -> [NamedValue; 33] {
         integer("oocpt:geometryBytes", stats.geometry_bytes),
         integer("oocpt:geometryBudgetBytes", stats.geometry_budget_bytes),
         integer("oocpt:geometryPeakBytes", stats.geometry_peak_bytes),
+        integer("oocpt:mappedBytes", stats.mapped_bytes),
+        flag("oocpt:isSplit", stats.is_split),
         integer("oocpt:driverPeakBytes", stats.driver_peak_bytes),
         integer("oocpt:sceneBytes", stats.scene_bytes),
         real("oocpt:fragmentation", stats.fragmentation),

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The user's settings: defaults, bounds, names. Core reads no environment; [`Settings::env_name`] says what to read.
 
+mod host_mapped;
 mod table;
 mod traversal;
 
 use serde::{Deserialize, Serialize};
 
 use crate::residency::PolicyKind;
+pub use host_mapped::HostMapped;
 pub use table::Audience;
 use table::TABLE;
 pub use traversal::TraversalKind;
@@ -31,6 +33,8 @@ pub struct Settings {
     pub device: String,
     /// Who walks the rays.
     pub traversal: TraversalKind,
+    /// Whether rays read geometry in host memory where the device has no room for it.
+    pub host_mapped: HostMapped,
     /// Which chunks the planner loads first when not all fit.
     pub policy: PolicyKind,
     /// Size of a chunk in KiB of device memory, 16 to 1048576. Another size is another partition of the scene.
@@ -157,6 +161,7 @@ impl Default for Settings {
             memory_budget_mib: 0,
             device: String::new(),
             traversal: TraversalKind::Auto,
+            host_mapped: HostMapped::Auto,
             policy: PolicyKind::Benefit,
             chunk_size_kib: 8192,
             geometry_budget_kib: 0,
@@ -189,6 +194,7 @@ enum Field<'a> {
     Text(&'a mut String),
     Policy(&'a mut PolicyKind),
     Traversal(&'a mut TraversalKind),
+    HostMapped(&'a mut HostMapped),
 }
 
 /// Most samples per pixel: sample indices stay exact in f32.
@@ -222,7 +228,13 @@ impl Settings {
             }
             Field::Text(field) => *field = value.as_text().ok_or_else(|| wrong("text"))?,
             Field::Policy(field) => *field = policy_named(key, &value.as_text().ok_or_else(|| wrong("text"))?)?,
-            Field::Traversal(field) => *field = traversal_named(key, &value.as_text().ok_or_else(|| wrong("text"))?)?,
+            Field::Traversal(field) => {
+                *field =
+                    choice(key, &value, TraversalKind::named, || TraversalKind::ALL.map(TraversalKind::name).to_vec())?;
+            }
+            Field::HostMapped(field) => {
+                *field = choice(key, &value, HostMapped::named, || HostMapped::ALL.map(HostMapped::name).to_vec())?;
+            }
         }
         Ok(*self != before)
     }
@@ -239,6 +251,7 @@ impl Settings {
             "oocpt:memoryBudget" => Field::Int(&mut self.memory_budget_mib, 0, 1 << 24),
             "oocpt:device" => Field::Text(&mut self.device),
             "oocpt:traversal" => Field::Traversal(&mut self.traversal),
+            "oocpt:hostMappedGeometry" => Field::HostMapped(&mut self.host_mapped),
             "oocpt:policy" => Field::Policy(&mut self.policy),
             "oocpt:chunkSize" => Field::Int(&mut self.chunk_size_kib, 16, 1 << 20),
             "oocpt:geometryBudget" => Field::Int(&mut self.geometry_budget_kib, 0, u32::MAX),
@@ -274,6 +287,7 @@ impl Settings {
             Field::Text(v) => Value::Text(v.clone()),
             Field::Policy(v) => Value::Text(v.name().to_owned()),
             Field::Traversal(v) => Value::Text(v.name().to_owned()),
+            Field::HostMapped(v) => Value::Text(v.name().to_owned()),
         })
     }
 
@@ -350,10 +364,17 @@ fn policy_named(key: &str, text: &str) -> Result<PolicyKind, SettingError> {
     text.trim().parse().map_err(wrong)
 }
 
-fn traversal_named(key: &str, text: &str) -> Result<TraversalKind, SettingError> {
-    let allowed = TraversalKind::ALL.map(TraversalKind::name).to_vec();
-    let wrong = || SettingError::Choice { key: key.to_owned(), value: text.to_owned(), allowed };
-    TraversalKind::named(text.trim()).ok_or_else(wrong)
+/// The one of several that a value names.
+fn choice<T>(
+    key: &str,
+    value: &Value,
+    named: impl Fn(&str) -> Option<T>,
+    allowed: impl Fn() -> Vec<&'static str>,
+) -> Result<T, SettingError> {
+    let wrong = || SettingError::Type { key: key.to_owned(), expected: "text", value: value.clone() };
+    let text = value.as_text().ok_or_else(wrong)?;
+    let unknown = || SettingError::Choice { key: key.to_owned(), value: text.clone(), allowed: allowed() };
+    named(text.trim()).ok_or_else(unknown)
 }
 
 /// A checked whole number as u32.

@@ -206,6 +206,11 @@ pub struct StreamingStats {
     pub geometry_budget_bytes: u64,
     /// The most `geometry_bytes` has been.
     pub geometry_peak_bytes: u64,
+    /// Bytes of geometry in host memory where rays read it across the bus.
+    pub mapped_bytes: u64,
+    /// All of the scene is on the device or in host memory that rays read, and the last paths were traced by passes
+    /// that have no streaming in them.
+    pub is_split: bool,
     /// The most that the driver said, after a wave or a step, this process uses of device memory, its own share
     /// included; 0 = a driver that does not say, or a software renderer.
     pub driver_peak_bytes: u64,

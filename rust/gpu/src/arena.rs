@@ -55,6 +55,8 @@ pub(crate) struct Arenas {
     /// Ranges that nobody holds any more; freed when the GPU is done with them.
     retired: RetireQueue<Place>,
     pub(crate) counters: Arc<HeapCounters>,
+    /// Empty arenas stay.
+    keeps: bool,
 }
 
 /// How full an arena is, in bytes.
@@ -120,9 +122,9 @@ impl Arena {
 
 impl Arenas {
     /// None yet.
-    pub(crate) fn new(device: &Arc<Device>, counters: Arc<HeapCounters>) -> Arc<Self> {
+    pub(crate) fn new(device: &Arc<Device>, counters: Arc<HeapCounters>, keeps: bool) -> Arc<Self> {
         let (device, list) = (Arc::clone(device), Mutex::new(Vec::new()));
-        Arc::new(Self { device, list, retired: RetireQueue::new(), counters })
+        Arc::new(Self { device, list, retired: RetireQueue::new(), counters, keeps })
     }
 
     pub(crate) fn lock(&self) -> MutexGuard<'_, Vec<Arc<Arena>>> {
@@ -162,7 +164,9 @@ impl Arenas {
         let emptied: Vec<_> = self.retired.take_ready(completed).into_iter().filter_map(Place::free).collect();
         if !emptied.is_empty() {
             drop(emptied);
-            self.trim(1);
+            if !self.keeps {
+                self.trim(1);
+            }
         }
     }
 

@@ -10,10 +10,10 @@ use crate::block::Block;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
 use crate::kept::Kept;
+use crate::mapped::Mapped;
 use crate::memory_type::Usage;
 use crate::range::DeviceRange;
 use crate::range::sealed::{Parts, RangeParts};
-use crate::raw_buffer::Mapped;
 
 /// Device or host memory with a device address. Put it in an [`Arc`] to share it.
 ///

@@ -24,13 +24,15 @@ pub struct Capabilities {
     pub shader_buffer_int64_atomics: bool,
     /// Required: timestamp queries are reset by the host.
     pub host_query_reset: bool,
-    /// Required: subgroup vote, ballot and arithmetic in compute shaders.
+    /// Required: subgroup vote, ballot, arithmetic and shuffle in compute shaders.
     pub subgroup_operations: bool,
     /// Required: a queue family that computes.
     pub compute_queue: bool,
 
     /// `VK_EXT_memory_budget`: the driver says what is free.
     pub memory_budget: bool,
+    /// `VK_EXT_external_memory_host`: the driver can be lent pages of this process.
+    pub external_memory_host: bool,
     /// The compute queue writes timestamps.
     pub timestamps: bool,
     /// 64-bit atomics on shared memory.
@@ -61,7 +63,7 @@ impl Capabilities {
             (self.timeline_semaphore, "timelineSemaphore"),
             (self.shader_buffer_int64_atomics, "shaderBufferInt64Atomics"),
             (self.host_query_reset, "hostQueryReset"),
-            (self.subgroup_operations, "subgroup vote, ballot and arithmetic in compute shaders"),
+            (self.subgroup_operations, "subgroup vote, ballot, arithmetic and shuffle in compute shaders"),
             (self.compute_queue, "a compute queue"),
         ]
         .into_iter()
@@ -71,9 +73,10 @@ impl Capabilities {
 
     /// Name and presence of the capabilities that are used when present, for `doctor`.
     #[must_use]
-    pub fn optional(&self) -> [(&'static str, bool); 8] {
+    pub fn optional(&self) -> [(&'static str, bool); 9] {
         [
             ("memory budget", self.memory_budget),
+            ("external host memory", self.external_memory_host),
             ("timestamps", self.timestamps),
             ("shared int64 atomics", self.shader_shared_int64_atomics),
             ("float64", self.shader_float64),
@@ -98,8 +101,10 @@ pub(crate) fn probe_features(
     unsafe { instance.get_physical_device_features2(physical, &mut features) };
     let core = features.features;
     let yes = |value: vk::Bool32| value == vk::TRUE;
-    let operations =
-        vk::SubgroupFeatureFlags::VOTE | vk::SubgroupFeatureFlags::BALLOT | vk::SubgroupFeatureFlags::ARITHMETIC;
+    let operations = vk::SubgroupFeatureFlags::VOTE
+        | vk::SubgroupFeatureFlags::BALLOT
+        | vk::SubgroupFeatureFlags::ARITHMETIC
+        | vk::SubgroupFeatureFlags::SHUFFLE;
     Capabilities {
         vulkan_1_2: true,
         shader_int64: yes(core.shader_int64),
@@ -110,6 +115,7 @@ pub(crate) fn probe_features(
         host_query_reset: yes(v12.host_query_reset),
         compute_queue: false,
         memory_budget: false,
+        external_memory_host: false,
         timestamps: false,
         shader_shared_int64_atomics: yes(v12.shader_shared_int64_atomics),
         shader_float64: yes(core.shader_float64),

@@ -15,6 +15,7 @@ use crate::error::GpuError;
 use crate::host_memory::HostMemory;
 use crate::instance::{Instance, vulkan_error};
 use crate::lane::{LANES, Lane, Points, QueueChoice, QueueChoices};
+use crate::lending::Lending;
 use crate::limits::Limits;
 use crate::markers::Markers;
 use crate::names::Names;
@@ -50,6 +51,8 @@ pub(crate) struct Device {
     pub(crate) markers: Option<Markers>,
     retired: RetireQueue<RetiredBuffer>,
     pub(crate) host_memory: HostMemory,
+    /// Pages of the process are host memory for it.
+    pub(crate) lending: Option<Lending>,
     query_pools: Mutex<Vec<vk::QueryPool>>,
     lost: OnceLock<String>,
     #[cfg(feature = "faults")]
@@ -70,6 +73,8 @@ impl Device {
         let memory_types = unsafe { instance.raw.get_physical_device_memory_properties(probed.physical) };
         #[cfg(feature = "faults")]
         let (raw, watch) = crate::watch::taken_over(&raw, &memory_types);
+        let granule = probed.lent_granule;
+        let lending = (granule > 0).then(|| Lending::new(&instance, &raw, granule));
         let heaps = &probed.report.heaps;
         let unified = heaps.iter().all(|heap| heap.device_local);
         let names = Names::new(&instance.raw, &raw, instance.names);
@@ -87,6 +92,7 @@ impl Device {
             markers: None,
             retired: RetireQueue::new(),
             host_memory: HostMemory::default(),
+            lending,
             query_pools: Mutex::new(Vec::new()),
             lost: OnceLock::new(),
             #[cfg(feature = "faults")]
@@ -266,6 +272,9 @@ fn create_raw(instance: &Instance, probed: &Probed, choices: &QueueChoices) -> R
     let mut extensions = Vec::new();
     if probed.report.capabilities.memory_budget {
         extensions.push(ash::ext::memory_budget::NAME.as_ptr());
+    }
+    if probed.report.capabilities.external_memory_host {
+        extensions.push(ash::ext::external_memory_host::NAME.as_ptr());
     }
     let mut chain = FeatureChain::enable(&probed.report.capabilities);
     let info = vk::DeviceCreateInfo::default()

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Device memory for many small and middling things: few big arenas, cut into ranges.
+//! Memory for many small and middling things: few big arenas, cut into ranges. The device's own memory, or the host's
+//! that the device reaches across the bus.
 //!
 //! Ranges are found by `offset-allocator` in units of 256 bytes. Arenas are made when needed, smaller ones when the
-//! budget is short, and go back when empty (one is kept until [`Heap::trim`]). A request that would fill half an arena
-//! (a whole one, with [`HeapOptions::whole_arenas`]) gets memory of its own. Any thread.
+//! budget is short, and go back when empty (one is kept until [`Heap::trim`], with [`HeapOptions::keeps_arenas`] all).
+//! A request that would fill half an arena (a whole one, with [`HeapOptions::whole_arenas`]) gets memory of its own.
+//! Any thread.
 
 use std::sync::Arc;
 
@@ -25,6 +27,7 @@ const SMALLEST_ARENA: u64 = 64 << 10;
 pub struct Heap {
     opened: Arc<OpenDevice>,
     name: String,
+    usage: Usage,
     arena_bytes: u64,
     /// Larger requests get memory of their own.
     largest_shared: u64,
@@ -41,11 +44,21 @@ pub struct HeapOptions {
     pub whole_arenas: bool,
     /// Most bytes of memory that this heap may hold, besides the device's budget; None = no limit of its own.
     pub limit_bytes: Option<u64>,
+    /// Which memory: [`Usage::Device`], or another for memory of the host, which the device's budget does not count.
+    pub usage: Usage,
+    /// Arenas that are empty stay until [`Heap::trim`]: for memory that is slow to make.
+    pub keeps_arenas: bool,
 }
 
 impl Default for HeapOptions {
     fn default() -> Self {
-        Self { arena_bytes: Heap::DEFAULT_ARENA_BYTES, whole_arenas: false, limit_bytes: None }
+        Self {
+            arena_bytes: Heap::DEFAULT_ARENA_BYTES,
+            whole_arenas: false,
+            limit_bytes: None,
+            usage: Usage::Device,
+            keeps_arenas: false,
+        }
     }
 }
 
@@ -98,10 +111,10 @@ impl Heap {
             arena_bytes = size_class_below(arena_bytes);
             largest_shared = arena_bytes;
         }
-        let arenas = Arenas::new(device, HeapCounters::new(options.limit_bytes));
+        let arenas = Arenas::new(device, HeapCounters::new(options.limit_bytes), options.keeps_arenas);
         opened.add_heap(&arenas);
         let (opened, name) = (Arc::clone(opened), name.to_owned());
-        Ok(Self { opened, name, arena_bytes, largest_shared, arenas })
+        Ok(Self { opened, name, usage: options.usage, arena_bytes, largest_shared, arenas })
     }
 
     /// Takes `bytes` at an address that is a multiple of `align` (a power of two). The bytes are arbitrary.
@@ -137,6 +150,12 @@ impl Heap {
     /// that needs more memory fails until enough was dropped.
     pub fn set_limit(&self, limit_bytes: Option<u64>) {
         self.arenas.counters.set_limit(limit_bytes);
+    }
+
+    /// The heap's own limit, if there is one.
+    #[must_use]
+    pub fn limit(&self) -> Option<u64> {
+        self.arenas.counters.limit()
     }
 
     /// How full the heap is now.
@@ -278,7 +297,7 @@ impl Heap {
                 self.arenas.counters.hold(name, bytes)?
             }
         };
-        let raw = self.opened.allocate(name, bytes, Usage::Device, patience)?;
+        let raw = self.opened.allocate(name, bytes, self.usage, patience)?;
         Ok(Block::of_heap(&self.opened.device, raw, held))
     }
 }

@@ -49,6 +49,11 @@ impl HeapCounters {
         self.limit.store(limit.unwrap_or(u64::MAX), Ordering::Release);
     }
 
+    /// None: there is none.
+    pub(crate) fn limit(&self) -> Option<u64> {
+        Some(self.limit.load(Ordering::Acquire)).filter(|limit| *limit != u64::MAX)
+    }
+
     /// Counts `bytes` of memory as held, or refuses and changes nothing.
     pub(crate) fn hold(self: &Arc<Self>, name: &str, bytes: u64) -> Result<HeldBytes, GpuError> {
         let limit = self.limit.load(Ordering::Acquire);

@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use crate::error::GpuError;
 use crate::kept::Kept;
 use crate::range::DeviceRange;
 use crate::range::sealed::{Parts, RangeParts};
@@ -49,6 +50,10 @@ impl DeviceRange for HeapRange {
 
     fn name(&self) -> &str {
         &self.memory.name
+    }
+
+    fn fill(&self, offset: u64, bytes: usize, fill: &mut dyn FnMut(&mut [u8])) -> Result<bool, GpuError> {
+        self.memory.fill(offset, bytes, fill)
     }
 }
 

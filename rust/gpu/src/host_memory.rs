@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::lane::Points;
-use crate::raw_buffer::{Mapped, RawBuffer, RetiredBuffer};
+use crate::mapped::Mapped;
+use crate::raw_buffer::{RawBuffer, RetiredBuffer};
 use crate::retire::RetireQueue;
 
 /// All mapped buffers of a device, and how many views of them there are.

@@ -16,8 +16,8 @@ use bytemuck::AnyBitPattern;
 
 use crate::buffer::Buffer;
 use crate::gpu::Gpu;
+use crate::mapped::Mapped;
 use crate::open_device::OpenDevice;
-use crate::raw_buffer::Mapped;
 
 #[derive(Clone, Copy, Debug)]
 struct Span {
@@ -157,7 +157,13 @@ impl HostBytes<'_> {
     #[inline]
     #[must_use]
     pub fn get<T: AnyBitPattern>(&self, index: usize) -> Option<T> {
-        let at = index.checked_mul(size_of::<T>())?;
+        self.at_byte(index.checked_mul(size_of::<T>())?)
+    }
+
+    /// A copy of the `T` that begins at byte `at` from here; none where it does not fit.
+    #[inline]
+    #[must_use]
+    pub fn at_byte<T: AnyBitPattern>(&self, at: usize) -> Option<T> {
         // `at` is below `bytes`, which is at most isize::MAX: no overflow.
         if at >= self.bytes || self.bytes - at < size_of::<T>() {
             return None;

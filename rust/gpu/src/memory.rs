@@ -11,9 +11,12 @@ use ash::vk;
 use crate::budget::Account;
 use crate::device::Device;
 use crate::error::GpuError;
+use crate::host_pages::HostPages;
+use crate::lending::{self, Lending, Lent};
+use crate::mapped::Mapped;
 use crate::memory_type::{HOST_FLAGS, Usage, choose_type};
 use crate::probe::read_heaps;
-use crate::raw_buffer::{Mapped, RawBuffer};
+use crate::raw_buffer::RawBuffer;
 
 /// Smallest buffer, and what sizes are rounded up to: Vulkan has no empty buffers, and addresses stay aligned for
 /// vectors.
@@ -27,6 +30,8 @@ pub(crate) struct NewBuffer<'a> {
     raw: RawBuffer,
     /// What the driver wants: bytes, and the type chosen for it.
     needs: (u64, u32),
+    /// Types that it allows, a bit each.
+    types: u32,
     is_finished: bool,
 }
 
@@ -54,6 +59,11 @@ impl<'a> NewBuffer<'a> {
             // with it.
             info = info.sharing_mode(vk::SharingMode::CONCURRENT).queue_family_indices(&families);
         }
+        let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(lending::KIND);
+        if usage == Usage::Shared {
+            // It will be bound to no other memory.
+            info = info.push_next(&mut external);
+        }
         // SAFETY: the device is alive, the size is not zero, the families differ and are the device's, and
         // bufferDeviceAddress is enabled.
         let buffer = device.check("vkCreateBuffer", unsafe { device.raw.create_buffer(&info, None) })?;
@@ -65,15 +75,16 @@ impl<'a> NewBuffer<'a> {
             address: 0,
             bytes: size,
             mapped: None,
+            pages: None,
             seen: None,
         };
-        let mut new = Self { device, name, usage, raw, needs: (0, 0), is_finished: false };
+        let mut new = Self { device, name, usage, raw, needs: (0, 0), types: 0, is_finished: false };
         new.choose_memory()?;
         Ok(new)
     }
 
     fn choose_memory(&mut self) -> Result<(), GpuError> {
-        let Self { device, name, usage, raw, .. } = self;
+        let Self { device, name, usage, raw, types: allowed, .. } = self;
         device.names.set(raw.buffer, name);
         // SAFETY: the buffer was just created on this device.
         let needs = unsafe { device.raw.get_buffer_memory_requirements(raw.buffer) };
@@ -82,7 +93,8 @@ impl<'a> NewBuffer<'a> {
             return Err(GpuError::TooLarge { name: (*name).to_owned(), bytes: needs.size, limit });
         }
         let types = device.memory_types.memory_types_as_slice();
-        let kind = choose_type(types, needs.memory_type_bits, *usage).ok_or_else(|| GpuError::MissingCapability {
+        *allowed = needs.memory_type_bits;
+        let kind = choose_type(types, *allowed, *usage).ok_or_else(|| GpuError::MissingCapability {
             device: device.report.name.clone(),
             missing: format!("a memory type for {usage:?} buffers"),
         })?;
@@ -112,14 +124,7 @@ impl<'a> NewBuffer<'a> {
             }
         }
         device.budget.reserve(name, bytes, raw.account)?;
-        let mut flags = vk::MemoryAllocateFlagsInfo::default().flags(vk::MemoryAllocateFlags::DEVICE_ADDRESS);
-        let info = vk::MemoryAllocateInfo::default()
-            .allocation_size(bytes)
-            .memory_type_index(memory_type)
-            .push_next(&mut flags);
-        // SAFETY: the size is not zero and within maxMemoryAllocationSize; the type index comes from this device's
-        // list.
-        match unsafe { device.raw.allocate_memory(&info, None) } {
+        match allocate(device, (bytes, memory_type), None) {
             Ok(memory) => {
                 raw.memory = memory;
                 raw.reserved = bytes;
@@ -133,6 +138,39 @@ impl<'a> NewBuffer<'a> {
                     }
                     other => device.check("vkAllocateMemory", Err(other)),
                 }
+            }
+        }
+    }
+
+    /// Makes the memory of pages of this process. False when there are none, or the driver does not take them.
+    ///
+    /// # Errors
+    /// `DeviceLost`.
+    pub(crate) fn lend(&mut self, lending: &Lending) -> Result<bool, GpuError> {
+        let Self { device, name, raw, needs: (bytes, _), types, .. } = self;
+        let Some(Lent { pages, bytes, types: of_pages }) = lending.pages(*bytes) else { return Ok(false) };
+        // They go with the buffer, whatever becomes of it.
+        raw.pages = Some(pages);
+        let known = device.memory_types.memory_types_as_slice();
+        let Some(memory_type) = choose_type(known, *types & of_pages, Usage::Shared) else { return Ok(false) };
+        if bytes > device.limits.max_allocation_bytes {
+            return Ok(false);
+        }
+        raw.account = Account::Host;
+        device.budget.reserve(name, bytes, raw.account)?;
+        match allocate(device, (bytes, memory_type), Some(pages)) {
+            Ok(memory) => {
+                (raw.memory, raw.reserved, self.needs) = (memory, bytes, (bytes, memory_type));
+                Ok(true)
+            }
+            Err(vk::Result::ERROR_DEVICE_LOST) => {
+                device.budget.release(bytes, raw.account);
+                device.check("vkAllocateMemory", Err(vk::Result::ERROR_DEVICE_LOST))
+            }
+            Err(code) => {
+                device.budget.release(bytes, raw.account);
+                tracing::debug!(?code, bytes, "the driver takes no pages of the host");
+                Ok(false)
             }
         }
     }
@@ -151,7 +189,10 @@ impl<'a> NewBuffer<'a> {
         // SAFETY: the buffer has SHADER_DEVICE_ADDRESS usage and is bound to memory allocated with DEVICE_ADDRESS.
         self.raw.address = unsafe { device.raw.get_buffer_device_address(&info) };
         let is_seen = device.report.host_memory && self.memory_flags().contains(HOST_FLAGS);
-        if self.usage != Usage::Device || is_seen {
+        if let Some(pages) = self.raw.pages {
+            self.raw.mapped = Some(pages.at);
+            self.raw.seen = is_seen.then_some(pages.at);
+        } else if self.usage != Usage::Device || is_seen {
             let whole = (0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty());
             // SAFETY: the type is HOST_VISIBLE, and this is the only mapping of this memory.
             let mapped = unsafe { device.raw.map_memory(self.raw.memory, whole.0, whole.1, whole.2) };
@@ -163,6 +204,26 @@ impl<'a> NewBuffer<'a> {
         self.is_finished = true;
         Ok(self.raw)
     }
+}
+
+/// Has the driver make memory of so many bytes, not none and within `maxMemoryAllocationSize`, and of this type of the
+/// device's list; of pages that the type allows, if there are any.
+fn allocate(
+    device: &Device,
+    (bytes, memory_type): (u64, u32),
+    pages: Option<HostPages>,
+) -> Result<vk::DeviceMemory, vk::Result> {
+    let mut flags = vk::MemoryAllocateFlagsInfo::default().flags(vk::MemoryAllocateFlags::DEVICE_ADDRESS);
+    let mut import = vk::ImportMemoryHostPointerInfoEXT::default().handle_type(lending::KIND);
+    let mut info =
+        vk::MemoryAllocateInfo::default().allocation_size(bytes).memory_type_index(memory_type).push_next(&mut flags);
+    if let Some(pages) = pages {
+        import.p_host_pointer = pages.at.as_ptr().cast();
+        info = info.push_next(&mut import);
+    }
+    // SAFETY: size and type are as the caller says; the pages are mapped until the memory is freed, at a place and of
+    // a size that the extension allows.
+    unsafe { device.raw.allocate_memory(&info, None) }
 }
 
 impl Drop for NewBuffer<'_> {

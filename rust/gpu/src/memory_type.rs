@@ -12,6 +12,10 @@ pub enum Usage {
     Upload,
     /// Host memory that the device writes and the host reads; mapped all the time.
     Readback,
+    /// Host memory that both read and write, the host through [`DeviceRange::fill`](crate::DeviceRange::fill). Where
+    /// the driver can be lent pages (`VK_EXT_external_memory_host`), it is several times faster to make than the
+    /// others.
+    Shared,
 }
 
 const KNOWN_FLAGS: vk::MemoryPropertyFlags = vk::MemoryPropertyFlags::from_raw(
@@ -34,7 +38,7 @@ pub(crate) fn choose_type(types: &[vk::MemoryType], allowed: u32, usage: Usage) 
     let (required, wanted, unwanted) = match usage {
         Usage::Device => (F::DEVICE_LOCAL, F::empty(), F::HOST_VISIBLE | F::HOST_CACHED),
         Usage::Upload => (host, F::empty(), F::DEVICE_LOCAL | F::HOST_CACHED),
-        Usage::Readback => (host, F::HOST_CACHED, F::DEVICE_LOCAL),
+        Usage::Readback | Usage::Shared => (host, F::HOST_CACHED, F::DEVICE_LOCAL),
     };
     let penalty = |flags: F| (flags & unwanted).as_raw().count_ones() + (wanted & !flags).as_raw().count_ones();
     (0_u32..)
@@ -55,7 +59,7 @@ pub(crate) fn is_all_mapped(types: &[vk::MemoryType]) -> bool {
             .and_then(|index| types.get(index as usize))
             .is_some_and(|found| found.property_flags.contains(HOST_FLAGS))
     };
-    [Usage::Device, Usage::Upload, Usage::Readback].into_iter().all(seen)
+    [Usage::Device, Usage::Upload, Usage::Readback, Usage::Shared].into_iter().all(seen)
 }
 
 #[cfg(test)]

@@ -110,6 +110,14 @@ impl OpenDevice {
         usage: Usage,
         patience: Patience,
     ) -> Result<RawBuffer, GpuError> {
+        let usage = match usage {
+            // What the driver is not lent it makes.
+            Usage::Shared => match self.lent(name, bytes)? {
+                Some(lent) => return Ok(lent),
+                None => Usage::Readback,
+            },
+            usage => usage,
+        };
         let mut new = NewBuffer::new(&self.device, name, bytes, usage)?;
         match new.take_memory() {
             Err(GpuError::OutOfMemory { .. }) => {
@@ -119,6 +127,13 @@ impl OpenDevice {
             taken => taken?,
         }
         new.finish()
+    }
+
+    /// A buffer of pages of this process; None where the driver takes none.
+    fn lent(&self, name: &str, bytes: u64) -> Result<Option<RawBuffer>, GpuError> {
+        let Some(lending) = &self.device.lending else { return Ok(None) };
+        let mut new = NewBuffer::new(&self.device, name, bytes, Usage::Shared)?;
+        if new.lend(lending)? { new.finish().map(Some) } else { Ok(None) }
     }
 
     /// The memory of a buffer; waits for retired memory before it gives up.
@@ -138,5 +153,29 @@ impl Drop for OpenDevice {
         for queue in &self.queues {
             queue.close(&self.device);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gates::open;
+
+    #[test]
+    fn pages_are_lent_where_the_driver_takes_them() {
+        let gpu = open();
+        let takes = gpu.report().capabilities.external_memory_host;
+        for bytes in [1, 100_000, 40 << 20] {
+            let before = gpu.memory().host_used;
+            let raw = gpu.opened().allocate("lent", bytes, Usage::Shared, Patience::Now).expect("memory");
+            assert!(raw.mapped.is_some() && raw.bytes >= bytes, "{raw:?}");
+            assert_eq!(raw.pages.is_some(), takes, "{raw:?}");
+            assert!(gpu.memory().host_used >= before + bytes, "counted");
+            gpu.device().destroy(raw);
+            assert_eq!(gpu.memory().host_used, before, "given back");
+        }
+        let log = gpu.validation_log();
+        drop(gpu);
+        assert_eq!(log.take(), Vec::<String>::new(), "validation");
     }
 }

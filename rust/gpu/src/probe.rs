@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Reads what the devices of an instance are and can do. Changes nothing. Any thread.
 
+use std::ffi::CStr;
+
 use ash::vk;
 
 use crate::capabilities::{Capabilities, probe_features};
@@ -16,6 +18,8 @@ pub(crate) struct Probed {
     pub(crate) report: DeviceReport,
     pub(crate) properties: vk::PhysicalDeviceProperties,
     pub(crate) max_allocation_bytes: u64,
+    /// What places and sizes of pages are multiples of that the driver is lent; 0 = it takes none.
+    pub(crate) lent_granule: u64,
     pub(crate) subgroup_size: u32,
     pub(crate) queues: QueueChoices,
     pub(crate) device_uuid: [u8; vk::UUID_SIZE],
@@ -48,12 +52,15 @@ fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Res
     capabilities.compute_queue = queues.is_some();
     let queues = queues.unwrap_or_default();
     capabilities.timestamps = queues[0].timestamp_bits > 0 && properties.limits.timestamp_period > 0.0;
-    capabilities.memory_budget = modern && has_memory_budget(instance, physical)?;
+    capabilities.memory_budget = modern && has_extension(instance, physical, ash::ext::memory_budget::NAME)?;
+    let lends = modern && has_extension(instance, physical, ash::ext::external_memory_host::NAME)?;
+    let lent_granule = if lends { lent_granule(instance, physical) } else { 0 };
+    capabilities.external_memory_host = lent_granule > 0;
     let version = properties.api_version;
     let kind = kind_of(properties.device_type);
     // SAFETY: `physical` comes from this instance.
     let memory_types = unsafe { instance.raw.get_physical_device_memory_properties(physical) };
-    let text = |bytes: Result<&std::ffi::CStr, _>| -> String {
+    let text = |bytes: Result<&CStr, _>| -> String {
         bytes.map(|text| text.to_string_lossy().into_owned()).unwrap_or_default()
     };
     let report = DeviceReport {
@@ -79,6 +86,7 @@ fn probe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> Res
         report,
         properties,
         max_allocation_bytes: v11.max_memory_allocation_size,
+        lent_granule,
         subgroup_size: v11.subgroup_size,
         queues,
         device_uuid: v11.device_uuid,
@@ -109,11 +117,20 @@ fn kind_of(device_type: vk::PhysicalDeviceType) -> DeviceKind {
     }
 }
 
-fn has_memory_budget(instance: &Instance, physical: vk::PhysicalDevice) -> Result<bool, GpuError> {
+fn has_extension(instance: &Instance, physical: vk::PhysicalDevice, name: &CStr) -> Result<bool, GpuError> {
     // SAFETY: `physical` comes from this instance.
     let extensions = unsafe { instance.raw.enumerate_device_extension_properties(physical) }
         .map_err(|code| vulkan_error("vkEnumerateDeviceExtensionProperties", code))?;
-    Ok(extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(ash::ext::memory_budget::NAME)))
+    Ok(extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name)))
+}
+
+/// See [`Probed::lent_granule`]. The device has `VK_EXT_external_memory_host`.
+fn lent_granule(instance: &Instance, physical: vk::PhysicalDevice) -> u64 {
+    let mut host = vk::PhysicalDeviceExternalMemoryHostPropertiesEXT::default();
+    let mut chain = vk::PhysicalDeviceProperties2::default().push_next(&mut host);
+    // SAFETY: `physical` comes from this instance, and the chained structure is one that the device supports.
+    unsafe { instance.raw.get_physical_device_properties2(physical, &mut chain) };
+    host.min_imported_host_pointer_alignment
 }
 
 /// Reads all heaps; `free` only when the extension is there.

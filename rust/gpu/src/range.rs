@@ -13,6 +13,16 @@ pub trait DeviceRange: sealed::Parts {
     fn size(&self) -> u64;
     /// The name it was made with.
     fn name(&self) -> &str;
+
+    /// Lends bytes from an offset on to a function, if the range lies in host memory of a heap
+    /// ([`Usage::Shared`](crate::Usage::Shared)); false, and nothing happens, if not. Threads take turns. Seen by every
+    /// submission made after this returns; no submission in flight uses these bytes: the caller sees to that.
+    ///
+    /// # Errors
+    /// [`GpuError::Usage`](crate::GpuError::Usage) when the bytes do not fit the range.
+    fn fill(&self, _offset: u64, _bytes: usize, _fill: &mut dyn FnMut(&mut [u8])) -> Result<bool, crate::GpuError> {
+        Ok(false)
+    }
 }
 
 pub(crate) mod sealed {

@@ -2,10 +2,11 @@
 //! The memory of a heap's range, which command lists can keep alive: a place in an arena, or a block of its own. Any
 //! thread.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::arena::Place;
 use crate::block::{Block, RetirePoint};
+use crate::error::GpuError;
 use crate::heap_counters::HeapCounters;
 
 /// The memory of a range, retired when the last holder drops it.
@@ -20,6 +21,8 @@ pub(crate) struct RangeMemory {
     /// Where the range is counted, and as how many bytes.
     counters: Arc<HeapCounters>,
     counted: u64,
+    /// Host threads take turns on the bytes.
+    host: Mutex<()>,
 }
 
 #[derive(Debug)]
@@ -45,6 +48,7 @@ impl RangeMemory {
             retire_after: RetirePoint::default(),
             counters,
             counted,
+            host: Mutex::new(()),
         }
         .made()
     }
@@ -65,8 +69,27 @@ impl RangeMemory {
             retire_after: RetirePoint::default(),
             counters: Arc::clone(counters),
             counted,
+            host: Mutex::new(()),
         }
         .made()
+    }
+
+    /// See [`DeviceRange::fill`](crate::DeviceRange::fill).
+    pub(crate) fn fill(&self, offset: u64, bytes: usize, fill: &mut dyn FnMut(&mut [u8])) -> Result<bool, GpuError> {
+        let Some(mapped) = self.block.raw.mapped else { return Ok(false) };
+        let fits = offset.checked_add(bytes as u64).is_some_and(|end| end <= self.size);
+        let start = usize::try_from(self.offset.saturating_add(offset)).ok().filter(|_| fits);
+        let Some(start) = start else {
+            let message = format!("{bytes} bytes at {offset} do not fit in {} bytes", self.size);
+            return Err(GpuError::Usage { name: self.name.clone(), message });
+        };
+        let _exclusive = self.host.lock().unwrap_or_else(PoisonError::into_inner);
+        // SAFETY: the range is within its block, which is mapped as long as it lives, and `bytes` from `start` on are
+        // within the range.
+        let at = unsafe { mapped.as_ptr().add(start) };
+        // SAFETY: as above; ranges do not overlap, and the lock makes this the only reference into this one.
+        fill(unsafe { std::slice::from_raw_parts_mut(at, bytes) });
+        Ok(true)
     }
 
     fn made(self) -> Arc<Self> {

@@ -1,28 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The raw parts of a buffer: handles, address, mapping, and what the budget counts for it. Any thread.
 
-use std::ptr::NonNull;
-
 use ash::vk;
 
 use crate::budget::{Account, Budget};
 use crate::heap_counters::HeldBytes;
-
-/// The address of mapped memory.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Mapped(pub(crate) NonNull<u8>);
-
-// SAFETY: a mapped address may be used from any thread; who may access the bytes when is decided by the owner (`Buffer`
-// locks).
-unsafe impl Send for Mapped {}
-// SAFETY: as for Send: sharing the address gives no access by itself.
-unsafe impl Sync for Mapped {}
-
-impl Mapped {
-    pub(crate) fn as_ptr(self) -> *mut u8 {
-        self.0.as_ptr()
-    }
-}
+use crate::host_pages::HostPages;
+use crate::mapped::Mapped;
 
 /// Raw parts of a buffer. Plain handles: whoever holds the last copy destroys it exactly once.
 #[derive(Clone, Copy, Debug)]
@@ -36,6 +20,8 @@ pub(crate) struct RawBuffer {
     /// Bytes of the buffer.
     pub(crate) bytes: u64,
     pub(crate) mapped: Option<Mapped>,
+    /// The process's own pages, where the driver was lent them.
+    pub(crate) pages: Option<HostPages>,
     /// Where the host sees it on devices whose memory is the host's (`host_view`); else none.
     pub(crate) seen: Option<Mapped>,
 }
@@ -48,6 +34,9 @@ impl RawBuffer {
         unsafe { device.destroy_buffer(self.buffer, None) };
         // SAFETY: as above; freeing unmaps.
         unsafe { device.free_memory(self.memory, None) };
+        if let Some(pages) = self.pages {
+            pages.free();
+        }
         if self.reserved > 0 {
             budget.release(self.reserved, self.account);
         }

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use crate::block::Block;
 use crate::lane::Lane;
-use crate::raw_buffer::Mapped;
+use crate::mapped::Mapped;
 use crate::staging_space::RingSpace;
 
 /// The bytes of a ring, and who has which.

@@ -9,7 +9,7 @@ use crate::bsdf_tables;
 use crate::error::RenderError;
 use crate::loader::Loader;
 use crate::sync::lock;
-use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Heap, MAX_UPDATE_BYTES, OpenOptions, Pipeline, Usage};
+use oocpt_gpu::{Buffer, DeviceKind, Gpu, GpuError, Heap, HeapOptions, MAX_UPDATE_BYTES, OpenOptions, Pipeline, Usage};
 use oocpt_shader_abi::{Features, Module, Push, SPEC_MAX_LEVELS, SPEC_STACK_SIZE};
 use rustc_hash::FxHashMap;
 use std::sync::{Arc, Mutex, OnceLock};
@@ -79,6 +79,7 @@ struct Compiled {
 pub(crate) struct Device {
     pub(crate) gpu: Arc<Gpu>,
     pub(crate) heap: Heap,
+    host_heap: OnceLock<Arc<Heap>>,
     options: DeviceOptions,
     loader: OnceLock<Loader>,
     bsdf_tables: [Mutex<Option<Buffer>>; 4],
@@ -107,6 +108,7 @@ impl Device {
         let device = Arc::new(Self {
             gpu,
             heap,
+            host_heap: OnceLock::new(),
             options: options.clone(),
             loader: OnceLock::new(),
             bsdf_tables: Default::default(),
@@ -126,6 +128,11 @@ impl Device {
         lock(&OPEN).retain(|device| !Arc::ptr_eq(device, self));
     }
 
+    /// The same, if there is any.
+    pub(crate) fn host_heap_if_made(&self) -> Option<&Arc<Heap>> {
+        self.host_heap.get()
+    }
+
     /// The threads that bring scene data to the device, started at first use.
     pub(crate) fn loader(&self) -> Result<&Loader, RenderError> {
         if let Some(loader) = self.loader.get() {
@@ -133,6 +140,18 @@ impl Device {
         }
         let loader = Loader::new(&self.gpu)?;
         Ok(self.loader.get_or_init(|| loader))
+    }
+
+    /// Memory of the host that the device reaches across the bus, empty at first. Its arenas are made ahead by
+    /// [`Heap::reserve`]: the driver takes half a second for a gigabyte.
+    pub(crate) fn host_heap(&self) -> Result<&Arc<Heap>, RenderError> {
+        if let Some(heap) = self.host_heap.get() {
+            return Ok(heap);
+        }
+        let (usage, keeps_arenas) = (Usage::Shared, true);
+        let options = HeapOptions { arena_bytes: ARENA_BYTES, usage, keeps_arenas, ..HeapOptions::default() };
+        let heap = Arc::new(Heap::with_options(&self.gpu, "host-mapped scene", options)?);
+        Ok(self.host_heap.get_or_init(|| heap))
     }
 
     /// Addresses of the BSDF's albedo tables and of those of sheen, brought to the device at first use, those of rough

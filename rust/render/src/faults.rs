@@ -27,6 +27,9 @@ pub struct Faults {
     pub more_features: Features,
     /// The first picture of a scene that fits is rendered while the scene comes, on any device (`upload`).
     pub streams_first: bool,
+    /// A picture that streams goes on without as soon as all of the scene is there, however few paths are left, and
+    /// what is missing of it is brought at once (`streaming::leave`).
+    pub leaves_soon: bool,
     /// Makes calls that take memory fail, in the first render of the session.
     pub failure: Option<Failure>,
 }

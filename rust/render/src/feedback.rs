@@ -55,6 +55,11 @@ impl Feedback {
         self.block.address()
     }
 
+    /// What the trace passes write where cutouts are looked up, besides the paths' flags.
+    pub(crate) fn written(&self) -> [&Buffer; 3] {
+        [&self.block, &self.requested, &self.wanted]
+    }
+
     /// Lists the memory there is.
     pub(crate) fn list(&self, inventory: &mut Inventory) {
         for buffer in [&self.block, &self.requested, &self.wanted].into_iter().chain(&self.copies) {

@@ -9,7 +9,6 @@ use crate::engine::{self, Parts, Tiles, Tracer, Waves};
 use crate::error::RenderError;
 use crate::feedback::Feedback;
 use crate::film::Film;
-use crate::host_memory::{self, Part};
 use crate::job::Job;
 use crate::lights::{FileCache, LightTable, LightTables, MeshLightCache};
 use crate::progress::Progress;
@@ -152,6 +151,7 @@ impl Renderer {
             carry: &carry,
             light_carry,
             is_frugal: self.is_frugal,
+            has_outgrown: self.outgrown.as_ref().is_some_and(|snapshot| Arc::ptr_eq(snapshot, &job.snapshot)),
         };
         let result = self.render_scene(&setting, gate, progress);
         self.film = Some(film);
@@ -182,6 +182,7 @@ impl Renderer {
         if in_core {
             self.stream = None;
             scene.store.kept().limit(0);
+            scene.unmap(device);
             match scene.load_all(device, gate, &mut progress.timings) {
                 Ok(true) => {}
                 Ok(false) => {
@@ -198,18 +199,49 @@ impl Renderer {
         }
         progress.streaming(|stats| stats.in_core = in_core);
         let result = if in_core {
-            self.render_in_core(setting, scene, gate, progress)
+            self.render_in_core(setting, scene, None, gate, progress)
         } else {
-            self.waves = None;
-            let kept = scene.store.kept();
-            kept.limit(host_memory::limit_of(Part::Encoded, &job.settings, kept.bytes()));
-            streaming::render(setting, scene, &mut self.stream, gate, progress)
+            self.render_beyond(setting, scene, gate, progress)
         };
         for complaint in scene.assets.textures.take_complaints() {
             gate.shared().report(Severity::Warning, complaint);
         }
         self.scene = scenes;
         result
+    }
+
+    /// Renders a scene that does not fit the device: streams it until all of it is there, on the device or in host
+    /// memory, if it comes to that, and the rest as one in core.
+    fn render_beyond(
+        &mut self,
+        setting: &Setting<'_>,
+        scene: &mut Scene,
+        gate: &Gate<'_>,
+        progress: &mut Progress<'_>,
+    ) -> Result<(), RenderError> {
+        let mut first = None;
+        if !(streaming::may_split(setting, scene) && scene.is_all_there()) {
+            self.waves = None;
+            first = streaming::render(setting, scene, &mut self.stream, gate, progress)?;
+            if first.is_none() {
+                return Ok(());
+            }
+        }
+        self.stream = None;
+        // Passes of scenes in core ask of no chunk whether it is there.
+        if !scene.is_all_there() {
+            return Err(RenderError::Internal("a chunk went before the passes that count on it".into()));
+        }
+        scene.show_where_it_is(setting.device)?;
+        let mapped = setting.device.host_heap_if_made().map_or(0, |heap| heap.stats().live_bytes);
+        let held = scene.store.bytes();
+        progress.streaming(|stats| {
+            (stats.is_split, stats.mapped_bytes, stats.geometry_bytes) = (true, mapped, held);
+            if first.is_none() {
+                stats.hit_rate = 1.0;
+            }
+        });
+        self.render_in_core(setting, scene, first, gate, progress)
     }
 
     /// Whether a scene that fits, but of which bytes are missing on the device, is rendered while these are loaded. Not
@@ -228,11 +260,10 @@ impl Renderer {
         let (gpu, job) = (&setting.device.gpu, setting.job);
         let cap = geometry_cap(job);
         // A report of the chunks counts rays and loads, which only streaming does.
-        let has_outgrown = self.outgrown.as_ref().is_some_and(|snapshot| Arc::ptr_eq(snapshot, &job.snapshot));
         let streams = self.is_frugal || job.options.force_streaming || !job.settings.chunk_report.is_empty();
         // Texture tiles are loaded on demand: a few of them may be enough.
         let least = scene.assets.geometry_bytes() + scene.assets.tile_bytes.min(FEWEST_TILES);
-        if streams || has_outgrown || cap.is_some_and(|cap| least > cap) {
+        if streams || setting.has_outgrown || cap.is_some_and(|cap| least > cap) {
             return false;
         }
         let missing = missing + scene.assets.tile_bytes.min(FEWEST_TILES);
@@ -258,10 +289,12 @@ impl Renderer {
         fits(gpu)
     }
 
+    /// Renders a scene that is all there, or the rest from path `first` on.
     fn render_in_core(
         &mut self,
         setting: &Setting<'_>,
         scene: &mut Scene,
+        first: Option<u64>,
         gate: &Gate<'_>,
         progress: &mut Progress<'_>,
     ) -> Result<(), RenderError> {
@@ -285,9 +318,12 @@ impl Renderer {
             feedback.list(&mut listed);
         }
         let bind = |block: &mut Frame| block.texture_feedback = feedback.as_ref().map_or(0, Feedback::address);
-        let tracer = Tracer::new(setting, paths, (&view, parts), listed, bind, progress)?;
+        let mut tracer = Tracer::new(setting, paths, (&view, parts), listed, bind, progress)?;
+        if let (Some(feedback), Some(incomplete_paths)) = (&feedback, &paths.incomplete_paths) {
+            tracer.traces_into(feedback.written().into_iter().chain([incomplete_paths]).collect());
+        }
         let tiles = Tiles { scene, cap: geometry_cap(setting.job), feedback: feedback.as_ref() };
-        engine::render(&mut Waves::new(tracer, tiles, feedback.as_ref()), gate, progress)
+        engine::render(&mut Waves::new(tracer, tiles, feedback.as_ref(), first), gate, progress).map(|_| ())
     }
 
     fn open(&mut self, job: &Job) -> Result<Arc<Device>, RenderError> {

@@ -49,6 +49,8 @@ pub(crate) struct Progress<'a> {
     interactive: bool,
     /// Adaptive: paths that are decided.
     decided: Option<u64>,
+    /// What was counted before another feed went on.
+    before: Option<Counters>,
     pub(crate) timings: Timings,
 }
 
@@ -84,6 +86,7 @@ impl<'a> Progress<'a> {
             interval: FIRST_INTERVAL,
             interactive: job.settings.interactive,
             decided: None,
+            before: None,
             log: ErrorLog::start(shared, job),
             size: [job.request.width, job.request.height],
             bar: job.options.progress_bar.then(ProgressBar::new),
@@ -100,6 +103,7 @@ impl<'a> Progress<'a> {
     pub(crate) fn begin_again(&mut self) {
         self.done = 0;
         self.decided = None;
+        self.before = None;
         *lock(&self.shared.reached) = (self.generation, 0);
         self.log.begin_again();
     }
@@ -150,6 +154,11 @@ impl<'a> Progress<'a> {
     /// The first wave is about to be submitted.
     pub(crate) fn trace_started(&mut self) {
         self.trace_started = Instant::now();
+    }
+
+    /// Another feed goes on; so much was counted until now.
+    pub(crate) fn left_off(&mut self, counters: &Counters) {
+        self.before = Some(*counters);
     }
 
     /// The last wave is done.
@@ -211,6 +220,9 @@ impl<'a> Progress<'a> {
     pub(crate) fn publish(&mut self, film: &Film) -> Result<(), RenderError> {
         let Counters { closest_rays, shadow_rays, nonfinite, stack_overflows, .. } =
             film.publish(&self.shared.published)?;
+        let before = self.before.unwrap_or_default();
+        let (closest_rays, shadow_rays) = (closest_rays + before.closest_rays, shadow_rays + before.shadow_rays);
+        let nonfinite = nonfinite.saturating_add(before.nonfinite);
         self.timings.closest_rays = closest_rays;
         self.timings.shadow_rays = shadow_rays;
         let mut stats = lock(&self.shared.stats);
@@ -281,8 +293,9 @@ impl<'a> Progress<'a> {
     fn error_row(&mut self, film: &Film, slot: u32, octave: Option<u32>) -> Result<(), RenderError> {
         let Some(measured) = measure::read(film, slot, self.size)? else { return Ok(()) };
         let streaming = lock(&self.shared.stats).streaming.clone();
-        let tracing =
-            if streaming.in_core { self.trace_started.elapsed().as_secs_f64() } else { streaming.seconds_tracing };
+        // Streaming knows when the device had something to do.
+        let counts = !(streaming.in_core || streaming.is_split);
+        let tracing = if counts { streaming.seconds_tracing } else { self.trace_started.elapsed().as_secs_f64() };
         let moment = Moment {
             seconds: self.started.elapsed().as_secs_f64(),
             seconds_tracing: tracing,

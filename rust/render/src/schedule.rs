@@ -46,6 +46,11 @@ impl Schedule {
         Self { octaves_of: Some(pixels), ..self }
     }
 
+    /// The first wave begins at this path.
+    pub(crate) fn begin_at(&mut self, path: u64) {
+        self.next = path;
+    }
+
     /// Ends waves at these paths too, ascending.
     pub(crate) fn cut_at(&mut self, cuts: Vec<u64>) {
         self.cuts = cuts;

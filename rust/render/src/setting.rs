@@ -8,6 +8,8 @@ use crate::job::Job;
 use crate::lights::{LightTable, LightTables};
 use crate::specialise::Carry;
 use oocpt_core::camera::CameraRays;
+use oocpt_core::residency::PolicyKind;
+use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_core::{CameraMotion, ClipPlane};
 use oocpt_gpu::{DeviceKind, GpuError};
 use oocpt_shader_abi::Features;
@@ -34,6 +36,8 @@ pub(crate) struct Setting<'a> {
     pub(crate) light_carry: Features,
     /// Memory is short.
     pub(crate) is_frugal: bool,
+    /// Tiles of the scene's textures found no room when it was rendered without streaming.
+    pub(crate) has_outgrown: bool,
 }
 
 /// Calls `make` with `wanted`, then with half as much as long as there is no memory and it is above `least`.
@@ -66,6 +70,17 @@ pub(crate) fn has_light_paths(setting: &Setting<'_>) -> bool {
     let near = Features::LOCAL_LIGHTS | Features::MESH_LIGHTS;
     let features = setting.lights.features | (setting.carry.features & setting.light_carry);
     features.intersects(near | Features::LIGHT_LINKS | Features::LIGHT_LOBES)
+}
+
+/// Whether rays may read geometry in host memory where the device has no room for it.
+pub(crate) fn maps_host(device: &Device, settings: &Settings) -> bool {
+    let is_wanted = match settings.host_mapped {
+        HostMapped::On => true,
+        HostMapped::Off => false,
+        HostMapped::Auto => !device.gpu.is_unified(),
+    };
+    // Other policies know of waiting rays alone.
+    is_wanted && settings.policy == PolicyKind::Benefit
 }
 
 pub(crate) fn is_cpu(device: &Device) -> bool {

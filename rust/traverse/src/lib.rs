@@ -7,19 +7,27 @@
 //! bit, as the one of the shaders on a device that rounds each product (`fma` of GLSL does not promise more).
 //!
 //! The way of a ray: `passes` (queues, rays, hit records) -> `walk` (trees) -> `node` (boxes) -> `leaf` (a test for
-//! each kind of item) -> `opacity`; `motion` gives the maps of what moves. Memory is reached
-//! through [`oocpt_gpu::HostView`], which checks every look. Any thread; the work is spread over rayon's pool.
+//! each kind of item) -> `opacity` and `cutout` (-> `presence` -> `opacity_mask` or `texture`); `motion` gives the maps
+//! of what moves. Memory is reached through [`oocpt_gpu::HostView`], which checks every look. Any thread; the work is
+//! spread over rayon's pool.
 #![forbid(unsafe_code)]
 
+mod asking;
+mod cutout;
+mod footprint;
 mod leaf;
 mod motion;
 mod node;
 mod opacity;
+mod opacity_mask;
 mod passes;
 mod pending;
 mod pose;
+mod presence;
+mod primvar;
 mod sampler;
 mod scene;
+mod texture;
 mod vector;
 mod walk;
 
@@ -64,8 +72,9 @@ impl std::fmt::Display for TraceError {
 
 impl std::error::Error for TraceError {}
 
-/// What native traversal cannot do yet of what a scene needs; none if it can do all of it.
+/// What native traversal cannot do yet of what a scene needs; none if it can do all of it. Nor does it look opacity up
+/// in Ptex, or in floats through the sRGB curve: whoever knows the textures sees to that.
 #[must_use]
 pub fn unsupported(features: Features) -> Option<&'static str> {
-    features.contains(Features::CUTOUTS).then_some("cutouts by textures")
+    features.contains(Features::CUTOUT_PROGRAMS).then_some("cutouts by programs")
 }

@@ -6,6 +6,7 @@
 
 mod rays;
 
+use crate::asking::{load_question, store_question};
 use crate::passes::rays::{Block, ClosestRays, Rays, ShadowRays};
 use crate::scene::Scene;
 use crate::vector::V3;
@@ -41,6 +42,8 @@ struct Shared<'s, 'v> {
     /// The rays, with their flags.
     rays: HostWords<'v>,
     pending: HostWords<'v>,
+    /// Of cutouts; streaming.
+    questions: HostWords<'v>,
 }
 
 /// What a block pushes.
@@ -60,7 +63,7 @@ struct Pushes {
 pub fn closest(view: &HostView, push: Push, special: Special) -> Result<(), TraceError> {
     let scene = Scene::new(view, push, special)?;
     let rays = view.words(scene.frame.rays);
-    let shared = Shared::new(&scene, rays, scene.streaming.pending);
+    let shared = Shared::new(&scene, rays, [scene.streaming.pending, scene.streaming.questions]);
     let parity = (push.round & 1) as usize;
     let queue = view.bytes(scene.frame.ray_queue[parity]);
     let hits = view.words(scene.frame.hits);
@@ -76,7 +79,7 @@ pub fn closest(view: &HostView, push: Push, special: Special) -> Result<(), Trac
 pub fn shadow(view: &HostView, push: Push, special: Special) -> Result<(), TraceError> {
     let scene = Scene::new(view, push, special)?;
     let rays = view.words(scene.frame.shadow_rays);
-    let shared = Shared::new(&scene, rays, scene.streaming.shadow_pending);
+    let shared = Shared::new(&scene, rays, [scene.streaming.shadow_pending, scene.streaming.shadow_questions]);
     let queue = view.bytes(scene.frame.shadow_queue);
     let radiance = view.words(scene.frame.radiance);
     let count = shared.counters.load(counter!(shadow_count));
@@ -89,9 +92,10 @@ fn load_v3(words: HostWords<'_>, at: usize) -> V3 {
 }
 
 impl<'s, 'v> Shared<'s, 'v> {
-    fn new(scene: &'s Scene<'v>, rays: HostWords<'v>, pending: u64) -> Self {
+    fn new(scene: &'s Scene<'v>, rays: HostWords<'v>, [pending, questions]: [u64; 2]) -> Self {
         let view = scene.view;
-        Self { scene, counters: view.words(scene.frame.counters), rays, pending: view.words(pending) }
+        let counters = view.words(scene.frame.counters);
+        Self { scene, counters, rays, pending: view.words(pending), questions: view.words(questions) }
     }
 
     /// Traces each of `count` entries of a queue.
@@ -194,13 +198,20 @@ impl<'s, 'v> Shared<'s, 'v> {
     #[inline(always)]
     fn begin<const ANY_HIT: bool>(&self, walk: &mut Walk<'s, 'v, ANY_HIT>, path: u32, ray: WorldRay) {
         let listed = if ray.flags == 0 { [(0.0, 0); MAX_PENDING as usize] } else { self.listed(path) };
+        if self.scene.has(Features::STREAMING) && self.scene.has(Features::CUTOUTS) {
+            let is_asked = ray.flags & RayFlags::ASKED.bits() != 0;
+            walk.asking.begin(is_asked.then(|| load_question(self.questions, path)));
+        }
         walk.begin(ray, &listed);
     }
 
     /// Keeps what a ray waits for.
-    fn store_pending(&self, path: u32, keys: &[(f32, u32)]) {
+    fn store_pending<const ANY_HIT: bool>(&self, path: u32, walk: &Walk<'s, 'v, ANY_HIT>) {
+        if let Some(question) = walk.kept_question() {
+            store_question(self.questions, path, question);
+        }
         let at = path as usize * PENDING_WORDS;
-        for (i, (entry, instance)) in keys.iter().enumerate() {
+        for (i, (entry, instance)) in walk.pending.keys().iter().enumerate() {
             self.pending.store(at + i, entry.to_bits());
             self.pending.store(at + MAX_PENDING as usize + i, *instance);
         }

@@ -21,6 +21,12 @@ pub(crate) struct Scene<'v> {
     chunks: HostBytes<'v>,
     assemblies: HostBytes<'v>,
     meshes: HostBytes<'v>,
+    pub(crate) materials: HostBytes<'v>,
+    pub(crate) prims: HostBytes<'v>,
+    pub(crate) material_slots: HostBytes<'v>,
+    pub(crate) textures: HostBytes<'v>,
+    pub(crate) texture_pages: HostBytes<'v>,
+    pub(crate) cones: HostBytes<'v>,
     links: Option<Links<'v>>,
 }
 
@@ -58,6 +64,12 @@ impl<'v> Scene<'v> {
             chunks: view.bytes(frame.chunks),
             assemblies: view.bytes(frame.assemblies),
             meshes: view.bytes(frame.meshes),
+            materials: view.bytes(frame.materials),
+            prims: view.bytes(frame.prims),
+            material_slots: view.bytes(frame.material_slots),
+            textures: view.bytes(frame.textures),
+            texture_pages: view.bytes(frame.texture_pages),
+            cones: view.bytes(frame.cones),
             links,
             frame,
         })

@@ -9,6 +9,7 @@
 mod leaves;
 mod levels;
 
+use crate::asking::Asking;
 use crate::leaf::triangle::Shear;
 use crate::node::{BoxRay, NUMBER, meet_level, meet_mesh};
 use crate::pending::Pending;
@@ -40,6 +41,7 @@ pub(crate) struct WorldRay {
     pub(crate) o_lo: V3,
     pub(crate) d: V3,
     pub(crate) t_max: f32,
+    pub(crate) path: u32,
     /// Bits of `RAY_*`; streaming.
     pub(crate) flags: u32,
     /// Decides about opacity.
@@ -90,6 +92,7 @@ pub(crate) struct Walk<'s, 'v, const ANY_HIT: bool> {
     pub(crate) world: WorldRay,
     pub(crate) found: Found,
     pub(crate) pending: Pending,
+    pub(crate) asking: Asking,
     pub(crate) hit: bool,
     pub(crate) hit_before: bool,
     /// Of resident chunks; streaming.
@@ -111,7 +114,7 @@ pub(crate) struct Walk<'s, 'v, const ANY_HIT: bool> {
     pub(crate) mesh: GpuMesh,
     pub(crate) triangles: HostBytes<'v>,
     /// With what of it moves.
-    pose: Pose<'v>,
+    pub(crate) pose: Pose<'v>,
     shear: Shear,
     /// Records from the chunk to here, and the innermost one.
     pub(crate) chain: [u32; MOST_LEVELS],
@@ -128,6 +131,7 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
             world: WorldRay::default(),
             found: Found::default(),
             pending: Pending::default(),
+            asking: Asking::default(),
             hit: false,
             hit_before: false,
             visits: 0,
@@ -158,6 +162,12 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
     #[inline(always)]
     pub(crate) fn level_index(&self) -> usize {
         self.level.saturating_sub(1)
+    }
+
+    /// Where the ray goes in the frame of the current level or mesh.
+    #[inline(always)]
+    pub(crate) fn direction(&self) -> V3 {
+        self.at.d
     }
 
     /// In place of a walk: nothing was met, nothing is waited for.

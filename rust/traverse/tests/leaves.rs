@@ -185,3 +185,24 @@ fn a_broken_tree_ends_and_reads_nothing_outside() {
         assert!(world.native().hits.iter().all(Option::<Found>::is_none), "a mesh at {at:#x}");
     }
 }
+
+#[test]
+fn broken_tables_of_cutouts_end_and_read_nothing_outside() {
+    let features = Features::CUTOUTS | Features::MATERIALS | Features::TEXTURES | Features::OPACITY_MASKS;
+    let Some(mut world) = World::new(features | Features::INSTANCE_PRIMVARS, 64, 256) else { return };
+    let (mut there, mut all) = (0, 0);
+    for seed in 1..=400 {
+        let mut random = Random(seed);
+        let mut items: Vec<GpuTriangle> = (0..48).map(|_| triangle(&mut random)).collect();
+        for (subset, item) in (0..).zip(&mut items) {
+            item.subset_and_sides = subset & 3;
+        }
+        world.set_mesh(&triangle_mesh(48), &items, Leaf::TRIANGLE);
+        world.set_rays(&rays_at(&mut random, &items, 256));
+        world.set_broken_cutouts(&mut random);
+        // What it finds is of no use, but it comes back.
+        there += world.native().hits.iter().flatten().count();
+        all += 256;
+    }
+    assert!(there * 20 > all && there * 4 < all, "{there} of {all} rays met what was there");
+}

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What moves while the shutter is open, as it crosses the boundary. Pure; any thread.
 
-use crate::convert::{Complaints, column_matrix};
+use crate::convert::Complaints;
 use crate::ffi;
+use oocpt_core::array::column_matrix;
 use oocpt_core::scene::{InstancerMotion, InstancerSample, PointsMotion, PointsSample, TransformSample};
 
 /// Numbers of a sample: its time and a matrix.

@@ -3,7 +3,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use oocpt_core::camera::Camera;
-use oocpt_core::settings::{Settings, TraversalKind};
+use oocpt_core::settings::{HostMapped, Settings, TraversalKind};
 use oocpt_core::stats::Stats;
 use oocpt_render::{AovKind, AovRequest, RenderRequest, Session, Severity, Timings};
 use serde::Serialize;
@@ -94,15 +94,16 @@ pub(crate) fn plain_settings(samples: u32, bounces: u32, device: &str) -> Settin
         max_bounces: bounces,
         device: device.to_owned(),
         interactive: false,
-        traversal: traversal(),
+        traversal: said("oocpt:traversal", TraversalKind::named),
+        host_mapped: said("oocpt:hostMappedGeometry", HostMapped::named),
         ..Settings::default()
     }
 }
 
-/// Who walks the rays in benches: as the setting's variable says.
-fn traversal() -> TraversalKind {
-    let said = Settings::env_name("oocpt:traversal").and_then(|name| std::env::var(name).ok());
-    said.and_then(|text| TraversalKind::named(text.trim())).unwrap_or_default()
+/// What the variable of a setting says, or its default.
+fn said<T: Default>(key: &str, named: impl Fn(&str) -> Option<T>) -> T {
+    let text = Settings::env_name(key).and_then(|name| std::env::var(name).ok());
+    text.and_then(|text| named(text.trim())).unwrap_or_default()
 }
 
 /// A request for the colour alone.

@@ -18,14 +18,14 @@ use std::time::Instant;
 use super::budgets::{self, Failed};
 use super::common::{self, Machine, PassRow, Reported, Runs, finish, write_picture};
 use super::observe::Observe;
-use super::view::{Seen, View};
-use crate::scene::island;
+use super::view::{Made, Seen, View};
+use crate::scene::island::Parameters;
 
 /// Options of `oocpt bench island`.
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    view: View,
+    view: View<Parameters>,
     /// Geometry budgets in per cent of the scene's geometry; 100 = in core, and has to be the first.
     #[arg(long, value_delimiter = ',', default_value = "100,29,10,5")]
     budgets: Vec<f64>,
@@ -87,7 +87,7 @@ struct Report {
     bench: &'static str,
     machine: Machine,
     #[serde(flatten)]
-    seen: Seen,
+    seen: Seen<Parameters>,
     instanced_triangles: u64,
     meshes: u64,
     /// Making the arrays, which a host would do.
@@ -109,7 +109,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let session = arguments.view.session(&arguments.reported.device);
     budgets::limit(&session, arguments.memory_budget, arguments.chunk_size)?;
     let started = Instant::now();
-    session.with_scene(|db| island::build(db, &arguments.view.island))?;
+    session.with_scene(|db| arguments.view.scene.build(db))?;
     let generate_secs = started.elapsed().as_secs_f64();
     let started = Instant::now();
     session.render(arguments.view.request());

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-//! `oocpt bench memory`: the same picture of the island with ever less device memory in all: geometry, paths, film,
-//! tables and workspaces together. The first row has what the device gives; the others a share of what that row took at
-//! most. All rows must give its picture bit for bit.
+//! `oocpt bench memory` and `woods-memory`: the same picture of the island or the woods with ever less device memory in
+//! all: geometry, textures, paths, film, tables and workspaces together. The first row has what the device gives; the
+//! others a share of what that row took at most. All rows must give its picture bit for bit.
 //!
 //! Each row opens the device anew. Its first render is cold: it begins with empty device memory, and what it uploads is
 //! in its seconds. Where a scene that fits was rendered while it came, the first picture in core brings the rest and is
@@ -15,14 +15,13 @@ use serde::Serialize;
 use std::time::Instant;
 
 use super::common::{self, Machine, PassRow, Reported, finish};
-use super::view::{Seen, View};
-use crate::scene::island;
+use super::view::{Made, Seen, View};
 
 /// Options of `oocpt bench memory`.
 #[derive(clap::Args)]
-pub(crate) struct Arguments {
+pub(crate) struct Arguments<S: Made> {
     #[command(flatten)]
-    view: View,
+    view: View<S>,
     /// Device memory in all of the rows after the first, in per cent of what that row took at most.
     #[arg(long, value_delimiter = ',', default_value = "100,90,75,55,40,27,20,14,10")]
     percents: Vec<f64>,
@@ -89,11 +88,11 @@ struct Failed {
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct Report<S> {
     bench: &'static str,
     machine: Machine,
     #[serde(flatten)]
-    seen: Seen,
+    seen: Seen<S>,
     commit_secs: f64,
     /// The most memory that the process held until then.
     commit_host_peak_bytes: u64,
@@ -102,10 +101,10 @@ struct Report {
 }
 
 /// Runs the bench.
-pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+pub(crate) fn run<S: Made>(arguments: &Arguments<S>) -> Result<()> {
     ensure!(arguments.percents.iter().all(|&p| p > 0.0), "--percents: only numbers above 0");
     let session = arguments.view.session(&arguments.reported.device);
-    session.with_scene(|db| island::build(db, &arguments.view.island))?;
+    session.with_scene(|db| arguments.view.scene.build(db))?;
     let started = Instant::now();
     session.render(arguments.view.request());
     let commit_secs = started.elapsed().as_secs_f64();
@@ -154,8 +153,8 @@ fn mib_of(percent: f64, bytes: u64) -> u32 {
 }
 
 /// Renders one row. The first row leaves its picture in `reference`.
-fn measure(
-    arguments: &Arguments,
+fn measure<S: Made>(
+    arguments: &Arguments<S>,
     session: &Session,
     budget_mib: u32,
     first: Option<&Row>,
@@ -209,8 +208,8 @@ fn mib(bytes: u64) -> f64 {
     bytes as f64 / f64::from(1 << 20)
 }
 
-fn print_head(report: &Report) {
-    println!("memory, island on {}", report.machine);
+fn print_head<S: Made>(report: &Report<S>) {
+    println!("memory, {} on {}", S::NAME, report.machine);
     let Report { seen, commit_secs, commit_host_peak_bytes, .. } = report;
     println!("{seen}, committed in {commit_secs:.2} s with {:.0} MiB of host memory", mib(*commit_host_peak_bytes));
     println!(

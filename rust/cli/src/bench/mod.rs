@@ -22,6 +22,7 @@ mod view;
 
 pub(crate) use common::{all_images, finish};
 
+use crate::scene::{island as island_scene, woods};
 use anyhow::Result;
 use clap::Subcommand;
 
@@ -42,7 +43,9 @@ enum Command {
     /// The island in core and under shrinking geometry budgets; the pictures have to be the same bits.
     Island(island::Arguments),
     /// The island with ever less device memory in all, cold and warm; the pictures have to be the same bits.
-    Memory(memory::Arguments),
+    Memory(memory::Arguments<island_scene::Parameters>),
+    /// The woods with ever less device memory in all: geometry, textures, paths, film.
+    WoodsMemory(memory::Arguments<woods::Parameters>),
     /// The island under small geometry budgets without and with roulette on loads: time, error, how the paths run out.
     Stragglers(stragglers::Arguments),
     /// A textured forest in core and under budgets that its geometry and its textures each exceed; the same bits.
@@ -73,6 +76,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
         Some(Command::Forest(arguments)) => forest::run(arguments),
         Some(Command::Island(arguments)) => island::run(arguments),
         Some(Command::Memory(arguments)) => memory::run(arguments),
+        Some(Command::WoodsMemory(arguments)) => memory::run(arguments),
         Some(Command::Stragglers(arguments)) => stragglers::run(arguments),
         Some(Command::Textures(arguments)) => textures::run(arguments),
         Some(Command::TextureFiles(arguments)) => texture_files::run(arguments),

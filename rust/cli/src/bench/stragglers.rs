@@ -18,8 +18,8 @@ use std::path::PathBuf;
 
 use super::budgets;
 use super::common::{Machine, Reported, finish, median, write_picture};
-use super::view::{Seen, View};
-use crate::scene::island;
+use super::view::{Made, Seen, View};
+use crate::scene::island::Parameters;
 
 /// Seed of the reference: none of those of the runs.
 const REFERENCE_SEED: i64 = 1_000_003;
@@ -32,7 +32,7 @@ const SHARES: [f64; 6] = [50.0, 10.0, 1.0, 0.1, 0.01, 0.0];
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    view: View,
+    view: View<Parameters>,
     /// Samples per pixel of the picture to compare with, rendered in core.
     #[arg(long, default_value_t = 1024)]
     reference_samples: u32,
@@ -85,7 +85,7 @@ struct Report {
     bench: &'static str,
     machine: Machine,
     #[serde(flatten)]
-    seen: Seen,
+    seen: Seen<Parameters>,
     reference_samples: u32,
     rows: Vec<Row>,
     /// Budgets too small for the largest chunk, and what was said.
@@ -97,7 +97,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     ensure!(arguments.budget.iter().all(|&p| p > 0.0 && p < 100.0), "--budget: numbers above 0 and below 100");
     let session = arguments.view.session(&arguments.reported.device);
     budgets::limit(&session, arguments.memory_budget, arguments.chunk_size)?;
-    session.with_scene(|db| island::build(db, &arguments.view.island))?;
+    session.with_scene(|db| arguments.view.scene.build(db))?;
     let request = arguments.view.request();
     session.set_setting("oocpt:seed", Value::Int(REFERENCE_SEED))?;
     session.set_setting("oocpt:samplesPerPixel", Value::Int(arguments.reference_samples.into()))?;

@@ -1,17 +1,57 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The island as several benches render it: which one, from where, and with how many samples.
+//! A scene as several benches render it: which one, from where, and with how many samples.
 
 use super::common;
-use crate::scene::island::{self, Parameters};
+use crate::scene::{island, pictures::Pictures, woods};
+use anyhow::Result;
+use oocpt_core::camera::Camera;
+use oocpt_core::scene::SceneDb;
 use oocpt_core::stats::Stats;
 use oocpt_render::{RenderRequest, Session, SessionOptions};
 use serde::Serialize;
+use std::sync::Arc;
+
+/// A scene that is made from a few numbers, which are options of a bench.
+pub(crate) trait Made: clap::Args + Copy + Serialize {
+    /// What reports call it.
+    const NAME: &'static str;
+
+    /// Fills an empty scene.
+    fn build(&self, db: &mut SceneDb) -> Result<()>;
+
+    /// The scene's own view of an image, pixels.
+    fn camera(&self, width: u32, height: u32) -> Camera;
+}
+
+impl Made for island::Parameters {
+    const NAME: &'static str = "island";
+
+    fn build(&self, db: &mut SceneDb) -> Result<()> {
+        island::build(db, self).map(drop)
+    }
+
+    fn camera(&self, width: u32, height: u32) -> Camera {
+        island::camera(self, width, height)
+    }
+}
+
+impl Made for woods::Parameters {
+    const NAME: &'static str = "woods";
+
+    fn build(&self, db: &mut SceneDb) -> Result<()> {
+        woods::build(db, self)
+    }
+
+    fn camera(&self, width: u32, height: u32) -> Camera {
+        woods::camera(width, height)
+    }
+}
 
 /// Options of a bench.
 #[derive(clap::Args)]
-pub(crate) struct View {
+pub(crate) struct View<S: Made> {
     #[command(flatten)]
-    pub(crate) island: Parameters,
+    pub(crate) scene: S,
     /// Image width, pixels.
     #[arg(long, default_value_t = 1024)]
     width: u32,
@@ -34,28 +74,25 @@ pub(crate) struct View {
 
 /// What a report says of it.
 #[derive(Debug, Serialize)]
-pub(crate) struct Seen {
+pub(crate) struct Seen<S> {
     width: u32,
     height: u32,
     samples: u32,
     bounces: u32,
+    scene: S,
     instances: u64,
-    unique_quads: u64,
-    copies: u32,
-    flatten: bool,
-    distinct: bool,
-    seed: u64,
+    instanced_triangles: u64,
     chunks: u64,
     pub(crate) scene_bytes: u64,
 }
 
-impl View {
+impl<S: Made> View<S> {
     /// A session without a scene, on a device: an index or a part of its name.
     pub(crate) fn session(&self, device: &str) -> Session {
         let mut settings = common::plain_settings(self.samples, self.bounces, device);
         settings.host_memory_budget_mib = self.host_memory;
         settings.geometry_cache.clone_from(&self.geometry_cache);
-        Session::with_options(settings, SessionOptions::default())
+        Session::with_options(settings, SessionOptions::default()).with_images(Arc::new(Pictures))
     }
 
     pub(crate) fn size(&self) -> [u32; 2] {
@@ -63,40 +100,35 @@ impl View {
     }
 
     pub(crate) fn request(&self) -> RenderRequest {
-        common::color_request(self.width, self.height, island::camera(&self.island, self.width, self.height))
+        common::color_request(self.width, self.height, self.scene.camera(self.width, self.height))
     }
 
     /// After the scene was rendered.
-    pub(crate) fn seen(&self, stats: &Stats) -> Seen {
-        let Self { width, height, samples, bounces, .. } = *self;
-        let Parameters { unique_quads, copies, flatten, distinct, seed, .. } = self.island;
-        let (instances, chunks, scene_bytes) = (stats.instances, stats.streaming.chunks, stats.streaming.scene_bytes);
+    pub(crate) fn seen(&self, stats: &Stats) -> Seen<S> {
+        let Self { width, height, samples, bounces, scene, .. } = *self;
         Seen {
             width,
             height,
             samples,
             bounces,
-            instances,
-            unique_quads,
-            copies,
-            flatten,
-            distinct,
-            seed,
-            chunks,
-            scene_bytes,
+            scene,
+            instances: stats.instances,
+            instanced_triangles: stats.triangles,
+            chunks: stats.streaming.chunks,
+            scene_bytes: stats.streaming.scene_bytes,
         }
     }
 }
 
-impl std::fmt::Display for Seen {
+impl<S> std::fmt::Display for Seen<S> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { width, height, samples, bounces, instances, unique_quads, chunks, scene_bytes, .. } = self;
+        let Self { width, height, samples, bounces, instances, instanced_triangles, chunks, scene_bytes, .. } = self;
         #[expect(clippy::cast_precision_loss, reason = "a size")]
         let mib = *scene_bytes as f64 / f64::from(1 << 20);
         write!(
             f,
-            "{width} x {height} px, {samples} samples, {bounces} bounces; {instances} instances, {unique_quads} unique \
-             quads; {chunks} chunks, {mib:.1} MiB"
+            "{width} x {height} px, {samples} samples, {bounces} bounces; {instances} instances, {instanced_triangles} \
+             triangles of instances; {chunks} chunks, {mib:.1} MiB"
         )
     }
 }

@@ -13,7 +13,7 @@ use bytemuck::Pod;
 use glam::{DMat4, DQuat, DVec3, DVec4};
 use half::f16;
 
-pub use view::ArrayView;
+pub use view::{ArrayView, column_matrix};
 
 /// Bytes that stay where they are and as they are for as long as the source lives.
 pub trait ArraySource: Send + Sync + fmt::Debug {

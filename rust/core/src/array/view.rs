@@ -122,7 +122,7 @@ impl<'a> ArrayView<'a> {
     #[must_use]
     #[inline]
     pub fn matrix(&self, i: usize) -> Option<DMat4> {
-        self.floats::<16>(i).map(|m| DMat4::from_cols_array(&m))
+        self.floats::<16>(i).map(|m| column_matrix(&m))
     }
 
     /// Element `i` of an integer array.
@@ -138,4 +138,14 @@ impl<'a> ArrayView<'a> {
     pub fn boolean(&self, i: usize) -> Option<bool> {
         if self.component == Component::U8 { self.bytes.get(i).map(|&b| b != 0) } else { None }
     }
+}
+
+/// `GfMatrix4d` data, which lies row by row for row vectors, as the matrix for column vectors: read column by column,
+/// the same sixteen numbers are its transpose, and that is the one wanted. Points are homogeneous, so an affine matrix
+/// may have another number than 1 in its corner, as a matrix that was scaled as a whole has; it is divided by it.
+#[must_use]
+pub fn column_matrix(gf_data: &[f64; 16]) -> DMat4 {
+    let [x, y, z, w] = [3, 7, 11, 15].map(|at| gf_data[at]);
+    let is_scaled = x == 0.0 && y == 0.0 && z == 0.0 && w != 0.0 && w != 1.0 && w.is_finite();
+    if is_scaled { DMat4::from_cols_array(&gf_data.map(|v| v / w)) } else { DMat4::from_cols_array(gf_data) }
 }

@@ -37,6 +37,9 @@ dropped! {
     wrong_array_types: "arrays of the wrong type",
     /// Meshes without a single usable face.
     empty_meshes: "meshes without a usable face",
+    /// Curves, points, spheres and capsules of which no piece, ribbon or ball is left: no points, no width, normals
+    /// without a length.
+    empty_items: "curves, points or spheres with nothing to draw",
     /// Meshes above the size limit.
     oversized_meshes: "meshes above the size limit",
     /// Faces with a negative number of corners.

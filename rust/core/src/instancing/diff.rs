@@ -46,7 +46,7 @@ impl ChangedNumbers {
                 _ => return None,
             }
         }
-        numbers.len += numbers.bits.iter().map(|word| word.count_ones() as usize).sum::<usize>();
+        numbers.len += numbers.bits.par_iter().map(|word| word.count_ones() as usize).sum::<usize>();
         same_mask.then_some(numbers)
     }
 
@@ -75,22 +75,21 @@ impl ChangedNumbers {
     }
 
     fn add(&mut self, old: &[u8], new: &[u8], size: usize) {
-        let blocks = old.par_chunks(BLOCK * size).zip(new.par_chunks(BLOCK * size)).enumerate();
-        let differing: Vec<usize> = blocks
-            .filter(|(_, (a, b))| a != b)
-            .flat_map_iter(|(block, (a, b))| {
-                let elements = a.chunks(size).zip(b.chunks(size)).zip(block * BLOCK..);
-                elements.filter(|((a, b), _)| a != b).map(|(_, number)| number)
-            })
-            .collect();
-        for number in differing {
-            if number / 64 >= self.bits.len() {
-                self.bits.resize(number / 64 + 1, 0);
-            }
-            if let Some(word) = self.bits.get_mut(number / 64) {
-                *word |= 1 << (number % 64);
-            }
+        let words = old.len().max(new.len()).div_ceil(size).div_ceil(64);
+        if self.bits.len() < words {
+            // Zeroed by the system, as a rule.
+            let known = std::mem::replace(&mut self.bits, vec![0; words]);
+            self.bits.iter_mut().zip(known).for_each(|(word, known)| *word = known);
         }
+        let blocks = old.par_chunks(BLOCK * size).zip(new.par_chunks(BLOCK * size));
+        blocks.zip(self.bits.par_chunks_mut(BLOCK / 64)).filter(|((a, b), _)| a != b).for_each(|((a, b), words)| {
+            let elements = a.chunks(64 * size).zip(b.chunks(64 * size));
+            for ((a, b), word) in elements.zip(words) {
+                for (at, (a, b)) in a.chunks(size).zip(b.chunks(size)).enumerate() {
+                    *word |= u64::from(a != b) << at;
+                }
+            }
+        });
     }
 
     /// True when so many changed that a run of `ranks` instances is better scanned anew.

@@ -114,7 +114,7 @@ impl<'a> Compiler<'a> {
             return None;
         }
         let Some(node) = surface.and_then(|at| self.nodes.get(at)) else {
-            self.problems.add("there is no surface".to_owned());
+            self.problems.add("there is no surface that is read (UsdPreviewSurface or MaterialX)".to_owned());
             return None;
         };
         if &*node.kind != "UsdPreviewSurface" {

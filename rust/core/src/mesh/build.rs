@@ -87,6 +87,7 @@ pub fn build_mesh_with(
         let loose = read_triangles(loose, &mut dropped);
         // Ribbons may have no width somewhere.
         dropped.zero_area_triangles = zero_area_triangles;
+        dropped.empty_items = std::mem::take(&mut dropped.empty_meshes);
         arrange_or_split(loose, limit_bytes, cluster_bytes, &mut asset, &mut clusters);
         return BuiltMesh { asset, clusters, dropped, notes };
     }

@@ -192,6 +192,9 @@ impl Cutter<'_> {
     pub(crate) fn melt(&self, chunk: &Chunk) -> Vec<Item> {
         let members = chunk.members();
         let numbers: Vec<Option<u32>> = chunk.ids.iter().map(|id| self.member_of.get(id).copied()).collect();
+        if numbers.iter().all(Option::is_none) {
+            return Vec::new();
+        }
         let mut out = Vec::with_capacity(chunk.len());
         let mut readers = Readers::new(&members, None);
         chunk.each(0..chunk.len(), &mut readers, |at, _, rank, reader| {

@@ -16,6 +16,7 @@ mod cells;
 mod changes;
 mod chunk;
 mod cost;
+mod gather;
 mod lattice;
 mod part;
 mod patch;

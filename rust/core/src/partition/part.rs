@@ -15,6 +15,7 @@ use super::cells::{Cutter, Piece};
 use super::changes::Changes;
 use super::chunk::{Chunk, Roster};
 use super::cost::{AssetCosts, CutRule};
+use super::gather::sorted;
 use super::lattice::Lattice;
 use super::patch::{Edits, SHARE};
 use super::stretches::Stretches;
@@ -25,6 +26,9 @@ use crate::instancing::diff::ChangedNumbers;
 use crate::instancing::instance_primvars::{MemberPrimvar, value_bytes};
 use crate::instancing::item::Item;
 use crate::mesh::Aabb;
+
+/// Items that a task puts on the lattice.
+const PLACED: usize = 1 << 12;
 
 /// The partition of one opened assembly.
 #[derive(Debug, Default)]
@@ -114,7 +118,8 @@ impl Part {
         let roster =
             Roster { members: job.assembly.members(), ids: &changes.ids, keeps_frame: job.assembly.is_split_mesh() };
         let cutter = Cutter { rule: &rule, roster, lattice: &lattice, member_of: &changes.member_of };
-        let chunks = self.cut_anew(&cutter, &changes, job).unwrap_or_else(|| self.cut_again(&cutter, &changes));
+        let chunks =
+            self.cut_anew(&cutter, &changes, job).unwrap_or_else(|| self.cut_again(&cutter, &changes, job.item_bytes));
         let known = job.inside().map(|(number, member)| Known {
             id: changes.ids.get(number as usize).copied().unwrap_or(u32::MAX),
             member: member.clone(),
@@ -163,10 +168,9 @@ impl Part {
     }
 
     /// Chunks made of those from before, with everything that is new sorted at once.
-    fn cut_again(&self, cutter: &Cutter<'_>, changes: &Changes) -> Vec<Arc<Chunk>> {
+    fn cut_again(&self, cutter: &Cutter<'_>, changes: &Changes, item_bytes: u64) -> Vec<Arc<Chunk>> {
         let (roster, lattice) = (cutter.roster, cutter.lattice);
-        let mut gained = new_items(roster.members, changes, lattice);
-        gained.par_sort_unstable_by_key(Item::key);
+        let gained = sorted(new_items(roster.members, changes, lattice), item_bytes);
         let lost = self.lost_items(changes, lattice);
         let edits = Edits::of_chunks(&self.chunks, &lost, &gained);
         let fates = self.fates(changes, &edits);
@@ -296,7 +300,12 @@ impl Done {
 
 /// Sorted items in no chunk: what melted, and what was gained and is in no patched chunk.
 fn loose(gained: Vec<Item>, edits: &[Edits], done: &[Done]) -> Vec<Item> {
-    if !done.iter().any(|done| !matches!(done, Done::Kept(_))) {
+    let adds_none = |done: &Done| match done {
+        Done::Kept(_) => true,
+        Done::Patched(_) => false,
+        Done::Melted(items) => items.is_empty(),
+    };
+    if done.iter().all(adds_none) {
         return gained;
     }
     let mut items: Vec<Item> = Vec::new();
@@ -316,32 +325,18 @@ fn loose(gained: Vec<Item>, edits: &[Edits], done: &[Done]) -> Vec<Item> {
     items
 }
 
-/// The items of added members and of edited records, not sorted.
-fn new_items(members: &[Member], changes: &Changes, lattice: &Lattice) -> Vec<Item> {
+/// The items of added members and of edited records, in parts, not sorted.
+fn new_items(members: &[Member], changes: &Changes, lattice: &Lattice) -> Vec<Vec<Item>> {
     let of = |number: u32| members.get(number as usize);
-    let mut items: Vec<Item> = Vec::new();
-    let mut left: usize = changes.added.iter().filter_map(|&n| of(n)).map(|m| m.run.len()).sum();
     let (single, many): (Vec<u32>, Vec<u32>) =
         changes.added.iter().partition(|&&number| of(number).is_none_or(|m| m.run.len() == 1));
+    let mut items: Vec<Item> = Vec::new();
     items.par_extend(single.par_iter().filter_map(|&number| {
         let reader = of(number)?.run.reader(None);
         let mut item = reader.first_item()?;
         lattice.place(&mut item, number);
         Some(item)
     }));
-    for number in many {
-        let Some(member) = of(number) else { continue };
-        let mut part = member.run.take_items();
-        part.par_iter_mut().with_min_len(1 << 12).for_each(|item| lattice.place(item, number));
-        left = left.saturating_sub(part.len());
-        if items.is_empty() {
-            // The only one, often: not copied.
-            items = part;
-            items.reserve_exact(left);
-        } else {
-            items.append(&mut part);
-        }
-    }
     for (number, _, ranks) in &changes.edited {
         let Some(member) = of(*number) else { continue };
         let reader = member.run.reader(None);
@@ -351,7 +346,14 @@ fn new_items(members: &[Member], changes: &Changes, lattice: &Lattice) -> Vec<It
             Some(item)
         }));
     }
-    items
+    let mut parts: Vec<(u32, Vec<Item>)> =
+        many.iter().filter_map(|&number| Some((number, of(number)?.run.take_items()))).collect();
+    let stretches = parts.par_iter_mut().flat_map(|(number, part)| {
+        let number = *number;
+        part.par_chunks_mut(PLACED).map(move |stretch| (number, stretch))
+    });
+    stretches.for_each(|(number, stretch)| stretch.iter_mut().for_each(|item| lattice.place(item, number)));
+    parts.into_iter().map(|(_, part)| part).chain([items]).filter(|part| !part.is_empty()).collect()
 }
 
 /// Makes a kept chunk read the present arrays, so that old ones can go. Changes no record.

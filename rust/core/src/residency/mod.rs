@@ -21,9 +21,11 @@
 //! Units: bytes, rays, steps. Called by one thread. Sources: GPU-Motunui's loop over partitions (`sweep`), the schedule
 //! of L. Berchtold's thesis, 2022 (`priority`); `benefit` is ours.
 
+mod ahead;
 mod catalog;
 mod entry;
 mod holdings;
+mod mapped;
 mod planner;
 pub mod policy;
 pub mod roulette;
@@ -52,9 +54,14 @@ pub struct Demand<'a> {
     pub waiting: &'a [u32],
     /// Rays that wait for another unit first and have this one further down their list.
     pub next: &'a [u32],
-    /// Rays that visited this unit since the last step because it was resident. May be empty when nobody counts; then
-    /// what stays resident is judged by the demand that was seen before its load.
+    /// Rays that visited this unit since the last step because it was resident or `mapped`. May be empty when nobody
+    /// counts; then what stays resident is judged by the demand that was seen before its load.
     pub visits: &'a [u32],
+    /// Units that rays can read in host memory while they are absent, so that none waits for them. They are loaded for
+    /// their visits alone, where the policy has a measure for it.
+    pub mapped: &'a [bool],
+    /// Resident units below this one go only where they are `mapped`, and none is loaded for its visits.
+    pub keep_below: UnitId,
     /// Rays that can be traced now.
     pub active: u64,
     /// The units of which `waiting` or `next` is not 0, ascending, each once; others may be among them. `None`: the

@@ -5,7 +5,7 @@
 
 use super::entry::UnitState;
 use super::planner::{Load, LoadKind, Planner};
-use super::policy::{View, top};
+use super::policy::View;
 use super::victims::{Victim, Victims};
 use super::{AssetId, Command, Demand, UnitId, at};
 
@@ -21,9 +21,8 @@ const PATIENCE: u32 = 4;
 const PATIENCE_MIN: u32 = 64;
 /// The device idles when so many times more rays wait than can be traced.
 const IDLE_RATIO: u64 = 64;
-/// Prefetches that are tried in a step, and their share of the bytes in flight.
-const PREFETCHES: usize = 32;
-const PREFETCH_SHARE: u64 = 4;
+/// Share of the bytes in flight that prefetches have.
+pub(super) const PREFETCH_SHARE: u64 = 4;
 const DEFAULT_IN_FLIGHT_SHARE: u64 = 8;
 /// In the simulation all policies are slower with several hundred MiB in flight: what was chosen is stale by then.
 const DEFAULT_IN_FLIGHT_MAX: u64 = 128 << 20;
@@ -35,7 +34,7 @@ const VICTIMS: usize = 4096;
 
 /// What became of a try to load.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Try {
+pub(super) enum Try {
     Issued,
     /// Nothing may go for it now.
     NoRoom,
@@ -60,7 +59,7 @@ pub struct Proposal {
 
 /// How hard a load may press.
 #[derive(Clone, Copy)]
-enum Press {
+pub(super) enum Press {
     /// Whatever is not pinned may go.
     Must,
     /// What the policy lets go for this value.
@@ -70,14 +69,21 @@ enum Press {
 }
 
 /// The demand of a step and what was made of it so far.
-struct Plan<'a> {
-    demand: Demand<'a>,
-    demanded: Vec<UnitId>,
+pub(super) struct Plan<'a> {
+    pub(super) demand: Demand<'a>,
+    pub(super) demanded: Vec<UnitId>,
     rays_waiting: u64,
     victims: Option<Victims>,
     commands: Vec<Command>,
     issued: usize,
     agrees: &'a mut dyn FnMut(&Proposal) -> bool,
+}
+
+impl Plan<'_> {
+    /// Nearly all rays wait.
+    pub(super) fn is_idle(&self) -> bool {
+        self.demand.active.saturating_mul(IDLE_RATIO) < self.rays_waiting
+    }
 }
 
 impl Planner {
@@ -97,6 +103,8 @@ impl Planner {
         self.shrink(&mut plan);
         if self.load_starving(&mut plan) {
             self.load_demanded(&mut plan);
+            self.fill_room(&mut plan);
+            self.load_mapped(&mut plan);
         }
         self.count_bytes();
         plan.commands
@@ -106,8 +114,9 @@ impl Planner {
     fn observe(&mut self, plan: &mut Plan<'_>) {
         let (step, loads) = (self.step, self.loads_begun);
         for_each_nonzero(None, plan.demand.visits, self.entries.len(), |unit, rays| {
+            let is_mapped = plan.demand.mapped.get(unit as usize) == Some(&true);
             let entry = &mut self.entries[unit as usize];
-            if entry.state == UnitState::Resident {
+            if is_mapped || entry.state == UnitState::Resident {
                 entry.visited(step, rays);
             }
         });
@@ -192,7 +201,7 @@ impl Planner {
             }
         }
         // Rays wait, none can be traced, nothing comes: whatever the policy thinks of the swap, it is progress.
-        if plan.issued == 0 && self.loading.is_empty() && is_idle(plan) {
+        if plan.issued == 0 && self.loading.is_empty() && plan.is_idle() {
             for &(_, unit) in candidates.iter().take(REFUSALS) {
                 if self.try_load(plan, unit, Press::Must) == Try::Issued {
                     break;
@@ -206,29 +215,7 @@ impl Planner {
         }
     }
 
-    /// Loads what rays have further down their lists, when everything demanded is on its way.
-    fn prefetch(&mut self, plan: &mut Plan<'_>) {
-        if self.in_flight[LoadKind::Prefetch as usize] >= self.in_flight_limit(plan) / PREFETCH_SHARE {
-            return;
-        }
-        let mut wanted = Vec::new();
-        for_each_nonzero(plan.demand.asked, plan.demand.next, self.entries.len(), |unit, rays| {
-            let absent = self.entries[unit as usize].state == UnitState::Absent;
-            if absent && at(plan.demand.waiting, unit) == 0 {
-                wanted.push((f64::from(rays), unit));
-            }
-        });
-        let view = self.view(plan.demand);
-        let value = |(_, unit)| self.policy.prefetch(&view, unit).map(|value| (value, unit));
-        let values = top(wanted, PREFETCHES).into_iter().filter_map(value).collect();
-        for (value, unit) in top(values, PREFETCHES) {
-            if self.try_load(plan, unit, Press::Ahead(value)) == Try::Full {
-                break;
-            }
-        }
-    }
-
-    fn try_load(&mut self, plan: &mut Plan<'_>, unit: UnitId, press: Press) -> Try {
+    pub(super) fn try_load(&mut self, plan: &mut Plan<'_>, unit: UnitId, press: Press) -> Try {
         let Some(missing) = self.holdings.missing(&self.catalog, unit) else { return Try::Shared };
         let (kind, limit) = match press {
             Press::Must | Press::Worth(_) => (LoadKind::Demanded, self.in_flight_limit(plan)),
@@ -245,7 +232,7 @@ impl Planner {
                 return Try::NoRoom;
             }
         }
-        let proposal = Proposal { unit, bytes: missing, is_idle: is_idle(plan) };
+        let proposal = Proposal { unit, bytes: missing, is_idle: plan.is_idle() };
         if kind == LoadKind::Demanded && !(plan.agrees)(&proposal) {
             return Try::Refused;
         }
@@ -319,8 +306,11 @@ impl Planner {
             Victims::new([after, before].concat())
         });
         let view = self.view(plan.demand);
-        let may_go =
-            |&unit: &UnitId| self.entries[unit as usize].state == UnitState::Resident && self.is_unpinned(unit);
+        let (keep_below, mapped) = (plan.demand.keep_below, plan.demand.mapped);
+        let is_kept = |unit: UnitId| unit < keep_below && mapped.get(unit as usize) != Some(&true);
+        let may_go = |&unit: &UnitId| {
+            self.entries[unit as usize].state == UnitState::Resident && self.is_unpinned(unit) && !is_kept(unit)
+        };
         while victims.first().is_none() && victims.list(&*self.policy, &view, VICTIMS, may_go) {}
         plan.victims = Some(victims);
     }
@@ -355,12 +345,12 @@ impl Planner {
         self.stats.evictions += 1;
     }
 
-    fn view<'a>(&'a self, demand: Demand<'a>) -> View<'a> {
+    pub(super) fn view<'a>(&'a self, demand: Demand<'a>) -> View<'a> {
         View { catalog: &self.catalog, demand, entries: &self.entries, holdings: &self.holdings, step: self.step }
     }
 
-    fn in_flight_limit(&self, plan: &Plan<'_>) -> u64 {
-        let more = if is_idle(plan) { IDLE_IN_FLIGHT } else { 1 };
+    pub(super) fn in_flight_limit(&self, plan: &Plan<'_>) -> u64 {
+        let more = if plan.is_idle() { IDLE_IN_FLIGHT } else { 1 };
         match self.options.in_flight_bytes {
             0 => (self.budget / DEFAULT_IN_FLIGHT_SHARE).saturating_mul(more).min(DEFAULT_IN_FLIGHT_MAX),
             bytes => bytes.saturating_mul(more),
@@ -368,14 +358,14 @@ impl Planner {
     }
 }
 
-/// Nearly all rays wait.
-fn is_idle(plan: &Plan<'_>) -> bool {
-    plan.demand.active.saturating_mul(IDLE_RATIO) < plan.rays_waiting
-}
-
 /// Calls `visit` for the values above 0 of the first `count`, ascending: those of `asked`, or it skips zeros 16 at a
 /// time.
-fn for_each_nonzero(asked: Option<&[UnitId]>, values: &[u32], count: usize, mut visit: impl FnMut(UnitId, u32)) {
+pub(super) fn for_each_nonzero(
+    asked: Option<&[UnitId]>,
+    values: &[u32],
+    count: usize,
+    mut visit: impl FnMut(UnitId, u32),
+) {
     let values = &values[..values.len().min(count)];
     if let Some(asked) = asked {
         let value_of = |unit: UnitId| Some((unit, *values.get(unit as usize)?));

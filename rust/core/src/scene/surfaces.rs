@@ -91,6 +91,10 @@ fn has(desc: &MeshDesc, name: &str) -> bool {
     desc.authored_primvar(name).is_some_and(|primvar| !primvar.values.is_empty())
 }
 
+/// What is said of a material that the host does not have. Hosts leave out those whose surfaces are all for other
+/// renderers.
+const MISSING_MATERIAL: &str = "does not exist, or has no surface that is read (UsdPreviewSurface or MaterialX)";
+
 /// What is said of hair that is no curve.
 const NO_CURVE: &str = "its hair material is for curves: fibres go along the first texture coordinate, and are met \
                         where the normal says";
@@ -112,7 +116,7 @@ impl SurfaceStore {
                     Some(found) => {
                         found.compiled();
                     }
-                    None => reports.note(path, format!("its material {material} does not exist")),
+                    None => reports.note(path, format!("its material {material} {MISSING_MATERIAL}")),
                 }
             }
             let is_instanced = !entry.desc.prim.instanced_by.is_empty();

@@ -52,6 +52,12 @@ pub(super) const TABLE: &[Row] = &[
         "Traversal",
         "Who walks the rays: auto, compute (the device) or native (the host, where the device is a processor)",
     ),
+    developer(
+        "oocpt:hostMappedGeometry",
+        "OOCPT_HOST_MAPPED_GEOMETRY",
+        "Host-mapped geometry",
+        "Whether rays read geometry in host memory where the device has no room: auto, on or off",
+    ),
     developer("oocpt:policy", "OOCPT_POLICY", "Policy", "Which chunks to load first: sweep, priority or benefit"),
     user("oocpt:chunkSize", "OOCPT_CHUNK_SIZE", "Chunk size", "Device memory of a chunk of the scene in KiB"),
     user(

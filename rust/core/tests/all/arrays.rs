@@ -62,6 +62,24 @@ fn gf_matrices_become_column_vector_matrices() {
 }
 
 #[test]
+fn matrices_are_divided_by_their_corner() {
+    let transform = |corner: [f64; 4]| {
+        let gf = [[2.0, 0.0, 0.0, corner[0]], [0.0, 4.0, 0.0, corner[1]], [0.0, 0.0, 6.0, corner[2]]];
+        TypedArray::of(vec![[gf[0], gf[1], gf[2], [5.0, 6.0, 7.0, corner[3]]]]).matrix(0).unwrap()
+    };
+    let moved = |corner| transform(corner).transform_point3(DVec3::ONE);
+    assert_eq!(moved([0.0, 0.0, 0.0, 1.0]), DVec3::new(7.0, 10.0, 13.0), "as it is");
+    // What GfMatrix4d::Transform does.
+    assert_eq!(moved([0.0, 0.0, 0.0, 2.0]), DVec3::new(3.5, 5.0, 6.5), "points are homogeneous");
+    assert_eq!(moved([0.0, 0.0, 0.0, -2.0]), DVec3::new(-3.5, -5.0, -6.5), "and so are negative ones");
+    assert_eq!(transform([0.0, 0.0, 0.0, 3.0]).row(3), DVec4::W, "affine");
+    let kept = [[0.0, 0.0, 1.0, 2.0], [0.0; 4], [0.0, 0.0, 0.0, f64::INFINITY]];
+    for corner in kept {
+        assert_eq!(transform(corner).row(3), DVec4::from_array(corner), "what is no affine matrix stays");
+    }
+}
+
+#[test]
 fn integers_and_bools_are_not_mixed() {
     let ints = TypedArray::of(vec![-3_i32, 4]);
     assert_eq!((ints.index(0), ints.index(2), ints.scalar(0), ints.boolean(0)), (Some(-3), None, None, None));

@@ -357,7 +357,10 @@ fn each_terminal_is_read_by_its_kind() {
     assert_eq!(compiled.displacement, compile(&constant(0.5)).displacement);
     mixed.surface = None;
     let compiled = compile(&mixed);
-    assert_eq!(compiled.problem().as_deref(), Some("there is no surface"));
+    assert_eq!(
+        compiled.problem().as_deref(),
+        Some("there is no surface that is read (UsdPreviewSurface or MaterialX)")
+    );
     assert!(compiled.displacement.is_some(), "it is displaced all the same");
     let unlike = displacing(vec![node("ND_image_float", &[("file", file("a"))], &[])]);
     let problem = compile(&unlike).problem().unwrap();

@@ -66,6 +66,8 @@ mod partition_cases;
 #[cfg(test)]
 mod partition_edits;
 #[cfg(test)]
+mod partition_moving;
+#[cfg(test)]
 mod primvar_uses;
 #[cfg(test)]
 mod primvars;

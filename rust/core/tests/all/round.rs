@@ -236,6 +236,23 @@ fn what_makes_no_sense_is_counted() {
     assert_eq!((built.dropped.points, built.asset.unwrap().triangles.len()), (2, 2), "points without place or width");
 }
 
+#[test]
+fn what_has_nothing_to_draw_is_no_mesh() {
+    let one = || curves(CurveBasis::Linear, CurveWrap::Nonperiodic, &[4], &ZIGZAG);
+    let without_length = Some(primvar(Interpolation::Vertex, vec![[0.0_f32; 3]; 4]));
+    let thin = || Some(primvar(Interpolation::Constant, vec![0.0_f32]));
+    let cases = [
+        ("no curves", curves(CurveBasis::Linear, CurveWrap::Nonperiodic, &[], &[])),
+        ("ribbons whose normals have no length", MeshDesc { normals: without_length, ..one() }),
+        ("points without a width", MeshDesc { shape: Shape::Points, widths: thin(), ..one() }),
+    ];
+    for (what, desc) in cases {
+        let built = build(&desc);
+        assert!(built.asset.is_none(), "{what}");
+        assert_eq!(built.dropped, DroppedData { empty_items: 1, ..DroppedData::NONE }, "{what}");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
 

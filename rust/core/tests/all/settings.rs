@@ -94,6 +94,7 @@ fn settings_are_listed_in_order() {
         "oocpt:memoryBudget",
         "oocpt:device",
         "oocpt:traversal",
+        "oocpt:hostMappedGeometry",
         "oocpt:policy",
         "oocpt:chunkSize",
         "oocpt:geometryBudget",
@@ -116,6 +117,7 @@ fn settings_are_listed_in_order() {
     assert!(keys[ours.len()..].iter().all(|key| !key.starts_with("oocpt:")), "{keys:?}");
     let names = [
         "OOCPT_TRAVERSAL",
+        "OOCPT_HOST_MAPPED_GEOMETRY",
         "OOCPT_POLICY",
         "OOCPT_CHUNK_SIZE",
         "OOCPT_GEOMETRY_BUDGET",
@@ -138,12 +140,13 @@ fn settings_are_listed_in_order() {
 }
 
 #[test]
-fn developers_have_six_settings_of_their_own() {
+fn developers_have_seven_settings_of_their_own() {
     let mut theirs = Settings::descriptors();
     theirs.retain(|descriptor| descriptor.audience == Audience::Developer);
     let keys: Vec<&str> = theirs.iter().map(|descriptor| descriptor.key).collect();
     let ours = [
         "oocpt:traversal",
+        "oocpt:hostMappedGeometry",
         "oocpt:policy",
         "oocpt:chunkReport",
         "oocpt:materialReport",
@@ -199,7 +202,7 @@ fn every_descriptor_can_be_set_to_its_default_and_has_an_own_variable() {
         let name = Settings::env_name(descriptor.key).unwrap();
         assert!(name.starts_with("OOCPT_") && names.insert(name), "{name}");
     }
-    assert_eq!(names.len(), 29);
+    assert_eq!(names.len(), 30);
     assert_eq!(Settings::env_name("oocpt:samplesPerPixel"), Some("OOCPT_SAMPLES_PER_PIXEL"));
     assert_eq!(Settings::env_name("other"), None);
 }

@@ -74,7 +74,7 @@ fn play_asked(
         }
         let Event { waiting, next, visits, active, .. } = event;
         let asked = asked(event);
-        witness.step(&Demand { waiting, next, visits, active: *active, asked: asked.as_deref() });
+        witness.step(&Demand { waiting, next, visits, active: *active, asked: asked.as_deref(), ..Demand::default() });
     }
     witness.commands.clone()
 }

@@ -7,6 +7,8 @@ mod decisions;
 #[cfg(test)]
 mod guarantees;
 #[cfg(test)]
+mod mapped;
+#[cfg(test)]
 mod progress;
 #[cfg(test)]
 mod simulated;

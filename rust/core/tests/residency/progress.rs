@@ -25,7 +25,14 @@ fn first_resident(witness: &mut Witness, demand: &[Vec<u32>], latency: u32, step
         let rays = |unit: usize| 1 + waiting.get(unit).copied().unwrap_or(0);
         let waiting: Vec<u32> = (0..count).map(|unit| if absent(unit) { rays(unit) } else { 0 }).collect();
         let visits: Vec<u32> = (0..count).map(|unit| if absent(unit) { 0 } else { rays(unit) }).collect();
-        witness.step(&Demand { waiting: &waiting, next: &[], visits: &visits, active: 1_000_000_000, asked: None });
+        witness.step(&Demand {
+            waiting: &waiting,
+            next: &[],
+            visits: &visits,
+            active: 1_000_000_000,
+            asked: None,
+            ..Demand::default()
+        });
         for &unit in witness.loading.keys() {
             if !ready.iter().any(|&(_, other)| other == unit) {
                 ready.push((step + latency, unit));
@@ -92,8 +99,14 @@ fn swaps(kind: PolicyKind, steps: u32) -> u64 {
     for _ in 0..steps {
         let rays = |here: bool| (0..2).map(|unit| u32::from(planner.is_resident(unit) == here) * 100).collect();
         let (waiting, visits): (Vec<u32>, Vec<u32>) = (rays(false), rays(true));
-        let commands =
-            planner.step(&Demand { waiting: &waiting, next: &[], visits: &visits, active: 1000, asked: None });
+        let commands = planner.step(&Demand {
+            waiting: &waiting,
+            next: &[],
+            visits: &visits,
+            active: 1000,
+            asked: None,
+            ..Demand::default()
+        });
         for command in commands {
             if let Command::Load { unit, .. } = command {
                 planner.loaded(unit);

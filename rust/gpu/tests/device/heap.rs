@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Heaps: ranges do not overlap, space comes back, statistics tell the truth.
 
-use oocpt_gpu::{Buffer, Call, Failure, GpuError, Heap, HeapOptions, HeapRange, OpenOptions, Usage};
+use oocpt_gpu::{Buffer, Call, DeviceRange, Failure, GpuError, Heap, HeapOptions, HeapRange, OpenOptions, Usage};
 
 use crate::support::{self, finish, read_words};
 
@@ -102,6 +102,63 @@ fn no_more_is_reserved_than_there_is() {
     assert!(first + rest <= 5 * MIB, "{first} and {rest}");
     heap.set_limit(Some(0));
     assert_eq!(heap.reserve(MIB).expect("alive"), 0, "there is none");
+}
+
+/// Memory of the host that the device reaches: the budget does not count it, and what is made ahead stays.
+#[test]
+fn a_heap_of_host_memory_keeps_its_arenas() {
+    const MIB: u64 = 1 << 20;
+    let gpu = support::open();
+    let before = gpu.memory();
+    let options = HeapOptions { usage: Usage::Shared, keeps_arenas: true, ..HeapOptions::default() };
+    let heap = Heap::with_options(&gpu, "host", options).expect("a heap");
+    for _ in 0..3 {
+        assert_eq!(heap.reserve(2 * MIB).expect("alive"), 2 * MIB);
+    }
+    let memory = gpu.memory();
+    assert_eq!((memory.used, memory.peak), (before.used, before.peak), "the device's budget");
+    assert!(memory.host_used >= before.host_used + 6 * MIB, "{memory:?}");
+    for _ in 0..2 {
+        drop(heap.alloc("short", 4096, 16).expect("fits"));
+        assert_eq!(heap.stats().arenas, 3, "{:?}", heap.stats());
+    }
+    heap.trim();
+    assert_eq!(heap.stats().arenas, 0, "{:?}", heap.stats());
+}
+
+/// The host fills ranges of host memory, each its own; the device sees the bytes.
+#[test]
+fn the_device_reads_what_the_host_fills() {
+    let gpu = support::open();
+    for arena_bytes in [64 << 10, 64 << 20] {
+        let options = HeapOptions { usage: Usage::Shared, arena_bytes, ..HeapOptions::default() };
+        let heap = Heap::with_options(&gpu, "host", options).expect("a heap");
+        let words = |seed: u32| -> Vec<u8> { (0..9000_u32).flat_map(|i| (i ^ seed).to_le_bytes()).collect() };
+        let ranges = [1, 2, 3].map(|seed| {
+            let (range, bytes) = (heap.alloc("range", 36_000, 4096).expect("fits"), words(seed));
+            for (first, part) in [(20_000, &bytes[20_000..]), (0, &bytes[..20_000])] {
+                let copy = &mut |out: &mut [u8]| out.copy_from_slice(part);
+                assert_eq!(range.fill(first, part.len(), copy), Ok(true));
+            }
+            (range, bytes)
+        });
+        for (range, bytes) in &ranges {
+            let readback = Buffer::new(&gpu, "readback", 36_000, Usage::Readback).expect("memory");
+            let mut commands = gpu.commands("copy").expect("commands");
+            commands.copy(range, 0, &readback, 0, 36_000);
+            finish(&commands.submit().expect("submitted"));
+            assert!(readback.map(|seen| seen == &bytes[..]).expect("mapped"), "arenas of {arena_bytes}");
+        }
+        let (range, _) = &ranges[0];
+        for (offset, count) in [(35_999, 2), (36_001, 0), (u64::MAX, 1)] {
+            let refused = range.fill(offset, count, &mut |_| unreachable!("it does not fit"));
+            assert!(matches!(refused, Err(GpuError::Usage { .. })), "{count} at {offset}: {refused:?}");
+        }
+        drop(ranges);
+    }
+    let device = Heap::new(&gpu, "device", 1 << 20).expect("a heap");
+    let range = device.alloc("range", 64, 16).expect("fits");
+    assert_eq!(range.fill(0, 64, &mut |_| unreachable!("the host does not reach it")), Ok(false));
 }
 
 #[test]

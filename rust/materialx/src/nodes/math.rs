@@ -54,8 +54,10 @@ impl Walker<'_> {
         }
         Some(match category {
             "atan2" => {
-                let y = self.number_or(at, "iny", 0.0);
-                let x = self.number_or(at, "inx", 1.0);
+                // MaterialX 1.38 had other names.
+                let older = self.is_said(at, "in1") || self.is_said(at, "in2");
+                let y = self.number_or(at, if older { "in1" } else { "iny" }, 0.0);
+                let x = self.number_or(at, if older { "in2" } else { "inx" }, 1.0);
                 self.expressions.binary(Op::Atan2, y, x)
             }
             "invert" => {

@@ -9,6 +9,7 @@ mod geometric;
 mod hair;
 mod height;
 mod math;
+mod older;
 mod pbr;
 mod procedural;
 mod texture;
@@ -51,6 +52,9 @@ impl Walker<'_> {
             return Some(found);
         }
         if let Some(found) = self.hair_node(at, category, output) {
+            return Some(found);
+        }
+        if let Some(found) = self.older(at, category) {
             return Some(found);
         }
         self.texture_node(at, category, ty, output)

@@ -121,6 +121,36 @@ fn nodes_give_what_the_specification_says() {
 }
 
 #[test]
+fn nodes_of_materialx_1_38_are_known() {
+    let from = || ("in", Value::Numbers([0.1, 0.2, 0.3, 0.4]));
+    let cases: &[(&str, &str, &[f32])] = &[
+        ("ND_swizzle_color3_float", "b", &[0.3; 4]),
+        ("ND_swizzle_color4_float", "a", &[0.4; 4]),
+        ("ND_swizzle_color4_color3", "bgr", &[0.3, 0.2, 0.1]),
+        ("ND_swizzle_vector3_vector2", "zx", &[0.3, 0.1]),
+        ("ND_swizzle_color3_color4", "g01r", &[0.2, 0.0, 1.0, 0.1]),
+        ("ND_swizzle_float_color3", "r1r", &[0.1, 1.0, 0.1]),
+    ];
+    for (kind, channels, expected) in cases {
+        let value = of_node(kind, &[from(), ("channels", text(channels))]);
+        assert!(near(value, expected), "{kind} {channels}: {value:?}, expected {expected:?}");
+    }
+    let value = of_node("ND_atan2_float", &[("in1", number(1.0)), ("in2", number(0.0))]);
+    assert!(near(value, &[std::f32::consts::FRAC_PI_2]), "in1 was y: {value:?}");
+}
+
+#[test]
+fn channels_that_are_none_are_a_problem() {
+    for (channels, says) in [("01q", true), ("a", true), ("rgbr", true), ("", true), ("rgb", false)] {
+        let surface = node("ND_open_pbr_surface_surfaceshader", &[], &[("base_color", 1)]);
+        let swizzle = node("ND_swizzle_color3_color3", &[("channels", text(channels))], &[]);
+        let translation = translated(vec![surface, swizzle]);
+        let said = translation.problems.iter().any(|problem| problem.contains("channels of `swizzle`"));
+        assert!(translation.inputs.is_some() && said == says, "{channels}: {:?}", translation.problems);
+    }
+}
+
+#[test]
 fn a_connection_to_what_is_not_there_gives_the_default() {
     let surface = node("ND_open_pbr_surface_surfaceshader", &[], &[("base_metalness", 7)]);
     let translation = translated(vec![surface]);

@@ -45,6 +45,8 @@ pub(crate) struct SceneView {
     pub(crate) placed_values: u64,
     /// Whether some material has to be asked whether its surfaces are there.
     pub(crate) has_cutouts: bool,
+    /// What of them only the shaders look up.
+    pub(crate) cutouts_of_shaders: Option<&'static str>,
     /// Whether something is known of some without their textures.
     pub(crate) has_opacity_masks: bool,
     /// 0 when nothing reads a texture.
@@ -177,7 +179,7 @@ impl Scene {
 
     /// Notes where a ready asset is, for the tables.
     pub(super) fn show(&mut self, asset: AssetId) {
-        if let Some(resident) = self.assets.key(asset).and_then(|key| self.store.get(&key)) {
+        if let Some(resident) = self.assets.key(asset).and_then(|key| self.store.reached(&key)) {
             self.entries.set(&self.assets, asset, resident.address());
         }
     }
@@ -235,16 +237,33 @@ impl Scene {
         }
         timings.upload_secs += started.elapsed().as_secs_f64();
         let started = Instant::now();
-        self.entries = Entries::new(&self.assets);
+        self.show_all(device)?;
+        self.is_in_core = true;
+        timings.build_secs += started.elapsed().as_secs_f64();
+        Ok(true)
+    }
+
+    /// Whether rays can use all of it, on the device or in host memory; tiles of textures left out.
+    pub(crate) fn is_all_there(&self) -> bool {
+        self.assets.keys().all(|(_, key)| self.store.reached(&key).is_some())
+    }
+
+    /// Fills the tables with where everything is.
+    pub(crate) fn show_where_it_is(&mut self, device: &Device) -> Result<(), RenderError> {
+        self.store.forget_arriving();
+        self.is_in_core = false;
+        self.show_all(device)
+    }
+
+    fn show_all(&mut self, device: &Device) -> Result<(), RenderError> {
+        (self.tables, self.entries) = (None, Entries::new(&self.assets));
         let first = self.assets.first_tile();
         let textures = &self.assets.textures;
         let tiles = self.store.tiles().filter_map(|(image, tile)| Some(first + textures.number_of(image, tile)?));
         let there: Vec<AssetId> = self.assets.needed.iter().copied().chain(tiles).collect();
         there.into_iter().for_each(|asset| self.show(asset));
         self.tables = Some(Tables::new(device, &self.assets, &self.entries)?);
-        self.is_in_core = true;
-        timings.build_secs += started.elapsed().as_secs_f64();
-        Ok(true)
+        Ok(())
     }
 
     /// Lets go of everything on the device, tables too, and gives the memory back. Waits for the device.
@@ -254,6 +273,14 @@ impl Scene {
         device.gpu.wait_idle()?;
         device.heap.trim();
         Ok(())
+    }
+
+    /// Gives back the host memory that rays read across the bus.
+    pub(crate) fn unmap(&mut self, device: &Device) {
+        self.store.unmap();
+        if let Some(heap) = device.host_heap_if_made() {
+            heap.trim();
+        }
     }
 
     /// Bytes of device memory that [`Self::clear`] gives back, as far as arenas go that others do not share.
@@ -303,7 +330,7 @@ impl Scene {
     pub(crate) fn stack_entries(&self) -> u32 {
         let own = |asset: AssetId| {
             let key = self.assets.key(asset);
-            key.and_then(|key| self.store.get(&key)).map_or(0, |resident| resident.stack)
+            key.and_then(|key| self.store.reached(&key)).map_or(0, |resident| resident.stack)
         };
         let chunks = (0..).take(self.assets.chunk_count());
         chunks.map(|chunk| self.assets.stack_of(chunk, own)).max().unwrap_or(0)
@@ -325,6 +352,7 @@ impl Scene {
             material_slots: tables.surfaces.as_ref().map_or(0, |surfaces| surfaces.slots.address()),
             programs: tables.surfaces.as_ref().and_then(|s| s.programs.as_ref()).map_or(0, HeapRange::address),
             has_cutouts: self.assets.masks.has_cutouts,
+            cutouts_of_shaders: self.assets.masks.of_shaders,
             has_opacity_masks: !self.assets.masks.words.is_empty(),
             placed_values: tables.placed_values.as_ref().map_or(0, HeapRange::address),
             textures: tables.textures.as_ref().map_or(0, |textures| textures.records.address()),

@@ -49,9 +49,14 @@ impl<'a> Writer<'a> {
         let step = (PIECE_BYTES / stride).max(1);
         for first in (0..count).step_by(step) {
             let bytes = step.min(count - first) * stride;
+            let at = offset + (first * stride) as u64;
+            // Host memory takes the bytes as they are made.
+            if target.fill(at, bytes, &mut |out| fill(first, out))? {
+                self.bytes += bytes as u64;
+                continue;
+            }
             let mut slice = self.reserve(bytes)?;
             fill(first, slice.bytes_mut());
-            let at = offset + (first * stride) as u64;
             slice.copy_to(self.commands()?, 0, target, at, bytes as u64);
             self.staged(bytes)?;
         }

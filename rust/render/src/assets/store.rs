@@ -1,49 +1,37 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The assets on the device and those on their way: memory -> copied -> ready.
+//! The assets on the device and those on their way: memory -> copied -> ready. Beside them those that lie in host
+//! memory where the device reaches them: rays can use both, and what is there comes to the device by one copy.
 //!
 //! Kept from frame to frame by content key, so that an edit brings only what changed. Render thread only; the copying
-//! is done by the loader's threads.
+//! is done by the loader's threads and the device.
 
 use super::catalog::SceneAssets;
 use super::kept::Kept;
-use super::load::{Inbox, Wanted};
-use super::source::{ALIGN, AssetKey, Source};
+use super::load::{Copied, Loaded};
+use super::place::{Place, Resident};
+use super::source::{ALIGN, AssetKey};
 use crate::device::Device;
 use crate::error::RenderError;
 use oocpt_core::residency::AssetId;
 use oocpt_gpu::{HeapRange, Submission};
-use rustc_hash::{FxHashMap, FxHashSet};
+use rustc_hash::FxHashSet;
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Bytes of assets that the loader is asked for at once, about: they are ready together.
-const LOAD_BYTES: u64 = 4 << 20;
 /// Longest wait for the loader to let go of memory that nobody wants any more.
 const LET_GO_TIMEOUT: Duration = Duration::from_secs(60);
-
-/// An asset that rays may use.
-#[derive(Debug)]
-pub(crate) struct Resident {
-    memory: Arc<HeapRange>,
-    /// Stack entries that a walk of its own tree needs.
-    pub(crate) stack: u32,
-}
-
-impl Resident {
-    /// Device address of its first byte.
-    pub(crate) fn address(&self) -> u64 {
-        self.memory.address()
-    }
-}
 
 /// What [`Store::advance`] found.
 #[derive(Debug, Default)]
 pub(crate) struct Arrived {
-    /// Assets that are ready now.
+    /// Assets that are ready on the device now.
     pub(crate) ready: Vec<AssetId>,
+    /// Those that are ready in host memory now.
+    pub(crate) mapped: Vec<AssetId>,
     /// Copies that whoever uses them must wait for on the device.
-    pub(crate) copies: Vec<Submission>,
-    /// Bytes that were copied.
+    pub(crate) copies: Vec<Arc<Submission>>,
+    /// Bytes that were copied to the device.
     pub(crate) bytes: u64,
 }
 
@@ -56,17 +44,30 @@ pub(crate) enum Patience {
     Now,
 }
 
+/// Assets that come from host memory by a copy of the device's.
+#[derive(Debug, Default)]
+struct Promotion {
+    /// None: not submitted yet.
+    copy: Option<Arc<Submission>>,
+    /// From where, for those that are not submitted.
+    sources: Vec<(Arc<HeapRange>, Arc<HeapRange>)>,
+    copied: Copied,
+}
+
 /// See the module.
 #[derive(Debug, Default)]
 pub(crate) struct Store {
-    inbox: Inbox,
-    resident: FxHashMap<AssetKey, Resident>,
-    /// The memory of assets on their way.
-    arriving: FxHashMap<AssetId, Arc<HeapRange>>,
-    /// Of these, what the loader was not asked for yet, and its bytes.
-    begun: Vec<Wanted>,
-    begun_bytes: u64,
+    device: Place,
+    host: Place,
+    /// Copied into host memory, and not known to be done.
+    mapping: VecDeque<(Vec<Arc<Submission>>, Copied)>,
+    /// Copies into host memory that the next promotion waits for.
+    mapped_by: Vec<Arc<Submission>>,
+    promotion: Promotion,
+    promoting: VecDeque<Promotion>,
     kept: Arc<Kept>,
+    /// Paths that were streamed since the last edit.
+    pub(crate) paths_streamed: u64,
 }
 
 impl Store {
@@ -78,18 +79,21 @@ impl Store {
     /// Forgets what is on its way and every asset that `keep` does not have, tiles by `keeps_tiles_of` their image.
     pub(crate) fn retain(&mut self, keep: &FxHashSet<AssetKey>, keeps_tiles_of: impl Fn(u64) -> bool) {
         self.forget_arriving();
+        self.paths_streamed = 0;
         self.kept.retain(|key| keep.contains(key));
-        self.resident.retain(|key, _| match key {
-            AssetKey::Tile(image, _) => keeps_tiles_of(*image),
-            _ => keep.contains(key),
-        });
+        for place in [&mut self.device, &mut self.host] {
+            place.ready.retain(|key, _| match key {
+                AssetKey::Tile(image, _) => keeps_tiles_of(*image),
+                _ => keep.contains(key),
+            });
+        }
     }
 
     /// Forgets everything on the device, also what is on its way, and waits until the loader has let go of its memory.
     pub(crate) fn clear(&mut self) {
-        let held: Vec<_> = self.arriving.drain().map(|(_, memory)| memory).collect();
+        let held: Vec<_> = self.device.arriving.drain().map(|(_, memory)| memory).collect();
         self.forget_arriving();
-        self.resident.clear();
+        self.device.ready.clear();
         let started = Instant::now();
         while held.iter().any(|range| Arc::strong_count(range) > 1) && started.elapsed() < LET_GO_TIMEOUT {
             std::thread::sleep(Duration::from_millis(1));
@@ -102,42 +106,66 @@ impl Store {
 
     /// Forgets what is on its way.
     pub(crate) fn forget_arriving(&mut self) {
-        self.inbox = Inbox::default();
-        self.arriving.clear();
-        (self.begun, self.begun_bytes) = (Vec::new(), 0);
+        self.device.forget_arriving();
+        self.host.forget_arriving();
+        self.mapping.clear();
+        self.promotion = Promotion::default();
+        self.promoting.clear();
+    }
+
+    /// Forgets what lies in host memory.
+    pub(crate) fn unmap(&mut self) {
+        self.host.forget_arriving();
+        self.host.ready.clear();
+        self.mapping.clear();
     }
 
     /// Image and number of every tile that is ready, in no order.
     pub(crate) fn tiles(&self) -> impl Iterator<Item = (u64, u32)> + '_ {
-        self.resident.keys().filter_map(|key| match key {
+        self.device.ready.keys().filter_map(|key| match key {
             AssetKey::Tile(image, tile) => Some((*image, *tile)),
             _ => None,
         })
     }
 
-    /// The asset, if it is ready.
+    /// The asset, if it is ready on the device.
     pub(crate) fn get(&self, key: &AssetKey) -> Option<&Resident> {
-        self.resident.get(key)
+        self.device.ready.get(key)
+    }
+
+    /// The asset, if it is ready in host memory.
+    pub(crate) fn mapped(&self, key: &AssetKey) -> Option<&Resident> {
+        self.host.ready.get(key)
+    }
+
+    /// The asset where rays are to use it: on the device, or else in host memory.
+    pub(crate) fn reached(&self, key: &AssetKey) -> Option<&Resident> {
+        self.get(key).or_else(|| self.mapped(key))
+    }
+
+    /// Whether some asset is ready in host memory.
+    pub(crate) fn maps_any(&self) -> bool {
+        !self.host.ready.is_empty()
     }
 
     /// Lets go of an asset; its memory is free when the device has done what was submitted so far.
     pub(crate) fn evict(&mut self, key: &AssetKey) {
-        self.resident.remove(key);
+        self.device.ready.remove(key);
     }
 
     /// Bytes of what is ready.
     pub(crate) fn bytes(&self) -> u64 {
-        self.resident.values().map(|resident| resident.memory.size()).sum()
+        self.device.ready.values().map(|resident| resident.memory.size()).sum()
     }
 
     /// Bytes of what is on its way.
     pub(crate) fn arriving_bytes(&self) -> u64 {
-        self.arriving.values().map(|memory| memory.size()).sum()
+        self.device.arriving.values().map(|memory| memory.size()).sum()
     }
 
     /// Assets on their way.
     pub(crate) fn in_flight(&self) -> usize {
-        self.arriving.len()
+        self.device.arriving.len()
     }
 
     /// Starts to bring `asset`, at the latest with [`Store::send`]; false when there is no memory for it now (only with
@@ -154,47 +182,129 @@ impl Store {
         };
         source.check().map_err(|(what, count, limit)| RenderError::TooMany { what, count, limit })?;
         let Some(memory) = allocate(device, source.name(), source.size(), patience)? else { return Ok(false) };
-        let memory = Arc::new(memory);
-        let is_tile = matches!(source, Source::Tile(..));
-        let wanted = Wanted { asset, source, target: Arc::clone(&memory) };
-        self.arriving.insert(asset, Arc::clone(&memory));
-        if is_tile {
-            // Its file may take long to decode: nothing else should wait for it.
-            self.inbox.load(device.loader()?, vec![wanted], &self.kept)?;
-            return Ok(true);
-        }
-        self.begun_bytes += memory.size();
-        self.begun.push(wanted);
-        if self.begun_bytes >= LOAD_BYTES {
-            self.send(device)?;
+        match self.host.ready.get(&source.key()) {
+            Some(mapped) => {
+                let memory = Arc::new(memory);
+                self.device.arriving.insert(asset, Arc::clone(&memory));
+                self.promotion.copied.bytes += source.size();
+                self.promotion.copied.assets.push((asset, mapped.stack));
+                self.promotion.sources.push((Arc::clone(&mapped.memory), memory));
+            }
+            None => self.device.bring(device, &self.kept, (asset, source), memory)?,
         }
         Ok(true)
     }
 
-    /// Has the loader begin with all that was asked for.
+    /// Starts to bring `asset` into host memory, at the latest with [`Store::send`]; false when there is none made for
+    /// it yet, or none at all. It must not be there or on its way.
+    pub(crate) fn map(&mut self, device: &Device, assets: &SceneAssets, asset: AssetId) -> Result<bool, RenderError> {
+        let Some(source) = assets.source(asset) else { return Ok(false) };
+        if source.check().is_err() {
+            return Ok(false);
+        }
+        let (heap, bytes) = (device.host_heap()?, source.size().max(ALIGN));
+        // Making an arena takes long; another thread does it.
+        if heap.stats().largest_free < bytes {
+            return Ok(false);
+        }
+        let Some(memory) = heap.try_alloc(source.name(), bytes, ALIGN)? else { return Ok(false) };
+        self.host.bring(device, &self.kept, (asset, source), memory)?;
+        Ok(true)
+    }
+
+    /// Assets on their way into host memory.
+    pub(crate) fn mapping(&self) -> usize {
+        self.host.arriving.len()
+    }
+
+    /// Whether an asset is on its way into host memory.
+    pub(crate) fn is_mapping(&self, asset: AssetId) -> bool {
+        self.host.arriving.contains_key(&asset)
+    }
+
+    /// Has the loader and the device begin with all that was asked for.
     pub(crate) fn send(&mut self, device: &Device) -> Result<(), RenderError> {
-        self.begun_bytes = 0;
-        self.inbox.load(device.loader()?, std::mem::take(&mut self.begun), &self.kept)
+        self.device.send(device, &self.kept)?;
+        self.host.send(device, &self.kept)?;
+        let mut promotion = std::mem::take(&mut self.promotion);
+        if promotion.sources.is_empty() {
+            return Ok(());
+        }
+        let mut commands = device.gpu.transfer_commands("promote")?;
+        for copy in self.mapped_by.drain(..) {
+            commands.wait_for(&copy);
+        }
+        // No two have the same target.
+        commands.all_concurrent();
+        for (source, target) in promotion.sources.drain(..) {
+            commands.copy(&*source, 0, &*target, 0, target.size());
+        }
+        promotion.copy = Some(Arc::new(commands.submit()?));
+        self.promoting.push_back(promotion);
+        Ok(())
     }
 
     /// Takes note of what has arrived. Waits at most `wait` for the first.
     pub(crate) fn advance(&mut self, assets: &SceneAssets, wait: Duration) -> Result<Arrived, RenderError> {
         let mut arrived = Arrived::default();
-        let mut next = self.inbox.next(wait);
-        while let Some(loaded) = next {
-            let copied = loaded?;
-            arrived.bytes += copied.bytes;
-            arrived.copies.extend(copied.submissions);
-            for (asset, stack) in copied.assets {
-                let Some(memory) = self.arriving.remove(&asset) else { continue };
-                if let Some(key) = assets.key(asset) {
-                    self.resident.insert(key, Resident { memory, stack });
+        self.take_promoted(assets, &mut arrived);
+        self.take_mapped(assets, &mut arrived)?;
+        let nothing = arrived.ready.is_empty() && arrived.mapped.is_empty();
+        let wait = if nothing { wait } else { Duration::ZERO };
+        if !wait.is_zero() && self.device.inbox.in_flight() == 0 {
+            let copies = self.promoting.front().and_then(|promotion| promotion.copy.clone());
+            let copies = copies.into_iter().chain(self.mapping.front().and_then(|(copies, _)| copies.first().cloned()));
+            match copies.into_iter().next() {
+                Some(copy) => _ = copy.wait(wait)?,
+                None => {
+                    if let Some(loaded) = self.host.inbox.next(wait) {
+                        self.note_mapping(loaded)?;
+                    }
                 }
-                arrived.ready.push(asset);
             }
-            next = self.inbox.try_next();
+            return Ok(arrived);
+        }
+        let mut next = self.device.inbox.next(wait);
+        while let Some(loaded) = next {
+            let mut copied = loaded?;
+            arrived.bytes += copied.bytes;
+            arrived.copies.extend(copied.submissions.drain(..).map(Arc::new));
+            arrived.ready.extend(self.device.land(&copied, |asset| assets.key(asset)));
+            next = self.device.inbox.try_next();
         }
         Ok(arrived)
+    }
+
+    /// What the device has copied from host memory.
+    fn take_promoted(&mut self, assets: &SceneAssets, arrived: &mut Arrived) {
+        let is_done = |promotion: &Promotion| promotion.copy.as_ref().is_some_and(|copy| copy.is_done());
+        while self.promoting.front().is_some_and(is_done) {
+            let Some(promotion) = self.promoting.pop_front() else { break };
+            arrived.bytes += promotion.copied.bytes;
+            arrived.copies.extend(promotion.copy);
+            arrived.ready.extend(self.device.land(&promotion.copied, |asset| assets.key(asset)));
+        }
+    }
+
+    /// What is complete in host memory.
+    fn take_mapped(&mut self, assets: &SceneAssets, arrived: &mut Arrived) -> Result<(), RenderError> {
+        while let Some(loaded) = self.host.inbox.try_next() {
+            self.note_mapping(loaded)?;
+        }
+        while self.mapping.front().is_some_and(|(copies, _)| copies.iter().all(|copy| copy.is_done())) {
+            let Some((copies, copied)) = self.mapping.pop_front() else { break };
+            arrived.copies.extend(copies.iter().cloned());
+            self.mapped_by.extend(copies);
+            arrived.mapped.extend(self.host.land(&copied, |asset| assets.key(asset)));
+        }
+        Ok(())
+    }
+
+    fn note_mapping(&mut self, loaded: Loaded) -> Result<(), RenderError> {
+        let mut copied = loaded?;
+        let copies = copied.submissions.drain(..).map(Arc::new).collect();
+        self.mapping.push_back((copies, copied));
+        Ok(())
     }
 }
 

@@ -11,6 +11,7 @@ use crate::setting::Setting;
 use crate::shared::Gate;
 use crate::wavefront::Kind;
 use oocpt_gpu::Submission;
+use oocpt_shader_abi::Counters;
 use std::collections::VecDeque;
 use std::time::Instant;
 
@@ -24,6 +25,14 @@ pub(super) enum Outcome {
     Done,
     /// The gate or the clock said no; the film has the paths up to some point.
     GivenUp,
+}
+
+/// Where a feed left off.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LeftOff {
+    /// The first path that is not in the film.
+    pub(crate) first: u64,
+    pub(crate) counters: Counters,
 }
 
 /// What a feed handed to the device.
@@ -96,6 +105,16 @@ pub(crate) trait Feed {
 
     /// The stage has ended.
     fn ended(&mut self, _progress: &mut Progress<'_>) {}
+
+    /// Where another feed goes on: the film has all paths before it, and this one gives no more.
+    fn left_off(&self) -> Option<LeftOff> {
+        None
+    }
+
+    /// Whether it goes on where another one left off.
+    fn goes_on(&self) -> bool {
+        false
+    }
 
     /// The frame has ended, its images are published.
     fn end(&mut self) -> Result<(), RenderError> {

@@ -10,7 +10,7 @@ mod drive;
 mod tiles;
 mod waves;
 
-pub(crate) use drive::{Feed, Flight, Work};
+pub(crate) use drive::{Feed, Flight, LeftOff, Work};
 pub(crate) use tiles::Tiles;
 pub(crate) use waves::Waves;
 
@@ -20,7 +20,7 @@ use crate::device::Specialisation;
 use crate::error::RenderError;
 use crate::inventory::{self, Compiled};
 use crate::progress::Progress;
-use crate::setting::Setting;
+use crate::setting::{Setting, maps_host};
 use crate::shared::Gate;
 use crate::specialise;
 use crate::timings::Timings;
@@ -76,7 +76,8 @@ impl Parts {
         needed.set(Features::CLIPPING, !setting.clip_planes.is_empty());
         needed.set(Features::ADAPTIVE, film.adaptive().is_some());
         needed.set(Features::STREAMING, streams);
-        needed.set(Features::CHUNK_COUNTS, streams && !job.settings.chunk_report.is_empty());
+        let counts = !job.settings.chunk_report.is_empty() || maps_host(setting.device, &job.settings);
+        needed.set(Features::CHUNK_COUNTS, streams && counts);
         needed.set(Features::ROULETTE, streams && job.settings.straggler_roulette);
         let carried = setting.carry.possible(needed, setting.light_carry);
         Self { features: needed | carried, carried }
@@ -100,7 +101,7 @@ impl<'a> Tracer<'a> {
         let special = specialise::specialisation(features, view);
         #[cfg(feature = "faults")]
         let special = Specialisation { fault: setting.job.options.faults.lost_chunks, ..special };
-        let backend = Backend::choose(setting.job.settings.traversal, device, &special)?;
+        let backend = Backend::choose(setting.job.settings.traversal, device, &special, view.cutouts_of_shaders)?;
         let passes = Passes::new(device, (special, backend), film, &mut progress.timings)?;
         let mut block = frame_block(setting, view);
         [block.bsdf_tables, block.sheen_tables] = device.bsdf_tables(features)?; // before the list of what there is
@@ -165,26 +166,38 @@ impl<'a> Tracer<'a> {
     }
 }
 
-/// Runs the stages of a frame until `gate` says no; publishes images and stats on the way.
-pub(crate) fn render<F: Feed>(feed: &mut F, gate: &Gate<'_>, progress: &mut Progress<'_>) -> Result<(), RenderError> {
+/// Runs the stages of a frame until `gate` says no; publishes images and stats on the way. Gives where another feed is
+/// to go on, if this one left off.
+pub(crate) fn render<F: Feed>(
+    feed: &mut F,
+    gate: &Gate<'_>,
+    progress: &mut Progress<'_>,
+) -> Result<Option<u64>, RenderError> {
     progress.stage("rendering");
     let film = feed.tracer().setting.film;
-    let (has_planes, has_color) = (film.has_planes(), film.has_color());
+    let (has_planes, has_color) = (film.has_planes() && !feed.goes_on(), film.has_color());
     if has_planes || !has_color {
         // Without an image nothing is traced, but the counters that are read at the end have to be cleared.
         feed.begin(Kind::Aovs, progress)?;
     }
     if has_planes && run(feed, gate, progress)? == Outcome::GivenUp {
-        return Ok(());
+        return Ok(None);
     }
     if has_color {
         feed.begin(Kind::Samples, progress)?;
-        progress.trace_started();
-        run(feed, gate, progress)?;
+        if !feed.goes_on() {
+            progress.trace_started();
+        }
+        let outcome = run(feed, gate, progress)?;
+        if let Some(LeftOff { first, counters }) = feed.left_off().filter(|_| outcome == Outcome::Done) {
+            progress.left_off(&counters);
+            return Ok(Some(first));
+        }
         progress.trace_ended();
     }
     feed.tracer().end(progress)?;
-    feed.end()
+    feed.end()?;
+    Ok(None)
 }
 
 /// Waits for a submission and notes the times of its passes.

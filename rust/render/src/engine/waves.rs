@@ -51,12 +51,20 @@ pub(crate) struct Waves<'e> {
     wave_secs: f64,
     /// Its last part has ended; none when it was only a part.
     ended: Option<Wave>,
+    /// The film has the paths before it.
+    first: Option<u64>,
 }
 
 impl<'e> Waves<'e> {
-    pub(crate) fn new(tracer: Tracer<'e>, tiles: Tiles<'e>, feedback: Option<&'e Feedback>) -> Self {
+    /// Waves of all paths, or from path `first` on, where the film has those before it.
+    pub(crate) fn new(
+        tracer: Tracer<'e>,
+        tiles: Tiles<'e>,
+        feedback: Option<&'e Feedback>,
+        first: Option<u64>,
+    ) -> Self {
         let (kind, schedule) = (Kind::Samples, Schedule::new(0, 1, 1, WAVE_SECS));
-        Self { tracer, tiles, feedback, kind, schedule, parts: VecDeque::new(), wave_secs: 0.0, ended: None }
+        Self { tracer, tiles, feedback, kind, schedule, parts: VecDeque::new(), wave_secs: 0.0, ended: None, first }
     }
 
     /// The last round of a wave: the one of `max_bounces`; with materials one more: rays that leave the last surface
@@ -162,7 +170,9 @@ impl Feed for Waves<'_> {
         let (setting, paths) = (self.tracer.setting, self.tracer.paths);
         let mut commands = self.tracer.commands("clear")?;
         commands.fill(&paths.counters, 0, paths.counters.size(), 0);
-        setting.film.clear(&mut commands);
+        if self.first.is_none() {
+            setting.film.clear(&mut commands);
+        }
         if let Some(feedback) = self.feedback {
             feedback.reset(&mut commands);
         }
@@ -176,12 +186,17 @@ impl Feed for Waves<'_> {
             Kind::Samples => Schedule::new(progress.total_paths(), first, paths.capacity, WAVE_SECS),
         };
         if kind == Kind::Samples {
+            self.schedule.begin_at(self.first.unwrap_or(0));
             if progress.wants_octaves() && setting.film.adaptive().is_none() {
                 self.schedule = self.schedule.clone().with_octaves(setting.job.request.pixels());
             }
             self.schedule.cut_at(progress.begin_samples(setting.film));
         }
         Ok(())
+    }
+
+    fn goes_on(&self) -> bool {
+        self.first.is_some()
     }
 
     fn is_done(&self, _flights: &VecDeque<Flight<Part>>) -> bool {

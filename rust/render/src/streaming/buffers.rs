@@ -3,19 +3,17 @@
 //! units, and what the host reads of it.
 
 use super::observe::{Extents, Observation};
+use super::optional_buffers::{LOOKUP_BYTES, RouletteBuffers, TextureBuffers, list_questions, question_bytes};
 use super::places::{Bounds, Places, device_bytes};
 use crate::error::RenderError;
 use crate::wavefront::{CONE_BYTES, PathBuffers, PathNeeds};
 use oocpt_core::inventory::Inventory;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError, Usage};
 use oocpt_shader_abi::{
-    CUTOUT_LOOKUPS, Counters, Frame, GpuSurface, GpuSurfaceMaterial, Pending, Question, Roulette, Segment, Streaming,
-    TILE_KEYS, UnitDemand, WORTH_SUMS, path_bytes, sort_blocks,
+    Counters, Frame, GpuSurface, GpuSurfaceMaterial, Pending, Roulette, Segment, Streaming, TILE_KEYS, UnitDemand,
+    WORTH_SUMS, path_bytes, sort_blocks,
 };
 use std::sync::Arc;
-
-/// Bytes of the value of a lookup.
-const LOOKUP_BYTES: usize = 16;
 
 /// Most units whose demand the host reads in a step, 12 bytes each; the others ask again in the next one.
 const MOST_LISTED: u32 = 1 << 16;
@@ -41,26 +39,8 @@ pub(crate) struct Needs {
     pub(crate) light_paths: bool,
     /// Roulette on loads is played.
     pub(crate) roulette: bool,
-}
-
-/// What only textures need.
-#[derive(Debug)]
-struct TextureBuffers {
-    resolve_queue: Buffer,
-    resolved: Buffer,
-    resolve_progress: Buffer,
-    /// With cutouts: of the closest ray and of the shadow ray.
-    questions: Option<[Buffer; 2]>,
-}
-
-/// What only roulette on loads needs.
-#[derive(Debug)]
-struct RouletteBuffers {
-    block: Buffer,
-    worth: Buffer,
-    worth_sums: Buffer,
-    /// Used in turn, by the steps under way.
-    verdicts: [Buffer; 2],
+    /// The rays that enter each chunk are counted.
+    pub(crate) visits: bool,
 }
 
 /// See the module.
@@ -115,7 +95,9 @@ impl StreamBuffers {
         let segment_count = ended.segment_count;
         let played = if needs.roulette { size_of::<Roulette>() + 4 * chunks as usize } else { 0 };
         let demand_bytes = Extents::demand_bytes(listed(needs) as usize);
-        let read = size_of::<Counters>() + segment_count as usize * size_of::<Segment>() + demand_bytes + played;
+        let visited = if needs.visits { 4 * chunks as usize } else { 0 };
+        let read =
+            size_of::<Counters>() + segment_count as usize * size_of::<Segment>() + demand_bytes + visited + played;
         let readback = |name: &str| Buffer::new(gpu, name, read as u64, Usage::Readback);
         let buffers = Self {
             paths: PathBuffers::new(
@@ -252,7 +234,9 @@ impl StreamBuffers {
     pub(crate) fn written(&self) -> Vec<&Buffer> {
         let Self { progress, free_slots, pending, shadow_pending, deferred, segments, chunk_rays, .. } = self;
         let always = [progress, free_slots, pending, shadow_pending, &deferred[0], &deferred[1], segments, chunk_rays];
-        always.into_iter().chain(self.textures.as_ref().map(|textures| &textures.resolve_queue)).collect()
+        let textures = self.textures.as_ref();
+        let questions = textures.and_then(|textures| textures.questions.as_ref()).into_iter().flatten();
+        always.into_iter().chain(textures.map(|textures| &textures.resolve_queue)).chain(questions).collect()
     }
 
     /// Forgets everything, before a stage.
@@ -306,7 +290,9 @@ impl StreamBuffers {
             let mut offset = 0;
             let played = self.roulette.iter().flat_map(|roulette| [&roulette.block, &roulette.worth]);
             let listed = [&self.demand_counts, &self.demand_list];
-            for source in [&self.paths.counters, &self.segments].into_iter().chain(listed).chain(played) {
+            let visited = self.needs.visits.then_some(&self.chunk_rays);
+            let sources = [&self.paths.counters, &self.segments].into_iter().chain(listed).chain(visited).chain(played);
+            for source in sources {
                 c.copy(source, 0, target, offset, source.size());
                 offset += source.size();
             }
@@ -323,6 +309,7 @@ impl StreamBuffers {
             segments: self.ended.segment_count as usize,
             listed: listed(self.needs) as usize,
             units: self.needs.units as usize,
+            visited: if self.needs.visits { self.needs.chunks as usize } else { 0 },
         };
         Ok(self.readback_of(number).map(|bytes| seen.read(number, bytes, extents))?)
     }
@@ -337,43 +324,9 @@ impl StreamBuffers {
     }
 }
 
-fn list_questions(questions: Option<&[Buffer; 2]>, capacity: u64, inventory: &mut Inventory) {
-    for (at, name) in ["questions", "shadow_questions"].into_iter().enumerate() {
-        match questions {
-            Some(questions) => inventory.add(name, questions[at].size()),
-            None => inventory.leave_out(name, capacity * size_of::<Question>() as u64),
-        }
-    }
-}
-
 /// Which table of verdicts step `number` reads.
 pub(super) fn verdict_table(number: u64) -> u32 {
     u32::from(number & 1 == 1)
-}
-
-impl RouletteBuffers {
-    fn new(gpu: &Arc<Gpu>, chunks: u32) -> Result<Self, GpuError> {
-        let table = |name: &str, usage| Buffer::new(gpu, name, 4 * u64::from(chunks), usage);
-        Ok(Self {
-            block: Buffer::new(gpu, "roulette", size_of::<Roulette>() as u64, Usage::Device)?,
-            worth: table("worth", Usage::Device)?,
-            worth_sums: Buffer::new(gpu, "worth sums", 4 * u64::from(WORTH_SUMS), Usage::Device)?,
-            verdicts: [table("verdicts 0", Usage::Upload)?, table("verdicts 1", Usage::Upload)?],
-        })
-    }
-}
-
-impl TextureBuffers {
-    fn new(needs: Needs, slots: impl Fn(&str, usize) -> Result<Buffer, GpuError>) -> Result<Self, GpuError> {
-        let bytes = question_bytes(needs);
-        let questions = || Ok([slots("questions", bytes)?, slots("shadow_questions", bytes)?]);
-        Ok(Self {
-            resolve_queue: slots("resolve_queue", 4)?,
-            resolved: slots("resolved", LOOKUP_BYTES * needs.lookups as usize)?,
-            resolve_progress: slots("resolve_progress", 4)?,
-            questions: needs.cutouts.then(questions).transpose()?,
-        })
-    }
 }
 
 /// Most units in the lists of demand.
@@ -384,12 +337,6 @@ fn listed(needs: Needs) -> u32 {
 /// As many chunks as have the keys that deferred rays, and with textures materials, are sorted by.
 fn sorted(needs: Needs) -> u32 {
     if needs.textures { needs.chunks + TILE_KEYS / 2 } else { needs.chunks }
-}
-
-/// Bytes of a question, with what programs keep behind all of them.
-fn question_bytes(needs: Needs) -> usize {
-    let kept = if needs.cutout_programs { LOOKUP_BYTES * (CUTOUT_LOOKUPS as usize - 1) } else { 0 };
-    size_of::<Question>() + kept
 }
 
 /// Bytes of device memory that a slot takes, at most.

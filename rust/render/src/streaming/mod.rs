@@ -10,9 +10,13 @@
 
 mod buffers;
 mod clock;
+mod leave;
 mod left;
+mod mapping;
 mod observe;
+mod optional_buffers;
 mod places;
+mod reach;
 mod record;
 mod report;
 mod residency;
@@ -25,16 +29,19 @@ mod stragglers;
 use buffers::Needs;
 pub(crate) use buffers::StreamBuffers;
 
-use crate::assets::{Scene, SceneView};
+use crate::assets::{HostHeapFiller, Scene, SceneAssets, SceneView};
+use crate::device::Device;
 use crate::engine::{self, Parts, Tracer};
 use crate::error::RenderError;
 use crate::host_memory::{self, Part};
+use crate::job::Job;
 use crate::progress::Progress;
-use crate::setting::{Setting, geometry_cap, has_light_paths, is_cpu, shrinking};
+use crate::setting::{Setting, geometry_cap, has_light_paths, is_cpu, maps_host, shrinking};
 use crate::shared::Gate;
 use crate::specialise;
 use crate::timings::LeftMoment;
 use clock::Clock;
+use leave::Leave;
 use left::Left;
 use observe::Observation;
 use oocpt_core::inventory::Inventory;
@@ -80,14 +87,15 @@ pub(crate) struct Streamer<'a, 'r> {
     pub(crate) stragglers: Option<Stragglers>,
 }
 
-/// Renders `setting` from `scene`; publishes images and stats on the way.
+/// Renders `setting` from `scene`; publishes images and stats on the way. Gives the first path that is left, where the
+/// rest is better rendered without streaming ([`Scene::is_all_there`]).
 pub(crate) fn render(
     setting: &Setting<'_>,
     scene: &mut Scene,
     kept: &mut Option<StreamBuffers>,
     gate: &Gate<'_>,
     progress: &mut Progress<'_>,
-) -> Result<(), RenderError> {
+) -> Result<Option<u64>, RenderError> {
     let Setting { device, job, .. } = *setting;
     // Paths first: the heap takes what it can get.
     make_buffers(setting, scene, kept)?;
@@ -106,8 +114,11 @@ pub(crate) fn render(
     buffers.list(&mut listed);
     listed.add("geometry and textures, at most", budget);
     let assets = scene.assets.clone();
+    let filler = host_share(setting, scene, maps_host(device, &job.settings))?;
+    let may_leave = filler.is_some() && may_split(setting, scene) && holds(device, &assets, budget)?;
+    let leave = Leave::new(may_leave, assets.tile_bytes > 0, leaves_soon(job));
     let (_, store, tables) = scene.parts()?;
-    let residency = Residency::new(Start { device, assets: &assets, store, tables, budget, policy })?;
+    let residency = Residency::new(Start { device, assets: &assets, store, tables, budget, policy, filler })?;
     let stack_entries = residency.stack_entries.max(FIRST_STACK);
     let view = view.with_stack(stack_entries + MAX_PENDING);
     let bind = |block: &mut Frame| buffers.bind(block);
@@ -132,7 +143,7 @@ pub(crate) fn render(
         left: Left::of(progress.total_paths()),
         stragglers: job.settings.straggler_roulette.then(|| stragglers(setting)),
     };
-    engine::render(&mut Stage::new(streamer), gate, progress)
+    engine::render(&mut Stage::new(streamer, leave), gate, progress)
 }
 
 fn stragglers(setting: &Setting<'_>) -> Stragglers {
@@ -165,13 +176,9 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
         cutout_programs: textures && job.snapshot.features.contains(SceneFeatures::CUTOUT_PROGRAMS),
         light_paths: has_light_paths(setting),
         roulette: job.settings.straggler_roulette,
+        visits: maps_host(device, &job.settings),
     };
-    let most = match (setting.is_frugal, is_cpu(device), job.settings.interactive) {
-        (true, ..) => FEWEST_PATHS,
-        (false, true, _) => MOST_PATHS_CPU,
-        (false, false, true) => MOST_PATHS_INTERACTIVE,
-        (false, false, false) => MOST_PATHS,
-    };
+    let most = if leaves_soon(job) { FEWEST_PATHS } else { most_paths(setting) };
     let paths = job.request.pixels() * u64::from(job.settings.samples_per_pixel);
     let wanted = paths.clamp(FEWEST_PATHS, most).next_power_of_two();
     if kept.as_ref().is_some_and(|buffers| buffers.serves(needs, (wanted, paths))) {
@@ -187,6 +194,7 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
         largest_unit,
         units: scene.assets.bytes,
         cap: geometry_cap(job).unwrap_or(u64::MAX),
+        maps: needs.visits,
         wanted,
         fewest: FEWEST_PATHS,
     };
@@ -201,6 +209,65 @@ fn make_buffers(setting: &Setting<'_>, scene: &mut Scene, kept: &mut Option<Stre
         StreamBuffers::new(&device.gpu, capacity, ((wanted, paths), host_bytes), needs)
     })?);
     Ok(())
+}
+
+/// Whether a scene that is all there, on the device and in host memory, may be rendered without streaming. Tiles of
+/// textures need room then, which a cap on geometry gives to chunks.
+pub(crate) fn may_split(setting: &Setting<'_>, scene: &Scene) -> bool {
+    let Setting { device, job, film, .. } = *setting;
+    let streams = setting.is_frugal || job.options.force_streaming || !job.settings.chunk_report.is_empty();
+    maps_host(device, &job.settings)
+        && !streams
+        && !job.settings.straggler_roulette
+        && film.adaptive().is_none()
+        && (scene.assets.tile_bytes == 0 || !setting.has_outgrown && geometry_cap(job).is_none())
+}
+
+/// Whether the device, with `budget` bytes for geometry, and what host memory there may be hold all of the scene.
+fn holds(device: &Device, assets: &SceneAssets, budget: u64) -> Result<bool, RenderError> {
+    let (bytes, mapped) = (assets.geometry_bytes(), device.host_heap()?.limit().unwrap_or(0));
+    Ok(bytes + bytes / SLACK <= budget.saturating_add(mapped))
+}
+
+/// Whether a test wants the rest of a picture without streaming, however short it is.
+fn leaves_soon(job: &Job) -> bool {
+    #[cfg(feature = "faults")]
+    return job.options.faults.leaves_soon;
+    #[cfg(not(feature = "faults"))]
+    {
+        let _ = job;
+        false
+    }
+}
+
+/// Most paths in flight.
+fn most_paths(setting: &Setting<'_>) -> u64 {
+    let Setting { device, job, .. } = *setting;
+    match (setting.is_frugal, is_cpu(device), job.settings.interactive) {
+        (true, ..) => FEWEST_PATHS,
+        (false, true, _) => MOST_PATHS_CPU,
+        (false, false, true) => MOST_PATHS_INTERACTIVE,
+        (false, false, false) => MOST_PATHS,
+    }
+}
+
+/// Divides the host memory for encoded geometry: what rays read in it is not kept a second time.
+fn host_share(setting: &Setting<'_>, scene: &mut Scene, maps: bool) -> Result<Option<HostHeapFiller>, RenderError> {
+    let Setting { device, job, .. } = *setting;
+    if !maps {
+        scene.unmap(device);
+        let kept = scene.store.kept();
+        kept.limit(host_memory::limit_of(Part::Encoded, &job.settings, kept.bytes()));
+        return Ok(None);
+    }
+    let heap = device.host_heap()?.stats();
+    let held = heap.arena_bytes + heap.dedicated_bytes + scene.store.kept().bytes();
+    let limit = host_memory::limit_of(Part::Encoded, &job.settings, held);
+    let bytes = scene.assets.geometry_bytes();
+    // What is mapped loses a little to holes.
+    let mapped = (bytes + bytes / SLACK).min(limit);
+    scene.store.kept().limit(limit - mapped);
+    HostHeapFiller::start(device, mapped).map(Some)
 }
 
 /// Bytes that chunks, meshes and assemblies may take: what the budget leaves, less some slack, and no more than the
@@ -251,6 +318,11 @@ impl Streamer<'_, '_> {
         self.left.note(LeftMoment { seconds, paths_left, loads, bytes_paged });
     }
 
+    /// Bytes of geometry in host memory that rays read.
+    fn mapped_bytes(&self) -> u64 {
+        self.tracer.setting.device.host_heap_if_made().map_or(0, |heap| heap.stats().live_bytes)
+    }
+
     /// Brings the stats up to date.
     fn report(&self, progress: &mut Progress<'_>, seen: &Observation, stragglers: u64, paths_left: u64) {
         let heap = self.tracer.setting.device.heap.stats();
@@ -277,6 +349,7 @@ impl Streamer<'_, '_> {
             stats.geometry_bytes = planner.bytes_held;
             stats.geometry_budget_bytes = self.residency.planner.budget();
             stats.geometry_peak_bytes = planner.peak_bytes;
+            stats.mapped_bytes = self.mapped_bytes();
             stats.fragmentation = heap.fragmentation;
             stats.roulette_paths = u64::from(seen.roulette.ended_paths);
             stats.roulette_shadow_rays = u64::from(seen.roulette.ended_shadows);

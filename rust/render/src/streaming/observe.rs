@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! What the host knows of the paths: the counters, segments and demand that a step left behind. Pure.
 
+use super::segments;
 use oocpt_core::residency::UnitId;
 use oocpt_shader_abi::{Counters, Roulette, Segment, UnitDemand};
 
@@ -13,6 +14,8 @@ pub(crate) struct Extents {
     pub(crate) listed: usize,
     /// Units.
     pub(crate) units: usize,
+    /// Chunks whose rays are counted.
+    pub(crate) visited: usize,
 }
 
 impl Extents {
@@ -36,6 +39,8 @@ pub(crate) struct Observation {
     pub(crate) next: Vec<u32>,
     /// The units of which one of the two is not 0, ascending.
     pub(crate) asked: Vec<UnitId>,
+    /// Rays that entered each chunk since the stage began, modulo 2^32; empty when nobody counts.
+    pub(crate) visited: Vec<u32>,
     /// With roulette on loads: what it knows and counts.
     pub(crate) roulette: Roulette,
     /// With it: what the rays that wait for each chunk first may bring, in `1 / WORTH_ONE`; empty when nobody looked.
@@ -43,17 +48,26 @@ pub(crate) struct Observation {
 }
 
 impl Observation {
+    /// Whether all paths of a segment are known to be dead; `begun`: the step of each segment's beginning.
+    pub(crate) fn is_finished(&self, begun: &[u64], segment: &segments::Segment) -> bool {
+        let since = begun.get(segment.index as usize).copied().unwrap_or(u64::MAX);
+        since <= self.step && self.alive(segment.index) == Some(0)
+    }
+
     /// Reads what [`super::StreamBuffers::copy_out`] wrote.
     pub(crate) fn read(&mut self, step: u64, bytes: &[u8], extents: Extents) {
         let (counters, rest) = bytes.split_at(size_of::<Counters>());
         let (table, rest) = rest.split_at(extents.segments * size_of::<Segment>());
-        let (demand, played) = rest.split_at(Extents::demand_bytes(extents.listed));
+        let (demand, rest) = rest.split_at(Extents::demand_bytes(extents.listed));
+        let (visited, played) = rest.split_at(4 * extents.visited);
         let (roulette, worth) = played.split_at(size_of::<Roulette>().min(played.len()));
         self.step = step;
         self.counters = bytemuck::pod_read_unaligned(counters);
         self.segments.clear();
         self.segments.extend(table.chunks_exact(size_of::<Segment>()).map(bytemuck::pod_read_unaligned::<Segment>));
         self.read_demand(demand, extents.units);
+        self.visited.clear();
+        self.visited.extend(visited.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
         self.roulette = if roulette.is_empty() { Roulette::default() } else { bytemuck::pod_read_unaligned(roulette) };
         self.worth.clear();
         self.worth.extend(worth.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
@@ -107,7 +121,7 @@ impl Observation {
 mod tests {
     use super::*;
 
-    const EXTENTS: Extents = Extents { segments: 2, listed: 3, units: 9 };
+    const EXTENTS: Extents = Extents { segments: 2, listed: 3, units: 9, visited: 0 };
 
     fn bytes(list: &[[u32; 3]], count: u32) -> Vec<u8> {
         let mut counters = Counters { shadow_count: 7, deferred_parity: 1, ..Counters::default() };

@@ -39,7 +39,7 @@ pub(crate) struct Places {
 impl Places {
     /// Places for `capacity` slots (a power of two); fewer where memory is short.
     pub(super) fn new(gpu: &Arc<Gpu>, capacity: u32, bounds: Bounds) -> Result<Self, GpuError> {
-        Self::in_memory(gpu, if gpu.is_unified() { Usage::Device } else { Usage::Readback }, capacity, bounds)
+        Self::in_memory(gpu, if gpu.is_unified() { Usage::Device } else { Usage::Shared }, capacity, bounds)
     }
 
     fn in_memory(gpu: &Arc<Gpu>, usage: Usage, capacity: u32, bounds: Bounds) -> Result<Self, GpuError> {
@@ -67,7 +67,7 @@ fn per_slot(capacity: u32, bounds: Bounds, usage: Usage, max_allocation_bytes: u
     let slots = u64::from(capacity).max(1);
     let (most, bytes) = match usage {
         Usage::Device => (u64::from(PER_SLOT), max_allocation_bytes),
-        Usage::Upload | Usage::Readback => {
+        Usage::Upload | Usage::Readback | Usage::Shared => {
             let enough = (ENOUGH / slots).clamp(u64::from(PER_SLOT), u64::from(PER_SLOT_HOST));
             (enough, max_allocation_bytes.min(bounds.host_bytes))
         }

@@ -6,7 +6,8 @@
 //! nothing appears or disappears. Memory of evicted assets is free when the submissions made before have ended.
 //! Render thread only.
 
-use crate::assets::{Entries, Patience, SceneAssets, Store, Tables};
+use super::reach::Reach;
+use crate::assets::{Entries, HostHeapFiller, Patience, SceneAssets, Store, Tables};
 use crate::device::Device;
 use crate::error::RenderError;
 use oocpt_core::residency::{
@@ -36,9 +37,9 @@ struct Load {
 /// See the module.
 #[derive(Debug)]
 pub(crate) struct Residency<'a> {
-    device: &'a Device,
-    assets: Arc<SceneAssets>,
-    store: &'a mut Store,
+    pub(super) device: &'a Device,
+    pub(super) assets: Arc<SceneAssets>,
+    pub(super) store: &'a mut Store,
     entries: Entries,
     tables: &'a Tables,
     pub(crate) planner: Planner,
@@ -51,7 +52,14 @@ pub(crate) struct Residency<'a> {
     orphans: FxHashSet<AssetId>,
     /// Entries to write before the next step.
     changed: Vec<AssetId>,
-    copies: Vec<Submission>,
+    copies: Vec<Arc<Submission>>,
+    /// Where rays read chunks in host memory.
+    pub(super) reach: Option<Reach>,
+    /// What no ray has asked for is brought into host memory too.
+    pub(super) brings_rest: bool,
+    /// Every chunk is there and the passes that come next count on it: none goes any more.
+    pub(super) stays: bool,
+    pub(super) filler: Option<HostHeapFiller>,
     /// Units that the rays of the next step see for the first time.
     pub(crate) arrived: Vec<UnitId>,
     /// Traversal stack entries that the resident units need below the top level.
@@ -78,12 +86,14 @@ pub(crate) struct Start<'a> {
     pub(crate) tables: &'a Tables,
     pub(crate) budget: u64,
     pub(crate) policy: PolicyKind,
+    /// Makes the memory in which rays may read chunks; none where they may not.
+    pub(crate) filler: Option<HostHeapFiller>,
 }
 
 impl<'a> Residency<'a> {
     /// Takes over what the store still holds of earlier frames, as far as it fits `budget`; frees the rest.
     pub(crate) fn new(start: Start<'a>) -> Result<Self, RenderError> {
-        let Start { device, assets, store, tables, budget, policy } = start;
+        let Start { device, assets, store, tables, budget, policy, filler } = start;
         let options = PlannerOptions { in_flight_bytes: (budget / IN_FLIGHT_SHARE).min(MOST_IN_FLIGHT), pin_steps: 3 };
         let planner = Planner::with_policy(Arc::clone(&assets.catalog), budget, policy.policy(), options)
             .map_err(|error| plan_error(&error))?;
@@ -100,6 +110,10 @@ impl<'a> Residency<'a> {
             orphans: FxHashSet::default(),
             changed: Vec::new(),
             copies: Vec::new(),
+            reach: filler.is_some().then(|| Reach::new(assets.chunk_count())),
+            brings_rest: false,
+            stays: false,
+            filler,
             arrived: Vec::new(),
             stack_entries: 0,
             bytes_copied: 0,
@@ -132,25 +146,26 @@ impl<'a> Residency<'a> {
         let unused: Vec<AssetId> =
             self.assets.needed.iter().copied().chain(tiles).filter(|asset| !kept.contains(asset)).collect();
         unused.into_iter().for_each(|asset| self.let_go(asset));
+        self.take_over_mapped();
     }
 
     fn is_ready(&self, asset: AssetId) -> bool {
         self.assets.key(asset).is_some_and(|key| self.store.get(&key).is_some())
     }
 
-    /// Sets the table entry of a ready asset.
-    fn show(&mut self, asset: AssetId) {
+    /// Sets the table entry of a ready asset, in host memory if the device does not have it.
+    pub(super) fn show(&mut self, asset: AssetId) {
         let key = self.assets.key(asset);
-        if let Some(resident) = key.and_then(|key| self.store.get(&key)) {
+        if let Some(resident) = key.and_then(|key| self.store.reached(&key)) {
             self.entries.set(&self.assets, asset, resident.address());
             self.changed.push(asset);
         }
     }
 
-    fn grow_stack(&mut self, unit: UnitId) {
+    pub(super) fn grow_stack(&mut self, unit: UnitId) {
         let own = |asset: AssetId| {
             let key = self.assets.key(asset);
-            key.and_then(|key| self.store.get(&key)).map_or(0, |resident| resident.stack)
+            key.and_then(|key| self.store.reached(&key)).map_or(0, |found| found.stack)
         };
         self.stack_entries = self.stack_entries.max(self.assets.stack_of(unit, own));
     }
@@ -162,7 +177,17 @@ impl<'a> Residency<'a> {
         demand: &Demand<'_>,
         agrees: &mut dyn FnMut(&Proposal) -> bool,
     ) -> Result<(), RenderError> {
-        for command in self.planner.step_if(demand, agrees) {
+        let mut demand = *demand;
+        if self.stays {
+            demand.keep_below = self.assets.tile_unit(0);
+        } else {
+            self.map_demanded(&demand)?;
+        }
+        let commands = match &mut self.reach {
+            Some(reach) => self.planner.step_if(&reach.demand(&demand), agrees),
+            None => self.planner.step_if(&demand, agrees),
+        };
+        for command in commands {
             match command {
                 Command::Evict { unit, assets } => self.evict(unit, &assets),
                 Command::Load { unit, assets } => self.begin(unit, assets),
@@ -182,13 +207,20 @@ impl<'a> Residency<'a> {
         if assets.iter().any(|&asset| self.is_ready(asset)) {
             self.textures.bytes_held = self.textures.bytes_held.saturating_sub(self.bytes_of_tile(unit));
         }
-        let own = self.assets.own_asset(unit);
-        for &asset in assets.iter().chain((!assets.contains(&own)).then_some(&own)) {
-            self.entries.clear(&self.assets, asset);
-            self.changed.push(asset);
-        }
         for &asset in assets {
             self.let_go(asset);
+        }
+        let own = self.assets.own_asset(unit);
+        let is_reached = self.reach.as_ref().is_some_and(|reach| reach.is_there(unit));
+        for &asset in assets.iter().chain((!assets.contains(&own)).then_some(&own)) {
+            let is_mapped = self.assets.key(asset).is_some_and(|key| self.store.mapped(&key).is_some());
+            // Other chunks may read it in host memory; the chunk's own is seen when all that it needs is there.
+            if is_mapped && (asset != own || is_reached) {
+                self.show(asset);
+            } else {
+                self.entries.clear(&self.assets, asset);
+                self.changed.push(asset);
+            }
         }
     }
 
@@ -266,6 +298,9 @@ impl<'a> Residency<'a> {
         let arrived = self.store.advance(&self.assets, wait)?;
         self.bytes_copied += arrived.bytes;
         self.copies.extend(arrived.copies);
+        for asset in arrived.mapped {
+            self.mapped(asset);
+        }
         for asset in arrived.ready {
             self.arrived(asset);
         }

@@ -94,6 +94,12 @@ impl Segments {
         self.open = open;
     }
 
+    /// Lets no more paths begin, whatever is opened later; gives the first that has not.
+    pub(crate) fn close(&mut self) -> u64 {
+        self.total = self.next;
+        self.next
+    }
+
     /// Ends segments at these paths, ascending.
     pub(crate) fn cut_at(&mut self, cuts: Vec<u64>) {
         self.cuts = cuts;

@@ -29,6 +29,8 @@ pub(super) struct Room {
     pub(super) units: u64,
     /// Most bytes that units may take.
     pub(super) cap: u64,
+    /// Rays read in host memory what is not on the device: more slots bring nothing less.
+    pub(super) maps: bool,
     /// Paths in flight that the render could use, and the fewest that are worth it.
     pub(super) wanted: u64,
     pub(super) fewest: u64,
@@ -37,7 +39,7 @@ pub(super) struct Room {
 impl Room {
     /// Slots for paths: a power of two, `fewest` where there is hardly room for anything.
     pub(super) fn slots(self) -> u64 {
-        let Self { bytes, slot_bytes, largest_unit, units, cap, wanted, fewest } = self;
+        let Self { bytes, slot_bytes, largest_unit, units, cap, maps, wanted, fewest } = self;
         let slot_bytes = slot_bytes.max(1);
         let share = bytes / PATHS_SHARE;
         let beside_few = bytes.saturating_sub(LARGEST_UNITS.saturating_mul(largest_unit));
@@ -46,7 +48,8 @@ impl Room {
         let share = share.min(beside_few).max(beside_all);
         let slots = (share / slot_bytes).clamp(1, wanted.max(1));
         let missing = units.saturating_sub(bytes.min(cap));
-        let enough = (missing.saturating_mul(WORTH) / slot_bytes).max(ENOUGH_SLOTS);
+        let worth = if maps { 0 } else { missing.saturating_mul(WORTH) / slot_bytes };
+        let enough = worth.max(ENOUGH_SLOTS);
         (1 << slots.min(enough).ilog2()).max(fewest)
     }
 }
@@ -61,6 +64,7 @@ mod tests {
         largest_unit: 16 << 20,
         units: 8 << 30,
         cap: u64::MAX,
+        maps: false,
         wanted: 1 << 25,
         fewest: 1 << 12,
     };

@@ -7,13 +7,14 @@
 
 use super::Streamer;
 use super::clock::Activity;
+use super::leave::Leave;
 use super::observe::Observation;
 use super::record::StepPlan;
 use super::rounds::{self, Done};
-use super::segments::{Segment, Segments};
+use super::segments::Segments;
 use super::stragglers::{Moment, Spent, Stragglers};
 use crate::adaptive::Adaptive;
-use crate::engine::{Feed, Flight, Tracer, Work};
+use crate::engine::{Feed, Flight, LeftOff, Tracer, Work};
 use crate::error::RenderError;
 use crate::progress::Progress;
 use crate::setting::is_cpu;
@@ -21,6 +22,7 @@ use crate::shared::Gate;
 use crate::wavefront::Kind;
 use oocpt_core::residency::roulette::Prices;
 use oocpt_core::residency::{Demand, Proposal, ResidencyStats, UnitId};
+use oocpt_shader_abi::Counters;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
@@ -70,11 +72,12 @@ pub(crate) struct Stage<'a, 'r> {
     round: u32,
     started: Instant,
     last_event: Instant,
+    leave: Leave,
 }
 
 impl<'a, 'r> Stage<'a, 'r> {
     /// Nothing to do yet.
-    pub(super) fn new(streamer: Streamer<'a, 'r>) -> Self {
+    pub(super) fn new(streamer: Streamer<'a, 'r>, leave: Leave) -> Self {
         let now = Instant::now();
         Self {
             most_paths: 0,
@@ -90,6 +93,7 @@ impl<'a, 'r> Stage<'a, 'r> {
             round: 0,
             started: now,
             last_event: now,
+            leave,
         }
     }
 
@@ -108,7 +112,7 @@ impl<'a, 'r> Stage<'a, 'r> {
     }
 
     fn can_move_segments(&self) -> bool {
-        self.segments.oldest().is_some_and(|oldest| is_finished(&self.seen, &self.begun, &oldest))
+        self.segments.oldest().is_some_and(|oldest| self.seen.is_finished(&self.begun, &oldest))
             || (self.segments.can_start(self.ended) && self.room_for_rays() > 0)
     }
 
@@ -127,7 +131,6 @@ impl<'a, 'r> Stage<'a, 'r> {
             return false;
         }
         let worthwhile = WORTHWHILE_RAYS.min(self.seen.paths_alive() / WORTHWHILE_SHARE);
-        // What a step that is under way leaves is not known yet.
         let active = if flights.is_empty() { self.seen.active() } else { 0 };
         let waiting = |unit: &UnitId| self.seen.waiting.get(*unit as usize).map_or(0, |rays| u64::from(*rays));
         let woken: u64 = self.streamer.residency.arrived.iter().map(waiting).sum();
@@ -145,7 +148,8 @@ impl<'a, 'r> Stage<'a, 'r> {
     fn plan(&mut self, active: u64, progress: &Progress<'_>) -> Result<(), RenderError> {
         let (are_few, prices) = (self.are_stragglers(), self.prices(progress).unwrap_or_default());
         let (seen, next_step) = (&self.seen, self.next_step);
-        let demand = Demand { waiting: &seen.waiting, next: &seen.next, visits: &[], active, asked: Some(&seen.asked) };
+        let (waiting, next) = (&*seen.waiting, &*seen.next);
+        let demand = Demand { waiting, next, active, asked: Some(&seen.asked), ..Demand::default() };
         let Streamer { residency, stragglers, .. } = &mut self.streamer;
         match stragglers {
             Some(stragglers) if self.kind == Kind::Samples => {
@@ -189,6 +193,20 @@ impl<'a, 'r> Stage<'a, 'r> {
             && self.streamer.stragglers.as_ref().is_some_and(are_few)
     }
 
+    /// For those who ask where the time goes.
+    fn log(&self, step: &Step, secs: f64, before: &Counters) {
+        if !tracing::enabled!(tracing::Level::TRACE) {
+            return;
+        }
+        let (now, planner) = (&self.seen.counters, self.streamer.residency.planner.stats());
+        let rays = now.closest_rays - before.closest_rays + now.shadow_rays - before.shadow_rays;
+        let (at, rounds, mapped) = (self.started.elapsed().as_secs_f64(), step.rounds, self.streamer.mapped_bytes());
+        let (active, waiting, alive) = (self.seen.active(), self.seen.waiting(), self.seen.paths_alive());
+        let ResidencyStats { loads, evictions, bytes_held, bytes_in_flight, .. } = *planner;
+        tracing::trace!(at, step = step.number, rounds, secs, rays, "step");
+        tracing::trace!(active, waiting, alive, loads, evictions, bytes_held, bytes_in_flight, mapped, "state");
+    }
+
     fn tick(&mut self, flights: &VecDeque<Flight<Step>>) {
         let tracing = !flights.is_empty();
         let loading = self.streamer.residency.is_loading();
@@ -224,6 +242,9 @@ impl Feed for Stage<'_, '_> {
         self.most_paths = total.min(u64::from(slots));
         self.begun = vec![0; buffers.ended.segment_count as usize];
         self.seen = Observation::default();
+        if let Some(reach) = &mut self.streamer.residency.reach {
+            reach.begin();
+        }
         (self.ended, self.next_step, self.rounds, self.round) = (0, 1, 1, 0);
         self.started = Instant::now();
         self.last_event = self.started;
@@ -258,7 +279,7 @@ impl Feed for Stage<'_, '_> {
         plan.wakes = self.seen.waiting() > 0 || !flights.is_empty();
         let (seen, begun) = (&self.seen, &self.begun);
         let film = self.streamer.tracer.setting.film;
-        while let Some(segment) = self.segments.take_finished(|segment| is_finished(seen, begun, segment)) {
+        while let Some(segment) = self.segments.take_finished(|segment| seen.is_finished(begun, segment)) {
             plan.finished.push(segment);
             // A step shows one octave at most.
             if self.kind == Kind::Samples && film.pieces(segment.wave, u64::MAX).iter().any(|p| p.completes.is_some()) {
@@ -307,18 +328,29 @@ impl Feed for Stage<'_, '_> {
         self.streamer.buffers.observe(work.of.number, &mut self.seen)?;
         let busy = self.seen.counters.busy_rounds.wrapping_sub(before.busy_rounds);
         self.rounds = rounds::next(self.rounds, Done { rounds: work.of.rounds, busy, secs });
-        if !self.is_cpu && self.streamer.residency.is_loading() && self.seen.active() < WORTHWHILE_RAYS {
+        let waits = self.seen.waiting() > 0 && self.streamer.residency.is_loading();
+        if !self.is_cpu && waits && self.seen.active() < WORTHWHILE_RAYS {
             self.rounds = self.rounds.min(ROUNDS_WHILE_LOADING);
+        }
+        if let Some(reach) = &mut self.streamer.residency.reach {
+            reach.count(&self.seen.visited);
         }
         if !work.of.weighs {
             self.seen.worth.clear();
         }
         self.ended += u64::from(self.seen.counters.freed.wrapping_sub(before.freed));
+        self.log(&work.of, secs, &before);
         self.last_event = Instant::now();
         self.plan(self.seen.active(), progress)?;
         if self.kind == Kind::Samples {
             let left = self.segments.unbegun() + self.seen.paths_alive();
             self.streamer.note_left(self.started.elapsed().as_secs_f64(), left);
+            let residency = &mut self.streamer.residency;
+            let paths = (self.segments.unbegun(), residency.store.paths_streamed + self.ended);
+            if self.leave.step(residency, paths) {
+                let first = self.segments.close();
+                self.leave.left_off = Some(LeftOff { first, counters: self.seen.counters });
+            }
         }
         self.report(progress);
         Ok(Some(work))
@@ -349,7 +381,12 @@ impl Feed for Stage<'_, '_> {
         Ok(true)
     }
 
+    fn left_off(&self) -> Option<LeftOff> {
+        self.leave.left_off.map(|left| LeftOff { counters: self.seen.counters, ..left })
+    }
+
     fn ended(&mut self, progress: &mut Progress<'_>) {
+        self.streamer.residency.store.paths_streamed += self.ended;
         self.report(progress);
         progress.timings.left.clone_from(&self.streamer.left.moments);
         if let (Kind::Samples, Some(stragglers)) = (self.kind, &self.streamer.stragglers) {
@@ -360,10 +397,4 @@ impl Feed for Stage<'_, '_> {
     fn end(&mut self) -> Result<(), RenderError> {
         self.streamer.write_report()
     }
-}
-
-/// Whether all paths of a segment are known to be dead.
-fn is_finished(seen: &Observation, begun: &[u64], segment: &Segment) -> bool {
-    let since = begun.get(segment.index as usize).copied().unwrap_or(u64::MAX);
-    since <= seen.step && seen.alive(segment.index) == Some(0)
 }

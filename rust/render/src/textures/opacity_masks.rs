@@ -38,6 +38,8 @@ pub(crate) struct OpacityMasks {
     are_opaque: Vec<bool>,
     /// Whether some material has to be asked.
     pub(crate) has_cutouts: bool,
+    /// What of them only the shaders look up, in words.
+    pub(crate) of_shaders: Option<&'static str>,
 }
 
 impl OpacityMasks {
@@ -88,7 +90,9 @@ impl TextureCache {
                 first_words.insert(key, begin);
                 Some(begin)
             });
-            masks.has_cutouts |= material.flags.contains(MaterialFlags::PRESENCE) && !is_opaque;
+            let is_asked = material.flags.contains(MaterialFlags::PRESENCE) && !is_opaque;
+            masks.has_cutouts |= is_asked;
+            masks.of_shaders = masks.of_shaders.or(only_shaders(material, records).filter(|_| is_asked));
             masks.first_words.push(first);
             masks.are_opaque.push(is_opaque);
         }
@@ -126,6 +130,26 @@ impl TextureCache {
         let key = (image.id(), channel, modes, [scale, bias, threshold].map(f32::to_bits));
         Some(Wanted { key, query, image })
     }
+}
+
+/// What of a material's opacity native traversal does not look up, in words: Ptex, and floats through the sRGB curve,
+/// which is the device's own function.
+fn only_shaders(material: &Material, records: &[GpuTexture]) -> Option<&'static str> {
+    let Input::Texture { texture, channel, .. } = *material.input(InputName::Opacity) else { return None };
+    let record = records.get(texture as usize)?;
+    if record.flags & abi::TEXTURE_PTEX != 0 {
+        return Some("cutouts by Ptex");
+    }
+    let is_curved = |record: &GpuTexture| {
+        let format = record.flags >> abi::TEXTURE_FORMAT_SHIFT & 3;
+        record.levels > 0 && record.flags & abi::TEXTURE_SRGB != 0 && format != abi::TEXTURE_U8
+    };
+    let parts = match record.flags & abi::TEXTURE_UDIM {
+        0 => std::slice::from_ref(record),
+        _ => records.get(record.first_page as usize..).unwrap_or_default(),
+    };
+    let has_curve = channel != Some(3) && parts.iter().take(abi::UDIM_PARTS as usize).any(is_curved);
+    has_curve.then_some("cutouts by floats through the sRGB curve")
 }
 
 fn wrap_of(mode: u32) -> Wrap {

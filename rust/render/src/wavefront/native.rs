@@ -6,7 +6,7 @@ use crate::error::RenderError;
 use oocpt_core::inventory::TraversalUse;
 use oocpt_core::settings::TraversalKind;
 use oocpt_gpu::{Buffer, Commands, Gpu, GpuError};
-use oocpt_shader_abi::{Pass, Push};
+use oocpt_shader_abi::{Features, Pass, Push};
 use oocpt_traverse::{Special, TraceError};
 use std::sync::Arc;
 
@@ -20,11 +20,12 @@ pub(crate) struct Backend {
 }
 
 impl Backend {
-    /// What `wanted` asks for and this device and these features allow.
+    /// What `wanted` asks for and this device, these features and the cutouts of the scene allow.
     pub(crate) fn choose(
         wanted: TraversalKind,
         device: &Device,
         special: &Specialisation,
+        cutouts_of_shaders: Option<&'static str>,
     ) -> Result<Self, RenderError> {
         let (compute, native) = (|why| Self { is_native: false, why }, |why| Self { is_native: true, why });
         if wanted == TraversalKind::Compute {
@@ -41,6 +42,11 @@ impl Backend {
             return Ok(compute("the shaders have a fault planted"));
         }
         if let Some(why) = oocpt_traverse::unsupported(special.features) {
+            return Ok(compute(why));
+        }
+        if let Some(why) = cutouts_of_shaders
+            && special.features.contains(Features::CUTOUTS | Features::TEXTURES)
+        {
             return Ok(compute(why));
         }
         Ok(native(if wanted == TraversalKind::Native {

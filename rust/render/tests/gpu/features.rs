@@ -12,7 +12,7 @@ use crate::support::{self, orthographic, read, request, settings};
 use glam::{DMat4, DVec3, DVec4};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::scene::TransformSample;
-use oocpt_core::settings::Settings;
+use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_render::{AovKind, Faults, Session, SessionOptions};
 use oocpt_shader_abi::Features;
 use rows::{Also, BARE, Names, Row};
@@ -22,7 +22,7 @@ use std::sync::Arc;
 
 /// Renders a row; gives what it was made of and its images.
 fn render(row: &Row, carry: &str) -> (Inventory, Vec<Vec<u8>>) {
-    let streams = matches!(row.also, Also::Streaming | Also::Roulette);
+    let streams = matches!(row.also, Also::Streaming | Also::Mapped | Also::Roulette);
     let report = std::env::temp_dir().join(format!("oocpt-features-{}.json", std::process::id()));
     let chunk_report =
         if row.also == Also::ChunkReport { report.to_string_lossy().into_owned() } else { String::new() };
@@ -30,6 +30,8 @@ fn render(row: &Row, carry: &str) -> (Inventory, Vec<Vec<u8>>) {
         adaptive_sampling: row.also == Also::Adaptive,
         carry: carry.into(),
         chunk_report,
+        // Else it would depend on the device.
+        host_mapped: if row.also == Also::Mapped { HostMapped::On } else { HostMapped::Off },
         straggler_roulette: row.also == Also::Roulette,
         ..settings(4, 2)
     };

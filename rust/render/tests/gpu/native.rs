@@ -5,10 +5,10 @@
 
 use crate::lights::TestFiles;
 use crate::motion::{falling, mill};
-use crate::scenes::{features, nested};
+use crate::scenes::{dome, features, instanced, instancer, mesh, nested, prim};
 use crate::streaming::{DEFORMING, MOVING, MOVING_LAMPS, SCENES, smallest_budget};
 use crate::support::{self, perspective, read_all, render, request, settings};
-use glam::{DVec3, DVec4};
+use glam::{DMat4, DQuat, DVec3, DVec4};
 use oocpt_core::inventory::TraversalUse;
 use oocpt_core::scene::SceneDb;
 use oocpt_core::settings::{Settings, TraversalKind};
@@ -76,6 +76,30 @@ fn opacity_nesting_and_lights_are_the_same_in_core() {
     same_bits("adaptive", features, &adaptive, false, &request);
 }
 
+/// Forty squares in one place, by two levels of instances, each below a roof of its own height, so that those of higher
+/// records are entered first. Of equally close hits the one of the lowest records is met, whichever thread finds it.
+fn coincident(db: &mut SceneDb) {
+    let heights = |count: i32| -> Vec<_> {
+        (1 - count..=0).map(|i| (DVec3::ZERO, DQuat::IDENTITY, DVec3::new(1.0, 2f64.powi(i), 1.0))).collect()
+    };
+    db.upsert_light(dome([0.3, 0.4, 0.6]));
+    db.upsert_instancer(instancer(prim("/outer", DMat4::IDENTITY), "/outer/clump", &heights(8)));
+    let clump = instanced(prim("/outer/clump", DMat4::IDENTITY), "/outer");
+    db.upsert_instancer(instancer(clump, "/outer/clump/mat", &heights(5)));
+    let floor = [[-1.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 0.0, -1.0]];
+    let roof = [[0.8, 1.0, 0.8], [1.0, 1.0, 0.8], [1.0, 1.0, 1.0]];
+    let points = floor.into_iter().chain(roof).collect();
+    let mat = instanced(prim("/outer/clump/mat", DMat4::IDENTITY), "/outer/clump");
+    let mat = mesh(mat, 1, points, &[vec![0, 1, 2, 3], vec![4, 5, 6]], 0.5);
+    db.upsert_mesh(mat);
+}
+
+#[test]
+fn of_equally_close_hits_the_same_one_is_met() {
+    let request = view(DVec3::new(0.3, 2.0, 0.4), DVec3::ZERO);
+    same_bits("coincident", coincident, &settings(4, 3), false, &request);
+}
+
 #[test]
 fn scenes_of_many_chunks_are_the_same_in_core_and_streaming() {
     for scene in &SCENES {
@@ -136,6 +160,9 @@ fn who_walks_the_rays_is_said_with_the_reason() {
         let of_trace = inventory.passes.iter().filter(|pass| pass.name.starts_with("intersect_"));
         assert!(of_trace.clone().count() == 2 && of_trace.clone().all(|pass| !pass.made), "not compiled for nothing");
         let (_, used, _) = images(SCENES[8].build, by(TraversalKind::Native, "CUTOUTS"), false, &request);
-        assert!(used.backend == "compute" && used.why.contains("cutouts"), "{used:?}");
+        assert_eq!(used.backend, "native", "{used:?}");
+        let programs = "CUTOUTS,PATTERNS,CUTOUT_PROGRAMS";
+        let (_, used, _) = images(SCENES[8].build, by(TraversalKind::Native, programs), false, &request);
+        assert!(used.backend == "compute" && used.why.contains("cutouts by programs"), "{used:?}");
     }
 }

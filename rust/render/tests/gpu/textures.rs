@@ -6,6 +6,7 @@ mod demand;
 mod filter;
 mod images;
 mod masks;
+mod native;
 mod programs;
 
 use self::images::{Library, Noise, hash};

@@ -22,6 +22,14 @@ macro_rules! leaves {
                 _ => None,
             }
         }
+
+        /// Along which values by corner change (`leaf_edges`).
+        pub(crate) fn edges(kind: u32, vertices: [V3; 3]) -> [V3; 2] {
+            match kind {
+                $($(#[cfg($only)])? kind if kind == Leaf::$row.number => $module::edges(vertices),)+
+                _ => [vertices[1] - vertices[0], vertices[2] - vertices[0]],
+            }
+        }
     };
 }
 

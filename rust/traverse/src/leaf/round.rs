@@ -2,7 +2,7 @@
 //! The leaf test of curves and points, hulls of two balls: geometry/round.glsl, operation by operation. Pure, any
 //! thread.
 
-use crate::vector::{V3, dot3};
+use crate::vector::{V3, cross3, dot3};
 
 /// Where the line of a ray enters and leaves, and which ball touches there.
 struct Hit {
@@ -56,6 +56,25 @@ pub(super) fn hit([p0, p1, V3([r0, r1, _])]: [V3; 3], o: V3, d: V3) -> Option<(f
     } else {
         None
     }
+}
+
+/// `round_edges`.
+pub(super) fn edges([p0, p1, V3([r0, r1, _])]: [V3; 3]) -> [V3; 2] {
+    let mut e = p1 - p0;
+    let radius = r0.max(r1);
+    if dot3(e, e) <= 0.0 || dot3(e, e).is_nan() {
+        e = V3([radius, 0.0, 0.0]);
+    }
+    let size = e.map(f32::abs);
+    let least = if size[0] <= size[1] && size[0] <= size[2] {
+        V3([1.0, 0.0, 0.0])
+    } else if size[1] <= size[2] {
+        V3([0.0, 1.0, 0.0])
+    } else {
+        V3([0.0, 0.0, 1.0])
+    };
+    let aside = cross3(e, least);
+    [e, (radius * (1.0 / dot3(aside, aside).max(1.0e-38).sqrt())) * aside]
 }
 
 fn meet_cone(hit: &mut Hit, (c, axis): (V3, V3), squared: f32, [r0, r1]: [f32; 2], d: V3, dd: f32) {

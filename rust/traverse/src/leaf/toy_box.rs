@@ -10,6 +10,11 @@ fn share(first: V3, second: V3, x: f32) -> f32 {
     if extent == 0.0 { 0.0 } else { ((x - first[0]) / extent).max(0.0).min(1.0) }
 }
 
+/// `toy_box_edges`.
+pub(super) fn edges([v0, v1, _]: [V3; 3]) -> [V3; 2] {
+    [V3([v1[0] - v0[0], 0.0, 0.0]), V3([0.0, v1[1] - v0[1], v1[2] - v0[2]])]
+}
+
 pub(super) fn hit([first, second, _]: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
     let (mut entry, mut exit) = (-3.0e38_f32, 3.0e38_f32);
     for axis in 0..3 {

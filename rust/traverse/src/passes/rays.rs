@@ -93,7 +93,7 @@ impl<'s, 'v> Rays<'s, 'v, false> for ClosestRays<'_, 's, 'v> {
             }
             let bounce = shared.rays.load(at + RAY_WORD_BOUNCE as usize);
             let seed = shared.scene.opacity_seed(path, bounce.wrapping_mul(2));
-            shared.begin(walk, path, WorldRay { seed, time: shared.scene.path_time(path), ..ray });
+            shared.begin(walk, path, WorldRay { path, seed, time: shared.scene.path_time(path), ..ray });
         }
         Some(Begun { path, is_ended })
     }
@@ -113,7 +113,7 @@ impl<'s, 'v> Rays<'s, 'v, false> for ClosestRays<'_, 's, 'v> {
         flags.set(RayFlags::HIT, hit);
         flags.set(RayFlags::CHANGED, walk.hit);
         let at = path as usize * RAY_WORDS + RAY_WORD_FLAGS as usize;
-        shared.rays.store(at, flags.bits() | walk.pending.flags());
+        shared.rays.store(at, flags.bits() | walk.waiting_flags());
         pushes.visits += walk.visits;
         if walk.pending.keys().is_empty() {
             let end = if is_ended {
@@ -125,7 +125,7 @@ impl<'s, 'v> Rays<'s, 'v, false> for ClosestRays<'_, 's, 'v> {
             };
             shared.finish(path, PathProgress::CLOSEST_DONE | end, pushes);
         } else {
-            shared.store_pending(path, walk.pending.keys());
+            shared.store_pending(path, walk);
             pushes.deferred.push(path);
         }
     }
@@ -148,7 +148,7 @@ impl<'s, 'v> Rays<'s, 'v, true> for ShadowRays<'_, 's, 'v> {
                 false => (linked, 0),
             };
             let seed = shared.scene.opacity_seed(path, bounce.wrapping_mul(2).wrapping_add(1));
-            shared.begin(walk, path, WorldRay { seed, time: shared.scene.path_time(path), shadow_link, ..ray });
+            shared.begin(walk, path, WorldRay { path, seed, time: shared.scene.path_time(path), shadow_link, ..ray });
         }
         Some(Begun { path, is_ended })
     }
@@ -164,8 +164,8 @@ impl<'s, 'v> Rays<'s, 'v, true> for ShadowRays<'_, 's, 'v> {
         }
         pushes.visits += walk.visits;
         if waits {
-            shared.rays.store(at + RAY_WORD_FLAGS as usize, walk.pending.flags());
-            shared.store_pending(path, walk.pending.keys());
+            shared.rays.store(at + RAY_WORD_FLAGS as usize, walk.waiting_flags());
+            shared.store_pending(path, walk);
             pushes.deferred.push(path | SHADOW_BIT);
         } else {
             shared.finish(path, PathProgress::SHADOW_DONE, pushes);

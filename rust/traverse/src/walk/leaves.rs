@@ -67,6 +67,9 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         if self.scene.has(Features::OPACITY) && !self.is_opaque(triangle, subset_and_sides, uv) {
             return false;
         }
+        if self.scene.has(Features::CUTOUTS) && !self.is_cut_in(triangle, subset_and_sides, t, uv) {
+            return false;
+        }
         self.hit = true;
         if !ANY_HIT {
             let Found { mut chain, .. } = self.found;

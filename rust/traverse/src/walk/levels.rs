@@ -29,6 +29,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
                 return false;
             }
             self.visits += 1;
+            self.asking.enter(self.entry);
             if self.scene.has(Features::CHUNK_COUNTS) {
                 self.scene.count_chunk(instance.chunk);
             }

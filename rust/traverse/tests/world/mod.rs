@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //! A world of one mesh, in memory that shaders and host both see.
 
+mod cutouts;
+
 use bytemuck::{Pod, Zeroable};
 use oocpt_gpu::{Buffer, Gpu, OpenOptions, Pipeline, Usage};
 use oocpt_shader_abi::{
@@ -97,6 +99,7 @@ pub(crate) struct World {
     passes: [Pipeline; 2],
     frame: Buffer,
     tables: Vec<Buffer>,
+    cutouts: Option<Buffer>,
     mesh: Buffer,
     nodes: Buffer,
     items: Buffer,
@@ -171,6 +174,7 @@ impl World {
             escaped: make("escaped", 4),
             counters: put(&gpu, "counters", &[Counters::zeroed()]),
             tables: vec![level, records, chunks, instances],
+            cutouts: None,
             count: 0,
             gpu,
         };

@@ -33,7 +33,7 @@ const QUADS_PER_INSTANCE: f64 = 2097.0;
 const INSTANCED_PART: f64 = 0.35;
 
 /// What determines an island.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::Args)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::Args, serde::Serialize)]
 pub(crate) struct Parameters {
     /// Placements of meshes on one island, nesting multiplied out.
     #[arg(long, default_value_t = 1_000_000)]

@@ -33,6 +33,11 @@ pub trait Policy: std::fmt::Debug + Send {
         None
     }
 
+    /// The value of loading a unit that rays read in host memory; `None` if this policy does not bring such.
+    fn visited(&self, _view: &View<'_>, _unit: UnitId) -> Option<f64> {
+        None
+    }
+
     /// A load was issued.
     fn issued(&mut self, _unit: UnitId) {}
 }

@@ -226,8 +226,14 @@ impl Simulation<'_> {
     fn plan(&mut self) {
         let counts = &self.counts;
         let visits = if self.device.counts_visits { counts.visits.as_slice() } else { &[] };
-        let demand =
-            Demand { waiting: &counts.waiting, next: &counts.next, visits, active: counts.active, asked: None };
+        let demand = Demand {
+            waiting: &counts.waiting,
+            next: &counts.next,
+            visits,
+            active: counts.active,
+            asked: None,
+            ..Demand::default()
+        };
         for command in self.planner.step(&demand) {
             let (unit, assets) = match command {
                 Command::Load { unit, assets } => (unit, assets),

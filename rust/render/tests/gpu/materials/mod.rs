@@ -104,14 +104,18 @@ impl ImageLibrary for Ramps {
         Ok(Arc::new(Self))
     }
 
-    /// A Ptex file of a face of 2 x 2 texels for each of the board's four.
     fn bytes(&self, _: &AssetRef) -> Result<Box<dyn ReadAt>, ImageError> {
-        let written = PtexWriter::new(Vec::new(), MeshType::Quad, DataType::U8, 1, None, 4).and_then(|mut writer| {
-            (0..4).try_for_each(|face| writer.push_face(&Face::new([1, 1]), &[51 * face, 80, 120, 255]))?;
-            writer.finish()
-        });
-        Ok(Box::new(written.map_err(|error| ImageError(error.to_string()))?))
+        ptex_file()
     }
+}
+
+/// A Ptex file of a face of 2 x 2 texels for each of the board's four.
+pub(super) fn ptex_file() -> Result<Box<dyn ReadAt>, ImageError> {
+    let written = PtexWriter::new(Vec::new(), MeshType::Quad, DataType::U8, 1, None, 4).and_then(|mut writer| {
+        (0..4).try_for_each(|face| writer.push_face(&Face::new([1, 1]), &[51 * face, 80, 120, 255]))?;
+        writer.finish()
+    });
+    Ok(Box::new(written.map_err(|error| ImageError(error.to_string()))?))
 }
 
 impl Image for Ramps {

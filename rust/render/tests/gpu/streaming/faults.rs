@@ -2,10 +2,11 @@
 //! What is planted shows, and failures for lack of memory do not: lost chunks, calls that fail, bytes that nobody
 //! counted.
 
+use super::mapped::MOST_PICTURES;
 use super::scenes::{BEACH, SCENES, Scene};
 use super::{Render, TestFiles, options, percent, planting, render, request_of, small_chunks, smallest_budget};
 use crate::support::{self, read_all, render_with_messages};
-use oocpt_core::settings::Settings;
+use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_gpu::{Call, Failure};
 use oocpt_render::{Faults, Message, Session, SessionOptions, Severity};
 use oocpt_shader_abi::FAULT_ONE_IN;
@@ -133,13 +134,31 @@ fn two_failed_calls_in_a_row_are_one_error_at_most() {
 /// device never exceeds it.
 #[test]
 fn the_driver_never_gives_more_than_the_books_say() {
+    for host_mapped in [HostMapped::Off, HostMapped::On] {
+        books_and_driver(host_mapped);
+    }
+}
+
+fn books_and_driver(host_mapped: HostMapped) {
     let budget_mib = 5_u32;
-    let settings = Settings { chunk_size_kib: 256, memory_budget_mib: budget_mib, ..support::settings(2, 2) };
+    let settings =
+        Settings { chunk_size_kib: 256, memory_budget_mib: budget_mib, host_mapped, ..support::settings(2, 2) };
     let session = Session::with_options(settings, options());
     session.with_scene(BEACH.build);
-    support::render(&session, &request_of(&BEACH));
+    let request = request_of(&BEACH);
+    support::render(&session, &request);
+    let maps = host_mapped == HostMapped::On;
+    for _ in 1..MOST_PICTURES {
+        if !maps || session.stats().streaming.mapped_bytes > 0 {
+            break;
+        }
+        session.restart();
+        support::render(&session, &request);
+    }
     let (stats, witness) = (session.stats(), session.witness());
-    assert!(!stats.streaming.in_core && stats.streaming.evictions > 0, "chunks came and went: {stats:?}");
+    assert!(!stats.streaming.in_core, "it streams: {stats:?}");
+    assert!(maps || stats.streaming.evictions > 0, "chunks came and went: {stats:?}");
+    assert!(!maps || stats.streaming.mapped_bytes > 0, "host memory was read: {stats:?}");
     assert!(stats.gpu_peak_bytes <= u64::from(budget_mib) << 20, "above the budget: {stats:?}");
     assert!(stats.gpu_peak_bytes > u64::from(budget_mib) << 19, "the budget was put to use: {stats:?}");
     assert!(witness.driver.calls > 10, "memory was asked for: {witness:?}");

@@ -3,6 +3,7 @@
 
 mod faults;
 mod host;
+mod mapped;
 mod memory;
 mod moving;
 mod roulette;
@@ -12,7 +13,7 @@ use crate::lights::TestFiles;
 use crate::support::{self, perspective, read_all, render_with_messages, request, settings};
 pub(crate) use moving::{DEFORMING, MOVING, MOVING_LAMPS};
 use oocpt_core::residency::PolicyKind;
-use oocpt_core::settings::Settings;
+use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_core::stats::StreamingStats;
 use oocpt_render::{Faults, RenderRequest, Session, SessionOptions};
 use scenes::BEACH;
@@ -75,20 +76,22 @@ pub(crate) fn same_bits(scene: &Scene) {
     assert!(whole.stats.chunks >= 8, "{}: {} chunks are too few to test anything", scene.name, whole.stats.chunks);
     let smallest = smallest_budget(scene);
     let parts = [100, 50, 25, 10].map(|part| percent(whole.stats.scene_bytes, part).max(smallest));
-    for policy in POLICIES {
+    let without = POLICIES.map(|policy| (policy, HostMapped::Off));
+    for (policy, host_mapped) in without.into_iter().chain([(PolicyKind::Benefit, HostMapped::On)]) {
         let mut budgets = parts.to_vec();
         budgets.push(smallest);
         budgets.dedup();
         for budget in budgets {
-            let settings = Settings { geometry_budget_kib: budget, policy, ..small_chunks() };
+            let settings = Settings { geometry_budget_kib: budget, policy, host_mapped, ..small_chunks() };
             let forced = SessionOptions { force_streaming: true, ..options() };
             let part = render(scene, settings, forced);
-            let what = format!("{}, {policy}, {budget} KiB of {}", scene.name, whole.stats.scene_bytes >> 10);
+            let of = whole.stats.scene_bytes >> 10;
+            let what = format!("{}, {policy}, host-mapped {}, {budget} KiB of {of}", scene.name, host_mapped.name());
             assert!(part.images == whole.images, "{what}: the picture differs");
             let stats = &part.stats;
             assert!(!stats.in_core && stats.loads > 0, "{what}: chunks were loaded: {stats:?}");
             assert!(stats.geometry_peak_bytes <= u64::from(budget) << 10, "{what}: above the budget: {stats:?}");
-            if budget == smallest && smallest < parts[1] {
+            if budget == smallest && smallest < parts[1] && host_mapped == HostMapped::Off {
                 assert!(stats.evictions > 0, "{what}: chunks had to go: {stats:?}");
             }
         }

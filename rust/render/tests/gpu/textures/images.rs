@@ -3,6 +3,7 @@
 
 use oocpt_core::scene::AssetRef;
 use oocpt_core::texture::TexelFormat;
+use oocpt_ptex::ReadAt;
 use oocpt_render::textures::{Image, ImageError, ImageInfo, ImageLibrary};
 use std::sync::Arc;
 
@@ -130,8 +131,40 @@ impl Image for Disc {
     }
 }
 
-/// A file is called by width, height and channels, with an x between; "steps", "checks", "torn" and "disc " with width
-/// and height are others.
+/// Random floats from 0 to 1, of two bytes (any half in that range) or four.
+#[derive(Debug)]
+struct Floats {
+    noise: Noise,
+    format: TexelFormat,
+}
+
+impl Image for Floats {
+    fn info(&self) -> ImageInfo {
+        ImageInfo { format: self.format, ..self.noise.info() }
+    }
+
+    fn read(&self, _level: u32, at: [u32; 2], size: [u32; 2], out: &mut [u8]) -> Result<(), ImageError> {
+        let bytes = if self.format == TexelFormat::F16 { 2 } else { 4 };
+        let channels = self.noise.channels as usize;
+        for (y, row) in (at[1]..).zip(out.chunks_exact_mut(size[0] as usize * channels * bytes)) {
+            for (x, texel) in (at[0]..).zip(row.chunks_exact_mut(channels * bytes)) {
+                let seed = u32::from_le_bytes(self.noise.texel(x, y));
+                for (k, value) in (0..).zip(texel.chunks_exact_mut(bytes)) {
+                    let bits = hash(seed.wrapping_add(k));
+                    #[expect(clippy::cast_precision_loss, reason = "24 bits")]
+                    match bytes {
+                        2 => value.copy_from_slice(&(bits % 0x3c01).to_le_bytes()[..2]),
+                        _ => value.copy_from_slice(&((bits >> 8) as f32 / 16_777_216.0).to_le_bytes()),
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A file is called by width, height and channels, with an x between, "half " or "float " before if it has floats;
+/// "steps", "checks", "torn", "disc " with width and height, and "part " with three numbers of a UDIM set are others.
 #[derive(Debug)]
 pub(super) struct Library;
 
@@ -147,8 +180,28 @@ impl ImageLibrary for Library {
             let side = |text: &str| text.parse().map_err(|_not_a_number| ImageError("no such disc".into()));
             return Ok(Arc::new(Disc([side(width)?, side(height)?])));
         }
-        let numbers: Vec<u32> = asset.resolved.split('x').filter_map(|part| part.parse().ok()).collect();
-        let [width, height, channels] = numbers[..] else { return Err(ImageError("no such image".into())) };
-        Ok(Arc::new(Noise { size: [width, height], channels, seed: width }))
+        match asset.resolved.strip_prefix("part ") {
+            Some("1001") => return Ok(Arc::new(Disc([64, 64]))),
+            Some("1002") => return Ok(Arc::new(Disc([300, 200]))),
+            Some("1011") => return Ok(Arc::new(Noise { size: [90, 40], channels: 4, seed: 5 })),
+            Some(_) => return Err(ImageError("no such part".into())),
+            None => {}
+        }
+        for (prefix, format) in [("half ", TexelFormat::F16), ("float ", TexelFormat::F32)] {
+            if let Some(size) = asset.resolved.strip_prefix(prefix) {
+                return Ok(Arc::new(Floats { noise: noise(size)?, format }));
+            }
+        }
+        Ok(Arc::new(noise(&asset.resolved)?))
     }
+
+    fn bytes(&self, _: &AssetRef) -> Result<Box<dyn ReadAt>, ImageError> {
+        crate::materials::ptex_file()
+    }
+}
+
+fn noise(name: &str) -> Result<Noise, ImageError> {
+    let numbers: Vec<u32> = name.split('x').filter_map(|part| part.parse().ok()).collect();
+    let [width, height, channels] = numbers[..] else { return Err(ImageError("no such image".into())) };
+    Ok(Noise { size: [width, height], channels, seed: width })
 }

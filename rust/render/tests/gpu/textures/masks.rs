@@ -2,6 +2,8 @@
 //! What masks say of cutouts is what lookups say: the same bits with masks and without, in core and streaming.
 
 use super::*;
+use oocpt_core::inventory::Inventory;
+use oocpt_core::settings::TraversalKind;
 
 /// Image, wrap modes, factor, summand, threshold (0: a probability).
 type Cut = (&'static str, [&'static str; 2], f32, f32, f32);
@@ -73,15 +75,22 @@ fn cut_in_many_ways(db: &mut SceneDb) {
 }
 
 fn with_masks(are_there: bool, budget: Option<u32>) -> Render {
+    masked(are_there, budget, small_chunks()).0
+}
+
+fn masked(are_there: bool, budget: Option<u32>, settings: Settings) -> (Render, Session) {
     let faults = Faults { no_opacity_masks: !are_there, ..Faults::default() };
     let force_streaming = budget.is_some();
-    let settings = Settings { geometry_budget_kib: budget.unwrap_or(0), ..small_chunks() };
+    let settings = Settings { geometry_budget_kib: budget.unwrap_or(0), ..settings };
+    let wanted = settings.traversal;
     let session = session(settings, SessionOptions { faults, force_streaming, ..options() }, cut_in_many_ways);
     render_with_messages(&session, &close());
-    let listed = session.stats().inventory.features;
+    let Inventory { features: listed, traversal: used, .. } = session.stats().inventory;
+    assert!(wanted != TraversalKind::Native || used.backend == "native", "{used:?}");
     let feature = listed.iter().find(|feature| feature.name == "OPACITY_MASKS").expect("a feature");
     assert_eq!(feature.present, are_there, "masks are used where they are wanted");
-    Render { images: read_all(&session, &close()), stats: session.stats().streaming }
+    let render = Render { images: read_all(&session, &close()), stats: session.stats().streaming };
+    (render, session)
 }
 
 #[test]
@@ -99,5 +108,21 @@ fn masks_say_of_cutouts_what_their_textures_say() {
         let loads = [&without, &part].map(|render| render.stats.texture_loads);
         assert!(!part.stats.in_core && loads[1] > 0, "tiles were loaded: {:?}", part.stats);
         assert!(3 * loads[1] < 2 * loads[0], "rays wait for fewer tiles: {loads:?}");
+    }
+}
+
+/// The host looks at masks and textures as the shaders do. On a device with memory of its own there is nothing to
+/// compare.
+#[test]
+fn cutouts_walked_natively_are_those_of_the_shaders() {
+    let (shaders, session) = masked(true, None, small_chunks());
+    if !session.device_report().expect("a device").host_memory {
+        return;
+    }
+    let native = Settings { traversal: TraversalKind::Native, ..small_chunks() };
+    for (are_there, budget) in [(false, None), (true, None), (false, Some(600)), (true, Some(600))] {
+        let (host, _) = masked(are_there, budget, native.clone());
+        assert!(host.images == shaders.images, "with masks: {are_there}, KiB: {budget:?}: the picture differs");
+        assert!(budget.is_none() || host.stats.texture_loads > 0, "tiles were loaded: {:?}", host.stats);
     }
 }

@@ -4,7 +4,7 @@
 use super::*;
 
 /// Leaves as `leaves` has them, their opacity the product of two lookups, the second where the first says.
-fn leaves_by_program(db: &mut SceneDb) {
+pub(super) fn leaves_by_program(db: &mut SceneDb) {
     leaves(db);
     let file = |name: &str| ParamValue::Asset(AssetRef { authored: name.into(), resolved: name.into() });
     for (material, threshold) in [("/sharp_leaf", 0.25), ("/soft_leaf", 0.0)] {

@@ -40,6 +40,7 @@ pub(crate) enum Also {
     Albedo,
     Counts,
     Streaming,
+    Mapped,
     Roulette,
     ChunkReport,
     ToyLobe,

@@ -31,6 +31,14 @@ pub(crate) const ROWS: &[Row] = &[
         ..BARE
     },
     Row {
+        what: "rays that read geometry in host memory",
+        features: &["STREAMING", "CHUNK_COUNTS"],
+        passes: &[STREAM_PASSES],
+        buffers: &[OF_STREAMING],
+        also: Also::Mapped,
+        ..BARE
+    },
+    Row {
         what: "roulette on loads",
         features: &["STREAMING", "ROULETTE"],
         passes: &[STREAM_PASSES, &["roulette_level", "roulette_worth", "roulette_play"]],

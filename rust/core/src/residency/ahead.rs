@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Loads beside those that are worth most now: what few rays wait for, while there is room, and what rays will ask for
+//! next.
+
+use super::entry::UnitState;
+use super::planner::{LoadKind, Planner};
+use super::policy::top;
+use super::step::{PREFETCH_SHARE, Plan, Press, Try, for_each_nonzero};
+use super::{UnitId, at};
+
+/// Bytes in flight up to which units come that hardly any ray waits for: some for each thread that loads, and no more,
+/// since what is asked for next would come after them.
+const ROOMY_IN_FLIGHT: u64 = 256 << 20;
+/// Such units that are tried in a step.
+const ROOMY: usize = 64;
+/// Prefetches that are tried in a step.
+const PREFETCHES: usize = 32;
+
+impl Planner {
+    /// Loads what is waited for at all, as long as all of it has room beside what there is: it will be asked for until
+    /// it comes, at the latest by the last rays of a render, which have nothing else to do.
+    pub(super) fn fill_room(&mut self, plan: &mut Plan<'_>) {
+        let limit = ROOMY_IN_FLIGHT.min(self.in_flight_limit(plan));
+        if self.in_flight[LoadKind::Demanded as usize] >= limit {
+            return;
+        }
+        let absent = |unit: &UnitId| self.entries[*unit as usize].state == UnitState::Absent;
+        let wanted: Vec<UnitId> = plan.demanded.iter().copied().filter(absent).collect();
+        let bytes: u64 = wanted.iter().map(|unit| self.catalog.closure_bytes(*unit)).sum();
+        if self.holdings.held().saturating_add(bytes) > self.allowance {
+            return;
+        }
+        let rays = |unit: &UnitId| (f64::from(at(plan.demand.waiting, *unit)), *unit);
+        for (_, unit) in top(wanted.iter().map(rays).collect(), ROOMY) {
+            // Worth nothing, so that nothing goes for it.
+            let tried = self.try_load(plan, unit, Press::Worth(0.0));
+            if tried == Try::Full || self.in_flight[LoadKind::Demanded as usize] >= limit {
+                break;
+            }
+        }
+    }
+
+    /// Loads what rays have further down their lists, when everything demanded is on its way.
+    pub(super) fn prefetch(&mut self, plan: &mut Plan<'_>) {
+        if self.in_flight[LoadKind::Prefetch as usize] >= self.in_flight_limit(plan) / PREFETCH_SHARE {
+            return;
+        }
+        let mut wanted = Vec::new();
+        for_each_nonzero(plan.demand.asked, plan.demand.next, self.entries.len(), |unit, rays| {
+            let absent = self.entries[unit as usize].state == UnitState::Absent;
+            if absent && at(plan.demand.waiting, unit) == 0 {
+                wanted.push((f64::from(rays), unit));
+            }
+        });
+        let view = self.view(plan.demand);
+        let value = |(_, unit)| self.policy.prefetch(&view, unit).map(|value| (value, unit));
+        let values = top(wanted, PREFETCHES).into_iter().filter_map(value).collect();
+        for (value, unit) in top(values, PREFETCHES) {
+            if self.try_load(plan, unit, Press::Ahead(value)) == Try::Full {
+                break;
+            }
+        }
+    }
+}

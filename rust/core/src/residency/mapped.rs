@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Brings units to the device that rays read in host memory: nobody waits for them, but what is visited most is read
+//! fastest there.
+
+use super::UnitId;
+use super::entry::UnitState;
+use super::planner::Planner;
+use super::policy::top;
+use super::step::{Plan, Press, Try};
+
+/// Units that are tried in a step.
+const CANDIDATES: usize = 256;
+/// Units that may find no room before the step gives up.
+const REFUSALS: usize = 16;
+
+impl Planner {
+    /// Loads mapped units by the policy's measure of their visits, as far as they are worth more than what goes.
+    pub(super) fn load_mapped(&mut self, plan: &mut Plan<'_>) {
+        // The bus is for what rays wait for, and the few that still go on read little.
+        if plan.is_idle() || plan.demand.keep_below > 0 {
+            return;
+        }
+        let view = self.view(plan.demand);
+        let units = (0..).zip(plan.demand.mapped).filter_map(|(unit, is_mapped)| is_mapped.then_some(unit));
+        let absent = units.filter(|unit: &UnitId| {
+            self.entries.get(*unit as usize).is_some_and(|entry| entry.state == UnitState::Absent && entry.heat > 0.0)
+        });
+        let values = absent.filter_map(|unit| Some((self.policy.visited(&view, unit)?, unit)));
+        let mut refusals = 0;
+        for (value, unit) in top(values.collect(), CANDIDATES) {
+            match self.try_load(plan, unit, Press::Worth(value)) {
+                Try::Issued | Try::Shared | Try::Refused => {}
+                Try::NoRoom => refusals += 1,
+                Try::Full => break,
+            }
+            if refusals == REFUSALS {
+                break;
+            }
+        }
+    }
+}

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Memory of the host for what rays read across the bus, made ahead by a thread of its own: pages are made and pinned
+//! at a few gigabytes a second (measured: decisions/0050), and no step is to wait for that.
+
+use crate::device::Device;
+use crate::error::RenderError;
+use oocpt_gpu::Heap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Weak};
+use std::time::Duration;
+
+/// Bytes made at a time.
+const PIECE: u64 = 64 << 20;
+/// Bytes that are kept ready.
+const AHEAD: u64 = 512 << 20;
+/// How often it is looked.
+const PAUSE: Duration = Duration::from_millis(5);
+
+/// Makes memory ahead as long as it lives, once some was asked for.
+#[derive(Debug)]
+pub(crate) struct HostHeapFiller {
+    wanted: Arc<AtomicBool>,
+}
+
+impl HostHeapFiller {
+    /// Keeps some memory ready, at most `most` bytes in all.
+    pub(crate) fn start(device: &Device, most: u64) -> Result<Self, RenderError> {
+        let heap = Arc::clone(device.host_heap()?);
+        heap.set_limit(Some(most));
+        let wanted = Arc::new(AtomicBool::new(false));
+        let watched = Arc::downgrade(&wanted);
+        let fill = move || fill(&heap, most, &watched);
+        if let Err(error) = std::thread::Builder::new().name("oocpt-host-heap".into()).spawn(fill) {
+            tracing::warn!(%error, "no thread makes memory for geometry of the host");
+        }
+        Ok(Self { wanted })
+    }
+
+    /// Has it begin.
+    pub(crate) fn want(&self) {
+        self.wanted.store(true, Ordering::Relaxed);
+    }
+}
+
+fn fill(heap: &Heap, most: u64, wanted: &Weak<AtomicBool>) {
+    while let Some(wanted) = wanted.upgrade() {
+        if !wanted.load(Ordering::Relaxed) {
+            drop(wanted);
+            std::thread::sleep(PAUSE);
+            continue;
+        }
+        drop(wanted);
+        let stats = heap.stats();
+        let left = most.saturating_sub(stats.arena_bytes + stats.dedicated_bytes);
+        if left == 0 {
+            return;
+        }
+        let is_short = stats.arena_bytes.saturating_sub(stats.used_bytes) < AHEAD;
+        if !is_short {
+            std::thread::sleep(PAUSE);
+            continue;
+        }
+        match heap.reserve(left.min(PIECE)) {
+            Ok(0) => return,
+            Ok(_) => {}
+            Err(error) => return tracing::debug!(%error, "no more memory for geometry of the host"),
+        }
+    }
+}

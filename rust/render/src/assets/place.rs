@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+//! One memory in which assets may lie, the device's or the host's: what is there, and what the loader is bringing.
+//! Render thread only.
+
+use super::kept::Kept;
+use super::load::{Copied, Inbox, Wanted};
+use super::source::{AssetKey, Source};
+use crate::device::Device;
+use crate::error::RenderError;
+use oocpt_core::residency::AssetId;
+use oocpt_gpu::HeapRange;
+use rustc_hash::FxHashMap;
+use std::sync::Arc;
+
+/// Bytes of assets that the loader is asked for at once, about: they are ready together.
+const LOAD_BYTES: u64 = 4 << 20;
+
+/// An asset that rays may use.
+#[derive(Debug)]
+pub(crate) struct Resident {
+    pub(super) memory: Arc<HeapRange>,
+    /// Stack entries that a walk of its own tree needs.
+    pub(crate) stack: u32,
+}
+
+impl Resident {
+    /// Device address of its first byte.
+    pub(crate) fn address(&self) -> u64 {
+        self.memory.address()
+    }
+}
+
+/// See the module.
+#[derive(Debug, Default)]
+pub(super) struct Place {
+    pub(super) inbox: Inbox,
+    pub(super) ready: FxHashMap<AssetKey, Resident>,
+    /// The memory of assets on their way.
+    pub(super) arriving: FxHashMap<AssetId, Arc<HeapRange>>,
+    /// Of these, what the loader was not asked for yet, and its bytes.
+    begun: Vec<Wanted>,
+    begun_bytes: u64,
+}
+
+impl Place {
+    /// Starts to bring an asset to `memory`, at the latest with [`Place::send`].
+    pub(super) fn bring(
+        &mut self,
+        device: &Device,
+        kept: &Arc<Kept>,
+        (asset, source): (AssetId, Source),
+        memory: HeapRange,
+    ) -> Result<(), RenderError> {
+        let memory = Arc::new(memory);
+        let is_tile = matches!(source, Source::Tile(..));
+        let wanted = Wanted { asset, source, target: Arc::clone(&memory) };
+        self.arriving.insert(asset, Arc::clone(&memory));
+        if is_tile {
+            // Its file may take long to decode: nothing else should wait for it.
+            return self.inbox.load(device.loader()?, vec![wanted], kept);
+        }
+        self.begun_bytes += memory.size();
+        self.begun.push(wanted);
+        if self.begun_bytes >= LOAD_BYTES { self.send(device, kept) } else { Ok(()) }
+    }
+
+    /// Has the loader begin with all that was asked for.
+    pub(super) fn send(&mut self, device: &Device, kept: &Arc<Kept>) -> Result<(), RenderError> {
+        self.begun_bytes = 0;
+        self.inbox.load(device.loader()?, std::mem::take(&mut self.begun), kept)
+    }
+
+    /// Forgets what is on its way.
+    pub(super) fn forget_arriving(&mut self) {
+        self.inbox = Inbox::default();
+        self.arriving.clear();
+        (self.begun, self.begun_bytes) = (Vec::new(), 0);
+    }
+
+    /// Takes note of what was copied; gives the assets that are ready now.
+    pub(super) fn land(
+        &mut self,
+        copied: &Copied,
+        key: impl Fn(AssetId) -> Option<AssetKey>,
+    ) -> impl Iterator<Item = AssetId> {
+        let mut ready = Vec::new();
+        for &(asset, stack) in &copied.assets {
+            let Some(memory) = self.arriving.remove(&asset) else { continue };
+            if let Some(key) = key(asset) {
+                self.ready.insert(key, Resident { memory, stack });
+            }
+            ready.push(asset);
+        }
+        ready.into_iter()
+    }
+}

@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Brings chunks into host memory where rays read them (`reach`): those that rays wait for and the device has no room
+//! for. Render thread only.
+
+use super::reach::Reach;
+use super::residency::Residency;
+use crate::assets::HostHeapFiller;
+use crate::error::RenderError;
+use oocpt_core::residency::{AssetId, Demand, UnitId, UnitState};
+use rustc_hash::FxHashSet;
+
+/// Chunks that are begun in a step, those that most rays wait for first.
+const MAPPED_A_STEP: usize = 256;
+/// Chunks that no ray has asked for that are begun in a step in which none is asked for, and how much may be on the
+/// way then.
+const REST_A_STEP: usize = 64;
+const REST_ON_THE_WAY: usize = 256;
+
+impl Residency<'_> {
+    /// Shows what host memory has of earlier frames and the device has not.
+    pub(super) fn take_over_mapped(&mut self) {
+        if !self.store.maps_any() {
+            return;
+        }
+        let Some(mut reach) = self.reach.take() else { return };
+        for unit in (0..).take(self.assets.chunk_count()) {
+            if self.unmapped(unit).is_empty() {
+                reach.expect(unit, &[]);
+                if !self.planner.is_resident(unit) {
+                    self.show_all(unit);
+                }
+            }
+        }
+        self.reach = Some(reach);
+    }
+
+    /// Assets of a chunk that host memory does not have.
+    fn unmapped(&self, unit: UnitId) -> Vec<AssetId> {
+        let is_mapped = |asset: &AssetId| self.assets.key(*asset).is_some_and(|key| self.store.mapped(&key).is_some());
+        self.assets.catalog.assets(unit).iter().copied().filter(|asset| !is_mapped(asset)).collect()
+    }
+
+    /// Begins to bring what rays wait for into host memory, but for what the device has room for beside all it holds.
+    pub(super) fn map_demanded(&mut self, demand: &Demand<'_>) -> Result<(), RenderError> {
+        let Some(mut reach) = self.reach.take() else { return Ok(()) };
+        let begun = self.map_most_wanted(&mut reach, demand);
+        self.reach = Some(reach);
+        begun
+    }
+
+    fn map_most_wanted(&mut self, reach: &mut Reach, demand: &Demand<'_>) -> Result<(), RenderError> {
+        let waiting = |unit: UnitId| demand.waiting.get(unit as usize).copied().unwrap_or(0);
+        let asked = demand.asked.unwrap_or_default().iter().copied();
+        let mut wanted: Vec<UnitId> = asked.filter(|unit| waiting(*unit) > 0 && reach.is_absent(*unit)).collect();
+        // What the planner has begun comes to the device.
+        wanted.retain(|unit| self.planner.state(*unit) != UnitState::Loading);
+        let nothing_wanted = wanted.is_empty();
+        wanted.sort_unstable_by_key(|unit| (std::cmp::Reverse(waiting(*unit)), *unit));
+        let mut free = self.planner.budget().saturating_sub(self.planner.stats().bytes_held);
+        for unit in wanted.into_iter().take(MAPPED_A_STEP) {
+            let bytes = self.assets.catalog.closure_bytes(unit);
+            if bytes <= free {
+                free -= bytes;
+                continue;
+            }
+            if !self.map(unit, reach)? {
+                return Ok(());
+            }
+        }
+        if self.brings_rest && nothing_wanted && self.store.mapping() < REST_ON_THE_WAY {
+            let rest: Vec<UnitId> = self.rest(reach).filter(|unit| reach.is_absent(*unit)).take(REST_A_STEP).collect();
+            for unit in rest {
+                if !self.map(unit, reach)? {
+                    break;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Begins to bring a chunk into host memory; false when no memory is made for it yet.
+    fn map(&mut self, unit: UnitId, reach: &mut Reach) -> Result<bool, RenderError> {
+        let missing = self.unmapped(unit);
+        for &asset in &missing {
+            if !self.store.is_mapping(asset) && !self.store.map(self.device, &self.assets, asset)? {
+                self.filler.iter().for_each(HostHeapFiller::want);
+                return Ok(false);
+            }
+        }
+        reach.expect(unit, &missing);
+        if missing.is_empty() {
+            self.show_all(unit);
+        }
+        Ok(true)
+    }
+
+    /// Chunks that rays can use neither on the device nor in host memory.
+    fn rest(&self, reach: &Reach) -> impl Iterator<Item = UnitId> {
+        let chunks = (0..).take(self.assets.chunk_count());
+        chunks.filter(|unit| !reach.is_there(*unit) && !self.planner.is_resident(*unit))
+    }
+
+    /// Whether rays can use every chunk.
+    pub(super) fn is_all_there(&self) -> bool {
+        self.reach.as_ref().is_some_and(|reach| self.rest(reach).next().is_none())
+    }
+
+    /// Bytes that tiles of textures have or may take without a chunk that goes.
+    pub(super) fn room_for_tiles(&self) -> u64 {
+        self.planner.budget().saturating_sub(self.planner.stats().bytes_held) + self.textures.bytes_held
+    }
+
+    /// Bytes of what they cannot use.
+    pub(super) fn rest_bytes(&self) -> u64 {
+        let Some(reach) = &self.reach else { return 0 };
+        let on_device = |asset: &AssetId| self.assets.key(*asset).is_some_and(|key| self.store.get(&key).is_some());
+        let assets: FxHashSet<AssetId> = self.rest(reach).flat_map(|unit| self.unmapped(unit)).collect();
+        let missing = assets.iter().filter(|asset| !on_device(asset));
+        missing.filter_map(|asset| self.assets.source(*asset)).map(|source| source.bytes()).sum()
+    }
+
+    /// An asset is in host memory.
+    pub(super) fn mapped(&mut self, asset: AssetId) {
+        let units = self.reach.as_mut().map(|reach| reach.arrived(asset)).unwrap_or_default();
+        for unit in units {
+            if !self.planner.is_resident(unit) {
+                self.show_all(unit);
+            }
+        }
+    }
+
+    /// Shows a chunk where its assets are.
+    fn show_all(&mut self, unit: UnitId) {
+        let closure: Vec<AssetId> = self.assets.catalog.assets(unit).to_vec();
+        for asset in closure {
+            self.show(asset);
+        }
+        self.grow_stack(unit);
+        self.arrived.push(unit);
+    }
+}

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Memory of a streaming render that only some scenes need: for textures, for roulette on loads.
+
+use super::buffers::Needs;
+use oocpt_core::inventory::Inventory;
+use oocpt_gpu::{Buffer, Gpu, GpuError, Usage};
+use oocpt_shader_abi::{CUTOUT_LOOKUPS, Question, Roulette, WORTH_SUMS};
+use std::sync::Arc;
+
+/// Bytes of the value of a lookup.
+pub(super) const LOOKUP_BYTES: usize = 16;
+
+/// What only textures need.
+#[derive(Debug)]
+pub(super) struct TextureBuffers {
+    pub(super) resolve_queue: Buffer,
+    pub(super) resolved: Buffer,
+    pub(super) resolve_progress: Buffer,
+    /// With cutouts: of the closest ray and of the shadow ray.
+    pub(super) questions: Option<[Buffer; 2]>,
+}
+
+/// What only roulette on loads needs.
+#[derive(Debug)]
+pub(super) struct RouletteBuffers {
+    pub(super) block: Buffer,
+    pub(super) worth: Buffer,
+    pub(super) worth_sums: Buffer,
+    /// Used in turn, by the steps under way.
+    pub(super) verdicts: [Buffer; 2],
+}
+
+impl RouletteBuffers {
+    pub(super) fn new(gpu: &Arc<Gpu>, chunks: u32) -> Result<Self, GpuError> {
+        let table = |name: &str, usage| Buffer::new(gpu, name, 4 * u64::from(chunks), usage);
+        Ok(Self {
+            block: Buffer::new(gpu, "roulette", size_of::<Roulette>() as u64, Usage::Device)?,
+            worth: table("worth", Usage::Device)?,
+            worth_sums: Buffer::new(gpu, "worth sums", 4 * u64::from(WORTH_SUMS), Usage::Device)?,
+            verdicts: [table("verdicts 0", Usage::Upload)?, table("verdicts 1", Usage::Upload)?],
+        })
+    }
+}
+
+impl TextureBuffers {
+    pub(super) fn new(needs: Needs, slots: impl Fn(&str, usize) -> Result<Buffer, GpuError>) -> Result<Self, GpuError> {
+        let bytes = question_bytes(needs);
+        let questions = || Ok([slots("questions", bytes)?, slots("shadow_questions", bytes)?]);
+        Ok(Self {
+            resolve_queue: slots("resolve_queue", 4)?,
+            resolved: slots("resolved", LOOKUP_BYTES * needs.lookups as usize)?,
+            resolve_progress: slots("resolve_progress", 4)?,
+            questions: needs.cutouts.then(questions).transpose()?,
+        })
+    }
+}
+
+/// Lists the questions of cutouts, or what is left out of them.
+pub(super) fn list_questions(questions: Option<&[Buffer; 2]>, capacity: u64, inventory: &mut Inventory) {
+    for (at, name) in ["questions", "shadow_questions"].into_iter().enumerate() {
+        match questions {
+            Some(questions) => inventory.add(name, questions[at].size()),
+            None => inventory.leave_out(name, capacity * size_of::<Question>() as u64),
+        }
+    }
+}
+
+/// Bytes of a question, with what programs keep behind all of them.
+pub(super) fn question_bytes(needs: Needs) -> usize {
+    let kept = if needs.cutout_programs { LOOKUP_BYTES * (CUTOUT_LOOKUPS as usize - 1) } else { 0 };
+    size_of::<Question>() + kept
+}

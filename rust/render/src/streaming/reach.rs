@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Chunks that rays read in host memory, across the bus, while the device has no room for them: none waits for these.
+//! What is visited most comes to the device (`Planner`), what has to go is read in host memory again.
+//!
+//! A chunk is reached when all assets of its closure lie in host memory. Pure bookkeeping.
+
+use oocpt_core::residency::{AssetId, Demand, UnitId};
+use rustc_hash::FxHashMap;
+
+/// Where a chunk is on its way into host memory.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum State {
+    #[default]
+    Absent,
+    /// So many of its assets are not there yet.
+    Coming(usize),
+    There,
+}
+
+/// See the module.
+#[derive(Debug, Default)]
+pub(super) struct Reach {
+    states: Vec<State>,
+    /// Chunks that wait for an asset.
+    dependents: FxHashMap<AssetId, Vec<UnitId>>,
+    /// By chunk, for the planner: whether it is there.
+    mapped: Vec<bool>,
+    /// Rays that wait for each unit and have to.
+    waiting: Vec<u32>,
+    /// Units that `waiting` has something of.
+    asked: Vec<UnitId>,
+    /// Rays that entered each chunk since the step before.
+    visits: Vec<u32>,
+    /// Rays that entered it until then, modulo 2^32.
+    counted: Vec<u32>,
+}
+
+impl Reach {
+    /// Nothing is there.
+    pub(super) fn new(chunks: usize) -> Self {
+        Self {
+            states: vec![State::Absent; chunks],
+            mapped: vec![false; chunks],
+            visits: vec![0; chunks],
+            counted: vec![0; chunks],
+            ..Self::default()
+        }
+    }
+
+    /// Counts begin at 0 again.
+    pub(super) fn begin(&mut self) {
+        self.counted.fill(0);
+    }
+
+    /// Whether rays can read it.
+    pub(super) fn is_there(&self, unit: UnitId) -> bool {
+        self.mapped.get(unit as usize) == Some(&true)
+    }
+
+    /// Whether it is neither there nor on its way.
+    pub(super) fn is_absent(&self, unit: UnitId) -> bool {
+        self.states.get(unit as usize) == Some(&State::Absent)
+    }
+
+    /// A chunk is there as soon as these assets are.
+    pub(super) fn expect(&mut self, unit: UnitId, missing: &[AssetId]) {
+        for &asset in missing {
+            self.dependents.entry(asset).or_default().push(unit);
+        }
+        self.set(unit, if missing.is_empty() { State::There } else { State::Coming(missing.len()) });
+    }
+
+    fn set(&mut self, unit: UnitId, state: State) {
+        let at = unit as usize;
+        if let (Some(known), Some(mapped)) = (self.states.get_mut(at), self.mapped.get_mut(at)) {
+            (*known, *mapped) = (state, state == State::There);
+        }
+    }
+
+    /// An asset is there; gives the chunks that are with it.
+    pub(super) fn arrived(&mut self, asset: AssetId) -> Vec<UnitId> {
+        let mut there = Vec::new();
+        for unit in self.dependents.remove(&asset).unwrap_or_default() {
+            let Some(State::Coming(missing)) = self.states.get(unit as usize).copied() else { continue };
+            let left = missing.saturating_sub(1);
+            self.set(unit, if left == 0 { State::There } else { State::Coming(left) });
+            if left == 0 {
+                there.push(unit);
+            }
+        }
+        there
+    }
+
+    /// Takes note of how many rays have entered each chunk since the counts began.
+    pub(super) fn count(&mut self, counts: &[u32]) {
+        for ((visits, counted), count) in self.visits.iter_mut().zip(&mut self.counted).zip(counts) {
+            *visits = count.wrapping_sub(*counted);
+            *counted = *count;
+        }
+    }
+
+    /// What the planner is asked: nobody waits for what is there or on its way.
+    pub(super) fn demand<'a>(&'a mut self, demand: &Demand<'a>) -> Demand<'a> {
+        for unit in self.asked.drain(..) {
+            if let Some(rays) = self.waiting.get_mut(unit as usize) {
+                *rays = 0;
+            }
+        }
+        self.waiting.resize(demand.waiting.len(), 0);
+        for &unit in demand.asked.unwrap_or_default() {
+            let at = unit as usize;
+            let comes = self.states.get(at).is_some_and(|state| *state != State::Absent);
+            if let (false, Some(rays), Some(waiting)) = (comes, self.waiting.get_mut(at), demand.waiting.get(at)) {
+                *rays = *waiting;
+                self.asked.push(unit);
+            }
+        }
+        Demand {
+            waiting: &self.waiting,
+            asked: Some(&self.asked),
+            visits: &self.visits,
+            mapped: &self.mapped,
+            ..*demand
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chunk_is_there_when_all_that_it_needs_is() {
+        let mut reach = Reach::new(3);
+        reach.expect(0, &[7, 8]);
+        reach.expect(2, &[8]);
+        assert_eq!([0, 1, 2].map(|unit| reach.is_absent(unit)), [false, true, false], "on their way");
+        assert_eq!(reach.arrived(8), [2], "the other one lacks an asset");
+        assert_eq!((reach.is_there(0), reach.is_there(2)), (false, true));
+        assert_eq!(reach.arrived(7), [0]);
+        assert_eq!(reach.arrived(7), [0; 0], "nobody waits any more");
+        reach.expect(1, &[]);
+        assert!(reach.is_there(1), "nothing was missing");
+        assert!(!reach.is_there(3) && !reach.is_absent(3), "no chunk");
+    }
+
+    #[test]
+    fn nobody_waits_for_what_comes() {
+        let mut reach = Reach::new(3);
+        reach.expect(1, &[5]);
+        let demand = Demand { waiting: &[1, 2, 3, 4], asked: Some(&[0, 1, 3]), active: 9, ..Demand::default() };
+        let asked = reach.demand(&demand);
+        assert_eq!((asked.waiting, asked.asked, asked.active), (&[1, 0, 0, 4][..], Some(&[0, 3][..]), 9));
+        let _ = reach.arrived(5);
+        let demand = Demand { waiting: &[0, 2, 3, 0], asked: Some(&[1, 2]), ..demand };
+        let asked = reach.demand(&demand);
+        assert_eq!((asked.waiting, asked.mapped), (&[0, 0, 3, 0][..], &[false, true, false][..]), "of this step alone");
+    }
+
+    #[test]
+    fn visits_are_those_of_the_last_step() {
+        let mut reach = Reach::new(2);
+        reach.count(&[5, u32::MAX]);
+        reach.count(&[7, 3]);
+        assert_eq!(reach.visits, [2, 4], "counts wrap");
+        reach.begin();
+        reach.count(&[1]);
+        assert_eq!(reach.visits[0], 1, "a new stage");
+    }
+}

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+//! Whether a material says that a surface is there for a ray: `is_cut_in` of traversal/opacity.glsl. Any thread.
+
+use crate::opacity_mask::known_presence;
+use crate::pending::before;
+use crate::presence::{Opacity, Presence};
+use crate::sampler::{combine, hash, unit};
+use crate::texture::{Looked, Lookup};
+use crate::walk::Walk;
+use oocpt_shader_abi::{Question, RayFlags};
+
+/// Bits of `Question::flags`, as in include/cutout.glsl.
+const CHANNEL_SHIFT: u32 = 4;
+const INCLUSIVE: u32 = 64;
+const PRESENT: u32 = 128;
+
+impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
+    /// The question that is kept with what the ray waits for: one about the first of its list.
+    pub(crate) fn kept_question(&self) -> Option<&Question> {
+        self.asking.question_about(self.pending.keys().first()?.1)
+    }
+
+    /// The flags of a ray that waits for what is pending (`pending_flags`).
+    pub(crate) fn waiting_flags(&self) -> u32 {
+        let asked = self.kept_question().map_or(RayFlags::empty(), |_| RayFlags::ASKED);
+        self.pending.flags() | asked.bits()
+    }
+
+    /// Whether the material says that the surface is there for this ray.
+    #[inline(never)]
+    pub(crate) fn is_cut_in(&mut self, triangle: u32, subset_and_sides: u32, t: f32, uv: [f32; 2]) -> bool {
+        let records = &self.chain[..=self.level_index()];
+        let id = combine(records.iter().fold(self.chunk_instance, |id, &record| combine(id, record)), triangle);
+        if let Some(answer) = self.asking.answer_about(self.chunk_instance) {
+            if before((t, id), (answer.t, answer.id)) {
+                return false;
+            }
+            if t == answer.t && id == answer.id {
+                return answer.flags & PRESENT != 0;
+            }
+        }
+        let Some(Presence { opacity, threshold }) = self.presence(triangle, subset_and_sides, t, uv) else {
+            return true;
+        };
+        let is_chance = threshold <= 0.0;
+        let limit = match is_chance {
+            false => threshold,
+            true if self.scene.is_of_aovs() => 0.0,
+            true => unit(hash(combine(self.world.seed, id))),
+        };
+        let is_there = |opacity: f32| opacity > limit || (!is_chance && opacity == limit);
+        let (lookup, scale, bias, mask) = match opacity {
+            Opacity::Value(value) => return is_there(value),
+            Opacity::Texel { lookup, scale, bias, mask } => (lookup, scale, bias, mask),
+        };
+        if mask != 0
+            && let Some(known) = known_presence(self.scene.view.bytes(mask), lookup.st, lookup.width)
+        {
+            return known;
+        }
+        match self.scene.look_up(self.world.path, &lookup) {
+            Looked::Texel(texel) => is_there(texel * scale + bias),
+            Looked::Fallback(value) => is_there(value),
+            Looked::Waits { page, taps, mean } => {
+                let Lookup { texture, st, width, channel } = lookup;
+                let flags = channel << CHANNEL_SHIFT | if is_chance { 0 } else { INCLUSIVE } | taps;
+                let unit = self.scene.streaming.chunk_count.wrapping_add(page);
+                let (chunk_instance, mean) = (self.chunk_instance, [mean; 4]);
+                self.wait_for(Question {
+                    t,
+                    id,
+                    chunk_instance,
+                    flags,
+                    mean,
+                    texture,
+                    st,
+                    width,
+                    scale,
+                    bias,
+                    limit,
+                    unit,
+                });
+                false
+            }
+        }
+    }
+
+    /// Asks, and puts the chunk instance on the list of what the ray waits for.
+    fn wait_for(&mut self, question: Question) {
+        if let Some(entry) = self.asking.ask(question) {
+            self.pending.remember((entry, self.chunk_instance));
+        }
+    }
+}

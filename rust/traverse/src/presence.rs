@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+//! What a material asks about whether its surfaces are there: traversal/presence.glsl, without programs and Ptex. Any
+//! thread.
+
+use crate::footprint::Gradients;
+use crate::leaf;
+use crate::scene::Scene;
+use crate::texture::Lookup;
+use crate::vector::{V3, dot3};
+use crate::walk::Walk;
+use oocpt_shader_abi::{
+    Features, GpuInput, GpuMaterial, GpuPrim, GpuTriangle, INPUT_CHANNEL_SHIFT, INPUT_NO_SET, INPUT_PRIMVAR,
+    INPUT_SET_SHIFT, INPUT_TEXTURE, MAX_PRIM_ID, MESH_LEAF_MASK, NO_MATERIAL, SLOT_PRESENCE, SUBSET_MASK,
+};
+use std::mem::offset_of;
+
+/// Place of the opacity in `GpuMaterial::inputs`.
+const INPUT_OPACITY: usize = 7;
+
+/// Where the opacity comes from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Opacity {
+    Value(f32),
+    Texel {
+        lookup: Lookup,
+        scale: f32,
+        bias: f32,
+        /// Address of the mask; 0: there is none.
+        mask: u64,
+    },
+}
+
+/// What to ask.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Presence {
+    pub(crate) opacity: Opacity,
+    /// 0: the opacity is a probability.
+    pub(crate) threshold: f32,
+}
+
+/// A member of a material in the table of them.
+macro_rules! member {
+    ($scene:expr, $material:expr, $member:ident) => {
+        $scene.of_material($material, offset_of!(GpuMaterial, $member))
+    };
+}
+
+impl Scene<'_> {
+    /// The word of a surface's slot (`material_slot`).
+    pub(crate) fn material_slot(&self, prim_id: i32, subset: u32) -> u32 {
+        let index = prim_id.wrapping_add(1).cast_unsigned();
+        if index > MAX_PRIM_ID {
+            return NO_MATERIAL;
+        }
+        match self.prims.get::<GpuPrim>(index as usize) {
+            Some(prim) if subset < prim.slot_count => {
+                self.material_slots.get(prim.first_slot.wrapping_add(subset) as usize).unwrap_or(NO_MATERIAL)
+            }
+            _ => NO_MATERIAL,
+        }
+    }
+
+    fn of_material<T: bytemuck::AnyBitPattern>(&self, material: u32, offset: usize) -> Option<T> {
+        self.materials.at_byte((material as usize).checked_mul(size_of::<GpuMaterial>())?.checked_add(offset)?)
+    }
+
+    /// `cone_width`.
+    fn cone_width(&self, path: u32, t: f32) -> f32 {
+        let [width, spread] = self.cones.get::<[f32; 2]>(path as usize).unwrap_or_default();
+        spread * t + width
+    }
+}
+
+impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
+    /// What the material of a candidate asks; none where it does not.
+    pub(crate) fn presence(&self, triangle: u32, subset_and_sides: u32, t: f32, uv: [f32; 2]) -> Option<Presence> {
+        let scene = self.scene;
+        let slot = scene.material_slot(self.instance.prim_id, subset_and_sides & SUBSET_MASK);
+        if slot == NO_MATERIAL || slot & SLOT_PRESENCE == 0 {
+            return None;
+        }
+        let material = slot & !SLOT_PRESENCE;
+        let threshold = member!(scene, material, opacity_threshold)?;
+        let offset = offset_of!(GpuMaterial, inputs) + INPUT_OPACITY * size_of::<GpuInput>();
+        let input: GpuInput = scene.of_material(material, offset)?;
+        let set = (input.kind >> INPUT_SET_SHIFT) & 3;
+        let value = input.value[0];
+        let opacity = match input.kind & 3 {
+            INPUT_PRIMVAR => {
+                let names: [u32; 4] = member!(scene, material, names)?;
+                let name = names[2 + (set as usize & 1)];
+                let own = self.mesh_primvar(name, triangle).map(|corners| corners.at(uv));
+                Opacity::Value(own.or_else(|| self.instance_primvar(name)).map_or(value, |found| found[0]))
+            }
+            // Without images there is nothing to read: opaque.
+            INPUT_TEXTURE if !scene.has(Features::TEXTURES) => Opacity::Value(1.0),
+            INPUT_TEXTURE => self.texel(material, &input, triangle, t, uv)?,
+            _ => Opacity::Value(value),
+        };
+        Some(Presence { opacity, threshold })
+    }
+
+    /// Which texel is the opacity of a candidate.
+    fn texel(&self, material: u32, input: &GpuInput, triangle: u32, t: f32, uv: [f32; 2]) -> Option<Opacity> {
+        let scene = self.scene;
+        let set = (input.kind >> INPUT_SET_SHIFT) & 3;
+        let (mut st, mut footprint) = ([0.0; 2], [0; 2]);
+        if set != INPUT_NO_SET {
+            let set = set as usize & 1;
+            let names: [u32; 4] = member!(scene, material, names)?;
+            if let Some(corners) = self.mesh_primvar(names[set], triangle) {
+                let [x, y, ..] = corners.at(uv);
+                st = [x, y];
+                let ([d, g], [e, f]) = (corners.growth(), self.edges(triangle)?);
+                footprint = Gradients::of_edges(d, g, e, f).map_or([0; 2], |over| over.footprint(self.direction()));
+            } else if let Some([x, y, ..]) = self.instance_primvar(names[set]) {
+                st = [x, y];
+            } else {
+                let fallback: [[f32; 2]; 2] = member!(scene, material, set_fallback)?;
+                st = fallback[set];
+            }
+        }
+        let channel = ((input.kind >> INPUT_CHANNEL_SHIFT) & 7).saturating_sub(1);
+        let map = [input.row_s, input.row_t];
+        let st = map.map(|row| row[0] * st[0] + row[1] * st[1] + row[2]);
+        // A shadow ray starts as wide as its surface was seen and stays so.
+        let cone = scene.cone_width(self.world.path, if ANY_HIT { 0.0 } else { t });
+        let d = self.direction();
+        let width = scene.lookup_width(input.texture, st, footprint, cone * dot3(d, d).sqrt(), map);
+        let mask = if scene.has(Features::OPACITY_MASKS) { member!(scene, material, opacity_mask)? } else { 0 };
+        let lookup = Lookup { texture: input.texture, st, width, channel };
+        let at = channel as usize & 3;
+        Some(Opacity::Texel { lookup, scale: input.value[at], bias: input.bias[at], mask })
+    }
+
+    /// `item_edges`.
+    fn edges(&self, triangle: u32) -> Option<[V3; 2]> {
+        let item: GpuTriangle = self.triangles.get(triangle as usize)?;
+        let mut corners = [V3(item.v0), V3(item.v1), V3(item.v2)];
+        if self.pose.moves {
+            corners = self.pose.posed(corners, triangle);
+        }
+        let features = self.scene.special.features;
+        if self.mesh.flags & MESH_LEAF_MASK != 0
+            && let Some(kind) = leaf::kind_of(self.mesh.flags, features)
+        {
+            return Some(leaf::edges(kind, corners));
+        }
+        let [a, b, c] = corners;
+        Some([b - a, c - a])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_opacity_is_where_the_shaders_read_it() {
+        assert_eq!(oocpt_shader_abi::MATERIAL_INPUT_NAMES.get(INPUT_OPACITY), Some(&"OPACITY"));
+    }
+}
