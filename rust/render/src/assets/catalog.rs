@@ -40,6 +40,8 @@ pub(crate) struct SceneAssets {
     pub(crate) bytes: u64,
     /// Of these, bytes of tiles.
     pub(crate) tile_bytes: u64,
+    /// Bytes of the largest that is no tile.
+    pub(crate) largest_bytes: u64,
     /// The tree over chunk instances.
     pub(crate) top: TopLevel,
     /// `bytes` by what they hold.
@@ -104,6 +106,7 @@ impl SceneAssets {
         let tiles: Vec<u64> = tiles.into_iter().map(Source::held_bytes).collect();
         let tile_bytes = tiles.iter().sum();
         let bytes = of_needed().map(Source::bytes).sum::<u64>() + tile_bytes;
+        let largest_bytes = of_needed().map(Source::bytes).max().unwrap_or(0);
         let mut sections = [0; Source::SECTIONS.len()];
         for source in of_needed() {
             sections.iter_mut().zip(source.sections()).for_each(|(sum, bytes)| *sum += bytes);
@@ -123,6 +126,7 @@ impl SceneAssets {
             needed,
             bytes,
             tile_bytes,
+            largest_bytes,
             top: TopLevel::new(world),
             sections,
             meshes,

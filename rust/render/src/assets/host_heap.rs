@@ -16,6 +16,13 @@ const AHEAD: u64 = 512 << 20;
 /// How often it is looked.
 const PAUSE: Duration = Duration::from_millis(5);
 
+/// Bytes of memory that surely hold `bytes` of assets of up to `largest` bytes: one that finds no room at the end of a
+/// piece leaves a hole there. Those larger than half a piece have memory of their own.
+pub(crate) fn bytes_with_holes(bytes: u64, largest: u64) -> u64 {
+    let hole = largest.min(PIECE / 2);
+    bytes + bytes.div_ceil(PIECE - hole) * hole
+}
+
 /// Makes memory ahead as long as it lives, once some was asked for.
 #[derive(Debug)]
 pub(crate) struct HostHeapFiller {
@@ -65,5 +72,24 @@ fn fill(heap: &Heap, most: u64, wanted: &Weak<AtomicBool>) {
             Ok(_) => {}
             Err(error) => return tracing::debug!(%error, "no more memory for geometry of the host"),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn assets_fit_beside_the_holes_at_the_ends_of_pieces() {
+        let mib = 1 << 20;
+        for (largest, count) in [(10 * mib, 80_u64), (32 * mib, 5), (22 * mib, 7), (1, 100), (63 * mib, 3)] {
+            let limit = bytes_with_holes(largest * count, largest);
+            // One after the other into pieces, as the heap may.
+            let a_piece = PIECE / largest;
+            let taken = if largest > PIECE / 2 { largest * count } else { count.div_ceil(a_piece) * PIECE };
+            assert!(limit + PIECE > taken, "{count} of {largest} bytes: {limit} for {taken}");
+            assert!(limit <= 2 * largest * count + PIECE, "{count} of {largest} bytes: {limit}");
+        }
+        assert_eq!(bytes_with_holes(0, 0), 0);
     }
 }

@@ -29,7 +29,7 @@ mod stragglers;
 use buffers::Needs;
 pub(crate) use buffers::StreamBuffers;
 
-use crate::assets::{HostHeapFiller, Scene, SceneAssets, SceneView};
+use crate::assets::{HostHeapFiller, Scene, SceneAssets, SceneView, bytes_with_holes};
 use crate::device::Device;
 use crate::engine::{self, Parts, Tracer};
 use crate::error::RenderError;
@@ -129,6 +129,7 @@ pub(crate) fn render(
         of_mib = assets.bytes >> 20,
         chunks = assets.chunk_count(),
         tiles = assets.textures.tile_count(),
+        may_leave,
         paths = buffers.paths.capacity,
         %policy,
         "streaming"
@@ -263,9 +264,7 @@ fn host_share(setting: &Setting<'_>, scene: &mut Scene, maps: bool) -> Result<Op
     let heap = device.host_heap()?.stats();
     let held = heap.arena_bytes + heap.dedicated_bytes + scene.store.kept().bytes();
     let limit = host_memory::limit_of(Part::Encoded, &job.settings, held);
-    let bytes = scene.assets.geometry_bytes();
-    // What is mapped loses a little to holes.
-    let mapped = (bytes + bytes / SLACK).min(limit);
+    let mapped = bytes_with_holes(scene.assets.geometry_bytes(), scene.assets.largest_bytes).min(limit);
     scene.store.kept().limit(limit - mapped);
     HostHeapFiller::start(device, mapped).map(Some)
 }
