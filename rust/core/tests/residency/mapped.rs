@@ -110,3 +110,24 @@ fn what_few_wait_for_comes_while_there_is_room() {
         assert_eq!(step_of(&mut planner, &demand), (expected, vec![]), "{budget}");
     }
 }
+
+/// Two chunks and two tiles, where rays do not wait for chunks any more: what they cannot read in host memory stays,
+/// whatever waits.
+#[test]
+fn what_rays_cannot_read_elsewhere_stays_for_those_that_do_not_wait() {
+    let mut planner = planner(20, PolicyKind::Benefit);
+    assert_eq!(step_of(&mut planner, &Demand { waiting: &[1, 1, 0, 0], ..Demand::default() }), (vec![0, 1], vec![]));
+    let kept = Demand { mapped: &[false, true], keep_below: 2, ..Demand::default() };
+    let mut seen = Vec::new();
+    for waiting in [[0, 0, 9, 0], [0, 0, 0, 9], [0, 0, 9, 0]] {
+        for _ in 0..20 {
+            let (loaded, evicted) = step_of(&mut planner, &Demand { waiting: &waiting, ..kept });
+            seen.extend(loaded.into_iter().zip(evicted));
+        }
+    }
+    assert_eq!(seen, [(2, 1), (3, 2), (2, 3)], "the mapped chunk goes, then tiles for each other");
+    for _ in 0..20 {
+        let visited = Demand { visits: &[0, 9_000_000], active: 1000, ..kept };
+        assert_eq!(step_of(&mut planner, &visited), (vec![], vec![]), "tiles keep the room of what is only visited");
+    }
+}

@@ -8,8 +8,8 @@
 use super::residency::Residency;
 use crate::engine::LeftOff;
 
-/// Fewest paths that are left to trace, without and with tiles of textures: compiling other passes takes a while, and so
-/// does letting paths run out.
+/// Fewest paths that are left to trace, without and with tiles of textures: compiling other passes takes a while, and
+/// so does letting paths run out.
 const FEWEST_PATHS: [u64; 2] = [1 << 27, 1 << 23];
 /// So many bytes are brought for a path that is streamed or left to trace, without and with tiles. It saves some five
 /// nanoseconds, with tiles eighty (decisions/0050), and a loader brings four bytes in one, while the processors have
@@ -23,7 +23,7 @@ const ROOM_FOR_TILES: u64 = 8 << 20;
 pub(super) struct Leave {
     /// It may be: the memory of host and device holds the scene.
     is_possible: bool,
-    /// Whatever is left.
+    /// Whatever is left, and however little room tiles have.
     is_soon: bool,
     has_tiles: bool,
     pub(super) left_off: Option<LeftOff>,
@@ -43,14 +43,18 @@ impl Leave {
             return false;
         }
         if residency.is_all_there() {
-            let is_roomy = !self.has_tiles || residency.room_for_tiles() >= ROOM_FOR_TILES;
-            residency.stays = is_roomy && self.pays(unbegun);
+            residency.stays = self.is_roomy(residency.room_for_tiles()) && self.pays(unbegun);
             return residency.stays;
         }
         if !residency.brings_rest {
             residency.brings_rest = self.brings(residency.rest_bytes(), unbegun + streamed);
         }
         false
+    }
+
+    /// Whether tiles, if there are any, find room in so many bytes.
+    fn is_roomy(&self, bytes: u64) -> bool {
+        self.is_soon || !self.has_tiles || bytes >= ROOM_FOR_TILES
     }
 
     /// Whether other passes pay for so many paths.
@@ -76,6 +80,13 @@ mod tests {
             let soon = Leave::new(true, has_tiles, true);
             assert!(soon.pays(1) && !soon.pays(0), "a test wants it soon");
         }
+    }
+
+    #[test]
+    fn tiles_have_room() {
+        let leave = Leave::new(true, true, false);
+        assert!(leave.is_roomy(ROOM_FOR_TILES) && !leave.is_roomy(ROOM_FOR_TILES - 1));
+        assert!(Leave::new(true, false, false).is_roomy(0), "there are none");
     }
 
     #[test]

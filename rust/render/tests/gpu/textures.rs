@@ -8,6 +8,7 @@ mod images;
 mod masks;
 mod native;
 mod programs;
+mod split;
 
 use self::images::{Library, Noise, hash};
 use crate::scenes::{constant, dome, instanced, instancer, mesh, prim, square, sun};

@@ -2,7 +2,7 @@
 //! What is planted shows, and failures for lack of memory do not: lost chunks, calls that fail, bytes that nobody
 //! counted.
 
-use super::mapped::MOST_PICTURES;
+use super::MOST_PICTURES;
 use super::scenes::{BEACH, SCENES, Scene};
 use super::{Render, TestFiles, options, percent, planting, render, request_of, small_chunks, smallest_budget};
 use crate::support::{self, read_all, render_with_messages};

@@ -9,7 +9,7 @@ use oocpt_gpu::DeviceKind;
 use oocpt_render::{Faults, Session};
 
 /// Most pictures until all that rays ask for is in host memory: a GPU has rendered many before its pages are made.
-pub(super) const MOST_PICTURES: u32 = 400;
+pub(crate) const MOST_PICTURES: u32 = 400;
 
 /// Renders again until no ray waits; the last picture.
 fn until_nobody_waits(session: &Session, at: usize) -> Render {
