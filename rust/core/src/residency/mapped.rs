@@ -6,12 +6,10 @@ use super::UnitId;
 use super::entry::UnitState;
 use super::planner::Planner;
 use super::policy::top;
-use super::step::{Plan, Press, Try};
+use super::step::Plan;
 
 /// Units that are tried in a step.
 const CANDIDATES: usize = 256;
-/// Units that may find no room before the step gives up.
-const REFUSALS: usize = 16;
 
 impl Planner {
     /// Loads mapped units by the policy's measure of their visits, as far as they are worth more than what goes.
@@ -26,16 +24,6 @@ impl Planner {
             self.entries.get(*unit as usize).is_some_and(|entry| entry.state == UnitState::Absent && entry.heat > 0.0)
         });
         let values = absent.filter_map(|unit| Some((self.policy.visited(&view, unit)?, unit)));
-        let mut refusals = 0;
-        for (value, unit) in top(values.collect(), CANDIDATES) {
-            match self.try_load(plan, unit, Press::Worth(value)) {
-                Try::Issued | Try::Shared | Try::Refused => {}
-                Try::NoRoom => refusals += 1,
-                Try::Full => break,
-            }
-            if refusals == REFUSALS {
-                break;
-            }
-        }
+        self.try_each(plan, &top(values.collect(), CANDIDATES));
     }
 }

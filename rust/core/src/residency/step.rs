@@ -189,17 +189,7 @@ impl Planner {
         let is_small = |unit: &&UnitId| self.catalog.closure_bytes(**unit) <= SMALL_BYTES;
         let small = plan.demanded.iter().filter(is_small).count().min(SMALL_CANDIDATES);
         let candidates = self.policy.order(&view, &plan.demanded, CANDIDATES + small);
-        let mut refusals = 0;
-        for &(value, unit) in &candidates {
-            match self.try_load(plan, unit, Press::Worth(value)) {
-                Try::Issued | Try::Shared | Try::Refused => {}
-                Try::NoRoom => refusals += 1,
-                Try::Full => break,
-            }
-            if refusals == REFUSALS {
-                break;
-            }
-        }
+        let refusals = self.try_each(plan, &candidates);
         // Rays wait, none can be traced, nothing comes: whatever the policy thinks of the swap, it is progress.
         if plan.issued == 0 && self.loading.is_empty() && plan.is_idle() {
             for &(_, unit) in candidates.iter().take(REFUSALS) {
@@ -213,6 +203,22 @@ impl Planner {
         if refusals == 0 && !evicted && plan.issued == plan.demanded.len() {
             self.prefetch(plan);
         }
+    }
+
+    /// Loads units, in this order, where each is worth more than what goes for it; how many found no room.
+    pub(super) fn try_each(&mut self, plan: &mut Plan<'_>, candidates: &[(f64, UnitId)]) -> usize {
+        let mut refusals = 0;
+        for &(value, unit) in candidates {
+            match self.try_load(plan, unit, Press::Worth(value)) {
+                Try::Issued | Try::Shared | Try::Refused => {}
+                Try::NoRoom => refusals += 1,
+                Try::Full => break,
+            }
+            if refusals == REFUSALS {
+                break;
+            }
+        }
+        refusals
     }
 
     pub(super) fn try_load(&mut self, plan: &mut Plan<'_>, unit: UnitId, press: Press) -> Try {
