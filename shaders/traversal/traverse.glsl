@@ -84,8 +84,13 @@ struct Walk {
     bool hit;
 };
 
-// Whether the last walks of a pass are shared by threads (sharing.glsl).
+// Whether the last walks of a pass are shared by threads (sharing.glsl). Any hit through one level of instances is found
+// in few visits: helpers gain nothing, and their code costs registers.
+#if ANY_HIT
+const bool SHARES = !HAS_STREAMING && MAX_LEVELS > 1u;
+#else
 const bool SHARES = !HAS_STREAMING;
+#endif
 
 Walk walk;
 uint walk_kind; // with HAS_LEAF_KINDS only
