@@ -17,7 +17,7 @@ use crate::instancing::assembly::Member;
 use crate::instancing::assembly::{InstanceRecord, Target};
 use crate::instancing::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, write_value};
 use crate::instancing::item::Item;
-use crate::instancing::motion::MotionKey;
+use crate::instancing::motion::{Keys, MotionKey};
 use crate::instancing::placement::{MATRIX_ERROR, round_down, round_up};
 use crate::instancing::reader::Reader;
 use crate::mesh::Aabb;
@@ -260,13 +260,13 @@ impl Chunk {
         }
     }
 
-    /// Gives `visit` the records whose target and prim id are `wanted`, with member and rank, at most `most`, as
-    /// [`Chunk::encode`] computes them; tells whether these were all.
+    /// Gives `visit` the records whose target and prim id are `wanted`, with member, rank and, where they move, keys, at
+    /// most `most`, as [`Chunk::encode`] and [`Chunk::encode_keys`] compute them; tells whether these were all.
     pub(crate) fn encode_where(
         &self,
         wanted: &dyn Fn(Target, i32) -> bool,
         most: usize,
-        visit: &mut dyn FnMut(InstanceRecord, &Member, u32),
+        visit: &mut dyn FnMut(InstanceRecord, &Member, u32, Option<Keys>),
     ) -> bool {
         let members = self.members();
         let is_wanted: Vec<bool> = members.iter().map(|member| wanted(member.target, member.prim_id)).collect();
@@ -286,7 +286,7 @@ impl Chunk {
             if let Some((member, reader)) = readers.get(which)
                 && let Some(placed) = reader.place(rank)
             {
-                visit(member.record(rank, &placed), member, rank);
+                visit(member.record(rank, &placed), member, rank, reader.keys(rank));
             }
         }
         true

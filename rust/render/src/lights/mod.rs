@@ -13,6 +13,7 @@ mod emitter;
 mod files;
 mod local;
 mod mesh;
+mod mesh_motion;
 #[cfg(test)]
 mod mesh_tests;
 mod picture;
