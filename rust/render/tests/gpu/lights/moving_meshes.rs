@@ -361,7 +361,7 @@ fn only_points_that_move_are_left_to_chance() {
         let request = color_request(orthographic(DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, 1.0, [8, 8]));
         let messages = render_with_messages(&session, &request);
         let left_out = session.stats().features_left_out;
-        let names = ["emissive meshes sampled", "motion of emissive meshes"];
+        let names = ["emissive meshes sampled", "motion of meshes sampled"];
         let has = names.map(|name| !left_out.iter().any(|part| part.starts_with(name)));
         (messages.iter().filter(|message| message.text.contains("whose points move")).count(), has)
     };
