@@ -10,7 +10,7 @@
 use super::emission::{EmissionMaps, EmittedPower, Placed, PrimEmission};
 use super::emitter::{Emitter, cross, dot, halves};
 use super::local::finite_power;
-use super::mesh_motion::{Motions, has_usable_size, swept};
+use super::mesh_motion::{MAX_KEYS, Motions, has_usable_size, swept};
 use super::tree::{self, LightBounds, NOTHING};
 use super::{EVEN_SHARE, count, narrow};
 use crate::textures::TextureCache;
@@ -140,8 +140,8 @@ impl MeshLightCache {
         }
         making.finish((!is_complete).then(|| {
             format!(
-                "emissive meshes: more than {MAX_PLACEMENTS} placements or {MAX_TRIANGLES} unique triangles emit light; \
-                 the rest is not sampled as lights, but met by chance only, which is noisy"
+                "emissive meshes: more than {MAX_PLACEMENTS} placements, {MAX_TRIANGLES} unique triangles or {MAX_KEYS} \
+                 keys of motions emit light; the rest is not sampled as lights, but met by chance only, which is noisy"
             )
         }))
     }

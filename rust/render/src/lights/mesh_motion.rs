@@ -13,7 +13,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// Most keys of a scene's mesh lights: 84 MB on the device.
-const MAX_KEYS: usize = 1 << 20;
+pub(super) const MAX_KEYS: usize = 1 << 20;
 
 /// The tables while they are made.
 #[derive(Debug, Default)]

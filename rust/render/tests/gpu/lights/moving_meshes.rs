@@ -57,10 +57,14 @@ fn a_square_that_moves_gives_the_mean_over_the_shutter() {
     let flat = DMat4::from_rotation_x(-PI / 2.0);
     let [still, go] = [at(0.2, 1.3, -1.5), at(-2.0, 1.5, -1.2)];
     let there = |time: f64| go * DMat4::from_translation(DVec3::new(3.5, 0.5, -0.3) * time);
-    let ways: [(&str, &[f64], &dyn Fn(f64) -> DMat4); 7] = [
+    let ways: [(&str, &[f64], &dyn Fn(f64) -> DMat4); 8] = [
         ("it goes", &[0.0, 1.0], &|time| there(time) * flat * scaled(0.4, 0.4)),
         ("it turns", &[0.0, 1.0], &|time| still * DMat4::from_rotation_x(1.5 * time - 2.0) * scaled(0.4, 0.6)),
         ("it grows", &[0.0, 1.0], &|time| still * flat * scaled(0.1 + 0.8 * time, 0.5 - 0.3 * time)),
+        // Rays of the BSDF bring a good part of it.
+        ("it grows large", &[0.0, 1.0], &|time| {
+            at(0.0, 1.0, -4.3) * flat * DMat4::from_scale(DVec3::splat(0.5 + 3.5 * time))
+        }),
         ("all of that, mirrored", &[0.0, 1.0], &|time| passing(time) * flat * scaled(-0.2 - 0.5 * time, 0.6)),
         ("sampled outside the shutter", &[-0.5, 0.25, 1.5], &|time| passing(time) * flat * scaled(0.5, 0.4)),
         ("sheared", &[0.0, 1.0], &|time| passing(time) * flat * sheared() * scaled(0.3, 0.3)),
@@ -271,10 +275,18 @@ fn far_away_emitters_that_move_do_not_shadow_themselves() {
             assert!((given / known - 1.0).abs() < 0.012, "{what}: {given}, not {known}");
         }
     }
-    // A quarter of a milliradian, a thousand away.
-    let hub = DVec3::new(3.0e3, 2.0e3, -2.0e3);
-    let spin = |time: f64| DMat4::from_translation(hub) * DMat4::from_rotation_y(2.5e-4 * (time - 0.5));
-    let arm = [(far - hub + DVec3::new(0.0, 1.0, -0.6), DQuat::from_rotation_x(-PI / 2.0), DVec3::splat(0.2))];
+    // Of a way so long that single precision is off by more than a shadow ray's end, along the normal.
+    let leaves = |time: f64| at(0.2 * time, 1.0 + 6e4 * (time - 0.9).max(0.0), -0.8) * flat * scaled(0.3, 0.3);
+    let known = mean(|time| polygon(&corners(leaves(time))));
+    for given in far_off(far, 2048, &|db| {
+        db.upsert_mesh(going(2, &[0.0, 0.9, 1.0], &|time| DMat4::from_translation(far) * leaves(time)));
+    }) {
+        assert!((given / known - 1.0).abs() < 0.012, "it leaves: {given}, not {known}");
+    }
+    // A quarter of a milliradian, two thousand away.
+    let hub = far - DVec3::new(0.0, 2.0e3, 0.0);
+    let spin = |time: f64| DMat4::from_translation(hub) * DMat4::from_rotation_x(2.5e-4 * (time - 0.5));
+    let arm = [(far - hub + DVec3::new(0.0, 1.0, -0.8), DQuat::from_rotation_x(-PI / 2.0), DVec3::splat(0.2))];
     let lamp = |time: f64| {
         let (at, turn, size) = arm[0];
         spin(time) * DMat4::from_scale_rotation_translation(size, turn, at)
