@@ -271,12 +271,7 @@ impl Assembly {
 
     /// Gives `visit` the records whose target and prim id are `wanted`, with member, rank and, where they move, keys, at
     /// most `most`, in order; tells whether these were all.
-    pub(crate) fn encode_where(
-        &self,
-        wanted: &dyn Fn(Target, i32) -> bool,
-        most: usize,
-        visit: &mut dyn FnMut(InstanceRecord, &Member, u32, Option<Keys>),
-    ) -> bool {
+    pub(crate) fn encode_where(&self, wanted: &dyn Fn(Target, i32) -> bool, most: usize, visit: Visit<'_>) -> bool {
         let mut room = most;
         for member in self.members.iter().filter(|member| wanted(member.target, member.prim_id)) {
             let count = member.run.len();
@@ -292,6 +287,9 @@ impl Assembly {
         true
     }
 }
+
+/// Takes a record, its member, its rank and, where it moves, its keys.
+pub(crate) type Visit<'a> = &'a mut dyn FnMut(InstanceRecord, &Member, u32, Option<Keys>);
 
 impl Member {
     /// What tells members of an assembly apart and orders them.

@@ -100,7 +100,7 @@ impl PlacementMotion {
     fn only_turns(&self) -> bool {
         let mut has_turned = false;
         self.levels.iter().rev().all(|keys| {
-            let is_fit = is_steady(keys) && !(has_turned && !is_even(keys));
+            let is_fit = is_steady(keys) && (is_even(keys) || !has_turned);
             has_turned |= keys.iter().any(|key| key.half_angle > 0.0);
             is_fit
         })

@@ -27,7 +27,7 @@ fn place(i: u32, salt: u32) -> DMat4 {
     let scale = (DVec3::splat(0.05) + probe::scattered(i, salt + 3) * 0.3) * mirror;
     let shear = DMat4::from_cols(glam::DVec4::X, glam::DVec4::new(0.7, 1.0, 0.0, 0.0), glam::DVec4::Z, glam::DVec4::W);
     let at = (probe::scattered(i, salt) - 0.5) * 10.0;
-    DMat4::from_scale_rotation_translation(scale, turn, at) * if i % 4 == 0 { shear } else { DMat4::IDENTITY }
+    DMat4::from_scale_rotation_translation(scale, turn, at) * if i.is_multiple_of(4) { shear } else { DMat4::IDENTITY }
 }
 
 /// Cubes, two of three of which go, turn and change their shape; and some in an instancer that turns.

@@ -19,18 +19,24 @@ use std::f64::consts::PI;
 
 const SAMPLES: u32 = 4096;
 
-fn samples(keys: &[f64], map: &dyn Fn(f64) -> DMat4) -> Vec<TransformSample> {
+/// Where something is at a time.
+type Map<'a> = &'a dyn Fn(f64) -> DMat4;
+
+/// Transforms at times.
+type Keys<'a> = &'a [(f64, DMat4)];
+
+fn samples(keys: &[f64], map: Map<'_>) -> Vec<TransformSample> {
     keys.iter().map(|&time| TransformSample { time, transform: map(time) }).collect()
 }
 
-fn moving(mut desc: MeshDesc, keys: &[f64], map: &dyn Fn(f64) -> DMat4) -> MeshDesc {
+fn moving(mut desc: MeshDesc, keys: &[f64], map: Map<'_>) -> MeshDesc {
     desc.prim.transform = map(0.5);
     desc.prim.motion = samples(keys, map);
     desc
 }
 
 /// A square of half size 1 that emits, at `map`.
-fn going(id: i32, keys: &[f64], map: &dyn Fn(f64) -> DMat4) -> MeshDesc {
+fn going(id: i32, keys: &[f64], map: Map<'_>) -> MeshDesc {
     moving(quad(&format!("/quad_{id}"), id, DMat4::IDENTITY), keys, map)
 }
 
@@ -57,7 +63,7 @@ fn a_square_that_moves_gives_the_mean_over_the_shutter() {
     let flat = DMat4::from_rotation_x(-PI / 2.0);
     let [still, go] = [at(0.2, 1.3, -1.5), at(-2.0, 1.5, -1.2)];
     let there = |time: f64| go * DMat4::from_translation(DVec3::new(3.5, 0.5, -0.3) * time);
-    let ways: [(&str, &[f64], &dyn Fn(f64) -> DMat4); 8] = [
+    let ways: [(&str, &[f64], Map<'_>); 8] = [
         ("it goes", &[0.0, 1.0], &|time| there(time) * flat * scaled(0.4, 0.4)),
         ("it turns", &[0.0, 1.0], &|time| still * DMat4::from_rotation_x(1.5 * time - 2.0) * scaled(0.4, 0.6)),
         ("it grows", &[0.0, 1.0], &|time| still * flat * scaled(0.1 + 0.8 * time, 0.5 - 0.3 * time)),
@@ -97,7 +103,7 @@ fn a_ball_of_faces_that_moves_gives_the_mean_of_its_faces() {
 }
 
 /// Squares on arms that turn, of instances that fly, each turning about itself: no motion of keys, but of three.
-fn wheel(db: &mut SceneDb, own: &dyn Fn(f64) -> DMat4) -> impl Fn(usize, f64) -> DMat4 + use<> {
+fn wheel(db: &mut SceneDb, own: Map<'_>) -> impl Fn(usize, f64) -> DMat4 + use<> {
     let turn = |time: f64| DMat4::from_rotation_y(1.2 * (time - 0.5));
     let base = [DVec3::new(0.0, 1.8, -1.6), DVec3::new(-2.6, 2.2, -1.7)];
     let speeds = [DVec3::new(1.0, 0.5, -0.5), DVec3::new(0.0, -0.4, -1.5)];
@@ -117,13 +123,13 @@ fn wheel(db: &mut SceneDb, own: &dyn Fn(f64) -> DMat4) -> impl Fn(usize, f64) ->
 fn squares_of_prototypes_go_along_with_all_that_they_are_in() {
     let own = |time: f64| DMat4::from_rotation_x(0.9 * time - PI / 2.0) * scaled(0.5, 0.3);
     let still = |_: f64| downwards(DVec3::new(0.1, 0.0, 0.0)) * scaled(0.5, 0.3);
-    let ways: [(&str, &dyn Fn(f64) -> DMat4); 2] = [("three motions", &own), ("two", &still)];
+    let ways: [(&str, Map<'_>); 2] = [("three motions", &own), ("two", &still)];
     for (what, own) in ways {
         let around = wheel(&mut SceneDb::new(), own);
         let known = mean(|time| (0..2).map(|lamp| polygon(&corners(around(lamp, time) * own(time)))).sum());
         expect(what, SAMPLES, known, 0.01, &|db| {
             db.upsert_material(glow("/glow", [1.0; 3]));
-            let _ = wheel(db, own);
+            drop(wheel(db, own));
         });
     }
 }
@@ -261,7 +267,7 @@ fn far_off(from: DVec3, samples: u32, build: &dyn Fn(&mut SceneDb)) -> [f64; 2] 
 fn far_away_emitters_that_move_do_not_shadow_themselves() {
     let far = DVec3::new(3.0e3, 2.0e3, -1.0e3);
     let flat = DMat4::from_rotation_x(-PI / 2.0);
-    let ways: [(&str, &dyn Fn(f64) -> DMat4); 3] = [
+    let ways: [(&str, Map<'_>); 3] = [
         ("it goes", &|time| at(time - 0.5, 1.0, -0.8) * flat * scaled(0.3, 0.3)),
         ("sheared", &|time| passing(time) * flat * sheared() * DMat4::from_scale(DVec3::new(0.3, 0.05, 2.0))),
         ("it turns", &|time| at(0.0, 1.2, -1.0) * DMat4::from_rotation_x(time - 2.0) * scaled(0.3, 0.3)),
@@ -316,7 +322,7 @@ fn motion_that_no_one_would_author_is_survived() {
     let tiny = base * DMat4::from_scale(DVec3::splat(1e-14));
     let huge = base * DMat4::from_scale(DVec3::splat(1e14));
     let inside_out = base * DMat4::from_scale(DVec3::splat(-1.0));
-    let cases: [(&str, &[(f64, DMat4)], bool); 14] = [
+    let cases: [(&str, Keys<'_>, bool); 14] = [
         ("no time", &[(0.5, base), (0.5, moved(1.0))], true),
         ("back in time", &[(1.0, base), (0.0, moved(1.0))], true),
         ("no time at all", &[(f64::NAN, base), (f64::INFINITY, moved(1.0))], true),
