@@ -269,8 +269,8 @@ impl Assembly {
         }
     }
 
-    /// Gives `visit` the records whose target and prim id are `wanted`, with member, rank and, where they move, keys, at
-    /// most `most`, in order; tells whether these were all.
+    /// Gives `visit` the records whose target and prim id are `wanted`, with member, rank and, where they move, keys,
+    /// at most `most`, in order; tells whether these were all.
     pub(crate) fn encode_where(&self, wanted: &dyn Fn(Target, i32) -> bool, most: usize, visit: Visit<'_>) -> bool {
         let mut room = most;
         for member in self.members.iter().filter(|member| wanted(member.target, member.prim_id)) {

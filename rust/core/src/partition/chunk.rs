@@ -259,8 +259,8 @@ impl Chunk {
         }
     }
 
-    /// Gives `visit` the records whose target and prim id are `wanted`, with member, rank and, where they move, keys, at
-    /// most `most`, as [`Chunk::encode`] and [`Chunk::encode_keys`] compute them; tells whether these were all.
+    /// Gives `visit` the records whose target and prim id are `wanted`, with member, rank and, where they move, keys,
+    /// at most `most`, as [`Chunk::encode`] and [`Chunk::encode_keys`] compute them; tells whether these were all.
     pub(crate) fn encode_where(&self, wanted: &dyn Fn(Target, i32) -> bool, most: usize, visit: Visit<'_>) -> bool {
         let members = self.members();
         let is_wanted: Vec<bool> = members.iter().map(|member| wanted(member.target, member.prim_id)).collect();

@@ -140,8 +140,9 @@ impl MeshLightCache {
         }
         making.finish((!is_complete).then(|| {
             format!(
-                "emissive meshes: more than {MAX_PLACEMENTS} placements, {MAX_TRIANGLES} unique triangles or {MAX_KEYS} \
-                 keys of motions emit light; the rest is not sampled as lights, but met by chance only, which is noisy"
+                "emissive meshes: more than {MAX_PLACEMENTS} placements, {MAX_TRIANGLES} unique triangles or \
+                 {MAX_KEYS} keys of motions emit light; the rest is not sampled as lights, but met by chance only, \
+                 which is noisy"
             )
         }))
     }

@@ -10,6 +10,7 @@ mod files;
 mod many;
 mod mesh;
 mod moving;
+mod moving_extremes;
 mod moving_meshes;
 mod programs;
 mod shapes;
