@@ -9,7 +9,8 @@
 // costs noise only. With M the placement's linear map and N the unit normal in the world, areas grow by |det M| / |M^T
 // N|.
 // All tables are always on the device: what is chosen does not depend on which chunks are there. Placements that are
-// not in the table are met by BSDF rays alone.
+// not in the table are met by BSDF rays alone. One that moves is where it is at the time of the path, for choosing
+// faces and points, for densities and for hits; the tree over placements holds it at all times (decisions/0054).
 // With HAS_MESH_LIGHT_VALUES some emissions are no constants. What a point emits is worked out as at a hit there: a
 // primvar between its values at the corners, a texture through the very lookup and with the cone that a BSDF ray in
 // this direction would have, so that both strategies see one function. Weights are means over faces, made by the host
@@ -39,8 +40,11 @@ struct MeshLightPoint {
     vec3 edges[2]; // to these corners, in the world
 };
 
+// Where it is at the time of the path.
 GpuMeshLight load_mesh_light(uint index) {
-    return MeshLights(LIGHTING.mesh_lights).v[index];
+    GpuMeshLight light = MeshLights(LIGHTING.mesh_lights).v[index];
+    if (HAS_MOVING_MESH_LIGHTS) move_mesh_light(index, light);
+    return light;
 }
 
 GpuLightLeaf load_light_leaf(uint index) {
@@ -165,7 +169,7 @@ vec3 point_emission(MeshLightPoint point, float pdf) {
     if (kind == INPUT_CONSTANT) return point.emission;
     if ((materials.v[point.material].flags & MATERIAL_PRESENCE) != 0u) return vec3(0.0);
     if (kind == INPUT_PRIMVAR) {
-        const uint first = load_mesh_light(point.light).values;
+        const uint first = MeshLights(LIGHTING.mesh_lights).v[point.light].values;
         if (first != NO_INDEX) {
             const vec3 given = ConstVec3s(LIGHTING.light_placed_values).v[first + point.subset];
             if (floatBitsToUint(given.x) != NO_VALUE) return valid_emission(given);

@@ -44,6 +44,7 @@ bool store_shadow_ray(uint path, Double3 origin, uint bounce, LightSample ls, ve
 // Weight of what the ray has met of a mesh that emits light, against the shadow ray of the bounce before.
 float emission_share(uint path, Ray ray, Surface surface, float pdf) {
     if (ray.bounce == 0u || !(pdf > 0.0)) return 1.0;
+    set_light_time(path);
     const PreviousVertex from = load_previous_vertex(path, ray.o, pdf);
     const Double3 origin = Double3(ray.o, ray.o_lo);
     const float distance = dot3(difference(surface.position, origin), ray.d);

@@ -5,7 +5,8 @@
 // whose lights bring nothing. arg0 = 1: radiance[i] = (probability by choosing, the same by a ray to a point of the
 // light, 1 + the light's index, density by choosing over the one by the ray); zero when no light is chosen or its point
 // is on the other side. arg0 = 2, mesh lights: radiance[i] = (density by choosing a point, by a hit there, 1 + the
-// light's index, where the shadow ray ends over the distance); zero when none is chosen.
+// light's index, where the shadow ray ends over the distance); zero when none is chosen. Each thread has a time of its
+// own.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "include/wavefront.glsl"
@@ -96,6 +97,7 @@ void main() {
     const Ray ray = load_ray(ray_address(at));
     const Receiver r = Receiver(ray.o, ray.d);
     vec4 result = vec4(0.0);
+    if (HAS_MOVING_MESH_LIGHTS) light_time = sample_4d(at, 3u, FRAME.seed).x;
     if (push.arg0 == 0u) {
         result.xy = all_probabilities(r);
     } else if (push.arg0 == 1u) {

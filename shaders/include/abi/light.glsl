@@ -33,6 +33,8 @@ struct Lighting {
     uint64_t light_keys;
     uint64_t local_motion;
     uint64_t infinite_motion;
+    uint64_t mesh_motion;
+    uint64_t mesh_keys;
 };
 
 struct GpuLightKey {

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use bitflags::bitflags;
 
 use super::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, value_bytes, write_value};
-use super::motion::MotionKey;
+use super::motion::{Keys, MotionKey};
 use super::placement::Placed;
 use super::run::Run;
 use crate::mesh::Aabb;
@@ -269,18 +269,16 @@ impl Assembly {
         }
     }
 
-    /// Gives `visit` the records whose target and prim id are `wanted`, with member and rank, at most `most`, in order;
-    /// tells whether these were all.
-    pub(crate) fn encode_where(
-        &self,
-        wanted: &dyn Fn(Target, i32) -> bool,
-        most: usize,
-        visit: &mut dyn FnMut(InstanceRecord, &Member, u32),
-    ) -> bool {
+    /// Gives `visit` the records whose target and prim id are `wanted`, with member, rank and, where they move, keys,
+    /// at most `most`, in order; tells whether these were all.
+    pub(crate) fn encode_where(&self, wanted: &dyn Fn(Target, i32) -> bool, most: usize, visit: Visit<'_>) -> bool {
         let mut room = most;
         for member in self.members.iter().filter(|member| wanted(member.target, member.prim_id)) {
             let count = member.run.len();
-            member.run.encode(0..count.min(room), |_, rank, placed| visit(member.record(rank, placed), member, rank));
+            let reader = (member.key_count() != 0).then(|| member.run.reader(None));
+            let keys = |rank: u32| reader.as_ref().and_then(|reader| reader.keys(rank));
+            let places = 0..count.min(room);
+            member.run.encode(places, |_, rank, placed| visit(member.record(rank, placed), member, rank, keys(rank)));
             if count > room {
                 return false;
             }
@@ -289,6 +287,9 @@ impl Assembly {
         true
     }
 }
+
+/// Takes a record, its member, its rank and, where it moves, its keys.
+pub(crate) type Visit<'a> = &'a mut dyn FnMut(InstanceRecord, &Member, u32, Option<Keys>);
 
 impl Member {
     /// What tells members of an assembly apart and orders them.

@@ -60,7 +60,8 @@ impl MotionKey {
         DAffine3 { matrix3: DMat3::from_quat(self.rotation) * self.stretch, translation: self.translation }
     }
 
-    fn is_sheared(&self) -> bool {
+    /// Whether the stretch is not along the axes of what moves.
+    pub(crate) fn is_sheared(&self) -> bool {
         let DMat3 { x_axis: x, y_axis: y, .. } = self.stretch;
         let off = x.y.abs().max(x.z.abs()).max(y.z.abs());
         off > 1e-6 * self.stretch.x_axis.x.abs().max(y.y.abs()).max(self.stretch.z_axis.z.abs())
@@ -211,21 +212,21 @@ pub(crate) fn motion_keys(maps: &[(f64, DAffine3)]) -> Option<Vec<MotionKey>> {
     maps.iter().all(|map| key(map).is_some_and(|key| keys.push(key))).then(|| keys.as_slice().to_vec())
 }
 
-/// The box of `+-half` of what moves by `keys` while the shutter is open, with what a box of it at any time may
-/// round.
-pub(crate) fn swept_box(keys: &[MotionKey], half: DVec3) -> (DVec3, DVec3) {
+/// The box of `center +- half` of what moves by `keys` while the shutter is open, with what a box of it at any time
+/// may round.
+pub(crate) fn swept_box(keys: &[MotionKey], center: DVec3, half: DVec3) -> (DVec3, DVec3) {
     let mut all = Keys::new();
     for (slot, key) in all.all.iter_mut().zip(keys) {
         *slot = *key;
     }
     all.count = keys.len().min(MAX_KEYS);
-    let swept = all.sweep(DVec3::ZERO, half);
+    let swept = all.sweep(center, half);
     let slack = KEY_ERROR * swept.spread * swept.lever + 1e-6 * swept.min.abs().max(swept.max.abs());
     (swept.min - slack, swept.max + slack)
 }
 
 /// Frobenius norm.
-fn norm_of(m: &DMat3) -> f64 {
+pub(crate) fn norm_of(m: &DMat3) -> f64 {
     (m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()).sqrt()
 }
 

@@ -13,8 +13,7 @@ use super::blocks::{Block, Peaks};
 use super::cells::SCATTERED;
 use super::lattice::Lattice;
 use super::which::Which;
-use crate::instancing::assembly::Member;
-use crate::instancing::assembly::{InstanceRecord, Target};
+use crate::instancing::assembly::{InstanceRecord, Member, Target, Visit};
 use crate::instancing::instance_primvars::{ColumnReader, InstanceColumn, MemberPrimvar, write_value};
 use crate::instancing::item::Item;
 use crate::instancing::motion::MotionKey;
@@ -260,14 +259,9 @@ impl Chunk {
         }
     }
 
-    /// Gives `visit` the records whose target and prim id are `wanted`, with member and rank, at most `most`, as
-    /// [`Chunk::encode`] computes them; tells whether these were all.
-    pub(crate) fn encode_where(
-        &self,
-        wanted: &dyn Fn(Target, i32) -> bool,
-        most: usize,
-        visit: &mut dyn FnMut(InstanceRecord, &Member, u32),
-    ) -> bool {
+    /// Gives `visit` the records whose target and prim id are `wanted`, with member, rank and, where they move, keys,
+    /// at most `most`, as [`Chunk::encode`] and [`Chunk::encode_keys`] compute them; tells whether these were all.
+    pub(crate) fn encode_where(&self, wanted: &dyn Fn(Target, i32) -> bool, most: usize, visit: Visit<'_>) -> bool {
         let members = self.members();
         let is_wanted: Vec<bool> = members.iter().map(|member| wanted(member.target, member.prim_id)).collect();
         if !is_wanted.contains(&true) {
@@ -286,7 +280,7 @@ impl Chunk {
             if let Some((member, reader)) = readers.get(which)
                 && let Some(placed) = reader.place(rank)
             {
-                visit(member.record(rank, &placed), member, rank);
+                visit(member.record(rank, &placed), member, rank, reader.keys(rank));
             }
         }
         true

@@ -8,9 +8,15 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3};
 
+use super::placement_motion::{PlacementMotion, as_rounded};
 use super::snapshot::Snapshot;
 use crate::instancing::assembly::{InstanceRecord, Member, Target};
+use crate::instancing::motion::{Keys, MotionKey, norm_of};
 use crate::partition::{PlacedReader, PlacedValue};
+
+/// Roundings of the map of a frame that moves, for one of a frame at rest: it is worked out in single precision, from
+/// keys, and inverted.
+const MOVING_ROUNDINGS: f64 = 4.0;
 
 /// A mesh in the world.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,19 +27,85 @@ pub struct MeshPlacement {
     pub prim_id: i32,
     /// Instance id of a hit, wrapping.
     pub instance_id: u32,
-    /// From the mesh's frame to the world's, minus [`Snapshot::origin`]: what the single precision maps that traversal
-    /// goes through amount to.
-    pub world_from_object: DAffine3,
+    /// From the mesh's frame to the innermost of `motion`, or, of a mesh at rest, to the world's, minus
+    /// [`Snapshot::origin`]: what the single precision maps that traversal goes through amount to.
+    pub outer_from_object: DAffine3,
+    /// How that frame moves in the world, minus [`Snapshot::origin`].
+    pub motion: PlacementMotion,
     /// Sum of the distances, in the world, from the origins of the frames on that way to the farthest corner of the
-    /// mesh's box: rounding in traversal is in proportion to it.
+    /// mesh's box: rounding in traversal is in proportion to it. What moves counts as much more as it rounds.
     pub reach: f64,
     /// Values that instancers give it, by number of the name: those of the innermost that has one, in single precision.
     /// What the mesh itself has wins over them, and is not looked at here.
     pub values: Vec<(u32, [f32; 4])>,
 }
 
+impl MeshPlacement {
+    /// From the mesh's frame to the world's, minus [`Snapshot::origin`], at a time of the shutter.
+    #[must_use]
+    pub fn world_at(&self, time: f64) -> DAffine3 {
+        self.motion.at(time) * self.outer_from_object
+    }
+
+    /// The box in the world, minus [`Snapshot::origin`], of a box in the mesh's frame while the shutter is open.
+    #[must_use]
+    pub fn swept(&self, min: [f64; 3], max: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+        let (min, max) = (DVec3::from_array(min), DVec3::from_array(max));
+        let matrix = &self.outer_from_object.matrix3;
+        let half = 0.5 * (max - min);
+        let half = matrix.x_axis.abs() * half.x + matrix.y_axis.abs() * half.y + matrix.z_axis.abs() * half.z;
+        let (min, max) = self.motion.swept(self.outer_from_object.transform_point3(0.5 * (min + max)), half);
+        (min.to_array(), max.to_array())
+    }
+
+    /// The least determinant of the map at any time, without its sign, and no less than the largest length of what has
+    /// the length 1 in the mesh's frame.
+    #[must_use]
+    pub fn extent(&self) -> (f64, f64) {
+        let (least, most) = self.motion.extent();
+        let matrix = &self.outer_from_object.matrix3;
+        (least * matrix.determinant().abs(), most * norm_of(matrix))
+    }
+}
+
+/// What [`Snapshot::mesh_placements`] finds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeshPlacements {
+    /// In an order that depends on the snapshot only.
+    pub all: Vec<MeshPlacement>,
+    /// There are no more than were asked for.
+    pub is_complete: bool,
+    /// Some are left out for how they move.
+    pub leaves_out_moving: bool,
+}
+
 /// Whether a prim is asked for, by its id.
 type Wanted<'a> = &'a dyn Fn(i32) -> bool;
+
+/// The way from the world to a frame.
+struct Way {
+    /// What moves on it.
+    motion: PlacementMotion,
+    /// To the frame from the innermost that moves, or from the world.
+    here_from_outer: DAffine3,
+    /// Origins of the frames on it, each in the innermost frame that moves around it, and how many do.
+    frames: Vec<(usize, DVec3)>,
+    instance_id: u32,
+}
+
+/// A record with what it needs of its member.
+struct Found {
+    record: InstanceRecord,
+    values: Vec<PlacedValue>,
+    /// Of what moves.
+    keys: Option<Arc<[MotionKey]>>,
+}
+
+impl Found {
+    fn new(record: InstanceRecord, values: Vec<PlacedValue>, keys: Option<&Keys>) -> Self {
+        Self { record, values, keys: keys.map(as_rounded) }
+    }
+}
 
 struct Walk<'a> {
     snapshot: &'a Snapshot,
@@ -41,16 +113,16 @@ struct Walk<'a> {
     /// By assembly: whether a prim that is asked for is in it.
     holds: Vec<bool>,
     most: usize,
-    found: Vec<MeshPlacement>,
-    is_complete: bool,
+    found: MeshPlacements,
 }
 
 impl Snapshot {
-    /// Placements of the prims that `wanted` says yes to, at most `most`, in an order that depends on the snapshot
-    /// only; and whether these are all. Those whose map cannot be inverted are left out, and those that move.
+    /// Placements of the prims that `wanted` says yes to, at most `most`. Those whose map cannot be inverted are left
+    /// out, and those of meshes whose points move.
     #[must_use]
-    pub fn mesh_placements(&self, wanted: &dyn Fn(i32) -> bool, most: usize) -> (Vec<MeshPlacement>, bool) {
-        let mut walk = Walk { snapshot: self, wanted, holds: Vec::new(), most, found: Vec::new(), is_complete: true };
+    pub fn mesh_placements(&self, wanted: &dyn Fn(i32) -> bool, most: usize) -> MeshPlacements {
+        let found = MeshPlacements { is_complete: true, ..MeshPlacements::default() };
+        let mut walk = Walk { snapshot: self, wanted, holds: Vec::new(), most, found };
         for assembly in &self.assemblies {
             let holds = assembly.members().iter().any(|member| walk.leads_to(member.target, member.prim_id));
             walk.holds.push(holds);
@@ -59,46 +131,23 @@ impl Snapshot {
             let Some(chunk) = self.world.chunks.get(instance.chunk as usize) else { continue };
             let rows = instance.chunk_from_world.map(|row| DVec3::from(row.map(f64::from)));
             let matrix3 = DMat3::from_cols(rows[0], rows[1], rows[2]).transpose();
-            let chunk_from_world = DAffine3 { matrix3, translation: -(matrix3 * instance.origin) };
-            let frames = [instance.origin];
+            let way = Way {
+                motion: PlacementMotion::default(),
+                here_from_outer: DAffine3 { matrix3, translation: -(matrix3 * instance.origin) },
+                frames: vec![(0, instance.origin)],
+                instance_id: instance.instance_id,
+            };
             let is_wanted = |target, prim_id| walk.leads_to(target, prim_id);
             let mut records = Vec::new();
-            let room = most - walk.found.len();
+            let room = most - walk.found.all.len();
             let outer = self.world.placed.row(instance.row);
-            let all = chunk.encode_where(&is_wanted, room, &mut |record, member, rank| {
-                records.push((record, values(member, &outer, rank)));
+            let all = chunk.encode_where(&is_wanted, room, &mut |record, member, rank, keys| {
+                records.push(Found::new(record, values(member, &outer, rank), keys.as_ref()));
             });
-            walk.is_complete &= all;
-            for (record, values) in &records {
-                walk.visit(record, &chunk_from_world, instance.instance_id, &frames, values);
-            }
+            walk.found.is_complete &= all;
+            records.iter().for_each(|found| walk.visit(found, &way));
         }
-        (walk.found, walk.is_complete)
-    }
-}
-
-impl Snapshot {
-    /// Whether a placement that moves, or one whose points do, is, or holds, one of a prim that `wanted` says yes to.
-    #[must_use]
-    pub fn moves_any(&self, wanted: &dyn Fn(i32) -> bool) -> bool {
-        let mut holds: Vec<bool> = Vec::with_capacity(self.assemblies.len());
-        for assembly in &self.assemblies {
-            let leads = |member: &&Member| match member.target {
-                Target::Mesh(_) => wanted(member.prim_id),
-                Target::Assembly(below) => holds.get(below as usize).copied().unwrap_or(false),
-            };
-            let found: Vec<&Member> = assembly.members().iter().filter(leads).collect();
-            let deforms = |target: Target| match target {
-                Target::Mesh(mesh) => self.meshes.get(mesh as usize).is_some_and(|mesh| mesh.keys > 0),
-                Target::Assembly(_) => false,
-            };
-            let moves = |member: &&Member| member.key_count() != 0 || deforms(member.target);
-            if found.iter().any(|member| moves(member) && member.run.len() > 0) {
-                return true;
-            }
-            holds.push(!found.is_empty());
-        }
-        false
+        walk.found
     }
 }
 
@@ -120,64 +169,84 @@ impl Walk<'_> {
     }
 
     /// Notes a record's mesh, or those below it. As deep as assemblies are nested.
-    fn visit(
-        &mut self,
-        record: &InstanceRecord,
-        parent_from_world: &DAffine3,
-        parent: u32,
-        frames: &[DVec3],
-        values: &[PlacedValue],
-    ) {
-        if record.keys != 0 {
+    fn visit(&mut self, found: &Found, way: &Way) {
+        if self.found.all.len() >= self.most {
+            self.found.is_complete = false;
             return;
         }
-        if self.found.len() >= self.most {
-            self.is_complete = false;
-            return;
-        }
+        let record = &found.record;
         let [x, y, z] = record.object_from_parent.map(|row| row.map(f64::from));
         let row = |[a, b, c, _]: [f64; 4]| DVec3::new(a, b, c);
         let object_from_parent = DAffine3 {
             matrix3: DMat3::from_cols(row(x), row(y), row(z)).transpose(),
             translation: DVec3::new(x[3], y[3], z[3]),
         };
-        let object_from_world = object_from_parent * *parent_from_world;
-        let world_from_object = object_from_world.inverse();
-        if !world_from_object.is_finite() || !object_from_world.matrix3.determinant().is_normal() {
+        let (motion, object_from_outer) = match &found.keys {
+            None => (way.motion.clone(), object_from_parent * way.here_from_outer),
+            Some(keys) => match way.motion.within(&way.here_from_outer.inverse(), keys) {
+                Some(motion) => (motion, DAffine3::IDENTITY),
+                None => {
+                    self.found.leaves_out_moving = true;
+                    return;
+                }
+            },
+        };
+        let outer_from_object = object_from_outer.inverse();
+        if !outer_from_object.is_finite() || !object_from_outer.matrix3.determinant().is_normal() {
             return;
         }
-        let instance_id = parent.wrapping_mul(record.prototype_count).wrapping_add(record.index_in_prototype);
-        let at = world_from_object.translation;
+        let instance_id = way.instance_id.wrapping_mul(record.prototype_count).wrapping_add(record.index_in_prototype);
+        let here = (motion.levels.len(), outer_from_object.translation);
         match record.target {
             Target::Mesh(mesh) => {
-                let Some(mesh_of) = self.snapshot.meshes.get(mesh as usize).filter(|mesh| mesh.keys == 0) else {
+                let Some(mesh_of) = self.snapshot.meshes.get(mesh as usize) else { return };
+                if mesh_of.keys != 0 {
+                    self.found.leaves_out_moving = true;
                     return;
-                };
+                }
                 let bounds = mesh_of.bounds;
                 let farthest = [0, 1, 2].map(|k| f64::from(bounds.min[k].abs().max(bounds.max[k].abs())));
-                let matrix = world_from_object.matrix3;
-                let size = matrix.x_axis.abs() * farthest[0]
-                    + matrix.y_axis.abs() * farthest[1]
-                    + matrix.z_axis.abs() * farthest[2];
-                let reach = size.length() + frames.iter().map(|f| f.distance(at) + size.length()).sum::<f64>();
                 let prim_id = record.prim_id;
-                let values = values.iter().map(PlacedValue::expanded).collect();
-                self.found.push(MeshPlacement { mesh, prim_id, instance_id, world_from_object, reach, values });
+                let reach = reach(&motion, &outer_from_object, farthest, &way.frames);
+                let values = found.values.iter().map(PlacedValue::expanded).collect();
+                let placed = MeshPlacement { mesh, prim_id, instance_id, outer_from_object, motion, reach, values };
+                self.found.all.push(placed);
             }
             Target::Assembly(index) => {
                 let Some(assembly) = self.snapshot.assemblies.get(index as usize).map(Arc::clone) else { return };
-                let frames: Vec<DVec3> = frames.iter().copied().chain([at]).collect();
+                let frames = way.frames.iter().copied().chain([here]).collect();
+                let inside = Way { motion, here_from_outer: object_from_outer, frames, instance_id };
                 let mut records = Vec::new();
-                let room = self.most - self.found.len();
+                let room = self.most - self.found.all.len();
                 let is_wanted = |target, prim_id| self.leads_to(target, prim_id);
-                let all = assembly.encode_where(&is_wanted, room, &mut |record, member, rank| {
-                    records.push((record, self::values(member, values, rank)));
+                let all = assembly.encode_where(&is_wanted, room, &mut |record, member, rank, keys| {
+                    records.push(Found::new(record, values(member, &found.values, rank), keys.as_ref()));
                 });
-                self.is_complete &= all;
-                for (record, values) in &records {
-                    self.visit(record, &object_from_world, instance_id, &frames, values);
-                }
+                self.found.is_complete &= all;
+                records.iter().for_each(|found| self.visit(found, &inside));
             }
         }
     }
+}
+
+/// See [`MeshPlacement::reach`]. `farthest`: of the mesh's box from its origin, along each axis.
+fn reach(motion: &PlacementMotion, map: &DAffine3, farthest: [f64; 3], frames: &[(usize, DVec3)]) -> f64 {
+    let at = |time: Option<f64>| {
+        let outer = |count: usize| time.map_or(DAffine3::IDENTITY, |time| motion.outer_at(count, time));
+        let world = outer(motion.levels.len()) * *map;
+        let matrix = world.matrix3;
+        let size =
+            matrix.x_axis.abs() * farthest[0] + matrix.y_axis.abs() * farthest[1] + matrix.z_axis.abs() * farthest[2];
+        let size = size.length();
+        let away = |(count, origin): &(usize, DVec3)| {
+            outer(*count).transform_point3(*origin).distance(world.translation) + size
+        };
+        size + frames.iter().map(away).sum::<f64>()
+    };
+    if motion.is_empty() {
+        return at(None);
+    }
+    // Between two of the times no more than a small part of it is added.
+    let (times, _) = motion.times();
+    MOVING_ROUNDINGS * motion.magnification() * times.into_iter().map(|time| at(Some(time))).fold(0.0, f64::max)
 }

@@ -12,6 +12,7 @@ mod light;
 mod mesh_lights;
 mod mesh_placements;
 mod mesh_store;
+mod placement_motion;
 mod primvar_uses;
 mod report;
 pub(crate) mod resolve;
@@ -43,7 +44,8 @@ pub use snapshot::{
 };
 
 pub use mesh_lights::MESH_LIGHT;
-pub use mesh_placements::MeshPlacement;
+pub use mesh_placements::{MeshPlacement, MeshPlacements};
+pub use placement_motion::PlacementMotion;
 pub use summary::summary;
 pub use surfaces::{NO_MATERIAL, PrimRecord};
 

@@ -57,6 +57,8 @@ mod materials;
 mod materialx;
 mod mesh_lights;
 #[cfg(test)]
+mod mesh_placements;
+#[cfg(test)]
 mod motion;
 mod moving_lights;
 #[cfg(test)]

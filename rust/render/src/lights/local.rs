@@ -4,7 +4,7 @@
 use super::tree::LightBounds;
 use super::{luminance, narrow};
 use crate::assets::motion_key;
-use oocpt_core::scene::{Light, LightMotion, LightShaping, LocalLight, LocalShape};
+use oocpt_core::scene::{Light, LightMotion, LightShaping, LocalLight, LocalShape, MotionKey};
 use oocpt_shader_abi::{
     GpuInfiniteLight, GpuLightKey, GpuLightKind, GpuLightShaping, GpuLocalLight, LIGHT_SHAPES, LightFlags, NO_INDEX,
     pack_color,
@@ -134,11 +134,16 @@ pub(super) fn keys(motion: &LightMotion, origin: [f64; 3]) -> impl Iterator<Item
         own.translation.x -= origin[0];
         own.translation.y -= origin[1];
         own.translation.z -= origin[2];
-        let key = motion_key(&own);
-        let place = own.translation.to_array();
-        let low = [0, 1, 2].map(|k| narrow(place[k] - f64::from(key.translation[k])));
-        GpuLightKey { key, translation_lo: low, radiance: narrow(*radiance) }
+        light_key(&own, *radiance)
     })
+}
+
+/// A key with its place in two floats.
+pub(super) fn light_key(own: &MotionKey, radiance: f64) -> GpuLightKey {
+    let key = motion_key(own);
+    let place = own.translation.to_array();
+    let low = [0, 1, 2].map(|k| narrow(place[k] - f64::from(key.translation[k])));
+    GpuLightKey { key, translation_lo: low, radiance: narrow(radiance) }
 }
 
 pub(super) fn finite_power(power: f64) -> f64 {

@@ -10,14 +10,15 @@
 use super::emission::{EmissionMaps, EmittedPower, Placed, PrimEmission};
 use super::emitter::{Emitter, cross, dot, halves};
 use super::local::finite_power;
+use super::mesh_motion::{MAX_KEYS, Motions, has_usable_size, swept};
 use super::tree::{self, LightBounds, NOTHING};
 use super::{EVEN_SHARE, count, narrow};
 use crate::textures::TextureCache;
 use oocpt_core::mesh::{LeafKind, SceneMesh};
 use oocpt_core::partition::World;
-use oocpt_core::scene::{MeshPlacement, SceneFeatures, Snapshot};
+use oocpt_core::scene::{MeshPlacement, MeshPlacements, SceneFeatures, Snapshot};
 use oocpt_shader_abi::{
-    GpuLightLeaf, GpuLightMesh, GpuLightNode, GpuLightTriangle, GpuLightValue, GpuMeshLight, NO_INDEX,
+    GpuLightKey, GpuLightLeaf, GpuLightMesh, GpuLightNode, GpuLightTriangle, GpuLightValue, GpuMeshLight, NO_INDEX,
 };
 use rustc_hash::FxHashMap;
 use std::f64::consts::PI;
@@ -52,6 +53,9 @@ pub(crate) struct MeshLights {
     pub(crate) corners: Vec<[f32; 4]>,
     /// Most textures that are looked up for a point.
     pub(crate) lookups: u32,
+    /// How those that move do: see [`oocpt_shader_abi::Lighting::mesh_motion`]. Empty where none does, as the next.
+    pub(crate) motion: Vec<[u32; 2]>,
+    pub(crate) keys: Vec<GpuLightKey>,
     /// All placements, with their power.
     pub(super) bounds: LightBounds,
     /// Why some that emit are not here.
@@ -90,7 +94,8 @@ impl MeshLightCache {
 
     /// What is to be said of the lights of the last snapshot that move.
     pub(crate) fn warning(&self) -> Option<String> {
-        let text = "emissive meshes that move are not sampled as lights, but met by chance only, which is noisy";
+        let text =
+            "emissive meshes whose points move are not sampled as lights, but met by chance only, which is noisy";
         self.moves.then(|| text.to_owned())
     }
 
@@ -100,8 +105,9 @@ impl MeshLightCache {
             .map(|id| PrimEmission::of_prim(snapshot, id, &materials))
             .collect();
         let of_prim = |id: i32| emission.get(usize::try_from(i64::from(id) + 1).ok()?)?.as_ref();
-        let (mut placements, mut is_complete) =
+        let MeshPlacements { all: mut placements, mut is_complete, leaves_out_moving } =
             snapshot.mesh_placements(&|prim| of_prim(prim).is_some(), MAX_PLACEMENTS);
+        self.moves = leaves_out_moving;
         drop_ambiguous(&mut placements);
         let known = std::mem::take(&mut self.emitters);
         let mut making = Making::default();
@@ -128,16 +134,15 @@ impl MeshLightCache {
                 continue;
             };
             match making.number(&emitter) {
-                Some(number) => making.add(placement, number, emission, &emitter, placed.as_ref()),
+                Some(number) => is_complete &= making.add(placement, number, emission, &emitter, placed.as_ref()),
                 None => is_complete = false,
             }
         }
-        self.moves = snapshot.features.intersects(SceneFeatures::MOTION | SceneFeatures::DEFORMATION)
-            && snapshot.moves_any(&|prim| of_prim(prim).is_some());
         making.finish((!is_complete).then(|| {
             format!(
-                "emissive meshes: more than {MAX_PLACEMENTS} placements or {MAX_TRIANGLES} unique triangles emit light; \
-                 the rest is not sampled as lights, but met by chance only, which is noisy"
+                "emissive meshes: more than {MAX_PLACEMENTS} placements, {MAX_TRIANGLES} unique triangles or \
+                 {MAX_KEYS} keys of motions emit light; the rest is not sampled as lights, but met by chance only, \
+                 which is noisy"
             )
         }))
     }
@@ -179,6 +184,7 @@ struct Making {
     triangles: usize,
     placed_values: Vec<[f32; 3]>,
     lookups: usize,
+    motions: Motions,
 }
 
 impl Making {
@@ -198,6 +204,7 @@ impl Making {
         Some(number)
     }
 
+    /// False when there is no room for its motion.
     fn add(
         &mut self,
         placement: &MeshPlacement,
@@ -205,9 +212,9 @@ impl Making {
         emission: &PrimEmission,
         emitter: &Emitter,
         placed: Option<&Placed>,
-    ) {
+    ) -> bool {
         let scale = emission.scale;
-        let map = &placement.world_from_object;
+        let map = &placement.outer_from_object;
         let columns = [map.matrix3.x_axis, map.matrix3.y_axis, map.matrix3.z_axis].map(|column| column.to_array());
         let at = map.translation.to_array();
         let position = at.map(narrow);
@@ -228,16 +235,25 @@ impl Making {
             values: placed.map_or(NO_INDEX, |_| u32::try_from(self.placed_values.len()).unwrap_or(NO_INDEX)),
             trail: [0; 2],
         };
-        let bounds = in_world(&emitter.bounds, columns, at, error, f64::from(scale));
-        let numbers = [gpu.position, gpu.x, gpu.y, gpu.z, [gpu.error, narrow(bounds.power), 0.0]];
+        let bounds = if placement.motion.is_empty() {
+            in_world(&emitter.bounds, columns, at, error, f64::from(scale))
+        } else {
+            swept(&emitter.bounds, placement, error, f64::from(scale))
+        };
+        let [min, max] = [bounds.min, bounds.max].map(|corner| corner.map(narrow));
+        let numbers = [gpu.position, gpu.x, gpu.y, gpu.z, min, max, [gpu.error, narrow(bounds.power), 0.0]];
         let is_sound = numbers.as_flattened().iter().all(|v| v.is_finite());
-        if is_sound && narrow(map.matrix3.determinant()).is_normal() {
+        if is_sound && has_usable_size(placement) {
+            if !self.motions.add(&placement.motion) {
+                return false;
+            }
             self.placements.push(gpu);
             self.bounds.push(bounds);
             self.placed_values.extend(placed.iter().flat_map(|placed| &placed.emissions));
             let lookups = emission.by_slot.iter().map(EmittedPower::lookups).max();
             self.lookups = self.lookups.max(lookups.unwrap_or(0));
         }
+        true
     }
 
     fn finish(mut self, warning: Option<String>) -> Option<MeshLights> {
@@ -254,7 +270,10 @@ impl Making {
         for (light, trail) in self.placements.iter_mut().zip(tree::trails(&nodes, self.bounds.len())) {
             light.trail = halves(trail);
         }
+        let (motion, keys) = self.motions.finish();
         let mut lights = MeshLights {
+            motion,
+            keys,
             placements: self.placements,
             meshes: Vec::new(),
             nodes: Vec::new(),
@@ -296,7 +315,13 @@ impl Making {
 }
 
 /// Bounds of a placement in the world.
-fn in_world(inside: &LightBounds, columns: [[f64; 3]; 3], at: [f64; 3], error: f64, scale: f64) -> LightBounds {
+pub(super) fn in_world(
+    inside: &LightBounds,
+    columns: [[f64; 3]; 3],
+    at: [f64; 3],
+    error: f64,
+    scale: f64,
+) -> LightBounds {
     let center = [0, 1, 2].map(|k| 0.5 * (inside.min[k] + inside.max[k]));
     let half = [0, 1, 2].map(|k| 0.5 * (inside.max[k] - inside.min[k]));
     let map = |v: [f64; 3]| [0, 1, 2].map(|k| (0..3).map(|c| columns[c][k] * v[c]).sum::<f64>());

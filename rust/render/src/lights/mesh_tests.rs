@@ -33,7 +33,7 @@ fn glow(path: &str, emission: [f32; 3]) -> MaterialDesc {
 }
 
 /// A cube of side 2, six faces; or, open, without the last one.
-fn cube(path: &str, prim_id: i32, transform: DMat4, is_open: bool) -> MeshDesc {
+pub(super) fn cube(path: &str, prim_id: i32, transform: DMat4, is_open: bool) -> MeshDesc {
     let points: Vec<[f32; 3]> =
         (0..8_u8).map(|k| [k & 1, k >> 1 & 1, k >> 2].map(|bit| 2.0 * f32::from(bit) - 1.0)).collect();
     let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
@@ -49,7 +49,7 @@ fn cube(path: &str, prim_id: i32, transform: DMat4, is_open: bool) -> MeshDesc {
     }
 }
 
-fn instancer(places: &[DVec3]) -> InstancerDesc {
+pub(super) fn instancer(places: &[DVec3]) -> InstancerDesc {
     let numbers: Vec<i32> = (0..).take(places.len()).collect();
     InstancerDesc {
         prim: prim("/lamps", DMat4::IDENTITY),
@@ -59,20 +59,20 @@ fn instancer(places: &[DVec3]) -> InstancerDesc {
     }
 }
 
-fn lamp(mut mesh: MeshDesc) -> MeshDesc {
+pub(super) fn lamp(mut mesh: MeshDesc) -> MeshDesc {
     let prototype_root = mesh.prim.path.clone();
     mesh.prim.instanced_by = vec![InstancedBy { instancer: "/lamps".into(), prototype_root }];
     mesh
 }
 
-fn snapshot(build: impl FnOnce(&mut SceneDb)) -> Arc<Snapshot> {
+pub(super) fn snapshot(build: impl FnOnce(&mut SceneDb)) -> Arc<Snapshot> {
     let mut db = SceneDb::new();
     db.upsert_material(glow("/glow", [1.0, 2.0, 0.5]));
     build(&mut db);
     db.commit().snapshot
 }
 
-fn mesh_lights(snapshot: &Snapshot) -> Arc<MeshLights> {
+pub(super) fn mesh_lights(snapshot: &Snapshot) -> Arc<MeshLights> {
     MeshLightCache::default().get(snapshot, None).expect("something emits")
 }
 

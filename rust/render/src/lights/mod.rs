@@ -13,6 +13,9 @@ mod emitter;
 mod files;
 mod local;
 mod mesh;
+mod mesh_motion;
+#[cfg(test)]
+mod mesh_motion_tests;
 #[cfg(test)]
 mod mesh_tests;
 mod picture;

@@ -189,6 +189,8 @@ impl LightTable {
         features.set(Features::LIGHT_LINKS, !self.link_bits.is_empty());
         features.set(Features::MOVING_LIGHTS, !self.keys.is_empty());
         features.set(Features::MESH_LIGHTS, self.meshes.is_some());
+        let moves = self.meshes.as_ref().is_some_and(|meshes| !meshes.motion.is_empty());
+        features.set(Features::MOVING_MESH_LIGHTS, moves);
         features.set(Features::MESH_LIGHT_VALUES, self.meshes.as_ref().is_some_and(|meshes| !meshes.values.is_empty()));
         let has_programs = self.meshes.as_ref().is_some_and(|meshes| !meshes.corners.is_empty());
         features.set(Features::MESH_LIGHT_PROGRAMS, has_programs);

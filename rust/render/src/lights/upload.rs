@@ -38,7 +38,7 @@ struct ResidentMeshes {
 
 /// Addresses of the tables of meshes, as [`ResidentMeshes`] has them; 0 for those that are not needed.
 #[derive(Clone, Copy, Debug)]
-struct MeshTables([u64; 10]);
+struct MeshTables([u64; 12]);
 
 impl MeshTables {
     /// The block with these addresses.
@@ -54,6 +54,8 @@ impl MeshTables {
             weights,
             placed,
             corners,
+            mesh_motion,
+            mesh_keys,
         ] = self.0;
         Lighting {
             mesh_lights,
@@ -66,6 +68,8 @@ impl MeshTables {
             light_face_weights: weights,
             light_placed_values: placed,
             light_corners: corners,
+            mesh_motion,
+            mesh_keys,
             ..block
         }
     }
@@ -152,7 +156,7 @@ impl LightTables {
             self.meshes = Some(ResidentMeshes::new(device, writer, wanted)?);
         }
         let table = |at: usize| self.meshes.as_ref().and_then(|meshes| meshes.tables.get(at)?.as_ref());
-        Ok(MeshTables([0, 1, 2, 3, 4, 5, 6, 7, 8, 9].map(|at| table(at).map_or(0, HeapRange::address))))
+        Ok(MeshTables(std::array::from_fn(|at| table(at).map_or(0, HeapRange::address))))
     }
 
     fn entry(&self, map: &Map) -> GpuLightMap {
@@ -186,6 +190,8 @@ impl ResidentMeshes {
             put("weights of mesh lights", bytemuck::cast_slice(&lights.face_weights))?,
             put("instances' emission of mesh lights", bytemuck::cast_slice(&lights.placed_values))?,
             put("corners of mesh lights", bytemuck::cast_slice(&lights.corners))?,
+            put("motion of mesh lights", bytemuck::cast_slice(&lights.motion))?,
+            put("keys of mesh lights", bytemuck::cast_slice(&lights.keys))?,
         ];
         Ok(Self { lights: Arc::clone(lights), tables })
     }

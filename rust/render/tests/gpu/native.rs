@@ -6,7 +6,7 @@
 use crate::lights::TestFiles;
 use crate::motion::{falling, mill};
 use crate::scenes::{dome, features, instanced, instancer, mesh, nested, prim};
-use crate::streaming::{DEFORMING, MOVING, MOVING_LAMPS, SCENES, smallest_budget};
+use crate::streaming::{DEFORMING, MOVING, MOVING_BULBS, MOVING_LAMPS, SCENES, smallest_budget};
 use crate::support::{self, perspective, read_all, render, request, settings};
 use glam::{DMat4, DQuat, DVec3, DVec4};
 use oocpt_core::inventory::TraversalUse;
@@ -129,11 +129,13 @@ fn what_moves_is_the_same_in_core_and_streaming() {
 
 #[test]
 fn lights_that_move_are_the_same_in_core_and_streaming() {
-    let request = view(MOVING_LAMPS.eye, MOVING_LAMPS.target);
-    let small = Settings { chunk_size_kib: 16, ..settings(4, 3) };
-    same_bits(MOVING_LAMPS.name, MOVING_LAMPS.build, &small, false, &request);
-    let tight = Settings { geometry_budget_kib: 2 * smallest_budget(&MOVING_LAMPS), ..small };
-    same_bits(MOVING_LAMPS.name, MOVING_LAMPS.build, &tight, true, &request);
+    for scene in [&MOVING_LAMPS, &MOVING_BULBS] {
+        let request = view(scene.eye, scene.target);
+        let small = Settings { chunk_size_kib: 16, ..settings(4, 3) };
+        same_bits(scene.name, scene.build, &small, false, &request);
+        let tight = Settings { geometry_budget_kib: 2 * smallest_budget(scene), ..small };
+        same_bits(scene.name, scene.build, &tight, true, &request);
+    }
 }
 
 #[test]

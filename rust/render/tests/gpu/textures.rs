@@ -18,7 +18,7 @@ use oocpt_core::TypedArray;
 use oocpt_core::residency::PolicyKind;
 use oocpt_core::scene::{
     AssetRef, ConnectionDesc, Interpolation, MaterialDesc, MeshDesc, NamedPrimvar, NodeDesc, ParamDesc, ParamValue,
-    Primvar, SceneDb,
+    Primvar, SceneDb, TransformSample,
 };
 use oocpt_core::settings::Settings;
 use oocpt_core::stats::StreamingStats;
@@ -295,9 +295,25 @@ fn signs(db: &mut SceneDb) {
     }
 }
 
+/// The same boards, which swing.
+fn swinging_signs(db: &mut SceneDb) {
+    signs(db);
+    for i in 0..3 {
+        let at = DMat4::from_translation(DVec3::new(f64::from(i) * 3.0 - 3.0, 0.9, -1.0 - f64::from(i % 2)));
+        let map = |time: f64| {
+            at * DMat4::from_rotation_x(1.3 + 0.4 * time) * DMat4::from_scale(DVec3::new(1.5, 1.0, 0.8 + 0.2 * time))
+        };
+        let board = square(prim(&format!("/sign_{i}"), map(0.5)), 60 + i, 0.5);
+        let mut board = with_st(board, 1.0, &format!("/glow_{i}"));
+        board.prim.motion = [0.0, 1.0].map(|time| TransformSample { time, transform: map(time) }).to_vec();
+        db.upsert_mesh(board);
+    }
+}
+
 #[test]
 fn emission_of_lights_that_waits_for_its_tiles_leaves_no_trace_in_the_picture() {
     same_bits(signs);
+    same_bits(swinging_signs);
 }
 
 #[test]

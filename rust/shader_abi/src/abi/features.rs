@@ -166,6 +166,8 @@ features! {
     MESH_LIGHT_PROGRAMS: "emission of lights by programs", [PATTERNS, MESH_LIGHT_VALUES], Never;
     /// Some light moves while the shutter is open: `Lighting::light_keys` counts.
     MOVING_LIGHTS: "motion of lights", [], Never;
+    /// Some mesh that is sampled as a light moves while the shutter is open: `Lighting::mesh_motion` counts.
+    MOVING_MESH_LIGHTS: "motion of meshes sampled as lights", [MESH_LIGHTS], Never;
     /// Some mesh is made of hulls of two balls: curves or points.
     ROUND: "curves and points", [], Always;
     /// Some placement moves while the shutter is open: paths have a time.

@@ -261,7 +261,9 @@ pub const LAYOUTS: &[StructLayout] = &[
         pad,
         light_keys,
         local_motion,
-        infinite_motion
+        infinite_motion,
+        mesh_motion,
+        mesh_keys
     }),
     layout!(GpuLightKey { key, translation_lo, radiance }),
     layout!(GpuMeshLight {

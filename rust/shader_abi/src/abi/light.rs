@@ -111,10 +111,16 @@ pub struct Lighting {
     pub local_motion: u64,
     /// The same for each light at infinity.
     pub infinite_motion: u64,
+    /// u32x2 for each entry of `mesh_lights`: index in this table of the outermost of the frames that move around it,
+    /// and how many do; 0 for one at rest. Behind these entries, for each frame, its first key and how many. 8-byte
+    /// aligned. 0 without `Features::MOVING_MESH_LIGHTS`, as the next.
+    pub mesh_motion: u64,
+    /// [`GpuLightKey`](super::scene::GpuLightKey) array: the map to the frame around; its `radiance` is 1.
+    pub mesh_keys: u64,
 }
 
 /// A placement of a mesh that emits light, 96 B. World points are `position + x p.x + y p.y + z p.z` for points p of
-/// the mesh.
+/// the mesh; of one that moves (`Lighting::mesh_motion`) points of the innermost frame that does.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct GpuMeshLight {

@@ -69,7 +69,7 @@ impl LightMotion {
     /// The box of the part `+-half` of the unit shape while the shutter is open.
     #[must_use]
     pub fn swept(&self, half: [f64; 3]) -> ([f64; 3], [f64; 3]) {
-        let (min, max) = swept_box(&self.keys, DVec3::from_array(half));
+        let (min, max) = swept_box(&self.keys, DVec3::ZERO, DVec3::from_array(half));
         (min.to_array(), max.to_array())
     }
 

@@ -26,7 +26,7 @@ fn by_primvar() -> MaterialDesc {
 }
 
 /// Emits what a file says at "st", times `scale`.
-fn by_texture(file: &str, scale: f32) -> MaterialDesc {
+pub(super) fn by_texture(file: &str, scale: f32) -> MaterialDesc {
     let text = |text: &str| ParamValue::Text(text.into());
     let node = |kind: &str, params: Vec<(&str, ParamValue)>, connections: Vec<(&str, usize, &str)>| NodeDesc {
         path: format!("/{kind}").into(),
@@ -250,15 +250,26 @@ fn an_atlas_gives_each_face_its_texel() {
 }
 
 /// A square with st from 0 to 1; `is_alone`: sampled as a light. Else another one below the floor shares its id, and
-/// both are met by chance.
-pub(super) fn screen(db: &mut SceneDb, transform: DMat4, is_alone: bool) {
+/// both are met by chance. `moved` says what else becomes of each, given how far it is from the first.
+pub(super) fn screen_that(
+    db: &mut SceneDb,
+    transform: DMat4,
+    is_alone: bool,
+    moved: &dyn Fn(MeshDesc, DVec3) -> MeshDesc,
+) {
     let mut desc = quad("/quad", 2, transform);
     add(&mut desc, "st", Interpolation::Vertex, vec![[0.0_f32, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
     if !is_alone {
-        let below = DMat4::from_translation(DVec3::new(0.0, -50.0, 0.0)) * transform;
-        db.upsert_mesh(MeshDesc { prim: prim("/twin", below), ..desc.clone() });
+        let below = DVec3::new(0.0, -50.0, 0.0);
+        let place = DMat4::from_translation(below) * transform;
+        db.upsert_mesh(moved(MeshDesc { prim: prim("/twin", place), ..desc.clone() }, below));
     }
-    db.upsert_mesh(desc);
+    db.upsert_mesh(moved(desc, DVec3::ZERO));
+}
+
+/// The same at rest.
+pub(super) fn screen(db: &mut SceneDb, transform: DMat4, is_alone: bool) {
+    screen_that(db, transform, is_alone, &|desc, _| desc);
 }
 
 /// What shadow rays see of a texture is what rays see that come by chance: levels, slant and all.

@@ -25,7 +25,7 @@ pub(super) fn black() -> [(&'static str, ParamValue); 3] {
     [("diffuseColor", dark.clone()), ("specularColor", dark), ("useSpecularWorkflow", ParamValue::Int(1))]
 }
 
-fn glowing(mut mesh: MeshDesc) -> MeshDesc {
+pub(super) fn glowing(mut mesh: MeshDesc) -> MeshDesc {
     mesh.material = Some("/glow".into());
     mesh
 }
@@ -65,7 +65,7 @@ fn a_square_gives_what_lamberts_formula_says() {
 }
 
 /// Irradiance at the origin of a convex mesh of triangles and quads.
-fn convex(desc: &MeshDesc, m: DMat4) -> f64 {
+pub(super) fn convex(desc: &MeshDesc, m: DMat4) -> f64 {
     let points: Vec<DVec3> =
         (0..desc.points.len()).map(|k| m.transform_point3(desc.points.vec3(k).expect("a point"))).collect();
     let middle = m.transform_point3(DVec3::ZERO);
@@ -227,7 +227,7 @@ fn meshes_and_lights_add_up() {
 }
 
 /// Mean square error of the pixels of the floor, over the square of their mean, at `samples`, with both strategies.
-fn noise(samples: u32, expected: f64, build: &dyn Fn(&mut SceneDb)) -> f64 {
+pub(super) fn noise(samples: u32, expected: f64, build: &dyn Fn(&mut SceneDb)) -> f64 {
     let session = session(settings(samples, 1));
     session.with_scene(|db| {
         db.upsert_mesh(square(prim("/floor", DMat4::IDENTITY), 1, ALBEDO));

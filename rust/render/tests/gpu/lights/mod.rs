@@ -10,6 +10,8 @@ mod files;
 mod many;
 mod mesh;
 mod moving;
+mod moving_extremes;
+mod moving_meshes;
 mod programs;
 mod shapes;
 mod shaping;

@@ -25,7 +25,7 @@ fn moving(desc: LightDesc, keys: &[f64], place: &dyn Fn(f64) -> DMat4) -> LightD
 }
 
 /// The mean over the shutter.
-fn mean(value: impl Fn(f64) -> f64) -> f64 {
+pub(super) fn mean(value: impl Fn(f64) -> f64) -> f64 {
     const STEPS: u32 = 200;
     (0..STEPS).map(|k| value((f64::from(k) + 0.5) / f64::from(STEPS))).sum::<f64>() / f64::from(STEPS)
 }

@@ -12,7 +12,7 @@ mod scenes;
 use crate::lights::TestFiles;
 use crate::support::{self, perspective, read_all, render_with_messages, request, settings};
 pub(crate) use mapped::MOST_PICTURES;
-pub(crate) use moving::{DEFORMING, MOVING, MOVING_LAMPS};
+pub(crate) use moving::{DEFORMING, MOVING, MOVING_BULBS, MOVING_LAMPS};
 use oocpt_core::residency::PolicyKind;
 use oocpt_core::settings::{HostMapped, Settings};
 use oocpt_core::stats::StreamingStats;

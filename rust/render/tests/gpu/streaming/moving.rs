@@ -2,7 +2,7 @@
 //! Scenes of many small chunks in which something moves while the shutter is open.
 
 use super::scenes::{Scene, balls, ground, lamps_and_sky, lights, scattered};
-use crate::scenes::{constant, deforming, instanced, instancer, mesh, prim, sphere, turning, widening};
+use crate::scenes::{constant, deforming, glow, instanced, instancer, mesh, prim, sphere, turning, widening};
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use oocpt_core::scene::{
     CurveBasis, CurveWrap, CurvesDesc, InstancerDesc, InstancerMotion, MeshDesc, SceneDb, Shape, Subdivision,
@@ -21,6 +21,10 @@ pub(crate) const MOVING_LAMPS: Scene =
 /// Meshes, tubes, ribbons and points whose points, widths and normals change, and a large mesh among them.
 pub(crate) const DEFORMING: Scene =
     Scene { name: "deforming things", build: deforming_things, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO };
+
+/// Things that move and glow, alone, in instancers that do, and in many clusters.
+pub(crate) const MOVING_BULBS: Scene =
+    Scene { name: "moving bulbs", build: moving_bulbs, eye: DVec3::new(6.0, 5.0, 14.0), target: DVec3::ZERO };
 
 /// See [`MOVING_LAMPS`].
 fn moving_lamps(db: &mut SceneDb) {
@@ -46,6 +50,47 @@ fn moving_lamps(db: &mut SceneDb) {
         intensity: 3.0,
         ..LightDesc::default()
     });
+}
+
+/// See [`MOVING_BULBS`].
+fn moving_bulbs(db: &mut SceneDb) {
+    moving(db);
+    db.remove("/sun");
+    db.upsert_material(glow("/glow", [3.0, 2.0, 1.0]));
+    db.upsert_material(glow("/ember", [0.4, 0.1, 0.0]));
+    let moves = |from: DMat4| {
+        let next = from * DMat4::from_rotation_z(1.2) * DMat4::from_translation(DVec3::new(0.6, -0.3, 0.4));
+        [(0.0, from), (1.0, next)].map(|(time, transform)| TransformSample { time, transform }).to_vec()
+    };
+    let mut add = |path: &str, id: i32, rings: i32, place: DMat4, material: &str| {
+        let mut desc = sphere(prim(path, place), id, rings, 0.5);
+        desc.prim.motion = moves(place);
+        desc.material = Some(material.into());
+        db.upsert_mesh(desc);
+    };
+    for i in 0..6_u32 {
+        let at = (scattered(i + 40) - 0.5) * DVec3::new(12.0, 2.0, 12.0) + DVec3::Y;
+        let place = DMat4::from_translation(at) * DMat4::from_scale(DVec3::new(0.3, 0.2, 0.25));
+        add(&format!("/bulb_{i}"), 100 + i32::try_from(i).expect("small"), 6, place, "/glow");
+    }
+    // Cut into clusters.
+    add("/coal", 90, 40, DMat4::from_translation(DVec3::Y * 3.0), "/ember");
+    // On arms that turn, of instances that fly, each of which moves itself.
+    let places: Vec<_> = (0..20)
+        .map(|i| {
+            ((scattered(i + 60) - 0.5) * 6.0 + DVec3::Y * 2.0, DQuat::from_rotation_x(f64::from(i)), DVec3::splat(0.1))
+        })
+        .collect();
+    let mut row = instancer(prim("/row", DMat4::IDENTITY), "/row/bulb", &places);
+    row.motion.velocities = Some(TypedArray::of(vec![[1.0_f32, -0.5, 0.5]; 20]));
+    row.motion.seconds = [-0.5, 0.5];
+    row.prim.motion =
+        [0.0, 1.0].map(|time| TransformSample { time, transform: DMat4::from_rotation_y(0.8 * time) }).to_vec();
+    db.upsert_instancer(row);
+    let mut bulb = sphere(instanced(prim("/row/bulb", DMat4::IDENTITY), "/row"), 91, 5, 0.5);
+    bulb.prim.motion = moves(DMat4::IDENTITY);
+    bulb.material = Some("/glow".into());
+    db.upsert_mesh(bulb);
 }
 
 /// See [`MOVING`].

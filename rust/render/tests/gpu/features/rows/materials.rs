@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Of materials without textures.
 
-use super::super::scenes::{dressed, made_of, open_pbr};
+use super::super::scenes::{bare, dressed, made_of, open_pbr, turning};
 use super::{Also, BARE, OF_MATERIALS, OF_MESH_LIGHTS, Row};
 use crate::materials::cutouts::holed;
 use crate::materials::hair::{curves, hair_of};
@@ -9,7 +9,8 @@ use crate::materials::inside::clear;
 use crate::materials::materialx::noisy;
 use crate::materials::mixtures::two_metals;
 use crate::scenes::glow;
-use oocpt_core::scene::{CurveBasis, MeshDesc, ParamValue};
+use glam::DMat4;
+use oocpt_core::scene::{CurveBasis, MeshDesc, ParamValue, TransformSample};
 
 pub(crate) const ROWS: &[Row] = &[
     Row {
@@ -142,6 +143,30 @@ pub(crate) const ROWS: &[Row] = &[
         build: |db| made_of(db, glow("/material", [1.0; 3])),
         features: &["MATERIALS", "EMISSION", "MESH_LIGHTS"],
         buffers: &[OF_MESH_LIGHTS, OF_MATERIALS],
+        ..BARE
+    },
+    Row {
+        what: "a glow that moves",
+        build: |db| {
+            db.upsert_material(glow("/material", [1.0; 3]));
+            let mut board = bare("/board");
+            let turn = |time: f64| TransformSample { time, transform: DMat4::from_rotation_z(time) };
+            board.prim.motion = vec![turn(0.0), turn(1.0)];
+            db.upsert_mesh(MeshDesc { material: Some("/material".into()), ..board });
+        },
+        features: &["MATERIALS", "EMISSION", "MESH_LIGHTS", "MOTION", "MOVING_MESH_LIGHTS"],
+        buffers: &[OF_MESH_LIGHTS, OF_MATERIALS, &["instance motion", "motion of mesh lights", "keys of mesh lights"]],
+        ..BARE
+    },
+    Row {
+        what: "a glow beside something that moves",
+        build: |db| {
+            turning(db);
+            db.upsert_material(glow("/material", [1.0; 3]));
+            db.upsert_mesh(MeshDesc { material: Some("/material".into()), prim_id: 2, ..bare("/still") });
+        },
+        features: &["MATERIALS", "EMISSION", "MESH_LIGHTS", "MOTION"],
+        buffers: &[OF_MESH_LIGHTS, OF_MATERIALS, &["instance motion"]],
         ..BARE
     },
 ];
