@@ -124,6 +124,7 @@ SHARES = {
     "chiang_hair_roughness",
     "gltf_iridescence_thickness",
     "gltf_normalmap",
+    "randomcolor",
 }
 
 

@@ -10,7 +10,7 @@ tables of any size, evaluates the same nodes and prints errors.
 
 A table has blocks: `= DEFINITION CATEGORY OUTPUT:TYPE | NAME:TYPE ... | @GEOMETRY:WIDTH ...`, then a row a line: values
 of inputs, a semicolon, what is expected. An input with `!` is uniform, `<Nworld` is what it is where nothing is said.
-`- DEFINITION why` is one that has no values.
+A row with `*` has all defaults. `- DEFINITION why` is one that has no values.
 """
 
 import argparse
@@ -40,6 +40,7 @@ EXACT = {
     "exp": np.exp,
     "atan2": np.arctan2,
     "power": np.power,
+    "safepower": lambda a, b: np.sign(a) * np.power(np.abs(a), b),
 }
 NOT_COMPARED = {
     "UsdPrimvarReader": "the generator cannot bind the primvar that it names",
@@ -65,6 +66,14 @@ def described(port: mx.Input) -> str:
     return f"{port.getName()}:{port.getType()}" + "!" * port.getIsUniform() + ("<" + default) * bool(default)
 
 
+def default(port: mx.Input, otherwise: np.ndarray) -> np.ndarray:
+    """What an input is where nothing is said; of the geometry any number."""
+    text = port.getValueString()
+    if port.getDefaultGeomPropString() or not text:
+        return otherwise if port.getDefaultGeomPropString() else np.zeros_like(otherwise)
+    return np.array([{"true": 1.0, "false": 0.0}.get(part.strip(), part) for part in text.split(",")], float)
+
+
 def exactly(category: str, inputs: list[np.ndarray]) -> np.ndarray:
     """A function of one operation, in f64 of what f32 has."""
     wide = [values.astype(np.float32).astype(np.float64) for values in inputs]
@@ -83,6 +92,9 @@ def block(oracle: Oracle, nodedef: mx.NodeDef, output: mx.Output, rows: int, see
         count = rows // len(combinations) + (at < rows % len(combinations))
         rng = np.random.default_rng([seed, at, *nodedef.getName().encode()])
         inputs = table(category, ports, rng, count)
+        if at == 0:
+            for values, (name, _) in zip(inputs, ports, strict=True):
+                values[0] = default(nodedef.getActiveInput(name), values[0])
         shader = None if category in EXACT else oracle.shader(nodedef, texts, output)
         geometry = shader.geometry if shader else []
         seen = [np.round(places(rng, (count, wide)), 3) + 0.0 for _, wide in geometry]
@@ -97,8 +109,8 @@ def block(oracle: Oracle, nodedef: mx.NodeDef, output: mx.Output, rows: int, see
         result = f"{output.getName()}:{output.getType()}"
         lines.append(" ".join(["=", nodedef.getName(), category, result, "|", *about, *said, "|", *reads]))
         lines.extend(
-            ",".join(f"{x:.7g}" for x in row) + ";" + ",".join(f"{x:.9g}" for x in answer)
-            for row, answer in zip(given.tolist(), expected.tolist(), strict=True)
+            "*" * (at + k == 0) + ",".join(f"{x:.9g}" for x in row) + ";" + ",".join(f"{x:.9g}" for x in answer)
+            for k, (row, answer) in enumerate(zip(given.tolist(), expected.tolist(), strict=True))
         )
     return lines
 

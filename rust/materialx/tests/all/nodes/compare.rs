@@ -41,7 +41,7 @@ fn normal(x: f32) -> f32 {
     if x.is_normal() { x } else { 0.0 }
 }
 
-fn row(block: &Block, (given, expected): &Row, way: Way, bound: Bound, library: &Library) -> Found {
+fn row(block: &Block, Row { given, expected, .. }: &Row, way: Way, bound: Bound, library: &Library) -> Found {
     let mut found = Found { rows: 1, equal: 1, numbers: expected.len(), ..Found::default() };
     let name = format!("{} {way:?} {}", block.definition, block.output);
     let ours = match value_of(block, given, way, library) {
@@ -80,7 +80,7 @@ pub(crate) fn compare(block: &Block, way: Way, library: &Library) -> Found {
     const MOST_LINES: usize = 3;
     let bound = Bound::of(block);
     let mut all = Found::default();
-    for values in &block.rows {
+    for values in block.rows.iter().filter(|row| way != Way::Unsaid || row.is_default) {
         all.add(row(block, values, way, bound, library));
         all.lines.truncate(MOST_LINES);
     }
@@ -89,5 +89,5 @@ pub(crate) fn compare(block: &Block, way: Way, library: &Library) -> Found {
 
 /// The ways in which a block can be compared: what reads the geometry is not folded.
 pub(crate) fn ways(block: &Block) -> &'static [Way] {
-    if block.geometry.is_empty() { &[Way::Said, Way::Read] } else { &[Way::Read] }
+    if block.geometry.is_empty() { &[Way::Said, Way::Read, Way::Unsaid] } else { &[Way::Read, Way::Unsaid] }
 }

@@ -16,7 +16,7 @@ use bounds::Bound;
 use compare::{compare, ways};
 use oocpt_materialx::program::Geometry;
 use oocpt_materialx::surface::Input;
-use table::Table;
+use table::{Row, Table};
 
 /// Rows of each output of each definition.
 const ROWS: usize = 6;
@@ -29,12 +29,14 @@ fn fixture() -> Table {
 #[test]
 fn every_definition_has_rows() {
     let table = fixture();
-    let mut rows: BTreeMap<(&str, &str), usize> = BTreeMap::new();
+    let mut rows: BTreeMap<(&str, &str), (usize, usize)> = BTreeMap::new();
     for block in &table.blocks {
-        *rows.entry((&block.definition, &block.output)).or_default() += block.rows.len();
+        let found = rows.entry((&block.definition, &block.output)).or_default();
+        found.0 += block.rows.len();
+        found.1 += block.rows.iter().filter(|row| row.is_default).count();
     }
     for (of, count) in &rows {
-        assert_eq!(*count, ROWS, "{of:?}: rows");
+        assert_eq!(*count, (ROWS, 1), "{of:?}: rows, those of defaults");
     }
     let compared: BTreeSet<&str> = rows.keys().map(|(definition, _)| *definition).collect();
     let missing: BTreeSet<&str> = table.missing.iter().map(|(name, _)| name.as_str()).collect();
@@ -73,7 +75,7 @@ fn other_values_are_found() {
     {
         let mut block = table.blocks.iter().find(|block| block.definition == name).expect("in the table").clone();
         let most = Bound::of(&block).most as f32;
-        for (given, expected) in &mut block.rows {
+        for Row { given, expected, .. } in &mut block.rows {
             let scale = given.iter().chain(&*expected).fold(1.0_f32, |most, x| most.max(x.abs()));
             expected[0] += scale * (2.0 * most).max(1.0e-6);
         }
@@ -81,8 +83,8 @@ fn other_values_are_found() {
     }
     let cross = table.blocks.iter().find(|block| block.category == "crossproduct");
     let mut swapped = cross.expect("in the table").clone();
-    for (_, expected) in &mut swapped.rows {
-        expected.swap(0, 1);
+    for row in &mut swapped.rows {
+        row.expected.swap(0, 1);
     }
     assert!(compare(&swapped, ours::Way::Said, library()).wrong > 0, "swapped");
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-//! What our translation gives for a row of a table, in two ways: inputs that are said, which are folded, and inputs
-//! that a program reads, from texels and from the geometry.
+//! What our translation gives for a row of a table, in three ways: inputs that are said, which are folded, inputs that
+//! a program reads, from texels and from the geometry, and inputs that nothing is said of.
 
 use oocpt_materialx::eval::run;
 use oocpt_materialx::library::Library;
@@ -18,6 +18,8 @@ use super::table::{Block, Column, width};
 pub(crate) enum Way {
     Said,
     Read,
+    /// Rows of defaults alone.
+    Unsaid,
 }
 
 /// Textures that a program can read, less those that a node has of its own.
@@ -71,7 +73,8 @@ fn network(block: &Block, row: &[f32], way: Way, component: Option<usize>, libra
     let mut squared = node("ND_multiply_vector2");
     squared.connections = vec![("in1".into(), 3, "out".into()), ("in2".into(), 3, "out".into())];
     let mut nodes = vec![surface, tested, squared, node("ND_texcoord_vector2")];
-    for (column, at) in placed(block).into_iter().take(block.inputs.len()) {
+    let said = if way == Way::Unsaid { 0 } else { block.inputs.len() };
+    for (column, at) in placed(block).into_iter().take(said) {
         let name = column.name.as_str();
         let numbers = &row[at..at + column.width];
         let is_matrix = column.kind.starts_with("matrix");

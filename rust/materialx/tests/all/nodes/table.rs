@@ -14,8 +14,16 @@ pub(crate) struct Column {
     pub(crate) default: Option<String>,
 }
 
-/// A row: inputs and geometry, and what the node gives.
-pub(crate) type Row = (Vec<f32>, Vec<f32>);
+/// A row.
+#[derive(Clone, Debug)]
+pub(crate) struct Row {
+    /// Inputs and geometry.
+    pub(crate) given: Vec<f32>,
+    /// What the node gives.
+    pub(crate) expected: Vec<f32>,
+    /// Its inputs are what they are where nothing is said.
+    pub(crate) is_default: bool,
+}
 
 /// Rows of one output of one definition.
 #[derive(Clone, Debug)]
@@ -85,13 +93,14 @@ fn head(text: &str) -> Block {
 }
 
 fn row(line: &str, block: &Block) -> Row {
-    let (given, expected) = line.split_once(';').expect("a semicolon");
+    let is_default = line.starts_with('*');
+    let (given, expected) = line.trim_start_matches('*').split_once(';').expect("a semicolon");
     let [given, expected] = [given, expected].map(|numbers| -> Vec<f32> {
         numbers.split(',').filter(|number| !number.is_empty()).map(|number| number.parse().expect("a number")).collect()
     });
     let columns: usize = block.inputs.iter().chain(&block.geometry).map(|column| column.width).sum();
     assert_eq!((given.len(), expected.len()), (columns, width(&block.kind)), "{}: {line}", block.definition);
-    (given, expected)
+    Row { given, expected, is_default }
 }
 
 /// Reads a table.
