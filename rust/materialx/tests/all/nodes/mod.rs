@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use oocpt_materialx::value::{Type, Value};
 
-use super::support::{library, node, number, of_node, sound, value, vector};
+use super::support::{library, node, number, of_node, sound, translated, value, vector};
 use bounds::Bound;
 use compare::{compare, ways};
 use oocpt_materialx::program::Geometry;
@@ -155,4 +155,17 @@ fn switches_of_nodes_can_be_connected() {
         let said = of_node("ND_worleynoise2d_float", &[place[0].clone(), ("style", number(style))])[0];
         assert_eq!(at("ND_worleynoise2d_float", "style", style, &place), said, "style {style}");
     }
+}
+
+/// Programs have no matrices: a line says so.
+#[test]
+fn a_matrix_of_nodes_is_a_line() {
+    let unit = Value::Matrix(std::array::from_fn(|row| std::array::from_fn(|k| f32::from(u8::from(row == k)))));
+    let translation = translated(vec![
+        node("ND_open_pbr_surface_surfaceshader", &[("base_weight", number(1.0))], &[("base_color", 1)]),
+        node("ND_transformmatrix_vector3", &[("in", vector(1.0, 2.0, 3.0))], &[("mat", 2)]),
+        node("ND_add_matrix33", &[("in1", unit.clone()), ("in2", unit)], &[]),
+    ]);
+    let line = "`transformmatrix` (/m/ND_transformmatrix_vector3) changes nothing: its matrix is worked out by nodes";
+    assert_eq!(translation.problems, [line]);
 }
