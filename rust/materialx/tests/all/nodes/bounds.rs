@@ -142,7 +142,7 @@ pub(crate) fn left_out(block: &Block, row: &[f32], k: usize) -> Option<&'static 
     let of = |name: &str| input(block, row, name, k).unwrap_or_default();
     let is_last = k == 3 && width(&block.kind) == 4;
     let (is_out, why) = match block.category.as_str() {
-        // GLSL leaves it to the device; here and in OSL it goes up.
+        // GLSL leaves it to the device; here it goes up.
         "round" => ((of("in") - of("in").floor()) == 0.5, "halves"),
         // A rounded remainder is next to 0 or next to the divisor.
         "modulo" => {
