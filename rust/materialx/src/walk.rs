@@ -148,7 +148,10 @@ impl<'a> Walker<'a> {
         if at.frame > 0
             && let Some(node) = self.frames.get(at.frame - 1).and_then(|frame| frame.graph.nodes.get(at.node))
         {
-            return Arc::clone(&node.category);
+            // A definition that is named counts before the name of the element: `ramp_gradient` has an `ifgreater` that
+            // is defined by `ND_ifgreatereq_color4I`.
+            let named = node.definition.as_ref().and_then(|name| self.library.definition(name));
+            return Arc::clone(named.map_or(&node.category, |definition| &definition.category));
         }
         if let Some(definition) = self.definition(at) {
             return Arc::clone(&definition.category);

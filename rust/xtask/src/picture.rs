@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Pictures to look at and to compare with: the gallery, and references made with Mitsuba 3.
+//! Pictures to look at and to compare with: the gallery, and references made with Mitsuba 3 or `MaterialX`'s shaders.
 //!
 //! Mitsuba is a test tool in an environment of its own; nothing of the product and none of its tests needs it. The work
 //! is done by Python programs below `tests/gallery` and `tests/reference`; here they are given their interpreter and
@@ -38,14 +38,16 @@ pub(crate) fn reference(places: &Places, interpreter: &Interpreter, arguments: &
     ensure!(script.is_file(), "tests/reference holds no program {program}");
     let mut reference = Command::new(places.venv_python(REFERENCE_VENV.name));
     shell::apply(&shell::for_wheel(places), &mut reference);
-    reference.env("DRJIT_LIBLLVM_PATH", system::llvm()?);
+    if program != "nodes" {
+        reference.env("DRJIT_LIBLLVM_PATH", system::llvm()?);
+    }
     Err(reference.arg(script).args(rest).exec()).context("cannot start the reference renderer")
 }
 
 /// The program that the first argument names, and what is left for it; words with a dash are options of the default
 /// one.
 fn program_of(arguments: &[OsString]) -> (String, &[OsString]) {
-    const PROGRAMS: &[&str] = &["make_references", "to_mitsuba", "check_answers", "time_to_error", "curves"];
+    const PROGRAMS: &[&str] = &["make_references", "to_mitsuba", "check_answers", "time_to_error", "curves", "nodes"];
     match arguments.split_first() {
         Some((first, rest)) if PROGRAMS.iter().any(|program| first == program) => {
             (first.to_string_lossy().into_owned(), rest)

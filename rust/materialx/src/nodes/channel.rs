@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use crate::expression::Val;
+use crate::program::Op;
 use crate::value::Type;
 use crate::walk::{At, Walker};
 
@@ -42,9 +43,17 @@ impl Walker<'_> {
             "convert" => {
                 let a = self.input_in(at);
                 let from = self.input_type(at, "in").width();
+                let is_truth = self.definition(at).is_some_and(|definition| {
+                    definition.outputs.first().is_some_and(|(.., name)| &**name == "boolean")
+                });
                 match (from, ty.width()) {
+                    _ if is_truth => {
+                        let is_zero = self.expressions.binary(Op::Equal, a, Val::ZERO);
+                        self.expressions.complement(is_zero)
+                    }
                     (3, 4) => self.expressions.swizzle(a, [0, 1, 2, 5]),
                     (2, 3) => self.expressions.swizzle(a, [0, 1, 4, 4]),
+                    (2, 4) => self.expressions.swizzle(a, [0, 1, 4, 5]),
                     // A number is in all components; what is left out does not count.
                     _ => a,
                 }

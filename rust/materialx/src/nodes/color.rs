@@ -81,16 +81,19 @@ impl Walker<'_> {
                 let off = e.subtract(back, front);
                 e.unary(Op::Absolute, off)
             }
-            // 1 - (1 - bg) / fg, 0 where fg is.
+            // 1 - (1 - bg) / fg; 0, not mixed, where there is nothing to divide by.
             "burn" => {
                 let rest = e.complement(back);
                 let quotient = e.divide(rest, front);
                 let value = e.complement(quotient);
-                e.op(Op::Select, [value, Val::ZERO, front], 0)
+                let mixed = e.mix(back, value, share);
+                return Some(e.op(Op::Select, [mixed, Val::ZERO, front], 0));
             }
             "dodge" => {
                 let rest = e.complement(front);
-                e.divide(back, rest)
+                let value = e.divide(back, rest);
+                let mixed = e.mix(back, value, share);
+                return Some(e.op(Op::Select, [mixed, Val::ZERO, rest], 0));
             }
             "screen" => {
                 let (a, b) = (e.complement(front), e.complement(back));
@@ -132,6 +135,9 @@ impl Walker<'_> {
                 let factor = e.op(Op::Select, [part, Val::ONE, is_full], 0);
                 let scaled = e.multiply(back, factor);
                 let color = e.add(front, scaled);
+                // A back without alpha cannot be divided by: then there is no colour.
+                let is_known = e.op(Op::Select, [below, Val::ONE, is_full], 0);
+                let color = e.op(Op::Select, [color, Val::ZERO, is_known], 0);
                 let opaque = e.binary(Op::Min, sum, Val::ONE);
                 e.splice(color, 3, opaque)
             }

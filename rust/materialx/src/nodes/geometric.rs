@@ -35,7 +35,8 @@ impl Walker<'_> {
                     let path = self.path(at);
                     self.problem(format!("`{category}` ({path}) changes nothing: spaces are not supported"));
                 }
-                self.input_in(at)
+                let a = self.input_in(at);
+                if category == "transformnormal" { self.expressions.normalize(a, 3) } else { a }
             }
             _ => return None,
         })
@@ -74,21 +75,38 @@ impl Walker<'_> {
 
     /// |V . N|, or 1 less it.
     fn facing_ratio(&mut self, at: At) -> Val {
-        let toward = self.view_direction(at);
-        let normal = self.expressions.geometry(Geometry::Normal);
-        let cosine = self.expressions.dot(toward, normal, 3);
+        let is_said = self.is_said(at, "viewdirection");
+        let toward = if is_said { self.number_or(at, "viewdirection", 0.0) } else { self.view_direction(at) };
+        let normal = self.said_or(at, "normal", Geometry::Normal);
         let facing = self.number(at, "faceforward").unwrap_or(Val::ONE);
-        let ratio = if facing.is(0.0, 1) {
-            self.expressions.subtract(Val::ZERO, cosine)
-        } else {
-            self.expressions.unary(Op::Absolute, cosine)
-        };
-        if self.number_or(at, "invert", 0.0).is(0.0, 1) { ratio } else { self.expressions.complement(ratio) }
+        let invert = self.number_or(at, "invert", 0.0);
+        let e = &mut self.expressions;
+        let cosine = e.dot(toward, normal, 3);
+        let (size, signed) = (e.unary(Op::Absolute, cosine), e.subtract(Val::ZERO, cosine));
+        let ratio = e.op(Op::Select, [size, signed, facing], 0);
+        let rest = e.complement(ratio);
+        e.op(Op::Select, [rest, ratio, invert], 0)
+    }
+
+    /// What is said of an input, or what the surface has.
+    fn said_or(&mut self, at: At, name: &str, what: Geometry) -> Val {
+        let said = if self.is_said(at, name) { self.number(at, name) } else { None };
+        said.unwrap_or_else(|| self.expressions.geometry(what))
+    }
+
+    /// Whether a normal map is about the surface's own normal and tangents.
+    pub(crate) fn is_own_frame(&mut self, at: At) -> bool {
+        let own = [("normal", Geometry::Normal), ("tangent", Geometry::Tangent), ("bitangent", Geometry::Bitangent)];
+        own.into_iter().all(|(name, what)| self.said_or(at, name, what) == self.expressions.geometry(what))
     }
 
     /// The vector in the frame of the surface that a normal map says, not normalised.
     pub(crate) fn tangent_space_normal(&mut self, at: At) -> Val {
-        let value = self.number(at, "in").unwrap_or(Val::Constant([0.5, 0.5, 1.0, 0.0]));
+        let mut value = self.number(at, "in").unwrap_or(Val::Constant([0.5, 0.5, 1.0, 0.0]));
+        // Nothing is flat. Of texels it is not asked: a map would not be a texture of the surface any more.
+        if value.is(0.0, 3) {
+            value = Val::Constant([0.5, 0.5, 1.0, 0.0]);
+        }
         let scale = self.number_or(at, "scale", 1.0);
         let e = &mut self.expressions;
         let twice = e.multiply(value, Val::number(2.0));
@@ -106,8 +124,10 @@ impl Walker<'_> {
     /// A vector in the frame of the surface, about the normal that a node says.
     pub(super) fn in_world(&mut self, at: At, local: Val) -> Val {
         let normal = self.number(at, "normal").unwrap_or(Val::ZERO);
+        let tangent = self.said_or(at, "tangent", Geometry::Tangent);
+        let bitangent = self.said_or(at, "bitangent", Geometry::Bitangent);
         let e = &mut self.expressions;
-        let frame = [e.geometry(Geometry::Tangent), e.geometry(Geometry::Bitangent), normal];
+        let frame = [tangent, bitangent, normal];
         let mut sum = Val::ZERO;
         for (axis, along) in frame.into_iter().zip(0..) {
             let share = e.component(local, along);

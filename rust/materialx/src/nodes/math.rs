@@ -113,10 +113,14 @@ impl Walker<'_> {
     }
 
     /// in times the matrix; a vector that is shorter than its rows goes on with 1, as a point does. Of matrices that
-    /// are worked out by other nodes nothing is known.
+    /// are worked out by other nodes nothing is known: a line, and the vector as it is.
     fn transform_matrix(&mut self, at: At) -> Val {
         let a = self.input_in(at);
-        let Some(Bound::Matrix(rows)) = self.input(at, "mat") else { return a };
+        let Some(Bound::Matrix(rows)) = self.input(at, "mat") else {
+            let path = self.path(at);
+            self.problem(format!("`transformmatrix` ({path}) changes nothing: its matrix is worked out by nodes"));
+            return a;
+        };
         let width = self.input_type(at, "in").width();
         let is_point = match self.input_type(at, "mat") {
             Type::Matrix3 => width == 2,

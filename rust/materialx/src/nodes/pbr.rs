@@ -5,6 +5,9 @@ use crate::expression::Val;
 use crate::program::Op;
 use crate::walk::{At, Walker};
 
+/// Least square of a roughness.
+const LEAST: f32 = 1.0e-8;
+
 impl Walker<'_> {
     pub(super) fn pbr(&mut self, at: At, category: &str, output: &str) -> Option<Val> {
         Some(match category {
@@ -13,6 +16,7 @@ impl Walker<'_> {
                 let anisotropy = self.number_or(at, "anisotropy", 0.0);
                 let e = &mut self.expressions;
                 let alpha = e.multiply(roughness, roughness);
+                let alpha = e.op(Op::Clamp, [alpha, Val::number(LEAST), Val::ONE], 0);
                 let less = e.op(Op::Clamp, [anisotropy, Val::ZERO, Val::number(0.98)], 0);
                 let rest = e.complement(less);
                 let aspect = e.unary(Op::Sqrt, rest);
@@ -22,7 +26,14 @@ impl Walker<'_> {
             }
             "roughness_dual" => {
                 let roughness = self.number_or(at, "roughness", 0.0);
-                self.expressions.multiply(roughness, roughness)
+                let e = &mut self.expressions;
+                let [along, across] = [0, 1].map(|axis| e.component(roughness, axis));
+                // A negative second one is the first.
+                let is_negative = e.binary(Op::Greater, Val::ZERO, across);
+                let across = e.op(Op::Select, [along, across, is_negative], 0);
+                let both = e.combine(&[along, across]);
+                let square = e.multiply(both, both);
+                e.op(Op::Clamp, [square, Val::number(LEAST), Val::ONE], 0)
             }
             "blackbody" => self.blackbody(at),
             "artistic_ior" => self.artistic_ior(at, output == "extinction"),

@@ -79,11 +79,16 @@ impl Walker<'_> {
         let place = self.number_or(at, place, 0.0);
         let jitter = self.number_or(at, "jitter", 1.0);
         // Style 0: distances; 1: the cell of the nearest point.
-        let kind = match (self.number_or(at, "style", 0.0).is(0.0, 1), ty) {
-            (true, _) => ty.width().max(1) - 1,
-            (false, Type::Float) => 3,
-            (false, _) => 4,
-        };
-        self.expressions.op(op, [place, jitter, Val::ZERO], kind)
+        let style = self.number_or(at, "style", 0.0);
+        let e = &mut self.expressions;
+        let mut of = |kind: u16| e.op(op, [place, jitter, Val::ZERO], kind);
+        let (distances, cell) = (ty.width().max(1) - 1, if ty == Type::Float { 3 } else { 4 });
+        match style.constant() {
+            Some([style, ..]) => of(if style == 0.0 { distances } else { cell }),
+            None => {
+                let [distances, cell] = [distances, cell].map(of);
+                self.expressions.op(Op::Select, [cell, distances, style], 0)
+            }
+        }
     }
 }

@@ -79,8 +79,8 @@ impl Walker<'_> {
         }
         if let Some(source) = self.source_node(at, name) {
             match &*self.category(source) {
-                "normalmap" => return self.tangent_space_normal(source),
-                "bump" => return self.height_normal(source, "height"),
+                "normalmap" if self.is_own_frame(source) => return self.tangent_space_normal(source),
+                "bump" if self.is_own_frame(source) => return self.height_normal(source, "height"),
                 _ => {}
             }
         }

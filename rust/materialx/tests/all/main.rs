@@ -14,6 +14,8 @@ mod hostile;
 #[cfg(test)]
 mod mixtures;
 #[cfg(test)]
+mod nodes;
+#[cfg(test)]
 mod support;
 #[cfg(test)]
 mod surfaces;

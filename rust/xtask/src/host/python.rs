@@ -38,7 +38,7 @@ pub(crate) const HOST_VENV: VenvPlan = VenvPlan { name: "venv-host", roles: &[Ro
 pub(crate) const USD_VENV: VenvPlan =
     VenvPlan { name: "venv-usd", roles: &[Role::Tools, Role::UsdTools], sees_host: false };
 
-/// Renders references with Mitsuba from scenes that usd-core reads.
+/// Renders references with Mitsuba from scenes that usd-core reads; runs `MaterialX`'s own shaders of nodes.
 pub(crate) const REFERENCE_VENV: VenvPlan =
     VenvPlan { name: "venv-reference", roles: &[Role::Tools, Role::UsdTools, Role::ReferenceTools], sees_host: false };
 
