@@ -84,8 +84,8 @@ struct Walk {
     bool hit;
 };
 
-// Whether the last walks of a pass are shared by threads (sharing.glsl). Any hit through one level of instances is found
-// in few visits: helpers gain nothing, and their code costs registers.
+// Whether the last walks of a pass are shared by threads (sharing.glsl). Any hit through one level of instances is
+// found in few visits: helpers gain nothing there, and their code costs registers.
 #if ANY_HIT
 const bool SHARES = !HAS_STREAMING && MAX_LEVELS > 1u;
 #else
