@@ -89,11 +89,19 @@ impl Bvh4 {
     /// The first broken invariant.
     pub fn validate(&self, triangles: &[Triangle], kind: LeafKind) -> Result<(), BvhError> {
         let boxes: Vec<Aabb> = triangles.iter().map(|triangle| triangle.bounds(kind)).collect();
+        self.validate_items(&boxes)
+    }
+
+    /// The same against the boxes of the items in BVH order: those of the whole shutter where points move.
+    ///
+    /// # Errors
+    /// The first broken invariant.
+    pub fn validate_items(&self, boxes: &[Aabb]) -> Result<(), BvhError> {
         if self.nodes.is_empty() || boxes.is_empty() {
             return Err(BvhError::Empty);
         }
         let seen = vec![false; boxes.len()];
-        let mut walk = Walk { boxes: &boxes, max_leaf: MAX_LEAF_TRIANGLES, seen, nodes: 0, depth: 0 };
+        let mut walk = Walk { boxes, max_leaf: MAX_LEAF_TRIANGLES, seen, nodes: 0, depth: 0 };
         self.walk(&mut walk, 0, 0)?;
         if walk.nodes != self.nodes.len() || walk.seen.contains(&false) {
             return Err(BvhError::Coverage);

@@ -168,7 +168,7 @@ pub struct MeshAsset {
 
 impl MeshAsset {
     /// The box of an item while the shutter is open; empty where there is none.
-    fn item_bounds(&self, at: usize) -> Aabb {
+    pub(crate) fn item_bounds(&self, at: usize) -> Aabb {
         let count = self.triangles.len();
         self.triangles.get(at).map_or(Aabb::EMPTY, |item| deform::swept(item, self.kind, &self.keys, at, count))
     }

@@ -209,7 +209,7 @@ fn points_that_move_and_what_is_too_many_are_left_out_and_told() {
     db.upsert_mesh(deforms);
     db.upsert_instancer(flying("/i", &[[0.0; 3]; 5], &[[1.0, 0.0, 0.0]; 5]));
     db.upsert_mesh(mesh("/i/p", Some("/i"), &|_| DMat4::IDENTITY));
-    let snapshot = db.commit().snapshot;
+    let snapshot = committed(&mut db);
     let found = all(&snapshot);
     assert_eq!((found.all.len(), found.is_complete, found.leaves_out_moving), (5, true, true));
     let few = snapshot.mesh_placements(&|_| true, 3);
