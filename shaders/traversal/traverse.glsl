@@ -85,7 +85,7 @@ struct Walk {
 };
 
 // Whether the last walks of a pass are shared by threads (sharing.glsl). Any hit through one level of instances is
-// found in few visits: helpers gain nothing there, and their code costs registers.
+// found in few visits: helpers gain nothing there, and the pass with their code is slower (0052).
 #if ANY_HIT
 const bool SHARES = !HAS_STREAMING && MAX_LEVELS > 1u;
 #else

@@ -75,8 +75,8 @@ pub struct MeshPlacements {
     pub all: Vec<MeshPlacement>,
     /// There are no more than were asked for.
     pub is_complete: bool,
-    /// Some are left out for how they move.
-    pub leaves_out_moving: bool,
+    /// Some are left out because the points of their mesh move.
+    pub leaves_out_deforming: bool,
 }
 
 /// Whether a prim is asked for, by its id.
@@ -185,10 +185,7 @@ impl Walk<'_> {
             None => (way.motion.clone(), object_from_parent * way.here_from_outer),
             Some(keys) => match way.motion.within(&way.here_from_outer.inverse(), keys) {
                 Some(motion) => (motion, DAffine3::IDENTITY),
-                None => {
-                    self.found.leaves_out_moving = true;
-                    return;
-                }
+                None => return,
             },
         };
         let outer_from_object = object_from_outer.inverse();
@@ -201,7 +198,7 @@ impl Walk<'_> {
             Target::Mesh(mesh) => {
                 let Some(mesh_of) = self.snapshot.meshes.get(mesh as usize) else { return };
                 if mesh_of.keys != 0 {
-                    self.found.leaves_out_moving = true;
+                    self.found.leaves_out_deforming = true;
                     return;
                 }
                 let bounds = mesh_of.bounds;

@@ -9,9 +9,9 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use crate::instancing::motion::{Keys, MotionKey, map_at, norm_of, swept_box};
 
-/// Turn of normals between two of the times at which they are asked for, radians.
+/// Largest turn of a normal from one sampled time to the next, radians.
 const STEP: f64 = 0.1;
-/// Most times asked for between two keys.
+/// Most sampled times between two keys.
 const MOST_STEPS: f64 = 64.0;
 /// What stretches may differ by and count as the same, relative.
 const SAME_STRETCH: f64 = 1e-6;

@@ -112,8 +112,8 @@ fn a_mesh_that_moves_is_where_its_samples_say() {
         let mut db = SceneDb::new();
         db.upsert_mesh(mesh("/mesh", None, map));
         let snapshot = committed(&mut db);
-        let MeshPlacements { all, is_complete, leaves_out_moving } = all(&snapshot);
-        assert!(is_complete && !leaves_out_moving && all.len() == 1, "{what}: {all:?}");
+        let MeshPlacements { all, is_complete, leaves_out_deforming } = all(&snapshot);
+        assert!(is_complete && !leaves_out_deforming && all.len() == 1, "{what}: {all:?}");
         assert_eq!(all[0].motion.levels.len(), usize::from(what != "rests"), "{what}: one motion is one level");
         check(what, &snapshot, &all[0], map);
         check_normals(what, &all[0], is_bounded);
@@ -211,7 +211,7 @@ fn points_that_move_and_what_is_too_many_are_left_out_and_told() {
     db.upsert_mesh(mesh("/i/p", Some("/i"), &|_| DMat4::IDENTITY));
     let snapshot = committed(&mut db);
     let found = all(&snapshot);
-    assert_eq!((found.all.len(), found.is_complete, found.leaves_out_moving), (5, true, true));
+    assert_eq!((found.all.len(), found.is_complete, found.leaves_out_deforming), (5, true, true));
     let few = snapshot.mesh_placements(&|_| true, 3);
     assert!(few.all.len() <= 3 && !few.is_complete, "{few:?}");
 }

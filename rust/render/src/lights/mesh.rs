@@ -68,8 +68,8 @@ pub(crate) struct MeshLightCache {
     last: Option<(u64, Weak<World>, Option<Arc<MeshLights>>)>,
     emitters: FxHashMap<EmitterKey, Option<Arc<Emitter>>>,
     maps: EmissionMaps,
-    /// Something that emits light moves, and is not among them.
-    moves: bool,
+    /// The points of something that emits light move, so it is not among them.
+    deforms: bool,
 }
 
 type EmitterKey = (u128, Vec<u32>);
@@ -92,11 +92,11 @@ impl MeshLightCache {
         lights
     }
 
-    /// What is to be said of the lights of the last snapshot that move.
+    /// What is to be said of the lights of the last snapshot whose points move.
     pub(crate) fn warning(&self) -> Option<String> {
         let text =
             "emissive meshes whose points move are not sampled as lights, but met by chance only, which is noisy";
-        self.moves.then(|| text.to_owned())
+        self.deforms.then(|| text.to_owned())
     }
 
     fn make(&mut self, snapshot: &Snapshot, images: Option<&TextureCache>) -> Option<MeshLights> {
@@ -105,9 +105,9 @@ impl MeshLightCache {
             .map(|id| PrimEmission::of_prim(snapshot, id, &materials))
             .collect();
         let of_prim = |id: i32| emission.get(usize::try_from(i64::from(id) + 1).ok()?)?.as_ref();
-        let MeshPlacements { all: mut placements, mut is_complete, leaves_out_moving } =
+        let MeshPlacements { all: mut placements, mut is_complete, leaves_out_deforming } =
             snapshot.mesh_placements(&|prim| of_prim(prim).is_some(), MAX_PLACEMENTS);
-        self.moves = leaves_out_moving;
+        self.deforms = leaves_out_deforming;
         drop_ambiguous(&mut placements);
         let known = std::mem::take(&mut self.emitters);
         let mut making = Making::default();
