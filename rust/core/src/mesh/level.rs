@@ -37,6 +37,16 @@ pub const fn level_node_count(count: usize) -> usize {
     }
 }
 
+/// Stack entries that hardly any hierarchy over `count` boxes exceeds ([`LevelTree::stack`]): of 386 in an island, none
+/// (decisions/0055).
+#[must_use]
+pub const fn likely_level_stack(count: usize) -> u32 {
+    match count {
+        0 | 1 => 0,
+        _ => 4 + 5 * count.ilog2() / 2,
+    }
+}
+
 /// Builds the hierarchy over `boxes`, fewer than 2^31; a leaf is the number of a box. Boxes must not be empty: a walk
 /// may not find such an item.
 #[must_use]

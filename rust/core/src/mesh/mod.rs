@@ -53,7 +53,7 @@ pub use dicing::{Dicing, Eye};
 pub use key::mesh_key;
 pub(crate) use key::{is_same_mesh, mesh_key_with};
 pub use leaf::LeafKind;
-pub use level::{LevelTree, build_level, level_node_count};
+pub use level::{LevelTree, build_level, level_node_count, likely_level_stack};
 pub use ptex::{MAX_PTEX_FACES, PtexPart, PtexTriangle};
 pub use refine::MAX_REFINED_TRIANGLES;
 pub(crate) use scene_mesh::{KeptMesh, Recipe, Shelf};

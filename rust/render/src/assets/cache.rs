@@ -332,8 +332,7 @@ impl Scene {
             let key = self.assets.key(asset);
             key.and_then(|key| self.store.reached(&key)).map_or(0, |resident| resident.stack)
         };
-        let chunks = (0..).take(self.assets.chunk_count());
-        chunks.map(|chunk| self.assets.stack_of(chunk, own)).max().unwrap_or(0)
+        self.assets.deepest_stack(own)
     }
 
     /// What the passes need, for chunks that need `stack_entries` below the top level.

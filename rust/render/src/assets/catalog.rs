@@ -210,15 +210,38 @@ impl SceneAssets {
         let mut entries: FxHashMap<AssetId, u32> = FxHashMap::default();
         let mut last = 0;
         for &asset in self.catalog.assets(chunk) {
-            let below = match self.sources.get(asset as usize) {
-                Some(Source::Assembly(assembly)) => self.deepest(&assembly.targets(), &entries),
-                Some(Source::Chunk(chunk)) => self.deepest(chunk.targets(), &entries),
-                Some(Source::Mesh(_) | Source::Tile(..)) | None => 0,
-            };
-            last = own(asset) + below;
+            last = own(asset) + self.below(asset, &entries);
             entries.insert(asset, last);
         }
         last
+    }
+
+    /// The same for all chunks.
+    pub(crate) fn deepest_stack(&self, own: impl Fn(AssetId) -> u32) -> u32 {
+        // Each asset once: many chunks place the same assemblies.
+        let mut entries: FxHashMap<AssetId, u32> = FxHashMap::default();
+        let mut most = 0;
+        for &asset in &self.needed {
+            let below = self.below(asset, &entries);
+            let stack = own(asset) + below;
+            entries.insert(asset, stack);
+            most = most.max(stack);
+        }
+        most
+    }
+
+    /// What a walk of any chunk most likely needs, known before there are trees over instances.
+    pub(crate) fn likely_stack(&self) -> u32 {
+        self.deepest_stack(|asset| self.sources.get(asset as usize).map_or(0, Source::likely_stack))
+    }
+
+    /// Entries that what `asset` places needs.
+    fn below(&self, asset: AssetId, entries: &FxHashMap<AssetId, u32>) -> u32 {
+        match self.sources.get(asset as usize) {
+            Some(Source::Assembly(assembly)) => self.deepest(&assembly.targets(), entries),
+            Some(Source::Chunk(chunk)) => self.deepest(chunk.targets(), entries),
+            Some(Source::Mesh(_) | Source::Tile(..)) | None => 0,
+        }
     }
 
     fn deepest(&self, targets: &[Target], entries: &FxHashMap<AssetId, u32>) -> u32 {

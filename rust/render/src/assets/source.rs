@@ -7,7 +7,9 @@
 
 use super::values::ValueLayout;
 use crate::textures::TextureImage;
-use oocpt_core::mesh::{AttributeRate, AttributeSummary, LeafKind, MeshSummary, SceneMesh, level_node_count};
+use oocpt_core::mesh::{
+    AttributeRate, AttributeSummary, LeafKind, MeshSummary, SceneMesh, level_node_count, likely_level_stack,
+};
 use oocpt_core::partition::Chunk;
 use oocpt_core::scene::{Assembly, InstanceColumn, InstanceRecord, MotionKey};
 use oocpt_shader_abi as abi;
@@ -132,6 +134,15 @@ impl Source {
             Self::Mesh(_) | Self::Tile(..) => 0,
             Self::Assembly(assembly) => assembly.len(),
             Self::Chunk(chunk) => chunk.len(),
+        }
+    }
+
+    /// Stack entries that a walk of its own tree most likely needs; of a mesh they are known.
+    pub(crate) fn likely_stack(&self) -> u32 {
+        match self {
+            Self::Mesh(mesh) => mesh.stack,
+            Self::Assembly(_) | Self::Chunk(_) => likely_level_stack(self.records()),
+            Self::Tile(..) => 0,
         }
     }
 

@@ -8,13 +8,17 @@
 use super::residency::Residency;
 use crate::engine::LeftOff;
 
-/// Fewest paths that are left to trace, without and with tiles of textures: compiling other passes takes a while, and
-/// so does letting paths run out.
-const FEWEST_PATHS: [u64; 2] = [1 << 27, 1 << 23];
-/// So many bytes are brought for a path that is streamed or left to trace, without and with tiles. It saves some five
-/// nanoseconds, with tiles eighty (decisions/0050), and a loader brings four bytes in one, while the processors have
-/// little else to do.
-const BYTES_A_PATH: [u64; 2] = [60, 960];
+/// Nanoseconds that a path saves, without and with tiles of textures, where the device is busy (decisions/0050).
+const NANOS_A_PATH: [u64; 2] = [5, 80];
+/// What it saves more with so many paths in flight; with half as many, twice that. A round takes as long as its longest
+/// ray, however few it traces (decisions/0055).
+const NANOS_IN_FLIGHT: u64 = 20;
+const PATHS_IN_FLIGHT: u64 = 1 << 20;
+/// Nanoseconds that are lost, without and with tiles: other passes are compiled, and paths run out.
+const NANOS_LOST: [u64; 2] = [200_000_000, 600_000_000];
+/// Bytes that are brought for a nanosecond saved: a loader brings four in one, while the processors have little else to
+/// do.
+const BYTES_A_NANO: u64 = 12;
 /// Paths that run out may wait for tiles: so many bytes are to be free for these or to hold others, which may go.
 const ROOM_FOR_TILES: u64 = 8 << 20;
 
@@ -26,14 +30,18 @@ pub(super) struct Leave {
     /// Whatever is left, and however little room tiles have.
     is_soon: bool,
     has_tiles: bool,
+    /// What a path saves that is not streamed, nanoseconds.
+    nanos_a_path: u64,
     pub(super) left_off: Option<LeftOff>,
 }
 
 impl Leave {
-    /// For a scene that can be all there, or cannot, without or with tiles of textures; `is_soon`: whatever is left to
-    /// trace.
-    pub(super) fn new(is_possible: bool, has_tiles: bool, is_soon: bool) -> Self {
-        Self { is_possible, is_soon, has_tiles, left_off: None }
+    /// For a scene that can be all there, or cannot, without or with tiles of textures, and at most so many paths in
+    /// flight; `is_soon`: whatever is left to trace.
+    pub(super) fn new(is_possible: bool, has_tiles: bool, in_flight: u32, is_soon: bool) -> Self {
+        let waited = NANOS_IN_FLIGHT * PATHS_IN_FLIGHT / u64::from(in_flight.max(1));
+        let nanos_a_path = NANOS_A_PATH[usize::from(has_tiles)] + waited;
+        Self { is_possible, is_soon, has_tiles, nanos_a_path, left_off: None }
     }
 
     /// Whether to leave off now, with so many paths that have not begun and that were streamed; has the rest of the
@@ -59,12 +67,13 @@ impl Leave {
 
     /// Whether other passes pay for so many paths.
     fn pays(&self, unbegun: u64) -> bool {
-        unbegun > if self.is_soon { 0 } else { FEWEST_PATHS[usize::from(self.has_tiles)] }
+        let lost = if self.is_soon { 0 } else { NANOS_LOST[usize::from(self.has_tiles)] };
+        unbegun.saturating_mul(self.nanos_a_path) > lost
     }
 
     /// Whether to bring `missing` bytes that no ray has asked for, where `paths` were streamed or have not begun.
     fn brings(&self, missing: u64, paths: u64) -> bool {
-        self.is_soon || paths >= missing / BYTES_A_PATH[usize::from(self.has_tiles)]
+        self.is_soon || paths.saturating_mul(self.nanos_a_path) >= missing / BYTES_A_NANO
     }
 }
 
@@ -74,27 +83,36 @@ mod tests {
 
     #[test]
     fn long_pictures_go_on_without_streaming() {
-        for has_tiles in [false, true] {
-            let (leave, fewest) = (Leave::new(true, has_tiles, false), FEWEST_PATHS[usize::from(has_tiles)]);
+        for (has_tiles, fewest) in [(false, 20_000_000), (true, 6_000_000)] {
+            let leave = Leave::new(true, has_tiles, 1 << 22, false);
             assert!(leave.pays(fewest + 1) && !leave.pays(fewest), "short ones do not");
-            let soon = Leave::new(true, has_tiles, true);
+            let soon = Leave::new(true, has_tiles, 1 << 22, true);
             assert!(soon.pays(1) && !soon.pays(0), "a test wants it soon");
         }
     }
 
     #[test]
+    fn shorter_ones_do_where_few_paths_are_in_flight() {
+        let leave = Leave::new(true, false, 1 << 18, false);
+        assert!(leave.pays(2_400_000) && !leave.pays(2_300_000));
+        assert!(Leave::new(true, false, 0, false).pays(1 << 20), "none is as few as there may be");
+    }
+
+    #[test]
     fn tiles_have_room() {
-        let leave = Leave::new(true, true, false);
+        let leave = Leave::new(true, true, 1 << 20, false);
         assert!(leave.is_roomy(ROOM_FOR_TILES) && !leave.is_roomy(ROOM_FOR_TILES - 1));
-        assert!(Leave::new(true, false, false).is_roomy(0), "there are none");
+        assert!(Leave::new(true, false, 1 << 20, false).is_roomy(0), "there are none");
     }
 
     #[test]
     fn more_is_brought_for_more_paths() {
-        let leave = Leave::new(true, false, false);
-        assert!(leave.brings(3 << 30, 450_000_000), "1024 samples");
-        assert!(!leave.brings(3 << 30, 28_000_000) && leave.brings(3 << 30, 56_000_000), "64 samples, and again");
+        let leave = Leave::new(true, false, 1 << 22, false);
+        assert!(leave.brings(3 << 30, 28_000_000), "64 samples");
+        assert!(!leave.brings(30 << 30, 56_000_000) && leave.brings(30 << 30, 450_000_000), "1024 samples");
         assert!(leave.brings(0, 0), "nothing is missing");
-        assert!(Leave::new(true, true, false).brings(3 << 30, 28_000_000), "with tiles a path saves more");
+        let few = Leave::new(true, false, 1 << 16, false);
+        assert!(few.brings(30 << 30, 28_000_000), "few in flight save more");
+        assert!(Leave::new(true, true, 1 << 22, false).brings(30 << 30, 56_000_000), "with tiles a path saves more");
     }
 }

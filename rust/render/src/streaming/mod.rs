@@ -62,8 +62,6 @@ const MOST_PATHS_INTERACTIVE: u64 = 1 << 22;
 const MOST_PATHS_CPU: u64 = 1 << 14;
 /// Fewest paths in slots.
 const FEWEST_PATHS: u64 = 1 << 12;
-/// Stack entries below the top level that the passes are first compiled for; typical scenes stay below.
-const FIRST_STACK: u32 = 64;
 /// Bytes of the buffers of a frame that do not grow with its paths, about.
 const SMALL_BUFFERS: u64 = 1 << 20;
 /// Smallest arena that is made ahead, bytes.
@@ -116,10 +114,10 @@ pub(crate) fn render(
     let assets = scene.assets.clone();
     let filler = host_share(setting, scene, maps_host(device, &job.settings))?;
     let may_leave = filler.is_some() && may_split(setting, scene) && holds(device, &assets, budget)?;
-    let leave = Leave::new(may_leave, assets.tile_bytes > 0, leaves_soon(job));
+    let leave = Leave::new(may_leave, assets.tile_bytes > 0, buffers.paths.capacity, leaves_soon(job));
     let (_, store, tables) = scene.parts()?;
     let residency = Residency::new(Start { device, assets: &assets, store, tables, budget, policy, filler })?;
-    let stack_entries = residency.stack_entries.max(FIRST_STACK);
+    let stack_entries = residency.stack_entries.max(assets.likely_stack());
     let view = view.with_stack(stack_entries + MAX_PENDING);
     let bind = |block: &mut Frame| buffers.bind(block);
     let mut tracer = Tracer::new(setting, &buffers.paths, (&view, parts), listed, bind, progress)?;

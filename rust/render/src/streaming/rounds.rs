@@ -7,6 +7,9 @@
 const STEP_SECS: f64 = 0.03;
 /// Most rounds of a step.
 const MOST_ROUNDS: u32 = 16;
+/// Most rounds of a step on a GPU that more rays are about to join, which they do between steps: a round takes as long
+/// as its longest ray, whatever it traces beside it (decisions/0031, 0055).
+const MOST_BEFORE_MORE: u32 = 1;
 
 /// What became of a step.
 #[derive(Clone, Copy, Debug)]
@@ -32,9 +35,22 @@ pub(super) fn next(planned: u32, done: Done) -> u32 {
     }
 }
 
+/// Most rounds of the next step, on a processor or not, where `more_join`: paths can still begin, or few rays are at
+/// hand and loads are to wake others.
+pub(super) fn most(is_cpu: bool, more_join: bool) -> u32 {
+    if more_join && !is_cpu { MOST_BEFORE_MORE } else { MOST_ROUNDS }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rays_that_join_do_not_wait_for_rounds_on_a_gpu() {
+        assert_eq!(most(false, true), 1);
+        assert_eq!(most(false, false), 16, "none join");
+        assert_eq!(most(true, true), 16, "a processor is busy with few");
+    }
 
     /// What becomes of `planned` after many steps that take `secs` per round, of which `busy` rounds at most have rays.
     fn settled(busy: u32, secs: f64) -> Vec<u32> {

@@ -28,13 +28,10 @@ use std::time::{Duration, Instant};
 
 /// Rays that a step has at hand, about: a few for each thread of a large device.
 const ACTIVE_RAYS: u64 = 1 << 22;
-/// Rays that are worth a step while more chunks are on their way: a round takes as long as its longest ray, whatever it
-/// traces beside it (decisions/0029, 0031).
+/// Rays that are worth a step while more chunks are on their way (decisions/0029, 0031).
 const WORTHWHILE_RAYS: u64 = ACTIVE_RAYS / 16;
 /// Of the paths alive, the share whose rays are worth a step.
 const WORTHWHILE_SHARE: u64 = 4;
-/// Rounds of a step that leaves fewer while more chunks are on their way.
-const ROUNDS_WHILE_LOADING: u32 = 1;
 /// Longest wait for such a step.
 const HOLD: Duration = Duration::from_millis(50);
 /// How long to wait for the loader at a time.
@@ -329,9 +326,8 @@ impl Feed for Stage<'_, '_> {
         let busy = self.seen.counters.busy_rounds.wrapping_sub(before.busy_rounds);
         self.rounds = rounds::next(self.rounds, Done { rounds: work.of.rounds, busy, secs });
         let waits = self.seen.waiting() > 0 && self.streamer.residency.is_loading();
-        if !self.is_cpu && waits && self.seen.active() < WORTHWHILE_RAYS {
-            self.rounds = self.rounds.min(ROUNDS_WHILE_LOADING);
-        }
+        let more_join = self.segments.unbegun() > 0 || (waits && self.seen.active() < WORTHWHILE_RAYS);
+        self.rounds = self.rounds.min(rounds::most(self.is_cpu, more_join));
         if let Some(reach) = &mut self.streamer.residency.reach {
             reach.count(&self.seen.visited);
         }
