@@ -8,6 +8,7 @@ layout(local_size_x = 64) in;
 
 layout(push_constant, scalar) uniform Addresses { uint64_t address; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Triangles { GpuTriangle v[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Balls { GpuPoint v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer MeshNodes { GpuMeshNode v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer LevelNodes { GpuLevelNode v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer MaterialTable { GpuMaterial v[]; };
@@ -19,6 +20,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 16) buffer ShadowRays 
 
 void main() {
     Triangles(address).v[0].face = 0u;
+    Balls(address).v[0].face = 0u;
     MeshNodes(address).v[0].first_child = 0u;
     LevelNodes(address).v[0].cell = 0u;
     MaterialTable(address).v[0].flags = 0u;

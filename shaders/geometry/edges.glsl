@@ -9,9 +9,8 @@
 #include "include/pose.glsl"
 
 void item_edges(Pose pose, uint mesh, uint triangle, out vec3 e, out vec3 f) {
-    const vec3 v0 = posed_corner(pose, triangle * 3u).xyz;
-    const vec3 v1 = posed_corner(pose, triangle * 3u + 1u).xyz;
-    const vec3 v2 = posed_corner(pose, triangle * 3u + 2u).xyz;
+    vec3 v0, v1, v2;
+    posed_item(pose, triangle, v0, v1, v2);
     e = v1 - v0;
     f = v2 - v0;
     if (HAS_LEAF_KINDS && (Meshes(FRAME.meshes).v[mesh].flags & MESH_LEAF_MASK) != 0u) {

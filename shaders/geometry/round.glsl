@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ray against the hull of two balls: a piece of a curve, or a point. The hull is convex, so a line enters and leaves it
+// Ray against the hull of two balls: a piece of a curve. The hull is convex, so a line enters and leaves it
 // once. Its surface is that of a cone between the circles where it touches the balls, and of the balls beyond them; and
 // all of both balls is inside. So the entry is the least of what the balls and the cone say, the exit the largest, and
 // nothing has to be decided about where a ball ends: pieces that share a ball leave no gap.

@@ -32,14 +32,11 @@ Double3 placed_at(HitHeader hit, vec3 kept, float time) {
     int prim_id;
     const Affine map = follow_chain(hit.chunk_instance, mesh, prim_id, instance_id);
     const Pose pose = pose_of(mesh, time);
-    const vec3 v0 = posed_corner(pose, hit.triangle * 3u).xyz;
-    const vec3 v1 = posed_corner(pose, hit.triangle * 3u + 1u).xyz;
-    vec3 local;
+    vec3 v0, v1, v2, local;
+    posed_item(pose, hit.triangle, v0, v1, v2);
     if (HAS_LEAF_KINDS && (Meshes(FRAME.meshes).v[mesh].flags & MESH_LEAF_MASK) != 0u) {
-        const vec3 v2 = posed_corner(pose, hit.triangle * 3u + 2u).xyz;
         local = leaf_place(leaf_kind(Meshes(FRAME.meshes).v[mesh].flags), v0, v1, v2, hit.uv, kept);
     } else {
-        const vec3 v2 = posed_corner(pose, hit.triangle * 3u + 2u).xyz;
         local = fma(v0, vec3(1.0 - hit.uv.x - hit.uv.y), fma(v1, vec3(hit.uv.x), v2 * hit.uv.y));
     }
     const ChunkMap world = chunk_map(hit.chunk_instance);
@@ -59,9 +56,8 @@ vec3 motion_over_image(uint path) {
             const Pose pose = pose_of(mesh, surface_time);
             const Ray ray = load_ray(ray_address(path));
             const vec3 met = met_by(ray, hit.t, hit.chunk_instance, chunk_map(hit.chunk_instance));
-            const vec3 v0 = posed_corner(pose, hit.triangle * 3u).xyz;
-            const vec3 v1 = posed_corner(pose, hit.triangle * 3u + 1u).xyz;
-            const vec3 v2 = posed_corner(pose, hit.triangle * 3u + 2u).xyz;
+            vec3 v0, v1, v2;
+            posed_item(pose, hit.triangle, v0, v1, v2);
             kept = leaf_keep(leaf_kind(flags), v0, v1, v2, hit.uv, met);
         }
     }

@@ -38,13 +38,6 @@ vec2 unpack_ptex(vec2 st, out uint face) {
     return (vec2(steps) + 0.5) / PTEX_STEPS;
 }
 
-// The word of a triangle, and how many sides its authored face has.
-uvec2 ptex_word(uint64_t triangles, uint triangle) {
-    const uint word = floatBitsToUint(ConstVec4s(triangles).v[triangle * 3u + 2u].w);
-    const uint sides = floatBitsToUint(ConstVec4s(triangles).v[triangle * 3u + 1u].w) >> 16;
-    return uvec2(word, sides);
-}
-
 // A triangle's face and the coordinates of its corners there. `second`: of a wedge, the face of its second corner.
 uint ptex_corners(uvec2 word, bool second, out vec2 a, out vec2 b, out vec2 c) {
     const uint part = word.x & 7u;

@@ -124,11 +124,8 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
     Meshes meshes = Meshes(FRAME.meshes);
     const Pose pose = pose_of(mesh, surface_time);
     const uint flags = meshes.v[mesh].flags;
-    const vec4 first = posed_corner(pose, triangle * 3u);
-    const vec3 v0 = first.xyz;
-    const vec3 v1 = posed_corner(pose, triangle * 3u + 1u).xyz;
-    const vec3 v2 = posed_corner(pose, triangle * 3u + 2u).xyz;
-    s.face = floatBitsToUint(first.w);
+    vec3 v0, v1, v2;
+    s.face = posed_item(pose, triangle, v0, v1, v2);
     s.cone = 0.0;
     const vec3 weights = vec3(1.0 - uv.x - uv.y, uv);
     const bool is_other = HAS_LEAF_KINDS && (flags & MESH_LEAF_MASK) != 0u;
@@ -172,7 +169,7 @@ Surface make_surface(uint chunk_instance, uint triangle, vec2 uv, Ray ray, float
         if (HAS_PATTERNS) smooth_normal = normal_or(n, object_normal);
     }
     if (HAS_MATERIALS) {
-        const uint subset = floatBitsToUint(ConstVec4s(pose.triangles).v[triangle * 3u + 1u].w) & SUBSET_MASK;
+        const uint subset = item_subset(pose, triangle);
         surface_material = gather_material(mesh, triangle, weights, material_slot(s.prim_id, subset), local,
                                            smooth_normal);
         if (surface_material.material != NO_MATERIAL) {

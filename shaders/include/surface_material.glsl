@@ -8,6 +8,7 @@
 #include "include/affine.glsl"
 #include "include/attribute.glsl"
 #include "include/footprint.glsl"
+#include "include/pose.glsl"
 #include "include/ptex.glsl"
 #include "geometry/edges.glsl"
 
@@ -100,7 +101,7 @@ GpuSurfaceMaterial gather_material(uint mesh, uint triangle, vec3 weights, uint 
         vec4 value;
         m.uv[i] = materials.v[m.material].set_fallback[i];
         if (HAS_PTEX && materials.v[m.material].names[i] == NAME_PTEX) {
-            m.uv[i] = ptex_place(ptex_word(Meshes(FRAME.meshes).v[mesh].triangles, triangle), weights);
+            m.uv[i] = ptex_place(ptex_word(mesh, triangle), weights);
         } else if (set != NO_NAME) {
             m.uv[i] = primvar_value(mesh, set, triangle, weights).xy;
         } else if (instance_primvar(materials.v[m.material].names[i], value)) {
@@ -141,7 +142,7 @@ bool edge_gradients(vec2 d, vec2 g, vec3 e, vec3 f, out vec3 u, out vec3 v, out 
 bool set_gradients(uint mesh, uint name, uint triangle, vec2 st, vec3 e, vec3 f, out vec3 u, out vec3 v, out vec3 n) {
     if (HAS_PTEX && name == NAME_PTEX) {
         vec2 a, b, c;
-        ptex_corners_at(ptex_word(Meshes(FRAME.meshes).v[mesh].triangles, triangle), st, a, b, c);
+        ptex_corners_at(ptex_word(mesh, triangle), st, a, b, c);
         return edge_gradients(b - a, c - a, e, f, u, v, n);
     }
     const uint set = find_primvar(mesh, name);

@@ -64,17 +64,16 @@ GpuSurfaceMaterial candidate_material(uint triangle, vec2 uv, float t, out Patte
     Meshes meshes = Meshes(FRAME.meshes);
     const uint flags = meshes.v[walk.mesh].flags;
     const vec3 weights = vec3(1.0 - uv.x - uv.y, uv);
-    const vec4 v0 = posed_corner(walk.pose, triangle * 3u);
-    const vec4 v1 = posed_corner(walk.pose, triangle * 3u + 1u);
-    const vec4 v2 = posed_corner(walk.pose, triangle * 3u + 2u);
+    vec3 v0, v1, v2;
+    posed_item(walk.pose, triangle, v0, v1, v2);
     vec3 local, normal;
     if (HAS_LEAF_KINDS && walk.other) {
         local = walk.o + t * walk.d;
-        leaf_point(walk_kind, v0.xyz, v1.xyz, v2.xyz, uv, local, normal);
+        leaf_point(walk_kind, v0, v1, v2, uv, local, normal);
     } else {
-        local = fma(v0.xyz, vec3(weights.x), fma(v1.xyz, vec3(weights.y), v2.xyz * weights.z));
+        local = fma(v0, vec3(weights.x), fma(v1, vec3(weights.y), v2 * weights.z));
         vec3 size;
-        const vec3 winding = normal_or(triangle_normal(v0.xyz, v1.xyz, v2.xyz, size), vec3(0.0, 0.0, 1.0));
+        const vec3 winding = normal_or(triangle_normal(v0, v1, v2, size), vec3(0.0, 0.0, 1.0));
         normal = (flags & MESH_LEFT_HANDED) != 0u ? -winding : winding;
     }
     const ChunkMap world = chunk_map(walk.chunk_instance);
@@ -88,7 +87,7 @@ GpuSurfaceMaterial candidate_material(uint triangle, vec2 uv, float t, out Patte
         normal = normal_or(n, normal);
     }
     const int prim_id = Instances(walk.instances).v[chain[level_index()]].prim_id;
-    const uint slot = material_slot(prim_id, floatBitsToUint(v1.w) & SUBSET_MASK);
+    const uint slot = material_slot(prim_id, item_subset(walk.pose, triangle));
     GpuSurfaceMaterial m = gather_material(walk.mesh, triangle, weights, slot, local, normal);
     vec3 e, f;
     item_edges(walk.pose, walk.mesh, triangle, e, f);

@@ -43,6 +43,19 @@ uvec4 mesh_children(uint counts, uint first, uint first_triangle) {
     return children;
 }
 
+// The points of leaves that say which bundles they have, one each. All bundles are full but the first one, which has
+// what is left of `count` points.
+uvec4 bundle_members(uvec4 children, uint count) {
+    const uint missing = -count & (POINT_BUNDLE - 1u);
+    for (uint i = 0u; i < 4u; ++i) {
+        if (children[i] == ABSENT || (children[i] & LEAF) == 0u) continue;
+        const uint end = POINT_BUNDLE * ((children[i] & 0x0fffffffu) + 1u) - missing;
+        const uint begin = end - min(end, POINT_BUNDLE);
+        children[i] = LEAF | (end - begin - 1u) << 28 | begin;
+    }
+    return children;
+}
+
 Node load_node(uint64_t nodes, uint reference, bool in_mesh, vec3 o, vec3 reciprocal, float pad) {
     const uint at = reference * (in_mesh ? 3u : 4u);
     const uvec4 a = ConstUVec4s(nodes).v[at];

@@ -14,7 +14,7 @@ bool is_opaque(uint triangle, vec2 uv) {
     if (!of_mesh && !HAS_INSTANCE_OPACITY) return true;
     if (HAS_MATERIALS) {
         // displayOpacity is for surfaces without a material.
-        const uint subset = floatBitsToUint(ConstVec4s(walk.pose.triangles).v[triangle * 3u + 1u].w) & SUBSET_MASK;
+        const uint subset = item_subset(walk.pose, triangle);
         if (material_slot(Instances(walk.instances).v[chain[level_index()]].prim_id, subset) != NO_MATERIAL) {
             return true;
         }

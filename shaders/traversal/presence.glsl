@@ -39,9 +39,7 @@ float ray_cone(uint path, float t) {
 // goes, in that frame.
 Presence presence_of(Pose pose, uint mesh, int prim_id, uint triangle, vec2 uv, float cone, vec3 d) {
     Presence p = Presence(false, NO_TEXTURE, NO_MATERIAL, vec2(0.0), 0.0, 0u, 1.0, 0.0, 0.0, 0ul);
-    const uint64_t triangles = Meshes(FRAME.meshes).v[mesh].triangles;
-    const uint subset = floatBitsToUint(ConstVec4s(triangles).v[triangle * 3u + 1u].w) & SUBSET_MASK;
-    const uint slot = material_slot(prim_id, subset);
+    const uint slot = material_slot(prim_id, item_subset(pose, triangle));
     if (slot == NO_MATERIAL || (slot & SLOT_PRESENCE) == 0u) return p;
     const uint material = material_number(slot);
     const vec3 weights = vec3(1.0 - uv.x - uv.y, uv);
@@ -73,7 +71,7 @@ Presence presence_of(Pose pose, uint mesh, int prim_id, uint triangle, vec2 uv, 
             const uint entry = find_primvar(mesh, name);
             vec4 value;
             if (entry == NO_NAME && instance_primvar(name, value)) st = value.xy;
-            if (is_ptex) st = ptex_place(ptex_word(triangles, triangle), weights);
+            if (is_ptex) st = ptex_place(ptex_word(mesh, triangle), weights);
             if (entry != NO_NAME) st = primvar_value(mesh, entry, triangle, weights).xy;
             if (is_ptex || entry != NO_NAME) {
                 vec3 e, f, u, v, n;

@@ -148,6 +148,9 @@ uint pop() {
 uint descend(uint at) {
     const Node node = load_node(walk.nodes, at, walk.in_mesh, walk.o, walk.reciprocal, walk.pad);
     uvec4 children = node.children;
+    if (HAS_POINTS && walk.in_mesh && walk_kind == LEAF_POINT) {
+        children = bundle_members(children, Meshes(FRAME.meshes).v[walk.mesh].triangle_count);
+    }
     vec4 entries;
     for (uint i = 0u; i < 4u; ++i) entries[i] = hit_child(node, i, walk.limit);
     sort_pair(entries, children, 0u, 1u);
@@ -181,9 +184,8 @@ void accept(uint triangle, vec2 uv, float t) {
 bool visit_triangles(uint begin, uint end) {
     const Shear shear = make_shear(walk.d);
     for (uint triangle = begin; triangle < end; ++triangle) {
-        const vec3 v0 = posed_corner(walk.pose, triangle * 3u).xyz;
-        const vec3 v1 = posed_corner(walk.pose, triangle * 3u + 1u).xyz;
-        const vec3 v2 = posed_corner(walk.pose, triangle * 3u + 2u).xyz;
+        vec3 v0, v1, v2;
+        posed_item(walk.pose, triangle, v0, v1, v2);
         float t;
         vec2 uv;
         if (HAS_LEAF_KINDS && walk.other) {

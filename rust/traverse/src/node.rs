@@ -3,7 +3,7 @@
 //! compiler makes vector operations of. Pure, any thread.
 
 use crate::vector::V3;
-use oocpt_shader_abi::{ABSENT, GpuLevelNode, GpuMeshNode, LEAF};
+use oocpt_shader_abi::{ABSENT, GpuLevelNode, GpuMeshNode, LEAF, POINT_BUNDLE};
 
 /// `SLAB_PAD` of traversal/box.glsl.
 const SLAB_PAD: f32 = 1.000_001_2;
@@ -91,6 +91,18 @@ pub(crate) fn meet_mesh(node: &GpuMeshNode, ray: &BoxRay, limit: f32) -> (Met, [
         triangle = triangle.wrapping_add(count);
     }
     (met, children)
+}
+
+/// The points of a leaf that says which bundle it has, of so many points: `bundle_members` of the shaders.
+#[inline(always)]
+pub(crate) fn bundle_members(leaf: u32, points: u32) -> u32 {
+    if leaf < LEAF || leaf == ABSENT {
+        return leaf;
+    }
+    let missing = points.wrapping_neg() & (POINT_BUNDLE - 1);
+    let end = (POINT_BUNDLE * ((leaf & NUMBER) + 1)).wrapping_sub(missing);
+    let begin = end.saturating_sub(POINT_BUNDLE);
+    self::leaf(end - begin, begin)
 }
 
 #[inline(always)]

@@ -9,8 +9,8 @@ use crate::texture::Lookup;
 use crate::vector::{V3, dot3};
 use crate::walk::Walk;
 use oocpt_shader_abi::{
-    Features, GpuInput, GpuMaterial, GpuPrim, GpuTriangle, INPUT_CHANNEL_SHIFT, INPUT_NO_SET, INPUT_PRIMVAR,
-    INPUT_SET_SHIFT, INPUT_TEXTURE, MAX_PRIM_ID, MESH_LEAF_MASK, NO_MATERIAL, SLOT_PRESENCE, SUBSET_MASK,
+    Features, GpuInput, GpuMaterial, GpuPrim, INPUT_CHANNEL_SHIFT, INPUT_NO_SET, INPUT_PRIMVAR, INPUT_SET_SHIFT,
+    INPUT_TEXTURE, MAX_PRIM_ID, MESH_LEAF_MASK, NO_MATERIAL, SLOT_PRESENCE, SUBSET_MASK,
 };
 use std::mem::offset_of;
 
@@ -135,11 +135,7 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
 
     /// `item_edges`.
     fn edges(&self, triangle: u32) -> Option<[V3; 2]> {
-        let item: GpuTriangle = self.triangles.get(triangle as usize)?;
-        let mut corners = [V3(item.v0), V3(item.v1), V3(item.v2)];
-        if self.pose.moves {
-            corners = self.pose.posed(corners, triangle);
-        }
+        let (corners, _) = self.pose.item(triangle)?;
         let features = self.scene.special.features;
         if self.mesh.flags & MESH_LEAF_MASK != 0
             && let Some(kind) = leaf::kind_of(self.mesh.flags, features)

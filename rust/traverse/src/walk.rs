@@ -11,14 +11,14 @@ mod levels;
 
 use crate::asking::Asking;
 use crate::leaf::triangle::Shear;
-use crate::node::{BoxRay, NUMBER, meet_level, meet_mesh};
+use crate::node::{BoxRay, NUMBER, bundle_members, meet_level, meet_mesh};
 use crate::pending::Pending;
 use crate::pose::Pose;
 use crate::scene::Scene;
 use crate::vector::V3;
 use oocpt_gpu::HostBytes;
 use oocpt_shader_abi::{
-    DONE, Features, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuTriangle, LEAF, LISTED, MAX_PENDING,
+    DONE, Features, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuPoint, GpuTriangle, LEAF, LISTED, MAX_PENDING,
     MESH_LEAF_MASK, RETURN, RayFlags, waiting_count,
 };
 
@@ -268,6 +268,9 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
         match (reference < LEAF, self.in_mesh) {
             (true, true) => self.at.nodes.prefetch::<GpuMeshNode>(number, 1),
             (true, false) => self.at.nodes.prefetch::<GpuLevelNode>(number, 1),
+            (false, true) if self.pose.of_points => {
+                self.triangles.prefetch::<GpuPoint>(number, triangles_of(reference) as usize);
+            }
             (false, true) => self.triangles.prefetch::<GpuTriangle>(number, triangles_of(reference) as usize),
             (false, false) if self.level > 0 => self.at.instances.prefetch::<GpuInstance>(number, 1),
             (false, false) => self.scene.prefetch_chunk_instance(number),
@@ -293,7 +296,9 @@ impl<'s, 'v, const ANY_HIT: bool> Walk<'s, 'v, ANY_HIT> {
     fn descend(&mut self, at: u32) -> u32 {
         let (met, children) = if self.in_mesh {
             let Some(node) = self.at.nodes.get(at as usize) else { return self.pop() };
-            meet_mesh(&node, &self.at.ray, self.limit)
+            let (met, children) = meet_mesh(&node, &self.at.ray, self.limit);
+            let points = self.mesh.triangle_count;
+            (met, if self.pose.of_points { children.map(|child| bundle_members(child, points)) } else { children })
         } else {
             let Some(node) = self.at.nodes.get(at as usize) else { return self.pop() };
             meet_level(&node, &self.at.ray, self.limit)

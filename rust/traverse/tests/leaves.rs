@@ -8,7 +8,7 @@
 mod world;
 
 use oocpt_shader_abi::{Features, GpuTriangle, Leaf};
-use world::{Found, Random, World, triangle_mesh};
+use world::{Ball, Found, Random, World, bundle_mesh, triangle_mesh};
 
 const BATCHES: u64 = 64;
 const RAYS: u32 = 1 << 14;
@@ -102,8 +102,58 @@ fn a_million_rays_meet_the_same_triangles() {
 }
 
 #[test]
-fn a_million_rays_meet_the_same_curves_and_points() {
+fn a_million_rays_meet_the_same_curves() {
     agree(Leaf::ROUND, round);
+}
+
+/// What both backends find of a million rays at points, with a radius each or one for all; and that it is what hulls of
+/// two such balls give, also where they move.
+#[test]
+fn a_million_rays_meet_the_same_points() {
+    let features = Features::POINTS | Features::ROUND | Features::DEFORMATION;
+    let Some(mut world) = World::new(features, 64, RAYS) else { return };
+    let mut met = 0;
+    for batch in 0..BATCHES {
+        let mut random = Random(batch + 1);
+        let has_own = batch % 8 != 1 && batch % 8 != 3;
+        let count = 1 + random.below(48);
+        let radius = 2.0_f32.powi(random.power(2) - 2);
+        let ball = |random: &mut Random| {
+            let own = 2.0_f32.powi(random.power(4) - 3);
+            (random.point(50.0), if has_own { own } else { radius })
+        };
+        let balls: Vec<Ball> = (0..count).map(|_| ball(&mut random)).collect();
+        let moves = batch % 4 == 3;
+        let later: Vec<Ball> = balls.iter().filter(|_| moves).map(|_| ball(&mut random)).collect();
+        let as_hull = |&(v0, radius): &Ball| GpuTriangle {
+            v0,
+            face: 0,
+            v1: v0,
+            subset_and_sides: 0,
+            v2: [radius, radius, 0.0],
+            ptex: 0,
+        };
+        let hulls: Vec<GpuTriangle> = balls.iter().map(as_hull).collect();
+        let targets = balls.iter().map(|&(v0, radius)| GpuTriangle {
+            v1: [v0[0] + radius, v0[1], v0[2]],
+            v2: [v0[0], v0[1] + radius, v0[2] - radius],
+            ..as_hull(&(v0, radius))
+        });
+        let targets: Vec<GpuTriangle> = targets.collect();
+        let rays = rays_at(&mut random, &targets, RAYS);
+        world.set_rays(&rays);
+        world.set_points(&bundle_mesh(u32::try_from(count.div_ceil(8)).expect("few")), &balls, &later, has_own);
+        let (shader, native) = (world.shader(), world.native());
+        met += shader.hits.iter().flatten().count();
+        let later: Vec<GpuTriangle> = later.iter().map(as_hull).collect();
+        world.set_hulls(&triangle_mesh(u32::try_from(count).expect("few")), &hulls, &later);
+        assert!(world.shader() == shader, "batch {batch}: hulls met by shaders");
+        assert!(world.native() == native, "batch {batch}: hulls met by the host");
+        // Frames of this world have no shutter: both have other times.
+        assert!(moves || shader == native, "batch {batch}: both");
+    }
+    let all = usize::try_from(BATCHES * u64::from(RAYS)).expect("a million");
+    assert!(met * 4 > all && met < all, "{met} of {all} rays met something");
 }
 
 #[test]

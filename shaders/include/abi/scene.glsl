@@ -30,6 +30,11 @@ struct GpuTriangle {
     uint ptex;
 };
 
+struct GpuPoint {
+    vec3 center;
+    uint face;
+};
+
 struct GpuInstance {
     vec4 object_from_parent[3];
     uint target;

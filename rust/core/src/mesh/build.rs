@@ -123,7 +123,7 @@ fn arrange_or_split(
         }
         Some(loose) => {
             let boxes: Vec<Aabb> = (0..loose.triangles.len()).map(|at| loose.item_bounds(at)).collect();
-            let (bvh, order) = build_bvh4_over(&boxes);
+            let (bvh, order) = build_bvh4_over(&boxes, loose.kind);
             *asset = Some(Arc::new(arrange(&loose, bvh, &order, None)));
         }
         None => (),
@@ -186,7 +186,7 @@ fn read_triangles(loose: Loose<'_>, dropped: &mut DroppedData) -> Option<MeshAss
         key,
         bounds: Aabb::EMPTY,
         bvh: Bvh4::default(),
-        kind,
+        kind: compact(kind, &subsets),
         triangles,
         corner_indices: if by_point { sources.iter().map(corner_points).collect() } else { Vec::new() },
         normals,
@@ -200,6 +200,11 @@ fn read_triangles(loose: Loose<'_>, dropped: &mut DroppedData) -> Option<MeshAss
         double_sided: desc.double_sided || !matches!(desc.shape, Shape::Mesh),
         left_handed: desc.left_handed && matches!(desc.shape, Shape::Mesh),
     })
+}
+
+/// What is kept of items: a point has no room for the number of a subset.
+fn compact(kind: LeafKind, subsets: &[u16]) -> LeafKind {
+    if kind == LeafKind::Points && !subsets.is_empty() { LeafKind::Rounds } else { kind }
 }
 
 /// Items of another kind, one for each face.

@@ -46,7 +46,7 @@ impl BvhNode {
         Aabb { min: self.min[side & 1], max: self.max[side & 1] }
     }
 
-    fn set(&mut self, side: usize, bounds: &Aabb, child: u32, count: u32) {
+    pub(super) fn set(&mut self, side: usize, bounds: &Aabb, child: u32, count: u32) {
         self.min[side] = bounds.min;
         self.max[side] = bounds.max;
         self.child[side] = child;
@@ -97,6 +97,11 @@ pub fn build_bvh(triangles: &[Triangle], kind: LeafKind) -> (Bvh2, Vec<u32>) {
 /// [`build_bvh`] over the boxes of triangles.
 pub(super) fn build_item_bvh(boxes: &[Aabb]) -> (Bvh2, Vec<u32>) {
     build(boxes, MAX_LEAF_TRIANGLES)
+}
+
+/// [`build_item_bvh`] with one item to a leaf.
+pub(super) fn build_box_order(boxes: &[Aabb]) -> (Bvh2, Vec<u32>) {
+    build(boxes, 1)
 }
 
 /// Builds the hierarchy over `boxes`: leaves of exactly one item, whose `child` is the number of the box. A single box

@@ -9,6 +9,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::bundle::build_bundles;
 use super::bvh::{Bvh2, build_item_bvh};
 use super::{Aabb, LeafKind, Triangle};
 
@@ -41,7 +42,7 @@ pub struct Bvh4Node {
     pub upper: [u32; 3],
     /// Node of the first inner child, the others follow; in the four highest bits how many there are.
     pub first_child: u32,
-    /// First triangle of the first leaf, the others follow; below 2^28.
+    /// First triangle of the first leaf, the others follow; below 2^28. Of points, leaves count bundles.
     pub first_triangle: u32,
 }
 
@@ -137,14 +138,22 @@ pub struct Bvh4 {
 #[must_use]
 pub fn build_bvh4(triangles: &[Triangle], kind: LeafKind) -> (Bvh4, Vec<u32>) {
     let boxes: Vec<Aabb> = triangles.iter().map(|triangle| triangle.bounds(kind)).collect();
-    build_bvh4_over(&boxes)
+    build_bvh4_over(&boxes, kind)
 }
 
 /// [`build_bvh4`] over the boxes of triangles.
-pub(super) fn build_bvh4_over(boxes: &[Aabb]) -> (Bvh4, Vec<u32>) {
+pub(super) fn build_bvh4_over(boxes: &[Aabb], kind: LeafKind) -> (Bvh4, Vec<u32>) {
+    if kind == LeafKind::Points {
+        return build_bundles(boxes);
+    }
     let (bvh, order) = build_item_bvh(boxes);
+    compress(&bvh, &order)
+}
+
+/// The hierarchy of `bvh`, whose leaves are of the items `order`, and these in its own order.
+pub(super) fn compress(bvh: &Bvh2, order: &[u32]) -> (Bvh4, Vec<u32>) {
     let mut places = Vec::with_capacity(order.len());
-    let (nodes, stack) = widen(&bvh, |parts, inner, first_child| {
+    let (nodes, stack) = widen(bvh, |parts, inner, first_child| {
         let Grid { origin, cell, lower, upper } = Grid::new(parts.iter().map(|part| &part.bounds), 0.0);
         let mut node = Bvh4Node { origin, cell_and_counts: cell, lower, upper, ..Bvh4Node::default() };
         node.first_child = index(inner) << INNER_SHIFT | first_child;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //! Checks every invariant of a [`Bvh2`] and of a [`Bvh4`]. For tests and for snapshots that are validated; pure.
 
+use super::bundle::bundle_boxes;
 use super::bvh::{Bvh2, BvhError, MAX_LEAF_TRIANGLES};
 use super::bvh4::{Bvh4, Child, WIDTH};
 use super::{Aabb, LeafKind, Triangle};
@@ -89,19 +90,27 @@ impl Bvh4 {
     /// The first broken invariant.
     pub fn validate(&self, triangles: &[Triangle], kind: LeafKind) -> Result<(), BvhError> {
         let boxes: Vec<Aabb> = triangles.iter().map(|triangle| triangle.bounds(kind)).collect();
-        self.validate_items(&boxes)
+        self.validate_items(&boxes, kind)
     }
 
     /// The same against the boxes of the items in BVH order: those of the whole shutter where points move.
     ///
     /// # Errors
     /// The first broken invariant.
-    pub fn validate_items(&self, boxes: &[Aabb]) -> Result<(), BvhError> {
+    pub fn validate_items(&self, boxes: &[Aabb], kind: LeafKind) -> Result<(), BvhError> {
+        match kind {
+            LeafKind::Points => self.validate_leaves(&bundle_boxes(boxes), 1),
+            _ => self.validate_leaves(boxes, MAX_LEAF_TRIANGLES),
+        }
+    }
+
+    /// Against the boxes of what leaves count.
+    fn validate_leaves(&self, boxes: &[Aabb], max_leaf: u32) -> Result<(), BvhError> {
         if self.nodes.is_empty() || boxes.is_empty() {
             return Err(BvhError::Empty);
         }
         let seen = vec![false; boxes.len()];
-        let mut walk = Walk { boxes, max_leaf: MAX_LEAF_TRIANGLES, seen, nodes: 0, depth: 0 };
+        let mut walk = Walk { boxes, max_leaf, seen, nodes: 0, depth: 0 };
         self.walk(&mut walk, 0, 0)?;
         if walk.nodes != self.nodes.len() || walk.seen.contains(&false) {
             return Err(BvhError::Coverage);

@@ -9,6 +9,7 @@
 
 mod attribute;
 pub mod build;
+mod bundle;
 pub mod bvh;
 pub mod bvh4;
 mod cage;
@@ -45,6 +46,7 @@ use serde::{Deserialize, Serialize};
 pub(crate) use attribute::each_width;
 pub use attribute::{AnyAttribute, Attribute, AttributeRate, MeshPrimvar, WantedPrimvar};
 pub use build::{BuiltMesh, build_mesh, build_mesh_split, build_mesh_with};
+pub use bundle::POINT_BUNDLE;
 pub use bvh::{Bvh2, BvhError, BvhNode, build_box_bvh};
 pub use bvh4::{Bvh4, Bvh4Node, LevelNode, level_nodes};
 pub use deform::MeshKeys;
@@ -64,6 +66,8 @@ pub use summary::{AttributeSummary, MeshSummary, PrimvarSummary};
 
 /// Device bytes of a triangle.
 const TRIANGLE_BYTES: u64 = 48;
+/// The same of a point, whose radius is elsewhere.
+const POINT_BYTES: u64 = 16;
 /// Device bytes of an entry in the table of primvars.
 const PRIMVAR_BYTES: u64 = 16;
 /// Alignment of the sections of an asset on the device, bytes.

@@ -8,14 +8,17 @@
 use rayon::prelude::*;
 use xxhash_rust::xxh3::Xxh3;
 
+use super::bundle::POINT_BUNDLE;
 use super::bvh4::{Bvh4, Bvh4Node, build_bvh4_over};
 use super::{
-    Aabb, AnyAttribute, Attribute, AttributeRate, MeshAsset, MeshPrimvar, PRIMVAR_BYTES, SECTION_ALIGN, TRIANGLE_BYTES,
-    each_width,
+    Aabb, AnyAttribute, Attribute, AttributeRate, LeafKind, MeshAsset, MeshPrimvar, MeshSummary, PRIMVAR_BYTES,
+    SECTION_ALIGN, each_width,
 };
 
 /// Expected nodes per 16 triangles. Measured: 3.7 to 4.0 for grids and closed surfaces, 3.4 to 3.5 for soups.
 const NODES_PER_16: u64 = 4;
+/// The same per 16 bundles of points.
+const NODES_PER_16_BUNDLES: u64 = 8;
 /// Clusters are planned this many sixteenths full, so that most need no second cut.
 const FILL_16: u64 = 15;
 
@@ -40,6 +43,8 @@ struct Item {
 struct Splitter<'a> {
     mesh: &'a MeshAsset,
     max_bytes: u64,
+    /// Of an item at a key, with its radius.
+    item_bytes: u64,
 }
 
 /// Splits `mesh` into clusters of at most `max_bytes` on the device ([`MeshAsset::device_bytes`]); a single triangle
@@ -61,7 +66,9 @@ pub(super) fn split_ordered(mesh: &MeshAsset, max_bytes: u64, order: Order) -> V
     };
     let count = u32::try_from(mesh.triangles.len()).unwrap_or(u32::MAX);
     let mut items: Vec<Item> = (0..count).into_par_iter().map(item).collect();
-    let splitter = Splitter { mesh, max_bytes };
+    let summary = MeshSummary::of(mesh);
+    let item_bytes = summary.item_bytes() + if summary.radii > 1 { 4 } else { 0 };
+    let splitter = Splitter { mesh, max_bytes, item_bytes };
     let filled = (max_bytes / 16).saturating_mul(FILL_16).max(1);
     let parts = if splitter.fits(&items) { 1 } else { expected_bytes(mesh).div_ceil(filled) };
     let mut clusters = splitter.clusters(&mut items, parts);
@@ -78,12 +85,16 @@ pub(super) fn split_ordered(mesh: &MeshAsset, max_bytes: u64, order: Order) -> V
 
 /// Device bytes that the mesh will about take once it has a hierarchy: a function of its sizes only.
 pub(super) fn expected_bytes(mesh: &MeshAsset) -> u64 {
-    let hierarchy = if mesh.bvh.nodes.is_empty() { node_bytes(mesh.triangles.len() as u64) } else { 0 };
+    let hierarchy = if mesh.bvh.nodes.is_empty() { node_bytes(mesh.kind, mesh.triangles.len() as u64) } else { 0 };
     mesh.device_bytes().saturating_add(hierarchy)
 }
 
-fn node_bytes(triangles: u64) -> u64 {
-    (triangles * NODES_PER_16).div_ceil(16) * size_of::<Bvh4Node>() as u64
+fn node_bytes(kind: LeafKind, items: u64) -> u64 {
+    let nodes = match kind {
+        LeafKind::Points => items.div_ceil(POINT_BUNDLE as u64) * NODES_PER_16_BUNDLES,
+        _ => items * NODES_PER_16,
+    };
+    nodes.div_ceil(16) * size_of::<Bvh4Node>() as u64
 }
 
 impl Splitter<'_> {
@@ -116,7 +127,7 @@ impl Splitter<'_> {
         // The cuts leave them in no order worth keeping; neighbours in the mesh are often neighbours in space.
         members.sort_unstable();
         let boxes: Vec<Aabb> = members.iter().map(|&item| self.mesh.item_bounds(item as usize)).collect();
-        let (bvh, order) = build_bvh4_over(&boxes);
+        let (bvh, order) = build_bvh4_over(&boxes, self.mesh.kind);
         let order: Vec<u32> = pick(&members, &order);
         let cluster = arrange(self.mesh, bvh, &order, Some(&self.points(&members)));
         (members.len() <= 1 || cluster.device_bytes() <= self.max_bytes).then_some(cluster)
@@ -126,8 +137,8 @@ impl Splitter<'_> {
     fn fits(&self, items: &[Item]) -> bool {
         let count = items.len() as u64;
         let later = self.mesh.keys.times.len().saturating_sub(1) as u64;
-        let moved = (TRIANGLE_BYTES + if self.mesh.keys.normals.is_empty() { 0 } else { 36 }) * later;
-        let constant = count * (TRIANGLE_BYTES + moved) + node_bytes(count);
+        let moved = (self.item_bytes + if self.mesh.keys.normals.is_empty() { 0 } else { 36 }) * later;
+        let constant = count * (self.item_bytes + moved) + node_bytes(self.mesh.kind, count);
         if count <= 1 || constant > self.max_bytes {
             return count <= 1;
         }

@@ -4,7 +4,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::bvh4::Bvh4Node;
-use super::{Aabb, Attribute, AttributeRate, LeafKind, MeshAsset, PRIMVAR_BYTES, SECTION_ALIGN, TRIANGLE_BYTES};
+use super::{
+    Aabb, Attribute, AttributeRate, LeafKind, MeshAsset, POINT_BYTES, PRIMVAR_BYTES, SECTION_ALIGN, TRIANGLE_BYTES,
+};
 
 /// The shape of an attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -63,6 +65,8 @@ pub struct MeshSummary {
     pub keys: u64,
     /// Triangles that have normals for each of the later keys: all or none.
     pub key_normals: u64,
+    /// Of points: 1 where all have the same radius at all times, else one for each at each key; 0 for all else.
+    pub radii: u64,
 }
 
 impl AttributeSummary {
@@ -76,6 +80,18 @@ impl AttributeSummary {
 fn attribute<T>(attribute: Option<&Attribute<T>>) -> Option<AttributeSummary> {
     let width = u32::try_from(size_of::<T>() / size_of::<f32>()).unwrap_or(1);
     attribute.map(|a| AttributeSummary { rate: a.rate, width, values: a.values.len() as u64 })
+}
+
+/// [`MeshSummary::radii`].
+fn radii(mesh: &MeshAsset) -> u64 {
+    if mesh.kind != LeafKind::Points {
+        return 0;
+    }
+    let all = mesh.triangles.iter().map(|item| &item.vertices).chain(&mesh.keys.vertices);
+    let mut radii = all.map(|&[_, _, [radius, ..]]| radius.to_bits());
+    let first = radii.next();
+    let is_one = radii.all(|radius| Some(radius) == first);
+    if is_one { 1 } else { (mesh.triangles.len() * mesh.keys.times.len().max(1)) as u64 }
 }
 
 impl MeshSummary {
@@ -104,6 +120,7 @@ impl MeshSummary {
             subsets: mesh.subsets.len() as u64,
             ptex: mesh.ptex.len() as u64,
             keys: mesh.keys.times.len() as u64,
+            radii: radii(mesh),
             key_normals: if mesh.keys.normals.is_empty() { 0 } else { mesh.triangles.len() as u64 },
         }
     }
@@ -114,10 +131,17 @@ impl MeshSummary {
         self.triangles.saturating_mul(self.keys.max(1))
     }
 
-    /// Bytes of the triangles of all keys, and of the keys' times behind them.
+    /// Bytes of an item on the device.
+    #[must_use]
+    pub fn item_bytes(&self) -> u64 {
+        if self.kind == LeafKind::Points { POINT_BYTES } else { TRIANGLE_BYTES }
+    }
+
+    /// Bytes of the triangles of all keys, and of the keys' times and the radii of points behind them.
     #[must_use]
     pub fn triangle_bytes(&self) -> u64 {
-        self.posed_triangles().saturating_mul(TRIANGLE_BYTES).saturating_add(self.keys.saturating_mul(4))
+        let behind = self.keys.saturating_add(self.radii).saturating_mul(4);
+        self.posed_triangles().saturating_mul(self.item_bytes()).saturating_add(behind)
     }
 
     /// Bytes of the normals of all keys.
@@ -127,8 +151,8 @@ impl MeshSummary {
         self.normals.map_or(0, |normals| normals.bytes()).saturating_add(later)
     }
 
-    /// Bytes of device memory that the asset takes: nodes, triangles (48 bytes there), corner indices, normals, colors,
-    /// opacities, a table of primvars, primvars, each section rounded up to 16.
+    /// Bytes of device memory that the asset takes: nodes, triangles ([`Self::item_bytes`] there), corner indices,
+    /// normals, colors, opacities, a table of primvars, primvars, each section rounded up to 16.
     #[must_use]
     pub fn device_bytes(&self) -> u64 {
         let attribute = |a: Option<AttributeSummary>| a.map_or(0, |a| a.bytes());

@@ -79,7 +79,7 @@ impl Snapshot {
 
 fn validate_mesh(mesh: &MeshAsset) -> Result<(), String> {
     let boxes: Vec<Aabb> = (0..mesh.triangles.len()).map(|at| mesh.item_bounds(at)).collect();
-    mesh.bvh.validate_items(&boxes).map_err(|error| error.to_string())?;
+    mesh.bvh.validate_items(&boxes, mesh.kind).map_err(|error| error.to_string())?;
     let around = boxes.iter().fold(Aabb::EMPTY, |all, item| all.union(item));
     if mesh.triangles.is_empty() || around != mesh.bounds {
         return Err("the box is not that of the triangles".to_owned());

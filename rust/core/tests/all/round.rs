@@ -41,7 +41,7 @@ fn asset(built: &BuiltMesh) -> MeshAsset {
 
 /// The pieces in the order of their faces and ends, as (curve, ends, radii).
 fn pieces(asset: &MeshAsset) -> Vec<(u32, [Vec3; 2], [f32; 2])> {
-    assert_eq!(asset.kind, LeafKind::Rounds, "no triangles");
+    assert_ne!(asset.kind, LeafKind::Triangles, "no triangles");
     let piece = |t: &oocpt_core::Triangle| {
         let [a, b, radii] = t.vertices;
         (t.face, [a, b].map(Vec3::from), [radii[0], radii[1]])
@@ -191,6 +191,7 @@ fn points_are_balls() {
         ..curves(CurveBasis::Linear, CurveWrap::Nonperiodic, &[], &ZIGZAG)
     };
     let asset = asset(&build(&desc));
+    assert_eq!(asset.kind, LeafKind::Points);
     let mut found = pieces(&asset);
     found.sort_by_key(|piece| piece.0);
     let numbers: Vec<u32> = found.iter().map(|piece| piece.0).collect();
@@ -202,6 +203,55 @@ fn points_are_balls() {
         let expected = triangle.vertices[0].map(f32::abs);
         assert_eq!(colors.values[corners[0] as usize], expected, "the colour of the point");
     }
+}
+
+/// Points in a cube, without an order.
+fn scattered(count: u32, widths: Interpolation) -> MeshDesc {
+    let word = |k: u32| k.wrapping_mul(2_654_435_761).rotate_left(13).wrapping_mul(2_246_822_519);
+    let place = |k: u32| f32::from(u16::try_from(word(k) >> 16).unwrap()) / 65536.0;
+    let points: Vec<[f32; 3]> = (0..count).map(|k| [0, 1, 2].map(|axis| place(3 * k + axis))).collect();
+    let count = if widths == Interpolation::Constant { 1 } else { count };
+    let widths = primvar(widths, (0..count).map(|k| 0.002 + 0.001 * place(k)).collect::<Vec<f32>>());
+    MeshDesc {
+        shape: Shape::Points,
+        widths: Some(widths),
+        ..curves(CurveBasis::Linear, CurveWrap::Nonperiodic, &[], &points)
+    }
+}
+
+#[test]
+fn a_point_takes_at_most_twenty_bytes() {
+    // Device bytes of an item, its radius, and its share of the tree.
+    for (widths, most) in [(Interpolation::Constant, 20.0), (Interpolation::Vertex, 24.0)] {
+        let asset = asset(&build(&scattered(50_000, widths)));
+        asset.bvh.validate(&asset.triangles, asset.kind).unwrap();
+        let bytes = f64::from(u32::try_from(asset.device_bytes()).unwrap()) / 50_000.0;
+        assert!((16.0..=most).contains(&bytes), "{bytes} bytes");
+    }
+}
+
+#[test]
+fn trees_of_any_number_of_points_are_whole() {
+    for count in (1..70).chain([127, 128, 129, 1000, 1023]) {
+        let asset = asset(&build(&scattered(count, Interpolation::Vertex)));
+        assert_eq!(asset.bvh.validate(&asset.triangles, asset.kind), Ok(()), "{count}");
+        let mut faces: Vec<u32> = asset.triangles.iter().map(|item| item.face).collect();
+        faces.sort_unstable();
+        assert!(faces.into_iter().eq(0..count), "{count}: each once");
+    }
+}
+
+#[test]
+fn clusters_of_points_are_as_large_as_they_may_be() {
+    let whole = asset(&build(&scattered(20_000, Interpolation::Vertex)));
+    let clusters = split_mesh(&whole, 64 << 10);
+    assert_eq!(clusters.iter().map(|cluster| cluster.triangles.len()).sum::<usize>(), 20_000);
+    for cluster in &clusters {
+        assert_eq!(cluster.kind, LeafKind::Points);
+        assert_eq!(cluster.bvh.validate(&cluster.triangles, cluster.kind), Ok(()));
+        assert!(cluster.device_bytes() <= 64 << 10);
+    }
+    assert!(clusters.len() <= 9, "{} clusters, {} bytes", clusters.len(), whole.device_bytes());
 }
 
 #[test]

@@ -6,9 +6,9 @@ use super::load::Copied;
 use super::source::MeshLayout;
 use super::surfaces::attributes;
 use crate::error::RenderError;
-use oocpt_core::mesh::{Attribute, Bvh4Node, MeshAsset, SceneMesh, Triangle};
+use oocpt_core::mesh::{Attribute, Bvh4Node, LeafKind, MeshAsset, SceneMesh, Triangle};
 use oocpt_gpu::{Commands, DeviceRange, Gpu, StagingRing, StagingSlice, Submission};
-use oocpt_shader_abi::{GpuMeshNode, GpuTriangle};
+use oocpt_shader_abi::{GpuMeshNode, GpuPoint, GpuTriangle};
 use std::sync::Arc;
 
 /// Staging bytes of one piece.
@@ -124,18 +124,30 @@ impl<'a> Writer<'a> {
             convert(&nodes[first..], out, node)
         })?;
         let count = mesh.triangles.len();
-        let stride = count as u64 * size_of::<GpuTriangle>() as u64;
+        let item_bytes = usize::try_from(summary.item_bytes()).unwrap_or(size_of::<GpuTriangle>());
+        let stride = (count * item_bytes) as u64;
         for key in 0..mesh.keys.times.len().max(1) {
             let offset = layout.triangles + key as u64 * stride;
             // Faces, subsets and places in Ptex files are those of the first key at all of them.
             let later = key.checked_sub(1).and_then(|key| mesh.keys.vertices.chunks(count.max(1)).nth(key));
-            self.section(target, offset, (count, size_of::<GpuTriangle>()), |first, out| {
+            self.section(target, offset, (count, item_bytes), |first, out| {
                 let vertices = later.map_or(&[][..], |later| &later[first..]);
-                triangles(&mesh, vertices, first, out);
+                match mesh.kind {
+                    LeafKind::Points => points(&mesh, vertices, first, out),
+                    _ => triangles(&mesh, vertices, first, out),
+                }
             })?;
         }
-        let times = layout.triangles + stride * mesh.keys.times.len() as u64;
+        let keys = mesh.keys.times.len();
+        let times = layout.triangles + stride * keys as u64;
         self.bytes(target, times, bytemuck::cast_slice(&mesh.keys.times))?;
+        let radii = layout.triangles + stride * keys.max(1) as u64 + size_of_val(&*mesh.keys.times) as u64;
+        let radius_count = usize::try_from(summary.radii).unwrap_or(0);
+        self.section(target, radii, (radius_count, size_of::<f32>()), |first, out| {
+            for (at, bytes) in (first..).zip(out.chunks_exact_mut(size_of::<f32>())) {
+                bytes.copy_from_slice(&radius(&mesh, at / keys.max(1), at % keys.max(1)).to_ne_bytes());
+            }
+        })?;
         let sections: [(u64, &[u8]); 4] = [
             (layout.corners, bytemuck::cast_slice(&mesh.corner_indices)),
             (layout.normals, bytemuck::cast_slice(values(mesh.normals.as_ref()))),
@@ -174,6 +186,22 @@ fn triangles(mesh: &MeshAsset, vertices: &[[[f32; 3]; 3]], first: usize, out: &m
         bytes[SIDES..SIDES + 2].copy_from_slice(&place.sides.to_le_bytes());
         bytes[PTEX..PTEX + 4].copy_from_slice(&place.word().to_le_bytes());
     }
+}
+
+/// Writes points from number `first` on, as [`triangles`].
+fn points(mesh: &MeshAsset, vertices: &[[[f32; 3]; 3]], first: usize, out: &mut [u8]) {
+    let items = mesh.triangles[first..].iter().enumerate();
+    for ((at, item), bytes) in items.zip(out.chunks_exact_mut(size_of::<GpuPoint>())) {
+        let &[center, ..] = vertices.get(at).unwrap_or(&item.vertices);
+        bytes.copy_from_slice(bytemuck::bytes_of(&GpuPoint { center, face: item.face }));
+    }
+}
+
+/// The radius of a point at a key.
+fn radius(mesh: &MeshAsset, point: usize, key: usize) -> f32 {
+    let own = || mesh.triangles.get(point).map(|item| item.vertices[2][0]);
+    let later = |key: usize| mesh.keys.vertices.get(key * mesh.triangles.len() + point).map(|item| item[2][0]);
+    key.checked_sub(1).map_or_else(own, later).unwrap_or(0.0)
 }
 
 /// Values of an attribute, none if it is absent.

@@ -8,7 +8,8 @@
 use super::values::ValueLayout;
 use crate::textures::TextureImage;
 use oocpt_core::mesh::{
-    AttributeRate, AttributeSummary, LeafKind, MeshSummary, SceneMesh, level_node_count, likely_level_stack,
+    AttributeRate, AttributeSummary, LeafKind, MeshSummary, POINT_BUNDLE, SceneMesh, level_node_count,
+    likely_level_stack,
 };
 use oocpt_core::partition::Chunk;
 use oocpt_core::scene::{Assembly, InstanceColumn, InstanceRecord, MotionKey};
@@ -22,6 +23,8 @@ use std::sync::Arc;
 
 /// Alignment of every section, bytes.
 pub(crate) const ALIGN: u64 = 16;
+const _: () = assert!(POINT_BUNDLE == abi::POINT_BUNDLE as usize, "leaves of points have one size");
+
 /// What ranges are rounded up to by the heap, bytes.
 const GRANULE: u64 = 256;
 /// Most nodes or triangles of one mesh: the traversal packs indices and counts into 32 bits.
@@ -294,6 +297,7 @@ impl Source {
         flags.set(MeshFlags::HAS_COLORS, mesh.colors.is_some());
         flags.set(MeshFlags::HAS_OPACITIES, mesh.opacities.is_some());
         flags.set(MeshFlags::KEY_NORMALS, mesh.key_normals > 0);
+        flags.set(MeshFlags::OWN_RADII, mesh.radii > 1);
         // At most MAX_KEYS.
         let keys = u32::try_from(mesh.keys).unwrap_or(0) << MESH_KEYS_SHIFT;
         Some(GpuMesh {

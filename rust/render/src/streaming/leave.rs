@@ -83,7 +83,7 @@ mod tests {
 
     #[test]
     fn long_pictures_go_on_without_streaming() {
-        for (has_tiles, fewest) in [(false, 20_000_000), (true, 6_000_000)] {
+        for (has_tiles, fewest) in [(false, 20_000_000), (true, 7_058_823)] {
             let leave = Leave::new(true, has_tiles, 1 << 22, false);
             assert!(leave.pays(fewest + 1) && !leave.pays(fewest), "short ones do not");
             let soon = Leave::new(true, has_tiles, 1 << 22, true);

@@ -5,12 +5,13 @@
 
 use crate::lights::TestFiles;
 use crate::motion::{falling, mill};
-use crate::scenes::{dome, features, instanced, instancer, mesh, nested, prim};
+use crate::scenes::{constant, deforming, dome, features, instanced, instancer, mesh, nested, prim};
 use crate::streaming::{DEFORMING, MOVING, MOVING_BULBS, MOVING_LAMPS, SCENES, smallest_budget};
 use crate::support::{self, perspective, read_all, render, request, settings};
 use glam::{DMat4, DQuat, DVec3, DVec4};
+use oocpt_core::TypedArray;
 use oocpt_core::inventory::TraversalUse;
-use oocpt_core::scene::SceneDb;
+use oocpt_core::scene::{Interpolation, MeshDesc, Primvar, SceneDb, Shape};
 use oocpt_core::settings::{Settings, TraversalKind};
 use oocpt_render::{RenderRequest, Session, SessionOptions, Severity};
 use std::sync::Arc;
@@ -147,6 +148,41 @@ fn what_deforms_and_what_planes_cut_is_the_same_in_core_and_streaming() {
     same_bits(DEFORMING.name, DEFORMING.build, &tight, true, &request);
     request.camera.clip_planes = vec![DVec4::new(0.1, 0.0, -1.0, -14.0), DVec4::new(0.0, 0.2, 1.0, 19.0)];
     same_bits("planes", DEFORMING.build, &tight, true, &request);
+}
+
+/// Clouds of points: one with a width for all, one with widths and opacities of its own, and one that moves.
+fn clouds(db: &mut SceneDb) {
+    let points = |path: &str, id: i32, count: u16| {
+        let part = |i: u16, step: f32| 2.0 * (f32::from(i + 1) * step).fract() - 1.0;
+        let places = (0..count).map(|i| [part(i, 0.754_877_7), part(i, 0.569_840_3), part(i, 0.381_966)]);
+        let shape = Shape::Points;
+        MeshDesc {
+            shape,
+            widths: constant(0.08_f32),
+            ..mesh(prim(path, DMat4::IDENTITY), id, places.collect(), &[], 0.5)
+        }
+    };
+    let by_point = |values: Vec<f32>| {
+        Some(Primvar { interpolation: Interpolation::Vertex, values: TypedArray::of(values), indices: None })
+    };
+    db.upsert_light(dome([0.3, 0.4, 0.6]));
+    db.upsert_mesh(points("/same", 1, 301));
+    db.upsert_mesh(MeshDesc {
+        widths: by_point((0..203).map(|i| 0.02 + 0.001 * i as f32).collect()),
+        display_opacity: by_point((0..203).map(|i| (i % 5) as f32 / 4.0).collect()),
+        ..points("/own", 2, 203)
+    });
+    db.upsert_mesh(deforming(points("/moving", 3, 97), &[0.0, 1.0], &|p, time| {
+        (p.as_dvec3() * (1.0 + 0.3 * time)).as_vec3()
+    }));
+}
+
+#[test]
+fn points_are_the_same_in_core_and_streaming() {
+    let request = view(DVec3::new(1.5, 2.0, 3.0), DVec3::ZERO);
+    let small = Settings { chunk_size_kib: 16, ..settings(4, 3) };
+    same_bits("clouds", clouds, &small, false, &request);
+    same_bits("clouds", clouds, &small, true, &request);
 }
 
 #[test]

@@ -80,6 +80,7 @@ constants! {
     MESH_KEYS_SHIFT;
     MESH_LEAF_SHIFT;
     MESH_LEAF_MASK;
+    POINT_BUNDLE;
 
     SUBSET_MASK;
     NO_MATERIAL;

@@ -168,8 +168,8 @@ features! {
     MOVING_LIGHTS: "motion of lights", [], Never;
     /// Some mesh that is sampled as a light moves while the shutter is open: `Lighting::mesh_motion` counts.
     MOVING_MESH_LIGHTS: "motion of meshes sampled as lights", [MESH_LIGHTS], Never;
-    /// Some mesh is made of hulls of two balls: curves or points.
-    ROUND: "curves and points", [], Always;
+    /// Some mesh is made of hulls of two balls: curves.
+    ROUND: "curves", [], Always;
     /// Some placement moves while the shutter is open: paths have a time.
     MOTION: "motion of placements", [], Always;
     /// The points of some mesh move while the shutter is open: paths have a time.
@@ -184,6 +184,8 @@ features! {
     SHADED_AOVS: "images of normals and albedo", [], Never;
     /// Pixels have two streams of samples, and not all as many of them: `Frame::adaptive` counts.
     ADAPTIVE: "adaptive sampling: lists of samples, the second stream of the film", [], Never;
+    /// Some mesh is made of balls: points.
+    POINTS: "points", [], Always;
     /// The lobe that tests add.
     #[cfg(feature = "faults")]
     TOY_LOBE: "toy lobe", [MATERIALS], Never;

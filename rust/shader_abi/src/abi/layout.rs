@@ -8,8 +8,8 @@ use super::{
     GpuCameraMotion, GpuCdf, GpuChunk, GpuChunkInstance, GpuClipPlane, GpuInfiniteLight, GpuInput, GpuInstance,
     GpuLevelNode, GpuLightKey, GpuLightLeaf, GpuLightMap, GpuLightMesh, GpuLightNode, GpuLightShaping,
     GpuLightTriangle, GpuLightValue, GpuLocalLight, GpuMaterial, GpuMesh, GpuMeshLight, GpuMeshNode, GpuMotionKey,
-    GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, Lighting, PathState, Pending, Push,
-    Question, Ray, Roulette, Segment, ShadowRay, Streaming, TextureFeedback, UnitDemand,
+    GpuPoint, GpuPrim, GpuSurface, GpuSurfaceMaterial, GpuTexture, GpuTriangle, IndirectArgs, Lighting, PathState,
+    Pending, Push, Question, Ray, Roulette, Segment, ShadowRay, Streaming, TextureFeedback, UnitDemand,
 };
 use core::mem::{offset_of, size_of};
 
@@ -198,6 +198,7 @@ pub const LAYOUTS: &[StructLayout] = &[
     layout!(GpuMeshNode { origin, cell_and_counts, lower, upper, first_child, first_triangle }),
     layout!(GpuLevelNode { origin, cell, lower, upper, child, pad }),
     layout!(GpuTriangle { v0, face, v1, subset_and_sides, v2, ptex }),
+    layout!(GpuPoint { center, face }),
     layout!(GpuInstance { object_from_parent, target, prim_id, index_in_prototype, prototype_count }),
     layout!(GpuMotionKey { translation, time, rotation, stretch, half_angle, shear, pad }),
     layout!(GpuCameraMotion { o, key_count, o_x, lens_radius, o_y, pad0, d, pad1, d_x, pad2, d_y, pad3 }),

@@ -44,8 +44,10 @@ macro_rules! leaves {
 leaves! {
     /// Triangles: what leaves are made of where nothing else is said.
     TRIANGLE = 0: triangle, [], false;
-    /// Hulls of two balls: `v0` and `v1` are the centres, `v2.x` and `v2.y` the radii. Curves and points.
+    /// Hulls of two balls: `v0` and `v1` are the centres, `v2.x` and `v2.y` the radii. Curves.
     ROUND = 1: round, [ROUND], true;
+    /// Balls: to the functions a hull of two that are the same, in memory [`super::GpuPoint`] and a radius.
+    POINT = 3: point, [POINTS], true;
     /// The kind that tests add: a box along the axes, of which `v0` and `v1` are opposite corners.
     #[cfg(feature = "faults")]
     TOY_BOX = 2: toy_box, [TOY_BOX], false;

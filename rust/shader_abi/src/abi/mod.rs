@@ -64,8 +64,9 @@ pub use push::{
 };
 pub use scene::{
     AttributeRate, GpuAssembly, GpuCameraKey, GpuCameraMotion, GpuChunk, GpuChunkInstance, GpuInstance, GpuLevelNode,
-    GpuLightKey, GpuMesh, GpuMeshNode, GpuMotionKey, GpuTriangle, MESH_KEYS_SHIFT, MeshFlags, NAME_DISPLAY_COLOR,
-    NAME_DISPLAY_OPACITY, NO_ROW, NO_VALUE, SUBSET_MASK, TARGET_ASSEMBLY, TARGET_MOVING,
+    GpuLightKey, GpuMesh, GpuMeshNode, GpuMotionKey, GpuPoint, GpuTriangle, MESH_KEYS_SHIFT, MeshFlags,
+    NAME_DISPLAY_COLOR, NAME_DISPLAY_OPACITY, NO_ROW, NO_VALUE, POINT_BUNDLE, SUBSET_MASK, TARGET_ASSEMBLY,
+    TARGET_MOVING,
 };
 pub use stream::{
     GpuSurface, LIGHT_PATH_BYTES, MATERIAL_BIT, MAX_PENDING, Pending, Question, Roulette, SEGMENT_WORD_ALIVE,

@@ -59,6 +59,20 @@ pub struct GpuMeshNode {
     pub first_triangle: u32,
 }
 
+/// Point in its mesh's frame, 16 B. Leaves of nodes count bundles of [`POINT_BUNDLE`], in the order of the array: all
+/// are full but the first one.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct GpuPoint {
+    /// Centre.
+    pub center: [f32; 3],
+    /// Authored number: the element id.
+    pub face: u32,
+}
+
+/// Points of a leaf; a leaf of points is one bundle.
+pub const POINT_BUNDLE: u32 = 8;
+
 /// Triangle in its mesh's frame, in BVH order, 48 B, authored winding.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -206,6 +220,8 @@ bitflags! {
         const HAS_OPACITIES = 1 << 12;
         /// `normals` has values by corner for each key.
         const KEY_NORMALS = 1 << 14;
+        /// Of points: each has a radius of its own, at each key.
+        const OWN_RADII = 1 << 15;
     }
 }
 
@@ -227,7 +243,8 @@ pub struct GpuMesh {
     /// [`GpuMeshNode`] array, 16-byte aligned.
     pub nodes: u64,
     /// [`GpuTriangle`] array, 16-byte aligned. With keys ([`MESH_KEYS_SHIFT`]) one for each, one behind the other, and
-    /// behind them the times of the keys, f32.
+    /// behind them the times of the keys, f32. Of points ([`crate::Leaf::POINT`]) it is [`GpuPoint`] arrays, and behind
+    /// the times are the radii, f32: one, or with [`MeshFlags::OWN_RADII`] one for each, its keys side by side.
     pub triangles: u64,
     /// The largest coordinate of a corner, without its sign.
     pub reach: f32,

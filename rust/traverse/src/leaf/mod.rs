@@ -4,6 +4,7 @@
 //! weights of the second and third corner there. Triangles have one of their own, for what is the same for all of them.
 //! Pure, any thread.
 
+mod point;
 mod round;
 #[cfg(feature = "faults")]
 mod toy_box;
@@ -35,6 +36,7 @@ macro_rules! leaves {
 
 leaves! {
     ROUND: round;
+    POINT: point;
     #[cfg(feature = "faults")]
     TOY_BOX: toy_box;
 }

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-//! The leaf test of curves and points, hulls of two balls: geometry/round.glsl, operation by operation. Pure, any
+//! The leaf test of curves, hulls of two balls: geometry/round.glsl, operation by operation. Pure, any
 //! thread.
 
 use crate::vector::{V3, cross3, dot3};
 
 /// Where the line of a ray enters and leaves, and which ball touches there.
-struct Hit {
+pub(super) struct Hit {
     entry: f32,
     entry_u: f32,
     exit: f32,
@@ -13,6 +13,8 @@ struct Hit {
 }
 
 impl Hit {
+    pub(super) const NONE: Self = Self { entry: 3.0e38, entry_u: 0.0, exit: -3.0e38, exit_u: 0.0 };
+
     fn note(&mut self, t: f32, u: f32) {
         if t < self.entry {
             (self.entry, self.entry_u) = (t, u);
@@ -22,7 +24,7 @@ impl Hit {
         }
     }
 
-    fn meet_ball(&mut self, c: V3, radius: f32, d: V3, dd: f32, u: f32) {
+    pub(super) fn meet_ball(&mut self, c: V3, radius: f32, d: V3, dd: f32, u: f32) {
         let b = dot3(c, d) / dd;
         let across = c - b * d;
         let rest = (radius - dot3(across, across).sqrt()) * (radius + dot3(across, across).sqrt());
@@ -30,6 +32,18 @@ impl Hit {
             let half_chord = (rest / dd).sqrt();
             self.note(-b - half_chord, u);
             self.note(-b + half_chord, u);
+        }
+    }
+
+    /// The distance and the ball, given how far on the ray the place is from which distances count.
+    pub(super) fn nearest(&self, nearest: f32) -> Option<(f32, f32)> {
+        if self.entry <= self.exit {
+            let enters = nearest + self.entry > 0.0;
+            let (t, u) = if enters { (self.entry, self.entry_u) } else { (self.exit, self.exit_u) };
+            let t = nearest + t;
+            (t > 0.0).then_some((t, u))
+        } else {
+            None
         }
     }
 }
@@ -41,21 +55,14 @@ pub(super) fn hit([p0, p1, V3([r0, r1, _])]: [V3; 3], o: V3, d: V3) -> Option<(f
     let from = o - p0;
     let nearest = dot3(0.5 * axis - from, d) / dd;
     let c = from + nearest * d;
-    let mut hit = Hit { entry: 3.0e38, entry_u: 0.0, exit: -3.0e38, exit_u: 0.0 };
+    let mut hit = Hit::NONE;
     hit.meet_ball(c, r0, d, dd, 0.0);
     let squared = dot3(axis, axis);
     if squared > 0.0 {
         hit.meet_ball(c - axis, r1, d, dd, 1.0);
         meet_cone(&mut hit, (c, axis), squared, [r0, r1], d, dd);
     }
-    if hit.entry <= hit.exit {
-        let enters = nearest + hit.entry > 0.0;
-        let (t, u) = if enters { (hit.entry, hit.entry_u) } else { (hit.exit, hit.exit_u) };
-        let t = nearest + t;
-        (t > 0.0).then_some((t, [u, 0.0]))
-    } else {
-        None
-    }
+    hit.nearest(nearest).map(|(t, u)| (t, [u, 0.0]))
 }
 
 /// `round_edges`.

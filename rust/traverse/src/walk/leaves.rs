@@ -33,13 +33,9 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
         }
         let Some(kind) = leaf::kind_of(self.mesh.flags, features) else { return false };
         for index in begin..end {
-            let Some(item) = self.triangles.get::<GpuTriangle>(index as usize) else { return false };
-            let mut corners = [V3(item.v0), V3(item.v1), V3(item.v2)];
-            if self.pose.moves {
-                corners = self.pose.posed(corners, index);
-            }
-            if let Some((t, uv)) = leaf::hit(kind, corners, self.at.ray.o, self.at.d)
-                && self.take(index, item.subset_and_sides, t, uv)
+            let Some((vertices, subset_and_sides)) = self.pose.item(index) else { return false };
+            if let Some((t, uv)) = leaf::hit(kind, vertices, self.at.ray.o, self.at.d)
+                && self.take(index, subset_and_sides, t, uv)
             {
                 return true;
             }

@@ -6,8 +6,9 @@ mod cutouts;
 use bytemuck::{Pod, Zeroable};
 use oocpt_gpu::{Buffer, Gpu, OpenOptions, Pipeline, Usage};
 use oocpt_shader_abi::{
-    Counters, Features, Frame, GpuChunk, GpuChunkInstance, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode,
-    GpuTriangle, Leaf, NO_ROW, Pass, Push, Ray, SPEC_MAX_LEVELS, SPEC_STACK_SIZE, ShadowRay, groups, hit_stride,
+    Counters, Features, Frame, GpuChunk, GpuChunkInstance, GpuInstance, GpuLevelNode, GpuMesh, GpuMeshNode, GpuPoint,
+    GpuTriangle, Leaf, MESH_KEYS_SHIFT, MeshFlags, NO_ROW, Pass, Push, Ray, SPEC_MAX_LEVELS, SPEC_STACK_SIZE,
+    ShadowRay, groups, hit_stride,
 };
 use oocpt_traverse::Special;
 use std::sync::Arc;
@@ -69,6 +70,17 @@ pub(crate) fn node(inner: u32, first: u32, counts: [u32; 4], first_triangle: u32
         first_child: inner << 28 | (first & 0x0fff_ffff),
         first_triangle,
     }
+}
+
+/// A centre and a radius.
+pub(crate) type Ball = ([f32; 3], f32);
+
+/// A tree over at most 16 bundles of points.
+pub(crate) fn bundle_mesh(bundles: u32) -> Vec<GpuMeshNode> {
+    let counts = |first: u32| [0, 1, 2, 3].map(|i| u32::from(first + i < bundles));
+    let mut nodes = vec![node(4, 1, [0; 4], 0)];
+    nodes.extend((0..4).map(|i| node(0, 0, counts(4 * i), 4 * i)));
+    nodes
 }
 
 /// A tree over `items`, at most 48, three to a leaf.
@@ -208,6 +220,50 @@ impl World {
         let (nodes, triangles) = (self.nodes.address(), self.items.address());
         let mesh = GpuMesh { nodes, triangles, reach: 128.0, flags: kind.flags(), ..GpuMesh::zeroed() };
         self.mesh.write(0, bytemuck::bytes_of(&mesh)).expect("mapped");
+    }
+
+    /// Makes these points the mesh, with a radius each, or with the first one's for all. With keys, points go from
+    /// their places to those of `later` while the shutter is open.
+    pub(crate) fn set_points(&self, nodes: &[GpuMeshNode], points: &[Ball], later: &[Ball], has_own: bool) {
+        let point = |&(center, _): &Ball| GpuPoint { center, face: 0 };
+        let items: Vec<GpuPoint> = points.iter().chain(later).map(point).collect();
+        let mut rest = if later.is_empty() { vec![] } else { vec![0.0, 1.0] };
+        for (at, (_, radius)) in points.iter().enumerate() {
+            rest.push(*radius);
+            rest.extend(later.get(at).map(|(_, radius)| *radius));
+        }
+        self.nodes.write(0, bytemuck::cast_slice(nodes)).expect("there is room");
+        self.items.write(0, bytemuck::cast_slice(&items)).expect("there is room");
+        self.items.write(size_of_val(&*items) as u64, bytemuck::cast_slice(&rest)).expect("there is room");
+        let own = if has_own { MeshFlags::OWN_RADII.bits() } else { 0 };
+        let keys = if later.is_empty() { 0 } else { 2 << MESH_KEYS_SHIFT };
+        let mesh = GpuMesh {
+            nodes: self.nodes.address(),
+            triangles: self.items.address(),
+            reach: 128.0,
+            flags: Leaf::POINT.flags() | own | keys,
+            triangle_count: u32::try_from(points.len()).expect("few"),
+            ..GpuMesh::zeroed()
+        };
+        self.mesh.write(0, bytemuck::bytes_of(&mesh)).expect("mapped");
+    }
+
+    /// Makes these hulls of two balls the mesh, which go to the places of `later` while the shutter is open, if any.
+    pub(crate) fn set_hulls(&self, nodes: &[GpuMeshNode], hulls: &[GpuTriangle], later: &[GpuTriangle]) {
+        self.set_mesh(nodes, &[hulls, later].concat(), Leaf::ROUND);
+        if !later.is_empty() {
+            let times = 2 * size_of_val(hulls) as u64;
+            self.items.write(times, bytemuck::cast_slice(&[0.0_f32, 1.0])).expect("there is room");
+            let mesh = GpuMesh {
+                nodes: self.nodes.address(),
+                triangles: self.items.address(),
+                reach: 128.0,
+                flags: Leaf::ROUND.flags() | 2 << MESH_KEYS_SHIFT,
+                triangle_count: u32::try_from(hulls.len()).expect("few"),
+                ..GpuMesh::zeroed()
+            };
+            self.mesh.write(0, bytemuck::bytes_of(&mesh)).expect("mapped");
+        }
     }
 
     /// Says that the mesh is where nothing is.

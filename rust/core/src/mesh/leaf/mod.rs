@@ -7,6 +7,7 @@
 //! A shape that is not made of triangles has a reader, which says what the corners of its items are ([`read_items`]).
 //! Pure.
 
+mod point;
 pub(super) mod round;
 #[cfg(feature = "faults")]
 mod toy_box;
@@ -71,6 +72,9 @@ leaf_kinds! {
     /// Hulls of two balls: `vertices[0]` and `vertices[1]` are the centres, `vertices[2]` has both radii and 0. Corners
     /// 0 and 2 are the first centre, corner 1 the second one.
     Rounds: round;
+    /// Balls: [`Self::Rounds`] of which both balls are the same. Eight to a leaf of the tree, and 16 bytes each on the
+    /// device.
+    Points: point;
     /// Boxes along the axes: `vertices[0]` and `vertices[1]` are opposite corners. Tests alone have it.
     #[cfg(feature = "faults")]
     ToyBoxes: toy_box;

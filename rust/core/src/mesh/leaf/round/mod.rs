@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-//! Curves and points: round things ([`LeafKind::Rounds`]), or ribbons of triangles. Pure.
+//! Curves and points: round things ([`LeafKind::Rounds`], [`LeafKind::Points`]), or ribbons of triangles. Pure.
 //!
 //! [`basis`] says how control points make a curve, [`curves`] cuts curves into pieces, [`values`] brings primvars
 //! along, [`posed`] says where they are at other times. A piece of a tube is the hull of the balls at its ends, so
@@ -26,7 +26,7 @@ use posed::Ribbon;
 /// Width of curves and points that have none.
 const DEFAULT_WIDTH: f64 = 1.0;
 
-pub(super) fn bounds(&[first, second, [from, to, _]]: &Vertices) -> Aabb {
+pub(in crate::mesh) fn bounds(&[first, second, [from, to, _]]: &Vertices) -> Aabb {
     ball_box(first, from).union(&ball_box(second, to))
 }
 
@@ -35,7 +35,7 @@ fn ball_box(center: [f32; 3], radius: f32) -> Aabb {
     Aabb { min: center.map(|v| (v - radius).next_down()), max: center.map(|v| (v + radius).next_up()) }
 }
 
-pub(super) fn vertices([first, second, _]: Vertices, [from, to, _]: [f32; 3]) -> Vertices {
+pub(in crate::mesh) fn vertices([first, second, _]: Vertices, [from, to, _]: [f32; 3]) -> Vertices {
     [first, second, [from, to, 0.0]]
 }
 
@@ -119,7 +119,7 @@ pub(super) fn read_points(desc: &MeshDesc, poses: &[Pose], dropped: &mut Dropped
             named.primvar.interpolation = Interpolation::Constant;
         }
     }
-    Items { topology, desc, kind: LeafKind::Rounds, radii, poses }
+    Items { topology, desc, kind: LeafKind::Points, radii, poses }
 }
 
 /// A pose of points, with their radii at it where widths change.

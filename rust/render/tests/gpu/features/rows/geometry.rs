@@ -12,7 +12,7 @@ pub(crate) const ROWS: &[Row] = &[
     Row {
         what: "points",
         build: |db| db.upsert_mesh(MeshDesc { shape: Shape::Points, ..bare("/board") }),
-        features: &["ROUND"],
+        features: &["POINTS"],
         ..BARE
     },
     Row {

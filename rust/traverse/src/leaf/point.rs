@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+//! The leaf test of points, balls: geometry/point.glsl, operation by operation. Pure, any thread.
+
+use super::round::Hit;
+pub(super) use super::round::edges;
+use crate::vector::{V3, dot3};
+
+/// Where the ray enters the ball, or leaves it if it begins inside.
+pub(super) fn hit([center, _, V3([radius, ..])]: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
+    let dd = dot3(d, d);
+    let from = o - center;
+    let nearest = dot3(-1.0 * from, d) / dd;
+    let mut hit = Hit::NONE;
+    hit.meet_ball(from + nearest * d, radius, d, dd, 0.0);
+    hit.nearest(nearest).map(|(t, _)| (t, [0.0; 2]))
+}
