@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 use oocpt_core::mesh::bvh4::{ABSENT, Bvh4, Child, LEAF, LevelNode, build_bvh4, level_nodes};
-use oocpt_core::mesh::{LeafKind, build_box_bvh, build_level, level_node_count};
+use oocpt_core::mesh::{LeafKind, build_box_bvh, build_level, level_node_count, likely_level_stack};
 use oocpt_core::{Aabb, BvhError, Triangle};
 use proptest::prelude::*;
 
@@ -214,6 +214,26 @@ fn clusters_far_apart_are_parted_at_the_root() {
                 let [from, to] = root.planes(at, 0);
                 assert!(from * to > 0.0, "{left} of {all}, scale {scale}: child {at} reaches from {from} to {to}");
             }
+        }
+    }
+}
+
+/// Passes are compiled for stacks of that size before there are trees (decisions/0055).
+#[test]
+fn stacks_are_as_foreseen() {
+    // Scattered evenly, in clusters of clusters, on a line, and ever denser towards a point.
+    let spreads: [fn(f32) -> f32; 4] =
+        [|x| x, |x| (x * 8.0).fract() * 0.01 + (x * 8.0).floor(), |_| 0.0, |x| (-20.0 * x).exp()];
+    for (spread, name) in spreads.into_iter().zip(["even", "clusters", "line", "point"]) {
+        for n in [1_u32, 2, 3, 4, 5, 10, 30, 100, 1000, 10_000, 100_000] {
+            let of = |k| oocpt_core::sample_4d(k, 0, 5);
+            let boxes: Vec<Aabb> = (0..n)
+                .map(|k| [of(k)[0], spread(of(k)[1]), spread(of(k)[2])])
+                .map(|min| Aabb { min, max: min.map(|x| x + 1e-3 * spread(x).abs()) })
+                .collect();
+            let (stack, likely) = (build_level(&boxes).stack, likely_level_stack(boxes.len()));
+            assert!(stack <= likely, "{n} boxes, {name}: {stack} entries, {likely} foreseen");
+            assert!(n < 100 || likely <= 2 * stack, "{n} boxes, {name}: {stack} entries, as many as {likely} foreseen");
         }
     }
 }

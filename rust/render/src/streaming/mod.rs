@@ -305,6 +305,7 @@ impl Streamer<'_, '_> {
         }
         self.stack_entries = self.residency.stack_entries;
         let view = self.view.with_stack(self.stack_entries + MAX_PENDING);
+        progress.streaming(|stats| stats.recompilations += 1);
         self.tracer.deepen(view.stack_size, &mut progress.timings)
     }
 

@@ -91,6 +91,7 @@ pub(crate) fn same_bits(scene: &Scene) {
             assert!(part.images == whole.images, "{what}: the picture differs");
             let stats = &part.stats;
             assert!(!stats.in_core && stats.loads > 0, "{what}: chunks were loaded: {stats:?}");
+            assert_eq!(stats.recompilations, 0, "{what}: the stack was foreseen");
             assert!(stats.geometry_peak_bytes <= u64::from(budget) << 10, "{what}: above the budget: {stats:?}");
             if budget == smallest && smallest < parts[1] && host_mapped == HostMapped::Off {
                 assert!(stats.evictions > 0, "{what}: chunks had to go: {stats:?}");
