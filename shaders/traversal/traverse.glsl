@@ -180,10 +180,35 @@ void accept(uint triangle, vec2 uv, float t) {
 #endif
 }
 
+// Of the points of a leaf those that the ray may meet, a bit for each: the others need no exact test. Twice the padding
+// is more than what either test rounds. Nothing depends on anything here, so all loads are under way at once.
+uint points_near(uint begin, uint end) {
+    const uint all = (2u << (end - begin - 1u)) - 1u;
+    const float dd = dot(walk.d, walk.d);
+    if (!(dd > 1.0e-30 && dd < 1.0e30)) return all;
+    const float inverse = 1.0 / dd;
+    uint near = 0u;
+    for (uint i = 0u; i < POINT_BUNDLE; ++i) {
+        const uint point = min(begin + i, end - 1u);
+        const vec3 from = walk.o - posed_corner(walk.pose, point).xyz;
+        const vec3 across = from - dot(from, walk.d) * inverse * walk.d;
+        const float radius = posed_radius(walk.pose, point) + 2.0 * walk.pad;
+        near |= uint(!(dot(across, across) > radius * radius)) << i;
+    }
+    return near & all;
+}
+
 // Tests the items of a leaf; true stops the walk: at its end, or with cutouts at a candidate (candidate.end != 0).
 bool visit_triangles(uint begin, uint end) {
     const Shear shear = make_shear(walk.d);
+    const bool are_points = HAS_POINTS && walk.pose.radii != 0ul;
+    const uint near = are_points ? points_near(begin, end) : 0u;
     for (uint triangle = begin; triangle < end; ++triangle) {
+        if (are_points) {
+            const uint rest = near >> (triangle - begin);
+            if (rest == 0u) break;
+            triangle += uint(findLSB(rest));
+        }
         vec3 v0, v1, v2;
         posed_item(walk.pose, triangle, v0, v1, v2);
         float t;

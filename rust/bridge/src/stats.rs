@@ -114,7 +114,7 @@ fn error(row: &ErrorRow) -> Vec<NamedValue> {
 }
 
 /// What is told about chunks, memory and the overlap of tracing and loading.
-fn streaming(stats: &StreamingStats) -> [NamedValue; 36] {
+fn streaming(stats: &StreamingStats) -> [NamedValue; 37] {
     [
         flag("oocpt:inCore", stats.in_core),
         integer("oocpt:chunks", stats.chunks),
@@ -135,6 +135,7 @@ fn streaming(stats: &StreamingStats) -> [NamedValue; 36] {
         integer("oocpt:geometryPeakBytes", stats.geometry_peak_bytes),
         integer("oocpt:mappedBytes", stats.mapped_bytes),
         flag("oocpt:isSplit", stats.is_split),
+        integer("oocpt:compiledAhead", u64::from(stats.compiled_ahead)),
         integer("oocpt:recompilations", u64::from(stats.recompilations)),
         integer("oocpt:driverPeakBytes", stats.driver_peak_bytes),
         integer("oocpt:sceneBytes", stats.scene_bytes),

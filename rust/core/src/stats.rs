@@ -211,6 +211,8 @@ pub struct StreamingStats {
     /// All of the scene is on the device or in host memory that rays read, and the last paths were traced by passes
     /// that have no streaming in them.
     pub is_split: bool,
+    /// Of these passes, how many were compiled while others traced.
+    pub compiled_ahead: u32,
     /// How often passes were compiled anew because a walk needs a deeper stack than foreseen.
     pub recompilations: u32,
     /// The most that the driver said, after a wave or a step, this process uses of device memory, its own share

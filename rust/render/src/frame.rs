@@ -19,7 +19,7 @@ use crate::specialise::Carry;
 use crate::streaming::{self, StreamBuffers};
 use crate::sync::lock;
 use crate::upload::Upload;
-use crate::wavefront::{PathBuffers, PathNeeds};
+use crate::wavefront::{Ahead, PathBuffers, PathNeeds};
 use oocpt_core::inventory::Inventory;
 use oocpt_core::scene::Snapshot;
 use oocpt_gpu::{Gpu, GpuError};
@@ -48,6 +48,7 @@ pub(crate) struct Renderer {
     scene: SceneCache,
     waves: Option<PathBuffers>,
     stream: Option<StreamBuffers>,
+    ahead: Ahead,
     film: Option<Film>,
     light_files: FileCache,
     mesh_lights: MeshLightCache,
@@ -222,7 +223,7 @@ impl Renderer {
         let mut first = None;
         if !(streaming::may_split(setting, scene) && scene.is_all_there()) {
             self.waves = None;
-            first = streaming::render(setting, scene, &mut self.stream, gate, progress)?;
+            first = streaming::render(setting, scene, (&mut self.stream, &mut self.ahead), gate, progress)?;
             if first.is_none() {
                 return Ok(());
             }
@@ -303,7 +304,11 @@ impl Renderer {
         progress.streaming(|stats| stats.texture_bytes = held);
         let view = scene.view(scene.stack_entries())?;
         let parts = Parts::new(setting, &view, false);
-        let view = if setting.carry.levels { view.deepest(scene.stack_entries()) } else { view };
+        let mut view = if setting.carry.levels { view.deepest(scene.stack_entries()) } else { view };
+        if let Some((stack_size, passes)) = self.ahead.serves(parts.compiled_for(setting, &view)?.0) {
+            view.stack_size = stack_size;
+            progress.streaming(|stats| stats.compiled_ahead = passes);
+        }
         self.make_waves(setting, &view, parts.features)?;
         let Some(paths) = &self.waves else {
             return Err(RenderError::Internal("the frame's waves were not made".into()));

@@ -229,7 +229,7 @@ fn stacks_are_as_foreseen() {
             let of = |k| oocpt_core::sample_4d(k, 0, 5);
             let boxes: Vec<Aabb> = (0..n)
                 .map(|k| [of(k)[0], spread(of(k)[1]), spread(of(k)[2])])
-                .map(|min| Aabb { min, max: min.map(|x| x + 1e-3 * spread(x).abs()) })
+                .map(|min| Aabb { min, max: min.map(|x| x + 1e-4) })
                 .collect();
             let (stack, likely) = (build_level(&boxes).stack, likely_level_stack(boxes.len()));
             assert!(stack <= likely, "{n} boxes, {name}: {stack} entries, {likely} foreseen");

@@ -82,6 +82,19 @@ impl Parts {
         let carried = setting.carry.possible(needed, setting.light_carry);
         Self { features: needed | carried, carried }
     }
+
+    /// What the passes are compiled for, and what traces.
+    pub(crate) fn compiled_for(
+        self,
+        setting: &Setting<'_>,
+        view: &SceneView,
+    ) -> Result<(Specialisation, Backend), RenderError> {
+        let special = specialise::specialisation(self.features, view);
+        #[cfg(feature = "faults")]
+        let special = Specialisation { fault: setting.job.options.faults.lost_chunks, ..special };
+        let wanted = setting.job.settings.traversal;
+        Ok((special, Backend::choose(wanted, setting.device, &special, view.cutouts_of_shaders)?))
+    }
 }
 
 impl<'a> Tracer<'a> {
@@ -98,10 +111,7 @@ impl<'a> Tracer<'a> {
         let Setting { device, film, .. } = *setting;
         let Parts { features, carried } = parts;
         progress.stage("compiling passes");
-        let special = specialise::specialisation(features, view);
-        #[cfg(feature = "faults")]
-        let special = Specialisation { fault: setting.job.options.faults.lost_chunks, ..special };
-        let backend = Backend::choose(setting.job.settings.traversal, device, &special, view.cutouts_of_shaders)?;
+        let (special, backend) = parts.compiled_for(setting, view)?;
         let passes = Passes::new(device, (special, backend), film, &mut progress.timings)?;
         let mut block = frame_block(setting, view);
         [block.bsdf_tables, block.sheen_tables] = device.bsdf_tables(features)?; // before the list of what there is

@@ -66,7 +66,7 @@ impl Leave {
     }
 
     /// Whether other passes pay for so many paths.
-    fn pays(&self, unbegun: u64) -> bool {
+    pub(super) fn pays(&self, unbegun: u64) -> bool {
         let lost = if self.is_soon { 0 } else { NANOS_LOST[usize::from(self.has_tiles)] };
         unbegun.saturating_mul(self.nanos_a_path) > lost
     }

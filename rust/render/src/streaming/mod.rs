@@ -40,6 +40,7 @@ use crate::setting::{Setting, geometry_cap, has_light_paths, is_cpu, maps_host, 
 use crate::shared::Gate;
 use crate::specialise;
 use crate::timings::LeftMoment;
+use crate::wavefront::Ahead;
 use clock::Clock;
 use leave::Leave;
 use left::Left;
@@ -90,7 +91,7 @@ pub(crate) struct Streamer<'a, 'r> {
 pub(crate) fn render(
     setting: &Setting<'_>,
     scene: &mut Scene,
-    kept: &mut Option<StreamBuffers>,
+    (kept, ahead): (&mut Option<StreamBuffers>, &mut Ahead),
     gate: &Gate<'_>,
     progress: &mut Progress<'_>,
 ) -> Result<Option<u64>, RenderError> {
@@ -122,6 +123,10 @@ pub(crate) fn render(
     let bind = |block: &mut Frame| buffers.bind(block);
     let mut tracer = Tracer::new(setting, &buffers.paths, (&view, parts), listed, bind, progress)?;
     tracer.traces_into(buffers.written());
+    if may_leave && leave.pays(progress.total_paths()) {
+        let view = if setting.carry.levels { view.deepest(stack_entries) } else { view.with_stack(stack_entries) };
+        ahead.begin(device, Parts::new(setting, &view, false).compiled_for(setting, &view)?, setting.film);
+    }
     tracing::info!(
         mib = budget >> 20,
         of_mib = assets.bytes >> 20,

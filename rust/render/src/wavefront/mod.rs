@@ -3,11 +3,13 @@
 //!
 //! `oocpt_shader_abi::PASSES` declares each pass. Render thread only.
 
+mod ahead;
 mod native;
 mod passes;
 mod paths;
 mod record;
 
+pub(crate) use ahead::Ahead;
 pub(crate) use native::{Backend, Native};
 pub(crate) use passes::Passes;
 pub(crate) use paths::{CONE_BYTES, PathBuffers, PathNeeds};

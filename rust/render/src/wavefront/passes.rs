@@ -19,6 +19,18 @@ pub(crate) struct Passes {
     pipelines: [Option<Arc<Pipeline>>; PASSES.len()],
 }
 
+/// The passes that a frame needs. The longest come first: `shade_surface` takes as long as all others together.
+pub(super) fn wanted((special, backend): (Specialisation, Backend), film: &Film) -> Vec<&'static PassInfo> {
+    let wants = |image| match image {
+        Image::PixelCentres => film.has_planes(),
+        Image::SampleCount => film.has_counts(),
+    };
+    let needed = |row: &&PassInfo| row.when.holds(special.features, wants) && backend.has(row.pass);
+    let mut wanted: Vec<&PassInfo> = PASSES.iter().filter(needed).collect();
+    wanted.sort_by_key(|row| std::cmp::Reverse(row.module.words.len()));
+    wanted
+}
+
 impl Passes {
     /// Compiles what is not compiled yet, on all threads, and has each translated as soon as it is there (see
     /// [`Device::translate`]).
@@ -29,14 +41,7 @@ impl Passes {
         timings: &mut Timings,
     ) -> Result<Self, RenderError> {
         let started = Instant::now();
-        let wants = |image| match image {
-            Image::PixelCentres => film.has_planes(),
-            Image::SampleCount => film.has_counts(),
-        };
-        let mut wanted: Vec<&PassInfo> =
-            PASSES.iter().filter(|row| row.when.holds(special.features, wants) && backend.has(row.pass)).collect();
-        // The longest first: `shade_surface` takes as long as all others together.
-        wanted.sort_by_key(|row| std::cmp::Reverse(row.module.words.len()));
+        let wanted = wanted((special, backend), film);
         let (send, made) = std::sync::mpsc::channel();
         let pipelines = rayon::in_place_scope(|scope| {
             for row in wanted {

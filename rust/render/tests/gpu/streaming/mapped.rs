@@ -126,6 +126,8 @@ fn a_scene_that_is_all_there_is_rendered_without_streaming() {
             assert!(without == 0 || streaming.is_split, "{name}, {number}: streams again: {streaming:?}");
             without += u32::from(streaming.is_split);
             switched += u32::from(streaming.is_split && streaming.loads > 0);
+            // Traversal may be native.
+            assert!(!streaming.is_split || streaming.compiled_ahead >= 5, "{name}, {number}: {streaming:?}");
             if without == 2 {
                 assert!(streaming.mapped_bytes > 0, "{name}: {streaming:?}");
                 break;
