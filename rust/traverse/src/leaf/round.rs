@@ -27,6 +27,10 @@ impl Hit {
     pub(super) fn meet_ball(&mut self, c: V3, radius: f32, d: V3, dd: f32, u: f32) {
         let b = dot3(c, d) / dd;
         let across = c - b * d;
+        // Without roots; what is left out has a negative `rest`.
+        if dot3(across, across) > 1.0001 * radius * radius {
+            return;
+        }
         let rest = (radius - dot3(across, across).sqrt()) * (radius + dot3(across, across).sqrt());
         if rest >= 0.0 && radius > 0.0 {
             let half_chord = (rest / dd).sqrt();
@@ -48,11 +52,24 @@ impl Hit {
     }
 }
 
+/// `passes_by`: whether the line is so far from the axis that the test would find no hit.
+fn passes_by(from: V3, d: V3, dd: f32, axis: V3, radius: f32) -> bool {
+    let across = cross3(d, axis);
+    let apart = dot3(from, across);
+    let (radius2, length2) = (radius * radius, dot3(axis, axis));
+    let rounding = 1.0e-10 * (dot3(from, from) + length2 + radius2) * dd * length2;
+    let apart2 = apart * apart;
+    apart2 > 2.0 * radius2 * dot3(across, across) + rounding && apart2 > 1.0e-30
+}
+
 /// Where the ray enters the hull, or leaves it if it begins inside, and the ball that touches there.
 pub(super) fn hit([p0, p1, V3([r0, r1, _])]: [V3; 3], o: V3, d: V3) -> Option<(f32, [f32; 2])> {
     let dd = dot3(d, d);
     let axis = p1 - p0;
     let from = o - p0;
+    if passes_by(from, d, dd, axis, r0.max(r1)) {
+        return None;
+    }
     let nearest = dot3(0.5 * axis - from, d) / dd;
     let c = from + nearest * d;
     let mut hit = Hit::NONE;
