@@ -7,6 +7,7 @@
 
 use super::residency::Residency;
 use crate::engine::LeftOff;
+use crate::wavefront::Pending;
 
 /// Nanoseconds that a path saves, without and with tiles of textures, where the device is busy (decisions/0050).
 const NANOS_A_PATH: [u64; 2] = [5, 80];
@@ -23,7 +24,7 @@ const BYTES_A_NANO: u64 = 12;
 const ROOM_FOR_TILES: u64 = 8 << 20;
 
 /// Whether and when to leave off.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Leave {
     /// It may be: the memory of host and device holds the scene.
     is_possible: bool,
@@ -32,6 +33,8 @@ pub(super) struct Leave {
     has_tiles: bool,
     /// What a path saves that is not streamed, nanoseconds.
     nanos_a_path: u64,
+    /// The other passes.
+    pub(super) compiles: Pending,
     pub(super) left_off: Option<LeftOff>,
 }
 
@@ -41,7 +44,7 @@ impl Leave {
     pub(super) fn new(is_possible: bool, has_tiles: bool, in_flight: u32, is_soon: bool) -> Self {
         let waited = NANOS_IN_FLIGHT * PATHS_IN_FLIGHT / u64::from(in_flight.max(1));
         let nanos_a_path = NANOS_A_PATH[usize::from(has_tiles)] + waited;
-        Self { is_possible, is_soon, has_tiles, nanos_a_path, left_off: None }
+        Self { is_possible, is_soon, has_tiles, nanos_a_path, compiles: Pending::default(), left_off: None }
     }
 
     /// Whether to leave off now, with so many paths that have not begun and that were streamed; has the rest of the
@@ -51,13 +54,18 @@ impl Leave {
             return false;
         }
         if residency.is_all_there() {
-            residency.stays = self.is_roomy(residency.room_for_tiles()) && self.pays(unbegun);
+            residency.stays = self.is_ready() && self.is_roomy(residency.room_for_tiles()) && self.pays(unbegun);
             return residency.stays;
         }
         if !residency.brings_rest {
             residency.brings_rest = self.brings(residency.rest_bytes(), unbegun + streamed);
         }
         false
+    }
+
+    /// Whether the other passes are there; until then paths are streamed.
+    fn is_ready(&self) -> bool {
+        self.is_soon || self.compiles.is_over()
     }
 
     /// Whether tiles, if there are any, find room in so many bytes.

@@ -115,7 +115,7 @@ pub(crate) fn render(
     let assets = scene.assets.clone();
     let filler = host_share(setting, scene, maps_host(device, &job.settings))?;
     let may_leave = filler.is_some() && may_split(setting, scene) && holds(device, &assets, budget)?;
-    let leave = Leave::new(may_leave, assets.tile_bytes > 0, buffers.paths.capacity, leaves_soon(job));
+    let mut leave = Leave::new(may_leave, assets.tile_bytes > 0, buffers.paths.capacity, leaves_soon(job));
     let (_, store, tables) = scene.parts()?;
     let residency = Residency::new(Start { device, assets: &assets, store, tables, budget, policy, filler })?;
     let stack_entries = residency.stack_entries.max(assets.likely_stack());
@@ -126,6 +126,7 @@ pub(crate) fn render(
     if may_leave && leave.pays(progress.total_paths()) {
         let view = if setting.carry.levels { view.deepest(stack_entries) } else { view.with_stack(stack_entries) };
         ahead.begin(device, Parts::new(setting, &view, false).compiled_for(setting, &view)?, setting.film);
+        leave.compiles = ahead.pending();
     }
     tracing::info!(
         mib = budget >> 20,

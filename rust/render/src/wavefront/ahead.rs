@@ -7,12 +7,24 @@ use super::passes::wanted;
 use crate::device::{Device, Specialisation};
 use crate::film::Film;
 use crate::sync::lock;
-use std::sync::{Arc, Mutex};
+use oocpt_shader_abi::PassInfo;
+use std::sync::{Arc, Mutex, Weak};
 use std::thread::JoinHandle;
 
 /// Threads that compile. The three longest passes take nearly all of the time; not those of rayon, which others would
 /// wait for.
 const THREADS: usize = 3;
+
+/// Tells whether threads compile still, whoever keeps it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Pending(Weak<Mutex<std::vec::IntoIter<&'static PassInfo>>>);
+
+impl Pending {
+    /// Whether all threads are done.
+    pub(crate) fn is_over(&self) -> bool {
+        self.0.strong_count() == 0
+    }
+}
 
 /// The passes that were compiled last and the threads that do it. Dropping it waits for these: none may be in the
 /// driver when the process ends.
@@ -21,19 +33,21 @@ pub(crate) struct Ahead {
     special: Option<Specialisation>,
     passes: u32,
     threads: Vec<JoinHandle<()>>,
+    pending: Pending,
 }
 
 impl Ahead {
     /// Begins to compile what a frame of this kind needs; not while others are under way. What cannot be compiled is
     /// told when the frame asks for it.
     pub(crate) fn begin(&mut self, device: &Arc<Device>, (special, backend): (Specialisation, Backend), film: &Film) {
-        if self.special == Some(special) || self.threads.iter().any(|thread| !thread.is_finished()) {
+        if self.special == Some(special) || !self.pending.is_over() {
             return;
         }
         self.wait();
         let passes = wanted((special, backend), film);
         (self.special, self.passes) = (Some(special), u32::try_from(passes.len()).unwrap_or(u32::MAX));
         let passes = Arc::new(Mutex::new(passes.into_iter()));
+        self.pending = Pending(Arc::downgrade(&passes));
         for _ in 0..THREADS {
             let (device, passes) = (Arc::clone(device), Arc::clone(&passes));
             let compile = move || {
@@ -50,6 +64,11 @@ impl Ahead {
                 Err(error) => tracing::debug!(%error, "no thread to compile ahead"),
             }
         }
+    }
+
+    /// Tells when they are there.
+    pub(crate) fn pending(&self) -> Pending {
+        self.pending.clone()
     }
 
     /// Waits for passes that serve a frame of this kind; gives the size of their stacks, which may be larger, and how

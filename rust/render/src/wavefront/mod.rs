@@ -9,7 +9,7 @@ mod passes;
 mod paths;
 mod record;
 
-pub(crate) use ahead::Ahead;
+pub(crate) use ahead::{Ahead, Pending};
 pub(crate) use native::{Backend, Native};
 pub(crate) use passes::Passes;
 pub(crate) use paths::{CONE_BYTES, PathBuffers, PathNeeds};
