@@ -121,6 +121,39 @@ pub struct Usage {
     pub texture_loads: u64,
     /// See above.
     pub texture_bytes_paged: u64,
+    /// Rays traced, all kinds.
+    #[serde(default)]
+    pub rays_traced: u64,
+    /// Chunks of the scene, loads of them and of tiles, and of these loads of what had been there before.
+    #[serde(default)]
+    pub chunks: u64,
+    /// See above.
+    #[serde(default)]
+    pub loads: u64,
+    /// See above.
+    #[serde(default)]
+    pub reloads: u64,
+    /// Bytes copied to the device for them.
+    #[serde(default)]
+    pub bytes_paged: u64,
+    /// The most bytes of geometry and textures that were on the device, and their limit; 0 where nothing was streamed.
+    #[serde(default)]
+    pub geometry_peak_bytes: u64,
+    /// See above.
+    #[serde(default)]
+    pub geometry_budget_bytes: u64,
+    /// Bytes of geometry that rays read in host memory.
+    #[serde(default)]
+    pub mapped_bytes: u64,
+    /// The last paths were traced by passes without streaming ([`StreamingStats::is_split`]).
+    #[serde(default)]
+    pub is_split: bool,
+    /// Seconds during which a load was in flight, and during which the device only waited for loads.
+    #[serde(default)]
+    pub seconds_loading: f64,
+    /// See above.
+    #[serde(default)]
+    pub seconds_waiting: f64,
 }
 
 impl Usage {
@@ -140,6 +173,17 @@ impl Usage {
             texture_bytes: streaming.texture_bytes,
             texture_loads: streaming.texture_loads,
             texture_bytes_paged: streaming.texture_bytes_paged,
+            rays_traced: stats.rays_traced,
+            chunks: streaming.chunks,
+            loads: streaming.loads,
+            reloads: streaming.reloads,
+            bytes_paged: streaming.bytes_paged,
+            geometry_peak_bytes: streaming.geometry_peak_bytes,
+            geometry_budget_bytes: streaming.geometry_budget_bytes,
+            mapped_bytes: streaming.mapped_bytes,
+            is_split: streaming.is_split,
+            seconds_loading: streaming.seconds_loading,
+            seconds_waiting: streaming.seconds_waiting,
         }
     }
 }

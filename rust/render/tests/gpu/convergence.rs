@@ -151,6 +151,25 @@ fn a_report_has_a_row_at_each_power_of_two_and_at_the_end() {
 }
 
 #[test]
+fn a_report_ends_with_what_streaming_used() {
+    let file = temporary("usage");
+    let settings = Settings { report: file.to_string_lossy().into(), chunk_size_kib: 16, ..settings(2, 1) };
+    let forced = SessionOptions { force_streaming: true, validation: true, ..SessionOptions::default() };
+    let session = Session::with_options(settings, forced);
+    session.with_scene(nested);
+    render(&session, &view(SIZE));
+    let reports = ErrorReport::read_all(&file).expect("a report");
+    std::fs::remove_file(&file).expect("it is there");
+    let usage = reports[0].usage.as_ref().expect("the render ended");
+    let stats = session.stats();
+    let streaming = &stats.streaming;
+    assert!(!usage.in_core && usage.loads > 0 && usage.bytes_paged > 0 && usage.seconds_loading > 0.0, "{usage:?}");
+    assert_eq!((usage.loads, usage.reloads, usage.chunks), (streaming.loads, streaming.reloads, streaming.chunks));
+    assert_eq!((usage.bytes_paged, usage.rays_traced), (streaming.bytes_paged, stats.rays_traced));
+    assert!(0 < usage.geometry_peak_bytes && usage.geometry_peak_bytes <= usage.geometry_budget_bytes, "{usage:?}");
+}
+
+#[test]
 fn a_report_that_cannot_be_written_is_one_warning() {
     let session = session(Settings {
         report: "/nowhere/at/all.jsonl".into(),
