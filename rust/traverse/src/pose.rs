@@ -36,14 +36,16 @@ impl<'v> Pose<'v> {
     #[inline(always)]
     pub(crate) fn item(&self, index: u32) -> Option<([V3; 3], u32)> {
         if self.of_points {
-            return self.point(index as usize).map(|vertices| (vertices, 0));
+            return self.ball(index as usize).map(|(center, r)| ([center, center, V3([r, r, 0.0])], 0));
         }
         let item = self.triangles.get::<GpuTriangle>(index as usize)?;
         let vertices = [V3(item.v0), V3(item.v1), V3(item.v2)];
         Some((if self.moves { self.posed(vertices, index) } else { vertices }, item.subset_and_sides))
     }
 
-    fn point(&self, index: usize) -> Option<[V3; 3]> {
+    /// Centre and radius of a point.
+    #[inline(always)]
+    pub(crate) fn ball(&self, index: usize) -> Option<(V3, f32)> {
         let mut center = V3(self.triangles.get::<GpuPoint>(index)?.center);
         let mut radius: f32 = self.radii.get(index * self.radius_stride)?;
         if let Some(to) = self.later.get::<GpuPoint>(index).filter(|_| self.moves) {
@@ -53,7 +55,7 @@ impl<'v> Pose<'v> {
                 radius += self.part * (to - radius);
             }
         }
-        Some([center, center, V3([radius, radius, 0.0])])
+        Some((center, radius))
     }
 
     /// The corners of triangle `index`, which are `from` at the first of both keys.

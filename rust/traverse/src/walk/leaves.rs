@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 //! The leaves of meshes: the test of each kind, and which candidate is the hit.
 
-use super::{CULL_PAD, ENTRY_SCALE, Found, Walk};
+use super::{CULL_PAD, ENTRY_SCALE, Found, MESH_PAD, Walk};
 use crate::leaf;
 use crate::leaf::triangle::hit_triangle;
-use crate::vector::V3;
-use oocpt_shader_abi::{Features, GpuTriangle};
+use crate::vector::{V3, dot3};
+use oocpt_shader_abi::{Features, GpuTriangle, POINT_BUNDLE};
+
+/// Points of a leaf.
+const BUNDLE: usize = POINT_BUNDLE as usize;
 
 impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
     #[inline(always)]
@@ -32,7 +35,8 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             return self.visit_triangles(begin, end);
         }
         let Some(kind) = leaf::kind_of(self.mesh.flags, features) else { return false };
-        for index in begin..end {
+        let near = if self.pose.of_points { self.points_near(begin, end) } else { u32::MAX };
+        for index in (begin..end).filter(|index| near >> (index - begin) & 1 != 0) {
             let Some((vertices, subset_and_sides)) = self.pose.item(index) else { return false };
             if let Some((t, uv)) = leaf::hit(kind, vertices, self.at.ray.o, self.at.d)
                 && self.take(index, subset_and_sides, t, uv)
@@ -41,6 +45,34 @@ impl<const ANY_HIT: bool> Walk<'_, '_, ANY_HIT> {
             }
         }
         false
+    }
+
+    /// `points_near`: of the points of a leaf those that the ray may meet, a bit for each.
+    fn points_near(&self, begin: u32, end: u32) -> u32 {
+        let (o, d) = (self.at.ray.o, self.at.d);
+        let dd = dot3(d, d);
+        if !(1.0e-30..1.0e30).contains(&dd) {
+            return u32::MAX;
+        }
+        let inverse = 1.0 / dd;
+        let pad = 2.0 * MESH_PAD * (o.largest() + self.mesh.reach);
+        // Side by side, so that the compiler takes several at once.
+        let mut from = [[0.0; BUNDLE]; 3];
+        let mut radii = [0.0; BUNDLE];
+        for (lane, index) in (begin..end).take(BUNDLE).enumerate() {
+            let Some((center, radius)) = self.pose.ball(index as usize) else { return u32::MAX };
+            for axis in 0..3 {
+                from[axis][lane] = o[axis] - center[axis];
+            }
+            radii[lane] = radius + pad;
+        }
+        let mut is_far = [false; BUNDLE];
+        for lane in 0..BUNDLE {
+            let c = V3([from[0][lane], from[1][lane], from[2][lane]]);
+            let across = c - (dot3(c, d) * inverse) * d;
+            is_far[lane] = dot3(across, across) > radii[lane] * radii[lane];
+        }
+        is_far.iter().rev().fold(0, |near, &far| near << 1 | u32::from(!far))
     }
 
     /// A candidate for the hit; true ends the walk.
