@@ -15,7 +15,7 @@ const NANOS_A_PATH: [u64; 2] = [5, 80];
 /// ray, however few it traces (decisions/0055).
 const NANOS_IN_FLIGHT: u64 = 20;
 const PATHS_IN_FLIGHT: u64 = 1 << 20;
-/// Nanoseconds that are lost, without and with tiles: other passes are compiled, and paths run out.
+/// Nanoseconds that are lost, without and with tiles: paths run out, and processors compile the other passes before.
 const NANOS_LOST: [u64; 2] = [200_000_000, 600_000_000];
 /// Bytes that are brought for a nanosecond saved: a loader brings four in one, while the processors have little else to
 /// do.
